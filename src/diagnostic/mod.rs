@@ -1,0 +1,153 @@
+//! Complaints about files that an artist wrote: where, what is wrong, how to mend it.
+//!
+//! Readers collect [`Diagnostic`]s beside the [`Sources`] they point into; a [`Report`] carries both to the cli, which
+//! renders it once.
+
+pub mod codes;
+mod render;
+mod source;
+
+pub use render::{Style, render};
+pub use source::{Position, SourceId, Sources, Span};
+
+/// How grave a complaint is; fixed per code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// The file can be used.
+    Warning,
+    /// The file cannot be used.
+    Error,
+}
+
+/// A change to the text that would mend the complaint.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fix {
+    /// Bytes to replace.
+    pub span: Span,
+    /// What to put there.
+    pub replacement: String,
+}
+
+/// One complaint about one place of one file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Error or warning.
+    pub severity: Severity,
+    /// Stable code from [`codes`], such as `L001`.
+    pub code: &'static str,
+    /// Subject and fact, lower case, no full stop.
+    pub message: String,
+    /// Places with what to say under each; the first one is the cause.
+    pub labels: Vec<(Span, String)>,
+    /// How to mend it.
+    pub help: Option<String>,
+    /// The mend as text, where it is certain.
+    pub fix: Option<Fix>,
+}
+
+impl Diagnostic {
+    /// An error with one labelled place.
+    pub fn error(code: &'static str, message: impl Into<String>, span: Span, label: impl Into<String>) -> Self {
+        Self::new(Severity::Error, code, message.into(), span, label.into())
+    }
+
+    /// A warning with one labelled place.
+    pub fn warning(code: &'static str, message: impl Into<String>, span: Span, label: impl Into<String>) -> Self {
+        Self::new(Severity::Warning, code, message.into(), span, label.into())
+    }
+
+    fn new(severity: Severity, code: &'static str, message: String, span: Span, label: String) -> Self {
+        Self { severity, code, message, labels: vec![(span, label)], help: None, fix: None }
+    }
+
+    /// Adds how to mend it.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Adds a second place.
+    pub fn label(mut self, span: Span, label: impl Into<String>) -> Self {
+        self.labels.push((span, label.into()));
+        self
+    }
+
+    /// Adds a replacement text.
+    pub fn fix(mut self, span: Span, replacement: impl Into<String>) -> Self {
+        self.fix = Some(Fix { span, replacement: replacement.into() });
+        self
+    }
+}
+
+/// Diagnostics with the sources they point into.
+#[derive(Debug, Clone, Default)]
+pub struct Report {
+    /// Texts by id.
+    pub sources: Sources,
+    /// In order of discovery.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+impl Report {
+    /// True if any diagnostic is an error.
+    pub fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(|d| d.severity == Severity::Error)
+    }
+
+    /// Adds one complaint; a (code, place) already present is not repeated.
+    pub fn push(&mut self, diagnostic: Diagnostic) {
+        let place = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));
+        if !self.diagnostics.iter().any(|d| place(d) == place(&diagnostic)) {
+            self.diagnostics.push(diagnostic);
+        }
+    }
+
+    /// `Err` with this report if it holds an error, else the value beside the warnings.
+    pub fn into_result<T>(self, value: T) -> crate::Result<(T, Self)> {
+        if self.has_errors() { Err(crate::Error::Input(Box::new(self))) } else { Ok((value, self)) }
+    }
+}
+
+impl std::fmt::Display for Report {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&render(self, Style::Plain))
+    }
+}
+
+/// The nearest of `known` within edit distance 2 of `word`, for "did you mean".
+pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let limit = if word.chars().count() <= 3 { 1 } else { 2 };
+    known
+        .into_iter()
+        .map(|k| (edit_distance(word, k), k))
+        .filter(|(d, _)| *d <= limit)
+        .min_by_key(|(d, _)| *d)
+        .map(|(_, k)| k)
+}
+
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.iter().enumerate() {
+            let substitute = diagonal + usize::from(ca != *cb);
+            diagonal = row[j + 1];
+            row[j + 1] = substitute.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearest_name_is_found_within_two_edits() {
+        assert_eq!(nearest("derivaton", ["axiom", "derivation"]), Some("derivation"));
+        assert_eq!(nearest("zzz", ["axiom", "seed"]), None);
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+    }
+}

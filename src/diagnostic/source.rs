@@ -1,0 +1,113 @@
+//! Texts and places in them.
+
+use std::sync::Arc;
+
+/// Index of a text in [`Sources`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SourceId(pub u32);
+
+/// Bytes `start..end` of one source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Span {
+    /// Which text.
+    pub source: SourceId,
+    /// First byte.
+    pub start: u32,
+    /// One past the last byte; equal to `start` for a place between bytes.
+    pub end: u32,
+}
+
+impl Span {
+    /// Span of bytes `start..end`; offsets beyond 4 GiB saturate (texts are limited far below).
+    pub fn new(source: SourceId, start: usize, end: usize) -> Self {
+        let clip = |v: usize| u32::try_from(v).unwrap_or(u32::MAX);
+        Self { source, start: clip(start), end: clip(end) }
+    }
+
+    /// The smallest span that holds both; `self` if they lie in different sources.
+    pub fn to(self, other: Self) -> Self {
+        if self.source == other.source {
+            Self { start: self.start.min(other.start), end: self.end.max(other.end), ..self }
+        } else {
+            self
+        }
+    }
+}
+
+/// One-based line and column (in characters).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Position {
+    /// One-based.
+    pub line: usize,
+    /// One-based, counted in characters.
+    pub column: usize,
+}
+
+#[derive(Debug, Clone)]
+struct Source {
+    name: String,
+    text: Arc<str>,
+}
+
+/// The texts that diagnostics point into, with the names shown for them.
+#[derive(Debug, Clone, Default)]
+pub struct Sources {
+    list: Vec<Source>,
+}
+
+impl Sources {
+    /// Adds a text under the name shown to the user (the path as typed, or `preset:oak.l`).
+    pub fn add(&mut self, name: impl Into<String>, text: impl Into<Arc<str>>) -> SourceId {
+        self.list.push(Source { name: name.into(), text: text.into() });
+        SourceId(u32::try_from(self.list.len() - 1).unwrap_or(u32::MAX))
+    }
+
+    /// Name of a source; empty for an unknown id.
+    pub fn name(&self, id: SourceId) -> &str {
+        self.list.get(id.0 as usize).map_or("", |s| &s.name)
+    }
+
+    /// Text of a source; empty for an unknown id.
+    pub fn text(&self, id: SourceId) -> &str {
+        self.list.get(id.0 as usize).map_or("", |s| &s.text)
+    }
+
+    /// Ids in order of addition.
+    pub fn ids(&self) -> impl Iterator<Item = SourceId> + '_ {
+        (0..self.list.len()).map(|i| SourceId(u32::try_from(i).unwrap_or(u32::MAX)))
+    }
+
+    /// Moves all of `other`'s texts in here and returns the offset to add to its ids.
+    pub fn append(&mut self, other: Self) -> u32 {
+        let offset = u32::try_from(self.list.len()).unwrap_or(u32::MAX);
+        self.list.extend(other.list);
+        offset
+    }
+
+    /// Line and column where a span starts; LF, CRLF and lone CR all end a line.
+    pub fn position(&self, span: Span) -> Position {
+        let text = self.text(span.source);
+        let before = &text.as_bytes()[..text.len().min(span.start as usize)];
+        let is_end =
+            |i: usize| before[i] == b'\n' || (before[i] == b'\r' && text.as_bytes().get(i + 1) != Some(&b'\n'));
+        let ends = (0..before.len()).filter(|&i| is_end(i));
+        let (line, last) = ends.fold((1, 0), |(n, _), i| (n + 1, i + 1));
+        let column = String::from_utf8_lossy(&before[last..]).chars().count() + 1;
+        Position { line, column }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn positions_count_every_kind_of_line_end() {
+        let mut sources = Sources::default();
+        let id = sources.add("a", "ab\ncd\r\ne\rf");
+        let at = |i| sources.position(Span::new(id, i, i));
+        assert_eq!(at(4), Position { line: 2, column: 2 });
+        assert_eq!(at(7), Position { line: 3, column: 1 });
+        assert_eq!(at(9), Position { line: 4, column: 1 });
+    }
+}

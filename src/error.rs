@@ -1,0 +1,127 @@
+//! The one error type of the library and its way to an exit code.
+
+use std::path::PathBuf;
+
+use crate::diagnostic::Report;
+
+/// Everything that can end a run, one kind per remedy.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// Complaints about files that a person wrote; rendered with source lines by the cli.
+    #[error("{0}")]
+    Input(Box<Report>),
+    /// The system refused a file operation.
+    #[error("cannot {action} \"{}\": {source}", path.display())]
+    Io {
+        /// What was attempted, as a verb: "open", "write", "rename".
+        action: &'static str,
+        /// The file or folder concerned.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A value outside its documented range.
+    #[error("{name} is {value}, but must lie in {min} to {max} {unit}")]
+    Range {
+        /// The key or parameter.
+        name: String,
+        /// What was given.
+        value: f64,
+        /// Smallest allowed value.
+        min: f64,
+        /// Largest allowed value.
+        max: f64,
+        /// Unit of all three, empty if none.
+        unit: &'static str,
+    },
+    /// Work that would pass a limit; refused before it starts.
+    #[error("{name} would be {wanted}, the limit is {limit}; raise it with {flag}")]
+    Limit {
+        /// What is counted.
+        name: String,
+        /// Predicted amount.
+        wanted: String,
+        /// Amount allowed.
+        limit: String,
+        /// The flag that lifts it, or the key to change.
+        flag: String,
+    },
+    /// A simulation left its bounds.
+    #[error("frame {frame}: {quantity} is out of bounds; shorten the step or soften the input")]
+    Simulation {
+        /// Frame number.
+        frame: u32,
+        /// What blew up.
+        quantity: String,
+    },
+    /// A file cannot be written as asked (codes X001 to X012).
+    #[error("{code}: {reason}")]
+    Export {
+        /// Stable code, X001 to X012.
+        code: &'static str,
+        /// Subject, fact, next step.
+        reason: String,
+    },
+    /// The output folder holds something that osier did not write.
+    #[error("\"{}\" was not written by osier; choose another folder with -o, or pass --force to overwrite it", path.display())]
+    Foreign {
+        /// The file in the way.
+        path: PathBuf,
+    },
+    /// A signal asked the run to end.
+    #[error("interrupted by signal {signal}; finished files are kept, run again to go on")]
+    Cancelled {
+        /// SIGINT is 2, SIGTERM 15.
+        signal: i32,
+    },
+}
+
+/// Result with osier's [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// Exit code of the process that ends with this error; the table is printed by `osier --help`.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Io { action, source, .. } => io_code(action, source),
+            Self::Cancelled { signal: 15 } => 143,
+            Self::Cancelled { .. } => 130,
+            _ => 1,
+        }
+    }
+
+    /// Wraps a system error with what was attempted.
+    pub fn io(action: &'static str, path: impl Into<PathBuf>, source: std::io::Error) -> Self {
+        Self::Io { action, path: path.into(), source }
+    }
+
+    /// An export error with its stable code.
+    pub fn export(code: &'static str, reason: impl Into<String>) -> Self {
+        Self::Export { code, reason: reason.into() }
+    }
+}
+
+fn io_code(action: &str, source: &std::io::Error) -> u8 {
+    use std::io::ErrorKind as K;
+    match source.kind() {
+        K::TimedOut | K::WouldBlock | K::StaleNetworkFileHandle | K::ResourceBusy => 75,
+        K::NotFound if action == "open" => 1,
+        _ => 74,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exit_codes_follow_the_table() {
+        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+        let full = std::io::Error::from(std::io::ErrorKind::StorageFull);
+        assert_eq!(Error::io("open", "a.l", missing).exit_code(), 1);
+        assert_eq!(Error::io("write", "a.glb", full).exit_code(), 74);
+        assert_eq!(Error::Cancelled { signal: 2 }.exit_code(), 130);
+        assert_eq!(Error::Cancelled { signal: 15 }.exit_code(), 143);
+        assert_eq!(Error::export("X001", "x").exit_code(), 1);
+    }
+}

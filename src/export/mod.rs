@@ -1,0 +1,51 @@
+//! Files for other programs. An exporter knows one format and nothing of parsing, growth, threads or clocks.
+//!
+//! Every exporter is three calls: [`Exporter::begin`], [`Exporter::frame`] once per frame in order (none for a still
+//! asset), [`Exporter::finish`]. Frames stream: only formats that demand it keep more than one.
+
+use std::sync::Arc;
+
+use crate::Result;
+use crate::scene::{Frame, Scene};
+
+pub mod textures;
+
+/// A warning about something that was repaired on the way out (X002, X003, X007 ...).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Warning {
+    /// Stable code.
+    pub code: &'static str,
+    /// Subject, fact, what was done.
+    pub message: String,
+}
+
+/// What an exporter has to say at the end. The files themselves are recorded by the output folder.
+#[derive(Debug, Clone, Default)]
+pub struct Summary {
+    /// In asset order.
+    pub warnings: Vec<Warning>,
+}
+
+/// One format. `begin`, then `frame` in frame order, then `finish`.
+pub trait Exporter: Send {
+    /// Takes the scene, opens files, writes what never changes.
+    /// # Errors
+    /// Whatever cannot be written; X codes.
+    fn begin(&mut self, scene: &Arc<Scene>) -> Result<()>;
+
+    /// Writes one frame.
+    /// # Errors
+    /// Whatever cannot be written; X codes.
+    fn frame(&mut self, frame: &Frame) -> Result<()>;
+
+    /// Completes and closes the files.
+    /// # Errors
+    /// Whatever cannot be written; X codes.
+    fn finish(&mut self) -> Result<Summary>;
+}
+
+/// Who made a file: `osier 0.1.0`.
+pub const GENERATOR: &str = concat!("osier ", env!("CARGO_PKG_VERSION"));
+
+/// Version alone.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -1,0 +1,61 @@
+//! Pictures of a scene as PNG bytes, encoded once and shared by every exporter.
+
+use std::sync::Arc;
+
+use crate::scene::{Image, ImageKind, Pixels, Scene};
+use crate::{Error, Result};
+
+/// The scene's pictures as PNG files, in the order of [`Scene::images`].
+#[derive(Debug, Clone, Default)]
+pub struct Textures {
+    png: Vec<Arc<[u8]>>,
+}
+
+impl Textures {
+    /// Encodes all pictures, in parallel.
+    /// # Errors
+    /// X012 if a picture has the wrong number of samples.
+    pub fn encode(scene: &Scene) -> Result<Self> {
+        let png = crate::par::par_map(&scene.images, encode).into_iter().collect::<Result<Vec<_>>>()?;
+        Ok(Self { png })
+    }
+
+    /// PNG bytes of a picture.
+    pub fn png(&self, image: u32) -> &Arc<[u8]> {
+        &self.png[image as usize]
+    }
+
+    /// All of them, in order.
+    pub fn iter(&self) -> impl Iterator<Item = &Arc<[u8]>> {
+        self.png.iter()
+    }
+}
+
+fn encode(image: &Image) -> Result<Arc<[u8]>> {
+    let failed = |e: &dyn std::fmt::Display| Error::export("X012", format!("picture {}: {e}", image.name));
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
+    encoder.set_color(match image.channels {
+        1 => png::ColorType::Grayscale,
+        3 => png::ColorType::Rgb,
+        _ => png::ColorType::Rgba,
+    });
+    encoder.set_compression(png::Compression::Balanced);
+    if image.kind == ImageKind::Color {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    }
+    encoder.add_text_chunk("Software".into(), super::GENERATOR.into()).map_err(|e| failed(&e))?;
+    let data;
+    let samples: &[u8] = match &image.pixels {
+        Pixels::U8(v) => v,
+        Pixels::U16(v) => {
+            encoder.set_depth(png::BitDepth::Sixteen);
+            data = v.iter().flat_map(|s| s.to_be_bytes()).collect::<Vec<u8>>();
+            &data
+        }
+    };
+    let mut writer = encoder.write_header().map_err(|e| failed(&e))?;
+    writer.write_image_data(samples).map_err(|e| failed(&e))?;
+    writer.finish().map_err(|e| failed(&e))?;
+    Ok(bytes.into())
+}

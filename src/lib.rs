@@ -1,0 +1,23 @@
+//! osier turns small text files into plants and bakes them for other programs.
+//!
+//! ```text
+//! grammar, scene, artist mesh ─ parse ─► resolve ─► grow ─► Plant ─► surface ─► Scene ─► motion ─► Frame ─► exporters
+//! ```
+//!
+//! Modules stand in layers; each imports only from those below it (see `ARCHITECTURE.md`).
+
+pub mod diagnostic;
+mod error;
+pub mod export;
+pub mod fence;
+pub mod geometry;
+pub mod limits;
+pub mod math;
+pub mod noise;
+pub mod par;
+pub mod plant;
+pub mod rng;
+pub mod scene;
+pub mod units;
+
+pub use error::{Error, Result};

@@ -1,0 +1,130 @@
+//! Limits: what a hostile or mistaken file may cost. Checked before memory is spent.
+
+use crate::{Error, Result};
+
+/// One limit with its default.
+#[derive(Debug, Clone, Copy)]
+pub struct Limit {
+    /// Name as in `--max-NAME`.
+    pub name: &'static str,
+    /// Default value.
+    pub default: u64,
+    /// What it counts.
+    pub counts: &'static str,
+}
+
+const fn row(name: &'static str, default: u64, counts: &'static str) -> Limit {
+    Limit { name, default, counts }
+}
+
+/// All limits, sorted by name.
+pub const LIMITS: &[Limit] = &[
+    row("depth", 1000, "nested brackets and expressions"),
+    row("frames", 1_000_000, "frames of a clip"),
+    row("image-bytes", 512 << 20, "bytes of one decoded picture"),
+    row("image-side", 16_384, "pixels along a side of a picture"),
+    row("includes", 256, "included files per root file"),
+    row("instances", 10_000_000, "instances in a scene"),
+    row("json-bytes", 64 << 20, "bytes of JSON in one file"),
+    row("macro-tokens", 10_000_000, "tokens after macro expansion"),
+    row("mesh-bytes", 512 << 20, "bytes of one mesh file or buffer"),
+    row("modules", 20_000_000, "modules in any derivation step"),
+    row("nodes", 20_000_000, "nodes of a plant"),
+    row("organs", 20_000_000, "organs of a plant"),
+    row("output-bytes", 200_000_000_000, "predicted bytes written by one command"),
+    row("statements", 1_000_000_000, "statements run in blocks and decompositions"),
+    row("steps", 1_000_000, "derivation length"),
+    row("text-bytes", 64 << 20, "bytes of one text file"),
+    row("triangles", 50_000_000, "triangles of a mesh"),
+    row("turtle-stack", 100_000, "open brackets"),
+    row("vertices", 50_000_000, "vertices of a mesh"),
+];
+
+/// The limits in force: defaults, then what the user lifted or lowered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Limits {
+    values: Vec<u64>,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { values: LIMITS.iter().map(|l| l.default).collect() }
+    }
+}
+
+impl Limits {
+    /// Value in force; 0 for an unknown name (which then refuses everything, and shows in the first test).
+    pub fn get(&self, name: &str) -> u64 {
+        LIMITS.iter().position(|l| l.name == name).map_or(0, |i| self.values[i])
+    }
+
+    /// Sets a limit from text: an integer with suffix k, M, G (1e3, 1e6, 1e9), or `none`.
+    /// # Errors
+    /// `Range` if the text is no such number or the name is unknown.
+    pub fn set(&mut self, name: &str, text: &str) -> Result<()> {
+        let bad = || Error::Range {
+            name: format!("--max-{name}"),
+            value: f64::NAN,
+            min: 0.0,
+            max: 1e18,
+            unit: "(suffix k, M, G or none)",
+        };
+        let index = LIMITS.iter().position(|l| l.name == name).ok_or_else(bad)?;
+        self.values[index] = parse(text).ok_or_else(bad)?;
+        Ok(())
+    }
+
+    /// Refuses `wanted` beyond the limit.
+    /// # Errors
+    /// `Limit` naming the flag that lifts it.
+    pub fn check(&self, name: &str, wanted: u64, what: &str) -> Result<()> {
+        let limit = self.get(name);
+        if wanted <= limit {
+            return Ok(());
+        }
+        let wanted = grouped(wanted);
+        Err(Error::Limit { name: what.to_owned(), wanted, limit: grouped(limit), flag: format!("--max-{name}") })
+    }
+}
+
+fn parse(text: &str) -> Option<u64> {
+    if text == "none" {
+        return Some(u64::MAX);
+    }
+    let (digits, factor) = match text.chars().last()? {
+        'k' => (&text[..text.len() - 1], 1_000),
+        'M' => (&text[..text.len() - 1], 1_000_000),
+        'G' => (&text[..text.len() - 1], 1_000_000_000),
+        _ => (text, 1),
+    };
+    digits.parse::<u64>().ok()?.checked_mul(factor)
+}
+
+/// 1234567 as `1,234,567`.
+pub fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, c) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(c);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_sorted_set_and_checked() {
+        assert!(LIMITS.windows(2).all(|w| w[0].name < w[1].name));
+        let mut l = Limits::default();
+        l.set("modules", "3k").expect("suffix");
+        assert!(l.check("modules", 3000, "modules").is_ok());
+        let e = l.check("modules", 3_051_757_811, "step 13").expect_err("over");
+        assert_eq!(e.to_string(), "step 13 would be 3,051,757,811, the limit is 3,000; raise it with --max-modules");
+        assert!(l.set("modules", "many").is_err() && l.set("wishes", "3").is_err());
+    }
+}

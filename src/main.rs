@@ -1,0 +1,3 @@
+//! The `osier` program: arguments in, exit code out.
+
+fn main() {}

@@ -1,0 +1,161 @@
+//! Transcendental functions with one set of bits on every machine, and the few vector formulas everybody needs.
+//!
+//! The system's `sin` chooses instructions by CPU and changes its last bit with them; these wrap the `libm` crate.
+
+use glam::{Quat, Vec3};
+
+macro_rules! wrap {
+    ($($(#[$doc:meta])* $name:ident / $name32:ident => $f64:ident / $f32:ident;)*) => {$(
+        $(#[$doc])*
+        #[inline]
+        pub fn $name(x: f64) -> f64 { libm::$f64(x) }
+        $(#[$doc])*
+        ///
+        /// Single precision.
+        #[inline]
+        pub fn $name32(x: f32) -> f32 { libm::$f32(x) }
+    )*};
+}
+
+wrap! {
+    /// Sine of an angle in radians.
+    sin / sin_f32 => sin / sinf;
+    /// Cosine of an angle in radians.
+    cos / cos_f32 => cos / cosf;
+    /// Tangent of an angle in radians.
+    tan / tan_f32 => tan / tanf;
+    /// Arc sine, radians; NaN beyond +-1.
+    asin / asin_f32 => asin / asinf;
+    /// Arc cosine, radians; NaN beyond +-1.
+    acos / acos_f32 => acos / acosf;
+    /// Arc tangent, radians.
+    atan / atan_f32 => atan / atanf;
+    /// Natural exponential.
+    exp / exp_f32 => exp / expf;
+    /// Natural logarithm; NaN below 0.
+    ln / ln_f32 => log / logf;
+    /// Square root; NaN below 0.
+    sqrt / sqrt_f32 => sqrt / sqrtf;
+}
+
+/// Angle of the point (x, y) from the x axis, radians in (-pi, pi].
+#[inline]
+pub fn atan2(y: f64, x: f64) -> f64 {
+    libm::atan2(y, x)
+}
+
+/// `base` to the power `exponent`.
+#[inline]
+pub fn pow(base: f64, exponent: f64) -> f64 {
+    libm::pow(base, exponent)
+}
+
+/// `base` to the power `exponent`, single precision.
+#[inline]
+pub fn pow_f32(base: f32, exponent: f32) -> f32 {
+    libm::powf(base, exponent)
+}
+
+/// Rounds to single precision: the one place where f64 results become stored f32 values.
+#[inline]
+#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is the purpose")]
+pub fn narrow(x: f64) -> f32 {
+    x as f32
+}
+
+/// Linear blend, exact at both ends.
+#[inline]
+pub fn lerp(a: f32, b: f32, t: f32) -> f32 {
+    a * (1.0 - t) + b * t
+}
+
+/// Hermite step: 0 below `a`, 1 above `b`, smooth between.
+#[inline]
+pub fn smoothstep(a: f32, b: f32, x: f32) -> f32 {
+    let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// The unit vector along `v`, or `fallback` if `v` is shorter than 1e-9.
+#[inline]
+pub fn normalize_or(v: Vec3, fallback: Vec3) -> Vec3 {
+    let length = v.length();
+    if length > 1e-9 { v / length } else { fallback }
+}
+
+/// Some unit vector perpendicular to the unit vector `v`, chosen by its smallest component.
+pub fn perpendicular(v: Vec3) -> Vec3 {
+    let a = v.abs();
+    let axis = if a.x <= a.y && a.x <= a.z {
+        Vec3::X
+    } else if a.y <= a.z {
+        Vec3::Y
+    } else {
+        Vec3::Z
+    };
+    normalize_or(v.cross(axis), Vec3::X)
+}
+
+/// The smallest rotation that takes unit vector `from` to unit vector `to`.
+pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
+    let d = from.dot(to);
+    if d < -0.999_999 {
+        let axis = perpendicular(from);
+        return Quat::from_xyzw(axis.x, axis.y, axis.z, 0.0);
+    }
+    let c = from.cross(to);
+    Quat::from_xyzw(c.x, c.y, c.z, 1.0 + d).normalize()
+}
+
+/// Normalised linear blend of two rotations along the shorter arc.
+pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
+    let b = if a.dot(b) < 0.0 { -b } else { b };
+    Quat::from_vec4(glam::Vec4::from(a) * (1.0 - t) + glam::Vec4::from(b) * t).normalize()
+}
+
+/// One step of the double-reflection rotation-minimising frame.
+/// `x0`, `x1`: centres; `t0`, `t1`: unit tangents; `e0`: unit reference perpendicular to `t0`.
+/// Returns the unit reference at `x1`, perpendicular to `t1`. Reflections with a divisor below 1e-18 are skipped.
+/// Source: W. Wang et al., "Computation of rotation minimizing frames", ACM TOG 27(1), 2008, table 1.
+pub fn transport(x0: Vec3, t0: Vec3, e0: Vec3, x1: Vec3, t1: Vec3) -> Vec3 {
+    let v1 = x1 - x0;
+    let c1 = v1.dot(v1);
+    let (e_l, t_l) =
+        if c1 < 1e-18 { (e0, t0) } else { (e0 - v1 * (2.0 / c1 * v1.dot(e0)), t0 - v1 * (2.0 / c1 * v1.dot(t0))) };
+    let v2 = t1 - t_l;
+    let c2 = v2.dot(v2);
+    let e1 = if c2 < 1e-18 { e_l } else { e_l - v2 * (2.0 / c2 * v2.dot(e_l)) };
+    normalize_or(e1 - t1 * t1.dot(e1), perpendicular(t1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pinned_bits() {
+        assert_eq!(sin(1.0).to_bits(), 0x3fea_ed54_8f09_0cee);
+        assert_eq!(exp(1.0).to_bits(), 0x4005_bf0a_8b14_576a);
+        assert_eq!(pow(2.0, 0.5).to_bits(), 0x3ff6_a09e_667f_3bcd);
+    }
+
+    #[test]
+    fn rotation_between_maps_even_opposite_vectors() {
+        for (a, b) in [(Vec3::X, Vec3::Y), (Vec3::Y, -Vec3::Y), (Vec3::Z, Vec3::Z)] {
+            assert!((rotation_between(a, b) * a - b).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn transport_keeps_the_reference_perpendicular_and_does_not_twist_in_a_plane() {
+        let tangent = |a: f32| Vec3::new(-sin_f32(a), cos_f32(a), 0.0);
+        let point = |a: f32| Vec3::new(cos_f32(a), sin_f32(a), 0.0);
+        let mut e = Vec3::Z;
+        for i in 0..64 {
+            let (a, b) = (i as f32 * 0.05, (i + 1) as f32 * 0.05);
+            e = transport(point(a), tangent(a), e, point(b), tangent(b));
+            assert!(e.dot(tangent(b)).abs() < 1e-6);
+        }
+        assert!((e - Vec3::Z).length() < 1e-5, "a plane curve has no torsion");
+    }
+}

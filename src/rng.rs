@@ -1,0 +1,233 @@
+//! Random numbers with addresses: every decision has a stream of its own, so no draw depends on the order of work.
+//!
+//! A stream is named by a seed and a path of integers and words; the same address gives the same numbers for ever.
+
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::Rng as _;
+
+use crate::math;
+
+const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
+const MULTIPLIER: u64 = 0xD134_2543_DE82_EF95;
+
+/// Finalizer of splitmix64: a bijection that mixes all bits.
+const fn fin(z: u64) -> u64 {
+    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
+}
+
+/// Key of the child `id` of key `k`.
+pub const fn child(k: u64, id: u64) -> u64 {
+    fin(k.wrapping_mul(MULTIPLIER) ^ fin(id.wrapping_add(GOLDEN)))
+}
+
+/// Mixes a sequence of integers into one key; the empty sequence gives 0.
+pub fn mix64(values: &[u64]) -> u64 {
+    let Some((first, rest)) = values.split_first() else { return 0 };
+    rest.iter().fold(fin(first.wrapping_add(GOLDEN)), |k, &v| child(k, v))
+}
+
+/// 64-bit FNV-1a of the UTF-8 bytes: how a word becomes a path element.
+pub const fn word(text: &str) -> u64 {
+    let bytes = text.as_bytes();
+    let mut hash = 0xCBF2_9CE4_8422_2325_u64;
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u64).wrapping_mul(0x0000_0100_0000_01B3);
+        i += 1;
+    }
+    hash
+}
+
+/// One element of a stream's address.
+#[derive(Debug, Clone, Copy)]
+pub struct Key(pub u64);
+
+impl From<u64> for Key {
+    fn from(v: u64) -> Self {
+        Self(v)
+    }
+}
+impl From<u32> for Key {
+    fn from(v: u32) -> Self {
+        Self(u64::from(v))
+    }
+}
+impl From<i64> for Key {
+    fn from(v: i64) -> Self {
+        Self(v.cast_unsigned())
+    }
+}
+impl From<usize> for Key {
+    fn from(v: usize) -> Self {
+        Self(v as u64)
+    }
+}
+impl From<&str> for Key {
+    fn from(v: &str) -> Self {
+        Self(word(v))
+    }
+}
+
+/// A stream of random numbers.
+///
+/// ```
+/// use osier::rng::Rng;
+/// let mut leaf = Rng::at(42, &["leaf".into(), 3_u64.into()]);
+/// assert_eq!(leaf.next_u64(), 0x89c5_d2de_302e_b114);
+/// ```
+#[derive(Debug, Clone)]
+pub struct Rng(Pcg64Mcg);
+
+impl Rng {
+    /// The stream at `seed` and `path`.
+    pub fn at(seed: u64, path: &[Key]) -> Self {
+        Self::from_key(Self::key(seed, path))
+    }
+
+    /// The key of an address; streams of equal keys are equal.
+    pub fn key(seed: u64, path: &[Key]) -> u64 {
+        path.iter().fold(fin(seed.wrapping_add(GOLDEN)), |k, e| child(k, e.0))
+    }
+
+    /// The stream of a key.
+    pub fn from_key(k: u64) -> Self {
+        let high = u128::from(fin(k.wrapping_add(GOLDEN)));
+        let low = u128::from(fin(k.wrapping_add(GOLDEN.wrapping_mul(2))));
+        Self(Pcg64Mcg::new((high << 64) | low))
+    }
+
+    /// 64 random bits. One draw.
+    pub fn next_u64(&mut self) -> u64 {
+        self.0.next_u64()
+    }
+
+    /// Uniform in [0, 1). One draw.
+    pub fn unit_f32(&mut self) -> f32 {
+        (self.next_u64() >> 40) as f32 * (1.0 / 16_777_216.0)
+    }
+
+    /// Uniform in [0, 1). One draw.
+    pub fn unit_f64(&mut self) -> f64 {
+        (self.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
+    }
+
+    /// Uniform between `a` and `b`; `b` may appear by rounding. One draw.
+    pub fn range(&mut self, a: f64, b: f64) -> f64 {
+        a + (b - a) * self.unit_f64()
+    }
+
+    /// Uniform in 0..n; 0 for n = 0. One draw.
+    #[allow(
+        clippy::cast_possible_truncation,
+        reason = "the product is below n * 2^64, so the shifted value is below n"
+    )]
+    pub fn below(&mut self, n: u32) -> u32 {
+        ((u128::from(self.next_u64()) * u128::from(n)) >> 64) as u32
+    }
+
+    /// True with probability `p`; never for NaN. One draw.
+    pub fn chance(&mut self, p: f64) -> bool {
+        self.unit_f64() < p
+    }
+
+    /// Standard normal (Box-Muller, the second value is not kept), magnitude at most 8.58. Two draws.
+    pub fn normal(&mut self) -> f64 {
+        let u1 = self.unit_f64();
+        let u2 = self.unit_f64();
+        math::sqrt(-2.0 * math::ln(1.0 - u1)) * math::cos(2.0 * std::f64::consts::PI * u2)
+    }
+
+    /// Index picked in proportion to `weights`; the last positive one if rounding runs past the end; 0 if none is
+    /// positive. One draw.
+    pub fn pick(&mut self, weights: &[f64]) -> usize {
+        let total = weights.iter().fold(0.0, |t, w| t + w.max(0.0));
+        let target = self.unit_f64() * total;
+        let mut running = 0.0;
+        let mut last = 0;
+        for (i, w) in weights.iter().enumerate().filter(|(_, w)| **w > 0.0) {
+            running += w;
+            last = i;
+            if running > target {
+                return i;
+            }
+        }
+        last
+    }
+
+    /// Fisher-Yates shuffle from the end. `len - 1` draws.
+    #[allow(clippy::cast_possible_truncation, reason = "lists are limited far below 2^32 items")]
+    pub fn shuffle<T>(&mut self, items: &mut [T]) {
+        for i in (1..items.len()).rev() {
+            let j = self.below(i as u32 + 1) as usize;
+            items.swap(i, j);
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::cast_possible_truncation, reason = "bins of a histogram")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pinned_streams() {
+        let path = |p: &[u64]| p.iter().map(|&v| Key(v)).collect::<Vec<_>>();
+        assert_eq!(Rng::key(42, &[]), 0xbdd7_3226_2feb_6e95);
+        assert_eq!(Rng::at(42, &[]).next_u64(), 0xf205_2c08_f103_09a8);
+        assert_eq!(Rng::key(42, &path(&[1, 2, 3])), 0xc6f6_74a6_9ab8_0a7f);
+        let mut r = Rng::at(42, &path(&[1, 2, 3]));
+        assert_eq!((r.next_u64(), r.next_u64()), (0xc1c4_8cc6_02d0_3b23, 0xd23d_bc29_e8a8_cd92));
+        assert_eq!(Rng::at(42, &path(&[3, 2, 1])).next_u64(), 0xb9dc_6ca0_f011_376c);
+        assert_eq!(Rng::key(42, &["leaf".into(), 3_u64.into()]), 0x9025_dac2_b50f_57b4);
+        assert_eq!(mix64(&[42, 1, 2, 3]), Rng::key(42, &path(&[1, 2, 3])));
+    }
+
+    /// Pearson's statistic against equal shares.
+    fn chi_square(counts: &[u32]) -> f64 {
+        let n: u32 = counts.iter().sum();
+        let expected = f64::from(n) / counts.len() as f64;
+        counts.iter().fold(0.0, |s, &c| s + (f64::from(c) - expected) * (f64::from(c) - expected) / expected)
+    }
+
+    #[test]
+    fn draws_are_uniform() {
+        let mut r = Rng::at(7, &["chi".into()]);
+        let mut bins = [[0_u32; 16]; 3];
+        for _ in 0..100_000 {
+            bins[0][(r.unit_f64() * 16.0) as usize] += 1;
+            bins[1][r.below(16) as usize] += 1;
+            bins[2][r.pick(&[1.0; 16])] += 1;
+        }
+        // 15 degrees of freedom: 37.7 is the 0.999 quantile.
+        for b in &bins {
+            assert!(chi_square(b) < 37.7, "{b:?}");
+        }
+    }
+
+    #[test]
+    fn neighbouring_addresses_are_independent() {
+        let mut bins = [0_u32; 64];
+        for i in 0..100_000_u64 {
+            let mut r = Rng::at(1, &[i.into()]);
+            bins[(r.unit_f32() * 8.0) as usize * 8 + (r.unit_f32() * 8.0) as usize] += 1;
+        }
+        assert!(chi_square(&bins) < 103.4, "63 degrees of freedom");
+    }
+
+    #[test]
+    fn normal_has_unit_variance_and_shuffle_permutes() {
+        let mut r = Rng::at(3, &[]);
+        let draws: Vec<f64> = (0..100_000).map(|_| r.normal()).collect();
+        let mean = draws.iter().fold(0.0, |s, x| s + x) / 1e5;
+        let var = draws.iter().fold(0.0, |s, x| s + (x - mean) * (x - mean)) / 1e5;
+        assert!(mean.abs() < 0.012 && (var - 1.0).abs() < 0.02, "{mean} {var}");
+        let mut items: Vec<u32> = (0..20).collect();
+        r.shuffle(&mut items);
+        let mut sorted = items.clone();
+        sorted.sort_unstable();
+        assert_ne!(items, sorted);
+        assert_eq!(sorted, (0..20).collect::<Vec<_>>());
+    }
+}

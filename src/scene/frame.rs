@@ -1,0 +1,112 @@
+//! What changes.
+
+use glam::Vec3;
+
+use super::{InstanceState, Mesh, Trs};
+
+/// One frame of the whole scene; `assets` runs parallel to [`crate::scene::Scene::assets`].
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// Frame number.
+    pub number: u32,
+    /// One per asset.
+    pub assets: Vec<AssetFrame>,
+}
+
+/// One frame of one asset. Lists run parallel to the asset's; an empty list means that nothing in it changes.
+#[derive(Debug, Clone, Default)]
+pub struct AssetFrame {
+    /// Parent from joint, one per joint, or empty at rest.
+    pub pose: Vec<Trs>,
+    /// Meshes.
+    pub meshes: Vec<MeshFrame>,
+    /// Instancers.
+    pub instancers: Vec<InstancerFrame>,
+    /// Point clouds.
+    pub points: Vec<PointsFrame>,
+    /// Curves.
+    pub curves: Vec<CurvesFrame>,
+}
+
+/// One mesh at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum MeshFrame {
+    /// As at rest, or as its skin says.
+    #[default]
+    Same,
+    /// New points of the same topology ([`super::MeshMotion::Deforming`]).
+    Points {
+        /// One per point, m.
+        points: Vec<Vec3>,
+        /// Unit normals, one per point.
+        normals: Vec<Vec3>,
+        /// m/s, one per point, or empty.
+        velocities: Vec<Vec3>,
+    },
+    /// A whole mesh ([`super::MeshMotion::Varying`]); may be empty.
+    Whole {
+        /// The mesh.
+        mesh: Mesh,
+        /// m/s, one per point, or empty.
+        velocities: Vec<Vec3>,
+    },
+}
+
+/// One instancer at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum InstancerFrame {
+    /// As at rest, or as its joints say.
+    #[default]
+    Same,
+    /// New state.
+    State(InstanceState),
+}
+
+/// One point cloud at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum PointsFrame {
+    /// As at rest.
+    #[default]
+    Same,
+    /// New positions and widths.
+    State {
+        /// m, one per point.
+        positions: Vec<Vec3>,
+        /// Diameters, m; 0 hides.
+        widths: Vec<f32>,
+        /// m/s, one per point, or empty.
+        velocities: Vec<Vec3>,
+    },
+}
+
+/// Curves at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum CurvesFrame {
+    /// As at rest.
+    #[default]
+    Same,
+    /// New points, m, one per point.
+    Points(Vec<Vec3>),
+}
+
+impl AssetFrame {
+    /// Mesh `i`; `Same` when the list is shorter.
+    pub fn mesh(&self, i: usize) -> &MeshFrame {
+        self.meshes.get(i).unwrap_or(&MeshFrame::Same)
+    }
+
+    /// Instancer `i`; `Same` when the list is shorter.
+    pub fn instancer(&self, i: usize) -> &InstancerFrame {
+        self.instancers.get(i).unwrap_or(&InstancerFrame::Same)
+    }
+
+    /// Point cloud `i`; `Same` when the list is shorter.
+    pub fn points(&self, i: usize) -> &PointsFrame {
+        self.points.get(i).unwrap_or(&PointsFrame::Same)
+    }
+
+    /// Curves `i`; `Same` when the list is shorter.
+    pub fn curves(&self, i: usize) -> &CurvesFrame {
+        self.curves.get(i).unwrap_or(&CurvesFrame::Same)
+    }
+}

@@ -1,0 +1,87 @@
+//! Repeated meshes.
+
+use glam::{Quat, Vec3};
+
+use super::Mesh;
+use crate::scene::Trs;
+
+/// A mesh that instances show, in its own space.
+#[derive(Debug, Clone)]
+pub struct Prototype {
+    /// `[a-z0-9_]+`, unique in the instancer.
+    pub name: String,
+    /// Pivot at the origin.
+    pub mesh: Mesh,
+}
+
+/// How the instances move.
+#[derive(Debug, Clone, PartialEq)]
+pub enum InstancerMotion {
+    /// Not at all.
+    Still,
+    /// Each instance rides rigidly on one joint of the asset's skeleton (one index per instance). Frames may carry
+    /// finer states, which formats with instancers prefer.
+    Joints(Vec<u16>),
+    /// Frames carry states; instances may be born and die.
+    Free,
+}
+
+/// Positions and rotations of all instances at one time; arrays of equal length N.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct InstanceState {
+    /// Pivots in asset space, m.
+    pub positions: Vec<Vec3>,
+    /// Unit quaternions.
+    pub orientations: Vec<Quat>,
+    /// Alive or not; empty means all are.
+    pub alive: Vec<bool>,
+    /// m/s, or empty.
+    pub velocities: Vec<Vec3>,
+    /// Axis times rad/s, or empty.
+    pub angular_velocities: Vec<Vec3>,
+}
+
+impl InstanceState {
+    /// True if instance `i` is alive.
+    pub fn is_alive(&self, i: usize) -> bool {
+        self.alive.get(i).copied().unwrap_or(true)
+    }
+}
+
+/// N instances of some prototypes. N counts every instance that is ever alive; a slot never changes owner.
+#[derive(Debug, Clone)]
+pub struct Instancer {
+    /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
+    pub name: String,
+    /// What can be shown.
+    pub prototypes: Vec<Prototype>,
+    /// Stable id of each instance (written as 0..N-1 where a format wants small numbers).
+    pub ids: Vec<u64>,
+    /// Index into `prototypes` per instance.
+    pub protos: Vec<u32>,
+    /// Constant scale per instance.
+    pub scales: Vec<Vec3>,
+    /// State at rest.
+    pub rest: InstanceState,
+    /// How they move.
+    pub motion: InstancerMotion,
+    /// Ask for a twin as plain points with orientation and scale (catkins, drops: things tracked one by one).
+    pub tracked: bool,
+}
+
+impl Instancer {
+    /// Number of instances.
+    pub fn len(&self) -> usize {
+        self.protos.len()
+    }
+
+    /// True without instances.
+    pub fn is_empty(&self) -> bool {
+        self.protos.is_empty()
+    }
+
+    /// Transform of instance `i` in a state.
+    pub fn transform(&self, state: &InstanceState, i: usize) -> Trs {
+        Trs { t: state.positions[i], r: state.orientations[i], s: self.scales[i] }
+    }
+}

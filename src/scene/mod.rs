@@ -1,0 +1,160 @@
+//! What exists ([`Scene`]) and what changes ([`Frame`]).
+//!
+//! A scene knows no file format and does no I/O. Space: right-handed, +Y up, metres, seconds, radians; UV origin lower
+//! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
+
+mod evaluate;
+mod frame;
+mod instancer;
+mod look;
+mod material;
+mod mesh;
+mod points;
+mod skeleton;
+mod validate;
+
+pub use evaluate::{asset_bounds, instance_states, mesh_points, scene_bounds, skinned_normals, world_from_joint};
+pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
+pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
+pub use look::{Camera, Sky, Sun};
+pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
+pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
+pub use points::{Curves, Points};
+pub use skeleton::{Joint, Skeleton, Trs};
+pub use validate::{check_frame, check_scene};
+
+/// Frames of a clip. A still scene has `start == end`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Clip {
+    /// First frame number, 0..=999999.
+    pub start: u32,
+    /// Last frame number, inclusive.
+    pub end: u32,
+    /// Frames per second as a fraction (numerator, denominator).
+    pub fps: (u32, u32),
+}
+
+impl Clip {
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        (self.end.saturating_sub(self.start) as usize).saturating_add(1)
+    }
+
+    /// A clip always holds at least one frame.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        f64::from(self.fps.0) / f64::from(self.fps.1.max(1))
+    }
+
+    /// Time of a frame, s: t = (frame - start) / fps.
+    pub fn seconds(&self, frame: u32) -> f64 {
+        (f64::from(frame) - f64::from(self.start)) / self.fps()
+    }
+
+    /// Digits of frame numbers in file names: at least four, one number per bake.
+    pub fn digits(&self) -> usize {
+        self.end.to_string().len().max(4)
+    }
+
+    /// A frame number padded with zeros, as it appears in file names.
+    pub fn tag(&self, frame: u32) -> String {
+        format!("{frame:0width$}", width = self.digits())
+    }
+}
+
+impl Default for Clip {
+    fn default() -> Self {
+        Self { start: 1, end: 1, fps: (24, 1) }
+    }
+}
+
+/// What an asset is, for folder names, statistics and materials' defaults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AssetKind {
+    /// Anything grown.
+    Plant,
+    /// The ground.
+    Terrain,
+    /// A point cloud.
+    Cloud,
+    /// Flying or lying things tracked one by one.
+    Tracks,
+    /// An artist's mesh.
+    Import,
+}
+
+impl AssetKind {
+    /// The word used in the manifest.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Plant => "plant",
+            Self::Terrain => "terrain",
+            Self::Cloud => "cloud",
+            Self::Tracks => "tracks",
+            Self::Import => "import",
+        }
+    }
+}
+
+/// One thing with its own files: a grown individual, the ground, a cloud. Everything in it is in the asset's own space.
+#[derive(Debug, Clone)]
+pub struct Asset {
+    /// File and prim name, `[a-z0-9_]+`, unique in the scene.
+    pub id: String,
+    /// What it is.
+    pub kind: AssetKind,
+    /// Joints that skinned meshes and joint-bound instancers follow.
+    pub skeleton: Option<Skeleton>,
+    /// Meshes.
+    pub meshes: Vec<MeshObject>,
+    /// Repeated meshes.
+    pub instancers: Vec<Instancer>,
+    /// Point clouds.
+    pub points: Vec<Points>,
+    /// Curves.
+    pub curves: Vec<Curves>,
+}
+
+/// One showing of an asset in the scene.
+#[derive(Debug, Clone)]
+pub struct Placement {
+    /// Node and prim name, `[a-z0-9_]+`, unique in the scene.
+    pub name: String,
+    /// Index into [`Scene::assets`].
+    pub asset: usize,
+    /// World from asset space. Scale is uniform.
+    pub transform: Trs,
+}
+
+/// Everything that exists, resolved, in SI units.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// File name, `[a-z0-9_]+`.
+    pub name: String,
+    /// Title as the artist wrote it.
+    pub title: String,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Hash of the resolved scene and its input files, 64 hex digits.
+    pub hash: String,
+    /// Frames.
+    pub clip: Clip,
+    /// View.
+    pub camera: Camera,
+    /// Sunlight.
+    pub sun: Sun,
+    /// Light from the sky.
+    pub sky: Sky,
+    /// Pictures used by the materials.
+    pub images: Vec<Image>,
+    /// Surfaces.
+    pub materials: Vec<Material>,
+    /// Things with files of their own.
+    pub assets: Vec<Asset>,
+    /// Where the assets stand. An asset without a placement is written but not shown.
+    pub placements: Vec<Placement>,
+}
