@@ -1,6 +1,10 @@
 //! The synthetic scene itself is valid: what every exporter test rests on.
 
+#[path = "common/clients.rs"]
+mod clients;
 mod common;
+#[path = "common/expect.rs"]
+mod expect;
 
 use osier::scene::{check_frame, check_scene};
 
@@ -12,4 +16,14 @@ fn the_synthetic_scene_is_valid_at_every_frame() {
         check_frame(&scene, frame).expect("frame");
     }
     assert_eq!(frames.len(), scene.clip.len());
+}
+
+#[test]
+fn expectations_hold_every_placed_thing() {
+    let (scene, frames) = common::synthetic();
+    let all = expect::expect(&scene, &frames, &expect::three(&scene));
+    let last = &all["frames"][scene.clip.end.to_string()];
+    assert_eq!(last["meshes"].as_object().map(|m| m.len()), Some(5));
+    assert_eq!(last["instancers"]["tracks/flying"][2]["alive"], false);
+    assert!(clients::script("").is_dir() || !clients::clients().exists());
 }

@@ -1,0 +1,81 @@
+//! The real programs that judge our files: where they are, and what to do without them.
+//!
+//! `tests/all.sh` installs them and sets `OSIER_JUDGES=require`, which turns a missing client into a failure.
+#![allow(dead_code, reason = "each test file uses its own share")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Folder that `tests/all.sh` installs into.
+pub fn clients() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("target/clients")
+}
+
+/// A script of ours.
+pub fn script(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/clients").join(name)
+}
+
+/// Python with bpy 5.0.1, usd-core and OpenEXR (import bpy and pxr in separate processes).
+pub fn python() -> Option<PathBuf> {
+    present("python with bpy, usd-core and OpenEXR", clients().join("venv/bin/python"))
+}
+
+/// Blender of the distribution (3.4 on Debian 12).
+pub fn blender() -> Option<PathBuf> {
+    present("blender", find("blender"))
+}
+
+/// POV-Ray 3.7.
+pub fn povray() -> Option<PathBuf> {
+    present("povray", find("povray"))
+}
+
+/// Node with the Khronos validator: the program and the folder to resolve `gltf-validator` in.
+pub fn validator() -> Option<(PathBuf, PathBuf)> {
+    present("gltf-validator", clients().join("node_modules/gltf-validator"))?;
+    Some((present("node", find("node"))?, clients()))
+}
+
+fn find(program: &str) -> PathBuf {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).map(|d| d.join(program)).find(|p| p.is_file()).unwrap_or_default()
+}
+
+fn present(name: &str, path: PathBuf) -> Option<PathBuf> {
+    if path.exists() {
+        return Some(path);
+    }
+    let required = std::env::var("OSIER_JUDGES").is_ok_and(|v| v == "require");
+    assert!(!required, "{name} is required but not installed; run tests/all.sh");
+    eprintln!("SKIPPED: {name} is not installed; tests/all.sh installs it");
+    None
+}
+
+/// Runs a client and fails the test with its output unless it ends with 0.
+pub fn run(command: &mut Command) -> Output {
+    let output = command.output().unwrap_or_else(|e| panic!("cannot start {command:?}: {e}"));
+    assert!(
+        output.status.success(),
+        "{command:?} ended with {}\n--- stdout\n{}\n--- stderr\n{}",
+        output.status,
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output
+}
+
+/// Runs one of our Python scripts under Debian's Blender, headless.
+pub fn blender_script(blender: &Path, name: &str, arguments: &[&str]) -> Output {
+    let mut command = Command::new(blender);
+    command
+        .args(["--background", "--factory-startup", "--python-exit-code", "9", "--python"])
+        .arg(script(name))
+        .arg("--");
+    run(command.args(arguments))
+}
+
+/// Runs one of our Python scripts under the venv's Python (bpy or pxr).
+pub fn python_script(python: &Path, name: &str, arguments: &[&str]) -> Output {
+    run(Command::new(python).arg(script(name)).args(arguments))
+}
