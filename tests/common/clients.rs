@@ -2,6 +2,7 @@
 //!
 //! `tests/all.sh` installs them and sets `OSIER_JUDGES=require`, which turns a missing client into a failure.
 #![allow(dead_code, reason = "each test file uses its own share")]
+#![allow(clippy::disallowed_methods, clippy::print_stderr, reason = "tests ask the environment and say what they skip")]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
