@@ -13,6 +13,7 @@ pub mod fence;
 pub mod geometry;
 pub mod limits;
 pub mod math;
+pub mod motion;
 pub mod noise;
 pub mod par;
 pub mod plant;

@@ -40,7 +40,7 @@ pub fn mesh_points<'a>(asset: &Asset, object: &'a MeshObject, i: usize, frame: &
 }
 
 /// Linear blend skinning of points. `matrices`: one per joint, from [`world_from_joint`].
-fn skinned_points(points: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) -> Vec<Vec3> {
+pub fn skinned_points(points: &[Vec3], skin: &SkinWeights, matrices: &[Mat4]) -> Vec<Vec3> {
     let blend = |(p, (joints, weights)): (&Vec3, (&[u16; 4], &[f32; 4]))| {
         let mut sum = Vec3::ZERO;
         for (j, w) in joints.iter().zip(weights).filter(|(_, w)| **w > 0.0) {

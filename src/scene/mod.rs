@@ -13,7 +13,9 @@ mod points;
 mod skeleton;
 mod validate;
 
-pub use evaluate::{asset_bounds, instance_states, mesh_points, scene_bounds, skinned_normals, world_from_joint};
+pub use evaluate::{
+    asset_bounds, instance_states, mesh_points, scene_bounds, skinned_normals, skinned_points, world_from_joint,
+};
 pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
 pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Sky, Sun};
