@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# What takes longer than the gate: every seed of every preset, debug against release, masked instruction sets.
+# Run it before calling a change to growth, surface or export done.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+bash tests/all.sh
+say() { printf '\n== %s\n' "$*"; }
+
+say "every preset at seeds 0 to 63"
+OSIER_SEEDS=64 cargo test --release --test presets -- --nocapture
+
+say "the same bytes from debug, release and without the newer instruction sets"
+cargo build --quiet
+cargo build --quiet --release
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+./target/debug/osier -q bake --frames 1-3 -o "$work/debug" showcase
+./target/release/osier -q bake --frames 1-3 -o "$work/release" showcase
+GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA ./target/release/osier -q bake --frames 1-3 -o "$work/masked" showcase
+TZ=Asia/Tokyo LC_ALL=de_DE.UTF-8 ./target/release/osier -q -j1 bake --frames 1-3 -o "$work/serial" showcase
+for other in release masked serial; do
+    diff -r "$work/debug" "$work/$other"
+    echo "debug and $other: equal"
+done
