@@ -1,5 +1,5 @@
 //! The house keeps its shape: one-way imports, small files, tables equal to their documents.
-#![allow(clippy::disallowed_methods, reason = "tests read the tree")]
+#![allow(clippy::disallowed_methods, clippy::expect_used, reason = "tests read the tree and fail loudly")]
 
 use std::collections::BTreeMap;
 use std::fs;
