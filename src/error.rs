@@ -102,12 +102,31 @@ impl Error {
 }
 
 fn io_code(action: &str, source: &std::io::Error) -> u8 {
-    use std::io::ErrorKind as K;
     match source.kind() {
-        K::TimedOut | K::WouldBlock | K::StaleNetworkFileHandle | K::ResourceBusy => 75,
-        K::NotFound if action == "open" => 1,
+        std::io::ErrorKind::NotFound if action == "open" => 1,
+        _ if is_transient(source) => 75,
         _ => 74,
     }
+}
+
+/// True for errors that may pass by themselves: busy or stale files, a slow network, too many open files.
+pub(crate) fn is_transient(source: &std::io::Error) -> bool {
+    use std::io::ErrorKind as K;
+    let kind = matches!(
+        source.kind(),
+        K::TimedOut
+            | K::WouldBlock
+            | K::Interrupted
+            | K::StaleNetworkFileHandle
+            | K::ResourceBusy
+            | K::HostUnreachable
+            | K::NetworkUnreachable
+            | K::NetworkDown
+            | K::ConnectionReset
+            | K::ConnectionAborted
+    );
+    // ENFILE and EMFILE have no kind of their own.
+    kind || (cfg!(unix) && matches!(source.raw_os_error(), Some(23 | 24)))
 }
 
 #[cfg(test)]

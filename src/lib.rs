@@ -17,6 +17,7 @@ pub mod motion;
 pub mod noise;
 pub mod par;
 pub mod plant;
+pub mod progress;
 pub mod rng;
 pub mod scene;
 pub mod units;

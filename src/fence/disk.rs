@@ -1,0 +1,164 @@
+//! The few things the writer asks of a disk, and patience with disks that stumble.
+
+use std::fmt::Debug;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::path::Path;
+use std::time::Duration;
+
+/// What the writer asks of a disk. [`System`] is the real one; another may fill up or fail at a chosen moment, which is
+/// how callers prove that they survive it.
+pub trait Disk: Debug + Send + Sync {
+    /// Makes a folder and those above it.
+    /// # Errors
+    /// What the system says.
+    fn make_dir(&self, path: &Path) -> io::Result<()> {
+        fs::create_dir_all(path)
+    }
+
+    /// Makes a file that is not there yet, readable and writable.
+    /// # Errors
+    /// What the system says.
+    fn create_new(&self, path: &Path) -> io::Result<File> {
+        OpenOptions::new().read(true).write(true).create_new(true).open(path)
+    }
+
+    /// Writes some of the bytes.
+    /// # Errors
+    /// What the system says; then nothing was written.
+    fn write(&self, file: &mut File, bytes: &[u8]) -> io::Result<usize> {
+        file.write(bytes)
+    }
+
+    /// Waits until the file's bytes are safe.
+    /// # Errors
+    /// What the system says.
+    fn sync(&self, file: &File) -> io::Result<()> {
+        file.sync_all()
+    }
+
+    /// Adds one line to a file in one piece, making it if needed, and waits until it is safe.
+    /// # Errors
+    /// What the system says.
+    fn append(&self, path: &Path, line: &[u8]) -> io::Result<()> {
+        let mut file = OpenOptions::new().append(true).create(true).open(path)?;
+        file.write_all(line)?;
+        file.sync_data()
+    }
+
+    /// Moves a file over another name.
+    /// # Errors
+    /// What the system says.
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        fs::rename(from, to)
+    }
+
+    /// Removes a file.
+    /// # Errors
+    /// What the system says.
+    fn remove(&self, path: &Path) -> io::Result<()> {
+        fs::remove_file(path)
+    }
+
+    /// Removes an empty folder.
+    /// # Errors
+    /// What the system says.
+    fn remove_dir(&self, path: &Path) -> io::Result<()> {
+        fs::remove_dir(path)
+    }
+
+    /// Waits until the names in a folder are safe.
+    /// # Errors
+    /// What the system says.
+    fn sync_dir(&self, path: &Path) -> io::Result<()> {
+        if cfg!(unix) {
+            #[allow(clippy::disallowed_methods, reason = "a folder, opened to be synced")]
+            File::open(path)?.sync_all()?;
+        }
+        Ok(())
+    }
+}
+
+/// The machine's own disk.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct System;
+
+impl Disk for System {}
+
+/// Waits before each further try, in milliseconds.
+const WAITS: [u64; 5] = [100, 200, 400, 800, 1600];
+
+/// Runs `action` until it succeeds, fails for good, or has failed six times for a passing reason.
+pub(super) fn retry<T>(mut action: impl FnMut() -> io::Result<T>) -> io::Result<T> {
+    for wait in WAITS {
+        match action() {
+            Err(e) if crate::error::is_transient(&e) => std::thread::sleep(Duration::from_millis(wait)),
+            done => return done,
+        }
+    }
+    action()
+}
+
+/// BLAKE3 and length of an open file, read to its end.
+pub(super) fn hash(mut file: impl io::Read) -> io::Result<(blake3::Hash, u64)> {
+    let mut hasher = blake3::Hasher::new();
+    let mut buffer = vec![0; 1 << 18];
+    loop {
+        let n = retry(|| file.read(&mut buffer))?;
+        if n == 0 {
+            return Ok((hasher.finalize(), hasher.count()));
+        }
+        hasher.update(&buffer[..n]);
+    }
+}
+
+/// Opens a regular file for reading, never waiting for a pipe's other end; a final link is followed only if asked.
+pub(super) fn open_regular(path: &Path, follow: bool) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::OpenOptionsExt as _;
+        let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::CLOEXEC;
+        let flags = if follow { flags } else { flags | rustix::fs::OFlags::NOFOLLOW };
+        options.custom_flags(flags.bits().cast_signed());
+    }
+    #[cfg(not(unix))]
+    if !follow && fs::symlink_metadata(path)?.is_symlink() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "is a link"));
+    }
+    let file = retry(|| options.open(path))?;
+    if file.metadata()?.is_file() {
+        Ok(file)
+    } else {
+        Err(io::Error::new(io::ErrorKind::InvalidInput, "not a regular file"))
+    }
+}
+
+/// At most `limit` bytes of a file; `None` if it is longer.
+pub(super) fn read_limited(file: impl io::Read, limit: u64) -> io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes)?;
+    Ok((bytes.len() as u64 <= limit).then_some(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passing_errors_are_tried_again_and_others_are_not() {
+        let mut left = 2;
+        let result = retry(|| {
+            left -= 1;
+            if left >= 0 { Err(io::Error::from(io::ErrorKind::ResourceBusy)) } else { Ok(7) }
+        });
+        assert_eq!((result.ok(), left), (Some(7), -1));
+        let mut calls = 0;
+        let result: io::Result<()> = retry(|| {
+            calls += 1;
+            Err(io::Error::from(io::ErrorKind::StorageFull))
+        });
+        assert!(result.is_err() && calls == 1);
+    }
+}

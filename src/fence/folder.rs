@@ -1,0 +1,403 @@
+//! Output folders: what is ours in them, what is already finished, and in which order things become visible.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::disk::{Disk, System, hash, open_regular, retry};
+use super::journal::{Entry, JOURNAL, Journal, Trouble};
+use super::mark::has_mark;
+use super::names::is_plain_path;
+use super::output::Output;
+use super::parts::sweep;
+use crate::progress::Cancel;
+use crate::{Error, Result};
+
+/// The file that makes a folder's files a finished set; written last, withdrawn before any of them changes.
+pub const MANIFEST: &str = "manifest.json";
+
+/// A finished file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileRecord {
+    /// Relative to the folder, with `/`.
+    pub path: String,
+    /// Kind as in the manifest: `usdc`, `glb.web`, ...
+    pub kind: &'static str,
+    /// Frame number for members of a sequence.
+    pub frame: Option<u32>,
+    /// Length.
+    pub bytes: u64,
+    /// BLAKE3, 64 hex digits.
+    pub blake3: String,
+}
+
+/// How a folder is written.
+#[derive(Debug, Clone)]
+pub struct WriteOptions {
+    /// Everything that decides the bytes: scene hash, version, options. Files finished under an equal key are kept.
+    pub key: String,
+    /// Overwrite files that are not ours.
+    pub force: bool,
+    /// Asks to stop.
+    pub cancel: Cancel,
+    /// The disk.
+    pub disk: Arc<dyn Disk>,
+}
+
+impl Default for WriteOptions {
+    fn default() -> Self {
+        Self { key: String::new(), force: false, cancel: Cancel::default(), disk: Arc::new(System) }
+    }
+}
+
+/// Where files go and what is remembered about them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// A folder of ours with a journal.
+    Journalled,
+    /// A folder of the user's in which single files of ours appear.
+    Plain,
+    /// Memory.
+    Memory,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct State {
+    done: BTreeMap<String, FileRecord>,
+    journal: Option<Journal>,
+    /// Folders made and swept, relative.
+    ready: BTreeSet<String>,
+    /// A file was begun, so the manifest is withdrawn.
+    begun: bool,
+    memory: BTreeMap<String, Vec<u8>>,
+}
+
+#[derive(Debug)]
+struct Shared {
+    root: PathBuf,
+    place: Place,
+    key: String,
+    options: WriteOptions,
+    state: Mutex<State>,
+}
+
+/// An output folder. Cheap to clone; clones share the journal.
+#[derive(Debug, Clone)]
+pub struct Folder {
+    shared: Arc<Shared>,
+}
+
+impl Folder {
+    /// Opens (and makes) an output folder with the default options.
+    /// # Errors
+    /// As [`Folder::open_with`].
+    pub fn open(root: impl Into<PathBuf>) -> Result<Self> {
+        Self::open_with(root, WriteOptions::default())
+    }
+
+    /// Opens (and makes) an output folder, reads its journal and removes what dead writers left.
+    /// # Errors
+    /// `Io` if it cannot be made, `Foreign` if its journal or manifest is not ours and `force` is not set.
+    pub fn open_with(root: impl Into<PathBuf>, options: WriteOptions) -> Result<Self> {
+        let folder = Self::new(root.into(), Place::Journalled, options);
+        let (root, disk) = (folder.root(), folder.disk());
+        retry(|| disk.make_dir(root)).map_err(|e| Error::io("create", root, e))?;
+        sweep(disk, root);
+        let journal = match Journal::open(disk, root) {
+            Err(Trouble::Foreign) if folder.shared.options.force => {
+                Journal::replacing(disk, root).map_err(|e| Error::io("replace", root.join(JOURNAL), e))?
+            }
+            Err(Trouble::Foreign) => return Err(Error::Foreign { path: root.join(JOURNAL) }),
+            Err(Trouble::Io(e)) => return Err(Error::io("read", root.join(JOURNAL), e)),
+            Ok(journal) => journal,
+        };
+        for relative in journal.folders() {
+            if folder.is_own_folder(&relative) {
+                sweep(disk, &root.join(relative));
+            }
+        }
+        let mut state = folder.state();
+        state.journal = Some(journal);
+        state.ready.insert(String::new());
+        folder.clear_way(&mut state, MANIFEST)?;
+        drop(state);
+        Ok(folder)
+    }
+
+    /// A folder that belongs to the user, for single files named on the command line: no journal, no resuming; files
+    /// that do not name osier as their maker are foreign.
+    /// # Errors
+    /// `Io` if it cannot be made.
+    pub fn plain(root: impl Into<PathBuf>, options: WriteOptions) -> Result<Self> {
+        let folder = Self::new(root.into(), Place::Plain, options);
+        let (root, disk) = (folder.root(), folder.disk());
+        retry(|| disk.make_dir(root)).map_err(|e| Error::io("create", root, e))?;
+        Ok(folder)
+    }
+
+    /// Files kept in memory, for a result that goes to a pipe; fetch them with [`Folder::take`].
+    pub fn memory() -> Self {
+        Self::new(PathBuf::new(), Place::Memory, WriteOptions::default())
+    }
+
+    fn new(root: PathBuf, place: Place, options: WriteOptions) -> Self {
+        let key = blake3::hash(options.key.as_bytes()).to_hex().chars().take(32).collect();
+        Self { shared: Arc::new(Shared { root, place, key, options, state: Mutex::default() }) }
+    }
+
+    /// The folder's own path.
+    pub fn root(&self) -> &Path {
+        &self.shared.root
+    }
+
+    pub(super) fn disk(&self) -> &Arc<dyn Disk> {
+        &self.shared.options.disk
+    }
+
+    pub(super) fn cancel(&self) -> &Cancel {
+        &self.shared.options.cancel
+    }
+
+    pub(super) fn state(&self) -> MutexGuard<'_, State> {
+        self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Starts a file at a relative path with `/`, or gives `None` if the journal proves that it is already finished:
+    /// then skip the work. `frame`: number for members of a sequence.
+    /// # Errors
+    /// X009 for a path that leaves the folder, `Foreign` if something that is not ours is in the way, `Io`, `Cancelled`.
+    pub fn create(&self, path: &str, kind: &'static str, frame: Option<u32>) -> Result<Option<Output>> {
+        let typed =
+            self.shared.place == Place::Plain && !path.contains(['/', '\0']) && !matches!(path, "" | "." | "..");
+        if !(is_plain_path(path) || typed) || path == JOURNAL {
+            return Err(Error::export("X009", format!("{path:?} leaves the output folder")));
+        }
+        self.cancel().check()?;
+        let record = FileRecord { path: path.to_owned(), kind, frame, bytes: 0, blake3: String::new() };
+        if self.shared.place == Place::Memory {
+            return Ok(Some(Output::in_memory(self.clone(), record)));
+        }
+        self.make_ready(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
+        if path == MANIFEST {
+            self.settle()?;
+        }
+        if self.reuse(&record)? {
+            return Ok(None);
+        }
+        let mut state = self.state();
+        self.clear_way(&mut state, path)?;
+        if path != MANIFEST {
+            self.withdraw_manifest(&mut state)?;
+        }
+        drop(state);
+        Output::on_disk(self.clone(), record).map(Some)
+    }
+
+    /// Writes a whole small file.
+    /// # Errors
+    /// As [`Folder::create`].
+    pub fn write(&self, path: &str, kind: &'static str, bytes: &[u8]) -> Result<()> {
+        if let Some(mut out) = self.create(path, kind, None)? {
+            out.put(bytes)?;
+            out.commit()?;
+        }
+        Ok(())
+    }
+
+    /// Files finished in this run, written or kept, in path order.
+    pub fn files(&self) -> Vec<FileRecord> {
+        self.state().done.values().cloned().collect()
+    }
+
+    /// Bytes of a finished file of [`Folder::memory`]; once.
+    pub fn take(&self, path: &str) -> Option<Vec<u8>> {
+        self.state().memory.remove(path)
+    }
+
+    /// Ends the run, after the manifest: files of a bake under another key are gone, names are safe on disk, and the
+    /// journal reads as if nothing had ever interrupted. Not called, everything is still resumed from.
+    /// # Errors
+    /// `Io`, `Cancelled`.
+    pub fn finish(&self) -> Result<()> {
+        self.cancel().check()?;
+        if self.shared.place == Place::Memory {
+            return Ok(());
+        }
+        self.settle()?;
+        let mut guard = self.state();
+        let State { done, journal, .. } = &mut *guard;
+        let Some(journal) = journal else { return Ok(()) };
+        let mut files: BTreeMap<String, Entry> = BTreeMap::new();
+        for (path, entries) in journal.files() {
+            let length = fs::symlink_metadata(self.root().join(path)).map(|m| m.len());
+            let kept =
+                entries.iter().find(|e| e.key == self.shared.key && length.as_ref().is_ok_and(|l| *l == e.bytes));
+            files.extend(kept.map(|e| (path.clone(), e.clone())));
+        }
+        files.extend(done.values().map(|r| (r.path.clone(), self.entry(r))));
+        let path = self.root().join(JOURNAL);
+        journal.rewrite(files).map_err(|e| Error::io("write", path, e))?;
+        retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))
+    }
+
+    fn entry(&self, record: &FileRecord) -> Entry {
+        Entry { key: self.shared.key.clone(), blake3: record.blake3.clone(), bytes: record.bytes }
+    }
+
+    /// True if no part of a relative folder is a link, which could lead out.
+    fn is_own_folder(&self, relative: &str) -> bool {
+        let ends = relative.match_indices('/').map(|(i, _)| i).chain([relative.len()]);
+        let is_link = |end| fs::symlink_metadata(self.root().join(&relative[..end])).is_ok_and(|m| m.is_symlink());
+        !ends.into_iter().any(is_link)
+    }
+
+    /// Makes a relative folder and removes what dead writers left in it, once.
+    fn make_ready(&self, relative: &str) -> Result<()> {
+        let mut state = self.state();
+        if state.ready.contains(relative) {
+            return Ok(());
+        }
+        let path = self.root().join(relative);
+        if !relative.is_empty() && !self.is_own_folder(relative) {
+            return Err(Error::export("X009", format!("\"{}\" is a link out of the output folder", path.display())));
+        }
+        if let Some(journal) = &mut state.journal {
+            journal.add_folder(relative).map_err(|e| Error::io("write", self.root().join(JOURNAL), e))?;
+        }
+        retry(|| self.disk().make_dir(&path)).map_err(|e| Error::io("create", &path, e))?;
+        sweep(self.disk(), &path);
+        state.ready.insert(relative.to_owned());
+        Ok(())
+    }
+
+    /// Counts a file as done if the journal and the bytes on disk prove it.
+    fn reuse(&self, record: &FileRecord) -> Result<bool> {
+        let of_this_key = |state: &State| -> Vec<Entry> {
+            let entries = state.journal.iter().flat_map(|j| j.entries(&record.path));
+            entries.filter(|e| e.key == self.shared.key).cloned().collect()
+        };
+        let entries = of_this_key(&self.state());
+        let Some(entry) = self.proved(&record.path, &entries) else { return Ok(false) };
+        let record = FileRecord { bytes: entry.bytes, blake3: entry.blake3.clone(), ..record.clone() };
+        self.state().done.insert(record.path.clone(), record);
+        self.cancel().check()?;
+        Ok(true)
+    }
+
+    /// The entry whose length and hash the file on disk has.
+    fn proved<'a>(&self, path: &str, entries: impl IntoIterator<Item = &'a Entry>) -> Option<&'a Entry> {
+        let file = open_regular(&self.root().join(path), false).ok()?;
+        let length = file.metadata().ok()?.len();
+        let mut fitting = entries.into_iter().filter(|e| e.bytes == length).peekable();
+        fitting.peek()?;
+        let (hash, _) = hash(file).ok()?;
+        fitting.find(|e| e.blake3 == hash.to_hex().as_str())
+    }
+
+    /// Makes sure that nothing foreign stands under a name.
+    fn clear_way(&self, state: &mut State, path: &str) -> Result<()> {
+        let target = self.root().join(path);
+        let found = match fs::symlink_metadata(&target) {
+            Ok(found) => found,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+            Err(e) => return Err(Error::io("create", target, e)),
+        };
+        let replaceable = found.is_file() || found.is_symlink();
+        if self.shared.options.force {
+            let odd = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
+            return if replaceable { Ok(()) } else { Err(Error::io("replace", target, odd())) };
+        }
+        let ours = replaceable && (self.claims(state, path)? || (found.is_file() && has_mark(&target)));
+        if ours { Ok(()) } else { Err(Error::Foreign { path: target }) }
+    }
+
+    /// True if the journal claims a path, as we know it or as another process has extended it.
+    fn claims(&self, state: &mut State, path: &str) -> Result<bool> {
+        let Some(journal) = &mut state.journal else { return Ok(false) };
+        if !journal.claims(path) {
+            match journal.reload() {
+                Err(Trouble::Io(e)) => return Err(Error::io("read", self.root().join(JOURNAL), e)),
+                Err(Trouble::Foreign) | Ok(()) => {}
+            }
+        }
+        Ok(journal.claims(path))
+    }
+
+    /// Removes the manifest before the first change to the files that it lists.
+    fn withdraw_manifest(&self, state: &mut State) -> Result<()> {
+        if state.begun || self.shared.place != Place::Journalled {
+            return Ok(());
+        }
+        self.clear_way(state, MANIFEST)?;
+        let path = self.root().join(MANIFEST);
+        match retry(|| self.disk().remove(&path)) {
+            Ok(()) => retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))?,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {}
+            Err(e) => return Err(Error::io("remove", path, e)),
+        }
+        state.begun = true;
+        Ok(())
+    }
+
+    /// Gives a finished part its name. The claim goes first: if the process dies between the two, the file is ours.
+    pub(super) fn admit(&self, record: FileRecord, rename: impl FnOnce(&Path) -> io::Result<()>) -> Result<()> {
+        let target = self.root().join(&record.path);
+        let mut state = self.state();
+        self.clear_way(&mut state, &record.path)?;
+        let entry = self.entry(&record);
+        if let Some(journal) = &mut state.journal
+            && !journal.entries(&record.path).any(|e| *e == entry)
+        {
+            journal.add(&record.path, entry).map_err(|e| Error::io("write", self.root().join(JOURNAL), e))?;
+        }
+        rename(&target).map_err(|e| Error::io("rename", target, e))?;
+        state.done.insert(record.path.clone(), record);
+        Ok(())
+    }
+
+    /// The same in memory.
+    pub(super) fn admit_bytes(&self, record: FileRecord, bytes: Vec<u8>) {
+        let mut state = self.state();
+        state.memory.insert(record.path.clone(), bytes);
+        state.done.insert(record.path.clone(), record);
+    }
+
+    /// Removes unchanged files of bakes under other keys, then the folders that are empty by that, and makes the names
+    /// of the rest safe.
+    fn settle(&self) -> Result<()> {
+        let state = self.state();
+        let Some(journal) = &state.journal else { return self.sync_folders(&state) };
+        let stale = journal.files().filter(|(path, entries)| {
+            path.as_str() != MANIFEST
+                && !state.done.contains_key(*path)
+                && entries.iter().all(|e| e.key != self.shared.key)
+                && self.is_own_folder(path.rsplit_once('/').map_or("", |(folder, _)| folder))
+        });
+        for (path, entries) in stale {
+            // What someone has changed since is theirs.
+            if self.proved(path, entries).is_some() {
+                let target = self.root().join(path);
+                retry(|| self.disk().remove(&target)).map_err(|e| Error::io("remove", target, e))?;
+            }
+        }
+        let used = |folder: &String| state.done.keys().any(|p| p.starts_with(&format!("{folder}/")));
+        for folder in journal.folders().iter().rev().filter(|f| !used(f) && self.is_own_folder(f)) {
+            // Fails, as it should, if something is in it.
+            let _ = self.disk().remove_dir(&self.root().join(folder));
+        }
+        self.sync_folders(&state)
+    }
+
+    fn sync_folders(&self, state: &State) -> Result<()> {
+        for relative in &state.ready {
+            let path = self.root().join(relative);
+            match retry(|| self.disk().sync_dir(&path)) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => return Err(Error::io("sync", path, e)),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}

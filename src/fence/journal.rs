@@ -1,0 +1,227 @@
+//! `.osier`: the list, kept in an output folder, of the files that osier wrote there.
+//!
+//! One line per file, added before the file takes its name: a line proves a finished file only together with the bytes
+//! on disk, and it claims the name even if the process dies in between. Lines stand alone, so that two processes may
+//! write into one folder. Malformed lines, such as one torn by a power cut, are skipped.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::disk::{Disk, open_regular, read_limited, retry};
+use super::names::is_plain_path;
+use super::parts::Part;
+
+/// Name of the journal in its folder.
+pub(super) const JOURNAL: &str = ".osier";
+const HEADER: &str = "osier journal 1\n";
+/// About four million files.
+const LIMIT: u64 = 1 << 30;
+
+/// One line: a file that was finished for a key.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Entry {
+    pub(super) key: String,
+    pub(super) blake3: String,
+    pub(super) bytes: u64,
+}
+
+/// The journal as last read, and what this process added.
+#[derive(Debug)]
+pub(super) struct Journal {
+    disk: Arc<dyn Disk>,
+    path: PathBuf,
+    text: String,
+    files: BTreeMap<String, BTreeSet<Entry>>,
+    folders: BTreeSet<String>,
+}
+
+/// Why a journal could not be used.
+#[derive(Debug)]
+pub(super) enum Trouble {
+    /// `.osier` is something else.
+    Foreign,
+    /// It could not be read.
+    Io(io::Error),
+}
+
+impl Journal {
+    /// Reads the journal of a folder; an absent one is empty.
+    pub(super) fn open(disk: &Arc<dyn Disk>, folder: &Path) -> Result<Self, Trouble> {
+        let mut journal = Self {
+            disk: Arc::clone(disk),
+            path: folder.join(JOURNAL),
+            text: String::new(),
+            files: BTreeMap::new(),
+            folders: BTreeSet::new(),
+        };
+        journal.reload()?;
+        Ok(journal)
+    }
+
+    /// The same, ignoring whatever `.osier` is now; it is replaced at the first line.
+    pub(super) fn replacing(disk: &Arc<dyn Disk>, folder: &Path) -> io::Result<Self> {
+        let path = folder.join(JOURNAL);
+        retry(|| disk.remove(&path))?;
+        let (files, folders) = (BTreeMap::new(), BTreeSet::new());
+        Ok(Self { disk: Arc::clone(disk), path, text: String::new(), files, folders })
+    }
+
+    /// Adds what other processes wrote since.
+    pub(super) fn reload(&mut self) -> Result<(), Trouble> {
+        let file = match open_regular(&self.path, false) {
+            Ok(file) => file,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
+            Err(_) if self.path.symlink_metadata().is_ok_and(|m| !m.is_file()) => return Err(Trouble::Foreign),
+            Err(e) => return Err(Trouble::Io(e)),
+        };
+        let bytes = read_limited(file, LIMIT).map_err(Trouble::Io)?.ok_or(Trouble::Foreign)?;
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        if !text.starts_with(HEADER) && !HEADER.starts_with(&text) {
+            return Err(Trouble::Foreign);
+        }
+        for line in text.split_inclusive('\n').filter_map(|l| l.strip_suffix('\n')) {
+            if let Some((path, entry)) = parse(line) {
+                self.files.entry(path).or_default().insert(entry);
+            } else if let Some(folder) = line.strip_prefix("folder\t").filter(|f| is_plain_path(f)) {
+                self.folders.insert(folder.to_owned());
+            }
+        }
+        self.text = text;
+        Ok(())
+    }
+
+    /// True if some line claims the path.
+    pub(super) fn claims(&self, path: &str) -> bool {
+        self.files.contains_key(path)
+    }
+
+    /// Lines of a path.
+    pub(super) fn entries(&self, path: &str) -> impl Iterator<Item = &Entry> {
+        self.files.get(path).into_iter().flatten()
+    }
+
+    /// All paths with their lines.
+    pub(super) fn files(&self) -> impl Iterator<Item = (&String, &BTreeSet<Entry>)> {
+        self.files.iter()
+    }
+
+    /// Folders that hold or may hold files of ours, relative to the root, deepest last.
+    pub(super) fn folders(&self) -> BTreeSet<String> {
+        let parents =
+            |path: &str| -> Vec<String> { path.match_indices('/').map(|(i, _)| path[..i].to_owned()).collect() };
+        let mut all: BTreeSet<String> = self.files.keys().flat_map(|p| parents(p)).collect();
+        for folder in &self.folders {
+            all.extend(parents(folder));
+            all.insert(folder.clone());
+        }
+        all
+    }
+
+    /// Claims a path for a file about to take its name.
+    pub(super) fn add(&mut self, path: &str, entry: Entry) -> io::Result<()> {
+        self.append(&line(path, &entry))?;
+        self.files.entry(path.to_owned()).or_default().insert(entry);
+        Ok(())
+    }
+
+    /// Notes a folder before anything is made in it.
+    pub(super) fn add_folder(&mut self, folder: &str) -> io::Result<()> {
+        if !folder.is_empty() && !self.folders().contains(folder) {
+            self.append(&format!("folder\t{folder}\n"))?;
+            self.folders.insert(folder.to_owned());
+        }
+        Ok(())
+    }
+
+    fn append(&mut self, line: &str) -> io::Result<()> {
+        // A torn last line is ended, so that it cannot spoil ours; a torn header is completed.
+        let mut text = match self.text.len() {
+            n if n < HEADER.len() => HEADER[n..].to_owned(),
+            _ if self.text.ends_with('\n') => String::new(),
+            _ => "\n".to_owned(),
+        };
+        text.push_str(line);
+        retry(|| self.disk.append(&self.path, text.as_bytes()))?;
+        self.text.push_str(&text);
+        Ok(())
+    }
+
+    /// Rewrites the journal so that it holds these files in path order and nothing else.
+    pub(super) fn rewrite(&mut self, files: BTreeMap<String, Entry>) -> io::Result<()> {
+        let mut text = HEADER.to_owned();
+        files.iter().for_each(|(path, entry)| text.push_str(&line(path, entry)));
+        // Another process may have written since, so what counts is the file itself.
+        let same = open_regular(&self.path, false)
+            .and_then(|f| read_limited(f, LIMIT))
+            .is_ok_and(|b| b.as_deref() == Some(text.as_bytes()));
+        if !same {
+            let folder = self.path.parent().unwrap_or(Path::new("."));
+            let (part, mut file) = Part::create(&self.disk, folder, "osier")?;
+            let mut rest = text.as_bytes();
+            while !rest.is_empty() {
+                let n = retry(|| self.disk.write(&mut file, rest))?;
+                if n == 0 {
+                    return Err(io::ErrorKind::WriteZero.into());
+                }
+                rest = rest.get(n..).unwrap_or_default();
+            }
+            retry(|| self.disk.sync(&file))?;
+            part.rename(&self.path)?;
+        }
+        self.text = text;
+        self.files = files.into_iter().map(|(p, e)| (p, BTreeSet::from([e]))).collect();
+        self.folders.clear();
+        Ok(())
+    }
+}
+
+fn line(path: &str, e: &Entry) -> String {
+    format!("file\t{}\t{}\t{}\t{path}\n", e.key, e.blake3, e.bytes)
+}
+
+fn parse(line: &str) -> Option<(String, Entry)> {
+    let mut fields = line.splitn(5, '\t');
+    let hex = |s: &str, n: usize| s.len() == n && s.bytes().all(|b| b.is_ascii_hexdigit());
+    fields.next().filter(|w| *w == "file")?;
+    let key = fields.next().filter(|k| hex(k, 32))?.to_owned();
+    let blake3 = fields.next().filter(|h| hex(h, 64))?.to_owned();
+    let bytes = fields.next()?.parse().ok()?;
+    // The folder may come from a stranger: a line must not lead out of it.
+    let path = fields.next().filter(|p| is_plain_path(p))?.to_owned();
+    Some((path, Entry { key, blake3, bytes }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fence::disk::System;
+
+    fn entry(n: u64) -> Entry {
+        Entry { key: "0".repeat(32), blake3: "a".repeat(64), bytes: n }
+    }
+
+    #[test]
+    fn torn_and_hostile_lines_are_skipped_and_the_rest_is_read_back() {
+        let dir = tempfile::tempdir().expect("dir");
+        let disk: Arc<dyn Disk> = Arc::new(System);
+        let path = dir.path().join(JOURNAL);
+        let good = line("usd/a.usdc", &entry(5));
+        for cut in 0..HEADER.len() {
+            std::fs::write(&path, &HEADER[..cut]).expect("write");
+            let mut j = Journal::open(&disk, dir.path()).expect("a torn header is ours");
+            j.add("b", entry(1)).expect("add");
+            assert!(Journal::open(&disk, dir.path()).expect("open").claims("b"));
+        }
+        let evil = line("../../etc/passwd", &entry(1)) + &line("/etc/passwd", &entry(1)) + "file\tx\n\0\0\n";
+        std::fs::write(&path, format!("{HEADER}{evil}{good}file\tabc")).expect("write");
+        let mut j = Journal::open(&disk, dir.path()).expect("open");
+        assert_eq!(j.files().count(), 1);
+        j.add("c", entry(2)).expect("add");
+        let again = Journal::open(&disk, dir.path()).expect("open");
+        assert!(again.claims("c") && again.claims("usd/a.usdc") && again.files().count() == 2);
+        std::fs::write(&path, "my own notes").expect("write");
+        assert!(matches!(Journal::open(&disk, dir.path()), Err(Trouble::Foreign)));
+    }
+}

@@ -1,0 +1,19 @@
+//! The only place where files are opened and written.
+//!
+//! Reading: references inside files stay inside their folder. Writing: a file appears whole or not at all, and a journal
+//! in the output folder says which files are ours and finished.
+
+mod disk;
+mod folder;
+mod journal;
+mod mark;
+mod names;
+mod output;
+mod parts;
+mod read;
+
+pub use disk::{Disk, System};
+pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
+pub use names::{Names, safe_name};
+pub use output::Output;
+pub use read::read_input;

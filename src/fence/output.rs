@@ -1,0 +1,166 @@
+//! One file being written.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Cursor, Seek, SeekFrom, Write};
+use std::sync::Arc;
+
+use super::disk::{Disk, hash, retry};
+use super::folder::{FileRecord, Folder};
+use super::parts::Part;
+use crate::{Error, Result};
+
+const BUFFER: usize = 1 << 20;
+
+/// A file whose writes go through the [`Disk`].
+#[derive(Debug)]
+struct DiskFile {
+    disk: Arc<dyn Disk>,
+    file: File,
+}
+
+impl Write for DiskFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        retry(|| self.disk.write(&mut self.file, bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for DiskFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+#[derive(Debug)]
+enum Sink {
+    // The part outlives the writer: fields drop in this order.
+    Disk(BufWriter<DiskFile>, Part),
+    Memory(Cursor<Vec<u8>>),
+}
+
+/// A file being written; it appears under its name at [`Output::commit`] and leaves nothing behind if dropped before.
+#[derive(Debug)]
+pub struct Output {
+    folder: Folder,
+    sink: Sink,
+    hasher: blake3::Hasher,
+    moved: bool,
+    record: FileRecord,
+}
+
+impl Output {
+    pub(super) fn on_disk(folder: Folder, record: FileRecord) -> Result<Self> {
+        let target = folder.root().join(&record.path);
+        let parent = target.parent().unwrap_or(folder.root());
+        let name = record.path.rsplit('/').next().unwrap_or_default();
+        let disk = folder.disk();
+        // Another process may have tidied the folder away while it was empty.
+        let again = |e: io::Error| {
+            if e.kind() == io::ErrorKind::NotFound { disk.make_dir(parent) } else { Err(e) }?;
+            Part::create(disk, parent, name)
+        };
+        let (part, file) =
+            Part::create(disk, parent, name).or_else(again).map_err(|e| Error::io("create", &target, e))?;
+        let writer = BufWriter::with_capacity(BUFFER, DiskFile { disk: Arc::clone(folder.disk()), file });
+        Ok(Self::new(folder, Sink::Disk(writer, part), record))
+    }
+
+    pub(super) fn in_memory(folder: Folder, record: FileRecord) -> Self {
+        Self::new(folder, Sink::Memory(Cursor::default()), record)
+    }
+
+    fn new(folder: Folder, sink: Sink, record: FileRecord) -> Self {
+        Self { folder, sink, hasher: blake3::Hasher::new(), moved: false, record }
+    }
+
+    fn failed(&self, action: &'static str) -> impl FnOnce(io::Error) -> Error + use<> {
+        let path = self.folder.root().join(&self.record.path);
+        move |e| Error::io(action, path, e)
+    }
+
+    /// Appends bytes.
+    /// # Errors
+    /// `Io` naming the file, `Cancelled`.
+    pub fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.folder.cancel().check()?;
+        self.write_all(bytes).map_err(|e| self.failed("write")(e))
+    }
+
+    /// Overwrites bytes at an absolute offset, then goes on at the end. The hash is then taken from the finished file.
+    /// # Errors
+    /// `Io` naming the file.
+    pub fn put_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        fn overwrite(sink: &mut (impl Write + Seek), offset: u64, bytes: &[u8]) -> io::Result<()> {
+            sink.seek(SeekFrom::Start(offset))?;
+            sink.write_all(bytes)?;
+            sink.seek(SeekFrom::End(0)).map(drop)
+        }
+        self.moved = true;
+        let end = offset.saturating_add(bytes.len() as u64);
+        self.record.bytes = self.record.bytes.max(end);
+        match &mut self.sink {
+            Sink::Disk(w, _) => overwrite(w, offset, bytes),
+            Sink::Memory(w) => overwrite(w, offset, bytes),
+        }
+        .map_err(|e| self.failed("write")(e))
+    }
+
+    /// Bytes written so far.
+    pub fn position(&self) -> u64 {
+        self.record.bytes
+    }
+
+    /// Flushes, syncs and renames; the file is then in the folder's list.
+    /// # Errors
+    /// `Io` naming the file, `Foreign` if something appeared under its name, `Cancelled`; nothing is left behind.
+    pub fn commit(self) -> Result<()> {
+        self.folder.cancel().check()?;
+        let (write, read, sync) = (self.failed("write"), self.failed("read"), self.failed("sync"));
+        let Self { folder, sink, hasher, moved, mut record } = self;
+        match sink {
+            Sink::Memory(bytes) => {
+                let bytes = bytes.into_inner();
+                record.blake3 = blake3::hash(&bytes).to_hex().to_string();
+                folder.admit_bytes(record, bytes);
+                Ok(())
+            }
+            Sink::Disk(writer, part) => {
+                let DiskFile { disk, mut file } = writer.into_inner().map_err(|e| write(e.into_error()))?;
+                let digest = if moved {
+                    file.seek(SeekFrom::Start(0)).and_then(|_| hash(&file)).map_err(read)?.0
+                } else {
+                    hasher.finalize()
+                };
+                record.blake3 = digest.to_hex().to_string();
+                retry(|| disk.sync(&file)).map_err(sync)?;
+                // Some systems do not rename an open file.
+                drop(file);
+                folder.admit(record, |target| part.rename(target))
+            }
+        }
+    }
+}
+
+impl Write for Output {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let n = match &mut self.sink {
+            Sink::Disk(w, _) => w.write(bytes)?,
+            Sink::Memory(w) => w.write(bytes)?,
+        };
+        if !self.moved {
+            self.hasher.update(bytes.get(..n).unwrap_or_default());
+        }
+        self.record.bytes += n as u64;
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.sink {
+            Sink::Disk(w, _) => w.flush(),
+            Sink::Memory(_) => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Files in the making: `.NAME.HOST-PID-N.part` beside the final name, unique per writer and gone when it ends.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::disk::{Disk, retry};
+
+/// Parts that this process is writing now: what tells them from those of a dead process with our number.
+static LIVE: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+static COUNT: AtomicU64 = AtomicU64::new(0);
+
+/// Bytes of the final name kept in the part's name, which must stay under 255.
+const NAME_BYTES: usize = 120;
+
+/// A foreign host's part is left alone until it is this old.
+const PATIENCE: Duration = Duration::from_secs(24 * 3600);
+
+/// A part file; removed when dropped unless it was moved to its final name.
+#[derive(Debug)]
+pub(super) struct Part {
+    disk: Arc<dyn Disk>,
+    path: PathBuf,
+    moved: bool,
+}
+
+impl Part {
+    /// Makes the part file for `name` in `folder`.
+    pub(super) fn create(disk: &Arc<dyn Disk>, folder: &Path, name: &str) -> io::Result<(Self, File)> {
+        loop {
+            let n = COUNT.fetch_add(1, Ordering::Relaxed);
+            let path = folder.join(format!(".{}.{}-{}-{n}.part", cut(name), host(), std::process::id()));
+            live(|l| l.insert(path.clone()));
+            let part = Self { disk: Arc::clone(disk), path, moved: false };
+            match retry(|| disk.create_new(&part.path)) {
+                Ok(file) => return Ok((part, file)),
+                // A dead process had our number and this name: leave its part to the sweep and count on.
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
+                    let mut part = part;
+                    part.moved = true;
+                }
+                Err(e) => return Err(e),
+            }
+        }
+    }
+
+    /// Moves the part to its final name.
+    pub(super) fn rename(mut self, target: &Path) -> io::Result<()> {
+        retry(|| self.disk.rename(&self.path, target))?;
+        self.moved = true;
+        Ok(())
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if !self.moved {
+            // Nothing more can be done about a part that cannot be removed; the next run sweeps it.
+            let _ = self.disk.remove(&self.path);
+        }
+        live(|l| l.remove(&self.path));
+    }
+}
+
+fn live<T>(f: impl FnOnce(&mut BTreeSet<PathBuf>) -> T) -> T {
+    f(&mut LIVE.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+fn cut(name: &str) -> &str {
+    let mut end = name.len().min(NAME_BYTES);
+    while !name.is_char_boundary(end) {
+        end -= 1;
+    }
+    &name[..end]
+}
+
+/// Name of this machine in `[A-Za-z0-9_]`, at most 40 bytes.
+fn host() -> String {
+    #[cfg(unix)]
+    let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
+    #[cfg(not(unix))]
+    let name = String::from("host");
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    name.chars().map(plain).chain(name.is_empty().then_some('_')).take(40).collect()
+}
+
+/// Host and process of a part's name; `None` for any other name.
+fn owner(name: &str) -> Option<(&str, i32)> {
+    let middle = name.strip_prefix('.')?.strip_suffix(".part")?;
+    let tail = middle.rsplit('.').next().filter(|t| t.len() < middle.len())?;
+    let mut fields = tail.rsplitn(3, '-');
+    fields.next()?.parse::<u64>().ok()?;
+    let pid = fields.next()?.parse().ok()?;
+    Some((fields.next()?, pid))
+}
+
+#[cfg(unix)]
+fn is_dead(pid: i32) -> bool {
+    let Some(pid) = rustix::process::Pid::from_raw(pid) else { return true };
+    rustix::process::test_kill_process(pid) == Err(rustix::io::Errno::SRCH)
+}
+
+#[cfg(not(unix))]
+fn is_dead(_pid: i32) -> bool {
+    false
+}
+
+/// Removes what dead writers left in a folder: parts of this host whose process is gone, other hosts' after a day.
+pub(super) fn sweep(disk: &Arc<dyn Disk>, folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    let mut now = None;
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let Some((their_host, pid)) = name.to_str().and_then(owner) else { continue };
+        if !entry.file_type().is_ok_and(|t| t.is_file()) {
+            continue;
+        }
+        let path = entry.path();
+        let stale = if their_host != host() {
+            let now = *now.get_or_insert_with(|| disk_time(disk, folder));
+            let age = now.zip(entry.metadata().and_then(|m| m.modified()).ok());
+            age.is_some_and(|(now, then)| now.duration_since(then).is_ok_and(|a| a > PATIENCE))
+        } else if u32::try_from(pid) == Ok(std::process::id()) {
+            !live(|l| l.contains(&path))
+        } else {
+            is_dead(pid)
+        };
+        if stale {
+            let _ = disk.remove(&path);
+        }
+    }
+}
+
+/// The disk's own idea of now: the age of a fresh file, so that no clock of ours is compared with a server's.
+fn disk_time(disk: &Arc<dyn Disk>, folder: &Path) -> Option<std::time::SystemTime> {
+    let (_part, file) = Part::create(disk, folder, "now").ok()?;
+    file.metadata().ok()?.modified().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fence::disk::System;
+
+    #[test]
+    fn only_part_names_have_an_owner() {
+        assert_eq!(owner(".frame.0001.exr.farm_7-123-4.part"), Some(("farm_7", 123)));
+        for other in ["x.part", ".x.part", ".osier", ".a.b-c-d.part", ".h-1-2.part", ".a.h-1-2.parts"] {
+            assert_eq!(owner(other), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn the_sweep_takes_the_dead_and_spares_the_living() {
+        let dir = tempfile::tempdir().expect("dir");
+        let disk: Arc<dyn Disk> = Arc::new(System);
+        let (_kept, _file) = Part::create(&disk, dir.path(), "mine").expect("part");
+        let own = std::process::id();
+        let names = [
+            (format!(".a.{}-{own}-999999999.part", host()), false),
+            (format!(".b.{}-2147483646-0.part", host()), false),
+            (format!(".c.{}-1-0.part", host()), true),
+            (".d.elsewhere-1-0.part".into(), true),
+            ("e.part".into(), true),
+        ];
+        for (name, _) in &names {
+            fs::write(dir.path().join(name), b"x").expect("write");
+        }
+        sweep(&disk, dir.path());
+        for (name, stays) in &names {
+            assert_eq!(dir.path().join(name).exists(), *stays, "{name}");
+        }
+        let mine = fs::read_dir(dir.path()).expect("list").flatten();
+        assert_eq!(mine.filter(|e| e.file_name().to_string_lossy().starts_with(".mine")).count(), 1);
+        let old = File::options().write(true).open(dir.path().join(".d.elsewhere-1-0.part")).expect("open");
+        old.set_modified(std::time::UNIX_EPOCH).expect("age");
+        sweep(&disk, dir.path());
+        assert!(!dir.path().join(".d.elsewhere-1-0.part").exists());
+    }
+}

@@ -1,0 +1,77 @@
+//! How long work says where it stands, and how it learns that it should stop.
+//!
+//! Library code knows no terminals and no signals: it calls a [`Progress`] and polls a [`Cancel`].
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use crate::{Error, Result};
+
+/// A request to stop, shared by clones. Long loops poll it at least ten times a second.
+#[derive(Debug, Clone, Default)]
+pub struct Cancel {
+    signal: Arc<AtomicUsize>,
+}
+
+impl Cancel {
+    /// The flag itself: 0 to go on, else the number of the signal that asked to stop.
+    pub fn flag(&self) -> Arc<AtomicUsize> {
+        Arc::clone(&self.signal)
+    }
+
+    /// Asks to stop, as the signal would.
+    pub fn request(&self, signal: usize) {
+        self.signal.store(signal, Ordering::Relaxed);
+    }
+
+    /// True once a stop was asked for.
+    pub fn is_requested(&self) -> bool {
+        self.signal.load(Ordering::Relaxed) != 0
+    }
+
+    /// Goes on, or ends the caller.
+    /// # Errors
+    /// `Cancelled` with the signal's number once a stop was asked for.
+    pub fn check(&self) -> Result<()> {
+        match self.signal.load(Ordering::Relaxed) {
+            0 => Ok(()),
+            signal => Err(Error::Cancelled { signal: i32::try_from(signal).unwrap_or(2) }),
+        }
+    }
+}
+
+/// Listens to how far the work has come. Calls are cheap and come from any thread.
+pub trait Progress: Sync {
+    /// A new stage begins; `total` steps are expected, 0 if unknown.
+    fn stage(&self, name: &str, total: u64);
+
+    /// `steps` more steps of the stage are done.
+    fn advance(&self, steps: u64);
+
+    /// Something worth a line.
+    fn message(&self, text: &str);
+}
+
+/// Nobody listens.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn stage(&self, _name: &str, _total: u64) {}
+    fn advance(&self, _steps: u64) {}
+    fn message(&self, _text: &str) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_reaches_every_clone_with_its_signal() {
+        let cancel = Cancel::default();
+        let other = cancel.clone();
+        assert!(other.check().is_ok() && !other.is_requested());
+        cancel.request(15);
+        assert_eq!(other.check().map_err(|e| e.exit_code()), Err(143));
+    }
+}
