@@ -1,4 +1,5 @@
 //! Output folders survive everything: death at any step, full disks, foreign files, company.
+#![allow(clippy::expect_used, reason = "a test says what it expected")]
 
 use std::collections::BTreeMap;
 use std::fs::File;

@@ -142,6 +142,7 @@ fn disk_time(disk: &Arc<dyn Disk>, folder: &Path) -> Option<std::time::SystemTim
 }
 
 #[cfg(test)]
+#[allow(clippy::disallowed_methods, reason = "tests look at the disk themselves")]
 mod tests {
     use super::*;
     use crate::fence::disk::System;
