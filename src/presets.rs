@@ -1,0 +1,51 @@
+//! Grammars and scenes that travel in the binary.
+
+/// A text in the binary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Preset {
+    /// File name with ending, such as `oak.l`.
+    pub name: &'static str,
+    /// What it holds.
+    pub text: &'static str,
+}
+
+macro_rules! presets {
+    ($($folder:literal / $name:literal),* $(,)?) => {
+        &[$(Preset { name: $name, text: include_str!(concat!("../", $folder, "/", $name)) }),*]
+    };
+}
+
+/// All of them, sorted by file name.
+pub const PRESETS: &[Preset] =
+    presets!["grammars" / "birch.l", "grammars" / "koch.l", "grammars" / "oak.l", "grammars" / "poplar-twig.l",];
+
+/// The preset of exactly this file name.
+pub fn find(name: &str) -> Option<&'static Preset> {
+    PRESETS.iter().find(|p| p.name == name)
+}
+
+/// The first line of a preset's leading comment or title, for listings.
+pub fn about(preset: &Preset) -> String {
+    let line = preset.text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
+    line.trim_start_matches(['#', '/', '*', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_file_of_the_folders_is_in_the_binary() {
+        assert!(PRESETS.windows(2).all(|w| w[0].name < w[1].name), "sorted");
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        for folder in ["grammars", "scenes"] {
+            for entry in std::fs::read_dir(root.join(folder)).expect("folder") {
+                let name = entry.expect("entry").file_name().to_string_lossy().into_owned();
+                assert!(find(&name).is_some(), "{folder}/{name} is not listed in presets.rs");
+            }
+        }
+        for p in PRESETS {
+            assert!(!about(p).is_empty(), "{} begins with a comment that says what it is", p.name);
+        }
+    }
+}

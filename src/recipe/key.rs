@@ -1,0 +1,205 @@
+//! One declaration per key: it feeds reading, `osier list options`, defaults and the scene hash.
+
+use super::digest::Digest;
+use super::tree::{Node, Table, Value};
+use crate::diagnostic::{Diagnostic, Report, nearest};
+
+/// A complaint about one value.
+pub type Fault = Box<Diagnostic>;
+
+/// What a key accepts: how it is read, what it is without the key, how it is listed.
+pub trait Kind {
+    /// The value behind it, in SI units.
+    type Value;
+    /// Value without the key.
+    fn fallback(&self) -> Self::Value;
+    /// Reads a value; `name` is the full path of the key, for messages.
+    /// # Errors
+    /// S003 for another type, S004 for a value outside its range.
+    fn read(&self, name: &str, node: &Node) -> Result<Self::Value, Fault>;
+    /// For listings.
+    fn shown(&self) -> Shown;
+}
+
+/// How a kind is listed.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Shown {
+    /// "number", "text", "one of ...".
+    pub accepts: String,
+    /// Value without the key; empty if it comes from elsewhere.
+    pub default: String,
+    /// Unit, or empty.
+    pub unit: &'static str,
+}
+
+/// One key, for listings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KeyInfo {
+    /// Its name in its table.
+    pub name: &'static str,
+    /// What it means.
+    pub help: String,
+    /// What it accepts.
+    pub shown: Shown,
+}
+
+/// A table of a scene file.
+pub trait Section: Sized + Digest {
+    /// Path in the scene, `NAME` standing for the artist's names.
+    const PATH: &'static str;
+    /// Tables in it that are sections of their own.
+    const TABLES: &'static [&'static str];
+    /// What the table is for.
+    fn about() -> String;
+    /// Its keys.
+    fn keys() -> Vec<KeyInfo>;
+    /// Reads its keys; faults go into the reader's report, and the default stands in.
+    fn read_keys(reader: &mut Reader<'_>) -> Self;
+
+    /// Reads a table (`None`: all defaults) and refuses what it does not know.
+    fn read(table: Option<&Table>, path: &str, report: &mut Report) -> Self {
+        let mut reader = Reader { table, path: path.to_owned(), report };
+        let section = Self::read_keys(&mut reader);
+        reader.refuse_unknown(&Self::keys(), Self::TABLES);
+        section
+    }
+
+    /// All defaults.
+    fn defaults() -> Self {
+        Self::read(None, Self::PATH, &mut Report::default())
+    }
+}
+
+/// One table being read.
+pub struct Reader<'a> {
+    table: Option<&'a Table>,
+    path: String,
+    report: &'a mut Report,
+}
+
+impl Reader<'_> {
+    /// The value of a key, or its default if it is absent or faulty.
+    pub fn key<K: Kind>(&mut self, name: &str, kind: &K) -> K::Value {
+        let Some(entry) = self.table.and_then(|t| t.get(name)) else { return kind.fallback() };
+        let full = join(&self.path, name);
+        kind.read(&full, &entry.node).unwrap_or_else(|fault| {
+            self.report.push(*fault);
+            kind.fallback()
+        })
+    }
+
+    fn refuse_unknown(&mut self, keys: &[KeyInfo], tables: &[&str]) {
+        let known: Vec<&str> = keys.iter().map(|k| k.name).chain(tables.iter().copied()).collect();
+        for entry in self.table.iter().flat_map(|t| &t.entries) {
+            if !known.contains(&entry.key.as_str()) {
+                self.report.push(unknown(entry, &self.path, &known));
+            }
+        }
+    }
+}
+
+/// S002 with the nearest known name.
+pub fn unknown(entry: &super::tree::Entry, path: &str, known: &[&str]) -> Diagnostic {
+    let place = if path.is_empty() { "a scene".to_owned() } else { format!("[{path}]") };
+    let d = Diagnostic::error("S002", format!("{place} has no key \"{}\"", entry.key), entry.key_span, "unknown key");
+    match nearest(&entry.key, known.iter().copied()) {
+        Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(entry.key_span, near),
+        None => d.help(format!("known here: {}", known.join(", "))),
+    }
+}
+
+/// `path.name`, or `name` at the top.
+pub fn join(path: &str, name: &str) -> String {
+    if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") }
+}
+
+/// S003: another type.
+pub fn wrong(name: &str, node: &Node, wanted: &str) -> Fault {
+    let d = Diagnostic::error(
+        "S003",
+        format!("{name} is {}, but must be {wanted}", node.value.word()),
+        node.span,
+        format!("must be {wanted}"),
+    );
+    Box::new(match &node.value {
+        Value::Text(t) if t.trim().replace(',', ".").parse::<f64>().is_ok() && wanted.contains("number") => {
+            d.help(format!("write it without quotes: {}", t.trim().replace(',', ".")))
+        }
+        _ => d.help("`osier list options` shows every key with type and default"),
+    })
+}
+
+/// S004: outside the range.
+pub fn outside(name: &str, node: &Node, value: &str, range: &str) -> Fault {
+    let d = Diagnostic::error("S004", format!("{name} is {value}, but must be {range}"), node.span, range);
+    Box::new(d.help(format!("give {name} a value of {range}")))
+}
+
+/// A finite number of either notation.
+pub fn number(name: &str, node: &Node) -> Result<f64, Fault> {
+    match &node.value {
+        #[allow(clippy::cast_precision_loss, reason = "whole numbers of scenes are small")]
+        Value::Integer(i) => Ok(*i as f64),
+        Value::Number(v) => Ok(*v),
+        _ => Err(wrong(name, node, "a number")),
+    }
+}
+
+/// Declares the struct of a table together with its keys.
+macro_rules! keys {
+    ($($(#[doc = $about:literal])+ $name:ident at $path:literal $(with [$($table:literal),*])? {
+        $($(#[doc = $help:literal])+ $field:ident : $type:ty = $key:literal $kind:expr;)*
+    })+) => {$(
+        $(#[doc = $about])+
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct $name {
+            $($(#[doc = $help])+ pub $field: $type,)*
+        }
+
+        impl $crate::recipe::key::Section for $name {
+            const PATH: &'static str = $path;
+            const TABLES: &'static [&'static str] = &[$($($table),*)?];
+            fn about() -> String {
+                concat!($($about),+).trim().to_owned()
+            }
+            fn keys() -> Vec<$crate::recipe::key::KeyInfo> {
+                vec![$($crate::recipe::key::KeyInfo {
+                    name: $key,
+                    help: concat!($($help),+).trim().to_owned(),
+                    shown: $crate::recipe::key::Kind::shown(&$kind),
+                }),*]
+            }
+            fn read_keys(reader: &mut $crate::recipe::key::Reader<'_>) -> Self {
+                Self { $($field: reader.key($key, &$kind)),* }
+            }
+        }
+
+        impl $crate::recipe::digest::Digest for $name {
+            fn digest(&self, hasher: &mut blake3::Hasher) {
+                $($crate::recipe::digest::Digest::digest(&self.$field, hasher);)*
+            }
+        }
+    )+};
+}
+
+/// Declares an enum whose members are words in scenes.
+macro_rules! words {
+    ($($(#[doc = $about:literal])+ $name:ident { $($(#[doc = $help:literal])+ $member:ident = $word:literal,)* })+) => {$(
+        $(#[doc = $about])+
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum $name { $($(#[doc = $help])+ $member),* }
+
+        impl $crate::recipe::kinds::Word for $name {
+            const ALL: &'static [(&'static str, Self)] = &[$(($word, Self::$member)),*];
+        }
+
+        impl $crate::recipe::digest::Digest for $name {
+            fn digest(&self, hasher: &mut blake3::Hasher) {
+                let word = match self { $(Self::$member => $word),* };
+                word.digest(hasher);
+            }
+        }
+    )+};
+}
+
+pub(super) use {keys, words};

@@ -1,0 +1,456 @@
+//! What keys accept.
+
+use super::digest::Digest;
+use super::key::{Fault, Kind, Section, Shown, number, outside, wrong};
+use super::tree::{Node, Value};
+use crate::diagnostic::{Diagnostic, Report, Span, nearest};
+use crate::units;
+
+/// A number in a range, scaled into SI.
+#[derive(Debug, Clone, Copy)]
+pub struct Num {
+    default: f64,
+    min: f64,
+    max: f64,
+    unit: &'static str,
+    scale: f64,
+}
+
+/// A number; `unit` is for people.
+pub const fn num(default: f64, min: f64, max: f64, unit: &'static str) -> Num {
+    Num { default, min, max, unit, scale: 1.0 }
+}
+
+/// Degrees outside, radians inside.
+pub const fn deg(default: f64, min: f64, max: f64) -> Num {
+    Num { default, min, max, unit: "deg", scale: std::f64::consts::PI / 180.0 }
+}
+
+/// Millimetres outside, metres inside.
+pub const fn mm(default: f64, min: f64, max: f64) -> Num {
+    Num { default, min, max, unit: "mm", scale: 1e-3 }
+}
+
+impl Num {
+    fn checked(&self, name: &str, node: &Node) -> Result<f64, Fault> {
+        let v = number(name, node)?;
+        if v < self.min || v > self.max {
+            return Err(outside(name, node, &v.to_string(), &self.range()));
+        }
+        Ok(v * self.scale)
+    }
+
+    fn range(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        match (self.min > -1e9, self.max < 1e9) {
+            (true, true) => format!("{} to {}{unit}", self.min, self.max),
+            (true, false) => format!("at least {}{unit}", self.min),
+            (false, true) => format!("at most {}{unit}", self.max),
+            (false, false) => "any number".into(),
+        }
+    }
+}
+
+impl Kind for Num {
+    type Value = f64;
+    fn fallback(&self) -> f64 {
+        self.default * self.scale
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<f64, Fault> {
+        self.checked(name, node)
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: format!("number, {}", self.range()), default: self.default.to_string(), unit: self.unit }
+    }
+}
+
+/// A whole number in a range.
+#[derive(Debug, Clone, Copy)]
+pub struct Whole {
+    default: u32,
+    min: u32,
+    max: u32,
+}
+
+/// A whole number.
+pub const fn whole(default: u32, min: u32, max: u32) -> Whole {
+    Whole { default, min, max }
+}
+
+impl Kind for Whole {
+    type Value = u32;
+    fn fallback(&self) -> u32 {
+        self.default
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<u32, Fault> {
+        let Value::Integer(i) = node.value else { return Err(wrong(name, node, "a whole number")) };
+        match u32::try_from(i) {
+            Ok(v) if v >= self.min && v <= self.max => Ok(v),
+            _ => Err(outside(name, node, &i.to_string(), &format!("{} to {}", self.min, self.max))),
+        }
+    }
+    fn shown(&self) -> Shown {
+        let accepts = format!("whole number, {} to {}", self.min, self.max);
+        Shown { accepts, default: self.default.to_string(), unit: "" }
+    }
+}
+
+/// A seed: a whole number, or text of digits where it exceeds 63 bits.
+#[derive(Debug, Clone, Copy)]
+pub struct Seed(pub u64);
+
+impl Kind for Seed {
+    type Value = u64;
+    fn fallback(&self) -> u64 {
+        self.0
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<u64, Fault> {
+        match &node.value {
+            Value::Integer(i) => {
+                u64::try_from(*i).map_err(|_| outside(name, node, &i.to_string(), "0 to 18446744073709551615"))
+            }
+            Value::Text(t) => t.parse().map_err(|_| wrong(name, node, "a whole number")),
+            _ => Err(wrong(name, node, "a whole number")),
+        }
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: "whole number, 0 to 2^64 - 1".into(), default: self.0.to_string(), unit: "" }
+    }
+}
+
+/// `true` or `false`.
+#[derive(Debug, Clone, Copy)]
+pub struct Flag(pub bool);
+
+impl Kind for Flag {
+    type Value = bool;
+    fn fallback(&self) -> bool {
+        self.0
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<bool, Fault> {
+        if let Value::Flag(b) = node.value { Ok(b) } else { Err(wrong(name, node, "true or false")) }
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: "true or false".into(), default: self.0.to_string(), unit: "" }
+    }
+}
+
+/// Any text.
+#[derive(Debug, Clone, Copy)]
+pub struct Text(pub &'static str);
+
+impl Kind for Text {
+    type Value = String;
+    fn fallback(&self) -> String {
+        self.0.to_owned()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<String, Fault> {
+        if let Value::Text(t) = &node.value { Ok(t.clone()) } else { Err(wrong(name, node, "a text")) }
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: "text".into(), default: format!("\"{}\"", self.0), unit: "" }
+    }
+}
+
+/// An enum whose members are words in scenes.
+pub trait Word: Copy + 'static {
+    /// Words and members.
+    const ALL: &'static [(&'static str, Self)];
+}
+
+/// The word of a member.
+pub fn word_of<W: Word + PartialEq>(member: W) -> &'static str {
+    W::ALL.iter().find(|(_, m)| *m == member).map_or("", |(w, _)| w)
+}
+
+fn choices<W: Word>() -> String {
+    W::ALL.iter().map(|(w, _)| format!("\"{w}\"")).collect::<Vec<_>>().join(", ")
+}
+
+/// One of some words.
+#[derive(Debug, Clone, Copy)]
+pub struct OneOf<W>(pub W);
+
+impl<W: Word + PartialEq> Kind for OneOf<W> {
+    type Value = W;
+    fn fallback(&self) -> W {
+        self.0
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<W, Fault> {
+        let Value::Text(t) = &node.value else { return Err(wrong(name, node, &format!("one of {}", choices::<W>()))) };
+        if let Some((_, member)) = W::ALL.iter().find(|(w, _)| w == t) {
+            return Ok(*member);
+        }
+        let d = Diagnostic::error("S003", format!("{name} knows no \"{t}\""), node.span, "unknown word");
+        Err(Box::new(match nearest(t, W::ALL.iter().map(|(w, _)| *w)) {
+            Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(node.span, format!("\"{near}\"")),
+            None => d.help(format!("one of {}", choices::<W>())),
+        }))
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: format!("one of {}", choices::<W>()), default: format!("\"{}\"", word_of(self.0)), unit: "" }
+    }
+}
+
+/// A list of words without repetition, or one word alone.
+#[derive(Debug, Clone, Copy)]
+pub struct SomeOf<W: 'static>(pub &'static [W]);
+
+impl<W: Word + PartialEq> Kind for SomeOf<W> {
+    type Value = Vec<W>;
+    fn fallback(&self) -> Vec<W> {
+        self.0.to_vec()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Vec<W>, Fault> {
+        let one = OneOf(self.0[0]);
+        let Value::List(list) = &node.value else { return Ok(vec![one.read(name, node)?]) };
+        let mut out = Vec::new();
+        for n in list {
+            let w = one.read(name, n)?;
+            if !out.contains(&w) {
+                out.push(w);
+            }
+        }
+        Ok(out)
+    }
+    fn shown(&self) -> Shown {
+        let default = self.0.iter().map(|w| format!("\"{}\"", word_of(*w))).collect::<Vec<_>>().join(", ");
+        Shown { accepts: format!("list of {}", choices::<W>()), default: format!("[{default}]"), unit: "" }
+    }
+}
+
+/// N numbers, each in a range.
+#[derive(Debug, Clone, Copy)]
+pub struct Tuple<const N: usize>(pub [f64; N], pub Num);
+
+/// Three metres along x, y, z.
+pub const fn point(default: [f64; 3]) -> Tuple<3> {
+    Tuple(default, num(0.0, -1e6, 1e6, "m"))
+}
+
+impl<const N: usize> Kind for Tuple<N> {
+    type Value = [f64; N];
+    fn fallback(&self) -> [f64; N] {
+        self.0.map(|v| v * self.1.scale)
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<[f64; N], Fault> {
+        let wanted = format!("a list of {N} numbers");
+        let Value::List(list) = &node.value else { return Err(wrong(name, node, &wanted)) };
+        let values: Vec<f64> = list.iter().map(|n| self.1.checked(name, n)).collect::<Result<_, _>>()?;
+        values.try_into().map_err(|v: Vec<f64>| {
+            let message = format!("{name} has {} numbers, but must have {N}", v.len());
+            Box::new(Diagnostic::error("S003", message, node.span, wanted.clone()).help(format!("write {N} numbers")))
+        })
+    }
+    fn shown(&self) -> Shown {
+        let default = self.0.map(|v| v.to_string()).join(", ");
+        Shown {
+            accepts: format!("{N} numbers, {}", self.1.range()),
+            default: format!("[{default}]"),
+            unit: self.1.unit,
+        }
+    }
+}
+
+/// A colour: `"#rrggbb"` as a picture program shows it, or three linear numbers 0 to 1. Linear inside.
+#[derive(Debug, Clone, Copy)]
+pub struct Color(pub &'static str);
+
+impl Kind for Color {
+    type Value = [f32; 3];
+    fn fallback(&self) -> [f32; 3] {
+        hex(self.0).unwrap_or_default()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<[f32; 3], Fault> {
+        if let Value::List(_) = node.value {
+            return Ok(Tuple([0.0; 3], num(0.0, 0.0, 1.0, "")).read(name, node)?.map(crate::math::narrow));
+        }
+        let wanted = "a color, \"#rrggbb\" or three numbers";
+        let Value::Text(t) = &node.value else { return Err(wrong(name, node, wanted)) };
+        hex(t).ok_or_else(|| {
+            let d = Diagnostic::error("S003", format!("{name} is no color"), node.span, "unreadable color");
+            Box::new(d.help("write \"#rrggbb\" as picture programs show it, or [r, g, b] in linear light, 0 to 1"))
+        })
+    }
+    fn shown(&self) -> Shown {
+        let accepts = "color, \"#rrggbb\" (sRGB) or [r, g, b] (linear)".into();
+        Shown { accepts, default: format!("\"{}\"", self.0), unit: "" }
+    }
+}
+
+/// `#rgb` or `#rrggbb` as linear light.
+fn hex(text: &str) -> Option<[f32; 3]> {
+    let digits = text.strip_prefix('#')?;
+    if !digits.is_ascii() || !digits.bytes().all(|b| b.is_ascii_hexdigit()) {
+        return None;
+    }
+    let part = |i: usize| match digits.len() {
+        6 => u8::from_str_radix(digits.get(2 * i..2 * i + 2)?, 16).ok(),
+        3 => u8::from_str_radix(digits.get(i..=i)?, 16).ok().map(|v| v * 17),
+        _ => None,
+    };
+    let linear = |i| part(i).map(|v| units::linear_from_srgb(f32::from(v) / 255.0));
+    Some([linear(0)?, linear(1)?, linear(2)?])
+}
+
+/// A key that may be absent; `1` says where the value comes from then.
+#[derive(Debug, Clone, Copy)]
+pub struct Maybe<K>(pub K, pub &'static str);
+
+impl<K: Kind> Kind for Maybe<K> {
+    type Value = Option<K::Value>;
+    fn fallback(&self) -> Self::Value {
+        None
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Self::Value, Fault> {
+        self.0.read(name, node).map(Some)
+    }
+    fn shown(&self) -> Shown {
+        Shown { default: self.1.to_owned(), ..self.0.shown() }
+    }
+}
+
+/// Frames per second as a fraction: 24, 23.976 (24000/1001), or `[num, den]`.
+#[derive(Debug, Clone, Copy)]
+pub struct Fps;
+
+impl Kind for Fps {
+    type Value = (u32, u32);
+    fn fallback(&self) -> (u32, u32) {
+        (24, 1)
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in 0..=1e6 before")]
+    fn read(&self, name: &str, node: &Node) -> Result<(u32, u32), Fault> {
+        if let Value::List(_) = node.value {
+            let pair = Tuple([24.0, 1.0], num(1.0, 1.0, 1e6, "")).read(name, node)?;
+            return Ok((pair[0] as u32, pair[1] as u32));
+        }
+        let v = num(24.0, 0.1, 1000.0, "frames/s").read(name, node)?;
+        let ntsc = (v * 1.001).round();
+        Ok(if (v - v.round()).abs() < 1e-9 {
+            (v as u32, 1)
+        } else if (ntsc / 1.001 - v).abs() < 5e-3 {
+            (ntsc as u32 * 1000, 1001)
+        } else {
+            ((v * 1000.0).round() as u32, 1000)
+        })
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: "number, 0.1 to 1000, or [numerator, denominator]".into(), default: "24".into(), unit: "1/s" }
+    }
+}
+
+/// Names with numbers, as in `set = { branch_angle = 38 }`.
+#[derive(Debug, Clone, Copy)]
+pub struct Numbers;
+
+impl Kind for Numbers {
+    type Value = Vec<(String, f64)>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Self::Value, Fault> {
+        let Value::Table(t) = &node.value else { return Err(wrong(name, node, "a table of numbers")) };
+        t.entries.iter().map(|e| Ok((e.key.clone(), number(&format!("{name}.{}", e.key), &e.node)?))).collect()
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: "table of name = number".into(), default: "{}".into(), unit: "" }
+    }
+}
+
+/// A reference to a file, with its place for messages.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reference {
+    /// As written.
+    pub text: String,
+    /// Where.
+    pub span: Span,
+}
+
+impl Digest for Reference {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        self.text.digest(hasher);
+    }
+}
+
+/// A file beside the scene, or a preset.
+#[derive(Debug, Clone, Copy)]
+pub struct File(pub &'static str);
+
+impl Kind for File {
+    type Value = Option<Reference>;
+    fn fallback(&self) -> Self::Value {
+        None
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Self::Value, Fault> {
+        match &node.value {
+            Value::Text(t) => Ok(Some(Reference { text: t.clone(), span: node.span })),
+            _ => Err(wrong(name, node, "a file name")),
+        }
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: format!("file name ({})", self.0), default: String::new(), unit: "" }
+    }
+}
+
+/// A list of inline tables of one shape.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows<S>(pub std::marker::PhantomData<S>);
+
+impl<S: Section> Kind for Rows<S> {
+    type Value = Vec<S>;
+    fn fallback(&self) -> Vec<S> {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Vec<S>, Fault> {
+        let Value::List(list) = &node.value else { return Err(wrong(name, node, "a list of tables")) };
+        let mut out = Vec::new();
+        for n in list {
+            let Value::Table(t) = &n.value else { return Err(wrong(name, n, "a table")) };
+            let mut report = Report::default();
+            out.push(S::read(Some(t), name, &mut report));
+            if let Some(d) = report.diagnostics.into_iter().next() {
+                return Err(Box::new(d));
+            }
+        }
+        Ok(out)
+    }
+    fn shown(&self) -> Shown {
+        let names: Vec<&str> = S::keys().iter().map(|k| k.name).collect();
+        Shown { accepts: format!("list of {{ {} }}", names.join(", ")), default: "[]".into(), unit: "" }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnostic::SourceId;
+
+    fn node(value: Value) -> Node {
+        Node { span: Span::new(SourceId(0), 0, 1), value }
+    }
+
+    #[test]
+    fn units_are_converted_once() {
+        assert!((deg(90.0, 0.0, 90.0).fallback() - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        assert!((mm(12.0, 0.0, 50.0).fallback() - 0.012).abs() < 1e-15);
+        let e = deg(0.0, 0.0, 90.0).read("a", &node(Value::Integer(91))).expect_err("range");
+        assert_eq!((e.code, e.message.as_str()), ("S004", "a is 91, but must be 0 to 90 deg"));
+    }
+
+    #[test]
+    fn fps_are_fractions() {
+        let fps = |v| Fps.read("fps", &node(Value::Number(v))).expect("fps");
+        assert_eq!(fps(24.0), (24, 1));
+        assert_eq!(fps(23.976), (24_000, 1001));
+        assert_eq!(fps(29.97), (30_000, 1001));
+        assert_eq!(fps(12.5), (12_500, 1000));
+    }
+
+    #[test]
+    fn colors_are_linear() {
+        let c = Color("#000").read("c", &node(Value::Text("#ff8000".into()))).expect("color");
+        assert!((c[0] - 1.0).abs() < 1e-6 && (c[1] - 0.2159).abs() < 1e-3 && c[2] < 1e-6);
+        assert!(Color("#000").read("c", &node(Value::Text("#fé".into()))).is_err());
+    }
+}

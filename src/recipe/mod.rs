@@ -1,0 +1,153 @@
+//! Scene files: notation, defaults, references. Text ends here.
+//!
+//! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
+//! every reference read. All faults are collected with their places. [`sections`] declares the keys.
+
+mod digest;
+mod key;
+mod kinds;
+mod library;
+mod resolve;
+pub mod sections;
+mod tree;
+
+use std::sync::Arc;
+
+use crate::scene::Clip;
+pub use digest::Digest;
+pub use key::{KeyInfo, Section, Shown};
+pub use kinds::{Word, word_of};
+pub use library::{Found, Library};
+pub use resolve::{Request, resolve};
+
+/// A scene with every default filled in and every reference read.
+#[derive(Debug, Clone)]
+pub struct Recipe {
+    /// File name, `[a-z0-9_]+`.
+    pub name: String,
+    /// Title as the artist wrote it.
+    pub title: String,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Frames.
+    pub clip: Clip,
+    /// Kinds of plants, in the order of the file.
+    pub plants: Vec<PlantRecipe>,
+    /// Where they stand.
+    pub places: Vec<PlaceRecipe>,
+    /// Ground.
+    pub ground: sections::GroundKeys,
+    /// View.
+    pub camera: sections::CameraKeys,
+    /// Sunlight.
+    pub sun: sections::SunKeys,
+    /// Sky.
+    pub sky: sections::SkyKeys,
+    /// Wind; its speed already accounts for Beaufort numbers.
+    pub wind: sections::WindKeys,
+    /// Answer to the wind.
+    pub sway: sections::SwayKeys,
+    /// What is written.
+    pub output: OutputRecipe,
+    /// Hash of everything above and of the bytes of all files read, 64 hex digits.
+    pub hash: String,
+}
+
+/// One kind of plant.
+#[derive(Debug, Clone)]
+pub struct PlantRecipe {
+    /// As written in the scene.
+    pub name: String,
+    /// `[a-z0-9_]+`, unique among the plants.
+    pub id: String,
+    /// Keys of its own table.
+    pub keys: sections::PlantKeys,
+    /// The grammar's text.
+    pub grammar: Found,
+    /// How it is drawn.
+    pub turtle: sections::TurtleKeys,
+    /// Organs by letter.
+    pub organs: Vec<OrganRecipe>,
+    /// Bark of thick axes.
+    pub bark: sections::BarkKeys,
+    /// Bark of thin ones.
+    pub shoot: sections::BarkKeys,
+    /// How bark becomes a mesh.
+    pub skin: sections::SkinKeys,
+}
+
+/// What one organ looks like.
+#[derive(Debug, Clone)]
+pub struct OrganRecipe {
+    /// The letter after `~` in the grammar.
+    pub letter: String,
+    /// Shape and colours.
+    pub keys: sections::OrganKeys,
+    /// The mesh file, if one replaces the made blade.
+    pub mesh: Option<Found>,
+}
+
+/// A group of copies of one plant.
+#[derive(Debug, Clone)]
+pub struct PlaceRecipe {
+    /// Index into [`Recipe::plants`].
+    pub plant: usize,
+    /// Where and how.
+    pub keys: sections::PlaceKeys,
+}
+
+/// What is written.
+#[derive(Debug, Clone)]
+pub struct OutputRecipe {
+    /// Formats.
+    pub formats: Vec<sections::Format>,
+    /// POV-Ray.
+    pub pov: sections::PovKeys,
+    /// USD.
+    pub usd: sections::UsdKeys,
+    /// glTF.
+    pub gltf: sections::GltfKeys,
+}
+
+/// One table of a scene file, for listings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TableInfo {
+    /// Path, `NAME` standing for the artist's names; empty at the top.
+    pub path: &'static str,
+    /// What it is for.
+    pub about: String,
+    /// Its keys.
+    pub keys: Vec<KeyInfo>,
+}
+
+/// Every table and key that a scene may hold.
+pub fn options() -> Vec<TableInfo> {
+    fn info<S: Section>() -> TableInfo {
+        TableInfo { path: S::PATH, about: S::about(), keys: S::keys() }
+    }
+    use sections as s;
+    vec![
+        info::<s::SceneKeys>(),
+        info::<s::FramesKeys>(),
+        info::<s::PlantKeys>(),
+        info::<s::TurtleKeys>(),
+        info::<s::TropismKeys>(),
+        info::<s::OrganKeys>(),
+        info::<s::BarkKeys>(),
+        info::<s::SkinKeys>(),
+        info::<s::PlaceKeys>(),
+        info::<s::GroundKeys>(),
+        info::<s::CameraKeys>(),
+        info::<s::SunKeys>(),
+        info::<s::SkyKeys>(),
+        info::<s::WindKeys>(),
+        info::<s::SwayKeys>(),
+        info::<s::OutputKeys>(),
+        info::<s::PovKeys>(),
+        info::<s::UsdKeys>(),
+        info::<s::GltfKeys>(),
+    ]
+}
+
+/// Bytes that several plants may share.
+pub type Bytes = Arc<[u8]>;

@@ -1,0 +1,390 @@
+//! From text to [`Recipe`].
+
+use super::digest::Digest;
+use super::key::{Section, join, wrong};
+use crate::fence::{Names, safe_name};
+use super::sections::{
+    BarkKeys, BarkKind, FramesKeys, OrganKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys, TurtleKeys,
+};
+use super::tree::{self, Node, Table, Value};
+use super::{Found, Library, OrganRecipe, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
+use crate::Result;
+use crate::diagnostic::{Diagnostic, Report, Span, nearest};
+use crate::limits::Limits;
+use crate::scene::Clip;
+
+/// What to resolve.
+#[derive(Debug, Clone, Default)]
+pub struct Request {
+    /// Scene name: the file's stem.
+    pub name: String,
+    /// Name of the text for messages.
+    pub shown: String,
+    /// The scene.
+    pub text: String,
+    /// Where references lead.
+    pub library: Library,
+    /// Overrides, `path=value`.
+    pub set: Vec<String>,
+    /// The plant that overrides without a known table belong to: set for a bare grammar.
+    pub bare: Option<String>,
+    /// Replaces the scene's seed.
+    pub seed: Option<u64>,
+    /// Replaces every plant's derivation length.
+    pub steps: Option<u32>,
+    /// Limits in force.
+    pub limits: Limits,
+}
+
+impl Request {
+    /// A scene of nothing but one plant grown by a grammar file. `name`: the plant; `reference`: the grammar.
+    pub fn bare(name: &str, reference: &str) -> Self {
+        let plant = toml::Value::String(name.to_owned()).to_string();
+        let file = toml::Value::String(reference.to_owned()).to_string();
+        let text = format!("[plants.{plant}]\ngrammar = {file}\n[ground]\nshow = false\n");
+        Self { name: name.into(), shown: reference.into(), text, bare: Some(name.into()), ..Self::default() }
+    }
+}
+
+/// Resolves a scene. The report holds the warnings.
+/// # Errors
+/// `Input` with every fault found, each with its place.
+pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
+    let mut report = Report::default();
+    let source = report.sources.add(request.shown.clone(), request.text.as_str());
+    let mut root = tree::parse(&request.text, source, &mut report);
+    for set in &request.set {
+        tree::set(&mut root, &reach(set, request.bare.as_deref()), &mut report);
+    }
+    if report.has_errors() {
+        return Err(crate::Error::Input(Box::new(report)));
+    }
+    let whole = Span::new(source, 0, 0);
+    let mut resolver = Resolver { request, report, whole, inputs: Vec::new() };
+    let recipe = resolver.recipe(&root);
+    resolver.report.into_result(recipe)
+}
+
+/// For a bare grammar, `angle=30` reaches its #define and `leaf.size=0.1` its plant.
+fn reach(set: &str, bare: Option<&str>) -> String {
+    let Some(plant) = bare else { return set.to_owned() };
+    let path = set.split('=').next().unwrap_or_default().trim();
+    let first = path.split('.').next().unwrap_or_default();
+    let top = SceneKeys::keys().iter().any(|k| k.name == first) || SceneKeys::TABLES.contains(&first);
+    let own = PlantKeys::keys().iter().any(|k| k.name == path) || PlantKeys::TABLES.contains(&first);
+    if top {
+        set.to_owned()
+    } else if own || first == "set" {
+        format!("plants.{plant}.{set}")
+    } else {
+        format!("plants.{plant}.set.{set}")
+    }
+}
+
+struct Resolver<'a> {
+    request: &'a Request,
+    report: Report,
+    whole: Span,
+    inputs: Vec<blake3::Hash>,
+}
+
+impl Resolver<'_> {
+    fn recipe(&mut self, root: &Table) -> Recipe {
+        let mut scene = SceneKeys::read(Some(root), "", &mut self.report);
+        scene.seed = self.request.seed.unwrap_or(scene.seed);
+        let clip = self.clip(root);
+        let plants = self.plants(root);
+        let places = self.places(root, &plants);
+        let mut wind: super::sections::WindKeys = self.section(root, "wind");
+        if let Some(b) = wind.beaufort {
+            // v = 0.836 B^(3/2), the definition of the scale.
+            wind.speed = 0.836 * crate::math::pow(b, 1.5);
+        }
+        let mut recipe = Recipe {
+            name: safe_name(&self.request.name),
+            title: if scene.title.is_empty() { self.request.name.clone() } else { scene.title.clone() },
+            seed: scene.seed,
+            clip,
+            plants,
+            places,
+            ground: self.section(root, "ground"),
+            camera: self.section(root, "camera"),
+            sun: self.section(root, "sun"),
+            sky: self.section(root, "sky"),
+            wind,
+            sway: self.section(root, "sway"),
+            output: self.output(root),
+            hash: String::new(),
+        };
+        recipe.hash = hash(&recipe, &self.inputs);
+        recipe
+    }
+
+    /// A section of the top level.
+    fn section<S: Section>(&mut self, parent: &Table, name: &str) -> S {
+        self.section_at(parent, "", name)
+    }
+
+    fn section_at<S: Section>(&mut self, parent: &Table, path: &str, name: &str) -> S {
+        let full = join(path, name);
+        let table = self.table(parent, path, name);
+        S::read(table, &full, &mut self.report)
+    }
+
+    /// A table below another one; S003 if the key holds something else.
+    fn table<'t>(&mut self, parent: &'t Table, path: &str, name: &str) -> Option<&'t Table> {
+        let entry = parent.get(name)?;
+        if let Value::Table(t) = &entry.node.value {
+            return Some(t);
+        }
+        self.report.push(*wrong(&join(path, name), &entry.node, "a table"));
+        None
+    }
+
+    fn clip(&mut self, root: &Table) -> Clip {
+        let keys: FramesKeys = self.section(root, "frames");
+        let end = keys.end.unwrap_or(keys.start);
+        if end < keys.start {
+            let span = span_of(root, &["frames", "end"]).unwrap_or(self.whole);
+            let d = Diagnostic::error("S004", format!("frames.end is {end}, before frames.start"), span, "too small");
+            self.report.push(d.help(format!("at least {}", keys.start)));
+        }
+        let clip = Clip { start: keys.start, end: end.max(keys.start), fps: keys.fps };
+        self.limit("frames", clip.len() as u64, span_of(root, &["frames", "end"]));
+        clip
+    }
+
+    fn limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
+        if let Err(e) = self.request.limits.check(name, wanted, &format!("the number of {name}")) {
+            self.report.push(Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit"));
+        }
+    }
+
+    fn plants(&mut self, root: &Table) -> Vec<PlantRecipe> {
+        let Some(table) = self.table(root, "", "plants") else {
+            if !self.report.has_errors() {
+                let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
+                self.report.push(d.help("add [plants.tree] with grammar = \"oak.l\""));
+            }
+            return Vec::new();
+        };
+        let mut names = Names::default();
+        let mut plants = Vec::new();
+        for entry in &table.entries {
+            let Value::Table(plant) = &entry.node.value else {
+                self.report.push(*wrong(&format!("plants.{}", entry.key), &entry.node, "a table"));
+                continue;
+            };
+            let id = names.unique(&entry.key);
+            plants.extend(self.plant(&entry.key, id, entry.key_span, plant));
+        }
+        plants
+    }
+
+    fn plant(&mut self, name: &str, id: String, span: Span, table: &Table) -> Option<PlantRecipe> {
+        let path = format!("plants.{name}");
+        let mut keys = PlantKeys::read(Some(table), &path, &mut self.report);
+        keys.steps = self.request.steps.or(keys.steps);
+        let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
+        let organs = self.organs(table, &path);
+        let bark: BarkKeys = self.section_at(table, &path, "bark");
+        let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
+        self.shoot_defaults(table, &mut shoot);
+        let skin = self.section_at(table, &path, "skin");
+        let Some(reference) = &keys.grammar else {
+            let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
+            self.report.push(d.help("add grammar = \"NAME.l\"; `osier list presets` shows those in the binary"));
+            return None;
+        };
+        let grammar = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
+        Some(PlantRecipe { name: name.into(), id, grammar, turtle, organs, bark, shoot, skin, keys })
+    }
+
+    /// Thin axes are smooth and greenish unless the scene says otherwise.
+    fn shoot_defaults(&self, plant: &Table, shoot: &mut BarkKeys) {
+        let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(Value::Table(t)) if t.get(key).is_some());
+        if !given("kind") {
+            shoot.kind = BarkKind::Shoot;
+        }
+        if !given("color") {
+            shoot.color = [0.20, 0.19, 0.09];
+        }
+        if !given("color2") {
+            shoot.color2 = [0.11, 0.10, 0.05];
+        }
+        if !given("tile") {
+            shoot.tile = 0.15;
+        }
+        if !given("depth_mm") {
+            shoot.depth = 0.000_5;
+        }
+        if !given("side") {
+            shoot.side = 256;
+        }
+    }
+
+    fn organs(&mut self, plant: &Table, path: &str) -> Vec<OrganRecipe> {
+        let mut organs = Vec::new();
+        if let Some(table) = self.table(plant, path, "leaf") {
+            organs.extend(self.organ("l", &join(path, "leaf"), table));
+        }
+        if let Some(table) = self.table(plant, path, "organs") {
+            for e in &table.entries {
+                let full = format!("{path}.organs.{}", e.key);
+                match &e.node.value {
+                    Value::Table(t) if e.key.chars().count() == 1 => organs.extend(self.organ(&e.key, &full, t)),
+                    Value::Table(_) => {
+                        let d = Diagnostic::error("S003", format!("organ \"{}\" is no letter", e.key), e.key_span, "");
+                        self.report.push(d.help("organs are named by the one letter that follows '~' in the grammar"));
+                    }
+                    _ => self.report.push(*wrong(&full, &e.node, "a table")),
+                }
+            }
+        }
+        organs
+    }
+
+    fn organ(&mut self, letter: &str, path: &str, table: &Table) -> Option<OrganRecipe> {
+        let keys = OrganKeys::read(Some(table), path, &mut self.report);
+        let mesh = match &keys.mesh {
+            Some(r) => Some(self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?),
+            None => None,
+        };
+        Some(OrganRecipe { letter: letter.into(), keys, mesh })
+    }
+
+    fn read(&mut self, reference: &str, span: Span, limit: &str, endings: &[&str]) -> Option<Found> {
+        let mut fail = |message: String, help: String| {
+            self.report.push(Diagnostic::error("S005", message, span, "this reference").help(help));
+        };
+        if !endings.iter().any(|e| reference.to_ascii_lowercase().ends_with(e)) {
+            fail(format!("\"{reference}\" has another ending"), format!("expected a file {}", endings.join(", ")));
+            return None;
+        }
+        match self.request.library.find(reference, self.request.limits.get(limit)) {
+            Ok(found) => {
+                self.inputs.push(blake3::hash(&found.bytes));
+                Some(found)
+            }
+            Err(why) => {
+                let names = crate::presets::PRESETS.iter().map(|p| p.name);
+                let help = match nearest(reference, names) {
+                    Some(near) => format!("did you mean the preset \"{near}\"?"),
+                    None => "references start from the scene's folder; --search DIR adds another".into(),
+                };
+                fail(format!("cannot read \"{reference}\": {why}"), help);
+                None
+            }
+        }
+    }
+
+    fn places(&mut self, root: &Table, plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
+        let Some(entry) = root.get("place") else { return default_places(plants) };
+        let Value::List(list) = &entry.node.value else {
+            self.report.push(*wrong("place", &entry.node, "a list: write [[place]]"));
+            return Vec::new();
+        };
+        list.iter().enumerate().filter_map(|(i, node)| self.place(i, node, plants)).collect()
+    }
+
+    fn place(&mut self, i: usize, node: &Node, plants: &[PlantRecipe]) -> Option<PlaceRecipe> {
+        let path = format!("place.{i}");
+        let Value::Table(table) = &node.value else {
+            self.report.push(*wrong(&path, node, "a table"));
+            return None;
+        };
+        let keys = PlaceKeys::read(Some(table), &path, &mut self.report);
+        if let Some(plant) = plants.iter().position(|p| p.name == keys.plant) {
+            return Some(PlaceRecipe { plant, keys });
+        }
+        let span = table.get("plant").map_or(node.span, |e| e.node.span);
+        if keys.plant.is_empty() {
+            if plants.len() == 1 {
+                return Some(PlaceRecipe { plant: 0, keys });
+            }
+            let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
+            self.report.push(d.help("add plant = \"NAME\""));
+        } else {
+            let known: Vec<&str> = plants.iter().map(|p| p.name.as_str()).collect();
+            let d = Diagnostic::error("S005", format!("there is no plant \"{}\"", keys.plant), span, "unknown plant");
+            self.report.push(match nearest(&keys.plant, known.iter().copied()) {
+                Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(span, format!("\"{near}\"")),
+                None => d.help(format!("plants of this scene: {}", known.join(", "))),
+            });
+        }
+        None
+    }
+
+    fn output(&mut self, root: &Table) -> OutputRecipe {
+        let keys: OutputKeys = self.section(root, "output");
+        let empty = Table::default();
+        let table = self.table(root, "", "output").unwrap_or(&empty);
+        OutputRecipe {
+            formats: keys.formats,
+            pov: self.section_at(table, "output", "pov"),
+            usd: self.section_at(table, "output", "usd"),
+            gltf: self.section_at(table, "output", "gltf"),
+        }
+    }
+}
+
+/// Without [[place]], every plant stands once, 4 m from its neighbour.
+fn default_places(plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
+    let at = |i: usize| [4.0 * f64::from(u32::try_from(i).unwrap_or(u32::MAX)), 0.0, 0.0];
+    (0..plants.len())
+        .map(|i| PlaceRecipe { plant: i, keys: PlaceKeys { at: at(i), ..PlaceKeys::defaults() } })
+        .collect()
+}
+
+fn span_of(root: &Table, path: &[&str]) -> Option<Span> {
+    let (name, rest) = path.split_first()?;
+    let entry = root.get(name)?;
+    match &entry.node.value {
+        Value::Table(t) if !rest.is_empty() => span_of(t, rest),
+        _ => Some(entry.node.span),
+    }
+}
+
+/// BLAKE3 over the fields of the recipe in order, then the hashes of the files it read.
+fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
+    let mut h = blake3::Hasher::new();
+    recipe.name.digest(&mut h);
+    recipe.title.digest(&mut h);
+    recipe.seed.digest(&mut h);
+    recipe.clip.start.digest(&mut h);
+    recipe.clip.end.digest(&mut h);
+    recipe.clip.fps.digest(&mut h);
+    (recipe.plants.len() as u64).digest(&mut h);
+    for p in &recipe.plants {
+        p.name.digest(&mut h);
+        p.keys.digest(&mut h);
+        p.turtle.digest(&mut h);
+        (p.organs.len() as u64).digest(&mut h);
+        for o in &p.organs {
+            o.letter.digest(&mut h);
+            o.keys.digest(&mut h);
+        }
+        p.bark.digest(&mut h);
+        p.shoot.digest(&mut h);
+        p.skin.digest(&mut h);
+    }
+    (recipe.places.len() as u64).digest(&mut h);
+    for p in &recipe.places {
+        (p.plant as u64).digest(&mut h);
+        p.keys.digest(&mut h);
+    }
+    recipe.ground.digest(&mut h);
+    recipe.camera.digest(&mut h);
+    recipe.sun.digest(&mut h);
+    recipe.sky.digest(&mut h);
+    recipe.wind.digest(&mut h);
+    recipe.sway.digest(&mut h);
+    recipe.output.formats.digest(&mut h);
+    recipe.output.pov.digest(&mut h);
+    recipe.output.usd.digest(&mut h);
+    recipe.output.gltf.digest(&mut h);
+    for input in inputs {
+        h.update(input.as_bytes());
+    }
+    h.finalize().to_hex().to_string()
+}

@@ -1,0 +1,358 @@
+//! Every table and key of a scene file. What stands here is what `osier list options` prints and what is accepted.
+//!
+//! Values are in SI units and radians; keys that are not say so in their name.
+
+use super::key::{keys, words};
+use super::kinds::{
+    Color, File, Flag, Fps, Maybe, Numbers, OneOf, Reference, Rows, Seed, SomeOf, Text, Tuple, deg, mm, num, point,
+    whole,
+};
+
+words! {
+    /// How a plant's bark moves.
+    Motion {
+        /// Joints and weights: small files, plays everywhere.
+        Skin = "skin",
+        /// Points of every frame: exact, large files; a skin beside it for formats without caches.
+        Cache = "cache",
+        /// Not at all.
+        Still = "still",
+    }
+    /// Outline of a leaf blade.
+    Blade {
+        /// Rounded lobes on both sides, as an oak's.
+        Lobed = "lobed",
+        /// Egg-shaped with teeth along the edge, as a birch's.
+        Toothed = "toothed",
+        /// Triangular with a drawn-out tip, as a poplar's.
+        Deltoid = "deltoid",
+        /// Pointed oval without teeth, as a beech's.
+        Ovate = "ovate",
+        /// Long and narrow, as a willow's.
+        Lanceolate = "lanceolate",
+    }
+    /// Character of bark.
+    BarkKind {
+        /// Long ridges between deep cracks: oak, willow.
+        Furrowed = "furrowed",
+        /// Thick scales: pine.
+        Plated = "plated",
+        /// Nearly even: beech.
+        Smooth = "smooth",
+        /// Pale, with dark marks across: birch, cherry.
+        Lenticel = "lenticel",
+        /// Fibrous strips: vine, cedar.
+        Stringy = "stringy",
+        /// Young green wood.
+        Shoot = "shoot",
+    }
+    /// How bark maps follow a taper.
+    Uv {
+        /// Keeps proportions along the taper.
+        Conformal = "conformal",
+        /// The same number of metres per repeat everywhere.
+        Metric = "metric",
+    }
+    /// Line style of turtle segments.
+    Line {
+        /// Drawn 0.02 units wide.
+        Pixel = "pixel",
+        /// Flat.
+        Polygon = "polygon",
+        /// Round.
+        Cylinder = "cylinder",
+    }
+    /// The upward axis of USD files.
+    Up {
+        /// Y, as glTF.
+        Y = "y",
+        /// Z, as Blender.
+        Z = "z",
+    }
+    /// The readers a glb is made for.
+    Profile {
+        /// Any Blender: merged leaves, every key.
+        Blender = "blender",
+        /// Browsers and engines: instanced leaves, sparse keys.
+        Web = "web",
+    }
+    /// File formats.
+    Format {
+        /// Universal Scene Description: a wrapper and one payload per asset.
+        Usd = "usd",
+        /// Binary glTF per asset and for the whole scene.
+        Glb = "glb",
+        /// Point caches beside the blender glb.
+        Pc2 = "pc2",
+        /// Wavefront meshes at rest.
+        Obj = "obj",
+        /// Point clouds and tracks.
+        Ply = "ply",
+        /// A POV-Ray scene.
+        Pov = "pov",
+    }
+    /// What wind there is.
+    WindModel {
+        /// None.
+        Calm = "calm",
+        /// The same everywhere, with gusts that travel downwind.
+        Gust = "gust",
+    }
+}
+
+keys! {
+    /// The scene itself (keys above the first table).
+    SceneKeys at "" with ["frames", "plants", "place", "ground", "camera", "sun", "sky", "wind", "sway", "output"] {
+        /// Shown in files and listings.
+        title: String = "title" Text("");
+        /// Start of every random draw; each whole number is another individual.
+        seed: u64 = "seed" Seed(1);
+    }
+    /// Which frames there are.
+    FramesKeys at "frames" {
+        /// First frame.
+        start: u32 = "start" whole(1, 0, 999_999);
+        /// Last frame; without it the scene stands still.
+        end: Option<u32> = "end" Maybe(whole(1, 0, 999_999), "start");
+        /// Frames per second.
+        fps: (u32, u32) = "fps" Fps;
+    }
+    /// One kind of plant; NAME is yours.
+    PlantKeys at "plants.NAME" with ["turtle", "leaf", "organs", "bark", "shoot", "skin"] {
+        /// The grammar that grows it.
+        grammar: Option<Reference> = "grammar" File(".l");
+        /// Derivation length.
+        steps: Option<u32> = "steps" Maybe(whole(1, 0, 1_000_000), "the grammar's");
+        /// Values for the grammar's #defines.
+        set: Vec<(String, f64)> = "set" Numbers;
+        /// Added to the scene's seed for this plant.
+        seed: u64 = "seed" Seed(0);
+        /// Whether weights of productions count.
+        stochastic: Option<bool> = "stochastic" Maybe(Flag(true), "true if the grammar has a Seed");
+        /// How the bark moves.
+        motion: Motion = "motion" OneOf(Motion::Skin);
+        /// Most joints of its skeleton.
+        max_joints: u32 = "max_joints" whole(256, 1, 300);
+    }
+    /// How the turtle draws a plant's string. Precedence: `--set`, here, the grammar's .v file, the default.
+    TurtleKeys at "plants.NAME.turtle" {
+        /// Angle of a turn without parameter.
+        angle: Option<f64> = "angle_deg" Maybe(deg(45.0, -360.0, 360.0), "the view file's, else 45");
+        /// Size of one turtle unit.
+        unit: f64 = "unit_m" num(1.0, 1e-6, 1e6, "m");
+        /// Diameter at the start, in turtle units.
+        width: Option<f64> = "width" Maybe(num(1.0, 1e-7, 1e6, "turtle units"), "the view file's, else 1");
+        /// What '#' and '!' without parameter add and take.
+        width_increment: Option<f64> = "width_increment" Maybe(num(0.0, -1e6, 1e6, "turtle units"), "the view file's, else 0");
+        /// Line style.
+        line: Option<Line> = "line" Maybe(OneOf(Line::Cylinder), "the view file's, else \"pixel\"");
+        /// Whether a segment takes the next width at its end.
+        tapered: Option<bool> = "tapered" Maybe(Flag(true), "the view file's, else true");
+        /// Colour index at the start.
+        color: Option<u32> = "color" Maybe(whole(128, 0, 255), "the view file's, else 128");
+        /// What ';' and ',' without parameter add and take.
+        color_increment: Option<u32> = "color_increment" Maybe(whole(1, 0, 255), "the view file's, else 1");
+        /// Scale at the start.
+        scale: Option<f64> = "scale" Maybe(num(1.0, 1e-6, 1e6, ""), "the view file's, else 1");
+        /// Factor of '@D' without parameter.
+        scale_multiplier: Option<f64> = "scale_multiplier" Maybe(num(1.0, 1e-6, 1e6, ""), "the view file's, else 1");
+        /// Whether a roll made since the last segment survives a tropism.
+        tropism_keep_roll: bool = "tropism_keep_roll" Flag(false);
+        /// Pulls on the heading, numbered from 1 for '@T'.
+        tropisms: Vec<TropismKeys> = "tropisms" Rows::<TropismKeys>(std::marker::PhantomData);
+    }
+    /// One tropism.
+    TropismKeys at "plants.NAME.turtle.tropisms" {
+        /// Where it pulls; made a unit vector.
+        dir: [f64; 3] = "dir" Tuple([0.0, 1.0, 0.0], num(0.0, -1e6, 1e6, ""));
+        /// Angle to the direction that it seeks.
+        angle: f64 = "angle_deg" deg(0.0, -360.0, 360.0);
+        /// Sign and strength.
+        intensity: f64 = "intensity" num(1.0, -1.0, 1.0, "");
+        /// Elasticity at the start.
+        elasticity: f64 = "elasticity" num(0.0, -100.0, 100.0, "");
+        /// What '@Ti' without parameter adds.
+        step: f64 = "step" num(0.0, -100.0, 100.0, "");
+    }
+    /// What an organ looks like: NAME is the letter that follows '~' in the grammar. `[plants.NAME.leaf]` is short for the
+    /// organ "l".
+    OrganKeys at "plants.NAME.organs.LETTER" {
+        /// Outline of a made blade.
+        blade: Blade = "blade" OneOf(Blade::Ovate);
+        /// A mesh of your own instead of a made blade: petiole base at the origin, +Y along the midrib, +Z the upper side.
+        mesh: Option<Reference> = "mesh" File(".obj, .glb");
+        /// Length of the blade; the turtle's size factor multiplies it.
+        size: f64 = "size" num(0.08, 1e-4, 10.0, "m");
+        /// Width over length.
+        width: f64 = "width" num(0.6, 0.02, 3.0, "");
+        /// Lobes or teeth along one side.
+        lobes: u32 = "lobes" whole(5, 1, 60);
+        /// Depth of lobes or teeth.
+        depth: f64 = "depth" num(0.35, 0.0, 0.95, "of the half width");
+        /// How far down the widest place lies, from the base 0 to the tip 1.
+        widest: f64 = "widest" num(0.4, 0.05, 0.95, "");
+        /// Fold along the midrib.
+        fold: f64 = "fold_deg" deg(15.0, 0.0, 85.0);
+        /// Droop from base to tip.
+        curl: f64 = "curl_deg" deg(20.0, -180.0, 180.0);
+        /// Length of the stalk.
+        petiole: f64 = "petiole" num(0.02, 0.0, 2.0, "m");
+        /// Upper side.
+        color: [f32; 3] = "color" Color("#4f7a33");
+        /// Lower side and veins.
+        color2: [f32; 3] = "color2" Color("#86a05a");
+        /// Difference in size, fold and curl between leaves: so many blade meshes are made.
+        variants: u32 = "variants" whole(4, 1, 32);
+        /// Light let through.
+        translucency: f64 = "translucency" num(0.35, 0.0, 1.0, "");
+        /// 0 mirror to 1 matt.
+        roughness: f64 = "roughness" num(0.5, 0.0, 1.0, "");
+        /// Flutter in the wind: 1 for round stalks, 2 to 3 for the flat ones of poplars.
+        flutter: f64 = "flutter" num(1.0, 0.0, 10.0, "");
+    }
+    /// Bark of the thick axes; `[plants.NAME.shoot]` has the same keys for axes below 8 mm radius.
+    BarkKeys at "plants.NAME.bark" {
+        /// Character.
+        kind: BarkKind = "kind" OneOf(BarkKind::Furrowed);
+        /// Ridges.
+        color: [f32; 3] = "color" Color("#8a7a66");
+        /// Cracks.
+        color2: [f32; 3] = "color2" Color("#3a2f26");
+        /// Size of one repeat of the maps.
+        tile: f64 = "tile" num(0.5, 0.01, 20.0, "m");
+        /// From crack to ridge.
+        depth: f64 = "depth_mm" mm(12.0, 0.0, 200.0);
+        /// Pixels along a side of the maps.
+        side: u32 = "side" whole(1024, 16, 8192);
+    }
+    /// How bark becomes a mesh.
+    SkinKeys at "plants.NAME.skin" {
+        /// Length of edges around an axis.
+        edge: f64 = "edge" num(0.04, 1e-5, 10.0, "m");
+        /// A new ring after so much bend.
+        turn: f64 = "turn_deg" deg(12.0, 0.5, 90.0);
+        /// How the maps follow the taper.
+        uv: Uv = "uv" OneOf(Uv::Conformal);
+        /// Widening at the foot.
+        flare: f64 = "flare" num(0.6, 0.0, 2.0, "of the radius");
+    }
+    /// Puts plants into the scene.
+    PlaceKeys at "place" {
+        /// Which plant.
+        plant: String = "plant" Text("");
+        /// Where; with `count` the middle of the group.
+        at: [f64; 3] = "at" point([0.0; 3]);
+        /// Turn about the vertical; drawn for each copy of a group.
+        turn: Option<f64> = "turn_deg" Maybe(deg(0.0, -360.0, 360.0), "0, random in groups");
+        /// Size.
+        scale: f64 = "scale" num(1.0, 1e-3, 1e3, "");
+        /// Random share added to or taken from the size.
+        vary: f64 = "vary" num(0.0, 0.0, 0.9, "");
+        /// Lean from the vertical.
+        lean: f64 = "lean_deg" deg(0.0, 0.0, 90.0);
+        /// Where it leans: 0 towards +X, 90 towards -Z.
+        lean_to: f64 = "lean_to_deg" deg(0.0, -360.0, 360.0);
+        /// Another individual for the same place.
+        seed: u64 = "seed" Seed(0);
+        /// Number of copies, spread over `radius`.
+        count: u32 = "count" whole(1, 1, 100_000);
+        /// Copies stand within this distance.
+        radius: f64 = "radius" num(10.0, 0.0, 1e5, "m");
+        /// Copies keep this distance where they can.
+        spacing: f64 = "spacing" num(0.0, 0.0, 1e5, "m");
+        /// Copies share so many individuals.
+        individuals: Option<u32> = "individuals" Maybe(whole(1, 1, 10_000), "count: each grows its own");
+    }
+    /// The ground.
+    GroundKeys at "ground" {
+        /// Whether there is one.
+        show: bool = "show" Flag(true);
+        /// Side of the square around the plants.
+        size: f64 = "size" num(30.0, 0.1, 1e5, "m");
+        /// Height of its waves.
+        relief: f64 = "relief" num(0.12, 0.0, 100.0, "m");
+        /// Soil.
+        color: [f32; 3] = "color" Color("#6b5a42");
+        /// Grass and moss.
+        color2: [f32; 3] = "color2" Color("#5d6b39");
+        /// Size of one repeat of the maps.
+        tile: f64 = "tile" num(4.0, 0.1, 1000.0, "m");
+        /// Pixels along a side of the maps.
+        side: u32 = "side" whole(1024, 16, 8192);
+    }
+    /// The view; fitted to the plants unless `eye` is given.
+    CameraKeys at "camera" {
+        /// Where it stands.
+        eye: Option<[f64; 3]> = "eye" Maybe(point([0.0; 3]), "fitted");
+        /// What it looks at.
+        target: Option<[f64; 3]> = "target" Maybe(point([0.0; 3]), "middle of the plants");
+        /// Vertical field of view.
+        vfov: f64 = "vfov_deg" deg(35.0, 1.0, 170.0);
+        /// Lean to its right.
+        roll: f64 = "roll_deg" deg(0.0, -360.0, 360.0);
+        /// Factor on the fitted distance.
+        distance: f64 = "distance" num(1.0, 0.01, 100.0, "");
+    }
+    /// Sunlight.
+    SunKeys at "sun" {
+        /// Height over the horizon.
+        elevation: f64 = "elevation_deg" deg(40.0, -90.0, 90.0);
+        /// Turn from +Z towards +X.
+        azimuth: f64 = "azimuth_deg" deg(135.0, -360.0, 360.0);
+        /// Colour.
+        color: [f32; 3] = "color" Color("#fff9ee");
+        /// Brightness.
+        strength: f64 = "strength" num(3.0, 0.0, 1000.0, "W/m^2");
+        /// Angular diameter; softens shadows.
+        angle: f64 = "angle_deg" deg(0.53, 0.0, 90.0);
+    }
+    /// Light from the sky.
+    SkyKeys at "sky" {
+        /// At the horizon.
+        horizon: [f32; 3] = "horizon" Color("#edf3f9");
+        /// Overhead.
+        zenith: [f32; 3] = "zenith" Color("#89b3e6");
+        /// Factor on both.
+        strength: f64 = "strength" num(1.0, 0.0, 1000.0, "");
+    }
+    /// Wind.
+    WindKeys at "wind" {
+        /// What kind.
+        model: WindModel = "model" OneOf(WindModel::Gust);
+        /// Mean speed.
+        speed: f64 = "speed" num(3.0, 0.0, 40.0, "m/s");
+        /// Mean speed as a number of Beaufort's scale, instead of `speed`.
+        beaufort: Option<f64> = "beaufort" Maybe(num(3.0, 0.0, 12.0, "Bft"), "none");
+        /// Where it blows to: 0 towards +X, 90 towards -Z.
+        direction: f64 = "direction_deg" deg(0.0, -360.0, 360.0);
+    }
+    /// How plants answer the wind.
+    SwayKeys at "sway" {
+        /// Factor on every bend.
+        strength: f64 = "strength" num(1.0, 0.0, 10.0, "");
+    }
+    /// What is written.
+    OutputKeys at "output" with ["pov", "usd", "gltf"] {
+        /// File formats.
+        formats: Vec<Format> = "formats" SomeOf(&[Format::Usd, Format::Glb, Format::Pov]);
+    }
+    /// POV-Ray files.
+    PovKeys at "output.pov" {
+        /// Frames between two written ones.
+        step: u32 = "step" whole(1, 1, 1_000_000);
+        /// Width and height of the picture.
+        size: [f64; 2] = "size" Tuple([800.0, 600.0], num(800.0, 8.0, 16384.0, "pixels"));
+        /// Scene units per metre.
+        units: f64 = "units_per_m" num(100.0, 1.0, 1e5, "");
+    }
+    /// USD files.
+    UsdKeys at "output.usd" {
+        /// Upward axis.
+        up: Up = "up" OneOf(Up::Y);
+    }
+    /// glTF files.
+    GltfKeys at "output.gltf" {
+        /// For which readers.
+        profiles: Vec<Profile> = "profiles" SomeOf(&[Profile::Blender, Profile::Web]);
+    }
+}

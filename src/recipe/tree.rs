@@ -1,0 +1,265 @@
+//! Scene text as a tree in which every key and value knows its place, with `--set` laid over it.
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::diagnostic::{Diagnostic, Report, SourceId, Span};
+
+/// A value with its place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Node {
+    /// Where it stands.
+    pub span: Span,
+    /// What it is.
+    pub value: Value,
+}
+
+/// What TOML can hold, as far as scenes use it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// `"..."`.
+    Text(String),
+    /// A whole number; those beyond 64 bits are refused while reading.
+    Integer(i64),
+    /// A number with a point; finite.
+    Number(f64),
+    /// `true`, `false`.
+    Flag(bool),
+    /// `[...]` or repeated `[[...]]`.
+    List(Vec<Node>),
+    /// `{...}` or `[...]` header.
+    Table(Table),
+    /// A date or a damaged value.
+    Other,
+}
+
+impl Value {
+    /// The word for it in messages.
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Text(_) => "a text",
+            Self::Integer(_) => "a whole number",
+            Self::Number(_) => "a number",
+            Self::Flag(_) => "true or false",
+            Self::List(_) => "a list",
+            Self::Table(_) => "a table",
+            Self::Other => "something else",
+        }
+    }
+}
+
+/// Keys in the order of the file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Table {
+    /// Keys with their values.
+    pub entries: Vec<Entry>,
+}
+
+/// One key of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// The key.
+    pub key: String,
+    /// Where the key stands.
+    pub key_span: Span,
+    /// Its value.
+    pub node: Node,
+}
+
+impl Table {
+    /// The entry of a key.
+    pub fn get(&self, key: &str) -> Option<&Entry> {
+        self.entries.iter().find(|e| e.key == key)
+    }
+}
+
+/// Parses a scene file; every fault of the notation becomes an S001, and what could be read is returned.
+pub fn parse(text: &str, source: SourceId, report: &mut Report) -> Table {
+    let (document, errors) = DeTable::parse_recoverable(text);
+    for e in errors {
+        let at = e.span().unwrap_or(0..0);
+        let message = e.message().lines().collect::<Vec<_>>().join(", ");
+        report.push(
+            Diagnostic::error("S001", message, Span::new(source, at.start, at.end), "here")
+                .help("a scene is TOML: [table] headers, key = value lines, texts in \"quotes\""),
+        );
+    }
+    table(document.get_ref(), source, report)
+}
+
+fn table(map: &DeTable<'_>, source: SourceId, report: &mut Report) -> Table {
+    let mut entries: Vec<Entry> = map
+        .iter()
+        .map(|(key, value)| {
+            let at = key.span();
+            Entry {
+                key: key.get_ref().to_string(),
+                key_span: Span::new(source, at.start, at.end),
+                node: node(value, source, report),
+            }
+        })
+        .collect();
+    entries.sort_by_key(|e| e.key_span.start);
+    Table { entries }
+}
+
+fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> Node {
+    let at = value.span();
+    let span = Span::new(source, at.start, at.end);
+    let bad = |report: &mut Report, message: &str, help: &str| {
+        report.push(Diagnostic::error("S003", message, span, "this value").help(help));
+        Value::Other
+    };
+    let value = match value.get_ref() {
+        DeValue::String(s) => Value::Text(s.to_string()),
+        DeValue::Integer(i) => match i64::from_str_radix(&i.as_str().replace('_', ""), i.radix()) {
+            Ok(v) => Value::Integer(v),
+            Err(_) => bad(report, "whole number beyond 64 bits", "seeds this large are written as \"text\""),
+        },
+        DeValue::Float(f) => match f.as_str().replace('_', "").parse::<f64>() {
+            Ok(v) if v.is_finite() => Value::Number(v),
+            _ => bad(report, "number is not finite", "write a finite decimal such as 0.5 or 1e-3"),
+        },
+        DeValue::Boolean(b) => Value::Flag(*b),
+        DeValue::Datetime(_) => Value::Other,
+        DeValue::Array(list) => Value::List(list.iter().map(|v| node(v, source, report)).collect()),
+        DeValue::Table(t) => Value::Table(table(t, source, report)),
+    };
+    Node { span, value }
+}
+
+/// Lays `path = value` (one `--set`) over a tree. Path elements are table keys or, in lists, numbers from 0.
+pub fn set(root: &mut Table, assignment: &str, report: &mut Report) {
+    let source = report.sources.add("--set", assignment);
+    let whole = Span::new(source, 0, assignment.len());
+    let Some((path, text)) = assignment.split_once('=') else {
+        let d = Diagnostic::error("S001", "an override is written path=value", whole, "no '=' here");
+        report.push(d.help("for example --set wind.speed=6"));
+        return;
+    };
+    let offset = path.len() + 1;
+    let value = override_value(text.trim(), Span::new(source, offset, assignment.len()), report);
+    let names: Vec<&str> = path.trim().split('.').map(str::trim).collect();
+    let node = Node { span: Span::new(source, offset, assignment.len()), value };
+    if !place(root, &names, node, Span::new(source, 0, path.len())) {
+        let d = Diagnostic::error("S002", format!("\"{}\" leads nowhere", path.trim()), whole, "this path");
+        report.push(d.help("elements are separated by '.', members of a list are numbered from 0"));
+    }
+}
+
+/// The value of an override: TOML if it parses as such, else the text itself.
+fn override_value(text: &str, span: Span, report: &mut Report) -> Value {
+    let line = format!("v = {text}");
+    let (document, errors) = DeTable::parse_recoverable(&line);
+    match document.get_ref().iter().next() {
+        Some((_, value)) if errors.is_empty() && document.get_ref().len() == 1 => {
+            let mut node = node(value, span.source, report);
+            move_to(&mut node, span);
+            node.value
+        }
+        _ => Value::Text(text.to_owned()),
+    }
+}
+
+/// Gives a node and all in it one place.
+fn move_to(node: &mut Node, span: Span) {
+    node.span = span;
+    match &mut node.value {
+        Value::List(list) => list.iter_mut().for_each(|n| move_to(n, span)),
+        Value::Table(t) => {
+            for e in &mut t.entries {
+                e.key_span = span;
+                move_to(&mut e.node, span);
+            }
+        }
+        _ => {}
+    }
+}
+
+fn place(table: &mut Table, names: &[&str], node: Node, span: Span) -> bool {
+    let Some((name, rest)) = names.split_first() else { return false };
+    if name.is_empty() {
+        return false;
+    }
+    let index = table.entries.iter().position(|e| e.key == *name).unwrap_or_else(|| {
+        let value = Value::Table(Table::default());
+        table.entries.push(Entry { key: (*name).to_owned(), key_span: span, node: Node { span, value } });
+        table.entries.len() - 1
+    });
+    let Some(entry) = table.entries.get_mut(index) else { return false };
+    place_in(&mut entry.node, rest, node, span)
+}
+
+fn place_in(target: &mut Node, rest: &[&str], node: Node, span: Span) -> bool {
+    if rest.is_empty() {
+        *target = node;
+        return true;
+    }
+    match &mut target.value {
+        Value::Table(inner) => place(inner, rest, node, span),
+        Value::List(list) => {
+            let item = rest.first().and_then(|n| n.parse::<usize>().ok()).and_then(|i| list.get_mut(i));
+            item.is_some_and(|item| place_in(item, &rest[1..], node, span))
+        }
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str, sets: &[&str]) -> (Table, Report) {
+        let mut report = Report::default();
+        let source = report.sources.add("a.toml", text);
+        let mut t = parse(text, source, &mut report);
+        for s in sets {
+            set(&mut t, s, &mut report);
+        }
+        (t, report)
+    }
+
+    fn value<'a>(t: &'a Table, path: &str) -> Option<&'a Value> {
+        let mut names = path.split('.');
+        let mut v = &t.get(names.next()?)?.node.value;
+        for n in names {
+            v = match v {
+                Value::Table(t) => &t.get(n)?.node.value,
+                Value::List(l) => &l.get(n.parse::<usize>().ok()?)?.value,
+                _ => return None,
+            };
+        }
+        Some(v)
+    }
+
+    #[test]
+    fn keys_keep_file_order_and_places() {
+        let (t, r) = read("b = 1_000\na = 0x1F\n[c]\nd = [1.5, \"x\"]\n", &[]);
+        assert!(!r.has_errors(), "{r}");
+        assert_eq!(t.entries.iter().map(|e| e.key.as_str()).collect::<Vec<_>>(), ["b", "a", "c"]);
+        assert_eq!(value(&t, "b"), Some(&Value::Integer(1000)));
+        assert_eq!(value(&t, "a"), Some(&Value::Integer(31)));
+        assert_eq!(value(&t, "c.d.0"), Some(&Value::Number(1.5)));
+        assert_eq!(r.sources.position(t.entries[1].key_span).line, 2);
+    }
+
+    #[test]
+    fn overrides_replace_and_make_keys() {
+        let (t, r) = read(
+            "[[place]]\nat = [0, 0, 0]\n",
+            &["wind.speed=6", "place.0.at=[1,2,3]", "title=Two words", "sun.color=#fff"],
+        );
+        assert!(!r.has_errors(), "{r}");
+        assert_eq!(value(&t, "wind.speed"), Some(&Value::Integer(6)));
+        assert_eq!(value(&t, "place.0.at.2"), Some(&Value::Integer(3)));
+        assert_eq!(value(&t, "title"), Some(&Value::Text("Two words".into())));
+        assert_eq!(value(&t, "sun.color"), Some(&Value::Text("#fff".into())));
+    }
+
+    #[test]
+    fn faults_are_collected() {
+        let (_, r) = read("a = nan\nb = [1,\nc = 2\nb = 3\n", &["nothing", ".=1"]);
+        let codes: Vec<&str> = r.diagnostics.iter().map(|d| d.code).collect();
+        assert!(codes.contains(&"S001") && codes.contains(&"S002") && r.diagnostics.len() >= 3, "{r}");
+    }
+}

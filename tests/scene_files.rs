@@ -1,0 +1,145 @@
+//! Scene files: what is understood, and what is said about the rest.
+#![allow(clippy::float_cmp, reason = "values that are copied, not computed")]
+
+use osier::Error;
+use osier::recipe::{Recipe, Request, options, resolve};
+
+fn read(text: &str, set: &[&str]) -> Result<Recipe, String> {
+    let request = Request {
+        name: "Test Scene".into(),
+        shown: "scenes/test.toml".into(),
+        text: text.into(),
+        set: set.iter().map(|s| (*s).to_owned()).collect(),
+        ..Request::default()
+    };
+    match resolve(&request) {
+        Ok((recipe, _)) => Ok(recipe),
+        Err(Error::Input(report)) => Err(report.to_string()),
+        Err(e) => panic!("{e}"),
+    }
+}
+
+const GOOD: &str = r#"
+title = "Three oaks"
+seed = 7
+[frames]
+end = 48
+fps = 23.976
+[plants.oak]
+grammar = "oak.l"
+set = { HEIGHT = 7 }
+[plants.oak.turtle]
+angle_deg = 30
+tropisms = [{ dir = [0, 1, 0], elasticity = 0.2 }]
+[plants.oak.leaf]
+blade = "lobed"
+size = 0.1
+[plants.oak.bark]
+depth_mm = 14
+[[place]]
+plant = "oak"
+at = [1, 0, -2]
+count = 3
+[wind]
+beaufort = 4
+[output]
+formats = ["usd", "glb"]
+"#;
+
+#[test]
+fn every_value_arrives_in_si_units_and_radians() {
+    let r = read(GOOD, &[]).expect("good scene");
+    assert_eq!((r.name.as_str(), r.title.as_str(), r.seed), ("test_scene", "Three oaks", 7));
+    assert_eq!((r.clip.start, r.clip.end, r.clip.fps), (1, 48, (24_000, 1001)));
+    let oak = &r.plants[0];
+    assert_eq!(oak.keys.set, [("HEIGHT".to_owned(), 7.0)]);
+    assert!((oak.turtle.angle.unwrap() - std::f64::consts::FRAC_PI_6).abs() < 1e-12);
+    assert_eq!(oak.turtle.tropisms[0].elasticity, 0.2);
+    assert_eq!((oak.organs[0].letter.as_str(), oak.organs[0].keys.size), ("l", 0.1));
+    assert!((oak.bark.depth - 0.014).abs() < 1e-12);
+    assert!((r.wind.speed - 6.688).abs() < 1e-9, "Beaufort 4 is 6.7 m/s");
+    assert_eq!((r.places.len(), r.places[0].keys.at), (1, [1.0, 0.0, -2.0]));
+    assert!(oak.grammar.shown.starts_with("preset:"));
+}
+
+#[test]
+fn overrides_win_and_change_the_hash() {
+    let plain = read(GOOD, &[]).expect("good");
+    let same = read(&GOOD.replace("seed = 7", "seed = 7 # lucky"), &[]).expect("good");
+    assert_eq!(plain.hash, same.hash, "comments are no part of a scene");
+    for set in ["seed=8", "place.0.scale=1.01", "plants.oak.set.HEIGHT=7.1", "sun.color=#ffffff", "title=Other"] {
+        let other = read(GOOD, &[set]).expect("override");
+        assert_ne!(plain.hash, other.hash, "{set}");
+    }
+    assert_eq!(read(GOOD, &["wind.beaufort=0"]).expect("calm").wind.speed, 0.0);
+}
+
+#[test]
+fn a_bare_grammar_takes_overrides_for_its_defines_and_its_plant() {
+    let mut request = Request::bare("koch", "koch.l");
+    request.set = vec!["angle=85".into(), "turtle.unit_m=0.1".into(), "seed=3".into(), "leaf.size=0.2".into()];
+    request.steps = Some(2);
+    let (r, _) = resolve(&request).expect("bare grammar");
+    assert_eq!(r.plants[0].keys.set, [("angle".to_owned(), 85.0)]);
+    assert_eq!((r.plants[0].turtle.unit, r.plants[0].keys.steps), (0.1, Some(2)));
+    assert_eq!((r.plants[0].organs[0].keys.size, r.seed), (0.2, 3));
+}
+
+#[test]
+fn each_code_names_its_place_and_the_mend() {
+    let cases = [
+        ("S001", "[plants.oak\ngrammar = \"oak.l\"\n"),
+        ("S002", "sed = 3\n[plants.oak]\ngrammer = \"oak.l\"\n[plants.oak.leaf]\nsiez = 1\n[winds]\n"),
+        (
+            "S003",
+            "[frames]\nend = \"48\"\n[plants.oak]\ngrammar = \"oak.l\"\n[plants.oak.leaf]\nblade = \"lobbed\"\ncolor = \"green\"\n[[place]]\nat = [1, 2]\n",
+        ),
+        ("S004", "[frames]\nstart = 5\nend = 2\n[plants.oak]\ngrammar = \"oak.l\"\n[camera]\nvfov_deg = 200\n"),
+        (
+            "S005",
+            "[plants.oak]\ngrammar = \"../oak.l\"\n[plants.ash]\ngrammar = \"oka.l\"\n[plants.elm]\ngrammar = \"birch.l\"\n[[place]]\nplant = \"eln\"\n",
+        ),
+        ("S006", "[plants.oak]\nsteps = 3\n"),
+    ];
+    for (code, text) in cases {
+        let said = read(text, &[]).expect_err(code);
+        assert!(said.contains(code), "{code}:\n{said}");
+        insta::assert_snapshot!(code, said);
+    }
+}
+
+#[test]
+fn faults_of_an_override_quote_the_override() {
+    let said = read(GOOD, &["wind.sped=3", "camera.vfov_deg=wide"]).expect_err("faults");
+    insta::assert_snapshot!("override", said);
+}
+
+#[test]
+fn hostile_references_are_refused() {
+    for name in [
+        "/etc/passwd",
+        "../oak.l",
+        "~/oak.l",
+        "file:///oak.l",
+        "C:/oak.l",
+        "a/../../oak.l",
+        "",
+        "a//oak.l",
+        "..\\oak.l",
+        "oak.l\\u0000",
+        "%2e%2e/oak.l",
+    ] {
+        let text = format!("[plants.oak]\ngrammar = \"{}\"\n", name.replace('\\', "\\\\"));
+        let said = read(&text, &[]).expect_err(name);
+        assert!(said.contains("S005"), "{name}: {said}");
+    }
+}
+
+#[test]
+fn every_default_is_listed_with_its_meaning() {
+    for table in options() {
+        for key in &table.keys {
+            assert!(!key.help.is_empty() && !key.shown.accepts.is_empty(), "{}.{}", table.path, key.name);
+        }
+    }
+}
