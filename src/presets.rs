@@ -16,8 +16,13 @@ macro_rules! presets {
 }
 
 /// All of them, sorted by file name.
-pub const PRESETS: &[Preset] =
-    presets!["grammars" / "birch.l", "grammars" / "koch.l", "grammars" / "oak.l", "grammars" / "poplar-twig.l",];
+pub const PRESETS: &[Preset] = presets! {
+    "grammars" / "birch.l",
+    "grammars" / "koch.l",
+    "grammars" / "oak.l",
+    "scenes" / "oak.toml",
+    "grammars" / "poplar-twig.l",
+};
 
 /// The preset of exactly this file name.
 pub fn find(name: &str) -> Option<&'static Preset> {

@@ -2,7 +2,6 @@
 
 use super::digest::Digest;
 use super::key::{Section, join, wrong};
-use crate::fence::{Names, safe_name};
 use super::sections::{
     BarkKeys, BarkKind, FramesKeys, OrganKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys, TurtleKeys,
 };
@@ -10,6 +9,7 @@ use super::tree::{self, Node, Table, Value};
 use super::{Found, Library, OrganRecipe, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
 use crate::Result;
 use crate::diagnostic::{Diagnostic, Report, Span, nearest};
+use crate::fence::{Names, safe_name};
 use crate::limits::Limits;
 use crate::scene::Clip;
 
