@@ -8,6 +8,8 @@ use std::sync::Arc;
 use crate::Result;
 use crate::scene::{Frame, Scene};
 
+pub mod pov;
+pub mod text;
 pub mod textures;
 
 /// A warning about something that was repaired on the way out (X002, X003, X007 ...).

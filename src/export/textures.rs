@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::fence::Folder;
 use crate::scene::{Image, ImageKind, Pixels, Scene};
 use crate::{Error, Result};
 
@@ -23,6 +24,21 @@ impl Textures {
     /// PNG bytes of a picture.
     pub fn png(&self, image: u32) -> &Arc<[u8]> {
         &self.png[image as usize]
+    }
+
+    /// Writes the pictures as `<prefix><name>.png`; those that the folder already lists are left alone, so several
+    /// exporters may ask for them.
+    /// # Errors
+    /// Whatever cannot be written.
+    pub fn write(&self, scene: &Scene, folder: &Folder, prefix: &str) -> Result<()> {
+        let done: std::collections::BTreeSet<String> = folder.files().into_iter().map(|f| f.path).collect();
+        for (image, png) in scene.images.iter().zip(&self.png) {
+            let path = format!("{prefix}{}.png", image.name);
+            if !done.contains(&path) {
+                folder.write(&path, "png", png)?;
+            }
+        }
+        Ok(())
     }
 
     /// All of them, in order.

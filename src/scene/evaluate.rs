@@ -79,18 +79,20 @@ pub fn instance_states<'a>(
     }
 }
 
-/// Instances carried by their joints.
-fn ride(instancer: &Instancer, joints: &[u16], skeleton: &Skeleton, pose: &[Trs]) -> InstanceState {
+/// Rigid motions that carry what rides on the joints from rest to a pose, one per joint, in asset space.
+pub fn joint_motions(skeleton: &Skeleton, pose: &[Trs]) -> Vec<Trs> {
     let bind = skeleton.bind();
     let posed = skeleton.asset_from_joint(pose);
-    let moved: Vec<Trs> = posed
-        .iter()
-        .zip(&bind)
-        .map(|(p, b)| {
-            let r = (p.r * b.r.conjugate()).normalize();
-            Trs { t: p.t - r * b.t, r, s: Vec3::ONE }
-        })
-        .collect();
+    let motion = |(p, b): (&Trs, &Trs)| {
+        let r = (p.r * b.r.conjugate()).normalize();
+        Trs { t: p.t - r * b.t, r, s: Vec3::ONE }
+    };
+    posed.iter().zip(&bind).map(motion).collect()
+}
+
+/// Instances carried by their joints.
+fn ride(instancer: &Instancer, joints: &[u16], skeleton: &Skeleton, pose: &[Trs]) -> InstanceState {
+    let moved = joint_motions(skeleton, pose);
     let mut state = InstanceState { alive: instancer.rest.alive.clone(), ..InstanceState::default() };
     for (k, j) in joints.iter().enumerate() {
         let m = &moved[usize::from(*j)];

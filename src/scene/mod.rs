@@ -14,7 +14,8 @@ mod skeleton;
 mod validate;
 
 pub use evaluate::{
-    asset_bounds, instance_states, mesh_points, scene_bounds, skinned_normals, skinned_points, world_from_joint,
+    asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
+    world_from_joint,
 };
 pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
 pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};

@@ -1,0 +1,97 @@
+//! Settings, camera, light and sky.
+
+use glam::{Mat3, Quat, Vec3};
+
+use super::space::{Space, rgb};
+use crate::export::text::{Num, Text};
+use crate::geometry::Bounds;
+use crate::scene::{Camera, Scene, Sky, Sun, Trs};
+use crate::{Error, Result};
+
+/// Directions that stand for the sky's light.
+const DOME: u16 = 12;
+
+/// What holds for the whole scene. `photons`: the smallest drop's radius in units, if any drop is a target.
+pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
+    text.put("#version 3.7;\nglobal_settings {\n  assumed_gamma 1.0\n  max_trace_level 16\n");
+    if let Some(radius) = photons {
+        text.put("  photons { spacing ").num(radius / 8.0).put(" autostop 1 jitter 0.4 max_trace_level 8 }\n");
+    }
+    text.put("}\n#default { finish { ambient 0 } }\n");
+}
+
+/// X001 if camera, sun or sky hold a number that is not finite.
+pub(super) fn check(scene: &Scene) -> Result<()> {
+    let (c, s, k) = (&scene.camera, &scene.sun, &scene.sky);
+    let numbers = [c.vfov, c.roll, s.elevation, s.azimuth, s.strength, s.angle, k.strength];
+    let colors = [s.color, k.horizon, k.zenith].concat();
+    let finite = c.eye.is_finite() && c.target.is_finite() && numbers.iter().chain(&colors).all(|v| v.is_finite());
+    if finite { Ok(()) } else { Err(Error::export("X001", "camera, sun or sky: a number is not finite")) }
+}
+
+/// The camera. POV-Ray's angle is horizontal, so the picture's shape enters when it renders.
+/// Source: A = 2 atan(aspect tan(vfov / 2)); the matrix is F M F of the camera-to-world transform M, its third axis
+/// pointing into the picture because F turns it over.
+pub(super) fn camera(text: &mut Text, space: Space, camera: &Camera) {
+    let [right, up, back] = camera.axes();
+    let r = Quat::from_mat3(&Mat3::from_cols(right, up, back)).normalize();
+    let half = crate::math::tan_f32(camera.vfov * 0.5);
+    text.put("camera {\n  perspective\n  right x*image_width/image_height\n  up y\n");
+    text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  ", Num(half)));
+    space.matrix(text, &Trs { t: camera.eye, r, s: Vec3::ONE });
+    text.put("\n}\n");
+}
+
+/// The sun as a parallel area light whose size is its angle. `bounds`: of the scene, m.
+/// Source: a matt surface of albedo a under irradiance E shows a E / pi, and a under POV-Ray's light of colour 1.
+pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
+    let distance = (bounds.size().length() * 10.0).max(10.0);
+    let (center, toward) = (bounds.center(), sun.direction());
+    let strength = sun.strength / std::f32::consts::PI;
+    let across = crate::math::perpendicular(toward);
+    let size = 2.0 * distance * crate::math::tan_f32(sun.angle * 0.5);
+    text.put("light_source {\n  ");
+    space.point(text, center + toward * distance);
+    text.put("\n  ");
+    rgb(text, sun.color.map(|c| c * strength));
+    text.put("\n  parallel point_at ");
+    space.point(text, center);
+    if size > 0.0 {
+        text.put("\n  area_light ");
+        space.point(text, across * size);
+        text.put(", ");
+        space.point(text, toward.cross(across) * size);
+        text.put(", 4, 4 adaptive 1 circular orient");
+    }
+    text.put("\n}\n");
+}
+
+/// The sky as a picture, and as a dome of parallel lights that gives the shade its light: POV-Ray's ambient would be
+/// the same in the open and inside a crown.
+/// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
+/// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
+pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, bounds: Bounds) {
+    let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
+    text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { [0 ");
+    rgb(text, horizon);
+    text.put("] [0.5 ");
+    rgb(text, horizon);
+    text.put("] [1 ");
+    rgb(text, zenith);
+    text.put("] }\n    scale 2 translate -1\n  }\n}\n");
+    let distance = (bounds.size().length() * 10.0).max(10.0);
+    for i in 0..DOME {
+        let y = (f32::from(i) + 0.5) / f32::from(DOME);
+        let turn = f32::from(i) * 2.399_963_2;
+        let flat = crate::math::sqrt_f32(1.0 - y * y);
+        let toward = Vec3::new(flat * crate::math::cos_f32(turn), y, flat * crate::math::sin_f32(turn));
+        let color = [0, 1, 2].map(|c| crate::math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(DOME));
+        text.put("light_source { ");
+        space.point(text, bounds.center() + toward * distance);
+        text.put(" ");
+        rgb(text, color);
+        text.put(" parallel point_at ");
+        space.point(text, bounds.center());
+        text.put(" photons { reflection off refraction off } }\n");
+    }
+}

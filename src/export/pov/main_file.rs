@@ -1,0 +1,79 @@
+//! `main.pov`, which picks the frame, and `render.ini`, which renders the clip.
+
+use super::material::quoted;
+use super::space::Space;
+use super::{Options, look, scene_bounds};
+use crate::export::text::{Num, Text};
+use crate::export::{GENERATOR, pov::Layout};
+use crate::scene::Scene;
+
+/// The scene. `includes`: folder of the include files, with its `/`; `written`: frames that have a file, ascending.
+pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[u32]) -> Text {
+    let mut text = Text::default();
+    text.put(&format!("// {GENERATOR}, scene {}, seed {}, {}\n", scene.name, scene.seed, scene.hash));
+    text.put("#version 3.7;\n");
+    for name in ["common.inc", "prototypes.inc", "static.inc"] {
+        text.put("#include ").put(&quoted(&format!("{includes}{name}"))).put("\n");
+    }
+    pick_frame(&mut text, scene, includes, written);
+    text.put("\n#macro OsWorld() union {\n");
+    for placement in &scene.placements {
+        text.put(&format!("  object {{ A_{}() ", placement.asset));
+        space.matrix(&mut text, &placement.transform);
+        text.put(" } // ").put(&placement.name).put("\n");
+    }
+    text.put("} #end\nOsWorld()\n\n");
+    let bounds = scene_bounds(scene, None);
+    look::camera(&mut text, space, &scene.camera);
+    look::sun(&mut text, space, &scene.sun, bounds);
+    look::sky(&mut text, space, &scene.sky, bounds);
+    text
+}
+
+/// Sets `OsFrame` to the written frame nearest to the one that is rendered, and includes its file. A still render has
+/// frame number 0 and shows the first; a clip that starts at 0 is therefore rendered as frames 1, 2, ..
+fn pick_frame(text: &mut Text, scene: &Scene, includes: &str, written: &[u32]) {
+    let (Some(first), Some(last)) = (written.first(), written.last()) else { return };
+    let shift = u32::from(*first == 0);
+    text.put(&format!("#if (frame_number = 0) #declare OsFrame = {first}; "));
+    match shift {
+        0 => text.put("#else #declare OsFrame = frame_number; #end\n"),
+        _ => text.put("#else #declare OsFrame = frame_number - 1; #end\n"),
+    };
+    if written.len() as u64 != u64::from(last - first) + 1 {
+        let list: Vec<String> = written.iter().map(u32::to_string).collect();
+        text.put(&format!("#declare OsWritten = array[{}] {{ {} }}\n", list.len(), list.join(", ")));
+        text.put("#declare OsNearest = OsWritten[0];\n#declare OsI = 0;\n");
+        text.put("#while (OsI < dimension_size(OsWritten, 1))\n");
+        text.put("  #if (abs(OsWritten[OsI] - OsFrame) < abs(OsNearest - OsFrame))");
+        text.put(" #declare OsNearest = OsWritten[OsI]; #end\n  #declare OsI = OsI + 1;\n#end\n");
+        text.put("#declare OsFrame = OsNearest;\n");
+    } else {
+        text.put(&format!("#declare OsFrame = max({first}, min({last}, OsFrame));\n"));
+    }
+    text.put(&format!("#declare OsTag = str(OsFrame, -{}, 0);\n#include concat(", scene.clip.digits()));
+    text.put(&quoted(&format!("{includes}frames/frame."))).put(", OsTag, \".inc\")\n");
+}
+
+/// Settings of the rendering program. `main`: name of the scene file.
+pub(super) fn render_ini(scene: &Scene, options: &Options, main: &str, written: &[u32]) -> Text {
+    let mut text = Text::default();
+    let library = match options.layout {
+        Layout::Bake => "..",
+        Layout::Single(_) => ".",
+    };
+    let (width, height) = options.size;
+    text.put(&format!("; {GENERATOR}\nInput_File_Name=\"{main}\"\nLibrary_Path=\"{library}\"\nOutput_File_Type=N\n"));
+    text.put(&format!("Bits_Per_Color=16\nWidth={width}\nHeight={height}\n"));
+    text.put("Antialias=On\nAntialias_Threshold=0.1\nSampling_Method=2\nAntialias_Depth=3\n");
+    if let (Some(first), Some(last)) = (written.first(), written.last()) {
+        // With steps the clip still ends at its last frame, which then shows the nearest written one.
+        let last = if options.step > 1 { scene.clip.end.max(*last) } else { *last };
+        let shift = u32::from(*first == 0);
+        let clock = |f: u32| Num(crate::math::narrow(scene.clip.seconds(f)));
+        text.put(&format!("Initial_Frame={}\nFinal_Frame={}\n", first + shift, last + shift));
+        text.put(&format!("Initial_Clock={}\nFinal_Clock={}\n", clock(*first), clock(last)));
+    }
+    text.put("Display=Off\nPause_When_Done=Off\n");
+    text
+}

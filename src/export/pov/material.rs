@@ -1,0 +1,99 @@
+//! Surfaces: four identifiers per material: `F_` finish, `C_` flat colour, `M_` with maps, `I_` interior of water.
+
+use super::space::rgb;
+use crate::export::text::Text;
+use crate::scene::{Material, MaterialClass, Scene};
+use crate::{Error, Result};
+
+/// Declares all materials. `pictures`: folder of the PNG files as POV-Ray finds it, with its `/`.
+/// # Errors
+/// X012 if a material names a picture that the scene does not have.
+pub(super) fn declare(text: &mut Text, scene: &Scene, pictures: &str) -> Result<()> {
+    for (i, material) in (0_u32..).zip(&scene.materials) {
+        text.put("\n// ").put(&material.name).put("\n#declare F_").int(i).put(" = finish { ");
+        finish(text, material);
+        text.put(" }\n#declare C_").int(i).put(" = texture { pigment { ");
+        if material.class == MaterialClass::Water {
+            text.put("rgbf 1");
+        } else {
+            rgb(text, material.base_color);
+        }
+        text.put(" } finish { F_").int(i).put(" } }\n#declare M_").int(i).put(" = ");
+        mapped(text, scene, i, material, pictures)?;
+        if material.class == MaterialClass::Water {
+            text.put("#declare I_").int(i).put(" = interior { ior ").num(material.ior).put(" }\n");
+        }
+    }
+    Ok(())
+}
+
+/// What light does on the surface. Leaves scatter `translucency` to their other side, which is POV-Ray's second
+/// diffuse value; the highlight is that of a rough dielectric.
+/// Source: Fresnel at normal incidence F0 = ((n - 1) / (n + 1))^2; normalised Blinn-Phong peak F0 (e + 8) / 8 with the
+/// exponent e = 2 / r^4 - 2 of a GGX lobe of roughness r; POV-Ray's `roughness` is 1 / e.
+fn finish(text: &mut Text, m: &Material) {
+    if m.class == MaterialClass::Water {
+        text.put("diffuse 0 specular 0.6 roughness 0.001 reflection { 0, 1 fresnel on } conserve_energy");
+        return;
+    }
+    let back = m.translucency.clamp(0.0, 0.9);
+    text.put("diffuse ").num(((0.9 - back) * 1000.0).round() / 1000.0);
+    if back > 0.0 {
+        text.put(", ").num(back);
+    }
+    let r = m.roughness.clamp(0.1, 1.0);
+    let exponent = (2.0 / (r * r * r * r) - 2.0).max(1.0);
+    let f0 = (m.ior - 1.0) / (m.ior + 1.0);
+    let peak = (f0 * f0 * (exponent + 8.0) / 8.0).min(0.6);
+    text.put(" specular ").num((peak * 1000.0).round() / 1000.0);
+    text.put(" roughness ").num((1e4 / exponent).round().max(1.0) / 1e4);
+}
+
+/// The texture with its pictures, looked up by the mesh's texture coordinates.
+fn mapped(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str) -> Result<()> {
+    if m.maps.color.is_none() && m.maps.height.is_none() {
+        text.put("texture { C_").int(i).put(" }\n");
+        return Ok(());
+    }
+    text.put("texture { uv_mapping pigment { ");
+    match m.maps.color {
+        Some(image) => picture(text, scene, m, image, ("image_map", pictures))?,
+        None => rgb(text, m.base_color),
+    }
+    text.put(" }");
+    if let Some(image) = m.maps.height {
+        text.put(" normal { ");
+        picture(text, scene, m, image, ("bump_map", pictures))?;
+        let width = scene.images.get(image as usize).map_or(0, |p| p.width);
+        // The map's slope counts in pixels: one step of height is range / (tile / width) pixels of the surface.
+        #[allow(clippy::cast_precision_loss, reason = "picture widths are far below 2^24")]
+        let slope = m.height_range * width as f32 / m.tile.max(1e-6);
+        text.put(" bump_size ").num(slope).put(" }");
+    }
+    text.put(" finish { F_").int(i).put(" } }\n");
+    Ok(())
+}
+
+/// `image_map { png ".." interpolate 2 }`, left open for `bump_map` so that its size can follow outside.
+fn picture(text: &mut Text, scene: &Scene, m: &Material, image: u32, place: (&str, &str)) -> Result<()> {
+    let (pattern, folder) = place;
+    let Some(p) = scene.images.get(image as usize) else {
+        return Err(Error::export("X012", format!("material {}: picture {image} is missing", m.name)));
+    };
+    text.put(pattern).put(" { png ").put(&quoted(&format!("{folder}{}.png", p.name))).put(" interpolate 2 }");
+    Ok(())
+}
+
+/// A string literal of the scene language.
+pub(super) fn quoted(s: &str) -> String {
+    let mut out = String::from("\"");
+    for c in s.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => out.push('_'),
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}

@@ -1,0 +1,214 @@
+//! POV-Ray 3.7: a scene with include files, one of them per frame. `cd pov && povray render.ini` renders the clip.
+//!
+//! Layout of a bake: `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, pictures in
+//! `textures/`. A single asset: `<stem>.pov` and everything else in `<stem>_files/`.
+
+mod assets;
+mod look;
+mod main_file;
+mod material;
+mod mesh;
+mod objects;
+mod space;
+
+use std::sync::Arc;
+
+use self::assets::Part;
+use self::space::Space;
+use super::text::Text;
+use super::textures::Textures;
+use super::{Exporter, Summary, Warning};
+use crate::fence::Folder;
+use crate::scene::{AssetFrame, Frame, Scene, check_frame, check_scene, scene_bounds};
+use crate::{Error, Result};
+
+/// Instances and triangles of one frame beyond which POV-Ray's parsing gets slow enough to say so.
+const HEAVY: usize = 500_000;
+
+/// Where the files go.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Layout {
+    /// `pov/..` and `textures/..` in the folder of a bake.
+    #[default]
+    Bake,
+    /// `<stem>.pov` and `<stem>_files/..`.
+    Single(String),
+}
+
+/// What can be chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Every how many frames one is written, >= 1; the others show the nearest written one.
+    pub step: u32,
+    /// POV-Ray units per metre. At 100 POV-Ray's fixed tolerances leave millimetre drops whole.
+    pub units_per_m: f32,
+    /// Shoot photons through drops.
+    pub photons: bool,
+    /// Width and height of the picture in pixels.
+    pub size: (u32, u32),
+    /// Where the files go.
+    pub layout: Layout,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { step: 1, units_per_m: 100.0, photons: true, size: (800, 600), layout: Layout::Bake }
+    }
+}
+
+/// Exporter for POV-Ray.
+#[derive(Debug)]
+pub struct Pov {
+    folder: Folder,
+    textures: Textures,
+    options: Options,
+    scene: Option<Arc<Scene>>,
+    written: Vec<u32>,
+    instances: usize,
+    warnings: Vec<Warning>,
+}
+
+impl Pov {
+    /// Writes into `folder`; `textures`: the scene's pictures.
+    pub fn new(folder: Folder, textures: Textures, options: Options) -> Self {
+        Self { folder, textures, options, scene: None, written: Vec::new(), instances: 0, warnings: Vec::new() }
+    }
+
+    /// Path of one of our files below the output folder.
+    fn path(&self, name: &str) -> String {
+        match &self.options.layout {
+            Layout::Bake => format!("pov/{name}"),
+            Layout::Single(stem) => format!("{stem}_files/{name}"),
+        }
+    }
+
+    /// Folder of our files as POV-Ray finds it from the main file.
+    fn includes(&self) -> String {
+        match &self.options.layout {
+            Layout::Bake => String::new(),
+            Layout::Single(stem) => format!("{stem}_files/"),
+        }
+    }
+
+    /// Folder of the pictures below the output folder, which is also where POV-Ray looks for them.
+    fn pictures(&self) -> String {
+        match &self.options.layout {
+            Layout::Bake => "textures/".into(),
+            Layout::Single(stem) => format!("{stem}_files/"),
+        }
+    }
+
+    fn space(&self) -> Space {
+        Space { scale: self.options.units_per_m }
+    }
+
+    fn parts<'a>(&self, scene: &'a Scene) -> Vec<Part<'a>> {
+        let part = |(index, asset)| Part {
+            index,
+            asset,
+            space: self.space(),
+            materials: &scene.materials,
+            fps: crate::math::narrow(scene.clip.fps()),
+            photons: self.options.photons,
+        };
+        scene.assets.iter().enumerate().map(part).collect()
+    }
+
+    fn save(&self, path: &str, kind: &'static str, frame: Option<u32>, text: &Text) -> Result<()> {
+        if !text.is_finite() {
+            return Err(Error::export("X001", format!("\"{path}\" would hold a number that is not finite")));
+        }
+        if let Some(mut out) = self.folder.create(path, kind, frame)? {
+            out.put(text.bytes())?;
+            out.commit()?;
+        }
+        Ok(())
+    }
+
+    fn write_frame(&mut self, scene: &Scene, number: u32, frame: Option<&Frame>) -> Result<()> {
+        let mut text = Text::default();
+        text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
+        let rest = AssetFrame::default();
+        let mut count = 0;
+        let mut warnings = std::mem::take(&mut self.warnings);
+        for part in self.parts(scene).iter().filter(|p| assets::moves(p.asset)) {
+            let state = frame.and_then(|f| f.assets.get(part.index)).unwrap_or(&rest);
+            count += part.frame(&mut text, state, &mut warnings);
+        }
+        self.warnings = warnings;
+        self.instances = self.instances.max(count);
+        self.written.push(number);
+        let name = format!("frames/frame.{}.inc", scene.clip.tag(number));
+        self.save(&self.path(&name), "inc", Some(number), &text)
+    }
+}
+
+impl Exporter for Pov {
+    fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
+        check_scene(scene)?;
+        look::check(scene)?;
+        if !(self.options.units_per_m.is_finite() && self.options.units_per_m > 0.0) {
+            return Err(Error::Range {
+                name: "pov.units_per_m".into(),
+                value: f64::from(self.options.units_per_m),
+                min: f64::from(f32::MIN_POSITIVE),
+                max: f64::from(f32::MAX),
+                unit: "",
+            });
+        }
+        let parts = self.parts(scene);
+        let mut common = Text::default();
+        let target = parts.iter().any(Part::has_target);
+        common.put(&format!("// {}: settings and surfaces\n", super::GENERATOR));
+        look::settings(&mut common, target.then_some(assets::DROP_MIN * self.options.units_per_m));
+        material::declare(&mut common, scene, &self.pictures())?;
+        self.textures.write(scene, &self.folder, &self.pictures())?;
+        self.save(&self.path("common.inc"), "inc", None, &common)?;
+
+        let mut prototypes = Text::default();
+        prototypes.put(&format!("// {}: what instances show\n", super::GENERATOR));
+        parts.iter().for_each(|p| p.prototypes(&mut prototypes));
+        self.save(&self.path("prototypes.inc"), "inc", None, &prototypes)?;
+
+        let mut still = Text::default();
+        still.put(&format!("// {}: what never changes\n", super::GENERATOR));
+        let mut warnings = Vec::new();
+        let count: usize = parts.iter().map(|p| p.still(&mut still, &mut warnings)).sum();
+        self.save(&self.path("static.inc"), "inc", None, &still)?;
+        self.instances = count;
+        self.warnings = warnings;
+        self.scene = Some(Arc::clone(scene));
+        Ok(())
+    }
+
+    fn frame(&mut self, frame: &Frame) -> Result<()> {
+        let Some(scene) = self.scene.clone() else { return Ok(()) };
+        let from_start = frame.number.saturating_sub(scene.clip.start);
+        let skipped = !from_start.is_multiple_of(self.options.step.max(1));
+        if skipped || !scene.assets.iter().any(assets::moves) {
+            return Ok(());
+        }
+        check_frame(&scene, frame)?;
+        self.write_frame(&scene, frame.number, Some(frame))
+    }
+
+    fn finish(&mut self) -> Result<Summary> {
+        let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
+        if self.written.is_empty() && scene.assets.iter().any(assets::moves) {
+            self.write_frame(&scene, scene.clip.start, None)?;
+        }
+        if self.instances > HEAVY {
+            let message = format!("POV-Ray reads {} instances again for every frame", self.instances);
+            self.warnings.push(Warning { code: "X013", message });
+        }
+        let main = main_file::main_file(&scene, self.space(), &self.includes(), &self.written);
+        let (path, name) = match &self.options.layout {
+            Layout::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),
+            Layout::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
+        };
+        self.save(&path, "pov", None, &main)?;
+        let ini = main_file::render_ini(&scene, &self.options, &name, &self.written);
+        self.save(&self.path("render.ini"), "ini", None, &ini)?;
+        Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
+    }
+}

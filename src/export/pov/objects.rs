@@ -1,0 +1,172 @@
+//! Instances, point clouds and curves.
+
+use glam::Vec3;
+
+use super::space::{Space, rgb};
+use crate::export::text::Text;
+use crate::scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Points};
+
+/// Most spheres that one cloud may have.
+pub(super) const SPHERES: usize = 100_000;
+
+/// Share of the time between two frames that the shutter is open: the length of a rain streak.
+const SHUTTER: f32 = 0.5;
+
+/// One live instance per line, as `object { P_.. matrix <..> }`. `which`: indices of instances; `shown`: for each
+/// prototype, whether it holds anything. Returns how many were written.
+pub(super) fn instances(
+    text: &mut Text,
+    space: Space,
+    name: (usize, usize),
+    (instancer, state): (&Instancer, &InstanceState),
+    shown: &[bool],
+) -> usize {
+    let visible = |i: &usize| {
+        state.is_alive(*i) && instancer.protos.get(*i).and_then(|p| shown.get(*p as usize)).copied().unwrap_or(false)
+    };
+    let alive: Vec<usize> = (0..instancer.len()).filter(visible).collect();
+    let start = format!("object{{P_{}_{}_", name.0, name.1);
+    text.lines(&alive, |t, _, i| {
+        t.put(&start).int(instancer.protos[*i]).put(" ");
+        space.matrix(t, &instancer.transform(state, *i));
+        t.put("}\n");
+    });
+    alive.len()
+}
+
+/// Points at one time.
+pub(super) struct Cloud<'a> {
+    /// m.
+    pub positions: &'a [Vec3],
+    /// Diameters, m; 0 hides.
+    pub widths: &'a [f32],
+    /// m/s, or empty.
+    pub velocities: &'a [Vec3],
+    /// Frames per second.
+    pub fps: f32,
+}
+
+/// A cloud's visible points: spheres, or streaks for water that falls. At most [`SPHERES`], evenly chosen. Returns how
+/// many were left out, and whether there are any.
+/// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
+pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &[Material], at: &Cloud) -> usize {
+    let visible: Vec<usize> = (0..at.positions.len()).filter(|i| at.widths.get(*i).is_some_and(|w| *w > 0.0)).collect();
+    let stride = visible.len().div_ceil(SPHERES).max(1);
+    let kept: Vec<usize> = visible.iter().copied().step_by(stride).collect();
+    let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
+    text.put("union{\n");
+    text.lines(&kept, |t, _, i| {
+        let (p, radius) = (at.positions[*i], at.widths[*i] * 0.5);
+        let streak = at.velocities.get(*i).map(|v| *v * (SHUTTER * 0.5 / at.fps));
+        match streak {
+            Some(half) if water && half.length() > radius => {
+                t.put("cone{");
+                space.point(t, p - half);
+                t.put(",");
+                space.length(t, radius);
+                t.put(",");
+                space.point(t, p + half);
+                t.put(",");
+                space.length(t, radius * 0.5);
+            }
+            _ => {
+                t.put("sphere{");
+                space.point(t, p);
+                t.put(",");
+                space.length(t, radius);
+            }
+        }
+        if let Some(c) = points.colors.get(*i).filter(|_| !water) {
+            t.put(" pigment{");
+            rgb(t, *c);
+            t.put("}finish{F_").int(points.material).put("}");
+        }
+        t.put("}\n");
+    });
+    surface(text, points.material, water);
+    visible.len() - kept.len()
+}
+
+/// Polylines as cones with a sphere at every point.
+pub(super) fn curves(text: &mut Text, space: Space, curves: &Curves, points: &[Vec3], materials: &[Material]) {
+    let radius = |i: usize| curves.widths.get(i).copied().unwrap_or(0.0).max(0.0) * 0.5;
+    let mut joins = vec![false; points.len()];
+    let mut start = 0_usize;
+    for count in &curves.counts {
+        let end = start.saturating_add(*count as usize).min(points.len());
+        joins.iter_mut().take(end).skip(start + 1).for_each(|j| *j = true);
+        start = end;
+    }
+    text.put("union{\n");
+    text.lines(points, |t, i, p| {
+        if radius(i) > 0.0 {
+            t.put("sphere{");
+            space.point(t, *p);
+            t.put(",");
+            space.length(t, radius(i));
+            t.put("}\n");
+        }
+        if joins[i] && points[i - 1] != *p && radius(i) + radius(i - 1) > 0.0 {
+            t.put("cone{");
+            space.point(t, points[i - 1]);
+            t.put(",");
+            space.length(t, radius(i - 1));
+            t.put(",");
+            space.point(t, *p);
+            t.put(",");
+            space.length(t, radius(i));
+            t.put("}\n");
+        }
+    });
+    let water = materials.get(curves.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
+    surface(text, curves.material, water);
+}
+
+/// Closes a union with the flat colour of a material: these shapes have no texture coordinates.
+fn surface(text: &mut Text, material: u32, water: bool) {
+    text.put("texture{C_").int(material).put("}");
+    if water {
+        text.put("interior{I_").int(material).put("}");
+    }
+    text.put("}\n");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_many_points_are_thinned_evenly_and_counted() {
+        let n = 250_000;
+        let points = Points {
+            name: "p".into(),
+            material: 0,
+            positions: vec![Vec3::ONE; n],
+            widths: vec![0.5; n],
+            colors: Vec::new(),
+            moving: false,
+        };
+        let at = Cloud { positions: &points.positions, widths: &points.widths, velocities: &[], fps: 24.0 };
+        let mut text = Text::default();
+        let dropped = cloud(&mut text, Space { scale: 1.0 }, &points, &[], &at);
+        let lines = text.bytes().split(|c| *c == b'\n').filter(|l| *l == b"sphere{<1,1,-1>,0.25}").count();
+        assert_eq!((lines, dropped), (83_334, 166_666));
+    }
+
+    #[test]
+    fn curves_do_not_join_each_other() {
+        let hairs = Curves {
+            name: "c".into(),
+            material: 3,
+            counts: vec![2, 2],
+            points: [0.0, 1.0, 5.0, 6.0].map(|x| Vec3::new(x, 0.0, 0.0)).to_vec(),
+            widths: vec![2.0; 4],
+            moving: false,
+        };
+        let mut text = Text::default();
+        curves(&mut text, Space { scale: 1.0 }, &hairs, &hairs.points, &[]);
+        let s = std::str::from_utf8(text.bytes()).expect("ascii");
+        assert_eq!(s.matches("cone").count(), 2);
+        assert!(s.contains("cone{<5,0,0>,1,<6,0,0>,1}") && !s.contains("cone{<1,0,0>"));
+    }
+}
