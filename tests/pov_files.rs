@@ -1,4 +1,5 @@
 //! POV-Ray reads what we write.
+#![allow(clippy::expect_used, reason = "a test fails by panicking")]
 
 #[path = "common/clients.rs"]
 mod clients;

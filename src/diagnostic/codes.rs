@@ -78,6 +78,7 @@ pub const CODES: &[Code] = &[
     row("X010", Error, "input over a limit, or damaged"),
     row("X011", Error, "glTF extension is required but unknown"),
     row("X012", Error, "map set incomplete"),
+    row("X013", Warning, "more than the program it is meant for handles well: slow to open, or thinned"),
 ];
 
 /// The row of a code.

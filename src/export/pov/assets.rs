@@ -9,9 +9,9 @@ use super::space::Space;
 use crate::export::Warning;
 use crate::export::text::Text;
 use crate::scene::{
-    Asset, AssetFrame, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh, MeshFrame,
-    MeshMotion, MeshObject, Points, PointsFrame, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
-    world_from_joint,
+    Asset, AssetFrame, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh,
+    MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, Trs, instance_states, joint_motions, mesh_points,
+    skinned_normals, world_from_joint,
 };
 
 /// Smallest radius of a drop that photons aim at, m. Smaller ones stay without: a target gets no ordinary light.
