@@ -1,0 +1,143 @@
+"""Renders a baked file with Cycles on the CPU, as the pictures in the README were made.
+
+    python render.py out/showcase/showcase.usda picture.png [--frame 36] [--size 800x800] [--samples 96]
+                     [--eye x,y,z --target x,y,z --fov 35] [--plain] [--sun elevation,azimuth]
+
+Needs Blender's Python module (pip install bpy==5.0.1). Positions are osier's: metres, +Y up. Without --eye the file's own
+camera is used if it has one, else the bounds are fitted. --plain adds a ground and is meant for single plants.
+"""
+
+import argparse
+import math
+import os
+import sys
+
+import bpy
+from mathutils import Vector
+
+
+def arguments():
+    p = argparse.ArgumentParser()
+    p.add_argument("source")
+    p.add_argument("picture")
+    p.add_argument("--frame", type=int)
+    p.add_argument("--size", default="800x800")
+    p.add_argument("--samples", type=int, default=96)
+    p.add_argument("--eye")
+    p.add_argument("--target")
+    p.add_argument("--fov", type=float, default=35.0, help="vertical, degrees")
+    p.add_argument("--sun", default="38,135", help="elevation, azimuth from +Z towards +X, degrees")
+    p.add_argument("--exposure", type=float, default=0.0)
+    p.add_argument("--plain", action="store_true")
+    return p.parse_args(sys.argv[1:])
+
+
+def blender_from_osier(text):
+    x, y, z = (float(v) for v in text.split(","))
+    return Vector((x, -z, y))
+
+
+def load(path):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if path.endswith((".glb", ".gltf")):
+        bpy.ops.import_scene.gltf(filepath=path)
+    else:
+        bpy.ops.wm.usd_import(filepath=path, import_usd_preview=True)
+
+
+def bounds():
+    graph = bpy.context.evaluated_depsgraph_get()
+    low, high = Vector((1e9,) * 3), Vector((-1e9,) * 3)
+    for instance in graph.object_instances:
+        if instance.object.type in {"MESH", "CURVES", "POINTCLOUD"}:
+            for corner in instance.object.bound_box:
+                p = instance.matrix_world @ Vector(corner)
+                low = Vector(map(min, low, p))
+                high = Vector(map(max, high, p))
+    return low, high
+
+
+def aim(camera, eye, target, vfov):
+    camera.location = eye
+    camera.rotation_mode = "QUATERNION"
+    camera.rotation_quaternion = (target - eye).to_track_quat("-Z", "Y")
+    camera.data.sensor_fit = "VERTICAL"
+    camera.data.angle = vfov
+
+
+def set_camera(scene, a):
+    if a.eye is None and scene.camera is not None:
+        return
+    camera = bpy.data.objects.new("view", bpy.data.cameras.new("view"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    vfov = math.radians(a.fov)
+    if a.eye:
+        aim(camera, blender_from_osier(a.eye), blender_from_osier(a.target), vfov)
+        return
+    low, high = bounds()
+    middle, radius = (low + high) / 2, (high - low).length / 2
+    out = Vector((math.sin(0.45), -math.cos(0.45), 0.18)).normalized()
+    aim(camera, middle + out * radius / math.sin(vfov / 2), middle, vfov)
+
+
+def set_light(scene, a):
+    for o in [o for o in bpy.data.objects if o.type == "LIGHT"]:
+        bpy.data.objects.remove(o)
+    elevation, azimuth = (math.radians(float(v)) for v in a.sun.split(","))
+    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+    sun.data.energy, sun.data.angle, sun.data.color = 3.6, math.radians(0.6), (1.0, 0.95, 0.86)
+    x, y, z = math.cos(elevation) * math.sin(azimuth), math.sin(elevation), math.cos(elevation) * math.cos(azimuth)
+    sun.rotation_mode = "QUATERNION"
+    sun.rotation_quaternion = Vector((x, -z, y)).to_track_quat("Z", "Y")
+    scene.collection.objects.link(sun)
+    world = bpy.data.worlds.new("sky")
+    scene.world = world
+    world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    ramp = nodes.new("ShaderNodeValToRGB")
+    ramp.color_ramp.elements[0].color = (0.82, 0.88, 0.95, 1)
+    ramp.color_ramp.elements[1].color = (0.2, 0.4, 0.8, 1)
+    ramp.color_ramp.elements[1].position = 0.7
+    split = nodes.new("ShaderNodeSeparateXYZ")
+    coords = nodes.new("ShaderNodeTexCoord")
+    links.new(coords.outputs["Generated"], split.inputs[0])
+    links.new(split.outputs["Z"], ramp.inputs[0])
+    links.new(ramp.outputs[0], nodes["Background"].inputs["Color"])
+    nodes["Background"].inputs["Strength"].default_value = 0.85
+
+
+def add_ground(scene):
+    low, _ = bounds()
+    bpy.ops.mesh.primitive_plane_add(size=200, location=(0, 0, min(low.z, 0.0)))
+    material = bpy.data.materials.new("plain ground")
+    material.use_nodes = True
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.32, 0.31, 0.27, 1)
+    material.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 1.0
+    bpy.context.object.data.materials.append(material)
+
+
+def main():
+    a = arguments()
+    load(os.path.abspath(a.source))
+    scene = bpy.context.scene
+    if a.frame is not None:
+        scene.frame_set(a.frame)
+    set_camera(scene, a)
+    set_light(scene, a)
+    if a.plain:
+        add_ground(scene)
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = a.samples
+    scene.cycles.use_denoising = True
+    scene.cycles.max_bounces = 8
+    scene.view_settings.view_transform = "AgX"
+    scene.view_settings.look = "AgX - Medium High Contrast"
+    scene.view_settings.exposure = a.exposure
+    scene.render.resolution_x, scene.render.resolution_y = (int(v) for v in a.size.split("x"))
+    scene.render.filepath = os.path.abspath(a.picture)
+    bpy.ops.render.render(write_still=True)
+
+
+main()
