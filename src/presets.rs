@@ -18,10 +18,13 @@ macro_rules! presets {
 /// All of them, sorted by file name.
 pub const PRESETS: &[Preset] = presets! {
     "grammars" / "birch.l",
+    "scenes" / "birch.toml",
     "grammars" / "koch.l",
     "grammars" / "oak.l",
     "scenes" / "oak.toml",
     "grammars" / "poplar-twig.l",
+    "scenes" / "poplar-twig.toml",
+    "scenes" / "showcase.toml",
 };
 
 /// The preset of exactly this file name.
