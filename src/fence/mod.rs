@@ -8,12 +8,18 @@ mod folder;
 mod journal;
 mod mark;
 mod names;
+mod number;
 mod output;
 mod parts;
 mod read;
+mod roots;
+mod text;
 
 pub use disk::{Disk, System};
 pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
 pub use names::{Names, safe_name};
+pub use number::{BadNumber, number};
 pub use output::Output;
 pub use read::read_input;
+pub use roots::{Referred, Refusal, Roots};
+pub use text::{BadText, Encoding, Text, decode};

@@ -1,0 +1,230 @@
+//! References inside files: resolved, kept inside their folder, opened without ever waiting.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::disk::{open_regular, read_limited};
+use crate::{Error, Result};
+
+/// Why a reference was not read. Readers show it under the reference, with a code of their own or with [`Refusal::code`].
+#[derive(Debug, thiserror::Error)]
+pub enum Refusal {
+    /// The way it is written cannot be a file below the folder.
+    #[error("reference {reference:?} {reason}")]
+    Spelling {
+        /// As written.
+        reference: String,
+        /// What is wrong with it.
+        reason: &'static str,
+    },
+    /// It leads out, by `..` or through a link.
+    #[error("reference {reference:?} leads out of the folder of the file that was opened")]
+    Outside {
+        /// As written.
+        reference: String,
+    },
+    /// No such file.
+    #[error("file {reference:?} is not found")]
+    Missing {
+        /// As written.
+        reference: String,
+    },
+    /// Longer than the limit.
+    #[error("file {reference:?} is longer than {} bytes", crate::limits::grouped(*limit))]
+    TooLong {
+        /// As written.
+        reference: String,
+        /// Bytes allowed.
+        limit: u64,
+    },
+    /// The system refused, or it is a folder, a pipe or a device.
+    #[error("cannot read {reference:?}: {source}")]
+    Io {
+        /// As written.
+        reference: String,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+impl Refusal {
+    /// X009 for what leads out, X010 for the rest.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Spelling { .. } | Self::Outside { .. } => "X009",
+            _ => "X010",
+        }
+    }
+
+    /// How to mend it.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::Spelling { .. } => "write a path relative to this file, with '/'",
+            Self::Outside { .. } | Self::Missing { .. } => {
+                "put the file beside this one, or name its folder with --search DIR"
+            }
+            Self::TooLong { .. } => "make the file smaller, or raise the limit with --max-mesh-bytes",
+            Self::Io { .. } => "only regular, readable files can be used",
+        }
+    }
+}
+
+/// A referenced file.
+#[derive(Debug, Clone)]
+pub struct Referred {
+    /// Where it was found; references in it are resolved from here.
+    pub path: PathBuf,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// The folders from which references may be read.
+#[derive(Debug, Clone, Default)]
+pub struct Roots {
+    /// The folder of the opened file, then the search folders, all canonical.
+    folders: Vec<PathBuf>,
+}
+
+impl Roots {
+    /// The folder of a file named on the command line (the working folder for `-`), and `--search` folders.
+    /// # Errors
+    /// `Io` if one of them is not there.
+    pub fn new(opened: &Path, search: &[PathBuf]) -> Result<Self> {
+        let folder = opened.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let canonical = |p: &Path| p.canonicalize().map_err(|e| Error::io("open", p, e));
+        let folders = std::iter::once(folder).chain(search.iter().map(PathBuf::as_path)).map(canonical);
+        Ok(Self { folders: folders.collect::<Result<_>>()? })
+    }
+
+    /// No folder at all: for texts that are not files, such as presets.
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Reads the file that `reference` names in the file `from`, at most `limit` bytes: beside `from`, else in a search
+    /// folder.
+    /// # Errors
+    /// Why not.
+    pub fn read(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<Referred, Refusal> {
+        let parts = spell(reference)?;
+        let outside = || Refusal::Outside { reference: reference.into() };
+        let missing = || Refusal::Missing { reference: reference.into() };
+        let failed = |source| Refusal::Io { reference: reference.into(), source };
+        let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let beside = folder.canonicalize().ok().filter(|f| self.holds(f));
+        let mut refusal = missing();
+        for base in beside.iter().chain(self.folders.iter().skip(1)) {
+            let Some(path) = below(base, &parts).filter(|p| self.holds(p)) else {
+                refusal = outside();
+                continue;
+            };
+            match path.canonicalize() {
+                Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {}
+                Err(e) => return Err(failed(e)),
+                Ok(real) if !self.holds(&real) => refusal = outside(),
+                Ok(real) => {
+                    let file = open_regular(&real, false).map_err(failed)?;
+                    let too_long = || Refusal::TooLong { reference: reference.into(), limit };
+                    if file.metadata().map_err(failed)?.len() > limit {
+                        return Err(too_long());
+                    }
+                    let bytes = read_limited(file, limit).map_err(failed)?.ok_or_else(too_long)?;
+                    return Ok(Referred { path: real, bytes });
+                }
+            }
+        }
+        Err(refusal)
+    }
+
+    /// As [`Roots::read`] for a glTF uri: decodes `%XX` once, before any check.
+    /// # Errors
+    /// Why not.
+    pub fn read_uri(&self, from: &Path, uri: &str, limit: u64) -> std::result::Result<Referred, Refusal> {
+        let decoded = percent_decode(uri)
+            .ok_or(Refusal::Spelling { reference: uri.into(), reason: "has a malformed % escape" })?;
+        self.read(from, &decoded, limit)
+    }
+
+    fn holds(&self, path: &Path) -> bool {
+        self.folders.iter().any(|f| path.starts_with(f))
+    }
+}
+
+/// The components of a reference, or what is wrong with its spelling.
+fn spell(reference: &str) -> std::result::Result<Vec<String>, Refusal> {
+    let refuse = |reason| Err(Refusal::Spelling { reference: reference.into(), reason });
+    let path = reference.replace('\\', "/");
+    if path.is_empty() {
+        return refuse("is empty");
+    }
+    if path.chars().any(char::is_control) {
+        return refuse("holds control characters");
+    }
+    if path.starts_with('/') {
+        return refuse("is absolute");
+    }
+    if path.starts_with('~') {
+        return refuse("starts with ~");
+    }
+    if has_scheme(&path) {
+        return refuse("names a drive or a network address");
+    }
+    let parts: Vec<String> = path.split('/').filter(|c| !matches!(*c, "" | ".")).map(str::to_owned).collect();
+    // Some systems drop dots and spaces at the end of a name.
+    let blank = |c: &String| c != ".." && c.trim_end_matches(['.', ' ']).is_empty();
+    if parts.is_empty() || parts.iter().any(blank) || path.ends_with('/') {
+        return refuse("is not the name of a file");
+    }
+    Ok(parts)
+}
+
+/// True for `word:` at the start, which is a scheme, a drive or a stream.
+fn has_scheme(path: &str) -> bool {
+    let Some((word, _)) = path.split_once(':') else { return false };
+    word.starts_with(|c: char| c.is_ascii_alphabetic())
+        && word.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.'))
+}
+
+/// `base` and the components, with `..` taken literally; `None` above the top.
+fn below(base: &Path, parts: &[String]) -> Option<PathBuf> {
+    let mut path = base.to_owned();
+    for part in parts {
+        if part == ".." {
+            if !path.pop() {
+                return None;
+            }
+        } else {
+            path.push(part);
+        }
+    }
+    Some(path)
+}
+
+/// `%XX` replaced by its byte, once; `None` if an escape is malformed or the result is not UTF-8.
+fn percent_decode(uri: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes().iter();
+    while let Some(&b) = rest.next() {
+        if b == b'%' {
+            let mut digit = || char::from(*rest.next()?).to_digit(16);
+            let value = digit()? * 16 + digit()?;
+            bytes.push(u8::try_from(value).ok()?);
+        } else {
+            bytes.push(b);
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn escapes_are_decoded_once() {
+        assert_eq!(percent_decode("a%20b%252e").as_deref(), Some("a b%2e"));
+        for bad in ["%", "%2", "%zz", "%ff", "%+1"] {
+            assert_eq!(percent_decode(bad), None, "{bad}");
+        }
+    }
+}

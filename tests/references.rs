@@ -1,0 +1,145 @@
+//! References inside files never leave their folder and never block.
+#![cfg(unix)]
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests set up the disk themselves")]
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+
+use osier::fence::{Refusal, Roots};
+
+struct Place {
+    _dir: tempfile::TempDir,
+    top: PathBuf,
+}
+
+/// `scene/a.l` beside `scene/sub/b.l`, a secret outside, a library folder for `--search`.
+fn place() -> Place {
+    let dir = tempfile::tempdir().expect("dir");
+    let top = dir.path().canonicalize().expect("real");
+    for folder in ["scene/sub", "scene_evil", "library/deep"] {
+        fs::create_dir_all(top.join(folder)).expect("folder");
+    }
+    for file in ["scene/a.l", "scene/sub/b.l", "scene/a b%41.l", "library/deep/c.l", "scene_evil/e.l", "secret"] {
+        fs::write(top.join(file), file).expect("file");
+    }
+    symlink(top.join("secret"), top.join("scene/link_out")).expect("link");
+    symlink(&top, top.join("scene/folder_out")).expect("link");
+    symlink("sub/b.l", top.join("scene/link_in")).expect("link");
+    symlink("loop", top.join("scene/loop")).expect("link");
+    rustix::fs::mkfifoat(rustix::fs::CWD, top.join("scene/fifo"), rustix::fs::Mode::RWXU).expect("fifo");
+    symlink("/dev/zero", top.join("scene/zero")).expect("link");
+    Place { _dir: dir, top }
+}
+
+fn roots(place: &Place, search: &[&str]) -> Roots {
+    let search: Vec<PathBuf> = search.iter().map(|s| place.top.join(s)).collect();
+    Roots::new(&place.top.join("scene/main.toml"), &search).expect("roots")
+}
+
+#[test]
+fn spellings_that_lead_out_are_refused_and_the_others_are_read() {
+    let p = place();
+    let roots = roots(&p, &[]);
+    let from = p.top.join("scene/main.toml");
+    let good =
+        ["a.l", "./a.l", "sub/b.l", "sub\\b.l", "sub/../a.l", "sub//b.l", "link_in", "a b%41.l", "nothing/../a.l"];
+    for reference in good {
+        assert!(roots.read(&from, reference, 100).is_ok(), "{reference:?}");
+    }
+    let absolute = p.top.join("scene/a.l").display().to_string();
+    let evil = [
+        "",
+        ".",
+        "./",
+        "/",
+        "..",
+        "../",
+        "../secret",
+        "sub/../../secret",
+        "./../secret",
+        "..\\secret",
+        "\\secret",
+        "/etc/passwd",
+        "//host/share",
+        "\\\\host\\share",
+        "~/x",
+        "~root/x",
+        "~",
+        "c:/x",
+        "C:\\x",
+        "c:x",
+        "file:///etc/passwd",
+        "http://x/y",
+        "data:text/plain,x",
+        "a.l:stream",
+        "a\0.l",
+        "a\n.l",
+        "\u{1b}[2J",
+        "sub/",
+        "...",
+        "sub/.../x",
+        ". .",
+        "sub/.. /x",
+        "../scene_evil/e.l",
+        "../scene/../secret",
+        "link_out",
+        "folder_out/secret",
+        "folder_out/scene/../secret",
+        "sub/../../scene_evil/e.l",
+        "a.l\u{7f}",
+        &absolute,
+    ];
+    assert!(evil.len() >= 40);
+    for reference in evil {
+        let refusal = roots.read(&from, reference, 100).expect_err(reference);
+        assert_eq!(refusal.code(), "X009", "{reference:?}: {refusal}");
+    }
+}
+
+#[test]
+fn uris_are_decoded_once_and_then_checked() {
+    let p = place();
+    let roots = roots(&p, &[]);
+    let from = p.top.join("scene/main.gltf");
+    assert_eq!(roots.read_uri(&from, "a%20b%2541.l", 100).expect("read").bytes, b"scene/a b%41.l");
+    for uri in ["%2e%2e/secret", "..%2fsecret", "%2fetc%2fpasswd", "sub%5c..%5c..%5csecret", "%00", "%", "%ff"] {
+        assert_eq!(roots.read_uri(&from, uri, 100).expect_err(uri).code(), "X009", "{uri}");
+    }
+    assert!(matches!(roots.read_uri(&from, "%252e%252e/secret", 100), Err(Refusal::Missing { .. })));
+}
+
+#[test]
+fn pipes_devices_folders_and_loops_are_refused_at_once() {
+    let p = place();
+    let roots = roots(&p, &["scene"]);
+    let begin = start();
+    for reference in ["fifo", "sub", "loop"] {
+        let refusal = roots.read(&p.top.join("scene/main.toml"), reference, 100).expect_err(reference);
+        assert_eq!(refusal.code(), "X010", "{reference}: {refusal}");
+    }
+    let dev = Roots::new(Path::new("/dev/x"), &[]).expect("roots");
+    for reference in ["zero", "null", "tty"] {
+        assert!(dev.read(Path::new("/dev/x"), reference, 100).is_err(), "{reference}");
+    }
+    assert_eq!(roots.read(&p.top.join("scene/main.toml"), "zero", 100).expect_err("device").code(), "X009");
+    assert!(begin.elapsed().as_secs_f64() < 1.0);
+}
+
+fn start() -> std::time::Instant {
+    std::time::Instant::now()
+}
+
+#[test]
+fn nested_references_and_search_folders() {
+    let p = place();
+    let scene = roots(&p, &[]);
+    let nested = scene.read(&p.top.join("scene/sub/b.l"), "../a.l", 100).expect("up, but inside");
+    assert_eq!(nested.path, p.top.join("scene/a.l"));
+    assert!(matches!(scene.read(&p.top.join("scene/x"), "deep/c.l", 100), Err(Refusal::Missing { .. })));
+    let wide = roots(&p, &["library"]);
+    assert_eq!(wide.read(&p.top.join("scene/x"), "deep/c.l", 100).expect("found").bytes, b"library/deep/c.l");
+    assert!(matches!(wide.read(&p.top.join("scene/x"), "deep/c.l", 3), Err(Refusal::TooLong { limit: 3, .. })));
+    assert!(matches!(Roots::none().read(&p.top.join("scene/x"), "a.l", 100), Err(Refusal::Missing { .. })));
+    assert!(Roots::new(&p.top.join("scene/x"), &[p.top.join("absent")]).is_err());
+}
