@@ -1,0 +1,156 @@
+//! Placements, joints, camera: the nodes of one file.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use glam::{Mat3, Quat};
+
+use super::super::Warning;
+use super::buffer::last;
+use super::document::{Document, marked, placed};
+use super::json::{Camera, Index, Node, Perspective, Skin};
+use super::parts::{Chosen, Hold, Part, Parts};
+use super::tracks::MOVING_NODES;
+use crate::Result;
+use crate::scene::{InstancerMotion, Placement, Trs};
+
+/// What a file shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shows {
+    /// One asset at the origin.
+    Asset(usize),
+    /// All placements, with or without the camera.
+    Scene { camera: bool },
+}
+
+/// Moving instances of each placement, by its position in the list.
+type ChosenAt = BTreeMap<usize, Chosen>;
+
+impl Document<'_> {
+    /// Fills the document; false if there is nothing to see in it.
+    pub(super) fn assemble(&mut self, shows: Shows) -> Result<bool> {
+        let scene = self.from.scene;
+        let own;
+        let (placements, name): (&[Placement], &str) = match shows {
+            Shows::Asset(asset) => {
+                let Some(id) = scene.assets.get(asset).map(|a| a.id.clone()) else { return Ok(false) };
+                own = [Placement { name: id, asset, transform: Trs::IDENTITY }];
+                (&own, &own[0].name)
+            }
+            Shows::Scene { .. } => (&scene.placements, &scene.name),
+        };
+        let prefixed = matches!(shows, Shows::Scene { .. });
+        let chosen = self.choose(placements);
+        let mut parts: BTreeMap<usize, Parts> = BTreeMap::new();
+        for (i, placement) in placements.iter().enumerate() {
+            let asset = placement.asset;
+            let made = match parts.entry(asset) {
+                Entry::Occupied(made) => made.into_mut(),
+                Entry::Vacant(place) => {
+                    let all = shown_anywhere(placements, asset, &chosen);
+                    place.insert(self.parts(asset, &all)?)
+                }
+            };
+            if !made.shown.is_empty() {
+                self.place(placement, prefixed, made, chosen.get(&i))?;
+            }
+        }
+        let filled = !self.root.nodes.is_empty();
+        if shows == (Shows::Scene { camera: true }) {
+            self.camera()?;
+        }
+        self.close(name);
+        Ok(filled)
+    }
+
+    /// Chooses the moving instances: all, or those of the smallest keys if there are too many for one file.
+    fn choose(&mut self, placements: &[Placement]) -> ChosenAt {
+        let from = self.from;
+        let mut list = Vec::new();
+        let mut total = 0_usize;
+        for (k, placement) in placements.iter().enumerate() {
+            let Some(tracks) = from.tracks.assets.get(placement.asset) else { continue };
+            list.extend(
+                tracks.moving.iter().filter(|m| m.alive.contains(&true)).map(|m| (m.key, k, m.instancer, m.instance)),
+            );
+            let free = |i: &&crate::scene::Instancer| i.motion == InstancerMotion::Free;
+            total += from.scene.assets[placement.asset].instancers.iter().filter(free).map(|i| i.len()).sum::<usize>();
+        }
+        if total > MOVING_NODES && !from.tracks.is_still() {
+            let message =
+                format!("{total} moving instances, {MOVING_NODES} written: those of the smallest hash(seed, id)");
+            self.warnings.push(Warning { code: "X003", message });
+        }
+        list.sort_unstable();
+        list.truncate(MOVING_NODES);
+        let mut chosen = ChosenAt::new();
+        for (_, k, instancer, instance) in list {
+            chosen.entry(k).or_default().insert((instancer, instance));
+        }
+        chosen
+    }
+
+    fn place(&mut self, placement: &Placement, prefixed: bool, parts: &Parts, chosen: Option<&Chosen>) -> Result<()> {
+        let asset = &self.from.scene.assets[placement.asset];
+        let named = |name: &str| if prefixed { format!("{}_{name}", placement.name) } else { name.to_owned() };
+        let top = marked(placement.name.clone(), &placement.transform, asset.id.clone(), asset.kind.word());
+        let top = self.node(top)?;
+        self.attach(None, top);
+        let mut joints: Vec<Index> = Vec::with_capacity(parts.joints.len());
+        for joint in &parts.joints {
+            let node = self.node(placed(named(&joint.name), &joint.motion.rest))?;
+            let parent = joint.parent.and_then(|p| joints.get(p)).copied().unwrap_or(top);
+            self.attach(Some(parent), node);
+            self.animate(node, &joint.motion.drives);
+            joints.push(node);
+        }
+        let skin = match (parts.inverse_bind, joints.first()) {
+            (Some(inverse_bind_matrices), Some(&skeleton)) => {
+                let name = named("skin");
+                self.root.skins.push(Skin { name, inverse_bind_matrices, skeleton, joints: joints.clone() });
+                Some(last(self.root.skins.len())?)
+            }
+            _ => None,
+        };
+        let shown = |part: &&Part| part.moving.is_none_or(|m| chosen.is_some_and(|c| c.contains(&m)));
+        for part in parts.shown.iter().filter(shown) {
+            let id = format!("{}/{}", placement.name, part.id);
+            let node = Node {
+                mesh: Some(part.mesh),
+                skin: skin.filter(|_| part.hold == Hold::Skin),
+                extensions: part.instancing.clone(),
+                ..marked(named(&part.name), &part.motion.rest, id, part.kind)
+            };
+            let node = self.node(node)?;
+            let parent = match part.hold {
+                Hold::Placement => Some(top),
+                Hold::Joint(k) => joints.get(k).copied(),
+                Hold::Skin => None,
+            };
+            self.attach(parent, node);
+            self.animate(node, &part.motion.drives);
+        }
+        Ok(())
+    }
+
+    fn camera(&mut self) -> Result<()> {
+        let view = self.from.scene.camera;
+        let [right, up, back] = view.axes();
+        let r = Quat::from_mat3(&Mat3::from_cols(right, up, back)).normalize();
+        // Far enough for any ground around the subject, near enough to keep depth exact in viewports.
+        let zfar = (10.0 * (view.eye - view.target).length()).max(1000.0);
+        let perspective = Perspective { yfov: view.vfov, znear: 0.01, zfar };
+        self.root.cameras.push(Camera { name: "camera".into(), kind: "perspective", perspective });
+        let rest = Trs { t: view.eye, r, ..Trs::IDENTITY };
+        let node = Node { camera: Some(0), ..marked("camera".into(), &rest, "camera".into(), "camera") };
+        let node = self.node(node)?;
+        self.attach(None, node);
+        Ok(())
+    }
+}
+
+/// Moving instances that any placement of an asset shows.
+fn shown_anywhere(placements: &[Placement], asset: usize, chosen: &ChosenAt) -> Chosen {
+    let here = placements.iter().enumerate().filter(|(_, p)| p.asset == asset);
+    here.flat_map(|(k, _)| chosen.get(&k).into_iter().flatten().copied()).collect()
+}

@@ -1,0 +1,133 @@
+//! Instances: by extension where viewers know it, merged into one mesh per prototype where they do not.
+
+use std::borrow::Cow;
+
+use glam::{Quat, Vec3};
+
+use super::document::Document;
+use super::json::{Index, InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
+use super::keys::unit;
+use super::materials::Shown;
+use super::meshes::{Drawn, Influences, Vertices, on_mesh};
+use super::pieces::{Piece, pieces};
+use crate::Result;
+use crate::par::par_chunks;
+use crate::scene::{InstanceState, Instancer, Mesh, Trs};
+
+/// Instances of one prototype that move together.
+#[derive(Debug)]
+pub(super) struct Group<'a> {
+    pub instancer: &'a Instancer,
+    pub state: &'a InstanceState,
+    /// Index into the prototypes.
+    pub proto: usize,
+    /// Indices of live instances.
+    pub members: Vec<usize>,
+    /// For errors.
+    pub what: &'a str,
+}
+
+/// Members of each prototype: live instances in order.
+pub(super) fn members(instancer: &Instancer, state: &InstanceState) -> Vec<Vec<usize>> {
+    let mut lists = vec![Vec::new(); instancer.prototypes.len()];
+    for i in (0..instancer.len()).filter(|&i| state.is_alive(i)) {
+        if let Some(list) = lists.get_mut(instancer.protos[i] as usize) {
+            list.push(i);
+        }
+    }
+    lists
+}
+
+/// Instances that a chunk of work merges.
+const MERGE_CHUNK: usize = 1024;
+
+impl Document<'_> {
+    /// Adds a prototype as a mesh.
+    pub(super) fn prototype(&mut self, instancer: &Instancer, proto: usize, what: &str) -> Result<Option<Index>> {
+        let Some(p) = instancer.prototypes.get(proto) else { return Ok(None) };
+        let name = format!("{}_{}", instancer.name, p.name);
+        self.mesh(Drawn { name: &name, what, mesh: &p.mesh, shown: Shown::Mesh, skin: None, shapes: &[] })
+    }
+
+    /// The instancing extension for a group, its transforms taken into the space of `joint` (asset from joint).
+    pub(super) fn instancing(&mut self, group: &Group<'_>, joint: &Trs) -> Result<NodeExtensions> {
+        let back = joint.r.conjugate();
+        let local = |i: &usize| {
+            let trs = group.instancer.transform(group.state, *i);
+            Trs { t: back * (trs.t - joint.t), r: unit(back * trs.r), s: trs.s }
+        };
+        let list: Vec<Trs> = group.members.iter().map(local).collect();
+        let rotations: Vec<Quat> = list.iter().map(|t| if t.r.w < 0.0 { -t.r } else { t.r }).collect();
+        let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();
+        let scales: Vec<Vec3> = list.iter().map(|t| t.s).collect();
+        let rotation = self.buffer.quaternions(&rotations, group.what)?;
+        let scale = if scales.iter().any(|s| *s != Vec3::ONE) {
+            Some(self.buffer.vectors(&scales, None, group.what)?)
+        } else {
+            None
+        };
+        let translation = self.buffer.vectors(&translations, None, group.what)?;
+        self.uses("EXT_mesh_gpu_instancing", true);
+        let attributes = InstanceAttributes { rotation, scale, translation };
+        Ok(NodeExtensions { instancing: Instancing { attributes } })
+    }
+
+    /// All instances of a group as one mesh in asset space: instance after instance, each with its prototype's
+    /// vertices. `carriers`: joint of each instance of the instancer, and the number of joints in the skin.
+    pub(super) fn merged(&mut self, group: &Group<'_>, carriers: Option<(&[u16], usize)>) -> Result<Option<Index>> {
+        let Some(proto) = group.instancer.prototypes.get(group.proto) else { return Ok(None) };
+        let mut primitives = Vec::new();
+        for piece in pieces(&proto.mesh) {
+            let merged = merge(group, &proto.mesh, &piece);
+            let size = piece.gather(&proto.mesh.points).len();
+            let skin = carriers.map(|(joints, count)| {
+                let each = |i: &usize| std::iter::repeat_n([joints.get(*i).copied().unwrap_or(0), 0, 0, 0], size);
+                let joints: Vec<[u16; 4]> = group.members.iter().flat_map(each).collect();
+                Influences { weights: vec![[1.0, 0.0, 0.0, 0.0]; joints.len()], joints, count }
+            });
+            let vertices = Vertices {
+                what: group.what,
+                points: Cow::Owned(merged.points),
+                normals: Cow::Owned(merged.normals),
+                uvs: Cow::Owned(merged.uvs),
+                colors: Cow::Owned(merged.colors),
+                skin,
+            };
+            primitives.push(self.primitive(&vertices, &merged.triangles, on_mesh(piece.material))?);
+        }
+        let name = format!("{}_{}", group.instancer.name, proto.name);
+        self.finish_mesh(JsonMesh { name, primitives, ..JsonMesh::default() })
+    }
+}
+
+/// One piece of a prototype, repeated for every member.
+fn merge(group: &Group<'_>, mesh: &Mesh, piece: &Piece<'_>) -> Mesh {
+    let single = Mesh {
+        points: piece.gather(&mesh.points).into_owned(),
+        normals: piece.gather(&mesh.normals).into_owned(),
+        uvs: piece.gather(&mesh.uvs).into_owned(),
+        colors: piece.gather(&mesh.colors).into_owned(),
+        triangles: piece.triangles.to_vec(),
+        subsets: Vec::new(),
+    };
+    let parts = par_chunks(&group.members, MERGE_CHUNK, |_, chunk| {
+        let mut out = Mesh::default();
+        for i in chunk {
+            append(&mut out, &single, &group.instancer.transform(group.state, *i));
+        }
+        out
+    });
+    let mut parts = parts.into_iter();
+    let mut whole = parts.next().unwrap_or_default();
+    parts.for_each(|part| whole.append(&part));
+    whole
+}
+
+fn append(out: &mut Mesh, single: &Mesh, trs: &Trs) {
+    let base = u32::try_from(out.points.len()).unwrap_or(u32::MAX);
+    out.points.extend(single.points.iter().map(|p| trs.apply(*p)));
+    out.normals.extend(single.normals.iter().map(|n| crate::math::normalize_or(trs.r * (*n / trs.s), *n)));
+    out.uvs.extend_from_slice(&single.uvs);
+    out.colors.extend_from_slice(&single.colors);
+    out.triangles.extend(single.triangles.iter().map(|t| t.map(|i| base.saturating_add(i))));
+}

@@ -1,0 +1,299 @@
+//! What one asset puts into a file, made once and shown by each of its placements.
+
+use std::collections::BTreeSet;
+
+use glam::Vec3;
+
+use super::Profile;
+use super::document::{Document, Drive, Motion};
+use super::instances::{Group, members};
+use super::json::{Index, NodeExtensions};
+use super::keys;
+use super::materials::Shown;
+use super::meshes::{Drawn, Influences, Shape};
+use super::ribbons::ribbons;
+use super::rig::{JOINTS, Rig};
+use super::tracks::{Moving, Shapes};
+use crate::Result;
+use crate::scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs};
+
+/// Everything an asset shows.
+#[derive(Debug, Default)]
+pub(super) struct Parts {
+    pub joints: Vec<Joint>,
+    /// Inverse bind matrices, where a mesh is skinned.
+    pub inverse_bind: Option<Index>,
+    pub shown: Vec<Part>,
+}
+
+/// A joint node.
+#[derive(Debug)]
+pub(super) struct Joint {
+    pub name: String,
+    pub parent: Option<usize>,
+    pub motion: Motion,
+}
+
+/// Where a part hangs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Hold {
+    /// On the placement's node.
+    Placement,
+    /// On a joint.
+    Joint(usize),
+    /// In the scene, moved by the skin.
+    Skin,
+}
+
+/// A node to be made for every placement.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub name: String,
+    pub kind: &'static str,
+    /// Tail of the node's id, after the placement's name.
+    pub id: String,
+    pub mesh: Index,
+    pub hold: Hold,
+    pub motion: Motion,
+    pub instancing: Option<NodeExtensions>,
+    /// Instancer and instance of a moving instance: shown only where it was chosen.
+    pub moving: Option<(usize, usize)>,
+}
+
+impl Part {
+    fn new(name: &str, kind: &'static str, mesh: Index, hold: Hold) -> Self {
+        let motion = Motion::default();
+        Self { name: name.to_owned(), kind, id: name.to_owned(), mesh, hold, motion, instancing: None, moving: None }
+    }
+}
+
+/// Moving instances of an asset that some placement shows: (instancer, instance).
+pub(super) type Chosen = BTreeSet<(usize, usize)>;
+
+impl Document<'_> {
+    /// Makes the parts of an asset.
+    pub(super) fn parts(&mut self, asset: usize, chosen: &Chosen) -> Result<Parts> {
+        let from = self.from;
+        let Some(source) = from.scene.assets.get(asset) else { return Ok(Parts::default()) };
+        let Some(tracks) = from.tracks.assets.get(asset) else { return Ok(Parts::default()) };
+        let mut parts = Parts::default();
+        let rig = if from.tracks.is_still() { None } else { Rig::new(source, &tracks.poses, JOINTS) };
+        let rig = rig.map(|(rig, warning)| {
+            self.warnings.extend(warning);
+            rig
+        });
+        for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
+            self.object(&mut parts, (source, object), rig.as_ref(), shapes)?;
+        }
+        for (i, instancer) in source.instancers.iter().enumerate() {
+            let what = format!("asset {}, instancer {}", source.id, instancer.name);
+            match (&instancer.motion, &rig) {
+                (InstancerMotion::Free, _) if !from.tracks.is_still() => {
+                    let list: Vec<&Moving> = tracks
+                        .moving
+                        .iter()
+                        .filter(|m| m.instancer == i && chosen.contains(&(i, m.instance)))
+                        .collect();
+                    self.moving(&mut parts, instancer, &list, &what)?;
+                }
+                (InstancerMotion::Joints(joints), Some(rig)) => {
+                    self.riding(&mut parts, instancer, (rig, joints), &what)?;
+                }
+                _ => self.standing(&mut parts, instancer, &what)?,
+            }
+        }
+        for cloud in source.points.iter().filter(|c| !c.moving || from.tracks.is_still()) {
+            if let Some(mesh) = self.cloud(cloud, &format!("asset {}, points {}", source.id, cloud.name))? {
+                parts.shown.push(Part::new(&cloud.name, "points", mesh, Hold::Placement));
+            }
+        }
+        for (curves, shapes) in source.curves.iter().zip(&tracks.curves) {
+            let tile = from.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
+            let rest = ribbons(curves, &curves.points, tile);
+            let bent = |list: &[Shape]| -> Vec<Shape> {
+                let shape = |(points, _): &Shape| ribbons(curves, points, tile);
+                list.iter().map(shape).map(|m| (m.points, m.normals)).collect()
+            };
+            let shapes = match shapes {
+                Shapes::Frames(list) => bent(list),
+                _ => Vec::new(),
+            };
+            let what = format!("asset {}, curves {}", source.id, curves.name);
+            let drawn =
+                Drawn { name: &curves.name, what: &what, mesh: &rest, shown: Shown::Ribbon, skin: None, shapes: &[] };
+            self.morphing(&mut parts, drawn, &shapes, "curves")?;
+        }
+        if parts.shown.iter().any(|p| p.hold != Hold::Placement)
+            && let Some(rig) = &rig
+        {
+            self.joints(&mut parts, source, rig, &tracks.poses)?;
+        }
+        Ok(parts)
+    }
+
+    fn object(
+        &mut self,
+        parts: &mut Parts,
+        (asset, object): (&Asset, &MeshObject),
+        rig: Option<&Rig>,
+        shapes: &Shapes,
+    ) -> Result<()> {
+        let what = format!("asset {}, mesh {}", asset.id, object.name);
+        let (mesh, name) = (&object.mesh, object.name.as_str());
+        let drawn = Drawn { name, what: &what, mesh, shown: Shown::Mesh, skin: None, shapes: &[] };
+        let moves = matches!(object.motion, MeshMotion::Skinned | MeshMotion::Deforming);
+        match (rig, &object.skin, shapes) {
+            (Some(rig), Some(skin), _) if moves => {
+                let (joints, weights) = rig.weights(skin);
+                let skin = Influences { joints, weights, count: rig.kept.len() };
+                if let Some(mesh) = self.mesh(Drawn { skin: Some(&skin), ..drawn })? {
+                    parts.shown.push(Part::new(name, "mesh", mesh, Hold::Skin));
+                }
+                Ok(())
+            }
+            (_, _, Shapes::Frames(list)) => self.morphing(parts, drawn, list, "mesh"),
+            _ => self.morphing(parts, drawn, &[], "mesh"),
+        }
+    }
+
+    /// A mesh with a target for every frame whose shape differs from rest, and the weights that pick it.
+    fn morphing(&mut self, parts: &mut Parts, drawn: Drawn<'_>, shapes: &[Shape], kind: &'static str) -> Result<()> {
+        let same = |mesh: &Mesh, s: &Shape| s.0 == mesh.points && (s.1.is_empty() || s.1 == mesh.normals);
+        let bent: Vec<usize> = (0..shapes.len()).filter(|&i| !same(drawn.mesh, &shapes[i])).collect();
+        let tag = |i: usize| {
+            let number = self.from.tracks.numbers.get(i).copied().unwrap_or_default();
+            format!("frame_{}", self.from.scene.clip.tag(number))
+        };
+        let targets: Vec<(String, &Shape)> = bent.iter().map(|&i| (tag(i), &shapes[i])).collect();
+        let Some(mesh) = self.mesh(Drawn { shapes: &targets, ..drawn })? else { return Ok(()) };
+        let mut part = Part::new(drawn.name, kind, mesh, Hold::Placement);
+        if !bent.is_empty() {
+            let weights: Vec<f32> =
+                (0..shapes.len()).flat_map(|i| bent.iter().map(move |&b| if i == b { 1.0 } else { 0.0 })).collect();
+            let output = self.buffer.scalars(&weights, drawn.what)?;
+            let frames: Vec<usize> = (0..shapes.len()).collect();
+            part.motion.drives.push(Drive { sampler: self.sampler(&frames, output, false)?, path: "weights" });
+        }
+        parts.shown.push(part);
+        Ok(())
+    }
+
+    /// Instances that do not move.
+    fn standing(&mut self, parts: &mut Parts, instancer: &Instancer, what: &str) -> Result<()> {
+        for (proto, members) in
+            members(instancer, &instancer.rest).into_iter().enumerate().filter(|(_, m)| !m.is_empty())
+        {
+            let group = Group { instancer, state: &instancer.rest, proto, members, what };
+            let (mesh, instancing) = match self.from.profile {
+                Profile::Web => match self.prototype(instancer, proto, what)? {
+                    Some(mesh) => (Some(mesh), Some(self.instancing(&group, &Trs::IDENTITY)?)),
+                    None => (None, None),
+                },
+                Profile::Blender => (self.merged(&group, None)?, None),
+            };
+            if let Some(mesh) = mesh {
+                let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
+                parts.shown.push(Part { instancing, ..Part::new(&name, "instancer", mesh, Hold::Placement) });
+            }
+        }
+        Ok(())
+    }
+
+    /// Instances that ride on joints.
+    fn riding(
+        &mut self,
+        parts: &mut Parts,
+        instancer: &Instancer,
+        (rig, joints): (&Rig, &[u16]),
+        what: &str,
+    ) -> Result<()> {
+        let carriers: Vec<u16> =
+            joints.iter().map(|j| rig.carrier.get(usize::from(*j)).copied().unwrap_or(0)).collect();
+        for (proto, members) in
+            members(instancer, &instancer.rest).into_iter().enumerate().filter(|(_, m)| !m.is_empty())
+        {
+            let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
+            let state = &instancer.rest;
+            if self.from.profile == Profile::Blender {
+                let group = Group { instancer, state, proto, members, what };
+                if let Some(mesh) = self.merged(&group, Some((&carriers, rig.kept.len())))? {
+                    parts.shown.push(Part::new(&name, "instancer", mesh, Hold::Skin));
+                }
+                continue;
+            }
+            let Some(mesh) = self.prototype(instancer, proto, what)? else { continue };
+            for (k, joint) in rig.kept.iter().enumerate() {
+                let rides = |i: &usize| carriers.get(*i).is_some_and(|c| usize::from(*c) == k);
+                let members: Vec<usize> = members.iter().copied().filter(rides).collect();
+                if !members.is_empty() {
+                    let group = Group { instancer, state, proto, members, what };
+                    let instancing = Some(self.instancing(&group, &rig.bind[*joint])?);
+                    let name = format!("{name}_{k}");
+                    parts.shown.push(Part { instancing, ..Part::new(&name, "instancer", mesh, Hold::Joint(k)) });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Instances that move on their own: a node each, shown while alive.
+    fn moving(&mut self, parts: &mut Parts, instancer: &Instancer, list: &[&Moving], what: &str) -> Result<()> {
+        let mut meshes: Vec<Option<Index>> = vec![None; instancer.prototypes.len()];
+        let mut list = list.to_vec();
+        list.sort_by_key(|m| m.instance);
+        let times = &self.from.tracks.times;
+        let thin = self.from.profile == Profile::Web;
+        for m in list {
+            let Some(proto) = instancer.protos.get(m.instance).map(|p| *p as usize) else { continue };
+            let mesh = match meshes.get(proto).copied().flatten() {
+                Some(mesh) => mesh,
+                None => match self.prototype(instancer, proto, what)? {
+                    Some(mesh) => mesh,
+                    None => continue,
+                },
+            };
+            meshes[proto] = Some(mesh);
+            let scale = instancer.scales.get(m.instance).copied().unwrap_or(Vec3::ONE);
+            let (positions, orientations) = m.held();
+            let mut motion = Motion::default();
+            motion.rest.t = positions.first().copied().unwrap_or_default();
+            motion.rest.r = orientations.first().copied().unwrap_or_default();
+            motion.rest.s = if m.alive.first().copied().unwrap_or(true) { scale } else { Vec3::ZERO };
+            let Motion { rest, drives } = &mut motion;
+            self.drive_vector(keys::positions(times, &positions, thin), ("translation", false), (&mut rest.t, drives))?;
+            self.drive_rotation(keys::rotations(times, &orientations, thin), &mut rest.r, drives)?;
+            self.drive_vector(keys::appearances(&m.alive, scale), ("scale", true), (&mut rest.s, drives))?;
+            let name = format!("{}_{}", instancer.name, m.instance);
+            let id = format!("{}/{}", instancer.name, instancer.ids.get(m.instance).copied().unwrap_or_default());
+            let part = Part::new(&name, "instance", mesh, Hold::Placement);
+            parts.shown.push(Part { id, motion, moving: Some((m.instancer, m.instance)), ..part });
+        }
+        Ok(())
+    }
+
+    fn joints(&mut self, parts: &mut Parts, asset: &Asset, rig: &Rig, poses: &[Vec<Trs>]) -> Result<()> {
+        let Some(skeleton) = &asset.skeleton else { return Ok(()) };
+        let times = &self.from.tracks.times;
+        let thin = self.from.profile == Profile::Web;
+        for (k, &i) in rig.kept.iter().enumerate() {
+            let mut motion = Motion { rest: skeleton.joints[i].rest, ..Motion::default() };
+            let Motion { rest, drives } = &mut motion;
+            let of = |f: &dyn Fn(&Trs) -> Vec3| poses.iter().map(|p| f(&p[i])).collect::<Vec<Vec3>>();
+            let turns: Vec<_> = poses.iter().map(|p| p[i].r).collect();
+            self.drive_vector(
+                keys::positions(times, &of(&|j| j.t), thin),
+                ("translation", false),
+                (&mut rest.t, drives),
+            )?;
+            self.drive_rotation(keys::rotations(times, &turns, thin), &mut rest.r, drives)?;
+            self.drive_vector(keys::positions(times, &of(&|j| j.s), thin), ("scale", false), (&mut rest.s, drives))?;
+            let parent = rig.parent(skeleton, k);
+            parts.joints.push(Joint { name: skeleton.joints[i].name.clone(), parent, motion });
+        }
+        if parts.shown.iter().any(|p| p.hold == Hold::Skin) {
+            let what = format!("asset {}, skin", asset.id);
+            parts.inverse_bind = Some(self.buffer.matrices(&rig.inverse_bind(), &what)?);
+        }
+        Ok(())
+    }
+}
