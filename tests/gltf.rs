@@ -1,4 +1,5 @@
 //! glTF files: what the gltf crate and the Khronos validator read in them.
+#![allow(clippy::expect_used, reason = "a test may fail")]
 
 #[path = "common/clients.rs"]
 mod clients;

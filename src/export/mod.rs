@@ -8,9 +8,9 @@ use std::sync::Arc;
 use crate::Result;
 use crate::scene::{Frame, Scene};
 
+pub mod gltf;
 pub mod pov;
 pub mod text;
-pub mod gltf;
 pub mod textures;
 
 /// A warning about something that was repaired on the way out (X002, X003, X007 ...).

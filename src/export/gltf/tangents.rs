@@ -41,18 +41,18 @@ mod tests {
         let points = [Vec3::ZERO, Vec3::X, Vec3::Y];
         let normals = [Vec3::Z; 3];
         let plain = [Vec2::ZERO, Vec2::X, Vec2::Y];
-        assert_eq!(tangents(&points, &normals, &plain, &[[0, 1, 2]])[1], [1.0, 0.0, 0.0, 1.0]);
-        let mirrored = plain.map(|v| Vec2::new(-v.x, v.y));
-        assert_eq!(tangents(&points, &normals, &mirrored, &[[0, 1, 2]])[1], [-1.0, 0.0, 0.0, -1.0]);
-        let turned = plain.map(|v| Vec2::new(v.y, -v.x));
-        assert_eq!(tangents(&points, &normals, &turned, &[[0, 1, 2]])[1], [0.0, 1.0, 0.0, 1.0]);
+        let first = |uvs: &[Vec2]| glam::Vec4::from(tangents(&points, &normals, uvs, &[[0, 1, 2]])[0]);
+        let near = |a: glam::Vec4, x, y, w| (a - glam::Vec4::new(x, y, 0.0, w)).length() < 1e-6;
+        assert!(near(first(&plain), 1.0, 0.0, 1.0));
+        assert!(near(first(&plain.map(|v| Vec2::new(-v.x, v.y))), -1.0, 0.0, -1.0));
+        assert!(near(first(&plain.map(|v| Vec2::new(v.y, -v.x))), 0.0, 1.0, 1.0));
     }
 
     #[test]
     fn a_collapsed_picture_still_gets_unit_tangents() {
         let list = tangents(&[Vec3::ZERO, Vec3::X, Vec3::Y], &[Vec3::Z; 3], &[Vec2::ONE; 3], &[[0, 1, 2]]);
         for [x, y, z, w] in list {
-            assert!((Vec3::new(x, y, z).length() - 1.0).abs() < 1e-6 && z == 0.0 && w.abs() == 1.0);
+            assert!((Vec3::new(x, y, z).length() - 1.0).abs() < 1e-6 && z.abs() < 1e-6 && w.abs() > 0.5);
         }
     }
 }
