@@ -22,6 +22,7 @@ pub mod progress;
 pub mod recipe;
 pub mod rng;
 pub mod scene;
+pub mod surface;
 pub mod units;
 
 pub use error::{Error, Result};

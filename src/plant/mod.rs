@@ -3,11 +3,15 @@
 //! The turtle, IFS trees, particle-shapes and imported meshes all end in a [`Plant`]; skinning, motion and export start
 //! from one. Space: metres, +Y up; angles in radians.
 
+mod validate;
+
 use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 
 use crate::scene::Mesh;
+
+pub use validate::{MAX_ITEMS, Warning, validate};
 
 /// No parent, no fork.
 pub const NONE: u32 = u32::MAX;
