@@ -12,6 +12,7 @@ pub mod gltf;
 pub mod pov;
 pub mod text;
 pub mod textures;
+pub mod usd;
 
 /// A warning about something that was repaired on the way out (X002, X003, X007 ...).
 #[derive(Debug, Clone, PartialEq, Eq)]

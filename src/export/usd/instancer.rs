@@ -1,0 +1,243 @@
+//! Repeated meshes as PointInstancer, and their twin as Points.
+
+use glam::{Quat, Vec3};
+use half::f16;
+
+use super::axis::{UpAxis, extent};
+use super::mesh::{Place, Velocities, define};
+use super::stage::{Attr, AttrSpec};
+use super::target::{Context, Part, Shot, Target, near, unit};
+use super::value::Array;
+use crate::Result;
+use crate::geometry::Bounds;
+use crate::scene::{InstanceState, Instancer, InstancerMotion, Trs, instance_states};
+
+fn triples(v: &[Vec3]) -> &[[f32; 3]] {
+    bytemuck::cast_slice(v)
+}
+
+/// 0..n.
+pub(super) fn ids(n: usize) -> Vec<i64> {
+    (0..n).map(|i| i64::try_from(i).unwrap_or(i64::MAX)).collect()
+}
+
+/// Rotations in stage space, on the side of those of the frame before.
+fn turns(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
+    let turn = |(i, q): (usize, &Quat)| before.get(i).map_or_else(|| unit(up.quat(*q)), |b| near(up.quat(*q), *b));
+    state.orientations.iter().enumerate().map(turn).collect()
+}
+
+fn halves(q: &Quat) -> [f16; 4] {
+    q.to_array().map(f16::from_f32)
+}
+
+/// Angular velocities as degrees per second about an axis.
+fn degrees(up: UpAxis, v: &[Vec3]) -> Vec<[f32; 3]> {
+    let factor = 180.0 / std::f32::consts::PI;
+    v.iter().map(|w| (up.vec(*w) * factor).to_array()).collect()
+}
+
+/// An instancer of an asset.
+pub(super) struct Instances {
+    index: usize,
+    path: String,
+    positions: Attr,
+    orientations: Attr,
+    extent: Attr,
+    invisible: Option<Attr>,
+    velocities: Velocities,
+    angular: Velocities,
+    before: Vec<Quat>,
+    /// Boxes of the prototypes, stage space.
+    boxes: Vec<Bounds>,
+}
+
+/// Writes an instancer at rest.
+pub(super) fn part(
+    cx: &Context,
+    target: &mut Target,
+    index: usize,
+    (root, path): (&str, &str),
+    instancer: &Instancer,
+) -> Result<Option<Box<dyn Part>>> {
+    target.plain(path, "PointInstancer")?;
+    let up = cx.up;
+    let n = instancer.len();
+    let boxes: Vec<Bounds> =
+        instancer.prototypes.iter().map(|p| Bounds::of(p.mesh.points.iter().map(|v| up.vec(*v)))).collect();
+    let before = turns(up, &instancer.rest, &[]);
+    let orientations: Vec<[f16; 4]> = before.iter().map(halves).collect();
+    let protos: Vec<i32> = instancer.protos.iter().map(|p| i32::try_from(*p).unwrap_or(i32::MAX)).collect();
+    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.scale(*s)).collect();
+    let b = box_of(instancer, &instancer.rest, &orientations, (up, &boxes));
+    let hidden = hidden(instancer, &instancer.rest);
+    let set = |target: &mut Target, name: &str, type_name, array: Array| {
+        target.set(&format!("{path}.{name}"), type_name, array.into())
+    };
+    let extent = set(target, "extent", "float3[]", Array::Float3(&b))?;
+    set(target, "ids", "int64[]", Array::Int64(&ids(n)))?;
+    let dies = instancer.motion == InstancerMotion::Free || !hidden.is_empty();
+    let invisible = dies.then(|| set(target, "invisibleIds", "int64[]", Array::Int64(&hidden))).transpose()?;
+    let orientations = set(target, "orientations", "quath[]", Array::Quath(&orientations))?;
+    let positions = set(target, "positions", "point3f[]", Array::Float3(triples(&up.vecs(&instancer.rest.positions))))?;
+    set(target, "protoIndices", "int[]", Array::Int(&protos))?;
+    set(target, "scales", "float3[]", Array::Float3(triples(&scales)))?;
+    prototypes(cx, target, (root, path), instancer)?;
+    if instancer.motion == InstancerMotion::Still {
+        return Ok(None);
+    }
+    Ok(Some(Box::new(Instances {
+        index,
+        path: path.to_owned(),
+        positions,
+        orientations,
+        extent,
+        invisible,
+        velocities: Velocities::default(),
+        angular: Velocities::default(),
+        before,
+        boxes,
+    })))
+}
+
+fn prototypes(cx: &Context, target: &mut Target, (root, path): (&str, &str), instancer: &Instancer) -> Result<()> {
+    let names: Vec<String> = (0..instancer.prototypes.len()).map(|i| format!("{path}/Prototypes/p{i:03}")).collect();
+    target.stage.rel(&format!("{path}.prototypes"), &names)?;
+    target.plain(&format!("{path}/Prototypes"), "Scope")?;
+    for (name, proto) in names.iter().zip(&instancer.prototypes) {
+        define(cx, target, &Place { root, path: name, skinned: false, varying: false }, &proto.mesh)?;
+    }
+    Ok(())
+}
+
+/// Slots without a live instance.
+fn hidden(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
+    ids(instancer.len()).into_iter().zip(0..).filter(|(_, i)| !state.is_alive(*i)).map(|(id, _)| id).collect()
+}
+
+/// Box of the live instances, with their rotations as written.
+fn box_of(
+    instancer: &Instancer,
+    state: &InstanceState,
+    orientations: &[[f16; 4]],
+    (up, boxes): (UpAxis, &[Bounds]),
+) -> [[f32; 3]; 2] {
+    let mut b = Bounds::default();
+    let placed = state.positions.iter().zip(orientations).zip(instancer.scales.iter().zip(&instancer.protos));
+    for (i, ((t, q), (s, proto))) in placed.enumerate() {
+        let Some(shape) = boxes.get(*proto as usize).filter(|b| !b.is_empty()) else { continue };
+        if state.is_alive(i) {
+            let r = Quat::from_array(q.map(f16::to_f32)).normalize();
+            let trs = Trs { t: up.vec(*t), r, s: up.scale(*s) };
+            b = b.union(Bounds::of(shape.corners().map(|c| trs.apply(c))));
+        }
+    }
+    extent(&b)
+}
+
+impl Part for Instances {
+    fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
+        let Some(instancer) = shot.asset.instancers.get(self.index) else { return Ok(()) };
+        let (up, time) = (cx.up, shot.time);
+        let state = instance_states(shot.asset, instancer, self.index, shot.state);
+        self.before = turns(up, &state, &self.before);
+        let orientations: Vec<[f16; 4]> = self.before.iter().map(halves).collect();
+        let b = box_of(instancer, &state, &orientations, (up, &self.boxes));
+        let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
+        sample(self.extent, Array::Float3(&b))?;
+        if let Some(invisible) = self.invisible {
+            sample(invisible, Array::Int64(&hidden(instancer, &state)))?;
+        }
+        sample(self.orientations, Array::Quath(&orientations))?;
+        sample(self.positions, Array::Float3(triples(&up.vecs(&state.positions))))?;
+        let at = (instancer.len(), time);
+        let velocities = up.vecs(&state.velocities);
+        self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&velocities), at)?;
+        let angular = degrees(up, &state.angular_velocities);
+        self.angular.sample(target, &format!("{}.angularVelocities", self.path), &angular, at)
+    }
+}
+
+/// The instances as plain points with everything that instancers lose on the way into Blender.
+pub(super) struct Twin {
+    index: usize,
+    path: String,
+    extent: Attr,
+    points: Attr,
+    widths: Attr,
+    orient: Attr,
+    velocities: Velocities,
+    before: Vec<Quat>,
+    /// Diameters of the living, m.
+    diameters: Vec<f32>,
+}
+
+/// Diameter of each instance: the longest side of its prototype's box, scaled.
+fn diameters(instancer: &Instancer) -> Vec<f32> {
+    let sides: Vec<Vec3> = instancer.prototypes.iter().map(|p| p.mesh.bounds().size()).collect();
+    let width = |(s, p): (&Vec3, &u32)| sides.get(*p as usize).map_or(0.0, |side| (*side * s.abs()).max_element());
+    instancer.scales.iter().zip(&instancer.protos).map(width).collect()
+}
+
+/// Diameters, 0 for those not alive.
+fn widths(diameters: &[f32], state: &InstanceState) -> Vec<f32> {
+    diameters.iter().enumerate().map(|(i, d)| if state.is_alive(i) { *d } else { 0.0 }).collect()
+}
+
+/// Box of points with widths.
+pub(super) fn cloud_box(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
+    let grown = points.iter().zip(widths).map(|(p, w)| Bounds::of([*p]).grown(w * 0.5));
+    extent(&grown.fold(Bounds::default(), Bounds::union))
+}
+
+/// Writes a twin at rest.
+pub(super) fn twin(
+    cx: &Context,
+    target: &mut Target,
+    index: usize,
+    path: &str,
+    instancer: &Instancer,
+) -> Result<Box<dyn Part>> {
+    target.plain(path, "Points")?;
+    let up = cx.up;
+    let diameters = diameters(instancer);
+    let before = turns(up, &instancer.rest, &[]);
+    let points = up.vecs(&instancer.rest.positions);
+    let shown = widths(&diameters, &instancer.rest);
+    let protos: Vec<i32> = instancer.protos.iter().map(|p| i32::try_from(*p).unwrap_or(i32::MAX)).collect();
+    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.scale(*s)).collect();
+    let b = cloud_box(&points, &shown);
+    let extent = target.set(&format!("{path}.extent"), "float3[]", Array::Float3(&b).into())?;
+    target.set(&format!("{path}.ids"), "int64[]", Array::Int64(&ids(instancer.len())).into())?;
+    let mut primvar = |name: &str, type_name, array: Array| {
+        let spec = AttrSpec::primvar(type_name, "vertex");
+        target.stage.attr(&format!("{path}.{name}"), &spec, Some(array.into()))
+    };
+    let orient = primvar("primvars:orient", "quatf[]", Array::Quatf(bytemuck::cast_slice(&before)))?;
+    primvar("primvars:proto", "int[]", Array::Int(&protos))?;
+    primvar("primvars:scale", "float3[]", Array::Float3(triples(&scales)))?;
+    let widths = primvar("widths", "float[]", Array::Float(&shown))?;
+    let points = target.set(&format!("{path}.points"), "point3f[]", Array::Float3(triples(&points)).into())?;
+    let velocities = Velocities::default();
+    Ok(Box::new(Twin { index, path: path.to_owned(), extent, points, widths, orient, velocities, before, diameters }))
+}
+
+impl Part for Twin {
+    fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
+        let Some(instancer) = shot.asset.instancers.get(self.index) else { return Ok(()) };
+        let (up, time) = (cx.up, shot.time);
+        let state = instance_states(shot.asset, instancer, self.index, shot.state);
+        self.before = turns(up, &state, &self.before);
+        let points = up.vecs(&state.positions);
+        let shown = widths(&self.diameters, &state);
+        let b = cloud_box(&points, &shown);
+        let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
+        sample(self.extent, Array::Float3(&b))?;
+        sample(self.orient, Array::Quatf(bytemuck::cast_slice(&self.before)))?;
+        sample(self.widths, Array::Float(&shown))?;
+        sample(self.points, Array::Float3(triples(&points)))?;
+        let velocities = up.vecs(&state.velocities);
+        let at = (instancer.len(), time);
+        self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&velocities), at)
+    }
+}

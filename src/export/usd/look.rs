@@ -1,0 +1,61 @@
+//! Camera and lights.
+
+use glam::{Mat3, Quat, Vec3};
+
+use super::target::{Context, Target};
+use super::value::Value;
+use crate::Result;
+use crate::math;
+use crate::scene::Trs;
+
+/// Height of the picture on the film, tenths of a metre: 24 mm.
+const FILM: f32 = 0.24;
+/// Width to height of the picture.
+const ASPECT: f32 = 16.0 / 9.0;
+
+/// Writes camera, sun and sky under `root`.
+pub(super) fn define(cx: &Context, target: &mut Target, root: &str) -> Result<()> {
+    camera(cx, target, &format!("{root}/camera"))?;
+    sun(cx, target, &format!("{root}/sun"))?;
+    sky(cx, target, &format!("{root}/sky"))
+}
+
+fn camera(cx: &Context, target: &mut Target, path: &str) -> Result<()> {
+    let camera = &cx.scene.camera;
+    target.plain(path, "Camera")?;
+    let far = (camera.eye.length() + camera.target.length()) * 100.0 + 1000.0;
+    let focal = FILM * 0.5 / math::tan_f32(camera.vfov * 0.5);
+    target.set(&format!("{path}.clippingRange"), "float2", Value::Float2([0.01, far]))?;
+    target.set(&format!("{path}.focalLength"), "float", Value::Float(focal))?;
+    target.set(&format!("{path}.focusDistance"), "float", Value::Float((camera.target - camera.eye).length()))?;
+    target.set(&format!("{path}.horizontalAperture"), "float", Value::Float(FILM * ASPECT))?;
+    target.fix(&format!("{path}.projection"), "token", Value::Token("perspective"))?;
+    target.set(&format!("{path}.verticalAperture"), "float", Value::Float(FILM))?;
+    let [right, up, back] = camera.axes();
+    let r = Quat::from_mat3(&Mat3::from_cols(right, up, back));
+    let place = Trs { t: cx.up.vec(camera.eye), r: cx.up.stage_from_world() * r, s: Vec3::ONE };
+    target.transform(path, &place)
+}
+
+fn sun(cx: &Context, target: &mut Target, path: &str) -> Result<()> {
+    let sun = &cx.scene.sun;
+    target.plain(path, "DistantLight")?;
+    let degrees = sun.angle * 180.0 / std::f32::consts::PI;
+    target.set(&format!("{path}.inputs:angle"), "float", Value::Float(degrees))?;
+    target.set(&format!("{path}.inputs:color"), "color3f", Value::Float3(sun.color))?;
+    target.set(&format!("{path}.inputs:intensity"), "float", Value::Float(sun.strength))?;
+    // Light leaves along -Z.
+    let r = math::rotation_between(Vec3::Z, sun.direction());
+    // Where it stands does not matter to the light, only to whoever wants to grab it.
+    let t = cx.up.vec(cx.scene.camera.target + sun.direction() * 10.0);
+    target.transform(path, &Trs { t, r: cx.up.stage_from_world() * r, s: Vec3::ONE })
+}
+
+fn sky(cx: &Context, target: &mut Target, path: &str) -> Result<()> {
+    let sky = &cx.scene.sky;
+    target.plain(path, "DomeLight")?;
+    let mean: [f32; 3] = std::array::from_fn(|i| (sky.horizon[i] + sky.zenith[i]) * 0.5);
+    target.set(&format!("{path}.inputs:color"), "color3f", Value::Float3(mean))?;
+    target.set(&format!("{path}.inputs:intensity"), "float", Value::Float(sky.strength))?;
+    Ok(())
+}

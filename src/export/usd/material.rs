@@ -1,0 +1,143 @@
+//! Materials as UsdPreviewSurface networks.
+
+use super::stage::{AttrSpec, PrimMeta, Stage};
+use super::target::Context;
+use super::value::Value;
+use crate::Result;
+use crate::scene::{Material, MaterialClass};
+
+/// Writes a material and its shaders.
+pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Material) -> Result<()> {
+    stage.prim(path, "Material", &PrimMeta::default())?;
+    let surface = format!("{path}/surface");
+    stage.attr(
+        &format!("{path}.outputs:surface"),
+        &AttrSpec::connected("token", format!("{surface}.outputs:surface")),
+        None,
+    )?;
+    if m.maps.height.is_some() {
+        let source = format!("{surface}.outputs:displacement");
+        stage.attr(&format!("{path}.outputs:displacement"), &AttrSpec::connected("token", source), None)?;
+    }
+    shader(stage, &surface, "UsdPreviewSurface")?;
+    let mut s = Shader { stage, path: &surface, network: path };
+    s.surface(m)?;
+    let maps = [m.maps.color, m.maps.normal, m.maps.roughness, m.maps.height];
+    if maps.iter().any(Option::is_some) {
+        reader(stage, path)?;
+    }
+    let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
+    for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))) {
+        texture(cx, stage, path, &Picture { name, image, material: m })?;
+    }
+    Ok(())
+}
+
+fn shader(stage: &mut dyn Stage, path: &str, id: &str) -> Result<()> {
+    stage.prim(path, "Shader", &PrimMeta::default())?;
+    stage.attr(&format!("{path}.info:id"), &AttrSpec::uniform("token"), Some(Value::Token(id)))?;
+    Ok(())
+}
+
+struct Shader<'a> {
+    stage: &'a mut dyn Stage,
+    path: &'a str,
+    network: &'a str,
+}
+
+impl Shader<'_> {
+    fn input(&mut self, name: &str, type_name: &'static str, value: Value) -> Result<()> {
+        let path = format!("{}.inputs:{name}", self.path);
+        self.stage.attr(&path, &AttrSpec::new(type_name), Some(value))?;
+        Ok(())
+    }
+
+    fn connect(&mut self, name: &str, type_name: &'static str, source: &str) -> Result<()> {
+        let source = format!("{}/{source}", self.network);
+        let path = format!("{}.inputs:{name}", self.path);
+        self.stage.attr(&path, &AttrSpec::connected(type_name, source), None)?;
+        Ok(())
+    }
+
+    fn output(&mut self, name: &str, type_name: &'static str) -> Result<()> {
+        self.stage.attr(&format!("{}.outputs:{name}", self.path), &AttrSpec::new(type_name), None)?;
+        Ok(())
+    }
+
+    /// Inputs of the surface shader, from maps where there are any.
+    fn surface(&mut self, m: &Material) -> Result<()> {
+        match m.maps.color {
+            Some(_) => self.connect("diffuseColor", "color3f", "color.outputs:rgb")?,
+            None => self.input("diffuseColor", "color3f", Value::Float3(m.base_color))?,
+        }
+        if let (Some(_), Some(cutoff)) = (m.maps.color, m.alpha_cutoff) {
+            self.connect("opacity", "float", "color.outputs:a")?;
+            self.input("opacityThreshold", "float", Value::Float(cutoff))?;
+        } else if m.class == MaterialClass::Water {
+            self.input("opacity", "float", Value::Float(0.1))?;
+        }
+        match m.maps.roughness {
+            Some(_) => self.connect("roughness", "float", "rough.outputs:r")?,
+            None => self.input("roughness", "float", Value::Float(m.roughness))?,
+        }
+        self.input("ior", "float", Value::Float(m.ior))?;
+        self.input("metallic", "float", Value::Float(0.0))?;
+        if m.maps.normal.is_some() {
+            self.connect("normal", "normal3f", "normal.outputs:rgb")?;
+        }
+        if m.maps.height.is_some() {
+            self.connect("displacement", "float", "height.outputs:r")?;
+            self.output("displacement", "token")?;
+        }
+        self.output("surface", "token")
+    }
+}
+
+/// The shader that looks up texture coordinates.
+fn reader(stage: &mut dyn Stage, network: &str) -> Result<()> {
+    let path = format!("{network}/st");
+    shader(stage, &path, "UsdPrimvarReader_float2")?;
+    let mut s = Shader { stage, path: &path, network };
+    s.input("varname", "string", Value::String("st"))?;
+    s.output("result", "float2")
+}
+
+/// One map of a material.
+struct Picture<'a> {
+    name: &'static str,
+    image: u32,
+    material: &'a Material,
+}
+
+fn texture(cx: &Context, stage: &mut dyn Stage, network: &str, picture: &Picture) -> Result<()> {
+    let Some(image) = cx.scene.images.get(picture.image as usize) else { return Ok(()) };
+    let path = format!("{network}/{}", picture.name);
+    shader(stage, &path, "UsdUVTexture")?;
+    let mut s = Shader { stage, path: &path, network };
+    let file = format!("{}{}.png", cx.pictures, image.name);
+    s.input("file", "asset", Value::Asset(&file))?;
+    s.connect("st", "float2", "st.outputs:result")?;
+    let color = picture.name == "color";
+    s.input("sourceColorSpace", "token", Value::Token(if color { "sRGB" } else { "raw" }))?;
+    // A blade shows its picture once; bark and ground repeat theirs.
+    let once = matches!(picture.material.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
+    for side in ["wrapS", "wrapT"] {
+        s.input(side, "token", Value::Token(if once { "clamp" } else { "repeat" }))?;
+    }
+    if picture.name == "normal" {
+        s.input("scale", "float4", Value::Float4([2.0, 2.0, 2.0, 1.0]))?;
+        s.input("bias", "float4", Value::Float4([-1.0, -1.0, -1.0, 0.0]))?;
+    }
+    if picture.name == "height" {
+        let h = picture.material.height_range;
+        s.input("scale", "float4", Value::Float4([h, h, h, 1.0]))?;
+    }
+    if color || picture.name == "normal" {
+        s.output("rgb", "float3")?;
+        if color && picture.material.alpha_cutoff.is_some() {
+            s.output("a", "float")?;
+        }
+        return Ok(());
+    }
+    s.output("r", "float")
+}

@@ -1,0 +1,158 @@
+//! What a stage is made of: the one interface that text and crate files are written through.
+
+use super::value::Value;
+use super::axis::UpAxis;
+use crate::Result;
+use crate::scene::Scene;
+
+/// Metadata of a layer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerMeta {
+    /// Name of the root prim.
+    pub default_prim: String,
+    /// Which way is up.
+    pub up: UpAxis,
+    /// Frames, and so time codes, per second.
+    pub fps: f64,
+    /// First frame.
+    pub start: f64,
+    /// Last frame.
+    pub end: f64,
+    /// Seed as a decimal string.
+    pub seed: String,
+    /// Hash of the scene.
+    pub scene: String,
+}
+
+impl LayerMeta {
+    /// Metadata of a layer of a scene.
+    pub fn of(scene: &Scene, default_prim: &str, up: UpAxis) -> Self {
+        Self {
+            default_prim: default_prim.to_owned(),
+            up,
+            fps: scene.clip.fps(),
+            start: f64::from(scene.clip.start),
+            end: f64::from(scene.clip.end),
+            seed: scene.seed.to_string(),
+            scene: scene.hash.clone(),
+        }
+    }
+
+    /// The strings in `customLayerData["osier"]`, sorted by key.
+    pub(super) fn custom(&self) -> [(&'static str, &str); 3] {
+        [("scene", &self.scene), ("seed", &self.seed), ("version", crate::export::VERSION)]
+    }
+}
+
+/// A prim in another layer, or in this one if `asset` is empty.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Arc {
+    /// Relative path of the layer.
+    pub asset: String,
+    /// Path of the prim.
+    pub prim: String,
+}
+
+/// Metadata of a prim.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PrimMeta {
+    /// Model kind.
+    pub kind: Option<&'static str>,
+    /// Applied schemas.
+    pub api: Vec<&'static str>,
+    /// Layer loaded on demand.
+    pub payload: Option<Arc>,
+    /// Layer always loaded.
+    pub reference: Option<Arc>,
+}
+
+/// What an attribute is, apart from its values.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct AttrSpec {
+    /// Type name, `point3f[]`.
+    pub type_name: &'static str,
+    /// The same at all times.
+    pub uniform: bool,
+    /// Not part of any schema.
+    pub custom: bool,
+    /// Of a primvar.
+    pub interpolation: Option<&'static str>,
+    /// Numbers per element of a primvar.
+    pub element_size: Option<i32>,
+    /// The attribute that this one takes its value from.
+    pub connection: Option<String>,
+}
+
+impl AttrSpec {
+    /// A varying attribute.
+    pub fn new(type_name: &'static str) -> Self {
+        Self { type_name, ..Self::default() }
+    }
+
+    /// A uniform attribute.
+    pub fn uniform(type_name: &'static str) -> Self {
+        Self { type_name, uniform: true, ..Self::default() }
+    }
+
+    /// A primvar.
+    pub fn primvar(type_name: &'static str, interpolation: &'static str) -> Self {
+        Self { type_name, interpolation: Some(interpolation), ..Self::default() }
+    }
+
+    /// A connected attribute.
+    pub fn connected(type_name: &'static str, source: String) -> Self {
+        Self { type_name, connection: Some(source), ..Self::default() }
+    }
+}
+
+/// An attribute of a stage being written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Attr(pub(super) usize);
+
+/// A layer being written. Prims come before their children and properties; samples of an attribute come in order of
+/// time, and may come when other prims have been added.
+pub trait Stage: Send {
+    /// Starts the layer.
+    /// # Errors
+    /// `Io`.
+    fn begin(&mut self, meta: &LayerMeta) -> Result<()>;
+
+    /// Defines a prim at an absolute path; an empty type is allowed.
+    /// # Errors
+    /// `Io`.
+    fn prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()>;
+
+    /// Adds an attribute at `prim path.name`.
+    /// # Errors
+    /// X001 for a number that is not finite, X004 if a text grows too large, `Io`.
+    fn attr(&mut self, path: &str, spec: &AttrSpec, default: Option<Value>) -> Result<Attr>;
+
+    /// Adds a value at a time.
+    /// # Errors
+    /// As [`Stage::attr`].
+    fn sample(&mut self, attr: Attr, time: f64, value: Value) -> Result<()>;
+
+    /// Adds a relationship at `prim path.name`.
+    /// # Errors
+    /// `Io`.
+    fn rel(&mut self, path: &str, targets: &[String]) -> Result<()>;
+
+    /// Completes and closes the file.
+    /// # Errors
+    /// X004 if a text is too large, `Io`.
+    fn finish(&mut self) -> Result<()>;
+}
+
+/// Splits a property path into prim path and name.
+pub(super) fn split_property(path: &str) -> (&str, &str) {
+    path.rsplit_once('.').unwrap_or((path, ""))
+}
+
+/// Splits a prim path into parent path and name.
+pub(super) fn split_prim(path: &str) -> (&str, &str) {
+    match path.rsplit_once('/') {
+        Some(("", name)) => ("/", name),
+        Some((parent, name)) => (parent, name),
+        None => ("/", path),
+    }
+}

@@ -1,0 +1,96 @@
+//! What the parts of a stage share while they are written.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use super::axis::UpAxis;
+use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
+use super::value::Value;
+use crate::Result;
+use crate::scene::{Asset, AssetFrame, MaterialId, Scene, Trs};
+
+/// The scene and the choices that hold for all files.
+#[derive(Debug, Clone)]
+pub(super) struct Context {
+    pub(super) scene: Arc<Scene>,
+    pub(super) up: UpAxis,
+    /// Where pictures lie, seen from the layer, with a slash at the end.
+    pub(super) pictures: String,
+}
+
+/// A layer being written, and which shared prims it already has.
+pub(super) struct Target {
+    pub(super) stage: Box<dyn Stage>,
+    made: BTreeSet<String>,
+}
+
+/// One frame of one asset.
+pub(super) struct Shot<'a> {
+    pub(super) asset: &'a Asset,
+    pub(super) state: &'a AssetFrame,
+    pub(super) time: f64,
+}
+
+/// Something in a layer that may change with every frame.
+pub(super) trait Part: Send {
+    /// Adds the samples of a frame.
+    fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()>;
+}
+
+impl Target {
+    pub(super) fn new(stage: Box<dyn Stage>) -> Self {
+        Self { stage, made: BTreeSet::new() }
+    }
+
+    /// A prim with nothing but a type.
+    pub(super) fn plain(&mut self, path: &str, type_name: &'static str) -> Result<()> {
+        self.stage.prim(path, type_name, &PrimMeta::default())
+    }
+
+    /// An attribute with one value.
+    pub(super) fn set(&mut self, path: &str, type_name: &'static str, value: Value) -> Result<Attr> {
+        self.stage.attr(path, &AttrSpec::new(type_name), Some(value))
+    }
+
+    /// A uniform attribute.
+    pub(super) fn fix(&mut self, path: &str, type_name: &'static str, value: Value) -> Result<Attr> {
+        self.stage.attr(path, &AttrSpec::uniform(type_name), Some(value))
+    }
+
+    /// Binds a prim beneath `root` to a material of that root's own scope, which is made when first used.
+    pub(super) fn bind(&mut self, cx: &Context, root: &str, prim: &str, material: MaterialId) -> Result<()> {
+        let scope = format!("{root}/mtl");
+        let Some(m) = cx.scene.materials.get(material as usize) else { return Ok(()) };
+        let path = format!("{scope}/{}", super::names::clean(&m.name));
+        if self.made.insert(scope.clone()) {
+            self.plain(&scope, "Scope")?;
+        }
+        if self.made.insert(path.clone()) {
+            super::material::define(cx, self.stage.as_mut(), &path, m)?;
+        }
+        self.stage.rel(&format!("{prim}.material:binding"), &[path])
+    }
+
+    /// Translation, rotation and scale of a prim.
+    pub(super) fn transform(&mut self, path: &str, m: &Trs) -> Result<()> {
+        let t = m.t.to_array().map(f64::from);
+        self.set(&format!("{path}.xformOp:translate"), "double3", Value::Double3(t))?;
+        self.set(&format!("{path}.xformOp:orient"), "quatf", Value::Quatf(unit(m.r).to_array()))?;
+        self.set(&format!("{path}.xformOp:scale"), "float3", Value::Float3(m.s.to_array()))?;
+        let order = ["xformOp:translate", "xformOp:orient", "xformOp:scale"].map(String::from);
+        self.fix(&format!("{path}.xformOpOrder"), "token[]", super::value::Array::Token(&order).into())?;
+        Ok(())
+    }
+}
+
+/// A unit quaternion with w >= 0.
+pub(super) fn unit(q: glam::Quat) -> glam::Quat {
+    let q = q.normalize();
+    if q.w < 0.0 { -q } else { q }
+}
+
+/// A unit quaternion on the same side as the one before, so that blending goes the short way.
+pub(super) fn near(q: glam::Quat, before: glam::Quat) -> glam::Quat {
+    let q = q.normalize();
+    if q.dot(before) < 0.0 { -q } else { q }
+}
