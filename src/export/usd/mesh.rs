@@ -9,6 +9,7 @@ use super::stage::{Attr, AttrSpec, PrimMeta};
 use super::target::{Context, Part, Shot, Target};
 use super::value::{Array, Value};
 use crate::Result;
+use crate::fence::safe_name;
 use crate::geometry::Bounds;
 use crate::scene::{MaterialId, Mesh, MeshFrame, MeshMotion};
 
@@ -156,7 +157,7 @@ fn partition(target: &mut Target, path: &str) -> Result<()> {
 /// The faces of one material of the mesh at `of.0`.
 fn subset(cx: &Context, target: &mut Target, root: &str, of: (&str, MaterialId), faces: &[i32]) -> Result<Attr> {
     let name = cx.scene.materials.get(of.1 as usize).map_or("faces", |m| m.name.as_str());
-    let path = format!("{}/{}", of.0, super::names::clean(name));
+    let path = format!("{}/{}", of.0, safe_name(name));
     target.stage.prim(&path, "GeomSubset", &PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() })?;
     target.fix(&format!("{path}.elementType"), "token", Value::Token("face"))?;
     target.fix(&format!("{path}.familyName"), "token", Value::Token("materialBind"))?;

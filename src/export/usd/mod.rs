@@ -10,7 +10,6 @@ mod instancer;
 mod look;
 mod material;
 mod mesh;
-mod names;
 mod points;
 mod sink;
 mod skel;
@@ -26,9 +25,9 @@ pub use axis::UpAxis;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use crate::fence::{Folder, Output};
+use crate::fence::{Names, safe_name};
 use crate::scene::{Frame, Scene};
 use crate::{Error, Result};
-use names::{Names, clean};
 use stage::{LayerMeta, PrimMeta, Stage};
 use target::{Context, Part, Shot, Target};
 
@@ -77,7 +76,7 @@ impl Usd {
     /// One crate file per asset, and the twins.
     fn begin_payloads(&mut self, cx: &Context) -> Result<()> {
         for (i, asset) in cx.scene.assets.iter().enumerate() {
-            let name = clean(&asset.id);
+            let name = safe_name(&asset.id);
             let root = format!("/{name}");
             if let Some(out) = self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
                 let mut target = open(cx, Box::new(usdc::Usdc::new(Box::new(out))), &name)?;
@@ -110,7 +109,7 @@ impl Usd {
             _ => "usdc",
         };
         let Some(out) = self.folder.create(file, kind, None)? else { return Ok(()) };
-        let scene = clean(&cx.scene.name);
+        let scene = safe_name(&cx.scene.name);
         let stage: Box<dyn Stage> = match kind {
             "usda" => Box::new(usda::Usda::new(Box::new(out))),
             "usdz" => Box::new(usdc::Usdc::new(Box::new(self.package(cx, out, &format!("{scene}.usdc"))?))),
@@ -163,14 +162,14 @@ impl Usd {
 
     /// The wrapper: a payload per placement, camera and lights.
     fn wrapper(&self, cx: &Context) -> Result<()> {
-        let scene = clean(&cx.scene.name);
+        let scene = safe_name(&cx.scene.name);
         let Some(out) = self.folder.create(&format!("{scene}.usda"), "usda.wrapper", None)? else { return Ok(()) };
         let mut target = open(cx, Box::new(usda::Usda::new(Box::new(out))), &scene)?;
         let root = format!("/{scene}");
         target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
         for (path, placement) in placed(cx, &root) {
             let Some(asset) = cx.scene.assets.get(placement.asset) else { continue };
-            let name = clean(&asset.id);
+            let name = safe_name(&asset.id);
             let payload = Some(stage::Arc { asset: format!("./usd/{name}.usdc"), prim: format!("/{name}") });
             target.stage.prim(&path, "Xform", &PrimMeta { kind: Some("component"), payload, ..PrimMeta::default() })?;
             target.transform(&path, &cx.up.trs(&placement.transform))?;
@@ -204,9 +203,9 @@ fn open(cx: &Context, stage: Box<dyn Stage>, default_prim: &str) -> Result<Targe
 fn placed<'a>(cx: &'a Context, root: &str) -> Vec<(String, &'a crate::scene::Placement)> {
     let mut names = Names::default();
     for name in ["camera", "sun", "sky"] {
-        names.take(name);
+        names.unique(name);
     }
-    cx.scene.placements.iter().map(|p| (format!("{root}/{}", names.take(&p.name)), p)).collect()
+    cx.scene.placements.iter().map(|p| (format!("{root}/{}", names.unique(&p.name)), p)).collect()
 }
 
 /// Folder of the pictures, as seen from the layers that show them.

@@ -5,11 +5,11 @@ use half::f16;
 
 use super::axis::{extent, matrix};
 use super::mesh::{Place, define};
-use super::names::Names;
 use super::stage::{Attr, AttrSpec, PrimMeta};
 use super::target::{Context, Part, Shot, Target, near, unit};
 use super::value::{Array, Value};
 use crate::Result;
+use crate::fence::{Names, safe_name};
 use crate::geometry::Bounds;
 use crate::scene::{Asset, AssetFrame, MeshMotion, MeshObject, Skeleton, SkinWeights, Trs, mesh_points};
 
@@ -17,7 +17,7 @@ use crate::scene::{Asset, AssetFrame, MeshMotion, MeshObject, Skeleton, SkinWeig
 fn tokens(skeleton: &Skeleton) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(skeleton.joints.len());
     for joint in &skeleton.joints {
-        let name = super::names::clean(&joint.name);
+        let name = safe_name(&joint.name);
         let parent = joint.parent.and_then(|p| out.get(p as usize));
         out.push(parent.map_or_else(|| name.clone(), |p| format!("{p}/{name}")));
     }
@@ -51,7 +51,7 @@ pub(super) fn part(
     if !asset.meshes.iter().any(|m| follows(asset, m)) {
         return Ok(None);
     }
-    let path = format!("{root}/{}", names.take("skel"));
+    let path = format!("{root}/{}", names.unique("skel"));
     target.stage.prim(&path, "SkelRoot", &PrimMeta { api: vec!["SkelBindingAPI"], ..PrimMeta::default() })?;
     let b = extent(&bounds(cx, asset, &AssetFrame::default()));
     let extent = target.set(&format!("{path}.extent"), "float3[]", Array::Float3(&b).into())?;
@@ -62,10 +62,10 @@ pub(super) fn part(
     let part = define_animation(cx, target, &format!("{path}/anim"), (skeleton, &joints), extent)?;
     let mut inner = Names::default();
     for name in ["skeleton", "anim"] {
-        inner.take(name);
+        inner.unique(name);
     }
     for object in asset.meshes.iter().filter(|m| follows(asset, m)) {
-        let mesh = format!("{path}/{}", inner.take(&object.name));
+        let mesh = format!("{path}/{}", inner.unique(&object.name));
         let place = Place { root, path: &mesh, skinned: true, varying: false };
         define(cx, target, &place, &object.mesh)?;
         if let Some(skin) = &object.skin {

@@ -1,7 +1,7 @@
 //! What a stage is made of: the one interface that text and crate files are written through.
 
-use super::value::Value;
 use super::axis::UpAxis;
+use super::value::Value;
 use crate::Result;
 use crate::scene::Scene;
 

@@ -7,6 +7,7 @@ use super::axis::UpAxis;
 use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
 use super::value::Value;
 use crate::Result;
+use crate::fence::safe_name;
 use crate::scene::{Asset, AssetFrame, MaterialId, Scene, Trs};
 
 /// The scene and the choices that hold for all files.
@@ -61,7 +62,7 @@ impl Target {
     pub(super) fn bind(&mut self, cx: &Context, root: &str, prim: &str, material: MaterialId) -> Result<()> {
         let scope = format!("{root}/mtl");
         let Some(m) = cx.scene.materials.get(material as usize) else { return Ok(()) };
-        let path = format!("{scope}/{}", super::names::clean(&m.name));
+        let path = format!("{scope}/{}", safe_name(&m.name));
         if self.made.insert(scope.clone()) {
             self.plain(&scope, "Scope")?;
         }

@@ -7,8 +7,6 @@ use half::f16;
 pub enum Value<'a> {
     /// `bool`.
     Bool(bool),
-    /// `int`.
-    Int(i32),
     /// `float`.
     Float(f32),
     /// `double`.
@@ -48,8 +46,6 @@ pub enum Array<'a> {
     Float2(&'a [[f32; 2]]),
     /// `float3[]` and its roles.
     Float3(&'a [[f32; 3]]),
-    /// `float4[]` and its roles.
-    Float4(&'a [[f32; 4]]),
     /// `half3[]`.
     Half3(&'a [[f16; 3]]),
     /// `quatf[]`.
@@ -71,7 +67,7 @@ impl Array<'_> {
             Self::Float(v) => v.len(),
             Self::Float2(v) => v.len(),
             Self::Float3(v) => v.len(),
-            Self::Float4(v) | Self::Quatf(v) => v.len(),
+            Self::Quatf(v) => v.len(),
             Self::Half3(v) => v.len(),
             Self::Quath(v) => v.len(),
             Self::Matrix4d(v) => v.len(),

@@ -175,8 +175,9 @@ const TABLES: [[u32; 256]; 8] = tables();
 const fn tables() -> [[u32; 256]; 8] {
     let mut t = [[0_u32; 256]; 8];
     let mut i = 0;
+    let mut byte = 0_u32;
     while i < 256 {
-        let mut c = i as u32;
+        let mut c = byte;
         let mut k = 0;
         while k < 8 {
             c = if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
@@ -184,6 +185,7 @@ const fn tables() -> [[u32; 256]; 8] {
         }
         t[0][i] = c;
         i += 1;
+        byte += 1;
     }
     let mut row = 1;
     while row < 8 {

@@ -38,9 +38,10 @@ pub(super) fn layer(meta: &LayerMeta) -> String {
     let custom: String =
         meta.custom().iter().map(|(k, v)| format!("            string {k} = {}\n", quoted(v))).collect();
     format!(
-        "#usda 1.0\n(\n    customLayerData = {{\n        dictionary osier = {{\n{custom}        }}\n    }}\n    \
+        "#usda 1.0\n# {}\n(\n    customLayerData = {{\n        dictionary osier = {{\n{custom}        }}\n    }}\n    \
          defaultPrim = {}\n    endTimeCode = {}\n    framesPerSecond = {}\n    metersPerUnit = 1\n    \
          startTimeCode = {}\n    timeCodesPerSecond = {}\n    upAxis = {}\n)\n",
+        crate::export::GENERATOR,
         quoted(&meta.default_prim),
         meta.end,
         meta.fps,
@@ -148,7 +149,6 @@ fn array(a: &Array) -> Text {
         Array::Float(v) => list(v, |x| x.decimal()),
         Array::Float2(v) => list(v, |x| tuple(x)),
         Array::Float3(v) => list(v, |x| tuple(x)),
-        Array::Float4(v) => list(v, |x| tuple(x)),
         Array::Half3(v) => list(v, |x| tuple(x)),
         Array::Quatf(v) => list(v, quaternion),
         Array::Quath(v) => list(v, quaternion),
@@ -161,7 +161,6 @@ fn array(a: &Array) -> Text {
 pub(super) fn value(v: &Value, place: &str) -> Result<String> {
     let text = match v {
         Value::Bool(b) => Ok(u8::from(*b).to_string()),
-        Value::Int(i) => Ok(i.to_string()),
         Value::Float(x) => x.decimal().ok_or(0),
         Value::Double(x) => x.decimal().ok_or(0),
         Value::String(s) | Value::Token(s) => Ok(quoted(s)),

@@ -132,7 +132,6 @@ impl Heap {
         let bad = |i| not_finite(&place(), i);
         let code = match value {
             Value::Bool(b) => return Ok(inline(code::BOOL, u32::from(*b))),
-            Value::Int(i) => return Ok(inline(code::INT, i.cast_unsigned())),
             Value::Float(x) if x.is_finite() => return Ok(inline(code::FLOAT, (x + 0.0).to_bits())),
             Value::Float(_) => return Err(bad(0)),
             Value::String(_) => return Ok(inline(code::STRING, index)),
@@ -163,7 +162,6 @@ fn array_code(array: &Array) -> u8 {
         Array::Float(_) => code::FLOAT,
         Array::Float2(_) => code::VEC2F,
         Array::Float3(_) => code::VEC3F,
-        Array::Float4(_) => code::VEC4F,
         Array::Half3(_) => code::VEC3H,
         Array::Quatf(_) => code::QUATF,
         Array::Quath(_) => code::QUATH,
@@ -179,7 +177,7 @@ fn pack_array(array: &Array, tokens: &[u32], out: &mut Vec<u8>) -> std::result::
         Array::Float(v) => pack_f32(v, out)?,
         Array::Float2(v) => pack_f32(v.as_flattened(), out)?,
         Array::Float3(v) => pack_f32(v.as_flattened(), out)?,
-        Array::Float4(v) | Array::Quatf(v) => pack_f32(v.as_flattened(), out)?,
+        Array::Quatf(v) => pack_f32(v.as_flattened(), out)?,
         Array::Half3(v) => pack_f16(v.as_flattened(), out)?,
         Array::Quath(v) => pack_f16(v.as_flattened(), out)?,
         Array::Matrix4d(v) => pack_f64(v.as_flattened(), out)?,

@@ -233,6 +233,9 @@ const PREPENDED: u8 = 0x20;
 impl Stage for Usdc {
     fn begin(&mut self, meta: &LayerMeta) -> Result<()> {
         self.heap.sink.put(&[0; HEADER])?;
+        // Nothing refers to these bytes; they tell whose file it is without unpacking it.
+        self.heap.sink.put(crate::export::GENERATOR.as_bytes())?;
+        self.heap.sink.put(&[0])?;
         let mut strings = Vec::new();
         for (key, text) in meta.custom() {
             strings.push((key, inline(code::STRING, self.string(text))));

@@ -1,0 +1,83 @@
+//! USD files judged by usd-core and Blender.
+
+#[path = "common/clients.rs"]
+mod clients;
+mod common;
+#[path = "common/expect.rs"]
+mod expect;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use osier::export::Exporter as _;
+use osier::export::textures::Textures;
+use osier::export::usd::{Options, UpAxis, Usd};
+use osier::fence::Folder;
+use osier::scene::{Frame, Scene};
+
+/// A fresh folder for a test.
+fn place(name: &str) -> PathBuf {
+    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("usd").join(name);
+    let _ = std::fs::remove_dir_all(&dir);
+    dir
+}
+
+/// Writes a scene with some frames.
+fn write(dir: &Path, scene: &Scene, frames: &[Frame], options: Options) {
+    let folder = Folder::open(dir).expect("folder");
+    let textures = Arc::new(Textures::encode(scene).expect("pictures"));
+    let mut usd = Usd::new(folder, textures, options);
+    usd.begin(&Arc::new(scene.clone())).expect("begin");
+    for frame in frames {
+        usd.frame(frame).expect("frame");
+    }
+    let summary = usd.finish().expect("finish");
+    assert!(summary.warnings.is_empty(), "{:?}", summary.warnings);
+}
+
+fn single(file: &str) -> Options {
+    Options { file: Some(file.into()), ..Options::default() }
+}
+
+/// All USD files beneath a folder.
+fn files(dir: &Path) -> Vec<String> {
+    let mut out = Vec::new();
+    let mut folders = vec![dir.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("folder") {
+            let path = entry.expect("entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e.to_string_lossy().starts_with("usd")) {
+                out.push(path.to_string_lossy().into_owned());
+            }
+        }
+    }
+    out.sort();
+    out
+}
+
+/// The synthetic scene in every form: animated and still, folders and single files, both up axes.
+fn everything(dir: &Path) {
+    let (scene, frames) = common::synthetic();
+    let z = |file: Option<&str>| Options { up: UpAxis::Z, file: file.map(String::from), look: true };
+    for (name, frames) in [("moving", &frames[..]), ("still", &[])] {
+        write(&dir.join(name), &scene, frames, Options::default());
+        write(&dir.join(format!("{name}_z")), &scene, frames, z(None));
+        for file in ["all.usda", "all.usdc", "all.usdz"] {
+            write(&dir.join(format!("{name}_single")), &scene, frames, single(file));
+        }
+        write(&dir.join(format!("{name}_single_z")), &scene, frames, z(Some("all.usdz")));
+    }
+}
+
+#[test]
+fn every_file_passes_all_validators() {
+    let dir = place("validate");
+    everything(&dir);
+    let files = files(&dir);
+    assert_eq!(files.len(), 2 * (7 + 7 + 3 + 1), "{files:?}");
+    let Some(python) = clients::python() else { return };
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
+    clients::python_script(&python, "usd_validate.py", &files);
+}
