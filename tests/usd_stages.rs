@@ -1,4 +1,5 @@
 //! USD files judged by usd-core and Blender.
+#![allow(clippy::expect_used, reason = "a test fails by panicking")]
 
 #[path = "common/clients.rs"]
 mod clients;
