@@ -8,7 +8,12 @@ use std::sync::Arc;
 use crate::Result;
 use crate::scene::{Frame, Scene};
 
+pub mod exr;
 pub mod gltf;
+pub mod manifest;
+mod merge;
+pub mod obj;
+pub mod ply;
 pub mod pov;
 pub mod text;
 pub mod textures;

@@ -5,6 +5,7 @@
 
 mod disk;
 mod folder;
+mod inspect;
 mod journal;
 mod mark;
 mod names;
@@ -17,6 +18,7 @@ mod text;
 
 pub use disk::{Disk, System};
 pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
+pub use inspect::{hash_file, list_files, read_below};
 pub use names::{Names, safe_name};
 pub use number::{BadNumber, number};
 pub use output::Output;

@@ -1,11 +1,11 @@
 //! Settings, camera, light and sky.
 
-use glam::{Mat3, Quat, Vec3};
+use glam::Vec3;
 
 use super::space::{Space, rgb};
 use crate::export::text::{Num, Text};
 use crate::geometry::Bounds;
-use crate::scene::{Camera, Scene, Sky, Sun, Trs};
+use crate::scene::{Camera, Scene, Sky, Sun};
 use crate::{Error, Result};
 
 /// Directions that stand for the sky's light.
@@ -33,13 +33,29 @@ pub(super) fn check(scene: &Scene) -> Result<()> {
 /// Source: A = 2 atan(aspect tan(vfov / 2)); the matrix is F M F of the camera-to-world transform M, its third axis
 /// pointing into the picture because F turns it over.
 pub(super) fn camera(text: &mut Text, space: Space, camera: &Camera) {
-    let [right, up, back] = camera.axes();
-    let r = Quat::from_mat3(&Mat3::from_cols(right, up, back)).normalize();
+    let [right, _, back] = camera.axes().map(|v| v.to_array().map(f64::from));
+    let back = scaled(back, 1.0 / crate::math::sqrt(dot(back, back)));
+    let across = dot(right, back);
+    let right = [0, 1, 2].map(|i| right[i] - back[i] * across);
+    let right = scaled(right, 1.0 / crate::math::sqrt(dot(right, right)));
+    let up = [0, 1, 2].map(|i| back[(i + 1) % 3] * right[(i + 2) % 3] - back[(i + 2) % 3] * right[(i + 1) % 3]);
     let half = crate::math::tan_f32(camera.vfov * 0.5);
     text.put("camera {\n  perspective\n  right x*image_width/image_height\n  up y\n");
-    text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  ", Num(half)));
-    space.matrix(text, &Trs { t: camera.eye, r, s: Vec3::ONE });
-    text.put("\n}\n");
+    text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  matrix <", Num(half)));
+    // POV-Ray holds the axes to be perpendicular far closer than single precision can say.
+    for [x, y, z] in [right, up, scaled(back, -1.0)] {
+        text.put(&format!("{x},{y},{},", -z));
+    }
+    let e = camera.eye * space.scale;
+    text.list(&[e.x, e.y, -e.z], ",").put(">\n}\n");
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn scaled(a: [f64; 3], s: f64) -> [f64; 3] {
+    a.map(|x| x * s)
 }
 
 /// The sun as a parallel area light whose size is its angle. `bounds`: of the scene, m.
@@ -48,7 +64,6 @@ pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());
     let strength = sun.strength / std::f32::consts::PI;
-    let across = crate::math::perpendicular(toward);
     let size = 2.0 * distance * crate::math::tan_f32(sun.angle * 0.5);
     text.put("light_source {\n  ");
     space.point(text, center + toward * distance);
@@ -57,11 +72,8 @@ pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
     text.put("\n  parallel point_at ");
     space.point(text, center);
     if size > 0.0 {
-        text.put("\n  area_light ");
-        space.point(text, across * size);
-        text.put(", ");
-        space.point(text, toward.cross(across) * size);
-        text.put(", 4, 4 adaptive 1 circular orient");
+        // `orient` turns the axes towards what is lit; only their lengths count, and they must be equal.
+        text.put("\n  area_light x*").num(size).put(", y*").num(size).put(", 4, 4 adaptive 1 circular orient");
     }
     text.put("\n}\n");
 }

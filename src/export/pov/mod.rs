@@ -114,33 +114,36 @@ impl Pov {
         scene.assets.iter().enumerate().map(part).collect()
     }
 
-    fn save(&self, path: &str, kind: &'static str, frame: Option<u32>, text: &Text) -> Result<()> {
+    fn save(&self, path: &str, kind: &'static str, text: &Text) -> Result<()> {
         if !text.is_finite() {
-            return Err(Error::export("X001", format!("\"{path}\" would hold a number that is not finite")));
+            return Err(not_finite(path));
         }
-        if let Some(mut out) = self.folder.create(path, kind, frame)? {
-            out.put(text.bytes())?;
-            out.commit()?;
-        }
-        Ok(())
+        self.folder.write(path, kind, text.bytes())
     }
 
     fn write_frame(&mut self, scene: &Scene, number: u32, frame: Option<&Frame>) -> Result<()> {
+        self.written.push(number);
+        let path = self.path(&format!("frames/frame.{}.inc", scene.clip.tag(number)));
+        let Some(mut out) = self.folder.create(&path, "inc", Some(number))? else { return Ok(()) };
         let mut text = Text::default();
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
         let rest = AssetFrame::default();
         let mut count = 0;
-        let mut warnings = std::mem::take(&mut self.warnings);
         for part in self.parts(scene).iter().filter(|p| assets::moves(p.asset)) {
             let state = frame.and_then(|f| f.assets.get(part.index)).unwrap_or(&rest);
-            count += part.frame(&mut text, state, &mut warnings);
+            count += part.frame(&mut text, state, &mut self.warnings);
         }
-        self.warnings = warnings;
         self.instances = self.instances.max(count);
-        self.written.push(number);
-        let name = format!("frames/frame.{}.inc", scene.clip.tag(number));
-        self.save(&self.path(&name), "inc", Some(number), &text)
+        if !text.is_finite() {
+            return Err(not_finite(&path));
+        }
+        out.put(text.bytes())?;
+        out.commit()
     }
+}
+
+fn not_finite(path: &str) -> Error {
+    Error::export("X001", format!("\"{path}\" would hold a number that is not finite"))
 }
 
 impl Exporter for Pov {
@@ -163,18 +166,18 @@ impl Exporter for Pov {
         look::settings(&mut common, target.then_some(assets::DROP_MIN * self.options.units_per_m));
         material::declare(&mut common, scene, &self.pictures())?;
         self.textures.write(scene, &self.folder, &self.pictures())?;
-        self.save(&self.path("common.inc"), "inc", None, &common)?;
+        self.save(&self.path("common.inc"), "inc", &common)?;
 
         let mut prototypes = Text::default();
         prototypes.put(&format!("// {}: what instances show\n", super::GENERATOR));
         parts.iter().for_each(|p| p.prototypes(&mut prototypes));
-        self.save(&self.path("prototypes.inc"), "inc", None, &prototypes)?;
+        self.save(&self.path("prototypes.inc"), "inc", &prototypes)?;
 
         let mut still = Text::default();
         still.put(&format!("// {}: what never changes\n", super::GENERATOR));
         let mut warnings = Vec::new();
         let count: usize = parts.iter().map(|p| p.still(&mut still, &mut warnings)).sum();
-        self.save(&self.path("static.inc"), "inc", None, &still)?;
+        self.save(&self.path("static.inc"), "inc", &still)?;
         self.instances = count;
         self.warnings = warnings;
         self.scene = Some(Arc::clone(scene));
@@ -206,9 +209,9 @@ impl Exporter for Pov {
             Layout::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),
             Layout::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
         };
-        self.save(&path, "pov", None, &main)?;
+        self.save(&path, "pov", &main)?;
         let ini = main_file::render_ini(&scene, &self.options, &name, &self.written);
-        self.save(&self.path("render.ini"), "ini", None, &ini)?;
+        self.save(&self.path("render.ini"), "ini", &ini)?;
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }
 }

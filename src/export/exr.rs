@@ -1,0 +1,93 @@
+//! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`.
+//!
+//! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1].
+
+use std::sync::Arc;
+
+use exr::prelude::*;
+use half::f16;
+
+use super::{Exporter, GENERATOR, Summary};
+use crate::Error;
+use crate::fence::Folder;
+use crate::scene::{Frame, Material, Pixels, Scene};
+
+/// Exporter for EXR maps.
+#[derive(Debug)]
+pub struct Exr {
+    folder: Folder,
+}
+
+impl Exr {
+    /// Writes into `folder`.
+    pub fn new(folder: Folder) -> Self {
+        Self { folder }
+    }
+
+    fn height(&self, scene: &Scene, material: &Material, image: u32) -> crate::Result<()> {
+        let missing = || Error::export("X012", format!("material {}: picture {image} is missing", material.name));
+        let picture = scene.images.get(image as usize).ok_or_else(missing)?;
+        let path = format!("maps/{}/height.exr", material.name);
+        let Some(mut out) = self.folder.create(&path, "exr.height", None)? else { return Ok(()) };
+        let step = usize::from(picture.channels.max(1));
+        let samples: Vec<f16> = match &picture.pixels {
+            Pixels::U8(v) => v.iter().step_by(step).map(|s| f16::from_f32(f32::from(*s) / 255.0)).collect(),
+            Pixels::U16(v) => v.iter().step_by(step).map(|s| f16::from_f32(f32::from(*s) / 65535.0)).collect(),
+        };
+        let map = Map { width: picture.width, height: picture.height, samples };
+        let comment = serde_json::json!({
+            "map": "height", "leaf": material.name, "frame": scene.clip.start, "seed": scene.seed.to_string(),
+            "scene": scene.hash, "unit": "m", "range": material.height_range,
+        });
+        out.put(&encode(map, scene.clip.fps, &comment.to_string())?)?;
+        out.commit()
+    }
+}
+
+impl Exporter for Exr {
+    fn begin(&mut self, scene: &Arc<Scene>) -> crate::Result<()> {
+        for material in &scene.materials {
+            if let Some(image) = material.maps.height {
+                self.height(scene, material, image)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn frame(&mut self, _frame: &Frame) -> crate::Result<()> {
+        Ok(())
+    }
+
+    fn finish(&mut self) -> crate::Result<Summary> {
+        Ok(Summary::default())
+    }
+}
+
+/// A scalar map, rows from the top.
+struct Map {
+    width: u32,
+    height: u32,
+    samples: Vec<f16>,
+}
+
+/// The file's bytes. No attribute beside those named in its header: the crate keeps others in no fixed order.
+fn encode(map: Map, fps: (u32, u32), comment: &str) -> crate::Result<Vec<u8>> {
+    let size = (map.width as usize, map.height as usize);
+    if map.samples.len() != size.0.saturating_mul(size.1) {
+        return Err(Error::export("X012", "a height map has the wrong number of samples"));
+    }
+    let channel = AnyChannel::new("Y", FlatSamples::F16(map.samples));
+    let mut attributes = LayerAttributes {
+        software_name: Some(GENERATOR.into()),
+        comments: Text::new_or_none(comment),
+        ..LayerAttributes::default()
+    };
+    attributes.frames_per_second = i32::try_from(fps.0).ok().map(|n| (n, fps.1));
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(std::iter::once(channel).collect()));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let written = Image::from_layer(layer).write().to_buffered(&mut bytes);
+    written.map_err(|e| Error::export("X012", format!("a height map cannot be encoded: {e}")))?;
+    Ok(bytes.into_inner())
+}
