@@ -1,0 +1,195 @@
+//! glTF files and point caches in both Blenders: evaluated world positions against osier's own.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test may fail and writes where it likes")]
+
+#[path = "common/clients.rs"]
+mod clients;
+mod common;
+#[path = "common/expect.rs"]
+mod expect;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use osier::export::Exporter;
+use osier::export::gltf::{Gltf, Options};
+use osier::export::pc2::Pc2;
+use osier::export::textures::Textures;
+use osier::fence::Folder;
+use osier::scene::{Frame, Mesh, Placement, Scene, Trs};
+use serde_json::{Map, Value, json};
+
+fn bake(folder: &Path, scene: &Arc<Scene>, frames: &[Frame]) {
+    let folder = Folder::open(folder).expect("folder");
+    let textures = Arc::new(Textures::encode(scene).expect("pictures"));
+    let exporters: [Box<dyn Exporter>; 2] =
+        [Box::new(Gltf::new(folder.clone(), textures, Options::default())), Box::new(Pc2::new(folder))];
+    for mut exporter in exporters {
+        exporter.begin(scene).expect("begin");
+        frames.iter().for_each(|f| exporter.frame(f).expect("frame"));
+        exporter.finish().expect("finish");
+    }
+}
+
+/// Vertices in the order of the file: material after material, each with the vertices it uses.
+fn written(mesh: &Mesh, points: &[Value]) -> Vec<Value> {
+    let mut materials: Vec<u32> = Vec::new();
+    mesh.subsets.iter().for_each(|s| {
+        if !materials.contains(&s.material) {
+            materials.push(s.material);
+        }
+    });
+    let mut out = Vec::new();
+    for m in materials {
+        let mut used: Vec<u32> = mesh
+            .subsets
+            .iter()
+            .filter(|s| s.material == m)
+            .flat_map(|s| mesh.subset_triangles(s).iter().flatten().copied())
+            .collect();
+        used.sort_unstable();
+        used.dedup();
+        out.extend(used.iter().map(|&i| points[i as usize].clone()));
+    }
+    out
+}
+
+/// What each Blender object must show at the frames given, from the common expectations.
+/// `prefix`: names of the scene file start with the placement, those of an asset's own file do not.
+fn objects(scene: &Scene, frames: &[Frame], numbers: &[u32], prefix: bool) -> Value {
+    let all = expect::expect(scene, frames, numbers);
+    let mut out = Map::new();
+    for (number, at) in all["frames"].as_object().expect("frames") {
+        let mut list = Map::new();
+        for p in &scene.placements {
+            let asset = &scene.assets[p.asset];
+            let named = |n: &str| if prefix { format!("{}_{n}", p.name) } else { n.to_owned() };
+            let key = |n: &str| format!("{}/{n}", p.name);
+            for o in asset.meshes.iter().filter(|o| !o.mesh.points.is_empty()) {
+                let points = at["meshes"][key(&o.name)].as_array().expect("mesh");
+                list.insert(named(&o.name), json!({"points": written(&o.mesh, points)}));
+            }
+            for instancer in &asset.instancers {
+                let states = at["instancers"][key(&instancer.name)].as_array().expect("instancer");
+                instanced(&mut list, &named(&instancer.name), states, asset.skeleton.is_some());
+            }
+            for c in &asset.curves {
+                let points = &at["curves"][key(&c.name)];
+                list.insert(named(&c.name), json!({"points": points, "pairs": true}));
+            }
+        }
+        out.insert(number.clone(), list.into());
+    }
+    out.into()
+}
+
+fn instanced(list: &mut Map<String, Value>, name: &str, states: &[Value], rides: bool) {
+    if !rides {
+        for (i, s) in states.iter().enumerate() {
+            let hidden = s["alive"] == false;
+            list.insert(format!("{name}_{i}"), json!({"points": s["points"], "hidden": hidden}));
+        }
+        return;
+    }
+    for s in states {
+        let proto = s["proto"].as_str().expect("name");
+        let merged = list.entry(format!("{name}_{proto}")).or_insert_with(|| json!({"points": []}));
+        let points = s["points"].as_array().expect("points").clone();
+        merged["points"].as_array_mut().expect("list").extend(points);
+    }
+}
+
+/// An asset alone at the origin.
+fn alone(scene: &Scene, asset: usize) -> Scene {
+    let name = scene.assets[asset].id.clone();
+    Scene { placements: vec![Placement { name, asset, transform: Trs::IDENTITY }], ..scene.clone() }
+}
+
+fn jobs(folder: &Path) -> Value {
+    let (scene, frames) = common::synthetic();
+    let scene = Arc::new(scene);
+    let moving = folder.join("moving");
+    bake(&moving, &scene, &frames);
+    let still = folder.join("still");
+    bake(&still, &scene, &[]);
+    assert!(!still.join("cache").exists(), "a still scene has no cache");
+    let numbers = expect::three(&scene);
+    let path = |p: &str| moving.join(p).to_string_lossy().into_owned();
+    let job =
+        |file: String, frames: Value| json!({"file": file, "fps": 24, "start": scene.clip.start, "frames": frames});
+
+    let mut whole = job(path("gltf/synthetic.blender.glb"), objects(&scene, &frames, &numbers, true));
+    let camera = scene.camera;
+    let forward = (camera.target - camera.eye).normalize();
+    whole["camera"] = json!({"eye": camera.eye.to_array(), "forward": forward.to_array(), "vfov": camera.vfov});
+    whole["absent"] = json!(["misc_rain", "misc_pool"]);
+    let mut list = vec![whole];
+    for (i, asset) in scene.assets.iter().enumerate() {
+        let scene = alone(&scene, i);
+        let file = path(&format!("gltf/{}.blender.glb", asset.id));
+        list.push(job(file, objects(&scene, &frames, &numbers, false)));
+    }
+    list.push(cached(&scene, &frames, job(path("gltf/cache.blender.glb"), Value::Null), &path("cache/cache.pc2")));
+    list.push(resting(&scene, &frames, &still, numbers[0]));
+    list.into()
+}
+
+/// The point cache at every frame and halfway between frames.
+fn cached(scene: &Scene, frames: &[Frame], mut job: Value, pc2: &str) -> Value {
+    let scene = alone(scene, 1);
+    let every: Vec<u32> = frames.iter().map(|f| f.number).collect();
+    let at = objects(&scene, frames, &every, false);
+    let mut wanted = at.as_object().expect("frames").clone();
+    for pair in every.windows(2) {
+        let points = |n: u32| at[n.to_string()]["body"]["points"].as_array().expect("points").clone();
+        let half = |(a, b): (Value, Value)| {
+            let middle = |i: usize| (a[i].as_f64().expect("x") + b[i].as_f64().expect("x")) / 2.0;
+            json!([middle(0), middle(1), middle(2)])
+        };
+        let points: Vec<Value> = points(pair[0]).into_iter().zip(points(pair[1])).map(half).collect();
+        wanted.insert(format!("{}.5", pair[0]), json!({"body": {"points": points}}));
+    }
+    job["frames"] = wanted.into();
+    job["cache"] = json!({"object": "body", "pc2": pc2});
+    job
+}
+
+/// The still bake: everything at rest, the cloud included.
+fn resting(scene: &Scene, frames: &[Frame], folder: &Path, number: u32) -> Value {
+    let rest = Frame { number, assets: Vec::new() };
+    let rest = Frame { assets: scene.assets.iter().map(|_| osier::scene::AssetFrame::default()).collect(), ..rest };
+    let mut at = objects(scene, std::slice::from_ref(&rest), &[number], true);
+    let expected = expect::expect(scene, std::slice::from_ref(&rest), &[number]);
+    let list = at[number.to_string()].as_object_mut().expect("objects");
+    list.retain(|name, _| !name.starts_with("tracks_flying_"));
+    let states = expected["frames"][number.to_string()]["instancers"]["tracks/flying"].as_array().expect("flying");
+    instanced(list, "tracks_flying", states, true);
+    let cloud = &expected["frames"][number.to_string()]["points"]["misc/rain"]["positions"];
+    list.insert("misc_rain".into(), json!({"points": cloud}));
+    let file = folder.join("gltf/synthetic.blender.glb").to_string_lossy().into_owned();
+    assert!(!frames.is_empty());
+    json!({"file": file, "fps": 24, "start": number, "frames": at})
+}
+
+fn judge(run: impl Fn(&str) -> std::process::Output) {
+    let temp = tempfile::tempdir().expect("temp");
+    let jobs = jobs(temp.path());
+    let count = jobs.as_array().expect("list").len();
+    let file = temp.path().join("jobs.json");
+    std::fs::write(&file, jobs.to_string()).expect("jobs");
+    let output = run(&file.to_string_lossy());
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let done = text.lines().filter(|l| l.contains("\"worst\"")).count();
+    assert_eq!(done, count, "{text}");
+}
+
+#[test]
+fn blender_5_shows_everything_where_osier_does() {
+    let Some(python) = clients::python() else { return };
+    judge(|jobs| clients::python_script(&python, "blender_gltf.py", &[jobs]));
+}
+
+#[test]
+fn blender_3_4_shows_everything_where_osier_does() {
+    let Some(blender) = clients::blender() else { return };
+    judge(|jobs| clients::blender_script(&blender, "blender_gltf.py", &[jobs]));
+}
