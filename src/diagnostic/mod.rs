@@ -56,6 +56,12 @@ impl Diagnostic {
         Self::new(Severity::Warning, code, message.into(), span, label.into())
     }
 
+    /// A complaint about a whole file or something without lines, which the message names; severity as the code has it.
+    pub fn about(code: &'static str, message: impl Into<String>) -> Self {
+        let severity = codes::find(code).map_or(Severity::Error, |c| c.severity);
+        Self { severity, code, message: message.into(), labels: Vec::new(), help: None, fix: None }
+    }
+
     fn new(severity: Severity, code: &'static str, message: String, span: Span, label: String) -> Self {
         Self { severity, code, message, labels: vec![(span, label)], help: None, fix: None }
     }
@@ -94,10 +100,13 @@ impl Report {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// Adds one complaint; a (code, place) already present is not repeated.
+    /// Adds one complaint; a (code, place) already present is not repeated, nor is one without a place whose words are.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         let place = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));
-        if !self.diagnostics.iter().any(|d| place(d) == place(&diagnostic)) {
+        let same = |d: &Diagnostic| {
+            place(d) == place(&diagnostic) && (place(d).1.is_some() || d.message == diagnostic.message)
+        };
+        if !self.diagnostics.iter().any(same) {
             self.diagnostics.push(diagnostic);
         }
     }
