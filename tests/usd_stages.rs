@@ -82,3 +82,60 @@ fn every_file_passes_all_validators() {
     let files: Vec<&str> = files.iter().map(String::as_str).collect();
     clients::python_script(&python, "usd_validate.py", &files);
 }
+
+#[test]
+fn everything_stands_where_osier_says() {
+    let dir = place("positions");
+    everything(&dir);
+    let (scene, frames) = common::synthetic();
+    let wanted = dir.join("expected.json");
+    let json = expect::expect(&scene, &frames, &expect::three(&scene)).to_string();
+    std::fs::write(&wanted, json).expect("expectations");
+    let Some(python) = clients::python() else { return };
+    for (stage, up) in [
+        ("moving/synthetic.usda", ""),
+        ("moving_z/synthetic.usda", "z"),
+        ("moving_single/all.usda", ""),
+        ("moving_single/all.usdc", ""),
+        ("moving_single/all.usdz", ""),
+        ("moving_single_z/all.usdz", "z"),
+    ] {
+        let (stage, wanted) = (dir.join(stage), wanted.to_string_lossy());
+        let stage = stage.to_string_lossy();
+        let arguments: Vec<&str> = [&*stage, &*wanted, up].into_iter().filter(|a| !a.is_empty()).collect();
+        clients::python_script(&python, "usd_positions.py", &arguments);
+    }
+}
+
+#[test]
+fn text_and_crate_say_the_same() {
+    let dir = place("equal");
+    let (scene, frames) = common::synthetic();
+    for (name, frames) in [("still", &[][..]), ("moving", &frames[..])] {
+        for file in ["all.usda", "all.usdc"] {
+            write(&dir.join(name), &scene, frames, single(file));
+        }
+    }
+    let Some(python) = clients::python() else { return };
+    for name in ["still", "moving"] {
+        let [a, b] = ["all.usda", "all.usdc"].map(|f| dir.join(name).join(f).to_string_lossy().into_owned());
+        // The pictures' folder is named after the stem, which is the same.
+        clients::python_script(&python, "usd_equal.py", &[&a, &b]);
+    }
+}
+
+#[test]
+fn what_follows_from_the_points_agrees_with_them() {
+    let dir = place("derived");
+    let (scene, frames) = common::synthetic();
+    let z = Options { up: UpAxis::Z, ..Options::default() };
+    for (name, options) in [("y", Options::default()), ("z", z)] {
+        write(&dir.join(name), &scene, &frames, options);
+    }
+    let Some(python) = clients::python() else { return };
+    for name in ["y", "z"] {
+        let files = files(&dir.join(name).join("usd"));
+        let files: Vec<&str> = files.iter().map(String::as_str).collect();
+        clients::python_script(&python, "usd_derived.py", &files);
+    }
+}

@@ -1,6 +1,6 @@
 //! Repeated meshes as PointInstancer, and their twin as Points.
 
-use glam::{Quat, Vec3};
+use glam::{Mat3, Quat, Vec3};
 use half::f16;
 
 use super::axis::{UpAxis, extent};
@@ -10,7 +10,7 @@ use super::target::{Context, Part, Shot, Target, near, unit};
 use super::value::Array;
 use crate::Result;
 use crate::geometry::Bounds;
-use crate::scene::{InstanceState, Instancer, InstancerMotion, Trs, instance_states};
+use crate::scene::{InstanceState, Instancer, InstancerMotion, instance_states};
 
 fn triples(v: &[Vec3]) -> &[[f32; 3]] {
     bytemuck::cast_slice(v)
@@ -127,9 +127,10 @@ fn box_of(
     for (i, ((t, q), (s, proto))) in placed.enumerate() {
         let Some(shape) = boxes.get(*proto as usize).filter(|b| !b.is_empty()) else { continue };
         if state.is_alive(i) {
-            let r = Quat::from_array(q.map(f16::to_f32)).normalize();
-            let trs = Trs { t: up.vec(*t), r, s: up.scale(*s) };
-            b = b.union(Bounds::of(shape.corners().map(|c| trs.apply(c))));
+            // As readers do it: the matrix of the rounded quaternion, which is not quite a rotation.
+            let turn = Mat3::from_quat(Quat::from_array(q.map(f16::to_f32)));
+            let (t, s) = (up.vec(*t), up.scale(*s));
+            b = b.union(Bounds::of(shape.corners().map(|c| t + turn * (s * c))));
         }
     }
     extent(&b)
