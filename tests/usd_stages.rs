@@ -139,3 +139,25 @@ fn what_follows_from_the_points_agrees_with_them() {
         clients::python_script(&python, "usd_derived.py", &files);
     }
 }
+
+#[test]
+fn blender_shows_everything_where_osier_says() {
+    let dir = place("blender");
+    let (scene, frames) = common::synthetic();
+    write(&dir.join("y"), &scene, &frames, Options::default());
+    write(&dir.join("z"), &scene, &frames, Options { up: UpAxis::Z, ..Options::default() });
+    write(&dir.join("one"), &scene, &frames, single("all.usdz"));
+    let wanted = dir.join("expected.json");
+    let json = expect::expect(&scene, &frames, &expect::three(&scene)).to_string();
+    std::fs::write(&wanted, json).expect("expectations");
+    let [_, up, back] = scene.camera.axes().map(|a| a.to_array());
+    let look = serde_json::json!({
+        "eye": scene.camera.eye.to_array(), "up": up, "back": back, "sun": scene.sun.direction().to_array(),
+    });
+    let Some(python) = clients::python() else { return };
+    for stage in ["y/synthetic.usda", "z/synthetic.usda", "one/all.usdz"] {
+        let (stage, wanted) = (dir.join(stage), wanted.to_string_lossy());
+        let arguments = [&*stage.to_string_lossy(), &*wanted, &look.to_string()];
+        clients::python_script(&python, "usd_blender.py", &arguments);
+    }
+}

@@ -43,7 +43,9 @@ fn sun(cx: &Context, target: &mut Target, path: &str) -> Result<()> {
     let degrees = sun.angle * 180.0 / std::f32::consts::PI;
     target.set(&format!("{path}.inputs:angle"), "float", Value::Float(degrees))?;
     target.set(&format!("{path}.inputs:color"), "color3f", Value::Float3(sun.color))?;
-    target.set(&format!("{path}.inputs:intensity"), "float", Value::Float(sun.strength))?;
+    // The measure of a light whose brightness does not depend on its angle, as Blender writes and reads it.
+    target.set(&format!("{path}.inputs:intensity"), "float", Value::Float(sun.strength / 4.0))?;
+    target.set(&format!("{path}.inputs:normalize"), "bool", Value::Bool(true))?;
     // Light leaves along -Z.
     let r = math::rotation_between(Vec3::Z, sun.direction());
     // Where it stands does not matter to the light, only to whoever wants to grab it.
