@@ -11,6 +11,7 @@ use crate::scene::{Frame, Scene};
 pub mod exr;
 pub mod gltf;
 pub mod manifest;
+mod merge;
 pub mod obj;
 pub mod pc2;
 pub mod ply;
@@ -18,7 +19,6 @@ pub mod pov;
 pub mod text;
 pub mod textures;
 pub mod usd;
-mod merge;
 
 /// A warning about something that was repaired on the way out (X002, X003, X007 ...).
 #[derive(Debug, Clone, PartialEq, Eq)]
