@@ -6,7 +6,6 @@
 mod clients;
 mod common;
 #[path = "common/expect.rs"]
-#[allow(dead_code, reason = "only the choice of frames is used here")]
 mod expect;
 #[path = "common/picture.rs"]
 mod picture;
