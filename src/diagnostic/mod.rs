@@ -7,7 +7,7 @@ pub mod codes;
 mod render;
 mod source;
 
-pub use render::{Style, render};
+pub use render::{Style, render, render_json, visible};
 pub use source::{Position, SourceId, Sources, Span};
 
 /// How grave a complaint is; fixed per code.

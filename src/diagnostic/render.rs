@@ -1,11 +1,20 @@
-//! Diagnostics as text for people: source line, carets, help.
+//! Diagnostics as text for people (source line, carets, help) and as JSON for programs.
 
-use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+use std::ops::Range;
+
+use annotate_snippets::{AnnotationKind, Group, Level, Patch, Renderer, Snippet};
+use serde_json::{Value, json};
 
 use super::{Diagnostic, Report, Severity, Sources, Span};
 
 /// Longest list shown; the rest is counted.
 const SHOWN: usize = 20;
+
+/// Lines kept around a place, so that a huge file costs no more than a small one.
+const AROUND: usize = 2;
+
+/// Longest line that is quoted; of a longer one only the place is named.
+const QUOTED: usize = 4000;
 
 /// With or without terminal colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,67 +44,236 @@ pub fn render(report: &Report, style: Style) -> String {
     out
 }
 
+/// All diagnostics of a report as a JSON array: `severity`, `code`, `message`, `labels` (each `file`, `line`, `column`,
+/// `end_line`, `end_column`, `text`; one-based, columns in characters, the end exclusive), `help` and `fix` (a place with
+/// `replacement`), null where absent.
+pub fn render_json(report: &Report) -> Value {
+    let place = |span: Span, key: &str, text: &str| {
+        let start = report.sources.position(span);
+        let end = report.sources.position(Span { start: span.end.max(span.start), ..span });
+        json!({
+            "file": report.sources.name(span.source),
+            "line": start.line,
+            "column": start.column,
+            "end_line": end.line,
+            "end_column": end.column,
+            key: text,
+        })
+    };
+    let one = |d: &Diagnostic| {
+        let severity = match d.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        json!({
+            "severity": severity,
+            "code": d.code,
+            "message": d.message,
+            "labels": d.labels.iter().map(|(span, text)| place(*span, "text", text)).collect::<Vec<_>>(),
+            "help": d.help,
+            "fix": d.fix.as_ref().map(|f| place(f.span, "replacement", &f.replacement)),
+        })
+    };
+    report.diagnostics.iter().map(one).collect()
+}
+
+/// Some lines of a source, safe to print, and where they begin in it.
+struct Window {
+    text: String,
+    start: usize,
+    line: usize,
+}
+
+impl Window {
+    /// The lines around all of the spans.
+    fn around(text: &str, spans: &[Span]) -> Self {
+        let first = spans.iter().map(|s| s.start as usize).min().unwrap_or(0).min(text.len());
+        let last = spans.iter().map(|s| s.end as usize).max().unwrap_or(0).clamp(first, text.len());
+        let bytes = text.as_bytes();
+        let mut start = line_start(bytes, first);
+        let mut end = line_end(bytes, last);
+        for _ in 0..AROUND {
+            start = if start > 0 { line_start(bytes, start - 1) } else { start };
+            end = if end < bytes.len() { line_end(bytes, end + 1) } else { end };
+        }
+        let line = 1 + bytes.iter().take(start).filter(|b| **b == b'\n').count();
+        Self { text: masked(text.get(start..end).unwrap_or_default()), start, line }
+    }
+
+    /// A span in the window, cut to it and moved to character borders.
+    fn range(&self, span: Span) -> Range<usize> {
+        let floor = |i: u32| {
+            let mut i = (i as usize).saturating_sub(self.start).min(self.text.len());
+            while !self.text.is_char_boundary(i) {
+                i -= 1;
+            }
+            i
+        };
+        let start = floor(span.start);
+        start..floor(span.end).max(start)
+    }
+
+    fn is_quotable(&self) -> bool {
+        self.text.split('\n').all(|line| line.len() <= QUOTED)
+    }
+}
+
+fn line_start(bytes: &[u8], at: usize) -> usize {
+    bytes.iter().take(at).rposition(|b| *b == b'\n').map_or(0, |i| i + 1)
+}
+
+fn line_end(bytes: &[u8], at: usize) -> usize {
+    bytes.iter().skip(at).position(|b| *b == b'\n').map_or(bytes.len(), |i| at + i)
+}
+
 fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -> String {
     let level = match diagnostic.severity {
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
-    let message = visible(&diagnostic.message);
+    let windows = windows(sources, diagnostic);
+    let unquoted = windows.iter().filter(|(_, _, w)| !w.is_quotable()).map(|(_, spans, _)| spans);
+    let places = unquoted.flatten().map(|span| {
+        let at = sources.position(*span);
+        format!(" ({}:{}:{})", sources.name(span.source), at.line, at.column)
+    });
+    let message = visible(&(diagnostic.message.clone() + &places.collect::<String>()));
     let labels: Vec<(Span, String)> = diagnostic.labels.iter().map(|(s, t)| (*s, visible(t))).collect();
-    let texts: Vec<String> = labels.iter().map(|(s, _)| masked(sources.text(s.source))).collect();
-    let mut group: Group<'_> = level
+    let first = labels.first().map(|(s, _)| *s);
+    let mut main: Group<'_> = level
         .primary_title(&message)
         .id(diagnostic.code)
         .elements(Vec::<Snippet<'_, annotate_snippets::Annotation<'_>>>::new());
-    let mut done: Vec<u32> = Vec::new();
-    for (i, (span, _)) in labels.iter().enumerate() {
-        if done.contains(&span.source.0) {
-            continue;
+    for (name, spans, window) in windows.iter().filter(|(_, _, w)| w.is_quotable()) {
+        let mut snippet = Snippet::source(window.text.as_str()).line_start(window.line).path(name.as_str());
+        for (span, label) in labels.iter().filter(|(s, _)| spans.contains(s)) {
+            let kind = if Some(*span) == first { AnnotationKind::Primary } else { AnnotationKind::Context };
+            snippet = snippet.annotation(kind.span(window.range(*span)).label(label.as_str()));
         }
-        done.push(span.source.0);
-        let text = &texts[i];
-        let mut snippet = Snippet::source(text.as_str()).line_start(1).path(sources.name(span.source));
-        for (k, (s, label)) in labels.iter().enumerate().filter(|(_, l)| l.0.source == span.source) {
-            let kind = if k == 0 { AnnotationKind::Primary } else { AnnotationKind::Context };
-            snippet = snippet.annotation(kind.span(clamp(text, *s)).label(label.as_str()));
-        }
-        group = group.element(snippet);
+        main = main.element(snippet);
     }
     let help = diagnostic.help.as_ref().map(|h| visible(h));
     if let Some(help) = &help {
-        group = group.element(Level::HELP.message(help.as_str()));
+        main = main.element(Level::HELP.message(help.as_str()));
     }
-    renderer.render(&[group]).to_string()
+    let fix = diagnostic.fix.as_ref();
+    let fixed = fix.map(|f| (f, Window::around(sources.text(f.span.source), &[f.span]), visible(&f.replacement)));
+    let mut groups = vec![main];
+    if let Some((fix, window, replacement)) = fixed.as_ref().filter(|(_, w, _)| w.is_quotable()) {
+        let patch = Patch::new(window.range(fix.span), replacement.as_str());
+        let snippet = Snippet::source(window.text.as_str()).line_start(window.line).patch(patch);
+        groups.push(Level::HELP.secondary_title("write").element(snippet));
+    }
+    renderer.render(&groups).to_string()
 }
 
-/// A span cut to the text and moved to character borders.
-fn clamp(text: &str, span: Span) -> std::ops::Range<usize> {
-    let floor = |mut i: usize| {
-        i = i.min(text.len());
-        while !text.is_char_boundary(i) {
-            i -= 1;
+/// One window for each source that has labels, with its name and spans.
+fn windows(sources: &Sources, diagnostic: &Diagnostic) -> Vec<(String, Vec<Span>, Window)> {
+    let mut ids = Vec::new();
+    for (span, _) in &diagnostic.labels {
+        if !ids.contains(&span.source) {
+            ids.push(span.source);
         }
-        i
+    }
+    let window = |id| {
+        let spans: Vec<Span> = diagnostic.labels.iter().map(|l| l.0).filter(|s| s.source == id).collect();
+        let window = Window::around(sources.text(id), &spans);
+        (visible(sources.name(id)), spans, window)
     };
-    let start = floor(span.start as usize);
-    start..floor(span.end as usize).max(start)
+    ids.into_iter().map(window).collect()
 }
 
-/// Control and bidirectional characters shown as `\u{..}`, so that a hostile file cannot drive the terminal.
-pub(crate) fn visible(text: &str) -> String {
-    text.chars().map(|c| if hidden(c) && c != '\n' { c.escape_unicode().to_string() } else { c.to_string() }).collect()
+/// Control, bidirectional and invisible characters shown as `\u{..}`, so that words from a hostile file can neither drive
+/// the terminal nor begin a line.
+pub fn visible(text: &str) -> String {
+    text.chars().map(|c| if hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }).collect()
 }
 
 /// Like [`visible`], but keeps every byte offset: hidden characters become the same number of question marks.
 fn masked(text: &str) -> String {
-    if !text.chars().any(|c| hidden(c) && c != '\n' && c != '\t' && c != '\r') {
+    let is_masked = |c: char| hidden(c) && !matches!(c, '\n' | '\t' | '\r');
+    if !text.chars().any(is_masked) {
         return text.to_owned();
     }
-    let mask =
-        |c: char| if hidden(c) && !matches!(c, '\n' | '\t' | '\r') { "?".repeat(c.len_utf8()) } else { c.to_string() };
-    text.chars().map(mask).collect()
+    text.chars().map(|c| if is_masked(c) { "?".repeat(c.len_utf8()) } else { c.to_string() }).collect()
 }
 
 fn hidden(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnostic::SourceId;
+
+    fn report(text: &str, spans: &[(&str, &str)]) -> Report {
+        let mut report = Report::default();
+        let source = report.sources.add("scenes/a.toml", text);
+        for (word, label) in spans {
+            let at = text.find(word).expect("word");
+            let span = Span::new(source, at, at + word.len());
+            let fix = if *word == "lenght" { Some("length") } else { None };
+            let mut d = Diagnostic::error("S002", format!("unknown key {word:?}"), span, *label).help("see the list");
+            if let Some(fix) = fix {
+                d = d.fix(span, fix);
+            }
+            report.push(d);
+        }
+        report
+    }
+
+    #[test]
+    fn a_place_in_the_middle_has_its_line_and_column() {
+        let text: String = (1..=30).map(|i| format!("key{i} = {i} # \u{e9}\u{1F33F}\n")).collect();
+        let text = text.replace("key17 = 17", "  lenght = 17");
+        insta::assert_snapshot!(render(&report(&text, &[("lenght", "not a key")]), Style::Plain));
+    }
+
+    #[test]
+    fn two_places_in_two_files() {
+        let mut r = report("a = 1\nb = 2\n", &[("b", "here")]);
+        let other = r.sources.add("b.toml", "c = 3\nd = 4\n");
+        r.diagnostics[0].labels.push((Span::new(other, 6, 7), "first set here".into()));
+        insta::assert_snapshot!(render(&r, Style::Plain));
+    }
+
+    #[test]
+    fn hostile_characters_are_shown_not_sent() {
+        let mut r = report("x = \"\u{1b}[2J\u{202e}evil\u{7}\"\n", &[("evil", "\u{1b}]0;title\u{7}")]);
+        let name = r.sources.add("a\nopenjd_env: x\u{1b}", "q");
+        r.push(Diagnostic::error("S001", "bad\nopenjd_env: y", Span::new(name, 0, 1), "\nopenjd_"));
+        let text = render(&r, Style::Plain);
+        assert!(!text.chars().any(|c| hidden(c) && c != '\n'), "{text:?}");
+        assert!(text.lines().all(|l| !l.to_lowercase().starts_with("openjd_")), "{text}");
+        insta::assert_snapshot!(text);
+    }
+
+    #[test]
+    fn a_huge_line_and_a_huge_file_are_quick_and_keep_their_place() {
+        let text = format!("{{\n{}oops{}", "x".repeat(8 << 20), "y\n".repeat(1 << 20));
+        let r = report(&text, &[("oops", "here")]);
+        let shown = render(&r, Style::Plain);
+        assert!(shown.contains("(scenes/a.toml:2:8388609)") && shown.len() < 1000, "{shown}");
+        let text = "line\n".repeat(2 << 20) + "oops\n";
+        assert!(render(&report(&text, &[("oops", "here")]), Style::Plain).contains("a.toml:2097153:1"));
+    }
+
+    #[test]
+    fn odd_spans_never_panic() {
+        let mut r = report("a\u{e9}\n", &[]);
+        for (start, end) in [(2, 2), (2, 3), (4, 9), (9, 4), (usize::MAX, 0)] {
+            let span = Span::new(SourceId(0), start, end);
+            r.push(Diagnostic::warning("L001", "odd", span, "here").fix(span, "x"));
+        }
+        r.push(Diagnostic::error("L002", "no such source", Span::new(SourceId(7), 0, 1), "here"));
+        assert!(render(&r, Style::Plain).contains("no such source"));
+        assert!(render_json(&r).as_array().is_some_and(|a| a.len() == 6));
+    }
+
+    #[test]
+    fn json_names_place_help_and_fix() {
+        insta::assert_json_snapshot!(render_json(&report("\u{e9} = 1\n  lenght = 2\n", &[("lenght", "not a key")])));
+    }
 }
