@@ -78,10 +78,10 @@ pub const CODES: &[Code] = &[
     row("X010", Error, "input over a limit, or damaged"),
     row("X011", Error, "glTF extension is required but unknown"),
     row("X012", Error, "map set incomplete"),
-    row("X013", Warning, "part of an imported file is not used"),
+    row("X013", Warning, "more than the program it is meant for handles well: slow to open, or thinned"),
     row("X014", Warning, "file named by an imported file is not found"),
     row("X015", Warning, "imported file is not UTF-8, read as Latin-1"),
-    row("X013", Warning, "more than the program it is meant for handles well: slow to open, or thinned"),
+    row("X016", Warning, "part of an imported file is not used"),
 ];
 
 /// The row of a code.

@@ -52,7 +52,7 @@ pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<Piece>) -> Outcome<Mesh> {
         mesh.append(&Mesh { points, normals, uvs, colors, triangles, subsets });
     }
     if dropped > 0 {
-        job.warn("X013", format_args!("holds {dropped} triangles without area; they are left out"));
+        job.warn("X016", format_args!("holds {dropped} triangles without area; they are left out"));
     }
     if mesh.triangles.is_empty() {
         return Err(job.fault("X010", "holds no triangle with an area"));

@@ -88,7 +88,7 @@ impl Document {
         };
         required(job, top)?;
         if top.remove("animations").is_some() {
-            job.warn("X013", "holds animations; they are not read");
+            job.warn("X016", "holds animations; they are not read");
         }
         let instancing = entries(top, "nodes").filter_map(|(i, n)| Some((i, instancing(n)?))).collect();
         let transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, transform(m)?))).collect();

@@ -58,7 +58,7 @@ pub(super) fn walk(job: &mut Job<'_>, document: &Document, buffers: &Buffers<'_>
         stack.extend(children.map(|c| (c.value(), world_from_node, depth + 1)));
     }
     if skinned > 0 {
-        job.warn("X013", format_args!("holds {skinned} skinned meshes; they are read as bound, without their skin"));
+        job.warn("X016", format_args!("holds {skinned} skinned meshes; they are read as bound, without their skin"));
     }
     Ok(placed)
 }

@@ -77,12 +77,12 @@ fn mesh(
     for (k, primitive) in mesh.primitives.iter().enumerate() {
         let place = format!("meshes[{index}].primitives[{k}]");
         if primitive.targets.as_ref().is_some_and(|t| !t.is_empty()) {
-            job.warn("X013", "holds morph targets; they are not read");
+            job.warn("X016", "holds morph targets; they are not read");
         }
         let mode = match &primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => *mode,
             _ => {
-                job.warn("X013", format_args!("{place} is made of points or lines; it is left out"));
+                job.warn("X016", format_args!("{place} is made of points or lines; it is left out"));
                 continue;
             }
         };

@@ -152,7 +152,7 @@ impl<'l> Surfaces<'l> {
             if joined.is_none() {
                 let name = &given.name;
                 job.warn(
-                    "X013",
+                    "X016",
                     format_args!("material {name:?}: map_d needs a map_Kd of the same size; it is left out"),
                 );
             }

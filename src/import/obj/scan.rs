@@ -75,7 +75,7 @@ pub(super) fn scan(job: &mut Job<'_>, name: &str, text: &str) -> Outcome<Option<
     }
     if counts.faceless > 0 {
         let n = counts.faceless;
-        job.warn("X013", format_args!("holds {n} faces with fewer than three corners; they are left out"));
+        job.warn("X016", format_args!("holds {n} faces with fewer than three corners; they are left out"));
     }
     Ok((complaints == 0).then_some(Scan { libraries }))
 }
