@@ -233,6 +233,8 @@ const PREPENDED: u8 = 0x20;
 impl Stage for Usdc {
     fn begin(&mut self, meta: &LayerMeta) -> Result<()> {
         self.heap.sink.put(&[0; HEADER])?;
+        // The header is rewritten at the end; saying so now spares the file a hash that would not hold.
+        self.heap.sink.put_at(0, &[0; HEADER])?;
         // Nothing refers to these bytes; they tell whose file it is without unpacking it.
         self.heap.sink.put(crate::export::GENERATOR.as_bytes())?;
         self.heap.sink.put(&[0])?;
@@ -383,5 +385,90 @@ impl Sink for Closed {
 
     fn commit(self: Box<Self>) -> Result<()> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::usd::axis::UpAxis;
+    use crate::fence::Folder;
+    use half::f16;
+
+    /// Bytes of an instancer's clip; `scale` gives the scale of a frame.
+    fn clip(frames: u32, n: u32, scale: impl Fn(u32) -> f32) -> usize {
+        let folder = Folder::memory();
+        let out = folder.create("a.usdc", "usdc", None).expect("create").expect("new");
+        let mut stage = Usdc::new(Box::new(out));
+        let meta = LayerMeta {
+            default_prim: "a".into(),
+            up: UpAxis::Y,
+            fps: 24.0,
+            start: 1.0,
+            end: f64::from(frames),
+            seed: "1".into(),
+            scene: String::new(),
+        };
+        stage.begin(&meta).expect("begin");
+        stage.prim("/a", "PointInstancer", &PrimMeta::default()).expect("prim");
+        let types = [("positions", "point3f[]"), ("orientations", "quath[]"), ("scales", "float3[]")];
+        let attrs =
+            types.map(|(name, kind)| stage.attr(&format!("/a.{name}"), &AttrSpec::new(kind), None).expect("attr"));
+        for f in 1..=frames {
+            #[allow(clippy::cast_precision_loss, reason = "small numbers")]
+            let at = |i: u32, k: u32| (i * 7 + k * 31 + f * 13) as f32 * 0.01;
+            let positions: Vec<[f32; 3]> = (0..n).map(|i| [at(i, 0), at(i, 1), at(i, 2)]).collect();
+            let turns: Vec<[f16; 4]> = (0..n).map(|i| [0, 1, 2, 3].map(|k| f16::from_f32(at(i, k)))).collect();
+            let scales = vec![[scale(f); 3]; n as usize];
+            let arrays = [Array::Float3(&positions), Array::Quath(&turns), Array::Float3(&scales)];
+            for (attr, array) in attrs.iter().zip(arrays) {
+                stage.sample(*attr, f64::from(f), array.into()).expect("sample");
+            }
+        }
+        stage.finish().expect("finish");
+        folder.take("a.usdc").expect("file").len()
+    }
+
+    #[test]
+    fn equal_arrays_are_stored_once() {
+        let shared = clip(240, 2000, |_| 1.0);
+        #[allow(clippy::cast_precision_loss, reason = "small numbers")]
+        let each = clip(240, 2000, |f| f as f32);
+        assert!(shared * 100 <= each * 70, "{shared} of {each} bytes");
+        assert!(each > 240 * 2000 * 32);
+    }
+
+    #[test]
+    fn the_layout_is_the_documented_one() {
+        let folder = Folder::memory();
+        let out = folder.create("a.usdc", "usdc", None).expect("create").expect("new");
+        let mut stage = Usdc::new(Box::new(out));
+        let meta = LayerMeta {
+            default_prim: "a".into(),
+            up: UpAxis::Z,
+            fps: 24.0,
+            start: 1.0,
+            end: 2.0,
+            seed: "1".into(),
+            scene: "s".into(),
+        };
+        stage.begin(&meta).expect("begin");
+        stage.prim("/a", "Xform", &PrimMeta::default()).expect("prim");
+        stage.finish().expect("finish");
+        let bytes = folder.take("a.usdc").expect("file");
+        assert_eq!(&bytes[..16], b"PXR-USDC\0\x08\0\0\0\0\0\0");
+        let number =
+            |at: usize| usize::try_from(u64::from_le_bytes(bytes[at..at + 8].try_into().expect("8"))).expect("size");
+        let table = number(16);
+        assert_eq!(number(table), 6);
+        assert_eq!(bytes.len(), table + 8 + 6 * 32);
+        let mut end = number(table + 8 + 16);
+        for (i, name) in ["TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS"].iter().enumerate() {
+            let row = table + 8 + i * 32;
+            assert_eq!(&bytes[row..row + name.len()], name.as_bytes());
+            assert_eq!(number(row + 16), end, "sections follow each other");
+            end += number(row + 24);
+        }
+        assert_eq!(end, table);
     }
 }
