@@ -11,6 +11,7 @@ mod error;
 pub mod export;
 pub mod fence;
 pub mod geometry;
+pub mod grammar;
 pub mod import;
 pub mod limits;
 pub mod math;

@@ -1,0 +1,127 @@
+//! One step: all modules are rewritten at once, blocks of them in parallel.
+
+use super::matching::{self, View};
+use super::rewriter::{Rewriter, Setup};
+use super::{Derivation, MAX_PARAMS, Modules};
+use crate::grammar::vm::{Halt, Purpose};
+use crate::par;
+
+/// Modules a block holds.
+const BLOCK: usize = 65_536;
+
+/// A rewritten block.
+struct Part {
+    modules: Modules,
+    changed: bool,
+    vm: crate::grammar::vm::Vm,
+    halt: Option<Halt>,
+}
+
+impl Derivation<'_> {
+    /// Rewrites the string; true if any production was applied.
+    pub(super) fn rewrite(&mut self, step: u32) -> Result<bool, Halt> {
+        let rules = &self.program.rules;
+        let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
+        let partner = if needs_partners { matching::partners(&self.string, self.brackets) } else { Vec::new() };
+        let setup = Setup {
+            program: self.program,
+            rules,
+            stochastic: self.stochastic,
+            purposes: [Purpose::Statement, Purpose::Weight, Purpose::Choice],
+            step: Some(step),
+            birth: step,
+            tag: 0,
+            brackets: self.brackets,
+        };
+        let view = View { modules: &self.string, partner: &partner, hidden: &self.hidden };
+        let limit = usize::try_from(self.limits.get("modules")).unwrap_or(usize::MAX);
+        let n = self.string.len();
+        if self.program.is_serial() || n <= BLOCK {
+            let mut rewriter = Rewriter::new(setup, self.vm.clone());
+            self.spare.clear();
+            let changed = rewrite_range(&mut rewriter, view, 0..n, &mut self.spare, limit);
+            self.vm = rewriter.vm;
+            std::mem::swap(&mut self.string, &mut self.spare);
+            return changed;
+        }
+        let ranges: Vec<_> = (0..n.div_ceil(BLOCK)).map(|i| i * BLOCK..((i + 1) * BLOCK).min(n)).collect();
+        let mut start = self.vm.clone();
+        start.events.0.clear();
+        let parts = par::par_map(&ranges, |range| {
+            let mut modules = Modules::default();
+            let mut rewriter = Rewriter::new(setup, start.clone());
+            let result = rewrite_range(&mut rewriter, view, range.clone(), &mut modules, limit);
+            let changed = result.unwrap_or(false);
+            Part { modules, changed, vm: rewriter.vm, halt: result.err() }
+        });
+        self.join(parts, limit)
+    }
+
+    /// Joins rewritten blocks in order.
+    fn join(&mut self, parts: Vec<Part>, limit: usize) -> Result<bool, Halt> {
+        let before = self.vm.statements;
+        let mut changed = false;
+        self.spare.clear();
+        for part in parts {
+            self.vm.events.merge(part.vm.events);
+            self.vm.statements += part.vm.statements - before;
+            if let Some(halt) = part.halt {
+                return Err(halt);
+            }
+            changed |= part.changed;
+            check_size(&part.modules, self.spare.len(), self.spare.param_count(), limit)?;
+            self.spare.extend(&part.modules, 0..part.modules.len());
+        }
+        std::mem::swap(&mut self.string, &mut self.spare);
+        Ok(changed)
+    }
+}
+
+/// Is there room for `out` beside what was made already?
+pub(super) fn check_size(out: &Modules, modules: usize, params: usize, limit: usize) -> Result<(), Halt> {
+    if out.len() + modules > limit {
+        return Err(Halt::Modules);
+    }
+    if out.param_count() + params > MAX_PARAMS {
+        return Err(Halt::Parameters);
+    }
+    Ok(())
+}
+
+/// Rewrites the modules of `range` into `out`; true if any production was applied.
+fn rewrite_range(
+    rewriter: &mut Rewriter<'_>,
+    view: View<'_>,
+    range: std::ops::Range<usize>,
+    out: &mut Modules,
+    limit: usize,
+) -> Result<bool, Halt> {
+    let rules = rewriter.setup.rules;
+    let mut changed = false;
+    let mut i = range.start;
+    // Modules without productions are copied run by run.
+    let mut copied_to = i;
+    while i < range.end {
+        let symbol = view.modules.symbols()[i];
+        if !rules.concerns(symbol) {
+            i += 1;
+            continue;
+        }
+        let module = view.modules.get(i);
+        let Some(p) = rewriter.find(module, view, i)? else {
+            i += 1;
+            continue;
+        };
+        out.extend(view.modules, copied_to..i);
+        rewriter.build(p, module.lineage, out)?;
+        check_size(out, 0, 0, limit)?;
+        changed = true;
+        i += p.predecessor.len();
+        copied_to = i;
+    }
+    if copied_to < range.end {
+        out.extend(view.modules, copied_to..range.end);
+    }
+    check_size(out, 0, 0, limit)?;
+    Ok(changed)
+}

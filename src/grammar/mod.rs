@@ -1,0 +1,224 @@
+//! L-system files in the cpfg notation, and their derivation.
+//!
+//! [`parse`] turns text into a [`Grammar`] (or into complaints, all of them at once), [`derive`] makes its final string,
+//! [`interpret`] hands that string to whoever draws it. Text is data: nothing in a grammar opens files or runs programs.
+
+mod code;
+mod compile;
+mod derive;
+mod lint;
+mod preprocess;
+mod program;
+mod token;
+mod vm;
+
+use std::collections::BTreeMap;
+
+pub use derive::{DeriveOptions, Derived, Module, Modules, Prediction, derive, interpret, predict};
+pub use preprocess::{Define, Includes};
+pub use program::{SymbolId, Symbols};
+
+use crate::diagnostic::{Diagnostic, Report, Sources, Span};
+use crate::limits::Limits;
+use crate::{Error, Result};
+use program::Program;
+use token::{Place, Reading};
+
+/// Turtle commands of two characters.
+pub(crate) const COMMANDS: [(char, char); 20] = [
+    ('@', 'v'),
+    ('@', 'M'),
+    ('@', 'R'),
+    ('@', 'D'),
+    ('@', 'o'),
+    ('@', 'c'),
+    ('@', 'O'),
+    ('@', 'b'),
+    ('@', 'T'),
+    ('@', 'G'),
+    ('@', 'P'),
+    ('@', 'L'),
+    ('@', '#'),
+    ('@', '!'),
+    ('@', ';'),
+    ('@', ','),
+    ('?', 'P'),
+    ('?', 'H'),
+    ('?', 'U'),
+    ('?', 'L'),
+];
+
+/// A grammar that was read without errors.
+#[derive(Debug, Clone)]
+pub struct Grammar {
+    pub(crate) program: Program,
+    label: String,
+    description: String,
+    defines: Vec<Define>,
+    notes: Vec<Diagnostic>,
+    /// The texts, for complaints while deriving.
+    sources: Sources,
+    expansions: Vec<(String, Place)>,
+    start: Place,
+}
+
+/// The file to read.
+pub struct Source<'a> {
+    /// Name shown in complaints.
+    pub name: &'a str,
+    /// Its content.
+    pub bytes: &'a [u8],
+    /// Finds the files it includes.
+    pub includes: &'a mut Includes<'a>,
+    /// Values that replace those of its `#define`s.
+    pub defines: &'a BTreeMap<String, String>,
+}
+
+/// Reads a grammar. The texts are added to `sources`, into which all complaints point.
+/// Returns the grammar with its warnings.
+/// # Errors
+/// `Input` with everything that is wrong with the file.
+pub fn parse(sources: &mut Sources, source: Source<'_>, limits: &Limits) -> Result<(Grammar, Vec<Diagnostic>)> {
+    let mut reading = Reading::default();
+    let first = sources.ids().count();
+    let Source { name, bytes, includes, defines } = source;
+    let input = preprocess::Input { name, bytes, includes, defines, limits };
+    let preprocessed = preprocess::run(&mut reading, sources, input);
+    let main = (first..).zip(sources.ids().skip(first)).map(|(_, id)| id).find(|id| sources.name(*id) == name);
+    let start = Place::start_of(main.unwrap_or(crate::diagnostic::SourceId(0)));
+    let parsed = compile::parse(&mut reading, &preprocessed.tokens, start);
+    if !reading.has_errors() {
+        lint::check(&mut reading, &parsed.program);
+    }
+    if reading.has_errors() {
+        let diagnostics = std::mem::take(&mut reading.diagnostics);
+        return Err(Error::Input(Box::new(Report { sources: sources.clone(), diagnostics })));
+    }
+    let grammar = Grammar {
+        program: parsed.program,
+        label: parsed.label,
+        description: preprocessed.description,
+        defines: preprocessed.defines,
+        notes: std::mem::take(&mut reading.notes),
+        sources: sources.clone(),
+        expansions: reading.expansions.iter().map(|e| (reading.names.get(e.name).to_owned(), e.used_at)).collect(),
+        start,
+    };
+    Ok((grammar, std::mem::take(&mut reading.diagnostics)))
+}
+
+impl Grammar {
+    /// What stands behind `Lsystem:`.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The comment that opens the file.
+    pub fn description(&self) -> &str {
+        &self.description
+    }
+
+    /// Its `#define`s without arguments, in file order: what `--set` can change.
+    pub fn defines(&self) -> &[Define] {
+        &self.defines
+    }
+
+    /// Remarks that only a verbose run shows.
+    pub fn notes(&self) -> &[Diagnostic] {
+        &self.notes
+    }
+
+    /// The derivation length.
+    pub fn steps(&self) -> u32 {
+        self.program.length
+    }
+
+    /// True with a `Seed:`: productions compete by weight.
+    pub fn is_stochastic(&self) -> bool {
+        self.program.seed.is_some()
+    }
+
+    /// Its symbols.
+    pub fn symbols(&self) -> &Symbols {
+        &self.program.symbols
+    }
+
+    /// Symbols that stand behind a `~` anywhere: the organs that it draws, in order of their characters.
+    pub fn organ_symbols(&self) -> Vec<char> {
+        let successors = self.program.productions().map(|p| &p.successor).chain([&self.program.axiom]);
+        let symbol = |id| self.program.symbols.get(id);
+        let behind = |s: &Vec<program::Template>| {
+            let pairs = s.windows(2).filter(|w| symbol(w[0].symbol) == '~').map(|w| symbol(w[1].symbol));
+            pairs.collect::<Vec<_>>()
+        };
+        let all: std::collections::BTreeSet<char> = successors.flat_map(behind).collect();
+        all.into_iter().collect()
+    }
+
+    /// A string of modules as text, parameters with six digits.
+    pub fn print(&self, modules: &Modules) -> String {
+        let mut out = String::new();
+        for m in modules.iter() {
+            out.push(self.program.symbols.get(m.symbol));
+            if !m.params.is_empty() {
+                let params: Vec<String> = m.params.iter().map(|p| general(f64::from(*p))).collect();
+                out.push_str(&format!("({})", params.join(",")));
+            }
+        }
+        out
+    }
+
+    /// Where the derivation length stands.
+    fn length_place(&self) -> Span {
+        self.program.length_place.unwrap_or(self.start).span
+    }
+
+    /// A complaint with the macros that led to its place.
+    fn with_chain(&self, mut d: Diagnostic, place: Place) -> Diagnostic {
+        let mut at = place;
+        for _ in 0..4 {
+            let Some((name, used_at)) = (at.origin as usize).checked_sub(1).and_then(|i| self.expansions.get(i)) else {
+                break;
+            };
+            d = d.label(used_at.span, format!("through macro {name}"));
+            at = *used_at;
+        }
+        d
+    }
+
+    /// The texts that complaints of this grammar point into.
+    pub fn sources(&self) -> &Sources {
+        &self.sources
+    }
+}
+
+/// A number as C's `%g` prints it: six significant digits, no trailing zeros.
+fn general(x: f64) -> String {
+    if !x.is_finite() || crate::grammar::code::is_zero(x) {
+        return format!("{x}");
+    }
+    let exponent = format!("{x:.5e}");
+    let Some((digits, power)) = exponent.split_once('e') else { return exponent };
+    let power: i32 = power.parse().unwrap_or(0);
+    let trim =
+        |s: &str| if s.contains('.') { s.trim_end_matches('0').trim_end_matches('.').to_owned() } else { s.to_owned() };
+    if !(-4..6).contains(&power) {
+        let sign = if power < 0 { '-' } else { '+' };
+        return format!("{}e{sign}{:02}", trim(digits), power.abs());
+    }
+    let decimals = usize::try_from(5 - power).unwrap_or(0);
+    trim(&format!("{x:.decimals$}"))
+}
+
+/// An error met while deriving, as a report.
+fn runtime_report(grammar: &Grammar, diagnostic: Diagnostic) -> Error {
+    Error::Input(Box::new(Report { sources: grammar.sources.clone(), diagnostics: vec![diagnostic] }))
+}
+
+/// An error met while deriving, at one place, with a way out.
+fn runtime_error(grammar: &Grammar, code: &'static str, message: String, at: Span, help: impl Into<String>) -> Error {
+    runtime_report(grammar, Diagnostic::error(code, message, at, "here").help(help))
+}
+
+#[cfg(test)]
+mod tests;

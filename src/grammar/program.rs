@@ -1,0 +1,222 @@
+//! A grammar after compilation: symbols are numbers, expressions are code.
+
+use std::collections::BTreeMap;
+
+use super::code::{Code, Expr};
+use super::token::Place;
+
+/// A symbol's number: its place in [`Symbols`].
+pub type SymbolId = u16;
+
+/// The symbols of a grammar in order of appearance.
+#[derive(Debug, Clone, Default)]
+pub struct Symbols {
+    list: Vec<char>,
+    index: BTreeMap<char, SymbolId>,
+}
+
+impl Symbols {
+    /// Number of a symbol; `None` if the table is full (65,535 symbols).
+    pub(crate) fn intern(&mut self, c: char) -> Option<SymbolId> {
+        if let Some(&i) = self.index.get(&c) {
+            return Some(i);
+        }
+        let i = SymbolId::try_from(self.list.len()).ok().filter(|i| *i < SymbolId::MAX)?;
+        self.list.push(c);
+        self.index.insert(c, i);
+        Some(i)
+    }
+
+    /// The number of a symbol that occurs in the grammar.
+    pub fn find(&self, c: char) -> Option<SymbolId> {
+        self.index.get(&c).copied()
+    }
+
+    /// The symbol of a number; `?` for an unknown one.
+    pub fn get(&self, id: SymbolId) -> char {
+        self.list.get(usize::from(id)).copied().unwrap_or('?')
+    }
+
+    /// Number of symbols.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// True without symbols.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+}
+
+/// A module of a predecessor or context: parameters go to local variables from `slot` on.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Formal {
+    pub symbol: SymbolId,
+    pub arity: u8,
+    pub slot: u16,
+    pub place: Place,
+}
+
+/// One element of a context.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Element {
+    Module(Formal),
+    /// `[`
+    Open,
+    /// `]`: nothing but branches may be left in the branch.
+    Close,
+    /// `=]`: skips the rest of the branch.
+    CloseRest,
+}
+
+/// A module to be made.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Template {
+    pub symbol: SymbolId,
+    pub args: Vec<Expr>,
+    /// Which of its symbol in the successor, from 0.
+    pub occurrence: u32,
+    pub place: Place,
+}
+
+/// One production.
+#[derive(Debug, Clone)]
+pub(crate) struct Production {
+    pub left: Vec<Element>,
+    pub predecessor: Vec<Formal>,
+    pub right: Vec<Element>,
+    pub before: Option<Code>,
+    pub condition: Option<Code>,
+    pub after: Option<Code>,
+    pub successor: Vec<Template>,
+    pub weight: Option<Code>,
+    /// Number of local variables, formal parameters included.
+    pub locals: u16,
+    /// The predecessor.
+    pub place: Place,
+}
+
+impl Production {
+    /// Applies to every module of its kind.
+    pub fn is_unconditional(&self) -> bool {
+        self.condition.is_none() && self.is_context_free() && self.predecessor.len() == 1
+    }
+
+    /// Looks at no neighbour.
+    pub fn is_context_free(&self) -> bool {
+        self.left.is_empty() && self.right.is_empty()
+    }
+
+    /// All of its statements and expressions.
+    pub fn codes(&self) -> impl Iterator<Item = &Code> {
+        let own = [&self.before, &self.condition, &self.after, &self.weight];
+        let args = self.successor.iter().flat_map(|t| &t.args);
+        let args = args.filter_map(|e| if let Expr::Code(c) = e { Some(c) } else { None });
+        own.into_iter().flatten().chain(args)
+    }
+}
+
+/// Productions with an index by symbol and number of parameters.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Rules {
+    pub list: Vec<Production>,
+    /// Per symbol: (arity, production) in file order.
+    by_symbol: Vec<Vec<(u8, u32)>>,
+    /// `maximum depth`.
+    pub depth: u32,
+    /// `warnings`.
+    pub warn_depth: bool,
+    /// `seed:` of a homomorphism.
+    pub seed: Option<i64>,
+    /// Place of the section's heading.
+    pub place: Option<Place>,
+}
+
+impl Rules {
+    /// Builds the index; called once after parsing.
+    pub fn index(&mut self, symbols: usize) {
+        self.by_symbol = vec![Vec::new(); symbols];
+        for (i, p) in self.list.iter().enumerate() {
+            let (Some(first), Ok(i)) = (p.predecessor.first(), u32::try_from(i)) else { continue };
+            if let Some(row) = self.by_symbol.get_mut(usize::from(first.symbol)) {
+                row.push((first.arity, i));
+            }
+        }
+    }
+
+    /// Productions whose (first) predecessor is this kind of module, in file order.
+    pub fn of(&self, symbol: SymbolId, arity: u8) -> impl Iterator<Item = &Production> {
+        let row = self.by_symbol.get(usize::from(symbol)).map_or(&[][..], Vec::as_slice);
+        row.iter().filter(move |(a, _)| *a == arity).filter_map(|(_, i)| self.list.get(*i as usize))
+    }
+
+    /// Is there any production for this symbol?
+    #[inline]
+    pub fn concerns(&self, symbol: SymbolId) -> bool {
+        self.by_symbol.get(usize::from(symbol)).is_some_and(|row| !row.is_empty())
+    }
+}
+
+/// What contexts look past.
+#[derive(Debug, Clone, Default)]
+pub(crate) enum Hidden {
+    #[default]
+    Nothing,
+    /// `Ignore:`
+    These(Vec<SymbolId>),
+    /// `Consider:` - all but these.
+    AllBut(Vec<SymbolId>),
+}
+
+impl Hidden {
+    /// One flag per symbol.
+    pub fn table(&self, symbols: &Symbols) -> Vec<bool> {
+        let ids = (0..symbols.len()).map(|i| SymbolId::try_from(i).unwrap_or(SymbolId::MAX));
+        ids.map(|i| match self {
+            Self::Nothing => false,
+            Self::These(list) => list.contains(&i),
+            Self::AllBut(list) => !list.contains(&i) && !matches!(symbols.get(i), '[' | ']'),
+        })
+        .collect()
+    }
+}
+
+/// The blocks that run around steps.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Blocks {
+    pub start: Option<Code>,
+    pub start_each: Option<Code>,
+    pub end_each: Option<Code>,
+    pub end: Option<Code>,
+    /// Local variables of the blocks (none: what they assign is global).
+    pub globals: u16,
+}
+
+/// A compiled L-system.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Program {
+    pub symbols: Symbols,
+    pub axiom: Vec<Template>,
+    pub length: u32,
+    pub length_place: Option<Place>,
+    pub seed: Option<i64>,
+    pub hidden: Hidden,
+    pub blocks: Blocks,
+    pub rules: Rules,
+    pub decomposition: Rules,
+    pub homomorphism: Rules,
+}
+
+impl Program {
+    /// All productions of all sections.
+    pub fn productions(&self) -> impl Iterator<Item = &Production> {
+        self.rules.list.iter().chain(&self.decomposition.list).chain(&self.homomorphism.list)
+    }
+
+    /// Must modules be rewritten one after the other, because productions write globals or take several modules?
+    pub fn is_serial(&self) -> bool {
+        let writes = |p: &Production| p.codes().any(Code::writes_globals);
+        self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1)
+            || self.decomposition.list.iter().any(writes)
+    }
+}
