@@ -290,7 +290,7 @@ impl Parser<'_> {
         let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
         let all_words = !words.is_empty() && words.iter().all(|t| matches!(t.kind, Kind::Ident(_)));
         let first = line.tokens.first().map_or(place, |t| t.place);
-        if all_words && colon.is_some() || all_words && words.len() < 3 {
+        if all_words && (colon.is_some() || words.len() < 3) {
             let spelled = self.spelling(words);
             let lower = spelled.to_ascii_lowercase();
             let known = KEYWORDS.iter().map(|k| k.2);

@@ -145,9 +145,8 @@ impl Block<'_, '_> {
 
     fn patch(&mut self, at: usize) {
         let here = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
-        match self.code.ops.get_mut(at) {
-            Some(Op::Jump(t) | Op::JumpIfZero(t)) => *t = here,
-            _ => {}
+        if let Some(Op::Jump(t) | Op::JumpIfZero(t)) = self.code.ops.get_mut(at) {
+            *t = here;
         }
     }
 

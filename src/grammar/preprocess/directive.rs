@@ -71,10 +71,8 @@ impl Preprocessor<'_> {
                 }
                 None => self.reading.error("L001", "#else without #if", place, "no #if is open here"),
             },
-            "endif" => {
-                if self.conditions.pop().is_none() {
-                    self.reading.error("L001", "#endif without #if", place, "no #if is open here");
-                }
+            "endif" if self.conditions.pop().is_none() => {
+                self.reading.error("L001", "#endif without #if", place, "no #if is open here");
             }
             "error" => self.reading.error("L005", "#error reached", place, "the file refuses to be read this way"),
             _ => {}
