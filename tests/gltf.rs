@@ -4,16 +4,24 @@
 #[path = "common/clients.rs"]
 mod clients;
 mod common;
+#[path = "common/expect.rs"]
+mod expect;
+#[path = "common/gltf_objects.rs"]
+mod gltf_objects;
+#[path = "common/gltf_player.rs"]
+mod gltf_player;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
+use gltf_player::Player;
 use osier::export::gltf::{Gltf, Layout, Options, Profile};
 use osier::export::textures::Textures;
 use osier::export::{Exporter as _, Warning};
 use osier::fence::Folder;
 use osier::scene::{Frame, Scene};
+use serde_json::Value;
 
 const PROFILES: [Profile; 2] = [Profile::Web, Profile::Blender];
 
@@ -77,4 +85,167 @@ fn the_khronos_validator_finds_no_error_and_no_warning() {
         seen += 1;
     }
     assert_eq!(seen, list.len());
+}
+
+fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn points(v: &Value) -> Vec<glam::Vec3> {
+    let number = |v: &Value| v.as_f64().expect("number") as f32;
+    let list = v.as_array().expect("points").iter();
+    list.map(|p| glam::Vec3::new(number(&p[0]), number(&p[1]), number(&p[2]))).collect()
+}
+
+/// Largest distance between a node's positions and what is wanted of it.
+fn error(got: &[glam::Vec3], want: &Value, place: &str) -> f32 {
+    let paired: Vec<glam::Vec3>;
+    let mut got = got;
+    if want["hidden"] == true {
+        assert!(got.iter().all(|p| (*p - got[0]).length() < 1e-4), "{place} is dead");
+        return 0.0;
+    }
+    if want["pairs"] == true {
+        paired = got.chunks_exact(2).map(|p| (p[0] + p[1]) * 0.5).collect();
+        got = &paired;
+    }
+    let want = points(&want["points"]);
+    assert_eq!(got.len(), want.len(), "{place}");
+    got.iter().zip(&want).map(|(a, b)| (*a - *b).length()).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_player_of_the_format_shows_everything_where_osier_does_at_every_frame() {
+    let (scene, frames) = common::synthetic();
+    let scene = Arc::new(scene);
+    let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
+    let temp = tempfile::tempdir().expect("temp");
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+        let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
+        let wanted = match profile {
+            Profile::Web => gltf_objects::web_objects(&scene, &frames, &numbers),
+            Profile::Blender => gltf_objects::objects(&scene, &frames, &numbers, true),
+        };
+        for (number, list) in wanted.as_object().expect("frames") {
+            let number: u32 = number.parse().expect("number");
+            let time = osier::math::narrow(scene.clip.seconds(number));
+            let list = list.as_object().expect("objects");
+            for (name, want) in list {
+                let node = player.node(name).unwrap_or_else(|| panic!("{} {name}", profile.word()));
+                let place = format!("{} {name}, frame {number}", profile.word());
+                let e = error(&player.positions(node, time), want, &place);
+                assert!(e < 1e-4, "{place}: off by {e}");
+            }
+            let meshes = player.json["nodes"].as_array().expect("nodes").iter().filter(|n| n["mesh"].is_u64());
+            assert_eq!(meshes.count(), list.len(), "nothing but what is wanted");
+        }
+    }
+}
+
+#[test]
+fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
+    let (scene, frames) = common::synthetic();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    let mut keys = Vec::new();
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+        let player = Player::new(&read(&temp.path().join(format!("gltf/tracks.{}.glb", profile.word()))));
+        let samplers = player.json["animations"][0]["samplers"].as_array().expect("samplers").clone();
+        let count = |s: &Value| player.rows(s["input"].as_u64().expect("input") as usize).len();
+        keys.push(samplers.iter().map(count).sum::<usize>());
+        let required = player.json["extensionsRequired"].as_array().map_or(0, Vec::len);
+        assert_eq!(required, 0, "nothing is instanced where everything moves on its own");
+    }
+    assert!(keys[0] * 2 < keys[1], "{keys:?}");
+}
+
+/// The file without required extensions: the gltf crate refuses those that it was not built with.
+fn unrequired(glb: &[u8]) -> Vec<u8> {
+    let mut file = gltf::binary::Glb::from_slice(glb).expect("glb");
+    let mut json: Value = serde_json::from_slice(&file.json).expect("json");
+    json.as_object_mut().expect("object").remove("extensionsRequired");
+    file.json = serde_json::to_vec(&json).expect("json").into();
+    file.to_vec().expect("glb")
+}
+
+#[test]
+fn the_gltf_crate_reads_positions_bit_for_bit() {
+    let (scene, frames) = common::synthetic();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+        let bytes = unrequired(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
+        let file = gltf::Gltf::from_slice(&bytes).expect("valid");
+        let bin = file.blob.clone().expect("buffer");
+        for (asset, object) in scene.assets.iter().flat_map(|a| a.meshes.iter().map(move |m| (a, m))) {
+            if object.mesh.points.is_empty() {
+                continue;
+            }
+            let mesh = file.meshes().find(|m| m.name() == Some(&object.name)).expect("mesh");
+            let (mut positions, mut triangles) = (Vec::new(), 0);
+            for primitive in mesh.primitives() {
+                let reader = primitive.reader(|_| Some(&bin));
+                positions.extend(reader.read_positions().expect("positions"));
+                triangles += reader.read_indices().expect("indices").into_u32().count() / 3;
+            }
+            let bits = |p: &[f32; 3]| p.map(|c| (c + 0.0).to_bits());
+            let want: Vec<[u32; 3]> = object.mesh.points.iter().map(|p| bits(&p.to_array())).collect();
+            assert_eq!(positions.iter().map(bits).collect::<Vec<_>>(), want, "{}/{}", asset.id, object.name);
+            assert_eq!(triangles, object.mesh.triangles.len());
+        }
+        assert_eq!(file.skins().count(), 2, "each placement has joints of its own");
+        assert_eq!(file.animations().count(), 1);
+        let names: std::collections::BTreeSet<_> = file.nodes().filter_map(|n| n.name().map(str::to_owned)).collect();
+        assert_eq!(names.len(), file.nodes().count());
+        assert!(file.nodes().all(|n| matches!(n.transform(), gltf::scene::Transform::Decomposed { .. })));
+    }
+}
+
+#[test]
+#[cfg(feature = "parallel")]
+fn bytes_do_not_depend_on_threads_or_runs() {
+    let (scene, frames) = common::synthetic();
+    let scene = Arc::new(scene);
+    let run = |threads: usize| -> Vec<Vec<u8>> {
+        let temp = tempfile::tempdir().expect("temp");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+        pool.install(|| {
+            for profile in PROFILES {
+                export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+            }
+        });
+        files(&temp.path().join("gltf"), ".glb").iter().map(|p| read(p)).collect()
+    };
+    let one = run(1);
+    assert_eq!(one.len(), 12);
+    assert!([2, 5].into_iter().all(|n| run(n) == one));
+}
+
+#[test]
+fn a_gltf_beside_its_files_holds_the_same_as_a_glb() {
+    let (scene, _) = common::synthetic();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    let options = |layout| Options { profile: Profile::Blender, layout };
+    export(temp.path(), &scene, &[], options(Layout::Gltf("a/my tree.gltf".into())));
+    let json: Value = serde_json::from_slice(&read(&temp.path().join("a/my tree.gltf"))).expect("json");
+    assert_eq!(json["buffers"][0]["uri"], "my%20tree.bin");
+    let bin = read(&temp.path().join("a/my tree.bin"));
+    assert_eq!(json["buffers"][0]["byteLength"], bin.len());
+    let uris: Vec<&str> = json["images"].as_array().expect("images").iter().filter_map(|i| i["uri"].as_str()).collect();
+    assert_eq!(uris.len(), 3);
+    for uri in uris {
+        assert!(read(&temp.path().join("a").join(uri.replace("%20", " "))).starts_with(b"\x89PNG"));
+    }
+    let mut streamed = Vec::new();
+    let textures = Textures::encode(&scene).expect("pictures");
+    osier::export::gltf::write(&scene, &textures, Profile::Blender, &mut streamed).expect("write");
+    export(temp.path(), &scene, &[], options(Layout::Glb("one.glb".into())));
+    assert!(read(&temp.path().join("one.glb")) == streamed, "a pipe gets the same bytes as a file");
+    let glb: Value = Player::new(&streamed).json;
+    assert_eq!(json["nodes"], glb["nodes"]);
+    assert_eq!(json["meshes"], glb["meshes"]);
 }

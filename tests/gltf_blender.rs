@@ -6,7 +6,10 @@ mod clients;
 mod common;
 #[path = "common/expect.rs"]
 mod expect;
+#[path = "common/gltf_objects.rs"]
+mod gltf_objects;
 
+use gltf_objects::{alone, instanced, objects};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -15,8 +18,8 @@ use osier::export::gltf::{Gltf, Options};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
 use osier::fence::Folder;
-use osier::scene::{Frame, Mesh, Placement, Scene, Trs};
-use serde_json::{Map, Value, json};
+use osier::scene::{Frame, Scene};
+use serde_json::{Value, json};
 
 fn bake(folder: &Path, scene: &Arc<Scene>, frames: &[Frame]) {
     let folder = Folder::open(folder).expect("folder");
@@ -28,80 +31,6 @@ fn bake(folder: &Path, scene: &Arc<Scene>, frames: &[Frame]) {
         frames.iter().for_each(|f| exporter.frame(f).expect("frame"));
         exporter.finish().expect("finish");
     }
-}
-
-/// Vertices in the order of the file: material after material, each with the vertices it uses.
-fn written(mesh: &Mesh, points: &[Value]) -> Vec<Value> {
-    let mut materials: Vec<u32> = Vec::new();
-    mesh.subsets.iter().for_each(|s| {
-        if !materials.contains(&s.material) {
-            materials.push(s.material);
-        }
-    });
-    let mut out = Vec::new();
-    for m in materials {
-        let mut used: Vec<u32> = mesh
-            .subsets
-            .iter()
-            .filter(|s| s.material == m)
-            .flat_map(|s| mesh.subset_triangles(s).iter().flatten().copied())
-            .collect();
-        used.sort_unstable();
-        used.dedup();
-        out.extend(used.iter().map(|&i| points[i as usize].clone()));
-    }
-    out
-}
-
-/// What each Blender object must show at the frames given, from the common expectations.
-/// `prefix`: names of the scene file start with the placement, those of an asset's own file do not.
-fn objects(scene: &Scene, frames: &[Frame], numbers: &[u32], prefix: bool) -> Value {
-    let all = expect::expect(scene, frames, numbers);
-    let mut out = Map::new();
-    for (number, at) in all["frames"].as_object().expect("frames") {
-        let mut list = Map::new();
-        for p in &scene.placements {
-            let asset = &scene.assets[p.asset];
-            let named = |n: &str| if prefix { format!("{}_{n}", p.name) } else { n.to_owned() };
-            let key = |n: &str| format!("{}/{n}", p.name);
-            for o in asset.meshes.iter().filter(|o| !o.mesh.points.is_empty()) {
-                let points = at["meshes"][key(&o.name)].as_array().expect("mesh");
-                list.insert(named(&o.name), json!({"points": written(&o.mesh, points)}));
-            }
-            for instancer in &asset.instancers {
-                let states = at["instancers"][key(&instancer.name)].as_array().expect("instancer");
-                instanced(&mut list, &named(&instancer.name), states, asset.skeleton.is_some());
-            }
-            for c in &asset.curves {
-                let points = &at["curves"][key(&c.name)];
-                list.insert(named(&c.name), json!({"points": points, "pairs": true}));
-            }
-        }
-        out.insert(number.clone(), list.into());
-    }
-    out.into()
-}
-
-fn instanced(list: &mut Map<String, Value>, name: &str, states: &[Value], rides: bool) {
-    if !rides {
-        for (i, s) in states.iter().enumerate() {
-            let hidden = s["alive"] == false;
-            list.insert(format!("{name}_{i}"), json!({"points": s["points"], "hidden": hidden}));
-        }
-        return;
-    }
-    for s in states {
-        let proto = s["proto"].as_str().expect("name");
-        let merged = list.entry(format!("{name}_{proto}")).or_insert_with(|| json!({"points": []}));
-        let points = s["points"].as_array().expect("points").clone();
-        merged["points"].as_array_mut().expect("list").extend(points);
-    }
-}
-
-/// An asset alone at the origin.
-fn alone(scene: &Scene, asset: usize) -> Scene {
-    let name = scene.assets[asset].id.clone();
-    Scene { placements: vec![Placement { name, asset, transform: Trs::IDENTITY }], ..scene.clone() }
 }
 
 fn jobs(folder: &Path) -> Value {

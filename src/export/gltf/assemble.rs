@@ -7,7 +7,7 @@ use glam::{Mat3, Quat};
 
 use super::super::Warning;
 use super::buffer::last;
-use super::document::{Document, marked, placed};
+use super::document::{Document, finite, marked, placed};
 use super::json::{Camera, Index, Node, Perspective, Skin};
 use super::parts::{Chosen, Hold, Part, Parts};
 use super::tracks::MOVING_NODES;
@@ -40,7 +40,7 @@ impl Document<'_> {
             Shows::Scene { .. } => (&scene.placements, &scene.name),
         };
         let prefixed = matches!(shows, Shows::Scene { .. });
-        let chosen = self.choose(placements);
+        let chosen = self.choose(placements, name);
         let mut parts: BTreeMap<usize, Parts> = BTreeMap::new();
         for (i, placement) in placements.iter().enumerate() {
             let asset = placement.asset;
@@ -64,7 +64,7 @@ impl Document<'_> {
     }
 
     /// Chooses the moving instances: all, or those of the smallest keys if there are too many for one file.
-    fn choose(&mut self, placements: &[Placement]) -> ChosenAt {
+    fn choose(&mut self, placements: &[Placement], name: &str) -> ChosenAt {
         let from = self.from;
         let mut list = Vec::new();
         let mut total = 0_usize;
@@ -77,8 +77,9 @@ impl Document<'_> {
             total += from.scene.assets[placement.asset].instancers.iter().filter(free).map(|i| i.len()).sum::<usize>();
         }
         if total > MOVING_NODES && !from.tracks.is_still() {
-            let message =
-                format!("{total} moving instances, {MOVING_NODES} written: those of the smallest hash(seed, id)");
+            let message = format!(
+                "{name}: {total} moving instances, {MOVING_NODES} written: those of the smallest hash(seed, id)"
+            );
             self.warnings.push(Warning { code: "X003", message });
         }
         list.sort_unstable();
@@ -92,6 +93,7 @@ impl Document<'_> {
 
     fn place(&mut self, placement: &Placement, prefixed: bool, parts: &Parts, chosen: Option<&Chosen>) -> Result<()> {
         let asset = &self.from.scene.assets[placement.asset];
+        finite(&placement.transform, || format!("placement {}", placement.name))?;
         let named = |name: &str| if prefixed { format!("{}_{name}", placement.name) } else { name.to_owned() };
         let top = marked(placement.name.clone(), &placement.transform, asset.id.clone(), asset.kind.word());
         let top = self.node(top)?;
@@ -142,6 +144,7 @@ impl Document<'_> {
         let perspective = Perspective { yfov: view.vfov, znear: 0.01, zfar };
         self.root.cameras.push(Camera { name: "camera".into(), kind: "perspective", perspective });
         let rest = Trs { t: view.eye, r, ..Trs::IDENTITY };
+        finite(&rest, || "camera".to_owned())?;
         let node = Node { camera: Some(0), ..marked("camera".into(), &rest, "camera".into(), "camera") };
         let node = self.node(node)?;
         self.attach(None, node);

@@ -156,6 +156,10 @@ impl Buffer {
     }
 
     fn view(&mut self, byte_offset: usize, target: Option<u32>) -> Result<Index> {
+        // Ends the work before memory does: no container holds more.
+        if u32::try_from(self.bytes.len()).is_err() {
+            return Err(too_large(self.bytes.len()));
+        }
         let byte_length = self.bytes.len() - byte_offset;
         self.views.push(BufferView { buffer: 0, byte_offset, byte_length, target });
         last(self.views.len())
@@ -170,6 +174,15 @@ impl Buffer {
 /// Index of the last of `len` items.
 pub(super) fn last(len: usize) -> Result<Index> {
     Index::try_from(len.wrapping_sub(1)).map_err(|_| Error::export("X005", "glTF document: more than 2^32 entries"))
+}
+
+/// The error of a file that passes the end of the format.
+pub(super) fn too_large(bytes: usize) -> Error {
+    let reason = format!(
+        "glTF file of at least {bytes} bytes, the format ends at {}; show fewer instances or write usd",
+        u32::MAX
+    );
+    Error::export("X005", reason)
 }
 
 fn shaped(buffer_view: Index, component_type: u32, count: usize, shape: &'static str) -> Accessor {

@@ -1,9 +1,10 @@
 //! The two containers: one binary file, or JSON with a binary file beside it.
 
+use super::buffer::too_large;
 use super::document::Document;
 use super::json;
 use super::text::to_json;
-use crate::{Error, Result};
+use crate::Result;
 
 const MAGIC: u32 = 0x4654_6C67;
 const VERSION: u32 = 2;
@@ -21,8 +22,7 @@ pub(super) fn glb(mut document: Document<'_>, mut put: impl FnMut(&[u8]) -> Resu
     let mut text = to_json(&document.root)?;
     text.resize(text.len().next_multiple_of(4), b' ');
     bin.resize(bin.len().next_multiple_of(4), 0);
-    let total = 12 + 8 + text.len() + if bin.is_empty() { 0 } else { 8 + bin.len() };
-    let total = u32::try_from(total).map_err(|_| too_large(total))?;
+    let total = whole(text.len(), bin.len())?;
     for word in [MAGIC, VERSION, total, length(&text)?, JSON] {
         put(&word.to_le_bytes())?;
     }
@@ -51,8 +51,21 @@ fn length(bytes: &[u8]) -> Result<u32> {
     u32::try_from(bytes.len()).map_err(|_| too_large(bytes.len()))
 }
 
-fn too_large(bytes: usize) -> Error {
-    let reason =
-        format!("glTF file of {bytes} bytes, the format ends at {}; place fewer assets or write usd", u32::MAX);
-    Error::export("X005", reason)
+/// Bytes of a .glb whose chunks hold `text` and `bin` bytes (multiples of four).
+fn whole(text: usize, bin: usize) -> Result<u32> {
+    let bytes = 12 + 8 + text + if bin == 0 { 0 } else { 8 + bin };
+    u32::try_from(bytes).map_err(|_| too_large(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_gibibytes_less_one_is_the_end() {
+        let most = 0xFFFF_FFFC - 28 - 100;
+        assert_eq!(whole(100, most).expect("fits"), 0xFFFF_FFFC);
+        assert!(matches!(whole(104, most), Err(crate::Error::Export { code: "X005", .. })));
+        assert_eq!(whole(100, 0).expect("no buffer"), 120);
+    }
 }

@@ -14,9 +14,9 @@ use super::keys::{Keys, unit};
 use super::materials::Surface;
 use super::tracks::Tracks;
 use super::{Pictures, Profile};
-use crate::Result;
 use crate::export::textures::Textures;
 use crate::scene::{Scene, Trs};
+use crate::{Error, Result};
 
 /// What a file is made of.
 #[derive(Debug, Clone, Copy)]
@@ -181,6 +181,14 @@ impl<'a> Document<'a> {
         self.root.accessors = std::mem::take(&mut self.buffer.accessors);
         self.root.buffer_views = std::mem::take(&mut self.buffer.views);
     }
+}
+
+/// Refuses a transform that is not finite.
+pub(super) fn finite(trs: &Trs, what: impl FnOnce() -> String) -> Result<()> {
+    if trs.t.is_finite() && trs.r.is_finite() && trs.s.is_finite() {
+        return Ok(());
+    }
+    Err(Error::export("X001", format!("{}: its transform is not finite", what())))
 }
 
 /// A node with a transform and our mark.

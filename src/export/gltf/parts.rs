@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use glam::Vec3;
 
 use super::Profile;
-use super::document::{Document, Drive, Motion};
+use super::document::{Document, Drive, Motion, finite};
 use super::instances::{Group, members};
 use super::json::{Index, NodeExtensions};
 use super::keys;
@@ -78,10 +78,6 @@ impl Document<'_> {
         let Some(tracks) = from.tracks.assets.get(asset) else { return Ok(Parts::default()) };
         let mut parts = Parts::default();
         let rig = if from.tracks.is_still() { None } else { Rig::new(source, &tracks.poses, JOINTS) };
-        let rig = rig.map(|(rig, warning)| {
-            self.warnings.extend(warning);
-            rig
-        });
         for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
             self.object(&mut parts, (source, object), rig.as_ref(), shapes)?;
         }
@@ -273,10 +269,13 @@ impl Document<'_> {
 
     fn joints(&mut self, parts: &mut Parts, asset: &Asset, rig: &Rig, poses: &[Vec<Trs>]) -> Result<()> {
         let Some(skeleton) = &asset.skeleton else { return Ok(()) };
+        self.warnings.extend(rig.warning.clone());
         let times = &self.from.tracks.times;
         let thin = self.from.profile == Profile::Web;
         for (k, &i) in rig.kept.iter().enumerate() {
-            let mut motion = Motion { rest: skeleton.joints[i].rest, ..Motion::default() };
+            let joint = &skeleton.joints[i];
+            finite(&joint.rest, || format!("asset {}, joint {}", asset.id, joint.name))?;
+            let mut motion = Motion { rest: joint.rest, ..Motion::default() };
             let Motion { rest, drives } = &mut motion;
             let of = |f: &dyn Fn(&Trs) -> Vec3| poses.iter().map(|p| f(&p[i])).collect::<Vec<Vec3>>();
             let turns: Vec<_> = poses.iter().map(|p| p[i].r).collect();
@@ -288,7 +287,7 @@ impl Document<'_> {
             self.drive_rotation(keys::rotations(times, &turns, thin), &mut rest.r, drives)?;
             self.drive_vector(keys::positions(times, &of(&|j| j.s), thin), ("scale", false), (&mut rest.s, drives))?;
             let parent = rig.parent(skeleton, k);
-            parts.joints.push(Joint { name: skeleton.joints[i].name.clone(), parent, motion });
+            parts.joints.push(Joint { name: joint.name.clone(), parent, motion });
         }
         if parts.shown.iter().any(|p| p.hold == Hold::Skin) {
             let what = format!("asset {}, skin", asset.id);

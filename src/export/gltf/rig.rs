@@ -17,6 +17,8 @@ pub(super) struct Rig {
     pub carrier: Vec<u16>,
     /// Asset from joint at rest, for each joint of the skeleton.
     pub bind: Vec<Trs>,
+    /// X002, if joints were left out.
+    pub warning: Option<Warning>,
 }
 
 impl Rig {
@@ -25,13 +27,13 @@ impl Rig {
     /// Joints are ranked by the largest rotation in the clip (rad) times the length of their subtree (m), ties by
     /// index; the best are kept while they and their ancestors fit. The others ride on the nearest kept ancestor.
     /// Own: the ranking keeps what would move most visibly.
-    pub(super) fn new(asset: &Asset, poses: &[Vec<Trs>], limit: usize) -> Option<(Self, Option<Warning>)> {
+    pub(super) fn new(asset: &Asset, poses: &[Vec<Trs>], limit: usize) -> Option<Self> {
         let skeleton = asset.skeleton.as_ref().filter(|s| !s.joints.is_empty())?;
         let n = skeleton.joints.len();
         let bind = skeleton.bind();
         if n <= limit {
             let carrier = (0..n).filter_map(|i| u16::try_from(i).ok()).collect();
-            return Some((Self { kept: (0..n).collect(), carrier, bind }, None));
+            return Some(Self { kept: (0..n).collect(), carrier, bind, warning: None });
         }
         let keep = choose(skeleton, poses, limit);
         let kept: Vec<usize> = (0..n).filter(|&i| keep[i]).collect();
@@ -43,7 +45,7 @@ impl Rig {
         }
         let message =
             format!("asset {}: {n} joints, {} written; the others ride on the nearest of them", asset.id, kept.len());
-        Some((Self { kept, carrier, bind }, Some(Warning { code: "X002", message })))
+        Some(Self { kept, carrier, bind, warning: Some(Warning { code: "X002", message }) })
     }
 
     /// Index among the written joints of the parent of written joint `k`.
@@ -154,16 +156,16 @@ mod tests {
         let asset = asset(5);
         let mut pose = asset.skeleton.as_ref().expect("skeleton").rest_pose();
         pose.iter_mut().for_each(|j| j.r = Quat::from_rotation_x(0.2));
-        let (rig, warning) = Rig::new(&asset, &[pose], 4).expect("rig");
+        let rig = Rig::new(&asset, &[pose], 4).expect("rig");
         assert_eq!(rig.kept, [0, 1, 2, 3]);
         assert_eq!(rig.carrier, [0, 1, 2, 3, 3, 3, 3, 3]);
-        assert_eq!(warning.expect("warned").code, "X002");
+        assert_eq!(rig.warning.expect("warned").code, "X002");
     }
 
     #[test]
     fn merged_weights_name_no_joint_twice_and_sum_to_one() {
         let asset = asset(5);
-        let (rig, _) = Rig::new(&asset, &[], 4).expect("rig");
+        let rig = Rig::new(&asset, &[], 4).expect("rig");
         let skin = SkinWeights { joints: vec![[6, 7, 1, 0]], weights: vec![[0.4, 0.25, 0.35, 0.0]] };
         let (joints, weights) = rig.weights(&skin);
         assert_eq!(joints, [[3, 1, 0, 0]]);
