@@ -1,5 +1,6 @@
 //! glTF files: what the gltf crate and the Khronos validator read in them.
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test may fail and writes where it likes")]
+#![allow(clippy::cast_possible_truncation, reason = "small test numbers")]
 
 #[path = "common/clients.rs"]
 mod clients;

@@ -1,5 +1,12 @@
 //! A small glTF player, written from the format alone: world positions of every mesh node at a time.
 #![allow(dead_code, reason = "each test file uses its own share")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::panic,
+    clippy::expect_used,
+    reason = "test code"
+)]
 
 use glam::{Mat4, Quat, Vec3, Vec4};
 use serde_json::Value;
