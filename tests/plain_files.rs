@@ -1,5 +1,6 @@
 //! OBJ and PLY: byte for byte, and read again by other readers.
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test fails by panicking and looks at files")]
+#![allow(clippy::float_cmp, reason = "what is read again is equal to the bit")]
 
 mod common;
 
