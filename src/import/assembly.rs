@@ -61,7 +61,7 @@ pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<Piece>) -> Outcome<Mesh> {
 }
 
 fn check(job: &Job<'_>, piece: &Piece) -> Outcome<()> {
-    let bad = |what: &str, i: usize| job.fault("X001", format_args!("{}: {what} {i} is not finite", piece.place));
+    let bad = |what: &str, i: usize| job.inside("X001", format_args!("{}: {what} {i} is not finite", piece.place));
     if let Some(i) = piece.points.iter().position(|p| !p.is_finite()) {
         return Err(bad("vertex", i));
     }
@@ -78,7 +78,7 @@ fn check(job: &Job<'_>, piece: &Piece) -> Outcome<()> {
     match piece.triangles.iter().position(|t| t.iter().any(|i| *i as usize >= n)) {
         Some(i) => {
             let place = &piece.place;
-            Err(job.fault("X010", format_args!("{place}: triangle {i} names a vertex beyond the last of {n}")))
+            Err(job.inside("X010", format_args!("{place}: triangle {i} names a vertex beyond the last of {n}")))
         }
         None => Ok(()),
     }
@@ -93,7 +93,7 @@ fn orient(job: &Job<'_>, piece: &mut Piece) -> Outcome<()> {
     if piece.points.iter().all(|p| p.is_finite()) {
         Ok(())
     } else {
-        Err(job.fault("X001", format_args!("{}: a vertex is not finite after scaling by {scale}", piece.place)))
+        Err(job.inside("X001", format_args!("{}: a vertex is not finite after scaling by {scale}", piece.place)))
     }
 }
 

@@ -119,12 +119,17 @@ impl<'a> Job<'a> {
         self.path.display().to_string()
     }
 
-    /// A complaint about the whole file or an element named in the message.
+    /// A complaint about something in the file, which the message names: `"a.glb": nodes[3] ...`.
+    fn inside(&self, code: &'static str, message: impl std::fmt::Display) -> Box<Diagnostic> {
+        Box::new(Diagnostic::about(code, format!("\"{}\": {message}", self.path.display())))
+    }
+
+    /// A complaint about the whole file, as a sentence with the file as its subject.
     fn fault(&self, code: &'static str, message: impl std::fmt::Display) -> Box<Diagnostic> {
         Box::new(Diagnostic::about(code, format!("\"{}\" {message}", self.path.display())))
     }
 
-    /// A warning of the same form.
+    /// A warning about the whole file.
     fn warn(&mut self, code: &'static str, message: impl std::fmt::Display) {
         let warning = self.fault(code, message);
         self.report.push(*warning);
@@ -146,10 +151,11 @@ impl<'a> Job<'a> {
                 Ok(Some(referred.bytes))
             }
             Err(refusal @ Refusal::Missing { .. }) => {
-                self.warn("X014", format_args!("{refusal}; {}", refusal.help()));
+                let warning = self.inside("X014", &refusal).help(refusal.help());
+                self.report.push(warning);
                 Ok(None)
             }
-            Err(refusal) => Err(Box::new(self.fault(refusal.code(), &refusal).help(refusal.help()))),
+            Err(refusal) => Err(Box::new(self.inside(refusal.code(), &refusal).help(refusal.help()))),
         }
     }
 

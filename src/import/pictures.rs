@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use image::{ColorType, DynamicImage, ImageDecoder as _, ImageReader};
+use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader};
 
 use super::{Job, Outcome};
 use crate::scene::{Image, ImageKind, Pixels};
@@ -79,16 +79,22 @@ impl Raw {
 /// # Errors
 /// X010 if it is damaged, of another format, or over a limit.
 pub(super) fn decode(job: &Job<'_>, place: &str, bytes: &[u8], spent: &mut u64) -> Outcome<Raw> {
-    let failed = |e: &dyn std::fmt::Display| job.fault("X010", format_args!("{place}: picture is damaged: {e}"));
+    let failed = |e: &dyn std::fmt::Display| job.inside("X010", format_args!("{place}: picture is damaged: {e}"));
     let side = u32::try_from(job.options.limits.get("image-side")).unwrap_or(u32::MAX);
     let budget = job.options.limits.get("image-bytes");
     let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| failed(&e))?;
     if reader.format().is_none() {
         return Err(Box::new(
-            job.fault("X010", format_args!("{place}: picture is neither PNG nor JPEG")).help("convert it"),
+            job.inside("X010", format_args!("{place}: picture is neither PNG nor JPEG")).help("convert it"),
         ));
     }
-    if reader.format() == Some(image::ImageFormat::Jpeg) && !bytes.windows(2).any(|w| w == [0xff, 0xd9]) {
+    // The decoders fill in what is missing.
+    let is_whole = match reader.format() {
+        Some(ImageFormat::Png) => png_is_whole(bytes),
+        Some(ImageFormat::Jpeg) => jpeg_is_whole(bytes),
+        _ => true,
+    };
+    if !is_whole {
         return Err(failed(&"its end is missing"));
     }
     let mut limits = image::Limits::no_limits();
@@ -98,12 +104,12 @@ pub(super) fn decode(job: &Job<'_>, place: &str, bytes: &[u8], spent: &mut u64) 
     let (width, height) = decoder.dimensions();
     if width > side || height > side {
         let message = format_args!("{place}: picture of {width} x {height} pixels, the limit is {side} a side");
-        return Err(Box::new(job.fault("X010", message).help("make it smaller, or use --max-image-side")));
+        return Err(Box::new(job.inside("X010", message).help("make it smaller, or use --max-image-side")));
     }
     *spent = spent.saturating_add(decoder.total_bytes());
     if *spent > budget {
         let message = format_args!("{place}: pictures take {spent} bytes decoded, the limit is {budget}");
-        return Err(Box::new(job.fault("X010", message).help("make them smaller, or use --max-image-bytes")));
+        return Err(Box::new(job.inside("X010", message).help("make them smaller, or use --max-image-bytes")));
     }
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))?;
     let (channels, samples) = match picture.color() {
@@ -112,4 +118,27 @@ pub(super) fn decode(job: &Job<'_>, place: &str, bytes: &[u8], spent: &mut u64) 
         _ => (4, picture.into_rgba8().into_raw()),
     };
     Ok(Raw { width, height, channels, samples })
+}
+
+/// True if the chunks of a PNG follow each other up to the last one.
+fn png_is_whole(bytes: &[u8]) -> bool {
+    let mut at = 8_usize;
+    loop {
+        let head = |k: usize| bytes.get(at + k..at + k + 4);
+        let (Some(length), Some(kind)) = (head(0).and_then(|b| b.try_into().ok()), head(4)) else { return false };
+        let next = at.saturating_add(12).saturating_add(u32::from_be_bytes(length) as usize);
+        if next > bytes.len() {
+            return false;
+        }
+        if kind == b"IEND" {
+            return true;
+        }
+        at = next;
+    }
+}
+
+/// True if an end marker follows the last scan of a JPEG. Thumbnails, which have both, stand before it.
+fn jpeg_is_whole(bytes: &[u8]) -> bool {
+    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
+    last([0xff, 0xd9]).is_some_and(|end| last([0xff, 0xda]).is_some_and(|scan| end > scan))
 }

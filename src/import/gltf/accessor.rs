@@ -53,7 +53,7 @@ impl Accessors<'_> {
         let shape = self.shape(job, index, &[Type::Scalar])?;
         job.limit("triangles", shape.count as u64 / 3)?;
         if !matches!(shape.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32) {
-            return Err(job.fault("X010", format_args!("accessors[{index}]: indices must be unsigned integers")));
+            return Err(job.inside("X010", format_args!("accessors[{index}]: indices must be unsigned integers")));
         }
         let mut values = vec![0; shape.count];
         self.fill(job, &shape, |i, _, bytes| {
@@ -72,7 +72,7 @@ impl Accessors<'_> {
 
     /// The layout of an accessor, whose elements are then known to be there: nothing is allocated for others.
     fn shape(&self, job: &Job<'_>, index: usize, types: &[Type]) -> Outcome<Shape<'_>> {
-        let fault = |what: &str| job.fault("X010", format_args!("accessors[{index}] {what}"));
+        let fault = |what: &str| job.inside("X010", format_args!("accessors[{index}] {what}"));
         let accessor = self.document.root.accessors.get(index).ok_or_else(|| fault("does not exist"))?;
         let (Checked::Valid(kind), Checked::Valid(component)) = (&accessor.type_, &accessor.component_type) else {
             return Err(fault("has no valid type"));
@@ -99,7 +99,7 @@ impl Accessors<'_> {
     fn fill(&self, job: &Job<'_>, shape: &Shape<'_>, mut set: impl FnMut(usize, usize, &[u8])) -> Outcome<()> {
         let (index, accessor) = (shape.index, shape.accessor);
         let size = shape.component.size();
-        let fault = |what: &str| job.fault("X010", format_args!("accessors[{index}] {what}"));
+        let fault = |what: &str| job.inside("X010", format_args!("accessors[{index}] {what}"));
         let mut put = |i: usize, element: &[u8]| element.chunks_exact(size).enumerate().for_each(|(k, b)| set(i, k, b));
         if let Some(view) = accessor.buffer_view {
             let offset = accessor.byte_offset.map_or(0, |o| o.0);

@@ -24,12 +24,12 @@ impl<'a> Buffers<'a> {
             let bytes = match (&buffer.uri, bin) {
                 (Some(uri), _) => Cow::Owned(resource(job, &format!("buffers[{i}]"), uri, left)?),
                 (None, Some(bin)) if i == 0 => Cow::Borrowed(bin),
-                (None, _) => return Err(job.fault("X010", format_args!("buffers[{i}] has no bytes"))),
+                (None, _) => return Err(job.inside("X010", format_args!("buffers[{i}] has no bytes"))),
             };
             if (bytes.len() as u64) < buffer.byte_length.0 {
                 let (has, wants) = (bytes.len(), buffer.byte_length.0);
                 let message = format_args!("buffers[{i}] holds {has} bytes where {wants} are declared");
-                return Err(Box::new(job.fault("X010", message).help("export the file again, with its .bin")));
+                return Err(Box::new(job.inside("X010", message).help("export the file again, with its .bin")));
             }
             left = left.saturating_sub(bytes.len() as u64);
             list.push(bytes);
@@ -52,11 +52,11 @@ impl<'a> Buffers<'a> {
 pub(super) fn resource(job: &mut Job<'_>, place: &str, uri: &str, limit: u64) -> Outcome<Vec<u8>> {
     if let Some(data) = uri.strip_prefix("data:") {
         let bytes = data.split_once(',').filter(|(kind, _)| kind.ends_with(";base64")).and_then(|(_, b)| base64(b));
-        let bytes = bytes.ok_or_else(|| job.fault("X010", format_args!("{place}: its data: URI is not base64")))?;
+        let bytes = bytes.ok_or_else(|| job.inside("X010", format_args!("{place}: its data: URI is not base64")))?;
         return if bytes.len() as u64 <= limit {
             Ok(bytes)
         } else {
-            Err(job.fault("X010", format_args!("{place}: all buffers together pass --max-mesh-bytes")))
+            Err(job.inside("X010", format_args!("{place}: all buffers together pass --max-mesh-bytes")))
         };
     }
     match job.options.roots.read_uri(job.path, uri, limit) {
@@ -65,7 +65,7 @@ pub(super) fn resource(job: &mut Job<'_>, place: &str, uri: &str, limit: u64) ->
             Ok(referred.bytes)
         }
         Err(refusal) => {
-            Err(Box::new(job.fault(refusal.code(), format_args!("{place}: {refusal}")).help(refusal.help())))
+            Err(Box::new(job.inside(refusal.code(), format_args!("{place}: {refusal}")).help(refusal.help())))
         }
     }
 }

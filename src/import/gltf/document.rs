@@ -87,6 +87,7 @@ impl Document {
             return Err(job.fault("X010", "is not a glTF document: its JSON is no object"));
         };
         required(job, top)?;
+        positions(job, top)?;
         if top.remove("animations").is_some() {
             job.warn("X016", "holds animations; they are not read");
         }
@@ -145,6 +146,22 @@ fn required(job: &Job<'_>, top: &mut Map<String, Value>) -> Outcome<()> {
                 .help("export the file without it (no Draco or meshopt compression, PNG or JPEG pictures)"),
         )),
     }
+}
+
+/// Refuses positions in accessors that do not exist: the crate's validation would panic on them.
+fn positions(job: &Job<'_>, top: &Map<String, Value>) -> Outcome<()> {
+    let count = top.get("accessors").and_then(Value::as_array).map_or(0, Vec::len) as u64;
+    for (i, mesh) in entries(top, "meshes") {
+        let primitives = mesh.get("primitives").and_then(Value::as_array);
+        for (k, primitive) in primitives.into_iter().flatten().enumerate() {
+            let index = primitive.pointer("/attributes/POSITION").and_then(Value::as_u64);
+            if index.is_some_and(|n| n >= count) {
+                let message = format_args!("meshes[{i}].primitives[{k}].attributes.POSITION names no accessor");
+                return Err(job.inside("X010", message));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn entries<'a>(top: &'a Map<String, Value>, key: &str) -> impl Iterator<Item = (usize, &'a Value)> + use<'a> {

@@ -119,13 +119,13 @@ impl<'a> Surfaces<'a> {
             let bytes = self
                 .buffers
                 .view(view)
-                .ok_or_else(|| job.fault("X010", format_args!("{place} passes the end of its buffer")))?;
+                .ok_or_else(|| job.inside("X010", format_args!("{place} passes the end of its buffer")))?;
             return Ok(Some(bytes.to_vec()));
         }
         match &image.uri {
             Some(uri) if uri.starts_with("data:") => resource(job, place, uri, limit).map(Some),
             Some(uri) => job.picture(job.options.roots.read_uri(job.path, uri, limit)),
-            None => Err(job.fault("X010", format_args!("{place} has neither a uri nor a bufferView"))),
+            None => Err(job.inside("X010", format_args!("{place} has neither a uri nor a bufferView"))),
         }
     }
 

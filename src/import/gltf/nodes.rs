@@ -36,12 +36,12 @@ pub(super) fn walk(job: &mut Job<'_>, document: &Document, buffers: &Buffers<'_>
             _ => {
                 let message = format_args!("nodes[{index}] is reached twice: a cycle, or two parents");
                 return Err(Box::new(
-                    job.fault("X010", message).help("every node has one parent; export the file again"),
+                    job.inside("X010", message).help("every node has one parent; export the file again"),
                 ));
             }
         }
         if depth > DEPTH {
-            return Err(job.fault("X010", format_args!("nodes[{index}] is nested deeper than {DEPTH}")));
+            return Err(job.inside("X010", format_args!("nodes[{index}] is nested deeper than {DEPTH}")));
         }
         let world_from_node = world_from_parent * local(node);
         if let Some(mesh) = node.mesh {
@@ -105,7 +105,7 @@ fn instances(job: &Job<'_>, accessors: &Accessors<'_>, node: usize, of: Instanci
         [(&t, 3), (&r, 4), (&s, 3)].iter().filter_map(|(v, n)| v.as_ref().map(|v| v.len() / n)).collect();
     let n = counts.first().copied().unwrap_or(0);
     if counts.iter().any(|c| *c != n) {
-        return Err(job.fault("X010", format_args!("nodes[{node}]: its instance attributes differ in length")));
+        return Err(job.inside("X010", format_args!("nodes[{node}]: its instance attributes differ in length")));
     }
     let vec3 = |v: &Option<Vec<f32>>, i: usize, default: Vec3| {
         v.as_ref().and_then(|v| v.get(3 * i..3 * i + 3)).map_or(default, Vec3::from_slice)

@@ -82,7 +82,8 @@ fn mesh(
         let mode = match &primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => *mode,
             _ => {
-                job.warn("X016", format_args!("{place} is made of points or lines; it is left out"));
+                let warning = job.inside("X016", format_args!("{place} is made of points or lines; it is left out"));
+                job.report.push(*warning);
                 continue;
             }
         };

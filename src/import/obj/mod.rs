@@ -11,11 +11,12 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
+use self::lines::Word;
 use self::mtl::Library;
 use super::assembly::{Piece, join};
 use super::{Job, Made, Outcome};
 use crate::diagnostic::{Diagnostic, SourceId, Span};
-use crate::fence::{Encoding, Names, decode};
+use crate::fence::{Encoding, Refusal, decode};
 use crate::limits::grouped;
 
 /// Reads an OBJ file and its material libraries.
@@ -27,8 +28,9 @@ pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
     }
     let Some(text) = text(job, &job.name(), bytes) else { return Ok(Made::default()) };
     let name = job.name();
-    let Some(scan) = scan::scan(job, &name, &text)? else { return Ok(Made::default()) };
-    let library = Library::read(job, &scan.libraries)?;
+    let mut checked = Checked::new(&name, &text);
+    let Some(scan) = scan::scan(job, &mut checked)? else { return Ok(Made::default()) };
+    let library = Library::read(job, &mut checked, &scan.libraries);
     if job.report.has_errors() {
         return Ok(Made::default());
     }
@@ -41,7 +43,7 @@ pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
     let damaged = |job: &Job<'_>, e: tobj::LoadError| job.fault("X010", format_args!("is damaged: {e}"));
     let (models, materials) = loaded.map_err(|e| damaged(job, e))?;
     let materials = materials.map_err(|e| damaged(job, e))?;
-    let mut surfaces = mtl::Surfaces::new(job, &library, materials, Names::default());
+    let mut surfaces = mtl::Surfaces::new(job, &library, materials);
     let mut pieces = Vec::with_capacity(models.len());
     for model in models {
         let material = surfaces.of(job, model.mesh.material_id)?;
@@ -102,8 +104,15 @@ impl<'a> Checked<'a> {
     fn complain(&mut self, job: &mut Job<'_>, complaint: Complaint) {
         let source = *self.source.get_or_insert_with(|| job.report.sources.add(self.name, self.text));
         let span = Span::new(source, complaint.start, complaint.end);
-        let diagnostic = Diagnostic::error(complaint.code, complaint.message, span, complaint.label);
+        let diagnostic = Diagnostic::about(complaint.code, complaint.message).label(span, complaint.label);
         job.report.push(diagnostic.help(complaint.help));
+    }
+
+    /// Complains about a reference at byte `start`; one that is absent is a warning.
+    fn refuse(&mut self, job: &mut Job<'_>, word: Word<'_>, refusal: &Refusal) {
+        let code = if matches!(refusal, Refusal::Missing { .. }) { "X014" } else { refusal.code() };
+        let complaint = word.complaint(refusal.to_string(), refusal.help());
+        self.complain(job, Complaint { code, label: "named here".into(), ..complaint });
     }
 }
 

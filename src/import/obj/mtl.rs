@@ -1,31 +1,34 @@
 //! Material libraries and the pictures they name.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::lines::{Word, lines, plain, rest, words};
 use super::{Checked, Complaint, text};
-use crate::fence::{Names, Refusal};
+use crate::fence::{Names, Refusal, number};
 use crate::import::pictures::{self, Raw};
 use crate::import::{Job, Outcome};
 use crate::scene::{Image, ImageKind, Material};
 
-/// All libraries of a file, checked.
+/// Maps that are read.
+const MAPS: [&str; 3] = ["map_Kd", "map_d", "norm"];
+
+/// All libraries of a file, checked, with the pictures that they name.
 #[derive(Default)]
 pub(super) struct Library {
     /// Their texts, one after the other.
     pub(super) text: String,
-    /// The library in which each material stands.
-    home: BTreeMap<String, PathBuf>,
+    /// Name and bytes of pictures by material and map.
+    pictures: BTreeMap<(String, &'static str), (String, Vec<u8>)>,
+    /// Bytes of pictures held.
+    held: u64,
 }
 
 impl Library {
-    /// Reads the libraries named by `mtllib` lines. An absent one is a warning.
-    /// # Errors
-    /// X009 or X010 if one leads out of the folder or cannot be read.
-    pub(super) fn read(job: &mut Job<'_>, names: &[String]) -> Outcome<Self> {
+    /// Reads the libraries named by `mtllib` lines of `checked`; complaints go into the report.
+    pub(super) fn read(job: &mut Job<'_>, checked: &mut Checked<'_>, names: &[(String, usize)]) -> Self {
         let mut library = Self::default();
-        for name in names {
+        for (name, start) in names {
             let spent = library.text.len() as u64;
             let limit = job.options.limits.get("text-bytes").saturating_sub(spent);
             let read = |reference: &str| job.options.roots.read(job.path, reference, limit);
@@ -40,14 +43,11 @@ impl Library {
                         job.note(&file);
                         library.add(job, &file.path, &file.bytes);
                     }
-                    Err(refusal @ Refusal::Missing { .. }) => {
-                        job.warn("X014", format_args!("{refusal}; its materials are grey; {}", refusal.help()));
-                    }
-                    Err(refusal) => return Err(Box::new(job.fault(refusal.code(), &refusal).help(refusal.help()))),
+                    Err(refusal) => checked.refuse(job, Word { text: name, start: *start }, &refusal),
                 }
             }
         }
-        Ok(library)
+        library
     }
 
     fn add(&mut self, job: &mut Job<'_>, path: &Path, bytes: &[u8]) {
@@ -56,14 +56,28 @@ impl Library {
         let Some(text) = text(job, &name, bytes) else { return };
         let plain = plain(&text);
         let mut checked = Checked::new(&name, &text);
+        let mut material = String::new();
         for (start, line) in lines(&plain) {
             let mut words = words(start, line);
             let Some(key) = words.next() else { continue };
-            if let Err(complaint) = check(key, words, rest(start, line)) {
+            let rest = rest(start, line);
+            if let Err(complaint) = check(key, words, rest) {
                 checked.complain(job, complaint);
+                continue;
             }
             if key.text == "newmtl" {
-                self.home.entry(rest(start, line).text.to_owned()).or_insert_with(|| path.to_owned());
+                rest.text.clone_into(&mut material);
+            }
+            let Some(map) = MAPS.into_iter().find(|m| *m == key.text) else { continue };
+            let word = file_of(rest);
+            let limit = job.options.limits.get("mesh-bytes").saturating_sub(self.held);
+            match job.options.roots.read(path, word.text, limit) {
+                Ok(file) => {
+                    job.note(&file);
+                    self.held += file.bytes.len() as u64;
+                    self.pictures.insert((material.clone(), map), (word.text.to_owned(), file.bytes));
+                }
+                Err(refusal) => checked.refuse(job, word, &refusal),
             }
         }
         self.text.push_str(&plain);
@@ -111,9 +125,9 @@ pub(super) struct Surfaces<'l> {
 }
 
 impl<'l> Surfaces<'l> {
-    pub(super) fn new(job: &Job<'_>, library: &'l Library, given: Vec<tobj::Material>, names: Names) -> Self {
+    pub(super) fn new(job: &Job<'_>, library: &'l Library, given: Vec<tobj::Material>) -> Self {
         let stem = job.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Self { library, given, names, spent: 0, made: Vec::new(), images: Vec::new(), stem }
+        Self { library, given, names: Names::default(), spent: 0, made: Vec::new(), images: Vec::new(), stem }
     }
 
     /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file).
@@ -145,8 +159,8 @@ impl<'l> Surfaces<'l> {
             material.roughness = alpha.sqrt().clamp(0.05, 1.0);
         }
         material.ior = given.optical_density.filter(|n| (1.0..=3.0).contains(n)).unwrap_or(material.ior);
-        let mut color = self.picture(job, given, given.diffuse_texture.as_deref())?;
-        if let Some(mask) = self.picture(job, given, given.dissolve_texture.as_deref())? {
+        let mut color = self.picture(job, given, "map_Kd")?;
+        if let Some(mask) = self.picture(job, given, "map_d")? {
             let mask = if mask.has_holes() { mask.channel(3, 255) } else { mask.channel(0, 255) };
             let joined = color.as_ref().and_then(|c| c.with_alpha(&mask));
             if joined.is_none() {
@@ -158,7 +172,7 @@ impl<'l> Surfaces<'l> {
             }
             color = joined.or(color);
         }
-        let normal = self.picture(job, given, given.unknown_param.get("norm").map(String::as_str))?;
+        let normal = self.picture(job, given, "norm")?;
         if let Some(color) = color {
             material.alpha_cutoff = color.has_holes().then_some(0.5);
             material.maps.color = Some(self.keep(color, format!("{}_color", material.name), ImageKind::Color));
@@ -174,13 +188,10 @@ impl<'l> Surfaces<'l> {
         u32::try_from(self.images.len() - 1).unwrap_or(u32::MAX)
     }
 
-    /// The picture that a map line names, its options skipped.
-    fn picture(&mut self, job: &mut Job<'_>, of: &tobj::Material, line: Option<&str>) -> Outcome<Option<Raw>> {
-        let Some(reference) = line.map(file_of).filter(|f| !f.is_empty()) else { return Ok(None) };
-        let home = self.library.home.get(&of.name).map_or(job.path, PathBuf::as_path);
-        let result = job.options.roots.read(home, reference, job.options.limits.get("mesh-bytes"));
-        let Some(bytes) = job.picture(result)? else { return Ok(None) };
-        pictures::decode(job, &format!("{reference:?}"), &bytes, &mut self.spent).map(Some)
+    /// The picture of one of a material's maps.
+    fn picture(&mut self, job: &Job<'_>, of: &tobj::Material, map: &'static str) -> Outcome<Option<Raw>> {
+        let Some((name, bytes)) = self.library.pictures.get(&(of.name.clone(), map)) else { return Ok(None) };
+        pictures::decode(job, &format!("{name:?}"), bytes, &mut self.spent).map(Some)
     }
 
     pub(super) fn finish(self) -> (Vec<Material>, Vec<Image>) {
@@ -189,8 +200,8 @@ impl<'l> Surfaces<'l> {
 }
 
 /// The file name at the end of a map line: what follows the options.
-fn file_of(line: &str) -> &str {
-    let mut rest = line.trim();
+fn file_of(line: Word<'_>) -> Word<'_> {
+    let mut rest = line.text.trim();
     while rest.starts_with('-') {
         let (option, mut after) = rest.split_once(' ').unwrap_or((rest, ""));
         let (least, most) = match option {
@@ -200,14 +211,14 @@ fn file_of(line: &str) -> &str {
         };
         for n in 0..most {
             let (word, tail) = after.trim_start().split_once(' ').unwrap_or((after, ""));
-            if n >= least && crate::fence::number(word).is_err() {
+            if n >= least && number(word).is_err() {
                 break;
             }
             after = tail;
         }
         rest = after.trim_start();
     }
-    rest
+    Word { text: rest, start: line.start + line.text.trim_end().len() - rest.len() }
 }
 
 #[cfg(test)]
@@ -217,8 +228,9 @@ mod tests {
     #[test]
     fn options_before_a_file_name_are_skipped() {
         for line in ["a b.png", "-clamp on a b.png", "-s 1 1 1 -o 0.5 a b.png", "-mm 0 1 -bm 0.2 a b.png"] {
-            assert_eq!(file_of(line), "a b.png", "{line}");
+            let word = file_of(Word { text: line, start: 10 });
+            assert_eq!((word.text, word.start), ("a b.png", 10 + line.len() - 7), "{line}");
         }
-        assert_eq!(file_of("-s"), "");
+        assert_eq!(file_of(Word { text: "-s", start: 0 }).text, "");
     }
 }

@@ -12,8 +12,8 @@ const ENOUGH: usize = 20;
 
 /// What the text refers to.
 pub(super) struct Scan {
-    /// Library names in order.
-    pub(super) libraries: Vec<String>,
+    /// Library names in order, with their first byte.
+    pub(super) libraries: Vec<(String, usize)>,
 }
 
 #[derive(Default)]
@@ -29,9 +29,8 @@ struct Counts {
 /// Checks a text; `None` if it has errors, which are then in the report.
 /// # Errors
 /// X010 if it holds more than the limits allow.
-pub(super) fn scan(job: &mut Job<'_>, name: &str, text: &str) -> Outcome<Option<Scan>> {
-    let plain = plain(text);
-    let mut checked = Checked::new(name, text);
+pub(super) fn scan(job: &mut Job<'_>, checked: &mut Checked<'_>) -> Outcome<Option<Scan>> {
+    let plain = plain(checked.text);
     let mut counts = Counts::default();
     let mut libraries = Vec::new();
     let mut complaints = 0;
@@ -45,8 +44,8 @@ pub(super) fn scan(job: &mut Job<'_>, name: &str, text: &str) -> Outcome<Option<
             "f" | "l" => face(key, words, &mut counts),
             "mtllib" | "usemtl" => {
                 let rest = rest(start, line);
-                if key.text == "mtllib" && !libraries.iter().any(|l| l == rest.text) {
-                    libraries.push(rest.text.to_owned());
+                if key.text == "mtllib" && !libraries.iter().any(|(l, _)| l == rest.text) {
+                    libraries.push((rest.text.to_owned(), rest.start));
                 }
                 if rest.text.is_empty() {
                     Err(key.complaint("a name is missing", "add it, or remove the line"))
