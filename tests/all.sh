@@ -54,6 +54,11 @@ if have npm && [ ! -d "$clients/node_modules/gltf-validator" ]; then
     npm install --silent --no-fund --no-audit --prefix "$clients" gltf-validator@2.0.0-dev.3.10 || true
 fi
 [ -d "$clients/node_modules/gltf-validator" ] || missing+=("gltf-validator (npm)")
+if have npm && [ ! -d "$clients/node_modules/three" ]; then
+    say "installing three.js"
+    npm install --silent --no-fund --no-audit --prefix "$clients" three@0.170.0 || true
+fi
+[ -d "$clients/node_modules/three" ] || missing+=("three (npm)")
 
 if [ ${#missing[@]} -gt 0 ]; then
     say "SKIPPED for want of a client: $(printf '%s; ' "${missing[@]}")"

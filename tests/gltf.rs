@@ -145,6 +145,23 @@ fn a_player_of_the_format_shows_everything_where_osier_does_at_every_frame() {
 }
 
 #[test]
+fn three_shows_the_web_profile_where_osier_does() {
+    let Some((node, folder)) = clients::three() else { return };
+    let (scene, frames) = common::synthetic();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    export(temp.path(), &scene, &frames, Options { profile: Profile::Web, layout: Layout::Bake });
+    let file = temp.path().join("gltf/synthetic.web.glb");
+    let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
+    let wanted = gltf_objects::web_objects(&scene, &frames, &numbers);
+    let job = serde_json::json!([{"file": file, "fps": 24, "start": scene.clip.start, "frames": wanted}]);
+    let jobs = temp.path().join("jobs.json");
+    std::fs::write(&jobs, job.to_string()).expect("jobs");
+    let output = clients::run(Command::new(node).arg(clients::script("gltf_three.mjs")).arg(folder).arg(&jobs));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("\"instanced\":8"), "four groups in each of two places");
+}
+
+#[test]
 fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
     let (scene, frames) = common::synthetic();
     let scene = Arc::new(scene);

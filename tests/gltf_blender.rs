@@ -41,7 +41,7 @@ fn jobs(folder: &Path) -> Value {
     let still = folder.join("still");
     bake(&still, &scene, &[]);
     assert!(!still.join("cache").exists(), "a still scene has no cache");
-    let numbers = expect::three(&scene);
+    let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
     let path = |p: &str| moving.join(p).to_string_lossy().into_owned();
     let job =
         |file: String, frames: Value| json!({"file": file, "fps": 24, "start": scene.clip.start, "frames": frames});

@@ -38,6 +38,12 @@ pub fn validator() -> Option<(PathBuf, PathBuf)> {
     Some((present("node", find("node"))?, clients()))
 }
 
+/// Node with three.js: the program and the folder to resolve `three` in.
+pub fn three() -> Option<(PathBuf, PathBuf)> {
+    present("three", clients().join("node_modules/three"))?;
+    Some((present("node", find("node"))?, clients()))
+}
+
 fn find(program: &str) -> PathBuf {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path).map(|d| d.join(program)).find(|p| p.is_file()).unwrap_or_default()

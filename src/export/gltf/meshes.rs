@@ -126,15 +126,16 @@ impl Document<'_> {
         let difference = |shape: &[Vec3], base: &[Vec3]| -> Vec<Vec3> {
             piece.gather(shape).iter().zip(base).map(|(s, b)| *s - *b).collect()
         };
+        let lit = |(points, normals): &Shape| normals.len() == points.len() && piece.gather(normals) != base.normals;
+        let turns = base.normals.len() == base.points.len() && drawn.shapes.iter().any(|(_, shape)| lit(shape));
         let mut targets = Vec::with_capacity(drawn.shapes.len());
         for (_, (points, normals)) in drawn.shapes {
             let position = self.buffer.positions(&difference(points, &base.points), drawn.what)?;
-            let normal = if normals.len() == points.len() && base.normals.len() == base.points.len() {
+            let mut normal = None;
+            if turns {
                 let target = Some(super::json::target::VERTICES);
-                Some(self.buffer.vectors(&difference(normals, &base.normals), target, drawn.what)?)
-            } else {
-                None
-            };
+                normal = Some(self.buffer.vectors(&difference(normals, &base.normals), target, drawn.what)?);
+            }
             targets.push(MorphTarget { normal, position });
         }
         Ok(targets)
