@@ -1,5 +1,12 @@
 //! What a plant looks like: tubes around its axes, leaf blades, bark, and the ground it stands on.
 
+pub mod bark;
+pub mod ground;
+mod lattice;
+pub mod leaf;
 pub mod loft;
+mod material;
+mod pixels;
 
-pub use loft::{Binding, Skin, SkinOptions, UvMode, skin};
+pub use loft::{Binding, Skin, SkinOptions, Tube, UvMode, skin};
+pub use material::SurfaceMaterial;

@@ -285,13 +285,19 @@ mod tests {
 
     #[test]
     fn no_flip_at_vertical_or_reversed_tangents() {
-        let p = [Vec3::ZERO, Vec3::Y, Vec3::new(0.0, 2.0, 1e-4), Vec3::new(0.0, 1.0, 2e-4), Vec3::new(1.0, 0.0, 0.0)];
-        let knots = p.iter().enumerate().map(|(i, p)| Knot { p: *p, r: 0.05, s: i as f32 }).collect();
+        // Straight up, then a loop back to straight up: the tangent passes every direction of a plane.
+        let point = |i: u32| {
+            let a = i.saturating_sub(4).min(24) as f32 * (std::f32::consts::TAU / 24.0);
+            let rise = i.min(4) as f32 * 0.25 + i.saturating_sub(28) as f32 * 0.25;
+            Vec3::new(0.002 * i as f32, rise + math::sin_f32(a), 1.0 - math::cos_f32(a))
+        };
+        let knots = (0..34).map(|i| Knot { p: point(i), r: 0.05, s: 0.25 * i as f32 }).collect();
         let mut rings = Vec::new();
         choose(&mut Scratch { knots, ..Scratch::default() }, None, Vec3::X, 0.2, &mut rings);
-        for w in rings.windows(2) {
-            assert!(w[0].e.dot(w[1].e) > 0.2, "{} after {}", w[1].e, w[0].e);
-            assert!(w[1].e.dot(w[1].t).abs() < 1e-5 && (w[1].e.length() - 1.0).abs() < 1e-5);
+        assert!(rings.iter().any(|r| r.t.y < -0.9) && rings.iter().any(|r| r.t.y > 0.99));
+        for r in &rings {
+            assert!(r.e.x > 0.9, "{} at {}", r.e, r.c);
+            assert!(r.e.dot(r.t).abs() < 1e-5 && (r.e.length() - 1.0).abs() < 1e-5);
         }
     }
 }

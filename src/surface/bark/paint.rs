@@ -1,0 +1,207 @@
+//! The maps of a bark.
+
+use glam::Vec3;
+
+use super::BarkSpec;
+use super::marks::Marker;
+use crate::Result;
+use crate::math::{self, smoothstep};
+use crate::par::par_map;
+use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
+use crate::surface::lattice::{Cells, Fractal};
+use crate::surface::{SurfaceMaterial, pixels};
+use crate::units::byte;
+
+/// Tables of all noises of a bark.
+struct Tables {
+    warp: [Fractal; 2],
+    plates: Cells,
+    fibre: Fractal,
+    coarse: Fractal,
+    tint: Fractal,
+    patch: Fractal,
+    marker: Marker,
+}
+
+impl Tables {
+    fn new(spec: &BarkSpec) -> Self {
+        let s = |k: u64| spec.seed.wrapping_mul(64).wrapping_add(k << 3);
+        let [nx, ny] = spec.plates;
+        Self {
+            warp: [Fractal::new(s(0), [4, 2], 3), Fractal::new(s(1), [4, 2], 3)],
+            plates: Cells::new(s(2), spec.plates, 0.9),
+            fibre: Fractal::new(s(3), [8 * nx, ny], 4),
+            coarse: Fractal::new(s(4), [6, 6], 5),
+            tint: Fractal::new(s(5), [3, 3], 4),
+            patch: Fractal::new(s(6), [2, 2], 5),
+            marker: Marker::new(spec.marks, spec.seed),
+        }
+    }
+}
+
+/// One pixel before the heights are stretched.
+struct Sample {
+    height: f32,
+    /// Brightness of the tint, share of patches, share of marks.
+    tint: f32,
+    patch: f32,
+    mark: f32,
+}
+
+/// A bark's material with `<name>_color` (sRGB), `_normal` (16 bit), `_rough` and `_height` (16 bit), all tiling.
+/// # Errors
+/// `Range` for a value outside its range.
+/// Source: the bark model of the plant specification, section 4: warp, plates, fibre, height, cracks, colour, roughness,
+/// normal.
+/// Differs: heights are stretched to fill [0, 1]; patches and marks are added on top.
+pub fn bark(spec: &BarkSpec, name: &str) -> Result<SurfaceMaterial> {
+    spec.check()?;
+    let tables = Tables::new(spec);
+    let side = spec.side as usize;
+    let rows: Vec<usize> = (0..side).collect();
+    let samples = par_map(&rows, |&row| sample_row(spec, &tables, row));
+    let heights = stretched(&samples);
+    let step = spec.depth / (spec.tile / spec.side as f32);
+    let normals = pixels::normals16(&heights, side, [step, step]);
+    let painted = par_map(&rows, |&row| paint_row(spec, &samples[row], &heights[row * side..(row + 1) * side]));
+    let color = painted.iter().flat_map(|r| r.0.iter().copied()).collect();
+    let rough = painted.iter().flat_map(|r| r.1.iter().copied()).collect();
+    let image = |kind, suffix: &str, channels, pixels| Image {
+        name: format!("{name}_{suffix}"),
+        kind,
+        width: spec.side,
+        height: spec.side,
+        channels,
+        pixels,
+    };
+    let images = vec![
+        image(ImageKind::Color, "color", 3, Pixels::U8(color)),
+        image(ImageKind::Data, "normal", 3, Pixels::U16(normals)),
+        image(ImageKind::Data, "rough", 1, Pixels::U8(rough)),
+        image(ImageKind::Data, "height", 1, Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
+    ];
+    let material = Material {
+        name: name.to_owned(),
+        class: MaterialClass::Bark,
+        base_color: spec.ridge,
+        roughness: spec.roughness[1],
+        ior: 1.5,
+        translucency: 0.0,
+        double_sided: false,
+        alpha_cutoff: None,
+        height_range: spec.depth,
+        tile: spec.tile,
+        maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
+    };
+    Ok(SurfaceMaterial { material, images })
+}
+
+fn sample_row(spec: &BarkSpec, t: &Tables, row: usize) -> Vec<Sample> {
+    let n = spec.side as f32;
+    let y = 1.0 - (row as f32 + 0.5) / n;
+    (0..spec.side).map(|column| sample(spec, t, (column as f32 + 0.5) / n, y)).collect()
+}
+
+fn sample(spec: &BarkSpec, t: &Tables, x: f32, y: f32) -> Sample {
+    let (wx, wy) = (x + 0.02 * t.warp[0].at(x, y), y + 0.05 * t.warp[1].at(x, y));
+    let near = t.plates.at(wx, wy);
+    let plate = smoothstep(0.02, 0.02 + spec.gap, near.f2 - near.f1);
+    let fibre = t.fibre.at(wx, wy);
+    let coarse = t.coarse.at(x, y);
+    let [k1, k2, k3] = spec.weights;
+    let height = k1 * root(plate) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
+    // Without plates there is nothing to crack.
+    let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * plate, (k1 * 4.0).min(1.0)) } else { 1.0 };
+    let mark = t.marker.at(wx, wy);
+    let patch = smoothstep(0.05, 0.45, t.patch.at(x, y)) * spec.patch.1;
+    Sample {
+        height: height * cracked + 0.4 * mark.height,
+        tint: 1.0 + 0.25 * t.tint.at(x, y) + 0.10 * fibre,
+        patch,
+        mark: mark.color,
+    }
+}
+
+/// x^0.6 on [0, 1], within 0.02.
+fn root(x: f32) -> f32 {
+    let r = x.sqrt();
+    r * (0.8 + 0.2 * r)
+}
+
+/// Heights row by row, scaled to [0, 1].
+fn stretched(samples: &[Vec<Sample>]) -> Vec<f32> {
+    let all = || samples.iter().flatten().map(|s| s.height);
+    let (low, high) = all().fold((f32::MAX, f32::MIN), |(a, b), h| (a.min(h), b.max(h)));
+    let scale = 1.0 / (high - low).max(1e-9);
+    all().map(|h| ((h - low) * scale).clamp(0.0, 1.0)).collect()
+}
+
+fn paint_row(spec: &BarkSpec, samples: &[Sample], heights: &[f32]) -> (Vec<u8>, Vec<u8>) {
+    let [crack, ridge, patch, mark] = [spec.crack, spec.ridge, spec.patch.0, spec.mark].map(Vec3::from_array);
+    let mut color = Vec::with_capacity(samples.len() * 3);
+    let mut rough = Vec::with_capacity(samples.len());
+    for (s, h) in samples.iter().zip(heights) {
+        let bare = crack.lerp(ridge, *h);
+        let c = (bare.lerp(patch, s.patch * (0.4 + 0.6 * h)) * s.tint).lerp(mark, s.mark);
+        color.extend(pixels::srgb(c));
+        rough.push(byte(math::lerp(spec.roughness[0], spec.roughness[1], *h) + 0.1 * s.mark));
+    }
+    (color, rough)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> Vec<(&'static str, BarkSpec)> {
+        vec![
+            ("furrowed", BarkSpec::furrowed()),
+            ("plated", BarkSpec::plated()),
+            ("smooth", BarkSpec::smooth()),
+            ("birch", BarkSpec::birch()),
+            ("poplar", BarkSpec::poplar()),
+            ("shoot", BarkSpec::shoot()),
+        ]
+    }
+
+    #[test]
+    fn maps_tile_and_heights_fill_their_range() {
+        for (name, spec) in all() {
+            let t = Tables::new(&spec);
+            for i in 0..64 {
+                let v = i as f32 / 64.0;
+                for ((x0, y0), (x1, y1)) in [((0.0, v), (1.0, v)), ((v, 0.0), (v, 1.0))] {
+                    let (a, b) = (sample(&spec, &t, x0, y0), sample(&spec, &t, x1, y1));
+                    let d = (a.height - b.height).abs().max((a.tint - b.tint).abs()).max((a.mark - b.mark).abs());
+                    assert!(d < 1.0 / 255.0, "{name}: {d} at {v}");
+                }
+            }
+            let set = bark(&BarkSpec { side: 256, ..spec }, name).expect("maps");
+            assert_eq!(set.images.len(), 4);
+            let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
+            let (low, high) = (h.iter().min().expect("some"), h.iter().max().expect("some"));
+            assert!(high - low > 52_428, "{name}: {low}..{high}");
+            let mut sorted = h.clone();
+            sorted.sort_unstable();
+            let (a, b) = (sorted[h.len() / 50], sorted[h.len() - h.len() / 50]);
+            assert!(b - a > 16_000, "{name}: nearly all heights between {a} and {b}");
+        }
+    }
+
+    #[test]
+    fn registering_moves_the_maps() {
+        let spec = BarkSpec { side: 16, ..BarkSpec::shoot() };
+        let (mut images, mut materials) = (Vec::new(), Vec::new());
+        bark(&spec, "a").expect("a").register(&mut images, &mut materials);
+        assert_eq!(bark(&spec, "b").expect("b").register(&mut images, &mut materials), 1);
+        assert_eq!((images.len(), materials[1].maps.color, materials[1].maps.height), (8, Some(4), Some(7)));
+        assert_eq!(images[4].name, "b_color");
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        let e = bark(&BarkSpec { side: 1000, ..BarkSpec::birch() }, "x").expect_err("no power of two");
+        assert!(e.to_string().contains("power of two"), "{e}");
+        assert!(bark(&BarkSpec { gap: 0.0, ..BarkSpec::birch() }, "x").is_err());
+    }
+}

@@ -1,0 +1,269 @@
+//! The ground: a softly undulating disc and its soil, moss and grass.
+
+use glam::{Vec2, Vec3};
+
+use super::lattice::{Cells, Fractal};
+use super::{SurfaceMaterial, pixels};
+use crate::math::{self, smoothstep};
+use crate::noise;
+use crate::par::par_map;
+use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Mesh, Pixels};
+use crate::units::byte;
+use crate::{Error, Result};
+
+/// A disc of ground around the origin.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ground {
+    /// Radius, m, 0.1..10000.
+    pub radius: f32,
+    /// Height of the waves, m, 0..100.
+    pub amplitude: f32,
+    /// Length of the longest waves, m, > 0.
+    pub wavelength: f32,
+    /// Rings of points, 4..=512.
+    pub rings: u32,
+    /// Points around, 8..=1024.
+    pub sectors: u32,
+    /// Size of one repeat of the maps, m, 0.01..1000.
+    pub tile: f32,
+    /// Seed.
+    pub seed: u64,
+}
+
+impl Default for Ground {
+    fn default() -> Self {
+        Self { radius: 30.0, amplitude: 0.35, wavelength: 9.0, rings: 48, sectors: 96, tile: 2.0, seed: 1 }
+    }
+}
+
+impl Ground {
+    /// Height at (x, z), m; 0 at the origin.
+    pub fn height(&self, x: f32, z: f32) -> f32 {
+        let wave = |x: f32, z: f32| {
+            let k = 1.0 / self.wavelength.max(1e-3);
+            noise::fractal2(self.seed ^ 0x6E0D, [x * k + 0.5, z * k + 0.5], [1 << 20, 1 << 20], 3)
+        };
+        self.amplitude * (wave(x, z) - wave(0.0, 0.0))
+    }
+
+    /// The disc as a mesh of one material (0), rings closer near the middle; u along +X, v along -Z, in tiles.
+    /// # Errors
+    /// `Range` for a value outside its range.
+    /// Own: normals by central differences of [`Ground::height`] over 5 cm.
+    pub fn mesh(&self) -> Result<Mesh> {
+        self.check()?;
+        let mut mesh = Mesh::default();
+        self.push(&mut mesh, 0.0, 0.0);
+        for ring in 1..=self.rings {
+            let share = ring as f32 / self.rings as f32;
+            let r = self.radius * share * (0.25 + 0.75 * share);
+            for k in 0..self.sectors {
+                let a = k as f32 / self.sectors as f32 * std::f32::consts::TAU;
+                self.push(&mut mesh, r * math::cos_f32(a), -r * math::sin_f32(a));
+            }
+        }
+        let n = self.sectors;
+        for k in 0..n {
+            let next = (k + 1) % n;
+            mesh.triangles.push([0, 1 + k, 1 + next]);
+            for ring in 0..self.rings - 1 {
+                let (a, b) = (1 + ring * n, 1 + (ring + 1) * n);
+                mesh.triangles.push([a + k, b + k, b + next]);
+                mesh.triangles.push([a + k, b + next, a + next]);
+            }
+        }
+        Ok(mesh.with_material(0))
+    }
+
+    fn push(&self, mesh: &mut Mesh, x: f32, z: f32) {
+        const STEP: f32 = 0.05;
+        let slope = |dx: f32, dz: f32| (self.height(x + dx, z + dz) - self.height(x - dx, z - dz)) / (2.0 * STEP);
+        mesh.points.push(Vec3::new(x, self.height(x, z), z));
+        mesh.normals.push(Vec3::new(-slope(STEP, 0.0), 1.0, -slope(0.0, STEP)).normalize());
+        mesh.uvs.push(Vec2::new(x, -z) / self.tile);
+    }
+
+    fn check(&self) -> Result<()> {
+        let rows = [
+            ("radius", self.radius, 0.1, 1e4, "m"),
+            ("amplitude", self.amplitude, 0.0, 100.0, "m"),
+            ("wavelength", self.wavelength, 1e-3, 1e5, "m"),
+            ("rings", self.rings as f32, 4.0, 512.0, ""),
+            ("sectors", self.sectors as f32, 8.0, 1024.0, ""),
+            ("tile", self.tile, 0.01, 1000.0, "m"),
+        ];
+        for (name, value, min, max, unit) in rows {
+            if !(min..=max).contains(&value) {
+                let name = format!("ground: {name}");
+                return Err(Error::Range { name, value: value.into(), min: min.into(), max: max.into(), unit });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Linear colours of the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroundColors {
+    /// Bare soil, dark and light.
+    pub soil: [[f32; 3]; 2],
+    /// Short grass and moss, dark and light.
+    pub green: [[f32; 3]; 2],
+    /// Fallen leaves and stalks.
+    pub litter: [f32; 3],
+    /// Share of green, 0..1.
+    pub cover: f32,
+}
+
+impl Default for GroundColors {
+    fn default() -> Self {
+        Self {
+            soil: [[0.030, 0.021, 0.013], [0.105, 0.078, 0.050]],
+            green: [[0.022, 0.045, 0.010], [0.095, 0.145, 0.032]],
+            litter: [0.190, 0.130, 0.065],
+            cover: 0.62,
+        }
+    }
+}
+
+struct Sample {
+    color: Vec3,
+    height: f32,
+    rough: f32,
+}
+
+struct Tables {
+    cover: Fractal,
+    tint: Fractal,
+    clod: Fractal,
+    blades: [Fractal; 3],
+    litter: Cells,
+}
+
+/// Height difference of the ground's maps, m.
+const RELIEF: f32 = 0.03;
+
+/// The ground's material with `<name>_color`, `_normal` (16 bit), `_rough` and `_height` (16 bit), tiling; `side` pixels
+/// (16..=4096), `tile` m a repeat.
+/// # Errors
+/// `Range` for a side outside its range.
+/// Own: patches of short grass (streaks in three directions) on cloddy soil, strewn with litter.
+pub fn ground_material(
+    colors: &GroundColors,
+    name: &str,
+    side: u32,
+    (tile, seed): (f32, u64),
+) -> Result<SurfaceMaterial> {
+    if !(16..=4096).contains(&side) {
+        let name = "ground: side of the maps".to_owned();
+        return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
+    }
+    let s = |k: u64| seed.wrapping_mul(64).wrapping_add(k << 3);
+    let tables = Tables {
+        cover: Fractal::new(s(0), [3, 3], 5),
+        tint: Fractal::new(s(1), [2, 2], 4),
+        clod: Fractal::new(s(2), [16, 16], 5),
+        blades: [Fractal::new(s(3), [160, 28], 2), Fractal::new(s(4), [36, 150], 2), Fractal::new(s(5), [96, 96], 2)],
+        litter: Cells::new(s(6), [34, 30], 0.9),
+    };
+    let rows: Vec<u32> = (0..side).collect();
+    let n = side as f32;
+    let samples: Vec<Sample> = par_map(&rows, |&y| {
+        let v = 1.0 - (y as f32 + 0.5) / n;
+        (0..side).map(|x| sample(colors, &tables, (x as f32 + 0.5) / n, v)).collect::<Vec<_>>()
+    })
+    .into_iter()
+    .flatten()
+    .collect();
+    let heights: Vec<f32> = samples.iter().map(|s| s.height).collect();
+    let step = RELIEF / (tile.max(0.01) / n);
+    let image = |kind, suffix: &str, channels, pixels| Image {
+        name: format!("{name}_{suffix}"),
+        kind,
+        width: side,
+        height: side,
+        channels,
+        pixels,
+    };
+    let images = vec![
+        image(ImageKind::Color, "color", 3, Pixels::U8(samples.iter().flat_map(|s| pixels::srgb(s.color)).collect())),
+        image(ImageKind::Data, "normal", 3, Pixels::U16(pixels::normals16(&heights, side as usize, [step, step]))),
+        image(ImageKind::Data, "rough", 1, Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
+        image(ImageKind::Data, "height", 1, Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
+    ];
+    let material = Material {
+        name: name.to_owned(),
+        class: MaterialClass::Ground,
+        base_color: colors.soil[1],
+        roughness: 0.95,
+        ior: 1.5,
+        translucency: 0.0,
+        double_sided: false,
+        alpha_cutoff: None,
+        height_range: RELIEF,
+        tile,
+        maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
+    };
+    Ok(SurfaceMaterial { material, images })
+}
+
+fn sample(colors: &GroundColors, t: &Tables, x: f32, y: f32) -> Sample {
+    let tint = t.tint.at(x, y);
+    let clod = t.clod.at(x, y);
+    let cover = smoothstep(-0.18, 0.18, t.cover.at(x, y) + 0.25 * clod + (colors.cover - 0.5));
+    let [a, b, c] = [t.blades[0].at(x, y), t.blades[1].at(x + 0.01 * clod, y), t.blades[2].at(x, y)];
+    let blade = (0.5 + 0.55 * a.max(b).max(0.7 * c)).clamp(0.0, 1.0);
+    let [soil, green] = [colors.soil, colors.green].map(|c| c.map(Vec3::from_array));
+    let earth = soil[0].lerp(soil[1], (0.5 + 0.6 * clod + 0.2 * tint).clamp(0.0, 1.0));
+    let grass = green[0].lerp(green[1], (blade * blade * 1.1 + 0.15 * tint).clamp(0.0, 1.0));
+    let grass = grass.lerp(Vec3::new(grass.y * 1.05, grass.y * 0.92, grass.z), (0.35 + 0.6 * tint).clamp(0.0, 0.7));
+    let mut color = earth.lerp(grass, cover * (0.55 + 0.45 * blade));
+    let mut height = 0.35 + 0.22 * clod + cover * (0.30 * blade - 0.05);
+
+    let near = t.litter.at(x, y);
+    let turn = ((near.id >> 20) & 0xFF) as f32 * (std::f32::consts::PI / 256.0);
+    let (sin, cos) = (math::sin_f32(turn), math::cos_f32(turn));
+    let [fx, fy] = near.from;
+    let (along, across) = (fx * cos + fy * sin, fy * cos - fx * sin);
+    let leaf = 1.0 - smoothstep(0.8, 1.0, (along * along * 8.0 + across * across * 42.0).sqrt());
+    if near.id.is_multiple_of(4) {
+        let shade = 0.6 + 0.8 * ((near.id >> 32) & 0xFF) as f32 / 256.0;
+        let rib = 1.0 - 0.3 * (1.0 - smoothstep(0.0, 0.02, across.abs()));
+        color = color.lerp(Vec3::from_array(colors.litter) * shade * rib, 0.85 * leaf);
+        height += 0.18 * leaf;
+    }
+    let rough = 0.93 - 0.08 * cover * blade - 0.10 * leaf;
+    Sample { color: color * (1.0 + 0.18 * tint), height: height.clamp(0.0, 1.0), rough }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_disc_faces_up_and_follows_its_height() {
+        let ground = Ground { rings: 12, sectors: 24, ..Ground::default() };
+        let mesh = ground.mesh().expect("mesh");
+        assert_eq!((mesh.points.len(), mesh.triangles.len()), (1 + 12 * 24, 24 + 2 * 24 * 11));
+        for t in &mesh.triangles {
+            let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+            assert!((b - a).cross(c - a).y > 0.0);
+        }
+        assert!(mesh.points.iter().all(|p| (p.y - ground.height(p.x, p.z)).abs() < 1e-6));
+        assert!(mesh.points[0] == Vec3::ZERO && mesh.normals.iter().all(|n| n.y > 0.5));
+        assert!(Ground { radius: f32::NAN, ..Ground::default() }.mesh().is_err());
+    }
+
+    #[test]
+    fn maps_tile() {
+        let set = ground_material(&GroundColors::default(), "ground", 128, (2.0, 1)).expect("maps");
+        let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
+        let (mut border, mut inside) = (0_u64, 0_u64);
+        for y in 0..128 {
+            let row = &h[y * 128..(y + 1) * 128];
+            border += u64::from(row[127].abs_diff(row[0]));
+            inside += u64::from(row[63].abs_diff(row[64]));
+        }
+        assert!(border < inside * 2, "the border jumps no more than the middle: {border}, {inside}");
+    }
+}
