@@ -13,12 +13,13 @@ use gltf_objects::{alone, instanced, objects};
 use std::path::Path;
 use std::sync::Arc;
 
+use glam::Vec3;
 use osier::export::Exporter;
 use osier::export::gltf::{Gltf, Options};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
 use osier::fence::Folder;
-use osier::scene::{Frame, Scene};
+use osier::scene::{Frame, MeshFrame, MeshMotion, Scene};
 use serde_json::{Value, json};
 
 fn bake(folder: &Path, scene: &Arc<Scene>, frames: &[Frame]) {
@@ -58,6 +59,7 @@ fn jobs(folder: &Path) -> Value {
         list.push(job(file, objects(&scene, &frames, &numbers, false)));
     }
     list.push(cached(&scene, &frames, job(path("gltf/cache.blender.glb"), Value::Null), &path("cache/cache.pc2")));
+    list.push(hero(folder));
     list.push(resting(&scene, &frames, &still, numbers[0]));
     list.into()
 }
@@ -80,6 +82,32 @@ fn cached(scene: &Scene, frames: &[Frame], mut job: Value, pc2: &str) -> Value {
     job["frames"] = wanted.into();
     job["cache"] = json!({"object": "body", "pc2": pc2});
     job
+}
+
+/// A skinned mesh whose frames carry finer points: the file holds the skin, the cache beside it the points.
+fn hero(folder: &Path) -> Value {
+    let (mut scene, mut frames) = common::synthetic();
+    scene.assets[0].meshes[0].motion = MeshMotion::Deforming;
+    for frame in &mut frames {
+        let k = frame.number as f32;
+        let mesh = &scene.assets[0].meshes[0].mesh;
+        let bent = |p: &Vec3| *p + Vec3::new(0.01 * k * p.y, 0.0, 0.03 * k * p.y * p.y);
+        let points = mesh.points.iter().map(bent).collect();
+        let fine = MeshFrame::Points { points, normals: mesh.normals.clone(), velocities: Vec::new() };
+        frame.assets[0].meshes = vec![fine];
+    }
+    let folder = folder.join("hero");
+    let start = scene.clip.start;
+    let numbers = expect::three(&scene);
+    let mut at = objects(&alone(&scene, 0), &frames, &numbers, false);
+    for list in at.as_object_mut().expect("frames").values_mut() {
+        // The leaves ride on the skeleton, which the cache's frame numbers run one ahead of.
+        list.as_object_mut().expect("objects").retain(|name, _| name == "stem");
+    }
+    bake(&folder, &Arc::new(scene), &frames);
+    let path = |p: &str| folder.join(p).to_string_lossy().into_owned();
+    let cache = json!({"object": "stem", "pc2": path("cache/rig.pc2")});
+    json!({"file": path("gltf/rig.blender.glb"), "fps": 24, "start": start, "frames": at, "cache": cache})
 }
 
 /// The still bake: everything at rest, the cloud included.

@@ -182,6 +182,20 @@ fn more_frames_than_targets_leave_the_rest_shape() {
 }
 
 #[test]
+fn a_varying_mesh_shows_its_still_shape_or_nothing() {
+    let (mut scene, frames) = common::synthetic();
+    let temp = tempfile::tempdir().expect("temp");
+    export(temp.path(), &scene, &frames, Profile::Web).expect("written");
+    assert_eq!(player(temp.path(), "misc.web.glb").node("pool"), None);
+    scene.assets[3].meshes[0].mesh = scene.assets[4].meshes[0].mesh.clone();
+    let temp = tempfile::tempdir().expect("temp");
+    export(temp.path(), &scene, &frames, Profile::Web).expect("written");
+    let file = player(temp.path(), "misc.web.glb");
+    let pool = file.node("pool").expect("pool");
+    assert_eq!(file.positions(pool, 0.1), scene.assets[4].meshes[0].mesh.points);
+}
+
+#[test]
 fn a_scene_named_like_its_asset_keeps_both_files() {
     let (mut scene, _) = common::synthetic();
     scene.name = "rig".into();

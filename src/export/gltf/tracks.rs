@@ -124,7 +124,8 @@ impl AssetTracks {
             let posed = frame.pose.len() == skeleton.joints.len();
             self.poses.push(if posed { frame.pose.clone() } else { skeleton.rest_pose() });
         }
-        for (i, instancer) in asset.instancers.iter().enumerate() {
+        let free = |i: &crate::scene::Instancer| i.motion == InstancerMotion::Free;
+        for (i, instancer) in asset.instancers.iter().enumerate().filter(|(_, i)| free(i)) {
             let state = instance_states(asset, instancer, i, frame);
             for m in self.moving.iter_mut().filter(|m| m.instancer == i) {
                 m.positions.push(state.positions[m.instance]);
