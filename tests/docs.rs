@@ -1,8 +1,15 @@
-//! The tables in docs/ say what the program says. `OSIER_BLESS=1` rewrites them, and still fails.
+//! The documents say what the program says. `OSIER_BLESS=1` rewrites the tables of codes and limits, and still fails.
 #![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests read the repository")]
 
-use osier::diagnostic::{Severity, codes::CODES};
-use osier::limits::{LIMITS, grouped};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use osier::diagnostic::{Diagnostic, Severity, Sources, codes::CODES};
+use osier::grammar::{self, DeriveOptions, Grammar};
+use osier::limits::{LIMITS, Limits, grouped};
+use osier::recipe::{Library, Request, resolve};
+
+mod common;
 
 fn held(name: &str, expected: &str) {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
@@ -46,4 +53,213 @@ fn limits() {
         text.push_str(&format!("| {} | {} | {} |\n", l.name, grouped(l.default), l.counts));
     }
     held("limits.md", &text);
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Name and text of every document.
+fn documents() -> Vec<(String, String)> {
+    let mut paths: Vec<PathBuf> = Vec::new();
+    for folder in [root().to_owned(), root().join("docs")] {
+        let entries = std::fs::read_dir(folder).expect("folder").map(|e| e.expect("entry").path());
+        paths.extend(entries.filter(|p| p.extension().is_some_and(|e| e == "md")));
+    }
+    paths.sort();
+    let name = |p: &Path| p.strip_prefix(root()).expect("inside").to_string_lossy().into_owned();
+    paths.iter().map(|p| (name(p), std::fs::read_to_string(p).expect("text"))).collect()
+}
+
+/// A fenced block.
+struct Block {
+    /// Document and line.
+    place: String,
+    /// The word behind the fence.
+    tag: String,
+    body: String,
+}
+
+fn blocks() -> Vec<Block> {
+    let mut out: Vec<Block> = Vec::new();
+    for (name, text) in documents() {
+        let mut open = false;
+        for (i, line) in text.lines().enumerate() {
+            match line.strip_prefix("```") {
+                Some(tag) if !open => {
+                    let place = format!("{name}:{}", i + 1);
+                    out.push(Block { place, tag: tag.to_owned(), body: String::new() });
+                    open = true;
+                }
+                Some(_) => open = false,
+                None if open => {
+                    let block = out.last_mut().expect("open");
+                    block.body.push_str(line);
+                    block.body.push('\n');
+                }
+                None => {}
+            }
+        }
+        assert!(!open, "{name}: a fence is never closed");
+    }
+    out
+}
+
+fn read(text: &str) -> osier::Result<(Grammar, Vec<Diagnostic>)> {
+    let mut sources = Sources::default();
+    let mut includes = |r: &str, _: &str| Err(osier::Error::io("open", r, std::io::ErrorKind::NotFound.into()));
+    let defines = BTreeMap::new();
+    let source =
+        grammar::Source { name: "mine.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    grammar::parse(&mut sources, source, &Limits::default())
+}
+
+/// Bare productions as a grammar of their own.
+fn whole(body: &str) -> String {
+    if body.contains("endlsystem") {
+        return body.to_owned();
+    }
+    format!("Lsystem: snippet\nSeed: 1\nDerivation length: 1\nAxiom: A\n{body}endlsystem\n")
+}
+
+fn final_string(grammar: &Grammar) -> String {
+    let options = DeriveOptions { seed: 1, ..DeriveOptions::default() };
+    let derived = grammar::derive(grammar, &options, &Limits::default()).expect("derives");
+    grammar.print(&derived.modules)
+}
+
+#[test]
+fn grammar_snippets_are_read_and_derive_to_what_is_said() {
+    let mut last: Option<Grammar> = None;
+    let mut seen = 0;
+    for block in blocks() {
+        match block.tag.as_str() {
+            "lsystem" => {
+                let (grammar, warnings) = read(&whole(&block.body)).unwrap_or_else(|e| panic!("{}\n{e}", block.place));
+                let codes: Vec<&str> = warnings.iter().map(|d| d.code).collect();
+                let complete = block.body.contains("endlsystem");
+                assert!(!complete || codes.is_empty(), "{}: {codes:?}", block.place);
+                last = Some(grammar);
+                seen += 1;
+            }
+            "string" => {
+                let grammar = last.as_ref().expect("a grammar stands before its string");
+                assert_eq!(final_string(grammar), block.body.trim(), "{}", block.place);
+            }
+            "lsystem wrong" => last = None,
+            _ => {}
+        }
+    }
+    assert!(seen > 4);
+}
+
+#[test]
+fn complaints_read_as_shown() {
+    let all = blocks();
+    let mut seen = 0;
+    for pair in all.windows(2).filter(|p| p[0].tag == "lsystem wrong") {
+        let report = read(&pair[0].body).expect_err(&pair[0].place).to_string();
+        assert_eq!(report.trim(), pair[1].body.trim(), "{}", pair[1].place);
+        seen += 1;
+    }
+    assert!(seen > 0);
+}
+
+#[test]
+fn listed_functions_exist() {
+    let text = std::fs::read_to_string(root().join("docs/grammars.md")).expect("text");
+    let rows = text.lines().skip_while(|l| !l.starts_with("| function |")).skip(2);
+    let mut seen = 0;
+    for row in rows.take_while(|l| l.starts_with('|')) {
+        let cell = row.split('|').nth(1).expect("first cell");
+        for call in cell.split('`').skip(1).step_by(2) {
+            let expression = call.replace(['x', 'y', 'm', 's', 'b', 'n', 'p'], "1");
+            // Names must keep their letters.
+            let expression = format!("{}{}", &call[..call.find('(').expect("call")], &expression[call.find('(').expect("call")..]);
+            let production = whole(&format!("A --> F({})\n", expression.replace("(a,", "(1,")));
+            read(&production).unwrap_or_else(|e| panic!("{call}\n{e}"));
+            seen += 1;
+        }
+    }
+    assert!(seen > 20, "{seen}");
+}
+
+#[test]
+fn scene_snippets_resolve() {
+    let folder = std::env::temp_dir().join(format!("osier-docs-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("folder");
+    std::fs::write(folder.join("mine.obj"), "v 0 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\n").expect("write");
+    std::fs::copy(root().join("grammars/koch.l"), folder.join("mine.l")).expect("copy");
+    let mut seen = 0;
+    for block in blocks().iter().filter(|b| b.tag == "toml") {
+        let oak = "\n[plants.oak]\ngrammar = \"oak.l\"\n";
+        let text = if block.body.contains("grammar =") { block.body.clone() } else { format!("{}{oak}", block.body) };
+        let library = Library { folder: Some(folder.clone()), search: Vec::new() };
+        let request = Request { name: "docs".into(), shown: block.place.clone(), text, library, ..Request::default() };
+        let (_, report) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
+        assert!(report.diagnostics.is_empty(), "{report}");
+        seen += 1;
+    }
+    std::fs::remove_dir_all(&folder).expect("removed");
+    assert!(seen > 4, "{seen}");
+}
+
+/// Code in backquotes that names a place in the sources: `src/math.rs: transport`.
+fn names(text: &str) -> Vec<(String, String)> {
+    let mut out = Vec::new();
+    for code in text.split('`').skip(1).step_by(2) {
+        if let Some((file, name)) = code.split_once(".rs: ") {
+            out.push((format!("{file}.rs"), name.to_owned()));
+        }
+    }
+    out
+}
+
+#[test]
+fn functions_and_tests_of_the_papers_exist() {
+    let text = std::fs::read_to_string(root().join("docs/papers.md")).expect("text");
+    let all = names(&text);
+    assert!(all.len() > 20, "{}", all.len());
+    let missing: Vec<String> = all
+        .iter()
+        .filter(|(file, name)| {
+            let source = std::fs::read_to_string(root().join(file)).unwrap_or_default();
+            let found = |word: &str, ends: &[char]| {
+                source.match_indices(&format!("{word} {name}")).any(|(i, m)| source[i + m.len()..].starts_with(ends))
+            };
+            !(found("fn", &['(', '<']) || found("const", &[':']) || found("struct", &[' ', '(', '<']))
+        })
+        .map(|(file, name)| format!("{file}: {name}"))
+        .collect();
+    assert!(missing.is_empty(), "docs/papers.md names what is not there: {missing:#?}");
+}
+
+#[test]
+fn every_key_of_the_manifest_is_explained() {
+    use osier::export::manifest::{Settings, build};
+    let text = std::fs::read_to_string(root().join("docs/formats.md")).expect("text");
+    let (scene, _) = common::synthetic();
+    let json = build(&scene, &[], &[], &Settings::default()).text().expect("finite");
+    let keys = json.split('"').skip(1).step_by(2).zip(json.split('"').skip(2).step_by(2));
+    let missing: std::collections::BTreeSet<&str> = keys
+        .filter(|(_, after)| after.starts_with(':'))
+        .map(|(key, _)| key)
+        .filter(|key| !text.contains(&format!("`{key}`")))
+        .collect();
+    assert!(missing.is_empty(), "docs/formats.md does not explain {missing:?}");
+}
+
+#[test]
+fn links_lead_to_files() {
+    let mut dead = Vec::new();
+    for (name, text) in documents() {
+        let folder = root().join(&name).parent().expect("folder").to_owned();
+        for part in text.split("](").skip(1) {
+            let target = part.split([')', '#']).next().unwrap_or_default();
+            if !target.is_empty() && !target.contains("://") && !folder.join(target).exists() {
+                dead.push(format!("{name}: {target}"));
+            }
+        }
+    }
+    assert!(dead.is_empty(), "{dead:#?}");
 }
