@@ -109,8 +109,7 @@ fn read(text: &str) -> osier::Result<(Grammar, Vec<Diagnostic>)> {
     let mut sources = Sources::default();
     let mut includes = |r: &str, _: &str| Err(osier::Error::io("open", r, std::io::ErrorKind::NotFound.into()));
     let defines = BTreeMap::new();
-    let source =
-        grammar::Source { name: "mine.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let source = grammar::Source { name: "mine.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
     grammar::parse(&mut sources, source, &Limits::default())
 }
 
@@ -175,7 +174,8 @@ fn listed_functions_exist() {
         for call in cell.split('`').skip(1).step_by(2) {
             let expression = call.replace(['x', 'y', 'm', 's', 'b', 'n', 'p'], "1");
             // Names must keep their letters.
-            let expression = format!("{}{}", &call[..call.find('(').expect("call")], &expression[call.find('(').expect("call")..]);
+            let expression =
+                format!("{}{}", &call[..call.find('(').expect("call")], &expression[call.find('(').expect("call")..]);
             let production = whole(&format!("A --> F({})\n", expression.replace("(a,", "(1,")));
             read(&production).unwrap_or_else(|e| panic!("{call}\n{e}"));
             seen += 1;

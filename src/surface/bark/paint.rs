@@ -51,9 +51,8 @@ struct Sample {
 /// A bark's material with `<name>_color` (sRGB), `_normal` (16 bit), `_rough` and `_height` (16 bit), all tiling.
 /// # Errors
 /// `Range` for a value outside its range.
-/// Source: the bark model of the plant specification, section 4: warp, plates, fibre, height, cracks, colour, roughness,
-/// normal.
-/// Differs: heights are stretched to fill [0, 1]; patches and marks are added on top.
+/// Own: warp, plates, fibre, height, cracks, colour, roughness, normal, in this order; heights are stretched to fill
+/// [0, 1]; patches and marks are added on top.
 pub fn bark(spec: &BarkSpec, name: &str) -> Result<SurfaceMaterial> {
     spec.check()?;
     let tables = Tables::new(spec);

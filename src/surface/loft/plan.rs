@@ -191,7 +191,7 @@ impl Job<'_> {
     }
 
     /// A trunk: it widens towards the ground (with knots enough to show it) and goes on below it.
-    /// Source: the flare of section "radii" of the plant model: r (1 + flare exp(-s / (3 r0))).
+    /// Own: r (1 + flare exp(-s / (3 r0))).
     fn root(&self, knots: &mut Vec<Knot>) {
         self.follow(0.0, knots);
         let Some((&a, &b)) = knots.first().zip(knots.get(1)) else { return };
