@@ -12,6 +12,7 @@ pub mod export;
 pub mod fence;
 pub mod geometry;
 pub mod grammar;
+pub mod grow;
 pub mod import;
 pub mod limits;
 pub mod math;

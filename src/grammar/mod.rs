@@ -186,6 +186,26 @@ impl Grammar {
         d
     }
 
+    /// Where a symbol (behind `prefix`, if given) is first made; the start of the file if nowhere.
+    pub(crate) fn place_of(&self, prefix: Option<char>, c: char) -> Span {
+        let symbol = |t: &program::Template| self.program.symbols.get(t.symbol);
+        let successors = || [&self.program.axiom].into_iter().chain(self.program.productions().map(|p| &p.successor));
+        let place = match prefix {
+            None => successors().flatten().find(|t| symbol(t) == c).map(|t| t.place),
+            Some(p) => {
+                let mut pairs = successors().flat_map(|s| s.windows(2));
+                let pair = pairs.find(|w| symbol(&w[0]) == p && symbol(&w[1]) == c);
+                pair.map(|w| w[0].place.to(w[1].place))
+            }
+        };
+        place.unwrap_or(self.start).span
+    }
+
+    /// Complaints about this grammar as an error.
+    pub(crate) fn report(&self, diagnostics: Vec<Diagnostic>) -> Error {
+        Error::Input(Box::new(Report { sources: self.sources.clone(), diagnostics }))
+    }
+
     /// The texts that complaints of this grammar point into.
     pub fn sources(&self) -> &Sources {
         &self.sources
@@ -212,7 +232,7 @@ fn general(x: f64) -> String {
 
 /// An error met while deriving, as a report.
 fn runtime_report(grammar: &Grammar, diagnostic: Diagnostic) -> Error {
-    Error::Input(Box::new(Report { sources: grammar.sources.clone(), diagnostics: vec![diagnostic] }))
+    grammar.report(vec![diagnostic])
 }
 
 /// An error met while deriving, at one place, with a way out.
