@@ -12,6 +12,22 @@ use osier::fence::{Disk, Folder, MANIFEST, System, WriteOptions};
 use osier::progress::Cancel;
 use osier::{Error, Result};
 
+/// The real disk without the waiting: what is asked of it matters here, not what survives a power cut.
+#[derive(Debug)]
+struct Quick;
+
+impl Disk for Quick {
+    fn sync(&self, _file: &File) -> io::Result<()> {
+        Ok(())
+    }
+    fn append(&self, path: &Path, line: &[u8]) -> io::Result<()> {
+        File::options().append(true).create(true).open(path)?.write_all(line)
+    }
+    fn sync_dir(&self, _path: &Path) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// A disk that does `left` more things and then nothing at all, as if the process had been killed.
 #[derive(Debug)]
 struct DiesAfter {
@@ -30,38 +46,38 @@ impl DiesAfter {
 
 impl Disk for DiesAfter {
     fn make_dir(&self, path: &Path) -> io::Result<()> {
-        self.step().and_then(|()| System.make_dir(path))
+        self.step().and_then(|()| Quick.make_dir(path))
     }
     fn create_new(&self, path: &Path) -> io::Result<File> {
-        self.step().and_then(|()| System.create_new(path))
+        self.step().and_then(|()| Quick.create_new(path))
     }
     fn write(&self, file: &mut File, bytes: &[u8]) -> io::Result<usize> {
-        self.step().and_then(|()| System.write(file, &bytes[..bytes.len().div_ceil(2)]))
+        self.step().and_then(|()| Quick.write(file, &bytes[..bytes.len().div_ceil(2)]))
     }
     fn sync(&self, file: &File) -> io::Result<()> {
-        self.step().and_then(|()| System.sync(file))
+        self.step().and_then(|()| Quick.sync(file))
     }
     fn append(&self, path: &Path, line: &[u8]) -> io::Result<()> {
         // The last thing done before death may be half a line.
         let half = &line[..line.len() / 2];
-        let torn = |e| System.append(path, half).and(Err(e));
+        let torn = |e| Quick.append(path, half).and(Err(e));
         match self.left.fetch_sub(1, Ordering::SeqCst) {
             ..=0 => Err(io::Error::other("killed")),
             1 => torn(io::Error::other("killed")),
-            _ => System.append(path, line),
+            _ => Quick.append(path, line),
         }
     }
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        self.step().and_then(|()| System.rename(from, to))
+        self.step().and_then(|()| Quick.rename(from, to))
     }
     fn remove(&self, path: &Path) -> io::Result<()> {
-        self.step().and_then(|()| System.remove(path))
+        self.step().and_then(|()| Quick.remove(path))
     }
     fn remove_dir(&self, path: &Path) -> io::Result<()> {
-        self.step().and_then(|()| System.remove_dir(path))
+        self.step().and_then(|()| Quick.remove_dir(path))
     }
     fn sync_dir(&self, path: &Path) -> io::Result<()> {
-        self.step().and_then(|()| System.sync_dir(path))
+        self.step().and_then(|()| Quick.sync_dir(path))
     }
 }
 
@@ -147,7 +163,7 @@ fn put(path: &Path, bytes: &[u8]) {
 
 fn undisturbed(key: &str) -> BTreeMap<String, Vec<u8>> {
     let dir = tempfile::tempdir().expect("dir");
-    assert_eq!(bake(dir.path(), options(key, Arc::new(System))).expect("bake"), 5);
+    assert_eq!(bake(dir.path(), options(key, Arc::new(Quick))).expect("bake"), 5);
     tree(dir.path())
 }
 
@@ -169,7 +185,7 @@ fn death_at_every_step_is_mended_by_the_next_run() {
         for step in 0.. {
             let dir = tempfile::tempdir().expect("dir");
             if !before.is_empty() {
-                bake(dir.path(), options(before, Arc::new(System))).expect("the bake before");
+                bake(dir.path(), options(before, Arc::new(Quick))).expect("the bake before");
             }
             let end = bake(dir.path(), options("a", Arc::new(DiesAfter::new(step))));
             assert!(manifest_holds(dir.path()), "a manifest that lies after step {step} on {before:?}");
@@ -178,9 +194,9 @@ fn death_at_every_step_is_mended_by_the_next_run() {
             }
             died += 1;
             assert_eq!(end.map_err(|e| e.exit_code()), Err(74));
-            bake(dir.path(), options("a", Arc::new(System))).unwrap_or_else(|e| panic!("step {step}: {e}"));
+            bake(dir.path(), options("a", Arc::new(Quick))).unwrap_or_else(|e| panic!("step {step}: {e}"));
             assert_eq!(tree(dir.path()), a, "after death at step {step} on {before:?}");
-            bake(dir.path(), options("b", Arc::new(System))).expect("another bake");
+            bake(dir.path(), options("b", Arc::new(Quick))).expect("another bake");
             assert_eq!(tree(dir.path()), b, "another key after death at step {step} on {before:?}");
         }
         assert!(died > 10 || before == "a", "{died} steps were tried on {before:?}");
@@ -190,22 +206,22 @@ fn death_at_every_step_is_mended_by_the_next_run() {
 #[test]
 fn a_rerun_keeps_what_is_proved_and_makes_what_is_not() {
     let dir = tempfile::tempdir().expect("dir");
-    let run = || bake(dir.path(), options("a", Arc::new(System))).expect("bake");
+    let run = || bake(dir.path(), options("a", Arc::new(Quick))).expect("bake");
     assert_eq!(run(), 5);
     assert_eq!(run(), 0);
     put(&dir.path().join("pov/frames/frame.0002.inc"), b"damaged");
     std::fs::remove_file(dir.path().join("main.usda")).expect("remove");
     assert_eq!(run(), 2);
     assert_eq!(tree(dir.path()), undisturbed("a"));
-    assert_eq!(bake(dir.path(), options("b", Arc::new(System))).expect("bake"), 5);
+    assert_eq!(bake(dir.path(), options("b", Arc::new(Quick))).expect("bake"), 5);
 }
 
 #[test]
 fn a_stale_file_that_someone_changed_is_theirs() {
     let dir = tempfile::tempdir().expect("dir");
-    bake(dir.path(), options("a", Arc::new(System))).expect("bake");
+    bake(dir.path(), options("a", Arc::new(Quick))).expect("bake");
     put(&dir.path().join("gltf/only_a.glb"), b"my own edit");
-    bake(dir.path(), options("b", Arc::new(System))).expect("bake");
+    bake(dir.path(), options("b", Arc::new(Quick))).expect("bake");
     assert_eq!(read(&dir.path().join("gltf/only_a.glb")), b"my own edit");
 }
 
@@ -219,7 +235,7 @@ fn a_full_disk_leaves_whole_files_and_the_rest_for_later() {
         for (name, bytes) in tree(dir.path()) {
             assert!(name.ends_with('/') || name == ".osier" || whole[&name] == bytes, "{name} at {room}");
         }
-        bake(dir.path(), options("a", Arc::new(System))).expect("bake");
+        bake(dir.path(), options("a", Arc::new(Quick))).expect("bake");
         assert_eq!(tree(dir.path()), whole);
     }
 }
@@ -229,18 +245,18 @@ fn foreign_files_stop_a_bake_until_it_is_forced() {
     for (path, early) in [("main.usda", false), (MANIFEST, true), (".osier", true)] {
         let dir = tempfile::tempdir().expect("dir");
         put(&dir.path().join(path), b"mine");
-        let end = bake(dir.path(), options("a", Arc::new(System))).expect_err("foreign");
+        let end = bake(dir.path(), options("a", Arc::new(Quick))).expect_err("foreign");
         assert!(matches!(&end, Error::Foreign { path: p } if p.ends_with(path)), "{end}");
         assert_eq!(end.exit_code(), 1);
         assert_eq!(read(&dir.path().join(path)), b"mine");
         assert!(!early || tree(dir.path()).len() == 1, "found before any work");
-        bake(dir.path(), WriteOptions { force: true, ..options("a", Arc::new(System)) }).expect("forced");
+        bake(dir.path(), WriteOptions { force: true, ..options("a", Arc::new(Quick)) }).expect("forced");
         assert_eq!(tree(dir.path()), undisturbed("a"));
     }
     let dir = tempfile::tempdir().expect("dir");
     std::fs::create_dir(dir.path().join("main.usda")).expect("folder");
-    assert_eq!(bake(dir.path(), options("a", Arc::new(System))).map_err(|e| e.exit_code()), Err(1));
-    let forced = WriteOptions { force: true, ..options("a", Arc::new(System)) };
+    assert_eq!(bake(dir.path(), options("a", Arc::new(Quick))).map_err(|e| e.exit_code()), Err(1));
+    let forced = WriteOptions { force: true, ..options("a", Arc::new(Quick)) };
     assert_eq!(bake(dir.path(), forced).map_err(|e| e.exit_code()), Err(74));
 }
 
@@ -255,14 +271,14 @@ fn links_are_replaced_not_followed_and_folders_that_lead_out_are_refused() {
         dir
     };
     let dir = link("main.usda");
-    assert!(matches!(bake(dir.path(), options("a", Arc::new(System))), Err(Error::Foreign { .. })));
-    bake(dir.path(), WriteOptions { force: true, ..options("a", Arc::new(System)) }).expect("forced");
+    assert!(matches!(bake(dir.path(), options("a", Arc::new(Quick))), Err(Error::Foreign { .. })));
+    bake(dir.path(), WriteOptions { force: true, ..options("a", Arc::new(Quick)) }).expect("forced");
     assert_eq!(tree(dir.path()), undisturbed("a"));
     assert!(!dir.path().join("main.usda").is_symlink());
 
     let dir = tempfile::tempdir().expect("dir");
     std::os::unix::fs::symlink(outside.path(), dir.path().join("pov")).expect("link");
-    let end = bake(dir.path(), WriteOptions { force: true, ..options("a", Arc::new(System)) });
+    let end = bake(dir.path(), WriteOptions { force: true, ..options("a", Arc::new(Quick)) });
     assert!(matches!(end, Err(Error::Export { code: "X009", .. })));
     assert_eq!(tree(outside.path()).into_keys().collect::<Vec<_>>(), ["target"]);
     assert_eq!(read(&outside.path().join("target")), b"mine");
@@ -348,4 +364,55 @@ fn two_processes_in_one_folder_both_succeed() {
     });
     bake(dir.path(), options("a", Arc::new(System))).expect("bake");
     assert_eq!(tree(dir.path()), undisturbed("a"));
+}
+
+/// A small disk of our own, gone when dropped; `None` where we may not mount one.
+#[cfg(target_os = "linux")]
+struct Tmpfs(tempfile::TempDir);
+
+#[cfg(target_os = "linux")]
+impl Tmpfs {
+    fn mount(options: &str) -> Option<Self> {
+        let dir = tempfile::tempdir().expect("dir");
+        let mount =
+            std::process::Command::new("mount").args(["-t", "tmpfs", "-o", options, "tmpfs"]).arg(dir.path()).output();
+        mount.is_ok_and(|o| o.status.success()).then_some(Self(dir))
+    }
+
+    fn remount(&self, options: &str) {
+        let done = std::process::Command::new("mount").args(["-o", options]).arg(self.0.path()).status();
+        assert!(done.is_ok_and(|s| s.success()));
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Drop for Tmpfs {
+    fn drop(&mut self) {
+        std::process::Command::new("umount").arg(self.0.path()).status().ok();
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_real_disk_that_is_full_or_read_only() {
+    let Some(disk) = Tmpfs::mount("size=64k") else {
+        let mut out = io::stderr();
+        writeln!(out, "skipped: mounting a small disk needs root").ok();
+        return;
+    };
+    let root = disk.0.path().join("out");
+    put(&disk.0.path().join("filler"), &[0; 48 << 10]);
+    let folder = Folder::open(&root).expect("open");
+    let mut out = folder.create("big.usdc", "usdc", None).expect("create").expect("new");
+    let end = out.put(&[7; 1 << 16]).and_then(|()| out.commit());
+    assert_eq!(end.map_err(|e| e.exit_code()), Err(74));
+    assert!(!tree(&root).keys().any(|k| k.contains("big")), "no torn file is left");
+    drop(folder);
+    std::fs::remove_dir_all(&root).expect("remove");
+    std::fs::remove_file(disk.0.path().join("filler")).expect("remove");
+    bake(&root, options("a", Arc::new(System))).expect("room again");
+    assert_eq!(tree(&root), undisturbed("a"));
+    disk.remount("remount,ro");
+    assert_eq!(bake(&root, options("b", Arc::new(System))).map_err(|e| e.exit_code()), Err(74));
+    assert_eq!(tree(&root), undisturbed("a"));
 }
