@@ -161,3 +161,16 @@ fn blender_shows_everything_where_osier_says() {
         clients::python_script(&python, "usd_blender.py", &arguments);
     }
 }
+
+#[test]
+fn packages_are_plain_aligned_archives() {
+    let dir = place("package");
+    let (scene, frames) = common::synthetic();
+    write(&dir, &scene, &frames, single("all.usdz"));
+    let Some(python) = clients::python() else { return };
+    let path = dir.join("all.usdz");
+    let file = path.to_string_lossy();
+    let members = ["synthetic.usdc", "textures/bark_color.png", "textures/bark_normal.png", "textures/leaf_color.png"];
+    let arguments: Vec<&str> = [&*file].into_iter().chain(members).collect();
+    clients::python_script(&python, "usd_package.py", &arguments);
+}

@@ -2,6 +2,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 use half::f16;
+use half::slice::HalfFloatSliceExt as _;
 
 use super::axis::{UpAxis, extent};
 use super::mesh::{Place, Velocities, define};
@@ -27,8 +28,11 @@ fn turns(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
     state.orientations.iter().enumerate().map(turn).collect()
 }
 
-fn halves(q: &Quat) -> [f16; 4] {
-    q.to_array().map(f16::from_f32)
+/// Quaternions rounded to half precision.
+fn halves(turns: &[Quat]) -> Vec<[f16; 4]> {
+    let mut out = vec![[f16::ZERO; 4]; turns.len()];
+    out.as_flattened_mut().convert_from_f32_slice(bytemuck::cast_slice(turns));
+    out
 }
 
 /// Angular velocities as degrees per second about an axis.
@@ -66,7 +70,7 @@ pub(super) fn part(
     let boxes: Vec<Bounds> =
         instancer.prototypes.iter().map(|p| Bounds::of(p.mesh.points.iter().map(|v| up.vec(*v)))).collect();
     let before = turns(up, &instancer.rest, &[]);
-    let orientations: Vec<[f16; 4]> = before.iter().map(halves).collect();
+    let orientations = halves(&before);
     let protos: Vec<i32> = instancer.protos.iter().map(|p| i32::try_from(*p).unwrap_or(i32::MAX)).collect();
     let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.scale(*s)).collect();
     let b = box_of(instancer, &instancer.rest, &orientations, (up, &boxes));
@@ -127,10 +131,12 @@ fn box_of(
     for (i, ((t, q), (s, proto))) in placed.enumerate() {
         let Some(shape) = boxes.get(*proto as usize).filter(|b| !b.is_empty()) else { continue };
         if state.is_alive(i) {
-            // As readers do it: the matrix of the rounded quaternion, which is not quite a rotation.
-            let turn = Mat3::from_quat(Quat::from_array(q.map(f16::to_f32)));
-            let (t, s) = (up.vec(*t), up.scale(*s));
-            b = b.union(Bounds::of(shape.corners().map(|c| t + turn * (s * c))));
+            // As readers do it: the matrix of the rounded quaternion, which is not quite a rotation. A box turns into
+            // the box around its turned centre with the matrix's absolute values applied to its half sides.
+            let m = Mat3::from_quat(Quat::from_array(q.map(f16::to_f32))) * Mat3::from_diagonal(up.scale(*s));
+            let center = up.vec(*t) + m * shape.center();
+            let half = m.abs() * (shape.size() * 0.5);
+            b = b.with(center - half).with(center + half);
         }
     }
     extent(&b)
@@ -142,7 +148,7 @@ impl Part for Instances {
         let (up, time) = (cx.up, shot.time);
         let state = instance_states(shot.asset, instancer, self.index, shot.state);
         self.before = turns(up, &state, &self.before);
-        let orientations: Vec<[f16; 4]> = self.before.iter().map(halves).collect();
+        let orientations = halves(&self.before);
         let b = box_of(instancer, &state, &orientations, (up, &self.boxes));
         let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
         sample(self.extent, Array::Float3(&b))?;
