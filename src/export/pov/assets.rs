@@ -248,10 +248,12 @@ impl Part<'_> {
     /// The asset as a macro over its parts, so that nothing is held twice before it is placed.
     fn whole(&self, text: &mut Text, frame: &AssetFrame) {
         let a = self.index;
-        text.put(&format!("#macro A_{a}() union {{\n"));
+        let mut parts = Text::default();
+        let mut count = 0;
         for (m, object) in self.asset.meshes.iter().enumerate() {
             if shows(shape(object, frame.mesh(m))) {
-                text.put(&format!("object{{G_{a}_{m}}}\n"));
+                parts.put(&format!("object{{G_{a}_{m}}}\n"));
+                count += 1;
             }
         }
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
@@ -259,24 +261,31 @@ impl Part<'_> {
                 (Some(joints), Some(skeleton)) if self.rides(instancer, i, frame) => {
                     let motions = if frame.pose.is_empty() { Vec::new() } else { joint_motions(skeleton, &frame.pose) };
                     for j in used(joints) {
-                        text.put(&format!("object{{J_{a}_{i}_{j} "));
+                        parts.put(&format!("object{{J_{a}_{i}_{j} "));
                         let still = Trs::IDENTITY;
-                        self.space.matrix(text, motions.get(usize::from(j)).unwrap_or(&still));
-                        text.put("}\n");
+                        self.space.matrix(&mut parts, motions.get(usize::from(j)).unwrap_or(&still));
+                        parts.put("}\n");
+                        count += 1;
                     }
                 }
                 _ => {
-                    text.put(&format!("object{{L_{a}_{i}}}\n"));
+                    parts.put(&format!("object{{L_{a}_{i}}}\n"));
+                    count += 1;
                 }
             }
         }
         for i in 0..self.asset.points.len() {
-            text.put(&format!("object{{D_{a}_{i}}}\n"));
+            parts.put(&format!("object{{D_{a}_{i}}}\n"));
+            count += 1;
         }
         for i in 0..self.asset.curves.len() {
-            text.put(&format!("object{{H_{a}_{i}}}\n"));
+            parts.put(&format!("object{{H_{a}_{i}}}\n"));
+            count += 1;
         }
-        text.put("} #end\n");
+        // POV-Ray complains about a union of one.
+        let start = if count == 1 { "" } else { "union {\n" };
+        let end = if count == 1 { "" } else { "} " };
+        text.put(&format!("#macro A_{a}() {start}")).append(&parts).put(end).put("#end\n");
     }
 }
 

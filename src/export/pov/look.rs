@@ -9,7 +9,17 @@ use crate::scene::{Camera, Scene, Sky, Sun};
 use crate::{Error, Result};
 
 /// Directions that stand for the sky's light.
-const DOME: u16 = 12;
+const DOME: u16 = 8;
+
+/// Factor on all lights. POV-Ray has no film curve, so shade is lifted here and the sky's picture held back by
+/// [`film`]: white bark in full sun stays below 1.
+const EXPOSURE: f32 = 1.15;
+
+/// Shoulder of the sky's picture: c to 1 - exp(-1.5 c), about c where it is dark and never 1.
+/// Own: chosen by eye so that horizon and sunlit ground differ.
+fn film(c: f32) -> f32 {
+    1.0 - crate::math::exp_f32(-1.5 * c.max(0.0))
+}
 
 /// What holds for the whole scene. `photons`: the smallest drop's radius in units, if any drop is a target.
 pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
@@ -63,7 +73,7 @@ fn scaled(a: [f64; 3], s: f64) -> [f64; 3] {
 pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());
-    let strength = sun.strength / std::f32::consts::PI;
+    let strength = EXPOSURE * sun.strength / std::f32::consts::PI;
     let size = 2.0 * distance * crate::math::tan_f32(sun.angle * 0.5);
     text.put("light_source {\n  ");
     space.point(text, center + toward * distance);
@@ -85,11 +95,11 @@ pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
 pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, bounds: Bounds) {
     let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
     text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { [0 ");
-    rgb(text, horizon);
+    rgb(text, horizon.map(film));
     text.put("] [0.5 ");
-    rgb(text, horizon);
+    rgb(text, horizon.map(film));
     text.put("] [1 ");
-    rgb(text, zenith);
+    rgb(text, zenith.map(film));
     text.put("] }\n    scale 2 translate -1\n  }\n}\n");
     let distance = (bounds.size().length() * 10.0).max(10.0);
     for i in 0..DOME {
@@ -97,7 +107,7 @@ pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, bounds: Bounds) {
         let turn = f32::from(i) * 2.399_963_2;
         let flat = crate::math::sqrt_f32(1.0 - y * y);
         let toward = Vec3::new(flat * crate::math::cos_f32(turn), y, flat * crate::math::sin_f32(turn));
-        let color = [0, 1, 2].map(|c| crate::math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(DOME));
+        let color = [0, 1, 2].map(|c| EXPOSURE * crate::math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(DOME));
         text.put("light_source { ");
         space.point(text, bounds.center() + toward * distance);
         text.put(" ");
