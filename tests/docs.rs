@@ -185,6 +185,36 @@ fn listed_functions_exist() {
 }
 
 #[test]
+fn listed_turtle_commands_are_obeyed() {
+    use osier::grow::turtle::{TurtleOptions, grow};
+    let text = std::fs::read_to_string(root().join("docs/grammars.md")).expect("text");
+    let rows = text.lines().skip_while(|l| !l.starts_with("| command |")).skip(2);
+    let mut seen = 0;
+    for row in rows.take_while(|l| l.starts_with('|')) {
+        let cell = row.split('|').nth(1).expect("first cell");
+        for command in cell.split('`').skip(1).step_by(2) {
+            let (name, arguments) = command.split_once('(').unwrap_or((command, ""));
+            let arguments = arguments.replace(|c: char| c.is_ascii_lowercase(), "1");
+            let open = if arguments.is_empty() { "" } else { "(" };
+            let axiom = match command {
+                "]" => "F[F]".to_owned(),
+                "." | "}" => format!("F{{.F+F{command}"),
+                _ => format!("F{name}{open}{arguments}F"),
+            };
+            let text = format!("Lsystem: 1\nDerivation length: 0\nAxiom: {axiom}\nendlsystem\n");
+            let (grammar, _) = read(&text).unwrap_or_else(|e| panic!("{command}\n{e}"));
+            let derived = grammar::derive(&grammar, &DeriveOptions::default(), &Limits::default()).expect("derives");
+            let options = TurtleOptions { tropisms: vec![Default::default()], ..TurtleOptions::default() };
+            let (_, warnings) =
+                grow(&grammar, &derived, &options, &Limits::default()).unwrap_or_else(|e| panic!("{command}\n{e}"));
+            assert!(warnings.iter().all(|d| d.code == "L045" || name == "~c"), "{command}: {warnings:?}");
+            seen += 1;
+        }
+    }
+    assert!(seen > 35, "{seen}");
+}
+
+#[test]
 fn scene_snippets_resolve() {
     let folder = std::env::temp_dir().join(format!("osier-docs-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("folder");
