@@ -198,7 +198,7 @@ fn listed_turtle_commands_are_obeyed() {
             let open = if arguments.is_empty() { "" } else { "(" };
             let axiom = match command {
                 "]" => "F[F]".to_owned(),
-                "." | "}" => format!("F{{.F+F{command}"),
+                "{" | "." | "}" => "F{.F+F.}".to_owned(),
                 _ => format!("F{name}{open}{arguments}F"),
             };
             let text = format!("Lsystem: 1\nDerivation length: 0\nAxiom: {axiom}\nendlsystem\n");
