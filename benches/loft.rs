@@ -1,0 +1,79 @@
+//! Points of skin per second: 10,000 axes of 16 rings and 8 sides, each side branch with its foot.
+#![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
+#![allow(clippy::cast_possible_truncation, reason = "small numbers")]
+
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use glam::{Quat, Vec3};
+use osier::math;
+use osier::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
+use osier::surface::bark::{BarkSpec, bark};
+use osier::surface::{SkinOptions, skin};
+
+const NODES: u32 = 16;
+
+/// 100 trunks with 99 branches each, all winding enough to keep every ring.
+fn forest() -> Plant {
+    let mut plant = Plant { seed: 1, ..Plant::default() };
+    for i in 0..10_000_u32 {
+        let trunk = i % 100 == 0;
+        let parent = if trunk { NONE } else { i - i % 100 };
+        let (k, scale) = (i % 100, if trunk { 1.0 } else { 0.3 });
+        let parent_s = if trunk { 0.0 } else { k as f32 * 0.08 };
+        let site = plant.axes.get(parent as usize).map(|a| plant.frame(a, parent_s));
+        let start = site.map_or(Vec3::new((i / 100) as f32 * 9.0, 0.0, 0.0), |s| s.p);
+        let turn = Quat::from_rotation_y(k as f32 * 2.4) * Quat::from_rotation_z(if trunk { 0.0 } else { 1.0 });
+        push(&mut plant, (parent, parent_s), (start, turn), scale);
+    }
+    plant
+}
+
+fn push(plant: &mut Plant, (parent, parent_s): (u32, f32), (start, turn): (Vec3, Quat), scale: f32) {
+    let first = plant.nodes.p.len() as u32;
+    let mut s = 0.0;
+    for j in 0..NODES {
+        let a = j as f32 * 0.45;
+        let wind = Vec3::new(0.35 * (1.0 - math::cos_f32(a)), j as f32 * 0.55, 0.35 * math::sin_f32(a)) * scale;
+        let p = start + turn * wind;
+        s += if j > 0 { p.distance(plant.nodes.p[plant.nodes.p.len() - 1]) } else { 0.0 };
+        plant.nodes.p.push(p);
+        plant.nodes.q.push(turn);
+        plant.nodes.r.push(0.15 * scale * (1.0 - 0.05 * j as f32));
+        plant.nodes.s.push(s);
+        plant.nodes.birth.push(0.0);
+        plant.nodes.color.push(0);
+    }
+    plant.axes.push(Axis {
+        id: u64::from(first),
+        parent,
+        parent_s,
+        order: u8::from(parent != NONE),
+        kind: AxisKind::Stem,
+        first,
+        count: NODES,
+        length: s,
+        s_exposed: 0.0,
+        material: 0,
+        fork: NONE,
+        end: AxisEnd::Tip,
+        birth: 0.0,
+    });
+}
+
+fn loft(c: &mut Criterion) {
+    let plant = forest();
+    let options = SkinOptions { sides: (8, 8), turn: 0.1, ..SkinOptions::default() };
+    let points = skin(&plant, &options).map_or(0, |s| s.mesh.points.len() as u64);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let mut group = c.benchmark_group("surface");
+    group.throughput(Throughput::Elements(points)).sample_size(20);
+    if let Ok(pool) = one {
+        group.bench_function("loft, points on one core", |b| b.iter(|| pool.install(|| skin(&plant, &options))));
+        group.throughput(Throughput::Elements(1 << 20)).sample_size(10);
+        let spec = BarkSpec::furrowed();
+        group.bench_function("bark set, pixels on one core", |b| b.iter(|| pool.install(|| bark(&spec, "bark"))));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, loft);
+criterion_main!(benches);
