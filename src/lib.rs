@@ -6,6 +6,8 @@
 //!
 //! Modules stand in layers; each imports only from those below it (see `ARCHITECTURE.md`).
 
+pub mod bake;
+pub mod cli;
 pub mod diagnostic;
 mod error;
 pub mod export;

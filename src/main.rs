@@ -1,3 +1,5 @@
 //! The `osier` program: arguments in, exit code out.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    osier::cli::main()
+}

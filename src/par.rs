@@ -44,6 +44,18 @@ pub fn par_each<T: Send>(items: &mut [T], f: impl Fn(&mut T) + Sync + Send) {
     items.iter_mut().for_each(f);
 }
 
+/// Runs both, in parallel where there are threads, and returns both results.
+pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "parallel")]
+    {
+        rayon::join(a, b)
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        (a(), b())
+    }
+}
+
 /// A hash map that cannot be iterated, so that hash order never reaches an output.
 #[derive(Debug)]
 #[allow(clippy::disallowed_types, reason = "this wrapper is what hides the iteration order")]

@@ -55,11 +55,11 @@ fn every_value_arrives_in_si_units_and_radians() {
     assert_eq!(oak.keys.set, [("HEIGHT".to_owned(), 7.0)]);
     assert!((oak.turtle.angle.unwrap() - std::f64::consts::FRAC_PI_6).abs() < 1e-12);
     assert_eq!(oak.turtle.tropisms[0].elasticity, 0.2);
-    assert_eq!((oak.organs[0].letter.as_str(), oak.organs[0].keys.size), ("l", 0.1));
-    assert!((oak.bark.depth - 0.014).abs() < 1e-12);
+    assert_eq!((oak.organs[0].letter, oak.organs[0].keys.size), ('l', Some(0.1)));
+    assert!((oak.bark.depth.unwrap() - 0.014).abs() < 1e-12);
     assert!((r.wind.speed - 6.688).abs() < 1e-9, "Beaufort 4 is 6.7 m/s");
     assert_eq!((r.places.len(), r.places[0].keys.at), (1, [1.0, 0.0, -2.0]));
-    assert!(oak.grammar.shown.starts_with("preset:"));
+    assert!(oak.source.starts_with("preset:"));
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn a_bare_grammar_takes_overrides_for_its_defines_and_its_plant() {
     let (r, _) = resolve(&request).expect("bare grammar");
     assert_eq!(r.plants[0].keys.set, [("angle".to_owned(), 85.0)]);
     assert_eq!((r.plants[0].turtle.unit, r.plants[0].keys.steps), (0.1, Some(2)));
-    assert_eq!((r.plants[0].organs[0].keys.size, r.seed), (0.2, 3));
+    assert_eq!((r.plants[0].organs[0].keys.size, r.seed), (Some(0.2), 3));
 }
 
 #[test]

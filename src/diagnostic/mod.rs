@@ -111,6 +111,26 @@ impl Report {
         }
     }
 
+    /// Adds all of another report. Texts that are already here are shared, so that what several plants of one grammar
+    /// have to say is said once.
+    pub fn extend(&mut self, other: Self) {
+        let ids: Vec<SourceId> = other.sources.ids().map(|id| self.adopt(&other.sources, id)).collect();
+        let moved = |s: &mut Span| s.source = ids.get(s.source.0 as usize).copied().unwrap_or(s.source);
+        for mut diagnostic in other.diagnostics {
+            diagnostic.labels.iter_mut().for_each(|l| moved(&mut l.0));
+            if let Some(fix) = &mut diagnostic.fix {
+                moved(&mut fix.span);
+            }
+            self.push(diagnostic);
+        }
+    }
+
+    fn adopt(&mut self, from: &Sources, id: SourceId) -> SourceId {
+        let same = |i: &SourceId| self.sources.name(*i) == from.name(id) && self.sources.text(*i) == from.text(id);
+        let known = self.sources.ids().find(same);
+        known.unwrap_or_else(|| self.sources.add(from.name(id), from.text(id)))
+    }
+
     /// `Err` with this report if it holds an error, else the value beside the warnings.
     pub fn into_result<T>(self, value: T) -> crate::Result<(T, Self)> {
         if self.has_errors() { Err(crate::Error::Input(Box::new(self))) } else { Ok((value, self)) }
@@ -152,6 +172,21 @@ fn edit_distance(a: &str, b: &str) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_report_takes_over_another_with_its_texts() {
+        let one = |name: &str| {
+            let mut r = Report::default();
+            let id = r.sources.add(name, "text");
+            r.push(Diagnostic::warning("L020", "undefined", Span::new(id, 0, 2), "here"));
+            r
+        };
+        let mut all = one("a.l");
+        all.extend(one("a.l"));
+        all.extend(one("b.l"));
+        assert_eq!((all.diagnostics.len(), all.sources.ids().count()), (2, 2));
+        assert_eq!(all.sources.name(all.diagnostics[1].labels[0].0.source), "b.l");
+    }
 
     #[test]
     fn nearest_name_is_found_within_two_edits() {

@@ -22,13 +22,15 @@ pub struct SwayOptions {
     pub period: f32,
     /// Where the plant stands, m: gusts reach it later the farther downwind.
     pub at: Vec3,
+    /// Factor on the bends of the wood; 1 as the formula has them.
+    pub strength: f32,
     /// Flutter of the leaves: 1 is a leaf with a round stalk, 2 to 3 the flat stalks of poplars, 0 none.
     pub flutter: f32,
 }
 
 impl Default for SwayOptions {
     fn default() -> Self {
-        Self { direction: Vec3::X, speed: 3.0, period: 3.0, at: Vec3::ZERO, flutter: 1.0 }
+        Self { direction: Vec3::X, speed: 3.0, period: 3.0, at: Vec3::ZERO, strength: 1.0, flutter: 1.0 }
     }
 }
 
@@ -128,7 +130,7 @@ fn joint_sway(rig: &Rig, i: usize, pivot: Vec3, seed: u64, options: &SwayOptions
     let drag = (options.speed / 3.0) * (options.speed / 3.0);
     let force = drag / (0.6 + 0.4 * drag);
     let degrees = (0.9 * math::sqrt_f32(0.05 / bone.r)).clamp(0.15, 4.5);
-    let amplitude = if bone.axis == NONE { 0.0 } else { crate::units::radians_f32(degrees) * force };
+    let amplitude = if bone.axis == NONE { 0.0 } else { crate::units::radians_f32(degrees) * force * options.strength };
     let hertz = (0.35 * math::pow_f32(0.1 / bone.r.min(1.0), 0.4)).clamp(0.2, 2.0);
     let downwind = (options.at + pivot).dot(options.direction);
     let travel = std::f32::consts::TAU * downwind / (options.speed.max(0.5) * options.period);

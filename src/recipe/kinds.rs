@@ -95,6 +95,24 @@ impl Kind for Whole {
     }
 }
 
+/// A side of tiling maps in pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct PowerOfTwo(pub u32);
+
+impl Kind for PowerOfTwo {
+    type Value = u32;
+    fn fallback(&self) -> u32 {
+        self.0
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<u32, Fault> {
+        let v = whole(self.0, 16, 4096).read(name, node)?;
+        if v.is_power_of_two() { Ok(v) } else { Err(outside(name, node, &v.to_string(), "a power of two")) }
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: "16, 32, 64 ... 4096".into(), default: self.0.to_string(), unit: "pixels" }
+    }
+}
+
 /// A seed: a whole number, or text of digits where it exceeds 63 bits.
 #[derive(Debug, Clone, Copy)]
 pub struct Seed(pub u64);

@@ -3,73 +3,74 @@
 use std::path::{Path, PathBuf};
 
 use super::Bytes;
-use crate::{fence, presets};
+use crate::fence::{Refusal, Roots};
+use crate::{Result, presets};
 
 /// A file that a reference led to.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct Found {
     /// Name for messages: the path, or `preset:oak.l`.
     pub shown: String,
     /// What it holds.
     pub bytes: Bytes,
-    /// Its folder; none for presets.
-    pub folder: Option<PathBuf>,
+    /// Where it is; for a preset its bare name, beside which there is nothing.
+    pub path: PathBuf,
 }
 
 /// Where to look.
 #[derive(Debug, Clone, Default)]
 pub struct Library {
-    /// The scene's folder.
-    pub folder: Option<PathBuf>,
-    /// Further folders, by `--search`.
-    pub search: Vec<PathBuf>,
+    roots: Roots,
+    opened: PathBuf,
 }
 
 impl Library {
+    /// The folder of an opened file, then the search folders, then the presets.
+    /// # Errors
+    /// `Io` if a folder is not there.
+    pub fn new(opened: &Path, search: &[PathBuf]) -> Result<Self> {
+        Ok(Self { roots: Roots::new(opened, search)?, opened: opened.into() })
+    }
+
+    /// The search folders, then the presets: for a scene that is itself a preset.
+    /// # Errors
+    /// `Io` if a folder is not there.
+    pub fn presets(search: &[PathBuf]) -> Result<Self> {
+        match search {
+            [] => Ok(Self::default()),
+            [first, ..] => Self::new(&first.join("."), search),
+        }
+    }
+
+    /// The folders that files may name files in.
+    pub fn roots(&self) -> &Roots {
+        &self.roots
+    }
+
     /// Reads what a reference names: a bare name beside the scene, then among the presets; a path with `/` only beneath
     /// the scene's folder or a search folder. `limit`: most bytes.
     /// # Errors
-    /// Why nothing could be read, as text for a diagnostic.
-    pub fn find(&self, reference: &str, limit: u64) -> Result<Found, String> {
-        let reference = reference.replace('\\', "/");
-        refuse(&reference)?;
-        let folders = self.folder.iter().chain(&self.search);
-        let mut denied = None;
-        for folder in folders {
-            let path = folder.join(&reference);
-            match fence::read_input(&path, limit) {
-                Ok(bytes) => return Ok(found_at(&path, bytes)),
-                Err(crate::Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {}
-                Err(e) => denied = Some(e.to_string()),
-            }
-        }
-        if let Some(why) = denied {
-            return Err(why);
-        }
-        preset(&reference).ok_or_else(|| "no such file beside the scene, and no such preset".to_owned())
+    /// Why nothing could be read.
+    pub fn find(&self, reference: &str, limit: u64) -> std::result::Result<Found, Refusal> {
+        self.find_beside(&self.opened, reference, limit)
     }
-}
 
-fn found_at(path: &Path, bytes: Vec<u8>) -> Found {
-    Found { shown: path.display().to_string(), bytes: bytes.into(), folder: path.parent().map(Path::to_path_buf) }
+    /// As [`Library::find`] for a reference inside another file.
+    /// # Errors
+    /// Why nothing could be read.
+    pub fn find_beside(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<Found, Refusal> {
+        match self.roots.read(from, reference, limit) {
+            Ok(file) => {
+                let beside = from.parent().unwrap_or(Path::new("")).join(reference);
+                Ok(Found { shown: beside.display().to_string(), bytes: file.bytes.into(), path: file.path })
+            }
+            Err(refusal @ (Refusal::Missing { .. } | Refusal::Outside { .. })) => preset(reference).ok_or(refusal),
+            Err(refusal) => Err(refusal),
+        }
+    }
 }
 
 fn preset(name: &str) -> Option<Found> {
     let p = presets::find(name)?;
-    Some(Found { shown: format!("preset:{}", p.name), bytes: p.text.as_bytes().into(), folder: None })
-}
-
-/// Spellings that could lead out of the folder.
-fn refuse(reference: &str) -> Result<(), String> {
-    let bad = |why: &str| Err(why.to_owned());
-    if reference.is_empty() || reference.chars().any(char::is_control) {
-        return bad("the name is empty or holds control characters");
-    }
-    if reference.starts_with(['/', '~']) || reference.contains(':') {
-        return bad("only paths relative to the scene are allowed");
-    }
-    if reference.split('/').any(|part| part == ".." || part.is_empty()) {
-        return bad("the path leaves the scene's folder; name its folder with --search");
-    }
-    Ok(())
+    Some(Found { shown: format!("preset:{}", p.name), bytes: p.text.as_bytes().into(), path: p.name.into() })
 }

@@ -13,6 +13,8 @@ mod tree;
 
 use std::sync::Arc;
 
+use crate::grammar::Grammar;
+use crate::import::Imported;
 use crate::scene::Clip;
 pub use digest::Digest;
 pub use key::{KeyInfo, Section, Shown};
@@ -62,8 +64,10 @@ pub struct PlantRecipe {
     pub id: String,
     /// Keys of its own table.
     pub keys: sections::PlantKeys,
-    /// The grammar's text.
-    pub grammar: Found,
+    /// What grows it.
+    pub grammar: Grammar,
+    /// Name of the grammar's file for people.
+    pub source: String,
     /// How it is drawn.
     pub turtle: sections::TurtleKeys,
     /// Organs by letter.
@@ -80,11 +84,11 @@ pub struct PlantRecipe {
 #[derive(Debug, Clone)]
 pub struct OrganRecipe {
     /// The letter after `~` in the grammar.
-    pub letter: String,
+    pub letter: char,
     /// Shape and colours.
     pub keys: sections::OrganKeys,
-    /// The mesh file, if one replaces the made blade.
-    pub mesh: Option<Found>,
+    /// The artist's mesh, if one replaces the made blade.
+    pub mesh: Option<Arc<Imported>>,
 }
 
 /// A group of copies of one plant.

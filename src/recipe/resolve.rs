@@ -1,17 +1,22 @@
 //! From text to [`Recipe`].
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use super::digest::Digest;
 use super::key::{Section, join, wrong};
 use super::sections::{
-    BarkKeys, BarkKind, FramesKeys, OrganKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys, TurtleKeys,
+    BarkKeys, BarkKind, FramesKeys, OrganKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys, TurtleKeys, Up,
 };
 use super::tree::{self, Node, Table, Value};
 use super::{Found, Library, OrganRecipe, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
-use crate::Result;
-use crate::diagnostic::{Diagnostic, Report, Span, nearest};
+use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use crate::fence::{Names, safe_name};
+use crate::grammar::{self, Grammar};
+use crate::import::{self, Imported};
 use crate::limits::Limits;
-use crate::scene::Clip;
+use crate::scene::{Clip, MaterialClass};
+use crate::{Error, Result};
 
 /// What to resolve.
 #[derive(Debug, Clone, Default)]
@@ -57,7 +62,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         tree::set(&mut root, &reach(set, request.bare.as_deref()), &mut report);
     }
     if report.has_errors() {
-        return Err(crate::Error::Input(Box::new(report)));
+        return Err(Error::Input(Box::new(report)));
     }
     let whole = Span::new(source, 0, 0);
     let mut resolver = Resolver { request, report, whole, inputs: Vec::new() };
@@ -186,7 +191,7 @@ impl Resolver<'_> {
         let mut keys = PlantKeys::read(Some(table), &path, &mut self.report);
         keys.steps = self.request.steps.or(keys.steps);
         let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
-        let organs = self.organs(table, &path);
+        let mut organs = self.organs(table, &path);
         let bark: BarkKeys = self.section_at(table, &path, "bark");
         let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
         self.shoot_defaults(table, &mut shoot);
@@ -196,8 +201,25 @@ impl Resolver<'_> {
             self.report.push(d.help("add grammar = \"NAME.l\"; `osier list presets` shows those in the binary"));
             return None;
         };
-        let grammar = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
-        Some(PlantRecipe { name: name.into(), id, grammar, turtle, organs, bark, shoot, skin, keys })
+        let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
+        let grammar = self.grammar(&file, &keys)?;
+        for letter in grammar.organ_symbols() {
+            if !organs.iter().any(|o| o.letter == letter) {
+                organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), mesh: None });
+            }
+        }
+        Some(PlantRecipe {
+            name: name.into(),
+            id,
+            grammar,
+            source: file.shown,
+            turtle,
+            organs,
+            bark,
+            shoot,
+            skin,
+            keys,
+        })
     }
 
     /// Thin axes are smooth and greenish unless the scene says otherwise.
@@ -205,18 +227,6 @@ impl Resolver<'_> {
         let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(Value::Table(t)) if t.get(key).is_some());
         if !given("kind") {
             shoot.kind = BarkKind::Shoot;
-        }
-        if !given("color") {
-            shoot.color = [0.20, 0.19, 0.09];
-        }
-        if !given("color2") {
-            shoot.color2 = [0.11, 0.10, 0.05];
-        }
-        if !given("tile") {
-            shoot.tile = 0.15;
-        }
-        if !given("depth_mm") {
-            shoot.depth = 0.000_5;
         }
         if !given("side") {
             shoot.side = 256;
@@ -226,14 +236,15 @@ impl Resolver<'_> {
     fn organs(&mut self, plant: &Table, path: &str) -> Vec<OrganRecipe> {
         let mut organs = Vec::new();
         if let Some(table) = self.table(plant, path, "leaf") {
-            organs.extend(self.organ("l", &join(path, "leaf"), table));
+            organs.extend(self.organ('l', &join(path, "leaf"), table));
         }
         if let Some(table) = self.table(plant, path, "organs") {
             for e in &table.entries {
                 let full = format!("{path}.organs.{}", e.key);
-                match &e.node.value {
-                    Value::Table(t) if e.key.chars().count() == 1 => organs.extend(self.organ(&e.key, &full, t)),
-                    Value::Table(_) => {
+                let mut letters = e.key.chars();
+                match (&e.node.value, letters.next(), letters.next()) {
+                    (Value::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
+                    (Value::Table(_), ..) => {
                         let d = Diagnostic::error("S003", format!("organ \"{}\" is no letter", e.key), e.key_span, "");
                         self.report.push(d.help("organs are named by the one letter that follows '~' in the grammar"));
                     }
@@ -244,13 +255,95 @@ impl Resolver<'_> {
         organs
     }
 
-    fn organ(&mut self, letter: &str, path: &str, table: &Table) -> Option<OrganRecipe> {
+    fn organ(&mut self, letter: char, path: &str, table: &Table) -> Option<OrganRecipe> {
         let keys = OrganKeys::read(Some(table), path, &mut self.report);
         let mesh = match &keys.mesh {
-            Some(r) => Some(self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?),
+            Some(r) => {
+                let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
+                Some(Arc::new(self.import(&file, &keys, r.span)?))
+            }
             None => None,
         };
-        Some(OrganRecipe { letter: letter.into(), keys, mesh })
+        Some(OrganRecipe { letter, keys, mesh })
+    }
+
+    /// Parses a grammar; the files that it includes take part in the scene's hash.
+    fn grammar(&mut self, file: &Found, keys: &PlantKeys) -> Option<Grammar> {
+        let library = &self.request.library;
+        let limit = self.request.limits.get("text-bytes");
+        let mut paths = BTreeMap::from([(file.shown.clone(), file.path.clone())]);
+        let inputs = &mut self.inputs;
+        let mut includes = |reference: &str, from: &str| {
+            let beside = paths.get(from).cloned().unwrap_or_default();
+            let found = library.find_beside(&beside, reference, limit).map_err(|why| {
+                let missing = std::io::Error::other(why.to_string());
+                Error::io("open", reference, missing)
+            })?;
+            inputs.push(blake3::hash(&found.bytes));
+            paths.insert(found.shown.clone(), found.path);
+            Ok((found.shown, found.bytes.to_vec()))
+        };
+        let defines = keys.set.iter().map(|(name, value)| (name.clone(), value.to_string())).collect();
+        let source =
+            grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
+        let mut sources = Sources::default();
+        match grammar::parse(&mut sources, source, &self.request.limits) {
+            Ok((grammar, diagnostics)) => {
+                self.report.extend(Report { sources, diagnostics });
+                self.unused(&grammar, keys);
+                Some(grammar)
+            }
+            Err(Error::Input(faults)) => {
+                self.report.extend(*faults);
+                None
+            }
+            Err(other) => {
+                self.report.push(Diagnostic::about("S005", format!("\"{}\": {other}", file.shown)));
+                None
+            }
+        }
+    }
+
+    /// S007 for values that no #define of the grammar takes.
+    fn unused(&mut self, grammar: &Grammar, keys: &PlantKeys) {
+        let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
+        for (name, _) in keys.set.iter().filter(|(name, _)| !known.contains(&name.as_str())) {
+            let near = nearest(name, known.iter().copied());
+            let help = match near {
+                Some(near) => format!("did you mean \"{near}\"?"),
+                None => format!("its #defines: {}", known.join(", ")),
+            };
+            let message = format!("the grammar has no #define \"{name}\"");
+            self.report.push(Diagnostic { help: Some(help), ..Diagnostic::about("S007", message) });
+        }
+    }
+
+    /// Reads an artist's mesh; the files that it names take part in the scene's hash.
+    fn import(&mut self, file: &Found, keys: &OrganKeys, span: Span) -> Option<Imported> {
+        let request = self.request;
+        let options = import::Options {
+            roots: request.library.roots(),
+            limits: &request.limits,
+            up: if keys.mesh_up == Up::Z { import::Up::Z } else { import::Up::Y },
+            scale: crate::math::narrow(keys.mesh_scale),
+            class: MaterialClass::Leaf,
+        };
+        match import::read(&file.path, &file.bytes, &options) {
+            Ok(mut imported) => {
+                self.report.extend(std::mem::take(&mut imported.warnings));
+                let others = imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3));
+                self.inputs.extend(others);
+                Some(imported)
+            }
+            Err(Error::Input(faults)) => {
+                self.report.extend(*faults);
+                None
+            }
+            Err(other) => {
+                self.report.push(Diagnostic::error("S005", other.to_string(), span, "this reference"));
+                None
+            }
+        }
     }
 
     fn read(&mut self, reference: &str, span: Span, limit: &str, endings: &[&str]) -> Option<Found> {
@@ -270,9 +363,9 @@ impl Resolver<'_> {
                 let names = crate::presets::PRESETS.iter().map(|p| p.name);
                 let help = match nearest(reference, names) {
                     Some(near) => format!("did you mean the preset \"{near}\"?"),
-                    None => "references start from the scene's folder; --search DIR adds another".into(),
+                    None => why.help().into(),
                 };
-                fail(format!("cannot read \"{reference}\": {why}"), help);
+                fail(why.to_string(), help);
                 None
             }
         }
@@ -361,7 +454,7 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         p.turtle.digest(&mut h);
         (p.organs.len() as u64).digest(&mut h);
         for o in &p.organs {
-            o.letter.digest(&mut h);
+            u32::from(o.letter).digest(&mut h);
             o.keys.digest(&mut h);
         }
         p.bark.digest(&mut h);

@@ -4,9 +4,14 @@
 
 use super::key::{keys, words};
 use super::kinds::{
-    Color, File, Flag, Fps, Maybe, Numbers, OneOf, Reference, Rows, Seed, SomeOf, Text, Tuple, deg, mm, num, point,
-    whole,
+    Color, File, Flag, Fps, Maybe, Numbers, OneOf, PowerOfTwo, Reference, Rows, Seed, SomeOf, Text, Tuple, deg, mm,
+    num, point, whole,
 };
+
+/// Where an organ's number comes from without its key.
+const OWN: &str = "the blade's own";
+/// Where a bark's number comes from without its key.
+const KIND: &str = "the kind's own";
 
 words! {
     /// How a plant's bark moves.
@@ -20,16 +25,21 @@ words! {
     }
     /// Outline of a leaf blade.
     Blade {
-        /// Rounded lobes on both sides, as an oak's.
+        /// Widest beyond the middle, with rounded lobes, as an oak's.
         Lobed = "lobed",
-        /// Egg-shaped with teeth along the edge, as a birch's.
+        /// Widest below the middle, doubly toothed, as a birch's.
         Toothed = "toothed",
-        /// Triangular with a drawn-out tip, as a poplar's.
+        /// Triangular with a drawn-out tip and fine teeth, as a poplar's.
         Deltoid = "deltoid",
-        /// Pointed oval without teeth, as a beech's.
-        Ovate = "ovate",
-        /// Long and narrow, as a willow's.
-        Lanceolate = "lanceolate",
+        /// Widest in the middle, without teeth, as a beech's.
+        Elliptic = "elliptic",
+    }
+    /// How finely blades are cut.
+    Detail {
+        /// For crowns: 40 to 90 points.
+        Light = "light",
+        /// For close-ups: every tooth, 100 to 250 points.
+        Hero = "hero",
     }
     /// Character of bark.
     BarkKind {
@@ -39,8 +49,10 @@ words! {
         Plated = "plated",
         /// Nearly even: beech.
         Smooth = "smooth",
-        /// Pale, with dark marks across: birch, cherry.
+        /// Pale, with dark dashes round the girth: birch, cherry.
         Lenticel = "lenticel",
+        /// Grey-green, with rows of dark diamonds: poplar, aspen.
+        Diamond = "diamond",
         /// Fibrous strips: vine, cedar.
         Stringy = "stringy",
         /// Young green wood.
@@ -62,7 +74,7 @@ words! {
         /// Round.
         Cylinder = "cylinder",
     }
-    /// The upward axis of USD files.
+    /// An upward axis.
     Up {
         /// Y, as glTF.
         Y = "y",
@@ -178,52 +190,72 @@ keys! {
     /// organ "l".
     OrganKeys at "plants.NAME.organs.LETTER" {
         /// Outline of a made blade.
-        blade: Blade = "blade" OneOf(Blade::Ovate);
+        blade: Blade = "blade" OneOf(Blade::Elliptic);
         /// A mesh of your own instead of a made blade: petiole base at the origin, +Y along the midrib, +Z the upper side.
         mesh: Option<Reference> = "mesh" File(".obj, .glb");
         /// Length of the blade; the turtle's size factor multiplies it.
-        size: f64 = "size" num(0.08, 1e-4, 10.0, "m");
+        size: Option<f64> = "size" Maybe(num(0.08, 1e-3, 2.0, "m"), OWN);
         /// Width over length.
-        width: f64 = "width" num(0.6, 0.02, 3.0, "");
+        width: Option<f64> = "width" Maybe(num(0.6, 0.02, 3.0, ""), OWN);
         /// Lobes or teeth along one side.
-        lobes: u32 = "lobes" whole(5, 1, 60);
+        lobes: Option<u32> = "lobes" Maybe(whole(5, 0, 60), OWN);
         /// Depth of lobes or teeth.
-        depth: f64 = "depth" num(0.35, 0.0, 0.95, "of the half width");
-        /// How far down the widest place lies, from the base 0 to the tip 1.
-        widest: f64 = "widest" num(0.4, 0.05, 0.95, "");
+        depth: Option<f64> = "depth" Maybe(num(0.35, 0.0, 0.9, "of the half width"), OWN);
+        /// Smaller teeth after each large one.
+        minor_teeth: Option<u32> = "minor_teeth" Maybe(whole(0, 0, 4), OWN);
+        /// Side veins on each side; lobed blades have one for each lobe.
+        veins: Option<u32> = "veins" Maybe(whole(6, 1, 16), OWN);
+        /// Angle between midrib and side veins.
+        vein_angle: Option<f64> = "vein_angle_deg" Maybe(deg(48.0, 18.0, 80.0), OWN);
         /// Fold along the midrib.
-        fold: f64 = "fold_deg" deg(15.0, 0.0, 85.0);
+        fold: Option<f64> = "fold_deg" Maybe(deg(10.0, -68.0, 68.0), OWN);
         /// Droop from base to tip.
-        curl: f64 = "curl_deg" deg(20.0, -180.0, 180.0);
+        curl: Option<f64> = "curl_deg" Maybe(deg(20.0, -170.0, 170.0), OWN);
+        /// Height of the waves of the margin.
+        waviness: Option<f64> = "waviness" Maybe(num(0.04, 0.0, 0.3, "of the width"), OWN);
         /// Length of the stalk.
-        petiole: f64 = "petiole" num(0.02, 0.0, 2.0, "m");
-        /// Upper side.
-        color: [f32; 3] = "color" Color("#4f7a33");
-        /// Lower side and veins.
-        color2: [f32; 3] = "color2" Color("#86a05a");
-        /// Difference in size, fold and curl between leaves: so many blade meshes are made.
+        petiole: Option<f64> = "petiole" Maybe(num(0.02, 0.0, 1.0, "m"), OWN);
+        /// Radius of the stalk.
+        petiole_radius: Option<f64> = "petiole_radius_mm" Maybe(mm(0.8, 0.1, 10.0), OWN);
+        /// Thickness of the stalk over its width: 1 round, 2 flattened as a poplar's.
+        petiole_flatness: Option<f64> = "petiole_flatness" Maybe(num(1.0, 0.3, 3.0, ""), OWN);
+        /// Blade.
+        color: Option<[f32; 3]> = "color" Maybe(Color("#4f7a33"), OWN);
+        /// Veins and margin.
+        color2: Option<[f32; 3]> = "color2" Maybe(Color("#86a05a"), OWN);
+        /// So many blades are made, different in fold, curl and proportions.
         variants: u32 = "variants" whole(4, 1, 32);
+        /// How finely a blade is cut.
+        detail: Detail = "detail" OneOf(Detail::Light);
+        /// Pixels along a side of the maps.
+        side: u32 = "side" whole(512, 16, 4096);
+        /// Metres per unit of a mesh of your own.
+        mesh_scale: f64 = "mesh_scale" num(1.0, 1e-6, 1e6, "m");
+        /// Upward axis of a mesh of your own.
+        mesh_up: Up = "mesh_up" OneOf(Up::Y);
         /// Light let through.
         translucency: f64 = "translucency" num(0.35, 0.0, 1.0, "");
         /// 0 mirror to 1 matt.
-        roughness: f64 = "roughness" num(0.5, 0.0, 1.0, "");
+        roughness: Option<f64> = "roughness" Maybe(num(0.45, 0.0, 1.0, ""), OWN);
         /// Flutter in the wind: 1 for round stalks, 2 to 3 for the flat ones of poplars.
         flutter: f64 = "flutter" num(1.0, 0.0, 10.0, "");
     }
-    /// Bark of the thick axes; `[plants.NAME.shoot]` has the same keys for axes below 8 mm radius.
+    /// Bark of the thick axes; `[plants.NAME.shoot]` has the same keys for axes below 8 mm radius, and is of kind "shoot".
     BarkKeys at "plants.NAME.bark" {
         /// Character.
         kind: BarkKind = "kind" OneOf(BarkKind::Furrowed);
-        /// Ridges.
-        color: [f32; 3] = "color" Color("#8a7a66");
-        /// Cracks.
-        color2: [f32; 3] = "color2" Color("#3a2f26");
+        /// Ridges, or the ground colour.
+        color: Option<[f32; 3]> = "color" Maybe(Color("#8a7a66"), KIND);
+        /// Cracks, or the marks.
+        color2: Option<[f32; 3]> = "color2" Maybe(Color("#3a2f26"), KIND);
         /// Size of one repeat of the maps.
-        tile: f64 = "tile" num(0.5, 0.01, 20.0, "m");
+        tile: Option<f64> = "tile" Maybe(num(0.5, 0.001, 100.0, "m"), KIND);
         /// From crack to ridge.
-        depth: f64 = "depth_mm" mm(12.0, 0.0, 200.0);
+        depth: Option<f64> = "depth_mm" Maybe(mm(12.0, 0.0, 100.0), KIND);
+        /// Weathered patches, lichen: none to much.
+        patches: Option<f64> = "patches" Maybe(num(0.3, 0.0, 1.0, ""), KIND);
         /// Pixels along a side of the maps.
-        side: u32 = "side" whole(1024, 16, 8192);
+        side: u32 = "side" PowerOfTwo(1024);
     }
     /// How bark becomes a mesh.
     SkinKeys at "plants.NAME.skin" {
@@ -235,6 +267,8 @@ keys! {
         uv: Uv = "uv" OneOf(Uv::Conformal);
         /// Widening at the foot.
         flare: f64 = "flare" num(0.6, 0.0, 2.0, "of the radius");
+        /// How far the foot goes on below the ground.
+        bury: f64 = "bury" num(0.15, 0.0, 10.0, "m");
     }
     /// Puts plants into the scene.
     PlaceKeys at "place" {
@@ -263,22 +297,26 @@ keys! {
         /// Copies share so many individuals.
         individuals: Option<u32> = "individuals" Maybe(whole(1, 1, 10_000), "count: each grows its own");
     }
-    /// The ground.
+    /// The ground: a disc around the plants.
     GroundKeys at "ground" {
         /// Whether there is one.
         show: bool = "show" Flag(true);
-        /// Side of the square around the plants.
-        size: f64 = "size" num(30.0, 0.1, 1e5, "m");
+        /// Its diameter.
+        size: f64 = "size" num(40.0, 0.2, 2e4, "m");
         /// Height of its waves.
-        relief: f64 = "relief" num(0.12, 0.0, 100.0, "m");
+        relief: f64 = "relief" num(0.15, 0.0, 100.0, "m");
+        /// Length of its waves.
+        wavelength: f64 = "wavelength" num(9.0, 0.01, 1e5, "m");
         /// Soil.
-        color: [f32; 3] = "color" Color("#6b5a42");
+        color: Option<[f32; 3]> = "color" Maybe(Color("#5c4f40"), "brown");
         /// Grass and moss.
-        color2: [f32; 3] = "color2" Color("#5d6b39");
+        color2: Option<[f32; 3]> = "color2" Maybe(Color("#576a31"), "green");
+        /// Share of grass and moss.
+        cover: f64 = "cover" num(0.62, 0.0, 1.0, "");
         /// Size of one repeat of the maps.
-        tile: f64 = "tile" num(4.0, 0.1, 1000.0, "m");
+        tile: f64 = "tile" num(2.0, 0.01, 1000.0, "m");
         /// Pixels along a side of the maps.
-        side: u32 = "side" whole(1024, 16, 8192);
+        side: u32 = "side" PowerOfTwo(1024);
     }
     /// The view; fitted to the plants unless `eye` is given.
     CameraKeys at "camera" {

@@ -211,7 +211,7 @@ impl Manifest {
     }
 
     /// Every file with its hash, in path order, sequences taken apart.
-    fn expanded(&self) -> Vec<(String, u64, String)> {
+    pub fn expanded(&self) -> Vec<(String, u64, String)> {
         let mut all = Vec::new();
         for file in &self.files {
             match file {

@@ -1,0 +1,124 @@
+//! What a run will make, told before it is written.
+
+use super::write::Stage;
+use crate::recipe::Recipe;
+use crate::recipe::sections::Format;
+use crate::scene::{Asset, MeshMotion};
+
+/// Numbers of things, over all assets.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Assets with files of their own.
+    pub assets: u64,
+    /// Showings of assets.
+    pub placements: u64,
+    /// Modules of all final strings.
+    pub modules: u64,
+    /// Vertices of meshes, prototypes counted once.
+    pub vertices: u64,
+    /// Triangles of meshes, prototypes counted once.
+    pub triangles: u64,
+    /// Instances of prototypes.
+    pub instances: u64,
+    /// Joints.
+    pub joints: u64,
+    /// Frames that are written; 0 for a still scene.
+    pub frames: u64,
+    /// Bytes written, estimated.
+    pub bytes: u64,
+}
+
+/// Counts a stage of which `frames` frames will be written.
+pub fn count(stage: &Stage, recipe: &Recipe, frames: u64) -> Counts {
+    let mut c = Counts { frames, placements: stage.scene.placements.len() as u64, ..Counts::default() };
+    let pictures: u64 = stage.scene.images.iter().map(picture).sum();
+    c.bytes = pictures;
+    for asset in &stage.scene.assets {
+        let size = Size::of(asset);
+        c.assets += 1;
+        c.vertices += size.vertices + size.proto_vertices;
+        c.triangles += size.triangles + size.proto_triangles;
+        c.instances += size.instances;
+        c.joints += size.joints;
+        c.bytes += recipe.output.formats.iter().map(|f| bytes(*f, &size, recipe, frames)).sum::<u64>();
+    }
+    if recipe.output.formats.contains(&Format::Glb) {
+        // Pictures are embedded in each asset's file and once more in the scene's.
+        c.bytes += 2 * pictures * recipe.output.gltf.profiles.len() as u64;
+    }
+    c
+}
+
+#[derive(Debug, Default)]
+struct Size {
+    vertices: u64,
+    triangles: u64,
+    cached: u64,
+    instances: u64,
+    instance_vertices: u64,
+    instance_triangles: u64,
+    proto_vertices: u64,
+    proto_triangles: u64,
+    joints: u64,
+}
+
+impl Size {
+    fn of(asset: &Asset) -> Self {
+        let mut s = Self { joints: asset.skeleton.as_ref().map_or(0, |k| k.joints.len() as u64), ..Self::default() };
+        for m in &asset.meshes {
+            s.vertices += m.mesh.points.len() as u64;
+            s.triangles += m.mesh.triangles.len() as u64;
+            if m.motion == MeshMotion::Deforming {
+                s.cached += m.mesh.points.len() as u64;
+            }
+        }
+        for i in &asset.instancers {
+            let sizes: Vec<(u64, u64)> =
+                i.prototypes.iter().map(|p| (p.mesh.points.len() as u64, p.mesh.triangles.len() as u64)).collect();
+            s.instances += i.len() as u64;
+            s.proto_vertices += sizes.iter().map(|p| p.0).sum::<u64>();
+            s.proto_triangles += sizes.iter().map(|p| p.1).sum::<u64>();
+            for p in &i.protos {
+                let (v, t) = sizes.get(*p as usize).copied().unwrap_or_default();
+                s.instance_vertices += v;
+                s.instance_triangles += t;
+            }
+        }
+        s
+    }
+}
+
+/// PNG takes about half of noise-like pictures' bytes.
+fn picture(image: &crate::scene::Image) -> u64 {
+    let deep = if matches!(image.pixels, crate::scene::Pixels::U16(_)) { 2 } else { 1 };
+    u64::from(image.width) * u64::from(image.height) * u64::from(image.channels) * deep / 2
+}
+
+/// Own: bytes per vertex, triangle, instance and sample as the writers lay them out.
+fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
+    let moving = if s.joints > 0 { frames } else { 0 };
+    match format {
+        Format::Usd => {
+            let still = (s.vertices + s.proto_vertices) * 44 + (s.triangles + s.proto_triangles) * 8 + s.instances * 40;
+            still + moving * (s.cached * 24 + s.instances * 20 + s.joints * 34)
+        }
+        Format::Glb => {
+            let vertices = s.vertices + s.instance_vertices;
+            let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
+            let web = s.vertices * 56 + s.triangles * 12 + s.proto_vertices * 32 + s.instances * 32;
+            let tracks = moving * s.joints * 16;
+            let each = |p: &crate::recipe::sections::Profile| match p {
+                crate::recipe::sections::Profile::Blender => 2 * (merged + tracks),
+                crate::recipe::sections::Profile::Web => 2 * (web + tracks),
+            };
+            recipe.output.gltf.profiles.iter().map(each).sum()
+        }
+        Format::Pc2 => moving * s.cached * 12,
+        Format::Obj => (s.vertices + s.instance_vertices) * 80 + (s.triangles + s.instance_triangles) * 40,
+        Format::Ply => s.instances * 60,
+        Format::Pov => {
+            let still = (s.triangles + s.proto_triangles) * 100 + s.instances * 170;
+            still + moving / u64::from(recipe.output.pov.step.max(1)) * (s.triangles * 100 + s.instances * 170)
+        }
+    }
+}

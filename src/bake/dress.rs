@@ -1,0 +1,177 @@
+//! From a grown plant to an asset of the scene: bark, leaves, joints.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+
+use super::Work;
+use super::layout::Individual;
+use super::mover::Mover;
+use crate::Result;
+use crate::motion::{Rig, Sway, SwayOptions};
+use crate::plant::{Organ, Plant};
+use crate::recipe::PlantRecipe;
+use crate::recipe::sections::{Motion, SkinKeys, Uv};
+use crate::scene::{
+    Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Prototype, Trs,
+};
+use crate::surface::{SkinOptions, UvMode, skin};
+
+/// Index of the bark in a plant's own materials.
+pub const BARK: u16 = 0;
+/// Index of the bark of thin axes.
+pub const SHOOT: u16 = 1;
+/// Axes thinner than this at their base wear the shoot material, m.
+pub const SHOOT_RADIUS: f32 = 0.008;
+
+/// What all individuals of one plant share.
+#[derive(Debug, Clone, Default)]
+pub struct Kind {
+    /// Index of the plant's first material in the scene; its own indices are added.
+    pub first_material: u32,
+    /// Size of one repeat of the bark, m.
+    pub tile: f32,
+    /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
+    pub organ_names: Vec<String>,
+}
+
+/// Wind as it meets the plants; `None` in a still scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Breeze {
+    /// Unit vector the wind blows towards, world.
+    pub direction: Vec3,
+    /// m/s.
+    pub speed: f32,
+    /// Factor on every bend.
+    pub strength: f32,
+    /// Length of the clip, s.
+    pub period: f32,
+}
+
+/// Makes the asset of a grown plant. `at`: where its first copy stands.
+/// # Errors
+/// What the skin refuses.
+pub fn dress(
+    plant: &Plant,
+    recipe: &PlantRecipe,
+    (kind, individual): (&Kind, &Individual),
+    moving: Option<(Breeze, Trs)>,
+    work: &Work<'_>,
+) -> Result<(Asset, Option<Mover>)> {
+    work.cancel.check()?;
+    let bark = skin(plant, &skin_options(&recipe.skin, kind.tile, work))?;
+    let moving = moving.filter(|_| recipe.keys.motion != Motion::Still);
+    let rig = moving.map(|_| Rig::build(plant, recipe.keys.max_joints as usize));
+    let mut mesh = bark.mesh;
+    to_scene(&mut mesh, kind.first_material);
+    let motion = match (&rig, recipe.keys.motion) {
+        (None, _) | (_, Motion::Still) => MeshMotion::Still,
+        (Some(_), Motion::Skin) => MeshMotion::Skinned,
+        (Some(_), Motion::Cache) => MeshMotion::Deforming,
+    };
+    let weights = rig.as_ref().map(|r| r.skin(plant, bark.binding.iter().map(|b| (b.axis, b.s))));
+    let groups = groups(plant, kind);
+    let instancers = groups.iter().map(|(o, organs)| instancer(plant, kind, (*o, organs), rig.as_ref()));
+    let asset = Asset {
+        id: individual.asset.clone(),
+        kind: AssetKind::Plant,
+        skeleton: rig.as_ref().map(|r| r.skeleton.clone()),
+        instancers: instancers.collect(),
+        meshes: vec![MeshObject { name: "bark".into(), mesh, motion, skin: weights }],
+        points: Vec::new(),
+        curves: Vec::new(),
+    };
+    let mover = rig.zip(moving).map(|(rig, (breeze, stand))| {
+        let options = |flutter: f64| SwayOptions {
+            direction: stand.r.conjugate() * breeze.direction,
+            speed: breeze.speed,
+            period: breeze.period,
+            at: stand.r.conjugate() * stand.t,
+            strength: breeze.strength,
+            flutter: crate::math::narrow(flutter),
+        };
+        let flutter = |(organ, organs): (&usize, &Vec<&Organ>)| {
+            let factor = recipe.organs.get(*organ).map_or(1.0, |o| o.keys.flutter);
+            let organs: Vec<Organ> = organs.iter().map(|o| (*o).clone()).collect();
+            Sway::new(&rig, &organs, individual.seed, options(factor))
+        };
+        let flutter = groups.iter().map(flutter).collect();
+        Mover { sway: Sway::new(&rig, &[], individual.seed, options(1.0)), flutter, rig }
+    });
+    Ok((asset, mover))
+}
+
+fn skin_options(keys: &SkinKeys, tile: f32, work: &Work<'_>) -> SkinOptions {
+    SkinOptions {
+        turn: crate::math::narrow(keys.turn),
+        edge: crate::math::narrow(keys.edge),
+        tile: [tile, tile],
+        uv: if keys.uv == Uv::Metric { UvMode::Metric } else { UvMode::Conformal },
+        flare: crate::math::narrow(keys.flare),
+        bury: crate::math::narrow(keys.bury),
+        shoot: Some((SHOOT_RADIUS, SHOOT)),
+        max_points: work.limits.get("vertices"),
+        ..SkinOptions::default()
+    }
+}
+
+/// From the plant's own material indices to the scene's.
+fn to_scene(mesh: &mut Mesh, first: u32) {
+    for s in &mut mesh.subsets {
+        s.material += first;
+    }
+}
+
+/// Organ (index into the recipe's) that a prototype shows.
+fn shown(plant: &Plant, kind: &Kind, proto: usize) -> Option<usize> {
+    let name = plant.protos.get(proto)?.name.as_str();
+    let is = |own: &String| {
+        let rest = name.strip_prefix(own.as_str());
+        rest.is_some_and(|r| r.is_empty() || r.strip_prefix('_').is_some_and(|n| n.parse::<u32>().is_ok()))
+    };
+    // An organ that the scene does not describe is shown with the first one's group.
+    Some(kind.organ_names.iter().position(is).unwrap_or(0))
+}
+
+/// Organs by what they show, in the plant's order.
+fn groups<'a>(plant: &'a Plant, kind: &Kind) -> BTreeMap<usize, Vec<&'a Organ>> {
+    let mut groups: BTreeMap<usize, Vec<&Organ>> = BTreeMap::new();
+    for o in &plant.organs {
+        if let Some(organ) = shown(plant, kind, usize::from(o.proto)) {
+            groups.entry(organ).or_default().push(o);
+        }
+    }
+    groups
+}
+
+fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), rig: Option<&Rig>) -> Instancer {
+    let mine: Vec<usize> = (0..plant.protos.len()).filter(|p| shown(plant, kind, *p) == Some(organ)).collect();
+    let prototypes = mine.iter().map(|p| prototype(plant, *p, kind.first_material)).collect();
+    let local = |o: &Organ| mine.iter().position(|p| *p == usize::from(o.proto)).and_then(|p| u32::try_from(p).ok());
+    let sites: Vec<_> = organs.iter().map(|o| plant.organ_site(o)).collect();
+    let rest = InstanceState {
+        positions: sites.iter().map(|s| s.0).collect(),
+        orientations: sites.iter().map(|s| s.1).collect(),
+        ..InstanceState::default()
+    };
+    let motion = match rig {
+        Some(rig) => InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(plant, o)).collect()),
+        None => InstancerMotion::Still,
+    };
+    Instancer {
+        name: kind.organ_names.get(organ).filter(|n| *n != "leaf").map_or_else(|| "leaves".into(), |n| format!("{n}s")),
+        prototypes,
+        ids: organs.iter().map(|o| o.id).collect(),
+        protos: organs.iter().map(|o| local(o).unwrap_or(0)).collect(),
+        scales: organs.iter().map(|o| Vec3::splat(o.scale)).collect(),
+        rest,
+        motion,
+        tracked: false,
+    }
+}
+
+fn prototype(plant: &Plant, proto: usize, first: u32) -> Prototype {
+    let (name, mut mesh) = plant.protos.get(proto).map(|p| (p.name.clone(), (*p.mesh).clone())).unwrap_or_default();
+    to_scene(&mut mesh, first);
+    Prototype { name, mesh }
+}

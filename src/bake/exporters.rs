@@ -1,0 +1,103 @@
+//! Which exporters write what a recipe asks for.
+
+use std::sync::Arc;
+
+use super::write::Writer;
+use crate::export::textures::Textures;
+use crate::export::{gltf, manifest, obj, ply, pov, usd};
+use crate::fence::Folder;
+use crate::recipe::OutputRecipe;
+use crate::recipe::sections::{Format, Profile, Up};
+
+/// Writers of a bake's folder.
+pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, output: &OutputRecipe) -> Vec<Writer> {
+    output.formats.iter().flat_map(|f| of_format(*f, folder, textures, output)).collect()
+}
+
+fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, output: &OutputRecipe) -> Vec<Writer> {
+    let folder = folder.clone();
+    match format {
+        Format::Usd => {
+            let options = usd::Options { up: up(output), ..usd::Options::default() };
+            vec![writer("usd", usd::Usd::new(folder, Arc::clone(textures), options))]
+        }
+        Format::Glb => {
+            let glb = |p: &Profile| {
+                let options = gltf::Options { profile: profile(*p), layout: gltf::Layout::Bake };
+                writer("glb", gltf::Gltf::new(folder.clone(), Arc::clone(textures), options))
+            };
+            output.gltf.profiles.iter().map(glb).collect()
+        }
+        Format::Pc2 => vec![writer("pc2", crate::export::pc2::Pc2::new(folder))],
+        Format::Obj => vec![writer("obj", obj::Obj::new(folder, (**textures).clone(), obj::Layout::Bake))],
+        Format::Ply => vec![writer("ply", ply::Ply::new(folder, ply::Layout::Bake))],
+        Format::Pov => vec![writer("pov", pov::Pov::new(folder, (**textures).clone(), pov_options(output)))],
+    }
+}
+
+/// The writer of a single file in a folder of the user's; `None` for an unknown ending.
+pub fn of_file(
+    folder: Folder,
+    name: &str,
+    textures: &Arc<Textures>,
+    output: &OutputRecipe,
+    web: bool,
+) -> Option<Writer> {
+    let (stem, ending) = name.rsplit_once('.')?;
+    let stem = stem.to_owned();
+    let textures = Arc::clone(textures);
+    let gltf = |layout| {
+        let profile = if web { gltf::Profile::Web } else { gltf::Profile::Blender };
+        writer("glb", gltf::Gltf::new(folder.clone(), Arc::clone(&textures), gltf::Options { profile, layout }))
+    };
+    Some(match ending.to_ascii_lowercase().as_str() {
+        "glb" => gltf(gltf::Layout::Glb(name.to_owned())),
+        "gltf" => gltf(gltf::Layout::Gltf(name.to_owned())),
+        "usda" | "usdc" | "usdz" => {
+            let options = usd::Options { up: up(output), file: Some(name.to_owned()), look: false };
+            writer("usd", usd::Usd::new(folder, textures, options))
+        }
+        "obj" => writer("obj", obj::Obj::new(folder, (*textures).clone(), obj::Layout::Single(stem))),
+        "ply" => writer("ply", ply::Ply::new(folder, ply::Layout::Single(stem))),
+        "pov" => {
+            let options = pov::Options { layout: pov::Layout::Single(stem), ..pov_options(output) };
+            writer("pov", pov::Pov::new(folder, (*textures).clone(), options))
+        }
+        _ => return None,
+    })
+}
+
+/// What the manifest says about the choices.
+pub fn settings(output: &OutputRecipe) -> manifest::Settings {
+    manifest::Settings {
+        up_axis: if output.usd.up == Up::Z { "Z".into() } else { "Y".into() },
+        substeps: 1,
+        step: 1,
+        pov_units_per_m: crate::math::narrow(output.pov.units),
+    }
+}
+
+fn writer(name: &'static str, exporter: impl crate::export::Exporter + 'static) -> Writer {
+    Writer { name, exporter: Box::new(exporter) }
+}
+
+fn up(output: &OutputRecipe) -> usd::UpAxis {
+    if output.usd.up == Up::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
+}
+
+fn profile(profile: Profile) -> gltf::Profile {
+    match profile {
+        Profile::Blender => gltf::Profile::Blender,
+        Profile::Web => gltf::Profile::Web,
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pictures are 8 to 16384 pixels wide")]
+fn pov_options(output: &OutputRecipe) -> pov::Options {
+    pov::Options {
+        step: output.pov.step,
+        units_per_m: crate::math::narrow(output.pov.units),
+        size: (output.pov.size[0] as u32, output.pov.size[1] as u32),
+        ..pov::Options::default()
+    }
+}

@@ -1,0 +1,223 @@
+//! Who grows and where they stand.
+
+use std::collections::BTreeMap;
+
+use glam::{Quat, Vec2, Vec3};
+
+use crate::fence::Names;
+use crate::math;
+use crate::recipe::{PlaceRecipe, Recipe};
+use crate::rng::{Rng, child, mix64, word};
+use crate::scene::Trs;
+
+/// One plant to grow.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Individual {
+    /// Index into the recipe's plants.
+    pub plant: usize,
+    /// Asset id, `[a-z0-9_]+`.
+    pub asset: String,
+    /// Names it in ids: of its plant's name and its ordinal, never of a seed.
+    pub id: u32,
+    /// Seed of its draws.
+    pub seed: u64,
+}
+
+/// One showing of an individual.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Standing {
+    /// Index into [`Layout::individuals`].
+    pub individual: usize,
+    /// World from plant space.
+    pub transform: Trs,
+}
+
+/// Individuals and their places.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Layout {
+    /// In the order of the places.
+    pub individuals: Vec<Individual>,
+    /// In the order of the places.
+    pub standings: Vec<Standing>,
+}
+
+/// Lays out a recipe's places. Copies of a group are spread evenly over a disc; each draw has the address
+/// ("place", place, copy), so one more copy moves no other.
+pub fn lay_out(recipe: &Recipe) -> Layout {
+    let mut layout = Layout::default();
+    let mut ordinals = vec![0_u32; recipe.plants.len()];
+    for (index, place) in recipe.places.iter().enumerate() {
+        let first = layout.individuals.len();
+        let kinds = place.keys.individuals.unwrap_or(place.keys.count).min(place.keys.count);
+        for _ in 0..kinds {
+            layout.individuals.extend(individual(recipe, place, &mut ordinals));
+        }
+        let spots = spread(recipe.seed, index, place);
+        for (copy, spot) in spots.iter().enumerate() {
+            let transform = stand(recipe.seed, index, copy, place, *spot);
+            layout.standings.push(Standing { individual: first + copy % kinds.max(1) as usize, transform });
+        }
+    }
+    name(recipe, &mut layout);
+    layout
+}
+
+fn individual(recipe: &Recipe, place: &PlaceRecipe, ordinals: &mut [u32]) -> Option<Individual> {
+    let plant = recipe.plants.get(place.plant)?;
+    let ordinal = ordinals.get_mut(place.plant)?;
+    let id = child(word(&plant.name), u64::from(*ordinal));
+    *ordinal += 1;
+    let seed = match (plant.keys.seed, place.keys.seed) {
+        (0, 0) => recipe.seed,
+        (a, b) => mix64(&[recipe.seed, a, b]),
+    };
+    #[allow(clippy::cast_possible_truncation, reason = "the low half of a hash")]
+    Some(Individual { plant: place.plant, asset: String::new(), id: id as u32, seed })
+}
+
+/// `oak` if there is one oak, else `oak_1`, `oak_2`, ...; `oak_1` as well where the whole scene is called `oak`, so that
+/// both have files of their own.
+fn name(recipe: &Recipe, layout: &mut Layout) {
+    let mut totals = vec![0_u32; recipe.plants.len()];
+    for i in &layout.individuals {
+        if let Some(t) = totals.get_mut(i.plant) {
+            *t += 1;
+        }
+    }
+    let mut names = Names::default();
+    names.unique("ground");
+    let mut seen = vec![0_u32; recipe.plants.len()];
+    for i in &mut layout.individuals {
+        let (Some(total), Some(n)) = (totals.get(i.plant), seen.get_mut(i.plant)) else { continue };
+        *n += 1;
+        let id = recipe.plants.get(i.plant).map_or("plant", |p| &p.id);
+        i.asset = names.unique(&if *total == 1 && id != recipe.name { id.to_owned() } else { format!("{id}_{n}") });
+    }
+}
+
+/// Where the copies of a group stand, relative to its middle.
+fn spread(seed: u64, index: usize, place: &PlaceRecipe) -> Vec<Vec2> {
+    let count = place.keys.count;
+    if count == 1 {
+        return vec![Vec2::ZERO];
+    }
+    let (radius, spacing) = (math::narrow(place.keys.radius), math::narrow(place.keys.spacing));
+    let mut near = Near::new(spacing);
+    (0..u64::from(count))
+        .map(|copy| {
+            let mut rng = Rng::at(seed, &["place".into(), index.into(), copy.into(), "spot".into()]);
+            let mut best = (f32::NEG_INFINITY, Vec2::ZERO);
+            for _ in 0..24 {
+                let r = radius * math::sqrt_f32(rng.unit_f32());
+                let a = std::f32::consts::TAU * rng.unit_f32();
+                let spot = Vec2::new(r * math::cos_f32(a), r * math::sin_f32(a));
+                let room = near.distance(spot);
+                if room > best.0 {
+                    best = (room, spot);
+                }
+                if room >= spacing {
+                    break;
+                }
+            }
+            near.add(best.1);
+            best.1
+        })
+        .collect()
+}
+
+/// Points in square cells of the spacing's side, for the distance to the nearest one.
+struct Near {
+    side: f32,
+    cells: BTreeMap<(i64, i64), Vec<Vec2>>,
+}
+
+impl Near {
+    fn new(side: f32) -> Self {
+        Self { side, cells: BTreeMap::new() }
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "a saturated cell is still a cell")]
+    fn cell(&self, p: Vec2) -> (i64, i64) {
+        ((p.x / self.side).floor() as i64, (p.y / self.side).floor() as i64)
+    }
+
+    fn add(&mut self, p: Vec2) {
+        if self.side > 0.0 {
+            self.cells.entry(self.cell(p)).or_default().push(p);
+        }
+    }
+
+    /// Distance to the nearest point, exact below the side of a cell; the side if there is none nearer.
+    fn distance(&self, p: Vec2) -> f32 {
+        if self.side <= 0.0 {
+            return 0.0;
+        }
+        let (x, y) = self.cell(p);
+        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (x + dx, y + dy)));
+        let points = around.filter_map(|c| self.cells.get(&c)).flatten();
+        points.fold(self.side, |d, q| d.min(p.distance(*q)))
+    }
+}
+
+fn stand(seed: u64, index: usize, copy: usize, place: &PlaceRecipe, spot: Vec2) -> Trs {
+    let keys = &place.keys;
+    let mut rng = Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
+    let (drawn_turn, drawn_scale) = (rng.range(0.0, std::f64::consts::TAU), rng.range(-1.0, 1.0));
+    let turn = keys.turn.unwrap_or(if keys.count > 1 { drawn_turn } else { 0.0 });
+    let lean_to = rotation(Vec3::Y, keys.lean_to) * Vec3::X;
+    let lean = rotation(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);
+    let at = Vec3::from_array(keys.at.map(math::narrow));
+    Trs {
+        t: at + Vec3::new(spot.x, 0.0, spot.y),
+        r: (lean * rotation(Vec3::Y, turn)).normalize(),
+        s: Vec3::splat(math::narrow(keys.scale * (1.0 + keys.vary * drawn_scale))),
+    }
+}
+
+fn rotation(axis: Vec3, angle: f64) -> Quat {
+    let v = axis * math::narrow(math::sin(angle * 0.5));
+    Quat::from_xyzw(v.x, v.y, v.z, math::narrow(math::cos(angle * 0.5)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::{Request, resolve};
+
+    fn laid(places: &str) -> Layout {
+        let text = format!("[plants.a]\ngrammar = \"oak.l\"\n[plants.b]\ngrammar = \"birch.l\"\n{places}");
+        lay_out(&resolve(&Request { text, ..Request::default() }).expect("scene").0)
+    }
+
+    #[test]
+    fn groups_keep_their_distance_and_their_places() {
+        let group = |n| {
+            laid(&format!(
+                "[[place]]\nplant = \"a\"\ncount = {n}\nradius = 10\nspacing = 2\nindividuals = 3\nvary = 0.2\nat = [5, 0, 0]"
+            ))
+        };
+        let (few, many) = (group(10), group(30));
+        assert_eq!((many.individuals.len(), many.standings.len()), (3, 30));
+        assert_eq!(few.standings[..], many.standings[..10]);
+        let p: Vec<Vec3> = many.standings.iter().map(|s| s.transform.t).collect();
+        assert!(p.iter().all(|p| p.distance(Vec3::new(5.0, 0.0, 0.0)) <= 10.0));
+        assert!((0..30).all(|i| (0..i).all(|j| p[i].distance(p[j]) >= 2.0)));
+    }
+
+    #[test]
+    fn ids_come_from_names_and_ordinals_alone() {
+        let one = laid("[[place]]\nplant = \"a\"\n[[place]]\nplant = \"b\"\nseed = 9");
+        let two = laid("[[place]]\nplant = \"b\"\n[[place]]\nplant = \"a\"\n[[place]]\nplant = \"a\"");
+        assert_eq!(one.individuals[1].id, two.individuals[0].id);
+        assert_ne!(one.individuals[1].seed, two.individuals[0].seed);
+        let names: Vec<&str> = two.individuals.iter().map(|i| i.asset.as_str()).collect();
+        assert_eq!(names, ["b", "a_1", "a_2"]);
+    }
+
+    #[test]
+    fn a_lean_of_90_degrees_lies_down() {
+        let l = laid("[[place]]\nplant = \"a\"\nlean_deg = 90\nlean_to_deg = 90\nturn_deg = 30");
+        let up = l.standings[0].transform.r * Vec3::Y;
+        assert!((up - Vec3::NEG_Z).length() < 1e-6, "{up}");
+    }
+}

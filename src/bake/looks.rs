@@ -1,0 +1,243 @@
+//! Surfaces and the pictures on them: bark, leaves, ground.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::Result;
+use crate::fence::Names;
+use crate::grow::turtle::OrganSpec;
+use crate::import::Imported;
+use crate::math::narrow;
+use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, OrganKeys};
+use crate::recipe::{OrganRecipe, PlantRecipe};
+use crate::rng::{mix64, word};
+use crate::scene::{Image, Maps, Material};
+use crate::surface::bark::{BarkSpec, bark};
+use crate::surface::ground::{Ground, GroundColors, ground_material};
+use crate::surface::leaf::{self, BladeSpec, Form, LeafColors, Teeth};
+
+/// Materials, pictures and organs of one plant. Maps index `images`, prototypes' subsets index `materials`.
+#[derive(Debug, Clone, Default)]
+pub struct Look {
+    /// Bark, shoot, then those of the organs.
+    pub materials: Vec<Material>,
+    /// Pictures.
+    pub images: Vec<Image>,
+    /// Organs by letter.
+    pub organs: BTreeMap<char, OrganSpec>,
+    /// Their names, parallel to the recipe's organs.
+    pub names: Vec<String>,
+}
+
+impl Look {
+    fn add(&mut self, mut material: Material, images: Vec<Image>) -> u32 {
+        let first = index(self.images.len());
+        for map in maps(&mut material.maps) {
+            *map = map.map(|i| i + first);
+        }
+        self.images.extend(images);
+        self.materials.push(material);
+        index(self.materials.len() - 1)
+    }
+}
+
+/// The slots of a material.
+pub fn maps(maps: &mut Maps) -> [&mut Option<u32>; 4] {
+    [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height]
+}
+
+fn index(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
+/// The look of one plant.
+/// # Errors
+/// What the makers of blades and maps refuse.
+pub fn of_plant(plant: &PlantRecipe, seed: u64) -> Result<Look> {
+    let mut look = Look::default();
+    for (keys, part) in [(&plant.bark, "bark"), (&plant.shoot, "shoot")] {
+        let name = format!("{}_{part}", plant.id);
+        let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), &name)?;
+        look.add(surface.material, surface.images);
+    }
+    let mut names = Names::default();
+    for recipe in &plant.organs {
+        let name = names.unique(&if recipe.letter == 'l' { "leaf".into() } else { format!("organ_{}", recipe.letter) });
+        let organ = match &recipe.mesh {
+            Some(mesh) => imported(&mut look, mesh, recipe, &plant.id, &name),
+            None => blades(&mut look, recipe, (&plant.id, &name, seed))?,
+        };
+        look.organs.insert(recipe.letter, organ);
+        look.names.push(name);
+    }
+    Ok(look)
+}
+
+/// Blades made from numbers.
+fn blades(look: &mut Look, recipe: &OrganRecipe, (plant, name, seed): (&str, &str, u64)) -> Result<OrganSpec> {
+    let keys = &recipe.keys;
+    let spec = blade_spec(keys, mix64(&[seed, word(plant), word(name)]));
+    let colors = leaf_colors(keys);
+    let material_name = format!("{plant}_{name}");
+    let mut surface = leaf::leaf_material(&spec, &colors, &material_name, keys.side)?;
+    surface.material.translucency = narrow(keys.translucency);
+    let id = look.add(surface.material, surface.images);
+    let detail = if keys.detail == Detail::Hero { leaf::Detail::Hero } else { leaf::Detail::Light };
+    let meshes = (0..u64::from(keys.variants))
+        .map(|variant| Ok(Arc::new(leaf::blade(&spec, variant, detail)?.with_material(id))))
+        .collect::<Result<_>>()?;
+    // The stalk is part of the blade's mesh, whose length along +Y is what parameter 1 stands for.
+    Ok(OrganSpec { name: name.to_owned(), meshes, size: f64::from(spec.length + spec.petiole_length), petiole: 0.0 })
+}
+
+/// The blade's own numbers, changed by the keys that were given.
+fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
+    let base = match keys.blade {
+        Blade::Lobed => BladeSpec::oak(),
+        Blade::Toothed => BladeSpec::birch(),
+        Blade::Deltoid => BladeSpec::poplar(),
+        Blade::Elliptic => BladeSpec {
+            form: Form::Elliptic,
+            teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
+            length: 0.08,
+            width: 0.045,
+            ..BladeSpec::birch()
+        },
+    };
+    let or = |key: Option<f64>, own: f32| key.map_or(own, narrow);
+    let length = or(keys.size, base.length);
+    let teeth = Teeth {
+        count: keys.lobes.filter(|_| keys.blade != Blade::Lobed).unwrap_or(base.teeth.count),
+        // A share of the half width in scenes, of the width in the blade.
+        depth: keys
+            .depth
+            .filter(|_| keys.blade != Blade::Lobed)
+            .map_or(base.teeth.depth, |d| (narrow(d) * 0.5).min(0.3)),
+        minor: keys.minor_teeth.unwrap_or(base.teeth.minor),
+    };
+    let form = match base.form {
+        Form::Lobed { lobes, depth } => {
+            Form::Lobed { lobes: keys.lobes.unwrap_or(lobes).clamp(1, 8), depth: or(keys.depth, depth) }
+        }
+        other => other,
+    };
+    BladeSpec {
+        form,
+        teeth,
+        length,
+        width: length * or(keys.width, base.width / base.length),
+        veins: keys.veins.unwrap_or(base.veins),
+        vein_angle: or(keys.vein_angle, base.vein_angle),
+        fold: or(keys.fold, base.fold),
+        curl: or(keys.curl, base.curl),
+        waviness: or(keys.waviness, base.waviness),
+        petiole_length: or(keys.petiole, base.petiole_length),
+        petiole_radius: or(keys.petiole_radius, base.petiole_radius),
+        petiole_flatness: or(keys.petiole_flatness, base.petiole_flatness),
+        seed,
+    }
+}
+
+/// The blade's own colours, changed by the keys that were given.
+fn leaf_colors(keys: &OrganKeys) -> LeafColors {
+    let own = match keys.blade {
+        Blade::Lobed => LeafColors::OAK,
+        Blade::Deltoid => LeafColors::POPLAR,
+        _ => LeafColors::BIRCH,
+    };
+    let scaled = |c: [f32; 3], k: f32| c.map(|v| (v * k).min(1.0));
+    LeafColors {
+        blade: keys.color.map_or(own.blade, |c| [scaled(c, 0.72), scaled(c, 1.28)]),
+        vein: keys.color2.unwrap_or(own.vein),
+        edge: keys.color2.map_or(own.edge, |c| scaled(c, 0.6)),
+        roughness: keys.roughness.map_or(own.roughness, narrow),
+    }
+}
+
+/// An artist's mesh with its own materials.
+fn imported(look: &mut Look, import: &Imported, recipe: &OrganRecipe, plant: &str, name: &str) -> OrganSpec {
+    let mut mesh = import.mesh.clone();
+    let (first_material, first_image) = (index(look.materials.len()), index(look.images.len()));
+    let renamed = |own: &str| format!("{plant}_{name}_{own}");
+    look.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
+    look.materials.extend(import.materials.iter().map(|m| {
+        let mut material = Material { name: renamed(&m.name), ..m.clone() };
+        maps(&mut material.maps).into_iter().for_each(|map| *map = map.map(|i| i + first_image));
+        material
+    }));
+    for s in &mut mesh.subsets {
+        s.material += first_material;
+    }
+    let own = f64::from(mesh.bounds().max.y.max(1e-3));
+    let size = recipe.keys.size.unwrap_or(own);
+    OrganSpec { name: name.to_owned(), meshes: vec![Arc::new(mesh)], size, petiole: recipe.keys.petiole.unwrap_or(0.0) }
+}
+
+/// The kind's own numbers, changed by the keys that were given.
+fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
+    let own = match keys.kind {
+        BarkKind::Furrowed => BarkSpec::furrowed(),
+        BarkKind::Plated => BarkSpec::plated(),
+        BarkKind::Smooth => BarkSpec::smooth(),
+        BarkKind::Lenticel => BarkSpec::birch(),
+        BarkKind::Diamond => BarkSpec::poplar(),
+        BarkKind::Stringy => {
+            BarkSpec { plates: [24, 2], weights: [0.50, 0.45, 0.05], gap: 0.25, depth: 0.005, ..BarkSpec::furrowed() }
+        }
+        BarkKind::Shoot => BarkSpec::shoot(),
+    };
+    let marked = matches!(keys.kind, BarkKind::Lenticel | BarkKind::Diamond);
+    let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
+    let crack = match (keys.color, keys.color2) {
+        (Some(ground), _) if marked => scaled(ground, 0.74),
+        (_, Some(crack)) if !marked => crack,
+        _ => own.crack,
+    };
+    BarkSpec {
+        ridge: keys.color.unwrap_or(own.ridge),
+        crack,
+        mark: keys.color2.filter(|_| marked).unwrap_or(own.mark),
+        patch: (own.patch.0, keys.patches.map_or(own.patch.1, narrow)),
+        depth: keys.depth.map_or(own.depth, narrow),
+        tile: keys.tile.map_or(own.tile, narrow),
+        side: keys.side,
+        seed,
+        ..own
+    }
+}
+
+/// The ground with its look.
+#[derive(Debug, Clone)]
+pub struct Soil {
+    /// Its shape, around the origin of its own space.
+    pub shape: Ground,
+    /// Its material and pictures.
+    pub look: Look,
+}
+
+/// The ground that the keys describe.
+/// # Errors
+/// What the makers of ground refuse.
+pub fn of_ground(keys: &GroundKeys, seed: u64) -> Result<Soil> {
+    let seed = mix64(&[seed, word("ground")]);
+    let shape = Ground {
+        radius: narrow(keys.size * 0.5),
+        amplitude: narrow(keys.relief),
+        wavelength: narrow(keys.wavelength),
+        tile: narrow(keys.tile),
+        seed,
+        ..Ground::default()
+    };
+    let own = GroundColors::default();
+    let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
+    let colors = GroundColors {
+        soil: keys.color.map_or(own.soil, |c| [scaled(c, 0.3), c]),
+        green: keys.color2.map_or(own.green, |c| [scaled(c, 0.3), c]),
+        cover: narrow(keys.cover),
+        ..own
+    };
+    let mut look = Look::default();
+    let surface = ground_material(&colors, "ground", keys.side, (shape.tile, seed))?;
+    look.add(surface.material, surface.images);
+    Ok(Soil { shape, look })
+}

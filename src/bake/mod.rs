@@ -1,0 +1,27 @@
+//! Runs a [`Recipe`](crate::recipe::Recipe): grows, skins, steps through time, writes.
+
+mod counts;
+pub mod dress;
+pub mod exporters;
+pub mod layout;
+pub mod looks;
+pub mod mover;
+pub mod plants;
+pub mod stage;
+pub mod write;
+
+pub use counts::Counts;
+
+use crate::limits::Limits;
+use crate::progress::{Cancel, Progress};
+
+/// What all work heeds.
+#[derive(Clone, Copy)]
+pub struct Work<'a> {
+    /// Limits in force.
+    pub limits: &'a Limits,
+    /// Asks to stop.
+    pub cancel: &'a Cancel,
+    /// Listens.
+    pub progress: &'a dyn Progress,
+}

@@ -1,0 +1,92 @@
+//! From a grammar to a plant.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::Work;
+use super::dress::{BARK, SHOOT, SHOOT_RADIUS};
+use super::layout::Individual;
+use super::looks::Look;
+use crate::diagnostic::Report;
+use crate::grammar::{DeriveOptions, derive};
+use crate::grow::turtle::{self, Tropism, TurtleOptions};
+use crate::plant::Plant;
+use crate::recipe::PlantRecipe;
+use crate::recipe::sections::{Line, TropismKeys};
+use crate::{Error, Result};
+
+/// A grown plant.
+#[derive(Debug)]
+pub struct Grown {
+    /// It.
+    pub plant: Plant,
+    /// What was odd on the way.
+    pub report: Report,
+    /// Modules of its final string.
+    pub modules: u64,
+}
+
+/// Derives and draws one individual.
+/// # Errors
+/// `Input` with what the derivation or the turtle refuses.
+pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &Work<'_>) -> Result<Grown> {
+    let options = DeriveOptions {
+        seed: individual.seed,
+        plant_id: individual.id,
+        steps: recipe.keys.steps,
+        stochastic: recipe.keys.stochastic,
+    };
+    let derived = derive(&recipe.grammar, &options, work.limits)?;
+    work.cancel.check()?;
+    let mut report = Report { sources: recipe.grammar.sources().clone(), diagnostics: Vec::new() };
+    let (plant, drawn) = turtle::grow(&recipe.grammar, &derived, &turtle_options(recipe, look)?, work.limits)?;
+    let modules = derived.modules.len() as u64;
+    derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
+    Ok(Grown { plant, report, modules })
+}
+
+fn turtle_options(recipe: &PlantRecipe, look: &Look) -> Result<TurtleOptions> {
+    let keys = &recipe.turtle;
+    let own = TurtleOptions::default();
+    let byte = |v: Option<u32>, own: u8| v.and_then(|v| u8::try_from(v).ok()).unwrap_or(own);
+    let mut organs = BTreeMap::new();
+    for (letter, spec) in &look.organs {
+        organs.insert(*letter, spec.clone());
+    }
+    if keys.tropisms.len() > 8 {
+        let (value, max) = (f64::from(u32::try_from(keys.tropisms.len()).unwrap_or(u32::MAX)), 8.0);
+        return Err(Error::Range { name: "number of tropisms".into(), value, min: 0.0, max, unit: "" });
+    }
+    Ok(TurtleOptions {
+        angle: keys.angle,
+        unit_m: keys.unit,
+        width: keys.width.unwrap_or(if keys.line == Some(Line::Pixel) { 0.02 } else { own.width }),
+        width_increment: keys.width_increment.unwrap_or(own.width_increment),
+        color: byte(keys.color, own.color),
+        color_increment: byte(keys.color_increment, own.color_increment),
+        scale: keys.scale.unwrap_or(own.scale),
+        scale_multiplier: keys.scale_multiplier.unwrap_or(own.scale_multiplier),
+        tapered: keys.tapered.unwrap_or(own.tapered),
+        tropisms: keys.tropisms.iter().map(tropism).collect(),
+        tropism_keep_roll: keys.tropism_keep_roll,
+        organs,
+        materials: look.materials.iter().map(|m| m.name.clone()).collect(),
+        axis_material: BARK,
+        shoot_material: Some(SHOOT),
+        shoot_radius: f64::from(SHOOT_RADIUS),
+        source: recipe.source.clone(),
+        ..own
+    })
+}
+
+fn tropism(keys: &TropismKeys) -> Tropism {
+    Tropism {
+        dir: DVec3::from_array(keys.dir),
+        angle: keys.angle,
+        intensity: keys.intensity,
+        elasticity: keys.elasticity,
+        step: keys.step,
+        torque: false,
+    }
+}

@@ -1,0 +1,291 @@
+//! From a recipe to a scene with what moves in it.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::Work;
+use super::counts::{Counts, count};
+use super::dress::{Breeze, Kind, dress};
+use super::layout::{Individual, Layout, lay_out};
+use super::looks::{Look, Soil, of_ground, of_plant};
+use super::mover::Mover;
+use super::plants::{Grown, grow};
+use super::write::Stage;
+use crate::diagnostic::Report;
+use crate::fence::Names;
+use crate::geometry::Bounds;
+use crate::math::narrow;
+use crate::par::par_map;
+use crate::recipe::Recipe;
+use crate::recipe::sections::WindModel;
+use crate::scene::{
+    Asset, AssetFrame, AssetKind, Camera, Clip, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky, Sun,
+    Trs, asset_bounds,
+};
+use crate::{Error, Result};
+
+/// Which parts of a recipe are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Parts {
+    /// The ground.
+    pub ground: bool,
+}
+
+impl Default for Parts {
+    fn default() -> Self {
+        Self { ground: true }
+    }
+}
+
+/// A stage with what was said while it was made.
+#[derive(Debug)]
+pub struct Built {
+    /// Scene and movers.
+    pub stage: Stage,
+    /// Warnings of grammars and turtles.
+    pub report: Report,
+    /// Modules of all final strings.
+    pub modules: u64,
+}
+
+impl Built {
+    /// What writing `frames` (none: still) will make.
+    pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> Counts {
+        Counts { modules: self.modules, ..count(&self.stage, recipe, frames.len() as u64) }
+    }
+}
+
+/// Grows and dresses everything that a recipe names.
+/// # Errors
+/// `Input` with the faults of grammars, `Limit`, `Cancelled`.
+pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
+    let mut layout = lay_out(recipe);
+    work.limits.check("instances", layout.standings.len() as u64, "the number of placements")?;
+    work.progress.stage("drawing ground, bark and leaves", recipe.plants.len() as u64);
+    let shown = parts.ground && recipe.ground.show;
+    let soil = if shown { Some(lay_ground(recipe, &mut layout)?) } else { None };
+    let indexed: Vec<_> = recipe.plants.iter().enumerate().collect();
+    let looks = in_order(par_map(&indexed, |(i, plant)| {
+        work.cancel.check()?;
+        let used = layout.individuals.iter().any(|n| n.plant == *i);
+        let look = if used { of_plant(plant, recipe.seed) } else { Ok(Look::default()) };
+        work.progress.advance(1);
+        look
+    }))?;
+    work.progress.stage("growing", layout.individuals.len() as u64);
+    let (grown, report) = grow_all(recipe, &layout, &looks, work)?;
+    let mut made = Made::default();
+    let kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
+    work.progress.stage("skinning", layout.individuals.len() as u64);
+    let modules = grown.iter().map(|g| g.modules).sum();
+    dress_all(recipe, (&layout, &kinds, &grown), &mut made, work)?;
+    let camera = camera(recipe, &made.assets, &layout);
+    let mut placements = placements(&made.assets, &layout);
+    if let Some((soil, middle)) = soil {
+        add_ground(soil, middle, &mut made, &mut placements)?;
+    }
+    let scene = Scene {
+        name: recipe.name.clone(),
+        title: recipe.title.clone(),
+        seed: recipe.seed,
+        hash: recipe.hash.clone(),
+        clip: recipe.clip,
+        camera,
+        sun: sun(recipe),
+        sky: sky(recipe),
+        images: made.images,
+        materials: made.materials,
+        assets: made.assets,
+        placements,
+    };
+    Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers }, report, modules })
+}
+
+/// What is collected for the scene.
+#[derive(Default)]
+struct Made {
+    images: Vec<Image>,
+    materials: Vec<Material>,
+    assets: Vec<Asset>,
+    movers: Vec<Option<Mover>>,
+}
+
+impl Made {
+    /// Adds a look's materials and pictures and returns where they start.
+    fn take(&mut self, look: Look) -> Kind {
+        let index = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let organ_names = look.names;
+        let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
+        let (first_material, first_image) = (index(self.materials.len()), index(self.images.len()));
+        self.images.extend(look.images);
+        self.materials.extend(look.materials.into_iter().map(|mut m| {
+            for map in [&mut m.maps.color, &mut m.maps.normal, &mut m.maps.roughness, &mut m.maps.height] {
+                *map = map.map(|i| i + first_image);
+            }
+            m
+        }));
+        Kind { first_material, tile, organ_names }
+    }
+}
+
+/// The first failure in order, or all results.
+fn in_order<T>(results: Vec<Result<T>>) -> Result<Vec<T>> {
+    results.into_iter().collect()
+}
+
+fn grow_all(recipe: &Recipe, layout: &Layout, looks: &[Look], work: &Work<'_>) -> Result<(Vec<Grown>, Report)> {
+    let grown = par_map(&layout.individuals, |individual| {
+        work.cancel.check()?;
+        let (plant, look) = pair(recipe, looks, individual)?;
+        let grown = grow(plant, individual, look, work);
+        work.progress.advance(1);
+        grown
+    });
+    let mut report = Report::default();
+    let mut plants = Vec::new();
+    for result in grown {
+        match result {
+            Ok(mut g) => {
+                report.extend(std::mem::take(&mut g.report));
+                plants.push(g);
+            }
+            Err(Error::Input(faults)) => report.extend(*faults),
+            Err(other) => return Err(other),
+        }
+    }
+    report.into_result(plants)
+}
+
+fn pair<'a, T>(
+    recipe: &'a Recipe,
+    list: &'a [T],
+    individual: &Individual,
+) -> Result<(&'a crate::recipe::PlantRecipe, &'a T)> {
+    let both = recipe.plants.get(individual.plant).zip(list.get(individual.plant));
+    both.ok_or_else(|| Error::export("S005", "a place names a plant that is not there"))
+}
+
+fn dress_all(
+    recipe: &Recipe,
+    (layout, kinds, grown): (&Layout, &[Kind], &[Grown]),
+    made: &mut Made,
+    work: &Work<'_>,
+) -> Result<()> {
+    let breeze = breeze(recipe);
+    let jobs: Vec<(usize, &Individual, &Grown)> =
+        layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
+    let dressed = par_map(&jobs, |(i, individual, grown)| {
+        let (plant, kind) = pair(recipe, kinds, individual)?;
+        let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
+        let dressed = dress(&grown.plant, plant, (kind, individual), breeze.map(|b| (b, stand)), work);
+        work.progress.advance(1);
+        dressed
+    });
+    for (asset, mover) in in_order(dressed)? {
+        made.assets.push(asset);
+        made.movers.push(mover);
+    }
+    Ok(())
+}
+
+/// No wind in a still scene.
+fn breeze(recipe: &Recipe) -> Option<Breeze> {
+    if recipe.clip.len() < 2 || recipe.wind.model == WindModel::Calm {
+        return None;
+    }
+    let d = recipe.wind.direction;
+    Some(Breeze {
+        direction: Vec3::new(narrow(crate::math::cos(d)), 0.0, narrow(-crate::math::sin(d))),
+        speed: narrow(recipe.wind.speed),
+        strength: narrow(recipe.sway.strength),
+        period: narrow(period(&recipe.clip)),
+    })
+}
+
+/// Length of a loop: the frame after the last one looks like the first.
+fn period(clip: &Clip) -> f64 {
+    #[allow(clippy::cast_precision_loss, reason = "at most a million frames")]
+    let frames = clip.len() as f64;
+    frames / clip.fps()
+}
+
+fn placements(assets: &[Asset], layout: &Layout) -> Vec<Placement> {
+    let mut names = Names::default();
+    let of = |names: &mut Names, individual: usize, transform| {
+        let id = assets.get(individual).map_or("plant", |a| &a.id);
+        Placement { name: names.unique(id), asset: individual, transform }
+    };
+    layout.standings.iter().map(|s| of(&mut names, s.individual, s.transform)).collect()
+}
+
+/// Sets the plants on the ground, whose middle is theirs, and returns it with its place.
+fn lay_ground(recipe: &Recipe, layout: &mut Layout) -> Result<(Soil, Vec3)> {
+    let soil = of_ground(&recipe.ground, recipe.seed)?;
+    let feet = Bounds::of(layout.standings.iter().map(|s| s.transform.t));
+    let middle = feet.center() * Vec3::new(1.0, 0.0, 1.0);
+    for s in &mut layout.standings {
+        let at = s.transform.t - middle;
+        s.transform.t.y += soil.shape.height(at.x, at.z);
+    }
+    Ok((soil, middle))
+}
+
+fn add_ground(soil: Soil, middle: Vec3, made: &mut Made, placements: &mut Vec<Placement>) -> Result<()> {
+    let mut mesh = soil.shape.mesh()?;
+    let kind = made.take(soil.look);
+    for s in &mut mesh.subsets {
+        s.material += kind.first_material;
+    }
+    let transform = Trs::translation(middle);
+    placements.push(Placement { name: "ground".into(), asset: made.assets.len(), transform });
+    made.movers.push(None);
+    made.assets.push(Asset {
+        id: "ground".into(),
+        kind: AssetKind::Terrain,
+        skeleton: None,
+        meshes: vec![MeshObject { name: "ground".into(), mesh, motion: MeshMotion::Still, skin: None }],
+        instancers: Vec::new(),
+        points: Vec::new(),
+        curves: Vec::new(),
+    });
+    Ok(())
+}
+
+/// The camera as the scene has it, or fitted to the plants.
+fn camera(recipe: &Recipe, assets: &[Asset], layout: &Layout) -> Camera {
+    let rest = AssetFrame::default();
+    let boxes: Vec<Bounds> = par_map(assets, |a| asset_bounds(a, &rest));
+    let corners = layout.standings.iter().flat_map(|s| {
+        let b = boxes.get(s.individual).copied().unwrap_or_default();
+        let corners = if b.is_empty() { Vec::new() } else { b.corners().to_vec() };
+        corners.into_iter().map(|c| s.transform.apply(c))
+    });
+    let keys = &recipe.camera;
+    let [width, height] = recipe.output.pov.size;
+    let mut camera = Camera::framing(Bounds::of(corners), narrow(width / height), narrow(keys.vfov));
+    let point = |p: [f64; 3]| Vec3::from_array(p.map(narrow));
+    if let Some(target) = keys.target {
+        camera.eye += point(target) - camera.target;
+        camera.target = point(target);
+    }
+    camera.eye = keys.eye.map_or(camera.target + (camera.eye - camera.target) * narrow(keys.distance), point);
+    camera.roll = narrow(keys.roll);
+    camera
+}
+
+fn sun(recipe: &Recipe) -> Sun {
+    let keys = &recipe.sun;
+    Sun {
+        elevation: narrow(keys.elevation),
+        azimuth: narrow(keys.azimuth),
+        color: keys.color,
+        strength: narrow(keys.strength),
+        angle: narrow(keys.angle),
+    }
+}
+
+fn sky(recipe: &Recipe) -> Sky {
+    let keys = &recipe.sky;
+    Sky { horizon: keys.horizon, zenith: keys.zenith, strength: narrow(keys.strength) }
+}

@@ -1,0 +1,66 @@
+//! Frames to exporters.
+
+use std::sync::Arc;
+
+use super::Work;
+use super::mover::{Mover, frame};
+use crate::Result;
+use crate::export::{Exporter, Warning};
+use crate::scene::{Frame, Scene, check_frame, check_scene};
+
+/// A scene with what moves in it.
+#[derive(Debug, Clone)]
+pub struct Stage {
+    /// What exists.
+    pub scene: Arc<Scene>,
+    /// What moves it, parallel to the assets.
+    pub movers: Vec<Option<Mover>>,
+}
+
+/// An exporter with the name shown for it.
+pub struct Writer {
+    /// Its format.
+    pub name: &'static str,
+    /// It.
+    pub exporter: Box<dyn Exporter>,
+}
+
+/// Writes the frames `numbers` (none: a still asset) of a stage by all writers. Each frame goes to the writers in
+/// parallel while the next is computed, so at most two frames are in memory.
+/// # Errors
+/// The first failure in the order of the writers; `Cancelled`.
+pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work<'_>) -> Result<Vec<Warning>> {
+    check_scene(&stage.scene)?;
+    work.progress.stage("writing", writers.len() as u64);
+    each(writers, |w| w.begin(&stage.scene))?;
+    let make = |n: u32| frame(&stage.scene, &stage.movers, n);
+    if let Some((first, rest)) = numbers.split_first() {
+        work.progress.stage("writing frames", numbers.len() as u64);
+        let mut current: Frame = make(*first);
+        for next in rest.iter().map(Some).chain([None]) {
+            work.cancel.check()?;
+            check_frame(&stage.scene, &current)?;
+            let (done, following) =
+                crate::par::join(|| each(writers, |w| w.frame(&current)), || next.map(|n| make(*n)));
+            done?;
+            work.progress.advance(1);
+            if let Some(f) = following {
+                current = f;
+            }
+        }
+    }
+    work.cancel.check()?;
+    work.progress.stage("finishing", writers.len() as u64);
+    let summaries = each(writers, Exporter::finish)?;
+    Ok(summaries.into_iter().flat_map(|s| s.warnings).collect())
+}
+
+/// Calls every exporter, in parallel.
+fn each<R: Send>(
+    writers: &mut [Writer],
+    call: impl Fn(&mut (dyn Exporter + 'static)) -> Result<R> + Sync + Send,
+) -> Result<Vec<R>> {
+    let mut jobs: Vec<(&mut Writer, Option<Result<R>>)> = writers.iter_mut().map(|w| (w, None)).collect();
+    crate::par::par_each(&mut jobs, |(writer, result)| *result = Some(call(writer.exporter.as_mut())));
+    jobs.into_iter().filter_map(|(_, result)| result).collect()
+}

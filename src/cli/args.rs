@@ -1,0 +1,294 @@
+//! What can be typed.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::limits::{LIMITS, Limits};
+
+/// Printed below every long help.
+pub const EXIT_CODES: &str = "\
+Exit codes:
+  0    done, also with nothing to do or only warnings
+  1    input or run failed: faults in files, missing input, a limit, a foreign file in the way
+  2    usage: unknown flag, bad flag value, no arguments
+  3    --strict and there were warnings; outputs are complete
+  74   reading or writing failed: disk full, no permission, closed pipe of -o -
+  75   a retry may help: network or busy file systems
+  101  internal error: please report it
+  130  interrupted (Ctrl-C); finished files are kept, run again to go on
+  143  terminated; likewise";
+
+/// Ten lines for someone who typed nothing.
+pub const GUIDE: &str = "\
+osier turns small text files into plants and bakes them into files that Blender, POV-Ray, USD and glTF programs open.
+
+  osier bake                         the showcase, complete and moving, into out/showcase
+  osier grow oak -o oak.glb          one plant as one file; the ending picks the format
+  osier list presets                 what there is to grow
+  osier new mytree --from oak        a folder of your own to change
+  osier bake mytree/mytree.toml      the scene you changed
+  osier check mytree/mytree.toml     every fault in it, and what it would make
+
+`osier COMMAND --help` tells the rest.
+";
+
+/// Grows plants from small text files and bakes them for other programs.
+#[derive(Debug, Parser)]
+#[command(name = "osier", version, about, after_long_help = EXIT_CODES, max_term_width = 100)]
+#[command(disable_help_subcommand = true, propagate_version = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+    /// Flags of every command.
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Simulate a scene and write all of its files.
+    #[command(after_long_help = EXIT_CODES)]
+    Bake(Bake),
+    /// Write one still plant or scene as one file.
+    #[command(after_long_help = EXIT_CODES)]
+    Grow(Grow),
+    /// Show every fault of scenes and grammars, and what they would make.
+    #[command(after_long_help = EXIT_CODES)]
+    Check(Check),
+    /// Show what exists: presets, scene keys, formats, codes, limits.
+    #[command(after_long_help = EXIT_CODES)]
+    List(List),
+    /// Make a folder with a small working scene.
+    #[command(after_long_help = EXIT_CODES)]
+    New(New),
+    /// Tell what an output holds, and check a bake against its manifest.
+    #[command(after_long_help = EXIT_CODES)]
+    Info(Info),
+}
+
+/// `osier bake`.
+#[derive(Debug, Args)]
+pub struct Bake {
+    /// Scene file or preset; without it the showcase.
+    #[arg(value_name = "SCENE")]
+    pub scene: Option<String>,
+    /// Output folder [default: out/NAME].
+    #[arg(short = 'o', long = "output", value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Write only these frames: 1-240, 1-240:10, 1,5,9.
+    #[arg(long, value_name = "LIST")]
+    pub frames: Option<String>,
+    /// Write only these formats: usd, glb, pc2, obj, ply, pov.
+    #[arg(long, value_name = "LIST")]
+    pub formats: Option<String>,
+    /// Overwrite files that osier did not write.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// `osier grow`.
+#[derive(Debug, Args)]
+pub struct Grow {
+    /// Grammar (.l), scene (.toml) or preset.
+    #[arg(value_name = "SOURCE")]
+    pub source: String,
+    /// File to write: .glb .gltf .usda .usdc .usdz .obj .ply .pov, or - for a glb on standard output.
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    pub output: PathBuf,
+    /// Derivation length instead of the grammar's.
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u32>,
+    /// Which readers a glb is made for.
+    #[arg(long, value_enum, default_value = "blender")]
+    pub profile: ProfileArg,
+    /// Overwrite a file that osier did not write.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Values of `--profile`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ProfileArg {
+    /// Any Blender.
+    Blender,
+    /// Browsers and engines.
+    Web,
+}
+
+/// `osier check`.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// Scenes, grammars or presets.
+    #[arg(value_name = "FILE", required = true)]
+    pub files: Vec<String>,
+}
+
+/// `osier list`.
+#[derive(Debug, Args)]
+pub struct List {
+    /// What to list.
+    #[arg(value_enum, default_value = "presets")]
+    pub what: What,
+}
+
+/// What can be listed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum What {
+    /// Grammars and scenes in the program.
+    Presets,
+    /// Keys of scene files.
+    Options,
+    /// File formats.
+    Formats,
+    /// Codes of faults.
+    Codes,
+    /// Limits and the flags that change them.
+    Limits,
+}
+
+/// `osier new`.
+#[derive(Debug, Args)]
+pub struct New {
+    /// Folder to make; its last part names the scene.
+    #[arg(value_name = "NAME")]
+    pub name: PathBuf,
+    /// Preset to start from.
+    #[arg(long, value_name = "PRESET", default_value = "oak")]
+    pub from: String,
+}
+
+/// `osier info`.
+#[derive(Debug, Args)]
+pub struct Info {
+    /// A bake's folder, or one file of it.
+    #[arg(value_name = "PATH")]
+    pub path: PathBuf,
+}
+
+/// Flags of every command.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Common flags")]
+pub struct Common {
+    /// Seed of every random draw: another whole number, another individual.
+    #[arg(long, value_name = "N", global = true)]
+    pub seed: Option<u64>,
+    /// Change a key of the scene, or a #define of a bare grammar: wind.speed=6, angle=30.
+    #[arg(long, value_name = "PATH=VALUE", global = true)]
+    pub set: Vec<String>,
+    /// Look for referenced files in this folder as well.
+    #[arg(long, value_name = "DIR", global = true)]
+    pub search: Vec<PathBuf>,
+    /// Threads [default: all that the system allows].
+    #[arg(short = 'j', long = "jobs", value_name = "N", global = true)]
+    pub jobs: Option<usize>,
+    /// Only say what would be made.
+    #[arg(short = 'n', long, global = true)]
+    pub dry_run: bool,
+    /// Print the result as JSON.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Say nothing but errors.
+    #[arg(short = 'q', long, global = true)]
+    pub quiet: bool,
+    /// Say more.
+    #[arg(short = 'v', long, global = true)]
+    pub verbose: bool,
+    /// Colours on the terminal.
+    #[arg(long, value_enum, value_name = "WHEN", default_value = "auto", global = true)]
+    pub color: Color,
+    /// Exit with 3 if there were warnings.
+    #[arg(long, global = true)]
+    pub strict: bool,
+    /// Limits that were changed.
+    #[command(flatten)]
+    pub max: MaxFlags,
+}
+
+/// Values of `--color`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// On terminals.
+    Auto,
+    /// Also into files and pipes.
+    Always,
+    /// Nowhere.
+    Never,
+}
+
+/// One `--max-NAME VALUE` per limit; `osier list limits` shows them.
+#[derive(Debug, Clone, Default)]
+pub struct MaxFlags(pub Vec<(&'static str, String)>);
+
+impl Args for MaxFlags {
+    fn augment_args(cmd: clap::Command) -> clap::Command {
+        LIMITS.iter().fold(cmd, |cmd, limit| {
+            let name = format!("max-{}", limit.name);
+            cmd.arg(clap::Arg::new(limit.name).long(name).value_name("N").hide(true).global(true))
+        })
+    }
+
+    fn augment_args_for_update(cmd: clap::Command) -> clap::Command {
+        Self::augment_args(cmd)
+    }
+}
+
+impl clap::FromArgMatches for MaxFlags {
+    fn from_arg_matches(matches: &clap::ArgMatches) -> Result<Self, clap::Error> {
+        let given = |name: &'static str| matches.get_one::<String>(name).map(|v| (name, v.clone()));
+        Ok(Self(LIMITS.iter().filter_map(|l| given(l.name)).collect()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &clap::ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Common {
+    /// Limits in force: flags over `OSIER_MAX=name=value,...` over defaults.
+    /// # Errors
+    /// What is wrong with a flag or with the variable.
+    pub fn limits(&self, environment: Option<OsString>) -> Result<Limits, String> {
+        let mut limits = Limits::default();
+        let text = environment.map(|v| v.to_string_lossy().into_owned()).unwrap_or_default();
+        for part in text.split(',').filter(|p| !p.is_empty()) {
+            let (name, value) = part.split_once('=').ok_or(format!("OSIER_MAX: \"{part}\" is not name=value"))?;
+            set(&mut limits, name, value, "OSIER_MAX")?;
+        }
+        for (name, value) in &self.max.0 {
+            set(&mut limits, name, value, &format!("--max-{name}"))?;
+        }
+        Ok(limits)
+    }
+}
+
+fn set(limits: &mut Limits, name: &str, value: &str, whence: &str) -> Result<(), String> {
+    if !LIMITS.iter().any(|l| l.name == name) {
+        return Err(format!("{whence}: there is no limit \"{name}\"; `osier list limits` shows them"));
+    }
+    let bad = |_| format!("{whence}: \"{value}\" is not a whole number with suffix k, M or G, nor \"none\"");
+    limits.set(name, value).map_err(bad)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn limits_come_from_flags_before_the_environment() {
+        let cli = Cli::try_parse_from(["osier", "bake", "--max-modules", "3k"]).expect("flags");
+        let limits = cli.common.limits(Some("modules=1M,frames=10".into())).expect("limits");
+        assert_eq!((limits.get("modules"), limits.get("frames")), (3000, 10));
+        assert!(cli.common.limits(Some("wishes=3".into())).is_err());
+    }
+}

@@ -1,0 +1,157 @@
+//! `osier bake`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::json;
+
+use super::Context;
+use super::args::Bake;
+use super::progress::Show;
+use super::{numbers, report, source};
+use crate::Result;
+use crate::bake::{Work, exporters, stage, write};
+use crate::export::textures::Textures;
+use crate::export::{VERSION, Warning, manifest};
+use crate::fence::{Folder, WriteOptions};
+use crate::recipe::{Recipe, resolve};
+
+/// Runs it.
+pub fn run(context: &Context, args: &Bake) -> Result<u8> {
+    let mut request = source::request(context, args.scene.as_deref().unwrap_or("showcase"))?;
+    if let Some(formats) = &args.formats {
+        let words: Vec<String> = formats.split(',').map(|f| format!("\"{}\"", f.trim())).collect();
+        request.set.push(format!("output.formats=[{}]", words.join(",")));
+    }
+    let (mut recipe, warnings) = resolve(&request)?;
+    context.console.report(&warnings);
+    let frames = match selection(context, args, &mut recipe) {
+        Ok(frames) => frames,
+        Err(why) => {
+            context.console.complain(&why);
+            return Ok(2);
+        }
+    };
+    let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
+    let mut warned = !warnings.diagnostics.is_empty();
+    if !context.common.dry_run && is_current(context, &root, &recipe) {
+        context.console.note(&format!("\"{}\" is up to date", root.display()));
+        summary(context, &root, &recipe, true)?;
+        return Ok(context.strict(warned));
+    }
+    let show = Show::new(&context.console);
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let built = stage::build(&recipe, stage::Parts::default(), &work)?;
+    show.done();
+    context.console.report(&built.report);
+    warned |= !built.report.diagnostics.is_empty();
+    let counts = built.counts(&recipe, &frames);
+    context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
+    if context.common.dry_run {
+        report::counts(context, &root.display().to_string(), &counts)?;
+        return Ok(context.strict(warned));
+    }
+    let told = bake(context, args, &recipe, (&built.stage, &frames, &root), &work);
+    show.done();
+    let told = told?;
+    for w in &told {
+        context.console.note(&format!("warning[{}]: {}", w.code, w.message));
+    }
+    summary(context, &root, &recipe, false)?;
+    Ok(context.strict(warned || !told.is_empty()))
+}
+
+/// The frames to write; none for a still scene. A selection becomes part of the scene's hash.
+fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result::Result<Vec<u32>, String> {
+    if recipe.clip.len() == 1 {
+        return Ok(Vec::new());
+    }
+    let Some(list) = &args.frames else { return Ok((recipe.clip.start..=recipe.clip.end).collect()) };
+    let frames = numbers::parse(list, context.limits.get("frames")).map_err(|e| format!("--frames: {e}"))?;
+    let (start, end) = (recipe.clip.start, recipe.clip.end);
+    if let Some(outside) = frames.iter().find(|f| !(start..=end).contains(f)) {
+        return Err(format!("--frames: frame {outside} is outside the scene's {start} to {end}"));
+    }
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(recipe.hash.as_bytes());
+    for f in &frames {
+        hasher.update(&f.to_le_bytes());
+    }
+    recipe.hash = hasher.finalize().to_hex().to_string();
+    Ok(frames)
+}
+
+/// True if the folder holds exactly what this run would write.
+fn is_current(context: &Context, root: &Path, recipe: &Recipe) -> bool {
+    let limit = context.limits.get("json-bytes");
+    match manifest::verify(root, limit) {
+        Ok((m, found)) => m.scene.hash == recipe.hash && m.version == VERSION && found.is_complete(),
+        Err(_) => false,
+    }
+}
+
+fn bake(
+    context: &Context,
+    args: &Bake,
+    recipe: &Recipe,
+    (stage, frames, root): (&write::Stage, &[u32], &PathBuf),
+    work: &Work<'_>,
+) -> Result<Vec<Warning>> {
+    let options = WriteOptions {
+        key: format!("{VERSION} {}", recipe.hash),
+        force: args.force,
+        cancel: context.cancel.clone(),
+        ..WriteOptions::default()
+    };
+    let folder = Folder::open_with(root, options)?;
+    let textures = Arc::new(Textures::encode(&stage.scene)?);
+    textures.write(&stage.scene, &folder, "textures/")?;
+    let mut writers = exporters::of_bake(&folder, &textures, &recipe.output);
+    let warnings = write::write(stage, &mut writers, frames, work)?;
+    let settings = exporters::settings(&recipe.output);
+    let manifest = manifest::build(&stage.scene, &folder.files(), &warnings, &settings);
+    manifest::write(&folder, &manifest)?;
+    folder.finish()?;
+    Ok(warnings)
+}
+
+/// What was made and how to open it.
+fn summary(context: &Context, root: &Path, recipe: &Recipe, current: bool) -> Result<()> {
+    let (m, _) = manifest::verify(root, context.limits.get("json-bytes"))?;
+    let files = m.expanded();
+    let bytes: u64 = files.iter().map(|f| f.1).sum();
+    if context.console.json {
+        let value = json!({
+            "folder": root.display().to_string(), "scene": m.scene.name, "hash": m.scene.hash, "seed": m.seed,
+            "bake_hash": m.bake_hash, "files": files.len(), "bytes": bytes, "up_to_date": current,
+            "warnings": m.warnings.len(),
+        });
+        return context.console.result(&format!("{value:#}\n"));
+    }
+    if context.console.quiet {
+        return Ok(());
+    }
+    let mut text = format!("{}  {} files, {}\n", root.display(), files.len() + 1, report::size(bytes));
+    let has = |ending: &str| files.iter().map(|f| f.0.as_str()).find(|p| p.ends_with(ending));
+    let shown = |path: &str| root.join(path).display().to_string();
+    let name = &recipe.name;
+    let mut open = |program: &str, how: String| text += &format!("  {program:12} {how}\n");
+    if has(&format!("{name}.usda")).is_some() {
+        let path = shown(&format!("{name}.usda"));
+        open("Blender 4+", format!("File > Import > USD: {path}"));
+        open("usdview", format!("usdview {path}"));
+    }
+    if let Some(path) = has(&format!("{name}.blender.glb")) {
+        open("Blender", format!("File > Import > glTF: {}", shown(path)));
+    }
+    if let Some(path) = has(&format!("{name}.web.glb")) {
+        open("browsers", format!("drop {} onto a glTF viewer", shown(path)));
+    }
+    if has("render.ini").is_some() {
+        open("POV-Ray", format!("cd {} && povray render.ini", shown("pov")));
+    }
+    if let Some(path) = has(".obj") {
+        open("anything", format!("meshes at rest: {}", shown(path)));
+    }
+    context.console.result(&text)
+}

@@ -1,0 +1,89 @@
+//! `osier grow`.
+
+use std::io::IsTerminal as _;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::json;
+
+use super::args::{Grow, ProfileArg};
+use super::list::ENDINGS;
+use super::progress::Show;
+use super::{Context, report, source};
+use crate::Result;
+use crate::bake::{Work, exporters, stage, write};
+use crate::export::textures::Textures;
+use crate::fence::{Folder, WriteOptions};
+use crate::recipe::resolve;
+
+/// Runs it.
+pub fn run(context: &Context, args: &Grow) -> Result<u8> {
+    let to_pipe = args.output == Path::new("-");
+    let name = if to_pipe { "stdout.glb".into() } else { file_name(&args.output) };
+    let ending = name.rsplit_once('.').map(|(_, e)| format!(".{}", e.to_ascii_lowercase())).unwrap_or_default();
+    if !ENDINGS.iter().any(|(e, _)| *e == ending) {
+        let known: Vec<&str> = ENDINGS.iter().map(|(e, _)| *e).collect();
+        let why = format!("\"{}\" has no known ending; one of {}", args.output.display(), known.join(" "));
+        context.console.complain(&why);
+        return Ok(2);
+    }
+    if to_pipe && std::io::stdout().is_terminal() {
+        context.console.complain("a binary file would fill the terminal; send it into a file or program: -o - > x.glb");
+        return Ok(2);
+    }
+    let mut request = source::request(context, &args.source)?;
+    request.steps = args.steps;
+    let (mut recipe, warnings) = resolve(&request)?;
+    context.console.report(&warnings);
+    recipe.clip.end = recipe.clip.start;
+    let show = Show::new(&context.console);
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let built = stage::build(&recipe, stage::Parts { ground: false }, &work);
+    show.done();
+    let built = built?;
+    context.console.report(&built.report);
+    let warned = !(warnings.diagnostics.is_empty() && built.report.diagnostics.is_empty());
+    if context.common.dry_run {
+        report::counts(context, &args.output.display().to_string(), &built.counts(&recipe, &[]))?;
+        return Ok(context.strict(warned));
+    }
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
+    let folder = if to_pipe { Folder::memory() } else { Folder::plain(parent, options)? };
+    let textures = Arc::new(Textures::encode(&built.stage.scene)?);
+    let web = args.profile == ProfileArg::Web;
+    let Some(writer) = exporters::of_file(folder.clone(), &name, &textures, &recipe.output, web) else { return Ok(2) };
+    let told = write::write(&built.stage, &mut [writer], &[], &work);
+    show.done();
+    let told = told?;
+    folder.finish()?;
+    for w in &told {
+        context.console.note(&format!("warning[{}]: {}", w.code, w.message));
+    }
+    if to_pipe {
+        context.console.artefact(&folder.take(&name).unwrap_or_default())?;
+    } else {
+        result(context, parent, &folder)?;
+    }
+    Ok(context.strict(warned || !told.is_empty()))
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn result(context: &Context, parent: &Path, folder: &Folder) -> Result<()> {
+    let here = parent == Path::new(".");
+    let path = |p: &str| if here { p.to_owned() } else { parent.join(p).display().to_string() };
+    let files = folder.files();
+    if context.console.json {
+        let row = |f: &crate::fence::FileRecord| json!({ "path": path(&f.path), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+        let value: Vec<serde_json::Value> = files.iter().map(row).collect();
+        return context.console.result(&format!("{:#}\n", json!({ "files": value })));
+    }
+    if context.console.quiet {
+        return Ok(());
+    }
+    let lines: Vec<String> = files.iter().map(|f| path(&f.path)).collect();
+    context.console.result(&format!("{}\n", lines.join("\n")))
+}

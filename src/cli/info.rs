@@ -1,0 +1,171 @@
+//! `osier info`.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::args::Info;
+use super::{Context, report};
+use crate::export::manifest::{Manifest, Verification, verify};
+use crate::fence::{MANIFEST, Roots, read_input};
+use crate::limits::grouped;
+use crate::scene::MaterialClass;
+use crate::{Error, Result, import};
+
+/// Runs it.
+pub fn run(context: &Context, args: &Info) -> Result<u8> {
+    let path = &args.path;
+    if path.is_dir() {
+        return folder(context, path, None);
+    }
+    if path.file_name().is_some_and(|n| n == MANIFEST) {
+        return folder(context, parent(path), None);
+    }
+    match bake_of(path) {
+        Some((root, inside)) => folder(context, &root, Some(&inside)),
+        None => single(context, path),
+    }
+}
+
+fn parent(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The bake that a file belongs to, and its path there.
+fn bake_of(path: &Path) -> Option<(PathBuf, String)> {
+    let mut inside = path.file_name()?.to_string_lossy().into_owned();
+    let mut folder = parent(path);
+    for _ in 0..3 {
+        if folder.join(MANIFEST).is_file() {
+            return Some((folder.to_path_buf(), inside));
+        }
+        inside = format!("{}/{inside}", folder.file_name()?.to_string_lossy());
+        folder = parent(folder);
+    }
+    None
+}
+
+fn folder(context: &Context, root: &Path, only: Option<&str>) -> Result<u8> {
+    if !root.join(MANIFEST).is_file() {
+        let why = format!("\"{}\" holds no {MANIFEST}: no bake, or one that has not finished", root.display());
+        context.console.complain(&why);
+        return Ok(1);
+    }
+    let (manifest, found) = verify(root, context.limits.get("json-bytes"))?;
+    if context.console.json {
+        let value = json!({
+            "folder": root.display().to_string(), "complete": found.is_complete(), "missing": found.missing,
+            "changed": found.changed, "extra": found.extra, "sum_holds": found.sum_holds, "manifest": manifest,
+        });
+        context.console.result(&format!("{value:#}\n"))?;
+    } else {
+        context.console.result(&describe(root, &manifest, only))?;
+        verdict(context, &found);
+    }
+    Ok(u8::from(!found.is_complete()))
+}
+
+fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
+    let files = m.expanded();
+    let bytes = files.iter().map(|f| f.1).sum();
+    let fps = f64::from(m.time.fps[0]) / f64::from(m.time.fps[1].max(1));
+    let mut out = format!(
+        "{}  scene {}, seed {}, by {} {}\nframes {} to {} at {fps} per second, {} files, {}\nscene {}\nbake  {}\n\n",
+        root.display(),
+        m.scene.name,
+        m.seed,
+        m.generator,
+        m.version,
+        m.time.start,
+        m.time.end,
+        files.len(),
+        report::size(bytes),
+        m.scene.hash,
+        m.bake_hash,
+    );
+    out += &format!(
+        "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  size, m\n",
+        "asset", "kind", "vertices", "triangles", "instances", "joints"
+    );
+    for a in m.assets.iter().filter(|a| only.is_none_or(|o| a.files.iter().any(|f| f == o))) {
+        let [lo, hi] = a.bounds;
+        let size: Vec<String> = lo.iter().zip(hi).map(|(l, h)| format!("{:.2}", h - l)).collect();
+        out += &format!(
+            "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  {}\n",
+            a.id,
+            a.kind,
+            grouped(a.vertices as u64),
+            grouped(a.triangles as u64),
+            grouped(a.instances as u64),
+            a.joints,
+            size.join(" x ")
+        );
+    }
+    if let Some((path, bytes, hash)) = only.and_then(|o| files.iter().find(|f| f.0 == o)) {
+        out += &format!("\n{path}  {}\nblake3 {hash}\n", report::size(*bytes));
+    }
+    out
+}
+
+fn verdict(context: &Context, found: &Verification) {
+    for (what, list) in [("missing", &found.missing), ("changed", &found.changed)] {
+        for path in list {
+            context.console.complain(&format!("{what}: {path}"));
+        }
+    }
+    for path in &found.extra {
+        context.console.note(&format!("not part of the bake: {path}"));
+    }
+    if !found.sum_holds {
+        context.console.complain("the manifest does not fit its own sum");
+    }
+    if found.is_complete() {
+        context.console.note("complete: every file is as it was written");
+    } else {
+        context.console.note("bake again to mend it");
+    }
+}
+
+/// A file on its own.
+fn single(context: &Context, path: &Path) -> Result<u8> {
+    let bytes = read_input(path, context.limits.get("mesh-bytes"))?;
+    let hash = blake3::hash(&bytes).to_hex().to_string();
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let mesh = if matches!(ending.as_str(), "glb" | "gltf" | "obj") {
+        let roots = Roots::new(path, &context.common.search)?;
+        let options = import::Options {
+            roots: &roots,
+            limits: &context.limits,
+            up: import::Up::Y,
+            scale: 1.0,
+            class: MaterialClass::Bark,
+        };
+        match import::read(path, &bytes, &options) {
+            Ok(imported) => Some(imported.mesh),
+            Err(Error::Input(report)) => {
+                context.console.report(&report);
+                return Ok(1);
+            }
+            Err(e) => return Err(e),
+        }
+    } else {
+        None
+    };
+    let size = mesh.as_ref().map(|m| m.bounds().size().to_array());
+    if context.console.json {
+        let value = json!({
+            "file": path.display().to_string(), "bytes": bytes.len(), "blake3": hash,
+            "vertices": mesh.as_ref().map(|m| m.points.len()), "triangles": mesh.as_ref().map(|m| m.triangles.len()),
+            "size": size,
+        });
+        context.console.result(&format!("{value:#}\n"))?;
+        return Ok(0);
+    }
+    let mut out = format!("{}  {}\nblake3 {hash}\n", path.display(), report::size(bytes.len() as u64));
+    if let (Some(m), Some([x, y, z])) = (mesh, size) {
+        let (v, t) = (grouped(m.points.len() as u64), grouped(m.triangles.len() as u64));
+        out += &format!("{v} vertices, {t} triangles, {x:.2} x {y:.2} x {z:.2} m\n");
+    }
+    context.console.result(&out)?;
+    Ok(0)
+}

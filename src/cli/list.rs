@@ -1,0 +1,137 @@
+//! `osier list`.
+
+use serde_json::json;
+
+use super::Context;
+use super::args::{List, What};
+use crate::diagnostic::Severity;
+use crate::diagnostic::codes::CODES;
+use crate::limits::{LIMITS, grouped};
+use crate::recipe::{TableInfo, Word, options, sections};
+use crate::{Result, presets};
+
+/// Endings that `grow` writes, with what they are.
+pub const ENDINGS: &[(&str, &str)] = &[
+    (".glb", "glTF in one file, pictures inside"),
+    (".gltf", "glTF as JSON, data and pictures beside it"),
+    (".usda", "USD as text"),
+    (".usdc", "USD, binary"),
+    (".usdz", "USD with pictures in one file"),
+    (".obj", "Wavefront mesh with .mtl and pictures"),
+    (".ply", "points and leaves"),
+    (".pov", "POV-Ray scene"),
+];
+
+/// Runs it.
+pub fn run(context: &Context, args: &List) -> Result<u8> {
+    let text = match (args.what, context.console.json) {
+        (What::Presets, false) => presets_text(),
+        (What::Options, false) => options_text(),
+        (What::Formats, false) => formats_text(),
+        (What::Codes, false) => codes_text(),
+        (What::Limits, false) => limits_text(context),
+        (what, true) => format!("{:#}\n", as_json(context, what)),
+    };
+    context.console.result(&text)?;
+    Ok(0)
+}
+
+fn presets_text() -> String {
+    let mut out = String::from("Grow one with `osier grow NAME -o NAME.glb`, bake one with `osier bake NAME`.\n\n");
+    for p in presets::PRESETS {
+        out += &format!("  {:18} {}\n", p.name, presets::about(p));
+    }
+    out
+}
+
+fn options_text() -> String {
+    let mut out = String::from("Every key of a scene file (TOML). Without unit: SI units and radians.\n");
+    for table in options() {
+        let header = if table.path.is_empty() { String::new() } else { format!("[{}]  ", heading(&table)) };
+        out += &format!("\n{header}{}\n", table.about);
+        for key in &table.keys {
+            let default = &key.shown.default;
+            let default = if default.is_empty() { String::new() } else { format!(" [{default}]") };
+            out += &format!("  {:18} {}{default}\n  {:18}   {}\n", key.name, key.help, "", key.shown.accepts);
+        }
+    }
+    out
+}
+
+fn heading(table: &TableInfo) -> String {
+    if table.path == "place" { "[place]".into() } else { table.path.into() }
+}
+
+fn formats_text() -> String {
+    let mut out = String::from("Formats of a bake (output.formats, --formats):\n\n");
+    for (word, _) in sections::Format::ALL {
+        out += &format!("  {word:6} {}\n", format_about(word));
+    }
+    out += "\nEndings of `osier grow -o FILE`:\n\n";
+    for (ending, about) in ENDINGS {
+        out += &format!("  {ending:6} {about}\n");
+    }
+    out
+}
+
+fn format_about(word: &str) -> &'static str {
+    match word {
+        "usd" => "USD: a wrapper (.usda) and a payload (.usdc) per asset; animated",
+        "glb" => "glTF per asset and for the whole scene, per profile; animated",
+        "pc2" => "point caches beside the blender glb, for plants with motion = \"cache\"",
+        "obj" => "Wavefront meshes at rest",
+        "ply" => "point clouds, leaves and tracks",
+        _ => "a POV-Ray scene with an include per frame; `povray render.ini` renders it",
+    }
+}
+
+fn codes_text() -> String {
+    let word = |s| if s == Severity::Error { "error" } else { "warning" };
+    CODES.iter().map(|c| format!("{}  {:7}  {}\n", c.code, word(c.severity), c.summary)).collect()
+}
+
+fn limits_text(context: &Context) -> String {
+    let mut out = String::from(
+        "--max-NAME N changes a limit; N takes the suffixes k, M, G, or is `none`. OSIER_MAX=NAME=N,... does too.\n\n",
+    );
+    for l in LIMITS {
+        out += &format!("  {:14} {:>16}  {}\n", l.name, shown(context.limits.get(l.name)), l.counts);
+    }
+    out
+}
+
+fn shown(limit: u64) -> String {
+    if limit == u64::MAX { "none".into() } else { grouped(limit) }
+}
+
+fn as_json(context: &Context, what: What) -> serde_json::Value {
+    match what {
+        What::Presets => {
+            presets::PRESETS.iter().map(|p| json!({ "name": p.name, "about": presets::about(p) })).collect()
+        }
+        What::Options => options()
+            .iter()
+            .flat_map(|t| t.keys.iter().map(move |k| (t, k)))
+            .map(|(t, k)| {
+                json!({
+                    "table": t.path, "key": k.name, "help": k.help, "accepts": k.shown.accepts,
+                    "default": k.shown.default, "unit": k.shown.unit,
+                })
+            })
+            .collect(),
+        What::Formats => {
+            sections::Format::ALL.iter().map(|(w, _)| json!({ "name": w, "about": format_about(w) })).collect()
+        }
+        What::Codes => {
+            let word = |s| if s == Severity::Error { "error" } else { "warning" };
+            CODES
+                .iter()
+                .map(|c| json!({ "code": c.code, "severity": word(c.severity), "summary": c.summary }))
+                .collect()
+        }
+        What::Limits => {
+            let row = |l: &crate::limits::Limit| json!({ "name": l.name, "default": l.default, "value": context.limits.get(l.name), "counts": l.counts });
+            LIMITS.iter().map(row).collect()
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! The command line: the only code that knows terminals, clocks, threads and the paths that a user typed.
+
+mod args;
+mod bake;
+mod check;
+mod console;
+mod grow;
+mod info;
+mod list;
+mod new;
+mod numbers;
+mod progress;
+mod report;
+mod source;
+
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::Parser as _;
+
+use crate::limits::Limits;
+use crate::progress::Cancel;
+use args::{Cli, Command, Common};
+use console::Console;
+
+/// What every command gets.
+pub(crate) struct Context {
+    pub common: Common,
+    pub console: Console,
+    pub limits: Limits,
+    pub cancel: Cancel,
+}
+
+impl Context {
+    /// The exit code of a complete run.
+    fn strict(&self, warned: bool) -> u8 {
+        if warned && self.common.strict { 3 } else { 0 }
+    }
+}
+
+/// Runs the program with the arguments of the process.
+pub fn main() -> ExitCode {
+    if std::env::args_os().len() <= 1 {
+        use std::io::Write as _;
+        let _ = std::io::stderr().write_all(args::GUIDE.as_bytes());
+        return ExitCode::from(2);
+    }
+    match Cli::try_parse() {
+        Ok(cli) => guarded(cli),
+        Err(e) => {
+            let _ = e.print();
+            ExitCode::from(if e.use_stderr() { 2 } else { 0 })
+        }
+    }
+}
+
+/// A panic is a bug of ours: one line, code 101.
+fn guarded(cli: Cli) -> ExitCode {
+    let verbose = cli.common.verbose;
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        use std::io::Write as _;
+        let mut err = std::io::stderr();
+        let _ = writeln!(err, "internal error: {info}");
+        let _ = writeln!(err, "this is a bug in osier; please report it with the input that caused it");
+        if verbose {
+            hook(info);
+        }
+    }));
+    match std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| start(cli))) {
+        Ok(code) => ExitCode::from(code),
+        Err(_) => ExitCode::from(101),
+    }
+}
+
+fn start(cli: Cli) -> u8 {
+    let console = Console::new(&cli.common);
+    #[allow(clippy::disallowed_methods, reason = "the command line may read the environment")]
+    let environment = std::env::var_os("OSIER_MAX");
+    let limits = match cli.common.limits(environment) {
+        Ok(limits) => limits,
+        Err(e) => {
+            console.complain(&e);
+            return 2;
+        }
+    };
+    let cancel = Cancel::default();
+    if let Err(e) = listen(&cancel) {
+        console.complain(&format!("cannot listen to signals: {e}"));
+    }
+    if let Err(e) = pool(cli.common.jobs) {
+        console.complain(&e);
+        return 2;
+    }
+    let context = Context { common: cli.common, console, limits, cancel };
+    let done = match &cli.command {
+        Command::List(a) => list::run(&context, a),
+        Command::New(a) => new::run(&context, a),
+        Command::Bake(a) => bake::run(&context, a),
+        Command::Grow(a) => grow::run(&context, a),
+        Command::Check(a) => check::run(&context, a),
+        Command::Info(a) => info::run(&context, a),
+    };
+    done.unwrap_or_else(|e| {
+        context.console.error(&e);
+        e.exit_code()
+    })
+}
+
+/// The first signal asks the work to stop, the second ends it at once.
+fn listen(cancel: &Cancel) -> std::io::Result<()> {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    use signal_hook::flag;
+    let armed = Arc::new(AtomicBool::new(false));
+    for (signal, code, number) in [(SIGINT, 130, 2), (SIGTERM, 143, 15)] {
+        flag::register_conditional_shutdown(signal, code, Arc::clone(&armed))?;
+        flag::register(signal, Arc::clone(&armed))?;
+        flag::register_usize(signal, cancel.flag(), number)?;
+    }
+    Ok(())
+}
+
+/// Threads for everything parallel.
+#[cfg(feature = "parallel")]
+fn pool(jobs: Option<usize>) -> Result<(), String> {
+    if jobs == Some(0) {
+        return Err("-j takes at least one thread".into());
+    }
+    let threads = jobs.or_else(|| std::thread::available_parallelism().map(std::num::NonZero::get).ok()).unwrap_or(1);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads.min(1024))
+        .build_global()
+        .map_err(|e| format!("cannot start {threads} threads: {e}"))
+}
+
+/// Without the feature `parallel` there is one thread whatever was asked for.
+#[cfg(not(feature = "parallel"))]
+fn pool(jobs: Option<usize>) -> Result<(), String> {
+    if jobs == Some(0) { Err("-j takes at least one thread".into()) } else { Ok(()) }
+}

@@ -1,0 +1,80 @@
+//! `osier new`.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::Context;
+use super::args::New;
+use crate::diagnostic::nearest;
+use crate::fence::{Folder, WriteOptions, safe_name};
+use crate::presets::{self, Preset};
+use crate::{Error, Result};
+
+/// Makes the folder: the scene, and the grammars that it names, all free to be changed.
+pub fn run(context: &Context, args: &New) -> Result<u8> {
+    let name = args.name.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    if name.is_empty() {
+        context.console.complain(&format!("\"{}\" is no folder name", args.name.display()));
+        return Ok(2);
+    }
+    let Some((scene, grammars)) = parts(&args.from, &name) else {
+        let stems = presets::PRESETS.iter().map(|p| stem(p.name));
+        let hint = match nearest(&args.from, stems) {
+            Some(near) => format!("did you mean \"{near}\"?"),
+            None => "`osier list presets` shows them".into(),
+        };
+        context.console.complain(&format!("there is no preset \"{}\"; {hint}", args.from));
+        return Ok(1);
+    };
+    let scene_name = format!("{}.toml", safe_name(&name));
+    let mut files: Vec<(String, String)> = vec![(scene_name.clone(), scene)];
+    files.extend(grammars.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
+    if !context.common.dry_run {
+        write(&args.name, &files)?;
+    }
+    let path = |f: &str| args.name.join(f).display().to_string();
+    let paths: Vec<String> = files.iter().map(|(f, _)| path(f)).collect();
+    if context.console.json {
+        let value = json!({ "folder": args.name.display().to_string(), "files": paths });
+        context.console.result(&format!("{value:#}\n"))?;
+    } else {
+        context.console.result(&format!("{}\n", paths.join("\n")))?;
+        context.console.note(&format!("next: osier bake {}", path(&scene_name)));
+    }
+    Ok(0)
+}
+
+/// Nothing that is already there is ever overwritten.
+fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
+    for (name, _) in files {
+        let path: PathBuf = folder.join(name);
+        if path.symlink_metadata().is_ok() {
+            let exists = std::io::Error::from(std::io::ErrorKind::AlreadyExists);
+            return Err(Error::io("create", path, exists));
+        }
+    }
+    let out = Folder::plain(folder, WriteOptions::default())?;
+    files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes()))
+}
+
+/// The scene's text and the grammars it needs.
+fn parts(from: &str, name: &str) -> Option<(String, Vec<&'static Preset>)> {
+    let bare = stem(from);
+    if let Some(scene) = presets::find(&format!("{bare}.toml")).filter(|_| !from.ends_with(".l")) {
+        let needed = |p: &&Preset| p.name.ends_with(".l") && scene.text.contains(&format!("\"{}\"", p.name));
+        return Some((scene.text.to_owned(), presets::PRESETS.iter().filter(needed).collect()));
+    }
+    let grammar = presets::find(&format!("{bare}.l"))?;
+    let text = format!(
+        "# A scene of your own: change a number, bake again. `osier list options` shows every key.\ntitle = {}\n\n[plants.{}]\ngrammar = \"{}\"\n",
+        toml::Value::String(name.to_owned()),
+        safe_name(bare),
+        grammar.name,
+    );
+    Some((text, vec![grammar]))
+}
+
+fn stem(name: &str) -> &str {
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
+}

@@ -1,0 +1,55 @@
+//! Counts and diagnostics as text and as JSON.
+
+use serde_json::{Value, json};
+
+use super::Context;
+use crate::Result;
+use crate::bake::Counts;
+use crate::limits::grouped;
+
+/// Prints what a run would make.
+/// # Errors
+/// As standard output.
+pub fn counts(context: &Context, what: &str, counts: &Counts) -> Result<()> {
+    if context.console.json {
+        let value = json!({ "target": what, "would_make": as_json(counts) });
+        return context.console.result(&format!("{value:#}\n"));
+    }
+    context.console.result(&format!("{what}\n{}", as_text(counts)))
+}
+
+/// Counts as indented lines.
+pub fn as_text(c: &Counts) -> String {
+    let row = |name: &str, n: u64| format!("  {name:12} {}\n", grouped(n));
+    [
+        row("assets", c.assets),
+        row("placements", c.placements),
+        row("modules", c.modules),
+        row("vertices", c.vertices),
+        row("triangles", c.triangles),
+        row("instances", c.instances),
+        row("joints", c.joints),
+        row("frames", c.frames),
+        format!("  {:12} about {}\n", "size", size(c.bytes)),
+    ]
+    .concat()
+}
+
+/// Counts as an object.
+pub fn as_json(c: &Counts) -> Value {
+    json!({
+        "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
+        "triangles": c.triangles, "instances": c.instances, "joints": c.joints, "frames": c.frames,
+        "bytes": c.bytes,
+    })
+}
+
+/// 12.3 MB.
+pub fn size(bytes: u64) -> String {
+    let steps = [(1_000_000_000, "GB"), (1_000_000, "MB"), (1_000, "kB")];
+    match steps.iter().find(|(s, _)| bytes >= *s) {
+        #[allow(clippy::cast_precision_loss, reason = "one decimal is shown")]
+        Some((s, unit)) => format!("{:.1} {unit}", bytes as f64 / *s as f64),
+        None => format!("{bytes} bytes"),
+    }
+}
