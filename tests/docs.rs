@@ -224,7 +224,7 @@ fn scene_snippets_resolve() {
     for block in blocks().iter().filter(|b| b.tag == "toml") {
         let oak = "\n[plants.oak]\ngrammar = \"oak.l\"\n";
         let text = if block.body.contains("grammar =") { block.body.clone() } else { format!("{}{oak}", block.body) };
-        let library = Library { folder: Some(folder.clone()), search: Vec::new() };
+        let library = Library::new(&folder.join("scene.toml"), &[]).expect("folder");
         let request = Request { name: "docs".into(), shown: block.place.clone(), text, library, ..Request::default() };
         let (_, report) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
         assert!(report.diagnostics.is_empty(), "{report}");
