@@ -163,7 +163,7 @@ pub fn ground_material(
         cover: Fractal::new(s(0), [3, 3], 5),
         tint: Fractal::new(s(1), [2, 2], 4),
         clod: Fractal::new(s(2), [16, 16], 5),
-        blades: [Fractal::new(s(3), [160, 28], 2), Fractal::new(s(4), [36, 150], 2), Fractal::new(s(5), [96, 96], 2)],
+        blades: [Fractal::new(s(3), [160, 28], 2), Fractal::new(s(4), [110, 44], 2), Fractal::new(s(5), [96, 96], 2)],
         litter: Cells::new(s(6), [34, 30], 0.9),
     };
     let rows: Vec<u32> = (0..side).collect();
@@ -211,7 +211,9 @@ fn sample(colors: &GroundColors, t: &Tables, x: f32, y: f32) -> Sample {
     let tint = t.tint.at(x, y);
     let clod = t.clod.at(x, y);
     let cover = smoothstep(-0.18, 0.18, t.cover.at(x, y) + 0.25 * clod + (colors.cover - 0.5));
-    let [a, b, c] = [t.blades[0].at(x, y), t.blades[1].at(x + 0.01 * clod, y), t.blades[2].at(x, y)];
+    // Bent by the clods, lest the streaks form a weave.
+    let (bx, by) = (x + 0.03 * clod, y + 0.03 * tint - 0.02 * clod);
+    let [a, b, c] = [t.blades[0].at(bx, by), t.blades[1].at(by, bx), t.blades[2].at(bx, by)];
     let blade = (0.5 + 0.55 * a.max(b).max(0.7 * c)).clamp(0.0, 1.0);
     let [soil, green] = [colors.soil, colors.green].map(|c| c.map(Vec3::from_array));
     let earth = soil[0].lerp(soil[1], (0.5 + 0.6 * clod + 0.2 * tint).clamp(0.0, 1.0));

@@ -36,7 +36,7 @@ pub(super) struct Marker {
 impl Marker {
     pub fn new(kind: Marks, seed: u64) -> Self {
         let (small, large) = match kind {
-            Marks::Cracks => ([18, 26], [4, 4]),
+            Marks::Cracks => ([22, 12], [4, 4]),
             Marks::Dashes => ([7, 44], [2, 3]),
             Marks::Diamonds => ([16, 14], [4, 3]),
             Marks::Pores | Marks::None => ([10, 8], [4, 4]),
@@ -54,9 +54,10 @@ impl Marker {
         match self.kind {
             Marks::None => Mark::default(),
             Marks::Cracks => {
-                let near = self.small.at(x, y);
-                let line = 1.0 - smoothstep(0.0, 0.10, near.f2 - near.f1);
-                Mark { color: 0.35 * line, height: -0.30 * line }
+                let wobble = self.rough.at(x, y);
+                let near = self.small.at(x + 0.012 * wobble, y + 0.02 * self.rough.at(y, x));
+                let line = (1.0 - smoothstep(0.0, 0.16, near.f2 - near.f1)) * smoothstep(-0.25, 0.35, wobble);
+                Mark { color: 0.30 * line, height: -0.35 * line }
             }
             Marks::Dashes => self.dashes(x, y),
             Marks::Diamonds => self.diamonds(x, y),

@@ -28,7 +28,7 @@ impl Tables {
         let s = |k: u64| spec.seed.wrapping_mul(64).wrapping_add(k << 3);
         let [nx, ny] = spec.plates;
         Self {
-            warp: [Fractal::new(s(0), [4, 2], 3), Fractal::new(s(1), [4, 2], 3)],
+            warp: [Fractal::new(s(0), [4, 2], 6), Fractal::new(s(1), [4, 2], 6)],
             plates: Cells::new(s(2), spec.plates, 0.9),
             fibre: Fractal::new(s(3), [8 * nx, ny], 4),
             coarse: Fractal::new(s(4), [6, 6], 5),
@@ -102,7 +102,7 @@ fn sample_row(spec: &BarkSpec, t: &Tables, row: usize) -> Vec<Sample> {
 }
 
 fn sample(spec: &BarkSpec, t: &Tables, x: f32, y: f32) -> Sample {
-    let (wx, wy) = (x + 0.02 * t.warp[0].at(x, y), y + 0.05 * t.warp[1].at(x, y));
+    let (wx, wy) = (x + 0.035 * t.warp[0].at(x, y), y + 0.07 * t.warp[1].at(x, y));
     let near = t.plates.at(wx, wy);
     let plate = smoothstep(0.02, 0.02 + spec.gap, near.f2 - near.f1);
     let fibre = t.fibre.at(wx, wy);

@@ -154,7 +154,7 @@ fn fields(spec: &BladeSpec, outline: &Outline, grid: &Grid<'_>) -> Fields {
     let far = spec.length * SHOULDER;
     let blank = || vec![far; grid.side * grid.side];
     let mut f = Fields { main: blank(), fine: blank(), margin: blank() };
-    let unit = spec.length * 0.011;
+    let unit = spec.length * 0.0075;
     let steps = 16_u32;
     for k in 0..steps {
         let y = |k: u32| Vec2::new(0.0, spec.length * k as f32 / steps as f32);
@@ -251,7 +251,7 @@ fn paint((spec, colors): Look<'_>, p: Vec2, (fields, tables, i): (&Fields, &Tabl
     let net = tables.net.at(q.x, q.y);
     let mesh = 1.0 - math::smoothstep(0.0, 0.16, net.f2 - net.f1);
     let (main, fine, margin) = (fields.main[i], fields.fine[i], fields.margin[i]);
-    let vein = 1.0 - math::smoothstep(-0.0006 * l, 0.0022 * l, main);
+    let vein = 1.0 - math::smoothstep(-0.0006 * l, 0.0015 * l, main);
     let bridge = 1.0 - math::smoothstep(0.0, 0.0028 * l, fine);
     let glow = 1.0 - math::smoothstep(0.0, 0.03 * l, main.max(0.0));
     let edge = 1.0 - math::smoothstep(0.0, 0.012 * l, margin);
@@ -285,18 +285,18 @@ mod tests {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels within the picture")]
     fn maps_show_lighter_veins_on_a_finite_blade() {
         let spec = BladeSpec::oak();
-        let set = leaf_material(&spec, &LeafColors::OAK, "oak_leaf", 128).expect("maps");
+        let set = leaf_material(&spec, &LeafColors::OAK, "oak_leaf", 512).expect("maps");
         let [color, normal, rough] = set.images.as_slice() else { panic!("three maps") };
         assert_eq!((color.name.as_str(), normal.name.as_str()), ("oak_leaf_color", "oak_leaf_normal"));
         let (Pixels::U8(c), Pixels::U8(n), Pixels::U8(r)) = (&color.pixels, &normal.pixels, &rough.pixels) else {
             panic!("8 bits each")
         };
-        assert_eq!((c.len(), n.len(), r.len()), (128 * 128 * 3, 128 * 128 * 3, 128 * 128));
+        assert_eq!((c.len(), n.len(), r.len()), (512 * 512 * 3, 512 * 512 * 3, 512 * 512));
         let outline = Outline::new(&spec, 6, true);
         let green = |p: Vec2| {
             let uv = outline.uv(p);
-            let (x, y) = ((uv.x * 128.0) as usize, ((1.0 - uv.y) * 128.0) as usize);
-            f32::from(c[(y * 128 + x) * 3 + 1])
+            let (x, y) = ((uv.x * 512.0) as usize, ((1.0 - uv.y) * 512.0) as usize);
+            f32::from(c[(y * 512 + x) * 3 + 1])
         };
         for vein in &outline.halves[0].veins[1..4] {
             let (on, off) = (vein.point(0.3), vein.point(0.3) + Vec2::new(0.0, 0.006));
