@@ -80,7 +80,8 @@ pub struct Bake {
     #[arg(short = 'o', long = "output", value_name = "DIR")]
     pub output: Option<PathBuf>,
     /// Write only these frames: 1-240, 1-240:10, 1,5,9.
-    #[arg(long, value_name = "LIST")]
+    // Limits are named in one space with all other arguments, and one of them is `frames`.
+    #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
     /// Write only these formats: usd, glb, pc2, obj, ply, pov.
     #[arg(long, value_name = "LIST")]
@@ -100,7 +101,8 @@ pub struct Grow {
     #[arg(short = 'o', long = "output", value_name = "FILE")]
     pub output: PathBuf,
     /// Derivation length instead of the grammar's.
-    #[arg(long, value_name = "N")]
+    // Limits are named in one space with all other arguments, and one of them is `steps`.
+    #[arg(id = "derivation-steps", long = "steps", value_name = "N")]
     pub steps: Option<u32>,
     /// Which readers a glb is made for.
     #[arg(long, value_enum, default_value = "blender")]
@@ -282,6 +284,16 @@ mod tests {
     #[test]
     fn the_definition_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn flags_and_limits_of_one_name_stay_apart() {
+        let frames = ["osier", "bake", "--frames", "1-2", "--max-frames", "7"];
+        let cli = Cli::try_parse_from(frames).expect("flags");
+        assert_eq!(cli.common.limits(None).expect("limits").get("frames"), 7);
+        let steps = ["osier", "grow", "oak", "-o", "oak.glb", "--steps", "5", "--max-steps", "9"];
+        let cli = Cli::try_parse_from(steps).expect("flags");
+        assert_eq!(cli.common.limits(None).expect("limits").get("steps"), 9);
     }
 
     #[test]
