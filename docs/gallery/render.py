@@ -66,8 +66,13 @@ def aim(camera, eye, target, vfov):
 
 
 def set_camera(scene, a):
-    if a.eye is None and scene.camera is not None:
-        return
+    if a.eye is None:
+        cameras = [o for o in bpy.data.objects if o.type == "CAMERA"]
+        if cameras:
+            # The importer makes the camera but does not look through it.
+            scene.camera = cameras[0]
+            scene.camera.data.sensor_fit = "VERTICAL"
+            return
     camera = bpy.data.objects.new("view", bpy.data.cameras.new("view"))
     scene.collection.objects.link(camera)
     scene.camera = camera
@@ -96,15 +101,15 @@ def set_light(scene, a):
     world.use_nodes = True
     nodes, links = world.node_tree.nodes, world.node_tree.links
     ramp = nodes.new("ShaderNodeValToRGB")
-    ramp.color_ramp.elements[0].color = (0.82, 0.88, 0.95, 1)
-    ramp.color_ramp.elements[1].color = (0.2, 0.4, 0.8, 1)
+    ramp.color_ramp.elements[0].color = (0.66, 0.8, 1.0, 1)
+    ramp.color_ramp.elements[1].color = (0.16, 0.36, 0.86, 1)
     ramp.color_ramp.elements[1].position = 0.7
     split = nodes.new("ShaderNodeSeparateXYZ")
     coords = nodes.new("ShaderNodeTexCoord")
     links.new(coords.outputs["Generated"], split.inputs[0])
     links.new(split.outputs["Z"], ramp.inputs[0])
     links.new(ramp.outputs[0], nodes["Background"].inputs["Color"])
-    nodes["Background"].inputs["Strength"].default_value = 0.85
+    nodes["Background"].inputs["Strength"].default_value = 0.75
 
 
 def add_ground(scene):

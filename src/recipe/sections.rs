@@ -336,7 +336,7 @@ keys! {
         /// Height over the horizon.
         elevation: f64 = "elevation_deg" deg(40.0, -90.0, 90.0);
         /// Turn from +Z towards +X.
-        azimuth: f64 = "azimuth_deg" deg(135.0, -360.0, 360.0);
+        azimuth: f64 = "azimuth_deg" deg(75.0, -360.0, 360.0);
         /// Colour.
         color: [f32; 3] = "color" Color("#fff9ee");
         /// Brightness.

@@ -75,7 +75,7 @@ pub struct Sky {
 impl Default for Sun {
     fn default() -> Self {
         let deg = crate::units::radians_f32;
-        Self { elevation: deg(40.0), azimuth: deg(135.0), color: [1.0, 0.95, 0.85], strength: 3.0, angle: deg(0.53) }
+        Self { elevation: deg(40.0), azimuth: deg(75.0), color: [1.0, 0.95, 0.85], strength: 3.0, angle: deg(0.53) }
     }
 }
 
