@@ -1,0 +1,203 @@
+//! Grammars through the public door: presets, complaints, hostile text.
+
+use std::collections::BTreeMap;
+
+use osier::diagnostic::{Diagnostic, Report, Sources, Style, render};
+use osier::grammar::{DeriveOptions, Grammar, Source, derive, parse, predict};
+use osier::grow::turtle::{RadiusModel, Tropism, TurtleOptions, grow};
+use osier::limits::Limits;
+use osier::{Error, Result};
+use proptest::prelude::*;
+
+type Includes<'a> = dyn FnMut(&str, &str) -> Result<(String, Vec<u8>)> + 'a;
+
+fn read(sources: &mut Sources, text: &[u8], defines: &BTreeMap<String, String>) -> Result<(Grammar, Vec<Diagnostic>)> {
+    let mut missing = |reference: &str, from: &str| -> Result<(String, Vec<u8>)> {
+        if reference == "loop.h" {
+            return Ok(("loop.h".into(), b"#include \"loop.h\"\n".to_vec()));
+        }
+        assert!(!from.is_empty());
+        Err(Error::io("open", reference, std::io::Error::from(std::io::ErrorKind::NotFound)))
+    };
+    let includes: &mut Includes<'_> = &mut missing;
+    parse(
+        sources,
+        Source { name: "test.l", bytes: text, includes: &mut |a, b| includes(a, b), defines },
+        &Limits::default(),
+    )
+}
+
+/// Everything that reading, deriving and drawing says about a text.
+fn complaints(text: &[u8], options: &TurtleOptions) -> Report {
+    let mut sources = Sources::default();
+    let (g, mut diagnostics) = match read(&mut sources, text, &BTreeMap::new()) {
+        Ok(x) => x,
+        Err(Error::Input(report)) => return *report,
+        Err(e) => panic!("{e}"),
+    };
+    diagnostics.extend(g.notes().iter().cloned());
+    let limits = Limits::default();
+    let drawn = derive(&g, &DeriveOptions::default(), &limits).and_then(|d| {
+        let (_, warnings) = grow(&g, &d, options, &limits)?;
+        Ok(d.warnings.into_iter().chain(warnings).collect::<Vec<_>>())
+    });
+    match drawn {
+        Ok(more) => diagnostics.extend(more),
+        Err(Error::Input(report)) => diagnostics.extend(report.diagnostics),
+        Err(e) => panic!("{e}"),
+    }
+    Report { sources, diagnostics }
+}
+
+fn system(axiom: &str, rules: &str) -> String {
+    format!("Lsystem: 1\nderivation length: 2\nAxiom: {axiom}\n{rules}\nendlsystem\n")
+}
+
+/// One text per code that must make it.
+fn faults() -> Vec<(&'static str, String)> {
+    let s = system;
+    vec![
+        ("L001", s("A", "#define OUTER(x) INNER(x)\n#define INNER(y) (y + )\nA --> B(OUTER(2))")),
+        ("L002", "Lsystem: 1\nderivaton length: 3\nAxiom: F(1)\nendlsystem\n".into()),
+        ("L003", "Lsystem: 1\nderivation length: 3\n".into()),
+        ("L004", s("A", "A : {x = 1; --> B")),
+        ("L005", s("A", "#define M(x,y) x\nA --> B(M(1))")),
+        ("L006", format!("#include \"loop.h\"\n#include \"gone.h\"\n{}", s("F(1)", ""))),
+        ("L008", s("F(func(1,2))", "")),
+        ("L010", s("A", "[A] < A --> B")),
+        ("L011", s("A", "A --> F(1)[[F(1)]A")),
+        ("L012", s("A", "A --> {.F(1)A")),
+        ("L013", s("A", "A\n  --> F(1)")),
+        ("L020", s("A", "A --> F(angel)")),
+        ("L021", s("A", "A --> F(squirt(2))")),
+        ("L022", s("A", "A --> F(sin(1,2))")),
+        ("L023", s("A(1,2)", "A(x) --> F(x)")),
+        ("L024", s("A(1,2)", "A(x,x) --> F(x)")),
+        ("L030", s("F(1)", "A --> F(1)\nA --> F(2)")),
+        ("L031", s("A", "A --> F(1)\nA --> F(2)")),
+        ("L032", s("A", "A --> F(1) : 2")),
+        ("L033", s("A", "Seed: 1\nA --> F(1) : -2\nA --> F(2) : 1")),
+        ("L034", s("A", "Seed: 1\nA --> F(1) : 0\nA --> F(2) : 0")),
+        ("L035", s("A", "Seed: 1\nA --> F(1) : 45\nA --> F(2) : 45")),
+        ("L036", s("F@v", "v --> F(1)")),
+        ("L040", s("A(0)", "A(x) --> F(1/x)")),
+        ("L041", s("F(log(0))", "")),
+        ("L042", s("F(atan(1,2))", "")),
+        ("L043", s("A", "A --> F(fopen(1))")),
+        ("L044", s("A", "A : {x = 1; while (x) {x = 1;}} --> F(x)")),
+        ("L045", s("F(1)+F(1)", "")),
+        ("L048", s("F(1)~l", "")),
+        ("L050", "Lsystem: 1\nderivation length: 13\nAxiom: F\nF --> F[+F]F[-F]F\nendlsystem\n".into()),
+        ("L051", "Lsystem: 1\nderivation length: 99\nAxiom: A(1)\nA(x) : x > 0 --> A(x)A(x)\nendlsystem\n".into()),
+        ("L052", s("F(1)A", "Homomorphism: warnings\nA --> F(1)A")),
+        ("L053", s("F(1)]F(1)", "")),
+        ("L054", "Lsystem: 1\nderivation length: 9\nAxiom: A\nA --> B\nB --> F(1)\nendlsystem\n".into()),
+    ]
+}
+
+#[test]
+fn every_code_names_place_and_remedy() {
+    for (code, text) in faults() {
+        let mut report = complaints(text.as_bytes(), &TurtleOptions::default());
+        report.diagnostics.retain(|d| d.code == code);
+        assert!(!report.diagnostics.is_empty(), "{code} is not raised by\n{text}");
+        insta::assert_snapshot!(code, render(&report, Style::Plain));
+    }
+    let latin = b"Lsystem: 1\n// caf\xe9\nderivation length: 0\nAxiom: F(1)\nendlsystem\n";
+    let report = complaints(latin, &TurtleOptions::default());
+    insta::assert_snapshot!("L009", render(&report, Style::Plain));
+}
+
+#[test]
+fn many_errors_of_one_file_are_told_at_once() {
+    let text = system("A", "A --> F(\nB --> F(1,)\nC(x,x) --> F\nD : x > --> F\nE --> nope(1) sin()");
+    let report = complaints(text.as_bytes(), &TurtleOptions::default());
+    assert!(report.diagnostics.len() >= 4, "{report}");
+}
+
+fn preset(name: &str) -> Grammar {
+    let preset = osier::presets::PRESETS.iter().find(|p| p.name == format!("{name}.l")).expect("preset");
+    let mut sources = Sources::default();
+    let (g, warnings) = read(&mut sources, preset.text.as_bytes(), &BTreeMap::new()).unwrap_or_else(|e| panic!("{e}"));
+    let report = Report { sources, diagnostics: warnings };
+    assert!(report.diagnostics.is_empty(), "{name}: {report}");
+    assert!(!g.description().is_empty(), "{name} says what it is");
+    g
+}
+
+#[test]
+fn presets_grow_at_many_seeds() {
+    let tropism = |y: f64| Tropism { dir: glam::DVec3::Y * y, ..Tropism::default() };
+    for name in ["oak", "birch", "poplar-twig", "koch"] {
+        let g = preset(name);
+        for seed in 0..8 {
+            let options = TurtleOptions {
+                tropisms: vec![tropism(1.0), tropism(-1.0)],
+                radii: RadiusModel::Widths,
+                ..Default::default()
+            };
+            let limits = Limits::default();
+            let d =
+                derive(&g, &DeriveOptions { seed, ..Default::default() }, &limits).unwrap_or_else(|e| panic!("{e}"));
+            assert!(d.warnings.is_empty(), "{name} {seed}: {:?}", d.warnings);
+            let (plant, _) = grow(&g, &d, &options, &limits).unwrap_or_else(|e| panic!("{name} {seed}: {e}"));
+            assert!(plant.nodes.len() > 50, "{name} {seed}");
+            let ids: std::collections::BTreeSet<u64> = plant.axes.iter().map(|a| a.id).collect();
+            assert_eq!(ids.len(), plant.axes.len(), "{name} {seed}: ids are unique");
+            if name != "koch" {
+                assert!(predict(&g, g.steps(), true).lower <= d.modules.len() as u128);
+            }
+        }
+    }
+}
+
+#[test]
+fn hostile_depth_is_refused_on_a_small_stack() {
+    let run = |text: String| {
+        let thread = std::thread::Builder::new().stack_size(2 << 20);
+        let report = move || complaints(text.as_bytes(), &TurtleOptions::default()).to_string();
+        thread.spawn(report).expect("thread").join().expect("no overflow")
+    };
+    let n = 1_000_000;
+    assert!(run(system(&"[".repeat(n), "")).contains("L051"));
+    assert!(run(system(&format!("F({}", "(".repeat(n)), "")).contains("L004"));
+    assert!(run(system("A", &format!("A --> F({}1)", "-".repeat(n)))).contains("L004"));
+    assert!(run(system("A", &format!("A : {{{} --> B", "if (1) {".repeat(n / 10)))).contains("L004"));
+    let mut macros = String::from("#define M0(x) x\n");
+    for i in 1..400 {
+        macros.push_str(&format!("#define M{i}(x) M{}(x)M{}(x)\n", i - 1, i - 1));
+    }
+    assert!(run(format!("{macros}{}", system("M399(F)", ""))).contains("L005"));
+    let nested = format!("{}F{}", "M0(".repeat(2000), ")".repeat(2000));
+    assert!(run(format!("#define M0(x) x\n{}", system(&nested, ""))).contains("L005"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn any_bytes_are_read_without_panic(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
+        let _ = read(&mut Sources::default(), &bytes, &BTreeMap::new());
+    }
+
+    #[test]
+    fn any_soup_of_the_language_is_read_and_drawn_without_panic(
+        words in proptest::collection::vec(proptest::sample::select(vec![
+            "A", "F", "x", "(", ")", ",", "[", "]", "{", "}", ".", "-->", ":", "<", ">", "*", "/", "%", "+", "-", "1",
+            "0.5", "ran(1)", "\n", "\n\t", " ", "#define M(x) x", "M(", "M(A)", "if", "while", "else", "=", ";", "?",
+            "&&", "||", "!", "@", "~l", "@Ts(1,2)", "#if 1", "#else", "#endif", "/*", "*/", "//", "\\", "Start:",
+            "Homomorphism", "Decomposition", "Seed: 1", "Ignore: +", "endlsystem", "choose(1,2)", "\"", "'",
+        ]), 0..60)
+    ) {
+        let text = format!("Lsystem: 1\nderivation length: 3\nAxiom: A(1)\nA(x) --> {}\nendlsystem", words.concat());
+        let mut sources = Sources::default();
+        if let Ok((g, _)) = read(&mut sources, text.as_bytes(), &BTreeMap::new()) {
+            let mut limits = Limits::default();
+            limits.set("modules", "10k").expect("sets");
+            limits.set("statements", "100k").expect("sets");
+            if let Ok(d) = derive(&g, &DeriveOptions::default(), &limits) {
+                let _ = grow(&g, &d, &TurtleOptions::default(), &limits);
+            }
+        }
+    }
+}
