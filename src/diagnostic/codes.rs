@@ -59,6 +59,7 @@ pub const CODES: &[Code] = &[
     row("L052", Warning, "depth limit reached"),
     row("L053", Warning, "unmatched ']' in the string"),
     row("L054", Warning, "nothing changes from this step on"),
+    row("L055", Warning, "context never matches: it names a hidden symbol"),
     row("S001", Error, "not valid TOML"),
     row("S002", Error, "unknown key, with the nearest known name"),
     row("S003", Error, "wrong type or malformed value"),

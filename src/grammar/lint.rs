@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::code::Code;
-use super::program::{Element, Formal, Production, Program, Rules, SymbolId};
+use super::program::{Element, Formal, Hidden, Production, Program, Rules, SymbolId};
 use super::token::{Place, Reading};
 use super::vm;
 use crate::diagnostic::Diagnostic;
@@ -22,6 +22,7 @@ pub(super) fn check(reading: &mut Reading, program: &Program) {
         }
     }
     prefixes(reading, program);
+    hidden_contexts(reading, program);
 }
 
 /// Numbers of parameters that each symbol is made with.
@@ -145,6 +146,26 @@ fn shares(reading: &mut Reading, program: &Program, rules: &Rules) {
             let message = format!("weights of the productions for {c} sum to {sum}");
             let help = "they are divided by their sum";
             reading.warning("L035", message, list[0].place, help);
+        }
+    }
+}
+
+/// L055: contexts that name a symbol which contexts look past.
+fn hidden_contexts(reading: &mut Reading, program: &Program) {
+    let hidden = program.hidden.table(&program.symbols);
+    let item = if matches!(program.hidden, Hidden::These(_)) { "Ignore" } else { "Consider" };
+    for element in program.productions().flat_map(|p| p.left.iter().chain(&p.right)) {
+        let Element::Module(f) = element else { continue };
+        if hidden.get(usize::from(f.symbol)) == Some(&true) {
+            let c = program.symbols.get(f.symbol);
+            let message = format!("this context never matches: {c} is hidden by '{item}:'");
+            let verb = if item == "Ignore" { "take it out of" } else { "add it to" };
+            reading.warning(
+                "L055",
+                message,
+                f.place,
+                format!("{verb} the symbols of '{item}:', or leave the context out"),
+            );
         }
     }
 }

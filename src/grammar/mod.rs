@@ -84,6 +84,9 @@ pub fn parse(sources: &mut Sources, source: Source<'_>, limits: &Limits) -> Resu
     let Source { name, bytes, includes, defines } = source;
     let input = preprocess::Input { name, bytes, includes, defines, limits };
     let preprocessed = preprocess::run(&mut reading, sources, input);
+    if preprocessed.is_foreign {
+        return Err(complaints(&mut reading, sources));
+    }
     let main = (first..).zip(sources.ids().skip(first)).map(|(_, id)| id).find(|id| sources.name(*id) == name);
     let start = Place::start_of(main.unwrap_or(crate::diagnostic::SourceId(0)));
     let parsed = compile::parse(&mut reading, &preprocessed.tokens, start);
@@ -91,8 +94,7 @@ pub fn parse(sources: &mut Sources, source: Source<'_>, limits: &Limits) -> Resu
         lint::check(&mut reading, &parsed.program);
     }
     if reading.has_errors() {
-        let diagnostics = std::mem::take(&mut reading.diagnostics);
-        return Err(Error::Input(Box::new(Report { sources: sources.clone(), diagnostics })));
+        return Err(complaints(&mut reading, sources));
     }
     let grammar = Grammar {
         program: parsed.program,
@@ -105,6 +107,12 @@ pub fn parse(sources: &mut Sources, source: Source<'_>, limits: &Limits) -> Resu
         start,
     };
     Ok((grammar, std::mem::take(&mut reading.diagnostics)))
+}
+
+/// All that was found wrong, as an error.
+fn complaints(reading: &mut Reading, sources: &Sources) -> Error {
+    let diagnostics = std::mem::take(&mut reading.diagnostics);
+    Error::Input(Box::new(Report { sources: sources.clone(), diagnostics }))
 }
 
 impl Grammar {

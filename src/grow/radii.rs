@@ -53,6 +53,24 @@ impl Default for Taper {
 pub fn pipe(plant: &mut Plant, options: &Pipe) {
     let n = if options.exponent.is_finite() { options.exponent.clamp(1.0, 6.0) } else { 2.3 };
     let tip = options.tip.max(1e-6);
+    let thickest = sums(plant, tip, n);
+    for i in 0..plant.axes.len() {
+        smooth(plant, i);
+    }
+    match options.base {
+        Some(base) if thickest > tip * 1.000_001 => {
+            let factor = (base - tip) / (thickest - tip);
+            for r in &mut plant.nodes.r {
+                *r = narrow((tip + (f64::from(*r) - tip) * factor).max(1e-6));
+            }
+        }
+        Some(base) => taper(plant, &Taper { base, tip, exponent: 1.0 }),
+        None => {}
+    }
+}
+
+/// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the thickest root's.
+pub(super) fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     let leaf = pow(LEAF, n);
     let mut loads: Vec<Vec<(f32, f64)>> = vec![Vec::new(); plant.axes.len()];
     for o in &plant.organs {
@@ -72,19 +90,7 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
             list.push((axis.parent_s, pow(base, n)));
         }
     }
-    for i in 0..plant.axes.len() {
-        smooth(plant, i);
-    }
-    match options.base {
-        Some(base) if thickest > tip * 1.000_001 => {
-            let factor = (base - tip) / (thickest - tip);
-            for r in &mut plant.nodes.r {
-                *r = narrow((tip + (f64::from(*r) - tip) * factor).max(1e-6));
-            }
-        }
-        Some(base) => taper(plant, &Taper { base, tip, exponent: 1.0 }),
-        None => {}
-    }
+    thickest
 }
 
 /// Radii of one axis before smoothing, from its tip down; `loads` sorted from the tip. Returns the base's.

@@ -2,8 +2,9 @@
 
 use super::{Compiler, Cursor};
 use crate::diagnostic::nearest;
-use crate::grammar::code::{Binary, Code, Op, Random, Unary};
+use crate::grammar::code::{Binary, Code, Op, Random, Unary, is_zero};
 use crate::grammar::token::{Kind, Place, Token};
+use crate::math::narrow;
 
 /// Something waiting for its right side.
 #[derive(Debug)]
@@ -334,6 +335,9 @@ impl Builder<'_, '_> {
             self.code.ops.push(Op::Const(value));
             return;
         }
+        if matches!(op, Binary::Eq | Binary::Ne) {
+            self.check_equality(op, place);
+        }
         let index = if matches!(op, Binary::Div | Binary::Rem) {
             self.code.places.push(place);
             u32::try_from(self.code.places.len() - 1).unwrap_or(0)
@@ -341,6 +345,25 @@ impl Builder<'_, '_> {
             0
         };
         self.code.ops.push(Op::Binary(op, index));
+    }
+
+    /// L025: a parameter held against a constant that its 32 bits cannot be.
+    fn check_equality(&mut self, op: Binary, place: Place) {
+        let sides = self.code.ops.get(self.barrier..).unwrap_or(&[]);
+        let (slot, value) = match *sides {
+            [.., Op::Local(slot), Op::Const(v)] | [.., Op::Const(v), Op::Local(slot)] => (slot, v),
+            _ => return,
+        };
+        let exact = is_zero(f64::from(narrow(value)) - value);
+        if exact || !self.compiler.stored.contains(&slot) {
+            return;
+        }
+        let name = self.compiler.locals.get(usize::from(slot)).map_or("", |n| self.compiler.reading.names.get(*n));
+        let (sign, verdict) = if op == Binary::Eq { ("==", "can never hold") } else { ("!=", "always holds") };
+        let message =
+            format!("'{name} {sign} {value}' {verdict}: parameters are stored in 32 bits, which {value} is not");
+        let help = format!("allow for rounding: fabs({name} - {value}) < 0.001");
+        self.compiler.reading.warning("L025", message, place, help);
     }
 
     fn call(&mut self, name: u32, place: Place, args: usize) -> Option<()> {

@@ -93,7 +93,8 @@ fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
 /// Splits tokens into logical lines.
 pub(super) fn split(reading: &mut Reading, tokens: &[Token]) -> Vec<Line> {
     let mut lines = Vec::new();
-    let mut s = Splitter { reading, tokens, current: Vec::new(), arrow: None, parens: 0, braces: 0, i: 0 };
+    let mut s =
+        Splitter { reading, tokens, current: Vec::new(), arrow: None, parens: 0, braces: 0, opened: None, i: 0 };
     while s.i < tokens.len() {
         if s.step() {
             s.finish(&mut lines);
@@ -110,6 +111,8 @@ struct Splitter<'a> {
     arrow: Option<usize>,
     parens: usize,
     braces: usize,
+    /// The brace that none has closed yet.
+    opened: Option<Place>,
     i: usize,
 }
 
@@ -128,7 +131,12 @@ impl Splitter<'_> {
         match t.kind {
             Kind::Char('(') => self.parens += 1,
             Kind::Char(')') => self.parens = self.parens.saturating_sub(1),
-            Kind::Char('{') if self.arrow.is_none() => self.braces += 1,
+            Kind::Char('{') if self.arrow.is_none() => {
+                if self.braces == 0 {
+                    self.opened = Some(t.place);
+                }
+                self.braces += 1;
+            }
             Kind::Char('}') if self.arrow.is_none() => self.braces = self.braces.saturating_sub(1),
             _ => {}
         }
@@ -147,7 +155,8 @@ impl Splitter<'_> {
         }
         let next = self.next_line();
         if self.braces > 0 {
-            return false;
+            // An unclosed block must not swallow the rest of the file.
+            return !indented && keyword(&self.reading.names, next).is_some();
         }
         let next_is_rule = (0..next.len()).any(|i| is_arrow(next, i));
         if self.parens > 0 {
@@ -183,7 +192,12 @@ impl Splitter<'_> {
     fn finish(&mut self, lines: &mut Vec<Line>) {
         let tokens = std::mem::take(&mut self.current);
         let arrow = self.arrow.take();
+        let unclosed = self.opened.take().filter(|_| self.braces > 0);
         (self.parens, self.braces) = (0, 0);
+        if let Some(place) = unclosed {
+            let help = "close it with '}'";
+            return self.reading.error_help("L004", "block is never closed".into(), place, help);
+        }
         if tokens.is_empty() {
             return;
         }

@@ -77,13 +77,15 @@ pub(super) struct Compiler<'r> {
     pub globals: Vec<u32>,
     /// Numbers of local names; the position is the slot.
     pub locals: Vec<u32>,
+    /// Slots of the locals that hold a module's parameter as it was stored.
+    pub stored: Vec<u16>,
     /// Nested brackets in expressions and blocks.
     pub max_depth: usize,
 }
 
 impl<'r> Compiler<'r> {
     pub fn new(reading: &'r mut Reading, scope: Scope) -> Self {
-        Self { reading, scope, globals: Vec::new(), locals: Vec::new(), max_depth: 1000 }
+        Self { reading, scope, globals: Vec::new(), locals: Vec::new(), stored: Vec::new(), max_depth: 1000 }
     }
 
     /// How a token is called in a message.
@@ -123,6 +125,7 @@ impl<'r> Compiler<'r> {
     /// Code that writes a variable, which comes into being with it.
     pub fn assign(&mut self, name: u32, place: Place) -> Option<Op> {
         if let Some(slot) = Self::slot(&self.locals, name) {
+            self.stored.retain(|s| *s != slot);
             return Some(Op::StoreLocal(slot));
         }
         if let Some(slot) = Self::slot(&self.globals, name) {

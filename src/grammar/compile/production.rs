@@ -245,6 +245,7 @@ impl Formals<'_, '_, '_> {
                 self.compiler.reading.error("L024", message, t.place, "the second one");
                 return None;
             }
+            self.compiler.stored.extend(u16::try_from(self.compiler.locals.len()));
             self.compiler.locals.push(name);
             count += 1;
             if let Some((Element::Module(f), _)) = out.last_mut() {

@@ -2,6 +2,7 @@
 
 mod directive;
 mod expand;
+mod foreign;
 mod lexer;
 
 use std::collections::BTreeMap;
@@ -81,6 +82,7 @@ struct Preprocessor<'a> {
     break_glue: bool,
     /// A limit was passed: no more macros are expanded.
     exhausted: bool,
+    is_foreign: bool,
     limits: &'a Limits,
 }
 
@@ -90,6 +92,8 @@ pub(super) struct Preprocessed {
     pub defines: Vec<Define>,
     /// The comment that opens the main file.
     pub description: String,
+    /// Written for another program: there is nothing to parse.
+    pub is_foreign: bool,
 }
 
 /// The file to read, and how.
@@ -129,6 +133,7 @@ pub(super) fn run(reading: &mut Reading, sources: &mut Sources, input: Input<'_>
         depth: 0,
         break_glue: false,
         exhausted: false,
+        is_foreign: false,
         limits: input.limits,
     };
     p.predefine();
@@ -138,9 +143,11 @@ pub(super) fn run(reading: &mut Reading, sources: &mut Sources, input: Input<'_>
     while let Some(t) = p.next(0) {
         tokens.push(t);
     }
-    p.check_overrides();
-    let defines = p.defines;
-    Preprocessed { tokens, defines, description }
+    if !p.is_foreign {
+        p.check_overrides();
+    }
+    let (defines, is_foreign) = (p.defines, p.is_foreign);
+    Preprocessed { tokens, defines, description, is_foreign }
 }
 
 impl Preprocessor<'_> {
@@ -166,6 +173,13 @@ impl Preprocessor<'_> {
             self.reading.warning("L009", format!("\"{name}\" is not UTF-8, read as Latin-1"), start, help);
         }
         let lexed = lexer::lex(self.reading, source, &text);
+        if let Some((program, place)) = foreign::foreign(&self.reading.names, &lexed.tokens) {
+            let message = format!("\"{name}\" is written for {program}, whose language is not read");
+            let help = "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'";
+            self.reading.error_help("L007", message, place, help);
+            self.is_foreign = true;
+            return;
+        }
         self.comments.extend(lexed.comments);
         let kind = FrameKind::File { conditions: self.conditions.len() };
         self.frames.push(Frame { tokens: lexed.tokens.into(), pos: 0, kind });

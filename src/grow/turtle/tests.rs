@@ -174,22 +174,6 @@ fn koch_ends_where_it_should() {
 }
 
 #[test]
-fn closed_koch_curve_has_its_area() {
-    for n in 0..6_u32 {
-        let text = format!(
-            "Lsystem: 1\nderivation length: {n}\nAxiom: F(1)-(120)F(1)-(120)F(1)\n\
-             F(d) --> F(d/3)+(60)F(d/3)-(120)F(d/3)+(60)F(d/3)\nendlsystem"
-        );
-        let (plant, _) = try_draw(&text, &TurtleOptions::default()).expect("draws");
-        let area = |p: &[Vec3]| 0.5 * crate::geometry::newell(p).length();
-        let p = &plant.nodes.p[..plant.nodes.len() - 1];
-        let expected = (0..n).fold(1.0, |s, k| s + crate::math::pow_f32(4.0 / 9.0, k as f32) / 3.0);
-        let triangle = 3.0_f32.sqrt() / 4.0;
-        assert!((area(p) / triangle - expected).abs() < 1e-4, "{n}: {}", area(p) / triangle);
-    }
-}
-
-#[test]
 fn tropisms_are_steered_from_the_string() {
     let options = TurtleOptions {
         tropisms: vec![Tropism { elasticity: 0.0, step: 0.05, ..Default::default() }],
