@@ -70,7 +70,7 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
 }
 
 /// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the thickest root's.
-pub(super) fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
+fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     let leaf = pow(LEAF, n);
     let mut loads: Vec<Vec<(f32, f64)>> = vec![Vec::new(); plant.axes.len()];
     for o in &plant.organs {
