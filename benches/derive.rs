@@ -1,4 +1,5 @@
 //! Reading, deriving and drawing grammars.
+#![allow(missing_docs, clippy::expect_used, reason = "a bench is no library")]
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,5 @@
 //! Grammars through the public door: presets, complaints, hostile text.
+#![allow(clippy::expect_used, reason = "tests fail loudly")]
 
 use std::collections::BTreeMap;
 
