@@ -73,8 +73,8 @@ impl Marker {
     fn dashes(&self, x: f32, y: f32) -> Mark {
         let wobble = self.rough.at(x, y);
         let near = self.small.at(x, y + 0.0025 * wobble);
-        let wide = 0.08 + 0.36 * share(near.id, 8) * share(near.id, 8);
-        let thin = if near.id.is_multiple_of(3) { 0.045 } else { 0.085 };
+        let wide = 0.12 + 0.42 * share(near.id, 8) * share(near.id, 8);
+        let thin = if near.id.is_multiple_of(3) { 0.08 } else { 0.15 };
         let dash = 1.0 - smoothstep(0.55, 1.0, length(near.from, [1.0 / wide, 1.0 / thin]));
         let shown = if near.id % 5 < 4 { dash } else { 0.0 };
         let scar = self.scar(x, y, wobble, [0.24, 0.17]);
@@ -93,10 +93,10 @@ impl Marker {
         Mark { color: (shown * 0.8 * body).max(scar.color), height: shown * (0.25 * body - 0.55 * heart) + scar.height }
     }
 
-    /// A rough black scar in one cell of three.
+    /// A rough black scar in every other cell.
     fn scar(&self, x: f32, y: f32, wobble: f32, size: [f32; 2]) -> Mark {
         let near = self.large.at(x, y);
-        if !near.id.is_multiple_of(3) {
+        if !near.id.is_multiple_of(2) {
             return Mark::default();
         }
         let grow = 0.6 + 0.7 * share(near.id, 8);

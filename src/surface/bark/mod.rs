@@ -43,9 +43,9 @@ impl BarkSpec {
     /// Oak, willow: ridges between deep vertical furrows.
     pub fn furrowed() -> Self {
         Self {
-            plates: [12, 4],
+            plates: [12, 2],
             weights: [0.75, 0.15, 0.10],
-            gap: 0.30,
+            gap: 0.24,
             crack: [0.030, 0.022, 0.015],
             ridge: [0.205, 0.165, 0.122],
             patch: ([0.150, 0.165, 0.095], 0.30),
