@@ -116,6 +116,8 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
         Format::Pc2 => moving * s.cached * 12,
         Format::Obj => (s.vertices + s.instance_vertices) * 80 + (s.triangles + s.instance_triangles) * 40,
         Format::Ply => s.instances * 60,
+        // Four maps of half floats at the default size, packed to about half.
+        Format::Exr => 4 << 20,
         Format::Pov => {
             let still = (s.triangles + s.proto_triangles) * 100 + s.instances * 170;
             still + moving / u64::from(recipe.output.pov.step.max(1)) * (s.triangles * 100 + s.instances * 170)

@@ -79,6 +79,7 @@ fn format_about(word: &str) -> &'static str {
         "usd" => "USD: a wrapper (.usda) and a payload (.usdc) per asset; animated",
         "glb" => "glTF per asset and for the whole scene, per profile; animated",
         "pc2" => "point caches beside the blender glb, for plants with motion = \"cache\"",
+        "exr" => "height maps of barks, leaves and ground, half floats, one channel Y",
         "obj" => "Wavefront meshes at rest",
         "ply" => "point clouds, leaves and tracks",
         _ => "a POV-Ray scene with an include per frame; `povray render.ini` renders it",

@@ -102,6 +102,8 @@ words! {
         Ply = "ply",
         /// A POV-Ray scene.
         Pov = "pov",
+        /// Height maps of barks, leaves and ground for displacement.
+        Exr = "exr",
     }
     /// What wind there is.
     WindModel {
