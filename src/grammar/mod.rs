@@ -1,6 +1,6 @@
 //! L-system files in the cpfg notation, and their derivation.
 //!
-//! [`parse`] turns text into a [`Grammar`] (or into complaints, all of them at once), [`derive`] makes its final string,
+//! [`parse`] turns text into a [`Grammar`] (or into complaints, all of them at once), [`derive()`] makes its final string,
 //! [`interpret`] hands that string to whoever draws it. Text is data: nothing in a grammar opens files or runs programs.
 
 mod code;

@@ -1,6 +1,6 @@
 //! USD: a text wrapper, one crate file per asset, packages.
 //!
-//! Everything is written once against [`stage::Stage`], which has a text and a crate implementation.
+//! Everything is written once against `stage::Stage`, which has a text and a crate implementation.
 
 use std::sync::Arc;
 
