@@ -60,16 +60,11 @@ impl Limits {
 
     /// Sets a limit from text: an integer with suffix k, M, G (1e3, 1e6, 1e9), or `none`.
     /// # Errors
-    /// `Range` if the text is no such number or the name is unknown.
-    pub fn set(&mut self, name: &str, text: &str) -> Result<()> {
-        let bad = || Error::Range {
-            name: format!("--max-{name}"),
-            value: f64::NAN,
-            min: 0.0,
-            max: 1e18,
-            unit: "(suffix k, M, G or none)",
-        };
-        let index = LIMITS.iter().position(|l| l.name == name).ok_or_else(bad)?;
+    /// What is wrong with the name or the text.
+    pub fn set(&mut self, name: &str, text: &str) -> std::result::Result<(), String> {
+        let unknown = || format!("there is no limit \"{name}\"; `osier list limits` shows them");
+        let bad = || format!("\"{text}\" is not a whole number with suffix k, M or G, nor \"none\"");
+        let index = LIMITS.iter().position(|l| l.name == name).ok_or_else(unknown)?;
         self.values[index] = parse(text).ok_or_else(bad)?;
         Ok(())
     }
@@ -125,6 +120,8 @@ mod tests {
         assert!(l.check("modules", 3000, "modules").is_ok());
         let e = l.check("modules", 3_051_757_811, "step 13").expect_err("over");
         assert_eq!(e.to_string(), "step 13 would be 3,051,757,811, the limit is 3,000; raise it with --max-modules");
-        assert!(l.set("modules", "many").is_err() && l.set("wishes", "3").is_err());
+        let bad = l.set("modules", "many").expect_err("no number");
+        assert_eq!(bad, "\"many\" is not a whole number with suffix k, M or G, nor \"none\"");
+        assert!(l.set("wishes", "3").is_err());
     }
 }

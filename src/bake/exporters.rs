@@ -68,14 +68,26 @@ pub fn of_file(
     })
 }
 
-/// What the manifest says about the choices.
-pub fn settings(output: &OutputRecipe) -> manifest::Settings {
+/// What the manifest says about the choices, for a bake of these frames in rising order.
+pub fn settings(output: &OutputRecipe, frames: &[u32]) -> manifest::Settings {
     manifest::Settings {
         up_axis: if output.usd.up == Up::Z { "Z".into() } else { "Y".into() },
         substeps: 1,
-        step: 1,
+        step: stride(frames),
         pov_units_per_m: crate::math::narrow(output.pov.units),
     }
+}
+
+/// Largest step that meets every one of the rising `frames` from the first; 1 if there is no second.
+fn stride(frames: &[u32]) -> u32 {
+    let gcd = |a: u32, b: u32| {
+        let (mut a, mut b) = (a, b);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    frames.windows(2).fold(0, |step, pair| gcd(step, pair[1].abs_diff(pair[0]))).max(1)
 }
 
 fn writer(name: &'static str, exporter: impl crate::export::Exporter + 'static) -> Writer {
@@ -100,5 +112,16 @@ fn pov_options(output: &OutputRecipe) -> pov::Options {
         units_per_m: crate::math::narrow(output.pov.units),
         size: (output.pov.size[0] as u32, output.pov.size[1] as u32),
         ..pov::Options::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stride;
+
+    #[test]
+    fn the_step_of_a_selection_meets_all_of_it() {
+        assert_eq!((stride(&[]), stride(&[5]), stride(&[1, 2, 3])), (1, 1, 1));
+        assert_eq!((stride(&[1, 11, 21]), stride(&[1, 5, 11]), stride(&[0, 9, 15])), (10, 2, 3));
     }
 }

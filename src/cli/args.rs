@@ -259,21 +259,13 @@ impl Common {
         let text = environment.map(|v| v.to_string_lossy().into_owned()).unwrap_or_default();
         for part in text.split(',').filter(|p| !p.is_empty()) {
             let (name, value) = part.split_once('=').ok_or(format!("OSIER_MAX: \"{part}\" is not name=value"))?;
-            set(&mut limits, name, value, "OSIER_MAX")?;
+            limits.set(name, value).map_err(|e| format!("OSIER_MAX: {e}"))?;
         }
         for (name, value) in &self.max.0 {
-            set(&mut limits, name, value, &format!("--max-{name}"))?;
+            limits.set(name, value).map_err(|e| format!("--max-{name}: {e}"))?;
         }
         Ok(limits)
     }
-}
-
-fn set(limits: &mut Limits, name: &str, value: &str, whence: &str) -> Result<(), String> {
-    if !LIMITS.iter().any(|l| l.name == name) {
-        return Err(format!("{whence}: there is no limit \"{name}\"; `osier list limits` shows them"));
-    }
-    let bad = |_| format!("{whence}: \"{value}\" is not a whole number with suffix k, M or G, nor \"none\"");
-    limits.set(name, value).map_err(bad)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::Result;
 use crate::bake::{Work, exporters, stage, write};
 use crate::export::textures::Textures;
 use crate::export::{VERSION, Warning, manifest};
-use crate::fence::{Folder, WriteOptions};
+use crate::fence::{Folder, WriteOptions, is_settled};
 use crate::recipe::{Recipe, resolve};
 
 /// Runs it.
@@ -81,11 +81,13 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     Ok(frames)
 }
 
-/// True if the folder holds exactly what this run would write.
+/// True if the folder holds exactly what this run would write, and the run that wrote it came to its very end.
 fn is_current(context: &Context, root: &Path, recipe: &Recipe) -> bool {
     let limit = context.limits.get("json-bytes");
     match manifest::verify(root, limit) {
-        Ok((m, found)) => m.scene.hash == recipe.hash && m.version == VERSION && found.is_complete(),
+        Ok((m, found)) => {
+            m.scene.hash == recipe.hash && m.version == VERSION && found.is_complete() && is_settled(root)
+        }
         Err(_) => false,
     }
 }
@@ -108,7 +110,7 @@ fn bake(
     textures.write(&stage.scene, &folder, "textures/")?;
     let mut writers = exporters::of_bake(&folder, &textures, &recipe.output);
     let warnings = write::write(stage, &mut writers, frames, work)?;
-    let settings = exporters::settings(&recipe.output);
+    let settings = exporters::settings(&recipe.output, frames);
     let manifest = manifest::build(&stage.scene, &folder.files(), &warnings, &settings);
     manifest::write(&folder, &manifest)?;
     folder.finish()?;

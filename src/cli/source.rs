@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use super::Context;
-use crate::diagnostic::{Report, nearest};
+use crate::diagnostic::{Diagnostic, Report, nearest};
 use crate::recipe::{Library, Request};
 use crate::{Error, Result, fence, presets};
 
@@ -31,6 +31,13 @@ fn find(context: &Context, source: &str) -> Result<Request> {
     if path.extension() == Some(OsStr::new("l")) {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(Request { library: Library::new(path, search)?, ..Request::bare(&stem(path), &name) });
+    }
+    if let Some(ending) = path.extension().filter(|e| ["obj", "glb", "gltf"].iter().any(|m| e.eq_ignore_ascii_case(m)))
+    {
+        let message = format!("\"{source}\" is a mesh (.{}), neither scene nor grammar", ending.display());
+        let mut report = Report::default();
+        report.push(Diagnostic::about("S001", message).help("name it in a scene: mesh = \"FILE\" below an organ"));
+        return Err(Error::Input(Box::new(report)));
     }
     let text = fence::decode(&bytes, fence::Encoding::Utf8).map_err(|bad| {
         let mut report = Report::default();

@@ -9,7 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::disk::{Disk, open_regular, read_limited, retry};
+use super::disk::{Disk, System, open_regular, read_limited, retry};
 use super::names::is_plain_path;
 use super::parts::Part;
 
@@ -150,8 +150,7 @@ impl Journal {
 
     /// Rewrites the journal so that it holds these files in path order and nothing else.
     pub(super) fn rewrite(&mut self, files: BTreeMap<String, Entry>) -> io::Result<()> {
-        let mut text = HEADER.to_owned();
-        files.iter().for_each(|(path, entry)| text.push_str(&line(path, entry)));
+        let text = settled(files.iter());
         // Another process may have written since, so what counts is the file itself.
         let same = open_regular(&self.path, false)
             .and_then(|f| read_limited(f, LIMIT))
@@ -177,6 +176,20 @@ impl Journal {
     }
 }
 
+/// The text of a journal at rest.
+fn settled<'a>(files: impl Iterator<Item = (&'a String, &'a Entry)>) -> String {
+    files.fold(HEADER.to_owned(), |text, (path, entry)| text + &line(path, entry))
+}
+
+/// False if a folder's journal shows a run that ended before [`super::Folder::finish`]: then the folder's files may be
+/// complete, but what the run left behind is not yet tidied away. A folder without journal is at rest.
+pub fn is_settled(root: &Path) -> bool {
+    let disk: Arc<dyn Disk> = Arc::new(System);
+    let Ok(journal) = Journal::open(&disk, root) else { return true };
+    let files = journal.files.iter().filter_map(|(path, entries)| Some((path, entries.first()?)));
+    journal.text.is_empty() || journal.text == settled(files)
+}
+
 fn line(path: &str, e: &Entry) -> String {
     format!("file\t{}\t{}\t{}\t{path}\n", e.key, e.blake3, e.bytes)
 }
@@ -197,7 +210,6 @@ fn parse(line: &str) -> Option<(String, Entry)> {
 #[allow(clippy::disallowed_methods, reason = "tests look at the disk themselves")]
 mod tests {
     use super::*;
-    use crate::fence::disk::System;
 
     fn entry(n: u64) -> Entry {
         Entry { key: "0".repeat(32), blake3: "a".repeat(64), bytes: n }
@@ -218,10 +230,15 @@ mod tests {
         let evil = line("../../etc/passwd", &entry(1)) + &line("/etc/passwd", &entry(1)) + "file\tx\n\0\0\n";
         std::fs::write(&path, format!("{HEADER}{evil}{good}file\tabc")).expect("write");
         let mut j = Journal::open(&disk, dir.path()).expect("open");
-        assert_eq!(j.files().count(), 1);
+        assert!(j.files().count() == 1 && !is_settled(dir.path()));
         j.add("c", entry(2)).expect("add");
         let again = Journal::open(&disk, dir.path()).expect("open");
         assert!(again.claims("c") && again.claims("usd/a.usdc") && again.files().count() == 2);
+        let files = ["usd/a.usdc", "b"].map(|path| (path.to_owned(), entry(5)));
+        j.rewrite(BTreeMap::from(files)).expect("rewrite");
+        assert!(is_settled(dir.path()));
+        j.add("a", entry(1)).expect("add");
+        assert!(!is_settled(dir.path()), "b stands before a");
         std::fs::write(&path, "my own notes").expect("write");
         assert!(matches!(Journal::open(&disk, dir.path()), Err(Trouble::Foreign)));
     }

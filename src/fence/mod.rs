@@ -19,6 +19,7 @@ mod text;
 pub use disk::{Disk, System};
 pub use folder::{FileRecord, Folder, MANIFEST, WriteOptions};
 pub use inspect::{hash_file, list_files, read_below};
+pub use journal::is_settled;
 pub use names::{Names, safe_name};
 pub use number::{BadNumber, number};
 pub use output::Output;

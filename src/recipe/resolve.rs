@@ -188,7 +188,9 @@ impl Resolver<'_> {
 
     fn plant(&mut self, name: &str, id: String, span: Span, table: &Table) -> Option<PlantRecipe> {
         let path = format!("plants.{name}");
+        let told = self.report.diagnostics.len();
         let mut keys = PlantKeys::read(Some(table), &path, &mut self.report);
+        let misread = self.report.diagnostics.len() > told;
         keys.steps = self.request.steps.or(keys.steps);
         let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
         let mut organs = self.organs(table, &path);
@@ -197,6 +199,10 @@ impl Resolver<'_> {
         self.shoot_defaults(table, &mut shoot);
         let skin = self.section_at(table, &path, "skin");
         let Some(reference) = &keys.grammar else {
+            // A misspelt or unreadable `grammar` has been named already.
+            if misread {
+                return None;
+            }
             let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
             self.report.push(d.help("add grammar = \"NAME.l\"; `osier list presets` shows those in the binary"));
             return None;
@@ -377,10 +383,15 @@ impl Resolver<'_> {
             self.report.push(*wrong("place", &entry.node, "a list: write [[place]]"));
             return Vec::new();
         };
-        list.iter().enumerate().filter_map(|(i, node)| self.place(i, node, plants)).collect()
+        // Plants with faults of their own are declared all the same: a place that names one is right.
+        let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
+            Some(Value::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
+            _ => Vec::new(),
+        };
+        list.iter().enumerate().filter_map(|(i, node)| self.place((i, node), plants, &declared)).collect()
     }
 
-    fn place(&mut self, i: usize, node: &Node, plants: &[PlantRecipe]) -> Option<PlaceRecipe> {
+    fn place(&mut self, (i, node): (usize, &Node), plants: &[PlantRecipe], declared: &[&str]) -> Option<PlaceRecipe> {
         let path = format!("place.{i}");
         let Value::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
@@ -391,18 +402,20 @@ impl Resolver<'_> {
             return Some(PlaceRecipe { plant, keys });
         }
         let span = table.get("plant").map_or(node.span, |e| e.node.span);
+        if declared.contains(&keys.plant.as_str()) {
+            return None;
+        }
         if keys.plant.is_empty() {
-            if plants.len() == 1 {
-                return Some(PlaceRecipe { plant: 0, keys });
+            if declared.len() == 1 {
+                return (!plants.is_empty()).then_some(PlaceRecipe { plant: 0, keys });
             }
             let d = Diagnostic::error("S006", "this place names no plant", span, "no plant here");
             self.report.push(d.help("add plant = \"NAME\""));
         } else {
-            let known: Vec<&str> = plants.iter().map(|p| p.name.as_str()).collect();
             let d = Diagnostic::error("S005", format!("there is no plant \"{}\"", keys.plant), span, "unknown plant");
-            self.report.push(match nearest(&keys.plant, known.iter().copied()) {
+            self.report.push(match nearest(&keys.plant, declared.iter().copied()) {
                 Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(span, format!("\"{near}\"")),
-                None => d.help(format!("plants of this scene: {}", known.join(", "))),
+                None => d.help(format!("plants of this scene: {}", declared.join(", "))),
             });
         }
         None

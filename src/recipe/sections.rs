@@ -148,28 +148,28 @@ keys! {
         /// Most joints of its skeleton.
         max_joints: u32 = "max_joints" whole(256, 1, 300);
     }
-    /// How the turtle draws a plant's string. Precedence: `--set`, here, the grammar's .v file, the default.
+    /// How the turtle draws a plant's string. Precedence: `--set`, here, then the default.
     TurtleKeys at "plants.NAME.turtle" {
         /// Angle of a turn without parameter.
-        angle: Option<f64> = "angle_deg" Maybe(deg(45.0, -360.0, 360.0), "the view file's, else 45");
+        angle: Option<f64> = "angle_deg" Maybe(deg(45.0, -360.0, 360.0), "45");
         /// Size of one turtle unit.
         unit: f64 = "unit_m" num(1.0, 1e-6, 1e6, "m");
         /// Diameter at the start, in turtle units.
-        width: Option<f64> = "width" Maybe(num(1.0, 1e-7, 1e6, "turtle units"), "the view file's, else 1");
+        width: Option<f64> = "width" Maybe(num(1.0, 1e-7, 1e6, "turtle units"), "1");
         /// What '#' and '!' without parameter add and take.
-        width_increment: Option<f64> = "width_increment" Maybe(num(0.0, -1e6, 1e6, "turtle units"), "the view file's, else 0");
+        width_increment: Option<f64> = "width_increment" Maybe(num(0.0, -1e6, 1e6, "turtle units"), "0");
         /// Line style.
-        line: Option<Line> = "line" Maybe(OneOf(Line::Cylinder), "the view file's, else \"pixel\"");
+        line: Option<Line> = "line" Maybe(OneOf(Line::Cylinder), "\"pixel\"");
         /// Whether a segment takes the next width at its end.
-        tapered: Option<bool> = "tapered" Maybe(Flag(true), "the view file's, else true");
+        tapered: Option<bool> = "tapered" Maybe(Flag(true), "true");
         /// Colour index at the start.
-        color: Option<u32> = "color" Maybe(whole(128, 0, 255), "the view file's, else 128");
+        color: Option<u32> = "color" Maybe(whole(128, 0, 255), "128");
         /// What ';' and ',' without parameter add and take.
-        color_increment: Option<u32> = "color_increment" Maybe(whole(1, 0, 255), "the view file's, else 1");
+        color_increment: Option<u32> = "color_increment" Maybe(whole(1, 0, 255), "1");
         /// Scale at the start.
-        scale: Option<f64> = "scale" Maybe(num(1.0, 1e-6, 1e6, ""), "the view file's, else 1");
+        scale: Option<f64> = "scale" Maybe(num(1.0, 1e-6, 1e6, ""), "1");
         /// Factor of '@D' without parameter.
-        scale_multiplier: Option<f64> = "scale_multiplier" Maybe(num(1.0, 1e-6, 1e6, ""), "the view file's, else 1");
+        scale_multiplier: Option<f64> = "scale_multiplier" Maybe(num(1.0, 1e-6, 1e6, ""), "1");
         /// Whether a roll made since the last segment survives a tropism.
         tropism_keep_roll: bool = "tropism_keep_roll" Flag(false);
         /// Pulls on the heading, numbered from 1 for '@T'.
