@@ -101,7 +101,8 @@ pub fn dress(
     Ok((asset, mover))
 }
 
-fn skin_options(keys: &SkinKeys, tile: f32, work: &Work<'_>) -> SkinOptions {
+/// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
+pub fn skin_options(keys: &SkinKeys, tile: f32, work: &Work<'_>) -> SkinOptions {
     SkinOptions {
         turn: crate::math::narrow(keys.turn),
         edge: crate::math::narrow(keys.edge),

@@ -1,0 +1,104 @@
+"""What Blender shows of a baked scene: showcase.py usd|gltf FILE EXPECTED.json
+
+Runs under bpy (5.0) and under Blender 3.4 headless; arguments are the last three. Number, box and middle of the world
+positions of every mesh's vertices and every instancer's pivots at every expected frame equal osier's within 1e-4 m,
+and exactly the expected materials are in use. Prints the largest distance.
+"""
+import json
+import sys
+
+import numpy
+
+if not hasattr(numpy, "bool"):
+    # The importer of Blender 3.4 uses the alias that numpy 1.24 dropped.
+    numpy.bool = bool
+
+import bpy  # noqa: E402
+
+TOLERANCE = 1e-4
+kind, path, wanted = sys.argv[-3:]
+wanted = json.load(open(wanted, encoding="utf-8"))[kind]
+
+
+def base(o):
+    return o.name.split(".")[0]
+
+
+def placement(o):
+    while o.parent and o.parent.parent:
+        o = o.parent
+    return base(o)
+
+
+def find(key, kinds):
+    """An object by its name, or by the name of its placement and its own: PLACEMENT/NAME."""
+    if "/" not in key:
+        return bpy.data.objects[key]
+    where, name = key.split("/")
+    hits = [o for o in bpy.data.objects if o.type in kinds and base(o) == name and placement(o) == where]
+    assert len(hits) == 1, (key, hits)
+    return hits[0]
+
+
+def ours(points):
+    """Blender space to osier's."""
+    return numpy.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
+
+
+def vertices(o, graph):
+    """World positions of an object's evaluated vertices, n x 3."""
+    o = o.evaluated_get(graph)
+    local = numpy.empty(3 * len(o.data.vertices), numpy.float32)
+    o.data.vertices.foreach_get("co", local)
+    world = numpy.array(o.matrix_world, dtype=float)
+    return ours(local.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
+
+
+def pivots(graph):
+    """World positions of all instances by the object that shows them."""
+    out = {}
+    for i in graph.object_instances:
+        if i.is_instance and i.object.type == "MESH":
+            out.setdefault(i.parent.original.name, []).append(i.matrix_world.translation[:])
+    return {name: ours(numpy.array(list_, dtype=float)) for name, list_ in out.items()}
+
+
+def close(points, want, where):
+    assert len(points) == want["count"], f"{where}: {len(points)}, not {want['count']}"
+    if not len(points):
+        return 0.0
+    got = numpy.array([points.min(axis=0), points.max(axis=0), points.mean(axis=0)])
+    error = float(numpy.abs(got - numpy.array([want["min"], want["max"], want["mean"]])).max())
+    assert error <= TOLERANCE, f"{where}: off by {error} m\n got {got}\nwant {want}"
+    return error
+
+
+bpy.ops.wm.read_factory_settings(use_empty=True)
+scene = bpy.context.scene
+shift = 0
+if kind == "usd":
+    assert bpy.ops.wm.usd_import(filepath=path) == {"FINISHED"}
+    assert (scene.frame_start, scene.frame_end) == (wanted["start"], wanted["end"]), (scene.frame_start, scene.frame_end)
+else:
+    scene.render.fps = round(wanted["fps"])
+    assert bpy.ops.import_scene.gltf(filepath=path) == {"FINISHED"}
+    shift = wanted["start"]  # glTF knows no frame numbers, only seconds from the first
+
+worst = 0.0
+for number, frame in wanted["frames"].items():
+    scene.frame_set(int(number) - shift)
+    graph = bpy.context.evaluated_depsgraph_get()
+    for key, want in frame["meshes"].items():
+        worst = max(worst, close(vertices(find(key, {"MESH"}), graph), want, f"{key}, frame {number}"))
+    shown = pivots(graph)
+    for key, want in frame["instancers"].items():
+        got = shown.get(find(key, {"POINTCLOUD"}).name, numpy.empty((0, 3)))
+        worst = max(worst, close(got, want, f"{key}, frame {number}"))
+
+used = set()
+for o in bpy.data.objects:
+    used |= {s.material.name.split(".")[0] for s in o.material_slots if s.material}
+assert used == set(wanted["materials"]), (sorted(used), wanted["materials"])
+kinds = [o.type for o in bpy.data.objects]
+assert "CAMERA" in kinds, kinds
+print(json.dumps({"file": path, "worst": worst, "objects": len(kinds), "materials": len(used)}), flush=True)

@@ -1,0 +1,76 @@
+//! Presets through the library, as the command line takes them: recipe, then bake.
+#![allow(dead_code, reason = "each test file uses its own share")]
+#![allow(clippy::expect_used, reason = "a test fails by panicking")]
+
+use osier::bake::Work;
+use osier::bake::dress::{Kind, dress, skin_options};
+use osier::bake::layout::lay_out;
+use osier::bake::looks::of_plant;
+use osier::bake::plants::grow;
+use osier::bake::stage::{Built, Parts, build};
+use osier::limits::Limits;
+use osier::plant::Plant;
+use osier::presets::Preset;
+use osier::progress::{Cancel, Silent};
+use osier::recipe::{PlantRecipe, Recipe, Request, resolve};
+use osier::scene::Asset;
+use osier::surface::{Skin, skin};
+
+/// Pixels along a side of the maps where a test does not look at them.
+const SMALL: u32 = 16;
+
+/// The recipe of a preset; `seed` replaces its own. Maps are drawn small unless `maps` is true.
+pub fn recipe(preset: &Preset, seed: Option<u64>, maps: bool) -> Recipe {
+    let (stem, ending) = preset.name.rsplit_once('.').expect("ending");
+    let mut request = if ending == "l" {
+        Request::bare(stem, preset.name)
+    } else {
+        Request { name: stem.into(), shown: preset.name.into(), text: preset.text.into(), ..Request::default() }
+    };
+    request.seed = seed;
+    let mut recipe = resolve(&request).unwrap_or_else(|e| panic!("{}: {e}", preset.name)).0;
+    if !maps {
+        recipe.plants.iter_mut().for_each(small);
+        recipe.ground.side = SMALL;
+    }
+    recipe
+}
+
+fn small(plant: &mut PlantRecipe) {
+    (plant.bark.side, plant.shoot.side) = (SMALL, SMALL);
+    plant.organs.iter_mut().for_each(|o| o.keys.side = SMALL);
+}
+
+/// Scene and movers of a recipe.
+pub fn stage(recipe: &Recipe, parts: Parts) -> Built {
+    with_work(|work| build(recipe, parts, work)).unwrap_or_else(|e| panic!("{}: {e}", recipe.name))
+}
+
+/// Calls `f` with what work needs, nobody listening.
+fn with_work<T>(f: impl FnOnce(&Work<'_>) -> T) -> T {
+    f(&Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent })
+}
+
+/// One individual of a still scene, with what its asset was made from.
+pub struct Grown {
+    pub plant: Plant,
+    pub skin: Skin,
+    pub asset: Asset,
+    /// How far its foot goes on below the ground, m.
+    pub bury: f32,
+}
+
+/// All individuals of a recipe at rest, one after the other as [`build`] makes them.
+pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
+    let layout = lay_out(recipe);
+    let one = |individual: &osier::bake::layout::Individual| {
+        let keys = &recipe.plants[individual.plant];
+        let look = of_plant(keys, recipe.seed).expect("look");
+        let plant = with_work(|w| grow(keys, individual, &look, w)).expect("plant").plant;
+        let kind = Kind { tile: look.materials[0].tile, organ_names: look.names.clone(), ..Kind::default() };
+        let skin = with_work(|w| skin(&plant, &skin_options(&keys.skin, kind.tile, w))).expect("skin");
+        let asset = with_work(|w| dress(&plant, keys, (&kind, individual), None, w)).expect("asset").0;
+        Grown { plant, skin, asset, bury: osier::math::narrow(keys.skin.bury) }
+    };
+    layout.individuals.iter().map(one).collect()
+}
