@@ -42,7 +42,9 @@ fn undisturbed() -> &'static (Tree, Duration) {
         finish(&out, "undisturbed");
         let took = start.elapsed();
         let tree = tree(&out);
-        for ending in [".usda", ".usdc", ".blender.glb", ".web.glb", ".pc2", ".obj", ".ply", ".inc", ".png", ".osier"] {
+        for ending in
+            [".usda", ".usdc", ".blender.glb", ".web.glb", ".pc2", ".obj", ".ply", ".inc", ".png", ".exr", ".osier"]
+        {
             assert!(tree.keys().any(|path| path.ends_with(ending)), "the scene writes no {ending}");
         }
         assert!(!tree.keys().any(|path| is_part(path)), "part files are left");

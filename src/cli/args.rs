@@ -83,7 +83,7 @@ pub struct Bake {
     // Limits are named in one space with all other arguments, and one of them is `frames`.
     #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
-    /// Write only these formats: usd, glb, pc2, obj, ply, pov.
+    /// Write only these formats: usd, glb, pc2, obj, ply, pov, exr.
     #[arg(long, value_name = "LIST")]
     pub formats: Option<String>,
     /// Overwrite files that osier did not write.
