@@ -82,9 +82,8 @@ pub(super) fn write(job: &Job<'_>, foot: &Foot, out: &mut Out<'_>) -> u32 {
 
     // Further back than the parent's axis, so that no corner of the foot lies behind it.
     let back = (0.5 * local_radius(rings, k)).min(foot.r);
-    let deep = foot.depth.min(to_axis(rings, k, foot.o, foot.t)) + back;
     let hidden = Row {
-        c: foot.o - foot.t * deep,
+        c: foot.o - foot.t * (foot.depth + back),
         e,
         b,
         r: foot.r.min(0.6 * local_radius(rings, k)),
@@ -126,16 +125,6 @@ pub(super) fn write(job: &Job<'_>, foot: &Foot, out: &mut Out<'_>) -> u32 {
 
 fn inner_radius(sides: u32) -> f32 {
     0.998 * math::cos_f32(std::f32::consts::PI / sides as f32)
-}
-
-/// How far back along `t` from `o` the parent's axis is nearest, m; infinite for a branch along the parent. A branch that
-/// bends at its very base would otherwise begin beyond the parent.
-fn to_axis(rings: &[Ring], k: usize, o: Vec3, t: Vec3) -> f32 {
-    let Some(ring) = rings.get(k) else { return f32::INFINITY };
-    let flat = |v: Vec3| v - ring.t * v.dot(ring.t);
-    let across = flat(t);
-    let square = across.length_squared();
-    if square < 1e-4 { f32::INFINITY } else { (flat(o - ring.c).dot(across) / square).max(0.0) }
 }
 
 fn local_radius(rings: &[Ring], k: usize) -> f32 {
