@@ -110,11 +110,3 @@ fn files_stay_small() {
         .collect();
     assert!(long.is_empty(), "{}", long.join("\n"));
 }
-
-#[test]
-fn the_project_speaks_of_itself_alone() {
-    let foreign = ["../shared", "/work/", "/tmp/wt"];
-    let named: Vec<String> =
-        all_sources().iter().filter(|(_, t)| foreign.iter().any(|f| t.contains(f))).map(|(f, _)| f.clone()).collect();
-    assert!(named.is_empty(), "{named:?} name paths outside the project");
-}
