@@ -6,7 +6,6 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Quat, Vec3};
 use osier::math;
 use osier::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
-use osier::surface::bark::{BarkSpec, bark};
 use osier::surface::{SkinOptions, skin};
 
 const NODES: u32 = 16;
@@ -68,9 +67,6 @@ fn loft(c: &mut Criterion) {
     group.throughput(Throughput::Elements(points)).sample_size(20);
     if let Ok(pool) = one {
         group.bench_function("loft, points on one core", |b| b.iter(|| pool.install(|| skin(&plant, &options))));
-        group.throughput(Throughput::Elements(1 << 20)).sample_size(10);
-        let spec = BarkSpec::furrowed();
-        group.bench_function("bark set, pixels on one core", |b| b.iter(|| pool.install(|| bark(&spec, "bark"))));
     }
     group.finish();
 }

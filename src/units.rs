@@ -30,9 +30,57 @@ pub fn byte(c: f32) -> u8 {
     (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
+/// Steps of [`byte`] of [`srgb_from_linear`].
+struct Steps {
+    /// The byte of i / 4096.
+    at: Vec<u8>,
+    /// The smallest component whose byte is above i.
+    above: Vec<f32>,
+}
+
+impl Steps {
+    /// Components in 4096 classes: the curve is nowhere so steep that one of them holds two steps.
+    const CLASSES: f32 = 4096.0;
+
+    fn new() -> Self {
+        let exact = |c: f32| byte(srgb_from_linear(c));
+        let at = (0..=4096_u16).map(|i| exact(f32::from(i) / Self::CLASSES)).collect();
+        let above = |level: u8| {
+            let (mut low, mut high) = (0, 1.0_f32.to_bits());
+            while high - low > 1 {
+                let middle = low + (high - low) / 2;
+                if exact(f32::from_bits(middle)) > level { high = middle } else { low = middle }
+            }
+            f32::from_bits(high)
+        };
+        Self { at, above: (0..255).map(above).chain([f32::INFINITY]).collect() }
+    }
+}
+
+/// One linear component in [0, 1] to an sRGB byte: [`byte`] of [`srgb_from_linear`], from a table.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table before the cast")]
+pub fn srgb_byte(c: f32) -> u8 {
+    static STEPS: std::sync::LazyLock<Steps> = std::sync::LazyLock::new(Steps::new);
+    let steps = &*STEPS;
+    let c = c.clamp(0.0, 1.0);
+    let level = steps.at[(c * Steps::CLASSES) as usize];
+    level + u8::from(c >= steps.above[usize::from(level)])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_table_of_srgb_bytes_is_the_formula() {
+        let mut tried: Vec<f32> = (0..200_000_u32).map(|i| i as f32 / 199_999.0).collect();
+        for step in &Steps::new().above[..255] {
+            tried.extend([f32::from_bits(step.to_bits() - 1), *step, f32::from_bits(step.to_bits() + 1)]);
+        }
+        for c in tried.into_iter().chain([-1.0, 2.0, f32::NAN, f32::INFINITY]) {
+            assert_eq!(srgb_byte(c), byte(srgb_from_linear(c)), "{c}");
+        }
+    }
 
     #[test]
     fn srgb_round_trips() {

@@ -54,8 +54,9 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
     let n = if options.exponent.is_finite() { options.exponent.clamp(1.0, 6.0) } else { 2.3 };
     let tip = options.tip.max(1e-6);
     let thickest = sums(plant, tip, n);
+    let mut room = Smoothing::default();
     for i in 0..plant.axes.len() {
-        smooth(plant, i);
+        room.smooth(plant, i);
     }
     match options.base {
         Some(base) if thickest > tip * 1.000_001 => {
@@ -69,9 +70,28 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
     }
 }
 
+/// Powers of one exponent; neighbours on an axis often ask for the same.
+struct Power {
+    exponent: f64,
+    last: (f64, f64),
+}
+
+impl Power {
+    fn new(exponent: f64) -> Self {
+        Self { exponent, last: (1.0, 1.0) }
+    }
+
+    fn of(&mut self, base: f64) -> f64 {
+        if base.to_bits() != self.last.0.to_bits() {
+            self.last = (base, pow(base, self.exponent));
+        }
+        self.last.1
+    }
+}
+
 /// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the thickest root's.
 fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
-    let leaf = pow(LEAF, n);
+    let (leaf, pow_tip) = (pow(LEAF, n), pow(tip, n));
     let mut loads: Vec<Vec<(f32, f64)>> = vec![Vec::new(); plant.axes.len()];
     for o in &plant.organs {
         if let Some(list) = loads.get_mut(o.axis as usize) {
@@ -79,25 +99,27 @@ fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
         }
     }
     let mut thickest = 0.0_f64;
+    let (mut area, mut radius) = (Power::new(n), Power::new(1.0 / n));
     for i in (0..plant.axes.len()).rev() {
         let mut list = std::mem::take(&mut loads[i]);
         list.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
-        let base = accumulate(plant, i, &list, tip, n);
+        let base = accumulate(plant, i, &list, (pow_tip, &mut radius)).unwrap_or(tip);
         let axis = &plant.axes[i];
         if axis.parent == NONE {
             thickest = thickest.max(base);
         } else if let Some(list) = loads.get_mut(axis.parent as usize) {
-            list.push((axis.parent_s, pow(base, n)));
+            list.push((axis.parent_s, area.of(base)));
         }
     }
     thickest
 }
 
-/// Radii of one axis before smoothing, from its tip down; `loads` sorted from the tip. Returns the base's.
-fn accumulate(plant: &mut Plant, axis: usize, loads: &[(f32, f64)], tip: f64, n: f64) -> f64 {
+/// Radii of one axis before smoothing, from its tip down; `loads` sorted from the tip, `tip`: the tip's own, and what
+/// turns loads into radii. Returns the base's.
+fn accumulate(plant: &mut Plant, axis: usize, loads: &[(f32, f64)], tip: (f64, &mut Power)) -> Option<f64> {
     let range = plant.nodes_of(&plant.axes[axis]);
     let (s, r) = (&plant.nodes.s, &mut plant.nodes.r);
-    let mut acc = pow(tip, n);
+    let (mut acc, root) = tip;
     let mut loads = loads.iter().peekable();
     let mut above: Option<(f64, f32)> = None;
     // Half a millionth of the length: attachments and nodes were rounded separately.
@@ -106,42 +128,56 @@ fn accumulate(plant: &mut Plant, axis: usize, loads: &[(f32, f64)], tip: f64, n:
         while let Some((_, amount)) = loads.next_if(|l| l.0 >= s[k] - slack) {
             acc += amount;
         }
-        let mut radius = pow(acc, 1.0 / n);
+        let mut radius = root.of(acc);
         if let Some((r_next, s_next)) = above {
             radius = radius.max(r_next + MIN_TAPER * f64::from(s_next - s[k]));
         }
         above = Some((radius, s[k]));
         r[k] = narrow(radius);
     }
-    above.map_or(tip, |a| a.0)
+    above.map(|a| a.0)
 }
 
-/// Averages radii over a window of 1.5 radii to each side (less near the ends, which stay as they are) and makes them
-/// fall towards the tip again.
-fn smooth(plant: &mut Plant, axis: usize) {
-    let range = plant.nodes_of(&plant.axes[axis]);
-    let s: Vec<f64> = plant.nodes.s[range.clone()].iter().map(|v| f64::from(*v)).collect();
-    let r: Vec<f64> = plant.nodes.r[range.clone()].iter().map(|v| f64::from(*v)).collect();
-    let count = s.len();
-    let mut sums = vec![0.0; count];
-    for k in 1..count {
-        sums[k] = sums[k - 1] + 0.5 * (r[k] + r[k - 1]) * (s[k] - s[k - 1]);
-    }
-    // Integral of r from the base to `x`.
-    let integral = |x: f64| {
-        let k = s.partition_point(|v| *v <= x).clamp(1, count - 1);
-        let (a, b) = (s[k - 1], s[k]);
-        let t = if b > a { ((x - a) / (b - a)).clamp(0.0, 1.0) } else { 0.0 };
-        let here = r[k - 1] + (r[k] - r[k - 1]) * t;
-        sums[k - 1] + 0.5 * (r[k - 1] + here) * (b - a) * t
-    };
-    let last = s[count - 1];
-    let mut least = 0.0_f64;
-    for k in (0..count).rev() {
-        let w = (WINDOW * r[k]).min(s[k]).min(last - s[k]);
-        let mean = if w > 1e-9 { (integral(s[k] + w) - integral(s[k] - w)) / (2.0 * w) } else { r[k] };
-        least = least.max(mean);
-        plant.nodes.r[range.start + k] = narrow(least);
+/// Room for arc lengths, radii and their integrals from the base on, one axis at a time.
+#[derive(Default)]
+struct Smoothing {
+    s: Vec<f64>,
+    r: Vec<f64>,
+    sums: Vec<f64>,
+}
+
+impl Smoothing {
+    /// Averages an axis's radii over a window of 1.5 radii to each side (less near the ends, which stay as they are) and
+    /// makes them fall towards the tip again.
+    fn smooth(&mut self, plant: &mut Plant, axis: usize) {
+        let range = plant.nodes_of(&plant.axes[axis]);
+        let Self { s, r, sums } = self;
+        for (wide, stored) in [(&mut *s, &plant.nodes.s), (&mut *r, &plant.nodes.r)] {
+            wide.clear();
+            wide.extend(stored[range.clone()].iter().map(|v| f64::from(*v)));
+        }
+        let count = s.len();
+        sums.clear();
+        sums.resize(count, 0.0);
+        for k in 1..count {
+            sums[k] = sums[k - 1] + 0.5 * (r[k] + r[k - 1]) * (s[k] - s[k - 1]);
+        }
+        // Integral of r from the base to `x`.
+        let integral = |x: f64| {
+            let k = s.partition_point(|v| *v <= x).clamp(1, count - 1);
+            let (a, b) = (s[k - 1], s[k]);
+            let t = if b > a { ((x - a) / (b - a)).clamp(0.0, 1.0) } else { 0.0 };
+            let here = r[k - 1] + (r[k] - r[k - 1]) * t;
+            sums[k - 1] + 0.5 * (r[k - 1] + here) * (b - a) * t
+        };
+        let last = s[count - 1];
+        let mut least = 0.0_f64;
+        for k in (0..count).rev() {
+            let w = (WINDOW * r[k]).min(s[k]).min(last - s[k]);
+            let mean = if w > 1e-9 { (integral(s[k] + w) - integral(s[k] - w)) / (2.0 * w) } else { r[k] };
+            least = least.max(mean);
+            plant.nodes.r[range.start + k] = narrow(least);
+        }
     }
 }
 

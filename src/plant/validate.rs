@@ -139,13 +139,16 @@ fn check_organs(plant: &Plant) -> Result<()> {
     Ok(())
 }
 
-/// Nodes of an axis worth keeping: each lies beyond the one before, by chord and by arc length.
+/// True if node `i` lies beyond node `j`, by chord and by arc length.
+fn apart(n: &Nodes, i: usize, j: usize) -> bool {
+    n.s[i] - n.s[j] > MIN_SEGMENT && n.p[i].distance(n.p[j]) > MIN_SEGMENT
+}
+
+/// Nodes of an axis worth keeping: each lies beyond the one before.
 fn kept(plant: &Plant, axis: &Axis) -> Vec<usize> {
-    let n = &plant.nodes;
     let mut keep: Vec<usize> = Vec::with_capacity(axis.count as usize);
     for i in plant.nodes_of(axis) {
-        let apart = |&j: &usize| n.s[i] - n.s[j] > MIN_SEGMENT && n.p[i].distance(n.p[j]) > MIN_SEGMENT;
-        if keep.last().is_none_or(apart) {
+        if keep.last().is_none_or(|&j| apart(&plant.nodes, i, j)) {
             keep.push(i);
         }
     }
@@ -153,12 +156,12 @@ fn kept(plant: &Plant, axis: &Axis) -> Vec<usize> {
 }
 
 fn drop_empty_segments(plant: &mut Plant, warnings: &mut Vec<Warning>) {
-    let keep: Vec<Vec<usize>> = plant.axes.iter().map(|a| kept(plant, a)).collect();
-    let shorter = |i: &usize| keep[*i].len() < plant.axes[*i].count as usize;
+    let shorter = |i: &usize| plant.nodes_of(&plant.axes[*i]).skip(1).any(|k| !apart(&plant.nodes, k, k - 1));
     let changed: Vec<usize> = (0..plant.axes.len()).filter(shorter).collect();
     if changed.is_empty() {
         return;
     }
+    let keep: Vec<Vec<usize>> = plant.axes.iter().map(|a| kept(plant, a)).collect();
     let old = std::mem::take(&mut plant.nodes);
     for (axis, keep) in plant.axes.iter_mut().zip(&keep) {
         axis.first = u32::try_from(plant.nodes.len()).unwrap_or(u32::MAX);

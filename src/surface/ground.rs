@@ -2,12 +2,13 @@
 
 use glam::{Vec2, Vec3};
 
-use super::lattice::{Cells, Fractal};
+use super::lattice::{Cells, Fractal, middles};
+use super::material::map;
 use super::{SurfaceMaterial, pixels};
 use crate::math::{self, smoothstep};
 use crate::noise;
 use crate::par::par_map;
-use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Mesh, Pixels};
+use crate::scene::{ImageKind, Maps, Material, MaterialClass, Mesh, Pixels};
 use crate::units::byte;
 use crate::{Error, Result};
 
@@ -138,6 +139,8 @@ struct Tables {
     clod: Fractal,
     blades: [Fractal; 3],
     litter: Cells,
+    /// Sines and cosines of the ways in which litter lies.
+    turns: Vec<(f32, f32)>,
 }
 
 /// Height difference of the ground's maps, m.
@@ -165,31 +168,28 @@ pub fn ground_material(
         clod: Fractal::new(s(2), [16, 16], 5),
         blades: [Fractal::new(s(3), [160, 28], 2), Fractal::new(s(4), [110, 44], 2), Fractal::new(s(5), [96, 96], 2)],
         litter: Cells::new(s(6), [34, 30], 0.9),
+        turns: (0..=u8::MAX)
+            .map(|i| f32::from(i) * (std::f32::consts::PI / 256.0))
+            .map(|a| (math::sin_f32(a), math::cos_f32(a)))
+            .collect(),
     };
     let rows: Vec<u32> = (0..side).collect();
     let n = side as f32;
-    let samples: Vec<Sample> = par_map(&rows, |&y| {
-        let v = 1.0 - (y as f32 + 0.5) / n;
-        (0..side).map(|x| sample(colors, &tables, (x as f32 + 0.5) / n, v)).collect::<Vec<_>>()
-    })
-    .into_iter()
-    .flatten()
-    .collect();
+    let xs = middles(side);
+    let samples = pixels::joined(par_map(&rows, |&y| {
+        let y = 1.0 - (y as f32 + 0.5) / n;
+        let [tint, clod, cover] = [&tables.tint, &tables.clod, &tables.cover].map(|noise| noise.row(&xs, y));
+        let straight = |i: usize| Straight { tint: tint[i], clod: clod[i], cover: cover[i] };
+        xs.iter().enumerate().map(|(i, x)| sample(colors, &tables, [*x, y], &straight(i))).collect()
+    }));
     let heights: Vec<f32> = samples.iter().map(|s| s.height).collect();
     let step = RELIEF / (tile.max(0.01) / n);
-    let image = |kind, suffix: &str, channels, pixels| Image {
-        name: format!("{name}_{suffix}"),
-        kind,
-        width: side,
-        height: side,
-        channels,
-        pixels,
-    };
+    let image = |kind, what, pixels| map(name, what, kind, side, pixels);
     let images = vec![
-        image(ImageKind::Color, "color", 3, Pixels::U8(samples.iter().flat_map(|s| pixels::srgb(s.color)).collect())),
-        image(ImageKind::Data, "normal", 3, Pixels::U16(pixels::normals16(&heights, side as usize, [step, step]))),
-        image(ImageKind::Data, "rough", 1, Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
-        image(ImageKind::Data, "height", 1, Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
+        image(ImageKind::Color, "color", Pixels::U8(pixels::colors(samples.iter().map(|s| s.color)))),
+        image(ImageKind::Data, "normal", Pixels::U16(pixels::normals16(&heights, side as usize, [step, step]))),
+        image(ImageKind::Data, "rough", Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
+        image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
     ];
     let material = Material {
         name: name.to_owned(),
@@ -207,10 +207,16 @@ pub fn ground_material(
     Ok(SurfaceMaterial { material, images })
 }
 
-fn sample(colors: &GroundColors, t: &Tables, x: f32, y: f32) -> Sample {
-    let tint = t.tint.at(x, y);
-    let clod = t.clod.at(x, y);
-    let cover = smoothstep(-0.18, 0.18, t.cover.at(x, y) + 0.25 * clod + (colors.cover - 0.5));
+/// The noises that are looked up where the pixel is, not where the clods send it.
+struct Straight {
+    tint: f32,
+    clod: f32,
+    cover: f32,
+}
+
+fn sample(colors: &GroundColors, t: &Tables, [x, y]: [f32; 2], straight: &Straight) -> Sample {
+    let Straight { tint, clod, .. } = *straight;
+    let cover = smoothstep(-0.18, 0.18, straight.cover + 0.25 * clod + (colors.cover - 0.5));
     // Bent by the clods, lest the streaks form a weave.
     let (bx, by) = (x + 0.03 * clod, y + 0.03 * tint - 0.02 * clod);
     let [a, b, c] = [t.blades[0].at(bx, by), t.blades[1].at(by, bx), t.blades[2].at(bx, by)];
@@ -223,8 +229,7 @@ fn sample(colors: &GroundColors, t: &Tables, x: f32, y: f32) -> Sample {
     let mut height = 0.35 + 0.22 * clod + cover * (0.30 * blade - 0.05);
 
     let near = t.litter.at(x, y);
-    let turn = ((near.id >> 20) & 0xFF) as f32 * (std::f32::consts::PI / 256.0);
-    let (sin, cos) = (math::sin_f32(turn), math::cos_f32(turn));
+    let (sin, cos) = t.turns[usize::from((near.id >> 20).to_le_bytes()[0])];
     let [fx, fy] = near.from;
     let (along, across) = (fx * cos + fy * sin, fy * cos - fx * sin);
     let leaf = 1.0 - smoothstep(0.8, 1.0, (along * along * 8.0 + across * across * 42.0).sqrt());

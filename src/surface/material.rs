@@ -1,6 +1,6 @@
 //! A material with its pictures, before it has a place in a scene.
 
-use crate::scene::{Image, Material, MaterialId};
+use crate::scene::{Image, ImageKind, Material, MaterialId, Pixels};
 
 /// A surface: the material's maps are indices into `images`.
 #[derive(Debug, Clone)]
@@ -24,4 +24,14 @@ impl SurfaceMaterial {
         materials.push(self.material);
         small(materials.len() - 1)
     }
+}
+
+/// A square map named `<name>_<what>`, `side` pixels, as many channels as the samples allow.
+pub(super) fn map(name: &str, what: &str, kind: ImageKind, side: u32, pixels: Pixels) -> Image {
+    let samples = match &pixels {
+        Pixels::U8(v) => v.len(),
+        Pixels::U16(v) => v.len(),
+    };
+    let channels = u8::try_from(samples / (side as usize).pow(2).max(1)).unwrap_or(u8::MAX);
+    Image { name: format!("{name}_{what}"), kind, width: side, height: side, channels, pixels }
 }

@@ -2,33 +2,61 @@
 
 use glam::Vec3;
 
-use crate::units::{byte, srgb_from_linear};
+use crate::par::par_map;
+use crate::units::{byte, srgb_byte};
 
 /// A linear colour as three sRGB bytes.
 pub(super) fn srgb(color: Vec3) -> [u8; 3] {
-    color.to_array().map(|c| byte(srgb_from_linear(c)))
+    color.to_array().map(srgb_byte)
+}
+
+/// Linear colours as sRGB bytes.
+pub(super) fn colors(colors: impl Iterator<Item = Vec3>) -> Vec<u8> {
+    let mut out = Vec::with_capacity(colors.size_hint().0 * 3);
+    for color in colors {
+        out.extend(srgb(color));
+    }
+    out
 }
 
 /// Unit normals of a square height field, row 0 at the top, wrapped at the borders: normalize(-dh/du, -dh/dv, 1) by
-/// central differences. `slopes`: height unit over the size of a pixel, across and up.
-fn normals(heights: &[f32], side: usize, slopes: [f32; 2]) -> impl Iterator<Item = Vec3> {
-    (0..side * side).map(move |i| {
-        let (x, y) = (i % side, i / side);
-        let at = |x: usize, y: usize| heights[(y % side) * side + x % side];
-        let dx = (at(x + 1, y) - at(x + side - 1, y)) * 0.5 * slopes[0];
-        let dy = (at(x, y + side - 1) - at(x, y + 1)) * 0.5 * slopes[1];
-        Vec3::new(-dx, -dy, 1.0).normalize()
-    })
+/// central differences, stored as (n + 1) / 2. `slopes`: height unit over the size of a pixel, across and up.
+fn normals<T: Send>(heights: &[f32], side: usize, slopes: [f32; 2], store: impl Fn(f32) -> T + Sync) -> Vec<T> {
+    let rows: Vec<usize> = (0..side).collect();
+    let row = |&y: &usize| {
+        let row = |y: usize| &heights[y % side * side..][..side];
+        let (above, here, below) = (row(y + side - 1), row(y), row(y + 1));
+        let mut out = Vec::with_capacity(side * 3);
+        for x in 0..side {
+            let left = if x == 0 { side - 1 } else { x - 1 };
+            let right = if x + 1 == side { 0 } else { x + 1 };
+            let dx = (here[right] - here[left]) * 0.5 * slopes[0];
+            let dy = (above[x] - below[x]) * 0.5 * slopes[1];
+            let n = (Vec3::new(-dx, -dy, 1.0).normalize() + Vec3::ONE) * 0.5;
+            out.extend(n.to_array().map(&store));
+        }
+        out
+    };
+    joined(par_map(&rows, row))
 }
 
-/// [`normals`] as RGB bytes, (n + 1) / 2.
+/// Rows one after the other.
+pub(super) fn joined<T>(rows: Vec<Vec<T>>) -> Vec<T> {
+    let mut out = Vec::with_capacity(rows.iter().map(Vec::len).sum());
+    for mut row in rows {
+        out.append(&mut row);
+    }
+    out
+}
+
+/// [`normals`] as RGB bytes.
 pub(super) fn normals8(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<u8> {
-    normals(heights, side, slopes).flat_map(|n| ((n + Vec3::ONE) * 0.5).to_array().map(byte)).collect()
+    normals(heights, side, slopes, byte)
 }
 
-/// [`normals`] as 16-bit RGB, (n + 1) / 2.
+/// [`normals`] as 16-bit RGB.
 pub(super) fn normals16(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<u16> {
-    normals(heights, side, slopes).flat_map(|n| ((n + Vec3::ONE) * 0.5).to_array().map(word)).collect()
+    normals(heights, side, slopes, word)
 }
 
 /// A value in [0, 1] as 16 bits, rounded to nearest.

@@ -1,10 +1,11 @@
 //! Repeated meshes as PointInstancer, and their twin as Points.
 
-use glam::{Mat3, Quat, Vec3};
+use glam::{Quat, Vec3};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
 use super::axis::{UpAxis, extent};
+use super::boxes::Shapes;
 use super::mesh::{Place, Velocities, define};
 use super::stage::{Attr, AttrSpec};
 use super::target::{Context, Part, Shot, Target, near, unit};
@@ -24,8 +25,9 @@ pub(super) fn ids(n: usize) -> Vec<i64> {
 
 /// Rotations in stage space, on the side of those of the frame before.
 fn turns(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
-    let turn = |(i, q): (usize, &Quat)| before.get(i).map_or_else(|| unit(up.quat(*q)), |b| near(up.quat(*q), *b));
-    state.orientations.iter().enumerate().map(turn).collect()
+    let (again, first) = state.orientations.split_at(before.len().min(state.orientations.len()));
+    let again = again.iter().zip(before).map(|(q, b)| near(up.quat(*q), *b));
+    again.chain(first.iter().map(|q| unit(up.quat(*q)))).collect()
 }
 
 /// Quaternions rounded to half precision.
@@ -52,8 +54,7 @@ pub(super) struct Instances {
     velocities: Velocities,
     angular: Velocities,
     before: Vec<Quat>,
-    /// Boxes of the prototypes, stage space.
-    boxes: Vec<Bounds>,
+    shapes: Shapes,
 }
 
 /// Writes an instancer at rest.
@@ -67,13 +68,12 @@ pub(super) fn part(
     target.plain(path, "PointInstancer")?;
     let up = cx.up;
     let n = instancer.len();
-    let boxes: Vec<Bounds> =
-        instancer.prototypes.iter().map(|p| Bounds::of(p.mesh.points.iter().map(|v| up.vec(*v)))).collect();
+    let shapes = Shapes::of(instancer, up);
     let before = turns(up, &instancer.rest, &[]);
     let orientations = halves(&before);
     let protos: Vec<i32> = instancer.protos.iter().map(|p| i32::try_from(*p).unwrap_or(i32::MAX)).collect();
     let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.scale(*s)).collect();
-    let b = box_of(instancer, &instancer.rest, &orientations, (up, &boxes));
+    let b = shapes.extent(&orientations, &up.vecs(&instancer.rest.positions), &instancer.rest.alive);
     let hidden = hidden(instancer, &instancer.rest);
     let set = |target: &mut Target, name: &str, type_name, array: Array| {
         target.set(&format!("{path}.{name}"), type_name, array.into())
@@ -100,7 +100,7 @@ pub(super) fn part(
         velocities: Velocities::default(),
         angular: Velocities::default(),
         before,
-        boxes,
+        shapes,
     })))
 }
 
@@ -116,30 +116,8 @@ fn prototypes(cx: &Context, target: &mut Target, (root, path): (&str, &str), ins
 
 /// Slots without a live instance.
 fn hidden(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
-    ids(instancer.len()).into_iter().zip(0..).filter(|(_, i)| !state.is_alive(*i)).map(|(id, _)| id).collect()
-}
-
-/// Box of the live instances, with their rotations as written.
-fn box_of(
-    instancer: &Instancer,
-    state: &InstanceState,
-    orientations: &[[f16; 4]],
-    (up, boxes): (UpAxis, &[Bounds]),
-) -> [[f32; 3]; 2] {
-    let mut b = Bounds::default();
-    let placed = state.positions.iter().zip(orientations).zip(instancer.scales.iter().zip(&instancer.protos));
-    for (i, ((t, q), (s, proto))) in placed.enumerate() {
-        let Some(shape) = boxes.get(*proto as usize).filter(|b| !b.is_empty()) else { continue };
-        if state.is_alive(i) {
-            // As readers do it: the matrix of the rounded quaternion, which is not quite a rotation. A box turns into
-            // the box around its turned centre with the matrix's absolute values applied to its half sides.
-            let m = Mat3::from_quat(Quat::from_array(q.map(f16::to_f32))) * Mat3::from_diagonal(up.scale(*s));
-            let center = up.vec(*t) + m * shape.center();
-            let half = m.abs() * (shape.size() * 0.5);
-            b = b.with(center - half).with(center + half);
-        }
-    }
-    extent(&b)
+    let slots = state.alive.iter().take(instancer.len()).zip(0..);
+    slots.filter(|(alive, _)| !**alive).map(|(_, slot)| slot).collect()
 }
 
 impl Part for Instances {
@@ -149,14 +127,15 @@ impl Part for Instances {
         let state = instance_states(shot.asset, instancer, self.index, shot.state);
         self.before = turns(up, &state, &self.before);
         let orientations = halves(&self.before);
-        let b = box_of(instancer, &state, &orientations, (up, &self.boxes));
+        let positions = up.vecs(&state.positions);
+        let b = self.shapes.extent(&orientations, &positions, &state.alive);
         let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
         sample(self.extent, Array::Float3(&b))?;
         if let Some(invisible) = self.invisible {
             sample(invisible, Array::Int64(&hidden(instancer, &state)))?;
         }
         sample(self.orientations, Array::Quath(&orientations))?;
-        sample(self.positions, Array::Float3(triples(&up.vecs(&state.positions))))?;
+        sample(self.positions, Array::Float3(triples(&positions)))?;
         let at = (instancer.len(), time);
         let velocities = up.vecs(&state.velocities);
         self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&velocities), at)?;

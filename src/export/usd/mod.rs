@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 mod axis;
 mod body;
+mod boxes;
 mod instancer;
 mod look;
 mod material;

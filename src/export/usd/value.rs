@@ -114,14 +114,17 @@ pub(super) fn pack_f64(values: &[f64], out: &mut Vec<u8>) -> Result<(), usize> {
 
 /// As [`pack_f32`], half precision.
 pub(super) fn pack_f16(values: &[f16], out: &mut Vec<u8>) -> Result<(), usize> {
-    for (i, x) in values.iter().enumerate() {
-        if !x.is_finite() {
-            return Err(i);
-        }
-        let x = if *x == f16::ZERO { f16::ZERO } else { *x };
-        out.extend_from_slice(&x.to_le_bytes());
+    const EXPONENT: u16 = 0x7c00;
+    const MINUS_ZERO: u16 = 0x8000;
+    let start = out.len();
+    out.resize(start + values.len() * 2, 0);
+    let mut bad = false;
+    for (slot, x) in out[start..].chunks_exact_mut(2).zip(values) {
+        let bits = x.to_bits();
+        bad |= bits & EXPONENT == EXPONENT;
+        slot.copy_from_slice(&(if bits == MINUS_ZERO { 0 } else { bits }).to_le_bytes());
     }
-    Ok(())
+    if bad { Err(values.iter().position(|x| !x.is_finite()).unwrap_or(0)) } else { Ok(()) }
 }
 
 #[cfg(test)]
@@ -138,5 +141,6 @@ mod tests {
         let mut out = Vec::new();
         pack_f16(&[f16::NEG_ZERO], &mut out).expect("finite");
         assert_eq!(out, [0, 0]);
+        assert_eq!(pack_f16(&[f16::ONE, f16::NAN], &mut Vec::new()), Err(1));
     }
 }

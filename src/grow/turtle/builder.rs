@@ -156,18 +156,27 @@ impl Builder {
     /// cannot exist, for a child needs a node to stand on.
     fn canonical_order(&self) -> Vec<usize> {
         let s = |a: &RawAxis| self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
-        let mut children: Vec<usize> =
-            (0..self.axes.len()).filter(|&i| self.axes[i].parent != NONE && self.axes[i].count > 1).collect();
-        children.sort_unstable_by(|&x, &y| {
-            let (a, b) = (&self.axes[x], &self.axes[y]);
-            a.parent.cmp(&b.parent).then(s(a).total_cmp(&s(b))).then(a.ordinal.cmp(&b.ordinal)).then(x.cmp(&y))
-        });
+        let is_child = |i: &usize| self.axes[*i].parent != NONE && self.axes[*i].count > 1;
+        // Children gathered by parent, each family then by itself: families are small.
         let mut first = vec![0_usize; self.axes.len() + 1];
-        for &c in &children {
+        for c in (0..self.axes.len()).filter(is_child) {
             first[self.axes[c].parent as usize + 1] += 1;
         }
         for i in 1..first.len() {
             first[i] += first[i - 1];
+        }
+        let mut children = vec![0_usize; first.last().copied().unwrap_or(0)];
+        let mut next = first.clone();
+        for c in (0..self.axes.len()).filter(is_child) {
+            let slot = &mut next[self.axes[c].parent as usize];
+            children[*slot] = c;
+            *slot += 1;
+        }
+        for family in first.windows(2) {
+            children[family[0]..family[1]].sort_unstable_by(|&x, &y| {
+                let (a, b) = (&self.axes[x], &self.axes[y]);
+                s(a).total_cmp(&s(b)).then(a.ordinal.cmp(&b.ordinal)).then(x.cmp(&y))
+            });
         }
         let is_root = |i: &usize| self.axes[*i].parent == NONE && self.axes[*i].count > 1;
         let mut stack: Vec<usize> = (0..self.axes.len()).filter(is_root).rev().collect();

@@ -7,8 +7,9 @@ use super::marks::Marker;
 use crate::Result;
 use crate::math::{self, smoothstep};
 use crate::par::par_map;
-use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
-use crate::surface::lattice::{Cells, Fractal};
+use crate::scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
+use crate::surface::lattice::{Cells, Fractal, middles};
+use crate::surface::material::map;
 use crate::surface::{SurfaceMaterial, pixels};
 use crate::units::byte;
 
@@ -63,21 +64,14 @@ pub fn bark(spec: &BarkSpec, name: &str) -> Result<SurfaceMaterial> {
     let step = spec.depth / (spec.tile / spec.side as f32);
     let normals = pixels::normals16(&heights, side, [step, step]);
     let painted = par_map(&rows, |&row| paint_row(spec, &samples[row], &heights[row * side..(row + 1) * side]));
-    let color = painted.iter().flat_map(|r| r.0.iter().copied()).collect();
-    let rough = painted.iter().flat_map(|r| r.1.iter().copied()).collect();
-    let image = |kind, suffix: &str, channels, pixels| Image {
-        name: format!("{name}_{suffix}"),
-        kind,
-        width: spec.side,
-        height: spec.side,
-        channels,
-        pixels,
-    };
+    let (color, rough): (Vec<Vec<u8>>, Vec<Vec<u8>>) = painted.into_iter().unzip();
+    let (color, rough) = (pixels::joined(color), pixels::joined(rough));
+    let image = |kind, what, pixels| map(name, what, kind, spec.side, pixels);
     let images = vec![
-        image(ImageKind::Color, "color", 3, Pixels::U8(color)),
-        image(ImageKind::Data, "normal", 3, Pixels::U16(normals)),
-        image(ImageKind::Data, "rough", 1, Pixels::U8(rough)),
-        image(ImageKind::Data, "height", 1, Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
+        image(ImageKind::Color, "color", Pixels::U8(color)),
+        image(ImageKind::Data, "normal", Pixels::U16(normals)),
+        image(ImageKind::Data, "rough", Pixels::U8(rough)),
+        image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
     ];
     let material = Material {
         name: name.to_owned(),
@@ -96,26 +90,37 @@ pub fn bark(spec: &BarkSpec, name: &str) -> Result<SurfaceMaterial> {
 }
 
 fn sample_row(spec: &BarkSpec, t: &Tables, row: usize) -> Vec<Sample> {
-    let n = spec.side as f32;
-    let y = 1.0 - (row as f32 + 0.5) / n;
-    (0..spec.side).map(|column| sample(spec, t, (column as f32 + 0.5) / n, y)).collect()
+    let xs = middles(spec.side);
+    let y = 1.0 - (row as f32 + 0.5) / spec.side as f32;
+    let [a, b] = [&t.warp[0], &t.warp[1]].map(|noise| noise.row(&xs, y));
+    let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.row(&xs, y));
+    let straight = |i: usize| Straight { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
+    xs.iter().enumerate().map(|(i, x)| sample(spec, t, [*x, y], &straight(i))).collect()
 }
 
-fn sample(spec: &BarkSpec, t: &Tables, x: f32, y: f32) -> Sample {
-    let (wx, wy) = (x + 0.035 * t.warp[0].at(x, y), y + 0.07 * t.warp[1].at(x, y));
+/// The noises that are looked up where the pixel is, not where the warp sends it.
+struct Straight {
+    warp: [f32; 2],
+    coarse: f32,
+    tint: f32,
+    patch: f32,
+}
+
+fn sample(spec: &BarkSpec, t: &Tables, [x, y]: [f32; 2], straight: &Straight) -> Sample {
+    let (wx, wy) = (x + 0.035 * straight.warp[0], y + 0.07 * straight.warp[1]);
     let near = t.plates.at(wx, wy);
     let plate = smoothstep(0.02, 0.02 + spec.gap, near.f2 - near.f1);
     let fibre = t.fibre.at(wx, wy);
-    let coarse = t.coarse.at(x, y);
+    let coarse = straight.coarse;
     let [k1, k2, k3] = spec.weights;
     let height = k1 * root(plate) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
     // Without plates there is nothing to crack.
     let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * plate, (k1 * 4.0).min(1.0)) } else { 1.0 };
     let mark = t.marker.at(wx, wy);
-    let patch = smoothstep(0.05, 0.45, t.patch.at(x, y)) * spec.patch.1;
+    let patch = smoothstep(0.05, 0.45, straight.patch) * spec.patch.1;
     Sample {
         height: height * cracked + 0.4 * mark.height,
-        tint: 1.0 + 0.25 * t.tint.at(x, y) + 0.10 * fibre,
+        tint: 1.0 + 0.25 * straight.tint + 0.10 * fibre,
         patch,
         mark: mark.color,
     }
@@ -163,6 +168,13 @@ mod tests {
         ]
     }
 
+    /// A sample anywhere, all noises point by point.
+    fn point(spec: &BarkSpec, t: &Tables, x: f32, y: f32) -> Sample {
+        let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.at(x, y));
+        let warp = [t.warp[0].at(x, y), t.warp[1].at(x, y)];
+        sample(spec, t, [x, y], &Straight { warp, coarse, tint, patch })
+    }
+
     #[test]
     fn maps_tile_and_heights_fill_their_range() {
         for (name, spec) in all() {
@@ -170,7 +182,7 @@ mod tests {
             for i in 0..64 {
                 let v = i as f32 / 64.0;
                 for ((x0, y0), (x1, y1)) in [((0.0, v), (1.0, v)), ((v, 0.0), (v, 1.0))] {
-                    let (a, b) = (sample(&spec, &t, x0, y0), sample(&spec, &t, x1, y1));
+                    let (a, b) = (point(&spec, &t, x0, y0), point(&spec, &t, x1, y1));
                     let d = (a.height - b.height).abs().max((a.tint - b.tint).abs()).max((a.mark - b.mark).abs());
                     assert!(d < 1.0 / 255.0, "{name}: {d} at {v}");
                 }

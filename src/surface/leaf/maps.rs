@@ -7,8 +7,9 @@ use super::outline::{Half, Outline, Vein};
 use crate::math;
 use crate::par::par_map;
 use crate::rng::Rng;
-use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
+use crate::scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 use crate::surface::lattice::{Cells, Fractal};
+use crate::surface::material::map;
 use crate::surface::{SurfaceMaterial, pixels};
 use crate::{Error, Result};
 
@@ -79,25 +80,18 @@ pub fn leaf_material(spec: &BladeSpec, colors: &LeafColors, name: &str, side: u3
     let grid = Grid { outline: &outline, side: side as usize };
     let (fields, tables) = (fields(spec, &outline, &grid), Tables::new(spec.seed));
     let rows: Vec<usize> = (0..grid.side).collect();
-    let painted = par_map(&rows, |&y| paint_row((spec, colors), (&grid, &fields, &tables), y));
-    let heights: Vec<f32> = painted.iter().flatten().map(|p| p.height).collect();
+    let painted = pixels::joined(par_map(&rows, |&y| paint_row((spec, colors), (&grid, &fields, &tables), y)));
+    let heights: Vec<f32> = painted.iter().map(|p| p.height).collect();
     let pixel = [outline.frame.1.x / side as f32, outline.frame.1.y / side as f32];
     let scale = RELIEF * spec.length;
     let slopes = [scale / pixel[0], scale / pixel[1]];
-    let color = painted.iter().flatten().flat_map(|p| pixels::srgb(p.color)).collect();
-    let rough = painted.iter().flatten().map(|p| crate::units::byte(p.rough)).collect();
-    let image = |kind, suffix: &str, channels, pixels| Image {
-        name: format!("{name}_{suffix}"),
-        kind,
-        width: side,
-        height: side,
-        channels,
-        pixels,
-    };
+    let color = pixels::colors(painted.iter().map(|p| p.color));
+    let rough = painted.iter().map(|p| crate::units::byte(p.rough)).collect();
+    let image = |kind, what, pixels| map(name, what, kind, side, pixels);
     let images = vec![
-        image(ImageKind::Color, "color", 3, Pixels::U8(color)),
-        image(ImageKind::Data, "normal", 3, Pixels::U8(pixels::normals8(&heights, grid.side, slopes))),
-        image(ImageKind::Data, "rough", 1, Pixels::U8(rough)),
+        image(ImageKind::Color, "color", Pixels::U8(color)),
+        image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, grid.side, slopes))),
+        image(ImageKind::Data, "rough", Pixels::U8(rough)),
     ];
     let material = Material {
         name: name.to_owned(),
@@ -240,14 +234,17 @@ impl Tables {
 type Look<'a> = (&'a BladeSpec, &'a LeafColors);
 
 fn paint_row(look: Look<'_>, (grid, fields, tables): (&Grid<'_>, &Fields, &Tables), y: usize) -> Vec<Painted> {
-    (0..grid.side).map(|x| paint(look, grid.place(x, y), (fields, tables, y * grid.side + x))).collect()
+    let places: Vec<Vec2> = (0..grid.side).map(|x| grid.place(x, y) / look.0.length).collect();
+    let xs: Vec<f32> = places.iter().map(|q| q.x).collect();
+    let v = places.first().map_or(0.0, |q| q.y);
+    let (patch, grain) = (tables.patch.row(&xs, v), tables.grain.row(&xs, v));
+    let pixel = |x: usize| paint(look, places[x], [patch[x], grain[x]], (fields, tables, y * grid.side + x));
+    (0..grid.side).map(pixel).collect()
 }
 
-fn paint((spec, colors): Look<'_>, p: Vec2, (fields, tables, i): (&Fields, &Tables, usize)) -> Painted {
-    let l = spec.length;
-    let q = p / l;
-    let patch = tables.patch.at(q.x, q.y);
-    let grain = tables.grain.at(q.x, q.y);
+/// One pixel at `q`, in lengths of the blade; `noise`: patches and grain.
+fn paint((spec, colors): Look<'_>, q: Vec2, noise: [f32; 2], at: (&Fields, &Tables, usize)) -> Painted {
+    let (l, [patch, grain], (fields, tables, i)) = (spec.length, noise, at);
     let net = tables.net.at(q.x, q.y);
     let mesh = 1.0 - math::smoothstep(0.0, 0.16, net.f2 - net.f1);
     let (main, fine, margin) = (fields.main[i], fields.fine[i], fields.margin[i]);
