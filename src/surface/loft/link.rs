@@ -36,7 +36,7 @@ pub(super) struct Layout {
     pub totals: (u32, u32),
 }
 
-/// Rows of points between the hidden ring and the first regular ring of a side branch: a share of the way.
+/// Rows of points from the bark of the parent to below the first regular ring of a side branch: a share of the way.
 pub(super) fn foot_rows(sides: u32) -> &'static [f32] {
     if sides < 8 { &[0.0, 0.4] } else { &[0.0, 0.18, 0.5] }
 }
@@ -129,7 +129,7 @@ pub(super) fn v_of(options: &SkinOptions, integral: f32, s: f32) -> f32 {
 fn counts(plans: &Plans, axis: usize, link: &Link) -> (u64, u64) {
     let (plan, sides) = (plans.of(axis), link.sides);
     let (n, row) = (u64::from(sides), u64::from(sides) + 1);
-    let foot = if matches!(plan.base, Base::Side(_)) { 1 + foot_rows(sides).len() as u64 } else { 0 };
+    let foot = if matches!(plan.base, Base::Side(_)) { foot_rows(sides).len() as u64 } else { 0 };
     let rows = plan.rings.len() as u64 + foot;
     let (cap_points, cap_triangles) = match link.cap {
         Cap::Point => (1, n),

@@ -4,6 +4,7 @@
 //! inherits from the axis it continues, `emit` fills the arrays in place. The first and the last run in parallel over
 //! fixed runs of axes, so the bytes do not depend on the number of threads.
 
+mod corners;
 mod emit;
 mod foot;
 mod link;

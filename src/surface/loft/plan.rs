@@ -251,13 +251,29 @@ impl Job<'_> {
         Some(t0)
     }
 
+    /// Direction of the parent's segment that the branch leaves along: at a node of the parent the one that runs the same
+    /// way as the branch, forth or back.
+    fn parent_direction(&self, parent: &Axis) -> Vec3 {
+        let nodes = self.plant.nodes_of(parent);
+        let (p, s) = (&self.plant.nodes.p, &self.plant.nodes.s[nodes.clone()]);
+        let near = 1e-3 * self.plant.nodes.r[nodes.start];
+        let segment = |k: usize| {
+            let j = nodes.start + k.clamp(1, nodes.len() - 1);
+            math::normalize_or(p[j] - p[j - 1], Vec3::Y)
+        };
+        let ahead = segment(s.partition_point(|&s| s <= self.axis.parent_s + near));
+        let first = self.plant.nodes_of(self.axis).start;
+        if (p[first + 1] - p[first]).dot(ahead) >= 0.0 {
+            return ahead;
+        }
+        segment(s.partition_point(|&s| s < self.axis.parent_s - near))
+    }
+
     /// Where the branch leaves the parent's bark and where its first regular ring stands; none if it stays inside, runs
     /// along the parent or is too short for a foot.
     fn foot(&self, parent: &Axis) -> Option<(Foot, f32)> {
         let site = self.plant.frame(parent, self.axis.parent_s);
-        let k = self.plant.nodes.s[self.plant.nodes_of(parent)].partition_point(|&s| s <= self.axis.parent_s);
-        let j = (parent.first as usize + k).min(self.plant.nodes_of(parent).end - 1);
-        let along = math::normalize_or(self.plant.nodes.p[j] - self.plant.nodes.p[j - 1], Vec3::Y);
+        let along = self.parent_direction(parent);
         let outside = |p: Vec3| (p - site.p).reject_from_normalized(along).length_squared() - site.r * site.r;
         let nodes = self.plant.nodes_of(self.axis);
         let i = nodes.clone().skip(1).find(|&i| outside(self.plant.nodes.p[i]) > 0.0)?;

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::corners;
 use crate::math;
 
 /// A point of a centreline.
@@ -36,8 +37,10 @@ pub(super) struct Ring {
 
 /// Rings are left out where the tangent hardly turned, the radius changed by less than this share ...
 const TAPER: f32 = 0.1;
-/// ... and the last one is nearer than this many radii.
+/// ... and the last one is nearer than this many radii ...
 const SPACING: f32 = 12.0;
+/// ... and the tube stays nearer to the centreline than this share of its radius, so that branches and leaves meet it.
+const SAG: f32 = 0.15;
 /// Rings nearer than this many radii to the last one are dropped, but for the last of all.
 const CLOSE: f32 = 0.25;
 
@@ -55,11 +58,15 @@ pub(super) struct Scratch {
 
 /// Appends the rings of the centreline in `scratch.knots` (at least two knots, apart) to `out`. `first`: tangent at the
 /// first knot, or the first segment's direction; `e0`: wanted reference there, any vector; `turn`: rad.
-/// Knots between which the tangent turns by more than `turn` are joined by a centripetal Catmull-Rom curve.
+/// Knots between which the tangent turns by more than `turn` are joined by a centripetal Catmull-Rom curve, or, where
+/// that would bend more tightly than the tube allows, by arcs within the corners.
 pub(super) fn choose(scratch: &mut Scratch, first: Option<Vec3>, e0: Vec3, turn: f32, out: &mut Vec<Ring>) {
     let start = out.len();
     tangents(&scratch.knots, first, &mut scratch.tangents);
-    if refine(&scratch.knots, &scratch.tangents, turn, &mut scratch.fine) {
+    if corners::any_tight(&scratch.knots, turn) {
+        corners::round(&scratch.knots, turn, &mut scratch.fine);
+        tangents(&scratch.fine, first, &mut scratch.tangents);
+    } else if refine(&scratch.knots, &scratch.tangents, turn, &mut scratch.fine) {
         tangents(&scratch.fine, first, &mut scratch.tangents);
     }
     let fixed = first.is_some();
@@ -136,16 +143,19 @@ fn select((knots, tangents): (&[Knot], &[Vec3]), turn: f32, fixed: bool, out: &m
     let (narrow, wide) = (1.0 - TAPER, 1.0 + TAPER);
     let (start, last) = (out.len(), knots.len().saturating_sub(1));
     let mut kept: Option<(Knot, Vec3)> = None;
+    let mut skipped = 0;
     for (i, (k, t)) in knots.iter().zip(tangents).enumerate() {
         let wanted = kept.is_none_or(|(l, lt)| {
             let gap = k.s - l.s;
             let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > SPACING * l.r;
             let close = if fixed && out.len() == start + 1 { 1.0 } else { CLOSE };
-            i == last || changed && gap > close * l.r
+            let sags = || sags(l, &knots[skipped..=i + 1]);
+            i == last || gap > close * l.r && (changed || sags())
         });
         if !wanted {
             continue;
         }
+        skipped = i + 1;
         // The last ring replaces one that it would crowd.
         if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < CLOSE * l.r) {
             out.pop();
@@ -153,6 +163,13 @@ fn select((knots, tangents): (&[Knot], &[Vec3]), turn: f32, fixed: bool, out: &m
         out.push(Ring { c: k.p, t: *t, e: Vec3::X, r: k.r, slope: 0.0, s: k.s, v: 0.0 });
         kept = Some((*k, *t));
     }
+}
+
+/// Whether the straight line from `from` to the last of the knots passes too far from any of the others.
+fn sags(from: Knot, knots: &[Knot]) -> bool {
+    let Some((to, between)) = knots.split_last() else { return false };
+    let along = math::normalize_or(to.p - from.p, Vec3::Y);
+    between.iter().any(|k| (k.p - from.p).reject_from_normalized(along).length_squared() > (SAG * k.r) * (SAG * k.r))
 }
 
 /// Whether a corner of ring `b` lies behind its twin on ring `a`, seen along the mean of their normals.
