@@ -1,12 +1,15 @@
-//! Points of skin per second: 10,000 axes of 16 rings and 8 sides, each side branch with its foot.
+//! Points of skin per second: 10,000 axes of 16 rings and 8 sides, each side branch with its foot; positions, normals,
+//! texture coordinates, triangles and bindings to the skeleton.
 #![allow(missing_docs, reason = "criterion's macros write undocumented functions")]
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
+
+use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Quat, Vec3};
 use osier::math;
 use osier::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
-use osier::surface::{SkinOptions, skin};
+use osier::surface::{Skin, SkinOptions, skin, skin_into};
 
 const NODES: u32 = 16;
 
@@ -58,15 +61,42 @@ fn push(plant: &mut Plant, (parent, parent_s): (u32, f32), (start, turn): (Vec3,
     });
 }
 
+/// Time that `n` calls of `f` kept this thread on a processor, so that others on the machine do not count; where the
+/// system does not say, time on the clock.
+#[allow(clippy::disallowed_methods, reason = "a bench reads the clock, and the system tells processor time in a file")]
+fn on_processor(n: u64, mut f: impl FnMut() -> bool) -> Duration {
+    let spent = || {
+        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        text.split(' ').next()?.parse().ok().map(Duration::from_nanos)
+    };
+    let clock = Instant::now();
+    let before = spent();
+    for _ in 0..n {
+        std::hint::black_box(f());
+    }
+    before.and_then(|b| spent()?.checked_sub(b)).unwrap_or_else(|| clock.elapsed())
+}
+
 fn loft(c: &mut Criterion) {
     let plant = forest();
     let options = SkinOptions { sides: (8, 8), turn: 0.1, ..SkinOptions::default() };
     let points = skin(&plant, &options).map_or(0, |s| s.mesh.points.len() as u64);
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let mut group = c.benchmark_group("surface");
     group.throughput(Throughput::Elements(points)).sample_size(20);
-    if let Ok(pool) = one {
-        group.bench_function("loft, points on one core", |b| b.iter(|| pool.install(|| skin(&plant, &options))));
+    for threads in [1, 2] {
+        let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(threads).build() else { continue };
+        let mut kept = Skin::default();
+        group.bench_function(format!("loft, points into used memory, threads: {threads}"), |b| {
+            b.iter(|| pool.install(|| skin_into(&plant, &options, &mut kept)));
+        });
+        if threads == 1 {
+            group.bench_function("loft, points into used memory, processor time of one thread", |b| {
+                b.iter_custom(|n| pool.install(|| on_processor(n, || skin_into(&plant, &options, &mut kept).is_ok())));
+            });
+        }
+        group.bench_function(format!("loft, points into fresh memory, threads: {threads}"), |b| {
+            b.iter(|| pool.install(|| skin(&plant, &options)));
+        });
     }
     group.finish();
 }

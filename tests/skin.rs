@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 use osier::math;
 use osier::plant::{Axis, AxisEnd, AxisKind, NONE, Plant, validate};
 use osier::rng::Rng;
-use osier::surface::{Skin, SkinOptions, UvMode, skin};
+use osier::surface::{Skin, SkinOptions, UvMode, skin, skin_into};
 use proptest::prelude::*;
 
 /// Appends an axis through the given points.
@@ -167,6 +167,22 @@ fn the_seam_differs_by_whole_repeats() {
         let (a, b) = (skin.mesh.uvs[10], skin.mesh.uvs[18]);
         assert_eq!(skin.mesh.points[10], skin.mesh.points[18]);
         assert!((b.x - a.x - 3.0).abs() < 1e-6 && (b.y - a.y).abs() < 1e-6, "{a} {b}");
+    }
+}
+
+#[test]
+fn used_memory_does_not_show() {
+    let options = SkinOptions::default();
+    let (mut large, mut small) = (wandering(1, 60), wandering(2, 20));
+    validate(&mut large).expect("sound");
+    validate(&mut small).expect("sound");
+    let mut again = skin(&large, &options).expect("skin");
+    for plant in [&small, &large] {
+        skin_into(plant, &options, &mut again).expect("skin");
+        let fresh = skin(plant, &options).expect("skin");
+        assert!(again.mesh.points == fresh.mesh.points && again.mesh.normals == fresh.mesh.normals);
+        assert!(again.mesh.triangles == fresh.mesh.triangles && again.mesh.uvs == fresh.mesh.uvs);
+        assert!(again.binding == fresh.binding && again.tubes == fresh.tubes);
     }
 }
 

@@ -8,5 +8,5 @@ pub mod loft;
 mod material;
 mod pixels;
 
-pub use loft::{Binding, Skin, SkinOptions, Tube, UvMode, skin};
+pub use loft::{Binding, Skin, SkinOptions, Tube, UvMode, skin, skin_into};
 pub use material::SurfaceMaterial;

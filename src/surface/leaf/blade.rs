@@ -67,6 +67,7 @@ pub fn blade(spec: &BladeSpec, variant: u64, detail: Detail) -> Result<Mesh> {
     };
     mesh.normals = smooth_normals(&mesh);
     petiole(spec, &pose, &outline, detail, &mut mesh);
+    lean_to_triangles(&mut mesh);
     Ok(mesh.with_material(0))
 }
 
@@ -182,6 +183,28 @@ fn smooth_normals(mesh: &Mesh) -> Vec<Vec3> {
         }
     }
     normals.iter().map(|n| if n.length() > 1e-20 { n.normalize() } else { Vec3::Z }).collect()
+}
+
+/// Where a sharp wave leaves a triangle facing against its normals, these lean over to it. At most 8 sweeps.
+fn lean_to_triangles(mesh: &mut Mesh) {
+    for _ in 0..8 {
+        let mut turned = false;
+        for t in &mesh.triangles {
+            let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+            let n = math::normalize_or((b - a).cross(c - a) * 1e6, Vec3::ZERO);
+            let mean: Vec3 = t.iter().fold(Vec3::ZERO, |s, i| s + mesh.normals[*i as usize]);
+            if n.dot(mean) < 0.05 && n != Vec3::ZERO {
+                turned = true;
+                for i in t {
+                    let normal = &mut mesh.normals[*i as usize];
+                    *normal = math::normalize_or(*normal + n * 0.5, n);
+                }
+            }
+        }
+        if !turned {
+            break;
+        }
+    }
 }
 
 /// A tube from the pivot to the blade and on below the midrib, thinning out; closed at both ends.

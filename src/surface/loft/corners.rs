@@ -40,10 +40,10 @@ pub(super) fn any_tight(knots: &[Knot], turn: f32) -> bool {
         let (x, y) = (w[1].p - w[0].p, w[2].p - w[1].p);
         let (x2, y2) = (x.length_squared(), y.length_squared());
         let room = (x2 * y2).sqrt();
-        // Square of the tangent of half the angle.
-        let tan2 = (room - x.dot(y)) / (room + x.dot(y)).max(1e-12);
+        // Square of the tangent of half the angle, as a fraction.
+        let (above, below) = (room - x.dot(y), (room + x.dot(y)).max(1e-12));
         let reach = TIGHT * w[1].r;
-        tan2 > least && 0.25 * x2.min(y2) < reach * reach * tan2
+        above > least * below && 0.25 * x2.min(y2) * below < reach * reach * above
     })
 }
 

@@ -36,27 +36,38 @@ pub(super) struct Job<'a> {
     pub circle: &'a [[f32; 3]],
 }
 
-/// Fills the arrays.
-pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &Plans, layout: Layout) -> Skin {
+/// Fills the arrays of `skin`, whose memory is used again where it suffices.
+pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &Plans, layout: Layout, skin: &mut Skin) {
     let circles = Circles::new(options.sides.1);
     let (points, triangles) = (layout.totals.0 as usize, layout.totals.1 as usize);
-    let mut mesh = Mesh {
-        points: bytemuck::zeroed_vec(points),
-        normals: bytemuck::zeroed_vec(points),
-        uvs: bytemuck::zeroed_vec(points),
-        triangles: bytemuck::zeroed_vec(triangles),
+    let old = std::mem::take(&mut skin.mesh);
+    skin.mesh = Mesh {
+        points: sized(old.points, points),
+        normals: sized(old.normals, points),
+        uvs: sized(old.uvs, points),
+        triangles: sized(old.triangles, triangles),
         subsets: subsets(&layout.subsets),
         ..Mesh::default()
     };
-    let mut binding = bytemuck::zeroed_vec(points);
+    skin.binding = sized(std::mem::take(&mut skin.binding), points);
     let shared = Shared { plant, options, plans, links: &layout.links, circles: &circles };
-    let mut runs = split(&layout.tubes, &mut mesh, &mut binding);
+    let mut runs = split(&layout.tubes, &mut skin.mesh, &mut skin.binding);
     par_each(&mut runs, |(tubes, out)| {
         for tube in *tubes {
             write(&shared, tube.axis, out);
         }
     });
-    Skin { mesh, binding, tubes: layout.tubes }
+    skin.tubes = layout.tubes;
+}
+
+/// The buffer with `n` entries, all of which are written afterwards: what it held may stay in it until then.
+fn sized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> {
+    if buffer.capacity() < n {
+        drop(buffer);
+        return bytemuck::zeroed_vec(n);
+    }
+    buffer.resize(n, T::zeroed());
+    buffer
 }
 
 fn subsets(runs: &[(u16, u32)]) -> Vec<Subset> {

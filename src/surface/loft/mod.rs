@@ -109,10 +109,22 @@ pub struct Skin {
 /// `Range` for an option outside its range, `Limit` for more than `max_points` points.
 /// Own: rings, feet and continuations; frames after [`crate::math::transport`].
 pub fn skin(plant: &Plant, options: &SkinOptions) -> Result<Skin> {
+    let mut out = Skin::default();
+    skin_into(plant, options, &mut out)?;
+    Ok(out)
+}
+
+/// As [`skin`], into the memory of an earlier skin, which saves asking the system for fresh pages: for callers that skin
+/// again and again. What `out` held does not matter.
+/// # Errors
+/// As [`skin`]; `out` is then as before.
+/// Own.
+pub fn skin_into(plant: &Plant, options: &SkinOptions, out: &mut Skin) -> Result<()> {
     check(options)?;
     let plans = plan::plan(plant, options);
     let layout = link::link(plant, options, &plans)?;
-    Ok(emit::emit(plant, options, &plans, layout))
+    emit::emit(plant, options, &plans, layout, out);
+    Ok(())
 }
 
 fn check(o: &SkinOptions) -> Result<()> {
