@@ -125,7 +125,9 @@ pub fn transport(x0: Vec3, t0: Vec3, e0: Vec3, x1: Vec3, t1: Vec3) -> Vec3 {
     let v2 = t1 - t_l;
     let c2 = v2.dot(v2);
     let e1 = if c2 < 1e-18 { e_l } else { e_l - v2 * (2.0 / c2 * v2.dot(e_l)) };
-    normalize_or(e1 - t1 * t1.dot(e1), perpendicular(t1))
+    let e = e1 - t1 * t1.dot(e1);
+    let length = e.length();
+    if length > 1e-9 { e / length } else { perpendicular(t1) }
 }
 
 #[cfg(test)]

@@ -49,8 +49,8 @@ impl Cone {
             wp.length_squared() - radius * radius,
         );
         let t = if qa > 1e-6 { ((qb * qb - qa * qc).max(0.0).sqrt() - qb) / qa } else { 0.0 };
-        let normal = math::normalize_or(wp + dp * t, math::perpendicular(self.along)) - self.along * self.growth;
-        (t, (wz + t * dz) / self.length, normal * self.lean)
+        let radial = math::normalize_or(wp + dp * t, dir) - self.along * self.growth;
+        (t, (wz + t * dz) / self.length, radial * self.lean)
     }
 }
 

@@ -10,8 +10,8 @@ use crate::math;
 use crate::par::par_chunks;
 use crate::plant::{Axis, AxisEnd, NONE, Plant};
 
-/// Axes planned as one piece of work.
-const RUN: usize = 256;
+/// Axes planned as one piece of work: few enough that the rings fit into memory that the heap keeps.
+const RUN: usize = 64;
 /// Tips thinner than this end in one vertex, m.
 const POINTED: f32 = 0.003;
 
@@ -87,7 +87,8 @@ pub(super) fn plan(plant: &Plant, options: &SkinOptions) -> Plans {
     let heirs = heirs(plant);
     let runs = par_chunks(&plant.axes, RUN, |first, axes| {
         let mut scratch = Scratch::default();
-        let mut rings = Vec::with_capacity(axes.len() * 8);
+        let nodes: usize = axes.iter().map(|a| a.count as usize).sum();
+        let mut rings = Vec::with_capacity(nodes + 2 * axes.len());
         let plans = axes
             .iter()
             .enumerate()
