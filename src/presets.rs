@@ -19,6 +19,8 @@ macro_rules! presets {
 pub const PRESETS: &[Preset] = presets! {
     "grammars" / "birch.l",
     "scenes" / "birch.toml",
+    "grammars" / "grass.l",
+    "scenes" / "grass.toml",
     "grammars" / "koch.l",
     "grammars" / "oak.l",
     "scenes" / "oak.toml",

@@ -52,7 +52,10 @@ pub fn lay_out(recipe: &Recipe) -> Layout {
         for _ in 0..kinds {
             layout.individuals.extend(individual(recipe, place, &mut ordinals));
         }
-        let spots = spread(recipe.seed, index, place);
+        let mut clear = Near::new(math::narrow(place.keys.clear));
+        let middle = Vec3::from_array(place.keys.at.map(math::narrow));
+        layout.standings.iter().map(|s| s.transform.t - middle).for_each(|p| clear.add(Vec2::new(p.x, p.z)));
+        let spots = spread(recipe.seed, index, place, &clear);
         for (copy, spot) in spots.iter().enumerate() {
             let transform = stand(recipe.seed, index, copy, place, *spot);
             layout.standings.push(Standing { individual: first + copy % kinds.max(1) as usize, transform });
@@ -95,8 +98,8 @@ fn name(recipe: &Recipe, layout: &mut Layout) {
     }
 }
 
-/// Where the copies of a group stand, relative to its middle.
-fn spread(seed: u64, index: usize, place: &PlaceRecipe) -> Vec<Vec2> {
+/// Where the copies of a group stand, relative to its middle. `clear`: what they keep away from, likewise.
+fn spread(seed: u64, index: usize, place: &PlaceRecipe, clear: &Near) -> Vec<Vec2> {
     let count = place.keys.count;
     if count == 1 {
         return vec![Vec2::ZERO];
@@ -112,10 +115,13 @@ fn spread(seed: u64, index: usize, place: &PlaceRecipe) -> Vec<Vec2> {
                 let a = std::f32::consts::TAU * rng.unit_f32();
                 let spot = Vec2::new(r * math::cos_f32(a), r * math::sin_f32(a));
                 let room = near.distance(spot);
-                if room > best.0 {
-                    best = (room, spot);
+                // What stands in the way of another place counts more than crowding within this one.
+                let lacking = clear.side - clear.distance(spot);
+                let worth = room - 1e3 * lacking;
+                if worth > best.0 {
+                    best = (worth, spot);
                 }
-                if room >= spacing {
+                if room >= spacing && lacking <= 0.0 {
                     break;
                 }
             }
@@ -202,6 +208,16 @@ mod tests {
         let p: Vec<Vec3> = many.standings.iter().map(|s| s.transform.t).collect();
         assert!(p.iter().all(|p| p.distance(Vec3::new(5.0, 0.0, 0.0)) <= 10.0));
         assert!((0..30).all(|i| (0..i).all(|j| p[i].distance(p[j]) >= 2.0)));
+    }
+
+    #[test]
+    fn groups_keep_clear_of_what_stands() {
+        let l = laid(
+            "[[place]]\nplant = \"b\"\nat = [1, 0, 2]\n[[place]]\nplant = \"a\"\ncount = 400\nradius = 3\nclear = 1\nindividuals = 1\nat = [0, 0, 2]",
+        );
+        let p: Vec<Vec3> = l.standings.iter().map(|s| s.transform.t).collect();
+        assert!(p[1..].iter().all(|q| q.distance(p[0]) >= 1.0));
+        assert!(p[1..].iter().any(|q| q.distance(p[0]) < 1.3));
     }
 
     #[test]

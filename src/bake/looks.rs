@@ -82,7 +82,11 @@ fn blades(look: &mut Look, recipe: &OrganRecipe, (plant, name, seed): (&str, &st
     let mut surface = leaf::leaf_material(&spec, &colors, &material_name, keys.side)?;
     surface.material.translucency = narrow(keys.translucency);
     let id = look.add(surface.material, surface.images);
-    let detail = if keys.detail == Detail::Hero { leaf::Detail::Hero } else { leaf::Detail::Light };
+    let detail = match keys.detail {
+        Detail::Hero => leaf::Detail::Hero,
+        Detail::Light => leaf::Detail::Light,
+        Detail::Crown => leaf::Detail::Crown,
+    };
     let meshes = (0..u64::from(keys.variants))
         .map(|variant| Ok(Arc::new(leaf::blade(&spec, variant, detail)?.with_material(id))))
         .collect::<Result<_>>()?;
@@ -215,10 +219,10 @@ pub struct Soil {
     pub look: Look,
 }
 
-/// The ground that the keys describe.
+/// The ground that the keys describe. `air`: linear colour of the sky at the horizon.
 /// # Errors
 /// What the makers of ground refuse.
-pub fn of_ground(keys: &GroundKeys, seed: u64) -> Result<Soil> {
+pub fn of_ground(keys: &GroundKeys, air: [f32; 3], seed: u64) -> Result<Soil> {
     let seed = mix64(&[seed, word("ground")]);
     let shape = Ground {
         radius: narrow(keys.size * 0.5),
@@ -230,7 +234,10 @@ pub fn of_ground(keys: &GroundKeys, seed: u64) -> Result<Soil> {
     };
     let own = GroundColors::default();
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
+    // Haze is lit as ground is, and would outshine the sky if it were as bright.
+    let haze = (scaled(air, 0.7), if shape.spanned() { narrow(keys.haze) } else { 0.0 });
     let colors = GroundColors {
+        haze,
         soil: keys.color.map_or(own.soil, |c| [scaled(c, 0.3), c]),
         green: keys.color2.map_or(own.green, |c| [scaled(c, 0.3), c]),
         cover: narrow(keys.cover),

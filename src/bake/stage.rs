@@ -221,7 +221,7 @@ fn placements(assets: &[Asset], layout: &Layout) -> Vec<Placement> {
 
 /// Sets the plants on the ground, whose middle is theirs, and returns it with its place.
 fn lay_ground(recipe: &Recipe, layout: &mut Layout) -> Result<(Soil, Vec3)> {
-    let soil = of_ground(&recipe.ground, recipe.seed)?;
+    let soil = of_ground(&recipe.ground, recipe.sky.horizon, recipe.seed)?;
     let feet = Bounds::of(layout.standings.iter().map(|s| s.transform.t));
     let middle = feet.center() * Vec3::new(1.0, 0.0, 1.0);
     for s in &mut layout.standings {

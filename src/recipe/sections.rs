@@ -36,8 +36,10 @@ words! {
     }
     /// How finely blades are cut.
     Detail {
-        /// For crowns: 40 to 90 points.
+        /// For plants seen whole: 40 to 90 points.
         Light = "light",
+        /// For crowns of many thousand leaves: 20 to 50 points.
+        Crown = "crown",
         /// For close-ups: every tooth, 100 to 250 points.
         Hero = "hero",
     }
@@ -296,6 +298,8 @@ keys! {
         radius: f64 = "radius" num(10.0, 0.0, 1e5, "m");
         /// Copies keep this distance where they can.
         spacing: f64 = "spacing" num(0.0, 0.0, 1e5, "m");
+        /// Copies keep this distance from what the places before this one put up.
+        clear: f64 = "clear" num(0.0, 0.0, 1e5, "m");
         /// Copies share so many individuals.
         individuals: Option<u32> = "individuals" Maybe(whole(1, 1, 10_000), "count: each grows its own");
     }
@@ -315,8 +319,10 @@ keys! {
         color2: Option<[f32; 3]> = "color2" Maybe(Color("#576a31"), "green");
         /// Share of grass and moss.
         cover: f64 = "cover" num(0.62, 0.0, 1.0, "");
-        /// Size of one repeat of the maps.
-        tile: f64 = "tile" num(2.0, 0.01, 1000.0, "m");
+        /// Size of one repeat of the maps; at `size` or more one map covers the whole ground.
+        tile: f64 = "tile" num(12.0, 0.01, 1000.0, "m");
+        /// Share of the sky's colour in the ground's at the rim, where one map covers it all; softens the horizon.
+        haze: f64 = "haze" num(0.8, 0.0, 1.0, "");
         /// Pixels along a side of the maps.
         side: u32 = "side" PowerOfTwo(1024);
     }

@@ -81,7 +81,27 @@ impl Ground {
         let slope = |dx: f32, dz: f32| (self.height(x + dx, z + dz) - self.height(x - dx, z - dz)) / (2.0 * STEP);
         mesh.points.push(Vec3::new(x, self.height(x, z), z));
         mesh.normals.push(Vec3::new(-slope(STEP, 0.0), 1.0, -slope(0.0, STEP)).normalize());
-        mesh.uvs.push(Vec2::new(x, -z) / self.tile);
+        mesh.uvs.push(self.uv(x, z));
+    }
+
+    /// Texture coordinates, in tiles: u along +X, v along -Z. Where the maps repeat they are bent a little, lest the
+    /// repeats stand in rows.
+    /// Own: two waves of noise of 0.16 tiles, 3 tiles long.
+    fn uv(&self, x: f32, z: f32) -> Vec2 {
+        let plain = Vec2::new(x, -z) / self.tile;
+        if self.spanned() {
+            return plain;
+        }
+        let bend = |k: u64| {
+            let at = [plain.x / 3.0 + 0.5, plain.y / 3.0 + 0.5];
+            noise::fractal2(self.seed ^ (0xBE2D + k), at, [1 << 20, 1 << 20], 2)
+        };
+        plain + 0.16 * Vec2::new(bend(0), bend(1))
+    }
+
+    /// True if one repeat of the maps covers the whole disc.
+    pub fn spanned(&self) -> bool {
+        self.tile >= 2.0 * self.radius
     }
 
     fn check(&self) -> Result<()> {
@@ -114,6 +134,9 @@ pub struct GroundColors {
     pub litter: [f32; 3],
     /// Share of green, 0..1.
     pub cover: f32,
+    /// Air between the eye and the far ground: its colour, and the share of it at the rim of a map that covers the whole
+    /// ground, 0..1.
+    pub haze: ([f32; 3], f32),
 }
 
 impl Default for GroundColors {
@@ -123,6 +146,7 @@ impl Default for GroundColors {
             green: [[0.022, 0.045, 0.010], [0.095, 0.145, 0.032]],
             litter: [0.190, 0.130, 0.065],
             cover: 0.62,
+            haze: ([0.7; 3], 0.0),
         }
     }
 }
@@ -134,6 +158,8 @@ struct Sample {
 }
 
 struct Tables {
+    /// Lush and dry parts of a meadow.
+    meadow: Fractal,
     cover: Fractal,
     tint: Fractal,
     clod: Fractal,
@@ -161,25 +187,15 @@ pub fn ground_material(
         let name = "ground: side of the maps".to_owned();
         return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
     }
-    let s = |k: u64| seed.wrapping_mul(64).wrapping_add(k << 3);
-    let tables = Tables {
-        cover: Fractal::new(s(0), [3, 3], 5),
-        tint: Fractal::new(s(1), [2, 2], 4),
-        clod: Fractal::new(s(2), [16, 16], 5),
-        blades: [Fractal::new(s(3), [160, 28], 2), Fractal::new(s(4), [110, 44], 2), Fractal::new(s(5), [96, 96], 2)],
-        litter: Cells::new(s(6), [34, 30], 0.9),
-        turns: (0..=u8::MAX)
-            .map(|i| f32::from(i) * (std::f32::consts::PI / 256.0))
-            .map(|a| (math::sin_f32(a), math::cos_f32(a)))
-            .collect(),
-    };
+    let tables = Tables::new(tile, side, seed);
     let rows: Vec<u32> = (0..side).collect();
     let n = side as f32;
     let xs = middles(side);
     let samples = pixels::joined(par_map(&rows, |&y| {
         let y = 1.0 - (y as f32 + 0.5) / n;
-        let [tint, clod, cover] = [&tables.tint, &tables.clod, &tables.cover].map(|noise| noise.row(&xs, y));
-        let straight = |i: usize| Straight { tint: tint[i], clod: clod[i], cover: cover[i] };
+        let [meadow, tint, clod, cover] =
+            [&tables.meadow, &tables.tint, &tables.clod, &tables.cover].map(|noise| noise.row(&xs, y));
+        let straight = |i: usize| Straight { meadow: meadow[i], tint: tint[i], clod: clod[i], cover: cover[i] };
         xs.iter().enumerate().map(|(i, x)| sample(colors, &tables, [*x, y], &straight(i))).collect()
     }));
     let heights: Vec<f32> = samples.iter().map(|s| s.height).collect();
@@ -207,16 +223,55 @@ pub fn ground_material(
     Ok(SurfaceMaterial { material, images })
 }
 
+impl Tables {
+    /// Patterns of the same size on the ground whatever the repeat: lengths are in metres. What is finer than two pixels
+    /// is drawn as coarse as the map can show.
+    fn new(tile: f32, side: u32, seed: u64) -> Self {
+        let s = |k: u64| seed.wrapping_mul(64).wrapping_add(k << 3);
+        let most = (side / 2).max(2);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
+        let times = |length: f32| ((tile.max(0.01) / length).round().clamp(1.0, most as f32)) as u32;
+        let fractal = |k: u64, lengths: [f32; 2], octaves: u32| {
+            let cells = lengths.map(times);
+            let room = most / cells[0].max(cells[1]);
+            Fractal::new(s(k), cells, octaves.min(room.ilog2() + 1))
+        };
+        Self {
+            meadow: fractal(7, [9.0; 2], 4),
+            cover: fractal(0, [0.67; 2], 5),
+            tint: fractal(1, [1.0; 2], 4),
+            clod: fractal(2, [0.125; 2], 5),
+            blades: [fractal(3, [0.0125, 0.0714], 2), fractal(4, [0.0182, 0.0455], 2), fractal(5, [0.0208; 2], 2)],
+            litter: Cells::new(s(6), [times(0.059), times(0.067)], 0.9),
+            turns: (0..=u8::MAX)
+                .map(|i| f32::from(i) * (std::f32::consts::PI / 256.0))
+                .map(|a| (math::sin_f32(a), math::cos_f32(a)))
+                .collect(),
+        }
+    }
+}
+
+/// Goes over to the colour of the air from a third of the way to the rim on. `x`, `y`: in a map whose corners meet in
+/// the middle of the ground.
+fn hazed(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
+    let (air, most) = colors.haze;
+    let (dx, dy) = (x.min(1.0 - x), y.min(1.0 - y));
+    let share = most * smoothstep(0.16, 0.5, (dx * dx + dy * dy).sqrt());
+    color.lerp(Vec3::from_array(air), share)
+}
+
 /// The noises that are looked up where the pixel is, not where the clods send it.
 struct Straight {
+    meadow: f32,
     tint: f32,
     clod: f32,
     cover: f32,
 }
 
 fn sample(colors: &GroundColors, t: &Tables, [x, y]: [f32; 2], straight: &Straight) -> Sample {
-    let Straight { tint, clod, .. } = *straight;
-    let cover = smoothstep(-0.18, 0.18, straight.cover + 0.25 * clod + (colors.cover - 0.5));
+    let Straight { meadow, tint, clod, .. } = *straight;
+    let bare = straight.cover + 0.25 * clod + 0.3 * meadow;
+    let cover = smoothstep(-0.18, 0.18, bare + (colors.cover - 0.5));
     // Bent by the clods, lest the streaks form a weave.
     let (bx, by) = (x + 0.03 * clod, y + 0.03 * tint - 0.02 * clod);
     let [a, b, c] = [t.blades[0].at(bx, by), t.blades[1].at(by, bx), t.blades[2].at(bx, by)];
@@ -224,7 +279,8 @@ fn sample(colors: &GroundColors, t: &Tables, [x, y]: [f32; 2], straight: &Straig
     let [soil, green] = [colors.soil, colors.green].map(|c| c.map(Vec3::from_array));
     let earth = soil[0].lerp(soil[1], (0.5 + 0.6 * clod + 0.2 * tint).clamp(0.0, 1.0));
     let grass = green[0].lerp(green[1], (blade * blade * 1.1 + 0.15 * tint).clamp(0.0, 1.0));
-    let grass = grass.lerp(Vec3::new(grass.y * 1.05, grass.y * 0.92, grass.z), (0.35 + 0.6 * tint).clamp(0.0, 0.7));
+    let grass = grass
+        .lerp(Vec3::new(grass.y * 1.05, grass.y * 0.92, grass.z), (0.3 + 0.4 * tint + 0.9 * meadow).clamp(0.0, 0.9));
     let mut color = earth.lerp(grass, cover * (0.55 + 0.45 * blade));
     let mut height = 0.35 + 0.22 * clod + cover * (0.30 * blade - 0.05);
 
@@ -240,7 +296,8 @@ fn sample(colors: &GroundColors, t: &Tables, [x, y]: [f32; 2], straight: &Straig
         height += 0.18 * leaf;
     }
     let rough = 0.93 - 0.08 * cover * blade - 0.10 * leaf;
-    Sample { color: color * (1.0 + 0.18 * tint), height: height.clamp(0.0, 1.0), rough }
+    let color = color * (1.0 + 0.14 * tint + 0.3 * meadow);
+    Sample { color: hazed(colors, color, x, y), height: height.clamp(0.0, 1.0), rough }
 }
 
 #[cfg(test)]

@@ -18,9 +18,14 @@ use crate::scene::Mesh;
 pub enum Detail {
     /// For close-ups: every tooth, 100 to 250 points.
     Hero,
-    /// For crowns: 40 to 90 points, teeth left to the eye.
+    /// For plants seen whole: 40 to 90 points, teeth left to the eye.
     Light,
+    /// For crowns of many thousand leaves: 20 to 50 points, the margin between veins and bays straight.
+    Crown,
 }
+
+/// Most points of one side's margin of a [`Detail::Crown`] blade.
+const CROWN_MARGIN: usize = 12;
 
 /// How one leaf differs from the next of its kind.
 struct Pose {
@@ -54,9 +59,12 @@ pub fn blade(spec: &BladeSpec, variant: u64, detail: Detail) -> Result<Mesh> {
     spec.check()?;
     let (smooth, teeth) = match detail {
         Detail::Hero => (2, true),
-        Detail::Light => (1, false),
+        Detail::Light | Detail::Crown => (1, false),
     };
-    let outline = Outline::new(spec, smooth, teeth);
+    let mut outline = Outline::new(spec, smooth, teeth);
+    if detail == Detail::Crown {
+        outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
+    }
     let pose = Pose::new(spec, variant);
     let flat = flat(&outline, detail);
     let mut mesh = Mesh {
@@ -111,7 +119,11 @@ fn flat(outline: &Outline, detail: Detail) -> Flat {
 fn cells(flat: &mut Flat, outline: &Outline, half: &Half, midrib: &[u32], (detail, reversed): (Detail, bool)) {
     let last = half.margin.len() - 1;
     let (base, tip) = (midrib[0], midrib[midrib.len() - 1]);
-    let inner: &[f32] = if detail == Detail::Hero { &[0.34, 0.68] } else { &[0.5] };
+    let inner: &[f32] = match detail {
+        Detail::Hero => &[0.34, 0.68],
+        Detail::Light => &[0.5],
+        Detail::Crown => &[],
+    };
     let margin: Vec<u32> = half
         .margin
         .iter()
@@ -209,7 +221,11 @@ fn lean_to_triangles(mesh: &mut Mesh) {
 
 /// A tube from the pivot to the blade and on below the midrib, thinning out; closed at both ends.
 fn petiole(spec: &BladeSpec, pose: &Pose, outline: &Outline, detail: Detail, mesh: &mut Mesh) {
-    let (sides, steps, under): (u32, u32, u32) = if detail == Detail::Hero { (5, 4, 4) } else { (3, 2, 1) };
+    let (sides, steps, under): (u32, u32, u32) = match detail {
+        Detail::Hero => (5, 4, 4),
+        Detail::Light => (3, 2, 1),
+        Detail::Crown => (3, 1, 1),
+    };
     let r = spec.petiole_radius;
     let mut path: Vec<(Vec3, f32)> = Vec::new();
     for k in 0..steps {
@@ -293,9 +309,30 @@ mod tests {
     }
 
     #[test]
+    fn a_crown_blade_covers_what_a_light_one_does() {
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+            let mut outline = Outline::new(&spec, 1, false);
+            let all: Vec<Vec2> = outline.halves[0].margin.clone();
+            let (light, _) = area(&spec, Detail::Light);
+            outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
+            let half = &outline.halves[0];
+            assert!(half.margin.len() <= CROWN_MARGIN.max(half.veins.len() + 2));
+            assert!(half.veins.iter().all(|v| half.margin[v.at].distance(v.tip) < 1e-6), "veins end on the margin");
+            assert!(half.margin.iter().all(|p| all.contains(p)));
+            let flat = flat(&outline, Detail::Crown);
+            let twice = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| flat.points[i as usize]);
+                (b - a).perp_dot(c - a)
+            };
+            let crown: f32 = 0.5 * flat.triangles.iter().map(twice).sum::<f32>();
+            assert!((crown / light - 1.0).abs() < 0.12, "{:?}: {crown} of {light}", spec.form);
+        }
+    }
+
+    #[test]
     fn blades_are_sound_and_variants_differ() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
-            for (detail, counts) in [(Detail::Hero, 60..=280), (Detail::Light, 20..=100)] {
+            for (detail, counts) in [(Detail::Hero, 60..=280), (Detail::Light, 20..=100), (Detail::Crown, 20..=50)] {
                 let (a, b) = (blade(&spec, 0, detail).expect("a"), blade(&spec, 1, detail).expect("b"));
                 assert!(counts.contains(&a.points.len()), "{:?} {detail:?}: {}", spec.form, a.points.len());
                 assert_eq!(a.uvs, b.uvs, "variants share their maps");

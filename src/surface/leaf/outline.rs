@@ -33,6 +33,24 @@ pub(super) struct Half {
     pub veins: Vec<Vein>,
 }
 
+impl Half {
+    /// Takes away the margin's points that change its shape least, but none where a vein ends, until `most` are left.
+    /// Source: Visvalingam and Whyatt 1993, "Line generalisation by repeated elimination of points".
+    pub fn simplify(&mut self, most: usize) {
+        while self.margin.len() > most {
+            let held = |i: usize| self.veins.iter().any(|v| v.at == i);
+            let area = |i: usize| {
+                let [a, b, c] = [i - 1, i, i + 1].map(|k| self.margin[k]);
+                (b - a).perp_dot(c - a).abs()
+            };
+            let free = (1..self.margin.len().saturating_sub(1)).filter(|i| !held(*i));
+            let Some(least) = free.min_by(|i, j| area(*i).total_cmp(&area(*j))) else { return };
+            self.margin.remove(least);
+            self.veins.iter_mut().filter(|v| v.at > least).for_each(|v| v.at -= 1);
+        }
+    }
+}
+
 /// A flat blade.
 #[derive(Debug, Clone)]
 pub(super) struct Outline {
