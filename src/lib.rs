@@ -23,6 +23,7 @@ pub mod noise;
 pub mod par;
 pub mod plant;
 pub mod presets;
+pub mod preview;
 pub mod progress;
 pub mod recipe;
 pub mod rng;

@@ -26,6 +26,7 @@ osier turns small text files into plants and bakes them into files that Blender,
 
   osier bake                         the showcase, complete and moving, into out/showcase
   osier grow oak -o oak.glb          one plant as one file; the ending picks the format
+  osier preview oak                  a picture of it, out/oak.png
   osier list presets                 what there is to grow
   osier new mytree --from oak        a folder of your own to change
   osier bake mytree/mytree.toml      the scene you changed
@@ -56,6 +57,9 @@ pub enum Command {
     /// Write one still plant or scene as one file.
     #[command(after_long_help = EXIT_CODES)]
     Grow(Grow),
+    /// Draw a picture, a contact sheet, a turntable or a moving picture.
+    #[command(after_long_help = EXIT_CODES)]
+    Preview(Preview),
     /// Show every fault of scenes and grammars, and what they would make.
     #[command(after_long_help = EXIT_CODES)]
     Check(Check),
@@ -119,6 +123,71 @@ pub enum ProfileArg {
     Blender,
     /// Browsers and engines.
     Web,
+}
+
+/// `osier preview`.
+#[derive(Debug, Args)]
+pub struct Preview {
+    /// Grammar (.l), scene (.toml), preset, mesh (.glb .gltf .obj) or the folder of a bake.
+    #[arg(value_name = "SOURCE")]
+    pub source: String,
+    /// File to write [default: out/NAME.png, .gif for what moves]; .apng and .png also hold what moves.
+    #[arg(short = 'o', long = "output", value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Pixels [default: 800x800; 320x320 for each picture of a sheet, 480x480 for what moves].
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// How much work goes into it.
+    #[arg(long, value_enum, default_value = "normal")]
+    pub quality: QualityArg,
+    /// From where: portrait, front, back, left, right, top, scene (its own camera), or AZIMUTH,ELEVATION in degrees.
+    #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
+    pub view: Option<String>,
+    /// Where the sun stands, degrees.
+    #[arg(long, value_name = "ELEVATION,AZIMUTH", allow_hyphen_values = true)]
+    pub sun: Option<String>,
+    /// What lies behind: auto, sky, studio, none (transparent), or a colour such as #f4f1ea.
+    #[arg(long, value_name = "WHAT")]
+    pub background: Option<String>,
+    /// One frame of a moving scene.
+    #[arg(long, value_name = "N")]
+    pub frame: Option<u32>,
+    /// A moving picture of these frames: 1-72, 1-72:2.
+    // Limits are named in one space with all other arguments, and one of them is `frames`.
+    #[arg(id = "shown-frames", long = "frames", value_name = "LIST")]
+    pub frames: Option<String>,
+    /// A moving picture that goes once round, in N steps.
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "48", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    pub turntable: Option<u32>,
+    /// A contact sheet of these seeds: 0-15.
+    #[arg(long, value_name = "LIST")]
+    pub seeds: Option<String>,
+    /// A contact sheet of a key's values: KEY=FROM:TO:COUNT or KEY=V,V; a second one runs down.
+    #[arg(long, value_name = "KEY=A:B:N")]
+    pub sweep: Vec<String>,
+    /// Pictures in a row of a sheet.
+    #[arg(long, value_name = "N")]
+    pub columns: Option<u32>,
+    /// Another source, shown beside the first with the same camera.
+    #[arg(long, value_name = "SOURCE")]
+    pub compare: Option<String>,
+    /// Derivation length instead of the grammar's.
+    #[arg(id = "preview-steps", long = "steps", value_name = "N")]
+    pub steps: Option<u32>,
+    /// Overwrite a file that osier did not write.
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// Values of `--quality`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum QualityArg {
+    /// One look a pixel: for shapes.
+    Draft,
+    /// For every day.
+    Normal,
+    /// For keeping.
+    Fine,
 }
 
 /// `osier check`.

@@ -9,6 +9,7 @@ mod info;
 mod list;
 mod new;
 mod numbers;
+mod preview;
 mod progress;
 mod report;
 mod source;
@@ -99,6 +100,7 @@ fn start(cli: Cli) -> u8 {
         Command::New(a) => new::run(&context, a),
         Command::Bake(a) => bake::run(&context, a),
         Command::Grow(a) => grow::run(&context, a),
+        Command::Preview(a) => preview::run(&context, a),
         Command::Check(a) => check::run(&context, a),
         Command::Info(a) => info::run(&context, a),
     };

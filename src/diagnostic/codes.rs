@@ -17,7 +17,7 @@ const fn row(code: &'static str, severity: Severity, summary: &'static str) -> C
     Code { code, severity, summary }
 }
 
-/// All codes, sorted: L grammars, S scenes, X files in and out.
+/// All codes, sorted: L grammars, P pictures, S scenes, X files in and out.
 pub const CODES: &[Code] = &[
     row("L001", Error, "unexpected token, expected another"),
     row("L002", Error, "unknown item, with the nearest known name"),
@@ -60,6 +60,9 @@ pub const CODES: &[Code] = &[
     row("L053", Warning, "unmatched ']' in the string"),
     row("L054", Warning, "nothing changes from this step on"),
     row("L055", Warning, "context never matches: it names a hidden symbol"),
+    row("P001", Error, "nothing to draw"),
+    row("P002", Error, "camera without a finite place or direction"),
+    row("P003", Error, "picture cannot be encoded"),
     row("S001", Error, "not valid TOML"),
     row("S002", Error, "unknown key, with the nearest known name"),
     row("S003", Error, "wrong type or malformed value"),

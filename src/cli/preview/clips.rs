@@ -1,0 +1,99 @@
+//! Turntables and frame ranges as GIF or APNG.
+
+use super::super::Context;
+use super::super::args::Preview;
+use super::load::{Change, load};
+use super::sheets::subject;
+use super::shots::{Background, Wish, ending};
+use super::{Done, Target};
+use crate::bake::Work;
+use crate::preview::{ClipFormat, ClipWriter, Looks, Subject, World, expose, tiles};
+use crate::scene::Camera;
+use crate::Result;
+
+/// Frames per second of a turntable.
+const TURNS: (u32, u32) = (16, 1);
+
+/// Runs it.
+pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> Result<Done> {
+    let format = match args.output.as_deref().map(ending).as_deref() {
+        None | Some("gif") => ClipFormat::Gif,
+        Some("png" | "apng") => ClipFormat::Apng,
+        Some(other) => return Ok(Done::Refused(format!("a moving picture ends in .gif, .png or .apng, not .{other}"))),
+    };
+    let moving = args.turntable.is_none() || args.frame.is_some();
+    let loaded = load(context, args, (&args.source, wish.quality, moving), &Change::default(), work)?;
+    context.console.report(&loaded.report);
+    let clip = loaded.scene().clip;
+    let numbers: Vec<Option<u32>> = match args.turntable {
+        Some(_) => vec![args.frame],
+        None => wish.frames.iter().map(|f| Some(*f)).collect(),
+    };
+    if let Some(n) = numbers.iter().flatten().find(|n| !(clip.start..=clip.end).contains(n)) {
+        return Ok(Done::Refused(format!("frame {n} is outside the scene's {} to {}", clip.start, clip.end)));
+    }
+    if args.turntable.is_none() && !loaded.moves() {
+        return Ok(Done::Refused(format!("nothing in \"{}\" moves; --turntable goes round it", loaded.name)));
+    }
+    let first = numbers.first().copied().flatten().map(|n| loaded.frame(n));
+    let own = subject(&loaded, first.as_ref())?;
+    let around = if args.turntable.is_some() { own.spun() } else { own.clone() };
+    let camera = wish.camera(&loaded, &around);
+    let looks = Looks::new(loaded.scene(), wish.quality.texture_side());
+    let count = args.turntable.map_or(numbers.len(), |n| n as usize);
+    let fps = if args.turntable.is_some() { TURNS } else { paced(clip.fps, &wish.frames) };
+    let target = Target::new(context, args, &loaded.name, "gif")?;
+    let Some(output) = target.folder.create(&target.name, "preview", None)? else {
+        return Ok(Done::Kept { warned: false });
+    };
+    let length = u32::try_from(count).unwrap_or(u32::MAX);
+    let opaque = wish.background != Background::Clear;
+    let mut output = output;
+    let mut writer = ClipWriter::new(&mut output, format, wish.size, (length, fps, opaque))?;
+    work.progress.stage("drawing frames", tiles(wish.size) * count as u64);
+    if args.turntable.is_some() {
+        let world = World::new(loaded.scene(), first.as_ref(), &looks);
+        for i in 0..length {
+            let shot = wish.shot(&loaded, &own, turned(camera, i, length, &own));
+            writer.frame(&expose(&world, &shot, work.cancel, work.progress)?)?;
+        }
+    } else {
+        let shot = wish.shot(&loaded, &own, camera);
+        for n in numbers.iter().flatten() {
+            let now = loaded.frame(*n);
+            let world = World::new(loaded.scene(), Some(&now), &looks);
+            writer.frame(&expose(&world, &shot, work.cancel, work.progress)?)?;
+        }
+    }
+    writer.finish()?;
+    output.commit()?;
+    target.tell(context, wish.size, count)?;
+    Ok(Done::Kept { warned: !loaded.report.diagnostics.is_empty() })
+}
+
+/// Frames per second when only every so many frames are shown.
+fn paced(fps: (u32, u32), frames: &[u32]) -> (u32, u32) {
+    let step = frames.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(1).max(1);
+    (fps.0, fps.1.saturating_mul(step))
+}
+
+/// The camera `i` of `n` steps round the subject's upright axis.
+#[allow(clippy::cast_precision_loss, reason = "thousands of steps at most")]
+fn turned(camera: Camera, i: u32, n: u32, subject: &Subject) -> Camera {
+    let turn = glam::Quat::from_rotation_y(std::f32::consts::TAU * i as f32 / n.max(1) as f32);
+    let axis = subject.bounds.center();
+    let round = |p: glam::Vec3| axis + turn * (p - axis);
+    Camera { eye: round(camera.eye), target: round(camera.target), ..camera }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::paced;
+
+    #[test]
+    fn skipped_frames_are_shown_longer() {
+        assert_eq!(paced((24, 1), &[1, 2, 3]), (24, 1));
+        assert_eq!(paced((24, 1), &[1, 5, 9]), (24, 4));
+        assert_eq!(paced((24, 1), &[7]), (24, 1));
+    }
+}

@@ -1,0 +1,165 @@
+//! What is previewed: a scene, grammar or preset grown on the spot, or a file that exists.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::super::args::Preview;
+use super::super::{Context, source};
+use super::shots::ending;
+use crate::bake::mover::frame;
+use crate::bake::write::Stage;
+use crate::bake::{Work, stage};
+use crate::diagnostic::{Diagnostic, Report};
+use crate::export::manifest;
+use crate::fence::{self, Roots};
+use crate::import::{self, Options, Up};
+use crate::preview::Quality;
+use crate::recipe::{Recipe, resolve};
+use crate::scene::{
+    Asset, AssetKind, Camera, Clip, Frame, MaterialClass, MeshMotion, MeshObject, Placement, Scene, Sky, Sun, Trs,
+};
+use crate::{Error, Result};
+
+/// Files that are read as they are.
+const MESHES: [&str; 3] = ["glb", "gltf", "obj"];
+
+/// Something to take pictures of.
+pub struct Loaded {
+    stage: Stage,
+    /// The scene places its own camera.
+    pub has_camera: bool,
+    /// Short name.
+    pub name: String,
+    /// What was said about it.
+    pub report: Report,
+}
+
+impl Loaded {
+    pub fn scene(&self) -> &Scene {
+        &self.stage.scene
+    }
+
+    /// The scene's things at a frame.
+    pub fn frame(&self, number: u32) -> Frame {
+        frame(&self.stage.scene, &self.stage.movers, number)
+    }
+
+    /// True if something moves.
+    pub fn moves(&self) -> bool {
+        self.stage.movers.iter().any(Option::is_some)
+    }
+}
+
+/// Another individual of the same source.
+#[derive(Debug, Clone, Default)]
+pub struct Change {
+    pub seed: Option<u64>,
+    /// `path=value`.
+    pub set: Vec<String>,
+}
+
+/// Loads a source.
+/// # Errors
+/// `Input` with its faults, `Io`, `Limit`, `Cancelled`.
+pub fn load(context: &Context, args: &Preview, (name, quality, moving): (&str, Quality, bool), change: &Change, work: &Work<'_>) -> Result<Loaded> {
+    let path = Path::new(name);
+    if path.is_dir() {
+        return mesh_file(context, &baked(context, path)?);
+    }
+    if MESHES.contains(&ending(path).as_str()) {
+        return mesh_file(context, path);
+    }
+    if let "usda" | "usdc" | "usdz" | "ply" | "pov" | "pc2" | "exr" = ending(path).as_str() {
+        let why = format!("\"{name}\" (.{}) is a file for other programs", ending(path));
+        let help = "preview its scene, or the .glb of the same bake (--formats glb)";
+        return Err(fault(Diagnostic::about("S001", why).help(help)));
+    }
+    let mut request = source::request(context, name)?;
+    request.steps = args.steps;
+    request.set.extend(change.set.iter().cloned());
+    request.seed = change.seed.or(request.seed);
+    let (mut recipe, mut report) = resolve(&request)?;
+    if !moving {
+        // Joints, weights and flutter are only made for a clip that moves.
+        recipe.clip.end = recipe.clip.start;
+    }
+    cap_maps(&mut recipe, quality);
+    let built = stage::build(&recipe, stage::Parts::default(), work)?;
+    report.extend(built.report);
+    let keys = &recipe.camera;
+    let has_camera = keys.eye.is_some() || keys.target.is_some();
+    Ok(Loaded { stage: built.stage, has_camera, name: recipe.name, report })
+}
+
+/// Maps larger than the picture can show are not painted.
+fn cap_maps(recipe: &mut Recipe, quality: Quality) {
+    let side = quality.texture_side();
+    for plant in &mut recipe.plants {
+        plant.bark.side = plant.bark.side.min(side);
+        plant.shoot.side = plant.shoot.side.min(side / 2);
+        for organ in &mut plant.organs {
+            organ.keys.side = organ.keys.side.min(side);
+        }
+    }
+    recipe.ground.side = recipe.ground.side.min(side);
+}
+
+fn fault(diagnostic: Diagnostic) -> Error {
+    let mut report = Report::default();
+    report.push(diagnostic);
+    Error::Input(Box::new(report))
+}
+
+/// The file of a bake's folder that holds all of it.
+fn baked(context: &Context, folder: &Path) -> Result<PathBuf> {
+    let (m, _) = manifest::verify(folder, context.limits.get("json-bytes"))?;
+    let files = m.expanded();
+    let find = |ends: &str| files.iter().map(|f| f.0.as_str()).find(|p| p.ends_with(ends));
+    let whole = |profile: &str| find(&format!("{}.{profile}.glb", m.scene.name));
+    match whole("blender").or_else(|| whole("web")) {
+        Some(path) => Ok(folder.join(path)),
+        None => {
+            let why = format!("\"{}\" is a bake without a .glb of the whole scene", folder.display());
+            Err(fault(Diagnostic::about("S001", why).help("preview its scene file, or bake it again with --formats glb")))
+        }
+    }
+}
+
+fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
+    let bytes = fence::read_input(path, context.limits.get("mesh-bytes"))?;
+    let roots = Roots::new(path, &context.common.search)?;
+    let options =
+        Options { roots: &roots, limits: &context.limits, up: Up::Y, scale: 1.0, class: MaterialClass::Leaf };
+    let read = import::read(path, &bytes, &options)?;
+    let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let object = MeshObject { name: "mesh".into(), mesh: read.mesh, motion: MeshMotion::Still, skin: None };
+    let asset = Asset {
+        id: "mesh".into(),
+        kind: AssetKind::Import,
+        skeleton: None,
+        meshes: vec![object],
+        instancers: Vec::new(),
+        points: Vec::new(),
+        curves: Vec::new(),
+    };
+    let hash = read.files.iter().fold(blake3::Hasher::new(), |mut h, f| {
+        h.update(&f.blake3);
+        h
+    });
+    let scene = Scene {
+        name: "mesh".into(),
+        title: name.clone(),
+        seed: 0,
+        hash: hash.finalize().to_hex().to_string(),
+        clip: Clip::default(),
+        camera: Camera { eye: glam::Vec3::Z, target: glam::Vec3::ZERO, vfov: 0.6, roll: 0.0 },
+        sun: Sun::default(),
+        sky: Sky::default(),
+        images: read.images,
+        materials: read.materials,
+        assets: vec![asset],
+        placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY }],
+    };
+    let stage = Stage { scene: Arc::new(scene), movers: vec![None] };
+    Ok(Loaded { stage, has_camera: false, name, report: read.warnings })
+}

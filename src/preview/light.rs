@@ -1,0 +1,245 @@
+//! Light: a sun with an angular size, a sky of two colours, and what surfaces make of them.
+
+use glam::Vec3;
+
+use super::looks::Finish;
+use super::sampler::Sampler;
+use super::surface::Surface;
+use super::world::{World, ray};
+use crate::math;
+use crate::scene::{Sky, Sun};
+
+/// Refractions and reflections in a row.
+const DEPTH: u32 = 6;
+/// Radiance of one sample at most: a glint on water is bright, not a speck of noise.
+const BRIGHTEST: f32 = 6.0;
+/// Share of the surfaces around that see the sky and the sun, where it is not looked up.
+const OPENNESS: f32 = 0.5;
+/// Purposes of samples at each depth.
+const PURPOSES: u32 = 8;
+
+/// Sun and sky.
+#[derive(Debug, Clone, Copy)]
+pub struct Light {
+    toward: Vec3,
+    /// Irradiance on a surface that faces the sun.
+    sun: Vec3,
+    /// Cosine of half the sun's angular size.
+    cone: f32,
+    horizon: Vec3,
+    zenith: Vec3,
+}
+
+/// One sample of a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Draw<'a> {
+    pub(super) sampler: &'a Sampler,
+    pub(super) index: u32,
+    /// Width of the sample at unit distance.
+    pub(super) spread: f32,
+}
+
+impl Light {
+    /// Light of a scene.
+    pub fn new(sun: &Sun, sky: &Sky) -> Self {
+        Self {
+            toward: sun.direction(),
+            sun: Vec3::from_array(sun.color) * sun.strength,
+            cone: math::cos_f32(sun.angle * 0.5).min(1.0 - 1e-7),
+            horizon: Vec3::from_array(sky.horizon) * sky.strength,
+            zenith: Vec3::from_array(sky.zenith) * sky.strength,
+        }
+    }
+
+    /// Radiance of the sky in a unit direction.
+    pub(super) fn sky(&self, direction: Vec3) -> Vec3 {
+        self.horizon.lerp(self.zenith, direction.y.clamp(0.0, 1.0))
+    }
+
+    /// Mean radiance of the sky, weighted as a level surface sees it.
+    pub(super) fn mean_sky(&self) -> Vec3 {
+        self.horizon.lerp(self.zenith, 2.0 / 3.0)
+    }
+
+    /// Radiance of a white, level, open floor that comes from the sun.
+    pub(super) fn open_sun(&self) -> Vec3 {
+        self.sun * (self.toward.y.max(0.0) * std::f32::consts::FRAC_1_PI)
+    }
+
+    /// A direction into the sun. `at`: in the unit square.
+    fn sunward(&self, at: [f32; 2]) -> Vec3 {
+        let cos = 1.0 - at[0] * (1.0 - self.cone);
+        turned(self.toward, cos, at[1])
+    }
+}
+
+/// The unit vector at an angle of cosine `cos` from the unit vector `axis`, `turn` of the way round.
+fn turned(axis: Vec3, cos: f32, turn: f32) -> Vec3 {
+    let x = math::perpendicular(axis);
+    let y = axis.cross(x);
+    let sin = math::sqrt_f32((1.0 - cos * cos).max(0.0));
+    let angle = turn * std::f32::consts::TAU;
+    axis * cos + (x * math::cos_f32(angle) + y * math::sin_f32(angle)) * sin
+}
+
+/// A direction about `n`, likelier where a matt surface takes more light: its density is cos / pi.
+fn cosine(n: Vec3, at: [f32; 2]) -> Vec3 {
+    turned(n, math::sqrt_f32(1.0 - at[0]), at[1])
+}
+
+impl World<'_> {
+    /// Radiance towards the viewer along a ray, and whether it met anything.
+    pub(super) fn radiance(&self, light: &Light, origin: Vec3, direction: Vec3, draw: &Draw<'_>) -> Option<Vec3> {
+        self.followed(light, (origin, direction), draw, 0)
+    }
+
+    fn followed(&self, light: &Light, (o, d): (Vec3, Vec3), draw: &Draw<'_>, depth: u32) -> Option<Vec3> {
+        let hit = self.nearest(ray(o, d, [0.0, f32::INFINITY]))?;
+        let surface = self.surface(&hit, o, d, draw.spread)?;
+        let seen = if surface.finish.water {
+            self.water(light, d, &surface, draw, depth)
+        } else {
+            self.lit(light, d, &surface, draw, depth)
+        };
+        Some(seen.min(Vec3::splat(BRIGHTEST)))
+    }
+
+    /// Light that an opaque or thin surface sends back along `d`.
+    /// Matt light falls off with the cosine; a share `translucency` of it leaves on the other side. The gloss is that of
+    /// a rough dielectric: what it takes, the matt part lacks.
+    fn lit(&self, light: &Light, d: Vec3, s: &Surface, draw: &Draw<'_>, depth: u32) -> Vec3 {
+        let f = &s.finish;
+        let toward = -math::normalize_or(d, Vec3::Z);
+        let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * (1.0 - f.roughness) ;
+        let purpose = depth * PURPOSES;
+        let matt = f.albedo * (1.0 - gloss);
+        let mut sum = self.sunlight(light, s, toward, matt, draw.sampler.point(draw.index, purpose + 1));
+        let at = draw.sampler.point(draw.index, purpose + 2);
+        // One direction serves both sides: the first coordinate also says which.
+        let through = at[0] < f.translucency;
+        let rest = if through { at[0] / f.translucency } else { (at[0] - f.translucency) / (1.0 - f.translucency).max(1e-6) };
+        let n = if through { -s.n } else { s.n };
+        sum += matt * self.arriving(light, s, cosine(n, [rest.clamp(0.0, 0.999_999), at[1]]), draw, purpose);
+        if gloss > 0.004 {
+            let r = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
+            sum += self.arriving(light, s, if r.dot(s.face) > 0.0 { r } else { s.n }, draw, purpose) * gloss;
+        }
+        sum
+    }
+
+    /// Light of sun and sky that reaches a white, level floor.
+    pub(super) fn open_light(&self, light: &Light, p: Vec3, draw: &Draw<'_>) -> (Vec3, Vec3) {
+        let seen = |d: Vec3| self.lets_by(ray(p, d, [0.0, f32::INFINITY]));
+        let l = light.sunward(draw.sampler.point(draw.index, 1));
+        let sun = if l.y > 0.0 && light.sun != Vec3::ZERO && seen(l) { light.open_sun() } else { Vec3::ZERO };
+        let d = cosine(Vec3::Y, draw.sampler.point(draw.index, 2));
+        (sun, if seen(d) { light.sky(d) } else { Vec3::ZERO })
+    }
+
+    /// Light of the sun.
+    fn sunlight(&self, light: &Light, s: &Surface, toward: Vec3, matt: Vec3, at: [f32; 2]) -> Vec3 {
+        let l = light.sunward(at);
+        let (cos, front) = (s.n.dot(l), s.face.dot(l) > 0.0);
+        let share = match (cos > 0.0, front) {
+            (true, true) => 1.0 - s.finish.translucency,
+            (false, false) => s.finish.translucency,
+            _ => 0.0,
+        };
+        if light.sun == Vec3::ZERO || (share <= 0.0 && !(front && cos > 0.0)) {
+            return Vec3::ZERO;
+        }
+        let from = s.p + s.face * if front { self.gap } else { -self.gap };
+        if !self.lets_by(ray(from, l, [0.0, f32::INFINITY])) {
+            return Vec3::ZERO;
+        }
+        let mut sent = matt * (share * std::f32::consts::FRAC_1_PI);
+        if front {
+            sent += Vec3::splat(glint(&s.finish, s.n, toward, l));
+        }
+        light.sun * sent * cos.abs()
+    }
+
+    /// Light that arrives from a direction: the sky, or what stands before it.
+    fn arriving(&self, light: &Light, s: &Surface, d: Vec3, draw: &Draw<'_>, purpose: u32) -> Vec3 {
+        let front = s.face.dot(d) > 0.0;
+        let from = s.p + s.face * if front { self.gap } else { -self.gap };
+        match self.nearest(ray(from, d, [0.0, f32::INFINITY])) {
+            None => light.sky(d),
+            Some(hit) => {
+                let (color, n) = self.glimpse(&hit, d);
+                let l = light.sunward(draw.sampler.point(draw.index, purpose + 3));
+                let cos = n.dot(l);
+                let at = from + d * hit.spot.t + n * self.gap;
+                let sun = if cos > 0.0 && light.sun != Vec3::ZERO && self.lets_by(ray(at, l, [0.0, f32::INFINITY])) {
+                    light.sun * (cos * std::f32::consts::FRAC_1_PI)
+                } else {
+                    Vec3::ZERO
+                };
+                gathered(color, light.mean_sky()) + color * sun
+            }
+        }
+    }
+
+    /// A drop: part of the light is reflected, part goes on bent.
+    fn water(&self, light: &Light, d: Vec3, s: &Surface, draw: &Draw<'_>, depth: u32) -> Vec3 {
+        if depth >= DEPTH {
+            return light.sky(d);
+        }
+        let d = math::normalize_or(d, -Vec3::Z);
+        let n = s.n;
+        let eta = if s.outside { 1.0 / self.looks.ior(s.material) } else { self.looks.ior(s.material) };
+        let cos = -n.dot(d);
+        let k = 1.0 - eta * eta * (1.0 - cos * cos);
+        let beyond = |from: Vec3, to: Vec3| {
+            let side = if to.dot(s.face) > 0.0 { self.gap } else { -self.gap };
+            self.followed(light, (from + s.face * side, to), draw, depth + 1).unwrap_or_else(|| light.sky(to))
+        };
+        let back = d + n * (2.0 * cos);
+        if k < 0.0 {
+            return beyond(s.p, back);
+        }
+        let on = math::normalize_or(d * eta + n * (eta * cos - math::sqrt_f32(k)), d);
+        let share = fresnel(s.finish.f0, if s.outside { cos } else { -n.dot(on) });
+        let mut seen = beyond(s.p, on) * (1.0 - share);
+        if s.outside {
+            seen += beyond(s.p, back) * share;
+            let l = light.toward;
+            let bright = glint(&Finish { roughness: 0.08, ..s.finish }, n, -d, l) * n.dot(l).max(0.0);
+            if bright > 1e-3 && self.lets_by(ray(s.p + s.face * self.gap, l, [0.0, f32::INFINITY])) {
+                seen += light.sun * bright;
+            }
+        }
+        seen
+    }
+}
+
+/// Light from a surface that other surfaces light: radiance in a nook of openness o whose walls have colour c is
+/// c o / (1 - c (1 - o)), all orders of reflection summed; a white nook shines like the sky.
+fn gathered(color: Vec3, sky: Vec3) -> Vec3 {
+    let c = color.clamp(Vec3::ZERO, Vec3::ONE);
+    sky * (c * OPENNESS / (Vec3::ONE - c * (1.0 - OPENNESS)))
+}
+
+/// Reflected share of light at an angle of cosine `cos`.
+/// Source: C. Schlick, "An inexpensive BRDF model", Computer Graphics Forum 13(3), 1994.
+fn fresnel(f0: f32, cos: f32) -> f32 {
+    let m = (1.0 - cos).clamp(0.0, 1.0);
+    f0 + (1.0 - f0) * m * m * m * m * m * if f0 > 0.0 { 1.0 } else { 0.0 }
+}
+
+/// Scattering of a rough mirror per cosine, 1/sr.
+/// Source: B. Walter et al., "Microfacet models for refraction", EGSR 2007: GGX with the joint Smith term in Hammon's
+/// approximation.
+fn glint(f: &Finish, n: Vec3, v: Vec3, l: Vec3) -> f32 {
+    let (nv, nl) = (n.dot(v), n.dot(l));
+    if nv <= 0.0 || nl <= 0.0 || f.f0 <= 0.0 {
+        return 0.0;
+    }
+    let h = math::normalize_or(v + l, n);
+    let a = (f.roughness * f.roughness).max(0.003);
+    let c = n.dot(h).max(0.0);
+    let k = c * c * (a * a - 1.0) + 1.0;
+    let spread = a * a / (std::f32::consts::PI * k * k);
+    let shadow = 0.5 / math::lerp(2.0 * nv * nl, nv + nl, a);
+    spread * shadow * fresnel(f.f0, h.dot(v).max(0.0))
+}

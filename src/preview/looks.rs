@@ -1,0 +1,102 @@
+//! Materials with their pictures, ready to be asked.
+
+use glam::{Vec2, Vec3};
+
+use super::texture::{Decoder, Texture};
+use crate::par::par_map;
+use crate::scene::{Image, Material, MaterialClass, MaterialId, Scene};
+
+/// All materials of a scene. Made once; frames share it.
+#[derive(Debug)]
+pub struct Looks {
+    materials: Vec<Material>,
+    textures: Vec<Option<Texture>>,
+    decoder: Decoder,
+}
+
+/// What light meets at a place.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Finish {
+    /// Linear colour: share of light that is scattered.
+    pub(super) albedo: Vec3,
+    /// 0 mirror .. 1 matt.
+    pub(super) roughness: f32,
+    /// Reflected share at normal incidence.
+    pub(super) f0: f32,
+    /// Share of the scattered light that leaves on the other side.
+    pub(super) translucency: f32,
+    /// Refracts.
+    pub(super) water: bool,
+}
+
+impl Looks {
+    /// Reads a scene's materials; pictures wider than `side` pixels are read at a smaller size.
+    pub fn new(scene: &Scene, side: u32) -> Self {
+        let decoder = Decoder::default();
+        let used = |i: u32| {
+            scene.materials.iter().any(|m| [m.maps.color, m.maps.normal, m.maps.roughness].contains(&Some(i)))
+        };
+        let wanted: Vec<Option<&Image>> = (0_u32..).zip(&scene.images).map(|(i, m)| used(i).then_some(m)).collect();
+        let textures = par_map(&wanted, |image| image.map(|image| Texture::new(image, side, &decoder)));
+        Self { materials: scene.materials.clone(), textures, decoder }
+    }
+
+    fn material(&self, id: MaterialId) -> Option<&Material> {
+        self.materials.get(id as usize)
+    }
+
+    fn texture(&self, map: Option<u32>) -> Option<&Texture> {
+        self.textures.get(map? as usize)?.as_ref()
+    }
+
+    /// True if a map decides where the material is.
+    pub(super) fn is_cut(&self, id: MaterialId) -> bool {
+        self.material(id).is_some_and(|m| m.alpha_cutoff.is_some() && m.maps.color.is_some())
+    }
+
+    /// False where the material is cut out.
+    pub(super) fn is_there(&self, id: MaterialId, uv: Vec2) -> bool {
+        let Some(m) = self.material(id) else { return true };
+        match (m.alpha_cutoff, self.texture(m.maps.color)) {
+            (Some(cutoff), Some(texture)) => texture.at(uv, 0.0, &self.decoder).w >= cutoff,
+            _ => true,
+        }
+    }
+
+    /// Mean colour of a material.
+    pub(super) fn mean(&self, id: MaterialId) -> Vec3 {
+        let Some(m) = self.material(id) else { return Vec3::splat(0.5) };
+        if m.class == MaterialClass::Water {
+            return Vec3::splat(0.9);
+        }
+        self.texture(m.maps.color).map_or(Vec3::from_array(m.base_color), |t| t.mean.truncate())
+    }
+
+    /// The finish at a place. `footprint`: width of the sample in texture coordinates.
+    pub(super) fn finish(&self, id: MaterialId, uv: Vec2, footprint: f32) -> Finish {
+        let Some(m) = self.material(id) else {
+            return Finish { albedo: Vec3::splat(0.5), roughness: 1.0, f0: 0.0, translucency: 0.0, water: false };
+        };
+        let look = |map| self.texture(map).map(|t| t.at(uv, footprint, &self.decoder));
+        let f = (m.ior - 1.0) / (m.ior + 1.0);
+        Finish {
+            albedo: look(m.maps.color).map_or(Vec3::from_array(m.base_color), glam::Vec4::truncate),
+            roughness: look(m.maps.roughness).map_or(m.roughness, |t| t.x),
+            f0: f * f,
+            translucency: m.translucency.clamp(0.0, 1.0),
+            water: m.class == MaterialClass::Water,
+        }
+    }
+
+    /// Relief: the normal in tangent space, or none without a map.
+    pub(super) fn relief(&self, id: MaterialId, uv: Vec2, footprint: f32) -> Option<Vec3> {
+        let m = self.material(id)?;
+        let n = self.texture(m.maps.normal)?.at(uv, footprint, &self.decoder).truncate() * 2.0 - 1.0;
+        Some(crate::math::normalize_or(n, Vec3::Z))
+    }
+
+    /// Index of refraction.
+    pub(super) fn ior(&self, id: MaterialId) -> f32 {
+        self.material(id).map_or(1.333, |m| m.ior)
+    }
+}

@@ -1,0 +1,233 @@
+//! What rays meet: triangles, discs' worth of points as balls, and curves as round cones, each kind with its tree of boxes.
+
+use std::borrow::Cow;
+use std::time::Duration;
+
+use glam::{Vec2, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::Ray;
+
+use super::cone::RoundCone;
+use super::looks::Looks;
+use crate::par::par_chunks;
+use crate::scene::{Curves, MaterialId, Mesh, Points};
+
+/// More primitives than this are sorted into boxes by a quicker, coarser rule.
+const MANY: usize = 1_500_000;
+
+/// A triangle as rays want it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Face {
+    /// First corner.
+    a: Vec3,
+    /// From the first corner to the second and the third.
+    ab: Vec3,
+    ac: Vec3,
+    /// Index into the mesh's triangles.
+    pub(super) triangle: u32,
+    pub(super) material: MaterialId,
+}
+
+/// Where in a primitive a ray meets it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Spot {
+    /// Along the ray, in lengths of its direction.
+    pub(super) t: f32,
+    /// Primitive in the order of the tree.
+    pub(super) primitive: u32,
+    /// Weights of the second and third corner of a triangle.
+    pub(super) at: Vec2,
+}
+
+/// Primitives of one kind.
+#[derive(Debug)]
+pub(super) enum Kind<'a> {
+    Faces { faces: Vec<Face>, mesh: Skin<'a> },
+    Cones { cones: Vec<RoundCone>, material: MaterialId },
+}
+
+/// What triangles look up at their corners.
+#[derive(Debug)]
+pub(super) struct Skin<'a> {
+    pub(super) triangles: &'a [[u32; 3]],
+    pub(super) normals: Cow<'a, [Vec3]>,
+    pub(super) uvs: &'a [Vec2],
+    pub(super) colors: &'a [[f32; 4]],
+}
+
+/// Primitives with their tree.
+#[derive(Debug)]
+pub(super) struct Solid<'a> {
+    pub(super) kind: Kind<'a>,
+    tree: CwBvh,
+    /// Some triangles let rays through where a map says so.
+    cut: bool,
+}
+
+impl<'a> Solid<'a> {
+    /// A mesh with its points and normals of the moment.
+    pub(super) fn of_mesh(mesh: &'a Mesh, points: &[Vec3], normals: Cow<'a, [Vec3]>, looks: &Looks) -> Self {
+        let mut faces = Vec::with_capacity(mesh.triangles.len());
+        for subset in &mesh.subsets {
+            for (i, t) in (subset.first..).zip(mesh.subset_triangles(subset)) {
+                let [a, b, c] = t.map(|k| points.get(k as usize).copied().unwrap_or_default());
+                faces.push(Face { a, ab: b - a, ac: c - a, triangle: i, material: subset.material });
+            }
+        }
+        let tree = tree_of(&faces, |f| {
+            let (a, b, c) = (f.a, f.a + f.ab, f.a + f.ac);
+            [a.min(b).min(c), a.max(b).max(c)]
+        });
+        let faces = arrange(&faces, &tree);
+        let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
+        let skin = Skin { triangles: &mesh.triangles, normals, uvs: &mesh.uvs, colors: &mesh.colors };
+        Self { kind: Kind::Faces { faces, mesh: skin }, tree, cut }
+    }
+
+    /// Points as balls; those of no width are not there.
+    pub(super) fn of_points(cloud: &Points, positions: &[Vec3], widths: &[f32]) -> Self {
+        let color = |i: usize| cloud.colors.get(i).copied();
+        let seen = positions.iter().zip(widths).enumerate().filter(|(_, (_, w))| **w > 0.0);
+        let balls = seen.map(|(i, (p, w))| RoundCone::ball(*p, w * 0.5, color(i))).collect();
+        Self::of_cones(balls, cloud.material)
+    }
+
+    /// Curves as chains of round cones.
+    pub(super) fn of_curves(curves: &Curves, points: &[Vec3]) -> Self {
+        let mut cones = Vec::with_capacity(points.len());
+        let mut first = 0;
+        for count in &curves.counts {
+            let end = (first + *count as usize).min(points.len());
+            for i in first..end.saturating_sub(1) {
+                let radius = |k: usize| curves.widths.get(k).map_or(0.0, |w| w * 0.5);
+                cones.push(RoundCone::new([points[i], points[i + 1]], [radius(i), radius(i + 1)]));
+            }
+            first = end;
+        }
+        Self::of_cones(cones, curves.material)
+    }
+
+    fn of_cones(cones: Vec<RoundCone>, material: MaterialId) -> Self {
+        let tree = tree_of(&cones, RoundCone::bounds);
+        let cones = arrange(&cones, &tree);
+        Self { kind: Kind::Cones { cones, material }, tree, cut: false }
+    }
+
+    /// Box of everything, or none if there is nothing.
+    pub(super) fn bounds(&self) -> Option<[Vec3; 2]> {
+        let b = &self.tree.total_aabb;
+        let empty = self.tree.nodes.is_empty() || self.tree.primitive_indices.is_empty();
+        (!empty).then(|| [Vec3::from(b.min), Vec3::from(b.max)])
+    }
+
+    /// Number of primitives.
+    pub(super) fn len(&self) -> usize {
+        self.tree.primitive_indices.len()
+    }
+
+    /// The nearest meeting within the ray's range.
+    pub(super) fn nearest(&self, ray: Ray, looks: &Looks) -> Option<Spot> {
+        let mut best = None;
+        let mut hit = obvhs::ray::RayHit::none();
+        self.tree.ray_traverse(ray, &mut hit, |ray, i| match self.meet(ray, i, looks) {
+            Some(spot) if spot.t < ray.tmax => {
+                best = Some(spot);
+                spot.t
+            }
+            _ => f32::INFINITY,
+        });
+        best
+    }
+
+    /// True if nothing lies within the ray's range.
+    pub(super) fn lets_by(&self, ray: Ray, looks: &Looks) -> bool {
+        self.tree.ray_traverse_miss(ray, |ray, i| self.meet(ray, i, looks).map_or(f32::INFINITY, |s| s.t))
+    }
+
+    #[inline]
+    fn meet(&self, ray: &Ray, i: usize, looks: &Looks) -> Option<Spot> {
+        let primitive = u32::try_from(i).ok()?;
+        match &self.kind {
+            Kind::Faces { faces, mesh } => {
+                let face = faces.get(i)?;
+                let (t, at) = face.meet(ray)?;
+                if self.cut && looks.is_cut(face.material) {
+                    let uv = mesh.uv(face, at);
+                    if !looks.is_there(face.material, uv) {
+                        return None;
+                    }
+                }
+                Some(Spot { t, primitive, at })
+            }
+            Kind::Cones { cones, .. } => {
+                let t = cones.get(i)?.meet(ray)?;
+                Some(Spot { t, primitive, at: Vec2::ZERO })
+            }
+        }
+    }
+}
+
+impl Face {
+    /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", JGT 2(1), 1997.
+    #[inline]
+    fn meet(&self, ray: &Ray) -> Option<(f32, Vec2)> {
+        let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
+        let p = direction.cross(self.ac);
+        let det = self.ab.dot(p);
+        let inverse = 1.0 / det;
+        let s = origin - self.a;
+        let u = s.dot(p) * inverse;
+        // Written so that NaN, from a triangle seen edge-on, is refused.
+        if !(0.0..=1.0).contains(&u) {
+            return None;
+        }
+        let q = s.cross(self.ab);
+        let v = direction.dot(q) * inverse;
+        if !(v >= 0.0 && u + v <= 1.0) {
+            return None;
+        }
+        let t = self.ac.dot(q) * inverse;
+        (t >= ray.tmin && t <= ray.tmax).then_some((t, Vec2::new(u, v)))
+    }
+
+    /// Twice the triangle's area times its unit normal; counter-clockwise is outside.
+    pub(super) fn normal(&self) -> Vec3 {
+        self.ab.cross(self.ac)
+    }
+
+    /// Edges from the first corner.
+    pub(super) fn edges(&self) -> [Vec3; 2] {
+        [self.ab, self.ac]
+    }
+}
+
+impl Skin<'_> {
+    pub(super) fn corners(&self, face: &Face) -> [usize; 3] {
+        self.triangles.get(face.triangle as usize).copied().unwrap_or_default().map(|i| i as usize)
+    }
+
+    /// Texture coordinates; zero for a mesh without.
+    pub(super) fn uv(&self, face: &Face, at: Vec2) -> Vec2 {
+        let [a, b, c] = self.corners(face).map(|i| self.uvs.get(i).copied().unwrap_or_default());
+        a + (b - a) * at.x + (c - a) * at.y
+    }
+}
+
+fn arrange<T: Copy>(list: &[T], tree: &CwBvh) -> Vec<T> {
+    tree.primitive_indices.iter().filter_map(|i| list.get(*i as usize).copied()).collect()
+}
+
+/// A tree of boxes over primitives.
+pub(super) fn tree_of<T: Sync>(list: &[T], bounds: impl Fn(&T) -> [Vec3; 2] + Sync + Send) -> CwBvh {
+    if list.is_empty() {
+        return CwBvh::default();
+    }
+    let boxed = |[min, max]: [Vec3; 2]| Aabb::new(Vec3A::from(min), Vec3A::from(max));
+    let boxes: Vec<Aabb> =
+        par_chunks(list, 1 << 14, |_, c| c.iter().map(|t| boxed(bounds(t))).collect::<Vec<_>>()).concat();
+    let rule = if list.len() > MANY { BvhBuildParams::very_fast_build() } else { BvhBuildParams::fast_build() };
+    build_cwbvh(&boxes, rule, &mut Duration::default())
+}

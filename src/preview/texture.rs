@@ -1,0 +1,180 @@
+//! Pictures on surfaces: ever smaller copies, so that a far surface reads as many pixels as a near one.
+
+use glam::{Vec2, Vec4};
+
+use crate::math;
+use crate::scene::{Image, ImageKind, Pixels};
+use crate::units::{byte, linear_from_srgb, srgb_from_linear};
+
+/// One size of a picture, RGBA bytes, row 0 at the top.
+#[derive(Debug)]
+struct Level {
+    width: u32,
+    height: u32,
+    texels: Vec<[u8; 4]>,
+}
+
+/// A picture in all its sizes.
+#[derive(Debug)]
+pub(super) struct Texture {
+    levels: Vec<Level>,
+    color: bool,
+    /// Mean over the picture: linear colour and alpha.
+    pub(super) mean: Vec4,
+}
+
+/// Bytes of sRGB as linear numbers.
+#[derive(Debug)]
+pub(super) struct Decoder([f32; 256]);
+
+impl Default for Decoder {
+    fn default() -> Self {
+        let mut table = [0.0; 256];
+        for (i, entry) in (0_u8..=255).zip(&mut table) {
+            *entry = linear_from_srgb(f32::from(i) / 255.0);
+        }
+        Self(table)
+    }
+}
+
+impl Decoder {
+    #[inline]
+    fn texel(&self, t: [u8; 4], color: bool) -> Vec4 {
+        let raw = |b: u8| f32::from(b) * (1.0 / 255.0);
+        let value = |b: u8| if color { self.0[usize::from(b)] } else { raw(b) };
+        Vec4::new(value(t[0]), value(t[1]), value(t[2]), raw(t[3]))
+    }
+}
+
+impl Texture {
+    /// Sizes larger than `side` are left out.
+    pub(super) fn new(image: &Image, side: u32, decoder: &Decoder) -> Self {
+        let color = image.kind == ImageKind::Color;
+        let mut level = Level { width: image.width.max(1), height: image.height.max(1), texels: bytes(image) };
+        let wanted = level.width as usize * level.height as usize;
+        level.texels.resize(wanted, [0, 0, 0, 255]);
+        let mut levels = Vec::new();
+        while level.width > 1 || level.height > 1 {
+            let next = halved(&level, color, decoder);
+            if level.width.max(level.height) <= side {
+                levels.push(level);
+            }
+            level = next;
+        }
+        let mean = level.texels.first().map_or(Vec4::ONE, |t| decoder.texel(*t, color));
+        levels.push(level);
+        Self { levels, color, mean }
+    }
+
+    /// Linear colour and alpha at texture coordinates, v up, repeated beyond 0..1. `footprint`: width of the sample in
+    /// texture coordinates.
+    pub(super) fn at(&self, uv: Vec2, footprint: f32, decoder: &Decoder) -> Vec4 {
+        let Some(finest) = self.levels.first() else { return self.mean };
+        #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
+        let mut texels = footprint * finest.width.max(finest.height) as f32;
+        let mut i = 0;
+        // Several samples meet in one pixel of the picture, so a finer size than one texel a pixel stays calm.
+        while texels > 1.5 && i + 1 < self.levels.len() {
+            texels *= 0.5;
+            i += 1;
+        }
+        self.levels.get(i).map_or(self.mean, |level| level.bilinear(uv, self.color, decoder))
+    }
+}
+
+impl Level {
+    fn bilinear(&self, uv: Vec2, color: bool, decoder: &Decoder) -> Vec4 {
+        #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
+        let size = Vec2::new(self.width as f32, self.height as f32);
+        let p = Vec2::new(uv.x - uv.x.floor(), 1.0 - (uv.y - uv.y.floor())) * size - 0.5;
+        let (cell, f) = (p.floor(), p - p.floor());
+        #[allow(clippy::cast_possible_truncation, reason = "floored, and at most a picture's width")]
+        let wrap = |v: f32, n: u32| (v as i64).rem_euclid(i64::from(n)) as usize;
+        let (x0, y0) = (wrap(cell.x, self.width), wrap(cell.y, self.height));
+        let (x1, y1) = ((x0 + 1) % self.width as usize, (y0 + 1) % self.height as usize);
+        let texel = |x: usize, y: usize| {
+            let t = self.texels.get(y * self.width as usize + x).copied().unwrap_or_default();
+            decoder.texel(t, color)
+        };
+        let upper = texel(x0, y0).lerp(texel(x1, y0), f.x);
+        upper.lerp(texel(x0, y1).lerp(texel(x1, y1), f.x), f.y)
+    }
+}
+
+fn bytes(image: &Image) -> Vec<[u8; 4]> {
+    fn spread<T: Copy>(samples: &[T], channels: u8, byte: impl Fn(T) -> u8) -> Vec<[u8; 4]> {
+        let n = usize::from(channels.max(1));
+        let texel = |c: &[T]| match *c {
+            [g] => [byte(g), byte(g), byte(g), 255],
+            [g, a] => [byte(g), byte(g), byte(g), byte(a)],
+            [r, g, b] => [byte(r), byte(g), byte(b), 255],
+            [r, g, b, a, ..] => [byte(r), byte(g), byte(b), byte(a)],
+            [] => [0, 0, 0, 255],
+        };
+        samples.chunks_exact(n).map(texel).collect()
+    }
+    match &image.pixels {
+        Pixels::U8(p) => spread(p, image.channels, |b| b),
+        Pixels::U16(p) => spread(p, image.channels, |w| byte(f32::from(w) / 65_535.0)),
+    }
+}
+
+/// Means of two by two texels; a colour counts as much as it covers.
+fn halved(level: &Level, color: bool, decoder: &Decoder) -> Level {
+    let (width, height) = (level.width.div_ceil(2), level.height.div_ceil(2));
+    let texel = |x: u32, y: u32| {
+        let (x, y) = (x.min(level.width - 1) as usize, y.min(level.height - 1) as usize);
+        let t = level.texels.get(y * level.width as usize + x).copied().unwrap_or_default();
+        decoder.texel(t, color)
+    };
+    let mut texels = Vec::with_capacity(width as usize * height as usize);
+    for y in 0..height {
+        for x in 0..width {
+            let four = [texel(2 * x, 2 * y), texel(2 * x + 1, 2 * y), texel(2 * x, 2 * y + 1), texel(2 * x + 1, 2 * y + 1)];
+            let alpha = four.iter().fold(0.0, |s, t| s + t.w);
+            let sum = four.iter().fold(Vec4::ZERO, |s, t| s + *t * if alpha > 0.0 { t.w / alpha } else { 0.25 });
+            let encode = |c: f32| byte(if color { srgb_from_linear(c) } else { c });
+            texels.push([encode(sum.x), encode(sum.y), encode(sum.z), byte(alpha * 0.25)]);
+        }
+    }
+    Level { width, height, texels }
+}
+
+/// Width of a sample in texture coordinates. `spread`: width of the sample on the surface, m; `edges`: edges of the
+/// triangle, m; `uv_edges`: the same in texture coordinates.
+pub(super) fn footprint(spread: f32, edges: [glam::Vec3; 2], uv_edges: [Vec2; 2]) -> f32 {
+    let area = edges[0].cross(edges[1]).length();
+    let uv_area = uv_edges[0].perp_dot(uv_edges[1]).abs();
+    if area > 0.0 { spread * math::sqrt_f32(uv_area / area) } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checker() -> Image {
+        let pixels = (0..16 * 16).flat_map(|i| if (i % 16 + i / 16) % 2 == 0 { [255; 3] } else { [0; 3] }).collect();
+        let name = "checker".into();
+        Image { name, kind: ImageKind::Color, width: 16, height: 16, channels: 3, pixels: Pixels::U8(pixels) }
+    }
+
+    #[test]
+    fn far_samples_see_the_mean_light_not_the_mean_byte() {
+        let decoder = Decoder::default();
+        let texture = Texture::new(&checker(), 4096, &decoder);
+        let far = texture.at(Vec2::new(0.3, 0.7), 1.0, &decoder);
+        assert!((far.x - 0.5).abs() < 0.01, "{far}");
+        assert!((texture.mean.x - 0.5).abs() < 0.01);
+    }
+
+    #[test]
+    fn near_samples_see_the_texel_and_repeat() {
+        let decoder = Decoder::default();
+        let texture = Texture::new(&checker(), 4096, &decoder);
+        // The upper left texel, v = 1 at the top, is white.
+        for shift in [Vec2::ZERO, Vec2::new(3.0, -2.0)] {
+            let near = texture.at(Vec2::new(0.5 / 16.0, 15.5 / 16.0) + shift, 0.0, &decoder);
+            assert!((near.x - 1.0).abs() < 1e-3, "{near}");
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! A scene at one frame, ready for rays: a tree of boxes over all showings of all solids. Nothing is expanded.
+
+use std::borrow::Cow;
+
+use glam::{Affine3A, Mat3, Vec3, Vec3A};
+use obvhs::cwbvh::CwBvh;
+use obvhs::ray::{Ray, RayHit};
+
+use super::looks::Looks;
+use super::solid::{Solid, Spot, tree_of};
+use crate::geometry::Bounds;
+use crate::par::par_map;
+use crate::scene::{
+    Asset, AssetFrame, CurvesFrame, Frame, Mesh, MeshFrame, MeshMotion, MeshObject, PointsFrame, Scene, Trs,
+    instance_states, mesh_points, skinned_normals, world_from_joint,
+};
+
+/// One showing of a solid.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Showing {
+    solid: u32,
+    /// Turns and scales a direction into the world.
+    world_from_local: Affine3A,
+    local_from_world: Affine3A,
+    /// Turns a normal into the world.
+    normals: Mat3,
+}
+
+/// What a ray met.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    pub(super) showing: u32,
+    pub(super) spot: Spot,
+}
+
+/// Everything that can be met.
+#[derive(Debug)]
+pub struct World<'a> {
+    pub(super) looks: &'a Looks,
+    solids: Vec<Solid<'a>>,
+    showings: Vec<Showing>,
+    tree: CwBvh,
+    /// Box of everything, m.
+    pub bounds: Bounds,
+    /// How far a ray starts from the surface that it leaves, m.
+    pub(super) gap: f32,
+}
+
+/// Something to be made into a solid.
+enum Job<'s> {
+    Mesh(&'s Asset, &'s MeshObject, usize, &'s AssetFrame),
+    Prototype(&'s Mesh),
+    Points(&'s crate::scene::Points, &'s PointsFrame),
+    Curves(&'s crate::scene::Curves, &'s CurvesFrame),
+}
+
+impl<'a> World<'a> {
+    /// `frame`: `None` for rest.
+    pub fn new(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks) -> Self {
+        let (jobs, places) = plan(scene, frame);
+        let solids = par_map(&jobs, |job| solid(job, looks));
+        let showings: Vec<Showing> = places.iter().filter_map(|(i, m)| Showing::new(*i, *m)).collect();
+        let boxed = |s: &Showing| solids.get(s.solid as usize).and_then(Solid::bounds).map(|b| s.bounds(b));
+        let showings: Vec<Showing> = showings.into_iter().filter(|s| boxed(s).is_some()).collect();
+        let tree = tree_of(&showings, |s| boxed(s).unwrap_or([Vec3::ZERO; 2]));
+        let order = |i: &u32| showings.get(*i as usize).copied();
+        let showings: Vec<Showing> = tree.primitive_indices.iter().filter_map(order).collect();
+        let bounds = showings.iter().filter_map(boxed).fold(Bounds::default(), |b, [lo, hi]| b.with(lo).with(hi));
+        let reach = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
+        Self { looks, solids, showings, tree, bounds, gap: if bounds.is_empty() { 1e-6 } else { reach * 1e-5 } }
+    }
+
+    /// Triangles and other primitives that can be met, each showing counted.
+    pub fn primitives(&self) -> u64 {
+        self.showings.iter().filter_map(|s| self.solids.get(s.solid as usize)).map(|s| s.len() as u64).sum()
+    }
+
+    /// Where a showing of a solid is met first.
+    pub(super) fn nearest(&self, ray: Ray) -> Option<Hit> {
+        let mut best: Option<Hit> = None;
+        let mut hit = RayHit::none();
+        self.tree.ray_traverse(ray, &mut hit, |ray, i| {
+            let Some((showing, solid)) = self.of(i) else { return f32::INFINITY };
+            match solid.nearest(showing.local(ray), self.looks) {
+                Some(spot) if spot.t < ray.tmax => {
+                    best = u32::try_from(i).ok().map(|showing| Hit { showing, spot });
+                    spot.t
+                }
+                _ => f32::INFINITY,
+            }
+        });
+        best
+    }
+
+    /// True if nothing lies within the ray's range.
+    pub(super) fn lets_by(&self, ray: Ray) -> bool {
+        self.tree.ray_traverse_miss(ray, |ray, i| match self.of(i) {
+            Some((showing, solid)) if !solid.lets_by(showing.local(ray), self.looks) => ray.tmin,
+            _ => f32::INFINITY,
+        })
+    }
+
+    #[inline]
+    fn of(&self, i: usize) -> Option<(&Showing, &Solid<'a>)> {
+        let showing = self.showings.get(i)?;
+        Some((showing, self.solids.get(showing.solid as usize)?))
+    }
+
+    pub(super) fn met(&self, hit: &Hit) -> Option<(&Showing, &Solid<'a>)> {
+        self.of(hit.showing as usize)
+    }
+}
+
+impl Showing {
+    /// None if it is flattened to nothing.
+    fn new(solid: u32, world_from_local: Affine3A) -> Option<Self> {
+        let det = world_from_local.matrix3.determinant();
+        (det.is_finite() && det.abs() > 1e-30).then(|| {
+            let local_from_world = world_from_local.inverse();
+            let normals = Mat3::from(local_from_world.matrix3).transpose();
+            Self { solid, world_from_local, local_from_world, normals }
+        })
+    }
+
+    /// The ray in the solid's own space; lengths along it stay equal.
+    #[inline]
+    fn local(&self, ray: &Ray) -> Ray {
+        let m = &self.local_from_world;
+        Ray::new(m.transform_point3a(ray.origin), m.transform_vector3a(ray.direction), ray.tmin, ray.tmax)
+    }
+
+    fn bounds(&self, [min, max]: [Vec3; 2]) -> [Vec3; 2] {
+        let corners = Bounds { min, max }.corners().map(|c| self.world_from_local.transform_point3(c));
+        let b = Bounds::of(corners);
+        [b.min, b.max]
+    }
+
+    /// A vector of the solid in the world.
+    pub(super) fn vector(&self, v: Vec3) -> Vec3 {
+        self.world_from_local.transform_vector3(v)
+    }
+
+    /// A point of the world in the solid.
+    pub(super) fn to_local(self, p: Vec3) -> Vec3 {
+        self.local_from_world.transform_point3(p)
+    }
+
+    /// A normal of the solid in the world, unit length.
+    pub(super) fn normal(&self, n: Vec3) -> Vec3 {
+        crate::math::normalize_or(self.normals * n, Vec3::Y)
+    }
+}
+
+fn affine(trs: &Trs) -> Affine3A {
+    Affine3A::from_scale_rotation_translation(trs.s, trs.r, trs.t)
+}
+
+/// Solids to make, and where each is shown.
+fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<Job<'s>>, Vec<(u32, Affine3A)>) {
+    static REST: AssetFrame =
+        AssetFrame { pose: Vec::new(), meshes: Vec::new(), instancers: Vec::new(), points: Vec::new(), curves: Vec::new() };
+    let (mut jobs, mut places) = (Vec::new(), Vec::new());
+    for (i, asset) in scene.assets.iter().enumerate() {
+        let stands: Vec<Affine3A> =
+            scene.placements.iter().filter(|p| p.asset == i).map(|p| affine(&p.transform)).collect();
+        if stands.is_empty() {
+            continue;
+        }
+        let state = frame.and_then(|f| f.assets.get(i)).unwrap_or(&REST);
+        let add = |jobs: &mut Vec<Job<'s>>, job| {
+            let index = u32::try_from(jobs.len()).unwrap_or(u32::MAX);
+            jobs.push(job);
+            index
+        };
+        for (k, object) in asset.meshes.iter().enumerate() {
+            let index = add(&mut jobs, Job::Mesh(asset, object, k, state));
+            places.extend(stands.iter().map(|m| (index, *m)));
+        }
+        for (k, instancer) in asset.instancers.iter().enumerate() {
+            let first = jobs.len();
+            for p in &instancer.prototypes {
+                add(&mut jobs, Job::Prototype(&p.mesh));
+            }
+            let now = instance_states(asset, instancer, k, state);
+            for stand in &stands {
+                let alive = (0..instancer.len()).filter(|n| now.is_alive(*n));
+                places.extend(alive.map(|n| {
+                    let proto = u32::try_from(first).unwrap_or(u32::MAX).saturating_add(instancer.protos[n]);
+                    (proto, *stand * affine(&instancer.transform(&now, n)))
+                }));
+            }
+        }
+        for (k, cloud) in asset.points.iter().enumerate() {
+            let index = add(&mut jobs, Job::Points(cloud, state.points(k)));
+            places.extend(stands.iter().map(|m| (index, *m)));
+        }
+        for (k, curves) in asset.curves.iter().enumerate() {
+            let index = add(&mut jobs, Job::Curves(curves, state.curves(k)));
+            places.extend(stands.iter().map(|m| (index, *m)));
+        }
+    }
+    (jobs, places)
+}
+
+fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
+    match job {
+        Job::Mesh(asset, object, i, state) => {
+            let mesh = match state.mesh(*i) {
+                MeshFrame::Whole { mesh, .. } => mesh,
+                _ => &object.mesh,
+            };
+            let points = mesh_points(asset, object, *i, state);
+            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), looks)
+        }
+        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), looks),
+        Job::Points(cloud, PointsFrame::Same) => Solid::of_points(cloud, &cloud.positions, &cloud.widths),
+        Job::Points(cloud, PointsFrame::State { positions, widths, .. }) => Solid::of_points(cloud, positions, widths),
+        Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points),
+        Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points),
+    }
+}
+
+fn normals<'s>(asset: &Asset, object: &MeshObject, mesh: &'s Mesh, i: usize, state: &'s AssetFrame) -> Cow<'s, [Vec3]> {
+    match (state.mesh(i), &asset.skeleton, &object.skin) {
+        (MeshFrame::Points { normals, .. }, _, _) => Cow::Borrowed(normals),
+        (MeshFrame::Same, Some(skeleton), Some(skin)) if object.motion == MeshMotion::Skinned => {
+            Cow::Owned(skinned_normals(&mesh.normals, skin, &world_from_joint(skeleton, &state.pose)))
+        }
+        _ => Cow::Borrowed(&mesh.normals),
+    }
+}
+
+/// A ray of the world. `range`: nearest and farthest, in lengths of the direction.
+pub(super) fn ray(origin: Vec3, direction: Vec3, range: [f32; 2]) -> Ray {
+    Ray::new(Vec3A::from(origin), Vec3A::from(direction), range[0], range[1])
+}
