@@ -32,7 +32,7 @@ impl Quality {
     fn samples(self) -> (u32, u32, f32) {
         match self {
             Self::Draft => (1, 1, 1.0),
-            Self::Normal => (8, 32, 0.035),
+            Self::Normal => (4, 16, 0.05),
             Self::Fine => (32, 192, 0.008),
         }
     }
@@ -215,7 +215,7 @@ fn doubtful(pixels: &[Pixel], w: u32, limit: f32) -> Vec<bool> {
 fn look(world: &World<'_>, shot: &Shot, (lens, floor): (&Lens, Option<f32>), (sampler, place, index): (&Sampler, [u32; 2], u32)) -> Seen {
     let inside = if shot.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
     let direction = lens.direction(place, inside);
-    let draw = Draw { sampler, index, spread: lens.spread };
+    let draw = Draw { sampler, index, spread: lens.spread, careful: shot.quality == Quality::Fine };
     if let Some(light) = world.radiance(&shot.light, lens.eye, direction, &draw) {
         return Seen::Thing(light);
     }

@@ -15,8 +15,11 @@ use super::looks::Looks;
 use crate::par::par_chunks;
 use crate::scene::{Curves, MaterialId, Mesh, Points};
 
-/// More primitives than this are sorted into boxes by a quicker, coarser rule.
-const MANY: usize = 1_500_000;
+/// Primitives up to which boxes are sorted with more and more care: few are built in no time, and met by many rays.
+const CARE: [usize; 3] = [4_000, 400_000, 1_500_000];
+
+/// Meshes of no more points than this have boxes fitted to each showing.
+const HULL: usize = 2_000;
 
 /// A triangle as rays want it.
 #[derive(Debug, Clone, Copy)]
@@ -65,6 +68,8 @@ pub(super) struct Solid<'a> {
     tree: CwBvh,
     /// Some triangles let rays through where a map says so.
     cut: bool,
+    /// Corners, for close boxes around showings; empty where they would be too many.
+    pub(super) hull: Vec<Vec3>,
 }
 
 impl<'a> Solid<'a> {
@@ -84,7 +89,8 @@ impl<'a> Solid<'a> {
         let faces = arrange(&faces, &tree);
         let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
         let skin = Skin { triangles: &mesh.triangles, normals, uvs: &mesh.uvs, colors: &mesh.colors };
-        Self { kind: Kind::Faces { faces, mesh: skin }, tree, cut }
+        let hull = if points.len() <= HULL { points.to_vec() } else { Vec::new() };
+        Self { kind: Kind::Faces { faces, mesh: skin }, tree, cut, hull }
     }
 
     /// Points as balls; those of no width are not there.
@@ -113,7 +119,7 @@ impl<'a> Solid<'a> {
     fn of_cones(cones: Vec<RoundCone>, material: MaterialId) -> Self {
         let tree = tree_of(&cones, RoundCone::bounds);
         let cones = arrange(&cones, &tree);
-        Self { kind: Kind::Cones { cones, material }, tree, cut: false }
+        Self { kind: Kind::Cones { cones, material }, tree, cut: false, hull: Vec::new() }
     }
 
     /// Box of everything, or none if there is nothing.
@@ -228,6 +234,11 @@ pub(super) fn tree_of<T: Sync>(list: &[T], bounds: impl Fn(&T) -> [Vec3; 2] + Sy
     let boxed = |[min, max]: [Vec3; 2]| Aabb::new(Vec3A::from(min), Vec3A::from(max));
     let boxes: Vec<Aabb> =
         par_chunks(list, 1 << 14, |_, c| c.iter().map(|t| boxed(bounds(t))).collect::<Vec<_>>()).concat();
-    let rule = if list.len() > MANY { BvhBuildParams::very_fast_build() } else { BvhBuildParams::fast_build() };
+    let rule = match CARE.iter().position(|n| list.len() <= *n) {
+        Some(0) => BvhBuildParams::slow_build(),
+        Some(1) => BvhBuildParams::medium_build(),
+        Some(_) => BvhBuildParams::fast_build(),
+        None => BvhBuildParams::very_fast_build(),
+    };
     build_cwbvh(&boxes, rule, &mut Duration::default())
 }

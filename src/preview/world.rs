@@ -60,12 +60,13 @@ impl<'a> World<'a> {
         let (jobs, places) = plan(scene, frame);
         let solids = par_map(&jobs, |job| solid(job, looks));
         let showings: Vec<Showing> = places.iter().filter_map(|(i, m)| Showing::new(*i, *m)).collect();
-        let boxed = |s: &Showing| solids.get(s.solid as usize).and_then(Solid::bounds).map(|b| s.bounds(b));
-        let showings: Vec<Showing> = showings.into_iter().filter(|s| boxed(s).is_some()).collect();
-        let tree = tree_of(&showings, |s| boxed(s).unwrap_or([Vec3::ZERO; 2]));
+        let there = |s: &Showing| solids.get(s.solid as usize).is_some_and(|s| s.bounds().is_some());
+        let showings: Vec<Showing> = showings.into_iter().filter(there).collect();
+        let tree = tree_of(&showings, |s| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid)));
         let order = |i: &u32| showings.get(*i as usize).copied();
         let showings: Vec<Showing> = tree.primitive_indices.iter().filter_map(order).collect();
-        let bounds = showings.iter().filter_map(boxed).fold(Bounds::default(), |b, [lo, hi]| b.with(lo).with(hi));
+        let total = &tree.total_aabb;
+        let bounds = if showings.is_empty() { Bounds::default() } else { Bounds::of([total.min.into(), total.max.into()]) };
         let reach = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
         Self { looks, solids, showings, tree, bounds, gap: if bounds.is_empty() { 1e-6 } else { reach * 1e-5 } }
     }
@@ -129,9 +130,11 @@ impl Showing {
         Ray::new(m.transform_point3a(ray.origin), m.transform_vector3a(ray.direction), ray.tmin, ray.tmax)
     }
 
-    fn bounds(&self, [min, max]: [Vec3; 2]) -> [Vec3; 2] {
-        let corners = Bounds { min, max }.corners().map(|c| self.world_from_local.transform_point3(c));
-        let b = Bounds::of(corners);
+    /// Box in the world.
+    fn bounds(&self, solid: &Solid<'_>) -> [Vec3; 2] {
+        let corners = solid.bounds().map(|[min, max]| Bounds { min, max }.corners()).unwrap_or_default();
+        let points = if solid.hull.is_empty() { &corners[..] } else { &solid.hull };
+        let b = Bounds::of(points.iter().map(|c| self.world_from_local.transform_point3(*c)));
         [b.min, b.max]
     }
 

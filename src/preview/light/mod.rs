@@ -37,6 +37,8 @@ pub(super) struct Draw<'a> {
     pub(super) index: u32,
     /// Width of the sample at unit distance.
     pub(super) spread: f32,
+    /// Follow light through one more reflection.
+    pub(super) careful: bool,
 }
 
 impl Light {
@@ -110,7 +112,8 @@ impl World<'_> {
     fn lit(&self, light: &Light, d: Vec3, s: &Surface, draw: &Draw<'_>, depth: u32) -> Vec3 {
         let f = &s.finish;
         let toward = -math::normalize_or(d, Vec3::Z);
-        let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * (1.0 - f.roughness) ;
+        let smooth = 1.0 - f.roughness;
+        let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * smooth * smooth;
         let purpose = depth * PURPOSES;
         let matt = f.albedo * (1.0 - gloss);
         let mut sum = self.sunlight(light, s, toward, matt, draw.sampler.point(draw.index, purpose + 1));
@@ -119,10 +122,14 @@ impl World<'_> {
         let through = at[0] < f.translucency;
         let rest = if through { at[0] / f.translucency } else { (at[0] - f.translucency) / (1.0 - f.translucency).max(1e-6) };
         let n = if through { -s.n } else { s.n };
-        sum += matt * self.arriving(light, s, cosine(n, [rest.clamp(0.0, 0.999_999), at[1]]), draw, purpose);
-        if gloss > 0.004 {
-            let r = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
-            sum += self.arriving(light, s, if r.dot(s.face) > 0.0 { r } else { s.n }, draw, purpose) * gloss;
+        let scattered = self.arriving(light, s, cosine(n, [rest.clamp(0.0, 0.999_999), at[1]]), draw, purpose);
+        sum += matt * scattered;
+        if gloss > 0.0 {
+            let mirrored = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
+            let r = if mirrored.dot(s.face) > 0.0 { mirrored } else { s.n };
+            // What a rough gloss mirrors is as blurred as the light around, unless there is time to look.
+            let clear = draw.careful && f.roughness < 0.5;
+            sum += if clear { self.arriving(light, s, r, draw, purpose) } else { scattered } * gloss;
         }
         sum
     }
@@ -168,14 +175,15 @@ impl World<'_> {
             Some(hit) => {
                 let (color, n) = self.glimpse(&hit, d);
                 let l = light.sunward(draw.sampler.point(draw.index, purpose + 3));
-                let cos = n.dot(l);
+                let cos = n.dot(l).max(0.0) * std::f32::consts::FRAC_1_PI;
                 let at = from + d * hit.spot.t + n * self.gap;
-                let sun = if cos > 0.0 && light.sun != Vec3::ZERO && self.lets_by(ray(at, l, [0.0, f32::INFINITY])) {
-                    light.sun * (cos * std::f32::consts::FRAC_1_PI)
-                } else {
-                    Vec3::ZERO
+                let share = match draw.careful {
+                    _ if cos <= 0.0 || light.sun == Vec3::ZERO => 0.0,
+                    false => OPENNESS,
+                    true if self.lets_by(ray(at, l, [0.0, f32::INFINITY])) => 1.0,
+                    true => 0.0,
                 };
-                gathered(color, light.mean_sky()) + color * sun
+                gathered(color, light.mean_sky()) + color * light.sun * (cos * share)
             }
         }
     }
@@ -243,3 +251,6 @@ fn glint(f: &Finish, n: Vec3, v: Vec3, l: Vec3) -> f32 {
     let shadow = 0.5 / math::lerp(2.0 * nv * nl, nv + nl, a);
     spread * shadow * fresnel(f.f0, h.dot(v).max(0.0))
 }
+
+#[cfg(test)]
+mod tests;
