@@ -43,15 +43,26 @@ impl<W: Write> ClipWriter<W> {
     /// GIF counts hundredths of a second, at least two a frame. `opaque`: no frame has transparent pixels.
     /// # Errors
     /// `Export` P003 if the format cannot hold it or the sink fails.
-    pub fn new(sink: W, format: ClipFormat, [width, height]: [u32; 2], (frames, fps, opaque): (u32, (u32, u32), bool)) -> Result<Self> {
+    pub fn new(
+        sink: W,
+        format: ClipFormat,
+        [width, height]: [u32; 2],
+        (frames, fps, opaque): (u32, (u32, u32), bool),
+    ) -> Result<Self> {
         let (rate, base) = (fps.0.max(1), fps.1.max(1));
         let kind = match format {
             ClipFormat::Gif => {
                 let side = |n: u32| u16::try_from(n).map_err(|_| failed("a side of a GIF has at most 65535 pixels"));
                 let mut encoder = gif::Encoder::new(sink, side(width)?, side(height)?, &[]).map_err(failed)?;
                 encoder.set_repeat(gif::Repeat::Infinite).map_err(failed)?;
-                let delay = u16::try_from((100 * u64::from(base) + u64::from(rate) / 2) / u64::from(rate)).unwrap_or(u16::MAX);
-                encoder.write_raw_extension(gif::AnyExtension(0xFE), &[concat!("osier ", env!("CARGO_PKG_VERSION")).as_bytes()]).map_err(failed)?;
+                let delay =
+                    u16::try_from((100 * u64::from(base) + u64::from(rate) / 2) / u64::from(rate)).unwrap_or(u16::MAX);
+                encoder
+                    .write_raw_extension(
+                        gif::AnyExtension(0xFE),
+                        &[concat!("osier ", env!("CARGO_PKG_VERSION")).as_bytes()],
+                    )
+                    .map_err(failed)?;
                 Kind::Gif { encoder: Box::new(encoder), palette: None, delay: delay.max(2) }
             }
             ClipFormat::Apng => {
@@ -59,7 +70,9 @@ impl<W: Write> ClipWriter<W> {
                 encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
                 encoder.set_depth(png::BitDepth::Eight);
                 encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-                encoder.add_text_chunk("Software".into(), concat!("osier ", env!("CARGO_PKG_VERSION")).into()).map_err(failed)?;
+                encoder
+                    .add_text_chunk("Software".into(), concat!("osier ", env!("CARGO_PKG_VERSION")).into())
+                    .map_err(failed)?;
                 encoder.set_animated(frames.max(1), 0).map_err(failed)?;
                 let (rate, base) = if rate > 65_535 || base > 65_535 { (rate / base, 1) } else { (rate, base) };
                 let short = |n: u32| u16::try_from(n).unwrap_or(u16::MAX);
@@ -110,7 +123,8 @@ impl<W: Write> ClipWriter<W> {
 impl Palette {
     /// 255 colours that suit a picture, and index 0 for what is transparent.
     fn of(picture: &Picture) -> Self {
-        let opaque: Vec<u8> = picture.pixels.iter().filter(|p| p[3] >= 128).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
+        let opaque: Vec<u8> =
+            picture.pixels.iter().filter(|p| p[3] >= 128).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         let samples = if opaque.is_empty() { vec![0, 0, 0, 255] } else { opaque };
         let tree = NeuQuant::new(3, 255, &samples);
         let mut colors = vec![0, 0, 0];

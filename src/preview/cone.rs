@@ -86,9 +86,7 @@ mod tests {
 
     /// Signed distance from a round cone, by search along the axis.
     fn distance(c: &RoundCone, p: Vec3) -> f32 {
-        let at = |t: f32| {
-            p.distance(c.ends[0].lerp(c.ends[1], t)) - (c.radii[0] * (1.0 - t) + c.radii[1] * t)
-        };
+        let at = |t: f32| p.distance(c.ends[0].lerp(c.ends[1], t)) - (c.radii[0] * (1.0 - t) + c.radii[1] * t);
         (0..=4000).map(|i| at(i as f32 / 4000.0)).fold(f32::MAX, f32::min)
     }
 

@@ -32,7 +32,7 @@ impl Quality {
     fn samples(self) -> (u32, u32, f32) {
         match self {
             Self::Draft => (1, 1, 1.0),
-            Self::Normal => (4, 16, 0.05),
+            Self::Normal => (4, 8, 0.05),
             Self::Fine => (32, 192, 0.008),
         }
     }
@@ -124,7 +124,13 @@ enum Seen {
 pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Progress) -> Result<Picture> {
     let [width, height] = shot.size;
     if width == 0 || height == 0 {
-        return Err(Error::Range { name: "size of a picture".into(), value: 0.0, min: 1.0, max: 65_535.0, unit: "pixels" });
+        return Err(Error::Range {
+            name: "size of a picture".into(),
+            value: 0.0,
+            min: 1.0,
+            max: 65_535.0,
+            unit: "pixels",
+        });
     }
     let lens = Lens::new(&shot.camera, shot.size);
     if !lens.is_finite() {
@@ -212,7 +218,12 @@ fn doubtful(pixels: &[Pixel], w: u32, limit: f32) -> Vec<bool> {
     (0..pixels.len()).map(|i| mean(i) > limit).collect()
 }
 
-fn look(world: &World<'_>, shot: &Shot, (lens, floor): (&Lens, Option<f32>), (sampler, place, index): (&Sampler, [u32; 2], u32)) -> Seen {
+fn look(
+    world: &World<'_>,
+    shot: &Shot,
+    (lens, floor): (&Lens, Option<f32>),
+    (sampler, place, index): (&Sampler, [u32; 2], u32),
+) -> Seen {
     let inside = if shot.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
     let direction = lens.direction(place, inside);
     let draw = Draw { sampler, index, spread: lens.spread, careful: shot.quality == Quality::Fine };

@@ -57,9 +57,8 @@ pub struct Subject {
 impl Subject {
     /// Of a scene at a frame, `None` for rest. Ground alone is a subject, too.
     pub fn of(scene: &Scene, frame: Option<&Frame>) -> Self {
-        let terrain = |p: &&crate::scene::Placement| {
-            scene.assets.get(p.asset).is_some_and(|a| a.kind == AssetKind::Terrain)
-        };
+        let terrain =
+            |p: &&crate::scene::Placement| scene.assets.get(p.asset).is_some_and(|a| a.kind == AssetKind::Terrain);
         let ground = scene.placements.iter().any(|p| terrain(&p));
         let alone = scene.placements.iter().all(|p| terrain(&p));
         let mut points = Vec::new();
@@ -103,7 +102,8 @@ impl Subject {
         const TURNS: u8 = 12;
         let axis = self.bounds.center();
         let step = (self.points.len() * usize::from(TURNS)).div_ceil(POINTS).max(1);
-        let turns = (0..TURNS).map(|i| glam::Quat::from_rotation_y(std::f32::consts::TAU * f32::from(i) / f32::from(TURNS)));
+        let turns =
+            (0..TURNS).map(|i| glam::Quat::from_rotation_y(std::f32::consts::TAU * f32::from(i) / f32::from(TURNS)));
         let turned = |q: glam::Quat| self.points.iter().step_by(step).map(move |p| axis + q * (*p - axis));
         Self { points: turns.flat_map(turned).collect(), ..self.clone() }
     }
@@ -158,8 +158,13 @@ mod tests {
 
     #[test]
     fn everything_is_in_the_picture_and_touches_the_margin() {
-        let points: Vec<Vec3> = (0..200).map(|i| Vec3::new((i % 7) as f32, (i % 13) as f32 * 0.7, (i % 5) as f32)).collect();
-        for view in [View::Portrait, View::Angles { azimuth: 200.0, elevation: 50.0 }, View::Angles { azimuth: 0.0, elevation: 90.0 }] {
+        let points: Vec<Vec3> =
+            (0..200).map(|i| Vec3::new((i % 7) as f32, (i % 13) as f32 * 0.7, (i % 5) as f32)).collect();
+        for view in [
+            View::Portrait,
+            View::Angles { azimuth: 200.0, elevation: 50.0 },
+            View::Angles { azimuth: 0.0, elevation: 90.0 },
+        ] {
             let s = subject(points.clone());
             let camera = s.camera(view, 1.5, 0.6);
             let [right, up, back] = camera.axes();

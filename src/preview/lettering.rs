@@ -78,7 +78,9 @@ mod tests {
     fn letters_leave_ink_where_they_stand() {
         let mut p = Picture::filled(64, 20, [255; 4]);
         p.write("Il", [4, 2], Letters::Small, [0, 0, 0]);
-        let dark = |x0: u32, x1: u32| (x0..x1).flat_map(|x| (0..20).map(move |y| (x, y))).filter(|(x, y)| p.at(*x, *y)[0] < 128).count();
+        let dark = |x0: u32, x1: u32| {
+            (x0..x1).flat_map(|x| (0..20).map(move |y| (x, y))).filter(|(x, y)| p.at(*x, *y)[0] < 128).count()
+        };
         let w = Letters::Small.width();
         assert!(dark(4, 4 + w) > 8 && dark(4 + w, 4 + 2 * w) > 8 && dark(4 + 2 * w, 64) == 0);
     }

@@ -33,9 +33,8 @@ impl Looks {
     /// Reads a scene's materials; pictures wider than `side` pixels are read at a smaller size.
     pub fn new(scene: &Scene, side: u32) -> Self {
         let decoder = Decoder::default();
-        let used = |i: u32| {
-            scene.materials.iter().any(|m| [m.maps.color, m.maps.normal, m.maps.roughness].contains(&Some(i)))
-        };
+        let used =
+            |i: u32| scene.materials.iter().any(|m| [m.maps.color, m.maps.normal, m.maps.roughness].contains(&Some(i)));
         let wanted: Vec<Option<&Image>> = (0_u32..).zip(&scene.images).map(|(i, m)| used(i).then_some(m)).collect();
         let textures = par_map(&wanted, |image| image.map(|image| Texture::new(image, side, &decoder)));
         Self { materials: scene.materials.clone(), textures, decoder }

@@ -87,10 +87,6 @@ impl Picture {
 
     /// Bytes pixel by pixel, with alpha or without.
     pub(super) fn samples(&self, opaque: bool) -> Vec<u8> {
-        if opaque {
-            self.pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect()
-        } else {
-            self.pixels.concat()
-        }
+        if opaque { self.pixels.iter().flat_map(|p| [p[0], p[1], p[2]]).collect() } else { self.pixels.concat() }
     }
 }

@@ -64,7 +64,9 @@ impl Picture {
             for u in 0..other.width {
                 let (over, under) = (other.at(u, v), self.at(x + u, y + v));
                 let a = u32::from(over[3]);
-                let mix = |o: u8, b: u8| u8::try_from((u32::from(o) * a + u32::from(b) * (255 - a) + 127) / 255).unwrap_or(255);
+                let mix = |o: u8, b: u8| {
+                    u8::try_from((u32::from(o) * a + u32::from(b) * (255 - a) + 127) / 255).unwrap_or(255)
+                };
                 let alpha = over[3].max(under[3]);
                 self.set(x + u, y + v, [mix(over[0], under[0]), mix(over[1], under[1]), mix(over[2], under[2]), alpha]);
             }
@@ -79,7 +81,8 @@ mod tests {
     #[test]
     fn cells_stand_in_rows_and_nothing_is_cut() {
         assert_eq!((columns(1), columns(4), columns(5), columns(16)), (1, 2, 3, 4));
-        let cell = |shade: u8| Cell { picture: Picture::filled(40, 30, [shade, 0, 0, 255]), caption: format!("seed {shade}") };
+        let cell =
+            |shade: u8| Cell { picture: Picture::filled(40, 30, [shade, 0, 0, 255]), caption: format!("seed {shade}") };
         let cells: Vec<Cell> = (1..=5).map(cell).collect();
         let out = sheet("oak", "", &cells, 3);
         assert_eq!([u64::from(out.width), u64::from(out.height)], size(5, 3, [40, 30]));

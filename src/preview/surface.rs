@@ -42,12 +42,22 @@ impl World<'_> {
         let (showing, solid) = self.met(hit)?;
         let p = origin + direction * hit.spot.t;
         let flat = match &solid.kind {
-            Kind::Faces { faces, mesh } => triangle(showing, faces.get(hit.spot.primitive as usize)?, mesh, hit.spot.at),
+            Kind::Faces { faces, mesh } => {
+                triangle(showing, faces.get(hit.spot.primitive as usize)?, mesh, hit.spot.at)
+            }
             Kind::Cones { cones, material } => {
                 let cone = cones.get(hit.spot.primitive as usize)?;
                 let n = showing.normal(cone.normal(showing.to_local(p)));
                 let color = cone.color.map(Vec3::from_array);
-                Flat { face: n, n, uv: Vec2::ZERO, color, material: *material, edges: [Vec3::X; 2], uv_edges: [Vec2::ZERO; 2] }
+                Flat {
+                    face: n,
+                    n,
+                    uv: Vec2::ZERO,
+                    color,
+                    material: *material,
+                    edges: [Vec3::X; 2],
+                    uv_edges: [Vec2::ZERO; 2],
+                }
             }
         };
         let width = footprint(spread * hit.spot.t * direction.length(), flat.edges, flat.uv_edges);

@@ -130,7 +130,8 @@ fn halved(level: &Level, color: bool, decoder: &Decoder) -> Level {
     let mut texels = Vec::with_capacity(width as usize * height as usize);
     for y in 0..height {
         for x in 0..width {
-            let four = [texel(2 * x, 2 * y), texel(2 * x + 1, 2 * y), texel(2 * x, 2 * y + 1), texel(2 * x + 1, 2 * y + 1)];
+            let four =
+                [texel(2 * x, 2 * y), texel(2 * x + 1, 2 * y), texel(2 * x, 2 * y + 1), texel(2 * x + 1, 2 * y + 1)];
             let alpha = four.iter().fold(0.0, |s, t| s + t.w);
             let sum = four.iter().fold(Vec4::ZERO, |s, t| s + *t * if alpha > 0.0 { t.w / alpha } else { 0.25 });
             let encode = |c: f32| byte(if color { srgb_from_linear(c) } else { c });

@@ -4,12 +4,15 @@ use glam::Vec3;
 
 use crate::units::{byte, srgb_from_linear};
 
+/// Factor on all light: a meadow in full sun lies a little above the middle.
+const EXPOSURE: f32 = 1.25;
+
 /// A linear colour as it is shown, linear in 0..1.
 /// Own: a toe that deepens shade and a shoulder towards white, f(x) = x (1.2 x + 0.05) / (x (1.15 x + 0.62) + 0.14) with the
 /// colour's brightness as x; what rises beyond 1 is spilt towards white, so bright leaves pale instead of turning
 /// yellow.
 pub(super) fn film(color: Vec3) -> Vec3 {
-    let c = color.max(Vec3::ZERO);
+    let c = color.max(Vec3::ZERO) * EXPOSURE;
     let x = c.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(1e-6);
     let shown = curve(x);
     let kept = c * (shown / x);

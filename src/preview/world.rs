@@ -58,15 +58,26 @@ impl<'a> World<'a> {
     /// `frame`: `None` for rest.
     pub fn new(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks) -> Self {
         let (jobs, places) = plan(scene, frame);
-        let solids = par_map(&jobs, |job| solid(job, looks));
-        let showings: Vec<Showing> = places.iter().filter_map(|(i, m)| Showing::new(*i, *m)).collect();
-        let there = |s: &Showing| solids.get(s.solid as usize).is_some_and(|s| s.bounds().is_some());
-        let showings: Vec<Showing> = showings.into_iter().filter(there).collect();
-        let tree = tree_of(&showings, |s| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid)));
+        let made = par_map(&jobs, |job| solids_of(job, looks));
+        let mut solids = Vec::new();
+        let mut ranges = Vec::new();
+        for pieces in made {
+            let first = solids.len();
+            solids.extend(pieces.into_iter().filter(|s: &Solid<'_>| s.bounds().is_some()));
+            ranges.push(first..solids.len());
+        }
+        let showings: Vec<Showing> = places
+            .iter()
+            .flat_map(|(job, m)| ranges.get(*job as usize).cloned().unwrap_or_default().map(move |i| (i, *m)))
+            .filter_map(|(i, m)| Showing::new(u32::try_from(i).ok()?, m))
+            .collect();
+        let tree =
+            tree_of(&showings, |s| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid)));
         let order = |i: &u32| showings.get(*i as usize).copied();
         let showings: Vec<Showing> = tree.primitive_indices.iter().filter_map(order).collect();
         let total = &tree.total_aabb;
-        let bounds = if showings.is_empty() { Bounds::default() } else { Bounds::of([total.min.into(), total.max.into()]) };
+        let bounds =
+            if showings.is_empty() { Bounds::default() } else { Bounds::of([total.min.into(), total.max.into()]) };
         let reach = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
         Self { looks, solids, showings, tree, bounds, gap: if bounds.is_empty() { 1e-6 } else { reach * 1e-5 } }
     }
@@ -160,8 +171,13 @@ fn affine(trs: &Trs) -> Affine3A {
 
 /// Solids to make, and where each is shown.
 fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<Job<'s>>, Vec<(u32, Affine3A)>) {
-    static REST: AssetFrame =
-        AssetFrame { pose: Vec::new(), meshes: Vec::new(), instancers: Vec::new(), points: Vec::new(), curves: Vec::new() };
+    static REST: AssetFrame = AssetFrame {
+        pose: Vec::new(),
+        meshes: Vec::new(),
+        instancers: Vec::new(),
+        points: Vec::new(),
+        curves: Vec::new(),
+    };
     let (mut jobs, mut places) = (Vec::new(), Vec::new());
     for (i, asset) in scene.assets.iter().enumerate() {
         let stands: Vec<Affine3A> =
@@ -205,8 +221,8 @@ fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<Job<'s>>, Vec<(u
     (jobs, places)
 }
 
-fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
-    match job {
+fn solids_of<'s>(job: &Job<'s>, looks: &Looks) -> Vec<Solid<'s>> {
+    let one = match job {
         Job::Mesh(asset, object, i, state) => {
             let mesh = match state.mesh(*i) {
                 MeshFrame::Whole { mesh, .. } => mesh,
@@ -215,12 +231,13 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
             let points = mesh_points(asset, object, *i, state);
             Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), looks)
         }
-        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), looks),
+        Job::Prototype(mesh) => return Solid::pieces(mesh, looks),
         Job::Points(cloud, PointsFrame::Same) => Solid::of_points(cloud, &cloud.positions, &cloud.widths),
         Job::Points(cloud, PointsFrame::State { positions, widths, .. }) => Solid::of_points(cloud, positions, widths),
         Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points),
         Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points),
-    }
+    };
+    vec![one]
 }
 
 fn normals<'s>(asset: &Asset, object: &MeshObject, mesh: &'s Mesh, i: usize, state: &'s AssetFrame) -> Cow<'s, [Vec3]> {

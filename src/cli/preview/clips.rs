@@ -6,10 +6,10 @@ use super::load::{Change, load};
 use super::sheets::subject;
 use super::shots::{Background, Wish, ending};
 use super::{Done, Target};
+use crate::Result;
 use crate::bake::Work;
 use crate::preview::{ClipFormat, ClipWriter, Looks, Subject, World, expose, tiles};
 use crate::scene::Camera;
-use crate::Result;
 
 /// Frames per second of a turntable.
 const TURNS: (u32, u32) = (16, 1);

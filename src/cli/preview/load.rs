@@ -61,7 +61,13 @@ pub struct Change {
 /// Loads a source.
 /// # Errors
 /// `Input` with its faults, `Io`, `Limit`, `Cancelled`.
-pub fn load(context: &Context, args: &Preview, (name, quality, moving): (&str, Quality, bool), change: &Change, work: &Work<'_>) -> Result<Loaded> {
+pub fn load(
+    context: &Context,
+    args: &Preview,
+    (name, quality, moving): (&str, Quality, bool),
+    change: &Change,
+    work: &Work<'_>,
+) -> Result<Loaded> {
     let path = Path::new(name);
     if path.is_dir() {
         return mesh_file(context, &baked(context, path)?);
@@ -120,7 +126,9 @@ fn baked(context: &Context, folder: &Path) -> Result<PathBuf> {
         Some(path) => Ok(folder.join(path)),
         None => {
             let why = format!("\"{}\" is a bake without a .glb of the whole scene", folder.display());
-            Err(fault(Diagnostic::about("S001", why).help("preview its scene file, or bake it again with --formats glb")))
+            Err(fault(
+                Diagnostic::about("S001", why).help("preview its scene file, or bake it again with --formats glb"),
+            ))
         }
     }
 }
@@ -128,8 +136,7 @@ fn baked(context: &Context, folder: &Path) -> Result<PathBuf> {
 fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
     let bytes = fence::read_input(path, context.limits.get("mesh-bytes"))?;
     let roots = Roots::new(path, &context.common.search)?;
-    let options =
-        Options { roots: &roots, limits: &context.limits, up: Up::Y, scale: 1.0, class: MaterialClass::Leaf };
+    let options = Options { roots: &roots, limits: &context.limits, up: Up::Y, scale: 1.0, class: MaterialClass::Leaf };
     let read = import::read(path, &bytes, &options)?;
     let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let object = MeshObject { name: "mesh".into(), mesh: read.mesh, motion: MeshMotion::Still, skin: None };

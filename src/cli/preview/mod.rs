@@ -84,9 +84,7 @@ impl Target {
     fn tell(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
         self.folder.finish()?;
         if context.console.json {
-            let row = |f: &crate::fence::FileRecord| {
-                json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 })
-            };
+            let row = |f: &crate::fence::FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
             let files: Vec<_> = self.folder.files().iter().map(row).collect();
             let value = json!({ "files": files, "width": width, "height": height, "frames": frames });
             return context.console.result(&format!("{value:#}\n"));

@@ -32,7 +32,8 @@ pub fn subject(loaded: &Loaded, frame: Option<&Frame>) -> Result<Subject> {
 
 /// One picture, or two with `--compare`.
 pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> Result<Done> {
-    let sources: Vec<&str> = [Some(&args.source), args.compare.as_ref()].into_iter().flatten().map(String::as_str).collect();
+    let sources: Vec<&str> =
+        [Some(&args.source), args.compare.as_ref()].into_iter().flatten().map(String::as_str).collect();
     let moving = args.frame.is_some();
     let mut all = Vec::new();
     for source in &sources {

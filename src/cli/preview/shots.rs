@@ -98,7 +98,6 @@ impl Wish {
         !self.seeds.is_empty() || !self.sweeps.is_empty()
     }
 
-
     /// Width over height.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
     pub fn aspect(&self) -> f32 {
@@ -198,9 +197,8 @@ fn background(text: Option<&str>) -> Result<Background, String> {
         "none" | "transparent" => Ok(Background::Clear),
         t => {
             let hex = t.strip_prefix('#').filter(|h| h.len() == 6 && h.is_ascii()).ok_or_else(|| bad(t))?;
-            let channel = |i: usize| {
-                hex.get(i..i + 2).and_then(|h| u8::from_str_radix(h, 16).ok()).map(|b| f32::from(b) / 255.0)
-            };
+            let channel =
+                |i: usize| hex.get(i..i + 2).and_then(|h| u8::from_str_radix(h, 16).ok()).map(|b| f32::from(b) / 255.0);
             match [channel(0), channel(2), channel(4)] {
                 [Some(r), Some(g), Some(b)] => Ok(Background::Color([r, g, b])),
                 _ => Err(bad(t)),

@@ -92,46 +92,7 @@ fn cosine(n: Vec3, at: [f32; 2]) -> Vec3 {
 impl World<'_> {
     /// Radiance towards the viewer along a ray, and whether it met anything.
     pub(super) fn radiance(&self, light: &Light, origin: Vec3, direction: Vec3, draw: &Draw<'_>) -> Option<Vec3> {
-        self.followed(light, (origin, direction), draw, 0)
-    }
-
-    fn followed(&self, light: &Light, (o, d): (Vec3, Vec3), draw: &Draw<'_>, depth: u32) -> Option<Vec3> {
-        let hit = self.nearest(ray(o, d, [0.0, f32::INFINITY]))?;
-        let surface = self.surface(&hit, o, d, draw.spread)?;
-        let seen = if surface.finish.water {
-            self.water(light, d, &surface, draw, depth)
-        } else {
-            self.lit(light, d, &surface, draw, depth)
-        };
-        Some(seen.min(Vec3::splat(BRIGHTEST)))
-    }
-
-    /// Light that an opaque or thin surface sends back along `d`.
-    /// Matt light falls off with the cosine; a share `translucency` of it leaves on the other side. The gloss is that of
-    /// a rough dielectric: what it takes, the matt part lacks.
-    fn lit(&self, light: &Light, d: Vec3, s: &Surface, draw: &Draw<'_>, depth: u32) -> Vec3 {
-        let f = &s.finish;
-        let toward = -math::normalize_or(d, Vec3::Z);
-        let smooth = 1.0 - f.roughness;
-        let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * smooth * smooth;
-        let purpose = depth * PURPOSES;
-        let matt = f.albedo * (1.0 - gloss);
-        let mut sum = self.sunlight(light, s, toward, matt, draw.sampler.point(draw.index, purpose + 1));
-        let at = draw.sampler.point(draw.index, purpose + 2);
-        // One direction serves both sides: the first coordinate also says which.
-        let through = at[0] < f.translucency;
-        let rest = if through { at[0] / f.translucency } else { (at[0] - f.translucency) / (1.0 - f.translucency).max(1e-6) };
-        let n = if through { -s.n } else { s.n };
-        let scattered = self.arriving(light, s, cosine(n, [rest.clamp(0.0, 0.999_999), at[1]]), draw, purpose);
-        sum += matt * scattered;
-        if gloss > 0.0 {
-            let mirrored = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
-            let r = if mirrored.dot(s.face) > 0.0 { mirrored } else { s.n };
-            // What a rough gloss mirrors is as blurred as the light around, unless there is time to look.
-            let clear = draw.careful && f.roughness < 0.5;
-            sum += if clear { self.arriving(light, s, r, draw, purpose) } else { scattered } * gloss;
-        }
-        sum
+        Path { world: self, light, draw, depth: 0 }.followed(origin, direction)
     }
 
     /// Light of sun and sky that reaches a white, level floor.
@@ -142,21 +103,80 @@ impl World<'_> {
         let d = cosine(Vec3::Y, draw.sampler.point(draw.index, 2));
         (sun, if seen(d) { light.sky(d) } else { Vec3::ZERO })
     }
+}
+
+/// Light on its way back, one ray long.
+#[derive(Clone, Copy)]
+struct Path<'p, 'w> {
+    world: &'p World<'w>,
+    light: &'p Light,
+    draw: &'p Draw<'p>,
+    /// Refractions and reflections so far.
+    depth: u32,
+}
+
+impl Path<'_, '_> {
+    /// Sample point of one of the purposes of this depth.
+    fn point(&self, purpose: u32) -> [f32; 2] {
+        self.draw.sampler.point(self.draw.index, self.depth * PURPOSES + purpose)
+    }
+
+    /// A place just off the surface, on the side that `d` leaves by.
+    fn off(&self, s: &Surface, d: Vec3) -> Vec3 {
+        s.p + s.face * if d.dot(s.face) > 0.0 { self.world.gap } else { -self.world.gap }
+    }
+
+    /// True if nothing stands between a place and the far end of a direction.
+    fn is_open(&self, from: Vec3, d: Vec3) -> bool {
+        self.world.lets_by(ray(from, d, [0.0, f32::INFINITY]))
+    }
+
+    fn followed(&self, o: Vec3, d: Vec3) -> Option<Vec3> {
+        let hit = self.world.nearest(ray(o, d, [0.0, f32::INFINITY]))?;
+        let surface = self.world.surface(&hit, o, d, self.draw.spread)?;
+        let seen = if surface.finish.water { self.water(d, &surface) } else { self.lit(d, &surface) };
+        Some(seen.min(Vec3::splat(BRIGHTEST)))
+    }
+
+    /// Light that an opaque or thin surface sends back along `d`.
+    /// Matt light falls off with the cosine; a share `translucency` of it leaves on the other side. The gloss is that of
+    /// a rough dielectric: what it takes, the matt part lacks.
+    fn lit(&self, d: Vec3, s: &Surface) -> Vec3 {
+        let f = &s.finish;
+        let toward = -math::normalize_or(d, Vec3::Z);
+        let smooth = 1.0 - f.roughness;
+        let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * smooth * smooth;
+        let matt = f.albedo * (1.0 - gloss);
+        let mut sum = self.sunlight(s, toward, matt);
+        let at = self.point(2);
+        // One draw serves both sides: its first number also says which.
+        let through = at[0] < f.translucency;
+        let rest =
+            if through { at[0] / f.translucency } else { (at[0] - f.translucency) / (1.0 - f.translucency).max(1e-6) };
+        let n = if through { -s.n } else { s.n };
+        let scattered = self.arriving(s, cosine(n, [rest.clamp(0.0, 0.999_999), at[1]]));
+        sum += matt * scattered;
+        if gloss > 0.0 {
+            let mirrored = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
+            let r = if mirrored.dot(s.face) > 0.0 { mirrored } else { s.n };
+            // What a rough gloss mirrors is as blurred as the light around, unless there is time to look.
+            let clear = self.draw.careful && f.roughness < 0.5;
+            sum += if clear { self.arriving(s, r) } else { scattered } * gloss;
+        }
+        sum
+    }
 
     /// Light of the sun.
-    fn sunlight(&self, light: &Light, s: &Surface, toward: Vec3, matt: Vec3, at: [f32; 2]) -> Vec3 {
-        let l = light.sunward(at);
+    fn sunlight(&self, s: &Surface, toward: Vec3, matt: Vec3) -> Vec3 {
+        let light = self.light;
+        let l = light.sunward(self.point(1));
         let (cos, front) = (s.n.dot(l), s.face.dot(l) > 0.0);
         let share = match (cos > 0.0, front) {
             (true, true) => 1.0 - s.finish.translucency,
             (false, false) => s.finish.translucency,
             _ => 0.0,
         };
-        if light.sun == Vec3::ZERO || (share <= 0.0 && !(front && cos > 0.0)) {
-            return Vec3::ZERO;
-        }
-        let from = s.p + s.face * if front { self.gap } else { -self.gap };
-        if !self.lets_by(ray(from, l, [0.0, f32::INFINITY])) {
+        if light.sun == Vec3::ZERO || (share <= 0.0 && !(front && cos > 0.0)) || !self.is_open(self.off(s, l), l) {
             return Vec3::ZERO;
         }
         let mut sent = matt * (share * std::f32::consts::FRAC_1_PI);
@@ -167,53 +187,46 @@ impl World<'_> {
     }
 
     /// Light that arrives from a direction: the sky, or what stands before it.
-    fn arriving(&self, light: &Light, s: &Surface, d: Vec3, draw: &Draw<'_>, purpose: u32) -> Vec3 {
-        let front = s.face.dot(d) > 0.0;
-        let from = s.p + s.face * if front { self.gap } else { -self.gap };
-        match self.nearest(ray(from, d, [0.0, f32::INFINITY])) {
-            None => light.sky(d),
-            Some(hit) => {
-                let (color, n) = self.glimpse(&hit, d);
-                let l = light.sunward(draw.sampler.point(draw.index, purpose + 3));
-                let cos = n.dot(l).max(0.0) * std::f32::consts::FRAC_1_PI;
-                let at = from + d * hit.spot.t + n * self.gap;
-                let share = match draw.careful {
-                    _ if cos <= 0.0 || light.sun == Vec3::ZERO => 0.0,
-                    false => OPENNESS,
-                    true if self.lets_by(ray(at, l, [0.0, f32::INFINITY])) => 1.0,
-                    true => 0.0,
-                };
-                gathered(color, light.mean_sky()) + color * light.sun * (cos * share)
-            }
-        }
+    fn arriving(&self, s: &Surface, d: Vec3) -> Vec3 {
+        let (light, from) = (self.light, self.off(s, d));
+        let Some(hit) = self.world.nearest(ray(from, d, [0.0, f32::INFINITY])) else { return light.sky(d) };
+        let (color, n) = self.world.glimpse(&hit, d);
+        let l = light.sunward(self.point(3));
+        let cos = n.dot(l).max(0.0) * std::f32::consts::FRAC_1_PI;
+        let share = match self.draw.careful {
+            _ if cos <= 0.0 || light.sun == Vec3::ZERO => 0.0,
+            false => OPENNESS,
+            true if self.is_open(from + d * hit.spot.t + n * self.world.gap, l) => 1.0,
+            true => 0.0,
+        };
+        gathered(color, light.mean_sky()) + color * light.sun * (cos * share)
     }
 
     /// A drop: part of the light is reflected, part goes on bent.
-    fn water(&self, light: &Light, d: Vec3, s: &Surface, draw: &Draw<'_>, depth: u32) -> Vec3 {
-        if depth >= DEPTH {
+    fn water(&self, d: Vec3, s: &Surface) -> Vec3 {
+        let light = self.light;
+        if self.depth >= DEPTH {
             return light.sky(d);
         }
+        let next = Self { depth: self.depth + 1, ..*self };
+        let beyond = |to: Vec3| next.followed(self.off(s, to), to).unwrap_or_else(|| light.sky(to));
         let d = math::normalize_or(d, -Vec3::Z);
-        let n = s.n;
-        let eta = if s.outside { 1.0 / self.looks.ior(s.material) } else { self.looks.ior(s.material) };
+        let (n, ior) = (s.n, self.world.looks.ior(s.material));
+        let eta = if s.outside { 1.0 / ior } else { ior };
         let cos = -n.dot(d);
         let k = 1.0 - eta * eta * (1.0 - cos * cos);
-        let beyond = |from: Vec3, to: Vec3| {
-            let side = if to.dot(s.face) > 0.0 { self.gap } else { -self.gap };
-            self.followed(light, (from + s.face * side, to), draw, depth + 1).unwrap_or_else(|| light.sky(to))
-        };
         let back = d + n * (2.0 * cos);
         if k < 0.0 {
-            return beyond(s.p, back);
+            return beyond(back);
         }
         let on = math::normalize_or(d * eta + n * (eta * cos - math::sqrt_f32(k)), d);
         let share = fresnel(s.finish.f0, if s.outside { cos } else { -n.dot(on) });
-        let mut seen = beyond(s.p, on) * (1.0 - share);
+        let mut seen = beyond(on) * (1.0 - share);
         if s.outside {
-            seen += beyond(s.p, back) * share;
+            seen += beyond(back) * share;
             let l = light.toward;
             let bright = glint(&Finish { roughness: 0.08, ..s.finish }, n, -d, l) * n.dot(l).max(0.0);
-            if bright > 1e-3 && self.lets_by(ray(s.p + s.face * self.gap, l, [0.0, f32::INFINITY])) {
+            if bright > 1e-3 && self.is_open(self.off(s, s.face), l) {
                 seen += light.sun * bright;
             }
         }

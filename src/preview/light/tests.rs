@@ -148,7 +148,8 @@ fn a_leaf_glows_on_the_side_away_from_the_sun() {
 
 #[test]
 fn looking_straight_through_a_drop_shows_the_sky_behind_it_dimmed_by_fresnel() {
-    let mut s = scene(Vec::new(), vec![Material { class: MaterialClass::Water, ..material(1.0, 0.0, 1.333) }], 0.0, 1.0);
+    let mut s =
+        scene(Vec::new(), vec![Material { class: MaterialClass::Water, ..material(1.0, 0.0, 1.333) }], 0.0, 1.0);
     let cloud = Points {
         name: "d".into(),
         material: 0,
