@@ -81,7 +81,7 @@ fn sheets_have_a_cell_for_every_seed_and_value() {
     // Three columns of 60 and two rows of 50 pixels, margins, captions and a title line.
     assert_eq!(seeds.dimensions(), (3 * 70 + 10, 2 * (50 + 36) + 10 + 34));
     let sweeps =
-        ["preview", "koch", "--sweep", "plants.koch.turtle.step=0.1,0.2", "--sweep", "plants.koch.steps=1:3:3"];
+        ["preview", "koch", "--sweep", "plants.koch.turtle.width=0.01,0.02", "--sweep", "plants.koch.steps=1:3:3"];
     let (_, err) = ends(0, &[&sweeps[..], &common].concat());
     assert!(!err.contains("error"), "{err}");
     assert_eq!(picture(&out).dimensions(), (2 * 70 + 10, 3 * (50 + 36) + 10 + 34));
@@ -155,7 +155,7 @@ fn every_mistake_is_named() {
         (1, &[arg(&empty)], "P001"),
         (1, &[arg(&broken)], "broken.glb"),
         (1, &[arg(&crate_file)], "--formats glb"),
-        (74, &["no-such-thing"], "no such file or preset"),
+        (1, &["no-such-thing"], "no such file or preset"),
         (2, &["oak", "--size", "200000"], "--max-image-side"),
         (2, &["oak", "--size", "16000x16000", "--max-image-side", "20k"], "--max-image-bytes"),
         (2, &["oak", "--size", "0x5"], "WIDTHxHEIGHT"),
