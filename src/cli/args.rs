@@ -31,7 +31,6 @@ osier turns small text files into plants and bakes them into files that Blender,
   osier new mytree --from oak        a folder of your own to change
   osier bake mytree/mytree.toml      the scene you changed
   osier check mytree/mytree.toml     every fault in it, and what it would make
-
 `osier COMMAND --help` tells the rest.
 ";
 
