@@ -15,6 +15,7 @@ pub mod fence;
 pub mod geometry;
 pub mod grammar;
 pub mod grow;
+pub mod ifs;
 pub mod import;
 pub mod limits;
 pub mod math;

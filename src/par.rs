@@ -56,6 +56,18 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     }
 }
 
+/// Threads that parallel work is dealt to; results must not depend on it.
+pub fn threads() -> usize {
+    #[cfg(feature = "parallel")]
+    {
+        rayon::current_num_threads().max(1)
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        1
+    }
+}
+
 /// A hash map that cannot be iterated, so that hash order never reaches an output.
 #[derive(Debug)]
 #[allow(clippy::disallowed_types, reason = "this wrapper is what hides the iteration order")]

@@ -1,4 +1,4 @@
-//! Grammars and scenes that travel in the binary.
+//! Grammars, scenes and coefficient tables that travel in the binary.
 
 /// A text in the binary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,16 +17,31 @@ macro_rules! presets {
 
 /// All of them, sorted by file name.
 pub const PRESETS: &[Preset] = presets! {
+    "ifs-tables" / "as_printed.ifs",
+    "ifs-tables" / "bamboo_leaf.ifs",
+    "ifs-tables" / "bamboo_node.ifs",
     "grammars" / "birch.l",
     "scenes" / "birch.toml",
+    "ifs-tables" / "fern_leaf.ifs",
     "grammars" / "grass.l",
     "scenes" / "grass.toml",
+    "ifs-tables" / "gray_tree.ifs",
+    "ifs-tables" / "green_tree.ifs",
+    "ifs-tables" / "hill.ifs",
     "grammars" / "koch.l",
+    "ifs-tables" / "monopodial.ifs",
+    "ifs-tables" / "monopodial.ifs.toml",
     "grammars" / "oak.l",
     "scenes" / "oak.toml",
+    "ifs-tables" / "palm_tree.ifs",
     "grammars" / "poplar-twig.l",
     "scenes" / "poplar-twig.toml",
+    "ifs-tables" / "pseudodichotomous.ifs",
+    "ifs-tables" / "pseudodichotomous.ifs.toml",
     "scenes" / "showcase.toml",
+    "ifs-tables" / "sun.ifs",
+    "ifs-tables" / "sympodial.ifs",
+    "ifs-tables" / "sympodial.ifs.toml",
 };
 
 /// The preset of exactly this file name.
@@ -37,7 +52,7 @@ pub fn find(name: &str) -> Option<&'static Preset> {
 /// The first line of a preset's leading comment or title, for listings.
 pub fn about(preset: &Preset) -> String {
     let line = preset.text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
-    line.trim_start_matches(['#', '/', '*', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()
+    line.trim_start_matches(['#', '/', '*', ';', ' ']).trim_end_matches(['*', '/', ' ']).to_owned()
 }
 
 #[cfg(test)]
@@ -48,7 +63,7 @@ mod tests {
     fn every_file_of_the_folders_is_in_the_binary() {
         assert!(PRESETS.windows(2).all(|w| w[0].name < w[1].name), "sorted");
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-        for folder in ["grammars", "scenes"] {
+        for folder in ["grammars", "scenes", "ifs-tables"] {
             for entry in std::fs::read_dir(root.join(folder)).expect("folder") {
                 let name = entry.expect("entry").file_name().to_string_lossy().into_owned();
                 assert!(find(&name).is_some(), "{folder}/{name} is not listed in presets.rs");

@@ -199,6 +199,7 @@ fn known_points_project_within_half_a_pixel() {
         positions: places.to_vec(),
         widths: vec![0.08; 3],
         colors: colors.to_vec(),
+        attributes: Vec::new(),
         moving: false,
     };
     let dir = tempfile::tempdir().expect("dir");

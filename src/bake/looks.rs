@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::tables;
 use crate::Result;
 use crate::fence::Names;
 use crate::grow::turtle::OrganSpec;
@@ -30,7 +31,7 @@ pub struct Look {
 }
 
 impl Look {
-    fn add(&mut self, mut material: Material, images: Vec<Image>) -> u32 {
+    pub(super) fn add(&mut self, mut material: Material, images: Vec<Image>) -> u32 {
         let first = index(self.images.len());
         for map in maps(&mut material.maps) {
             *map = map.map(|i| i + first);
@@ -63,9 +64,10 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64) -> Result<Look> {
     let mut names = Names::default();
     for recipe in &plant.organs {
         let name = names.unique(&if recipe.letter == 'l' { "leaf".into() } else { format!("organ_{}", recipe.letter) });
-        let organ = match &recipe.mesh {
-            Some(mesh) => imported(&mut look, mesh, recipe, &plant.id, &name),
-            None => blades(&mut look, recipe, (&plant.id, &name, seed))?,
+        let organ = match (&recipe.mesh, &recipe.ifs) {
+            (Some(mesh), _) => imported(&mut look, mesh, recipe, &plant.id, &name),
+            (None, Some(table)) => tables::leaves(&mut look, recipe, table, (&plant.id, &name, seed))?,
+            (None, None) => blades(&mut look, recipe, (&plant.id, &name, seed))?,
         };
         look.organs.insert(recipe.letter, organ);
         look.names.push(name);

@@ -1,5 +1,6 @@
 //! Runs a [`Recipe`](crate::recipe::Recipe): grows, skins, steps through time, writes.
 
+pub mod clouds;
 mod counts;
 pub mod dress;
 pub mod exporters;
@@ -8,6 +9,7 @@ pub mod looks;
 pub mod mover;
 pub mod plants;
 pub mod stage;
+mod tables;
 pub mod write;
 
 pub use counts::Counts;

@@ -1,4 +1,4 @@
-//! From a grammar to a plant.
+//! From a grammar or a coefficient table to a plant.
 
 use std::collections::BTreeMap;
 
@@ -10,10 +10,12 @@ use super::layout::Individual;
 use super::looks::Look;
 use crate::diagnostic::Report;
 use crate::grammar::{DeriveOptions, derive};
+use crate::grow::ifs;
 use crate::grow::turtle::{self, Tropism, TurtleOptions};
 use crate::plant::Plant;
-use crate::recipe::PlantRecipe;
+use crate::recipe::cloud_keys::{Radii, TreeKeys};
 use crate::recipe::sections::{Line, TropismKeys};
+use crate::recipe::{Growth, PlantRecipe};
 use crate::{Error, Result};
 
 /// A grown plant.
@@ -31,19 +33,46 @@ pub struct Grown {
 /// # Errors
 /// `Input` with what the derivation or the turtle refuses.
 pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &Work<'_>) -> Result<Grown> {
+    let grammar = match &recipe.growth {
+        Growth::Grammar(grammar) => grammar,
+        Growth::Ifs(stems, keys) => {
+            let options = tree_options(recipe, keys, look);
+            let plant = ifs::grow(stems, (individual.id, individual.seed), &options, work.limits)?;
+            return Ok(Grown { plant, report: Report::default(), modules: 0 });
+        }
+    };
     let options = DeriveOptions {
         seed: individual.seed,
         plant_id: individual.id,
         steps: recipe.keys.steps,
         stochastic: recipe.keys.stochastic,
     };
-    let derived = derive(&recipe.grammar, &options, work.limits)?;
+    let derived = derive(grammar, &options, work.limits)?;
     work.cancel.check()?;
-    let mut report = Report { sources: recipe.grammar.sources().clone(), diagnostics: Vec::new() };
-    let (plant, drawn) = turtle::grow(&recipe.grammar, &derived, &turtle_options(recipe, look)?, work.limits)?;
+    let mut report = Report { sources: grammar.sources().clone(), diagnostics: Vec::new() };
+    let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, look)?, work.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
     Ok(Grown { plant, report, modules })
+}
+
+fn tree_options(recipe: &PlantRecipe, keys: &TreeKeys, look: &Look) -> ifs::TreeOptions {
+    let short = |v: u32| u16::try_from(v).unwrap_or(u16::MAX);
+    ifs::TreeOptions {
+        height: keys.height,
+        eps: keys.eps,
+        max_depth: short(keys.max_depth),
+        max_order: short(keys.max_order),
+        variation: keys.variation,
+        radius: keys.radius,
+        pipe: keys.radii == Radii::Pipe,
+        leaf_density: keys.leaf_density,
+        leaves_per_site: keys.leaves,
+        leaf: look.organs.get(&'l').cloned(),
+        materials: look.materials.iter().map(|m| m.name.clone()).collect(),
+        bark: (BARK, SHOOT, f64::from(SHOOT_RADIUS)),
+        source: recipe.source.clone(),
+    }
 }
 
 fn turtle_options(recipe: &PlantRecipe, look: &Look) -> Result<TurtleOptions> {

@@ -80,8 +80,9 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     work.progress.stage("skinning", layout.individuals.len() as u64);
     let modules = grown.iter().map(|g| g.modules).sum();
     dress_all(recipe, (&layout, &kinds, &grown), &mut made, work)?;
-    let camera = camera(recipe, &made.assets, &layout);
     let mut placements = placements(&made.assets, &layout);
+    add_clouds(recipe, &mut made, &mut placements, work)?;
+    let camera = camera(recipe, &made.assets, &placements);
     if let Some((soil, middle)) = soil {
         add_ground(soil, middle, &mut made, &mut placements)?;
     }
@@ -252,12 +253,25 @@ fn add_ground(soil: Soil, middle: Vec3, made: &mut Made, placements: &mut Vec<Pl
     Ok(())
 }
 
+/// Adds the points of attractors where the scene wants them.
+fn add_clouds(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>, work: &Work<'_>) -> Result<()> {
+    for cloud in &recipe.clouds {
+        let material = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
+        let (asset, surface, transform) = super::clouds::asset(cloud, recipe.seed, material, work)?;
+        placements.push(Placement { name: asset.id.clone(), asset: made.assets.len(), transform });
+        made.materials.push(surface);
+        made.assets.push(asset);
+        made.movers.push(None);
+    }
+    Ok(())
+}
+
 /// The camera as the scene has it, or fitted to the plants.
-fn camera(recipe: &Recipe, assets: &[Asset], layout: &Layout) -> Camera {
+fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {
     let rest = AssetFrame::default();
     let boxes: Vec<Bounds> = par_map(assets, |a| asset_bounds(a, &rest));
-    let corners = layout.standings.iter().flat_map(|s| {
-        let b = boxes.get(s.individual).copied().unwrap_or_default();
+    let corners = placements.iter().flat_map(|s| {
+        let b = boxes.get(s.asset).copied().unwrap_or_default();
         let corners = if b.is_empty() { Vec::new() } else { b.corners().to_vec() };
         corners.into_iter().map(|c| s.transform.apply(c))
     });

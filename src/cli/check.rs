@@ -7,7 +7,7 @@ use super::progress::Show;
 use super::{Context, report, source};
 use crate::bake::{Counts, Work, stage};
 use crate::diagnostic::{Report, Severity, render_json};
-use crate::recipe::resolve;
+use crate::recipe::{Growth, resolve};
 use crate::{Error, Result};
 
 /// What is known about one file.
@@ -71,11 +71,13 @@ fn look(context: &Context, file: &str) -> Found {
 }
 
 fn look_into(context: &Context, file: &str, found: &mut Found) -> Result<()> {
-    let request = source::request(context, file)?;
+    let mut request = source::request(context, file)?;
+    request.thorough = true;
     let (recipe, warnings) = resolve(&request)?;
     found.report.extend(warnings);
     if context.common.verbose {
-        for grammar in recipe.plants.iter().map(|p| &p.grammar) {
+        for plant in &recipe.plants {
+            let Growth::Grammar(grammar) = &plant.growth else { continue };
             found.report.extend(Report { sources: grammar.sources().clone(), diagnostics: grammar.notes().to_vec() });
         }
     }

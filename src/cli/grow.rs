@@ -31,18 +31,24 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain("a binary file would fill the terminal; send it into a file or program: -o - > x.glb");
         return Ok(2);
     }
-    let mut request = source::request(context, &args.source)?;
+    let picture = matches!(ending.as_str(), ".png" | ".exr");
+    let mut request =
+        if picture { source::picture(context, &args.source)? } else { source::request(context, &args.source)? };
     request.steps = args.steps;
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
     recipe.clip.end = recipe.clip.start;
     let show = Show::new(&context.console);
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let mut warned = !warnings.diagnostics.is_empty();
+    if picture {
+        return super::picture::run(context, args, &recipe, warned);
+    }
     let built = stage::build(&recipe, stage::Parts { ground: false }, &work);
     show.done();
     let built = built?;
     context.console.report(&built.report);
-    let warned = !(warnings.diagnostics.is_empty() && built.report.diagnostics.is_empty());
+    warned |= !built.report.diagnostics.is_empty();
     if context.common.dry_run {
         report::counts(context, &args.output.display().to_string(), &built.counts(&recipe, &[]))?;
         return Ok(context.strict(warned));
@@ -68,11 +74,11 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     Ok(context.strict(warned || !told.is_empty()))
 }
 
-fn file_name(path: &Path) -> String {
+pub(super) fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-fn result(context: &Context, parent: &Path, folder: &Folder) -> Result<()> {
+pub(super) fn result(context: &Context, parent: &Path, folder: &Folder) -> Result<()> {
     let here = parent == Path::new(".");
     let path = |p: &str| if here { p.to_owned() } else { parent.join(p).display().to_string() };
     let files = folder.files();

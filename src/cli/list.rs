@@ -20,6 +20,8 @@ pub const ENDINGS: &[(&str, &str)] = &[
     (".obj", "Wavefront mesh with .mtl and pictures"),
     (".ply", "points and leaves"),
     (".pov", "POV-Ray scene"),
+    (".png", "picture of an attractor (a coefficient table)"),
+    (".exr", "density of an attractor, 32-bit floats, linear"),
 ];
 
 /// Runs it.

@@ -9,6 +9,7 @@ mod info;
 mod list;
 mod new;
 mod numbers;
+mod picture;
 mod preview;
 mod progress;
 mod report;

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::Context;
 use crate::diagnostic::{Diagnostic, Report, nearest};
+use crate::ifs::read;
 use crate::recipe::{Library, Request};
 use crate::{Error, Result, fence, presets};
 
@@ -12,25 +13,42 @@ use crate::{Error, Result, fence, presets};
 /// # Errors
 /// `Io` if it cannot be read, `Input` if it is no scene or grammar.
 pub fn request(context: &Context, source: &str) -> Result<Request> {
+    resolved(context, source, false)
+}
+
+/// As [`request`] for a picture: a coefficient table is drawn as points even if it could grow a tree.
+/// # Errors
+/// As [`request`].
+pub fn picture(context: &Context, source: &str) -> Result<Request> {
+    resolved(context, source, true)
+}
+
+fn resolved(context: &Context, source: &str, picture: bool) -> Result<Request> {
     let common = &context.common;
-    let mut request = find(context, source)?;
-    request.set.clone_from(&common.set);
+    let mut request = find(context, source, picture)?;
+    request.set = common.set.iter().filter(|s| !s.trim_start().starts_with("as=")).cloned().collect();
     request.seed = common.seed;
     request.limits = context.limits.clone();
     Ok(request)
 }
 
-fn find(context: &Context, source: &str) -> Result<Request> {
+fn find(context: &Context, source: &str, picture: bool) -> Result<Request> {
     let path = Path::new(source);
     let search = &context.common.search;
     if source != "-" && !source.contains(['/', '\\']) && !path.exists() {
-        return Ok(Request { library: Library::presets(search)?, ..preset(source)? });
+        return Ok(Request { library: Library::presets(search)?, ..preset(context, source, picture)? });
     }
     // A path that is not there is best reported before anything that is said about its folder.
     let bytes = fence::read_input(path, context.limits.get("text-bytes"))?;
     if path.extension() == Some(OsStr::new("l")) {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(Request { library: Library::new(path, search)?, ..Request::bare(&stem(path), &name) });
+    }
+    if is_table(path, &bytes) {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let short = name.split('.').next().unwrap_or(&name);
+        let table = table((&name, short), &bytes, context, picture);
+        return Ok(Request { library: Library::new(path, search)?, ..table });
     }
     if let Some(ending) = path.extension().filter(|e| ["obj", "glb", "gltf"].iter().any(|m| e.eq_ignore_ascii_case(m)))
     {
@@ -54,20 +72,44 @@ fn find(context: &Context, source: &str) -> Result<Request> {
     })
 }
 
+/// A table of branches grows a tree, any other is drawn as points; `--set as=cloud` draws a tree's points as well.
+fn table((file, name): (&str, &str), bytes: &[u8], context: &Context, picture: bool) -> Request {
+    let systems = read::read(file, bytes, &context.limits).map(|r| r.0).unwrap_or_default();
+    let wanted = |v: &str| context.common.set.iter().any(|s| s.replace(' ', "") == format!("as={v}"));
+    let branches = systems.first().is_some_and(|s| s.maps.iter().any(|m| m.branch.is_some()));
+    if !wanted("cloud") && !picture && (branches || wanted("tree")) {
+        Request::tree(name, file)
+    } else {
+        Request::cloud(name, file)
+    }
+}
+
+/// Whether a file holds coefficients: by its ending, or for TOML by a table `[ifs]`.
+fn is_table(path: &Path, bytes: &[u8]) -> bool {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let holds = || bytes.split(|b| *b == b'\n').any(|l| l.starts_with(b"[ifs") || l.starts_with(b"[[ifs"));
+    matches!(ending.as_str(), "ifs" | "flame") || (ending == "toml" && holds())
+}
+
 /// `oak` is the scene `oak.toml`, else the grammar `oak.l`; an ending picks one.
-fn preset(name: &str) -> Result<Request> {
-    let found = [name.to_owned(), format!("{name}.toml"), format!("{name}.l")].iter().find_map(|n| presets::find(n));
+fn preset(context: &Context, name: &str, picture: bool) -> Result<Request> {
+    let endings = ["", ".toml", ".l", ".ifs.toml", ".ifs"];
+    let found = endings.iter().map(|e| format!("{name}{e}")).collect::<Vec<_>>();
+    let found = found.iter().find_map(|n| presets::find(n));
     let Some(p) = found else {
-        let names = presets::PRESETS.iter().map(|p| p.name.rsplit_once('.').map_or(p.name, |(stem, _)| stem));
+        let names = presets::PRESETS.iter().map(|p| p.name.split('.').next().unwrap_or(p.name));
         let hint = match nearest(name, names) {
             Some(near) => format!("no such file or preset; did you mean \"{near}\"?"),
             None => "no such file or preset; `osier list presets` shows the presets".into(),
         };
         return Err(Error::io("open", name, std::io::Error::new(std::io::ErrorKind::NotFound, hint)));
     };
-    let stem = p.name.rsplit_once('.').map_or(p.name, |(stem, _)| stem);
+    let stem = p.name.split('.').next().unwrap_or(p.name);
     if p.name.ends_with(".l") {
         return Ok(Request::bare(stem, p.name));
+    }
+    if p.name.contains(".ifs") {
+        return Ok(table((p.name, stem), p.text.as_bytes(), context, picture));
     }
     let shown = format!("preset:{}", p.name);
     Ok(Request { name: stem.into(), shown, text: p.text.into(), ..Request::default() })

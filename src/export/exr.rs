@@ -63,6 +63,36 @@ impl Exporter for Exr {
     }
 }
 
+/// A picture of 32-bit floats as an EXR file: one channel `Y`, or `R`, `G`, `B` for three values per pixel; rows from the
+/// top. `comment`: JSON about it.
+/// # Errors
+/// X012 if the number of samples does not fit.
+pub fn floats(
+    (width, height): (usize, usize),
+    channels: usize,
+    samples: &[f32],
+    comment: &str,
+) -> crate::Result<Vec<u8>> {
+    let bad = |e: &dyn std::fmt::Display| Error::export("X012", format!("the picture cannot be encoded: {e}"));
+    if samples.len() != width.saturating_mul(height).saturating_mul(channels) {
+        return Err(bad(&"wrong number of samples"));
+    }
+    let names: &[&str] = if channels == 1 { &["Y"] } else { &["R", "G", "B"] };
+    let plane = |c: usize| samples.iter().skip(c).step_by(channels.max(1)).copied().collect::<Vec<f32>>();
+    let list = names.iter().enumerate().map(|(c, n)| AnyChannel::new(*n, FlatSamples::F32(plane(c)))).collect();
+    let attributes = LayerAttributes {
+        software_name: Some(GENERATOR.into()),
+        comments: Text::new_or_none(comment),
+        ..LayerAttributes::default()
+    };
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let layer = Layer::new((width, height), attributes, encoding, AnyChannels::sort(list));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut bytes).map_err(|e| bad(&e))?;
+    Ok(bytes.into_inner())
+}
+
 /// A scalar map, rows from the top.
 struct Map {
     width: u32,

@@ -5,12 +5,14 @@
 
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use super::merge::merged;
 use super::{Exporter, GENERATOR, Summary};
 use crate::fence::Folder;
 use crate::scene::{
-    Asset, AssetFrame, Frame, InstancerMotion, Material, Mesh, PointsFrame, Scene, Trs, check_frame, check_scene,
-    instance_states,
+    Asset, AssetFrame, Frame, InstancerMotion, Material, Mesh, Placement, Points, PointsFrame, Scene, Trs, check_frame,
+    check_scene, instance_states,
 };
 use crate::units::{byte, srgb_from_linear};
 use crate::{Error, Result};
@@ -57,7 +59,13 @@ impl Ply {
             let state = frame.and_then(|f| f.assets.get(a)).unwrap_or(&rest);
             if !asset.points.is_empty() && asset.points.iter().any(|p| p.moving) == moving {
                 let path = format!("cloud/{}{tag}.ply", asset.id);
-                self.save(&path, number, &cloud(scene, asset, state, at))?;
+                let shown = asset.points.iter().enumerate().map(|(i, points)| match state.points(i) {
+                    PointsFrame::State { positions, widths, .. } => {
+                        Shown { points, positions, widths, trs: Trs::IDENTITY }
+                    }
+                    PointsFrame::Same => Shown::at_rest(points, Trs::IDENTITY),
+                });
+                self.save(&path, number, &cloud(scene, shown, at))?;
             }
             for (i, instancer) in asset.instancers.iter().enumerate() {
                 if (instancer.motion == InstancerMotion::Free) == moving {
@@ -89,17 +97,14 @@ impl Ply {
                 motion: crate::scene::MeshMotion::Still,
                 skin: None,
             });
-            for points in &asset.points {
-                let mut points = points.clone();
-                points.positions.iter_mut().for_each(|p| *p = placement.transform.apply(*p));
-                points.widths.iter_mut().for_each(|w| *w *= placement.transform.s.x);
-                all.points.push(points);
-            }
         }
         let mesh = merged(&all, &Trs::IDENTITY);
         let at = scene.clip.start;
-        let bytes = if mesh.triangles.is_empty() && !all.points.is_empty() {
-            cloud(scene, &all, &AssetFrame::default(), at)
+        let placed = |p: &Placement| Some((&scene.assets.get(p.asset)?.points, p.transform));
+        let clouds: Vec<(&Points, Trs)> =
+            scene.placements.iter().filter_map(placed).flat_map(|(c, t)| c.iter().map(move |c| (c, t))).collect();
+        let bytes = if mesh.triangles.is_empty() && !clouds.is_empty() {
+            cloud(scene, clouds.into_iter().map(|(points, trs)| Shown::at_rest(points, trs)), at)
         } else {
             mesh_file(scene, &mesh, at)?
         };
@@ -168,27 +173,93 @@ fn base_color(materials: &[Material], id: u32) -> [f32; 3] {
     materials.get(id as usize).map_or([1.0; 3], |m| m.base_color)
 }
 
-/// All visible points of an asset with radius and colour.
-fn cloud(scene: &Scene, asset: &Asset, state: &AssetFrame, frame: u32) -> Vec<u8> {
-    let mut body = Vec::new();
-    let mut count = 0;
-    for (i, points) in asset.points.iter().enumerate() {
-        let (positions, widths) = match state.points(i) {
-            PointsFrame::State { positions, widths, .. } => (positions, widths),
-            PointsFrame::Same => (&points.positions, &points.widths),
-        };
-        for (k, (p, w)) in positions.iter().zip(widths).enumerate().filter(|(_, (_, w))| **w > 0.0) {
-            let flat = base_color(&scene.materials, points.material);
-            let [r, g, b] = points.colors.get(k).copied().unwrap_or(flat);
-            put(&mut body, &[p.x, p.y, p.z, *w * 0.5]);
-            body.extend_from_slice(&rgba([r, g, b, 1.0]));
-            count += 1;
+/// A cloud as it is shown.
+struct Shown<'a> {
+    points: &'a Points,
+    positions: &'a [Vec3],
+    widths: &'a [f32],
+    trs: Trs,
+}
+
+impl<'a> Shown<'a> {
+    fn at_rest(points: &'a Points, trs: Trs) -> Self {
+        Self { points, positions: &points.positions, widths: &points.widths, trs }
+    }
+}
+
+/// All visible points with radius, colour and further numbers (0 where a cloud has none of that name): unsigned bytes
+/// where all of a name fit, else 32 bits.
+fn cloud<'a>(scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32) -> Vec<u8> {
+    let clouds: Vec<Shown<'a>> = clouds.collect();
+    let mut names: Vec<(&'static str, bool)> = Vec::new();
+    for a in clouds.iter().flat_map(|c| &c.points.attributes) {
+        let wide = a.values.iter().any(|v| *v > 255);
+        match names.iter_mut().find(|n| n.0 == a.name) {
+            Some(known) => known.1 |= wide,
+            None => names.push((a.name, wide)),
         }
     }
+    let parts: Vec<(Vec<u8>, usize)> = clouds.iter().flat_map(|c| rows(scene, c, &names)).collect();
+    let count: usize = parts.iter().map(|p| p.1).sum();
     let mut out = header(scene, frame).into_bytes();
-    out.extend(format!("element vertex {count}\n{}{COLOR}end_header\n", floats("x y z radius")).bytes());
-    out.extend(body);
+    let more: String =
+        names.iter().map(|(n, w)| format!("property {} {n}\n", if *w { "uint" } else { "uchar" })).collect();
+    out.extend(format!("element vertex {count}\n{}{COLOR}{more}end_header\n", floats("x y z radius")).bytes());
+    out.reserve(parts.iter().map(|p| p.0.len()).sum());
+    parts.iter().for_each(|p| out.extend_from_slice(&p.0));
     out
+}
+
+/// Rows of one cloud and how many, in chunks.
+fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)]) -> Vec<(Vec<u8>, usize)> {
+    let points = shown.points;
+    let flat = base_color(&scene.materials, points.material);
+    let columns: Vec<(Option<&Vec<u32>>, bool)> =
+        names.iter().map(|(n, w)| (points.attributes.iter().find(|a| a.name == *n).map(|a| &a.values), *w)).collect();
+    let size = 20 + names.iter().map(|n| if n.1 { 4 } else { 1 }).sum::<usize>();
+    crate::par::par_chunks(shown.positions, 1 << 16, |first, positions| {
+        let mut body = Vec::with_capacity(positions.len() * size);
+        let mut colors = Colors::default();
+        let mut count = 0;
+        for (k, p) in (first..).zip(positions) {
+            let width = shown.widths.get(k).copied().unwrap_or(0.0);
+            if width <= 0.0 {
+                continue;
+            }
+            let p = if shown.trs == Trs::IDENTITY { *p } else { shown.trs.apply(*p) };
+            put(&mut body, &[p.x, p.y, p.z, width * shown.trs.s.x * 0.5]);
+            body.extend_from_slice(&colors.bytes(points.colors.get(k).copied().unwrap_or(flat)));
+            for (values, wide) in &columns {
+                let v = values.and_then(|v| v.get(k)).copied().unwrap_or(0).to_le_bytes();
+                body.extend_from_slice(if *wide { &v } else { &v[..1] });
+            }
+            count += 1;
+        }
+        (body, count)
+    })
+}
+
+/// Bytes of colours met before: clouds have millions of points and few colours.
+struct Colors {
+    known: Vec<([f32; 3], [u8; 4])>,
+}
+
+impl Default for Colors {
+    fn default() -> Self {
+        Self { known: vec![([0.0; 3], rgba([0.0, 0.0, 0.0, 1.0])); 256] }
+    }
+}
+
+impl Colors {
+    fn bytes(&mut self, c: [f32; 3]) -> [u8; 4] {
+        let bits = c.map(f32::to_bits);
+        let hash = bits.iter().fold(0_u32, |h, b| (h ^ b).wrapping_mul(0x9E37_79B1)) >> 24;
+        let slot = &mut self.known[hash as usize];
+        if slot.0.map(f32::to_bits) != bits {
+            *slot = (c, rgba([c[0], c[1], c[2], 1.0]));
+        }
+        slot.1
+    }
 }
 
 /// All live instances of an instancer: position, quaternion (w first), scale, wetness, prototype and number.

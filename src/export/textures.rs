@@ -17,7 +17,7 @@ impl Textures {
     /// # Errors
     /// X012 if a picture has the wrong number of samples.
     pub fn encode(scene: &Scene) -> Result<Self> {
-        let png = crate::par::par_map(&scene.images, encode).into_iter().collect::<Result<Vec<_>>>()?;
+        let png = crate::par::par_map(&scene.images, png).into_iter().collect::<Result<Vec<_>>>()?;
         Ok(Self { png })
     }
 
@@ -47,7 +47,10 @@ impl Textures {
     }
 }
 
-fn encode(image: &Image) -> Result<Arc<[u8]>> {
+/// One picture as a PNG file.
+/// # Errors
+/// X012 if it has the wrong number of samples.
+pub fn png(image: &Image) -> Result<Arc<[u8]>> {
     let failed = |e: &dyn std::fmt::Display| Error::export("X012", format!("picture {}: {e}", image.name));
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);

@@ -296,6 +296,24 @@ impl Kind for Color {
     }
 }
 
+/// A list of colours.
+#[derive(Debug, Clone, Copy)]
+pub struct Colors;
+
+impl Kind for Colors {
+    type Value = Vec<[f32; 3]>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Self::Value, Fault> {
+        let Value::List(list) = &node.value else { return Err(wrong(name, node, "a list of colors")) };
+        list.iter().map(|n| Color("#000000").read(name, n)).collect()
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: "list of colors".into(), default: "its own".into(), unit: "" }
+    }
+}
+
 /// `#rgb` or `#rrggbb` as linear light.
 fn hex(text: &str) -> Option<[f32; 3]> {
     let digits = text.strip_prefix('#')?;

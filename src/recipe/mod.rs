@@ -3,6 +3,8 @@
 //! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
 //! every reference read. All faults are collected with their places. [`sections`] declares the keys.
 
+pub mod cloud_keys;
+mod clouds;
 mod digest;
 mod key;
 mod kinds;
@@ -14,6 +16,10 @@ mod tree;
 use std::sync::Arc;
 
 use crate::grammar::Grammar;
+use crate::ifs::Ifs;
+use crate::ifs::dynamics::Study;
+use crate::ifs::game::Extent;
+use crate::ifs::stems::Stems;
 use crate::import::Imported;
 use crate::scene::Clip;
 pub use digest::Digest;
@@ -35,7 +41,11 @@ pub struct Recipe {
     pub clip: Clip,
     /// Kinds of plants, in the order of the file.
     pub plants: Vec<PlantRecipe>,
-    /// Where they stand.
+    /// Attractors as points.
+    pub clouds: Vec<CloudRecipe>,
+    /// How an attractor becomes a picture.
+    pub picture: cloud_keys::PictureKeys,
+    /// Where the plants stand.
     pub places: Vec<PlaceRecipe>,
     /// Ground.
     pub ground: sections::GroundKeys,
@@ -55,6 +65,15 @@ pub struct Recipe {
     pub hash: String,
 }
 
+/// What grows a plant.
+#[derive(Debug, Clone)]
+pub enum Growth {
+    /// A string of modules, drawn by the turtle.
+    Grammar(Box<Grammar>),
+    /// The words of an iterated function system.
+    Ifs(Box<Stems>, cloud_keys::TreeKeys),
+}
+
 /// One kind of plant.
 #[derive(Debug, Clone)]
 pub struct PlantRecipe {
@@ -65,8 +84,8 @@ pub struct PlantRecipe {
     /// Keys of its own table.
     pub keys: sections::PlantKeys,
     /// What grows it.
-    pub grammar: Grammar,
-    /// Name of the grammar's file for people.
+    pub growth: Growth,
+    /// Name of the file that grows it, for people.
     pub source: String,
     /// How it is drawn.
     pub turtle: sections::TurtleKeys,
@@ -87,8 +106,29 @@ pub struct OrganRecipe {
     pub letter: char,
     /// Shape and colours.
     pub keys: sections::OrganKeys,
+    /// The table that draws it, if one replaces the made blade.
+    pub ifs: Option<Arc<Ifs>>,
     /// The artist's mesh, if one replaces the made blade.
     pub mesh: Option<Arc<Imported>>,
+}
+
+/// An attractor.
+#[derive(Debug, Clone)]
+pub struct CloudRecipe {
+    /// As written in the scene.
+    pub name: String,
+    /// `[a-z0-9_]+`, unique among plants and clouds.
+    pub id: String,
+    /// Name of its file for people.
+    pub source: String,
+    /// The system.
+    pub system: Ifs,
+    /// What is known about it.
+    pub study: Study,
+    /// Where it lies.
+    pub extent: Extent,
+    /// Keys of its table.
+    pub keys: cloud_keys::CloudKeys,
 }
 
 /// A group of copies of one plant.
@@ -134,11 +174,14 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::SceneKeys>(),
         info::<s::FramesKeys>(),
         info::<s::PlantKeys>(),
+        info::<cloud_keys::TreeKeys>(),
         info::<s::TurtleKeys>(),
         info::<s::TropismKeys>(),
         info::<s::OrganKeys>(),
         info::<s::BarkKeys>(),
         info::<s::SkinKeys>(),
+        info::<cloud_keys::CloudKeys>(),
+        info::<cloud_keys::PictureKeys>(),
         info::<s::PlaceKeys>(),
         info::<s::GroundKeys>(),
         info::<s::CameraKeys>(),

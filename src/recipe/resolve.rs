@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use super::cloud_keys::TreeKeys;
 use super::digest::Digest;
 use super::key::{Section, join, wrong};
 use super::sections::{
     BarkKeys, BarkKind, FramesKeys, OrganKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys, TurtleKeys, Up,
 };
 use super::tree::{self, Node, Table, Value};
-use super::{Found, Library, OrganRecipe, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
+use super::{Found, Growth, Library, OrganRecipe, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
 use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use crate::fence::{Names, safe_name};
 use crate::grammar::{self, Grammar};
@@ -31,8 +32,10 @@ pub struct Request {
     pub library: Library,
     /// Overrides, `path=value`.
     pub set: Vec<String>,
-    /// The plant that overrides without a known table belong to: set for a bare grammar.
-    pub bare: Option<String>,
+    /// What overrides without a known table belong to: set for a bare grammar or table.
+    pub bare: Option<Bare>,
+    /// Judge every system of a bare coefficient table, not only the one that is drawn.
+    pub thorough: bool,
     /// Replaces the scene's seed.
     pub seed: Option<u64>,
     /// Replaces every plant's derivation length.
@@ -41,13 +44,46 @@ pub struct Request {
     pub limits: Limits,
 }
 
+/// The only thing in a scene that was made of a bare file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Bare {
+    /// A plant of this name.
+    Plant(String),
+    /// A cloud of this name.
+    Cloud(String),
+}
+
 impl Request {
     /// A scene of nothing but one plant grown by a grammar file. `name`: the plant; `reference`: the grammar.
     pub fn bare(name: &str, reference: &str) -> Self {
         let plant = toml::Value::String(name.to_owned()).to_string();
         let file = toml::Value::String(reference.to_owned()).to_string();
         let text = format!("[plants.{plant}]\ngrammar = {file}\n[ground]\nshow = false\n");
-        Self { name: name.into(), shown: reference.into(), text, bare: Some(name.into()), ..Self::default() }
+        Self {
+            name: name.into(),
+            shown: reference.into(),
+            text,
+            bare: Some(Bare::Plant(name.into())),
+            ..Self::default()
+        }
+    }
+
+    /// A scene of nothing but one attractor. `name`: the cloud; `reference`: the coefficient table.
+    pub fn cloud(name: &str, reference: &str) -> Self {
+        let cloud = toml::Value::String(name.to_owned()).to_string();
+        let file = toml::Value::String(reference.to_owned()).to_string();
+        let text = format!("[clouds.{cloud}]\nifs = {file}\n[ground]\nshow = false\n");
+        let bare = Some(Bare::Cloud(name.into()));
+        Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
+    }
+
+    /// A scene of nothing but one tree of a coefficient table. `name`: the plant; `reference`: the table.
+    pub fn tree(name: &str, reference: &str) -> Self {
+        let plant = toml::Value::String(name.to_owned()).to_string();
+        let file = toml::Value::String(reference.to_owned()).to_string();
+        let text = format!("[plants.{plant}]\nifs = {file}\n[ground]\nshow = false\n");
+        let bare = Some(Bare::Plant(name.into()));
+        Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
     }
 }
 
@@ -59,7 +95,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let source = report.sources.add(request.shown.clone(), request.text.as_str());
     let mut root = tree::parse(&request.text, source, &mut report);
     for set in &request.set {
-        tree::set(&mut root, &reach(set, request.bare.as_deref()), &mut report);
+        tree::set(&mut root, &reach(set, request.bare.as_ref()), &mut report);
     }
     if report.has_errors() {
         return Err(Error::Input(Box::new(report)));
@@ -71,11 +107,16 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
 }
 
 /// For a bare grammar, `angle=30` reaches its #define and `leaf.size=0.1` its plant.
-fn reach(set: &str, bare: Option<&str>) -> String {
-    let Some(plant) = bare else { return set.to_owned() };
+fn reach(set: &str, bare: Option<&Bare>) -> String {
+    let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
     let first = path.split('.').next().unwrap_or_default();
     let top = SceneKeys::keys().iter().any(|k| k.name == first) || SceneKeys::TABLES.contains(&first);
+    let plant = match bare {
+        Bare::Plant(name) => name,
+        Bare::Cloud(_) if top => return set.to_owned(),
+        Bare::Cloud(name) => return format!("clouds.{name}.{set}"),
+    };
     let own = PlantKeys::keys().iter().any(|k| k.name == path) || PlantKeys::TABLES.contains(&first);
     if top {
         set.to_owned()
@@ -86,9 +127,9 @@ fn reach(set: &str, bare: Option<&str>) -> String {
     }
 }
 
-struct Resolver<'a> {
-    request: &'a Request,
-    report: Report,
+pub(super) struct Resolver<'a> {
+    pub(super) request: &'a Request,
+    pub(super) report: Report,
     whole: Span,
     inputs: Vec<blake3::Hash>,
 }
@@ -98,7 +139,9 @@ impl Resolver<'_> {
         let mut scene = SceneKeys::read(Some(root), "", &mut self.report);
         scene.seed = self.request.seed.unwrap_or(scene.seed);
         let clip = self.clip(root);
-        let plants = self.plants(root);
+        let mut names = Names::default();
+        let plants = self.plants(root, &mut names);
+        let clouds = self.clouds(root, &mut names);
         let places = self.places(root, &plants);
         let mut wind: super::sections::WindKeys = self.section(root, "wind");
         if let Some(b) = wind.beaufort {
@@ -111,6 +154,8 @@ impl Resolver<'_> {
             seed: scene.seed,
             clip,
             plants,
+            clouds,
+            picture: self.section(root, "picture"),
             places,
             ground: self.section(root, "ground"),
             camera: self.section(root, "camera"),
@@ -137,7 +182,7 @@ impl Resolver<'_> {
     }
 
     /// A table below another one; S003 if the key holds something else.
-    fn table<'t>(&mut self, parent: &'t Table, path: &str, name: &str) -> Option<&'t Table> {
+    pub(super) fn table<'t>(&mut self, parent: &'t Table, path: &str, name: &str) -> Option<&'t Table> {
         let entry = parent.get(name)?;
         if let Value::Table(t) = &entry.node.value {
             return Some(t);
@@ -159,21 +204,20 @@ impl Resolver<'_> {
         clip
     }
 
-    fn limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
+    pub(super) fn limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
         if let Err(e) = self.request.limits.check(name, wanted, &format!("the number of {name}")) {
             self.report.push(Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit"));
         }
     }
 
-    fn plants(&mut self, root: &Table) -> Vec<PlantRecipe> {
+    fn plants(&mut self, root: &Table, names: &mut Names) -> Vec<PlantRecipe> {
         let Some(table) = self.table(root, "", "plants") else {
-            if !self.report.has_errors() {
+            if !self.report.has_errors() && root.get("clouds").is_none() {
                 let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
                 self.report.push(d.help("add [plants.tree] with grammar = \"oak.l\""));
             }
             return Vec::new();
         };
-        let mut names = Names::default();
         let mut plants = Vec::new();
         for entry in &table.entries {
             let Value::Table(plant) = &entry.node.value else {
@@ -198,34 +242,32 @@ impl Resolver<'_> {
         let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
         self.shoot_defaults(table, &mut shoot);
         let skin = self.section_at(table, &path, "skin");
-        let Some(reference) = &keys.grammar else {
+        let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
+            (Some(reference), _) => {
+                let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
+                let grammar = self.grammar(&file, &keys)?;
+                let letters = grammar.organ_symbols();
+                (Growth::Grammar(Box::new(grammar)), file.shown, letters)
+            }
+            (None, Some(reference)) => {
+                let tree: TreeKeys = self.section_at(table, &path, "tree");
+                let (stems, source) = self.stems(reference, &tree)?;
+                (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
+            }
             // A misspelt or unreadable `grammar` has been named already.
-            if misread {
+            (None, None) if misread => return None,
+            (None, None) => {
+                let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
+                self.report.push(d.help("add grammar = \"NAME.l\"; `osier list presets` shows those in the binary"));
                 return None;
             }
-            let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
-            self.report.push(d.help("add grammar = \"NAME.l\"; `osier list presets` shows those in the binary"));
-            return None;
         };
-        let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
-        let grammar = self.grammar(&file, &keys)?;
-        for letter in grammar.organ_symbols() {
+        for letter in letters {
             if !organs.iter().any(|o| o.letter == letter) {
-                organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), mesh: None });
+                organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), ifs: None, mesh: None });
             }
         }
-        Some(PlantRecipe {
-            name: name.into(),
-            id,
-            grammar,
-            source: file.shown,
-            turtle,
-            organs,
-            bark,
-            shoot,
-            skin,
-            keys,
-        })
+        Some(PlantRecipe { name: name.into(), id, growth, source, turtle, organs, bark, shoot, skin, keys })
     }
 
     /// Thin axes are smooth and greenish unless the scene says otherwise.
@@ -270,7 +312,11 @@ impl Resolver<'_> {
             }
             None => None,
         };
-        Some(OrganRecipe { letter, keys, mesh })
+        let ifs = match keys.ifs.clone() {
+            Some(r) => Some(Arc::new(self.leaf_table(&r, &keys.system)?)),
+            None => None,
+        };
+        Some(OrganRecipe { letter, keys, ifs, mesh })
     }
 
     /// Parses a grammar; the files that it includes take part in the scene's hash.
@@ -352,7 +398,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn read(&mut self, reference: &str, span: Span, limit: &str, endings: &[&str]) -> Option<Found> {
+    pub(super) fn read(&mut self, reference: &str, span: Span, limit: &str, endings: &[&str]) -> Option<Found> {
         let mut fail = |message: String, help: String| {
             self.report.push(Diagnostic::error("S005", message, span, "this reference").help(help));
         };
@@ -464,6 +510,9 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     for p in &recipe.plants {
         p.name.digest(&mut h);
         p.keys.digest(&mut h);
+        if let Growth::Ifs(_, tree) = &p.growth {
+            tree.digest(&mut h);
+        }
         p.turtle.digest(&mut h);
         (p.organs.len() as u64).digest(&mut h);
         for o in &p.organs {
@@ -474,6 +523,12 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         p.shoot.digest(&mut h);
         p.skin.digest(&mut h);
     }
+    (recipe.clouds.len() as u64).digest(&mut h);
+    for c in &recipe.clouds {
+        c.name.digest(&mut h);
+        c.keys.digest(&mut h);
+    }
+    recipe.picture.digest(&mut h);
     (recipe.places.len() as u64).digest(&mut h);
     for p in &recipe.places {
         (p.plant as u64).digest(&mut h);

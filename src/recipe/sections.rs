@@ -118,7 +118,7 @@ words! {
 
 keys! {
     /// The scene itself (keys above the first table).
-    SceneKeys at "" with ["frames", "plants", "place", "ground", "camera", "sun", "sky", "wind", "sway", "output"] {
+    SceneKeys at "" with ["frames", "plants", "clouds", "picture", "place", "ground", "camera", "sun", "sky", "wind", "sway", "output"] {
         /// Shown in files and listings.
         title: String = "title" Text("");
         /// Start of every random draw; each whole number is another individual.
@@ -134,9 +134,11 @@ keys! {
         fps: (u32, u32) = "fps" Fps;
     }
     /// One kind of plant; NAME is yours.
-    PlantKeys at "plants.NAME" with ["turtle", "leaf", "organs", "bark", "shoot", "skin"] {
+    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "organs", "bark", "shoot", "skin"] {
         /// The grammar that grows it.
         grammar: Option<Reference> = "grammar" File(".l");
+        /// The coefficient table of a tree, instead of a grammar.
+        ifs: Option<Reference> = "ifs" File(".ifs, .ifs.toml");
         /// Derivation length.
         steps: Option<u32> = "steps" Maybe(whole(1, 0, 1_000_000), "the grammar's");
         /// Values for the grammar's #defines.
@@ -197,6 +199,16 @@ keys! {
         blade: Blade = "blade" OneOf(Blade::Elliptic);
         /// A mesh of your own instead of a made blade: petiole base at the origin, +Y along the midrib, +Z the upper side.
         mesh: Option<Reference> = "mesh" File(".obj, .glb");
+        /// A coefficient table that draws the leaf, instead of a made blade.
+        ifs: Option<Reference> = "ifs" File(".ifs, .flame, .ifs.toml");
+        /// Which system of the table; the first without a name.
+        system: String = "system" Text("");
+        /// Where the stalk meets the leaf of a table, in its units.
+        anchor: Option<[f64; 2]> = "anchor" Maybe(Tuple([0.0, 0.0], num(0.0, -1e12, 1e12, "")), "found");
+        /// Gaps in the leaf of a table that are closed, in pixels of a map of 1024.
+        close: f64 = "close_px" num(2.0, 0.0, 8.0, "pixels");
+        /// Whether holes in the leaf of a table are cut into its mesh.
+        holes: bool = "holes" Flag(false);
         /// Length of the blade; the turtle's size factor multiplies it.
         size: Option<f64> = "size" Maybe(num(0.08, 1e-3, 2.0, "m"), OWN);
         /// Width over length.

@@ -22,7 +22,7 @@ pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
-pub use points::{Curves, Points};
+pub use points::{Attribute, Curves, Points};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use validate::{check_frame, check_scene};
 

@@ -241,6 +241,7 @@ fn misc() -> Asset {
         positions: (0..6).map(|i| Vec3::new(i as f32 * 0.2, 2.0, 0.1 * i as f32)).collect(),
         widths: vec![0.03; 6],
         colors: (0..6).map(|i| [i as f32 / 6.0, 0.5, 0.2]).collect(),
+        attributes: Vec::new(),
         moving: true,
     };
     let hairs = Curves {

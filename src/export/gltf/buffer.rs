@@ -67,6 +67,11 @@ impl Buffer {
         self.floats(values.iter().copied(), ("SCALAR", 1), (None, what))
     }
 
+    /// A number per vertex.
+    pub(super) fn numbers(&mut self, values: &[f32], what: &str) -> Result<Index> {
+        self.floats(values.iter().copied(), ("SCALAR", 1), (Some(target::VERTICES), what))
+    }
+
     /// Rising key times, s, with first and last.
     pub(super) fn times(&mut self, values: &[f32]) -> Result<Index> {
         let accessor = self.scalars(values, "key times")?;

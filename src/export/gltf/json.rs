@@ -203,6 +203,9 @@ pub(super) struct Attributes {
     pub uv: Option<Index>,
     #[serde(rename = "WEIGHTS_0", skip_serializing_if = "Option::is_none")]
     pub weights: Option<Index>,
+    /// Numbers of our own: `_MAP`, `_DEPTH`, ...
+    #[serde(flatten)]
+    pub own: std::collections::BTreeMap<String, Index>,
 }
 
 #[derive(Debug, Serialize)]

@@ -158,6 +158,11 @@ impl Document<'_> {
             };
             attributes.color = Some(self.buffer.colors(shown.iter().map(color))?);
         }
+        for a in cloud.attributes.iter().filter(|a| a.values.len() == cloud.positions.len()) {
+            #[allow(clippy::cast_precision_loss, reason = "below 2^24")]
+            let values: Vec<f32> = shown.iter().map(|&i| a.values[i] as f32).collect();
+            attributes.own.insert(format!("_{}", a.name.to_ascii_uppercase()), self.buffer.numbers(&values, what)?);
+        }
         let shown = if colored { Shown::Colored } else { Shown::Plain };
         let material = self.surface(Surface { material: cloud.material, shown })?;
         let primitive = Primitive { attributes, material, mode: Some(MODE_POINTS), ..Primitive::default() };

@@ -144,6 +144,7 @@ mod tests {
             positions: vec![Vec3::ONE; n],
             widths: vec![0.5; n],
             colors: Vec::new(),
+            attributes: Vec::new(),
             moving: false,
         };
         let at = Cloud { positions: &points.positions, widths: &points.widths, velocities: &[], fps: 24.0 };

@@ -49,6 +49,11 @@ pub(super) fn cloud(
         let colors = Array::Float3(&cloud.colors);
         target.stage.attr(&format!("{path}.primvars:displayColor"), &spec, Some(colors.into()))?;
     }
+    for a in &cloud.attributes {
+        let values: Vec<i32> = a.values.iter().map(|v| i32::try_from(*v).unwrap_or(i32::MAX)).collect();
+        let spec = AttrSpec::primvar("int[]", "vertex");
+        target.stage.attr(&format!("{path}.primvars:{}", a.name), &spec, Some(Array::Int(&values).into()))?;
+    }
     let spec = AttrSpec::primvar("float[]", "vertex");
     let widths = target.stage.attr(&format!("{path}.widths"), &spec, Some(Array::Float(&cloud.widths).into()))?;
     target.bind(cx, root, path, cloud.material)?;

@@ -320,7 +320,7 @@ fn node_frame(tangent: DVec3, left: DVec3) -> Quat {
 
 /// Sets where each axis leaves its parent's bark: where its centreline is farther from the parent's than the parent's
 /// radius. `Own:` the parent is taken as a cylinder around its tangent at the site.
-pub(super) fn expose(plant: &mut Plant) {
+pub(in crate::grow) fn expose(plant: &mut Plant) {
     for i in 0..plant.axes.len() {
         let axis = &plant.axes[i];
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };

@@ -11,6 +11,7 @@ mod options;
 mod pull;
 mod shapes;
 
+pub(super) use builder::expose;
 pub use options::{OrganSpec, RadiusModel, Tropism, TurtleOptions};
 
 use super::radii;
@@ -46,7 +47,7 @@ pub fn grow(
     }
     // Thin children are what a grammar that halves its widths means; repairs need no word here.
     crate::plant::validate(&mut plant)?;
-    builder::expose(&mut plant);
+    expose(&mut plant);
     for axis in &mut plant.axes {
         let base = plant.nodes.r.get(axis.first as usize).copied().unwrap_or(0.0);
         let thin = f64::from(base) < options.shoot_radius;

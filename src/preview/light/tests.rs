@@ -156,6 +156,7 @@ fn looking_straight_through_a_drop_shows_the_sky_behind_it_dimmed_by_fresnel() {
         positions: vec![Vec3::ZERO],
         widths: vec![0.01],
         colors: Vec::new(),
+        attributes: Vec::new(),
         moving: false,
     };
     s.assets[0].points.push(cloud);

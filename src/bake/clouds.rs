@@ -1,0 +1,192 @@
+//! Attractors as assets of a scene and as pictures.
+
+use glam::{DVec3, Quat, Vec3};
+
+use super::Work;
+use crate::ifs::cloud::{Cloud, Request, cloud, voxels};
+use crate::ifs::color::{Labels, Mode};
+use crate::ifs::game::{Escapes, Tier};
+use crate::ifs::histogram::{Splat, Window, histogram};
+use crate::ifs::picture::{Density, Estimator, Tone, density};
+use crate::math::narrow;
+use crate::recipe::cloud_keys::{ColorBy, Fit, PictureKeys};
+use crate::recipe::{CloudRecipe, Recipe};
+use crate::scene::{Asset, AssetKind, Attribute, Maps, Material, MaterialClass, Points, Trs};
+use crate::{Error, Result};
+
+/// Points of a pixel in a picture without a number of points.
+const PER_PIXEL: u64 = 20;
+/// Memory that the counts of a picture may take, bytes.
+const MEMORY: u64 = 4 << 30;
+/// Bytes per pixel of counts with colours.
+const CELL: u64 = 48;
+/// Histograms beyond this many bytes are splatted band by band.
+const CACHE: u64 = 16 << 20;
+/// Widths of a point in the size of its attractor.
+const FINENESS: f64 = 800.0;
+/// Escaped share of the tests that is still an attractor.
+const MAX_ESCAPES: f64 = 1e-3;
+
+/// The cloud's asset, its one material, and where it stands.
+/// # Errors
+/// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
+pub fn asset(recipe: &CloudRecipe, seed: u64, material: u32, work: &Work<'_>) -> Result<(Asset, Material, Trs)> {
+    work.cancel.check()?;
+    let keys = &recipe.keys;
+    work.limits.check("points", u64::from(keys.points), "the number of points")?;
+    let (low, high) = bounds(recipe);
+    let size = high - low;
+    let scale = match keys.height {
+        Some(h) if size.y > 0.0 => h / size.y,
+        Some(h) => h / size.max_element().max(1e-30),
+        None => 1.0,
+    };
+    let foot = DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
+    let labels = Labels::new(&recipe.system, mode(keys.color_by, keys.prefix), &keys.colors);
+    let request = Request {
+        system: &recipe.system,
+        study: &recipe.study,
+        seed,
+        points: u64::from(keys.points),
+        tier: Tier::Best,
+    };
+    let mut cloud = cloud(&request, &labels, &recipe.extent, (foot, scale));
+    settled(recipe, cloud.escapes)?;
+    let density = if keys.voxel > 0.0 { voxels(&mut cloud, narrow(keys.voxel)) } else { Vec::new() };
+    let own = size.max_element() * scale / FINENESS;
+    let width = narrow(keys.point.unwrap_or(own)).max(1e-9);
+    let average = average(&cloud);
+    let asset = Asset {
+        id: recipe.id.clone(),
+        kind: AssetKind::Cloud,
+        skeleton: None,
+        meshes: Vec::new(),
+        instancers: Vec::new(),
+        points: vec![points(cloud, density, width, material)],
+        curves: Vec::new(),
+    };
+    let at = Vec3::from_array(keys.at.map(narrow));
+    let stand = Trs { t: at, r: Quat::from_rotation_y(narrow(keys.turn)), ..Trs::IDENTITY };
+    Ok((asset, surface(&recipe.id, average), stand))
+}
+
+fn points(cloud: Cloud, density: Vec<u32>, width: f32, material: u32) -> Points {
+    let mut attributes = vec![
+        Attribute { name: "map", values: cloud.maps.iter().map(|m| u32::from(*m)).collect() },
+        Attribute { name: "depth", values: cloud.depths.iter().map(|d| u32::from(*d)).collect() },
+    ];
+    if !density.is_empty() {
+        attributes.push(Attribute { name: "density", values: density });
+    }
+    Points {
+        name: "points".into(),
+        material,
+        widths: vec![width; cloud.positions.len()],
+        positions: cloud.positions,
+        colors: cloud.colors,
+        attributes,
+        moving: false,
+    }
+}
+
+fn surface(id: &str, color: [f32; 3]) -> Material {
+    Material {
+        name: id.to_owned(),
+        class: MaterialClass::Leaf,
+        base_color: color,
+        roughness: 0.8,
+        ior: 1.5,
+        translucency: 0.0,
+        double_sided: true,
+        alpha_cutoff: None,
+        height_range: 0.0,
+        tile: 1.0,
+        maps: Maps::default(),
+    }
+}
+
+/// Mean colour of the first points.
+fn average(cloud: &Cloud) -> [f32; 3] {
+    let some = cloud.colors.get(..cloud.colors.len().min(4096)).unwrap_or_default();
+    let sum = some.iter().fold([0.0_f32; 3], |s, c| std::array::from_fn(|i| s[i] + c[i]));
+    #[allow(clippy::cast_precision_loss, reason = "at most 4096")]
+    let n = some.len().max(1) as f32;
+    sum.map(|v| v / n)
+}
+
+fn mode(by: ColorBy, prefix: u32) -> Mode {
+    match by {
+        ColorBy::Map => Mode::Map,
+        ColorBy::Word => Mode::Prefix(prefix),
+        ColorBy::Palette => Mode::Coord,
+        ColorBy::Depth => Mode::Depth,
+        ColorBy::Density => Mode::Density,
+    }
+}
+
+/// The part of an attractor that is shown.
+fn bounds(recipe: &CloudRecipe) -> (DVec3, DVec3) {
+    if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
+}
+
+/// I023 if too many lanes ran away.
+fn settled(recipe: &CloudRecipe, escapes: Escapes) -> Result<()> {
+    #[allow(clippy::cast_precision_loss, reason = "a share")]
+    let share = escapes.found as f64 / escapes.tests.max(1) as f64;
+    if share <= MAX_ESCAPES {
+        return Ok(());
+    }
+    let reason = format!("\"{}\" runs away: {:.1} % of the tests find a lost point", recipe.system.name, share * 100.0);
+    Err(Error::export("I023", reason))
+}
+
+/// Draws an attractor as densities and colours; with the tone that the keys ask for and the colour of pictures by
+/// density alone.
+/// # Errors
+/// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
+pub fn picture(recipe: &CloudRecipe, scene: &Recipe, work: &Work<'_>) -> Result<(Density, Tone, [f32; 3])> {
+    work.cancel.check()?;
+    let keys = &scene.picture;
+    let side = u64::from(keys.width.max(keys.height)) * u64::from(keys.oversample);
+    work.limits.check("image-side", side, "a side of the picture in pixels")?;
+    let pixels = u64::from(keys.width) * u64::from(keys.height) * u64::from(keys.oversample * keys.oversample);
+    if pixels * CELL > MEMORY {
+        let reason =
+            format!("a picture of {pixels} pixels would take {} MB; make it smaller", pixels * CELL / 1_000_000);
+        return Err(Error::export("I050", reason));
+    }
+    let small = u64::from(keys.width) * u64::from(keys.height);
+    let count = keys.points.map_or(PER_PIXEL * small, u64::from).max(1);
+    work.limits.check("points", count, "the number of points")?;
+    let colors = if keys_by_density(recipe) { None } else { Some(labels(recipe)) };
+    let cloud_keys = &recipe.keys;
+    let request =
+        Request { system: &recipe.system, study: &recipe.study, seed: scene.seed, points: count, tier: Tier::Best };
+    let splat = if colors.is_none() && pixels * 4 > CACHE { Splat::Binned } else { Splat::Direct };
+    let counts = histogram(&request, colors.as_ref(), &window(recipe, keys), splat);
+    settled(recipe, counts.escapes)?;
+    work.cancel.check()?;
+    let estimator = Estimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };
+    let drawn = density(&counts, keys.oversample as usize, (keys.spread > 0.0).then_some(estimator));
+    let tone = Tone { exposure: keys.exposure, gamma: keys.gamma, background: keys.background };
+    let flat = cloud_keys.colors.first().copied().unwrap_or([0.05, 0.15, 0.03]);
+    Ok((drawn, tone, flat))
+}
+
+fn keys_by_density(recipe: &CloudRecipe) -> bool {
+    recipe.keys.color_by == ColorBy::Density
+}
+
+fn labels(recipe: &CloudRecipe) -> Labels {
+    Labels::new(&recipe.system, mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
+}
+
+fn window(recipe: &CloudRecipe, keys: &PictureKeys) -> Window {
+    let k = keys.oversample.max(1);
+    let (width, height) = ((keys.width * k) as usize, (keys.height * k) as usize);
+    let shown = if keys.fit == Fit::Quantile { recipe.extent.quantile } else { bounds(recipe) };
+    let fitted = Window::fitted(shown, width, height);
+    let center = keys.center.unwrap_or(fitted.center);
+    let pixel = keys.span.map_or(fitted.pixel, |s| s / f64::from(keys.width * k));
+    Window { center, pixel, ..fitted }
+}

@@ -1,0 +1,78 @@
+//! `osier grow TABLE -o NAME.png` and `.exr`: an attractor as a picture.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use super::Context;
+use super::args::Grow;
+use super::grow::{file_name, result};
+use super::progress::Show;
+use crate::bake::{Work, clouds};
+use crate::export::{exr, textures};
+use crate::fence::{Folder, WriteOptions};
+use crate::ifs::picture::{Density, Tone, tone_mapped};
+use crate::recipe::Recipe;
+use crate::scene::{Image, ImageKind, Pixels};
+use crate::units::byte;
+use crate::{Error, Result};
+
+/// Draws the first attractor of a recipe into the file asked for.
+pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Result<u8> {
+    let Some(cloud) = recipe.clouds.first() else {
+        let why = format!("\"{}\" holds no attractor; .png and .exr are for coefficient tables", args.source);
+        context.console.complain(&why);
+        return Ok(2);
+    };
+    let keys = &recipe.picture;
+    if context.common.dry_run {
+        let text = format!("{}\n  {} x {} pixels\n", args.output.display(), keys.width, keys.height);
+        context.console.result(&text)?;
+        return Ok(context.strict(warned));
+    }
+    let show = Show::new(&context.console);
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let (density, tone, flat) = clouds::picture(cloud, recipe, &work)?;
+    show.done();
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = file_name(&args.output);
+    let is_exr = name.to_ascii_lowercase().ends_with(".exr");
+    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
+    let folder = Folder::plain(parent, options)?;
+    if is_exr {
+        let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.seed.to_string(), "scene": recipe.hash });
+        let size = (density.width, density.height);
+        folder.write(&name, "exr.density", &exr::floats(size, 1, &density.value, &comment.to_string())?)?;
+        if !density.color.is_empty() {
+            let stem = name.rsplit_once('.').map_or(name.as_str(), |(s, _)| s);
+            let samples: Vec<f32> = density.color.iter().flatten().copied().collect();
+            let bytes = exr::floats(size, 3, &samples, &comment.to_string())?;
+            folder.write(&format!("{stem}.color.exr"), "exr.color", &bytes)?;
+        }
+    } else {
+        folder.write(&name, "png", &textures::png(&image(&density, &tone, flat, keys.bits)?)?)?;
+    }
+    folder.finish()?;
+    result(context, parent, &folder)?;
+    Ok(context.strict(warned))
+}
+
+fn image(density: &Density, tone: &Tone, flat: [f32; 3], bits: u32) -> Result<Image> {
+    let samples = tone_mapped(density, tone, flat);
+    let side = |n: usize| u32::try_from(n).map_err(|_| Error::export("I050", "the picture is too wide"));
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
+    let word = |v: &f32| (v.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
+    let pixels = if bits > 8 {
+        Pixels::U16(samples.iter().map(word).collect())
+    } else {
+        Pixels::U8(samples.iter().map(|v| byte(*v)).collect())
+    };
+    Ok(Image {
+        name: "attractor".into(),
+        kind: ImageKind::Color,
+        width: side(density.width)?,
+        height: side(density.height)?,
+        channels: if tone.background.is_some() { 3 } else { 4 },
+        pixels,
+    })
+}

@@ -1,0 +1,166 @@
+//! Trees of iterated function systems: words become axes, nodes and organs of a [`Plant`].
+
+mod axes;
+
+use std::collections::BTreeMap;
+
+use glam::{DVec3, Vec3};
+
+use super::radii;
+use super::turtle::{OrganSpec, expose};
+use crate::diagnostic::Report;
+use crate::ifs::stems::Stems;
+use crate::ifs::words::{self, Expansion, Variation, Word};
+use crate::limits::Limits;
+use crate::math::narrow;
+use crate::plant::{NONE, Organ, Plant, Proto};
+use crate::rng::{Rng, child, mix64, word};
+use crate::{Error, Result};
+use axes::{Raw, Skeleton};
+
+/// Most words of a tree.
+const MAX_SEGMENTS: u64 = 5_000_000;
+
+/// How a system becomes a tree.
+#[derive(Debug, Clone)]
+pub struct TreeOptions {
+    /// Height at full growth, m.
+    pub height: f64,
+    /// Words smaller than this are cut; the trunk has size 1.
+    pub eps: f64,
+    /// Longest word.
+    pub max_depth: u16,
+    /// Highest order of branches.
+    pub max_order: u16,
+    /// How much individuals differ, 0..2.
+    pub variation: f64,
+    /// Radius of the trunk at its foot, m; `None`: the system's.
+    pub radius: Option<f64>,
+    /// Radii by the pipe model instead of the maps' factors.
+    pub pipe: bool,
+    /// Share of the leaf sites that bear a leaf.
+    pub leaf_density: f64,
+    /// Leaves at a site.
+    pub leaves_per_site: u32,
+    /// The leaf.
+    pub leaf: Option<OrganSpec>,
+    /// Names of materials.
+    pub materials: Vec<String>,
+    /// Material of axes, of thin ones, and the radius below which they are thin.
+    pub bark: (u16, u16, f64),
+    /// What made the plant, for people.
+    pub source: String,
+}
+
+/// Grows a tree. `plant`: its id and seed.
+/// Returns it validated. Topology and ids do not depend on the seed; a smaller eps moves nothing.
+/// Source: [zhao-zhang] 2.2: trees as words of contractions of a trunk.
+/// Differs: tapered tubes that bend with their axis in place of joined cylinders; growth cut by size.
+/// # Errors
+/// `Input` with I040 beyond the words allowed; what `plant::validate` refuses.
+pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
+    let max_words = limits.get("nodes").min(MAX_SEGMENTS);
+    let cut = words::Limits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words };
+    let vary = Variation::new(plant.1, plant.0.into(), options.variation);
+    let vary = (options.variation > 0.0).then_some(vary);
+    let expanded = words::expand(&stems.system, &stems.letters, &cut, vary)
+        .map_err(|d| Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() })))?;
+    let scale = options.height / words::height(&stems.system, &stems.letters, stems.trunk);
+    let radius = options.radius.unwrap_or(stems.radius * scale);
+    let skeleton = axes::skeleton(stems, &expanded, (scale, radius));
+    let mut out = Plant {
+        id: plant.0,
+        seed: plant.1,
+        materials: options.materials.clone(),
+        source: options.source.clone(),
+        ..Plant::default()
+    };
+    skeleton.lay(&mut out);
+    bear(&mut out, (stems, &expanded, &skeleton, scale), options);
+    if options.pipe {
+        radii::pipe(&mut out, &radii::Pipe { base: Some(radius), ..radii::Pipe::default() });
+    }
+    crate::plant::validate(&mut out)?;
+    expose(&mut out);
+    let (thick, thin, below) = options.bark;
+    for axis in &mut out.axes {
+        let base = out.nodes.r.get(axis.first as usize).copied().unwrap_or(0.0);
+        axis.material = if f64::from(base) < below { thin } else { thick };
+    }
+    Ok(out)
+}
+
+/// Leaves at the cut words of maps that bear them.
+fn bear(
+    plant: &mut Plant,
+    (stems, expanded, skeleton, scale): (&Stems, &Expansion, &Skeleton, f64),
+    options: &TreeOptions,
+) {
+    let Some(leaf) = options.leaf.as_ref().filter(|l| !l.meshes.is_empty()) else { return };
+    let many = leaf.meshes.len() > 1;
+    plant.protos = (leaf.meshes.iter().enumerate())
+        .map(|(i, mesh)| {
+            let name = if many { format!("{}_{i}", leaf.name) } else { leaf.name.clone() };
+            Proto { name, mesh: std::sync::Arc::clone(mesh) }
+        })
+        .collect();
+    let first = f64::from(leaf.meshes[0].bounds().max.y).max(1e-9);
+    let size = leaf.size / first;
+    let mut placed: BTreeMap<(u32, u32, u64), Organ> = BTreeMap::new();
+    for cut in expanded.cuts.iter().filter(|c| stems.system.maps.get(usize::from(c.letter)).is_some_and(|m| m.leaf)) {
+        let Some((axis, s)) = skeleton.site(stems, expanded, cut) else { continue };
+        for copy in 0..options.leaves_per_site.max(1) {
+            let mut draw = Rng::at(plant.seed, &[plant.id.into(), "ifs-leaf".into(), cut.id.into(), copy.into()]);
+            if !draw.chance(options.leaf_density) {
+                continue;
+            }
+            let organ = organ(plant, (axis, narrow(s * scale)), (stems, cut, copy), (&mut draw, size));
+            // Bits of a positive float order as the float does.
+            placed.insert((axis, organ.s.to_bits(), organ.id), organ);
+        }
+    }
+    plant.organs = placed.into_values().collect();
+}
+
+fn organ(
+    plant: &Plant,
+    (axis, s): (u32, f32),
+    (stems, cut, copy): (&Stems, &Word, u32),
+    (draw, size): (&mut Rng, f64),
+) -> Organ {
+    let on = &plant.axes[axis as usize];
+    let s = s.clamp(0.0, on.length);
+    let site = plant.frame(on, s);
+    let along = (cut.map.a * (stems.trunk.1 - stems.trunk.0)).try_normalize().unwrap_or(DVec3::Y);
+    let mut dir = Vec3::from_array(along.to_array().map(narrow));
+    // Further leaves of a site spread out from the first.
+    if copy > 0 {
+        let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * 0.55;
+        dir = (dir + Vec3::new(part(), part(), part())).normalize_or(dir);
+    }
+    let up = crate::math::normalize_or(Vec3::Y - dir * dir.y, crate::math::perpendicular(dir));
+    let q = glam::Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
+    let id = mix64(&[on.id, word("organ"), cut.id, u64::from(copy)]);
+    let count = u64::try_from(plant.protos.len()).unwrap_or(1).max(1);
+    let vary = 1.0 + 0.12 * draw.normal().clamp(-2.0, 2.0);
+    Organ {
+        id,
+        axis,
+        s,
+        offset: Vec3::ZERO,
+        q: (site.q.inverse() * q).normalize(),
+        scale: narrow(size * vary),
+        proto: u16::try_from(child(id, word("proto")) % count).unwrap_or(0),
+        petiole: site.r,
+        tint: draw.unit_f32(),
+        birth: 0.0,
+    }
+}
+
+/// The axis of a raw index, for tests and for sites.
+fn place(raw: &[Raw], axis: usize) -> u32 {
+    raw.get(axis).map_or(NONE, |r| r.place)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,114 @@
+use super::*;
+use crate::ifs::read;
+use crate::limits::Limits;
+
+fn stems_of(name: &str) -> Stems {
+    let text = crate::ifs::tests::table(name);
+    let (systems, _) = read::read(name, text.as_bytes(), &Limits::default()).expect("reads");
+    crate::ifs::stems::stems(&systems[0]).expect("a tree")
+}
+
+fn options(eps: f64, variation: f64) -> TreeOptions {
+    let mesh = std::sync::Arc::new(crate::scene::Mesh {
+        points: vec![Vec3::ZERO, Vec3::new(0.02, 0.05, 0.0), Vec3::new(0.0, 0.1, 0.0)],
+        normals: vec![Vec3::Z; 3],
+        triangles: vec![[0, 1, 2]],
+        ..crate::scene::Mesh::default()
+    });
+    TreeOptions {
+        height: 6.0,
+        eps,
+        max_depth: u16::MAX,
+        max_order: u16::MAX,
+        variation,
+        radius: None,
+        pipe: false,
+        leaf_density: 1.0,
+        leaves_per_site: 1,
+        leaf: Some(OrganSpec { name: "leaf".into(), meshes: vec![mesh], size: 0.06, petiole: 0.0 }),
+        materials: vec!["bark".into(), "shoot".into()],
+        bark: (0, 1, 0.008),
+        source: "test".into(),
+    }
+}
+
+const MODES: [&str; 3] = ["monopodial.ifs.toml", "sympodial.ifs.toml", "pseudodichotomous.ifs.toml"];
+
+#[test]
+fn plants_are_sound_and_the_seed_changes_no_id() {
+    for name in MODES {
+        let stems = stems_of(name);
+        let one = grow(&stems, (7, 1), &options(0.1, 1.0), &Limits::default()).expect("grows");
+        let two = grow(&stems, (7, 2), &options(0.1, 1.0), &Limits::default()).expect("grows");
+        let mut again = one.clone();
+        assert_eq!(crate::plant::validate(&mut again).expect("sound"), [], "{name}");
+        let ids = |p: &Plant| (p.axes.iter().map(|a| a.id).collect::<Vec<_>>(), p.organs.len());
+        assert_eq!(ids(&one), ids(&two), "{name}: topology and ids hold no seed");
+        assert_ne!(one.nodes.p, two.nodes.p, "{name}");
+        let leaves = |p: &Plant| p.organs.iter().map(|o| o.id).collect::<std::collections::BTreeSet<_>>();
+        assert_eq!(leaves(&one), leaves(&two), "{name}");
+        assert_eq!(leaves(&one).len(), one.organs.len(), "{name}: ids are unique");
+    }
+}
+
+#[test]
+fn radii_never_grow_outwards_and_children_start_on_their_parent() {
+    for name in MODES {
+        let plant = grow(&stems_of(name), (7, 1), &options(0.1, 1.0), &Limits::default()).expect("grows");
+        for axis in &plant.axes {
+            let r = &plant.nodes.r[plant.nodes_of(axis)];
+            assert!(r.windows(2).all(|w| w[1] <= w[0] * 1.000_001), "{name}");
+            if let Some(parent) = plant.axes.get(axis.parent as usize) {
+                let site = plant.frame(parent, axis.parent_s);
+                let foot = plant.nodes.p[axis.first as usize];
+                assert!(site.p.distance(foot) < 2e-6 * 6.0, "{name}: {}", site.p.distance(foot));
+                assert!(r[0] <= site.r * 1.001, "{name}: no thicker than its parent");
+                assert!(axis.order >= parent.order);
+            }
+        }
+        let top = plant.nodes.p.iter().fold(0.0_f32, |h, p| h.max(p.y));
+        assert!((4.2..7.2).contains(&top), "{name}: {top}");
+    }
+}
+
+#[test]
+fn child_areas_equal_the_parents() {
+    for (name, want) in MODES.iter().zip([1.046, 1.013, 1.037]) {
+        let stems = stems_of(name);
+        let sum: f64 = stems.system.maps.iter().filter_map(|m| m.radius).map(|r| r * r).sum();
+        assert!((sum - want).abs() < 5e-4, "{name}: {sum}");
+    }
+}
+
+#[test]
+fn forks_share_a_number() {
+    let plant = grow(&stems_of(MODES[2]), (7, 1), &options(0.2, 0.0), &Limits::default()).expect("grows");
+    let mut by_fork: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for a in plant.axes.iter().filter(|a| a.parent != NONE) {
+        by_fork.entry(a.fork).or_default().push(a.parent);
+    }
+    assert!(by_fork.values().all(|p| p.len() == 2 && p[0] == p[1]) && by_fork.len() == 63);
+}
+
+#[test]
+fn a_finer_cut_moves_nothing() {
+    let stems = stems_of(MODES[0]);
+    let coarse = grow(&stems, (7, 3), &options(0.2, 1.0), &Limits::default()).expect("grows");
+    let fine = grow(&stems, (7, 3), &options(0.1, 1.0), &Limits::default()).expect("grows");
+    for a in &coarse.axes {
+        let b = fine.axes.iter().find(|b| b.id == a.id).expect("still there");
+        let (p, q) = (&coarse.nodes.p[coarse.nodes_of(a)], &fine.nodes.p[fine.nodes_of(b)]);
+        assert!(p.iter().zip(q).all(|(x, y)| x == y));
+    }
+}
+
+#[test]
+fn matrices_are_read_as_the_branches_they_came_from() {
+    let (text, table) = (stems_of("monopodial.ifs"), stems_of("monopodial.ifs.toml"));
+    let axis = |s: &Stems| s.system.maps.iter().filter(|m| !m.stem).position(|m| m.axis);
+    assert_eq!((axis(&text), axis(&table)), (Some(0), Some(0)));
+    assert!((text.radius / table.radius - 1.0).abs() < 0.2, "{} {}", text.radius, table.radius);
+    let sum: f64 = text.system.maps.iter().filter_map(|m| m.radius).map(|r| r * r).sum();
+    assert!((sum - 1.0).abs() < 1e-6, "a fork keeps its cross-section: {sum}");
+    assert!(stems_of("pseudodichotomous.ifs").system.maps.iter().all(|m| !m.axis), "equal halves: none leads");
+}

@@ -1,0 +1,200 @@
+//! Colours of points: by the map that made them, by the last letters of their word, by palette, depth or density.
+
+use super::game::{CHUNK, Chunk, LANES};
+use super::{Ifs, Map};
+use crate::math;
+
+/// What a point's colour stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// The last map.
+    Map,
+    /// The last so many maps, 1 to 4, newest first.
+    Prefix(u32),
+    /// The colour coordinate in the palette.
+    Coord,
+    /// Steps since the lane started or jumped into the condensation set.
+    Depth,
+    /// Density alone.
+    Density,
+}
+
+/// Most colours that prefixes are told apart by.
+const LABELS: usize = 4096;
+/// Steps of the palette and of depth.
+const STEPS: usize = 256;
+/// Wood, for maps that squash the whole into a stem.
+const WOOD: [f32; 3] = [0.110, 0.062, 0.032];
+/// Greens and warm hues for the other maps, in turn.
+const LEAVES: [[f32; 3]; 6] = [
+    [0.060, 0.195, 0.028],
+    [0.210, 0.340, 0.055],
+    [0.028, 0.125, 0.050],
+    [0.380, 0.400, 0.070],
+    [0.120, 0.270, 0.110],
+    [0.480, 0.300, 0.060],
+];
+
+/// True for a map that squashes the whole into a line: second singular value below a quarter of the first.
+pub fn is_squash(map: &Map) -> bool {
+    let s = map.affine.singular_values();
+    s[1] < 0.25 * s[0]
+}
+
+/// Linear colours by label, with the labels of a lane's points.
+#[derive(Debug, Clone)]
+pub struct Labels {
+    mode: Mode,
+    /// Linear RGB by label.
+    pub colors: Vec<[f32; 3]>,
+    maps: u32,
+    /// m^(k-1).
+    top: u32,
+    pull: Vec<(f32, f32)>,
+    lanes: Lane,
+}
+
+#[derive(Debug, Clone)]
+struct Lane {
+    word: [u32; LANES],
+    coord: [f32; LANES],
+    depth: [u32; LANES],
+}
+
+impl Labels {
+    /// Labels of a system; `own`: linear colours that replace the system's, by map or along the palette, or empty.
+    pub fn new(ifs: &Ifs, mode: Mode, own: &[[f32; 3]]) -> Self {
+        let maps = ifs.maps.len();
+        let mode = match mode {
+            Mode::Prefix(k) => Mode::Prefix(longest(maps, k.clamp(1, 4))),
+            other => other,
+        };
+        let by_map = map_colors(ifs, own);
+        let palette = if own.is_empty() { &ifs.palette } else { own };
+        let colors = match mode {
+            Mode::Map => by_map,
+            Mode::Prefix(k) => prefixes(&by_map, maps, k),
+            Mode::Coord | Mode::Depth | Mode::Density => (0..STEPS).map(|i| along(palette, &by_map, i)).collect(),
+        };
+        let base = u32::try_from(maps).unwrap_or(1).max(1);
+        let top = if let Mode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
+        let pull = ifs.maps.iter().map(|m| (math::narrow(m.coord), math::narrow(m.speed))).collect();
+        let lanes = Lane { word: [0; LANES], coord: [0.5; LANES], depth: [0; LANES] };
+        Self { mode, colors, maps: base, top, pull, lanes }
+    }
+
+    /// True if labels depend on the last map alone.
+    pub fn is_by_map(&self) -> bool {
+        self.mode == Mode::Map
+    }
+
+    /// Labels of a chunk's points.
+    pub fn label(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
+        if self.mode == Mode::Map {
+            *out = chunk.map;
+            return;
+        }
+        for step in 0..chunk.steps.min(CHUNK) {
+            for lane in 0..LANES {
+                out[step][lane] = self.one(lane, chunk.map[step][lane]);
+            }
+        }
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 before the cast")]
+    fn one(&mut self, lane: usize, map: u32) -> u32 {
+        let l = &mut self.lanes;
+        let jumped = map >= self.maps;
+        match self.mode {
+            Mode::Map => map,
+            Mode::Prefix(_) => {
+                l.word[lane] = map.min(self.maps - 1) * self.top + l.word[lane] / self.maps;
+                l.word[lane]
+            }
+            Mode::Coord => {
+                if let Some((coord, speed)) = self.pull.get(map as usize) {
+                    l.coord[lane] = (1.0 - speed) * l.coord[lane] + speed * coord;
+                }
+                (l.coord[lane] * 255.0 + 0.5).clamp(0.0, 255.0) as u32
+            }
+            Mode::Depth => {
+                l.depth[lane] = if jumped { 0 } else { (l.depth[lane] + 1).min(255) };
+                l.depth[lane]
+            }
+            Mode::Density => 0,
+        }
+    }
+
+    /// A lane starts again.
+    pub fn restart(&mut self, lane: usize) {
+        (self.lanes.word[lane], self.lanes.coord[lane], self.lanes.depth[lane]) = (0, 0.5, 0);
+    }
+}
+
+/// Largest word length up to `k` with no more than [`LABELS`] words.
+fn longest(maps: usize, k: u32) -> u32 {
+    (1..=k).rev().find(|k| maps.checked_pow(*k).is_some_and(|n| n <= LABELS)).unwrap_or(1)
+}
+
+/// One colour per map and one for the condensation set.
+pub fn map_colors(ifs: &Ifs, own: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let mut leaves = LEAVES.iter().cycle();
+    let pick = |(i, map): (usize, &Map)| {
+        if !own.is_empty() {
+            return own[i % own.len()];
+        }
+        match map.color {
+            Some(c) => c,
+            None if is_squash(map) || map.stem => WOOD,
+            None => leaves.next().copied().unwrap_or(WOOD),
+        }
+    };
+    let mut colors: Vec<[f32; 3]> = ifs.maps.iter().enumerate().map(pick).collect();
+    colors.push(if own.is_empty() { WOOD } else { own[ifs.maps.len() % own.len()] });
+    colors
+}
+
+/// The newest map's colour, shaded by the older ones.
+fn prefixes(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
+    let maps = maps.max(1);
+    let count = maps.pow(k);
+    let color = |word: usize| {
+        let mut rest = word;
+        let mut letters = [0_usize; 4];
+        for l in letters.iter_mut().take(k as usize).rev() {
+            // The newest map is the highest digit.
+            *l = rest % maps;
+            rest /= maps;
+        }
+        let mut c = by_map.get(letters[0]).copied().unwrap_or(WOOD);
+        let mut share = 0.45;
+        for l in letters.iter().take(k as usize).skip(1) {
+            let other = by_map.get(*l).copied().unwrap_or(WOOD);
+            for (x, y) in c.iter_mut().zip(other) {
+                *x = math::lerp(*x, y, share);
+            }
+            share *= 0.5;
+        }
+        c
+    };
+    (0..count).map(color).collect()
+}
+
+/// Step `i` of 256 of a palette, or from the first to the second leaf colour without one.
+#[allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a place in a list"
+)]
+fn along(palette: &[[f32; 3]], by_map: &[[f32; 3]], i: usize) -> [f32; 3] {
+    let fallback = [LEAVES[0], LEAVES[1]];
+    let list = match (palette, by_map) {
+        ([], _) => &fallback[..],
+        (p, _) => p,
+    };
+    let at = i as f32 / (STEPS - 1) as f32 * (list.len() - 1) as f32;
+    let low = (at as usize).min(list.len() - 1);
+    let high = (low + 1).min(list.len() - 1);
+    std::array::from_fn(|c| math::lerp(list[low][c], list[high][c], at - low as f32))
+}

@@ -1,0 +1,227 @@
+//! Steps of plane systems of up to 16 maps with AVX2, eight lanes to a register. The bits are those of the plain loops:
+//! the same products and sums in the same order.
+
+use std::arch::x86_64::{__m256, __m256i};
+
+use pulp::x86::V3;
+
+use super::lanes::Lanes;
+use super::{Chunk, Game, LANES};
+
+/// Lanes of a register.
+const WIDTH: usize = 8;
+/// Registers stepped side by side: enough to hide how long an addition takes.
+const PAIR: usize = 2;
+
+/// Coefficients by map: a b c d e f, each as two registers of eight maps.
+struct Table {
+    low: [[f32; WIDTH]; 6],
+    high: [[f32; WIDTH]; 6],
+    thresholds: [i32; 15],
+    /// Thresholds in use.
+    count: usize,
+}
+
+impl Table {
+    fn new(game: &Game) -> Self {
+        let mut t = Self { low: [[0.0; WIDTH]; 6], high: [[0.0; WIDTH]; 6], thresholds: [i32::MAX; 15], count: 0 };
+        for (i, c) in game.maps.iter().enumerate() {
+            let half = if i < WIDTH { &mut t.low } else { &mut t.high };
+            for (row, v) in half.iter_mut().zip([c[0], c[1], c[3], c[4], c[9], c[10]]) {
+                row[i % WIDTH] = v;
+            }
+        }
+        let row = game.rows.first().map_or(&[][..], Vec::as_slice);
+        t.count = row.len();
+        for (to, from) in t.thresholds.iter_mut().zip(row) {
+            // A draw has 31 bits, so "at least t" is "more than t - 1" for signed numbers as well.
+            *to = i32::try_from(i64::from(*from) - 1).unwrap_or(i32::MAX);
+        }
+        t
+    }
+}
+
+/// Fills a chunk; `false`, with nothing done, if the processor or the system do not suit.
+pub(super) fn advance(game: &Game, lanes: &mut Lanes, chunk: &mut Chunk) -> bool {
+    if game.dim != 2 || game.maps.len() > 16 || game.rows.len() != 1 {
+        return false;
+    }
+    let Some(simd) = V3::try_new() else { return false };
+    let table = Table::new(game);
+    if game.maps.len() > WIDTH {
+        simd.vectorize(Steps::<true> { simd, table: &table, lanes, chunk });
+    } else {
+        simd.vectorize(Steps::<false> { simd, table: &table, lanes, chunk });
+    }
+    true
+}
+
+struct Steps<'a, const WIDE: bool> {
+    simd: V3,
+    table: &'a Table,
+    lanes: &'a mut Lanes,
+    chunk: &'a mut Chunk,
+}
+
+/// State of [`PAIR`] registers.
+struct Part {
+    s: [[__m256i; PAIR]; 4],
+    x: [__m256; PAIR],
+    y: [__m256; PAIR],
+}
+
+#[inline(always)]
+fn load_f(row: &[f32; LANES], at: usize) -> __m256 {
+    bytemuck::cast::<[f32; WIDTH], _>(std::array::from_fn(|i| row[at + i]))
+}
+
+#[inline(always)]
+fn load_i(row: &[u32; LANES], at: usize) -> __m256i {
+    bytemuck::cast::<[u32; WIDTH], _>(std::array::from_fn(|i| row[at + i]))
+}
+
+#[inline(always)]
+fn store_f(row: &mut [f32; LANES], at: usize, v: __m256) {
+    row[at..at + WIDTH].copy_from_slice(&bytemuck::cast::<_, [f32; WIDTH]>(v));
+}
+
+#[inline(always)]
+fn store_i(row: &mut [u32; LANES], at: usize, v: __m256i) {
+    row[at..at + WIDTH].copy_from_slice(&bytemuck::cast::<_, [u32; WIDTH]>(v));
+}
+
+impl<const WIDE: bool> pulp::NullaryFnOnce for Steps<'_, WIDE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { simd, table, lanes, chunk } = self;
+        for part in 0..LANES / (WIDTH * PAIR) {
+            let at = |k: usize| (part * PAIR + k) * WIDTH;
+            let mut p = Part {
+                s: std::array::from_fn(|w| std::array::from_fn(|k| load_i(&lanes.s[w], at(k)))),
+                x: std::array::from_fn(|k| load_f(&lanes.x, at(k))),
+                y: std::array::from_fn(|k| load_f(&lanes.y, at(k))),
+            };
+            let mut map = [simd.avx._mm256_set1_epi32(0); PAIR];
+            for step in 0..chunk.steps {
+                for k in 0..PAIR {
+                    map[k] = pick(simd, table, draw(simd, &mut p.s, k));
+                    move_on::<WIDE>(simd, table, map[k], (&mut p.x[k], &mut p.y[k]));
+                    store_f(&mut chunk.x[step], at(k), p.x[k]);
+                    store_f(&mut chunk.y[step], at(k), p.y[k]);
+                    store_i(&mut chunk.map[step], at(k), map[k]);
+                }
+            }
+            for k in 0..PAIR {
+                for w in 0..4 {
+                    store_i(&mut lanes.s[w], at(k), p.s[w][k]);
+                }
+                store_f(&mut lanes.x, at(k), p.x[k]);
+                store_f(&mut lanes.y, at(k), p.y[k]);
+                if chunk.steps > 0 {
+                    store_i(&mut lanes.map, at(k), map[k]);
+                }
+            }
+        }
+        // z stays 0 in the plane.
+    }
+}
+
+/// Eight draws of 31 bits.
+#[inline(always)]
+fn draw(simd: V3, s: &mut [[__m256i; PAIR]; 4], k: usize) -> __m256i {
+    let i = simd.avx2;
+    let [mut a, mut b, mut c, mut d] = [s[0][k], s[1][k], s[2][k], s[3][k]];
+    let result = i._mm256_add_epi32(a, d);
+    let t = i._mm256_slli_epi32::<9>(b);
+    c = i._mm256_xor_si256(c, a);
+    d = i._mm256_xor_si256(d, b);
+    b = i._mm256_xor_si256(b, c);
+    a = i._mm256_xor_si256(a, d);
+    c = i._mm256_xor_si256(c, t);
+    d = i._mm256_or_si256(i._mm256_slli_epi32::<11>(d), i._mm256_srli_epi32::<21>(d));
+    (s[0][k], s[1][k], s[2][k], s[3][k]) = (a, b, c, d);
+    i._mm256_srli_epi32::<1>(result)
+}
+
+/// Eight maps: how many thresholds each draw reaches.
+#[inline(always)]
+fn pick(simd: V3, table: &Table, draw: __m256i) -> __m256i {
+    let mut map = simd.avx._mm256_set1_epi32(0);
+    for t in table.thresholds.iter().take(table.count) {
+        let reached = simd.avx2._mm256_cmpgt_epi32(draw, simd.avx._mm256_set1_epi32(*t));
+        // All ones is -1.
+        map = simd.avx2._mm256_sub_epi32(map, reached);
+    }
+    map
+}
+
+#[inline(always)]
+fn coefficient<const WIDE: bool>(simd: V3, table: &Table, which: usize, map: __m256i) -> __m256 {
+    let low = simd.avx2._mm256_permutevar8x32_ps(bytemuck::cast(table.low[which]), map);
+    if !WIDE {
+        return low;
+    }
+    let high = simd.avx2._mm256_permutevar8x32_ps(bytemuck::cast(table.high[which]), map);
+    // The sign bit of map shifted up is its bit 3.
+    let side = simd.avx2._mm256_slli_epi32::<28>(map);
+    simd.avx._mm256_blendv_ps(low, high, bytemuck::cast(side))
+}
+
+#[inline(always)]
+fn move_on<const WIDE: bool>(simd: V3, table: &Table, map: __m256i, (x, y): (&mut __m256, &mut __m256)) {
+    let i = simd.avx;
+    let c = |which: usize| coefficient::<WIDE>(simd, table, which, map);
+    let sum = |a: __m256, b: __m256, e: __m256| {
+        i._mm256_add_ps(i._mm256_add_ps(i._mm256_mul_ps(a, *x), i._mm256_mul_ps(b, *y)), e)
+    };
+    let (next_x, next_y) = (sum(c(0), c(1), c(4)), sum(c(2), c(3), c(5)));
+    (*x, *y) = (next_x, next_y);
+}
+
+/// As [`super::pixels`]; `false`, with nothing done, without AVX2.
+pub(super) fn pixels(chunk: &Chunk, size: (usize, usize), out: &mut [[u32; LANES]; super::CHUNK]) -> bool {
+    let Some(simd) = V3::try_new() else { return false };
+    simd.vectorize(Pixels { simd, chunk, size, out });
+    true
+}
+
+struct Pixels<'a> {
+    simd: V3,
+    chunk: &'a Chunk,
+    size: (usize, usize),
+    out: &'a mut [[u32; LANES]; super::CHUNK],
+}
+
+impl pulp::NullaryFnOnce for Pixels<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_possible_wrap,
+        clippy::cast_precision_loss,
+        reason = "sides of a picture"
+    )]
+    fn call(self) {
+        let Self { simd, chunk, size: (width, height), out } = self;
+        let i = simd.avx;
+        let (w, h) = (i._mm256_set1_ps(width as f32), i._mm256_set1_ps(height as f32));
+        let (row, outside) = (i._mm256_set1_epi32(width as i32), i._mm256_set1_epi32((width * height) as i32));
+        let zero = i._mm256_set1_ps(0.0);
+        // Ordered comparisons: false for what is not a number.
+        let within =
+            |v: __m256, end: __m256| i._mm256_and_ps(i._mm256_cmp_ps::<13>(v, zero), i._mm256_cmp_ps::<1>(v, end));
+        for step in 0..chunk.steps.min(super::CHUNK) {
+            for at in (0..LANES).step_by(WIDTH) {
+                let (x, y) = (load_f(&chunk.x[step], at), load_f(&chunk.y[step], at));
+                let inside = i._mm256_and_ps(within(x, w), within(y, h));
+                let line = simd.avx2._mm256_mullo_epi32(i._mm256_cvttps_epi32(y), row);
+                let index = simd.avx2._mm256_add_epi32(line, i._mm256_cvttps_epi32(x));
+                let index = i._mm256_blendv_ps(bytemuck::cast(outside), bytemuck::cast(index), inside);
+                store_i(&mut out[step], at, bytemuck::cast(index));
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Ways through a leaf: the midrib, and the veins that join it.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec2;
+
+use super::mask::{Mask, around};
+
+/// Steps of the way back from any pixel of a leaf to its anchor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ways {
+    side: usize,
+    /// The pixel before each one on its cheapest way from the anchor.
+    before: Vec<u32>,
+}
+
+impl Ways {
+    /// Cheapest 8-connected ways from a pixel to all others of the mask; a step costs its length over (1 + sd)^2, so
+    /// that ways keep to the middle.
+    /// Source: E. Dijkstra, "A note on two problems in connexion with graphs", 1959.
+    pub fn new(mask: &Mask, sd: &[f32], anchor: usize) -> Self {
+        let n = mask.side;
+        let mut before = vec![u32::MAX; mask.set.len()];
+        let mut cost = vec![f32::INFINITY; mask.set.len()];
+        let mut queue = BinaryHeap::new();
+        cost[anchor] = 0.0;
+        queue.push(Reverse((0_u32, anchor)));
+        while let Some(Reverse((bits, i))) = queue.pop() {
+            // Bits of a positive float order as the float does.
+            if bits > cost[i].to_bits() {
+                continue;
+            }
+            for j in around(i, n, true).filter(|j| mask.set[*j]) {
+                let straight = i % n == j % n || i / n == j / n;
+                let middle = 1.0 + 0.5 * (sd[i].max(0.0) + sd[j].max(0.0));
+                let next = cost[i] + if straight { 1.0 } else { std::f32::consts::SQRT_2 } / (middle * middle);
+                if next < cost[j] {
+                    cost[j] = next;
+                    before[j] = u32::try_from(i).unwrap_or(u32::MAX);
+                    queue.push(Reverse((next.to_bits(), j)));
+                }
+            }
+        }
+        Self { side: n, before }
+    }
+
+    /// Pixels from `end` back to the anchor.
+    pub fn back(&self, end: usize) -> Vec<usize> {
+        let mut out = vec![end];
+        let mut at = end;
+        while let Some(&b) = self.before.get(at).filter(|b| **b != u32::MAX) {
+            at = b as usize;
+            out.push(at);
+        }
+        out
+    }
+
+    /// Middle of a pixel, y down.
+    #[allow(clippy::cast_precision_loss, reason = "pixels")]
+    pub fn point(&self, i: usize) -> DVec2 {
+        DVec2::new((i % self.side) as f64 + 0.5, (i / self.side) as f64 + 0.5)
+    }
+
+    /// How many of `tips` each pixel serves: 0 off the veins.
+    pub fn loads(&self, tips: &[usize]) -> Vec<u32> {
+        let mut loads = vec![0_u32; self.before.len()];
+        for tip in tips {
+            for i in self.back(*tip) {
+                loads[i] += 1;
+            }
+        }
+        loads
+    }
+}
+
+/// A line smoothed and cut into `count` points at equal steps of arc length.
+pub fn resampled(line: &[DVec2], count: usize) -> Vec<DVec2> {
+    let mut arcs = vec![0.0];
+    for w in line.windows(2) {
+        arcs.push(arcs.last().copied().unwrap_or(0.0) + w[0].distance(w[1]));
+    }
+    let total = arcs.last().copied().unwrap_or(0.0);
+    let count = count.max(2);
+    #[allow(clippy::cast_precision_loss, reason = "a few points")]
+    let at = |k: usize| {
+        let s = total * k as f64 / (count - 1) as f64;
+        let i = arcs.partition_point(|a| *a <= s).clamp(1, line.len().max(2) - 1);
+        let (Some(p), Some(q)) = (line.get(i - 1), line.get(i)) else {
+            return line.first().copied().unwrap_or_default();
+        };
+        let span = arcs[i] - arcs[i - 1];
+        p.lerp(*q, if span > 0.0 { ((s - arcs[i - 1]) / span).clamp(0.0, 1.0) } else { 0.0 })
+    };
+    (0..count).map(at).collect()
+}
+
+/// Place along a line (0..1), signed distance (above 0 to its left, y up) and nearest point for `p`.
+pub fn beside(line: &[DVec2], p: DVec2) -> (f64, f64) {
+    let total: f64 = line.windows(2).map(|w| w[0].distance(w[1])).sum();
+    let (mut best, mut arc) = ((f64::MAX, 0.0, 0.0), 0.0);
+    for w in line.windows(2) {
+        let d = w[1] - w[0];
+        let t = ((p - w[0]).dot(d) / d.length_squared().max(1e-30)).clamp(0.0, 1.0);
+        let distance = (p - w[0] - d * t).length();
+        if distance < best.0 {
+            best = (distance, arc + d.length() * t, d.perp_dot(p - w[0]).signum() * distance);
+        }
+        arc += d.length();
+    }
+    (best.1 / total.max(1e-30), best.2)
+}

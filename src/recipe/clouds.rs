@@ -1,0 +1,161 @@
+//! Coefficient tables that a scene names.
+
+use super::cloud_keys::{CloudKeys, TreeKeys, WeightsFrom};
+use super::key::{Section, wrong};
+use super::kinds::Reference;
+use super::resolve::Resolver;
+use super::tree::{Table, Value};
+use super::{CloudRecipe, Found};
+use crate::Error;
+use crate::diagnostic::{Diagnostic, Report, Span};
+use crate::fence::Names;
+use crate::ifs::dynamics::{self, Study};
+use crate::ifs::game::extent;
+use crate::ifs::stems::{Stems, is_tree, stems};
+use crate::ifs::weights::Rule;
+use crate::ifs::{Ifs, read};
+
+/// Endings of coefficient tables.
+pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];
+
+impl Resolver<'_> {
+    /// All clouds of a scene; `names`: those already taken by plants.
+    pub(super) fn clouds(&mut self, root: &Table, names: &mut Names) -> Vec<CloudRecipe> {
+        let Some(table) = self.table(root, "", "clouds") else { return Vec::new() };
+        let mut clouds = Vec::new();
+        for entry in &table.entries {
+            let Value::Table(cloud) = &entry.node.value else {
+                self.report.push(*wrong(&format!("clouds.{}", entry.key), &entry.node, "a table"));
+                continue;
+            };
+            let id = names.unique(&entry.key);
+            clouds.extend(self.cloud(&entry.key, id, entry.key_span, cloud));
+        }
+        clouds
+    }
+
+    fn cloud(&mut self, name: &str, id: String, span: Span, table: &Table) -> Option<CloudRecipe> {
+        let path = format!("clouds.{name}");
+        let told = self.report.diagnostics.len();
+        let keys = CloudKeys::read(Some(table), &path, &mut self.report);
+        let misread = self.report.diagnostics.len() > told;
+        self.limit("points", u64::from(keys.points), Some(span));
+        let Some(reference) = &keys.ifs else {
+            if !misread {
+                let d = Diagnostic::error("S006", format!("[{path}] names no table"), span, "no ifs here");
+                self.report.push(d.help("add ifs = \"NAME.ifs\"; `osier list presets` shows those in the binary"));
+            }
+            return None;
+        };
+        let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
+        let (system, report) = self.system(&file, &keys.system)?;
+        if self.request.thorough && self.request.bare.is_some() && keys.system.is_empty() {
+            self.others(&file, &system);
+        }
+        let rule = keys.weights.map_or(system.weights.unwrap_or(Rule::File), rule);
+        let study = self.study(&system, rule, &report)?;
+        match extent(&system, &study) {
+            Ok(extent) => Some(CloudRecipe { name: name.into(), id, source: file.shown, system, study, extent, keys }),
+            Err(escaped) => {
+                self.report.extend(Report { sources: report.sources, diagnostics: vec![*escaped] });
+                None
+            }
+        }
+    }
+
+    /// Reads the table of a leaf.
+    pub(super) fn leaf_table(&mut self, reference: &Reference, name: &str) -> Option<Ifs> {
+        let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
+        let (system, sources) = self.system(&file, name)?;
+        if system.dim != 2 {
+            let text = format!("\"{}\" lies in space; a leaf is drawn by a table of the plane", system.name);
+            self.report
+                .push(Diagnostic::error("S005", text, reference.span, "this table").help("take one with 7 columns"));
+            return None;
+        }
+        self.study(&system, system.weights.unwrap_or(Rule::Det), &sources)?;
+        Some(system)
+    }
+
+    /// What is odd about the other systems of a file.
+    fn others(&mut self, file: &Found, drawn: &Ifs) {
+        let Ok((systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
+        for system in systems.iter().filter(|s| s.name != drawn.name) {
+            if let Some(study) = self.study(system, system.weights.unwrap_or(Rule::File), &sources)
+                && let Err(escaped) = extent(system, &study)
+            {
+                self.report.extend(Report { sources: sources.sources.clone(), diagnostics: vec![*escaped] });
+            }
+        }
+    }
+
+    /// Reads the table of a tree.
+    pub(super) fn stems(&mut self, reference: &Reference, keys: &TreeKeys) -> Option<(Stems, String)> {
+        let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
+        let (system, sources) = self.system(&file, &keys.system)?;
+        if !is_tree(&system) {
+            let text = format!("\"{}\" is no tree: it has no trunk in space", system.name);
+            let d = Diagnostic::error("S005", text, reference.span, "this table");
+            self.report
+                .push(d.help("a tree has dim = 3 and branch maps, or a map that squashes the whole into a stem"));
+            return None;
+        }
+        match stems(&system) {
+            Ok(stems) => Some((stems, file.shown)),
+            Err(fault) => {
+                self.report.extend(Report { sources: sources.sources, diagnostics: vec![*fault] });
+                None
+            }
+        }
+    }
+
+    /// Reads a file and picks a system (the first for an empty name); the report that comes back holds the sources.
+    pub(super) fn system(&mut self, file: &Found, name: &str) -> Option<(Ifs, Report)> {
+        let wanted = Some(name).filter(|n| !n.is_empty());
+        let found = read::read(&file.shown, &file.bytes, &self.request.limits);
+        let picked = found.and_then(|(systems, report)| {
+            let system = read::pick(&systems, wanted, &file.shown)?.clone();
+            Ok((system, report))
+        });
+        match picked {
+            Ok((system, report)) => {
+                self.report.extend(report.clone());
+                Some((system, report))
+            }
+            Err(Error::Input(faults)) => {
+                self.report.extend(*faults);
+                None
+            }
+            Err(other) => {
+                self.report.push(Diagnostic::about("S005", format!("\"{}\": {other}", file.shown)));
+                None
+            }
+        }
+    }
+
+    /// Studies a system and tells what is odd; `None` if it has no attractor.
+    pub(super) fn study(&mut self, system: &Ifs, rule: Rule, sources: &Report) -> Option<Study> {
+        match dynamics::study(system, rule).into_result(sources) {
+            Ok((study, told)) => {
+                self.report.extend(told);
+                Some(study)
+            }
+            Err(Error::Input(faults)) => {
+                self.report.extend(*faults);
+                None
+            }
+            Err(_) => None,
+        }
+    }
+}
+
+fn rule(from: WeightsFrom) -> Rule {
+    match from {
+        WeightsFrom::File => Rule::File,
+        WeightsFrom::FileRaw => Rule::Raw,
+        WeightsFrom::Det => Rule::Det,
+        WeightsFrom::Moran => Rule::Moran,
+        WeightsFrom::Equal => Rule::Equal,
+        WeightsFrom::Fractint => Rule::Fractint,
+    }
+}
