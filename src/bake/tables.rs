@@ -36,6 +36,7 @@ pub fn leaves(
     let spec = Spec {
         side: (keys.side as usize).max(64),
         close: keys.close,
+        fill: keys.fill,
         anchor: keys.anchor,
         detail: if keys.detail == Detail::Hero { HERO } else { LIGHT },
         holes: keys.holes,

@@ -207,6 +207,8 @@ keys! {
         anchor: Option<[f64; 2]> = "anchor" Maybe(Tuple([0.0, 0.0], num(0.0, -1e12, 1e12, "")), "found");
         /// Gaps in the leaf of a table that are closed, in pixels of a map of 1024.
         close: f64 = "close_px" num(2.0, 0.0, 8.0, "pixels");
+        /// Largest hole in the leaf of a table that is filled, share of the map.
+        fill: f64 = "fill" num(0.005, 0.0, 1.0, "");
         /// Whether holes in the leaf of a table are cut into its mesh.
         holes: bool = "holes" Flag(false);
         /// Length of the blade; the turtle's size factor multiplies it.

@@ -131,6 +131,10 @@ pub struct Place {
     pub anchor: DVec2,
     /// The midrib, from the anchor to the tip.
     pub midrib: Vec<DVec2>,
+    /// A place well inside the blade near its foot, whose colour the stalk wears.
+    pub solid: DVec2,
+    /// How far above the anchor the midrib enters the mesh, pixels.
+    pub start: f64,
 }
 
 /// The blade as a mesh in organ space: stalk base at the origin, midrib along +Y, upper side +Z; one material (0). The
@@ -195,12 +199,14 @@ fn stalk(mesh: &mut Mesh, place: &Place, pose: &Pose) {
         return;
     }
     let first = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
-    let foot = place.midrib.get(1).copied().unwrap_or(place.anchor).lerp(place.anchor, 0.5) / place.side;
-    for (y, r) in [(0.0, 1.4 * radius), (length, radius), (length + 0.25 * pose.size, 0.35 * radius)] {
+    let foot = place.solid / place.side;
+    let blade = place.midrib.last().map_or(1.0, |t| t.distance(place.anchor)).max(1e-9);
+    let neck = length + place.start / blade * pose.size;
+    for (y, r) in [(0.0, 1.4 * radius), (neck, radius), (neck + 0.25 * pose.size, 0.35 * radius)] {
         for k in 0..SIDES {
             let a = f64::from(k) / f64::from(SIDES) * std::f64::consts::TAU;
             let (sin, cos) = (math::sin(a), math::cos(a));
-            let below = if y > length { -0.6 * radius } else { 0.0 };
+            let below = if y > neck { -0.6 * radius } else { 0.0 };
             mesh.points.push(Vec3::new(narrow(cos * r), narrow(y), narrow(sin * r + below)));
             mesh.normals.push(Vec3::new(narrow(cos), 0.0, narrow(sin)));
             mesh.uvs.push(Vec2::new(narrow(foot.x), narrow(foot.y)));

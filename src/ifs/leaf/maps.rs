@@ -87,7 +87,7 @@ fn pixel(r: &Raster, c: &Colors, (i, side): (usize, f32), (v, wide, rib, share):
     let mut rgb = mix(c.edge, c.centre, rise);
     rgb = mix(rgb, c.tip, 0.35 * u * u);
     rgb = mix(rgb, c.vein, 0.5 * ((v - wide) / 0.2).clamp(0.0, 1.0) * share.min(1.0));
-    rgb = mix(rgb, c.vein, 0.75 * rib);
+    rgb = mix(rgb, c.vein, 0.62 * rib);
     let shade = match r.letter.get(inner).copied().unwrap_or(0) % 4 {
         0 => 1.0,
         1 => 1.06,

@@ -27,8 +27,6 @@ use rib::Ways;
 
 /// Share of the set pixels that a leaf's largest part should hold.
 const WHOLE: f64 = 0.98;
-/// Area of a hole that is filled, share of the picture.
-const HOLE: f64 = 5e-4;
 /// Share of the side that an anchor may lie beside the leaf.
 const ASIDE: f64 = 0.02;
 /// Sides of pictures are in pixels of this side.
@@ -45,6 +43,8 @@ pub struct Spec {
     pub min_hits: u32,
     /// Gaps up to twice this wide are closed, pixels.
     pub close: f64,
+    /// Largest hole that is filled, share of the picture.
+    pub fill: f64,
     /// Where the stalk meets the blade, table units; `None`: found.
     pub anchor: Option<[f64; 2]>,
     /// The outline of the mesh stays within this of the leaf's, pixels.
@@ -64,6 +64,7 @@ impl Default for Spec {
             points: 20,
             min_hits: 1,
             close: 2.0,
+            fill: 5e-3,
             anchor: None,
             detail: 8.0,
             rib: 8,
@@ -127,7 +128,7 @@ pub fn leaf(ifs: &Ifs, spec: &Spec) -> Result<Leaf, Box<Diagnostic>> {
     let (n, unit) = (spec.side, side(spec.side) / UNIT);
     let mut told = Vec::new();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of the pixels")]
-    let hole = (HOLE * side(n * n)) as usize;
+    let hole = (spec.fill * side(n * n)) as usize;
     let (mask, cleaned) = counts.mask(n, spec.min_hits).clean(spec.close * unit, hole).ok_or_else(|| empty(ifs))?;
     if cleaned.largest < WHOLE {
         let text = format!(
@@ -170,7 +171,10 @@ pub fn leaf(ifs: &Ifs, spec: &Spec) -> Result<Leaf, Box<Diagnostic>> {
     #[allow(clippy::cast_precision_loss, reason = "a few points")]
     let spacing = flip(t).distance(flip(a)) / spec.rib.max(2) as f64;
     let flat = blade::flat(&rings, &midrib, spacing.max(4.0 * unit));
-    let place = Place { side: side(n), anchor: flip(a), midrib };
+    let solid = ways.back(tip).into_iter().rev().find(|i| f64::from(sd[*i]) > 2.5 * unit).unwrap_or(tip);
+    let starts = midrib.iter().find(|p| rings.first().is_some_and(|r| outline::inside(r, **p)));
+    let start = starts.map_or(0.0, |p| (p.y - flip(a).y).max(0.0));
+    let place = Place { side: side(n), anchor: flip(a), midrib, solid: flip(ways.point(solid)), start };
     let raster = Raster {
         along: (0..n * n).map(place_of).collect(),
         hits: counts.hits(),
