@@ -77,7 +77,7 @@ pub(super) fn system(reader: &mut Reader<'_>, body: &[u8], start: usize, title: 
 /// All numbers of a body; `None` if one is none.
 fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<Token>> {
     let mut out = Vec::new();
-    let (mut at, mut line, mut comma, mut good) = (0, 0, None, true);
+    let (mut at, mut line, mut comma, mut bad_ones) = (0, 0, None, 0);
     while let Some(b) = body.get(at) {
         match b {
             b'\n' => line += 1,
@@ -90,8 +90,8 @@ fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<Toke
                 match value(reader.text.get(a..b).unwrap_or_default()) {
                     Ok(value) => out.push(Token { value, span: reader.span(a, b), line }),
                     Err(why) => {
-                        good = false;
-                        bad(reader, (a, b), out.len(), &why);
+                        bad(reader, (a, b), out.len() + bad_ones, &why);
+                        bad_ones += 1;
                     }
                 }
                 at += length - 1;
@@ -107,7 +107,7 @@ fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<Toke
         let d = Diagnostic::warning("I009", "commas between numbers", span, "the first one");
         reader.tell(d.help("Fractint separates numbers by blanks; a decimal comma must be a point"));
     }
-    good.then_some(out)
+    (bad_ones == 0).then_some(out)
 }
 
 fn value(word: &str) -> Result<f64, String> {
