@@ -21,9 +21,11 @@ const SMALL: u32 = 16;
 
 /// The recipe of a preset; `seed` replaces its own. Maps are drawn small unless `maps` is true.
 pub fn recipe(preset: &Preset, seed: Option<u64>, maps: bool) -> Recipe {
-    let (stem, ending) = preset.name.rsplit_once('.').expect("ending");
+    let (stem, ending) = preset.name.split_once('.').expect("ending");
     let mut request = if ending == "l" {
         Request::bare(stem, preset.name)
+    } else if ending == "ifs.toml" {
+        Request::tree(stem, preset.name)
     } else {
         Request { name: stem.into(), shown: preset.name.into(), text: preset.text.into(), ..Request::default() }
     };
