@@ -1,0 +1,160 @@
+//! Attractors through the program: pictures held against goldens, points read back, clients that open them.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+#[path = "common/clients.rs"]
+mod clients;
+
+/// Every shipped table with its golden picture in `tests/golden/ifs`.
+const TABLES: [&str; 11] = [
+    "bamboo_leaf",
+    "bamboo_node",
+    "fern_leaf",
+    "hill",
+    "green_tree",
+    "palm_tree",
+    "gray_tree",
+    "sun",
+    "monopodial",
+    "sympodial",
+    "pseudodichotomous",
+];
+
+fn osier(arguments: &[&str]) -> std::process::Output {
+    Command::new(env!("CARGO_BIN_EXE_osier")).args(arguments).output().expect("osier runs")
+}
+
+fn grown(folder: &Path, name: &str, file: &str, more: &[&str]) -> PathBuf {
+    let path = folder.join(file);
+    let mut arguments = vec!["-q", "grow", name, "-o", path.to_str().expect("path")];
+    arguments.extend(more);
+    let run = osier(&arguments);
+    assert!(run.status.success(), "{name}: {}", String::from_utf8_lossy(&run.stderr));
+    path
+}
+
+#[test]
+fn pictures_are_the_golden_ones() {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/ifs");
+    let dir = tempfile::tempdir().expect("dir");
+    let mut wrong = Vec::new();
+    for name in TABLES {
+        let set = ["--set", "picture.width=256", "--set", "picture.height=256", "--set", "picture.background=#ffffff"];
+        let file = format!("{name}.png");
+        let made = grown(dir.path(), &format!("{name}.ifs"), &file, &set);
+        if std::env::var("OSIER_BLESS").is_ok() {
+            std::fs::create_dir_all(&golden).expect("folder");
+            std::fs::copy(&made, golden.join(&file)).expect("copy");
+        }
+        let read = |p: &Path| image::open(p).map(|i| i.to_rgb8().into_raw()).unwrap_or_default();
+        let (ours, want) = (read(&made), read(&golden.join(&file)));
+        let most = ours.iter().zip(&want).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(255);
+        if ours.len() != want.len() || most > 1 {
+            wrong.push(format!("{name}: {most}"));
+        }
+    }
+    assert!(wrong.is_empty(), "OSIER_BLESS=1 renews them: {}", wrong.join(", "));
+}
+
+#[test]
+fn points_of_a_ply_carry_map_and_depth() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = grown(dir.path(), "fern_leaf", "fern.ply", &["--set", "points=5000", "--set", "height=1"]);
+    let bytes = std::fs::read(path).expect("bytes");
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("header") + 11;
+    let header = String::from_utf8_lossy(&bytes[..end]).into_owned();
+    assert!(header.contains("element vertex 5000") && header.contains("property uchar map\nproperty uchar depth"));
+    let rows: Vec<&[u8]> = bytes[end..].chunks_exact(22).collect();
+    assert_eq!((rows.len(), bytes.len() - end), (5000, 110_000));
+    let float = |r: &[u8], i: usize| f32::from_le_bytes([r[4 * i], r[4 * i + 1], r[4 * i + 2], r[4 * i + 3]]);
+    assert!(rows.iter().all(|r| (-0.02..=1.02).contains(&float(r, 1)) && float(r, 2).abs() < 1e-6 && r[20] < 4));
+    let share = rows.iter().filter(|r| r[20] == 1).count();
+    assert!((4100..4400).contains(&share), "{share} of 5000 points of a map with the weight 0.85");
+}
+
+#[test]
+fn voxels_thin_and_count() {
+    let dir = tempfile::tempdir().expect("dir");
+    let set = ["--set", "points=20000", "--set", "height=1", "--set", "voxel_mm=20"];
+    let bytes = std::fs::read(grown(dir.path(), "fern_leaf", "fern.ply", &set)).expect("bytes");
+    let header = String::from_utf8_lossy(&bytes[..400.min(bytes.len())]).into_owned();
+    assert!(header.contains("density"), "{header}");
+    let count: usize =
+        header.lines().find_map(|l| l.strip_prefix("element vertex ")).and_then(|n| n.parse().ok()).expect("count");
+    assert!((300..3000).contains(&count), "{count}");
+}
+
+#[test]
+fn hostile_tables_end_with_their_message() {
+    let dir = tempfile::tempdir().expect("dir");
+    let cases: [(&str, String, &str); 8] = [
+        ("nan", "a {\nnan 0 0 .5 0 0 1\n}".into(), "I005"),
+        ("huge", "a {\n1e999 0 0 .5 0 0 1\n}".into(), "I005"),
+        ("many", format!("a {{\n{}}}", ".5 0 0 .5 0 0 .01\n".repeat(10_000)), "I008"),
+        ("empty", "a {\n}".into(), "I007"),
+        ("brace", "a {\n.5 0 0 .5 0 0 1\n".into(), "I006"),
+        ("grows", "a {\n1.5 0 0 1.5 0 0 .5\n2 0 0 2 1 0 .5\n}".into(), "I021"),
+        ("flat", "a {\n.5 .5 0 0 0 0 .5\n.5 .5 0 0 1 0 .5\n}".into(), "I025"),
+        ("line", format!("a {{ {} }}", "0.5 ".repeat(1_250_000)), "I007"),
+    ];
+    for (name, text, code) in cases {
+        let path = dir.path().join(format!("{name}.ifs"));
+        std::fs::write(&path, text).expect("write");
+        let run = osier(&["check", path.to_str().expect("path")]);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(said.contains(code), "{name}: {said}");
+        assert!(matches!(run.status.code(), Some(0 | 1)), "{name}: {:?}", run.status);
+    }
+}
+
+#[test]
+fn every_printed_system_is_judged() {
+    let run = osier(&["check", "as_printed.ifs"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(said.contains("I020") && said.contains("I025") && said.contains("b = -0.105"), "{said}");
+}
+
+#[test]
+fn points_open_in_the_clients() {
+    let dir = tempfile::tempdir().expect("dir");
+    let set = ["--set", "points=3000", "--set", "height=1"];
+    let glb = grown(dir.path(), "fern_leaf", "fern.glb", &set);
+    let usd = grown(dir.path(), "fern_leaf", "fern.usda", &set);
+    let text = std::fs::read_to_string(&usd).expect("usda");
+    assert!(text.contains("primvars:map") && text.contains("primvars:depth") && text.contains("def Points"));
+    let json = String::from_utf8_lossy(&std::fs::read(&glb).expect("glb")).into_owned();
+    assert!(json.contains("\"_MAP\"") && json.contains("\"_DEPTH\""));
+    if let Some((node, folder)) = clients::validator() {
+        let said = clients::run(Command::new(node).arg(clients::script("gltf_validate.mjs")).arg(folder).arg(&glb));
+        let said = String::from_utf8_lossy(&said.stdout).into_owned();
+        assert!(said.contains("fern.glb"), "{said}");
+    }
+    if let Some(python) = clients::python() {
+        clients::python_script(&python, "usd_validate.py", &[usd.to_str().expect("path")]);
+    }
+}
+
+#[test]
+fn povray_draws_the_points_and_the_tree() {
+    let dir = tempfile::tempdir().expect("dir");
+    grown(dir.path(), "fern_leaf", "fern.pov", &["--set", "points=20000", "--set", "height=1"]);
+    grown(dir.path(), "pseudodichotomous", "tree.pov", &["--set", "tree.eps=0.2", "--set", "leaf.side=64"]);
+    let Some(povray) = clients::povray() else { return };
+    for name in ["fern", "tree"] {
+        let picture = dir.path().join(format!("{name}.png"));
+        clients::run(Command::new(&povray).current_dir(dir.path()).args([
+            &format!("+I{name}.pov"),
+            &format!("+O{name}.png"),
+            "+W96",
+            "+H96",
+            "-D",
+            "-GA",
+        ]));
+        let seen = image::open(&picture).expect("a picture").to_rgb8();
+        let first = *seen.get_pixel(2, 2);
+        let other = seen.pixels().filter(|p| p.0.iter().zip(first.0).any(|(a, b)| a.abs_diff(b) > 24)).count();
+        assert!(other > 200, "{name}: {other} pixels show something");
+    }
+}
