@@ -6,10 +6,10 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{Quat, Vec2, Vec3};
 use osier::export::gltf::{Profile, write};
 use osier::export::textures::Textures;
-use osier::scene::{
-    Asset, AssetKind, Camera, Clip, InstanceState, Instancer, InstancerMotion, Maps, Material, MaterialClass, Mesh,
-    MeshMotion, MeshObject, Placement, Prototype, Scene, Sky, Sun, Trs,
-};
+use osier::scene::{Asset, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, Prototype};
+
+#[path = "../tests/common/bare.rs"]
+mod bare;
 
 fn grid(side: u32) -> Mesh {
     let mut mesh = Mesh::default();
@@ -27,48 +27,6 @@ fn grid(side: u32) -> Mesh {
         }
     }
     mesh.with_material(0)
-}
-
-fn scene(asset: Asset) -> Scene {
-    let material = Material {
-        name: "plain".into(),
-        class: MaterialClass::Ground,
-        base_color: [0.5; 3],
-        roughness: 0.8,
-        ior: 1.5,
-        translucency: 0.0,
-        double_sided: false,
-        alpha_cutoff: None,
-        height_range: 0.01,
-        tile: 1.0,
-        maps: Maps::default(),
-    };
-    Scene {
-        name: "bench".into(),
-        title: "bench".into(),
-        seed: 1,
-        hash: "0".repeat(64),
-        clip: Clip::default(),
-        camera: Camera { eye: Vec3::ONE, target: Vec3::ZERO, vfov: 0.6, roll: 0.0 },
-        sun: Sun::default(),
-        sky: Sky::default(),
-        images: Vec::new(),
-        materials: vec![material],
-        assets: vec![asset],
-        placements: vec![Placement { name: "one".into(), asset: 0, transform: Trs::IDENTITY }],
-    }
-}
-
-fn asset() -> Asset {
-    Asset {
-        id: "one".into(),
-        kind: AssetKind::Terrain,
-        skeleton: None,
-        meshes: Vec::new(),
-        instancers: Vec::new(),
-        points: Vec::new(),
-        curves: Vec::new(),
-    }
 }
 
 fn leaves(n: u32) -> Instancer {
@@ -90,9 +48,8 @@ fn leaves(n: u32) -> Instancer {
 }
 
 fn glb(c: &mut Criterion) {
-    let object = MeshObject { name: "grid".into(), mesh: grid(708), motion: MeshMotion::Still, skin: None };
-    let terrain = scene(Asset { meshes: vec![object], ..asset() });
-    let tree = scene(Asset { instancers: vec![leaves(31_250)], ..asset() });
+    let terrain = bare::scene(bare::mesh(grid(708), MeshMotion::Still), 1);
+    let tree = bare::scene(Asset { instancers: vec![leaves(31_250)], ..bare::asset() }, 1);
     let mut group = c.benchmark_group("glb");
     group.sample_size(10);
     for (name, scene) in [("mesh_1e6_triangles", &terrain), ("merged_1e6_triangles", &tree)] {

@@ -7,30 +7,14 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use osier::export::textures::Textures;
-use osier::scene::{Camera, Clip, Scene, Sky, Sun};
+use osier::scene::Scene;
 use osier::surface::SurfaceMaterial;
 use osier::surface::bark::{BarkSpec, bark};
 use osier::surface::ground::{GroundColors, ground_material};
 use osier::surface::leaf::{BladeSpec, LeafColors, leaf_material};
 
-/// A scene of nothing but pictures.
-fn scene(set: SurfaceMaterial) -> Scene {
-    let origin = glam::Vec3::ZERO;
-    Scene {
-        name: "maps".into(),
-        title: String::new(),
-        seed: 1,
-        hash: String::new(),
-        clip: Clip { start: 1, end: 1, fps: (24, 1) },
-        camera: Camera { eye: glam::Vec3::ONE, target: origin, vfov: 0.6, roll: 0.0 },
-        sun: Sun::default(),
-        sky: Sky::default(),
-        images: set.images,
-        materials: Vec::new(),
-        assets: Vec::new(),
-        placements: Vec::new(),
-    }
-}
+#[path = "../tests/common/bare.rs"]
+mod bare;
 
 type Draw = Box<dyn Fn() -> SurfaceMaterial + Send + Sync>;
 
@@ -53,7 +37,7 @@ fn maps(c: &mut Criterion) {
     group.sample_size(10);
     for (name, draw) in &sets {
         group.bench_function(format!("{name} drawn"), |b| b.iter(|| alone(|| black_box(draw().images.len()))));
-        let scene = scene(draw());
+        let scene = Scene { images: draw().images, ..bare::scene(bare::asset(), 1) };
         let encode = || black_box(Textures::encode(&scene).expect("encodes").iter().count());
         group.bench_function(format!("{name} encoded"), |b| b.iter(|| alone(encode)));
     }

@@ -11,7 +11,10 @@ use osier::export::Exporter as _;
 use osier::export::pov::{Options, Pov};
 use osier::export::textures::Textures;
 use osier::fence::Folder;
-use osier::scene::*;
+use osier::scene::{Mesh, MeshMotion};
+
+#[path = "../tests/common/bare.rs"]
+mod bare;
 
 /// A bumpy sheet of `n` by `n` vertices with normals and texture coordinates.
 fn sheet(n: u16) -> Mesh {
@@ -35,48 +38,9 @@ fn sheet(n: u16) -> Mesh {
     mesh.with_material(0)
 }
 
-fn scene(mesh: Mesh) -> Scene {
-    let material = Material {
-        name: "bark".into(),
-        class: MaterialClass::Bark,
-        base_color: [0.5; 3],
-        roughness: 0.8,
-        ior: 1.5,
-        translucency: 0.0,
-        double_sided: false,
-        alpha_cutoff: None,
-        height_range: 0.01,
-        tile: 1.0,
-        maps: Maps::default(),
-    };
-    let asset = Asset {
-        id: "sheet".into(),
-        kind: AssetKind::Terrain,
-        skeleton: None,
-        meshes: vec![MeshObject { name: "sheet".into(), mesh, motion: MeshMotion::Still, skin: None }],
-        instancers: Vec::new(),
-        points: Vec::new(),
-        curves: Vec::new(),
-    };
-    Scene {
-        name: "bench".into(),
-        title: String::new(),
-        seed: 0,
-        hash: "0".repeat(64),
-        clip: Clip::default(),
-        camera: Camera { eye: Vec3::ONE, target: Vec3::ZERO, vfov: 0.6, roll: 0.0 },
-        sun: Sun::default(),
-        sky: Sky::default(),
-        images: Vec::new(),
-        materials: vec![material],
-        assets: vec![asset],
-        placements: vec![Placement { name: "sheet".into(), asset: 0, transform: Trs::IDENTITY }],
-    }
-}
-
 /// Everything `begin` does for one mesh of half a million triangles, into memory, on one thread.
 fn mesh2(c: &mut Criterion) {
-    let scene = Arc::new(scene(sheet(500)));
+    let scene = Arc::new(bare::scene(bare::mesh(sheet(500), MeshMotion::Still), 1));
     let write = || {
         let folder = Folder::memory();
         let mut pov = Pov::new(folder.clone(), Textures::default(), Options::default());

@@ -14,63 +14,15 @@ use osier::export::textures::Textures;
 use osier::export::usd::{Options, Usd};
 use osier::fence::Folder;
 use osier::scene::{
-    Asset, AssetFrame, AssetKind, Camera, Clip, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Mesh,
-    MeshFrame, MeshMotion, MeshObject, Placement, Prototype, Scene, Sky, Sun, Trs,
+    Asset, AssetFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Mesh, Prototype, Scene,
 };
 
-fn scene(asset: Asset, frames: u32) -> Scene {
-    Scene {
-        name: "clip".into(),
-        title: String::new(),
-        seed: 1,
-        hash: String::new(),
-        clip: Clip { start: 1, end: frames, fps: (24, 1) },
-        camera: Camera { eye: Vec3::ONE, target: Vec3::ZERO, vfov: 0.6, roll: 0.0 },
-        sun: Sun::default(),
-        sky: Sky::default(),
-        images: Vec::new(),
-        materials: Vec::new(),
-        assets: vec![asset],
-        placements: vec![Placement { name: "it".into(), asset: 0, transform: Trs::IDENTITY }],
-    }
-}
-
-fn bare() -> Asset {
-    Asset {
-        id: "it".into(),
-        kind: AssetKind::Plant,
-        skeleton: None,
-        meshes: Vec::new(),
-        instancers: Vec::new(),
-        points: Vec::new(),
-        curves: Vec::new(),
-    }
-}
-
-fn place(i: u32, f: u32) -> Vec3 {
-    Vec3::new((i % 317) as f32, (i / 317) as f32, (i.wrapping_mul(f) % 1009) as f32 * 0.01)
-}
-
-fn cloth(points: u32, frames: u32) -> (Scene, Vec<Frame>) {
-    let mesh = Mesh {
-        points: (0..points).map(|i| place(i, 0)).collect(),
-        normals: vec![Vec3::Z; points as usize],
-        triangles: (0..points - 2).map(|i| [i, i + 1, i + 2]).collect(),
-        ..Mesh::default()
-    };
-    let object = MeshObject { name: "cloth".into(), mesh, motion: MeshMotion::Deforming, skin: None };
-    let frame = |f| {
-        let points: Vec<Vec3> = (0..points).map(|i| place(i, f)).collect();
-        let velocities = points.iter().map(|p| *p * 0.5).collect();
-        let mesh = MeshFrame::Points { points, normals: Vec::new(), velocities };
-        Frame { number: f, assets: vec![AssetFrame { meshes: vec![mesh], ..AssetFrame::default() }] }
-    };
-    (scene(Asset { meshes: vec![object], ..bare() }, frames), (1..=frames).map(frame).collect())
-}
+#[path = "../tests/common/bare.rs"]
+mod bare;
 
 fn swarm(n: u32, frames: u32) -> (Scene, Vec<Frame>) {
     let state = |f| InstanceState {
-        positions: (0..n).map(|i| place(i, f)).collect(),
+        positions: bare::places(n, f),
         orientations: (0..n).map(|i| Quat::from_rotation_y((i + f) as f32 * 0.01)).collect(),
         ..InstanceState::default()
     };
@@ -89,7 +41,12 @@ fn swarm(n: u32, frames: u32) -> (Scene, Vec<Frame>) {
         let instancers = vec![InstancerFrame::State(state(f))];
         Frame { number: f, assets: vec![AssetFrame { instancers, ..AssetFrame::default() }] }
     };
-    (scene(Asset { instancers: vec![instancer], ..bare() }, frames), (1..=frames).map(frame).collect())
+    (bare::scene(Asset { instancers: vec![instancer], ..bare::asset() }, frames), (1..=frames).map(frame).collect())
+}
+
+fn cloth(points: u32, frames: u32) -> (Scene, Vec<Frame>) {
+    let frame = |f| bare::cloth_frame(points, f);
+    (bare::scene(bare::cloth(points), frames), (1..=frames).map(frame).collect())
 }
 
 /// Writes a clip and returns the bytes of its payload.
