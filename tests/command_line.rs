@@ -302,8 +302,8 @@ fn a_new_folder_bakes_and_is_never_overwritten() {
         ends(0, &[&["bake", scene][..], &bark, &flags].concat());
         assert!(baked.join("manifest.json").is_file());
         let before = tree(&mine);
-        let (_, err) = ends(74, &["new", arg(&mine), "--from", preset]);
-        assert!(err.contains("cannot create"), "{err}");
+        let (_, err) = ends(1, &["new", arg(&mine), "--from", preset]);
+        assert!(err.contains("is there already") && err.contains("choose another name"), "{err}");
         assert_same(&tree(&mine), &before, "new, twice");
     }
 }

@@ -1,15 +1,15 @@
 //! `osier new`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::json;
 
 use super::Context;
 use super::args::New;
+use crate::Result;
 use crate::diagnostic::nearest;
 use crate::fence::{Folder, WriteOptions, safe_name};
 use crate::presets::{self, Preset};
-use crate::{Error, Result};
 
 /// Makes the folder: the scene, and the grammars that it names, all free to be changed.
 pub fn run(context: &Context, args: &New) -> Result<u8> {
@@ -30,6 +30,11 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     let scene_name = format!("{}.toml", safe_name(&name));
     let mut files: Vec<(String, String)> = vec![(scene_name.clone(), scene)];
     files.extend(grammars.iter().map(|p| (p.name.to_owned(), p.text.to_owned())));
+    if let Some(path) = files.iter().map(|(f, _)| args.name.join(f)).find(|p| p.symlink_metadata().is_ok()) {
+        let path = path.display();
+        context.console.complain(&format!("\"{path}\" is there already and stays as it is; choose another name"));
+        return Ok(1);
+    }
     if !context.common.dry_run {
         write(&args.name, &files)?;
     }
@@ -45,15 +50,7 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
     Ok(0)
 }
 
-/// Nothing that is already there is ever overwritten.
 fn write(folder: &Path, files: &[(String, String)]) -> Result<()> {
-    for (name, _) in files {
-        let path: PathBuf = folder.join(name);
-        if path.symlink_metadata().is_ok() {
-            let exists = std::io::Error::from(std::io::ErrorKind::AlreadyExists);
-            return Err(Error::io("create", path, exists));
-        }
-    }
     let out = Folder::plain(folder, WriteOptions::default())?;
     files.iter().try_for_each(|(name, text)| out.write(name, "text", text.as_bytes()))
 }

@@ -111,10 +111,26 @@ const CHAIN_SHOWN: usize = 4;
 /// Complaints kept; a damaged file would otherwise make one per byte.
 const KEPT: usize = 200;
 
+/// What mends an error of this code, where its message alone does not tell.
+pub(super) fn remedy(code: &str) -> Option<&'static str> {
+    Some(match code {
+        "L001" => "mend this line; docs/grammars.md shows the form of every line, and `osier new` makes one that works",
+        "L004" => "close what is open, or break it into parts",
+        "L005" => "write what the macro's #define asks for, and no macro that leads back to itself",
+        "L006" => "name a file beside this one, in quotes and with '/', that does not include this one",
+        "L010" => "write it as: left < predecessor > right : condition --> successor",
+        "L022" => "give the function as many values, between commas, as it takes",
+        "L024" => "give the second one another name",
+        _ => return None,
+    })
+}
+
 impl Reading {
-    /// Records an error.
+    /// Records an error whose remedy follows from its code.
     pub fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place, label: &str) {
-        self.push(Diagnostic::error(code, message, place.span, label), place);
+        let mut d = Diagnostic::error(code, message, place.span, label);
+        d.help = remedy(code).map(str::to_owned);
+        self.push(d, place);
     }
 
     /// Records an error with a way out.

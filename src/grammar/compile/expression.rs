@@ -417,7 +417,8 @@ impl Builder<'_, '_> {
             }
             w if FILE_FUNCTIONS.contains(&w) => {
                 let message = format!("{w} is not available: grammars neither read nor write files");
-                self.error("L043", message, place, "remove this call")
+                self.compiler.reading.error_help("L043", message, place, "remove this call");
+                None
             }
             w if DATA_FUNCTIONS.contains(&w) => {
                 let help = "it counts as 0 here";

@@ -242,7 +242,7 @@ impl Parser<'_> {
     fn axiom_item(&mut self, value: &[Token], place: Place) {
         if let Some(first) = self.axiom {
             let d = Diagnostic::error("L001", "second axiom", place.span, "here").label(first.span, "the first one");
-            return self.reading.push(d, place);
+            return self.reading.push(d.help("leave one of them, with the modules of both"), place);
         }
         self.axiom = Some(place);
         let globals = self.globals.clone();
@@ -258,7 +258,8 @@ impl Parser<'_> {
 
     fn hide(&mut self, key: Keyword, value: &[Token], place: Place) {
         if !matches!(self.program.hidden, Hidden::Nothing) {
-            return self.reading.error("L010", "Ignore and Consider exclude each other", place, "the second one");
+            let message = "Ignore and Consider exclude each other".to_owned();
+            return self.reading.error_help("L010", message, place, "remove this line or the one before");
         }
         let spelled = self.spelling(value);
         let symbols = &mut self.program.symbols;
@@ -278,8 +279,8 @@ impl Parser<'_> {
             Section::Homomorphism => &mut self.program.homomorphism,
         };
         if self.section != Section::Productions && parsed.predecessor.len() > 1 {
-            let message = "ill-formed production: only one predecessor is allowed here";
-            return self.reading.error("L010", message, place, "in this section");
+            let message = "ill-formed production: only one predecessor is allowed in this section".to_owned();
+            return self.reading.error_help("L010", message, place, "write one production for each predecessor");
         }
         rules.list.push(parsed);
     }

@@ -341,7 +341,8 @@ fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: Place) 
         let code: Code = expression::expression(compiler, cursor)?;
         args.push(code.into_expr());
         if args.len() > MAX_ARITY {
-            compiler.reading.error("L010", "a module has at most 255 parameters", cursor.place(), "here");
+            let message = "a module has at most 255 parameters".to_owned();
+            compiler.reading.error_help("L010", message, cursor.place(), "share them out among several modules");
             return None;
         }
         if cursor.eat(')') {
@@ -352,6 +353,7 @@ fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: Place) 
             let found = cursor.peek().map_or_else(|| "end of line".to_owned(), |t| compiler.describe(t));
             let message = format!("unexpected {found}, expected ',' or ')'");
             let d = Diagnostic::error("L001", message, place.span, "here").label(open.span, "opened here");
+            let d = d.help("close the parenthesis, or put a ',' between two parameters");
             compiler.reading.push(d, place);
             return None;
         }

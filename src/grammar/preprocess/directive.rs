@@ -74,7 +74,10 @@ impl Preprocessor<'_> {
             "endif" if self.conditions.pop().is_none() => {
                 self.reading.error("L001", "#endif without #if", place, "no #if is open here");
             }
-            "error" => self.reading.error("L005", "#error reached", place, "the file refuses to be read this way"),
+            "error" => {
+                let help = "the file refuses to be read this way: change the macros that its #if lines ask for";
+                self.reading.error_help("L005", "#error reached".into(), place, help);
+            }
             _ => {}
         }
     }
@@ -209,7 +212,8 @@ impl Preprocessor<'_> {
         let at = rest.first().map_or(place, |t| t.place);
         self.included += 1;
         if self.included > self.limits.get("includes") || self.files.len() >= MAX_INCLUDE_DEPTH {
-            return self.reading.error("L006", "too many files included", at, "this one is not read");
+            let help = "join some of them, or raise --max-includes";
+            return self.reading.error_help("L006", "too many files included".into(), at, help);
         }
         let from = self.files.last().cloned().unwrap_or_default();
         match (self.includes)(&name, &from) {

@@ -165,7 +165,8 @@ impl Preprocessor<'_> {
         let source = self.sources.add(name, text.as_str());
         let start = Place::start_of(source);
         if bytes.len() as u64 > self.limits.get("text-bytes") {
-            self.reading.error("L005", format!("\"{name}\" is larger than --max-text-bytes"), start, "this file");
+            let message = format!("\"{name}\" is larger than --max-text-bytes");
+            self.reading.error_help("L005", message, start, "shorten the file, or raise the limit");
             return;
         }
         if latin1 {
