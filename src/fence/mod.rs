@@ -7,6 +7,7 @@ mod disk;
 mod folder;
 mod inspect;
 mod journal;
+mod late_hash;
 mod mark;
 mod names;
 mod number;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::disk::{Disk, hash, retry};
 use super::folder::{FileRecord, Folder};
+use super::late_hash::LateHash;
 use super::parts::Part;
 use crate::{Error, Result};
 
@@ -46,8 +47,9 @@ enum Sink {
 pub struct Output {
     folder: Folder,
     sink: Sink,
-    hasher: blake3::Hasher,
-    moved: bool,
+    hasher: LateHash,
+    /// Bytes were overwritten that the hash has already taken in.
+    stale: bool,
     record: FileRecord,
 }
 
@@ -73,7 +75,7 @@ impl Output {
     }
 
     fn new(folder: Folder, sink: Sink, record: FileRecord) -> Self {
-        Self { folder, sink, hasher: blake3::Hasher::new(), moved: false, record }
+        Self { folder, sink, hasher: LateHash::new(), stale: false, record }
     }
 
     fn failed(&self, action: &'static str) -> impl FnOnce(io::Error) -> Error + use<> {
@@ -89,7 +91,8 @@ impl Output {
         self.write_all(bytes).map_err(|e| self.failed("write")(e))
     }
 
-    /// Overwrites bytes at an absolute offset, then goes on at the end. The hash is then taken from the finished file.
+    /// Overwrites bytes at an absolute offset, then goes on at the end. Beyond the first 1024 bytes this costs that the
+    /// finished file is read again for its hash.
     /// # Errors
     /// `Io` naming the file.
     pub fn put_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
@@ -98,7 +101,7 @@ impl Output {
             sink.write_all(bytes)?;
             sink.seek(SeekFrom::End(0)).map(drop)
         }
-        self.moved = true;
+        self.stale |= !self.hasher.overwrite(offset, bytes);
         let end = offset.saturating_add(bytes.len() as u64);
         self.record.bytes = self.record.bytes.max(end);
         match &mut self.sink {
@@ -119,17 +122,18 @@ impl Output {
     pub fn commit(self) -> Result<()> {
         self.folder.cancel().check()?;
         let (write, read, sync) = (self.failed("write"), self.failed("read"), self.failed("sync"));
-        let Self { folder, sink, hasher, moved, mut record } = self;
+        let Self { folder, sink, hasher, stale, mut record } = self;
         match sink {
             Sink::Memory(bytes) => {
                 let bytes = bytes.into_inner();
-                record.blake3 = blake3::hash(&bytes).to_hex().to_string();
+                let digest = if stale { blake3::hash(&bytes) } else { hasher.finalize() };
+                record.blake3 = digest.to_hex().to_string();
                 folder.admit_bytes(record, bytes);
                 Ok(())
             }
             Sink::Disk(writer, part) => {
                 let DiskFile { disk, mut file } = writer.into_inner().map_err(|e| write(e.into_error()))?;
-                let digest = if moved {
+                let digest = if stale {
                     file.seek(SeekFrom::Start(0)).and_then(|_| hash(&file)).map_err(read)?.0
                 } else {
                     hasher.finalize()
@@ -150,7 +154,7 @@ impl Write for Output {
             Sink::Disk(w, _) => w.write(bytes)?,
             Sink::Memory(w) => w.write(bytes)?,
         };
-        if !self.moved {
+        if !self.stale {
             self.hasher.update(bytes.get(..n).unwrap_or_default());
         }
         self.record.bytes += n as u64;

@@ -233,8 +233,6 @@ const PREPENDED: u8 = 0x20;
 impl Stage for Usdc {
     fn begin(&mut self, meta: &LayerMeta) -> Result<()> {
         self.heap.sink.put(&[0; HEADER])?;
-        // The header is rewritten at the end; saying so now spares the file a hash that would not hold.
-        self.heap.sink.put_at(0, &[0; HEADER])?;
         // Nothing refers to these bytes; they tell whose file it is without unpacking it.
         self.heap.sink.put(crate::export::GENERATOR.as_bytes())?;
         self.heap.sink.put(&[0])?;
