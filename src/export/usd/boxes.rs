@@ -1,6 +1,6 @@
 //! The box around many placed boxes.
 
-use glam::Vec3;
+use glam::{Mat4, Vec3, Vec4};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
@@ -8,82 +8,146 @@ use super::axis::{UpAxis, extent};
 use crate::geometry::Bounds;
 use crate::scene::Instancer;
 
-/// What an instance shows, in stage space.
-struct Shape {
-    scale: Vec3,
+/// Instances worked on side by side, one in each lane of a vector.
+const LANES: usize = 4;
+
+/// A vector for each direction.
+type Lanes3 = [Vec4; 3];
+
+/// What some instances show, in stage space.
+struct Shown {
+    scale: Lanes3,
     /// Middle and half sides of the prototype's box.
-    center: Vec3,
-    half: Vec3,
+    center: Lanes3,
+    half: Lanes3,
     /// However it turns, its box ends no farther from its pivot, in any direction.
-    reach: f32,
+    reach: Vec4,
+    /// Lanes with an instance that shows anything.
+    any: [bool; LANES],
 }
 
-/// What each instance of an instancer shows.
+/// What the instances of an instancer show.
 pub(super) struct Shapes {
-    /// `None` for instances of an empty prototype.
-    each: Vec<Option<Shape>>,
+    blocks: Vec<Shown>,
 }
 
 impl Shapes {
-    /// The shapes of an instancer.
+    /// Measures the prototypes of an instancer.
     pub(super) fn of(instancer: &Instancer, up: UpAxis) -> Self {
         let boxed = |points: &[Vec3]| {
-            let b = Bounds::of(points.iter().map(|v| up.vec(*v)));
+            let b = Bounds::of(points.iter().map(|p| up.vec(*p)));
             (!b.is_empty()).then(|| [b.center(), b.size() * 0.5])
         };
         let boxes: Vec<Option<[Vec3; 2]>> = instancer.prototypes.iter().map(|p| boxed(&p.mesh.points)).collect();
         let shape = |(s, proto): (&Vec3, &u32)| {
             let [center, half] = boxes.get(*proto as usize).copied().flatten()?;
-            let scale = up.scale(*s);
-            // Rounded quaternions make matrices that stretch by less than a hundredth.
-            let reach = 1.01 * ((scale * center).length() + (scale * half).length());
-            Some(Shape { scale, center, half, reach })
+            Some([up.scale(*s), center, half])
         };
-        Self { each: instancer.scales.iter().zip(&instancer.protos).map(shape).collect() }
+        let each: Vec<Option<[Vec3; 3]>> = instancer.scales.iter().zip(&instancer.protos).map(shape).collect();
+        Self { blocks: each.chunks(LANES).map(Shown::of).collect() }
     }
 
-    /// Box of the live instances with their rotations as written. `positions`: stage space; `alive`: empty if all are.
+    /// The box of all instances that live, from their rotations in half precision and their positions.
     pub(super) fn extent(&self, turns: &[[f16; 4]], positions: &[Vec3], alive: &[bool]) -> [[f32; 3]; 2] {
         let mut rounded = vec![0.0; turns.len() * 4];
         turns.as_flattened().convert_to_f32_slice(&mut rounded);
         let turns: &[[f32; 4]] = bytemuck::cast_slice(&rounded);
-        let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for (i, (shape, (t, q))) in self.each.iter().zip(positions.iter().zip(turns)).enumerate() {
-            let Some(shape) = shape.as_ref().filter(|_| alive.get(i) != Some(&false)) else { continue };
-            for (k, t) in t.to_array().into_iter().enumerate() {
-                // Most instances lie well within what the others span; the second term covers all rounding.
-                let reach = shape.reach + t.abs() * 1e-6;
-                if t - reach < min[k] || t + reach > max[k] {
-                    let (low, high) = shape.span(t, row(q, k));
-                    min[k] = min[k].min(low);
-                    max[k] = max[k].max(high);
+        let mut span = Span { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3] };
+        let placed = positions.chunks(LANES).zip(turns.chunks(LANES));
+        for (block, (shown, (t, q))) in self.blocks.iter().zip(placed).enumerate() {
+            let n = t.len().min(q.len());
+            let lives = |l: usize| shown.any[l] && l < n && alive.get(block * LANES + l) != Some(&false);
+            let live: [bool; LANES] = std::array::from_fn(lives);
+            match (t.try_into(), q.try_into()) {
+                (Ok(t), Ok(q)) if live == [true; LANES] => span.add(shown, t, q),
+                _ => {
+                    // Lanes without an instance repeat one that is there.
+                    let Some(first) = live.iter().position(|l| *l) else { continue };
+                    let lanes: [usize; LANES] = std::array::from_fn(|l| if live[l] { l } else { first });
+                    span.add(&shown.pick(lanes), &lanes.map(|l| t[l]), &lanes.map(|l| q[l]));
                 }
             }
         }
-        extent(&Bounds { min: min.into(), max: max.into() })
+        let min = Vec3::from_array(span.low.map(Vec4::min_element));
+        let max = Vec3::from_array(span.high.map(Vec4::max_element));
+        extent(&Bounds { min, max })
     }
 }
 
-/// Row `k` of a quaternion's matrix (x, y, z, w), as readers compute it: the quaternion was rounded, so this is not quite
-/// a rotation.
-fn row(&[x, y, z, w]: &[f32; 4], k: usize) -> [f32; 3] {
+impl Shown {
+    /// At most `LANES` instances: scale, middle and half sides.
+    fn of(each: &[Option<[Vec3; 3]>]) -> Self {
+        let lane = |l: usize| each.get(l).copied().flatten();
+        let of = |what: usize| transposed(&std::array::from_fn(|l| lane(l).map_or(Vec3::ZERO, |shape| shape[what])));
+        // Rounded quaternions make matrices that stretch by less than a hundredth.
+        let reach = |[scale, center, half]: [Vec3; 3]| 1.01 * ((scale * center).length() + (scale * half).length());
+        Self {
+            scale: of(0),
+            center: of(1),
+            half: of(2),
+            reach: Vec4::from_array(std::array::from_fn(|l| lane(l).map_or(0.0, reach))),
+            any: std::array::from_fn(|l| lane(l).is_some()),
+        }
+    }
+
+    /// The same with other instances in the lanes.
+    fn pick(&self, lanes: [usize; LANES]) -> Self {
+        let pick = |v: Vec4| {
+            let v = v.to_array();
+            Vec4::from_array(lanes.map(|l| v[l]))
+        };
+        Self {
+            scale: self.scale.map(pick),
+            center: self.center.map(pick),
+            half: self.half.map(pick),
+            reach: pick(self.reach),
+            any: lanes.map(|l| self.any[l]),
+        }
+    }
+}
+
+fn transposed([a, b, c, d]: &[Vec3; LANES]) -> Lanes3 {
+    [Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y), Vec4::new(a.z, b.z, c.z, d.z)]
+}
+
+/// Smallest and largest coordinates so far, lane by lane.
+struct Span {
+    low: Lanes3,
+    high: Lanes3,
+}
+
+impl Span {
+    /// Grows by the boxes of some instances at positions `t`, turned by `q` (x, y, z, w).
+    fn add(&mut self, shown: &Shown, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
+        let t = transposed(t);
+        // Most instances lie well within what the others span; the second term covers all rounding.
+        let within = |k: usize| {
+            let reach = shown.reach + t[k].abs() * 1e-6;
+            (t[k] - reach).cmpge(self.low[k]) & (t[k] + reach).cmple(self.high[k])
+        };
+        if (within(0) & within(1) & within(2)).all() {
+            return;
+        }
+        // A box turns into the box around its turned middle with the matrix's absolute values applied to its half sides.
+        for (k, row) in rows(q).into_iter().enumerate() {
+            let [x, y, z]: Lanes3 = std::array::from_fn(|i| row[i] * shown.scale[i]);
+            let middle = t[k] + (x * shown.center[0] + y * shown.center[1] + z * shown.center[2]);
+            let side = x.abs() * shown.half[0] + y.abs() * shown.half[1] + z.abs() * shown.half[2];
+            self.low[k] = (middle - side).min(self.low[k]);
+            self.high[k] = (middle + side).max(self.high[k]);
+        }
+    }
+}
+
+/// Rows of the quaternions' matrices, as readers compute them: the quaternions were rounded, so these are not quite
+/// rotations.
+fn rows(q: &[[f32; 4]; LANES]) -> [Lanes3; 3] {
+    let Mat4 { x_axis: x, y_axis: y, z_axis: z, w_axis: w } = Mat4::from_cols_array_2d(q).transpose();
     let (x2, y2, z2) = (x + x, y + y, z + z);
-    match k {
-        0 => [1.0 - (y * y2 + z * z2), x * y2 - w * z2, x * z2 + w * y2],
-        1 => [x * y2 + w * z2, 1.0 - (x * x2 + z * z2), y * z2 - w * x2],
-        _ => [x * z2 - w * y2, y * z2 + w * x2, 1.0 - (x * x2 + y * y2)],
-    }
-}
-
-impl Shape {
-    /// From where to where the turned box reaches in one direction: around its turned middle with the absolute values
-    /// of the matrix applied to its half sides.
-    fn span(&self, t: f32, row: [f32; 3]) -> (f32, f32) {
-        let m = Vec3::from_array(row) * self.scale;
-        let middle = t + m.dot(self.center);
-        let side = m.abs().dot(self.half);
-        (middle - side, middle + side)
-    }
+    let (xx, xy, xz) = (x * x2, x * y2, x * z2);
+    let (yy, yz, zz) = (y * y2, y * z2, z * z2);
+    let (wx, wy, wz) = (w * x2, w * y2, w * z2);
+    [[1.0 - (yy + zz), xy - wz, xz + wy], [xy + wz, 1.0 - (xx + zz), yz - wx], [xz - wy, yz + wx, 1.0 - (xx + yy)]]
 }
 
 #[cfg(test)]
@@ -105,12 +169,12 @@ mod tests {
             name: String::new(),
             prototypes,
             ids: Vec::new(),
-            protos: (0..n).map(|i| [0, 1, 2, 2][i % 4]).collect(),
+            protos: (0..n).map(|i| [0, 1, 2, 2, 0, 0, 2, 2, 2, 0, 2][i % 11]).collect(),
             scales: (0..n).map(|_| point(2.0)).collect(),
             rest: InstanceState {
                 positions: (0..n).map(|_| point(20.0)).collect(),
                 orientations: (0..n).map(|_| Quat::from_axis_angle(point(1.0).normalize(), 2.0)).collect(),
-                alive: (0..n).map(|i| i % 5 != 3).collect(),
+                alive: (0..n).map(|i| i % 13 != 3).collect(),
                 ..InstanceState::default()
             },
             motion: InstancerMotion::Free,
