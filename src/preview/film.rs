@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::backdrop::Backdrop;
-use super::light::{Draw, Light};
+use super::light::{Care, Draw, Light};
 use super::picture::Picture;
 use super::sampler::Sampler;
 use super::tone::{encode, film};
@@ -34,6 +34,14 @@ impl Quality {
             Self::Draft => (1, 1, 1.0),
             Self::Normal => (4, 8, 0.05),
             Self::Fine => (32, 192, 0.008),
+        }
+    }
+
+    fn care(self) -> Care {
+        match self {
+            Self::Draft => Care::Sun,
+            Self::Normal => Care::Sky,
+            Self::Fine => Care::Around,
         }
     }
 
@@ -182,8 +190,9 @@ fn tile(world: &World<'_>, shot: &Shot, (lens, floor): (&Lens, Option<f32>), cor
         goal = (goal * 2).min(most);
         wanted = doubtful(&pixels, w, limit);
     }
-    let shown = |(i, p): (u32, &Pixel)| {
-        let (color, share, open) = p.develop(0..2);
+    let mut developed: Vec<(Vec3, f32, f32)> = pixels.iter().map(|p| p.develop(0..2)).collect();
+    calm(&mut developed, w as usize);
+    let shown = |(i, (color, share, open)): (u32, (Vec3, f32, f32))| {
         let place = [corner[0] + i % w, corner[1] + i / w];
         let (behind, covered) = shot.backdrop.behind(lens.direction(place, [0.5, 0.5]), lens.place(place), &shot.light);
         let hidden = 1.0 - share;
@@ -196,7 +205,34 @@ fn tile(world: &World<'_>, shot: &Shot, (lens, floor): (&Lens, Option<f32>), cor
             }
         }
     };
-    (0_u32..).zip(&pixels).map(shown).collect()
+    (0_u32..).zip(developed).map(shown).collect()
+}
+
+/// Takes back single specks: where a pixel and all its neighbours are wholly covered or wholly open, it stays within their
+/// range. Few samples cannot tell a rare shadow from noise, the neighbours can.
+fn calm(pixels: &mut [(Vec3, f32, f32)], w: usize) {
+    let before = pixels.to_vec();
+    let h = before.len() / w.max(1);
+    for (i, pixel) in pixels.iter_mut().enumerate() {
+        let (x, y) = (i % w, i / w);
+        let around = (y.saturating_sub(1)..=(y + 1).min(h - 1))
+            .flat_map(|v| (x.saturating_sub(1)..=(x + 1).min(w - 1)).map(move |u| v * w + u))
+            .filter(|k| *k != i);
+        let own = pixel.1;
+        let whole = |k: usize| before[k].1 >= 1.0 && own >= 1.0 || before[k].1 <= 0.0 && own <= 0.0;
+        let mut range: Option<[(Vec3, f32); 2]> = None;
+        let mut alike = true;
+        for k in around {
+            alike &= whole(k);
+            let (c, o) = (before[k].0, before[k].2);
+            let [lo, hi] = range.unwrap_or([(c, o); 2]);
+            range = Some([(lo.0.min(c), lo.1.min(o)), (hi.0.max(c), hi.1.max(o))]);
+        }
+        if let Some([lo, hi]) = range.filter(|_| alike) {
+            pixel.0 = pixel.0.clamp(lo.0, hi.0);
+            pixel.2 = pixel.2.clamp(lo.1, hi.1);
+        }
+    }
 }
 
 /// Which pixels want more samples: those that are in doubt, or whose neighbours are.
@@ -226,7 +262,7 @@ fn look(
 ) -> Seen {
     let inside = if shot.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
     let direction = lens.direction(place, inside);
-    let draw = Draw { sampler, index, spread: lens.spread, careful: shot.quality == Quality::Fine };
+    let draw = Draw { sampler, index, spread: lens.spread, care: shot.quality.care() };
     if let Some(light) = world.radiance(&shot.light, lens.eye, direction, &draw) {
         return Seen::Thing(light);
     }

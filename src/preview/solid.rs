@@ -156,6 +156,21 @@ impl<'a> Solid<'a> {
         best
     }
 
+    /// Any meeting within the ray's range, the first that is found.
+    pub(super) fn any(&self, ray: Ray, looks: &Looks) -> Option<Spot> {
+        let mut found = None;
+        let mut hit = obvhs::ray::RayHit::none();
+        self.tree.ray_traverse(ray, &mut hit, |ray, i| match (&found, self.meet(ray, i, looks)) {
+            (None, Some(spot)) => {
+                found = Some(spot);
+                // Nothing is nearer than this: the search ends.
+                ray.tmin
+            }
+            _ => f32::INFINITY,
+        });
+        found
+    }
+
     /// True if nothing lies within the ray's range.
     pub(super) fn lets_by(&self, ray: Ray, looks: &Looks) -> bool {
         self.tree.ray_traverse_miss(ray, |ray, i| self.meet(ray, i, looks).map_or(f32::INFINITY, |s| s.t))

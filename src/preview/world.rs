@@ -104,6 +104,23 @@ impl<'a> World<'a> {
         best
     }
 
+    /// Something that a ray meets, not always the first thing: enough to know that the sky is hidden, and by what.
+    pub(super) fn any(&self, ray: Ray) -> Option<Hit> {
+        let mut found: Option<Hit> = None;
+        let mut hit = RayHit::none();
+        self.tree.ray_traverse(ray, &mut hit, |ray, i| {
+            let (None, Some((showing, solid))) = (&found, self.of(i)) else { return f32::INFINITY };
+            match solid.any(showing.local(ray), self.looks) {
+                Some(spot) => {
+                    found = u32::try_from(i).ok().map(|showing| Hit { showing, spot });
+                    ray.tmin
+                }
+                None => f32::INFINITY,
+            }
+        });
+        found
+    }
+
     /// True if nothing lies within the ray's range.
     pub(super) fn lets_by(&self, ray: Ray) -> bool {
         self.tree.ray_traverse_miss(ray, |ray, i| match self.of(i) {

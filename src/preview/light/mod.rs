@@ -15,6 +15,8 @@ const DEPTH: u32 = 6;
 const BRIGHTEST: f32 = 6.0;
 /// Share of the surfaces around that see the sky and the sun, where it is not looked up.
 const OPENNESS: f32 = 0.5;
+/// Looks at the sky for each sample of the floor.
+const FLOOR_LOOKS: u32 = 4;
 /// Purposes of samples at each depth.
 const PURPOSES: u32 = 8;
 
@@ -37,8 +39,19 @@ pub(super) struct Draw<'a> {
     pub(super) index: u32,
     /// Width of the sample at unit distance.
     pub(super) spread: f32,
-    /// Follow light through one more reflection.
-    pub(super) careful: bool,
+    /// How far light is followed.
+    pub(super) care: Care,
+}
+
+/// How far light is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Care {
+    /// The sun and its shadows; the sky as an open place has it.
+    Sun,
+    /// What hides the sky, too.
+    Sky,
+    /// What shines on that, too.
+    Around,
 }
 
 impl Light {
@@ -100,8 +113,14 @@ impl World<'_> {
         let seen = |d: Vec3| self.lets_by(ray(p, d, [0.0, f32::INFINITY]));
         let l = light.sunward(draw.sampler.point(draw.index, 1));
         let sun = if l.y > 0.0 && light.sun != Vec3::ZERO && seen(l) { light.open_sun() } else { Vec3::ZERO };
-        let d = cosine(Vec3::Y, draw.sampler.point(draw.index, 2));
-        (sun, if seen(d) { light.sky(d) } else { Vec3::ZERO })
+        // Paper is smooth, so its few samples must agree: four looks at the sky for one at the sun.
+        let looks = if draw.care == Care::Sun { 1 } else { FLOOR_LOOKS };
+        let sky = (0..looks).fold(Vec3::ZERO, |sum, i| {
+            let d = cosine(Vec3::Y, draw.sampler.point(draw.index * looks + i, 2));
+            sum + if seen(d) { light.sky(d) } else { Vec3::ZERO }
+        });
+        #[allow(clippy::cast_precision_loss, reason = "a few")]
+        (sun, sky / looks as f32)
     }
 }
 
@@ -160,7 +179,7 @@ impl Path<'_, '_> {
             let mirrored = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
             let r = if mirrored.dot(s.face) > 0.0 { mirrored } else { s.n };
             // What a rough gloss mirrors is as blurred as the light around, unless there is time to look.
-            let clear = self.draw.careful && f.roughness < 0.5;
+            let clear = self.draw.care == Care::Around && f.roughness < 0.5;
             sum += if clear { self.arriving(s, r) } else { scattered } * gloss;
         }
         sum
@@ -189,15 +208,22 @@ impl Path<'_, '_> {
     /// Light that arrives from a direction: the sky, or what stands before it.
     fn arriving(&self, s: &Surface, d: Vec3) -> Vec3 {
         let (light, from) = (self.light, self.off(s, d));
-        let Some(hit) = self.world.nearest(ray(from, d, [0.0, f32::INFINITY])) else { return light.sky(d) };
+        let look = ray(from, d, [0.0, f32::INFINITY]);
+        let met = match self.draw.care {
+            // Half open to the side, and the more so the higher it faces.
+            Care::Sun => return light.mean_sky() * (0.45 + 0.35 * s.n.y),
+            Care::Sky => self.world.any(look),
+            Care::Around => self.world.nearest(look),
+        };
+        let Some(hit) = met else { return light.sky(d) };
         let (color, n) = self.world.glimpse(&hit, d);
         let l = light.sunward(self.point(3));
         let cos = n.dot(l).max(0.0) * std::f32::consts::FRAC_1_PI;
-        let share = match self.draw.careful {
+        let share = match self.draw.care {
             _ if cos <= 0.0 || light.sun == Vec3::ZERO => 0.0,
-            false => OPENNESS,
-            true if self.is_open(from + d * hit.spot.t + n * self.world.gap, l) => 1.0,
-            true => 0.0,
+            Care::Sun | Care::Sky => OPENNESS,
+            Care::Around if self.is_open(from + d * hit.spot.t + n * self.world.gap, l) => 1.0,
+            Care::Around => 0.0,
         };
         gathered(color, light.mean_sky()) + color * light.sun * (cos * share)
     }

@@ -60,12 +60,20 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Sce
 
 /// Mean radiance along one ray, grey.
 fn mean(scene: &Scene, origin: Vec3, direction: Vec3, samples: u32) -> Option<f32> {
+    [Care::Sky, Care::Around].map(|care| seen_with(scene, (origin, direction), samples, care)).into_iter().reduce(|a, b| {
+        let (a, b) = (a?, b?);
+        assert!((a - b).abs() < 1e-3 * b.max(0.1), "{a} and {b}: less care, the same light");
+        Some(b)
+    })?
+}
+
+fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, care: Care) -> Option<f32> {
     let looks = Looks::new(scene, 64);
     let world = World::new(scene, None, &looks);
     let light = Light::new(&scene.sun, &scene.sky);
     let sampler = Sampler::new(7, 0);
     let one = |index| {
-        let draw = Draw { sampler: &sampler, index, spread: 1e-3, careful: true };
+        let draw = Draw { sampler: &sampler, index, spread: 1e-3, care };
         world.radiance(&light, origin, direction, &draw).map(|c| c.y)
     };
     let sum = (0..samples).map(one).try_fold(0.0_f32, |s, v| v.map(|v| s + v));
