@@ -32,7 +32,7 @@ impl Quality {
     fn samples(self) -> (u32, u32, f32) {
         match self {
             Self::Draft => (1, 1, 1.0),
-            Self::Normal => (4, 8, 0.05),
+            Self::Normal => (3, 6, 0.05),
             Self::Fine => (32, 192, 0.008),
         }
     }

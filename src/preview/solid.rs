@@ -18,11 +18,8 @@ use crate::scene::{Curves, MaterialId, Mesh, Points};
 /// Primitives up to which boxes are sorted with more and more care: few are built in no time, and met by many rays.
 const CARE: [usize; 3] = [4_000, 400_000, 1_500_000];
 
-/// Pieces of no more triangles than this have boxes fitted to each showing.
+/// Meshes of no more triangles than this have boxes fitted to each showing.
 const HULL: usize = 500;
-/// Pieces that a repeated mesh is cut into, where each still holds [`FEWEST`] triangles.
-const PIECES: usize = 4;
-const FEWEST: usize = 12;
 
 /// A triangle as rays want it.
 #[derive(Debug, Clone, Copy)]
@@ -76,20 +73,9 @@ pub(super) struct Solid<'a> {
 }
 
 impl<'a> Solid<'a> {
-    /// A mesh that is shown many times, in pieces: boxes around a turned leaf's quarters hold far less air than one box
-    /// around the whole.
-    pub(super) fn pieces(mesh: &'a Mesh, looks: &Looks) -> Vec<Self> {
-        let faces = faces_of(mesh, &mesh.points);
-        let normals = || Cow::Borrowed(&mesh.normals[..]);
-        cut_up(faces, PIECES).into_iter().map(|piece| Self::of_faces(mesh, piece, normals(), looks)).collect()
-    }
-
     /// A mesh with its points and normals of the moment.
     pub(super) fn of_mesh(mesh: &'a Mesh, points: &[Vec3], normals: Cow<'a, [Vec3]>, looks: &Looks) -> Self {
-        Self::of_faces(mesh, faces_of(mesh, points), normals, looks)
-    }
-
-    fn of_faces(mesh: &'a Mesh, faces: Vec<Face>, normals: Cow<'a, [Vec3]>, looks: &Looks) -> Self {
+        let faces = faces_of(mesh, points);
         let tree = tree_of(&faces, |f| {
             let [a, b, c] = f.corners();
             [a.min(b).min(c), a.max(b).max(c)]
@@ -226,10 +212,6 @@ impl Face {
         [self.a, self.a + self.ab, self.a + self.ac]
     }
 
-    fn middle(&self) -> Vec3 {
-        self.a + (self.ab + self.ac) / 3.0
-    }
-
     /// Twice the triangle's area times its unit normal; counter-clockwise is outside.
     pub(super) fn normal(&self) -> Vec3 {
         self.ab.cross(self.ac)
@@ -262,24 +244,6 @@ fn faces_of(mesh: &Mesh, points: &[Vec3]) -> Vec<Face> {
         }
     }
     faces
-}
-
-/// Halves by number across the longest side of the box, again and again.
-fn cut_up(mut faces: Vec<Face>, pieces: usize) -> Vec<Vec<Face>> {
-    if pieces < 2 || faces.len() < 2 * FEWEST {
-        return vec![faces];
-    }
-    let size = crate::geometry::Bounds::of(faces.iter().map(Face::middle)).size();
-    let axis = if size.x >= size.y && size.x >= size.z {
-        Vec3::X
-    } else if size.y >= size.z {
-        Vec3::Y
-    } else {
-        Vec3::Z
-    };
-    faces.sort_by(|a, b| a.middle().dot(axis).total_cmp(&b.middle().dot(axis)));
-    let rest = faces.split_off(faces.len() / 2);
-    [cut_up(faces, pieces / 2), cut_up(rest, pieces / 2)].concat()
 }
 
 fn arrange<T: Copy>(list: &[T], tree: &CwBvh) -> Vec<T> {

@@ -15,15 +15,13 @@ use crate::scene::{
     instance_states, mesh_points, skinned_normals, world_from_joint,
 };
 
-/// One showing of a solid.
+/// One showing of a solid: small, as rays visit thousands of them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Showing {
     solid: u32,
-    /// Turns and scales a direction into the world.
-    world_from_local: Affine3A,
-    local_from_world: Affine3A,
-    /// Turns a normal into the world.
-    normals: Mat3,
+    /// Columns of the local-from-world matrix and its shift.
+    turn: [Vec3; 3],
+    shift: Vec3,
 }
 
 /// What a ray met.
@@ -58,19 +56,10 @@ impl<'a> World<'a> {
     /// `frame`: `None` for rest.
     pub fn new(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks) -> Self {
         let (jobs, places) = plan(scene, frame);
-        let made = par_map(&jobs, |job| solids_of(job, looks));
-        let mut solids = Vec::new();
-        let mut ranges = Vec::new();
-        for pieces in made {
-            let first = solids.len();
-            solids.extend(pieces.into_iter().filter(|s: &Solid<'_>| s.bounds().is_some()));
-            ranges.push(first..solids.len());
-        }
-        let showings: Vec<Showing> = places
-            .iter()
-            .flat_map(|(job, m)| ranges.get(*job as usize).cloned().unwrap_or_default().map(move |i| (i, *m)))
-            .filter_map(|(i, m)| Showing::new(u32::try_from(i).ok()?, m))
-            .collect();
+        let solids = par_map(&jobs, |job| solid(job, looks));
+        let there = |job: u32| solids.get(job as usize).is_some_and(|s| s.bounds().is_some());
+        let shown = places.iter().filter(|(job, _)| there(*job));
+        let showings: Vec<Showing> = shown.filter_map(|(job, m)| Showing::new(*job, *m)).collect();
         let tree =
             tree_of(&showings, |s| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid)));
         let order = |i: &u32| showings.get(*i as usize).copied();
@@ -145,40 +134,47 @@ impl Showing {
     fn new(solid: u32, world_from_local: Affine3A) -> Option<Self> {
         let det = world_from_local.matrix3.determinant();
         (det.is_finite() && det.abs() > 1e-30).then(|| {
-            let local_from_world = world_from_local.inverse();
-            let normals = Mat3::from(local_from_world.matrix3).transpose();
-            Self { solid, world_from_local, local_from_world, normals }
+            let m = world_from_local.inverse();
+            let turn = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(Vec3::from);
+            Self { solid, turn, shift: m.translation.into() }
         })
     }
 
     /// The ray in the solid's own space; lengths along it stay equal.
     #[inline]
     fn local(&self, ray: &Ray) -> Ray {
-        let m = &self.local_from_world;
-        Ray::new(m.transform_point3a(ray.origin), m.transform_vector3a(ray.direction), ray.tmin, ray.tmax)
+        let (o, d) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
+        let d = self.turn[0] * d.x + self.turn[1] * d.y + self.turn[2] * d.z;
+        Ray::new(Vec3A::from(self.to_local(o)), Vec3A::from(d), ray.tmin, ray.tmax)
+    }
+
+    fn matrix(&self) -> Mat3 {
+        Mat3::from_cols(self.turn[0], self.turn[1], self.turn[2])
     }
 
     /// Box in the world.
     fn bounds(&self, solid: &Solid<'_>) -> [Vec3; 2] {
         let corners = solid.bounds().map(|[min, max]| Bounds { min, max }.corners()).unwrap_or_default();
         let points = if solid.hull.is_empty() { &corners[..] } else { &solid.hull };
-        let b = Bounds::of(points.iter().map(|c| self.world_from_local.transform_point3(*c)));
+        let back = self.matrix().inverse();
+        let b = Bounds::of(points.iter().map(|c| back * (*c - self.shift)));
         [b.min, b.max]
     }
 
     /// A vector of the solid in the world.
     pub(super) fn vector(&self, v: Vec3) -> Vec3 {
-        self.world_from_local.transform_vector3(v)
+        self.matrix().inverse() * v
     }
 
     /// A point of the world in the solid.
+    #[inline]
     pub(super) fn to_local(self, p: Vec3) -> Vec3 {
-        self.local_from_world.transform_point3(p)
+        self.turn[0] * p.x + self.turn[1] * p.y + self.turn[2] * p.z + self.shift
     }
 
     /// A normal of the solid in the world, unit length.
     pub(super) fn normal(&self, n: Vec3) -> Vec3 {
-        crate::math::normalize_or(self.normals * n, Vec3::Y)
+        crate::math::normalize_or(self.matrix().transpose() * n, Vec3::Y)
     }
 }
 
@@ -238,8 +234,8 @@ fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<Job<'s>>, Vec<(u
     (jobs, places)
 }
 
-fn solids_of<'s>(job: &Job<'s>, looks: &Looks) -> Vec<Solid<'s>> {
-    let one = match job {
+fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
+    match job {
         Job::Mesh(asset, object, i, state) => {
             let mesh = match state.mesh(*i) {
                 MeshFrame::Whole { mesh, .. } => mesh,
@@ -248,13 +244,12 @@ fn solids_of<'s>(job: &Job<'s>, looks: &Looks) -> Vec<Solid<'s>> {
             let points = mesh_points(asset, object, *i, state);
             Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), looks)
         }
-        Job::Prototype(mesh) => return Solid::pieces(mesh, looks),
+        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), looks),
         Job::Points(cloud, PointsFrame::Same) => Solid::of_points(cloud, &cloud.positions, &cloud.widths),
         Job::Points(cloud, PointsFrame::State { positions, widths, .. }) => Solid::of_points(cloud, positions, widths),
         Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points),
         Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points),
-    };
-    vec![one]
+    }
 }
 
 fn normals<'s>(asset: &Asset, object: &MeshObject, mesh: &'s Mesh, i: usize, state: &'s AssetFrame) -> Cow<'s, [Vec3]> {

@@ -60,11 +60,13 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Sce
 
 /// Mean radiance along one ray, grey.
 fn mean(scene: &Scene, origin: Vec3, direction: Vec3, samples: u32) -> Option<f32> {
-    [Care::Sky, Care::Around].map(|care| seen_with(scene, (origin, direction), samples, care)).into_iter().reduce(|a, b| {
-        let (a, b) = (a?, b?);
-        assert!((a - b).abs() < 1e-3 * b.max(0.1), "{a} and {b}: less care, the same light");
-        Some(b)
-    })?
+    [Care::Sky, Care::Around].map(|care| seen_with(scene, (origin, direction), samples, care)).into_iter().reduce(
+        |a, b| {
+            let (a, b) = (a?, b?);
+            assert!((a - b).abs() < 1e-3 * b.max(0.1), "{a} and {b}: less care, the same light");
+            Some(b)
+        },
+    )?
 }
 
 fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, care: Care) -> Option<f32> {
