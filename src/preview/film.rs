@@ -28,11 +28,20 @@ pub enum Quality {
 }
 
 impl Quality {
+    /// Samples for every pixel of a crowded picture on average: what covers little may have more.
+    fn budget(self) -> f32 {
+        match self {
+            Self::Draft => 1.0,
+            Self::Normal => 3.5,
+            Self::Fine => f32::INFINITY,
+        }
+    }
+
     /// Fewest and most samples a pixel, and the disagreement of shown values that asks for more.
     fn samples(self) -> (u32, u32, f32) {
         match self {
             Self::Draft => (1, 1, 1.0),
-            Self::Normal => (3, 6, 0.05),
+            Self::Normal => (3, 24, 0.05),
             Self::Fine => (32, 192, 0.008),
         }
     }
@@ -149,9 +158,10 @@ pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Pr
         tiles.extend((0..width).step_by(TILE as usize).map(|x| [x, y]));
     }
     let floor = shot.backdrop.floor(world, &shot.light);
+    let most = most_samples(world, shot, &lens);
     let develop = |corner: &[u32; 2]| {
         cancel.check()?;
-        let pixels = tile(world, shot, (&lens, floor), *corner);
+        let pixels = tile(world, shot, (&lens, floor, most), *corner);
         progress.advance(1);
         Ok(pixels)
     };
@@ -168,11 +178,37 @@ pub fn tiles([width, height]: [u32; 2]) -> u64 {
     u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE))
 }
 
-fn tile(world: &World<'_>, shot: &Shot, (lens, floor): (&Lens, Option<f32>), corner: [u32; 2]) -> Vec<[u8; 4]> {
+/// Samples that a pixel in doubt may have: the fewer things are in the picture, the more.
+fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
+    const STEP: u32 = 12;
+    let (fewest, most, _) = shot.quality.samples();
+    let (mut looks, mut met) = (0.0_f32, 0.0_f32);
+    for y in (0..shot.size[1]).step_by(STEP as usize) {
+        for x in (0..shot.size[0]).step_by(STEP as usize) {
+            let look = super::world::ray(lens.eye, lens.direction([x, y], [0.5, 0.5]), [0.0, f32::INFINITY]);
+            looks += 1.0;
+            met += f32::from(u8::from(!world.lets_by(look)));
+        }
+    }
+    let each = shot.quality.budget() * looks / met.max(1.0);
+    // Doublings of the fewest, the last that the budget allows.
+    std::iter::successors(Some(fewest), |n| Some(n * 2)).take_while(|n| *n <= most).fold(fewest, |best, n| {
+        #[allow(clippy::cast_precision_loss, reason = "hundreds at most")]
+        let fits = n as f32 <= each;
+        if fits { n } else { best }
+    })
+}
+
+fn tile(
+    world: &World<'_>,
+    shot: &Shot,
+    (lens, floor, most): (&Lens, Option<f32>, u32),
+    corner: [u32; 2],
+) -> Vec<[u8; 4]> {
     let [width, height] = shot.size;
     let (w, h) = (TILE.min(width - corner[0]), TILE.min(height - corner[1]));
     let mut pixels = vec![Pixel::default(); (w * h) as usize];
-    let (fewest, most, limit) = shot.quality.samples();
+    let (fewest, _, limit) = shot.quality.samples();
     let mut wanted = vec![true; pixels.len()];
     let mut goal = fewest;
     loop {
@@ -263,14 +299,14 @@ fn look(
     let inside = if shot.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
     let direction = lens.direction(place, inside);
     let draw = Draw { sampler, index, spread: lens.spread, care: shot.quality.care() };
-    if let Some(light) = world.radiance(&shot.light, lens.eye, direction, &draw) {
+    let sheet = floor.map(|y| (y - lens.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite());
+    // What goes on below the paper is hidden by it.
+    if let Some(light) = world.radiance(&shot.light, (lens.eye, direction), sheet.unwrap_or(f32::INFINITY), &draw) {
         return Seen::Thing(light);
     }
-    match floor.map(|y| (y - lens.eye.y) / direction.y) {
-        Some(t) if t > 0.0 && t.is_finite() => {
-            Seen::Floor(world.floor_light(&shot.light, lens.eye + direction * t, &draw))
-        }
-        _ => Seen::Nothing,
+    match sheet {
+        Some(t) => Seen::Floor(world.floor_light(&shot.light, lens.eye + direction * t, &draw)),
+        None => Seen::Nothing,
     }
 }
 

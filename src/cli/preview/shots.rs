@@ -122,8 +122,10 @@ impl Wish {
         if let Some([elevation, azimuth]) = self.sun {
             (sun.elevation, sun.azimuth) = (radians_f32(elevation), radians_f32(azimuth));
         }
-        let floor = subject.bounds.min.y.min(0.0).max(-0.02 * subject.bounds.size().y);
-        let floor = if subject.ground { None } else { Some(floor) };
+        // Trunks go on a little below the ground they stand on; what stands elsewhere stands on its lowest point.
+        let (low, height) = (subject.bounds.min.y, subject.bounds.size().y);
+        let level = if low > -0.25 * height && low < 0.1 * height { 0.0 } else { low };
+        let floor = if subject.ground { None } else { Some(level) };
         let backdrop = match self.background {
             Background::Auto if subject.ground => Backdrop::Sky,
             Background::Sky => Backdrop::Sky,

@@ -103,9 +103,9 @@ fn cosine(n: Vec3, at: [f32; 2]) -> Vec3 {
 }
 
 impl World<'_> {
-    /// Radiance towards the viewer along a ray, and whether it met anything.
-    pub(super) fn radiance(&self, light: &Light, origin: Vec3, direction: Vec3, draw: &Draw<'_>) -> Option<Vec3> {
-        Path { world: self, light, draw, depth: 0 }.followed(origin, direction)
+    /// Radiance towards the viewer along a ray, if it meets anything before `far`, in lengths of the direction.
+    pub(super) fn radiance(&self, light: &Light, (o, d): (Vec3, Vec3), far: f32, draw: &Draw<'_>) -> Option<Vec3> {
+        Path { world: self, light, draw, depth: 0 }.followed(o, d, far)
     }
 
     /// Light of sun and sky that reaches a white, level floor.
@@ -150,8 +150,8 @@ impl Path<'_, '_> {
         self.world.lets_by(ray(from, d, [0.0, f32::INFINITY]))
     }
 
-    fn followed(&self, o: Vec3, d: Vec3) -> Option<Vec3> {
-        let hit = self.world.nearest(ray(o, d, [0.0, f32::INFINITY]))?;
+    fn followed(&self, o: Vec3, d: Vec3, far: f32) -> Option<Vec3> {
+        let hit = self.world.nearest(ray(o, d, [0.0, far]))?;
         let surface = self.world.surface(&hit, o, d, self.draw.spread)?;
         let seen = if surface.finish.water { self.water(d, &surface) } else { self.lit(d, &surface) };
         Some(seen.min(Vec3::splat(BRIGHTEST)))
@@ -235,7 +235,7 @@ impl Path<'_, '_> {
             return light.sky(d);
         }
         let next = Self { depth: self.depth + 1, ..*self };
-        let beyond = |to: Vec3| next.followed(self.off(s, to), to).unwrap_or_else(|| light.sky(to));
+        let beyond = |to: Vec3| next.followed(self.off(s, to), to, f32::INFINITY).unwrap_or_else(|| light.sky(to));
         let d = math::normalize_or(d, -Vec3::Z);
         let (n, ior) = (s.n, self.world.looks.ior(s.material));
         let eta = if s.outside { 1.0 / ior } else { ior };

@@ -76,7 +76,7 @@ fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, car
     let sampler = Sampler::new(7, 0);
     let one = |index| {
         let draw = Draw { sampler: &sampler, index, spread: 1e-3, care };
-        world.radiance(&light, origin, direction, &draw).map(|c| c.y)
+        world.radiance(&light, (origin, direction), f32::INFINITY, &draw).map(|c| c.y)
     };
     let sum = (0..samples).map(one).try_fold(0.0_f32, |s, v| v.map(|v| s + v));
     #[allow(clippy::cast_precision_loss, reason = "few samples")]

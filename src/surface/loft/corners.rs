@@ -1,4 +1,4 @@
-//! Corners too tight for a smooth curve through the nodes: arcs in their place.
+//! Corners too tight or too sharp for a smooth curve through the nodes: arcs in their place.
 
 use glam::Vec3;
 
@@ -7,6 +7,8 @@ use crate::math;
 
 /// A corner is tight when a curve through it has less than this many radii of room to bend in.
 const TIGHT: f32 = 1.7;
+/// A corner is meant as one, whatever the room, when half its angle has a tangent whose square is above this: 50 degrees.
+const SHARP: f32 = 0.2174;
 /// Radius of an arc, in radii of the tube ...
 const WIDE: f32 = 1.1;
 /// ... and the least with which its rings stay apart on the inner side.
@@ -33,7 +35,7 @@ impl Corner {
     }
 }
 
-/// Whether the centreline has a tight corner of more than `turn` (rad).
+/// Whether the centreline has a tight or a sharp corner of more than `turn` (rad).
 pub(super) fn any_tight(knots: &[Knot], turn: f32) -> bool {
     let least = (0.5 * turn) * (0.5 * turn);
     knots.windows(3).any(|w| {
@@ -43,7 +45,8 @@ pub(super) fn any_tight(knots: &[Knot], turn: f32) -> bool {
         // Square of the tangent of half the angle, as a fraction.
         let (above, below) = (room - x.dot(y), (room + x.dot(y)).max(1e-12));
         let reach = TIGHT * w[1].r;
-        above > least * below && 0.25 * x2.min(y2) * below < reach * reach * above
+        let tight = above > least * below && 0.25 * x2.min(y2) * below < reach * reach * above;
+        tight || above > SHARP.max(least) * below
     })
 }
 
@@ -113,6 +116,16 @@ mod tests {
             assert!((k.p.distance(middle) - 0.11).abs() < 1e-5, "{k:?}");
         }
         assert!(out.len() > 6 && out.windows(2).all(|w| w[0].s < w[1].s));
+    }
+
+    #[test]
+    fn a_sharp_corner_with_all_the_room_stays_one() {
+        let knot = |x: f32, y: f32, s: f32| Knot { p: Vec3::new(x, y, 0.0), r: 0.01, s };
+        let corner = |degrees: f32| {
+            let a = degrees.to_radians();
+            [knot(0.0, 0.0, 0.0), knot(5.0, 0.0, 5.0), knot(5.0 + 5.0 * math::cos_f32(a), 5.0 * math::sin_f32(a), 10.0)]
+        };
+        assert!(any_tight(&corner(60.0), 0.2) && !any_tight(&corner(40.0), 0.2));
     }
 
     #[test]
