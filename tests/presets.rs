@@ -28,7 +28,9 @@ const EMPTY: f64 = 1e-12;
 /// Most of the triangles that may be empty or face against their normals.
 const BAD: f64 = 1e-3;
 /// How far the nearest point of a part's first ring may stand out of its parent, as a share of the parent's radius there.
-const OUTSIDE: f32 = 0.05;
+/// It is measured from the skeleton, and where the skeleton has a tight corner the tube leads an arc of 1.1 radii through it,
+/// on whose inner side the tube's surface lies up to 0.45 radii (at a right angle) beyond the skeleton's.
+const OUTSIDE: f32 = 0.2;
 /// How far an organ's pivot may be from the bark, m.
 const LOOSE: f32 = 1e-3;
 /// How far an organ's mesh may begin from its pivot, m: stalks are tubes around it.

@@ -7,8 +7,8 @@ use crate::math;
 
 /// A corner is tight when a curve through it has less than this many radii of room to bend in.
 const TIGHT: f32 = 1.7;
-/// A corner is meant as one, whatever the room, when half its angle has a tangent whose square is above this: 50 degrees.
-const SHARP: f32 = 0.2174;
+/// A corner is meant as one, whatever the room, when half its angle has a tangent whose square is above this: 58 degrees.
+const SHARP: f32 = 0.3073;
 /// Radius of an arc, in radii of the tube ...
 const WIDE: f32 = 1.1;
 /// ... and the least with which its rings stay apart on the inner side.
@@ -125,7 +125,7 @@ mod tests {
             let a = degrees.to_radians();
             [knot(0.0, 0.0, 0.0), knot(5.0, 0.0, 5.0), knot(5.0 + 5.0 * math::cos_f32(a), 5.0 * math::sin_f32(a), 10.0)]
         };
-        assert!(any_tight(&corner(60.0), 0.2) && !any_tight(&corner(40.0), 0.2));
+        assert!(any_tight(&corner(60.0), 0.2) && !any_tight(&corner(55.0), 0.2));
     }
 
     #[test]
