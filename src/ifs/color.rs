@@ -50,6 +50,7 @@ pub struct Labels {
     maps: u32,
     /// m^(k-1).
     top: u32,
+    /// By map: what is kept of the coordinate and what is added; the last row is for jumps.
     pull: Vec<(f32, f32)>,
     lanes: Lane,
 }
@@ -78,7 +79,9 @@ impl Labels {
         };
         let base = u32::try_from(maps).unwrap_or(1).max(1);
         let top = if let Mode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
-        let pull = ifs.maps.iter().map(|m| (math::narrow(m.coord), math::narrow(m.speed))).collect();
+        let pull = ifs.maps.iter().map(|m| (math::narrow(1.0 - m.speed), math::narrow(m.speed * m.coord)));
+        // Jumps leave the coordinate.
+        let pull = pull.chain([(1.0, 0.0)]).collect();
         let lanes = Lane { word: [0; LANES], coord: [0.5; LANES], depth: [0; LANES] };
         Self { mode, colors, maps: base, top, pull, lanes }
     }
@@ -94,6 +97,9 @@ impl Labels {
             *out = chunk.map;
             return;
         }
+        if self.mode == Mode::Coord {
+            return self.pulled(chunk, out);
+        }
         for step in 0..chunk.steps.min(CHUNK) {
             for lane in 0..LANES {
                 out[step][lane] = self.one(lane, chunk.map[step][lane]);
@@ -101,21 +107,28 @@ impl Labels {
         }
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 before the cast")]
+    /// Steps of the palette: every map pulls the coordinate to its own, jumps leave it.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 1 before the cast")]
+    fn pulled(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
+        let last = self.pull.len() - 1;
+        for step in 0..chunk.steps.min(CHUNK) {
+            for lane in 0..LANES {
+                let (keep, add) = self.pull[(chunk.map[step][lane] as usize).min(last)];
+                let c = keep * self.lanes.coord[lane] + add;
+                self.lanes.coord[lane] = c;
+                out[step][lane] = (c * 255.0 + 0.5) as u32;
+            }
+        }
+    }
+
     fn one(&mut self, lane: usize, map: u32) -> u32 {
         let l = &mut self.lanes;
         let jumped = map >= self.maps;
         match self.mode {
-            Mode::Map => map,
+            Mode::Map | Mode::Coord => map,
             Mode::Prefix(_) => {
                 l.word[lane] = map.min(self.maps - 1) * self.top + l.word[lane] / self.maps;
                 l.word[lane]
-            }
-            Mode::Coord => {
-                if let Some((coord, speed)) = self.pull.get(map as usize) {
-                    l.coord[lane] = (1.0 - speed) * l.coord[lane] + speed * coord;
-                }
-                (l.coord[lane] * 255.0 + 0.5).clamp(0.0, 255.0) as u32
             }
             Mode::Depth => {
                 l.depth[lane] = if jumped { 0 } else { (l.depth[lane] + 1).min(255) };

@@ -164,14 +164,24 @@ impl Sink for Colors<'_> {
             self.labels.label(chunk, &mut self.label);
             &*self.label
         };
+        if self.shares.is_empty() {
+            for step in 0..chunk.steps.min(CHUNK) {
+                for (index, label) in self.index[step].iter().zip(&label[step]) {
+                    let add = self.adds[*label as usize];
+                    let cell = &mut self.cells[*index as usize].0;
+                    *cell = std::array::from_fn(|i| cell[i] + add[i]);
+                    if cell[0] >= FULL {
+                        spill(&mut self.spilled, *index, cell);
+                    }
+                }
+            }
+            return;
+        }
         for step in 0..chunk.steps.min(CHUNK) {
             for lane in 0..LANES {
                 let index = self.index[step][lane];
-                let mut add = self.adds[label[step][lane] as usize];
-                if !self.shares.is_empty() {
-                    let share = self.shares.get(chunk.map[step][lane] as usize).copied().unwrap_or(256);
-                    add = add.map(|v| v * share);
-                }
+                let share = self.shares.get(chunk.map[step][lane] as usize).copied().unwrap_or(256);
+                let add = self.adds[label[step][lane] as usize].map(|v| v * share);
                 let cell = &mut self.cells[index as usize].0;
                 for (c, a) in cell.iter_mut().zip(add) {
                     *c += a;
