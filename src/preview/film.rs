@@ -32,7 +32,7 @@ impl Quality {
     fn budget(self) -> f32 {
         match self {
             Self::Draft => 1.0,
-            Self::Normal => 3.5,
+            Self::Normal => 3.0,
             Self::Fine => f32::INFINITY,
         }
     }
@@ -191,12 +191,9 @@ fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
         }
     }
     let each = shot.quality.budget() * looks / met.max(1.0);
-    // Doublings of the fewest, the last that the budget allows.
-    std::iter::successors(Some(fewest), |n| Some(n * 2)).take_while(|n| *n <= most).fold(fewest, |best, n| {
-        #[allow(clippy::cast_precision_loss, reason = "hundreds at most")]
-        let fits = n as f32 <= each;
-        if fits { n } else { best }
-    })
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two small numbers")]
+    let each = each.clamp(fewest as f32, most as f32) as u32;
+    each
 }
 
 fn tile(
