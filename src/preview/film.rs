@@ -58,7 +58,7 @@ impl Quality {
     pub fn texture_side(self) -> u32 {
         match self {
             Self::Draft => 256,
-            Self::Normal => 1024,
+            Self::Normal => 512,
             Self::Fine => 4096,
         }
     }
