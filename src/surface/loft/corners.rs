@@ -107,7 +107,7 @@ mod tests {
     fn an_arc_touches_both_segments_and_keeps_its_radius() {
         let knot = |x: f32, y: f32, s: f32| Knot { p: Vec3::new(x, y, 0.0), r: 0.1, s };
         let knots = [knot(0.0, 0.0, 0.0), knot(0.3, 0.0, 0.3), knot(0.3, 0.3, 0.6)];
-        assert!(any_tight(&knots, 0.2) && !any_tight(&knots, 1.6));
+        assert!(any_tight(&knots, 0.2) && !any_tight(&knots, 2.2));
         let mut out = Vec::new();
         round(&knots, 0.2, &mut out);
         assert_eq!((out[0].p, out[out.len() - 1].p), (knots[0].p, knots[2].p));
