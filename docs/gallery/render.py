@@ -1,4 +1,5 @@
-"""Renders a baked file with Cycles on the CPU, as the pictures in the README were made.
+"""Renders a baked file with Cycles on the CPU, as the large picture in the README was made
+(frame 36, --samples 40 --sun 36,42 --exposure 0.2); the small ones are by osier preview.
 
     python render.py out/showcase/showcase.usda picture.png [--frame 36] [--size 800x800] [--samples 96]
                      [--eye x,y,z --target x,y,z --fov 35] [--plain] [--sun elevation,azimuth]
