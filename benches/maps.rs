@@ -27,7 +27,7 @@ fn maps(c: &mut Criterion) {
     ];
     let mut sets: Vec<(String, Draw)> = Vec::new();
     for (name, spec) in barks {
-        sets.push((format!("bark {name} 1024"), Box::new(move || bark(&spec, "bark").expect("bark"))));
+        sets.push((format!("bark {name} 1024"), Box::new(move || bark(&spec, None, "bark").expect("bark"))));
     }
     let leaf = || leaf_material(&BladeSpec::oak(), &LeafColors::OAK, "leaf", 512).expect("leaf");
     sets.push(("leaf 512".into(), Box::new(leaf)));

@@ -18,6 +18,8 @@ macro_rules! presets {
 /// All of them, sorted by file name.
 pub const PRESETS: &[Preset] = presets! {
     "ifs-tables" / "as_printed.ifs",
+    "grammars" / "bamboo.l",
+    "scenes" / "bamboo.toml",
     "ifs-tables" / "bamboo_leaf.ifs",
     "ifs-tables" / "bamboo_node.ifs",
     "grammars" / "birch.l",
@@ -39,6 +41,8 @@ pub const PRESETS: &[Preset] = presets! {
     "ifs-tables" / "pseudodichotomous.ifs",
     "ifs-tables" / "pseudodichotomous.ifs.toml",
     "scenes" / "showcase.toml",
+    "grammars" / "silk-tree.l",
+    "scenes" / "silk-tree.toml",
     "ifs-tables" / "sun.ifs",
     "ifs-tables" / "sympodial.ifs",
     "ifs-tables" / "sympodial.ifs.toml",

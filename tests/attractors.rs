@@ -158,3 +158,41 @@ fn povray_draws_the_points_and_the_tree() {
         assert!(other > 200, "{name}: {other} pixels show something");
     }
 }
+
+#[test]
+fn coefficients_are_written_again() {
+    let dir = tempfile::tempdir().expect("dir");
+    let read = |p: &Path| std::fs::read_to_string(p).expect("text");
+    for (name, file) in [("fern_leaf", "fern.ifs"), ("sun", "sun.flame"), ("monopodial", "tree.ifs")] {
+        let first = grown(dir.path(), name, file, &[]);
+        let again = grown(dir.path(), first.to_str().expect("path"), &format!("again-{file}"), &[]);
+        assert_eq!(read(&first), read(&again), "{name}");
+    }
+    let tree = read(&dir.path().join("tree.ifs"));
+    assert!(tree.contains("monopodial (3D) {") && tree.lines().filter(|l| l.starts_with("  ")).count() == 5, "{tree}");
+    // The written tree still grows, and what a file cannot hold is told.
+    let path = dir.path().join("tree.ifs");
+    grown(dir.path(), path.to_str().expect("path"), "tree.glb", &["--set", "as=tree"]);
+    let run = osier(&["grow", "monopodial", "-n", "-o", "x.ifs"]);
+    assert!(String::from_utf8_lossy(&run.stderr).contains("I011"), "{}", String::from_utf8_lossy(&run.stderr));
+    for (source, file, word) in [("oak", "x.ifs", "no coefficients"), ("monopodial", "x.flame", "I030")] {
+        let run = osier(&["grow", source, "-o", dir.path().join(file).to_str().expect("path")]);
+        assert!(!run.status.success() && String::from_utf8_lossy(&run.stderr).contains(word), "{source}");
+    }
+}
+
+/// Twenty thousand leaves of a table open in Blender as instances of a few meshes.
+#[test]
+fn blender_opens_a_crown_of_twenty_thousand_leaves() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let more = ["--set", "plants.silk_tree.set.TUFT=24", "--set", "plants.silk_tree.leaf.side=128"];
+    let stage = grown(dir.path(), "silk-tree", "tree.usdc", &more);
+    let run = Command::new(python).arg(clients::script("usd_crown.py")).arg(&stage).output().expect("python runs");
+    let out = String::from_utf8_lossy(&run.stdout);
+    assert!(run.status.success(), "{out}{}", String::from_utf8_lossy(&run.stderr));
+    let line = out.lines().find(|l| l.starts_with("crown ")).expect("a line of figures");
+    let figures: Vec<u64> = line.split(' ').skip(1).map(|w| w.parse().expect("number")).collect();
+    let [instances, meshes, cut] = figures[..] else { panic!("{line}") };
+    assert_eq!((instances, meshes, cut), (20_736, 4, 1), "{line}");
+}

@@ -60,6 +60,7 @@ def bounds():
 
 def aim(camera, eye, target, vfov):
     camera.location = eye
+    camera.data.clip_start = 0.001
     camera.rotation_mode = "QUATERNION"
     camera.rotation_quaternion = (target - eye).to_track_quat("-Z", "Y")
     camera.data.sensor_fit = "VERTICAL"

@@ -56,9 +56,11 @@ fn index(n: usize) -> u32 {
 /// What the makers of blades and maps refuse.
 pub fn of_plant(plant: &PlantRecipe, seed: u64) -> Result<Look> {
     let mut look = Look::default();
-    for (keys, part) in [(&plant.bark, "bark"), (&plant.shoot, "shoot")] {
+    let [bark_grain, shoot_grain] = &plant.grains;
+    for (keys, table, part) in [(&plant.bark, bark_grain, "bark"), (&plant.shoot, shoot_grain, "shoot")] {
         let name = format!("{}_{part}", plant.id);
-        let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), &name)?;
+        let grain = table.as_deref().map(|t| tables::grain(t, keys.side)).transpose()?;
+        let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
         look.add(surface.material, surface.images);
     }
     let mut names = Names::default();
@@ -191,6 +193,7 @@ fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
             BarkSpec { plates: [24, 2], weights: [0.50, 0.45, 0.05], gap: 0.25, depth: 0.005, ..BarkSpec::furrowed() }
         }
         BarkKind::Shoot => BarkSpec::shoot(),
+        BarkKind::Culm => BarkSpec::culm(),
     };
     let marked = matches!(keys.kind, BarkKind::Lenticel | BarkKind::Diamond);
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);

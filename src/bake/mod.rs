@@ -9,6 +9,7 @@ pub mod looks;
 pub mod mover;
 pub mod plants;
 pub mod stage;
+pub mod systems;
 mod tables;
 pub mod write;
 

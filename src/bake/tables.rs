@@ -3,15 +3,17 @@
 use std::sync::Arc;
 
 use super::looks::Look;
-use crate::diagnostic::Report;
+use crate::diagnostic::{Diagnostic, Report};
 use crate::grow::turtle::OrganSpec;
 use crate::ifs::Ifs;
 use crate::ifs::leaf::{self, Colors, Leaf, Pose, Spec, bent, fields};
+use crate::ifs::tile::tile;
 use crate::math::narrow;
 use crate::recipe::OrganRecipe;
 use crate::recipe::sections::{Detail, OrganKeys};
 use crate::rng::{Rng, mix64, word};
 use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
+use crate::surface::bark::Grain;
 use crate::units::{byte, srgb_from_linear};
 use crate::{Error, Result};
 
@@ -22,6 +24,8 @@ const SIZE: f64 = 0.08;
 /// Tolerance of outlines for crowns and for close-ups, pixels of a map of 1024.
 const LIGHT: f64 = 8.0;
 const HERO: f64 = 2.0;
+/// Most cells along a side of a grain: finer ones would only be noise.
+const CELLS: usize = 128;
 
 /// The leaf of a table: maps, and meshes that differ in fold, curl and twist.
 /// # Errors
@@ -42,12 +46,7 @@ pub fn leaves(
         holes: keys.holes,
         ..Spec::default()
     };
-    let made = leaf::leaf(table, &spec).map_err(|d| {
-        let mut report = Report::default();
-        // The table was read and judged before; what is left to say names it.
-        report.push(crate::diagnostic::Diagnostic { labels: Vec::new(), ..*d });
-        Error::Input(Box::new(report))
-    })?;
+    let made = leaf::leaf(table, &spec).map_err(told)?;
     let size = keys.size.unwrap_or(SIZE);
     let (material, images) = surface(&made, keys, &format!("{plant}_{name}"), size);
     let id = look.add(material, images);
@@ -58,6 +57,7 @@ pub fn leaves(
             let mut vary = |base: f64, by: f64| base * (1.0 + draw.range(-by, by));
             let pose = Pose {
                 size,
+                width: keys.width,
                 curl: vary(keys.curl.unwrap_or(0.45), 0.6),
                 fold: vary(keys.fold.unwrap_or(0.22), 0.5),
                 twist: vary(0.18, 2.0),
@@ -67,6 +67,21 @@ pub fn leaves(
         })
         .collect();
     Ok(OrganSpec { name: name.to_owned(), meshes, size: size + petiole, petiole: 0.0 })
+}
+
+/// The density of a table as the grain of a bark whose maps have `side` pixels.
+/// # Errors
+/// `Input` for a system without attractor (I023).
+pub fn grain(table: &Ifs, side: u32) -> Result<Grain> {
+    let side = (side as usize).min(CELLS);
+    Ok(Grain { side, values: tile(table, side).map_err(told)? })
+}
+
+/// The table was read and judged before; what is left to say names it.
+fn told(d: Box<Diagnostic>) -> Error {
+    let mut report = Report::default();
+    report.push(Diagnostic { labels: Vec::new(), ..*d });
+    Error::Input(Box::new(report))
 }
 
 fn surface(made: &Leaf, keys: &OrganKeys, name: &str, size: f64) -> (Material, Vec<Image>) {

@@ -38,6 +38,9 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
     recipe.clip.end = recipe.clip.start;
+    if matches!(ending.as_str(), ".ifs" | ".flame") {
+        return super::coefficients::run(context, args, &recipe, &warnings);
+    }
     let show = Show::new(&context.console);
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
     let mut warned = !warnings.diagnostics.is_empty();

@@ -21,6 +21,8 @@ pub const ENDINGS: &[(&str, &str)] = &[
     (".ply", "points and leaves"),
     (".pov", "POV-Ray scene"),
     (".png", "picture of an attractor (a coefficient table)"),
+    (".ifs", "coefficients of tables and trees, Fractint's columns"),
+    (".flame", "coefficients of tables of the plane, for flam3 and Apophysis"),
     (".exr", "density of an attractor, 32-bit floats, linear"),
 ];
 

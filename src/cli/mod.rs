@@ -3,6 +3,7 @@
 mod args;
 mod bake;
 mod check;
+mod coefficients;
 mod console;
 mod grow;
 mod info;

@@ -29,6 +29,7 @@ pub const CODES: &[Code] = &[
     row("I008", Error, "file, systems or maps over a limit"),
     row("I009", Warning, "accepted here, lost by other programs"),
     row("I010", Error, "name used twice"),
+    row("I011", Warning, "what a written file cannot hold"),
     row("I012", Warning, "weights look like a running sum, differences are used"),
     row("I013", Warning, "negative weight counts as 0"),
     row("I014", Warning, "weights do not sum to 1, normalised"),

@@ -15,8 +15,10 @@ pub mod leaf;
 pub mod picture;
 pub mod read;
 pub mod stems;
+pub mod tile;
 pub mod weights;
 pub mod words;
+pub mod write;
 
 use crate::diagnostic::Span;
 use affine::Affine;

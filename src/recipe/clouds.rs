@@ -55,7 +55,9 @@ impl Resolver<'_> {
         let rule = keys.weights.map_or(system.weights.unwrap_or(Rule::File), rule);
         let study = self.study(&system, rule, &report)?;
         match extent(&system, &study) {
-            Ok(extent) => Some(CloudRecipe { name: name.into(), id, source: file.shown, system, study, extent, keys }),
+            Ok(extent) => {
+                Some(CloudRecipe { name: name.into(), id, source: file.shown, system, rule, study, extent, keys })
+            }
             Err(escaped) => {
                 self.report.extend(Report { sources: report.sources, diagnostics: vec![*escaped] });
                 None
@@ -63,12 +65,12 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads the table of a leaf.
-    pub(super) fn leaf_table(&mut self, reference: &Reference, name: &str) -> Option<Ifs> {
+    /// Reads the table of a leaf or a bark; `what` it is for, for people.
+    pub(super) fn plane_table(&mut self, reference: &Reference, name: &str, what: &str) -> Option<Ifs> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
         let (system, sources) = self.system(&file, name)?;
         if system.dim != 2 {
-            let text = format!("\"{}\" lies in space; a leaf is drawn by a table of the plane", system.name);
+            let text = format!("\"{}\" lies in space; {what} by a table of the plane", system.name);
             self.report
                 .push(Diagnostic::error("S005", text, reference.span, "this table").help("take one with 7 columns"));
             return None;

@@ -20,6 +20,7 @@ use crate::ifs::Ifs;
 use crate::ifs::dynamics::Study;
 use crate::ifs::game::Extent;
 use crate::ifs::stems::Stems;
+use crate::ifs::weights::Rule;
 use crate::import::Imported;
 use crate::scene::Clip;
 pub use digest::Digest;
@@ -95,6 +96,8 @@ pub struct PlantRecipe {
     pub bark: sections::BarkKeys,
     /// Bark of thin ones.
     pub shoot: sections::BarkKeys,
+    /// Tables whose density tiles bark and shoot.
+    pub grains: [Option<Arc<Ifs>>; 2],
     /// How bark becomes a mesh.
     pub skin: sections::SkinKeys,
 }
@@ -123,6 +126,8 @@ pub struct CloudRecipe {
     pub source: String,
     /// The system.
     pub system: Ifs,
+    /// Where its probabilities come from.
+    pub rule: Rule,
     /// What is known about it.
     pub study: Study,
     /// Where it lies.

@@ -14,6 +14,7 @@ use super::{Found, Growth, Library, OrganRecipe, OutputRecipe, PlaceRecipe, Plan
 use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use crate::fence::{Names, safe_name};
 use crate::grammar::{self, Grammar};
+use crate::ifs::Ifs;
 use crate::import::{self, Imported};
 use crate::limits::Limits;
 use crate::scene::{Clip, MaterialClass};
@@ -242,6 +243,7 @@ impl Resolver<'_> {
         let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
         self.shoot_defaults(table, &mut shoot);
         let skin = self.section_at(table, &path, "skin");
+        let grains = [self.grain(&bark)?, self.grain(&shoot)?];
         let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
             (Some(reference), _) => {
                 let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
@@ -267,7 +269,16 @@ impl Resolver<'_> {
                 organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), ifs: None, mesh: None });
             }
         }
-        Some(PlantRecipe { name: name.into(), id, growth, source, turtle, organs, bark, shoot, skin, keys })
+        Some(PlantRecipe { name: name.into(), id, growth, source, turtle, organs, bark, shoot, grains, skin, keys })
+    }
+
+    /// The table of a bark; the outer `None` if it cannot be read.
+    #[allow(clippy::option_option, reason = "a table that fails is not the same as no table")]
+    fn grain(&mut self, bark: &BarkKeys) -> Option<Option<Arc<Ifs>>> {
+        match &bark.ifs {
+            Some(r) => Some(Some(Arc::new(self.plane_table(r, &bark.system, "a bark is tiled")?))),
+            None => Some(None),
+        }
     }
 
     /// Thin axes are smooth and greenish unless the scene says otherwise.
@@ -313,7 +324,7 @@ impl Resolver<'_> {
             None => None,
         };
         let ifs = match keys.ifs.clone() {
-            Some(r) => Some(Arc::new(self.leaf_table(&r, &keys.system)?)),
+            Some(r) => Some(Arc::new(self.plane_table(&r, &keys.system, "a leaf is drawn")?)),
             None => None,
         };
         Some(OrganRecipe { letter, keys, ifs, mesh })

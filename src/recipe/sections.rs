@@ -59,6 +59,8 @@ words! {
         Stringy = "stringy",
         /// Young green wood.
         Shoot = "shoot",
+        /// Green and waxy with fine fibres: bamboo.
+        Culm = "culm",
     }
     /// How bark maps follow a taper.
     Uv {
@@ -262,6 +264,10 @@ keys! {
     BarkKeys at "plants.NAME.bark" {
         /// Character.
         kind: BarkKind = "kind" OneOf(BarkKind::Furrowed);
+        /// A coefficient table of the plane whose density tiles the bark, in relief and tint.
+        ifs: Option<Reference> = "ifs" File(".ifs, .flame, .ifs.toml");
+        /// Which system of the table; the first without a name.
+        system: String = "system" Text("");
         /// Ridges, or the ground colour.
         color: Option<[f32; 3]> = "color" Maybe(Color("#8a7a66"), KIND);
         /// Cracks, or the marks.

@@ -32,13 +32,18 @@ pub fn recipe(preset: &Preset, seed: Option<u64>, maps: bool) -> Recipe {
     request.seed = seed;
     let mut recipe = resolve(&request).unwrap_or_else(|e| panic!("{}: {e}", preset.name)).0;
     if !maps {
-        recipe.plants.iter_mut().for_each(small);
-        recipe.ground.side = SMALL;
+        small(&mut recipe);
     }
     recipe
 }
 
-fn small(plant: &mut PlantRecipe) {
+/// Draws the maps of a recipe small.
+pub fn small(recipe: &mut Recipe) {
+    recipe.plants.iter_mut().for_each(small_maps);
+    recipe.ground.side = SMALL;
+}
+
+fn small_maps(plant: &mut PlantRecipe) {
     (plant.bark.side, plant.shoot.side) = (SMALL, SMALL);
     plant.organs.iter_mut().for_each(|o| o.keys.side = SMALL);
 }

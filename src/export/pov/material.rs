@@ -55,7 +55,30 @@ fn mapped(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str) 
         text.put("texture { C_").int(i).put(" }\n");
         return Ok(());
     }
-    text.put("texture { uv_mapping pigment { ");
+    // A transparent pigment alone would keep its highlight: where the picture's alpha is below the cutoff nothing is left.
+    let cut = m.alpha_cutoff.zip(m.maps.color).filter(|(_, image)| has_alpha(scene, *image));
+    if let Some((cutoff, image)) = cut {
+        text.put("texture { uv_mapping ");
+        picture(text, scene, m, image, ("image_pattern", pictures))?;
+        // The pattern rises with transparency.
+        text.put(" texture_map { [").num(1.0 - cutoff).put(" ");
+        surface(text, scene, i, m, pictures)?;
+        text.put("] [").num(1.0 - cutoff).put(" pigment { rgbt 1 } finish { ambient 0 diffuse 0 }] } }\n");
+        return Ok(());
+    }
+    text.put("texture { ");
+    surface(text, scene, i, m, pictures)?;
+    text.put(" }\n");
+    Ok(())
+}
+
+fn has_alpha(scene: &Scene, image: u32) -> bool {
+    scene.images.get(image as usize).is_some_and(|p| matches!(p.channels, 2 | 4))
+}
+
+/// Pigment, relief and finish.
+fn surface(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str) -> Result<()> {
+    text.put("uv_mapping pigment { ");
     match m.maps.color {
         Some(image) => picture(text, scene, m, image, ("image_map", pictures))?,
         None => rgb(text, m.base_color),
@@ -70,7 +93,7 @@ fn mapped(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str) 
         let slope = m.height_range * width as f32 / m.tile.max(1e-6);
         text.put(" bump_size ").num(slope).put(" }");
     }
-    text.put(" finish { F_").int(i).put(" } }\n");
+    text.put(" finish { F_").int(i).put(" }");
     Ok(())
 }
 
@@ -80,7 +103,8 @@ fn picture(text: &mut Text, scene: &Scene, m: &Material, image: u32, place: (&st
     let Some(p) = scene.images.get(image as usize) else {
         return Err(Error::export("X012", format!("material {}: picture {image} is missing", m.name)));
     };
-    text.put(pattern).put(" { png ").put(&quoted(&format!("{folder}{}.png", p.name))).put(" interpolate 2 }");
+    text.put(pattern).put(" { png ").put(&quoted(&format!("{folder}{}.png", p.name))).put(" interpolate 2");
+    text.put(if pattern == "image_pattern" { " use_alpha }" } else { " }" });
     Ok(())
 }
 

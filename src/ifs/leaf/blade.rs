@@ -112,6 +112,8 @@ fn grid(rings: &[Vec<DVec2>], spacing: f64) -> Vec<DVec2> {
 pub struct Pose {
     /// Distance from anchor to tip, m.
     pub size: f64,
+    /// Width over `size`; `None`: as the table has it.
+    pub width: Option<f64>,
     /// Droop from base to tip, rad.
     pub curl: f64,
     /// How far each half is folded up at the midrib, rad.
@@ -143,11 +145,12 @@ pub struct Place {
 pub fn bent(flat: &Flat, place: &Place, pose: &Pose) -> Mesh {
     let length = place.midrib.last().map_or(1.0, |t| t.distance(place.anchor)).max(1e-9);
     let unit = pose.size / length;
+    let wide = widening(flat, length, pose.width);
     let mut mesh = Mesh { triangles: flat.triangles.clone(), ..Mesh::default() };
     for p in &flat.points {
         let (u, span) = beside(&place.midrib, *p);
-        let local = (*p - place.anchor) * unit;
-        let side = -span * unit;
+        let local = (*p - place.anchor) * DVec2::new(unit * wide, unit);
+        let side = -span * unit * wide;
         let fold = pose.fold * (1.0 - 0.3 * u);
         let (up, out) = (side.abs() * math::sin(fold), side * (math::cos(fold) - 1.0));
         let turn = pose.twist * u;
@@ -161,6 +164,13 @@ pub fn bent(flat: &Flat, place: &Place, pose: &Pose) -> Mesh {
     mesh.normals = smooth(&mesh);
     stalk(&mut mesh, place, pose);
     mesh.with_material(0)
+}
+
+/// Factor across the blade that gives it `width`, shares of its length.
+fn widening(flat: &Flat, length: f64, width: Option<f64>) -> f64 {
+    let x = || flat.points.iter().map(|p| p.x);
+    let own = (x().fold(f64::MIN, f64::max) - x().fold(f64::MAX, f64::min)) / length;
+    width.filter(|_| own > 1e-9).map_or(1.0, |w| w / own)
 }
 
 /// The midrib at `v` (0 at the anchor, 1 at the tip; straight beyond both): place and normal in the plane of y and z.

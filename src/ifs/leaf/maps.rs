@@ -48,10 +48,13 @@ pub fn fields(raster: &Raster, colors: &Colors, vein_share: f32) -> Fields {
     let side = size(n);
     let fine = blurred(&logged(&raster.hits), n, 2.0 * side / 1024.0);
     let wide = blurred(&fine, n, 12.0 * side / 1024.0);
-    let rib = blurred(&raster.vein, n, 1.2 * side / 1024.0);
+    // At least a pixel, or small maps would show stairs.
+    let rib = blurred(&raster.vein, n, (1.2 * side / 1024.0).max(1.0));
+    let margin = blurred(&raster.sd, n, (side / 1024.0).max(0.8));
     let rows: Vec<usize> = (0..n).collect();
     let painted = par_map(&rows, |&y| {
-        (y * n..(y + 1) * n).map(|i| pixel(raster, colors, (i, side), (fine[i], wide[i], rib[i], vein_share))).collect()
+        let one = |i: usize| pixel(raster, colors, (i, side, margin[i]), (fine[i], wide[i], rib[i], vein_share));
+        (y * n..(y + 1) * n).map(one).collect()
     });
     let all: Vec<([f32; 4], f32, f32)> = painted.into_iter().flat_map(|r: Vec<_>| r).collect();
     // Round the relief off where hits leave single dots.
@@ -76,7 +79,12 @@ fn logged(hits: &[u32]) -> Vec<f32> {
 
 type Painted = ([f32; 4], f32, f32);
 
-fn pixel(r: &Raster, c: &Colors, (i, side): (usize, f32), (v, wide, rib, share): (f32, f32, f32, f32)) -> Painted {
+fn pixel(
+    r: &Raster,
+    c: &Colors,
+    (i, side, margin): (usize, f32, f32),
+    (v, wide, rib, share): (f32, f32, f32, f32),
+) -> Painted {
     // Outside, colours are those of the nearest pixel of the leaf, so that filtering finds no fringe.
     let inner = if r.mask.set[i] { i } else { r.nearest.get(i).copied().unwrap_or(0) as usize };
     let sd = r.sd[i];
@@ -94,7 +102,8 @@ fn pixel(r: &Raster, c: &Colors, (i, side): (usize, f32), (v, wide, rib, share):
         2 => 0.94,
         _ => 1.03,
     };
-    let alpha = (0.5 + sd).clamp(0.0, 1.0);
+    // Distances of whole pixels make stairs; their mean over the neighbours crosses one half where the margin runs.
+    let alpha = (0.5 + 0.6 * margin).clamp(0.0, 1.0);
     let dome = if sd > 0.0 { 1.0 - exp_f32(-sd / (0.04 * side)) } else { 0.0 };
     // Veins are sunk on the upper side; thin hits ripple the blade between them.
     let height = if sd > 0.0 { (0.75 * dome + 0.25 * share * wide - 0.22 * rib).clamp(0.0, 1.0) } else { 0.0 };

@@ -57,13 +57,15 @@ fn blades_are_sound() {
 #[test]
 fn a_bent_blade_keeps_its_length_and_stands_on_its_stalk() {
     let made = leaf(&system("bamboo_leaf"), &small()).expect("a leaf");
-    let pose = Pose { size: 0.08, curl: 0.0, fold: 0.0, twist: 0.0, petiole: (0.02, 0.0005) };
+    let pose = Pose { size: 0.08, width: None, curl: 0.0, fold: 0.0, twist: 0.0, petiole: (0.02, 0.0005) };
     let flat = bent(&made.flat, &made.place, &pose);
     let b = flat.bounds();
     assert!((b.max.y - 0.1).abs() < 0.004, "{b:?}");
     assert!(b.max.z < 0.001 && flat.normals.iter().filter(|n| n.z > 0.99).count() >= made.flat.points.len());
     let curled = bent(&made.flat, &made.place, &Pose { curl: 1.0, fold: 0.3, ..pose });
     assert!(curled.bounds().max.y < b.max.y && curled.bounds().min.z < -0.01);
+    let narrow = bent(&made.flat, &made.place, &Pose { width: Some(0.25), ..pose }).bounds();
+    assert!((narrow.size().x - 0.02).abs() < 1e-4 && narrow.size().y == b.size().y, "{narrow:?}");
     assert!(curled.uvs.iter().all(|t| (0.0..=1.0).contains(&t.x) && (0.0..=1.0).contains(&t.y)));
 }
 

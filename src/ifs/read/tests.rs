@@ -220,7 +220,26 @@ fn tables_hold_every_form_of_map() {
 proptest! {
     #[test]
     fn any_bytes_are_answered(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
-        let _ = read("a.ifs", &bytes, &Limits::default());
+        for (name, start) in [("a.ifs", ""), ("a.flame", "<flame "), ("a.ifs.toml", "[ifs]\nname = \"a\"\nmap = [")] {
+            let _ = read(name, &bytes, &Limits::default());
+            let _ = read(name, &[start.as_bytes(), &bytes].concat(), &Limits::default());
+        }
+    }
+
+    #[test]
+    fn what_is_read_can_be_written(text in "[a-z]{1,9}( \\(3D\\))? \\{\n([ \n]*[-+]?[0-9]{0,3}\\.?[0-9]{1,9}(e-?[0-9])?[ \n]+){14,26}\\}") {
+        use crate::ifs::weights::{Rule, probabilities};
+        use crate::ifs::write::{Item, entries};
+        let item = |s: &Ifs| Item { system: s.clone(), weights: probabilities(s, Rule::File).0, view: None };
+        let Ok((systems, _)) = read("a.ifs", text.as_bytes(), &Limits::default()) else { return Ok(()) };
+        let (first, _) = entries(&systems.iter().map(item).collect::<Vec<_>>());
+        let (again, _) = read("b.ifs", first.as_bytes(), &Limits::default()).expect("reads its own");
+        prop_assert_eq!(&entries(&again.iter().map(item).collect::<Vec<_>>()).0, &first);
+        for (a, b) in systems.iter().zip(&again) {
+            for (x, y) in a.maps.iter().zip(&b.maps) {
+                prop_assert_eq!(x.affine.coefficients(a.dim), y.affine.coefficients(b.dim));
+            }
+        }
     }
 
     #[test]

@@ -39,6 +39,32 @@ pub struct BarkSpec {
     pub seed: u64,
 }
 
+/// A pattern that is laid over a bark, in relief and tint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grain {
+    /// Cells along a side.
+    pub side: usize,
+    /// Values 0..1, rows from the top, `side` x `side`.
+    pub values: Vec<f32>,
+}
+
+impl Grain {
+    /// The value at (x, y) of the unit square, y up; repeats beyond it, straight between cells.
+    pub fn at(&self, x: f32, y: f32) -> f32 {
+        let n = self.side.max(1);
+        let cell = |v: f32| {
+            let v = (v - v.floor()) * n as f32 - 0.5 + n as f32;
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0.5..2n")]
+            let low = v as usize;
+            (low % n, (low + 1) % n, v - v.floor())
+        };
+        let ((x0, x1, fx), (y0, y1, fy)) = (cell(x), cell(1.0 - y));
+        let value = |x: usize, y: usize| self.values.get(y * n + x).copied().unwrap_or(0.5);
+        let row = |y: usize| crate::math::lerp(value(x0, y), value(x1, y), fx);
+        crate::math::lerp(row(y0), row(y1), fy)
+    }
+}
+
 impl BarkSpec {
     /// Oak, willow: ridges between deep vertical furrows.
     pub fn furrowed() -> Self {
@@ -138,6 +164,24 @@ impl BarkSpec {
             depth: 0.0006,
             roughness: [0.75, 0.60],
             seed: 16,
+            ..Self::furrowed()
+        }
+    }
+
+    /// Bamboo: green, waxy, with fine fibres along the culm.
+    pub fn culm() -> Self {
+        Self {
+            plates: [2, 1],
+            weights: [0.0, 0.35, 0.65],
+            gap: 0.5,
+            crack: [0.085, 0.130, 0.030],
+            ridge: [0.215, 0.275, 0.075],
+            patch: ([0.330, 0.320, 0.130], 0.45),
+            marks: Marks::None,
+            depth: 0.0003,
+            tile: 0.18,
+            roughness: [0.46, 0.34],
+            seed: 17,
             ..Self::furrowed()
         }
     }

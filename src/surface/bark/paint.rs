@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::BarkSpec;
 use super::marks::Marker;
+use super::{BarkSpec, Grain};
 use crate::Result;
 use crate::math::{self, smoothstep};
 use crate::par::par_map;
@@ -49,17 +49,30 @@ struct Sample {
     mark: f32,
 }
 
+/// Share of a grain in the height, and how far it lightens and darkens.
+const RELIEF: f32 = 0.25;
+const TINT: f32 = 0.24;
+/// Repeats of a grain around a tile: it is drawn out along the axis, as fibres are.
+const AROUND: f32 = 5.0;
+
+impl Sample {
+    fn grained(self, value: f32) -> Self {
+        let height = math::lerp(self.height, value, RELIEF);
+        Self { height, tint: self.tint * (1.0 + TINT * (value - 0.5)), ..self }
+    }
+}
+
 /// A bark's material with `<name>_color` (sRGB), `_normal` (16 bit), `_rough` and `_height` (16 bit), all tiling.
 /// # Errors
 /// `Range` for a value outside its range.
 /// Own: warp, plates, fibre, height, cracks, colour, roughness, normal, in this order; heights are stretched to fill
-/// [0, 1]; patches and marks are added on top.
-pub fn bark(spec: &BarkSpec, name: &str) -> Result<SurfaceMaterial> {
+/// [0, 1]; patches and marks are added on top. A grain takes a quarter of the height and tints.
+pub fn bark(spec: &BarkSpec, grain: Option<&Grain>, name: &str) -> Result<SurfaceMaterial> {
     spec.check()?;
     let tables = Tables::new(spec);
     let side = spec.side as usize;
     let rows: Vec<usize> = (0..side).collect();
-    let samples = par_map(&rows, |&row| sample_row(spec, &tables, row));
+    let samples = par_map(&rows, |&row| sample_row(spec, (&tables, grain), row));
     let heights = stretched(&samples);
     let step = spec.depth / (spec.tile / spec.side as f32);
     let normals = pixels::normals16(&heights, side, [step, step]);
@@ -89,13 +102,21 @@ pub fn bark(spec: &BarkSpec, name: &str) -> Result<SurfaceMaterial> {
     Ok(SurfaceMaterial { material, images })
 }
 
-fn sample_row(spec: &BarkSpec, t: &Tables, row: usize) -> Vec<Sample> {
+fn sample_row(spec: &BarkSpec, (t, grain): (&Tables, Option<&Grain>), row: usize) -> Vec<Sample> {
     let xs = middles(spec.side);
     let y = 1.0 - (row as f32 + 0.5) / spec.side as f32;
     let [a, b] = [&t.warp[0], &t.warp[1]].map(|noise| noise.row(&xs, y));
     let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.row(&xs, y));
     let straight = |i: usize| Straight { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
-    xs.iter().enumerate().map(|(i, x)| sample(spec, t, [*x, y], &straight(i))).collect()
+    let one = |(i, x): (usize, &f32)| {
+        let bare = sample(spec, t, [*x, y], &straight(i));
+        let at = |g: &Grain| g.at(AROUND * x + 0.05 * straight(i).warp[0], y + 0.12 * straight(i).warp[1]);
+        match grain {
+            Some(g) => bare.grained(at(g)),
+            None => bare,
+        }
+    };
+    xs.iter().enumerate().map(one).collect()
 }
 
 /// The noises that are looked up where the pixel is, not where the warp sends it.
@@ -165,6 +186,7 @@ mod tests {
             ("birch", BarkSpec::birch()),
             ("poplar", BarkSpec::poplar()),
             ("shoot", BarkSpec::shoot()),
+            ("culm", BarkSpec::culm()),
         ]
     }
 
@@ -187,7 +209,7 @@ mod tests {
                     assert!(d < 1.0 / 255.0, "{name}: {d} at {v}");
                 }
             }
-            let set = bark(&BarkSpec { side: 256, ..spec }, name).expect("maps");
+            let set = bark(&BarkSpec { side: 256, ..spec }, None, name).expect("maps");
             assert_eq!(set.images.len(), 4);
             let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
             let (low, high) = (h.iter().min().expect("some"), h.iter().max().expect("some"));
@@ -200,19 +222,36 @@ mod tests {
     }
 
     #[test]
+    fn a_grain_repeats_and_shows_in_height_and_tint() {
+        let grain = Grain { side: 2, values: vec![0.0, 1.0, 1.0, 0.0] };
+        assert!((grain.at(0.25, 0.75) - 0.0).abs() < 1e-6 && (grain.at(0.75, 0.75) - 1.0).abs() < 1e-6);
+        assert!((grain.at(0.1, 0.3) - grain.at(1.1, -0.7)).abs() < 1e-5);
+        let grain = Grain { side: 2, values: vec![0.0, 0.0, 1.0, 1.0] };
+        let spec = BarkSpec { side: 64, ..BarkSpec::culm() };
+        let lower_half = |grain: Option<&Grain>| {
+            let set = bark(&spec, grain, "x").expect("maps");
+            let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
+            let sum = |half: &[u16]| half.iter().map(|h| f64::from(*h)).sum::<f64>();
+            (sum(&h[2048..]) - sum(&h[..2048])) / 2048.0
+        };
+        let (with, without) = (lower_half(Some(&grain)), lower_half(None));
+        assert!(with > without + 5000.0, "{with} {without}");
+    }
+
+    #[test]
     fn registering_moves_the_maps() {
         let spec = BarkSpec { side: 16, ..BarkSpec::shoot() };
         let (mut images, mut materials) = (Vec::new(), Vec::new());
-        bark(&spec, "a").expect("a").register(&mut images, &mut materials);
-        assert_eq!(bark(&spec, "b").expect("b").register(&mut images, &mut materials), 1);
+        bark(&spec, None, "a").expect("a").register(&mut images, &mut materials);
+        assert_eq!(bark(&spec, None, "b").expect("b").register(&mut images, &mut materials), 1);
         assert_eq!((images.len(), materials[1].maps.color, materials[1].maps.height), (8, Some(4), Some(7)));
         assert_eq!(images[4].name, "b_color");
     }
 
     #[test]
     fn values_out_of_range_are_named() {
-        let e = bark(&BarkSpec { side: 1000, ..BarkSpec::birch() }, "x").expect_err("no power of two");
+        let e = bark(&BarkSpec { side: 1000, ..BarkSpec::birch() }, None, "x").expect_err("no power of two");
         assert!(e.to_string().contains("power of two"), "{e}");
-        assert!(bark(&BarkSpec { gap: 0.0, ..BarkSpec::birch() }, "x").is_err());
+        assert!(bark(&BarkSpec { gap: 0.0, ..BarkSpec::birch() }, None, "x").is_err());
     }
 }

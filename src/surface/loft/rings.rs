@@ -41,6 +41,8 @@ const TAPER: f32 = 0.1;
 const SPACING: f32 = 12.0;
 /// ... and the tube stays nearer to the centreline than this share of its radius, so that branches and leaves meet it.
 const SAG: f32 = 0.15;
+/// ... and is nowhere thicker or thinner than the axis by more than this share.
+const SWELL: f32 = 0.1;
 /// Rings nearer than this many radii to the last one are dropped, but for the last of all.
 const CLOSE: f32 = 0.25;
 
@@ -149,7 +151,7 @@ fn select((knots, tangents): (&[Knot], &[Vec3]), turn: f32, fixed: bool, out: &m
             let gap = k.s - l.s;
             let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > SPACING * l.r;
             let close = if fixed && out.len() == start + 1 { 1.0 } else { CLOSE };
-            let sags = || sags(l, &knots[skipped..=i + 1]);
+            let sags = || sags(l, &knots[skipped..=i + 1]) || swells(l, &knots[skipped..=i + 1]);
             i == last || gap > close * l.r && (changed || sags())
         });
         if !wanted {
@@ -170,6 +172,14 @@ fn sags(from: Knot, knots: &[Knot]) -> bool {
     let Some((to, between)) = knots.split_last() else { return false };
     let along = math::normalize_or(to.p - from.p, Vec3::Y);
     between.iter().any(|k| (k.p - from.p).reject_from_normalized(along).length_squared() > (SAG * k.r) * (SAG * k.r))
+}
+
+/// Whether a tube that tapers evenly from `from` to the last of the knots is thicker or thinner than any of the others
+/// by a share of [`SWELL`]: the rings of a culm's node stand where they belong.
+fn swells(from: Knot, knots: &[Knot]) -> bool {
+    let Some((to, between)) = knots.split_last() else { return false };
+    let span = (to.s - from.s).max(1e-9);
+    between.iter().any(|k| (k.r - math::lerp(from.r, to.r, (k.s - from.s) / span)).abs() > SWELL * k.r)
 }
 
 /// Whether a corner of ring `b` lies behind its twin on ring `a`, seen along the mean of their normals.

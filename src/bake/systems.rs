@@ -1,0 +1,29 @@
+//! The coefficient tables of a recipe, to be written again.
+
+use crate::ifs::View;
+use crate::ifs::weights::probabilities;
+use crate::ifs::write::{Item, squashed};
+use crate::recipe::{CloudRecipe, Growth, Recipe};
+
+/// All attractors and table-grown trees of a recipe, in its order; trees with their trunk as a map.
+pub fn systems(recipe: &Recipe) -> Vec<Item> {
+    let trees = recipe.plants.iter().filter_map(|p| match &p.growth {
+        Growth::Ifs(stems, _) => Some(squashed(stems)),
+        Growth::Grammar(_) => None,
+    });
+    recipe.clouds.iter().map(cloud).chain(trees).collect()
+}
+
+fn cloud(recipe: &CloudRecipe) -> Item {
+    let system = &recipe.system;
+    let (low, high) = if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds };
+    let (size, middle) = (high - low, (low + high) * 0.5);
+    let view = View {
+        center: [middle.x, middle.y],
+        width: 1.06 * size.x.max(size.y).max(1e-9),
+        rotate: 0.0,
+        aspect: 1.0,
+        background: [0.0; 3],
+    };
+    Item { system: system.clone(), weights: probabilities(system, recipe.rule).0, view: Some(view) }
+}
