@@ -46,7 +46,7 @@ pub fn leaves(
         holes: keys.holes,
         ..Spec::default()
     };
-    let made = leaf::leaf(table, &spec).map_err(told)?;
+    let made = leaf::leaf(table, &spec).map_err(|d| told(*d))?;
     let size = keys.size.unwrap_or(SIZE);
     let (material, images) = surface(&made, keys, &format!("{plant}_{name}"), size);
     let id = look.add(material, images);
@@ -74,13 +74,13 @@ pub fn leaves(
 /// `Input` for a system without attractor (I023).
 pub fn grain(table: &Ifs, side: u32) -> Result<Grain> {
     let side = (side as usize).min(CELLS);
-    Ok(Grain { side, values: tile(table, side).map_err(told)? })
+    Ok(Grain { side, values: tile(table, side).map_err(|d| told(*d))? })
 }
 
 /// The table was read and judged before; what is left to say names it.
-fn told(d: Box<Diagnostic>) -> Error {
+fn told(d: Diagnostic) -> Error {
     let mut report = Report::default();
-    report.push(Diagnostic { labels: Vec::new(), ..*d });
+    report.push(Diagnostic { labels: Vec::new(), ..d });
     Error::Input(Box::new(report))
 }
 

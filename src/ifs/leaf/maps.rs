@@ -103,7 +103,7 @@ fn pixel(
         _ => 1.03,
     };
     // Distances of whole pixels make stairs; their mean over the neighbours crosses one half where the margin runs.
-    let alpha = (0.5 + 0.6 * margin).clamp(0.0, 1.0);
+    let alpha = (0.5 + margin).clamp(0.0, 1.0);
     let dome = if sd > 0.0 { 1.0 - exp_f32(-sd / (0.04 * side)) } else { 0.0 };
     // Veins are sunk on the upper side; thin hits ripple the blade between them.
     let height = if sd > 0.0 { (0.75 * dome + 0.25 * share * wide - 0.22 * rib).clamp(0.0, 1.0) } else { 0.0 };
