@@ -105,7 +105,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
 }
 
 fn row(what: &str, scene: &Scene, side: u32, quality: Quality) {
-    let looks = Looks::new(scene, 1024);
+    let looks = Looks::new(scene, quality);
     let start = Instant::now();
     let world = World::new(scene, None, &looks);
     let built = start.elapsed().as_secs_f64();
@@ -113,9 +113,8 @@ fn row(what: &str, scene: &Scene, side: u32, quality: Quality) {
     let shot = Shot {
         camera: subject.camera(View::Portrait, 1.0, 0.6),
         size: [side, side],
-        quality,
         light: Light::new(&scene.sun, &scene.sky),
-        backdrop: Backdrop::Studio { floor: -1.1 },
+        backdrop: Backdrop::Studio { floor: Some(-1.1) },
         seed: 0,
     };
     let start = Instant::now();

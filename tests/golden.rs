@@ -24,7 +24,7 @@ fn folder() -> PathBuf {
 }
 
 fn draw(scene: &Scene, frame: Option<&Frame>, own_camera: bool, size: [u32; 2]) -> Picture {
-    let looks = Looks::new(scene, 256);
+    let looks = Looks::new(scene, Quality::Normal);
     let world = World::new(scene, frame, &looks);
     let subject = Subject::of(scene, frame);
     #[allow(clippy::cast_precision_loss, reason = "small pictures")]
@@ -32,9 +32,8 @@ fn draw(scene: &Scene, frame: Option<&Frame>, own_camera: bool, size: [u32; 2]) 
     let shot = Shot {
         camera: if own_camera { scene.camera } else { subject.camera(View::Portrait, aspect, scene.camera.vfov) },
         size,
-        quality: Quality::Normal,
         light: Light::new(&scene.sun, &scene.sky),
-        backdrop: if own_camera { Backdrop::Sky } else { Backdrop::Studio { floor: subject.bounds.min.y } },
+        backdrop: if own_camera { Backdrop::Sky } else { Backdrop::Studio { floor: Some(subject.bounds.min.y) } },
         seed: 0,
     };
     expose(&world, &shot, &Cancel::default(), &Silent).expect("picture")
@@ -76,7 +75,7 @@ fn difference(a: &Picture, b: &Picture) -> Picture {
 fn judge(name: &str, actual: &Picture) -> Option<String> {
     let path = folder().join(format!("{name}.png"));
     if std::env::var("OSIER_BLESS").is_ok_and(|v| v == "1") {
-        std::fs::write(&path, actual.png(&[]).expect("png")).expect("write");
+        std::fs::write(&path, actual.png(&[], false).expect("png")).expect("write");
         return Some(format!("{name}: blessed; look at {}", path.display()));
     }
     let expected = match kept(&path) {
@@ -97,7 +96,7 @@ fn judge(name: &str, actual: &Picture) -> Option<String> {
     let strip = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/golden-diff");
     std::fs::create_dir_all(&strip).expect("folder");
     let strip = strip.join(format!("{name}.png"));
-    std::fs::write(&strip, sheet(name, "", &cells, 3).png(&[]).expect("png")).expect("write");
+    std::fs::write(&strip, sheet(name, "", &cells, 3).png(&[], false).expect("png")).expect("write");
     Some(format!("{name}: a channel differs by {worst}; see {}", strip.display()))
 }
 

@@ -28,12 +28,11 @@ const SIZE: [u32; 2] = [640, 480];
 
 /// Where things are, as the preview sees it: one look through the middle of each pixel.
 fn ours(scene: &Scene, frame: Option<&Frame>) -> Vec<bool> {
-    let looks = Looks::new(scene, 256);
+    let looks = Looks::new(scene, Quality::Draft);
     let world = World::new(scene, frame, &looks);
     let shot = Shot {
         camera: scene.camera,
         size: SIZE,
-        quality: Quality::Draft,
         light: Light::new(&scene.sun, &scene.sky),
         backdrop: Backdrop::Clear { floor: None },
         seed: 0,

@@ -181,7 +181,7 @@ pub struct Preview {
 /// Values of `--quality`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum QualityArg {
-    /// One look a pixel: for shapes.
+    /// A glance in half a second or so: for shapes.
     Draft,
     /// For every day.
     Normal,

@@ -11,10 +11,10 @@ use super::world::World;
 pub enum Backdrop {
     /// The scene's sky, down to and below the horizon.
     Sky,
-    /// A bright sweep of paper that takes shadows. `floor`: its height, m.
+    /// A bright sweep of paper that takes shadows.
     Studio {
-        /// Height of the paper, m.
-        floor: f32,
+        /// Height of the paper, m; none where nothing stands on it.
+        floor: Option<f32>,
     },
     /// One linear colour, with the shadows on a floor if there is one.
     Plain {
@@ -32,11 +32,10 @@ pub enum Backdrop {
 
 impl Backdrop {
     /// Height of the floor, if the picture shows one.
-    pub(super) fn floor(&self, world: &World<'_>, _light: &Light) -> Option<f32> {
+    pub(super) fn floor(&self, world: &World<'_>) -> Option<f32> {
         let floor = match *self {
             Self::Sky => None,
-            Self::Studio { floor } => Some(floor),
-            Self::Plain { floor, .. } | Self::Clear { floor } => floor,
+            Self::Studio { floor } | Self::Plain { floor, .. } | Self::Clear { floor } => floor,
         };
         floor.filter(|y| y.is_finite() && !world.bounds.is_empty())
     }

@@ -5,6 +5,7 @@ use std::io::Write;
 use color_quant::NeuQuant;
 
 use super::picture::Picture;
+use crate::export::GENERATOR;
 use crate::{Error, Result};
 
 /// How a clip is stored.
@@ -57,12 +58,7 @@ impl<W: Write> ClipWriter<W> {
                 encoder.set_repeat(gif::Repeat::Infinite).map_err(failed)?;
                 let delay =
                     u16::try_from((100 * u64::from(base) + u64::from(rate) / 2) / u64::from(rate)).unwrap_or(u16::MAX);
-                encoder
-                    .write_raw_extension(
-                        gif::AnyExtension(0xFE),
-                        &[concat!("osier ", env!("CARGO_PKG_VERSION")).as_bytes()],
-                    )
-                    .map_err(failed)?;
+                encoder.write_raw_extension(gif::AnyExtension(0xFE), &[GENERATOR.as_bytes()]).map_err(failed)?;
                 Kind::Gif { encoder: Box::new(encoder), palette: None, delay: delay.max(2) }
             }
             ClipFormat::Apng => {
@@ -70,9 +66,7 @@ impl<W: Write> ClipWriter<W> {
                 encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
                 encoder.set_depth(png::BitDepth::Eight);
                 encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-                encoder
-                    .add_text_chunk("Software".into(), concat!("osier ", env!("CARGO_PKG_VERSION")).into())
-                    .map_err(failed)?;
+                encoder.add_text_chunk("Software".into(), GENERATOR.into()).map_err(failed)?;
                 encoder.set_animated(frames.max(1), 0).map_err(failed)?;
                 let (rate, base) = if rate > 65_535 || base > 65_535 { (rate / base, 1) } else { (rate, base) };
                 let short = |n: u32| u16::try_from(n).unwrap_or(u16::MAX);

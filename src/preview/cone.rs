@@ -56,7 +56,13 @@ impl RoundCone {
         let qb = slant * m3 - m1 * m2 + m2 * narrowing * ra;
         let qc = slant * w.length_squared() - m1 * m1 + m1 * narrowing * ra * 2.0 - length2 * ra * ra;
         let h = qb * qb - qa * qc;
-        let side = (h >= 0.0 && qa > 0.0).then(|| (-crate::math::sqrt_f32(h) - qb) / qa).filter(|t| {
+        // The same root in two forms, each without a difference of equals. A ray within the opening of a cone (qa < 0) enters
+        // it once.
+        let root = |h: f32| {
+            let s = crate::math::sqrt_f32(h);
+            if qb < 0.0 { qc / (s - qb) } else { (-s - qb) / qa }
+        };
+        let side = (h >= 0.0 && qa != 0.0).then(|| root(h)).filter(|t| {
             let y = m1 - ra * narrowing + t * m2;
             y > 0.0 && y < slant
         });
@@ -92,6 +98,17 @@ mod tests {
 
     fn vector() -> impl Strategy<Value = Vec3> {
         [-1.0_f32..1.0, -1.0_f32..1.0, -1.0_f32..1.0].prop_map(Vec3::from_array)
+    }
+
+    #[test]
+    fn a_ray_along_a_widening_cone_enters_by_its_side() {
+        let ends = [Vec3::new(-0.424_860_7, -0.179_997_89, 0.0), Vec3::new(0.0, -0.193_865_58, 0.781_311_2)];
+        let cone = RoundCone::new(ends, [0.05, 0.355_807_87]);
+        let d = Vec3::new(0.511_563_3, 0.0, 0.801_616_1);
+        let target = ends[0].lerp(ends[1], 0.4) + Vec3::Z * 0.105_383_715;
+        let ray = Ray::new(Vec3A::from(target - d * 8.0 / d.length()), Vec3A::from(d), 0.0, f32::INFINITY);
+        let p = Vec3::from(ray.origin) + d * cone.meet(&ray).expect("it is met");
+        assert!(distance(&cone, p).abs() < 2e-4, "distance {}", distance(&cone, p));
     }
 
     proptest! {

@@ -3,11 +3,12 @@
 use glam::Vec3;
 
 use super::backdrop::Backdrop;
-use super::light::{Care, Draw, Light};
+use super::light::{Draw, Light};
 use super::picture::Picture;
+use super::quality::Quality;
 use super::sampler::Sampler;
 use super::tone::{encode, film};
-use super::world::World;
+use super::world::{World, ray};
 use crate::par::par_map;
 use crate::progress::{Cancel, Progress};
 use crate::scene::Camera;
@@ -16,54 +17,6 @@ use crate::{Error, Result, math};
 /// Pixels along the side of a tile.
 const TILE: u32 = 16;
 
-/// How much work goes into a picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quality {
-    /// One look: to see the shape.
-    Draft,
-    /// For contact sheets and everyday use.
-    Normal,
-    /// For keeping.
-    Fine,
-}
-
-impl Quality {
-    /// Samples for every pixel of a crowded picture on average: what covers little may have more.
-    fn budget(self) -> f32 {
-        match self {
-            Self::Draft => 1.0,
-            Self::Normal => 3.0,
-            Self::Fine => f32::INFINITY,
-        }
-    }
-
-    /// Fewest and most samples a pixel, and the disagreement of shown values that asks for more.
-    fn samples(self) -> (u32, u32, f32) {
-        match self {
-            Self::Draft => (1, 1, 1.0),
-            Self::Normal => (3, 24, 0.05),
-            Self::Fine => (32, 192, 0.008),
-        }
-    }
-
-    fn care(self) -> Care {
-        match self {
-            Self::Draft => Care::Sun,
-            Self::Normal => Care::Sky,
-            Self::Fine => Care::Around,
-        }
-    }
-
-    /// Widest picture on a surface that is read in full, pixels.
-    pub fn texture_side(self) -> u32 {
-        match self {
-            Self::Draft => 256,
-            Self::Normal => 512,
-            Self::Fine => 4096,
-        }
-    }
-}
-
 /// One picture to take.
 #[derive(Debug, Clone, Copy)]
 pub struct Shot {
@@ -71,8 +24,6 @@ pub struct Shot {
     pub camera: Camera,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// How well.
-    pub quality: Quality,
     /// Light.
     pub light: Light,
     /// What lies behind and below.
@@ -106,6 +57,21 @@ impl Pixel {
         self.samples += 1;
     }
 
+    /// Samples that met something.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
+    fn count(&self) -> u32 {
+        (self.met[0] + self.met[1]) as u32
+    }
+
+    fn add(&mut self, other: &Self) {
+        for i in 0..2 {
+            self.halves[i] += other.halves[i];
+            self.met[i] += other.met[i];
+            self.floor[i] += other.floor[i];
+        }
+        self.samples += other.samples;
+    }
+
     /// Shown colour of what was met and how much of the pixel it covers; brightness of the floor where nothing was met.
     fn develop(&self, halves: std::ops::Range<usize>) -> (Vec3, f32, f32) {
         let sum = |f: fn(&Self, usize) -> f32| halves.clone().fold(0.0, |s, i| s + f(self, i));
@@ -137,7 +103,7 @@ enum Seen {
 
 /// Takes a picture.
 /// # Errors
-/// `Cancelled`; `Range` for a size of zero or a camera that is not finite.
+/// `Cancelled`; `Range` for a size of zero; P002 for a camera that is not finite.
 pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Progress) -> Result<Picture> {
     let [width, height] = shot.size;
     if width == 0 || height == 0 {
@@ -157,11 +123,13 @@ pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Pr
     for y in (0..height).step_by(TILE as usize) {
         tiles.extend((0..width).step_by(TILE as usize).map(|x| [x, y]));
     }
-    let floor = shot.backdrop.floor(world, &shot.light);
+    let floor = shot.backdrop.floor(world);
     let most = most_samples(world, shot, &lens);
     let develop = |corner: &[u32; 2]| {
         cancel.check()?;
-        let pixels = tile(world, shot, (&lens, floor, most), *corner);
+        let [w, h] = [0, 1].map(|k| TILE.min(shot.size[k] - corner[k]) as usize);
+        let tile = Tile { world, shot, lens: &lens, floor, corner: *corner, grid: Grid { w, h } };
+        let pixels = tile.developed(most);
         progress.advance(1);
         Ok(pixels)
     };
@@ -179,83 +147,166 @@ pub fn tiles([width, height]: [u32; 2]) -> u64 {
 }
 
 /// Samples that a pixel in doubt may have: the fewer things are in the picture, the more.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two small numbers")]
 fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
     const STEP: u32 = 12;
-    let (fewest, most, _) = shot.quality.samples();
+    let (fewest, most, _) = world.looks.quality.samples();
+    if fewest == most {
+        return most;
+    }
     let (mut looks, mut met) = (0.0_f32, 0.0_f32);
     for y in (0..shot.size[1]).step_by(STEP as usize) {
         for x in (0..shot.size[0]).step_by(STEP as usize) {
-            let look = super::world::ray(lens.eye, lens.direction([x, y], [0.5, 0.5]), [0.0, f32::INFINITY]);
+            let look = ray(lens.eye, lens.direction([x, y], [0.5, 0.5]), [0.0, f32::INFINITY]);
             looks += 1.0;
             met += f32::from(u8::from(!world.lets_by(look)));
         }
     }
-    let each = shot.quality.budget() * looks / met.max(1.0);
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two small numbers")]
-    let each = each.clamp(fewest as f32, most as f32) as u32;
-    each
+    let each = world.looks.quality.budget() * looks / met.max(1.0);
+    each.clamp(fewest as f32, most as f32) as u32
 }
 
-fn tile(
-    world: &World<'_>,
-    shot: &Shot,
-    (lens, floor, most): (&Lens, Option<f32>, u32),
+/// A block of pixels at work.
+struct Tile<'t, 'w> {
+    world: &'t World<'w>,
+    shot: &'t Shot,
+    lens: &'t Lens,
+    /// Height of the floor.
+    floor: Option<f32>,
+    /// Upper left pixel.
     corner: [u32; 2],
-) -> Vec<[u8; 4]> {
-    let [width, height] = shot.size;
-    let (w, h) = (TILE.min(width - corner[0]), TILE.min(height - corner[1]));
-    let mut pixels = vec![Pixel::default(); (w * h) as usize];
-    let (fewest, _, limit) = shot.quality.samples();
-    let mut wanted = vec![true; pixels.len()];
-    let mut goal = fewest;
-    loop {
-        for (i, pixel) in (0_u32..).zip(&mut pixels).filter(|(i, _)| wanted[*i as usize]) {
-            let place = [corner[0] + i % w, corner[1] + i / w];
-            let sampler = Sampler::new(place[1].wrapping_mul(width).wrapping_add(place[0]), shot.seed);
-            while pixel.samples < goal {
-                let seen = look(world, shot, (lens, floor), (&sampler, place, pixel.samples));
-                pixel.take(seen);
-            }
-        }
-        if goal >= most {
-            break;
-        }
-        goal = (goal * 2).min(most);
-        wanted = doubtful(&pixels, w, limit);
+    grid: Grid,
+}
+
+impl Tile<'_, '_> {
+    /// Place in the picture of a pixel.
+    #[allow(clippy::cast_possible_truncation, reason = "a tile's pixels")]
+    fn place(&self, i: usize) -> [u32; 2] {
+        [self.corner[0] + (i % self.grid.w) as u32, self.corner[1] + (i / self.grid.w) as u32]
     }
-    let mut developed: Vec<(Vec3, f32, f32)> = pixels.iter().map(|p| p.develop(0..2)).collect();
-    calm(&mut developed, w as usize);
-    let shown = |(i, (color, share, open)): (u32, (Vec3, f32, f32))| {
-        let place = [corner[0] + i % w, corner[1] + i / w];
-        let (behind, covered) = shot.backdrop.behind(lens.direction(place, [0.5, 0.5]), lens.place(place), &shot.light);
-        let hidden = 1.0 - share;
-        match covered {
-            true => encode(color * share + behind * open.min(1.0) * hidden, 1.0),
-            false => {
-                let shade = (1.0 - open).clamp(0.0, 1.0) * hidden;
-                let alpha = share + shade;
-                encode(if alpha > 0.0 { color * (share / alpha) } else { Vec3::ZERO }, alpha)
-            }
+
+    /// Adds looks through a pixel until it has `goal`.
+    fn expose(&self, pixel: &mut Pixel, i: usize, goal: u32) {
+        let place = self.place(i);
+        let number = place[1].wrapping_mul(self.shot.size[0]).wrapping_add(place[0]);
+        let sampler = Sampler::new(number, self.shot.seed);
+        while pixel.samples < goal {
+            let seen = look(self.world, self.shot, (self.lens, self.floor), (&sampler, place, pixel.samples));
+            pixel.take(seen);
         }
-    };
-    (0_u32..).zip(developed).map(shown).collect()
+    }
+
+    /// True if nothing stands between the lens and the floor or the sky.
+    fn is_open(&self, i: usize) -> bool {
+        let (direction, sheet) = aim(self.lens, self.floor, self.place(i), [0.5, 0.5]);
+        self.world.lets_by(ray(self.lens.eye, direction, [0.0, sheet.unwrap_or(f32::INFINITY)]))
+    }
+
+    /// Looks until no pixel is in doubt, at most `most` times through each.
+    fn looked(&self, most: u32) -> Vec<Pixel> {
+        let mut pixels = vec![Pixel::default(); self.grid.len()];
+        let (fewest, _, limit) = self.world.looks.quality.samples();
+        let mut wanted = vec![true; pixels.len()];
+        let mut goal = fewest;
+        loop {
+            for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| wanted[*i]) {
+                self.expose(pixel, i, goal);
+            }
+            if goal >= most {
+                return pixels;
+            }
+            goal = (goal * 2).min(most);
+            wanted = doubtful(&pixels, self.grid, limit);
+        }
+    }
+
+    /// One look for a pixel of four.
+    fn glanced(&self) -> Vec<Pixel> {
+        let mut pixels = vec![Pixel::default(); self.grid.len()];
+        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| self.place(*i).iter().all(|v| v % 2 == 0)) {
+            self.expose(pixel, i, 1);
+        }
+        fill(&mut pixels, self.grid, |[across, down]| across && down, |i| self.is_open(i));
+        fill(&mut pixels, self.grid, |[across, down]| across != down, |i| self.is_open(i));
+        pixels
+    }
+
+    /// The finished pixels.
+    fn developed(&self, most: u32) -> Vec<[u8; 4]> {
+        let sparse = self.world.looks.quality.is_sparse(self.shot.size);
+        let pixels = if sparse { self.glanced() } else { self.looked(most) };
+        let mut developed: Vec<(Vec3, f32, f32)> = pixels.iter().map(|p| p.develop(0..2)).collect();
+        if !sparse {
+            calm(&mut developed, self.grid);
+        }
+        developed.into_iter().enumerate().map(|(i, d)| self.shown(i, d)).collect()
+    }
+
+    /// A pixel before its background.
+    fn shown(&self, i: usize, (color, share, open): (Vec3, f32, f32)) -> [u8; 4] {
+        let place = self.place(i);
+        let direction = self.lens.direction(place, [0.5, 0.5]);
+        let (behind, covered) = self.shot.backdrop.behind(direction, self.lens.place(place), &self.shot.light);
+        let hidden = 1.0 - share;
+        if covered {
+            return encode(color * share + behind * open.min(1.0) * hidden, 1.0);
+        }
+        let shade = (1.0 - open).clamp(0.0, 1.0) * hidden;
+        let alpha = share + shade;
+        encode(if alpha > 0.0 { color * (share / alpha) } else { Vec3::ZERO }, alpha)
+    }
+}
+
+/// Width and height of a tile, pixels.
+#[derive(Debug, Clone, Copy)]
+struct Grid {
+    w: usize,
+    h: usize,
+}
+
+impl Grid {
+    fn len(self) -> usize {
+        self.w * self.h
+    }
+
+    /// A pixel and all that touch it, each with the step that leads there.
+    fn around(self, i: usize) -> impl Iterator<Item = (Step, usize)> {
+        let (x, y) = (i % self.w, i / self.w);
+        let columns = x.saturating_sub(1)..=(x + 1).min(self.w - 1);
+        let rows = y.saturating_sub(1)..=(y + 1).min(self.h - 1);
+        rows.flat_map(move |v| columns.clone().map(move |u| ([u != x, v != y], v * self.w + u)))
+    }
+}
+
+/// Whether a step goes to another column, and to another row.
+type Step = [bool; 2];
+
+/// Gives pixels that were left out what the pixels near them have. Where those disagree whether anything is there, `is_open`
+/// tells, so outlines stay as sharp as with a look for every pixel.
+fn fill(pixels: &mut [Pixel], grid: Grid, near: impl Fn(Step) -> bool, is_open: impl Fn(usize) -> bool) {
+    let before = pixels.to_vec();
+    for (i, pixel) in pixels.iter_mut().enumerate().filter(|(_, p)| p.samples == 0) {
+        let mut sum = Pixel::default();
+        grid.around(i).filter(|(step, _)| near(*step)).for_each(|(_, k)| sum.add(&before[k]));
+        let met = sum.count();
+        *pixel = match sum.samples - met {
+            0 => sum,
+            open if met == 0 || is_open(i) => Pixel { floor: sum.floor, samples: open, ..Pixel::default() },
+            _ => Pixel { halves: sum.halves, met: sum.met, samples: met, ..Pixel::default() },
+        };
+    }
 }
 
 /// Takes back single specks: where a pixel and all its neighbours are wholly covered or wholly open, it stays within their
 /// range. Few samples cannot tell a rare shadow from noise, the neighbours can.
-fn calm(pixels: &mut [(Vec3, f32, f32)], w: usize) {
+fn calm(pixels: &mut [(Vec3, f32, f32)], grid: Grid) {
     let before = pixels.to_vec();
-    let h = before.len() / w.max(1);
     for (i, pixel) in pixels.iter_mut().enumerate() {
-        let (x, y) = (i % w, i / w);
-        let around = (y.saturating_sub(1)..=(y + 1).min(h - 1))
-            .flat_map(|v| (x.saturating_sub(1)..=(x + 1).min(w - 1)).map(move |u| v * w + u))
-            .filter(|k| *k != i);
         let own = pixel.1;
         let whole = |k: usize| before[k].1 >= 1.0 && own >= 1.0 || before[k].1 <= 0.0 && own <= 0.0;
         let mut range: Option<[(Vec3, f32); 2]> = None;
         let mut alike = true;
-        for k in around {
+        for (_, k) in grid.around(i).filter(|(_, k)| *k != i) {
             alike &= whole(k);
             let (c, o) = (before[k].0, before[k].2);
             let [lo, hi] = range.unwrap_or([(c, o); 2]);
@@ -269,22 +320,19 @@ fn calm(pixels: &mut [(Vec3, f32, f32)], w: usize) {
 }
 
 /// Which pixels want more samples: those that are in doubt, or whose neighbours are.
-fn doubtful(pixels: &[Pixel], w: u32, limit: f32) -> Vec<bool> {
+fn doubtful(pixels: &[Pixel], grid: Grid, limit: f32) -> Vec<bool> {
     let doubts: Vec<f32> = pixels.iter().map(Pixel::doubt).collect();
-    let w = w as usize;
-    let h = pixels.len() / w.max(1);
     let mean = |i: usize| {
-        let (x, y) = (i % w, i / w);
-        let (mut sum, mut n) = (0.0, 0.0);
-        for v in y.saturating_sub(1)..=(y + 1).min(h - 1) {
-            for u in x.saturating_sub(1)..=(x + 1).min(w - 1) {
-                sum += doubts[v * w + u];
-                n += 1.0;
-            }
-        }
+        let (sum, n) = grid.around(i).fold((0.0, 0.0), |(sum, n), (_, k)| (sum + doubts[k], n + 1.0));
         sum / n
     };
     (0..pixels.len()).map(|i| mean(i) > limit).collect()
+}
+
+/// Where a look goes, and how far it is to the floor. `inside`: place in the pixel.
+fn aim(lens: &Lens, floor: Option<f32>, place: [u32; 2], inside: [f32; 2]) -> (Vec3, Option<f32>) {
+    let direction = lens.direction(place, inside);
+    (direction, floor.map(|y| (y - lens.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite()))
 }
 
 fn look(
@@ -293,10 +341,9 @@ fn look(
     (lens, floor): (&Lens, Option<f32>),
     (sampler, place, index): (&Sampler, [u32; 2], u32),
 ) -> Seen {
-    let inside = if shot.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
-    let direction = lens.direction(place, inside);
-    let draw = Draw { sampler, index, spread: lens.spread, care: shot.quality.care() };
-    let sheet = floor.map(|y| (y - lens.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite());
+    let inside = if world.looks.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
+    let (direction, sheet) = aim(lens, floor, place, inside);
+    let draw = Draw { sampler, index, spread: lens.spread, care: world.looks.quality.care() };
     // What goes on below the paper is hidden by it.
     if let Some(light) = world.radiance(&shot.light, (lens.eye, direction), sheet.unwrap_or(f32::INFINITY), &draw) {
         return Seen::Thing(light);

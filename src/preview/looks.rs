@@ -2,6 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
+use super::quality::Quality;
 use super::texture::{Decoder, Texture};
 use crate::par::par_map;
 use crate::scene::{Image, Material, MaterialClass, MaterialId, Scene};
@@ -12,6 +13,8 @@ pub struct Looks {
     materials: Vec<Material>,
     textures: Vec<Option<Texture>>,
     decoder: Decoder,
+    /// How well the pictures are to be.
+    pub(super) quality: Quality,
 }
 
 /// What light meets at a place.
@@ -30,14 +33,15 @@ pub(super) struct Finish {
 }
 
 impl Looks {
-    /// Reads a scene's materials; pictures wider than `side` pixels are read at a smaller size.
-    pub fn new(scene: &Scene, side: u32) -> Self {
+    /// Reads a scene's materials; maps wider than [`Quality::texture_side`] are read at a smaller size.
+    pub fn new(scene: &Scene, quality: Quality) -> Self {
+        let side = quality.texture_side();
         let decoder = Decoder::default();
         let used =
             |i: u32| scene.materials.iter().any(|m| [m.maps.color, m.maps.normal, m.maps.roughness].contains(&Some(i)));
         let wanted: Vec<Option<&Image>> = (0_u32..).zip(&scene.images).map(|(i, m)| used(i).then_some(m)).collect();
         let textures = par_map(&wanted, |image| image.map(|image| Texture::new(image, side, &decoder)));
-        Self { materials: scene.materials.clone(), textures, decoder }
+        Self { materials: scene.materials.clone(), textures, decoder, quality }
     }
 
     fn material(&self, id: MaterialId) -> Option<&Material> {

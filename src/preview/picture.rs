@@ -64,17 +64,17 @@ impl Picture {
         self.pixels.iter().all(|p| p[3] == 255)
     }
 
-    /// As a PNG file. `notes`: text entries, keyword and text.
+    /// As a PNG file. `notes`: text entries, keyword and text; `hurry`: a larger file, sooner.
     /// # Errors
     /// `Export` if it has no pixels.
-    pub fn png(&self, notes: &[(&str, String)]) -> Result<Vec<u8>> {
+    pub fn png(&self, notes: &[(&str, String)], hurry: bool) -> Result<Vec<u8>> {
         let opaque = self.is_opaque();
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
         encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        encoder.set_compression(png::Compression::Balanced);
+        encoder.set_compression(if hurry { png::Compression::Fastest } else { png::Compression::Balanced });
         let failed = |e: png::EncodingError| Error::export("P003", format!("cannot encode a picture: {e}"));
         for (keyword, text) in notes {
             encoder.add_itxt_chunk((*keyword).to_owned(), text.clone()).map_err(failed)?;

@@ -1,4 +1,4 @@
-//! What rays meet: triangles, discs' worth of points as balls, and curves as round cones, each kind with its tree of boxes.
+//! What rays meet: triangles, points as balls, and curves as round cones, each kind with its tree of boxes.
 
 use std::borrow::Cow;
 use std::time::Duration;
@@ -12,11 +12,9 @@ use obvhs::ray::Ray;
 
 use super::cone::RoundCone;
 use super::looks::Looks;
+use super::quality::Quality;
 use crate::par::par_chunks;
 use crate::scene::{Curves, MaterialId, Mesh, Points};
-
-/// Primitives up to which boxes are sorted with more and more care: few are built in no time, and met by many rays.
-const CARE: [usize; 3] = [4_000, 400_000, 1_500_000];
 
 /// Meshes of no more triangles than this have boxes fitted to each showing.
 const HULL: usize = 500;
@@ -66,6 +64,8 @@ pub(super) struct Skin<'a> {
 pub(super) struct Solid<'a> {
     pub(super) kind: Kind<'a>,
     tree: CwBvh,
+    /// Primitives that share one box: neighbours in a mesh lie close together, and fewer boxes are sorted sooner.
+    run: usize,
     /// Some triangles let rays through where a map says so.
     cut: bool,
     /// Corners, for close boxes around showings; empty where they would be too many.
@@ -75,28 +75,29 @@ pub(super) struct Solid<'a> {
 impl<'a> Solid<'a> {
     /// A mesh with its points and normals of the moment.
     pub(super) fn of_mesh(mesh: &'a Mesh, points: &[Vec3], normals: Cow<'a, [Vec3]>, looks: &Looks) -> Self {
-        let faces = faces_of(mesh, points);
-        let tree = tree_of(&faces, |f| {
-            let [a, b, c] = f.corners();
-            [a.min(b).min(c), a.max(b).max(c)]
-        });
-        let faces = arrange(&faces, &tree);
+        let mut faces = faces_of(mesh, points);
+        let run = if faces.len() > HULL { looks.quality.run() } else { 1 };
+        // The last run is filled up with triangles that no ray meets.
+        faces.resize(faces.len().next_multiple_of(run), Face::NOTHING);
+        let runs: Vec<&[Face]> = faces.chunks(run).collect();
+        let tree = tree_of(&runs, looks.quality, |run| Face::bounds(run));
+        let faces: Vec<Face> = arrange(&runs, &tree).concat();
         let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
         let skin = Skin { triangles: &mesh.triangles, normals, uvs: &mesh.uvs, colors: &mesh.colors };
         let hull = if faces.len() <= HULL { faces.iter().flat_map(Face::corners).collect() } else { Vec::new() };
-        Self { kind: Kind::Faces { faces, mesh: skin }, tree, cut, hull }
+        Self { kind: Kind::Faces { faces, mesh: skin }, tree, run, cut, hull }
     }
 
     /// Points as balls; those of no width are not there.
-    pub(super) fn of_points(cloud: &Points, positions: &[Vec3], widths: &[f32]) -> Self {
+    pub(super) fn of_points(cloud: &Points, (positions, widths): (&[Vec3], &[f32]), quality: Quality) -> Self {
         let color = |i: usize| cloud.colors.get(i).copied();
         let seen = positions.iter().zip(widths).enumerate().filter(|(_, (_, w))| **w > 0.0);
         let balls = seen.map(|(i, (p, w))| RoundCone::ball(*p, w * 0.5, color(i))).collect();
-        Self::of_cones(balls, cloud.material)
+        Self::of_cones(balls, cloud.material, quality)
     }
 
     /// Curves as chains of round cones.
-    pub(super) fn of_curves(curves: &Curves, points: &[Vec3]) -> Self {
+    pub(super) fn of_curves(curves: &Curves, points: &[Vec3], quality: Quality) -> Self {
         let mut cones = Vec::with_capacity(points.len());
         let mut first = 0;
         for count in &curves.counts {
@@ -107,13 +108,13 @@ impl<'a> Solid<'a> {
             }
             first = end;
         }
-        Self::of_cones(cones, curves.material)
+        Self::of_cones(cones, curves.material, quality)
     }
 
-    fn of_cones(cones: Vec<RoundCone>, material: MaterialId) -> Self {
-        let tree = tree_of(&cones, RoundCone::bounds);
+    fn of_cones(cones: Vec<RoundCone>, material: MaterialId, quality: Quality) -> Self {
+        let tree = tree_of(&cones, quality, RoundCone::bounds);
         let cones = arrange(&cones, &tree);
-        Self { kind: Kind::Cones { cones, material }, tree, cut: false, hull: Vec::new() }
+        Self { kind: Kind::Cones { cones, material }, tree, run: 1, cut: false, hull: Vec::new() }
     }
 
     /// Box of everything, or none if there is nothing.
@@ -123,9 +124,24 @@ impl<'a> Solid<'a> {
         (!empty).then(|| [Vec3::from(b.min), Vec3::from(b.max)])
     }
 
+    /// False for a ray of the solid's own space that surely passes by: cheaper than to enter the tree, and most rays
+    /// that meet the upright box around a tilted leaf pass by the leaf.
+    #[inline]
+    pub(super) fn is_near(&self, ray: &Ray) -> bool {
+        let b = &self.tree.total_aabb;
+        let slack = (b.max - b.min).max_element() * 1e-3;
+        let (t1, t2) =
+            ((b.min - slack - ray.origin) * ray.inv_direction, (b.max + slack - ray.origin) * ray.inv_direction);
+        let (enter, leave) = (t1.min(t2).max_element().max(ray.tmin), t1.max(t2).min_element().min(ray.tmax));
+        enter <= leave
+    }
+
     /// Number of primitives.
     pub(super) fn len(&self) -> usize {
-        self.tree.primitive_indices.len()
+        match &self.kind {
+            Kind::Faces { mesh, .. } => mesh.triangles.len(),
+            Kind::Cones { cones, .. } => cones.len(),
+        }
     }
 
     /// The nearest meeting within the ray's range.
@@ -162,30 +178,34 @@ impl<'a> Solid<'a> {
         self.tree.ray_traverse_miss(ray, |ray, i| self.meet(ray, i, looks).map_or(f32::INFINITY, |s| s.t))
     }
 
+    /// The nearest meeting with the primitives of box `i`.
     #[inline]
     fn meet(&self, ray: &Ray, i: usize, looks: &Looks) -> Option<Spot> {
-        let primitive = u32::try_from(i).ok()?;
         match &self.kind {
             Kind::Faces { faces, mesh } => {
-                let face = faces.get(i)?;
-                let (t, at) = face.meet(ray)?;
-                if self.cut && looks.is_cut(face.material) {
-                    let uv = mesh.uv(face, at);
-                    if !looks.is_there(face.material, uv) {
-                        return None;
+                let mut best: Option<Spot> = None;
+                for primitive in i * self.run..(i + 1) * self.run {
+                    let face = faces.get(primitive)?;
+                    let Some((t, at)) = face.meet(ray) else { continue };
+                    let there = || !looks.is_cut(face.material) || looks.is_there(face.material, mesh.uv(face, at));
+                    if best.is_none_or(|b| t < b.t) && (!self.cut || there()) {
+                        best = Some(Spot { t, primitive: u32::try_from(primitive).ok()?, at });
                     }
                 }
-                Some(Spot { t, primitive, at })
+                best
             }
             Kind::Cones { cones, .. } => {
                 let t = cones.get(i)?.meet(ray)?;
-                Some(Spot { t, primitive, at: Vec2::ZERO })
+                Some(Spot { t, primitive: u32::try_from(i).ok()?, at: Vec2::ZERO })
             }
         }
     }
 }
 
 impl Face {
+    /// Met by no ray.
+    const NOTHING: Self = Self { a: Vec3::NAN, ab: Vec3::ZERO, ac: Vec3::ZERO, triangle: u32::MAX, material: 0 };
+
     /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", JGT 2(1), 1997.
     #[inline]
     fn meet(&self, ray: &Ray) -> Option<(f32, Vec2)> {
@@ -210,6 +230,13 @@ impl Face {
 
     fn corners(&self) -> [Vec3; 3] {
         [self.a, self.a + self.ab, self.a + self.ac]
+    }
+
+    /// Box around a few.
+    fn bounds(faces: &[Self]) -> [Vec3; 2] {
+        let none = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let seen = faces.iter().filter(|f| f.triangle != Self::NOTHING.triangle);
+        seen.flat_map(Self::corners).fold(none, |[min, max], p| [min.min(p), max.max(p)])
     }
 
     /// Twice the triangle's area times its unit normal; counter-clockwise is outside.
@@ -251,17 +278,18 @@ fn arrange<T: Copy>(list: &[T], tree: &CwBvh) -> Vec<T> {
 }
 
 /// A tree of boxes over primitives.
-pub(super) fn tree_of<T: Sync>(list: &[T], bounds: impl Fn(&T) -> [Vec3; 2] + Sync + Send) -> CwBvh {
+pub(super) fn tree_of<T: Sync>(list: &[T], quality: Quality, bounds: impl Fn(&T) -> [Vec3; 2] + Sync + Send) -> CwBvh {
     if list.is_empty() {
         return CwBvh::default();
     }
     let boxed = |[min, max]: [Vec3; 2]| Aabb::new(Vec3A::from(min), Vec3A::from(max));
     let boxes: Vec<Aabb> =
         par_chunks(list, 1 << 14, |_, c| c.iter().map(|t| boxed(bounds(t))).collect::<Vec<_>>()).concat();
-    let rule = match CARE.iter().position(|n| list.len() <= *n) {
+    let rule = match quality.sorting().iter().position(|n| list.len() <= *n) {
         Some(0) => BvhBuildParams::slow_build(),
         Some(1) => BvhBuildParams::medium_build(),
         Some(_) => BvhBuildParams::fast_build(),
+        None if quality.hurries() => BvhBuildParams::fastest_build(),
         None => BvhBuildParams::very_fast_build(),
     };
     build_cwbvh(&boxes, rule, &mut Duration::default())

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec4};
 
 use crate::math;
 use crate::scene::{Image, ImageKind, Pixels};
-use crate::units::{byte, linear_from_srgb, srgb_from_linear};
+use crate::units::{byte, linear_from_srgb, srgb_byte};
 
 /// One size of a picture, RGBA bytes, row 0 at the top.
 #[derive(Debug)]
@@ -134,7 +134,7 @@ fn halved(level: &Level, color: bool, decoder: &Decoder) -> Level {
                 [texel(2 * x, 2 * y), texel(2 * x + 1, 2 * y), texel(2 * x, 2 * y + 1), texel(2 * x + 1, 2 * y + 1)];
             let alpha = four.iter().fold(0.0, |s, t| s + t.w);
             let sum = four.iter().fold(Vec4::ZERO, |s, t| s + *t * if alpha > 0.0 { t.w / alpha } else { 0.25 });
-            let encode = |c: f32| byte(if color { srgb_from_linear(c) } else { c });
+            let encode = |c: f32| if color { srgb_byte(c) } else { byte(c) };
             texels.push([encode(sum.x), encode(sum.y), encode(sum.z), byte(alpha * 0.25)]);
         }
     }

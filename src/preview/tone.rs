@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::units::{byte, srgb_from_linear};
+use crate::units::{byte, srgb_byte};
 
 /// Factor on all light: a meadow in full sun lies a little above the middle.
 const EXPOSURE: f32 = 1.25;
@@ -27,7 +27,7 @@ fn curve(x: f32) -> f32 {
 
 /// Shown colour and coverage as sRGB bytes with straight alpha.
 pub(super) fn encode(color: Vec3, alpha: f32) -> [u8; 4] {
-    let [r, g, b] = color.to_array().map(|c| byte(srgb_from_linear(c)));
+    let [r, g, b] = color.to_array().map(srgb_byte);
     [r, g, b, byte(alpha)]
 }
 

@@ -60,8 +60,9 @@ impl<'a> World<'a> {
         let there = |job: u32| solids.get(job as usize).is_some_and(|s| s.bounds().is_some());
         let shown = places.iter().filter(|(job, _)| there(*job));
         let showings: Vec<Showing> = shown.filter_map(|(job, m)| Showing::new(*job, *m)).collect();
-        let tree =
-            tree_of(&showings, |s| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid)));
+        let tree = tree_of(&showings, looks.quality, |s| {
+            solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid))
+        });
         let order = |i: &u32| showings.get(*i as usize).copied();
         let showings: Vec<Showing> = tree.primitive_indices.iter().filter_map(order).collect();
         let total = &tree.total_aabb;
@@ -81,8 +82,8 @@ impl<'a> World<'a> {
         let mut best: Option<Hit> = None;
         let mut hit = RayHit::none();
         self.tree.ray_traverse(ray, &mut hit, |ray, i| {
-            let Some((showing, solid)) = self.of(i) else { return f32::INFINITY };
-            match solid.nearest(showing.local(ray), self.looks) {
+            let Some((solid, local)) = self.entered(i, ray) else { return f32::INFINITY };
+            match solid.nearest(local, self.looks) {
                 Some(spot) if spot.t < ray.tmax => {
                     best = u32::try_from(i).ok().map(|showing| Hit { showing, spot });
                     spot.t
@@ -98,8 +99,8 @@ impl<'a> World<'a> {
         let mut found: Option<Hit> = None;
         let mut hit = RayHit::none();
         self.tree.ray_traverse(ray, &mut hit, |ray, i| {
-            let (None, Some((showing, solid))) = (&found, self.of(i)) else { return f32::INFINITY };
-            match solid.any(showing.local(ray), self.looks) {
+            let (None, Some((solid, local))) = (&found, self.entered(i, ray)) else { return f32::INFINITY };
+            match solid.any(local, self.looks) {
                 Some(spot) => {
                     found = u32::try_from(i).ok().map(|showing| Hit { showing, spot });
                     ray.tmin
@@ -112,10 +113,18 @@ impl<'a> World<'a> {
 
     /// True if nothing lies within the ray's range.
     pub(super) fn lets_by(&self, ray: Ray) -> bool {
-        self.tree.ray_traverse_miss(ray, |ray, i| match self.of(i) {
-            Some((showing, solid)) if !solid.lets_by(showing.local(ray), self.looks) => ray.tmin,
+        self.tree.ray_traverse_miss(ray, |ray, i| match self.entered(i, ray) {
+            Some((solid, local)) if !solid.lets_by(local, self.looks) => ray.tmin,
             _ => f32::INFINITY,
         })
+    }
+
+    /// The solid of a showing and the ray in its space, unless the ray passes by.
+    #[inline]
+    fn entered(&self, i: usize, ray: &Ray) -> Option<(&Solid<'a>, Ray)> {
+        let (showing, solid) = self.of(i)?;
+        let local = showing.local(ray);
+        solid.is_near(&local).then_some((solid, local))
     }
 
     #[inline]
@@ -245,10 +254,14 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
             Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), looks)
         }
         Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), looks),
-        Job::Points(cloud, PointsFrame::Same) => Solid::of_points(cloud, &cloud.positions, &cloud.widths),
-        Job::Points(cloud, PointsFrame::State { positions, widths, .. }) => Solid::of_points(cloud, positions, widths),
-        Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points),
-        Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points),
+        Job::Points(cloud, PointsFrame::Same) => {
+            Solid::of_points(cloud, (&cloud.positions, &cloud.widths), looks.quality)
+        }
+        Job::Points(cloud, PointsFrame::State { positions, widths, .. }) => {
+            Solid::of_points(cloud, (positions, widths), looks.quality)
+        }
+        Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, looks.quality),
+        Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points, looks.quality),
     }
 }
 

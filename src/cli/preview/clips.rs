@@ -39,7 +39,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> R
     let own = subject(&loaded, first.as_ref())?;
     let around = if args.turntable.is_some() { own.spun() } else { own.clone() };
     let camera = wish.camera(&loaded, &around);
-    let looks = Looks::new(loaded.scene(), wish.quality.texture_side());
+    let looks = Looks::new(loaded.scene(), wish.quality);
     let count = args.turntable.map_or(numbers.len(), |n| n as usize);
     let fps = if args.turntable.is_some() { TURNS } else { paced(clip.fps, &wish.frames) };
     let target = Target::new(context, args, &loaded.name, "gif")?;

@@ -16,7 +16,7 @@ use crate::Result;
 use crate::bake::Work;
 use crate::export::GENERATOR;
 use crate::fence::{Folder, WriteOptions};
-use crate::preview::Picture;
+use crate::preview::{Picture, Quality};
 use crate::scene::Scene;
 
 /// Runs it.
@@ -73,10 +73,16 @@ impl Target {
     }
 
     /// Writes a picture and names it.
-    fn keep(&self, context: &Context, picture: &Picture, scene: &Scene, about: &str) -> Result<()> {
+    fn keep(
+        &self,
+        context: &Context,
+        (picture, quality): (&Picture, Quality),
+        scene: &Scene,
+        about: &str,
+    ) -> Result<()> {
         let made = format!("scene {}, seed {}", scene.hash, scene.seed);
         let notes = [("Software", GENERATOR.to_owned()), ("Title", about.to_owned()), ("Source", made)];
-        self.folder.write(&self.name, "preview", &picture.png(&notes)?)?;
+        self.folder.write(&self.name, "preview", &picture.png(&notes, quality.hurries())?)?;
         self.tell(context, [picture.width, picture.height], 1)
     }
 

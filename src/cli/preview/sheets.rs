@@ -7,13 +7,18 @@ use super::shots::{self, Wish};
 use super::{Done, Target};
 use crate::bake::Work;
 use crate::par::par_map;
-use crate::preview::{Cell, Looks, Picture, Shot, Subject, World, columns, expose, sheet, sheet_size, tiles};
+use crate::preview::{Cell, Looks, Picture, Quality, Shot, Subject, World, columns, expose, sheet, sheet_size, tiles};
 use crate::scene::Frame;
 use crate::{Error, Result};
 
 /// Takes a picture of what is loaded.
-pub fn take(loaded: &Loaded, frame: Option<&Frame>, shot: &Shot, work: &Work<'_>) -> Result<Picture> {
-    let looks = Looks::new(loaded.scene(), shot.quality.texture_side());
+pub fn take(
+    loaded: &Loaded,
+    (frame, quality): (Option<&Frame>, Quality),
+    shot: &Shot,
+    work: &Work<'_>,
+) -> Result<Picture> {
+    let looks = Looks::new(loaded.scene(), quality);
     let world = World::new(loaded.scene(), frame, &looks);
     expose(&world, shot, work.cancel, work.progress)
 }
@@ -53,14 +58,17 @@ pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -
     let mut cells = Vec::new();
     for (loaded, frame, own) in &all {
         let shot = wish.shot(loaded, own, wish.camera(loaded, &both));
-        cells.push(Cell { picture: take(loaded, frame.as_ref(), &shot, work)?, caption: loaded.name.clone() });
+        cells.push(Cell {
+            picture: take(loaded, (frame.as_ref(), wish.quality), &shot, work)?,
+            caption: loaded.name.clone(),
+        });
     }
     let Some((first, _, _)) = all.first() else { return Ok(Done::Kept { warned }) };
     let (name, picture) = match &cells[..] {
         [one] => (first.name.clone(), one.picture.clone()),
         _ => (format!("{}-compared", first.name), sheet("", "", &cells, cells.len())),
     };
-    Target::new(context, args, &name, "png")?.keep(context, &picture, first.scene(), &name)?;
+    Target::new(context, args, &name, "png")?.keep(context, (&picture, wish.quality), first.scene(), &name)?;
     Ok(Done::Kept { warned })
 }
 
@@ -100,12 +108,15 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> R
     let mut cells = Vec::new();
     for (((loaded, frame), own), (_, caption)) in list.iter().zip(&frames).zip(&subjects).zip(&changes) {
         let shot = wish.shot(loaded, own, wish.camera(loaded, &union));
-        cells.push(Cell { picture: take(loaded, frame.as_ref(), &shot, work)?, caption: caption.clone() });
+        cells.push(Cell {
+            picture: take(loaded, (frame.as_ref(), wish.quality), &shot, work)?,
+            caption: caption.clone(),
+        });
     }
     let first = &list[0];
     let name = format!("{}-sheet", first.name);
     let picture = sheet(&first.name, &about(wish), &cells, across);
-    Target::new(context, args, &name, "png")?.keep(context, &picture, first.scene(), &name)?;
+    Target::new(context, args, &name, "png")?.keep(context, (&picture, wish.quality), first.scene(), &name)?;
     Ok(Done::Kept { warned })
 }
 

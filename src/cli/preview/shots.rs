@@ -129,11 +129,11 @@ impl Wish {
         let backdrop = match self.background {
             Background::Auto if subject.ground => Backdrop::Sky,
             Background::Sky => Backdrop::Sky,
-            Background::Auto | Background::Studio => Backdrop::Studio { floor: floor.unwrap_or(f32::NAN) },
+            Background::Auto | Background::Studio => Backdrop::Studio { floor },
             Background::Clear => Backdrop::Clear { floor },
             Background::Color(c) => Backdrop::Plain { color: c.map(linear_from_srgb), floor },
         };
-        Shot { camera, size: self.size, quality: self.quality, light: Light::new(&sun, &scene.sky), backdrop, seed: 0 }
+        Shot { camera, size: self.size, light: Light::new(&sun, &scene.sky), backdrop, seed: 0 }
     }
 }
 

@@ -79,6 +79,8 @@ pub(super) struct Derivation<'g> {
     vm: Vm,
     string: Modules,
     spare: Modules,
+    /// Memory of rewritten blocks, kept from step to step: fresh pages cost more than the copying.
+    pool: Vec<Modules>,
     stochastic: bool,
     length: u32,
     brackets: Brackets,
@@ -107,6 +109,7 @@ impl<'g> Derivation<'g> {
             vm,
             string: Modules::default(),
             spare: Modules::default(),
+            pool: Vec::new(),
             stochastic: options.stochastic.unwrap_or(program.seed.is_some()),
             length,
             brackets: brackets(program),

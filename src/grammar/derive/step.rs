@@ -9,8 +9,9 @@ use crate::par;
 /// Modules a block holds.
 const BLOCK: usize = 65_536;
 
-/// A rewritten block.
+/// A block while it is rewritten.
 struct Part {
+    range: std::ops::Range<usize>,
     modules: Modules,
     changed: bool,
     vm: crate::grammar::vm::Vm,
@@ -44,15 +45,21 @@ impl Derivation<'_> {
             std::mem::swap(&mut self.string, &mut self.spare);
             return changed;
         }
-        let ranges: Vec<_> = (0..n.div_ceil(BLOCK)).map(|i| i * BLOCK..((i + 1) * BLOCK).min(n)).collect();
         let mut start = self.vm.clone();
         start.events.0.clear();
-        let parts = par::par_map(&ranges, |range| {
-            let mut modules = Modules::default();
-            let mut rewriter = Rewriter::new(setup, start.clone());
-            let result = rewrite_range(&mut rewriter, view, range.clone(), &mut modules, limit);
-            let changed = result.unwrap_or(false);
-            Part { modules, changed, vm: rewriter.vm, halt: result.err() }
+        let part = |i: usize| {
+            let mut modules = self.pool.pop().unwrap_or_default();
+            modules.clear();
+            let range = i * BLOCK..((i + 1) * BLOCK).min(n);
+            Part { range, modules, changed: false, vm: start.clone(), halt: None }
+        };
+        let mut parts: Vec<Part> = (0..n.div_ceil(BLOCK)).map(part).collect();
+        par::par_each(&mut parts, |part| {
+            let mut rewriter = Rewriter::new(setup, part.vm.clone());
+            let result = rewrite_range(&mut rewriter, view, part.range.clone(), &mut part.modules, limit);
+            part.changed = result.unwrap_or(false);
+            part.vm = rewriter.vm;
+            part.halt = result.err();
         });
         self.join(parts, limit)
     }
@@ -71,6 +78,7 @@ impl Derivation<'_> {
             changed |= part.changed;
             check_size(&part.modules, self.spare.len(), self.spare.param_count(), limit)?;
             self.spare.extend(&part.modules, 0..part.modules.len());
+            self.pool.push(part.modules);
         }
         std::mem::swap(&mut self.string, &mut self.spare);
         Ok(changed)

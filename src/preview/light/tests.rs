@@ -3,6 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::*;
+use crate::preview::Quality;
 use crate::preview::looks::Looks;
 use crate::scene::{
     Asset, AssetKind, Camera, Clip, Maps, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Placement, Points,
@@ -70,7 +71,7 @@ fn mean(scene: &Scene, origin: Vec3, direction: Vec3, samples: u32) -> Option<f3
 }
 
 fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, care: Care) -> Option<f32> {
-    let looks = Looks::new(scene, 64);
+    let looks = Looks::new(scene, Quality::Draft);
     let world = World::new(scene, None, &looks);
     let light = Light::new(&scene.sun, &scene.sky);
     let sampler = Sampler::new(7, 0);
