@@ -37,22 +37,44 @@ fn grown(folder: &Path, name: &str, file: &str, more: &[&str]) -> PathBuf {
 
 #[test]
 fn pictures_are_the_golden_ones() {
-    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/ifs");
     let dir = tempfile::tempdir().expect("dir");
     let mut wrong = Vec::new();
     for name in TABLES {
         let set = ["--set", "picture.width=256", "--set", "picture.height=256", "--set", "picture.background=#ffffff"];
         let file = format!("{name}.png");
         let made = grown(dir.path(), &format!("{name}.ifs"), &file, &set);
-        if std::env::var("OSIER_BLESS").is_ok() {
-            std::fs::create_dir_all(&golden).expect("folder");
-            std::fs::copy(&made, golden.join(&file)).expect("copy");
-        }
-        let read = |p: &Path| image::open(p).map(|i| i.to_rgb8().into_raw()).unwrap_or_default();
-        let (ours, want) = (read(&made), read(&golden.join(&file)));
-        let most = ours.iter().zip(&want).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(255);
-        if ours.len() != want.len() || most > 1 {
-            wrong.push(format!("{name}: {most}"));
+        wrong.extend(unlike(&made, &file));
+    }
+    assert!(wrong.is_empty(), "OSIER_BLESS=1 renews them: {}", wrong.join(", "));
+}
+
+/// What a picture differs by from its golden one, if by more than 1 of 255; `OSIER_BLESS` renews it.
+fn unlike(made: &Path, file: &str) -> Option<String> {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/ifs");
+    if std::env::var("OSIER_BLESS").is_ok() {
+        std::fs::create_dir_all(&golden).expect("folder");
+        std::fs::copy(made, golden.join(file)).expect("copy");
+    }
+    let read = |p: &Path| image::open(p).map(|i| i.to_rgba8().into_raw()).unwrap_or_default();
+    let (ours, want) = (read(made), read(&golden.join(file)));
+    let most = ours.iter().zip(&want).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(255);
+    (ours.len() != want.len() || most > 1).then(|| format!("{file}: {most}"))
+}
+
+#[test]
+fn maps_of_leaves_are_the_golden_ones() {
+    let dir = tempfile::tempdir().expect("dir");
+    let grammar = "Lsystem: one\nDerivation length: 0\nAxiom: !(0.004)F(0.05)~l\nendlsystem\n";
+    std::fs::write(dir.path().join("one.l"), grammar).expect("grammar");
+    let mut wrong = Vec::new();
+    for table in ["bamboo_leaf", "fern_leaf"] {
+        let scene = format!("[plants.x]\ngrammar = \"one.l\"\n[plants.x.leaf]\nifs = \"{table}.ifs\"\nside = 256\n");
+        let path = dir.path().join(format!("{table}.toml"));
+        std::fs::write(&path, scene).expect("scene");
+        let made = grown(dir.path(), path.to_str().expect("path"), &format!("{table}.gltf"), &[]);
+        for map in ["color", "normal"] {
+            let file = made.with_file_name(format!("{table}_files/x_leaf_{map}.png"));
+            wrong.extend(unlike(&file, &format!("leaf-{table}-{map}.png")));
         }
     }
     assert!(wrong.is_empty(), "OSIER_BLESS=1 renews them: {}", wrong.join(", "));
