@@ -105,7 +105,7 @@ mod tests {
         let ends = [Vec3::new(-0.424_860_7, -0.179_997_89, 0.0), Vec3::new(0.0, -0.193_865_58, 0.781_311_2)];
         let cone = RoundCone::new(ends, [0.05, 0.355_807_87]);
         let d = Vec3::new(0.511_563_3, 0.0, 0.801_616_1);
-        let target = ends[0].lerp(ends[1], 0.4) + Vec3::Z * 0.105_383_715;
+        let target = ends[0].lerp(ends[1], 0.4) + Vec3::Z * 0.105_383_72;
         let ray = Ray::new(Vec3A::from(target - d * 8.0 / d.length()), Vec3A::from(d), 0.0, f32::INFINITY);
         let p = Vec3::from(ray.origin) + d * cone.meet(&ray).expect("it is met");
         assert!(distance(&cone, p).abs() < 2e-4, "distance {}", distance(&cone, p));
