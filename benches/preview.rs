@@ -101,6 +101,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         materials: vec![material()],
         assets: vec![asset],
         placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY }],
+        land: None,
     }
 }
 

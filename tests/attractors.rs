@@ -81,6 +81,29 @@ fn maps_of_leaves_are_the_golden_ones() {
 }
 
 #[test]
+fn a_picture_of_layers_is_the_golden_one_at_any_number_of_threads() {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/pictures/fig9.png");
+    let dir = tempfile::tempdir().expect("dir");
+    let set = ["--set", "picture.width=320", "--set", "picture.height=180"];
+    let made = ["-j1", "-j2", "-j8"].map(|jobs| {
+        let more: Vec<&str> = [jobs].into_iter().chain(set).collect();
+        std::fs::read(grown(dir.path(), "fig9", &format!("fig9{jobs}.png"), &more)).expect("picture")
+    });
+    assert!(made[0] == made[1] && made[0] == made[2], "the bytes depend on the number of threads");
+    if std::env::var("OSIER_BLESS").is_ok() {
+        std::fs::write(&golden, &made[0]).expect("write");
+    }
+    let read = |bytes: &[u8]| image::load_from_memory(bytes).map(|i| i.to_rgb8()).expect("png");
+    let (ours, want) = (read(&made[0]), read(&std::fs::read(&golden).expect("golden")));
+    assert_eq!((ours.dimensions(), want.dimensions()), ((320, 180), (320, 180)));
+    let most = ours.as_raw().iter().zip(want.as_raw()).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(most <= Some(1), "a channel differs by {most:?}; OSIER_BLESS=1 renews the picture");
+    // Sky above, meadow below, a sun on the right.
+    let at = |x, y| ours.get_pixel(x, y).0;
+    assert!(at(5, 5)[2] > at(5, 5)[0] && at(300, 176)[1] > at(300, 176)[2] && at(256, 36)[2] < at(256, 36)[0]);
+}
+
+#[test]
 fn points_of_a_ply_carry_map_and_depth() {
     let dir = tempfile::tempdir().expect("dir");
     let path = grown(dir.path(), "fern_leaf", "fern.ply", &["--set", "points=5000", "--set", "height=1"]);

@@ -46,9 +46,9 @@ fn is_scene(preset: &Preset) -> bool {
     preset.name.ends_with(".toml") && !preset.name.ends_with(".ifs.toml")
 }
 
-/// Presets that grow plants: all but the tables that draw points.
+/// Presets that grow plants: all but the tables that draw points and the pictures of layers.
 fn growing() -> impl Iterator<Item = &'static Preset> {
-    PRESETS.iter().filter(|p| !p.name.ends_with(".ifs"))
+    PRESETS.iter().filter(|p| !p.name.ends_with(".ifs") && !p.text.contains("[[layer]]"))
 }
 
 /// What was found in some meshes.

@@ -100,11 +100,21 @@ fn each_code_names_its_place_and_the_mend() {
             "[plants.oak]\ngrammar = \"../oak.l\"\n[plants.ash]\ngrammar = \"oka.l\"\n[plants.elm]\ngrammar = \"birch.l\"\n[[place]]\nplant = \"eln\"\n",
         ),
         ("S006", "[plants.oak]\nsteps = 3\n"),
+        (
+            "S004",
+            "[terrain]\nn = 8\nstride = 3\nexponent = 1.5\n[plants.oak]\ngrammar = \"oak.l\"\n[[scatter]]\nplants = { oak = -1 }\nscale = [2, 1]\n",
+        ),
+        (
+            "S005",
+            "[terrain]\n[plants.oak]\ngrammar = \"oak.l\"\n[[scatter]]\nplants = { oka = 1 }\nmask = \"no.png\"\n",
+        ),
+        ("S006", "[plants.oak]\ngrammar = \"oak.l\"\n[[scatter]]\nspacing = 2\n"),
     ];
     for (code, text) in cases {
         let said = read(text, &[]).expect_err(code);
         assert!(said.contains(code), "{code}:\n{said}");
-        insta::assert_snapshot!(code, said);
+        let land = if text.contains("[[scatter]]") { "_land" } else { "" };
+        insta::assert_snapshot!(format!("{code}{land}"), said);
     }
 }
 

@@ -15,9 +15,9 @@ use crate::scene::{Asset, AssetKind, Attribute, Maps, Material, MaterialClass, P
 use crate::{Error, Result};
 
 /// Points of a pixel in a picture without a number of points.
-const PER_PIXEL: u64 = 20;
+pub(super) const PER_PIXEL: u64 = 20;
 /// Memory that the counts of a picture may take, bytes.
-const MEMORY: u64 = 4 << 30;
+pub(super) const MEMORY: u64 = 4 << 30;
 /// Bytes per pixel of counts with colours.
 const CELL: u64 = 48;
 /// Histograms beyond this many bytes are splatted band by band.
@@ -125,12 +125,12 @@ fn mode(by: ColorBy, prefix: u32) -> Mode {
 }
 
 /// The part of an attractor that is shown.
-fn bounds(recipe: &CloudRecipe) -> (DVec3, DVec3) {
+pub(super) fn bounds(recipe: &CloudRecipe) -> (DVec3, DVec3) {
     if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
 }
 
 /// I023 if too many lanes ran away.
-fn settled(recipe: &CloudRecipe, escapes: Escapes) -> Result<()> {
+pub(super) fn settled(recipe: &CloudRecipe, escapes: Escapes) -> Result<()> {
     #[allow(clippy::cast_precision_loss, reason = "a share")]
     let share = escapes.found as f64 / escapes.tests.max(1) as f64;
     if share <= MAX_ESCAPES {
@@ -177,7 +177,7 @@ fn keys_by_density(recipe: &CloudRecipe) -> bool {
     recipe.keys.color_by == ColorBy::Density
 }
 
-fn labels(recipe: &CloudRecipe) -> Labels {
+pub(super) fn labels(recipe: &CloudRecipe) -> Labels {
     Labels::new(&recipe.system, mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
 }
 

@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 
 use glam::{Quat, Vec2, Vec3};
 
+use super::{Work, land, scatter};
+use crate::Result;
 use crate::fence::Names;
 use crate::math;
 use crate::recipe::{PlaceRecipe, Recipe};
 use crate::rng::{Rng, child, mix64, word};
 use crate::scene::Trs;
+use crate::surface::terrain::Land;
 
 /// One plant to grow.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,6 +33,8 @@ pub struct Standing {
     pub individual: usize,
     /// World from plant space.
     pub transform: Trs,
+    /// Tangent of the land's slope there, by which a thick foot is sunk; `None` where there is no land.
+    pub slope: Option<f32>,
 }
 
 /// Individuals and their places.
@@ -41,6 +46,28 @@ pub struct Layout {
     pub standings: Vec<Standing>,
 }
 
+/// Lays out all of a recipe: its places, and what is strewn over its land, which comes back too.
+/// # Errors
+/// `Range` for land outside its ranges, `Limit`, `Cancelled`.
+pub fn lay_out_all(recipe: &Recipe, work: &Work<'_>) -> Result<(Layout, Option<Land>)> {
+    let mut layout = lay_out(recipe);
+    let Some(keys) = &recipe.terrain else { return Ok((layout, None)) };
+    let land = land::shape(keys, recipe.seed)?;
+    for s in &mut layout.standings {
+        let at = &mut s.transform.t;
+        at.y += land.height_at(at.x, at.z);
+        s.slope = Some(tangent(land.normal_at(at.x, at.z)));
+    }
+    scatter::add(recipe, &land, &mut layout, work)?;
+    name(recipe, &mut layout);
+    Ok((layout, Some(land)))
+}
+
+/// Tangent of the slope of a surface with this unit normal.
+pub(super) fn tangent(normal: Vec3) -> f32 {
+    math::sqrt_f32((1.0 - normal.y * normal.y).max(0.0)) / normal.y.max(1e-3)
+}
+
 /// Lays out a recipe's places. Copies of a group are spread evenly over a disc; each draw has the address
 /// ("place", place, copy), so one more copy moves no other.
 pub fn lay_out(recipe: &Recipe) -> Layout {
@@ -50,7 +77,7 @@ pub fn lay_out(recipe: &Recipe) -> Layout {
         let first = layout.individuals.len();
         let kinds = place.keys.individuals.unwrap_or(place.keys.count).min(place.keys.count);
         for _ in 0..kinds {
-            layout.individuals.extend(individual(recipe, place, &mut ordinals));
+            layout.individuals.extend(individual(recipe, place.plant, place.keys.seed, &mut ordinals));
         }
         let mut clear = Near::new(math::narrow(place.keys.clear));
         let middle = Vec3::from_array(place.keys.at.map(math::narrow));
@@ -58,24 +85,26 @@ pub fn lay_out(recipe: &Recipe) -> Layout {
         let spots = spread(recipe.seed, index, place, &clear);
         for (copy, spot) in spots.iter().enumerate() {
             let transform = stand(recipe.seed, index, copy, place, *spot);
-            layout.standings.push(Standing { individual: first + copy % kinds.max(1) as usize, transform });
+            let individual = first + copy % kinds.max(1) as usize;
+            layout.standings.push(Standing { individual, transform, slope: None });
         }
     }
     name(recipe, &mut layout);
     layout
 }
 
-fn individual(recipe: &Recipe, place: &PlaceRecipe, ordinals: &mut [u32]) -> Option<Individual> {
-    let plant = recipe.plants.get(place.plant)?;
-    let ordinal = ordinals.get_mut(place.plant)?;
+/// The next individual of a plant. `seed`: of its place, 0 for none.
+pub(super) fn individual(recipe: &Recipe, index: usize, seed: u64, ordinals: &mut [u32]) -> Option<Individual> {
+    let plant = recipe.plants.get(index)?;
+    let ordinal = ordinals.get_mut(index)?;
     let id = child(word(&plant.name), u64::from(*ordinal));
     *ordinal += 1;
-    let seed = match (plant.keys.seed, place.keys.seed) {
+    let seed = match (plant.keys.seed, seed) {
         (0, 0) => recipe.seed,
         (a, b) => mix64(&[recipe.seed, a, b]),
     };
     #[allow(clippy::cast_possible_truncation, reason = "the low half of a hash")]
-    Some(Individual { plant: place.plant, asset: String::new(), id: id as u32, seed })
+    Some(Individual { plant: index, asset: String::new(), id: id as u32, seed })
 }
 
 /// `oak` if there is one oak, else `oak_1`, `oak_2`, ...; `oak_1` as well where the whole scene is called `oak`, so that
@@ -89,6 +118,7 @@ fn name(recipe: &Recipe, layout: &mut Layout) {
     }
     let mut names = Names::default();
     names.unique("ground");
+    names.unique(super::land::NAME);
     let mut seen = vec![0_u32; recipe.plants.len()];
     for i in &mut layout.individuals {
         let (Some(total), Some(n)) = (totals.get(i.plant), seen.get_mut(i.plant)) else { continue };
@@ -180,7 +210,7 @@ fn stand(seed: u64, index: usize, copy: usize, place: &PlaceRecipe, spot: Vec2) 
     }
 }
 
-fn rotation(axis: Vec3, angle: f64) -> Quat {
+pub(super) fn rotation(axis: Vec3, angle: f64) -> Quat {
     let v = axis * math::narrow(math::sin(angle * 0.5));
     Quat::from_xyzw(v.x, v.y, v.z, math::narrow(math::cos(angle * 0.5)))
 }

@@ -7,22 +7,25 @@ use glam::Vec3;
 use super::Work;
 use super::counts::{Counts, count};
 use super::dress::{Breeze, Kind, dress};
-use super::layout::{Individual, Layout, lay_out};
+use super::layout::{Individual, Layout, lay_out_all};
 use super::looks::{Look, Soil, of_ground, of_plant};
 use super::mover::Mover;
 use super::plants::{Grown, grow};
 use super::write::Stage;
+use super::{land, scatter};
 use crate::diagnostic::Report;
 use crate::fence::Names;
 use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::par::par_map;
 use crate::recipe::Recipe;
+use crate::recipe::land_keys::TerrainKeys;
 use crate::recipe::sections::WindModel;
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Camera, Clip, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky, Sun,
-    Trs, asset_bounds,
+    Asset, AssetFrame, AssetKind, Camera, Clip, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky,
+    Sun, Trs, asset_bounds,
 };
+use crate::surface::terrain::Land;
 use crate::{Error, Result};
 
 /// Which parts of a recipe are made.
@@ -60,10 +63,14 @@ impl Built {
 /// # Errors
 /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
 pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
-    let mut layout = lay_out(recipe);
+    if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
+        let reason = format!("\"{}\" is a picture, not a scene in space: osier grow {0} -o {0}.png", recipe.name);
+        return Err(Error::export("S006", reason));
+    }
+    let (mut layout, land) = lay_out_all(recipe, work)?;
     work.limits.check("instances", layout.standings.len() as u64, "the number of placements")?;
     work.progress.stage("drawing ground, bark and leaves", recipe.plants.len() as u64);
-    let shown = parts.ground && recipe.ground.show;
+    let shown = parts.ground && recipe.ground.show && land.is_none();
     let soil = if shown { Some(lay_ground(recipe, &mut layout)?) } else { None };
     let indexed: Vec<_> = recipe.plants.iter().enumerate().collect();
     let looks = in_order(par_map(&indexed, |(i, plant)| {
@@ -75,6 +82,10 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     }))?;
     work.progress.stage("growing", layout.individuals.len() as u64);
     let (grown, report) = grow_all(recipe, &layout, &looks, work)?;
+    if let Some(land) = &land {
+        let feet = feet(recipe, &layout, &grown);
+        scatter::sink(&mut layout, &feet, land);
+    }
     let mut made = Made::default();
     let kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
     work.progress.stage("skinning", layout.individuals.len() as u64);
@@ -82,10 +93,16 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     dress_all(recipe, (&layout, &kinds, &grown), &mut made, work)?;
     let mut placements = placements(&made.assets, &layout);
     add_clouds(recipe, &mut made, &mut placements, work)?;
-    let camera = camera(recipe, &made.assets, &placements);
+    let bare = placements.is_empty();
+    let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
     if let Some((soil, middle)) = soil {
         add_ground(soil, middle, &mut made, &mut placements)?;
     }
+    let land = land.filter(|_| parts.ground);
+    if let Some((land, keys)) = land.as_ref().zip(recipe.terrain.as_ref()) {
+        add_land(land, keys, recipe.seed, &mut made, &mut placements)?;
+    }
+    let camera = plants.unwrap_or_else(|| camera(recipe, &made.assets, &placements));
     let scene = Scene {
         name: recipe.name.clone(),
         title: recipe.title.clone(),
@@ -99,6 +116,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         materials: made.materials,
         assets: made.assets,
         placements,
+        land: land.map(land::field),
     };
     Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers }, report, modules })
 }
@@ -232,6 +250,28 @@ fn lay_ground(recipe: &Recipe, layout: &mut Layout) -> Result<(Soil, Vec3)> {
     Ok((soil, middle))
 }
 
+/// How far the feet of the individuals reach.
+fn feet(recipe: &Recipe, layout: &Layout, grown: &[Grown]) -> Vec<f32> {
+    let one = |(individual, grown): (&Individual, &Grown)| {
+        recipe.plants.get(individual.plant).map_or(0.0, |plant| scatter::foot(&grown.plant, &plant.skin))
+    };
+    layout.individuals.iter().zip(grown).map(one).collect()
+}
+
+fn add_land(
+    shape: &Land,
+    keys: &TerrainKeys,
+    seed: u64,
+    made: &mut Made,
+    placements: &mut Vec<Placement>,
+) -> Result<()> {
+    let kind = made.take(land::look(shape, keys, seed)?);
+    placements.push(Placement { name: land::NAME.into(), asset: made.assets.len(), transform: Trs::IDENTITY });
+    made.movers.push(None);
+    made.assets.push(land::asset(shape, kind.first_material));
+    Ok(())
+}
+
 fn add_ground(soil: Soil, middle: Vec3, made: &mut Made, placements: &mut Vec<Placement>) -> Result<()> {
     let mut mesh = soil.shape.mesh()?;
     let kind = made.take(soil.look);
@@ -301,5 +341,11 @@ fn sun(recipe: &Recipe) -> Sun {
 
 fn sky(recipe: &Recipe) -> Sky {
     let keys = &recipe.sky;
-    Sky { horizon: keys.horizon, zenith: keys.zenith, strength: narrow(keys.strength) }
+    let strength = narrow(keys.strength);
+    let fog = recipe.fog.visibility.map(|visibility| Fog {
+        visibility: narrow(visibility),
+        color: recipe.fog.color.unwrap_or(keys.horizon).map(|c| c * strength),
+        height: narrow(recipe.fog.height),
+    });
+    Sky { horizon: keys.horizon, zenith: keys.zenith, strength, fog }
 }

@@ -81,6 +81,10 @@ fn look_into(context: &Context, file: &str, found: &mut Found) -> Result<()> {
             found.report.extend(Report { sources: grammar.sources().clone(), diagnostics: grammar.notes().to_vec() });
         }
     }
+    if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
+        // A picture of layers makes nothing in space.
+        return Ok(());
+    }
     let show = Show::Nothing;
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
     let built = stage::build(&recipe, stage::Parts::default(), &work)?;

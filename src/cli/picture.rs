@@ -8,7 +8,7 @@ use super::Context;
 use super::args::Grow;
 use super::grow::{file_name, result};
 use super::progress::Show;
-use crate::bake::{Work, clouds};
+use crate::bake::{Work, clouds, layers};
 use crate::export::{exr, textures};
 use crate::fence::{Folder, WriteOptions};
 use crate::ifs::picture::{Density, Tone, tone_mapped};
@@ -19,6 +19,9 @@ use crate::{Error, Result};
 
 /// Draws the first attractor of a recipe into the file asked for.
 pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Result<u8> {
+    if !recipe.layers.is_empty() {
+        return layered(context, args, recipe, warned);
+    }
     let Some(cloud) = recipe.clouds.first() else {
         let why = format!("\"{}\" holds no attractor; .png and .exr are for coefficient tables", args.source);
         context.console.complain(&why);
@@ -57,8 +60,46 @@ pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
     Ok(context.strict(warned))
 }
 
+/// Draws a recipe's layers into the PNG asked for.
+fn layered(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Result<u8> {
+    let name = file_name(&args.output);
+    if !name.to_ascii_lowercase().ends_with(".png") {
+        context.console.complain("a picture of layers is written as .png");
+        return Ok(2);
+    }
+    if context.common.dry_run {
+        let keys = &recipe.picture;
+        context.console.result(&format!("{}\n  {} x {} pixels\n", args.output.display(), keys.width, keys.height))?;
+        return Ok(context.strict(warned));
+    }
+    let show = Show::new(&context.console);
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let canvas = layers::compose(recipe, &work)?;
+    show.done();
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
+    let folder = Folder::plain(parent, options)?;
+    folder.write(&name, "png", &textures::png(&of_canvas(&canvas, recipe)?)?)?;
+    folder.finish()?;
+    result(context, parent, &folder)?;
+    Ok(context.strict(warned))
+}
+
+/// The canvas as 8 or 16 bits a channel, without alpha where nothing shines through.
+pub(super) fn of_canvas(canvas: &layers::Canvas, recipe: &Recipe) -> Result<Image> {
+    let channels = if recipe.picture.background.is_some() || canvas.is_opaque() { 3 } else { 4 };
+    let samples: Vec<f32> = canvas.pixels.iter().flat_map(|p| p.iter().take(channels).copied()).collect();
+    picture((canvas.width, canvas.height), channels, &samples, recipe.picture.bits)
+}
+
 fn image(density: &Density, tone: &Tone, flat: [f32; 3], bits: u32) -> Result<Image> {
     let samples = tone_mapped(density, tone, flat);
+    let channels = if tone.background.is_some() { 3 } else { 4 };
+    picture((density.width, density.height), channels, &samples, bits)
+}
+
+/// Samples 0..1 as a picture of 8 or 16 bits a channel.
+fn picture((width, height): (usize, usize), channels: usize, samples: &[f32], bits: u32) -> Result<Image> {
     let side = |n: usize| u32::try_from(n).map_err(|_| Error::export("I050", "the picture is too wide"));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
     let word = |v: &f32| (v.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
@@ -70,9 +111,9 @@ fn image(density: &Density, tone: &Tone, flat: [f32; 3], bits: u32) -> Result<Im
     Ok(Image {
         name: "attractor".into(),
         kind: ImageKind::Color,
-        width: side(density.width)?,
-        height: side(density.height)?,
-        channels: if tone.background.is_some() { 3 } else { 4 },
+        width: side(width)?,
+        height: side(height)?,
+        channels: u8::try_from(channels).unwrap_or(4),
         pixels,
     })
 }

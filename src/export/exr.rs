@@ -1,6 +1,7 @@
-//! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`.
+//! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`; land's own heights in 32-bit floats.
 //!
-//! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1].
+//! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1],
+//! for land metres.
 
 use std::sync::Arc;
 
@@ -10,7 +11,7 @@ use half::f16;
 use super::{Exporter, GENERATOR, Summary};
 use crate::Error;
 use crate::fence::Folder;
-use crate::scene::{Frame, Material, Pixels, Scene};
+use crate::scene::{Frame, HeightField, Material, Pixels, Scene};
 
 /// Exporter for EXR maps.
 #[derive(Debug)]
@@ -42,6 +43,19 @@ impl Exr {
         out.put(&encode(map, scene.clip.fps, &comment.to_string())?)?;
         out.commit()
     }
+
+    /// The land's heights, m; row 0 is the edge at -z.
+    fn land(&self, scene: &Scene, land: &HeightField) -> crate::Result<()> {
+        let path = format!("maps/{}/height.exr", land.name);
+        let Some(mut out) = self.folder.create(&path, "exr.terrain", None)? else { return Ok(()) };
+        let [min, max] = land.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)]);
+        let comment = serde_json::json!({
+            "map": "terrain", "seed": scene.seed.to_string(), "scene": scene.hash, "unit": "m",
+            "size": land.size, "min": min, "max": max,
+        });
+        out.put(&floats((land.side, land.side), 1, &land.heights, &comment.to_string())?)?;
+        out.commit()
+    }
 }
 
 impl Exporter for Exr {
@@ -50,6 +64,9 @@ impl Exporter for Exr {
             if let Some(image) = material.maps.height {
                 self.height(scene, material, image)?;
             }
+        }
+        if let Some(land) = &scene.land {
+            self.land(scene, land)?;
         }
         Ok(())
     }

@@ -98,6 +98,27 @@ pub fn read(path: &Path, bytes: &[u8], options: &Options<'_>) -> Result<Imported
 type Made = (Mesh, Vec<Material>, Vec<Image>);
 
 /// A result whose error is the complaint that ends the reading.
+/// A picture as brightness, 0..1: pixels in a row, rows, samples from the top left.
+pub type Grey = (usize, usize, Vec<f32>);
+
+/// Reads a PNG or JPEG as brightness, the mean of its channels as they are stored.
+/// # Errors
+/// `Input` with X010 if it is damaged, of another format, or over a limit.
+pub fn grey(path: &Path, bytes: &[u8], options: &Options<'_>) -> Result<Grey> {
+    let job = Job::new(path, bytes, options);
+    let raw = pictures::decode(&job, "mask", bytes, &mut 0).map_err(|d| {
+        let mut report = Report::default();
+        report.push(*d);
+        Error::Input(Box::new(report))
+    })?;
+    let channels = usize::from(raw.channels);
+    let colors = if channels == 1 { 1 } else { 3 };
+    let mean = |p: &[u8]| p.iter().take(colors).map(|v| u16::from(*v)).sum::<u16>();
+    let scale = 1.0 / (255.0 * f32::from(if colors == 1 { 1_u8 } else { 3 }));
+    let values = raw.samples.chunks_exact(channels).map(|p| f32::from(mean(p)) * scale).collect();
+    Ok((raw.width as usize, raw.height as usize, values))
+}
+
 type Outcome<T> = std::result::Result<T, Box<Diagnostic>>;
 
 /// One file being read, with all that is said about it.

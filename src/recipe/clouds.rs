@@ -38,13 +38,23 @@ impl Resolver<'_> {
         let path = format!("clouds.{name}");
         let told = self.report.diagnostics.len();
         let keys = CloudKeys::read(Some(table), &path, &mut self.report);
-        let misread = self.report.diagnostics.len() > told;
+        if keys.ifs.is_none() && self.report.diagnostics.len() > told {
+            return None;
+        }
+        self.attractor((name, &path, id), span, keys)
+    }
+
+    /// Reads and studies the table that keys name. `name`, `path`, `id`: of the cloud or layer.
+    pub(super) fn attractor(
+        &mut self,
+        (name, path, id): (&str, &str, String),
+        span: Span,
+        keys: CloudKeys,
+    ) -> Option<CloudRecipe> {
         self.limit("points", u64::from(keys.points), Some(span));
         let Some(reference) = &keys.ifs else {
-            if !misread {
-                let d = Diagnostic::error("S006", format!("[{path}] names no table"), span, "no ifs here");
-                self.report.push(d.help("add ifs = \"NAME.ifs\"; `osier list presets` shows those in the binary"));
-            }
+            let d = Diagnostic::error("S006", format!("[{path}] names no table"), span, "no ifs here");
+            self.report.push(d.help("add ifs = \"NAME.ifs\"; `osier list presets` shows those in the binary"));
             return None;
         };
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;

@@ -8,6 +8,10 @@ mod clouds;
 mod digest;
 mod key;
 mod kinds;
+mod land;
+pub mod land_keys;
+pub mod layer_keys;
+mod layers;
 mod library;
 mod resolve;
 pub mod sections;
@@ -21,7 +25,7 @@ use crate::ifs::dynamics::Study;
 use crate::ifs::game::Extent;
 use crate::ifs::stems::Stems;
 use crate::ifs::weights::Rule;
-use crate::import::Imported;
+use crate::import::{Grey, Imported};
 use crate::scene::Clip;
 pub use digest::Digest;
 pub use key::{KeyInfo, Section, Shown};
@@ -44,12 +48,20 @@ pub struct Recipe {
     pub plants: Vec<PlantRecipe>,
     /// Attractors as points.
     pub clouds: Vec<CloudRecipe>,
+    /// Layers of a composed picture, from the lowest.
+    pub layers: Vec<LayerRecipe>,
     /// How an attractor becomes a picture.
     pub picture: cloud_keys::PictureKeys,
     /// Where the plants stand.
     pub places: Vec<PlaceRecipe>,
     /// Ground.
     pub ground: sections::GroundKeys,
+    /// Land that takes the ground's place.
+    pub terrain: Option<land_keys::TerrainKeys>,
+    /// What is strewn over the land.
+    pub scatters: Vec<ScatterRecipe>,
+    /// Haze.
+    pub fog: land_keys::FogKeys,
     /// View.
     pub camera: sections::CameraKeys,
     /// Sunlight.
@@ -136,6 +148,15 @@ pub struct CloudRecipe {
     pub keys: cloud_keys::CloudKeys,
 }
 
+/// One layer of a composed picture.
+#[derive(Debug, Clone)]
+pub struct LayerRecipe {
+    /// What draws it; `None`: a plain box.
+    pub cloud: Option<CloudRecipe>,
+    /// Where and how.
+    pub keys: layer_keys::LayerKeys,
+}
+
 /// A group of copies of one plant.
 #[derive(Debug, Clone)]
 pub struct PlaceRecipe {
@@ -143,6 +164,17 @@ pub struct PlaceRecipe {
     pub plant: usize,
     /// Where and how.
     pub keys: sections::PlaceKeys,
+}
+
+/// Plants strewn over the land.
+#[derive(Debug, Clone)]
+pub struct ScatterRecipe {
+    /// Indices into [`Recipe::plants`], with their weights.
+    pub plants: Vec<(usize, f64)>,
+    /// Where they may stand.
+    pub mask: Option<Grey>,
+    /// How.
+    pub keys: land_keys::ScatterKeys,
 }
 
 /// What is written.
@@ -187,8 +219,12 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::SkinKeys>(),
         info::<cloud_keys::CloudKeys>(),
         info::<cloud_keys::PictureKeys>(),
+        info::<layer_keys::LayerKeys>(),
         info::<s::PlaceKeys>(),
         info::<s::GroundKeys>(),
+        info::<land_keys::TerrainKeys>(),
+        info::<land_keys::ScatterKeys>(),
+        info::<land_keys::FogKeys>(),
         info::<s::CameraKeys>(),
         info::<s::SunKeys>(),
         info::<s::SkyKeys>(),

@@ -143,7 +143,9 @@ impl Resolver<'_> {
         let mut names = Names::default();
         let plants = self.plants(root, &mut names);
         let clouds = self.clouds(root, &mut names);
+        let layers = self.layers(root);
         let places = self.places(root, &plants);
+        let scatters = self.scatters(root, &plants);
         let mut wind: super::sections::WindKeys = self.section(root, "wind");
         if let Some(b) = wind.beaufort {
             // v = 0.836 B^(3/2), the definition of the scale.
@@ -156,9 +158,13 @@ impl Resolver<'_> {
             clip,
             plants,
             clouds,
+            layers,
             picture: self.section(root, "picture"),
             places,
             ground: self.section(root, "ground"),
+            terrain: self.terrain(root),
+            scatters,
+            fog: self.section(root, "fog"),
             camera: self.section(root, "camera"),
             sun: self.section(root, "sun"),
             sky: self.section(root, "sky"),
@@ -213,7 +219,7 @@ impl Resolver<'_> {
 
     fn plants(&mut self, root: &Table, names: &mut Names) -> Vec<PlantRecipe> {
         let Some(table) = self.table(root, "", "plants") else {
-            if !self.report.has_errors() && root.get("clouds").is_none() {
+            if !self.report.has_errors() && ["clouds", "terrain", "layer"].iter().all(|t| root.get(t).is_none()) {
                 let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
                 self.report.push(d.help("add [plants.tree] with grammar = \"oak.l\""));
             }
@@ -435,7 +441,9 @@ impl Resolver<'_> {
     }
 
     fn places(&mut self, root: &Table, plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
-        let Some(entry) = root.get("place") else { return default_places(plants) };
+        let Some(entry) = root.get("place") else {
+            return if root.get("scatter").is_none() { default_places(plants) } else { Vec::new() };
+        };
         let Value::List(list) = &entry.node.value else {
             self.report.push(*wrong("place", &entry.node, "a list: write [[place]]"));
             return Vec::new();
@@ -540,12 +548,20 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         c.keys.digest(&mut h);
     }
     recipe.picture.digest(&mut h);
+    recipe.layers.iter().for_each(|layer| layer.keys.digest(&mut h));
     (recipe.places.len() as u64).digest(&mut h);
     for p in &recipe.places {
         (p.plant as u64).digest(&mut h);
         p.keys.digest(&mut h);
     }
     recipe.ground.digest(&mut h);
+    if let Some(terrain) = &recipe.terrain {
+        terrain.digest(&mut h);
+    }
+    for s in &recipe.scatters {
+        s.keys.digest(&mut h);
+    }
+    recipe.fog.digest(&mut h);
     recipe.camera.digest(&mut h);
     recipe.sun.digest(&mut h);
     recipe.sky.digest(&mut h);

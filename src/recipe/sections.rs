@@ -120,7 +120,7 @@ words! {
 
 keys! {
     /// The scene itself (keys above the first table).
-    SceneKeys at "" with ["frames", "plants", "clouds", "picture", "place", "ground", "camera", "sun", "sky", "wind", "sway", "output"] {
+    SceneKeys at "" with ["frames", "plants", "clouds", "picture", "layer", "place", "ground", "terrain", "scatter", "fog", "camera", "sun", "sky", "wind", "sway", "output"] {
         /// Shown in files and listings.
         title: String = "title" Text("");
         /// Start of every random draw; each whole number is another individual.

@@ -70,6 +70,48 @@ pub struct Sky {
     pub zenith: [f32; 3],
     /// Factor on both.
     pub strength: f32,
+    /// Haze below it.
+    pub fog: Option<Fog>,
+}
+
+/// Haze: of one density up to y = 0, thinner above.
+/// Source: Koschmieder, extinction = 3.912 / visibility; the share left at height y is 1 / (1 + y / height)^2, as in
+/// POV-Ray's ground fog.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fog {
+    /// Distance at which 2 % of a contrast is left, m, > 0.
+    pub visibility: f32,
+    /// Linear colour, with the strength of the sky in it.
+    pub color: [f32; 3],
+    /// Height at which a quarter of it is left, m; 0: the same at all heights.
+    pub height: f32,
+}
+
+impl Fog {
+    /// Natural logarithm of a contrast over what is left of it at a distance of `visibility`: -ln 0.02.
+    pub const CONTRAST: f32 = 3.912;
+
+    /// Share of light that comes through `length` m of haze from `from` along the unit vector `along`.
+    pub fn clear(&self, from: Vec3, along: Vec3, length: f32) -> f32 {
+        let rate = Self::CONTRAST / self.visibility;
+        if self.height <= 0.0 {
+            return crate::math::exp_f32(-rate * length);
+        }
+        // Haze from the ground up to a height, as a length of the full density.
+        let below = |y: f32| match y {
+            y if y <= 0.0 => y,
+            y if y.is_finite() => self.height * y / (self.height + y),
+            _ => self.height,
+        };
+        let share = |y: f32| if y <= 0.0 { 1.0 } else { 1.0 / ((1.0 + y / self.height) * (1.0 + y / self.height)) };
+        let rise = along.y * length;
+        let amount = if rise.abs() < 1e-3 * self.height {
+            share(from.y) * length
+        } else {
+            (below(from.y + rise) - below(from.y)) / along.y
+        };
+        crate::math::exp_f32(-rate * amount)
+    }
 }
 
 impl Default for Sun {
@@ -81,6 +123,31 @@ impl Default for Sun {
 
 impl Default for Sky {
     fn default() -> Self {
-        Self { horizon: [0.85, 0.9, 0.95], zenith: [0.25, 0.45, 0.8], strength: 1.0 }
+        Self { horizon: [0.85, 0.9, 0.95], zenith: [0.25, 0.45, 0.8], strength: 1.0, fog: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn haze_leaves_two_percent_at_the_visibility_and_thins_out_above() {
+        let fog = Fog { visibility: 400.0, color: [1.0; 3], height: 0.0 };
+        assert!((fog.clear(Vec3::ZERO, Vec3::X, 400.0) - 0.02).abs() < 1e-4);
+        let low = Fog { height: 30.0, ..fog };
+        assert!((low.clear(Vec3::new(0.0, -5.0, 0.0), Vec3::X, 400.0) - 0.02).abs() < 1e-4);
+        // Straight up from the ground there is as much haze as in 30 m along it.
+        let up = low.clear(Vec3::ZERO, Vec3::Y, f32::INFINITY);
+        assert!((up - low.clear(Vec3::ZERO, Vec3::X, 30.0)).abs() < 1e-5);
+        // A slant through many thin layers agrees with their sum.
+        let d = Vec3::new(0.8, 0.6, 0.0);
+        let step = 0.01;
+        let sum = (0..10_000_u16).fold(0.0_f32, |s, i| {
+            let y = 2.0 + d.y * (f32::from(i) + 0.5) * step;
+            s + step / ((1.0 + y / 30.0) * (1.0 + y / 30.0))
+        });
+        let wanted = crate::math::exp_f32(-Fog::CONTRAST / 400.0 * sum);
+        assert!((low.clear(Vec3::new(0.0, 2.0, 0.0), d, 100.0) - wanted).abs() < 1e-3);
     }
 }

@@ -4,6 +4,7 @@
 //! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
 
 mod evaluate;
+mod field;
 mod frame;
 mod instancer;
 mod look;
@@ -17,9 +18,10 @@ pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
     world_from_joint,
 };
+pub use field::HeightField;
 pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
 pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
-pub use look::{Camera, Sky, Sun};
+pub use look::{Camera, Fog, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
 pub use points::{Attribute, Curves, Points};
@@ -160,4 +162,6 @@ pub struct Scene {
     pub assets: Vec<Asset>,
     /// Where the assets stand. An asset without a placement is written but not shown.
     pub placements: Vec<Placement>,
+    /// Heights of the land, if there is any.
+    pub land: Option<HeightField>,
 }

@@ -7,6 +7,7 @@ pub mod leaf;
 pub mod loft;
 mod material;
 mod pixels;
+pub mod terrain;
 
 pub use loft::{Binding, Skin, SkinOptions, Tube, UvMode, skin, skin_into};
 pub use material::SurfaceMaterial;

@@ -57,6 +57,7 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         materials: vec![material()],
         assets: vec![asset],
         placements: vec![Placement { name: "it".into(), asset: 0, transform: Trs::IDENTITY }],
+        land: None,
     }
 }
 

@@ -4,7 +4,7 @@
 
 use osier::bake::Work;
 use osier::bake::dress::{Kind, dress, skin_options};
-use osier::bake::layout::lay_out;
+use osier::bake::layout::lay_out_all;
 use osier::bake::looks::of_plant;
 use osier::bake::plants::grow;
 use osier::bake::stage::{Built, Parts, build};
@@ -69,7 +69,7 @@ pub struct Grown {
 
 /// All individuals of a recipe at rest, one after the other as [`build`] makes them.
 pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
-    let layout = lay_out(recipe);
+    let layout = with_work(|w| lay_out_all(recipe, w)).expect("layout").0;
     let one = |individual: &osier::bake::layout::Individual| {
         let keys = &recipe.plants[individual.plant];
         let look = of_plant(keys, recipe.seed).expect("look");

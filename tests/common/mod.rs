@@ -24,6 +24,7 @@ pub fn synthetic() -> (Scene, Vec<Frame>) {
         materials: materials(),
         assets: vec![rig(), cache(), tracks(), misc(), ground()],
         placements: placements(),
+        land: None,
     };
     let frames = (START..=END).map(|n| frame(&scene, n)).collect();
     (scene, frames)

@@ -108,6 +108,10 @@ fn cap_maps(recipe: &mut Recipe, quality: Quality) {
         }
     }
     recipe.ground.side = recipe.ground.side.min(side);
+    if let Some(terrain) = &mut recipe.terrain {
+        // One map covers the whole land.
+        terrain.side = terrain.side.min(4 * side);
+    }
 }
 
 fn fault(diagnostic: Diagnostic) -> Error {
@@ -166,6 +170,7 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         materials: read.materials,
         assets: vec![asset],
         placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY }],
+        land: None,
     };
     let stage = Stage { scene: Arc::new(scene), movers: vec![None] };
     Ok(Loaded { stage, has_camera: false, name, report: read.warnings })

@@ -1,6 +1,7 @@
 //! `osier preview`: pictures with no other program.
 
 mod clips;
+mod layered;
 mod load;
 mod sheets;
 mod shots;
@@ -28,6 +29,10 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
             return Ok(2);
         }
     };
+    if let Some((recipe, report)) = layered::of(context, args)? {
+        context.console.report(&report);
+        return layered::run(context, args, recipe, &wish, !report.diagnostics.is_empty());
+    }
     let show = Show::new(&context.console);
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
     let done = if wish.is_sheet() {

@@ -7,8 +7,8 @@ use glam::{Quat, Vec3};
 use super::super::{GENERATOR, VERSION, Warning};
 use super::buffer::{Buffer, last};
 use super::json::{
-    Animation, AssetInfo, Channel, ChannelTarget, Extras, FileMark, Index, Node, NodeMark, Root, Sampler, SceneList,
-    SceneMark,
+    Animation, AssetInfo, Channel, ChannelTarget, Extras, FileMark, FogMark, Index, Node, NodeMark, Root, Sampler,
+    SceneList, SceneMark,
 };
 use super::keys::{Keys, unit};
 use super::materials::Surface;
@@ -61,7 +61,9 @@ pub(super) struct Motion {
 impl<'a> Document<'a> {
     pub(super) fn new(from: Source<'a>, pictures: Pictures) -> Self {
         let clip = from.scene.clip;
+        let fog = from.scene.sky.fog.map(|f| FogMark { visibility: f.visibility, color: f.color, height: f.height });
         let mark = FileMark {
+            fog,
             schema: 1,
             version: VERSION,
             seed: from.scene.seed.to_string(),

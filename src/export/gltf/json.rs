@@ -69,8 +69,18 @@ pub(super) struct Extras<T> {
     pub osier: T,
 }
 
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(super) struct FogMark {
+    pub visibility: f32,
+    pub color: [f32; 3],
+    pub height: f32,
+}
+
 #[derive(Debug, Default, Serialize)]
 pub(super) struct FileMark {
+    /// Haze for whoever renders: m, linear colour, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fog: Option<FogMark>,
     pub schema: u32,
     pub version: &'static str,
     pub seed: String,

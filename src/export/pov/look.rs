@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::space::{Space, rgb};
 use crate::export::text::{Num, Text};
 use crate::geometry::Bounds;
-use crate::scene::{Camera, Scene, Sky, Sun};
+use crate::scene::{Camera, Fog, Scene, Sky, Sun};
 use crate::{Error, Result};
 
 /// Directions that stand for the sky's light.
@@ -28,6 +28,19 @@ pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
         text.put("  photons { spacing ").num(radius / 8.0).put(" autostop 1 jitter 0.4 max_trace_level 8 }\n");
     }
     text.put("}\n#default { finish { ambient 0 } }\n");
+}
+
+/// Haze; POV-Ray's distance is where 1 / e of the light is left.
+fn fog(text: &mut Text, space: Space, fog: &Fog) {
+    let distance = fog.visibility / Fog::CONTRAST * space.scale;
+    text.put("fog {\n  ").put(if fog.height > 0.0 { "fog_type 2" } else { "fog_type 1" });
+    text.put(" distance ").num(distance);
+    if fog.height > 0.0 {
+        text.put(" fog_offset 0 fog_alt ").num(fog.height * space.scale).put(" up y");
+    }
+    text.put("\n  ");
+    rgb(text, fog.color.map(film));
+    text.put("\n}\n");
 }
 
 /// X001 if camera, sun or sky hold a number that is not finite.
@@ -101,6 +114,9 @@ pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, bounds: Bounds) {
     text.put("] [1 ");
     rgb(text, zenith.map(film));
     text.put("] }\n    scale 2 translate -1\n  }\n}\n");
+    if let Some(f) = &sky.fog {
+        fog(text, space, f);
+    }
     let distance = (bounds.size().length() * 10.0).max(10.0);
     for i in 0..DOME {
         let y = (f32::from(i) + 0.5) / f32::from(DOME);

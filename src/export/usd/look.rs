@@ -6,7 +6,7 @@ use super::target::{Context, Target};
 use super::value::Value;
 use crate::Result;
 use crate::math;
-use crate::scene::Trs;
+use crate::scene::{Fog, Trs};
 
 /// Height of the picture on the film, tenths of a metre: 24 mm.
 const FILM: f32 = 0.24;
@@ -17,7 +17,20 @@ const ASPECT: f32 = 16.0 / 9.0;
 pub(super) fn define(cx: &Context, target: &mut Target, root: &str) -> Result<()> {
     camera(cx, target, &format!("{root}/camera"))?;
     sun(cx, target, &format!("{root}/sun"))?;
-    sky(cx, target, &format!("{root}/sky"))
+    sky(cx, target, &format!("{root}/sky"))?;
+    fog(cx, target, &format!("{root}/fog"))
+}
+
+/// Haze as numbers for whoever renders: a prim whose properties Blender shows as its own. Density: per metre.
+fn fog(cx: &Context, target: &mut Target, path: &str) -> Result<()> {
+    let Some(fog) = cx.scene.sky.fog else { return Ok(()) };
+    target.plain(path, "Xform")?;
+    let property = |name: &str| format!("{path}.userProperties:fog_{name}");
+    target.set(&property("color"), "color3f", Value::Float3(fog.color))?;
+    target.set(&property("density"), "float", Value::Float(Fog::CONTRAST / fog.visibility))?;
+    target.set(&property("height"), "float", Value::Float(fog.height))?;
+    target.set(&property("visibility"), "float", Value::Float(fog.visibility))?;
+    Ok(())
 }
 
 fn camera(cx: &Context, target: &mut Target, path: &str) -> Result<()> {

@@ -51,11 +51,12 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Sce
         clip: Clip::default(),
         camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vfov: 0.6, roll: 0.0 },
         sun: Sun { strength: sun, color: [1.0; 3], elevation: 1.2, azimuth: 0.4, angle: 0.02 },
-        sky: Sky { horizon: [sky; 3], zenith: [sky; 3], strength: 1.0 },
+        sky: Sky { horizon: [sky; 3], zenith: [sky; 3], strength: 1.0, fog: None },
         images: Vec::new(),
         materials,
         assets: vec![asset],
         placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY }],
+        land: None,
     }
 }
 

@@ -1,0 +1,131 @@
+//! Landscapes that a scene describes.
+
+use super::key::{Section as _, wrong};
+use super::land_keys::{ScatterKeys, TerrainKeys};
+use super::resolve::Resolver;
+use super::tree::{Node, Table, Value};
+use super::{PlantRecipe, ScatterRecipe};
+use crate::Error;
+use crate::diagnostic::{Diagnostic, Span, nearest};
+use crate::import::{self, Grey};
+use crate::scene::MaterialClass;
+
+impl Resolver<'_> {
+    /// The land, if the scene has a `[terrain]`.
+    pub(super) fn terrain(&mut self, root: &Table) -> Option<TerrainKeys> {
+        let table = self.table(root, "", "terrain")?;
+        let keys = TerrainKeys::read(Some(table), "terrain", &mut self.report);
+        let most = 1_u32 << keys.n;
+        if let Some(entry) = table.get("stride").filter(|_| !keys.stride.is_power_of_two() || keys.stride > most) {
+            let text = format!("terrain.stride is {}, but must be a power of two up to {most}", keys.stride);
+            let d = Diagnostic::error("S004", text, entry.node.span, "no such stride");
+            self.report.push(d.help("1 shows every height, 2 every second one, 4 every fourth"));
+        }
+        let side = u64::from(most / keys.stride.max(1));
+        let span = table.get("n").map(|e| e.node.span);
+        self.limit("triangles", 2 * side * side, span);
+        Some(keys)
+    }
+
+    /// What is strewn over the land.
+    pub(super) fn scatters(&mut self, root: &Table, plants: &[PlantRecipe]) -> Vec<ScatterRecipe> {
+        let Some(entry) = root.get("scatter") else { return Vec::new() };
+        let Value::List(list) = &entry.node.value else {
+            self.report.push(*wrong("scatter", &entry.node, "a list: write [[scatter]]"));
+            return Vec::new();
+        };
+        if root.get("terrain").is_none() {
+            let d = Diagnostic::error("S006", "[[scatter]] needs land", entry.key_span, "no [terrain] in this scene");
+            self.report.push(d.help("add [terrain], or put plants up by [[place]]"));
+        }
+        list.iter().enumerate().filter_map(|(i, node)| self.scatter(i, node, root, plants)).collect()
+    }
+
+    fn scatter(&mut self, i: usize, node: &Node, root: &Table, plants: &[PlantRecipe]) -> Option<ScatterRecipe> {
+        let path = format!("scatter.{i}");
+        let Value::Table(table) = &node.value else {
+            self.report.push(*wrong(&path, node, "a table"));
+            return None;
+        };
+        let keys = ScatterKeys::read(Some(table), &path, &mut self.report);
+        for (name, [low, high]) in [("altitude", keys.altitude), ("scale", keys.scale)] {
+            if let Some(entry) = table.get(name).filter(|_| low > high) {
+                let text = format!("{path}.{name} begins above its end");
+                let d = Diagnostic::error("S004", text, entry.node.span, "the smaller number comes first");
+                self.report.push(d.help(format!("write [{high}, {low}]")));
+            }
+        }
+        let span = table.get("plants").map_or(node.span, |e| e.node.span);
+        let weights = self.weights((&path, span), &keys, root, plants)?;
+        let mask = match &keys.mask {
+            Some(reference) => {
+                let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg"])?;
+                Some(self.grey(&file)?)
+            }
+            None => None,
+        };
+        Some(ScatterRecipe { plants: weights, mask, keys })
+    }
+
+    /// Plants (indices into the recipe's) with their weights. `span`: where they are named.
+    fn weights(
+        &mut self,
+        (path, span): (&str, Span),
+        keys: &ScatterKeys,
+        root: &Table,
+        plants: &[PlantRecipe],
+    ) -> Option<Vec<(usize, f64)>> {
+        let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
+            Some(Value::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
+            _ => Vec::new(),
+        };
+        if keys.plants.is_empty() {
+            let d = Diagnostic::error("S006", format!("[[{path}]] names no plant"), span, "no plants here");
+            self.report.push(d.help("add plants = { NAME = 1 }"));
+            return None;
+        }
+        let mut out = Vec::new();
+        for (name, weight) in &keys.plants {
+            if !(*weight >= 0.0 && *weight <= 1e9) {
+                let text = format!("{path}.plants.{name} is {weight}, but must be 0 to 1e9");
+                self.report.push(Diagnostic::error("S004", text, span, "0 to 1e9").help("weights are shares"));
+            }
+            match plants.iter().position(|p| p.name == *name) {
+                Some(plant) => out.push((plant, *weight)),
+                // A plant with faults of its own has been named already.
+                None if declared.contains(&name.as_str()) => return None,
+                None => {
+                    let d = Diagnostic::error("S005", format!("there is no plant \"{name}\""), span, "unknown plant");
+                    self.report.push(match nearest(name, declared.iter().copied()) {
+                        Some(near) => d.help(format!("did you mean \"{near}\"?")),
+                        None => d.help(format!("plants of this scene: {}", declared.join(", "))),
+                    });
+                    return None;
+                }
+            }
+        }
+        Some(out)
+    }
+
+    fn grey(&mut self, file: &super::Found) -> Option<Grey> {
+        let request = self.request;
+        let options = import::Options {
+            roots: request.library.roots(),
+            limits: &request.limits,
+            up: import::Up::Y,
+            scale: 1.0,
+            class: MaterialClass::Ground,
+        };
+        match import::grey(&file.path, &file.bytes, &options) {
+            Ok(grey) => Some(grey),
+            Err(Error::Input(faults)) => {
+                self.report.extend(*faults);
+                None
+            }
+            Err(other) => {
+                self.report.push(Diagnostic::about("S005", format!("\"{}\": {other}", file.shown)));
+                None
+            }
+        }
+    }
+}
