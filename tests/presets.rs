@@ -46,9 +46,11 @@ fn is_scene(preset: &Preset) -> bool {
     preset.name.ends_with(".toml") && !preset.name.ends_with(".ifs.toml")
 }
 
-/// Presets that grow plants: all but the tables that draw points and the pictures of layers.
+/// Presets that grow plants: all but the tables that draw points, the pictures of layers, and landscapes, whose plants are
+/// other presets' and take minutes once more.
 fn growing() -> impl Iterator<Item = &'static Preset> {
-    PRESETS.iter().filter(|p| !p.name.ends_with(".ifs") && !p.text.contains("[[layer]]"))
+    let other = |p: &Preset| p.text.contains("[[layer]]") || p.text.contains("[[scatter]]");
+    PRESETS.iter().filter(move |p| !p.name.ends_with(".ifs") && !other(p))
 }
 
 /// What was found in some meshes.
