@@ -75,6 +75,17 @@ fn with_a_step_the_nearest_written_frame_is_shown() {
 }
 
 #[test]
+fn a_single_frame_is_written_and_rendered_whatever_the_step() {
+    let dir = tempfile::tempdir().expect("dir");
+    let (scene, frames) = common::synthetic();
+    bake(dir.path(), &scene, &frames[5..6], Options { step: 4, ..Options::default() });
+    let pov = dir.path().join("pov");
+    assert_eq!(osier::fence::list_files(&pov.join("frames")).expect("files"), ["frame.0006.inc"]);
+    let ini = fs::read_to_string(pov.join("render.ini")).expect("ini");
+    assert!(ini.contains("Initial_Frame=6\nFinal_Frame=6\n"), "{ini}");
+}
+
+#[test]
 fn a_clip_from_frame_0_renders_as_one_from_1() {
     let dir = tempfile::tempdir().expect("dir");
     let (mut scene, mut frames) = common::synthetic();

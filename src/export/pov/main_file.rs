@@ -55,8 +55,13 @@ fn pick_frame(text: &mut Text, scene: &Scene, includes: &str, written: &[u32]) {
     text.put(&quoted(&format!("{includes}frames/frame."))).put(", OsTag, \".inc\")\n");
 }
 
-/// Settings of the rendering program. `main`: name of the scene file.
-pub(super) fn render_ini(scene: &Scene, options: &Options, main: &str, written: &[u32]) -> Text {
+/// Settings of the rendering program. `main`: name of the scene file; `given`: first and last frame that were asked for.
+pub(super) fn render_ini(
+    scene: &Scene,
+    options: &Options,
+    main: &str,
+    (written, given): (&[u32], Option<[u32; 2]>),
+) -> Text {
     let mut text = Text::default();
     let library = match options.layout {
         Layout::Bake => "..",
@@ -67,8 +72,8 @@ pub(super) fn render_ini(scene: &Scene, options: &Options, main: &str, written: 
     text.put(&format!("Bits_Per_Color=16\nWidth={width}\nHeight={height}\n"));
     text.put("Antialias=On\nAntialias_Threshold=0.1\nSampling_Method=2\nAntialias_Depth=3\n");
     if let (Some(first), Some(last)) = (written.first(), written.last()) {
-        // With steps the clip still ends at its last frame, which then shows the nearest written one.
-        let last = if options.step > 1 { scene.clip.end.max(*last) } else { *last };
+        // With steps the pictures still end at the last frame, which then shows the nearest written one.
+        let last = given.map_or(*last, |[_, end]| end.max(*last));
         let shift = u32::from(*first == 0);
         let clock = |f: u32| Num(crate::math::narrow(scene.clip.seconds(f)));
         text.put(&format!("Initial_Frame={}\nFinal_Frame={}\n", first + shift, last + shift));

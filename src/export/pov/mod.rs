@@ -64,6 +64,8 @@ pub struct Pov {
     options: Options,
     scene: Option<Arc<Scene>>,
     written: Vec<u32>,
+    /// First and last frame that were asked for.
+    given: Option<[u32; 2]>,
     instances: usize,
     warnings: Vec<Warning>,
 }
@@ -71,7 +73,8 @@ pub struct Pov {
 impl Pov {
     /// Writes into `folder`; `textures`: the scene's pictures.
     pub fn new(folder: Folder, textures: Textures, options: Options) -> Self {
-        Self { folder, textures, options, scene: None, written: Vec::new(), instances: 0, warnings: Vec::new() }
+        let (written, warnings) = (Vec::new(), Vec::new());
+        Self { folder, textures, options, scene: None, written, given: None, instances: 0, warnings }
     }
 
     /// Path of one of our files below the output folder.
@@ -186,8 +189,10 @@ impl Exporter for Pov {
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = self.scene.clone() else { return Ok(()) };
-        let from_start = frame.number.saturating_sub(scene.clip.start);
-        let skipped = !from_start.is_multiple_of(self.options.step.max(1));
+        // Steps are counted from the first frame that is asked for, so a single one is always written.
+        let [first, _] = self.given.map_or([frame.number; 2], |[first, _]| [first, frame.number]);
+        self.given = Some([first, frame.number]);
+        let skipped = !frame.number.saturating_sub(first).is_multiple_of(self.options.step.max(1));
         if skipped || !scene.assets.iter().any(assets::moves) {
             return Ok(());
         }
@@ -210,7 +215,7 @@ impl Exporter for Pov {
             Layout::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
         };
         self.save(&path, "pov", &main)?;
-        let ini = main_file::render_ini(&scene, &self.options, &name, &self.written);
+        let ini = main_file::render_ini(&scene, &self.options, &name, (&self.written, self.given));
         self.save(&self.path("render.ini"), "ini", &ini)?;
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }

@@ -14,7 +14,7 @@ const DEPTH: u32 = 6;
 /// Radiance of one sample at most: a glint on water is bright, not a speck of noise.
 const BRIGHTEST: f32 = 6.0;
 /// Share of the surfaces around that see the sky and the sun, where it is not looked up.
-const OPENNESS: f32 = 0.5;
+const OPENNESS: f32 = 0.3;
 /// Looks at the sky for each sample of the floor.
 const FLOOR_LOOKS: u32 = 4;
 /// Purposes of samples at each depth.
