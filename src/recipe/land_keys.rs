@@ -77,7 +77,7 @@ keys! {
         /// Share of the radius over which they thin out.
         fade: f64 = "fade" num(0.3, 0.0, 1.0, "");
     }
-    /// Haze between the eye and far things. POV-Ray shows it; USD and glTF carry its numbers.
+    /// Haze between the eye and far things. Previews and POV-Ray show it; USD and glTF carry its numbers.
     FogKeys at "fog" {
         /// Distance at which 2 % of a contrast is left; without it there is no haze.
         visibility: Option<f64> = "visibility" Maybe(num(400.0, 0.1, 1e7, "m"), "none");

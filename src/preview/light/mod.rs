@@ -7,7 +7,7 @@ use super::sampler::Sampler;
 use super::surface::Surface;
 use super::world::{World, ray};
 use crate::math;
-use crate::scene::{Sky, Sun};
+use crate::scene::{Fog, Sky, Sun};
 
 /// Refractions and reflections in a row.
 const DEPTH: u32 = 6;
@@ -17,6 +17,8 @@ const BRIGHTEST: f32 = 6.0;
 const OPENNESS: f32 = 0.3;
 /// Looks at the sky for each sample of the floor.
 const FLOOR_LOOKS: u32 = 4;
+/// How far the sky is, as haze has it, m.
+const FAR: f32 = 1e6;
 /// Purposes of samples at each depth.
 const PURPOSES: u32 = 8;
 
@@ -30,6 +32,7 @@ pub struct Light {
     cone: f32,
     horizon: Vec3,
     zenith: Vec3,
+    fog: Option<Fog>,
 }
 
 /// One sample of a pixel.
@@ -63,12 +66,19 @@ impl Light {
             cone: math::cos_f32(sun.angle * 0.5).min(1.0 - 1e-7),
             horizon: Vec3::from_array(sky.horizon) * sky.strength,
             zenith: Vec3::from_array(sky.zenith) * sky.strength,
+            fog: sky.fog,
         }
     }
 
-    /// Radiance of the sky in a unit direction.
+    /// Radiance of the sky in a unit direction, seen from the ground through the haze.
     pub(super) fn sky(&self, direction: Vec3) -> Vec3 {
-        self.horizon.lerp(self.zenith, direction.y.clamp(0.0, 1.0))
+        let clear = self.horizon.lerp(self.zenith, direction.y.clamp(0.0, 1.0));
+        self.hazed(clear, (Vec3::ZERO, direction), FAR)
+    }
+
+    /// Light as it arrives at `eye` through the haze, having come `length` m along `direction`.
+    fn hazed(&self, light: Vec3, (eye, direction): (Vec3, Vec3), length: f32) -> Vec3 {
+        self.fog.map_or(light, |fog| Vec3::from_array(fog.color).lerp(light, fog.clear(eye, direction, length)))
     }
 
     /// Mean radiance of the sky, weighted as a level surface sees it.
@@ -154,7 +164,8 @@ impl Path<'_, '_> {
         let hit = self.world.nearest(ray(o, d, [0.0, far]))?;
         let surface = self.world.surface(&hit, o, d, self.draw.spread)?;
         let seen = if surface.finish.water { self.water(d, &surface) } else { self.lit(d, &surface) };
-        Some(seen.min(Vec3::splat(BRIGHTEST)))
+        let seen = seen.min(Vec3::splat(BRIGHTEST));
+        Some(if self.depth == 0 { self.light.hazed(seen, (o, d), hit.spot.t) } else { seen })
     }
 
     /// Light that an opaque or thin surface sends back along `d`.
