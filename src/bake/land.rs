@@ -5,11 +5,13 @@ use crate::Result;
 use crate::math::narrow;
 use crate::recipe::land_keys::TerrainKeys;
 use crate::rng::{mix64, word};
-use crate::scene::{Asset, AssetKind, HeightField, MeshMotion, MeshObject};
+use crate::scene::{Asset, AssetKind, Camera, HeightField, MeshMotion, MeshObject};
 use crate::surface::terrain::{Land, LandColors, Relief, land_material};
 
 /// Name of the land's asset, placement and material.
 pub const NAME: &str = "terrain";
+/// Height of an eye above the ground that it stands on, m.
+const EYE: f32 = 1.6;
 
 /// Raises the land that the keys describe. `seed`: the scene's.
 /// # Errors
@@ -70,4 +72,40 @@ pub fn asset(land: &Land, material: u32) -> Asset {
 /// The land's heights for the exporters of fields.
 pub fn field(land: Land) -> HeightField {
     HeightField { name: NAME.into(), side: land.side, size: land.size, heights: land.heights }
+}
+
+/// Lifts a camera that the land of another seed would bury, and what it looks at with it.
+pub fn unbury(camera: &mut Camera, land: &Land) {
+    let (eye, half) = (camera.eye, land.size * 0.5);
+    let ground = land.height_at(eye.x, eye.z);
+    if eye.x.abs() <= half && eye.z.abs() <= half && eye.y < ground {
+        let rise = ground + EYE - eye.y;
+        camera.eye.y += rise;
+        camera.target.y += rise;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    #[test]
+    fn no_seed_buries_the_camera_and_others_stay() {
+        let view = |eye| Camera { eye, target: eye + Vec3::new(3.0, -1.0, 2.0), vfov: 0.7, roll: 0.0 };
+        for seed in 0..16 {
+            let land = Land::raise(&Relief { seed, ..Relief::default() }).expect("land");
+            let (x, z) = (land.size * 0.1, land.size * -0.3);
+            let ground = land.height_at(x, z);
+            let mut camera = view(Vec3::new(x, ground - 7.0, z));
+            unbury(&mut camera, &land);
+            assert!((camera.eye.y - ground - EYE).abs() < 1e-4);
+            assert!((camera.target - camera.eye).abs_diff_eq(Vec3::new(3.0, -1.0, 2.0), 1e-4));
+            for eye in [Vec3::new(x, ground + 0.2, z), Vec3::new(land.size, ground - 50.0, z)] {
+                let mut camera = view(eye);
+                unbury(&mut camera, &land);
+                assert_eq!(camera, view(eye), "seed {seed}");
+            }
+        }
+    }
 }

@@ -102,7 +102,10 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     if let Some((land, keys)) = land.as_ref().zip(recipe.terrain.as_ref()) {
         add_land(land, keys, recipe.seed, &mut made, &mut placements)?;
     }
-    let camera = plants.unwrap_or_else(|| camera(recipe, &made.assets, &placements));
+    let mut camera = plants.unwrap_or_else(|| camera(recipe, &made.assets, &placements));
+    if let Some(land) = &land {
+        land::unbury(&mut camera, land);
+    }
     let scene = Scene {
         name: recipe.name.clone(),
         title: recipe.title.clone(),
