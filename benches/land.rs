@@ -16,17 +16,7 @@ fn land(c: &mut Criterion) {
     let relief = Relief { n: 11, ..Relief::default() };
     group.bench_function("raise 2049^2", |b| b.iter(|| black_box(Land::raise(&relief).expect("land").heights.len())));
     let land = Land::raise(&Relief { n: 9, size: 500.0, ..Relief::default() }).expect("land");
-    let sowing = Sowing {
-        spacing: 1.0,
-        clear: None,
-        slope_max: 0.6,
-        altitude: [f32::MIN, f32::MAX],
-        density: 1.0,
-        mask: None,
-        clump: 0.0,
-        disc: None,
-        max_count: usize::MAX,
-    };
+    let sowing = Sowing::default();
     // Cells of edge 0.707 m, each with a candidate in every round it is free in: at most 2 M.
     group.bench_function("scatter 500 m by 1 m", |b| {
         b.iter(|| black_box(scatter(&land, &sowing, &[], address(1, 0), &Limits::default()).expect("spots").len()));

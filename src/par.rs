@@ -105,12 +105,11 @@ impl<K: std::hash::Hash + Eq, V> LookupMap<K, V> {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "parallel"))]
 mod tests {
     use super::*;
 
     #[test]
-    #[cfg(feature = "parallel")]
     fn chunked_sums_do_not_depend_on_threads() {
         let items: Vec<f32> = (0..50_000).map(|i| 1.0 / (i as f32 + 1.0)).collect();
         let sum = |threads: usize| {

@@ -181,7 +181,7 @@ pub struct Preview {
 /// Values of `--quality`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum QualityArg {
-    /// A glance in half a second or so: for shapes.
+    /// A glance, sun and shadow only: for shapes.
     Draft,
     /// For every day.
     Normal,

@@ -1,13 +1,10 @@
 //! `osier grow TABLE -o NAME.ifs` and `.flame`: coefficients written again.
 
-use std::path::Path;
-
 use super::Context;
 use super::args::Grow;
-use super::grow::{file_name, result};
+use super::grow::{beside, file_name, result};
 use crate::bake::systems::systems;
 use crate::diagnostic::Report;
-use crate::fence::{Folder, WriteOptions};
 use crate::ifs::write::{entries, flames};
 use crate::recipe::Recipe;
 use crate::{Error, Result};
@@ -35,9 +32,7 @@ pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warnings: &Report) -
         context.console.result(&format!("{}\n  {} systems\n", args.output.display(), items.len()))?;
         return Ok(context.strict(warned));
     }
-    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-    let folder = Folder::plain(parent, options)?;
+    let (folder, parent) = beside(context, args)?;
     folder.write(&name, "ifs", text.as_bytes())?;
     folder.finish()?;
     result(context, parent, &folder)?;

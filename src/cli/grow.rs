@@ -56,9 +56,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         report::counts(context, &args.output.display().to_string(), &built.counts(&recipe, &[]))?;
         return Ok(context.strict(warned));
     }
-    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-    let folder = if to_pipe { Folder::memory() } else { Folder::plain(parent, options)? };
+    let (folder, parent) = if to_pipe { (Folder::memory(), Path::new(".")) } else { beside(context, args)? };
     let textures = Arc::new(Textures::encode(&built.stage.scene)?);
     let web = args.profile == ProfileArg::Web;
     let Some(writer) = exporters::of_file(folder.clone(), &name, &textures, &recipe.output, web) else { return Ok(2) };
@@ -75,6 +73,13 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         result(context, parent, &folder)?;
     }
     Ok(context.strict(warned || !told.is_empty()))
+}
+
+/// The folder that the file asked for goes to, and where it is.
+pub(super) fn beside<'a>(context: &Context, args: &'a Grow) -> Result<(Folder, &'a Path)> {
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
+    Ok((Folder::plain(parent, options)?, parent))
 }
 
 pub(super) fn file_name(path: &Path) -> String {

@@ -1,16 +1,13 @@
 //! `osier grow TABLE -o NAME.png` and `.exr`: an attractor as a picture.
 
-use std::path::Path;
-
 use serde_json::json;
 
 use super::Context;
 use super::args::Grow;
-use super::grow::{file_name, result};
+use super::grow::{beside, file_name, result};
 use super::progress::Show;
 use crate::bake::{Work, clouds, layers};
 use crate::export::{exr, textures};
-use crate::fence::{Folder, WriteOptions};
 use crate::ifs::picture::{Density, Tone, tone_mapped};
 use crate::recipe::Recipe;
 use crate::scene::{Image, ImageKind, Pixels};
@@ -37,11 +34,9 @@ pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
     let (density, tone, flat) = clouds::picture(cloud, recipe, &work)?;
     show.done();
-    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = file_name(&args.output);
     let is_exr = name.to_ascii_lowercase().ends_with(".exr");
-    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-    let folder = Folder::plain(parent, options)?;
+    let (folder, parent) = beside(context, args)?;
     if is_exr {
         let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.seed.to_string(), "scene": recipe.hash });
         let size = (density.width, density.height);
@@ -76,9 +71,7 @@ fn layered(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
     let canvas = layers::compose(recipe, &work)?;
     show.done();
-    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let options = WriteOptions { force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
-    let folder = Folder::plain(parent, options)?;
+    let (folder, parent) = beside(context, args)?;
     folder.write(&name, "png", &textures::png(&of_canvas(&canvas, recipe)?)?)?;
     folder.finish()?;
     result(context, parent, &folder)?;

@@ -129,20 +129,9 @@ impl Resolver<'_> {
             let system = read::pick(&systems, wanted, &file.shown)?.clone();
             Ok((system, report))
         });
-        match picked {
-            Ok((system, report)) => {
-                self.report.extend(report.clone());
-                Some((system, report))
-            }
-            Err(Error::Input(faults)) => {
-                self.report.extend(*faults);
-                None
-            }
-            Err(other) => {
-                self.report.push(Diagnostic::about("S005", format!("\"{}\": {other}", file.shown)));
-                None
-            }
-        }
+        let (system, report) = self.told(picked, file)?;
+        self.report.extend(report.clone());
+        Some((system, report))
     }
 
     /// Studies a system and tells what is odd; `None` if it has no attractor.

@@ -5,7 +5,6 @@ use super::land_keys::{ScatterKeys, TerrainKeys};
 use super::resolve::Resolver;
 use super::tree::{Node, Table, Value};
 use super::{PlantRecipe, ScatterRecipe};
-use crate::Error;
 use crate::diagnostic::{Diagnostic, Span, nearest};
 use crate::import::{self, Grey};
 use crate::scene::MaterialClass;
@@ -116,16 +115,7 @@ impl Resolver<'_> {
             scale: 1.0,
             class: MaterialClass::Ground,
         };
-        match import::grey(&file.path, &file.bytes, &options) {
-            Ok(grey) => Some(grey),
-            Err(Error::Input(faults)) => {
-                self.report.extend(*faults);
-                None
-            }
-            Err(other) => {
-                self.report.push(Diagnostic::about("S005", format!("\"{}\": {other}", file.shown)));
-                None
-            }
-        }
+        let grey = import::grey(&file.path, &file.bytes, &options);
+        self.told(grey, file)
     }
 }

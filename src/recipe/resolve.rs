@@ -356,12 +356,17 @@ impl Resolver<'_> {
         let source =
             grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
         let mut sources = Sources::default();
-        match grammar::parse(&mut sources, source, &self.request.limits) {
-            Ok((grammar, diagnostics)) => {
-                self.report.extend(Report { sources, diagnostics });
-                self.unused(&grammar, keys);
-                Some(grammar)
-            }
+        let parsed = grammar::parse(&mut sources, source, &self.request.limits);
+        let (grammar, diagnostics) = self.told(parsed, file)?;
+        self.report.extend(Report { sources, diagnostics });
+        self.unused(&grammar, keys);
+        Some(grammar)
+    }
+
+    /// What a file holds, or nothing once its faults are told.
+    pub(super) fn told<T>(&mut self, read: Result<T>, file: &Found) -> Option<T> {
+        match read {
+            Ok(held) => Some(held),
             Err(Error::Input(faults)) => {
                 self.report.extend(*faults);
                 None

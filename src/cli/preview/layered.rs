@@ -20,7 +20,8 @@ pub fn of(context: &Context, args: &Preview) -> Result<Option<(Recipe, Report)>>
         return Ok(None);
     }
     let request = source::request(context, &args.source)?;
-    if !request.text.contains("[[layer]]") {
+    // Scenes without the word are not resolved twice.
+    if !request.text.contains("layer") {
         return Ok(None);
     }
     let (recipe, report) = resolve(&request)?;

@@ -68,6 +68,23 @@ pub struct Sowing {
     pub max_count: usize,
 }
 
+impl Default for Sowing {
+    /// Evenly, a metre apart, wherever it is not too steep.
+    fn default() -> Self {
+        Self {
+            spacing: 1.0,
+            clear: None,
+            slope_max: 0.6,
+            altitude: [f32::MIN, f32::MAX],
+            density: 1.0,
+            mask: None,
+            clump: 0.0,
+            disc: None,
+            max_count: usize::MAX,
+        }
+    }
+}
+
 /// What stands already.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Taken {
@@ -299,17 +316,7 @@ mod tests {
     }
 
     fn sowing(spacing: f32) -> Sowing {
-        Sowing {
-            spacing,
-            clear: None,
-            slope_max: 0.6,
-            altitude: [f32::MIN, f32::MAX],
-            density: 1.0,
-            mask: None,
-            clump: 0.0,
-            disc: None,
-            max_count: usize::MAX,
-        }
+        Sowing { spacing, ..Sowing::default() }
     }
 
     fn sown(land: &Land, sowing: &Sowing, taken: &[Taken], entry: usize) -> Vec<[f32; 2]> {
