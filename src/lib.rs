@@ -31,5 +31,6 @@ pub mod rng;
 pub mod scene;
 pub mod surface;
 pub mod units;
+pub mod wind;
 
 pub use error::{Error, Result};

@@ -34,6 +34,8 @@ wrap! {
     exp / exp_f32 => exp / expf;
     /// Natural logarithm; NaN below 0.
     ln / ln_f32 => log / logf;
+    /// Hyperbolic tangent.
+    tanh / tanh_f32 => tanh / tanhf;
     /// Square root; NaN below 0.
     sqrt / sqrt_f32 => sqrt / sqrtf;
 }

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::Work;
+use super::air::Air;
 use super::layout::Individual;
-use super::mover::Mover;
+use super::mover::{Mover, Shown};
 use crate::Result;
-use crate::motion::{Rig, Sway, SwayOptions};
+use crate::motion::Rig;
 use crate::plant::{Organ, Plant};
 use crate::recipe::PlantRecipe;
 use crate::recipe::sections::{Motion, SkinKeys, Uv};
@@ -35,70 +36,66 @@ pub struct Kind {
     pub organ_names: Vec<String>,
 }
 
-/// Wind as it meets the plants; `None` in a still scene.
-#[derive(Debug, Clone, Copy)]
-pub struct Breeze {
-    /// Unit vector the wind blows towards, world.
-    pub direction: Vec3,
-    /// m/s.
-    pub speed: f32,
-    /// Factor on every bend.
-    pub strength: f32,
-    /// Length of the clip, s.
-    pub period: f32,
-}
-
-/// Makes the asset of a grown plant. `at`: where its first copy stands.
+/// Makes the asset of a grown plant. `moving`: the wind, and where the plant's first copy stands.
 /// # Errors
-/// What the skin refuses.
+/// What the skin and the simulation refuse.
 pub fn dress(
     plant: &Plant,
     recipe: &PlantRecipe,
     (kind, individual): (&Kind, &Individual),
-    moving: Option<(Breeze, Trs)>,
+    moving: Option<(&Air, Trs)>,
     work: &Work<'_>,
 ) -> Result<(Asset, Option<Mover>)> {
     work.cancel.check()?;
     let bark = skin(plant, &skin_options(&recipe.skin, kind.tile, work))?;
-    let moving = moving.filter(|_| recipe.keys.motion != Motion::Still);
-    let rig = moving.map(|_| Rig::build(plant, recipe.keys.max_joints as usize));
     let mut mesh = bark.mesh;
     to_scene(&mut mesh, kind.first_material);
-    let motion = match (&rig, recipe.keys.motion) {
+    let bindings: Vec<(u32, f32)> = bark.binding.iter().map(|b| (b.axis, b.s)).collect();
+    let groups = groups(plant, kind);
+    let moving = moving.filter(|_| recipe.keys.motion != Motion::Still);
+    let mover = match moving {
+        Some((air, stand)) => {
+            let manner = air.manner(&recipe.wood, stand);
+            let leaves: Vec<Leaves> = groups.iter().map(|(o, organs)| Leaves::of(recipe, *o, organs)).collect();
+            let limits = (work.limits, work.cancel);
+            let shown = Shown { points: &mesh.points, bindings: &bindings, leaves: &leaves };
+            Some(Mover::new(plant, &recipe.keys, (air, manner), &shown, limits)?)
+        }
+        None => None,
+    };
+    let rig = mover.as_ref().map(|m| &m.rig);
+    let motion = match (rig, recipe.keys.motion) {
         (None, _) | (_, Motion::Still) => MeshMotion::Still,
         (Some(_), Motion::Skin) => MeshMotion::Skinned,
         (Some(_), Motion::Cache) => MeshMotion::Deforming,
     };
-    let weights = rig.as_ref().map(|r| r.skin(plant, bark.binding.iter().map(|b| (b.axis, b.s))));
-    let groups = groups(plant, kind);
-    let instancers = groups.iter().map(|(o, organs)| instancer(plant, kind, (*o, organs), rig.as_ref()));
+    let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
+    let instancers = groups.iter().map(|(o, organs)| instancer(plant, kind, (*o, organs), rig));
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
-        skeleton: rig.as_ref().map(|r| r.skeleton.clone()),
+        skeleton: rig.map(|r| r.skeleton.clone()),
         instancers: instancers.collect(),
         meshes: vec![MeshObject { name: "bark".into(), mesh, motion, skin: weights }],
         points: Vec::new(),
         curves: Vec::new(),
     };
-    let mover = rig.zip(moving).map(|(rig, (breeze, stand))| {
-        let options = |flutter: f64| SwayOptions {
-            direction: stand.r.conjugate() * breeze.direction,
-            speed: breeze.speed,
-            period: breeze.period,
-            at: stand.r.conjugate() * stand.t,
-            strength: breeze.strength,
-            flutter: crate::math::narrow(flutter),
-        };
-        let flutter = |(organ, organs): (&usize, &Vec<&Organ>)| {
-            let factor = recipe.organs.get(*organ).map_or(1.0, |o| o.keys.flutter);
-            let organs: Vec<Organ> = organs.iter().map(|o| (*o).clone()).collect();
-            Sway::new(&rig, &organs, individual.seed, options(factor))
-        };
-        let flutter = groups.iter().map(flutter).collect();
-        Mover { sway: Sway::new(&rig, &[], individual.seed, options(1.0)), flutter, rig }
-    });
     Ok((asset, mover))
+}
+
+/// The organs of one instancer, with what the recipe says of their flutter.
+pub struct Leaves<'a> {
+    /// In the instancer's order.
+    pub organs: &'a [&'a Organ],
+    /// Factor on their flutter.
+    pub flutter: f32,
+}
+
+impl<'a> Leaves<'a> {
+    fn of(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
+        let flutter = recipe.organs.get(organ).map_or(1.0, |o| crate::math::narrow(o.keys.flutter));
+        Self { organs, flutter }
+    }
 }
 
 /// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
@@ -156,7 +153,7 @@ fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), ri
         ..InstanceState::default()
     };
     let motion = match rig {
-        Some(rig) => InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(plant, o)).collect()),
+        Some(rig) => InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect()),
         None => InstancerMotion::Still,
     };
     Instancer {

@@ -1,5 +1,6 @@
 //! Runs a [`Recipe`](crate::recipe::Recipe): grows, skins, steps through time, writes.
 
+mod air;
 pub mod clouds;
 mod counts;
 pub mod dress;

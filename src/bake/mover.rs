@@ -1,80 +1,175 @@
 //! From time to frames.
 
-use glam::{Mat4, Vec3};
+use std::sync::Arc;
 
-use crate::motion::{Rig, Sway};
+use glam::{Quat, Vec3};
+
+use super::air::Air;
+use super::dress::Leaves;
+use crate::Result;
+use crate::limits::Limits;
+use crate::math::narrow;
+use crate::motion::{Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track, turns_of};
+use crate::plant::Plant;
+use crate::progress::Cancel;
+use crate::recipe::sections::{Motion, PlantKeys};
 use crate::scene::{
-    Asset, AssetFrame, Frame, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states, skinned_normals,
-    skinned_points, world_from_joint,
+    Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
 };
+use crate::wind::Wind;
 
 /// Moves one asset.
 #[derive(Debug, Clone)]
 pub struct Mover {
     /// Its joints.
     pub rig: Rig,
-    /// Joints over time.
-    pub sway: Sway,
-    /// Leaves over time, one per instancer, in the instancer's order of organs.
-    pub flutter: Vec<Sway>,
+    elements: Elements,
+    track: Track,
+    /// All of it, where every point is wanted.
+    body: Option<Body>,
+    /// One per instancer, in the instancer's order of organs.
+    leaves: Vec<Foliage>,
+    wind: Arc<dyn Wind>,
+    manner: Manner,
+}
+
+/// Leaves of one instancer.
+#[derive(Debug, Clone)]
+struct Foliage {
+    flutter: Flutter,
+    hangers: Hangers,
+    spots: Vec<Spot>,
+}
+
+/// What is seen of a plant at rest.
+pub struct Shown<'a> {
+    /// The bark's points, m.
+    pub points: &'a [Vec3],
+    /// Axis and arc length, m, of each.
+    pub bindings: &'a [(u32, f32)],
+    /// One per instancer.
+    pub leaves: &'a [Leaves<'a>],
+}
+
+/// Bends half a frame before, now, and half a frame later.
+struct Moment {
+    bends: [Vec<[f32; 2]>; 3],
+    seconds: f64,
+    step: f32,
 }
 
 impl Mover {
+    /// Measures a plant and lets the wind move it.
+    /// # Errors
+    /// `Limit`, `Cancelled`.
+    pub fn new(
+        plant: &Plant,
+        keys: &PlantKeys,
+        (air, manner): (&Air, Manner),
+        shown: &Shown<'_>,
+        (limits, cancel): (&Limits, &Cancel),
+    ) -> Result<Self> {
+        let cached = keys.motion == Motion::Cache;
+        let budget = match keys.motion {
+            Motion::Cache => Budget::Elements(keys.max_branches as usize),
+            Motion::Skin | Motion::Still => Budget::Joints(keys.max_joints as usize),
+        };
+        let elements = Elements::build(plant, &manner.wood, budget);
+        let track = Track::record(&elements, &*air.wind, manner, air.take, (limits, cancel))?;
+        let foliage = |l: &Leaves<'_>| {
+            let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
+            let speed = air.wind.mean_at(manner.stand.apply(Vec3::Y * middle).y).length();
+            Foliage {
+                flutter: Flutter::new(l.organs, speed, air.wind.period(), l.flutter),
+                hangers: Hangers::new(plant, l.organs),
+                spots: l.organs.iter().map(|o| elements.spot(o.axis, o.s)).collect(),
+            }
+        };
+        Ok(Self {
+            rig: Rig::build(plant, &elements, keys.max_joints as usize),
+            body: cached.then(|| Body::new(plant, &elements, shown.points, shown.bindings)),
+            leaves: shown.leaves.iter().map(foliage).collect(),
+            wind: Arc::clone(&air.wind),
+            elements,
+            track,
+            manner,
+        })
+    }
+
     /// The asset at `seconds`; `step`: seconds between frames, for velocities.
-    fn frame(&self, asset: &Asset, seconds: f32, step: f32) -> AssetFrame {
-        let mut frame = AssetFrame { pose: self.sway.pose(&self.rig, seconds), ..AssetFrame::default() };
-        if asset.meshes.iter().any(|m| m.motion == MeshMotion::Deforming) {
-            frame.meshes = self.meshes(asset, &frame, seconds, step);
+    fn frame(&self, asset: &Asset, seconds: f64, step: f32) -> AssetFrame {
+        let number = narrow(seconds) / step;
+        let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
+        let moment = Moment { bends, seconds, step };
+        let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &moment.bends[1]), ..AssetFrame::default() };
+        let posture = self.body.as_ref().map(|body| body.posture(&self.elements, &moment.bends[1]));
+        if let Some((body, posture)) = self.body.as_ref().zip(posture.as_ref()) {
+            frame.meshes = self.meshes(asset, (body, posture), &moment);
         }
-        frame.instancers = (0..asset.instancers.len()).map(|i| self.instancer(asset, i, &frame, seconds)).collect();
+        let around = [&moment.bends[0], &moment.bends[2]].map(|b| turns_of(&self.elements, b));
+        frame.instancers = (0..asset.instancers.len())
+            .map(|i| self.instancer(asset, i, (&frame, posture.as_ref()), (&moment, &around)))
+            .collect();
         frame
     }
 
-    fn meshes(&self, asset: &Asset, frame: &AssetFrame, seconds: f32, step: f32) -> Vec<MeshFrame> {
-        let Some(skeleton) = &asset.skeleton else { return Vec::new() };
-        let at = |t: f32| world_from_joint(skeleton, &self.sway.pose(&self.rig, t));
-        let now = world_from_joint(skeleton, &frame.pose);
-        let half = step * 0.5;
-        let rates: Vec<Mat4> =
-            at(seconds + half).iter().zip(at(seconds - half)).map(|(a, b)| (*a - b) * step.recip()).collect();
-        let one = |m: &crate::scene::MeshObject| match (&m.skin, m.motion) {
-            (Some(skin), MeshMotion::Deforming) => MeshFrame::Points {
-                points: skinned_points(&m.mesh.points, skin, &now),
-                normals: skinned_normals(&m.mesh.normals, skin, &now),
-                velocities: velocities(&m.mesh.points, skin, &rates),
-            },
-            _ => MeshFrame::Same,
+    fn meshes(&self, asset: &Asset, (body, posture): (&Body, &Posture), moment: &Moment) -> Vec<MeshFrame> {
+        let one = |m: &crate::scene::MeshObject| {
+            if m.motion != MeshMotion::Deforming {
+                return MeshFrame::Same;
+            }
+            let [before, after] = [0, 2].map(|k| body.bark(&body.posture(&self.elements, &moment.bends[k])));
+            MeshFrame::Points {
+                points: body.bark(posture),
+                normals: body.normals(posture, &m.mesh.normals),
+                velocities: before.iter().zip(&after).map(|(a, b)| (*b - *a) / moment.step).collect(),
+            }
         };
         asset.meshes.iter().map(one).collect()
     }
 
-    fn instancer(&self, asset: &Asset, i: usize, frame: &AssetFrame, seconds: f32) -> InstancerFrame {
-        let (Some(instancer), Some(flutter)) = (asset.instancers.get(i), self.flutter.get(i)) else {
+    fn instancer(
+        &self,
+        asset: &Asset,
+        i: usize,
+        (frame, posture): (&AssetFrame, Option<&Posture>),
+        (moment, around): (&Moment, &[Vec<Quat>; 2]),
+    ) -> InstancerFrame {
+        let (Some(instancer), Some(leaves)) = (asset.instancers.get(i), self.leaves.get(i)) else {
             return InstancerFrame::Same;
         };
-        let mut state = instance_states(asset, instancer, i, frame).into_owned();
-        flutter.flutter(&mut state, seconds);
+        let mut state = match posture {
+            Some(posture) => {
+                let (positions, orientations) = leaves.hangers.at(posture);
+                InstanceState { positions, orientations, ..InstanceState::default() }
+            }
+            None => instance_states(asset, instancer, i, frame).into_owned(),
+        };
+        self.flutter(leaves, &mut state, (moment, around));
         InstancerFrame::State(state)
     }
-}
 
-/// Speed of skinned points, m/s. `rates`: change of each joint's matrix per second.
-fn velocities(points: &[Vec3], skin: &crate::scene::SkinWeights, rates: &[Mat4]) -> Vec<Vec3> {
-    let blend = |(p, (joints, weights)): (&Vec3, (&[u16; 4], &[f32; 4]))| {
-        let sum = |v: Vec3, (j, w): (&u16, &f32)| match rates.get(usize::from(*j)) {
-            // The last row of a difference of rigid motions is zero, so the full product is the velocity.
-            Some(m) if *w > 0.0 => v + (*m * p.extend(1.0)).truncate() * *w,
-            _ => v,
-        };
-        joints.iter().zip(weights).fold(Vec3::ZERO, sum)
-    };
-    points.iter().zip(skin.joints.iter().zip(&skin.weights)).map(blend).collect()
+    /// Lets leaves flutter about where their twigs hold them.
+    fn flutter(&self, leaves: &Foliage, state: &mut InstanceState, (moment, around): (&Moment, &[Vec<Quat>; 2])) {
+        let stand = self.manner.stand;
+        let places: Vec<Vec3> = state.positions.iter().map(|p| stand.apply(*p)).collect();
+        let mut air = vec![Vec3::ZERO; places.len()];
+        self.wind.sample(&places, moment.seconds, &mut air);
+        for (k, q) in state.orientations.iter_mut().enumerate() {
+            let spot = leaves.spots[k];
+            let air = stand.r.conjugate() * air[k] * self.elements.open(spot);
+            let [before, after] = [0, 1].map(|n| self.elements.turn(&around[n], &moment.bends[2 * n], spot));
+            let turned = after * before.conjugate();
+            let spin = turned.xyz() * (2.0 * turned.w.signum() / moment.step);
+            *q = leaves.flutter.turned(k, *q, moment.seconds, (air, spin)).normalize();
+        }
+    }
 }
 
 /// A whole frame; `movers` runs parallel to the scene's assets.
 pub fn frame(scene: &Scene, movers: &[Option<Mover>], number: u32) -> Frame {
-    let seconds = crate::math::narrow(scene.clip.seconds(number));
-    let step = crate::math::narrow(scene.clip.fps().recip());
+    let seconds = scene.clip.seconds(number);
+    let step = narrow(scene.clip.fps().recip());
     let pairs: Vec<(&Asset, Option<&Mover>)> =
         scene.assets.iter().zip(movers.iter().map(Option::as_ref).chain(std::iter::repeat(None))).collect();
     let assets = crate::par::par_map(&pairs, |(asset, mover)| {

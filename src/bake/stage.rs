@@ -5,8 +5,9 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::Work;
+use super::air::Air;
 use super::counts::{Counts, count};
-use super::dress::{Breeze, Kind, dress};
+use super::dress::{Kind, dress};
 use super::layout::{Individual, Layout, lay_out_all};
 use super::looks::{Look, Soil, of_ground, of_plant};
 use super::mover::Mover;
@@ -20,10 +21,9 @@ use crate::math::narrow;
 use crate::par::par_map;
 use crate::recipe::Recipe;
 use crate::recipe::land_keys::TerrainKeys;
-use crate::recipe::sections::WindModel;
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Camera, Clip, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky,
-    Sun, Trs, asset_bounds,
+    Asset, AssetFrame, AssetKind, Camera, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky, Sun,
+    Trs, asset_bounds,
 };
 use crate::surface::terrain::Land;
 use crate::{Error, Result};
@@ -194,13 +194,13 @@ fn dress_all(
     made: &mut Made,
     work: &Work<'_>,
 ) -> Result<()> {
-    let breeze = breeze(recipe);
+    let air = Air::of(recipe);
     let jobs: Vec<(usize, &Individual, &Grown)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
         let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
-        let dressed = dress(&grown.plant, plant, (kind, individual), breeze.map(|b| (b, stand)), work);
+        let dressed = dress(&grown.plant, plant, (kind, individual), air.as_ref().map(|a| (a, stand)), work);
         work.progress.advance(1);
         dressed
     });
@@ -209,27 +209,6 @@ fn dress_all(
         made.movers.push(mover);
     }
     Ok(())
-}
-
-/// No wind in a still scene.
-fn breeze(recipe: &Recipe) -> Option<Breeze> {
-    if recipe.clip.len() < 2 || recipe.wind.model == WindModel::Calm {
-        return None;
-    }
-    let d = recipe.wind.direction;
-    Some(Breeze {
-        direction: Vec3::new(narrow(crate::math::cos(d)), 0.0, narrow(-crate::math::sin(d))),
-        speed: narrow(recipe.wind.speed),
-        strength: narrow(recipe.sway.strength),
-        period: narrow(period(&recipe.clip)),
-    })
-}
-
-/// Length of a loop: the frame after the last one looks like the first.
-fn period(clip: &Clip) -> f64 {
-    #[allow(clippy::cast_precision_loss, reason = "at most a million frames")]
-    let frames = clip.len() as f64;
-    frames / clip.fps()
 }
 
 fn placements(assets: &[Asset], layout: &Layout) -> Vec<Placement> {

@@ -1,9 +1,27 @@
-//! Motion: from a plant to joints, and from time to poses.
+//! Motion: from a plant in the wind to joints, poses and points over time.
 //!
-//! [`rig`] chooses the joints and binds bark and leaves to them; [`sway`] turns time into poses and leaf flutter.
+//! [`Elements`] are the branches that bend, chosen and measured once; [`Track`] is what the wind did to them, frame by
+//! frame. [`Rig`] shows that with a few joints, [`Body`] with every point, [`Flutter`] moves the leaves.
 
-pub mod rig;
-pub mod sway;
+pub mod bend;
+mod element;
+mod flutter;
+mod pieces;
+mod posture;
+mod rig;
+mod simulate;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+mod track;
+mod wood;
 
+pub use element::{Budget, Element, Elements, Spot, Station};
+pub use flutter::Flutter;
+pub use pieces::Load;
+pub use posture::{Body, Hangers, Posture};
 pub use rig::Rig;
-pub use sway::{Sway, SwayOptions};
+pub use simulate::{Manner, Simulation, base_turns as turns_of};
+pub use track::{Take, Track};
+pub use wood::{AIR, FOLD, Wood};

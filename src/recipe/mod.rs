@@ -3,6 +3,7 @@
 //! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
 //! every reference read. All faults are collected with their places. [`sections`] declares the keys.
 
+pub mod air;
 pub mod cloud_keys;
 mod clouds;
 mod digest;
@@ -16,6 +17,7 @@ mod library;
 mod resolve;
 pub mod sections;
 mod tree;
+pub mod wind_keys;
 
 use std::sync::Arc;
 
@@ -69,9 +71,9 @@ pub struct Recipe {
     /// Sky.
     pub sky: sections::SkyKeys,
     /// Wind; its speed already accounts for Beaufort numbers.
-    pub wind: sections::WindKeys,
+    pub wind: wind_keys::WindKeys,
     /// Answer to the wind.
-    pub sway: sections::SwayKeys,
+    pub sway: wind_keys::SwayKeys,
     /// What is written.
     pub output: OutputRecipe,
     /// Hash of everything above and of the bytes of all files read, 64 hex digits.
@@ -112,6 +114,8 @@ pub struct PlantRecipe {
     pub grains: [Option<Arc<Ifs>>; 2],
     /// How bark becomes a mesh.
     pub skin: sections::SkinKeys,
+    /// What it is made of.
+    pub wood: wind_keys::WoodKeys,
 }
 
 /// What one organ looks like.
@@ -217,6 +221,7 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::OrganKeys>(),
         info::<s::BarkKeys>(),
         info::<s::SkinKeys>(),
+        info::<wind_keys::WoodKeys>(),
         info::<cloud_keys::CloudKeys>(),
         info::<cloud_keys::PictureKeys>(),
         info::<layer_keys::LayerKeys>(),
@@ -228,8 +233,8 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::CameraKeys>(),
         info::<s::SunKeys>(),
         info::<s::SkyKeys>(),
-        info::<s::WindKeys>(),
-        info::<s::SwayKeys>(),
+        info::<wind_keys::WindKeys>(),
+        info::<wind_keys::SwayKeys>(),
         info::<s::OutputKeys>(),
         info::<s::PovKeys>(),
         info::<s::UsdKeys>(),

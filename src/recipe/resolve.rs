@@ -131,7 +131,7 @@ fn reach(set: &str, bare: Option<&Bare>) -> String {
 pub(super) struct Resolver<'a> {
     pub(super) request: &'a Request,
     pub(super) report: Report,
-    whole: Span,
+    pub(super) whole: Span,
     inputs: Vec<blake3::Hash>,
 }
 
@@ -146,11 +146,6 @@ impl Resolver<'_> {
         let layers = self.layers(root);
         let places = self.places(root, &plants);
         let scatters = self.scatters(root, &plants);
-        let mut wind: super::sections::WindKeys = self.section(root, "wind");
-        if let Some(b) = wind.beaufort {
-            // v = 0.836 B^(3/2), the definition of the scale.
-            wind.speed = 0.836 * crate::math::pow(b, 1.5);
-        }
         let mut recipe = Recipe {
             name: safe_name(&self.request.name),
             title: if scene.title.is_empty() { self.request.name.clone() } else { scene.title.clone() },
@@ -168,8 +163,8 @@ impl Resolver<'_> {
             camera: self.section(root, "camera"),
             sun: self.section(root, "sun"),
             sky: self.section(root, "sky"),
-            wind,
-            sway: self.section(root, "sway"),
+            wind: self.wind(root),
+            sway: self.sway(root, clip),
             output: self.output(root),
             hash: String::new(),
         };
@@ -178,7 +173,7 @@ impl Resolver<'_> {
     }
 
     /// A section of the top level.
-    fn section<S: Section>(&mut self, parent: &Table, name: &str) -> S {
+    pub(super) fn section<S: Section>(&mut self, parent: &Table, name: &str) -> S {
         self.section_at(parent, "", name)
     }
 
@@ -249,6 +244,7 @@ impl Resolver<'_> {
         let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
         self.shoot_defaults(table, &mut shoot);
         let skin = self.section_at(table, &path, "skin");
+        let wood = self.section_at(table, &path, "wood");
         let grains = [self.grain(&bark)?, self.grain(&shoot)?];
         let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
             (Some(reference), _) => {
@@ -275,7 +271,20 @@ impl Resolver<'_> {
                 organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), ifs: None, mesh: None });
             }
         }
-        Some(PlantRecipe { name: name.into(), id, growth, source, turtle, organs, bark, shoot, grains, skin, keys })
+        Some(PlantRecipe {
+            name: name.into(),
+            id,
+            growth,
+            source,
+            turtle,
+            organs,
+            bark,
+            shoot,
+            grains,
+            skin,
+            wood,
+            keys,
+        })
     }
 
     /// The table of a bark; the outer `None` if it cannot be read.
@@ -512,7 +521,7 @@ fn default_places(plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
         .collect()
 }
 
-fn span_of(root: &Table, path: &[&str]) -> Option<Span> {
+pub(super) fn span_of(root: &Table, path: &[&str]) -> Option<Span> {
     let (name, rest) = path.split_first()?;
     let entry = root.get(name)?;
     match &entry.node.value {
@@ -546,6 +555,7 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         p.bark.digest(&mut h);
         p.shoot.digest(&mut h);
         p.skin.digest(&mut h);
+        p.wood.digest(&mut h);
     }
     (recipe.clouds.len() as u64).digest(&mut h);
     for c in &recipe.clouds {

@@ -109,13 +109,6 @@ words! {
         /// Height maps of barks, leaves and ground for displacement.
         Exr = "exr",
     }
-    /// What wind there is.
-    WindModel {
-        /// None.
-        Calm = "calm",
-        /// The same everywhere, with gusts that travel downwind.
-        Gust = "gust",
-    }
 }
 
 keys! {
@@ -136,7 +129,7 @@ keys! {
         fps: (u32, u32) = "fps" Fps;
     }
     /// One kind of plant; NAME is yours.
-    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "organs", "bark", "shoot", "skin"] {
+    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "organs", "bark", "shoot", "skin", "wood"] {
         /// The grammar that grows it.
         grammar: Option<Reference> = "grammar" File(".l");
         /// The coefficient table of a tree, instead of a grammar.
@@ -153,6 +146,8 @@ keys! {
         motion: Motion = "motion" OneOf(Motion::Skin);
         /// Most joints of its skeleton.
         max_joints: u32 = "max_joints" whole(256, 1, 300);
+        /// Most branches that bend by themselves with `motion = "cache"`.
+        max_branches: u32 = "max_branches" whole(2000, 1, 100_000);
     }
     /// How the turtle draws a plant's string. Precedence: `--set`, here, then the default.
     TurtleKeys at "plants.NAME.turtle" {
@@ -380,22 +375,6 @@ keys! {
         zenith: [f32; 3] = "zenith" Color("#89b3e6");
         /// Factor on both.
         strength: f64 = "strength" num(1.0, 0.0, 1000.0, "");
-    }
-    /// Wind.
-    WindKeys at "wind" {
-        /// What kind.
-        model: WindModel = "model" OneOf(WindModel::Gust);
-        /// Mean speed.
-        speed: f64 = "speed" num(3.0, 0.0, 40.0, "m/s");
-        /// Mean speed as a number of Beaufort's scale, instead of `speed`.
-        beaufort: Option<f64> = "beaufort" Maybe(num(3.0, 0.0, 12.0, "Bft"), "none");
-        /// Where it blows to: 0 towards +X, 90 towards -Z.
-        direction: f64 = "direction_deg" deg(0.0, -360.0, 360.0);
-    }
-    /// How plants answer the wind.
-    SwayKeys at "sway" {
-        /// Factor on every bend.
-        strength: f64 = "strength" num(1.0, 0.0, 10.0, "");
     }
     /// What is written.
     OutputKeys at "output" with ["pov", "usd", "gltf"] {

@@ -1,0 +1,153 @@
+//! What the wind did to a plant: the bends of its elements, frame by frame.
+
+use super::element::Elements;
+use super::simulate::{Manner, Simulation};
+use crate::limits::Limits;
+use crate::math;
+use crate::progress::Cancel;
+use crate::wind::Wind;
+use crate::{Error, Result};
+
+/// Most clips that are simulated before the one that is kept.
+const PRELUDES: f64 = 8.0;
+/// A swing has died out when it is this power of e smaller.
+const DYING: f64 = 11.5;
+/// Time before the first frame of a clip that does not repeat, s.
+const PRELUDE: f64 = 5.0;
+/// Largest bend that is shown, rad.
+const MOST: f32 = 1.4;
+
+/// Which time is kept, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Take {
+    /// Frames.
+    pub frames: usize,
+    /// The frame after the last is the first: the wind must repeat, too.
+    pub repeats: bool,
+    /// Starts from rest instead of in the middle of it.
+    pub from_rest: bool,
+    /// Factor on the steady lean in the mean wind, 0..5.
+    pub lean: f64,
+    /// Factor on the swings about it, 0..20.
+    pub gain: f64,
+}
+
+/// Bends over time.
+#[derive(Debug, Clone, Default)]
+pub struct Track {
+    /// Per frame, per element: both ways, rad.
+    frames: Vec<Vec<[f32; 2]>>,
+    repeats: bool,
+}
+
+impl Track {
+    /// Simulates a take.
+    /// # Errors
+    /// `Limit` for too many elements times frames, `Cancelled`.
+    pub fn record(
+        elements: &Elements,
+        wind: &dyn Wind,
+        manner: Manner,
+        take: Take,
+        (limits, cancel): (&Limits, &Cancel),
+    ) -> Result<Self> {
+        let keys = (elements.list.len() as u64).saturating_mul(take.frames as u64);
+        limits.check("motion-keys", keys, "the number of bending branches times the number of frames")?;
+        let mut run = Simulation::new(elements, wind, manner);
+        let length = take.frames as f64 / manner.fps;
+        let mut still = vec![[0.0; 2]; elements.list.len()];
+        let lead = if take.from_rest {
+            0.0
+        } else {
+            run.settle();
+            still = run.bends();
+            if take.repeats { length * preludes(elements, length) } else { PRELUDE }
+        };
+        let steps = run.steps();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand frames")]
+        let lead = (lead * manner.fps).round() as i64;
+        let mut frames: Vec<Vec<[f64; 2]>> = Vec::with_capacity(take.frames + 1);
+        for frame in -lead..=i64::try_from(take.frames).unwrap_or(i64::MAX) {
+            cancel.check()?;
+            if frame >= 0 {
+                frames.push(run.bends());
+            }
+            for k in 0..steps {
+                #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
+                run.advance((frame as f64 + f64::from(k) / f64::from(steps)) / manner.fps);
+            }
+        }
+        if take.repeats {
+            close(&mut frames);
+        } else {
+            frames.pop();
+        }
+        let shown = |b: &Vec<[f64; 2]>| b.iter().zip(&still).map(|(b, m)| shown(*b, *m, &take)).collect();
+        let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(shown).collect();
+        if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
+            return Ok(Self { frames, repeats: take.repeats });
+        }
+        Err(Error::export("X001", "the wind made a branch bend without bounds"))
+    }
+
+    /// Bends at a time. `frame`: counted from the first, fractions lie between; times outside a clip that does not repeat
+    /// show its ends.
+    pub fn at(&self, frame: f32) -> Vec<[f32; 2]> {
+        let n = self.frames.len();
+        if n == 0 {
+            return Vec::new();
+        }
+        let (floor, t) = (frame.floor(), frame - frame.floor());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clips are short")]
+        let index = |k: f32| match self.repeats {
+            true => k.rem_euclid(n as f32) as usize % n,
+            false => k.clamp(0.0, (n - 1) as f32) as usize,
+        };
+        let (a, b) = (&self.frames[index(floor)], &self.frames[index(floor + 1.0)]);
+        if t == 0.0 {
+            return a.clone();
+        }
+        a.iter().zip(b).map(|(a, b)| [0, 1].map(|k| math::lerp(a[k], b[k], t))).collect()
+    }
+
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    /// True without frames.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+}
+
+/// Clips until the start is forgotten.
+fn preludes(elements: &Elements, length: f64) -> f64 {
+    let slowest = elements.list.iter().map(|e| e.zeta * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
+    (DYING / (slowest * length)).ceil().clamp(1.0, PRELUDES)
+}
+
+/// Takes out what the last frame, which is the first again, differs by: a little in every frame.
+fn close(frames: &mut Vec<Vec<[f64; 2]>>) {
+    let Some(end) = frames.pop() else { return };
+    let Some(first) = frames.first().cloned() else { return };
+    let n = frames.len() as f64;
+    for (k, frame) in frames.iter_mut().enumerate() {
+        for (b, (from, to)) in frame.iter_mut().zip(first.iter().zip(&end)) {
+            for way in 0..2 {
+                b[way] -= (to[way] - from[way]) * k as f64 / n;
+            }
+        }
+    }
+}
+
+/// The bend as it is shown: lean and swing scaled, and no farther than a branch goes.
+fn shown(bend: [f64; 2], still: [f64; 2], take: &Take) -> [f32; 2] {
+    let [a, b] = [0, 1].map(|k| math::narrow(take.lean * still[k] + take.gain * (bend[k] - still[k])));
+    let size = math::sqrt_f32(a * a + b * b);
+    if size < 1e-9 {
+        return [a, b];
+    }
+    let scale = MOST * math::tanh_f32(size / MOST) / size;
+    [a * scale, b * scale]
+}

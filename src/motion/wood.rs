@@ -1,0 +1,85 @@
+//! What wood and leaves are made of, as far as wind can tell.
+
+/// Density of air, kg/m^3.
+pub const AIR: f64 = 1.225;
+/// Wind at which leaves begin to fold away, m/s.
+pub const FOLD: f64 = 8.0;
+
+/// Stiffness of thick and of thin wood, Pa, and the radii between which it falls, m.
+const THICK: (f64, f64) = (8.0e9, 0.05);
+const THIN: (f64, f64) = (5.0e9, 0.005);
+
+/// Material of a plant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wood {
+    /// Young's modulus of its wood, Pa; none for 8 GPa in thick wood falling to 5 GPa in twigs.
+    pub elasticity: Option<f64>,
+    /// kg/m^3.
+    pub density: f64,
+    /// Mass of leaves, kg for each m^2 of one side.
+    pub leaf_mass: f64,
+    /// Drag coefficient of wood.
+    pub drag: f64,
+    /// Drag coefficient of leaves.
+    pub leaf_drag: f64,
+    /// Factor on the elasticity.
+    pub stiffness: f64,
+    /// First frequency that the trunk shall have, Hz; none for what its shape says.
+    pub trunk_hertz: Option<f64>,
+    /// Factor on all frequencies.
+    pub hertz: f64,
+    /// Factor on all damping.
+    pub damping: f64,
+}
+
+impl Default for Wood {
+    fn default() -> Self {
+        Self {
+            elasticity: None,
+            density: 900.0,
+            leaf_mass: 0.2,
+            drag: 1.1,
+            leaf_drag: 0.4,
+            stiffness: 1.0,
+            trunk_hertz: None,
+            hertz: 1.0,
+            damping: 1.0,
+        }
+    }
+}
+
+impl Wood {
+    /// Bending stiffness E I of a round section, N m^2: I = pi r^4 / 4.
+    pub fn rigidity(&self, r: f64) -> f64 {
+        let e = self.elasticity.unwrap_or_else(|| {
+            let x = ((r - THIN.1) / (THICK.1 - THIN.1)).clamp(0.0, 1.0);
+            THIN.0 + (THICK.0 - THIN.0) * x * x * (3.0 - 2.0 * x)
+        });
+        self.stiffness * e * std::f64::consts::FRAC_PI_4 * r * r * r * r
+    }
+}
+
+/// Share of critical damping by order: trunk and limbs with their crowns, branches, twigs.
+pub fn damping_of(order: u8, petiole: bool) -> f64 {
+    match order {
+        _ if petiole => 0.30,
+        0 | 1 => 0.08,
+        2 => 0.12,
+        _ => 0.20,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thick_wood_is_stiffer_than_twigs() {
+        let wood = Wood::default();
+        let e = |r: f64| wood.rigidity(r) / (std::f64::consts::FRAC_PI_4 * r * r * r * r);
+        assert!((e(0.2) - 8e9).abs() < 1.0 && (e(0.001) - 5e9).abs() < 1.0);
+        assert!(e(0.02) > 5e9 && e(0.02) < 8e9);
+        let soft = Wood { elasticity: Some(1e9), stiffness: 0.5, ..wood };
+        assert!((soft.rigidity(0.1) - 0.5e9 * std::f64::consts::FRAC_PI_4 * 1e-4).abs() < 1.0);
+    }
+}

@@ -1,0 +1,137 @@
+//! Keys of wind and of what it moves.
+
+use super::key::{keys, words};
+use super::kinds::{Flag, Maybe, OneOf, deg, num};
+
+words! {
+    /// What wind there is.
+    WindModel {
+        /// None.
+        Calm = "calm",
+        /// The same everywhere and always.
+        Uniform = "uniform",
+        /// Gusts that travel downwind, with eddies in them.
+        Gust = "gust",
+        /// A sine with noise on it, as in the paper by Zhao and Zhang.
+        Perlin = "perlin",
+    }
+    /// How a clip that does not repeat begins.
+    Start {
+        /// In the middle of the wind.
+        Moving = "moving",
+        /// From rest.
+        Rest = "rest",
+    }
+    /// Kinds of green wood.
+    Timber {
+        /// Quaking aspen, 5.9 GPa.
+        Aspen = "aspen",
+        /// Bald cypress, 8.2 GPa.
+        BaldCypress = "bald_cypress",
+        /// Eastern cottonwood, 7.5 GPa.
+        Cottonwood = "cottonwood",
+        /// Eastern hemlock, 7.4 GPa.
+        EasternHemlock = "eastern_hemlock",
+        /// Lodgepole pine, 7.4 GPa.
+        LodgepolePine = "lodgepole_pine",
+        /// Paper birch, 8.1 GPa.
+        PaperBirch = "paper_birch",
+        /// Sugar maple, 10.7 GPa.
+        SugarMaple = "sugar_maple",
+        /// Western hemlock, 9 GPa.
+        WesternHemlock = "western_hemlock",
+        /// White ash, 9.9 GPa.
+        WhiteAsh = "white_ash",
+        /// White fir, 8.1 GPa.
+        WhiteFir = "white_fir",
+        /// White oak, 8.6 GPa.
+        WhiteOak = "white_oak",
+        /// Black willow, 5.4 GPa.
+        Willow = "willow",
+    }
+}
+
+impl Timber {
+    /// Young's modulus of the green wood, Pa.
+    /// Source: Forest Products Laboratory, "Wood handbook", table of green clear wood.
+    pub fn elasticity(self) -> f64 {
+        1e9 * match self {
+            Self::Aspen => 5.9,
+            Self::BaldCypress => 8.2,
+            Self::Cottonwood => 7.5,
+            Self::EasternHemlock | Self::LodgepolePine => 7.4,
+            Self::PaperBirch | Self::WhiteFir => 8.1,
+            Self::SugarMaple => 10.7,
+            Self::WesternHemlock => 9.0,
+            Self::WhiteAsh => 9.9,
+            Self::WhiteOak => 8.6,
+            Self::Willow => 5.4,
+        }
+    }
+}
+
+keys! {
+    /// Wind. Speeds are those at 10 m above the ground.
+    WindKeys at "wind" {
+        /// What kind.
+        model: WindModel = "model" OneOf(WindModel::Gust);
+        /// Mean speed.
+        speed: f64 = "speed" num(4.5, 0.0, 60.0, "m/s");
+        /// Mean speed as a number of Beaufort's scale, instead of `speed`.
+        beaufort: Option<f64> = "beaufort" Maybe(num(3.0, 0.0, 12.0, "Bft"), "none");
+        /// Where it blows to: 0 towards +X, 90 towards -Z.
+        direction: f64 = "direction_deg" deg(0.0, -360.0, 360.0);
+        /// Share of the mean that gusts add and take; 0.3 to 0.5 is natural.
+        gust: f64 = "gust" num(0.4, 0.0, 1.0, "");
+        /// Length of gusts.
+        gust_length: f64 = "gust_length" num(40.0, 2.0, 200.0, "m");
+        /// Strength of eddies over the mean; 0.15 to 0.25 is natural.
+        turbulence: f64 = "turbulence" num(0.2, 0.0, 1.0, "");
+        /// Size of eddies.
+        eddy_size: f64 = "eddy_size" num(4.0, 0.5, 20.0, "m");
+        /// Strength of the flicker that each branch has for itself, over the mean.
+        flicker: f64 = "flicker" num(0.15, 0.0, 1.0, "");
+        /// How far the direction wanders.
+        wander: f64 = "wander_deg" deg(15.0, 0.0, 90.0);
+        /// Power of the height with which the mean grows; 0 for the same at all heights.
+        power: f64 = "height_power" num(0.2, 0.0, 1.0, "");
+        /// With "perlin": exactly as printed, the same everywhere, down to nothing in every period.
+        literal: bool = "literal" Flag(false);
+    }
+    /// How plants answer the wind.
+    SwayKeys at "sway" {
+        /// Factor on the swings; 1 is honest, 3 to 10 is usual where a tree shall look alive from afar.
+        exaggerate: f64 = "exaggerate" num(1.0, 0.0, 20.0, "");
+        /// Factor on the steady lean.
+        lean: f64 = "lean" num(1.0, 0.0, 5.0, "");
+        /// Factor on how twigs lag behind the branch that throws them.
+        whip: f64 = "whip" num(1.0, 0.0, 3.0, "");
+        /// Whether the frame after the last is the first.
+        repeat: Option<bool> = "repeat" Maybe(Flag(true), "true for clips of 2 s and more");
+        /// How a clip that does not repeat begins.
+        start: Start = "start" OneOf(Start::Moving);
+    }
+    /// What a plant is made of, as far as wind can tell.
+    WoodKeys at "plants.NAME.wood" {
+        /// Kind of wood.
+        timber: Option<Timber> = "timber" Maybe(OneOf(Timber::WhiteOak), "8 GPa in thick wood, 5 GPa in twigs");
+        /// Young's modulus, instead of `timber`.
+        elasticity: Option<f64> = "elasticity_gpa" Maybe(num(8.0, 0.1, 30.0, "GPa"), "the timber's");
+        /// Factor on it.
+        stiffness: f64 = "stiffness" num(1.0, 0.05, 20.0, "");
+        /// Of green wood.
+        density: f64 = "density" num(900.0, 100.0, 1500.0, "kg/m^3");
+        /// Of leaves, for each m^2 of one side.
+        leaf_mass: f64 = "leaf_mass" num(0.2, 0.0, 2.0, "kg/m^2");
+        /// Drag coefficient of wood.
+        drag: f64 = "drag" num(1.1, 0.0, 3.0, "");
+        /// Drag coefficient of leaves.
+        leaf_drag: f64 = "leaf_drag" num(0.4, 0.0, 3.0, "");
+        /// First frequency of the trunk.
+        trunk: Option<f64> = "trunk_hz" Maybe(num(0.5, 0.05, 20.0, "Hz"), "what its shape and load say");
+        /// Factor on all frequencies.
+        hertz: f64 = "hz_scale" num(1.0, 0.1, 10.0, "");
+        /// Factor on all damping.
+        damping: f64 = "damping" num(1.0, 0.0, 10.0, "");
+    }
+}
