@@ -16,6 +16,8 @@ use crate::wind::{Wind, line_noise};
 
 /// Steps a second, at least.
 const RATE: f64 = 120.0;
+/// Looks at the wind a second, at least.
+const LOOKS: f64 = 24.0;
 /// Strongest inertia, m/s^2.
 const JERK: f64 = 50.0;
 /// Push across the wind by eddies that a branch sheds, over its drag and its flicker.
@@ -78,6 +80,11 @@ pub struct Simulation<'a> {
     known: u32,
     air: Vec<Vec3>,
     world: Vec<Vec3>,
+    /// Air when it was last looked up and when it will be next, and the flicker and shed eddies of each element.
+    looked: [Vec<Vec3>; 2],
+    restless: [Vec<[f32; 2]>; 2],
+    /// Steps since.
+    since: u32,
     /// Force of a subtree on its carrier, N, and load of each element.
     forces: Vec<DVec3>,
     loads: Vec<DVec3>,
@@ -116,6 +123,9 @@ impl<'a> Simulation<'a> {
             known: 0,
             air: vec![Vec3::ZERO; m],
             world: vec![Vec3::ZERO; m],
+            looked: [vec![Vec3::ZERO; m], vec![Vec3::ZERO; m]],
+            restless: [vec![[0.0; 2]; n], vec![[0.0; 2]; n]],
+            since: 0,
             forces: vec![DVec3::ZERO; n],
             loads: vec![DVec3::ZERO; n],
             elements,
@@ -152,7 +162,7 @@ impl<'a> Simulation<'a> {
                 self.air[i] = stand.r.conjugate() * self.wind.mean_at(height) * s.open;
             }
             self.known = 0;
-            self.press(0.0, false);
+            self.press(false);
             for e in 0..self.state.len() {
                 let goal = self.goal(e);
                 for (k, g) in goal.into_iter().enumerate() {
@@ -167,7 +177,7 @@ impl<'a> Simulation<'a> {
     pub fn advance(&mut self, t: f64) {
         self.place();
         self.blow(t);
-        self.press(t, true);
+        self.press(true);
         for e in 0..self.state.len() {
             let goal = self.goal(e);
             for (k, g) in goal.into_iter().enumerate() {
@@ -226,38 +236,63 @@ impl<'a> Simulation<'a> {
         Carried { base, turn: carrier.turn * turn(bend * profile(element.at)) }
     }
 
-    /// Air at all stations, in the plant's space.
+    /// Air at all stations, in the plant's space: looked up `LOOKS` times a second, linear between.
     fn blow(&mut self, t: f64) {
+        let every = per_look(self.step);
+        if self.known == 0 {
+            self.look(t);
+            self.looked.swap(0, 1);
+            self.restless.swap(0, 1);
+            self.look(t + self.step * f64::from(every));
+            self.since = 0;
+        } else if self.since == every {
+            self.looked.swap(0, 1);
+            self.restless.swap(0, 1);
+            self.look(t + self.step * f64::from(every));
+            self.since = 0;
+        }
+        let share = self.since as f32 / every as f32;
+        let [last, next] = &self.looked;
+        for (air, (a, b)) in self.air.iter_mut().zip(last.iter().zip(next)) {
+            *air = *a + (*b - *a) * share;
+        }
+        self.since += 1;
+    }
+
+    /// Looks up the air of a moment.
+    fn look(&mut self, t: f64) {
         let stand = self.manner.stand;
         let back = stand.r.conjugate();
         for (w, p) in self.world.iter_mut().zip(&self.places) {
             *w = stand.apply(p.as_vec3());
         }
-        self.wind.sample(&self.world, t, &mut self.air);
-        for (e, own) in self.elements.list.iter().zip(&self.own) {
-            let extra = self.manner.flicker * f64::from(line_noise(own.seeds[0], t * own.rates[0], own.cells[0]));
+        let (air, restless) = (&mut self.looked[1], &mut self.restless[1]);
+        self.wind.sample(&self.world, t, air);
+        for ((e, own), r) in self.elements.list.iter().zip(&self.own).zip(restless) {
+            *r = [0, 1].map(|k| line_noise(own.seeds[k], t * own.rates[k], own.cells[k]));
+            let factor = 1.0 + crate::math::narrow(self.manner.flicker) * r[0];
             for i in e.stations.clone() {
-                let u = self.air[i];
-                let factor = f64::from(self.elements.stations[i].open) * (1.0 + extra);
-                self.air[i] = back * u * crate::math::narrow(factor);
+                air[i] = back * air[i] * (self.elements.stations[i].open * factor);
             }
         }
     }
 
+    /// Push across the wind of an element's shed eddies, over its drag.
+    fn shed(&self, e: usize) -> f64 {
+        let share = self.since as f32 / per_look(self.step) as f32;
+        let [last, next] = [0, 1].map(|k: usize| self.restless[k][e][1]);
+        SHED * self.manner.flicker * f64::from(last + (next - last) * share)
+    }
+
     /// From the tips down: what presses on each element.
-    fn press(&mut self, t: f64, alive: bool) {
+    fn press(&mut self, alive: bool) {
         self.forces.fill(DVec3::ZERO);
         self.loads.fill(DVec3::ZERO);
         for e in (0..self.elements.list.len()).rev() {
             let element = &self.elements.list[e];
             let back = self.carried[e].turn.conjugate();
             let (mut total, mut load) = (self.forces[e], self.loads[e]);
-            let shed = if alive {
-                SHED * self.manner.flicker
-                    * f64::from(line_noise(self.own[e].seeds[1], t * self.own[e].rates[1], self.own[e].cells[1]))
-            } else {
-                0.0
-            };
+            let shed = if alive { self.shed(e) } else { 0.0 };
             for i in element.stations.clone() {
                 let s = &self.elements.stations[i];
                 let along = self.turns[i] * s.along;
@@ -310,6 +345,12 @@ impl<'a> Simulation<'a> {
         let rate = AIR * area * f64::from(self.air[i].length()) / s.load.mass.max(1e-12);
         v * (0.5 / (rate * self.step).max(0.5))
     }
+}
+
+/// Steps between two looks at the wind.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few")]
+fn per_look(step: f64) -> u32 {
+    (1.0 / (step * LOOKS)).round().max(1.0) as u32
 }
 
 /// Noises of an element that repeat with the wind.

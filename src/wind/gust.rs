@@ -8,7 +8,7 @@ use crate::math;
 use crate::rng::Rng;
 
 /// Root mean square of one component of the eddies' noise.
-pub(super) const EDDY_RMS: f32 = 0.27;
+pub(super) const EDDY_RMS: f32 = 0.219;
 /// Strongest eddy, in root mean squares.
 const EDDY_MOST: f32 = 2.5;
 /// Time in which the direction wanders, s.

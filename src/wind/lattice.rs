@@ -8,11 +8,13 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// `x`: in cells; `period`: cells after which the lattice repeats, >= 1.
-    #[allow(clippy::cast_possible_truncation, reason = "the remainder is below the period, an i32")]
+    /// `x`: in cells, within +-2^31; `period`: cells after which the lattice repeats, >= 1.
+    #[allow(clippy::cast_possible_truncation, reason = "saturates far from anything that is drawn")]
     pub(super) fn new(x: f64, period: i32) -> Self {
-        let floor = x.floor();
-        Self { cell: floor.rem_euclid(f64::from(period)) as i32, inside: (x - floor) as f32 }
+        // The cast rounds towards zero: one less below it.
+        let near = x as i32;
+        let whole = if f64::from(near) > x { near - 1 } else { near };
+        Self { cell: whole.rem_euclid(period), inside: (x - f64::from(whole)) as f32 }
     }
 
     /// Both cells around it.
@@ -62,29 +64,20 @@ pub(super) fn noise3(seed: u32, p: [Place; 3], period: [i32; 3]) -> [f32; 3] {
     for corner in 0..8_usize {
         let at = [corner & 1, corner >> 1 & 1, corner >> 2];
         let h = scramble(seed, [cells[0][at[0]], cells[1][at[1]], cells[2][at[2]]]);
-        let [x, y, z] = [0, 1, 2].map(|k| p[k].inside - at[k] as f32);
+        let d = [0, 1, 2].map(|k| p[k].inside - at[k] as f32);
         let weight = weights[0][at[0]] * weights[1][at[1]] * weights[2][at[2]];
         for (k, s) in sum.iter_mut().enumerate() {
-            *s += weight * edge(h >> (8 * k + 4), x, y, z);
+            *s += weight * towards_corner(h >> (8 * k), d);
         }
     }
-    sum
+    sum.map(|s| s * (2.0 / 3.0))
 }
 
-/// Towards the middle of one of the twelve edges of a cube.
-/// Source: K. Perlin, "Improving noise", SIGGRAPH 2002.
+/// Along one of the eight diagonals of a cube: each coordinate with a sign of its own.
 #[inline]
-fn edge(h: u32, x: f32, y: f32, z: f32) -> f32 {
-    let h = h & 15;
-    let u = if h < 8 { x } else { y };
-    let v = if h < 4 {
-        y
-    } else if h == 12 || h == 14 {
-        x
-    } else {
-        z
-    };
-    (if h & 1 == 0 { u } else { -u }) + (if h & 2 == 0 { v } else { -v })
+fn towards_corner(h: u32, d: [f32; 3]) -> f32 {
+    let signed = |v: f32, bit: u32| f32::from_bits(v.to_bits() ^ (h << (31 - bit) & 0x8000_0000));
+    signed(d[0], 5) + signed(d[1], 6) + signed(d[2], 7)
 }
 
 /// Mixes a cell into a number whose bits have nothing to do with each other.

@@ -1,0 +1,104 @@
+//! Wind on a birch: nanoseconds per branch and step, per sample of wind, per skinned point and per leaf; then whole clips.
+#![allow(clippy::print_stdout, clippy::disallowed_methods, clippy::expect_used, reason = "a bench tells times")]
+
+use std::time::Instant;
+
+use glam::Vec3;
+use osier::bake::layout::lay_out_all;
+use osier::bake::looks::of_plant;
+use osier::bake::plants::grow;
+use osier::bake::stage::{Parts, build};
+use osier::bake::{Work, mover};
+use osier::limits::Limits;
+use osier::motion::{Budget, Elements, Manner, Rig, Simulation, Wood};
+use osier::plant::Plant;
+use osier::presets::find;
+use osier::progress::{Cancel, Silent};
+use osier::recipe::{Recipe, Request, resolve};
+use osier::scene::{Trs, skinned_points, world_from_joint};
+use osier::wind::{Gust, GustOptions, Wind};
+
+const ROUNDS: u32 = 5;
+
+/// Least seconds of a few rounds.
+fn best(mut f: impl FnMut()) -> f64 {
+    (0..ROUNDS)
+        .map(|_| {
+            let start = Instant::now();
+            f();
+            start.elapsed().as_secs_f64()
+        })
+        .fold(f64::MAX, f64::min)
+}
+
+fn recipe(set: &[&str]) -> Recipe {
+    let text = find("birch.toml").expect("preset").text;
+    let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
+    resolve(&Request { name: "birch".into(), text: text.into(), set: set.into(), ..Request::default() })
+        .expect("scene")
+        .0
+}
+
+fn birch(work: &Work<'_>) -> Plant {
+    let recipe = recipe(&[]);
+    let look = of_plant(&recipe.plants[0], recipe.seed).expect("look");
+    let (layout, _) = lay_out_all(&recipe, work).expect("layout");
+    grow(&recipe.plants[0], &layout.individuals[0], &look, work).expect("plant").plant
+}
+
+fn main() {
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let plant = birch(&work);
+    let wind = Gust::new(GustOptions { speed: 8.0, period: Some(10.0), ..GustOptions::default() });
+    let manner = Manner { wood: Wood::default(), flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, fps: 24.0 };
+
+    let elements = Elements::build(&plant, &manner.wood, Budget::Elements(2000));
+    let (branches, stations) = (elements.list.len(), elements.stations.len());
+    let seconds = best(|| {
+        let mut run = Simulation::new(&elements, &wind, manner);
+        for k in 0..240 * run.steps() {
+            run.advance(f64::from(k) / (24.0 * f64::from(run.steps())));
+        }
+    });
+    let steps = 240.0 * 5.0 * branches as f64;
+    println!(
+        "{branches} branches ({stations} stations) x 240 frames x 5 steps: {seconds:.3} s, {:.0} ns a step",
+        seconds / steps * 1e9
+    );
+
+    let places: Vec<Vec3> =
+        (0..20_000_u16).map(|k| Vec3::new(f32::from(k) * 0.01, f32::from(k % 97) * 0.1, 0.3)).collect();
+    let mut air = vec![Vec3::ZERO; places.len()];
+    let seconds = best(|| wind.sample(&places, 3.0, &mut air));
+    println!("wind: {:.0} ns a sample", seconds / places.len() as f64 * 1e9);
+
+    let few = Elements::build(&plant, &manner.wood, Budget::Joints(256));
+    let rig = Rig::build(&plant, &few, 256);
+    let bends = vec![[0.1_f32, 0.05]; few.list.len()];
+    let bindings: Vec<(u32, f32)> = (0..plant.axes.len())
+        .flat_map(|a| plant.nodes_of(&plant.axes[a]).map(move |k| (a, k)))
+        .map(|(a, k)| (u32::try_from(a).expect("few"), plant.nodes.s[k]))
+        .collect();
+    let skin = rig.skin(&plant, bindings.iter().copied());
+    let joints = world_from_joint(&rig.skeleton, &rig.pose(&few, &bends));
+    let seconds = best(|| drop(skinned_points(&plant.nodes.p, &skin, &joints)));
+    println!("skin: {:.0} M points/s, one thread", plant.nodes.len() as f64 / seconds / 1e6);
+    let seconds = best(|| drop(rig.pose(&few, &bends)));
+    println!("pose of {} joints: {:.0} us", rig.skeleton.joints.len(), seconds * 1e6);
+
+    for motion in ["skin", "cache"] {
+        let set = [format!("plants.birch.motion=\"{motion}\""), "frames.end=240".into(), "wind.speed=8".into()];
+        let set: Vec<&str> = set.iter().map(String::as_str).collect();
+        let moving = recipe(&set);
+        let still = recipe(&[]);
+        let before = best(|| drop(build(&still, Parts::default(), &work).expect("stage")));
+        let start = Instant::now();
+        let stage = build(&moving, Parts::default(), &work).expect("stage").stage;
+        let recorded = start.elapsed().as_secs_f64() - before;
+        let frames = best(|| drop(mover::frame(&stage.scene, &stage.movers, 100)));
+        println!(
+            "{motion}: {recorded:.2} s to simulate 240 frames and what leads to them, {:.1} ms a frame",
+            frames * 1e3
+        );
+    }
+}
