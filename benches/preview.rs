@@ -100,7 +100,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         images: Vec::new(),
         materials: vec![material()],
         assets: vec![asset],
-        placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY }],
+        placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
     }
 }

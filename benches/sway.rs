@@ -34,9 +34,7 @@ fn best(mut f: impl FnMut()) -> f64 {
 fn recipe(set: &[&str]) -> Recipe {
     let text = find("birch.toml").expect("preset").text;
     let set: Vec<String> = set.iter().map(|s| (*s).to_owned()).collect();
-    resolve(&Request { name: "birch".into(), text: text.into(), set: set.into(), ..Request::default() })
-        .expect("scene")
-        .0
+    resolve(&Request { name: "birch".into(), text: text.into(), set, ..Request::default() }).expect("scene").0
 }
 
 fn birch(work: &Work<'_>) -> Plant {
@@ -95,7 +93,7 @@ fn main() {
         let start = Instant::now();
         let stage = build(&moving, Parts::default(), &work).expect("stage").stage;
         let recorded = start.elapsed().as_secs_f64() - before;
-        let frames = best(|| drop(mover::frame(&stage.scene, &stage.movers, 100)));
+        let frames = best(|| drop(mover::frame(&stage.scene, &stage.movers, 100, false)));
         println!(
             "{motion}: {recorded:.2} s to simulate 240 frames and what leads to them, {:.1} ms a frame",
             frames * 1e3

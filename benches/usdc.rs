@@ -39,7 +39,7 @@ fn swarm(n: u32, frames: u32) -> (Scene, Vec<Frame>) {
     };
     let frame = |f| {
         let instancers = vec![InstancerFrame::State(state(f))];
-        Frame { number: f, assets: vec![AssetFrame { instancers, ..AssetFrame::default() }] }
+        Frame { number: f, assets: vec![AssetFrame { instancers, ..AssetFrame::default() }], ..Frame::default() }
     };
     (bare::scene(Asset { instancers: vec![instancer], ..bare::asset() }, frames), (1..=frames).map(frame).collect())
 }

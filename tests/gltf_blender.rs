@@ -112,7 +112,7 @@ fn hero(folder: &Path) -> Value {
 
 /// The still bake: everything at rest, the cloud included.
 fn resting(scene: &Scene, frames: &[Frame], folder: &Path, number: u32) -> Value {
-    let rest = Frame { number, assets: Vec::new() };
+    let rest = Frame { number, assets: Vec::new(), ..Frame::default() };
     let rest = Frame { assets: scene.assets.iter().map(|_| osier::scene::AssetFrame::default()).collect(), ..rest };
     let mut at = objects(scene, std::slice::from_ref(&rest), &[number], true);
     let expected = expect::expect(scene, std::slice::from_ref(&rest), &[number]);

@@ -104,7 +104,11 @@ fn chain(joints: u32) -> (Scene, Vec<Frame>) {
         };
         skeleton.joints.iter().enumerate().map(turn).collect()
     };
-    let frame = |n: u32| Frame { number: n, assets: vec![AssetFrame { pose: pose(n), ..AssetFrame::default() }] };
+    let frame = |n: u32| Frame {
+        number: n,
+        assets: vec![AssetFrame { pose: pose(n), ..AssetFrame::default() }],
+        ..Frame::default()
+    };
     let frames = (1..=3).map(frame).collect();
     let object =
         MeshObject { name: "strip".into(), mesh: mesh.with_material(3), motion: MeshMotion::Skinned, skin: Some(skin) };
@@ -139,7 +143,7 @@ fn over_500_moving_instances_those_of_the_smallest_hash_are_kept() {
     let (mut scene, _) = common::synthetic();
     let n = 620_u64;
     scene.assets = vec![scene.assets.swap_remove(2)];
-    scene.placements = vec![Placement { name: "tracks".into(), asset: 0, transform: Trs::IDENTITY }];
+    scene.placements = vec![Placement { name: "tracks".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }];
     let flying = &mut scene.assets[0].instancers[0];
     flying.ids = (0..n).map(|i| 7000 + i).collect();
     flying.protos = (0..n).map(|i| (i % 2) as u32).collect();
@@ -152,7 +156,7 @@ fn over_500_moving_instances_those_of_the_smallest_hash_are_kept() {
     flying.rest = state(0);
     let frame = |f: u32| {
         let moved = AssetFrame { instancers: vec![InstancerFrame::State(state(f))], ..AssetFrame::default() };
-        Frame { number: f, assets: vec![moved] }
+        Frame { number: f, assets: vec![moved], ..Frame::default() }
     };
     let frames: Vec<Frame> = (1..=3).map(frame).collect();
     let temp = tempfile::tempdir().expect("temp");
@@ -219,10 +223,14 @@ fn tiny() -> (Scene, Vec<Frame>) {
         MeshObject { name: "flake".into(), mesh: mesh.with_material(3), motion: MeshMotion::Deforming, skin: None };
     scene.name = "tiny".into();
     scene.assets = vec![Asset { id: "flake".into(), meshes: vec![object], ..scene.assets.swap_remove(4) }];
-    scene.placements = vec![Placement { name: "flake".into(), asset: 0, transform: Trs::IDENTITY }];
+    scene.placements = vec![Placement { name: "flake".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }];
     scene.clip = Clip { start: 1, end: 2, fps: (25, 1) };
     let points = MeshFrame::Points { points: moved, normals: vec![Vec3::Z; 3], velocities: Vec::new() };
-    let frame = |number, meshes| Frame { number, assets: vec![AssetFrame { meshes, ..AssetFrame::default() }] };
+    let frame = |number, meshes| Frame {
+        number,
+        assets: vec![AssetFrame { meshes, ..AssetFrame::default() }],
+        ..Frame::default()
+    };
     (scene, vec![frame(1, Vec::new()), frame(2, vec![points])])
 }
 

@@ -39,7 +39,7 @@ fn triangle() -> Scene {
     }];
     let s = std::f32::consts::FRAC_1_SQRT_2;
     let transform = Trs { t: Vec3::new(0.0, 0.0, 2.0), r: Quat::from_xyzw(0.0, s, 0.0, s), s: Vec3::splat(2.0) };
-    scene.placements = vec![Placement { name: "one".into(), asset: 0, transform }];
+    scene.placements = vec![Placement { name: "one".into(), asset: 0, transform, phase: 0 }];
     scene
 }
 

@@ -57,7 +57,7 @@ fn probes(scene: &Scene, frame: &Frame) -> Vec<Probe> {
     let mut out = Vec::new();
     for placement in &scene.placements {
         let asset = &scene.assets[placement.asset];
-        let state = &frame.assets[placement.asset];
+        let state = frame.shown(placement).expect("state");
         let world = |p: Vec3| placement.transform.apply(p);
         for (i, object) in asset.meshes.iter().enumerate() {
             let what = format!("{}/{}", placement.name, object.name);
@@ -189,6 +189,7 @@ fn known_points_project_within_half_a_pixel() {
         name: "dots".into(),
         asset: 3,
         transform: Trs { t: Vec3::new(0.2, -0.1, 0.3), r: turn, s: Vec3::ONE },
+        phase: 0,
     }];
     let dots = &mut scene.assets[3];
     dots.meshes.clear();

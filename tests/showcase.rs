@@ -156,7 +156,7 @@ impl Shown<'_> {
 /// First, middle and last frame.
 fn frames() -> Vec<Frame> {
     let stage = stage();
-    expect::three(&stage.scene).iter().map(|n| mover::frame(&stage.scene, &stage.movers, *n)).collect()
+    expect::three(&stage.scene).iter().map(|n| mover::frame(&stage.scene, &stage.movers, *n, true)).collect()
 }
 
 /// File with what `showcase.py` looks for.
@@ -169,7 +169,7 @@ fn expected() -> &'static Path {
             let (mut stage_meshes, mut instancers, mut meshes) = (Map::new(), Map::new(), Map::new());
             for placement in &scene.placements {
                 let asset = &scene.assets[placement.asset];
-                let shown = Shown { placement, asset, frame: &frame.assets[placement.asset] };
+                let shown = Shown { placement, asset, frame: frame.shown(placement).expect("state") };
                 shown.usd(&mut stage_meshes, &mut instancers);
                 shown.gltf(&mut meshes);
             }
@@ -344,7 +344,7 @@ fn povray_renders_the_trees_where_they_stand() {
 
 /// Above the horizon, what geometry covers is not sky, and what is far from all geometry is.
 fn silhouette(scene: &Scene, picture: &Picture) {
-    let frame = mover::frame(scene, &stage().movers, scene.clip.start);
+    let frame = mover::frame(scene, &stage().movers, scene.clip.start, true);
     let hits = projected(scene, &frame);
     let camera = &scene.camera;
     let level = (camera.target - camera.eye) * Vec3::new(1.0, 0.0, 1.0);

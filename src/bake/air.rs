@@ -10,7 +10,7 @@ use crate::recipe::Recipe;
 use crate::recipe::air::{SHORTEST_LOOP, seconds};
 use crate::recipe::wind_keys::{Start, WindKeys, WindModel, WoodKeys};
 use crate::scene::Trs;
-use crate::wind::{CALM, Formula, FormulaOptions, Gust, GustOptions, Uniform, Wind};
+use crate::wind::{Formula, FormulaOptions, Gust, GustOptions, Uniform, Wind};
 
 /// Wind as it meets the plants.
 #[derive(Debug, Clone)]
@@ -22,13 +22,14 @@ pub struct Air {
     flicker: f64,
     whip: f64,
     fps: f64,
+    phases: u32,
 }
 
 impl Air {
     /// None in a still scene and in calm air.
     pub fn of(recipe: &Recipe) -> Option<Self> {
         let (keys, sway) = (&recipe.wind, &recipe.sway);
-        if recipe.clip.len() < 2 || keys.model == WindModel::Calm || keys.speed < CALM {
+        if recipe.clip.len() < 2 || !keys.blows() {
             return None;
         }
         let length = seconds(&recipe.clip);
@@ -42,7 +43,22 @@ impl Air {
         };
         let wind = wind(keys, repeats.then_some(length), recipe.seed);
         let flicker = if keys.model == WindModel::Uniform { 0.0 } else { keys.flicker };
-        Some(Self { wind, take, flicker, whip: sway.whip, fps: recipe.clip.fps() })
+        Some(Self { wind, take, flicker, whip: sway.whip, fps: recipe.clip.fps(), phases: sway.phases })
+    }
+
+    /// Frames by which a copy at `at` is ahead of the one at `first`, m, whose motion it shows: gusts reach what stands
+    /// downwind later. One of a few, so that copies share states.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below the number of frames")]
+    pub fn phase(&self, first: Vec3, at: Vec3) -> u32 {
+        let frames = self.take.frames as f64;
+        let count = f64::from(self.phases).min(frames);
+        if !self.take.repeats || count < 2.0 {
+            return 0;
+        }
+        let mean = self.wind.mean().as_dvec3();
+        let late = (at - first).as_dvec3().dot(mean) / mean.length_squared();
+        let share = (-late * self.fps / frames).rem_euclid(1.0);
+        ((share * count).round() % count / count * frames).round() as u32 % self.take.frames.max(1) as u32
     }
 
     /// How a plant that stands at `stand` takes it.

@@ -84,8 +84,10 @@ pub fn lay_out(recipe: &Recipe) -> Layout {
         layout.standings.iter().map(|s| s.transform.t - middle).for_each(|p| clear.add(Vec2::new(p.x, p.z)));
         let spots = spread(recipe.seed, index, place, &clear);
         for (copy, spot) in spots.iter().enumerate() {
-            let transform = stand(recipe.seed, index, copy, place, *spot);
-            let individual = first + copy % kinds.max(1) as usize;
+            let kind = copy % kinds.max(1) as usize;
+            // Copies that share a motion lean one way: they face the wind alike.
+            let transform = stand(recipe.seed, index, (copy, if recipe.moves { kind } else { copy }), place, *spot);
+            let individual = first + kind;
             layout.standings.push(Standing { individual, transform, slope: None });
         }
     }
@@ -195,10 +197,14 @@ impl Near {
     }
 }
 
-fn stand(seed: u64, index: usize, copy: usize, place: &PlaceRecipe, spot: Vec2) -> Trs {
+/// `facing`: the copy whose turn this one shares.
+fn stand(seed: u64, index: usize, (copy, facing): (usize, usize), place: &PlaceRecipe, spot: Vec2) -> Trs {
     let keys = &place.keys;
-    let mut rng = Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
-    let (drawn_turn, drawn_scale) = (rng.range(0.0, std::f64::consts::TAU), rng.range(-1.0, 1.0));
+    let stream = |copy: usize| Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
+    let drawn_turn = stream(facing).range(0.0, std::f64::consts::TAU);
+    let mut rng = stream(copy);
+    rng.next_u64();
+    let drawn_scale = rng.range(-1.0, 1.0);
     let turn = keys.turn.unwrap_or(if keys.count > 1 { drawn_turn } else { 0.0 });
     let lean_to = rotation(Vec3::Y, keys.lean_to) * Vec3::X;
     let lean = rotation(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);

@@ -1,5 +1,6 @@
 //! From time to frames.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{Quat, Vec3};
@@ -166,8 +167,9 @@ impl Mover {
     }
 }
 
-/// A whole frame; `movers` runs parallel to the scene's assets.
-pub fn frame(scene: &Scene, movers: &[Option<Mover>], number: u32) -> Frame {
+/// A whole frame; `movers` runs parallel to the scene's assets. `shifted`: with the states that placements show at phases
+/// of their own.
+pub fn frame(scene: &Scene, movers: &[Option<Mover>], number: u32, shifted: bool) -> Frame {
     let seconds = scene.clip.seconds(number);
     let step = narrow(scene.clip.fps().recip());
     let pairs: Vec<(&Asset, Option<&Mover>)> =
@@ -175,5 +177,14 @@ pub fn frame(scene: &Scene, movers: &[Option<Mover>], number: u32) -> Frame {
     let assets = crate::par::par_map(&pairs, |(asset, mover)| {
         mover.map_or_else(AssetFrame::default, |m| m.frame(asset, seconds, step))
     });
-    Frame { number, assets }
+    let phases: BTreeSet<(usize, u32)> =
+        scene.placements.iter().filter(|p| shifted && p.phase > 0).map(|p| (p.asset, p.phase)).collect();
+    let phases: Vec<(usize, u32)> = phases.into_iter().collect();
+    let states = crate::par::par_map(&phases, |(i, phase)| {
+        let later = seconds + f64::from(*phase) / scene.clip.fps();
+        let (asset, mover) = pairs.get(*i)?;
+        mover.map(|m| m.frame(asset, later, step))
+    });
+    let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
+    Frame { number, assets, shifted }
 }

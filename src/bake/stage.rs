@@ -1,5 +1,6 @@
 //! From a recipe to a scene with what moves in it.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -8,7 +9,7 @@ use super::Work;
 use super::air::Air;
 use super::counts::{Counts, count};
 use super::dress::{Kind, dress};
-use super::layout::{Individual, Layout, lay_out_all};
+use super::layout::{Individual, Layout, Standing, lay_out_all};
 use super::looks::{Look, Soil, of_ground, of_plant};
 use super::mover::Mover;
 use super::plants::{Grown, grow};
@@ -91,7 +92,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     work.progress.stage("skinning", layout.individuals.len() as u64);
     let modules = grown.iter().map(|g| g.modules).sum();
     dress_all(recipe, (&layout, &kinds, &grown), &mut made, work)?;
-    let mut placements = placements(&made.assets, &layout);
+    let mut placements = placements(recipe, &made.assets, &layout);
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
@@ -211,13 +212,18 @@ fn dress_all(
     Ok(())
 }
 
-fn placements(assets: &[Asset], layout: &Layout) -> Vec<Placement> {
+fn placements(recipe: &Recipe, assets: &[Asset], layout: &Layout) -> Vec<Placement> {
+    let air = Air::of(recipe);
     let mut names = Names::default();
-    let of = |names: &mut Names, individual: usize, transform| {
-        let id = assets.get(individual).map_or("plant", |a| &a.id);
-        Placement { name: names.unique(id), asset: individual, transform }
+    let mut first: BTreeMap<usize, Vec3> = BTreeMap::new();
+    let mut of = |s: &Standing| {
+        let id = assets.get(s.individual).map_or("plant", |a| &a.id);
+        let first = *first.entry(s.individual).or_insert(s.transform.t);
+        let moves = assets.get(s.individual).is_some_and(|a| a.skeleton.is_some());
+        let phase = air.as_ref().filter(|_| moves).map_or(0, |air| air.phase(first, s.transform.t));
+        Placement { name: names.unique(id), asset: s.individual, transform: s.transform, phase }
     };
-    layout.standings.iter().map(|s| of(&mut names, s.individual, s.transform)).collect()
+    layout.standings.iter().map(&mut of).collect()
 }
 
 /// Sets the plants on the ground, whose middle is theirs, and returns it with its place.
@@ -248,7 +254,12 @@ fn add_land(
     placements: &mut Vec<Placement>,
 ) -> Result<()> {
     let kind = made.take(land::look(shape, keys, seed)?);
-    placements.push(Placement { name: land::NAME.into(), asset: made.assets.len(), transform: Trs::IDENTITY });
+    placements.push(Placement {
+        name: land::NAME.into(),
+        asset: made.assets.len(),
+        transform: Trs::IDENTITY,
+        phase: 0,
+    });
     made.movers.push(None);
     made.assets.push(land::asset(shape, kind.first_material));
     Ok(())
@@ -261,7 +272,7 @@ fn add_ground(soil: Soil, middle: Vec3, made: &mut Made, placements: &mut Vec<Pl
         s.material += kind.first_material;
     }
     let transform = Trs::translation(middle);
-    placements.push(Placement { name: "ground".into(), asset: made.assets.len(), transform });
+    placements.push(Placement { name: "ground".into(), asset: made.assets.len(), transform, phase: 0 });
     made.movers.push(None);
     made.assets.push(Asset {
         id: "ground".into(),
@@ -280,7 +291,7 @@ fn add_clouds(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>,
     for cloud in &recipe.clouds {
         let material = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
         let (asset, surface, transform) = super::clouds::asset(cloud, recipe.seed, material, work)?;
-        placements.push(Placement { name: asset.id.clone(), asset: made.assets.len(), transform });
+        placements.push(Placement { name: asset.id.clone(), asset: made.assets.len(), transform, phase: 0 });
         made.materials.push(surface);
         made.assets.push(asset);
         made.movers.push(None);

@@ -33,7 +33,7 @@ pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work
     check_scene(&stage.scene)?;
     work.progress.stage("writing", writers.len() as u64);
     each(writers, |w| w.begin(&stage.scene))?;
-    let make = |n: u32| frame(&stage.scene, &stage.movers, n);
+    let make = |n: u32| frame(&stage.scene, &stage.movers, n, false);
     if let Some((first, rest)) = numbers.split_first() {
         work.progress.stage("writing frames", numbers.len() as u64);
         let mut current: Frame = make(*first);

@@ -64,7 +64,7 @@ impl Subject {
         let mut points = Vec::new();
         for p in scene.placements.iter().filter(|p| alone || !terrain(p)) {
             let (Some(asset), rest) = (scene.assets.get(p.asset), AssetFrame::default()) else { continue };
-            let state = frame.and_then(|f| f.assets.get(p.asset)).unwrap_or(&rest);
+            let state = frame.and_then(|f| f.shown(p)).unwrap_or(&rest);
             let mut own = Vec::new();
             for (i, m) in asset.meshes.iter().enumerate() {
                 own.extend_from_slice(&mesh_points(asset, m, i, state));

@@ -1,6 +1,7 @@
 //! A scene at one frame, ready for rays: a tree of boxes over all showings of all solids. Nothing is expanded.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use glam::{Affine3A, Mat3, Vec3, Vec3A};
 use obvhs::cwbvh::CwBvh;
@@ -11,7 +12,7 @@ use super::solid::{Solid, Spot, tree_of};
 use crate::geometry::Bounds;
 use crate::par::par_map;
 use crate::scene::{
-    Asset, AssetFrame, CurvesFrame, Frame, Mesh, MeshFrame, MeshMotion, MeshObject, PointsFrame, Scene, Trs,
+    Asset, AssetFrame, CurvesFrame, Frame, Mesh, MeshFrame, MeshMotion, MeshObject, Placement, PointsFrame, Scene, Trs,
     instance_states, mesh_points, skinned_normals, world_from_joint,
 };
 
@@ -202,45 +203,56 @@ fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<Job<'s>>, Vec<(u
     };
     let (mut jobs, mut places) = (Vec::new(), Vec::new());
     for (i, asset) in scene.assets.iter().enumerate() {
-        let stands: Vec<Affine3A> =
-            scene.placements.iter().filter(|p| p.asset == i).map(|p| affine(&p.transform)).collect();
-        if stands.is_empty() {
-            continue;
-        }
-        let state = frame.and_then(|f| f.assets.get(i)).unwrap_or(&REST);
-        let add = |jobs: &mut Vec<Job<'s>>, job| {
-            let index = u32::try_from(jobs.len()).unwrap_or(u32::MAX);
-            jobs.push(job);
-            index
-        };
-        for (k, object) in asset.meshes.iter().enumerate() {
-            let index = add(&mut jobs, Job::Mesh(asset, object, k, state));
-            places.extend(stands.iter().map(|m| (index, *m)));
-        }
-        for (k, instancer) in asset.instancers.iter().enumerate() {
-            let first = jobs.len();
-            for p in &instancer.prototypes {
-                add(&mut jobs, Job::Prototype(&p.mesh));
-            }
-            let now = instance_states(asset, instancer, k, state);
-            for stand in &stands {
-                let alive = (0..instancer.len()).filter(|n| now.is_alive(*n));
-                places.extend(alive.map(|n| {
-                    let proto = u32::try_from(first).unwrap_or(u32::MAX).saturating_add(instancer.protos[n]);
-                    (proto, *stand * affine(&instancer.transform(&now, n)))
-                }));
-            }
-        }
-        for (k, cloud) in asset.points.iter().enumerate() {
-            let index = add(&mut jobs, Job::Points(cloud, state.points(k)));
-            places.extend(stands.iter().map(|m| (index, *m)));
-        }
-        for (k, curves) in asset.curves.iter().enumerate() {
-            let index = add(&mut jobs, Job::Curves(curves, state.curves(k)));
-            places.extend(stands.iter().map(|m| (index, *m)));
+        let here: Vec<&Placement> = scene.placements.iter().filter(|p| p.asset == i).collect();
+        let phases: BTreeSet<u32> = here.iter().map(|p| p.phase).collect();
+        for phase in phases {
+            let same = here.iter().filter(|p| p.phase == phase);
+            let stands: Vec<Affine3A> = same.clone().map(|p| affine(&p.transform)).collect();
+            let state = same.take(1).find_map(|p| frame.and_then(|f| f.shown(p))).unwrap_or(&REST);
+            stand(asset, state, &stands, (&mut jobs, &mut places));
         }
     }
     (jobs, places)
+}
+
+/// The solids of one asset in one state.
+fn stand<'s>(
+    asset: &'s Asset,
+    state: &'s AssetFrame,
+    stands: &[Affine3A],
+    (jobs, places): (&mut Vec<Job<'s>>, &mut Vec<(u32, Affine3A)>),
+) {
+    let add = |jobs: &mut Vec<Job<'s>>, job| {
+        let index = u32::try_from(jobs.len()).unwrap_or(u32::MAX);
+        jobs.push(job);
+        index
+    };
+    for (k, object) in asset.meshes.iter().enumerate() {
+        let index = add(jobs, Job::Mesh(asset, object, k, state));
+        places.extend(stands.iter().map(|m| (index, *m)));
+    }
+    for (k, instancer) in asset.instancers.iter().enumerate() {
+        let first = jobs.len();
+        for p in &instancer.prototypes {
+            add(jobs, Job::Prototype(&p.mesh));
+        }
+        let now = instance_states(asset, instancer, k, state);
+        for stand in stands {
+            let alive = (0..instancer.len()).filter(|n| now.is_alive(*n));
+            places.extend(alive.map(|n| {
+                let proto = u32::try_from(first).unwrap_or(u32::MAX).saturating_add(instancer.protos[n]);
+                (proto, *stand * affine(&instancer.transform(&now, n)))
+            }));
+        }
+    }
+    for (k, cloud) in asset.points.iter().enumerate() {
+        let index = add(jobs, Job::Points(cloud, state.points(k)));
+        places.extend(stands.iter().map(|m| (index, *m)));
+    }
+    for (k, curves) in asset.curves.iter().enumerate() {
+        let index = add(jobs, Job::Curves(curves, state.curves(k)));
+        places.extend(stands.iter().map(|m| (index, *m)));
+    }
 }
 
 fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {

@@ -5,7 +5,7 @@ use super::tree::Table;
 use super::wind_keys::{SwayKeys, WindKeys, WindModel};
 use crate::diagnostic::Diagnostic;
 use crate::scene::Clip;
-use crate::wind::beaufort;
+use crate::wind::{CALM, beaufort};
 
 /// Shortest clip that can repeat, s.
 pub const SHORTEST_LOOP: f64 = 2.0;
@@ -42,6 +42,13 @@ impl Resolver<'_> {
             self.report.push(d.help(format!("at least {SHORTEST_LOOP} s: raise frames.end")));
         }
         keys
+    }
+}
+
+impl WindKeys {
+    /// False in a calm.
+    pub fn blows(&self) -> bool {
+        self.model != WindModel::Calm && self.speed >= CALM
     }
 }
 

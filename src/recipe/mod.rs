@@ -72,6 +72,8 @@ pub struct Recipe {
     pub sky: sections::SkyKeys,
     /// Wind; its speed already accounts for Beaufort numbers.
     pub wind: wind_keys::WindKeys,
+    /// True if the scene has a clip with wind in it, whichever frame is drawn.
+    pub moves: bool,
     /// Answer to the wind.
     pub sway: wind_keys::SwayKeys,
     /// What is written.

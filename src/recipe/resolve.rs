@@ -163,11 +163,13 @@ impl Resolver<'_> {
             camera: self.section(root, "camera"),
             sun: self.section(root, "sun"),
             sky: self.section(root, "sky"),
+            moves: false,
             wind: self.wind(root),
             sway: self.sway(root, clip),
             output: self.output(root),
             hash: String::new(),
         };
+        recipe.moves = clip.len() > 1 && recipe.wind.blows();
         recipe.hash = hash(&recipe, &self.inputs);
         recipe
     }

@@ -1,7 +1,7 @@
 //! Keys of wind and of what it moves.
 
 use super::key::{keys, words};
-use super::kinds::{Flag, Maybe, OneOf, deg, num};
+use super::kinds::{Flag, Maybe, OneOf, deg, num, whole};
 
 words! {
     /// What wind there is.
@@ -108,6 +108,8 @@ keys! {
         whip: f64 = "whip" num(1.0, 0.0, 3.0, "");
         /// Whether the frame after the last is the first.
         repeat: Option<bool> = "repeat" Maybe(Flag(true), "true for clips of 2 s and more");
+        /// Copies of a plant show a repeating motion at so many different times, as gusts reach them; 1 for all as one.
+        phases: u32 = "phases" whole(12, 1, 1000);
         /// How a clip that does not repeat begins.
         start: Start = "start" OneOf(Start::Moving);
     }

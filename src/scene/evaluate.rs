@@ -152,7 +152,7 @@ pub fn scene_bounds(scene: &Scene, frame: Option<&Frame>) -> Bounds {
     let rest = AssetFrame::default();
     let mut b = Bounds::default();
     for placement in &scene.placements {
-        let state = frame.and_then(|f| f.assets.get(placement.asset)).unwrap_or(&rest);
+        let state = frame.and_then(|f| f.shown(placement)).unwrap_or(&rest);
         let local = asset_bounds(&scene.assets[placement.asset], state);
         if !local.is_empty() {
             b = b.union(Bounds::of(local.corners().map(|c| placement.transform.apply(c))));

@@ -1,16 +1,28 @@
 //! What changes.
 
+use std::collections::BTreeMap;
+
 use glam::Vec3;
 
-use super::{InstanceState, Mesh, Trs};
+use super::{InstanceState, Mesh, Placement, Trs};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::scene::Scene::assets`].
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Frame {
     /// Frame number.
     pub number: u32,
     /// One per asset.
     pub assets: Vec<AssetFrame>,
+    /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
+    pub shifted: BTreeMap<(usize, u32), AssetFrame>,
+}
+
+impl Frame {
+    /// What a placement shows: its asset at the placement's phase, or without if nobody asked for that.
+    pub fn shown(&self, placement: &Placement) -> Option<&AssetFrame> {
+        let shifted = self.shifted.get(&(placement.asset, placement.phase)).filter(|_| placement.phase > 0);
+        shifted.or_else(|| self.assets.get(placement.asset))
+    }
 }
 
 /// One frame of one asset. Lists run parallel to the asset's; an empty list means that nothing in it changes.

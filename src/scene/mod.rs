@@ -133,6 +133,9 @@ pub struct Placement {
     pub asset: usize,
     /// World from asset space. Scale is uniform.
     pub transform: Trs,
+    /// It shows what the asset does so many frames later, the clip repeated: copies that share one motion do not move as
+    /// one. Below the number of frames.
+    pub phase: u32,
 }
 
 /// Everything that exists, resolved, in SI units.

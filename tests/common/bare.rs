@@ -56,7 +56,7 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         images: Vec::new(),
         materials: vec![material()],
         assets: vec![asset],
-        placements: vec![Placement { name: "it".into(), asset: 0, transform: Trs::IDENTITY }],
+        placements: vec![Placement { name: "it".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
     }
 }
@@ -87,5 +87,5 @@ pub fn cloth_frame(n: u32, number: u32) -> Frame {
     let points = places(n, number);
     let velocities = points.iter().map(|p| *p * 0.5).collect();
     let mesh = MeshFrame::Points { points, normals: Vec::new(), velocities };
-    Frame { number, assets: vec![AssetFrame { meshes: vec![mesh], ..AssetFrame::default() }] }
+    Frame { number, assets: vec![AssetFrame { meshes: vec![mesh], ..AssetFrame::default() }], ..Frame::default() }
 }

@@ -78,7 +78,7 @@ pub fn instanced(list: &mut Map<String, Value>, name: &str, states: &[Value], ri
 /// An asset alone at the origin.
 pub fn alone(scene: &Scene, asset: usize) -> Scene {
     let name = scene.assets[asset].id.clone();
-    Scene { placements: vec![Placement { name, asset, transform: Trs::IDENTITY }], ..scene.clone() }
+    Scene { placements: vec![Placement { name, asset, transform: Trs::IDENTITY, phase: 0 }], ..scene.clone() }
 }
 
 /// The same for profile `web`: riding instances stand under their joints, prototype by prototype.

@@ -84,7 +84,12 @@ fn materials() -> Vec<Material> {
 }
 
 fn placements() -> Vec<Placement> {
-    let at = |name: &str, asset, t, r| Placement { name: name.into(), asset, transform: Trs { t, r, s: Vec3::ONE } };
+    let at = |name: &str, asset, t, r| Placement {
+        name: name.into(),
+        asset,
+        transform: Trs { t, r, s: Vec3::ONE },
+        phase: 0,
+    };
     let turn = Quat::from_xyzw(0.0, 0.258_819_04, 0.0, 0.965_925_8);
     vec![
         at("rig", 0, Vec3::new(1.0, 0.0, 0.5), turn),
@@ -92,6 +97,7 @@ fn placements() -> Vec<Placement> {
             name: "rig_2".into(),
             asset: 0,
             transform: Trs { t: Vec3::new(-2.0, 0.1, -1.0), r: turn.conjugate(), s: Vec3::splat(0.75) },
+            phase: 0,
         },
         at("cache", 1, Vec3::new(-0.5, 0.2, 1.0), Quat::IDENTITY),
         at("tracks", 2, Vec3::new(0.0, 1.0, 0.0), turn),
@@ -292,6 +298,7 @@ fn frame(scene: &Scene, number: u32) -> Frame {
     Frame {
         number,
         assets: vec![rig, cache, tracks_frame(scene, number, t), misc_frame(scene, k, t), AssetFrame::default()],
+        ..Frame::default()
     }
 }
 

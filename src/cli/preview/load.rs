@@ -41,7 +41,7 @@ impl Loaded {
 
     /// The scene's things at a frame.
     pub fn frame(&self, number: u32) -> Frame {
-        frame(&self.stage.scene, &self.stage.movers, number)
+        frame(&self.stage.scene, &self.stage.movers, number, true)
     }
 
     /// True if something moves.
@@ -169,7 +169,7 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         images: read.images,
         materials: read.materials,
         assets: vec![asset],
-        placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY }],
+        placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
     };
     let stage = Stage { scene: Arc::new(scene), movers: vec![None] };

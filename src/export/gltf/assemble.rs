@@ -9,7 +9,7 @@ use super::super::Warning;
 use super::buffer::last;
 use super::document::{Document, finite, marked, placed};
 use super::json::{Camera, Index, Node, Perspective, Skin};
-use super::parts::{Chosen, Hold, Part, Parts};
+use super::parts::{Chosen, Hold, Joint, Part, Parts};
 use super::tracks::MOVING_NODES;
 use crate::Result;
 use crate::scene::{InstancerMotion, Placement, Trs};
@@ -34,7 +34,7 @@ impl Document<'_> {
         let (placements, name): (&[Placement], &str) = match shows {
             Shows::Asset(asset) => {
                 let Some(id) = scene.assets.get(asset).map(|a| a.id.clone()) else { return Ok(false) };
-                own = [Placement { name: id, asset, transform: Trs::IDENTITY }];
+                own = [Placement { name: id, asset, transform: Trs::IDENTITY, phase: 0 }];
                 (&own, &own[0].name)
             }
             Shows::Scene { .. } => (&scene.placements, &scene.name),
@@ -42,6 +42,7 @@ impl Document<'_> {
         let prefixed = matches!(shows, Shows::Scene { .. });
         let chosen = self.choose(placements, name);
         let mut parts: BTreeMap<usize, Parts> = BTreeMap::new();
+        let mut later: BTreeMap<(usize, u32), Vec<Joint>> = BTreeMap::new();
         for (i, placement) in placements.iter().enumerate() {
             let asset = placement.asset;
             let made = match parts.entry(asset) {
@@ -51,9 +52,14 @@ impl Document<'_> {
                     place.insert(self.parts(asset, &all)?)
                 }
             };
-            if !made.shown.is_empty() {
-                self.place(placement, prefixed, made, chosen.get(&i))?;
+            if made.shown.is_empty() {
+                continue;
             }
+            if placement.phase > 0 && !later.contains_key(&(asset, placement.phase)) {
+                later.insert((asset, placement.phase), self.joints_later(asset, placement.phase)?);
+            }
+            let joints = later.get(&(asset, placement.phase)).unwrap_or(&made.joints);
+            self.place(placement, prefixed, (made, joints), chosen.get(&i))?;
         }
         let filled = !self.root.nodes.is_empty();
         if shows == (Shows::Scene { camera: true }) {
@@ -91,15 +97,21 @@ impl Document<'_> {
         chosen
     }
 
-    fn place(&mut self, placement: &Placement, prefixed: bool, parts: &Parts, chosen: Option<&Chosen>) -> Result<()> {
+    fn place(
+        &mut self,
+        placement: &Placement,
+        prefixed: bool,
+        (parts, joints_of_parts): (&Parts, &[Joint]),
+        chosen: Option<&Chosen>,
+    ) -> Result<()> {
         let asset = &self.from.scene.assets[placement.asset];
         finite(&placement.transform, || format!("placement {}", placement.name))?;
         let named = |name: &str| if prefixed { format!("{}_{name}", placement.name) } else { name.to_owned() };
         let top = marked(placement.name.clone(), &placement.transform, asset.id.clone(), asset.kind.word());
         let top = self.node(top)?;
         self.attach(None, top);
-        let mut joints: Vec<Index> = Vec::with_capacity(parts.joints.len());
-        for joint in &parts.joints {
+        let mut joints: Vec<Index> = Vec::with_capacity(joints_of_parts.len());
+        for joint in joints_of_parts {
             let node = self.node(placed(named(&joint.name), &joint.motion.rest))?;
             let parent = joint.parent.and_then(|p| joints.get(p)).copied().unwrap_or(top);
             self.attach(Some(parent), node);

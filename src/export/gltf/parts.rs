@@ -122,7 +122,12 @@ impl Document<'_> {
         if parts.shown.iter().any(|p| p.hold != Hold::Placement)
             && let Some(rig) = &rig
         {
-            self.joints(&mut parts, source, rig, &tracks.poses)?;
+            self.warnings.extend(rig.warning.clone());
+            parts.joints = self.joints(source, rig, &tracks.poses)?;
+            if parts.shown.iter().any(|p| p.hold == Hold::Skin) {
+                let what = format!("asset {}, skin", source.id);
+                parts.inverse_bind = Some(self.buffer.matrices(&rig.inverse_bind(), &what)?);
+            }
         }
         Ok(parts)
     }
@@ -267,9 +272,26 @@ impl Document<'_> {
         Ok(())
     }
 
-    fn joints(&mut self, parts: &mut Parts, asset: &Asset, rig: &Rig, poses: &[Vec<Trs>]) -> Result<()> {
-        let Some(skeleton) = &asset.skeleton else { return Ok(()) };
-        self.warnings.extend(rig.warning.clone());
+    /// The joints of an asset as they move so many frames later, the clip repeated.
+    pub(super) fn joints_later(&mut self, asset: usize, phase: u32) -> Result<Vec<Joint>> {
+        let from = self.from;
+        let Some((source, tracks)) = from.scene.assets.get(asset).zip(from.tracks.assets.get(asset)) else {
+            return Ok(Vec::new());
+        };
+        let Some(rig) = Rig::new(source, &tracks.poses, JOINTS).filter(|_| !tracks.poses.is_empty()) else {
+            return Ok(Vec::new());
+        };
+        let mut poses = tracks.poses.clone();
+        let count = poses.len();
+        // Frames may have been left out: the phase is a share of the clip.
+        let share = phase as usize * count / from.scene.clip.len().max(1);
+        poses.rotate_left(share % count);
+        self.joints(source, &rig, &poses)
+    }
+
+    fn joints(&mut self, asset: &Asset, rig: &Rig, poses: &[Vec<Trs>]) -> Result<Vec<Joint>> {
+        let Some(skeleton) = &asset.skeleton else { return Ok(Vec::new()) };
+        let mut joints = Vec::new();
         let times = &self.from.tracks.times;
         let thin = self.from.profile == Profile::Web;
         for (k, &i) in rig.kept.iter().enumerate() {
@@ -287,12 +309,8 @@ impl Document<'_> {
             self.drive_rotation(keys::rotations(times, &turns, thin), &mut rest.r, drives)?;
             self.drive_vector(keys::positions(times, &of(&|j| j.s), thin), ("scale", false), (&mut rest.s, drives))?;
             let parent = rig.parent(skeleton, k);
-            parts.joints.push(Joint { name: joint.name.clone(), parent, motion });
+            joints.push(Joint { name: joint.name.clone(), parent, motion });
         }
-        if parts.shown.iter().any(|p| p.hold == Hold::Skin) {
-            let what = format!("asset {}, skin", asset.id);
-            parts.inverse_bind = Some(self.buffer.matrices(&rig.inverse_bind(), &what)?);
-        }
-        Ok(())
+        Ok(joints)
     }
 }

@@ -1,5 +1,7 @@
 //! `main.pov`, which picks the frame, and `render.ini`, which renders the clip.
 
+use std::collections::BTreeSet;
+
 use super::material::quoted;
 use super::space::Space;
 use super::{Options, look, scene_bounds};
@@ -15,19 +17,39 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     for name in ["common.inc", "prototypes.inc", "static.inc"] {
         text.put("#include ").put(&quoted(&format!("{includes}{name}"))).put("\n");
     }
+    let phases: BTreeSet<u32> = scene.placements.iter().map(|p| p.phase).collect();
     pick_frame(&mut text, scene, includes, written);
-    text.put("\n#macro OsWorld() union {\n");
-    for placement in &scene.placements {
-        text.put(&format!("  object {{ A_{}() ", placement.asset));
-        space.matrix(&mut text, &placement.transform);
-        text.put(" } // ").put(&placement.name).put("\n");
+    for phase in phases {
+        if phase > 0 && !written.is_empty() {
+            // Another time of the clip: its file declares the same names anew for what follows.
+            later(&mut text, scene, includes, (phase, written));
+        }
+        text.put(&format!("\n#macro OsWorld{phase}() union {{\n"));
+        for placement in scene.placements.iter().filter(|p| p.phase == phase) {
+            text.put(&format!("  object {{ A_{}() ", placement.asset));
+            space.matrix(&mut text, &placement.transform);
+            text.put(" } // ").put(&placement.name).put("\n");
+        }
+        text.put(&format!("}} #end\nOsWorld{phase}()\n"));
     }
-    text.put("} #end\nOsWorld()\n\n");
+    text.put("\n");
     let bounds = scene_bounds(scene, None);
     look::camera(&mut text, space, &scene.camera);
     look::sun(&mut text, space, &scene.sun, bounds);
     look::sky(&mut text, space, &scene.sky, bounds);
     text
+}
+
+/// Includes the file of the frame that comes `phase` later in the clip, repeated; where only some frames are written, of the
+/// one so much later in their list.
+fn later(text: &mut Text, scene: &Scene, includes: &str, (phase, written): (u32, &[u32])) {
+    let (first, count) = (written.first().copied().unwrap_or(0), written.len());
+    let last = written.last().copied().unwrap_or(first);
+    let step = if count > 1 { (u64::from(last - first) / (count as u64 - 1)).max(1) } else { 1 };
+    let ahead = (u64::from(phase) / step) % count.max(1) as u64;
+    text.put(&format!("#declare OsLater = {first} + mod((OsFrame - {first}) / {step} + {ahead}, {count}) * {step};\n"));
+    text.put(&format!("#declare OsTag = str(OsLater, -{}, 0);\n#include concat(", scene.clip.digits()));
+    text.put(&quoted(&format!("{includes}frames/frame."))).put(", OsTag, \".inc\")\n");
 }
 
 /// Sets `OsFrame` to the written frame nearest to the one that is rendered, and includes its file. A still render has

@@ -125,7 +125,8 @@ impl Usd {
             let Some(asset) = cx.scene.assets.get(placement.asset) else { continue };
             let slot = first.get_mut(placement.asset);
             let known = slot.as_ref().and_then(|s| s.as_ref());
-            let reference = known.map(|p| stage::Arc { asset: String::new(), prim: p.clone() });
+            let ahead = placement.phase;
+            let reference = known.map(|p| stage::Arc { asset: String::new(), prim: p.clone(), ahead });
             let new = reference.is_none();
             target.stage.prim(
                 &path,
@@ -171,7 +172,8 @@ impl Usd {
         for (path, placement) in placed(cx, &root) {
             let Some(asset) = cx.scene.assets.get(placement.asset) else { continue };
             let name = safe_name(&asset.id);
-            let payload = Some(stage::Arc { asset: format!("./usd/{name}.usdc"), prim: format!("/{name}") });
+            let ahead = placement.phase;
+            let payload = Some(stage::Arc { asset: format!("./usd/{name}.usdc"), prim: format!("/{name}"), ahead });
             target.stage.prim(&path, "Xform", &PrimMeta { kind: Some("component"), payload, ..PrimMeta::default() })?;
             target.transform(&path, &cx.up.trs(&placement.transform))?;
         }
@@ -198,6 +200,11 @@ fn open(cx: &Context, stage: Box<dyn Stage>, default_prim: &str) -> Result<Targe
     let mut target = Target::new(stage);
     target.stage.begin(&LayerMeta::of(&cx.scene, default_prim, cx.up))?;
     Ok(target)
+}
+
+/// True if a placement shows the asset at another time of the clip.
+fn is_phased(scene: &Scene, asset: usize) -> bool {
+    scene.placements.iter().any(|p| p.asset == asset && p.phase > 0)
 }
 
 /// Placements with the paths of their prims. Camera and lights keep their names.
@@ -254,6 +261,11 @@ impl Exporter for Usd {
 
     fn finish(&mut self) -> Result<Summary> {
         for layer in &mut self.layers {
+            if let Some(scene) = self.cx.as_ref().map(|cx| &cx.scene)
+                && layer.parts.iter().any(|(asset, _)| is_phased(scene, *asset))
+            {
+                layer.target.stage.repeat(f64::from(u32::try_from(scene.clip.len()).unwrap_or(u32::MAX)));
+            }
             layer.target.stage.finish()?;
         }
         self.layers.clear();

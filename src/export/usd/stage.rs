@@ -51,6 +51,8 @@ pub struct Arc {
     pub asset: String,
     /// Path of the prim.
     pub prim: String,
+    /// Frames by which it is shown earlier: what the layer has at t + `ahead` is seen at t.
+    pub ahead: u32,
 }
 
 /// Metadata of a prim.
@@ -131,6 +133,9 @@ pub trait Stage: Send {
     /// # Errors
     /// As [`Stage::attr`].
     fn sample(&mut self, attr: Attr, time: f64, value: Value) -> Result<()>;
+
+    /// Says every sample again `period` later: the same values.
+    fn repeat(&mut self, period: f64);
 
     /// Adds a relationship at `prim path.name`.
     /// # Errors

@@ -55,7 +55,7 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Sce
         images: Vec::new(),
         materials,
         assets: vec![asset],
-        placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY }],
+        placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
     }
 }

@@ -41,7 +41,7 @@ struct Property {
     default: Option<String>,
     metadata: String,
     /// `time: value`.
-    samples: Vec<String>,
+    samples: Vec<(f64, String)>,
     /// Whole further lines.
     lines: Vec<String>,
 }
@@ -111,8 +111,8 @@ fn render_property(p: &Property, depth: usize, out: &mut String) {
     }
     if !p.samples.is_empty() {
         text::indented(&format!("{}.timeSamples = {{", p.declaration), depth, out);
-        for s in &p.samples {
-            text::indented(&format!("{s},"), depth + 1, out);
+        for (t, s) in &p.samples {
+            text::indented(&format!("{t}: {s},"), depth + 1, out);
         }
         text::indented("}", depth, out);
     }
@@ -159,10 +159,17 @@ impl Stage for Usda {
     fn sample(&mut self, attr: Attr, time: f64, value: Value) -> Result<()> {
         let Some((prim, property)) = self.attrs.get(attr.0).copied() else { return Ok(()) };
         let Some(p) = self.prims.get_mut(prim).and_then(|p| p.properties.get_mut(property)) else { return Ok(()) };
-        let sample = format!("{time}: {}", text::value(&value, &format!("{}, frame {time}", p.path))?);
-        let bytes = sample.len();
-        p.samples.push(sample);
+        let sample = text::value(&value, &format!("{}, frame {time}", p.path))?;
+        let bytes = sample.len() + 8;
+        p.samples.push((time, sample));
         self.grow(bytes + 16)
+    }
+
+    fn repeat(&mut self, period: f64) {
+        for p in self.prims.iter_mut().flat_map(|p| &mut p.properties) {
+            let again: Vec<_> = p.samples.iter().map(|(t, v)| (t + period, v.clone())).collect();
+            p.samples.extend(again);
+        }
     }
 
     fn rel(&mut self, path: &str, targets: &[String]) -> Result<()> {

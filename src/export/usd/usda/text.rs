@@ -53,7 +53,8 @@ pub(super) fn layer(meta: &LayerMeta) -> String {
 
 fn arc(arc: &Arc) -> String {
     let asset = if arc.asset.is_empty() { String::new() } else { format!("@{}@", arc.asset) };
-    format!("{asset}<{}>", arc.prim)
+    let offset = if arc.ahead > 0 { format!(" (offset = -{})", arc.ahead) } else { String::new() };
+    format!("{asset}<{}>{offset}", arc.prim)
 }
 
 /// `def Xform "name" (...)`.

@@ -32,6 +32,8 @@ pub struct Usdc {
     attrs: Vec<Samples>,
     /// All times that any sample has, in order of arrival.
     times: Vec<f64>,
+    /// Frames after which all samples come again.
+    repeats: Option<f64>,
 }
 
 #[derive(Debug, Default)]
@@ -77,6 +79,7 @@ impl Usdc {
             prim_specs: [("/".to_owned(), 0)].into(),
             attrs: Vec::new(),
             times: Vec::new(),
+            repeats: None,
         }
     }
 
@@ -137,11 +140,11 @@ impl Usdc {
         self.list_op(code::PATH_LIST_OP, EXPLICIT, &items)
     }
 
-    /// Payload or reference item: layer, prim, offset 0, scale 1.
+    /// Payload or reference item: layer, prim, offset, scale 1.
     fn arc(&mut self, arc: &super::stage::Arc) -> Vec<u8> {
         let mut item = self.string(&arc.asset).to_le_bytes().to_vec();
         item.extend(self.paths.intern(&arc.prim).to_le_bytes());
-        item.extend(0.0_f64.to_le_bytes());
+        item.extend((0.0 - f64::from(arc.ahead)).to_le_bytes());
         item.extend(1.0_f64.to_le_bytes());
         item
     }
@@ -165,18 +168,24 @@ impl Usdc {
     /// Appends the samples of an attribute and sets its field.
     fn time_samples(&mut self, samples: &Samples) -> Result<()> {
         let at = |i: usize| self.times.get(i).copied().unwrap_or(0.0);
-        let times: Vec<f64> = match &samples.when {
+        let mut times: Vec<f64> = match &samples.when {
             When::Run(first) => (0..samples.values.len()).map(|i| at(first + i)).collect(),
             When::Each(list) => list.iter().map(|i| at(*i)).collect(),
         };
+        let mut values = samples.values.clone();
+        if let Some(period) = self.repeats {
+            // A repeated sample costs the eight bytes that say where its value lies.
+            times.extend(times.clone().iter().map(|t| t + period));
+            values.extend_from_slice(&samples.values);
+        }
         let mut bytes = (times.len() as u64).to_le_bytes().to_vec();
         bytes.extend(times.iter().flat_map(|t| t.to_le_bytes()));
         let times = self.heap.value(code::DOUBLE_VECTOR, &bytes)?;
         let mut bytes = 8_i64.to_le_bytes().to_vec();
         bytes.extend(times.to_le_bytes());
         bytes.extend(8_i64.to_le_bytes());
-        bytes.extend((samples.values.len() as u64).to_le_bytes());
-        bytes.extend(samples.values.iter().flat_map(|v| v.to_le_bytes()));
+        bytes.extend((values.len() as u64).to_le_bytes());
+        bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
         let value = self.heap.value(code::TIME_SAMPLES, &bytes)?;
         self.field(samples.spec, "timeSamples", value);
         Ok(())
@@ -337,6 +346,10 @@ impl Stage for Usdc {
         }
         samples.values.push(value);
         Ok(())
+    }
+
+    fn repeat(&mut self, period: f64) {
+        self.repeats = Some(period);
     }
 
     fn rel(&mut self, path: &str, targets: &[String]) -> Result<()> {
