@@ -57,7 +57,7 @@ fn probes(scene: &Scene, frame: &Frame) -> Vec<Probe> {
     let mut out = Vec::new();
     for placement in &scene.placements {
         let asset = &scene.assets[placement.asset];
-        let state = frame.shown(placement).expect("state");
+        let Some(state) = frame.shown(placement) else { continue };
         let world = |p: Vec3| placement.transform.apply(p);
         for (i, object) in asset.meshes.iter().enumerate() {
             let what = format!("{}/{}", placement.name, object.name);

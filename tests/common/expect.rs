@@ -36,7 +36,7 @@ fn of_frame(scene: &Scene, frame: &Frame) -> Value {
     let (mut meshes, mut instancers, mut points, mut curves) = (Map::new(), Map::new(), Map::new(), Map::new());
     for placement in &scene.placements {
         let asset = &scene.assets[placement.asset];
-        let state = frame.shown(placement).expect("state");
+        let Some(state) = frame.shown(placement) else { continue };
         let key = |name: &str| format!("{}/{name}", placement.name);
         let world = |p: &Vec3| vec3(placement.transform.apply(*p));
         for (i, object) in asset.meshes.iter().enumerate() {
