@@ -79,7 +79,7 @@ fn probes(scene: &Scene, frame: &Frame) -> Vec<Probe> {
             }
         }
         for (i, cloud) in asset.points.iter().enumerate() {
-            let PointsFrame::State { positions, widths, velocities } = state.points(i) else { continue };
+            let PointsFrame::State { positions, widths, velocities, .. } = state.points(i) else { continue };
             let water = scene.materials[cloud.material as usize].class == MaterialClass::Water;
             for (k, (p, w)) in positions.iter().zip(widths).enumerate() {
                 let axis = velocities[k].normalize();
@@ -202,6 +202,7 @@ fn known_points_project_within_half_a_pixel() {
         colors: colors.to_vec(),
         attributes: Vec::new(),
         moving: false,
+        reach: osier::geometry::Bounds::default(),
     };
     let dir = tempfile::tempdir().expect("dir");
     bake(dir.path(), &scene, &[], Options::default());

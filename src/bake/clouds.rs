@@ -3,13 +3,15 @@
 use glam::{DVec3, Quat, Vec3};
 
 use super::Work;
+use super::morphing::Morphing;
+use crate::geometry::Bounds;
 use crate::ifs::cloud::{Cloud, Request, cloud, voxels};
 use crate::ifs::color::{Labels, Mode};
 use crate::ifs::game::{Escapes, Tier};
 use crate::ifs::histogram::{Splat, Window, histogram};
 use crate::ifs::picture::{Density, Estimator, Tone, density};
 use crate::math::narrow;
-use crate::recipe::cloud_keys::{ColorBy, Fit, PictureKeys};
+use crate::recipe::cloud_keys::{ColorBy, Fit, Foot, PictureKeys};
 use crate::recipe::{CloudRecipe, Recipe};
 use crate::scene::{Asset, AssetKind, Attribute, Maps, Material, MaterialClass, Points, Trs};
 use crate::{Error, Result};
@@ -27,10 +29,22 @@ const FINENESS: f64 = 800.0;
 /// Escaped share of the tests that is still an attractor.
 const MAX_ESCAPES: f64 = 1e-3;
 
-/// The cloud's asset, its one material, and where it stands.
+/// A cloud ready for the scene.
+pub struct Made {
+    /// It.
+    pub asset: Asset,
+    /// Its one material.
+    pub surface: Material,
+    /// Where it stands.
+    pub stand: Trs,
+    /// What moves it.
+    pub morphing: Option<Morphing>,
+}
+
+/// Makes a cloud; `moving`: with what moves it.
 /// # Errors
 /// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
-pub fn asset(recipe: &CloudRecipe, seed: u64, material: u32, work: &Work<'_>) -> Result<(Asset, Material, Trs)> {
+pub fn made(recipe: &CloudRecipe, (seed, moving): (u64, bool), material: u32, work: &Work<'_>) -> Result<Made> {
     work.cancel.check()?;
     let keys = &recipe.keys;
     work.limits.check("points", u64::from(keys.points), "the number of points")?;
@@ -41,33 +55,48 @@ pub fn asset(recipe: &CloudRecipe, seed: u64, material: u32, work: &Work<'_>) ->
         Some(h) => h / size.max_element().max(1e-30),
         None => 1.0,
     };
-    let foot = DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z));
-    let labels = Labels::new(&recipe.system, mode(keys.color_by, keys.prefix), &keys.colors);
-    let request = Request {
-        system: &recipe.system,
-        study: &recipe.study,
-        seed,
-        points: u64::from(keys.points),
-        tier: Tier::Best,
+    let foot = match keys.foot {
+        Foot::Box => DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z)),
+        Foot::Origin => DVec3::ZERO,
     };
-    let mut cloud = cloud(&request, &labels, &recipe.extent, (foot, scale));
+    let morphing = recipe.morph.as_ref().map(|m| Morphing::new(recipe, m, seed, (foot, scale)));
+    let mut cloud = match &morphing {
+        Some(morphing) => morphing.cloud(0.0),
+        None => {
+            let request = Request {
+                system: &recipe.system,
+                study: &recipe.study,
+                seed,
+                points: u64::from(keys.points),
+                tier: Tier::Best,
+            };
+            cloud(&request, &labels(recipe), &recipe.extent, (foot, scale))
+        }
+    };
     settled(recipe, cloud.escapes)?;
-    let density = if keys.voxel > 0.0 { voxels(&mut cloud, narrow(keys.voxel)) } else { Vec::new() };
+    let thin = keys.voxel > 0.0 && morphing.is_none();
+    let density = if thin { voxels(&mut cloud, narrow(keys.voxel)) } else { Vec::new() };
     let own = size.max_element() * scale / FINENESS;
     let width = narrow(keys.point.unwrap_or(own)).max(1e-9);
     let average = average(&cloud);
+    let mut points = points(cloud, density, width, material);
+    if let Some(morphing) = morphing.as_ref().filter(|_| moving) {
+        points.moving = true;
+        points.reach = morphing.reach().union(Bounds::of(points.positions.iter().copied()));
+    }
     let asset = Asset {
         id: recipe.id.clone(),
         kind: AssetKind::Cloud,
         skeleton: None,
         meshes: Vec::new(),
         instancers: Vec::new(),
-        points: vec![points(cloud, density, width, material)],
+        points: vec![points],
         curves: Vec::new(),
     };
     let at = Vec3::from_array(keys.at.map(narrow));
     let stand = Trs { t: at, r: Quat::from_rotation_y(narrow(keys.turn)), ..Trs::IDENTITY };
-    Ok((asset, surface(&recipe.id, average), stand))
+    let surface = surface(&recipe.id, average);
+    Ok(Made { asset, surface, stand, morphing: morphing.filter(|_| moving) })
 }
 
 fn points(cloud: Cloud, density: Vec<u32>, width: f32, material: u32) -> Points {
@@ -86,6 +115,7 @@ fn points(cloud: Cloud, density: Vec<u32>, width: f32, material: u32) -> Points 
         colors: cloud.colors,
         attributes,
         moving: false,
+        reach: Bounds::default(),
     }
 }
 
@@ -114,7 +144,7 @@ fn average(cloud: &Cloud) -> [f32; 3] {
     sum.map(|v| v / n)
 }
 
-fn mode(by: ColorBy, prefix: u32) -> Mode {
+pub(super) fn mode(by: ColorBy, prefix: u32) -> Mode {
     match by {
         ColorBy::Map => Mode::Map,
         ColorBy::Word => Mode::Prefix(prefix),

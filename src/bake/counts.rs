@@ -20,6 +20,8 @@ pub struct Counts {
     pub triangles: u64,
     /// Instances of prototypes.
     pub instances: u64,
+    /// Points of clouds.
+    pub points: u64,
     /// Joints.
     pub joints: u64,
     /// Frames that are written; 0 for a still scene.
@@ -39,6 +41,7 @@ pub fn count(stage: &Stage, recipe: &Recipe, frames: u64) -> Counts {
         c.vertices += size.vertices + size.proto_vertices;
         c.triangles += size.triangles + size.proto_triangles;
         c.instances += size.instances;
+        c.points += size.points;
         c.joints += size.joints;
         c.bytes += recipe.output.formats.iter().map(|f| bytes(*f, &size, recipe, frames)).sum::<u64>();
     }
@@ -59,6 +62,8 @@ struct Size {
     instance_triangles: u64,
     proto_vertices: u64,
     proto_triangles: u64,
+    points: u64,
+    moving_points: u64,
     joints: u64,
 }
 
@@ -71,6 +76,11 @@ impl Size {
             if m.motion == MeshMotion::Deforming {
                 s.cached += m.mesh.points.len() as u64;
             }
+        }
+        for p in &asset.points {
+            let n = p.positions.len() as u64;
+            s.points += n;
+            s.moving_points += if p.moving { n } else { 0 };
         }
         for i in &asset.instancers {
             let sizes: Vec<(u64, u64)> =
@@ -97,30 +107,34 @@ fn picture(image: &crate::scene::Image) -> u64 {
 /// Own: bytes per vertex, triangle, instance and sample as the writers lay them out.
 fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
     let moving = if s.joints > 0 { frames } else { 0 };
+    let flowing = s.moving_points * frames;
+    let spheres = |n: u64| n.min(100_000) * 110;
     match format {
         Format::Usd => {
             let still = (s.vertices + s.proto_vertices) * 44 + (s.triangles + s.proto_triangles) * 8 + s.instances * 40;
-            still + moving * (s.cached * 24 + s.instances * 20 + s.joints * 34)
+            still + s.points * 44 + flowing * 40 + moving * (s.cached * 24 + s.instances * 20 + s.joints * 34)
         }
         Format::Glb => {
             let vertices = s.vertices + s.instance_vertices;
             let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
             let web = s.vertices * 56 + s.triangles * 12 + s.proto_vertices * 32 + s.instances * 32;
-            let tracks = moving * s.joints * 16;
+            let (tracks, points) = (moving * s.joints * 16, (s.points - s.moving_points) * 18);
             let each = |p: &crate::recipe::sections::Profile| match p {
-                crate::recipe::sections::Profile::Blender => 2 * (merged + tracks),
-                crate::recipe::sections::Profile::Web => 2 * (web + tracks),
+                crate::recipe::sections::Profile::Blender => 2 * (merged + tracks + points),
+                crate::recipe::sections::Profile::Web => 2 * (web + tracks + points),
             };
             recipe.output.gltf.profiles.iter().map(each).sum()
         }
         Format::Pc2 => moving * s.cached * 12,
         Format::Obj => (s.vertices + s.instance_vertices) * 80 + (s.triangles + s.instance_triangles) * 40,
-        Format::Ply => s.instances * 60,
+        Format::Ply => s.instances * 60 + (s.points - s.moving_points) * 22 + flowing * 22,
         // Four maps of half floats at the default size, packed to about half.
         Format::Exr => 4 << 20,
         Format::Pov => {
             let still = (s.triangles + s.proto_triangles) * 100 + s.instances * 170;
-            still + moving / u64::from(recipe.output.pov.step.max(1)) * (s.triangles * 100 + s.instances * 170)
+            let shown = |frames: u64| frames / u64::from(recipe.output.pov.step.max(1));
+            let points = spheres(s.points - s.moving_points) + shown(frames) * spheres(s.moving_points);
+            still + points + shown(moving) * (s.triangles * 100 + s.instances * 170)
         }
     }
 }

@@ -9,6 +9,7 @@ mod land;
 pub mod layers;
 pub mod layout;
 pub mod looks;
+mod morphing;
 pub mod mover;
 pub mod plants;
 mod scatter;

@@ -7,6 +7,7 @@ use glam::{Quat, Vec3};
 
 use super::air::Air;
 use super::dress::Leaves;
+use super::morphing::Morphing;
 use crate::Result;
 use crate::limits::Limits;
 use crate::math::narrow;
@@ -19,7 +20,16 @@ use crate::scene::{
 };
 use crate::wind::Wind;
 
-/// Moves one asset.
+/// What moves an asset.
+#[derive(Debug, Clone)]
+pub enum Moving {
+    /// Wind, joints and leaves.
+    Plant(Mover),
+    /// Coefficients that change.
+    Cloud(Morphing),
+}
+
+/// Moves one plant.
 #[derive(Debug, Clone)]
 pub struct Mover {
     /// Its joints.
@@ -167,12 +177,22 @@ impl Mover {
     }
 }
 
+impl Moving {
+    /// The asset at `seconds`; `step`: seconds between frames.
+    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+        match self {
+            Self::Plant(m) => m.frame(asset, seconds, narrow(step)),
+            Self::Cloud(m) => m.frame(asset, seconds, step),
+        }
+    }
+}
+
 /// A whole frame; `movers` runs parallel to the scene's assets. `shifted`: with the states that placements show at phases
 /// of their own.
-pub fn frame(scene: &Scene, movers: &[Option<Mover>], number: u32, shifted: bool) -> Frame {
+pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: bool) -> Frame {
     let seconds = scene.clip.seconds(number);
-    let step = narrow(scene.clip.fps().recip());
-    let pairs: Vec<(&Asset, Option<&Mover>)> =
+    let step = scene.clip.fps().recip();
+    let pairs: Vec<(&Asset, Option<&Moving>)> =
         scene.assets.iter().zip(movers.iter().map(Option::as_ref).chain(std::iter::repeat(None))).collect();
     let assets = crate::par::par_map(&pairs, |(asset, mover)| {
         mover.map_or_else(AssetFrame::default, |m| m.frame(asset, seconds, step))

@@ -11,7 +11,7 @@ use super::counts::{Counts, count};
 use super::dress::{Kind, dress};
 use super::layout::{Individual, Layout, Standing, lay_out_all};
 use super::looks::{Look, Soil, of_ground, of_plant};
-use super::mover::Mover;
+use super::mover::Moving;
 use super::plants::{Grown, grow};
 use super::write::Stage;
 use super::{land, scatter};
@@ -131,7 +131,7 @@ struct Made {
     images: Vec<Image>,
     materials: Vec<Material>,
     assets: Vec<Asset>,
-    movers: Vec<Option<Mover>>,
+    movers: Vec<Option<Moving>>,
 }
 
 impl Made {
@@ -207,7 +207,7 @@ fn dress_all(
     });
     for (asset, mover) in in_order(dressed)? {
         made.assets.push(asset);
-        made.movers.push(mover);
+        made.movers.push(mover.map(Moving::Plant));
     }
     Ok(())
 }
@@ -290,11 +290,12 @@ fn add_ground(soil: Soil, middle: Vec3, made: &mut Made, placements: &mut Vec<Pl
 fn add_clouds(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>, work: &Work<'_>) -> Result<()> {
     for cloud in &recipe.clouds {
         let material = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
-        let (asset, surface, transform) = super::clouds::asset(cloud, recipe.seed, material, work)?;
-        placements.push(Placement { name: asset.id.clone(), asset: made.assets.len(), transform, phase: 0 });
-        made.materials.push(surface);
-        made.assets.push(asset);
-        made.movers.push(None);
+        let new = super::clouds::made(cloud, (recipe.seed, recipe.clip.len() > 1), material, work)?;
+        let name = new.asset.id.clone();
+        placements.push(Placement { name, asset: made.assets.len(), transform: new.stand, phase: 0 });
+        made.materials.push(new.surface);
+        made.assets.push(new.asset);
+        made.movers.push(new.morphing.map(Moving::Cloud));
     }
     Ok(())
 }
@@ -302,7 +303,8 @@ fn add_clouds(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>,
 /// The camera as the scene has it, or fitted to the plants.
 fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {
     let rest = AssetFrame::default();
-    let boxes: Vec<Bounds> = par_map(assets, |a| asset_bounds(a, &rest));
+    let reach = |a: &Asset| a.points.iter().fold(Bounds::default(), |b, c| b.union(c.reach));
+    let boxes: Vec<Bounds> = par_map(assets, |a| asset_bounds(a, &rest).union(reach(a)));
     let corners = placements.iter().flat_map(|s| {
         let b = boxes.get(s.asset).copied().unwrap_or_default();
         let corners = if b.is_empty() { Vec::new() } else { b.corners().to_vec() };

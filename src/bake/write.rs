@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Work;
-use super::mover::{Mover, frame};
+use super::mover::{Moving, frame};
 use crate::Result;
 use crate::export::{Exporter, Warning};
 use crate::scene::{Frame, Scene, check_frame, check_scene};
@@ -14,7 +14,7 @@ pub struct Stage {
     /// What exists.
     pub scene: Arc<Scene>,
     /// What moves it, parallel to the assets.
-    pub movers: Vec<Option<Mover>>,
+    pub movers: Vec<Option<Moving>>,
 }
 
 /// An exporter with the name shown for it.

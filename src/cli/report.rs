@@ -28,6 +28,7 @@ pub fn as_text(c: &Counts) -> String {
         row("vertices", c.vertices),
         row("triangles", c.triangles),
         row("instances", c.instances),
+        row("points", c.points),
         row("joints", c.joints),
         row("frames", c.frames),
         format!("  {:12} about {}\n", "size", size(c.bytes)),
@@ -39,7 +40,7 @@ pub fn as_text(c: &Counts) -> String {
 pub fn as_json(c: &Counts) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
-        "triangles": c.triangles, "instances": c.instances, "joints": c.joints, "frames": c.frames,
+        "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints, "frames": c.frames,
         "bytes": c.bytes,
     })
 }

@@ -53,6 +53,9 @@ pub const CODES: &[Code] = &[
     row("I050", Error, "points, pixels or memory over the limit"),
     row("I060", Warning, "mask of a leaf falls apart, its largest part is used"),
     row("I061", Warning, "anchor of a leaf outside its mask, moved"),
+    row("I070", Error, "tables of a morph do not fit each other"),
+    row("I071", Error, "a map keeps no single fixed point on its way to the next table"),
+    row("I072", Warning, "weights change from table to table: points jump"),
     row("L001", Error, "unexpected token, expected another"),
     row("L002", Error, "unknown item, with the nearest known name"),
     row("L003", Error, "missing axiom, derivation length or endlsystem"),
@@ -120,6 +123,7 @@ pub const CODES: &[Code] = &[
     row("X014", Warning, "file named by an imported file is not found"),
     row("X015", Warning, "imported file is not UTF-8, read as Latin-1"),
     row("X016", Warning, "part of an imported file is not used"),
+    row("X017", Warning, "motion that the format cannot hold, left out"),
 ];
 
 /// The row of a code.

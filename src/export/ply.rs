@@ -5,14 +5,12 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
-
 use super::merge::merged;
 use super::{Exporter, GENERATOR, Summary};
 use crate::fence::Folder;
 use crate::scene::{
-    Asset, AssetFrame, Frame, InstancerMotion, Material, Mesh, Placement, Points, PointsFrame, Scene, Trs, check_frame,
-    check_scene, instance_states,
+    Asset, AssetFrame, Frame, InstancerMotion, Material, Mesh, Placement, Points, PointsFrame, PointsNow, Scene, Trs,
+    check_frame, check_scene, instance_states,
 };
 use crate::units::{byte, srgb_from_linear};
 use crate::{Error, Result};
@@ -59,12 +57,9 @@ impl Ply {
             let state = frame.and_then(|f| f.assets.get(a)).unwrap_or(&rest);
             if !asset.points.is_empty() && asset.points.iter().any(|p| p.moving) == moving {
                 let path = format!("cloud/{}{tag}.ply", asset.id);
-                let shown = asset.points.iter().enumerate().map(|(i, points)| match state.points(i) {
-                    PointsFrame::State { positions, widths, .. } => {
-                        Shown { points, positions, widths, trs: Trs::IDENTITY }
-                    }
-                    PointsFrame::Same => Shown::at_rest(points, Trs::IDENTITY),
-                });
+                let states = asset.points.iter().enumerate();
+                let shown =
+                    states.map(|(i, points)| Shown { points, now: points.at(state.points(i)), trs: Trs::IDENTITY });
                 self.save(&path, number, &cloud(scene, shown, at))?;
             }
             for (i, instancer) in asset.instancers.iter().enumerate() {
@@ -176,14 +171,13 @@ fn base_color(materials: &[Material], id: u32) -> [f32; 3] {
 /// A cloud as it is shown.
 struct Shown<'a> {
     points: &'a Points,
-    positions: &'a [Vec3],
-    widths: &'a [f32],
+    now: PointsNow<'a>,
     trs: Trs,
 }
 
 impl<'a> Shown<'a> {
     fn at_rest(points: &'a Points, trs: Trs) -> Self {
-        Self { points, positions: &points.positions, widths: &points.widths, trs }
+        Self { points, now: points.at(&PointsFrame::Same), trs }
     }
 }
 
@@ -217,18 +211,18 @@ fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)]) -> Vec
     let columns: Vec<(Option<&Vec<u32>>, bool)> =
         names.iter().map(|(n, w)| (points.attributes.iter().find(|a| a.name == *n).map(|a| &a.values), *w)).collect();
     let size = 20 + names.iter().map(|n| if n.1 { 4 } else { 1 }).sum::<usize>();
-    crate::par::par_chunks(shown.positions, 1 << 16, |first, positions| {
+    crate::par::par_chunks(shown.now.positions, 1 << 16, |first, positions| {
         let mut body = Vec::with_capacity(positions.len() * size);
         let mut colors = Colors::default();
         let mut count = 0;
         for (k, p) in (first..).zip(positions) {
-            let width = shown.widths.get(k).copied().unwrap_or(0.0);
+            let width = shown.now.widths.get(k).copied().unwrap_or(0.0);
             if width <= 0.0 {
                 continue;
             }
             let p = if shown.trs == Trs::IDENTITY { *p } else { shown.trs.apply(*p) };
             put(&mut body, &[p.x, p.y, p.z, width * shown.trs.s.x * 0.5]);
-            body.extend_from_slice(&colors.bytes(points.colors.get(k).copied().unwrap_or(flat)));
+            body.extend_from_slice(&colors.bytes(shown.now.colors.get(k).copied().unwrap_or(flat)));
             for (values, wide) in &columns {
                 let v = values.and_then(|v| v.get(k)).copied().unwrap_or(0).to_le_bytes();
                 body.extend_from_slice(if *wide { &v } else { &v[..1] });

@@ -32,6 +32,8 @@ pub struct Study {
     pub error: f64,
     /// True if a map drawn has a spectral radius of 1 or more: the attractor has no bounds.
     pub unbounded: bool,
+    /// The map whose fixed point chains start from.
+    pub first: usize,
     /// What is odd.
     pub told: Vec<Diagnostic>,
 }
@@ -85,7 +87,8 @@ pub fn study(ifs: &Ifs, rule: Rule) -> Study {
     let mean_log = shares.iter().zip(&norms).fold(0.0, |s, (p, n)| s + p * math::ln(n.max(1e-12)));
     let (exponent, error) = exponent(ifs, &shares, next.as_deref());
     verdict(ifs, (mean_log, exponent), &mut told);
-    Study { probabilities: shares, next, mean_log, exponent, error, unbounded: wild.is_some(), told }
+    let first = likeliest(&shares);
+    Study { probabilities: shares, next, mean_log, exponent, error, unbounded: wild.is_some(), first, told }
 }
 
 fn is_flat(ifs: &Ifs, map: &Map) -> bool {
@@ -193,7 +196,7 @@ fn transitions(ifs: &Ifs, chaos: &[Vec<f64>], shares: &[f64], told: &mut Vec<Dia
 }
 
 /// The map with the largest share; the first of several.
-pub(super) fn likeliest(shares: &[f64]) -> usize {
+fn likeliest(shares: &[f64]) -> usize {
     let mut best = 0;
     for (i, p) in shares.iter().enumerate() {
         if *p > shares[best] {

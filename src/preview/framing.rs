@@ -61,7 +61,7 @@ impl Subject {
             |p: &&crate::scene::Placement| scene.assets.get(p.asset).is_some_and(|a| a.kind == AssetKind::Terrain);
         let ground = scene.placements.iter().any(|p| terrain(&p));
         let alone = scene.placements.iter().all(|p| terrain(&p));
-        let mut points = Vec::new();
+        let (mut points, mut reach) = (Vec::new(), Vec::new());
         for p in scene.placements.iter().filter(|p| alone || !terrain(p)) {
             let (Some(asset), rest) = (scene.assets.get(p.asset), AssetFrame::default()) else { continue };
             let state = frame.and_then(|f| f.shown(p)).unwrap_or(&rest);
@@ -80,13 +80,18 @@ impl Subject {
                     }
                 }
             }
-            own.extend(asset.points.iter().flat_map(|c| c.positions.iter().copied()));
+            for (i, cloud) in asset.points.iter().enumerate() {
+                own.extend_from_slice(cloud.at(state.points(i)).positions);
+                // What moves is seen from the same place at every frame.
+                let corners = cloud.reach.corners().into_iter().filter(|_| !cloud.reach.is_empty());
+                reach.extend(corners.map(|x| p.transform.apply(x)));
+            }
             own.extend(asset.curves.iter().flat_map(|c| c.points.iter().copied()));
             points.extend(own.into_iter().map(|x| p.transform.apply(x)));
         }
-        let bounds = Bounds::of(points.iter().copied());
+        let bounds = Bounds::of(points.iter().chain(&reach).copied());
         let step = points.len().div_ceil(POINTS).max(1);
-        Self { points: points.into_iter().step_by(step).collect(), bounds, ground }
+        Self { points: points.into_iter().step_by(step).chain(reach).collect(), bounds, ground }
     }
 
     /// Both.

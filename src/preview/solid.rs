@@ -14,7 +14,7 @@ use super::cone::RoundCone;
 use super::looks::Looks;
 use super::quality::Quality;
 use crate::par::par_chunks;
-use crate::scene::{Curves, MaterialId, Mesh, Points};
+use crate::scene::{Curves, MaterialId, Mesh, PointsNow};
 
 /// Meshes of no more triangles than this have boxes fitted to each showing.
 const HULL: usize = 500;
@@ -89,11 +89,11 @@ impl<'a> Solid<'a> {
     }
 
     /// Points as balls; those of no width are not there.
-    pub(super) fn of_points(cloud: &Points, (positions, widths): (&[Vec3], &[f32]), quality: Quality) -> Self {
-        let color = |i: usize| cloud.colors.get(i).copied();
-        let seen = positions.iter().zip(widths).enumerate().filter(|(_, (_, w))| **w > 0.0);
+    pub(super) fn of_points(material: MaterialId, now: PointsNow<'_>, quality: Quality) -> Self {
+        let color = |i: usize| now.colors.get(i).copied();
+        let seen = now.positions.iter().zip(now.widths).enumerate().filter(|(_, (_, w))| **w > 0.0);
         let balls = seen.map(|(i, (p, w))| RoundCone::ball(*p, w * 0.5, color(i))).collect();
-        Self::of_cones(balls, cloud.material, quality)
+        Self::of_cones(balls, material, quality)
     }
 
     /// Curves as chains of round cones.

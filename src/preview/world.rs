@@ -266,12 +266,7 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
             Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), looks)
         }
         Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), looks),
-        Job::Points(cloud, PointsFrame::Same) => {
-            Solid::of_points(cloud, (&cloud.positions, &cloud.widths), looks.quality)
-        }
-        Job::Points(cloud, PointsFrame::State { positions, widths, .. }) => {
-            Solid::of_points(cloud, (positions, widths), looks.quality)
-        }
+        Job::Points(cloud, state) => Solid::of_points(cloud.material, cloud.at(state), looks.quality),
         Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, looks.quality),
         Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points, looks.quality),
     }

@@ -39,6 +39,13 @@ words! {
         /// What goes into a fork comes out of it.
         Pipe = "pipe",
     }
+    /// What of an attractor stands where the scene puts it.
+    Foot {
+        /// The middle of the underside of its box.
+        Box = "box",
+        /// The origin of its table.
+        Origin = "origin",
+    }
     /// Which part of an attractor a picture shows.
     Fit {
         /// All of it.
@@ -50,7 +57,7 @@ words! {
 
 keys! {
     /// The points of an attractor; NAME is yours.
-    CloudKeys at "clouds.NAME" {
+    CloudKeys at "clouds.NAME" with ["morph"] {
         /// The coefficient table that makes it.
         ifs: Option<Reference> = "ifs" File(".ifs, .flame, .ifs.toml");
         /// Which system of the table; the first without a name.
@@ -73,6 +80,8 @@ keys! {
         voxel: f64 = "voxel_mm" mm(0.0, 0.0, 1e6);
         /// Where its foot stands.
         at: [f64; 3] = "at" point([0.0; 3]);
+        /// What of it stands there.
+        foot: Foot = "foot" OneOf(Foot::Box);
         /// Turn about the vertical.
         turn: f64 = "turn_deg" deg(0.0, -360.0, 360.0);
     }

@@ -41,6 +41,11 @@ impl Resolver<'_> {
         if keys.ifs.is_none() && self.report.diagnostics.len() > told {
             return None;
         }
+        if let Some(entry) = table.get("morph")
+            && let Some(morph) = self.table(table, &path, "morph")
+        {
+            return self.morph((name, &path, id), (table, morph, entry.key_span), keys);
+        }
         self.attractor((name, &path, id), span, keys)
     }
 
@@ -66,7 +71,8 @@ impl Resolver<'_> {
         let study = self.study(&system, rule, &report)?;
         match extent(&system, &study) {
             Ok(extent) => {
-                Some(CloudRecipe { name: name.into(), id, source: file.shown, system, rule, study, extent, keys })
+                let source = file.shown;
+                Some(CloudRecipe { name: name.into(), id, source, system, rule, study, extent, keys, morph: None })
             }
             Err(escaped) => {
                 self.report.extend(Report { sources: report.sources, diagnostics: vec![*escaped] });

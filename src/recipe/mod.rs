@@ -14,6 +14,8 @@ pub mod land_keys;
 pub mod layer_keys;
 mod layers;
 mod library;
+pub mod morph_keys;
+mod morphs;
 mod resolve;
 pub mod sections;
 mod tree;
@@ -33,6 +35,7 @@ pub use digest::Digest;
 pub use key::{KeyInfo, Section, Shown};
 pub use kinds::{Word, word_of};
 pub use library::{Found, Library};
+pub use morphs::MorphRecipe;
 pub use resolve::{Request, resolve};
 
 /// A scene with every default filled in and every reference read.
@@ -152,6 +155,8 @@ pub struct CloudRecipe {
     pub extent: Extent,
     /// Keys of its table.
     pub keys: cloud_keys::CloudKeys,
+    /// How it changes; the system is then the first one.
+    pub morph: Option<MorphRecipe>,
 }
 
 /// One layer of a composed picture.
@@ -225,6 +230,8 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::SkinKeys>(),
         info::<wind_keys::WoodKeys>(),
         info::<cloud_keys::CloudKeys>(),
+        info::<morph_keys::MorphKeys>(),
+        info::<morph_keys::MorphKey>(),
         info::<cloud_keys::PictureKeys>(),
         info::<layer_keys::LayerKeys>(),
         info::<s::PlaceKeys>(),

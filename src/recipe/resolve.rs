@@ -102,7 +102,7 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         return Err(Error::Input(Box::new(report)));
     }
     let whole = Span::new(source, 0, 0);
-    let mut resolver = Resolver { request, report, whole, inputs: Vec::new() };
+    let mut resolver = Resolver { request, report, whole, inputs: Vec::new(), frames: 1 };
     let recipe = resolver.recipe(&root);
     resolver.report.into_result(recipe)
 }
@@ -133,6 +133,8 @@ pub(super) struct Resolver<'a> {
     pub(super) report: Report,
     pub(super) whole: Span,
     inputs: Vec<blake3::Hash>,
+    /// Frames of the clip.
+    pub(super) frames: u64,
 }
 
 impl Resolver<'_> {
@@ -140,6 +142,7 @@ impl Resolver<'_> {
         let mut scene = SceneKeys::read(Some(root), "", &mut self.report);
         scene.seed = self.request.seed.unwrap_or(scene.seed);
         let clip = self.clip(root);
+        self.frames = clip.len() as u64;
         let mut names = Names::default();
         let plants = self.plants(root, &mut names);
         let clouds = self.clouds(root, &mut names);
@@ -563,6 +566,7 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     for c in &recipe.clouds {
         c.name.digest(&mut h);
         c.keys.digest(&mut h);
+        c.morph.iter().for_each(|m| m.digest(&mut h));
     }
     recipe.picture.digest(&mut h);
     recipe.layers.iter().for_each(|layer| layer.keys.digest(&mut h));

@@ -6,7 +6,7 @@ use glam::{Mat4, Vec3};
 
 use super::{
     Asset, AssetFrame, CurvesFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, MeshFrame,
-    MeshMotion, MeshObject, PointsFrame, Scene, Skeleton, SkinWeights, Trs,
+    MeshMotion, MeshObject, Scene, Skeleton, SkinWeights, Trs,
 };
 use crate::geometry::Bounds;
 
@@ -113,11 +113,8 @@ pub fn asset_bounds(asset: &Asset, frame: &AssetFrame) -> Bounds {
         b = b.union(instancer_bounds(instancer, &instance_states(asset, instancer, i, frame)));
     }
     for (i, cloud) in asset.points.iter().enumerate() {
-        let (positions, widths) = match frame.points(i) {
-            PointsFrame::State { positions, widths, .. } => (positions, widths),
-            PointsFrame::Same => (&cloud.positions, &cloud.widths),
-        };
-        for (p, w) in positions.iter().zip(widths).filter(|(_, w)| **w > 0.0) {
+        let now = cloud.at(frame.points(i));
+        for (p, w) in now.positions.iter().zip(now.widths).filter(|(_, w)| **w > 0.0) {
             b = b.union(Bounds::of([*p]).grown(w * 0.5));
         }
     }

@@ -88,6 +88,8 @@ pub enum PointsFrame {
         widths: Vec<f32>,
         /// m/s, one per point, or empty.
         velocities: Vec<Vec3>,
+        /// Linear RGB, one per point, or empty: as at rest.
+        colors: Vec<[f32; 3]>,
     },
 }
 

@@ -24,7 +24,7 @@ pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
-pub use points::{Attribute, Curves, Points};
+pub use points::{Attribute, Curves, Points, PointsNow};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use validate::{check_frame, check_scene};
 

@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::MaterialId;
+use super::{MaterialId, PointsFrame};
+use crate::geometry::Bounds;
 
 /// A whole number per point that programs may read: the map of an attractor, a depth.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -30,6 +31,35 @@ pub struct Points {
     pub attributes: Vec<Attribute>,
     /// True if frames carry positions and widths.
     pub moving: bool,
+    /// The box that it moves in, m, where that is known; empty else.
+    pub reach: Bounds,
+}
+
+/// A cloud at one time.
+#[derive(Debug, Clone, Copy)]
+pub struct PointsNow<'a> {
+    /// Positions, m.
+    pub positions: &'a [Vec3],
+    /// Diameters, m; 0 hides.
+    pub widths: &'a [f32],
+    /// m/s, one per point, or empty.
+    pub velocities: &'a [Vec3],
+    /// Linear RGB, one per point, or empty.
+    pub colors: &'a [[f32; 3]],
+}
+
+impl Points {
+    /// The cloud at a frame.
+    pub fn at<'a>(&'a self, frame: &'a PointsFrame) -> PointsNow<'a> {
+        let (positions, widths, colors) = (&self.positions[..], &self.widths[..], &self.colors[..]);
+        match frame {
+            PointsFrame::Same => PointsNow { positions, widths, velocities: &[], colors },
+            PointsFrame::State { positions, widths, velocities, colors: own } => {
+                let colors = if own.is_empty() { colors } else { own };
+                PointsNow { positions, widths, velocities, colors }
+            }
+        }
+    }
 }
 
 /// Polylines with thickness.

@@ -63,11 +63,15 @@ pub fn check_frame(scene: &Scene, frame: &Frame) -> Result<()> {
             }
         }
         for (cloud, s) in asset.points.iter().zip(&state.points) {
-            if let PointsFrame::State { positions, widths, velocities } = s {
+            if let PointsFrame::State { positions, widths, velocities, colors } = s {
                 same_length(positions.len(), cloud.positions.len(), &place(&cloud.name))?;
                 finite(positions, &place(&cloud.name), "position")?;
                 finite_scalars(widths, &place(&cloud.name), "width")?;
                 finite(velocities, &place(&cloud.name), "velocity")?;
+                if !colors.is_empty() {
+                    same_length(colors.len(), positions.len(), &place(&cloud.name))?;
+                }
+                finite_scalars(colors.as_flattened(), &place(&cloud.name), "color")?;
             }
         }
         for (curves, s) in asset.curves.iter().zip(&state.curves) {

@@ -250,6 +250,7 @@ fn misc() -> Asset {
         colors: (0..6).map(|i| [i as f32 / 6.0, 0.5, 0.2]).collect(),
         attributes: Vec::new(),
         moving: true,
+        reach: osier::geometry::Bounds::default(),
     };
     let hairs = Curves {
         name: "hairs".into(),
@@ -331,6 +332,7 @@ fn misc_frame(scene: &Scene, k: f32, t: f32) -> AssetFrame {
         positions: cloud.positions.iter().map(|p| *p + fall * t).collect(),
         widths: cloud.widths.iter().enumerate().map(|(i, w)| if i == 2 && k > 4.0 { 0.0 } else { *w }).collect(),
         velocities: vec![fall; 6],
+        colors: Vec::new(),
     };
     let hairs = &scene.assets[3].curves[0];
     let bend = |p: &Vec3| *p + Vec3::new(0.0, 0.0, t * p.y);

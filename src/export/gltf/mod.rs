@@ -206,8 +206,19 @@ impl Exporter for Gltf {
             }
             Layout::Gltf(path) => self.put_gltf(source, path)?,
         };
-        Ok(Summary { warnings })
+        let still = unmoved(&scene).filter(|_| !tracks.is_still());
+        Ok(Summary { warnings: warnings.into_iter().chain(still).collect() })
     }
+}
+
+/// X017 for clouds that move: glTF has no motion for points.
+fn unmoved(scene: &Scene) -> impl Iterator<Item = Warning> + '_ {
+    let clouds = scene.assets.iter().flat_map(|a| a.points.iter().map(move |c| (a, c)));
+    clouds.filter(|(_, cloud)| cloud.moving).map(|(asset, cloud)| {
+        let what = format!("asset {}, points {}", asset.id, cloud.name);
+        let message = format!("{what}: left out, glTF cannot move points; USD, PLY and POV-Ray have them");
+        Warning { code: "X017", message }
+    })
 }
 
 /// Writes all placements of a still scene as one .glb into `out`, pictures inside.

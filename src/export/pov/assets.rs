@@ -10,8 +10,8 @@ use crate::export::Warning;
 use crate::export::text::Text;
 use crate::scene::{
     Asset, AssetFrame, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh,
-    MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, Trs, instance_states, joint_motions, mesh_points,
-    skinned_normals, world_from_joint,
+    MeshFrame, MeshMotion, MeshObject, Trs, instance_states, joint_motions, mesh_points, skinned_normals,
+    world_from_joint,
 };
 
 /// Smallest radius of a drop that photons aim at, m. Smaller ones stay without: a target gets no ordinary light.
@@ -208,7 +208,7 @@ impl Part<'_> {
 
     fn points(&self, text: &mut Text, frame: &AssetFrame, moving: bool, warnings: &mut Vec<Warning>) {
         for (i, points) in self.asset.points.iter().enumerate().filter(|(_, p)| p.moving == moving) {
-            let at = self.cloud(points, frame.points(i));
+            let at = Cloud { now: points.at(frame.points(i)), fps: self.fps };
             text.put(&format!("#declare D_{}_{i} = ", self.index));
             let dropped = cloud(text, self.space, points, self.materials, &at);
             if dropped > 0 {
@@ -219,17 +219,6 @@ impl Part<'_> {
                 if !warnings.iter().any(|w| w.message == message) {
                     warnings.push(Warning { code: "X013", message });
                 }
-            }
-        }
-    }
-
-    fn cloud<'b>(&self, points: &'b Points, state: &'b PointsFrame) -> Cloud<'b> {
-        match state {
-            PointsFrame::State { positions, widths, velocities } => {
-                Cloud { positions, widths, velocities, fps: self.fps }
-            }
-            PointsFrame::Same => {
-                Cloud { positions: &points.positions, widths: &points.widths, velocities: &[], fps: self.fps }
             }
         }
     }

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::space::{Space, rgb};
 use crate::export::text::Text;
-use crate::scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Points};
+use crate::scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Points, PointsNow};
 
 /// Most spheres that one cloud may have.
 pub(super) const SPHERES: usize = 100_000;
@@ -36,12 +36,8 @@ pub(super) fn instances(
 
 /// Points at one time.
 pub(super) struct Cloud<'a> {
-    /// m.
-    pub positions: &'a [Vec3],
-    /// Diameters, m; 0 hides.
-    pub widths: &'a [f32],
-    /// m/s, or empty.
-    pub velocities: &'a [Vec3],
+    /// Where they are.
+    pub now: PointsNow<'a>,
     /// Frames per second.
     pub fps: f32,
 }
@@ -50,14 +46,15 @@ pub(super) struct Cloud<'a> {
 /// many were left out, and whether there are any.
 /// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
 pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &[Material], at: &Cloud) -> usize {
-    let visible: Vec<usize> = (0..at.positions.len()).filter(|i| at.widths.get(*i).is_some_and(|w| *w > 0.0)).collect();
+    let visible: Vec<usize> =
+        (0..at.now.positions.len()).filter(|i| at.now.widths.get(*i).is_some_and(|w| *w > 0.0)).collect();
     let stride = visible.len().div_ceil(SPHERES).max(1);
     let kept: Vec<usize> = visible.iter().copied().step_by(stride).collect();
     let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
     text.put("union{\n");
     text.lines(&kept, |t, _, i| {
-        let (p, radius) = (at.positions[*i], at.widths[*i] * 0.5);
-        let streak = at.velocities.get(*i).map(|v| *v * (SHUTTER * 0.5 / at.fps));
+        let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);
+        let streak = at.now.velocities.get(*i).map(|v| *v * (SHUTTER * 0.5 / at.fps));
         match streak {
             Some(half) if water && half.length() > radius => {
                 t.put("cone{");
@@ -76,7 +73,7 @@ pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &
                 space.length(t, radius);
             }
         }
-        if let Some(c) = points.colors.get(*i).filter(|_| !water) {
+        if let Some(c) = at.now.colors.get(*i).filter(|_| !water) {
             t.put(" pigment{");
             rgb(t, *c);
             t.put("}finish{F_").int(points.material).put("}");
@@ -146,8 +143,9 @@ mod tests {
             colors: Vec::new(),
             attributes: Vec::new(),
             moving: false,
+            reach: crate::geometry::Bounds::default(),
         };
-        let at = Cloud { positions: &points.positions, widths: &points.widths, velocities: &[], fps: 24.0 };
+        let at = Cloud { now: points.at(&crate::scene::PointsFrame::Same), fps: 24.0 };
         let mut text = Text::default();
         let dropped = cloud(&mut text, Space { scale: 1.0 }, &points, &[], &at);
         let lines = text.bytes().split(|c| *c == b'\n').filter(|l| *l == b"sphere{<1,1,-1>,0.25}").count();

@@ -28,6 +28,7 @@ struct Cloud {
     points: Attr,
     widths: Attr,
     velocities: Velocities,
+    colors: Option<Attr>,
 }
 
 /// Writes a cloud at rest.
@@ -44,10 +45,12 @@ pub(super) fn cloud(
     let extent = target.set(&format!("{path}.extent"), "float3[]", Array::Float3(&b).into())?;
     target.set(&format!("{path}.ids"), "int64[]", Array::Int64(&ids(points.len())).into())?;
     let points = target.set(&format!("{path}.points"), "point3f[]", Array::Float3(triples(&points)).into())?;
+    let mut colors = None;
     if !cloud.colors.is_empty() {
         let spec = AttrSpec::primvar("color3f[]", "vertex");
-        let colors = Array::Float3(&cloud.colors);
-        target.stage.attr(&format!("{path}.primvars:displayColor"), &spec, Some(colors.into()))?;
+        let values = Array::Float3(&cloud.colors);
+        let attr = target.stage.attr(&format!("{path}.primvars:displayColor"), &spec, Some(values.into()))?;
+        colors = Some(attr);
     }
     for a in &cloud.attributes {
         let values: Vec<i32> = a.values.iter().map(|v| i32::try_from(*v).unwrap_or(i32::MAX)).collect();
@@ -58,25 +61,28 @@ pub(super) fn cloud(
     let widths = target.stage.attr(&format!("{path}.widths"), &spec, Some(Array::Float(&cloud.widths).into()))?;
     target.bind(cx, root, path, cloud.material)?;
     let velocities = Velocities::default();
-    let part = Cloud { index, path: path.to_owned(), extent, points, widths, velocities };
+    let part = Cloud { index, path: path.to_owned(), extent, points, widths, velocities, colors };
     Ok(cloud.moving.then(|| Box::new(part) as Box<dyn Part>))
 }
 
 impl Part for Cloud {
     fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
         let Some(cloud) = shot.asset.points.get(self.index) else { return Ok(()) };
-        let (positions, widths, velocities): (&[Vec3], &[f32], &[Vec3]) = match shot.state.points(self.index) {
-            PointsFrame::State { positions, widths, velocities } => (positions, widths, velocities),
-            PointsFrame::Same => (&cloud.positions, &cloud.widths, &[]),
-        };
-        let points = cx.up.vecs(positions);
-        let b = cloud_box(&points, widths);
+        let state = shot.state.points(self.index);
+        let now = cloud.at(state);
+        let points = cx.up.vecs(now.positions);
+        let b = cloud_box(&points, now.widths);
         let time = shot.time;
         let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
         sample(self.extent, Array::Float3(&b))?;
         sample(self.points, Array::Float3(triples(&points)))?;
-        sample(self.widths, Array::Float(widths))?;
-        let v = cx.up.vecs(velocities);
+        sample(self.widths, Array::Float(now.widths))?;
+        if let (Some(attr), PointsFrame::State { colors, .. }) = (self.colors, state)
+            && !colors.is_empty()
+        {
+            sample(attr, Array::Float3(colors))?;
+        }
+        let v = cx.up.vecs(now.velocities);
         self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&v), (points.len(), time))
     }
 }

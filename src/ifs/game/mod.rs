@@ -11,7 +11,7 @@ mod lanes;
 
 use glam::DVec3;
 
-use super::dynamics::{Study, likeliest};
+use super::dynamics::Study;
 use super::{Condensation, Ifs};
 use crate::math::narrow;
 use crate::rng::{Rng, word};
@@ -111,9 +111,9 @@ pub struct Game {
 
 impl Game {
     /// Makes a system ready. Points come as u = scale x + shift; `guard`: |u| beyond which a lane starts again.
-    /// Own: the start is the fixed point of the likeliest map, moved by the warm-up of [`Study::warm_up`] steps.
+    /// Own: the start is the fixed point of the map [`Study::first`], moved by the warm-up of [`Study::warm_up`] steps.
     pub fn new(ifs: &Ifs, study: &Study, seed: u64, (scale, shift): (DVec3, DVec3), guard: f32) -> Self {
-        let best = likeliest(&study.probabilities);
+        let best = study.first;
         let stays = study.next.as_ref().is_none_or(|n| n.get(best).and_then(|r| r.get(best)).is_some_and(|p| *p > 0.0));
         let fixed = ifs.maps.get(best).filter(|m| stays && m.affine.spectral_radius() < 1.0);
         let start = fixed.and_then(|m| m.affine.fixed_point()).unwrap_or(DVec3::ZERO) * scale + shift;

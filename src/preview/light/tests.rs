@@ -170,6 +170,7 @@ fn looking_straight_through_a_drop_shows_the_sky_behind_it_dimmed_by_fresnel() {
         colors: Vec::new(),
         attributes: Vec::new(),
         moving: false,
+        reach: crate::geometry::Bounds::default(),
     };
     s.assets[0].points.push(cloud);
     let seen = mean(&s, Vec3::Z, Vec3::NEG_Z, 4).expect("drop");

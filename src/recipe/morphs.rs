@@ -1,0 +1,220 @@
+//! Attractors that change with time: their tables, in order.
+
+use std::sync::Arc;
+
+use super::CloudRecipe;
+use super::cloud_keys::CloudKeys;
+use super::digest::Digest;
+use super::key::{Section as _, join, wrong};
+use super::morph_keys::{Ease, MorphKey, MorphKeys, MorphWeights, Shift};
+use super::resolve::Resolver;
+use super::tree::{Node, Table, Value};
+use crate::diagnostic::{Diagnostic, Span};
+use crate::ifs::dynamics;
+use crate::ifs::game::Extent;
+use crate::ifs::morph::{Key, Morph, Options};
+
+/// Places between two tables where a system is judged.
+const LOOKS: u32 = 8;
+
+/// How an attractor changes.
+#[derive(Debug, Clone)]
+pub struct MorphRecipe {
+    /// How.
+    pub keys: MorphKeys,
+    /// Its tables as the scene names them.
+    pub rows: Vec<MorphKey>,
+    /// The tables, led over.
+    pub morph: Arc<Morph>,
+}
+
+impl Digest for MorphRecipe {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        self.keys.digest(hasher);
+        (self.rows.len() as u64).digest(hasher);
+        self.rows.iter().for_each(|row| row.digest(hasher));
+    }
+}
+
+/// A table that has been read, with where the scene names it.
+struct Row {
+    key: MorphKey,
+    cloud: CloudRecipe,
+    span: Span,
+    /// Where its time, its table and its turns stand.
+    at: Span,
+    ifs: Span,
+    turns: Span,
+}
+
+impl Resolver<'_> {
+    /// A cloud that changes. `name`, `path`, `id`, `cloud`: of the cloud; `table`, `span`: of its morph.
+    pub(super) fn morph(
+        &mut self,
+        (name, path, id): (&str, &str, String),
+        (cloud, table, span): (&Table, &Table, Span),
+        keys: CloudKeys,
+    ) -> Option<CloudRecipe> {
+        let path = join(path, "morph");
+        self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
+        let told = self.report.diagnostics.len();
+        let morph = MorphKeys::read(Some(table), &path, &mut self.report);
+        self.idle(cloud, &path);
+        let rows = self.rows((name, &path), (table, span), &keys)?;
+        self.times(&rows);
+        if self.report.diagnostics.iter().skip(told).any(|d| d.severity == crate::diagnostic::Severity::Error) {
+            return None;
+        }
+        let made = self.led(&rows, &morph)?;
+        self.between(&rows, &made)?;
+        if let Some(k) = made.reweighted().filter(|_| morph.weights == MorphWeights::Follow)
+            && let Some(row) = rows.get(k)
+        {
+            let text = "the weights change on the way to this table, so that some points jump";
+            let d = Diagnostic::warning("I072", text, row.ifs, "other weights than before");
+            self.report.push(d.help("weights = \"hold\" keeps the first table's: then every point keeps its word"));
+        }
+        let mut all = rows.iter();
+        let first = all.next()?.cloud.clone();
+        let extent = all.fold(first.extent, |e, r| union(e, r.cloud.extent));
+        let rows = rows.into_iter().map(|r| r.key).collect();
+        let recipe = MorphRecipe { keys: morph, rows, morph: Arc::new(made) };
+        Some(CloudRecipe { name: name.into(), id, extent, keys, morph: Some(recipe), ..first })
+    }
+
+    /// S007 for keys that a morph does not heed.
+    fn idle(&mut self, cloud: &Table, path: &str) {
+        let others = [("ifs", "name it in the first key instead"), ("system", "name it in the first key instead")];
+        for (name, help) in others.into_iter().chain([("voxel_mm", "cubes that hold a point would change with time")]) {
+            if let Some(entry) = cloud.get(name) {
+                let text = format!("{name} does not go with [{path}]");
+                self.report.push(Diagnostic::warning("S007", text, entry.key_span, "has no effect").help(help));
+            }
+        }
+    }
+
+    fn rows(
+        &mut self,
+        (name, path): (&str, &str),
+        (table, span): (&Table, Span),
+        keys: &CloudKeys,
+    ) -> Option<Vec<Row>> {
+        let path = join(path, "key");
+        let list = match table.get("key").map(|e| &e.node) {
+            Some(Node { value: Value::List(list), .. }) => list.as_slice(),
+            Some(node) => {
+                self.report.push(*wrong(&path, node, &format!("a list: write [[{path}]]")));
+                return None;
+            }
+            None => &[],
+        };
+        if list.len() < 2 {
+            let d = Diagnostic::error("S006", format!("a morph of {} tables", list.len()), span, "two at least");
+            let example = "key = [{ ifs = \"A.ifs\", at = 0 }, { ifs = \"B.ifs\", at = 2 }]";
+            self.report.push(d.help(format!("write {example}; times are seconds")));
+            return None;
+        }
+        let mut rows: Vec<Row> = Vec::new();
+        let mut whole = true;
+        for (i, node) in list.iter().enumerate() {
+            match self.row((name, &format!("{path}.{i}")), node, keys, &rows) {
+                Some(row) => rows.push(row),
+                None => whole = false,
+            }
+        }
+        whole.then_some(rows)
+    }
+
+    fn row(&mut self, (name, path): (&str, &str), node: &Node, keys: &CloudKeys, known: &[Row]) -> Option<Row> {
+        let Value::Table(table) = &node.value else {
+            self.report.push(*wrong(path, node, "a table"));
+            return None;
+        };
+        let key = MorphKey::read(Some(table), path, &mut self.report);
+        let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
+        let (at, ifs, turns) = (of("at"), of("ifs"), of("turns"));
+        let same = |r: &&Row| r.key.ifs.as_ref().map(|r| &r.text) == key.ifs.as_ref().map(|r| &r.text);
+        let again = known.iter().find(|r| same(r) && r.key.system == key.system);
+        let cloud = match again {
+            // A table that comes back was judged before.
+            Some(row) => row.cloud.clone(),
+            None => {
+                let keys = CloudKeys { ifs: key.ifs.clone(), system: key.system.clone(), ..keys.clone() };
+                self.attractor((name, path, String::new()), node.span, keys)?
+            }
+        };
+        Some(Row { key, cloud, span: node.span, at, ifs, turns })
+    }
+
+    fn times(&mut self, rows: &[Row]) {
+        for pair in rows.windows(2) {
+            let [a, b] = [pair[0].key.at, pair[1].key.at];
+            if b <= a {
+                let text = format!("this table's time is {b} s, the one before it has {a} s");
+                let d = Diagnostic::error("S004", text, pair[1].at, "must be later");
+                self.report.push(d.help("times rise from table to table"));
+            }
+        }
+        for row in rows {
+            let (n, m) = (row.key.turns.len(), row.cloud.system.maps.len());
+            if n > 1 && n != m {
+                let text = format!("{n} numbers of turns for {m} maps");
+                let d = Diagnostic::error("I070", text, row.turns, format!("{m} are due"));
+                self.report.push(d.help("give one number for all maps, or one per map"));
+            }
+        }
+    }
+
+    fn led(&mut self, rows: &[Row], keys: &MorphKeys) -> Option<Morph> {
+        let options = Options {
+            smooth: keys.ease == Ease::Smooth,
+            fixed_points: keys.shift == Shift::FixedPoint,
+            hold_weights: keys.weights == MorphWeights::Hold,
+        };
+        let key = |r: &Row| {
+            let (system, study) = (r.cloud.system.clone(), r.cloud.study.clone());
+            let turns = match r.key.turns.as_slice() {
+                [all] => vec![*all; system.maps.len()],
+                each => each.to_vec(),
+            };
+            Key { at: r.key.at, system, study, turns }
+        };
+        match Morph::new(rows.iter().map(key).collect(), options) {
+            Ok(morph) => Some(morph),
+            Err(fault) => {
+                let span = rows.get(fault.key).map_or(rows[0].span, |r| r.ifs);
+                self.report.push(Diagnostic::error(fault.code, fault.message, span, "this table").help(fault.help));
+                None
+            }
+        }
+    }
+
+    /// Where some map stretches at its key, what lies between has to be judged as well: I021.
+    fn between(&mut self, rows: &[Row], morph: &Morph) -> Option<()> {
+        let stretches = |r: &Row| r.cloud.system.maps.iter().any(|m| m.affine.norm() >= 1.0);
+        for pair in rows.windows(2).filter(|p| p.iter().any(stretches)) {
+            let [a, b] = [pair[0].key.at, pair[1].key.at];
+            for i in 1..LOOKS {
+                let at = a + (b - a) * f64::from(i) / f64::from(LOOKS);
+                let shares = morph.study(at).probabilities;
+                let mut system = morph.system(at);
+                for (map, p) in system.maps.iter_mut().zip(shares) {
+                    map.weight = Some(p);
+                }
+                let study = dynamics::study(&system, crate::ifs::weights::Rule::Raw);
+                if study.told.iter().any(|d| d.code == "I021") {
+                    let text = format!("at {at:.2} s the system does not contract: there is no attractor between");
+                    let d = Diagnostic::error("I021", text, pair[1].ifs, "on the way to this table");
+                    self.report.push(d.help("keep the norms of all maps below 1, or put a table between"));
+                    return None;
+                }
+            }
+        }
+        Some(())
+    }
+}
+
+fn union(a: Extent, b: Extent) -> Extent {
+    let both = |a: (glam::DVec3, glam::DVec3), b: (glam::DVec3, glam::DVec3)| (a.0.min(b.0), a.1.max(b.1));
+    Extent { bounds: both(a.bounds, b.bounds), quantile: both(a.quantile, b.quantile) }
+}
