@@ -24,7 +24,7 @@ use crate::wind::Wind;
 #[derive(Debug, Clone)]
 pub enum Moving {
     /// Wind, joints and leaves.
-    Plant(Mover),
+    Plant(Box<Mover>),
     /// Coefficients that change.
     Cloud(Morphing),
 }

@@ -207,7 +207,7 @@ fn dress_all(
     });
     for (asset, mover) in in_order(dressed)? {
         made.assets.push(asset);
-        made.movers.push(mover.map(Moving::Plant));
+        made.movers.push(mover.map(|m| Moving::Plant(Box::new(m))));
     }
     Ok(())
 }
