@@ -46,12 +46,14 @@ fn is_scene(preset: &Preset) -> bool {
     preset.name.ends_with(".toml") && !preset.name.ends_with(".ifs.toml")
 }
 
-/// Presets that grow plants: all but the tables and scenes of points, the pictures of layers, and landscapes, whose plants
-/// are other presets' and take minutes once more.
+/// Presets that grow plants: all but the tables and scenes of points, the pictures of layers, and landscapes and crowds,
+/// whose plants are other presets' and take minutes once more.
 fn growing() -> impl Iterator<Item = &'static Preset> {
     let points =
         |p: &Preset| p.text.contains("[clouds.") || p.name.ends_with(".ifs.toml") && !p.text.contains("branch");
-    let other = move |p: &Preset| points(p) || p.text.contains("[[layer]]") || p.text.contains("[[scatter]]");
+    let crowd = |p: &Preset| p.text.contains("[sway]") && p.text.contains("individuals");
+    let other =
+        move |p: &Preset| points(p) || crowd(p) || p.text.contains("[[layer]]") || p.text.contains("[[scatter]]");
     PRESETS.iter().filter(move |p| !p.name.ends_with(".ifs") && !other(p))
 }
 

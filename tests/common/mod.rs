@@ -8,6 +8,8 @@ use osier::scene::*;
 /// First and last frame of the synthetic clip.
 pub const START: u32 = 1;
 pub const END: u32 = 9;
+/// Frames by which the second copy of the rig is ahead of the first.
+const PHASE: u32 = 3;
 
 /// The synthetic scene at rest and all its frames.
 pub fn synthetic() -> (Scene, Vec<Frame>) {
@@ -97,7 +99,7 @@ fn placements() -> Vec<Placement> {
             name: "rig_2".into(),
             asset: 0,
             transform: Trs { t: Vec3::new(-2.0, 0.1, -1.0), r: turn.conjugate(), s: Vec3::splat(0.75) },
-            phase: 0,
+            phase: PHASE,
         },
         at("cache", 1, Vec3::new(-0.5, 0.2, 1.0), Quat::IDENTITY),
         at("tracks", 2, Vec3::new(0.0, 1.0, 0.0), turn),
@@ -281,13 +283,8 @@ fn ground() -> Asset {
 fn frame(scene: &Scene, number: u32) -> Frame {
     let t = scene.clip.seconds(number) as f32;
     let k = (number - START) as f32;
-    let sway = |joint: &Joint, i: usize| Trs {
-        r: joint.rest.r * Quat::from_euler(glam::EulerRot::XYZ, 0.06 * k, 0.02 * k, 0.04 * k * i as f32),
-        ..joint.rest
-    };
-    let pose =
-        scene.assets[0].skeleton.iter().flat_map(|s| s.joints.iter().enumerate().map(|(i, j)| sway(j, i))).collect();
-    let rig = AssetFrame { pose, ..AssetFrame::default() };
+    let rig = rig_frame(scene, number);
+    let later = START + (number - START + PHASE) % (END - START + 1);
 
     let rest = &scene.assets[1].meshes[0].mesh;
     let points: Vec<Vec3> = rest.points.iter().map(|p| *p + Vec3::new(0.3 * t, 0.5 * t * p.x, t * t * p.y)).collect();
@@ -299,8 +296,18 @@ fn frame(scene: &Scene, number: u32) -> Frame {
     Frame {
         number,
         assets: vec![rig, cache, tracks_frame(scene, number, t), misc_frame(scene, k, t), AssetFrame::default()],
-        ..Frame::default()
+        shifted: [((0, PHASE), rig_frame(scene, later))].into(),
     }
+}
+
+fn rig_frame(scene: &Scene, number: u32) -> AssetFrame {
+    let k = (number - START) as f32;
+    let sway = |joint: &Joint, i: usize| Trs {
+        r: joint.rest.r * Quat::from_euler(glam::EulerRot::XYZ, 0.06 * k, 0.02 * k, 0.04 * k * i as f32),
+        ..joint.rest
+    };
+    let joints = scene.assets[0].skeleton.iter().flat_map(|s| s.joints.iter().enumerate());
+    AssetFrame { pose: joints.map(|(i, j)| sway(j, i)).collect(), ..AssetFrame::default() }
 }
 
 fn tracks_frame(scene: &Scene, number: u32, t: f32) -> AssetFrame {

@@ -1,0 +1,120 @@
+//! Swaying scenes as a user bakes them.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "helpers of tests")]
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use osier::bake::stage::{Parts, build};
+use osier::bake::{Work, mover};
+use osier::limits::Limits;
+use osier::progress::{Cancel, Silent};
+use osier::recipe::{Request, resolve};
+
+const TREE: &str = r#"
+[frames]
+end = 60
+[plants.t]
+ifs = "sympodial.ifs.toml"
+motion = "cache"
+[plants.t.tree]
+eps = 0.2
+[plants.t.bark]
+side = 64
+[[place]]
+plant = "t"
+count = 5
+individuals = 1
+radius = 20
+[wind]
+speed = 6
+[ground]
+show = false
+"#;
+
+fn bake(dir: &Path, out: &str, threads: &str) -> String {
+    fs::write(dir.join("t.toml"), TREE).expect("scene");
+    let mut osier = Command::cargo_bin("osier").expect("osier");
+    let args = ["-q", "--jobs", threads, "bake", "t.toml", "-o", out, "--formats", "usd,glb,pc2"];
+    osier.current_dir(dir).args(args).assert().success();
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.join(out).join("manifest.json")).expect("manifest")).expect("json");
+    manifest["bake_hash"].as_str().expect("hash").to_owned()
+}
+
+#[test]
+fn same_bytes_at_any_number_of_threads() {
+    let dir = tempfile::tempdir().expect("dir");
+    let one = bake(dir.path(), "one", "1");
+    assert_eq!(one, bake(dir.path(), "two", "2"));
+    assert_eq!(one, bake(dir.path(), "five", "5"));
+}
+
+fn stage(set: &[&str]) -> osier::bake::write::Stage {
+    let set = set.iter().map(|s| (*s).to_owned()).collect();
+    let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
+}
+
+#[test]
+fn copies_downwind_show_what_copies_upwind_showed_before() {
+    let stage = stage(&[]);
+    let shown: Vec<(f32, u32)> = stage.scene.placements.iter().map(|p| (p.transform.t.x, p.phase)).collect();
+    assert!(shown.iter().map(|s| s.1).collect::<std::collections::BTreeSet<_>>().len() > 2, "{shown:?}");
+    assert_eq!(shown[0].1, 0, "the first copy is the one that was simulated");
+    for (x, phase) in &shown {
+        // 6 m/s, 24 frames a second, 60 frames; one of twelve phases.
+        let wanted = ((shown[0].0 - x) / 6.0 * 24.0).rem_euclid(60.0);
+        let apart = (wanted - *phase as f32).abs();
+        assert!(apart.min(60.0 - apart) <= 2.51, "{x} m: {phase}, wanted {wanted}");
+    }
+    let frame = mover::frame(&stage.scene, &stage.movers, 5, true);
+    let late = stage.scene.placements.iter().find(|p| p.phase > 0).expect("a later copy");
+    let later = mover::frame(&stage.scene, &stage.movers, 5 + late.phase, false);
+    let points = |f: &osier::scene::AssetFrame| match f.mesh(0) {
+        osier::scene::MeshFrame::Points { points, .. } => points.clone(),
+        _ => panic!("a cache"),
+    };
+    assert_eq!(points(frame.shown(late).expect("state")), points(&later.assets[late.asset]));
+}
+
+#[test]
+fn one_phase_is_for_all_and_clips_that_run_on_have_none() {
+    for set in [&["sway.phases=1"][..], &["sway.repeat=false"]] {
+        assert!(stage(set).scene.placements.iter().all(|p| p.phase == 0), "{set:?}");
+    }
+}
+
+#[test]
+fn a_clip_from_rest_begins_at_rest_and_then_moves() {
+    let stage = stage(&["sway.repeat=false", "sway.start=\"rest\""]);
+    let points = |n: u32| match mover::frame(&stage.scene, &stage.movers, n, false).assets[0].mesh(0) {
+        osier::scene::MeshFrame::Points { points, .. } => points.clone(),
+        _ => panic!("a cache"),
+    };
+    let rest = &stage.scene.assets[0].meshes[0].mesh.points;
+    let far = |n: u32| points(n).iter().zip(rest).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+    assert!(far(1) < 1e-5 && far(30) > 1e-3, "{} {}", far(1), far(30));
+}
+
+fn said(text: &str, set: &[&str]) -> String {
+    let set = set.iter().map(|s| (*s).to_owned()).collect();
+    let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+    match resolve(&request) {
+        Ok((_, report)) => report.diagnostics.iter().map(|d| format!("{} {}", d.code, d.message)).collect(),
+        Err(osier::Error::Input(report)) => {
+            report.diagnostics.iter().map(|d| format!("{} {}", d.code, d.message)).collect()
+        }
+        Err(e) => panic!("{e}"),
+    }
+}
+
+#[test]
+fn what_has_no_effect_or_cannot_be_is_said() {
+    assert_eq!(said(TREE, &[]), "");
+    assert!(said(TREE, &["wind.beaufort=5"]).starts_with("S007 wind.beaufort is 5, but wind.speed is given"));
+    assert!(said(TREE, &["wind.literal=true"]).starts_with("S007 wind.literal"));
+    assert!(said(TREE, &["frames.end=20", "sway.repeat=true"]).starts_with("S004 a clip of 0.83 s is too short"));
+    assert!(said(TREE, &["wind.speed=61"]).starts_with("S004"));
+}
