@@ -26,7 +26,10 @@ use osier::export::manifest::{self, Manifest};
 use osier::geometry::Bounds;
 use osier::par::par_map;
 use osier::presets;
-use osier::scene::{Asset, AssetFrame, Frame, Mesh, MeshObject, Placement, Scene, instance_states, mesh_points};
+use osier::scene::{
+    Asset, AssetFrame, Frame, Mesh, MeshObject, Placement, Scene, instance_states, mesh_points, skinned_points,
+    world_from_joint,
+};
 use picture::{Picture, Rect, luma, project};
 use serde_json::{Map, Value, json};
 
@@ -129,7 +132,15 @@ impl Shown<'_> {
     fn gltf(&self, meshes: &mut Map<String, Value>) {
         let key = |n: &str| format!("{}_{n}", self.placement.name);
         for (i, object) in self.asset.meshes.iter().enumerate() {
-            let points = self.mesh(i, object);
+            // A cache is written as the skin beside it.
+            let points = match (&object.skin, &self.asset.skeleton) {
+                (Some(skin), Some(skeleton)) => {
+                    let joints = world_from_joint(skeleton, &self.frame.pose);
+                    let points = skinned_points(&object.mesh.points, skin, &joints);
+                    points.iter().map(|p| self.placement.transform.apply(*p)).collect()
+                }
+                _ => self.mesh(i, object),
+            };
             let written: Vec<Vec3> = per_material(&object.mesh).into_iter().map(|v| points[v]).collect();
             meshes.insert(key(&object.name), summary(&written));
         }

@@ -98,6 +98,26 @@ fn a_clip_from_rest_begins_at_rest_and_then_moves() {
     assert!(far(1) < 1e-5 && far(30) > 1e-3, "{} {}", far(1), far(30));
 }
 
+#[test]
+fn the_papers_equations_move_once_they_are_mended() {
+    let far = |set: &[&str]| {
+        let stage = stage(set);
+        let rest = &stage.scene.assets[0].meshes[0].mesh.points;
+        let of = |n: u32| match mover::frame(&stage.scene, &stage.movers, n, false).assets[0].mesh(0) {
+            osier::scene::MeshFrame::Points { points, .. } => points.clone(),
+            _ => panic!("a cache"),
+        };
+        let (a, b) = (of(10), of(40));
+        let most =
+            |x: &[glam::Vec3], y: &[glam::Vec3]| x.iter().zip(y).map(|(p, q)| p.distance(*q)).fold(0.0, f32::max);
+        (most(&a, rest), most(&a, &b))
+    };
+    let mended = far(&["sway.model=paper", "wind.model=perlin"]);
+    assert!(mended.0 > 5e-5 && mended.1 > 1e-5, "{mended:?}");
+    let printed = far(&["sway.model=paper", "wind.model=perlin", "wind.literal=true", "sway.paper_fixes=[]"]);
+    assert!(printed.0 < 2e-6, "as printed, nothing is seen to move: {printed:?}");
+}
+
 fn said(text: &str, set: &[&str]) -> String {
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
@@ -117,4 +137,5 @@ fn what_has_no_effect_or_cannot_be_is_said() {
     assert!(said(TREE, &["wind.literal=true"]).starts_with("S007 wind.literal"));
     assert!(said(TREE, &["frames.end=20", "sway.repeat=true"]).starts_with("S004 a clip of 0.83 s is too short"));
     assert!(said(TREE, &["wind.speed=61"]).starts_with("S004"));
+    assert!(said(TREE, &["sway.paper_recoil=1"]).starts_with("S004"), "the recursion would never end");
 }

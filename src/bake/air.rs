@@ -5,10 +5,10 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::math::{cos, narrow, sin};
-use crate::motion::{Manner, Take, Wood};
+use crate::motion::{Fixes, Manner, PaperManner, Take, Wood};
 use crate::recipe::Recipe;
 use crate::recipe::air::{SHORTEST_LOOP, seconds};
-use crate::recipe::wind_keys::{Start, WindKeys, WindModel, WoodKeys};
+use crate::recipe::wind_keys::{PaperFix, Start, SwayKeys, SwayModel, WindKeys, WindModel, WoodKeys};
 use crate::scene::Trs;
 use crate::wind::{Formula, FormulaOptions, Gust, GustOptions, Uniform, Wind};
 
@@ -23,6 +23,8 @@ pub struct Air {
     whip: f64,
     fps: f64,
     phases: u32,
+    /// The paper's equations, if they are asked for.
+    pub paper: Option<PaperManner>,
 }
 
 impl Air {
@@ -43,7 +45,15 @@ impl Air {
         };
         let wind = wind(keys, repeats.then_some(length), recipe.seed);
         let flicker = if keys.model == WindModel::Uniform { 0.0 } else { keys.flicker };
-        Some(Self { wind, take, flicker, whip: sway.whip, fps: recipe.clip.fps(), phases: sway.phases })
+        Some(Self {
+            wind,
+            take,
+            flicker,
+            whip: sway.whip,
+            fps: recipe.clip.fps(),
+            phases: sway.phases,
+            paper: paper(sway),
+        })
     }
 
     /// Frames by which a copy at `at` is ahead of the one at `first`, m, whose motion it shows: gusts reach what stands
@@ -65,6 +75,15 @@ impl Air {
     pub fn manner(&self, keys: &WoodKeys, stand: Trs) -> Manner {
         Manner { wood: wood(keys), flicker: self.flicker, whip: self.whip, stand, fps: self.fps }
     }
+}
+
+fn paper(sway: &SwayKeys) -> Option<PaperManner> {
+    let has = |fix: PaperFix| sway.fixes.contains(&fix);
+    (sway.model == SwayModel::Paper).then(|| PaperManner {
+        fixes: Fixes { radius: has(PaperFix::Radius), air: has(PaperFix::Air), damping: has(PaperFix::Damping) },
+        recoil: sway.recoil,
+        damping: sway.paper_damping,
+    })
 }
 
 fn wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Wind> {

@@ -11,7 +11,7 @@ use super::morphing::Morphing;
 use crate::Result;
 use crate::limits::Limits;
 use crate::math::narrow;
-use crate::motion::{Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track, turns_of};
+use crate::motion::{self, Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track, turns_of};
 use crate::plant::Plant;
 use crate::progress::Cancel;
 use crate::recipe::sections::{Motion, PlantKeys};
@@ -86,12 +86,19 @@ impl Mover {
             Motion::Skin | Motion::Still => Budget::Joints(keys.max_joints as usize),
         };
         let elements = Elements::build(plant, &manner.wood, budget);
-        let track = Track::record(&elements, &*air.wind, manner, air.take, (limits, cancel))?;
+        let track = match air.paper {
+            Some(paper) => {
+                let both = (plant, &elements);
+                Track::record_as_printed(both, &*air.wind, (manner, paper), air.take, (limits, cancel))?
+            }
+            None => Track::record(&elements, &*air.wind, manner, air.take, (limits, cancel))?,
+        };
         let foliage = |l: &Leaves<'_>| {
             let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
             let speed = air.wind.mean_at(manner.stand.apply(Vec3::Y * middle).y).length();
+            let flutter = Flutter::new(l.organs, speed, air.wind.period(), l.flutter);
             Foliage {
-                flutter: Flutter::new(l.organs, speed, air.wind.period(), l.flutter),
+                flutter: if air.paper.is_some() { flutter.as_printed() } else { flutter },
                 hangers: Hangers::new(plant, l.organs),
                 spots: l.organs.iter().map(|o| elements.spot(o.axis, o.s)).collect(),
             }
@@ -168,11 +175,11 @@ impl Mover {
         self.wind.sample(&places, moment.seconds, &mut air);
         for (k, q) in state.orientations.iter_mut().enumerate() {
             let spot = leaves.spots[k];
-            let air = stand.r.conjugate() * air[k] * self.elements.open(spot);
+            let wind = stand.r.conjugate() * air[k] * self.elements.open(spot);
             let [before, after] = [0, 1].map(|n| self.elements.turn(&around[n], &moment.bends[2 * n], spot));
             let turned = after * before.conjugate();
             let spin = turned.xyz() * (2.0 * turned.w.signum() / moment.step);
-            *q = leaves.flutter.turned(k, *q, moment.seconds, (air, spin)).normalize();
+            *q = leaves.flutter.turned(k, *q, moment.seconds, motion::Air { wind, spin }).normalize();
         }
     }
 }

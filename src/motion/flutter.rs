@@ -32,11 +32,22 @@ struct Leaf {
     cells: i32,
 }
 
+/// What moves a leaf, in the plant's space.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Air {
+    /// Wind at the leaf, m/s.
+    pub wind: Vec3,
+    /// Turning of its twig, rad/s.
+    pub spin: Vec3,
+}
+
 /// How the leaves of one kind move.
 #[derive(Debug, Clone)]
 pub struct Flutter {
     leaves: Vec<Leaf>,
     strength: f32,
+    /// As printed: as much in a calm as in a storm, noise in [0, 1], neither flow nor lag.
+    printed: bool,
 }
 
 impl Flutter {
@@ -54,21 +65,32 @@ impl Flutter {
                 None => Leaf { seed, rate: wanted, cells: ENDLESS },
             }
         };
-        Self { leaves: organs.iter().map(leaf).collect(), strength }
+        Self { leaves: organs.iter().map(leaf).collect(), strength, printed: false }
     }
 
-    /// Turns leaf `i`, which sits on its twig as `q`, as the wind has it. `air`: wind at the leaf, m/s; `spin`: the twig's
-    /// turning, rad/s, both in the plant's space.
+    /// The same by the formula as it is printed.
+    #[must_use]
+    pub fn as_printed(self) -> Self {
+        Self { printed: true, ..self }
+    }
+
+    /// Turns leaf `i`, which sits on its twig as `q`, as the air around it has it.
     /// Source: [zhao-zhang] 3.3, with noise that goes both ways and an amplitude that grows with the wind.
-    pub fn turned(&self, i: usize, q: Quat, seconds: f64, (air, spin): (Vec3, Vec3)) -> Quat {
+    pub fn turned(&self, i: usize, q: Quat, seconds: f64, air: Air) -> Quat {
         let Some(leaf) = self.leaves.get(i) else { return q };
-        let speed = air.length();
-        let lively = self.strength * (1.0 - math::exp_f32(-speed / LIVELY));
-        let noise = |k: u32| line_noise(leaf.seed.wrapping_add(k), seconds * leaf.rate, leaf.cells);
+        let speed = air.wind.length();
+        let lively = self.strength * if self.printed { 1.0 } else { 1.0 - math::exp_f32(-speed / LIVELY) };
+        let noise = |k: u32| {
+            let n = line_noise(leaf.seed.wrapping_add(k), seconds * leaf.rate, leaf.cells);
+            if self.printed { 0.5 + 0.5 * n } else { n }
+        };
         let nod = NOD * lively * noise(0);
         let turn = Vec3::new(nod, TWIST * lively * noise(1) + TIED * nod, YAW * lively * noise(2));
-        let q = into_flow(q, air, speed) * turned(turn);
-        turned((spin * -LAG).clamp_length_max(MOST_LAG)) * q
+        if self.printed {
+            return q * turned(turn);
+        }
+        let q = into_flow(q, air.wind, speed) * turned(turn);
+        turned((air.spin * -LAG).clamp_length_max(MOST_LAG)) * q
     }
 }
 
@@ -105,7 +127,7 @@ mod tests {
         let plant = leafy(5);
         let organs: Vec<&Organ> = plant.organs.iter().collect();
         let flutter = Flutter::new(&organs, 5.0, Some(4.0), 1.0);
-        let air = (Vec3::X * 5.0, Vec3::ZERO);
+        let air = Air { wind: Vec3::X * 5.0, spin: Vec3::ZERO };
         let at =
             |t: f64| -> Vec<Quat> { (0..organs.len()).map(|i| flutter.turned(i, Quat::IDENTITY, t, air)).collect() };
         let (a, b, c) = (at(0.3), at(4.3), at(0.4));
@@ -121,13 +143,18 @@ mod tests {
         let organs: Vec<&Organ> = plant.organs.iter().collect();
         let flutter = Flutter::new(&organs, 5.0, None, 1.0);
         let grown = Quat::from_rotation_x(0.7);
-        assert_eq!(flutter.turned(3, grown, 2.0, (Vec3::ZERO, Vec3::ZERO)), grown);
+        assert_eq!(flutter.turned(3, grown, 2.0, Air::default()), grown);
+        assert_ne!(
+            flutter.clone().as_printed().turned(3, grown, 2.0, Air::default()),
+            grown,
+            "printed, they always do"
+        );
         let lean = |speed: f32| {
-            let flow = Vec3::X * speed;
-            (0..100).map(|i| (flutter.turned(i, grown, 2.0, (flow, Vec3::ZERO)) * Vec3::Y).x).sum::<f32>() / 100.0
+            let flow = Air { wind: Vec3::X * speed, spin: Vec3::ZERO };
+            (0..100).map(|i| (flutter.turned(i, grown, 2.0, flow) * Vec3::Y).x).sum::<f32>() / 100.0
         };
         assert!(lean(2.0) < lean(6.0) && lean(6.0) < lean(20.0) && lean(20.0) > 0.6, "{}", lean(20.0));
-        let lagging = flutter.turned(3, grown, 2.0, (Vec3::ZERO, Vec3::Z * 100.0));
+        let lagging = flutter.turned(3, grown, 2.0, Air { wind: Vec3::ZERO, spin: Vec3::Z * 100.0 });
         assert!((grown.angle_between(lagging) - MOST_LAG).abs() < 1e-3);
     }
 }

@@ -6,6 +6,7 @@
 pub mod bend;
 mod element;
 mod flutter;
+mod paper;
 mod pieces;
 mod posture;
 mod rig;
@@ -18,7 +19,8 @@ mod track;
 mod wood;
 
 pub use element::{Budget, Element, Elements, Spot, Station};
-pub use flutter::Flutter;
+pub use flutter::{Air, Flutter};
+pub use paper::{Fixes, PaperManner};
 pub use pieces::Load;
 pub use posture::{Body, Hangers, Posture};
 pub use rig::Rig;

@@ -1,9 +1,11 @@
 //! What the wind did to a plant: the bends of its elements, frame by frame.
 
 use super::element::Elements;
+use super::paper::{Paper, PaperManner, RATE};
 use super::simulate::{Manner, Simulation};
 use crate::limits::Limits;
 use crate::math;
+use crate::plant::Plant;
 use crate::progress::Cancel;
 use crate::wind::Wind;
 use crate::{Error, Result};
@@ -32,6 +34,9 @@ pub struct Take {
     pub gain: f64,
 }
 
+/// Both ways of each element, rad.
+type Bends = Vec<[f64; 2]>;
+
 /// Bends over time.
 #[derive(Debug, Clone, Default)]
 pub struct Track {
@@ -51,8 +56,54 @@ impl Track {
         take: Take,
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
-        let keys = (elements.list.len() as u64).saturating_mul(take.frames as u64);
-        limits.check("motion-keys", keys, "the number of bending branches times the number of frames")?;
+        check(elements, take, limits)?;
+        let (frames, still) = Self::simulate(elements, wind, manner, take, cancel)?;
+        Self::kept(frames, &still, take)
+    }
+
+    /// The same by the equations of [zhao-zhang].
+    /// # Errors
+    /// As [`Track::record`].
+    pub fn record_as_printed(
+        (plant, elements): (&Plant, &Elements),
+        wind: &dyn Wind,
+        (manner, paper): (Manner, PaperManner),
+        take: Take,
+        (limits, cancel): (&Limits, &Cancel),
+    ) -> Result<Self> {
+        check(elements, take, limits)?;
+        let mut run = Paper::new(plant, elements, wind, (manner, paper));
+        let rest = vec![[0.0; 2]; elements.list.len()];
+        // A second is long enough to forget the first force, of which a share k is left in every frame.
+        let lead = if take.from_rest { 0 } else { 60_i64 };
+        let mut before = rest.clone();
+        let mut frames = Vec::with_capacity(take.frames + 1);
+        let mut number = -lead;
+        for frame in 0..=take.frames {
+            cancel.check()?;
+            let t = frame as f64 / manner.fps * RATE;
+            #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
+            while (number as f64) <= t {
+                before = run.advance(number as f64 / RATE);
+                number += 1;
+            }
+            frames.push(if take.from_rest && frame == 0 { rest.clone() } else { before.clone() });
+        }
+        if take.repeats {
+            close(&mut frames);
+        } else {
+            frames.pop();
+        }
+        Self::kept(frames, &rest, Take { lean: 1.0, ..take })
+    }
+
+    fn simulate(
+        elements: &Elements,
+        wind: &dyn Wind,
+        manner: Manner,
+        take: Take,
+        cancel: &Cancel,
+    ) -> Result<(Vec<Bends>, Bends)> {
         let mut run = Simulation::new(elements, wind, manner);
         let length = take.frames as f64 / manner.fps;
         let mut still = vec![[0.0; 2]; elements.list.len()];
@@ -66,7 +117,7 @@ impl Track {
         let steps = run.steps();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand frames")]
         let lead = (lead * manner.fps).round() as i64;
-        let mut frames: Vec<Vec<[f64; 2]>> = Vec::with_capacity(take.frames + 1);
+        let mut frames: Vec<Bends> = Vec::with_capacity(take.frames + 1);
         for frame in -lead..=i64::try_from(take.frames).unwrap_or(i64::MAX) {
             cancel.check()?;
             if frame >= 0 {
@@ -82,7 +133,12 @@ impl Track {
         } else {
             frames.pop();
         }
-        let shown = |b: &Vec<[f64; 2]>| b.iter().zip(&still).map(|(b, m)| shown(*b, *m, &take)).collect();
+        Ok((frames, still))
+    }
+
+    /// What is shown of bends.
+    fn kept(frames: Vec<Bends>, still: &[[f64; 2]], take: Take) -> Result<Self> {
+        let shown = |b: &Bends| b.iter().zip(still).map(|(b, m)| shown(*b, *m, &take)).collect();
         let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(shown).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
             return Ok(Self { frames, repeats: take.repeats });
@@ -121,6 +177,11 @@ impl Track {
     }
 }
 
+fn check(elements: &Elements, take: Take, limits: &Limits) -> Result<()> {
+    let keys = (elements.list.len() as u64).saturating_mul(take.frames as u64);
+    limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
+}
+
 /// Clips until the start is forgotten.
 fn preludes(elements: &Elements, length: f64) -> f64 {
     let slowest = elements.list.iter().map(|e| e.zeta * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
@@ -128,7 +189,7 @@ fn preludes(elements: &Elements, length: f64) -> f64 {
 }
 
 /// Takes out what the last frame, which is the first again, differs by: a little in every frame.
-fn close(frames: &mut Vec<Vec<[f64; 2]>>) {
+fn close(frames: &mut Vec<Bends>) {
     let Some(end) = frames.pop() else { return };
     let Some(first) = frames.first().cloned() else { return };
     let n = frames.len() as f64;

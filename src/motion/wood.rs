@@ -51,11 +51,16 @@ impl Default for Wood {
 impl Wood {
     /// Bending stiffness E I of a round section, N m^2: I = pi r^4 / 4.
     pub fn rigidity(&self, r: f64) -> f64 {
-        let e = self.elasticity.unwrap_or_else(|| {
+        self.elasticity_at(r) * std::f64::consts::FRAC_PI_4 * r * r * r * r
+    }
+
+    /// Young's modulus of wood of a radius, Pa.
+    pub fn elasticity_at(&self, r: f64) -> f64 {
+        let own = || {
             let x = ((r - THIN.1) / (THICK.1 - THIN.1)).clamp(0.0, 1.0);
             THIN.0 + (THICK.0 - THIN.0) * x * x * (3.0 - 2.0 * x)
-        });
-        self.stiffness * e * std::f64::consts::FRAC_PI_4 * r * r * r * r
+        };
+        self.stiffness * self.elasticity.unwrap_or_else(own)
     }
 }
 

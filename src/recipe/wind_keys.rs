@@ -1,7 +1,7 @@
 //! Keys of wind and of what it moves.
 
 use super::key::{keys, words};
-use super::kinds::{Flag, Maybe, OneOf, deg, num, whole};
+use super::kinds::{Flag, Maybe, OneOf, SomeOf, deg, num, whole};
 
 words! {
     /// What wind there is.
@@ -14,6 +14,22 @@ words! {
         Gust = "gust",
         /// A sine with noise on it, as in the paper by Zhao and Zhang.
         Perlin = "perlin",
+    }
+    /// By which equations branches bend.
+    SwayModel {
+        /// Beams that swing: forces, frequencies and damping of wood.
+        Beam = "beam",
+        /// Those of the paper by Zhao and Zhang, one cantilever for an internode.
+        Paper = "paper",
+    }
+    /// What is mended in the paper's equations.
+    PaperFix {
+        /// The fourth power of the radius instead of the third.
+        Radius = "radius4",
+        /// The density of air instead of a five hundred thousandth of it.
+        Air = "air_density",
+        /// Damping against the motion instead of always one way.
+        Damping = "damping_sign",
     }
     /// How a clip that does not repeat begins.
     Start {
@@ -100,6 +116,14 @@ keys! {
     }
     /// How plants answer the wind.
     SwayKeys at "sway" {
+        /// By which equations.
+        model: SwayModel = "model" OneOf(SwayModel::Beam);
+        /// With "paper": what is mended; [] for nothing, and then nothing is seen to move.
+        fixes: Vec<PaperFix> = "paper_fixes" SomeOf(&[PaperFix::Radius, PaperFix::Air, PaperFix::Damping]);
+        /// With "paper": share of the last force that is taken back.
+        recoil: f64 = "paper_recoil" num(0.3, 0.0, 0.999, "");
+        /// With "paper": damping for the square of the turning rate.
+        paper_damping: f64 = "paper_damping" num(0.01, 0.0, 1000.0, "N s^2");
         /// Factor on the swings; 1 is honest, 3 to 10 is usual where a tree shall look alive from afar.
         exaggerate: f64 = "exaggerate" num(1.0, 0.0, 20.0, "");
         /// Factor on the steady lean.

@@ -7,7 +7,7 @@ use super::space::Space;
 use super::{Options, look, scene_bounds};
 use crate::export::text::{Num, Text};
 use crate::export::{GENERATOR, pov::Layout};
-use crate::scene::Scene;
+use crate::scene::{Placement, Scene};
 
 /// The scene. `includes`: folder of the include files, with its `/`; `written`: frames that have a file, ascending.
 pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[u32]) -> Text {
@@ -17,22 +17,25 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     for name in ["common.inc", "prototypes.inc", "static.inc"] {
         text.put("#include ").put(&quoted(&format!("{includes}{name}"))).put("\n");
     }
-    let phases: BTreeSet<u32> = scene.placements.iter().map(|p| p.phase).collect();
-    pick_frame(&mut text, scene, includes, written);
-    for phase in phases {
-        if phase > 0 && !written.is_empty() {
-            // Another time of the clip: its file declares the same names anew for what follows.
-            later(&mut text, scene, includes, (phase, written));
-        }
-        text.put(&format!("\n#macro OsWorld{phase}() union {{\n"));
-        for placement in scene.placements.iter().filter(|p| p.phase == phase) {
-            text.put(&format!("  object {{ A_{}() ", placement.asset));
-            space.matrix(&mut text, &placement.transform);
-            text.put(" } // ").put(&placement.name).put("\n");
-        }
-        text.put(&format!("}} #end\nOsWorld{phase}()\n"));
+    pick_frame(&mut text, written);
+    let phases: BTreeSet<u32> = scene.placements.iter().map(|p| p.phase).filter(|p| *p > 0).collect();
+    for phase in phases.iter().filter(|_| !written.is_empty()) {
+        // Another time of the clip: its file declares the same names, which the shown frame then declares anew.
+        later(&mut text, scene, includes, (*phase, written));
+        text.put(&format!("#declare OsWorld{phase} = union {{\n"));
+        place(&mut text, scene, space, |p| p.phase == *phase);
+        text.put("}\n");
     }
-    text.put("\n");
+    if !written.is_empty() {
+        text.put(&format!("#declare OsTag = str(OsFrame, -{}, 0);\n", scene.clip.digits()));
+        include(&mut text, includes, "OsTag");
+    }
+    text.put("\n#macro OsWorld() union {\n");
+    place(&mut text, scene, space, |p| p.phase == 0 || written.is_empty());
+    for phase in phases.iter().filter(|_| !written.is_empty()) {
+        text.put(&format!("  object {{ OsWorld{phase} }}\n"));
+    }
+    text.put("} #end\nOsWorld()\n\n");
     let bounds = scene_bounds(scene, None);
     look::camera(&mut text, space, &scene.camera);
     look::sun(&mut text, space, &scene.sun, bounds);
@@ -40,21 +43,36 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     text
 }
 
+/// The placements that fit, as objects.
+fn place(text: &mut Text, scene: &Scene, space: Space, fits: impl Fn(&Placement) -> bool) {
+    for placement in scene.placements.iter().filter(|p| fits(p)) {
+        text.put(&format!("  object {{ A_{}() ", placement.asset));
+        space.matrix(text, &placement.transform);
+        text.put(" } // ").put(&placement.name).put("\n");
+    }
+}
+
+/// Includes a frame's file.
+fn include(text: &mut Text, includes: &str, tag: &str) {
+    text.put("#include concat(").put(&quoted(&format!("{includes}frames/frame.")));
+    text.put(&format!(", {tag}, \".inc\")\n"));
+}
+
 /// Includes the file of the frame that comes `phase` later in the clip, repeated; where only some frames are written, of the
 /// one so much later in their list.
 fn later(text: &mut Text, scene: &Scene, includes: &str, (phase, written): (u32, &[u32])) {
-    let (first, count) = (written.first().copied().unwrap_or(0), written.len());
+    let (first, count) = (written.first().copied().unwrap_or(0), written.len() as u64);
     let last = written.last().copied().unwrap_or(first);
-    let step = if count > 1 { (u64::from(last - first) / (count as u64 - 1)).max(1) } else { 1 };
-    let ahead = (u64::from(phase) / step) % count.max(1) as u64;
+    let step = if count > 1 { (u64::from(last - first) / (count - 1)).max(1) } else { 1 };
+    let ahead = (u64::from(phase) / step) % count.max(1);
     text.put(&format!("#declare OsLater = {first} + mod((OsFrame - {first}) / {step} + {ahead}, {count}) * {step};\n"));
-    text.put(&format!("#declare OsTag = str(OsLater, -{}, 0);\n#include concat(", scene.clip.digits()));
-    text.put(&quoted(&format!("{includes}frames/frame."))).put(", OsTag, \".inc\")\n");
+    text.put(&format!("#declare OsLaterTag = str(OsLater, -{}, 0);\n", scene.clip.digits()));
+    include(text, includes, "OsLaterTag");
 }
 
-/// Sets `OsFrame` to the written frame nearest to the one that is rendered, and includes its file. A still render has
+/// Sets `OsFrame` to the written frame nearest to the one that is rendered. A still render has
 /// frame number 0 and shows the first; a clip that starts at 0 is therefore rendered as frames 1, 2, ..
-fn pick_frame(text: &mut Text, scene: &Scene, includes: &str, written: &[u32]) {
+fn pick_frame(text: &mut Text, written: &[u32]) {
     let (Some(first), Some(last)) = (written.first(), written.last()) else { return };
     let shift = u32::from(*first == 0);
     text.put(&format!("#if (frame_number = 0) #declare OsFrame = {first}; "));
@@ -73,8 +91,6 @@ fn pick_frame(text: &mut Text, scene: &Scene, includes: &str, written: &[u32]) {
     } else {
         text.put(&format!("#declare OsFrame = max({first}, min({last}, OsFrame));\n"));
     }
-    text.put(&format!("#declare OsTag = str(OsFrame, -{}, 0);\n#include concat(", scene.clip.digits()));
-    text.put(&quoted(&format!("{includes}frames/frame."))).put(", OsTag, \".inc\")\n");
 }
 
 /// Settings of the rendering program. `main`: name of the scene file; `given`: first and last frame that were asked for.
