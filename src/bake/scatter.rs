@@ -50,7 +50,12 @@ pub(super) fn add(recipe: &Recipe, land: &Land, layout: &mut Layout, work: &Work
             let Some(mine) = grown.get(rng.pick(&weights)) else { continue };
             let pick = rng.below(u32::try_from(mine.len()).unwrap_or(u32::MAX)) as usize;
             let Some(&individual) = mine.get(pick) else { continue };
-            let (transform, slope) = stand(land, sown, spot.at, &mut rng);
+            // Copies that share a motion lean one way: they face the wind alike.
+            let facing = recipe.moves.then(|| {
+                let seed = layout.individuals.get(individual).map_or(0, |i| u64::from(i.id));
+                Rng::at(recipe.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
+            });
+            let (transform, slope) = stand(land, sown, (spot.at, facing), &mut rng);
             layout.standings.push(Standing { individual, transform, slope: Some(slope) });
         }
         taken.extend(layout.standings[taken.len()..].iter().map(|s| Taken { at: place(s), spacing: sowing.spacing }));
@@ -78,10 +83,12 @@ fn sowing(sown: &ScatterRecipe) -> Sowing {
     }
 }
 
-fn stand(land: &Land, sown: &ScatterRecipe, [x, z]: [f32; 2], rng: &mut Rng) -> (Trs, f32) {
+/// `facing`: a turn that is given instead of drawn.
+fn stand(land: &Land, sown: &ScatterRecipe, ([x, z], facing): ([f32; 2], Option<f64>), rng: &mut Rng) -> (Trs, f32) {
     let keys = &sown.keys;
     let normal = land.normal_at(x, z);
-    let turn = rng.range(0.0, std::f64::consts::TAU);
+    let drawn = rng.range(0.0, std::f64::consts::TAU);
+    let turn = facing.unwrap_or(drawn);
     let scale = narrow(rng.range(keys.scale[0], keys.scale[1]));
     let up = Vec3::Y.lerp(normal, narrow(keys.align)).normalize();
     let r = (rotation_between(Vec3::Y, up) * rotation(Vec3::Y, turn)).normalize();
@@ -182,6 +189,20 @@ individuals = 2
         }
         assert!(highest < 0.01, "a foot stands {highest} m above the land");
         assert!((0.02..0.35).contains(&deepest), "a foot is {deepest} m deep");
+    }
+
+    #[test]
+    fn copies_that_share_a_motion_face_one_way() {
+        let facing = |text: &str| {
+            let stage = built(text);
+            let mut seen: std::collections::BTreeMap<usize, Vec<glam::Quat>> = std::collections::BTreeMap::new();
+            let plants = stage.scene.placements.iter().filter(|p| stage.scene.assets[p.asset].kind == AssetKind::Plant);
+            plants.for_each(|p| seen.entry(p.asset).or_default().push(p.transform.r));
+            seen.into_values().all(|list| list.iter().all(|r| list[0].angle_between(*r) < 1e-3))
+        };
+        let upright = format!("{SCENE}align = 0\n");
+        assert!(!facing(&upright), "still copies are turned at random");
+        assert!(facing(&format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n")));
     }
 
     #[test]
