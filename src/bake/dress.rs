@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::Work;
 use super::air::Air;
 use super::layout::Individual;
-use super::mover::{Mover, Shown};
+use super::mover::{Leaves, Mover, Shown};
 use crate::Result;
 use crate::motion::Rig;
 use crate::plant::{Organ, Plant};
@@ -81,21 +81,6 @@ pub fn dress(
         curves: Vec::new(),
     };
     Ok((asset, mover))
-}
-
-/// The organs of one instancer, with what the recipe says of their flutter.
-pub struct Leaves<'a> {
-    /// In the instancer's order.
-    pub organs: &'a [&'a Organ],
-    /// Factor on their flutter.
-    pub flutter: f32,
-}
-
-impl<'a> Leaves<'a> {
-    fn of(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
-        let flutter = recipe.organs.get(organ).map_or(1.0, |o| crate::math::narrow(o.keys.flutter));
-        Self { organs, flutter }
-    }
 }
 
 /// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 
 use super::air::Air;
-use super::dress::Leaves;
 use super::morphing::Morphing;
 use crate::Result;
 use crate::limits::Limits;
 use crate::math::narrow;
-use crate::motion::{self, Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track, turns_of};
-use crate::plant::Plant;
+use crate::motion::{self, Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
+use crate::plant::{Organ, Plant};
 use crate::progress::Cancel;
+use crate::recipe::PlantRecipe;
 use crate::recipe::sections::{Motion, PlantKeys};
 use crate::scene::{
     Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
@@ -50,6 +50,22 @@ struct Foliage {
     flutter: Flutter,
     hangers: Hangers,
     spots: Vec<Spot>,
+}
+
+/// The organs of one instancer, with what the recipe says of their flutter.
+pub struct Leaves<'a> {
+    /// In the instancer's order.
+    pub organs: &'a [&'a Organ],
+    /// Factor on their flutter.
+    pub flutter: f32,
+}
+
+impl<'a> Leaves<'a> {
+    /// Of an organ of the recipe.
+    pub fn of(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
+        let flutter = recipe.organs.get(organ).map_or(1.0, |o| narrow(o.keys.flutter));
+        Self { organs, flutter }
+    }
 }
 
 /// What is seen of a plant at rest.
@@ -124,7 +140,7 @@ impl Mover {
         if let Some((body, posture)) = self.body.as_ref().zip(posture.as_ref()) {
             frame.meshes = self.meshes(asset, (body, posture), &moment);
         }
-        let around = [&moment.bends[0], &moment.bends[2]].map(|b| turns_of(&self.elements, b));
+        let around = [&moment.bends[0], &moment.bends[2]].map(|b| self.elements.bases(b));
         frame.instancers = (0..asset.instancers.len())
             .map(|i| self.instancer(asset, i, (&frame, posture.as_ref()), (&moment, &around)))
             .collect();

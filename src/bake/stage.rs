@@ -91,8 +91,9 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
     work.progress.stage("skinning", layout.individuals.len() as u64);
     let modules = grown.iter().map(|g| g.modules).sum();
-    dress_all(recipe, (&layout, &kinds, &grown), &mut made, work)?;
-    let mut placements = placements(recipe, &made.assets, &layout);
+    let air = Air::of(recipe);
+    dress_all((recipe, air.as_ref()), (&layout, &kinds, &grown), &mut made, work)?;
+    let mut placements = placements(air.as_ref(), &made.assets, &layout);
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
@@ -190,18 +191,17 @@ fn pair<'a, T>(
 }
 
 fn dress_all(
-    recipe: &Recipe,
+    (recipe, air): (&Recipe, Option<&Air>),
     (layout, kinds, grown): (&Layout, &[Kind], &[Grown]),
     made: &mut Made,
     work: &Work<'_>,
 ) -> Result<()> {
-    let air = Air::of(recipe);
     let jobs: Vec<(usize, &Individual, &Grown)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
         let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
-        let dressed = dress(&grown.plant, plant, (kind, individual), air.as_ref().map(|a| (a, stand)), work);
+        let dressed = dress(&grown.plant, plant, (kind, individual), air.map(|a| (a, stand)), work);
         work.progress.advance(1);
         dressed
     });
@@ -212,15 +212,14 @@ fn dress_all(
     Ok(())
 }
 
-fn placements(recipe: &Recipe, assets: &[Asset], layout: &Layout) -> Vec<Placement> {
-    let air = Air::of(recipe);
+fn placements(air: Option<&Air>, assets: &[Asset], layout: &Layout) -> Vec<Placement> {
     let mut names = Names::default();
     let mut first: BTreeMap<usize, Vec3> = BTreeMap::new();
     let mut of = |s: &Standing| {
         let id = assets.get(s.individual).map_or("plant", |a| &a.id);
         let first = *first.entry(s.individual).or_insert(s.transform.t);
         let moves = assets.get(s.individual).is_some_and(|a| a.skeleton.is_some());
-        let phase = air.as_ref().filter(|_| moves).map_or(0, |air| air.phase(first, s.transform.t));
+        let phase = air.filter(|_| moves).map_or(0, |air| air.phase(first, s.transform.t));
         Placement { name: names.unique(id), asset: s.individual, transform: s.transform, phase }
     };
     layout.standings.iter().map(&mut of).collect()

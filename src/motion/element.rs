@@ -4,17 +4,13 @@ use std::ops::Range;
 
 use glam::{DVec3, Quat};
 
-use super::bend::Beam;
-use super::pieces::{Load, Piece, Pieces};
-use super::simulate::turn_at;
+use super::bend::{Beam, profile, turn_f32};
+use super::pieces::{Budget, Load, Piece, Pieces};
 use super::wood::{Wood, damping_of};
 use crate::math;
 use crate::plant::{Axis, AxisKind, NONE, Plant};
 use crate::rng;
 
-/// Stations of a beam: more where more is seen.
-const FINE: usize = 32;
-const COARSE: usize = 16;
 /// Slowest swing, Hz.
 const SLOWEST: f64 = 0.1;
 /// Spread of frequencies between branches alike, and between the two ways a branch swings.
@@ -22,15 +18,6 @@ const JITTER: f64 = 0.18;
 const SIDES: f64 = 0.03;
 /// Wind that the depth of a crown keeps off.
 const SHELTER: f64 = 0.6;
-
-/// How many elements a plant may have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Budget {
-    /// So many joints: 4, 2, 1 for an element of order 0, 1, 2 and more.
-    Joints(usize),
-    /// So many elements.
-    Elements(usize),
-}
 
 /// A stretch of an axis that bends as one.
 #[derive(Debug, Clone)]
@@ -68,11 +55,9 @@ pub struct Element {
 /// Where air presses on an element, for one stretch of it.
 #[derive(Debug, Clone, Copy)]
 pub struct Station {
-    /// Place along the element, 0 to 1.
-    pub at: f64,
-    /// Middle of its stretch.
+    /// Middle of its stretch along the element, 0 to 1.
     pub middle: f64,
-    /// At rest: the place, the direction of growth, where the stretch begins, from there to its end.
+    /// Place at rest, m.
     pub p: DVec3,
     /// Direction of growth at rest.
     pub along: DVec3,
@@ -200,26 +185,29 @@ impl Elements {
         last
     }
 
-    /// The elements along an axis, from its base.
-    pub fn along(&self, axis: u32) -> impl Iterator<Item = u32> {
-        self.parts.get(axis as usize).into_iter().flatten().map(|p| p.1).take_while(|e| *e != NONE)
+    /// Turns of all elements' bases from rest. `bends`: per element, both ways, rad.
+    pub fn bases(&self, bends: &[[f32; 2]]) -> Vec<Quat> {
+        let mut bases: Vec<Quat> = Vec::with_capacity(self.list.len());
+        for e in &self.list {
+            let base = self.turn(&bases, bends, Spot { element: e.parent, at: e.at });
+            bases.push(base);
+        }
+        bases
     }
 
-    /// Turn of a place from rest. `bases`: of the elements' bases, from [`super::turns_of`]; `bends`: of the elements, rad.
+    /// Turn of a place from rest. `bases`: from [`Elements::bases`] for the same bends.
     pub fn turn(&self, bases: &[Quat], bends: &[[f32; 2]], spot: Spot) -> Quat {
-        let base = bases.get(spot.element as usize);
-        base.map_or(Quat::IDENTITY, |base| *base * turn_at(self, bends, spot.element, spot.at))
+        let k = spot.element as usize;
+        let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
+        let Some(b) = bends.get(k) else { return *base };
+        let bend = e.ways[0] * f64::from(b[0]) + e.ways[1] * f64::from(b[1]);
+        *base * turn_f32((bend * profile(spot.at)).as_vec3())
     }
 
     /// Share of the wind that reaches a place.
     pub fn open(&self, spot: Spot) -> f32 {
         let stations = self.list.get(spot.element as usize).and_then(|e| self.stations.get(e.stations.clone()));
         stations.map_or(1.0, |list| list.iter().map(|s| s.open).sum::<f32>() / list.len().max(1) as f32)
-    }
-
-    /// Where an axis stands.
-    pub fn carrier(&self, axis: u32) -> Spot {
-        self.carriers.get(axis as usize).copied().unwrap_or(Spot { element: NONE, at: 0.0 })
     }
 }
 
@@ -282,19 +270,13 @@ impl Measured {
         for (s, load) in &piece.leaves {
             spread(&beam.x, &mut own, f64::from(s - piece.span[0]), *load);
         }
-        let mut mass: Vec<f64> = vec![0.0; beam.x.len()];
+        let mut hung = vec![Load::default(); beam.x.len()];
         for child in &piece.children {
             let (s, load) = (f64::from(pieces.list[*child].parent_s - piece.span[0]), pieces.list[*child].total);
-            if kept[*child] {
-                // It presses by itself, but its mass hangs here.
-                let mut all = vec![Load::default(); beam.x.len()];
-                spread(&beam.x, &mut all, s, load);
-                mass.iter_mut().zip(all).for_each(|(m, l)| *m += l.mass);
-            } else {
-                spread(&beam.x, &mut own, s, load);
-            }
+            // What is kept catches the wind by itself, but its mass hangs here.
+            spread(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
         }
-        beam.mass = own.iter().zip(mass).map(|(o, m)| o.mass + m).collect();
+        beam.mass = own.iter().zip(hung).map(|(o, h)| o.mass + h.mass).collect();
         let compliance = beam.compliance();
         Self { beam, own, compliance }
     }
@@ -334,7 +316,6 @@ impl Measured {
             let s = site(*at);
             let from = site(low).p.as_dvec3();
             Station {
-                at: *at,
                 middle: (low + high) * 0.5,
                 p: s.p.as_dvec3(),
                 along: (s.q * glam::Vec3::Y).as_dvec3(),
@@ -351,11 +332,6 @@ impl Measured {
 
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
-}
-
-/// Points of a beam.
-pub(super) fn fineness(order: u8) -> usize {
-    if order <= 1 { FINE } else { COARSE }
 }
 
 /// Shares a load between the two stations around a place.
@@ -425,9 +401,9 @@ mod tests {
             let whole: f64 = full.stations.iter().map(|s| s.load.mass).sum();
             assert!((mass / whole - 1.0).abs() < 1e-6, "no mass is lost");
         }
-        let rider = (0..100_u32).find(|a| few.along(*a).next().is_none()).expect("some ride");
+        let rider = (0..100_u32).find(|a| few.parts[*a as usize].iter().all(|p| p.1 == NONE)).expect("some ride");
         let spot = few.spot(rider, plant.axes[rider as usize].length);
-        assert_eq!(spot, few.carrier(rider));
+        assert_eq!(spot, few.carriers[rider as usize]);
         assert_ne!(spot.element, NONE);
     }
 

@@ -5,7 +5,7 @@ use glam::{Quat, Vec3};
 use crate::math;
 use crate::plant::Organ;
 use crate::rng;
-use crate::wind::line_noise;
+use crate::wind::TimeNoise;
 
 /// Largest turns, rad: about the width of the blade, about its normal, about its midrib.
 /// [zhao-zhang] 3.3 leaves them open; these are a beech's.
@@ -21,16 +21,6 @@ const INTO_FLOW: f32 = 0.6;
 /// How far a leaf lags behind its twig, s and rad.
 const LAG: f32 = 0.06;
 const MOST_LAG: f32 = 0.349;
-const ENDLESS: i32 = 1 << 20;
-
-/// One leaf's own time.
-#[derive(Debug, Clone, Copy)]
-struct Leaf {
-    seed: u32,
-    /// Cells a second.
-    rate: f64,
-    cells: i32,
-}
 
 /// What moves a leaf, in the plant's space.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -44,7 +34,8 @@ pub struct Air {
 /// How the leaves of one kind move.
 #[derive(Debug, Clone)]
 pub struct Flutter {
-    leaves: Vec<Leaf>,
+    /// Each leaf's own time.
+    leaves: Vec<TimeNoise>,
     strength: f32,
     /// As printed: as much in a calm as in a storm, noise in [0, 1], neither flow nor lag.
     printed: bool,
@@ -58,12 +49,9 @@ impl Flutter {
         let leaf = |o: &&Organ| {
             let mut draw = rng::Rng::from_key(rng::child(o.id, rng::word("flutter")));
             let wanted = hertz * draw.range(0.8, 1.2);
-            #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash; a few cells a second")]
-            let (seed, whole) = ((draw.next_u64() >> 32) as u32, |p: f64| (wanted * p).round().max(1.0) as i32);
-            match period.filter(|p| *p > 0.0) {
-                Some(p) => Leaf { seed, rate: f64::from(whole(p)) / p, cells: whole(p) },
-                None => Leaf { seed, rate: wanted, cells: ENDLESS },
-            }
+            #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
+            let seed = (draw.next_u64() >> 32) as u32;
+            TimeNoise::new(seed, wanted, period)
         };
         Self { leaves: organs.iter().map(leaf).collect(), strength, printed: false }
     }
@@ -81,7 +69,7 @@ impl Flutter {
         let speed = air.wind.length();
         let lively = self.strength * if self.printed { 1.0 } else { 1.0 - math::exp_f32(-speed / LIVELY) };
         let noise = |k: u32| {
-            let n = line_noise(leaf.seed.wrapping_add(k), seconds * leaf.rate, leaf.cells);
+            let n = leaf.beside(k).at(seconds);
             if self.printed { 0.5 + 0.5 * n } else { n }
         };
         let nod = NOD * lively * noise(0);

@@ -3,7 +3,7 @@
 //! [`Elements`] are the branches that bend, chosen and measured once; [`Track`] is what the wind did to them, frame by
 //! frame. [`Rig`] shows that with a few joints, [`Body`] with every point, [`Flutter`] moves the leaves.
 
-pub mod bend;
+mod bend;
 mod element;
 mod flutter;
 mod paper;
@@ -18,12 +18,12 @@ mod tests;
 mod track;
 mod wood;
 
-pub use element::{Budget, Element, Elements, Spot, Station};
+pub use element::{Element, Elements, Spot, Station};
 pub use flutter::{Air, Flutter};
 pub use paper::{Fixes, PaperManner};
-pub use pieces::Load;
+pub use pieces::{Budget, Load};
 pub use posture::{Body, Hangers, Posture};
 pub use rig::Rig;
-pub use simulate::{Manner, Simulation, base_turns as turns_of};
+pub use simulate::{Manner, Simulation};
 pub use track::{Take, Track};
 pub use wood::{AIR, FOLD, Wood};

@@ -3,7 +3,6 @@
 use std::ops::Add;
 
 use super::bend::Beam;
-use super::element::{Budget, fineness};
 use super::wood::Wood;
 use crate::math;
 use crate::plant::{Axis, AxisKind, NONE, Plant};
@@ -14,6 +13,18 @@ const THINNER: f32 = 0.25;
 const MOST: u32 = 3;
 /// Shortest piece, as a share of its axis.
 const SHORTEST: f32 = 0.05;
+/// Points of a beam: more where more is seen.
+const FINE: usize = 32;
+const COARSE: usize = 16;
+
+/// How many elements a plant may have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Budget {
+    /// So many joints: 4, 2, 1 for an element of order 0, 1, 2 and more.
+    Joints(usize),
+    /// So many elements.
+    Elements(usize),
+}
 
 /// What hangs on a place.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -182,7 +193,7 @@ impl Pieces {
     pub(super) fn beam(&self, plant: &Plant, wood: &Wood, i: usize) -> Beam {
         let piece = &self.list[i];
         let axis = &plant.axes[piece.axis as usize];
-        let n = fineness(axis.order);
+        let n = if axis.order <= 1 { FINE } else { COARSE };
         let length = f64::from(piece.span[1] - piece.span[0]);
         let stiff = |k: f64| wood.rigidity(radius(plant, axis, piece, k / n as f64));
         Beam {

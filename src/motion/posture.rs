@@ -3,7 +3,6 @@
 use glam::{Quat, Vec3};
 
 use super::element::{Elements, Spot};
-use super::simulate::base_turns;
 use crate::math;
 use crate::par::par_chunks;
 use crate::plant::{NONE, Organ, Plant};
@@ -72,7 +71,7 @@ impl Body {
 
     /// Where the centrelines are for bends of the elements.
     pub fn posture(&self, elements: &Elements, bends: &[[f32; 2]]) -> Posture {
-        let bases = base_turns(elements, bends);
+        let bases = elements.bases(bends);
         let turned = |s: Spot| elements.turn(&bases, bends, s);
         let mut posture = Posture { p: self.rest.clone(), q: vec![Quat::IDENTITY; self.rest.len()] };
         for (range, stem) in &self.axes {
@@ -130,7 +129,8 @@ impl Hangers {
 
 impl Posture {
     /// Places of the nodes, m.
-    pub fn places(&self) -> &[Vec3] {
+    #[cfg(test)]
+    pub(super) fn places(&self) -> &[Vec3] {
         &self.p
     }
 
@@ -151,11 +151,7 @@ impl Posture {
 }
 
 fn held(plant: &Plant, axis: u32, s: f32, point: Vec3) -> Held {
-    let range = plant.nodes_of(&plant.axes[axis as usize]);
-    let arcs = &plant.nodes.s[range.clone()];
-    let k = range.start + arcs.partition_point(|v| *v <= s).clamp(1, arcs.len() - 1) - 1;
-    let span = plant.nodes.s[k + 1] - plant.nodes.s[k];
-    let t = if span > 0.0 { ((s - plant.nodes.s[k]) / span).clamp(0.0, 1.0) } else { 0.0 };
+    let (k, t) = plant.segment(&plant.axes[axis as usize], s);
     let center = plant.nodes.p[k].lerp(plant.nodes.p[k + 1], t);
     Held { node: u32::try_from(k).unwrap_or(NONE), t, arm: point - center }
 }

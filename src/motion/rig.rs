@@ -8,7 +8,6 @@ use glam::Quat;
 use super::element::{Element, Elements, Spot};
 use super::pieces::joints_of;
 use super::posture::own_share;
-use super::simulate::base_turns;
 use crate::plant::{NONE, Organ, Plant};
 use crate::scene::{Joint, Skeleton, SkinWeights, Trs};
 
@@ -168,7 +167,7 @@ impl Rig {
 
     /// Parent-from-joint transforms for bends of the elements, one per joint.
     pub fn pose(&self, elements: &Elements, bends: &[[f32; 2]]) -> Vec<Trs> {
-        let bases = base_turns(elements, bends);
+        let bases = elements.bases(bends);
         let turns: Vec<Quat> = self.bones.iter().map(|b| elements.turn(&bases, bends, b.spot)).collect();
         let local = |(joint, q): (&Joint, &Quat)| {
             let parent = joint.parent.and_then(|p| turns.get(p as usize)).copied().unwrap_or(Quat::IDENTITY);
@@ -229,7 +228,7 @@ impl Mix {
 #[cfg(test)]
 #[allow(clippy::cast_possible_truncation, reason = "small plants")]
 mod tests {
-    use super::super::element::Budget;
+    use super::super::pieces::Budget;
     use super::super::testing::tree;
     use super::super::wood::Wood;
     use super::*;

@@ -4,7 +4,7 @@
 //! plant three times: from the ground up for places and speeds, over all stations for the air, from the tips down for
 //! forces.
 
-use glam::{DQuat, DVec3, Quat, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 
 use super::bend::{Swing, large, profile, turn};
 use super::element::{Element, Elements, Station};
@@ -12,7 +12,7 @@ use super::wood::{AIR, FOLD, Wood};
 use crate::plant::NONE;
 use crate::rng;
 use crate::scene::Trs;
-use crate::wind::{Wind, line_noise};
+use crate::wind::{TimeNoise, Wind};
 
 /// Steps a second, at least.
 const RATE: f64 = 120.0;
@@ -24,8 +24,6 @@ const JERK: f64 = 50.0;
 const SHED: f64 = 2.0;
 /// Fastest flicker of the wind at one branch, Hz.
 const FLICKER: f64 = 3.0;
-/// Cells of a noise that need not repeat.
-const ENDLESS: i32 = 1 << 20;
 
 /// How a plant takes the wind.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,15 +38,6 @@ pub struct Manner {
     pub stand: Trs,
     /// Frames a second.
     pub fps: f64,
-}
-
-/// The noises of one element.
-#[derive(Debug, Clone, Copy)]
-struct Own {
-    seeds: [u32; 2],
-    /// Cells a second.
-    rates: [f64; 2],
-    cells: [i32; 2],
 }
 
 /// Where an element is.
@@ -67,7 +56,8 @@ pub struct Simulation<'a> {
     /// Length of a step, s.
     step: f64,
     swings: Vec<[Swing; 2]>,
-    own: Vec<Own>,
+    /// Flicker and shed eddies of each element.
+    own: Vec<[TimeNoise; 2]>,
     /// Bend and rate of both ways, per element.
     state: Vec<[[f64; 2]; 2]>,
     carried: Vec<Carried>,
@@ -269,7 +259,7 @@ impl<'a> Simulation<'a> {
         let (air, restless) = (&mut self.looked[1], &mut self.restless[1]);
         self.wind.sample(&self.world, t, air);
         for ((e, own), r) in self.elements.list.iter().zip(&self.own).zip(restless) {
-            *r = [0, 1].map(|k| line_noise(own.seeds[k], t * own.rates[k], own.cells[k]));
+            *r = own.map(|noise| noise.at(t));
             let factor = 1.0 + crate::math::narrow(self.manner.flicker) * r[0];
             for i in e.stations.clone() {
                 air[i] = back * air[i] * (self.elements.stations[i].open * factor);
@@ -354,38 +344,10 @@ fn per_look(step: f64) -> u32 {
 }
 
 /// Noises of an element that repeat with the wind.
-fn own(e: &Element, period: Option<f64>) -> Own {
+fn own(e: &Element, period: Option<f64>) -> [TimeNoise; 2] {
     let mut draw = rng::Rng::from_key(rng::child(e.id, rng::word("flicker")));
     let hertz = e.w[0] / std::f64::consts::TAU;
     let wanted = [(hertz * draw.range(0.7, 1.3)).min(FLICKER), hertz.min(2.0 * FLICKER)];
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
-    let seeds = [0; 2].map(|_: u8| (draw.next_u64() >> 32) as u32);
-    match period.filter(|p| *p > 0.0) {
-        Some(p) => {
-            let cells = wanted.map(|f| (f * p).round().max(1.0));
-            #[allow(clippy::cast_possible_truncation, reason = "a few cells a second")]
-            let whole = cells.map(|c| c as i32);
-            Own { seeds, rates: cells.map(|c| c / p), cells: whole }
-        }
-        None => Own { seeds, rates: wanted, cells: [ENDLESS; 2] },
-    }
-}
-
-/// Turns of all elements' bases from rest, for bends. `bends`: per element, both ways, rad.
-pub fn base_turns(elements: &Elements, bends: &[[f32; 2]]) -> Vec<Quat> {
-    let mut turns: Vec<Quat> = Vec::with_capacity(elements.list.len());
-    for e in &elements.list {
-        let carrier = turns.get(e.parent as usize).copied();
-        turns.push(carrier.map_or(Quat::IDENTITY, |q| q * turn_at(elements, bends, e.parent, e.at)));
-    }
-    turns
-}
-
-/// Turn of a place of an element from its base.
-pub fn turn_at(elements: &Elements, bends: &[[f32; 2]], element: u32, at: f64) -> Quat {
-    let (Some(e), Some(b)) = (elements.list.get(element as usize), bends.get(element as usize)) else {
-        return Quat::IDENTITY;
-    };
-    let bend = e.ways[0] * f64::from(b[0]) + e.ways[1] * f64::from(b[1]);
-    super::bend::turn_f32((bend * profile(at)).as_vec3())
+    wanted.map(|hertz| TimeNoise::new((draw.next_u64() >> 32) as u32, hertz, period))
 }

@@ -89,12 +89,7 @@ impl Track {
             }
             frames.push(if take.from_rest && frame == 0 { rest.clone() } else { before.clone() });
         }
-        if take.repeats {
-            close(&mut frames);
-        } else {
-            frames.pop();
-        }
-        Self::kept(frames, &rest, Take { lean: 1.0, ..take })
+        Self::kept(frames, &rest, take)
     }
 
     fn simulate(
@@ -128,16 +123,15 @@ impl Track {
                 run.advance((frame as f64 + f64::from(k) / f64::from(steps)) / manner.fps);
             }
         }
-        if take.repeats {
-            close(&mut frames);
-        } else {
-            frames.pop();
-        }
         Ok((frames, still))
     }
 
-    /// What is shown of bends.
-    fn kept(frames: Vec<Bends>, still: &[[f64; 2]], take: Take) -> Result<Self> {
+    /// What is shown of bends. The last of `frames` comes after the clip.
+    fn kept(mut frames: Vec<Bends>, still: &[[f64; 2]], take: Take) -> Result<Self> {
+        let after = frames.pop();
+        if let Some(after) = after.filter(|_| take.repeats) {
+            close(&mut frames, &after);
+        }
         let shown = |b: &Bends| b.iter().zip(still).map(|(b, m)| shown(*b, *m, &take)).collect();
         let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(shown).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
@@ -167,13 +161,9 @@ impl Track {
     }
 
     /// Number of frames.
-    pub fn len(&self) -> usize {
+    #[cfg(test)]
+    pub(super) fn len(&self) -> usize {
         self.frames.len()
-    }
-
-    /// True without frames.
-    pub fn is_empty(&self) -> bool {
-        self.frames.is_empty()
     }
 }
 
@@ -188,13 +178,12 @@ fn preludes(elements: &Elements, length: f64) -> f64 {
     (DYING / (slowest * length)).ceil().clamp(1.0, PRELUDES)
 }
 
-/// Takes out what the last frame, which is the first again, differs by: a little in every frame.
-fn close(frames: &mut Vec<Bends>) {
-    let Some(end) = frames.pop() else { return };
+/// Takes out what the frame after the clip, which is the first again, differs by: a little in every frame.
+fn close(frames: &mut [Bends], after: &Bends) {
     let Some(first) = frames.first().cloned() else { return };
     let n = frames.len() as f64;
     for (k, frame) in frames.iter_mut().enumerate() {
-        for (b, (from, to)) in frame.iter_mut().zip(first.iter().zip(&end)) {
+        for (b, (from, to)) in frame.iter_mut().zip(first.iter().zip(after)) {
             for way in 0..2 {
                 b[way] -= (to[way] - from[way]) * k as f64 / n;
             }

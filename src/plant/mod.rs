@@ -178,14 +178,19 @@ impl Plant {
         first..first + axis.count as usize
     }
 
-    /// The centreline of an axis at arc length `s` (clamped): p and r linear, q by normalised lerp on the shorter arc.
-    pub fn frame(&self, axis: &Axis, s: f32) -> Site {
+    /// The segment of an axis that holds arc length `s` (clamped): its first node and how far along it, 0 to 1.
+    pub fn segment(&self, axis: &Axis, s: f32) -> (usize, f32) {
         let range = self.nodes_of(axis);
         let arcs = &self.nodes.s[range.clone()];
-        let k = arcs.partition_point(|&v| v <= s).clamp(1, arcs.len() - 1);
-        let (i, j) = (range.start + k - 1, range.start + k);
-        let span = self.nodes.s[j] - self.nodes.s[i];
-        let t = if span > 0.0 { ((s - self.nodes.s[i]) / span).clamp(0.0, 1.0) } else { 0.0 };
+        let i = range.start + arcs.partition_point(|&v| v <= s).clamp(1, arcs.len() - 1) - 1;
+        let span = self.nodes.s[i + 1] - self.nodes.s[i];
+        (i, if span > 0.0 { ((s - self.nodes.s[i]) / span).clamp(0.0, 1.0) } else { 0.0 })
+    }
+
+    /// The centreline of an axis at arc length `s` (clamped): p and r linear, q by normalised lerp on the shorter arc.
+    pub fn frame(&self, axis: &Axis, s: f32) -> Site {
+        let (i, t) = self.segment(axis, s);
+        let j = i + 1;
         Site {
             p: self.nodes.p[i].lerp(self.nodes.p[j], t),
             q: crate::math::nlerp(self.nodes.q[i], self.nodes.q[j], t),

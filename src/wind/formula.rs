@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::lattice::{Place, noise1};
+use super::lattice::{ENDLESS, Place, noise1};
 use super::{Wind, with_height};
 use crate::math;
 use crate::rng::Rng;
@@ -20,7 +20,6 @@ const PRINTED_RATE: f64 = 60.0;
 const PRINTED_LATTICE: f64 = 30.0;
 /// Octaves of the noise, each half as strong as the one before.
 const OCTAVES: u32 = 3;
-const ENDLESS: i32 = 1 << 20;
 
 /// What the wind is like.
 #[derive(Debug, Clone, Copy, PartialEq)]

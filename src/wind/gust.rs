@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::lattice::{Place, noise1, noise2, noise3};
+use super::lattice::{ENDLESS, Place, noise1, noise2, noise3};
 use super::{CALM, Wind, with_height};
 use crate::math;
 use crate::rng::Rng;
@@ -13,8 +13,6 @@ pub(super) const EDDY_RMS: f32 = 0.219;
 const EDDY_MOST: f32 = 2.5;
 /// Time in which the direction wanders, s.
 const WANDER_TIME: f64 = 12.0;
-/// Cells before the lattice of a wind without period repeats.
-const ENDLESS: i32 = 1 << 20;
 /// Fewest cells in a period.
 const FEWEST: f64 = 4.0;
 /// Heights at which the profile is kept, four a metre.
@@ -113,11 +111,6 @@ impl Gust {
             profile: (0..=PROFILE).map(|i| with_height(i as f32 * 0.25, options.power)).collect(),
             options,
         }
-    }
-
-    /// Length of gusts and size of eddies as they came out, m: a period changes them.
-    pub fn lengths(&self) -> [f64; 2] {
-        [self.gusts.length, self.eddies.length]
     }
 
     fn height(&self, y: f32) -> f32 {

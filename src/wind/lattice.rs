@@ -1,5 +1,42 @@
 //! Gradient noise for air, made to be drawn millions of times: gradients of whole numbers, no trigonometry.
 
+/// Cells of a lattice that need not repeat.
+pub(super) const ENDLESS: i32 = 1 << 20;
+
+/// Smooth noise in time, in [-1, 1], without mean.
+#[derive(Debug, Clone, Copy)]
+pub struct TimeNoise {
+    seed: u32,
+    /// Cells a second.
+    rate: f64,
+    cells: i32,
+}
+
+impl TimeNoise {
+    /// `hertz`: wanted cells a second; with a `period`, s, it repeats after whole cells, at least one.
+    pub fn new(seed: u32, hertz: f64, period: Option<f64>) -> Self {
+        match period.filter(|p| *p > 0.0) {
+            Some(p) => {
+                #[allow(clippy::cast_possible_truncation, reason = "a few cells a second")]
+                let cells = (hertz * p).round().max(1.0) as i32;
+                Self { seed, rate: f64::from(cells) / p, cells }
+            }
+            None => Self { seed, rate: hertz, cells: ENDLESS },
+        }
+    }
+
+    /// Another one of the same pace.
+    #[must_use]
+    pub fn beside(self, number: u32) -> Self {
+        Self { seed: self.seed.wrapping_add(number), ..self }
+    }
+
+    /// Its value at a time, s.
+    pub fn at(self, seconds: f64) -> f32 {
+        noise1(self.seed, Place::new(seconds * self.rate, self.cells), self.cells)
+    }
+}
+
 /// A place on a lattice: cell and place in the cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {

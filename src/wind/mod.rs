@@ -13,9 +13,8 @@ use glam::Vec3;
 
 pub use formula::{Formula, FormulaOptions};
 pub use gust::{Gust, GustOptions};
+pub use lattice::TimeNoise;
 
-/// Fastest wind that is accepted, m/s at 10 m.
-pub const FASTEST: f64 = 60.0;
 /// Slower wind is none at all, m/s.
 pub const CALM: f64 = 0.01;
 
@@ -62,12 +61,6 @@ impl Wind for Uniform {
 /// Mean speed of a number of Beaufort's scale, fractions allowed, m/s: v = 0.836 B^(3/2), the scale's definition.
 pub fn beaufort(number: f64) -> f64 {
     0.836 * crate::math::pow(number.max(0.0), 1.5)
-}
-
-/// Smooth noise along a line in [-1, 1], without mean, that repeats after `period` cells (>= 1). `x`: in cells.
-/// Source: gradient noise after K. Perlin, "Improving noise", SIGGRAPH 2002.
-pub fn line_noise(seed: u32, x: f64, period: i32) -> f32 {
-    lattice::noise1(seed, lattice::Place::new(x, period.max(1)), period.max(1))
 }
 
 /// The part of a mean speed that is left at a height above the ground: (y / 10 m)^power, y at least 0.5 m.
