@@ -21,6 +21,12 @@ impl RoundCone {
         Self { ends: [center, center], radii: [radius, radius], color }
     }
 
+    /// About the area of its shadow, seen from its side.
+    pub(super) fn shadow(&self) -> f32 {
+        let ([a, b], [ra, rb]) = (self.ends, self.radii);
+        std::f32::consts::FRAC_PI_2 * (ra * ra + rb * rb) + a.distance(b) * (ra + rb)
+    }
+
     pub(super) fn bounds(&self) -> [Vec3; 2] {
         let ([a, b], [ra, rb]) = (self.ends, self.radii);
         [(a - ra).min(b - rb), (a + ra).max(b + rb)]

@@ -3,6 +3,8 @@
 use glam::Vec3;
 
 use super::backdrop::Backdrop;
+use super::draft;
+use super::lens::Lens;
 use super::light::{Draw, Light};
 use super::picture::Picture;
 use super::quality::Quality;
@@ -15,7 +17,7 @@ use crate::scene::Camera;
 use crate::{Error, Result, math};
 
 /// Pixels along the side of a tile.
-const TILE: u32 = 16;
+pub(super) const TILE: u32 = 16;
 
 /// One picture to take.
 #[derive(Debug, Clone, Copy)]
@@ -55,21 +57,6 @@ impl Pixel {
             Seen::Nothing => self.floor[half] += 1.0,
         }
         self.samples += 1;
-    }
-
-    /// Samples that met something.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count")]
-    fn count(&self) -> u32 {
-        (self.met[0] + self.met[1]) as u32
-    }
-
-    fn add(&mut self, other: &Self) {
-        for i in 0..2 {
-            self.halves[i] += other.halves[i];
-            self.met[i] += other.met[i];
-            self.floor[i] += other.floor[i];
-        }
-        self.samples += other.samples;
     }
 
     /// Shown colour of what was met and how much of the pixel it covers; brightness of the floor where nothing was met.
@@ -118,6 +105,9 @@ pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Pr
     let lens = Lens::new(&shot.camera, shot.size);
     if !lens.is_finite() {
         return Err(Error::export("P002", "the camera has no finite place or direction"));
+    }
+    if !world.boxed {
+        return draft::expose(world, shot, &lens, cancel, progress);
     }
     let mut tiles = Vec::new();
     for y in (0..height).step_by(TILE as usize) {
@@ -196,12 +186,6 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// True if nothing stands between the lens and the floor or the sky.
-    fn is_open(&self, i: usize) -> bool {
-        let (direction, sheet) = aim(self.lens, self.floor, self.place(i), [0.5, 0.5]);
-        self.world.lets_by(ray(self.lens.eye, direction, [0.0, sheet.unwrap_or(f32::INFINITY)]))
-    }
-
     /// Looks until no pixel is in doubt, at most `most` times through each.
     fn looked(&self, most: u32) -> Vec<Pixel> {
         let mut pixels = vec![Pixel::default(); self.grid.len()];
@@ -220,41 +204,29 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// One look for a pixel of four.
-    fn glanced(&self) -> Vec<Pixel> {
-        let mut pixels = vec![Pixel::default(); self.grid.len()];
-        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| self.place(*i).iter().all(|v| v % 2 == 0)) {
-            self.expose(pixel, i, 1);
-        }
-        fill(&mut pixels, self.grid, |[across, down]| across && down, |i| self.is_open(i));
-        fill(&mut pixels, self.grid, |[across, down]| across != down, |i| self.is_open(i));
-        pixels
-    }
-
     /// The finished pixels.
     fn developed(&self, most: u32) -> Vec<[u8; 4]> {
-        let sparse = self.world.looks.quality.is_sparse(self.shot.size);
-        let pixels = if sparse { self.glanced() } else { self.looked(most) };
-        let mut developed: Vec<(Vec3, f32, f32)> = pixels.iter().map(|p| p.develop(0..2)).collect();
-        if !sparse {
-            calm(&mut developed, self.grid);
-        }
-        developed.into_iter().enumerate().map(|(i, d)| self.shown(i, d)).collect()
+        let mut developed: Vec<(Vec3, f32, f32)> = self.looked(most).iter().map(|p| p.develop(0..2)).collect();
+        calm(&mut developed, self.grid);
+        developed.into_iter().enumerate().map(|(i, d)| finish(self.shot, self.lens, self.place(i), d)).collect()
     }
+}
 
-    /// A pixel before its background.
-    fn shown(&self, i: usize, (color, share, open): (Vec3, f32, f32)) -> [u8; 4] {
-        let place = self.place(i);
-        let direction = self.lens.direction(place, [0.5, 0.5]);
-        let (behind, covered) = self.shot.backdrop.behind(direction, self.lens.place(place), &self.shot.light);
-        let hidden = 1.0 - share;
-        if covered {
-            return encode(color * share + behind * open.min(1.0) * hidden, 1.0);
-        }
-        let shade = (1.0 - open).clamp(0.0, 1.0) * hidden;
-        let alpha = share + shade;
-        encode(if alpha > 0.0 { color * (share / alpha) } else { Vec3::ZERO }, alpha)
+/// A pixel before its background. `color`: as it is shown; `share`: of the pixel that it covers; `open`: light on what is
+/// seen of the floor, 1 for all.
+pub(super) fn finish(shot: &Shot, lens: &Lens, place: [u32; 2], (color, share, open): (Vec3, f32, f32)) -> [u8; 4] {
+    let hidden = 1.0 - share;
+    if hidden <= 0.0 {
+        return encode(color, 1.0);
     }
+    let direction = lens.direction(place, [0.5, 0.5]);
+    let (behind, covered) = shot.backdrop.behind(direction, lens.place(place), &shot.light);
+    if covered {
+        return encode(color * share + behind * open.min(1.0) * hidden, 1.0);
+    }
+    let shade = (1.0 - open).clamp(0.0, 1.0) * hidden;
+    let alpha = share + shade;
+    encode(if alpha > 0.0 { color * (share / alpha) } else { Vec3::ZERO }, alpha)
 }
 
 /// Width and height of a tile, pixels.
@@ -269,31 +241,12 @@ impl Grid {
         self.w * self.h
     }
 
-    /// A pixel and all that touch it, each with the step that leads there.
-    fn around(self, i: usize) -> impl Iterator<Item = (Step, usize)> {
+    /// A pixel and all that touch it.
+    fn around(self, i: usize) -> impl Iterator<Item = usize> {
         let (x, y) = (i % self.w, i / self.w);
         let columns = x.saturating_sub(1)..=(x + 1).min(self.w - 1);
         let rows = y.saturating_sub(1)..=(y + 1).min(self.h - 1);
-        rows.flat_map(move |v| columns.clone().map(move |u| ([u != x, v != y], v * self.w + u)))
-    }
-}
-
-/// Whether a step goes to another column, and to another row.
-type Step = [bool; 2];
-
-/// Gives pixels that were left out what the pixels near them have. Where those disagree whether anything is there, `is_open`
-/// tells, so outlines stay as sharp as with a look for every pixel.
-fn fill(pixels: &mut [Pixel], grid: Grid, near: impl Fn(Step) -> bool, is_open: impl Fn(usize) -> bool) {
-    let before = pixels.to_vec();
-    for (i, pixel) in pixels.iter_mut().enumerate().filter(|(_, p)| p.samples == 0) {
-        let mut sum = Pixel::default();
-        grid.around(i).filter(|(step, _)| near(*step)).for_each(|(_, k)| sum.add(&before[k]));
-        let met = sum.count();
-        *pixel = match sum.samples - met {
-            0 => sum,
-            open if met == 0 || is_open(i) => Pixel { floor: sum.floor, samples: open, ..Pixel::default() },
-            _ => Pixel { halves: sum.halves, met: sum.met, samples: met, ..Pixel::default() },
-        };
+        rows.flat_map(move |v| columns.clone().map(move |u| v * self.w + u))
     }
 }
 
@@ -306,7 +259,7 @@ fn calm(pixels: &mut [(Vec3, f32, f32)], grid: Grid) {
         let whole = |k: usize| before[k].1 >= 1.0 && own >= 1.0 || before[k].1 <= 0.0 && own <= 0.0;
         let mut range: Option<[(Vec3, f32); 2]> = None;
         let mut alike = true;
-        for (_, k) in grid.around(i).filter(|(_, k)| *k != i) {
+        for k in grid.around(i).filter(|k| *k != i) {
             alike &= whole(k);
             let (c, o) = (before[k].0, before[k].2);
             let [lo, hi] = range.unwrap_or([(c, o); 2]);
@@ -323,16 +276,10 @@ fn calm(pixels: &mut [(Vec3, f32, f32)], grid: Grid) {
 fn doubtful(pixels: &[Pixel], grid: Grid, limit: f32) -> Vec<bool> {
     let doubts: Vec<f32> = pixels.iter().map(Pixel::doubt).collect();
     let mean = |i: usize| {
-        let (sum, n) = grid.around(i).fold((0.0, 0.0), |(sum, n), (_, k)| (sum + doubts[k], n + 1.0));
+        let (sum, n) = grid.around(i).fold((0.0, 0.0), |(sum, n), k| (sum + doubts[k], n + 1.0));
         sum / n
     };
     (0..pixels.len()).map(|i| mean(i) > limit).collect()
-}
-
-/// Where a look goes, and how far it is to the floor. `inside`: place in the pixel.
-fn aim(lens: &Lens, floor: Option<f32>, place: [u32; 2], inside: [f32; 2]) -> (Vec3, Option<f32>) {
-    let direction = lens.direction(place, inside);
-    (direction, floor.map(|y| (y - lens.eye.y) / direction.y).filter(|t| *t > 0.0 && t.is_finite()))
 }
 
 fn look(
@@ -342,56 +289,14 @@ fn look(
     (sampler, place, index): (&Sampler, [u32; 2], u32),
 ) -> Seen {
     let inside = if world.looks.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
-    let (direction, sheet) = aim(lens, floor, place, inside);
-    let draw = Draw { sampler, index, spread: lens.spread, care: world.looks.quality.care() };
+    let (direction, sheet) = lens.aim(floor, place, inside);
+    let draw = Draw { sampler, index, spread: lens.spread, care: world.looks.quality.care(), known: None };
     // What goes on below the paper is hidden by it.
     if let Some(light) = world.radiance(&shot.light, (lens.eye, direction), sheet.unwrap_or(f32::INFINITY), &draw) {
         return Seen::Thing(light);
     }
     match sheet {
-        Some(t) => Seen::Floor(world.floor_light(&shot.light, lens.eye + direction * t, &draw)),
+        Some(t) => Seen::Floor(world.floor_light(&shot.light, lens.eye + direction * t + Vec3::Y * world.gap, &draw)),
         None => Seen::Nothing,
-    }
-}
-
-/// A camera with a picture's shape.
-#[derive(Debug, Clone, Copy)]
-struct Lens {
-    eye: Vec3,
-    /// Picture plane at unit distance: its upper left corner, and steps of a pixel to the right and down.
-    corner: Vec3,
-    right: Vec3,
-    down: Vec3,
-    /// Width of a pixel at unit distance.
-    spread: f32,
-    size: [f32; 2],
-}
-
-impl Lens {
-    #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
-    fn new(camera: &Camera, [width, height]: [u32; 2]) -> Self {
-        let [right, up, back] = camera.axes();
-        let (w, h) = (width as f32, height as f32);
-        let half = math::tan_f32(camera.vfov * 0.5);
-        let pixel = 2.0 * half / h;
-        let corner = up * half - right * (half * w / h) - back;
-        Self { eye: camera.eye, corner, right: right * pixel, down: -up * pixel, spread: pixel, size: [w, h] }
-    }
-
-    fn is_finite(&self) -> bool {
-        [self.eye, self.corner, self.right, self.down].iter().all(|v| v.is_finite())
-    }
-
-    /// Unit direction through a pixel. `inside`: place in the pixel, 0..1 from its upper left corner.
-    #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
-    fn direction(&self, [x, y]: [u32; 2], inside: [f32; 2]) -> Vec3 {
-        let d = self.corner + self.right * (x as f32 + inside[0]) + self.down * (y as f32 + inside[1]);
-        math::normalize_or(d, -Vec3::Z)
-    }
-
-    /// Place in the picture, 0..1 from its upper left corner.
-    #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
-    fn place(&self, [x, y]: [u32; 2]) -> [f32; 2] {
-        [(x as f32 + 0.5) / self.size[0], (y as f32 + 0.5) / self.size[1]]
     }
 }

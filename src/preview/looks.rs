@@ -57,6 +57,17 @@ impl Looks {
         self.material(id).is_some_and(|m| m.alpha_cutoff.is_some() && m.maps.color.is_some())
     }
 
+    /// False where the material is cut out; `uv` is asked only if a map decides.
+    #[inline]
+    pub(super) fn is_kept(&self, id: MaterialId, uv: impl FnOnce() -> Vec2) -> bool {
+        !self.is_cut(id) || self.is_there(id, uv())
+    }
+
+    /// True if rays are cast: water bends what is seen, so even a draft of it needs them.
+    pub(super) fn casts_rays(&self) -> bool {
+        self.quality != Quality::Draft || self.materials.iter().any(|m| m.class == MaterialClass::Water)
+    }
+
     /// False where the material is cut out.
     pub(super) fn is_there(&self, id: MaterialId, uv: Vec2) -> bool {
         let Some(m) = self.material(id) else { return true };
@@ -80,20 +91,27 @@ impl Looks {
         let Some(m) = self.material(id) else {
             return Finish { albedo: Vec3::splat(0.5), roughness: 1.0, f0: 0.0, translucency: 0.0, water: false };
         };
+        let fine = self.shows_detail(footprint);
         let look = |map| self.texture(map).map(|t| t.at(uv, footprint, &self.decoder));
         let f = (m.ior - 1.0) / (m.ior + 1.0);
         Finish {
             albedo: look(m.maps.color).map_or(Vec3::from_array(m.base_color), glam::Vec4::truncate),
-            roughness: look(m.maps.roughness).map_or(m.roughness, |t| t.x),
+            roughness: look(m.maps.roughness.filter(|_| fine)).map_or(m.roughness, |t| t.x),
             f0: f * f,
             translucency: m.translucency.clamp(0.0, 1.0),
             water: m.class == MaterialClass::Water,
         }
     }
 
+    /// False in drafts where all of a texture is a few pixels of the picture: there its mean relief and gloss will do.
+    fn shows_detail(&self, footprint: f32) -> bool {
+        const FEW: f32 = 64.0;
+        self.quality != Quality::Draft || footprint * FEW < 1.0
+    }
+
     /// Relief: the normal in tangent space, or none without a map.
     pub(super) fn relief(&self, id: MaterialId, uv: Vec2, footprint: f32) -> Option<Vec3> {
-        let m = self.material(id)?;
+        let m = self.material(id).filter(|_| self.shows_detail(footprint))?;
         let n = self.texture(m.maps.normal)?.at(uv, footprint, &self.decoder).truncate() * 2.0 - 1.0;
         Some(crate::math::normalize_or(n, Vec3::Z))
     }

@@ -7,8 +7,10 @@
 mod backdrop;
 mod clip;
 mod cone;
+mod draft;
 mod film;
 mod framing;
+mod lens;
 mod lettering;
 mod light;
 mod looks;

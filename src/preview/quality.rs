@@ -2,13 +2,10 @@
 
 use super::light::Care;
 
-/// Looks that a draft takes.
-const DRAFT_LOOKS: u64 = 400_000;
-
 /// How much work goes into a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quality {
-    /// One look a pixel, or fewer in large pictures: to see the shape.
+    /// One look a pixel: to see the shape.
     Draft,
     /// For contact sheets and everyday use.
     Normal,
@@ -50,27 +47,6 @@ impl Quality {
             Self::Normal => 512,
             Self::Fine => 4096,
         }
-    }
-
-    /// How well boxes are sorted, for up to so many primitives each: few are sorted in no time and met by many rays.
-    pub(super) fn sorting(self) -> [usize; 3] {
-        match self {
-            Self::Draft => [1_000, 2_000, 200_000],
-            Self::Normal | Self::Fine => [4_000, 400_000, 1_500_000],
-        }
-    }
-
-    /// Triangles of a large mesh that share a box.
-    pub(super) fn run(self) -> usize {
-        match self {
-            Self::Draft => 3,
-            Self::Normal | Self::Fine => 1,
-        }
-    }
-
-    /// True if only one pixel of four has a look of its own: in drafts with more pixels than there is time for.
-    pub(super) fn is_sparse(self, [width, height]: [u32; 2]) -> bool {
-        self == Self::Draft && u64::from(width) * u64::from(height) > DRAFT_LOOKS
     }
 
     /// True where a second of waiting for a smaller file is too long.

@@ -12,18 +12,19 @@ use obvhs::ray::Ray;
 
 use super::cone::RoundCone;
 use super::looks::Looks;
-use super::quality::Quality;
 use crate::par::par_chunks;
 use crate::scene::{Curves, MaterialId, Mesh, PointsNow};
 
 /// Meshes of no more triangles than this have boxes fitted to each showing.
 const HULL: usize = 500;
+/// Up to how many things are sorted slowly, fairly and fast.
+const SORTING: [usize; 3] = [4_000, 400_000, 1_500_000];
 
 /// A triangle as rays want it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Face {
     /// First corner.
-    a: Vec3,
+    pub(super) a: Vec3,
     /// From the first corner to the second and the third.
     ab: Vec3,
     ac: Vec3,
@@ -54,6 +55,8 @@ pub(super) enum Kind<'a> {
 #[derive(Debug)]
 pub(super) struct Skin<'a> {
     pub(super) triangles: &'a [[u32; 3]],
+    /// Empty for solids with boxes.
+    pub(super) points: Vec<Vec3>,
     pub(super) normals: Cow<'a, [Vec3]>,
     pub(super) uvs: &'a [Vec2],
     pub(super) colors: &'a [[f32; 4]],
@@ -63,41 +66,47 @@ pub(super) struct Skin<'a> {
 #[derive(Debug)]
 pub(super) struct Solid<'a> {
     pub(super) kind: Kind<'a>,
+    /// Empty where no rays are cast.
     tree: CwBvh,
-    /// Primitives that share one box: neighbours in a mesh lie close together, and fewer boxes are sorted sooner.
-    run: usize,
+    /// Box of everything.
+    bounds: Option<[Vec3; 2]>,
     /// Some triangles let rays through where a map says so.
-    cut: bool,
+    pub(super) cut: bool,
+    /// Sum of its triangles' areas, m2; zero for cones.
+    pub(super) area: f32,
     /// Corners, for close boxes around showings; empty where they would be too many.
     pub(super) hull: Vec<Vec3>,
 }
 
 impl<'a> Solid<'a> {
     /// A mesh with its points and normals of the moment.
-    pub(super) fn of_mesh(mesh: &'a Mesh, points: &[Vec3], normals: Cow<'a, [Vec3]>, looks: &Looks) -> Self {
-        let mut faces = faces_of(mesh, points);
-        let run = if faces.len() > HULL { looks.quality.run() } else { 1 };
-        // The last run is filled up with triangles that no ray meets.
-        faces.resize(faces.len().next_multiple_of(run), Face::NOTHING);
-        let runs: Vec<&[Face]> = faces.chunks(run).collect();
-        let tree = tree_of(&runs, looks.quality, |run| Face::bounds(run));
-        let faces: Vec<Face> = arrange(&runs, &tree).concat();
+    pub(super) fn of_mesh(
+        mesh: &'a Mesh,
+        points: &[Vec3],
+        normals: Cow<'a, [Vec3]>,
+        (looks, boxed): (&Looks, bool),
+    ) -> Self {
+        let faces = faces_of(mesh, points);
+        let (faces, tree, bounds) = sorted(faces, boxed, Face::bounds);
         let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
-        let skin = Skin { triangles: &mesh.triangles, normals, uvs: &mesh.uvs, colors: &mesh.colors };
-        let hull = if faces.len() <= HULL { faces.iter().flat_map(Face::corners).collect() } else { Vec::new() };
-        Self { kind: Kind::Faces { faces, mesh: skin }, tree, run, cut, hull }
+        let area = faces.iter().map(|f| 0.5 * f.normal().length()).sum();
+        let kept = if boxed { Vec::new() } else { points.to_vec() };
+        let skin = Skin { triangles: &mesh.triangles, points: kept, normals, uvs: &mesh.uvs, colors: &mesh.colors };
+        let hull =
+            if boxed && faces.len() <= HULL { faces.iter().flat_map(Face::corners).collect() } else { Vec::new() };
+        Self { kind: Kind::Faces { faces, mesh: skin }, tree, bounds, cut, area, hull }
     }
 
     /// Points as balls; those of no width are not there.
-    pub(super) fn of_points(material: MaterialId, now: PointsNow<'_>, quality: Quality) -> Self {
+    pub(super) fn of_points(material: MaterialId, now: PointsNow<'_>, boxed: bool) -> Self {
         let color = |i: usize| now.colors.get(i).copied();
         let seen = now.positions.iter().zip(now.widths).enumerate().filter(|(_, (_, w))| **w > 0.0);
         let balls = seen.map(|(i, (p, w))| RoundCone::ball(*p, w * 0.5, color(i))).collect();
-        Self::of_cones(balls, material, quality)
+        Self::of_cones(balls, material, boxed)
     }
 
     /// Curves as chains of round cones.
-    pub(super) fn of_curves(curves: &Curves, points: &[Vec3], quality: Quality) -> Self {
+    pub(super) fn of_curves(curves: &Curves, points: &[Vec3], boxed: bool) -> Self {
         let mut cones = Vec::with_capacity(points.len());
         let mut first = 0;
         for count in &curves.counts {
@@ -108,20 +117,17 @@ impl<'a> Solid<'a> {
             }
             first = end;
         }
-        Self::of_cones(cones, curves.material, quality)
+        Self::of_cones(cones, curves.material, boxed)
     }
 
-    fn of_cones(cones: Vec<RoundCone>, material: MaterialId, quality: Quality) -> Self {
-        let tree = tree_of(&cones, quality, RoundCone::bounds);
-        let cones = arrange(&cones, &tree);
-        Self { kind: Kind::Cones { cones, material }, tree, run: 1, cut: false, hull: Vec::new() }
+    fn of_cones(cones: Vec<RoundCone>, material: MaterialId, boxed: bool) -> Self {
+        let (cones, tree, bounds) = sorted(cones, boxed, RoundCone::bounds);
+        Self { kind: Kind::Cones { cones, material }, tree, bounds, cut: false, area: 0.0, hull: Vec::new() }
     }
 
     /// Box of everything, or none if there is nothing.
     pub(super) fn bounds(&self) -> Option<[Vec3; 2]> {
-        let b = &self.tree.total_aabb;
-        let empty = self.tree.nodes.is_empty() || self.tree.primitive_indices.is_empty();
-        (!empty).then(|| [Vec3::from(b.min), Vec3::from(b.max)])
+        self.bounds
     }
 
     /// False for a ray of the solid's own space that surely passes by: cheaper than to enter the tree, and most rays
@@ -178,34 +184,35 @@ impl<'a> Solid<'a> {
         self.tree.ray_traverse_miss(ray, |ray, i| self.meet(ray, i, looks).map_or(f32::INFINITY, |s| s.t))
     }
 
-    /// The nearest meeting with the primitives of box `i`.
+    /// The meeting with primitive `i` in the order of the tree.
     #[inline]
-    fn meet(&self, ray: &Ray, i: usize, looks: &Looks) -> Option<Spot> {
+    pub(super) fn meet(&self, ray: &Ray, i: usize, looks: &Looks) -> Option<Spot> {
+        let primitive = u32::try_from(i).ok()?;
         match &self.kind {
             Kind::Faces { faces, mesh } => {
-                let mut best: Option<Spot> = None;
-                for primitive in i * self.run..(i + 1) * self.run {
-                    let face = faces.get(primitive)?;
-                    let Some((t, at)) = face.meet(ray) else { continue };
-                    let there = || !looks.is_cut(face.material) || looks.is_there(face.material, mesh.uv(face, at));
-                    if best.is_none_or(|b| t < b.t) && (!self.cut || there()) {
-                        best = Some(Spot { t, primitive: u32::try_from(primitive).ok()?, at });
-                    }
-                }
-                best
+                let face = faces.get(i)?;
+                let (t, at) = face.meet(ray)?;
+                let there = !self.cut || looks.is_kept(face.material, || mesh.uv(face, at));
+                there.then_some(Spot { t, primitive, at })
             }
-            Kind::Cones { cones, .. } => {
-                let t = cones.get(i)?.meet(ray)?;
-                Some(Spot { t, primitive: u32::try_from(i).ok()?, at: Vec2::ZERO })
+            Kind::Cones { cones, .. } => Some(Spot { t: cones.get(i)?.meet(ray)?, primitive, at: Vec2::ZERO }),
+        }
+    }
+
+    /// Where a ray meets primitive `i`, known to be met but for rounding.
+    pub(super) fn spot(&self, ray: &Ray, i: usize) -> Option<Spot> {
+        let primitive = u32::try_from(i).ok()?;
+        match &self.kind {
+            Kind::Faces { faces, .. } => {
+                let (t, at) = faces.get(i)?.plane(ray);
+                (t.is_finite() && at.is_finite()).then_some(Spot { t, primitive, at })
             }
+            Kind::Cones { cones, .. } => Some(Spot { t: cones.get(i)?.meet(ray)?, primitive, at: Vec2::ZERO }),
         }
     }
 }
 
 impl Face {
-    /// Met by no ray.
-    const NOTHING: Self = Self { a: Vec3::NAN, ab: Vec3::ZERO, ac: Vec3::ZERO, triangle: u32::MAX, material: 0 };
-
     /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", JGT 2(1), 1997.
     #[inline]
     fn meet(&self, ray: &Ray) -> Option<(f32, Vec2)> {
@@ -228,15 +235,21 @@ impl Face {
         (t >= ray.tmin && t <= ray.tmax).then_some((t, Vec2::new(u, v)))
     }
 
+    /// Where a ray meets the plane of the triangle: length along it, and weights of the second and third corner.
+    fn plane(&self, ray: &Ray) -> (f32, Vec2) {
+        let (s, direction) = (Vec3::from(ray.origin) - self.a, Vec3::from(ray.direction));
+        let (p, q) = (direction.cross(self.ac), s.cross(self.ab));
+        let inverse = 1.0 / self.ab.dot(p);
+        (self.ac.dot(q) * inverse, Vec2::new(s.dot(p), direction.dot(q)) * inverse)
+    }
+
     fn corners(&self) -> [Vec3; 3] {
         [self.a, self.a + self.ab, self.a + self.ac]
     }
 
-    /// Box around a few.
-    fn bounds(faces: &[Self]) -> [Vec3; 2] {
-        let none = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        let seen = faces.iter().filter(|f| f.triangle != Self::NOTHING.triangle);
-        seen.flat_map(Self::corners).fold(none, |[min, max], p| [min.min(p), max.max(p)])
+    fn bounds(&self) -> [Vec3; 2] {
+        let [a, b, c] = self.corners();
+        [a.min(b).min(c), a.max(b).max(c)]
     }
 
     /// Twice the triangle's area times its unit normal; counter-clockwise is outside.
@@ -273,24 +286,34 @@ fn faces_of(mesh: &Mesh, points: &[Vec3]) -> Vec<Face> {
     faces
 }
 
-fn arrange<T: Copy>(list: &[T], tree: &CwBvh) -> Vec<T> {
-    tree.primitive_indices.iter().filter_map(|i| list.get(*i as usize).copied()).collect()
-}
-
-/// A tree of boxes over primitives.
-pub(super) fn tree_of<T: Sync>(list: &[T], quality: Quality, bounds: impl Fn(&T) -> [Vec3; 2] + Sync + Send) -> CwBvh {
-    if list.is_empty() {
-        return CwBvh::default();
+/// Things in the order of their tree, the tree, and the box around all; in their own order with an empty tree if not
+/// `boxed`.
+pub(super) fn sorted<T: Copy + Sync>(
+    list: Vec<T>,
+    boxed: bool,
+    bounds: impl Fn(&T) -> [Vec3; 2] + Sync + Send,
+) -> (Vec<T>, CwBvh, Option<[Vec3; 2]>) {
+    let around = |boxes: &[[Vec3; 2]]| boxes.iter().copied().reduce(|[lo, hi], [min, max]| [lo.min(min), hi.max(max)]);
+    if !boxed {
+        let parts = par_chunks(&list, 1 << 14, |_, c| around(&c.iter().map(&bounds).collect::<Vec<_>>()));
+        let bounds = around(&parts.into_iter().flatten().collect::<Vec<_>>());
+        return (list, CwBvh::default(), bounds);
     }
-    let boxed = |[min, max]: [Vec3; 2]| Aabb::new(Vec3A::from(min), Vec3A::from(max));
+    if list.is_empty() {
+        return (list, CwBvh::default(), None);
+    }
+    let bound = |[min, max]: [Vec3; 2]| Aabb::new(Vec3A::from(min), Vec3A::from(max));
     let boxes: Vec<Aabb> =
-        par_chunks(list, 1 << 14, |_, c| c.iter().map(|t| boxed(bounds(t))).collect::<Vec<_>>()).concat();
-    let rule = match quality.sorting().iter().position(|n| list.len() <= *n) {
+        par_chunks(&list, 1 << 14, |_, c| c.iter().map(|t| bound(bounds(t))).collect::<Vec<_>>()).concat();
+    // How well boxes are sorted: few are sorted in no time and met by many rays.
+    let rule = match SORTING.iter().position(|n| list.len() <= *n) {
         Some(0) => BvhBuildParams::slow_build(),
         Some(1) => BvhBuildParams::medium_build(),
         Some(_) => BvhBuildParams::fast_build(),
-        None if quality.hurries() => BvhBuildParams::fastest_build(),
         None => BvhBuildParams::very_fast_build(),
     };
-    build_cwbvh(&boxes, rule, &mut Duration::default())
+    let tree = build_cwbvh(&boxes, rule, &mut Duration::default());
+    let arranged = tree.primitive_indices.iter().filter_map(|i| list.get(*i as usize).copied()).collect();
+    let all = tree.total_aabb;
+    (arranged, tree, Some([all.min.into(), all.max.into()]))
 }

@@ -93,6 +93,17 @@ impl World<'_> {
         normalize_or(t * m.x + b * m.y + flat.n * m.z, flat.n)
     }
 
+    /// Unit normal of what lies at a hit: that of the flat triangle, or of the cone at `p`.
+    pub(super) fn facing(&self, hit: &Hit, p: Vec3) -> Vec3 {
+        let Some((showing, solid)) = self.met(hit) else { return Vec3::Y };
+        let i = hit.spot.primitive as usize;
+        let n = match &solid.kind {
+            Kind::Faces { faces, .. } => faces.get(i).map(super::solid::Face::normal),
+            Kind::Cones { cones, .. } => cones.get(i).map(|cone| cone.normal(showing.to_local(p))),
+        };
+        showing.normal(n.unwrap_or(Vec3::Y))
+    }
+
     /// Mean colour of what lies at a hit, and its unit normal against the ray.
     pub(super) fn glimpse(&self, hit: &Hit, direction: Vec3) -> (Vec3, Vec3) {
         let Some((showing, solid)) = self.met(hit) else { return (Vec3::ZERO, Vec3::Y) };
@@ -117,6 +128,7 @@ impl World<'_> {
 fn triangle(showing: &Showing, face: &super::solid::Face, mesh: &Skin<'_>, at: Vec2) -> Flat {
     let corners = mesh.corners(face);
     let flat = showing.normal(face.normal());
+    let world = showing.world().0;
     let [na, nb, nc] = corners.map(|i| mesh.normals.get(i).copied().unwrap_or(Vec3::ZERO));
     let smooth = na * (1.0 - at.x - at.y) + nb * at.x + nc * at.y;
     let n = if smooth.length_squared() > 1e-12 { showing.normal(smooth) } else { flat };
@@ -127,7 +139,7 @@ fn triangle(showing: &Showing, face: &super::solid::Face, mesh: &Skin<'_>, at: V
         uv: mesh.uv(face, at),
         color: vertex_color(mesh, corners, at),
         material: face.material,
-        edges: face.edges().map(|e| showing.vector(e)),
+        edges: face.edges().map(|e| world * e),
         uv_edges: [ub - ua, uc - ua],
     }
 }

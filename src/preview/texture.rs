@@ -86,12 +86,15 @@ impl Level {
     fn bilinear(&self, uv: Vec2, color: bool, decoder: &Decoder) -> Vec4 {
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let size = Vec2::new(self.width as f32, self.height as f32);
-        let p = Vec2::new(uv.x - uv.x.floor(), 1.0 - (uv.y - uv.y.floor())) * size - 0.5;
-        let (cell, f) = (p.floor(), p - p.floor());
-        #[allow(clippy::cast_possible_truncation, reason = "floored, and at most a picture's width")]
-        let wrap = |v: f32, n: u32| (v as i64).rem_euclid(i64::from(n)) as usize;
+        let p = Vec2::new(uv.x - floor(uv.x), 1.0 - (uv.y - floor(uv.y))) * size - 0.5;
+        let cell = Vec2::new(floor(p.x), floor(p.y));
+        let f = p - cell;
+        // From -1, the last of the texture before, to the last.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a picture's width")]
+        let wrap = |v: f32, n: u32| if v < 0.0 { n as usize - 1 } else { v as usize };
+        let next = |i: usize, n: u32| if i + 1 < n as usize { i + 1 } else { 0 };
         let (x0, y0) = (wrap(cell.x, self.width), wrap(cell.y, self.height));
-        let (x1, y1) = ((x0 + 1) % self.width as usize, (y0 + 1) % self.height as usize);
+        let (x1, y1) = (next(x0, self.width), next(y0, self.height));
         let texel = |x: usize, y: usize| {
             let t = self.texels.get(y * self.width as usize + x).copied().unwrap_or_default();
             decoder.texel(t, color)
@@ -99,6 +102,13 @@ impl Level {
         let upper = texel(x0, y0).lerp(texel(x1, y0), f.x);
         upper.lerp(texel(x0, y1).lerp(texel(x1, y1), f.x), f.y)
     }
+}
+
+/// Largest whole number not above x, of numbers far below 2^31; quicker than the library's.
+#[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "meant")]
+fn floor(x: f32) -> f32 {
+    let whole = x as i32 as f32;
+    if whole > x { whole - 1.0 } else { whole }
 }
 
 fn bytes(image: &Image) -> Vec<[u8; 4]> {

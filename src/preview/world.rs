@@ -8,7 +8,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
 
 use super::looks::Looks;
-use super::solid::{Solid, Spot, tree_of};
+use super::solid::{Solid, Spot, sorted};
 use crate::geometry::Bounds;
 use crate::par::par_map;
 use crate::scene::{
@@ -36,8 +36,11 @@ pub(super) struct Hit {
 #[derive(Debug)]
 pub struct World<'a> {
     pub(super) looks: &'a Looks,
+    /// False for drafts, which are projected.
+    pub(super) boxed: bool,
     solids: Vec<Solid<'a>>,
     showings: Vec<Showing>,
+    /// Empty where no rays are cast.
     tree: CwBvh,
     /// Box of everything, m.
     pub bounds: Bounds,
@@ -53,24 +56,45 @@ enum Job<'s> {
     Curves(&'s crate::scene::Curves, &'s CurvesFrame),
 }
 
+/// Primitives that a draft tells apart.
+const COUNTED: u64 = u32::MAX as u64;
+
+impl Job<'_> {
+    /// Primitives, about.
+    fn len(&self) -> u64 {
+        let len = match self {
+            Self::Mesh(_, object, i, state) => match state.mesh(*i) {
+                MeshFrame::Whole { mesh, .. } => mesh.triangles.len(),
+                _ => object.mesh.triangles.len(),
+            },
+            Self::Prototype(mesh) => mesh.triangles.len(),
+            Self::Points(cloud, state) => cloud.at(state).positions.len(),
+            Self::Curves(curves, _) => curves.points.len(),
+        };
+        len as u64
+    }
+}
+
 impl<'a> World<'a> {
     /// `frame`: `None` for rest.
     pub fn new(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks) -> Self {
         let (jobs, places) = plan(scene, frame);
-        let solids = par_map(&jobs, |job| solid(job, looks));
+        let boxed =
+            looks.casts_rays() || places.iter().map(|(job, _)| jobs[*job as usize].len()).sum::<u64>() > COUNTED;
+        let solids = par_map(&jobs, |job| solid(job, looks, boxed));
         let there = |job: u32| solids.get(job as usize).is_some_and(|s| s.bounds().is_some());
         let shown = places.iter().filter(|(job, _)| there(*job));
         let showings: Vec<Showing> = shown.filter_map(|(job, m)| Showing::new(*job, *m)).collect();
-        let tree = tree_of(&showings, looks.quality, |s| {
-            solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid))
-        });
-        let order = |i: &u32| showings.get(*i as usize).copied();
-        let showings: Vec<Showing> = tree.primitive_indices.iter().filter_map(order).collect();
-        let total = &tree.total_aabb;
-        let bounds =
-            if showings.is_empty() { Bounds::default() } else { Bounds::of([total.min.into(), total.max.into()]) };
+        let around = |s: &Showing| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid));
+        let (showings, tree, all) = sorted(showings, boxed, around);
+        let bounds = all.map_or_else(Bounds::default, Bounds::of);
         let reach = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
-        Self { looks, solids, showings, tree, bounds, gap: if bounds.is_empty() { 1e-6 } else { reach * 1e-5 } }
+        Self { looks, boxed, solids, showings, tree, bounds, gap: if bounds.is_empty() { 1e-6 } else { reach * 1e-5 } }
+    }
+
+    /// Number of primitives of each showing.
+    pub(super) fn lengths(&self) -> impl ExactSizeIterator<Item = usize> {
+        self.showings.iter().map(|s| self.solids.get(s.solid as usize).map_or(0, Solid::len))
     }
 
     /// Triangles and other primitives that can be met, each showing counted.
@@ -129,7 +153,7 @@ impl<'a> World<'a> {
     }
 
     #[inline]
-    fn of(&self, i: usize) -> Option<(&Showing, &Solid<'a>)> {
+    pub(super) fn of(&self, i: usize) -> Option<(&Showing, &Solid<'a>)> {
         let showing = self.showings.get(i)?;
         Some((showing, self.solids.get(showing.solid as usize)?))
     }
@@ -152,10 +176,16 @@ impl Showing {
 
     /// The ray in the solid's own space; lengths along it stay equal.
     #[inline]
-    fn local(&self, ray: &Ray) -> Ray {
+    pub(super) fn local(&self, ray: &Ray) -> Ray {
         let (o, d) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
         let d = self.turn[0] * d.x + self.turn[1] * d.y + self.turn[2] * d.z;
         Ray::new(Vec3A::from(self.to_local(o)), Vec3A::from(d), ray.tmin, ray.tmax)
+    }
+
+    /// World from local: matrix and shift.
+    pub(super) fn world(&self) -> (Mat3, Vec3) {
+        let turn = self.matrix().inverse();
+        (turn, turn * -self.shift)
     }
 
     fn matrix(&self) -> Mat3 {
@@ -169,11 +199,6 @@ impl Showing {
         let back = self.matrix().inverse();
         let b = Bounds::of(points.iter().map(|c| back * (*c - self.shift)));
         [b.min, b.max]
-    }
-
-    /// A vector of the solid in the world.
-    pub(super) fn vector(&self, v: Vec3) -> Vec3 {
-        self.matrix().inverse() * v
     }
 
     /// A point of the world in the solid.
@@ -255,7 +280,7 @@ fn stand<'s>(
     }
 }
 
-fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
+fn solid<'s>(job: &Job<'s>, looks: &Looks, boxed: bool) -> Solid<'s> {
     match job {
         Job::Mesh(asset, object, i, state) => {
             let mesh = match state.mesh(*i) {
@@ -263,12 +288,12 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks) -> Solid<'s> {
                 _ => &object.mesh,
             };
             let points = mesh_points(asset, object, *i, state);
-            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), looks)
+            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), (looks, boxed))
         }
-        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), looks),
-        Job::Points(cloud, state) => Solid::of_points(cloud.material, cloud.at(state), looks.quality),
-        Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, looks.quality),
-        Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points, looks.quality),
+        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed)),
+        Job::Points(cloud, state) => Solid::of_points(cloud.material, cloud.at(state), boxed),
+        Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, boxed),
+        Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points, boxed),
     }
 }
 

@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::looks::Finish;
 use super::sampler::Sampler;
 use super::surface::Surface;
-use super::world::{World, ray};
+use super::world::{Hit, World, ray};
 use crate::math;
 use crate::scene::{Fog, Sky, Sun};
 
@@ -15,6 +15,8 @@ const DEPTH: u32 = 6;
 const BRIGHTEST: f32 = 6.0;
 /// Share of the surfaces around that see the sky and the sun, where it is not looked up.
 const OPENNESS: f32 = 0.3;
+/// Share of the sky that things see, where it is not looked up.
+const OPEN_SKY: f32 = 0.8;
 /// Looks at the sky for each sample of the floor.
 const FLOOR_LOOKS: u32 = 4;
 /// How far the sky is, as haze has it, m.
@@ -44,6 +46,17 @@ pub(super) struct Draw<'a> {
     pub(super) spread: f32,
     /// How far light is followed.
     pub(super) care: Care,
+    /// What was found out beforehand.
+    pub(super) known: Option<Known>,
+}
+
+/// Light that reaches a place, looked up without rays.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    /// True if the middle of the sun is seen.
+    pub(super) sun: bool,
+    /// Share of the sky that is seen.
+    pub(super) sky: f32,
 }
 
 /// How far light is followed.
@@ -68,6 +81,11 @@ impl Light {
             zenith: Vec3::from_array(sky.zenith) * sky.strength,
             fog: sky.fog,
         }
+    }
+
+    /// Unit vector to the middle of the sun.
+    pub(super) fn direction(&self) -> Vec3 {
+        self.toward
     }
 
     /// Radiance of the sky in a unit direction, seen from the ground through the haze.
@@ -118,8 +136,16 @@ impl World<'_> {
         Path { world: self, light, draw, depth: 0 }.followed(o, d, far)
     }
 
+    /// Radiance that a hit of a ray sends back along it.
+    pub(super) fn sent(&self, light: &Light, (o, d): (Vec3, Vec3), hit: &Hit, draw: &Draw<'_>) -> Option<Vec3> {
+        Path { world: self, light, draw, depth: 0 }.sent(o, d, hit)
+    }
+
     /// Light of sun and sky that reaches a white, level floor.
     pub(super) fn open_light(&self, light: &Light, p: Vec3, draw: &Draw<'_>) -> (Vec3, Vec3) {
+        if let Some(known) = draw.known {
+            return (light.open_sun() * f32::from(u8::from(known.sun)), light.mean_sky() * known.sky);
+        }
         let seen = |d: Vec3| self.lets_by(ray(p, d, [0.0, f32::INFINITY]));
         let l = light.sunward(draw.sampler.point(draw.index, 1));
         let sun = if l.y > 0.0 && light.sun != Vec3::ZERO && seen(l) { light.open_sun() } else { Vec3::ZERO };
@@ -160,9 +186,17 @@ impl Path<'_, '_> {
         self.world.lets_by(ray(from, d, [0.0, f32::INFINITY]))
     }
 
+    fn sees_sun(&self, s: &Surface, l: Vec3) -> bool {
+        self.draw.known.map_or_else(|| self.is_open(self.off(s, l), l), |known| known.sun)
+    }
+
     fn followed(&self, o: Vec3, d: Vec3, far: f32) -> Option<Vec3> {
-        let hit = self.world.nearest(ray(o, d, [0.0, far]))?;
-        let surface = self.world.surface(&hit, o, d, self.draw.spread)?;
+        self.sent(o, d, &self.world.nearest(ray(o, d, [0.0, far]))?)
+    }
+
+    /// Light that what a ray met sends back.
+    fn sent(&self, o: Vec3, d: Vec3, hit: &Hit) -> Option<Vec3> {
+        let surface = self.world.surface(hit, o, d, self.draw.spread)?;
         let seen = if surface.finish.water { self.water(d, &surface) } else { self.lit(d, &surface) };
         let seen = seen.min(Vec3::splat(BRIGHTEST));
         Some(if self.depth == 0 { self.light.hazed(seen, (o, d), hit.spot.t) } else { seen })
@@ -178,6 +212,9 @@ impl Path<'_, '_> {
         let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * smooth * smooth;
         let matt = f.albedo * (1.0 - gloss);
         let mut sum = self.sunlight(s, toward, matt);
+        if self.draw.care == Care::Sun {
+            return sum + self.open_sky(s) * (matt + Vec3::splat(gloss));
+        }
         let at = self.point(2);
         // One draw serves both sides: its first number also says which.
         let through = at[0] < f.translucency;
@@ -196,17 +233,25 @@ impl Path<'_, '_> {
         sum
     }
 
+    /// Light of the sky by rule of thumb: half of it to the side, and the more the higher a surface faces, on the side that
+    /// lets it through as well.
+    fn open_sky(&self, s: &Surface) -> Vec3 {
+        let share = self.draw.known.map_or(OPEN_SKY, |known| known.sky);
+        let height = s.n.y * (1.0 - 2.0 * s.finish.translucency);
+        self.light.mean_sky() * (share * (0.56 + 0.44 * height))
+    }
+
     /// Light of the sun.
     fn sunlight(&self, s: &Surface, toward: Vec3, matt: Vec3) -> Vec3 {
         let light = self.light;
-        let l = light.sunward(self.point(1));
+        let l = if self.draw.known.is_some() { light.toward } else { light.sunward(self.point(1)) };
         let (cos, front) = (s.n.dot(l), s.face.dot(l) > 0.0);
         let share = match (cos > 0.0, front) {
             (true, true) => 1.0 - s.finish.translucency,
             (false, false) => s.finish.translucency,
             _ => 0.0,
         };
-        if light.sun == Vec3::ZERO || (share <= 0.0 && !(front && cos > 0.0)) || !self.is_open(self.off(s, l), l) {
+        if light.sun == Vec3::ZERO || (share <= 0.0 && !(front && cos > 0.0)) || !self.sees_sun(s, l) {
             return Vec3::ZERO;
         }
         let mut sent = matt * (share * std::f32::consts::FRAC_1_PI);
@@ -221,9 +266,7 @@ impl Path<'_, '_> {
         let (light, from) = (self.light, self.off(s, d));
         let look = ray(from, d, [0.0, f32::INFINITY]);
         let met = match self.draw.care {
-            // Half open to the side, and the more so the higher it faces.
-            Care::Sun => return light.mean_sky() * (0.45 + 0.35 * s.n.y),
-            Care::Sky => self.world.any(look),
+            Care::Sun | Care::Sky => self.world.any(look),
             Care::Around => self.world.nearest(look),
         };
         let Some(hit) = met else { return light.sky(d) };

@@ -72,12 +72,12 @@ fn mean(scene: &Scene, origin: Vec3, direction: Vec3, samples: u32) -> Option<f3
 }
 
 fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, care: Care) -> Option<f32> {
-    let looks = Looks::new(scene, Quality::Draft);
+    let looks = Looks::new(scene, Quality::Normal);
     let world = World::new(scene, None, &looks);
     let light = Light::new(&scene.sun, &scene.sky);
     let sampler = Sampler::new(7, 0);
     let one = |index| {
-        let draw = Draw { sampler: &sampler, index, spread: 1e-3, care };
+        let draw = Draw { sampler: &sampler, index, spread: 1e-3, care, known: None };
         world.radiance(&light, (origin, direction), f32::INFINITY, &draw).map(|c| c.y)
     };
     let sum = (0..samples).map(one).try_fold(0.0_f32, |s, v| v.map(|v| s + v));
