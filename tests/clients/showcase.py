@@ -30,12 +30,19 @@ def placement(o):
     return base(o)
 
 
-def find(key, kinds):
+def index():
+    """Objects by PLACEMENT/NAME and kind: thousands, so they are sorted once."""
+    out = {}
+    for o in bpy.data.objects:
+        out.setdefault((f"{placement(o)}/{base(o)}", o.type), []).append(o)
+    return out
+
+
+def find(key, kind):
     """An object by its name, or by the name of its placement and its own: PLACEMENT/NAME."""
     if "/" not in key:
         return bpy.data.objects[key]
-    where, name = key.split("/")
-    hits = [o for o in bpy.data.objects if o.type in kinds and base(o) == name and placement(o) == where]
+    hits = objects.get((key, kind), [])
     assert len(hits) == 1, (key, hits)
     return hits[0]
 
@@ -85,14 +92,15 @@ else:
     shift = wanted["start"]  # glTF knows no frame numbers, only seconds from the first
 
 worst = 0.0
+objects = index()
 for number, frame in wanted["frames"].items():
     scene.frame_set(int(number) - shift)
     graph = bpy.context.evaluated_depsgraph_get()
     for key, want in frame["meshes"].items():
-        worst = max(worst, close(vertices(find(key, {"MESH"}), graph), want, f"{key}, frame {number}"))
+        worst = max(worst, close(vertices(find(key, "MESH"), graph), want, f"{key}, frame {number}"))
     shown = pivots(graph)
     for key, want in frame["instancers"].items():
-        got = shown.get(find(key, {"POINTCLOUD"}).name, numpy.empty((0, 3)))
+        got = shown.get(find(key, "POINTCLOUD").name, numpy.empty((0, 3)))
         worst = max(worst, close(got, want, f"{key}, frame {number}"))
 
 used = set()
