@@ -1,8 +1,8 @@
 """What Blender shows of a baked scene: showcase.py usd|gltf FILE EXPECTED.json
 
 Runs under bpy (5.0) and under Blender 3.4 headless; arguments are the last three. Number, box and middle of the world
-positions of every mesh's vertices and every instancer's pivots at every expected frame equal osier's within 1e-4 m,
-and exactly the expected materials are in use. Prints the largest distance.
+positions of every mesh's vertices (or each of them, where "points" are given) and every instancer's pivots at every
+expected frame equal osier's within 1e-4 m, and exactly the expected materials are in use. Prints the largest distance.
 """
 import json
 import sys
@@ -74,6 +74,10 @@ def close(points, want, where):
     assert len(points) == want["count"], f"{where}: {len(points)}, not {want['count']}"
     if not len(points):
         return 0.0
+    if "points" in want:
+        error = float(numpy.abs(points - numpy.array(want["points"])).max())
+        assert error <= TOLERANCE, f"{where}: a vertex is off by {error} m"
+        return error
     got = numpy.array([points.min(axis=0), points.max(axis=0), points.mean(axis=0)])
     error = float(numpy.abs(got - numpy.array([want["min"], want["max"], want["mean"]])).max())
     assert error <= TOLERANCE, f"{where}: off by {error} m\n got {got}\nwant {want}"
