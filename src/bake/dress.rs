@@ -8,6 +8,7 @@ use super::Work;
 use super::air::Air;
 use super::layout::Individual;
 use super::mover::{Leaves, Mover, Shown};
+use super::plants::Grown;
 use crate::Result;
 use crate::motion::Rig;
 use crate::plant::{Organ, Plant};
@@ -40,17 +41,22 @@ pub struct Kind {
 /// # Errors
 /// What the skin and the simulation refuse.
 pub fn dress(
-    plant: &Plant,
+    grown: &Grown,
     recipe: &PlantRecipe,
     (kind, individual): (&Kind, &Individual),
     moving: Option<(&Air, Trs)>,
     work: &Work<'_>,
 ) -> Result<(Asset, Option<Mover>)> {
     work.cancel.check()?;
-    let bark = skin(plant, &skin_options(&recipe.skin, kind.tile, work))?;
-    let mut mesh = bark.mesh;
+    let plant = &grown.plant;
+    let (mut mesh, bindings) = match &grown.own {
+        Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
+        None => {
+            let bark = skin(plant, &skin_options(&recipe.skin, kind.tile, work))?;
+            (bark.mesh, bark.binding.iter().map(|b| (b.axis, b.s)).collect::<Vec<(u32, f32)>>())
+        }
+    };
     to_scene(&mut mesh, kind.first_material);
-    let bindings: Vec<(u32, f32)> = bark.binding.iter().map(|b| (b.axis, b.s)).collect();
     let groups = groups(plant, kind);
     let moving = moving.filter(|_| recipe.keys.motion != Motion::Still);
     let mover = match moving {

@@ -8,7 +8,7 @@ use super::{Work, land, scatter};
 use crate::Result;
 use crate::fence::Names;
 use crate::math;
-use crate::recipe::{PlaceRecipe, Recipe};
+use crate::recipe::{Growth, PlaceRecipe, Recipe};
 use crate::rng::{Rng, child, mix64, word};
 use crate::scene::Trs;
 use crate::surface::terrain::Land;
@@ -75,7 +75,10 @@ pub fn lay_out(recipe: &Recipe) -> Layout {
     let mut ordinals = vec![0_u32; recipe.plants.len()];
     for (index, place) in recipe.places.iter().enumerate() {
         let first = layout.individuals.len();
-        let kinds = place.keys.individuals.unwrap_or(place.keys.count).min(place.keys.count);
+        // All that grows from a mesh looks the same.
+        let modelled = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Mesh(..)));
+        let alike = if modelled { 1 } else { place.keys.count };
+        let kinds = place.keys.individuals.unwrap_or(alike).min(place.keys.count);
         for _ in 0..kinds {
             layout.individuals.extend(individual(recipe, place.plant, place.keys.seed, &mut ordinals));
         }

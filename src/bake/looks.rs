@@ -3,16 +3,20 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use super::tables;
 use crate::Result;
 use crate::fence::Names;
+use crate::grow::mesh::{self, Tree};
 use crate::grow::turtle::OrganSpec;
 use crate::import::Imported;
 use crate::math::narrow;
-use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, OrganKeys};
-use crate::recipe::{OrganRecipe, PlantRecipe};
+use crate::progress::Cancel;
+use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, ImportKeys, OrganKeys};
+use crate::recipe::{Growth, OrganRecipe, PlantRecipe, words};
 use crate::rng::{mix64, word};
-use crate::scene::{Image, Maps, Material};
+use crate::scene::{Image, Maps, Material, MaterialClass};
 use crate::surface::bark::{BarkSpec, bark};
 use crate::surface::ground::{Ground, GroundColors, ground_material};
 use crate::surface::leaf::{self, BladeSpec, Form, LeafColors, Teeth};
@@ -28,6 +32,8 @@ pub struct Look {
     pub organs: BTreeMap<char, OrganSpec>,
     /// Their names, parallel to the recipe's organs.
     pub names: Vec<String>,
+    /// What was found in the mesh of a whole plant.
+    pub tree: Option<Arc<Tree>>,
 }
 
 impl Look {
@@ -54,8 +60,11 @@ fn index(n: usize) -> u32 {
 /// The look of one plant.
 /// # Errors
 /// What the makers of blades and maps refuse.
-pub fn of_plant(plant: &PlantRecipe, seed: u64) -> Result<Look> {
+pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look> {
     let mut look = Look::default();
+    if let Growth::Mesh(import, keys) = &plant.growth {
+        return modelled(plant, (import, keys), seed, cancel);
+    }
     let [bark_grain, shoot_grain] = &plant.grains;
     for (keys, table, part) in [(&plant.bark, bark_grain, "bark"), (&plant.shoot, shoot_grain, "shoot")] {
         let name = format!("{}_{part}", plant.id);
@@ -75,6 +84,47 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64) -> Result<Look> {
         look.names.push(name);
     }
     Ok(look)
+}
+
+/// An artist's plant with its own materials, and the skeleton that is found in it.
+fn modelled(
+    plant: &PlantRecipe,
+    (import, keys): (&Imported, &ImportKeys),
+    seed: u64,
+    cancel: &Cancel,
+) -> Result<Look> {
+    let options = mesh::Options {
+        name: plant.source.clone(),
+        leaf_words: words(&keys.leaf_pattern),
+        spacing: keys.spacing.map(narrow),
+        root: keys.root.map(|p| Vec3::from_array(p.map(narrow))),
+        seed: mix64(&[seed, plant.keys.seed, word(&plant.name)]),
+    };
+    let tree = mesh::skeleton(import, &options, cancel)?;
+    let mut look = Look { names: vec!["leaf".into()], ..Look::default() };
+    wear(&mut look, import, &plant.id);
+    for proto in &tree.plant.protos {
+        for s in &proto.mesh.subsets {
+            if let Some(m) = look.materials.get_mut(s.material as usize) {
+                m.class = MaterialClass::Leaf;
+            }
+        }
+    }
+    look.tree = Some(Arc::new(tree));
+    Ok(look)
+}
+
+/// Adds the materials and pictures of an artist's file; where the materials begin.
+fn wear(look: &mut Look, import: &Imported, prefix: &str) -> u32 {
+    let (first_material, first_image) = (index(look.materials.len()), index(look.images.len()));
+    let renamed = |own: &str| format!("{prefix}_{own}");
+    look.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
+    look.materials.extend(import.materials.iter().map(|m| {
+        let mut material = Material { name: renamed(&m.name), ..m.clone() };
+        maps(&mut material.maps).into_iter().for_each(|map| *map = map.map(|i| i + first_image));
+        material
+    }));
+    first_material
 }
 
 /// Blades made from numbers.
@@ -165,14 +215,7 @@ fn leaf_colors(keys: &OrganKeys) -> LeafColors {
 /// An artist's mesh with its own materials.
 fn imported(look: &mut Look, import: &Imported, recipe: &OrganRecipe, plant: &str, name: &str) -> OrganSpec {
     let mut mesh = import.mesh.clone();
-    let (first_material, first_image) = (index(look.materials.len()), index(look.images.len()));
-    let renamed = |own: &str| format!("{plant}_{name}_{own}");
-    look.images.extend(import.images.iter().map(|i| Image { name: renamed(&i.name), ..i.clone() }));
-    look.materials.extend(import.materials.iter().map(|m| {
-        let mut material = Material { name: renamed(&m.name), ..m.clone() };
-        maps(&mut material.maps).into_iter().for_each(|map| *map = map.map(|i| i + first_image));
-        material
-    }));
+    let first_material = wear(look, import, &format!("{plant}_{name}"));
     for s in &mut mesh.subsets {
         s.material += first_material;
     }

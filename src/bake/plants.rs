@@ -1,6 +1,7 @@
 //! From a grammar or a coefficient table to a plant.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -11,6 +12,7 @@ use super::looks::Look;
 use crate::diagnostic::Report;
 use crate::grammar::{DeriveOptions, derive};
 use crate::grow::ifs;
+use crate::grow::mesh::Tree;
 use crate::grow::turtle::{self, Tropism, TurtleOptions};
 use crate::plant::Plant;
 use crate::recipe::cloud_keys::{Radii, TreeKeys};
@@ -27,6 +29,8 @@ pub struct Grown {
     pub report: Report,
     /// Modules of its final string.
     pub modules: u64,
+    /// The mesh that it was found in, and wears.
+    pub own: Option<Arc<Tree>>,
 }
 
 /// Derives and draws one individual.
@@ -38,7 +42,14 @@ pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &W
         Growth::Ifs(stems, keys) => {
             let options = tree_options(recipe, keys, look);
             let plant = ifs::grow(stems, (individual.id, individual.seed), &options, work.limits)?;
-            return Ok(Grown { plant, report: Report::default(), modules: 0 });
+            return Ok(Grown { plant, report: Report::default(), modules: 0, own: None });
+        }
+        Growth::Mesh(..) => {
+            let own = look.tree.clone();
+            let tree = own.as_deref().ok_or_else(|| Error::export("S005", "a mesh without its skeleton"))?;
+            let mut plant = tree.individual(individual.id, individual.seed, &recipe.source);
+            plant.materials = look.materials.iter().map(|m| m.name.clone()).collect();
+            return Ok(Grown { plant, report: Report::default(), modules: 0, own });
         }
     };
     let options = DeriveOptions {
@@ -53,7 +64,7 @@ pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &W
     let (plant, drawn) = turtle::grow(grammar, &derived, &turtle_options(recipe, look)?, work.limits)?;
     let modules = derived.modules.len() as u64;
     derived.warnings.into_iter().chain(drawn).for_each(|d| report.push(d));
-    Ok(Grown { plant, report, modules })
+    Ok(Grown { plant, report, modules, own: None })
 }
 
 fn tree_options(recipe: &PlantRecipe, keys: &TreeKeys, look: &Look) -> ifs::TreeOptions {

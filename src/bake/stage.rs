@@ -77,12 +77,13 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let looks = in_order(par_map(&indexed, |(i, plant)| {
         work.cancel.check()?;
         let used = layout.individuals.iter().any(|n| n.plant == *i);
-        let look = if used { of_plant(plant, recipe.seed) } else { Ok(Look::default()) };
+        let look = if used { of_plant(plant, recipe.seed, work.cancel) } else { Ok(Look::default()) };
         work.progress.advance(1);
         look
     }))?;
     work.progress.stage("growing", layout.individuals.len() as u64);
-    let (grown, report) = grow_all(recipe, &layout, &looks, work)?;
+    let (grown, mut report) = grow_all(recipe, &layout, &looks, work)?;
+    looks.iter().filter_map(|l| l.tree.as_ref()).for_each(|tree| report.extend(tree.report.clone()));
     if let Some(land) = &land {
         let feet = feet(recipe, &layout, &grown);
         scatter::sink(&mut layout, &feet, land);
@@ -201,7 +202,7 @@ fn dress_all(
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
         let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
-        let dressed = dress(&grown.plant, plant, (kind, individual), air.map(|a| (a, stand)), work);
+        let dressed = dress(grown, plant, (kind, individual), air.map(|a| (a, stand)), work);
         work.progress.advance(1);
         dressed
     });

@@ -9,7 +9,7 @@ use crate::recipe::{CloudRecipe, Growth, Recipe};
 pub fn systems(recipe: &Recipe) -> Vec<Item> {
     let trees = recipe.plants.iter().filter_map(|p| match &p.growth {
         Growth::Ifs(stems, _) => Some(squashed(stems)),
-        Growth::Grammar(_) => None,
+        Growth::Grammar(_) | Growth::Mesh(..) => None,
     });
     recipe.clouds.iter().map(cloud).chain(trees).collect()
 }

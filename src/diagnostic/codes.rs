@@ -124,6 +124,8 @@ pub const CODES: &[Code] = &[
     row("X015", Warning, "imported file is not UTF-8, read as Latin-1"),
     row("X016", Warning, "part of an imported file is not used"),
     row("X017", Warning, "motion that the format cannot hold, left out"),
+    row("X018", Error, "mesh of a plant in which no skeleton is found"),
+    row("X019", Warning, "part of a plant's mesh that does not move as the rest"),
 ];
 
 /// The row of a code.

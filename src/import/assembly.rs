@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Job, Outcome, Up};
+use super::{Job, Outcome, Part, Up};
 use crate::math;
 use crate::par::LookupMap;
 use crate::scene::{Mesh, Subset};
@@ -13,6 +13,8 @@ use crate::scene::{Mesh, Subset};
 pub(super) struct Piece {
     /// Name of the place in the file, for complaints.
     pub(super) place: String,
+    /// What the file calls its object.
+    pub(super) name: String,
     pub(super) material: u32,
     pub(super) points: Vec<Vec3>,
     pub(super) normals: Vec<Vec3>,
@@ -48,6 +50,8 @@ pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<Piece>) -> Outcome<Mesh> {
         }
         let count = u32::try_from(piece.triangles.len()).unwrap_or(u32::MAX);
         let subsets = vec![Subset { material: piece.material, first: 0, count }];
+        let start = mesh.triangles.len();
+        job.parts.push(Part { name: piece.name, triangles: start..start + piece.triangles.len() });
         let Piece { points, normals, uvs, colors, triangles, .. } = piece;
         mesh.append(&Mesh { points, normals, uvs, colors, triangles, subsets });
     }

@@ -50,11 +50,22 @@ pub struct InputFile {
     pub blake3: [u8; 32],
 }
 
+/// Triangles of one object of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Part {
+    /// What the file calls it; empty if it has no name.
+    pub name: String,
+    /// Its run of the mesh's triangles.
+    pub triangles: std::ops::Range<usize>,
+}
+
 /// An artist's mesh, +Y up, metres.
 #[derive(Debug, Clone)]
 pub struct Imported {
     /// One subset per material used; subsets index `materials`.
     pub mesh: Mesh,
+    /// The objects that it is made of, in the order of its triangles; an object of several materials is several parts.
+    pub parts: Vec<Part>,
     /// Surfaces; their maps index `images`.
     pub materials: Vec<Material>,
     /// Pictures.
@@ -85,7 +96,7 @@ pub fn read(path: &Path, bytes: &[u8], options: &Options<'_>) -> Result<Imported
     match result {
         Ok(_) if job.report.has_errors() => Err(Error::Input(Box::new(job.report))),
         Ok((mesh, materials, images)) => {
-            Ok(Imported { mesh, materials, images, files: job.files, warnings: job.report })
+            Ok(Imported { mesh, parts: job.parts, materials, images, files: job.files, warnings: job.report })
         }
         Err(fault) => {
             job.report.push(*fault);
@@ -127,12 +138,13 @@ struct Job<'a> {
     options: &'a Options<'a>,
     report: Report,
     files: Vec<InputFile>,
+    parts: Vec<Part>,
 }
 
 impl<'a> Job<'a> {
     fn new(path: &'a Path, bytes: &[u8], options: &'a Options<'a>) -> Self {
         let own = InputFile { path: path.to_owned(), blake3: *blake3::hash(bytes).as_bytes() };
-        Self { path, options, report: Report::default(), files: vec![own] }
+        Self { path, options, report: Report::default(), files: vec![own], parts: Vec::new() }
     }
 
     /// The file's name as shown to the user.

@@ -16,6 +16,7 @@ mod layers;
 mod library;
 pub mod morph_keys;
 mod morphs;
+mod plants;
 mod resolve;
 pub mod sections;
 mod tree;
@@ -36,6 +37,7 @@ pub use key::{KeyInfo, Section, Shown};
 pub use kinds::{Word, word_of};
 pub use library::{Found, Library};
 pub use morphs::MorphRecipe;
+pub use plants::words;
 pub use resolve::{Request, resolve};
 
 /// A scene with every default filled in and every reference read.
@@ -92,6 +94,8 @@ pub enum Growth {
     Grammar(Box<Grammar>),
     /// The words of an iterated function system.
     Ifs(Box<Stems>, cloud_keys::TreeKeys),
+    /// An artist's mesh, in which a skeleton is found.
+    Mesh(Box<Imported>, sections::ImportKeys),
 }
 
 /// One kind of plant.
@@ -223,6 +227,7 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::FramesKeys>(),
         info::<s::PlantKeys>(),
         info::<cloud_keys::TreeKeys>(),
+        info::<s::ImportKeys>(),
         info::<s::TurtleKeys>(),
         info::<s::TropismKeys>(),
         info::<s::OrganKeys>(),

@@ -1,23 +1,14 @@
 //! From text to [`Recipe`].
 
-use std::collections::BTreeMap;
-use std::sync::Arc;
-
-use super::cloud_keys::TreeKeys;
 use super::digest::Digest;
 use super::key::{Section, join, wrong};
-use super::sections::{
-    BarkKeys, BarkKind, FramesKeys, OrganKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys, TurtleKeys, Up,
-};
+use super::sections::{FramesKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys};
 use super::tree::{self, Node, Table, Value};
-use super::{Found, Growth, Library, OrganRecipe, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
-use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
+use super::{Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
+use crate::diagnostic::{Diagnostic, Report, Span, nearest};
 use crate::fence::{Names, safe_name};
-use crate::grammar::{self, Grammar};
-use crate::ifs::Ifs;
-use crate::import::{self, Imported};
 use crate::limits::Limits;
-use crate::scene::{Clip, MaterialClass};
+use crate::scene::Clip;
 use crate::{Error, Result};
 
 /// What to resolve.
@@ -132,7 +123,7 @@ pub(super) struct Resolver<'a> {
     pub(super) request: &'a Request,
     pub(super) report: Report,
     pub(super) whole: Span,
-    inputs: Vec<blake3::Hash>,
+    pub(super) inputs: Vec<blake3::Hash>,
     /// Frames of the clip.
     pub(super) frames: u64,
 }
@@ -182,7 +173,7 @@ impl Resolver<'_> {
         self.section_at(parent, "", name)
     }
 
-    fn section_at<S: Section>(&mut self, parent: &Table, path: &str, name: &str) -> S {
+    pub(super) fn section_at<S: Section>(&mut self, parent: &Table, path: &str, name: &str) -> S {
         let full = join(path, name);
         let table = self.table(parent, path, name);
         S::read(table, &full, &mut self.report)
@@ -217,166 +208,6 @@ impl Resolver<'_> {
         }
     }
 
-    fn plants(&mut self, root: &Table, names: &mut Names) -> Vec<PlantRecipe> {
-        let Some(table) = self.table(root, "", "plants") else {
-            if !self.report.has_errors() && ["clouds", "terrain", "layer"].iter().all(|t| root.get(t).is_none()) {
-                let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
-                self.report.push(d.help("add [plants.tree] with grammar = \"oak.l\""));
-            }
-            return Vec::new();
-        };
-        let mut plants = Vec::new();
-        for entry in &table.entries {
-            let Value::Table(plant) = &entry.node.value else {
-                self.report.push(*wrong(&format!("plants.{}", entry.key), &entry.node, "a table"));
-                continue;
-            };
-            let id = names.unique(&entry.key);
-            plants.extend(self.plant(&entry.key, id, entry.key_span, plant));
-        }
-        plants
-    }
-
-    fn plant(&mut self, name: &str, id: String, span: Span, table: &Table) -> Option<PlantRecipe> {
-        let path = format!("plants.{name}");
-        let told = self.report.diagnostics.len();
-        let mut keys = PlantKeys::read(Some(table), &path, &mut self.report);
-        let misread = self.report.diagnostics.len() > told;
-        keys.steps = self.request.steps.or(keys.steps);
-        let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
-        let mut organs = self.organs(table, &path);
-        let bark: BarkKeys = self.section_at(table, &path, "bark");
-        let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
-        self.shoot_defaults(table, &mut shoot);
-        let skin = self.section_at(table, &path, "skin");
-        let wood = self.section_at(table, &path, "wood");
-        let grains = [self.grain(&bark)?, self.grain(&shoot)?];
-        let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
-            (Some(reference), _) => {
-                let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
-                let grammar = self.grammar(&file, &keys)?;
-                let letters = grammar.organ_symbols();
-                (Growth::Grammar(Box::new(grammar)), file.shown, letters)
-            }
-            (None, Some(reference)) => {
-                let tree: TreeKeys = self.section_at(table, &path, "tree");
-                let (stems, source) = self.stems(reference, &tree)?;
-                (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
-            }
-            // A misspelt or unreadable `grammar` has been named already.
-            (None, None) if misread => return None,
-            (None, None) => {
-                let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
-                self.report.push(d.help("add grammar = \"NAME.l\"; `osier list presets` shows those in the binary"));
-                return None;
-            }
-        };
-        for letter in letters {
-            if !organs.iter().any(|o| o.letter == letter) {
-                organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), ifs: None, mesh: None });
-            }
-        }
-        Some(PlantRecipe {
-            name: name.into(),
-            id,
-            growth,
-            source,
-            turtle,
-            organs,
-            bark,
-            shoot,
-            grains,
-            skin,
-            wood,
-            keys,
-        })
-    }
-
-    /// The table of a bark; the outer `None` if it cannot be read.
-    #[allow(clippy::option_option, reason = "a table that fails is not the same as no table")]
-    fn grain(&mut self, bark: &BarkKeys) -> Option<Option<Arc<Ifs>>> {
-        match &bark.ifs {
-            Some(r) => Some(Some(Arc::new(self.plane_table(r, &bark.system, "a bark is tiled")?))),
-            None => Some(None),
-        }
-    }
-
-    /// Thin axes are smooth and greenish unless the scene says otherwise.
-    fn shoot_defaults(&self, plant: &Table, shoot: &mut BarkKeys) {
-        let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(Value::Table(t)) if t.get(key).is_some());
-        if !given("kind") {
-            shoot.kind = BarkKind::Shoot;
-        }
-        if !given("side") {
-            shoot.side = 256;
-        }
-    }
-
-    fn organs(&mut self, plant: &Table, path: &str) -> Vec<OrganRecipe> {
-        let mut organs = Vec::new();
-        if let Some(table) = self.table(plant, path, "leaf") {
-            organs.extend(self.organ('l', &join(path, "leaf"), table));
-        }
-        if let Some(table) = self.table(plant, path, "organs") {
-            for e in &table.entries {
-                let full = format!("{path}.organs.{}", e.key);
-                let mut letters = e.key.chars();
-                match (&e.node.value, letters.next(), letters.next()) {
-                    (Value::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
-                    (Value::Table(_), ..) => {
-                        let d = Diagnostic::error("S003", format!("organ \"{}\" is no letter", e.key), e.key_span, "");
-                        self.report.push(d.help("organs are named by the one letter that follows '~' in the grammar"));
-                    }
-                    _ => self.report.push(*wrong(&full, &e.node, "a table")),
-                }
-            }
-        }
-        organs
-    }
-
-    fn organ(&mut self, letter: char, path: &str, table: &Table) -> Option<OrganRecipe> {
-        let keys = OrganKeys::read(Some(table), path, &mut self.report);
-        let mesh = match &keys.mesh {
-            Some(r) => {
-                let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
-                Some(Arc::new(self.import(&file, &keys, r.span)?))
-            }
-            None => None,
-        };
-        let ifs = match keys.ifs.clone() {
-            Some(r) => Some(Arc::new(self.plane_table(&r, &keys.system, "a leaf is drawn")?)),
-            None => None,
-        };
-        Some(OrganRecipe { letter, keys, ifs, mesh })
-    }
-
-    /// Parses a grammar; the files that it includes take part in the scene's hash.
-    fn grammar(&mut self, file: &Found, keys: &PlantKeys) -> Option<Grammar> {
-        let library = &self.request.library;
-        let limit = self.request.limits.get("text-bytes");
-        let mut paths = BTreeMap::from([(file.shown.clone(), file.path.clone())]);
-        let inputs = &mut self.inputs;
-        let mut includes = |reference: &str, from: &str| {
-            let beside = paths.get(from).cloned().unwrap_or_default();
-            let found = library.find_beside(&beside, reference, limit).map_err(|why| {
-                let missing = std::io::Error::other(why.to_string());
-                Error::io("open", reference, missing)
-            })?;
-            inputs.push(blake3::hash(&found.bytes));
-            paths.insert(found.shown.clone(), found.path);
-            Ok((found.shown, found.bytes.to_vec()))
-        };
-        let defines = keys.set.iter().map(|(name, value)| (name.clone(), value.to_string())).collect();
-        let source =
-            grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
-        let mut sources = Sources::default();
-        let parsed = grammar::parse(&mut sources, source, &self.request.limits);
-        let (grammar, diagnostics) = self.told(parsed, file)?;
-        self.report.extend(Report { sources, diagnostics });
-        self.unused(&grammar, keys);
-        Some(grammar)
-    }
-
     /// What a file holds, or nothing once its faults are told.
     pub(super) fn told<T>(&mut self, read: Result<T>, file: &Found) -> Option<T> {
         match read {
@@ -387,48 +218,6 @@ impl Resolver<'_> {
             }
             Err(other) => {
                 self.report.push(Diagnostic::about("S005", format!("\"{}\": {other}", file.shown)));
-                None
-            }
-        }
-    }
-
-    /// S007 for values that no #define of the grammar takes.
-    fn unused(&mut self, grammar: &Grammar, keys: &PlantKeys) {
-        let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
-        for (name, _) in keys.set.iter().filter(|(name, _)| !known.contains(&name.as_str())) {
-            let near = nearest(name, known.iter().copied());
-            let help = match near {
-                Some(near) => format!("did you mean \"{near}\"?"),
-                None => format!("its #defines: {}", known.join(", ")),
-            };
-            let message = format!("the grammar has no #define \"{name}\"");
-            self.report.push(Diagnostic { help: Some(help), ..Diagnostic::about("S007", message) });
-        }
-    }
-
-    /// Reads an artist's mesh; the files that it names take part in the scene's hash.
-    fn import(&mut self, file: &Found, keys: &OrganKeys, span: Span) -> Option<Imported> {
-        let request = self.request;
-        let options = import::Options {
-            roots: request.library.roots(),
-            limits: &request.limits,
-            up: if keys.mesh_up == Up::Z { import::Up::Z } else { import::Up::Y },
-            scale: crate::math::narrow(keys.mesh_scale),
-            class: MaterialClass::Leaf,
-        };
-        match import::read(&file.path, &file.bytes, &options) {
-            Ok(mut imported) => {
-                self.report.extend(std::mem::take(&mut imported.warnings));
-                let others = imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3));
-                self.inputs.extend(others);
-                Some(imported)
-            }
-            Err(Error::Input(faults)) => {
-                self.report.extend(*faults);
-                None
-            }
-            Err(other) => {
-                self.report.push(Diagnostic::error("S005", other.to_string(), span, "this reference"));
                 None
             }
         }
@@ -548,8 +337,10 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     for p in &recipe.plants {
         p.name.digest(&mut h);
         p.keys.digest(&mut h);
-        if let Growth::Ifs(_, tree) = &p.growth {
-            tree.digest(&mut h);
+        match &p.growth {
+            Growth::Grammar(_) => {}
+            Growth::Ifs(_, tree) => tree.digest(&mut h),
+            Growth::Mesh(_, import) => import.digest(&mut h),
         }
         p.turtle.digest(&mut h);
         (p.organs.len() as u64).digest(&mut h);

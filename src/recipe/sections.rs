@@ -129,11 +129,13 @@ keys! {
         fps: (u32, u32) = "fps" Fps;
     }
     /// One kind of plant; NAME is yours.
-    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "organs", "bark", "shoot", "skin", "wood"] {
+    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "import", "organs", "bark", "shoot", "skin", "wood"] {
         /// The grammar that grows it.
         grammar: Option<Reference> = "grammar" File(".l");
         /// The coefficient table of a tree, instead of a grammar.
         ifs: Option<Reference> = "ifs" File(".ifs, .ifs.toml");
+        /// A mesh of a whole plant, instead of a grammar: it gets a skeleton and sways as it is.
+        mesh: Option<Reference> = "mesh" File(".obj, .glb, .gltf");
         /// Derivation length.
         steps: Option<u32> = "steps" Maybe(whole(1, 0, 1_000_000), "the grammar's");
         /// Values for the grammar's #defines.
@@ -148,6 +150,21 @@ keys! {
         max_joints: u32 = "max_joints" whole(256, 1, 300);
         /// Most branches that bend by themselves with `motion = "cache"`.
         max_branches: u32 = "max_branches" whole(2000, 1, 100_000);
+    }
+    /// How the mesh of a whole plant gets its skeleton.
+    ImportKeys at "plants.NAME.import" {
+        /// Objects and materials whose name holds one of these words are leaves. If none is, small flat parts are.
+        leaf_pattern: String = "leaf_pattern" Text("leaf|leaves|blade|needle|frond");
+        /// Distance of the points of the skeleton along the wood.
+        spacing: Option<f64> = "spacing" Maybe(num(0.1, 1e-4, 100.0, "m"), "three radii of the wood");
+        /// Where the trunk begins, in the mesh's place.
+        root: Option<[f64; 3]> = "root" Maybe(point([0.0; 3]), "its lowest thick end");
+        /// Metres per unit of the mesh.
+        mesh_scale: f64 = "mesh_scale" num(1.0, 1e-6, 1e6, "m");
+        /// Upward axis of the mesh.
+        mesh_up: Up = "mesh_up" OneOf(Up::Y);
+        /// Flutter of the leaves: 1 for round stalks, 2 to 3 for the flat ones of poplars.
+        flutter: f64 = "flutter" num(1.0, 0.0, 10.0, "");
     }
     /// How the turtle draws a plant's string. Precedence: `--set`, here, then the default.
     TurtleKeys at "plants.NAME.turtle" {

@@ -15,6 +15,8 @@ const DEPTH: usize = 256;
 #[derive(Debug)]
 pub(super) struct Placed {
     pub(super) mesh: usize,
+    /// The node's name and the mesh's.
+    pub(super) name: String,
     pub(super) world_from_mesh: Vec<Mat4>,
 }
 
@@ -52,7 +54,10 @@ pub(super) fn walk(job: &mut Job<'_>, document: &Document, buffers: &Buffers<'_>
                 Some(instancing) => instances(job, &accessors, index, *instancing)?.iter().map(|m| base * *m).collect(),
                 None => vec![base],
             };
-            placed.push(Placed { mesh: mesh.value(), world_from_mesh });
+            let called = |name: Option<&String>| name.cloned().unwrap_or_default();
+            let own = root.meshes.get(mesh.value()).and_then(|m| m.name.as_ref());
+            let name = [called(node.name.as_ref()), called(own)].join(" ").trim().to_owned();
+            placed.push(Placed { mesh: mesh.value(), name, world_from_mesh });
         }
         let children = node.children.iter().flatten().rev();
         stack.extend(children.map(|c| (c.value(), world_from_node, depth + 1)));

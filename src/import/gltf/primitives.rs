@@ -42,7 +42,8 @@ pub(super) fn pieces(
             triangles += piece.triangles.len() as u64 * copies;
             job.limit("vertices", vertices)?;
             job.limit("triangles", triangles)?;
-            pieces.extend(place.world_from_mesh.iter().map(|m| moved(piece, *m)));
+            let named = |m: &Mat4| Piece { name: place.name.clone(), ..moved(piece, *m) };
+            pieces.extend(place.world_from_mesh.iter().map(named));
         }
     }
     Ok(pieces)

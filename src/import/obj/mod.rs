@@ -63,6 +63,7 @@ fn piece(model: &tobj::Model, material: u32) -> Piece {
     let triangles = faces::triangulate(&points, &mesh.indices, &mesh.face_arities);
     Piece {
         place: format!("object {:?}", model.name),
+        name: model.name.clone(),
         material,
         normals: mesh.normals.chunks_exact(3).map(vec3).collect(),
         uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),

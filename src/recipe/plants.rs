@@ -1,0 +1,267 @@
+//! Plants of a scene: what grows them, what they wear, what they are made of.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::cloud_keys::TreeKeys;
+use super::key::{Section, join, wrong};
+use super::resolve::{Resolver, span_of};
+use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, TurtleKeys, Up};
+use super::tree::{Table, Value};
+use super::{Found, Growth, OrganRecipe, PlantRecipe};
+use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
+use crate::fence::Names;
+use crate::grammar::{self, Grammar};
+use crate::ifs::Ifs;
+use crate::import::{self, Imported};
+use crate::scene::MaterialClass;
+use crate::Error;
+
+/// Keys and tables that say how a plant grows or what it wears.
+const GROWN: &[&str] = &[
+    "grammar", "ifs", "steps", "set", "stochastic", "turtle", "tree", "leaf", "organs", "bark", "shoot", "skin",
+];
+
+/// Words between bars, in lower case.
+pub fn words(pattern: &str) -> Vec<String> {
+    pattern.split('|').map(|w| w.trim().to_lowercase()).filter(|w| !w.is_empty()).collect()
+}
+
+impl Resolver<'_> {
+    pub(super) fn plants(&mut self, root: &Table, names: &mut Names) -> Vec<PlantRecipe> {
+        let Some(table) = self.table(root, "", "plants") else {
+            if !self.report.has_errors() && ["clouds", "terrain", "layer"].iter().all(|t| root.get(t).is_none()) {
+                let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
+                self.report.push(d.help("add [plants.tree] with grammar = \"oak.l\""));
+            }
+            return Vec::new();
+        };
+        let mut plants = Vec::new();
+        for entry in &table.entries {
+            let Value::Table(plant) = &entry.node.value else {
+                self.report.push(*wrong(&format!("plants.{}", entry.key), &entry.node, "a table"));
+                continue;
+            };
+            let id = names.unique(&entry.key);
+            plants.extend(self.plant(&entry.key, id, entry.key_span, plant));
+        }
+        plants
+    }
+
+    fn plant(&mut self, name: &str, id: String, span: Span, table: &Table) -> Option<PlantRecipe> {
+        let path = format!("plants.{name}");
+        let told = self.report.diagnostics.len();
+        let mut keys = PlantKeys::read(Some(table), &path, &mut self.report);
+        let misread = self.report.diagnostics.len() > told;
+        keys.steps = self.request.steps.or(keys.steps);
+        let turtle: TurtleKeys = self.section_at(table, &path, "turtle");
+        let mut organs = self.organs(table, &path);
+        let bark: BarkKeys = self.section_at(table, &path, "bark");
+        let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
+        self.shoot_defaults(table, &mut shoot);
+        let skin = self.section_at(table, &path, "skin");
+        let wood = self.section_at(table, &path, "wood");
+        let grains = [self.grain(&bark)?, self.grain(&shoot)?];
+        let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
+            _ if keys.mesh.is_some() => {
+                let (mesh, import) = self.modelled(&keys, &path, table)?;
+                let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
+                organs = vec![OrganRecipe { letter: 'l', keys: flutter, ifs: None, mesh: None }];
+                (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
+            }
+            (Some(reference), _) => {
+                let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
+                let grammar = self.grammar(&file, &keys)?;
+                let letters = grammar.organ_symbols();
+                (Growth::Grammar(Box::new(grammar)), file.shown, letters)
+            }
+            (None, Some(reference)) => {
+                let tree: TreeKeys = self.section_at(table, &path, "tree");
+                let (stems, source) = self.stems(reference, &tree)?;
+                (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
+            }
+            // A misspelt or unreadable `grammar` has been named already.
+            (None, None) if misread => return None,
+            (None, None) => {
+                let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
+                let help = "add grammar = \"NAME.l\", or mesh = \"FILE\"; `osier list presets` shows those in the binary";
+                self.report.push(d.help(help));
+                return None;
+            }
+        };
+        for letter in letters {
+            if !organs.iter().any(|o| o.letter == letter) {
+                organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), ifs: None, mesh: None });
+            }
+        }
+        Some(PlantRecipe {
+            name: name.into(),
+            id,
+            growth,
+            source,
+            turtle,
+            organs,
+            bark,
+            shoot,
+            grains,
+            skin,
+            wood,
+            keys,
+        })
+    }
+
+    /// Reads the mesh of a whole plant: its name for people, and what it holds.
+    fn modelled(&mut self, keys: &PlantKeys, path: &str, table: &Table) -> Option<((String, Imported), ImportKeys)> {
+        for entry in table.entries.iter().filter(|e| GROWN.contains(&e.key.as_str())) {
+            let text = format!("{path}.{} has no effect on a mesh", entry.key);
+            let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+            self.report.push(d.help("a mesh keeps its own shape, leaves and materials; how it is read stands in import"));
+        }
+        let import: ImportKeys = self.section_at(table, path, "import");
+        if words(&import.leaf_pattern).is_empty() {
+            let span = span_of(table, &["import", "leaf_pattern"]).unwrap_or(self.whole);
+            let text = format!("{path}.import.leaf_pattern names no word");
+            let d = Diagnostic::error("S003", text, span, "no word");
+            self.report.push(d.help("words stand between bars: \"leaf|needle\"; one that no name holds leaves shape to decide"));
+            return None;
+        }
+        let reference = keys.mesh.as_ref()?;
+        let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
+        let wanted = (import.mesh_up, import.mesh_scale, MaterialClass::Bark);
+        let mesh = self.import(&file, wanted, reference.span)?;
+        Some(((file.shown, mesh), import))
+    }
+
+    /// The table of a bark; the outer `None` if it cannot be read.
+    #[allow(clippy::option_option, reason = "a table that fails is not the same as no table")]
+    fn grain(&mut self, bark: &BarkKeys) -> Option<Option<Arc<Ifs>>> {
+        match &bark.ifs {
+            Some(r) => Some(Some(Arc::new(self.plane_table(r, &bark.system, "a bark is tiled")?))),
+            None => Some(None),
+        }
+    }
+
+    /// Thin axes are smooth and greenish unless the scene says otherwise.
+    fn shoot_defaults(&self, plant: &Table, shoot: &mut BarkKeys) {
+        let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(Value::Table(t)) if t.get(key).is_some());
+        if !given("kind") {
+            shoot.kind = BarkKind::Shoot;
+        }
+        if !given("side") {
+            shoot.side = 256;
+        }
+    }
+
+    fn organs(&mut self, plant: &Table, path: &str) -> Vec<OrganRecipe> {
+        let mut organs = Vec::new();
+        if let Some(table) = self.table(plant, path, "leaf") {
+            organs.extend(self.organ('l', &join(path, "leaf"), table));
+        }
+        if let Some(table) = self.table(plant, path, "organs") {
+            for e in &table.entries {
+                let full = format!("{path}.organs.{}", e.key);
+                let mut letters = e.key.chars();
+                match (&e.node.value, letters.next(), letters.next()) {
+                    (Value::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
+                    (Value::Table(_), ..) => {
+                        let d = Diagnostic::error("S003", format!("organ \"{}\" is no letter", e.key), e.key_span, "");
+                        self.report.push(d.help("organs are named by the one letter that follows '~' in the grammar"));
+                    }
+                    _ => self.report.push(*wrong(&full, &e.node, "a table")),
+                }
+            }
+        }
+        organs
+    }
+
+    fn organ(&mut self, letter: char, path: &str, table: &Table) -> Option<OrganRecipe> {
+        let keys = OrganKeys::read(Some(table), path, &mut self.report);
+        let mesh = match &keys.mesh {
+            Some(r) => {
+                let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
+                let wanted = (keys.mesh_up, keys.mesh_scale, MaterialClass::Leaf);
+                Some(Arc::new(self.import(&file, wanted, r.span)?))
+            }
+            None => None,
+        };
+        let ifs = match keys.ifs.clone() {
+            Some(r) => Some(Arc::new(self.plane_table(&r, &keys.system, "a leaf is drawn")?)),
+            None => None,
+        };
+        Some(OrganRecipe { letter, keys, ifs, mesh })
+    }
+
+    /// Parses a grammar; the files that it includes take part in the scene's hash.
+    fn grammar(&mut self, file: &Found, keys: &PlantKeys) -> Option<Grammar> {
+        let library = &self.request.library;
+        let limit = self.request.limits.get("text-bytes");
+        let mut paths = BTreeMap::from([(file.shown.clone(), file.path.clone())]);
+        let inputs = &mut self.inputs;
+        let mut includes = |reference: &str, from: &str| {
+            let beside = paths.get(from).cloned().unwrap_or_default();
+            let found = library.find_beside(&beside, reference, limit).map_err(|why| {
+                let missing = std::io::Error::other(why.to_string());
+                Error::io("open", reference, missing)
+            })?;
+            inputs.push(blake3::hash(&found.bytes));
+            paths.insert(found.shown.clone(), found.path);
+            Ok((found.shown, found.bytes.to_vec()))
+        };
+        let defines = keys.set.iter().map(|(name, value)| (name.clone(), value.to_string())).collect();
+        let source =
+            grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
+        let mut sources = Sources::default();
+        let parsed = grammar::parse(&mut sources, source, &self.request.limits);
+        let (grammar, diagnostics) = self.told(parsed, file)?;
+        self.report.extend(Report { sources, diagnostics });
+        self.unused(&grammar, keys);
+        Some(grammar)
+    }
+
+    /// S007 for values that no #define of the grammar takes.
+    fn unused(&mut self, grammar: &Grammar, keys: &PlantKeys) {
+        let known: Vec<&str> = grammar.defines().iter().map(|d| d.name.as_str()).collect();
+        for (name, _) in keys.set.iter().filter(|(name, _)| !known.contains(&name.as_str())) {
+            let near = nearest(name, known.iter().copied());
+            let help = match near {
+                Some(near) => format!("did you mean \"{near}\"?"),
+                None => format!("its #defines: {}", known.join(", ")),
+            };
+            let message = format!("the grammar has no #define \"{name}\"");
+            self.report.push(Diagnostic { help: Some(help), ..Diagnostic::about("S007", message) });
+        }
+    }
+
+    /// Reads an artist's mesh; the files that it names take part in the scene's hash.
+    fn import(
+        &mut self,
+        file: &Found,
+        (up, scale, class): (Up, f64, MaterialClass),
+        span: Span,
+    ) -> Option<Imported> {
+        let request = self.request;
+        let options = import::Options {
+            roots: request.library.roots(),
+            limits: &request.limits,
+            up: if up == Up::Z { import::Up::Z } else { import::Up::Y },
+            scale: crate::math::narrow(scale),
+            class,
+        };
+        match import::read(&file.path, &file.bytes, &options) {
+            Ok(mut imported) => {
+                self.report.extend(std::mem::take(&mut imported.warnings));
+                let others = imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3));
+                self.inputs.extend(others);
+                Some(imported)
+            }
+            Err(Error::Input(faults)) => {
+                self.report.extend(*faults);
+                None
+            }
+            Err(other) => {
+                self.report.push(Diagnostic::error("S005", other.to_string(), span, "this reference"));
+                None
+            }
+        }
+    }
+}
