@@ -39,7 +39,7 @@ fn recipe(set: &[&str]) -> Recipe {
 
 fn birch(work: &Work<'_>) -> Plant {
     let recipe = recipe(&[]);
-    let look = of_plant(&recipe.plants[0], recipe.seed).expect("look");
+    let look = of_plant(&recipe.plants[0], recipe.seed, work.cancel).expect("look");
     let (layout, _) = lay_out_all(&recipe, work).expect("layout");
     grow(&recipe.plants[0], &layout.individuals[0], &look, work).expect("plant").plant
 }

@@ -1,4 +1,4 @@
-//! Grammars, scenes and coefficient tables that travel in the binary.
+//! Grammars, scenes, coefficient tables and meshes that travel in the binary.
 
 /// A text in the binary.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,6 +55,8 @@ pub const PRESETS: &[Preset] = presets! {
     "ifs-tables" / "sun.ifs",
     "ifs-tables" / "sympodial.ifs",
     "ifs-tables" / "sympodial.ifs.toml",
+    "meshes" / "young-tree.obj",
+    "scenes" / "young-tree.toml",
 };
 
 /// The preset of exactly this file name.
@@ -76,7 +78,7 @@ mod tests {
     fn every_file_of_the_folders_is_in_the_binary() {
         assert!(PRESETS.windows(2).all(|w| w[0].name < w[1].name), "sorted");
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-        for folder in ["grammars", "scenes", "ifs-tables"] {
+        for folder in ["grammars", "scenes", "ifs-tables", "meshes"] {
             for entry in std::fs::read_dir(root.join(folder)).expect("folder") {
                 let name = entry.expect("entry").file_name().to_string_lossy().into_owned();
                 assert!(find(&name).is_some(), "{folder}/{name} is not listed in presets.rs");

@@ -54,7 +54,9 @@ fn growing() -> impl Iterator<Item = &'static Preset> {
     let crowd = |p: &Preset| p.text.contains("[sway]") && p.text.contains("individuals");
     let other =
         move |p: &Preset| points(p) || crowd(p) || p.text.contains("[[layer]]") || p.text.contains("[[scatter]]");
-    PRESETS.iter().filter(move |p| !p.name.ends_with(".ifs") && !other(p))
+    // What an artist modelled is judged in mesh_plants.rs.
+    let modelled = |p: &Preset| p.name.ends_with(".obj") || p.text.contains("\nmesh = ");
+    PRESETS.iter().filter(move |p| !p.name.ends_with(".ifs") && !other(p) && !modelled(p))
 }
 
 /// What was found in some meshes.

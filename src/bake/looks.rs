@@ -16,10 +16,13 @@ use crate::progress::Cancel;
 use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, ImportKeys, OrganKeys};
 use crate::recipe::{Growth, OrganRecipe, PlantRecipe, words};
 use crate::rng::{mix64, word};
-use crate::scene::{Image, Maps, Material, MaterialClass};
+use crate::scene::{Image, Maps, Material, MaterialClass, Mesh};
 use crate::surface::bark::{BarkSpec, bark};
 use crate::surface::ground::{Ground, GroundColors, ground_material};
 use crate::surface::leaf::{self, BladeSpec, Form, LeafColors, Teeth};
+
+/// Light let through by imported leaves.
+const LEAF_LIGHT: f32 = 0.3;
 
 /// Materials, pictures and organs of one plant. Maps index `images`, prototypes' subsets index `materials`.
 #[derive(Debug, Clone, Default)]
@@ -87,12 +90,7 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
 }
 
 /// An artist's plant with its own materials, and the skeleton that is found in it.
-fn modelled(
-    plant: &PlantRecipe,
-    (import, keys): (&Imported, &ImportKeys),
-    seed: u64,
-    cancel: &Cancel,
-) -> Result<Look> {
+fn modelled(plant: &PlantRecipe, (import, keys): (&Imported, &ImportKeys), seed: u64, cancel: &Cancel) -> Result<Look> {
     let options = mesh::Options {
         name: plant.source.clone(),
         leaf_words: words(&keys.leaf_pattern),
@@ -100,18 +98,35 @@ fn modelled(
         root: keys.root.map(|p| Vec3::from_array(p.map(narrow))),
         seed: mix64(&[seed, plant.keys.seed, word(&plant.name)]),
     };
-    let tree = mesh::skeleton(import, &options, cancel)?;
+    let mut tree = mesh::skeleton(import, &options, cancel)?;
     let mut look = Look { names: vec!["leaf".into()], ..Look::default() };
     wear(&mut look, import, &plant.id);
-    for proto in &tree.plant.protos {
-        for s in &proto.mesh.subsets {
-            if let Some(m) = look.materials.get_mut(s.material as usize) {
-                m.class = MaterialClass::Leaf;
-            }
+    let mut leafy: BTreeMap<u32, u32> = BTreeMap::new();
+    for proto in &mut tree.plant.protos {
+        for s in &mut Arc::make_mut(&mut proto.mesh).subsets {
+            let own = leafy.entry(s.material).or_insert_with(|| leaf_side(&mut look, &tree.wood, s.material));
+            s.material = *own;
         }
     }
     look.tree = Some(Arc::new(tree));
     Ok(look)
+}
+
+/// The material of blades that have `material` in the file: seen from both sides, and with some light let through where
+/// the file says nothing of it. What the wood wears, too, stays as it is.
+fn leaf_side(look: &mut Look, wood: &Mesh, material: u32) -> u32 {
+    let Some(own) = look.materials.get_mut(material as usize) else { return material };
+    let mut leaf = Material { class: MaterialClass::Leaf, double_sided: true, ..own.clone() };
+    if leaf.translucency <= 0.0 {
+        leaf.translucency = LEAF_LIGHT;
+    }
+    if wood.subsets.iter().all(|s| s.material != material) {
+        *own = leaf;
+        return material;
+    }
+    leaf.name = format!("{}_leaf", leaf.name);
+    look.materials.push(leaf);
+    index(look.materials.len() - 1)
 }
 
 /// Adds the materials and pictures of an artist's file; where the materials begin.

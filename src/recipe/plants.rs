@@ -9,18 +9,17 @@ use super::resolve::{Resolver, span_of};
 use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, TurtleKeys, Up};
 use super::tree::{Table, Value};
 use super::{Found, Growth, OrganRecipe, PlantRecipe};
+use crate::Error;
 use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use crate::fence::Names;
 use crate::grammar::{self, Grammar};
 use crate::ifs::Ifs;
 use crate::import::{self, Imported};
 use crate::scene::MaterialClass;
-use crate::Error;
 
 /// Keys and tables that say how a plant grows or what it wears.
-const GROWN: &[&str] = &[
-    "grammar", "ifs", "steps", "set", "stochastic", "turtle", "tree", "leaf", "organs", "bark", "shoot", "skin",
-];
+const GROWN: &[&str] =
+    &["grammar", "ifs", "steps", "set", "stochastic", "turtle", "tree", "leaf", "organs", "bark", "shoot", "skin"];
 
 /// Words between bars, in lower case.
 pub fn words(pattern: &str) -> Vec<String> {
@@ -62,6 +61,11 @@ impl Resolver<'_> {
         let skin = self.section_at(table, &path, "skin");
         let wood = self.section_at(table, &path, "wood");
         let grains = [self.grain(&bark)?, self.grain(&shoot)?];
+        if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
+            let d =
+                Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
+            self.report.push(d.help("it says how a mesh is read: name one with mesh = \"FILE\""));
+        }
         let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.modelled(&keys, &path, table)?;
@@ -84,7 +88,8 @@ impl Resolver<'_> {
             (None, None) if misread => return None,
             (None, None) => {
                 let d = Diagnostic::error("S006", format!("[{path}] names no grammar"), span, "no grammar here");
-                let help = "add grammar = \"NAME.l\", or mesh = \"FILE\"; `osier list presets` shows those in the binary";
+                let help =
+                    "add grammar = \"NAME.l\", or mesh = \"FILE\"; `osier list presets` shows those in the binary";
                 self.report.push(d.help(help));
                 return None;
             }
@@ -115,14 +120,17 @@ impl Resolver<'_> {
         for entry in table.entries.iter().filter(|e| GROWN.contains(&e.key.as_str())) {
             let text = format!("{path}.{} has no effect on a mesh", entry.key);
             let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
-            self.report.push(d.help("a mesh keeps its own shape, leaves and materials; how it is read stands in import"));
+            self.report
+                .push(d.help("a mesh keeps its own shape, leaves and materials; how it is read stands in import"));
         }
         let import: ImportKeys = self.section_at(table, path, "import");
         if words(&import.leaf_pattern).is_empty() {
             let span = span_of(table, &["import", "leaf_pattern"]).unwrap_or(self.whole);
             let text = format!("{path}.import.leaf_pattern names no word");
             let d = Diagnostic::error("S003", text, span, "no word");
-            self.report.push(d.help("words stand between bars: \"leaf|needle\"; one that no name holds leaves shape to decide"));
+            self.report.push(
+                d.help("words stand between bars: \"leaf|needle\"; one that no name holds leaves shape to decide"),
+            );
             return None;
         }
         let reference = keys.mesh.as_ref()?;
@@ -233,12 +241,7 @@ impl Resolver<'_> {
     }
 
     /// Reads an artist's mesh; the files that it names take part in the scene's hash.
-    fn import(
-        &mut self,
-        file: &Found,
-        (up, scale, class): (Up, f64, MaterialClass),
-        span: Span,
-    ) -> Option<Imported> {
+    fn import(&mut self, file: &Found, (up, scale, class): (Up, f64, MaterialClass), span: Span) -> Option<Imported> {
         let request = self.request;
         let options = import::Options {
             roots: request.library.roots(),

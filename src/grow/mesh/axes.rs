@@ -38,9 +38,11 @@ impl Skin {
 
     /// Distances from the line through `p` along `t`, with areas, of what lies at `along` or farther.
     fn distances(&self, p: DVec3, t: DVec3, along: f64) -> Vec<(f64, f64)> {
-        let side = self.points.iter().zip(&self.areas).filter(|((q, n), _)| {
-            n.dot(t.as_vec3()).abs() < END && (q.as_dvec3() - p).dot(t) >= along
-        });
+        let side = self
+            .points
+            .iter()
+            .zip(&self.areas)
+            .filter(|((q, n), _)| n.dot(t.as_vec3()).abs() < END && (q.as_dvec3() - p).dot(t) >= along);
         side.map(|((q, _), area)| {
             let d = q.as_dvec3() - p;
             ((d - t * d.dot(t)).length(), *area)

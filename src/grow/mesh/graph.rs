@@ -150,8 +150,7 @@ impl Graph {
     }
 
     fn ends(&self, of: &[u32]) -> Vec<u32> {
-        let mut ends: Vec<u32> =
-            of.iter().copied().filter(|n| self.nodes[*n as usize].beside.len() < 2).collect();
+        let mut ends: Vec<u32> = of.iter().copied().filter(|n| self.nodes[*n as usize].beside.len() < 2).collect();
         ends.sort_unstable();
         ends.dedup();
         ends

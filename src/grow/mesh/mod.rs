@@ -225,13 +225,16 @@ impl Tree {
         if let Some(i) = left.large.first() {
             let size = leaves::bounds(&imported.mesh, &parts.blades[*i]).size().max_element();
             let n = left.large.len();
-            let message = format!("\"{file}\": {n} leaves are as large as a quarter of the plant, the first {size:.2} m; they do not flutter");
+            let message = format!(
+                "\"{file}\": {n} leaves are as large as a quarter of the plant, the first {size:.2} m; they do not flutter"
+            );
             let help = "separate the leaves: those that share vertices are one";
             self.report.push(Diagnostic::about("X019", message).help(help));
         }
         if !left.strange.is_empty() {
             let n = left.strange.len();
-            let message = format!("\"{file}\": {n} leaves differ from all others; they ride on their twigs and do not flutter");
+            let message =
+                format!("\"{file}\": {n} leaves differ from all others; they ride on their twigs and do not flutter");
             let help = "copy a few leaves instead of shaping each: 4096 shapes are kept apart";
             self.report.push(Diagnostic::about("X019", message).help(help));
         }

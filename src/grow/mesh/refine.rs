@@ -64,7 +64,8 @@ impl Fine {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 4096")]
             let parts = (points[a].distance(points[b]) / longest).ceil().clamp(1.0, 4096.0) as u16;
             let room = points.len() + usize::from(parts) < MOST;
-            let cut = Cut { first: u32::try_from(points.len()).unwrap_or(u32::MAX), count: if room { parts - 1 } else { 0 } };
+            let cut =
+                Cut { first: u32::try_from(points.len()).unwrap_or(u32::MAX), count: if room { parts - 1 } else { 0 } };
             for k in 1..=cut.count {
                 let t = f32::from(k) / f32::from(parts);
                 points.push(points[a].lerp(points[b], t));

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
+use crate::math::{cos_f32, sin_f32};
 use crate::scene::Material;
 
 /// The surface where `f` is 0, over a box of cubes, cut into tetrahedra.
@@ -31,7 +32,9 @@ fn surface(f: impl Fn(Vec3) -> f32, [low, high]: [Vec3; 2], step: f32) -> Mesh {
                     let mut polygon: Vec<u32> = match (inside.as_slice(), outside.as_slice()) {
                         ([i], out) => out.iter().map(|o| point(*i, *o, &mut mesh)).collect(),
                         (inn, [o]) => inn.iter().map(|i| point(*i, *o, &mut mesh)).collect(),
-                        ([i, j], [o, p]) => [(i, o), (i, p), (j, p), (j, o)].map(|(i, o)| point(*i, *o, &mut mesh)).to_vec(),
+                        ([i, j], [o, p]) => {
+                            [(i, o), (i, p), (j, p), (j, o)].map(|(i, o)| point(*i, *o, &mut mesh)).to_vec()
+                        }
                         _ => continue,
                     };
                     if polygon.len() < 3 {
@@ -102,7 +105,7 @@ fn tube(points: &[(Vec3, f32)], sides: u32) -> Mesh {
         let (x, y) = (crate::math::perpendicular(t), crate::math::perpendicular(t).cross(t));
         for k in 0..sides {
             let a = k as f32 / sides as f32 * std::f32::consts::TAU;
-            mesh.points.push(*p + (x * a.cos() - y * a.sin()) * *r);
+            mesh.points.push(*p + (x * cos_f32(a) - y * sin_f32(a)) * *r);
         }
     }
     for i in 0..n as u32 - 1 {
@@ -165,7 +168,10 @@ fn a_bent_tube_is_followed_round_its_corner() {
         // It cuts the corner by less than half its radius.
         let near_corner = p.distance(b) < 0.06;
         assert!(off < if near_corner { 0.012 } else { 0.002 }, "{off} at {p}");
-        assert!((r / 0.02 - 1.0).abs() < 0.1 || near_corner || p.distance(a) < 0.03 || p.distance(c) < 0.03, "{r} at {p}");
+        assert!(
+            (r / 0.02 - 1.0).abs() < 0.1 || near_corner || p.distance(a) < 0.03 || p.distance(c) < 0.03,
+            "{r} at {p}"
+        );
     }
     assert!(nodes[0].0.y < 0.0 && nodes[nodes.len() - 1].0.x > 0.4, "root lowest, tip at the far end");
 }
@@ -247,8 +253,8 @@ fn leafy() -> Mesh {
     let mut leaves = Mesh::default();
     for k in 0..30 {
         let a = k as f32 * 2.4;
-        let out = Vec3::new(a.cos(), 0.3, a.sin());
-        let p = Vec3::new(a.cos() * 0.05, 0.5 + 0.04 * k as f32, a.sin() * 0.05);
+        let out = Vec3::new(cos_f32(a), 0.3, sin_f32(a));
+        let p = Vec3::new(cos_f32(a) * 0.05, 0.5 + 0.04 * k as f32, sin_f32(a) * 0.05);
         leaves.append(&leaf(p, out, Vec3::Y, 0.1 + 0.002 * k as f32));
     }
     mesh.append(&leaves);
