@@ -74,13 +74,7 @@ fn a_grown_tree_read_back_has_its_skeleton() {
     let (a, b) = (length(&own), length(&found));
     assert!((b / a - 1.0).abs() < 0.05, "length {b} for {a}");
     let main = |p: &Plant| p.axes.iter().filter(|x| x.order <= 1).count();
-    println!(
-        "axes {} for {}, main {} for {}, length {b} for {a}",
-        found.axes.len(),
-        own.axes.len(),
-        main(&found),
-        main(&own)
-    );
+    assert_eq!(main(&found), main(&own), "axes of order 0 and 1");
     assert_eq!(found.axes.len(), own.axes.len());
     let trunk = |p: &Plant, y: f32| p.frame(&p.axes[0], y).r;
     for y in [0.2, 0.5] {
@@ -125,7 +119,6 @@ fn in_the_wind_the_foot_stays_the_tips_move_and_nothing_tears() {
         }
         assert!(tips > 0.02, "{motion}: the top moves by {tips} m alone");
         assert!(most < 0.08, "{motion}: an edge changes by {:.1} %", most * 100.0);
-        println!("{motion}: tips {tips} m, edges within {:.2} %", most * 100.0);
     }
 }
 
