@@ -139,3 +139,17 @@ fn what_has_no_effect_or_cannot_be_is_said() {
     assert!(said(TREE, &["wind.speed=61"]).starts_with("S004"));
     assert!(said(TREE, &["sway.paper_recoil=1"]).starts_with("S004"), "the recursion would never end");
 }
+
+#[test]
+fn a_bake_says_what_blender_does_not_read() {
+    let dir = tempfile::tempdir().expect("dir");
+    fs::write(dir.path().join("t.toml"), TREE).expect("scene");
+    let said = |fps: &str| {
+        let mut osier = Command::cargo_bin("osier").expect("osier");
+        let args = ["bake", "t.toml", "-o", fps, "--formats", "usd", "--frames", "1-2", "--set"];
+        let out = osier.current_dir(dir.path()).args(args).arg(format!("frames.fps={fps}")).assert().success();
+        String::from_utf8_lossy(&out.get_output().stdout).into_owned()
+    };
+    assert!(said("30").contains("first set Output > Frame Rate to 30"));
+    assert!(!said("24").contains("Frame Rate"));
+}

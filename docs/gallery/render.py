@@ -3,9 +3,11 @@
 
     python render.py out/showcase/showcase.usda picture.png [--frame 36] [--size 800x800] [--samples 96]
                      [--eye x,y,z --target x,y,z --fov 35] [--plain] [--sun elevation,azimuth]
+                     [--haze visibility]
 
 Needs Blender's Python module (pip install bpy==5.0.1). Positions are osier's: metres, +Y up. Without --eye the file's own
-camera is used if it has one, else the bounds are fitted. --plain adds a ground and is meant for single plants.
+camera is used if it has one, else the bounds are fitted. --plain adds a ground and is meant for single plants. --haze is
+a scene's [fog] visibility, m, laid over the picture by depth: USD has no word for it.
 """
 
 import argparse
@@ -29,6 +31,7 @@ def arguments():
     p.add_argument("--fov", type=float, default=35.0, help="vertical, degrees")
     p.add_argument("--sun", default="38,135", help="elevation, azimuth from +Z towards +X, degrees")
     p.add_argument("--exposure", type=float, default=0.0)
+    p.add_argument("--haze", type=float, help="visibility, m")
     p.add_argument("--plain", action="store_true")
     return p.parse_args(sys.argv[1:])
 
@@ -114,6 +117,39 @@ def set_light(scene, a):
     nodes["Background"].inputs["Strength"].default_value = 0.75
 
 
+def add_haze(scene, visibility):
+    """Mixes what is far with the colour of the horizon: of light from a distance d, exp(-3.912 d / visibility) arrives."""
+    scene.view_layers[0].use_pass_mist = True
+    scene.world.mist_settings.start, scene.world.mist_settings.depth = 0.0, visibility
+    scene.world.mist_settings.falloff = "LINEAR"
+    tree = bpy.data.node_groups.new("haze", "CompositorNodeTree")
+    tree.interface.new_socket(name="Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    scene.compositing_node_group = tree
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    power = tree.nodes.new("ShaderNodeMath")
+    power.operation = "POWER"
+    power.inputs[0].default_value = math.exp(-3.912)
+    # The sky is hazed already: its horizon takes the haze's colour.
+    haze = (0.58, 0.71, 0.82, 1)
+    next(n for n in scene.world.node_tree.nodes if n.type == "VALTORGB").color_ramp.elements[0].color = haze
+    sky = tree.nodes.new("ShaderNodeMath")
+    sky.operation = "GREATER_THAN"
+    sky.inputs[1].default_value = 0.9999
+    clear = tree.nodes.new("ShaderNodeMath")
+    clear.operation = "MAXIMUM"
+    mix = tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "RGBA"
+    mix.inputs[6].default_value = haze
+    out = tree.nodes.new("NodeGroupOutput")
+    tree.links.new(layers.outputs["Mist"], power.inputs[1])
+    tree.links.new(layers.outputs["Mist"], sky.inputs[0])
+    tree.links.new(power.outputs[0], clear.inputs[0])
+    tree.links.new(sky.outputs[0], clear.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[0])
+    tree.links.new(layers.outputs["Image"], mix.inputs[7])
+    tree.links.new(mix.outputs[2], out.inputs[0])
+
+
 def add_ground(scene):
     low, _ = bounds()
     bpy.ops.mesh.primitive_plane_add(size=200, location=(0, 0, min(low.z, 0.0)))
@@ -134,6 +170,8 @@ def main():
     set_light(scene, a)
     if a.plain:
         add_ground(scene)
+    if a.haze:
+        add_haze(scene, a.haze)
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
     scene.cycles.samples = a.samples

@@ -137,14 +137,15 @@ fn summary(context: &Context, root: &Path, recipe: &Recipe, current: bool) -> Re
     let has = |ending: &str| files.iter().map(|f| f.0.as_str()).find(|p| p.ends_with(ending));
     let shown = |path: &str| root.join(path).display().to_string();
     let name = &recipe.name;
+    let rate = frame_rate(recipe);
     let mut open = |program: &str, how: String| text += &format!("  {program:12} {how}\n");
     if has(&format!("{name}.usda")).is_some() {
         let path = shown(&format!("{name}.usda"));
-        open("Blender 4+", format!("File > Import > USD: {path}"));
+        open("Blender 4+", format!("File > Import > USD: {path}{rate}"));
         open("usdview", format!("usdview {path}"));
     }
     if let Some(path) = has(&format!("{name}.blender.glb")) {
-        open("Blender", format!("File > Import > glTF: {}", shown(path)));
+        open("Blender", format!("File > Import > glTF: {}{rate}", shown(path)));
     }
     if let Some(path) = has(&format!("{name}.web.glb")) {
         open("browsers", format!("drop {} onto a glTF viewer", shown(path)));
@@ -156,4 +157,15 @@ fn summary(context: &Context, root: &Path, recipe: &Recipe, current: bool) -> Re
         open("anything", format!("meshes at rest: {}", shown(path)));
     }
     context.console.result(&text)
+}
+
+/// What Blender must be told: it takes the frames from a file, not how many a second there are.
+fn frame_rate(recipe: &Recipe) -> String {
+    const BLENDERS_OWN: f64 = 24.0;
+    let fps = recipe.clip.fps();
+    if recipe.moves && fps != BLENDERS_OWN {
+        format!(" (first set Output > Frame Rate to {fps})")
+    } else {
+        String::new()
+    }
 }
