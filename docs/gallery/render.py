@@ -7,7 +7,7 @@
 
 Needs Blender's Python module (pip install bpy==5.0.1). Positions are osier's: metres, +Y up. Without --eye the file's own
 camera is used if it has one, else the bounds are fitted. --plain adds a ground and is meant for single plants. --haze is
-a scene's [fog] visibility, m, laid over the picture by depth: USD has no word for it.
+a scene's [fog] visibility, m, put into the materials: USD has no word for it.
 """
 
 import argparse
@@ -118,36 +118,37 @@ def set_light(scene, a):
 
 
 def add_haze(scene, visibility):
-    """Mixes what is far with the colour of the horizon: of light from a distance d, exp(-3.912 d / visibility) arrives."""
-    scene.view_layers[0].use_pass_mist = True
-    scene.world.mist_settings.start, scene.world.mist_settings.depth = 0.0, visibility
-    scene.world.mist_settings.falloff = "LINEAR"
-    tree = bpy.data.node_groups.new("haze", "CompositorNodeTree")
-    tree.interface.new_socket(name="Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    scene.compositing_node_group = tree
-    layers = tree.nodes.new("CompositorNodeRLayers")
-    power = tree.nodes.new("ShaderNodeMath")
-    power.operation = "POWER"
-    power.inputs[0].default_value = math.exp(-3.912)
-    # The sky is hazed already: its horizon takes the haze's colour.
+    """Mixes what the camera sees with the colour of the horizon: of light from a distance d, exp(-3.912 d / visibility)
+    arrives."""
     haze = (0.58, 0.71, 0.82, 1)
-    next(n for n in scene.world.node_tree.nodes if n.type == "VALTORGB").color_ramp.elements[0].color = haze
-    sky = tree.nodes.new("ShaderNodeMath")
-    sky.operation = "GREATER_THAN"
-    sky.inputs[1].default_value = 0.9999
-    clear = tree.nodes.new("ShaderNodeMath")
-    clear.operation = "MAXIMUM"
-    mix = tree.nodes.new("ShaderNodeMix")
-    mix.data_type = "RGBA"
-    mix.inputs[6].default_value = haze
-    out = tree.nodes.new("NodeGroupOutput")
-    tree.links.new(layers.outputs["Mist"], power.inputs[1])
-    tree.links.new(layers.outputs["Mist"], sky.inputs[0])
-    tree.links.new(power.outputs[0], clear.inputs[0])
-    tree.links.new(sky.outputs[0], clear.inputs[1])
-    tree.links.new(clear.outputs[0], mix.inputs[0])
-    tree.links.new(layers.outputs["Image"], mix.inputs[7])
-    tree.links.new(mix.outputs[2], out.inputs[0])
+    ramp = next(n for n in scene.world.node_tree.nodes if n.type == "VALTORGB")
+    ramp.color_ramp.elements[0].color = haze
+    for material in bpy.data.materials:
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        out = next((n for n in nodes if n.type == "OUTPUT_MATERIAL" and n.inputs["Surface"].links), None)
+        if out is None:
+            continue
+        path, arrives, hidden = (nodes.new(f"ShaderNode{kind}") for kind in ("LightPath", "Math", "Math"))
+        arrives.operation = "POWER"
+        arrives.inputs[0].default_value = math.exp(-3.912 / visibility)
+        links.new(path.outputs["Ray Length"], arrives.inputs[1])
+        # Only what the camera sees: camera - arrives * camera.
+        hidden.operation = "MULTIPLY_ADD"
+        invert = nodes.new("ShaderNodeMath")
+        invert.operation = "MULTIPLY"
+        invert.inputs[1].default_value = -1.0
+        links.new(arrives.outputs[0], invert.inputs[0])
+        camera = path.outputs["Is Camera Ray"]
+        links.new(invert.outputs[0], hidden.inputs[0])
+        links.new(camera, hidden.inputs[1])
+        links.new(camera, hidden.inputs[2])
+        light, mix = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeMixShader")
+        light.inputs["Color"].default_value = haze
+        light.inputs["Strength"].default_value = 0.75
+        links.new(hidden.outputs[0], mix.inputs[0])
+        links.new(out.inputs["Surface"].links[0].from_socket, mix.inputs[1])
+        links.new(light.outputs[0], mix.inputs[2])
+        links.new(mix.outputs[0], out.inputs["Surface"])
 
 
 def add_ground(scene):
