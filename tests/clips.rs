@@ -47,8 +47,12 @@ const NUMBERS: [u32; 3] = [1, 60, 120];
 
 /// The stage as the library has it.
 fn stage(motion: &str) -> Stage {
+    staged(TREE, motion)
+}
+
+fn staged(text: &str, motion: &str) -> Stage {
     let set = vec![format!("plants.tree.motion=\"{motion}\"")];
-    let request = Request { name: "tree".into(), text: TREE.into(), set, ..Request::default() };
+    let request = Request { name: "tree".into(), text: text.into(), set, ..Request::default() };
     let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
     build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
 }
@@ -59,7 +63,11 @@ fn frames(stage: &Stage) -> Vec<Frame> {
 
 /// The same from the program.
 fn bake(folder: &Path, motion: &str, formats: &str) {
-    std::fs::write(folder.join("tree.toml"), TREE).expect("scene");
+    baked(folder, TREE, motion, formats);
+}
+
+fn baked(folder: &Path, text: &str, motion: &str, formats: &str) {
+    std::fs::write(folder.join("tree.toml"), text).expect("scene");
     let mut osier = Command::new(env!("CARGO_BIN_EXE_osier"));
     osier.current_dir(folder).args(["-q", "bake", "tree.toml", "-o", motion, "--formats", formats]);
     clients::run(osier.args(["--set", &format!("plants.tree.motion=\"{motion}\"")]));
@@ -103,6 +111,27 @@ fn blender_5_plays_the_stage_cached_and_skinned() {
         let said = clients::python_script(&python, "showcase.py", &["usd", &usd.to_string_lossy(), &file]);
         let said = String::from_utf8_lossy(&said.stdout).into_owned();
         assert!(said.contains("\"worst\""), "{motion}: {said}");
+    }
+}
+
+/// Copies at rest are held once; copies of a cache, some of them at one phase, some not, must not be: Blender mixes them up.
+#[test]
+fn blender_5_plays_copies_with_phases_and_shares_those_at_rest() {
+    let Some(python) = clients::python() else { return };
+    let text = TREE.replace("at = [1.5, 0, -2]", "count = 8\nindividuals = 1\nradius = 4");
+    for motion in ["cache", "still"] {
+        let stage = staged(&text, motion);
+        let phases = stage.scene.placements.iter().map(|p| p.phase).collect::<std::collections::BTreeSet<_>>();
+        assert!(motion == "still" || (2..8).contains(&phases.len()), "some alike, some not: {phases:?}");
+        let dir = tempfile::tempdir().expect("dir");
+        baked(dir.path(), &text, motion, "usd");
+        let usd = dir.path().join(motion).join("tree.usda");
+        let wrapper = std::fs::read_to_string(&usd).expect("wrapper");
+        assert_eq!(wrapper.matches("instanceable = true").count(), if motion == "still" { 8 } else { 0 });
+        let file = dir.path().join("expected.json");
+        std::fs::write(&file, wanted(&stage).to_string()).expect("expectations");
+        let arguments = [&usd, &file].map(|p| p.to_string_lossy().into_owned());
+        clients::python_script(&python, "showcase.py", &["usd", &arguments[0], &arguments[1]]);
     }
 }
 

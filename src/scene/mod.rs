@@ -124,6 +124,16 @@ pub struct Asset {
     pub curves: Vec<Curves>,
 }
 
+impl Asset {
+    /// True if a frame can change it.
+    pub fn moves(&self) -> bool {
+        self.meshes.iter().any(|m| m.motion != MeshMotion::Still)
+            || self.instancers.iter().any(|i| i.motion != InstancerMotion::Still)
+            || self.points.iter().any(|p| p.moving)
+            || self.curves.iter().any(|c| c.moving)
+    }
+}
+
 /// One showing of an asset in the scene.
 #[derive(Debug, Clone)]
 pub struct Placement {

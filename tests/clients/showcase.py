@@ -70,6 +70,23 @@ def pivots(graph):
     return {name: ours(numpy.array(list_, dtype=float)) for name, list_ in out.items()}
 
 
+def copies(graph):
+    """World positions of the vertices of collections that placements share, by PLACEMENT/NAME."""
+    out, local = {}, {}
+    for i in graph.object_instances:
+        if not i.is_instance or i.parent.type != "EMPTY" or i.object.type != "MESH":
+            continue
+        name = i.object.original.name
+        if name not in local:
+            points = numpy.empty(3 * len(i.object.data.vertices), numpy.float32)
+            i.object.data.vertices.foreach_get("co", points)
+            local[name] = points.reshape(-1, 3)
+        world = numpy.array(i.matrix_world, dtype=float)
+        key = f"{base(i.parent.original)}/{name.split('.')[0]}"
+        out[key] = ours(local[name] @ world[:3, :3].T + world[:3, 3])
+    return out
+
+
 def close(points, want, where):
     assert len(points) == want["count"], f"{where}: {len(points)}, not {want['count']}"
     if not len(points):
@@ -100,7 +117,11 @@ objects = index()
 for number, frame in wanted["frames"].items():
     scene.frame_set(int(number) - shift)
     graph = bpy.context.evaluated_depsgraph_get()
+    shared = copies(graph)
     for key, want in frame["meshes"].items():
+        if key in shared:
+            worst = max(worst, close(shared[key], want, f"{key}, frame {number}"))
+            continue
         worst = max(worst, close(vertices(find(key, "MESH"), graph), want, f"{key}, frame {number}"))
     shown = pivots(graph)
     for key, want in frame["instancers"].items():

@@ -35,14 +35,6 @@ pub(super) struct Part<'a> {
     pub photons: bool,
 }
 
-/// True if a frame can change the asset.
-pub(super) fn moves(asset: &Asset) -> bool {
-    asset.meshes.iter().any(|m| m.motion != MeshMotion::Still)
-        || asset.instancers.iter().any(|i| i.motion != InstancerMotion::Still)
-        || asset.points.iter().any(|p| p.moving)
-        || asset.curves.iter().any(|c| c.moving)
-}
-
 impl Part<'_> {
     /// Whether each prototype of an instancer has anything to show.
     fn shown(instancer: &Instancer) -> Vec<bool> {
@@ -113,7 +105,7 @@ impl Part<'_> {
         }
         self.points(text, &AssetFrame::default(), false, warnings);
         self.curves(text, &AssetFrame::default(), false);
-        if !moves(self.asset) {
+        if !self.asset.moves() {
             self.whole(text, &AssetFrame::default());
         }
         count

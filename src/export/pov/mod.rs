@@ -19,7 +19,7 @@ use super::text::Text;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use crate::fence::Folder;
-use crate::scene::{AssetFrame, Frame, Scene, check_frame, check_scene, scene_bounds};
+use crate::scene::{Asset, AssetFrame, Frame, Scene, check_frame, check_scene, scene_bounds};
 use crate::{Error, Result};
 
 /// Instances and triangles of one frame beyond which POV-Ray's parsing gets slow enough to say so.
@@ -132,7 +132,7 @@ impl Pov {
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
         let rest = AssetFrame::default();
         let mut count = 0;
-        for part in self.parts(scene).iter().filter(|p| assets::moves(p.asset)) {
+        for part in self.parts(scene).iter().filter(|p| p.asset.moves()) {
             let state = frame.and_then(|f| f.assets.get(part.index)).unwrap_or(&rest);
             count += part.frame(&mut text, state, &mut self.warnings);
         }
@@ -193,7 +193,7 @@ impl Exporter for Pov {
         let [first, _] = self.given.map_or([frame.number; 2], |[first, _]| [first, frame.number]);
         self.given = Some([first, frame.number]);
         let skipped = !frame.number.saturating_sub(first).is_multiple_of(self.options.step.max(1));
-        if skipped || !scene.assets.iter().any(assets::moves) {
+        if skipped || !scene.assets.iter().any(Asset::moves) {
             return Ok(());
         }
         check_frame(&scene, frame)?;
@@ -202,7 +202,7 @@ impl Exporter for Pov {
 
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
-        if self.written.is_empty() && scene.assets.iter().any(assets::moves) {
+        if self.written.is_empty() && scene.assets.iter().any(Asset::moves) {
             self.write_frame(&scene, scene.clip.start, None)?;
         }
         if self.instances > HEAVY {

@@ -2,6 +2,7 @@
 //!
 //! Everything is written once against `stage::Stage`, which has a text and a crate implementation.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 mod axis;
@@ -121,6 +122,7 @@ impl Usd {
         target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
         let mut parts = Vec::new();
         let mut first: Vec<Option<String>> = vec![None; cx.scene.assets.len()];
+        let shared = shared(&cx.scene);
         for (path, placement) in placed(cx, &root) {
             let Some(asset) = cx.scene.assets.get(placement.asset) else { continue };
             let slot = first.get_mut(placement.asset);
@@ -128,11 +130,9 @@ impl Usd {
             let ahead = placement.phase;
             let reference = known.map(|p| stage::Arc { asset: String::new(), prim: p.clone(), ahead });
             let new = reference.is_none();
-            target.stage.prim(
-                &path,
-                "Xform",
-                &PrimMeta { kind: Some("component"), reference, ..PrimMeta::default() },
-            )?;
+            let instanceable = !new && shared.contains(&placement.asset);
+            let meta = PrimMeta { kind: Some("component"), instanceable, reference, ..PrimMeta::default() };
+            target.stage.prim(&path, "Xform", &meta)?;
             target.transform(&path, &cx.up.trs(&placement.transform))?;
             if new {
                 let changing = body::define(cx, &mut target, &path, asset)?;
@@ -169,12 +169,15 @@ impl Usd {
         let mut target = open(cx, Box::new(usda::Usda::new(Box::new(out))), &scene)?;
         let root = format!("/{scene}");
         target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
+        let shared = shared(&cx.scene);
         for (path, placement) in placed(cx, &root) {
             let Some(asset) = cx.scene.assets.get(placement.asset) else { continue };
             let name = safe_name(&asset.id);
             let ahead = placement.phase;
             let payload = Some(stage::Arc { asset: format!("./usd/{name}.usdc"), prim: format!("/{name}"), ahead });
-            target.stage.prim(&path, "Xform", &PrimMeta { kind: Some("component"), payload, ..PrimMeta::default() })?;
+            let instanceable = shared.contains(&placement.asset);
+            let meta = PrimMeta { kind: Some("component"), instanceable, payload, ..PrimMeta::default() };
+            target.stage.prim(&path, "Xform", &meta)?;
             target.transform(&path, &cx.up.trs(&placement.transform))?;
         }
         if self.options.look {
@@ -205,6 +208,18 @@ fn open(cx: &Context, stage: Box<dyn Stage>, default_prim: &str) -> Result<Targe
 /// True if a placement shows the asset at another time of the clip.
 fn is_phased(scene: &Scene, asset: usize) -> bool {
     scene.placements.iter().any(|p| p.asset == asset && p.phase > 0)
+}
+
+/// Assets at rest that several placements show: readers then hold them once. Those that move are not shared, as Blender reads
+/// their frames by the names that USD gives to shared prims, and these are others whenever the file is opened.
+fn shared(scene: &Scene) -> BTreeSet<usize> {
+    let (mut seen, mut shared) = (BTreeSet::new(), BTreeSet::new());
+    for p in &scene.placements {
+        if !seen.insert(p.asset) && scene.assets.get(p.asset).is_some_and(|a| !a.moves()) {
+            shared.insert(p.asset);
+        }
+    }
+    shared
 }
 
 /// Placements with the paths of their prims. Camera and lights keep their names.

@@ -60,6 +60,8 @@ pub struct Arc {
 pub struct PrimMeta {
     /// Model kind.
     pub kind: Option<&'static str>,
+    /// Readers may hold what it refers to once for all prims that refer to the same.
+    pub instanceable: bool,
     /// Applied schemas.
     pub api: Vec<&'static str>,
     /// Layer loaded on demand.

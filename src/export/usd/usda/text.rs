@@ -67,6 +67,9 @@ pub(super) fn prim(type_name: &str, name: &str, meta: &PrimMeta) -> String {
     if let Some(kind) = meta.kind {
         lines.push(format!("kind = {}", quoted(kind)));
     }
+    if meta.instanceable {
+        lines.push("instanceable = true".into());
+    }
     if let Some(payload) = &meta.payload {
         lines.push(format!("prepend payload = {}", arc(payload)));
     }

@@ -289,6 +289,9 @@ impl Stage for Usdc {
             let value = self.token_value(kind);
             self.field(spec, "kind", value);
         }
+        if meta.instanceable {
+            self.field(spec, "instanceable", inline(code::BOOL, 1));
+        }
         if let Some(payload) = &meta.payload {
             let item = self.arc(payload);
             let value = self.list_op(code::PAYLOAD_LIST_OP, PREPENDED, &[item])?;
