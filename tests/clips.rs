@@ -9,6 +9,7 @@ mod expect;
 #[path = "common/gltf_objects.rs"]
 mod gltf_objects;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
@@ -46,11 +47,7 @@ show = false
 const NUMBERS: [u32; 3] = [1, 60, 120];
 
 /// The stage as the library has it.
-fn stage(motion: &str) -> Stage {
-    staged(TREE, motion)
-}
-
-fn staged(text: &str, motion: &str) -> Stage {
+fn stage(text: &str, motion: &str) -> Stage {
     let set = vec![format!("plants.tree.motion=\"{motion}\"")];
     let request = Request { name: "tree".into(), text: text.into(), set, ..Request::default() };
     let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
@@ -62,11 +59,7 @@ fn frames(stage: &Stage) -> Vec<Frame> {
 }
 
 /// The same from the program.
-fn bake(folder: &Path, motion: &str, formats: &str) {
-    baked(folder, TREE, motion, formats);
-}
-
-fn baked(folder: &Path, text: &str, motion: &str, formats: &str) {
+fn bake(folder: &Path, text: &str, motion: &str, formats: &str) {
     std::fs::write(folder.join("tree.toml"), text).expect("scene");
     let mut osier = Command::new(env!("CARGO_BIN_EXE_osier"));
     osier.current_dir(folder).args(["-q", "bake", "tree.toml", "-o", motion, "--formats", formats]);
@@ -97,20 +90,27 @@ fn moves(stage: &Stage) {
     assert_ne!(a["frames"]["1"]["meshes"], b["frames"]["60"]["meshes"]);
 }
 
+/// Bakes a scene to USD and has Blender 5 compare every vertex; the wrapper's text.
+fn judged(python: &Path, text: &str, (motion, stage): (&str, &Stage)) -> String {
+    let dir = tempfile::tempdir().expect("dir");
+    bake(dir.path(), text, motion, "usd");
+    let file = dir.path().join("expected.json");
+    std::fs::write(&file, wanted(stage).to_string()).expect("expectations");
+    let usd = dir.path().join(motion).join("tree.usda");
+    let arguments = [&usd, &file].map(|p| p.to_string_lossy().into_owned());
+    let said = clients::python_script(python, "showcase.py", &["usd", &arguments[0], &arguments[1]]);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(said.contains("\"worst\""), "{motion}: {said}");
+    std::fs::read_to_string(&usd).expect("wrapper")
+}
+
 #[test]
 fn blender_5_plays_the_stage_cached_and_skinned() {
     let Some(python) = clients::python() else { return };
     for motion in ["cache", "skin"] {
-        let dir = tempfile::tempdir().expect("dir");
-        let stage = stage(motion);
+        let stage = stage(TREE, motion);
         moves(&stage);
-        bake(dir.path(), motion, "usd");
-        let file = dir.path().join("expected.json");
-        std::fs::write(&file, wanted(&stage).to_string()).expect("expectations");
-        let (usd, file) = (dir.path().join(motion).join("tree.usda"), file.to_string_lossy().into_owned());
-        let said = clients::python_script(&python, "showcase.py", &["usd", &usd.to_string_lossy(), &file]);
-        let said = String::from_utf8_lossy(&said.stdout).into_owned();
-        assert!(said.contains("\"worst\""), "{motion}: {said}");
+        judged(&python, TREE, (motion, &stage));
     }
 }
 
@@ -119,28 +119,21 @@ fn blender_5_plays_the_stage_cached_and_skinned() {
 fn blender_5_plays_copies_with_phases_and_shares_those_at_rest() {
     let Some(python) = clients::python() else { return };
     let text = TREE.replace("at = [1.5, 0, -2]", "count = 8\nindividuals = 1\nradius = 4");
-    for motion in ["cache", "still"] {
-        let stage = staged(&text, motion);
-        let phases = stage.scene.placements.iter().map(|p| p.phase).collect::<std::collections::BTreeSet<_>>();
-        assert!(motion == "still" || (2..8).contains(&phases.len()), "some alike, some not: {phases:?}");
-        let dir = tempfile::tempdir().expect("dir");
-        baked(dir.path(), &text, motion, "usd");
-        let usd = dir.path().join(motion).join("tree.usda");
-        let wrapper = std::fs::read_to_string(&usd).expect("wrapper");
-        assert_eq!(wrapper.matches("instanceable = true").count(), if motion == "still" { 8 } else { 0 });
-        let file = dir.path().join("expected.json");
-        std::fs::write(&file, wanted(&stage).to_string()).expect("expectations");
-        let arguments = [&usd, &file].map(|p| p.to_string_lossy().into_owned());
-        clients::python_script(&python, "showcase.py", &["usd", &arguments[0], &arguments[1]]);
+    for (motion, shared) in [("cache", 0), ("still", 8)] {
+        let stage = stage(&text, motion);
+        let phases = stage.scene.placements.iter().map(|p| p.phase).collect::<BTreeSet<_>>();
+        assert!(shared > 0 || (2..8).contains(&phases.len()), "some alike, some not: {phases:?}");
+        let wrapper = judged(&python, &text, (motion, &stage));
+        assert_eq!(wrapper.matches("instanceable = true").count(), shared);
     }
 }
 
 /// The file of joints, and the cache that replaces them at every vertex.
 fn jobs(folder: &Path) -> Value {
     let job = |motion: &str, object: Option<&str>| {
-        let stage = stage(motion);
+        let stage = stage(TREE, motion);
         let scene = alone(&stage.scene, 0);
-        bake(folder, motion, "glb,pc2");
+        bake(folder, TREE, motion, "glb,pc2");
         let frames = frames(&stage);
         for frame in &frames {
             assert_eq!(matches!(frame.assets[0].mesh(0), MeshFrame::Points { .. }), motion == "cache");

@@ -3,5 +3,6 @@
 
 pub mod ifs;
 pub mod mesh;
+mod polyline;
 pub mod radii;
 pub mod turtle;

@@ -20,6 +20,8 @@ mod sampler;
 mod sheet;
 mod solid;
 mod surface;
+#[cfg(test)]
+mod testing;
 mod texture;
 mod tone;
 mod world;

@@ -1,7 +1,8 @@
 //! Words into axes: a letter that leads on lengthens its parent's axis, any other opens one of its own.
 
-use glam::{DVec3, Quat, Vec3};
+use glam::{DVec3, Vec3};
 
+use crate::grow::polyline;
 use crate::ifs::stems::Stems;
 use crate::ifs::words::{Expansion, NONE as ROOT, Word};
 use crate::math::{self, narrow};
@@ -160,18 +161,7 @@ fn lay(plant: &mut Plant, raw: &Raw, all: &[Raw]) {
     let parent = all.get(raw.parent).map_or(NONE, |r| r.place);
     let first = plant.nodes.len();
     let points: Vec<Vec3> = raw.nodes.iter().map(|n| Vec3::from_array(n.p.to_array().map(narrow))).collect();
-    let frames = frames(&points, plant, parent);
-    let mut s = 0.0;
-    for (i, (p, q)) in points.iter().zip(frames).enumerate() {
-        // Arc lengths are those of the stored, rounded positions.
-        s += if i > 0 { p.distance(points[i - 1]) } else { 0.0 };
-        plant.nodes.p.push(*p);
-        plant.nodes.q.push(q);
-        plant.nodes.r.push(narrow(raw.nodes[i].r.max(MIN_RADIUS)));
-        plant.nodes.s.push(s);
-        plant.nodes.birth.push(0.0);
-        plant.nodes.color.push(128);
-    }
+    let s = polyline::lay(plant, parent, &points, |i| narrow(raw.nodes[i].r.max(MIN_RADIUS)), 128);
     let (id, parent_s) = match plant.axes.get(parent as usize) {
         Some(p) => {
             let whole = all.get(raw.parent).and_then(|r| r.nodes.last()).map_or(1.0, |n| n.s);
@@ -196,29 +186,4 @@ fn lay(plant: &mut Plant, raw: &Raw, all: &[Raw]) {
         end: AxisEnd::Tip,
         birth: 0.0,
     });
-}
-
-/// Frames along a polyline by parallel transport, Y along the mean of both segments. The first takes its X from the
-/// parent's tangent, so that a branch does not twist where it leaves.
-fn frames(points: &[Vec3], plant: &Plant, parent: u32) -> Vec<Quat> {
-    let dir = |i: usize| math::normalize_or(points[i + 1] - points[i], Vec3::Y);
-    let last = points.len() - 1;
-    let tangent = |i: usize| match i {
-        0 => dir(0),
-        i if i == last => dir(last - 1),
-        i => math::normalize_or(dir(i - 1) + dir(i), dir(i)),
-    };
-    let up = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
-    let t0 = tangent(0);
-    let mut x = math::normalize_or(t0.cross(up), math::perpendicular(t0));
-    let mut out = Vec::with_capacity(points.len());
-    for i in 0..=last {
-        let t = tangent(i);
-        if i > 0 {
-            x = math::transport(points[i - 1], tangent(i - 1), x, points[i], t);
-        }
-        let z = x.cross(t);
-        out.push(Quat::from_mat3(&glam::Mat3::from_cols(x, t, z)).normalize());
-    }
-    out
 }

@@ -1,9 +1,10 @@
 //! Chains of clusters into the axes of a plant: where they begin and end, how thick they are, how they are turned.
 
-use glam::{DVec3, Mat3, Quat, Vec3};
+use glam::{DVec3, Vec3};
 
 use super::chains::{Chain, curve};
 use super::graph::Graph;
+use crate::grow::polyline;
 use crate::math::{self, narrow};
 use crate::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
 
@@ -272,18 +273,7 @@ impl Stem {
 fn push(plant: &mut Plant, line: &Line, parent: u32) {
     let first = plant.nodes.len();
     let points: Vec<Vec3> = line.p.iter().map(|p| p.as_vec3()).collect();
-    let up = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
-    let frames = frames(&points, up);
-    let mut s = 0.0;
-    for (i, (p, q)) in points.iter().zip(frames).enumerate() {
-        s += if i > 0 { p.distance(points[i - 1]) } else { 0.0 };
-        plant.nodes.p.push(*p);
-        plant.nodes.q.push(q);
-        plant.nodes.r.push(line.r[i]);
-        plant.nodes.s.push(s);
-        plant.nodes.birth.push(0.0);
-        plant.nodes.color.push(0);
-    }
+    let s = polyline::lay(plant, parent, &points, |i| line.r[i], 0);
     let (parent_s, order) = plant.axes.get(parent as usize).map_or((0.0, 0), |a| {
         let k = a.first as usize + line.stem.0;
         let s = &plant.nodes.s;
@@ -306,25 +296,4 @@ fn push(plant: &mut Plant, line: &Line, parent: u32) {
         end: AxisEnd::Tip,
         birth: 0.0,
     });
-}
-
-/// Frames along a polyline by parallel transport, Y along the mean of both segments.
-fn frames(points: &[Vec3], up: Vec3) -> Vec<Quat> {
-    let last = points.len() - 1;
-    let dir = |i: usize| math::normalize_or(points[i + 1] - points[i], Vec3::Y);
-    let tangent = |i: usize| match i {
-        0 => dir(0),
-        i if i == last => dir(last - 1),
-        i => math::normalize_or(dir(i - 1) + dir(i), dir(i)),
-    };
-    let mut x = math::normalize_or(tangent(0).cross(up), math::perpendicular(tangent(0)));
-    let mut out = Vec::with_capacity(points.len());
-    for i in 0..=last {
-        let t = tangent(i);
-        if i > 0 {
-            x = math::transport(points[i - 1], tangent(i - 1), x, points[i], t);
-        }
-        out.push(Quat::from_mat3(&Mat3::from_cols(x, t, x.cross(t))).normalize());
-    }
-    out
 }

@@ -22,7 +22,6 @@ use super::sampler::Sampler;
 use super::tone::film;
 use super::world::{Hit, World};
 use crate::Result;
-use crate::geometry::Bounds;
 use crate::par::{join, par_map};
 use crate::progress::{Cancel, Progress};
 
@@ -50,10 +49,6 @@ pub(super) fn expose(
         progress.advance(super::film::tiles(band.size));
     }
     Ok(picture)
-}
-
-fn corners([min, max]: [Vec3; 2]) -> [Vec3; 8] {
-    Bounds { min, max }.corners()
 }
 
 /// A draft at work.
@@ -99,7 +94,7 @@ impl<'d, 'w> Draft<'d, 'w> {
     }
 
     /// What pixel `i` of a band shows, and from where it looks for light.
-    fn seen(&self, eye: &Eye, band: Band, i: usize) -> (Seen, Vec3) {
+    fn seen(&self, eye: &Eye<'_>, band: Band, i: usize) -> (Seen, Vec3) {
         let (d, sheet) = self.lens.aim(self.floor, band.place(i), [0.5, 0.5]);
         let o = self.lens.eye;
         let far = sheet.unwrap_or(f32::INFINITY);

@@ -7,6 +7,7 @@ use glam::{Mat3, Vec2, Vec3};
 use super::super::lens::Lens;
 use super::super::solid::{Face, Skin};
 use super::super::world::Showing;
+use super::tasks::Window;
 use crate::math;
 
 /// Nearer to an eye than this nothing is projected, m.
@@ -37,7 +38,7 @@ pub(super) struct Sight {
 pub(super) struct Seen {
     q: Vec3,
     /// Pixel coordinates; not a number behind the eye.
-    pub(super) at: Vec2,
+    at: Vec2,
 }
 
 /// A triangle in a view: what covers a pixel, and how deep it lies there.
@@ -96,7 +97,7 @@ impl Sight {
 
     /// Box of pixels around places; all of the plane if some lie behind the eye, none if all do.
     #[inline]
-    pub(super) fn frame<const N: usize>(&self, places: &[Seen; N]) -> Option<[Vec2; 2]> {
+    fn frame<const N: usize>(&self, places: &[Seen; N]) -> Option<[Vec2; 2]> {
         let [mut lo, mut hi] = [places.first()?.at; 2];
         for p in places {
             lo = Vec2::new(lesser(lo.x, p.at.x), lesser(lo.y, p.at.y));
@@ -107,6 +108,23 @@ impl Sight {
             return Some(around);
         }
         places.iter().any(|p| p.q.z > NEAR).then_some([Vec2::NEG_INFINITY, Vec2::INFINITY])
+    }
+
+    /// Columns and rows of a plane of `size` for the box around places. `held`: [`span`] or [`cells`].
+    #[inline]
+    pub(super) fn window<const N: usize>(
+        &self,
+        places: &[Seen; N],
+        size: [u32; 2],
+        held: impl Fn(f32, f32, u32) -> Range<u32>,
+    ) -> Option<Window> {
+        let [lo, hi] = self.frame(places)?;
+        let columns = held(lo.x, hi.x, size[0]);
+        if columns.is_empty() {
+            return None;
+        }
+        let rows = held(lo.y, hi.y, size[1]);
+        (!rows.is_empty()).then_some([columns, rows])
     }
 
     /// The triangle of three places, with pixel coordinates counted from `zero`: small numbers keep their digits. None if

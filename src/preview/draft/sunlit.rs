@@ -10,11 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{Vec2, Vec3};
 
-use super::super::solid::Kind;
-use super::super::world::{World, ray};
-use super::corners;
-use super::project::{Seen, Sight, Vertices, View, cells, float, lesser};
-use super::tasks::{Share, Tasks};
+use super::super::world::World;
+use super::project::{Seen, Sight, View, cells, float, lesser};
+use super::tasks::{Screen, Tasks, Window};
 use crate::geometry::Bounds;
 use crate::math;
 use crate::par::par_map;
@@ -28,10 +26,7 @@ const SIDE: f32 = 2048.0;
 /// `toward`: unit vector to the light. `rows`: places just off their surfaces, m; those not finite are not asked for.
 pub(super) fn sunlit(world: &World<'_>, toward: Vec3, rows: &[Vec<Vec3>], tasks: &Tasks) -> Vec<bool> {
     let cells = Cells::new(world, toward, rows);
-    par_map(&tasks.lots, |lot| {
-        let mut vertices = Vertices::default();
-        lot.iter().for_each(|share| cells.shade(world, toward, share, &mut vertices));
-    });
+    tasks.draw(world, &cells.view, &cells);
     let mut lit = vec![true; rows.iter().map(Vec::len).sum()];
     for (place, shaded) in cells.numbers.iter().zip(&cells.shaded) {
         if let Some(lit) = lit.get_mut(*place as usize) {
@@ -43,6 +38,7 @@ pub(super) fn sunlit(world: &World<'_>, toward: Vec3, rows: &[Vec<Vec3>], tasks:
 
 /// Places as the light sees them.
 struct Cells {
+    toward: Vec3,
     view: View,
     size: [u32; 2],
     /// First place of each cell, row by row, and the number of all.
@@ -84,11 +80,13 @@ impl Cells {
         let size = [sides.x, sides.y].map(|side| (side / cell).min(SIDE) as u32 + 1);
         let corner = plane.back(Vec3::new(held.min.x, held.min.y, 0.0));
         let view = View::of_light(toward, if count == 0 { middle } else { corner }, cell);
-        Self::sorted(view, size, &asked, |q| Vec3::new((q.x - held.min.x) / cell, (q.y - held.min.y) / cell, q.z))
+        Self::sorted((toward, view), size, &asked, |q| {
+            Vec3::new((q.x - held.min.x) / cell, (q.y - held.min.y) / cell, q.z)
+        })
     }
 
     /// Places in order of their cells, each cell's as they were given. `scaled`: cell coordinates of a place on the plane.
-    fn sorted(view: View, size: [u32; 2], asked: &[Asked], scaled: impl Fn(Vec3) -> Vec3) -> Self {
+    fn sorted((toward, view): (Vec3, View), size: [u32; 2], asked: &[Asked], scaled: impl Fn(Vec3) -> Vec3) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held to the cells")]
         let cell = |q: Vec3| {
             let [x, y] = [0, 1].map(|k| (q[k] as u32).min(size[k] - 1));
@@ -110,67 +108,7 @@ impl Cells {
             (seen[*slot as usize], numbers[*slot as usize]) = (q, *number);
         }
         let shaded = std::iter::repeat_with(|| AtomicBool::new(false)).take(seen.len()).collect();
-        Self { view, size, starts, seen, numbers, shaded }
-    }
-
-    fn shade(&self, world: &World<'_>, toward: Vec3, share: &Share, vertices: &mut Vertices) {
-        let Some((showing, solid)) = world.of(share.showing) else { return };
-        let sight = self.view.onto(showing);
-        if solid.bounds().and_then(|b| self.covered(&sight, &corners(b).map(|p| sight.see(p)))).is_none() {
-            return;
-        }
-        let primitives = share.first..share.end;
-        match &solid.kind {
-            Kind::Faces { faces, mesh } => {
-                let faces = &faces[primitives];
-                vertices.see(&sight, faces, mesh);
-                for face in faces {
-                    let there = |at| !solid.cut || world.looks.is_kept(face.material, || mesh.uv(face, at));
-                    self.shade_by_face(&sight, &vertices.corners(mesh.corners(face)), there);
-                }
-            }
-            Kind::Cones { cones, .. } => {
-                for (i, cone) in primitives.clone().zip(&cones[primitives]) {
-                    let seen = corners(cone.bounds()).map(|p| sight.see(p));
-                    let Some([columns, rows]) = self.covered(&sight, &seen) else { continue };
-                    let meets = |q| {
-                        let look = showing.local(&ray(self.view.back(q), toward, [0.0, f32::INFINITY]));
-                        solid.meet(&look, i, world.looks).is_some()
-                    };
-                    rows.for_each(|row| self.each(row, columns.clone(), meets, |_| true));
-                }
-            }
-        }
-    }
-
-    /// `there`: false where a triangle is cut out, by the weights of its corners.
-    #[inline]
-    fn shade_by_face(&self, sight: &Sight, corners: &[Seen; 3], there: impl Fn(Vec2) -> bool) {
-        let Some([columns, rows]) = self.covered(sight, corners) else { return };
-        let (left, top) = (columns.start, rows.start);
-        let zero = Vec2::new(float(left), float(top));
-        let Some(patch) = sight.patch(corners, zero) else { return };
-        for row in rows {
-            let y = float(row - top);
-            let covers = |q: Vec3| {
-                let (x, y) = (q.x - zero.x, q.y - zero.y);
-                lesser(patch.inside(x, y), patch.depth(x, y) - q.z) >= 0.0
-            };
-            let there = |q: Vec3| there(patch.weights(q.x - zero.x, q.y - zero.y));
-            self.each(row, patch.touched(&columns, [y, y + 1.0], left), covers, there);
-        }
-    }
-
-    /// Cells that the box around places touches.
-    #[inline]
-    fn covered<const N: usize>(&self, sight: &Sight, places: &[Seen; N]) -> Option<[Range<u32>; 2]> {
-        let [lo, hi] = sight.frame(places)?;
-        let columns = cells(lo.x, hi.x, self.size[0]);
-        if columns.is_empty() {
-            return None;
-        }
-        let rows = cells(lo.y, hi.y, self.size[1]);
-        (!rows.is_empty()).then_some([columns, rows])
+        Self { toward, view, size, starts, seen, numbers, shaded }
     }
 
     /// Shades the places of some cells of a row for which `covers` holds, and `there`, which is asked after it.
@@ -187,5 +125,34 @@ impl Cells {
                 shaded.store(true, Ordering::Relaxed);
             }
         }
+    }
+}
+
+impl Screen for Cells {
+    #[inline]
+    fn window<const N: usize>(&self, sight: &Sight, places: &[Seen; N]) -> Option<Window> {
+        sight.window(places, self.size, cells)
+    }
+
+    #[inline]
+    fn face(&self, sight: &Sight, corners: &[Seen; 3], _: u64, there: impl Fn(Vec2) -> bool) {
+        let Some([columns, rows]) = self.window(sight, corners) else { return };
+        let (left, top) = (columns.start, rows.start);
+        let zero = Vec2::new(float(left), float(top));
+        let Some(patch) = sight.patch(corners, zero) else { return };
+        for row in rows {
+            let y = float(row - top);
+            let covers = |q: Vec3| {
+                let (x, y) = (q.x - zero.x, q.y - zero.y);
+                lesser(patch.inside(x, y), patch.depth(x, y) - q.z) >= 0.0
+            };
+            let there = |q: Vec3| there(patch.weights(q.x - zero.x, q.y - zero.y));
+            self.each(row, patch.touched(&columns, [y, y + 1.0], left), covers, there);
+        }
+    }
+
+    fn cone(&self, [columns, rows]: Window, _: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>) {
+        let covers = |q| meets(self.view.back(q), self.toward).is_some();
+        rows.for_each(|row| self.each(row, columns.clone(), covers, |_| true));
     }
 }

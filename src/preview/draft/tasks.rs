@@ -1,6 +1,14 @@
-//! What is to be drawn, dealt out in even lots.
+//! What is to be drawn, dealt out in even lots, and the way through it.
 
-use super::super::world::World;
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+
+use super::super::solid::{Kind, Solid};
+use super::super::world::{Showing, World, ray};
+use super::project::{Seen, Sight, Vertices, View};
+use crate::geometry::Bounds;
+use crate::par::par_map;
 
 /// Primitives of a lot.
 const LOT: usize = 1 << 14;
@@ -44,4 +52,68 @@ impl Tasks {
         own.lots.push(lot);
         own
     }
+
+    /// Draws everything, in any order.
+    pub(super) fn draw(&self, world: &World<'_>, view: &View, screen: &(impl Screen + Sync)) {
+        par_map(&self.lots, |lot| {
+            let mut vertices = Vertices::default();
+            lot.iter().for_each(|share| share.draw(world, view, screen, &mut vertices));
+        });
+    }
+}
+
+/// Columns and rows.
+pub(super) type Window = [Range<u32>; 2];
+
+/// Where primitives are drawn.
+pub(super) trait Screen {
+    /// What of the screen the box around places touches.
+    fn window<const N: usize>(&self, sight: &Sight, places: &[Seen; N]) -> Option<Window>;
+
+    /// `there`: false where the triangle is cut out, by the weights of its corners.
+    fn face(&self, sight: &Sight, corners: &[Seen; 3], number: u64, there: impl Fn(Vec2) -> bool);
+
+    /// `meets`: where a ray of the world meets the cone, in lengths of its direction.
+    fn cone(&self, window: Window, number: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>);
+}
+
+impl Share {
+    fn draw(&self, world: &World<'_>, view: &View, screen: &impl Screen, vertices: &mut Vertices) {
+        let Some((showing, solid)) = world.of(self.showing) else { return };
+        let sight = view.onto(showing);
+        if solid.bounds().and_then(|b| screen.window(&sight, &around(&sight, b))).is_none() {
+            return;
+        }
+        let primitives = self.first..self.end;
+        match &solid.kind {
+            Kind::Faces { faces, mesh } => {
+                let faces = &faces[primitives];
+                vertices.see(&sight, faces, mesh);
+                for (number, face) in (self.number..).zip(faces) {
+                    let there = |at| !solid.cut || world.looks.is_kept(face.material, || mesh.uv(face, at));
+                    screen.face(&sight, &vertices.corners(mesh.corners(face)), number, there);
+                }
+            }
+            Kind::Cones { cones, .. } => {
+                for ((i, number), cone) in primitives.clone().zip(self.number..).zip(&cones[primitives]) {
+                    let Some(window) = screen.window(&sight, &around(&sight, cone.bounds())) else { continue };
+                    screen.cone(window, number, |from, along| meets(world, (showing, solid), i, [from, along]));
+                }
+            }
+        }
+    }
+}
+
+fn around(sight: &Sight, [min, max]: [Vec3; 2]) -> [Seen; 8] {
+    Bounds { min, max }.corners().map(|p| sight.see(p))
+}
+
+fn meets(
+    world: &World<'_>,
+    (showing, solid): (&Showing, &Solid<'_>),
+    i: usize,
+    [from, along]: [Vec3; 2],
+) -> Option<f32> {
+    let look = showing.local(&ray(from, along, [0.0, f32::INFINITY]));
+    solid.meet(&look, i, world.looks).map(|spot| spot.t)
 }

@@ -3,28 +3,10 @@
 use glam::Quat;
 
 use super::*;
+use crate::preview::testing::{balls, material, object, scene_of};
 use crate::preview::world::ray;
 use crate::preview::{Backdrop, Light, Looks, Quality};
-use crate::scene::{
-    Asset, AssetKind, Camera, Clip, InstanceState, Instancer, InstancerMotion, Maps, Material, MaterialClass, Mesh,
-    MeshMotion, MeshObject, Placement, Points, Prototype, Scene, Sky, Sun, Trs,
-};
-
-fn material() -> Material {
-    Material {
-        name: "m".into(),
-        class: MaterialClass::Leaf,
-        base_color: [0.3; 3],
-        roughness: 0.5,
-        ior: 1.5,
-        translucency: 0.0,
-        double_sided: true,
-        alpha_cutoff: None,
-        height_range: 0.0,
-        tile: 1.0,
-        maps: Maps::default(),
-    }
-}
+use crate::scene::{Camera, InstanceState, Instancer, InstancerMotion, Mesh, Prototype, Scene};
 
 /// A fan of `n` triangles around the origin.
 fn fan(n: u16, radius: f32) -> Mesh {
@@ -64,43 +46,14 @@ fn scene() -> Scene {
         triangles: vec![[0, 1, 2], [0, 2, 3]],
         ..Mesh::default()
     };
-    let object =
-        MeshObject { name: "ground".into(), mesh: ground.with_material(0), motion: MeshMotion::Still, skin: None };
-    let positions: Vec<Vec3> = (0..20_u16).map(|i| Vec3::new(f32::from(i) * 0.2 - 2.0, 0.3, 1.2)).collect();
-    let balls = Points {
-        name: "balls".into(),
-        material: 0,
-        widths: vec![0.15; positions.len()],
-        positions,
-        colors: Vec::new(),
-        attributes: Vec::new(),
-        moving: false,
-        reach: Bounds::default(),
-    };
-    let asset = Asset {
-        id: "a".into(),
-        kind: AssetKind::Plant,
-        skeleton: None,
-        meshes: vec![object],
-        instancers: vec![leaves],
-        points: vec![balls],
-        curves: Vec::new(),
-    };
-    Scene {
-        name: "s".into(),
-        title: String::new(),
-        seed: 0,
-        hash: String::new(),
-        clip: Clip::default(),
-        camera: Camera { eye: Vec3::new(1.0, 1.5, 7.0), target: Vec3::Y * 1.5, vfov: 0.7, roll: 0.1 },
-        sun: Sun::default(),
-        sky: Sky::default(),
-        images: Vec::new(),
-        materials: vec![material()],
-        assets: vec![asset],
-        placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
-        land: None,
-    }
+    let positions = (0..20_u16).map(|i| Vec3::new(f32::from(i) * 0.2 - 2.0, 0.3, 1.2)).collect();
+    let mut scene = scene_of(vec![material(0.3, 0.0, 1.5)]);
+    scene.camera = Camera { eye: Vec3::new(1.0, 1.5, 7.0), target: Vec3::Y * 1.5, vfov: 0.7, roll: 0.1 };
+    let asset = &mut scene.assets[0];
+    asset.meshes.push(object("ground", ground.with_material(0)));
+    asset.instancers.push(leaves);
+    asset.points.push(balls(positions, 0.15));
+    scene
 }
 
 fn shot(scene: &Scene, size: [u32; 2]) -> Shot {

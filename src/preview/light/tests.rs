@@ -5,26 +5,8 @@ use glam::{Quat, Vec3};
 use super::*;
 use crate::preview::Quality;
 use crate::preview::looks::Looks;
-use crate::scene::{
-    Asset, AssetKind, Camera, Clip, Maps, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Placement, Points,
-    Scene, Sky, Sun, Trs,
-};
-
-fn material(color: f32, translucency: f32, ior: f32) -> Material {
-    Material {
-        name: "m".into(),
-        class: MaterialClass::Leaf,
-        base_color: [color; 3],
-        roughness: 0.4,
-        ior,
-        translucency,
-        double_sided: true,
-        alpha_cutoff: None,
-        height_range: 0.0,
-        tile: 1.0,
-        maps: Maps::default(),
-    }
-}
+use crate::preview::testing::{balls, material, object, scene_of};
+use crate::scene::{Material, MaterialClass, Mesh, Scene, Sky, Sun};
 
 fn quad(center: Vec3, u: Vec3, v: Vec3) -> Mesh {
     let points = vec![center - u - v, center + u - v, center + u + v, center - u + v];
@@ -33,31 +15,12 @@ fn quad(center: Vec3, u: Vec3, v: Vec3) -> Mesh {
 }
 
 fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Scene {
-    let object = |(i, mesh)| MeshObject { name: format!("m{i}"), mesh, motion: MeshMotion::Still, skin: None };
-    let asset = Asset {
-        id: "a".into(),
-        kind: AssetKind::Plant,
-        skeleton: None,
-        meshes: meshes.into_iter().enumerate().map(object).collect(),
-        instancers: Vec::new(),
-        points: Vec::new(),
-        curves: Vec::new(),
-    };
-    Scene {
-        name: "s".into(),
-        title: String::new(),
-        seed: 0,
-        hash: String::new(),
-        clip: Clip::default(),
-        camera: Camera { eye: Vec3::Z, target: Vec3::ZERO, vfov: 0.6, roll: 0.0 },
-        sun: Sun { strength: sun, color: [1.0; 3], elevation: 1.2, azimuth: 0.4, angle: 0.02 },
-        sky: Sky { horizon: [sky; 3], zenith: [sky; 3], strength: 1.0, fog: None },
-        images: Vec::new(),
-        materials,
-        assets: vec![asset],
-        placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
-        land: None,
-    }
+    let mut scene = scene_of(materials);
+    let objects = meshes.into_iter().enumerate().map(|(i, mesh)| object(&format!("m{i}"), mesh));
+    scene.assets[0].meshes = objects.collect();
+    scene.sun = Sun { strength: sun, color: [1.0; 3], elevation: 1.2, azimuth: 0.4, angle: 0.02 };
+    scene.sky = Sky { horizon: [sky; 3], zenith: [sky; 3], strength: 1.0, fog: None };
+    scene
 }
 
 /// Mean radiance along one ray, grey.
@@ -162,17 +125,7 @@ fn a_leaf_glows_on_the_side_away_from_the_sun() {
 fn looking_straight_through_a_drop_shows_the_sky_behind_it_dimmed_by_fresnel() {
     let mut s =
         scene(Vec::new(), vec![Material { class: MaterialClass::Water, ..material(1.0, 0.0, 1.333) }], 0.0, 1.0);
-    let cloud = Points {
-        name: "d".into(),
-        material: 0,
-        positions: vec![Vec3::ZERO],
-        widths: vec![0.01],
-        colors: Vec::new(),
-        attributes: Vec::new(),
-        moving: false,
-        reach: crate::geometry::Bounds::default(),
-    };
-    s.assets[0].points.push(cloud);
+    s.assets[0].points.push(balls(vec![Vec3::ZERO], 0.01));
     let seen = mean(&s, Vec3::Z, Vec3::NEG_Z, 4).expect("drop");
     // Everything around is equally bright, so nothing is lost or won whatever way light takes.
     assert!((seen - 1.0).abs() < 0.01, "{seen}");
