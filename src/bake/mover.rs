@@ -131,8 +131,8 @@ impl Mover {
     }
 
     /// The asset at `seconds`; `step`: seconds between frames, for velocities.
-    fn frame(&self, asset: &Asset, seconds: f64, step: f32) -> AssetFrame {
-        let number = narrow(seconds) / step;
+    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+        let (number, step) = (seconds / step, narrow(step));
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
         let moment = Moment { bends, seconds, step };
         let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &moment.bends[1]), ..AssetFrame::default() };
@@ -204,7 +204,7 @@ impl Moving {
     /// The asset at `seconds`; `step`: seconds between frames.
     fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         match self {
-            Self::Plant(m) => m.frame(asset, seconds, narrow(step)),
+            Self::Plant(m) => m.frame(asset, seconds, step),
             Self::Cloud(m) => m.frame(asset, seconds, step),
         }
     }

@@ -111,11 +111,13 @@ impl Elements {
             ..Self::default()
         };
         let mut index = vec![NONE; pieces.list.len()];
+        let mut slopes = vec![None; pieces.list.len()];
         for (i, piece) in pieces.list.iter().enumerate() {
             if kept[i] {
                 index[i] = u32::try_from(all.list.len()).unwrap_or(NONE);
                 let parent = piece.parent.map_or(NONE, |p| index[p]);
-                all.push(&source, i, parent);
+                let carrier = piece.parent.and_then(|p| slopes[p].as_ref());
+                slopes[i] = Some(all.push(&source, i, (parent, carrier)));
             }
             all.parts[piece.axis as usize].push((piece.span[1], index[i]));
         }
@@ -124,14 +126,15 @@ impl Elements {
         all
     }
 
-    fn push(&mut self, source: &Source<'_>, i: usize, parent: u32) {
+    /// Adds a piece on a carrier whose slopes are given; returns its own.
+    fn push(&mut self, source: &Source<'_>, i: usize, (parent, carrier): (u32, Option<&Slopes>)) -> Slopes {
         let piece = &source.pieces.list[i];
         let axis = source.axis(piece);
         let measured = Measured::new(source, i);
         let site = source.plant.frame(axis, piece.span[0]);
         let frame = site.q.as_dquat();
         let id = rng::child(axis.id, u64::from(piece.number));
-        let (at, lever) = self.attachment(source, piece, parent);
+        let (at, lever) = self.attachment(piece, parent, carrier);
         let first = self.stations.len();
         self.stations.extend(measured.stations(source, piece));
         let bare = if source.crown.bare { 0.5 } else { 1.0 };
@@ -151,15 +154,15 @@ impl Elements {
             w: measured.frequency(source, piece, id),
             zeta: source.wood.damping * damping_of(axis.order, axis.kind == AxisKind::Petiole) * bare,
         });
+        Slopes { x: measured.beam.x, compliance: measured.compliance }
     }
 
     /// Where a piece stands on its carrier, and how far its pull bends that.
-    fn attachment(&self, source: &Source<'_>, piece: &Piece, parent: u32) -> (f64, f64) {
-        let Some((element, p)) = self.list.get(parent as usize).zip(piece.parent) else { return (0.0, 0.0) };
+    fn attachment(&self, piece: &Piece, parent: u32, carrier: Option<&Slopes>) -> (f64, f64) {
+        let Some((element, slopes)) = self.list.get(parent as usize).zip(carrier) else { return (0.0, 0.0) };
         let s = f64::from(piece.parent_s - element.span[0]);
-        let beam = source.pieces.beam(source.plant, source.wood, p);
         let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
-        (at, value(&beam.x, &beam.compliance(), s))
+        (at, value(&slopes.x, &slopes.compliance, s))
     }
 
     fn find_carriers(&mut self, plant: &Plant) {
@@ -251,6 +254,13 @@ impl Source<'_> {
     fn axis(&self, piece: &Piece) -> &Axis {
         &self.plant.axes[piece.axis as usize]
     }
+}
+
+/// Slope of the tip for a unit force at places along a piece.
+#[derive(Debug, Clone)]
+struct Slopes {
+    x: Vec<f64>,
+    compliance: Vec<f64>,
 }
 
 /// A piece with everything on it, station by station of its beam.

@@ -6,6 +6,7 @@
 mod bend;
 mod element;
 mod flutter;
+mod lanes;
 mod paper;
 mod pieces;
 mod posture;

@@ -2,7 +2,6 @@
 
 use glam::{DVec3, Quat, Vec3};
 
-use super::simulate::drag;
 use super::testing::{leafy, rod, tree};
 use super::*;
 use crate::limits::Limits;
@@ -129,21 +128,6 @@ fn a_steady_wind_ends_in_balance_and_the_stem_leans_with_it() {
     assert!((bends[0].x + bends[1].z).abs() < 0.03 * bends[0].x, "as far to every side: {bends:?}");
 }
 
-#[test]
-fn wood_feels_the_square_of_the_wind_and_leaves_fold_away() {
-    let wood = Wood::default();
-    let all = elements(&leafy(3), &wood);
-    let of = |wood_area: f64, leaf: f64, u: f64| {
-        let station = Station { load: Load { wood: wood_area, leaf, mass: 1.0 }, ..all.stations[0] };
-        drag(&wood, &station, DVec3::Y, DVec3::X * u).x
-    };
-    assert!((of(0.1, 0.0, 10.0) / of(0.1, 0.0, 5.0) - 4.0).abs() < 1e-9);
-    assert!((of(0.0, 1.0, 60.0) / of(0.0, 1.0, 30.0) - 2.235).abs() < 1e-3);
-    assert!((of(0.1, 0.0, 10.0) - 0.5 * 1.225 * 1.1 * 0.1 * 100.0).abs() < 1e-9);
-    let slanted = drag(&wood, &all.stations[0], DVec3::X, DVec3::X * 10.0);
-    assert!(slanted.length() < 1e-12, "wood along the wind catches none");
-}
-
 fn gusts(period: Option<f64>) -> Gust {
     Gust::new(GustOptions { speed: 7.0, period, seed: 3, ..GustOptions::default() })
 }
@@ -160,7 +144,7 @@ fn a_loop_closes_in_place_and_in_rate() {
     assert_eq!(track.at(-0.5), track.at(119.5));
     for e in 0..all.list.len() {
         for way in 0..2 {
-            let b: Vec<f32> = (0..=121_u16).map(|k| track.at(f32::from(k))[e][way]).collect();
+            let b: Vec<f32> = (0..=121_u16).map(|k| track.at(f64::from(k))[e][way]).collect();
             let rates: Vec<f32> = b.windows(2).map(|w| w[1] - w[0]).collect();
             let jumps: Vec<f32> = rates.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
             let most = jumps[..118].iter().copied().fold(0.0, f32::max);
@@ -181,7 +165,7 @@ fn nothing_moves_in_a_calm() {
     let track = record(&all, &Uniform(Vec3::ZERO), manner(wood), take(60, true));
     let rig = Rig::build(&plant, &all, 256);
     for k in 0..60_u16 {
-        let pose = rig.pose(&all, &track.at(f32::from(k)));
+        let pose = rig.pose(&all, &track.at(f64::from(k)));
         assert!(pose.iter().all(|t| t.r == Quat::IDENTITY));
     }
 }
@@ -192,7 +176,7 @@ fn twigs_are_quick_trunks_are_slow_and_neighbours_do_not_swing_in_unison() {
     let all = elements(&plant, &wood);
     let shaken = Manner { flicker: 0.15, ..manner(wood) };
     let track = record(&all, &gusts(Some(10.0)), shaken, take(240, true));
-    let series = |e: usize| -> Vec<f32> { (0..240_u16).map(|k| track.at(f32::from(k))[e][0]).collect() };
+    let series = |e: usize| -> Vec<f32> { (0..240_u16).map(|k| track.at(f64::from(k))[e][0]).collect() };
     let swings = |b: &[f32]| {
         let mean = b.iter().sum::<f32>() / b.len() as f32;
         b.windows(2).filter(|w| (w[0] - mean) * (w[1] - mean) < 0.0).count()
@@ -231,7 +215,7 @@ fn a_skin_follows_the_full_motion_of_thick_wood() {
     let track = record(&all, &gusts(Some(5.0)), manner(wood), take(120, true));
     let (mut wrong, mut moved) = (0.0_f64, 0.0_f64);
     for k in (0..120_u16).step_by(10) {
-        let bends = track.at(f32::from(k));
+        let bends = track.at(f64::from(k));
         let full = body.bark(&body.posture(&all, &bends));
         let joints = crate::scene::world_from_joint(&rig.skeleton, &rig.pose(&all, &bends));
         for ((f, s), rest) in full.iter().zip(crate::scene::skinned_points(&points, &skin, &joints)).zip(&points) {
@@ -269,7 +253,7 @@ fn same_bends_whatever_else_is_there() {
         record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
         record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
     );
-    assert!((0..72_u16).all(|k| a.at(f32::from(k)) == b.at(f32::from(k))));
+    assert!((0..72_u16).all(|k| a.at(f64::from(k)) == b.at(f64::from(k))));
 }
 
 #[test]
@@ -280,7 +264,7 @@ fn exaggeration_scales_swings_and_not_the_lean() {
     let of = |gain: f64, lean: f64| record(&all, &wind, manner(wood), Take { gain, lean, ..take(120, true) });
     let (one, still) = (of(1.0, 1.0), of(0.0, 1.0));
     let (three, upright) = (of(3.0, 1.0), of(1.0, 0.0));
-    let at = |t: &Track, k: u16| t.at(f32::from(k))[0][1];
+    let at = |t: &Track, k: u16| t.at(f64::from(k))[0][1];
     for k in [0, 30, 77] {
         let swing = at(&one, k) - at(&still, k);
         assert!((at(&three, k) - at(&still, k) - 3.0 * swing).abs() < 0.02 * swing.abs() + 1e-4);

@@ -141,17 +141,19 @@ impl Track {
     }
 
     /// Bends at a time. `frame`: counted from the first, fractions lie between; times outside a clip that does not repeat
-    /// show its ends.
-    pub fn at(&self, frame: f32) -> Vec<[f32; 2]> {
+    /// show its ends. A millionth of a frame next to a whole one is that one.
+    pub fn at(&self, frame: f64) -> Vec<[f32; 2]> {
         let n = self.frames.len();
         if n == 0 {
             return Vec::new();
         }
-        let (floor, t) = (frame.floor(), frame - frame.floor());
+        let near = frame.round();
+        let frame = if (frame - near).abs() < 1e-6 { near } else { frame };
+        let (floor, t) = (frame.floor(), math::narrow(frame - frame.floor()));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clips are short")]
-        let index = |k: f32| match self.repeats {
-            true => k.rem_euclid(n as f32) as usize % n,
-            false => k.clamp(0.0, (n - 1) as f32) as usize,
+        let index = |k: f64| match self.repeats {
+            true => k.rem_euclid(n as f64) as usize % n,
+            false => k.clamp(0.0, (n - 1) as f64) as usize,
         };
         let (a, b) = (&self.frames[index(floor)], &self.frames[index(floor + 1.0)]);
         if t == 0.0 {

@@ -1,8 +1,10 @@
 //! Gusts that travel downwind, with eddies in them.
 
 use glam::Vec3;
+use pulp::{Arch, Simd, WithSimd};
 
-use super::lattice::{ENDLESS, Place, noise1, noise2, noise3};
+use super::block::{BLOCK, Places, noise2, noise3};
+use super::lattice::{ENDLESS, Place, noise1};
 use super::{CALM, Wind, with_height};
 use crate::math;
 use crate::rng::Rng;
@@ -131,39 +133,72 @@ impl Gust {
         let o = &self.options;
         o.direction * math::cos_f32(turn) - self.across * math::sin_f32(turn)
     }
+}
 
-    /// u = U0 h(y) [max(0, 1 + g n1) w + I (n2x w + n2y Y / 2 + 0.7 n2z c)]: gusts of long, eddies of short waves, both
-    /// carried along at the mean speed.
-    fn at(&self, p: Vec3, t: f64, (along, across): (Vec3, Vec3)) -> Vec3 {
-        let o = &self.options;
-        let (x, z) = (f64::from(p.dot(o.direction)) - o.speed * t, f64::from(p.dot(self.across)));
-        let g = &self.gusts;
-        let gust = noise2(
-            g.seed,
-            [Place::new(x / g.length, g.cells), Place::new(z / (2.0 * g.length), ENDLESS)],
-            [g.cells, ENDLESS],
-        );
-        let e = &self.eddies;
-        let place = [
-            Place::new(x / e.length, e.cells),
-            Place::new(f64::from(p.y) / e.length, ENDLESS),
-            Place::new(z / e.length, ENDLESS),
-        ];
-        let eddy = noise3(e.seed, place, [e.cells, ENDLESS, ENDLESS])
-            .map(|n| o.turbulence * (n / EDDY_RMS).clamp(-EDDY_MOST, EDDY_MOST));
-        let flow = (1.0 + o.gust * gust).max(0.0) + eddy[0];
-        (along * flow + Vec3::Y * (0.5 * eddy[1]) + across * (0.7 * eddy[2]))
-            * (math::narrow(o.speed) * self.height(p.y))
+/// Air at many places of one moment.
+struct Sample<'a> {
+    wind: &'a Gust,
+    places: &'a [Vec3],
+    t: f64,
+    out: &'a mut [Vec3],
+}
+
+impl WithSimd for Sample<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let along = self.wind.direction(self.t);
+        let frame = (along, along.cross(Vec3::Y));
+        for (places, out) in self.places.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK)) {
+            self.wind.block(places, self.t, frame, out);
+        }
     }
+}
+
+impl Gust {
+    /// u = U0 h(y) [max(0, 1 + g n1) w + I (n2x w + n2y Y / 2 + 0.7 n2z c)]: gusts of long, eddies of short waves, both
+    /// carried along at the mean speed. At most [`BLOCK`] places.
+    #[inline(always)]
+    fn block(&self, places: &[Vec3], t: f64, (along, across): (Vec3, Vec3), out: &mut [Vec3]) {
+        let (o, g, e) = (&self.options, &self.gusts, &self.eddies);
+        let [mut x, mut y, mut z] = [[0.0; BLOCK]; 3];
+        for (i, p) in places.iter().enumerate() {
+            x[i] = f64::from(p.dot(o.direction)) - o.speed * t;
+            y[i] = f64::from(p.y);
+            z[i] = f64::from(p.dot(self.across));
+        }
+        let mut cells = [const { Places::ORIGIN }; 3];
+        let (mut gusts, mut eddies) = ([0.0; BLOCK], [[0.0; BLOCK]; 3]);
+        cells[0].set(&over(&x, g.length), g.cells);
+        cells[1].set(&over(&z, 2.0 * g.length), ENDLESS);
+        noise2(g.seed, [&cells[0], &cells[1]], &mut gusts);
+        cells[0].set(&over(&x, e.length), e.cells);
+        cells[1].set(&over(&y, e.length), ENDLESS);
+        cells[2].set(&over(&z, e.length), ENDLESS);
+        noise3(e.seed, [&cells[0], &cells[1], &cells[2]], &mut eddies);
+        for (i, (u, p)) in out.iter_mut().zip(places).enumerate() {
+            let eddy = [eddies[0][i], eddies[1][i], eddies[2][i]]
+                .map(|n| o.turbulence * (n / EDDY_RMS).clamp(-EDDY_MOST, EDDY_MOST));
+            let flow = (1.0 + o.gust * gusts[i]).max(0.0) + eddy[0];
+            *u = (along * flow + Vec3::Y * (0.5 * eddy[1]) + across * (0.7 * eddy[2]))
+                * (math::narrow(o.speed) * self.height(p.y));
+        }
+    }
+}
+
+#[inline(always)]
+fn over(x: &[f64; BLOCK], length: f64) -> [f64; BLOCK] {
+    let mut cells = [0.0; BLOCK];
+    for (c, x) in cells.iter_mut().zip(x) {
+        *c = x / length;
+    }
+    cells
 }
 
 impl Wind for Gust {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
-        let along = self.direction(t);
-        let frame = (along, along.cross(Vec3::Y));
-        for (u, p) in out.iter_mut().zip(places) {
-            *u = self.at(*p, t, frame);
-        }
+        Arch::new().dispatch(Sample { wind: self, places, t, out });
     }
 
     fn mean(&self) -> Vec3 {
@@ -205,6 +240,18 @@ mod tests {
             let expected = 4.5 * math::pow(f64::from(y) / 10.0, 0.2);
             assert!((sum / n / expected - 1.0).abs() < 0.03, "{y} m: {} for {expected}", sum / n);
         }
+    }
+
+    #[test]
+    fn wide_instructions_give_the_same_bits() {
+        let wind = Gust::new(GustOptions { period: Some(7.0), ..GustOptions::default() });
+        let places: Vec<Vec3> = (0..200_u16).map(|i| Vec3::new(f32::from(i), 0.1, 2.0) * f32::from(i)).collect();
+        let sample = |arch: Arch| {
+            let mut out = vec![Vec3::ZERO; places.len()];
+            arch.dispatch(Sample { wind: &wind, places: &places, t: 1.3, out: &mut out });
+            out.iter().flat_map(|u| u.to_array().map(f32::to_bits)).collect::<Vec<u32>>()
+        };
+        assert_eq!(sample(Arch::Scalar), sample(Arch::new()));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! [`Uniform`] is the same everywhere, [`Gust`] travels and can repeat, [`Formula`] is the periodic wind of
 //! [zhao-zhang] 3.1. Space: world, metres, +Y up; time in seconds. Speeds are those at 10 m above the ground.
 
+mod block;
 mod formula;
 mod gust;
 mod lattice;

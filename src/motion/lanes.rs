@@ -1,0 +1,265 @@
+//! Numbers side by side: the same sums and products for several branches at once.
+//!
+//! Only operations that IEEE 754 rounds in one way, and no fused ones: a lane's bits do not depend on how many there are.
+//! What handles lanes is `inline(always)` and holds no closures: these would not get the instructions of the lanes.
+
+use std::ops::{Add, Mul, Neg, RangeInclusive, Sub};
+
+use pulp::{Scalar, Simd};
+
+/// Columns are padded to so many rows: the most lanes of any processor that is told apart.
+const WIDEST: usize = 8;
+
+/// Some numbers, one to a lane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lane<S: Simd> {
+    simd: S,
+    value: S::f64s,
+}
+
+impl<S: Simd> Lane<S> {
+    #[inline(always)]
+    pub(super) fn all(simd: S, value: f64) -> Self {
+        Self { simd, value: simd.splat_f64s(value) }
+    }
+
+    /// What its numbers are computed with.
+    #[inline(always)]
+    pub(super) fn simd(self) -> S {
+        self.simd
+    }
+
+    #[inline(always)]
+    fn with(self, value: S::f64s) -> Self {
+        Self { simd: self.simd, value }
+    }
+
+    #[inline(always)]
+    pub(super) fn sqrt(self) -> Self {
+        self.with(self.simd.sqrt_f64s(self.value))
+    }
+
+    #[inline(always)]
+    pub(super) fn over(self, o: Self) -> Self {
+        self.with(self.simd.div_f64s(self.value, o.value))
+    }
+
+    /// The greater of both; neither may be NaN.
+    #[inline(always)]
+    pub(super) fn at_least(self, least: f64) -> Self {
+        self.with(self.simd.max_f64s(self.value, self.simd.splat_f64s(least)))
+    }
+
+    /// `then` where a lane is below `bound`, `otherwise` elsewhere.
+    #[inline(always)]
+    pub(super) fn below(self, bound: f64, then: Self, otherwise: Self) -> Self {
+        let mask = self.simd.less_than_f64s(self.value, self.simd.splat_f64s(bound));
+        self.with(self.simd.select_f64s(mask, then.value, otherwise.value))
+    }
+
+    /// Whether every lane is below.
+    #[inline(always)]
+    pub(super) fn all_below(self, bound: f64) -> bool {
+        self.simd.reduce_max_f64s(self.value) < bound
+    }
+}
+
+impl Lane<Scalar> {
+    /// The one number.
+    #[inline(always)]
+    pub(super) fn value(self) -> f64 {
+        self.value
+    }
+}
+
+impl<S: Simd> Add for Lane<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        self.with(self.simd.add_f64s(self.value, o.value))
+    }
+}
+
+impl<S: Simd> Sub for Lane<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        self.with(self.simd.sub_f64s(self.value, o.value))
+    }
+}
+
+impl<S: Simd> Mul for Lane<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, o: Self) -> Self {
+        self.with(self.simd.mul_f64s(self.value, o.value))
+    }
+}
+
+impl<S: Simd> Mul<f64> for Lane<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, k: f64) -> Self {
+        self.with(self.simd.mul_f64s(self.value, self.simd.splat_f64s(k)))
+    }
+}
+
+impl<S: Simd> Neg for Lane<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.with(self.simd.neg_f64s(self.value))
+    }
+}
+
+/// Vectors side by side.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Arrow<S: Simd>(pub(super) [Lane<S>; 3]);
+
+impl<S: Simd> Arrow<S> {
+    #[inline(always)]
+    pub(super) fn dot(self, o: Self) -> Lane<S> {
+        self.0[0] * o.0[0] + self.0[1] * o.0[1] + self.0[2] * o.0[2]
+    }
+
+    #[inline(always)]
+    pub(super) fn length(self) -> Lane<S> {
+        self.dot(self).sqrt()
+    }
+
+    #[inline(always)]
+    pub(super) fn cross(self, o: Self) -> Self {
+        let ([a, b, c], [x, y, z]) = (self.0, o.0);
+        Self([b * z - c * y, c * x - a * z, a * y - b * x])
+    }
+}
+
+impl<S: Simd> Add for Arrow<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, o: Self) -> Self {
+        Self([self.0[0] + o.0[0], self.0[1] + o.0[1], self.0[2] + o.0[2]])
+    }
+}
+
+impl<S: Simd> Sub for Arrow<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, o: Self) -> Self {
+        Self([self.0[0] - o.0[0], self.0[1] - o.0[1], self.0[2] - o.0[2]])
+    }
+}
+
+impl<S: Simd> Mul<Lane<S>> for Arrow<S> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, k: Lane<S>) -> Self {
+        Self([self.0[0] * k, self.0[1] * k, self.0[2] * k])
+    }
+}
+
+/// Rotations side by side, as matrices by rows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turned<S: Simd>([Arrow<S>; 3]);
+
+impl<S: Simd> Turned<S> {
+    /// Of unit quaternions (x, y, z, w).
+    #[inline(always)]
+    pub(super) fn of([x, y, z, w]: [Lane<S>; 4]) -> Self {
+        let one = Lane::all(x.simd, 1.0);
+        let (x2, y2, z2) = (x + x, y + y, z + z);
+        let (xx, yy, zz) = (x * x2, y * y2, z * z2);
+        let (xy, xz, yz) = (x * y2, x * z2, y * z2);
+        let (wx, wy, wz) = (w * x2, w * y2, w * z2);
+        Self([
+            Arrow([one - (yy + zz), xy - wz, xz + wy]),
+            Arrow([xy + wz, one - (xx + zz), yz - wx]),
+            Arrow([xz - wy, yz + wx, one - (xx + yy)]),
+        ])
+    }
+
+    #[inline(always)]
+    pub(super) fn apply(&self, v: Arrow<S>) -> Arrow<S> {
+        Arrow([self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v)])
+    }
+
+    /// The other way round.
+    #[inline(always)]
+    pub(super) fn back(&self, v: Arrow<S>) -> Arrow<S> {
+        let [a, b, c] = self.0;
+        a * v.0[0] + b * v.0[1] + c * v.0[2]
+    }
+}
+
+/// Rows of `K` numbers, padded with zeros: [`WIDEST`] rows lie together, column after column.
+#[derive(Debug, Clone)]
+pub(super) struct Columns<const K: usize>(Vec<f64>);
+
+impl<const K: usize> Columns<K> {
+    /// `rows` rows of zeros.
+    pub(super) fn new(rows: usize) -> Self {
+        Self(vec![0.0; padded(rows) * K])
+    }
+
+    /// From the first to the last number of a row.
+    #[inline(always)]
+    fn span(row: usize) -> RangeInclusive<usize> {
+        let first = row / WIDEST * K * WIDEST + row % WIDEST;
+        first..=first + (K - 1) * WIDEST
+    }
+
+    #[inline(always)]
+    pub(super) fn row(&self, i: usize) -> [f64; K] {
+        let all = &self.0[Self::span(i)];
+        std::array::from_fn(|k| all[k * WIDEST])
+    }
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, i: usize, row: [f64; K]) {
+        let all = &mut self.0[Self::span(i)];
+        for k in 0..K {
+            all[k * WIDEST] = row[k];
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn add(&mut self, i: usize, row: [f64; K]) {
+        let all = &mut self.0[Self::span(i)];
+        for k in 0..K {
+            all[k * WIDEST] += row[k];
+        }
+    }
+
+    /// First of the `K` groups of lanes of a group of rows, and from each to the next.
+    #[inline(always)]
+    fn lanes<S: Simd>(group: usize) -> (usize, usize) {
+        let parts = WIDEST / S::F64_LANES;
+        (group / parts * K * parts + group % parts, parts)
+    }
+
+    /// The rows of a group, as many as there are lanes.
+    #[inline(always)]
+    pub(super) fn get<S: Simd>(&self, simd: S, group: usize) -> [Lane<S>; K] {
+        let (first, apart) = Self::lanes::<S>(group);
+        let all = &S::as_simd_f64s(&self.0).0[first..=first + (K - 1) * apart];
+        let mut row = [Lane { simd, value: all[0] }; K];
+        for k in 1..K {
+            row[k].value = all[k * apart];
+        }
+        row
+    }
+
+    #[inline(always)]
+    pub(super) fn put<S: Simd>(&mut self, group: usize, row: [Lane<S>; K]) {
+        let (first, apart) = Self::lanes::<S>(group);
+        let all = &mut S::as_mut_simd_f64s(&mut self.0).0[first..=first + (K - 1) * apart];
+        for k in 0..K {
+            all[k * apart] = row[k].value;
+        }
+    }
+}
+
+/// Row count that all lane widths divide.
+pub(super) fn padded(rows: usize) -> usize {
+    rows.next_multiple_of(WIDEST)
+}
