@@ -5,7 +5,6 @@ use super::super::element::{Element, Elements, Station};
 use super::super::lanes::{Columns, padded};
 use super::super::wood::{AIR, Wood};
 use super::Manner;
-use crate::plant::NONE;
 
 /// How an element hangs on its carrier.
 #[derive(Debug, Clone, Copy)]
