@@ -9,7 +9,7 @@ use osier::ifs::cloud::{Request, cloud};
 use osier::ifs::color::{Labels, Mode};
 use osier::ifs::dynamics::study;
 use osier::ifs::game::{Chunk, Game, Sink, Tier, extent};
-use osier::ifs::histogram::{Splat, Window, histogram};
+use osier::ifs::histogram::{Window, histogram};
 use osier::ifs::leaf::{Colors, Spec, fields, leaf, normals};
 use osier::ifs::weights::Rule;
 use osier::ifs::{Ifs, read};
@@ -56,11 +56,11 @@ fn drawing(c: &mut Criterion) {
     let request = Request { system: &fern, study: &s, seed: 1, points: 100_000_000, tier: Tier::Best };
     group.throughput(Throughput::Elements(request.points));
     group.bench_function("hits_2048", |b| {
-        b.iter(|| one_thread(|| histogram(&request, None, &window, Splat::Direct).points));
+        b.iter(|| one_thread(|| histogram(&request, None, &window).points));
     });
     let labels = Labels::new(&fern, Mode::Coord, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     group.bench_function("colour_2048", |b| {
-        b.iter(|| one_thread(|| histogram(&request, Some(&labels), &window, Splat::Direct).points));
+        b.iter(|| one_thread(|| histogram(&request, Some(&labels), &window).points));
     });
     group.finish();
 }

@@ -8,7 +8,7 @@ use crate::geometry::Bounds;
 use crate::ifs::cloud::{Cloud, Request, cloud, voxels};
 use crate::ifs::color::{Labels, Mode};
 use crate::ifs::game::{Escapes, Tier};
-use crate::ifs::histogram::{Splat, Window, histogram};
+use crate::ifs::histogram::{Window, histogram};
 use crate::ifs::picture::{Density, Estimator, Tone, density};
 use crate::math::narrow;
 use crate::recipe::cloud_keys::{ColorBy, Fit, Foot, PictureKeys};
@@ -22,8 +22,6 @@ pub(super) const PER_PIXEL: u64 = 20;
 pub(super) const MEMORY: u64 = 4 << 30;
 /// Bytes per pixel of counts with colours.
 const CELL: u64 = 48;
-/// Histograms beyond this many bytes are splatted band by band.
-const CACHE: u64 = 16 << 20;
 /// Widths of a point in the size of its attractor.
 const FINENESS: f64 = 800.0;
 /// Escaped share of the tests that is still an attractor.
@@ -192,8 +190,7 @@ pub fn picture(recipe: &CloudRecipe, scene: &Recipe, work: &Work<'_>) -> Result<
     let cloud_keys = &recipe.keys;
     let request =
         Request { system: &recipe.system, study: &recipe.study, seed: scene.seed, points: count, tier: Tier::Best };
-    let splat = if colors.is_none() && pixels * 4 > CACHE { Splat::Binned } else { Splat::Direct };
-    let counts = histogram(&request, colors.as_ref(), &window(recipe, keys), splat);
+    let counts = histogram(&request, colors.as_ref(), &window(recipe, keys));
     settled(recipe, counts.escapes)?;
     work.cancel.check()?;
     let estimator = Estimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };

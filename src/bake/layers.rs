@@ -7,7 +7,7 @@ use super::clouds::{MEMORY, PER_PIXEL, bounds, labels, settled};
 use crate::ifs::cloud::Request;
 use crate::ifs::color::Labels;
 use crate::ifs::game::Tier;
-use crate::ifs::histogram::{Splat, Window, histogram};
+use crate::ifs::histogram::{Window, histogram};
 use crate::ifs::picture::{Tone, density, opacity};
 use crate::math::{lerp, narrow};
 use crate::recipe::cloud_keys::ColorBy;
@@ -167,7 +167,7 @@ fn points(layer: &LayerRecipe, cloud: &CloudRecipe, scene: &Recipe, index: usize
     let seed = mix64(&[scene.seed, word("layer"), index as u64]);
     let request = Request { system: &system, study: &cloud.study, seed, points: count, tier: Tier::Best };
     let colors: Option<Labels> = (cloud.keys.color_by != ColorBy::Density).then(|| labels(cloud));
-    let counts = histogram(&request, colors.as_ref(), &window, Splat::Direct);
+    let counts = histogram(&request, colors.as_ref(), &window);
     settled(cloud, counts.escapes)?;
     let drawn = density(&counts, 1, None);
     let tone = Tone {

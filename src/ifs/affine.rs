@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::math;
+use crate::math::{self, narrow};
 
 /// w(x) = A x + b. A map of the plane has zeros in the third row and column of A and in b.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +60,12 @@ impl Affine {
         }
         let row = |i: usize| [a.x_axis[i], a.y_axis[i], a.z_axis[i]];
         [row(0), row(1), row(2)].concat().into_iter().chain(b.to_array()).collect()
+    }
+
+    /// Rows of A, then b, in single precision.
+    pub(super) fn single(&self) -> [f32; 12] {
+        let c = self.coefficients(3);
+        std::array::from_fn(|i| c.get(i).map_or(0.0, |v| narrow(*v)))
     }
 
     /// Image of a point.

@@ -91,34 +91,52 @@ impl Labels {
         self.mode == Mode::Map
     }
 
+    /// True if labels are steps of a palette at a point's own coordinate.
+    pub fn is_by_coord(&self) -> bool {
+        self.mode == Mode::Coord
+    }
+
+    /// How many of the last maps a label that is not [by coordinate](Self::is_by_coord) depends on, at least 1.
+    pub fn letters(&self) -> usize {
+        if let Mode::Prefix(k) = self.mode { k as usize } else { 1 }
+    }
+
+    /// Label of points whose last maps, newest first, are these [`Self::letters`].
+    pub fn of_word(&self, letters: &[usize]) -> u32 {
+        let word = letters.iter().fold(0, |word, i| word * self.maps as usize + i);
+        match self.mode {
+            Mode::Map | Mode::Prefix(_) => u32::try_from(word).unwrap_or(0),
+            // Endless words; coordinates are a point's own.
+            Mode::Depth => 255,
+            Mode::Coord | Mode::Density => 0,
+        }
+    }
+
     /// Labels of a chunk's points.
     pub fn label(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
         if self.mode == Mode::Map {
             *out = chunk.map;
             return;
         }
-        if self.mode == Mode::Coord {
-            return self.pulled(chunk, out);
-        }
         for step in 0..chunk.steps.min(CHUNK) {
+            if self.mode == Mode::Coord {
+                out[step] = self.pulled(&chunk.map[step]).map(of_coord);
+                continue;
+            }
             for lane in 0..LANES {
                 out[step][lane] = self.one(lane, chunk.map[step][lane]);
             }
         }
     }
 
-    /// Steps of the palette: every map pulls the coordinate to its own, jumps leave it.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and 1 before the cast")]
-    fn pulled(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
+    /// Coordinates of one step of all lanes: every map pulls the coordinate to its own, jumps leave it.
+    pub fn pulled(&mut self, maps: &[u32; LANES]) -> [f32; LANES] {
         let last = self.pull.len() - 1;
-        for step in 0..chunk.steps.min(CHUNK) {
-            for lane in 0..LANES {
-                let (keep, add) = self.pull[(chunk.map[step][lane] as usize).min(last)];
-                let c = keep * self.lanes.coord[lane] + add;
-                self.lanes.coord[lane] = c;
-                out[step][lane] = (c * 255.0 + 0.5) as u32;
-            }
+        for (coord, map) in self.lanes.coord.iter_mut().zip(maps) {
+            let (keep, add) = self.pull[(*map as usize).min(last)];
+            *coord = keep * *coord + add;
         }
+        self.lanes.coord
     }
 
     fn one(&mut self, lane: usize, map: u32) -> u32 {
@@ -142,6 +160,13 @@ impl Labels {
     pub fn restart(&mut self, lane: usize) {
         (self.lanes.word[lane], self.lanes.coord[lane], self.lanes.depth[lane]) = (0, 0.5, 0);
     }
+}
+
+/// Step of the palette of a coordinate: 255 c to the nearest whole number.
+#[inline(always)]
+pub fn of_coord(c: f32) -> u32 {
+    // Beyond 2^23 there are no fractions: the sum's last bits are the number, found without a cast that saturates.
+    (c * 255.0 + 8_388_608.0).to_bits() & 255
 }
 
 /// Largest word length up to `k` with no more than [`LABELS`] words.

@@ -5,21 +5,17 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::cloud::Request;
-use super::color::Labels;
-use super::game::{CHUNK, Chunk, Escapes, Game, LANES, Sink};
-use crate::math::narrow;
-use crate::par::{par_map, threads};
+use super::color::{Labels, of_coord};
+use super::cylinders::Cylinder;
+use super::game::Escapes;
+use super::splat::{Cells, Plan, SLICE};
 
-/// Bytes that the histograms of all threads may take together.
-const MEMORY: usize = 1 << 30;
 /// A cell is emptied before its colour sums could overflow: 2^20 hits of 12 bits.
 const FULL: u32 = (1 << 20) - 1024;
 /// Largest linear colour.
 const COLOR: f32 = 4095.0;
 /// Units of a whole hit where maps show a share of their points.
 const SHARES: f64 = 256.0;
-/// Box diagonals beyond which a lane starts again.
-const GUARD: f64 = 1e4;
 
 /// A rectangle of table units seen as pixels; row 0 at the top.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,63 +73,23 @@ pub struct Histogram {
     pub escapes: Escapes,
 }
 
-/// How points reach the cells; both give the same counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Splat {
-    /// One after the other.
-    Direct,
-    /// Sorted into bands of rows first: for pictures that do not fit the cache.
-    Binned,
-}
+/// Counts points alone.
+struct Hits(Vec<u32>);
 
-/// Pixels of a band of [`Splat::Binned`], and points that wait for it.
-const BAND: usize = 1 << 14;
-const BUCKET: usize = 2048;
+impl Cells for Hits {
+    fn labels(&self) -> Option<&Labels> {
+        None
+    }
 
-/// Counts points by pixel.
-struct Hits<'a> {
-    window: &'a Window,
-    /// One more than pixels: the last counts what falls outside.
-    cells: Vec<u32>,
-    buckets: Option<Vec<Vec<u32>>>,
-    index: Box<[[u32; LANES]; CHUNK]>,
-}
-
-impl Hits<'_> {
-    fn flush(&mut self) {
-        for bucket in self.buckets.iter_mut().flatten() {
-            for i in bucket.drain(..) {
-                if let Some(cell) = self.cells.get_mut(i as usize) {
-                    *cell += 1;
-                }
-            }
+    fn add_each(&mut self, cells: &[u32], _maps: &[u32], _labels: &[u32]) {
+        let counts = self.0.as_mut_slice();
+        for i in cells {
+            counts[*i as usize] += 1;
         }
     }
-}
 
-impl Sink for Hits<'_> {
-    fn take(&mut self, chunk: &Chunk) {
-        pixels(self.window, chunk, &mut self.index);
-        let index = &self.index[..chunk.steps.min(CHUNK)];
-        match &mut self.buckets {
-            None => {
-                let cells = self.cells.as_mut_slice();
-                for i in index.iter().flatten() {
-                    cells[*i as usize] += 1;
-                }
-            }
-            Some(buckets) => {
-                for i in index.iter().flatten() {
-                    let bucket = &mut buckets[*i as usize / BAND];
-                    bucket.push(*i);
-                    if bucket.len() >= BUCKET {
-                        for i in bucket.drain(..) {
-                            self.cells[i as usize] += 1;
-                        }
-                    }
-                }
-            }
-        }
+    fn add(&mut self, cells: &[u32], _cylinder: &Cylinder, _coord: &[f32]) {
+        self.add_each(cells, &[], &[]);
     }
 }
 
@@ -144,61 +100,66 @@ struct Cell([u32; 4]);
 
 /// Counts points and colours by pixel.
 struct Colors<'a> {
-    window: &'a Window,
     cells: Vec<Cell>,
     spilled: BTreeMap<u32, [u64; 4]>,
-    labels: Labels,
+    labels: &'a Labels,
     /// What a point of a label adds, and by map the share that is shown (empty: all of it).
     adds: &'a [[u32; 4]],
     shares: &'a [u32],
-    index: Box<[[u32; LANES]; CHUNK]>,
-    label: Box<[[u32; LANES]; CHUNK]>,
 }
 
-impl Sink for Colors<'_> {
-    fn take(&mut self, chunk: &Chunk) {
-        pixels(self.window, chunk, &mut self.index);
-        let label = if self.labels.is_by_map() {
-            &chunk.map
-        } else {
-            self.labels.label(chunk, &mut self.label);
-            &*self.label
-        };
-        if self.shares.is_empty() {
-            for step in 0..chunk.steps.min(CHUNK) {
-                for (index, label) in self.index[step].iter().zip(&label[step]) {
-                    let add = self.adds[*label as usize];
-                    let cell = &mut self.cells[*index as usize].0;
-                    *cell = std::array::from_fn(|i| cell[i] + add[i]);
-                    if cell[0] >= FULL {
-                        spill(&mut self.spilled, *index, cell);
-                    }
-                }
-            }
+impl Colors<'_> {
+    #[inline(always)]
+    fn one(&mut self, index: u32, add: [u32; 4]) {
+        let cell = &mut self.cells[index as usize].0;
+        *cell = std::array::from_fn(|i| cell[i] + add[i]);
+        if cell[0] >= FULL {
+            spill(&mut self.spilled, index, cell);
+        }
+    }
+
+    /// Hits (0) or a colour's sum (1 to 3) of a cell.
+    fn sum(&self, i: usize, k: usize) -> u64 {
+        let kept = u64::from(self.cells[i].0[k]);
+        if self.spilled.is_empty() {
+            return kept;
+        }
+        kept + u32::try_from(i).ok().and_then(|i| self.spilled.get(&i)).map_or(0, |s| s[k])
+    }
+
+    fn share(&self, map: usize) -> u32 {
+        if self.shares.is_empty() { 1 } else { self.shares.get(map).copied().unwrap_or(256) }
+    }
+}
+
+impl Cells for Colors<'_> {
+    fn labels(&self) -> Option<&Labels> {
+        Some(self.labels)
+    }
+
+    fn add_each(&mut self, cells: &[u32], maps: &[u32], labels: &[u32]) {
+        for ((index, map), label) in cells.iter().zip(maps).zip(labels) {
+            let share = self.share(*map as usize);
+            self.one(*index, self.adds[*label as usize].map(|v| v * share));
+        }
+    }
+
+    fn add(&mut self, cells: &[u32], cylinder: &Cylinder, coord: &[f32]) {
+        let share = self.share(cylinder.newest);
+        if coord.is_empty() {
+            let add = self.adds[cylinder.label as usize].map(|v| v * share);
+            cells.iter().for_each(|i| self.one(*i, add));
             return;
         }
-        for step in 0..chunk.steps.min(CHUNK) {
-            for lane in 0..LANES {
-                let index = self.index[step][lane];
-                let share = self.shares.get(chunk.map[step][lane] as usize).copied().unwrap_or(256);
-                let add = self.adds[label[step][lane] as usize].map(|v| v * share);
-                let cell = &mut self.cells[index as usize].0;
-                for (c, a) in cell.iter_mut().zip(add) {
-                    *c += a;
-                }
-                if cell[0] >= FULL {
-                    spill(&mut self.spilled, index, cell);
-                }
-            }
+        let (keep, pull) = cylinder.pull;
+        let mut steps = [0; SLICE];
+        steps.iter_mut().zip(coord).for_each(|(s, c)| *s = of_coord(keep * c + pull));
+        let adds = self.adds;
+        if share == 1 {
+            cells.iter().zip(&steps).for_each(|(i, s)| self.one(*i, adds[*s as usize]));
+        } else {
+            cells.iter().zip(&steps).for_each(|(i, s)| self.one(*i, adds[*s as usize].map(|v| v * share)));
         }
-    }
-
-    fn begin(&mut self) {
-        (0..LANES).for_each(|lane| self.labels.restart(lane));
-    }
-
-    fn restart(&mut self, lane: usize) {
-        self.labels.restart(lane);
     }
 }
 
@@ -210,114 +171,62 @@ fn spill(spilled: &mut BTreeMap<u32, [u64; 4]>, index: u32, cell: &mut [u32; 4])
     }
 }
 
-/// Pixel of every point of a chunk; the number of pixels for those outside.
-fn pixels(window: &Window, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
-    super::game::pixels(chunk, (window.width, window.height), out);
-}
-
 /// Draws a system into pixels.
-/// Returns the same counts at any thread count, with any instructions and either way of splatting.
-pub fn histogram(request: &Request<'_>, labels: Option<&Labels>, window: &Window, splat: Splat) -> Histogram {
-    let frame = window.frame();
-    #[allow(clippy::cast_precision_loss, reason = "pixels")]
-    let diagonal = (window.width + window.height) as f64;
-    let game = Game::new(request.system, request.study, request.seed, frame, narrow((diagonal * GUARD).min(1e15)));
-    let game = game.with_tier(request.tier);
-    let (blocks, steps) = Game::plan(request.points);
-    let pixels = window.width * window.height;
-    let bytes = if labels.is_some() { size_of::<Cell>() } else { size_of::<u32>() };
-    let workers = threads().min(MEMORY / (pixels * bytes).max(1)).clamp(1, usize::try_from(blocks).unwrap_or(1));
-    let jobs: Vec<u64> = (0..workers as u64).collect();
-    let of = |worker: u64| (worker..blocks).step_by(workers);
-    let parts = par_map(&jobs, |worker| match labels {
-        None => hits(&game, window, splat, (of(*worker), steps)),
-        Some(labels) => colors(&game, window, (labels, request), (of(*worker), steps)),
-    });
-    let unit = if labels.is_some() && shows_shares(request) { 256 } else { 1 };
-    let mut parts = parts.into_iter();
-    let mut sum = parts.next().unwrap_or_default();
-    for part in parts {
-        sum.add(&part);
-    }
-    let outside = sum.hits.pop().unwrap_or(0);
-    sum.sums.pop();
-    let points = blocks * steps * LANES as u64;
+/// Returns the same counts at any thread count and with any instructions.
+pub fn histogram(request: &Request<'_>, labels: Option<&Labels>, window: &Window) -> Histogram {
+    let plan = Plan::new(request, labels, window);
     let (width, height) = (window.width, window.height);
-    Histogram { width, height, hits: sum.hits, sums: sum.sums, unit, points, outside, escapes: sum.escapes }
-}
-
-/// What one worker counted, with the cell for outside at the end.
-#[derive(Default)]
-struct Counted {
-    hits: Vec<u64>,
-    sums: Vec<[u64; 3]>,
-    escapes: Escapes,
-}
-
-impl Counted {
-    fn add(&mut self, other: &Self) {
-        for (a, b) in self.hits.iter_mut().zip(&other.hits) {
-            *a += b;
-        }
-        for (a, b) in self.sums.iter_mut().zip(&other.sums) {
-            for (x, y) in a.iter_mut().zip(b) {
-                *x += y;
-            }
-        }
-        self.escapes = self.escapes.plus(other.escapes);
-    }
-}
-
-type Blocks<I> = (I, u64);
-
-fn hits(game: &Game, window: &Window, splat: Splat, (blocks, steps): Blocks<impl Iterator<Item = u64>>) -> Counted {
-    let cells = window.width * window.height + 1;
-    let buckets = (splat == Splat::Binned).then(|| vec![Vec::with_capacity(BUCKET); cells / BAND + 1]);
-    let mut sink = Hits { window, cells: vec![0; cells], buckets, index: Box::new([[0; LANES]; CHUNK]) };
-    let escapes = blocks.fold(Escapes::default(), |s, b| s.plus(game.play(b, steps, &mut sink)));
-    sink.flush();
-    Counted { hits: sink.cells.iter().map(|c| u64::from(*c)).collect(), sums: Vec::new(), escapes }
-}
-
-fn shows_shares(request: &Request<'_>) -> bool {
-    request.system.maps.iter().any(|m| m.opacity < 1.0)
-}
-
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
-fn colors(
-    game: &Game,
-    window: &Window,
-    (labels, request): (&Labels, &Request<'_>),
-    (blocks, steps): Blocks<impl Iterator<Item = u64>>,
-) -> Counted {
-    let twelve = |v: f32| (v.clamp(0.0, 1.0) * COLOR + 0.5) as u32;
-    let adds: Vec<[u32; 4]> = labels.colors.iter().map(|c| [1, twelve(c[0]), twelve(c[1]), twelve(c[2])]).collect();
-    let share = |o: f64| (o.clamp(0.0, 1.0) * SHARES + 0.5) as u32;
-    let shares: Vec<u32> = request.system.maps.iter().map(|m| share(m.opacity)).collect();
-    let shares = if shows_shares(request) { shares } else { Vec::new() };
-    let mut sink = Colors {
-        window,
-        cells: vec![Cell::default(); window.width * window.height + 1],
-        spilled: BTreeMap::new(),
-        labels: labels.clone(),
-        adds: &adds,
-        shares: &shares,
-        index: Box::new([[0; LANES]; CHUNK]),
-        label: Box::new([[0; LANES]; CHUNK]),
+    let mut out = Histogram {
+        width,
+        height,
+        hits: Vec::new(),
+        sums: Vec::new(),
+        unit: 1,
+        points: plan.points,
+        outside: 0,
+        escapes: Escapes::default(),
     };
-    let escapes = blocks.fold(Escapes::default(), |s, b| s.plus(game.play(b, steps, &mut sink)));
-    let mut out = Counted {
-        hits: sink.cells.iter().map(|c| u64::from(c.0[0])).collect(),
-        sums: sink.cells.iter().map(|c| [u64::from(c.0[1]), u64::from(c.0[2]), u64::from(c.0[3])]).collect(),
-        escapes,
-    };
-    for (index, more) in sink.spilled {
-        if let (Some(h), Some(s)) = (out.hits.get_mut(index as usize), out.sums.get_mut(index as usize)) {
-            *h += more[0];
-            for (s, m) in s.iter_mut().zip(&more[1..]) {
-                *s += m;
-            }
-        }
+    match labels {
+        None => out.hits(&plan),
+        Some(labels) => out.colors(&plan, labels, request),
     }
     out
+}
+
+impl Histogram {
+    fn hits(&mut self, plan: &Plan) {
+        let layout = plan.layout;
+        let (parts, escapes) = plan.count(size_of::<u32>(), || Hits(vec![0; layout.cells()]));
+        let sum = |i: usize| parts.iter().map(|p| u64::from(p.0[i])).sum::<u64>();
+        (self.hits, self.outside, self.escapes) = (layout.rows(sum), sum(layout.outside()), escapes);
+    }
+
+    fn colors(&mut self, plan: &Plan, labels: &Labels, request: &Request<'_>) {
+        let layout = plan.layout;
+        let (adds, shares) = weights(labels, request);
+        let empty = || Colors {
+            cells: vec![Cell::default(); layout.cells()],
+            spilled: BTreeMap::new(),
+            labels,
+            adds: &adds,
+            shares: &shares,
+        };
+        let (parts, escapes) = plan.count(size_of::<Cell>(), empty);
+        let sum = |i: usize, k: usize| parts.iter().map(|p| p.sum(i, k)).sum::<u64>();
+        self.hits = layout.rows(|i| sum(i, 0));
+        self.sums = layout.rows(|i| [sum(i, 1), sum(i, 2), sum(i, 3)]);
+        self.unit = if shares.is_empty() { 1 } else { 256 };
+        (self.outside, self.escapes) = (sum(layout.outside(), 0), escapes);
+    }
+}
+
+/// What a point of a label adds, and by map the share that is shown: empty where all maps show all of their points.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+fn weights(labels: &Labels, request: &Request<'_>) -> (Vec<[u32; 4]>, Vec<u32>) {
+    let twelve = |v: f32| (v.clamp(0.0, 1.0) * COLOR + 0.5) as u32;
+    let adds = labels.colors.iter().map(|c| [1, twelve(c[0]), twelve(c[1]), twelve(c[2])]).collect();
+    let share = |o: f64| (o.clamp(0.0, 1.0) * SHARES + 0.5) as u32;
+    let maps = &request.system.maps;
+    let shown = maps.iter().any(|m| m.opacity < 1.0);
+    (adds, if shown { maps.iter().map(|m| share(m.opacity)).collect() } else { Vec::new() })
 }

@@ -8,6 +8,7 @@
 pub mod affine;
 pub mod cloud;
 pub mod color;
+mod cylinders;
 pub mod dynamics;
 pub mod game;
 pub mod histogram;
@@ -16,6 +17,7 @@ pub mod morph;
 pub mod picture;
 mod polar;
 pub mod read;
+mod splat;
 pub mod stems;
 pub mod tile;
 pub mod weights;

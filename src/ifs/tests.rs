@@ -8,7 +8,7 @@ use super::cloud::{Request, cloud};
 use super::color::{Labels, Mode};
 use super::dynamics::study;
 use super::game::{CHUNK, Chunk, Game, LANES, Sink, Tier, extent};
-use super::histogram::{Splat, Window, histogram};
+use super::histogram::{Window, histogram};
 use super::weights::{Rule, probabilities};
 use super::words::{Expansion, Letters, Limits as Cut, Variation, expand};
 use super::*;
@@ -202,7 +202,7 @@ fn bamboo_node_fills_cells_in_proportion() {
     let ifs = system("bamboo_node");
     let s = study(&ifs, Rule::File);
     let window = Window { width: 8, height: 8, center: [50.0, 50.0], pixel: 12.5 };
-    let h = histogram(&Request { points: 1 << 21, ..request(&ifs, &s, Tier::Best) }, None, &window, Splat::Direct);
+    let h = histogram(&Request { points: 1 << 21, ..request(&ifs, &s, Tier::Best) }, None, &window);
     let quarter = |x: usize, y: usize| [[0.15, 0.35], [0.35, 0.15]][y][x];
     let mut chi = 0.0;
     #[allow(clippy::cast_precision_loss, reason = "counts")]
@@ -224,29 +224,31 @@ fn bamboo_node_fills_cells_in_proportion() {
 }
 
 #[test]
-fn counts_do_not_depend_on_threads_instructions_or_splatting() {
+fn counts_do_not_depend_on_threads_or_instructions() {
     let window = |ifs: &Ifs, s: &super::dynamics::Study| Window::fitted(extent(ifs, s).expect("one").bounds, 200, 150);
     for name in ["fern_leaf", "hill", "monopodial"] {
         let ifs = system(name);
         let s = study(&ifs, Rule::File);
         let labels = Labels::new(&ifs, Mode::Prefix(3), &[]);
         let window = window(&ifs, &s);
-        let run = |tier, splat| {
+        let run = |tier| {
             let r = request(&ifs, &s, tier);
-            (histogram(&r, None, &window, splat), histogram(&r, Some(&labels), &window, splat))
+            (histogram(&r, None, &window), histogram(&r, Some(&labels), &window))
         };
         let points = |tier| {
             let e = extent(&ifs, &s).expect("one");
             cloud(&request(&ifs, &s, tier), &labels, &e, (DVec3::ZERO, 1.0))
         };
-        let (one, cloud_one) = (run(Tier::Best, Splat::Direct), points(Tier::Best));
-        assert!(one == run(Tier::Plain, Splat::Binned), "{name}");
+        let (one, cloud_one) = (run(Tier::Best), points(Tier::Best));
+        assert!(one == run(Tier::Plain), "{name}");
         assert!(cloud_one == points(Tier::Plain), "{name}");
-        assert!(one.0.hits == one.1.hits, "{name}: both ways of counting agree");
+        let by_map = Labels::new(&ifs, Mode::Map, &[]);
+        let colored = histogram(&request(&ifs, &s, Tier::Plain), Some(&by_map), &window);
+        assert!(one.0.hits == colored.hits, "{name}: both ways of counting agree");
         #[cfg(feature = "parallel")]
         for threads in [1, 2, 3, 5, 8] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
-            assert!(one == pool.install(|| run(Tier::Best, Splat::Direct)), "{name}, {threads} threads");
+            assert!(one == pool.install(|| run(Tier::Best)), "{name}, {threads} threads");
             assert!(cloud_one == pool.install(|| points(Tier::Best)), "{name}, {threads} threads");
         }
     }
@@ -258,7 +260,7 @@ fn density_has_mean_one_when_nothing_is_clipped() {
     let s = study(&ifs, Rule::File);
     let (low, high) = extent(&ifs, &s).expect("one").bounds;
     let wide = (low - DVec3::splat(1.0), high + DVec3::splat(1.0));
-    let h = histogram(&request(&ifs, &s, Tier::Best), None, &Window::fitted(wide, 90, 60), Splat::Direct);
+    let h = histogram(&request(&ifs, &s, Tier::Best), None, &Window::fitted(wide, 90, 60));
     assert_eq!(h.outside, 0);
     let d = picture::density(&h, 3, Some(picture::Estimator { radius: 4.0, minimum: 0.0, curve: 0.4 }));
     assert_eq!((d.width, d.height), (30, 20));
@@ -288,7 +290,7 @@ fn sierpinski_has_its_box_dimension() {
         // Off the gasket's own grid, so that rounding at its lines opens no boxes.
         let window = Window { width: n, height: n, center: [0.513, 0.487], pixel: 1.1 / n as f64 };
         #[allow(clippy::cast_precision_loss, reason = "pixels")]
-        let full = histogram(&r, None, &window, Splat::Direct).hits.iter().filter(|h| **h > 0).count() as f64;
+        let full = histogram(&r, None, &window).hits.iter().filter(|h| **h > 0).count() as f64;
         full
     };
     let slope = (boxes(512) / boxes(16)).ln() / 32.0_f64.ln();

@@ -4,7 +4,7 @@ use super::Ifs;
 use super::cloud::Request;
 use super::dynamics::study;
 use super::game::{Tier, extent};
-use super::histogram::{Splat, Window, histogram};
+use super::histogram::{Window, histogram};
 use super::weights::Rule;
 use crate::diagnostic::Diagnostic;
 use crate::math::{ln, narrow};
@@ -29,7 +29,7 @@ pub fn tile(ifs: &Ifs, n: usize) -> Result<Vec<f32>, Box<Diagnostic>> {
     let window = Window { width: n, height: n, center: [middle.x, middle.y], pixel };
     let points = POINTS * (n * n) as u64;
     let request = Request { system: ifs, study: &study, seed: 0, points, tier: Tier::Best };
-    let hits = histogram(&request, None, &window, Splat::Direct).hits;
+    let hits = histogram(&request, None, &window).hits;
     let mut sorted = hits.clone();
     sorted.sort_unstable();
     #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]

@@ -6,7 +6,7 @@ use std::arch::x86_64::{__m256, __m256i};
 use pulp::x86::V3;
 
 use super::lanes::Lanes;
-use super::{Chunk, Game, LANES};
+use super::{Chunk, Coefficients, Game, LANES, Layout};
 
 /// Lanes of a register.
 const WIDTH: usize = 8;
@@ -180,21 +180,26 @@ fn move_on<const WIDE: bool>(simd: V3, table: &Table, map: __m256i, (x, y): (&mu
     (*x, *y) = (next_x, next_y);
 }
 
-/// As [`super::pixels`]; `false`, with nothing done, without AVX2.
-pub(super) fn pixels(chunk: &Chunk, size: (usize, usize), out: &mut [[u32; LANES]; super::CHUNK]) -> bool {
+/// As [`super::images`]; `false`, with nothing done, without AVX2.
+pub(super) fn images(map: &Coefficients, place: [&[f32]; 3], layout: Layout, out: &mut [u32]) -> bool {
     let Some(simd) = V3::try_new() else { return false };
-    simd.vectorize(Pixels { simd, chunk, size, out });
+    if place[2].is_empty() {
+        simd.vectorize(Images::<false> { simd, map, place, layout, out });
+    } else {
+        simd.vectorize(Images::<true> { simd, map, place, layout, out });
+    }
     true
 }
 
-struct Pixels<'a> {
+struct Images<'a, const DEEP: bool> {
     simd: V3,
-    chunk: &'a Chunk,
-    size: (usize, usize),
-    out: &'a mut [[u32; LANES]; super::CHUNK],
+    map: &'a Coefficients,
+    place: [&'a [f32]; 3],
+    layout: Layout,
+    out: &'a mut [u32],
 }
 
-impl pulp::NullaryFnOnce for Pixels<'_> {
+impl<const DEEP: bool> pulp::NullaryFnOnce for Images<'_, DEEP> {
     type Output = ();
 
     #[inline(always)]
@@ -205,23 +210,39 @@ impl pulp::NullaryFnOnce for Pixels<'_> {
         reason = "sides of a picture"
     )]
     fn call(self) {
-        let Self { simd, chunk, size: (width, height), out } = self;
-        let i = simd.avx;
-        let (w, h) = (i._mm256_set1_ps(width as f32), i._mm256_set1_ps(height as f32));
-        let (row, outside) = (i._mm256_set1_epi32(width as i32), i._mm256_set1_epi32((width * height) as i32));
+        let Self { simd, map, place, layout, out } = self;
+        let (i, i2) = (simd.avx, simd.avx2);
+        let (w, h) = (i._mm256_set1_ps(layout.width as f32), i._mm256_set1_ps(layout.height as f32));
+        let across = i._mm256_set1_epi32(layout.across() as i32);
+        let (within_tile, outside) = (i._mm256_set1_epi32(31), i._mm256_set1_epi32(layout.outside() as i32));
         let zero = i._mm256_set1_ps(0.0);
+        let c = map.map(|v| i._mm256_set1_ps(v));
         // Ordered comparisons: false for what is not a number.
         let within =
             |v: __m256, end: __m256| i._mm256_and_ps(i._mm256_cmp_ps::<13>(v, zero), i._mm256_cmp_ps::<1>(v, end));
-        for step in 0..chunk.steps.min(super::CHUNK) {
-            for at in (0..LANES).step_by(WIDTH) {
-                let (x, y) = (load_f(&chunk.x[step], at), load_f(&chunk.y[step], at));
-                let inside = i._mm256_and_ps(within(x, w), within(y, h));
-                let line = simd.avx2._mm256_mullo_epi32(i._mm256_cvttps_epi32(y), row);
-                let index = simd.avx2._mm256_add_epi32(line, i._mm256_cvttps_epi32(x));
-                let index = i._mm256_blendv_ps(bytemuck::cast(outside), bytemuck::cast(index), inside);
-                store_i(&mut out[step], at, bytemuck::cast(index));
-            }
+        let (full, rest) = out.split_at_mut(out.len() / WIDTH * WIDTH);
+        let eight = place.map(|p| p.as_chunks::<WIDTH>().0);
+        for (at, out) in full.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
+            let p: [__m256; 2] = [bytemuck::cast(eight[0][at]), bytemuck::cast(eight[1][at])];
+            let image = |r: usize| {
+                let flat = i._mm256_add_ps(i._mm256_mul_ps(c[r * 3], p[0]), i._mm256_mul_ps(c[r * 3 + 1], p[1]));
+                if !DEEP {
+                    return i._mm256_add_ps(flat, c[9 + r]);
+                }
+                let z = i._mm256_mul_ps(c[r * 3 + 2], bytemuck::cast(eight[2][at]));
+                i._mm256_add_ps(i._mm256_add_ps(flat, z), c[9 + r])
+            };
+            let (x, y) = (image(0), image(1));
+            let inside = i._mm256_and_ps(within(x, w), within(y, h));
+            let (x, y) = (i._mm256_cvttps_epi32(x), i._mm256_cvttps_epi32(y));
+            let tile = i2._mm256_mullo_epi32(i2._mm256_srli_epi32::<5>(y), across);
+            let tile = i2._mm256_add_epi32(tile, i2._mm256_srli_epi32::<5>(x));
+            let line = i2._mm256_slli_epi32::<5>(i2._mm256_and_si256(y, within_tile));
+            let cell = i2._mm256_or_si256(line, i2._mm256_and_si256(x, within_tile));
+            let index = i2._mm256_or_si256(i2._mm256_slli_epi32::<10>(tile), cell);
+            *out = bytemuck::cast(i._mm256_blendv_ps(bytemuck::cast(outside), bytemuck::cast(index), inside));
         }
+        let done = full.len();
+        super::lanes::images(map, place.map(|p| p.get(done..).unwrap_or(&[])), layout, rest);
     }
 }

@@ -5,7 +5,9 @@ use glam::DVec3;
 use super::{CHUNK, Chunk, Escapes, Game, LANES, Sink};
 use crate::diagnostic::Diagnostic;
 use crate::ifs::Ifs;
+use crate::ifs::affine::Affine;
 use crate::ifs::dynamics::Study;
+use crate::math::narrow;
 use crate::par::par_map;
 
 /// Points of the sample.
@@ -62,6 +64,9 @@ pub fn extent(ifs: &Ifs, study: &Study) -> Result<Extent, Box<Diagnostic>> {
         }
         escapes = escapes.plus(found);
     }
+    if let Some(last) = &ifs.last {
+        show(last, &mut all);
+    }
     let finite = |i: &usize| all.iter().all(|l| l[*i].is_finite());
     let kept: Vec<usize> = (0..all[0].len()).filter(finite).collect();
     #[allow(clippy::cast_precision_loss, reason = "counts of a million")]
@@ -85,6 +90,14 @@ pub fn extent(ifs: &Ifs, study: &Study) -> Result<Extent, Box<Diagnostic>> {
         (out.bounds.0[axis], out.bounds.1[axis]) = (at(0), at(end));
     }
     Ok(out)
+}
+
+/// Moves all points by the map that they are shown by.
+fn show(last: &Affine, [xs, ys, zs]: &mut [Vec<f32>; 3]) {
+    for ((x, y), z) in xs.iter_mut().zip(ys).zip(zs) {
+        let shown = last.apply(DVec3::new(f64::from(*x), f64::from(*y), f64::from(*z)));
+        [*x, *y, *z] = shown.to_array().map(narrow);
+    }
 }
 
 fn escaped(ifs: &Ifs, all: &[Vec<f32>; 3], share: f64) -> Diagnostic {

@@ -1,6 +1,6 @@
 //! 32 chains side by side, in plain loops: the reference that faster instructions are held to.
 
-use super::{CHUNK, Chunk, Game, LANES};
+use super::{Chunk, Coefficients, Game, LANES, Layout};
 
 /// State of all lanes of a block.
 #[derive(Debug, Clone)]
@@ -89,21 +89,25 @@ impl Lanes {
     }
 }
 
-/// As [`super::pixels`].
+/// As [`super::images`]: products and sums in the order of a step, never fused.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,
     reason = "inside by the test"
 )]
-pub(super) fn pixels(chunk: &Chunk, (width, height): (usize, usize), out: &mut [[u32; LANES]; CHUNK]) {
-    let (w, h) = (width as f32, height as f32);
-    for step in 0..chunk.steps {
-        for lane in 0..LANES {
-            let (x, y) = (chunk.x[step][lane], chunk.y[step][lane]);
-            let inside = x >= 0.0 && x < w && y >= 0.0 && y < h;
-            out[step][lane] = if inside { y as u32 * width as u32 + x as u32 } else { (width * height) as u32 };
+pub(super) fn images(c: &Coefficients, place: [&[f32]; 3], layout: Layout, out: &mut [u32]) {
+    let (w, h) = (layout.width as f32, layout.height as f32);
+    let outside = layout.outside() as u32;
+    for (i, out) in out.iter_mut().enumerate() {
+        let (px, py) = (place[0][i], place[1][i]);
+        let (mut x, mut y) = (c[0] * px + c[1] * py, c[3] * px + c[4] * py);
+        if let Some(pz) = place[2].get(i) {
+            (x, y) = (x + c[2] * pz, y + c[5] * pz);
         }
+        (x, y) = (x + c[9], y + c[10]);
+        let inside = x >= 0.0 && x < w && y >= 0.0 && y < h;
+        *out = if inside { layout.cell(x as usize, y as usize) as u32 } else { outside };
     }
 }
 

@@ -8,6 +8,7 @@ mod avx2;
 mod bounds;
 mod condensed;
 mod lanes;
+mod layout;
 
 use glam::DVec3;
 
@@ -17,6 +18,7 @@ use crate::math::narrow;
 use crate::rng::{Rng, word};
 pub use bounds::{Extent, extent};
 use lanes::Lanes;
+pub(super) use layout::Layout;
 
 /// Lanes of a block.
 pub const LANES: usize = 32;
@@ -117,10 +119,7 @@ impl Game {
         let stays = study.next.as_ref().is_none_or(|n| n.get(best).and_then(|r| r.get(best)).is_some_and(|p| *p > 0.0));
         let fixed = ifs.maps.get(best).filter(|m| stays && m.affine.spectral_radius() < 1.0);
         let start = fixed.and_then(|m| m.affine.fixed_point()).unwrap_or(DVec3::ZERO) * scale + shift;
-        let maps = ifs.maps.iter().map(|m| {
-            let c = m.affine.conjugated(scale, shift).coefficients(3);
-            std::array::from_fn(|i| c.get(i).map_or(0.0, |v| narrow(*v)))
-        });
+        let maps = ifs.maps.iter().map(|m| m.affine.conjugated(scale, shift).single());
         let rows = match &study.next {
             Some(next) => next.iter().map(|r| thresholds(r)).collect(),
             None => vec![thresholds(&study.probabilities)],
@@ -150,6 +149,21 @@ impl Game {
     /// Number of maps.
     pub fn maps(&self) -> usize {
         self.maps.len()
+    }
+
+    /// A stream of draws beside those of the lanes.
+    pub(super) fn draws(&self, what: &str, block: u64) -> Rng {
+        Rng::at(self.seed, &["ifs".into(), self.id.into(), what.into(), block.into()])
+    }
+
+    /// Scale and shift of the coordinates that points come in.
+    pub(super) fn frame(&self) -> (DVec3, DVec3) {
+        self.frame
+    }
+
+    /// Instructions that steps are made with.
+    pub(super) fn tier(&self) -> Tier {
+        self.tier
     }
 
     /// Blocks, and steps of each lane, for `points` points.
@@ -222,13 +236,14 @@ impl Game {
     }
 }
 
-/// Pixel y w + x of every point of a chunk, rows from the top; w h for points outside the w x h pixels.
-pub fn pixels(chunk: &Chunk, size: (usize, usize), out: &mut [[u32; LANES]; CHUNK]) {
+/// Cell of the image of every place under a map; the one outside for images beyond the picture.
+/// `place`: as many x and y as `out` is long, and as many z or, for maps of the plane, none.
+pub(super) fn images(tier: Tier, map: &Coefficients, place: [&[f32]; 3], layout: Layout, out: &mut [u32]) {
     #[cfg(target_arch = "x86_64")]
-    if avx2::pixels(chunk, size, out) {
+    if tier == Tier::Best && avx2::images(map, place, layout, out) {
         return;
     }
-    lanes::pixels(chunk, size, out);
+    lanes::images(map, place, layout, out);
 }
 
 /// floor(2^31 times the running sum) for all maps but the last; 2^31, which no draw reaches, behind the last one drawn.

@@ -2,64 +2,47 @@
 
 use super::mask::Mask;
 use crate::ifs::cloud::Request;
-use crate::ifs::game::{CHUNK, Chunk, Game, LANES, Sink, pixels};
+use crate::ifs::color::Labels;
+use crate::ifs::cylinders::Cylinder;
 use crate::ifs::histogram::Window;
-use crate::par::{par_map, threads};
+use crate::ifs::splat::{Cells, Plan};
 
 /// Kinds of maps told apart.
 pub(super) const KINDS: usize = 4;
-/// Bytes that the counts of all threads may take together.
-const MEMORY: usize = 1 << 30;
 
-/// Hits by pixel and by last map modulo [`KINDS`], rows from the top.
+/// Hits by last map modulo [`KINDS`]: by cell while they are counted, then by pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Counts {
     cells: Vec<[u32; KINDS]>,
 }
 
-struct Counter<'a> {
-    window: &'a Window,
-    cells: Vec<[u32; KINDS]>,
-    index: Box<[[u32; LANES]; CHUNK]>,
-}
+impl Cells for Counts {
+    fn labels(&self) -> Option<&Labels> {
+        None
+    }
 
-impl Sink for Counter<'_> {
-    fn take(&mut self, chunk: &Chunk) {
-        pixels(chunk, (self.window.width, self.window.height), &mut self.index);
-        for step in 0..chunk.steps.min(CHUNK) {
-            for lane in 0..LANES {
-                self.cells[self.index[step][lane] as usize][chunk.map[step][lane] as usize % KINDS] += 1;
-            }
+    fn add_each(&mut self, cells: &[u32], maps: &[u32], _labels: &[u32]) {
+        for (i, map) in cells.iter().zip(maps) {
+            self.cells[*i as usize][*map as usize % KINDS] += 1;
+        }
+    }
+
+    fn add(&mut self, cells: &[u32], cylinder: &Cylinder, _coord: &[f32]) {
+        let kind = cylinder.newest % KINDS;
+        for i in cells {
+            self.cells[*i as usize][kind] += 1;
         }
     }
 }
 
 /// Counts the points of a request; the same at any thread count.
 pub(super) fn count(request: &Request<'_>, window: &Window) -> Counts {
-    let game = Game::new(request.system, request.study, request.seed, window.frame(), 1e15).with_tier(request.tier);
-    let (blocks, steps) = Game::plan(request.points);
-    let cells = window.width * window.height + 1;
-    let workers = threads().min(MEMORY / (cells * size_of::<[u32; KINDS]>()).max(1)).clamp(1, 64);
-    let jobs: Vec<usize> = (0..workers).collect();
-    let parts = par_map(&jobs, |worker| {
-        let index = Box::new([[0; LANES]; CHUNK]);
-        let mut counter = Counter { window, cells: vec![[0; KINDS]; cells], index };
-        for block in (*worker as u64..blocks).step_by(workers) {
-            game.play(block, steps, &mut counter);
-        }
-        counter.cells
-    });
-    let mut parts = parts.into_iter();
-    let mut sum = parts.next().unwrap_or_default();
-    for part in parts {
-        for (a, b) in sum.iter_mut().zip(part) {
-            for (x, y) in a.iter_mut().zip(b) {
-                *x += y;
-            }
-        }
-    }
-    sum.pop();
-    Counts { cells: sum }
+    let plan = Plan::new(request, None, window);
+    let layout = plan.layout;
+    let empty = || Counts { cells: vec![[0; KINDS]; layout.cells()] };
+    let (parts, _) = plan.count(size_of::<[u32; KINDS]>(), empty);
+    let sum = |i: usize| std::array::from_fn(|k| parts.iter().map(|p| p.cells[i][k]).sum());
+    Counts { cells: layout.rows(sum) }
 }
 
 impl Counts {
