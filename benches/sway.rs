@@ -48,7 +48,8 @@ fn main() {
     let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
     let plant = birch(&work);
     let wind = Gust::new(GustOptions { speed: 8.0, period: Some(10.0), ..GustOptions::default() });
-    let manner = Manner { wood: Wood::default(), flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, fps: 24.0 };
+    let manner =
+        Manner { wood: Wood::default(), flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: 24.0 };
 
     let elements = Elements::build(&plant, &manner.wood, Budget::Elements(2000));
     let (branches, stations) = (elements.list.len(), elements.stations.len());

@@ -137,6 +137,15 @@ fn what_has_no_effect_or_cannot_be_is_said() {
     assert!(said(TREE, &["wind.literal=true"]).starts_with("S007 wind.literal"));
     assert!(said(TREE, &["frames.end=20", "sway.repeat=true"]).starts_with("S004 a clip of 0.83 s is too short"));
     assert!(said(TREE, &["wind.speed=61"]).starts_with("S004"));
+    assert!(said(TREE, &["sway.loop=2.03"]).starts_with("S008 sway.loop is 2.03 s, which is 48.72 frames"));
+    assert!(said(TREE, &["sway.loop=1.5"]).starts_with("S004"), "two seconds at least");
+    assert!(said(TREE, &["sway.loop=4", "sway.repeat=false"]).starts_with("S007 sway.loop"));
+    assert!(said(TREE, &["wind.gust_length=40"]).starts_with("S008 wind.gust_length is 40 m"));
+    assert_eq!(said(TREE, &["wind.gust_length=3.75"]), "", "four of them pass in 2.5 s");
+    assert_eq!(said(TREE, &["wind.gust_length=40", "sway.repeat=false"]), "");
+    let added = format!("{TREE}[[wind.add]]\nspeed = 3\nbeaufort = 2\n[[wind.add]]\nsped = 3\n");
+    assert!(said(&added, &[]).starts_with("S007 wind.add.0.beaufort is 2"), "{}", said(&added, &[]));
+    assert!(said(&added, &[]).contains("S002 [wind.add.1] has no key \"sped\""));
     assert!(said(TREE, &["sway.paper_recoil=1"]).starts_with("S004"), "the recursion would never end");
 }
 
@@ -146,10 +155,85 @@ fn a_bake_says_what_blender_does_not_read() {
     fs::write(dir.path().join("t.toml"), TREE).expect("scene");
     let said = |fps: &str| {
         let mut osier = Command::cargo_bin("osier").expect("osier");
-        let args = ["bake", "t.toml", "-o", fps, "--formats", "usd", "--frames", "1-2", "--set"];
+        let args =
+            ["bake", "t.toml", "-o", fps, "--formats", "usd", "--frames", "1-2", "--set", "sway.phases=1", "--set"];
         let out = osier.current_dir(dir.path()).args(args).arg(format!("frames.fps={fps}")).assert().success();
         String::from_utf8_lossy(&out.get_output().stdout).into_owned()
     };
     assert!(said("30").contains("first set Output > Frame Rate to 30"));
     assert!(!said("24").contains("Frame Rate"));
+}
+
+fn points(stage: &osier::bake::write::Stage, number: u32) -> Vec<glam::Vec3> {
+    match mover::frame(&stage.scene, &stage.movers, number, false).assets[0].mesh(0) {
+        osier::scene::MeshFrame::Points { points, .. } => points.clone(),
+        _ => panic!("a cache"),
+    }
+}
+
+fn apart(a: &[glam::Vec3], b: &[glam::Vec3]) -> f32 {
+    a.iter().zip(b).map(|(p, q)| p.distance(*q)).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_loop_comes_round_within_the_clip() {
+    let stage = stage(&["sway.loop=2", "frames.end=120"]);
+    assert_eq!(points(&stage, 3), points(&stage, 51));
+    assert!(apart(&points(&stage, 3), &points(&stage, 27)) > 1e-4);
+    assert!(stage.scene.placements.iter().all(|p| p.phase == 0));
+}
+
+#[test]
+fn winds_of_a_scene_add_up() {
+    let still = TREE.replace("speed = 6", "model = \"uniform\"\nspeed = 6");
+    let of = |text: &str, set: &[&str]| {
+        let set = set.iter().map(|s| (*s).to_owned()).collect();
+        let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
+        let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+        build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
+    };
+    let one = of(&still, &["wind.speed=12"]);
+    let two = of(&format!("{still}[[wind.add]]\nmodel = \"uniform\"\nspeed = 6\n"), &[]);
+    let twice = of(&still, &["wind.scale=2"]);
+    assert!(apart(&points(&one, 9), &points(&two, 9)) < 1e-6 && apart(&points(&one, 9), &points(&twice, 9)) < 1e-6);
+    let against = of(&format!("{still}[[wind.add]]\nmodel = \"uniform\"\nspeed = 6\ndirection_deg = 180\n"), &[]);
+    let rest = &against.scene.assets[0].meshes[0].mesh.points;
+    assert!(apart(&points(&against, 9), rest) < 1e-5, "two winds against each other");
+    assert!(apart(&points(&one, 9), rest) > 1e-3);
+}
+
+#[test]
+fn each_way_to_bend_moves_the_tree_differently() {
+    let plain = points(&stage(&[]), 20);
+    for set in ["sway.modes=2", "sway.profile=measured", "sway.gravity_change=true"] {
+        let changed = apart(&points(&stage(&[set]), 20), &plain);
+        assert!(changed > 1e-6 && changed < 0.1, "{set}: {changed}");
+    }
+}
+
+#[test]
+fn a_part_of_a_clip_that_copies_need_whole_is_refused() {
+    let dir = tempfile::tempdir().expect("dir");
+    fs::write(dir.path().join("t.toml"), TREE).expect("scene");
+    let mut osier = Command::cargo_bin("osier").expect("osier");
+    let run = osier.current_dir(dir.path()).args(["bake", "t.toml", "-n", "--frames", "1-30"]).assert().code(2);
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    assert!(said.contains("copies show other times of the clip") && said.contains("sway.phases=1"), "{said}");
+}
+
+#[test]
+fn internodes_that_the_paper_bends_too_far_are_counted() {
+    let set = [
+        "sway.model=paper",
+        "wind.model=perlin",
+        "wind.speed=60",
+        "plants.t.wood.elasticity_gpa=0.1",
+        "plants.t.wood.stiffness=0.05",
+    ];
+    let set = set.iter().map(|s| (*s).to_owned()).collect();
+    let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let built = build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage");
+    let said: Vec<&str> = built.report.diagnostics.iter().map(|d| d.code).collect();
+    assert_eq!(said, ["X020"]);
 }

@@ -7,10 +7,10 @@ use glam::Vec3;
 use crate::math::{cos, narrow, sin};
 use crate::motion::{Fixes, Manner, PaperManner, Take, Wood};
 use crate::recipe::Recipe;
-use crate::recipe::air::{SHORTEST_LOOP, seconds};
-use crate::recipe::wind_keys::{PaperFix, Start, SwayKeys, SwayModel, WindKeys, WindModel, WoodKeys};
+use crate::recipe::wind_keys::{PaperFix, Profile, Start, SwayKeys, SwayModel, WindKeys, WindModel, WoodKeys};
+use crate::rng;
 use crate::scene::Trs;
-use crate::wind::{Formula, FormulaOptions, Gust, GustOptions, Uniform, Wind};
+use crate::wind::{CALM, Formula, FormulaOptions, Gust, GustOptions, Scaled, Sum, Uniform, Wind};
 
 /// Wind as it meets the plants.
 #[derive(Debug, Clone)]
@@ -23,6 +23,8 @@ pub struct Air {
     whip: f64,
     fps: f64,
     phases: u32,
+    /// Measured bends, second modes, changes of gravity.
+    beam: (bool, bool, bool),
     /// The paper's equations, if they are asked for.
     pub paper: Option<PaperManner>,
 }
@@ -30,28 +32,36 @@ pub struct Air {
 impl Air {
     /// None in a still scene and in calm air.
     pub fn of(recipe: &Recipe) -> Option<Self> {
-        let (keys, sway) = (&recipe.wind, &recipe.sway);
-        if recipe.clip.len() < 2 || !keys.blows() {
+        let sway = &recipe.sway;
+        if recipe.clip.len() < 2 || !recipe.blows() {
             return None;
         }
-        let length = seconds(&recipe.clip);
-        let repeats = sway.repeat.unwrap_or(length >= SHORTEST_LOOP);
+        let round = sway.loop_frames(&recipe.clip);
+        let (frames, repeats) = (round.unwrap_or(recipe.clip.len()), round.is_some());
         let take = Take {
-            frames: recipe.clip.len(),
+            frames,
             repeats,
             from_rest: !repeats && sway.start == Start::Rest,
             lean: sway.lean,
             gain: sway.exaggerate,
         };
-        let wind = wind(keys, repeats.then_some(length), recipe.seed);
-        let flicker = if keys.model == WindModel::Uniform { 0.0 } else { keys.flicker };
+        let period = round.map(|n| n as f64 / recipe.clip.fps());
+        let winds: Vec<(u64, &WindKeys)> = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).collect();
+        let winds: Vec<(u64, &WindKeys)> = winds.into_iter().filter(|(_, keys)| keys.blows()).collect();
+        let flickers = winds.iter().filter(|(_, keys)| keys.model != WindModel::Uniform);
+        let flicker = flickers.map(|(_, keys)| keys.flicker).fold(0.0, f64::max);
+        let mut winds: Vec<Arc<dyn Wind>> =
+            winds.iter().map(|(i, keys)| scaled(keys, period, recipe.seed, *i)).collect();
+        let wind = if winds.len() == 1 { winds.remove(0) } else { Arc::new(Sum(winds)) };
         Some(Self {
             wind,
             take,
             flicker,
             whip: sway.whip,
             fps: recipe.clip.fps(),
-            phases: sway.phases,
+            // A loop of its own does not come round with the clip, whose frames copies would have to borrow.
+            phases: if frames == recipe.clip.len() { sway.phases } else { 1 },
+            beam: (sway.profile == Profile::Measured, sway.modes > 1, sway.gravity),
             paper: paper(sway),
         })
     }
@@ -66,6 +76,9 @@ impl Air {
             return 0;
         }
         let mean = self.wind.mean().as_dvec3();
+        if mean.length() < CALM {
+            return 0;
+        }
         let late = (at - first).as_dvec3().dot(mean) / mean.length_squared();
         let share = (-late * self.fps / frames).rem_euclid(1.0);
         ((share * count).round() % count / count * frames).round() as u32 % self.take.frames.max(1) as u32
@@ -73,7 +86,9 @@ impl Air {
 
     /// How a plant that stands at `stand` takes it.
     pub fn manner(&self, keys: &WoodKeys, stand: Trs) -> Manner {
-        Manner { wood: wood(keys), flicker: self.flicker, whip: self.whip, stand, fps: self.fps }
+        let (measured, overtones, gravity) = self.beam;
+        let wood = Wood { measured, overtones, ..wood(keys) };
+        Manner { wood, flicker: self.flicker, whip: self.whip, stand, gravity, fps: self.fps }
     }
 }
 
@@ -84,6 +99,13 @@ fn paper(sway: &SwayKeys) -> Option<PaperManner> {
         recoil: sway.recoil,
         damping: sway.paper_damping,
     })
+}
+
+/// One of a scene's winds; `number`: which, as each has noise of its own.
+fn scaled(keys: &WindKeys, period: Option<f64>, seed: u64, number: u64) -> Arc<dyn Wind> {
+    let seed = if number == 0 { seed } else { rng::child(seed, number) };
+    let wind = wind(keys, period, seed);
+    Arc::new(Scaled { wind, factor: narrow(keys.scale) })
 }
 
 fn wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Wind> {
@@ -126,5 +148,6 @@ pub fn wood(keys: &WoodKeys) -> Wood {
         trunk_hertz: keys.trunk,
         hertz: keys.hertz,
         damping: keys.damping,
+        ..Wood::default()
     }
 }

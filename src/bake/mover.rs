@@ -130,6 +130,11 @@ impl Mover {
         })
     }
 
+    /// Angles that the paper's equations would take beyond a right one.
+    pub fn clamped(&self) -> u64 {
+        self.track.clamped()
+    }
+
     /// The asset at `seconds`; `step`: seconds between frames, for velocities.
     fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         let (number, step) = (seconds / step, narrow(step));

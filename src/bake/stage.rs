@@ -15,7 +15,7 @@ use super::mover::Moving;
 use super::plants::{Grown, grow};
 use super::write::Stage;
 use super::{land, scatter};
-use crate::diagnostic::Report;
+use crate::diagnostic::{Diagnostic, Report};
 use crate::fence::Names;
 use crate::geometry::Bounds;
 use crate::math::narrow;
@@ -94,6 +94,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let modules = grown.iter().map(|g| g.modules).sum();
     let air = Air::of(recipe);
     dress_all((recipe, air.as_ref()), (&layout, &kinds, &grown), &mut made, work)?;
+    tell_clamped(&made.movers, &mut report);
     let mut placements = placements(air.as_ref(), &made.assets, &layout);
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let bare = placements.is_empty();
@@ -211,6 +212,20 @@ fn dress_all(
         made.movers.push(mover.map(|m| Moving::Plant(Box::new(m))));
     }
     Ok(())
+}
+
+/// X020 where the paper's equations have no answer.
+fn tell_clamped(movers: &[Option<Moving>], report: &mut Report) {
+    let of = |m: &Option<Moving>| if let Some(Moving::Plant(m)) = m { m.clamped() } else { 0 };
+    let clamped: u64 = movers.iter().map(of).sum();
+    if clamped > 0 {
+        let text = format!(
+            "{clamped} times an internode would be deflected by more than its length; its angle is taken as 90 degrees"
+        );
+        report.push(
+            Diagnostic::about("X020", text).help("raise plants.NAME.wood.stiffness, or take sway.model = \"beam\""),
+        );
+    }
 }
 
 fn placements(air: Option<&Air>, assets: &[Asset], layout: &Layout) -> Vec<Placement> {

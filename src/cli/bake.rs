@@ -45,6 +45,10 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     show.done();
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
+    if let Some(why) = lacking(&recipe, &built.stage, &frames) {
+        context.console.complain(&why);
+        return Ok(2);
+    }
     let counts = built.counts(&recipe, &frames);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
     if context.common.dry_run {
@@ -79,6 +83,18 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     }
     recipe.hash = hasher.finalize().to_hex().to_string();
     Ok(frames)
+}
+
+/// Why a part of a clip cannot be written: copies show times of it that are left out.
+fn lacking(recipe: &Recipe, stage: &write::Stage, frames: &[u32]) -> Option<String> {
+    let part = !frames.is_empty() && frames.len() < recipe.clip.len();
+    let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
+    (part && phased > 0).then(|| {
+        format!(
+            "--frames: {phased} copies show other times of the clip, which a part of it lacks; bake the whole clip, \
+             or let all copies move as one with --set sway.phases=1"
+        )
+    })
 }
 
 /// True if the folder holds exactly what this run would write, and the run that wrote it came to its very end.

@@ -107,6 +107,7 @@ pub const CODES: &[Code] = &[
     row("S005", Error, "reference not found or not allowed"),
     row("S006", Error, "missing key"),
     row("S007", Warning, "key has no effect here"),
+    row("S008", Warning, "value fitted to the clip"),
     row("X001", Error, "value is not finite"),
     row("X002", Warning, "too many joints, the smallest are merged into their parents"),
     row("X003", Warning, "too many animated nodes, a stable subset is kept"),
@@ -126,6 +127,7 @@ pub const CODES: &[Code] = &[
     row("X017", Warning, "motion that the format cannot hold, left out"),
     row("X018", Error, "mesh of a plant in which no skeleton is found"),
     row("X019", Warning, "part of a plant's mesh that does not move as the rest"),
+    row("X020", Warning, "the paper's equations bend an internode too far, clamped"),
 ];
 
 /// The row of a code.

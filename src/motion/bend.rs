@@ -16,6 +16,49 @@ pub fn profile(x: f64) -> f64 {
     x * (3.0 - x * (3.0 - x))
 }
 
+/// How the slope of a bent branch grows from 0 at its base to 1 at its tip.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum Shape {
+    /// As of an even rod under an even load.
+    #[default]
+    Even,
+    /// Measured: at places from base to tip, evenly spaced.
+    Table(Vec<f64>),
+}
+
+impl Shape {
+    /// Share of the tip's slope at a place, 0 to 1.
+    pub fn at(&self, x: f64) -> f64 {
+        let Self::Table(table) = self else { return profile(x) };
+        let last = table.len().saturating_sub(1);
+        let place = x.clamp(0.0, 1.0) * last as f64;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few dozen")]
+        let k = (place as usize).min(last.saturating_sub(1));
+        match (table.get(k), table.get(k + 1)) {
+            (Some(a), Some(b)) => a + (b - a) * (place - k as f64),
+            _ => profile(x),
+        }
+    }
+}
+
+/// Second over first frequency of an even rod.
+pub const OVERTONE: f64 = 6.27;
+
+/// Share of the tip's slope along an even rod that swings in its second mode: one node of the swing at 0.783, the
+/// slope is none at 0.471.
+/// Source: Euler's beam, clamped and free; b L = 4.694 solves cos(b L) cosh(b L) = -1.
+pub fn overtone(x: f64) -> f64 {
+    const BETA: f64 = 4.694_091_132_974_175;
+    let x = x.clamp(0.0, 1.0) * BETA;
+    let slope = |x: f64| {
+        let (up, down) = (math::exp(x), math::exp(-x));
+        let sigma = (math::exp(BETA) - math::exp(-BETA) - 2.0 * math::sin(BETA))
+            / (math::exp(BETA) + math::exp(-BETA) + 2.0 * math::cos(BETA));
+        0.5 * (up - down) + math::sin(x) - sigma * (0.5 * (up + down) - math::cos(x))
+    };
+    slope(x) / slope(BETA)
+}
+
 /// Slope of the tip over the slope that small deflections would give, from the square of that: atan(x) / x keeps the tip
 /// below a right angle. Own: it meets the elastica within 1 % up to a load of F L^2 / (E I) = 2 at the tip.
 #[inline(always)]
@@ -108,6 +151,18 @@ impl Beam {
 
     /// Deflection of the stations under loads across, m. `load`: N, one per station.
     pub fn deflection(&self, load: &[f64]) -> Vec<f64> {
+        self.bent(load).into_iter().map(|b| b[0]).collect()
+    }
+
+    /// Slope of the stations over the tip's under loads across, N: none for a beam that does not bend.
+    pub fn shape(&self, load: &[f64]) -> Option<Vec<f64>> {
+        let bent = self.bent(load);
+        let tip = bent.last().map_or(0.0, |b| b[1]);
+        (tip > 0.0).then(|| bent.iter().map(|b| b[1] / tip).collect())
+    }
+
+    /// Deflection, m, and slope of the stations.
+    fn bent(&self, load: &[f64]) -> Vec<[f64; 2]> {
         let n = self.x.len();
         let (mut shear, mut moment) = (vec![0.0; n], vec![0.0; n]);
         for i in (0..n.saturating_sub(1)).rev() {
@@ -115,7 +170,7 @@ impl Beam {
             moment[i] = moment[i + 1] + shear[i] * (self.x[i + 1] - self.x[i]);
         }
         let (mut y, mut slope) = (0.0, 0.0);
-        let mut list = vec![0.0];
+        let mut list = vec![[0.0; 2]];
         for i in 1..n {
             let h = self.x[i] - self.x[i - 1];
             let a = moment[i - 1] * inverse(self.rigidity[i - 1]);
@@ -123,7 +178,7 @@ impl Beam {
             let b = moment[i] * inverse(self.rigidity[i]);
             y += h * slope + h * h / 6.0 * (a + 2.0 * m);
             slope += h / 6.0 * (a + 4.0 * m + b);
-            list.push(y);
+            list.push([y, slope]);
         }
         list
     }
@@ -258,6 +313,38 @@ mod tests {
         for (l, r, f) in [(12.0, 0.2, 1.16), (3.5, 0.035, 2.38), (1.2, 0.01, 5.79), (0.4, 0.003, 15.6)] {
             assert!((hertz(l, r) / f - 1.0).abs() < 5e-3);
         }
+    }
+
+    #[test]
+    fn measured_shapes_are_the_closed_forms() {
+        let even = |n: usize| -> Vec<f64> { (0..=n).map(|i| if i == 0 || i == n { 0.5 } else { 1.0 }).collect() };
+        let table = Shape::Table(rod(1.2, 0.01, 0.01, (8e9, 900.0), 32).shape(&even(32)).expect("bends"));
+        for x in [0.0, 0.1, 0.35, 0.5, 0.8, 1.0] {
+            assert!((table.at(x) - profile(x)).abs() < 2e-3, "{x}: {} for {}", table.at(x), profile(x));
+        }
+        // A cone whose load grows with its radius, cut at half of it: slopes by quadrature.
+        let r = |x: f64| 1.0 - 0.5 * x;
+        let sum = |f: &dyn Fn(f64) -> f64, a: f64, b: f64| {
+            (0..400).map(|i| f(a + (b - a) * (f64::from(i) + 0.5) / 400.0)).sum::<f64>() * (b - a) / 400.0
+        };
+        let curve = |x: f64| sum(&|s| (s - x) * r(s), x, 1.0) / quad(r(x));
+        let load: Vec<f64> = even(32).iter().enumerate().map(|(i, w)| w * r(i as f64 / 32.0)).collect();
+        let table = Shape::Table(rod(1.2, 0.01, 0.005, (8e9, 900.0), 32).shape(&load).expect("bends"));
+        for x in [0.2, 0.5, 0.8] {
+            let expected = sum(&curve, 0.0, x) / sum(&curve, 0.0, 1.0);
+            assert!((table.at(x) - expected).abs() < 5e-3, "{x}: {} for {expected}", table.at(x));
+            assert!(expected < profile(x) - 0.02, "thin ends bend more");
+        }
+    }
+
+    #[test]
+    fn the_second_mode_is_the_books() {
+        assert!(overtone(0.0).abs() < 1e-12 && (overtone(1.0) - 1.0).abs() < 1e-12);
+        assert!(overtone(0.4709).abs() < 2e-3 && overtone(0.3) < -0.2 && overtone(0.6) > 0.2);
+        // Where it stays in place: the sum of the slopes is none.
+        let place = |end: f64| (0..1000).map(|i| overtone(end * (f64::from(i) + 0.5) / 1000.0)).sum::<f64>() * end;
+        assert!(place(0.77) < 0.0 && place(0.80) > 0.0, "{} {}", place(0.77), place(0.80));
+        assert!((OVERTONE / (22.034 / 3.516) - 1.0).abs() < 1e-3);
     }
 
     #[test]

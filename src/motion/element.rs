@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use glam::{DVec3, Quat};
 
-use super::bend::{Beam, profile, turn_f32};
+use super::bend::{Beam, Shape, overtone, turn_f32};
 use super::pieces::{Budget, Load, Piece, Pieces};
 use super::wood::{Wood, damping_of};
 use crate::math;
@@ -50,6 +50,10 @@ pub struct Element {
     pub w: [f64; 2],
     /// Share of critical damping.
     pub zeta: f64,
+    /// How its slope grows along it.
+    pub shape: Shape,
+    /// Where the bends of its second mode stand in a list of bends: behind those of all elements.
+    pub overtone: Option<usize>,
 }
 
 /// Where air presses on an element, for one stretch of it.
@@ -121,6 +125,7 @@ impl Elements {
             }
             all.parts[piece.axis as usize].push((piece.span[1], index[i]));
         }
+        all.add_overtones(wood);
         all.ranked = ranked.iter().filter(|i| kept[**i]).map(|i| index[*i]).collect();
         all.find_carriers(plant);
         all
@@ -153,6 +158,8 @@ impl Elements {
             lever,
             w: measured.frequency(source, piece, id),
             zeta: source.wood.damping * damping_of(axis.order, axis.kind == AxisKind::Petiole) * bare,
+            shape: measured.shape,
+            overtone: None,
         });
         Slopes { x: measured.beam.x, compliance: measured.compliance }
     }
@@ -163,6 +170,19 @@ impl Elements {
         let s = f64::from(piece.parent_s - element.span[0]);
         let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
         (at, value(&slopes.x, &slopes.compliance, s))
+    }
+
+    /// The second modes of trunks and limbs.
+    fn add_overtones(&mut self, wood: &Wood) {
+        let behind = self.list.len()..;
+        for (place, element) in behind.zip(self.list.iter_mut().filter(|e| wood.overtones && e.order <= 1)) {
+            element.overtone = Some(place);
+        }
+    }
+
+    /// Bends of all elements and of their second modes.
+    pub fn swings(&self) -> usize {
+        self.list.len() + self.list.iter().filter(|e| e.overtone.is_some()).count()
     }
 
     fn find_carriers(&mut self, plant: &Plant) {
@@ -203,8 +223,12 @@ impl Elements {
         let k = spot.element as usize;
         let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
         let Some(b) = bends.get(k) else { return *base };
-        let bend = e.ways[0] * f64::from(b[0]) + e.ways[1] * f64::from(b[1]);
-        *base * turn_f32((bend * profile(spot.at)).as_vec3())
+        let along = |b: &[f32; 2], share: f64| (e.ways[0] * f64::from(b[0]) + e.ways[1] * f64::from(b[1])) * share;
+        let mut bend = along(b, e.shape.at(spot.at));
+        if let Some(b) = e.overtone.and_then(|k| bends.get(k)) {
+            bend += along(b, overtone(spot.at));
+        }
+        *base * turn_f32(bend.as_vec3())
     }
 
     /// Share of the wind that reaches a place.
@@ -270,6 +294,7 @@ struct Measured {
     own: Vec<Load>,
     /// Slope of the tip for a unit force.
     compliance: Vec<f64>,
+    shape: Shape,
 }
 
 impl Measured {
@@ -286,9 +311,12 @@ impl Measured {
             // What is kept catches the wind by itself, but its mass hangs here.
             spread(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
         }
-        beam.mass = own.iter().zip(hung).map(|(o, h)| o.mass + h.mass).collect();
+        beam.mass = own.iter().zip(&hung).map(|(o, h)| o.mass + h.mass).collect();
+        let drag = |l: &Load| wood.drag * l.wood + wood.leaf_drag * l.leaf;
+        let wind: Vec<f64> = own.iter().zip(&hung).map(|(o, h)| drag(o) + drag(h)).collect();
+        let shape = wood.measured.then(|| beam.shape(&wind)).flatten().map_or(Shape::Even, Shape::Table);
         let compliance = beam.compliance();
-        Self { beam, own, compliance }
+        Self { beam, own, compliance, shape }
     }
 
     fn frequency(&self, source: &Source<'_>, piece: &Piece, id: u64) -> [f64; 2] {

@@ -201,6 +201,15 @@ impl<const K: usize> Columns<K> {
         Self(vec![0.0; padded(rows) * K])
     }
 
+    pub(super) fn clear(&mut self) {
+        self.0.fill(0.0);
+    }
+
+    /// Rows, padding included.
+    pub(super) fn rows(&self) -> usize {
+        self.0.len() / K
+    }
+
     /// From the first to the last number of a row.
     #[inline(always)]
     fn span(row: usize) -> RangeInclusive<usize> {

@@ -63,6 +63,8 @@ pub(super) struct Paper<'a> {
     manner: Manner,
     paper: PaperManner,
     internodes: Vec<Internode>,
+    /// Angles that had to be clamped: deflections of more than the internode's length.
+    pub(super) clamped: u64,
 }
 
 /// Deflection of an internode's end, m: eq. (3). `radius_power`: 3 as printed, 4 as it should be.
@@ -104,7 +106,7 @@ impl<'a> Paper<'a> {
                 });
             }
         }
-        Self { elements, wind, manner, paper, internodes }
+        Self { elements, wind, manner, paper, internodes, clamped: 0 }
     }
 
     /// Bends of the elements in the formula's next frame, at `t` s.
@@ -115,7 +117,8 @@ impl<'a> Paper<'a> {
         self.wind.sample(&places, t, &mut air);
         let mut bends = vec![[0.0; 2]; self.elements.list.len()];
         for (internode, air) in self.internodes.iter_mut().zip(&air) {
-            let bend = internode.step((stand.r.conjugate() * *air).as_dvec3(), &self.paper);
+            let (bend, clamped) = internode.step((stand.r.conjugate() * *air).as_dvec3(), &self.paper);
+            self.clamped += u64::from(clamped);
             for (sum, way) in bends[internode.element].iter_mut().zip(&self.elements.list[internode.element].ways) {
                 *sum += way.dot(bend);
             }
@@ -125,8 +128,8 @@ impl<'a> Paper<'a> {
 }
 
 impl Internode {
-    /// The turn of this internode in wind `v`, as a vector.
-    fn step(&mut self, v: DVec3, paper: &PaperManner) -> DVec3 {
+    /// The turn of this internode in wind `v`, as a vector, and whether its arcsine had to be clamped.
+    fn step(&mut self, v: DVec3, paper: &PaperManner) -> (DVec3, bool) {
         let air = if paper.fixes.air { super::wood::AIR } else { PRINTED_AIR };
         let area = 2.0 * self.radius * self.length;
         let wind = v * (0.5 * (DRAG + LIFT) * air * area * v.length());
@@ -137,9 +140,10 @@ impl Internode {
         self.force = force;
         let across = force - self.along * force.dot(self.along);
         let delta = deflection(across.length(), (self.length, self.radius), self.elasticity, paper.fixes.radius);
-        let angle = math::asin((delta / self.length).clamp(-1.0, 1.0));
+        let sine = delta / self.length;
+        let angle = math::asin(sine.clamp(-1.0, 1.0));
         self.angles = [angle, self.angles[0]];
-        self.along.cross(across).normalize_or_zero() * angle
+        (self.along.cross(across).normalize_or_zero() * angle, sine > 1.0)
     }
 }
 
@@ -178,17 +182,27 @@ mod tests {
         let fixes = Fixes { radius: true, air: true, damping: true };
         let mut one = internode();
         let paper = PaperManner { fixes, recoil: 0.3, damping: 0.0 };
-        let first = one.step(DVec3::X * 10.0, &paper).length();
-        let second = one.step(DVec3::X * 10.0, &paper).length();
+        let first = one.step(DVec3::X * 10.0, &paper).0.length();
+        let second = one.step(DVec3::X * 10.0, &paper).0.length();
         assert!((second / first - 0.7).abs() < 1e-3, "{first} {second}");
-        let last = (0..60).fold(0.0, |_, _| one.step(DVec3::X * 10.0, &paper).length());
+        let last = (0..60).fold(0.0, |_, _| one.step(DVec3::X * 10.0, &paper).0.length());
         assert!((last / first - 1.0 / 1.3).abs() < 1e-3, "the gain at rest is 1 / (1 + k): {last}");
+    }
+
+    #[test]
+    fn angles_beyond_a_right_one_are_clamped_and_told() {
+        let fixes = Fixes { radius: true, air: true, damping: true };
+        let paper = PaperManner { fixes, recoil: 0.0, damping: 0.0 };
+        let mut soft = Internode { elasticity: 1e3, ..internode() };
+        let (bend, clamped) = soft.step(DVec3::X * 30.0, &paper);
+        assert!(clamped && (bend.length() - std::f64::consts::FRAC_PI_2).abs() < 1e-12, "{bend}");
+        assert!(!internode().step(DVec3::X * 30.0, &paper).1);
     }
 
     #[test]
     fn as_printed_nothing_is_seen_to_move() {
         let fixes = Fixes { radius: false, air: false, damping: false };
-        let bend = internode().step(DVec3::X * 10.0, &PaperManner { fixes, recoil: 0.3, damping: 0.01 });
+        let (bend, _) = internode().step(DVec3::X * 10.0, &PaperManner { fixes, recoil: 0.3, damping: 0.01 });
         assert!(bend.length() < 1e-6 && bend.length() > 0.0, "{bend}");
         let leaf = 0.5 * (DRAG + LIFT) * PRINTED_AIR * 0.0002 * 100.0;
         assert!(leaf < 1e-7, "a leaf of 2 cm^2 feels {leaf} N");

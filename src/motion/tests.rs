@@ -14,7 +14,7 @@ use crate::wind::{Gust, GustOptions, Uniform, Wind};
 const FPS: f64 = 24.0;
 
 fn manner(wood: Wood) -> Manner {
-    Manner { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, fps: FPS }
+    Manner { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: FPS }
 }
 
 fn elements(plant: &Plant, wood: &Wood) -> Elements {
@@ -270,4 +270,79 @@ fn exaggeration_scales_swings_and_not_the_lean() {
         assert!((at(&three, k) - at(&still, k) - 3.0 * swing).abs() < 0.02 * swing.abs() + 1e-4);
         assert!((at(&upright, k) - swing).abs() < 0.02 * swing.abs() + 1e-4);
     }
+}
+
+#[test]
+fn gravity_presses_on_what_leans_away_from_how_it_grew() {
+    // A stick that stands upright on the tip of a soft stem which a wind bends by an angle feels m g sin(angle) across.
+    let mut plant = rod(3.0, 0.02, 0.02);
+    testing::axis(&mut plant, (0, 3.0), (Vec3::Y * 3.0, Vec3::Y), (0.01, 0.01));
+    let wood = Wood { elasticity: Some(2e9), ..Wood::default() };
+    let all = elements(&plant, &wood);
+    let wind = Uniform(Vec3::X * 5.0);
+    let bends = |gravity: bool| {
+        let mut sim = Simulation::new(&all, &wind, Manner { gravity, ..manner(wood) });
+        sim.settle();
+        sim.bends()
+    };
+    let (without, with) = (bends(false), bends(true));
+    assert!((without[0][1] - with[0][1]).abs() < 1e-5, "the stem stands on level ground");
+    let lean = math::sqrt(with[0][0] * with[0][0] + with[0][1] * with[0][1]);
+    let mass = 900.0 * std::f64::consts::PI * 0.01 * 0.01;
+    let expected = mass * 9.81 * math::sin(lean) / (6.0 * wood.rigidity(0.01));
+    let more = with[1][1] - without[1][1];
+    assert!(lean > 0.01 && (more.abs() / expected - 1.0).abs() < 0.02, "{more} for {expected} at {lean}");
+    assert!(more * without[1][1] > 0.0, "farther the same way");
+}
+
+#[test]
+fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
+    let plant = rod(6.0, 0.05, 0.05);
+    let wood = Wood { overtones: true, ..Wood::default() };
+    let all = elements(&plant, &wood);
+    assert_eq!((all.list.len(), all.swings(), all.list[0].overtone), (1, 2, Some(1)));
+    let steady = Uniform(Vec3::X * 8.0);
+    let mut sim = Simulation::new(&all, &steady, manner(wood));
+    sim.settle();
+    let rest = sim.bends()[0][1].abs();
+    let most = |sim: &mut Simulation<'_>, steps: u32| {
+        (0..steps).fold(0.0_f64, |m, k| {
+            sim.advance(f64::from(k) / 120.0);
+            m.max(sim.bends()[1][1].abs())
+        })
+    };
+    assert!(most(&mut sim, 600) < 1e-3 * rest, "a steady wind");
+    // A wind that sets in: the second mode rings at 6.27 times the frequency.
+    let gust = Turning { first: Vec3::ZERO, then: Vec3::X * 8.0, at: 0.25 };
+    let mut sim = Simulation::new(&all, &gust, manner(wood));
+    sim.settle();
+    let mut signs = Vec::new();
+    let mut last = 0.0;
+    for k in 0..240_u32 {
+        sim.advance(f64::from(k) / 120.0);
+        // Where it rings about: a share of the load, which the first mode's swing hardly changes within a period of it.
+        let bend = sim.bends()[1][1];
+        signs.push(bend > last);
+        last = bend;
+    }
+    let turns: Vec<usize> = (1..signs.len()).filter(|k| signs[*k] != signs[k - 1]).collect();
+    let half = (turns[turns.len() - 1] - turns[2]) as f64 / (turns.len() - 3) as f64 / 120.0;
+    let hertz = all.list[0].w[1] / std::f64::consts::TAU
+        * 6.27
+        * math::sqrt(1.0 - (1.5 * all.list[0].zeta) * (1.5 * all.list[0].zeta));
+    assert!((0.5 / half / hertz - 1.0).abs() < 0.1, "{} Hz for {hertz}", 0.5 / half);
+}
+
+#[test]
+fn measured_branches_turn_more_of_their_thin_ends() {
+    let plant = rod(4.0, 0.05, 0.02);
+    let build = |measured: bool| elements(&plant, &Wood { measured, ..Wood::default() });
+    let (even, measured) = (build(false), build(true));
+    let bend = [[0.2_f32, 0.0]];
+    let angle = |all: &Elements, at: f64| {
+        all.turn(&all.bases(&bend), &bend, Spot { element: 0, at }).angle_between(Quat::IDENTITY)
+    };
+    assert!((angle(&even, 1.0) - 0.2).abs() < 1e-4 && (angle(&measured, 1.0) - 0.2).abs() < 1e-4);
+    assert!((angle(&even, 0.5) - 0.2 * 0.875).abs() < 1e-4);
+    assert!(angle(&measured, 0.5) < angle(&even, 0.5) - 0.01);
 }

@@ -43,6 +43,8 @@ pub struct Track {
     /// Per frame, per element: both ways, rad.
     frames: Vec<Vec<[f32; 2]>>,
     repeats: bool,
+    /// Angles of the paper's equations that had to be clamped.
+    clamped: u64,
 }
 
 impl Track {
@@ -89,7 +91,12 @@ impl Track {
             }
             frames.push(if take.from_rest && frame == 0 { rest.clone() } else { before.clone() });
         }
-        Self::kept(frames, &rest, take)
+        Ok(Self { clamped: run.clamped, ..Self::kept(frames, &rest, take)? })
+    }
+
+    /// Angles of the paper's equations that had to be clamped, over all internodes and frames.
+    pub fn clamped(&self) -> u64 {
+        self.clamped
     }
 
     fn simulate(
@@ -101,11 +108,12 @@ impl Track {
     ) -> Result<(Vec<Bends>, Bends)> {
         let mut run = Simulation::new(elements, wind, manner);
         let length = take.frames as f64 / manner.fps;
-        let mut still = vec![[0.0; 2]; elements.list.len()];
+        let mut still = vec![[0.0; 2]; elements.swings()];
+        run.settle();
         let lead = if take.from_rest {
+            run.rest();
             0.0
         } else {
-            run.settle();
             still = run.bends();
             if take.repeats { length * preludes(elements, length) } else { PRELUDE }
         };
@@ -135,7 +143,7 @@ impl Track {
         let shown = |b: &Bends| b.iter().zip(still).map(|(b, m)| shown(*b, *m, &take)).collect();
         let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(shown).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
-            return Ok(Self { frames, repeats: take.repeats });
+            return Ok(Self { frames, repeats: take.repeats, clamped: 0 });
         }
         Err(Error::export("X001", "the wind made a branch bend without bounds"))
     }
@@ -170,7 +178,7 @@ impl Track {
 }
 
 fn check(elements: &Elements, take: Take, limits: &Limits) -> Result<()> {
-    let keys = (elements.list.len() as u64).saturating_mul(take.frames as u64);
+    let keys = (elements.swings() as u64).saturating_mul(take.frames as u64);
     limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
 }
 

@@ -30,6 +30,10 @@ pub struct Wood {
     pub hertz: f64,
     /// Factor on all damping.
     pub damping: f64,
+    /// Bends as its own taper and load have it, instead of as an even rod under an even load.
+    pub measured: bool,
+    /// Trunks and limbs swing in their second mode, too.
+    pub overtones: bool,
 }
 
 impl Default for Wood {
@@ -44,6 +48,8 @@ impl Default for Wood {
             trunk_hertz: None,
             hertz: 1.0,
             damping: 1.0,
+            measured: false,
+            overtones: false,
         }
     }
 }

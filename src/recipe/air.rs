@@ -1,32 +1,63 @@
 //! The wind that a scene describes.
 
+use super::key::{Section as _, wrong};
 use super::resolve::{Resolver, span_of};
-use super::tree::Table;
+use super::tree::{Node, Table, Value};
 use super::wind_keys::{SwayKeys, WindKeys, WindModel};
 use crate::diagnostic::Diagnostic;
 use crate::scene::Clip;
-use crate::wind::{CALM, beaufort};
+use crate::wind::{CALM, beaufort, fitted_length};
 
 /// Shortest clip that can repeat, s.
 pub const SHORTEST_LOOP: f64 = 2.0;
 
 impl Resolver<'_> {
-    /// Wind; a given speed wins over a number of Beaufort's scale.
-    pub(super) fn wind(&mut self, root: &Table) -> WindKeys {
-        let mut keys: WindKeys = self.section(root, "wind");
-        let speed = span_of(root, &["wind", "speed"]);
-        if let Some((number, span)) = keys.beaufort.zip(span_of(root, &["wind", "beaufort"])) {
-            if speed.is_some() {
-                let text = format!("wind.beaufort is {number}, but wind.speed is given, too");
-                let d = Diagnostic::warning("S007", text, span, "has no effect");
+    /// Wind, and those that are added to it.
+    pub(super) fn wind(&mut self, root: &Table) -> (WindKeys, Vec<WindKeys>) {
+        let keys = self.section(root, "wind");
+        let table = match root.get("wind").map(|e| &e.node.value) {
+            Some(Value::Table(t)) => Some(t),
+            _ => None,
+        };
+        let keys = self.one_wind(keys, "wind", table);
+        let Some(entry) = table.and_then(|t| t.get("add")) else { return (keys, Vec::new()) };
+        let Value::List(list) = &entry.node.value else {
+            self.report.push(*wrong("wind.add", &entry.node, "a list: write [[wind.add]]"));
+            return (keys, Vec::new());
+        };
+        (keys, list.iter().enumerate().filter_map(|(i, node)| self.added(i, node)).collect())
+    }
+
+    fn added(&mut self, i: usize, node: &Node) -> Option<WindKeys> {
+        let path = format!("wind.add.{i}");
+        let Value::Table(table) = &node.value else {
+            self.report.push(*wrong(&path, node, "a table"));
+            return None;
+        };
+        if let Some(entry) = table.get("add") {
+            let text = format!("[{path}] has no key \"add\"");
+            let d = Diagnostic::error("S002", text, entry.key_span, "a wind in a wind that is added");
+            self.report.push(d.help("write one more [[wind.add]]"));
+        }
+        let keys = WindKeys::read(Some(table), &path, &mut self.report);
+        Some(self.one_wind(keys, &path, Some(table)))
+    }
+
+    /// A given speed wins over a number of Beaufort's scale.
+    fn one_wind(&mut self, mut keys: WindKeys, path: &str, table: Option<&Table>) -> WindKeys {
+        let span = |key: &str| table.and_then(|t| span_of(t, &[key]));
+        if let Some((number, at)) = keys.beaufort.zip(span("beaufort")) {
+            if span("speed").is_some() {
+                let text = format!("{path}.beaufort is {number}, but {path}.speed is given, too");
+                let d = Diagnostic::warning("S007", text, at, "has no effect");
                 self.report.push(d.help("leave one of them out"));
             } else {
                 keys.speed = beaufort(number);
             }
         }
         if keys.literal && keys.model != WindModel::Perlin {
-            let span = span_of(root, &["wind", "literal"]).unwrap_or(self.whole);
-            let d = Diagnostic::warning("S007", "wind.literal belongs to another wind", span, "has no effect");
+            let at = span("literal").unwrap_or(self.whole);
+            let d = Diagnostic::warning("S007", format!("{path}.literal belongs to another wind"), at, "has no effect");
             self.report.push(d.help("write model = \"perlin\""));
         }
         keys
@@ -35,20 +66,59 @@ impl Resolver<'_> {
     /// Answer to the wind.
     pub(super) fn sway(&mut self, root: &Table, clip: Clip) -> SwayKeys {
         let keys: SwayKeys = self.section(root, "sway");
-        if keys.repeat == Some(true) && seconds(&clip) < SHORTEST_LOOP {
-            let span = span_of(root, &["sway", "repeat"]).unwrap_or(self.whole);
+        let span = |key: &str| span_of(root, &["sway", key]);
+        if keys.repeat == Some(true) && keys.round.is_none() && seconds(&clip) < SHORTEST_LOOP {
             let text = format!("a clip of {:.2} s is too short to repeat", seconds(&clip));
-            let d = Diagnostic::error("S004", text, span, "not possible");
+            let d = Diagnostic::error("S004", text, span("repeat").unwrap_or(self.whole), "not possible");
             self.report.push(d.help(format!("at least {SHORTEST_LOOP} s: raise frames.end")));
         }
+        let Some((wanted, at)) = keys.round.zip(span("loop")) else { return keys };
+        if keys.repeat == Some(false) {
+            let d = Diagnostic::warning("S007", "sway.loop is given, but sway.repeat is false", at, "has no effect");
+            self.report.push(d.help("leave one of them out"));
+        } else if let Some(frames) = keys.loop_frames(&clip) {
+            let found = frames as f64 / clip.fps();
+            if (found - wanted).abs() > 1e-6 {
+                let text = format!("sway.loop is {wanted} s, which is {:.2} frames", wanted * clip.fps());
+                let d = Diagnostic::warning("S008", text, at, format!("taken as {frames} frames"));
+                self.report.push(d.help(format!("write loop = {}", (found * 1e4).round() / 1e4)));
+            }
+        }
         keys
+    }
+
+    /// Tells where lengths in the wind that an artist gave had to give way to a loop.
+    pub(super) fn fit(&mut self, root: &Table, (wind, sway): (&WindKeys, &SwayKeys), clip: &Clip) {
+        let Some(frames) = sway.loop_frames(clip).filter(|_| wind.model == WindModel::Gust) else { return };
+        let period = frames as f64 / clip.fps();
+        for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
+            let Some(at) = span_of(root, &["wind", key]) else { continue };
+            let fitted = fitted_length(length, wind.speed, period);
+            if (fitted / length - 1.0).abs() > 0.02 {
+                let text = format!("wind.{key} is {length} m, but in a loop of {period} s whole gusts must pass");
+                let d = Diagnostic::warning("S008", text, at, format!("taken as {fitted:.2} m"));
+                self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
+            }
+        }
     }
 }
 
 impl WindKeys {
     /// False in a calm.
     pub fn blows(&self) -> bool {
-        self.model != WindModel::Calm && self.speed >= CALM
+        self.model != WindModel::Calm && self.speed * self.scale >= CALM
+    }
+}
+
+impl SwayKeys {
+    /// Frames after which the motion of a clip repeats, if it does.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour of frames at most")]
+    pub fn loop_frames(&self, clip: &Clip) -> Option<usize> {
+        if self.repeat == Some(false) || clip.len() < 2 {
+            return None;
+        }
+        let whole = (self.repeat == Some(true) || seconds(clip) >= SHORTEST_LOOP).then_some(clip.len());
+        self.round.map(|t| (t * clip.fps()).round() as usize).or(whole)
     }
 }
 

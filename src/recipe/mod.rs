@@ -77,6 +77,8 @@ pub struct Recipe {
     pub sky: sections::SkyKeys,
     /// Wind; its speed already accounts for Beaufort numbers.
     pub wind: wind_keys::WindKeys,
+    /// Winds whose velocities are added to it.
+    pub added: Vec<wind_keys::WindKeys>,
     /// True if the scene has a clip with wind in it, whichever frame is drawn.
     pub moves: bool,
     /// Answer to the wind.
@@ -85,6 +87,13 @@ pub struct Recipe {
     pub output: OutputRecipe,
     /// Hash of everything above and of the bytes of all files read, 64 hex digits.
     pub hash: String,
+}
+
+impl Recipe {
+    /// False in a calm.
+    pub fn blows(&self) -> bool {
+        self.wind.blows() || self.added.iter().any(wind_keys::WindKeys::blows)
+    }
 }
 
 /// What grows a plant.

@@ -140,6 +140,9 @@ impl Resolver<'_> {
         let layers = self.layers(root);
         let places = self.places(root, &plants);
         let scatters = self.scatters(root, &plants);
+        let (wind, added) = self.wind(root);
+        let sway = self.sway(root, clip);
+        self.fit(root, (&wind, &sway), &clip);
         let mut recipe = Recipe {
             name: safe_name(&self.request.name),
             title: if scene.title.is_empty() { self.request.name.clone() } else { scene.title.clone() },
@@ -158,12 +161,13 @@ impl Resolver<'_> {
             sun: self.section(root, "sun"),
             sky: self.section(root, "sky"),
             moves: false,
-            wind: self.wind(root),
-            sway: self.sway(root, clip),
+            wind,
+            added,
+            sway,
             output: self.output(root),
             hash: String::new(),
         };
-        recipe.moves = clip.len() > 1 && recipe.wind.blows();
+        recipe.moves = clip.len() > 1 && recipe.blows();
         recipe.hash = hash(&recipe, &self.inputs);
         recipe
     }
@@ -378,6 +382,7 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     recipe.sun.digest(&mut h);
     recipe.sky.digest(&mut h);
     recipe.wind.digest(&mut h);
+    recipe.added.iter().for_each(|wind| wind.digest(&mut h));
     recipe.sway.digest(&mut h);
     recipe.output.formats.digest(&mut h);
     recipe.output.pov.digest(&mut h);

@@ -31,6 +31,13 @@ words! {
         /// Damping against the motion instead of always one way.
         Damping = "damping_sign",
     }
+    /// How the slope of a bent branch grows along it.
+    Profile {
+        /// As of an even rod in an even wind.
+        Uniform = "uniform",
+        /// As its own taper and load have it: thin ends bend more.
+        Measured = "measured",
+    }
     /// How a clip that does not repeat begins.
     Start {
         /// In the middle of the wind.
@@ -87,14 +94,17 @@ impl Timber {
 }
 
 keys! {
-    /// Wind. Speeds are those at 10 m above the ground.
-    WindKeys at "wind" {
+    /// Wind. Speeds are those at 10 m above the ground. Each [[wind.add]] is one more wind, with the same keys: their
+    /// velocities add up.
+    WindKeys at "wind" with ["add"] {
         /// What kind.
         model: WindModel = "model" OneOf(WindModel::Gust);
         /// Mean speed.
         speed: f64 = "speed" num(4.5, 0.0, 60.0, "m/s");
         /// Mean speed as a number of Beaufort's scale, instead of `speed`.
         beaufort: Option<f64> = "beaufort" Maybe(num(3.0, 0.0, 12.0, "Bft"), "none");
+        /// Factor on all of its velocities; what travels in it keeps its pace.
+        scale: f64 = "scale" num(1.0, 0.0, 10.0, "");
         /// Where it blows to: 0 towards +X, 90 towards -Z.
         direction: f64 = "direction_deg" deg(0.0, -360.0, 360.0);
         /// Share of the mean that gusts add and take; 0.3 to 0.5 is natural.
@@ -130,6 +140,14 @@ keys! {
         lean: f64 = "lean" num(1.0, 0.0, 5.0, "");
         /// Factor on how twigs lag behind the branch that throws them.
         whip: f64 = "whip" num(1.0, 0.0, 3.0, "");
+        /// Trunks and limbs also swing in their second mode: a tremor in gusts, 6.27 times as fast.
+        modes: u32 = "modes" whole(1, 1, 2);
+        /// How bends grow along a branch.
+        profile: Profile = "profile" OneOf(Profile::Uniform);
+        /// A branch that others lean over presses on them with its weight in its new direction.
+        gravity: bool = "gravity_change" Flag(false);
+        /// The motion repeats after so many seconds, rounded to frames, however long the clip is.
+        round: Option<f64> = "loop" Maybe(num(4.0, 2.0, 3600.0, "s"), "the whole clip, if it repeats");
         /// Whether the frame after the last is the first.
         repeat: Option<bool> = "repeat" Maybe(Flag(true), "true for clips of 2 s and more");
         /// Copies of a plant show a repeating motion at so many different times, as gusts reach them; 1 for all as one.

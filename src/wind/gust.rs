@@ -76,12 +76,19 @@ impl Carried {
     fn new(length: f64, speed: f64, period: Option<f64>, seed: u32) -> Self {
         match period {
             Some(t) => {
-                let cells = (speed * t / length).round().max(FEWEST);
-                Self { length: speed * t / cells, cells: cells as i32, seed }
+                let length = fitted_length(length, speed, t);
+                Self { length, cells: (speed * t / length).round() as i32, seed }
             }
             None => Self { length, cells: ENDLESS, seed },
         }
     }
+}
+
+/// Length of gusts of which whole ones, at least four, pass in a period, m: the nearest to `length`, m.
+/// `speed`: m/s; `period`: s.
+pub fn fitted_length(length: f64, speed: f64, period: f64) -> f64 {
+    let way = speed.max(CALM) * period;
+    way / (way / length).round().max(FEWEST)
 }
 
 /// Gusts and eddies in a mean wind that grows with height.

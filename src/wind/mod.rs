@@ -4,6 +4,7 @@
 //! [zhao-zhang] 3.1. Space: world, metres, +Y up; time in seconds. Speeds are those at 10 m above the ground.
 
 mod block;
+mod combine;
 mod formula;
 mod gust;
 mod lattice;
@@ -12,8 +13,9 @@ use std::fmt::Debug;
 
 use glam::Vec3;
 
+pub use combine::{Scaled, Sum};
 pub use formula::{Formula, FormulaOptions};
-pub use gust::{Gust, GustOptions};
+pub use gust::{Gust, GustOptions, fitted_length};
 pub use lattice::TimeNoise;
 
 /// Slower wind is none at all, m/s.

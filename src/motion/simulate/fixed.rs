@@ -1,10 +1,17 @@
 //! What does not change while a plant moves, laid out for lanes.
 
-use super::super::bend::{Swing, profile};
+use glam::DVec3;
+
+use super::super::bend::{OVERTONE, Swing, overtone};
 use super::super::element::{Element, Elements, Station};
 use super::super::lanes::{Columns, padded};
 use super::super::wood::{AIR, Wood};
 use super::Manner;
+
+/// m/s^2.
+const GRAVITY: f64 = 9.81;
+/// Damping of a second mode over the first's.
+const DAMPED: f64 = 1.5;
 
 /// How an element hangs on its carrier.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +24,8 @@ pub(super) struct Hung {
     pub(super) stand: usize,
     /// Slope of the carrier's tip for a unit force here, 1/N.
     pub(super) lever: f64,
+    /// Share of the carrier's bend here, and of its second mode's.
+    pub(super) shares: [f64; 2],
 }
 
 /// Elements and stations as rows: first those of more stations, station after station.
@@ -33,8 +42,14 @@ pub(super) struct Fixed {
     pub(super) ways: Columns<6>,
     /// Both ways' next place and rate from place and rate: a, b, c, d.
     pub(super) swing: Columns<8>,
-    /// Place at rest from where the carrier's stretch begins, and share of the carrier's bend there.
-    pub(super) hold: Columns<4>,
+    /// Place at rest from where the carrier's stretch begins.
+    pub(super) hold: Columns<3>,
+    /// Slope for 1 m/s^2 on it and on all that it carries.
+    pub(super) weight: Columns<1>,
+    /// Gravity in the plant's space, where its change counts.
+    pub(super) gravity: Option<[f64; 3]>,
+    /// Second modes of the elements that have one, which stand first, if any do.
+    pub(super) overtones: Option<Overtones>,
     /// Per station: place from where the stretch begins, the stretch, share of the bend.
     pub(super) shape: Columns<7>,
     /// Per station: place at rest from the element's base, direction of growth.
@@ -42,6 +57,16 @@ pub(super) struct Fixed {
     /// Per station: drag of wood and of leaves at 1 m/s, N; slope for a unit of drag; slope for 1 m/s^2; rate at which
     /// air of 1 m/s stops it, 1/s.
     pub(super) press: Columns<5>,
+}
+
+/// Second modes, as [`Fixed`] has the first.
+#[derive(Debug)]
+pub(super) struct Overtones {
+    pub(super) swing: Columns<8>,
+    /// Per station: share of the bend.
+    pub(super) shape: Columns<1>,
+    /// Elements that have one.
+    pub(super) rows: Vec<usize>,
 }
 
 impl Fixed {
@@ -53,6 +78,11 @@ impl Fixed {
             ways: Columns::new(n),
             swing: Columns::new(n),
             hold: Columns::new(n),
+            weight: Columns::new(n),
+            gravity: manner
+                .gravity
+                .then(|| (manner.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * GRAVITY)).to_array()),
+            overtones: None,
             shape: Columns::new(m),
             rest: Columns::new(m),
             press: Columns::new(m),
@@ -71,32 +101,73 @@ impl Fixed {
                 fixed.station(i, &elements.stations[i], element, &manner.wood);
             }
         }
+        fixed.weigh(elements);
+        fixed.overtones = Overtones::new(&fixed, elements, (manner.fps, step));
         fixed
     }
 
     fn hang(&mut self, elements: &Elements, element: &Element, row: usize) {
         let Some(carrier) = elements.list.get(element.parent as usize) else {
-            self.hold.set(row, [element.base.x, element.base.y, element.base.z, 0.0]);
-            self.order.push(Hung { row, carrier: None, stand: 0, lever: 0.0 });
+            self.hold.set(row, element.base.to_array());
+            self.order.push(Hung { row, carrier: None, stand: 0, lever: 0.0, shares: [0.0; 2] });
             return;
         };
         let n = carrier.stations.len();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 3")]
         let i = carrier.stations.start + ((element.at * n as f64) as usize).min(n - 1);
         let arm = element.base - elements.stations[i].from;
-        self.hold.set(row, [arm.x, arm.y, arm.z, profile(element.at)]);
+        self.hold.set(row, arm.to_array());
+        let second = if carrier.overtone.is_some() { overtone(element.at) } else { 0.0 };
+        let shares = [carrier.shape.at(element.at), second];
         let (carrier, stand) = (Some(self.rows[element.parent as usize]), self.stations[i]);
-        self.order.push(Hung { row, carrier, stand, lever: element.lever });
+        self.order.push(Hung { row, carrier, stand, lever: element.lever, shares });
+    }
+
+    /// What a change of gravity presses on: own stations, and whole children where they stand.
+    fn weigh(&mut self, elements: &Elements) {
+        let mut masses = vec![0.0; elements.list.len()];
+        for (e, element) in elements.list.iter().enumerate().rev() {
+            let own = elements.stations.get(element.stations.clone()).unwrap_or_default();
+            masses[e] += own.iter().map(|s| s.load.mass).sum::<f64>();
+            self.weight.add(self.rows[e], [own.iter().map(|s| s.load.mass * s.levers[1]).sum()]);
+            if let Some(carrier) = self.rows.get(element.parent as usize) {
+                self.weight.add(*carrier, [masses[e] * element.lever]);
+                masses[element.parent as usize] += masses[e];
+            }
+        }
     }
 
     fn station(&mut self, i: usize, s: &Station, element: &Element, wood: &Wood) {
         let row = self.stations[i];
         let (arm, rest) = (s.p - s.from, s.p - element.base);
-        self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, profile(s.middle)]);
+        self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, element.shape.at(s.middle)]);
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
         let (bark, leaf) = (AIR * wood.drag * s.load.wood, AIR * wood.leaf_drag * s.load.leaf);
         let stops = (bark + leaf) / s.load.mass.max(1e-12);
         self.press.set(row, [0.5 * bark, 0.5 * leaf, s.levers[0], s.load.mass * s.levers[1], stops]);
+    }
+}
+
+impl Overtones {
+    fn new(fixed: &Fixed, elements: &Elements, (fps, step): (f64, f64)) -> Option<Self> {
+        let with: Vec<usize> = (0..elements.list.len()).filter(|e| elements.list[*e].overtone.is_some()).collect();
+        let last = with.iter().map(|e| fixed.rows[*e] + 1).max()?;
+        let stations = fixed.slots.iter().map(|s| s.1).sum();
+        let (mut swing_columns, mut shape) = (Columns::new(last), Columns::new(stations));
+        for e in &with {
+            let element = &elements.list[*e];
+            let [a, b] = element.w.map(|w| swing(w * OVERTONE, element.zeta * DAMPED, fps, step).coefficients());
+            swing_columns.set(fixed.rows[*e], [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+            for i in element.stations.clone() {
+                shape.set(fixed.stations[i], [overtone(elements.stations[i].middle)]);
+            }
+        }
+        Some(Self { swing: swing_columns, shape, rows: with.iter().map(|e| fixed.rows[*e]).collect() })
+    }
+
+    /// Rows up to the last that has one.
+    pub(super) fn count(&self) -> usize {
+        self.swing.rows()
     }
 }
 

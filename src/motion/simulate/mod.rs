@@ -37,6 +37,8 @@ pub struct Manner {
     pub whip: f64,
     /// Where the plant stands: from its own space to the world.
     pub stand: Trs,
+    /// Gravity presses where branches lean away from how they grew.
+    pub gravity: bool,
     /// Frames a second.
     pub fps: f64,
 }
@@ -91,13 +93,24 @@ impl<'a> Simulation<'a> {
         (1.0 / (self.step * self.manner.fps)).round() as u32
     }
 
-    /// Bends of both ways, rad, per element.
+    /// Bends of both ways, rad, per element, then those of second modes.
     pub fn bends(&self) -> Vec<[f64; 2]> {
         let bend = |row: &usize| {
             let [a, _, b, _] = self.now.swung.row(*row);
             [a, b]
         };
-        self.fixed.rows.iter().map(bend).collect()
+        let over = self.fixed.overtones.iter().flat_map(|o| &o.rows);
+        let ring = |row: &usize| {
+            let [a, _, b, _] = self.now.rung.row(*row);
+            [a, b]
+        };
+        self.fixed.rows.iter().map(bend).chain(over.map(ring)).collect()
+    }
+
+    /// Puts every element back to how it grew.
+    pub fn rest(&mut self) {
+        self.now.swung.clear();
+        self.known = 0;
     }
 
     /// Puts every element where a steady wind of the mean would hold it, at rest.
@@ -111,6 +124,10 @@ impl<'a> Simulation<'a> {
                 self.now.air.iter_mut().for_each(|a| a.set(*row, air.as_dvec3().to_array()));
             }
             self.press(0.0, true);
+        }
+        for row in &self.fixed.rows {
+            let [a, _, b, _] = self.now.swung.row(*row);
+            self.now.mean.set(*row, [a, b]);
         }
         self.known = 0;
     }
@@ -197,10 +214,10 @@ mod tests {
 
     #[test]
     fn every_width_of_lanes_gives_the_same_bits() {
-        let wood = Wood { stiffness: 0.1, ..Wood::default() };
+        let wood = Wood { stiffness: 0.1, measured: true, overtones: true, ..Wood::default() };
         let elements = Elements::build(&leafy(23), &wood, Budget::Elements(1000));
         let wind = Gust::new(GustOptions { speed: 40.0, seed: 3, ..GustOptions::default() });
-        let manner = Manner { wood, flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, fps: 24.0 };
+        let manner = Manner { wood, flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: true, fps: 24.0 };
         let run = |arch: Arch| {
             let mut sim = Simulation { arch, ..Simulation::new(&elements, &wind, manner) };
             sim.settle();

@@ -6,25 +6,31 @@ use pulp::{Simd, WithSimd};
 use super::super::bend::{share_of_slope, turn_lanes};
 use super::super::lanes::{Arrow, Columns, Lane, Turned};
 use super::super::wood::FOLD;
-use super::fixed::Fixed;
+use super::fixed::{Fixed, Overtones};
 
 /// Strongest inertia, m/s^2.
 const JERK: f64 = 50.0;
 /// Air across a branch of less than this sheds no eddies, m/s: it divides.
 const STILL: f64 = 1e-30;
+/// Part of the changing load that makes second modes swing.
+const RINGING: f64 = 0.15;
 
 /// What changes from step to step, in rows of [`Fixed`].
 #[derive(Debug)]
 pub(super) struct Moving {
     /// Place and rate of both ways, rad and rad/s.
     pub(super) swung: Columns<4>,
-    /// The bend as a turn about an axis of the plant's space.
+    /// The same of second modes, and where the mean wind holds the first.
+    pub(super) rung: Columns<4>,
+    pub(super) mean: Columns<2>,
+    /// The bend as a turn about an axis of the plant's space, and the second mode's.
     bend: Columns<3>,
+    ring: Columns<3>,
     /// Per station, in the frame of its element's base: turn, where its stretch begins, place.
     turns: Columns<4>,
     from: Columns<3>,
     own: Columns<3>,
-    /// Of the carrier: bend, where the stretch begins and its turn; then turn and place of the base in its frame.
+    /// Bend at the place on the carrier, where the stretch begins and its turn; then turn and place of the base in its frame.
     carrier: Columns<10>,
     hung: Columns<7>,
     /// Turn from rest and place of each element's base, in the plant's space; once more row by row.
@@ -53,7 +59,10 @@ impl Moving {
         };
         Self {
             swung: Columns::new(n),
+            rung: Columns::new(n),
+            mean: Columns::new(n),
             bend: Columns::new(n),
+            ring: Columns::new(n),
             turns: Columns::new(m),
             from: Columns::new(m),
             own: Columns::new(m),
@@ -139,11 +148,23 @@ fn shapes<S: Simd>(fixed: &Fixed, now: &mut Moving, simd: S) {
         let [a, _, b, _] = now.swung.get(simd, g);
         let bend = x * a + z * b;
         now.bend.put(g, bend.0);
+        let over = fixed.overtones.as_ref().filter(|o| g * S::F64_LANES < o.count());
+        let mut ring = Arrow([zero; 3]);
+        if over.is_some() {
+            let [a, _, b, _] = now.rung.get(simd, g);
+            ring = x * a + z * b;
+            now.ring.put(g, ring.0);
+        }
         let mut from = Arrow([zero; 3]);
         for k in 0..count {
             let s = station::<S>(fixed, k, g);
             let [ax, ay, az, cx, cy, cz, share] = fixed.shape.get(simd, s);
-            let q = turn_lanes(bend * share);
+            let mut here = bend * share;
+            if let Some(over) = over {
+                let [share] = over.shape.get(simd, s);
+                here = here + ring * share;
+            }
+            let q = turn_lanes(here);
             let turned = Turned::of(q);
             now.turns.put(s, q);
             now.from.put(s, from.0);
@@ -160,15 +181,17 @@ fn shapes<S: Simd>(fixed: &Fixed, now: &mut Moving, simd: S) {
 fn hang<S: Simd>(fixed: &Fixed, now: &mut Moving, simd: S) {
     for hung in &fixed.order {
         let Some(carrier) = hung.carrier else { continue };
-        let ([a, b, c], [d, e, f]) = (now.bend.row(carrier), now.from.row(hung.stand));
+        let [first, second] = hung.shares;
+        let ([a, b, c], [u, v, w]) = (now.bend.row(carrier), now.ring.row(carrier));
+        let [a, b, c] = [a * first + u * second, b * first + v * second, c * first + w * second];
+        let [d, e, f] = now.from.row(hung.stand);
         let [x, y, z, w] = now.turns.row(hung.stand);
         now.carrier.set(hung.row, [a, b, c, d, e, f, x, y, z, w]);
     }
     for g in 0..groups::<S>(fixed) {
         let [a, b, c, d, e, f, x, y, z, w] = now.carrier.get(simd, g);
-        let [ax, ay, az, share] = fixed.hold.get(simd, g);
-        let place = Arrow([d, e, f]) + Turned::of([x, y, z, w]).apply(Arrow([ax, ay, az]));
-        let [x, y, z, w] = turn_lanes(Arrow([a, b, c]) * share);
+        let place = Arrow([d, e, f]) + Turned::of([x, y, z, w]).apply(Arrow(fixed.hold.get(simd, g)));
+        let [x, y, z, w] = turn_lanes(Arrow([a, b, c]));
         now.hung.put(g, [x, y, z, w, place.0[0], place.0[1], place.0[2]]);
     }
 }
@@ -308,7 +331,13 @@ impl Press<'_> {
         for g in 0..groups::<S>(fixed) {
             let [x, y, z, w, ..] = now.carried.get(simd, g);
             let [_, pulled] = both(now.forces.get(simd, g));
-            let load = Arrow(now.loads.get(simd, g)) + Turned::of([x, y, z, w]).back(pulled);
+            let turned = Turned::of([x, y, z, w]);
+            let mut load = Arrow(now.loads.get(simd, g)) + turned.back(pulled);
+            if let Some([gx, gy, gz]) = fixed.gravity {
+                let down = Arrow([Lane::all(simd, gx), Lane::all(simd, gy), Lane::all(simd, gz)]);
+                let [weight] = fixed.weight.get(simd, g);
+                load = load + (turned.back(down) - down) * weight;
+            }
             let ways = both(fixed.ways.get(simd, g));
             // The turn that a force makes, growth x force, seen along both ways across the growth.
             let (a, b) = (ways[1].dot(load), -ways[0].dot(load));
@@ -317,10 +346,24 @@ impl Press<'_> {
                 if self.settle { [left, none, none, none, left, none, none, none] } else { fixed.swing.get(simd, g) };
             let [p, v, q, u] = now.swung.get(simd, g);
             let (a, b) = (a * share, b * share);
+            if let Some(over) = fixed.overtones.as_ref().filter(|o| !self.settle && g * S::F64_LANES < o.count()) {
+                ring(over, now, g, [a, b]);
+            }
             let (y, z) = (p - a, q - b);
             now.swung.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
         }
     }
+}
+
+/// Second modes towards a share of what the wind adds to its mean. `goal`: of the first modes.
+#[inline(always)]
+fn ring<S: Simd>(over: &Overtones, now: &mut Moving, g: usize, goal: [Lane<S>; 2]) {
+    let simd = goal[0].simd();
+    let [c0, c1, c2, c3, d0, d1, d2, d3] = over.swing.get(simd, g);
+    let ([still, level], [p, v, q, u]) = (now.mean.get(simd, g), now.rung.get(simd, g));
+    let (a, b) = ((goal[0] - still) * RINGING, (goal[1] - level) * RINGING);
+    let (y, z) = (p - a, q - b);
+    now.rung.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
 }
 
 #[cfg(test)]

@@ -1,0 +1,98 @@
+//! Winds made of winds.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::Wind;
+
+/// A wind whose air is so many times as fast; what travels in it does not travel faster.
+#[derive(Debug, Clone)]
+pub struct Scaled {
+    /// The wind.
+    pub wind: Arc<dyn Wind>,
+    /// Factor on its velocities.
+    pub factor: f32,
+}
+
+impl Wind for Scaled {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        self.wind.sample(places, t, out);
+        out.iter_mut().for_each(|u| *u *= self.factor);
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.wind.mean() * self.factor
+    }
+
+    fn mean_at(&self, height: f32) -> Vec3 {
+        self.wind.mean_at(height) * self.factor
+    }
+
+    fn period(&self) -> Option<f64> {
+        self.wind.period()
+    }
+}
+
+/// Several winds at once: their velocities add up.
+#[derive(Debug, Clone)]
+pub struct Sum(
+    /// The winds.
+    pub Vec<Arc<dyn Wind>>,
+);
+
+impl Wind for Sum {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        out.fill(Vec3::ZERO);
+        let mut own = vec![Vec3::ZERO; places.len()];
+        for wind in &self.0 {
+            wind.sample(places, t, &mut own);
+            out.iter_mut().zip(&own).for_each(|(u, v)| *u += *v);
+        }
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.0.iter().map(|w| w.mean()).sum()
+    }
+
+    fn mean_at(&self, height: f32) -> Vec3 {
+        self.0.iter().map(|w| w.mean_at(height)).sum()
+    }
+
+    /// That of all, if they agree; a wind that never changes (0 s) agrees with any.
+    fn period(&self) -> Option<f64> {
+        self.0.iter().map(|w| w.period()).try_fold(0.0, |common, own| {
+            let own = own?;
+            let agree = own <= 0.0 || common <= 0.0 || (own - common).abs() < 1e-9;
+            agree.then_some(own.max(common))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Gust, GustOptions, Uniform};
+    use super::*;
+
+    #[test]
+    fn velocities_are_scaled_and_added() {
+        let gust = |period: Option<f64>| Arc::new(Gust::new(GustOptions { period, ..GustOptions::default() }));
+        let places: Vec<Vec3> = (0..100_u8).map(|i| Vec3::new(f32::from(i), 3.0, 0.0)).collect();
+        let sample = |w: &dyn Wind| {
+            let mut out = vec![Vec3::ONE; places.len()];
+            w.sample(&places, 1.7, &mut out);
+            out
+        };
+        let alone = sample(&*gust(None));
+        let twice = Scaled { wind: gust(None), factor: 2.0 };
+        assert!(sample(&twice).iter().zip(&alone).all(|(a, b)| *a == *b * 2.0));
+        assert_eq!(twice.mean(), Vec3::X * 9.0);
+        let both = Sum(vec![gust(None), Arc::new(Uniform(Vec3::Z * 3.0))]);
+        assert!(sample(&both).iter().zip(&alone).all(|(a, b)| *a == *b + Vec3::Z * 3.0));
+        assert_eq!((both.mean(), both.mean_at(10.0)), (Vec3::new(4.5, 0.0, 3.0), Vec3::new(4.5, 0.0, 3.0)));
+        assert_eq!(both.period(), None);
+        let repeating = Sum(vec![gust(Some(5.0)), Arc::new(Uniform(Vec3::Z)), gust(Some(5.0))]);
+        assert_eq!(repeating.period(), Some(5.0));
+        assert_eq!(Sum(vec![gust(Some(5.0)), gust(Some(4.0))]).period(), None);
+    }
+}
