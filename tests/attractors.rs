@@ -226,6 +226,31 @@ fn coefficients_are_written_again() {
     }
 }
 
+/// Pixels where something stands, of a flame whose two maps meet near (2, 1), y down, at 20 pixels a unit.
+fn seen_of_flame(folder: &Path, rotate: u32, set: &[&str]) -> Vec<(u32, u32)> {
+    let file = folder.join(format!("dot{rotate}.flame"));
+    let text = format!(
+        "<flame name=\"dot\" size=\"200 100\" center=\"0 0\" scale=\"20\" rotate=\"{rotate}\">\n\
+         <xform weight=\".5\" linear=\"1\" coefs=\".1 0 0 .1 1.8 .9\"/>\n\
+         <xform weight=\".5\" linear=\"1\" coefs=\".1 0 0 .1 1.81 .9\"/>\n</flame>\n"
+    );
+    std::fs::write(&file, text).expect("file");
+    let size = ["--set", "picture.width=200", "--set", "picture.height=100"];
+    let png = grown(folder, file.to_str().expect("path"), &format!("dot{rotate}.png"), &[&size[..], set].concat());
+    let picture = image::open(png).expect("a picture").to_rgba8();
+    picture.enumerate_pixels().filter(|(_, _, p)| p.0[3] > 0).map(|(x, y, _)| (x, y)).collect()
+}
+
+#[test]
+fn a_flame_is_seen_as_its_file_says() {
+    let dir = tempfile::tempdir().expect("dir");
+    // Where flam3 3.1 puts them.
+    assert_eq!(seen_of_flame(dir.path(), 0, &[]), [(140, 70)]);
+    assert_eq!(seen_of_flame(dir.path(), 30, &["--force"]), [(124, 87)]);
+    let whole = seen_of_flame(dir.path(), 0, &["--force", "--set", "picture.fit=bounds"]);
+    assert!(whole.iter().any(|p| p.0 < 20) && whole.iter().any(|p| p.0 > 180), "all of it: {whole:?}");
+}
+
 /// Twenty thousand leaves of a table open in Blender as instances of a few meshes.
 #[test]
 fn blender_opens_a_crown_of_twenty_thousand_leaves() {

@@ -1,15 +1,19 @@
 //! Attractors as assets of a scene and as pictures.
 
+use std::borrow::Cow;
+
 use glam::{DVec3, Quat, Vec3};
 
 use super::Work;
 use super::morphing::Morphing;
 use crate::geometry::Bounds;
+use crate::ifs::affine::{Affine, turn_z};
 use crate::ifs::cloud::{Cloud, Request, cloud, voxels};
 use crate::ifs::color::{Labels, Mode};
 use crate::ifs::game::{Escapes, Tier};
 use crate::ifs::histogram::{Window, histogram};
 use crate::ifs::picture::{Density, Estimator, Tone, density};
+use crate::ifs::{Ifs, View};
 use crate::math::narrow;
 use crate::recipe::cloud_keys::{ColorBy, Fit, Foot, PictureKeys};
 use crate::recipe::{CloudRecipe, Recipe};
@@ -148,6 +152,7 @@ pub(super) fn mode(by: ColorBy, prefix: u32) -> Mode {
         ColorBy::Word => Mode::Prefix(prefix),
         ColorBy::Palette => Mode::Coord,
         ColorBy::Depth => Mode::Depth,
+        ColorBy::Order => Mode::Order,
         ColorBy::Density => Mode::Density,
     }
 }
@@ -188,9 +193,10 @@ pub fn picture(recipe: &CloudRecipe, scene: &Recipe, work: &Work<'_>) -> Result<
     work.limits.check("points", count, "the number of points")?;
     let colors = if keys_by_density(recipe) { None } else { Some(labels(recipe)) };
     let cloud_keys = &recipe.keys;
-    let request =
-        Request { system: &recipe.system, study: &recipe.study, seed: scene.seed, points: count, tier: Tier::Best };
-    let counts = histogram(&request, colors.as_ref(), &window(recipe, keys));
+    let view = recipe.system.view.filter(|_| keys.fit == Fit::View);
+    let system = turned(&recipe.system, view.as_ref());
+    let request = Request { system: &system, study: &recipe.study, seed: scene.seed, points: count, tier: Tier::Best };
+    let counts = histogram(&request, colors.as_ref(), &window(recipe, keys, view.as_ref()));
     settled(recipe, counts.escapes)?;
     work.cancel.check()?;
     let estimator = Estimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };
@@ -208,11 +214,27 @@ pub(super) fn labels(recipe: &CloudRecipe) -> Labels {
     Labels::new(&recipe.system, mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
 }
 
-fn window(recipe: &CloudRecipe, keys: &PictureKeys) -> Window {
+/// The system shown as a view turns it.
+/// Source: flam3 turns its points by `rotate` about the centre, with y down.
+fn turned<'a>(system: &'a Ifs, view: Option<&View>) -> Cow<'a, Ifs> {
+    let Some(view) = view.filter(|v| v.rotate != 0.0) else { return Cow::Borrowed(system) };
+    let center = DVec3::new(view.center[0], view.center[1], 0.0);
+    let turn = turn_z(-view.rotate);
+    let about = Affine { a: turn, b: center - turn * center };
+    let last = system.last.map_or(about, |last| about.after(&last));
+    Cow::Owned(Ifs { last: Some(last), ..system.clone() })
+}
+
+/// What a picture shows: the whole view of a flame, or the attractor, or what the keys say.
+fn window(recipe: &CloudRecipe, keys: &PictureKeys, view: Option<&View>) -> Window {
     let k = keys.oversample.max(1);
     let (width, height) = ((keys.width * k) as usize, (keys.height * k) as usize);
     let shown = if keys.fit == Fit::Quantile { recipe.extent.quantile } else { bounds(recipe) };
-    let fitted = Window::fitted(shown, width, height);
+    let mut fitted = Window::fitted(shown, width, height);
+    if let Some(v) = view {
+        let (across, down) = (v.width / f64::from(keys.width * k), v.width / v.aspect / f64::from(keys.height * k));
+        fitted = Window { center: v.center, pixel: across.max(down), ..fitted };
+    }
     let center = keys.center.unwrap_or(fitted.center);
     let pixel = keys.span.map_or(fitted.pixel, |s| s / f64::from(keys.width * k));
     Window { center, pixel, ..fitted }

@@ -52,6 +52,11 @@ impl Affine {
         Self { a, b: DVec3::new(0.0, b.h, 0.0) }
     }
 
+    /// Scales each axis by its own factor, then shifts.
+    pub fn scaling(scale: DVec3, shift: DVec3) -> Self {
+        Self { a: DMat3::from_diagonal(scale), b: shift }
+    }
+
     /// Coefficients in the order of a file: `a b c d e f`, or `a..i j k l`.
     pub fn coefficients(&self, dim: usize) -> Vec<f64> {
         let (a, b) = (self.a, self.b);

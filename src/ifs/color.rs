@@ -15,6 +15,8 @@ pub enum Mode {
     Coord,
     /// Steps since the lane started or jumped into the condensation set.
     Depth,
+    /// Branchings since the last stem: 0 on the trunk, 1 on its branches.
+    Order,
     /// Density alone.
     Density,
 }
@@ -23,6 +25,8 @@ pub enum Mode {
 const LABELS: usize = 4096;
 /// Steps of the palette and of depth.
 const STEPS: usize = 256;
+/// Orders that are told apart.
+const ORDERS: u32 = 5;
 /// Wood, for maps that squash the whole into a stem.
 const WOOD: [f32; 3] = [0.110, 0.062, 0.032];
 /// Greens and warm hues for the other maps, in turn.
@@ -52,7 +56,20 @@ pub struct Labels {
     top: u32,
     /// By map: what is kept of the coordinate and what is added; the last row is for jumps.
     pull: Vec<(f32, f32)>,
+    /// By map: what it makes of an order.
+    orders: Vec<Branching>,
     lanes: Lane,
+}
+
+/// What a map does to the order of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Branching {
+    /// A stem: the point is on a trunk.
+    Begins,
+    /// An axis goes on.
+    Keeps,
+    /// A branch.
+    Adds,
 }
 
 #[derive(Debug, Clone)]
@@ -75,15 +92,22 @@ impl Labels {
         let colors = match mode {
             Mode::Map => by_map,
             Mode::Prefix(k) => prefixes(&by_map, maps, k),
-            Mode::Coord | Mode::Depth | Mode::Density => (0..STEPS).map(|i| along(palette, &by_map, i)).collect(),
+            Mode::Coord | Mode::Depth | Mode::Order | Mode::Density => {
+                (0..STEPS).map(|i| along(palette, &by_map, i)).collect()
+            }
         };
         let base = u32::try_from(maps).unwrap_or(1).max(1);
         let top = if let Mode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
         let pull = ifs.maps.iter().map(|m| (math::narrow(1.0 - m.speed), math::narrow(m.speed * m.coord)));
         // Jumps leave the coordinate.
         let pull = pull.chain([(1.0, 0.0)]).collect();
+        let orders = ifs.maps.iter().map(|m| match () {
+            () if m.stem || is_squash(m) => Branching::Begins,
+            () if m.axis => Branching::Keeps,
+            () => Branching::Adds,
+        });
         let lanes = Lane { word: [0; LANES], coord: [0.5; LANES], depth: [0; LANES] };
-        Self { mode, colors, maps: base, top, pull, lanes }
+        Self { mode, colors, maps: base, top, pull, orders: orders.collect(), lanes }
     }
 
     /// True if labels depend on the last map alone.
@@ -94,6 +118,11 @@ impl Labels {
     /// True if labels are steps of a palette at a point's own coordinate.
     pub fn is_by_coord(&self) -> bool {
         self.mode == Mode::Coord
+    }
+
+    /// True if labels count branchings.
+    pub fn is_by_order(&self) -> bool {
+        self.mode == Mode::Order
     }
 
     /// How many of the last maps a label that is not [by coordinate](Self::is_by_coord) depends on, at least 1.
@@ -108,7 +137,7 @@ impl Labels {
             Mode::Map | Mode::Prefix(_) => u32::try_from(word).unwrap_or(0),
             // Endless words; coordinates are a point's own.
             Mode::Depth => 255,
-            Mode::Coord | Mode::Density => 0,
+            Mode::Coord | Mode::Order | Mode::Density => 0,
         }
     }
 
@@ -151,6 +180,16 @@ impl Labels {
             Mode::Depth => {
                 l.depth[lane] = if jumped { 0 } else { (l.depth[lane] + 1).min(255) };
                 l.depth[lane]
+            }
+            Mode::Order => {
+                let order = &mut l.depth[lane];
+                *order = match self.orders.get(map as usize) {
+                    // Jumps into the condensation set are stems as well.
+                    None | Some(Branching::Begins) => 0,
+                    Some(Branching::Keeps) => *order,
+                    Some(Branching::Adds) => (*order + 1).min(ORDERS),
+                };
+                *order * (255 / ORDERS)
             }
             Mode::Density => 0,
         }

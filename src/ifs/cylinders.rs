@@ -6,7 +6,10 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
 use super::affine::Affine;
+use super::cloud::Request;
 use super::color::Labels;
 use super::dynamics::Study;
 use super::game::{CHUNK, Chunk, Escapes, Game, LANES, Sink};
@@ -27,10 +30,12 @@ const AREA: f64 = 16_384.0;
 const FEW: f64 = 512.0;
 /// Longest word.
 const LONGEST: usize = 4096;
+/// Magnitude beyond which a point is lost, table units.
+const FAR: f32 = 1e15;
 /// Share of the pool outside its box, on each side of each axis.
 const TAIL: f64 = 0.02;
 
-/// Points of an attractor in pixels, each coordinate in a row of its own, with their colour coordinates.
+/// Points of an attractor, each coordinate in a row of its own, with their colour coordinates.
 #[derive(Debug, Default)]
 pub(super) struct Pool {
     /// x, y, z.
@@ -92,7 +97,7 @@ impl Pool {
 /// The image of the whole under one word.
 #[derive(Debug, Clone)]
 pub(super) struct Cylinder {
-    /// The maps of the word one after the other, pixels to pixels: rows of A, then b.
+    /// From a pool to pixels by the maps of the word: rows of A, then b.
     pub map: [f32; 12],
     /// The map that is applied last.
     pub newest: usize,
@@ -144,43 +149,47 @@ struct Word {
     pull: (f64, f64),
 }
 
-/// True if an attractor can be cut: maps follow each other freely and nothing is condensed.
-pub(super) fn suits(ifs: &Ifs, study: &Study) -> bool {
-    study.next.is_none() && ifs.condensation.is_empty()
+/// True if an attractor can be cut: maps follow each other freely, nothing is condensed, and labels need not know a
+/// whole word.
+pub(super) fn suits(ifs: &Ifs, study: &Study, labels: Option<&Labels>) -> bool {
+    study.next.is_none() && ifs.condensation.is_empty() && !labels.is_some_and(Labels::is_by_order)
 }
 
 impl Cut {
-    /// Cuts until a cylinder is small in the picture, or holds few points, and no pool runs out.
+    /// Cuts until a cylinder is small in the picture, or holds few points, and no pool runs out. `game`: in units of
+    /// [`unit_frame`]; `window`: scale and shift from table units to pixels.
     /// Source: J. Hutchinson, "Fractals and self similarity", 1981: A is the union of w(A) over any full set of words.
-    pub fn new(ifs: &Ifs, study: &Study, game: &Game, labels: Option<&Labels>, points: u64) -> Self {
-        let batches = Batches::of(points);
+    pub fn new(request: &Request<'_>, game: &Game, window: (DVec3, DVec3), labels: Option<&Labels>) -> Self {
+        let Request { system, study, .. } = *request;
+        let batches = Batches::of(request.points);
         let mut pool = Pool::default();
         game.play(0, batches.pool() / LANES as u64, &mut pool);
+        let bounds = pool.bounds();
+        let window = Affine::scaling(window.0, window.1);
+        let shown = system.last.map_or(window, |l| window.after(&l));
         let (scale, shift) = game.frame();
-        let maps: Vec<Affine> = ifs.maps.iter().map(|m| m.affine.conjugated(scale, shift)).collect();
-        let last = ifs.last.map(|l| l.conjugated(scale, shift));
+        let table = Affine::scaling(scale.recip(), -shift / scale);
         #[allow(clippy::cast_precision_loss, reason = "some million points")]
         let (all, most) = (batches.points as f64, batches.pool() as f64 / batches.points as f64);
-        let bounds = pool.bounds();
         let letters = labels.map_or(1, Labels::letters);
         let mut cut = Self { cylinders: Vec::new(), batches };
         let mut open = vec![Word::empty()];
         let mut end = 0.0;
         while let Some(word) = open.pop() {
-            let wide = area(&word.affine, &bounds) > AREA && word.share * all >= FEW;
+            // In double precision from unit to pixels, so that a deep look into a part is as sharp as one at the whole.
+            let map = shown.after(&word.affine).after(&table);
+            let wide = area(&map, &bounds) > AREA && word.share * all >= FEW;
             let short = word.letters.len() < letters;
             if (short || wide || word.share > most) && word.length < LONGEST {
                 let drawn = |i: &usize| study.probabilities.get(*i).is_some_and(|p| *p > 0.0);
-                open.extend(
-                    (0..maps.len())
-                        .rev()
-                        .filter(drawn)
-                        .map(|i| word.longer(i, (&ifs.maps[i], &maps[i]), (study.probabilities[i], letters))),
-                );
+                open.extend((0..system.maps.len()).rev().filter(drawn).map(|i| {
+                    let (map, share) = (&system.maps[i], study.probabilities[i]);
+                    word.longer(i, map, share, letters)
+                }));
                 continue;
             }
             end += word.share;
-            cut.cylinders.push(word.close(last.as_ref(), labels, end));
+            cut.cylinders.push(word.close(&map, labels, end));
         }
         cut
     }
@@ -238,13 +247,13 @@ impl Word {
     }
 
     /// The word with one map more, applied before all others.
-    fn longer(&self, i: usize, (map, affine): (&Map, &Affine), (probability, letters): (f64, usize)) -> Self {
+    fn longer(&self, i: usize, map: &Map, probability: f64, letters: usize) -> Self {
         let mut all = self.letters.clone();
         if all.len() < letters {
             all.push(i);
         }
         Self {
-            affine: self.affine.after(affine),
+            affine: self.affine.after(&map.affine),
             share: self.share * probability,
             newest: if self.length == 0 { i } else { self.newest },
             letters: all,
@@ -253,16 +262,26 @@ impl Word {
         }
     }
 
-    fn close(self, last: Option<&Affine>, labels: Option<&Labels>, end: f64) -> Cylinder {
-        let affine = last.map_or(self.affine, |l| l.after(&self.affine));
+    fn close(&self, map: &Affine, labels: Option<&Labels>, end: f64) -> Cylinder {
         Cylinder {
-            map: affine.single(),
+            map: map.single(),
             newest: self.newest,
             label: labels.map_or(0, |l| l.of_word(&self.letters)),
             pull: (narrow(self.pull.0), narrow(self.pull.1)),
             end,
         }
     }
+}
+
+/// Scale and shift from table units to those of a pool: all but the outermost points lie between -1 and 1.
+pub(super) fn unit_frame(system: &Ifs, study: &Study) -> (DVec3, DVec3) {
+    let game = Game::new(system, study, 0, (DVec3::ONE, DVec3::ZERO), FAR);
+    let mut pool = Pool::default();
+    game.play(0, SMALL / LANES as u64, &mut pool);
+    let bounds = pool.bounds().map(|[low, high]| [(low + high) * 0.5, (high - low) * 0.5]);
+    let half = bounds.iter().fold(0.0, |h: f64, b| h.max(b[1]));
+    let scale = if half > 1e-300 { 1.0 / half } else { 1.0 };
+    (DVec3::splat(scale), DVec3::from_array(bounds.map(|b| -b[0] * scale)))
 }
 
 /// Pixels of the box around the image of a box.
@@ -276,7 +295,6 @@ fn area(map: &Affine, bounds: &[[f64; 2]; 3]) -> f64 {
 #[allow(clippy::cast_precision_loss, reason = "counts")]
 mod tests {
     use super::*;
-    use crate::ifs::cloud::Request;
     use crate::ifs::color::Mode;
     use crate::ifs::dynamics::study;
     use crate::ifs::game::{Tier, extent};
@@ -324,9 +342,9 @@ mod tests {
         for points in [1, 1000, 300_000, 5_000_001] {
             let ifs = system("hill");
             let s = study(&ifs, Rule::File);
-            let game =
-                Game::new(&ifs, &s, 2, Window::fitted((-glam::DVec3::ONE, glam::DVec3::ONE), 99, 99).frame(), 1e9);
-            let cut = Cut::new(&ifs, &s, &game, None, points);
+            let game = Game::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
+            let request = Request { system: &ifs, study: &s, seed: 2, points, tier: Tier::Best };
+            let cut = Cut::new(&request, &game, (DVec3::splat(10.0), DVec3::splat(50.0)), None);
             let mut pool = Pool::new(None);
             let mut laid = 0;
             for batch in 0..cut.batches().count {
@@ -334,6 +352,26 @@ mod tests {
             }
             assert_eq!(laid, cut.batches().count * cut.batches().points);
             assert!(laid >= points && laid < points + cut.batches().count);
+        }
+    }
+
+    #[test]
+    fn a_deep_look_is_as_sharp_as_one_at_the_whole() {
+        let text = "g {\n.5 0 0 .5 0 0 .9\n.5 0 0 .5 .5 0 .05\n.5 0 0 .5 0 .5 .05\n}";
+        let ifs = read::read("g.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+        let s = study(&ifs, Rule::File);
+        let request = Request { system: &ifs, study: &s, seed: 5, points: POINTS, tier: Tier::Best };
+        let looked = |side: f64| {
+            // Beyond the side the next part begins.
+            let window = Window { width: 32, height: 32, center: [side * 0.49; 2], pixel: side * 0.98 / 32.0 };
+            histogram(&request, None, &window)
+        };
+        // The first map 24 times over: the corner 2^-24 wide is the whole again, with .9^24 of the points.
+        let (whole, deep) = (looked(1.0), looked(1.0 / 16_777_216.0));
+        let share = 0.079_766_443;
+        for (a, b) in whole.hits.iter().zip(&deep.hits) {
+            let (a, b) = (*a as f64 * share, *b as f64);
+            assert!((a - b).abs() <= 8.0 * (a + b).sqrt() + 8.0, "{b} for {a}");
         }
     }
 

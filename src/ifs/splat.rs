@@ -99,18 +99,19 @@ impl Plan {
     /// Makes a system ready for the cells of a window.
     pub fn new(request: &Request<'_>, labels: Option<&Labels>, window: &Window) -> Self {
         let Request { system, study, seed, points, tier } = *request;
-        let (scale, shift) = window.frame();
+        let frame = window.frame();
         #[allow(clippy::cast_precision_loss, reason = "pixels")]
         let diagonal = (window.width + window.height) as f64;
-        let guard = narrow((diagonal * GUARD).min(1e15));
-        let game = Game::new(system, study, seed, (scale, shift), guard).with_tier(tier);
-        let cut = cylinders::suits(system, study).then(|| Cut::new(system, study, &game, labels, points));
+        let by_cylinders = cylinders::suits(system, study, labels);
+        let (units, size) = if by_cylinders { (cylinders::unit_frame(system, study), 2.0) } else { (frame, diagonal) };
+        let game = Game::new(system, study, seed, units, narrow((size * GUARD).min(1e15))).with_tier(tier);
+        let cut = by_cylinders.then(|| Cut::new(request, &game, frame, labels));
         let (blocks, steps) = Game::plan(points);
         let (blocks, points) = match &cut {
             Some(cut) => (cut.batches().count, cut.batches().count * cut.batches().points),
             None => (blocks, blocks * steps * LANES as u64),
         };
-        let last = system.last.map(|l| l.conjugated(scale, shift).single()).unwrap_or(STILL);
+        let last = system.last.map(|l| l.conjugated(frame.0, frame.1).single()).unwrap_or(STILL);
         Self {
             game,
             cut,

@@ -269,6 +269,30 @@ fn density_has_mean_one_when_nothing_is_clipped() {
 }
 
 #[test]
+fn orders_count_branchings_from_the_stem() {
+    let ifs = system("monopodial");
+    let s = study(&ifs, Rule::File);
+    let e = extent(&ifs, &s).expect("one");
+    let grays = [[0.0; 3], [1.0; 3]];
+    let c = cloud(&request(&ifs, &s, Tier::Best), &Labels::new(&ifs, Mode::Order, &grays), &e, (DVec3::ZERO, 1.0));
+    let order = |k: usize| c.colors[k][0] * 5.0;
+    let stem = ifs.maps.iter().position(|m| m.stem || super::color::is_squash(m)).expect("a trunk");
+    // Chains of a lane follow each other every 32 points.
+    let (mut begun, mut added) = (0, 0);
+    for k in 32..4096 {
+        let map = usize::from(c.maps[k]);
+        if map == stem {
+            assert!(order(k) < 1e-3, "on a trunk");
+            begun += 1;
+        } else if usize::from(c.maps[k - 32]) == stem && !ifs.maps[map].axis {
+            assert!((order(k) - 1.0).abs() < 1e-3, "on a branch of a trunk: {}", order(k));
+            added += 1;
+        }
+    }
+    assert!(begun > 20 && added > 20, "{begun} {added}");
+}
+
+#[test]
 fn nothing_lies_in_the_gap_of_a_cantor_dust() {
     let text = "dust {\n .333333 0 0 .333333 0 0 .25\n .333333 0 0 .333333 .666667 0 .25\n\
                 .333333 0 0 .333333 0 .666667 .25\n .333333 0 0 .333333 .666667 .666667 .25\n}\n";

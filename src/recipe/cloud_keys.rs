@@ -14,6 +14,8 @@ words! {
         Palette = "palette",
         /// Steps since the start or the last jump.
         Depth = "depth",
+        /// Branchings since the last stem, along the palette: trunk, branches, twigs.
+        Order = "order",
         /// One colour; pictures show density alone.
         Density = "density",
     }
@@ -48,6 +50,8 @@ words! {
     }
     /// Which part of an attractor a picture shows.
     Fit {
+        /// The view that a flame names; all of it where the file names none.
+        View = "view",
         /// All of it.
         Bounds = "bounds",
         /// All but the outermost points.
@@ -117,7 +121,7 @@ keys! {
         /// Number of points.
         points: Option<u32> = "points" Maybe(whole(20_000_000, 1, 1_000_000_000), "20 per pixel");
         /// Which part is shown.
-        fit: Fit = "fit" OneOf(Fit::Bounds);
+        fit: Fit = "fit" OneOf(Fit::View);
         /// Middle of the picture in table units, instead of `fit`.
         center: Option<[f64; 2]> = "center" Maybe(Tuple([0.0, 0.0], num(0.0, -1e12, 1e12, "")), "fitted");
         /// Width of the picture in table units, with `center`.
