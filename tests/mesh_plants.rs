@@ -209,3 +209,18 @@ fn what_is_wrong_is_told_with_its_place() {
         assert!(all.iter().any(|(c, m)| c == code && m.contains(part)), "{text}: {all:?}");
     }
 }
+
+#[test]
+fn colors_at_vertices_have_a_mean_where_they_are_not_shown() {
+    let folder = tempfile::tempdir().expect("folder");
+    let built = built(folder.path(), "[plants.tree]\nmesh = \"young-tree.obj\"\n[[place]]\nplant = \"tree\"\n");
+    let scene = &built.stage.scene;
+    let of = |leaf: bool| {
+        let i = scene.materials.iter().position(|m| m.name.ends_with("_leaf") == leaf).expect("material");
+        (scene.materials[i].base_color, scene.flat_color(u32::try_from(i).expect("few")))
+    };
+    let ((bark, brown), (leaf, green)) = (of(false), of(true));
+    assert_eq!((bark, leaf), ([1.0; 3], [1.0; 3]), "colours at vertices are not darkened");
+    assert!(brown[0] > brown[1] && brown[1] > brown[2] && brown[0] < 0.9, "{brown:?}");
+    assert!(green[1] > green[0] && green[1] > green[2] && green[1] < 0.9, "{green:?}");
+}

@@ -237,3 +237,45 @@ fn internodes_that_the_paper_bends_too_far_are_counted() {
     let said: Vec<&str> = built.report.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(said, ["X020"]);
 }
+
+#[test]
+fn what_a_bake_will_take_is_told_beforehand() {
+    let dir = tempfile::tempdir().expect("dir");
+    for (motion, formats) in [("cache", "usd,pc2,pov"), ("skin", "usd,glb,pov")] {
+        fs::write(dir.path().join("t.toml"), TREE.replace("\"cache\"", &format!("\"{motion}\""))).expect("scene");
+        let osier = |args: &[&str]| {
+            let mut osier = Command::cargo_bin("osier").expect("osier");
+            let common = ["--json", "bake", "t.toml", "-o", motion, "--formats", formats];
+            let run = osier.current_dir(dir.path()).args(common).args(args).assert().success();
+            serde_json::from_slice::<serde_json::Value>(&run.get_output().stdout).expect("json")
+        };
+        let told = osier(&["-n"])["would_make"].clone();
+        osier(&[]);
+        let text = fs::read(dir.path().join(motion).join("manifest.json")).expect("manifest");
+        let manifest: serde_json::Value = serde_json::from_slice(&text).expect("json");
+        for (format, folder) in [("usd", "usd/"), ("glb", "gltf/"), ("pov", "pov/"), ("pc2", "cache/")] {
+            let of = |f: &serde_json::Value| {
+                let inside = f["path"].as_str().is_some_and(|p| p.starts_with(folder));
+                if inside { f["bytes"].as_u64().unwrap_or(0) } else { 0 }
+            };
+            let written: u64 = manifest["files"].as_array().expect("files").iter().map(of).sum();
+            let Some(told) = told["sizes"][format].as_u64() else { continue };
+            let ratio = told as f64 / written as f64;
+            assert!((0.6..1.7).contains(&ratio), "{motion} as {format}: {told} told, {written} written");
+        }
+    }
+}
+
+#[test]
+fn a_very_large_bake_wants_to_be_asked_for() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = TREE.replace("end = 60", "end = 30000").replace("eps = 0.2", "eps = 0.1");
+    fs::write(dir.path().join("t.toml"), text).expect("scene");
+    let mut osier = Command::cargo_bin("osier").expect("osier");
+    let run =
+        osier.current_dir(dir.path()).args(["bake", "t.toml", "--formats", "usd", "--max-motion-keys", "1000000000"]);
+    let run = run.args(["--set", "plants.t.max_branches=2", "--set", "sway.loop=2"]).assert().code(2);
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    assert!(said.contains("more than 2.0 GB") && said.contains("--force"), "{said}");
+    assert!(!dir.path().join("out/t/manifest.json").exists());
+}

@@ -1,12 +1,14 @@
 //! What a run will make, told before it is written.
 
+use std::collections::BTreeSet;
+
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::Format;
 use crate::scene::{Asset, MeshMotion};
 
 /// Numbers of things, over all assets.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Counts {
     /// Assets with files of their own.
     pub assets: u64,
@@ -28,28 +30,40 @@ pub struct Counts {
     pub frames: u64,
     /// Bytes written, estimated.
     pub bytes: u64,
+    /// Of these, what each format takes, by its word, and pictures.
+    pub sizes: Vec<(&'static str, u64)>,
 }
 
 /// Counts a stage of which `frames` frames will be written.
 pub fn count(stage: &Stage, recipe: &Recipe, frames: u64) -> Counts {
     let mut c = Counts { frames, placements: stage.scene.placements.len() as u64, ..Counts::default() };
     let pictures: u64 = stage.scene.images.iter().map(picture).sum();
-    c.bytes = pictures;
-    for asset in &stage.scene.assets {
-        let size = Size::of(asset);
+    let formats = &recipe.output.formats;
+    let mut sizes: Vec<u64> = formats.iter().map(|f| shared(*f, pictures, recipe)).collect();
+    for (i, asset) in stage.scene.assets.iter().enumerate() {
+        let shown = stage.scene.placements.iter().filter(|p| p.asset == i);
+        let times: BTreeSet<u32> = shown.map(|p| p.phase).collect();
+        let size = Size { times: times.len().max(1) as u64, ..Size::of(asset) };
         c.assets += 1;
         c.vertices += size.vertices + size.proto_vertices;
         c.triangles += size.triangles + size.proto_triangles;
         c.instances += size.instances;
         c.points += size.points;
         c.joints += size.joints;
-        c.bytes += recipe.output.formats.iter().map(|f| bytes(*f, &size, recipe, frames)).sum::<u64>();
+        sizes.iter_mut().zip(formats).for_each(|(sum, f)| *sum += bytes(*f, &size, recipe, frames));
     }
-    if recipe.output.formats.contains(&Format::Glb) {
-        // Pictures are embedded in each asset's file and once more in the scene's.
-        c.bytes += 2 * pictures * recipe.output.gltf.profiles.len() as u64;
-    }
+    c.sizes = formats.iter().map(|f| f.word()).zip(sizes).chain([("pictures", pictures)]).collect();
+    c.bytes = c.sizes.iter().map(|s| s.1).sum();
     c
+}
+
+/// What a format takes for the whole scene.
+fn shared(format: Format, pictures: u64, recipe: &Recipe) -> u64 {
+    match format {
+        // Pictures are embedded in each asset's file and once more in the scene's.
+        Format::Glb => 2 * pictures * recipe.output.gltf.profiles.len() as u64,
+        _ => 0,
+    }
 }
 
 #[derive(Debug, Default)]
@@ -65,6 +79,10 @@ struct Size {
     points: u64,
     moving_points: u64,
     joints: u64,
+    /// Vertices that move by joints or by themselves.
+    moving: u64,
+    /// Different times of the clip at which copies show it.
+    times: u64,
 }
 
 impl Size {
@@ -73,6 +91,9 @@ impl Size {
         for m in &asset.meshes {
             s.vertices += m.mesh.points.len() as u64;
             s.triangles += m.mesh.triangles.len() as u64;
+            if m.motion != MeshMotion::Still {
+                s.moving += m.mesh.points.len() as u64;
+            }
             if m.motion == MeshMotion::Deforming {
                 s.cached += m.mesh.points.len() as u64;
             }
@@ -119,9 +140,10 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
             let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
             let web = s.vertices * 56 + s.triangles * 12 + s.proto_vertices * 32 + s.instances * 32;
             let (tracks, points) = (moving * s.joints * 16, (s.points - s.moving_points) * 18);
+            // Once in the asset's own file, once in the scene's, which has tracks for each of the times.
             let each = |p: &crate::recipe::sections::Profile| match p {
-                crate::recipe::sections::Profile::Blender => 2 * (merged + tracks + points),
-                crate::recipe::sections::Profile::Web => 2 * (web + tracks + points),
+                crate::recipe::sections::Profile::Blender => 2 * (merged + points) + (1 + s.times) * tracks,
+                crate::recipe::sections::Profile::Web => 2 * (web + points) + (1 + s.times) * tracks,
             };
             recipe.output.gltf.profiles.iter().map(each).sum()
         }
@@ -134,7 +156,8 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
             let still = (s.triangles + s.proto_triangles) * 100 + s.instances * 170;
             let shown = |frames: u64| frames / u64::from(recipe.output.pov.step.max(1));
             let points = spheres(s.points - s.moving_points) + shown(frames) * spheres(s.moving_points);
-            still + points + shown(moving) * (s.triangles * 100 + s.instances * 170)
+            // A frame has points and normals of what moves, and one line for the leaves of each joint.
+            still + points + shown(moving) * (s.moving * 70 + s.joints * 170)
         }
     }
 }

@@ -89,7 +89,7 @@ pub struct Bake {
     /// Write only these formats: usd, glb, pc2, obj, ply, pov, exr.
     #[arg(long, value_name = "LIST")]
     pub formats: Option<String>,
-    /// Overwrite files that osier did not write.
+    /// Overwrite files that osier did not write, and write more than 2 GB.
     #[arg(long)]
     pub force: bool,
 }

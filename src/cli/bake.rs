@@ -16,6 +16,9 @@ use crate::export::{VERSION, Warning, manifest};
 use crate::fence::{Folder, WriteOptions, is_settled};
 use crate::recipe::{Recipe, resolve};
 
+/// Bakes that are predicted to be larger want to be asked for, bytes.
+const LARGE: u64 = 2_000_000_000;
+
 /// Runs it.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let mut request = source::request(context, args.scene.as_deref().unwrap_or("showcase"))?;
@@ -54,6 +57,14 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     if context.common.dry_run {
         report::counts(context, &root.display().to_string(), &counts)?;
         return Ok(context.strict(warned));
+    }
+    if counts.bytes > LARGE && !args.force {
+        let (size, most) = (report::size(counts.bytes), report::size(LARGE));
+        context.console.complain(&format!(
+            "this would write about {size}, more than {most}: --dry-run tells what for; fewer --formats, motion = \"skin\", a larger \
+             output.pov.step or fewer frames make it smaller, --force writes it"
+        ));
+        return Ok(2);
     }
     let told = bake(context, args, &recipe, (&built.stage, &frames, &root), &work);
     show.done();

@@ -34,6 +34,7 @@ pub fn as_text(c: &Counts) -> String {
         format!("  {:12} about {}\n", "size", size(c.bytes)),
     ]
     .concat()
+        + &c.sizes.iter().map(|(what, bytes)| format!("    {what:10} {}\n", size(*bytes))).collect::<String>()
 }
 
 /// Counts as an object.
@@ -42,6 +43,7 @@ pub fn as_json(c: &Counts) -> Value {
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
         "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints, "frames": c.frames,
         "bytes": c.bytes,
+        "sizes": c.sizes.iter().map(|(what, bytes)| ((*what).to_owned(), Value::from(*bytes))).collect::<serde_json::Map<_, _>>(),
     })
 }
 

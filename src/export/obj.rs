@@ -53,8 +53,9 @@ impl Obj {
         let mut library = Text::default();
         library.put(&format!("# {GENERATOR}\n"));
         for id in used {
-            if let Some(m) = scene.materials.get(id as usize) {
-                material(&mut library, scene, m, pictures);
+            if let Some(own) = scene.materials.get(id as usize) {
+                let m = Material { base_color: scene.flat_color(id), ..own.clone() };
+                material(&mut library, scene, &m, pictures);
             }
         }
         self.save(&format!("{path}.mtl"), "mtl", &library)

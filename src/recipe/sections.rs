@@ -4,8 +4,8 @@
 
 use super::key::{keys, words};
 use super::kinds::{
-    Color, File, Flag, Fps, Maybe, Numbers, OneOf, PowerOfTwo, Reference, Rows, Seed, SomeOf, Text, Tuple, deg, mm,
-    num, point, whole,
+    Color, File, Flag, Fps, Maybe, Numbers, OneOf, PowerOfTwo, Reference, Rows, Seed, SomeOf, Text, Tuple, Word as _,
+    deg, mm, num, point, whole,
 };
 
 /// Where an organ's number comes from without its key.
@@ -108,6 +108,13 @@ words! {
         Pov = "pov",
         /// Height maps of barks, leaves and ground for displacement.
         Exr = "exr",
+    }
+}
+
+impl Format {
+    /// As it is written in a scene.
+    pub fn word(self) -> &'static str {
+        Self::ALL.iter().find(|(_, format)| *format == self).map_or("", |(word, _)| *word)
     }
 }
 

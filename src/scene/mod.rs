@@ -105,6 +105,29 @@ impl AssetKind {
     }
 }
 
+impl Scene {
+    /// Linear colour of a material where colours at vertices are not shown: its own, times the mean of those of all meshes
+    /// that wear it, point by point.
+    pub fn flat_color(&self, id: MaterialId) -> [f32; 3] {
+        let Some(material) = self.materials.get(id as usize) else { return [1.0; 3] };
+        let prototypes = self.assets.iter().flat_map(|a| &a.instancers).flat_map(|i| &i.prototypes).map(|p| &p.mesh);
+        let meshes = self.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh).chain(prototypes);
+        let (mut sum, mut count) = ([0.0_f64; 3], 0_u64);
+        for mesh in meshes.filter(|m| !m.colors.is_empty()) {
+            let mut worn = vec![false; mesh.points.len()];
+            for s in mesh.subsets.iter().filter(|s| s.material == id) {
+                mesh.subset_triangles(s).iter().flatten().for_each(|i| worn[*i as usize] = true);
+            }
+            for (c, _) in mesh.colors.iter().zip(&worn).filter(|(_, worn)| **worn) {
+                (0..3).for_each(|k| sum[k] += f64::from(c[k]));
+                count += 1;
+            }
+        }
+        let mean = sum.map(|s| if count > 0 { s / count as f64 } else { 1.0 });
+        [0, 1, 2].map(|k| crate::math::narrow(f64::from(material.base_color[k]) * mean[k]))
+    }
+}
+
 /// One thing with its own files: a grown individual, the ground, a cloud. Everything in it is in the asset's own space.
 #[derive(Debug, Clone)]
 pub struct Asset {

@@ -9,7 +9,8 @@ use crate::{Error, Result};
 /// # Errors
 /// X012 if a material names a picture that the scene does not have.
 pub(super) fn declare(text: &mut Text, scene: &Scene, pictures: &str) -> Result<()> {
-    for (i, material) in (0_u32..).zip(&scene.materials) {
+    for (i, own) in (0_u32..).zip(&scene.materials) {
+        let material = &Material { base_color: scene.flat_color(i), ..own.clone() };
         text.put("\n// ").put(&material.name).put("\n#declare F_").int(i).put(" = finish { ");
         finish(text, material);
         text.put(" }\n#declare C_").int(i).put(" = texture { pigment { ");

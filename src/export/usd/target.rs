@@ -8,7 +8,7 @@ use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
 use super::value::Value;
 use crate::Result;
 use crate::fence::safe_name;
-use crate::scene::{Asset, AssetFrame, MaterialId, Scene, Trs};
+use crate::scene::{Asset, AssetFrame, Material, MaterialId, Scene, Trs};
 
 /// The scene and the choices that hold for all files.
 #[derive(Debug, Clone)]
@@ -61,13 +61,15 @@ impl Target {
     /// Binds a prim beneath `root` to a material of that root's own scope, which is made when first used.
     pub(super) fn bind(&mut self, cx: &Context, root: &str, prim: &str, material: MaterialId) -> Result<()> {
         let scope = format!("{root}/mtl");
-        let Some(m) = cx.scene.materials.get(material as usize) else { return Ok(()) };
-        let path = format!("{scope}/{}", safe_name(&m.name));
+        let Some(own) = cx.scene.materials.get(material as usize) else { return Ok(()) };
+        let path = format!("{scope}/{}", safe_name(&own.name));
         if self.made.insert(scope.clone()) {
             self.plain(&scope, "Scope")?;
         }
         if self.made.insert(path.clone()) {
-            super::material::define(cx, self.stage.as_mut(), &path, m)?;
+            // Blender's preview surfaces do not read colours at vertices.
+            let m = Material { base_color: cx.scene.flat_color(material), ..own.clone() };
+            super::material::define(cx, self.stage.as_mut(), &path, &m)?;
         }
         self.stage.rel(&format!("{prim}.material:binding"), &[path])
     }

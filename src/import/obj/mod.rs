@@ -46,7 +46,7 @@ pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
     let mut surfaces = mtl::Surfaces::new(job, &library, materials);
     let mut pieces = Vec::with_capacity(models.len());
     for model in models {
-        let material = surfaces.of(job, model.mesh.material_id)?;
+        let material = surfaces.of(job, model.mesh.material_id, !model.mesh.vertex_color.is_empty())?;
         pieces.push(piece(&model, material));
     }
     let (materials, images) = surfaces.finish();

@@ -130,8 +130,9 @@ impl<'l> Surfaces<'l> {
         Self { library, given, names: Names::default(), spent: 0, made: Vec::new(), images: Vec::new(), stem }
     }
 
-    /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file).
-    pub(super) fn of(&mut self, job: &mut Job<'_>, id: Option<usize>) -> Outcome<u32> {
+    /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file). Without a colour of its own it
+    /// is white under `colored` vertices.
+    pub(super) fn of(&mut self, job: &mut Job<'_>, id: Option<usize>, colored: bool) -> Outcome<u32> {
         let known = self.made.iter().position(|(i, _)| *i == id);
         let index = match known {
             Some(index) => index,
@@ -146,6 +147,10 @@ impl<'l> Surfaces<'l> {
                 self.made.len() - 1
             }
         };
+        let given = id.and_then(|i| self.given.get(i)).is_some_and(|g| g.diffuse.is_some());
+        if colored && !given {
+            self.made[index].1.base_color = [1.0; 3];
+        }
         Ok(u32::try_from(index).unwrap_or(u32::MAX))
     }
 
