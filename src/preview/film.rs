@@ -136,24 +136,37 @@ pub fn tiles([width, height]: [u32; 2]) -> u64 {
     u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE))
 }
 
-/// Samples that a pixel in doubt may have: the fewer things are in the picture, the more.
+/// Samples that a pixel in doubt may have: the more, the fewer things are in the picture and the larger they are in it.
+/// What is seen from afar hides its grain among its leaves; a leaf that fills the picture shows it.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two small numbers")]
 fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
     const STEP: u32 = 12;
+    /// Pixels between two looks that may meet the same thing.
+    const APART: u32 = 8;
+    /// Times the budget where all that is seen is large.
+    const SMOOTH: f32 = 6.0;
     let (fewest, most, _) = world.looks.quality.samples();
     if fewest == most {
         return most;
     }
-    let (mut looks, mut met) = (0.0_f32, 0.0_f32);
+    let met = |x: u32, y: u32| {
+        let look = ray(lens.eye, lens.direction([x, y], [0.5, 0.5]), [0.0, f32::INFINITY]);
+        world.nearest(look).map(|hit| hit.showing)
+    };
+    let (mut looks, mut things, mut same) = (0.0_f32, 0.0_f32, 0.0_f32);
     for y in (0..shot.size[1]).step_by(STEP as usize) {
         for x in (0..shot.size[0]).step_by(STEP as usize) {
-            let look = ray(lens.eye, lens.direction([x, y], [0.5, 0.5]), [0.0, f32::INFINITY]);
             looks += 1.0;
-            met += f32::from(u8::from(!world.lets_by(look)));
+            if let Some(thing) = met(x, y) {
+                things += 1.0;
+                same += f32::from(u8::from(met(x + APART, y) == Some(thing)));
+            }
         }
     }
-    let each = world.looks.quality.budget() * looks / met.max(1.0);
-    each.clamp(fewest as f32, most as f32) as u32
+    // Half of a crowd's looks may fall on its boughs and on the ground.
+    let large = (2.0 * same / things.max(1.0) - 1.0).max(0.0);
+    let budget = world.looks.quality.budget() * math::lerp(1.0, SMOOTH, large * large);
+    (budget * looks / things.max(1.0)).clamp(fewest as f32, most as f32) as u32
 }
 
 /// A block of pixels at work.
