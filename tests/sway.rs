@@ -279,3 +279,42 @@ fn a_very_large_bake_wants_to_be_asked_for() {
     assert!(said.contains("more than 2.0 GB") && said.contains("--force"), "{said}");
     assert!(!dir.path().join("out/t/manifest.json").exists());
 }
+
+#[test]
+fn engines_get_few_joints_merged_leaves_and_attributes() {
+    let leafy = TREE.replace("eps = 0.2", "eps = 0.2\nleaf_density = 40");
+    let dir = tempfile::tempdir().expect("dir");
+    for (motion, moves) in [("game", true), ("static", false)] {
+        fs::write(dir.path().join("t.toml"), leafy.replace("\"cache\"", &format!("\"{motion}\""))).expect("scene");
+        let mut osier = Command::cargo_bin("osier").expect("osier");
+        osier
+            .current_dir(dir.path())
+            .args(["-q", "bake", "t.toml", "-o", motion, "--formats", "glb,usd"])
+            .assert()
+            .success();
+        let bytes = fs::read(dir.path().join(motion).join("gltf/t.blender.glb")).expect("glb");
+        let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four")) as usize;
+        let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("json");
+        let primitives: Vec<&serde_json::Value> = json["meshes"]
+            .as_array()
+            .expect("meshes")
+            .iter()
+            .flat_map(|m| m["primitives"].as_array().expect("list"))
+            .collect();
+        assert!(primitives.len() >= 2, "bark and leaves");
+        for p in &primitives {
+            let accessor = |name: &str| &json["accessors"][p["attributes"][name].as_u64().expect("attribute") as usize];
+            assert_eq!(
+                (accessor("_WIND")["type"].as_str(), accessor("_WIND2")["type"].as_str()),
+                (Some("VEC4"), Some("VEC2"))
+            );
+            assert_eq!(accessor("_WIND")["count"], accessor("POSITION")["count"]);
+            assert_eq!(p["attributes"]["JOINTS_0"].is_u64(), moves, "{motion}");
+        }
+        assert_eq!(json["animations"].is_array(), moves, "{motion}");
+        if moves {
+            let joints = json["skins"][0]["joints"].as_array().expect("joints").len();
+            assert!((2..=64).contains(&joints), "{joints}");
+        }
+    }
+}

@@ -10,12 +10,13 @@ use super::layout::Individual;
 use super::mover::{Leaves, Mover, Shown};
 use super::plants::Grown;
 use crate::Result;
-use crate::motion::Rig;
+use crate::motion::{Rig, Weights};
 use crate::plant::{Organ, Plant};
 use crate::recipe::PlantRecipe;
 use crate::recipe::sections::{Motion, SkinKeys, Uv};
 use crate::scene::{
-    Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Prototype, Trs,
+    Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Prototype, SkinWeights,
+    Trs,
 };
 use crate::surface::{SkinOptions, UvMode, skin};
 
@@ -58,11 +59,13 @@ pub fn dress(
     };
     to_scene(&mut mesh, kind.first_material);
     let groups = groups(plant, kind);
-    let moving = moving.filter(|_| recipe.keys.motion != Motion::Still);
+    let shaded = matches!(recipe.keys.motion, Motion::Game | Motion::Static);
+    let moving = moving.filter(|_| !matches!(recipe.keys.motion, Motion::Still | Motion::Static));
     let mover = match moving {
         Some((air, stand)) => {
             let manner = air.manner(&recipe.wood, stand);
-            let leaves: Vec<Leaves> = groups.iter().map(|(o, organs)| Leaves::of(recipe, *o, organs)).collect();
+            let separate = groups.iter().filter(|_| !shaded);
+            let leaves: Vec<Leaves> = separate.map(|(o, organs)| Leaves::of(recipe, *o, organs)).collect();
             let limits = (work.limits, work.cancel);
             let shown = Shown { points: &mesh.points, bindings: &bindings, leaves: &leaves };
             Some(Mover::new(plant, &recipe.keys, (air, manner), &shown, limits)?)
@@ -71,18 +74,26 @@ pub fn dress(
     };
     let rig = mover.as_ref().map(|m| &m.rig);
     let motion = match (rig, recipe.keys.motion) {
-        (None, _) | (_, Motion::Still) => MeshMotion::Still,
-        (Some(_), Motion::Skin) => MeshMotion::Skinned,
+        (None, _) | (_, Motion::Still | Motion::Static) => MeshMotion::Still,
+        (Some(_), Motion::Skin | Motion::Game) => MeshMotion::Skinned,
         (Some(_), Motion::Cache) => MeshMotion::Deforming,
     };
     let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
-    let instancers = groups.iter().map(|(o, organs)| instancer(plant, kind, (*o, organs), rig));
+    let separate = groups.iter().filter(|_| !shaded);
+    let instancers = separate.map(|(o, organs)| instancer(plant, kind, (*o, organs), rig));
+    let mut merged = Vec::new();
+    if shaded {
+        let attributes = Weights::new(plant);
+        mesh.wind = attributes.bark(&bindings);
+        merged = groups.iter().map(|(o, organs)| blades(&attributes, kind, (*o, organs), (rig, motion))).collect();
+    }
+    let bark = MeshObject { name: "bark".into(), mesh, motion, skin: weights };
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
         skeleton: rig.map(|r| r.skeleton.clone()),
         instancers: instancers.collect(),
-        meshes: vec![MeshObject { name: "bark".into(), mesh, motion, skin: weights }],
+        meshes: [bark].into_iter().chain(merged).collect(),
         points: Vec::new(),
         curves: Vec::new(),
     };
@@ -133,6 +144,28 @@ fn groups<'a>(plant: &'a Plant, kind: &Kind) -> BTreeMap<usize, Vec<&'a Organ>> 
     groups
 }
 
+/// Leaves of one kind as one mesh that rides rigidly on the joints.
+fn blades(
+    attributes: &Weights<'_>,
+    kind: &Kind,
+    (organ, organs): (usize, &[&Organ]),
+    (rig, motion): (Option<&Rig>, MeshMotion),
+) -> MeshObject {
+    let (mesh, sizes) = attributes.leaves(organs, kind.first_material);
+    let skin = rig.map(|rig| {
+        let joints =
+            organs.iter().zip(&sizes).flat_map(|(o, n)| std::iter::repeat_n([rig.organ_joint(o), 0, 0, 0], *n));
+        let joints: Vec<[u16; 4]> = joints.collect();
+        SkinWeights { weights: vec![[1.0, 0.0, 0.0, 0.0]; joints.len()], joints }
+    });
+    MeshObject { name: plural(kind, organ), mesh, motion, skin }
+}
+
+/// Name of the leaves of one kind.
+fn plural(kind: &Kind, organ: usize) -> String {
+    kind.organ_names.get(organ).filter(|n| *n != "leaf").map_or_else(|| "leaves".into(), |n| format!("{n}s"))
+}
+
 fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), rig: Option<&Rig>) -> Instancer {
     let mine: Vec<usize> = (0..plant.protos.len()).filter(|p| shown(plant, kind, *p) == Some(organ)).collect();
     let prototypes = mine.iter().map(|p| prototype(plant, *p, kind.first_material)).collect();
@@ -148,7 +181,7 @@ fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), ri
         None => InstancerMotion::Still,
     };
     Instancer {
-        name: kind.organ_names.get(organ).filter(|n| *n != "leaf").map_or_else(|| "leaves".into(), |n| format!("{n}s")),
+        name: plural(kind, organ),
         prototypes,
         ids: organs.iter().map(|o| o.id).collect(),
         protos: organs.iter().map(|o| local(o).unwrap_or(0)).collect(),

@@ -20,6 +20,9 @@ use crate::scene::{
 };
 use crate::wind::Wind;
 
+/// Most joints for engines.
+const GAME: u32 = 64;
+
 /// What moves an asset.
 #[derive(Debug, Clone)]
 pub enum Moving {
@@ -97,9 +100,12 @@ impl Mover {
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
         let cached = keys.motion == Motion::Cache;
+        let most = if keys.motion == Motion::Game { GAME } else { u32::MAX };
+        let joints = keys.max_joints.min(most) as usize;
         let budget = match keys.motion {
             Motion::Cache => Budget::Elements(keys.max_branches as usize),
-            Motion::Skin | Motion::Still => Budget::Joints(keys.max_joints as usize),
+            Motion::Game => Budget::Coarse(joints),
+            Motion::Skin | Motion::Static | Motion::Still => Budget::Joints(joints),
         };
         let elements = Elements::build(plant, &manner.wood, budget);
         let track = match air.paper {
@@ -120,7 +126,7 @@ impl Mover {
             }
         };
         Ok(Self {
-            rig: Rig::build(plant, &elements, keys.max_joints as usize),
+            rig: Rig::build(plant, &elements, joints),
             body: cached.then(|| Body::new(plant, &elements, shown.points, shown.bindings)),
             leaves: shown.leaves.iter().map(foliage).collect(),
             wind: Arc::clone(&air.wind),

@@ -53,7 +53,7 @@ pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<Piece>) -> Outcome<Mesh> {
         let start = mesh.triangles.len();
         job.parts.push(Part { name: piece.name, triangles: start..start + piece.triangles.len() });
         let Piece { points, normals, uvs, colors, triangles, .. } = piece;
-        mesh.append(&Mesh { points, normals, uvs, colors, triangles, subsets });
+        mesh.append(&Mesh { points, normals, uvs, colors, triangles, subsets, ..Mesh::default() });
     }
     if dropped > 0 {
         job.warn("X016", format_args!("holds {dropped} triangles without area; they are left out"));

@@ -93,6 +93,8 @@ pub struct Elements {
     pub list: Vec<Element>,
     /// Stations of all.
     pub stations: Vec<Station>,
+    /// Fewer joints to each.
+    pub(super) coarse: bool,
     /// From the one that counts most to the one that counts least.
     pub ranked: Vec<u32>,
     /// Per axis: where each part ends, m, and its element or [`NONE`].
@@ -112,6 +114,7 @@ impl Elements {
         let mut all = Self {
             parts: vec![Vec::new(); plant.axes.len()],
             carriers: vec![Spot { element: NONE, at: 0.0 }; plant.axes.len()],
+            coarse: matches!(budget, Budget::Coarse(_)),
             ..Self::default()
         };
         let mut index = vec![NONE; pieces.list.len()];

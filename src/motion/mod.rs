@@ -3,6 +3,7 @@
 //! [`Elements`] are the branches that bend, chosen and measured once; [`Track`] is what the wind did to them, frame by
 //! frame. [`Rig`] shows that with a few joints, [`Body`] with every point, [`Flutter`] moves the leaves.
 
+mod attributes;
 mod bend;
 mod element;
 mod flutter;
@@ -19,6 +20,7 @@ mod tests;
 mod track;
 mod wood;
 
+pub use attributes::Weights;
 pub use element::{Element, Elements, Spot, Station};
 pub use flutter::{Air, Flutter};
 pub use paper::{Fixes, PaperManner};

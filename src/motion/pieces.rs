@@ -22,6 +22,8 @@ const COARSE: usize = 16;
 pub enum Budget {
     /// So many joints: 4, 2, 1 for an element of order 0, 1, 2 and more.
     Joints(usize),
+    /// So many joints: 2, 1, 1.
+    Coarse(usize),
     /// So many elements.
     Elements(usize),
 }
@@ -172,13 +174,14 @@ impl Pieces {
     pub(super) fn accept(&self, ranked: &[usize], budget: Budget) -> Vec<bool> {
         let mut kept = vec![false; self.list.len()];
         let mut left = match budget {
-            Budget::Joints(n) => n.saturating_sub(1),
+            Budget::Joints(n) | Budget::Coarse(n) => n.saturating_sub(1),
             Budget::Elements(n) => n,
         };
         for &i in ranked {
             let order = self.keys[i].0;
             let cost = match budget {
-                Budget::Joints(_) => joints_of(order),
+                Budget::Joints(_) => joints_of(order, false),
+                Budget::Coarse(_) => joints_of(order, true),
                 Budget::Elements(_) => 1,
             };
             if order != u8::MAX && cost <= left && self.list[i].parent.is_none_or(|p| kept[p]) {
@@ -224,10 +227,11 @@ impl Pieces {
 }
 
 /// Joints of an element: more where more is seen.
-pub(super) fn joints_of(order: u8) -> usize {
+pub(super) fn joints_of(order: u8, coarse: bool) -> usize {
     match order {
+        0 if coarse => 2,
         0 => 4,
-        1 => 2,
+        1 if !coarse => 2,
         _ => 1,
     }
 }

@@ -183,7 +183,7 @@ fn joints_per_element(elements: &Elements, budget: usize) -> Vec<usize> {
     let mut left = budget.saturating_sub(1);
     for &e in &elements.ranked {
         let element = &elements.list[e as usize];
-        let wanted = joints_of(element.order);
+        let wanted = joints_of(element.order, elements.coarse);
         let carried = element.parent == NONE || counts[element.parent as usize] > 0;
         if carried && wanted <= left {
             counts[e as usize] = wanted;

@@ -20,6 +20,10 @@ words! {
         Skin = "skin",
         /// Points of every frame: exact, large files; a skin beside it for formats without caches.
         Cache = "cache",
+        /// At most 64 joints, leaves merged with the wood's joints; their flutter and all sway also as attributes for shaders.
+        Game = "game",
+        /// Nothing but attributes for shaders.
+        Static = "static",
         /// Not at all.
         Still = "still",
     }

@@ -23,7 +23,7 @@ pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, Point
 pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
-pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset};
+pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
 pub use points::{Attribute, Curves, Points, PointsNow};
 pub use skeleton::{Joint, Skeleton, Trs};
 pub use validate::{check_frame, check_scene};

@@ -91,6 +91,7 @@ impl Document<'_> {
                 normals: Cow::Owned(merged.normals),
                 uvs: Cow::Owned(merged.uvs),
                 colors: Cow::Owned(merged.colors),
+                wind: Cow::Borrowed(&[]),
                 skin,
             };
             primitives.push(self.primitive(&vertices, &merged.triangles, on_mesh(piece.material))?);
@@ -107,6 +108,7 @@ fn merge(group: &Group<'_>, mesh: &Mesh, piece: &Piece<'_>) -> Mesh {
         normals: piece.gather(&mesh.normals).into_owned(),
         uvs: piece.gather(&mesh.uvs).into_owned(),
         colors: piece.gather(&mesh.colors).into_owned(),
+        wind: Vec::new(),
         triangles: piece.triangles.to_vec(),
         subsets: Vec::new(),
     };

@@ -11,7 +11,7 @@ use super::materials::{Shown, Surface, relief, textured};
 use super::pieces::{Piece, pieces};
 use super::tangents::tangents;
 use crate::Result;
-use crate::scene::{MaterialId, Mesh, Points};
+use crate::scene::{MaterialId, Mesh, Points, WindPoint};
 
 /// Vertices of one primitive.
 #[derive(Debug)]
@@ -22,6 +22,7 @@ pub(super) struct Vertices<'a> {
     pub normals: Cow<'a, [Vec3]>,
     pub uvs: Cow<'a, [Vec2]>,
     pub colors: Cow<'a, [[f32; 4]]>,
+    pub wind: Cow<'a, [WindPoint]>,
     pub skin: Option<Influences>,
 }
 
@@ -68,6 +69,7 @@ impl Document<'_> {
                 normals: piece.gather(&drawn.mesh.normals),
                 uvs: piece.gather(&drawn.mesh.uvs),
                 colors: piece.gather(&drawn.mesh.colors),
+                wind: piece.gather(&drawn.mesh.wind),
                 skin,
             };
             let surface = Surface { material: piece.material, shown: drawn.shown };
@@ -112,6 +114,10 @@ impl Document<'_> {
         }
         if vertices.colors.len() == count {
             attributes.color = Some(self.buffer.colors(vertices.colors.iter().copied())?);
+        }
+        if vertices.wind.len() == count && count > 0 {
+            attributes.wind = Some(self.buffer.colors(vertices.wind.iter().map(|p| p.wind))?);
+            attributes.branch = Some(self.buffer.pairs(vertices.wind.iter().map(|p| p.branch))?);
         }
         if let Some(skin) = &vertices.skin {
             attributes.joints = Some(self.buffer.joints(&skin.joints, skin.count)?);

@@ -113,6 +113,7 @@ pub(super) fn define(cx: &Context, target: &mut Target, place: &Place, mesh: &Me
     target.fix(&format!("{path}.orientation"), "token", Value::Token("rightHanded"))?;
     target.fix(&format!("{path}.subdivisionScheme"), "token", Value::Token("none"))?;
     colors(target, path, mesh)?;
+    wind(target, path, mesh)?;
     match families.as_slice() {
         _ if place.varying => {}
         [] => {}
@@ -146,6 +147,26 @@ fn colors(target: &mut Target, path: &str, mesh: &Mesh) -> Result<()> {
     let rgb: Vec<[f32; 3]> = mesh.colors.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
     let spec = AttrSpec::primvar("color3f[]", "vertex");
     target.stage.attr(&format!("{path}.primvars:displayColor"), &spec, Some(Array::Float3(&rgb).into()))?;
+    Ok(())
+}
+
+/// Attributes for shaders that sway by themselves.
+fn wind(target: &mut Target, path: &str, mesh: &Mesh) -> Result<()> {
+    if mesh.wind.is_empty() || mesh.wind.len() != mesh.points.len() {
+        return Ok(());
+    }
+    let whole: Vec<[f32; 4]> = mesh.wind.iter().map(|p| p.wind).collect();
+    let branch: Vec<[f32; 2]> = mesh.wind.iter().map(|p| p.branch).collect();
+    let axes: Vec<i32> = mesh.wind.iter().map(|p| p.axis).collect();
+    let list = [
+        ("wind", "color4f[]", Array::Float4(&whole)),
+        ("wind2", "float2[]", Array::Float2(&branch)),
+        ("wind_axis", "int[]", Array::Int(&axes)),
+    ];
+    for (name, kind, values) in list {
+        let spec = AttrSpec::primvar(kind, "vertex");
+        target.stage.attr(&format!("{path}.primvars:{name}"), &spec, Some(values.into()))?;
+    }
     Ok(())
 }
 

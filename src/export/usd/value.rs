@@ -46,6 +46,8 @@ pub enum Array<'a> {
     Float2(&'a [[f32; 2]]),
     /// `float3[]` and its roles.
     Float3(&'a [[f32; 3]]),
+    /// `float4[]` and its roles.
+    Float4(&'a [[f32; 4]]),
     /// `half3[]`.
     Half3(&'a [[f16; 3]]),
     /// `quatf[]`.
@@ -67,6 +69,7 @@ impl Array<'_> {
             Self::Float(v) => v.len(),
             Self::Float2(v) => v.len(),
             Self::Float3(v) => v.len(),
+            Self::Float4(v) => v.len(),
             Self::Quatf(v) => v.len(),
             Self::Half3(v) => v.len(),
             Self::Quath(v) => v.len(),

@@ -122,6 +122,7 @@ pub(super) fn part(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32]) ->
         colors: used.iter().filter_map(|i| mesh.colors.get(*i as usize)).copied().collect(),
         triangles: patch.iter().map(|t| mesh.triangles[*t as usize].map(local)).collect(),
         subsets: Vec::new(),
+        ..Mesh::default()
     };
     for (first, t) in (0..).zip(patch) {
         let material = material(*t);

@@ -153,6 +153,7 @@ fn array(a: &Array) -> Text {
         Array::Float(v) => list(v, |x| x.decimal()),
         Array::Float2(v) => list(v, |x| tuple(x)),
         Array::Float3(v) => list(v, |x| tuple(x)),
+        Array::Float4(v) => list(v, |x| tuple(x)),
         Array::Half3(v) => list(v, |x| tuple(x)),
         Array::Quatf(v) => list(v, quaternion),
         Array::Quath(v) => list(v, quaternion),
