@@ -146,7 +146,9 @@ fn blade(size: f32, material: u32) -> Mesh {
 
 /// A skinned tube with leaves riding on its joints.
 fn rig() -> Asset {
-    let mesh = tube();
+    let mut mesh = tube();
+    let wind = |p: &Vec3| osier::scene::WindPoint { wind: [p.y * 0.4, 0.25, 0.0, 1.0], branch: [0.0, 0.75], axis: 0 };
+    mesh.wind = mesh.points.iter().map(wind).collect();
     let joint = |name: &str, parent, t| Joint { name: name.into(), parent, rest: Trs { t, ..Trs::IDENTITY } };
     let joints = vec![
         joint("root", None, Vec3::ZERO),
