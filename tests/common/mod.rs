@@ -134,6 +134,7 @@ fn tube() -> Mesh {
 fn blade(size: f32, material: u32) -> Mesh {
     let points = [(0.0, 0.0, 0.0), (0.3, 0.5, 0.1), (0.0, 1.0, 0.0), (-0.2, 0.4, 0.15)];
     Mesh {
+        wind: Vec::new(),
         points: points.map(|(x, y, z)| Vec3::new(x, y, z) * size).to_vec(),
         normals: vec![Vec3::Z; 4],
         uvs: points.map(|(x, y, _)| Vec2::new(0.5 + x, y)).to_vec(),
@@ -270,6 +271,7 @@ fn misc() -> Asset {
 
 fn ground() -> Asset {
     let mesh = Mesh {
+        wind: Vec::new(),
         points: [(-3.0, -3.0), (-3.0, 3.0), (3.0, 3.0), (3.0, -3.0)].map(|(x, z)| Vec3::new(x, 0.0, z)).to_vec(),
         normals: vec![Vec3::Y; 4],
         uvs: vec![Vec2::ZERO, Vec2::Y, Vec2::ONE, Vec2::X],
