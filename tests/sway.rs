@@ -307,7 +307,7 @@ fn engines_get_few_joints_merged_leaves_and_attributes() {
             let accessor = |name: &str| &json["accessors"][place(name).expect("attribute")];
             assert_eq!(
                 (accessor("_WIND")["type"].as_str(), accessor("_WIND2")["type"].as_str()),
-                (Some("VEC4"), Some("VEC2"))
+                (Some("VEC4"), Some("VEC4"))
             );
             assert_eq!(accessor("_WIND")["count"], accessor("POSITION")["count"]);
             assert_eq!(p["attributes"]["JOINTS_0"].is_u64(), moves, "{motion}");

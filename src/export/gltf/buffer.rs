@@ -93,17 +93,6 @@ impl Buffer {
         self.accessor(Accessor { normalized: true, ..shaped(view, component::U16, count, "VEC4") })
     }
 
-    /// Pairs of shares as normalised u16.
-    pub(super) fn pairs(&mut self, values: impl ExactSizeIterator<Item = [f32; 2]>) -> Result<Index> {
-        let count = values.len();
-        let start = self.start();
-        for v in values.flatten() {
-            self.bytes.extend_from_slice(&short(v).to_le_bytes());
-        }
-        let view = self.view(start, Some(target::VERTICES))?;
-        self.accessor(Accessor { normalized: true, ..shaped(view, component::U16, count, "VEC2") })
-    }
-
     /// Joint indices of a skin with `joints` joints: bytes while they suffice.
     pub(super) fn joints(&mut self, values: &[[u16; 4]], joints: usize) -> Result<Index> {
         let start = self.start();

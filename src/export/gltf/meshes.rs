@@ -117,7 +117,9 @@ impl Document<'_> {
         }
         if vertices.wind.len() == count && count > 0 {
             attributes.wind = Some(self.buffer.colors(vertices.wind.iter().map(|p| p.wind))?);
-            attributes.branch = Some(self.buffer.pairs(vertices.wind.iter().map(|p| p.branch))?);
+            // Blender's importer mixes up attributes of unlike width and then fails.
+            let branch = vertices.wind.iter().map(|p| [p.branch[0], p.branch[1], 0.0, 0.0]);
+            attributes.branch = Some(self.buffer.colors(branch)?);
         }
         if let Some(skin) = &vertices.skin {
             attributes.joints = Some(self.buffer.joints(&skin.joints, skin.count)?);
