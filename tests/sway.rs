@@ -282,10 +282,9 @@ fn a_very_large_bake_wants_to_be_asked_for() {
 
 #[test]
 fn engines_get_few_joints_merged_leaves_and_attributes() {
-    let leafy = TREE.replace("eps = 0.2", "eps = 0.2\nleaf_density = 40");
     let dir = tempfile::tempdir().expect("dir");
     for (motion, moves) in [("game", true), ("static", false)] {
-        fs::write(dir.path().join("t.toml"), leafy.replace("\"cache\"", &format!("\"{motion}\""))).expect("scene");
+        fs::write(dir.path().join("t.toml"), TREE.replace("\"cache\"", &format!("\"{motion}\""))).expect("scene");
         let mut osier = Command::cargo_bin("osier").expect("osier");
         osier
             .current_dir(dir.path())
