@@ -40,9 +40,10 @@ impl Ply {
         Self { folder, layout, scene: None, frames: 0 }
     }
 
-    fn save(&self, path: &str, frame: Option<u32>, bytes: &[u8]) -> Result<()> {
+    /// Writes a file of parts, one after the other.
+    fn save(&self, path: &str, frame: Option<u32>, parts: &[Vec<u8>]) -> Result<()> {
         if let Some(mut out) = self.folder.create(path, "ply", frame)? {
-            out.put(bytes)?;
+            parts.iter().try_for_each(|part| out.put(part))?;
             out.commit()?;
         }
         Ok(())
@@ -65,7 +66,7 @@ impl Ply {
             for (i, instancer) in asset.instancers.iter().enumerate() {
                 if (instancer.motion == InstancerMotion::Free) == moving {
                     let path = format!("cloud/{}.{}{tag}.ply", asset.id, instancer.name);
-                    self.save(&path, number, &instances(scene, asset, (i, state), at))?;
+                    self.save(&path, number, &[instances(scene, asset, (i, state), at)])?;
                 }
             }
         }
@@ -98,12 +99,12 @@ impl Ply {
         let placed = |p: &Placement| Some((&scene.assets.get(p.asset)?.points, p.transform));
         let clouds: Vec<(&Points, Trs)> =
             scene.placements.iter().filter_map(placed).flat_map(|(c, t)| c.iter().map(move |c| (c, t))).collect();
-        let bytes = if mesh.triangles.is_empty() && !clouds.is_empty() {
+        let parts = if mesh.triangles.is_empty() && !clouds.is_empty() {
             cloud(scene, clouds.into_iter().map(|(points, trs)| Shown::at_rest(points, trs)), at)
         } else {
-            mesh_file(scene, &mesh, at)?
+            vec![mesh_file(scene, &mesh, at)?]
         };
-        self.save(&format!("{stem}.ply"), None, &bytes)
+        self.save(&format!("{stem}.ply"), None, &parts)
     }
 }
 
@@ -155,9 +156,13 @@ const COLOR: &str = "property uchar red\nproperty uchar green\nproperty uchar bl
 
 fn put(out: &mut Vec<u8>, values: &[f32]) {
     for v in values {
-        // Minus zero is written as zero.
-        out.extend_from_slice(&(if *v == 0.0 { 0.0 } else { *v }).to_le_bytes());
+        out.extend_from_slice(&plain(*v));
     }
+}
+
+/// Bytes of a number; minus zero is written as zero.
+fn plain(v: f32) -> [u8; 4] {
+    (if v == 0.0 { 0.0 } else { v }).to_le_bytes()
 }
 
 fn rgba(c: [f32; 4]) -> [u8; 4] {
@@ -182,8 +187,8 @@ impl<'a> Shown<'a> {
 }
 
 /// All visible points with radius, colour and further numbers (0 where a cloud has none of that name): unsigned bytes
-/// where all of a name fit, else 32 bits.
-fn cloud<'a>(scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32) -> Vec<u8> {
+/// where all of a name fit, else 32 bits. Header first, then the rows in parts.
+fn cloud<'a>(scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32) -> Vec<Vec<u8>> {
     let clouds: Vec<Shown<'a>> = clouds.collect();
     let mut names: Vec<(&'static str, bool)> = Vec::new();
     for a in clouds.iter().flat_map(|c| &c.points.attributes) {
@@ -199,9 +204,7 @@ fn cloud<'a>(scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32)
     let more: String =
         names.iter().map(|(n, w)| format!("property {} {n}\n", if *w { "uint" } else { "uchar" })).collect();
     out.extend(format!("element vertex {count}\n{}{COLOR}{more}end_header\n", floats("x y z radius")).bytes());
-    out.reserve(parts.iter().map(|p| p.0.len()).sum());
-    parts.iter().for_each(|p| out.extend_from_slice(&p.0));
-    out
+    std::iter::once(out).chain(parts.into_iter().map(|p| p.0)).collect()
 }
 
 /// Rows of one cloud and how many, in chunks.
@@ -221,8 +224,11 @@ fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)]) -> Vec
                 continue;
             }
             let p = if shown.trs == Trs::IDENTITY { *p } else { shown.trs.apply(*p) };
-            put(&mut body, &[p.x, p.y, p.z, width * shown.trs.s.x * 0.5]);
-            body.extend_from_slice(&colors.bytes(shown.now.colors.get(k).copied().unwrap_or(flat)));
+            let mut fixed = [0; 20];
+            let numbers = [p.x, p.y, p.z, width * shown.trs.s.x * 0.5].map(plain);
+            fixed[..16].copy_from_slice(bytemuck::bytes_of(&numbers));
+            fixed[16..].copy_from_slice(&colors.bytes(shown.now.colors.get(k).copied().unwrap_or(flat)));
+            body.extend_from_slice(&fixed);
             for (values, wide) in &columns {
                 let v = values.and_then(|v| v.get(k)).copied().unwrap_or(0).to_le_bytes();
                 body.extend_from_slice(if *wide { &v } else { &v[..1] });
