@@ -23,8 +23,10 @@ pub struct Air {
     whip: f64,
     fps: f64,
     phases: u32,
-    /// Measured bends, second modes, changes of gravity.
-    beam: (bool, bool, bool),
+    /// Bends follow the measured taper; branches have second modes; gravity presses on what leans.
+    measured: bool,
+    overtones: bool,
+    gravity: bool,
     /// The paper's equations, if they are asked for.
     pub paper: Option<PaperManner>,
 }
@@ -61,7 +63,9 @@ impl Air {
             fps: recipe.clip.fps(),
             // A loop of its own does not come round with the clip, whose frames copies would have to borrow.
             phases: if frames == recipe.clip.len() { sway.phases } else { 1 },
-            beam: (sway.profile == Profile::Measured, sway.modes > 1, sway.gravity),
+            measured: sway.profile == Profile::Measured,
+            overtones: sway.modes > 1,
+            gravity: sway.gravity,
             paper: paper(sway),
         })
     }
@@ -86,9 +90,8 @@ impl Air {
 
     /// How a plant that stands at `stand` takes it.
     pub fn manner(&self, keys: &WoodKeys, stand: Trs) -> Manner {
-        let (measured, overtones, gravity) = self.beam;
-        let wood = Wood { measured, overtones, ..wood(keys) };
-        Manner { wood, flicker: self.flicker, whip: self.whip, stand, gravity, fps: self.fps }
+        let wood = Wood { measured: self.measured, overtones: self.overtones, ..wood(keys) };
+        Manner { wood, flicker: self.flicker, whip: self.whip, stand, gravity: self.gravity, fps: self.fps }
     }
 }
 

@@ -110,11 +110,6 @@ impl Labels {
         Self { mode, colors, maps: base, top, pull, orders: orders.collect(), lanes }
     }
 
-    /// True if labels depend on the last map alone.
-    pub fn is_by_map(&self) -> bool {
-        self.mode == Mode::Map
-    }
-
     /// True if labels are steps of a palette at a point's own coordinate.
     pub fn is_by_coord(&self) -> bool {
         self.mode == Mode::Coord

@@ -30,6 +30,8 @@ const AREA: f64 = 16_384.0;
 const FEW: f64 = 512.0;
 /// Longest word.
 const LONGEST: usize = 4096;
+/// Words beyond which none is cut further unless labels ask: systems of hundreds of maps would fill the memory.
+const MOST: usize = 1 << 17;
 /// Magnitude beyond which a point is lost, table units.
 const FAR: f32 = 1e15;
 /// Share of the pool outside its box, on each side of each axis.
@@ -76,7 +78,7 @@ impl Pool {
         Self { labels: labels.filter(|l| l.is_by_coord()).cloned(), ..Self::default() }
     }
 
-    /// The box of all but the outermost points, pixels.
+    /// The box of all but the outermost points.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -180,7 +182,8 @@ impl Cut {
             let map = shown.after(&word.affine).after(&table);
             let wide = area(&map, &bounds) > AREA && word.share * all >= FEW;
             let short = word.letters.len() < letters;
-            if (short || wide || word.share > most) && word.length < LONGEST {
+            let room = word.length < LONGEST && cut.cylinders.len() + open.len() < MOST;
+            if short || ((wide || word.share > most) && room) {
                 let drawn = |i: &usize| study.probabilities.get(*i).is_some_and(|p| *p > 0.0);
                 open.extend((0..system.maps.len()).rev().filter(drawn).map(|i| {
                     let (map, share) = (&system.maps[i], study.probabilities[i]);
@@ -199,8 +202,8 @@ impl Cut {
         self.batches
     }
 
-    /// Draws one batch: fills the pool, then hands over every cylinder with a window of the pool, its places from `at`
-    /// on. Cylinders take whole numbers of points nearest to their shares.
+    /// Draws one batch: fills the pool, then hands over every cylinder with windows of it. Cylinders take whole numbers of
+    /// points nearest to their shares.
     pub fn draw(
         &self,
         batch: u64,
@@ -373,6 +376,20 @@ mod tests {
             let (a, b) = (*a as f64 * share, *b as f64);
             assert!((a - b).abs() <= 8.0 * (a + b).sqrt() + 8.0, "{b} for {a}");
         }
+    }
+
+    #[test]
+    fn many_maps_that_hardly_shrink_are_cut_within_bounds() {
+        let row = |k: u32| format!("0 .9 -.9 0 {} {} .005", k % 20, k / 20);
+        let text = format!("m {{\n{}\n}}", (0..200).map(row).collect::<Vec<_>>().join("\n"));
+        let ifs = read::read("m.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+        let s = study(&ifs, Rule::File);
+        let game = Game::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
+        let request = Request { system: &ifs, study: &s, seed: 2, points: 1 << 30, tier: Tier::Best };
+        let cut = Cut::new(&request, &game, (DVec3::splat(400.0), DVec3::splat(9000.0)), None);
+        assert!(cut.cylinders.len() < MOST + ifs.maps.len(), "{}", cut.cylinders.len());
+        let end = cut.cylinders.last().map_or(0.0, |c| c.end);
+        assert!((end - 1.0).abs() < 1e-9, "all of it is there: {end}");
     }
 
     #[test]

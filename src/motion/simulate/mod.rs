@@ -110,6 +110,7 @@ impl<'a> Simulation<'a> {
     /// Puts every element back to how it grew.
     pub fn rest(&mut self) {
         self.now.swung.clear();
+        self.now.rung.clear();
         self.known = 0;
     }
 
