@@ -29,6 +29,7 @@ pub mod progress;
 pub mod recipe;
 pub mod rng;
 pub mod scene;
+pub mod solid;
 pub mod surface;
 pub mod units;
 pub mod wind;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Rooms by layer; a room imports only from lower layers, or from itself.
 const LAYERS: &[&[&str]] = &[
     &["diagnostic", "error", "fence", "geometry", "limits", "math", "noise", "par", "progress", "rng", "text", "units"],
-    &["scene"],
+    &["scene", "solid"],
     &["export", "plant", "wind"],
     &["grammar", "ifs", "import"],
     &["grow", "surface"],
