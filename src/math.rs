@@ -32,6 +32,10 @@ wrap! {
     atan / atan_f32 => atan / atanf;
     /// Natural exponential.
     exp / exp_f32 => exp / expf;
+    /// e^x - 1, exact for small x.
+    exp_m1 / exp_m1_f32 => expm1 / expm1f;
+    /// Cube root.
+    cbrt / cbrt_f32 => cbrt / cbrtf;
     /// Natural logarithm; NaN below 0.
     ln / ln_f32 => log / logf;
     /// Hyperbolic tangent.

@@ -44,6 +44,19 @@ pub fn par_each<T: Send>(items: &mut [T], f: impl Fn(&mut T) + Sync + Send) {
     items.iter_mut().for_each(f);
 }
 
+/// Maps every item in parallel, each with its own mutable access, and returns the results in order.
+pub fn par_map_mut<T: Send, R: Send>(items: &mut [T], f: impl Fn(&mut T) -> R + Sync + Send) -> Vec<R> {
+    #[cfg(feature = "parallel")]
+    {
+        use rayon::prelude::{IntoParallelRefMutIterator as _, ParallelIterator as _};
+        items.par_iter_mut().map(f).collect()
+    }
+    #[cfg(not(feature = "parallel"))]
+    {
+        items.iter_mut().map(f).collect()
+    }
+}
+
 /// Runs both, in parallel where there are threads, and returns both results.
 pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "parallel")]

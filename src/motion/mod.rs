@@ -6,6 +6,7 @@
 mod attributes;
 mod bend;
 mod element;
+pub mod flight;
 mod flutter;
 mod lanes;
 mod paper;

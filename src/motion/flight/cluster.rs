@@ -1,0 +1,272 @@
+//! Catkins that stick together move as one body ([catkin] eq. 12, 13).
+
+use std::collections::BTreeMap;
+
+use glam::{DQuat, DVec3, Vec3};
+
+use super::Flights;
+use super::record::{Catkin, Lag, State};
+use super::rest::Landing;
+use crate::math::{exp, pow};
+
+/// Clusters by the smallest number of their members.
+pub(super) type Clusters = BTreeMap<u32, Cluster>;
+
+/// Time in which what sticks together draws closer, s; and how close, as a share of both radii.
+const DRAW_TIME: f64 = 0.6;
+pub(super) const CLOSE: f64 = 0.8;
+
+/// Two or more catkins.
+#[derive(Debug, Clone)]
+pub(super) struct Cluster {
+    /// Numbers, ascending.
+    pub members: Vec<u32>,
+    /// From the centre of mass to each, m.
+    pub offsets: Vec<DVec3>,
+    /// Centre of mass, m, and how it moves.
+    pub x: DVec3,
+    pub v: DVec3,
+    pub mass: f64,
+    /// Settling speed, m/s, and the sum of those of its members.
+    pub fall: f64,
+    falls: f64,
+    pub lag: Lag,
+    pub state: State,
+    pub omega: Vec3,
+    /// Upward air that took it off, m/s, and when.
+    pub lift: f64,
+    pub lifted: f64,
+    /// Parts that still draw closer.
+    draws: Vec<Draw>,
+}
+
+/// Two parts of a cluster that draw closer.
+#[derive(Debug, Clone)]
+struct Draw {
+    one: Vec<u32>,
+    other: Vec<u32>,
+    /// Share of the way that the first goes.
+    share: f64,
+    /// What is left of the way of the first towards the second.
+    left: DVec3,
+}
+
+impl Cluster {
+    /// One that is a cluster of its own.
+    fn alone(c: &Catkin) -> Self {
+        Self {
+            members: vec![c.id],
+            offsets: vec![DVec3::ZERO],
+            x: c.x,
+            v: c.v,
+            mass: c.mass,
+            fall: c.fall,
+            falls: c.fall,
+            lag: c.lag,
+            state: c.state,
+            omega: c.omega,
+            lift: c.lift,
+            lifted: c.lifted,
+            draws: Vec::new(),
+        }
+    }
+
+    /// Moves parts towards each other; the centre of mass stays.
+    pub fn draw_in(&mut self, dt: f64) {
+        let share = 1.0 - exp(-dt / DRAW_TIME);
+        for draw in &mut self.draws {
+            let last = draw.left.length_squared() < 1e-10;
+            let way = if last { draw.left } else { draw.left * share };
+            draw.left -= way;
+            for (part, way) in [(&draw.one, way * draw.share), (&draw.other, way * (draw.share - 1.0))] {
+                for id in part {
+                    if let Ok(i) = self.members.binary_search(id) {
+                        self.offsets[i] += way;
+                    }
+                }
+            }
+        }
+        self.draws.retain(|d| d.left.length_squared() > 0.0);
+    }
+
+    /// Turns by `omega`, rad/s, for a step.
+    pub fn turn_by(&mut self, omega: Vec3, dt: f64) {
+        self.omega = omega;
+        let turn = DQuat::from_scaled_axis(omega.as_dvec3() * dt);
+        self.offsets.iter_mut().for_each(|o| *o = turn * *o);
+        self.draws.iter_mut().for_each(|d| d.left = turn * d.left);
+    }
+
+    /// At most `count` members, evenly spaced: their places in `members`.
+    pub fn evenly(&self, count: usize) -> Vec<usize> {
+        let n = self.members.len();
+        if n <= count { (0..n).collect() } else { (0..count).map(|i| i * n / count).collect() }
+    }
+
+    /// Upward air that still carries it after taking off, m/s.
+    pub fn lift_at(&self, t: f64) -> f64 {
+        if self.lift > 0.0 { self.lift * exp(-(t - self.lifted) / 0.6) } else { 0.0 }
+    }
+
+    /// Both as one, at the place of the first; momentum is kept in the air, and whoever rests makes the other rest.
+    fn with(self, other: Self, t: f64) -> Self {
+        let mass = self.mass + other.mass;
+        let (a, b) = (self.mass / mass, other.mass / mass);
+        let flies = self.state == State::Airborne && other.state == State::Airborne;
+        let x = self.x * a + other.x * b;
+        let moved = [self.x - x, other.x - x];
+        let (members, offsets) = merged([&self, &other], moved);
+        let mut draws = self.draws;
+        draws.extend(other.draws);
+        Self {
+            members,
+            offsets,
+            x,
+            v: if flies { self.v * a + other.v * b } else { DVec3::ZERO },
+            mass,
+            lift: if flies { self.lift * a + other.lift * b } else { 0.0 },
+            lifted: t,
+            state: together(self.state, other.state),
+            omega: if flies {
+                self.omega * crate::math::narrow(a) + other.omega * crate::math::narrow(b)
+            } else {
+                Vec3::ZERO
+            },
+            draws: if flies { draws } else { Vec::new() },
+            fall: self.fall,
+            falls: self.falls + other.falls,
+            lag: self.lag,
+        }
+    }
+}
+
+/// Members of two by number, with their offsets from a new centre.
+fn merged([a, b]: [&Cluster; 2], moved: [DVec3; 2]) -> (Vec<u32>, Vec<DVec3>) {
+    let count = a.members.len() + b.members.len();
+    let (mut members, mut offsets) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let (mut i, mut k) = (0, 0);
+    while members.len() < count {
+        let first = k >= b.members.len() || (i < a.members.len() && a.members[i] < b.members[k]);
+        let (part, at, by) = if first { (a, &mut i, moved[0]) } else { (b, &mut k, moved[1]) };
+        members.push(part.members[*at]);
+        offsets.push(part.offsets[*at] + by);
+        *at += 1;
+    }
+    (members, offsets)
+}
+
+/// What two are doing once they stick together.
+fn together(a: State, b: State) -> State {
+    match (a, b) {
+        (State::Airborne, other) | (other, State::Airborne) => other,
+        (a, b) if a == b => a,
+        _ => State::Corner,
+    }
+}
+
+impl Flights {
+    /// A cluster, taken out of the map, or a single as one.
+    fn body(&mut self, root: u32, t: f64) -> Cluster {
+        let mut body = self.clusters.remove(&root).unwrap_or_else(|| Cluster::alone(self.at(root)));
+        body.lift = body.lift_at(t);
+        body.lifted = t;
+        body
+    }
+
+    /// Makes one of what `i` and `j` belong to; nothing if they already are one.
+    pub(super) fn join(&mut self, i: u32, j: u32, t: f64) {
+        let (a, b) = (self.at(i).root, self.at(j).root);
+        if a == b {
+            return;
+        }
+        let (one, mut other) = (self.body(a, t), self.body(b, t));
+        other.x += self.unwrap(one.x - other.x);
+        let (ci, cj) = (self.at(i), self.at(j));
+        let between = self.nearest_image(cj.x - ci.x);
+        let flies = one.state == State::Airborne && other.state == State::Airborne;
+        let close = CLOSE * f64::from(ci.radius + cj.radius);
+        let draw = (flies && between.length() > close).then(|| Draw {
+            one: one.members.clone(),
+            other: other.members.clone(),
+            share: other.mass / (one.mass + other.mass),
+            left: between * (1.0 - close / between.length()),
+        });
+        let resting = if one.state == State::Airborne { b } else { a };
+        let (normal, face) = (self.at(resting).normal, self.at(resting).face);
+        let mut whole = one.with(other, t);
+        whole.draws.extend(draw);
+        let n = whole.members.len() as f64;
+        whole.fall = whole.falls / n * pow(n, self.options.beta);
+        whole.lag = Lag::of(whole.fall, &self.options);
+        let root = a.min(b);
+        for id in &whole.members {
+            let state = whole.state;
+            let c = self.at_mut(*id);
+            c.root = root;
+            c.state = state;
+            c.target = super::record::NOBODY;
+            if state != State::Airborne {
+                (c.normal, c.face, c.free, c.stirred, c.v, c.lift) = (normal, face, false, true, DVec3::ZERO, 0.0);
+            }
+        }
+        self.clusters.insert(root, whole);
+        self.events.merges += 1;
+        self.spread(root);
+    }
+
+    /// Brings members to where their cluster has them.
+    fn spread(&mut self, root: u32) {
+        let Some(cluster) = self.clusters.remove(&root) else { return };
+        for (id, offset) in cluster.members.iter().zip(&cluster.offsets) {
+            let c = self.at_mut(*id);
+            c.x = cluster.x + *offset;
+            c.v = if cluster.state == State::Airborne {
+                cluster.v + cluster.omega.as_dvec3().cross(*offset)
+            } else {
+                cluster.v
+            };
+        }
+        self.clusters.insert(root, cluster);
+    }
+
+    /// After a step of a cluster: members follow, and rest if it does.
+    pub(super) fn place(&mut self, root: u32, landing: &Landing) {
+        let Some(mut cluster) = self.clusters.remove(&root) else { return };
+        if let Some(hold) = landing.hold {
+            if cluster.state == State::Airborne {
+                cluster.v = DVec3::ZERO;
+                cluster.omega = Vec3::ZERO;
+                cluster.lift = 0.0;
+                cluster.draws.clear();
+            }
+            cluster.state = hold.state;
+        }
+        let state = cluster.state;
+        for (id, offset) in cluster.members.iter().zip(&cluster.offsets) {
+            let at = cluster.x + *offset;
+            let c = self.at_mut(*id);
+            c.travel += at - c.x;
+            c.state = state;
+            if let Some(hold) = landing.hold {
+                c.rest_on(hold);
+            }
+        }
+        self.clusters.insert(root, cluster);
+        self.spread(root);
+    }
+
+    /// A difference of places by the shortest way around periodic sides.
+    pub(super) fn nearest_image(&self, between: DVec3) -> DVec3 {
+        between + self.unwrap(between * -1.0)
+    }
+
+    /// Whole box lengths to add to a place that is `ahead` short of another, so that both are on the same side of a seam.
+    fn unwrap(&self, ahead: DVec3) -> DVec3 {
+        let size = self.options.inside.size().as_dvec3();
+        let wrapped = |edge: super::Edge, ahead: f64, size: f64| {
+            if edge == super::Edge::Periodic { (ahead / size).round() * size } else { 0.0 }
+        };
+        let [x, z] = self.options.edges;
+        DVec3::new(wrapped(x, ahead.x, size.x), 0.0, wrapped(z, ahead.z, size.z))
+    }
+}

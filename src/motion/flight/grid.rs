@@ -1,0 +1,77 @@
+//! Who is near: places sorted by cubes of space.
+
+use glam::{IVec3, Vec3};
+
+/// Numbers of places by the cube that they are in.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Grid {
+    size: f32,
+    /// Cube and number, sorted.
+    all: Vec<(u64, u32)>,
+}
+
+/// Cubes along an axis that a key tells apart, half of them below zero.
+const REACH: i32 = 1 << 20;
+
+fn key(cube: IVec3) -> u64 {
+    let part = |v: i32| u64::from((v.clamp(-REACH, REACH - 1) + REACH).cast_unsigned());
+    (part(cube.x) << 42) | (part(cube.y) << 21) | part(cube.z)
+}
+
+impl Grid {
+    /// `size`: side of a cube, m, > 0. `places`: where each number is.
+    pub fn new(size: f32, places: impl Iterator<Item = (u32, Vec3)>) -> Self {
+        let mut grid = Self { size, all: Vec::new() };
+        grid.all = places.map(|(id, p)| (key(grid.cube(p)), id)).collect();
+        grid.all.sort_unstable();
+        grid
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    fn cube(&self, p: Vec3) -> IVec3 {
+        (p / self.size).floor().as_ivec3()
+    }
+
+    /// Numbers in all cubes that a box meets.
+    pub fn each(&self, low: Vec3, high: Vec3, mut take: impl FnMut(u32)) {
+        let (a, b) = (self.cube(low), self.cube(high));
+        for x in a.x..=b.x {
+            for y in a.y..=b.y {
+                // Cubes of one row follow each other.
+                let (first, last) = (key(IVec3::new(x, y, a.z)), key(IVec3::new(x, y, b.z)));
+                let start = self.all.partition_point(|(k, _)| *k < first);
+                self.all[start..].iter().take_while(|(k, _)| *k <= last).for_each(|(_, id)| take(*id));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_finds_what_it_holds() {
+        let places: Vec<Vec3> = (0..500_u16)
+            .map(|i| {
+                let f = f32::from(i);
+                Vec3::new((f * 0.37) % 5.0 - 2.5, (f * 0.71) % 4.0, (f * 0.13) % 6.0 - 3.0)
+            })
+            .collect();
+        let grid = Grid::new(0.5, (0..).zip(places.iter().copied()));
+        let (low, high) = (Vec3::new(-1.0, 0.7, -2.0), Vec3::new(0.6, 1.9, 1.1));
+        let mut found = Vec::new();
+        grid.each(low, high, |i| found.push(i));
+        found.sort_unstable();
+        let inside = |p: &Vec3| p.cmpge(low).all() && p.cmple(high).all();
+        let wanted: Vec<u32> = (0..).zip(&places).filter(|(_, p)| inside(p)).map(|(i, _)| i).collect();
+        assert!(wanted.len() > 20 && wanted.iter().all(|w| found.binary_search(w).is_ok()));
+        assert!(found.iter().all(|i| {
+            let p = places[*i as usize];
+            p.cmpge(low - Vec3::splat(0.5)).all() && p.cmple(high + Vec3::splat(0.5)).all()
+        }));
+    }
+}
