@@ -102,6 +102,8 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         assets: vec![asset],
         placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
+        tables: Vec::new(),
+        fields: Vec::new(),
     }
 }
 

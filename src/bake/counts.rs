@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::Format;
-use crate::scene::{Asset, MeshMotion};
+use crate::scene::{Asset, InstancerMotion, MeshMotion};
 
 /// Numbers of things, over all assets.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -72,6 +72,8 @@ struct Size {
     triangles: u64,
     cached: u64,
     instances: u64,
+    /// Instances that frames carry one by one.
+    free: u64,
     instance_vertices: u64,
     instance_triangles: u64,
     proto_vertices: u64,
@@ -107,6 +109,7 @@ impl Size {
             let sizes: Vec<(u64, u64)> =
                 i.prototypes.iter().map(|p| (p.mesh.points.len() as u64, p.mesh.triangles.len() as u64)).collect();
             s.instances += i.len() as u64;
+            s.free += if i.motion == InstancerMotion::Free { i.len() as u64 } else { 0 };
             s.proto_vertices += sizes.iter().map(|p| p.0).sum::<u64>();
             s.proto_triangles += sizes.iter().map(|p| p.1).sum::<u64>();
             for p in &i.protos {
@@ -133,13 +136,16 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
     match format {
         Format::Usd => {
             let still = (s.vertices + s.proto_vertices) * 44 + (s.triangles + s.proto_triangles) * 8 + s.instances * 40;
-            still + s.points * 44 + flowing * 40 + moving * (s.cached * 24 + s.instances * 20 + s.joints * 34)
+            // Place, turn, two rates; the twin once more, with four numbers.
+            let tracks = s.free * frames * 124;
+            still + tracks + s.points * 44 + flowing * 40 + moving * (s.cached * 24 + s.instances * 20 + s.joints * 34)
         }
         Format::Glb => {
             let vertices = s.vertices + s.instance_vertices;
             let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
             let web = s.vertices * 56 + s.triangles * 12 + s.proto_vertices * 32 + s.instances * 32;
-            let (tracks, points) = (moving * s.joints * 16, (s.points - s.moving_points) * 18);
+            let (tracks, points) =
+                (moving * s.joints * 16 + s.free.min(500) * frames * 44, (s.points - s.moving_points) * 18);
             // Once in the asset's own file, once in the scene's, which has tracks for each of the times.
             let each = |p: &crate::recipe::sections::Profile| match p {
                 crate::recipe::sections::Profile::Blender => 2 * (merged + points) + (1 + s.times) * tracks,
@@ -152,12 +158,13 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
         Format::Ply => s.instances * 60 + (s.points - s.moving_points) * 22 + flowing * 22,
         // Four maps of half floats at the default size, packed to about half.
         Format::Exr => 4 << 20,
+        Format::Csv => frames * 200,
         Format::Pov => {
             let still = (s.triangles + s.proto_triangles) * 100 + s.instances * 170;
             let shown = |frames: u64| frames / u64::from(recipe.output.pov.step.max(1));
             let points = spheres(s.points - s.moving_points) + shown(frames) * spheres(s.moving_points);
             // A frame has points and normals of what moves, and one line for the leaves of each joint.
-            still + points + shown(moving) * (s.moving * 70 + s.joints * 170)
+            still + points + shown(frames) * s.free * 170 + shown(moving) * (s.moving * 70 + s.joints * 170)
         }
     }
 }

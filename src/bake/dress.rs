@@ -189,6 +189,7 @@ fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), ri
         rest,
         motion,
         tracked: false,
+        marks: Vec::new(),
     }
 }
 

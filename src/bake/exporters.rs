@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::write::Writer;
 use crate::export::textures::Textures;
-use crate::export::{exr, gltf, manifest, obj, ply, pov, usd};
+use crate::export::{exr, gltf, manifest, obj, ply, pov, stats, usd};
 use crate::fence::Folder;
 use crate::recipe::OutputRecipe;
 use crate::recipe::sections::{Format, Profile, Up};
@@ -31,6 +31,7 @@ fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, output: 
         Format::Pc2 => vec![writer("pc2", crate::export::pc2::Pc2::new(folder))],
         Format::Obj => vec![writer("obj", obj::Obj::new(folder, (**textures).clone(), obj::Layout::Bake))],
         Format::Ply => vec![writer("ply", ply::Ply::new(folder, ply::Layout::Bake))],
+        Format::Csv => vec![writer("csv", stats::Stats::new(folder))],
         Format::Exr => vec![writer("exr", exr::Exr::new(folder))],
         Format::Pov => vec![writer("pov", pov::Pov::new(folder, (**textures).clone(), pov_options(output)))],
     }

@@ -240,5 +240,5 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
         mover.map(|m| m.frame(asset, later, step))
     });
     let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
-    Frame { number, assets, shifted }
+    Frame { number, assets, shifted, rows: Vec::new(), fields: Vec::new() }
 }

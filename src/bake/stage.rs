@@ -124,6 +124,8 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         assets: made.assets,
         placements,
         land: land.map(land::field),
+        tables: Vec::new(),
+        fields: Vec::new(),
     };
     Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers }, report, modules })
 }

@@ -1,5 +1,8 @@
 //! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`; land's own heights in 32-bit floats.
 //!
+//! Fields that frames fill come as `maps/<what>/<field>.exr` with the last frame's values, and as `<field>.####.exr` where
+//! the scene asks for more.
+//!
 //! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1],
 //! for land metres.
 
@@ -11,18 +14,21 @@ use half::f16;
 use super::{Exporter, GENERATOR, Summary};
 use crate::Error;
 use crate::fence::Folder;
-use crate::scene::{Frame, HeightField, Material, Pixels, Scene};
+use crate::scene::{Field, Frame, HeightField, Material, Pixels, Scene};
 
 /// Exporter for EXR maps.
 #[derive(Debug)]
 pub struct Exr {
     folder: Folder,
+    scene: Option<Arc<Scene>>,
+    /// The last values of each field.
+    last: Vec<Vec<f32>>,
 }
 
 impl Exr {
     /// Writes into `folder`.
     pub fn new(folder: Folder) -> Self {
-        Self { folder }
+        Self { folder, scene: None, last: Vec::new() }
     }
 
     fn height(&self, scene: &Scene, material: &Material, image: u32) -> crate::Result<()> {
@@ -68,16 +74,45 @@ impl Exporter for Exr {
         if let Some(land) = &scene.land {
             self.land(scene, land)?;
         }
+        self.scene = Some(Arc::clone(scene));
+        self.last = vec![Vec::new(); scene.fields.len()];
         Ok(())
     }
 
-    fn frame(&mut self, _frame: &Frame) -> crate::Result<()> {
+    fn frame(&mut self, frame: &Frame) -> crate::Result<()> {
+        let Some(scene) = &self.scene else { return Ok(()) };
+        for ((field, values), last) in scene.fields.iter().zip(&frame.fields).zip(&mut self.last) {
+            let since = frame.number.saturating_sub(scene.clip.start);
+            if field.every.is_some_and(|k| since.is_multiple_of(k.max(1))) {
+                put_field(&self.folder, scene, field, values, Some(frame.number))?;
+            }
+            last.clone_from(values);
+        }
         Ok(())
     }
 
     fn finish(&mut self) -> crate::Result<Summary> {
+        if let Some(scene) = &self.scene {
+            for (field, values) in scene.fields.iter().zip(&self.last).filter(|(_, v)| !v.is_empty()) {
+                put_field(&self.folder, scene, field, values, None)?;
+            }
+        }
         Ok(Summary::default())
     }
+}
+
+/// Writes a field's values at a frame, or for good.
+fn put_field(folder: &Folder, scene: &Scene, field: &Field, values: &[f32], frame: Option<u32>) -> crate::Result<()> {
+    let tag = frame.map_or_else(String::new, |n| format!(".{}", scene.clip.tag(n)));
+    let path = format!("maps/{}/{}{tag}.exr", field.what, field.name);
+    let Some(mut out) = folder.create(&path, "exr.field", frame)? else { return Ok(()) };
+    let comment = serde_json::json!({
+        "map": field.what, "name": field.name, "seed": scene.seed.to_string(), "scene": scene.hash, "unit": field.unit,
+        "texel_area_m2": field.texel_area(), "corner_m": field.corner.to_array(), "along_m": field.along.to_array(),
+        "down_m": field.down.to_array(), "frame": frame,
+    });
+    out.put(&floats((field.width, field.height), 1, values, &comment.to_string())?)?;
+    out.commit()
 }
 
 /// A picture of 32-bit floats as an EXR file: one channel `Y`, or `R`, `G`, `B` for three values per pixel; rows from the

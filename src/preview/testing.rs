@@ -68,5 +68,7 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
         assets: vec![asset],
         placements: vec![Placement { name: "a".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
+        tables: Vec::new(),
+        fields: Vec::new(),
     }
 }

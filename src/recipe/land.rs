@@ -106,7 +106,7 @@ impl Resolver<'_> {
         Some(out)
     }
 
-    fn grey(&mut self, file: &super::Found) -> Option<Grey> {
+    pub(super) fn grey(&mut self, file: &super::Found) -> Option<Grey> {
         let request = self.request;
         let options = import::Options {
             roots: request.library.roots(),

@@ -7,6 +7,8 @@ pub mod air;
 pub mod cloud_keys;
 mod clouds;
 mod digest;
+pub mod flight_keys;
+mod flights;
 mod key;
 mod kinds;
 mod land;
@@ -33,6 +35,7 @@ use crate::ifs::weights::Rule;
 use crate::import::{Grey, Imported};
 use crate::scene::Clip;
 pub use digest::Digest;
+pub use flights::FORMS;
 pub use key::{KeyInfo, Section, Shown};
 pub use kinds::{Word, word_of};
 pub use library::{Found, Library};
@@ -67,6 +70,10 @@ pub struct Recipe {
     pub terrain: Option<land_keys::TerrainKeys>,
     /// What is strewn over the land.
     pub scatters: Vec<ScatterRecipe>,
+    /// Catkins that fly.
+    pub flight: Option<FlightRecipe>,
+    /// What stands in the way of wind and catkins.
+    pub solids: Vec<SolidRecipe>,
     /// Haze.
     pub fog: land_keys::FogKeys,
     /// View.
@@ -201,6 +208,32 @@ pub struct ScatterRecipe {
     pub keys: land_keys::ScatterKeys,
 }
 
+/// Catkins that fly.
+#[derive(Debug, Clone)]
+pub struct FlightRecipe {
+    /// How.
+    pub keys: flight_keys::FlightKeys,
+    /// With release from plants: indices into [`Recipe::plants`], with their weights.
+    pub canopy: Vec<(usize, f64)>,
+    /// How often each form is met.
+    pub forms: Vec<f64>,
+    /// With release from points: places, m.
+    pub starts: Vec<[f64; 3]>,
+    /// How wet the ground is, if a picture says so.
+    pub wet: Option<Grey>,
+}
+
+/// Something in the way.
+#[derive(Debug, Clone)]
+pub struct SolidRecipe {
+    /// `[a-z0-9_]+`, unique among the solids.
+    pub id: String,
+    /// Where and what.
+    pub keys: flight_keys::SolidKeys,
+    /// The artist's mesh, if it is one.
+    pub mesh: Option<Arc<Imported>>,
+}
+
 /// What is written.
 #[derive(Debug, Clone)]
 pub struct OutputRecipe {
@@ -252,6 +285,8 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::GroundKeys>(),
         info::<land_keys::TerrainKeys>(),
         info::<land_keys::ScatterKeys>(),
+        info::<flight_keys::FlightKeys>(),
+        info::<flight_keys::SolidKeys>(),
         info::<land_keys::FogKeys>(),
         info::<s::CameraKeys>(),
         info::<s::SunKeys>(),

@@ -241,7 +241,12 @@ impl Resolver<'_> {
     }
 
     /// Reads an artist's mesh; the files that it names take part in the scene's hash.
-    fn import(&mut self, file: &Found, (up, scale, class): (Up, f64, MaterialClass), span: Span) -> Option<Imported> {
+    pub(super) fn import(
+        &mut self,
+        file: &Found,
+        (up, scale, class): (Up, f64, MaterialClass),
+        span: Span,
+    ) -> Option<Imported> {
         let request = self.request;
         let options = import::Options {
             roots: request.library.roots(),

@@ -140,6 +140,8 @@ impl Resolver<'_> {
         let layers = self.layers(root);
         let places = self.places(root, &plants);
         let scatters = self.scatters(root, &plants);
+        let flight = self.flight(root, &plants);
+        let solids = self.solids(root);
         let (wind, added) = self.wind(root);
         let sway = self.sway(root, clip);
         self.fit(root, (&wind, &sway), &clip);
@@ -156,6 +158,8 @@ impl Resolver<'_> {
             ground: self.section(root, "ground"),
             terrain: self.terrain(root),
             scatters,
+            flight,
+            solids,
             fog: self.section(root, "fog"),
             camera: self.section(root, "camera"),
             sun: self.section(root, "sun"),
@@ -377,6 +381,10 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     for s in &recipe.scatters {
         s.keys.digest(&mut h);
     }
+    if let Some(flight) = &recipe.flight {
+        flight.keys.digest(&mut h);
+    }
+    recipe.solids.iter().for_each(|s| s.keys.digest(&mut h));
     recipe.fog.digest(&mut h);
     recipe.camera.digest(&mut h);
     recipe.sun.digest(&mut h);

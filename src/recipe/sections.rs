@@ -110,8 +110,10 @@ words! {
         Ply = "ply",
         /// A POV-Ray scene.
         Pov = "pov",
-        /// Height maps of barks, leaves and ground for displacement.
+        /// Height maps of barks, leaves and ground for displacement; maps of what came to rest.
         Exr = "exr",
+        /// Tables of what is measured in flights, with plots.
+        Csv = "csv",
     }
 }
 
@@ -124,7 +126,7 @@ impl Format {
 
 keys! {
     /// The scene itself (keys above the first table).
-    SceneKeys at "" with ["frames", "plants", "clouds", "picture", "layer", "place", "ground", "terrain", "scatter", "fog", "camera", "sun", "sky", "wind", "sway", "output"] {
+    SceneKeys at "" with ["frames", "plants", "clouds", "picture", "layer", "place", "ground", "terrain", "scatter", "flight", "solid", "fog", "camera", "sun", "sky", "wind", "sway", "output"] {
         /// Shown in files and listings.
         title: String = "title" Text("");
         /// Start of every random draw; each whole number is another individual.

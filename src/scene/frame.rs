@@ -13,6 +13,10 @@ pub struct Frame {
     pub number: u32,
     /// One per asset.
     pub assets: Vec<AssetFrame>,
+    /// One per table of the scene, one number per column.
+    pub rows: Vec<Vec<f64>>,
+    /// One per field of the scene, rows from the top.
+    pub fields: Vec<Vec<f32>>,
     /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,
 }

@@ -39,6 +39,8 @@ pub struct InstanceState {
     pub velocities: Vec<Vec3>,
     /// Axis times rad/s, or empty.
     pub angular_velocities: Vec<Vec3>,
+    /// For each of [`Instancer::marks`] a number per instance, or empty.
+    pub marks: Vec<Vec<i32>>,
 }
 
 impl InstanceState {
@@ -67,6 +69,8 @@ pub struct Instancer {
     pub motion: InstancerMotion,
     /// Ask for a twin as plain points with orientation and scale (catkins, drops: things tracked one by one).
     pub tracked: bool,
+    /// Names of numbers that tracked instances carry, `[a-z_]+`: what each is doing, with whom.
+    pub marks: Vec<&'static str>,
 }
 
 impl Instancer {

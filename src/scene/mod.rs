@@ -9,6 +9,7 @@ mod frame;
 mod instancer;
 mod look;
 mod material;
+mod measure;
 mod mesh;
 mod points;
 mod skeleton;
@@ -23,6 +24,7 @@ pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, Point
 pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
+pub use measure::{Field, Table};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
 pub use points::{Attribute, Curves, Points, PointsNow};
 pub use skeleton::{Joint, Skeleton, Trs};
@@ -200,4 +202,8 @@ pub struct Scene {
     pub placements: Vec<Placement>,
     /// Heights of the land, if there is any.
     pub land: Option<HeightField>,
+    /// Tables that grow by a row with every frame.
+    pub tables: Vec<Table>,
+    /// Maps that frames fill.
+    pub fields: Vec<Field>,
 }

@@ -14,7 +14,7 @@ use glam::{Vec2, Vec3};
 use crate::geometry::Bounds;
 
 pub use land::LandForm;
-pub use prism::{Prism, Slab};
+pub use prism::{Prism, Side, Slab};
 pub use shell::Shell;
 
 /// Where a surface is nearest.

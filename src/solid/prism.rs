@@ -31,6 +31,19 @@ pub struct Slab {
     pub thickness: f32,
 }
 
+/// A steep face as a rectangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Side {
+    /// Its upper left corner seen from outside, m.
+    pub corner: Vec3,
+    /// From there to the right, m.
+    pub along: Vec3,
+    /// From there down, m.
+    pub down: Vec3,
+    /// Unit vector out of it.
+    pub normal: Vec3,
+}
+
 impl Prism {
     /// A box. `foot`: middle of its lower face; `size`: width, height, depth, m, all > 0; `turn`: about +Y, radians: the
     /// width lies along +X, and along -Z after a quarter turn.
@@ -63,6 +76,27 @@ impl Prism {
     /// Corners of both ends, m: those of the outline at +width, then at -width, counter-clockwise seen from +width.
     pub fn ends(&self) -> [Vec<Vec3>; 2] {
         [self.half, -self.half].map(|along| self.outline.iter().map(|p| self.world(*p, along)).collect())
+    }
+
+    /// Its steep faces as rectangles, at +depth, -depth, +width, -width; those of gables are as high as the ridge.
+    pub fn sides(&self) -> [Side; 4] {
+        let b = self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+        let eaves = self.outline.iter().filter(|p| p.x > b.1.x - 1e-6).map(|p| p.y).fold(0.0, f32::max);
+        let size = b.1 - b.0;
+        let front = |sign: f32| Side {
+            // Seen from outside rows run to the right.
+            corner: self.foot + self.depth * (size.x / 2.0 * sign) - self.width * (self.half * sign) + Vec3::Y * eaves,
+            along: self.width * (2.0 * self.half * sign),
+            down: -Vec3::Y * eaves,
+            normal: self.depth * sign,
+        };
+        let end = |sign: f32| Side {
+            corner: self.foot + self.width * (self.half * sign) + self.depth * (size.x / 2.0 * sign) + Vec3::Y * b.1.y,
+            along: self.depth * (-size.x * sign),
+            down: -Vec3::Y * b.1.y,
+            normal: self.width * sign,
+        };
+        [front(1.0), front(-1.0), end(1.0), end(-1.0)]
     }
 
     fn world(&self, p: Vec2, along: f32) -> Vec3 {
@@ -165,6 +199,16 @@ mod tests {
             assert!((near.normal.length() - 1.0).abs() < 1e-5);
             let out = house.nearest(at - near.normal * near.distance);
             assert!(out.distance.abs() < 1e-4, "{at} leads to {out:?}");
+        }
+    }
+
+    #[test]
+    fn sides_lie_on_the_surface_and_look_out() {
+        for side in house().sides() {
+            assert!((side.down.cross(side.along).normalize() - side.normal).length() < 1e-5, "{side:?}");
+            let middle = side.corner + side.along * 0.5 + side.down * 0.9;
+            let near = house().nearest(middle);
+            assert!(near.distance.abs() < 1e-4 && near.normal.distance(side.normal) < 1e-4, "{side:?} {near:?}");
         }
     }
 

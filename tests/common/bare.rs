@@ -58,6 +58,8 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         assets: vec![asset],
         placements: vec![Placement { name: "it".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
+        tables: Vec::new(),
+        fields: Vec::new(),
     }
 }
 

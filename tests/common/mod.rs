@@ -27,6 +27,23 @@ pub fn synthetic() -> (Scene, Vec<Frame>) {
         assets: vec![rig(), cache(), tracks(), misc(), ground()],
         placements: placements(),
         land: None,
+        tables: vec![Table {
+            name: "counts".into(),
+            columns: vec![("number", ""), ("way", "m")],
+            plots: vec![("both", vec![0, 1])],
+            about: serde_json::json!({ "count": 2 }),
+        }],
+        fields: vec![Field {
+            name: "floor".into(),
+            what: "deposition",
+            width: 3,
+            height: 2,
+            corner: Vec3::new(-1.5, 0.0, -1.0),
+            along: Vec3::X * 3.0,
+            down: Vec3::Z * 2.0,
+            unit: "1/m^2",
+            every: Some(4),
+        }],
     };
     let frames = (START..=END).map(|n| frame(&scene, n)).collect();
     (scene, frames)
@@ -187,6 +204,7 @@ fn rig() -> Asset {
         },
         motion: InstancerMotion::Joints(vec![0, 1, 1, 2]),
         tracked: false,
+        marks: Vec::new(),
     };
     let stem = MeshObject { name: "stem".into(), mesh, motion: MeshMotion::Skinned, skin: Some(skin) };
     Asset {
@@ -242,6 +260,7 @@ fn tracks() -> Asset {
         rest,
         motion: InstancerMotion::Free,
         tracked: true,
+        marks: vec!["state"],
     };
     Asset { instancers: vec![flying], ..bare("tracks", AssetKind::Tracks) }
 }
@@ -301,6 +320,8 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         number,
         assets: vec![rig, cache, tracks_frame(scene, number, t), misc_frame(scene, k, t), AssetFrame::default()],
         shifted: [((0, PHASE), rig_frame(scene, later))].into(),
+        rows: vec![vec![f64::from(number), f64::from(t) * 0.5]],
+        fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
     }
 }
 
@@ -330,6 +351,7 @@ fn tracks_frame(scene: &Scene, number: u32, t: f32) -> AssetFrame {
             .map(|i| if alive[i] { Vec3::new(0.4, 1.0 + 0.1 * i as f32, -0.7) } else { Vec3::ZERO })
             .collect(),
         angular_velocities: (0..5).map(|i| if alive[i] { Vec3::new(1.8, 2.4, 0.0) } else { Vec3::ZERO }).collect(),
+        marks: vec![alive.iter().map(|a| i32::from(*a) * 2).collect()],
         alive,
     };
     let _ = t;

@@ -171,6 +171,8 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         assets: vec![asset],
         placements: vec![Placement { name: "mesh".into(), asset: 0, transform: Trs::IDENTITY, phase: 0 }],
         land: None,
+        tables: Vec::new(),
+        fields: Vec::new(),
     };
     let stage = Stage { scene: Arc::new(scene), movers: vec![None] };
     Ok(Loaded { stage, has_camera: false, name, report: read.warnings })

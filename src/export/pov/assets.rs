@@ -301,5 +301,6 @@ fn pick(instancer: &Instancer, which: &[usize]) -> Instancer {
         rest: state,
         motion: InstancerMotion::Still,
         tracked: false,
+        marks: Vec::new(),
     }
 }

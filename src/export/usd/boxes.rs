@@ -179,6 +179,7 @@ mod tests {
             },
             motion: InstancerMotion::Free,
             tracked: false,
+            marks: Vec::new(),
         }
     }
 

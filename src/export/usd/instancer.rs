@@ -154,6 +154,8 @@ pub(super) struct Twin {
     orient: Attr,
     velocities: Velocities,
     before: Vec<Quat>,
+    /// One per mark of the instancer.
+    marks: Vec<Attr>,
     /// Diameters of the living, m.
     diameters: Vec<f32>,
 }
@@ -202,10 +204,27 @@ pub(super) fn twin(
     let orient = primvar("primvars:orient", "quatf[]", Array::Quatf(bytemuck::cast_slice(&before)))?;
     primvar("primvars:proto", "int[]", Array::Int(&protos))?;
     primvar("primvars:scale", "float3[]", Array::Float3(triples(&scales)))?;
+    let none = vec![0; instancer.len()];
+    let mut marks = Vec::with_capacity(instancer.marks.len());
+    for (i, name) in instancer.marks.iter().enumerate() {
+        let values = instancer.rest.marks.get(i).unwrap_or(&none);
+        marks.push(primvar(&format!("primvars:{name}"), "int[]", Array::Int(values))?);
+    }
     let widths = primvar("widths", "float[]", Array::Float(&shown))?;
     let points = target.set(&format!("{path}.points"), "point3f[]", Array::Float3(triples(&points)).into())?;
     let velocities = Velocities::default();
-    Ok(Box::new(Twin { index, path: path.to_owned(), extent, points, widths, orient, velocities, before, diameters }))
+    Ok(Box::new(Twin {
+        index,
+        path: path.to_owned(),
+        extent,
+        points,
+        widths,
+        orient,
+        velocities,
+        before,
+        marks,
+        diameters,
+    }))
 }
 
 impl Part for Twin {
@@ -222,6 +241,9 @@ impl Part for Twin {
         sample(self.orient, Array::Quatf(bytemuck::cast_slice(&self.before)))?;
         sample(self.widths, Array::Float(&shown))?;
         sample(self.points, Array::Float3(triples(&points)))?;
+        for (mark, values) in self.marks.iter().zip(&state.marks) {
+            sample(*mark, Array::Int(values))?;
+        }
         let velocities = up.vecs(&state.velocities);
         let at = (instancer.len(), time);
         self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&velocities), at)
