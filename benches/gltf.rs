@@ -44,6 +44,7 @@ fn leaves(n: u32) -> Instancer {
         },
         motion: InstancerMotion::Still,
         tracked: false,
+        marks: Vec::new(),
     }
 }
 

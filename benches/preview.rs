@@ -74,6 +74,7 @@ fn crown(triangles: usize) -> Instancer {
         rest: state,
         motion: InstancerMotion::Still,
         tracked: false,
+        marks: Vec::new(),
     }
 }
 
