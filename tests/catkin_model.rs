@@ -1,5 +1,10 @@
 //! Catkins: the grammar that binds its own symbols, the tufts that it grows, their statistics.
-#![allow(clippy::expect_used, reason = "tests fail loudly")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::cast_possible_truncation,
+    reason = "tests measure and fail loudly"
+)]
 
 use std::collections::BTreeMap;
 

@@ -6,7 +6,7 @@ fn plant(n: usize) -> Plant {
     let mut plant = Plant { materials: vec!["hair".into()], ..Plant::default() };
     for i in 0..n {
         let mut rng = Rng::at(5, &["direction".into(), (i as u64).into()]);
-        let first = plant.nodes.len() as u32;
+        let first = u32::try_from(plant.nodes.len()).expect("small");
         let mut p = Vec3::ZERO;
         for k in 0..4 {
             plant.nodes.p.push(p);
@@ -71,12 +71,12 @@ fn numbers_of_every_level() {
 fn the_ball_holds_everything_and_touches_the_farthest_point() {
     for (jitter, stalk) in [(0.15, 0.4e-3), (0.9, 0.4e-3), (0.0, 0.02)] {
         let t = tuft(&plant(100), &TuftSpec { jitter, stalk, ..SPEC }, 3);
-        let all = t.hairs.points.iter().copied().chain([Vec3::NEG_Y * 4.0 * stalk as f32]);
+        let all = t.hairs.points.iter().copied().chain([Vec3::NEG_Y * 4.0 * narrow(stalk)]);
         let far = all.map(|p| p.length()).fold(0.0, f32::max);
         assert!((t.radius - far).abs() < 1e-9, "{} {far}", t.radius);
         let body = t.hero("p").fine.expect("curves").mesh;
         assert!(body.points.iter().all(|p| p.length() <= t.radius * 1.000_01 && p.y <= 1e-9));
-        assert!((body.bounds().min.y + 4.0 * stalk as f32).abs() < 1e-6);
+        assert!((body.bounds().min.y + 4.0 * narrow(stalk)).abs() < 1e-6);
     }
 }
 
