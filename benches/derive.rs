@@ -4,10 +4,15 @@
 use std::collections::BTreeMap;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use osier::bake::Work;
+use osier::bake::catkin::catkin_models;
 use osier::diagnostic::Sources;
 use osier::grammar::{DeriveOptions, Grammar, Source, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
 use osier::limits::Limits;
+use osier::progress::{Cancel, Silent};
+use osier::recipe::Section as _;
+use osier::recipe::catkin_keys::CatkinKeys;
 
 fn read(text: &str) -> Grammar {
     let defines = BTreeMap::new();
@@ -50,5 +55,18 @@ fn drawing(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, derivation, drawing);
+/// Five tufts of hair from text to curves: at most 5 ms (table 4 of [catkin]: 15 s).
+fn catkins(c: &mut Criterion) {
+    let (limits, cancel) = (Limits::default(), Cancel::default());
+    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent };
+    let keys = CatkinKeys::defaults();
+    c.bench_function("catkins/five", |b| {
+        b.iter(|| {
+            let models = catkin_models(&keys, 1, &work).expect("grows");
+            models.iter().map(|m| m.prototype(0, 0)).collect::<Vec<_>>()
+        });
+    });
+}
+
+criterion_group!(benches, derivation, drawing, catkins);
 criterion_main!(benches);

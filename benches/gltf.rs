@@ -33,7 +33,7 @@ fn leaves(n: u32) -> Instancer {
     let turn = |i: u32| Quat::from_euler(glam::EulerRot::YXZ, i as f32 * 0.7, 0.3, 0.1);
     Instancer {
         name: "leaves".into(),
-        prototypes: vec![Prototype { name: "leaf".into(), mesh: grid(4) }],
+        prototypes: vec![Prototype::new("leaf", grid(4))],
         ids: (0..u64::from(n)).collect(),
         protos: vec![0; n as usize],
         scales: vec![Vec3::splat(0.1); n as usize],

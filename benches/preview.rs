@@ -67,7 +67,7 @@ fn crown(triangles: usize) -> Instancer {
     }
     Instancer {
         name: "leaves".into(),
-        prototypes: vec![Prototype { name: "leaf".into(), mesh: ball(40) }],
+        prototypes: vec![Prototype::new("leaf", ball(40))],
         ids: (0..count as u64).collect(),
         protos: vec![0; count],
         scales: vec![Vec3::new(0.02, 0.03, 0.002) * (1e5 / triangles as f32).cbrt(); count],

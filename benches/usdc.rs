@@ -29,7 +29,7 @@ fn swarm(n: u32, frames: u32) -> (Scene, Vec<Frame>) {
     let leaf = Mesh { points: vec![Vec3::ZERO, Vec3::X, Vec3::Y], normals: vec![Vec3::Z; 3], ..Mesh::default() };
     let instancer = Instancer {
         name: "swarm".into(),
-        prototypes: vec![Prototype { name: "leaf".into(), mesh: leaf }],
+        prototypes: vec![Prototype::new("leaf", leaf)],
         ids: (0..u64::from(n)).collect(),
         protos: vec![0; n as usize],
         scales: vec![Vec3::ONE; n as usize],

@@ -25,6 +25,8 @@ pub const PRESETS: &[Preset] = presets! {
     "scenes" / "birch-wood.toml",
     "grammars" / "birch.l",
     "scenes" / "birch.toml",
+    "grammars" / "catkin.l",
+    "scenes" / "catkin.toml",
     "scenes" / "fern-morph.toml",
     "ifs-tables" / "fern_bud.ifs.toml",
     "ifs-tables" / "fern_frond.ifs.toml",

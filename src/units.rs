@@ -7,6 +7,11 @@ pub fn radians(degrees: f64) -> f64 {
     degrees * (std::f64::consts::PI / 180.0)
 }
 
+/// Degrees from radians.
+pub fn degrees(radians: f64) -> f64 {
+    radians / (std::f64::consts::PI / 180.0)
+}
+
 /// Degrees to radians, single precision, rounded once.
 #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is the purpose")]
 pub fn radians_f32(degrees: f32) -> f32 {

@@ -85,6 +85,12 @@ fn faults() -> Vec<(&'static str, String)> {
         ("L034", s("A", "Seed: 1\nA --> F(1) : 0\nA --> F(2) : 0")),
         ("L035", s("A", "Seed: 1\nA --> F(1) : 45\nA --> F(2) : 45")),
         ("L036", s("F@v", "v --> F(1)")),
+        (
+            "L038",
+            "Lsystem: 1\nderivation length: 1\nturtle: none\nbind F : forward 1 ; F : move 1 ; [ : none ; FG : none\n\
+             Axiom: F\nendlsystem\n"
+                .into(),
+        ),
         ("L040", s("A(0)", "A(x) --> F(1/x)")),
         ("L041", s("F(log(0))", "")),
         ("L042", s("F(atan(1,2))", "")),
@@ -120,6 +126,37 @@ fn every_code_names_place_and_remedy() {
     let latin = b"Lsystem: 1\n// caf\xe9\nderivation length: 0\nAxiom: F(1)\nendlsystem\n";
     let report = complaints(latin, &TurtleOptions::default());
     insta::assert_snapshot!("L009", render(&report, Style::Plain));
+}
+
+#[test]
+fn what_is_wrong_with_a_turtle_is_told_with_its_place() {
+    let of = |turtle: &str| {
+        let text = format!("Lsystem: 1\nderivation length: 1\n{turtle}\nAxiom: F\nendlsystem\n");
+        render(&complaints(text.as_bytes(), &TurtleOptions::default()), Style::Plain)
+    };
+    let faults = [
+        "turtle: fractint",
+        "turtle: catkins",
+        "turtle: none\nturtle: cpfg",
+        "bind F : forward 1",
+        "turtle: none\nbind F forward 1",
+        "turtle: none\nbind F : forwards 1",
+        "turtle: none\nbind F : forward",
+        "turtle: none\nbind F : polygon 3",
+        "turtle: none\nbind F : rotate world w 3",
+        "turtle: none\nbind F : organ bud",
+        "turtle: none\ndefine-angle: = 3",
+        "turtle: none\ndefine-angle: a 3",
+        "turtle: none\ndefine-angle: a = uniform(1)",
+        "turtle: none\ndefine-angle: a = 1 a = 2",
+        "turtle: none\ndefine-angle: delta = 5\nbind F : rotate world x dleta",
+        "turtle: none\nAxiom: repeat 3 { F",
+        "turtle: none\nAxiom: repeat ran(3) { F }",
+        "turtle: none\nAxiom: repeat 1000000 { F F }",
+        "Axiom: F\nturtle: none",
+    ];
+    let all: Vec<String> = faults.iter().map(|f| format!("{f}\n{}", of(f))).collect();
+    insta::assert_snapshot!("turtle", all.join("\n----\n"));
 }
 
 #[test]

@@ -196,5 +196,5 @@ fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), ri
 fn prototype(plant: &Plant, proto: usize, first: u32) -> Prototype {
     let (name, mut mesh) = plant.protos.get(proto).map(|p| (p.name.clone(), (*p.mesh).clone())).unwrap_or_default();
     to_scene(&mut mesh, first);
-    Prototype { name, mesh }
+    Prototype::new(name, mesh)
 }

@@ -9,15 +9,17 @@ use super::tables;
 use crate::Result;
 use crate::fence::Names;
 use crate::grow::mesh::{self, Tree};
-use crate::grow::turtle::OrganSpec;
+use crate::grow::turtle::{OrganSpec, STALK};
 use crate::import::Imported;
 use crate::math::narrow;
 use crate::progress::Cancel;
+use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, ImportKeys, OrganKeys};
-use crate::recipe::{Growth, OrganRecipe, PlantRecipe, words};
+use crate::recipe::{Growth, OrganRecipe, PlantRecipe, Section as _, words};
 use crate::rng::{mix64, word};
 use crate::scene::{Image, Maps, Material, MaterialClass, Mesh};
 use crate::surface::bark::{BarkSpec, bark};
+use crate::surface::catkin;
 use crate::surface::ground::{Ground, GroundColors, ground_material};
 use crate::surface::leaf::{self, BladeSpec, Form, LeafColors, Teeth};
 
@@ -68,9 +70,14 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
     if let Growth::Mesh(import, keys) = &plant.growth {
         return modelled(plant, (import, keys), seed, cancel);
     }
+    let tuft = matches!(&plant.growth, Growth::Grammar(grammar) if grammar.is_tuft());
     let [bark_grain, shoot_grain] = &plant.grains;
     for (keys, table, part) in [(&plant.bark, bark_grain, "bark"), (&plant.shoot, shoot_grain, "shoot")] {
         let name = format!("{}_{part}", plant.id);
+        if tuft && part == "shoot" {
+            look.add(catkin::hair_material(&name), Vec::new());
+            continue;
+        }
         let grain = table.as_deref().map(|t| tables::grain(t, keys.side)).transpose()?;
         let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
         look.add(surface.material, surface.images);
@@ -86,7 +93,20 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
         look.organs.insert(recipe.letter, organ);
         look.names.push(name);
     }
+    if tuft {
+        add_stalk(&mut look, &plant.id);
+    }
     Ok(look)
+}
+
+/// The stalk of a tuft, in its own size.
+fn add_stalk(look: &mut Look, plant: &str) {
+    let id = look.add(catkin::stalk_material(&format!("{plant}_stalk")), Vec::new());
+    let mesh = catkin::stalk(narrow(CatkinKeys::defaults().stalk_radius), (12, 8)).with_material(id);
+    // Nothing of it lies above its pivot, so that its size is not set by its length along +Y but is a factor.
+    let spec = OrganSpec { name: "stalk".into(), meshes: vec![Arc::new(mesh)], size: 1.0, petiole: 0.0 };
+    look.organs.insert(STALK, spec);
+    look.names.push("stalk".into());
 }
 
 /// An artist's plant with its own materials, and the skeleton that is found in it.

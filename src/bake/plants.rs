@@ -13,8 +13,11 @@ use crate::diagnostic::Report;
 use crate::grammar::{DeriveOptions, derive};
 use crate::grow::ifs;
 use crate::grow::mesh::Tree;
-use crate::grow::turtle::{self, Tropism, TurtleOptions};
+use crate::grow::radii::Taper;
+use crate::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
 use crate::plant::Plant;
+use crate::recipe::Section as _;
+use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::cloud_keys::{Radii, TreeKeys};
 use crate::recipe::sections::{Line, TropismKeys};
 use crate::recipe::{Growth, PlantRecipe};
@@ -102,6 +105,7 @@ fn turtle_options(recipe: &PlantRecipe, look: &Look) -> Result<TurtleOptions> {
         angle: keys.angle,
         unit_m: keys.unit,
         width: keys.width.unwrap_or(if keys.line == Some(Line::Pixel) { 0.02 } else { own.width }),
+        radii: radii(recipe),
         width_increment: keys.width_increment.unwrap_or(own.width_increment),
         color: byte(keys.color, own.color),
         color_increment: byte(keys.color_increment, own.color_increment),
@@ -118,6 +122,18 @@ fn turtle_options(recipe: &PlantRecipe, look: &Look) -> Result<TurtleOptions> {
         source: recipe.source.clone(),
         ..own
     })
+}
+
+/// A tuft's hairs are hairs where nothing sets their widths.
+fn radii(recipe: &PlantRecipe) -> RadiusModel {
+    match &recipe.growth {
+        Growth::Grammar(grammar) if grammar.is_tuft() => {
+            let own = CatkinKeys::defaults();
+            let base = recipe.turtle.width.map_or(own.hair_radius, |w| 0.5 * w * recipe.turtle.unit);
+            RadiusModel::Hairs(Taper { base, tip: base * own.tip, exponent: 1.0 })
+        }
+        _ => RadiusModel::Auto,
+    }
 }
 
 fn tropism(keys: &TropismKeys) -> Tropism {

@@ -14,7 +14,7 @@ use super::looks::{Look, Soil, of_ground, of_plant};
 use super::mover::Moving;
 use super::plants::{Grown, grow};
 use super::write::Stage;
-use super::{land, scatter};
+use super::{catkin, land, scatter};
 use crate::diagnostic::{Diagnostic, Report};
 use crate::fence::Names;
 use crate::geometry::Bounds;
@@ -97,6 +97,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     tell_clamped(&made.movers, &mut report);
     let mut placements = placements(air.as_ref(), &made.assets, &layout);
     add_clouds(recipe, &mut made, &mut placements, work)?;
+    add_catkins(recipe, &mut made, &mut placements, work)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
     if let Some((soil, middle)) = soil {
@@ -314,6 +315,19 @@ fn add_clouds(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>,
         made.assets.push(new.asset);
         made.movers.push(new.morphing.map(Moving::Cloud));
     }
+    Ok(())
+}
+
+/// Shows the kinds of catkins side by side.
+fn add_catkins(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>, work: &Work<'_>) -> Result<()> {
+    let Some(keys) = &recipe.catkin else { return Ok(()) };
+    let models = catkin::catkin_models(keys, recipe.seed, work)?;
+    let kind = made.take(catkin::materials());
+    let asset = catkin::row(&models, keys.lod, kind.first_material);
+    let name = asset.id.clone();
+    placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+    made.assets.push(asset);
+    made.movers.push(None);
     Ok(())
 }
 

@@ -84,6 +84,7 @@ pub const CODES: &[Code] = &[
     row("L035", Warning, "weights look like shares but do not sum to 1"),
     row("L036", Warning, "rule for a symbol also rewrites a command that contains it"),
     row("L037", Warning, "symbol neither rewritten nor drawn"),
+    row("L038", Error, "symbol cannot be bound, or is bound twice"),
     row("L040", Warning, "division by zero gives the numerator"),
     row("L041", Warning, "non-finite or invalid parameter counts as 0"),
     row("L042", Warning, "atan(x,y) differs from cpfg"),

@@ -48,6 +48,8 @@ pub(crate) enum Random {
     Nran,
     Bran,
     Biran,
+    /// Between two bounds; angles only.
+    Uniform,
 }
 
 /// One instruction.

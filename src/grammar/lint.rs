@@ -13,7 +13,7 @@ pub(super) fn check(reading: &mut Reading, program: &Program) {
     arities(reading, program);
     reachable(reading, program);
     for rules in [&program.rules, &program.decomposition, &program.homomorphism] {
-        let stochastic = program.seed.is_some() || rules.seed.is_some();
+        let stochastic = program.is_stochastic() || rules.seed.is_some();
         if stochastic {
             shares(reading, program, rules);
         } else {
@@ -180,6 +180,9 @@ fn prefixes(reading: &mut Reading, program: &Program) {
     for s in successors {
         for w in s.windows(2) {
             let prefix = symbol(w[0].symbol);
+            if program.strips(prefix) {
+                continue;
+            }
             let known = crate::grammar::COMMANDS.contains(&(prefix, symbol(w[1].symbol)));
             if (known || prefix == '~') && rewritten.contains(&w[1].symbol) {
                 found.push((w[0].place.to(w[1].place), prefix, symbol(w[1].symbol)));

@@ -9,6 +9,7 @@ mod derive;
 mod lint;
 mod preprocess;
 mod program;
+mod rebind;
 mod token;
 mod vm;
 
@@ -17,6 +18,7 @@ use std::collections::BTreeMap;
 pub use derive::{DeriveOptions, Derived, Module, Modules, Prediction, derive, interpret, predict};
 pub use preprocess::{Define, Includes};
 pub use program::{SymbolId, Symbols};
+pub(crate) use rebind::{Action, Dialect, Drawing, Own};
 
 use crate::diagnostic::{Diagnostic, Report, Sources, Span};
 use crate::limits::Limits;
@@ -141,9 +143,16 @@ impl Grammar {
         self.program.length
     }
 
-    /// True with a `Seed:`: productions compete by weight.
+    /// True with a `Seed:` or a `turtle:`: productions compete by weight.
     pub fn is_stochastic(&self) -> bool {
-        self.program.seed.is_some()
+        self.program.is_stochastic()
+    }
+
+    /// True for a tuft of hairs: its turtle is a catkin's, or a symbol is bound to its stalk.
+    pub fn is_tuft(&self) -> bool {
+        let turtle = self.program.turtle.as_ref();
+        let stalk = |t: &rebind::Rebinding| t.bindings.values().any(|b| b.action == Action::Organ("stalk".into()));
+        turtle.is_some_and(|t| t.dialect == Dialect::Catkin || stalk(t))
     }
 
     /// Its symbols.
@@ -151,7 +160,8 @@ impl Grammar {
         &self.program.symbols
     }
 
-    /// Symbols that stand behind a `~` anywhere: the organs that it draws, in order of their characters.
+    /// Symbols that stand behind a `~` anywhere, and letters that `bind` names as organs: the organs that it draws, in order
+    /// of their characters.
     pub fn organ_symbols(&self) -> Vec<char> {
         let successors = self.program.productions().map(|p| &p.successor).chain([&self.program.axiom]);
         let symbol = |id| self.program.symbols.get(id);
@@ -159,7 +169,15 @@ impl Grammar {
             let pairs = s.windows(2).filter(|w| symbol(w[0].symbol) == '~').map(|w| symbol(w[1].symbol));
             pairs.collect::<Vec<_>>()
         };
-        let all: std::collections::BTreeSet<char> = successors.flat_map(behind).collect();
+        let mut all = std::collections::BTreeSet::new();
+        if !self.program.strips('~') {
+            all.extend(successors.flat_map(behind));
+        }
+        let bound = self.program.turtle.iter().flat_map(|t| t.bindings.values());
+        all.extend(bound.filter_map(|b| match &b.action {
+            Action::Organ(name) => name.chars().next().filter(|_| name.chars().count() == 1),
+            _ => None,
+        }));
         all.into_iter().collect()
     }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::code::{Code, Expr};
+use super::rebind::Rebinding;
 use super::token::Place;
 
 /// A symbol's number: its place in [`Symbols`].
@@ -200,6 +201,8 @@ pub(crate) struct Program {
     pub length: u32,
     pub length_place: Option<Place>,
     pub seed: Option<i64>,
+    /// With a `turtle:`.
+    pub turtle: Option<Rebinding>,
     pub hidden: Hidden,
     pub blocks: Blocks,
     pub rules: Rules,
@@ -211,6 +214,16 @@ impl Program {
     /// All productions of all sections.
     pub fn productions(&self) -> impl Iterator<Item = &Production> {
         self.rules.list.iter().chain(&self.decomposition.list).chain(&self.homomorphism.list)
+    }
+
+    /// Do productions compete by weight?
+    pub fn is_stochastic(&self) -> bool {
+        self.seed.is_some() || self.turtle.is_some()
+    }
+
+    /// Has a symbol lost what it means to cpfg?
+    pub fn strips(&self, c: char) -> bool {
+        self.turtle.as_ref().is_some_and(|t| t.strips(self.symbols.find(c)))
     }
 
     /// Must modules be rewritten one after the other, because productions write globals or take several modules?

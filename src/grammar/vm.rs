@@ -19,6 +19,7 @@ pub(crate) enum Purpose {
     Decomposition,
     Block,
     Homomorphism,
+    Angle,
 }
 
 impl Purpose {
@@ -30,6 +31,7 @@ impl Purpose {
             Self::Decomposition => "decomposition",
             Self::Block => "block",
             Self::Homomorphism => "homomorphism",
+            Self::Angle => "angle",
         }
     }
 }
@@ -320,6 +322,7 @@ impl Vm {
                 let a = self.pop();
                 match f {
                     Random::Nran => a + b * stream.normal(),
+                    Random::Uniform => a + (b - a) * stream.unit_f64(),
                     Random::Bran => beta(&mut stream, a, b),
                     _ => binomial(&mut stream, a, b),
                 }

@@ -27,6 +27,11 @@ impl RoundCone {
         std::f32::consts::FRAC_PI_2 * (ra * ra + rb * rb) + a.distance(b) * (ra + rb)
     }
 
+    /// Largest thickness.
+    pub(super) fn width(&self) -> f32 {
+        2.0 * self.radii[0].max(self.radii[1])
+    }
+
     pub(super) fn bounds(&self) -> [Vec3; 2] {
         let ([a, b], [ra, rb]) = (self.ends, self.radii);
         [(a - ra).min(b - rb), (a + ra).max(b + rb)]
@@ -36,9 +41,16 @@ impl RoundCone {
     /// Own: the lateral surface is the cone that touches both balls; with `d = b - a`, `k = d.d - (ra - rb)^2` and `y` the
     /// place along it, a point x lies on it where |k (x - a) - d y| = k-scaled radius, a quadratic in t.
     pub(super) fn meet(&self, ray: &Ray) -> Option<f32> {
-        let (o, d) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
-        let within = |t: f32| (t >= ray.tmin && t <= ray.tmax).then_some(t);
+        let (start, d) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
         let ([a, b], [ra, rb]) = (self.ends, self.radii);
+        // From the place on the ray that is nearest to the middle: hairs a thousandth as thick as they are far keep their
+        // digits.
+        let near = d.dot((a + b) * 0.5 - start) / d.length_squared();
+        let o = start + d * near;
+        let within = |t: f32| {
+            let t = t + near;
+            (t >= ray.tmin && t <= ray.tmax).then_some(t)
+        };
         let axis = b - a;
         let narrowing = ra - rb;
         let length2 = axis.length_squared();

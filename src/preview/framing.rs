@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::geometry::Bounds;
 use crate::math;
-use crate::scene::{AssetFrame, AssetKind, Camera, Frame, Scene, instance_states, mesh_points};
+use crate::scene::{AssetFrame, AssetKind, Camera, Frame, Prototype, Scene, instance_states, mesh_points};
 use crate::units::radians_f32;
 
 /// Points that stand for a scene's shape, at most about this many.
@@ -71,12 +71,17 @@ impl Subject {
             }
             for (i, instancer) in asset.instancers.iter().enumerate() {
                 let now = instance_states(asset, instancer, i, state);
-                let boxes: Vec<Bounds> = instancer.prototypes.iter().map(|p| p.mesh.bounds()).collect();
+                let boxes: Vec<Bounds> = instancer.prototypes.iter().map(Prototype::bounds).collect();
                 for k in (0..instancer.len()).filter(|k| now.is_alive(*k)) {
                     let b = boxes.get(instancer.protos[k] as usize).copied().unwrap_or_default();
                     if !b.is_empty() {
                         let trs = instancer.transform(&now, k);
-                        own.extend([trs.apply(b.min), trs.apply(b.max)]);
+                        if asset.kind == AssetKind::Tracks {
+                            own.extend(b.corners().map(|c| trs.apply(c)));
+                        } else {
+                            // Of many leaves two corners each tell where the crown ends.
+                            own.extend([trs.apply(b.min), trs.apply(b.max)]);
+                        }
                     }
                 }
             }

@@ -20,6 +20,8 @@ pub(super) struct Surface {
     pub(super) n: Vec3,
     /// True if the viewer is on the outside.
     pub(super) outside: bool,
+    /// How far light goes through it to its other side, m: hairs are thick, sheets are not.
+    pub(super) thick: f32,
     pub(super) finish: Finish,
     pub(super) material: MaterialId,
 }
@@ -41,12 +43,14 @@ impl World<'_> {
     pub(super) fn surface(&self, hit: &Hit, origin: Vec3, direction: Vec3, spread: f32) -> Option<Surface> {
         let (showing, solid) = self.met(hit)?;
         let p = origin + direction * hit.spot.t;
+        let mut thick = 0.0;
         let flat = match &solid.kind {
             Kind::Faces { faces, mesh } => {
                 triangle(showing, faces.get(hit.spot.primitive as usize)?, mesh, hit.spot.at)
             }
             Kind::Cones { cones, material } => {
                 let cone = cones.get(hit.spot.primitive as usize)?;
+                thick = cone.width() * showing.world().0.x_axis.length();
                 let n = showing.normal(cone.normal(showing.to_local(p)));
                 let color = cone.color.map(Vec3::from_array);
                 Flat {
@@ -74,7 +78,9 @@ impl World<'_> {
         if let Some(color) = flat.color {
             finish.albedo = color;
         }
-        Some(Surface { p, face: flat.face * side, n, outside, finish, material: flat.material })
+        // What light does not go through has no far side.
+        let thick = if finish.translucency > 0.0 { thick } else { 0.0 };
+        Some(Surface { p, face: flat.face * side, n, outside, thick, finish, material: flat.material })
     }
 
     /// The smooth normal, turned by the normal map.

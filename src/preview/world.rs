@@ -257,16 +257,25 @@ fn stand<'s>(
         places.extend(stands.iter().map(|m| (index, *m)));
     }
     for (k, instancer) in asset.instancers.iter().enumerate() {
-        let first = jobs.len();
-        for p in &instancer.prototypes {
-            add(jobs, Job::Prototype(&p.mesh));
-        }
+        // A prototype with curves is two solids, that stand in the same places.
+        let firsts: Vec<Vec<u32>> = instancer
+            .prototypes
+            .iter()
+            .map(|p| match &p.fine {
+                Some(fine) => {
+                    let body = (!fine.mesh.triangles.is_empty()).then(|| add(jobs, Job::Prototype(&fine.mesh)));
+                    body.into_iter().chain([add(jobs, Job::Curves(&fine.curves, &CurvesFrame::Same))]).collect()
+                }
+                None => vec![add(jobs, Job::Prototype(&p.mesh))],
+            })
+            .collect();
         let now = instance_states(asset, instancer, k, state);
         for stand in stands {
             let alive = (0..instancer.len()).filter(|n| now.is_alive(*n));
-            places.extend(alive.map(|n| {
-                let proto = u32::try_from(first).unwrap_or(u32::MAX).saturating_add(instancer.protos[n]);
-                (proto, *stand * affine(&instancer.transform(&now, n)))
+            places.extend(alive.flat_map(|n| {
+                let solids = firsts.get(instancer.protos[n] as usize).map_or(&[][..], Vec::as_slice);
+                let transform = *stand * affine(&instancer.transform(&now, n));
+                solids.iter().map(move |s| (*s, transform))
             }));
         }
     }

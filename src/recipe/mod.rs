@@ -4,6 +4,7 @@
 //! every reference read. All faults are collected with their places. [`sections`] declares the keys.
 
 pub mod air;
+pub mod catkin_keys;
 pub mod cloud_keys;
 mod clouds;
 mod digest;
@@ -58,6 +59,8 @@ pub struct Recipe {
     pub plants: Vec<PlantRecipe>,
     /// Attractors as points.
     pub clouds: Vec<CloudRecipe>,
+    /// Catkins, if the scene has a `[catkin]`.
+    pub catkin: Option<catkin_keys::CatkinKeys>,
     /// Layers of a composed picture, from the lowest.
     pub layers: Vec<LayerRecipe>,
     /// How an attractor becomes a picture.
@@ -279,6 +282,7 @@ pub fn options() -> Vec<TableInfo> {
         info::<cloud_keys::CloudKeys>(),
         info::<morph_keys::MorphKeys>(),
         info::<morph_keys::MorphKey>(),
+        info::<catkin_keys::CatkinKeys>(),
         info::<cloud_keys::PictureKeys>(),
         info::<layer_keys::LayerKeys>(),
         info::<s::PlaceKeys>(),

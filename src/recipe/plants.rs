@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::cloud_keys::TreeKeys;
 use super::key::{Section, join, wrong};
 use super::resolve::{Resolver, span_of};
-use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, TurtleKeys, Up};
+use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, SkinKeys, TurtleKeys, Up};
 use super::tree::{Table, Value};
 use super::{Found, Growth, OrganRecipe, PlantRecipe};
 use crate::Error;
@@ -26,10 +26,23 @@ pub fn words(pattern: &str) -> Vec<String> {
     pattern.split('|').map(|w| w.trim().to_lowercase()).filter(|w| !w.is_empty()).collect()
 }
 
+/// Hairs have no roots: they neither widen at their foot nor reach into the ground, unless the scene says so.
+fn tuft_defaults(plant: &Table, skin: &mut SkinKeys) {
+    let given =
+        |key: &str| matches!(plant.get("skin").map(|e| &e.node.value), Some(Value::Table(t)) if t.get(key).is_some());
+    for (key, value) in [("bury", &mut skin.bury), ("flare", &mut skin.flare)] {
+        if !given(key) {
+            *value = 0.0;
+        }
+    }
+}
+
 impl Resolver<'_> {
     pub(super) fn plants(&mut self, root: &Table, names: &mut Names) -> Vec<PlantRecipe> {
         let Some(table) = self.table(root, "", "plants") else {
-            if !self.report.has_errors() && ["clouds", "terrain", "layer"].iter().all(|t| root.get(t).is_none()) {
+            if !self.report.has_errors()
+                && ["clouds", "terrain", "layer", "catkin"].iter().all(|t| root.get(t).is_none())
+            {
                 let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
                 self.report.push(d.help("add [plants.tree] with grammar = \"oak.l\""));
             }
@@ -58,7 +71,7 @@ impl Resolver<'_> {
         let bark: BarkKeys = self.section_at(table, &path, "bark");
         let mut shoot: BarkKeys = self.section_at(table, &path, "shoot");
         self.shoot_defaults(table, &mut shoot);
-        let skin = self.section_at(table, &path, "skin");
+        let mut skin: SkinKeys = self.section_at(table, &path, "skin");
         let wood = self.section_at(table, &path, "wood");
         let grains = [self.grain(&bark)?, self.grain(&shoot)?];
         if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
@@ -77,6 +90,9 @@ impl Resolver<'_> {
                 let file = self.read(&reference.text, reference.span, "text-bytes", &[".l"])?;
                 let grammar = self.grammar(&file, &keys)?;
                 let letters = grammar.organ_symbols();
+                if grammar.is_tuft() {
+                    tuft_defaults(table, &mut skin);
+                }
                 (Growth::Grammar(Box::new(grammar)), file.shown, letters)
             }
             (None, Some(reference)) => {

@@ -152,6 +152,7 @@ impl Resolver<'_> {
             clip,
             plants,
             clouds,
+            catkin: root.get("catkin").map(|_| self.section(root, "catkin")),
             layers,
             picture: self.section(root, "picture"),
             places,
@@ -366,6 +367,9 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         c.name.digest(&mut h);
         c.keys.digest(&mut h);
         c.morph.iter().for_each(|m| m.digest(&mut h));
+    }
+    if let Some(catkin) = &recipe.catkin {
+        catkin.digest(&mut h);
     }
     recipe.picture.digest(&mut h);
     recipe.layers.iter().for_each(|layer| layer.keys.digest(&mut h));

@@ -132,7 +132,7 @@ pub fn asset_bounds(asset: &Asset, frame: &AssetFrame) -> Bounds {
 
 /// Box of the live instances of an instancer.
 fn instancer_bounds(instancer: &Instancer, state: &InstanceState) -> Bounds {
-    let boxes: Vec<Bounds> = instancer.prototypes.iter().map(|p| p.mesh.bounds()).collect();
+    let boxes: Vec<Bounds> = instancer.prototypes.iter().map(super::Prototype::bounds).collect();
     let mut b = Bounds::default();
     for i in (0..instancer.len()).filter(|&i| state.is_alive(i)) {
         let proto = boxes[instancer.protos[i] as usize];

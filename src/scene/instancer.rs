@@ -1,17 +1,42 @@
-//! Repeated meshes.
+//! Repeated things.
 
 use glam::{Quat, Vec3};
 
-use super::Mesh;
+use super::{Curves, Mesh};
+use crate::geometry::Bounds;
 use crate::scene::Trs;
 
-/// A mesh that instances show, in its own space.
+/// What instances show, in its own space.
 #[derive(Debug, Clone)]
 pub struct Prototype {
     /// `[a-z0-9_]+`, unique in the instancer.
     pub name: String,
     /// Pivot at the origin.
     pub mesh: Mesh,
+    /// The same with curves, for programs that have them.
+    pub fine: Option<Fine>,
+}
+
+/// A prototype drawn with curves.
+#[derive(Debug, Clone)]
+pub struct Fine {
+    /// What is not curves.
+    pub mesh: Mesh,
+    /// Hairs; they do not move within the prototype.
+    pub curves: Curves,
+}
+
+impl Prototype {
+    /// A prototype that is a mesh and nothing else.
+    pub fn new(name: impl Into<String>, mesh: Mesh) -> Self {
+        Self { name: name.into(), mesh, fine: None }
+    }
+
+    /// Box of what is shown, whichever way.
+    pub fn bounds(&self) -> Bounds {
+        let fine = self.fine.as_ref().map(|f| f.mesh.bounds().union(f.curves.bounds()));
+        fine.unwrap_or_default().union(self.mesh.bounds())
+    }
 }
 
 /// How the instances move.

@@ -13,6 +13,7 @@ mod measure;
 mod mesh;
 mod points;
 mod skeleton;
+mod strands;
 mod validate;
 
 pub use evaluate::{
@@ -21,13 +22,14 @@ pub use evaluate::{
 };
 pub use field::HeightField;
 pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
-pub use instancer::{InstanceState, Instancer, InstancerMotion, Prototype};
+pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
 pub use measure::{Field, Table};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
 pub use points::{Attribute, Curves, Points, PointsNow};
 pub use skeleton::{Joint, Skeleton, Trs};
+pub use strands::{ribbons, tubes, turned_ribbons};
 pub use validate::{check_frame, check_scene};
 
 /// Frames of a clip. A still scene has `start == end`.

@@ -78,3 +78,11 @@ pub struct Curves {
     /// True if frames carry points.
     pub moving: bool,
 }
+
+impl Curves {
+    /// Box of the curves with their thickness.
+    pub fn bounds(&self) -> Bounds {
+        let one = |(p, w): (&Vec3, &f32)| Bounds::of([*p]).grown(w * 0.5);
+        self.points.iter().zip(&self.widths).map(one).fold(Bounds::default(), Bounds::union)
+    }
+}

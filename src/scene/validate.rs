@@ -18,7 +18,13 @@ pub fn check_scene(scene: &Scene) -> Result<()> {
         for instancer in &asset.instancers {
             let place = format!("asset {}, instancer {}", asset.id, instancer.name);
             for proto in &instancer.prototypes {
-                check_mesh(&proto.mesh, &format!("{place}, prototype {}", proto.name))?;
+                let place = format!("{place}, prototype {}", proto.name);
+                check_mesh(&proto.mesh, &place)?;
+                if let Some(fine) = &proto.fine {
+                    check_mesh(&fine.mesh, &place)?;
+                    finite(&fine.curves.points, &place, "point")?;
+                    finite_scalars(&fine.curves.widths, &place, "width")?;
+                }
             }
             finite(&instancer.scales, &place, "scale")?;
             check_state(instancer, &instancer.rest, &place)?;

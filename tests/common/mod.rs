@@ -188,10 +188,7 @@ fn rig() -> Asset {
     }
     let leaves = Instancer {
         name: "leaves".into(),
-        prototypes: vec![
-            Prototype { name: "small".into(), mesh: blade(0.2, 1) },
-            Prototype { name: "large".into(), mesh: blade(0.35, 1) },
-        ],
+        prototypes: vec![Prototype::new("small", blade(0.2, 1)), Prototype::new("large", blade(0.35, 1))],
         ids: vec![11, 12, 13, 14],
         protos: vec![0, 1, 0, 1],
         scales: vec![Vec3::ONE, Vec3::splat(0.8), Vec3::splat(1.1), Vec3::ONE],
@@ -250,10 +247,7 @@ fn tracks() -> Asset {
     };
     let flying = Instancer {
         name: "flying".into(),
-        prototypes: vec![
-            Prototype { name: "seed".into(), mesh: blade(0.15, 1) },
-            Prototype { name: "drop".into(), mesh: blade(0.1, 2) },
-        ],
+        prototypes: vec![Prototype::new("seed", blade(0.15, 1)), Prototype::new("drop", blade(0.1, 2))],
         ids: (0..n as u64).map(|i| 1000 + i).collect(),
         protos: vec![0, 1, 0, 1, 0],
         scales: (0..n).map(|i| Vec3::splat(1.0 + 0.2 * i as f32)).collect(),

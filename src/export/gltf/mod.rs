@@ -14,7 +14,6 @@ mod materials;
 mod meshes;
 mod parts;
 pub(super) mod pieces;
-mod ribbons;
 mod rig;
 mod tangents;
 mod text;

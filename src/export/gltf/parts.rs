@@ -11,11 +11,10 @@ use super::json::{Index, NodeExtensions};
 use super::keys;
 use super::materials::Shown;
 use super::meshes::{Drawn, Influences, Shape};
-use super::ribbons::ribbons;
 use super::rig::{JOINTS, Rig};
 use super::tracks::{Moving, Shapes};
 use crate::Result;
-use crate::scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs};
+use crate::scene::{Asset, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Trs, ribbons};
 
 /// Everything an asset shows.
 #[derive(Debug, Default)]

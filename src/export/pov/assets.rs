@@ -48,10 +48,13 @@ impl Part<'_> {
                 if !shows(&proto.mesh) {
                     continue;
                 }
-                let faces = Faces::of(&proto.mesh, self.materials);
+                // Hairs as ribbons of one mesh, whose memory all instances share: cones would be copied, and light does not
+                // go through what is closed.
+                let mesh = &proto.mesh;
+                let faces = Faces::of(mesh, self.materials);
                 text.put(&format!("// {} {} {}\n", self.asset.id, instancer.name, proto.name));
                 text.put(&format!("#declare P_{}_{i}_{p} = object {{ ", self.index));
-                mesh2(text, self.space, &proto.mesh, &faces);
+                mesh2(text, self.space, mesh, &faces);
                 if self.is_target(instancer, p, &faces) {
                     text.put("photons { target reflection on refraction on }");
                 }

@@ -6,7 +6,7 @@ use half::slice::HalfFloatSliceExt as _;
 
 use super::axis::{UpAxis, extent};
 use crate::geometry::Bounds;
-use crate::scene::Instancer;
+use crate::scene::{Instancer, Prototype};
 
 /// Instances worked on side by side, one in each lane of a vector.
 const LANES: usize = 4;
@@ -34,11 +34,13 @@ pub(super) struct Shapes {
 impl Shapes {
     /// Measures the prototypes of an instancer.
     pub(super) fn of(instancer: &Instancer, up: UpAxis) -> Self {
-        let boxed = |points: &[Vec3]| {
-            let b = Bounds::of(points.iter().map(|p| up.vec(*p)));
+        let boxed = |p: &Prototype| {
+            let points = Bounds::of(p.mesh.points.iter().map(|p| up.vec(*p)));
+            let fine = p.fine.as_ref().map(|_| p.bounds()).filter(|b| !b.is_empty());
+            let b = fine.map_or(points, |b| points.union(Bounds::of([up.vec(b.min), up.vec(b.max)])));
             (!b.is_empty()).then(|| [b.center(), b.size() * 0.5])
         };
-        let boxes: Vec<Option<[Vec3; 2]>> = instancer.prototypes.iter().map(|p| boxed(&p.mesh.points)).collect();
+        let boxes: Vec<Option<[Vec3; 2]>> = instancer.prototypes.iter().map(boxed).collect();
         let shape = |(s, proto): (&Vec3, &u32)| {
             let [center, half] = boxes.get(*proto as usize).copied().flatten()?;
             Some([up.scale(*s), center, half])
@@ -154,12 +156,12 @@ fn rows(q: &[[f32; 4]; LANES]) -> [Lanes3; 3] {
 mod tests {
     use super::*;
     use crate::rng::Rng;
-    use crate::scene::{InstanceState, InstancerMotion, Mesh, Prototype};
+    use crate::scene::{InstanceState, InstancerMotion, Mesh};
     use glam::{Mat3, Quat};
 
     fn instancer(n: usize, draw: &mut Rng) -> Instancer {
         let mut point = |r: f64| Vec3::from_array([0; 3].map(|_| crate::math::narrow(draw.range(-r, r))));
-        let solid = |points: Vec<Vec3>| Prototype { name: String::new(), mesh: Mesh { points, ..Mesh::default() } };
+        let solid = |points: Vec<Vec3>| Prototype::new("", Mesh { points, ..Mesh::default() });
         let prototypes = vec![
             solid((0..5).map(|_| point(1.0)).collect()),
             solid(vec![]),

@@ -109,7 +109,16 @@ fn prototypes(cx: &Context, target: &mut Target, (root, path): (&str, &str), ins
     target.stage.rel(&format!("{path}.prototypes"), &names)?;
     target.plain(&format!("{path}/Prototypes"), "Scope")?;
     for (name, proto) in names.iter().zip(&instancer.prototypes) {
-        define(cx, target, &Place { root, path: name, skinned: false, varying: false }, &proto.mesh)?;
+        let Some(fine) = &proto.fine else {
+            define(cx, target, &Place { root, path: name, skinned: false, varying: false }, &proto.mesh)?;
+            continue;
+        };
+        target.plain(name, "Xform")?;
+        if !fine.mesh.triangles.is_empty() {
+            let path = format!("{name}/body");
+            define(cx, target, &Place { root, path: &path, skinned: false, varying: false }, &fine.mesh)?;
+        }
+        super::points::hairs(cx, target, 0, (root, &format!("{name}/hairs")), &fine.curves)?;
     }
     Ok(())
 }
@@ -162,7 +171,7 @@ pub(super) struct Twin {
 
 /// Diameter of each instance: the longest side of its prototype's box, scaled.
 fn diameters(instancer: &Instancer) -> Vec<f32> {
-    let sides: Vec<Vec3> = instancer.prototypes.iter().map(|p| p.mesh.bounds().size()).collect();
+    let sides: Vec<Vec3> = instancer.prototypes.iter().map(|p| p.bounds().size()).collect();
     let width = |(s, p): (&Vec3, &u32)| sides.get(*p as usize).map_or(0.0, |side| (*side * s.abs()).max_element());
     instancer.scales.iter().zip(&instancer.protos).map(width).collect()
 }

@@ -1,6 +1,6 @@
 //! Expressions: operator precedence with an explicit stack, straight into code.
 
-use super::{Compiler, Cursor};
+use super::{Compiler, Cursor, Scope};
 use crate::diagnostic::nearest;
 use crate::grammar::code::{Binary, Code, Op, Random, Unary, is_zero};
 use crate::grammar::token::{Kind, Place, Token};
@@ -374,6 +374,8 @@ impl Builder<'_, '_> {
             "nran" => Some((Random::Nran, 2)),
             "bran" => Some((Random::Bran, 2)),
             "biran" => Some((Random::Biran, 2)),
+            "uniform" if self.compiler.scope == Scope::Angle => Some((Random::Uniform, 2)),
+            "normal" if self.compiler.scope == Scope::Angle => Some((Random::Nran, 2)),
             _ => None,
         };
         if let Some((op, wanted)) = random {

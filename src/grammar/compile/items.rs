@@ -1,7 +1,7 @@
 //! The items of an L-system: header, values, blocks, sections.
 
 use super::lines::{self, KEYWORDS, Keyword, Line, is_block};
-use super::{Compiler, Scope, describe, production, statement, whole_expression};
+use super::{Compiler, Scope, describe, production, statement, successor, whole_expression};
 use crate::diagnostic::{Diagnostic, nearest};
 use crate::grammar::code::Code;
 use crate::grammar::program::{Hidden, Program};
@@ -23,9 +23,9 @@ enum Section {
     Homomorphism,
 }
 
-struct Parser<'r> {
-    reading: &'r mut Reading,
-    program: Program,
+pub(super) struct Parser<'r> {
+    pub(super) reading: &'r mut Reading,
+    pub(super) program: Program,
     label: String,
     section: Section,
     globals: Vec<u32>,
@@ -57,6 +57,7 @@ pub(in crate::grammar) fn parse(reading: &mut Reading, tokens: &[Token], start: 
     for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k))) {
         p.block_item(line);
     }
+    p.rebinding(&main);
     for line in &main {
         p.line(line);
     }
@@ -111,10 +112,11 @@ impl Parser<'_> {
         }
     }
 
-    fn compiler(&mut self, scope: Scope) -> Compiler<'_> {
+    pub(super) fn compiler(&mut self, scope: Scope) -> Compiler<'_> {
         let globals = self.globals.clone();
         let mut c = Compiler::new(self.reading, scope);
         c.globals = globals;
+        c.has_turtle = self.program.turtle.is_some();
         c
     }
 
@@ -216,7 +218,7 @@ impl Parser<'_> {
     }
 
     /// Spellings of tokens, joined by blanks.
-    fn spelling(&self, tokens: &[Token]) -> String {
+    pub(super) fn spelling(&self, tokens: &[Token]) -> String {
         let word = |t: &Token| describe(&self.reading.names, t).trim_matches(['\'', '"']).to_owned();
         tokens.iter().map(word).collect::<Vec<_>>().join(" ")
     }
@@ -248,7 +250,8 @@ impl Parser<'_> {
         let globals = self.globals.clone();
         let mut compiler = Compiler::new(self.reading, Scope::Global);
         compiler.globals = globals;
-        if let Some((modules, _)) = production::successor(&mut compiler, &mut self.program.symbols, value, place) {
+        compiler.has_turtle = self.program.turtle.is_some();
+        if let Some((modules, _)) = successor::successor(&mut compiler, &mut self.program.symbols, value, place) {
             if modules.is_empty() {
                 self.reading.error("L003", "the axiom is empty", place, "expected modules after this");
             }
@@ -271,6 +274,7 @@ impl Parser<'_> {
         let globals = self.globals.clone();
         let mut compiler = Compiler::new(self.reading, Scope::Production);
         compiler.globals = globals;
+        compiler.has_turtle = self.program.turtle.is_some();
         let parsed = production::production(&mut compiler, &mut self.program.symbols, line, arrow);
         let Some(parsed) = parsed else { return };
         let rules = match self.section {

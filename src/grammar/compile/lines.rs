@@ -24,10 +24,13 @@ pub(super) enum Keyword {
     Warnings,
     NoWarnings,
     EndLsystem,
+    Turtle,
+    Angles,
+    Bind,
 }
 
 /// Spelling without blanks, keyword, spelling in messages, does a colon follow.
-pub(super) const KEYWORDS: [(&str, Keyword, &str); 18] = [
+pub(super) const KEYWORDS: [(&str, Keyword, &str); 21] = [
     ("lsystem", Keyword::Lsystem, "Lsystem"),
     ("ringlsystem", Keyword::Ring, "ring Lsystem"),
     ("seed", Keyword::Seed, "Seed"),
@@ -46,6 +49,9 @@ pub(super) const KEYWORDS: [(&str, Keyword, &str); 18] = [
     ("warnings", Keyword::Warnings, "warnings"),
     ("nowarnings", Keyword::NoWarnings, "no warnings"),
     ("endlsystem", Keyword::EndLsystem, "endlsystem"),
+    ("turtle", Keyword::Turtle, "turtle"),
+    ("defineangle", Keyword::Angles, "define-angle"),
+    ("bind", Keyword::Bind, "bind"),
 ];
 
 /// One logical line without line ends, with the arrow's position if it is a production.
@@ -68,6 +74,9 @@ fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
     let mut word = String::new();
     let mut best = None;
     for (i, t) in tokens.iter().take(3).enumerate() {
+        if t.is('-') && word == "define" && t.glued {
+            continue;
+        }
         let Kind::Ident(n) = t.kind else { break };
         word.push_str(&names.get(n).to_ascii_lowercase());
         if let Some((_, k, _)) = KEYWORDS.iter().find(|(w, _, _)| *w == word) {
@@ -86,6 +95,8 @@ fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
             | Keyword::EndLsystem
     );
     let next = tokens.get(n);
+    // Any symbol may follow `bind`, a colon only as the second.
+    let bare = bare || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
     let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || bare || next.is_none();
     fits.then_some((k, n))
 }
@@ -168,7 +179,7 @@ impl Splitter<'_> {
         if next.first().is_some_and(|t| t.is('{')) && key.is_some_and(|(k, _)| is_block(k)) {
             return false;
         }
-        let continues = key.is_none_or(|(k, _)| k == Keyword::Axiom);
+        let continues = key.is_none_or(|(k, _)| matches!(k, Keyword::Axiom | Keyword::Angles | Keyword::Bind));
         if !indented || next.is_empty() || !continues || keyword(&self.reading.names, next).is_some() {
             return true;
         }

@@ -4,7 +4,9 @@ mod expression;
 mod items;
 mod lines;
 mod production;
+mod rebind;
 mod statement;
+mod successor;
 
 use super::code::{Code, Op};
 use super::token::{Kind, Names, Place, Reading, Token};
@@ -67,6 +69,8 @@ pub(super) enum Scope {
     Global,
     /// Productions: formal parameters, then locals, then globals.
     Production,
+    /// Angles of the turtle: locals are the angles.
+    Angle,
 }
 
 /// The names in force and where complaints go.
@@ -81,11 +85,14 @@ pub(super) struct Compiler<'r> {
     pub stored: Vec<u16>,
     /// Nested brackets in expressions and blocks.
     pub max_depth: usize,
+    /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
+    pub has_turtle: bool,
 }
 
 impl<'r> Compiler<'r> {
     pub fn new(reading: &'r mut Reading, scope: Scope) -> Self {
-        Self { reading, scope, globals: Vec::new(), locals: Vec::new(), stored: Vec::new(), max_depth: 1000 }
+        let (globals, locals, stored) = (Vec::new(), Vec::new(), Vec::new());
+        Self { reading, scope, globals, locals, stored, max_depth: 1000, has_turtle: false }
     }
 
     /// How a token is called in a message.
@@ -116,6 +123,7 @@ impl<'r> Compiler<'r> {
         let known = self.locals.iter().chain(&self.globals).map(|n| self.reading.names.get(*n));
         let help = match nearest(&word, known.filter(|k| *k != word)) {
             Some(n) => format!("did you mean '{n}'?"),
+            None if self.scope == Scope::Angle => format!("define it: define-angle: {word} = uniform(0,60)"),
             None => "assign it in a Start block, or #define it".to_owned(),
         };
         self.reading.warning("L020", format!("undefined variable '{word}' counts as 0"), place, help);

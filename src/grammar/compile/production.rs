@@ -1,20 +1,19 @@
 //! Productions: contexts, predecessor, blocks, condition, successor, weight.
 
 use super::lines::Line;
-use super::{Compiler, Cursor, expression, statement, whole_expression};
+use super::{Compiler, statement, successor, whole_expression};
 use crate::diagnostic::Diagnostic;
-use crate::grammar::code::{Code, Expr};
 use crate::grammar::program::{Element, Formal, Production, Symbols, Template};
 use crate::grammar::token::{Kind, Place, Token};
 
 /// Parameters of one module.
-const MAX_ARITY: usize = 255;
+pub(super) const MAX_ARITY: usize = 255;
 
 /// One symbol: blanks mean nothing, so that a word is as many symbols as it has letters.
 #[derive(Debug, Clone, Copy)]
-struct Symbol {
-    c: char,
-    place: Place,
+pub(super) struct Symbol {
+    pub c: char,
+    pub place: Place,
 }
 
 /// The parts of a production before its arrow.
@@ -49,7 +48,7 @@ pub(super) fn production(
     let after = block(compiler, head.after)?;
     let tail = line.tokens.get(arrow + 3..).unwrap_or(&[]);
     let arrow_place = line.tokens.get(arrow).map_or(place, |t| t.place);
-    let (successor, rest) = successor(compiler, symbols, tail, arrow_place)?;
+    let (successor, rest) = successor::successor(compiler, symbols, tail, arrow_place)?;
     let weight = match rest {
         None => None,
         Some(tokens) => Some(whole_expression(compiler, tokens, place)?),
@@ -122,7 +121,7 @@ fn unclosed<T>(compiler: &mut Compiler<'_>, tokens: &[Token], i: usize, place: P
 }
 
 /// Symbols of a token.
-fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<Symbol> {
+pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<Symbol> {
     match t.kind {
         Kind::Ident(n) | Kind::Number(n) => {
             let text = compiler.reading.names.get(n);
@@ -176,6 +175,7 @@ impl Formals<'_, '_, '_> {
     fn context(&mut self, tokens: &[Token], is_left: bool) -> Option<Vec<Element>> {
         if let [t] = tokens
             && t.is('*')
+            && !self.compiler.has_turtle
         {
             return Some(Vec::new());
         }
@@ -204,6 +204,11 @@ impl Formals<'_, '_, '_> {
                     '=' if closes => {
                         i += 1;
                         out.push((Element::CloseRest, s.place));
+                    }
+                    '*' if self.compiler.has_turtle => {
+                        let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
+                        let formal = Formal { symbol, arity: 0, slot: 0, place: s.place };
+                        out.push((Element::Module(formal), s.place));
                     }
                     ')' | '*' | '<' | '>' | ':' => {
                         return self.ill(&format!("'{}' cannot stand here", s.c), s.place);
@@ -266,98 +271,12 @@ impl Formals<'_, '_, '_> {
     }
 }
 
-fn intern(compiler: &mut Compiler<'_>, symbols: &mut Symbols, c: char, place: Place) -> Option<u16> {
+pub(super) fn intern(compiler: &mut Compiler<'_>, symbols: &mut Symbols, c: char, place: Place) -> Option<u16> {
     let id = symbols.intern(c);
     if id.is_none() {
         compiler.reading.error("L004", "more than 65,535 different symbols", place, "this one is too many");
     }
     id
-}
-
-/// Modules with expressions as parameters, up to a ':'; returns the tokens behind it, if there is one.
-pub(super) fn successor<'t>(
-    compiler: &mut Compiler<'_>,
-    symbols: &mut Symbols,
-    tokens: &'t [Token],
-    place: Place,
-) -> Option<(Vec<Template>, Option<&'t [Token]>)> {
-    let mut out: Vec<Template> = Vec::new();
-    let mut counts = vec![0_u32; symbols.len()];
-    let mut star = None;
-    let mut cursor = Cursor::new(tokens, place);
-    while let Some(t) = cursor.peek() {
-        if t.is(':') {
-            let rest = tokens.get(cursor.pos + 1..);
-            return finish(compiler, out, star).map(|o| (o, rest));
-        }
-        cursor.bump();
-        match t.kind {
-            Kind::Char('(') => {
-                let Some(last) = out.last_mut().filter(|m| m.args.is_empty()) else {
-                    let message = "unexpected '(', expected a module before it";
-                    compiler.reading.error("L001", message, t.place, "here");
-                    return None;
-                };
-                last.args = arguments(compiler, &mut cursor, t.place)?;
-            }
-            Kind::Char('*') => star = Some(t.place),
-            Kind::Char(c @ (')' | '<' | '>')) => {
-                compiler.reading.error("L001", format!("unexpected '{c}', expected a module"), t.place, "here");
-                return None;
-            }
-            _ => {
-                for s in symbols_of(compiler, t) {
-                    let symbol = intern(compiler, symbols, s.c, s.place)?;
-                    counts.resize(symbols.len(), 0);
-                    let count = &mut counts[usize::from(symbol)];
-                    out.push(Template { symbol, args: Vec::new(), occurrence: *count, place: s.place });
-                    *count += 1;
-                }
-            }
-        }
-    }
-    finish(compiler, out, star).map(|o| (o, None))
-}
-
-/// `*` must stand alone.
-fn finish(compiler: &mut Compiler<'_>, out: Vec<Template>, star: Option<Place>) -> Option<Vec<Template>> {
-    match star {
-        Some(place) if !out.is_empty() => {
-            let message = "unexpected '*', expected a module: '*' alone means nothing";
-            compiler.reading.error("L001", message, place, "here");
-            None
-        }
-        _ => Some(out),
-    }
-}
-
-/// Expressions up to the closing parenthesis.
-fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: Place) -> Option<Vec<Expr>> {
-    let mut args = Vec::new();
-    if cursor.eat(')') {
-        return Some(args);
-    }
-    loop {
-        let code: Code = expression::expression(compiler, cursor)?;
-        args.push(code.into_expr());
-        if args.len() > MAX_ARITY {
-            let message = "a module has at most 255 parameters".to_owned();
-            compiler.reading.error_help("L010", message, cursor.place(), "share them out among several modules");
-            return None;
-        }
-        if cursor.eat(')') {
-            return Some(args);
-        }
-        if !cursor.eat(',') {
-            let place = cursor.place();
-            let found = cursor.peek().map_or_else(|| "end of line".to_owned(), |t| compiler.describe(t));
-            let message = format!("unexpected {found}, expected ',' or ')'");
-            let d = Diagnostic::error("L001", message, place.span, "here").label(open.span, "opened here");
-            let d = d.help("close the parenthesis, or put a ',' between two parameters");
-            compiler.reading.push(d, place);
-            return None;
-        }
-    }
 }
 
 /// Warns about brackets and braces that a successor opens and leaves open.

@@ -110,11 +110,11 @@ impl<'g> Derivation<'g> {
             string: Modules::default(),
             spare: Modules::default(),
             pool: Vec::new(),
-            stochastic: options.stochastic.unwrap_or(program.seed.is_some()),
+            stochastic: options.stochastic.unwrap_or(program.is_stochastic()),
             length,
             brackets: brackets(program),
             hidden: program.hidden.table(&program.symbols),
-            cut: made('%'),
+            cut: made('%').filter(|_| !program.strips('%')),
             idle_from: None,
             taken: 0,
         }

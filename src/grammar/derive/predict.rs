@@ -158,7 +158,7 @@ pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, lim
         let help = "raise it with --max-steps";
         return Err(runtime_error(grammar, "L050", message, grammar.length_place(), help));
     }
-    let stochastic = options.stochastic.unwrap_or(grammar.program.seed.is_some());
+    let stochastic = options.stochastic.unwrap_or(grammar.program.is_stochastic());
     let m = Matrix::new(grammar, stochastic);
     if !m.has_lower {
         return Ok(());

@@ -36,6 +36,8 @@ pub(super) enum Command {
     At,
     Organ,
     Query,
+    /// What the grammar binds the symbol to.
+    Bound,
 }
 
 impl Command {

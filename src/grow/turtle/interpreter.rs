@@ -10,7 +10,7 @@ use super::pull;
 use super::shapes::Shapes;
 use crate::Result;
 use crate::diagnostic::Diagnostic;
-use crate::grammar::{Grammar, Module};
+use crate::grammar::{Action, Dialect, Drawing, Grammar, Module};
 use crate::limits::Limits;
 use crate::math;
 use crate::units::radians;
@@ -33,14 +33,14 @@ struct Attachment {
 
 /// What brackets save.
 #[derive(Debug, Clone, Copy)]
-struct State {
-    p: DVec3,
-    frame: Frame,
+pub(super) struct State {
+    pub(super) p: DVec3,
+    pub(super) frame: Frame,
     /// Frame of the last drawn segment.
     last: Frame,
-    width: f64,
-    scale: f64,
-    color: u8,
+    pub(super) width: f64,
+    pub(super) scale: f64,
+    pub(super) color: u8,
     elasticity: [f64; pull::MAX],
     old_elasticity: f64,
     keep_roll: bool,
@@ -80,10 +80,11 @@ struct Remark {
 /// The turtle.
 pub(super) struct Turtle<'a> {
     grammar: &'a Grammar,
-    options: &'a TurtleOptions,
+    pub(super) drawing: Drawing<'a>,
+    pub(super) options: &'a TurtleOptions,
     commands: Vec<Command>,
-    symbols: Vec<char>,
-    s: State,
+    pub(super) symbols: Vec<char>,
+    pub(super) s: State,
     stack: Vec<State>,
     polygons: Vec<Polygon>,
     prefix: Prefix,
@@ -92,9 +93,9 @@ pub(super) struct Turtle<'a> {
     /// Turn without parameter: sine and cosine.
     default_turn: (f64, f64),
     pub builder: Builder,
-    shapes: Shapes,
+    pub(super) shapes: Shapes,
     /// Prototypes of organs once they are used.
-    organs: std::collections::BTreeMap<char, (u16, u16, f64)>,
+    pub(super) organs: std::collections::BTreeMap<char, (u16, u16, f64)>,
     remarks: Vec<Remark>,
     max_stack: u64,
     max_nodes: u64,
@@ -105,7 +106,7 @@ pub(super) struct Turtle<'a> {
 }
 
 impl<'a> Turtle<'a> {
-    pub fn new(grammar: &'a Grammar, options: &'a TurtleOptions, limits: &Limits) -> Self {
+    pub fn new(grammar: &'a Grammar, drawing: Drawing<'a>, options: &'a TurtleOptions, limits: &Limits) -> Self {
         let id = |i: usize| u16::try_from(i).unwrap_or(u16::MAX);
         let symbols: Vec<char> = (0..grammar.symbols().len()).map(|i| grammar.symbols().get(id(i))).collect();
         let angle = options.angle.unwrap_or(radians(45.0));
@@ -126,10 +127,17 @@ impl<'a> Turtle<'a> {
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
         };
+        let command = |i: usize, c: char| match drawing.action(id(i)) {
+            Some(Action::As(other)) => Command::of(*other),
+            Some(_) => Command::Bound,
+            None if drawing.dialect() == Dialect::Cpfg || matches!(c, '[' | ']') => Command::of(c),
+            None => Command::Nothing,
+        };
         Self {
             grammar,
             options,
-            commands: symbols.iter().map(|c| Command::of(*c)).collect(),
+            commands: symbols.iter().enumerate().map(|(i, c)| command(i, *c)).collect(),
+            drawing,
             symbols,
             s,
             stack: Vec::new(),
@@ -149,7 +157,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    fn remark(&mut self, code: &'static str, symbol: (Option<char>, char), message: String, help: &str) {
+    pub(super) fn remark(&mut self, code: &'static str, symbol: (Option<char>, char), message: String, help: &str) {
         match self.remarks.iter_mut().find(|r| r.code == code && r.symbol == symbol) {
             Some(r) => r.count += 1,
             None => self.remarks.push(Remark { code, symbol, message, help: help.to_owned(), count: 1 }),
@@ -195,13 +203,16 @@ impl<'a> Turtle<'a> {
                     self.command(command, c, m);
                 }
             }
-            Prefix::Organ => self.organ(c, m),
+            Prefix::Organ => {
+                let size = self.param(m, 0, 1.0);
+                self.organ(c, size, m);
+            }
             Prefix::Query => {}
         }
     }
 
     /// Parameter `i`, or the default; non-finite values count as 0.
-    fn param(&mut self, m: Module<'_>, i: usize, default: f64) -> f64 {
+    pub(super) fn param(&mut self, m: Module<'_>, i: usize, default: f64) -> f64 {
         match m.params.get(i) {
             None => default,
             Some(v) if v.is_finite() => f64::from(*v),
@@ -222,10 +233,11 @@ impl<'a> Turtle<'a> {
             self.close_segment();
         }
         match command {
-            Command::Draw => self.step(m, true, true),
-            Command::DrawOnly => self.step(m, true, false),
-            Command::Move => self.step(m, false, true),
-            Command::MoveOnly => self.step(m, false, false),
+            Command::Draw | Command::DrawOnly | Command::Move | Command::MoveOnly => {
+                let draws = matches!(command, Command::Draw | Command::DrawOnly);
+                let length = self.param(m, 0, 1.0);
+                self.step(length, m, draws, matches!(command, Command::Draw | Command::Move));
+            }
             Command::Yaw(p) => self.turn(m, p, c, Frame::yaw),
             Command::Pitch(p) => self.turn(m, p, c, Frame::pitch),
             Command::Roll(p) => self.turn(m, p, c, Frame::roll),
@@ -240,8 +252,7 @@ impl<'a> Turtle<'a> {
                     Some(_) => self.param(m, 0, 0.0) * scale,
                     None => self.s.width + step * scale,
                 };
-                self.s.width = width.max(MIN_WIDTH);
-                self.sets_widths = true;
+                self.widen(width);
             }
             Command::Color(up) => {
                 let step = self.options.color_increment;
@@ -253,13 +264,14 @@ impl<'a> Turtle<'a> {
                 if !m.params.is_empty() {
                     self.remark("L008", (None, c), "splines are not supported, read as a polygon".into(), "");
                 }
-                self.polygons.push(Polygon { frame: self.s.frame, corners: Vec::new() });
+                self.open_polygon();
             }
             Command::Vertex => self.vertex(),
             Command::ClosePolygon => self.fill(m),
             Command::OldElasticity => self.s.old_elasticity = self.param(m, 0, 0.0),
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
+            Command::Bound => self.bound(m),
             Command::Query => {
                 self.prefix = Prefix::Query;
                 self.remark("L008", (None, c), "queries are not supported".into(), "the module keeps its parameters");
@@ -269,7 +281,7 @@ impl<'a> Turtle<'a> {
     }
 
     /// The present segment ends with the width now in force.
-    fn close_segment(&mut self) {
+    pub(super) fn close_segment(&mut self) {
         let Some(node) = self.open.take() else { return };
         let width = self.s.width * self.options.unit_m;
         if self.options.tapered
@@ -299,6 +311,11 @@ impl<'a> Turtle<'a> {
             (math::cos(a), math::sin(a))
         };
         f(&mut self.s.frame, cos, if positive { sin } else { -sin });
+        self.turned();
+    }
+
+    /// Counts a turn, and removes what rounding many of them have left.
+    pub(super) fn turned(&mut self) {
         self.s.turns += 1;
         if self.s.turns >= TURNS {
             self.s.turns = 0;
@@ -331,15 +348,24 @@ impl<'a> Turtle<'a> {
         a.axis.map(|axis| (axis, self.builder.last(axis))).or(a.parent)
     }
 
-    fn vertex(&mut self) {
+    pub(super) fn widen(&mut self, width: f64) {
+        self.s.width = width.max(MIN_WIDTH);
+        self.sets_widths = true;
+    }
+
+    pub(super) fn open_polygon(&mut self) {
+        self.polygons.push(Polygon { frame: self.s.frame, corners: Vec::new() });
+    }
+
+    pub(super) fn vertex(&mut self) {
         let p = self.s.p;
         if let Some(polygon) = self.polygons.last_mut() {
             polygon.corners.push(p);
         }
     }
 
-    fn step(&mut self, m: Module<'_>, draws: bool, adds_vertex: bool) {
-        let length = self.param(m, 0, 1.0) * self.s.scale * self.options.unit_m;
+    pub(super) fn step(&mut self, length: f64, m: Module<'_>, draws: bool, adds_vertex: bool) {
+        let length = length * self.s.scale * self.options.unit_m;
         let tropisms = &self.options.tropisms;
         if !tropisms.is_empty() {
             let s = &mut self.s;
@@ -391,7 +417,7 @@ impl<'a> Turtle<'a> {
     }
 
     /// Puts an organ at `pose`; `protos`: first and number, `size`: scale and petiole (m).
-    fn place(&mut self, pose: (DVec3, DQuat), protos: (u16, u16), size: (f64, f64), m: Module<'_>) {
+    pub(super) fn place(&mut self, pose: (DVec3, DQuat), protos: (u16, u16), size: (f64, f64), m: Module<'_>) {
         let (_, organs) = self.builder.counts();
         if organs >= self.max_organs {
             let message = format!("more than {} organs", self.max_organs);
@@ -401,11 +427,11 @@ impl<'a> Turtle<'a> {
         self.builder.organ(RawOrgan { site, p, q, scale, petiole, protos, lineage: m.lineage, birth: m.birth });
     }
 
-    fn no_room(&mut self, c: char) {
+    pub(super) fn no_room(&mut self, c: char) {
         self.halt("L051", c, "more than 65,535 different shapes".into(), "draw shapes that differ less");
     }
 
-    fn fill(&mut self, m: Module<'_>) {
+    pub(super) fn fill(&mut self, m: Module<'_>) {
         let Some(polygon) = self.polygons.pop() else { return };
         let Some(&p) = polygon.corners.first() else { return };
         let q = polygon.frame.quat();
@@ -414,53 +440,6 @@ impl<'a> Turtle<'a> {
             Ok(Some((proto, size))) => self.place((p, q), (proto, 1), (size, 0.0), m),
             Ok(None) => {}
             Err(()) => self.no_room('}'),
-        }
-    }
-
-    /// Prototypes of an organ symbol and the scale that gives it its size; made on first use.
-    fn organ_protos(&mut self, c: char) -> Option<(u16, u16, f64)> {
-        if let Some(&known) = self.organs.get(&c) {
-            return Some(known);
-        }
-        let options = self.options;
-        let spec = options.organs.get(&c).filter(|s| !s.meshes.is_empty())?;
-        let first = u16::try_from(self.builder.protos.len()).ok()?;
-        let mut longest = 0.0_f32;
-        for (i, mesh) in spec.meshes.iter().enumerate() {
-            let name = if spec.meshes.len() == 1 { spec.name.clone() } else { format!("{}_{i}", spec.name) };
-            longest = longest.max(mesh.bounds().max.y);
-            self.builder.protos.push(crate::plant::Proto { name, mesh: std::sync::Arc::clone(mesh) });
-        }
-        let count = u16::try_from(spec.meshes.len()).ok()?;
-        let scale = if longest > 1e-9 && longest.is_finite() { spec.size / f64::from(longest) } else { spec.size };
-        self.organs.insert(c, (first, count, scale));
-        Some((first, count, scale))
-    }
-
-    fn organ(&mut self, c: char, m: Module<'_>) {
-        let Some((first, count, unit)) = self.organ_protos(c) else {
-            let known: Vec<String> = self.options.organs.keys().map(|k| format!("~{k}")).collect();
-            let list = if known.is_empty() { "none is defined".to_owned() } else { known.join(", ") };
-            let help = format!("known organs: {list}; define it in the scene");
-            return self.remark("L048", (Some('~'), c), format!("organ '~{c}' is unknown, nothing is drawn"), &help);
-        };
-        let scale = self.s.scale;
-        let petiole = self.options.organs.get(&c).map_or(0.0, |s| s.petiole);
-        let pose = (self.s.p, self.s.frame.quat());
-        if m.params.len() < 3 {
-            let size = self.param(m, 0, 1.0) * scale;
-            if size > 0.0 {
-                self.place(pose, (first, count), (unit * size, petiole * size), m);
-            }
-            return;
-        }
-        let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 1.0));
-        if x > 0.0 && y > 0.0 && z > 0.0 {
-            let pick = first + u16::try_from(m.lineage % u64::from(count.max(1))).unwrap_or(0);
-            match self.shapes.stretched(&mut self.builder.protos, pick, [x / y, z / y]) {
-                Some(proto) => self.place(pose, (proto, 1), (unit * y * scale, petiole * y * scale), m),
-                None => self.no_room(c),
-            }
         }
     }
 
@@ -491,20 +470,6 @@ impl<'a> Turtle<'a> {
                 self.remark("L043", (Some('@'), c), message, "remove it: grammars start no programs");
             }
             _ => self.remark("L008", (Some('@'), c), format!("command '@{c}' is not supported"), "nothing is drawn"),
-        }
-    }
-
-    /// `@o`, `@c`, `@O`: discs and spheres.
-    fn round(&mut self, c: char, m: Module<'_>) {
-        let d = self.param(m, 0, self.s.width / self.s.scale.max(1e-300)) * self.s.scale * self.options.unit_m;
-        let material = self.options.shape_material;
-        let protos = &mut self.builder.protos;
-        let proto = if c == 'O' { self.shapes.sphere(protos, material) } else { self.shapes.disc(protos, material) };
-        let q = if c == 'o' { DQuat::IDENTITY } else { self.s.frame.quat() };
-        match proto {
-            Some(proto) if d > 0.0 => self.place((self.s.p, q), (proto, 1), (d, 0.0), m),
-            Some(_) => {}
-            None => self.no_room(c),
         }
     }
 
@@ -574,6 +539,6 @@ impl<'a> Turtle<'a> {
 
 /// A colour index, modulo 256.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "reduced to 0..256 before the cast")]
-fn wrapped(value: f64) -> u8 {
+pub(super) fn wrapped(value: f64) -> u8 {
     value.trunc().rem_euclid(256.0) as u8
 }

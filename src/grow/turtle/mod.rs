@@ -3,21 +3,23 @@
 //! Drawn steps of one bracket level are one axis, `[` opens a child at the current node, `~c` and filled shapes become
 //! organs. World: metres, +Y up; the turtle starts at the origin heading up.
 
+mod bound;
 mod builder;
 mod commands;
 mod frame;
 mod interpreter;
 mod options;
+mod organs;
 mod pull;
 mod shapes;
 
 pub(super) use builder::expose;
-pub use options::{OrganSpec, RadiusModel, Tropism, TurtleOptions};
+pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
 
 use super::radii;
 use crate::Result;
 use crate::diagnostic::Diagnostic;
-use crate::grammar::{Derived, Grammar, interpret};
+use crate::grammar::{Derived, Drawing, Grammar, interpret};
 use crate::limits::Limits;
 use crate::plant::Plant;
 use interpreter::Turtle;
@@ -33,17 +35,20 @@ pub fn grow(
     options: &TurtleOptions,
     limits: &Limits,
 ) -> Result<(Plant, Vec<Diagnostic>)> {
-    let mut turtle = Turtle::new(grammar, options, limits);
+    let drawing = Drawing::new(grammar, derived, limits);
+    let mut turtle = Turtle::new(grammar, drawing, options, limits);
     let mut warnings = interpret(grammar, derived, limits, |m| turtle.module(m))?;
     turtle.end();
     warnings.extend(turtle.diagnostics()?);
+    warnings.extend(turtle.drawing.warnings(grammar));
     let sets_widths = turtle.sets_widths;
     let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
     match options.radii {
         RadiusModel::Pipe(p) => radii::pipe(&mut plant, &p),
         RadiusModel::Taper(t) => radii::taper(&mut plant, &t),
         RadiusModel::Auto if !sets_widths => radii::pipe(&mut plant, &radii::Pipe::default()),
-        RadiusModel::Auto | RadiusModel::Widths => {}
+        RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
+        RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}
     }
     // Thin children are what a grammar that halves its widths means; repairs need no word here.
     crate::plant::validate(&mut plant)?;

@@ -8,6 +8,9 @@ use glam::DVec3;
 use crate::grow::radii::{Pipe, Taper};
 use crate::scene::{MaterialId, Mesh};
 
+/// Key of the organ `stalk` among those of a plant: no letter that a scene could name.
+pub const STALK: char = '\u{e000}';
+
 /// A pull on the turtle before each step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tropism {
@@ -55,6 +58,8 @@ pub enum RadiusModel {
     Pipe(Pipe),
     /// Taper along each axis.
     Taper(Taper),
+    /// Turtle widths if the string sets any, else this taper.
+    Hairs(Taper),
 }
 
 /// How a string is drawn.

@@ -31,7 +31,7 @@ fn scene() -> Scene {
     }
     let leaves = Instancer {
         name: "leaves".into(),
-        prototypes: vec![Prototype { name: "leaf".into(), mesh: fan(24, 1.0) }],
+        prototypes: vec![Prototype::new("leaf", fan(24, 1.0))],
         ids: (0..800).collect(),
         protos: vec![0; 800],
         scales: vec![Vec3::new(0.1, 0.06, 0.1); 800],

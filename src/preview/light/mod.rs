@@ -178,7 +178,7 @@ impl Path<'_, '_> {
 
     /// A place just off the surface, on the side that `d` leaves by.
     fn off(&self, s: &Surface, d: Vec3) -> Vec3 {
-        s.p + s.face * if d.dot(s.face) > 0.0 { self.world.gap } else { -self.world.gap }
+        s.p + s.face * if d.dot(s.face) > 0.0 { self.world.gap } else { -self.world.gap - s.thick }
     }
 
     /// True if nothing stands between a place and the far end of a direction.
