@@ -54,8 +54,9 @@ fn growing() -> impl Iterator<Item = &'static Preset> {
     let crowd = |p: &Preset| p.text.contains("[sway]") && p.text.contains("individuals");
     let other =
         move |p: &Preset| points(p) || crowd(p) || p.text.contains("[[layer]]") || p.text.contains("[[scatter]]");
-    // What an artist modelled is judged in mesh_plants.rs.
-    let modelled = |p: &Preset| p.name.ends_with(".obj") || p.text.contains("\nmesh = ");
+    // What an artist modelled is judged in mesh_plants.rs, catkins in catkin_model.rs.
+    let modelled =
+        |p: &Preset| p.name.ends_with(".obj") || p.text.contains("\nmesh = ") || p.text.contains("\n[catkin]");
     PRESETS.iter().filter(move |p| !p.name.ends_with(".ifs") && !other(p) && !modelled(p))
 }
 
