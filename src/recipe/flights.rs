@@ -87,7 +87,7 @@ impl Resolver<'_> {
     }
 
     fn weight(&mut self, (path, name): (&str, &str), weight: f64, span: Span) {
-        if !(weight >= 0.0 && weight <= 1e9) {
+        if !(0.0..=1e9).contains(&weight) {
             let text = format!("{path}.{name} is {weight}, but must be 0 to 1e9");
             self.report.push(Diagnostic::error("S004", text, span, "0 to 1e9").help("weights are shares"));
         }
