@@ -31,6 +31,20 @@ pub struct Air {
     pub paper: Option<PaperManner>,
 }
 
+/// The wind of a scene, calm or not, for what flies: that of its plants where they have one.
+pub fn wind_of(recipe: &Recipe, air: Option<&Air>) -> Arc<dyn Wind> {
+    if let Some(air) = air {
+        return Arc::clone(&air.wind);
+    }
+    let all = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).filter(|(_, keys)| keys.blows());
+    let mut winds: Vec<Arc<dyn Wind>> = all.map(|(i, keys)| scaled(keys, None, recipe.seed, i)).collect();
+    match winds.len() {
+        0 => Arc::new(Uniform(Vec3::ZERO)),
+        1 => winds.remove(0),
+        _ => Arc::new(Sum(winds)),
+    }
+}
+
 impl Air {
     /// None in a still scene and in calm air.
     pub fn of(recipe: &Recipe) -> Option<Self> {

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 
 use super::air::Air;
+use super::course::Course;
 use super::morphing::Morphing;
 use crate::Result;
 use crate::limits::Limits;
@@ -30,6 +31,8 @@ pub enum Moving {
     Plant(Box<Mover>),
     /// Coefficients that change.
     Cloud(Morphing),
+    /// Wind, gravity, contacts.
+    Flight(Arc<Course>),
 }
 
 /// Moves one plant.
@@ -217,8 +220,15 @@ impl Moving {
         match self {
             Self::Plant(m) => m.frame(asset, seconds, step),
             Self::Cloud(m) => m.frame(asset, seconds, step),
+            Self::Flight(m) => m.frame(nth(seconds, step)),
         }
     }
+}
+
+/// Which frame from the first a time is.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
+fn nth(seconds: f64, step: f64) -> u64 {
+    (seconds / step).round().max(0.0) as u64
 }
 
 /// A whole frame; `movers` runs parallel to the scene's assets. `shifted`: with the states that placements show at phases
@@ -240,5 +250,7 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
         mover.map(|m| m.frame(asset, later, step))
     });
     let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
-    Frame { number, assets, shifted, rows: Vec::new(), fields: Vec::new() }
+    let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
+    let (rows, fields): (Vec<_>, Vec<_>) = flights.map(|m| m.measured(nth(seconds, step))).unzip();
+    Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect() }
 }

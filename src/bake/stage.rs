@@ -6,13 +6,15 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::Work;
-use super::air::Air;
+use super::air::{self, Air};
 use super::counts::{Counts, count};
+use super::course::{Course, Setting};
 use super::dress::{Kind, dress};
 use super::layout::{Individual, Layout, Standing, lay_out_all};
 use super::looks::{Look, Soil, of_ground, of_plant};
 use super::mover::Moving;
 use super::plants::{Grown, grow};
+use super::solids::{self, Footing};
 use super::write::Stage;
 use super::{catkin, land, scatter};
 use crate::diagnostic::{Diagnostic, Report};
@@ -20,14 +22,19 @@ use crate::fence::Names;
 use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::par::par_map;
-use crate::recipe::Recipe;
+use crate::plant::AxisKind;
+use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::land_keys::TerrainKeys;
+use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Camera, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky, Sun,
-    Trs, asset_bounds,
+    Asset, AssetFrame, AssetKind, Camera, Field, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky,
+    Sun, Table, Trs, asset_bounds,
 };
 use crate::surface::terrain::Land;
 use crate::{Error, Result};
+
+/// Height above a surface at which a wind by formula is known, m.
+const KNOWN_HEIGHT: f64 = 0.5;
 
 /// Which parts of a recipe are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,7 +104,14 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     tell_clamped(&made.movers, &mut report);
     let mut placements = placements(air.as_ref(), &made.assets, &layout);
     add_clouds(recipe, &mut made, &mut placements, work)?;
-    add_catkins(recipe, &mut made, &mut placements, work)?;
+    let twigs = twigs(recipe, &layout, &grown);
+    let footing = match (&land, &soil) {
+        (Some(land), _) => Footing::Land(land),
+        (None, Some((soil, middle))) => Footing::Ground(&soil.shape, *middle),
+        _ => Footing::Level,
+    };
+    let measures = add_catkins(recipe, (&footing, air.as_ref(), &twigs), &mut made, &mut placements, work)?;
+    add_solids(recipe, &mut made, &mut placements)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
     if let Some((soil, middle)) = soil {
@@ -125,8 +139,8 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         assets: made.assets,
         placements,
         land: land.map(land::field),
-        tables: Vec::new(),
-        fields: Vec::new(),
+        tables: measures.iter().map(|m| m.0.clone()).collect(),
+        fields: measures.into_iter().flat_map(|m| m.1).collect(),
     };
     Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers }, report, modules })
 }
@@ -318,16 +332,77 @@ fn add_clouds(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>,
     Ok(())
 }
 
-/// Shows the kinds of catkins side by side.
-fn add_catkins(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>, work: &Work<'_>) -> Result<()> {
-    let Some(keys) = &recipe.catkin else { return Ok(()) };
+/// What a flight measures.
+type Measures = (Table, Vec<Field>);
+
+/// Lets catkins fly, or shows their kinds side by side.
+fn add_catkins(
+    recipe: &Recipe,
+    (footing, air, twigs): (&Footing<'_>, Option<&Air>, &[(Vec3, f64)]),
+    made: &mut Made,
+    placements: &mut Vec<Placement>,
+    work: &Work<'_>,
+) -> Result<Option<Measures>> {
+    if recipe.catkin.is_none() && recipe.flight.is_none() {
+        return Ok(None);
+    }
+    let own = CatkinKeys::defaults();
+    let keys = recipe.catkin.as_ref().unwrap_or(&own);
     let models = catkin::catkin_models(keys, recipe.seed, work)?;
     let kind = made.take(catkin::materials());
-    let asset = catkin::row(&models, keys.lod, kind.first_material);
+    let (asset, mover, measures) = match &recipe.flight {
+        None => (catkin::row(&models, keys.lod, kind.first_material), None, None),
+        Some(flight) => {
+            let [w, h, d] = flight.keys.size.map(narrow);
+            let inside = Bounds { min: Vec3::new(-w / 2.0, 0.0, -d / 2.0), max: Vec3::new(w / 2.0, h, d / 2.0) };
+            let solids = Arc::new(solids::of(recipe, footing, w.max(d))?);
+            let wind = (air::wind_of(recipe, air), KNOWN_HEIGHT);
+            let course = Course::new(&Setting { recipe, flight, inside, solids, wind, twigs }, &models);
+            let prototypes = models.iter().map(|m| m.prototype(keys.lod, kind.first_material)).collect();
+            let (table, fields) = course.measures(&flight.keys);
+            let measures = (table, fields.to_vec());
+            (course.asset(prototypes), Some(Moving::Flight(Arc::new(course))), Some(measures))
+        }
+    };
     let name = asset.id.clone();
     placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
     made.assets.push(asset);
-    made.movers.push(None);
+    made.movers.push(mover);
+    Ok(measures)
+}
+
+/// Ends of the twigs that let catkins go, m, with the weights of their plants.
+fn twigs(recipe: &Recipe, layout: &Layout, grown: &[Grown]) -> Vec<(Vec3, f64)> {
+    let Some(flight) = &recipe.flight else { return Vec::new() };
+    let mut out = Vec::new();
+    for standing in &layout.standings {
+        let Some((individual, grown)) = layout.individuals.get(standing.individual).zip(grown.get(standing.individual))
+        else {
+            continue;
+        };
+        let Some((_, weight)) = flight.canopy.iter().find(|(plant, _)| *plant == individual.plant) else { continue };
+        let plant = &grown.plant;
+        let stems = plant.axes.iter().filter(|a| a.kind == AxisKind::Stem && a.order > 0);
+        let ends = stems.filter_map(|a| plant.nodes.p.get(plant.nodes_of(a)).and_then(<[Vec3]>::last));
+        out.extend(ends.map(|p| (standing.transform.apply(*p), *weight)));
+    }
+    out
+}
+
+/// Shows what stands in the way.
+fn add_solids(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>) -> Result<()> {
+    for solid in recipe.solids.iter().filter(|s| s.keys.show) {
+        let (look, build) = solids::seen(solid);
+        let kind = made.take(look);
+        let mut asset = build(kind.first_material)?;
+        while made.assets.iter().any(|a| a.id == asset.id) {
+            asset.id = format!("{}_solid", asset.id);
+        }
+        let name = asset.id.clone();
+        placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+        made.assets.push(asset);
+        made.movers.push(None);
+    }
     Ok(())
 }
 

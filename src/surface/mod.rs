@@ -6,6 +6,7 @@ pub mod ground;
 mod lattice;
 pub mod leaf;
 pub mod loft;
+pub mod masonry;
 mod material;
 mod pixels;
 pub mod terrain;

@@ -185,6 +185,16 @@ impl Catkin {
         self.radius
     }
 
+    /// kg.
+    pub fn mass(&self) -> f64 {
+        self.mass
+    }
+
+    /// The way its tuft points, as a rotation of +Y.
+    pub fn turn(&self) -> Quat {
+        self.q
+    }
+
     /// Smallest number in its cluster.
     pub fn root(&self) -> u32 {
         self.root

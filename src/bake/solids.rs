@@ -1,0 +1,116 @@
+//! What stands in the way: as solids for wind and flights, and as meshes to be seen.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::looks::Look;
+use crate::math::narrow;
+use crate::recipe::flight_keys::Shape;
+use crate::recipe::{Recipe, SolidRecipe};
+use crate::scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject};
+use crate::solid::{Form, LandForm, Prism, Shell, Solid, Solids};
+use crate::surface::ground::Ground;
+use crate::surface::masonry;
+use crate::surface::terrain::Land;
+use crate::{Error, Result};
+
+/// Heights along a side of the box that a waving ground is known by.
+const SAMPLES: u16 = 513;
+/// Colours of walls and roofs.
+const PLASTER: [f32; 3] = [0.48, 0.40, 0.29];
+const TILES: [f32; 3] = [0.20, 0.058, 0.034];
+
+/// The ground under a scene.
+pub enum Footing<'a> {
+    /// y = 0.
+    Level,
+    /// Waves around a middle.
+    Ground(&'a Ground, Vec3),
+    /// Hills.
+    Land(&'a Land),
+}
+
+/// All that is in the way. `reach`: side of the square that flights cover, m.
+/// # Errors
+/// X010 for a mesh that holds nothing solid.
+pub fn of(recipe: &Recipe, footing: &Footing<'_>, reach: f32) -> Result<Solids> {
+    let mut all = Vec::new();
+    for solid in &recipe.solids {
+        all.push(Solid { name: solid.id.clone(), form: form(solid)?, humidity: solid.keys.humidity });
+    }
+    let land = match footing {
+        Footing::Ground(ground, middle) if ground.amplitude > 0.0 => sampled(ground, *middle, reach),
+        Footing::Land(land) => LandForm::new(land.side, land.size, land.heights.clone()),
+        _ => None,
+    };
+    let level = land.is_none();
+    // After the others: the first of equals is what a catkin is said to lie on.
+    all.extend(land.map(|l| Solid { name: "land".into(), form: Form::Land(Arc::new(l)), humidity: 0.0 }));
+    Ok(Solids::new(all, level))
+}
+
+fn sampled(ground: &Ground, middle: Vec3, reach: f32) -> Option<LandForm> {
+    let place = |i: u16| (f32::from(i) / f32::from(SAMPLES - 1) - 0.5) * reach;
+    let row = |z: u16| (0..SAMPLES).map(move |x| ground.height(place(x) - middle.x, place(z) - middle.z));
+    LandForm::new(usize::from(SAMPLES), reach, (0..SAMPLES).flat_map(row).collect())
+}
+
+fn form(solid: &SolidRecipe) -> Result<Form> {
+    let keys = &solid.keys;
+    let (at, size) = (Vec3::from_array(keys.at.map(narrow)), Vec3::from_array(keys.size.map(narrow)));
+    let turn = narrow(keys.turn);
+    Ok(match (keys.shape, &solid.mesh) {
+        (Shape::House, _) => Form::Prism(Prism::house(at, size, narrow(keys.roof), turn)),
+        (Shape::Mesh, Some(mesh)) => {
+            let turn = glam::Quat::from_rotation_y(turn);
+            let points: Vec<Vec3> = mesh.mesh.points.iter().map(|p| at + turn * *p).collect();
+            let shell = Shell::new(&points, &mesh.mesh.triangles);
+            let empty = || Error::export("X010", format!("solid \"{}\": its mesh has no triangles", solid.id));
+            Form::Shell(Arc::new(shell.ok_or_else(empty)?))
+        }
+        _ => Form::Prism(Prism::block(at, size, turn)),
+    })
+}
+
+/// A solid to be seen: its look, and its asset once the look's first material is known.
+pub fn seen(solid: &SolidRecipe) -> (Look, impl FnOnce(MaterialId) -> Result<Asset> + '_) {
+    let mut look = Look::default();
+    match &solid.mesh {
+        Some(mesh) => {
+            look.materials.clone_from(&mesh.materials);
+            look.images.clone_from(&mesh.images);
+            look.materials.iter_mut().for_each(|m| m.name = format!("{}_{}", solid.id, m.name));
+        }
+        None => {
+            let keys = &solid.keys;
+            let (wall, roof) = (keys.color.unwrap_or(PLASTER), keys.roof_color.unwrap_or(TILES));
+            let count = if keys.shape == Shape::House { masonry::SLOTS as usize } else { 1 };
+            look.materials.extend(masonry::materials(&solid.id, wall, roof).into_iter().take(count));
+        }
+    }
+    (look, |first| {
+        let mesh = match (form(solid)?, &solid.mesh) {
+            (Form::Prism(prism), _) => masonry::masonry(&prism, first),
+            (_, Some(imported)) => {
+                let turn = glam::Quat::from_rotation_y(narrow(solid.keys.turn));
+                let at = Vec3::from_array(solid.keys.at.map(narrow));
+                let mut mesh = imported.mesh.clone();
+                mesh.points.iter_mut().for_each(|p| *p = at + turn * *p);
+                mesh.normals.iter_mut().for_each(|n| *n = turn * *n);
+                mesh.subsets.iter_mut().for_each(|s| s.material += first);
+                mesh
+            }
+            _ => return Err(Error::export("S005", "a solid without a form")),
+        };
+        Ok(Asset {
+            id: solid.id.clone(),
+            kind: AssetKind::Import,
+            skeleton: None,
+            meshes: vec![MeshObject { name: solid.id.clone(), mesh, motion: MeshMotion::Still, skin: None }],
+            instancers: Vec::new(),
+            points: Vec::new(),
+            curves: Vec::new(),
+        })
+    })
+}
