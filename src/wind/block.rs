@@ -2,7 +2,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "one index runs through many blocks")]
 
-use super::lattice::{fade, scramble};
+use super::gradient::{fade, scramble};
 
 /// Places in a block.
 pub(super) const BLOCK: usize = 64;
@@ -119,7 +119,7 @@ fn signed(v: f32, bits: u32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::lattice::ENDLESS;
+    use super::super::gradient::ENDLESS;
     use super::*;
 
     /// Noises of the plane and of space at blocks of places, each block from place `k` on.

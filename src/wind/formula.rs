@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::lattice::{ENDLESS, Place, noise1};
+use super::gradient::{ENDLESS, Place, noise1};
 use super::{Wind, with_height};
 use crate::math;
 use crate::rng::Rng;

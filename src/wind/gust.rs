@@ -4,7 +4,7 @@ use glam::Vec3;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::block::{BLOCK, Places, noise2, noise3};
-use super::lattice::{ENDLESS, Place, noise1};
+use super::gradient::{ENDLESS, Place, noise1};
 use super::{CALM, Wind, with_height};
 use crate::math;
 use crate::rng::Rng;

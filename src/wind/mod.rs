@@ -7,6 +7,7 @@ mod block;
 mod combine;
 mod formula;
 mod gust;
+mod gradient;
 mod lattice;
 
 use std::fmt::Debug;
@@ -16,7 +17,7 @@ use glam::Vec3;
 pub use combine::{Scaled, Sum};
 pub use formula::{Formula, FormulaOptions};
 pub use gust::{Gust, GustOptions, fitted_length};
-pub use lattice::TimeNoise;
+pub use gradient::TimeNoise;
 
 /// Slower wind is none at all, m/s.
 pub const CALM: f64 = 0.01;

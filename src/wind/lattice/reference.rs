@@ -1,0 +1,83 @@
+//! The same flow as plainly as can be: two copies of everything, one cell after the other, in f64. What the production code
+//! is held to.
+
+use super::cells::{Cells, Face, Source};
+use super::collide::{Relax, collide, moments};
+use super::links::{Sends, sent};
+use super::stencil::{C, Q, weight};
+
+/// Air in steps of the lattice.
+pub(super) struct Plain {
+    pub cells: Cells,
+    pub tau: f64,
+    pub eddies: f64,
+    pub sponge: [Vec<f64>; 2],
+    pub force: [f64; 3],
+    pub rest: bool,
+    /// What left each cell in the last step.
+    pub left: Vec<[f64; Q]>,
+}
+
+impl Plain {
+    pub(super) fn new(cells: Cells, tau: f64, eddies: f64) -> Self {
+        let left = vec![[0.0; Q]; cells.grid.cells()];
+        Self { cells, tau, eddies, sponge: [Vec::new(), Vec::new()], force: [0.0; 3], rest: false, left }
+    }
+
+    pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> [f64; 3]) {
+        let before = self.left.clone();
+        let [nx, ny, nz] = self.cells.grid.n;
+        for z in 0..nz {
+            for y in 0..ny {
+                for x in 0..nx {
+                    if !self.cells.is_solid([x, y, z]) {
+                        let g = std::array::from_fn(|i| self.arriving(&before, [x, y, z], i, &wind));
+                        let after = self.collided(&g, [x, z]);
+                        self.left[self.cells.grid.cell([x, y, z])] = after;
+                    }
+                }
+            }
+        }
+    }
+
+    fn arriving(&self, before: &[[f64; Q]], x: [usize; 3], i: usize, wind: impl Fn([isize; 3]) -> [f64; 3]) -> f64 {
+        let left = |cell: [usize; 3]| before[self.cells.grid.cell(cell)];
+        match self.cells.source(x, i) {
+            Source::Neighbour => left(std::array::from_fn(|a| x[a].wrapping_add_signed(-(C[i][a] as isize))))[i],
+            Source::Left(j, q) => left(q)[j],
+            Source::Struck(j, q, velocity) => {
+                let along: f64 = (0..3).map(|a| f64::from(C[i][a]) * velocity[a]).sum();
+                left(q)[j] + 6.0 * weight(i) * along
+            }
+            Source::Ghost(j, place) => {
+                let near: [usize; 3] =
+                    std::array::from_fn(|a| place[a].clamp(0, self.cells.grid.n[a] as isize - 1) as usize);
+                let solid = self.cells.is_solid(near);
+                let near = if solid { [0.0; Q] } else { left(near) };
+                let faces = self.cells.beyond(place).map(|f| f.map(|f| (f, self.cells.faces[f])));
+                let sends = if faces.iter().flatten().any(|f| f.1 == Face::Inlet) {
+                    Sends::Inlet(wind(place))
+                } else {
+                    let out = faces.map(|f| f.map_or(0, |(f, _)| 2 * (f % 2) as i8 - 1));
+                    Sends::Outlet(out, self.rest && !solid)
+                };
+                sent(j, &near, sends)
+            }
+        }
+    }
+
+    fn collided(&self, g: &[f64; Q], [x, z]: [usize; 2]) -> [f64; Q] {
+        let sponge = |k: usize, at: usize| self.sponge[k].get(at).copied().unwrap_or(self.tau);
+        let tau = sponge(0, x).max(sponge(1, z));
+        let relax = Relax { tau, eddies: self.eddies, force: self.force };
+        match (self.eddies > 0.0, self.force.iter().any(|f| f.abs() > 0.0)) {
+            (true, _) => collide::<_, true, false>(g, relax).0,
+            (false, false) => collide::<_, false, false>(g, relax).0,
+            (false, true) => collide::<_, false, true>(g, relax).0,
+        }
+    }
+
+    pub(super) fn at(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+        moments(&self.left[self.cells.grid.cell(cell)])
+    }
+}

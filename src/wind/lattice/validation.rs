@@ -1,0 +1,388 @@
+//! Flows with known answers.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "small known numbers"
+)]
+
+use super::cells::{Cells, Face};
+use super::collide::{eddies, equilibrium};
+use super::flow::Flow;
+use super::grid::{Grid, Parity};
+use super::reference::Plain;
+use super::stencil::{C, Q};
+use super::sweep::Viscosity;
+
+const REST: Face = Face::Wall([0.0; 3]);
+
+/// A flow of either code.
+enum Fluid {
+    Plain(Box<Plain>),
+    Ours(Box<Flow>),
+}
+
+fn cells(n: [usize; 3], faces: [Face; 6], solid: impl Fn([usize; 3]) -> bool) -> Cells {
+    let grid = Grid::new(n);
+    let mut list = vec![false; grid.cells()];
+    for z in 0..n[2] {
+        for y in 0..n[1] {
+            for x in 0..n[0] {
+                list[grid.cell([x, y, z])] = solid([x, y, z]);
+            }
+        }
+    }
+    Cells { grid, faces, solid: list }
+}
+
+fn still([_, _, _]: [isize; 3]) -> [f64; 3] {
+    [0.0; 3]
+}
+
+impl Fluid {
+    fn plain(cells: Cells, tau: f64, force: [f64; 3]) -> Self {
+        Self::Plain(Box::new(Plain { force, ..Plain::new(cells, tau, 0.0) }))
+    }
+
+    fn ours(cells: Cells, tau: f64, force: [f64; 3]) -> Self {
+        let force = force.map(|f| f as f32);
+        let v = Viscosity { tau: tau as f32, eddies: 0.0, sponge: [Vec::new(), Vec::new()], force };
+        Self::Ours(Box::new(Flow::new(cells, v, false).expect("memory")))
+    }
+
+    fn advance(&mut self) {
+        match self {
+            Self::Plain(f) => f.advance(still),
+            Self::Ours(f) => {
+                f.advance(&[]);
+            }
+        }
+    }
+
+    fn run(mut self, steps: usize) -> Self {
+        (0..steps).for_each(|_| self.advance());
+        self
+    }
+
+    fn grid(&self) -> Grid {
+        match self {
+            Self::Plain(f) => f.cells.grid,
+            Self::Ours(f) => f.cells.grid,
+        }
+    }
+
+    fn left(&self, cell: [usize; 3]) -> [f64; Q] {
+        match self {
+            Self::Plain(f) => f.left[f.cells.grid.cell(cell)],
+            Self::Ours(f) => f.left(cell).map(f64::from),
+        }
+    }
+
+    fn set(&mut self, cell: [usize; 3], g: [f64; Q]) {
+        match self {
+            Self::Plain(f) => f.left[f.cells.grid.cell(cell)] = g,
+            Self::Ours(f) => {
+                let e = f.cells.grid.element(cell.map(|c| c as isize));
+                for i in 0..Q {
+                    let (k, e) = f.cells.grid.left(Parity::of(f.step), i, e);
+                    f.populations.arrays_mut()[k][e] = g[i] as f32;
+                }
+            }
+        }
+    }
+
+    fn renew(&mut self) {
+        if let Self::Ours(f) = self {
+            f.links.renew(&f.populations, Parity::of(f.step));
+        }
+    }
+
+    fn at(&self, cell: [usize; 3]) -> (f64, [f64; 3]) {
+        super::collide::moments(&self.left(cell))
+    }
+}
+
+/// |a - b| / |b| over pairs.
+fn relative(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (mut off, mut all) = (0.0, 0.0);
+    for (a, b) in pairs {
+        off += (a - b) * (a - b);
+        all += b * b;
+    }
+    (off / all).sqrt()
+}
+
+fn channel(height: usize, top: Face) -> Cells {
+    cells([1, height, 1], [Face::Periodic, Face::Periodic, REST, top, Face::Periodic, Face::Periodic], |_| false)
+}
+
+fn viscosity(tau: f64) -> f64 {
+    (tau - 0.5) / 3.0
+}
+
+#[test]
+fn couette_flow_is_a_straight_line() {
+    for height in [8, 16, 32] {
+        for tau in [0.6, 0.8, 1.5] {
+            let steps = (3.5 * (height * height) as f64 / viscosity(tau)) as usize;
+            let walls = || channel(height, Face::Wall([0.1, 0.0, 0.0]));
+            for (fluid, bound) in
+                [(Fluid::plain(walls(), tau, [0.0; 3]), 1e-12), (Fluid::ours(walls(), tau, [0.0; 3]), 1e-5)]
+            {
+                let fluid = fluid.run(steps);
+                let line = |y: usize| 0.1 * (y as f64 + 0.5) / height as f64;
+                let off = relative((0..height).map(|y| (fluid.at([0, y, 0]).1[0], line(y))));
+                println!("couette H {height} tau {tau}: {off:.3e}");
+                assert!(off < bound, "H {height}, tau {tau}: {off}");
+            }
+        }
+    }
+}
+
+/// Relative errors of the profile, and wall force over body force.
+fn poiseuille(height: usize, tau: f64, ours: bool) -> (f64, f64) {
+    let (h, top) = (height as f64, 0.4 / height as f64);
+    let force = [8.0 * viscosity(tau) * top / (h * h), 0.0, 0.0];
+    let walls = channel(height, REST);
+    let fluid = if ours { Fluid::ours(walls, tau, force) } else { Fluid::plain(walls, tau, force) };
+    let fluid = fluid.run((3.5 * h * h / viscosity(tau)) as usize);
+    let curve = |y: usize| {
+        let s = (y as f64 + 0.5) / h;
+        4.0 * top * s * (1.0 - s)
+    };
+    // Half of the force belongs to the velocity.
+    let u = |y: usize| {
+        let (drho, u) = fluid.at([0, y, 0]);
+        u[0] - 0.5 * force[0] / (1.0 + drho)
+    };
+    let off = relative((0..height).map(|y| (u(y), curve(y))));
+    let mut wall = 0.0;
+    for (y, into) in [(0, -1), (height - 1, 1)] {
+        let left = fluid.left([0, y, 0]);
+        // A resting wall sends back what it is given.
+        wall += (1..Q).filter(|k| C[*k][1] == into).map(|k| f64::from(C[k][0]) * 2.0 * left[k]).sum::<f64>();
+    }
+    (off, wall / (force[0] * h))
+}
+
+#[test]
+fn poiseuille_flow_converges_with_order_two_and_walls_take_up_the_force() {
+    for tau in [0.55, 0.8, 1.5] {
+        let list = [8, 16, 32].map(|h| poiseuille(h, tau, false));
+        let order = [(list[0].0 / list[1].0).log2(), (list[1].0 / list[2].0).log2()];
+        println!("poiseuille tau {tau}: {:.4e} {:.4e} {:.4e}, order {order:.3?}", list[0].0, list[1].0, list[2].0);
+        println!("  wall force less 1: {:.2e} {:.2e} {:.2e}", list[0].1 - 1.0, list[1].1 - 1.0, list[2].1 - 1.0);
+        assert!(order.iter().all(|o| (o - 2.0).abs() < 0.1), "tau {tau}: order {order:?}");
+        assert!(list.iter().all(|l| (l.1 - 1.0).abs() < 1e-6));
+        if tau == 0.8 {
+            for (l, known) in list.iter().zip([1.11e-2, 2.78e-3, 6.95e-4]) {
+                assert!((l.0 / known - 1.0).abs() < 0.05, "{} against {known}", l.0);
+            }
+        }
+    }
+    let (off, wall) = poiseuille(32, 0.8, true);
+    println!("poiseuille f32 H 32: {off:.3e}, wall {:.2e}", wall - 1.0);
+    assert!(off < 8e-4 && (wall - 1.0).abs() < 5e-4, "{off} {wall}");
+}
+
+/// Errors of viscosity and of velocity after half of the energy is gone.
+fn taylor_green(n: usize, ours: bool) -> (f64, f64) {
+    let (tau, u0, k) = (0.8, 0.8 / n as f64, std::f64::consts::TAU / n as f64);
+    let box_ = cells([n, n, 1], [Face::Periodic; 6], |_| false);
+    let mut fluid = if ours { Fluid::ours(box_, tau, [0.0; 3]) } else { Fluid::plain(box_, tau, [0.0; 3]) };
+    let (sin, cos) = (|x: usize| (k * x as f64).sin(), |x: usize| (k * x as f64).cos());
+    let wave = |x: usize, y: usize| [-u0 * cos(x) * sin(y), u0 * sin(x) * cos(y), 0.0];
+    for y in 0..n {
+        for x in 0..n {
+            let twice = |x: usize| (2.0 * k * x as f64).cos();
+            let drho = -0.75 * u0 * u0 * (twice(x) + twice(y));
+            // The stress of the shear, after the collision: (tau - 1) of -w tau / cs^2 c_a c_b d_a u_b.
+            let (xx, yy) = (u0 * k * sin(x) * sin(y), -u0 * k * sin(x) * sin(y));
+            let g = std::array::from_fn(|i| {
+                let c = C[i].map(f64::from);
+                let shear = c[0] * c[0] * xx + c[1] * c[1] * yy;
+                equilibrium(i, drho, wave(x, y)) - 3.0 * (tau - 1.0) * super::stencil::weight(i) * shear
+            });
+            fluid.set([x, y, 0], g);
+        }
+    }
+    fluid.renew();
+    let energy = |f: &Fluid| {
+        let all = (0..n * n).map(|c| f.at([c % n, c / n, 0]).1);
+        all.map(|u| u[0] * u[0] + u[1] * u[1]).sum::<f64>()
+    };
+    let before = energy(&fluid);
+    let steps = (std::f64::consts::LN_2 / (2.0 * viscosity(tau) * 2.0 * k * k)).round();
+    let fluid = fluid.run(steps as usize);
+    let measured = (before / energy(&fluid)).ln() / (4.0 * k * k * steps);
+    let fade = (-2.0 * viscosity(tau) * k * k * steps).exp();
+    let off = relative((0..n * n).flat_map(|c| {
+        let (u, w) = (fluid.at([c % n, c / n, 0]).1, wave(c % n, c / n));
+        [(u[0], w[0] * fade), (u[1], w[1] * fade)]
+    }));
+    ((measured / viscosity(tau) - 1.0).abs(), off)
+}
+
+#[test]
+fn taylor_green_vortices_fade_as_they_should() {
+    for (n, nu, velocity) in [(16, 5e-3, 2.5e-2), (32, 1.3e-3, 6.5e-3), (64, 3.5e-4, 1.6e-3)] {
+        for ours in [false, true] {
+            let (off_nu, off) = taylor_green(n, ours);
+            println!("taylor-green N {n} ours {ours}: nu {off_nu:.3e}, velocity {off:.3e}");
+            assert!(off_nu < nu && off < velocity, "N {n}, ours {ours}: {off_nu} {off}");
+        }
+    }
+}
+
+/// Heights and velocities of Ghia, Ghia, Shin 1982, table I.
+const HEIGHTS: [f64; 15] = [
+    0.9766, 0.9688, 0.9609, 0.9531, 0.8516, 0.7344, 0.6172, 0.5, 0.4531, 0.2813, 0.1719, 0.1016, 0.0703, 0.0625, 0.0547,
+];
+const RE_100: [f64; 15] = [
+    0.84123, 0.78871, 0.73722, 0.68717, 0.23151, 0.00332, -0.13641, -0.20581, -0.21090, -0.15662, -0.10150, -0.06434,
+    -0.04775, -0.04192, -0.03717,
+];
+const RE_400: [f64; 15] = [
+    0.75837, 0.68439, 0.61756, 0.55892, 0.29093, 0.16256, 0.02135, -0.11477, -0.17119, -0.32726, -0.24299, -0.14612,
+    -0.10338, -0.09266, -0.08186,
+];
+const RE_1000: [f64; 15] = [
+    0.65928, 0.57492, 0.51117, 0.46604, 0.33304, 0.18719, 0.05702, -0.06080, -0.10648, -0.27805, -0.38289, -0.29730,
+    -0.22220, -0.20196, -0.18109,
+];
+
+fn closed(n: usize, lid: f64) -> Cells {
+    let top = Face::Wall([lid, 0.0, 0.0]);
+    cells([n, n, 1], [REST, REST, REST, top, Face::Periodic, Face::Periodic], |_| false)
+}
+
+/// Greatest and mean square difference from the table.
+fn cavity(n: usize, re: f64, turns: usize, table: &[f64; 15]) -> (f64, f64) {
+    let lid = 0.1;
+    let tau = 0.5 + 3.0 * lid * n as f64 / re;
+    let fluid = Fluid::ours(closed(n, lid), tau, [0.0; 3]).run(turns * n * 10);
+    let middle = |y: usize| 0.5 * (fluid.at([n / 2 - 1, y, 0]).1[0] + fluid.at([n / 2, y, 0]).1[0]) / lid;
+    let off: Vec<f64> = HEIGHTS
+        .iter()
+        .zip(table)
+        .map(|(height, known)| {
+            let s = height * n as f64 - 0.5;
+            let y = (s as usize).min(n - 2);
+            let part = s - y as f64;
+            let u = middle(y) + (middle(y + 1) - middle(y)) * part;
+            println!("ghia {re} {height} {known} {u:.5}");
+            (u - known).abs()
+        })
+        .collect();
+    let rms = (off.iter().map(|o| o * o).sum::<f64>() / 15.0).sqrt();
+    let worst = off.iter().copied().fold(0.0, f64::max);
+    println!("cavity Re {re} N {n}: max {worst:.3e} rms {rms:.3e}");
+    (worst, rms)
+}
+
+#[test]
+fn cavity_at_reynolds_100_is_that_of_ghia() {
+    let (worst, rms) = cavity(64, 100.0, 40, &RE_100);
+    assert!(worst < 8e-3 && rms < 4e-3, "{worst} {rms}");
+}
+
+#[test]
+#[ignore = "half a minute; tests/full.sh runs it"]
+fn cavities_at_higher_reynolds_numbers_are_those_of_ghia() {
+    let (worst, rms) = cavity(64, 400.0, 80, &RE_400);
+    assert!(worst < 1.4e-2 && rms < 6e-3, "{worst} {rms}");
+    let (worst, rms) = cavity(96, 1000.0, 150, &RE_1000);
+    assert!(worst < 1.9e-2 && rms < 9e-3, "{worst} {rms}");
+}
+
+#[test]
+fn a_closed_cavity_keeps_its_mass() {
+    for (ours, bound) in [(false, 1e-14), (true, 1e-6)] {
+        let walls = closed(24, 0.1);
+        let fluid = if ours { Fluid::ours(walls, 0.6, [0.0; 3]) } else { Fluid::plain(walls, 0.6, [0.0; 3]) };
+        let fluid = fluid.run(10_000);
+        let n = fluid.grid().n;
+        let mass: f64 = (0..n[0] * n[1]).map(|c| fluid.at([c % n[0], c / n[0], 0]).0).sum();
+        let drift = mass.abs() / (n[0] * n[1]) as f64;
+        println!("mass drift, ours {ours}: {drift:.3e}");
+        assert!(drift < bound, "ours {ours}: {drift}");
+    }
+}
+
+#[test]
+fn the_production_code_is_the_plain_one() {
+    let n = [37, 20, 12];
+    let faces = [Face::Inlet, Face::Outlet, REST, Face::Slip, Face::Periodic, Face::Periodic];
+    let make = || cells(n, faces, |[x, y, z]| (10..14).contains(&x) && y < 8 && (3..8).contains(&z));
+    let tau = 0.5005;
+    let mut plain = Plain::new(make(), tau, eddies(0.16));
+    let sponge: Vec<f64> = (0..n[0])
+        .map(|x| {
+            let k = (x as f64 - 28.0).max(0.0) / 8.0;
+            tau + (1.0 - tau) * k * k
+        })
+        .collect();
+    plain.sponge[0].clone_from(&sponge);
+    let v = Viscosity {
+        tau: tau as f32,
+        eddies: eddies(0.16) as f32,
+        sponge: [sponge.iter().map(|t| *t as f32).collect(), Vec::new()],
+        force: [0.0; 3],
+    };
+    let mut ours = Flow::new(make(), v, false).expect("memory");
+    let inlets = ours.links.inlets();
+    let log = |y: isize| (((y as f64 + 0.5) / 0.1).max(0.0) + 1.0).ln() / 201.0_f64.ln();
+    for step in 1..=600 {
+        let t = (step as f64 / 100.0).min(1.0);
+        let ramp = 0.08 * t * t * (3.0 - 2.0 * t);
+        plain.advance(|p| [ramp * log(p[1]), 0.0, 0.0]);
+        let wind: Vec<[f32; 3]> = inlets.iter().map(|p| [(ramp * log(p[1])) as f32, 0.0, 0.0]).collect();
+        assert_eq!(ours.advance(&wind), 0);
+        if step == 200 || step == 600 {
+            let all = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
+            let fluid = all.filter(|c| !ours.cells.is_solid(*c));
+            let off = relative(fluid.flat_map(|c| {
+                let (a, b) = (ours.at(c).1, plain.at(c).1);
+                (0..3).map(move |k| (f64::from(a[k]), b[k])).collect::<Vec<_>>()
+            }));
+            println!("AA against pull at {step}: {off:.3e}");
+            assert!(off < if step == 200 { 5e-6 } else { 3e-5 }, "{off} at {step}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "timing"]
+fn timing() {
+    for n in [70, 128, 192] {
+        let all = cells([n, n, n], [Face::Inlet, Face::Outlet, REST, Face::Slip, Face::Periodic, Face::Periodic], |_| false);
+        let v = Viscosity { tau: 0.5005, eddies: eddies(0.16) as f32, sponge: [Vec::new(), Vec::new()], force: [0.0; 3] };
+        let mut f = Flow::new(all, v, false).expect("memory");
+        let wind = vec![[0.08, 0.0, 0.0]; f.links.inlets().len()];
+        for _ in 0..4 { f.advance(&wind); }
+        for rep in 0..3 {
+            let steps = 40_000_000 / (n*n*n) * 2;
+            let t = std::time::Instant::now();
+            for _ in 0..steps { f.advance(&wind); }
+            let a = t.elapsed().as_secs_f64();
+            let m = (steps * n*n*n) as f64 / 1e6;
+            println!("{n} rep {rep}: sweep {:.1} MLUPS ({:.2} GB/s)", m / a, m / a * 120.0 / 1000.0);
+        }
+    }
+}
+
+#[test]
+#[ignore = "probe"]
+fn probe() {
+    for lid in [0.02, 0.05, 0.1] {
+    for height in [8, 16, 32] {
+        for tau in [0.6, 0.8, 1.5] {
+            let steps = (3.5 * (height * height) as f64 / viscosity(tau)) as usize;
+            let fluid = Fluid::ours(channel(height, Face::Wall([lid, 0.0, 0.0])), tau, [0.0; 3]).run(steps);
+            let line = |y: usize| lid * (y as f64 + 0.5) / height as f64;
+            print!(" {:.1e}", relative((0..height).map(|y| (fluid.at([0, y, 0]).1[0], line(y)))));
+        }
+    } println!(" lid {lid}"); }
+}
