@@ -21,6 +21,7 @@ const fn row(name: &'static str, default: u64, counts: &'static str) -> Limit {
 pub const LIMITS: &[Limit] = &[
     row("candidates", 100_000_000, "places tried by one scatter"),
     row("catkins", 100_000_000, "catkins of a flight"),
+    row("cells", 200_000_000, "cells of the wind's lattice"),
     row("cloud-points", 20_000_000_000, "points of a moving attractor times frames"),
     row("depth", 1000, "nested brackets and expressions"),
     row("frames", 1_000_000, "frames of a clip"),

@@ -6,8 +6,8 @@
 mod block;
 mod combine;
 mod formula;
-mod gust;
 mod gradient;
+mod gust;
 mod lattice;
 
 use std::fmt::Debug;
@@ -16,8 +16,9 @@ use glam::Vec3;
 
 pub use combine::{Scaled, Sum};
 pub use formula::{Formula, FormulaOptions};
-pub use gust::{Gust, GustOptions, fitted_length};
 pub use gradient::TimeNoise;
+pub use gust::{Gust, GustOptions, fitted_length};
+pub use lattice::{Between, Health, Inlet, InletOptions, Lattice, LatticeOptions, Note, Sides, Snapshot, WindProfile};
 
 /// Slower wind is none at all, m/s.
 pub const CALM: f64 = 0.01;

@@ -19,7 +19,7 @@ pub(super) enum Face {
 }
 
 impl Face {
-    fn is_open(self) -> bool {
+    pub(super) fn is_open(self) -> bool {
         matches!(self, Self::Inlet | Self::Outlet)
     }
 }
@@ -63,12 +63,12 @@ impl Cells {
 
     /// The place itself if it lies inside.
     #[allow(clippy::cast_sign_loss, reason = "not negative inside")]
-    fn inside(&self, place: [isize; 3]) -> Option<[usize; 3]> {
+    pub(super) fn inside(&self, place: [isize; 3]) -> Option<[usize; 3]> {
         self.beyond(place).iter().all(Option::is_none).then(|| place.map(|p| p as usize))
     }
 
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    fn wrapped(&self, mut place: [isize; 3]) -> [isize; 3] {
+    pub(super) fn wrapped(&self, mut place: [isize; 3]) -> [isize; 3] {
         for (a, face) in self.beyond(place).into_iter().enumerate() {
             if face.is_some_and(|f| self.faces[f] == Face::Periodic) {
                 place[a] = place[a].rem_euclid(self.grid.n[a] as isize);
@@ -107,7 +107,11 @@ impl Cells {
         }
         match self.inside(place) {
             Some(q) if !self.is_solid(q) => {
-                if along == i && place == straight { Source::Neighbour } else { Source::Left(along, q) }
+                if along == i && place == straight {
+                    Source::Neighbour
+                } else {
+                    Source::Left(along, q)
+                }
             }
             _ => back,
         }

@@ -115,8 +115,8 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
     let share = one.over(rho);
     let mut j = pairs.momentum();
     if FORCE {
-        for a in 0..3 {
-            j[a] = j[a] + one.all(0.5) * relax.force[a];
+        for (j, force) in j.iter_mut().zip(relax.force) {
+            *j = *j + one.all(0.5) * force;
         }
     }
     let mut u = [j[0] * share, j[1] * share, j[2] * share];
@@ -134,8 +134,8 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
     let omega = one.over(tau);
     let mut out = relaxed(g, (drho, share), (j, u), omega);
     if FORCE {
-        for i in 0..Q {
-            out[i] = out[i] + (one - one.all(0.5) * omega) * pushed(i, u, relax.force);
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = *out + (one - one.all(0.5) * omega) * pushed(i, u, relax.force);
         }
     }
     (out, uu)

@@ -84,14 +84,6 @@ impl Grid {
             Parity::Even => (i, e.wrapping_add_signed(self.shift(i))),
         }
     }
-
-    /// Array and element from which the next step takes what arrives at node `e` along `i`.
-    pub(super) fn arrives(&self, parity: Parity, i: usize, e: usize) -> (usize, usize) {
-        match parity {
-            Parity::Odd => (opposite(i), e.wrapping_add_signed(-self.shift(i))),
-            Parity::Even => (i, e),
-        }
-    }
 }
 
 /// The populations themselves, less their weights; all zero is air at rest.

@@ -58,6 +58,8 @@ struct Ghost {
     inlet: Option<u32>,
     /// Outward side of each axis on which it lies beyond an outlet: -1, 0, 1.
     out: [i8; 3],
+    /// The face it lies beyond, if that is just one.
+    face: Option<usize>,
 }
 
 /// What an open face sends inside.
@@ -65,9 +67,20 @@ struct Ghost {
 pub(super) enum Sends<L> {
     /// Air with this velocity.
     Inlet([L; 3]),
-    /// What comes out, at mean density; never inwards along these sides. `true`: with the part beside the equilibrium.
-    Outlet([i8; 3], bool),
+    /// What comes out, at this density less 1; never inwards along these sides. `true`: with the part beside the
+    /// equilibrium.
+    Outlet([i8; 3], L, bool),
 }
+
+/// Density less 1 beyond an outlet that lets sound go: that of a wave which alone would change the mean outward velocity
+/// from what is wanted to what is. Both in cells a step.
+/// Differs: with density 1 for good a box between inlet and outlet is an organ pipe, whose note lasts for thousands of
+/// steps and is as strong as the wind.
+pub(super) fn let_go<L: Lane>(wanted: L, mean: L) -> L {
+    (mean - wanted) * mean.all(SQRT_3)
+}
+
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
 /// Populations by direction that an open face sends, from those that left the cell before it.
 /// `near`: none beside a solid, which counts as air at rest.
@@ -76,7 +89,7 @@ pub(super) fn sent<L: Lane>(i: usize, near: &[L; Q], sends: Sends<L>) -> L {
     let (drho, mut u) = moments(near);
     match sends {
         Sends::Inlet(wind) => equilibrium(i, drho, wind),
-        Sends::Outlet(out, rest) => {
+        Sends::Outlet(out, density, rest) => {
             let whole = near[i] - equilibrium(i, drho, u);
             for a in 0..3 {
                 let outward = f64::from(out[a]);
@@ -86,7 +99,7 @@ pub(super) fn sent<L: Lane>(i: usize, near: &[L; Q], sends: Sends<L>) -> L {
                     u[a] = pace.above(0.0, u[a], u[a].all(0.0));
                 }
             }
-            let sent = equilibrium(i, drho.all(0.0), u);
+            let sent = equilibrium(i, density, u);
             if rest { sent + whole } else { sent }
         }
     }
@@ -192,8 +205,7 @@ impl Arriving<'_> {
         self,
         planes: &Planes<'_>,
         parity: Parity,
-        (first, band): (usize, usize),
-        plane: usize,
+        (first, band, plane): (usize, usize, usize),
         room: &mut Leaving<'_>,
     ) {
         let Self { plan, .. } = self;
@@ -232,12 +244,43 @@ impl Links {
         self.ghosts.iter().filter(|g| g.inlet.is_some()).map(|g| g.place).collect()
     }
 
+    /// Places beyond just one open face, before air: their face.
+    pub(super) fn mouths(&self) -> impl Iterator<Item = ([isize; 3], usize)> {
+        self.ghosts.iter().filter(|g| g.near.is_some()).filter_map(|g| Some((g.place, g.face?)))
+    }
+
+    /// Mean outward velocity before each face that is an outlet, cells a step.
+    fn outflow(&self) -> [f32; 6] {
+        let parts = par::par_chunks(&self.ghosts, par::CHUNK, |_, ghosts| {
+            let (mut sum, mut count) = ([0.0_f32; 6], [0_u32; 6]);
+            for ghost in ghosts.iter().filter(|g| g.inlet.is_none()) {
+                if let Some((face, near)) = ghost.face.zip(ghost.near) {
+                    let out = f32::from(ghost.out[face / 2]);
+                    sum[face] += out * moments(&self.last.near[near as usize]).1[face / 2];
+                    count[face] += 1;
+                }
+            }
+            (sum, count)
+        });
+        std::array::from_fn(|f| {
+            let (sum, count) = parts.iter().fold((0.0, 0), |(s, c), p| (s + p.0[f], c + p.1[f]));
+            if count > 0 { sum / count as f32 } else { 0.0 }
+        })
+    }
+
     /// What arrives in the next step, and room for what it leaves, cut at bands `slab` apart.
-    /// `wind`: velocity at each inlet, cells a step.
-    pub(super) fn meet(&mut self, wind: &[[f32; 3]], slab: usize) -> (Arriving<'_>, Vec<Leaving<'_>>) {
+    /// `wind`: velocity at each inlet, cells a step; `wanted`: mean outward velocity at each outlet.
+    pub(super) fn meet(
+        &mut self,
+        wind: &[[f32; 3]],
+        wanted: [f32; 6],
+        slab: usize,
+    ) -> (Arriving<'_>, Vec<Leaving<'_>>) {
         for (at, more) in &self.struck {
             self.last.pieces[*at as usize] += more;
         }
+        let mean = self.outflow();
+        let density = std::array::from_fn(|f| let_go(wanted[f], mean[f]));
         let mut sent = self.sent.as_mut_slice();
         let mut parts = Vec::new();
         for ghosts in self.ghosts.chunks(PART) {
@@ -246,11 +289,11 @@ impl Links {
             parts.push((ghosts, mine));
             sent = others;
         }
-        let (near, rest) = (&self.last.near, self.rest);
+        let (near, outlets) = (&self.last.near, (density, self.rest));
         par::par_each(&mut parts, |(ghosts, out)| {
             let mut out = out.iter_mut();
             for ghost in ghosts.iter() {
-                send(ghost, near, wind, rest, &mut out);
+                send(ghost, near, wind, outlets, &mut out);
             }
         });
         let arriving = Arriving { plan: &self.plan, pieces: &self.last.pieces, sent: &self.sent };
@@ -298,19 +341,29 @@ fn send<'a>(
     ghost: &Ghost,
     near: &[[f32; Q]],
     wind: &[[f32; 3]],
-    rest: bool,
+    (density, rest): ([f32; 6], bool),
     out: &mut impl Iterator<Item = &'a mut f32>,
 ) {
     let g = ghost.near.map_or([0.0; Q], |n| near[n as usize]);
     let sends = match ghost.inlet {
         Some(k) => Sends::Inlet(wind[k as usize]),
-        None => Sends::Outlet(ghost.out, rest && ghost.near.is_some()),
+        None => Sends::Outlet(ghost.out, mean_of(ghost.out, density), rest && ghost.near.is_some()),
     };
     for i in (1..Q).filter(|i| ghost.sends >> i & 1 == 1) {
         if let Some(out) = out.next() {
             *out = sent(i, &g, sends);
         }
     }
+}
+
+/// Mean of what is said of the faces beyond which a place lies; `out`: their sides.
+pub(super) fn mean_of<L: Lane>(out: [i8; 3], faces: [L; 6]) -> L {
+    let (mut sum, mut count) = (faces[0].all(0.0), 0.0);
+    for (a, side) in out.iter().enumerate().filter(|(_, side)| **side != 0) {
+        sum = sum + faces[2 * a + usize::from(*side > 0)];
+        count += 1.0;
+    }
+    if count > 0.0 { sum.over(sum.all(count)) } else { sum }
 }
 
 /// Cuts the room for what leaves at every `slab` bands.
@@ -397,10 +450,12 @@ impl<'a> List<'a> {
 
     fn copy(&mut self, one: Copied) {
         if let Some(last) = self.copies.last_mut() {
-            let follows =
-                |a: [usize; 3], b: [usize; 3]| a[0] + last.count == b[0] && a[1] == b[1] && a[2] == b[2];
+            let follows = |a: [usize; 3], b: [usize; 3]| a[0] + last.count == b[0] && a[1] == b[1] && a[2] == b[2];
             let alike = (last.arrive, last.leave) == (one.arrive, one.leave);
-            if alike && one.struck.is_none() && last.struck.is_none() && follows(last.to, one.to)
+            if alike
+                && one.struck.is_none()
+                && last.struck.is_none()
+                && follows(last.to, one.to)
                 && follows(last.from, one.from)
             {
                 last.count += 1;
@@ -426,7 +481,10 @@ impl<'a> List<'a> {
         let number = self.ghosts.len();
         // Which inlet it is will be counted in the end.
         let inlet = is_inlet.then_some(0);
-        self.ghosts.push(Ghost { place, near: None, sends: 0, at: 0, inlet, out: std::array::from_fn(|a| side(&faces[a])) });
+        let mut beyond = faces.iter().flatten().map(|f| f.0);
+        let face = beyond.next().filter(|_| beyond.next().is_none());
+        let out = std::array::from_fn(|a| side(&faces[a]));
+        self.ghosts.push(Ghost { place, near: None, sends: 0, at: 0, inlet, out, face });
         self.near.push((!self.cells.is_solid(near)).then_some(near));
         self.by_place.insert(place, number);
         number
@@ -517,7 +575,7 @@ impl<'a> List<'a> {
 
 /// Makes a range that is filled in order longer.
 fn grow(range: &mut Range<usize>, at: usize, count: usize) {
-    if range.is_empty() {
+    if range.start == range.end {
         *range = at..at;
     }
     range.end += count;
@@ -529,7 +587,7 @@ fn follow(joints: &mut [Joint]) {
     for joint in joints {
         let ranges = [&mut joint.put, &mut joint.open, &mut joint.take, &mut joint.taken, &mut joint.near];
         for (range, end) in ranges.into_iter().zip(&mut ends) {
-            if range.is_empty() {
+            if range.start == range.end {
                 *range = *end..*end;
             }
             *end = range.end;

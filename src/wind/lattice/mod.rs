@@ -4,11 +4,23 @@ mod cells;
 mod collide;
 mod flow;
 mod grid;
+mod inlet;
 mod lane;
 mod links;
+mod marks;
+mod plan;
 #[cfg(test)]
 mod reference;
+mod run;
+mod snapshot;
 mod stencil;
 mod sweep;
 #[cfg(test)]
 mod validation;
+#[cfg(test)]
+mod weather;
+
+pub use inlet::{Inlet, InletOptions, WindProfile};
+pub use plan::{LatticeOptions, Sides};
+pub use run::{Health, Lattice, Note};
+pub use snapshot::{Between, Snapshot};

@@ -3,7 +3,7 @@
 
 use super::cells::{Cells, Face, Source};
 use super::collide::{Relax, collide, moments};
-use super::links::{Sends, sent};
+use super::links::{Sends, let_go, mean_of, sent};
 use super::stencil::{C, Q, weight};
 
 /// Air in steps of the lattice.
@@ -24,14 +24,32 @@ impl Plain {
         Self { cells, tau, eddies, sponge: [Vec::new(), Vec::new()], force: [0.0; 3], rest: false, left }
     }
 
-    pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> [f64; 3]) {
+    /// Density less 1 beyond each outlet.
+    fn density(&self, before: &[[f64; Q]], wanted: [f64; 6]) -> [f64; 6] {
+        let n = self.cells.grid.n;
+        std::array::from_fn(|f| {
+            let (axis, high) = (f / 2, f % 2 == 1);
+            let (mut sum, mut count) = (0.0, 0.0);
+            for c in 0..self.cells.grid.cells() {
+                let cell = [c % n[0], c / n[0] % n[1], c / n[0] / n[1]];
+                if cell[axis] == if high { n[axis] - 1 } else { 0 } && !self.cells.is_solid(cell) {
+                    sum += moments(&before[c]).1[axis] * if high { 1.0 } else { -1.0 };
+                    count += 1.0;
+                }
+            }
+            let_go(wanted[f], sum / count)
+        })
+    }
+
+    pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> [f64; 3], wanted: [f64; 6]) {
         let before = self.left.clone();
+        let density = self.density(&before, wanted);
         let [nx, ny, nz] = self.cells.grid.n;
         for z in 0..nz {
             for y in 0..ny {
                 for x in 0..nx {
                     if !self.cells.is_solid([x, y, z]) {
-                        let g = std::array::from_fn(|i| self.arriving(&before, [x, y, z], i, &wind));
+                        let g = std::array::from_fn(|i| self.arriving((&before, density), [x, y, z], i, &wind));
                         let after = self.collided(&g, [x, z]);
                         self.left[self.cells.grid.cell([x, y, z])] = after;
                     }
@@ -40,7 +58,13 @@ impl Plain {
         }
     }
 
-    fn arriving(&self, before: &[[f64; Q]], x: [usize; 3], i: usize, wind: impl Fn([isize; 3]) -> [f64; 3]) -> f64 {
+    fn arriving(
+        &self,
+        (before, density): (&[[f64; Q]], [f64; 6]),
+        x: [usize; 3],
+        i: usize,
+        wind: impl Fn([isize; 3]) -> [f64; 3],
+    ) -> f64 {
         let left = |cell: [usize; 3]| before[self.cells.grid.cell(cell)];
         match self.cells.source(x, i) {
             Source::Neighbour => left(std::array::from_fn(|a| x[a].wrapping_add_signed(-(C[i][a] as isize))))[i],
@@ -59,7 +83,7 @@ impl Plain {
                     Sends::Inlet(wind(place))
                 } else {
                     let out = faces.map(|f| f.map_or(0, |(f, _)| 2 * (f % 2) as i8 - 1));
-                    Sends::Outlet(out, self.rest && !solid)
+                    Sends::Outlet(out, mean_of(out, density), self.rest && !solid)
                 };
                 sent(j, &near, sends)
             }

@@ -57,15 +57,15 @@ impl Sweep {
     }
 
     /// Computes every fluid cell once. Returns how many were too fast and clamped.
-    /// `wind`: velocity at each inlet, cells a step.
+    /// `wind`, `wanted`: as [`Links::meet`].
     pub(super) fn step(
         &self,
         populations: &mut Populations,
         links: &mut Links,
         (parity, cells): (Parity, &Cells),
-        wind: &[[f32; 3]],
+        (wind, wanted): (&[[f32; 3]], [f32; 6]),
     ) -> u64 {
-        let (arriving, rooms) = links.meet(wind, SLAB * self.grid.bands());
+        let (arriving, rooms) = links.meet(wind, wanted, SLAB * self.grid.bands());
         let mut slabs = self.slabs(populations, parity);
         for (slab, room) in slabs.iter_mut().zip(rooms) {
             slab.leaving = Some(room);
@@ -93,8 +93,9 @@ impl Sweep {
     fn slabs<'a>(&self, populations: &'a mut Populations, parity: Parity) -> Vec<Slab<'a>> {
         let plane = self.grid.plane;
         let count = self.grid.n[2].div_ceil(SLAB);
-        let mut slabs: Vec<Slab<'a>> =
-            (0..count).map(|s| Slab { z: s * SLAB, arrays: Vec::with_capacity(Q), leaving: None, clamped: 0 }).collect();
+        let mut slabs: Vec<Slab<'a>> = (0..count)
+            .map(|s| Slab { z: s * SLAB, arrays: Vec::with_capacity(Q), leaving: None, clamped: 0 })
+            .collect();
         for (k, array) in populations.arrays_mut().into_iter().enumerate() {
             let skip = if parity == Parity::Odd { 1 + C[k][2] } else { 1 } as usize;
             let parts = array[skip * plane..].chunks_mut(SLAB * plane);
@@ -186,7 +187,7 @@ impl Turn<'_, '_> {
                 arriving.put(&mut slab.arrays, parity, band, plane);
                 band_step::<S, ODD, EDDIES, FORCE>(simd, (sweep, cells), slab, (plane, band));
                 if let Some(room) = &mut slab.leaving {
-                    arriving.take(&slab.arrays, parity, (first, band), plane, room);
+                    arriving.take(&slab.arrays, parity, (first, band, plane), room);
                 }
             }
         }

@@ -1,0 +1,303 @@
+//! The wind that comes in, as a function of place and time: profile, gusts and turbulence.
+
+use std::f64::consts::TAU;
+
+use glam::{DVec3, Vec3};
+
+use super::super::Wind;
+use crate::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
+use crate::rng::Rng;
+
+/// How the mean grows with the height above the ground.
+#[derive(Debug, Clone, PartialEq)]
+pub enum WindProfile {
+    /// ln((y + z0)/z0) over its value at the reference height; roughness z0, m.
+    Log(f64),
+    /// A power of the height over the reference height.
+    Power(f64),
+    /// The same at all heights.
+    Uniform,
+    /// Heights, m, rising, and factors on the speed; straight between them.
+    Table(Vec<[f64; 2]>),
+}
+
+/// What comes in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InletOptions {
+    /// Level unit vector that the wind blows towards.
+    pub direction: DVec3,
+    /// Mean speed at the reference height, m/s.
+    pub speed: f64,
+    /// How it grows with the height.
+    pub profile: WindProfile,
+    /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is less.
+    pub reference: Option<f64>,
+    /// Strength of gusts over the mean.
+    pub gust: f64,
+    /// Time after which a gust is forgotten, s.
+    pub gust_period: f64,
+    /// Strength of each component of turbulence over the mean.
+    pub turbulence: f64,
+    /// Waves that turbulence is made of.
+    pub modes: u32,
+    /// Seed of gusts and turbulence.
+    pub seed: u64,
+}
+
+/// Gusts are drawn so many times in the time after which they are forgotten, and joined by straight lines.
+const TICKS: f64 = 32.0;
+/// Gusts remember so many of their times: e^-7 is a thousandth.
+const MEMORY: f64 = 7.0;
+/// Strongest gust over its mean strength.
+const STRONGEST: f64 = 2.0;
+/// Shortest and longest waves of turbulence, and the height where it is whole, in cells.
+const WAVES: [f64; 2] = [6.0, 32.0];
+const WHOLE: f64 = 6.0;
+
+/// One wave of turbulence.
+#[derive(Debug, Clone, Copy)]
+struct Mode {
+    /// Wave vector, 1/m.
+    k: DVec3,
+    /// Velocity, m/s, across the wave vector: it has no divergence.
+    e: DVec3,
+    phase: f64,
+    /// By which the phase falls, 1/s.
+    rate: f64,
+}
+
+/// Air that comes in: u = gust(t) U p(y) d + u'(x - U d t). As a wind of its own it has no wakes.
+/// Source: own, after Kraichnan's random Fourier modes; [catkin] names no inlet.
+#[derive(Debug, Clone)]
+pub struct Inlet {
+    options: InletOptions,
+    /// Lowest corner of the box, m, whose bottom is the ground.
+    origin: DVec3,
+    /// Spacing of the lattice, m.
+    spacing: f64,
+    reference: f64,
+    modes: Vec<Mode>,
+}
+
+impl Inlet {
+    /// `origin`: lowest corner of the box, m; `spacing`: of the lattice, m; `cells`: its size. `periodic`: axes whose
+    /// faces are joined, on which turbulence repeats.
+    pub fn new(options: InletOptions, origin: DVec3, spacing: f64, cells: [u32; 3], periodic: [bool; 3]) -> Self {
+        let size = DVec3::from_array(cells.map(f64::from)) * spacing;
+        let reference = options.reference.unwrap_or(size.y.min(10.0));
+        let modes = modes(&options, spacing, size, periodic);
+        Self { options, origin, spacing, reference, modes }
+    }
+
+    /// Factor on the speed at a height above the ground, m.
+    pub fn profile(&self, height: f64) -> f64 {
+        let y = height.max(0.0);
+        match &self.options.profile {
+            WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference + z0) / z0),
+            WindProfile::Power(a) => pow(y / self.reference, *a),
+            WindProfile::Uniform => 1.0,
+            WindProfile::Table(rows) => table(rows, y),
+        }
+    }
+
+    /// The fastest mean with gusts, up to a height, m/s.
+    pub fn peak(&self, height: f64) -> f64 {
+        let steps = 64;
+        let fastest = (0..=steps).map(|i| self.profile(height * f64::from(i) / f64::from(steps))).fold(0.0, f64::max);
+        let rows: &[[f64; 2]] = if let WindProfile::Table(rows) = &self.options.profile { rows } else { &[] };
+        let fastest = rows.iter().filter(|r| r[0] <= height).map(|r| r[1]).fold(fastest, f64::max);
+        self.options.speed * fastest * (1.0 + STRONGEST * self.options.gust)
+    }
+
+    /// Factor of gusts on the mean: an Ornstein-Uhlenbeck process of unit variance, cut at two, times the strength.
+    #[allow(clippy::cast_possible_truncation, reason = "whole numbers of ticks")]
+    pub fn gust(&self, t: f64) -> f64 {
+        if self.options.gust <= 0.0 {
+            return 1.0;
+        }
+        let ticks = t * TICKS / self.options.gust_period;
+        let (tick, part) = (ticks.floor() as i64, ticks - ticks.floor());
+        let (a, b) = (self.drawn(tick), self.drawn(tick + 1));
+        1.0 + self.options.gust * (a + (b - a) * part).clamp(-STRONGEST, STRONGEST)
+    }
+
+    /// The process at a tick: what is left of all draws before.
+    #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
+    fn drawn(&self, tick: i64) -> f64 {
+        let keep = exp(-1.0 / TICKS);
+        let (mut sum, mut share) = (0.0, sqrt(1.0 - keep * keep));
+        for late in 0..(MEMORY * TICKS) as i64 {
+            let key = ["wind".into(), "gust".into(), (tick - late).into()];
+            sum += share * Rng::at(self.options.seed, &key).normal();
+            share *= keep;
+        }
+        sum
+    }
+
+    /// The part of turbulence that is left near the ground.
+    pub(super) fn envelope(&self, height: f64) -> f64 {
+        (height / (WHOLE * self.spacing)).clamp(0.0, 1.0)
+    }
+
+    /// Velocity of the mean at a height and time, m/s.
+    pub(super) fn steady(&self, height: f64, gust: f64) -> DVec3 {
+        self.options.direction * (self.options.speed * gust * self.profile(height))
+    }
+
+    /// Velocity at a place, m, and time, s.
+    pub fn velocity(&self, place: DVec3, t: f64) -> DVec3 {
+        self.with_gust(place, t, self.gust(t))
+    }
+
+    pub(super) fn with_gust(&self, place: DVec3, t: f64, gust: f64) -> DVec3 {
+        let at = place - self.origin;
+        if at.y < 0.0 {
+            return DVec3::ZERO;
+        }
+        let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(at) + m.phase - m.rate * t)).sum();
+        self.steady(at.y, gust) + eddies * self.envelope(at.y)
+    }
+}
+
+impl Wind for Inlet {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        let gust = self.gust(t);
+        for (place, u) in places.iter().zip(out) {
+            *u = self.with_gust(place.as_dvec3(), t, gust).as_vec3();
+        }
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.mean_at(10.0)
+    }
+
+    fn mean_at(&self, height: f32) -> Vec3 {
+        self.steady(f64::from(height) - self.origin.y, 1.0).as_vec3()
+    }
+
+    fn period(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// Straight lines between rows.
+fn table(rows: &[[f64; 2]], y: f64) -> f64 {
+    let above = rows.partition_point(|r| r[0] <= y);
+    match (above.checked_sub(1).and_then(|i| rows.get(i)), rows.get(above)) {
+        (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (y - a[0]) / (b[0] - a[0]),
+        (Some(only), None) | (None, Some(only)) => only[1],
+        (None, None) => 1.0,
+    }
+}
+
+fn modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3]) -> Vec<Mode> {
+    if options.turbulence <= 0.0 || options.modes == 0 {
+        return Vec::new();
+    }
+    let shortest = WAVES[0] * spacing;
+    let longest = (WAVES[1] * spacing).min(size.y).max(shortest);
+    let count = f64::from(options.modes);
+    let lengths: Vec<f64> = (0..options.modes)
+        .map(|m| {
+            let place = (f64::from(m) + draw(options.seed, m, "length").unit_f64()) / count;
+            shortest * pow(longest / shortest, place)
+        })
+        .collect();
+    // Of half the sum of the squares of all strengths, each component has a third.
+    let power: f64 = lengths.iter().map(|l| pow(*l, 2.0 / 3.0) / 2.0).sum();
+    let strength = sqrt(3.0 / power) * options.turbulence * options.speed;
+    (0..options.modes).zip(&lengths).map(|(m, length)| mode(options, m, *length, (strength, size, periodic))).collect()
+}
+
+fn draw(seed: u64, m: u32, what: &str) -> Rng {
+    Rng::at(seed, &["wind".into(), "mode".into(), m.into(), what.into()])
+}
+
+/// One wave of a length, m. `all`: strength of a wave of 1 m, size of the box, axes on which it repeats.
+fn mode(options: &InletOptions, m: u32, length: f64, (strength, size, periodic): (f64, DVec3, [bool; 3])) -> Mode {
+    let mut k = sphere(&mut draw(options.seed, m, "towards")) * (TAU / length);
+    for a in 0..3 {
+        if periodic[a] {
+            let whole = TAU / size[a];
+            k[a] = whole * (k[a] / whole).round();
+        }
+    }
+    let unit = if k.length() > 0.0 { k / k.length() } else { DVec3::Y };
+    let mut across = draw(options.seed, m, "across");
+    let e = loop {
+        let e = sphere(&mut across);
+        let e = e - unit * e.dot(unit);
+        if e.length() > 0.1 {
+            break e / e.length();
+        }
+    };
+    Mode {
+        k,
+        e: e * (strength * pow(length, 1.0 / 3.0)),
+        phase: TAU * draw(options.seed, m, "phase").unit_f64(),
+        rate: k.dot(options.direction) * options.speed,
+    }
+}
+
+/// A direction, all alike.
+fn sphere(rng: &mut Rng) -> DVec3 {
+    let y = 2.0 * rng.unit_f64() - 1.0;
+    let (turn, level) = (TAU * rng.unit_f64(), sqrt((1.0 - y * y).max(0.0)));
+    DVec3::new(level * cos(turn), y, level * sin(turn))
+}
+
+/// The wind at every place where air comes into a lattice.
+#[derive(Debug)]
+pub(super) struct Mouth {
+    /// Height above the ground there, m, and strength of turbulence.
+    mean: Vec<f32>,
+    /// By wave: cosine and sine of its phase at each place, times the envelope.
+    waves: Vec<[Vec<f32>; 2]>,
+    direction: [f32; 3],
+}
+
+impl Mouth {
+    /// `places`: where, m, with the height of the ground there over the bottom of the box, m. `pace`: cells a step of 1 m/s.
+    pub(super) fn new(inlet: &Inlet, places: &[(DVec3, f64)], pace: f64) -> Self {
+        let height = |(place, ground): &(DVec3, f64)| place.y - inlet.origin.y - ground;
+        let mean = places.iter().map(|p| narrow(inlet.options.speed * inlet.profile(height(p)) * pace)).collect();
+        let wave = |m: &Mode| {
+            let turn = |p: &(DVec3, f64)| m.k.dot(p.0 - inlet.origin) + m.phase;
+            let strong = |p: &(DVec3, f64)| inlet.envelope(height(p)) * pace;
+            [
+                places.iter().map(|p| narrow(cos(turn(p)) * strong(p))).collect(),
+                places.iter().map(|p| narrow(sin(turn(p)) * strong(p))).collect(),
+            ]
+        };
+        let waves = inlet.modes.iter().map(wave).collect();
+        Self { mean, waves, direction: inlet.options.direction.to_array().map(narrow) }
+    }
+
+    /// Velocity at every place, cells a step. `ramp`: share of the wind that blows already.
+    pub(super) fn blow(&self, inlet: &Inlet, t: f64, ramp: f64, out: &mut Vec<[f32; 3]>) {
+        let gust = narrow(inlet.gust(t) * ramp);
+        out.clear();
+        out.extend(self.mean.iter().map(|u| self.direction.map(|d| d * (u * gust))));
+        for (mode, [cosine, sine]) in inlet.modes.iter().zip(&self.waves) {
+            let (c, s) = (narrow(cos(mode.rate * t) * ramp), narrow(sin(mode.rate * t) * ramp));
+            let e = mode.e.to_array().map(narrow);
+            // cos(a - b) = cos a cos b + sin a sin b.
+            for ((u, a), b) in out.iter_mut().zip(cosine).zip(sine) {
+                let wave = a * c + b * s;
+                u[0] += e[0] * wave;
+                u[1] += e[1] * wave;
+                u[2] += e[2] * wave;
+            }
+        }
+    }
+
+    /// Factor on the mean wind at a time.
+    pub(super) fn share(&self, inlet: &Inlet, t: f64, ramp: f64) -> f32 {
+        narrow(inlet.gust(t) * ramp)
+    }
+}
+
+/// How much of the wind blows after so many steps from rest: a sudden start would send a wave of pressure.
+pub(super) fn ramp(steps: u64) -> f64 {
+    f64::from(math::smoothstep(0.0, 100.0, steps.min(1000) as f32))
+}

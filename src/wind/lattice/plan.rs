@@ -1,0 +1,230 @@
+//! Units, faces and steps of a lattice, from what a scene says.
+
+use glam::DVec3;
+
+use super::cells::Face;
+use super::inlet::{Inlet, InletOptions, WindProfile};
+use super::run::Note;
+use crate::math::{cos, narrow};
+use crate::rng;
+use crate::{Error, Result};
+
+/// What the faces along the wind do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sides {
+    /// Joined, if the wind blows along an axis; else open.
+    Auto,
+    /// Nothing passes, nothing drags.
+    Slip,
+    /// Air comes in or goes out, as the wind has it.
+    Open,
+}
+
+/// What a lattice wind is like.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LatticeOptions {
+    /// Cells along x, y and z.
+    pub cells: [u32; 3],
+    /// Spacing, m.
+    pub spacing: f64,
+    /// Middle of the bottom of the box, m: the ground.
+    pub at: DVec3,
+    /// What comes in.
+    pub inlet: InletOptions,
+    /// Kinematic viscosity, m^2/s.
+    pub viscosity: f64,
+    /// Frames a second.
+    pub fps: f64,
+    /// Steps a frame; none for as many as are needed.
+    pub steps: Option<u32>,
+    /// Smagorinsky's constant; 0 for no eddy viscosity.
+    pub smagorinsky: f64,
+    /// Least relaxation time, steps.
+    pub tau_floor: f64,
+    /// Faces along the wind.
+    pub sides: Sides,
+    /// Outlets also pass on what is beside the equilibrium: less damped.
+    pub outlet_rest: bool,
+    /// Cells before an outlet in which the air thickens.
+    pub sponge: u32,
+    /// Time before the first frame, s; none for one flow through the box.
+    pub preroll: Option<f64>,
+}
+
+/// Speed at the inlet, cells a step: wanted at most, accepted with a warning, refused; and too slow for good numbers.
+const PACE: [f64; 4] = [0.1, 0.12, 0.15, 0.005];
+/// Least relaxation time that is stable without eddy viscosity.
+const BARE: f64 = 0.505;
+/// Share of the wind across a face, below which it is along it.
+const ALONG: f64 = 0.02;
+
+/// What follows from the options.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    pub n: [usize; 3],
+    pub origin: DVec3,
+    pub spacing: f64,
+    pub fps: f64,
+    /// Steps a frame, and the time of one, s.
+    pub steps: u32,
+    pub dt: f64,
+    pub tau: f64,
+    pub faces: [Face; 6],
+    /// Axis that the wind is most along.
+    pub along: usize,
+    /// Steps before the first frame.
+    pub run_up: u64,
+    sponge: u32,
+    key: u64,
+}
+
+fn range(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -> Error {
+    Error::Range { name: name.to_owned(), value, min, max, unit }
+}
+
+impl Plan {
+    pub(super) fn of(options: &LatticeOptions) -> Result<(Self, Vec<Note>)> {
+        let direction = options.inlet.direction;
+        if direction.y.abs() > 1e-9 || (direction.length() - 1.0).abs() > 1e-6 {
+            return Err(range("the length of the wind's level direction", direction.length(), 1.0, 1.0, ""));
+        }
+        let n = options.cells.map(|n| n as usize);
+        let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
+        let origin = options.at - DVec3::new(size.x, 0.0, size.z) / 2.0;
+        let faces = faces(options);
+        let along = usize::from(direction.z.abs() > direction.x.abs()) * 2;
+        let mut notes = Vec::new();
+        let periodic = [0, 2, 4].map(|f| faces[f] == Face::Periodic);
+        let inlet = Inlet::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
+        let peak = inlet.peak(size.y);
+        let steps = steps(options, peak, &mut notes)?;
+        let dt = 1.0 / (options.fps * f64::from(steps));
+        let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
+        if options.smagorinsky <= 0.0 && tau < BARE {
+            return Err(range("wind.lattice.tau_floor without smagorinsky", tau, BARE, 1.0, "steps"));
+        }
+        let run_up = run_up(options, (dt, size, n), along);
+        let key = key(options);
+        let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge);
+        Ok((Self { n, origin, spacing, fps, steps, dt, tau, faces, along, run_up, sponge, key }, notes))
+    }
+
+    pub(super) fn cells(&self) -> u64 {
+        self.n.iter().map(|n| *n as u64).product()
+    }
+
+    /// m/s of one cell a step.
+    pub(super) fn speed(&self) -> f64 {
+        self.spacing / self.dt
+    }
+
+    /// Kinematic viscosity in effect, m^2/s.
+    pub(super) fn viscosity(&self) -> f64 {
+        (self.tau - 0.5) * self.spacing * self.spacing / (3.0 * self.dt)
+    }
+
+    /// What tells one lattice from another.
+    pub(super) fn key(&self) -> u64 {
+        self.key
+    }
+
+    /// Counts what stands in the wind among what tells lattices apart.
+    pub(super) fn tell_apart(&mut self, solid: &[bool]) {
+        let bits = solid.chunks(64).map(|c| c.iter().fold(0, |bits, s| bits << 1 | u64::from(*s)));
+        self.key = bits.fold(self.key, rng::child);
+    }
+
+    /// Relaxation times by x and by z: towards an outlet they rise to 1.
+    pub(super) fn sponge(&self) -> [Vec<f32>; 2] {
+        let rise = |axis: usize| {
+            let (n, depth) = (self.n[axis], f64::from(self.sponge));
+            let at = |x: usize| {
+                let low = if self.faces[2 * axis] == Face::Outlet { depth - x as f64 } else { 0.0 };
+                let high = if self.faces[2 * axis + 1] == Face::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
+                let share = if depth > 0.0 { low.max(high).max(0.0) / depth } else { 0.0 };
+                narrow(self.tau + (1.0 - self.tau).max(0.0) * share * share)
+            };
+            (0..n).map(at).collect()
+        };
+        [rise(0), rise(2)]
+    }
+}
+
+fn faces(options: &LatticeOptions) -> [Face; 6] {
+    let d = options.inlet.direction;
+    let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
+    let straight = d[across].abs() < cos(std::f64::consts::FRAC_PI_2 - 1.0_f64.to_radians());
+    std::array::from_fn(|f| {
+        let axis = f / 2;
+        if axis == 1 {
+            return if f == 2 { Face::Wall([0.0; 3]) } else { Face::Slip };
+        }
+        let side = axis == across;
+        match options.sides {
+            Sides::Auto if side && straight => return Face::Periodic,
+            Sides::Slip if side => return Face::Slip,
+            _ => {}
+        }
+        let out = d[axis] * if f.is_multiple_of(2) { -1.0 } else { 1.0 };
+        if out < -ALONG {
+            Face::Inlet
+        } else if out > ALONG {
+            Face::Outlet
+        } else {
+            Face::Slip
+        }
+    })
+}
+
+/// Steps a frame: the fewest at which the wind does not pass a tenth of a cell.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
+fn steps(options: &LatticeOptions, peak: f64, notes: &mut Vec<Note>) -> Result<u32> {
+    let one = peak / (options.fps * options.spacing);
+    let wanted = options.steps.unwrap_or((one / PACE[0] - 1e-9).ceil().clamp(1.0, 1e6) as u32).max(1);
+    let pace = one / f64::from(wanted);
+    let needed = (one / PACE[0] - 1e-9).ceil().max(1.0);
+    if pace > PACE[2] {
+        return Err(range("wind.lattice.steps", f64::from(wanted), needed, 1e6, "steps a frame for this wind"));
+    }
+    if pace > PACE[1] {
+        let text = format!(
+            "the lattice wind passes {pace:.3} cells a step, which is coarse; {needed} steps a frame would be fine"
+        );
+        notes.push(Note { code: "S020", text });
+    }
+    if pace < PACE[3] {
+        let text = format!(
+            "the lattice wind passes only {pace:.4} cells a step and drowns in rounding; take fewer steps a frame or a \
+             smaller dx"
+        );
+        notes.push(Note { code: "S020", text });
+    }
+    Ok(wanted)
+}
+
+/// Steps before the first frame: one flow through the box, at least three passages of sound.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are limited")]
+fn run_up(options: &LatticeOptions, (dt, size, n): (f64, DVec3, [usize; 3]), along: usize) -> u64 {
+    if let Some(seconds) = options.preroll {
+        return (seconds / dt).ceil() as u64;
+    }
+    let through = size[along] / options.inlet.speed.max(0.01) / dt;
+    let longest = n.iter().copied().max().unwrap_or(0) as f64;
+    through.max(3.0 * longest * crate::math::sqrt(3.0)).ceil() as u64
+}
+
+fn key(options: &LatticeOptions) -> u64 {
+    rng::word(&format!("{options:?}"))
+}
+
+impl WindProfile {
+    /// Whether its rows rise and its numbers are within their ranges.
+    pub fn is_sound(&self) -> bool {
+        match self {
+            Self::Log(z0) => *z0 > 0.0,
+            Self::Power(a) => *a >= 0.0,
+            Self::Uniform => true,
+            Self::Table(rows) => !rows.is_empty() && rows.windows(2).all(|w| w[0][0] < w[1][0]),
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! The wind of a clip, frame by frame.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::cells::{Cells, Face};
+use super::collide::{self, FASTEST};
+use super::flow::Flow;
+use super::grid::{Grid, Parity};
+use super::inlet::{Inlet, Mouth, ramp};
+use super::marks::{judge, mark, middle};
+use super::plan::{LatticeOptions, Plan};
+use super::snapshot::{DENSITY, Field, Reading, Snapshot};
+use super::sweep::Viscosity;
+use crate::limits::Limits;
+use crate::math::narrow;
+use crate::progress::{Cancel, Progress};
+use crate::solid::Solid;
+use crate::{Error, Result};
+
+/// Steps between two looks at every cell.
+const LOOK: u64 = 64;
+/// Share of cells that may be clamped in a step.
+const CLAMPED: f64 = 0.01;
+/// Checkered density, beyond which the two sublattices have come apart.
+const CHECKERED: f64 = 1e-3;
+
+/// Something that is not wrong but should be known; `code` is one of the table of codes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    /// Stable code.
+    pub code: &'static str,
+    /// Subject, fact, next step.
+    pub text: String,
+}
+
+/// How a lattice wind did, for reports.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Health {
+    /// Steps done.
+    pub steps: u64,
+    /// Fluid cells that were clamped, over all steps.
+    pub clamped: u64,
+    /// Strongest checkered density seen.
+    pub checkered: f64,
+    /// Mean of the density less 1, in the last snapshot.
+    pub density: f64,
+}
+
+/// Wind on a lattice: air flows through the box, round what stands there, and gives a snapshot for every frame.
+///
+/// The run-up before the first frame begins from rest; it happens in the first call of [`Lattice::advance`].
+#[derive(Debug)]
+pub struct Lattice {
+    plan: Plan,
+    pub(super) flow: Flow,
+    inlet: Arc<Inlet>,
+    mouth: Mouth,
+    field: Arc<Field>,
+    wind: Vec<[f32; 3]>,
+    /// Mean outward velocity at each outlet when what comes in goes out, cells a step.
+    outflow: [f32; 6],
+    notes: Vec<Note>,
+    fluid: usize,
+    health: Health,
+    frames: u64,
+}
+
+impl Lattice {
+    /// Plans everything and makes the cells; nothing flows yet. `solids`: what stands in the wind.
+    /// # Errors
+    /// `Range` for options that do not go together; `Limit` for too many cells; `Io` if the system has no memory.
+    pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
+        let (mut plan, mut notes) = Plan::of(options)?;
+        limits.check("cells", plan.cells(), "the cells of the wind's lattice")?;
+        let n = plan.n;
+        if Grid::bytes(n) / 60 > u64::from(u32::MAX) {
+            let (wanted, limit) = ("more than 4,294,967,295 places".into(), "that".into());
+            let flag = "a larger dx".into();
+            return Err(Error::Limit { name: "an array of the wind's lattice".into(), wanted, limit, flag });
+        }
+        let grid = Grid::new(n);
+        let space = (plan.origin, options.spacing);
+        let mut cells = Cells { grid, faces: plan.faces, solid: mark(&grid, space, solids) };
+        let found = judge(&mut cells, solids, space, plan.along);
+        notes.extend(found.notes());
+        plan.tell_apart(&cells.solid);
+        let fluid = grid.cells() - found.solid;
+        if fluid == 0 {
+            return Err(still_box());
+        }
+        let tau = narrow(plan.tau);
+        let sponge = plan.sponge();
+        let viscosity =
+            Viscosity { tau, eddies: narrow(collide::eddies(options.smagorinsky)), sponge, force: [0.0; 3] };
+        let periodic = [0, 2, 4].map(|f| plan.faces[f] == Face::Periodic);
+        let inlet = Inlet::new(options.inlet.clone(), plan.origin, options.spacing, options.cells, periodic);
+        let inlet = Arc::new(inlet);
+        let field = Arc::new(Field::new(&cells, space, Arc::clone(&inlet)));
+        let flow = Flow::new(cells, viscosity, options.outlet_rest)?;
+        let places = flow.links.inlets().into_iter().map(|p| (plan.middle(p), ground(&flow.cells, p, options.spacing)));
+        let mouth = Mouth::new(&inlet, &places.collect::<Vec<_>>(), plan.dt / options.spacing);
+        let outflow = outflow(&flow, &inlet, &plan);
+        let health = Health { steps: 0, clamped: 0, checkered: 0.0, density: 0.0 };
+        Ok(Self { plan, flow, inlet, mouth, field, wind: Vec::new(), outflow, notes, fluid, health, frames: 0 })
+    }
+
+    /// The wind that comes in.
+    pub fn inlet(&self) -> &Arc<Inlet> {
+        &self.inlet
+    }
+
+    /// What should be known so far.
+    pub fn notes(&self) -> &[Note] {
+        &self.notes
+    }
+
+    /// How it did so far.
+    pub fn health(&self) -> Health {
+        self.health
+    }
+
+    /// Steps before the first frame.
+    pub fn run_up(&self) -> u64 {
+        self.plan.run_up
+    }
+
+    /// Steps a frame.
+    pub fn steps(&self) -> u32 {
+        self.plan.steps
+    }
+
+    /// Kinematic viscosity the air has in effect, m^2/s.
+    pub fn viscosity(&self) -> f64 {
+        self.plan.viscosity()
+    }
+
+    /// The next frame's wind. The first call runs up first, telling `progress`; times are counted from the first frame.
+    /// # Errors
+    /// `Simulation` when the flow leaves its bounds, `Cancelled` when asked to stop.
+    pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<Snapshot>> {
+        let until = self.plan.run_up + self.frames * u64::from(self.plan.steps);
+        if self.frames == 0 {
+            progress.stage("wind", until);
+        }
+        while self.flow.step < until {
+            cancel.check()?;
+            self.step()?;
+            if self.frames == 0 {
+                progress.advance(1);
+            }
+        }
+        let reading = self.look()?;
+        let time = self.frames as f64 / self.plan.fps;
+        self.frames += 1;
+        Ok(Arc::new(reading.snapshot(&self.field, time)))
+    }
+
+    fn step(&mut self) -> Result<()> {
+        // Steps are counted from rest, times from the first frame.
+        let t = (self.flow.step as f64 - self.plan.run_up as f64) * self.plan.dt;
+        self.mouth.blow(&self.inlet, t, ramp(self.flow.step), &mut self.wind);
+        let share = self.mouth.share(&self.inlet, t, ramp(self.flow.step));
+        let clamped = self.flow.advance(&self.wind, self.outflow.map(|u| u * share));
+        self.health.steps = self.flow.step;
+        if clamped > 0 {
+            self.clamped(clamped)?;
+        }
+        if self.flow.step.is_multiple_of(LOOK) {
+            self.look()?;
+        }
+        Ok(())
+    }
+
+    #[cold]
+    fn clamped(&mut self, count: u64) -> Result<()> {
+        let speed = FASTEST * self.plan.speed();
+        if self.health.clamped == 0 {
+            let text = format!(
+                "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {} and was held there; lower \
+                 wind.speed, or set wind.lattice.steps to more than {}",
+                self.flow.step, self.plan.steps
+            );
+            self.notes.push(Note { code: "S022", text });
+        }
+        self.health.clamped += count;
+        if count as f64 > CLAMPED * self.fluid as f64 {
+            return Err(self.blown(format!("more than {speed:.1} m/s in {count} cells")));
+        }
+        Ok(())
+    }
+
+    /// Looks at every cell.
+    fn look(&mut self) -> Result<Reading> {
+        let reading = self.flow.read(narrow(self.plan.speed()));
+        let wild = reading.planes.iter().enumerate().find_map(|(z, p)| p.wild.map(|[x, y]| [x, y, z]));
+        if let Some(cell) = wild {
+            let (drho, u) = self.flow.at(cell);
+            let at = middle(self.plan.origin, self.plan.spacing, cell);
+            let u = Vec3::from_array(u) * narrow(self.plan.speed());
+            return Err(self.blown(format!(
+                "density {:.3} (allowed {} to {}) and velocity ({:.2}, {:.2}, {:.2}) m/s in cell ({}, {}, {}) at ({:.2}, \
+                 {:.2}, {:.2}) m",
+                1.0 + drho, DENSITY[0], DENSITY[1], u.x, u.y, u.z, cell[0], cell[1], cell[2], at.x, at.y, at.z
+            )));
+        }
+        let sum = |f: &dyn Fn(&super::snapshot::Plane) -> f64| reading.planes.iter().map(f).sum::<f64>();
+        self.health.density = sum(&|p| p.mass) / self.fluid as f64;
+        let checkered = (sum(&|p| p.checkered) / self.fluid as f64).abs();
+        if checkered > CHECKERED && self.health.checkered <= CHECKERED {
+            let text = format!(
+                "the lattice wind has come apart into a checkerboard of density {checkered:.1e} at step {}; raise \
+                 wind.lattice.tau_floor",
+                self.flow.step
+            );
+            self.notes.push(Note { code: "S023", text });
+        }
+        self.health.checkered = self.health.checkered.max(checkered);
+        Ok(reading)
+    }
+
+    fn blown(&self, what: String) -> Error {
+        let quantity = format!(
+            "S024: the lattice wind at step {}, {what}; raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or \
+             lower wind.speed: it",
+            self.flow.step, self.plan.steps
+        );
+        Error::Simulation { frame: u32::try_from(self.frames).unwrap_or(u32::MAX), quantity }
+    }
+
+    /// All that the flow is, to go on from later: steps, frames, then every population.
+    pub fn checkpoint(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        bytes.extend(self.plan.key().to_le_bytes());
+        bytes.extend(self.flow.step.to_le_bytes());
+        bytes.extend(self.frames.to_le_bytes());
+        for array in self.flow.populations.arrays() {
+            array.iter().for_each(|g| bytes.extend(g.to_le_bytes()));
+        }
+        bytes
+    }
+
+    /// Goes on from a checkpoint of a lattice with the same options, seed and solids, with the bytes of one that never
+    /// stopped.
+    /// # Errors
+    /// `Simulation` if the bytes are of another lattice.
+    pub fn resume(&mut self, bytes: &[u8]) -> Result<()> {
+        let other = || {
+            let quantity = "S025: the checkpoint is of another lattice wind; run it from the start: it".into();
+            Error::Simulation { frame: 0, quantity }
+        };
+        let (head, body) = bytes.split_at_checked(24).ok_or_else(other)?;
+        let word = |k: usize| head[8 * k..].first_chunk::<8>().map_or(0, |b| u64::from_le_bytes(*b));
+        let elements: usize = self.flow.populations.arrays().iter().map(|a| a.len()).sum();
+        if word(0) != self.plan.key() || body.len() != 4 * elements {
+            return Err(other());
+        }
+        (self.flow.step, self.frames) = (word(1), word(2));
+        let mut numbers = body.as_chunks::<4>().0.iter();
+        for array in self.flow.populations.arrays_mut() {
+            array.iter_mut().zip(&mut numbers).for_each(|(g, b)| *g = f32::from_le_bytes(*b));
+        }
+        self.flow.links.renew(&self.flow.populations, Parity::of(self.flow.step));
+        Ok(())
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> u64 {
+        Grid::bytes(self.plan.n) + self.flow.links.bytes() as u64 + 3 * self.flow.cells.solid.len() as u64
+    }
+}
+
+fn still_box() -> Error {
+    Error::Simulation {
+        frame: 0,
+        quantity: "S024: the lattice wind, whose cells are all solid; move or widen it: it".into(),
+    }
+}
+
+/// Height of the solid cells at the foot of the column before an open face, m.
+#[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "clamped to the domain")]
+fn ground(cells: &Cells, place: [isize; 3], spacing: f64) -> f64 {
+    let near = |a: usize| place[a].clamp(0, cells.grid.n[a] as isize - 1) as usize;
+    let (x, z) = (near(0), near(2));
+    let solid = (0..cells.grid.n[1]).take_while(|y| cells.is_solid([x, *y, z])).count();
+    spacing * solid as f64
+}
+
+/// Mean outward velocity at each outlet, cells a step: what the inlets let in, shared out as the profile has it.
+fn outflow(flow: &Flow, inlet: &Inlet, plan: &Plan) -> [f32; 6] {
+    let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
+    for (place, face) in flow.links.mouths() {
+        let height = plan.middle(place).y - plan.origin.y - ground(&flow.cells, place, plan.spacing);
+        let out = if face.is_multiple_of(2) { -1.0 } else { 1.0 };
+        sum[face] += out * inlet.steady(height, 1.0)[face / 2] / plan.speed();
+        count[face] += 1.0;
+    }
+    let all = |face: Face| (0..6).filter(|f| plan.faces[*f] == face).map(|f| sum[f]).sum::<f64>();
+    let (coming, going) = (-all(Face::Inlet), all(Face::Outlet));
+    let share = if going > 0.0 { coming / going } else { 0.0 };
+    std::array::from_fn(|f| if count[f] > 0.0 { narrow(share * sum[f] / count[f]) } else { 0.0 })
+}
+
+impl Plan {
+    #[allow(clippy::cast_precision_loss, reason = "numbers of cells")]
+    fn middle(&self, p: [isize; 3]) -> DVec3 {
+        self.origin + (DVec3::new(p[0] as f64, p[1] as f64, p[2] as f64) + 0.5) * self.spacing
+    }
+}

@@ -1,0 +1,326 @@
+//! The wind of one moment, and what lies between two of them.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use pulp::{Simd, WithSimd};
+
+use super::super::Wind;
+use super::cells::{Cells, Face};
+use super::collide::moments;
+use super::flow::Flow;
+use super::grid::{BLOCK, Parity};
+use super::inlet::Inlet;
+use super::lane::Wide;
+use super::stencil::Q;
+use crate::par;
+
+/// Cells over which the wind outside the box turns into what comes in.
+const BLEND: f32 = 4.0;
+
+/// Where the cells of snapshots lie, and which are solid. Shared by all of them.
+#[derive(Debug)]
+pub(super) struct Field {
+    /// Cells, the layer around them not counted.
+    pub n: [usize; 3],
+    /// Lowest corner, m.
+    pub origin: DVec3,
+    /// Spacing, m.
+    pub spacing: f64,
+    pub periodic: [bool; 3],
+    /// Of every cell, the layer around them included: solid or below the ground.
+    pub solid: Vec<bool>,
+    /// Of every cell from which eight corners begin: whether any of them is solid.
+    pub beside: Vec<bool>,
+    pub inlet: Arc<Inlet>,
+}
+
+impl Field {
+    pub(super) fn new(cells: &Cells, (origin, spacing): (DVec3, f64), inlet: Arc<Inlet>) -> Self {
+        let n = cells.grid.n;
+        let periodic = [0, 2, 4].map(|f| cells.faces[f] == Face::Periodic);
+        let mut field = Self { n, origin, spacing, periodic, solid: Vec::new(), beside: Vec::new(), inlet };
+        let ground = matches!(cells.faces[2], Face::Wall(_));
+        let count = field.count();
+        field.solid = (0..count)
+            .map(|k| {
+                let at = field.place(k);
+                ground && at[1] == 0 || cells.is_solid(field.inside(at))
+            })
+            .collect();
+        let step = field.steps();
+        field.beside = (0..count)
+            .map(|k| (0..8).any(|c| field.solid.get(k + corner(c, step)).copied().unwrap_or(false)))
+            .collect();
+        field
+    }
+
+    /// Cells with the layer around them.
+    pub(super) fn count(&self) -> usize {
+        self.n.iter().map(|n| n + 2).product()
+    }
+
+    /// Elements from a cell to its next along each axis.
+    fn steps(&self) -> [usize; 3] {
+        [1, self.n[0] + 2, (self.n[0] + 2) * (self.n[1] + 2)]
+    }
+
+    fn place(&self, k: usize) -> [usize; 3] {
+        let [_, row, plane] = self.steps();
+        [k % row, k / row % (self.n[1] + 2), k / plane]
+    }
+
+    /// The cell inside that a cell of the layer around repeats; places count from the layer.
+    fn inside(&self, at: [usize; 3]) -> [usize; 3] {
+        std::array::from_fn(|a| match at[a] {
+            0 if self.periodic[a] => self.n[a] - 1,
+            p if p == self.n[a] + 1 && self.periodic[a] => 0,
+            p => p.clamp(1, self.n[a]) - 1,
+        })
+    }
+
+    /// Velocity at a place, m: the mean of what `values` says of the eight cells around, by their number.
+    /// In the layer of half a cell around solids it falls to 0 in a straight line. Outside, `outside` blends in.
+    /// Source: [catkin] eq. 11.
+    /// Differs: eq. 11 begins at the closest node, which makes negative weights; this begins at the one below.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
+    pub(super) fn sample(&self, at: Vec3, values: impl Fn(usize) -> Vec3, outside: impl Fn() -> Vec3) -> Vec3 {
+        let s = ((at.as_dvec3() - self.origin) / self.spacing).as_vec3();
+        if s.y <= 0.0 && self.solid[self.n[0] / 2 + 1] {
+            return Vec3::ZERO;
+        }
+        let (mut base, mut part, mut far) = ([0; 3], [0.0; 3], 0.0_f32);
+        for a in 0..3 {
+            let n = self.n[a] as f32;
+            let place = if self.periodic[a] { s[a] - (s[a] / n).floor() * n } else { s[a].clamp(0.0, n) };
+            far = far.max((s[a] - place).abs() * f32::from(u8::from(!self.periodic[a])));
+            // Half a cell to its middle, one for the layer around.
+            let from = place + 0.5;
+            base[a] = (from as usize).min(self.n[a]);
+            part[a] = from - base[a] as f32;
+        }
+        let step = self.steps();
+        let first = base[0] + base[1] * step[1] + base[2] * step[2];
+        let inner = self.mean(first, part, values);
+        if far > 0.0 {
+            let share = (far / BLEND).min(1.0);
+            return inner + (outside() - inner) * share;
+        }
+        inner
+    }
+
+    fn mean(&self, first: usize, part: [f32; 3], values: impl Fn(usize) -> Vec3) -> Vec3 {
+        let step = self.steps();
+        let weight = |c: usize| {
+            let along = |a: usize| if c >> a & 1 == 1 { part[a] } else { 1.0 - part[a] };
+            along(0) * along(1) * along(2)
+        };
+        if !self.beside[first] {
+            return (0..8).fold(Vec3::ZERO, |sum, c| sum + values(first + corner(c, step)) * weight(c));
+        }
+        let (mut sum, mut all, mut near) = (Vec3::ZERO, 0.0, f32::INFINITY);
+        for c in 0..8 {
+            if self.solid[first + corner(c, step)] {
+                // From the place to the cell, in cells.
+                let away =
+                    Vec3::from_array(std::array::from_fn(|a| ((part[a] - (c >> a & 1) as f32).abs() - 0.5).max(0.0)));
+                near = near.min(away.length());
+            } else {
+                sum += values(first + corner(c, step)) * weight(c);
+                all += weight(c);
+            }
+        }
+        if all > 0.0 { sum / all * (near * 2.0).min(1.0) } else { Vec3::ZERO }
+    }
+}
+
+/// Elements to one of eight corners.
+fn corner(c: usize, step: [usize; 3]) -> usize {
+    (c & 1) * step[0] + (c >> 1 & 1) * step[1] + (c >> 2) * step[2]
+}
+
+/// The wind of one moment: velocity, m/s, and density less 1 of every cell.
+#[derive(Debug)]
+pub struct Snapshot {
+    pub(super) field: Arc<Field>,
+    /// With the layer around the cells.
+    pub(super) values: Vec<[f32; 4]>,
+    /// When, s.
+    pub(super) time: f64,
+}
+
+impl Snapshot {
+    /// When it is, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Cells along x, y and z.
+    pub fn cells(&self) -> [usize; 3] {
+        self.field.n
+    }
+
+    /// Lowest corner and spacing of the cells, m.
+    pub fn place(&self) -> (DVec3, f64) {
+        (self.field.origin, self.field.spacing)
+    }
+
+    /// Velocity, m/s, and density less 1 of a cell; none if it is solid or not in the box.
+    pub fn cell(&self, at: [usize; 3]) -> Option<(Vec3, f32)> {
+        let [nx, ny, nz] = self.field.n;
+        if at[0] >= nx || at[1] >= ny || at[2] >= nz {
+            return None;
+        }
+        let step = self.field.steps();
+        let k = at[0] + 1 + (at[1] + 1) * step[1] + (at[2] + 1) * step[2];
+        let [x, y, z, rho] = self.values[k];
+        (!self.field.solid[k]).then_some((Vec3::new(x, y, z), rho))
+    }
+}
+
+/// The wind between two moments: in a straight line from one to the other.
+#[derive(Debug, Clone)]
+pub struct Between {
+    /// The earlier one.
+    pub before: Arc<Snapshot>,
+    /// The later one.
+    pub after: Arc<Snapshot>,
+    /// When the earlier one is, s.
+    pub t0: f64,
+    /// When the later one is, s.
+    pub t1: f64,
+}
+
+impl Wind for Between {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        let part = if self.t1 > self.t0 { ((t - self.t0) / (self.t1 - self.t0)).clamp(0.0, 1.0) } else { 0.0 };
+        let part = crate::math::narrow(part);
+        let (field, inlet) = (&self.before.field, &self.before.field.inlet);
+        let gust = inlet.gust(t);
+        for (place, u) in places.iter().zip(out) {
+            let value = |k: usize| {
+                let (a, b) = (self.before.values[k], self.after.values[k]);
+                let a = Vec3::new(a[0], a[1], a[2]);
+                a + (Vec3::new(b[0], b[1], b[2]) - a) * part
+            };
+            *u = field.sample(*place, value, || inlet.with_gust(place.as_dvec3(), t, gust).as_vec3());
+        }
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.before.field.inlet.mean()
+    }
+
+    fn mean_at(&self, height: f32) -> Vec3 {
+        self.before.field.inlet.mean_at(height)
+    }
+
+    fn period(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// Velocity and density of every cell, and what is wrong with them.
+#[derive(Debug, Default)]
+pub(super) struct Reading {
+    /// Without the layer around.
+    pub planes: Vec<Plane>,
+}
+
+/// One plane of cells.
+#[derive(Debug, Default)]
+pub(super) struct Plane {
+    pub values: Vec<[f32; 4]>,
+    /// First cell, by x and y, whose density is no number or outside its bounds.
+    pub wild: Option<[usize; 2]>,
+    /// Sum of the density less 1, and with the sign of the parity of x + y + z.
+    pub mass: f64,
+    pub checkered: f64,
+}
+
+/// Bounds of the density.
+pub(super) const DENSITY: [f32; 2] = [0.5, 1.5];
+
+impl Flow {
+    /// Reads every cell. `speed`: m/s of one cell a step.
+    pub(super) fn read(&self, speed: f32) -> Reading {
+        let planes: Vec<usize> = (0..self.cells.grid.n[2]).collect();
+        let planes = par::par_map(&planes, |z| self.sweep.arch.dispatch(ReadPlane { flow: self, z: *z, speed }));
+        Reading { planes }
+    }
+}
+
+struct ReadPlane<'a> {
+    flow: &'a Flow,
+    z: usize,
+    speed: f32,
+}
+
+impl WithSimd for ReadPlane<'_> {
+    type Output = Plane;
+
+    #[inline(always)]
+    #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
+    fn with_simd<S: Simd>(self, simd: S) -> Plane {
+        let Self { flow, z, speed } = self;
+        let (grid, cells) = (&flow.cells.grid, &flow.cells);
+        let arrays = flow.populations.arrays();
+        let parity = Parity::of(flow.step);
+        let [nx, ny, _] = grid.n;
+        let length = nx.next_multiple_of(BLOCK);
+        let mut plane = Plane { values: vec![[0.0; 4]; nx * ny], ..Plane::default() };
+        let mut row = [vec![0.0_f32; length], vec![0.0; length], vec![0.0; length], vec![0.0; length]];
+        for y in 0..ny {
+            let first = grid.element([0, y as isize, z as isize]);
+            for block in 0..length / S::F32_LANES {
+                let mut g = [Wide::splat(simd, 0.0); Q];
+                for (i, g) in g.iter_mut().enumerate() {
+                    let (k, e) = grid.left(parity, i, first + block * S::F32_LANES);
+                    *g = Wide::new(simd, S::as_simd_f32s(&arrays[k][e..e + S::F32_LANES]).0[0]);
+                }
+                let (drho, u) = moments(&g);
+                let scale = Wide::splat(simd, speed);
+                let all = [u[0] * scale, u[1] * scale, u[2] * scale, drho];
+                for a in 0..4 {
+                    S::as_mut_simd_f32s(&mut row[a]).0[block] = all[a].value;
+                }
+            }
+            let solid = &cells.solid[grid.cell([0, y, z])..][..nx];
+            let (mut sum, mut sign) = (0.0_f64, if (y + z).is_multiple_of(2) { 1.0 } else { -1.0 });
+            for (x, value) in plane.values[y * nx..(y + 1) * nx].iter_mut().enumerate() {
+                let drho = row[3][x];
+                if !solid[x] {
+                    *value = [row[0][x], row[1][x], row[2][x], drho];
+                    sum += f64::from(drho);
+                    plane.checkered += sign * f64::from(drho);
+                    let good = drho > DENSITY[0] - 1.0 && drho < DENSITY[1] - 1.0;
+                    if !good && plane.wild.is_none() {
+                        plane.wild = Some([x, y]);
+                    }
+                }
+                sign = -sign;
+            }
+            plane.mass += sum;
+        }
+        plane
+    }
+}
+
+impl Reading {
+    /// With the layer around the cells.
+    pub(super) fn snapshot(self, field: &Arc<Field>, time: f64) -> Snapshot {
+        let [nx, ny, nz] = field.n;
+        let mut values = vec![[0.0; 4]; field.count()];
+        let mut planes: Vec<(usize, &mut [[f32; 4]])> = values.chunks_mut((nx + 2) * (ny + 2)).enumerate().collect();
+        par::par_each(&mut planes, |(z, plane)| {
+            let from = field.inside([1, 1, *z])[2].min(nz - 1);
+            for (y, row) in plane.chunks_mut(nx + 2).enumerate() {
+                let y = field.inside([1, y, 1])[1];
+                let cells = &self.planes[from].values[y * nx..(y + 1) * nx];
+                row[1..=nx].copy_from_slice(cells);
+                (row[0], row[nx + 1]) = (cells[field.inside([0, 1, 1])[0]], cells[field.inside([nx + 1, 1, 1])[0]]);
+            }
+        });
+        Snapshot { field: Arc::clone(field), values, time }
+    }
+}
