@@ -355,32 +355,6 @@ fn the_production_code_is_the_plain_one() {
 }
 
 #[test]
-#[ignore = "timing"]
-fn timing() {
-    for n in [70, 128, 192] {
-        let all =
-            cells([n, n, n], [Face::Inlet, Face::Outlet, REST, Face::Slip, Face::Periodic, Face::Periodic], |_| false);
-        let v =
-            Viscosity { tau: 0.5005, eddies: eddies(0.16) as f32, sponge: [Vec::new(), Vec::new()], force: [0.0; 3] };
-        let mut f = Flow::new(all, v, false).expect("memory");
-        let wind = vec![[0.08, 0.0, 0.0]; f.links.inlets().len()];
-        for _ in 0..4 {
-            f.advance(&wind, [0.0, 0.08, 0.0, 0.0, 0.0, 0.0]);
-        }
-        for rep in 0..3 {
-            let steps = 40_000_000 / (n * n * n) * 2;
-            let t = std::time::Instant::now();
-            for _ in 0..steps {
-                f.advance(&wind, [0.0, 0.08, 0.0, 0.0, 0.0, 0.0]);
-            }
-            let a = t.elapsed().as_secs_f64();
-            let m = (steps * n * n * n) as f64 / 1e6;
-            println!("{n} rep {rep}: sweep {:.1} MLUPS ({:.2} GB/s)", m / a, m / a * 120.0 / 1000.0);
-        }
-    }
-}
-
-#[test]
 fn uniform_wind_between_slip_walls_stays_uniform() {
     let faces = [Face::Inlet, Face::Outlet, Face::Slip, Face::Slip, Face::Periodic, Face::Periodic];
     let v = Viscosity { tau: 0.5005, eddies: eddies(0.16) as f32, sponge: [Vec::new(), Vec::new()], force: [0.0; 3] };
