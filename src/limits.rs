@@ -45,6 +45,7 @@ pub const LIMITS: &[Limit] = &[
     row("triangles", 50_000_000, "triangles of a mesh"),
     row("turtle-stack", 100_000, "open brackets"),
     row("vertices", 50_000_000, "vertices of a mesh"),
+    row("wind-bytes", 4_000_000_000, "bytes of the wind of a clip, kept for what sways in it"),
 ];
 
 /// The limits in force: defaults, then what the user lifted or lowered.

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::Work;
+use super::blow::{Blown, blow};
 use crate::math::{cos, narrow, sin};
 use crate::motion::{Fixes, Manner, PaperManner, Take, Wood};
 use crate::recipe::Recipe;
@@ -11,6 +13,7 @@ use crate::recipe::wind_keys::{PaperFix, Profile, Start, SwayKeys, SwayModel, Wi
 use crate::rng;
 use crate::scene::Trs;
 use crate::wind::{CALM, Formula, FormulaOptions, Gust, GustOptions, Scaled, Sum, Uniform, Wind};
+use crate::{Result, diagnostic::Report};
 
 /// Wind as it meets the plants.
 #[derive(Debug, Clone)]
@@ -46,11 +49,13 @@ pub fn wind_of(recipe: &Recipe, air: Option<&Air>) -> Arc<dyn Wind> {
 }
 
 impl Air {
-    /// None in a still scene and in calm air.
-    pub fn of(recipe: &Recipe) -> Option<Self> {
+    /// None in a still scene and in calm air. `wanted`: what a lattice wind is kept for and what stands in it.
+    /// # Errors
+    /// Those of [`blow`], for a lattice wind.
+    pub fn of(recipe: &Recipe, wanted: &Blown<'_>, work: &Work<'_>, report: &mut Report) -> Result<Option<Self>> {
         let sway = &recipe.sway;
         if recipe.clip.len() < 2 || !recipe.blows() {
-            return None;
+            return Ok(None);
         }
         let round = sway.loop_frames(&recipe.clip);
         let (frames, repeats) = (round.unwrap_or(recipe.clip.len()), round.is_some());
@@ -66,10 +71,15 @@ impl Air {
         let winds: Vec<(u64, &WindKeys)> = winds.into_iter().filter(|(_, keys)| keys.blows()).collect();
         let flickers = winds.iter().filter(|(_, keys)| keys.model != WindModel::Uniform);
         let flicker = flickers.map(|(_, keys)| keys.flicker).fold(0.0, f64::max);
-        let mut winds: Vec<Arc<dyn Wind>> =
-            winds.iter().map(|(i, keys)| scaled(keys, period, recipe.seed, *i)).collect();
+        let lattice = (recipe.wind.model == WindModel::Lattice).then(|| {
+            let wind = blow(recipe, &Blown { repeats: repeats.then_some(frames), ..*wanted }, work, report)?;
+            Ok::<Arc<dyn Wind>, crate::Error>(Arc::new(Scaled { wind, factor: narrow(recipe.wind.scale) }))
+        });
+        let others = winds.iter().filter(|(_, keys)| keys.model != WindModel::Lattice);
+        let others = others.map(|(i, keys)| scaled(keys, period, recipe.seed, *i));
+        let mut winds: Vec<Arc<dyn Wind>> = lattice.transpose()?.into_iter().chain(others).collect();
         let wind = if winds.len() == 1 { winds.remove(0) } else { Arc::new(Sum(winds)) };
-        Some(Self {
+        Ok(Some(Self {
             wind,
             take,
             flicker,
@@ -81,7 +91,7 @@ impl Air {
             overtones: sway.modes > 1,
             gravity: sway.gravity,
             paper: paper(sway),
-        })
+        }))
     }
 
     /// Frames by which a copy at `at` is ahead of the one at `first`, m, whose motion it shows: gusts reach what stands
@@ -128,7 +138,7 @@ fn scaled(keys: &WindKeys, period: Option<f64>, seed: u64, number: u64) -> Arc<d
 fn wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Wind> {
     let direction = Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)));
     match keys.model {
-        WindModel::Calm | WindModel::Uniform => Arc::new(Uniform(direction * narrow(keys.speed))),
+        WindModel::Calm | WindModel::Uniform | WindModel::Lattice => Arc::new(Uniform(direction * narrow(keys.speed))),
         WindModel::Gust => Arc::new(Gust::new(GustOptions {
             direction,
             speed: keys.speed,

@@ -1,6 +1,7 @@
 //! Runs a [`Recipe`](crate::recipe::Recipe): grows, skins, steps through time, writes.
 
 mod air;
+pub mod blow;
 pub mod catkin;
 pub mod clouds;
 mod counts;

@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::Work;
 use super::air::{self, Air};
+use super::blow::{Blown, plants_room, standing};
 use super::counts::{Counts, count};
 use super::course::{Course, Setting};
 use super::dress::{Kind, dress};
@@ -99,17 +100,20 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
     work.progress.stage("skinning", layout.individuals.len() as u64);
     let modules = grown.iter().map(|g| g.modules).sum();
-    let air = Air::of(recipe);
-    dress_all((recipe, air.as_ref()), (&layout, &kinds, &grown), &mut made, work)?;
-    tell_clamped(&made.movers, &mut report);
-    let mut placements = placements(air.as_ref(), &made.assets, &layout);
-    add_clouds(recipe, &mut made, &mut placements, work)?;
-    let twigs = twigs(recipe, &layout, &grown);
     let footing = match (&land, &soil) {
         (Some(land), _) => Footing::Land(land),
         (None, Some((soil, middle))) => Footing::Ground(&soil.shape, *middle),
         _ => Footing::Level,
     };
+    let solids = standing(recipe, &footing)?;
+    let bounds = if recipe.flight.is_some() { Bounds::default() } else { plants_room(&layout, &grown) };
+    let wanted = Blown { bounds, solids: &solids, repeats: None };
+    let air = Air::of(recipe, &wanted, work, &mut report)?;
+    dress_all((recipe, air.as_ref()), (&layout, &kinds, &grown), &mut made, work)?;
+    tell_clamped(&made.movers, &mut report);
+    let mut placements = placements(air.as_ref(), &made.assets, &layout);
+    add_clouds(recipe, &mut made, &mut placements, work)?;
+    let twigs = twigs(recipe, &layout, &grown);
     let measures = add_catkins(recipe, (&footing, air.as_ref(), &twigs), &mut made, &mut placements, work)?;
     add_solids(recipe, &mut made, &mut placements)?;
     let bare = placements.is_empty();

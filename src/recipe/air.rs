@@ -3,7 +3,7 @@
 use super::key::{Section as _, wrong};
 use super::resolve::{Resolver, span_of};
 use super::tree::{Node, Table, Value};
-use super::wind_keys::{SwayKeys, WindKeys, WindModel};
+use super::wind_keys::{LatticeKeys, LatticePreset, LatticeProfile, SwayKeys, WindKeys, WindModel};
 use crate::diagnostic::Diagnostic;
 use crate::scene::Clip;
 use crate::wind::{CALM, beaufort, fitted_length};
@@ -40,6 +40,12 @@ impl Resolver<'_> {
             self.report.push(d.help("write one more [[wind.add]]"));
         }
         let keys = WindKeys::read(Some(table), &path, &mut self.report);
+        let own = table.get("lattice").map(|e| e.key_span);
+        let model = table.get("model").filter(|_| keys.model == WindModel::Lattice).map(|e| e.node.span);
+        if let Some(at) = own.or(model) {
+            let d = Diagnostic::error("S004", format!("{path} is on a lattice"), at, "only [wind] can be");
+            self.report.push(d.help("write it as the scene's [wind], and add the others to it"));
+        }
         Some(self.one_wind(keys, &path, Some(table)))
     }
 
@@ -59,6 +65,50 @@ impl Resolver<'_> {
             let at = span("literal").unwrap_or(self.whole);
             let d = Diagnostic::warning("S007", format!("{path}.literal belongs to another wind"), at, "has no effect");
             self.report.push(d.help("write model = \"perlin\""));
+        }
+        keys
+    }
+
+    /// The lattice of the scene's wind. A preset also sets the speed.
+    pub(super) fn lattice(&mut self, root: &Table, wind: &mut WindKeys) -> LatticeKeys {
+        let empty = Table::default();
+        let parent = match root.get("wind").map(|e| &e.node.value) {
+            Some(Value::Table(t)) => t,
+            _ => &empty,
+        };
+        let mut keys: LatticeKeys = self.section_at(parent, "wind", "lattice");
+        let table = match parent.get("lattice").map(|e| &e.node.value) {
+            Some(Value::Table(t)) => t,
+            _ => &empty,
+        };
+        if wind.model != WindModel::Lattice {
+            if let Some(entry) = parent.get("lattice") {
+                let text = "[wind.lattice] belongs to another wind";
+                let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+                self.report.push(d.help("write model = \"lattice\" in [wind]"));
+            }
+            return keys;
+        }
+        for key in ["gust", "gust_length", "turbulence", "eddy_size", "wander_deg", "height_power"] {
+            if let Some(entry) = parent.get(key) {
+                let text = format!("wind.{key} belongs to another wind");
+                let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+                self.report.push(d.help("what a lattice wind has of it stands in [wind.lattice]"));
+            }
+        }
+        let span = |key: &str| table.get(key).map(|e| e.node.span);
+        if keys.cells.iter().any(|n| n.fract().abs() > 0.0) {
+            let at = span("cells").unwrap_or(self.whole);
+            self.report.push(Diagnostic::error("S004", "wind.lattice.cells are not whole", at, "whole numbers"));
+        }
+        if keys.profile == LatticeProfile::Table && keys.profile_table.is_empty() {
+            let at = span("profile").unwrap_or(self.whole);
+            let d = Diagnostic::error("S006", "profile = \"table\" has no table", at, "heights and factors");
+            self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
+        }
+        as_printed(&mut keys, table);
+        if keys.preset == LatticePreset::Paper && parent.get("speed").is_none() && wind.beaufort.is_none() {
+            wind.speed = PAPER_SPEED;
         }
         keys
     }
@@ -100,6 +150,26 @@ impl Resolver<'_> {
                 self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
             }
         }
+    }
+}
+
+/// Speed of [catkin] Table 2, m/s. It also states Beaufort 3, which is 3.4 to 5.4 m/s.
+const PAPER_SPEED: f64 = 2.0;
+
+/// What [catkin] Table 2 and its figures say, where a scene says nothing.
+fn as_printed(keys: &mut LatticeKeys, table: &Table) {
+    if keys.preset != LatticePreset::Paper {
+        return;
+    }
+    let free = |name: &str| table.get(name).is_none();
+    if free("gust") {
+        keys.gust = 0.0;
+    }
+    if free("sponge") {
+        keys.sponge = 0;
+    }
+    if free("reference") {
+        keys.reference = Some(keys.cells[1] * keys.dx);
     }
 }
 

@@ -270,6 +270,29 @@ impl<const N: usize> Kind for Tuple<N> {
     }
 }
 
+/// A list of pairs of numbers, the first of each greater than the one before.
+#[derive(Debug, Clone, Copy)]
+pub struct Steps(pub Num);
+
+impl Kind for Steps {
+    type Value = Vec<[f64; 2]>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Self::Value, Fault> {
+        let Value::List(list) = &node.value else { return Err(wrong(name, node, "a list of pairs of numbers")) };
+        let pair = Tuple([0.0; 2], self.0);
+        let rows: Vec<[f64; 2]> = list.iter().map(|n| pair.read(name, n)).collect::<Result<_, _>>()?;
+        if let Some((late, _)) = list.iter().skip(1).zip(rows.windows(2)).find(|(_, w)| w[0][0] >= w[1][0]) {
+            return Err(outside(name, late, "not above the pair before", "pairs that rise"));
+        }
+        Ok(rows)
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: format!("list of [number, number], {}", self.0.range()), default: "[]".into(), unit: "" }
+    }
+}
+
 /// A colour: `"#rrggbb"` as a picture program shows it, or three linear numbers 0 to 1. Linear inside.
 #[derive(Debug, Clone, Copy)]
 pub struct Color(pub &'static str);

@@ -87,6 +87,8 @@ pub struct Recipe {
     pub sky: sections::SkyKeys,
     /// Wind; its speed already accounts for Beaufort numbers.
     pub wind: wind_keys::WindKeys,
+    /// The lattice, if the wind is on one.
+    pub lattice: wind_keys::LatticeKeys,
     /// Winds whose velocities are added to it.
     pub added: Vec<wind_keys::WindKeys>,
     /// True if the scene has a clip with wind in it, whichever frame is drawn.
@@ -296,6 +298,7 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::SunKeys>(),
         info::<s::SkyKeys>(),
         info::<wind_keys::WindKeys>(),
+        info::<wind_keys::LatticeKeys>(),
         info::<wind_keys::SwayKeys>(),
         info::<s::OutputKeys>(),
         info::<s::PovKeys>(),

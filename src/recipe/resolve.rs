@@ -142,7 +142,8 @@ impl Resolver<'_> {
         let scatters = self.scatters(root, &plants);
         let flight = self.flight(root, &plants);
         let solids = self.solids(root);
-        let (wind, added) = self.wind(root);
+        let (mut wind, added) = self.wind(root);
+        let lattice = self.lattice(root, &mut wind);
         let sway = self.sway(root, clip);
         self.fit(root, (&wind, &sway), &clip);
         let mut recipe = Recipe {
@@ -167,6 +168,7 @@ impl Resolver<'_> {
             sky: self.section(root, "sky"),
             moves: false,
             wind,
+            lattice,
             added,
             sway,
             output: self.output(root),
@@ -394,6 +396,9 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     recipe.sun.digest(&mut h);
     recipe.sky.digest(&mut h);
     recipe.wind.digest(&mut h);
+    if recipe.wind.model == super::wind_keys::WindModel::Lattice {
+        recipe.lattice.digest(&mut h);
+    }
     recipe.added.iter().for_each(|wind| wind.digest(&mut h));
     recipe.sway.digest(&mut h);
     recipe.output.formats.digest(&mut h);

@@ -1,7 +1,7 @@
 //! Keys of wind and of what it moves.
 
 use super::key::{keys, words};
-use super::kinds::{Flag, Maybe, OneOf, SomeOf, deg, num, whole};
+use super::kinds::{Flag, Maybe, OneOf, SomeOf, Steps, Tuple, deg, num, point, whole};
 
 words! {
     /// What wind there is.
@@ -14,6 +14,51 @@ words! {
         Gust = "gust",
         /// A sine with noise on it, as in the paper by Zhao and Zhang.
         Perlin = "perlin",
+        /// Air that flows round what stands in it, on a lattice; [wind.lattice] says how.
+        Lattice = "lattice",
+    }
+    /// How a lattice wind is found.
+    Solver {
+        /// By the lattice.
+        Lbm = "lbm",
+        /// What comes in, everywhere: at once, without wakes.
+        Analytic = "analytic",
+        /// Still air.
+        Still = "none",
+    }
+    /// Whose lattice wind.
+    LatticePreset {
+        /// One's own.
+        Own = "own",
+        /// That of the paper on catkins, its Table 2: 70 cells of 0.5 m each way, 2 m/s at the top, no gusts, no sponge.
+        Paper = "paper",
+    }
+    /// What the faces along the wind do.
+    LatticeSides {
+        /// Joined if the wind blows along an axis to 1 degree, else open.
+        Auto = "auto",
+        /// Nothing passes, nothing drags.
+        Slip = "slip",
+        /// Air comes in or goes out, as the wind has it.
+        Open = "open",
+    }
+    /// What goes back in from an outlet.
+    LatticeOutlet {
+        /// Air at equilibrium.
+        Equilibrium = "equilibrium",
+        /// With the rest of what came out: less damped.
+        Nonequilibrium = "nonequilibrium",
+    }
+    /// How the wind that comes in grows with the height.
+    LatticeProfile {
+        /// With the logarithm, over ground of a roughness.
+        Log = "log",
+        /// With a power.
+        Power = "power",
+        /// Not at all.
+        Uniform = "uniform",
+        /// As `profile_table` says.
+        Table = "table",
     }
     /// By which equations branches bend.
     SwayModel {
@@ -96,7 +141,7 @@ impl Timber {
 keys! {
     /// Wind. Speeds are those at 10 m above the ground. Each [[wind.add]] is one more wind, with the same keys: their
     /// velocities add up.
-    WindKeys at "wind" with ["add"] {
+    WindKeys at "wind" with ["add", "lattice"] {
         /// What kind.
         model: WindModel = "model" OneOf(WindModel::Gust);
         /// Mean speed.
@@ -123,6 +168,54 @@ keys! {
         power: f64 = "height_power" num(0.2, 0.0, 1.0, "");
         /// With "perlin": exactly as printed, the same everywhere, down to nothing in every period.
         literal: bool = "literal" Flag(false);
+    }
+    /// A box of air that flows round solids, with [wind] model = "lattice". Of [wind] it takes speed, direction_deg and
+    /// scale; of its own gusts and turbulence comes in.
+    LatticeKeys at "wind.lattice" {
+        /// How it is found.
+        solver: Solver = "solver" OneOf(Solver::Lbm);
+        /// Whose: keys that are not given take its values.
+        preset: LatticePreset = "preset" OneOf(LatticePreset::Own);
+        /// Cells along x, y and z.
+        cells: [f64; 3] = "cells" Tuple([70.0; 3], num(70.0, 8.0, 4096.0, ""));
+        /// Side of a cell.
+        dx: f64 = "dx" num(0.5, 0.02, 10.0, "m");
+        /// Middle of the bottom of the box, which is ground.
+        at: [f64; 3] = "at" point([0.0; 3]);
+        /// Kinematic viscosity; the lattice is seldom as thin as air.
+        nu: f64 = "nu" num(1.5e-5, 0.0, 0.01, "m^2/s");
+        /// Steps a frame.
+        steps: Option<u32> = "steps" Maybe(whole(2, 1, 10_000), "as many as the wind needs");
+        /// Smagorinsky's constant of eddy viscosity; 0 needs tau_floor = 0.505.
+        smagorinsky: f64 = "smagorinsky" num(0.16, 0.0, 0.3, "");
+        /// Least relaxation time.
+        tau_floor: f64 = "tau_floor" num(0.5005, 0.5001, 1.0, "steps");
+        /// What the faces along the wind do.
+        sides: LatticeSides = "sides" OneOf(LatticeSides::Auto);
+        /// What goes back in from an outlet.
+        outlet: LatticeOutlet = "outlet" OneOf(LatticeOutlet::Equilibrium);
+        /// Cells before an outlet in which the air thickens.
+        sponge: u32 = "sponge" whole(8, 0, 32);
+        /// How the wind that comes in grows with the height.
+        profile: LatticeProfile = "profile" OneOf(LatticeProfile::Log);
+        /// With "log": roughness of the ground.
+        roughness: f64 = "roughness" num(0.05, 1e-4, 2.0, "m");
+        /// With "power": the power.
+        exponent: f64 = "exponent" num(0.2, 0.14, 0.4, "");
+        /// With "table": heights (m), rising, and factors on the speed.
+        profile_table: Vec<[f64; 2]> = "profile_table" Steps(num(0.0, 0.0, 1e4, ""));
+        /// Height at which the wind has its speed.
+        reference: Option<f64> = "reference" Maybe(num(10.0, 0.1, 1e4, "m"), "10 m, or the height of the box");
+        /// Strength of gusts over the mean.
+        gust: f64 = "gust" num(0.2, 0.0, 0.5, "");
+        /// Time after which a gust is forgotten.
+        gust_period: f64 = "gust_period" num(8.0, 0.1, 600.0, "s");
+        /// Strength of each component of turbulence over the mean.
+        turbulence: f64 = "turbulence" num(0.1, 0.0, 0.4, "");
+        /// Waves that turbulence is made of.
+        modes: u32 = "modes" whole(24, 0, 128);
+        /// Time before the first frame, in which the wind sets in.
+        preroll: Option<f64> = "preroll" Maybe(num(20.0, 0.0, 3600.0, "s"), "one flow through the box");
     }
     /// How plants answer the wind.
     SwayKeys at "sway" {

@@ -1,7 +1,8 @@
 //! Moving air: one interface for everything that it moves.
 //!
 //! [`Uniform`] is the same everywhere, [`Gust`] travels and can repeat, [`Formula`] is the periodic wind of
-//! [zhao-zhang] 3.1. Space: world, metres, +Y up; time in seconds. Speeds are those at 10 m above the ground.
+//! [zhao-zhang] 3.1, [`Lattice`] flows round what stands in it ([catkin] 3): streamed frame by frame ([`Between`]) or kept
+//! for a whole clip ([`Recorded`]). Space: world, metres, +Y up; time in seconds. Speeds are those at 10 m above the ground.
 
 mod block;
 mod combine;
@@ -18,7 +19,10 @@ pub use combine::{Scaled, Sum};
 pub use formula::{Formula, FormulaOptions};
 pub use gradient::TimeNoise;
 pub use gust::{Gust, GustOptions, fitted_length};
-pub use lattice::{Between, Health, Inlet, InletOptions, Lattice, LatticeOptions, Note, Sides, Snapshot, WindProfile};
+pub use lattice::{
+    Between, Health, Inlet, InletOptions, Lattice, LatticeOptions, LatticeTake, Note, Recorded, Sides, Snapshot,
+    WindProfile,
+};
 
 /// Slower wind is none at all, m/s.
 pub const CALM: f64 = 0.01;

@@ -9,6 +9,7 @@ mod lane;
 mod links;
 mod marks;
 mod plan;
+mod recorded;
 #[cfg(test)]
 mod reference;
 mod run;
@@ -22,5 +23,6 @@ mod weather;
 
 pub use inlet::{Inlet, InletOptions, WindProfile};
 pub use plan::{LatticeOptions, Sides};
+pub use recorded::{Recorded, Take as LatticeTake};
 pub use run::{Health, Lattice, Note};
 pub use snapshot::{Between, Snapshot};

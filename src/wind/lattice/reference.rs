@@ -1,6 +1,14 @@
 //! The same flow as plainly as can be: two copies of everything, one cell after the other, in f64. What the production code
 //! is held to.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    clippy::needless_range_loop,
+    reason = "small known numbers"
+)]
+
 use super::cells::{Cells, Face, Source};
 use super::collide::{Relax, collide, moments};
 use super::links::{Sends, let_go, mean_of, sent};

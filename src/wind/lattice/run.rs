@@ -111,6 +111,10 @@ impl Lattice {
         &self.inlet
     }
 
+    pub(super) fn field(&self) -> &Field {
+        &self.field
+    }
+
     /// What should be known so far.
     pub fn notes(&self) -> &[Note] {
         &self.notes

@@ -13,6 +13,8 @@ use super::grid::{BLOCK, Parity};
 use super::inlet::Inlet;
 use super::lane::Wide;
 use super::stencil::Q;
+use crate::geometry::Bounds;
+use crate::math::narrow;
 use crate::par;
 
 /// Cells over which the wind outside the box turns into what comes in.
@@ -33,14 +35,18 @@ pub(super) struct Field {
     /// Of every cell from which eight corners begin: whether any of them is solid.
     pub beside: Vec<bool>,
     pub inlet: Arc<Inlet>,
+    /// Below it is ground.
+    pub ground: bool,
 }
 
 impl Field {
     pub(super) fn new(cells: &Cells, (origin, spacing): (DVec3, f64), inlet: Arc<Inlet>) -> Self {
         let n = cells.grid.n;
         let periodic = [0, 2, 4].map(|f| cells.faces[f] == Face::Periodic);
-        let mut field = Self { n, origin, spacing, periodic, solid: Vec::new(), beside: Vec::new(), inlet };
+        let mut field =
+            Self { n, origin, spacing, periodic, solid: Vec::new(), beside: Vec::new(), inlet, ground: false };
         let ground = matches!(cells.faces[2], Face::Wall(_));
+        field.ground = ground;
         let count = field.count();
         field.solid = (0..count)
             .map(|k| {
@@ -48,11 +54,45 @@ impl Field {
                 ground && at[1] == 0 || cells.is_solid(field.inside(at))
             })
             .collect();
-        let step = field.steps();
-        field.beside = (0..count)
-            .map(|k| (0..8).any(|c| field.solid.get(k + corner(c, step)).copied().unwrap_or(false)))
-            .collect();
+        field.look_beside();
         field
+    }
+
+    fn look_beside(&mut self) {
+        let step = self.steps();
+        let any = |k: usize| (0..8).any(|c| self.solid.get(k + corner(c, step)).copied().unwrap_or(false));
+        self.beside = (0..self.count()).map(any).collect();
+    }
+
+    /// The part of it around some place, `margin` cells wider, and its first cell.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
+    pub(super) fn cut(&self, bounds: Bounds, margin: f32) -> (Self, [usize; 3]) {
+        let (mut low, mut n) = ([0; 3], self.n);
+        for a in 0..3 {
+            let place = |v: f32| narrow((f64::from(v) - self.origin[a]) / self.spacing);
+            let (from, to) = (place(bounds.min[a]) - margin, place(bounds.max[a]) + margin);
+            let size = self.n[a] as f32;
+            // A joined axis is kept whole if any of it lies outside.
+            if self.periodic[a] && (from < 0.0 || to > size) || from > to {
+                continue;
+            }
+            low[a] = (from.clamp(0.0, size - 1.0) as usize).min(self.n[a] - 1);
+            n[a] = (to.clamp(1.0, size).ceil() as usize).max(low[a] + 1) - low[a];
+        }
+        let periodic = std::array::from_fn(|a| self.periodic[a] && n[a] == self.n[a]);
+        let origin = self.origin + DVec3::new(low[0] as f64, low[1] as f64, low[2] as f64) * self.spacing;
+        let (spacing, inlet) = (self.spacing, Arc::clone(&self.inlet));
+        let ground = self.ground && low[1] == 0;
+        let mut part = Self { n, origin, spacing, periodic, solid: Vec::new(), beside: Vec::new(), inlet, ground };
+        part.solid = (0..part.count()).map(|k| self.solid[self.in_whole(&part, low, k)]).collect();
+        part.look_beside();
+        (part, low)
+    }
+
+    /// Number of a cell of a part of it that begins at `low`.
+    pub(super) fn in_whole(&self, part: &Self, low: [usize; 3], k: usize) -> usize {
+        let (at, step) = (part.place(k), self.steps());
+        (0..3).map(|a| (at[a] + low[a]) * step[a]).sum()
     }
 
     /// Cells with the layer around them.
@@ -86,7 +126,7 @@ impl Field {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn sample(&self, at: Vec3, values: impl Fn(usize) -> Vec3, outside: impl Fn() -> Vec3) -> Vec3 {
         let s = ((at.as_dvec3() - self.origin) / self.spacing).as_vec3();
-        if s.y <= 0.0 && self.solid[self.n[0] / 2 + 1] {
+        if s.y <= 0.0 && self.ground {
             return Vec3::ZERO;
         }
         let (mut base, mut part, mut far) = ([0; 3], [0.0; 3], 0.0_f32);

@@ -5,7 +5,11 @@
     clippy::cast_possible_wrap,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,
-    reason = "small known numbers"
+    clippy::disallowed_methods,
+    clippy::float_cmp,
+    clippy::needless_range_loop,
+    clippy::print_stdout,
+    reason = "small known numbers, whose last bits do not matter; figures that documents state are printed"
 )]
 
 use std::sync::Arc;
@@ -348,4 +352,45 @@ fn thin_walls_claim_one_layer_and_pockets_fill() {
     let l = lattice(&o, &room);
     assert!(l.notes().iter().any(|n| n.text.contains("still")), "{:?}", l.notes());
     assert!(l.flow.cells.is_solid([40, 2, 8]));
+}
+
+#[test]
+fn a_recorded_wind_is_the_one_that_blew_and_repeats() {
+    use crate::geometry::Bounds;
+    let mut o = channel();
+    (o.inlet.turbulence, o.preroll) = (0.1, Some(2.0));
+    let bounds = Bounds { min: Vec3::new(-3.0, 0.0, -1.0), max: Vec3::new(2.0, 5.0, 1.5) };
+    let quiet: (&dyn crate::progress::Progress, &Cancel) = (&Silent, &Cancel::default());
+    let record = |repeats: bool, limits: &Limits| {
+        let take = LatticeTake { bounds, frames: 60, fps: 24.0, repeats };
+        Recorded::of(&mut lattice(&o, &wall()), take, limits, quiet)
+    };
+    let once = record(false, &Limits::default()).expect("recorded");
+    let mut l = lattice(&o, &wall());
+    let all = frames(&mut l, 40);
+    let places = [Vec3::new(-2.1, 0.4, 0.3), Vec3::new(1.7, 4.9, -0.9), Vec3::new(0.0, 2.0, 0.0)];
+    let ask = |w: &dyn Wind, t: f64| {
+        let mut out = [Vec3::ZERO; 3];
+        w.sample(&places, t, &mut out);
+        out
+    };
+    let frame = |k: usize| Between {
+        before: all[k].clone(),
+        after: all[k + 1].clone(),
+        t0: k as f64 / 24.0,
+        t1: (k + 1) as f64 / 24.0,
+    };
+    for (k, t) in [(0, 0.0), (7, 7.4), (30, 30.9)] {
+        let (a, b) = (ask(&once, t / 24.0), ask(&frame(k), t / 24.0));
+        assert!(a.iter().zip(&b).all(|(a, b)| (*a - *b).length() < 3e-3), "{a:?} {b:?}");
+    }
+    let round = record(true, &Limits::default()).expect("recorded");
+    assert_eq!((round.period(), once.period()), (Some(2.5), None));
+    let (end, start) = (ask(&round, 2.5 - 1e-9), ask(&round, 0.0));
+    assert!(end.iter().zip(&start).all(|(a, b)| (*a - *b).length() < 1e-4), "{end:?} {start:?}");
+    assert_eq!(ask(&round, 0.7), ask(&round, 0.7 + 2.5));
+    assert!(ask(&round, 0.3) != ask(&round, 0.9));
+    let mut few = Limits::default();
+    few.set("wind-bytes", "1k").expect("limit");
+    assert!(matches!(record(false, &few), Err(Error::Limit { .. })));
 }

@@ -1,0 +1,134 @@
+//! The lattice wind of a recipe.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::Work;
+use super::layout::Layout;
+use super::plants::Grown;
+use super::solids::{self, Footing};
+use crate::Result;
+use crate::diagnostic::{Diagnostic, Report, codes};
+use crate::geometry::Bounds;
+use crate::math::{cos, narrow, sin};
+use crate::recipe::Recipe;
+use crate::recipe::wind_keys::{LatticeOutlet, LatticeProfile, LatticeSides, Solver, WindModel};
+use crate::solid::Solid;
+use crate::wind::{
+    Inlet, InletOptions, Lattice, LatticeOptions, LatticeTake, Recorded, Sides, Uniform, Wind, WindProfile,
+};
+
+/// Room for leaves around a plant's wood, m.
+const LEAVES: f32 = 0.5;
+
+/// What a lattice wind is asked for.
+#[derive(Debug, Clone, Copy)]
+pub struct Blown<'a> {
+    /// Where it is kept, m; the whole box if this is empty.
+    pub bounds: Bounds,
+    /// What stands in it.
+    pub solids: &'a [Solid],
+    /// Frames after which it repeats.
+    pub repeats: Option<usize>,
+}
+
+/// Where plants are, with room for their leaves.
+pub fn plants_room(layout: &Layout, grown: &[Grown]) -> Bounds {
+    let own: Vec<Bounds> = grown.iter().map(|g| Bounds::of(g.plant.nodes.p.iter().copied()).grown(LEAVES)).collect();
+    let corners = layout.standings.iter().filter_map(|s| {
+        let bounds = own.get(s.individual).filter(|b| !b.is_empty())?;
+        Some(bounds.corners().map(|c| s.transform.apply(c)))
+    });
+    Bounds::of(corners.flatten())
+}
+
+/// What stands in a recipe's lattice wind; nothing in another one.
+/// # Errors
+/// Those of [`solids::of`].
+pub fn standing(recipe: &Recipe, footing: &Footing<'_>) -> Result<Vec<Solid>> {
+    if recipe.wind.model != WindModel::Lattice || recipe.clip.len() < 2 {
+        return Ok(Vec::new());
+    }
+    let [x, _, z] = recipe.lattice.cells;
+    let reach = 2.0 * (x.max(z) * recipe.lattice.dx + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
+    Ok(solids::of(recipe, footing, narrow(reach))?.list().to_vec())
+}
+
+/// What a recipe says of its lattice.
+pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
+    let (wind, keys) = (&recipe.wind, &recipe.lattice);
+    let direction = DVec3::new(cos(wind.direction), 0.0, -sin(wind.direction));
+    // A quarter turn is along an axis, whatever cosines say.
+    let direction = DVec3::from_array(direction.to_array().map(|d| if d.abs() < 1e-12 { 0.0 } else { d })).normalize();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 8 to 4096")]
+    let cells = keys.cells.map(|n| n as u32);
+    LatticeOptions {
+        cells,
+        spacing: keys.dx,
+        at: DVec3::from_array(keys.at),
+        inlet: InletOptions {
+            direction,
+            speed: wind.speed,
+            profile: match keys.profile {
+                LatticeProfile::Log => WindProfile::Log(keys.roughness),
+                LatticeProfile::Power => WindProfile::Power(keys.exponent),
+                LatticeProfile::Uniform => WindProfile::Uniform,
+                LatticeProfile::Table => WindProfile::Table(keys.profile_table.clone()),
+            },
+            reference: keys.reference,
+            gust: keys.gust,
+            gust_period: keys.gust_period,
+            turbulence: keys.turbulence,
+            modes: keys.modes,
+            seed: recipe.seed,
+        },
+        viscosity: keys.nu,
+        fps: recipe.clip.fps(),
+        steps: keys.steps,
+        smagorinsky: keys.smagorinsky,
+        tau_floor: keys.tau_floor,
+        sides: match keys.sides {
+            LatticeSides::Auto => Sides::Auto,
+            LatticeSides::Slip => Sides::Slip,
+            LatticeSides::Open => Sides::Open,
+        },
+        outlet_rest: keys.outlet == LatticeOutlet::Nonequilibrium,
+        sponge: keys.sponge,
+        preroll: keys.preroll,
+    }
+}
+
+/// The analytic wind of a recipe: what comes in, everywhere.
+pub fn inlet(options: &LatticeOptions) -> Inlet {
+    let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
+    let origin = options.at - DVec3::new(size.x, 0.0, size.z) / 2.0;
+    Inlet::new(options.inlet.clone(), origin, options.spacing, options.cells, [false; 3])
+}
+
+/// The wind of a recipe's lattice for the whole clip.
+/// # Errors
+/// Those of [`Lattice::new`] and [`Recorded::of`].
+pub fn blow(recipe: &Recipe, wanted: &Blown<'_>, work: &Work<'_>, report: &mut Report) -> Result<Arc<dyn Wind>> {
+    let options = lattice_options(recipe);
+    match recipe.lattice.solver {
+        Solver::Still => return Ok(Arc::new(Uniform(Vec3::ZERO))),
+        Solver::Analytic => return Ok(Arc::new(inlet(&options))),
+        Solver::Lbm => {}
+    }
+    let mut lattice = Lattice::new(&options, wanted.solids, work.limits)?;
+    let repeats = wanted.repeats.is_some();
+    let frames = wanted.repeats.unwrap_or(recipe.clip.len());
+    let take = LatticeTake { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };
+    let recorded = Recorded::of(&mut lattice, take, work.limits, (work.progress, work.cancel))?;
+    tell(&lattice, report);
+    Ok(Arc::new(recorded))
+}
+
+/// Passes on what a lattice wind says of itself.
+pub fn tell(lattice: &Lattice, report: &mut Report) {
+    for note in lattice.notes() {
+        let code = codes::find(note.code).map_or("S020", |c| c.code);
+        report.push(Diagnostic::about(code, note.text.clone()));
+    }
+}
