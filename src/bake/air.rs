@@ -5,11 +5,11 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::Work;
-use super::blow::{Blown, blow};
+use super::blow::{Blown, blow, inlet, lattice_options};
 use crate::math::{cos, narrow, sin};
 use crate::motion::{Fixes, Manner, PaperManner, Take, Wood};
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{PaperFix, Profile, Start, SwayKeys, SwayModel, WindKeys, WindModel, WoodKeys};
+use crate::recipe::wind_keys::{PaperFix, Profile, Solver, Start, SwayKeys, SwayModel, WindKeys, WindModel, WoodKeys};
 use crate::rng;
 use crate::scene::Trs;
 use crate::wind::{CALM, Formula, FormulaOptions, Gust, GustOptions, Scaled, Sum, Uniform, Wind};
@@ -34,18 +34,19 @@ pub struct Air {
     pub paper: Option<PaperManner>,
 }
 
-/// The wind of a scene, calm or not, for what flies: that of its plants where they have one.
-pub fn wind_of(recipe: &Recipe, air: Option<&Air>) -> Arc<dyn Wind> {
-    if let Some(air) = air {
-        return Arc::clone(&air.wind);
-    }
+/// Those of a scene's winds that are known at any time without being stepped; none in a calm.
+pub fn by_formula(recipe: &Recipe) -> Option<Arc<dyn Wind>> {
     let all = (0..).zip([&recipe.wind].into_iter().chain(&recipe.added)).filter(|(_, keys)| keys.blows());
-    let mut winds: Vec<Arc<dyn Wind>> = all.map(|(i, keys)| scaled(keys, None, recipe.seed, i)).collect();
-    match winds.len() {
-        0 => Arc::new(Uniform(Vec3::ZERO)),
-        1 => winds.remove(0),
-        _ => Arc::new(Sum(winds)),
+    let mut winds: Vec<Arc<dyn Wind>> = Vec::new();
+    for (i, keys) in all {
+        if keys.model != WindModel::Lattice {
+            winds.push(scaled(keys, None, recipe.seed, i));
+        } else if recipe.lattice.solver == Solver::Analytic {
+            let wind = Arc::new(inlet(&lattice_options(recipe)));
+            winds.push(Arc::new(Scaled { wind, factor: narrow(keys.scale) }));
+        }
     }
+    if winds.len() > 1 { Some(Arc::new(Sum(winds))) } else { winds.pop() }
 }
 
 impl Air {

@@ -6,6 +6,8 @@ use glam::{DVec3, Vec3};
 
 use super::catkin::CatkinModel;
 use super::deposits::Deposits;
+use super::stream::Stream;
+use crate::Result;
 use crate::geometry::Bounds;
 use crate::math::{ln, narrow};
 use crate::motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, Tally, Wait, sky};
@@ -16,7 +18,6 @@ use crate::scene::{
     Asset, AssetFrame, AssetKind, InstanceState, Instancer, InstancerFrame, InstancerMotion, Prototype, Table,
 };
 use crate::solid::Solids;
-use crate::wind::Wind;
 
 /// Time in which a catkin that came to rest sinks until its lowest hair touches, s.
 const SETTLE_TIME: f32 = 0.12;
@@ -48,7 +49,6 @@ const COLUMNS: [(&str, &str); 19] = [
 #[derive(Debug)]
 pub struct Course {
     start: Flights,
-    wind: Arc<dyn Wind>,
     /// Frames flown before the first of the clip.
     before: u64,
     deposits: Deposits,
@@ -62,6 +62,7 @@ pub struct Course {
 struct Now {
     flights: Flights,
     frames: u64,
+    stream: Stream,
     /// How far each is sunk towards what it lies on, m.
     sunk: Vec<f32>,
 }
@@ -76,26 +77,23 @@ pub struct Setting<'a> {
     pub inside: Bounds,
     /// What is in the way.
     pub solids: Arc<Solids>,
-    /// The wind, and the least height above a surface at which it is known, m.
-    pub wind: (Arc<dyn Wind>, f64),
+    /// Least height above a surface at which the wind is known, m.
+    pub known_height: f64,
     /// Ends of twigs that let go, m, with their weights.
     pub twigs: &'a [(Vec3, f64)],
 }
 
 impl Course {
     /// A flight at its first frame.
-    pub fn new(setting: &Setting<'_>, models: &[CatkinModel]) -> Self {
+    pub fn new(setting: &Setting<'_>, stream: Stream, models: &[CatkinModel]) -> Self {
         let keys = &setting.flight.keys;
         let options = options(setting, models);
         let starts = starts(setting, &options);
         let start = Flights::new(options, Arc::clone(&setting.solids), &starts);
-        let now = Now { flights: start.clone(), frames: 0, sunk: vec![0.0; start.len()] };
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
-        let before = (keys.preroll * setting.recipe.clip.fps()).round() as u64;
+        let now = Now { flights: start.clone(), frames: 0, stream, sunk: vec![0.0; start.len()] };
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
         Self {
-            wind: Arc::clone(&setting.wind.0),
-            before,
+            before: before(setting.flight, setting.recipe),
             deposits: Deposits::new(keys, setting.inside, &setting.solids),
             hairs: models.iter().map(hairs).collect(),
             settle: keys.settle,
@@ -137,7 +135,7 @@ impl Course {
             ids: (0..all.len() as u64).collect(),
             protos: all.iter().map(|c| u32::from(c.kind())).collect(),
             scales: all.iter().map(|c| Vec3::splat(c.scale())).collect(),
-            rest: self.state(0),
+            rest: self.rest(),
             motion: InstancerMotion::Free,
             tracked: true,
             marks: vec!["state", "cluster", "generation"],
@@ -154,27 +152,35 @@ impl Course {
     }
 
     /// The asset at a frame, counted from the first.
-    pub fn frame(&self, number: u64) -> AssetFrame {
-        AssetFrame { instancers: vec![InstancerFrame::State(self.state(number))], ..AssetFrame::default() }
+    /// # Errors
+    /// Those of [`Stream::during`].
+    pub fn frame(&self, number: u64) -> Result<AssetFrame> {
+        Ok(AssetFrame { instancers: vec![InstancerFrame::State(self.state(number)?)], ..AssetFrame::default() })
     }
 
     /// Row of the table and values of the maps at a frame.
-    pub fn measured(&self, number: u64) -> (Vec<f64>, Vec<Vec<f32>>) {
+    /// # Errors
+    /// Those of [`Stream::during`].
+    pub fn measured(&self, number: u64) -> Result<(Vec<f64>, Vec<Vec<f32>>)> {
         self.at(number, |now| (row(&now.flights.tally()), self.deposits.values(&now.flights)))
     }
 
-    fn at<R>(&self, number: u64, look: impl FnOnce(&Now) -> R) -> R {
+    fn at<R>(&self, number: u64, look: impl FnOnce(&Now) -> R) -> Result<R> {
         let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
         let wanted = self.before + number;
         if now.frames > wanted {
-            *now = Now { flights: self.start.clone(), frames: 0, sunk: vec![0.0; self.start.len()] };
+            now.flights = self.start.clone();
+            now.sunk.fill(0.0);
+            now.frames = 0;
         }
         while now.frames < wanted {
-            now.flights.advance_frame(&*self.wind);
+            let (frame, fps) = (now.frames, now.flights.options().fps);
+            let wind = now.stream.during(frame, fps)?;
+            now.flights.advance_frame(&*wind);
             now.frames += 1;
             self.sink(&mut now);
         }
-        look(&now)
+        Ok(look(&now))
     }
 
     /// Lowers what rests until its lowest hair touches, and raises what flies again, both softly.
@@ -199,25 +205,39 @@ impl Course {
         (c.radius() + lowest * c.scale()).max(0.0)
     }
 
-    fn state(&self, number: u64) -> InstanceState {
-        self.at(number, |now| {
-            let s = now.flights.sample();
-            let sunk = now.flights.by_number().zip(&now.sunk).map(|(c, sunk)| c.rests_on().1 * -*sunk);
-            let number = |v: &u32| i32::try_from(*v).unwrap_or(i32::MAX);
-            InstanceState {
-                positions: s.positions.iter().zip(sunk).map(|(p, down)| *p + down).collect(),
-                orientations: s.orientations,
-                alive: s.states.iter().map(|s| s.is_seen()).collect(),
-                velocities: s.velocities,
-                angular_velocities: s.angular_velocities,
-                marks: vec![
-                    s.states.iter().map(|s| *s as i32).collect(),
-                    s.clusters.iter().map(number).collect(),
-                    s.generations.iter().map(number).collect(),
-                ],
-            }
-        })
+    fn state(&self, number: u64) -> Result<InstanceState> {
+        self.at(number, shown)
     }
+
+    /// All at the flight's very start: what is written where nothing moves.
+    fn rest(&self) -> InstanceState {
+        let now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
+        shown(&now)
+    }
+}
+
+fn shown(now: &Now) -> InstanceState {
+    let s = now.flights.sample();
+    let sunk = now.flights.by_number().zip(&now.sunk).map(|(c, sunk)| c.rests_on().1 * -*sunk);
+    let number = |v: &u32| i32::try_from(*v).unwrap_or(i32::MAX);
+    InstanceState {
+        positions: s.positions.iter().zip(sunk).map(|(p, down)| *p + down).collect(),
+        orientations: s.orientations,
+        alive: s.states.iter().map(|s| s.is_seen()).collect(),
+        velocities: s.velocities,
+        angular_velocities: s.angular_velocities,
+        marks: vec![
+            s.states.iter().map(|s| *s as i32).collect(),
+            s.clusters.iter().map(number).collect(),
+            s.generations.iter().map(number).collect(),
+        ],
+    }
+}
+
+/// Frames of a flight before the first of the clip.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
+pub fn before(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
+    (flight.keys.preroll * recipe.clip.fps()).round() as u64
 }
 
 fn row(t: &Tally) -> Vec<f64> {
@@ -279,7 +299,7 @@ fn options(setting: &Setting<'_>, models: &[CatkinModel]) -> Options {
         humidity: setting.flight.wet.as_ref().map_or(Humidity::Even(keys.humidity), map),
         lift_speed: keys.lift_speed,
         lift_wet: keys.lift_wet,
-        known_height: setting.wind.1,
+        known_height: setting.known_height,
         flutter: keys.flutter,
         ..Options::default()
     }

@@ -19,6 +19,7 @@ pub mod plants;
 mod scatter;
 mod solids;
 pub mod stage;
+mod stream;
 pub mod systems;
 mod tables;
 pub mod write;

@@ -216,10 +216,10 @@ impl Mover {
 
 impl Moving {
     /// The asset at `seconds`; `step`: seconds between frames.
-    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> Result<AssetFrame> {
         match self {
-            Self::Plant(m) => m.frame(asset, seconds, step),
-            Self::Cloud(m) => m.frame(asset, seconds, step),
+            Self::Plant(m) => Ok(m.frame(asset, seconds, step)),
+            Self::Cloud(m) => Ok(m.frame(asset, seconds, step)),
             Self::Flight(m) => m.frame(nth(seconds, step)),
         }
     }
@@ -233,14 +233,17 @@ fn nth(seconds: f64, step: f64) -> u64 {
 
 /// A whole frame; `movers` runs parallel to the scene's assets. `shifted`: with the states that placements show at phases
 /// of their own.
-pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: bool) -> Frame {
+/// # Errors
+/// Those of a wind that is stepped.
+pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: bool) -> Result<Frame> {
     let seconds = scene.clip.seconds(number);
     let step = scene.clip.fps().recip();
     let pairs: Vec<(&Asset, Option<&Moving>)> =
         scene.assets.iter().zip(movers.iter().map(Option::as_ref).chain(std::iter::repeat(None))).collect();
     let assets = crate::par::par_map(&pairs, |(asset, mover)| {
-        mover.map_or_else(AssetFrame::default, |m| m.frame(asset, seconds, step))
+        mover.map_or_else(|| Ok(AssetFrame::default()), |m| m.frame(asset, seconds, step))
     });
+    let assets = assets.into_iter().collect::<Result<Vec<_>>>()?;
     let phases: BTreeSet<(usize, u32)> =
         scene.placements.iter().filter(|p| shifted && p.phase > 0).map(|p| (p.asset, p.phase)).collect();
     let phases: Vec<(usize, u32)> = phases.into_iter().collect();
@@ -249,8 +252,10 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
         let (asset, mover) = pairs.get(*i)?;
         mover.map(|m| m.frame(asset, later, step))
     });
+    let states = states.into_iter().map(Option::transpose).collect::<Result<Vec<_>>>()?;
     let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
     let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
-    let (rows, fields): (Vec<_>, Vec<_>) = flights.map(|m| m.measured(nth(seconds, step))).unzip();
-    Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect() }
+    let measured = flights.map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
+    let (rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
+    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect() })
 }

@@ -6,16 +6,17 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::Work;
-use super::air::{self, Air};
+use super::air::Air;
 use super::blow::{Blown, plants_room, standing};
 use super::counts::{Counts, count};
-use super::course::{Course, Setting};
+use super::course::{self, Course, Setting};
 use super::dress::{Kind, dress};
 use super::layout::{Individual, Layout, Standing, lay_out_all};
 use super::looks::{Look, Soil, of_ground, of_plant};
 use super::mover::Moving;
 use super::plants::{Grown, grow};
 use super::solids::{self, Footing};
+use super::stream::Stream;
 use super::write::Stage;
 use super::{catkin, land, scatter};
 use crate::diagnostic::{Diagnostic, Report};
@@ -26,6 +27,7 @@ use crate::par::par_map;
 use crate::plant::AxisKind;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::land_keys::TerrainKeys;
+use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
     Asset, AssetFrame, AssetKind, Camera, Field, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky,
@@ -33,9 +35,6 @@ use crate::scene::{
 };
 use crate::surface::terrain::Land;
 use crate::{Error, Result};
-
-/// Height above a surface at which a wind by formula is known, m.
-const KNOWN_HEIGHT: f64 = 0.5;
 
 /// Which parts of a recipe are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,15 +105,16 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         _ => Footing::Level,
     };
     let solids = standing(recipe, &footing)?;
-    let bounds = if recipe.flight.is_some() { Bounds::default() } else { plants_room(&layout, &grown) };
-    let wanted = Blown { bounds, solids: &solids, repeats: None };
-    let air = Air::of(recipe, &wanted, work, &mut report)?;
+    let wanted = Blown { bounds: plants_room(&layout, &grown), solids: &solids, repeats: None };
+    // A wind that nothing sways in is not kept.
+    let sways = !layout.individuals.is_empty();
+    let air = if sways { Air::of(recipe, &wanted, work, &mut report)? } else { None };
     dress_all((recipe, air.as_ref()), (&layout, &kinds, &grown), &mut made, work)?;
     tell_clamped(&made.movers, &mut report);
     let mut placements = placements(air.as_ref(), &made.assets, &layout);
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
-    let measures = add_catkins(recipe, (&footing, air.as_ref(), &twigs), &mut made, &mut placements, work)?;
+    let measures = add_catkins(recipe, (&footing, &twigs), (&mut made, &mut placements), (work, &mut report))?;
     add_solids(recipe, &mut made, &mut placements)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
@@ -336,16 +336,23 @@ fn add_clouds(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>,
     Ok(())
 }
 
+/// The box of air that catkins fly in: a lattice's own, or one around the origin.
+fn box_of_air(recipe: &Recipe, size: [f64; 3]) -> Bounds {
+    let lattice = recipe.wind.model == WindModel::Lattice;
+    let [w, h, d] = if lattice { recipe.lattice.cells.map(|n| n * recipe.lattice.dx) } else { size }.map(narrow);
+    let at = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
+    Bounds { min: at - Vec3::new(w / 2.0, 0.0, d / 2.0), max: at + Vec3::new(w / 2.0, h, d / 2.0) }
+}
+
 /// What a flight measures.
 type Measures = (Table, Vec<Field>);
 
 /// Lets catkins fly, or shows their kinds side by side.
 fn add_catkins(
     recipe: &Recipe,
-    (footing, air, twigs): (&Footing<'_>, Option<&Air>, &[(Vec3, f64)]),
-    made: &mut Made,
-    placements: &mut Vec<Placement>,
-    work: &Work<'_>,
+    (footing, twigs): (&Footing<'_>, &[(Vec3, f64)]),
+    (made, placements): (&mut Made, &mut Vec<Placement>),
+    (work, report): (&Work<'_>, &mut Report),
 ) -> Result<Option<Measures>> {
     if recipe.catkin.is_none() && recipe.flight.is_none() {
         return Ok(None);
@@ -357,11 +364,19 @@ fn add_catkins(
     let (asset, mover, measures) = match &recipe.flight {
         None => (catkin::row(&models, keys.lod, kind.first_material), None, None),
         Some(flight) => {
-            let [w, h, d] = flight.keys.size.map(narrow);
-            let inside = Bounds { min: Vec3::new(-w / 2.0, 0.0, -d / 2.0), max: Vec3::new(w / 2.0, h, d / 2.0) };
-            let solids = Arc::new(solids::of(recipe, footing, w.max(d))?);
-            let wind = (air::wind_of(recipe, air), KNOWN_HEIGHT);
-            let course = Course::new(&Setting { recipe, flight, inside, solids, wind, twigs }, &models);
+            let inside = box_of_air(recipe, flight.keys.size);
+            let solids = Arc::new(solids::of(recipe, footing, inside.size().max_element())?);
+            let early = course::before(flight, recipe) as f64 / recipe.clip.fps();
+            let mut stream = Stream::new(recipe, solids.list(), early, (work.limits, work.cancel));
+            stream.run_up(work.progress, report)?;
+            let known_height = stream.known_height();
+            let setting = Setting { recipe, flight, inside, solids, known_height, twigs };
+            let course = Course::new(&setting, stream, &models);
+            if course.buried() > 0 {
+                let text = format!("{} catkins found no place to start outside of solids", course.buried());
+                let help = "raise flight.band, or make room between the solids";
+                report.push(Diagnostic::about("S026", text).help(help));
+            }
             let prototypes = models.iter().map(|m| m.prototype(keys.lod, kind.first_material)).collect();
             let (table, fields) = course.measures(&flight.keys);
             let measures = (table, fields.to_vec());

@@ -36,7 +36,7 @@ pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work
     let make = |n: u32| frame(&stage.scene, &stage.movers, n, false);
     if let Some((first, rest)) = numbers.split_first() {
         work.progress.stage("writing frames", numbers.len() as u64);
-        let mut current: Frame = make(*first);
+        let mut current: Frame = make(*first)?;
         for next in rest.iter().map(Some).chain([None]) {
             work.cancel.check()?;
             check_frame(&stage.scene, &current)?;
@@ -45,7 +45,7 @@ pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work
             done?;
             work.progress.advance(1);
             if let Some(f) = following {
-                current = f;
+                current = f?;
             }
         }
     }

@@ -115,6 +115,7 @@ pub const CODES: &[Code] = &[
     row("S023", Warning, "lattice wind with a checkered density"),
     row("S024", Error, "lattice wind has left its bounds"),
     row("S025", Error, "checkpoint of another lattice wind"),
+    row("S026", Warning, "catkins that would start inside solids are left out"),
     row("X001", Error, "value is not finite"),
     row("X002", Warning, "too many joints, the smallest are merged into their parents"),
     row("X003", Warning, "too many animated nodes, a stable subset is kept"),

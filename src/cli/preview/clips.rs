@@ -35,7 +35,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> R
     if args.turntable.is_none() && !loaded.moves() {
         return Ok(Done::Refused(format!("nothing in \"{}\" moves; --turntable goes round it", loaded.name)));
     }
-    let first = numbers.first().copied().flatten().map(|n| loaded.frame(n));
+    let first = numbers.first().copied().flatten().map(|n| loaded.frame(n)).transpose()?;
     let own = subject(&loaded, first.as_ref())?;
     let around = if args.turntable.is_some() { own.spun() } else { own.clone() };
     let camera = wish.camera(&loaded, &around);
@@ -60,7 +60,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> R
     } else {
         let shot = wish.shot(&loaded, &own, camera);
         for n in numbers.iter().flatten() {
-            let now = loaded.frame(*n);
+            let now = loaded.frame(*n)?;
             let world = World::new(loaded.scene(), Some(&now), &looks);
             writer.frame(&expose(&world, &shot, work.cancel, work.progress)?)?;
         }

@@ -40,7 +40,9 @@ impl Loaded {
     }
 
     /// The scene's things at a frame.
-    pub fn frame(&self, number: u32) -> Frame {
+    /// # Errors
+    /// Those of a wind that is stepped.
+    pub fn frame(&self, number: u32) -> Result<Frame> {
         frame(&self.stage.scene, &self.stage.movers, number, true)
     }
 

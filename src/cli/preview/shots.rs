@@ -145,7 +145,7 @@ pub fn frame_of(loaded: &Loaded, number: Option<u32>) -> Result<Option<Frame>, S
     let clip = loaded.scene().clip;
     match number {
         None => Ok(None),
-        Some(n) if (clip.start..=clip.end).contains(&n) => Ok(Some(loaded.frame(n))),
+        Some(n) if (clip.start..=clip.end).contains(&n) => loaded.frame(n).map(Some).map_err(|e| e.to_string()),
         Some(n) => Err(format!("--frame: frame {n} is outside the scene's {} to {}", clip.start, clip.end)),
     }
 }

@@ -1,0 +1,155 @@
+//! The wind of a flight, one frame after another: a lattice goes on as the flight does, and only two of its snapshots are
+//! kept; any other wind is asked at its own time.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::air;
+use super::blow::{lattice_options, tell};
+use crate::Result;
+use crate::diagnostic::Report;
+use crate::limits::Limits;
+use crate::math::narrow;
+use crate::progress::{Cancel, Progress, Silent};
+use crate::recipe::Recipe;
+use crate::recipe::wind_keys::{Solver, WindModel};
+use crate::solid::Solid;
+use crate::wind::{Between, Lattice, LatticeOptions, Scaled, Snapshot, Sum, Wind};
+
+/// Height above a surface at which a wind by formula is known, m.
+const KNOWN_HEIGHT: f64 = 0.5;
+
+/// Wind from a flight's first frame on.
+#[derive(Debug)]
+pub struct Stream {
+    /// Winds by formula.
+    others: Option<Arc<dyn Wind>>,
+    /// Time between the flight's start and the clip's, s: formulas count from the clip's.
+    before: f64,
+    source: Option<Source>,
+    flow: Option<Flow>,
+}
+
+/// What a lattice is made of, to begin again.
+#[derive(Debug)]
+struct Source {
+    options: LatticeOptions,
+    solids: Vec<Solid>,
+    limits: Limits,
+    cancel: Cancel,
+    scale: f32,
+}
+
+/// A lattice that runs.
+#[derive(Debug)]
+struct Flow {
+    lattice: Lattice,
+    before: Arc<Snapshot>,
+    after: Arc<Snapshot>,
+    frame: u64,
+}
+
+impl Source {
+    fn begin(&self, progress: &dyn Progress) -> Result<Flow> {
+        let mut lattice = Lattice::new(&self.options, &self.solids, &self.limits)?;
+        let before = lattice.advance(progress, &self.cancel)?;
+        let after = lattice.advance(progress, &self.cancel)?;
+        Ok(Flow { lattice, before, after, frame: 0 })
+    }
+
+    /// The wind from a frame to the next.
+    fn during(&self, flow: &mut Flow, frame: u64, fps: f64) -> Result<Arc<dyn Wind>> {
+        if frame < flow.frame {
+            *flow = self.begin(&Silent)?;
+        }
+        while flow.frame < frame {
+            let next = flow.lattice.advance(&Silent, &self.cancel)?;
+            flow.before = std::mem::replace(&mut flow.after, next);
+            flow.frame += 1;
+        }
+        let wind = Arc::new(Between {
+            before: Arc::clone(&flow.before),
+            after: Arc::clone(&flow.after),
+            t0: frame as f64 / fps,
+            t1: (frame + 1) as f64 / fps,
+        });
+        Ok(Arc::new(Scaled { wind, factor: self.scale }))
+    }
+}
+
+impl Stream {
+    /// The wind of a recipe's flight, which starts `before` s before the clip. `solids`: what a lattice flows around.
+    pub fn new(recipe: &Recipe, solids: &[Solid], before: f64, (limits, cancel): (&Limits, &Cancel)) -> Self {
+        let lattice = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
+        let source = (lattice && recipe.wind.blows()).then(|| Source {
+            options: lattice_options(recipe),
+            solids: solids.to_vec(),
+            limits: limits.clone(),
+            cancel: cancel.clone(),
+            scale: narrow(recipe.wind.scale),
+        });
+        Self { others: air::by_formula(recipe), before, source, flow: None }
+    }
+
+    /// Lets a lattice run up; whatever it says of itself goes into `report`.
+    /// # Errors
+    /// Those of [`Lattice::new`] and [`Lattice::advance`].
+    pub fn run_up(&mut self, progress: &dyn Progress, report: &mut Report) -> Result<()> {
+        if let Some(source) = &self.source {
+            let flow = source.begin(progress)?;
+            tell(&flow.lattice, report);
+            self.flow = Some(flow);
+        }
+        Ok(())
+    }
+
+    /// Least height above a surface at which the wind is known, m.
+    pub fn known_height(&self) -> f64 {
+        self.source.as_ref().map_or(KNOWN_HEIGHT, |s| s.options.spacing / 2.0)
+    }
+
+    /// The wind between a frame of the flight and the next.
+    /// # Errors
+    /// Those of [`Lattice::advance`].
+    pub fn during(&mut self, frame: u64, fps: f64) -> Result<Arc<dyn Wind>> {
+        let mut all: Vec<Arc<dyn Wind>> = Vec::new();
+        if let Some(source) = &self.source {
+            if self.flow.is_none() {
+                self.flow = Some(source.begin(&Silent)?);
+            }
+            if let Some(flow) = &mut self.flow {
+                all.push(source.during(flow, frame, fps)?);
+            }
+        }
+        if let Some(wind) = &self.others {
+            all.push(Arc::new(Later { wind: Arc::clone(wind), before: self.before }));
+        }
+        Ok(if all.len() == 1 { all.remove(0) } else { Arc::new(Sum(all)) })
+    }
+}
+
+/// A wind whose time starts later.
+#[derive(Debug)]
+struct Later {
+    wind: Arc<dyn Wind>,
+    before: f64,
+}
+
+impl Wind for Later {
+    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+        self.wind.sample(places, t - self.before, out);
+    }
+
+    fn mean(&self) -> Vec3 {
+        self.wind.mean()
+    }
+
+    fn mean_at(&self, height: f32) -> Vec3 {
+        self.wind.mean_at(height)
+    }
+
+    fn period(&self) -> Option<f64> {
+        self.wind.period()
+    }
+}
