@@ -1,0 +1,184 @@
+//! Catkins in flight, through the program: what is refused, what is counted, what clients see, and that walls and wet
+//! ground do what they are for.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+#[path = "common/clients.rs"]
+mod clients;
+
+fn osier(arguments: &[&str]) -> std::process::Output {
+    Command::new(env!("CARGO_BIN_EXE_osier")).args(arguments).output().expect("osier runs")
+}
+
+const SCENE: &str = "seed = 5\n[frames]\nend = 48\n[ground]\nrelief = 0\n[catkin]\nhairs = 20\nlod = 2\n\
+    [flight]\ncount = 200\nsize = [12, 6, 8]\nband = [0.02, 0.7]\nhumidity = 0.7\n\
+    [[solid]]\nname = \"wall\"\nat = [1.5, 0, 0]\nsize = [0.3, 2, 6]\n\
+    [[solid]]\nname = \"shed\"\nshape = \"house\"\nat = [-3, 0, 1]\nsize = [2, 1.5, 1.6]\nroof = 0.8\nturn_deg = 20\n\
+    [wind]\nspeed = 2\n";
+
+fn scene(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let path = folder.join(format!("{name}.toml"));
+    std::fs::write(&path, text).expect("scene");
+    path
+}
+
+fn baked(folder: &Path, name: &str, scene: &Path, more: &[&str]) -> PathBuf {
+    let out = folder.join(name);
+    let fixed = ["-q", "bake", scene.to_str().expect("path"), "-o", out.to_str().expect("path")];
+    let run = osier(&[&fixed, more].concat());
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    out
+}
+
+/// Columns of a bake's table by name.
+fn table(out: &Path) -> BTreeMap<String, Vec<f64>> {
+    let text = std::fs::read_to_string(out.join("stats/flight.csv")).expect("table");
+    let mut lines = text.lines();
+    let name = |head: &str| head.split(' ').next().expect("name").to_owned();
+    let names: Vec<String> = lines.next().expect("heads").split(',').map(name).collect();
+    let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for line in lines {
+        for (name, value) in names.iter().zip(line.split(',')) {
+            columns.entry(name.clone()).or_default().push(value.parse().expect("a number"));
+        }
+    }
+    columns
+}
+
+fn last(columns: &BTreeMap<String, Vec<f64>>, name: &str) -> f64 {
+    *columns[name].last().expect("a frame")
+}
+
+#[test]
+fn each_fault_names_its_place_and_the_mend() {
+    let dir = tempfile::tempdir().expect("dir");
+    let cases = [
+        ("points", "[flight]\nrelease = \"points\"\n", "S006", "points = \"FILE.csv\""),
+        ("canopy", "[flight]\nrelease = \"canopy\"\n", "S006", "no plant in this scene"),
+        ("band", "[flight]\nband = [0.9, 0.1]\n", "S004", "write [0.1, 0.9]"),
+        ("form", "[flight]\nforms = { v7 = 1 }\n", "S005", "v0, v1, v2, v3, v4"),
+        ("weight", "[flight]\nforms = { v1 = -1 }\n", "S004", "0 to 1e9"),
+        ("key", "[flight]\nhumiditi = 1\n", "S002", "did you mean \"humidity\"?"),
+        ("wet", "[flight]\nhumidity = 2\n", "S004", "0 to 1"),
+        ("list", "[solid]\nname = \"wall\"\n", "S003", "[[solid]]"),
+        ("mesh", "[[solid]]\nshape = \"mesh\"\n", "S006", "mesh = \"FILE.obj\""),
+        ("shape", "[[solid]]\nshape = \"hose\"\n", "S003", "did you mean \"house\"?"),
+        ("file", "[flight]\nrelease = \"points\"\npoints = \"bad.csv\"\n", "S003", "bad.csv:3"),
+    ];
+    std::fs::write(dir.path().join("bad.csv"), "x,y,z\n1,2,3\n1,two,3\n").expect("points");
+    for (name, text, code, words) in cases {
+        let path = scene(dir.path(), name, text);
+        let run = osier(&["check", path.to_str().expect("path")]);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert_eq!(run.status.code(), Some(1), "{name}: {said}");
+        assert!(said.contains(code) && said.contains(words), "{name}: {said}");
+    }
+}
+
+/// Nobody is lost, nobody is in anything, and the maps hold just those that lie.
+#[test]
+fn tables_and_maps_count_everybody() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "two", SCENE);
+    let out = baked(dir.path(), "out", &path, &["--formats", "csv,exr", "--set", "flight.map_every=24"]);
+    let columns = table(&out);
+    let states = ["pending", "airborne", "grounded", "on_wall", "corner", "exited"];
+    for frame in 0..48 {
+        let sum: f64 = states.iter().map(|s| columns[*s][frame]).sum();
+        assert!((sum - 200.0).abs() < 0.5 && columns["penetrations"][frame] < 0.5, "frame {frame}: {sum}");
+    }
+    let lying = last(&columns, "grounded") + last(&columns, "on_wall") + last(&columns, "corner");
+    assert!(lying > 10.0 && last(&columns, "merges") > 3.0, "{columns:?}");
+    let maps: Vec<PathBuf> = std::fs::read_dir(out.join("maps/deposition")).expect("maps").map(|e| e.expect("entry").path()).collect();
+    // The ground, four sides of two solids; each at frames 1 and 25 and once more for the last.
+    assert_eq!(maps.len(), 3 * 9, "{maps:?}");
+    let mut sum = 0.0;
+    for map in maps.iter().filter(|m| m.to_string_lossy().matches('.').count() == m.parent().expect("dir").to_string_lossy().matches('.').count() + 1) {
+        let picture = exr::prelude::read_first_flat_layer_from_file(map).expect("our maps open");
+        let layer = &picture.layer_data;
+        let comment = layer.attributes.comments.as_ref().expect("a comment").to_string();
+        let about: serde_json::Value = serde_json::from_str(&comment).expect("json");
+        let area = about["texel_area_m2"].as_f64().expect("area");
+        sum += layer.channel_data.list[0].sample_data.values_as_f32().map(f64::from).sum::<f64>() * area;
+    }
+    assert!((sum - lying).abs() < 1e-3, "{sum} on maps, {lying} in the table");
+    let plot = std::fs::read_to_string(out.join("stats/flight.svg")).expect("plot");
+    assert!(plot.starts_with("<svg") && plot.matches("<polyline").count() == 14, "{plot}");
+    let about: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("stats/flight.json")).expect("json")).expect("json");
+    assert_eq!(about["about"]["count"], 200);
+}
+
+#[test]
+fn files_are_the_same_at_any_number_of_threads() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = SCENE.replace("speed = 2", "speed = 2\nmodel = \"lattice\"\n[wind.lattice]\ncells = [48, 24, 32]\ndx = 0.25\npreroll = 2");
+    let path = scene(dir.path(), "threads", &text);
+    let all = ["-j1", "-j2", "-j8"].map(|jobs| {
+        let out = baked(dir.path(), jobs, &path, &["--formats", "usd,csv,exr,pov", "--frames", "1-48:47", jobs]);
+        let manifest = std::fs::read_to_string(out.join("manifest.json")).expect("manifest");
+        let manifest: serde_json::Value = serde_json::from_str(&manifest).expect("json");
+        manifest["bake_hash"].as_str().expect("hash").to_owned()
+    });
+    assert!(all[0] == all[1] && all[0] == all[2], "bytes depend on the number of threads");
+}
+
+/// A frame asked for by itself is that of the whole clip.
+#[test]
+fn a_late_frame_alone_is_the_same() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "late", SCENE);
+    let pov = |name: &str, frames: &str| {
+        let out = baked(dir.path(), name, &path, &["--formats", "pov", "--frames", frames]);
+        std::fs::read_to_string(out.join("pov/frames/frame.0048.inc")).expect("frame")
+    };
+    assert_eq!(pov("whole", "1-48"), pov("alone", "48"));
+}
+
+/// In the air of a lattice: a higher wall lets fewer pass, and more come to rest before it than behind it.
+#[test]
+fn higher_walls_stop_more() {
+    let dir = tempfile::tempdir().expect("dir");
+    let heights = ["0.05", "1", "2", "3", "4.5"];
+    for seed in ["1", "2"] {
+        let passed = heights.map(|h| {
+            let text = format!(
+                "[frames]\nend = 192\n[ground]\nrelief = 0\n[catkin]\nhairs = 2\n[flight]\ncount = 600\nband = [0.02, 0.95]\nsides = \"exit\"\n\
+                 humidity = 0.8\nstick_radius = 0\n[[solid]]\nat = [0, 0, 0]\nsize = [0.5, {h}, 12]\n\
+                 [wind]\nmodel = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [48, 20, 48]\ndx = 0.25\nsides = \"slip\"\n"
+            );
+            let path = scene(dir.path(), &format!("wall{h}_{seed}"), &text);
+            let out = baked(dir.path(), &format!("out{h}_{seed}"), &path, &["--formats", "csv,exr", "--seed", seed]);
+            last(&table(&out), "exited")
+        });
+        assert!(passed.windows(2).all(|p| p[0] > p[1]), "seed {seed}: {passed:?}");
+    }
+}
+
+/// Blender sees each catkin where usd-core does, and as many.
+#[test]
+fn blender_sees_who_flies() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "flying", SCENE);
+    for lod in ["0", "2"] {
+        let set = format!("catkin.lod={lod}");
+        let out = baked(dir.path(), &format!("out{lod}"), &path, &["--formats", "usd,csv", "--set", &set]);
+        let (stage, told) = (out.join("flying.usda"), out.join("told.json"));
+        let (stage, told) = (stage.to_str().expect("path"), told.to_str().expect("path"));
+        let run = |arguments: &[&str]| {
+            let run = Command::new(&python).arg(clients::script("flight.py")).args(arguments).output().expect("python");
+            let said = String::from_utf8_lossy(&run.stdout).into_owned();
+            assert!(run.status.success(), "lod {lod}: {said}{}", String::from_utf8_lossy(&run.stderr));
+            said
+        };
+        let states = run(&["usd", stage, told, "1", "24", "48"]);
+        let columns = table(&out);
+        let wanted = format!("\"48\": [{}", last(&columns, "pending"));
+        assert!(states.contains(&wanted), "{states}");
+        assert!(run(&["bpy", stage, told]).contains("3 frames"));
+    }
+}
