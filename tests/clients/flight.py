@@ -6,20 +6,22 @@ they are doing. bpy: as many instances are alive, they are at the same places, a
 prototype has an extent of centimetres.
 """
 import json
+import os
 import sys
 
 import numpy as np
 
 
-def by_usd(stage, out, frames):
+def by_usd(path, out, frames):
     from pxr import Usd, UsdGeom
 
-    stage = Usd.Stage.Open(stage)
+    stage = Usd.Stage.Open(path)
     found = [UsdGeom.PointInstancer(p) for p in stage.Traverse() if p.IsA(UsdGeom.PointInstancer)]
     flying = [p for p in found if p.GetPath().name == "catkins"]
     assert len(flying) == 1, found
     flying = flying[0]
-    twins = [p for p in stage.Traverse() if p.IsA(UsdGeom.Points) and p.HasAttribute("primvars:state")]
+    beside = Usd.Stage.Open(os.path.join(os.path.dirname(path), "usd", "catkins.points.usdc"))
+    twins = [p for p in beside.Traverse() if p.IsA(UsdGeom.Points) and p.HasAttribute("primvars:state")]
     assert len(twins) == 1, twins
     ids = np.array(flying.GetIdsAttr().Get())
     assert (ids == np.arange(len(ids))).all()
