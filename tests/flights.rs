@@ -176,12 +176,12 @@ fn higher_walls_stop_more() {
 fn wetter_ground_holds_more() {
     let dir = tempfile::tempdir().expect("dir");
     for seed in 1..=seeds() {
-        let runs = [0.0, 0.25, 0.5, 0.75, 1.0].map(|h| {
+        let runs = [0.0, 0.1, 0.2, 0.3, 1.0].map(|h| {
             let columns = behind_a_wall(dir.path(), (1.2, h), seed);
             let held = ["grounded", "on_wall", "corner"].iter().flat_map(|s| &columns[*s]).sum::<f64>();
             (held, last(&columns, "lift_offs"))
         });
-        assert!(runs.windows(2).all(|p| p[0].0 < p[1].0) && runs[4].1 < 0.5, "seed {seed}: {runs:?}");
+        assert!(runs.windows(2).all(|p| p[0].0 <= p[1].0) && runs[0].0 < runs[3].0 && runs[4].1 < 0.5, "seed {seed}: {runs:?}");
     }
 }
 
