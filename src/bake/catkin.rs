@@ -10,13 +10,17 @@ use crate::par::par_map;
 use crate::plant::Plant;
 use crate::recipe::catkin_keys::{Angles, CatkinKeys, Polar};
 use crate::rng::Rng;
-use crate::scene::{Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Prototype};
+use crate::scene::{Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
+use crate::surface::SurfaceMaterial;
 use crate::surface::catkin::{Detail, Tuft, TuftSpec, VARIANTS, hair_material, stalk_material, tuft};
 use crate::units::degrees;
 use glam::{Quat, Vec3};
 
 /// Distance of tufts side by side, in radii of the largest.
 const APART: f32 = 2.1;
+
+/// Index among [`materials`] of the first picture.
+const FLAT: u32 = 2;
 
 /// One kind of catkin. The hairs begin at the origin and the tuft opens towards +Y.
 #[derive(Debug, Clone)]
@@ -27,18 +31,20 @@ pub struct CatkinModel {
     pub radius: f32,
     /// Lowest point, m, at most 0.
     pub lowest: f32,
+    index: u32,
     tuft: Tuft,
 }
 
 impl CatkinModel {
-    /// What instances show. `lod`: 0 curves, 1 tubes, 2 ribbons, 3 fewer ribbons. `first`: index in the scene of the first of
+    /// What instances show. `lod`: 0 curves, 1 tubes, 2 ribbons, 3 fewer ribbons, 4 three crossed pictures, 5 one. `first`: index in the scene of the first of
     /// [`materials`].
     pub fn prototype(&self, lod: u32, first: u32) -> Prototype {
         let mut proto = match lod {
             0 => self.tuft.hero(&self.name),
             1 => Prototype::new(&self.name, self.tuft.mesh(Detail::Tubes)),
             2 => Prototype::new(&self.name, self.tuft.mesh(Detail::Ribbons)),
-            _ => Prototype::new(&self.name, self.tuft.mesh(Detail::Thinned)),
+            3 => Prototype::new(&self.name, self.tuft.mesh(Detail::Thinned)),
+            _ => Prototype::new(&self.name, self.cards(lod).0.with_material(FLAT + self.index)),
         };
         proto.mesh.subsets.iter_mut().for_each(|s| s.material += first);
         if let Some(fine) = &mut proto.fine {
@@ -48,17 +54,26 @@ impl CatkinModel {
         proto
     }
 
+    fn cards(&self, lod: u32) -> (Mesh, SurfaceMaterial) {
+        self.tuft.cards(&format!("catkin_{}", self.name), lod == 4)
+    }
+
     /// The tuft itself.
     pub fn tuft(&self) -> &Tuft {
         &self.tuft
     }
 }
 
-/// What all catkins of a scene wear: hair, stalk.
-pub fn materials() -> Look {
+/// What all catkins of a scene wear: hair, stalk, and from `lod` 4 on a picture for each model.
+pub fn materials(models: &[CatkinModel], lod: u32) -> Look {
     let mut look = Look::default();
     look.add(hair_material("catkin_hair"), Vec::new());
     look.add(stalk_material("catkin_stalk"), Vec::new());
+    if lod >= 4 {
+        for surface in par_map(models, |m| m.cards(lod).1) {
+            look.add(surface.material, surface.images);
+        }
+    }
     look
 }
 
@@ -126,7 +141,8 @@ pub fn catkin_models(keys: &CatkinKeys, seed: u64, work: &Work<'_>) -> Result<Ve
     let variants: Vec<usize> = (0..keys.variants as usize).collect();
     let models = par_map(&variants, |v| {
         let tuft = tuft(&skeleton(keys, *v, seed, work)?, &spec, key(seed, *v));
-        Ok(CatkinModel { name: format!("p{v:03}"), radius: tuft.radius, lowest: tuft.lowest, tuft })
+        let index = u32::try_from(*v).unwrap_or(u32::MAX);
+        Ok(CatkinModel { name: format!("p{v:03}"), radius: tuft.radius, lowest: tuft.lowest, index, tuft })
     });
     models.into_iter().collect()
 }

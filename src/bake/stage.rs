@@ -360,7 +360,7 @@ fn add_catkins(
     let own = CatkinKeys::defaults();
     let keys = recipe.catkin.as_ref().unwrap_or(&own);
     let models = catkin::catkin_models(keys, recipe.seed, work)?;
-    let kind = made.take(catkin::materials());
+    let kind = made.take(catkin::materials(&models, keys.lod));
     let (asset, mover, measures) = match &recipe.flight {
         None => (catkin::row(&models, keys.lod, kind.first_material), None, None),
         Some(flight) => {

@@ -51,7 +51,7 @@ keys! {
         /// Points of a hair smoothed by a spline; 0 leaves its straight sections.
         smooth: u32 = "smooth" whole(0, 0, 16);
         /// How finely tufts are shown: 0 hairs as curves (ribbons where a format has none), 1 tubes, 2 ribbons, 3 a third of
-        /// them.
-        lod: u32 = "lod" whole(0, 0, 3);
+        /// them, 4 pictures on three crossed quads, 5 on one.
+        lod: u32 = "lod" whole(0, 0, 5);
     }
 }

@@ -3,7 +3,7 @@
 //! Identifiers carry indices: `P_a_i_p` prototype, `G_a_m` mesh, `R_a_m` the unchanging part of a moving mesh,
 //! `L_a_i` instances, `J_a_i_j` the instances that ride on joint j, `D_a_p` points, `H_a_c` curves, `A_a` the asset.
 
-use super::mesh::{Faces, mesh2, shows, topology, vectors};
+use super::mesh::{Faces, mesh2, shows, topology, unhaired, vectors};
 use super::objects::{Cloud, SPHERES, cloud, curves, instances};
 use super::space::Space;
 use crate::export::Warning;
@@ -48,19 +48,34 @@ impl Part<'_> {
                 if !shows(&proto.mesh) {
                     continue;
                 }
-                // Hairs as ribbons of one mesh, whose memory all instances share: cones would be copied, and light does not
-                // go through what is closed.
-                let mesh = &proto.mesh;
-                let faces = Faces::of(mesh, self.materials);
                 text.put(&format!("// {} {} {}\n", self.asset.id, instancer.name, proto.name));
+                if let Some((hairs, rest)) = unhaired(&proto.mesh, self.materials) {
+                    self.tuft(text, (i, p), &hairs, &rest);
+                    continue;
+                }
+                let faces = Faces::of(&proto.mesh, self.materials);
                 text.put(&format!("#declare P_{}_{i}_{p} = object {{ ", self.index));
-                mesh2(text, self.space, mesh, &faces);
+                mesh2(text, self.space, &proto.mesh, &faces);
                 if self.is_target(instancer, p, &faces) {
                     text.put("photons { target reflection on refraction on }");
                 }
                 text.put("}\n");
             }
         }
+    }
+
+    /// A prototype with hairs, ribbons of a mesh whose memory all instances share. They throw no shadow: wider than life as
+    /// they are, they would darken each other.
+    fn tuft(&self, text: &mut Text, (i, p): (usize, usize), hairs: &Mesh, rest: &Mesh) {
+        text.put(&format!("#declare P_{}_{i}_{p} = union {{\nobject {{ ", self.index));
+        mesh2(text, self.space, hairs, &Faces::of(hairs, self.materials));
+        text.put("no_shadow }\n");
+        if shows(rest) {
+            text.put("object { ");
+            mesh2(text, self.space, rest, &Faces::of(rest, self.materials));
+            text.put("}\n");
+        }
+        text.put("}\n");
     }
 
     /// True if photons aim at the drops that show prototype `p`.

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::space::{Space, direction, uv};
 use crate::export::text::Text;
-use crate::scene::{Material, MaterialClass, Mesh};
+use crate::scene::{Material, MaterialClass, Mesh, Subset};
 
 /// Triangles of a mesh that have an area, with their texture's place in the `texture_list`.
 pub(super) struct Faces {
@@ -40,6 +40,37 @@ impl Faces {
     pub fn water(&self) -> Option<u32> {
         self.water
     }
+}
+
+/// What of a mesh is hair, and what is not; `None` without hair.
+pub(super) fn unhaired(mesh: &Mesh, materials: &[Material]) -> Option<(Mesh, Mesh)> {
+    let is_hair = |s: &Subset| materials.get(s.material as usize).is_some_and(|m| m.class == MaterialClass::Catkin);
+    mesh.subsets.iter().any(is_hair).then(|| (part(mesh, is_hair), part(mesh, |s| !is_hair(s))))
+}
+
+/// The subsets of a mesh that are wanted, with their own points.
+fn part(mesh: &Mesh, wanted: impl Fn(&Subset) -> bool) -> Mesh {
+    let mut out = Mesh::default();
+    let mut places = vec![u32::MAX; mesh.points.len()];
+    for subset in mesh.subsets.iter().filter(|s| wanted(s)) {
+        let first = u32::try_from(out.triangles.len()).unwrap_or(u32::MAX);
+        for t in mesh.subset_triangles(subset) {
+            let corners = t.map(|i| {
+                let old = i as usize;
+                if places[old] == u32::MAX {
+                    places[old] = u32::try_from(out.points.len()).unwrap_or(u32::MAX);
+                    out.points.push(mesh.points[old]);
+                    out.normals.push(mesh.normals[old]);
+                    out.uvs.extend(mesh.uvs.get(old));
+                    out.colors.extend(mesh.colors.get(old));
+                }
+                places[old]
+            });
+            out.triangles.push(corners);
+        }
+        out.subsets.push(Subset { first, ..*subset });
+    }
+    out
 }
 
 /// True if any triangle of a mesh has an area.

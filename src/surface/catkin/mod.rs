@@ -1,5 +1,6 @@
 //! The tuft of hairs that carries the seed of a willow or poplar: curves of its plant, and meshes for every distance.
 
+mod cards;
 mod stalk;
 mod tuning;
 

@@ -113,3 +113,42 @@ fn smoothed_hairs_pass_their_nodes() {
         assert!(b.windows(2).all(|w| w[0].distance(w[1]) < 0.002));
     }
 }
+
+#[test]
+fn cards_cover_what_the_hairs_do() {
+    use crate::scene::Pixels;
+    let t = tuft(&plant(100), &TuftSpec { stalk: 0.0, ..SPEC }, 2);
+    for (crossed, quads) in [(false, 1.0), (true, 3.0)] {
+        let (mesh, surface) = t.cards("card", crossed);
+        assert_eq!((mesh.triangles.len(), mesh.points.len()), if crossed { (6, 12) } else { (2, 4) });
+        for tri in &mesh.triangles {
+            let [a, b, c] = tri.map(|i| mesh.points[i as usize]);
+            assert!((b - a).cross(c - a).dot(mesh.normals[tri[0] as usize]) > 0.0);
+            // A pixel is as wide as it is high, and one tile shows the ball and nothing else.
+            let [ua, ub, uc] = tri.map(|i| mesh.uvs[i as usize]);
+            let share = f64::from((ub - ua).perp_dot(uc - ua)) * 0.5;
+            assert!((share - if crossed { 0.125 } else { 0.5 }).abs() < 1e-6);
+        }
+        let Pixels::U8(color) = &surface.images[0].pixels else { panic!("bytes") };
+        let Pixels::U8(normal) = &surface.images[1].pixels else { panic!("bytes") };
+        assert_eq!((color.len(), normal.len()), (256 * 256 * 4, 256 * 256 * 3));
+        let cut = f64::from(surface.material.alpha_cutoff.expect("cut")) * 255.0;
+        let alphas = || color.chunks(4).map(|p| f64::from(p[3]));
+        let covered = alphas().sum::<f64>() / 255.0;
+        let kept = alphas().filter(|a| *a >= cut).count() as f64;
+        assert!((kept / covered - 1.0).abs() < 0.12, "{kept} of {covered}");
+        // Hairs seen from one side cover what their lengths across the view and their widths give, less what overlaps.
+        let pixel = f64::from(2.0 * t.radius) / if crossed { 128.0 } else { 256.0 };
+        let area = covered * pixel * pixel / quads;
+        assert!((0.4..1.0).contains(&(area / covered_by(&t))), "{}", area / covered_by(&t));
+        // Colour reaches four pixels beyond what is drawn, and no farther.
+        let known = color.chunks(4).filter(|p| p[0] > 0).count();
+        let drawn = alphas().filter(|a| *a > 0.0).count();
+        assert!(known > drawn && known < 256 * 256);
+        assert!(color.chunks(4).zip(normal.chunks(3)).all(|(c, n)| c[3] == 0 || n[2] >= 127));
+    }
+}
+
+fn covered_by(t: &Tuft) -> f64 {
+    covered(&t.hairs)
+}
