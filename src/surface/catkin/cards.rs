@@ -137,7 +137,7 @@ impl Tile {
     }
 }
 
-/// Gives what is empty the mean colour and normal of its neighbours, ring after ring.
+/// Gives what is empty the mean colour and normal of its neighbours, ring after ring, and the colour of hair beyond.
 fn spread(texels: &mut [Texel], side: usize) {
     let mut known: Vec<bool> = texels.iter().map(|t| t.alpha > 0.0).collect();
     for _ in 0..SPREAD {
@@ -157,6 +157,10 @@ fn spread(texels: &mut [Texel], side: usize) {
                 texels[i].normal = math::normalize_or(sum.1, Vec3::Z);
             }
         }
+    }
+    // From far away pictures are seen as means of many pixels, which black ones would darken.
+    for (t, _) in texels.iter_mut().zip(&known).filter(|(_, known)| !**known) {
+        (t.color, t.normal) = (Vec3::from_array(tuning::HAIR), Vec3::Z);
     }
 }
 

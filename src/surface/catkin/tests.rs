@@ -141,11 +141,9 @@ fn cards_cover_what_the_hairs_do() {
         let pixel = f64::from(2.0 * t.radius) / if crossed { 128.0 } else { 256.0 };
         let area = covered * pixel * pixel / quads;
         assert!((0.4..1.0).contains(&(area / covered_by(&t))), "{}", area / covered_by(&t));
-        // Colour reaches four pixels beyond what is drawn, and no farther.
-        let known = color.chunks(4).filter(|p| p[0] > 0).count();
-        let drawn = alphas().filter(|a| *a > 0.0).count();
-        assert!(known > drawn && known < 256 * 256);
-        assert!(color.chunks(4).zip(normal.chunks(3)).all(|(c, n)| c[3] == 0 || n[2] >= 127));
+        // Nothing is black, seen or not; normals lean every way, about the viewer's direction.
+        assert!(color.chunks(4).all(|p| p[0] > 200) && normal.chunks(3).all(|n| n[2] >= 127));
+        assert!(normal.chunks(3).any(|n| n[0] > 160) && normal.chunks(3).any(|n| n[0] < 96));
     }
 }
 
