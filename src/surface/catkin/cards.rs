@@ -9,7 +9,9 @@ use crate::surface::SurfaceMaterial;
 use crate::units::{byte, srgb_byte};
 
 /// Pixels along a side of the picture.
-const SIDE: usize = 256;
+const SIDE: usize = SIDE_U32 as usize;
+/// The same in a picture's own words.
+const SIDE_U32: u32 = 256;
 /// Samples along a side of a pixel.
 const SAMPLES: usize = 8;
 /// Pixels by which colours and normals are spread beyond what is drawn.
@@ -203,8 +205,8 @@ impl Tuft {
         let image = |what: &str, kind, channels, pixels: Vec<u8>| Image {
             name: format!("{name}_{what}"),
             kind,
-            width: SIDE as u32,
-            height: SIDE as u32,
+            width: SIDE_U32,
+            height: SIDE_U32,
             channels,
             pixels: Pixels::U8(pixels),
         };
