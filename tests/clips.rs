@@ -55,7 +55,7 @@ fn stage(text: &str, motion: &str) -> Stage {
 }
 
 fn frames(stage: &Stage) -> Vec<Frame> {
-    NUMBERS.map(|n| mover::frame(&stage.scene, &stage.movers, n, true)).to_vec()
+    NUMBERS.map(|n| mover::frame(&stage.scene, &stage.movers, n, true).expect("a frame")).to_vec()
 }
 
 /// The same from the program.

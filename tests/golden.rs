@@ -51,7 +51,7 @@ fn of_file(name: &str, frame: Option<u32>) -> (Scene, Option<Frame>) {
     let recipe = resolve(&request).unwrap_or_else(|e| panic!("{name}: {e}")).0;
     let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
     let built = stage::build(&recipe, stage::Parts::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let now = frame.map(|n| mover::frame(&built.stage.scene, &built.stage.movers, n, true));
+    let now = frame.map(|n| mover::frame(&built.stage.scene, &built.stage.movers, n, true).expect("a frame"));
     ((*built.stage.scene).clone(), now)
 }
 

@@ -81,7 +81,7 @@ fn outlines_agree_with_povray_on_five_scenes() {
     {
         let preset = presets::find(name).expect("preset");
         let stage = grown::stage(&grown::recipe(preset, Some(seed), false), Parts { ground: false }).stage;
-        let frame: Option<Frame> = frame.map(|n| mover::frame(&stage.scene, &stage.movers, n, true));
+        let frame: Option<Frame> = frame.map(|n| mover::frame(&stage.scene, &stage.movers, n, true).expect("a frame"));
         scenes.push((format!("{name} {seed}"), (*stage.scene).clone(), frame));
     }
     for (name, scene, frame) in &scenes {

@@ -167,7 +167,10 @@ impl Shown<'_> {
 /// First, middle and last frame.
 fn frames() -> Vec<Frame> {
     let stage = stage();
-    expect::three(&stage.scene).iter().map(|n| mover::frame(&stage.scene, &stage.movers, *n, true)).collect()
+    expect::three(&stage.scene)
+        .iter()
+        .map(|n| mover::frame(&stage.scene, &stage.movers, *n, true).expect("a frame"))
+        .collect()
 }
 
 /// File with what `showcase.py` looks for.
@@ -356,7 +359,7 @@ fn povray_renders_the_trees_where_they_stand() {
 
 /// Above the horizon, what geometry covers is not sky, and what is far from all geometry is.
 fn silhouette(scene: &Scene, picture: &Picture) {
-    let frame = mover::frame(scene, &stage().movers, scene.clip.start, true);
+    let frame = mover::frame(scene, &stage().movers, scene.clip.start, true).expect("a frame");
     let hits = projected(scene, &frame);
     let camera = &scene.camera;
     let level = (camera.target - camera.eye) * Vec3::new(1.0, 0.0, 1.0);
