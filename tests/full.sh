@@ -9,6 +9,9 @@ say() { printf '\n== %s\n' "$*"; }
 say "every preset at seeds 0 to 63"
 OSIER_SEEDS=64 cargo test --release --test presets -- --nocapture
 
+say "flows that take minutes"
+cargo test --release --lib lattice::validation -- --ignored
+
 say "the same bytes from debug, release and without the newer instruction sets"
 cargo build --quiet
 cargo build --quiet --release

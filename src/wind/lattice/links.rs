@@ -82,25 +82,44 @@ pub(super) fn let_go<L: Lane>(wanted: L, mean: L) -> L {
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
-/// Populations by direction that an open face sends, from those that left the cell before it.
-/// `near`: none beside a solid, which counts as air at rest.
-#[inline(always)]
-pub(super) fn sent<L: Lane>(i: usize, near: &[L; Q], sends: Sends<L>) -> L {
-    let (drho, mut u) = moments(near);
-    match sends {
-        Sends::Inlet(wind) => equilibrium(i, drho, wind),
-        Sends::Outlet(out, density, rest) => {
-            let whole = near[i] - equilibrium(i, drho, u);
-            for a in 0..3 {
-                let outward = f64::from(out[a]);
-                if outward.abs() > 0.0 {
-                    // Kept where it goes outwards.
-                    let pace = u[a] * u[a].all(outward);
-                    u[a] = pace.above(0.0, u[a], u[a].all(0.0));
+/// Air beyond an open face.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Beyond<L> {
+    /// Density less 1, and velocity.
+    air: (L, [L; 3]),
+    /// Those of the cell before it, if what is beside its equilibrium goes along.
+    rest: Option<(L, [L; 3])>,
+}
+
+impl<L: Lane> Beyond<L> {
+    /// From the populations that left the cell before it; `near`: zeros beside a solid, which counts as air at rest.
+    #[inline(always)]
+    pub(super) fn new(near: &[L; Q], sends: Sends<L>) -> Self {
+        let (drho, mut u) = moments(near);
+        match sends {
+            Sends::Inlet(wind) => Self { air: (drho, wind), rest: None },
+            Sends::Outlet(out, density, rest) => {
+                let rest = rest.then_some((drho, u));
+                for a in 0..3 {
+                    let outward = f64::from(out[a]);
+                    if outward.abs() > 0.0 {
+                        // Kept where it goes outwards.
+                        let pace = u[a] * u[a].all(outward);
+                        u[a] = pace.above(0.0, u[a], u[a].all(0.0));
+                    }
                 }
+                Self { air: (density, u), rest }
             }
-            let sent = equilibrium(i, density, u);
-            if rest { sent + whole } else { sent }
+        }
+    }
+
+    /// What it sends along a velocity.
+    #[inline(always)]
+    pub(super) fn sends(&self, i: usize, near: &[L; Q]) -> L {
+        let sent = equilibrium(i, self.air.0, self.air.1);
+        match self.rest {
+            Some((drho, u)) => sent + (near[i] - equilibrium(i, drho, u)),
+            None => sent,
         }
     }
 }
@@ -349,9 +368,10 @@ fn send<'a>(
         Some(k) => Sends::Inlet(wind[k as usize]),
         None => Sends::Outlet(ghost.out, mean_of(ghost.out, density), rest && ghost.near.is_some()),
     };
+    let beyond = Beyond::new(&g, sends);
     for i in (1..Q).filter(|i| ghost.sends >> i & 1 == 1) {
         if let Some(out) = out.next() {
-            *out = sent(i, &g, sends);
+            *out = beyond.sends(i, &g);
         }
     }
 }
