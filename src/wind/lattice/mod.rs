@@ -7,6 +7,7 @@ mod grid;
 mod inlet;
 mod lane;
 mod links;
+mod list;
 mod marks;
 mod plan;
 mod recorded;
