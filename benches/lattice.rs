@@ -1,7 +1,14 @@
 //! Wind on a lattice: million cell updates a second of one size after another, with what they move through memory, beside
 //! what an in-place sweep over memory of that size reaches. `cargo bench --bench lattice [-- SIZE...]`; RAYON_NUM_THREADS
 //! sets the threads. benches/peers/lbmpy.sh runs it in turn with lbmpy.
-#![allow(clippy::print_stdout, clippy::disallowed_methods, clippy::expect_used, reason = "a bench tells times")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    clippy::expect_used,
+    reason = "a bench tells times"
+)]
 
 use std::time::Instant;
 
