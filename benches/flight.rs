@@ -77,13 +77,13 @@ fn table(models: &[CatkinModel]) {
             ..LatticeOptions::default()
         };
         let mut lattice = Lattice::new(&options, &[], &Limits::default()).expect("lattice");
-        let mut before = lattice.advance(&Silent, &Cancel::new()).expect("run-up");
+        let mut before = lattice.advance(&Silent, &Cancel::default()).expect("run-up");
         let mut all = flights(n, models, 0.05);
         let mut points = vec![Vec3::ZERO; n as usize * 400];
         let mut times: [Vec<f64>; 3] = Default::default();
         for k in 0..BEFORE as usize + TIMED {
             let mut after = None;
-            let wind = ms(|| after = Some(lattice.advance(&Silent, &Cancel::new()).expect("step")));
+            let wind = ms(|| after = Some(lattice.advance(&Silent, &Cancel::default()).expect("step")));
             let after = after.expect("snapshot");
             let t0 = k as f64 / 24.0;
             let blows = Between { before: Arc::clone(&before), after: Arc::clone(&after), t0, t1: t0 + 1.0 / 24.0 };
@@ -121,7 +121,7 @@ fn many(models: &[CatkinModel]) {
 }
 
 fn main() {
-    let (limits, cancel) = (Limits::default(), Cancel::new());
+    let (limits, cancel) = (Limits::default(), Cancel::default());
     let work = Work { limits: &limits, cancel: &cancel, progress: &Silent };
     let mut models = Vec::new();
     let keys = CatkinKeys::defaults();

@@ -51,6 +51,37 @@ pub struct LatticeOptions {
     pub preroll: Option<f64>,
 }
 
+impl Default for LatticeOptions {
+    /// What a scene that says nothing gets: 70 cells of half a metre each way, 4.5 m/s towards +X, 24 frames a second.
+    fn default() -> Self {
+        Self {
+            cells: [70; 3],
+            spacing: 0.5,
+            at: DVec3::ZERO,
+            inlet: InletOptions {
+                direction: DVec3::X,
+                speed: 4.5,
+                profile: WindProfile::Log(0.05),
+                reference: None,
+                gust: 0.2,
+                gust_period: 8.0,
+                turbulence: 0.1,
+                modes: 24,
+                seed: 0,
+            },
+            viscosity: 1.5e-5,
+            fps: 24.0,
+            steps: None,
+            smagorinsky: 0.16,
+            tau_floor: 0.5005,
+            sides: Sides::Auto,
+            outlet_rest: false,
+            sponge: 8,
+            preroll: None,
+        }
+    }
+}
+
 /// Speed at the inlet, cells a step: wanted at most, accepted with a warning, refused; and too slow for good numbers.
 const PACE: [f64; 4] = [0.1, 0.12, 0.15, 0.005];
 /// Least relaxation time that is stable without eddy viscosity.
