@@ -73,7 +73,7 @@ impl Prism {
         }
     }
 
-    /// Corners of both ends, m: those of the outline at +width, then at -width, counter-clockwise seen from +width.
+    /// Corners of both ends, m: those of the outline at +width, then at -width, counter-clockwise seen from -width.
     pub fn ends(&self) -> [Vec<Vec3>; 2] {
         [self.half, -self.half].map(|along| self.outline.iter().map(|p| self.world(*p, along)).collect())
     }

@@ -50,9 +50,9 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
         if i == 0 || (gable && (i == 2 || i == 3)) {
             continue;
         }
-        quad(&mut mesh, [near[i], far[i], far[k], near[k]]);
+        quad(&mut mesh, [near[k], far[k], far[i], near[i]]);
     }
-    for (end, flip) in [(&near, false), (&far, true)] {
+    for (end, flip) in [(&near, true), (&far, false)] {
         let mut outline = end.clone();
         if flip {
             outline.reverse();
@@ -120,7 +120,7 @@ fn roof(mesh: &mut Mesh, [near, far]: [&[Vec3]; 2]) {
         let under = [bottom[3], bottom[2], bottom[1], bottom[0]];
         for corners in [top, under].into_iter().chain(sides) {
             let mut c = corners;
-            if !flip {
+            if flip {
                 c.reverse();
             }
             quad(mesh, c);
@@ -172,6 +172,14 @@ mod tests {
                 assert!(normal.dot(mesh.normals[t[0] as usize]) > 0.99);
                 let middle = (p[0] + p[1] + p[2]) / 3.0;
                 assert!(solid.nearest(middle + normal * 0.05).distance > 0.02, "{middle} {normal}");
+            }
+            // Slabs of a roof are closed: their volume counts positive where all their faces look out.
+            for roof in mesh.subsets.iter().filter(|s| s.material == 1) {
+                let corner = |i: u32| mesh.points[i as usize] - foot;
+                let volume = |t: &[u32; 3]| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0;
+                let whole: f32 = mesh.subset_triangles(roof).iter().map(volume).sum();
+                let slabs = 2.0 * (9.0 + 2.0 * EAVES) * (Vec2::new(3.5, 2.5).length() + EAVES) * ROOF;
+                assert!((whole - slabs).abs() < 1e-2 * slabs, "{whole} {slabs}");
             }
         }
     }
