@@ -19,7 +19,7 @@ bench=$(ls -t target/release/deps/lattice-* | grep -v '\.d$' | head -1)
 i=0
 while [ "$i" -lt "$runs" ]; do
     for n in $(echo "$sizes" | tr ',' ' '); do
-        "$venv/bin/python" benches/peers/lbmpy.py "$threads" "$n" 1
+        "$venv/bin/python" benches/peers/lbmpy_steps.py "$threads" "$n" 1
         RAYON_NUM_THREADS=$threads "$bench" "$n"
     done
     i=$((i + 1))

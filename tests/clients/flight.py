@@ -64,7 +64,7 @@ def by_blender(stage, wanted):
             assert size > 0.0005, (i.object.name, size)
         # A prototype of stalk and hairs comes as one instance of each.
         counts = {k: len(v) for k, v in kinds.items()}
-        assert counts and all(n == len(want["alive"]) for n in counts.values()), (frame, counts, len(want["alive"]))
+        assert (counts or not want["alive"]) and all(n == len(want["alive"]) for n in counts.values()), (frame, counts, len(want["alive"]))
         for places in kinds.values():
             got = np.array(places)
             got = np.stack([got[:, 0], got[:, 2], -got[:, 1]], 1)

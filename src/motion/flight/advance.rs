@@ -65,11 +65,11 @@ impl Flights {
 
     /// Singles in the air.
     pub(super) fn fly(&mut self, wind: &dyn Wind, t: f64) {
-        let (options, solids, clusters) = (&self.options, &*self.solids, &self.clusters);
+        let (options, solids) = (&self.options, &*self.solids);
         let dt = options.step();
         let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CHUNK).collect();
         let landed = crate::par::par_map_mut(&mut chunks, |chunk| {
-            let flying = |c: &Catkin| c.state == State::Airborne && c.is_single(clusters);
+            let flying = |c: &Catkin| c.state == State::Airborne && !c.clustered;
             let mut those: Vec<&mut Catkin> = chunk.iter_mut().filter(|c| flying(c)).collect();
             let mut places: Vec<Vec3> = those.iter().map(|c| c.x.as_vec3()).collect();
             let mut air = vec![Vec3::ZERO; places.len()];

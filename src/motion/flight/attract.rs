@@ -71,7 +71,7 @@ impl Flights {
         let chosen: Vec<Vec<(u32, f64)>> = par_map(&chunks, |chunk| {
             let one = |c: &Catkin| {
                 let may = c.state.is_deposited() || (corners && c.state == State::Airborne);
-                if grid.is_empty() || !may || !c.is_single(&self.clusters) {
+                if grid.is_empty() || !may || !!c.clustered {
                     return (NOBODY, 0.0);
                 }
                 self.nearest_of(c, &grid, reach).map_or((NOBODY, 0.0), |(square, id)| {
@@ -103,7 +103,7 @@ impl Flights {
 
     /// Moves what is drawn for a time `dt` and joins what arrives.
     fn draw(&mut self, dt: f64, t: f64) {
-        let drawn: Vec<u32> = self.by_number().filter(|c| c.target != NOBODY).map(|c| c.id).collect();
+        let drawn = self.leaders(|c| c.target != NOBODY);
         if dt <= SAME || drawn.is_empty() {
             return;
         }

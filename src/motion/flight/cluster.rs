@@ -203,6 +203,7 @@ impl Flights {
             let state = whole.state;
             let c = self.at_mut(*id);
             c.root = root;
+            c.clustered = true;
             c.state = state;
             c.target = super::record::NOBODY;
             if state != State::Airborne {

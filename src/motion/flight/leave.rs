@@ -18,15 +18,8 @@ impl Flights {
         let top = f64::from(inside.max.y);
         let (low, high) = (inside.min.as_dvec3(), inside.max.as_dvec3());
         let out = |x: DVec3| x.x < low.x || x.x > high.x || x.z < low.z || x.z > high.z;
-        let moved: Vec<u32> = self
-            .by_number()
-            .filter(|c| c.root == c.id && c.state.is_seen())
-            .filter(|c| {
-                let x = self.clusters.get(&c.id).map_or(c.x, |k| k.x);
-                out(x) || x.y > top
-            })
-            .map(|c| c.id)
-            .collect();
+        let place = |c: &Catkin| if c.clustered { self.clusters.get(&c.id).map_or(c.x, |k| k.x) } else { c.x };
+        let moved = self.leaders(|c| c.state.is_seen() && (out(place(c)) || place(c).y > top));
         for root in moved {
             self.wrap(root);
             let x = self.clusters.get(&root).map_or_else(|| self.at(root).x, |k| k.x);
@@ -78,6 +71,7 @@ impl Flights {
             let x_side = c.x.x < f64::from(inside.min.x) || c.x.x > f64::from(inside.max.x);
             let recycles = edges[usize::from(!x_side)] == Edge::Recycle && !deposited;
             (c.state, c.root, c.free, c.target, c.face) = (State::Exited, id, false, NOBODY, None);
+            c.clustered = false;
             c.wait = Wait::Until(if recycles { back } else { f64::INFINITY });
             self.events.left += 1;
         }

@@ -59,9 +59,11 @@ impl Flights {
     }
 
     fn deposits(&self) -> Vec<Deposit> {
-        let rests = self.by_number().filter(|c| c.state.is_deposited() && c.root == c.id);
+        let rests = self.leaders(|c| c.state.is_deposited());
         rests
-            .map(|c| {
+            .into_iter()
+            .map(|id| {
+                let c = self.at(id);
                 let wall = c.state == State::OnWall;
                 let ground = || self.options.humidity.at(c.x.as_vec3(), self.options.inside);
                 let humidity = match c.state {

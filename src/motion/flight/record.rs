@@ -47,6 +47,8 @@ pub struct Catkin {
     pub(super) id: u32,
     /// Smallest number of the cluster that it belongs to; its own if it is alone.
     pub(super) root: u32,
+    /// Member of a cluster.
+    pub(super) clustered: bool,
     pub(super) kind: u16,
     pub(super) state: State,
     /// How often it has come back.
@@ -124,6 +126,7 @@ impl Catkin {
         Self {
             id,
             root: id,
+            clustered: false,
             kind: u16::try_from(kind).unwrap_or(0),
             state,
             generation: 0,
@@ -220,8 +223,9 @@ impl Catkin {
         if self.lift > 0.0 { self.lift * exp(-(t - self.lifted) / LIFT_TIME) } else { 0.0 }
     }
 
-    pub(super) fn is_single(&self, clusters: &super::cluster::Clusters) -> bool {
-        self.root == self.id && !clusters.contains_key(&self.id)
+    /// The one that stands for its cluster, or a single.
+    pub(super) fn leads(&self) -> bool {
+        self.root == self.id
     }
 }
 

@@ -191,8 +191,7 @@ impl Flights {
 
     /// What is at a wall slides down it, the slower the wetter the wall, and up if the air does; [`Hold`] is found anew.
     pub(super) fn sink(&mut self, wind: &dyn Wind, t: f64) {
-        let sliding: Vec<u32> =
-            self.by_number().filter(|c| c.state == State::OnWall && c.root == c.id).map(|c| c.id).collect();
+        let sliding = self.leaders(|c| c.state == State::OnWall);
         if sliding.is_empty() {
             return;
         }

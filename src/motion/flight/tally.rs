@@ -92,7 +92,7 @@ pub(super) fn of(flights: &Flights) -> Tally {
             time += c.rested - c.since;
             way += sqrt(d.x * d.x + d.z * d.z);
         }
-        t.singles += u64::from(c.state.is_seen() && c.is_single(&flights.clusters));
+        t.singles += u64::from(c.state.is_seen() && !c.clustered);
     }
     let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };
     t.clusters = flights.clusters.len() as u64;

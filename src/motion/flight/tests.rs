@@ -59,7 +59,7 @@ fn merging_keeps_momentum() {
         c.state = State::Airborne;
     }
     let momentum = |all: &Flights| {
-        let single = all.by_number().filter(|c| c.is_single(&all.clusters)).map(|c| c.v * c.mass).sum::<DVec3>();
+        let single = all.by_number().filter(|c| !c.clustered).map(|c| c.v * c.mass).sum::<DVec3>();
         single + all.clusters.values().map(|k| k.v * k.mass).sum::<DVec3>()
     };
     let before = momentum(&all);

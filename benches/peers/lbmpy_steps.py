@@ -1,6 +1,6 @@
 """Steps of lbmpy's D3Q15 with one relaxation time, 32 bits, vectorised, in place (aa) and with two copies (pull).
 
-Prints million cells a second. Usage: lbmpy.py THREADS SIZES [ROUNDS]; AVX-512 unless LBMPY_TARGET names another target.
+Prints million cells a second. Usage: lbmpy_steps.py THREADS SIZES [ROUNDS]; AVX-512 unless LBMPY_TARGET names another target.
 """
 import os
 import sys
