@@ -45,7 +45,7 @@ pub fn plants_room(layout: &Layout, grown: &[Grown]) -> Bounds {
 
 /// What stands in a recipe's lattice wind; nothing in another one.
 /// # Errors
-/// Those of [`solids::of`].
+/// A mesh that holds nothing solid.
 pub fn standing(recipe: &Recipe, footing: &Footing<'_>) -> Result<Vec<Solid>> {
     if recipe.wind.model != WindModel::Lattice || recipe.clip.len() < 2 {
         return Ok(Vec::new());

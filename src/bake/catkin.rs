@@ -77,7 +77,7 @@ pub fn materials(models: &[CatkinModel], lod: u32) -> Look {
     look
 }
 
-/// The grammar of one variant: eq. 1 and 2 of [catkin] with its angles.
+/// The grammar of one variant: eq. 1 and 2 of \[catkin\] with its angles.
 fn text(keys: &CatkinKeys, variant: usize) -> String {
     let (tilt, turn) = VARIANTS[variant % VARIANTS.len()];
     let (tilt, turn) = (keys.fluffiness.map_or(tilt, degrees), keys.bend.map_or(turn, degrees));

@@ -126,8 +126,10 @@ impl Course {
         (table, &self.deposits.fields)
     }
 
-    /// The asset at rest: all catkins at the first frame.
-    pub fn asset(&self, prototypes: Vec<Prototype>) -> Asset {
+    /// The asset at rest: as it starts, or in a `still` scene as its one frame has it.
+    /// # Errors
+    /// Those of [`Stream::during`].
+    pub fn asset(&self, prototypes: Vec<Prototype>, still: bool) -> Result<Asset> {
         let all: Vec<&Catkin> = self.start.by_number().collect();
         let instancer = Instancer {
             name: "catkins".into(),
@@ -135,12 +137,12 @@ impl Course {
             ids: (0..all.len() as u64).collect(),
             protos: all.iter().map(|c| u32::from(c.kind())).collect(),
             scales: all.iter().map(|c| Vec3::splat(c.scale())).collect(),
-            rest: self.rest(),
+            rest: if still { self.state(0)? } else { self.rest() },
             motion: InstancerMotion::Free,
             tracked: true,
             marks: vec!["state", "cluster", "generation"],
         };
-        Asset {
+        Ok(Asset {
             id: "catkins".into(),
             kind: AssetKind::Tracks,
             skeleton: None,
@@ -148,7 +150,7 @@ impl Course {
             instancers: vec![instancer],
             points: Vec::new(),
             curves: Vec::new(),
-        }
+        })
     }
 
     /// The asset at a frame, counted from the first.

@@ -380,7 +380,7 @@ fn add_catkins(
             let prototypes = models.iter().map(|m| m.prototype(keys.lod, kind.first_material)).collect();
             let (table, fields) = course.measures(&flight.keys);
             let measures = (table, fields.to_vec());
-            (course.asset(prototypes), Some(Moving::Flight(Arc::new(course))), Some(measures))
+            (course.asset(prototypes, recipe.clip.len() < 2)?, Some(Moving::Flight(Arc::new(course))), Some(measures))
         }
     };
     let name = asset.id.clone();

@@ -108,7 +108,7 @@ impl Rebinding {
         out
     }
 
-    /// Source: [catkin] table 1; "clockwise" is seen looking down the axis to the origin, a negative right-handed angle.
+    /// Source: \[catkin\] table 1; "clockwise" is seen looking down the axis to the origin, a negative right-handed angle.
     /// Differs: two symbols that the table lost, `'` and `-`, are taken from eq. 2 in the order of its rows; turns about y
     /// have a maximum of their own, `spin`, and `gamma` has either sign.
     fn catkin(&mut self, symbols: &mut Symbols, names: &mut Names) {

@@ -153,10 +153,10 @@ impl Resolver<'_> {
     }
 }
 
-/// Speed of [catkin] Table 2, m/s. It also states Beaufort 3, which is 3.4 to 5.4 m/s.
+/// Speed of \[catkin\] Table 2, m/s. It also states Beaufort 3, which is 3.4 to 5.4 m/s.
 const PAPER_SPEED: f64 = 2.0;
 
-/// What [catkin] Table 2 and its figures say, where a scene says nothing.
+/// What \[catkin\] Table 2 and its figures say, where a scene says nothing.
 fn as_printed(keys: &mut LatticeKeys, table: &Table) {
     if keys.preset != LatticePreset::Paper {
         return;

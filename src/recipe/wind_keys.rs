@@ -14,7 +14,7 @@ words! {
         Gust = "gust",
         /// A sine with noise on it, as in the paper by Zhao and Zhang.
         Perlin = "perlin",
-        /// Air that flows round what stands in it, on a lattice; [wind.lattice] says how.
+        /// Air that flows round what stands in it, on a lattice; `[wind.lattice]` says how.
         Lattice = "lattice",
     }
     /// How a lattice wind is found.
@@ -169,7 +169,7 @@ keys! {
         /// With "perlin": exactly as printed, the same everywhere, down to nothing in every period.
         literal: bool = "literal" Flag(false);
     }
-    /// A box of air that flows round solids, with [wind] model = "lattice". Of [wind] it takes speed, direction_deg and
+    /// A box of air that flows round solids, with `[wind] model = "lattice"`. Of `[wind]` it takes speed, direction_deg and
     /// scale; of its own gusts and turbulence comes in.
     LatticeKeys at "wind.lattice" {
         /// How it is found.

@@ -9,7 +9,7 @@ mod shell;
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use crate::geometry::Bounds;
 
@@ -112,11 +112,6 @@ impl Solids {
         &self.all
     }
 
-    /// Whether y = 0 is ground.
-    pub fn is_level(&self) -> bool {
-        self.level
-    }
-
     /// The nearest surface within `reach`, m, of a place, or none.
     pub fn near(&self, at: Vec3, reach: f32) -> Option<Near> {
         let level = Near { nearest: Nearest { distance: at.y, normal: Vec3::Y }, which: None };
@@ -158,15 +153,6 @@ impl Solids {
                 .iter()
                 .zip(&self.boxes)
                 .any(|(s, b)| at.cmpge(b.min).all() && at.cmple(b.max).all() && s.contains(at))
-    }
-
-    /// Height of what lies under a place: ground or top of a solid, looking straight down from above everything.
-    pub fn floor(&self, x: f32, z: f32) -> f32 {
-        let base = if self.level { 0.0 } else { f32::NEG_INFINITY };
-        self.all.iter().fold(base, |h, s| match &s.form {
-            Form::Land(l) => h.max(l.height(Vec2::new(x, z))),
-            _ => h,
-        })
     }
 }
 

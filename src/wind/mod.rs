@@ -1,7 +1,7 @@
 //! Moving air: one interface for everything that it moves.
 //!
 //! [`Uniform`] is the same everywhere, [`Gust`] travels and can repeat, [`Formula`] is the periodic wind of
-//! [zhao-zhang] 3.1, [`Lattice`] flows round what stands in it ([catkin] 3): streamed frame by frame ([`Between`]) or kept
+//! [zhao-zhang] 3.1, [`Lattice`] flows round what stands in it (\[catkin\] 3): streamed frame by frame ([`Between`]) or kept
 //! for a whole clip ([`Recorded`]). Space: world, metres, +Y up; time in seconds. Speeds are those at 10 m above the ground.
 
 mod block;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::super::args::Preview;
 use super::super::{Context, source};
 use super::shots::ending;
-use crate::bake::mover::frame;
+use crate::bake::mover::{Moving, frame};
 use crate::bake::write::Stage;
 use crate::bake::{Work, stage};
 use crate::diagnostic::{Diagnostic, Report};
@@ -44,6 +44,11 @@ impl Loaded {
     /// Those of a wind that is stepped.
     pub fn frame(&self, number: u32) -> Result<Frame> {
         frame(&self.stage.scene, &self.stage.movers, number, true)
+    }
+
+    /// True with catkins in flight.
+    pub fn flies(&self) -> bool {
+        self.stage.movers.iter().flatten().any(|m| matches!(m, Moving::Flight(_)))
     }
 
     /// True if something moves.

@@ -140,10 +140,12 @@ impl Wish {
 /// Cells of a sheet at most.
 pub const CELLS: u64 = 1024;
 
-/// The frame of a stage that is shown, or `None` for rest.
+/// The frame of a stage that is shown, or `None` for rest; with catkins in flight the first.
 pub fn frame_of(loaded: &Loaded, number: Option<u32>) -> Result<Option<Frame>, String> {
     let clip = loaded.scene().clip;
     match number {
+        // Catkins at rest are those that never flew.
+        None if loaded.flies() => loaded.frame(clip.start).map(Some).map_err(|e| e.to_string()),
         None => Ok(None),
         Some(n) if (clip.start..=clip.end).contains(&n) => loaded.frame(n).map(Some).map_err(|e| e.to_string()),
         Some(n) => Err(format!("--frame: frame {n} is outside the scene's {} to {}", clip.start, clip.end)),

@@ -1,4 +1,4 @@
-//! Catkins carried by the air: [catkin] eq. 10 with a lag.
+//! Catkins carried by the air: \[catkin\] eq. 10 with a lag.
 
 use glam::{DVec3, Vec3};
 

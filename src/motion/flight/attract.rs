@@ -1,4 +1,4 @@
-//! Singles are drawn to clusters and pile up ([catkin] 4.3, eq. 14).
+//! Singles are drawn to clusters and pile up (\[catkin\] 4.3, eq. 14).
 //!
 //! The paper moves a single by its distance d times F = e^(-gamma d^2) every 0.3 s. Here F is fixed at such ticks and the
 //! way between them is walked evenly in the logarithm: x += (1 - (1 - F)^(dt / T)) (target - x). At ticks both agree for
@@ -71,7 +71,7 @@ impl Flights {
         let chosen: Vec<Vec<(u32, f64)>> = par_map(&chunks, |chunk| {
             let one = |c: &Catkin| {
                 let may = c.state.is_deposited() || (corners && c.state == State::Airborne);
-                if grid.is_empty() || !may || !!c.clustered {
+                if grid.is_empty() || !may || c.clustered {
                     return (NOBODY, 0.0);
                 }
                 self.nearest_of(c, &grid, reach).map_or((NOBODY, 0.0), |(square, id)| {

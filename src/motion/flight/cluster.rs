@@ -1,4 +1,4 @@
-//! Catkins that stick together move as one body ([catkin] eq. 12, 13).
+//! Catkins that stick together move as one body (\[catkin\] eq. 12, 13).
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Who touches whom: [catkin] 4.2.1, with a test of the ways instead of the places, so that nobody passes through.
+//! Who touches whom: \[catkin\] 4.2.1, with a test of the ways instead of the places, so that nobody passes through.
 
 use glam::{DVec3, IVec3, Vec3};
 

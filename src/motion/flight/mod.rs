@@ -4,7 +4,7 @@
 //! [`Flights`] holds all of them and goes forward in steps; the wind is asked at every step, so that it need not be known
 //! beforehand. Results do not depend on threads or on the order in memory: what concerns one catkin is computed for each
 //! by itself, what concerns two is collected, sorted by number and done in that order.
-//! Source: [catkin] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
+//! Source: \[catkin\] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
 
 mod advance;
 mod attract;

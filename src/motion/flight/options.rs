@@ -116,7 +116,7 @@ pub struct Options {
     pub stick_probability: f64,
     /// Steps between two checks for contacts, >= 1.
     pub check_every: u32,
-    /// How fast attraction fades with distance, 1/m^2, > 0; see [`super::attract`].
+    /// How fast attraction fades with distance, 1/m^2, > 0; see \[catkin\] eq. 14.
     pub gamma: f64,
     /// Time between two looks for something to be drawn to.
     pub tick: f64,

@@ -1,4 +1,4 @@
-//! Ground and walls: nobody passes them, whoever meets them stays ([catkin] 4.2.2).
+//! Ground and walls: nobody passes them, whoever meets them stays (\[catkin\] 4.2.2).
 
 use glam::{DVec3, Vec3};
 

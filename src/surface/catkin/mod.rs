@@ -60,7 +60,7 @@ pub struct Tuft {
 
 /// Length and turn of each hair come from `key`.
 /// `plant`: one hair per axis, from its first node at the origin.
-/// Source: [catkin] 3; the bounding ball, fig. 7a. Differs: the ball holds the stalk as well.
+/// Source: \[catkin\] 3; the bounding ball, fig. 7a. Differs: the ball holds the stalk as well.
 pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
     let mut hairs = Curves {
         name: "hairs".into(),

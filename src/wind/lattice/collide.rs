@@ -77,7 +77,7 @@ impl<L: Lane> Pairs<L> {
 }
 
 /// Density less 1, and velocity in cells a step, of populations.
-/// Source: [catkin] eq. 4 and 5.
+/// Source: \[catkin\] eq. 4 and 5.
 /// Differs: eq. 5 divides by a sound speed; momentum is sum c_i f_i.
 #[inline(always)]
 pub(super) fn moments<L: Lane>(g: &[L; Q]) -> (L, [L; 3]) {
@@ -89,7 +89,7 @@ pub(super) fn moments<L: Lane>(g: &[L; Q]) -> (L, [L; 3]) {
 }
 
 /// Population `i` at equilibrium, less its weight.
-/// Source: [catkin] eq. 8 with c = 1.
+/// Source: \[catkin\] eq. 8 with c = 1.
 #[inline(always)]
 pub(super) fn equilibrium<L: Lane>(i: usize, drho: L, u: [L; 3]) -> L {
     let rho = drho.all(1.0) + drho;
@@ -104,8 +104,8 @@ pub(super) fn equilibrium<L: Lane>(i: usize, drho: L, u: [L; 3]) -> L {
 /// `g`: populations less their weights. `EDDIES`: with Smagorinsky's eddy viscosity; without it `relax.eddies` is unused.
 /// The speed in the equilibrium is held to [`FASTEST`], the count of which is the caller's. `FORCE`: with a body force,
 /// which only flows with known solutions need.
-/// Source: [catkin] eq. 6 to 9; eddy viscosity: Hou, Sterling, Chen, Doolen 1996; force: Guo, Zheng, Shi 2002.
-/// Differs: [catkin] gives no relaxation time; opposites are taken together, which saves half of the products.
+/// Source: \[catkin\] eq. 6 to 9; eddy viscosity: Hou, Sterling, Chen, Doolen 1996; force: Guo, Zheng, Shi 2002.
+/// Differs: \[catkin\] gives no relaxation time; opposites are taken together, which saves half of the products.
 #[inline(always)]
 pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q], relax: Relax<L>) -> ([L; Q], L) {
     let one = relax.tau.all(1.0);

@@ -67,7 +67,7 @@ struct Mode {
 }
 
 /// Air that comes in: u = gust(t) U p(y) d + u'(x - U d t). As a wind of its own it has no wakes.
-/// Source: own, after Kraichnan's random Fourier modes; [catkin] names no inlet.
+/// Source: own, after Kraichnan's random Fourier modes; \[catkin\] names no inlet.
 #[derive(Debug, Clone)]
 pub struct Inlet {
     options: InletOptions,

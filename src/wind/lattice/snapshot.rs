@@ -121,7 +121,7 @@ impl Field {
 
     /// Velocity at a place, m: the mean of what `values` says of the eight cells around, by their number.
     /// In the layer of half a cell around solids it falls to 0 in a straight line. Outside, `outside` blends in.
-    /// Source: [catkin] eq. 11.
+    /// Source: \[catkin\] eq. 11.
     /// Differs: eq. 11 begins at the closest node, which makes negative weights; this begins at the one below.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
     pub(super) fn sample(&self, at: Vec3, values: impl Fn(usize) -> Vec3, outside: impl Fn() -> Vec3) -> Vec3 {

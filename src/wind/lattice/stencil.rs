@@ -4,7 +4,7 @@
 pub(super) const Q: usize = 15;
 
 /// Velocities in cells a step, opposites side by side.
-/// Source: [catkin] eq. 3.
+/// Source: \[catkin\] eq. 3.
 /// Differs: it counts "six diagonal lines"; a cube has eight corners.
 pub(super) const C: [[i32; 3]; Q] = [
     [0, 0, 0],
