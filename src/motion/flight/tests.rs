@@ -127,6 +127,7 @@ fn clusters_are_stiff() {
     }
 }
 
+#[cfg(feature = "parallel")]
 fn fingerprint(sample: &Sample) -> u64 {
     let bits =
         sample.positions.iter().flat_map(|p| p.to_array()).chain(sample.orientations.iter().flat_map(|q| q.to_array()));
@@ -135,6 +136,7 @@ fn fingerprint(sample: &Sample) -> u64 {
 }
 
 /// Neither threads nor the order in memory change a bit.
+#[cfg(feature = "parallel")]
 #[test]
 fn the_same_flight_at_any_order_and_number_of_threads() {
     let solids = wall_and_house();
