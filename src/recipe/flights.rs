@@ -9,7 +9,7 @@ use super::resolve::{Resolver, span_of};
 use super::sections::Up;
 use super::tree::{Node, Table, Value};
 use super::{FlightRecipe, PlantRecipe, SolidRecipe};
-use crate::diagnostic::{Diagnostic, Span, nearest};
+use crate::diagnostic::{Diagnostic, Span};
 use crate::fence::Names;
 use crate::scene::MaterialClass;
 
@@ -46,51 +46,19 @@ impl Resolver<'_> {
         Some(FlightRecipe { keys, canopy, forms, starts, wet })
     }
 
-    /// S004 if the second of a pair is smaller than the first.
-    fn in_order(&mut self, table: &Table, (path, name): (&str, &str), [low, high]: [f64; 2]) {
-        if let Some(entry) = table.get(name).filter(|_| low > high) {
-            let text = format!("{path}.{name} begins above its end");
-            let d = Diagnostic::error("S004", text, entry.node.span, "the smaller number comes first");
-            self.report.push(d.help(format!("write [{high}, {low}]")));
-        }
-    }
-
     /// Plants (indices into the recipe's) that let catkins go, with their weights.
     fn canopy(&mut self, keys: &FlightKeys, span: Span, root: &Table, plants: &[PlantRecipe]) -> Vec<(usize, f64)> {
         if keys.release != Release::Canopy {
             return Vec::new();
         }
-        let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
-            _ => Vec::new(),
-        };
-        if declared.is_empty() {
+        if root.get("plants").is_none() {
             let d = Diagnostic::error("S006", "release = \"canopy\" needs a plant", span, "no plant in this scene");
             self.report.push(d.help("add [plants.NAME], or take another release"));
         }
-        let mut out = Vec::new();
-        for (name, weight) in &keys.canopy {
-            self.weight(("flight.canopy", name), *weight, span);
-            match plants.iter().position(|p| p.name == *name) {
-                Some(plant) => out.push((plant, *weight)),
-                None if declared.contains(&name.as_str()) => {}
-                None => {
-                    let d = Diagnostic::error("S005", format!("there is no plant \"{name}\""), span, "unknown plant");
-                    self.report.push(match nearest(name, declared.iter().copied()) {
-                        Some(near) => d.help(format!("did you mean \"{near}\"?")),
-                        None => d.help(format!("plants of this scene: {}", declared.join(", "))),
-                    });
-                }
-            }
+        if keys.canopy.is_empty() {
+            return (0..plants.len()).map(|i| (i, 1.0)).collect();
         }
-        if keys.canopy.is_empty() { (0..plants.len()).map(|i| (i, 1.0)).collect() } else { out }
-    }
-
-    fn weight(&mut self, (path, name): (&str, &str), weight: f64, span: Span) {
-        if !(0.0..=1e9).contains(&weight) {
-            let text = format!("{path}.{name} is {weight}, but must be 0 to 1e9");
-            self.report.push(Diagnostic::error("S004", text, span, "0 to 1e9").help("weights are shares"));
-        }
+        self.weights(("flight.canopy", span), &keys.canopy, root, plants).unwrap_or_default()
     }
 
     /// Weights of the forms, by their order.

@@ -47,15 +47,16 @@ impl Resolver<'_> {
             return None;
         };
         let keys = ScatterKeys::read(Some(table), &path, &mut self.report);
-        for (name, [low, high]) in [("altitude", keys.altitude), ("scale", keys.scale)] {
-            if let Some(entry) = table.get(name).filter(|_| low > high) {
-                let text = format!("{path}.{name} begins above its end");
-                let d = Diagnostic::error("S004", text, entry.node.span, "the smaller number comes first");
-                self.report.push(d.help(format!("write [{high}, {low}]")));
-            }
+        for (name, pair) in [("altitude", keys.altitude), ("scale", keys.scale)] {
+            self.in_order(table, (&path, name), pair);
         }
         let span = table.get("plants").map_or(node.span, |e| e.node.span);
-        let weights = self.weights((&path, span), &keys, root, plants)?;
+        if keys.plants.is_empty() {
+            let d = Diagnostic::error("S006", format!("[[{path}]] names no plant"), span, "no plants here");
+            self.report.push(d.help("add plants = { NAME = 1 }"));
+            return None;
+        }
+        let weights = self.weights((&format!("{path}.plants"), span), &keys.plants, root, plants)?;
         let mask = match &keys.mask {
             Some(reference) => {
                 let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg"])?;
@@ -66,11 +67,28 @@ impl Resolver<'_> {
         Some(ScatterRecipe { plants: weights, mask, keys })
     }
 
-    /// Plants (indices into the recipe's) with their weights. `span`: where they are named.
-    fn weights(
+    /// S004 if the second of a pair is smaller than the first.
+    pub(super) fn in_order(&mut self, table: &Table, (path, name): (&str, &str), [low, high]: [f64; 2]) {
+        if let Some(entry) = table.get(name).filter(|_| low > high) {
+            let text = format!("{path}.{name} begins above its end");
+            let d = Diagnostic::error("S004", text, entry.node.span, "the smaller number comes first");
+            self.report.push(d.help(format!("write [{high}, {low}]")));
+        }
+    }
+
+    /// S004 for a weight that is none.
+    pub(super) fn weight(&mut self, (path, name): (&str, &str), weight: f64, span: Span) {
+        if !(0.0..=1e9).contains(&weight) {
+            let text = format!("{path}.{name} is {weight}, but must be 0 to 1e9");
+            self.report.push(Diagnostic::error("S004", text, span, "0 to 1e9").help("weights are shares"));
+        }
+    }
+
+    /// Plants (indices into the recipe's) with their weights. `path`, `span`: where they are named.
+    pub(super) fn weights(
         &mut self,
         (path, span): (&str, Span),
-        keys: &ScatterKeys,
+        named: &[(String, f64)],
         root: &Table,
         plants: &[PlantRecipe],
     ) -> Option<Vec<(usize, f64)>> {
@@ -78,17 +96,9 @@ impl Resolver<'_> {
             Some(Value::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),
         };
-        if keys.plants.is_empty() {
-            let d = Diagnostic::error("S006", format!("[[{path}]] names no plant"), span, "no plants here");
-            self.report.push(d.help("add plants = { NAME = 1 }"));
-            return None;
-        }
         let mut out = Vec::new();
-        for (name, weight) in &keys.plants {
-            if !(*weight >= 0.0 && *weight <= 1e9) {
-                let text = format!("{path}.plants.{name} is {weight}, but must be 0 to 1e9");
-                self.report.push(Diagnostic::error("S004", text, span, "0 to 1e9").help("weights are shares"));
-            }
+        for (name, weight) in named {
+            self.weight((path, name), *weight, span);
             match plants.iter().position(|p| p.name == *name) {
                 Some(plant) => out.push((plant, *weight)),
                 // A plant with faults of its own has been named already.

@@ -160,11 +160,7 @@ impl Flights {
             }
             at = out_of(&self.solids, at, radius);
         }
-        let airborne = self.at(id).state == State::Airborne;
         self.at_mut(id).x = at;
-        if airborne {
-            self.events.deposits += 1;
-        }
         self.join(id, target, t);
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3, Vec3};
 
 use super::Flights;
-use super::record::{Catkin, Lag, State};
+use super::record::{Catkin, Lag, State, rising};
 use super::rest::Landing;
 use crate::math::{exp, pow};
 
@@ -105,7 +105,7 @@ impl Cluster {
 
     /// Upward air that still carries it after taking off, m/s.
     pub fn lift_at(&self, t: f64) -> f64 {
-        if self.lift > 0.0 { self.lift * exp(-(t - self.lifted) / 0.6) } else { 0.0 }
+        rising(self.lift, t - self.lifted)
     }
 
     /// Both as one, at the place of the first; momentum is kept in the air, and whoever rests makes the other rest.
@@ -199,9 +199,12 @@ impl Flights {
         whole.fall = whole.falls / n * pow(n, self.options.beta);
         whole.lag = Lag::of(whole.fall, &self.options);
         let root = a.min(b);
+        let mut landed = 0;
         for id in &whole.members {
             let state = whole.state;
             let c = self.at_mut(*id);
+            // Who sticks to what lies has come to rest by it.
+            landed += u64::from(c.state == State::Airborne && state.is_deposited());
             c.root = root;
             c.clustered = true;
             c.state = state;
@@ -211,6 +214,7 @@ impl Flights {
             }
         }
         self.clusters.insert(root, whole);
+        self.events.deposits += landed;
         self.events.merges += 1;
         self.spread(root);
     }

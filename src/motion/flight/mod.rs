@@ -114,11 +114,6 @@ impl Flights {
         &self.options
     }
 
-    /// What they may meet.
-    pub fn solids(&self) -> &Arc<Solids> {
-        &self.solids
-    }
-
     /// All of them by number.
     pub fn by_number(&self) -> impl Iterator<Item = &Catkin> {
         self.slot.iter().filter_map(|s| self.catkins.get(*s as usize))

@@ -203,11 +203,6 @@ impl Catkin {
         self.root
     }
 
-    /// Where this flight began, m, and when, s.
-    pub fn began(&self) -> (DVec3, f64) {
-        (self.from, self.since)
-    }
-
     /// The solid that it lies on, none for the level ground, and the way out of it.
     pub fn rests_on(&self) -> (Option<u32>, Vec3) {
         (self.face, self.normal)
@@ -220,7 +215,7 @@ impl Catkin {
 
     /// Upward air that still carries it after taking off, m/s.
     pub(super) fn lift_at(&self, t: f64) -> f64 {
-        if self.lift > 0.0 { self.lift * exp(-(t - self.lifted) / LIFT_TIME) } else { 0.0 }
+        rising(self.lift, t - self.lifted)
     }
 
     /// The one that stands for its cluster, or a single.
@@ -231,6 +226,11 @@ impl Catkin {
 
 /// How long the air that lifts something keeps rising with it, s.
 const LIFT_TIME: f64 = 0.6;
+
+/// What is left after a time, s, of air that rose at `speed`, m/s.
+pub(super) fn rising(speed: f64, after: f64) -> f64 {
+    if speed > 0.0 { speed * exp(-after / LIFT_TIME) } else { 0.0 }
+}
 
 /// A rotation, all alike.
 /// Source: K. Shoemake, "Uniform random rotations", Graphics Gems III, 1992.

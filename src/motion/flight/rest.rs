@@ -40,8 +40,6 @@ pub(super) struct Hold {
     /// Of the wall in a corner.
     pub normal: Vec3,
     pub face: Option<u32>,
-    /// Of the level ground or the gentlest face.
-    pub wet: Option<u32>,
 }
 
 /// Where a way ends.
@@ -123,11 +121,9 @@ pub(super) fn hold(solids: &Solids, at: DVec3, radius: f32) -> Option<Hold> {
     let wall = near.iter().find(|n| n.nearest.normal.y <= GENTLE);
     match (ground, wall) {
         (None, None) => None,
-        (Some(g), None) => Some(Hold { state: State::Grounded, normal: g.nearest.normal, face: g.which, wet: g.which }),
-        (None, Some(w)) => Some(Hold { state: State::OnWall, normal: w.nearest.normal, face: w.which, wet: w.which }),
-        (Some(g), Some(w)) => {
-            Some(Hold { state: State::Corner, normal: w.nearest.normal, face: w.which, wet: g.which })
-        }
+        (Some(g), None) => Some(Hold { state: State::Grounded, normal: g.nearest.normal, face: g.which }),
+        (None, Some(w)) => Some(Hold { state: State::OnWall, normal: w.nearest.normal, face: w.which }),
+        (Some(_), Some(w)) => Some(Hold { state: State::Corner, normal: w.nearest.normal, face: w.which }),
     }
 }
 
@@ -263,7 +259,7 @@ fn joint(holds: &[Hold]) -> Option<Hold> {
         return Some(*corner);
     }
     match (first(State::Grounded), first(State::OnWall)) {
-        (Some(ground), Some(wall)) => Some(Hold { state: State::Corner, wet: ground.wet, ..*wall }),
+        (Some(_), Some(wall)) => Some(Hold { state: State::Corner, ..*wall }),
         (ground, wall) => ground.or(wall).copied(),
     }
 }
