@@ -68,5 +68,3 @@ fi
 
 say "unit, property, snapshot, golden and real-client tests"
 cargo test --release --no-fail-fast
-say "the serial build gives the same bytes"
-cargo test --release --no-default-features --lib --quiet

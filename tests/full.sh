@@ -6,6 +6,9 @@ cd "$(dirname "$0")/.."
 bash tests/all.sh
 say() { printf '\n== %s\n' "$*"; }
 
+say "the serial build passes the same tests, snapshots of bytes among them"
+cargo test --release --no-default-features --lib --quiet
+
 say "every preset at seeds 0 to 63"
 OSIER_SEEDS=64 cargo test --release --test presets -- --nocapture
 

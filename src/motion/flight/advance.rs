@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
+use super::about::About;
 use super::cluster::Cluster;
 use super::record::{Catkin, Lag, State};
 use super::rest::{Landing, Path};
@@ -44,7 +45,7 @@ impl Midpoint {
 impl Flights {
     /// Lets go of those whose time has come.
     pub(super) fn release(&mut self, wind: &dyn Wind, t: f64) {
-        if !self.catkins.iter().any(|c| c.state == State::Pending) {
+        if !self.about.pending {
             return;
         }
         let leaving = Leaving { rate: self.options.release_rate, speed: self.options.release_speed };
@@ -80,7 +81,7 @@ impl Flights {
                 *place = step.half(c.x, c.v, pull(c, *air, t)).as_vec3();
             }
             wind.sample(&places, t + dt / 2.0, &mut air);
-            let mut landed = 0;
+            let mut landed = 0_u64;
             for (c, air) in those.iter_mut().zip(&air) {
                 let (way, v) = Midpoint { lag: c.lag, dt }.whole(c.v, pull(c, *air, t + dt / 2.0));
                 let path = Path { from: c.x, way, radius: c.radius };
@@ -90,9 +91,10 @@ impl Flights {
                 (c.x, c.v) = (landing.at, v);
                 landed += u64::from(c.land(&landing));
             }
-            landed
+            (landed, About::of(chunk))
         });
-        self.events.deposits += landed.iter().sum::<u64>();
+        self.events.deposits += landed.iter().map(|l| l.0).sum::<u64>();
+        self.about = landed.iter().fold(About::default(), |about, l| about.and(l.1));
     }
 
     /// Clusters in the air, each as one body.
@@ -110,6 +112,7 @@ impl Flights {
             self.clusters.insert(root, cluster);
             self.place(root, &landing);
         }
+        self.about = self.clusters.values().fold(self.about, |about, c| about.with(c.state));
     }
 
     /// A cluster a step later, and what it came upon.

@@ -67,6 +67,9 @@ impl Flights {
         let grid = Grid::new(narrow(reach), members.map(|id| (*id, self.at(*id).x.as_vec3())));
         let corners = self.clusters.values().any(|c| c.state == State::Corner);
         let gamma = self.options.gamma;
+        if grid.is_empty() && !self.drawn {
+            return;
+        }
         let chunks: Vec<&[Catkin]> = self.catkins.chunks(CHUNK).collect();
         let chosen: Vec<Vec<(u32, f64)>> = par_map(&chunks, |chunk| {
             let one = |c: &Catkin| {
@@ -81,8 +84,10 @@ impl Flights {
             };
             chunk.iter().map(one).collect()
         });
+        self.drawn = false;
         for (c, (target, pull)) in self.catkins.iter_mut().zip(chosen.into_iter().flatten()) {
             (c.target, c.pull) = (target, pull);
+            self.drawn |= target != NOBODY;
         }
     }
 
@@ -103,7 +108,7 @@ impl Flights {
 
     /// Moves what is drawn for a time `dt` and joins what arrives.
     fn draw(&mut self, dt: f64, t: f64) {
-        let drawn = self.leaders(|c| c.target != NOBODY);
+        let drawn = if self.drawn { self.leaders(|c| c.target != NOBODY) } else { Vec::new() };
         if dt <= SAME || drawn.is_empty() {
             return;
         }

@@ -40,21 +40,42 @@ impl Flyer {
         let reach = self.reach + other.reach;
         (start + way * s).length_squared() <= reach * reach
     }
+
+    /// The ball that holds all that it reaches on its way.
+    fn ball(&self) -> Ball {
+        Ball { middle: self.middle, radius: (self.reach + 0.5 * self.way.length()) * ROUNDED }
+    }
 }
 
-/// Flyers by cubes of the box, side by side in memory.
+/// Keeps a ball's radius from being rounded below what it must hold.
+const ROUNDED: f32 = 1.0 + 1e-5;
+
+/// What the search looks at first: 16 bytes each, side by side.
+#[derive(Debug, Clone, Copy)]
+struct Ball {
+    middle: Vec3,
+    radius: f32,
+}
+
+/// Rows of cubes after a cube's own, in x and y; with its own and the next cube in z these hold half of its neighbours,
+/// so that every two cubes are met once.
+const ROWS: [(i32, i32); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
+
+/// Flyers by cubes of the box, side by side in memory; cubes that follow each other in z lie side by side too.
 struct Crowd {
     flyers: Vec<Flyer>,
+    balls: Vec<Ball>,
     /// Where each cube's flyers begin; one more at the end.
     begins: Vec<u32>,
     count: IVec3,
     /// Which axes go round.
     round: [bool; 2],
+    low: Vec3,
     size: Vec3,
 }
 
 impl Crowd {
-    fn new(flyers: &[Flyer], flights: &Flights) -> Self {
+    fn new(flyers: &mut [Flyer], flights: &Flights) -> Self {
         let inside = flights.options.inside;
         let size = inside.size();
         let n = flyers.len().max(1) as f32;
@@ -64,79 +85,55 @@ impl Crowd {
         let volume = (size.x * size.y * size.z).max(f32::MIN_POSITIVE);
         let side = (2.0 * reach + stray).max(crate::math::pow_f32(volume / n, 1.0 / 3.0)).max(1e-3);
         let count = (size / side).floor().clamp(Vec3::ONE, Vec3::splat(MOST)).as_ivec3();
-        let goes = |k: usize| flights.options.edges[k] == Edge::Periodic;
-        let mut crowd = Self { flyers: Vec::new(), begins: Vec::new(), count, round: [goes(0), goes(1)], size };
-        let cube = |f: &Flyer| crowd.index(crowd.cube(f.middle - inside.min));
-        let cubes: Vec<usize> = flyers.iter().map(cube).collect();
-        let cells = (count.x * count.y * count.z).unsigned_abs() as usize;
-        let mut begins = vec![0_u32; cells + 1];
-        cubes.iter().for_each(|c| begins[c + 1] += 1);
-        (0..cells).for_each(|i| begins[i + 1] += begins[i]);
-        let mut next = begins.clone();
-        let mut sorted = flyers.to_vec();
-        for (f, c) in flyers.iter().zip(cubes) {
-            sorted[next[c] as usize] = *f;
-            next[c] += 1;
-        }
-        (crowd.flyers, crowd.begins) = (sorted, begins);
+        let round = flights.options.edges.map(|e| e == Edge::Periodic);
+        let (begins, balls) = (Vec::new(), Vec::new());
+        let mut crowd = Self { flyers: Vec::new(), balls, begins, count, round, low: inside.min, size };
+        flyers.iter_mut().for_each(|f| f.middle = crowd.wrapped(f.middle));
+        crowd.sort(flyers);
         crowd
     }
 
-    fn cube(&self, from_corner: Vec3) -> IVec3 {
-        let c = (from_corner / self.size * self.count.as_vec3()).floor().as_ivec3();
-        let wrap = |v: i32, n: i32, round: bool| if round { v.rem_euclid(n) } else { v.clamp(0, n - 1) };
-        IVec3::new(
-            wrap(c.x, self.count.x, self.round[0]),
-            c.y.clamp(0, self.count.y - 1),
-            wrap(c.z, self.count.z, self.round[1]),
-        )
-    }
-
-    fn index(&self, c: IVec3) -> usize {
-        ((c.x * self.count.y + c.y) * self.count.z + c.z).unsigned_abs() as usize
-    }
-
-    fn of(&self, c: IVec3) -> &[Flyer] {
-        let i = self.index(c);
-        &self.flyers[self.begins[i] as usize..self.begins[i + 1] as usize]
-    }
-
-    /// From one middle to another, the shortest way round.
-    fn between(&self, a: &Flyer, b: &Flyer) -> Vec3 {
-        let mut d = b.middle - a.middle;
-        if self.round[0] {
-            d.x -= (d.x / self.size.x).round() * self.size.x;
+    /// Brings those of one cube together.
+    fn sort(&mut self, flyers: &[Flyer]) {
+        let cubes: Vec<u32> = flyers.iter().map(|f| self.index(self.cube(f.middle))).collect();
+        let cells = (self.count.x * self.count.y * self.count.z).unsigned_abs() as usize;
+        let mut begins = vec![0_u32; cells + 1];
+        cubes.iter().for_each(|c| begins[*c as usize + 1] += 1);
+        (0..cells).for_each(|i| begins[i + 1] += begins[i]);
+        let mut next = begins.clone();
+        let mut from = vec![0_u32; flyers.len()];
+        for (i, c) in (0..).zip(cubes) {
+            let place = &mut next[c as usize];
+            from[*place as usize] = i;
+            *place += 1;
         }
-        if self.round[1] {
-            d.z -= (d.z / self.size.z).round() * self.size.z;
-        }
-        d
+        self.flyers = from.iter().map(|i| flyers[*i as usize]).collect();
+        self.balls = self.flyers.iter().map(Flyer::ball).collect();
+        self.begins = begins;
     }
 
-    /// Cubes next to `c` and itself, each once, that come after it; all pairs of cubes are met once.
-    fn neighbours(&self, c: IVec3) -> Vec<IVec3> {
-        let mut out: Vec<IVec3> = Vec::with_capacity(14);
-        for dx in -1..=1 {
-            for dy in -1..=1 {
-                for dz in -1..=1 {
-                    let mut n = c + IVec3::new(dx, dy, dz);
-                    if self.round[0] {
-                        n.x = n.x.rem_euclid(self.count.x);
-                    }
-                    if self.round[1] {
-                        n.z = n.z.rem_euclid(self.count.z);
-                    }
-                    let inside = n.cmpge(IVec3::ZERO).all() && n.cmplt(self.count).all();
-                    if inside && self.index(n) >= self.index(c) && !out.contains(&n) {
-                        out.push(n);
-                    }
-                }
-            }
-        }
-        out
+    /// A place in the box along axes that go round.
+    fn wrapped(&self, p: Vec3) -> Vec3 {
+        let turns = ((p - self.low) / self.size).floor() * self.size;
+        Vec3::new(if self.round[0] { p.x - turns.x } else { p.x }, p.y, if self.round[1] { p.z - turns.z } else { p.z })
     }
 
-    /// Pairs of numbers, the smaller first, that met; sorted.
+    fn cube(&self, p: Vec3) -> IVec3 {
+        let c = ((p - self.low) / self.size * self.count.as_vec3()).floor();
+        c.as_ivec3().clamp(IVec3::ZERO, self.count - IVec3::ONE)
+    }
+
+    fn index(&self, c: IVec3) -> u32 {
+        ((c.x * self.count.y + c.y) * self.count.z + c.z).unsigned_abs()
+    }
+
+    /// Places of the flyers of cubes `z` of a row.
+    fn row(&self, x: i32, y: i32, z: std::ops::RangeInclusive<i32>) -> std::ops::Range<usize> {
+        let at = |z: i32| self.index(IVec3::new(x, y, z)) as usize;
+        self.begins[at(*z.start())] as usize..self.begins[at(*z.end()) + 1] as usize
+    }
+
+    /// Pairs of numbers, the smaller first, that met; sorted, each once.
     fn pairs(&self) -> Vec<(u32, u32)> {
         let starts: Vec<i32> = (0..self.count.x).step_by(PLANES.unsigned_abs() as usize).collect();
         let found = par_map(&starts, |x0| {
@@ -152,22 +149,67 @@ impl Crowd {
         });
         let mut pairs: Vec<(u32, u32)> = found.into_iter().flatten().collect();
         pairs.sort_unstable();
+        // Where an axis has but one or two cubes and goes round, cubes meet more than once.
+        pairs.dedup();
         pairs
     }
 
+    /// Pairs of a cube's flyers with each other and with those of the cubes after it.
     fn meet_in(&self, c: IVec3, pairs: &mut Vec<(u32, u32)>) {
-        let here = self.of(c);
+        let here = self.row(c.x, c.y, c.z..=c.z);
         if here.is_empty() {
             return;
         }
-        for n in self.neighbours(c) {
-            let there = self.of(n);
-            for (k, a) in here.iter().enumerate() {
-                let rest = if n == c { &there[k + 1..] } else { there };
-                for b in rest {
-                    if a.root != b.root && a.meets(b, self.between(a, b)) {
-                        pairs.push((a.id.min(b.id), a.id.max(b.id)));
-                    }
+        let last = self.count.z - 1;
+        let own = self.row(c.x, c.y, c.z..=(c.z + 1).min(last));
+        for i in here.clone() {
+            self.meet(i, i + 1..own.end, Vec3::ZERO, pairs);
+        }
+        if c.z == last && self.round[1] {
+            self.meet_all(&here, self.row(c.x, c.y, 0..=0), Vec3::Z * self.size.z, pairs);
+        }
+        for (dx, dy) in ROWS {
+            let (mut x, y) = (c.x + dx, c.y + dy);
+            if y < 0 || y >= self.count.y || (x == self.count.x && !self.round[0]) {
+                continue;
+            }
+            let mut by = Vec3::ZERO;
+            if x == self.count.x {
+                (x, by.x) = (0, self.size.x);
+            }
+            self.meet_all(&here, self.row(x, y, (c.z - 1).max(0)..=(c.z + 1).min(last)), by, pairs);
+            if self.round[1] && c.z == 0 {
+                self.meet_all(&here, self.row(x, y, last..=last), by - Vec3::Z * self.size.z, pairs);
+            }
+            if self.round[1] && c.z == last {
+                self.meet_all(&here, self.row(x, y, 0..=0), by + Vec3::Z * self.size.z, pairs);
+            }
+        }
+    }
+
+    fn meet_all(
+        &self,
+        here: &std::ops::Range<usize>,
+        there: std::ops::Range<usize>,
+        by: Vec3,
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
+        if !there.is_empty() {
+            here.clone().for_each(|i| self.meet(i, there.clone(), by, pairs));
+        }
+    }
+
+    /// Pairs of one with others that stand `by` from where they are: the way round.
+    fn meet(&self, i: usize, others: std::ops::Range<usize>, by: Vec3, pairs: &mut Vec<(u32, u32)>) {
+        let a = self.balls[i];
+        for (b, k) in self.balls[others.clone()].iter().zip(others) {
+            // In this order, so that it is the same the other way about.
+            let between = (b.middle - a.middle) + by;
+            let reach = a.radius + b.radius;
+            if between.length_squared() <= reach * reach {
+                let (a, b) = (&self.flyers[i], &self.flyers[k]);
+                if a.root != b.root && a.meets(b, between) {
+                    pairs.push((a.id.min(b.id), a.id.max(b.id)));
                 }
             }
         }
@@ -207,17 +249,20 @@ impl Flights {
             way: c.travel.as_vec3(),
             reach: c.radius.max(narrow(self.options.stick_radius)),
         };
-        let flyers: Vec<Flyer> =
+        let mut flyers: Vec<Flyer> =
             self.catkins.iter().filter(|c| c.free && c.state == State::Airborne).map(flyer).collect();
         if flyers.len() < 2 {
             return Vec::new();
         }
-        Crowd::new(&flyers, self).pairs()
+        Crowd::new(&mut flyers, self).pairs()
     }
 
     /// Pairs of which one or both rest, by their own radii: who came to rest or moved since the last look with all who
     /// rest, and who flies with all who rest.
     fn met_at_rest(&self) -> Vec<(u32, u32)> {
+        if !self.about.deposited {
+            return Vec::new();
+        }
         let rests = self.catkins.iter().filter(|c| c.state.is_deposited());
         let grid = Grid::new(REST_CUBE, rests.clone().map(|c| (c.id, c.x.as_vec3())));
         if grid.is_empty() {

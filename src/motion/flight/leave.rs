@@ -29,7 +29,9 @@ impl Flights {
                 self.push(root, DVec3::Y * (top - x.y));
             }
         }
-        self.come_back(t);
+        if self.about.exited {
+            self.come_back(t);
+        }
     }
 
     /// Moves a single or a cluster without its having travelled.

@@ -33,7 +33,7 @@ struct Deposit {
 impl Flights {
     /// Takes off what the wind can lift, and moves what it nearly can.
     pub(super) fn lift_off(&mut self, wind: &dyn Wind, t: f64) {
-        let deposits = self.deposits();
+        let deposits = if self.about.deposited { self.deposits() } else { Vec::new() };
         if deposits.is_empty() {
             return;
         }

@@ -6,6 +6,7 @@
 //! by itself, what concerns two is collected, sorted by number and done in that order.
 //! Source: \[catkin\] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
 
+mod about;
 mod advance;
 mod attract;
 mod cluster;
@@ -35,10 +36,11 @@ pub use record::{Catkin, State};
 pub use start::{Sky, sky};
 pub use tally::Tally;
 
+use about::About;
 use cluster::Clusters;
 
 /// Records a task takes at once.
-const CHUNK: usize = 4096;
+const CHUNK: usize = 512;
 
 /// Steps after which neighbours are brought together in memory.
 const SORT_EVERY: u64 = 64;
@@ -56,6 +58,10 @@ pub struct Flights {
     step: u64,
     /// Mean wind, m/s: by which sides it enters.
     entering: Vec3,
+    /// What there is, as of the last flight of singles and clusters.
+    about: About,
+    /// Some single is drawn to a cluster.
+    drawn: bool,
     events: tally::Events,
 }
 
@@ -91,7 +97,8 @@ impl Flights {
             }
         }
         let slot = (0..u32::try_from(catkins.len()).unwrap_or(u32::MAX)).collect();
-        Self { options, solids, catkins, slot, clusters: Clusters::new(), step: 0, entering: Vec3::X, events }
+        let (clusters, about) = (Clusters::new(), About::UNKNOWN);
+        Self { options, solids, catkins, slot, clusters, step: 0, entering: Vec3::X, about, drawn: false, events }
     }
 
     /// Number of catkins, flying or not.

@@ -242,7 +242,12 @@ fn any_turn(draw: &mut Rng) -> Quat {
     Quat::from_xyzw(narrow(s * sin(a)), narrow(s * cos(a)), narrow(c * sin(b)), narrow(c * cos(b))).normalize()
 }
 
+/// Key of the draws of all flutter.
+pub(super) fn flutter_root(seed: u64) -> u64 {
+    rng::child(seed, rng::word("flutter"))
+}
+
 /// Key of the draws of one catkin's flutter.
-pub(super) fn flutter_key(seed: u64, id: u32, generation: u32) -> u64 {
-    rng::child(rng::child(rng::child(seed, rng::word("flutter")), u64::from(id)), u64::from(generation))
+pub(super) fn flutter_key(root: u64, id: u32, generation: u32) -> u64 {
+    rng::child(rng::child(root, u64::from(id)), u64::from(generation))
 }

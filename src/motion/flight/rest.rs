@@ -187,7 +187,7 @@ impl Flights {
 
     /// What is at a wall slides down it, the slower the wetter the wall, and up if the air does; [`Hold`] is found anew.
     pub(super) fn sink(&mut self, wind: &dyn Wind, t: f64) {
-        let sliding = self.leaders(|c| c.state == State::OnWall);
+        let sliding = if self.about.on_wall { self.leaders(|c| c.state == State::OnWall) } else { Vec::new() };
         if sliding.is_empty() {
             return;
         }

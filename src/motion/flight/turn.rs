@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use super::record::{Catkin, State, flutter_key};
+use super::record::{Catkin, State, flutter_key, flutter_root};
 use super::{CHUNK, Flights};
 use crate::math::narrow;
 use crate::rng;
@@ -30,7 +30,8 @@ struct Beat {
     spin: [f32; 2],
     rest: f32,
     flutter: f32,
-    seed: u64,
+    /// Of all flutter of this flight.
+    key: u64,
     step: u64,
     /// s, at its end.
     now: f64,
@@ -50,7 +51,7 @@ impl Beat {
             spin: pair(SPIN_TIME, SPIN),
             rest: keeps(REST_TIME),
             flutter: narrow(flights.options.flutter),
-            seed: flights.options.seed,
+            key: flutter_root(flights.options.seed),
             step: flights.step,
             now: flights.seconds() + flights.options.step(),
         }
@@ -62,7 +63,7 @@ impl Beat {
         let along = if speed < 0.05 { Vec3::Y } else { c.flow / speed };
         let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, 3.0);
         let omega_n = std::f32::consts::TAU * SWINGS * pace * self.flutter;
-        let (a, b) = noise(rng::child(flutter_key(self.seed, c.id, c.generation), self.step));
+        let (a, b) = noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
         c.unrest = c.unrest * self.unrest[0] + a * self.unrest[1];
         // About the axis of the tuft it turns freely, and slowly; across it swings.
         let spin = c.omega.dot(tuft) * self.spin[0] + b * self.spin[1];
@@ -82,10 +83,10 @@ impl Flights {
         crate::par::par_each(&mut chunks, |chunk| {
             for c in chunk.iter_mut() {
                 match c.state {
-                    State::Airborne => match clusters.get(&c.root) {
-                        Some(cluster) => c.omega = cluster.omega,
-                        None => beat.turn(c),
-                    },
+                    State::Airborne if c.clustered => {
+                        c.omega = clusters.get(&c.root).map_or(c.omega, |cluster| cluster.omega);
+                    }
+                    State::Airborne => beat.turn(c),
                     _ => {
                         c.omega *= beat.rest;
                         if c.state.is_deposited() && c.rested < 0.0 {
