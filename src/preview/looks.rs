@@ -116,6 +116,15 @@ impl Looks {
         Some(crate::math::normalize_or(n, Vec3::Z))
     }
 
+    /// Share of the sun's light that goes on past a hair that it meets: what a translucent hair lets through, and half of
+    /// what it sends back, which its neighbours send on. Without this a white tuft is dark inside.
+    pub(super) fn passes(&self, id: MaterialId) -> f32 {
+        let Some(m) = self.material(id).filter(|m| m.translucency > 0.0) else { return 0.0 };
+        let [r, g, b] = m.base_color;
+        let t = m.translucency.clamp(0.0, 1.0);
+        (r + g + b) / 3.0 * (t + 0.5 * (1.0 - t))
+    }
+
     /// Index of refraction.
     pub(super) fn ior(&self, id: MaterialId) -> f32 {
         self.material(id).map_or(1.333, |m| m.ior)

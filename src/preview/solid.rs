@@ -181,7 +181,14 @@ impl<'a> Solid<'a> {
 
     /// True if nothing lies within the ray's range.
     pub(super) fn lets_by(&self, ray: Ray, looks: &Looks) -> bool {
-        self.tree.ray_traverse_miss(ray, |ray, i| self.meet(ray, i, looks).map_or(f32::INFINITY, |s| s.t))
+        let share = match &self.kind {
+            Kind::Cones { material, .. } => looks.passes(*material),
+            Kind::Faces { .. } => 0.0,
+        };
+        self.tree.ray_traverse_miss(ray, |ray, i| match self.meet(ray, i, looks) {
+            Some(spot) if share <= 0.0 || chance(ray, i) >= share => spot.t,
+            _ => f32::INFINITY,
+        })
     }
 
     /// The meeting with primitive `i` in the order of the tree.
@@ -316,4 +323,12 @@ pub(super) fn sorted<T: Copy + Sync>(
     let arranged = tree.primitive_indices.iter().filter_map(|i| list.get(*i as usize).copied()).collect();
     let all = tree.total_aabb;
     (arranged, tree, Some([all.min.into(), all.max.into()]))
+}
+
+/// A number in 0..1 that only a ray and the hair in its way decide.
+fn chance(ray: &Ray, hair: usize) -> f32 {
+    let bits = |v: f32| u64::from(v.to_bits());
+    let (o, d) = (ray.origin, ray.direction);
+    let key = crate::rng::mix64(&[bits(o.x) << 32 | bits(o.y), bits(o.z) << 32 | bits(d.x), hair as u64]);
+    (key >> 40) as f32 / (1_u64 << 24) as f32
 }

@@ -118,7 +118,7 @@ impl Flights {
     /// A cluster a step later, and what it came upon.
     fn moved(&self, mut cluster: Cluster, wind: &dyn Wind, t: f64) -> (Cluster, Landing) {
         let dt = self.options.step();
-        cluster.draw_in(dt);
+        cluster.draw_in(dt, |id| self.at(id).mass);
         let asked = cluster.evenly(ASKED);
         let places =
             |middle: DVec3| -> Vec<Vec3> { asked.iter().map(|i| (middle + cluster.offsets[*i]).as_vec3()).collect() };

@@ -5,15 +5,15 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3, Vec3};
 
 use super::Flights;
+use super::bond::{Bond, drawn};
 use super::record::{Catkin, Lag, State, rising};
 use super::rest::Landing;
-use crate::math::{exp, pow};
+use crate::math::pow;
 
 /// Clusters by the smallest number of their members.
 pub(super) type Clusters = BTreeMap<u32, Cluster>;
 
-/// Time in which what sticks together draws closer, s; and how close, as a share of both radii.
-const DRAW_TIME: f64 = 0.6;
+/// How close members draw, as a share of both radii.
 pub(super) const CLOSE: f64 = 0.8;
 
 /// Two or more catkins.
@@ -36,19 +36,8 @@ pub(super) struct Cluster {
     /// Upward air that took it off, m/s, and when.
     pub lift: f64,
     pub lifted: f64,
-    /// Parts that still draw closer.
-    draws: Vec<Draw>,
-}
-
-/// Two parts of a cluster that draw closer.
-#[derive(Debug, Clone)]
-struct Draw {
-    one: Vec<u32>,
-    other: Vec<u32>,
-    /// Share of the way that the first goes.
-    share: f64,
-    /// What is left of the way of the first towards the second.
-    left: DVec3,
+    /// One less than members.
+    bonds: Vec<Bond>,
 }
 
 impl Cluster {
@@ -67,26 +56,41 @@ impl Cluster {
             omega: c.omega,
             lift: c.lift,
             lifted: c.lifted,
-            draws: Vec::new(),
+            bonds: Vec::new(),
         }
     }
 
-    /// Moves parts towards each other; the centre of mass stays.
-    pub fn draw_in(&mut self, dt: f64) {
-        let share = 1.0 - exp(-dt / DRAW_TIME);
-        for draw in &mut self.draws {
-            let last = draw.left.length_squared() < 1e-10;
-            let way = if last { draw.left } else { draw.left * share };
-            draw.left -= way;
-            for (part, way) in [(&draw.one, way * draw.share), (&draw.other, way * (draw.share - 1.0))] {
-                for id in part {
-                    if let Ok(i) = self.members.binary_search(id) {
-                        self.offsets[i] += way;
-                    }
-                }
-            }
+    /// Moves members towards each other where they still draw in; the centre of mass stays. `mass`: of a member, kg.
+    pub fn draw_in(&mut self, dt: f64, mass: impl Fn(u32) -> f64) {
+        if let Some(moved) = drawn(&mut self.bonds, &self.members, dt) {
+            self.offsets.iter_mut().zip(moved).for_each(|(o, by)| *o += by);
+            self.centre(mass);
         }
-        self.draws.retain(|d| d.left.length_squared() > 0.0);
+    }
+
+    /// The same at rest, where the member that lies deepest stays and all others come to it. `out`: away from what it
+    /// lies on.
+    fn gather(&mut self, dt: f64, out: DVec3, mass: impl Fn(u32) -> f64) {
+        let depth = |i: &usize| self.offsets[*i].dot(out);
+        let Some(deepest) = (0..self.offsets.len()).min_by(|a, b| depth(a).total_cmp(&depth(b))) else { return };
+        if let Some(moved) = drawn(&mut self.bonds, &self.members, dt) {
+            let stays = moved[deepest];
+            self.offsets.iter_mut().zip(moved).for_each(|(o, by)| *o += by - stays);
+            let off = self.centre(mass);
+            self.x += off;
+        }
+    }
+
+    /// Takes offsets from the centre of mass, and tells how far it was off.
+    fn centre(&mut self, mass: impl Fn(u32) -> f64) -> DVec3 {
+        let all = self.members.iter().zip(&self.offsets);
+        let off = all.fold(DVec3::ZERO, |sum, (id, offset)| sum + *offset * mass(*id)) / self.mass;
+        self.offsets.iter_mut().for_each(|o| *o -= off);
+        off
+    }
+
+    fn draws_in(&self) -> bool {
+        self.bonds.iter().any(|b| b.left != DVec3::ZERO)
     }
 
     /// Turns by `omega`, rad/s, for a step.
@@ -94,7 +98,7 @@ impl Cluster {
         self.omega = omega;
         let turn = DQuat::from_scaled_axis(omega.as_dvec3() * dt);
         self.offsets.iter_mut().for_each(|o| *o = turn * *o);
-        self.draws.iter_mut().for_each(|d| d.left = turn * d.left);
+        self.bonds.iter_mut().for_each(|b| b.left = turn * b.left);
     }
 
     /// At most `count` members, evenly spaced: their places in `members`.
@@ -116,8 +120,8 @@ impl Cluster {
         let x = self.x * a + other.x * b;
         let moved = [self.x - x, other.x - x];
         let (members, offsets) = merged([&self, &other], moved);
-        let mut draws = self.draws;
-        draws.extend(other.draws);
+        let mut bonds = self.bonds;
+        bonds.extend(other.bonds);
         Self {
             members,
             offsets,
@@ -132,7 +136,7 @@ impl Cluster {
             } else {
                 Vec3::ZERO
             },
-            draws: if flies { draws } else { Vec::new() },
+            bonds,
             fall: self.fall,
             falls: self.falls + other.falls,
             lag: self.lag,
@@ -185,16 +189,12 @@ impl Flights {
         let between = self.nearest_image(cj.x - ci.x);
         let flies = one.state == State::Airborne && other.state == State::Airborne;
         let close = CLOSE * f64::from(ci.radius + cj.radius);
-        let draw = (flies && between.length() > close).then(|| Draw {
-            one: one.members.clone(),
-            other: other.members.clone(),
-            share: other.mass / (one.mass + other.mass),
-            left: between * (1.0 - close / between.length()),
-        });
+        let far = flies && between.length() > close;
+        let left = if far { between * (1.0 - close / between.length()) } else { DVec3::ZERO };
         let resting = if one.state == State::Airborne { b } else { a };
         let (normal, face) = (self.at(resting).normal, self.at(resting).face);
         let mut whole = one.with(other, t);
-        whole.draws.extend(draw);
+        whole.bonds.push(Bond { ends: [i, j], left });
         let n = whole.members.len() as f64;
         whole.fall = whole.falls / n * pow(n, self.options.beta);
         whole.lag = Lag::of(whole.fall, &self.options);
@@ -242,7 +242,6 @@ impl Flights {
                 cluster.v = DVec3::ZERO;
                 cluster.omega = Vec3::ZERO;
                 cluster.lift = 0.0;
-                cluster.draws.clear();
             }
             cluster.state = hold.state;
         }
@@ -258,6 +257,21 @@ impl Flights {
         }
         self.clusters.insert(root, cluster);
         self.spread(root);
+    }
+
+    /// Parts of clusters that came to rest before they had drawn close: nothing stays hanging above what it clings to.
+    pub(super) fn gather(&mut self) {
+        let dt = self.options.step();
+        let drawing = |c: &Cluster| c.state.is_deposited() && c.draws_in();
+        let roots: Vec<u32> = self.clusters.iter().filter(|(_, c)| drawing(c)).map(|(root, _)| *root).collect();
+        for root in roots {
+            let Some(mut cluster) = self.clusters.remove(&root) else { continue };
+            cluster.gather(dt, self.at(root).normal.as_dvec3(), |id| self.at(id).mass);
+            let landing = self.settled(&cluster, cluster.x);
+            cluster.x = landing.at;
+            self.clusters.insert(root, cluster);
+            self.place(root, &landing);
+        }
     }
 
     /// A difference of places by the shortest way around periodic sides.

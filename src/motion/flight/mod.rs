@@ -9,6 +9,7 @@
 mod about;
 mod advance;
 mod attract;
+mod bond;
 mod cluster;
 mod contact;
 mod grid;
@@ -143,6 +144,7 @@ impl Flights {
         self.release(wind, t);
         self.fly(wind, t);
         self.fly_clusters(wind, t);
+        self.gather();
         self.sink(wind, t);
         if (self.step + 1).is_multiple_of(u64::from(self.options.check_every.max(1))) {
             self.meet(t);

@@ -225,3 +225,23 @@ fn a_step_at_a_wall_sinks_to_its_foot() {
     assert!((c.x.x - (3.8 - r)).abs() < 1e-4 && (c.x.y - r).abs() < 2e-3, "{} {r}", c.x);
     assert!(all.tally().flight_time > 0.5 && all.tally().flight_distance > 0.5);
 }
+
+/// What clings to something that comes to rest comes down to it, however far it was when both met.
+#[test]
+fn nothing_stays_hanging_above_what_it_clings_to() {
+    let options = Options { humidity: Humidity::Even(1.0), ..Options::default() };
+    let places = [0.08, 0.38, 0.68].map(|y| DVec3::new(0.1 * y, y, 0.0));
+    let starts = places.map(|at| Start { at, wait: Wait::Until(0.0) });
+    let mut all = Flights::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts);
+    let still = Uniform(Vec3::ZERO);
+    (0..5).for_each(|_| all.advance(&still));
+    assert_eq!(all.clusters.len(), 1);
+    while all.tally().airborne > 0 {
+        all.advance(&still);
+    }
+    let height = |all: &Flights| all.by_number().map(|c| c.x.y).fold(0.0, f64::max);
+    let landed = height(&all);
+    (0..24 * 6).for_each(|_| all.advance(&still));
+    assert!(landed > 0.12 && height(&all) < 0.09, "{landed} {}", height(&all));
+    assert_eq!(all.tally().penetrations, 0);
+}

@@ -130,6 +130,9 @@ fn cosine(n: Vec3, at: [f32; 2]) -> Vec3 {
     turned(n, math::sqrt_f32(1.0 - at[0]), at[1])
 }
 
+/// Mean cosine at which light from one side meets the seen half of a hair, over all directions of hairs.
+const ABOUT: f32 = 0.4;
+
 impl World<'_> {
     /// Radiance towards the viewer along a ray, if it meets anything before `far`, in lengths of the direction.
     pub(super) fn radiance(&self, light: &Light, (o, d): (Vec3, Vec3), far: f32, draw: &Draw<'_>) -> Option<Vec3> {
@@ -258,7 +261,9 @@ impl Path<'_, '_> {
         if front {
             sent += Vec3::splat(glint(&s.finish, s.n, toward, l));
         }
-        light.sun * sent * cos.abs()
+        // What one hair of a tuft sends on, others send about: half of the light no longer knows where it came from.
+        let fall = if s.thick > 0.0 { 0.5 * (cos.abs() + ABOUT) } else { cos.abs() };
+        light.sun * sent * fall
     }
 
     /// Light that arrives from a direction: the sky, or what stands before it.
