@@ -112,7 +112,40 @@ fn tables_and_maps_count_everybody() {
     assert!(plot.starts_with("<svg") && plot.matches("<polyline").count() == 14, "{plot}");
     let about: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("stats/flight.json")).expect("json")).expect("json");
-    assert_eq!(about["about"]["count"], 200);
+    assert_eq!(about["parameters"]["count"], 200);
+    // What is said once is what the rows say.
+    assert!((about["last"]["grounded"].as_f64().expect("number") - last(&columns, "grounded")).abs() < 1e-9);
+    assert!((about["totals"]["merges"].as_f64().expect("number") - last(&columns, "merges")).abs() < 1e-9);
+    let mean = columns["airborne"].iter().sum::<f64>() / columns["airborne"].len() as f64;
+    assert!((about["mean"]["airborne"].as_f64().expect("number") - mean).abs() < 1e-9);
+    assert!(about["warnings"].as_array().expect("list").is_empty(), "{about}");
+}
+
+/// A lattice says how it did, and catkins that leap over its cells are told of: in the files, and by the program's end.
+#[test]
+fn a_lattice_says_how_it_did() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "seed = 5\n[frames]\nend = 24\n[ground]\nrelief = 0\n[catkin]\nhairs = 2\n[flight]\ncount = 100\n\
+        [[solid]]\nsize = [0.3, 1, 2]\n[wind]\nmodel = \"lattice\"\nspeed = 6\n[wind.lattice]\ncells = [32, 24, 24]\ndx = 0.2\n";
+    let path = scene(dir.path(), "leaps", text);
+    let out = dir.path().join("out");
+    let (path, to) = (path.to_str().expect("path"), out.to_str().expect("path"));
+    let run = osier(&["bake", path, "-o", to, "--formats", "csv", "--strict", "--json"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.code() == Some(3) && said.contains("S027") && said.contains("flight.substeps"), "{said}");
+    let summary: serde_json::Value = serde_json::from_slice(&run.stdout).expect("json");
+    assert!(summary["seconds"]["writing frames"].as_f64().expect("a time") > 0.0, "{summary}");
+    let columns = table(&out);
+    assert!(last(&columns, "long_steps") > 10.0, "{columns:?}");
+    assert!(columns["wind_mass_error"].iter().all(|e| e.abs() < 0.05 && *e != 0.0), "{columns:?}");
+    assert!(columns["wind_checkered"].iter().any(|q| *q > 0.0) && columns["wind_clamps"].iter().all(|n| *n < 0.5));
+    let told: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("stats/flight.json")).expect("json")).expect("json");
+    assert!(told["warnings"].as_array().expect("list").iter().any(|w| w["code"] == "S027"), "{told}");
+    // Four steps a frame are short enough.
+    let calm = ["--formats", "csv", "--strict", "--set", "flight.substeps=4"];
+    let columns = table(&baked(dir.path(), "calm", Path::new(path), &calm));
+    assert!(last(&columns, "long_steps") < 0.5, "{columns:?}");
 }
 
 #[test]
@@ -147,6 +180,44 @@ fn a_late_frame_alone_is_the_same() {
 /// Seeds that walls and wet ground are tried at: two, or as many as `OSIER_SEEDS` says, at most eight.
 fn seeds() -> u64 {
     std::env::var("OSIER_SEEDS").map_or(2, |v| v.parse::<u64>().expect("OSIER_SEEDS is a number").min(8))
+}
+
+/// Every choice of values with every seed is a row, that of a bake with the same; means go over the seeds.
+#[test]
+fn a_sweep_is_a_row_for_each_run() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "swept", &SCENE.replace("end = 48", "end = 24"));
+    let (path, out) = (path.to_str().expect("path"), dir.path().join("sweep"));
+    let choices = ["--sweep", "solid.0.size.1=0.5:2:2", "--sweep", "flight.humidity=0,1", "--seeds", "1-2"];
+    let run = osier(&[&["bake", path, "-o", out.to_str().expect("path")][..], &choices].concat());
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(said.contains("8 runs") && said.lines().count() == 2 + 4, "{said}");
+    let text = std::fs::read_to_string(out.join("sweep.csv")).expect("table");
+    let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
+    assert!(rows.len() == 9 && rows[0][..3] == ["solid.0.size.1", "flight.humidity", "seed"], "{text}");
+    assert_eq!(rows[8][..3], ["2.0", "1", "2"]);
+    let same = ["--formats", "csv", "--seed", "2", "--set", "solid.0.size.1=2.0", "--set", "flight.humidity=1"];
+    let columns = table(&baked(dir.path(), "alone", Path::new(path), &same));
+    for name in ["grounded", "exited", "merges", "deposits", "mean_speed"] {
+        let at = rows[0].iter().position(|n| *n == name).expect("column");
+        assert_eq!(rows[8][at].parse::<f64>().expect("number").to_bits(), last(&columns, name).to_bits(), "{name}");
+    }
+    let told: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("sweep.json")).expect("json")).expect("json");
+    assert!(told["means"].as_array().expect("means").iter().all(|m| m["runs"] == 2), "{told}");
+    assert!(std::fs::read_to_string(out.join("sweep.svg")).expect("plot").matches("<polyline").count() == 8);
+    let refused: [(&[&str], i32, &str); 4] = [
+        (&["bake", path, "--sweep", "flight.humidity=0:1:3", "--formats", "usd"], 2, "leave out --formats"),
+        (&["bake", path, "--sweep", "flight.humidity=0:1"], 2, "KEY=FROM:TO:COUNT"),
+        (&["bake", path, "--sweep", "flight.humiditi=0,1"], 1, "did you mean \"humidity\"?"),
+        (&["bake", "koch", "--seeds", "1-2"], 2, "[flight]"),
+    ];
+    for (arguments, code, words) in refused {
+        let run = osier(arguments);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.code() == Some(code) && said.contains(words), "{arguments:?}: {said}");
+    }
 }
 
 /// A wall of so many metres in a lattice wind, on ground so wet.
@@ -202,7 +273,11 @@ fn blender_sees_who_flies() {
         let set = format!("catkin.lod={lod}");
         // Let go one after another: births as well.
         let rain = ["--set", "flight.release=rain", "--set", "flight.duration=2"];
-        let fixed = ["--formats", "usd,csv", "--set", &set];
+        let mut fixed = vec!["--formats", "usd,csv", "--set", &set];
+        if lod == "2" {
+            // Levels beside it and lines behind it change nothing of what Blender shows.
+            fixed.extend(["--set", "catkin.lods=[0, 3, 4, 5]", "--set", "flight.trails=0.25"]);
+        }
         let out = baked(dir.path(), &format!("out{lod}"), &path, &[&fixed[..], &rain].concat());
         let (stage, told) = (out.join("flying.usda"), out.join("told.json"));
         let (stage, told) = (stage.to_str().expect("path"), told.to_str().expect("path"));
@@ -213,6 +288,7 @@ fn blender_sees_who_flies() {
             said
         };
         let states = run(&["usd", stage, told, "1", "24", "48"]);
+        assert!(lod != "2" || states.contains("levels ['lod0', 'lod2', 'lod3', 'lod4', 'lod5'] lines 1"), "{states}");
         let columns = table(&out);
         let pending = |frame: usize| format!("\"{frame}\": [{}, ", columns["pending"][frame - 1]);
         assert!([1, 24, 48].iter().all(|f| states.contains(&pending(*f))) && columns["pending"][0] > 100.0, "{states}");

@@ -50,11 +50,22 @@ fn everything(folder: &Path) -> Vec<PathBuf> {
     for (word, frames) in [("still", &frames[..0]), ("moving", &frames[..])] {
         for profile in PROFILES {
             let at = folder.join(word);
-            export(&at, &scene, frames, Options { profile, layout: Layout::Bake });
+            export(&at, &scene, frames, Options { profile, layout: Layout::Bake, ..Options::default() });
             let one = Layout::Glb(format!("one_{}.glb", profile.word()));
-            export(&at, &scene, frames, Options { profile, layout: one });
+            export(&at, &scene, frames, Options { profile, layout: one, ..Options::default() });
             let text = Layout::Gltf(format!("text {}.gltf", profile.word()));
-            export(&at, &scene, frames, Options { profile, layout: text });
+            export(&at, &scene, frames, Options { profile, layout: text, ..Options::default() });
+            if word == "moving" {
+                export(
+                    &folder.join("moment"),
+                    &scene,
+                    frames,
+                    Options { profile, frame: Some(6), ..Options::default() },
+                );
+                if profile == Profile::Web {
+                    list.extend(files(&folder.join("moment/gltf"), ".glb"));
+                }
+            }
         }
         list.extend(files(&folder.join(word), ".glb"));
         list.extend(files(&folder.join(word), ".gltf"));
@@ -122,7 +133,7 @@ fn a_player_of_the_format_shows_everything_where_osier_does_at_every_frame() {
     let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
     let temp = tempfile::tempdir().expect("temp");
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
         let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
         let wanted = match profile {
             Profile::Web => gltf_objects::web_objects(&scene, &frames, &numbers),
@@ -150,7 +161,7 @@ fn three_shows_the_web_profile_where_osier_does() {
     let (scene, frames) = common::synthetic();
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
-    export(temp.path(), &scene, &frames, Options { profile: Profile::Web, layout: Layout::Bake });
+    export(temp.path(), &scene, &frames, Options { profile: Profile::Web, ..Options::default() });
     let file = temp.path().join("gltf/synthetic.web.glb");
     let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
     let wanted = gltf_objects::web_objects(&scene, &frames, &numbers);
@@ -161,6 +172,53 @@ fn three_shows_the_web_profile_where_osier_does() {
     assert!(String::from_utf8_lossy(&output.stdout).contains("\"instanced\":8"), "four groups in each of two places");
 }
 
+/// What each node shows where one frame stands still: the living of each prototype in one.
+fn standing(scene: &Scene, frames: &[Frame], number: u32) -> Value {
+    let all = expect::expect(scene, frames, &[number]);
+    let mut list = gltf_objects::objects(scene, frames, &[number], true);
+    let list = list[number.to_string()].as_object_mut().expect("objects");
+    for p in &scene.placements {
+        for instancer in &scene.assets[p.asset].instancers {
+            let name = format!("{}_{}", p.name, instancer.name);
+            let states = &all["frames"][number.to_string()]["instancers"][format!("{}/{}", p.name, instancer.name)];
+            let states: Vec<Value> = states.as_array().expect("states").clone();
+            (0..states.len()).for_each(|i| _ = list.remove(&format!("{name}_{i}")));
+            states.iter().for_each(|s| _ = list.remove(&format!("{name}_{}", s["proto"].as_str().expect("name"))));
+            let alive: Vec<Value> = states.into_iter().filter(|s| s["alive"] != false).collect();
+            gltf_objects::instanced(list, &name, &alive, true);
+        }
+    }
+    Value::Object(list.clone())
+}
+
+/// One frame of a moving scene, without tracks: instances by extension, all that live, for viewers as for our player.
+#[test]
+fn one_frame_stands_still_with_all_that_live() {
+    let (scene, frames) = common::synthetic();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, frame: Some(6), ..Options::default() });
+        let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
+        assert!(player.json["animations"].is_null() && player.json["skins"].is_null());
+        let wanted = standing(&scene, &frames, 6);
+        for (name, want) in wanted.as_object().expect("objects") {
+            let node = player.node(name).unwrap_or_else(|| panic!("{} {name}", profile.word()));
+            let e = error(&player.positions(node, 0.0), want, name);
+            assert!(e < 1e-4, "{} {name}: off by {e}", profile.word());
+        }
+    }
+    let required = |name: &str| Player::new(&read(&temp.path().join(name))).json["extensionsRequired"].clone();
+    assert_eq!(required("gltf/tracks.web.glb"), serde_json::json!(["EXT_mesh_gpu_instancing"]));
+    let Some((node, folder)) = clients::three() else { return };
+    let file = temp.path().join("gltf/synthetic.web.glb");
+    let job =
+        serde_json::json!([{ "file": file, "fps": 24, "start": 6, "frames": { "6": standing(&scene, &frames, 6) } }]);
+    let jobs = temp.path().join("jobs.json");
+    std::fs::write(&jobs, job.to_string()).expect("jobs");
+    clients::run(Command::new(node).arg(clients::script("gltf_three.mjs")).arg(folder).arg(&jobs));
+}
+
 #[test]
 fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
     let (scene, frames) = common::synthetic();
@@ -168,7 +226,7 @@ fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
     let temp = tempfile::tempdir().expect("temp");
     let mut keys = Vec::new();
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
         let player = Player::new(&read(&temp.path().join(format!("gltf/tracks.{}.glb", profile.word()))));
         let samplers = player.json["animations"][0]["samplers"].as_array().expect("samplers").clone();
         let count = |s: &Value| player.rows(s["input"].as_u64().expect("input") as usize).len();
@@ -194,7 +252,7 @@ fn the_gltf_crate_reads_positions_bit_for_bit() {
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
         let bytes = unrequired(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
         let file = gltf::Gltf::from_slice(&bytes).expect("valid");
         let bin = file.blob.clone().expect("buffer");
@@ -232,7 +290,7 @@ fn bytes_do_not_depend_on_threads_or_runs() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
         pool.install(|| {
             for profile in PROFILES {
-                export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake });
+                export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
             }
         });
         files(&temp.path().join("gltf"), ".glb").iter().map(|p| read(p)).collect()
@@ -247,7 +305,7 @@ fn a_gltf_beside_its_files_holds_the_same_as_a_glb() {
     let (scene, _) = common::synthetic();
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
-    let options = |layout| Options { profile: Profile::Blender, layout };
+    let options = |layout| Options { layout, ..Options::default() };
     export(temp.path(), &scene, &[], options(Layout::Gltf("a/my tree.gltf".into())));
     let json: Value = serde_json::from_slice(&read(&temp.path().join("a/my tree.gltf"))).expect("json");
     assert_eq!(json["buffers"][0]["uri"], "my%20tree.bin");

@@ -27,7 +27,7 @@ use serde_json::Value;
 fn export(folder: &Path, scene: &Scene, frames: &[Frame], profile: Profile) -> Result<Vec<Warning>> {
     let scene = Arc::new(scene.clone());
     let textures = Arc::new(Textures::encode(&scene).expect("pictures"));
-    let options = Options { profile, layout: Layout::Bake };
+    let options = Options { profile, layout: Layout::Bake, ..Options::default() };
     let mut exporter = Gltf::new(Folder::open(folder).expect("folder"), textures, options);
     exporter.begin(&scene)?;
     frames.iter().try_for_each(|f| exporter.frame(f))?;

@@ -14,7 +14,7 @@ use osier::limits::Limits;
 use osier::preview::{Backdrop, Cell, Light, Looks, Picture, Quality, Shot, Subject, View, World, expose, sheet};
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Library, Request, resolve};
-use osier::scene::{Frame, Scene};
+use osier::scene::{Frame, InstancerFrame, Scene};
 
 /// Most that a channel may differ, of 255.
 const TOLERANCE: u8 = 1;
@@ -39,7 +39,7 @@ fn draw(scene: &Scene, frame: Option<&Frame>, own_camera: bool, size: [u32; 2]) 
     expose(&world, &shot, &Cancel::default(), &Silent).expect("picture")
 }
 
-fn of_file(name: &str, frame: Option<u32>) -> (Scene, Option<Frame>) {
+fn built(name: &str) -> stage::Built {
     let path = folder().join(name);
     let request = Request {
         name: name.trim_end_matches(".toml").into(),
@@ -50,9 +50,44 @@ fn of_file(name: &str, frame: Option<u32>) -> (Scene, Option<Frame>) {
     };
     let recipe = resolve(&request).unwrap_or_else(|e| panic!("{name}: {e}")).0;
     let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
-    let built = stage::build(&recipe, stage::Parts::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let now = frame.map(|n| mover::frame(&built.stage.scene, &built.stage.movers, n, true).expect("a frame"));
-    ((*built.stage.scene).clone(), now)
+    stage::build(&recipe, stage::Parts::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// All numbers of some frames as one, and the counts of every twelfth.
+fn measured(scene: &Scene, frames: &[Frame]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let mut put = |values: &[f32]| values.iter().for_each(|v| _ = hasher.update(&v.to_le_bytes()));
+    for frame in frames {
+        for state in frame.assets.iter().flat_map(|a| &a.instancers) {
+            let InstancerFrame::State(s) = state else { continue };
+            s.positions.iter().for_each(|p| put(&p.to_array()));
+            s.orientations.iter().for_each(|q| put(&q.to_array()));
+            s.velocities.iter().for_each(|v| put(&v.to_array()));
+            #[allow(clippy::cast_precision_loss, reason = "small numbers")]
+            s.marks.iter().flatten().for_each(|m| put(&[*m as f32]));
+        }
+        frame.fields.iter().for_each(|f| put(f));
+        #[allow(clippy::cast_possible_truncation, reason = "both halves are taken")]
+        frame.rows.iter().flatten().for_each(|v| put(&[*v as f32, (*v - f64::from(*v as f32)) as f32]));
+    }
+    let told = frames.iter().filter(|f| f.number % 12 == 0).map(|f| {
+        let whole = |v: &f64| v.fract().abs() < f64::EPSILON;
+        let counts = scene.tables[0].columns.iter().zip(&f.rows[0]).filter(|(c, v)| c.1.is_empty() && whole(v));
+        let counts: Vec<String> = counts.map(|(c, v)| format!("{} {v}", c.0)).collect();
+        format!("frame {}: {}\n", f.number, counts.join(", "))
+    });
+    format!("{}tracks, maps and tables: {}\n", told.collect::<String>(), hasher.finalize().to_hex())
+}
+
+/// What is wrong with a text, if anything.
+fn judge_text(name: &str, actual: &str) -> Option<String> {
+    let path = folder().join(name);
+    if std::env::var("OSIER_BLESS").is_ok_and(|v| v == "1") {
+        std::fs::write(&path, actual).expect("write");
+        return Some(format!("{name}: blessed; look at {}", path.display()));
+    }
+    let kept = std::fs::read_to_string(&path).unwrap_or_default();
+    (kept != actual).then(|| format!("{name}: expected\n{kept}and got\n{actual}"))
 }
 
 /// The picture on disk, or a reason why there is none.
@@ -104,14 +139,25 @@ fn judge(name: &str, actual: &Picture) -> Option<String> {
 fn golden_pictures_are_what_they_were() {
     let mut wrong = Vec::new();
     for (name, own_camera) in [("snowflake", false), ("seedling", false), ("meadow", true)] {
-        let (scene, frame) = of_file(&format!("{name}.toml"), None);
-        wrong.extend(judge(name, &draw(&scene, frame.as_ref(), own_camera, [160, 160])));
+        let built = built(&format!("{name}.toml"));
+        wrong.extend(judge(name, &draw(&built.stage.scene, None, own_camera, [160, 160])));
     }
     let (scene, frames) = common::synthetic();
     for number in [1, 6] {
         let frame = frames.iter().find(|f| f.number == number);
         wrong.extend(judge(&format!("synthetic_{number}"), &draw(&scene, frame, true, [192, 128])));
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// [catkin] in small: wind on a lattice, a wall, flight, sticking, deposits, to the last bit.
+#[test]
+fn the_golden_flight_is_what_it_was() {
+    let stage = built("flight.toml").stage;
+    let frames: Vec<Frame> =
+        (1..=48).map(|n| mover::frame(&stage.scene, &stage.movers, n, false).expect("a frame")).collect();
+    let mut wrong = Vec::from_iter(judge_text("flight.txt", &measured(&stage.scene, &frames)));
+    wrong.extend(judge("flight", &draw(&stage.scene, frames.last(), true, [192, 144])));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

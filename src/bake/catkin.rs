@@ -22,6 +22,28 @@ const APART: f32 = 2.1;
 /// Index among [`materials`] of the first picture.
 const FLAT: u32 = 2;
 
+/// The first level that shows pictures instead of hairs.
+const PICTURED: u32 = 4;
+
+/// Levels of detail that catkins are made in.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Levels {
+    shown: u32,
+    others: Vec<u32>,
+}
+
+impl Levels {
+    /// Those of a scene.
+    pub fn of(keys: &CatkinKeys) -> Self {
+        Self { shown: keys.lod, others: keys.lods.iter().copied().filter(|l| *l != keys.lod).collect() }
+    }
+
+    /// Those with pictures, in the order of their materials.
+    fn pictured(&self) -> impl Iterator<Item = u32> {
+        std::iter::once(&self.shown).chain(&self.others).copied().filter(|l| *l >= PICTURED)
+    }
+}
+
 /// One kind of catkin. The hairs begin at the origin and the tuft opens towards +Y.
 #[derive(Debug, Clone)]
 pub struct CatkinModel {
@@ -32,19 +54,33 @@ pub struct CatkinModel {
     /// Lowest point, m, at most 0.
     pub lowest: f32,
     index: u32,
+    /// How many models there are.
+    count: u32,
     tuft: Tuft,
 }
 
 impl CatkinModel {
-    /// What instances show. `lod`: 0 curves, 1 tubes, 2 ribbons, 3 fewer ribbons, 4 three crossed pictures, 5 one. `first`: index in the scene of the first of
-    /// [`materials`].
-    pub fn prototype(&self, lod: u32, first: u32) -> Prototype {
+    /// What instances show: the level shown, and those beside it. `first`: index in the scene of the first of [`materials`].
+    pub fn prototype(&self, levels: &Levels, first: u32) -> Prototype {
+        let mut proto = self.at(levels.shown, (levels, first));
+        if !levels.others.is_empty() {
+            let named = |lod: u32| Prototype { level: format!("lod{lod}"), ..self.at(lod, (levels, first)) };
+            proto = Prototype { others: levels.others.iter().map(|l| named(*l)).collect(), ..named(levels.shown) };
+        }
+        proto
+    }
+
+    /// One level: 0 curves, 1 tubes, 2 ribbons, 3 fewer ribbons, 4 three crossed pictures, 5 one.
+    fn at(&self, lod: u32, (levels, first): (&Levels, u32)) -> Prototype {
         let mut proto = match lod {
             0 => self.tuft.hero(&self.name),
             1 => Prototype::new(&self.name, self.tuft.mesh(Detail::Tubes)),
             2 => Prototype::new(&self.name, self.tuft.mesh(Detail::Ribbons)),
             3 => Prototype::new(&self.name, self.tuft.mesh(Detail::Thinned)),
-            _ => Prototype::new(&self.name, self.cards(lod).0.with_material(FLAT + self.index)),
+            _ => {
+                let before = (0..).zip(levels.pictured()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
+                Prototype::new(&self.name, self.cards(lod).0.with_material(FLAT + before * self.count + self.index))
+            }
         };
         proto.mesh.subsets.iter_mut().for_each(|s| s.material += first);
         if let Some(fine) = &mut proto.fine {
@@ -64,13 +100,21 @@ impl CatkinModel {
     }
 }
 
-/// What all catkins of a scene wear: hair, stalk, and from `lod` 4 on a picture for each model.
-pub fn materials(models: &[CatkinModel], lod: u32) -> Look {
+/// What all catkins of a scene wear: hair, stalk, and a picture for each model at each level that has them.
+pub fn materials(models: &[CatkinModel], levels: &Levels) -> Look {
     let mut look = Look::default();
     look.add(hair_material("catkin_hair"), Vec::new());
     look.add(stalk_material("catkin_stalk"), Vec::new());
-    if lod >= 4 {
-        for surface in par_map(models, |m| m.cards(lod).1) {
+    for lod in levels.pictured() {
+        for mut surface in par_map(models, |m| m.cards(lod).1) {
+            // Two levels of one model would have one name.
+            if lod != levels.shown {
+                surface.material.name += &format!("_lod{lod}");
+                surface
+                    .images
+                    .iter_mut()
+                    .for_each(|i| i.name = i.name.replacen("catkin_", &format!("catkin_lod{lod}_"), 1));
+            }
             look.add(surface.material, surface.images);
         }
     }
@@ -142,20 +186,21 @@ pub fn catkin_models(keys: &CatkinKeys, seed: u64, work: &Work<'_>) -> Result<Ve
     let models = par_map(&variants, |v| {
         let tuft = tuft(&skeleton(keys, *v, seed, work)?, &spec, key(seed, *v));
         let index = u32::try_from(*v).unwrap_or(u32::MAX);
-        Ok(CatkinModel { name: format!("p{v:03}"), radius: tuft.radius, lowest: tuft.lowest, index, tuft })
+        let (name, count) = (format!("p{v:03}"), keys.variants);
+        Ok(CatkinModel { name, radius: tuft.radius, lowest: tuft.lowest, index, count, tuft })
     });
     models.into_iter().collect()
 }
 
 /// All kinds side by side along +X around the origin, each standing on y = 0. `first`: as in [`CatkinModel::prototype`].
-pub fn row(models: &[CatkinModel], lod: u32, first: u32) -> Asset {
+pub fn row(models: &[CatkinModel], levels: &Levels, first: u32) -> Asset {
     let gap = APART * models.iter().map(|m| m.radius).fold(0.0, f32::max);
     let middle = (models.len().saturating_sub(1)) as f32 * 0.5;
     let place = |(i, m): (usize, &CatkinModel)| Vec3::new((i as f32 - middle) * gap, -m.lowest, 0.0);
     let n = u32::try_from(models.len()).unwrap_or(u32::MAX);
     let instancer = Instancer {
         name: "catkins".into(),
-        prototypes: models.iter().map(|m| m.prototype(lod, first)).collect(),
+        prototypes: models.iter().map(|m| m.prototype(levels, first)).collect(),
         ids: (0..u64::from(n)).collect(),
         protos: (0..n).collect(),
         scales: vec![Vec3::ONE; models.len()],

@@ -80,6 +80,8 @@ struct Size {
     proto_triangles: u64,
     points: u64,
     moving_points: u64,
+    /// Points of curves that frames carry.
+    drawn_points: u64,
     joints: u64,
     /// Vertices that move by joints or by themselves.
     moving: u64,
@@ -105,6 +107,7 @@ impl Size {
             s.points += n;
             s.moving_points += if p.moving { n } else { 0 };
         }
+        s.drawn_points = asset.curves.iter().filter(|c| c.moving).map(|c| c.points.len() as u64).sum();
         for i in &asset.instancers {
             let sizes: Vec<(u64, u64)> =
                 i.prototypes.iter().map(|p| (p.mesh.points.len() as u64, p.mesh.triangles.len() as u64)).collect();
@@ -137,15 +140,16 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
         Format::Usd => {
             let still = (s.vertices + s.proto_vertices) * 44 + (s.triangles + s.proto_triangles) * 8 + s.instances * 40;
             // Place, turn, two rates; the twin once more, with four numbers.
-            let tracks = s.free * frames * 124;
+            let tracks = (s.free * 124 + s.drawn_points * 12) * frames;
             still + tracks + s.points * 44 + flowing * 40 + moving * (s.cached * 24 + s.instances * 20 + s.joints * 34)
         }
         Format::Glb => {
+            let keys = &recipe.output.gltf;
+            let nodes = if keys.frame.is_some() { 0 } else { s.free.min(u64::from(keys.nodes)) };
             let vertices = s.vertices + s.instance_vertices;
             let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
             let web = s.vertices * 56 + s.triangles * 12 + s.proto_vertices * 32 + s.instances * 32;
-            let (tracks, points) =
-                (moving * s.joints * 16 + s.free.min(500) * frames * 44, (s.points - s.moving_points) * 18);
+            let (tracks, points) = (moving * s.joints * 16 + nodes * frames * 44, (s.points - s.moving_points) * 18);
             // Once in the asset's own file, once in the scene's, which has tracks for each of the times.
             let each = |p: &crate::recipe::sections::Profile| match p {
                 crate::recipe::sections::Profile::Blender => 2 * (merged + points) + (1 + s.times) * tracks,
@@ -164,7 +168,10 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
             let shown = |frames: u64| frames / u64::from(recipe.output.pov.step.max(1));
             let points = spheres(s.points - s.moving_points) + shown(frames) * spheres(s.moving_points);
             // A frame has points and normals of what moves, and one line for the leaves of each joint.
-            still + points + shown(frames) * s.free * 170 + shown(moving) * (s.moving * 70 + s.joints * 170)
+            still
+                + points
+                + shown(frames) * (s.free * 170 + s.drawn_points * 120)
+                + shown(moving) * (s.moving * 70 + s.joints * 170)
         }
     }
 }

@@ -6,44 +6,28 @@ use glam::{DVec3, Vec3};
 
 use super::catkin::CatkinModel;
 use super::deposits::Deposits;
+use super::measures;
 use super::stream::Stream;
+use super::trails::Trails;
 use crate::Result;
 use crate::geometry::Bounds;
 use crate::math::{ln, narrow};
-use crate::motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, Tally, Wait, sky};
+use crate::motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, Wait, sky};
 use crate::recipe::flight_keys::{FlightKeys, Release, Sides};
 use crate::recipe::{FlightRecipe, Recipe};
 use crate::rng::Rng;
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, InstanceState, Instancer, InstancerFrame, InstancerMotion, Prototype, Table,
+    Asset, AssetFrame, AssetKind, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Prototype,
+    Table,
 };
 use crate::solid::Solids;
 
+/// Numbers that each carries, and which of them tells how often it has come back.
+const MARKS: [&str; 3] = ["state", "cluster", "generation"];
+const GENERATION: usize = 2;
+
 /// Time in which a catkin that came to rest sinks until its lowest hair touches, s.
 const SETTLE_TIME: f32 = 0.12;
-
-/// Columns of the table of a flight, with units.
-const COLUMNS: [(&str, &str); 19] = [
-    ("pending", ""),
-    ("airborne", ""),
-    ("grounded", ""),
-    ("on_wall", ""),
-    ("corner", ""),
-    ("exited", ""),
-    ("clusters", ""),
-    ("singles", ""),
-    ("largest", ""),
-    ("merges", ""),
-    ("deposits", ""),
-    ("lift_offs", ""),
-    ("recycled", ""),
-    ("mean_speed", "m/s"),
-    ("max_speed", "m/s"),
-    ("ground_wind", "m/s"),
-    ("flight_time", "s"),
-    ("flight_distance", "m"),
-    ("penetrations", ""),
-];
 
 /// A flight that can be asked for any frame; asked in order it goes on from the last.
 #[derive(Debug)]
@@ -55,6 +39,8 @@ pub struct Course {
     /// Points of the hairs of each kind, m.
     hairs: Vec<Vec<Vec3>>,
     settle: bool,
+    /// Thickness of the lines behind them, m.
+    line: f32,
     now: Mutex<Now>,
 }
 
@@ -65,6 +51,7 @@ struct Now {
     stream: Stream,
     /// How far each is sunk towards what it lies on, m.
     sunk: Vec<f32>,
+    trails: Option<Trails>,
 }
 
 /// What a flight needs of its scene.
@@ -79,6 +66,8 @@ pub struct Setting<'a> {
     pub solids: Arc<Solids>,
     /// Least height above a surface at which the wind is known, m.
     pub known_height: f64,
+    /// Width of the wind's cells, m, if it has any.
+    pub cell: Option<f64>,
     /// Ends of twigs that let go, m, with their weights.
     pub twigs: &'a [(Vec3, f64)],
 }
@@ -90,13 +79,16 @@ impl Course {
         let options = options(setting, models);
         let starts = starts(setting, &options);
         let start = Flights::new(options, Arc::clone(&setting.solids), &starts);
-        let now = Now { flights: start.clone(), frames: 0, stream, sunk: vec![0.0; start.len()] };
+        let trails = lines(setting, start.options());
+        let mut now = Now { flights: start.clone(), frames: 0, stream, sunk: vec![0.0; start.len()], trails };
+        now.draw();
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
         Self {
             before: before(setting.flight, setting.recipe),
             deposits: Deposits::new(keys, setting.inside, &setting.solids),
             hairs: models.iter().map(hairs).collect(),
             settle: keys.settle,
+            line: narrow(keys.trail_width),
             now: Mutex::new(now),
             start,
         }
@@ -107,29 +99,17 @@ impl Course {
         self.start.tally().buried
     }
 
-    /// The table that frames fill, and the maps.
-    pub fn measures(&self, keys: &FlightKeys) -> (Table, &[crate::scene::Field]) {
-        let plot = |names: &[&str]| names.iter().filter_map(|n| COLUMNS.iter().position(|c| c.0 == *n)).collect();
-        let table = Table {
-            name: "flight".into(),
-            columns: COLUMNS.to_vec(),
-            plots: vec![
-                ("Catkins by what they do", plot(&["airborne", "grounded", "on_wall", "corner", "exited", "pending"])),
-                ("Sticking and coming to rest", plot(&["clusters", "largest", "merges", "deposits", "lift_offs"])),
-                ("Speed", plot(&["mean_speed", "max_speed", "ground_wind"])),
-            ],
-            about: serde_json::json!({
-                "count": self.start.len(), "humidity": keys.humidity, "fall_speed_m_s": keys.fall,
-                "stick_radius_m": keys.stick_radius, "gamma_1_m2": keys.gamma, "buried": self.buried(),
-            }),
-        };
-        (table, &self.deposits.fields)
+    /// The table that frames fill, and the maps. `said`: warnings so far.
+    pub fn measures(&self, keys: &FlightKeys, said: Vec<(&'static str, String)>) -> (Table, &[crate::scene::Field]) {
+        let lattice = self.now.lock().unwrap_or_else(PoisonError::into_inner).stream.health();
+        let solids: Vec<&str> = self.start.solids().list().iter().map(|s| s.name.as_str()).collect();
+        (measures::table(keys, (self.start.len(), &solids), lattice, said), &self.deposits.fields)
     }
 
-    /// The asset at rest: as it starts, or in a `still` scene as its one frame has it.
+    /// The asset at rest: as it starts, or in a `still` scene as its one frame has it. `material`: of the lines behind them.
     /// # Errors
     /// Those of [`Stream::during`].
-    pub fn asset(&self, prototypes: Vec<Prototype>, still: bool) -> Result<Asset> {
+    pub fn asset(&self, prototypes: Vec<Prototype>, material: u32, still: bool) -> Result<Asset> {
         let all: Vec<&Catkin> = self.start.by_number().collect();
         let instancer = Instancer {
             name: "catkins".into(),
@@ -140,8 +120,11 @@ impl Course {
             rest: if still { self.state(0)? } else { self.rest() },
             motion: InstancerMotion::Free,
             tracked: true,
-            marks: vec!["state", "cluster", "generation"],
+            marks: MARKS.to_vec(),
         };
+        let drawn = |now: &Now| now.trails.as_ref().map(|t| t.curves(self.line, material, !still));
+        let trails =
+            if still { self.at(0, drawn)? } else { drawn(&self.now.lock().unwrap_or_else(PoisonError::into_inner)) };
         Ok(Asset {
             id: "catkins".into(),
             kind: AssetKind::Tracks,
@@ -149,7 +132,7 @@ impl Course {
             meshes: Vec::new(),
             instancers: vec![instancer],
             points: Vec::new(),
-            curves: Vec::new(),
+            curves: trails.into_iter().collect(),
         })
     }
 
@@ -157,14 +140,25 @@ impl Course {
     /// # Errors
     /// Those of [`Stream::during`].
     pub fn frame(&self, number: u64) -> Result<AssetFrame> {
-        Ok(AssetFrame { instancers: vec![InstancerFrame::State(self.state(number)?)], ..AssetFrame::default() })
+        self.at(number, |now| AssetFrame {
+            instancers: vec![InstancerFrame::State(shown(now))],
+            curves: now.trails.iter().map(|t| CurvesFrame::Points(t.points().to_vec())).collect(),
+            ..AssetFrame::default()
+        })
+    }
+
+    /// Row of the table at a frame.
+    /// # Errors
+    /// Those of [`Stream::during`].
+    pub fn row(&self, number: u64) -> Result<Vec<f64>> {
+        self.at(number, Now::row)
     }
 
     /// Row of the table and values of the maps at a frame.
     /// # Errors
     /// Those of [`Stream::during`].
     pub fn measured(&self, number: u64) -> Result<(Vec<f64>, Vec<Vec<f32>>)> {
-        self.at(number, |now| (row(&now.flights.tally()), self.deposits.values(&now.flights)))
+        self.at(number, |now| (now.row(), self.deposits.values(&now.flights)))
     }
 
     fn at<R>(&self, number: u64, look: impl FnOnce(&Now) -> R) -> Result<R> {
@@ -174,6 +168,8 @@ impl Course {
             now.flights = self.start.clone();
             now.sunk.fill(0.0);
             now.frames = 0;
+            now.trails.iter_mut().for_each(Trails::clear);
+            now.draw();
         }
         while now.frames < wanted {
             let (frame, fps) = (now.frames, now.flights.options().fps);
@@ -181,6 +177,7 @@ impl Course {
             now.flights.advance_frame(&*wind);
             now.frames += 1;
             self.sink(&mut now);
+            now.draw();
         }
         Ok(look(&now))
     }
@@ -218,6 +215,30 @@ impl Course {
     }
 }
 
+impl Now {
+    /// Row of the table.
+    fn row(&self) -> Vec<f64> {
+        measures::row(&self.flights.tally(), &self.flights.at_solids(), self.stream.health())
+    }
+
+    /// Draws the lines on to where all are.
+    fn draw(&mut self) {
+        if let Some(mut trails) = self.trails.take() {
+            let state = shown(self);
+            trails.push(&state, state.marks.get(GENERATION).map_or(&[], Vec::as_slice));
+            self.trails = Some(trails);
+        }
+    }
+}
+
+/// The lines of a scene whose catkins draw any.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
+fn lines(setting: &Setting<'_>, options: &Options) -> Option<Trails> {
+    let frames = (setting.flight.keys.trails * options.fps).round() as usize;
+    let size = setting.inside.size();
+    (frames > 0).then(|| Trails::new(frames + 1, size.x.min(size.z) / 2.0))
+}
+
 fn shown(now: &Now) -> InstanceState {
     let s = now.flights.sample();
     let sunk = now.flights.by_number().zip(&now.sunk).map(|(c, sunk)| c.rests_on().1 * -*sunk);
@@ -240,29 +261,6 @@ fn shown(now: &Now) -> InstanceState {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most an hour of frames")]
 pub fn before(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
     (flight.keys.preroll * recipe.clip.fps()).round() as u64
-}
-
-fn row(t: &Tally) -> Vec<f64> {
-    let counts = [
-        t.pending,
-        t.airborne,
-        t.grounded,
-        t.on_wall,
-        t.corner,
-        t.exited,
-        t.clusters,
-        t.singles,
-        t.largest,
-        t.merges,
-        t.deposits,
-        t.lift_offs,
-        t.recycled,
-    ];
-    let measured = [t.mean_speed, t.max_speed, t.ground_wind, t.flight_time, t.flight_distance];
-    let mut row: Vec<f64> = counts.iter().map(|v| *v as f64).collect();
-    row.extend(measured);
-    row.push(t.penetrations as f64);
-    row
 }
 
 fn options(setting: &Setting<'_>, models: &[CatkinModel]) -> Options {
@@ -302,6 +300,7 @@ fn options(setting: &Setting<'_>, models: &[CatkinModel]) -> Options {
         lift_speed: keys.lift_speed,
         lift_wet: keys.lift_wet,
         known_height: setting.known_height,
+        longest_step: setting.cell.unwrap_or(f64::INFINITY),
         flutter: keys.flutter,
         ..Options::default()
     }

@@ -23,7 +23,9 @@ fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, output: 
         }
         Format::Glb => {
             let glb = |p: &Profile| {
-                let options = gltf::Options { profile: profile(*p), layout: gltf::Layout::Bake };
+                let layout = gltf::Layout::Bake;
+                let (frame, nodes) = (output.gltf.frame, output.gltf.nodes as usize);
+                let options = gltf::Options { profile: profile(*p), layout, frame, nodes };
                 writer("glb", gltf::Gltf::new(folder.clone(), Arc::clone(textures), options))
             };
             output.gltf.profiles.iter().map(glb).collect()
@@ -50,7 +52,14 @@ pub fn of_file(
     let textures = Arc::clone(textures);
     let gltf = |layout| {
         let profile = if web { gltf::Profile::Web } else { gltf::Profile::Blender };
-        writer("glb", gltf::Gltf::new(folder.clone(), Arc::clone(&textures), gltf::Options { profile, layout }))
+        writer(
+            "glb",
+            gltf::Gltf::new(
+                folder.clone(),
+                Arc::clone(&textures),
+                gltf::Options { profile, layout, ..gltf::Options::default() },
+            ),
+        )
     };
     Some(match ending.to_ascii_lowercase().as_str() {
         "glb" => gltf(gltf::Layout::Glb(name.to_owned())),

@@ -13,6 +13,7 @@ mod land;
 pub mod layers;
 pub mod layout;
 pub mod looks;
+mod measures;
 mod morphing;
 pub mod mover;
 pub mod plants;
@@ -22,6 +23,7 @@ pub mod stage;
 mod stream;
 pub mod systems;
 mod tables;
+mod trails;
 pub mod write;
 
 pub use counts::Counts;

@@ -259,3 +259,12 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     let (rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
     Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect() })
 }
+
+/// Rows of all tables at a frame, and nothing else of it.
+/// # Errors
+/// Those of a wind that is stepped.
+pub fn rows(scene: &Scene, movers: &[Option<Moving>], number: u32) -> Result<Vec<Vec<f64>>> {
+    let nth = nth(scene.clip.seconds(number), scene.clip.fps().recip());
+    let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
+    flights.map(|m| m.row(nth)).collect()
+}

@@ -360,27 +360,37 @@ fn add_catkins(
     let own = CatkinKeys::defaults();
     let keys = recipe.catkin.as_ref().unwrap_or(&own);
     let models = catkin::catkin_models(keys, recipe.seed, work)?;
-    let kind = made.take(catkin::materials(&models, keys.lod));
+    let levels = catkin::Levels::of(keys);
+    let kind = made.take(catkin::materials(&models, &levels));
     let (asset, mover, measures) = match &recipe.flight {
-        None => (catkin::row(&models, keys.lod, kind.first_material), None, None),
+        None => (catkin::row(&models, &levels, kind.first_material), None, None),
         Some(flight) => {
             let inside = box_of_air(recipe, flight.keys.size);
+            let points = f64::from(flight.keys.count) * (flight.keys.trails * recipe.clip.fps()).round();
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below 2^53")]
+            work.limits.check("vertices", points as u64, "the number of points of flight.trails")?;
             let solids = Arc::new(solids::of(recipe, footing, inside.size().max_element())?);
             let early = course::before(flight, recipe) as f64 / recipe.clip.fps();
             let mut stream = Stream::new(recipe, solids.list(), early, (work.limits, work.cancel));
+            let before = report.diagnostics.len();
             stream.run_up(work.progress, report)?;
-            let known_height = stream.known_height();
-            let setting = Setting { recipe, flight, inside, solids, known_height, twigs };
+            let (known_height, cell) = (stream.known_height(), stream.cell());
+            let setting = Setting { recipe, flight, inside, solids, known_height, cell, twigs };
             let course = Course::new(&setting, stream, &models);
             if course.buried() > 0 {
                 let text = format!("{} catkins found no place to start outside of solids", course.buried());
                 let help = "raise flight.band, or make room between the solids";
                 report.push(Diagnostic::about("S026", text).help(help));
             }
-            let prototypes = models.iter().map(|m| m.prototype(keys.lod, kind.first_material)).collect();
-            let (table, fields) = course.measures(&flight.keys);
+            let prototypes = models.iter().map(|m| m.prototype(&levels, kind.first_material)).collect();
+            let said = report.diagnostics.iter().skip(before).map(|d| (d.code, d.message.clone())).collect();
+            let (table, fields) = course.measures(&flight.keys, said);
             let measures = (table, fields.to_vec());
-            (course.asset(prototypes, recipe.clip.len() < 2)?, Some(Moving::Flight(Arc::new(course))), Some(measures))
+            (
+                course.asset(prototypes, kind.first_material, recipe.clip.len() < 2)?,
+                Some(Moving::Flight(Arc::new(course))),
+                Some(measures),
+            )
         }
     };
     let name = asset.id.clone();

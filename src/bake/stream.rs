@@ -15,7 +15,7 @@ use crate::progress::{Cancel, Progress, Silent};
 use crate::recipe::Recipe;
 use crate::recipe::wind_keys::{Solver, WindModel};
 use crate::solid::Solid;
-use crate::wind::{Between, Lattice, LatticeOptions, Scaled, Snapshot, Sum, Wind};
+use crate::wind::{Between, Health, Lattice, LatticeOptions, Scaled, Snapshot, Sum, Wind};
 
 /// Height above a surface at which a wind by formula is known, m.
 const KNOWN_HEIGHT: f64 = 0.5;
@@ -107,6 +107,16 @@ impl Stream {
     /// Least height above a surface at which the wind is known, m.
     pub fn known_height(&self) -> f64 {
         self.source.as_ref().map_or(KNOWN_HEIGHT, |s| s.options.spacing / 2.0)
+    }
+
+    /// Width of the cells of a lattice wind, m.
+    pub fn cell(&self) -> Option<f64> {
+        self.source.as_ref().map(|s| s.options.spacing)
+    }
+
+    /// How a lattice wind did until now.
+    pub fn health(&self) -> Option<Health> {
+        self.flow.as_ref().map(|f| f.lattice.health())
     }
 
     /// The wind between a frame of the flight and the next.

@@ -6,7 +6,7 @@ use super::Work;
 use super::mover::{Moving, frame};
 use crate::Result;
 use crate::export::{Exporter, Warning};
-use crate::scene::{Frame, Scene, check_frame, check_scene};
+use crate::scene::{Frame, Scene, check_frame, check_scene, largest};
 
 /// A scene with what moves in it.
 #[derive(Debug, Clone)]
@@ -33,13 +33,19 @@ pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work
     check_scene(&stage.scene)?;
     work.progress.stage("writing", writers.len() as u64);
     each(writers, |w| w.begin(&stage.scene))?;
-    let make = |n: u32| frame(&stage.scene, &stage.movers, n, false);
+    let mut most: Vec<Vec<f64>> = vec![Vec::new(); stage.scene.tables.len()];
+    let phased: Vec<u32> =
+        numbers.iter().copied().filter(|n| writers.iter().any(|w| w.exporter.wants_phases(*n))).collect();
+    let make = |n: u32| frame(&stage.scene, &stage.movers, n, phased.contains(&n));
     if let Some((first, rest)) = numbers.split_first() {
         work.progress.stage("writing frames", numbers.len() as u64);
         let mut current: Frame = make(*first)?;
         for next in rest.iter().map(Some).chain([None]) {
             work.cancel.check()?;
             check_frame(&stage.scene, &current)?;
+            for (most, row) in most.iter_mut().zip(&current.rows) {
+                *most = largest([&**most, row]);
+            }
             let (done, following) =
                 crate::par::join(|| each(writers, |w| w.frame(&current)), || next.map(|n| make(*n)));
             done?;
@@ -52,7 +58,9 @@ pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work
     work.cancel.check()?;
     work.progress.stage("finishing", writers.len() as u64);
     let summaries = each(writers, Exporter::finish)?;
-    Ok(summaries.into_iter().flat_map(|s| s.warnings).collect())
+    let measured = stage.scene.tables.iter().zip(&most).flat_map(|(table, most)| table.warnings(most));
+    let measured = measured.map(|(code, message)| Warning { code, message });
+    Ok(measured.chain(summaries.into_iter().flat_map(|s| s.warnings)).collect())
 }
 
 /// Calls every exporter, in parallel.

@@ -86,9 +86,16 @@ pub struct Bake {
     // Limits are named in one space with all other arguments, and one of them is `frames`.
     #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
-    /// Write only these formats: usd, glb, pc2, obj, ply, pov, exr.
+    /// Write only these formats: usd, glb, pc2, obj, ply, pov, exr, csv.
     #[arg(long, value_name = "LIST")]
     pub formats: Option<String>,
+    /// Run the scene once for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write one table of what its [flight]
+    /// came to, with a plot, into out/NAME-sweep; several for all their choices.
+    #[arg(id = "swept-values", long = "sweep", value_name = "KEY=A:B:N")]
+    pub sweep: Vec<String>,
+    /// The same for seeds: 0-7.
+    #[arg(id = "swept-seeds", long = "seeds", value_name = "LIST")]
+    pub seeds: Option<String>,
     /// Overwrite files that osier did not write, and write more than 2 GB.
     #[arg(long)]
     pub force: bool,

@@ -7,13 +7,14 @@ use serde_json::json;
 
 use super::Context;
 use super::args::Bake;
-use super::progress::Show;
-use super::{numbers, report, source};
+use super::progress::{Show, Timed};
+use super::{numbers, report, source, sweep};
 use crate::Result;
 use crate::bake::{Work, exporters, stage, write};
 use crate::export::textures::Textures;
 use crate::export::{VERSION, Warning, manifest};
 use crate::fence::{Folder, WriteOptions, is_settled};
+use crate::recipe::sections::Format;
 use crate::recipe::{Recipe, resolve};
 
 /// Bakes that are predicted to be larger want to be asked for, bytes.
@@ -21,6 +22,9 @@ const LARGE: u64 = 2_000_000_000;
 
 /// Runs it.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
+    if !args.sweep.is_empty() || args.seeds.is_some() {
+        return sweep::run(context, args);
+    }
     let mut request = source::request(context, args.scene.as_deref().unwrap_or("showcase"))?;
     if let Some(formats) = &args.formats {
         let words: Vec<String> = formats.split(',').map(|f| format!("\"{}\"", f.trim())).collect();
@@ -39,11 +43,12 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let mut warned = !warnings.diagnostics.is_empty();
     if !context.common.dry_run && is_current(context, &root, &recipe) {
         context.console.note(&format!("\"{}\" is up to date", root.display()));
-        summary(context, &root, &recipe, true)?;
+        summary(context, &root, &recipe, None)?;
         return Ok(context.strict(warned));
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let timed = Timed::new(&show);
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &timed };
     let built = stage::build(&recipe, stage::Parts::default(), &work)?;
     show.done();
     context.console.report(&built.report);
@@ -72,7 +77,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     for w in &told {
         context.console.note(&format!("warning[{}]: {}", w.code, w.message));
     }
-    summary(context, &root, &recipe, false)?;
+    summary(context, &root, &recipe, Some(&timed.seconds()))?;
     Ok(context.strict(warned || !told.is_empty()))
 }
 
@@ -96,8 +101,12 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
     Ok(frames)
 }
 
-/// Why a part of a clip cannot be written: copies show times of it that are left out.
+/// Why a part of a clip cannot be written: copies, or a still file, show times of it that are left out.
 fn lacking(recipe: &Recipe, stage: &write::Stage, frames: &[u32]) -> Option<String> {
+    let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.formats.contains(&Format::Glb));
+    if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
+        return Some(format!("--frames: frame {frame}, which output.gltf.frame shows, is not among them"));
+    }
     let part = !frames.is_empty() && frames.len() < recipe.clip.len();
     let phased = stage.scene.placements.iter().filter(|p| p.phase > 0).count();
     (part && phased > 0).then(|| {
@@ -144,16 +153,17 @@ fn bake(
     Ok(warnings)
 }
 
-/// What was made and how to open it.
-fn summary(context: &Context, root: &Path, recipe: &Recipe, current: bool) -> Result<()> {
+/// What was made, how to open it, and how long each stage took; without stages it was up to date.
+fn summary(context: &Context, root: &Path, recipe: &Recipe, stages: Option<&[(String, f64)]>) -> Result<()> {
     let (m, _) = manifest::verify(root, context.limits.get("json-bytes"))?;
     let files = m.expanded();
     let bytes: u64 = files.iter().map(|f| f.1).sum();
     if context.console.json {
         let value = json!({
             "folder": root.display().to_string(), "scene": m.scene.name, "hash": m.scene.hash, "seed": m.seed,
-            "bake_hash": m.bake_hash, "files": files.len(), "bytes": bytes, "up_to_date": current,
+            "bake_hash": m.bake_hash, "files": files.len(), "bytes": bytes, "up_to_date": stages.is_none(),
             "warnings": m.warnings.len(),
+            "seconds": stages.map(|s| s.iter().cloned().collect::<std::collections::BTreeMap<_, _>>()),
         });
         return context.console.result(&format!("{value:#}\n"));
     }
@@ -183,7 +193,16 @@ fn summary(context: &Context, root: &Path, recipe: &Recipe, current: bool) -> Re
     if let Some(path) = has(".obj") {
         open("anything", format!("meshes at rest: {}", shown(path)));
     }
+    text += &took(stages.unwrap_or_default());
     context.console.result(&text)
+}
+
+/// Stages that took a while, with their seconds.
+fn took(stages: &[(String, f64)]) -> String {
+    let whole: f64 = stages.iter().map(|s| s.1).sum();
+    let long = stages.iter().filter(|s| s.1 >= 0.02 * whole);
+    let each: Vec<String> = long.map(|(name, s)| format!("{name} {s:.1}")).collect();
+    if stages.is_empty() { String::new() } else { format!("  {:12} {whole:.1}: {}\n", "seconds", each.join(", ")) }
 }
 
 /// What Blender must be told: it takes the frames from a file, not how many a second there are.

@@ -15,6 +15,7 @@ mod preview;
 mod progress;
 mod report;
 mod source;
+mod sweep;
 
 use std::process::ExitCode;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! Lists of whole numbers as they are typed everywhere: `A`, `A-B`, `A-B:STEP`, comma separated.
+//! Lists of whole numbers as they are typed everywhere: `A`, `A-B`, `A-B:STEP`, comma separated; keys with values.
 
 /// The numbers of a list, sorted, each once. At most `limit` of them.
 /// # Errors
@@ -26,9 +26,54 @@ pub fn parse(text: &str, limit: u64) -> Result<Vec<u32>, String> {
     Ok(out)
 }
 
+/// A key and the values it takes.
+#[derive(Debug, Clone)]
+pub struct Sweep {
+    /// As after `--set`.
+    pub key: String,
+    /// As written into the scene.
+    pub values: Vec<String>,
+}
+
+/// `KEY=A:B:N`, N values from A to B, or `KEY=V1,V2,...`.
+pub fn sweep(text: &str) -> Result<Sweep, String> {
+    let bad = || format!("--sweep: \"{text}\" is not KEY=FROM:TO:COUNT nor KEY=VALUE,VALUE,...");
+    let (key, range) = text.split_once('=').filter(|(k, r)| !k.is_empty() && !r.is_empty()).ok_or_else(bad)?;
+    let values = match range.split(':').collect::<Vec<_>>()[..] {
+        [list] => list.split(',').map(|v| v.trim().to_owned()).collect(),
+        [a, b, n] => {
+            let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(bad);
+            let (a, b) = (number(a)?, number(b)?);
+            let n: u32 = n.trim().parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(bad)?;
+            let whole = a.fract() == 0.0 && b.fract() == 0.0 && ((b - a) / f64::from((n - 1).max(1))).fract() == 0.0;
+            let at = |i: u32| a + (b - a) * f64::from(i) / f64::from((n - 1).max(1));
+            let shown = |v: f64| if whole { format!("{v:.0}") } else { trimmed(v) };
+            (0..n).map(|i| shown(at(i))).collect()
+        }
+        _ => return Err(bad()),
+    };
+    Ok(Sweep { key: key.to_owned(), values })
+}
+
+/// Four significant digits without needless zeros.
+fn trimmed(v: f64) -> String {
+    let text = format!("{v:.4}");
+    let text = text.trim_end_matches('0');
+    if text.ends_with('.') { format!("{text}0") } else { text.to_owned() }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::parse;
+    use super::{parse, sweep};
+
+    #[test]
+    fn values_of_a_key_are_read() {
+        let values = |t: &str| sweep(t).map(|s| s.values);
+        assert_eq!(values("a.b=0:1:3"), Ok(vec!["0.0".to_owned(), "0.5".into(), "1.0".into()]));
+        assert_eq!(values("a=1:5:3"), Ok(vec!["1".to_owned(), "3".into(), "5".into()]));
+        assert_eq!(values("a=x, y"), Ok(vec!["x".to_owned(), "y".into()]));
+        assert!(["", "a", "a=", "=1", "a=1:2", "a=1:2:0", "a=1:x:3", "a=1:2:99"].iter().all(|t| values(t).is_err()));
+    }
 
     #[test]
     fn lists_are_read() {

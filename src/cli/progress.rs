@@ -3,6 +3,7 @@
 use std::io::Write as _;
 use std::sync::Mutex;
 use std::sync::PoisonError;
+use std::time::Instant;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -91,5 +92,66 @@ impl Progress for Show {
             }
             Self::Nothing => {}
         }
+    }
+}
+
+/// Progress that also keeps the time that each stage took.
+#[derive(Debug)]
+pub struct Timed<'a> {
+    show: &'a Show,
+    begun: Mutex<Vec<(String, Instant)>>,
+}
+
+impl<'a> Timed<'a> {
+    /// Nothing has begun.
+    pub fn new(show: &'a Show) -> Self {
+        Self { show, begun: Mutex::new(Vec::new()) }
+    }
+
+    /// Seconds of each stage so far, those of one name together, in the order of their beginnings. They are shown and never
+    /// written: files of one input are the same whenever they are made.
+    pub fn seconds(&self) -> Vec<(String, f64)> {
+        let begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut out: Vec<(String, f64)> = Vec::new();
+        for (i, (name, from)) in begun.iter().enumerate() {
+            let took = begun.get(i + 1).map_or_else(|| from.elapsed(), |next| next.1 - *from).as_secs_f64();
+            match out.iter_mut().find(|s| s.0 == *name) {
+                Some(stage) => stage.1 += took,
+                None => out.push((name.clone(), took)),
+            }
+        }
+        out
+    }
+}
+
+impl Progress for Timed<'_> {
+    fn stage(&self, name: &str, total: u64) {
+        #[allow(clippy::disallowed_methods, reason = "the command line may measure time")]
+        let now = Instant::now();
+        self.begun.lock().unwrap_or_else(PoisonError::into_inner).push((name.to_owned(), now));
+        self.show.stage(name, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.show.advance(steps);
+    }
+
+    fn message(&self, text: &str) {
+        self.show.message(text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_of_one_name_are_added_up() {
+        let show = Show::Nothing;
+        let timed = Timed::new(&show);
+        ["growing", "writing", "growing"].iter().for_each(|name| timed.stage(name, 0));
+        let seconds = timed.seconds();
+        assert_eq!(seconds.iter().map(|s| s.0.as_str()).collect::<Vec<_>>(), ["growing", "writing"]);
+        assert!(seconds.iter().all(|s| (0.0..60.0).contains(&s.1)));
     }
 }

@@ -116,6 +116,7 @@ pub const CODES: &[Code] = &[
     row("S024", Error, "lattice wind has left its bounds"),
     row("S025", Error, "checkpoint of another lattice wind"),
     row("S026", Warning, "catkins that would start inside solids are left out"),
+    row("S027", Warning, "catkins move further in a step than the wind's cells are wide"),
     row("X001", Error, "value is not finite"),
     row("X002", Warning, "too many joints, the smallest are merged into their parents"),
     row("X003", Warning, "too many animated nodes, a stable subset is kept"),

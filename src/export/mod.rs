@@ -44,6 +44,12 @@ pub trait Exporter: Send {
     /// Whatever cannot be written; X codes.
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()>;
 
+    /// True if it wants to know what placements show at phases of their own at this frame.
+    fn wants_phases(&self, number: u32) -> bool {
+        let _ = number;
+        false
+    }
+
     /// Writes one frame.
     /// # Errors
     /// Whatever cannot be written; X codes.

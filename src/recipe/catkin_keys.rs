@@ -1,7 +1,7 @@
 //! Keys of catkins: the tufts of hairs that carry seeds.
 
 use super::key::{keys, words};
-use super::kinds::{Maybe, OneOf, deg, num, whole};
+use super::kinds::{Maybe, OneOf, Wholes, deg, num, whole};
 
 words! {
     /// Where the angles of a tuft lie.
@@ -53,5 +53,7 @@ keys! {
         /// How finely tufts are shown: 0 hairs as curves (ribbons where a format has none), 1 tubes, 2 ribbons, 3 a third of
         /// them, 4 pictures on three crossed quads, 5 on one.
         lod: u32 = "lod" whole(0, 0, 5);
+        /// Levels that USD files hold beside it, to be chosen by the variant set LOD of each prototype; each makes them larger.
+        lods: Vec<u32> = "lods" Wholes(0, 5);
     }
 }

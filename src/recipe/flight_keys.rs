@@ -115,6 +115,10 @@ keys! {
         release_rate: f64 = "release_rate" num(0.2, 0.0, 100.0, "1/s");
         /// With "canopy": no slower air tears any off.
         release_speed: f64 = "release_speed" num(0.6, 0.01, 60.0, "m/s");
+        /// Each draws a line behind it, of the places it was in for so long: curves in USD; 0 for none.
+        trails: f64 = "trails" num(0.0, 0.0, 600.0, "s");
+        /// How thick that line is at the catkin; it tapers to nothing.
+        trail_width: f64 = "trail_width" num(0.01, 1e-4, 1.0, "m");
         /// Resting ones are shown lowered until their lowest hair touches.
         settle: bool = "settle" Flag(true);
         /// Side of a texel of the maps of what came to rest.

@@ -95,6 +95,28 @@ impl Kind for Whole {
     }
 }
 
+/// A list of whole numbers in a range, sorted, each once.
+#[derive(Debug, Clone, Copy)]
+pub struct Wholes(pub u32, pub u32);
+
+impl Kind for Wholes {
+    type Value = Vec<u32>;
+    fn fallback(&self) -> Vec<u32> {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &Node) -> Result<Vec<u32>, Fault> {
+        let one = whole(self.0, self.0, self.1);
+        let Value::List(list) = &node.value else { return Err(wrong(name, node, "a list of whole numbers")) };
+        let mut out: Vec<u32> = list.iter().map(|n| one.read(name, n)).collect::<Result<_, _>>()?;
+        out.sort_unstable();
+        out.dedup();
+        Ok(out)
+    }
+    fn shown(&self) -> Shown {
+        Shown { accepts: format!("list of whole numbers, {} to {}", self.0, self.1), default: "[]".into(), unit: "" }
+    }
+}
+
 /// A side of tiling maps in pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct PowerOfTwo(pub u32);

@@ -2,7 +2,7 @@
 
 use super::digest::Digest;
 use super::key::{Section, join, wrong};
-use super::sections::{FramesKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys};
+use super::sections::{FramesKeys, GltfKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys};
 use super::tree::{self, Node, Table, Value};
 use super::{Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
 use crate::diagnostic::{Diagnostic, Report, Span, nearest};
@@ -171,7 +171,7 @@ impl Resolver<'_> {
             lattice,
             added,
             sway,
-            output: self.output(root),
+            output: self.output(root, clip),
             hash: String::new(),
         };
         recipe.moves = clip.len() > 1 && recipe.blows();
@@ -305,7 +305,7 @@ impl Resolver<'_> {
         None
     }
 
-    fn output(&mut self, root: &Table) -> OutputRecipe {
+    fn output(&mut self, root: &Table, clip: Clip) -> OutputRecipe {
         let keys: OutputKeys = self.section(root, "output");
         let empty = Table::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
@@ -313,8 +313,22 @@ impl Resolver<'_> {
             formats: keys.formats,
             pov: self.section_at(table, "output", "pov"),
             usd: self.section_at(table, "output", "usd"),
-            gltf: self.section_at(table, "output", "gltf"),
+            gltf: {
+                let keys = self.section_at(table, "output", "gltf");
+                self.shown_frame(root, keys, clip)
+            },
         }
+    }
+
+    /// The one frame that a glTF shows is one of the clip's.
+    fn shown_frame(&mut self, root: &Table, keys: GltfKeys, clip: Clip) -> GltfKeys {
+        if let Some(frame) = keys.frame.filter(|f| !(clip.start..=clip.end).contains(f)) {
+            let span = span_of(root, &["output", "gltf", "frame"]).unwrap_or(self.whole);
+            let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);
+            let d = Diagnostic::error("S004", text, span, "not in the clip");
+            self.report.push(d.help("name a frame of the clip, or make it longer: [frames] end"));
+        }
+        keys
     }
 }
 

@@ -429,5 +429,9 @@ keys! {
     GltfKeys at "output.gltf" {
         /// For which readers.
         profiles: Vec<Profile> = "profiles" SomeOf(&[Profile::Blender, Profile::Web]);
+        /// Only this frame, standing still: any number of things that fly, as instances in the web profile.
+        frame: Option<u32> = "frame" Maybe(whole(1, 0, 999_999), "the whole clip, moving");
+        /// Most things that fly that a moving file holds, a node and a track each.
+        nodes: u32 = "nodes" whole(500, 1, 100_000);
     }
 }

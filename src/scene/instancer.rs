@@ -15,6 +15,10 @@ pub struct Prototype {
     pub mesh: Mesh,
     /// The same with curves, for programs that have them.
     pub fine: Option<Fine>,
+    /// Its level of detail, `[a-z0-9]+`; empty where there is only one.
+    pub level: String,
+    /// The same at other levels, for formats that let their readers choose.
+    pub others: Vec<Self>,
 }
 
 /// A prototype drawn with curves.
@@ -29,7 +33,7 @@ pub struct Fine {
 impl Prototype {
     /// A prototype that is a mesh and nothing else.
     pub fn new(name: impl Into<String>, mesh: Mesh) -> Self {
-        Self { name: name.into(), mesh, fine: None }
+        Self { name: name.into(), mesh, fine: None, level: String::new(), others: Vec::new() }
     }
 
     /// Box of what is shown, whichever way.

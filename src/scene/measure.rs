@@ -8,11 +8,54 @@ pub struct Table {
     /// File name, `[a-z0-9_]+`, unique in the scene.
     pub name: String,
     /// Names of its columns, `[a-z0-9_]+`, and their units, empty for numbers.
-    pub columns: Vec<(&'static str, &'static str)>,
+    pub columns: Vec<(String, &'static str)>,
     /// Groups of columns that are drawn into one plot each: its title, and columns by number.
     pub plots: Vec<(&'static str, Vec<usize>)>,
-    /// Said once about the whole run, as JSON.
-    pub about: serde_json::Value,
+    /// Columns, by number, that count all that happened until a frame; the others say what is so at it.
+    pub totals: Vec<usize>,
+    /// Columns, by number, that runs with other values are compared by.
+    pub outcome: Vec<usize>,
+    /// What ruled the run, as JSON.
+    pub parameters: serde_json::Value,
+    /// Warnings known before the first frame: code and text.
+    pub said: Vec<(&'static str, String)>,
+    /// What is worth a warning when it is in the table.
+    pub watches: Vec<Watch>,
+}
+
+/// A number that should not be large.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Watch {
+    /// Where it stands.
+    pub column: usize,
+    /// Up to this it is not worth a word.
+    pub above: f64,
+    /// Of the warning.
+    pub code: &'static str,
+    /// Of the warning; the number takes the place of `{}`.
+    pub text: &'static str,
+}
+
+impl Table {
+    /// Warnings of a run in which `most` was the largest value of each column.
+    pub fn warnings(&self, most: &[f64]) -> Vec<(&'static str, String)> {
+        let told = |w: &Watch| {
+            let value = most.get(w.column).copied().filter(|v| *v > w.above)?;
+            let shown = if value >= 1.0 { format!("{value:.0}") } else { format!("{value:.1e}") };
+            Some((w.code, w.text.replace("{}", &shown)))
+        };
+        self.watches.iter().filter_map(told).collect()
+    }
+}
+
+/// The largest value of each column of some rows.
+pub fn largest<'a>(rows: impl IntoIterator<Item = &'a [f64]>) -> Vec<f64> {
+    let mut most: Vec<f64> = Vec::new();
+    for row in rows {
+        most.resize(most.len().max(row.len()), f64::NEG_INFINITY);
+        most.iter_mut().zip(row).for_each(|(m, v)| *m = m.max(*v));
+    }
+    most
 }
 
 /// A map of numbers over a rectangle.

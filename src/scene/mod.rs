@@ -13,6 +13,7 @@ mod measure;
 mod mesh;
 mod points;
 mod skeleton;
+mod stilled;
 mod strands;
 mod validate;
 
@@ -25,10 +26,11 @@ pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, Point
 pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
 pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
-pub use measure::{Field, Table};
+pub use measure::{Field, Table, Watch, largest};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
 pub use points::{Attribute, Curves, Points, PointsNow};
 pub use skeleton::{Joint, Skeleton, Trs};
+pub use stilled::stilled;
 pub use strands::{ribbons, tubes, turned_ribbons};
 pub use validate::{check_frame, check_scene};
 

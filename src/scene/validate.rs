@@ -17,7 +17,7 @@ pub fn check_scene(scene: &Scene) -> Result<()> {
         }
         for instancer in &asset.instancers {
             let place = format!("asset {}, instancer {}", asset.id, instancer.name);
-            for proto in &instancer.prototypes {
+            for proto in instancer.prototypes.iter().flat_map(|p| std::iter::once(p).chain(&p.others)) {
                 let place = format!("{place}, prototype {}", proto.name);
                 check_mesh(&proto.mesh, &place)?;
                 if let Some(fine) = &proto.fine {

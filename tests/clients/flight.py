@@ -1,7 +1,8 @@
 """Catkins of a bake: flight.py usd STAGE OUT.json FRAME... writes what usd-core reads; flight.py bpy STAGE IN.json holds
 Blender to it.
 
-usd: at each frame the number of slots, the numbers of those alive, their positions and velocities, and what the twin says
+usd: prototypes with levels of detail hold something at each, lines behind catkins end where those are and nowhere leap; at
+each frame the number of slots, the numbers of those alive, their positions and velocities, and what the twin says
 they are doing. bpy: as many instances are alive, they are at the same places, and hairs are seen: something of each
 prototype has an extent of centimetres.
 """
@@ -23,6 +24,8 @@ def by_usd(path, out, frames):
     beside = Usd.Stage.Open(os.path.join(os.path.dirname(path), "usd", "catkins.points.usdc"))
     twins = [p for p in beside.Traverse() if p.IsA(UsdGeom.Points) and p.HasAttribute("primvars:state")]
     assert len(twins) == 1, twins
+    levels = variants(stage, flying)
+    lines = [UsdGeom.BasisCurves(p) for p in stage.Traverse() if p.GetName() == "trails"]
     ids = np.array(flying.GetIdsAttr().Get())
     assert (ids == np.arange(len(ids))).all()
     told = {"count": len(ids), "frames": {}}
@@ -36,12 +39,43 @@ def by_usd(path, out, frames):
         assert np.abs(points - positions).max() < 1e-6
         # Pending is 0 and exited 5; all others are seen.
         assert [i for i in range(len(ids)) if state[i] not in (0, 5)] == alive, frame
+        if lines:
+            counts = np.array(lines[0].GetCurveVertexCountsAttr().Get())
+            drawn = np.array(lines[0].GetPointsAttr().Get(frame), dtype=float).reshape(len(ids), counts[0], 3)
+            assert (counts == counts[0]).all() and np.abs(drawn[alive, -1] - positions[alive]).max() < 1e-6, frame
+            steps = np.linalg.norm(np.diff(drawn, axis=1), axis=2)
+            # What left and came back, or fell asleep, draws no line across the box.
+            assert steps.max() < 0.5, (frame, steps.max())
+            assert frame == frames[0] or (steps.sum(axis=1) > 0.05).sum() > 10, frame
         told["frames"][frame] = {
             "alive": alive, "positions": positions[alive].tolist(), "velocities": velocities[alive].tolist(),
             "states": np.bincount(state, minlength=6).tolist(),
         }
     json.dump(told, open(out, "w"))
+    print("levels", levels, "lines", len(lines))
     return told
+
+
+def variants(stage, flying):
+    """Names of the levels that every prototype has; each holds points, fewer the coarser it is."""
+    from pxr import UsdGeom
+
+    names = []
+    for path in flying.GetPrototypesRel().GetTargets():
+        prim = stage.GetPrimAtPath(path)
+        chosen = prim.GetVariantSet("LOD")
+        names = chosen.GetVariantNames() if prim.HasVariantSets() else []
+        own, sizes = chosen.GetVariantSelection(), []
+        for name in names:
+            assert chosen.SetVariantSelection(name)
+            below = [UsdGeom.PointBased(p) for p in stage.Traverse() if p.GetPath().HasPrefix(path) and p.IsA(UsdGeom.PointBased)]
+            sizes.append(sum(len(p.GetPointsAttr().Get()) for p in below))
+        if names:
+            chosen.SetVariantSelection(own)
+            # lod0 is hairs as curves: less than the tubes of lod1.
+            rest = [s for n, s in zip(names, sizes) if n != "lod0"]
+            assert min(sizes) > 0 and rest == sorted(rest, reverse=True), (names, sizes)
+    return names
 
 
 def by_blender(stage, wanted):

@@ -29,9 +29,13 @@ pub fn synthetic() -> (Scene, Vec<Frame>) {
         land: None,
         tables: vec![Table {
             name: "counts".into(),
-            columns: vec![("number", ""), ("way", "m")],
+            columns: vec![("number".into(), ""), ("way".into(), "m")],
             plots: vec![("both", vec![0, 1])],
-            about: serde_json::json!({ "count": 2 }),
+            totals: vec![0],
+            outcome: vec![0],
+            parameters: serde_json::json!({ "count": 2 }),
+            said: Vec::new(),
+            watches: Vec::new(),
         }],
         fields: vec![Field {
             name: "floor".into(),

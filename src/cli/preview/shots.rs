@@ -4,20 +4,11 @@ use std::path::Path;
 
 use super::super::Context;
 use super::super::args::{Preview, QualityArg};
-use super::super::numbers;
+use super::super::numbers::{self, Sweep, sweep};
 use super::load::Loaded;
 use crate::preview::{Backdrop, Light, Quality, Shot, Subject, View};
 use crate::scene::{Camera, Frame};
 use crate::units::{linear_from_srgb, radians_f32};
-
-/// A key and the values it takes.
-#[derive(Debug, Clone)]
-pub struct Sweep {
-    /// As after `--set`.
-    pub key: String,
-    /// As written into the scene.
-    pub values: Vec<String>,
-}
 
 /// Flags, read.
 #[derive(Debug, Clone)]
@@ -209,33 +200,6 @@ fn background(text: Option<&str>) -> Result<Background, String> {
             }
         }
     }
-}
-
-/// `KEY=A:B:N`, N values from A to B, or `KEY=V1,V2,...`.
-fn sweep(text: &str) -> Result<Sweep, String> {
-    let bad = || format!("--sweep: \"{text}\" is not KEY=FROM:TO:COUNT nor KEY=VALUE,VALUE,...");
-    let (key, range) = text.split_once('=').filter(|(k, r)| !k.is_empty() && !r.is_empty()).ok_or_else(bad)?;
-    let values = match range.split(':').collect::<Vec<_>>()[..] {
-        [list] => list.split(',').map(|v| v.trim().to_owned()).collect(),
-        [a, b, n] => {
-            let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(bad);
-            let (a, b) = (number(a)?, number(b)?);
-            let n: u32 = n.trim().parse().ok().filter(|n| (1..=64).contains(n)).ok_or_else(bad)?;
-            let whole = a.fract() == 0.0 && b.fract() == 0.0 && ((b - a) / f64::from((n - 1).max(1))).fract() == 0.0;
-            let at = |i: u32| a + (b - a) * f64::from(i) / f64::from((n - 1).max(1));
-            let shown = |v: f64| if whole { format!("{v:.0}") } else { trimmed(v) };
-            (0..n).map(|i| shown(at(i))).collect()
-        }
-        _ => return Err(bad()),
-    };
-    Ok(Sweep { key: key.to_owned(), values })
-}
-
-/// Four significant digits without needless zeros.
-fn trimmed(v: f64) -> String {
-    let text = format!("{v:.4}");
-    let text = text.trim_end_matches('0');
-    if text.ends_with('.') { format!("{text}0") } else { text.to_owned() }
 }
 
 /// Ending of a file name, in lower case.

@@ -10,7 +10,6 @@ use super::buffer::last;
 use super::document::{Document, finite, marked, placed};
 use super::json::{Camera, Index, Node, Perspective, Skin};
 use super::parts::{Chosen, Hold, Joint, Part, Parts};
-use super::tracks::MOVING_NODES;
 use crate::Result;
 use crate::scene::{InstancerMotion, Placement, Trs};
 
@@ -82,14 +81,16 @@ impl Document<'_> {
             let free = |i: &&crate::scene::Instancer| i.motion == InstancerMotion::Free;
             total += from.scene.assets[placement.asset].instancers.iter().filter(free).map(|i| i.len()).sum::<usize>();
         }
-        if total > MOVING_NODES && !from.tracks.is_still() {
+        let most = from.tracks.most;
+        if total > most && !from.tracks.is_still() {
             let message = format!(
-                "{name}: {total} moving instances, {MOVING_NODES} written: those of the smallest hash(seed, id)"
+                "{name}: {total} moving instances, {most} written: those of the smallest hash(seed, id); \
+                 output.gltf.nodes = {total} writes all, output.gltf.frame = N all of one frame"
             );
             self.warnings.push(Warning { code: "X003", message });
         }
         list.sort_unstable();
-        list.truncate(MOVING_NODES);
+        list.truncate(most);
         let mut chosen = ChosenAt::new();
         for (_, k, instancer, instance) in list {
             chosen.entry(k).or_default().insert((instancer, instance));

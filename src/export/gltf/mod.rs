@@ -28,7 +28,7 @@ use self::tracks::Tracks;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use crate::fence::Folder;
-use crate::scene::{Frame, Scene, check_frame, check_scene};
+use crate::scene::{Frame, Scene, check_frame, check_scene, stilled};
 use crate::{Error, Result};
 
 /// For whom a file is written.
@@ -71,12 +71,22 @@ pub enum Layout {
 }
 
 /// What to write.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
     /// For whom.
     pub profile: Profile,
     /// Which files.
     pub layout: Layout,
+    /// The only frame, shown still.
+    pub frame: Option<u32>,
+    /// Most moving instances in a file.
+    pub nodes: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { profile: Profile::default(), layout: Layout::default(), frame: None, nodes: 500 }
+    }
 }
 
 /// Where a document's pictures go.
@@ -177,15 +187,28 @@ impl Gltf {
 impl Exporter for Gltf {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
-        self.tracks = Tracks::new(scene);
+        self.tracks = Tracks::new(scene, self.options.nodes);
         self.scene = Some(Arc::clone(scene));
         Ok(())
+    }
+
+    fn wants_phases(&self, number: u32) -> bool {
+        self.options.frame == Some(number)
     }
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         if let Some(scene) = &self.scene {
             check_frame(scene, frame)?;
-            self.tracks.push(scene, frame);
+            match self.options.frame {
+                None => self.tracks.push(scene, frame),
+                Some(number) if number == frame.number => {
+                    let still = stilled(scene, frame);
+                    check_scene(&still)?;
+                    self.tracks = Tracks::new(&still, self.options.nodes);
+                    self.scene = Some(Arc::new(still));
+                }
+                Some(_) => {}
+            }
         }
         Ok(())
     }
@@ -205,18 +228,25 @@ impl Exporter for Gltf {
             }
             Layout::Gltf(path) => self.put_gltf(source, path)?,
         };
-        let still = unmoved(&scene).filter(|_| !tracks.is_still());
+        let still = unmoved(&scene, &tracks).filter(|_| !tracks.is_still());
         Ok(Summary { warnings: warnings.into_iter().chain(still).collect() })
     }
 }
 
-/// X017 for clouds that move: glTF has no motion for points.
-fn unmoved(scene: &Scene) -> impl Iterator<Item = Warning> + '_ {
-    let clouds = scene.assets.iter().flat_map(|a| a.points.iter().map(move |c| (a, c)));
-    clouds.filter(|(_, cloud)| cloud.moving).map(|(asset, cloud)| {
-        let what = format!("asset {}, points {}", asset.id, cloud.name);
-        let message = format!("{what}: left out, glTF cannot move points; USD, PLY and POV-Ray have them");
-        Warning { code: "X017", message }
+/// X017 for clouds that move, for which glTF has no motion, and for curves that move in more frames than it has targets for.
+fn unmoved<'a>(scene: &'a Scene, tracks: &'a Tracks) -> impl Iterator<Item = Warning> + 'a {
+    let told = |what: String, why: &str| Warning { code: "X017", message: format!("{what}: left out, {why}") };
+    scene.assets.iter().zip(&tracks.assets).flat_map(move |(asset, tracks)| {
+        let clouds = asset.points.iter().filter(|c| c.moving).map(move |cloud| {
+            let what = format!("asset {}, points {}", asset.id, cloud.name);
+            told(what, "glTF cannot move points; USD, PLY and POV-Ray have them")
+        });
+        let many = asset.curves.iter().zip(&tracks.curves).filter(|(_, s)| matches!(s, tracks::Shapes::TooMany));
+        let curves = many.map(move |(curves, _)| {
+            let what = format!("asset {}, curves {}", asset.id, curves.name);
+            told(what, "they move in more frames than glTF's 32 targets; USD and POV-Ray have them")
+        });
+        clouds.chain(curves)
     })
 }
 
@@ -225,7 +255,7 @@ fn unmoved(scene: &Scene) -> impl Iterator<Item = Warning> + '_ {
 /// X001, X005, X006; `Io` if `out` refuses.
 pub fn write(scene: &Scene, textures: &Textures, profile: Profile, out: &mut impl Write) -> Result<Vec<Warning>> {
     check_scene(scene)?;
-    let tracks = Tracks::new(scene);
+    let tracks = Tracks::new(scene, Options::default().nodes);
     let mut document = Document::new(Source { scene, tracks: &tracks, textures, profile }, Pictures::Inside);
     document.assemble(Shows::Scene { camera: false })?;
     let warnings = std::mem::take(&mut document.warnings);

@@ -111,7 +111,9 @@ impl Document<'_> {
             };
             let shapes = match shapes {
                 Shapes::Frames(list) => bent(list),
-                _ => Vec::new(),
+                // X017 says that they are left out.
+                Shapes::TooMany => continue,
+                Shapes::Still => Vec::new(),
             };
             let what = format!("asset {}, curves {}", source.id, curves.name);
             let drawn =

@@ -9,9 +9,6 @@ use crate::scene::{
 
 /// Most targets that a morphing mesh gets.
 pub(super) const MORPH_TARGETS: usize = 32;
-/// Most moving instances in a file.
-pub(super) const MOVING_NODES: usize = 500;
-
 /// All tracks of a clip.
 #[derive(Debug, Default)]
 pub(super) struct Tracks {
@@ -21,6 +18,8 @@ pub(super) struct Tracks {
     pub numbers: Vec<u32>,
     /// One per asset.
     pub assets: Vec<AssetTracks>,
+    /// Most moving instances in a file.
+    pub most: usize,
 }
 
 /// Tracks of one asset; inner lists run over frames.
@@ -66,10 +65,10 @@ pub(super) enum Shapes {
 }
 
 impl Tracks {
-    /// Empty tracks for a scene.
-    pub(super) fn new(scene: &Scene) -> Self {
-        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed)).collect();
-        Self { assets, ..Self::default() }
+    /// Empty tracks for a scene, of at most so many moving instances.
+    pub(super) fn new(scene: &Scene, most: usize) -> Self {
+        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, (scene.seed, most))).collect();
+        Self { assets, most, ..Self::default() }
     }
 
     /// True without frames.
@@ -89,7 +88,7 @@ impl Tracks {
 }
 
 impl AssetTracks {
-    fn new(asset: &Asset, seed: u64) -> Self {
+    fn new(asset: &Asset, (seed, most): (u64, usize)) -> Self {
         let mut moving = Vec::new();
         for (instancer, source) in asset.instancers.iter().enumerate() {
             if source.motion == InstancerMotion::Free {
@@ -104,7 +103,7 @@ impl AssetTracks {
             }
         }
         moving.sort_by_key(|m| (m.key, m.instancer, m.instance));
-        moving.truncate(MOVING_NODES);
+        moving.truncate(most);
         let shapes = |deforms| if deforms { Shapes::Frames(Vec::new()) } else { Shapes::Still };
         let skinned = asset.skeleton.is_some();
         Self {

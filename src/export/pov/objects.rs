@@ -96,14 +96,17 @@ pub(super) fn curves(text: &mut Text, space: Space, curves: &Curves, points: &[V
     }
     text.put("union{\n");
     text.lines(points, |t, i, p| {
-        if radius(i) > 0.0 {
+        let before = joins[i] && points[i - 1] != *p;
+        let after = joins.get(i + 1) == Some(&true) && points[i + 1] != *p;
+        // What has no length shows nothing: the trail of something that does not move.
+        if radius(i) > 0.0 && (before || after) {
             t.put("sphere{");
             space.point(t, *p);
             t.put(",");
             space.length(t, radius(i));
             t.put("}\n");
         }
-        if joins[i] && points[i - 1] != *p && radius(i) + radius(i - 1) > 0.0 {
+        if before && radius(i) + radius(i - 1) > 0.0 {
             t.put("cone{");
             space.point(t, points[i - 1]);
             t.put(",");

@@ -2,13 +2,18 @@
 //! said once, and `stats/<table>.svg`, the plots.
 
 mod plot;
+mod sweep;
+
+pub use sweep::{Mean, Run, Sweep};
 
 use std::fmt::Write as _;
 use std::sync::Arc;
 
+use serde_json::json;
+
 use super::{Exporter, Summary};
 use crate::fence::Folder;
-use crate::scene::{Frame, Scene, Table};
+use crate::scene::{Frame, Scene, Table, largest};
 
 /// Exporter of a scene's tables.
 #[derive(Debug)]
@@ -62,6 +67,39 @@ impl Exporter for Stats {
     }
 }
 
+/// A table in a few numbers, by column.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Whole {
+    /// All that happened, of the columns that count it.
+    pub totals: Vec<(String, f64)>,
+    /// What is so at the last frame, of all other columns.
+    pub last: Vec<(String, f64)>,
+    /// Their means over the frames.
+    pub mean: Vec<(String, f64)>,
+    /// Their largest values.
+    pub most: Vec<(String, f64)>,
+}
+
+impl Whole {
+    /// Of all rows, in the order of frames.
+    pub fn of(table: &Table, rows: &[(u32, Vec<f64>)]) -> Self {
+        let mut whole = Self::default();
+        let Some((_, last)) = rows.last() else { return whole };
+        let most = largest(rows.iter().map(|(_, row)| row.as_slice()));
+        for (i, ((name, _), value)) in table.columns.iter().zip(last).enumerate() {
+            if table.totals.contains(&i) {
+                whole.totals.push((name.clone(), *value));
+                continue;
+            }
+            let sum: f64 = rows.iter().filter_map(|(_, row)| row.get(i)).fold(0.0, |sum, v| sum + v);
+            whole.last.push((name.clone(), *value));
+            whole.mean.push((name.clone(), sum / rows.len() as f64));
+            whole.most.push((name.clone(), most.get(i).copied().unwrap_or(*value)));
+        }
+        whole
+    }
+}
+
 /// A number as short as it can be said, without a zero's sign.
 fn number(v: f64) -> String {
     let mut buffer = ryu::Buffer::new();
@@ -70,8 +108,7 @@ fn number(v: f64) -> String {
 }
 
 fn csv(scene: &Scene, table: &Table, rows: &[(u32, Vec<f64>)]) -> String {
-    let named =
-        |(name, unit): &(&str, &str)| if unit.is_empty() { (*name).to_owned() } else { format!("{name} [{unit}]") };
+    let named = |(name, unit): &(String, &str)| if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") };
     let heads: Vec<String> = table.columns.iter().map(named).collect();
     let mut out = format!("frame,time [s],{}\n", heads.join(","));
     for (frame, row) in rows {
@@ -84,12 +121,19 @@ fn csv(scene: &Scene, table: &Table, rows: &[(u32, Vec<f64>)]) -> String {
     out
 }
 
-/// Seed, hash, what the table says of itself, and the last row.
+/// Seed, hash, what ruled the run, what it came to, and what was warned of.
 fn json(scene: &Scene, table: &Table, rows: &[(u32, Vec<f64>)]) -> serde_json::Value {
-    let last: serde_json::Map<String, serde_json::Value> = rows.last().map_or_else(Default::default, |(_, row)| {
-        table.columns.iter().zip(row).map(|((name, _), v)| ((*name).to_owned(), (*v).into())).collect()
-    });
-    serde_json::json!({
-        "scene": scene.hash, "seed": scene.seed.to_string(), "frames": rows.len(), "about": table.about, "last": last,
+    let whole = Whole::of(table, rows);
+    let most = largest(rows.iter().map(|(_, row)| row.as_slice()));
+    let warnings = table.said.iter().cloned().chain(table.warnings(&most));
+    let warnings: Vec<_> = warnings.map(|(code, message)| json!({ "code": code, "message": message })).collect();
+    json!({
+        "scene": scene.hash, "seed": scene.seed.to_string(), "fps": [scene.clip.fps.0, scene.clip.fps.1],
+        "frames": rows.len(), "parameters": table.parameters, "totals": named(&whole.totals), "last": named(&whole.last),
+        "mean": named(&whole.mean), "most": named(&whole.most), "warnings": warnings,
     })
+}
+
+fn named(values: &[(String, f64)]) -> serde_json::Map<String, serde_json::Value> {
+    values.iter().map(|(name, v)| (name.clone(), (*v).into())).collect()
 }

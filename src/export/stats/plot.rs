@@ -24,42 +24,107 @@ fn step(span: f64, count: f64) -> f64 {
     factor * power
 }
 
+/// A line of a panel.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Line {
+    pub label: String,
+    pub points: Vec<[f64; 2]>,
+    /// Least and most at each point, where it is the mean of several.
+    pub spread: Vec<[f64; 2]>,
+}
+
+/// Lines over one another.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Panel {
+    pub name: String,
+    pub lines: Vec<Line>,
+}
+
+/// What runs along the bottom of all panels.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Axis {
+    pub ticks: Vec<(f64, String)>,
+    pub label: String,
+}
+
 /// A panel per group of columns, one below the other.
 pub(super) fn panels(title: &str, table: &Table, clip: Clip, rows: &[(u32, Vec<f64>)]) -> String {
-    let height = TOP + table.plots.len() as f64 * (PANEL + BOTTOM + TOP);
+    let times: Vec<f64> = rows.iter().map(|(f, _)| clip.seconds(*f)).collect();
+    let line = |c: &usize| {
+        let (label, unit) = table.columns.get(*c).map_or(("", ""), |(name, unit)| (name.as_str(), *unit));
+        let label =
+            if unit.is_empty() { label.replace('_', " ") } else { format!("{} [{unit}]", label.replace('_', " ")) };
+        let points = rows.iter().zip(&times).map(|((_, r), t)| [*t, r.get(*c).copied().unwrap_or(0.0)]).collect();
+        Line { label, points, spread: Vec::new() }
+    };
+    let panel = |(name, columns): &(&str, Vec<usize>)| Panel {
+        name: (*name).to_owned(),
+        lines: columns.iter().map(line).collect(),
+    };
+    let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(1.0));
+    let tick = step(last - first, 6.0);
+    let mut ticks = Vec::new();
+    let mut t = (first / tick).ceil() * tick;
+    while t <= last + 1e-9 {
+        ticks.push((t, format!("{} s", number((t / tick).round() * tick))));
+        t += tick;
+    }
+    draw(title, &Axis { ticks, label: String::new() }, &table.plots.iter().map(panel).collect::<Vec<_>>())
+}
+
+/// Panels one below the other, over one axis.
+pub(super) fn draw(title: &str, axis: &Axis, panels: &[Panel]) -> String {
+    let height = TOP + panels.len() as f64 * (PANEL + BOTTOM + TOP);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
          font-size=\"12\" fill=\"#222\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"white\"/>\n\
          <text x=\"{LEFT}\" y=\"22\" font-size=\"15\">{}</text>\n",
         escaped(title)
     );
-    for (i, (name, columns)) in table.plots.iter().enumerate() {
+    for (i, shown) in panels.iter().enumerate() {
         let y = TOP + i as f64 * (PANEL + BOTTOM + TOP) + TOP * 0.6;
-        panel(&mut out, y, (name, table, columns), (clip, rows));
+        panel(&mut out, y, shown, axis);
     }
     out.push_str("</svg>\n");
     out
 }
 
-fn panel(
-    out: &mut String,
+/// Where numbers are in a panel.
+struct Scale {
     top: f64,
-    (name, table, columns): (&str, &Table, &[usize]),
-    (clip, rows): (Clip, &[(u32, Vec<f64>)]),
-) {
-    let times: Vec<f64> = rows.iter().map(|(f, _)| clip.seconds(*f)).collect();
-    let (first, last) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(1.0));
-    let value = |row: &[f64], c: usize| row.get(c).copied().unwrap_or(0.0);
-    let most = rows.iter().flat_map(|(_, r)| columns.iter().map(|c| value(r, *c))).fold(0.0, f64::max);
-    let most = if most > 0.0 { most * 1.05 } else { 1.0 };
+    first: f64,
+    last: f64,
+    most: f64,
+}
+
+impl Scale {
+    fn of(top: f64, panel: &Panel) -> Self {
+        let points = || panel.lines.iter().flat_map(|l| &l.points);
+        let first = points().map(|p| p[0]).fold(f64::INFINITY, f64::min);
+        let last = points().map(|p| p[0]).fold(f64::NEG_INFINITY, f64::max);
+        let spread = panel.lines.iter().flat_map(|l| &l.spread).map(|s| s[1]);
+        let most = points().map(|p| p[1]).chain(spread).fold(0.0, f64::max);
+        Self { top, first, last, most: if most > 0.0 { most * 1.05 } else { 1.0 } }
+    }
+
+    fn x(&self, v: f64) -> f64 {
+        LEFT + (v - self.first) / (self.last - self.first).max(1e-9) * (WIDTH - RIGHT - LEFT)
+    }
+
+    fn y(&self, v: f64) -> f64 {
+        self.top + PANEL - v / self.most * PANEL
+    }
+}
+
+fn panel(out: &mut String, top: f64, panel: &Panel, axis: &Axis) {
+    let scale = Scale::of(top, panel);
     let right = WIDTH - RIGHT;
-    let x = |t: f64| LEFT + (t - first) / (last - first).max(1e-9) * (right - LEFT);
-    let y = |v: f64| top + PANEL - v / most * PANEL;
-    let _ = writeln!(out, "<text x=\"{LEFT}\" y=\"{:.1}\" font-weight=\"bold\">{}</text>", top - 6.0, escaped(name));
-    let grid = step(most, 5.0);
+    let name = escaped(&panel.name);
+    let _ = writeln!(out, "<text x=\"{LEFT}\" y=\"{:.1}\" font-weight=\"bold\">{name}</text>", top - 6.0);
+    let grid = step(scale.most, 5.0);
     let mut v = 0.0;
-    while v <= most {
-        let at = y(v);
+    while v <= scale.most {
+        let at = scale.y(v);
         let _ = writeln!(
             out,
             "<path d=\"M{LEFT} {at:.1}H{right}\" stroke=\"#ddd\"/><text x=\"{:.1}\" y=\"{:.1}\" \
@@ -70,35 +135,39 @@ fn panel(
         );
         v += grid;
     }
-    let tick = step(last - first, 6.0);
-    let mut t = (first / tick).ceil() * tick;
-    while t <= last + 1e-9 {
-        let _ = writeln!(
-            out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{} s</text>",
-            x(t),
-            top + PANEL + 16.0,
-            number((t / tick).round() * tick)
-        );
-        t += tick;
+    for (at, text) in &axis.ticks {
+        let (x, y, text) = (scale.x(*at), top + PANEL + 16.0, escaped(text));
+        let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{text}</text>");
     }
-    for (k, c) in columns.iter().enumerate() {
-        let color = COLORS[k % COLORS.len()];
-        let points: Vec<String> =
-            rows.iter().zip(&times).map(|((_, r), t)| format!("{:.1},{:.1}", x(*t), y(value(r, *c)))).collect();
-        let (label, unit) = table.columns.get(*c).copied().unwrap_or(("", ""));
-        let label =
-            if unit.is_empty() { label.replace('_', " ") } else { format!("{} [{unit}]", label.replace('_', " ")) };
-        let _ = writeln!(
-            out,
-            "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>\n\
-             <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{color}\">{}</text>",
-            points.join(" "),
-            right + 10.0,
-            top + 12.0 + 16.0 * k as f64,
-            escaped(&label)
-        );
+    if !axis.label.is_empty() {
+        let (x, y, text) = (right + 10.0, top + PANEL + 16.0, escaped(&axis.label));
+        let _ = writeln!(out, "<text x=\"{x:.1}\" y=\"{y:.1}\">{text}</text>");
     }
+    for (k, shown) in panel.lines.iter().enumerate() {
+        line(out, &scale, k, shown);
+    }
+}
+
+fn line(out: &mut String, scale: &Scale, k: usize, line: &Line) {
+    let color = COLORS[k % COLORS.len()];
+    for ([x, _], [least, most]) in line.points.iter().zip(&line.spread) {
+        let (x, low, high) = (scale.x(*x), scale.y(*least), scale.y(*most));
+        let _ = writeln!(out, "<path d=\"M{x:.1} {low:.1}V{high:.1}\" stroke=\"{color}\" stroke-width=\"1\"/>");
+    }
+    if let [[x, y]] = line.points[..] {
+        let _ = writeln!(out, "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{color}\"/>", scale.x(x), scale.y(y));
+    }
+    let points: Vec<String> =
+        line.points.iter().map(|[x, y]| format!("{:.1},{:.1}", scale.x(*x), scale.y(*y))).collect();
+    let _ = writeln!(
+        out,
+        "<polyline points=\"{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>\n\
+         <text x=\"{:.1}\" y=\"{:.1}\" fill=\"{color}\">{}</text>",
+        points.join(" "),
+        WIDTH - RIGHT + 10.0,
+        scale.top + 12.0 + 16.0 * k as f64,
+        escaped(&line.label)
+    );
 }
 
 fn escaped(text: &str) -> String {

@@ -7,12 +7,15 @@ use half::slice::HalfFloatSliceExt as _;
 use super::axis::{UpAxis, extent};
 use super::boxes::Shapes;
 use super::mesh::{Place, Velocities, define};
-use super::stage::{Attr, AttrSpec};
+use super::stage::{Attr, AttrSpec, PrimMeta, Variants, variant};
 use super::target::{Context, Part, Shot, Target, near, unit};
 use super::value::Array;
 use crate::Result;
 use crate::geometry::Bounds;
-use crate::scene::{InstanceState, Instancer, InstancerMotion, instance_states};
+use crate::scene::{InstanceState, Instancer, InstancerMotion, Prototype, instance_states};
+
+/// Variant set of prototypes with several levels of detail.
+const LEVELS: &str = "LOD";
 
 fn triples(v: &[Vec3]) -> &[[f32; 3]] {
     bytemuck::cast_slice(v)
@@ -109,18 +112,42 @@ fn prototypes(cx: &Context, target: &mut Target, (root, path): (&str, &str), ins
     target.stage.rel(&format!("{path}.prototypes"), &names)?;
     target.plain(&format!("{path}/Prototypes"), "Scope")?;
     for (name, proto) in names.iter().zip(&instancer.prototypes) {
-        let Some(fine) = &proto.fine else {
-            define(cx, target, &Place { root, path: name, skinned: false, varying: false }, &proto.mesh)?;
+        if !proto.others.is_empty() {
+            levels(cx, target, (root, name), proto)?;
             continue;
-        };
-        target.plain(name, "Xform")?;
-        if !fine.mesh.triangles.is_empty() {
-            let path = format!("{name}/body");
-            define(cx, target, &Place { root, path: &path, skinned: false, varying: false }, &fine.mesh)?;
         }
-        super::points::hairs(cx, target, 0, (root, &format!("{name}/hairs")), &fine.curves)?;
+        match &proto.fine {
+            Some(_) => target.plain(name, "Xform").and_then(|()| shown(cx, target, (root, name), proto))?,
+            None => {
+                let place = Place { root, path: name, skinned: false, varying: false };
+                define(cx, target, &place, &proto.mesh).map(|_| ())?;
+            }
+        }
     }
     Ok(())
+}
+
+/// Levels of detail as variants of one prim, which shows the prototype's own unless a reader chooses.
+fn levels(cx: &Context, target: &mut Target, (root, path): (&str, &str), proto: &Prototype) -> Result<()> {
+    let mut all: Vec<&Prototype> = std::iter::once(proto).chain(&proto.others).collect();
+    all.sort_by(|a, b| a.level.cmp(&b.level));
+    let names = all.iter().map(|p| p.level.clone()).collect();
+    let variants = Some(Variants { set: LEVELS, names, chosen: proto.level.clone() });
+    target.stage.prim(path, "Xform", &PrimMeta { variants, ..PrimMeta::default() })?;
+    all.into_iter().try_for_each(|p| shown(cx, target, (root, &variant(path, LEVELS, &p.level)), p))
+}
+
+/// Contents of a prototype beneath a prim: its mesh, or curves and what is not curves.
+fn shown(cx: &Context, target: &mut Target, (root, path): (&str, &str), proto: &Prototype) -> Result<()> {
+    let mesh = proto.fine.as_ref().map_or(&proto.mesh, |fine| &fine.mesh);
+    if !mesh.triangles.is_empty() {
+        let path = format!("{path}/body");
+        define(cx, target, &Place { root, path: &path, skinned: false, varying: false }, mesh)?;
+    }
+    match &proto.fine {
+        Some(fine) => super::points::hairs(cx, target, 0, (root, &format!("{path}/hairs")), &fine.curves).map(|_| ()),
+        None => Ok(()),
+    }
 }
 
 /// Slots without a live instance.

@@ -68,6 +68,24 @@ pub struct PrimMeta {
     pub payload: Option<Arc>,
     /// Layer always loaded.
     pub reference: Option<Arc>,
+    /// Contents to choose from. Prims of a variant are children of `prim path{set=name}`.
+    pub variants: Option<Variants>,
+}
+
+/// A variant set of a prim.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Variants {
+    /// Its name.
+    pub set: &'static str,
+    /// Names of its variants, in order.
+    pub names: Vec<String>,
+    /// The one that is seen unless a reader chooses.
+    pub chosen: String,
+}
+
+/// The path that prims of a variant are children of.
+pub(super) fn variant(prim: &str, set: &str, name: &str) -> String {
+    format!("{prim}{{{set}={name}}}")
 }
 
 /// What an attribute is, apart from its values.
@@ -156,7 +174,11 @@ pub(super) fn split_property(path: &str) -> (&str, &str) {
 }
 
 /// Splits a prim path into parent path and name.
+/// A path that ends in a variant has the prim that varies as its parent.
 pub(super) fn split_prim(path: &str) -> (&str, &str) {
+    if let Some(at) = path.rfind('{').filter(|_| path.ends_with('}')) {
+        return path.split_at(at);
+    }
     match path.rsplit_once('/') {
         Some(("", name)) => ("/", name),
         Some((parent, name)) => (parent, name),

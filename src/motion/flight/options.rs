@@ -128,6 +128,8 @@ pub struct Options {
     pub lift_wet: f64,
     /// Least height above a surface at which the wind is known, m.
     pub known_height: f64,
+    /// Further than this nothing should move in a step, m: what does is counted.
+    pub longest_step: f64,
     /// Roughness of the ground, m.
     pub roughness: f64,
     /// How much they turn about: 1 is natural, 0 not at all.
@@ -165,6 +167,7 @@ impl Default for Options {
             lift_speed: 0.25,
             lift_wet: 3.0,
             known_height: 0.25,
+            longest_step: f64::INFINITY,
             roughness: 0.05,
             flutter: 1.0,
             sorted: true,

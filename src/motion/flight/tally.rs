@@ -12,6 +12,7 @@ pub(super) struct Events {
     pub recycled: u64,
     pub left: u64,
     pub buried: u64,
+    pub long_steps: u64,
     /// Mean wind at 0.1 m over all deposits, m/s, of the last step.
     pub ground_wind: f64,
 }
@@ -61,6 +62,8 @@ pub struct Tally {
     pub penetrations: u64,
     /// Those that found no place to start outside of solids.
     pub buried: u64,
+    /// Times so far that one moved further in a step than [`super::Options::longest_step`].
+    pub long_steps: u64,
 }
 
 impl Tally {
@@ -68,6 +71,17 @@ impl Tally {
     pub fn deposited(&self) -> u64 {
         self.grounded + self.on_wall + self.corner
     }
+}
+
+/// How many of those at rest touch each solid: its walls, its roof, or its foot.
+pub(super) fn at_solids(flights: &Flights) -> Vec<u64> {
+    let mut out = vec![0; flights.solids.list().len()];
+    for c in flights.by_number().filter(|c| c.state.is_deposited()) {
+        if let Some(n) = c.face.and_then(|i| out.get_mut(i as usize)) {
+            *n += 1;
+        }
+    }
+    out
 }
 
 pub(super) fn of(flights: &Flights) -> Tally {
@@ -103,5 +117,6 @@ pub(super) fn of(flights: &Flights) -> Tally {
     let e = &flights.events;
     (t.merges, t.deposits, t.lift_offs) = (e.merges, e.deposits, e.lift_offs);
     (t.recycled, t.left, t.buried, t.ground_wind) = (e.recycled, e.left, e.buried, e.ground_wind);
+    t.long_steps = e.long_steps;
     t
 }

@@ -44,6 +44,8 @@ pub struct Health {
     pub clamped: u64,
     /// Strongest checkered density seen.
     pub checkered: f64,
+    /// Checkered density at the last look.
+    pub checkered_now: f64,
     /// Mean of the density less 1, in the last snapshot.
     pub density: f64,
 }
@@ -102,7 +104,7 @@ impl Lattice {
         let places = flow.links.inlets().into_iter().map(|p| (plan.middle(p), ground(&flow.cells, p, options.spacing)));
         let mouth = Mouth::new(&inlet, &places.collect::<Vec<_>>(), plan.dt / options.spacing);
         let outflow = outflow(&flow, &inlet, &plan);
-        let health = Health { steps: 0, clamped: 0, checkered: 0.0, density: 0.0 };
+        let health = Health { steps: 0, clamped: 0, checkered: 0.0, checkered_now: 0.0, density: 0.0 };
         Ok(Self { plan, flow, inlet, mouth, field, wind: Vec::new(), outflow, notes, fluid, health, frames: 0 })
     }
 
@@ -221,6 +223,7 @@ impl Lattice {
             self.notes.push(Note { code: "S023", text });
         }
         self.health.checkered = self.health.checkered.max(checkered);
+        self.health.checkered_now = checkered;
         Ok(reading)
     }
 

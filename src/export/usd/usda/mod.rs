@@ -6,7 +6,7 @@ mod text;
 use std::collections::BTreeMap;
 
 use super::sink::Sink;
-use super::stage::{Attr, AttrSpec, LayerMeta, PrimMeta, Stage, split_prim, split_property};
+use super::stage::{Attr, AttrSpec, LayerMeta, PrimMeta, Stage, split_prim, split_property, variant};
 use super::value::Value;
 use crate::{Error, Result};
 
@@ -30,6 +30,14 @@ struct Prim {
     head: String,
     properties: Vec<Property>,
     children: Vec<usize>,
+    /// Name of its variant set, and prims that stand for the variants, their heads the names.
+    variants: Option<(&'static str, Vec<usize>)>,
+}
+
+impl Prim {
+    fn new(head: String) -> Self {
+        Self { head, properties: Vec::new(), children: Vec::new(), variants: None }
+    }
 }
 
 /// A property as the pieces of its text.
@@ -49,7 +57,7 @@ struct Property {
 impl Usda {
     /// A text that goes into `sink`.
     pub(super) fn new(sink: Box<dyn Sink>) -> Self {
-        let root = Prim { head: String::new(), properties: Vec::new(), children: Vec::new() };
+        let root = Prim::new(String::new());
         let index = [("/".to_owned(), 0)].into();
         Self { sink: Some(sink), head: String::new(), prims: vec![root], index, attrs: Vec::new(), bytes: 0 }
     }
@@ -93,6 +101,11 @@ impl Usda {
         for p in &prim.properties {
             render_property(p, depth + 1, out);
         }
+        if let Some((set, variants)) = &prim.variants {
+            text::indented(&format!("variantSet \"{set}\" = {{"), depth + 1, out);
+            variants.iter().for_each(|v| self.render_prim(*v, depth + 2, out));
+            text::indented("}", depth + 1, out);
+        }
         for (i, child) in prim.children.iter().enumerate() {
             if i > 0 || !prim.properties.is_empty() {
                 out.push('\n');
@@ -132,8 +145,19 @@ impl Stage for Usda {
         let head = text::prim(type_name, name, meta);
         self.grow(head.len() + 16)?;
         let number = self.prims.len();
-        self.prims.push(Prim { head, properties: Vec::new(), children: Vec::new() });
+        self.prims.push(Prim::new(head));
         self.index.insert(path.to_owned(), number);
+        if let Some(variants) = &meta.variants {
+            let first = self.prims.len();
+            for (name, i) in variants.names.iter().zip(first..) {
+                self.prims.push(Prim::new(format!("\"{name}\"")));
+                self.index.insert(variant(path, variants.set, name), i);
+            }
+            let all = (first..self.prims.len()).collect();
+            if let Some(p) = self.prims.get_mut(number) {
+                p.variants = Some((variants.set, all));
+            }
+        }
         let parent = self.index.get(parent).copied().unwrap_or(0);
         if let Some(p) = self.prims.get_mut(parent) {
             p.children.push(number);

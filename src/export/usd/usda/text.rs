@@ -76,6 +76,11 @@ pub(super) fn prim(type_name: &str, name: &str, meta: &PrimMeta) -> String {
     if let Some(reference) = &meta.reference {
         lines.push(format!("prepend references = {}", arc(reference)));
     }
+    if let Some(variants) = &meta.variants {
+        let chosen = format!("variants = {{\n        string {} = {}\n    }}", variants.set, quoted(&variants.chosen));
+        lines.push(chosen);
+        lines.push(format!("prepend variantSets = {}", quoted(variants.set)));
+    }
     let space = if type_name.is_empty() { "" } else { " " };
     let head = format!("def{space}{type_name} \"{name}\"");
     if lines.is_empty() { head } else { format!("{head} (\n    {}\n)", lines.join("\n    ")) }

@@ -26,11 +26,13 @@ pub(super) mod code {
     pub const VEC4F: u8 = 28;
     pub const DICTIONARY: u8 = 31;
     pub const TOKEN_LIST_OP: u8 = 32;
+    pub const STRING_LIST_OP: u8 = 33;
     pub const PATH_LIST_OP: u8 = 34;
     pub const REFERENCE_LIST_OP: u8 = 35;
     pub const TOKEN_VECTOR: u8 = 41;
     pub const SPECIFIER: u8 = 42;
     pub const VARIABILITY: u8 = 44;
+    pub const VARIANT_SELECTION_MAP: u8 = 45;
     pub const TIME_SAMPLES: u8 = 46;
     pub const DOUBLE_VECTOR: u8 = 48;
     pub const PAYLOAD_LIST_OP: u8 = 55;

@@ -11,7 +11,7 @@ use heap::{Heap, code, inline};
 use tables::{Interner, Paths, Spec, SpecKind};
 
 use super::sink::Sink;
-use super::stage::{Attr, AttrSpec, LayerMeta, PrimMeta, Stage, split_prim, split_property};
+use super::stage::{Attr, AttrSpec, LayerMeta, PrimMeta, Stage, Variants, split_prim, split_property, variant};
 use super::value::{Array, Value};
 use crate::Result;
 
@@ -165,6 +165,36 @@ impl Usdc {
         self.heap.value(code::TOKEN_VECTOR, &bytes)
     }
 
+    /// The variant set of a prim: which variants there are, which is seen, and a place for the contents of each.
+    fn variants(&mut self, (path, spec): (&str, usize), variants: &Variants) -> Result<()> {
+        let set = self.string(variants.set).to_le_bytes().to_vec();
+        let names = self.list_op(code::STRING_LIST_OP, PREPENDED, std::slice::from_ref(&set))?;
+        self.field(spec, "variantSetNames", names);
+        let mut map = 1_u64.to_le_bytes().to_vec();
+        map.extend(set);
+        map.extend(self.string(&variants.chosen).to_le_bytes());
+        let chosen = self.heap.value(code::VARIANT_SELECTION_MAP, &map)?;
+        self.field(spec, "variantSelection", chosen);
+        let token = self.tokens.intern(variants.set);
+        let children = self.token_vector(&[token])?;
+        self.field(spec, "variantSetChildren", children);
+        let all = self.paths.intern(&variant(path, variants.set, ""));
+        let tokens: Vec<u32> = variants.names.iter().map(|n| self.tokens.intern(n)).collect();
+        let children = self.token_vector(&tokens)?;
+        let name = self.tokens.intern("variantChildren");
+        self.specs.push(Spec { path: all, kind: SpecKind::VariantSet, fields: vec![(name, children)] });
+        for name in &variants.names {
+            let path = variant(path, variants.set, name);
+            let number = self.specs.len();
+            let interned = self.paths.intern(&path);
+            self.specs.push(Spec { path: interned, kind: SpecKind::Variant, fields: Vec::new() });
+            self.field(number, "specifier", inline(code::SPECIFIER, 1));
+            self.prim_specs.insert(path, number);
+            self.members.insert(number, Members::default());
+        }
+        Ok(())
+    }
+
     /// Appends the samples of an attribute and sets its field.
     fn time_samples(&mut self, samples: &Samples) -> Result<()> {
         let at = |i: usize| self.times.get(i).copied().unwrap_or(0.0);
@@ -302,6 +332,9 @@ impl Stage for Usdc {
             item.extend([0; 8]);
             let value = self.list_op(code::REFERENCE_LIST_OP, PREPENDED, &[item])?;
             self.field(spec, "references", value);
+        }
+        if let Some(variants) = &meta.variants {
+            self.variants((path, spec), variants)?;
         }
         Ok(())
     }

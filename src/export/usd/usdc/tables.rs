@@ -45,6 +45,8 @@ pub(super) enum SpecKind {
     Prim = 6,
     Root = 7,
     Relationship = 8,
+    Variant = 10,
+    VariantSet = 11,
 }
 
 fn number(n: usize) -> [u8; 8] {

@@ -1,0 +1,166 @@
+//! What a flight is measured by: columns of its table, what is said once, and what is worth a warning.
+
+use crate::motion::flight::Tally;
+use crate::recipe::flight_keys::FlightKeys;
+use crate::recipe::word_of;
+use crate::scene::{Table, Watch};
+use crate::wind::Health;
+
+/// Columns that count what is so at a frame, or measure it.
+const NOW: [(&str, &str); 15] = [
+    ("pending", ""),
+    ("airborne", ""),
+    ("grounded", ""),
+    ("on_wall", ""),
+    ("corner", ""),
+    ("exited", ""),
+    ("clusters", ""),
+    ("singles", ""),
+    ("largest", ""),
+    ("penetrations", ""),
+    ("mean_speed", "m/s"),
+    ("max_speed", "m/s"),
+    ("ground_wind", "m/s"),
+    ("flight_time", "s"),
+    ("flight_distance", "m"),
+];
+
+/// Columns that count what happened until a frame.
+const TOTAL: [&str; 6] = ["merges", "deposits", "lift_offs", "recycled", "left", "long_steps"];
+
+/// Columns of a lattice wind: cells held at the fastest speed so far, checkered part of the density and mean density less 1.
+const LATTICE: [&str; 3] = ["wind_clamps", "wind_checkered", "wind_mass_error"];
+
+/// Checkered density above which a lattice wind has come apart.
+const CHECKERED: f64 = 1e-3;
+
+/// Most solids by whose counts runs are compared.
+const COMPARED: usize = 4;
+
+/// The table of a flight past solids of these names. `lattice`: how its lattice wind did until the first frame, if it has one.
+/// `said`: warnings so far.
+pub fn table(
+    keys: &FlightKeys,
+    (count, solids): (usize, &[&str]),
+    lattice: Option<Health>,
+    said: Vec<(&'static str, String)>,
+) -> Table {
+    let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
+    columns.extend(solids.iter().map(|name| (format!("at_{name}"), "")));
+    let counted = TOTAL.iter().copied().chain(lattice.iter().flat_map(|_| LATTICE));
+    columns.extend(counted.map(|name| (name.to_owned(), "")));
+    let find = |name: &str| columns.iter().position(|c| c.0 == name);
+    let plot = |names: &[&str]| names.iter().filter_map(|n| find(n)).collect();
+    let totals = TOTAL.iter().chain(&["wind_clamps"]).filter_map(|n| find(n)).collect();
+    let mut outcome: Vec<usize> = plot(&["exited", "grounded", "corner", "lift_offs"]);
+    outcome.extend(solids.iter().take(COMPARED).filter_map(|name| find(&format!("at_{name}"))));
+    let plots = vec![
+        ("Catkins by what they do", plot(&["airborne", "grounded", "on_wall", "corner", "exited", "pending"])),
+        ("Sticking and coming to rest", plot(&["clusters", "largest", "merges", "deposits", "lift_offs"])),
+        ("Speed", plot(&["mean_speed", "max_speed", "ground_wind"])),
+    ];
+    let watched = [
+        (
+            "long_steps",
+            0.0,
+            "S027",
+            "{} times a catkin moved further in a step than the wind's cells are wide; raise flight.substeps",
+        ),
+        (
+            "wind_clamps",
+            lattice.map_or(0.0, |h| h.clamped as f64),
+            "S022",
+            "{} times in all the lattice wind was held at its fastest in a cell; lower wind.speed, or raise wind.lattice.steps",
+        ),
+        (
+            "wind_checkered",
+            CHECKERED,
+            "S023",
+            "the lattice wind has come apart into a checkerboard of density {}; raise wind.lattice.tau_floor",
+        ),
+    ];
+    let watch = |(name, above, code, text): &(&str, f64, &'static str, &'static str)| {
+        Some(Watch { column: find(name)?, above: *above, code, text })
+    };
+    let watches = watched.iter().filter_map(watch).collect();
+    Table { name: "flight".into(), totals, outcome, plots, parameters: parameters(keys, count), said, watches, columns }
+}
+
+/// What rules a flight, as it was resolved.
+fn parameters(keys: &FlightKeys, count: usize) -> serde_json::Value {
+    serde_json::json!({
+        "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.preroll,
+        "scale": keys.scale, "mass_mg": keys.mass, "fall_speed_m_s": keys.fall, "fall_spread": keys.fall_spread,
+        "glide": keys.glide, "inertia": keys.inertia, "flutter": keys.flutter, "stick_radius_m": keys.stick_radius,
+        "stick_probability": keys.stick_probability, "check_every": keys.check_every,
+        "cluster_rotation": keys.cluster_rotation, "cluster_fall_power": keys.beta, "gamma_1_m2": keys.gamma,
+        "humidity": keys.humidity, "humidity_map": keys.humidity_map.as_ref().map(|r| r.text.clone()),
+        "lift_speed_m_s": keys.lift_speed, "lift_wet": keys.lift_wet,
+    })
+}
+
+/// A row of [`table`].
+pub fn row(t: &Tally, at_solids: &[u64], lattice: Option<Health>) -> Vec<f64> {
+    let counts = [
+        t.pending,
+        t.airborne,
+        t.grounded,
+        t.on_wall,
+        t.corner,
+        t.exited,
+        t.clusters,
+        t.singles,
+        t.largest,
+        t.penetrations,
+    ];
+    let totals = [t.merges, t.deposits, t.lift_offs, t.recycled, t.left, t.long_steps];
+    let mut row: Vec<f64> = counts.iter().map(|v| *v as f64).collect();
+    row.extend([t.mean_speed, t.max_speed, t.ground_wind, t.flight_time, t.flight_distance]);
+    row.extend(at_solids.iter().map(|v| *v as f64));
+    row.extend(totals.iter().map(|v| *v as f64));
+    row.extend(lattice.iter().flat_map(|h| [h.clamped as f64, h.checkered_now, h.density]));
+    row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::Section as _;
+
+    const HEALTH: Health = Health { steps: 9, clamped: 4, checkered: 0.5, checkered_now: 0.25, density: -0.125 };
+
+    #[test]
+    fn every_column_has_its_number() {
+        let keys = FlightKeys::defaults();
+        let tally = Tally {
+            pending: 1,
+            penetrations: 10,
+            flight_distance: 15.0,
+            merges: 16,
+            long_steps: 21,
+            ..Tally::default()
+        };
+        for lattice in [None, Some(HEALTH)] {
+            let (table, row) = (table(&keys, (5, &["wall"]), lattice, Vec::new()), row(&tally, &[7], lattice));
+            assert_eq!(table.columns.len(), row.len());
+            let of = |name: &str| table.columns.iter().position(|c| c.0 == name).map(|i| row[i]);
+            assert_eq!((of("pending"), of("penetrations"), of("flight_distance")), (Some(1.0), Some(10.0), Some(15.0)));
+            assert_eq!((of("merges"), of("long_steps"), of("at_wall")), (Some(16.0), Some(21.0), Some(7.0)));
+            assert_eq!(of("wind_mass_error"), lattice.map(|h| h.density));
+        }
+    }
+
+    /// A clamped cell of the run-up was told before; what comes later is told with its number.
+    #[test]
+    fn what_went_wrong_is_told_once() {
+        let table = table(&FlightKeys::defaults(), (5, &[]), Some(HEALTH), Vec::new());
+        let told =
+            |t: &Tally, h: Health| -> Vec<&str> { table.warnings(&row(t, &[], Some(h))).iter().map(|w| w.0).collect() };
+        let calm = Health { checkered_now: 0.0, ..HEALTH };
+        assert!(told(&Tally::default(), calm).is_empty());
+        assert_eq!(told(&Tally { long_steps: 3, ..Tally::default() }, HEALTH), ["S027", "S023"]);
+        assert_eq!(told(&Tally::default(), Health { clamped: 6, ..calm }), ["S022"]);
+        let text = &table.warnings(&row(&Tally { long_steps: 3, ..Tally::default() }, &[], Some(calm)))[0].1;
+        assert!(text.starts_with("3 times a catkin"), "{text}");
+    }
+}

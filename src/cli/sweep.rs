@@ -1,0 +1,163 @@
+//! `osier bake --sweep`: a scene run with other values and seeds, and what each run came to as one table.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::json;
+
+use super::args::Bake;
+use super::numbers::{self, Sweep as Choice, sweep};
+use super::progress::Show;
+use super::{Context, source};
+use crate::Result;
+use crate::bake::mover::rows;
+use crate::bake::{Work, stage};
+use crate::export::VERSION;
+use crate::export::stats::{Run, Sweep, Whole};
+use crate::fence::{Folder, WriteOptions};
+use crate::progress::{Progress as _, Silent};
+use crate::recipe::{Recipe, resolve};
+use crate::scene::Scene;
+
+/// Most runs of a sweep.
+const RUNS: u64 = 1000;
+
+/// What is run: values of the keys and a seed.
+type Wanted = (Vec<String>, Option<u64>);
+
+/// Runs it.
+pub fn run(context: &Context, args: &Bake) -> Result<u8> {
+    let (keys, wanted) = match plan(args) {
+        Ok(plan) => plan,
+        Err(why) => {
+            context.console.complain(&why);
+            return Ok(2);
+        }
+    };
+    let mut recipes = Vec::new();
+    let mut warned = false;
+    for (values, seed) in &wanted {
+        let mut request = source::request(context, args.scene.as_deref().unwrap_or("showcase"))?;
+        request.set.extend(keys.iter().zip(values).map(|(k, v)| format!("{k}={v}")));
+        request.seed = seed.or(request.seed);
+        let (recipe, report) = resolve(&request)?;
+        if recipes.is_empty() {
+            context.console.report(&report);
+            warned = !report.diagnostics.is_empty();
+        }
+        recipes.push(recipe);
+    }
+    let Some(first) = recipes.first() else { return Ok(0) };
+    if first.flight.is_none() {
+        let name = &first.name;
+        context.console.complain(&format!(
+            "--sweep: nothing in \"{name}\" is counted; take a scene with [flight], such as catkins-wall"
+        ));
+        return Ok(2);
+    }
+    let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(format!("{}-sweep", first.name)));
+    let frames = recipes.iter().map(|r| r.clip.len() as u64).sum::<u64>();
+    if context.common.dry_run {
+        let text = format!("{}  {} runs, {frames} frames in all\n", root.display(), recipes.len());
+        let value = json!({ "target": root.display().to_string(), "runs": recipes.len(), "frames": frames });
+        context.console.result(&if context.console.json { format!("{value:#}\n") } else { text })?;
+        return Ok(context.strict(warned));
+    }
+    let show = Show::new(&context.console);
+    show.stage("running", frames);
+    let mut all = Sweep { title: first.title.clone(), keys, ..Sweep::default() };
+    for (recipe, (values, _)) in recipes.iter().zip(wanted) {
+        let (scene, whole) = one(context, recipe, &show)?;
+        all.outcome = scene
+            .tables
+            .iter()
+            .flat_map(|t| t.outcome.iter().filter_map(|c| Some(t.columns.get(*c)?.0.clone())))
+            .collect();
+        all.runs.push(Run { values, seed: recipe.seed, hash: recipe.hash.clone(), whole });
+    }
+    show.done();
+    write(context, args, &root, &all)?;
+    tell(context, &root, &all)?;
+    Ok(context.strict(warned))
+}
+
+/// Keys, and all choices of their values with all seeds.
+fn plan(args: &Bake) -> std::result::Result<(Vec<String>, Vec<Wanted>), String> {
+    if args.formats.is_some() || args.frames.is_some() {
+        return Err("--sweep and --seeds write one table and its plot: leave out --formats and --frames".into());
+    }
+    let sweeps: Vec<Choice> = args.sweep.iter().map(|s| sweep(s)).collect::<std::result::Result<_, _>>()?;
+    let seeds = match &args.seeds {
+        Some(list) => {
+            let seeds = numbers::parse(list, RUNS).map_err(|e| format!("--seeds: {e}"))?;
+            seeds.into_iter().map(|s| Some(u64::from(s))).collect()
+        }
+        None => vec![None],
+    };
+    let count = sweeps.iter().fold(seeds.len() as u64, |n, s| n.saturating_mul(s.values.len() as u64));
+    if count > RUNS {
+        return Err(format!("--sweep: {count} runs, more than {RUNS}; take fewer values or seeds"));
+    }
+    let mut choices: Vec<Vec<String>> = vec![Vec::new()];
+    for s in &sweeps {
+        let with = |c: &Vec<String>| s.values.iter().map(|v| [&c[..], &[v.clone()]].concat()).collect::<Vec<_>>();
+        choices = choices.iter().flat_map(with).collect();
+    }
+    let wanted = choices.iter().flat_map(|c| seeds.iter().map(|s| (c.clone(), *s))).collect();
+    Ok((sweeps.into_iter().map(|s| s.key).collect(), wanted))
+}
+
+/// A run over its clip, and what it came to.
+fn one(context: &Context, recipe: &Recipe, show: &Show) -> Result<(Arc<Scene>, Whole)> {
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &Silent };
+    let stage = stage::build(recipe, stage::Parts::default(), &work)?.stage;
+    let mut all = Vec::new();
+    for number in recipe.clip.start..=recipe.clip.end {
+        context.cancel.check()?;
+        let row = rows(&stage.scene, &stage.movers, number)?.into_iter().next().unwrap_or_default();
+        all.push((number, row));
+        show.advance(1);
+    }
+    let whole = stage.scene.tables.first().map(|table| Whole::of(table, &all)).unwrap_or_default();
+    Ok((stage.scene, whole))
+}
+
+fn write(context: &Context, args: &Bake, root: &PathBuf, all: &Sweep) -> Result<()> {
+    let hashes: Vec<&str> = all.runs.iter().map(|r| r.hash.as_str()).collect();
+    let options = WriteOptions {
+        key: format!("{VERSION} {}", hashes.join(" ")),
+        force: args.force,
+        cancel: context.cancel.clone(),
+        ..WriteOptions::default()
+    };
+    let folder = Folder::open_with(root, options)?;
+    all.write(&folder)?;
+    folder.finish()
+}
+
+/// Means over the seeds as a table, or as JSON.
+fn tell(context: &Context, root: &Path, all: &Sweep) -> Result<()> {
+    let means = all.means();
+    if context.console.json {
+        let value = json!({ "folder": root.display().to_string(), "runs": all.runs.len(), "choices": means.len() });
+        return context.console.result(&format!("{value:#}\n"));
+    }
+    if context.console.quiet {
+        return Ok(());
+    }
+    let heads = all.keys.iter().cloned().chain(["runs".into()]).chain(all.outcome.iter().cloned());
+    let mut lines: Vec<Vec<String>> = vec![heads.collect()];
+    lines.extend(means.iter().map(|m| {
+        let numbers = m.outcome.iter().map(|[mean, ..]| format!("{mean:.0}"));
+        m.values.iter().cloned().chain([m.count.to_string()]).chain(numbers).collect()
+    }));
+    let columns = lines.first().map_or(0, Vec::len);
+    let widths: Vec<usize> =
+        (0..columns).map(|i| lines.iter().map(|l| l[i].chars().count()).max().unwrap_or(0)).collect();
+    let mut text = format!("{}  {} runs: sweep.csv, sweep.json, sweep.svg\n", root.display(), all.runs.len());
+    for line in &lines {
+        let cells: Vec<String> = line.iter().zip(&widths).map(|(cell, w)| format!("{cell:>w$}")).collect();
+        text += &format!("  {}\n", cells.join("  "));
+    }
+    context.console.result(&text)
+}

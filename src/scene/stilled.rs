@@ -1,0 +1,73 @@
+//! A moment of a moving scene as a scene of its own that stands still.
+
+use std::collections::BTreeMap;
+
+use super::{
+    Asset, AssetFrame, CurvesFrame, Frame, InstancerMotion, MeshFrame, MeshMotion, MeshObject, Scene, instance_states,
+    mesh_points, skinned_normals, world_from_joint,
+};
+
+/// The scene as a frame has it, with nothing in it that moves. What placements show at phases of their own becomes assets of
+/// its own, if the frame holds it; otherwise they show their assets at the frame itself.
+pub fn stilled(scene: &Scene, frame: &Frame) -> Scene {
+    let mut out = scene.clone();
+    let rest = AssetFrame::default();
+    for (i, (asset, source)) in out.assets.iter_mut().zip(&scene.assets).enumerate() {
+        still(asset, source, frame.assets.get(i).unwrap_or(&rest));
+    }
+    let mut later: BTreeMap<(usize, u32), usize> = BTreeMap::new();
+    for placement in out.placements.iter_mut().filter(|p| p.phase > 0) {
+        let key = (placement.asset, std::mem::take(&mut placement.phase));
+        let Some((source, state)) = scene.assets.get(key.0).zip(frame.shifted.get(&key)) else { continue };
+        placement.asset = *later.entry(key).or_insert_with(|| {
+            let mut asset = source.clone();
+            still(&mut asset, source, state);
+            asset.id = format!("{}_later_{}", source.id, key.1);
+            out.assets.push(asset);
+            out.assets.len() - 1
+        });
+    }
+    out
+}
+
+fn still(asset: &mut Asset, source: &Asset, frame: &AssetFrame) {
+    for (i, (object, before)) in asset.meshes.iter_mut().zip(&source.meshes).enumerate() {
+        shape(object, source, (i, before), frame);
+    }
+    for (i, (instancer, before)) in asset.instancers.iter_mut().zip(&source.instancers).enumerate() {
+        instancer.rest = instance_states(source, before, i, frame).into_owned();
+        instancer.motion = InstancerMotion::Still;
+    }
+    for (i, (cloud, before)) in asset.points.iter_mut().zip(&source.points).enumerate() {
+        let now = before.at(frame.points(i));
+        (cloud.positions, cloud.widths) = (now.positions.to_vec(), now.widths.to_vec());
+        cloud.colors = now.colors.to_vec();
+        cloud.moving = false;
+    }
+    for (i, curves) in asset.curves.iter_mut().enumerate() {
+        if let CurvesFrame::Points(points) = frame.curves(i) {
+            curves.points.clone_from(points);
+        }
+        curves.moving = false;
+    }
+    asset.skeleton = None;
+}
+
+fn shape(object: &mut MeshObject, asset: &Asset, (i, before): (usize, &MeshObject), frame: &AssetFrame) {
+    match frame.mesh(i) {
+        MeshFrame::Whole { mesh, .. } => object.mesh = mesh.clone(),
+        MeshFrame::Points { points, normals, .. } => {
+            object.mesh.points.clone_from(points);
+            object.mesh.normals.clone_from(normals);
+        }
+        MeshFrame::Same => {
+            object.mesh.points = mesh_points(asset, before, i, frame).into_owned();
+            if let (Some(skeleton), Some(skin), MeshMotion::Skinned) = (&asset.skeleton, &before.skin, before.motion) {
+                let matrices = world_from_joint(skeleton, &frame.pose);
+                object.mesh.normals = skinned_normals(&before.mesh.normals, skin, &matrices);
+            }
+        }
+    }
+    object.motion = MeshMotion::Still;
+    object.skin = None;
+}
