@@ -206,7 +206,7 @@ fn a_sweep_is_a_row_for_each_run() {
     let told: serde_json::Value =
         serde_json::from_slice(&std::fs::read(out.join("sweep.json")).expect("json")).expect("json");
     assert!(told["means"].as_array().expect("means").iter().all(|m| m["runs"] == 2), "{told}");
-    assert!(std::fs::read_to_string(out.join("sweep.svg")).expect("plot").matches("<polyline").count() == 8);
+    assert!(std::fs::read_to_string(out.join("sweep.svg")).expect("plot").matches("<polyline").count() == 12);
     let refused: [(&[&str], i32, &str); 4] = [
         (&["bake", path, "--sweep", "flight.humidity=0:1:3", "--formats", "usd"], 2, "leave out --formats"),
         (&["bake", path, "--sweep", "flight.humidity=0:1"], 2, "KEY=FROM:TO:COUNT"),

@@ -42,7 +42,7 @@ def by_usd(path, out, frames):
         if lines:
             counts = np.array(lines[0].GetCurveVertexCountsAttr().Get())
             drawn = np.array(lines[0].GetPointsAttr().Get(frame), dtype=float).reshape(len(ids), counts[0], 3)
-            assert (counts == counts[0]).all() and np.abs(drawn[alive, -1] - positions[alive]).max() < 1e-6, frame
+            assert (counts == counts[0]).all() and np.abs(drawn[alive, -1] - positions[alive]).max(initial=0) < 1e-6, frame
             steps = np.linalg.norm(np.diff(drawn, axis=1), axis=2)
             # What left and came back, or fell asleep, draws no line across the box.
             assert steps.max() < 0.5, (frame, steps.max())
