@@ -24,6 +24,11 @@ fn step(span: f64, count: f64) -> f64 {
     factor * power
 }
 
+/// A multiple of a round number without the noise of its last digits.
+fn tidy(v: f64) -> String {
+    number((v * 1e9).round() / 1e9)
+}
+
 /// A line of a panel.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Line {
@@ -66,7 +71,7 @@ pub(super) fn panels(title: &str, table: &Table, clip: Clip, rows: &[(u32, Vec<f
     let mut ticks = Vec::new();
     let mut t = (first / tick).ceil() * tick;
     while t <= last + 1e-9 {
-        ticks.push((t, format!("{} s", number((t / tick).round() * tick))));
+        ticks.push((t, format!("{} s", tidy((t / tick).round() * tick))));
         t += tick;
     }
     draw(title, &Axis { ticks, label: String::new() }, &table.plots.iter().map(panel).collect::<Vec<_>>())
@@ -131,7 +136,7 @@ fn panel(out: &mut String, top: f64, panel: &Panel, axis: &Axis) {
              text-anchor=\"end\">{}</text>",
             LEFT - 6.0,
             at + 4.0,
-            number((v / grid).round() * grid)
+            tidy((v / grid).round() * grid)
         );
         v += grid;
     }
@@ -181,6 +186,7 @@ mod tests {
     #[test]
     fn ticks_are_round_numbers() {
         let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * b;
+        assert_eq!((tidy(3.0 * 0.2), tidy(400.0)), ("0.6".to_owned(), "400".to_owned()));
         assert!(near(step(10.0, 5.0), 2.0) && near(step(2100.0, 5.0), 500.0) && near(step(0.7, 5.0), 0.2));
     }
 }
