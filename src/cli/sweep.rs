@@ -100,7 +100,8 @@ fn plan(args: &Bake) -> std::result::Result<(Vec<String>, Vec<Wanted>), String> 
     }
     let mut choices: Vec<Vec<String>> = vec![Vec::new()];
     for s in &sweeps {
-        let with = |c: &Vec<String>| s.values.iter().map(|v| [&c[..], std::slice::from_ref(v)].concat()).collect::<Vec<_>>();
+        let with =
+            |c: &Vec<String>| s.values.iter().map(|v| [&c[..], std::slice::from_ref(v)].concat()).collect::<Vec<_>>();
         choices = choices.iter().flat_map(with).collect();
     }
     let wanted = choices.iter().flat_map(|c| seeds.iter().map(|s| (c.clone(), *s))).collect();
