@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use osier::bake::Work;
-use osier::bake::catkin::catkin_models;
+use osier::bake::catkin::{Levels, catkin_models};
 use osier::diagnostic::Sources;
 use osier::grammar::{DeriveOptions, Grammar, Source, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
@@ -63,7 +63,7 @@ fn catkins(c: &mut Criterion) {
     c.bench_function("catkins/five", |b| {
         b.iter(|| {
             let models = catkin_models(&keys, 1, &work).expect("grows");
-            models.iter().map(|m| m.prototype(0, 0)).collect::<Vec<_>>()
+            models.iter().map(|m| m.prototype(&Levels::of(&keys), 0)).collect::<Vec<_>>()
         });
     });
 }

@@ -112,10 +112,6 @@ impl<'a> Solid<'a> {
         for count in &curves.counts {
             let end = (first + *count as usize).min(points.len());
             for i in first..end.saturating_sub(1) {
-                // What has no length shows nothing: the trail of something that does not move.
-                if points[i] == points[i + 1] {
-                    continue;
-                }
                 let radius = |k: usize| curves.widths.get(k).map_or(0.0, |w| w * 0.5);
                 cones.push(RoundCone::new([points[i], points[i + 1]], [radius(i), radius(i + 1)]));
             }

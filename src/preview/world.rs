@@ -302,7 +302,10 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks, boxed: bool) -> Solid<'s> {
         Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed)),
         Job::Points(cloud, state) => Solid::of_points(cloud.material, cloud.at(state), boxed),
         Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, boxed),
-        Job::Curves(curves, CurvesFrame::Points(points)) => Solid::of_curves(curves, points, boxed),
+        Job::Curves(curves, CurvesFrame::Points(points)) => {
+            let drawn = curves.drawn(points);
+            Solid::of_curves(&drawn, &drawn.points, boxed)
+        }
     }
 }
 

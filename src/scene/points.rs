@@ -80,9 +80,48 @@ pub struct Curves {
 }
 
 impl Curves {
+    /// The curves as they are with these points, without those that have no length: the trail of something that does not move
+    /// shows nothing.
+    pub fn drawn(&self, points: &[Vec3]) -> Self {
+        let mut out = Self { counts: Vec::new(), points: Vec::new(), widths: Vec::new(), ..self.clone() };
+        let mut first = 0_usize;
+        for count in &self.counts {
+            let range = first..first + *count as usize;
+            first = range.end;
+            let Some((line, widths)) = points.get(range.clone()).zip(self.widths.get(range)) else { continue };
+            if line.windows(2).any(|p| p[0] != p[1]) {
+                out.counts.push(*count);
+                out.points.extend_from_slice(line);
+                out.widths.extend_from_slice(widths);
+            }
+        }
+        out
+    }
+
     /// Box of the curves with their thickness.
     pub fn bounds(&self) -> Bounds {
         let one = |(p, w): (&Vec3, &f32)| Bounds::of([*p]).grown(w * 0.5);
         self.points.iter().zip(&self.widths).map(one).fold(Bounds::default(), Bounds::union)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_no_length_is_not_drawn() {
+        let curves = Curves {
+            name: "trails".into(),
+            material: 0,
+            counts: vec![2, 3],
+            points: vec![Vec3::ZERO; 5],
+            widths: vec![0.0, 1.0, 2.0, 3.0, 4.0],
+            moving: true,
+        };
+        let points = [Vec3::X, Vec3::X, Vec3::ZERO, Vec3::ZERO, Vec3::Y];
+        let drawn = curves.drawn(&points);
+        assert_eq!((drawn.counts, drawn.widths), (vec![3], vec![2.0, 3.0, 4.0]));
+        assert_eq!(drawn.points, points[2..]);
     }
 }
