@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
 use osier::bake::Work;
-use osier::bake::catkin::{catkin_models, skeleton};
+use osier::bake::catkin::{Levels, catkin_models, skeleton};
 use osier::diagnostic::Sources;
 use osier::grammar::{DeriveOptions, Derived, Grammar, Source, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
@@ -169,8 +169,9 @@ fn five_models_have_the_papers_numbers_and_true_balls() {
     let keys = CatkinKeys::defaults();
     let models = catkin_models(&keys, 1, &work(&limits, &cancel)).expect("grows");
     assert_eq!(models.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["p000", "p001", "p002", "p003", "p004"]);
+    let level = |lod| Levels::of(&CatkinKeys { lod, ..keys.clone() });
     for m in &models {
-        let hero = m.prototype(0, 7);
+        let hero = m.prototype(&level(0), 7);
         let fine = hero.fine.as_ref().expect("curves");
         assert_eq!((fine.curves.counts.len(), fine.curves.points.len()), (100, 400));
         let far = fine.curves.points.iter().map(|p| p.length()).fold(0.0, f32::max);
@@ -180,7 +181,7 @@ fn five_models_have_the_papers_numbers_and_true_balls() {
         let root = fine.curves.widths[0];
         assert!((root - 60e-6).abs() < 1e-9 && (fine.curves.widths[3] / root - 0.25).abs() < 1e-4);
         let triangles = |p: Prototype| p.mesh.triangles.len();
-        assert_eq!([1, 2, 3].map(|lod| triangles(m.prototype(lod, 0))), [1968, 648, 192]);
+        assert_eq!([1, 2, 3].map(|lod| triangles(m.prototype(&level(lod), 0))), [1968, 648, 192]);
     }
     let again = catkin_models(&keys, 1, &work(&limits, &cancel)).expect("grows");
     assert_eq!(again[3].tuft().hairs.points, models[3].tuft().hairs.points);
