@@ -117,11 +117,6 @@ impl Flights {
         self.step as f64 * self.options.step()
     }
 
-    /// What is in their way.
-    pub fn solids(&self) -> &Solids {
-        &self.solids
-    }
-
     /// What rules them.
     pub fn options(&self) -> &Options {
         &self.options
@@ -203,11 +198,6 @@ impl Flights {
             out.generations.push(c.generation);
         }
         out
-    }
-
-    /// How many of those at rest touch each solid, in the order of the solids: its walls, its roof, or its foot.
-    pub fn at_solids(&self) -> Vec<u64> {
-        tally::at_solids(self)
     }
 
     /// Counts of now and of all that happened so far.

@@ -2,6 +2,7 @@
 
 use super::{Flights, State};
 use crate::math::sqrt;
+use crate::solid::Solids;
 
 /// What happened so far.
 #[derive(Debug, Clone, Default)]
@@ -73,15 +74,22 @@ impl Tally {
     }
 }
 
-/// How many of those at rest touch each solid: its walls, its roof, or its foot.
-pub(super) fn at_solids(flights: &Flights) -> Vec<u64> {
-    let mut out = vec![0; flights.solids.list().len()];
-    for c in flights.by_number().filter(|c| c.state.is_deposited()) {
-        if let Some(n) = c.face.and_then(|i| out.get_mut(i as usize)) {
-            *n += 1;
-        }
+impl Flights {
+    /// What is in their way.
+    pub fn solids(&self) -> &Solids {
+        &self.solids
     }
-    out
+
+    /// How many of those at rest touch each solid, in the order of the solids: its walls, its roof, or its foot.
+    pub fn at_solids(&self) -> Vec<u64> {
+        let mut out = vec![0; self.solids.list().len()];
+        for c in self.by_number().filter(|c| c.state.is_deposited()) {
+            if let Some(n) = c.face.and_then(|i| out.get_mut(i as usize)) {
+                *n += 1;
+            }
+        }
+        out
+    }
 }
 
 pub(super) fn of(flights: &Flights) -> Tally {
