@@ -81,23 +81,20 @@ impl Flights {
                 *place = step.half(c.x, c.v, pull(c, *air, t)).as_vec3();
             }
             wind.sample(&places, t + dt / 2.0, &mut air);
-            let (mut landed, mut long) = (0_u64, 0_u64);
+            let mut landed = 0_u64;
             for (c, air) in those.iter_mut().zip(&air) {
                 let (way, v) = Midpoint { lag: c.lag, dt }.whole(c.v, pull(c, *air, t + dt / 2.0));
                 let path = Path { from: c.x, way, radius: c.radius };
                 c.flow = *air - v.as_vec3();
                 let landing = path.follow(solids);
-                let moved = landing.at - c.x;
-                long += u64::from(moved.length() > options.longest_step);
-                c.travel += moved;
+                c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
                 landed += u64::from(c.land(&landing));
             }
-            (landed, long, About::of(chunk))
+            (landed, About::of(chunk))
         });
         self.events.deposits += landed.iter().map(|l| l.0).sum::<u64>();
-        self.events.long_steps += landed.iter().map(|l| l.1).sum::<u64>();
-        self.about = landed.iter().fold(About::default(), |about, l| about.and(l.2));
+        self.about = landed.iter().fold(About::default(), |about, l| about.and(l.1));
     }
 
     /// Clusters in the air, each as one body.
@@ -109,13 +106,8 @@ impl Flights {
             Some(self.moved(cluster.clone(), wind, t))
         });
         for (root, (cluster, landing)) in flying.into_iter().zip(moved).filter_map(|(r, m)| Some((r, m?))) {
-            let all = cluster.members.len() as u64;
             if landing.touches() {
-                self.events.deposits += all;
-            }
-            let before = self.clusters.get(&root).map_or(cluster.x, |c| c.x);
-            if cluster.x.distance(before) > self.options.longest_step {
-                self.events.long_steps += all;
+                self.events.deposits += cluster.members.len() as u64;
             }
             self.clusters.insert(root, cluster);
             self.place(root, &landing);

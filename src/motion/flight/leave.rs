@@ -14,6 +14,7 @@ const HIDDEN: f64 = 2.0;
 impl Flights {
     /// Wraps, lets go or brings back what is past a side, and keeps what flies below the top.
     pub(super) fn leave(&mut self, t: f64) {
+        self.count_long_steps();
         let inside = self.options.inside;
         let top = f64::from(inside.max.y);
         let (low, high) = (inside.min.as_dvec3(), inside.max.as_dvec3());
@@ -31,6 +32,15 @@ impl Flights {
         }
         if self.about.exited {
             self.come_back(t);
+        }
+    }
+
+    /// Counts those in the air that are so fast that a step takes them further than they should go.
+    fn count_long_steps(&mut self) {
+        let (dt, longest) = (self.options.step(), self.options.longest_step);
+        if longest.is_finite() {
+            let long = |c: &&Catkin| c.state == State::Airborne && c.v.length() * dt > longest;
+            self.events.long_steps += self.catkins.iter().filter(long).count() as u64;
         }
     }
 
