@@ -53,6 +53,7 @@ pub const PRESETS: &[Preset] = presets! {
     "scenes" / "oak.toml",
     "ifs-tables" / "palm_tree.ifs",
     "grammars" / "poplar-twig.l",
+    "scenes" / "pole.toml",
     "scenes" / "poplar-twig.toml",
     "ifs-tables" / "pseudodichotomous.ifs",
     "ifs-tables" / "pseudodichotomous.ifs.toml",

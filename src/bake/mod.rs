@@ -17,6 +17,8 @@ mod measures;
 mod morphing;
 pub mod mover;
 pub mod plants;
+mod rod_mesh;
+pub mod rods;
 mod scatter;
 mod solids;
 pub mod stage;

@@ -8,6 +8,7 @@ use glam::{Quat, Vec3};
 use super::air::Air;
 use super::course::Course;
 use super::morphing::Morphing;
+use super::rods::RodMotion;
 use crate::Result;
 use crate::limits::Limits;
 use crate::math::narrow;
@@ -33,6 +34,8 @@ pub enum Moving {
     Cloud(Morphing),
     /// Wind, gravity, contacts.
     Flight(Arc<Course>),
+    /// Springs and loads.
+    Rod(RodMotion),
 }
 
 /// Moves one plant.
@@ -221,6 +224,7 @@ impl Moving {
             Self::Plant(m) => Ok(m.frame(asset, seconds, step)),
             Self::Cloud(m) => Ok(m.frame(asset, seconds, step)),
             Self::Flight(m) => m.frame(nth(seconds, step)),
+            Self::Rod(m) => Ok(m.frame(nth(seconds, step))),
         }
     }
 }

@@ -18,7 +18,7 @@ use super::plants::{Grown, grow};
 use super::solids::{self, Footing};
 use super::stream::Stream;
 use super::write::Stage;
-use super::{catkin, land, scatter};
+use super::{catkin, land, rods, scatter};
 use crate::diagnostic::{Diagnostic, Report};
 use crate::fence::Names;
 use crate::geometry::Bounds;
@@ -115,6 +115,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
     let measures = add_catkins(recipe, (&footing, &twigs), (&mut made, &mut placements), (work, &mut report))?;
+    add_rods(recipe, (&mut made, &mut placements), (work, &mut report))?;
     add_solids(recipe, &mut made, &mut placements)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
@@ -416,6 +417,26 @@ fn twigs(recipe: &Recipe, layout: &Layout, grown: &[Grown]) -> Vec<(Vec3, f64)> 
         out.extend(ends.map(|p| (standing.transform.apply(*p), *weight)));
     }
     out
+}
+
+/// Adds rods.
+fn add_rods(
+    recipe: &Recipe,
+    (made, placements): (&mut Made, &mut Vec<Placement>),
+    (work, report): (&Work<'_>, &mut Report),
+) -> Result<()> {
+    let first = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
+    for mut new in rods::made(recipe, first, work, report)? {
+        while made.assets.iter().any(|a| a.id == new.asset.id) {
+            new.asset.id = format!("{}_rod", new.asset.id);
+        }
+        let name = new.asset.id.clone();
+        placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+        made.materials.extend(new.materials);
+        made.assets.push(new.asset);
+        made.movers.push(new.motion.map(Moving::Rod));
+    }
+    Ok(())
 }
 
 /// Shows what stands in the way.

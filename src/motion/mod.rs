@@ -1,6 +1,6 @@
 //! Motion: from a plant in the wind to joints, poses and points over time.
 //!
-//! [`Elements`] are the branches that bend, chosen and measured once; [`Track`] is what the wind did to them, frame by
+//! [`rod`]s are poles, twigs and stalks as springs; [`Elements`] are the branches that bend, chosen and measured once; [`Track`] is what the wind did to them, frame by
 //! frame. [`Rig`] shows that with a few joints, [`Body`] with every point, [`Flutter`] moves the leaves.
 
 mod attributes;
@@ -13,6 +13,7 @@ mod paper;
 mod pieces;
 mod posture;
 mod rig;
+pub mod rod;
 mod simulate;
 #[cfg(test)]
 mod testing;

@@ -21,6 +21,8 @@ pub mod morph_keys;
 mod morphs;
 mod plants;
 mod resolve;
+pub mod rod_keys;
+mod rods;
 pub mod sections;
 mod tree;
 pub mod wind_keys;
@@ -75,6 +77,8 @@ pub struct Recipe {
     pub scatters: Vec<ScatterRecipe>,
     /// Catkins that fly.
     pub flight: Option<FlightRecipe>,
+    /// Rods, each after the one that it stands on.
+    pub rods: Vec<RodRecipe>,
     /// What stands in the way of wind and catkins.
     pub solids: Vec<SolidRecipe>,
     /// Haze.
@@ -239,6 +243,21 @@ pub struct SolidRecipe {
     pub mesh: Option<Arc<Imported>>,
 }
 
+/// A rod.
+#[derive(Debug, Clone)]
+pub struct RodRecipe {
+    /// `[a-z0-9_]+`, unique among the rods.
+    pub id: String,
+    /// Rod that its base is fixed in: index into [`Recipe::rods`], below its own.
+    pub on: Option<usize>,
+    /// What it is.
+    pub keys: rod_keys::RodKeys,
+    /// Where it is held.
+    pub clamps: Vec<rod_keys::RodClamp>,
+    /// What acts on it.
+    pub loads: Vec<rod_keys::RodLoad>,
+}
+
 /// What is written.
 #[derive(Debug, Clone)]
 pub struct OutputRecipe {
@@ -293,6 +312,9 @@ pub fn options() -> Vec<TableInfo> {
         info::<land_keys::ScatterKeys>(),
         info::<flight_keys::FlightKeys>(),
         info::<flight_keys::SolidKeys>(),
+        info::<rod_keys::RodKeys>(),
+        info::<rod_keys::RodClamp>(),
+        info::<rod_keys::RodLoad>(),
         info::<land_keys::FogKeys>(),
         info::<s::CameraKeys>(),
         info::<s::SunKeys>(),

@@ -142,6 +142,7 @@ impl Resolver<'_> {
         let scatters = self.scatters(root, &plants);
         let flight = self.flight(root, &plants);
         let solids = self.solids(root);
+        let rods = self.rods(root);
         let (mut wind, added) = self.wind(root);
         let lattice = self.lattice(root, &mut wind);
         let sway = self.sway(root, clip);
@@ -162,6 +163,7 @@ impl Resolver<'_> {
             scatters,
             flight,
             solids,
+            rods,
             fog: self.section(root, "fog"),
             camera: self.section(root, "camera"),
             sun: self.section(root, "sun"),
@@ -405,6 +407,12 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         flight.keys.digest(&mut h);
     }
     recipe.solids.iter().for_each(|s| s.keys.digest(&mut h));
+    for rod in &recipe.rods {
+        rod.keys.digest(&mut h);
+        (rod.clamps.len() as u64).digest(&mut h);
+        rod.clamps.iter().for_each(|clamp| clamp.digest(&mut h));
+        rod.loads.iter().for_each(|load| load.digest(&mut h));
+    }
     recipe.fog.digest(&mut h);
     recipe.camera.digest(&mut h);
     recipe.sun.digest(&mut h);

@@ -1,0 +1,332 @@
+//! Rods of a recipe: laid out, moved, and shown as tubes with joints.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3, Quat, Vec3};
+
+use super::Work;
+use super::air::by_formula;
+use super::rod_mesh::{Station, ball, tube};
+use crate::Result;
+use crate::diagnostic::{Diagnostic, Report};
+use crate::math;
+use crate::motion::rod::{Act, Body, Clip, Hold, Integrator, Keys, LIMP, Rod, Rods, Still, Stuff};
+use crate::recipe::rod_keys::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
+use crate::recipe::{Recipe, RodRecipe};
+use crate::scene::{
+    Asset, AssetFrame, AssetKind, Joint, Maps, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton,
+    SkinWeights, Trs,
+};
+use crate::wind::Wind;
+
+/// Density of the balls that weights are shown as, kg/m^3.
+const WATER: f64 = 998.0;
+
+/// Rods that hang together, ready for the scene.
+pub struct New {
+    /// The asset.
+    pub asset: Asset,
+    /// Its materials; the asset names them from the number that was given.
+    pub materials: Vec<Material>,
+    /// What moves it; none in a still scene.
+    pub motion: Option<RodMotion>,
+}
+
+/// Rods in every frame.
+#[derive(Debug, Clone)]
+pub struct RodMotion(Arc<Vec<Still>>);
+
+impl RodMotion {
+    /// The pose of frame `k` from the first.
+    pub fn frame(&self, k: u64) -> AssetFrame {
+        let k = usize::try_from(k).unwrap_or(usize::MAX).min(self.0.len().saturating_sub(1));
+        AssetFrame { pose: self.0.get(k).map(pose).unwrap_or_default(), ..AssetFrame::default() }
+    }
+}
+
+/// Joint 0 stands still; then come sections, then weights.
+fn pose(still: &Still) -> Vec<Trs> {
+    let sections = still.sections.iter().map(|(t, r)| Trs { t: *t, r: *r, s: Vec3::ONE });
+    [Trs::IDENTITY].into_iter().chain(sections).chain(still.bodies.iter().map(|p| Trs::translation(*p))).collect()
+}
+
+/// The ball that a weight is shown as.
+struct Weight {
+    shown: bool,
+    radius: f64,
+    color: [f32; 3],
+}
+
+/// Rods that hang together.
+struct Group<'a> {
+    members: Vec<&'a RodRecipe>,
+    lines: Vec<Rod>,
+    rods: Rods,
+    acts: Vec<Act>,
+    weights: Vec<Weight>,
+}
+
+/// All rods of a recipe, those that stand on each other as one asset. `first`: number of the first material.
+/// # Errors
+/// `Simulation` for rods that fly apart, `Limit`, `Cancelled`.
+pub fn made(recipe: &Recipe, first: u32, work: &Work<'_>, report: &mut Report) -> Result<Vec<New>> {
+    let wind = by_formula(recipe).filter(|_| recipe.blows());
+    let roots = (0..recipe.rods.len()).filter(|i| recipe.rods[*i].on.is_none());
+    let mut all = Vec::new();
+    let mut material = first;
+    for root in roots {
+        let mut group = Group::new(recipe, root);
+        group.tell(recipe.clip.fps(), report);
+        // What turns freely hangs nowhere: it is drawn as it is without weight.
+        let posed = group.members[0].keys.gravity == RodGravity::Posed && group.rods.is_anchored(0);
+        if posed && !group.rods.prestress() {
+            let text = format!("no shape was found from which rod \"{}\" hangs as it is drawn", group.members[0].id);
+            report.push(
+                Diagnostic::about("S042", text).help("its own weight is left out; gravity = \"droop\" lets it hang"),
+            );
+            group.rods.weightless = true;
+        }
+        let motion = if recipe.clip.len() > 1 { Some(group.record(recipe, wind.as_deref(), work)?) } else { None };
+        let new = group.show(material, motion.is_some());
+        material += u32::try_from(new.0.len()).unwrap_or(0);
+        all.push(New { asset: new.1, materials: new.0, motion });
+    }
+    Ok(all)
+}
+
+impl<'a> Group<'a> {
+    /// The rods that stand on `root`, and on those.
+    fn new(recipe: &'a Recipe, root: usize) -> Self {
+        let mut place = vec![None; recipe.rods.len()];
+        let (mut members, mut lines): (Vec<&RodRecipe>, Vec<Rod>) = (Vec::new(), Vec::new());
+        for (i, rod) in recipe.rods.iter().enumerate().skip(root) {
+            let on = rod.on.and_then(|on| place[on]);
+            if i == root || on.is_some() {
+                place[i] = Some(members.len());
+                let parent = on.map(|on: usize| (on, rod.keys.on_at * lines[on].length()));
+                lines.push(line(&rod.keys, parent));
+                members.push(rod);
+            }
+        }
+        let mut holds = Vec::new();
+        let mut acts = Vec::new();
+        for (k, rod) in members.iter().enumerate() {
+            for clamp in &rod.clamps {
+                let hold = match clamp.hold {
+                    RodHold::Fixed => Hold::Fixed,
+                    RodHold::Pinned => Hold::Pinned,
+                    RodHold::Guided => Hold::Guided(DVec3::from_array(clamp.line)),
+                };
+                if !clamp.keys.is_empty() {
+                    acts.push(Act::Shift(holds.len(), keys(&clamp.keys)));
+                }
+                if !clamp.turns.is_empty() {
+                    let axis = DVec3::from_array(clamp.axis).normalize_or(DVec3::Y);
+                    let turns = clamp.turns.iter().map(|k| (k[0], [k[1] * PI / 180.0])).collect();
+                    acts.push(Act::Turn(holds.len(), axis, Keys(turns)));
+                }
+                holds.push((k, clamp.at * lines[k].length(), hold));
+            }
+            if rod.on.is_none() && rod.clamps.is_empty() {
+                holds.push((k, 0.0, Hold::Fixed));
+            }
+        }
+        let rods = Rods::new(&lines, &holds);
+        let mut group = Self { members, lines, rods, acts, weights: Vec::new() };
+        group.load();
+        group
+    }
+
+    /// Loads, weights and speeds of the start.
+    fn load(&mut self) {
+        let mut bodies = Vec::new();
+        for (k, rod) in self.members.iter().enumerate() {
+            for load in &rod.loads {
+                let section = self.rods.nearest(k, load.at * self.lines[k].length());
+                match load.kind {
+                    RodLoadKind::Force => {
+                        let wide = load.keys.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
+                        self.acts.push(Act::Wrench(section, Keys(wide)));
+                    }
+                    RodLoadKind::Wrench => self.acts.push(Act::Wrench(section, keys(&load.keys))),
+                    RodLoadKind::Blow => self.acts.push(Act::Blow(section, keys(&load.keys))),
+                    RodLoadKind::Mass => {
+                        let most = load.keys.iter().fold(0.0, |m: f64, k| m.max(k[1]));
+                        let radius = math::cbrt(3.0 * most / (4.0 * PI * WATER)).max(1e-4);
+                        self.acts.push(Act::Mass(bodies.len(), keys(&load.keys)));
+                        let mass = load.keys.first().map_or(0.0, |k| k[1]);
+                        let (at, inertia) = (DVec3::ZERO, DMat3::ZERO);
+                        bodies.push(Body { section, at, mass, inertia, own: false, reach: radius });
+                        self.weights.push(Weight { shown: load.show, radius, color: load.color });
+                    }
+                }
+            }
+        }
+        let rods = std::mem::replace(&mut self.rods, Rods::new(&[], &[]));
+        self.rods = rods.with(bodies);
+        self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
+        for (k, rod) in self.members.iter().enumerate() {
+            let (tip, length) = (DVec3::from_array(rod.keys.launch), self.lines[k].length());
+            if tip != DVec3::ZERO {
+                for i in self.rods.sections(k) {
+                    self.rods.launch(i, tip * (self.rods.place(i) / length));
+                }
+            }
+        }
+    }
+
+    /// What the numbers of a rod cannot hold.
+    fn tell(&self, fps: f64, report: &mut Report) {
+        if self.limp(fps) {
+            let text = format!(
+                "rod \"{}\" is too stiff for single passes over its springs: it hangs limp",
+                self.members[0].id
+            );
+            report.push(Diagnostic::about("S041", text).help("take integrator = \"xpbd\", or raise substeps"));
+        }
+        for (k, rod) in self.members.iter().enumerate() {
+            let lost = self.rods.torsion_lost(k);
+            // Of interest only where somebody twists it.
+            let turns = |l: &RodLoad| l.kind == RodLoadKind::Wrench && l.keys.iter().any(|k| k[4..] != [0.0; 3]);
+            let twisted = rod.keys.torsion.is_some() || rod.loads.iter().any(turns);
+            if twisted && lost > 1.05 {
+                let text = format!("rod \"{}\" is {lost:.1} times softer against twisting than its material", rod.id);
+                let radii = "sections stand more than 3.4 radii apart";
+                report.push(Diagnostic::about("S040", text).help(format!("{radii}: raise sections (up to 64)")));
+            }
+        }
+    }
+
+    /// Lets the clip pass.
+    fn record(&mut self, recipe: &Recipe, wind: Option<&dyn Wind>, work: &Work<'_>) -> Result<RodMotion> {
+        let keys = &self.members[0].keys;
+        let integrator = match keys.integrator {
+            RodIntegrator::Xpbd => Integrator::Xpbd,
+            RodIntegrator::XpbdGs => Integrator::XpbdGs,
+            RodIntegrator::EulerSymplectic => Integrator::Symplectic,
+            RodIntegrator::EulerExplicit => Integrator::Explicit,
+        };
+        let frames = u32::try_from(recipe.clip.len()).unwrap_or(u32::MAX);
+        let drags: Vec<f64> = self.members.iter().map(|r| r.keys.drag).collect();
+        let clip = Clip {
+            frames,
+            first: recipe.clip.start,
+            fps: recipe.clip.fps(),
+            steps: keys.substeps,
+            integrator,
+            acts: std::mem::take(&mut self.acts),
+            wind: wind.map(|wind| (drags, wind)),
+            name: self.members[0].id.clone(),
+        };
+        Ok(RodMotion(Arc::new(self.rods.record(&clip, work.cancel)?)))
+    }
+
+    /// Whether single passes over the springs let it hang limp.
+    fn limp(&self, fps: f64) -> bool {
+        let keys = &self.members[0].keys;
+        let steps = keys.substeps.unwrap_or_else(|| self.rods.steps(fps));
+        keys.integrator == RodIntegrator::XpbdGs && self.rods.stiffness_per_step(1.0 / (fps * f64::from(steps))) > LIMP
+    }
+
+    /// Materials, and the asset with tubes and balls.
+    fn show(&self, first: u32, moves: bool) -> (Vec<Material>, Asset) {
+        let rest = Still {
+            sections: (0..self.rods.len()).map(|i| self.drawn(i)).collect(),
+            bodies: self.rods.bodies().iter().map(|b| self.drawn(b.section).0).collect(),
+        };
+        let joints = pose(&rest);
+        let (mut materials, mut meshes) = (Vec::new(), Vec::new());
+        let mut add = |name: String, color: [f32; 3], (mesh, skin): (Mesh, SkinWeights)| {
+            let material = first + u32::try_from(materials.len()).unwrap_or(0);
+            materials.push(surface(&name, color));
+            let motion = if moves { MeshMotion::Skinned } else { MeshMotion::Still };
+            meshes.push(MeshObject { name, mesh: mesh.with_material(material), motion, skin: moves.then_some(skin) });
+        };
+        for (k, rod) in self.members.iter().enumerate() {
+            add(rod.id.clone(), rod.keys.color, tube(&self.stations(k)));
+        }
+        for (k, weight) in self.weights.iter().enumerate().filter(|(_, w)| w.shown) {
+            let joint = u16::try_from(1 + rest.sections.len() + k).unwrap_or(0);
+            let name = format!("{}_weight_{}", self.members[0].id, k + 1);
+            add(name, weight.color, ball(rest.bodies[k], math::narrow(weight.radius), joint));
+        }
+        let named = |(i, t): (usize, &Trs)| Joint {
+            name: if i == 0 { "root".into() } else { format!("s{i}") },
+            parent: (i > 0).then_some(0),
+            rest: *t,
+        };
+        let skeleton = moves.then(|| Skeleton { joints: joints.iter().enumerate().map(named).collect() });
+        let asset = Asset {
+            id: self.members[0].id.clone(),
+            kind: AssetKind::Plant,
+            skeleton,
+            meshes,
+            instancers: Vec::new(),
+            points: Vec::new(),
+            curves: Vec::new(),
+        };
+        (materials, asset)
+    }
+
+    fn drawn(&self, i: usize) -> (Vec3, Quat) {
+        let f = self.rods.drawn(i);
+        (f.p.as_vec3(), f.turn().as_quat().normalize())
+    }
+
+    /// Sections of a rod as the tube sees them; the base of one that rides on another follows that one's section.
+    fn stations(&self, k: usize) -> Vec<Station> {
+        let joint = |i: usize| u16::try_from(i + 1).unwrap_or(u16::MAX);
+        let base = self.rods.base(k).map(|(on, f)| Station {
+            joint: joint(on),
+            p: f.p.as_vec3(),
+            q: f.turn().as_quat().normalize(),
+            r: math::narrow(self.members[k].keys.radius[0]),
+        });
+        let own = self.rods.sections(k).map(|i| {
+            let (p, q) = self.drawn(i);
+            Station { joint: joint(i), p, q, r: math::narrow(self.rods.radius(i)) }
+        });
+        base.into_iter().chain(own).collect()
+    }
+}
+
+fn keys<const N: usize>(rows: &[Vec<f64>]) -> Keys<N> {
+    let value = |k: &Vec<f64>, i: usize| k.get(i + 1).copied().unwrap_or(0.0);
+    Keys(rows.iter().map(|k| (k[0], std::array::from_fn(|i| value(k, i)))).collect())
+}
+
+/// A rod as the solver wants it.
+fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> Rod {
+    let [r, tip] = keys.radius;
+    let unit = PI * r * r * r * r;
+    let young = keys.bending.map_or(keys.young * 1e9, |ei| 4.0 * ei / unit);
+    let shear = keys.torsion.map_or(keys.shear, |gj| 2.0 * gj / unit / young);
+    let stuff =
+        Stuff { young: young / keys.gain, shear, density: keys.density, zeta: keys.zeta, recovery: keys.recovery };
+    let points: Vec<DVec3> = keys.points.iter().map(|p| DVec3::from_array(*p)).collect();
+    // The radius falls evenly along the points.
+    let mut along = vec![0.0];
+    for p in points.windows(2) {
+        along.push(along[along.len() - 1] + (p[1] - p[0]).length());
+    }
+    let whole = along[along.len() - 1];
+    let radii = along.iter().map(|s| r + (tip - r) * s / whole).collect();
+    Rod { points, radii, stuff, sections: keys.sections.and_then(|n| usize::try_from(n).ok()), parent }
+}
+
+fn surface(name: &str, color: [f32; 3]) -> Material {
+    Material {
+        name: name.into(),
+        class: MaterialClass::Bark,
+        base_color: color,
+        roughness: 0.6,
+        ior: 1.5,
+        translucency: 0.0,
+        double_sided: false,
+        alpha_cutoff: None,
+        height_range: 0.0,
+        tile: 1.0,
+        maps: Maps::default(),
+    }
+}
