@@ -60,6 +60,7 @@ pub const PRESETS: &[Preset] = presets! {
     "scenes" / "showcase.toml",
     "grammars" / "silk-tree.l",
     "scenes" / "silk-tree.toml",
+    "scenes" / "struck-twig.toml",
     "ifs-tables" / "sun.ifs",
     "ifs-tables" / "sympodial.ifs",
     "ifs-tables" / "sympodial.ifs.toml",
