@@ -54,9 +54,11 @@ fn growing() -> impl Iterator<Item = &'static Preset> {
     let crowd = |p: &Preset| p.text.contains("[sway]") && p.text.contains("individuals");
     let other =
         move |p: &Preset| points(p) || crowd(p) || p.text.contains("[[layer]]") || p.text.contains("[[scatter]]");
-    // What an artist modelled is judged in mesh_plants.rs, catkins in catkin_model.rs.
-    let modelled =
-        |p: &Preset| p.name.ends_with(".obj") || p.text.contains("\nmesh = ") || p.text.contains("\n[catkin]");
+    // What an artist modelled is judged in mesh_plants.rs, catkins in catkin_model.rs, rods in the rooms of theirs.
+    let modelled = |p: &Preset| {
+        let others = ["\nmesh = ", "\n[catkin]", "\n[[rod]]"];
+        p.name.ends_with(".obj") || others.iter().any(|t| p.text.contains(t))
+    };
     PRESETS.iter().filter(move |p| !p.name.ends_with(".ifs") && !other(p) && !modelled(p))
 }
 

@@ -153,3 +153,26 @@ fn every_default_is_listed_with_its_meaning() {
         }
     }
 }
+
+#[test]
+fn rods_are_read_and_their_faults_told() {
+    let good = "[[rod]]\nname = \"a\"\npoints = [[0, 0, 0], [0, 1, 0]]\n[[rod]]\non = \"a\"\npoints = [[0, 1, 0], [1, 1, 0]]\n";
+    let r = read(good, &["rod.0.radius_mm=[18,12]"]).expect("rods alone are a scene");
+    assert_eq!((r.rods.len(), r.rods[1].on, r.rods[0].keys.radius), (2, Some(0), [0.018, 0.012]));
+    let faults = [
+        ("rod.0.points=[[0,0,0]]", "S006", "two points or more"),
+        ("rod.1.on=b", "S005", "there is no rod \"b\" above this one"),
+        ("rod.0.GJ=1e6", "S004", "GJ makes the shear modulus"),
+        ("rod.0.radius=2", "S002", "has no key \"radius\""),
+        ("rod.0.clamp=[{at=2}]", "S004", "must be 0 to 1"),
+        ("rod.0.clamp=[{hold=\"guided\",line=[0,0,0]}]", "S004", "has no direction"),
+        ("rod.0.load=[{kind=\"force\"}]", "S006", "has no keys"),
+        ("rod.0.load=[{kind=\"force\",keys=[[0,1]]}]", "S003", "must have 4"),
+        ("rod.0.load=[{kind=\"mass\",keys=[[0,1],[0,2]]}]", "S004", "do not rise"),
+        ("rod.0.load=[{kind=\"mass\",keys=[[0,-1]]}]", "S004", "a mass below 0"),
+    ];
+    for (set, code, words) in faults {
+        let told = read(good, &[set]).expect_err(set);
+        assert!(told.contains(code) && told.contains(words), "{set}: {told}");
+    }
+}

@@ -330,3 +330,75 @@ fn surface(name: &str, color: [f32; 3]) -> Material {
         maps: Maps::default(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limits::Limits;
+    use crate::progress::{Cancel, Silent};
+    use crate::recipe::{Request, resolve};
+
+    fn built(text: &str, set: &[&str]) -> (Vec<New>, Vec<&'static str>) {
+        let set = set.iter().map(|s| (*s).to_owned()).collect();
+        let request = Request { name: "test".into(), text: text.into(), set, ..Request::default() };
+        let (recipe, mut report) = resolve(&request).expect("a good scene");
+        let (limits, cancel) = (Limits::default(), Cancel::default());
+        let work = Work { limits: &limits, cancel: &cancel, progress: &Silent };
+        let made = made(&recipe, 3, &work, &mut report).expect("moves");
+        (made, report.diagnostics.iter().map(|d| d.code).collect())
+    }
+
+    fn preset(name: &str) -> &'static str {
+        crate::presets::find(name).expect("preset").text
+    }
+
+    #[test]
+    fn a_pole_lifts_what_bends_it_and_lets_it_go() {
+        let (made, told) = built(preset("pole.toml"), &[]);
+        assert!(made.len() == 1 && told.is_empty(), "{told:?}");
+        let new = &made[0];
+        let joints = &new.asset.skeleton.as_ref().expect("moves").joints;
+        assert_eq!((joints.len(), new.asset.meshes.len(), new.materials.len()), (1 + 17 + 1, 2, 2));
+        let motion = new.motion.as_ref().expect("a clip");
+        let poses: Vec<Vec<Trs>> = (0..72).map(|k| motion.frame(k).pose).collect();
+        let chord = |p: &[Trs]| (p[17].t - p[1].t).length();
+        let (drawn, least) = (chord(&poses[0]), poses.iter().map(|p| chord(p)).fold(f32::MAX, f32::min));
+        assert!(least < 0.8 * drawn, "it bends: {least} of {drawn}");
+        assert!(poses.iter().all(|p| (p[1].t - poses[0][1].t).length() < 1e-3), "its foot stays");
+        // The weight rides on its end until it is let go, after 0.98 s, and then falls.
+        let apart = |p: &[Trs]| (p[18].t - p[17].t).length();
+        assert!(poses[..47].iter().all(|p| apart(p) < 1e-3) && apart(&poses[60]) > 0.2);
+        let top = poses.iter().map(|p| p[18].t.y).fold(0.0, f32::max);
+        assert!(top > 4.2 && poses[71][18].t.y < top - 0.5, "{top}");
+    }
+
+    #[test]
+    fn a_struck_twig_hangs_as_drawn_swings_and_comes_back() {
+        let (made, told) = built(preset("struck-twig.toml"), &["rod.0.load.0.keys=[[0.2,0,-0.022,0.012]]"]);
+        assert!(made.len() == 1 && told.is_empty(), "side twigs are part of it: {told:?}");
+        let motion = made[0].motion.as_ref().expect("a clip");
+        let away = |k: u64| {
+            let (now, drawn) = (motion.frame(k).pose, motion.frame(0).pose);
+            now.iter().zip(&drawn).fold(0.0, |m: f32, (a, b)| m.max((a.t - b.t).length()))
+        };
+        assert!(away(4) < 5e-4, "it hangs: {}", away(4));
+        let most = (5..20).map(away).fold(0.0, f32::max);
+        assert!(most > 0.03 && away(71) < 0.2 * most, "{most} {}", away(71));
+        for object in &made[0].asset.meshes {
+            let skin = object.skin.as_ref().expect("moves");
+            assert_eq!(skin.joints.len(), object.mesh.points.len());
+            assert!(skin.weights.iter().all(|w| (w.iter().sum::<f32>() - 1.0).abs() < 1e-6 && w[0] >= w[1]));
+        }
+    }
+
+    #[test]
+    fn what_numbers_cannot_hold_is_told() {
+        let rod = "[frames]\nend = 3\n[[rod]]\npoints = [[0, 1, 0], [0.4, 1, 0]]\nzeta = 0.1\n";
+        assert_eq!(built(rod, &["rod.0.integrator=xpbd_gs"]).1, ["S041"]);
+        let wrench = "[[rod.load]]\nkind = \"wrench\"\nkeys = [[0, 0, 0, 0, 0.01, 0, 0]]\n";
+        assert_eq!(built(&format!("{rod}{wrench}"), &[]).1, ["S040"]);
+        let heavy = "[[rod.load]]\nkind = \"mass\"\nkeys = [[0, 500]]\n";
+        assert_eq!(built(&format!("{rod}{heavy}"), &[]).1, ["S042"]);
+        assert!(built(rod, &["frames.end=1"]).0[0].asset.skeleton.is_none(), "a still scene has no joints");
+    }
+}

@@ -13,6 +13,7 @@ mod paper;
 mod pieces;
 mod posture;
 mod rig;
+#[allow(clippy::needless_range_loop, reason = "indices over corners and columns, as in the formulas")]
 pub mod rod;
 mod simulate;
 #[cfg(test)]

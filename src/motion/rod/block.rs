@@ -86,8 +86,7 @@ impl NullaryFnOnce for Elimination<'_> {
 fn factor(own: &mut Rows) -> bool {
     for k in 0..9 {
         let pivot = own.0[k][k];
-        // Not a number counts as not positive, too.
-        if !(pivot > 0.0) {
+        if pivot <= 0.0 || pivot.is_nan() {
             return false;
         }
         let scale = 1.0 / pivot.sqrt();

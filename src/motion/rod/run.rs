@@ -137,7 +137,7 @@ impl Rods {
             _ => (0..self.len()).fold(f64::MAX, |m, i| m.min(self.braked(i))) / (w * w),
         };
         let wanted = (1.0 / (clip.fps * SAFE * longest)).ceil();
-        if !(wanted <= f64::from(MOST_STEPS)) {
+        if wanted > f64::from(MOST_STEPS) || wanted.is_nan() {
             return Err(Error::Limit {
                 name: format!("the number of steps a frame of rod \"{}\"", clip.name),
                 wanted: format!("{wanted:.0}"),

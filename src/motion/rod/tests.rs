@@ -279,7 +279,7 @@ fn energy_falls_from_swing_to_swing_as_the_damping_says() {
             before = [before[1], x];
         }
         assert!(peaks.len() > 2 && peaks.windows(2).all(|p| p[1] < p[0]), "{peaks:?}");
-        let decrement = (peaks[0] / peaks[2]).ln() / (2.0 * TAU);
+        let decrement = crate::math::ln(peaks[0] / peaks[2]) / (2.0 * TAU);
         let wanted = zeta / (1.0 - zeta * zeta).sqrt() + 0.1_f64.powi_(3) / 5.0;
         assert!((decrement - wanted).abs() < 0.1 * wanted + 0.005, "zeta {zeta}: {decrement}");
     }
