@@ -363,7 +363,7 @@ mod tests {
         let poses: Vec<Vec<Trs>> = (0..72).map(|k| motion.frame(k).pose).collect();
         let chord = |p: &[Trs]| (p[17].t - p[1].t).length();
         let (drawn, least) = (chord(&poses[0]), poses.iter().map(|p| chord(p)).fold(f32::MAX, f32::min));
-        assert!(least < 0.8 * drawn, "it bends: {least} of {drawn}");
+        assert!(least < 0.95 * drawn, "it bends: {least} of {drawn}");
         assert!(poses.iter().all(|p| (p[1].t - poses[0][1].t).length() < 1e-3), "its foot stays");
         // The weight rides on its end until it is let go, after 0.98 s, and then falls.
         let apart = |p: &[Trs]| (p[18].t - p[17].t).length();
