@@ -30,9 +30,9 @@ impl Flow {
         Ok(Self { cells, sweep, links, populations, step: 0 })
     }
 
-    /// One step; returns how many fluid cells were too fast and clamped. `wind`: velocity at each inlet, cells a step;
+    /// One step; returns how many fluid cells were too fast and clamped. `wind`: velocity at each inlet, by component, cells a step;
     /// `wanted`: mean outward velocity at each face that is an outlet.
-    pub(super) fn advance(&mut self, wind: &[[f32; 3]], wanted: [f32; 6]) -> u64 {
+    pub(super) fn advance(&mut self, wind: &[Vec<f32>; 3], wanted: [f32; 6]) -> u64 {
         let parity = Parity::of(self.step);
         self.step += 1;
         self.sweep.step(&mut self.populations, &mut self.links, (parity, &self.cells), (wind, wanted))

@@ -1,7 +1,9 @@
 //! Where populations lie in memory: one copy, changed in place.
 //!
 //! One array per velocity. Node (x, y, z), the layers -1 and n around the domain included, is element
-//! x + 16 + s_x (y + 1) + s_x (n_y + 2)(z + 1) of each. Slot (k, x) is array k at node x.
+//! x + 1 + (n_x + 2)(y + 1) + s_z (z + 1) of each. Slot (k, x) is array k at node x. Rows follow each other without gaps: a
+//! step runs through a plane as through one long row, and computes the nodes around the domain along with it. What these
+//! hold is nobody's: boundaries put what a cell reads there before it does.
 //!
 //! Before an even step slot (i, x) holds the population that arrives at x; after it, and before an odd one, slot
 //! (opp i, x) holds what left x. An odd step gathers from slot (opp i, x - c_i) and leaves its results in slot (i, x + c_i),
@@ -9,17 +11,19 @@
 
 use super::stencil::{C, Q, opposite};
 
-/// Nodes that are computed together; rows begin on such a boundary.
+/// Nodes that are computed together.
 pub(super) const BLOCK: usize = 16;
-/// Extra elements between two arrays, which keep their streams off the same cache sets.
-const APART: usize = 5 * BLOCK;
+/// Arrays begin so many elements after a page of [`PAGE`] elements more than the one before: else the fifteen streams of a
+/// step would fall on the same lines of the cache.
+const APART: usize = 68;
+const PAGE: usize = 1024;
 
 /// Sizes of the arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Grid {
     /// Cells along x, y, z.
     pub n: [usize; 3],
-    /// Elements of a row, s_x.
+    /// Elements of a row.
     pub row: usize,
     /// Elements of a plane of constant z.
     pub plane: usize,
@@ -44,15 +48,16 @@ impl Parity {
 
 impl Grid {
     pub(super) fn new(n: [usize; 3]) -> Self {
-        let row = n[0].next_multiple_of(BLOCK) + 2 * BLOCK;
-        let plane = row * (n[1] + 2);
-        Self { n, row, plane, array: plane * (n[2] + 2) + APART }
+        let row = n[0] + 2;
+        // The last block of a plane may run over.
+        let plane = row * (n[1] + 2) + BLOCK;
+        Self { n, row, plane, array: (plane * (n[2] + 2)).next_multiple_of(PAGE) + APART }
     }
 
     /// Bytes of the populations of so many cells, before a grid of them is made.
     pub(super) fn bytes(n: [usize; 3]) -> u64 {
-        let row = (n[0] as u64).next_multiple_of(BLOCK as u64) + 2 * BLOCK as u64;
-        4 * Q as u64 * (row * (n[1] as u64 + 2) * (n[2] as u64 + 2) + APART as u64)
+        let [x, y, z] = n.map(|n| n as u64 + 2);
+        4 * Q as u64 * (((x * y + BLOCK as u64) * z).next_multiple_of(PAGE as u64) + APART as u64)
     }
 
     pub(super) fn cells(&self) -> usize {
@@ -67,7 +72,7 @@ impl Grid {
     /// Element of a node in its array; the layers around the domain are -1 and n.
     #[allow(clippy::cast_sign_loss, clippy::cast_possible_wrap, reason = "from -1 on, below the sizes")]
     pub(super) fn element(&self, [x, y, z]: [isize; 3]) -> usize {
-        (x + BLOCK as isize) as usize + self.row * (y + 1) as usize + self.plane * (z + 1) as usize
+        (x + 1) as usize + self.row * (y + 1) as usize + self.plane * (z + 1) as usize
     }
 
     /// Elements from a node to the one a velocity leads to.

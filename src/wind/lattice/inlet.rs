@@ -3,8 +3,10 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec3, Vec3};
+use pulp::{Arch, Simd, WithSimd};
 
 use super::super::Wind;
+use super::lane::Wide;
 use crate::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use crate::rng::Rng;
 
@@ -53,6 +55,9 @@ const STRONGEST: f64 = 2.0;
 /// Shortest and longest waves of turbulence, and the height where it is whole, in cells.
 const WAVES: [f64; 2] = [6.0, 32.0];
 const WHOLE: f64 = 6.0;
+
+/// Places of an inlet whose waves are added up at a time, while their sums lie in the nearest cache.
+const PATCH: usize = 1024;
 
 /// One wave of turbulence.
 #[derive(Debug, Clone, Copy)]
@@ -110,14 +115,19 @@ impl Inlet {
     }
 
     /// Factor of gusts on the mean: an Ornstein-Uhlenbeck process of unit variance, cut at two, times the strength.
-    #[allow(clippy::cast_possible_truncation, reason = "whole numbers of ticks")]
     pub fn gust(&self, t: f64) -> f64 {
+        self.gust_by(t, |tick| self.drawn(tick))
+    }
+
+    /// The same from draws by tick.
+    #[allow(clippy::cast_possible_truncation, reason = "whole numbers of ticks")]
+    fn gust_by(&self, t: f64, mut drawn: impl FnMut(i64) -> f64) -> f64 {
         if self.options.gust <= 0.0 {
             return 1.0;
         }
         let ticks = t * TICKS / self.options.gust_period;
         let (tick, part) = (ticks.floor() as i64, ticks - ticks.floor());
-        let (a, b) = (self.drawn(tick), self.drawn(tick + 1));
+        let (a, b) = (drawn(tick), drawn(tick + 1));
         1.0 + self.options.gust * (a + (b - a) * part).clamp(-STRONGEST, STRONGEST)
     }
 
@@ -254,6 +264,7 @@ pub(super) struct Mouth {
     /// By wave: cosine and sine of its phase at each place, times the envelope.
     waves: Vec<[Vec<f32>; 2]>,
     direction: [f32; 3],
+    gusts: Gusts,
 }
 
 impl Mouth {
@@ -270,30 +281,88 @@ impl Mouth {
             ]
         };
         let waves = inlet.modes.iter().map(wave).collect();
-        Self { mean, waves, direction: inlet.options.direction.to_array().map(narrow) }
+        Self { mean, waves, direction: inlet.options.direction.to_array().map(narrow), gusts: Gusts::default() }
     }
 
-    /// Velocity at every place, cells a step. `ramp`: share of the wind that blows already.
-    pub(super) fn blow(&self, inlet: &Inlet, t: f64, ramp: f64, out: &mut Vec<[f32; 3]>) {
-        let gust = narrow(inlet.gust(t) * ramp);
-        out.clear();
-        out.extend(self.mean.iter().map(|u| self.direction.map(|d| d * (u * gust))));
-        for (mode, [cosine, sine]) in inlet.modes.iter().zip(&self.waves) {
-            let (c, s) = (narrow(cos(mode.rate * t) * ramp), narrow(sin(mode.rate * t) * ramp));
-            let e = mode.e.to_array().map(narrow);
-            // cos(a - b) = cos a cos b + sin a sin b.
-            for ((u, a), b) in out.iter_mut().zip(cosine).zip(sine) {
-                let wave = a * c + b * s;
-                u[0] += e[0] * wave;
-                u[1] += e[1] * wave;
-                u[2] += e[2] * wave;
+    /// Velocity at every place, by component, cells a step. `gust`: factor on the mean; `ramp`: share of the wind that blows
+    /// already.
+    pub(super) fn blow(&self, inlet: &Inlet, t: f64, (gust, ramp): (f32, f64), arch: Arch, out: &mut [Vec<f32>; 3]) {
+        out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
+        let turn = |m: &Mode| {
+            let (c, s) = (narrow(cos(m.rate * t) * ramp), narrow(sin(m.rate * t) * ramp));
+            (m.e.to_array().map(narrow), c, s)
+        };
+        let waves: Vec<_> = inlet.modes.iter().map(turn).collect();
+        arch.dispatch(Blow { mouth: self, gust, waves: &waves, out });
+    }
+
+    /// Factor on the mean wind at a time. `ramp`: share of the wind that blows already.
+    pub(super) fn share(&mut self, inlet: &Inlet, t: f64, ramp: f64) -> f32 {
+        narrow(inlet.gust_by(t, |tick| self.gusts.of(inlet, tick)) * ramp)
+    }
+}
+
+/// Draws of gusts, which hold for many steps.
+#[derive(Debug, Default)]
+struct Gusts([Option<(i64, f64)>; 2]);
+
+impl Gusts {
+    fn of(&mut self, inlet: &Inlet, tick: i64) -> f64 {
+        let slot = &mut self.0[usize::from(tick.rem_euclid(2) == 1)];
+        match slot {
+            Some((known, drawn)) if *known == tick => *drawn,
+            _ => slot.insert((tick, inlet.drawn(tick))).1,
+        }
+    }
+}
+
+struct Blow<'a> {
+    mouth: &'a Mouth,
+    gust: f32,
+    /// Of every wave: velocity, cosine and sine of the phase now.
+    waves: &'a [([f32; 3], f32, f32)],
+    out: &'a mut [Vec<f32>; 3],
+}
+
+impl WithSimd for Blow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { mouth, gust, waves, out } = self;
+        let all = mouth.mean.len();
+        for first in (0..all).step_by(PATCH) {
+            let here = first..all.min(first + PATCH);
+            for a in 0..3 {
+                let along = mouth.direction[a];
+                out[a][here.clone()]
+                    .iter_mut()
+                    .zip(&mouth.mean[here.clone()])
+                    .for_each(|(u, m)| *u = along * (m * gust));
+            }
+            for ((e, c, s), [cosine, sine]) in waves.iter().zip(&mouth.waves) {
+                for a in 0..3 {
+                    // cos(a - b) = cos a cos b + sin a sin b.
+                    let (c, s) = (e[a] * c, e[a] * s);
+                    add(simd, &mut out[a][here.clone()], (c, &cosine[here.clone()]), (s, &sine[here.clone()]));
+                }
             }
         }
     }
+}
 
-    /// Factor on the mean wind at a time.
-    pub(super) fn share(&self, inlet: &Inlet, t: f64, ramp: f64) -> f32 {
-        narrow(inlet.gust(t) * ramp)
+/// Adds two rows, each times a factor.
+#[inline(always)]
+fn add<S: Simd>(simd: S, to: &mut [f32], (c, cosine): (f32, &[f32]), (s, sine): (f32, &[f32])) {
+    let (lanes, rest) = S::as_mut_simd_f32s(to);
+    let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
+    let (c_all, s_all) = (Wide::splat(simd, c), Wide::splat(simd, s));
+    for ((u, a), b) in lanes.iter_mut().zip(a).zip(b) {
+        let wave = Wide::new(simd, *a) * c_all + Wide::new(simd, *b) * s_all;
+        *u = (Wide::new(simd, *u) + wave).value;
+    }
+    for ((u, a), b) in rest.iter_mut().zip(a_rest).zip(b_rest) {
+        *u += *a * c + *b * s;
     }
 }
 

@@ -6,28 +6,35 @@
 use std::ops::Range;
 
 use super::cells::Cells;
-use super::collide::{equilibrium, moments};
+use super::collide::moments;
 use super::grid::{Grid, Parity, Populations};
-use super::lane::Lane;
 use super::list::List;
+use super::open::Mouths;
 use super::stencil::{C, Q, opposite};
-use crate::par;
 
-/// Rows of a band.
-pub(super) const BAND: usize = 16;
-/// Ghosts that one thread takes at a time.
-const PART: usize = 512;
+/// Nodes of a band, which lie one after the other in a plane: so few that what is put there waits for memory while the
+/// band before is computed.
+pub(super) const BAND: usize = 256;
+/// Nodes after which the cells before open faces are looked at, many at once, while they lie in the second cache.
+pub(super) const VENT: usize = 8 * BAND;
 
-/// Populations side by side in memory and in a buffer.
-#[derive(Debug, Clone, Copy)]
+/// Populations in memory, at equal distances, and side by side in a buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Piece {
     /// Direction.
     pub along: u8,
+    pub run: Run,
+    /// Place of the first in the buffer.
+    pub at: u32,
+}
+
+/// Nodes of a plane at equal distances: along a row, or across rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Run {
     /// First node, as its number in its plane.
     pub node: u32,
     pub count: u32,
-    /// Place of the first in the buffer.
-    pub at: u32,
+    pub stride: u32,
 }
 
 /// What a band needs.
@@ -40,104 +47,21 @@ pub(super) struct Joint {
     /// Its part of the pieces that leave it for boundaries, and of their buffer.
     pub take: Range<usize>,
     pub taken: Range<usize>,
-    /// Its part of the cells before open faces.
+    /// Its part of the runs of cells before open faces, and of these cells.
     pub near: Range<usize>,
-}
-
-/// A place outside an open face.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Ghost {
-    pub place: [isize; 3],
-    /// Number of the nearest cell inside among those before open faces; none if it is solid.
-    pub near: Option<u32>,
-    /// Directions it sends along, a bit each.
-    pub sends: u16,
-    /// Place of the first in the buffer.
-    pub at: u32,
-    /// Its number among those where air comes in.
-    pub inlet: Option<u32>,
-    /// Outward side of each axis on which it lies beyond an outlet: -1, 0, 1.
-    pub out: [i8; 3],
-    /// The face it lies beyond, if that is just one.
-    pub face: Option<usize>,
-}
-
-/// What an open face sends inside.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Sends<L> {
-    /// Air with this velocity.
-    Inlet([L; 3]),
-    /// What comes out, at this density less 1; never inwards along these sides. `true`: with the part beside the
-    /// equilibrium.
-    Outlet([i8; 3], L, bool),
-}
-
-/// Density less 1 beyond an outlet that lets sound go: that of a wave which alone would change the mean outward velocity
-/// from what is wanted to what is. Both in cells a step.
-/// Differs: with density 1 for good a box between inlet and outlet is an organ pipe, whose note lasts for thousands of
-/// steps and is as strong as the wind.
-pub(super) fn let_go<L: Lane>(wanted: L, mean: L) -> L {
-    (mean - wanted) * mean.all(SQRT_3)
-}
-
-const SQRT_3: f64 = 1.732_050_807_568_877_2;
-
-/// Air beyond an open face.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Beyond<L> {
-    /// Density less 1, and velocity.
-    air: (L, [L; 3]),
-    /// Those of the cell before it, if what is beside its equilibrium goes along.
-    rest: Option<(L, [L; 3])>,
-}
-
-impl<L: Lane> Beyond<L> {
-    /// From the populations that left the cell before it; `near`: zeros beside a solid, which counts as air at rest.
-    #[inline(always)]
-    pub(super) fn new(near: &[L; Q], sends: Sends<L>) -> Self {
-        let (drho, mut u) = moments(near);
-        match sends {
-            Sends::Inlet(wind) => Self { air: (drho, wind), rest: None },
-            Sends::Outlet(out, density, rest) => {
-                let rest = rest.then_some((drho, u));
-                for a in 0..3 {
-                    let outward = f64::from(out[a]);
-                    if outward.abs() > 0.0 {
-                        // Kept where it goes outwards.
-                        let pace = u[a] * u[a].all(outward);
-                        u[a] = pace.above(0.0, u[a], u[a].all(0.0));
-                    }
-                }
-                Self { air: (density, u), rest }
-            }
-        }
-    }
-
-    /// What it sends along a velocity.
-    #[inline(always)]
-    pub(super) fn sends(&self, i: usize, near: &[L; Q]) -> L {
-        let sent = equilibrium(i, self.air.0, self.air.1);
-        match self.rest {
-            Some((drho, u)) => sent + (near[i] - equilibrium(i, drho, u)),
-            None => sent,
-        }
-    }
+    pub beside: Range<usize>,
 }
 
 /// Everything that boundaries pass on.
 #[derive(Debug)]
 pub(super) struct Links {
     pub plan: Plan,
-    pub ghosts: Vec<Ghost>,
+    pub mouths: Mouths,
     /// Places among the taken and what walls that move add there.
     pub struck: Vec<(u32, f32)>,
-    /// Outlets send what is beside the equilibrium as well.
-    pub rest: bool,
     /// What the last step has left, and room for what the next one leaves.
     pub last: Taken,
     pub next: Taken,
-    /// What open faces send.
-    pub sent: Vec<f32>,
 }
 
 /// Where everything lies.
@@ -149,15 +73,26 @@ pub(super) struct Plan {
     pub put: Vec<Piece>,
     pub open: Vec<Piece>,
     pub take: Vec<Piece>,
-    /// Cells before open faces, as numbers in their planes.
-    pub near: Vec<u32>,
+    /// Cells before open faces.
+    pub near: Vec<Run>,
+    /// Outlets send what is beside the equilibrium as well.
+    pub rest: bool,
 }
 
 /// What was taken out of the populations.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Taken {
     pub pieces: Vec<f32>,
-    pub near: Vec<[f32; Q]>,
+    pub vents: Vents,
+}
+
+/// Air in the cells before open faces.
+#[derive(Debug, Clone)]
+pub(super) struct Vents {
+    /// Density less 1, and velocity; in the end air at rest, for faces before solids.
+    pub air: Vec<[f32; 4]>,
+    /// Their populations, if they are asked for.
+    pub parts: Vec<[f32; Q]>,
 }
 
 /// What a step reads of boundaries.
@@ -171,17 +106,31 @@ pub(super) struct Arriving<'a> {
 /// Room for what some bands leave for boundaries.
 #[derive(Debug)]
 pub(super) struct Leaving<'a> {
-    pieces: &'a mut [f32],
-    near: &'a mut [[f32; Q]],
+    pub pieces: &'a mut [f32],
+    pub air: &'a mut [[f32; 4]],
+    pub parts: &'a mut [[f32; Q]],
 }
 
 /// Some planes of every array: array k from plane z, or from z + c_kz before and after an odd step.
 pub(super) type Planes<'a> = [&'a mut [f32]];
 
+/// By direction: the array, and elements from a node to its place there.
+pub(super) type Places = [(usize, isize); Q];
+
 impl Grid {
+    /// Elements of a plane from its first cell to its last.
+    pub(super) fn span(&self) -> usize {
+        self.row * (self.n[1] - 1) + self.n[0]
+    }
+
     /// Bands of a plane.
     pub(super) fn bands(&self) -> usize {
-        self.n[1].div_ceil(BAND)
+        self.span().div_ceil(BAND)
+    }
+
+    /// Number of the first cell's node in its plane.
+    pub(super) fn first(&self) -> usize {
+        self.row + 1
     }
 
     /// Elements by which a step reads and writes array k beside a node, within the plane.
@@ -192,30 +141,63 @@ impl Grid {
             Parity::Odd => C[k][0] as isize + C[k][1] as isize * self.row as isize,
         }
     }
+
+    /// Where a step reads what arrives along each direction.
+    fn arrive(&self, parity: Parity) -> Places {
+        std::array::from_fn(|i| {
+            let k = if parity == Parity::Odd { opposite(i) } else { i };
+            (k, self.aside(parity, k))
+        })
+    }
+
+    /// Where a step writes what leaves along each direction.
+    fn leave(&self, parity: Parity) -> Places {
+        std::array::from_fn(|i| {
+            let k = if parity == Parity::Odd { i } else { opposite(i) };
+            (k, self.aside(parity, k))
+        })
+    }
+}
+
+impl Run {
+    /// The part of an array from its first node on.
+    fn place(self, (k, aside): (usize, isize), plane: usize) -> (usize, usize) {
+        (k, (plane + self.node as usize).wrapping_add_signed(aside))
+    }
+}
+
+/// Copies numbers side by side to places at equal distances.
+fn spread(to: &mut [f32], run: Run, from: &[f32]) {
+    let from = &from[..run.count as usize];
+    if run.stride == 1 {
+        to[..from.len()].copy_from_slice(from);
+    } else {
+        to.iter_mut().step_by(run.stride as usize).zip(from).for_each(|(to, from)| *to = *from);
+    }
+}
+
+/// The other way.
+fn gather(to: &mut [f32], from: &[f32], run: Run) {
+    let to = &mut to[..run.count as usize];
+    if run.stride == 1 {
+        to.copy_from_slice(&from[..to.len()]);
+    } else {
+        to.iter_mut().zip(from.iter().step_by(run.stride as usize)).for_each(|(to, from)| *to = *from);
+    }
 }
 
 impl Arriving<'_> {
     /// Puts what arrives at a band of the plane `plane` of a slab.
     pub(super) fn put(self, planes: &mut Planes<'_>, parity: Parity, band: usize, plane: usize) {
         let Self { plan, .. } = self;
-        let joint = &plan.joints[band];
-        let place = |along: u8, node: u32| {
-            let i = usize::from(along);
-            let k = if parity == Parity::Odd { opposite(i) } else { i };
-            (k, (plane * plan.grid.plane + node as usize).wrapping_add_signed(plan.grid.aside(parity, k)))
-        };
-        for p in &plan.put[joint.put.clone()] {
-            let (k, e) = place(p.along, p.node);
-            let (at, count) = (p.at as usize, p.count as usize);
-            if count == 1 {
-                planes[k][e] = self.pieces[at];
-            } else {
-                planes[k][e..e + count].copy_from_slice(&self.pieces[at..at + count]);
+        let (joint, places) = (&plan.joints[band], plan.grid.arrive(parity));
+        let plane = plane * plan.grid.plane;
+        for (pieces, from) in [(&plan.put[joint.put.clone()], self.pieces), (&plan.open[joint.open.clone()], self.sent)]
+        {
+            for p in pieces {
+                let (k, e) = p.run.place(places[usize::from(p.along)], plane);
+                spread(&mut planes[k][e..], p.run, &from[p.at as usize..]);
             }
-        }
-        for p in &plan.open[joint.open.clone()] {
-            let (k, e) = place(p.along, p.node);
-            planes[k][e] = self.sent[p.at as usize];
         }
     }
 
@@ -229,26 +211,44 @@ impl Arriving<'_> {
     ) {
         let Self { plan, .. } = self;
         let (joint, slab) = (&plan.joints[band], &plan.joints[first]);
-        let place = |i: usize, node: u32| {
-            let k = if parity == Parity::Odd { i } else { opposite(i) };
-            (k, (plane * plan.grid.plane + node as usize).wrapping_add_signed(plan.grid.aside(parity, k)))
-        };
+        let places = plan.grid.leave(parity);
+        let plane = plane * plan.grid.plane;
         for p in &plan.take[joint.take.clone()] {
-            let (k, e) = place(usize::from(p.along), p.node);
-            let (at, count) = (p.at as usize - slab.taken.start, p.count as usize);
-            if count == 1 {
-                room.pieces[at] = planes[k][e];
-            } else {
-                room.pieces[at..at + count].copy_from_slice(&planes[k][e..e + count]);
-            }
+            let (k, e) = p.run.place(places[usize::from(p.along)], plane);
+            gather(&mut room.pieces[p.at as usize - slab.taken.start..], &planes[k][e..], p.run);
         }
-        let near = &mut room.near[joint.near.start - slab.near.start..joint.near.end - slab.near.start];
-        for (node, g) in plan.near[joint.near.clone()].iter().zip(near) {
-            for (i, g) in g.iter_mut().enumerate() {
-                let (k, e) = place(i, *node);
-                *g = planes[k][e];
-            }
+    }
+
+    /// The runs of cells before open faces in a band.
+    pub(super) fn near(&self, band: usize) -> &[Run] {
+        &self.plan.near[self.plan.joints[band].near.clone()]
+    }
+
+    /// Takes the populations that left some cells of a run, before open faces. `skip`: the first of these cells.
+    pub(super) fn vent<const N: usize>(
+        &self,
+        planes: &Planes<'_>,
+        parity: Parity,
+        (run, skip, plane): (Run, usize, usize),
+        out: &mut [[f32; N]; Q],
+    ) {
+        let count = (run.count as usize - skip).min(N);
+        let (plane, stride) = (plane * self.plan.grid.plane, run.stride as usize);
+        for (place, out) in self.plan.grid.leave(parity).into_iter().zip(out) {
+            let (k, e) = run.place(place, plane);
+            let from = planes[k][e + skip * stride..].iter().step_by(stride);
+            out[..count].iter_mut().zip(from).for_each(|(out, g)| *out = *g);
         }
+    }
+
+    /// The places of a band among those of its slab before open faces.
+    pub(super) fn beside(&self, first: usize, band: usize) -> Range<usize> {
+        let (from, to) = (self.plan.joints[first].beside.start, &self.plan.joints[band].beside);
+        to.start - from..to.end - from
+    }
+
+    pub(super) fn rest(&self) -> bool {
+        self.plan.rest
     }
 }
 
@@ -258,64 +258,21 @@ impl Links {
         List::new(cells).links(rest)
     }
 
-    /// Where air comes in, in the order of the velocities that [`Links::meet`] takes.
-    pub(super) fn inlets(&self) -> Vec<[isize; 3]> {
-        self.ghosts.iter().filter(|g| g.inlet.is_some()).map(|g| g.place).collect()
-    }
-
-    /// Places beyond just one open face, before air: their face.
-    pub(super) fn mouths(&self) -> impl Iterator<Item = ([isize; 3], usize)> {
-        self.ghosts.iter().filter(|g| g.near.is_some()).filter_map(|g| Some((g.place, g.face?)))
-    }
-
-    /// Mean outward velocity before each face that is an outlet, cells a step.
-    fn outflow(&self) -> [f32; 6] {
-        let parts = par::par_chunks(&self.ghosts, par::CHUNK, |_, ghosts| {
-            let (mut sum, mut count) = ([0.0_f32; 6], [0_u32; 6]);
-            for ghost in ghosts.iter().filter(|g| g.inlet.is_none()) {
-                if let Some((face, near)) = ghost.face.zip(ghost.near) {
-                    let out = f32::from(ghost.out[face / 2]);
-                    sum[face] += out * moments(&self.last.near[near as usize]).1[face / 2];
-                    count[face] += 1;
-                }
-            }
-            (sum, count)
-        });
-        std::array::from_fn(|f| {
-            let (sum, count) = parts.iter().fold((0.0, 0), |(s, c), p| (s + p.0[f], c + p.1[f]));
-            if count > 0 { sum / count as f32 } else { 0.0 }
-        })
-    }
-
     /// What arrives in the next step, and room for what it leaves, cut at bands `slab` apart.
-    /// `wind`: velocity at each inlet, cells a step; `wanted`: mean outward velocity at each outlet.
+    /// `wind`: velocity at each inlet, by component, cells a step, in the order of [`Mouths::inlets`]; `wanted`: mean outward
+    /// velocity at each outlet.
     pub(super) fn meet(
         &mut self,
-        wind: &[[f32; 3]],
+        wind: &[Vec<f32>; 3],
         wanted: [f32; 6],
         slab: usize,
+        arch: pulp::Arch,
     ) -> (Arriving<'_>, Vec<Leaving<'_>>) {
         for (at, more) in &self.struck {
             self.last.pieces[*at as usize] += more;
         }
-        let mean = self.outflow();
-        let density = std::array::from_fn(|f| let_go(wanted[f], mean[f]));
-        let mut sent = self.sent.as_mut_slice();
-        let mut parts = Vec::new();
-        for ghosts in self.ghosts.chunks(PART) {
-            let count = ghosts.iter().map(|g| g.sends.count_ones() as usize).sum();
-            let (mine, others) = sent.split_at_mut(count);
-            parts.push((ghosts, mine));
-            sent = others;
-        }
-        let (near, outlets) = (&self.last.near, (density, self.rest));
-        par::par_each(&mut parts, |(ghosts, out)| {
-            let mut out = out.iter_mut();
-            for ghost in ghosts.iter() {
-                send(ghost, near, wind, outlets, &mut out);
-            }
-        });
-        let arriving = Arriving { plan: &self.plan, pieces: &self.last.pieces, sent: &self.sent };
+        self.mouths.send(arch, &self.last.vents, (wind, wanted), self.plan.rest);
+        let arriving = Arriving { plan: &self.plan, pieces: &self.last.pieces, sent: &self.mouths.sent };
         (arriving, rooms(&self.plan, &mut self.next, slab))
     }
 
@@ -329,17 +286,27 @@ impl Links {
         let arrays = populations.arrays();
         let plan = &self.plan;
         let (bands, grid) = (plan.grid.bands(), &plan.grid);
+        let vents = &mut self.last.vents;
+        let mut number = 0;
         for (band, joint) in plan.joints.iter().enumerate() {
             let plane = (band / bands + 1) * grid.plane;
             for p in &plan.take[joint.take.clone()] {
-                let (k, e) = grid.left(parity, usize::from(p.along), plane + p.node as usize);
-                let (at, count) = (p.at as usize, p.count as usize);
-                self.last.pieces[at..at + count].copy_from_slice(&arrays[k][e..e + count]);
+                let (k, e) = grid.left(parity, usize::from(p.along), plane + p.run.node as usize);
+                gather(&mut self.last.pieces[p.at as usize..], &arrays[k][e..], p.run);
             }
-            for n in joint.near.clone() {
-                for i in 0..Q {
-                    let (k, e) = grid.left(parity, i, plane + plan.near[n] as usize);
-                    self.last.near[n][i] = arrays[k][e];
+            for run in &plan.near[joint.near.clone()] {
+                for n in 0..run.count {
+                    let node = plane + (run.node + n * run.stride) as usize;
+                    let parts: [f32; Q] = std::array::from_fn(|i| {
+                        let (k, e) = grid.left(parity, i, node);
+                        arrays[k][e]
+                    });
+                    let (drho, [x, y, z]) = moments(&parts);
+                    vents.air[number] = [drho, x, y, z];
+                    if plan.rest {
+                        vents.parts[number] = parts;
+                    }
+                    number += 1;
                 }
             }
         }
@@ -350,52 +317,24 @@ impl Links {
         use std::mem::size_of_val;
         let plan = &self.plan;
         let pieces = size_of_val(&*plan.put) + size_of_val(&*plan.open) + size_of_val(&*plan.take);
-        let taken = |t: &Taken| size_of_val(&*t.pieces) + size_of_val(&*t.near);
-        pieces + size_of_val(&*plan.near) + size_of_val(&*self.ghosts) + taken(&self.last) + taken(&self.next)
+        let taken = |t: &Taken| size_of_val(&*t.pieces) + size_of_val(&*t.vents.air) + size_of_val(&*t.vents.parts);
+        pieces + size_of_val(&*plan.near) + self.mouths.bytes() + taken(&self.last) + taken(&self.next)
     }
-}
-
-/// What one ghost sends, in the order of its directions.
-fn send<'a>(
-    ghost: &Ghost,
-    near: &[[f32; Q]],
-    wind: &[[f32; 3]],
-    (density, rest): ([f32; 6], bool),
-    out: &mut impl Iterator<Item = &'a mut f32>,
-) {
-    let g = ghost.near.map_or([0.0; Q], |n| near[n as usize]);
-    let sends = match ghost.inlet {
-        Some(k) => Sends::Inlet(wind[k as usize]),
-        None => Sends::Outlet(ghost.out, mean_of(ghost.out, density), rest && ghost.near.is_some()),
-    };
-    let beyond = Beyond::new(&g, sends);
-    for i in (1..Q).filter(|i| ghost.sends >> i & 1 == 1) {
-        if let Some(out) = out.next() {
-            *out = beyond.sends(i, &g);
-        }
-    }
-}
-
-/// Mean of what is said of the faces beyond which a place lies; `out`: their sides.
-pub(super) fn mean_of<L: Lane>(out: [i8; 3], faces: [L; 6]) -> L {
-    let (mut sum, mut count) = (faces[0].all(0.0), 0.0);
-    for (a, side) in out.iter().enumerate().filter(|(_, side)| **side != 0) {
-        sum = sum + faces[2 * a + usize::from(*side > 0)];
-        count += 1.0;
-    }
-    if count > 0.0 { sum.over(sum.all(count)) } else { sum }
 }
 
 /// Cuts the room for what leaves at every `slab` bands.
 fn rooms<'a>(plan: &Plan, room: &'a mut Taken, slab: usize) -> Vec<Leaving<'a>> {
-    let (mut pieces, mut near) = (room.pieces.as_mut_slice(), room.near.as_mut_slice());
-    let mut parts = Vec::new();
+    let (mut pieces, mut air, mut parts) =
+        (room.pieces.as_mut_slice(), room.vents.air.as_mut_slice(), room.vents.parts.as_mut_slice());
+    let mut rooms = Vec::new();
     for joints in plan.joints.chunks(slab) {
         let count = |range: &dyn Fn(&Joint) -> Range<usize>| joints.iter().map(|j| range(j).len()).sum::<usize>();
+        let beside = count(&|j| j.beside.clone());
         let (mine, others) = pieces.split_at_mut(count(&|j| j.taken.clone()));
-        let (mine_near, others_near) = near.split_at_mut(count(&|j| j.near.clone()));
-        parts.push(Leaving { pieces: mine, near: mine_near });
-        (pieces, near) = (others, others_near);
+        let (mine_air, others_air) = air.split_at_mut(beside);
+        let (mine_parts, others_parts) = parts.split_at_mut(if plan.rest { beside } else { 0 });
+        rooms.push(Leaving { pieces: mine, air: mine_air, parts: mine_parts });
+        (pieces, air, parts) = (others, others_air, others_parts);
     }
-    parts
+    rooms
 }

@@ -9,6 +9,7 @@ mod lane;
 mod links;
 mod list;
 mod marks;
+mod open;
 mod plan;
 mod recorded;
 #[cfg(test)]

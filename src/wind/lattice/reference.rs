@@ -11,7 +11,7 @@
 
 use super::cells::{Cells, Face, Source};
 use super::collide::{Relax, collide, moments};
-use super::links::{Beyond, Sends, let_go, mean_of};
+use super::open::{Beyond, Sends, let_go, mean_of};
 use super::stencil::{C, Q, weight};
 
 /// Air in steps of the lattice.
@@ -93,7 +93,7 @@ impl Plain {
                     let out = faces.map(|f| f.map_or(0, |(f, _)| 2 * (f % 2) as i8 - 1));
                     Sends::Outlet(out, mean_of(out, density), self.rest && !solid)
                 };
-                Beyond::new(&near, sends).sends(j, &near)
+                Beyond::new(moments(&near), sends).sends(j, near[j])
             }
         }
     }

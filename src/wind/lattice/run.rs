@@ -1,5 +1,6 @@
 //! The wind of a clip, frame by frame.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -21,6 +22,8 @@ use crate::{Error, Result};
 
 /// Steps between two looks at every cell.
 const LOOK: u64 = 64;
+/// Snapshots whose memory is waited for: the two between which others are, and the next.
+const PAST: usize = 3;
 /// Share of cells that may be clamped in a step.
 const CLAMPED: f64 = 0.01;
 /// Checkered density, beyond which the two sublattices have come apart.
@@ -60,13 +63,15 @@ pub struct Lattice {
     inlet: Arc<Inlet>,
     mouth: Mouth,
     field: Arc<Field>,
-    wind: Vec<[f32; 3]>,
+    wind: [Vec<f32>; 3],
     /// Mean outward velocity at each outlet when what comes in goes out, cells a step.
     outflow: [f32; 6],
     notes: Vec<Note>,
     fluid: usize,
     health: Health,
     frames: u64,
+    /// The last snapshots, whose memory is taken again.
+    past: VecDeque<Arc<Snapshot>>,
 }
 
 impl Lattice {
@@ -101,11 +106,25 @@ impl Lattice {
         let inlet = Arc::new(inlet);
         let field = Arc::new(Field::new(&cells, space, Arc::clone(&inlet)));
         let flow = Flow::new(cells, viscosity, options.outlet_rest)?;
-        let places = flow.links.inlets().into_iter().map(|p| (plan.middle(p), ground(&flow.cells, p, options.spacing)));
+        let places =
+            flow.links.mouths.inlets().into_iter().map(|p| (plan.middle(p), ground(&flow.cells, p, options.spacing)));
         let mouth = Mouth::new(&inlet, &places.collect::<Vec<_>>(), plan.dt / options.spacing);
         let outflow = outflow(&flow, &inlet, &plan);
         let health = Health { steps: 0, clamped: 0, checkered: 0.0, checkered_now: 0.0, density: 0.0 };
-        Ok(Self { plan, flow, inlet, mouth, field, wind: Vec::new(), outflow, notes, fluid, health, frames: 0 })
+        Ok(Self {
+            plan,
+            flow,
+            inlet,
+            mouth,
+            field,
+            wind: [const { Vec::new() }; 3],
+            outflow,
+            notes,
+            fluid,
+            health,
+            frames: 0,
+            past: VecDeque::new(),
+        })
     }
 
     /// The wind that comes in.
@@ -157,24 +176,43 @@ impl Lattice {
                 progress.advance(1);
             }
         }
-        let reading = self.look()?;
         let time = self.frames as f64 / self.plan.fps;
+        let mut values = self.room();
+        let reading = self.flow.write(narrow(self.plan.speed()), &self.field, &mut values);
+        self.judge(&reading)?;
         self.frames += 1;
-        Ok(Arc::new(reading.snapshot(&self.field, time)))
+        let snapshot = Arc::new(Snapshot { field: Arc::clone(&self.field), values, time });
+        self.past.push_back(Arc::clone(&snapshot));
+        Ok(snapshot)
+    }
+
+    /// Memory for a snapshot: that of one before which nobody has any more, for fresh memory takes as long as a step.
+    fn room(&mut self) -> Vec<[f32; 4]> {
+        let free = self.past.iter().position(|old| Arc::strong_count(old) == 1);
+        if let Some(old) = free.and_then(|k| self.past.remove(k)).and_then(|old| Arc::try_unwrap(old).ok()) {
+            return old.values;
+        }
+        // Who holds more than that keeps them.
+        while self.past.len() >= PAST {
+            self.past.pop_front();
+        }
+        vec![[0.0; 4]; self.field.count()]
     }
 
     fn step(&mut self) -> Result<()> {
         // Steps are counted from rest, times from the first frame.
         let t = (self.flow.step as f64 - self.plan.run_up as f64) * self.plan.dt;
-        self.mouth.blow(&self.inlet, t, ramp(self.flow.step), &mut self.wind);
-        let share = self.mouth.share(&self.inlet, t, ramp(self.flow.step));
+        let ramp = ramp(self.flow.step);
+        let share = self.mouth.share(&self.inlet, t, ramp);
+        self.mouth.blow(&self.inlet, t, (share, ramp), self.flow.sweep.arch, &mut self.wind);
         let clamped = self.flow.advance(&self.wind, self.outflow.map(|u| u * share));
         self.health.steps = self.flow.step;
         if clamped > 0 {
             self.clamped(clamped)?;
         }
         if self.flow.step.is_multiple_of(LOOK) {
-            self.look()?;
+            let reading = self.flow.read();
+            self.judge(&reading)?;
         }
         Ok(())
     }
@@ -197,9 +235,8 @@ impl Lattice {
         Ok(())
     }
 
-    /// Looks at every cell.
-    fn look(&mut self) -> Result<Reading> {
-        let reading = self.flow.read(narrow(self.plan.speed()));
+    /// Judges what a look at every cell has found.
+    fn judge(&mut self, reading: &Reading) -> Result<()> {
         let wild = reading.planes.iter().enumerate().find_map(|(z, p)| p.wild.map(|[x, y]| [x, y, z]));
         if let Some(cell) = wild {
             let (drho, u) = self.flow.at(cell);
@@ -224,7 +261,7 @@ impl Lattice {
         }
         self.health.checkered = self.health.checkered.max(checkered);
         self.health.checkered_now = checkered;
-        Ok(reading)
+        Ok(())
     }
 
     fn blown(&self, what: String) -> Error {
@@ -297,7 +334,7 @@ fn ground(cells: &Cells, place: [isize; 3], spacing: f64) -> f64 {
 /// Mean outward velocity at each outlet, cells a step: what the inlets let in, shared out as the profile has it.
 fn outflow(flow: &Flow, inlet: &Inlet, plan: &Plan) -> [f32; 6] {
     let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
-    for (place, face) in flow.links.mouths() {
+    for (place, face) in flow.links.mouths.before_air() {
         let height = plan.middle(place).y - plan.origin.y - ground(&flow.cells, place, plan.spacing);
         let out = if face.is_multiple_of(2) { -1.0 } else { 1.0 };
         sum[face] += out * inlet.steady(height, 1.0)[face / 2] / plan.speed();

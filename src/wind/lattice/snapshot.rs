@@ -260,17 +260,15 @@ impl Wind for Between {
     }
 }
 
-/// Velocity and density of every cell, and what is wrong with them.
+/// What is wrong with the cells.
 #[derive(Debug, Default)]
 pub(super) struct Reading {
-    /// Without the layer around.
     pub planes: Vec<Plane>,
 }
 
 /// One plane of cells.
 #[derive(Debug, Default)]
 pub(super) struct Plane {
-    pub values: Vec<[f32; 4]>,
     /// First cell, by x and y, whose density is no number or outside its bounds.
     pub wild: Option<[usize; 2]>,
     /// Sum of the density less 1, and with the sign of the parity of x + y + z.
@@ -280,20 +278,46 @@ pub(super) struct Plane {
 
 /// Bounds of the density.
 pub(super) const DENSITY: [f32; 2] = [0.5, 1.5];
+/// Sums that are made side by side.
+const SUMS: usize = 8;
 
 impl Flow {
-    /// Reads every cell. `speed`: m/s of one cell a step.
-    pub(super) fn read(&self, speed: f32) -> Reading {
-        let planes: Vec<usize> = (0..self.cells.grid.n[2]).collect();
-        let planes = par::par_map(&planes, |z| self.sweep.arch.dispatch(ReadPlane { flow: self, z: *z, speed }));
-        Reading { planes }
+    /// Looks at every cell.
+    pub(super) fn read(&self) -> Reading {
+        let mut planes: Vec<_> = (0..self.cells.grid.n[2]).map(|z| (z, None)).collect();
+        self.read_planes(&mut planes, 1.0)
+    }
+
+    /// The same, and writes them down. `speed`: m/s of one cell a step; `values`: what a snapshot of the field holds.
+    pub(super) fn write(&self, speed: f32, field: &Field, values: &mut [[f32; 4]]) -> Reading {
+        let size = field.steps()[2];
+        let planes = values.chunks_mut(size).skip(1).take(field.n[2]).enumerate();
+        let mut planes: Vec<_> = planes.map(|(z, plane)| (z, Some((field, plane)))).collect();
+        let reading = self.read_planes(&mut planes, speed);
+        for z in [0, field.n[2] + 1] {
+            let from = field.inside([1, 1, z])[2] + 1;
+            values.copy_within(from * size..(from + 1) * size, z * size);
+        }
+        reading
+    }
+
+    fn read_planes(&self, planes: &mut [(usize, Page<'_>)], speed: f32) -> Reading {
+        let read = |(z, page): &mut (usize, Page<'_>)| {
+            let page = page.as_mut().map(|(field, plane)| (*field, &mut **plane));
+            self.sweep.arch.dispatch(ReadPlane { flow: self, z: *z, speed, page })
+        };
+        Reading { planes: par::par_map_mut(planes, read) }
     }
 }
+
+/// A plane of a snapshot, if one is made.
+type Page<'a> = Option<(&'a Field, &'a mut [[f32; 4]])>;
 
 struct ReadPlane<'a> {
     flow: &'a Flow,
     z: usize,
     speed: f32,
+    page: Page<'a>,
 }
 
 impl WithSimd for ReadPlane<'_> {
@@ -302,65 +326,87 @@ impl WithSimd for ReadPlane<'_> {
     #[inline(always)]
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
     fn with_simd<S: Simd>(self, simd: S) -> Plane {
-        let Self { flow, z, speed } = self;
+        let Self { flow, z, speed, mut page } = self;
         let (grid, cells) = (&flow.cells.grid, &flow.cells);
         let arrays = flow.populations.arrays();
         let parity = Parity::of(flow.step);
         let [nx, ny, _] = grid.n;
         let length = nx.next_multiple_of(BLOCK);
-        let mut plane = Plane { values: vec![[0.0; 4]; nx * ny], ..Plane::default() };
+        let mut plane = Plane::default();
         let mut row = [vec![0.0_f32; length], vec![0.0; length], vec![0.0; length], vec![0.0; length]];
+        let scale = Wide::splat(simd, speed);
         for y in 0..ny {
             let first = grid.element([0, y as isize, z as isize]);
+            let mut from: [(usize, usize); Q] = [(0, 0); Q];
+            for (i, from) in from.iter_mut().enumerate() {
+                *from = grid.left(parity, i, first);
+            }
             for block in 0..length / S::F32_LANES {
-                let mut g = [Wide::splat(simd, 0.0); Q];
-                for (i, g) in g.iter_mut().enumerate() {
-                    let (k, e) = grid.left(parity, i, first + block * S::F32_LANES);
-                    *g = Wide::new(simd, S::as_simd_f32s(&arrays[k][e..e + S::F32_LANES]).0[0]);
+                let mut g = [scale; Q];
+                for (g, (k, e)) in g.iter_mut().zip(from) {
+                    *g = Wide::new(simd, S::as_simd_f32s(&arrays[k][e + block * S::F32_LANES..][..S::F32_LANES]).0[0]);
                 }
                 let (drho, u) = moments(&g);
-                let scale = Wide::splat(simd, speed);
                 let all = [u[0] * scale, u[1] * scale, u[2] * scale, drho];
                 for a in 0..4 {
                     S::as_mut_simd_f32s(&mut row[a]).0[block] = all[a].value;
                 }
             }
             let solid = &cells.solid[grid.cell([0, y, z])..][..nx];
-            let (mut sum, mut sign) = (0.0_f64, if (y + z).is_multiple_of(2) { 1.0 } else { -1.0 });
-            for (x, value) in plane.values[y * nx..(y + 1) * nx].iter_mut().enumerate() {
-                let drho = row[3][x];
-                if !solid[x] {
-                    *value = [row[0][x], row[1][x], row[2][x], drho];
-                    sum += f64::from(drho);
-                    plane.checkered += sign * f64::from(drho);
-                    let good = drho > DENSITY[0] - 1.0 && drho < DENSITY[1] - 1.0;
-                    if !good && plane.wild.is_none() {
-                        plane.wild = Some([x, y]);
-                    }
-                }
-                sign = -sign;
+            for (x, _) in solid.iter().enumerate().filter(|(_, solid)| **solid) {
+                row.iter_mut().for_each(|part| part[x] = 0.0);
             }
-            plane.mass += sum;
+            plane.look(&row[3][..nx], (y, z));
+            if let Some((field, page)) = &mut page {
+                write_row(&mut page[(y + 1) * (nx + 2)..][..nx + 2], &row, field);
+            }
+        }
+        if let Some((field, page)) = page {
+            for y in [0, ny + 1] {
+                let from = (field.inside([1, y, 1])[1] + 1) * (nx + 2);
+                page.copy_within(from..from + nx + 2, y * (nx + 2));
+            }
         }
         plane
     }
 }
 
-impl Reading {
-    /// With the layer around the cells.
-    pub(super) fn snapshot(self, field: &Arc<Field>, time: f64) -> Snapshot {
-        let [nx, ny, nz] = field.n;
-        let mut values = vec![[0.0; 4]; field.count()];
-        let mut planes: Vec<(usize, &mut [[f32; 4]])> = values.chunks_mut((nx + 2) * (ny + 2)).enumerate().collect();
-        par::par_each(&mut planes, |(z, plane)| {
-            let from = field.inside([1, 1, *z])[2].min(nz - 1);
-            for (y, row) in plane.chunks_mut(nx + 2).enumerate() {
-                let y = field.inside([1, y, 1])[1];
-                let cells = &self.planes[from].values[y * nx..(y + 1) * nx];
-                row[1..=nx].copy_from_slice(cells);
-                (row[0], row[nx + 1]) = (cells[field.inside([0, 1, 1])[0]], cells[field.inside([nx + 1, 1, 1])[0]]);
-            }
-        });
-        Snapshot { field: Arc::clone(field), values, time }
+/// Writes a row of a snapshot, with its two ends.
+#[inline(always)]
+fn write_row(to: &mut [[f32; 4]], row: &[Vec<f32>; 4], field: &Field) {
+    let nx = field.n[0];
+    let [x, y, z, rho] = row;
+    let cells = &mut to[1..=nx];
+    let (x, y, z, rho) = (&x[..nx], &y[..nx], &z[..nx], &rho[..nx]);
+    for k in 0..nx {
+        cells[k] = [x[k], y[k], z[k], rho[k]];
     }
+    (to[0], to[nx + 1]) = (to[field.inside([0, 1, 1])[0] + 1], to[field.inside([nx + 1, 1, 1])[0] + 1]);
+}
+
+impl Plane {
+    /// Looks at the densities of a row.
+    #[inline(always)]
+    fn look(&mut self, row: &[f32], (y, z): (usize, usize)) {
+        let mut sums = [0.0_f64; SUMS];
+        let mut good = true;
+        for some in row.chunks(SUMS) {
+            for (sum, drho) in sums.iter_mut().zip(some) {
+                *sum += f64::from(*drho);
+                good &= is_sound(*drho);
+            }
+        }
+        if !good && self.wild.is_none() {
+            self.wild = row.iter().position(|drho| !is_sound(*drho)).map(|x| [x, y]);
+        }
+        let of = |first: usize| sums.iter().skip(first).step_by(2).sum::<f64>();
+        let (even, odd) = (of(0), of(1));
+        self.mass += even + odd;
+        self.checkered += if (y + z).is_multiple_of(2) { even - odd } else { odd - even };
+    }
+}
+
+#[inline(always)]
+fn is_sound(drho: f32) -> bool {
+    (drho > DENSITY[0] - 1.0) & (drho < DENSITY[1] - 1.0)
 }

@@ -3,10 +3,12 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::cells::Cells;
+use super::collide::moments;
 use super::collide::{FASTEST, Relax, collide};
 use super::grid::{BLOCK, Grid, Parity, Populations};
 use super::lane::{Lane as _, Wide};
 use super::links::{Arriving, BAND, Leaving, Links};
+use super::open::lanes;
 use super::stencil::{C, Q, opposite};
 use crate::par;
 
@@ -42,7 +44,7 @@ pub(super) struct Sweep {
     viscosity: Viscosity,
     /// Those of every band, as the joints of [`Links`] are ordered.
     bands: Vec<Vec<Run>>,
-    /// As `viscosity.sponge`, in the order of memory: a row of numbers.
+    /// As `viscosity.sponge`, in the order of memory: a row of numbers, and a block more of the next.
     across: Vec<f32>,
     pub(super) arch: Arch,
 }
@@ -51,8 +53,8 @@ impl Sweep {
     pub(super) fn new(cells: &Cells, viscosity: Viscosity) -> Self {
         let grid = cells.grid;
         let bands = (0..grid.n[2] * grid.bands()).map(|band| runs(cells, &viscosity, band)).collect();
-        let mut across = vec![viscosity.tau; grid.row];
-        across.iter_mut().zip(&viscosity.sponge[0]).for_each(|(to, from)| *to = *from);
+        let across = |k: usize| viscosity.sponge[0].get(k % grid.row).copied().unwrap_or(viscosity.tau);
+        let across = (0..grid.row + BLOCK).map(across).collect();
         Self { grid, viscosity, bands, across, arch: Arch::new() }
     }
 
@@ -63,9 +65,9 @@ impl Sweep {
         populations: &mut Populations,
         links: &mut Links,
         (parity, cells): (Parity, &Cells),
-        (wind, wanted): (&[[f32; 3]], [f32; 6]),
+        (wind, wanted): (&[Vec<f32>; 3], [f32; 6]),
     ) -> u64 {
-        let (arriving, rooms) = links.meet(wind, wanted, SLAB * self.grid.bands());
+        let (arriving, rooms) = links.meet(wind, wanted, SLAB * self.grid.bands(), self.arch);
         let mut slabs = self.slabs(populations, parity);
         for (slab, room) in slabs.iter_mut().zip(rooms) {
             slab.leaving = Some(room);
@@ -110,19 +112,23 @@ fn runs(cells: &Cells, viscosity: &Viscosity, band: usize) -> Vec<Run> {
     let grid = cells.grid;
     let (z, first) = (band / grid.bands(), band % grid.bands() * BAND);
     let deep = viscosity.sponge[1].get(z).is_some_and(|t| *t > viscosity.tau);
+    let rises: Vec<bool> =
+        (0..grid.n[0]).map(|x| viscosity.sponge[0].get(x).is_some_and(|t| *t > viscosity.tau)).collect();
     let mut runs: Vec<Run> = Vec::new();
-    for y in first..grid.n[1].min(first + BAND) {
-        for block in 0..grid.n[0].div_ceil(BLOCK) {
-            let mut here = block * BLOCK..grid.n[0].min((block + 1) * BLOCK);
-            if here.clone().all(|x| cells.is_solid([x, y, z])) {
-                continue;
-            }
-            let at = u32::try_from((y - first) * (grid.row / BLOCK) + block).unwrap_or(u32::MAX);
-            let sponge = deep || here.any(|x| viscosity.sponge[0].get(x).is_some_and(|t| *t > viscosity.tau));
-            match runs.last_mut() {
-                Some(last) if last.to == at && last.sponge == sponge => last.to += 1,
-                _ => runs.push(Run { from: at, to: at + 1, sponge }),
-            }
+    for block in 0..BAND.min(grid.span() - first).div_ceil(BLOCK) {
+        let from = first + block * BLOCK;
+        let air = |k: usize| {
+            let (x, y) = (k % grid.row, k / grid.row);
+            (x < grid.n[0] && y < grid.n[1] && !cells.is_solid([x, y, z])).then_some(x)
+        };
+        if !(from..from + BLOCK).any(|k| air(k).is_some()) {
+            continue;
+        }
+        let at = u32::try_from(block).unwrap_or(u32::MAX);
+        let sponge = deep || (from..from + BLOCK).filter_map(air).any(|x| rises[x]);
+        match runs.last_mut() {
+            Some(last) if last.to == at && last.sponge == sponge => last.to += 1,
+            _ => runs.push(Run { from: at, to: at + 1, sponge }),
         }
     }
     runs
@@ -188,8 +194,47 @@ impl Turn<'_, '_> {
                 band_step::<S, ODD, EDDIES, FORCE>(simd, (sweep, cells), slab, (plane, band));
                 if let Some(room) = &mut slab.leaving {
                     arriving.take(&slab.arrays, parity, (first, band, plane), room);
+                    vent(simd, (&slab.arrays, arriving), parity, (first, band, plane), room);
                 }
             }
+        }
+    }
+}
+
+/// Takes the air in the cells before open faces.
+#[inline(always)]
+fn vent<S: Simd>(
+    simd: S,
+    (planes, arriving): (&[&mut [f32]], Arriving<'_>),
+    parity: Parity,
+    (first, band, plane): (usize, usize, usize),
+    room: &mut Leaving<'_>,
+) {
+    let mut number = arriving.beside(first, band).start;
+    for run in arriving.near(band) {
+        for skip in (0..run.count as usize).step_by(BLOCK) {
+            let count = BLOCK.min(run.count as usize - skip);
+            let (mut g, mut air) = ([[0.0_f32; BLOCK]; Q], [[0.0_f32; BLOCK]; 4]);
+            arriving.vent(planes, parity, (*run, skip, plane), &mut g);
+            for part in 0..BLOCK / S::F32_LANES {
+                let mut all = [Wide::splat(simd, 0.0); Q];
+                for i in 0..Q {
+                    all[i] = lanes(simd, &g[i], part);
+                }
+                let (drho, u) = moments(&all);
+                for (to, from) in air.iter_mut().zip([drho, u[0], u[1], u[2]]) {
+                    S::as_mut_simd_f32s(to).0[part] = from.value;
+                }
+            }
+            for k in 0..count {
+                room.air[number + k] = [air[0][k], air[1][k], air[2][k], air[3][k]];
+                if arriving.rest() {
+                    for i in 0..Q {
+                        room.parts[number + k][i] = g[i][k];
+                    }
+                }
+            }
+            number += count;
         }
     }
 }
@@ -203,15 +248,13 @@ fn band_step<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
 ) {
     let grid = &sweep.grid;
     let z = slab.z + plane;
-    let y = band % grid.bands() * BAND;
-    let rows = BAND.min(grid.n[1] - y);
-    let length = grid.row * (rows - 1) + grid.n[0].next_multiple_of(BLOCK);
-    let first = plane * grid.plane + grid.row * (y + 1) + BLOCK;
+    let at = band % grid.bands() * BAND;
+    let length = BAND.min(grid.span() - at).next_multiple_of(BLOCK);
+    let first = plane * grid.plane + grid.first() + at;
     let parity = if ODD { Parity::Odd } else { Parity::Even };
     let start = |k: usize| first.wrapping_add_signed(grid.aside(parity, k));
     let mut clamped = 0;
     let parts = BLOCK / S::F32_LANES;
-    let across = S::as_simd_f32s(&sweep.across).0;
     let v = &sweep.viscosity;
     let deep = v.sponge[1].get(z).copied().unwrap_or(v.tau);
     let relax = Relax {
@@ -226,7 +269,7 @@ fn band_step<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
         let mut relax = relax;
         for b in from..to {
             if run.sponge {
-                let x = Wide::new(simd, across[b % across.len()]);
+                let x = Wide::new(simd, S::as_simd_f32s(&sweep.across[(at + b * S::F32_LANES) % grid.row..]).0[0]);
                 let z = Wide::splat(simd, deep);
                 relax.tau = Wide::new(simd, simd.max_f32s(x.value, z.value));
             }
@@ -242,7 +285,7 @@ fn band_step<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
             if uu.any_above(FASTEST * FASTEST) {
                 let mut lanes = [0.0; BLOCK];
                 S::as_mut_simd_f32s(&mut lanes).0[0] = uu.value;
-                clamped += too_fast(cells, &lanes[..S::F32_LANES], b * S::F32_LANES, (y, z));
+                clamped += too_fast(cells, &lanes[..S::F32_LANES], at + b * S::F32_LANES, z);
             }
             let mut done = [out[0].value; Q];
             for i in 0..Q {
@@ -257,14 +300,15 @@ fn band_step<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
     slab.clamped += clamped;
 }
 
-/// Fluid cells among some nodes whose squared speed is over the limit. `at`: the first node's number in its band.
+/// Fluid cells among some nodes whose squared speed is over the limit. `at`: the first node's number in its plane, from the
+/// first cell.
 #[cold]
 #[inline(never)]
-fn too_fast(cells: &Cells, squares: &[f32], at: usize, (y, z): (usize, usize)) -> u64 {
-    let (x, y) = (at % cells.grid.row, y + at / cells.grid.row);
+fn too_fast(cells: &Cells, squares: &[f32], at: usize, z: usize) -> u64 {
     let limit = crate::math::narrow(FASTEST * FASTEST);
     let hit = |(k, uu): (usize, &f32)| {
-        *uu > limit && x + k < cells.grid.n[0] && y < cells.grid.n[1] && !cells.is_solid([x + k, y, z])
+        let (x, y) = ((at + k) % cells.grid.row, (at + k) / cells.grid.row);
+        *uu > limit && x < cells.grid.n[0] && y < cells.grid.n[1] && !cells.is_solid([x, y, z])
     };
     squares.iter().enumerate().filter(|s| hit(*s)).count() as u64
 }

@@ -60,7 +60,7 @@ impl Fluid {
         match self {
             Self::Plain(f) => f.advance(still, [0.0; 6]),
             Self::Ours(f) => {
-                f.advance(&[], [0.0; 6]);
+                f.advance(&[const { Vec::new() }; 3], [0.0; 6]);
             }
         }
     }
@@ -338,14 +338,15 @@ fn the_production_code_is_the_plain_one() {
         force: [0.0; 3],
     };
     let mut ours = Flow::new(make(), v, false).expect("memory");
-    let inlets = ours.links.inlets();
+    let inlets = ours.links.mouths.inlets();
     let log = |y: isize| (((y as f64 + 0.5) / 0.1).max(0.0) + 1.0).ln() / 201.0_f64.ln();
     for step in 1..=600 {
         let t = (step as f64 / 100.0).min(1.0);
         let ramp = 0.08 * t * t * (3.0 - 2.0 * t);
         let wanted = [0.0, 0.8 * ramp, 0.0, 0.0, 0.0, 0.0];
         plain.advance(|p| [ramp * log(p[1]), 0.0, 0.0], wanted);
-        let wind: Vec<[f32; 3]> = inlets.iter().map(|p| [(ramp * log(p[1])) as f32, 0.0, 0.0]).collect();
+        let wind = inlets.iter().map(|p| (ramp * log(p[1])) as f32).collect();
+        let wind = [wind, vec![0.0; inlets.len()], vec![0.0; inlets.len()]];
         assert_eq!(ours.advance(&wind, wanted.map(|w| w as f32)), 0);
         if step == 200 || step == 600 {
             let all = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
@@ -375,7 +376,7 @@ fn uniform_wind_between_slip_walls_stays_uniform() {
         }
     }
     flow.links.renew(&flow.populations, Parity::of(0));
-    let wind = vec![u; flow.links.inlets().len()];
+    let wind = u.map(|u| vec![u; flow.links.mouths.inlets().len()]);
     for _ in 0..500 {
         flow.advance(&wind, [0.0, u[0], 0.0, 0.0, 0.0, 0.0]);
     }
