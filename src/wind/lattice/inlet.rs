@@ -286,7 +286,7 @@ impl Mouth {
 
     /// Velocity at every place, by component, cells a step. `gust`: factor on the mean; `ramp`: share of the wind that blows
     /// already.
-    pub(super) fn blow(&self, inlet: &Inlet, t: f64, (gust, ramp): (f32, f64), arch: Arch, out: &mut [Vec<f32>; 3]) {
+    pub(super) fn blow(&self, inlet: &Inlet, (t, gust, ramp): (f64, f32, f64), arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
         let turn = |m: &Mode| {
             let (c, s) = (narrow(cos(m.rate * t) * ramp), narrow(sin(m.rate * t) * ramp));
@@ -333,18 +333,15 @@ impl WithSimd for Blow<'_> {
         let all = mouth.mean.len();
         for first in (0..all).step_by(PATCH) {
             let here = first..all.min(first + PATCH);
-            for a in 0..3 {
-                let along = mouth.direction[a];
-                out[a][here.clone()]
-                    .iter_mut()
-                    .zip(&mouth.mean[here.clone()])
-                    .for_each(|(u, m)| *u = along * (m * gust));
+            for (out, along) in out.iter_mut().zip(mouth.direction) {
+                for (u, mean) in out[here.clone()].iter_mut().zip(&mouth.mean[here.clone()]) {
+                    *u = along * (mean * gust);
+                }
             }
             for ((e, c, s), [cosine, sine]) in waves.iter().zip(&mouth.waves) {
-                for a in 0..3 {
+                for (out, e) in out.iter_mut().zip(e) {
                     // cos(a - b) = cos a cos b + sin a sin b.
-                    let (c, s) = (e[a] * c, e[a] * s);
-                    add(simd, &mut out[a][here.clone()], (c, &cosine[here.clone()]), (s, &sine[here.clone()]));
+                    add(simd, &mut out[here.clone()], (e * c, &cosine[here.clone()]), (e * s, &sine[here.clone()]));
                 }
             }
         }

@@ -215,8 +215,8 @@ impl WithSimd for Send<'_, '_> {
                     air[a][k] = near[a];
                 }
                 if rest {
-                    for i in 0..Q {
-                        parts[i][k] = vents.parts[ghost.near as usize][i];
+                    for (to, from) in parts.iter_mut().zip(vents.parts[ghost.near as usize]) {
+                        to[k] = from;
                     }
                 }
             }
@@ -238,12 +238,12 @@ impl WithSimd for Send<'_, '_> {
                 let u = [lanes(simd, &air[1], part), lanes(simd, &air[2], part), lanes(simd, &air[3], part)];
                 let beyond = Beyond::new((lanes(simd, &air[0], part), u), sends);
                 let mut to = from + part * S::F32_LANES;
-                for i in 1..Q {
+                for (i, near) in parts.iter().enumerate().skip(1) {
                     if group.sends >> i & 1 == 0 {
                         continue;
                     }
                     let mut sent = [0.0_f32; BLOCK];
-                    S::as_mut_simd_f32s(&mut sent).0[0] = beyond.sends(i, lanes(simd, &parts[i], part)).value;
+                    S::as_mut_simd_f32s(&mut sent).0[0] = beyond.sends(i, lanes(simd, near, part)).value;
                     let count = S::F32_LANES.min(some.len() - part * S::F32_LANES);
                     out[to..to + count].copy_from_slice(&sent[..count]);
                     to += group.count;

@@ -204,7 +204,7 @@ impl Lattice {
         let t = (self.flow.step as f64 - self.plan.run_up as f64) * self.plan.dt;
         let ramp = ramp(self.flow.step);
         let share = self.mouth.share(&self.inlet, t, ramp);
-        self.mouth.blow(&self.inlet, t, (share, ramp), self.flow.sweep.arch, &mut self.wind);
+        self.mouth.blow(&self.inlet, (t, share, ramp), self.flow.sweep.arch, &mut self.wind);
         let clamped = self.flow.advance(&self.wind, self.outflow.map(|u| u * share));
         self.health.steps = self.flow.step;
         if clamped > 0 {

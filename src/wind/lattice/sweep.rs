@@ -229,8 +229,8 @@ fn vent<S: Simd>(
             for k in 0..count {
                 room.air[number + k] = [air[0][k], air[1][k], air[2][k], air[3][k]];
                 if arriving.rest() {
-                    for i in 0..Q {
-                        room.parts[number + k][i] = g[i][k];
+                    for (to, from) in room.parts[number + k].iter_mut().zip(&g) {
+                        *to = from[k];
                     }
                 }
             }
