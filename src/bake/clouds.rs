@@ -17,7 +17,7 @@ use crate::ifs::{Ifs, View};
 use crate::math::narrow;
 use crate::recipe::cloud_keys::{ColorBy, Fit, Foot, PictureKeys};
 use crate::recipe::{CloudRecipe, Recipe};
-use crate::scene::{Asset, AssetKind, Attribute, Maps, Material, MaterialClass, Points, Trs};
+use crate::scene::{Asset, AssetKind, Attribute, Material, MaterialClass, Points, Trs};
 use crate::{Error, Result};
 
 /// Points of a pixel in a picture without a number of points.
@@ -122,19 +122,7 @@ fn points(cloud: Cloud, density: Vec<u32>, width: f32, material: u32) -> Points 
 }
 
 fn surface(id: &str, color: [f32; 3]) -> Material {
-    Material {
-        name: id.to_owned(),
-        class: MaterialClass::Leaf,
-        base_color: color,
-        roughness: 0.8,
-        ior: 1.5,
-        translucency: 0.0,
-        double_sided: true,
-        alpha_cutoff: None,
-        height_range: 0.0,
-        tile: 1.0,
-        maps: Maps::default(),
-    }
+    Material { double_sided: true, ..Material::plain(id.to_owned(), MaterialClass::Leaf, color, 0.8) }
 }
 
 /// Mean colour of the first points.

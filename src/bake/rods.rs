@@ -15,8 +15,8 @@ use crate::motion::rod::{Act, Body, Clip, Hold, Integrator, Keys, LIMP, Rod, Rod
 use crate::recipe::rod_keys::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
 use crate::recipe::{Recipe, RodRecipe};
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Joint, Maps, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton,
-    SkinWeights, Trs,
+    Asset, AssetFrame, AssetKind, Joint, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton, SkinWeights,
+    Trs,
 };
 use crate::wind::Wind;
 
@@ -239,7 +239,7 @@ impl<'a> Group<'a> {
         let (mut materials, mut meshes) = (Vec::new(), Vec::new());
         let mut add = |name: String, color: [f32; 3], (mesh, skin): (Mesh, SkinWeights)| {
             let material = first + u32::try_from(materials.len()).unwrap_or(0);
-            materials.push(surface(&name, color));
+            materials.push(Material::plain(name.clone(), MaterialClass::Bark, color, 0.6));
             let motion = if moves { MeshMotion::Skinned } else { MeshMotion::Still };
             meshes.push(MeshObject { name, mesh: mesh.with_material(material), motion, skin: moves.then_some(skin) });
         };
@@ -313,22 +313,6 @@ fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> Rod {
     let whole = along[along.len() - 1];
     let radii = along.iter().map(|s| r + (tip - r) * s / whole).collect();
     Rod { points, radii, stuff, sections: keys.sections.and_then(|n| usize::try_from(n).ok()), parent }
-}
-
-fn surface(name: &str, color: [f32; 3]) -> Material {
-    Material {
-        name: name.into(),
-        class: MaterialClass::Bark,
-        base_color: color,
-        roughness: 0.6,
-        ior: 1.5,
-        translucency: 0.0,
-        double_sided: false,
-        alpha_cutoff: None,
-        height_range: 0.0,
-        tile: 1.0,
-        maps: Maps::default(),
-    }
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use crate::diagnostic::{Diagnostic, Report};
 use crate::fence::{Referred, Refusal, Roots};
 use crate::limits::Limits;
-use crate::scene::{Image, Maps, Material, MaterialClass, Mesh};
+use crate::scene::{Image, Material, MaterialClass, Mesh};
 use crate::{Error, Result};
 
 /// Which axis of the file points up.
@@ -209,17 +209,9 @@ impl<'a> Job<'a> {
     fn material(&self, name: &str) -> Material {
         let leafy = matches!(self.options.class, MaterialClass::Leaf | MaterialClass::Catkin);
         Material {
-            name: name.to_owned(),
-            class: self.options.class,
-            base_color: [0.5; 3],
-            roughness: if leafy { 0.6 } else { 0.8 },
-            ior: 1.5,
             translucency: if leafy { 0.3 } else { 0.0 },
             double_sided: leafy,
-            alpha_cutoff: None,
-            height_range: 0.0,
-            tile: 1.0,
-            maps: Maps::default(),
+            ..Material::plain(name.to_owned(), self.options.class, [0.5; 3], if leafy { 0.6 } else { 0.8 })
         }
     }
 }

@@ -4,25 +4,14 @@ use glam::Vec3;
 
 use crate::geometry::Bounds;
 use crate::scene::{
-    Asset, AssetKind, Camera, Clip, Maps, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Placement, Points,
-    Scene, Sky, Sun, Trs,
+    Asset, AssetKind, Camera, Clip, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Placement, Points, Scene,
+    Sky, Sun, Trs,
 };
 
 /// A grey leaf.
 pub(super) fn material(color: f32, translucency: f32, ior: f32) -> Material {
-    Material {
-        name: "m".into(),
-        class: MaterialClass::Leaf,
-        base_color: [color; 3],
-        roughness: 0.4,
-        ior,
-        translucency,
-        double_sided: true,
-        alpha_cutoff: None,
-        height_range: 0.0,
-        tile: 1.0,
-        maps: Maps::default(),
-    }
+    let plain = Material::plain("m".into(), MaterialClass::Leaf, [color; 3], 0.4);
+    Material { ior, translucency, double_sided: true, ..plain }
 }
 
 pub(super) fn object(name: &str, mesh: Mesh) -> MeshObject {

@@ -71,6 +71,25 @@ pub struct Material {
     pub maps: Maps,
 }
 
+impl Material {
+    /// Something opaque without pictures, seen from its front. `base_color`: linear; `roughness`: 0..1.
+    pub fn plain(name: String, class: MaterialClass, base_color: [f32; 3], roughness: f32) -> Self {
+        Self {
+            name,
+            class,
+            base_color,
+            roughness,
+            ior: 1.5,
+            translucency: 0.0,
+            double_sided: false,
+            alpha_cutoff: None,
+            height_range: 0.0,
+            tile: 1.0,
+            maps: Maps::default(),
+        }
+    }
+}
+
 /// How a picture's numbers are meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageKind {

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::scene::{Maps, Material, MaterialClass, MaterialId, Mesh, Subset};
+use crate::scene::{Material, MaterialClass, MaterialId, Mesh, Subset};
 use crate::solid::Prism;
 
 /// How far a roof stands out over its walls, and how thick it is, m.
@@ -22,18 +22,8 @@ pub const SLOTS: u32 = 4;
 
 /// Surfaces named after `name`: walls, roof, frames, panes.
 pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
-    let of = |what: &str, base_color, roughness| Material {
-        name: format!("{name}_{what}"),
-        class: MaterialClass::Ground,
-        base_color,
-        roughness,
-        ior: 1.5,
-        translucency: 0.0,
-        double_sided: false,
-        alpha_cutoff: None,
-        height_range: 0.0,
-        tile: 1.0,
-        maps: Maps::default(),
+    let of = |what: &str, color, roughness| {
+        Material::plain(format!("{name}_{what}"), MaterialClass::Ground, color, roughness)
     };
     let trim = wall.map(|c| (c * 1.25 + 0.15).min(0.85));
     [of("wall", wall, 0.9), of("roof", roof, 0.75), of("trim", trim, 0.6), of("pane", [0.03, 0.045, 0.06], 0.12)]

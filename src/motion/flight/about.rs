@@ -22,12 +22,12 @@ impl About {
 
     /// And one of these.
     pub fn with(self, state: State) -> Self {
-        Self {
-            pending: self.pending || state == State::Pending,
-            exited: self.exited || state == State::Exited,
-            on_wall: self.on_wall || state == State::OnWall,
-            deposited: self.deposited || state.is_deposited(),
-        }
+        self.and(Self {
+            pending: state == State::Pending,
+            exited: state == State::Exited,
+            on_wall: state == State::OnWall,
+            deposited: state.is_deposited(),
+        })
     }
 
     /// Both together.

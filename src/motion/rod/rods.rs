@@ -327,16 +327,6 @@ impl Rods {
         Grip::of(&self.x[section]).motion(&self.v[section])
     }
 
-    /// The clamps, to be moved.
-    pub fn clamps_mut(&mut self) -> &mut [Clamp] {
-        &mut self.clamps
-    }
-
-    /// The bodies, whose masses may change.
-    pub fn bodies_mut(&mut self) -> &mut [Body] {
-        &mut self.bodies
-    }
-
     /// Slowest swing of a rod with all that it carries, Hz, without springs back.
     pub fn hertz(&self, rod: usize) -> f64 {
         self.manners[rod].hertz
@@ -372,15 +362,6 @@ impl Rods {
         let arm = place - middle(&self.x[section]);
         let f = Grip::of(&self.x[section]).wrench(blow / h, arm.cross(blow) / h);
         (0..9).for_each(|k| self.blows[section][k] += f[k]);
-    }
-
-    /// How fast a place of a section would move for a blow of 1 N s along the unit vector `n` if nothing else were attached:
-    /// 1/mass, 1/kg. Source: w_eff = b^T M^-1 b of the impact of drops.
-    pub fn lightness(&mut self, section: usize, place: DVec3, n: DVec3) -> f64 {
-        self.weigh();
-        let grip = Grip::of(&self.x[section]);
-        let b = grip.wrench(n, (place - grip.p).cross(n));
-        dot(&b, &self.accelerated(section, &b))
     }
 
     /// Sets the velocity of a section, m/s.

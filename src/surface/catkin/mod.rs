@@ -9,7 +9,7 @@ use glam::Vec3;
 use crate::math::{self, narrow};
 use crate::plant::Plant;
 use crate::rng::{Rng, child, word};
-use crate::scene::{Curves, Fine, Maps, Material, MaterialClass, MaterialId, Mesh, Prototype, tubes, turned_ribbons};
+use crate::scene::{Curves, Fine, Material, MaterialClass, MaterialId, Mesh, Prototype, tubes, turned_ribbons};
 
 pub use stalk::stalk;
 pub use tuning::VARIANTS;
@@ -201,19 +201,8 @@ pub fn covered(curves: &Curves) -> f64 {
 
 /// White hair that light goes through.
 pub fn hair_material(name: &str) -> Material {
-    Material {
-        name: name.to_owned(),
-        class: MaterialClass::Catkin,
-        base_color: tuning::HAIR,
-        roughness: 0.75,
-        ior: 1.5,
-        translucency: tuning::HAIR_LIGHT,
-        double_sided: true,
-        alpha_cutoff: None,
-        height_range: 0.0,
-        tile: 1.0,
-        maps: Maps::default(),
-    }
+    let plain = Material::plain(name.to_owned(), MaterialClass::Catkin, tuning::HAIR, 0.75);
+    Material { translucency: tuning::HAIR_LIGHT, double_sided: true, ..plain }
 }
 
 /// Brown skin of the stalk.
