@@ -30,6 +30,7 @@ fn material() -> Material {
         height_range: 0.0,
         tile: 1.0,
         maps: Maps::default(),
+        wet: None,
     }
 }
 
@@ -105,6 +106,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        wet: Vec::new(),
     }
 }
 

@@ -261,7 +261,7 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
     let measured = flights.map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
     let (rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
-    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect() })
+    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect(), wet: Vec::new() })
 }
 
 /// Rows of all tables at a frame, and nothing else of it.

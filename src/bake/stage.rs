@@ -146,6 +146,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         land: land.map(land::field),
         tables: measures.iter().map(|m| m.0.clone()).collect(),
         fields: measures.into_iter().flat_map(|m| m.1).collect(),
+        wet: Vec::new(),
     };
     Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers }, report, modules })
 }

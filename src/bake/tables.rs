@@ -128,6 +128,7 @@ fn surface(made: &Leaf, keys: &OrganKeys, name: &str, size: f64) -> (Material, V
         height_range: RELIEF * narrow(size),
         tile: narrow(size),
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
+        wet: None,
     };
     (material, images)
 }

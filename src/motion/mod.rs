@@ -12,6 +12,7 @@ mod lanes;
 mod paper;
 mod pieces;
 mod posture;
+pub mod rain;
 mod rig;
 #[allow(clippy::needless_range_loop, reason = "indices over corners and columns, as in the formulas")]
 pub mod rod;

@@ -59,5 +59,6 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        wet: Vec::new(),
     }
 }

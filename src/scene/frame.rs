@@ -1,10 +1,11 @@
 //! What changes.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{InstanceState, Mesh, Placement, Trs};
+use super::{InstanceState, Mesh, Placement, Trs, WetMaps};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::scene::Scene::assets`].
 #[derive(Debug, Clone, Default)]
@@ -17,6 +18,8 @@ pub struct Frame {
     pub rows: Vec<Vec<f64>>,
     /// One per field of the scene, rows from the top.
     pub fields: Vec<Vec<f32>>,
+    /// One per wet sheet of the scene, or empty.
+    pub wet: Vec<Arc<WetMaps>>,
     /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,
 }

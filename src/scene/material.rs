@@ -69,6 +69,8 @@ pub struct Material {
     pub tile: f32,
     /// Pictures.
     pub maps: Maps,
+    /// Water on it: index into [`crate::scene::Scene::wet`].
+    pub wet: Option<u32>,
 }
 
 impl Material {
@@ -86,6 +88,7 @@ impl Material {
             height_range: 0.0,
             tile: 1.0,
             maps: Maps::default(),
+            wet: None,
         }
     }
 }

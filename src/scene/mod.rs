@@ -16,6 +16,7 @@ mod skeleton;
 mod stilled;
 mod strands;
 mod validate;
+mod wet;
 
 pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
@@ -33,6 +34,7 @@ pub use skeleton::{Joint, Skeleton, Trs};
 pub use stilled::stilled;
 pub use strands::{ribbons, tubes, turned_ribbons};
 pub use validate::{check_frame, check_scene};
+pub use wet::{Wet, WetMaps};
 
 /// Frames of a clip. A still scene has `start == end`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -210,4 +212,6 @@ pub struct Scene {
     pub tables: Vec<Table>,
     /// Maps that frames fill.
     pub fields: Vec<Field>,
+    /// Sheets with maps that frames fill.
+    pub wet: Vec<Wet>,
 }

@@ -219,6 +219,7 @@ pub fn ground_material(
         height_range: RELIEF,
         tile,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
+        wet: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

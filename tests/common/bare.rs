@@ -39,6 +39,7 @@ pub fn material() -> Material {
         height_range: 0.01,
         tile: 1.0,
         maps: Maps::default(),
+        wet: None,
     }
 }
 
@@ -60,6 +61,7 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        wet: Vec::new(),
     }
 }
 

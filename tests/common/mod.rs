@@ -48,6 +48,7 @@ pub fn synthetic() -> (Scene, Vec<Frame>) {
             unit: "1/m^2",
             every: Some(4),
         }],
+        wet: Vec::new(),
     };
     let frames = (START..=END).map(|n| frame(&scene, n)).collect();
     (scene, frames)
@@ -89,13 +90,16 @@ fn materials() -> Vec<Material> {
         height_range: 0.01,
         tile: 0.5,
         maps: Maps::default(),
+        wet: None,
     };
     let bark = Material {
         maps: Maps { color: Some(0), normal: Some(1), ..Maps::default() },
+        wet: None,
         ..plain("bark", MaterialClass::Bark)
     };
     let leaf = Material {
         maps: Maps { color: Some(2), ..Maps::default() },
+        wet: None,
         translucency: 0.3,
         double_sided: true,
         alpha_cutoff: Some(0.5),
@@ -320,6 +324,7 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         shifted: [((0, PHASE), rig_frame(scene, later))].into(),
         rows: vec![vec![f64::from(number), f64::from(t) * 0.5]],
         fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
+        wet: Vec::new(),
     }
 }
 

@@ -180,6 +180,7 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        wet: Vec::new(),
     };
     let stage = Stage { scene: Arc::new(scene), movers: vec![None] };
     Ok(Loaded { stage, has_camera: false, name, report: read.warnings })

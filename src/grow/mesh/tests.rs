@@ -74,6 +74,7 @@ fn material(name: &str) -> Material {
         height_range: 0.0,
         tile: 1.0,
         maps: crate::scene::Maps::default(),
+        wet: None,
     }
 }
 

@@ -98,6 +98,7 @@ pub fn bark(spec: &BarkSpec, grain: Option<&Grain>, name: &str) -> Result<Surfac
         height_range: spec.depth,
         tile: spec.tile,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
+        wet: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

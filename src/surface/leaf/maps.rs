@@ -105,6 +105,7 @@ pub fn leaf_material(spec: &BladeSpec, colors: &LeafColors, name: &str, side: u3
         height_range: scale,
         tile: spec.length,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: None },
+        wet: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

@@ -104,6 +104,7 @@ pub fn land_material(land: &Land, colors: &LandColors, name: &str, side: u32, se
         height_range: RELIEF,
         tile: land.size,
         maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: None },
+        wet: None,
     };
     Ok(SurfaceMaterial { material, images })
 }

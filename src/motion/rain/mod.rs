@@ -1,0 +1,8 @@
+//! Rain: drops that fall, strike leaves and wood, lie, run, hang and drip, and the maps of water that they leave.
+//!
+//! What leaves hang on is behind [`Bearer`], so that stiff plants and springy ones are rained on alike.
+//! Source: [yang-wu], sections 3 and 4; docs/rain.md says what is ours.
+
+mod bearer;
+
+pub use bearer::{Bearer, Blade, Bough, Stiff};

@@ -1,0 +1,29 @@
+//! Water on leaves as maps that change from frame to frame.
+
+use std::sync::Arc;
+
+/// A sheet on which water lies: maps of its own over its texture coordinates.
+#[derive(Debug, Clone)]
+pub struct Wet {
+    /// Folder in `maps/`, `[a-z0-9_]+`, unique in the scene: `twig_l0012`.
+    pub name: String,
+    /// Texels of a side.
+    pub side: usize,
+    /// Height that 1 in a height map stands for, m.
+    pub height_range: f32,
+    /// The maps where nothing moves; none before the first frame.
+    pub rest: Option<Arc<WetMaps>>,
+}
+
+/// Maps of one sheet at one frame: `side * side` texels, row 0 at v = 1. Two frames that share one value are equal.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct WetMaps {
+    /// Relief of the sheet and water on it, m.
+    pub height: Vec<f32>,
+    /// Water alone, m.
+    pub water: Vec<f32>,
+    /// How wet, 0 to 1.
+    pub wetness: Vec<f32>,
+    /// Unit normals in tangent space of relief and water: along u, along v, out.
+    pub normal: Vec<[f32; 3]>,
+}
