@@ -27,7 +27,7 @@ fn bake(dir: &Path) -> String {
         Box::new(pov::Pov::new(folder.clone(), textures.clone(), pov::Options::default())),
         Box::new(obj::Obj::new(folder.clone(), textures, obj::Layout::Bake)),
         Box::new(ply::Ply::new(folder.clone(), ply::Layout::Bake)),
-        Box::new(exr::Exr::new(folder.clone())),
+        Box::new(exr::Exr::new(folder.clone(), exr::Wanted::default())),
     ];
     let mut warnings = Vec::new();
     for exporter in &mut exporters {

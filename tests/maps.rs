@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use osier::export::Exporter;
-use osier::export::exr::Exr;
+use osier::export::exr::{Exr, Wanted};
 use osier::fence::Folder;
 use osier::scene::*;
 
@@ -34,7 +34,7 @@ fn scene() -> Scene {
 }
 
 fn write(dir: &Path, scene: Scene) -> osier::Result<Vec<u8>> {
-    let mut exporter = Exr::new(Folder::open(dir).expect("folder"));
+    let mut exporter = Exr::new(Folder::open(dir).expect("folder"), Wanted::default());
     exporter.begin(&Arc::new(scene))?;
     exporter.finish()?;
     Ok(fs::read(dir.join("maps/bark/height.exr")).expect("map"))

@@ -6,16 +6,16 @@ use super::write::Writer;
 use crate::export::textures::Textures;
 use crate::export::{exr, gltf, manifest, obj, ply, pov, stats, usd};
 use crate::fence::Folder;
-use crate::recipe::OutputRecipe;
 use crate::recipe::sections::{Format, Profile, Up};
+use crate::recipe::{OutputRecipe, Recipe};
 
 /// Writers of a bake's folder.
-pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, output: &OutputRecipe) -> Vec<Writer> {
-    output.formats.iter().flat_map(|f| of_format(*f, folder, textures, output)).collect()
+pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe) -> Vec<Writer> {
+    recipe.output.formats.iter().flat_map(|f| of_format(*f, folder, textures, recipe)).collect()
 }
 
-fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, output: &OutputRecipe) -> Vec<Writer> {
-    let folder = folder.clone();
+fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe) -> Vec<Writer> {
+    let (folder, output) = (folder.clone(), &recipe.output);
     match format {
         Format::Usd => {
             let options = usd::Options { up: up(output), ..usd::Options::default() };
@@ -34,7 +34,7 @@ fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, output: 
         Format::Obj => vec![writer("obj", obj::Obj::new(folder, (**textures).clone(), obj::Layout::Bake))],
         Format::Ply => vec![writer("ply", ply::Ply::new(folder, ply::Layout::Bake))],
         Format::Csv => vec![writer("csv", stats::Stats::new(folder))],
-        Format::Exr => vec![writer("exr", exr::Exr::new(folder))],
+        Format::Exr => vec![writer("exr", exr::Exr::new(folder, wanted_maps(recipe)))],
         Format::Pov => vec![writer("pov", pov::Pov::new(folder, (**textures).clone(), pov_options(output)))],
     }
 }
@@ -102,6 +102,11 @@ fn stride(frames: &[u32]) -> u32 {
 
 fn writer(name: &'static str, exporter: impl crate::export::Exporter + 'static) -> Writer {
     Writer { name, exporter: Box::new(exporter) }
+}
+
+/// Which maps of wet leaves are asked for.
+fn wanted_maps(recipe: &Recipe) -> exr::Wanted {
+    exr::Wanted { water: recipe.maps.water, atlas: recipe.maps.atlas }
 }
 
 fn up(output: &OutputRecipe) -> usd::UpAxis {

@@ -144,7 +144,7 @@ fn bake(
     let folder = Folder::open_with(root, options)?;
     let textures = Arc::new(Textures::encode(&stage.scene)?);
     textures.write(&stage.scene, &folder, "textures/")?;
-    let mut writers = exporters::of_bake(&folder, &textures, &recipe.output);
+    let mut writers = exporters::of_bake(&folder, &textures, recipe);
     let warnings = write::write(stage, &mut writers, frames, work)?;
     let settings = exporters::settings(&recipe.output, frames);
     let manifest = manifest::build(&stage.scene, &folder.files(), &warnings, &settings);

@@ -16,6 +16,7 @@ pub mod obj;
 pub mod pc2;
 pub mod ply;
 pub mod pov;
+pub mod sheets;
 pub mod stats;
 pub mod text;
 pub mod textures;

@@ -17,6 +17,7 @@ pub mod land_keys;
 pub mod layer_keys;
 mod layers;
 mod library;
+pub mod map_keys;
 pub mod morph_keys;
 mod morphs;
 mod plants;
@@ -81,6 +82,8 @@ pub struct Recipe {
     pub rods: Vec<RodRecipe>,
     /// What stands in the way of wind and catkins.
     pub solids: Vec<SolidRecipe>,
+    /// Maps of wet leaves.
+    pub maps: map_keys::MapKeys,
     /// Haze.
     pub fog: land_keys::FogKeys,
     /// View.
@@ -315,6 +318,7 @@ pub fn options() -> Vec<TableInfo> {
         info::<rod_keys::RodKeys>(),
         info::<rod_keys::RodClamp>(),
         info::<rod_keys::RodLoad>(),
+        info::<map_keys::MapKeys>(),
         info::<land_keys::FogKeys>(),
         info::<s::CameraKeys>(),
         info::<s::SunKeys>(),

@@ -164,6 +164,7 @@ impl Resolver<'_> {
             flight,
             solids,
             rods,
+            maps: self.maps(root),
             fog: self.section(root, "fog"),
             camera: self.section(root, "camera"),
             sun: self.section(root, "sun"),
@@ -412,6 +413,9 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         (rod.clamps.len() as u64).digest(&mut h);
         rod.clamps.iter().for_each(|clamp| clamp.digest(&mut h));
         rod.loads.iter().for_each(|load| load.digest(&mut h));
+    }
+    if recipe.asks_for_maps() {
+        recipe.maps.digest(&mut h);
     }
     recipe.fog.digest(&mut h);
     recipe.camera.digest(&mut h);

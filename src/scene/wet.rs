@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::{Frame, Scene};
+
 /// A sheet on which water lies: maps of its own over its texture coordinates.
 #[derive(Debug, Clone)]
 pub struct Wet {
@@ -26,4 +28,12 @@ pub struct WetMaps {
     pub wetness: Vec<f32>,
     /// Unit normals in tangent space of relief and water: along u, along v, out.
     pub normal: Vec<[f32; 3]>,
+}
+
+impl Scene {
+    /// The maps of each sheet at a frame: the frame's, or those at rest.
+    pub fn wet_now(&self, frame: Option<&Frame>) -> Vec<Option<Arc<WetMaps>>> {
+        let of = |(i, sheet): (usize, &Wet)| frame.and_then(|f| f.wet.get(i)).or(sheet.rest.as_ref()).cloned();
+        self.wet.iter().enumerate().map(of).collect()
+    }
 }

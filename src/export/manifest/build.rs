@@ -37,7 +37,8 @@ pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings
     let files = grouped(files, scene.clip);
     let paths: Vec<&str> = files.iter().map(path).collect();
     let is_leaf = |m: &&Material| m.class == MaterialClass::Leaf && m.maps.height.is_some();
-    let height = scene.materials.iter().find(is_leaf).map_or(HEIGHT_RANGE, |m| m.height_range);
+    let dry = || scene.materials.iter().find(is_leaf).map(|m| m.height_range);
+    let height = scene.wet.first().map(|w| w.height_range).or_else(dry).unwrap_or(HEIGHT_RANGE);
     let mut manifest = Manifest {
         schema: 1,
         generator: "osier".into(),
@@ -146,17 +147,19 @@ fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry 
         picture("normal", m.maps.normal),
         picture("rough", m.maps.roughness),
     ];
-    let prefix = format!("maps/{}/", m.name);
+    let sheet = m.wet.and_then(|i| scene.wet.get(i as usize)).map(|w| w.name.clone());
+    let folders = [Some(&m.name), sheet.as_ref()];
     let map = |path: &&str| {
-        let name = path.strip_prefix(&prefix)?;
-        Some((name.split('.').next()?.to_owned(), (*path).to_owned()))
+        let (folder, name) = path.strip_prefix("maps/")?.split_once('/')?;
+        let mine = folders.contains(&Some(&folder.to_owned())) && name.ends_with(".exr");
+        mine.then(|| (name.split('.').next().unwrap_or(name).to_owned(), (*path).to_owned()))
     };
     MaterialEntry {
         name: m.name.clone(),
         class: m.class.word().into(),
         slots: slots.into_iter().flatten().collect(),
         maps: paths.iter().filter_map(map).collect(),
-        leaf_ids: Vec::new(),
+        leaf_ids: sheet.into_iter().collect(),
         params: ParamsEntry {
             base_color: m.base_color,
             roughness: m.roughness,

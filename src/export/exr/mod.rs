@@ -1,20 +1,35 @@
 //! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`; land's own heights in 32-bit floats.
 //!
 //! Fields that frames fill come as `maps/<what>/<field>.exr` with the last frame's values, and as `<field>.####.exr` where
-//! the scene asks for more.
+//! the scene asks for more. Wet sheets have `maps/<sheet>/<map>.####.exr` (`wet.rs`), on request laid together (`atlas.rs`).
 //!
 //! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1],
 //! for land metres.
+
+mod atlas;
+mod wet;
 
 use std::sync::Arc;
 
 use exr::prelude::*;
 use half::f16;
 
+use self::wet::Sheets;
 use super::{Exporter, GENERATOR, Summary};
 use crate::Error;
 use crate::fence::Folder;
 use crate::scene::{Field, Frame, HeightField, Material, Pixels, Scene};
+
+pub use atlas::{ATLAS, BORDER};
+
+/// What is written of wet sheets beside height, wetness and normals.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Heights of water alone.
+    pub water: bool,
+    /// All maps laid together.
+    pub atlas: bool,
+}
 
 /// Exporter for EXR maps.
 #[derive(Debug)]
@@ -23,12 +38,13 @@ pub struct Exr {
     scene: Option<Arc<Scene>>,
     /// The last values of each field.
     last: Vec<Vec<f32>>,
+    sheets: Sheets,
 }
 
 impl Exr {
     /// Writes into `folder`.
-    pub fn new(folder: Folder) -> Self {
-        Self { folder, scene: None, last: Vec::new() }
+    pub fn new(folder: Folder, wanted: Wanted) -> Self {
+        Self { folder, scene: None, last: Vec::new(), sheets: Sheets::new(wanted) }
     }
 
     fn height(&self, scene: &Scene, material: &Material, image: u32) -> crate::Result<()> {
@@ -41,12 +57,12 @@ impl Exr {
             Pixels::U8(v) => v.iter().step_by(step).map(|s| f16::from_f32(f32::from(*s) / 255.0)).collect(),
             Pixels::U16(v) => v.iter().step_by(step).map(|s| f16::from_f32(f32::from(*s) / 65535.0)).collect(),
         };
-        let map = Map { width: picture.width, height: picture.height, samples };
         let comment = serde_json::json!({
             "map": "height", "leaf": material.name, "frame": scene.clip.start, "seed": scene.seed.to_string(),
             "scene": scene.hash, "unit": "m", "range": material.height_range,
         });
-        out.put(&encode(map, scene.clip.fps, &comment.to_string())?)?;
+        let size = (picture.width as usize, picture.height as usize);
+        out.put(&encode(size, 1, samples, (scene.clip.fps, &comment.to_string()))?)?;
         out.commit()
     }
 
@@ -74,6 +90,7 @@ impl Exporter for Exr {
         if let Some(land) = &scene.land {
             self.land(scene, land)?;
         }
+        self.sheets.begin(&self.folder, scene)?;
         self.scene = Some(Arc::clone(scene));
         self.last = vec![Vec::new(); scene.fields.len()];
         Ok(())
@@ -88,16 +105,15 @@ impl Exporter for Exr {
             }
             last.clone_from(values);
         }
-        Ok(())
+        self.sheets.frame(&self.folder, scene, frame.number, Some(frame))
     }
 
     fn finish(&mut self) -> crate::Result<Summary> {
-        if let Some(scene) = &self.scene {
-            for (field, values) in scene.fields.iter().zip(&self.last).filter(|(_, v)| !v.is_empty()) {
-                put_field(&self.folder, scene, field, values, None)?;
-            }
+        let Some(scene) = &self.scene else { return Ok(Summary::default()) };
+        for (field, values) in scene.fields.iter().zip(&self.last).filter(|(_, v)| !v.is_empty()) {
+            put_field(&self.folder, scene, field, values, None)?;
         }
-        Ok(Summary::default())
+        self.sheets.finish(&self.folder, scene)
     }
 }
 
@@ -145,20 +161,24 @@ pub fn floats(
     Ok(bytes.into_inner())
 }
 
-/// A scalar map, rows from the top.
-struct Map {
-    width: u32,
-    height: u32,
+/// The bytes of a file of half floats, rows from the top: one channel `Y`, or `R`, `G`, `B` for three values per pixel.
+/// `about`: frames per second, and JSON. No attribute beside those named in its header: the crate keeps others in no fixed order.
+fn encode(
+    size: (usize, usize),
+    channels: usize,
     samples: Vec<f16>,
-}
-
-/// The file's bytes. No attribute beside those named in its header: the crate keeps others in no fixed order.
-fn encode(map: Map, fps: (u32, u32), comment: &str) -> crate::Result<Vec<u8>> {
-    let size = (map.width as usize, map.height as usize);
-    if map.samples.len() != size.0.saturating_mul(size.1) {
-        return Err(Error::export("X012", "a height map has the wrong number of samples"));
+    about: ((u32, u32), &str),
+) -> crate::Result<Vec<u8>> {
+    let (fps, comment) = about;
+    if samples.len() != size.0.saturating_mul(size.1).saturating_mul(channels) {
+        return Err(Error::export("X012", "a map has the wrong number of samples"));
     }
-    let channel = AnyChannel::new("Y", FlatSamples::F16(map.samples));
+    let list = if channels == 1 {
+        std::iter::once(AnyChannel::new("Y", FlatSamples::F16(samples))).collect()
+    } else {
+        let plane = |c: usize| samples.iter().skip(c).step_by(channels).copied().collect::<Vec<f16>>();
+        ["R", "G", "B"].iter().enumerate().map(|(c, n)| AnyChannel::new(*n, FlatSamples::F16(plane(c)))).collect()
+    };
     let mut attributes = LayerAttributes {
         software_name: Some(GENERATOR.into()),
         comments: Text::new_or_none(comment),
@@ -167,9 +187,9 @@ fn encode(map: Map, fps: (u32, u32), comment: &str) -> crate::Result<Vec<u8>> {
     attributes.frames_per_second = i32::try_from(fps.0).ok().map(|n| (n, fps.1));
     let encoding =
         Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(std::iter::once(channel).collect()));
+    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(list));
     let mut bytes = std::io::Cursor::new(Vec::new());
     let written = Image::from_layer(layer).write().to_buffered(&mut bytes);
-    written.map_err(|e| Error::export("X012", format!("a height map cannot be encoded: {e}")))?;
+    written.map_err(|e| Error::export("X012", format!("a map cannot be encoded: {e}")))?;
     Ok(bytes.into_inner())
 }

@@ -1,0 +1,73 @@
+//! Keys of the maps of wet leaves.
+
+use super::Recipe;
+use super::key::{Section, keys};
+use super::kinds::{Flag, num, whole};
+use super::resolve::{Resolver, span_of};
+use super::tree::Table;
+use crate::diagnostic::Diagnostic;
+use crate::export::exr::{ATLAS, BORDER};
+
+keys! {
+    /// Maps of the leaves that rain falls on: relief, wetness and normals, a file of each per leaf and frame.
+    MapKeys at "maps" {
+        /// Texels along a side of a map.
+        resolution: u32 = "resolution" whole(512, 32, 8192);
+        /// Height that 1 in a height map stands for; what is higher is cut off.
+        height_range: f64 = "height_range_m" num(0.004, 1e-4, 0.1, "m");
+        /// Most leaves that have maps: those nearest to the camera. The others carry drops and one mean wetness.
+        hero_max: u32 = "hero_max" whole(32, 0, 512);
+        /// Whether all leaves' maps are also laid together on sheets of 4096 texels a side.
+        atlas: bool = "atlas" Flag(false);
+        /// Whether the height of water alone has maps too.
+        water: bool = "water" Flag(false);
+    }
+}
+
+impl Resolver<'_> {
+    /// `[maps]`; a tile must fit its atlas.
+    pub(super) fn maps(&mut self, root: &Table) -> MapKeys {
+        let keys: MapKeys = self.section(root, "maps");
+        let most = ATLAS - 2 * BORDER;
+        if keys.atlas && keys.resolution as usize > most {
+            let span = span_of(root, &["maps", "resolution"]).unwrap_or(self.whole);
+            let text = format!("maps.resolution is {}, but with atlas must be at most {most}", keys.resolution);
+            let d = Diagnostic::error("S004", text, span, "larger than an atlas");
+            self.report.push(d.help("lower the resolution, or leave out `atlas = true`"));
+        }
+        keys
+    }
+}
+
+impl Recipe {
+    /// True if the scene says something about maps: one that does not keeps the hash it had before there were any.
+    pub(super) fn asks_for_maps(&self) -> bool {
+        self.maps != MapKeys::defaults()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::recipe::{Recipe, Request, resolve};
+    use crate::{Error, Result};
+
+    fn read(text: &str) -> Result<Recipe> {
+        let text = format!("[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\n{text}");
+        resolve(&Request { name: "maps".into(), shown: "maps.toml".into(), text, ..Request::default() }).map(|r| r.0)
+    }
+
+    #[test]
+    fn maps_have_defaults_and_count_in_the_hash_where_asked_for() {
+        let (plain, said) = (read("").expect("plain"), read("[maps]\nwater = true\n").expect("said"));
+        assert_eq!((plain.maps.resolution, plain.maps.hero_max, plain.maps.water), (512, 32, false));
+        assert!(said.maps.water && said.hash != plain.hash);
+        assert_eq!(plain.hash, read("[maps]\nresolution = 512\n").expect("default").hash);
+    }
+
+    #[test]
+    fn a_map_that_no_atlas_holds_is_refused() {
+        let Err(Error::Input(report)) = read("[maps]\natlas = true\nresolution = 4093\n") else { panic!("accepted") };
+        assert!(report.to_string().contains("with atlas must be at most 4092"), "{report}");
+        assert!(read("[maps]\natlas = true\nresolution = 4092\n").is_ok());
+    }
+}
