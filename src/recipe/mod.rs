@@ -22,6 +22,7 @@ pub mod morph_keys;
 mod morphs;
 mod plants;
 mod resolve;
+pub mod rain_keys;
 pub mod rod_keys;
 mod rods;
 pub mod sections;
@@ -82,6 +83,8 @@ pub struct Recipe {
     pub rods: Vec<RodRecipe>,
     /// What stands in the way of wind and catkins.
     pub solids: Vec<SolidRecipe>,
+    /// Rain.
+    pub rain: Option<rain_keys::RainRecipe>,
     /// Maps of wet leaves.
     pub maps: map_keys::MapKeys,
     /// Haze.
@@ -318,6 +321,11 @@ pub fn options() -> Vec<TableInfo> {
         info::<rod_keys::RodKeys>(),
         info::<rod_keys::RodClamp>(),
         info::<rod_keys::RodLoad>(),
+        info::<rain_keys::RainKeys>(),
+        info::<rain_keys::ImpactKeys>(),
+        info::<rain_keys::DropKeys>(),
+        info::<rain_keys::WetKeys>(),
+        info::<rain_keys::LyingKeys>(),
         info::<map_keys::MapKeys>(),
         info::<land_keys::FogKeys>(),
         info::<s::CameraKeys>(),

@@ -164,6 +164,7 @@ impl Resolver<'_> {
             flight,
             solids,
             rods,
+            rain: self.rain(root),
             maps: self.maps(root),
             fog: self.section(root, "fog"),
             camera: self.section(root, "camera"),
@@ -413,6 +414,13 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         (rod.clamps.len() as u64).digest(&mut h);
         rod.clamps.iter().for_each(|clamp| clamp.digest(&mut h));
         rod.loads.iter().for_each(|load| load.digest(&mut h));
+    }
+    if let Some(rain) = &recipe.rain {
+        rain.keys.digest(&mut h);
+        rain.impact.digest(&mut h);
+        rain.drop.digest(&mut h);
+        rain.wet.digest(&mut h);
+        rain.lying.iter().for_each(|l| l.digest(&mut h));
     }
     if recipe.asks_for_maps() {
         recipe.maps.digest(&mut h);

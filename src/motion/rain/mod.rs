@@ -4,5 +4,19 @@
 //! Source: [yang-wu], sections 3 and 4; docs/rain.md says what is ours.
 
 mod bearer;
+mod body;
+mod cap;
+mod collide;
+mod dew;
+mod drop;
+mod impact;
+mod leaf;
+mod manner;
+mod maps;
+mod moment;
+mod pendant;
+mod sheet;
+mod storm;
+mod shower;
 
 pub use bearer::{Bearer, Blade, Bough, Stiff};

@@ -1,0 +1,486 @@
+//! Drops as closed meshes that fit the leaf under them.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use glam::{DVec2, DVec3, Vec3};
+
+use super::bearer::Blade;
+use super::cap::Cap;
+use super::leaf::Leaf;
+use super::moment::{Hanging, Lying};
+use super::pendant::Shapes;
+use super::sheet::Spot;
+use crate::math;
+use crate::scene::Mesh;
+
+/// Rings and sides of a small drop, of a larger one, and the base radius from which it is large, m.
+const FEW: [u32; 2] = [6, 24];
+const MANY: [u32; 2] = [12, 48];
+const LARGE: f64 = 1e-3;
+/// Rows per base radius, and columns, of a drop with a tail.
+const ROWS: f64 = 7.0;
+const COLUMNS: u32 = 14;
+/// Most rows.
+const LONG: u32 = 160;
+/// How far water reaches under the leaf's surface, so that no air is left between, m.
+const UNDER: f64 = 1e-4;
+/// Sides of a drop that hangs, and the height of its upper end over the circle it hangs from, in radii.
+const SIDES: u32 = 32;
+const SEAT: f64 = 0.35;
+/// Points along a hanging drop.
+const ALONG: usize = 40;
+
+/// Water of a frame: one mesh, with the velocity of each point, m/s.
+#[derive(Debug, Default)]
+pub struct Water {
+    /// It; the world's metres.
+    pub mesh: Mesh,
+    /// One per point.
+    pub velocities: Vec<Vec3>,
+}
+
+/// Where points of a drop are put.
+struct Base<'a> {
+    leaf: &'a Leaf,
+    blade: &'a Blade,
+    uv: DVec2,
+    spot: Spot,
+    side: f64,
+    v: DVec3,
+}
+
+impl<'a> Base<'a> {
+    fn new((leaf, blade): (&'a Leaf, &'a Blade), uv: DVec2, (side, v): (f64, DVec3)) -> Option<Self> {
+        Some(Self { leaf, blade, uv, spot: leaf.at(uv)?, side, v })
+    }
+
+    /// A way along the leaf from the middle, and a height over it, m: in the world.
+    fn point(&self, way: DVec3, height: f64) -> DVec3 {
+        let there = self.uv + self.spot.uv(way);
+        let s = self.leaf.sheet.beyond(there, &self.spot, self.uv, self.leaf.scale);
+        self.blade.p + self.blade.q * (s.p + s.n * (self.side * height))
+    }
+}
+
+impl Water {
+    fn push(&mut self, p: DVec3, (blade, v): (&Blade, DVec3)) -> u32 {
+        let index = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
+        self.mesh.points.push(p.as_vec3());
+        self.velocities.push((blade.speed_at(p) + blade.q * v).as_vec3());
+        index
+    }
+
+    fn triangle(&mut self, t: [u32; 3], flip: bool) {
+        self.mesh.triangles.push(if flip { [t[0], t[2], t[1]] } else { t });
+    }
+
+    /// Normals of everything from a triangle on; points that only those share.
+    fn smooth(&mut self, first_point: usize, first: usize) {
+        let Mesh { points, normals, triangles, .. } = &mut self.mesh;
+        normals.resize(points.len(), Vec3::ZERO);
+        for t in &triangles[first..] {
+            let [a, b, c] = t.map(|i| points[i as usize].as_dvec3());
+            let n = (b - a).cross(c - a).as_vec3() * 1e6;
+            t.iter().for_each(|i| normals[*i as usize] += n);
+        }
+        for n in &mut normals[first_point..] {
+            *n = math::normalize_or(*n, Vec3::Y);
+        }
+    }
+
+    /// Adds a drop that lies on a leaf.
+    pub fn lay(&mut self, on: (&Leaf, &Blade), drop: &Lying) {
+        let Some(head) = drop.beads.first() else { return };
+        let Some(base) = Base::new(on, head.uv, (drop.side, drop.v)) else { return };
+        if drop.beads.len() > 1 {
+            self.strip(&base, drop);
+        } else {
+            self.cap(&base, &head.cap, drop);
+        }
+    }
+
+    /// Rings around the middle, dense at the rim. Source: own.
+    fn cap(&mut self, base: &Base<'_>, cap: &Cap, drop: &Lying) {
+        let theta = math::acos(cap.c.clamp(-1.0, 1.0));
+        let [rings, sides] = if cap.reach() < LARGE { FEW } else { MANY };
+        // What overhangs has more to show.
+        let rings = if theta > FRAC_PI_2 { rings * 2 } else { rings };
+        let n = base.spot.n;
+        let along = (drop.axis - n * drop.axis.dot(n)).normalize_or(n.any_orthonormal_vector());
+        let across = n.cross(along);
+        let place = |q: f64, phi: f64| {
+            let r1 = cap.r * math::sin(q);
+            let (x, y) = (r1 * math::cos(phi) * drop.print.q, r1 * math::sin(phi) / drop.print.q);
+            let lean = 1.0 + drop.print.skew * (r1 / cap.a * math::cos(phi)).clamp(-1.0, 1.0);
+            let h = cap.omega * cap.r * (math::cos(q) - cap.c) * lean;
+            base.point(along * x + across * y, h.max(0.0))
+        };
+        let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
+        let carrier = (base.blade, base.v);
+        let flip = base.side < 0.0;
+        let top = self.push(place(0.0, 0.0), carrier);
+        let mut rim = Vec::new();
+        for k in 1..=rings {
+            let share = 1.0 - f64::from(k) / f64::from(rings);
+            let q = theta * (1.0 - math::pow(share, 1.6));
+            let ring: Vec<u32> = (0..sides)
+                .map(|i| self.push(place(q, TAU * f64::from(i) / f64::from(sides)), carrier))
+                .collect();
+            for i in 0..sides as usize {
+                let j = (i + 1) % sides as usize;
+                if k == 1 {
+                    self.triangle([top, ring[i], ring[j]], flip);
+                } else {
+                    let before: &[u32] = &rim;
+                    self.triangle([before[i], ring[i], ring[j]], flip);
+                    self.triangle([before[i], ring[j], before[j]], flip);
+                }
+            }
+            rim = ring;
+        }
+        self.smooth(start, first);
+        self.seat(base, &rim, flip);
+    }
+
+    /// Closes a drop under the leaf: a skirt and a fan. `rim`: counter-clockwise seen from above.
+    fn seat(&mut self, base: &Base<'_>, rim: &[u32], flip: bool) {
+        let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
+        let carrier = (base.blade, base.v);
+        let down = (base.blade.q * base.spot.n * (-base.side * UNDER)).as_vec3();
+        let upper: Vec<u32> = rim.iter().map(|i| self.again(*i, Vec3::ZERO)).collect();
+        let lower: Vec<u32> = rim.iter().map(|i| self.again(*i, down)).collect();
+        let middle = base.point(DVec3::ZERO, -UNDER);
+        let middle = self.push(middle, carrier);
+        for i in 0..rim.len() {
+            let j = (i + 1) % rim.len();
+            self.triangle([upper[i], lower[i], lower[j]], flip);
+            self.triangle([upper[i], lower[j], upper[j]], flip);
+            self.triangle([middle, lower[j], lower[i]], flip);
+        }
+        self.smooth(start, first);
+    }
+
+    fn again(&mut self, i: u32, by: Vec3) -> u32 {
+        let index = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
+        self.mesh.points.push(self.mesh.points[i as usize] + by);
+        self.velocities.push(self.velocities[i as usize]);
+        index
+    }
+
+    /// A drop with its tail as one body: rows across its way, each as wide and high as the caps there. Source: own.
+    fn strip(&mut self, base: &Base<'_>, drop: &Lying) {
+        let Some(line) = Line::new(base, drop) else { return };
+        let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
+        let carrier = (base.blade, base.v);
+        let flip = base.side < 0.0;
+        let rows = line.rows();
+        let ends = [0, rows].map(|k| {
+            let p = line.point(base, line.at(k, rows), 0.0, 0.0);
+            self.push(p, carrier)
+        });
+        let mut grid: Vec<Vec<u32>> = Vec::new();
+        for k in 1..rows {
+            let s = line.at(k, rows);
+            let wide = line.width(s);
+            let row = (0..=COLUMNS)
+                .map(|i| {
+                    let x = wide * math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(COLUMNS) - 1.0));
+                    let rim = i == 0 || i == COLUMNS;
+                    let h = if rim { 0.0 } else { line.height(s, x) };
+                    let p = line.point(base, s, x, h);
+                    self.push(p, carrier)
+                })
+                .collect();
+            grid.push(row);
+        }
+        let n = COLUMNS as usize;
+        for i in 0..n {
+            self.triangle([ends[0], grid[0][i], grid[0][i + 1]], flip);
+            let last = &grid[grid.len() - 1];
+            let (a, b) = (last[i], last[i + 1]);
+            self.triangle([ends[1], b, a], flip);
+        }
+        for k in 1..grid.len() {
+            for i in 0..n {
+                let (a, b, c, d) = (grid[k - 1][i], grid[k - 1][i + 1], grid[k][i + 1], grid[k][i]);
+                self.triangle([a, c, b], flip);
+                self.triangle([a, d, c], flip);
+            }
+        }
+        self.smooth(start, first);
+        self.keel(base, (&grid, ends), flip);
+    }
+
+    /// Closes a strip under the leaf.
+    fn keel(&mut self, base: &Base<'_>, (grid, ends): (&[Vec<u32>], [u32; 2]), flip: bool) {
+        let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
+        let down = (base.blade.q * base.spot.n * (-base.side * UNDER)).as_vec3();
+        let n = COLUMNS as usize;
+        // Around: the front end, the right side back, the hind end, the left side forth.
+        let right: Vec<u32> = grid.iter().map(|row| row[n]).collect();
+        let left: Vec<u32> = grid.iter().map(|row| row[0]).collect();
+        let ring: Vec<u32> = std::iter::once(ends[0])
+            .chain(left.iter().copied())
+            .chain(std::iter::once(ends[1]))
+            .chain(right.iter().rev().copied())
+            .collect();
+        let upper: Vec<u32> = ring.iter().map(|i| self.again(*i, Vec3::ZERO)).collect();
+        let lower: Vec<u32> = ring.iter().map(|i| self.again(*i, down)).collect();
+        for i in 0..ring.len() {
+            let j = (i + 1) % ring.len();
+            self.triangle([upper[i], lower[i], lower[j]], flip);
+            self.triangle([upper[i], lower[j], upper[j]], flip);
+        }
+        let rows = grid.len();
+        let (front, back) = (lower[0], lower[rows + 1]);
+        let l = |k: usize| lower[1 + k];
+        let r = |k: usize| lower[ring.len() - 1 - k];
+        self.triangle([front, r(0), l(0)], flip);
+        for k in 1..rows {
+            self.triangle([l(k - 1), r(k - 1), r(k)], flip);
+            self.triangle([l(k - 1), r(k), l(k)], flip);
+        }
+        self.triangle([l(rows - 1), r(rows - 1), back], flip);
+        self.smooth(start, first);
+    }
+
+    /// Adds a drop that hangs at a margin. `shapes`: of its circle.
+    pub fn hang(&mut self, blade: &Blade, drop: &Hanging, shapes: &Shapes) {
+        let profile = shapes.profile(drop.volume);
+        let Some([_, length]) = profile.last().copied() else { return };
+        let down = (blade.q * drop.axis).normalize_or(DVec3::NEG_Y);
+        let (x, y) = down.any_orthonormal_pair();
+        let middle = blade.p + blade.q * drop.p;
+        let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
+        let carrier = (blade, DVec3::ZERO);
+        let mut outline: Vec<[f64; 2]> = thinned(&profile);
+        // Its upper end closes over the leaf's edge.
+        let rim = outline.last().map_or(drop.radius, |p| p[0]);
+        outline.extend((1..8).map(|k| {
+            let turn = FRAC_PI_2 * f64::from(k) / 8.0;
+            [rim * math::cos(turn), length + SEAT * rim * math::sin(turn)]
+        }));
+        let low = self.push(middle + down * length, carrier);
+        let mut before: Vec<u32> = Vec::new();
+        for [r, z] in outline.iter().skip(1) {
+            let at = middle + down * (length - z);
+            let ring: Vec<u32> = (0..SIDES)
+                .map(|i| {
+                    let turn = TAU * f64::from(i) / f64::from(SIDES);
+                    self.push(at + (x * math::cos(turn) + y * math::sin(turn)) * *r, carrier)
+                })
+                .collect();
+            self.band(&before, &ring, low);
+            before = ring;
+        }
+        let high = self.push(middle - down * (SEAT * rim), carrier);
+        for i in 0..SIDES as usize {
+            let j = (i + 1) % SIDES as usize;
+            self.triangle([high, before[j], before[i]], false);
+        }
+        self.smooth(start, first);
+    }
+
+    fn band(&mut self, before: &[u32], ring: &[u32], low: u32) {
+        for i in 0..ring.len() {
+            let j = (i + 1) % ring.len();
+            if before.is_empty() {
+                self.triangle([low, ring[i], ring[j]], false);
+            } else {
+                self.triangle([before[i], ring[i], ring[j]], false);
+                self.triangle([before[i], ring[j], before[j]], false);
+            }
+        }
+    }
+}
+
+/// About [`ALONG`] points of a profile, evenly along it.
+fn thinned(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let last = profile.len() - 1;
+    let step = (last / ALONG).max(1);
+    let mut out: Vec<[f64; 2]> = profile.iter().step_by(step).copied().collect();
+    if last % step != 0 {
+        out.push(profile[last]);
+    }
+    out
+}
+
+/// The way that a drop with a tail came, from its head back.
+struct Line {
+    /// Places, of leaf space from the head, and the way to each, m.
+    points: Vec<(DVec3, f64)>,
+    /// Way to each cap, its base radius, stretch, and shape.
+    caps: Vec<(f64, f64, Cap)>,
+    normal: DVec3,
+    skew: f64,
+    /// Where it begins and ends.
+    from: f64,
+    to: f64,
+}
+
+impl Line {
+    fn new(base: &Base<'_>, drop: &Lying) -> Option<Self> {
+        let places: Vec<DVec3> = drop.beads.iter().filter_map(|b| base.leaf.at(b.uv)).map(|s| s.p).collect();
+        if places.len() != drop.beads.len() {
+            return None;
+        }
+        let mut points = Vec::new();
+        let mut way = 0.0;
+        for (i, p) in places.iter().enumerate() {
+            way += if i > 0 { p.distance(places[i - 1]) } else { 0.0 };
+            points.push((*p - base.spot.p, way));
+        }
+        let q = |i: usize| if i == 0 { drop.print.q } else { 1.0 };
+        let caps: Vec<(f64, f64, Cap)> =
+            drop.beads.iter().enumerate().map(|(i, b)| (points[i].1, q(i), b.cap)).collect();
+        let from = -caps[0].2.reach() * caps[0].1;
+        let to = caps.iter().fold(from, |m, (s, q, c)| m.max(s + c.reach() * q));
+        // Caps that stand on one place have no way between them: the drop's own axis leads.
+        if way < 1e-6 {
+            let back = -drop.axis;
+            points = vec![(DVec3::ZERO, 0.0), (back * 1e-3, 1e-3)];
+        }
+        Some(Self { points, caps, normal: base.spot.n, skew: drop.print.skew, from, to })
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    fn rows(&self) -> u32 {
+        let least = self.caps.iter().fold(f64::MAX, |m, (_, _, c)| m.min(c.a)).max(1e-5);
+        ((self.to - self.from) / least * ROWS).ceil().clamp(16.0, f64::from(LONG)) as u32
+    }
+
+    /// Way of a row; rows stand closer at the ends.
+    fn at(&self, k: u32, rows: u32) -> f64 {
+        let share = 0.5 - 0.5 * math::cos(PI * f64::from(k) / f64::from(rows));
+        self.from + (self.to - self.from) * share
+    }
+
+    /// Half of its width.
+    fn width(&self, s: f64) -> f64 {
+        let one = |(at, q, c): &(f64, f64, Cap)| {
+            let x = (s - at) / (c.reach() * q);
+            if x.abs() < 1.0 { c.reach() / q * math::sqrt(1.0 - x * x) } else { 0.0 }
+        };
+        self.caps.iter().map(one).fold(1e-6, f64::max)
+    }
+
+    fn height(&self, s: f64, x: f64) -> f64 {
+        let one = |(i, (at, q, c)): (usize, &(f64, f64, Cap))| {
+            let (u, w) = ((s - at) / (c.a * q), x * q / c.a);
+            let lean = if i == 0 { 1.0 - self.skew * u.clamp(-1.0, 1.0) } else { 1.0 };
+            c.height(math::sqrt(u * u + w * w)) * lean
+        };
+        self.caps.iter().enumerate().map(one).fold(0.0, f64::max)
+    }
+
+    /// A point of the drop: a way back, aside, and up.
+    fn point(&self, base: &Base<'_>, s: f64, x: f64, h: f64) -> DVec3 {
+        let last = self.points.len() - 1;
+        let k = self.points.partition_point(|(_, way)| *way <= s).clamp(1, last);
+        let ((a, s0), (b, s1)) = (self.points[k - 1], self.points[k]);
+        let t = (s - s0) / (s1 - s0).max(1e-9);
+        // Directions turn evenly, so that rows do not cross in a bend.
+        let way = |k: usize| (self.points[k.min(last)].0 - self.points[k.min(last) - 1].0).normalize_or(DVec3::Y);
+        let (before, after) = (way(k.max(2) - 1), way(k));
+        let tangent = before.lerp(after, (0.5 + t).clamp(0.0, 1.0)).normalize_or(after);
+        let aside = self.normal.cross(tangent).normalize_or(DVec3::X);
+        base.point(a + (b - a) * t + aside * x, h)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+
+    use glam::DQuat;
+
+    use super::super::cap::Print;
+    use super::super::drop::Bead;
+    use super::super::manner::Manner;
+    use super::super::sheet::{Sheet, tests::flat};
+    use super::*;
+
+    fn leaf() -> Leaf {
+        Leaf::new(Arc::new(Sheet::new(&flat(0.08, 0.04, 8)).expect("a blade")), 1.0, 0)
+    }
+
+    fn blade() -> Blade {
+        Blade::still(DVec3::new(1.0, 2.0, 3.0), DQuat::from_rotation_x(-1.0))
+    }
+
+    fn lying(theta: f64, volumes: &[f64], print: Print) -> Lying {
+        let theta = theta.to_radians();
+        let own = Manner::default().wetting;
+        let wetting = super::super::cap::Wetting { theta, receding: theta, advancing: theta, ..own };
+        let bead = |(i, v): (usize, &f64)| {
+            let uv = DVec2::new(0.5, 0.5 - 0.02 * i as f64);
+            Bead { uv, cap: wetting.cap(*v, 1.0), volume: *v }
+        };
+        let beads = volumes.iter().enumerate().map(bead).collect();
+        Lying { id: 1, leaf: 0, side: 1.0, beads, print, axis: DVec3::Y, v: DVec3::ZERO, volume: volumes.iter().sum() }
+    }
+
+    /// Volume inside, m^3, once every edge is known to have a triangle on either side.
+    fn closed(mesh: &Mesh) -> f64 {
+        let mut edges: BTreeMap<[[u32; 3]; 2], i32> = BTreeMap::new();
+        let key = |i: u32| mesh.points[i as usize].to_array().map(f32::to_bits);
+        let mut volume = 0.0;
+        let o = mesh.points[0].as_dvec3();
+        for t in &mesh.triangles {
+            for k in 0..3 {
+                let (a, b) = (key(t[k]), key(t[(k + 1) % 3]));
+                *edges.entry([a.min(b), a.max(b)]).or_insert(0) += if a < b { 1 } else { -1 };
+            }
+            let [a, b, c] = t.map(|i| mesh.points[i as usize].as_dvec3() - o);
+            volume += a.dot(b.cross(c)) / 6.0;
+        }
+        assert!(edges.values().all(|n| *n == 0), "open");
+        volume
+    }
+
+    #[test]
+    fn drops_are_closed_and_hold_their_volume() {
+        let (leaf, blade) = (leaf(), blade());
+        for theta in [30.0, 60.0, 90.0, 110.0, 150.0] {
+            for print in [Print { q: 1.0, skew: 0.0 }, Print { q: 1.4, skew: 0.2 }] {
+                let drop = lying(theta, &[2e-8], print);
+                let mut water = Water::default();
+                water.lay((&leaf, &blade), &drop);
+                let cap = drop.beads[0].cap;
+                let under = PI * cap.a * cap.a * UNDER;
+                let found = closed(&water.mesh) - under;
+                assert!((found / 2e-8 - 1.0).abs() < 0.012, "{theta} {print:?}: {found}");
+                assert_eq!(water.velocities.len(), water.mesh.points.len());
+                assert!(water.mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3));
+            }
+        }
+    }
+
+    #[test]
+    fn a_drop_with_a_tail_is_one_closed_body() {
+        let (leaf, blade) = (leaf(), blade());
+        let drop = lying(60.0, &[1e-8, 5e-9, 2.5e-9, 1.2e-9], Print { q: 1.3, skew: 0.2 });
+        let mut water = Water::default();
+        water.lay((&leaf, &blade), &drop);
+        let found = closed(&water.mesh);
+        assert!(found > 1.2e-8 && found < 2.5e-8, "{found}");
+    }
+
+    #[test]
+    fn a_hanging_drop_is_closed_and_hangs_down() {
+        let blade = Blade::still(DVec3::new(0.2, 1.0, 0.3), DQuat::from_rotation_z(0.4));
+        let axis = blade.q.inverse() * DVec3::NEG_Y;
+        for volume in [2e-9, 15e-9, 33e-9] {
+            let drop = Hanging { id: 1, leaf: 0, p: DVec3::new(0.0, 0.08, 0.0), radius: 1e-3, axis, volume };
+            let mut water = Water::default();
+            water.hang(&blade, &drop, &Shapes::new(1e-3, 9.81));
+            let found = closed(&water.mesh);
+            let seat = PI * 1e-9 * SEAT * 2.0 / 3.0;
+            assert!(((found - seat) / volume - 1.0).abs() < 0.03, "{volume} {found}");
+            let top = blade.world(drop.p, 1.0).y;
+            let lowest = water.mesh.points.iter().fold(f32::MAX, |m, p| m.min(p.y));
+            assert!(f64::from(lowest) < top - 1e-4);
+        }
+    }
+}

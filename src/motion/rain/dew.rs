@@ -1,0 +1,58 @@
+//! How wet a leaf is where drops look for their way: coarse, apart from the maps that are written.
+
+use glam::DVec2;
+
+use crate::math;
+
+/// Cells each way.
+const CELLS: usize = 48;
+/// Wetness that counts as none.
+const DRY: f64 = 1.0 / 1024.0;
+
+/// When each cell was last covered by water, s.
+#[derive(Debug, Clone, Default)]
+pub struct Dew {
+    /// Empty while all of it is dry.
+    seen: Vec<f32>,
+}
+
+impl Dew {
+    /// Water covers a place with a reach, both in texture coordinates, at time `t`, s.
+    pub fn cover(&mut self, uv: DVec2, reach: DVec2, t: f64) {
+        if self.seen.is_empty() {
+            self.seen = vec![f32::NEG_INFINITY; CELLS * CELLS];
+        }
+        let (lo, hi) = (cell(uv - reach), cell(uv + reach));
+        for y in lo[1]..=hi[1] {
+            for x in lo[0]..=hi[0] {
+                self.seen[y * CELLS + x] = math::narrow(t);
+            }
+        }
+    }
+
+    /// How wet a place is at time `t`, 0 to 1. Source: [yang-wu] eq. 11, without the distance.
+    pub fn at(&self, uv: DVec2, t: f64, (zeta, half_life): (f64, f64)) -> f64 {
+        let [x, y] = cell(uv);
+        match self.seen.get(y * CELLS + x) {
+            Some(seen) if seen.is_finite() => {
+                let wet = math::pow(zeta, (t - f64::from(*seen)).max(0.0) / half_life);
+                if wet < DRY { 0.0 } else { wet }
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The mean over a leaf, from what its cells within 0..1 say.
+    pub fn mean(&self, t: f64, law: (f64, f64)) -> f64 {
+        let n = CELLS as f64;
+        let place = |k: usize| DVec2::new((k % CELLS) as f64 + 0.5, (k / CELLS) as f64 + 0.5) / n;
+        let sum: f64 = (0..self.seen.len()).map(|k| self.at(place(k), t, law)).sum();
+        sum / (n * n)
+    }
+}
+
+fn cell(uv: DVec2) -> [usize; 2] {
+    let n = CELLS as f64;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    [uv.x, uv.y].map(|x| (x * n).clamp(0.0, n - 1.0) as usize)
+}

@@ -1,0 +1,135 @@
+//! What a frame shows of rain: all that maps and meshes are made from.
+
+use glam::DVec3;
+
+use super::bearer::Blade;
+use super::cap::Print;
+use super::drop::Bead;
+use super::leaf::Stamp;
+use super::maps::{Blob, Soak};
+use super::storm::{Happened, Storm};
+
+/// A drop that lies or runs, with its tail.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lying {
+    /// By birth.
+    pub id: u64,
+    /// Its leaf.
+    pub leaf: usize,
+    /// 1 on the upper side, -1 below.
+    pub side: f64,
+    /// The head first.
+    pub beads: Vec<Bead>,
+    /// Footprint of its head.
+    pub print: Print,
+    /// Long axis of that, of leaf space.
+    pub axis: DVec3,
+    /// Of leaf space, m/s.
+    pub v: DVec3,
+    /// m^3.
+    pub volume: f64,
+}
+
+/// A drop that hangs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hanging {
+    /// By birth.
+    pub id: u64,
+    /// Its leaf.
+    pub leaf: usize,
+    /// Where, of leaf space, m.
+    pub p: DVec3,
+    /// Radius of the circle that it hangs from, m.
+    pub radius: f64,
+    /// Where it hangs to, unit, of leaf space.
+    pub axis: DVec3,
+    /// m^3.
+    pub volume: f64,
+}
+
+/// A drop in the air.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InAir {
+    /// By birth.
+    pub id: u64,
+    /// m.
+    pub p: DVec3,
+    /// m/s.
+    pub v: DVec3,
+    /// m^3.
+    pub volume: f64,
+}
+
+/// Rain at one frame.
+#[derive(Debug, Clone, Default)]
+pub struct Moment {
+    /// s.
+    pub t: f64,
+    /// Where the leaves are.
+    pub blades: Vec<Blade>,
+    /// On leaves.
+    pub lying: Vec<Lying>,
+    /// At their margins.
+    pub hanging: Vec<Hanging>,
+    /// In the air.
+    pub air: Vec<InAir>,
+    /// Places that came under water since the last frame, by leaf.
+    pub soaked: Vec<(usize, Stamp)>,
+    /// What happened since the last frame.
+    pub happened: Vec<(f64, Happened)>,
+}
+
+impl Moment {
+    /// A storm as it is.
+    pub fn of(storm: &mut Storm) -> Self {
+        let (mut soaked, happened) = storm.take();
+        let manner = &storm.manner;
+        let (mut lying, mut hanging) = (Vec::new(), Vec::new());
+        for (i, leaf) in storm.leaves().iter().enumerate() {
+            for d in &leaf.drops {
+                if let Some(hang) = d.hang {
+                    let p = hang.rim.p;
+                    let (id, axis, volume) = (d.id, d.axis, d.volume);
+                    hanging.push(Hanging { id, leaf: i, p, radius: hang.radius, axis, volume });
+                    continue;
+                }
+                let facing = leaf.at(d.uv).map_or(1.0, |s| (storm.blades()[i].q * s.n).y.abs());
+                let beads = d.beads(manner, facing);
+                soaked.extend(beads.iter().map(|b| (i, Stamp { uv: b.uv, a: b.cap.a, t: storm.time() })));
+                let print = d.print(manner);
+                let (id, axis, v, volume) = (d.id, d.axis, d.v, d.volume);
+                lying.push(Lying { id, leaf: i, side: d.side, beads, print, axis, v, volume });
+            }
+        }
+        let air = |d: &super::storm::Falling| InAir { id: d.id, p: d.p, v: d.v, volume: d.volume };
+        Self {
+            t: storm.time(),
+            blades: storm.blades().to_vec(),
+            lying,
+            hanging,
+            air: storm.air().iter().map(air).collect(),
+            soaked,
+            happened,
+        }
+    }
+
+    /// What the maps of a leaf need: its caps, and where it was soaked. Only what lies on its upper side.
+    pub fn on(&self, leaf: usize) -> (Vec<Blob>, Vec<Soak>) {
+        let mut blobs = Vec::new();
+        for d in self.lying.iter().filter(|d| d.leaf == leaf && d.side > 0.0) {
+            for (k, bead) in d.beads.iter().enumerate() {
+                let print = if k == 0 { d.print } else { Print { q: 1.0, skew: 0.0 } };
+                blobs.push(Blob { uv: bead.uv, cap: bead.cap, print, axis: d.axis });
+            }
+        }
+        let soak = |s: &Stamp| Soak { uv: s.uv, a: s.a, t: s.t };
+        let soaks = self.soaked.iter().filter(|(i, _)| *i == leaf).map(|(_, s)| soak(s)).collect();
+        (blobs, soaks)
+    }
+}
+
+/// Bytes that a moment takes with so many drops on leaves and in the air.
+pub fn bytes(lying: u64, air: u64) -> u64 {
+    let caps = 4 * std::mem::size_of::<Bead>() + std::mem::size_of::<Lying>() + 4 * std::mem::size_of::<Stamp>();
+    lying * caps as u64 + air * std::mem::size_of::<InAir>() as u64
+}

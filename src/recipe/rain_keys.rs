@@ -1,0 +1,305 @@
+//! Keys of rain: how it falls, what drops do on leaves, and drops that lie there from the start.
+
+use super::key::{Section as _, keys, words, wrong};
+use super::kinds::{Flag, Maybe, OneOf, Tuple, deg, mm, num, whole};
+use super::resolve::Resolver;
+use super::rod_keys::Times;
+use super::tree::{Table, Value};
+use crate::diagnostic::Diagnostic;
+
+words! {
+    /// How large raindrops are.
+    RainSize {
+        /// As in rain of its strength, by Marshall and Palmer.
+        Natural = "natural",
+        /// All of `size_mm`.
+        Fixed = "fixed",
+        /// Around `size_mm`, spread by `size_spread`.
+        LogNormal = "log_normal",
+    }
+    /// How rain's strength changes over a clip.
+    RainEnvelope {
+        /// It does not.
+        Constant = "constant",
+        /// A bell around `middle_s`, as the paper by Yang and Wu has it.
+        Bell = "bell",
+        /// As `keys` say.
+        Keys = "keys",
+    }
+    /// Sets of defaults.
+    RainPreset {
+        /// What is measured of water on leaves.
+        Measured = "measured",
+        /// What the paper by Yang and Wu prints.
+        Paper = "paper",
+    }
+    /// What a drop's blow does.
+    ImpactModel {
+        /// Momentum is kept.
+        Momentum = "momentum",
+        /// A share of its energy moves the leaf, as the paper has it.
+        PaperEnergy = "paper_energy",
+    }
+    /// How drops are shaped.
+    DropShape {
+        /// Flattened by their weight, their volume kept.
+        Flattened = "flattened",
+        /// With the paper's heights, which lose volume.
+        Paper = "paper",
+        /// With the paper's factor lambda^kappa.
+        PaperWedge = "paper_wedge",
+    }
+    /// What holds a drop back.
+    DropFriction {
+        /// Its contact angles differ in front and behind.
+        Retention = "retention",
+        /// The paper's mu and H.
+        Paper = "paper",
+    }
+    /// When drops become one.
+    DropMerge {
+        /// When they touch.
+        Touch = "touch",
+        /// Nearer than touching, as the paper's attraction has it.
+        Paper = "paper",
+    }
+    /// With what arm a drop's weight turns its leaf.
+    DropLever {
+        /// Its own.
+        Physical = "physical",
+        /// Less near the stalk, as the paper has it.
+        Paper = "paper",
+    }
+}
+
+keys! {
+    /// Rain on the plants of a scene: drops fall, strike, run, merge, hang and drip. Leaves give way where their plant has
+    /// `[plants.NAME.rods]`.
+    RainKeys at "rain" with ["impact", "drop", "wet", "lying"] {
+        /// Where defaults come from.
+        preset: RainPreset = "preset" OneOf(RainPreset::Measured);
+        /// Whether rain falls; without it only drops of `[[rain.lying]]` are there.
+        falls: bool = "falls" Flag(true);
+        /// How much.
+        rate: f64 = "rate_mm_per_h" num(10.0, 0.1, 200.0, "mm/h");
+        /// How large its drops are.
+        size: RainSize = "size" OneOf(RainSize::Natural);
+        /// Diameter of drops that are not natural.
+        diameter: f64 = "size_mm" mm(2.0, 0.5, 6.0);
+        /// How much they differ: deviation of the logarithm.
+        spread: f64 = "size_spread" num(0.3, 0.01, 1.5, "");
+        /// Drops of the whole clip, instead of a rate.
+        total: Option<u32> = "total" Maybe(whole(1000, 1, 100_000_000), "by rate_mm_per_h");
+        /// How its strength changes.
+        envelope: RainEnvelope = "envelope" OneOf(RainEnvelope::Constant);
+        /// With "bell": when it is strongest.
+        middle: Option<f64> = "middle_s" Maybe(num(5.0, -1e4, 1e5, "s"), "half the clip");
+        /// With "bell": its width.
+        width: Option<f64> = "width_s" Maybe(num(2.5, 0.01, 1e5, "s"), "a quarter of the clip");
+        /// With "keys": [s, factor], times rising.
+        keys: Vec<Vec<f64>> = "keys" Times;
+        /// How much its strength changes by chance.
+        jitter: f64 = "jitter" num(0.2, 0.0, 1.0, "");
+        /// Time for which it has rained before the first frame.
+        before: f64 = "before_s" num(0.0, 0.0, 600.0, "s");
+        /// Steps a frame.
+        substeps: Option<u32> = "substeps" Maybe(whole(8, 1, 256), "8, or as many as the plants' rods need");
+        /// Gravity.
+        g: f64 = "g" num(9.81, 0.01, 30.0, "m/s^2");
+    }
+    /// What drops do when they strike.
+    ImpactKeys at "rain.impact" {
+        /// What a blow does.
+        model: ImpactModel = "model" OneOf(ImpactModel::Momentum);
+        /// With "paper_energy": share of energy that is lost.
+        eps: f64 = "eps" num(0.1, 0.0, 1.0, "");
+        /// With "momentum": share of the speed of approach that is given back.
+        restitution: f64 = "restitution" num(0.0, 0.0, 0.9, "");
+        /// Factor on blows, for looks.
+        gain: f64 = "gain" num(1.0, 1.0, 10.0, "");
+        /// Share of a hard-striking drop that leaves as droplets.
+        splash: f64 = "splash" num(0.0, 0.0, 0.8, "");
+        /// Share of its speed along the leaf that a drop keeps.
+        tangent_keep: f64 = "tangent_keep" num(0.3, 0.0, 1.0, "");
+    }
+    /// Drops on leaves.
+    DropKeys at "rain.drop" {
+        /// Contact angle: 40 where leaves are wettable, 110 where they are waxy, 150 on lotus.
+        theta: f64 = "theta_deg" deg(60.0, 1.0, 175.0);
+        /// Angle at which the rim behind gives way.
+        receding: f64 = "receding_deg" deg(52.0, 0.0, 180.0);
+        /// Angle at which the rim in front moves on.
+        advancing: f64 = "advancing_deg" deg(68.0, 0.0, 180.0);
+        /// How drops are shaped.
+        shape: DropShape = "shape" OneOf(DropShape::Flattened);
+        /// Height of a drop as a share of a cap's.
+        omega: Option<f64> = "omega" Maybe(num(0.5, 0.01, 1.0, ""), "by its weight");
+        /// With "paper_wedge": base of the factor.
+        lambda: f64 = "lambda" num(1.05, 1.0, 1.5, "");
+        /// What holds a drop back.
+        friction: DropFriction = "friction" OneOf(DropFriction::Retention);
+        /// Friction by its weight on the leaf.
+        mu: f64 = "mu" num(0.0, 0.0, 2.0, "");
+        /// With friction "paper": the constant H.
+        h: f64 = "H_N" num(2e-5, 0.0, 1e-2, "N");
+        /// Factor on what contact angles hold.
+        k_f: f64 = "k_f" num(1.0, 0.0, 2.0, "");
+        /// Time in which running water loses its speed.
+        tau_v: f64 = "tau_v_s" num(0.05, 0.005, 1.0, "s");
+        /// How unevenly a leaf holds drops.
+        pin_noise: f64 = "pin_noise" num(0.3, 0.0, 0.9, "");
+        /// When drops become one.
+        merge: DropMerge = "merge" OneOf(DropMerge::Touch);
+        /// With merge "paper": strength of the attraction.
+        k_h: f64 = "k_H_N" num(1e-4, 1e-7, 1.0, "N");
+        /// With what arm weight turns a leaf.
+        lever: DropLever = "lever" OneOf(DropLever::Physical);
+        /// With lever "paper": its most.
+        phi_c: f64 = "phi_c" num(0.8, 0.0, 1.0, "");
+        /// Radii along a tail, each as a share of the one before.
+        tail_beta: f64 = "tail_beta" num(0.8, 0.3, 0.95, "");
+        /// Most drops of a tail.
+        tail_n: u32 = "tail_n" whole(8, 1, 16);
+        /// How much of a tail there is: roughness of the leaf.
+        rough: f64 = "rough" num(1.0, 0.0, 1.0, "");
+        /// Chance that a drop of a tail stays behind.
+        bead: f64 = "bead" num(0.25, 0.0, 1.0, "");
+        /// Radius at which a drop hangs at a tip.
+        tip_radius: f64 = "tip_radius_mm" mm(1.0, 0.3, 2.25);
+    }
+    /// How leaves become wet and dry again.
+    WetKeys at "rain.wet" {
+        /// What wetness becomes in `half_life_s`.
+        zeta: f64 = "zeta" num(0.5, 0.01, 0.99, "");
+        /// See `zeta`.
+        half_life: f64 = "half_life_s" num(20.0, 0.05, 1e5, "s");
+        /// Length on which wetness falls from a drop's middle.
+        length: f64 = "length_mm" mm(3.0, 0.1, 100.0);
+    }
+    /// A drop that lies on a leaf when the clip begins.
+    LyingKeys at "rain.lying" {
+        /// Leaf, counted from 0 over all plants in the order of their places.
+        leaf: u32 = "leaf" whole(0, 0, 1_000_000);
+        /// Where: u across the leaf, v from its base to its tip.
+        at: [f64; 2] = "at" Tuple([0.5, 0.5], num(0.5, 0.0, 1.0, ""));
+        /// How much water.
+        volume: f64 = "volume_mm3" num(10.0, 0.01, 1000.0, "mm^3");
+        /// Speed along the leaf, towards its tip and to its right.
+        speed: [f64; 2] = "speed" Tuple([0.0; 2], num(0.0, -5.0, 5.0, "m/s"));
+    }
+}
+
+/// Rain of a scene.
+#[derive(Debug, Clone)]
+pub struct RainRecipe {
+    /// How it falls.
+    pub keys: RainKeys,
+    /// How it strikes.
+    pub impact: ImpactKeys,
+    /// What it does on leaves.
+    pub drop: DropKeys,
+    /// How these become wet.
+    pub wet: WetKeys,
+    /// Drops that lie there from the start.
+    pub lying: Vec<LyingKeys>,
+}
+
+impl Resolver<'_> {
+    /// `[rain]`, if there is one.
+    pub(super) fn rain(&mut self, root: &Table) -> Option<RainRecipe> {
+        let entry = root.get("rain")?;
+        let table = self.table(root, "", "rain")?;
+        if root.get("plants").is_none() {
+            let d = Diagnostic::error("S006", "[rain] needs a plant to fall on", entry.key_span, "no plant here");
+            self.report.push(d.help("add [plants.NAME] with a grammar or a mesh"));
+        }
+        let keys = RainKeys::read(Some(table), "rain", &mut self.report);
+        let mut rain = RainRecipe {
+            impact: self.section_at(table, "rain", "impact"),
+            drop: self.section_at(table, "rain", "drop"),
+            wet: self.section_at(table, "rain", "wet"),
+            lying: self.lying(table),
+            keys,
+        };
+        as_printed(&mut rain, table);
+        self.angles(&rain.drop, table);
+        if rain.keys.envelope == RainEnvelope::Keys
+            && (rain.keys.keys.is_empty() || rain.keys.keys.windows(2).any(|k| k[1][0] <= k[0][0]))
+        {
+            let span = table.get("keys").map_or(entry.key_span, |e| e.node.span);
+            let d = Diagnostic::error("S006", "rain.keys are times that rise, with factors", span, "these do not");
+            self.report.push(d.help("write keys = [[0, 0], [2, 1], [5, 0]]"));
+        }
+        Some(rain)
+    }
+
+    fn lying(&mut self, table: &Table) -> Vec<LyingKeys> {
+        let Some(entry) = table.get("lying") else { return Vec::new() };
+        let Value::List(list) = &entry.node.value else {
+            self.report.push(*wrong("rain.lying", &entry.node, "a list: write [[rain.lying]]"));
+            return Vec::new();
+        };
+        let mut all = Vec::new();
+        for (i, node) in list.iter().enumerate() {
+            let path = format!("rain.lying.{i}");
+            match &node.value {
+                Value::Table(t) => all.push(LyingKeys::read(Some(t), &path, &mut self.report)),
+                _ => self.report.push(*wrong(&path, node, "a table")),
+            }
+        }
+        all
+    }
+
+    /// The angle at rest lies between those at which rims move.
+    fn angles(&mut self, drop: &DropKeys, table: &Table) {
+        if drop.receding <= drop.theta && drop.theta <= drop.advancing {
+            return;
+        }
+        let span = super::resolve::span_of(table, &["drop", "theta_deg"])
+            .or_else(|| super::resolve::span_of(table, &["drop"]))
+            .unwrap_or(self.whole);
+        let deg = f64::to_degrees;
+        let text = format!(
+            "contact angles must rise from receding over theta to advancing, but are {:.0}, {:.0}, {:.0} degrees",
+            deg(drop.receding),
+            deg(drop.theta),
+            deg(drop.advancing)
+        );
+        let d = Diagnostic::error("S004", text, span, "out of order");
+        self.report.push(d.help("waxy leaves: theta_deg = 110, receding_deg = 100, advancing_deg = 118"));
+    }
+}
+
+/// What the paper prints, where the scene says nothing else.
+fn as_printed(rain: &mut RainRecipe, table: &Table) {
+    if rain.keys.preset != RainPreset::Paper {
+        return;
+    }
+    let said = |section: &str, key: &str| {
+        let at = if section.is_empty() { Some(table) } else { below(table, section) };
+        at.is_some_and(|t| t.get(key).is_some())
+    };
+    macro_rules! unless {
+        ($($section:literal $key:literal: $place:expr => $value:expr;)*) => {
+            $(if !said($section, $key) { $place = $value; })*
+        };
+    }
+    unless! {
+        "" "g": rain.keys.g => 9.8;
+        "" "envelope": rain.keys.envelope => RainEnvelope::Bell;
+        "impact" "model": rain.impact.model => ImpactModel::PaperEnergy;
+        "drop" "shape": rain.drop.shape => DropShape::Paper;
+        "drop" "omega": rain.drop.omega => Some(0.5);
+        "drop" "friction": rain.drop.friction => DropFriction::Paper;
+        "drop" "mu": rain.drop.mu => 0.3;
+        "drop" "merge": rain.drop.merge => DropMerge::Paper;
+        "drop" "lever": rain.drop.lever => DropLever::Paper;
+    }
+}
+
+fn below<'t>(table: &'t Table, name: &str) -> Option<&'t Table> {
+    match &table.get(name)?.node.value {
+        Value::Table(t) => Some(t),
+        _ => None,
+    }
+}
