@@ -78,7 +78,10 @@ pub fn lay_out(recipe: &Recipe) -> Layout {
         // All that grows from a mesh looks the same.
         let modelled = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Mesh(..)));
         let alike = if modelled { 1 } else { place.keys.count };
-        let kinds = place.keys.individuals.unwrap_or(alike).min(place.keys.count);
+        // What rains on one does not on another.
+        let alone = recipe.rain.is_some();
+        let kinds =
+            if alone { place.keys.count } else { place.keys.individuals.unwrap_or(alike).min(place.keys.count) };
         for _ in 0..kinds {
             layout.individuals.extend(individual(recipe, place.plant, place.keys.seed, &mut ordinals));
         }

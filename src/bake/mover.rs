@@ -8,6 +8,7 @@ use glam::{Quat, Vec3};
 use super::air::Air;
 use super::course::Course;
 use super::morphing::Morphing;
+use super::rain::Rain;
 use super::rods::RodMotion;
 use crate::Result;
 use crate::limits::Limits;
@@ -36,6 +37,8 @@ pub enum Moving {
     Flight(Arc<Course>),
     /// Springs and loads.
     Rod(RodMotion),
+    /// Drops.
+    Rain(Arc<Rain>),
 }
 
 /// Moves one plant.
@@ -225,6 +228,7 @@ impl Moving {
             Self::Cloud(m) => Ok(m.frame(asset, seconds, step)),
             Self::Flight(m) => m.frame(nth(seconds, step)),
             Self::Rod(m) => Ok(m.frame(nth(seconds, step))),
+            Self::Rain(m) => Ok(m.frame(nth(seconds, step))),
         }
     }
 }
@@ -261,7 +265,9 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
     let measured = flights.map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
     let (rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
-    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect(), wet: Vec::new() })
+    let rain = movers.iter().flatten().find_map(|m| if let Moving::Rain(m) = m { Some(m) } else { None });
+    let wet = rain.map_or_else(Vec::new, |m| m.maps(nth(seconds, step)));
+    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect(), wet })
 }
 
 /// Rows of all tables at a frame, and nothing else of it.

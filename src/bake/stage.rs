@@ -18,7 +18,7 @@ use super::plants::{Grown, grow};
 use super::solids::{self, Footing};
 use super::stream::Stream;
 use super::write::Stage;
-use super::{catkin, land, rods, scatter};
+use super::{catkin, land, rain, rods, scatter};
 use crate::diagnostic::{Diagnostic, Report};
 use crate::fence::Names;
 use crate::geometry::Bounds;
@@ -31,7 +31,7 @@ use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
     Asset, AssetFrame, AssetKind, Camera, Field, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky,
-    Sun, Table, Trs, asset_bounds,
+    Sun, Table, Trs, Wet, asset_bounds,
 };
 use crate::surface::terrain::Land;
 use crate::{Error, Result};
@@ -109,9 +109,12 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     // A wind that nothing sways in is not kept.
     let sways = !layout.individuals.is_empty();
     let air = if sways { Air::of(recipe, &wanted, work, &mut report)? } else { None };
-    dress_all((recipe, air.as_ref()), (&layout, &kinds, &grown), &mut made, work)?;
+    // Leaves that rain falls on are moved by rods or not at all.
+    let swaying = air.as_ref().filter(|_| recipe.rain.is_none());
+    dress_all((recipe, swaying), (&layout, &kinds, &grown), &mut made, work)?;
     tell_clamped(&made.movers, &mut report);
-    let mut placements = placements(air.as_ref(), &made.assets, &layout);
+    let mut placements = placements(swaying, &made.assets, &layout);
+    let wet = add_rain(recipe, (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
     let measures = add_catkins(recipe, (&footing, &twigs), (&mut made, &mut placements), (work, &mut report))?;
@@ -146,7 +149,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         land: land.map(land::field),
         tables: measures.iter().map(|m| m.0.clone()).collect(),
         fields: measures.into_iter().flat_map(|m| m.1).collect(),
-        wet: Vec::new(),
+        wet,
     };
     Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers }, report, modules })
 }
@@ -418,6 +421,34 @@ fn twigs(recipe: &Recipe, layout: &Layout, grown: &[Grown]) -> Vec<(Vec3, f64)> 
         out.extend(ends.map(|p| (standing.transform.apply(*p), *weight)));
     }
     out
+}
+
+/// Lets it rain on the plants.
+fn add_rain(
+    recipe: &Recipe,
+    (layout, grown): (&Layout, &[Grown]),
+    air: Option<&Air>,
+    (made, placements): (&mut Made, &mut Vec<Placement>),
+    work: &Work<'_>,
+) -> Result<Vec<Wet>> {
+    let Some(rain) = &recipe.rain else { return Ok(Vec::new()) };
+    let stand = |i: usize| layout.standings.iter().find(|s| s.individual == i).map_or(Trs::IDENTITY, |s| s.transform);
+    let stands: Vec<Trs> = (0..grown.len()).map(stand).collect();
+    let plants: Vec<&crate::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
+    let under = rain::Under {
+        recipe,
+        assets: &mut made.assets,
+        materials: &mut made.materials,
+        stands: &stands,
+        plants: &plants,
+        wind: air.map(|a| Arc::clone(&a.wind)),
+    };
+    let fallen = rain::fall(under, rain, work)?;
+    let name = fallen.asset.id.clone();
+    placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+    made.assets.push(fallen.asset);
+    made.movers.push((recipe.clip.len() > 1).then_some(Moving::Rain(fallen.rain)));
+    Ok(fallen.wet)
 }
 
 /// Adds rods.

@@ -125,6 +125,11 @@ impl Looks {
         (r + g + b) / 3.0 * (t + 0.5 * (1.0 - t))
     }
 
+    /// True of what bends light and casts no shadow.
+    pub(super) fn is_water(&self, id: MaterialId) -> bool {
+        self.material(id).is_some_and(|m| m.class == MaterialClass::Water)
+    }
+
     /// Index of refraction.
     pub(super) fn ior(&self, id: MaterialId) -> f32 {
         self.material(id).map_or(1.333, |m| m.ior)

@@ -105,6 +105,13 @@ impl<'a> Solid<'a> {
         Self::of_cones(balls, material, boxed)
     }
 
+    /// Drops that fall, drawn out along the way that they come in `shutter` seconds.
+    pub(super) fn of_drops(material: MaterialId, now: PointsNow<'_>, shutter: f32, boxed: bool) -> Self {
+        let seen = now.positions.iter().zip(now.widths).zip(now.velocities).filter(|((_, w), _)| **w > 0.0);
+        let streaks = seen.map(|((p, w), v)| RoundCone::new([*p, *p - *v * shutter], [w * 0.5, w * 0.25])).collect();
+        Self::of_cones(streaks, material, boxed)
+    }
+
     /// Curves as chains of round cones.
     pub(super) fn of_curves(curves: &Curves, points: &[Vec3], boxed: bool) -> Self {
         let mut cones = Vec::with_capacity(points.len());
@@ -186,9 +193,18 @@ impl<'a> Solid<'a> {
             Kind::Faces { .. } => 0.0,
         };
         self.tree.ray_traverse_miss(ray, |ray, i| match self.meet(ray, i, looks) {
+            // Water gathers light in one place and misses it in another: on the whole it passes.
+            Some(_) if self.is_water(i, looks) => f32::INFINITY,
             Some(spot) if share <= 0.0 || chance(ray, i) >= share => spot.t,
             _ => f32::INFINITY,
         })
+    }
+
+    fn is_water(&self, i: usize, looks: &Looks) -> bool {
+        match &self.kind {
+            Kind::Faces { faces, .. } => faces.get(i).is_some_and(|f| looks.is_water(f.material)),
+            Kind::Cones { material, .. } => looks.is_water(*material),
+        }
     }
 
     /// The meeting with primitive `i` in the order of the tree.

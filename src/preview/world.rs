@@ -56,6 +56,8 @@ enum Job<'s> {
     Curves(&'s crate::scene::Curves, &'s CurvesFrame),
 }
 
+/// Time for which falling drops are seen, s: half a frame of film.
+const SHUTTER: f32 = 0.5 / 24.0;
 /// Primitives that a draft tells apart.
 const COUNTED: u64 = u32::MAX as u64;
 
@@ -300,7 +302,14 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks, boxed: bool) -> Solid<'s> {
             Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), (looks, boxed))
         }
         Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed)),
-        Job::Points(cloud, state) => Solid::of_points(cloud.material, cloud.at(state), boxed),
+        Job::Points(cloud, state) => {
+            let now = cloud.at(state);
+            if looks.is_water(cloud.material) && !now.velocities.is_empty() {
+                Solid::of_drops(cloud.material, now, SHUTTER, boxed)
+            } else {
+                Solid::of_points(cloud.material, now, boxed)
+            }
+        }
         Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, boxed),
         Job::Curves(curves, CurvesFrame::Points(points)) => {
             let drawn = curves.drawn(points);

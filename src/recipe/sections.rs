@@ -126,7 +126,7 @@ impl Format {
 
 keys! {
     /// The scene itself (keys above the first table).
-    SceneKeys at "" with ["frames", "plants", "clouds", "catkin", "picture", "layer", "place", "ground", "terrain", "scatter", "flight", "solid", "rod", "maps", "fog", "camera", "sun", "sky", "wind", "sway", "output"] {
+    SceneKeys at "" with ["frames", "plants", "clouds", "catkin", "picture", "layer", "place", "ground", "terrain", "scatter", "flight", "solid", "rod", "rain", "maps", "fog", "camera", "sun", "sky", "wind", "sway", "output"] {
         /// Shown in files and listings.
         title: String = "title" Text("");
         /// Start of every random draw; each whole number is another individual.

@@ -123,9 +123,8 @@ impl Water {
         for k in 1..=rings {
             let share = 1.0 - f64::from(k) / f64::from(rings);
             let q = theta * (1.0 - math::pow(share, 1.6));
-            let ring: Vec<u32> = (0..sides)
-                .map(|i| self.push(place(q, TAU * f64::from(i) / f64::from(sides)), carrier))
-                .collect();
+            let ring: Vec<u32> =
+                (0..sides).map(|i| self.push(place(q, TAU * f64::from(i) / f64::from(sides)), carrier)).collect();
             for i in 0..sides as usize {
                 let j = (i + 1) % sides as usize;
                 if k == 1 {
@@ -299,7 +298,7 @@ fn thinned(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let last = profile.len() - 1;
     let step = (last / ALONG).max(1);
     let mut out: Vec<[f64; 2]> = profile.iter().step_by(step).copied().collect();
-    if last % step != 0 {
+    if !last.is_multiple_of(step) {
         out.push(profile[last]);
     }
     out

@@ -16,7 +16,7 @@ use super::bearer::{Blade, Bough};
 use super::sheet::Sheet;
 
 /// Hits nearer to each other than this share of the way are one; the lower number counts.
-const TIE: f64 = 1e-7;
+const TIE: f32 = 1e-7;
 
 /// A blade's triangles with a tree of boxes, in its own space; shared by all leaves that show it.
 pub struct Target {
@@ -83,13 +83,12 @@ impl Target {
         self.tree.ray_traverse(ray, &mut hit, |_, i| {
             let ([a, e, f], number) = self.faces[i];
             let Some((t, w)) = crossing(o, d, [a, e, f]) else { return f32::INFINITY };
-            let tie = TIE as f32;
-            let nearer = best.is_none_or(|b| t < b.0 - tie || (t <= b.0 + tie && number < b.1));
+            let nearer = best.is_none_or(|b| t < b.0 - TIE || (t <= b.0 + TIE && number < b.1));
             if nearer {
                 best = Some((t, number, w));
             }
             // A little beyond what was found, so that equals are seen too.
-            (t + 2.0 * tie) * length
+            (t + 2.0 * TIE) * length
         });
         best.map(|(t, i, w)| Met { t: f64::from(t), triangle: i as usize, weights: w.map(f64::from) })
     }
@@ -182,8 +181,7 @@ impl<'a> Field<'a> {
             let r = DVec3::splat(b.radii[0].max(b.radii[1]));
             [b.ends[0].min(b.ends[1]) - r, b.ends[0].max(b.ends[1]) + r]
         };
-        let boxes: Vec<Aabb> =
-            leaves.iter().map(Moved::ball).chain(wood.iter().map(around)).map(bounds).collect();
+        let boxes: Vec<Aabb> = leaves.iter().map(Moved::ball).chain(wood.iter().map(around)).map(bounds).collect();
         let tree = (!boxes.is_empty())
             .then(|| build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Duration::default()));
         Self { leaves, wood, tree }
@@ -214,7 +212,7 @@ impl<'a> Field<'a> {
                     touches(&self.wood[k], way, d).map(|(t, share)| Struck::Wood(k, t, share))
                 }
             };
-            if let Some(s) = struck.filter(|s| best.is_none_or(|b| s.t() < b.t() - TIE)) {
+            if let Some(s) = struck.filter(|s| best.is_none_or(|b| s.t() < b.t() - f64::from(TIE))) {
                 best = Some(s);
             }
         }

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::cap::{Cap, Print};
 use super::manner::Manner;
-use super::sheet::{Rim, Sheet};
+use super::sheet::Rim;
 use crate::math;
 
 /// Speed at which a drop is stretched and its tail is as long as it gets, m/s.
@@ -218,15 +218,6 @@ impl Walk<'_> {
             self.used = 0.0;
         }
     }
-}
-
-/// A blade that is shown `scale` times as large.
-#[derive(Debug, Clone, Copy)]
-pub struct Shown<'a> {
-    /// The blade.
-    pub sheet: &'a Sheet,
-    /// Factor.
-    pub scale: f64,
 }
 
 #[cfg(test)]

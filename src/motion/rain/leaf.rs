@@ -123,6 +123,9 @@ struct Pull {
     g: DVec3,
 }
 
+/// What acts, and how drops answer.
+type Law<'a> = (&'a Now, &'a Manner);
+
 impl Leaf {
     /// An empty leaf.
     pub fn new(sheet: Arc<Sheet>, scale: f64, number: u64) -> Self {
@@ -176,7 +179,7 @@ impl Leaf {
     }
 
     /// Force that holds a drop back, N.
-    fn retention(&self, drop: &Drop, (cap, spot): (&Cap, &Spot), way: DVec3, now: &Now, manner: &Manner) -> f64 {
+    fn retention(&self, drop: &Drop, (cap, spot): (&Cap, &Spot), way: DVec3, (now, manner): Law<'_>) -> f64 {
         let w = manner.wetting;
         let width = 2.0 * cap.a / drop.stretch();
         let grain = self.grain(drop.uv, manner);
@@ -209,7 +212,7 @@ impl Leaf {
         let ghat = pull.along.normalize_or(drop.axis);
         let force = m * pull.along.length();
         let vhat = if drop.v.length() > REST { drop.v.normalize() } else { ghat };
-        let held = self.retention(drop, (&cap, &spot), vhat, now, manner);
+        let held = self.retention(drop, (&cap, &spot), vhat, (now, manner));
         drop.lean = match manner.friction {
             Friction::Retention if held > 0.0 => (force / held).min(1.0),
             _ => 1.0,
@@ -230,12 +233,12 @@ impl Leaf {
             drop.tail(cap.a, now.h, manner);
             return;
         }
-        self.drive(drop, &pull, (m, held, &cap), now, manner);
-        self.go(drop, (&pull, &cap), now, manner, told);
+        self.drive(drop, &pull, (m, held, &cap), (now, manner));
+        self.go(drop, (&pull, &cap), (now, manner), told);
     }
 
     /// Forces change its speed.
-    fn drive(&self, drop: &mut Drop, pull: &Pull, (m, held, cap): (f64, f64, &Cap), now: &Now, manner: &Manner) {
+    fn drive(&self, drop: &mut Drop, pull: &Pull, (m, held, cap): (f64, f64, &Cap), (now, manner): Law<'_>) {
         let h = now.h;
         drop.quiet = false;
         drop.v += pull.along * h;
@@ -249,13 +252,13 @@ impl Leaf {
         if slower <= REST {
             drop.v = DVec3::ZERO;
         } else if drop.straight >= 0.5 * cap.a {
-            self.choose(drop, pull, cap, now, manner);
+            self.choose(drop, (pull, cap), (now, manner));
             drop.straight = 0.0;
         }
     }
 
     /// Turns to where it is steep, wet and along a vein. Source: own.
-    fn choose(&self, drop: &mut Drop, pull: &Pull, cap: &Cap, now: &Now, manner: &Manner) {
+    fn choose(&self, drop: &mut Drop, (pull, cap): (&Pull, &Cap), (now, manner): Law<'_>) {
         let Some(spot) = self.at(drop.uv) else { return };
         let (vhat, ghat) = (drop.v.normalize_or_zero(), pull.along.normalize_or_zero());
         let across = pull.n.cross(vhat);
@@ -275,7 +278,7 @@ impl Leaf {
     }
 
     /// Moves along the blade; the margin turns it, holds it or lets it go.
-    fn go(&self, drop: &mut Drop, (pull, cap): (&Pull, &Cap), now: &Now, manner: &Manner, told: &mut Told) {
+    fn go(&self, drop: &mut Drop, (pull, cap): (&Pull, &Cap), (now, manner): Law<'_>, told: &mut Told) {
         let way = drop.v.length() * now.h;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let pieces = (way / (0.5 * cap.a.max(1e-5))).ceil().clamp(1.0, f64::from(PIECES)) as u32;

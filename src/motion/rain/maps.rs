@@ -173,6 +173,10 @@ impl Wetness {
         let stamps: Vec<Stamp> = blobs.iter().filter_map(|b| self.stamp(sheet, b)).collect();
         let changed = self.changed(&stamps);
         self.stamps = stamps;
+        let still = soaks.is_empty() && !changed.contains(&true) && !self.damp.contains(&true);
+        if still {
+            return;
+        }
         let mut maps = std::mem::take(&mut self.maps);
         let own = Arc::make_mut(&mut maps);
         self.pour(own, &changed);
@@ -246,10 +250,7 @@ impl Wetness {
         }
         for k in (0..tiles * tiles).filter(|k| changed[*k]) {
             let area = tile(k, tiles, n);
-            let grown = Window {
-                lo: area.lo.map(|x| x.saturating_sub(1)),
-                hi: area.hi.map(|x| (x + 1).min(n)),
-            };
+            let grown = Window { lo: area.lo.map(|x| x.saturating_sub(1)), hi: area.hi.map(|x| (x + 1).min(n)) };
             for y in grown.lo[1]..grown.hi[1] {
                 for x in grown.lo[0]..grown.hi[0] {
                     maps.normal[y * n + x] = self.normal(&maps.height, x, y);

@@ -1,6 +1,7 @@
 //! Rain: drops that fall, strike leaves and wood, lie, run, hang and drip, and the maps of water that they leave.
 //!
-//! What leaves hang on is behind [`Bearer`], so that stiff plants and springy ones are rained on alike.
+//! A [`Storm`] lets it rain on [`Leaf`]s that hang on [`Bearer`]s, so that stiff plants and springy ones are rained on
+//! alike; a [`Moment`] is what a frame shows of it, [`Wetness`] makes maps of that and [`Water`] meshes.
 //! Source: [yang-wu], sections 3 and 4; docs/rain.md says what is ours.
 
 mod bearer;
@@ -16,7 +17,19 @@ mod maps;
 mod moment;
 mod pendant;
 mod sheet;
-mod storm;
 mod shower;
+mod storm;
 
 pub use bearer::{Bearer, Blade, Bough, Stiff};
+pub use body::Water;
+pub use cap::{Cap, Print, Shape, Wetting};
+pub use collide::Target;
+pub use drop::Bead;
+pub use leaf::{Event, Leaf, Stamp};
+pub use manner::{Friction, Impact, Lever, Manner, Merge, capillary};
+pub use maps::{Blob, Chart, Soak, Wetness};
+pub use moment::{Hanging, InAir, Lying, Moment};
+pub use pendant::Shapes;
+pub use sheet::Sheet;
+pub use shower::{Envelope, Rainfall, Shower, Size, across, ball};
+pub use storm::{Happened, Hung, Ledger, Parts, Storm};

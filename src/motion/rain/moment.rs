@@ -127,9 +127,3 @@ impl Moment {
         (blobs, soaks)
     }
 }
-
-/// Bytes that a moment takes with so many drops on leaves and in the air.
-pub fn bytes(lying: u64, air: u64) -> u64 {
-    let caps = 4 * std::mem::size_of::<Bead>() + std::mem::size_of::<Lying>() + 4 * std::mem::size_of::<Stamp>();
-    lying * caps as u64 + air * std::mem::size_of::<InAir>() as u64
-}

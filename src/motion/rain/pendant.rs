@@ -205,6 +205,7 @@ fn loosest(tight: f64, r: f64) -> f64 {
 }
 
 /// Volume of a profile, m^3.
+#[cfg(test)]
 pub fn volume(profile: &[[f64; 2]]) -> f64 {
     let slice = |w: &[[f64; 2]]| {
         let ([x, z], [y, u]) = (w[0], w[1]);

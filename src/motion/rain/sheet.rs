@@ -101,8 +101,7 @@ impl Sheet {
         }
         let (rim, next) = margin(&triangles, &points);
         let tip = rim.iter().map(|e| points[e[0] as usize]).max_by(|a, b| a.length().total_cmp(&b.length()))?;
-        let mut sheet =
-            Self { points, normals, uvs, triangles, jacobians, cells: Vec::new(), rim, next, area, tip };
+        let mut sheet = Self { points, normals, uvs, triangles, jacobians, cells: Vec::new(), rim, next, area, tip };
         sheet.sort();
         Some(sheet)
     }
@@ -324,7 +323,7 @@ pub(super) mod tests {
         // 40 mm to a corner, then 10 mm along the short side; one way up, the other down.
         let mut ends = [there, back].map(|p| (p.y * 1000.0).round());
         ends.sort_by(f64::total_cmp);
-        assert_eq!(ends, [0.0, 80.0]);
+        assert!(ends[0].abs() < 0.5 && (ends[1] - 80.0).abs() < 0.5, "{ends:?}");
         assert!((there.x - 0.01).abs() < 1e-7 && (back.x - 0.01).abs() < 1e-7);
     }
 }

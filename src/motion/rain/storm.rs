@@ -95,6 +95,9 @@ pub enum Happened {
     On(usize, Event),
 }
 
+/// Places that came under water, with their leaves.
+pub type Stamps = Vec<(usize, super::leaf::Stamp)>;
+
 /// What a storm is made of.
 pub struct Parts {
     /// How drops behave.
@@ -191,12 +194,12 @@ impl Storm {
     }
 
     fn boughs(&self) -> Vec<Vec<Bough>> {
-        let one = |b: &Box<dyn Bearer>| {
+        let one = |b: &dyn Bearer| {
             let mut out = Vec::new();
             b.boughs(&mut out);
             out
         };
-        self.bearers.iter().map(one).collect()
+        self.bearers.iter().map(|b| one(&**b)).collect()
     }
 
     /// Seconds passed.
@@ -225,7 +228,7 @@ impl Storm {
     }
 
     /// Places that came under water since they were last taken, with their leaves; and all that happened.
-    pub fn take(&mut self) -> (Vec<(usize, super::leaf::Stamp)>, Vec<(f64, Happened)>) {
+    pub fn take(&mut self) -> (Stamps, Vec<(f64, Happened)>) {
         let stamps = self.told.iter_mut().enumerate().flat_map(|(i, told)| {
             let leaf = i % self.leaves.len().max(1);
             std::mem::take(&mut told.stamps).into_iter().map(move |s| (leaf, s))
@@ -253,7 +256,7 @@ impl Storm {
         for bearer in &mut self.bearers {
             bearer.step(self.t, h)?;
         }
-        let before = std::mem::replace(&mut self.blades, Vec::new());
+        let before = std::mem::take(&mut self.blades);
         self.blades = self.poses();
         self.wood = self.boughs();
         let struck = self.fly(&before, h);

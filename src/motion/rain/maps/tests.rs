@@ -33,8 +33,10 @@ fn normals_are_those_of_the_cap() {
     let b = blob(DVec2::splat(0.5), 20e-9, (1.0, 0.0));
     wet.advance(&sheet, (&[b], &[]), 0.0, &manner);
     for k in 1..16 {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a column of the map")]
+        let column = |rho: f64| 512 + (b.cap.a * rho / 0.04 * 1024.0).round() as usize;
         let rho = 0.9 * f64::from(k) / 16.0;
-        let x = 512 + (b.cap.a * rho / 0.04 * 1024.0).round() as usize;
+        let x = column(rho);
         let r1 = (x as f64 + 0.5 - 512.0) / 1024.0 * 0.04;
         let slope = b.cap.omega * r1 / math::sqrt(b.cap.r * b.cap.r - r1 * r1);
         let [nx, ny, nz] = wet.maps().normal[511 * 1024 + x].map(f64::from);

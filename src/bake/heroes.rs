@@ -1,0 +1,123 @@
+//! Leaves that have maps of their own water: each a mesh with a material of its own.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::rain::Found;
+use crate::math::{self, narrow};
+use crate::motion::rain::{Chart, Sheet};
+use crate::recipe::Recipe;
+use crate::scene::{Asset, Instancer, InstancerMotion, Material, Mesh, MeshMotion, MeshObject, Subset, Trs, Wet};
+use crate::{Error, Result};
+
+/// One chart per form of leaf.
+pub fn charts(found: &[Found], heroes: &[usize], side: usize) -> Vec<Arc<Chart>> {
+    let mut made: Vec<(Arc<Sheet>, Arc<Chart>)> = Vec::new();
+    heroes
+        .iter()
+        .map(|i| {
+            let sheet = &found[*i].sheet;
+            let known = made.iter().find(|(s, _)| Arc::ptr_eq(s, sheet)).map(|(_, c)| Arc::clone(c));
+            known.unwrap_or_else(|| {
+                let chart = Arc::new(Chart::new(sheet, side));
+                made.push((Arc::clone(sheet), Arc::clone(&chart)));
+                chart
+            })
+        })
+        .collect()
+}
+
+/// Takes leaves with maps out of their instancers and shows each as a mesh with a material of its own.
+pub fn show(
+    (assets, materials): (&mut [Asset], &mut Vec<Material>),
+    found: &[Found],
+    (heroes, stands): (&[usize], &[Trs]),
+    recipe: &Recipe,
+) -> Result<Vec<Wet>> {
+    let mut numbers = vec![0_usize; stands.len()];
+    let mut number = vec![0_usize; found.len()];
+    for (i, f) in found.iter().enumerate() {
+        number[i] = numbers[f.at.0];
+        numbers[f.at.0] += 1;
+    }
+    let mut wet = Vec::new();
+    let mut gone: BTreeSet<(usize, usize, usize)> = BTreeSet::new();
+    for i in heroes {
+        let f = &found[*i];
+        let (a, n, k) = f.at;
+        let asset = &mut assets[a];
+        let instancer = &asset.instancers[n];
+        let prototype = &instancer.prototypes[instancer.protos[k] as usize];
+        let id = format!("l{:04}", number[*i]);
+        let name = format!("{}_{id}", asset.id);
+        let trs = instancer.transform(&instancer.rest, k);
+        let mut mesh = moved(&prototype.mesh, &trs);
+        let index = u32::try_from(wet.len()).map_err(|_| Error::export("S004", "too many leaves with maps"))?;
+        dress(&mut mesh, materials, (&name, index));
+        asset.meshes.push(MeshObject { name: format!("leaf_{id}"), mesh, motion: MeshMotion::Still, skin: None });
+        wet.push(Wet {
+            name,
+            side: recipe.maps.resolution as usize,
+            height_range: narrow(recipe.maps.height_range),
+            rest: None,
+        });
+        gone.insert(f.at);
+    }
+    for (a, asset) in assets.iter_mut().enumerate() {
+        for (n, instancer) in asset.instancers.iter_mut().enumerate() {
+            let keep: Vec<bool> = (0..instancer.len()).map(|k| !gone.contains(&(a, n, k))).collect();
+            thin(instancer, &keep);
+        }
+        asset.instancers.retain(|i| !i.is_empty());
+    }
+    Ok(wet)
+}
+
+/// Each material that a leaf wears as one of its own, with water.
+fn dress(mesh: &mut Mesh, materials: &mut Vec<Material>, (name, index): (&str, u32)) {
+    let mut own: BTreeMap<u32, u32> = BTreeMap::new();
+    for Subset { material, .. } in &mut mesh.subsets {
+        let next = u32::try_from(materials.len()).unwrap_or(u32::MAX);
+        let id = *own.entry(*material).or_insert(next);
+        if id == next
+            && let Some(plain) = materials.get(*material as usize).cloned()
+        {
+            let suffix = if own.len() > 1 { format!("_{}", own.len()) } else { String::new() };
+            materials.push(Material { name: format!("{name}{suffix}"), wet: Some(index), ..plain });
+        }
+        *material = id;
+    }
+}
+
+fn moved(mesh: &Mesh, trs: &Trs) -> Mesh {
+    Mesh {
+        points: mesh.points.iter().map(|p| trs.apply(*p)).collect(),
+        normals: mesh.normals.iter().map(|n| math::normalize_or(trs.r * *n, Vec3::Y)).collect(),
+        ..mesh.clone()
+    }
+}
+
+/// Leaves some instances out.
+fn thin(instancer: &mut Instancer, keep: &[bool]) {
+    fn kept<T: Clone>(list: &mut Vec<T>, keep: &[bool]) {
+        let mut k = 0;
+        list.retain(|_| {
+            k += 1;
+            keep.get(k - 1).copied().unwrap_or(true)
+        });
+    }
+    kept(&mut instancer.ids, keep);
+    kept(&mut instancer.protos, keep);
+    kept(&mut instancer.scales, keep);
+    kept(&mut instancer.rest.positions, keep);
+    kept(&mut instancer.rest.orientations, keep);
+    kept(&mut instancer.rest.alive, keep);
+    kept(&mut instancer.rest.velocities, keep);
+    kept(&mut instancer.rest.angular_velocities, keep);
+    instancer.rest.marks.iter_mut().for_each(|m| kept(m, keep));
+    if let InstancerMotion::Joints(joints) = &mut instancer.motion {
+        kept(joints, keep);
+    }
+}

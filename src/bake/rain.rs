@@ -1,0 +1,506 @@
+//! Rain of a recipe: which leaves it falls on, what a clip of it is, and how it is shown.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::{DQuat, DVec2, DVec3, Vec3};
+
+use super::{Work, heroes};
+use crate::Result;
+use crate::geometry::Bounds;
+use crate::math::narrow;
+use crate::motion::rain::{
+    Bearer, Bough, Chart, Envelope, Friction, Hung, Impact, Leaf, Lever, Manner, Merge, Moment, Parts, Rainfall, Shape,
+    Shapes, Sheet, Shower, Size, Soak, Stiff, Storm, Target, Water, Wetness, Wetting, across, capillary,
+};
+use crate::par::{par_map, par_map_mut};
+use crate::plant::{AxisKind, Plant};
+use crate::recipe::Recipe;
+use crate::recipe::rain_keys::{
+    DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
+};
+use crate::scene::{
+    Asset, AssetFrame, AssetKind, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, Trs,
+    Wet, WetMaps,
+};
+use crate::wind::Wind;
+
+/// Steps of a frame where nothing asks for more.
+const STEPS: u32 = 8;
+/// How far below everything drops end, m.
+const BELOW: f64 = 0.1;
+/// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
+const PAUSE: u64 = 2;
+/// Bytes of one frame's drops that are counted as one of the limit's keys.
+const KEY: f64 = 64.0;
+/// Index of refraction of water.
+const WATER: f32 = 1.333;
+
+/// A leaf of the scene.
+pub struct Found {
+    /// Asset, instancer and instance.
+    pub at: (usize, usize, usize),
+    /// Its blade.
+    pub sheet: Arc<Sheet>,
+    target: Arc<Target>,
+    /// World from leaf space.
+    p: DVec3,
+    q: DQuat,
+    scale: f64,
+}
+
+/// A leaf with maps of its own.
+#[derive(Debug)]
+struct Hero {
+    leaf: usize,
+    chart: Arc<Chart>,
+}
+
+/// Rain through a clip.
+#[derive(Debug)]
+pub struct Rain {
+    moments: Vec<Moment>,
+    /// Leaves as they were before the first drop: their blades and sizes.
+    leaves: Vec<Leaf>,
+    heroes: Vec<Hero>,
+    manner: Manner,
+    /// Slots of the points that show what falls, frame by frame.
+    slots: Vec<Vec<u32>>,
+    capacity: usize,
+    /// Shapes of what hangs, by the bits of the radius.
+    shapes: BTreeMap<u64, Shapes>,
+    material: u32,
+    maps: Mutex<Maps>,
+}
+
+#[derive(Debug)]
+struct Maps {
+    /// Frames done.
+    done: u64,
+    wet: Vec<Wetness>,
+}
+
+/// What rain adds to a scene.
+pub struct Fallen {
+    /// Shows drops.
+    pub asset: Asset,
+    /// It, through the clip.
+    pub rain: Arc<Rain>,
+    /// Sheets that maps are made of.
+    pub wet: Vec<Wet>,
+}
+
+/// Parts of a scene that rain falls on.
+pub struct Under<'a> {
+    /// The recipe.
+    pub recipe: &'a Recipe,
+    /// Assets of grown plants, one per standing; leaves with maps are taken out of their instancers.
+    pub assets: &'a mut Vec<Asset>,
+    /// Materials.
+    pub materials: &'a mut Vec<Material>,
+    /// Where each stands.
+    pub stands: &'a [Trs],
+    /// The plants themselves.
+    pub plants: &'a [&'a Plant],
+    /// Moving air.
+    pub wind: Option<Arc<dyn Wind>>,
+}
+
+/// Lets it rain.
+/// # Errors
+/// `Simulation`, `Limit`, `Cancelled`.
+pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fallen> {
+    let Under { recipe, assets, materials, stands, plants, wind } = under;
+    let found = leaves(assets, stands);
+    let heroes = nearest(recipe, &found);
+    let bearers: Vec<Box<dyn Bearer>> = (0..stands.len()).map(|k| stiff(k, &found, plants, stands)).collect();
+    let over = bounds(assets, stands);
+    let manner = manner(rain, recipe.seed);
+    let clip = recipe.clip;
+    let frames = clip.len() as u64;
+    let rainfall = rainfall(rain, recipe);
+    let blowing = wind.as_ref().map_or(Vec3::ZERO, |w| w.mean());
+    let shower = rain.keys.falls.then(|| Shower::new(rainfall, over, blowing));
+    afford(&shower, over, frames, work)?;
+    let mut numbers = vec![0; stands.len()];
+    let hung = found.iter().enumerate().map(|(i, f)| {
+        let k = numbers[f.at.0];
+        numbers[f.at.0] += 1;
+        let leaf = Leaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
+        (leaf, Hung { on: (f.at.0, k), target: Arc::clone(&f.target) })
+    });
+    let floor = f64::from(over.min.y) - BELOW;
+    let floor = if recipe.ground.show { floor.max(0.0) } else { floor };
+    let parts = Parts { manner: manner.clone(), shower, bearers, leaves: hung.collect(), wind, floor };
+    let mut storm = Storm::new(parts);
+    let dry = storm.leaves().to_vec();
+    place(&mut storm, rain);
+    let moments = record(&mut storm, rain, recipe, work)?;
+    let material = u32::try_from(materials.len()).unwrap_or(u32::MAX);
+    materials.push(Material {
+        ior: WATER,
+        roughness: 0.0,
+        ..Material::plain("water".into(), MaterialClass::Water, [0.98, 0.99, 1.0], 0.0)
+    });
+    let side = recipe.maps.resolution as usize;
+    let charts = heroes::charts(&found, &heroes, side);
+    let wet = heroes::show((assets, materials), &found, (&heroes, stands), recipe)?;
+    let heroes: Vec<Hero> = heroes.iter().zip(charts).map(|(leaf, chart)| Hero { leaf: *leaf, chart }).collect();
+    let (slots, capacity) = slots(&moments);
+    let rain = Rain {
+        shapes: shapes(&moments),
+        maps: Mutex::new(Maps { done: 0, wet: Vec::new() }),
+        leaves: dry,
+        moments,
+        heroes,
+        manner,
+        slots,
+        capacity,
+        material,
+    };
+    let moves = frames > 1;
+    let asset = rain.asset(moves, over);
+    let mut wet = wet;
+    if !moves {
+        for (sheet, maps) in wet.iter_mut().zip(rain.maps(0)) {
+            sheet.rest = Some(maps);
+        }
+    }
+    Ok(Fallen { asset, rain: Arc::new(rain), wet })
+}
+
+/// Every blade of the scene, plant by plant.
+fn leaves(assets: &[Asset], stands: &[Trs]) -> Vec<Found> {
+    let mut found = Vec::new();
+    for (a, (asset, stand)) in assets.iter().zip(stands).enumerate() {
+        for (i, instancer) in asset.instancers.iter().enumerate() {
+            let sheets: Vec<Option<(Arc<Sheet>, Arc<Target>)>> = instancer
+                .prototypes
+                .iter()
+                .map(|p| {
+                    let sheet = Arc::new(Sheet::new(&p.mesh)?);
+                    let target = Arc::new(Target::new(&sheet));
+                    Some((sheet, target))
+                })
+                .collect();
+            for k in 0..instancer.len() {
+                let Some(Some((sheet, target))) = sheets.get(instancer.protos[k] as usize) else { continue };
+                let trs = stand.then_inner(&instancer.transform(&instancer.rest, k));
+                found.push(Found {
+                    at: (a, i, k),
+                    sheet: Arc::clone(sheet),
+                    target: Arc::clone(target),
+                    p: trs.t.as_dvec3(),
+                    q: trs.r.as_dquat().normalize(),
+                    scale: f64::from(trs.s.x),
+                });
+            }
+        }
+    }
+    found
+}
+
+/// Leaves that have maps: the nearest to the scene's own camera, else the first.
+fn nearest(recipe: &Recipe, found: &[Found]) -> Vec<usize> {
+    let most = recipe.maps.hero_max as usize;
+    let mut order: Vec<usize> = (0..found.len()).collect();
+    if let Some(eye) = recipe.camera.eye {
+        let eye = DVec3::from_array(eye);
+        order.sort_by(|a, b| found[*a].p.distance(eye).total_cmp(&found[*b].p.distance(eye)).then(a.cmp(b)));
+    }
+    order.truncate(most);
+    order.sort_unstable();
+    order
+}
+
+/// A plant that nothing moves.
+fn stiff(k: usize, found: &[Found], plants: &[&Plant], stands: &[Trs]) -> Box<dyn Bearer> {
+    let leaves: Vec<(DVec3, DQuat)> = found.iter().filter(|f| f.at.0 == k).map(|f| (f.p, f.q)).collect();
+    let mut boughs = Vec::new();
+    if let Some((plant, stand)) = plants.get(k).zip(stands.get(k)) {
+        for axis in plant.axes.iter().filter(|a| a.kind != AxisKind::Root) {
+            let range = plant.nodes_of(axis);
+            for i in range.start..range.end.saturating_sub(1) {
+                let end = |i: usize| stand.apply(plant.nodes.p[i]).as_dvec3();
+                let radius = |i: usize| f64::from(plant.nodes.r[i] * stand.s.x);
+                boughs.push(Bough { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
+            }
+        }
+    }
+    Box::new(Stiff::new(&leaves, boughs))
+}
+
+fn bounds(assets: &[Asset], stands: &[Trs]) -> Bounds {
+    let rest = AssetFrame::default();
+    let corners = assets
+        .iter()
+        .zip(stands)
+        .flat_map(|(asset, stand)| crate::scene::asset_bounds(asset, &rest).corners().map(|c| stand.apply(c)));
+    Bounds::of(corners)
+}
+
+fn manner(rain: &RainRecipe, seed: u64) -> Manner {
+    let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);
+    Manner {
+        seed,
+        wetting: Wetting {
+            theta: drop.theta,
+            receding: drop.receding,
+            advancing: drop.advancing,
+            omega: drop.omega,
+            shape: match drop.shape {
+                DropShape::Flattened => Shape::Flattened,
+                DropShape::Paper => Shape::Paper,
+                DropShape::PaperWedge => Shape::Wedge,
+            },
+            lambda: drop.lambda,
+            capillary: capillary(rain.keys.g),
+        },
+        g: rain.keys.g,
+        impact: match impact.model {
+            ImpactModel::Momentum => Impact::Momentum { restitution: impact.restitution },
+            ImpactModel::PaperEnergy => Impact::PaperEnergy { eps: impact.eps },
+        },
+        gain: impact.gain,
+        splash: impact.splash,
+        tangent_keep: impact.tangent_keep,
+        friction: match drop.friction {
+            DropFriction::Retention => Friction::Retention,
+            DropFriction::Paper => Friction::Paper,
+        },
+        mu: drop.mu,
+        h: drop.h,
+        k_f: drop.k_f,
+        tau_v: drop.tau_v,
+        pin_noise: drop.pin_noise,
+        merge: match drop.merge {
+            DropMerge::Touch => Merge::Touch,
+            DropMerge::Paper => Merge::Paper,
+        },
+        k_h: drop.k_h,
+        lever: match drop.lever {
+            DropLever::Physical => Lever::Physical,
+            DropLever::Paper => Lever::Paper(drop.phi_c),
+        },
+        tail_beta: drop.tail_beta,
+        tail_n: drop.tail_n,
+        rough: drop.rough,
+        bead: drop.bead,
+        tip_radius: drop.tip_radius,
+        zeta: wet.zeta,
+        half_life: wet.half_life,
+        wet_length: wet.length,
+    }
+}
+
+fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> Rainfall {
+    let keys = &rain.keys;
+    let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
+    Rainfall {
+        seed: recipe.seed,
+        strength: keys.rate / 3.6e6,
+        size: match keys.size {
+            RainSize::Natural => Size::Natural,
+            RainSize::Fixed => Size::Fixed(keys.diameter),
+            RainSize::LogNormal => Size::LogNormal(keys.diameter, keys.spread),
+        },
+        total: keys.total.map(f64::from),
+        envelope: match keys.envelope {
+            RainEnvelope::Constant => Envelope::Constant,
+            RainEnvelope::Bell => {
+                let half = keys.before + (duration - keys.before) / 2.0;
+                let middle = keys.middle.map_or(half, |t| t + keys.before);
+                Envelope::Bell(middle, keys.width.unwrap_or((duration - keys.before) / 4.0))
+            }
+            RainEnvelope::Keys => Envelope::Keys(
+                keys.keys.iter().map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)]).collect(),
+            ),
+        },
+        jitter: keys.jitter,
+        duration,
+        g: keys.g,
+    }
+}
+
+/// Drops that are in the air at once, times frames, must fit.
+fn afford(shower: &Option<Shower>, over: Bounds, frames: u64, work: &Work<'_>) -> Result<()> {
+    let Some(shower) = shower else { return Ok(()) };
+    // The slowest fall at 2 m/s.
+    let seconds = (f64::from(over.size().y) + 1.0) / 2.0;
+    let drops = shower.rate() * seconds * frames as f64 * (96.0 / KEY);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
+    work.limits.check("motion-keys", drops as u64, "the number of raindrops times frames")
+}
+
+fn place(storm: &mut Storm, rain: &RainRecipe) {
+    for lying in &rain.lying {
+        let v = DVec3::new(lying.speed[1], lying.speed[0], 0.0);
+        storm.place(lying.leaf as usize, DVec2::from_array(lying.at), v, lying.volume * 1e-9);
+    }
+}
+
+/// Steps through the clip.
+fn record(storm: &mut Storm, rain: &RainRecipe, recipe: &Recipe, work: &Work<'_>) -> Result<Vec<Moment>> {
+    let fps = recipe.clip.fps();
+    let steps = rain.keys.substeps.unwrap_or(STEPS);
+    let h = 1.0 / (fps * f64::from(steps));
+    let frames = recipe.clip.len() as u64;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
+    let before = (rain.keys.before / h).round() as u64;
+    work.progress.stage("raining", frames + before / u64::from(steps));
+    // Wet traces from before the clip are kept for its first frame.
+    for k in 0..before {
+        storm.step(h)?;
+        if k % u64::from(steps) == 0 {
+            work.cancel.check()?;
+            work.progress.advance(1);
+        }
+    }
+    let mut moments = Vec::new();
+    for frame in 0..frames {
+        work.cancel.check()?;
+        storm.audit(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
+        moments.push(Moment::of(storm));
+        work.progress.advance(1);
+        if frame + 1 < frames {
+            (0..steps).try_for_each(|_| storm.step(h))?;
+        }
+    }
+    Ok(moments)
+}
+
+/// Slots of what is in the air, and how many are needed: a slot rests before it shows another drop.
+fn slots(moments: &[Moment]) -> (Vec<Vec<u32>>, usize) {
+    let mut held: BTreeMap<u64, (u32, u64)> = BTreeMap::new();
+    let mut free: BTreeSet<u32> = BTreeSet::new();
+    let mut resting: Vec<(u64, u32)> = Vec::new();
+    let mut count = 0_u32;
+    let mut all = Vec::new();
+    for (frame, moment) in (0_u64..).zip(moments) {
+        resting.retain(|(until, slot)| *until > frame || !free.insert(*slot));
+        let mut now = Vec::with_capacity(moment.air.len());
+        for drop in &moment.air {
+            let slot = held.get(&drop.id).map_or_else(
+                || {
+                    free.pop_first().unwrap_or_else(|| {
+                        count += 1;
+                        count - 1
+                    })
+                },
+                |s| s.0,
+            );
+            held.insert(drop.id, (slot, frame));
+            now.push(slot);
+        }
+        held.retain(|_, (slot, seen)| {
+            let stays = *seen == frame;
+            if !stays {
+                resting.push((frame + PAUSE, *slot));
+            }
+            stays
+        });
+        all.push(now);
+    }
+    (all, count as usize)
+}
+
+fn shapes(moments: &[Moment]) -> BTreeMap<u64, Shapes> {
+    let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.hanging).map(|h| h.radius.to_bits()).collect();
+    let radii: Vec<u64> = radii.into_iter().collect();
+    let made = par_map(&radii, |bits| Shapes::new(f64::from_bits(*bits), 9.81));
+    radii.into_iter().zip(made).collect()
+}
+
+impl Rain {
+    fn moment(&self, nth: u64) -> &Moment {
+        let last = self.moments.len().saturating_sub(1);
+        &self.moments[usize::try_from(nth).unwrap_or(usize::MAX).min(last)]
+    }
+
+    /// Water on leaves and at their margins at a frame from the first.
+    fn water(&self, nth: u64) -> Water {
+        let moment = self.moment(nth);
+        let mut water = Water::default();
+        for drop in &moment.lying {
+            water.lay((&self.leaves[drop.leaf], &moment.blades[drop.leaf]), drop);
+        }
+        for drop in &moment.hanging {
+            if let Some(shapes) = self.shapes.get(&drop.radius.to_bits()) {
+                water.hang(&moment.blades[drop.leaf], drop, shapes);
+            }
+        }
+        water.mesh = water.mesh.with_material(self.material);
+        water
+    }
+
+    /// Positions, widths and velocities of what is in the air.
+    fn air(&self, nth: u64) -> (Vec<Vec3>, Vec<f32>, Vec<Vec3>) {
+        let moment = self.moment(nth);
+        let slots = self.slots.get(usize::try_from(nth).unwrap_or(usize::MAX)).map_or(&[][..], Vec::as_slice);
+        let n = self.capacity;
+        let (mut p, mut w, mut v) = (vec![Vec3::ZERO; n], vec![0.0; n], vec![Vec3::ZERO; n]);
+        for (drop, slot) in moment.air.iter().zip(slots) {
+            let k = *slot as usize;
+            (p[k], w[k], v[k]) = (drop.p.as_vec3(), narrow(across(drop.volume)), drop.v.as_vec3());
+        }
+        (p, w, v)
+    }
+
+    fn asset(&self, moves: bool, over: Bounds) -> Asset {
+        let water = self.water(0);
+        let (positions, widths, _) = self.air(0);
+        let motion = if moves { MeshMotion::Varying } else { MeshMotion::Still };
+        let empty = water.mesh.points.is_empty() && !moves;
+        let drops = MeshObject { name: "drops".into(), mesh: water.mesh, motion, skin: None };
+        let falling = Points {
+            name: "falling".into(),
+            material: self.material,
+            positions,
+            widths,
+            colors: Vec::new(),
+            attributes: Vec::new(),
+            moving: moves,
+            reach: over.grown(0.6),
+        };
+        Asset {
+            id: "rain".into(),
+            kind: AssetKind::Tracks,
+            skeleton: None,
+            meshes: if empty { Vec::new() } else { vec![drops] },
+            instancers: Vec::new(),
+            points: if self.capacity > 0 { vec![falling] } else { Vec::new() },
+            curves: Vec::new(),
+        }
+    }
+
+    /// The drops' asset at a frame from the first.
+    pub fn frame(&self, nth: u64) -> AssetFrame {
+        let Water { mesh, velocities } = self.water(nth);
+        let (positions, widths, velocity) = self.air(nth);
+        let points = PointsFrame::State { positions, widths, velocities: velocity, colors: Vec::new() };
+        AssetFrame {
+            meshes: vec![MeshFrame::Whole { mesh, velocities }],
+            points: if self.capacity > 0 { vec![points] } else { Vec::new() },
+            ..AssetFrame::default()
+        }
+    }
+
+    /// Maps of the leaves that have some, at a frame from the first. Asked in order they go on from the last.
+    pub fn maps(&self, nth: u64) -> Vec<Arc<WetMaps>> {
+        let mut now = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
+        if now.done > nth + 1 || now.wet.is_empty() {
+            let dry = |h: &Hero| Wetness::new(Arc::clone(&h.chart), self.leaves[h.leaf].scale);
+            *now = Maps { done: 0, wet: self.heroes.iter().map(dry).collect() };
+        }
+        while now.done <= nth {
+            let moment = self.moment(now.done);
+            let mut jobs: Vec<(&mut Wetness, &Hero)> = now.wet.iter_mut().zip(&self.heroes).collect();
+            par_map_mut(&mut jobs, |(wet, hero)| {
+                let (blobs, soaks): (_, Vec<Soak>) = moment.on(hero.leaf);
+                wet.advance(&self.leaves[hero.leaf].sheet, (&blobs, &soaks), moment.t, &self.manner);
+            });
+            now.done += 1;
+        }
+        now.wet.iter().map(|w| Arc::clone(w.maps())).collect()
+    }
+}
