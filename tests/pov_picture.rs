@@ -43,3 +43,52 @@ fn the_synthetic_scene_makes_a_picture() {
     let empty = Rect { x0: 0, y0: 15, x1: 18, y1: 50 };
     assert!(picture.share(empty, dark) < 0.01, "nothing stands in the open sky");
 }
+
+/// A sheet that stands still, wet on one side: half of it is darker, and the frame's file says which half.
+#[test]
+fn the_wet_half_of_a_leaf_differs_from_the_dry_one() {
+    use osier::scene::{Mesh, MeshObject, Subset, WetMaps};
+    let dir = tempfile::tempdir().expect("dir");
+    let (mut scene, frames) = common::synthetic();
+    let mut frames = frames[..2].to_vec();
+    scene.clip.end = 2;
+    let side = common::SIDE;
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    let mesh = Mesh {
+        points: corners.map(|(x, y)| glam::Vec3::new(x, y, 0.0)).to_vec(),
+        normals: vec![glam::Vec3::Z; 4],
+        uvs: corners.map(|(x, y)| glam::Vec2::new(x, y) * 0.5 + 0.5).to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        subsets: vec![Subset { material: 4, first: 0, count: 2 }],
+        ..Mesh::default()
+    };
+    let sheet = MeshObject { name: "sheet".into(), mesh, motion: osier::scene::MeshMotion::Still, skin: None };
+    scene.assets = vec![osier::scene::Asset { meshes: vec![sheet], ..scene.assets[4].clone() }];
+    scene.placements.truncate(1);
+    scene.placements[0].transform = osier::scene::Trs::IDENTITY;
+    scene.materials[4].alpha_cutoff = None;
+    scene.materials[4].maps.color = None;
+    scene.camera.eye = glam::Vec3::new(0.0, 0.0, 5.0);
+    (scene.camera.target, scene.camera.roll, scene.camera.vfov) = (glam::Vec3::ZERO, 0.0, 0.3);
+    for (k, frame) in frames.iter_mut().enumerate() {
+        let wet = |i: usize| if (i % side < side / 2) == (k == 0) { 1.0 } else { 0.0 };
+        let wetness = (0..side * side).map(wet).collect();
+        frame.wet = vec![std::sync::Arc::new(WetMaps { wetness, ..common::wet_maps(0) })];
+        frame.assets.truncate(1);
+        frame.assets[0] = osier::scene::AssetFrame::default();
+        (frame.shifted, frame.rows, frame.fields) = Default::default();
+    }
+    pov::bake(dir.path(), &scene, &frames, Options::default());
+    let Some(povray) = clients::povray() else { return };
+    let folder = dir.path().join("pov");
+    let out = pov::render(&povray, &folder, &["render.ini", "+Op.png", "+W80", "+H60", "-A"]);
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    let warnings = said.matches("Warning:").count();
+    assert_eq!(warnings, said.matches("experimental feature").count(), "{said}");
+    let halves = |name: &str| {
+        let picture = Picture::open(&folder.join(name));
+        [25, 55].map(|x| luma(picture.at(x, 30)))
+    };
+    let ([left, right], [later_left, later_right]) = (halves("p1.png"), halves("p2.png"));
+    assert!(left < right - 0.05 && later_right < later_left - 0.05, "{left} {right}, {later_left} {later_right}");
+}

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use osier::export::Exporter as _;
+use osier::export::exr::{Exr, Wanted};
 use osier::export::textures::Textures;
 use osier::export::usd::{Options, UpAxis, Usd};
 use osier::fence::Folder;
@@ -23,9 +24,14 @@ fn place(name: &str) -> PathBuf {
     dir
 }
 
-/// Writes a scene with some frames.
+/// Writes a scene with some frames, and the maps that its wet leaves show.
 fn write(dir: &Path, scene: &Scene, frames: &[Frame], options: Options) {
     let folder = Folder::open(dir).expect("folder");
+    let mut maps = Exr::new(folder.clone(), Wanted::default());
+    maps.begin(&Arc::new(scene.clone())).expect("begin");
+    frames.iter().for_each(|f| maps.frame(f).expect("frame"));
+    maps.finish().expect("finish");
+    let options = Options { maps: true, ..options };
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
     let mut usd = Usd::new(folder, textures, options);
     usd.begin(&Arc::new(scene.clone())).expect("begin");
@@ -61,7 +67,7 @@ fn files(dir: &Path) -> Vec<String> {
 /// The synthetic scene in every form: animated and still, folders and single files, both up axes.
 fn everything(dir: &Path) {
     let (scene, frames) = common::synthetic();
-    let z = |file: Option<&str>| Options { up: UpAxis::Z, file: file.map(String::from), look: true };
+    let z = |file: Option<&str>| Options { up: UpAxis::Z, file: file.map(String::from), ..Options::default() };
     for (name, frames) in [("moving", &frames[..]), ("still", &[])] {
         write(&dir.join(name), &scene, frames, Options::default());
         write(&dir.join(format!("{name}_z")), &scene, frames, z(None));

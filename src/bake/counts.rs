@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::Format;
-use crate::scene::{Asset, InstancerMotion, MeshMotion};
+use crate::scene::{Asset, InstancerMotion, MeshMotion, Scene};
 
 /// Numbers of things, over all assets.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -39,7 +39,8 @@ pub fn count(stage: &Stage, recipe: &Recipe, frames: u64) -> Counts {
     let mut c = Counts { frames, placements: stage.scene.placements.len() as u64, ..Counts::default() };
     let pictures: u64 = stage.scene.images.iter().map(picture).sum();
     let formats = &recipe.output.formats;
-    let mut sizes: Vec<u64> = formats.iter().map(|f| shared(*f, pictures, recipe)).collect();
+    let mut sizes: Vec<u64> =
+        formats.iter().map(|f| shared(*f, pictures, recipe) + sheets(*f, &stage.scene, recipe, frames)).collect();
     for (i, asset) in stage.scene.assets.iter().enumerate() {
         let shown = stage.scene.placements.iter().filter(|p| p.asset == i);
         let times: BTreeSet<u32> = shown.map(|p| p.phase).collect();
@@ -65,6 +66,26 @@ fn shared(format: Format, pictures: u64, recipe: &Recipe) -> u64 {
         _ => 0,
     }
 }
+
+/// What the maps of wet sheets take. Own: bytes a texel as measured on leaves in rain; a file of each map per frame.
+fn sheets(format: Format, scene: &Scene, recipe: &Recipe, frames: u64) -> u64 {
+    let texels: u64 = scene.wet.iter().map(|w| (w.side * w.side) as u64).sum();
+    let frames = frames.max(1);
+    match format {
+        Format::Exr => {
+            let together = if recipe.maps.atlas { 2 } else { 1 };
+            let tenths = HEIGHT + WETNESS + NORMAL + if recipe.maps.water { WETNESS } else { 0 };
+            texels * frames * tenths * together / 10
+        }
+        Format::Pov => texels * (frames / u64::from(recipe.output.pov.step.max(1))).max(1) * (HEIGHT + WETNESS) / 10,
+        _ => 0,
+    }
+}
+
+/// Tenths of a byte that a texel takes in a packed map.
+const HEIGHT: u64 = 8;
+const WETNESS: u64 = 2;
+const NORMAL: u64 = 22;
 
 #[derive(Debug, Default)]
 struct Size {

@@ -18,7 +18,8 @@ fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, recipe: 
     let (folder, output) = (folder.clone(), &recipe.output);
     match format {
         Format::Usd => {
-            let options = usd::Options { up: up(output), ..usd::Options::default() };
+            let options =
+                usd::Options { up: up(output), maps: output.formats.contains(&Format::Exr), ..usd::Options::default() };
             vec![writer("usd", usd::Usd::new(folder, Arc::clone(textures), options))]
         }
         Format::Glb => {
@@ -65,7 +66,7 @@ pub fn of_file(
         "glb" => gltf(gltf::Layout::Glb(name.to_owned())),
         "gltf" => gltf(gltf::Layout::Gltf(name.to_owned())),
         "usda" | "usdc" | "usdz" => {
-            let options = usd::Options { up: up(output), file: Some(name.to_owned()), look: false };
+            let options = usd::Options { up: up(output), file: Some(name.to_owned()), look: false, maps: false };
             writer("usd", usd::Usd::new(folder, textures, options))
         }
         "obj" => writer("obj", obj::Obj::new(folder, (*textures).clone(), obj::Layout::Single(stem))),

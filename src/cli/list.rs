@@ -83,7 +83,7 @@ fn format_about(word: &str) -> &'static str {
         "usd" => "USD: a wrapper (.usda) and a payload (.usdc) per asset; animated",
         "glb" => "glTF per asset and for the whole scene, per profile; animated",
         "pc2" => "point caches beside the blender glb, for plants with motion = \"cache\"",
-        "exr" => "height maps of barks, leaves and ground in half floats, maps of deposits; one channel Y",
+        "exr" => "height maps of barks, leaves and ground in half floats, maps of deposits and of wet leaves",
         "csv" => "tables and plots of what flights measure",
         "obj" => "Wavefront meshes at rest",
         "ply" => "point clouds, leaves and tracks",

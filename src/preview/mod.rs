@@ -24,6 +24,7 @@ mod surface;
 mod testing;
 mod texture;
 mod tone;
+mod wet;
 mod world;
 
 pub use backdrop::Backdrop;

@@ -5,6 +5,7 @@ use glam::{Vec2, Vec3};
 use super::looks::Finish;
 use super::solid::{Kind, Skin};
 use super::texture::footprint;
+use super::wet::Sheet;
 use super::world::{Hit, Showing, World};
 use crate::math::normalize_or;
 use crate::scene::MaterialId;
@@ -78,15 +79,24 @@ impl World<'_> {
         if let Some(color) = flat.color {
             finish.albedo = color;
         }
+        if let Some(sheet) = self.sheet(flat.material) {
+            sheet.wet(&mut finish, flat.uv, width);
+        }
         // What light does not go through has no far side.
         let thick = if finish.translucency > 0.0 { thick } else { 0.0 };
         Some(Surface { p, face: flat.face * side, n, outside, thick, finish, material: flat.material })
     }
 
+    /// Water on a material.
+    fn sheet(&self, material: MaterialId) -> Option<&Sheet> {
+        self.sheets.get(material as usize)?.as_ref()
+    }
+
     /// The smooth normal, turned by the normal map.
     /// The map's x runs along growing u, its y along growing v.
     fn relief(&self, flat: &Flat, width: f32) -> Vec3 {
-        let Some(m) = self.looks.relief(flat.material, flat.uv, width) else { return flat.n };
+        let own = || self.looks.relief(flat.material, flat.uv, width);
+        let Some(m) = self.sheet(flat.material).map(|s| s.relief(flat.uv, width)).or_else(own) else { return flat.n };
         let ([e1, e2], [d1, d2]) = (flat.edges, flat.uv_edges);
         let det = d1.perp_dot(d2);
         if det.abs() < 1e-20 {

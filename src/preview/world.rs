@@ -9,6 +9,7 @@ use obvhs::ray::{Ray, RayHit};
 
 use super::looks::Looks;
 use super::solid::{Solid, Spot, sorted};
+use super::wet::Sheet;
 use crate::geometry::Bounds;
 use crate::par::par_map;
 use crate::scene::{
@@ -40,6 +41,8 @@ pub struct World<'a> {
     pub(super) boxed: bool,
     solids: Vec<Solid<'a>>,
     showings: Vec<Showing>,
+    /// Water on each material.
+    pub(super) sheets: Vec<Option<Sheet>>,
     /// Empty where no rays are cast.
     tree: CwBvh,
     /// Box of everything, m.
@@ -91,7 +94,8 @@ impl<'a> World<'a> {
         let (showings, tree, all) = sorted(showings, boxed, around);
         let bounds = all.map_or_else(Bounds::default, Bounds::of);
         let reach = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
-        Self { looks, boxed, solids, showings, tree, bounds, gap: if bounds.is_empty() { 1e-6 } else { reach * 1e-5 } }
+        let (sheets, gap) = (Sheet::of_materials(scene, frame), if bounds.is_empty() { 1e-6 } else { reach * 1e-5 });
+        Self { looks, boxed, solids, showings, sheets, tree, bounds, gap }
     }
 
     /// Number of primitives of each showing.

@@ -2,12 +2,16 @@
 #![allow(dead_code, reason = "each test file uses its own share")]
 #![allow(clippy::cast_possible_truncation, reason = "small test numbers")]
 
+use std::sync::Arc;
+
 use glam::{Quat, Vec2, Vec3};
 use osier::scene::*;
 
 /// First and last frame of the synthetic clip.
 pub const START: u32 = 1;
 pub const END: u32 = 9;
+/// Texels of a side of the wet sheet.
+pub const SIDE: usize = 32;
 /// Frames by which the second copy of the rig is ahead of the first.
 const PHASE: u32 = 3;
 
@@ -48,7 +52,7 @@ pub fn synthetic() -> (Scene, Vec<Frame>) {
             unit: "1/m^2",
             every: Some(4),
         }],
-        wet: Vec::new(),
+        wet: vec![Wet { name: "cache_l0".into(), side: SIDE, height_range: 0.004, rest: Some(Arc::new(wet_maps(0))) }],
     };
     let frames = (START..=END).map(|n| frame(&scene, n)).collect();
     (scene, frames)
@@ -107,7 +111,27 @@ fn materials() -> Vec<Material> {
         ..plain("leaf", MaterialClass::Leaf)
     };
     let water = Material { roughness: 0.0, ior: 1.333, base_color: [1.0; 3], ..plain("water", MaterialClass::Water) };
-    vec![bark, leaf, water, plain("ground", MaterialClass::Ground)]
+    let wet = Material { name: "cache_l0".into(), wet: Some(0), ..leaf.clone() };
+    vec![bark, leaf, water, plain("ground", MaterialClass::Ground), wet]
+}
+
+/// A round drop that slides down a leaf of even relief, and leaves it wet where it was: `k` frames after the first.
+pub fn wet_maps(k: usize) -> WetMaps {
+    let mut maps = WetMaps::default();
+    // The first two frames are the same.
+    let head = 8.0 + k.saturating_sub(1) as f32 * 2.0;
+    for (row, column) in (0..SIDE * SIDE).map(|i| ((i / SIDE) as f32 + 0.5, (i % SIDE) as f32 + 0.5)) {
+        let (x, y) = ((column - 12.0) / 6.0, (row - head) / 6.0);
+        let rise = (1.0 - x * x - y * y).max(0.0);
+        let water = 0.002 * rise;
+        let trail = if x.abs() < 1.0 && y < 0.0 { (1.0 + y / 6.0).max(0.0) } else { 0.0 };
+        let slope = if rise > 0.0 { Vec3::new(x, -y, 0.0) * 0.5 } else { Vec3::ZERO };
+        maps.height.push(0.0005 + 0.00001 * row + water);
+        maps.water.push(water);
+        maps.wetness.push(if rise > 0.0 { 1.0 } else { trail });
+        maps.normal.push((Vec3::Z + slope).normalize().to_array());
+    }
+    maps
 }
 
 fn placements() -> Vec<Placement> {
@@ -237,7 +261,7 @@ fn bare(id: &str, kind: AssetKind) -> Asset {
 
 /// A mesh of two materials whose points move freely.
 fn cache() -> Asset {
-    let mut mesh = blade(0.9, 1);
+    let mut mesh = blade(0.9, 4);
     let mut second = tube();
     second.points.iter_mut().for_each(|p| *p = *p * 0.5 + Vec3::new(0.6, 0.0, 0.2));
     mesh.append(&second);
@@ -324,8 +348,15 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         shifted: [((0, PHASE), rig_frame(scene, later))].into(),
         rows: vec![vec![f64::from(number), f64::from(t) * 0.5]],
         fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
-        wet: Vec::new(),
+        wet: vec![wet_at(number)],
     }
+}
+
+/// The sheet's maps, those of the first two frames one value.
+fn wet_at(number: u32) -> Arc<WetMaps> {
+    static FIRST: std::sync::LazyLock<Arc<WetMaps>> = std::sync::LazyLock::new(|| Arc::new(wet_maps(0)));
+    let k = (number - START) as usize;
+    if k < 2 { Arc::clone(&FIRST) } else { Arc::new(wet_maps(k)) }
 }
 
 fn rig_frame(scene: &Scene, number: u32) -> AssetFrame {

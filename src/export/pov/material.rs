@@ -1,4 +1,5 @@
-//! Surfaces: four identifiers per material: `F_` finish, `C_` flat colour, `M_` with maps, `I_` interior of water.
+//! Surfaces: four identifiers per material: `F_` finish, `C_` flat colour, `M_` with maps, `I_` interior of water. Those of wet
+//! leaves have three more: `V_` wet finish, `D_` dry and `W_` wet with maps; frames mix the two into `M_`.
 
 use super::space::rgb;
 use crate::export::text::Text;
@@ -15,12 +16,30 @@ pub(super) fn declare(text: &mut Text, scene: &Scene, pictures: &str) -> Result<
         finish(text, material);
         text.put(" }\n#declare C_").int(i).put(" = texture { pigment { ");
         if material.class == MaterialClass::Water {
-            text.put("rgbf 1");
+            text.put("rgbf <0.985,0.995,0.99,1>");
         } else {
             rgb(text, material.base_color);
         }
-        text.put(" } finish { F_").int(i).put(" } }\n#declare M_").int(i).put(" = ");
-        mapped(text, scene, i, material, pictures)?;
+        text.put(" } finish { F_").int(i).put(" } }\n");
+        if material.wet.is_some() {
+            text.put("#declare V_").int(i).put(" = finish { ");
+            wet_finish(text, material);
+            text.put(" }\n");
+            // Leaves of one kind share their pictures in memory.
+            let before = scene.materials.iter().take(i as usize);
+            let twin = (0_u32..).zip(before).find(|(_, m)| m.wet.is_some() && looks_like(m, own)).map(|(j, _)| j);
+            for (name, coat) in [("D_", Coat::Dry), ("W_", Coat::Wet)] {
+                text.put("#declare ").put(name).int(i).put(" = ");
+                match twin {
+                    Some(j) => drop(text.put("texture { ").put(name).int(j).put(" }\n")),
+                    None => mapped(text, scene, (i, coat), material, pictures)?,
+                }
+            }
+            text.put("#declare M_").int(i).put(" = texture { D_").int(i).put(" }\n");
+        } else {
+            text.put("#declare M_").int(i).put(" = ");
+            mapped(text, scene, (i, Coat::Dry), material, pictures)?;
+        }
         if material.class == MaterialClass::Water {
             text.put("#declare I_").int(i).put(" = interior { ior ").num(material.ior).put(" }\n");
         }
@@ -37,21 +56,18 @@ const FLUFF: f32 = 1.5;
 /// exponent e = 2 / r^4 - 2 of a GGX lobe of roughness r; POV-Ray's `roughness` is 1 / e.
 fn finish(text: &mut Text, m: &Material) {
     if m.class == MaterialClass::Water {
-        text.put("diffuse 0 specular 0.6 roughness 0.001 reflection { 0, 1 fresnel on } conserve_energy");
+        text.put("diffuse 0 specular 0.9 roughness 0.0008 reflection { 0, 1 fresnel on } conserve_energy");
         return;
     }
-    let back = m.translucency.clamp(0.0, 0.9);
     if m.class == MaterialClass::Catkin {
+        let back = m.translucency.clamp(0.0, 0.9);
         // Hairs send light on to each other and shine on all sides; POV-Ray follows none of that.
         let all = 0.9 * FLUFF;
         text.put("diffuse ").num(((all - back * FLUFF) * 1000.0).round() / 1000.0);
         text.put(", ").num(((back * FLUFF) * 1000.0).round() / 1000.0).put(" specular 0 roughness 1");
         return;
     }
-    text.put("diffuse ").num(((0.9 - back) * 1000.0).round() / 1000.0);
-    if back > 0.0 {
-        text.put(", ").num(back);
-    }
+    diffuse(text, m);
     let r = m.roughness.clamp(0.1, 1.0);
     let exponent = (2.0 / (r * r * r * r) - 2.0).max(1.0);
     let f0 = (m.ior - 1.0) / (m.ior + 1.0);
@@ -60,9 +76,45 @@ fn finish(text: &mut Text, m: &Material) {
     text.put(" roughness ").num((1e4 / exponent).round().max(1.0) / 1e4);
 }
 
+/// Light that a sheet scatters back and on to its other side.
+fn diffuse(text: &mut Text, m: &Material) {
+    let back = m.translucency.clamp(0.0, 0.9);
+    text.put("diffuse ").num(((0.9 - back) * 1000.0).round() / 1000.0);
+    if back > 0.0 {
+        text.put(", ").num(back);
+    }
+}
+
+/// What light does on a film of water: it mirrors, most at flat angles. Not by POV-Ray's own fresnel, which asks for an
+/// interior: that would bend what is seen through the parts that are cut out.
+fn wet_finish(text: &mut Text, m: &Material) {
+    diffuse(text, m);
+    text.put(" specular 0.7 roughness 0.005 reflection { 0.02, 0.35 falloff 4 } conserve_energy");
+}
+
+/// True if two materials differ in nothing but their names and the water on them.
+fn looks_like(a: &Material, b: &Material) -> bool {
+    let numbers = |m: &Material| {
+        let [r, g, b] = m.base_color;
+        [r, g, b, m.roughness, m.ior, m.translucency, m.height_range, m.tile, m.alpha_cutoff.unwrap_or(-1.0)]
+            .map(f32::to_bits)
+    };
+    (a.class, a.double_sided, a.maps) == (b.class, b.double_sided, b.maps) && numbers(a) == numbers(b)
+}
+
+/// A leaf as it grew, or with a film of water on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Coat {
+    Dry,
+    Wet,
+}
+
+/// How dark a wet leaf is beside a dry one: light is caught in the film.
+const WET: f32 = 0.7;
+
 /// The texture with its pictures, looked up by the mesh's texture coordinates.
-fn mapped(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str) -> Result<()> {
-    if m.maps.color.is_none() && m.maps.height.is_none() {
+fn mapped(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material, pictures: &str) -> Result<()> {
+    if m.maps.color.is_none() && m.maps.height.is_none() && coat == Coat::Dry {
         text.put("texture { C_").int(i).put(" }\n");
         return Ok(());
     }
@@ -73,12 +125,12 @@ fn mapped(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str) 
         picture(text, scene, m, image, ("image_pattern", pictures))?;
         // The pattern rises with transparency.
         text.put(" texture_map { [").num(1.0 - cutoff).put(" ");
-        surface(text, scene, i, m, pictures)?;
+        surface(text, scene, (i, coat), m, pictures)?;
         text.put("] [").num(1.0 - cutoff).put(" pigment { rgbt 1 } finish { ambient 0 diffuse 0 }] } }\n");
         return Ok(());
     }
     text.put("texture { ");
-    surface(text, scene, i, m, pictures)?;
+    surface(text, scene, (i, coat), m, pictures)?;
     text.put(" }\n");
     Ok(())
 }
@@ -88,11 +140,18 @@ fn has_alpha(scene: &Scene, image: u32) -> bool {
 }
 
 /// Pigment, relief and finish.
-fn surface(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str) -> Result<()> {
+fn surface(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material, pictures: &str) -> Result<()> {
     text.put("uv_mapping pigment { ");
-    match m.maps.color {
-        Some(image) => picture(text, scene, m, image, ("image_map", pictures))?,
-        None => rgb(text, m.base_color),
+    match (m.maps.color, coat) {
+        (Some(image), Coat::Dry) => picture(text, scene, m, image, ("image_map", pictures))?,
+        (Some(image), Coat::Wet) => {
+            // A mean with black is the one way to darken a picture.
+            text.put("average pigment_map { [").num(WET).put(" ");
+            picture(text, scene, m, image, ("image_map", pictures))?;
+            text.put("] [").num(1.0 - WET).put(" rgb 0] }");
+        }
+        (None, Coat::Dry) => rgb(text, m.base_color),
+        (None, Coat::Wet) => rgb(text, m.base_color.map(|c| c * WET)),
     }
     text.put(" }");
     if let Some(image) = m.maps.height {
@@ -104,7 +163,7 @@ fn surface(text: &mut Text, scene: &Scene, i: u32, m: &Material, pictures: &str)
         let slope = m.height_range * width as f32 / m.tile.max(1e-6);
         text.put(" bump_size ").num(slope).put(" }");
     }
-    text.put(" finish { F_").int(i).put(" }");
+    text.put(if coat == Coat::Wet { " finish { V_" } else { " finish { F_" }).int(i).put(" }");
     Ok(())
 }
 

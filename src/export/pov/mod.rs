@@ -1,7 +1,7 @@
 //! POV-Ray 3.7: a scene with include files, one of them per frame. `cd pov && povray render.ini` renders the clip.
 //!
 //! Layout of a bake: `pov/main.pov common.inc prototypes.inc static.inc render.ini frames/frame.####.inc`, pictures in
-//! `textures/`. A single asset: `<stem>.pov` and everything else in `<stem>_files/`.
+//! `textures/`, those of wet leaves in `maps/`. A single asset: `<stem>.pov` and everything else in `<stem>_files/`.
 
 mod assets;
 mod look;
@@ -10,6 +10,7 @@ mod material;
 mod mesh;
 mod objects;
 mod space;
+mod wet;
 
 use std::sync::Arc;
 
@@ -67,14 +68,15 @@ pub struct Pov {
     /// First and last frame that were asked for.
     given: Option<[u32; 2]>,
     instances: usize,
+    sheets: wet::Sheets,
     warnings: Vec<Warning>,
 }
 
 impl Pov {
     /// Writes into `folder`; `textures`: the scene's pictures.
     pub fn new(folder: Folder, textures: Textures, options: Options) -> Self {
-        let (written, warnings) = (Vec::new(), Vec::new());
-        Self { folder, textures, options, scene: None, written, given: None, instances: 0, warnings }
+        let (written, warnings, sheets) = (Vec::new(), Vec::new(), wet::Sheets::new());
+        Self { folder, textures, options, scene: None, written, given: None, instances: 0, sheets, warnings }
     }
 
     /// Path of one of our files below the output folder.
@@ -98,6 +100,14 @@ impl Pov {
         match &self.options.layout {
             Layout::Bake => "textures/".into(),
             Layout::Single(stem) => format!("{stem}_files/"),
+        }
+    }
+
+    /// Folder of the pictures that frames bring.
+    fn maps(&self) -> String {
+        match &self.options.layout {
+            Layout::Bake => "maps/".into(),
+            Layout::Single(stem) => format!("{stem}_files/maps/"),
         }
     }
 
@@ -130,6 +140,8 @@ impl Pov {
         let Some(mut out) = self.folder.create(&path, "inc", Some(number))? else { return Ok(()) };
         let mut text = Text::default();
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
+        let maps = self.maps();
+        self.sheets.frame(&mut text, (&self.folder, &maps), scene, (number, frame))?;
         let rest = AssetFrame::default();
         let mut count = 0;
         for part in self.parts(scene).iter().filter(|p| p.asset.moves()) {
@@ -143,6 +155,11 @@ impl Pov {
         out.put(text.bytes())?;
         out.commit()
     }
+}
+
+/// True if frames change anything.
+fn moves(scene: &Scene) -> bool {
+    !scene.wet.is_empty() || scene.assets.iter().any(Asset::moves)
 }
 
 fn not_finite(path: &str) -> Error {
@@ -193,7 +210,7 @@ impl Exporter for Pov {
         let [first, _] = self.given.map_or([frame.number; 2], |[first, _]| [first, frame.number]);
         self.given = Some([first, frame.number]);
         let skipped = !frame.number.saturating_sub(first).is_multiple_of(self.options.step.max(1));
-        if skipped || !scene.assets.iter().any(Asset::moves) {
+        if skipped || !moves(&scene) {
             return Ok(());
         }
         check_frame(&scene, frame)?;
@@ -202,13 +219,14 @@ impl Exporter for Pov {
 
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
-        if self.written.is_empty() && scene.assets.iter().any(Asset::moves) {
+        if self.written.is_empty() && moves(&scene) {
             self.write_frame(&scene, scene.clip.start, None)?;
         }
         if self.instances > HEAVY {
             let message = format!("POV-Ray reads {} instances again for every frame", self.instances);
             self.warnings.push(Warning { code: "X013", message });
         }
+        self.warnings.extend(self.sheets.warning(&scene));
         let main = main_file::main_file(&scene, self.space(), &self.includes(), &self.written);
         let (path, name) = match &self.options.layout {
             Layout::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),

@@ -1,13 +1,18 @@
 //! Materials as UsdPreviewSurface networks.
 
-use super::stage::{AttrSpec, PrimMeta, Stage};
-use super::target::Context;
+use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
+use super::target::{Context, Sheet};
 use super::value::Value;
 use crate::Result;
+use crate::export::sheets::Map;
 use crate::scene::{Material, MaterialClass};
 
-/// Writes a material and its shaders.
-pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Material) -> Result<()> {
+/// Roughness of a film of water. Own: 0 would be a mirror of single bright pixels.
+const FILM: f32 = 0.08;
+
+/// Writes a material and its shaders. Returns the pictures of it that change with the frames.
+pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Material) -> Result<Vec<Sheet>> {
+    let sheet = cx.sheet(m);
     stage.prim(path, "Material", &PrimMeta::default())?;
     let surface = format!("{path}/surface");
     stage.attr(
@@ -21,16 +26,27 @@ pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Materi
     }
     shader(stage, &surface, "UsdPreviewSurface")?;
     let mut s = Shader { stage, path: &surface, network: path };
-    s.surface(m)?;
+    s.surface(m, sheet.is_some())?;
     let maps = [m.maps.color, m.maps.normal, m.maps.roughness, m.maps.height];
-    if maps.iter().any(Option::is_some) {
+    if sheet.is_some() || maps.iter().any(Option::is_some) {
         reader(stage, path)?;
     }
     let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
-    for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))) {
-        texture(cx, stage, path, &Picture { name, image, material: m })?;
+    let dry = |name: &str| sheet.is_none() || !matches!(name, "normal" | "rough");
+    for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))).filter(|(name, _)| dry(name)) {
+        let Some(image) = cx.scene.images.get(image as usize) else { continue };
+        let file = format!("{}{}.png", cx.pictures, image.name);
+        texture(stage, path, &Picture { name, file, material: m })?;
     }
-    Ok(())
+    let Some(sheet) = sheet else { return Ok(Vec::new()) };
+    let mut sheets = Vec::new();
+    for (name, map) in [("wetness", Map::Wetness), ("normal", Map::Normal)] {
+        // What stands without a time is read by programs that know no times.
+        let file = cx.map(sheet, map, cx.scene.clip.start);
+        let attr = texture(stage, path, &Picture { name, file, material: m })?;
+        sheets.push(Sheet { sheet, map, attr });
+    }
+    Ok(sheets)
 }
 
 fn shader(stage: &mut dyn Stage, path: &str, id: &str) -> Result<()> {
@@ -65,7 +81,7 @@ impl Shader<'_> {
     }
 
     /// Inputs of the surface shader, from maps where there are any.
-    fn surface(&mut self, m: &Material) -> Result<()> {
+    fn surface(&mut self, m: &Material, wet: bool) -> Result<()> {
         match m.maps.color {
             Some(_) => self.connect("diffuseColor", "color3f", "color.outputs:rgb")?,
             None => self.input("diffuseColor", "color3f", Value::Float3(m.base_color))?,
@@ -77,12 +93,14 @@ impl Shader<'_> {
             self.input("opacity", "float", Value::Float(0.1))?;
         }
         match m.maps.roughness {
+            // Dry roughness and that of a film, mixed by wetness.
+            _ if wet => self.connect("roughness", "float", "wetness.outputs:r")?,
             Some(_) => self.connect("roughness", "float", "rough.outputs:r")?,
             None => self.input("roughness", "float", Value::Float(m.roughness))?,
         }
         self.input("ior", "float", Value::Float(m.ior))?;
         self.input("metallic", "float", Value::Float(0.0))?;
-        if m.maps.normal.is_some() {
+        if wet || m.maps.normal.is_some() {
             self.connect("normal", "normal3f", "normal.outputs:rgb")?;
         }
         if m.maps.height.is_some() {
@@ -105,17 +123,18 @@ fn reader(stage: &mut dyn Stage, network: &str) -> Result<()> {
 /// One map of a material.
 struct Picture<'a> {
     name: &'static str,
-    image: u32,
+    /// Seen from the layer.
+    file: String,
     material: &'a Material,
 }
 
-fn texture(cx: &Context, stage: &mut dyn Stage, network: &str, picture: &Picture) -> Result<()> {
-    let Some(image) = cx.scene.images.get(picture.image as usize) else { return Ok(()) };
+/// Writes a picture's shader. Returns the attribute that names its file.
+fn texture(stage: &mut dyn Stage, network: &str, picture: &Picture) -> Result<Attr> {
     let path = format!("{network}/{}", picture.name);
     shader(stage, &path, "UsdUVTexture")?;
+    let file =
+        stage.attr(&format!("{path}.inputs:file"), &AttrSpec::new("asset"), Some(Value::Asset(&picture.file)))?;
     let mut s = Shader { stage, path: &path, network };
-    let file = format!("{}{}.png", cx.pictures, image.name);
-    s.input("file", "asset", Value::Asset(&file))?;
     s.connect("st", "float2", "st.outputs:result")?;
     let color = picture.name == "color";
     s.input("sourceColorSpace", "token", Value::Token(if color { "sRGB" } else { "raw" }))?;
@@ -124,20 +143,26 @@ fn texture(cx: &Context, stage: &mut dyn Stage, network: &str, picture: &Picture
     for side in ["wrapS", "wrapT"] {
         s.input(side, "token", Value::Token(if once { "clamp" } else { "repeat" }))?;
     }
-    if picture.name == "normal" {
-        s.input("scale", "float4", Value::Float4([2.0, 2.0, 2.0, 1.0]))?;
-        s.input("bias", "float4", Value::Float4([-1.0, -1.0, -1.0, 0.0]))?;
+    let dry = picture.material.roughness;
+    let (scale, bias) = match picture.name {
+        "normal" => (Some(2.0), Some(-1.0)),
+        "height" => (Some(picture.material.height_range), None),
+        "wetness" => (Some(FILM.min(dry) - dry), Some(dry)),
+        _ => (None, None),
+    };
+    if let Some(v) = scale {
+        s.input("scale", "float4", Value::Float4([v, v, v, 1.0]))?;
     }
-    if picture.name == "height" {
-        let h = picture.material.height_range;
-        s.input("scale", "float4", Value::Float4([h, h, h, 1.0]))?;
+    if let Some(v) = bias {
+        s.input("bias", "float4", Value::Float4([v, v, v, 0.0]))?;
     }
     if color || picture.name == "normal" {
         s.output("rgb", "float3")?;
         if color && picture.material.alpha_cutoff.is_some() {
             s.output("a", "float")?;
         }
-        return Ok(());
+        return Ok(file);
     }
-    s.output("r", "float")
+    s.output("r", "float")?;
+    Ok(file)
 }

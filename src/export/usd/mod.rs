@@ -42,11 +42,13 @@ pub struct Options {
     pub file: Option<String>,
     /// Write camera and lights.
     pub look: bool,
+    /// Wet leaves show the maps that the exporter of EXR writes beside; without, they are dry.
+    pub maps: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { up: UpAxis::Y, file: None, look: true }
+        Self { up: UpAxis::Y, file: None, look: true, maps: false }
     }
 }
 
@@ -245,7 +247,9 @@ fn pictures(options: &Options) -> String {
 
 impl Exporter for Usd {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
-        let cx = Context { scene: Arc::clone(scene), up: self.options.up, pictures: pictures(&self.options) };
+        // A single file has no maps beside it.
+        let maps = (self.options.maps && self.options.file.is_none()).then(|| "../maps/".to_owned());
+        let cx = Context { scene: Arc::clone(scene), up: self.options.up, pictures: pictures(&self.options), maps };
         self.warn_joints(scene);
         match self.options.file.clone() {
             Some(file) => self.begin_single(&cx, &file)?,
@@ -269,6 +273,9 @@ impl Exporter for Usd {
                     *failed = Some(e);
                     return;
                 }
+            }
+            if let Err(e) = target.sheets(cx, frame.number) {
+                *failed = Some(e);
             }
         });
         self.layers.iter_mut().find_map(|l| l.failed.take()).map_or(Ok(()), Err)

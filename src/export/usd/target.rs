@@ -7,6 +7,7 @@ use super::axis::UpAxis;
 use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
 use super::value::Value;
 use crate::Result;
+use crate::export::sheets::Map;
 use crate::fence::safe_name;
 use crate::scene::{Asset, AssetFrame, Material, MaterialId, Scene, Trs};
 
@@ -17,12 +18,40 @@ pub(super) struct Context {
     pub(super) up: UpAxis,
     /// Where pictures lie, seen from the layer, with a slash at the end.
     pub(super) pictures: String,
+    /// Where maps of wet sheets lie, likewise, if there are any.
+    pub(super) maps: Option<String>,
+}
+
+impl Context {
+    /// The sheet of a material whose maps are there.
+    pub(super) fn sheet(&self, material: &Material) -> Option<usize> {
+        let sheet = material.wet.filter(|_| self.maps.is_some())? as usize;
+        self.scene.wet.get(sheet).map(|_| sheet)
+    }
+
+    /// The file of a sheet's map at a frame.
+    pub(super) fn map(&self, sheet: usize, map: Map, frame: u32) -> String {
+        let name = self.scene.wet.get(sheet).map_or("", |w| w.name.as_str());
+        let folder = self.maps.as_deref().unwrap_or_default();
+        format!("{folder}{name}/{}.{}.exr", map.word(), self.scene.clip.tag(frame))
+    }
+}
+
+/// A picture that is another one at every frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sheet {
+    /// Index of the sheet.
+    pub(super) sheet: usize,
+    pub(super) map: Map,
+    /// The attribute that names the file.
+    pub(super) attr: Attr,
 }
 
 /// A layer being written, and which shared prims it already has.
 pub(super) struct Target {
     pub(super) stage: Box<dyn Stage>,
     made: BTreeSet<String>,
+    sheets: Vec<Sheet>,
 }
 
 /// One frame of one asset.
@@ -40,7 +69,7 @@ pub(super) trait Part: Send {
 
 impl Target {
     pub(super) fn new(stage: Box<dyn Stage>) -> Self {
-        Self { stage, made: BTreeSet::new() }
+        Self { stage, made: BTreeSet::new(), sheets: Vec::new() }
     }
 
     /// A prim with nothing but a type.
@@ -51,6 +80,14 @@ impl Target {
     /// An attribute with one value.
     pub(super) fn set(&mut self, path: &str, type_name: &'static str, value: Value) -> Result<Attr> {
         self.stage.attr(path, &AttrSpec::new(type_name), Some(value))
+    }
+
+    /// Names the files of wet sheets at a frame.
+    pub(super) fn sheets(&mut self, cx: &Context, frame: u32) -> Result<()> {
+        for s in &self.sheets {
+            self.stage.sample(s.attr, f64::from(frame), Value::Asset(&cx.map(s.sheet, s.map, frame)))?;
+        }
+        Ok(())
     }
 
     /// A uniform attribute.
@@ -69,7 +106,7 @@ impl Target {
         if self.made.insert(path.clone()) {
             // Blender's preview surfaces do not read colours at vertices.
             let m = Material { base_color: cx.scene.flat_color(material), ..own.clone() };
-            super::material::define(cx, self.stage.as_mut(), &path, &m)?;
+            self.sheets.extend(super::material::define(cx, self.stage.as_mut(), &path, &m)?);
         }
         self.stage.rel(&format!("{prim}.material:binding"), &[path])
     }
