@@ -13,6 +13,7 @@ a scene's [fog] visibility, m, put into the materials: USD has no word for it.
 import argparse
 import math
 import os
+import re
 import sys
 
 import bpy
@@ -151,6 +152,34 @@ def add_haze(scene, visibility):
         links.new(mix.outputs[0], out.inputs["Surface"])
 
 
+def show_maps(scene):
+    """Gives wet leaves the maps of the frame, of which the importer takes the first only, and makes wet places darker:
+    USD's preview surface has no word for that."""
+    for material in bpy.data.materials:
+        if not material.node_tree:
+            continue
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        for node in [n for n in nodes if n.type == "TEX_IMAGE" and n.image]:
+            path = bpy.path.abspath(node.image.filepath)
+            found = re.search(r"([/\\])(wetness|normal)\.(\d+)\.exr$", path)
+            if not found:
+                continue
+            number = str(scene.frame_current).zfill(len(found[3]))
+            node.image = bpy.data.images.load(f"{path[:found.start()]}{found[1]}{found[2]}.{number}.exr")
+            node.image.colorspace_settings.name = "Non-Color"
+            surface = next((n for n in nodes if n.type == "BSDF_PRINCIPLED"), None)
+            if found[2] != "wetness" or surface is None:
+                continue
+            color, mix = surface.inputs["Base Color"], nodes.new("ShaderNodeMix")
+            mix.data_type, mix.blend_type = "RGBA", "MULTIPLY"
+            dry, wet = (s for s in mix.inputs if s.name in "AB" and s.type == "RGBA")
+            dry.default_value, wet.default_value = color.default_value, (0.7, 0.7, 0.7, 1)
+            if color.links:
+                links.new(color.links[0].from_socket, dry)
+            links.new(node.outputs["Color"], mix.inputs["Factor"])
+            links.new(next(s for s in mix.outputs if s.type == "RGBA"), color)
+
+
 def add_ground(scene):
     low, _ = bounds()
     bpy.ops.mesh.primitive_plane_add(size=200, location=(0, 0, min(low.z, 0.0)))
@@ -167,6 +196,7 @@ def main():
     scene = bpy.context.scene
     if a.frame is not None:
         scene.frame_set(a.frame)
+    show_maps(scene)
     set_camera(scene, a)
     set_light(scene, a)
     if a.plain:

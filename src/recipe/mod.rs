@@ -271,6 +271,8 @@ pub struct OutputRecipe {
     pub formats: Vec<sections::Format>,
     /// POV-Ray.
     pub pov: sections::PovKeys,
+    /// POV-Ray's photons, if they are wanted.
+    pub photons: Option<sections::PhotonKeys>,
     /// USD.
     pub usd: sections::UsdKeys,
     /// glTF.
@@ -336,6 +338,7 @@ pub fn options() -> Vec<TableInfo> {
         info::<wind_keys::SwayKeys>(),
         info::<s::OutputKeys>(),
         info::<s::PovKeys>(),
+        info::<s::PhotonKeys>(),
         info::<s::UsdKeys>(),
         info::<s::GltfKeys>(),
     ]

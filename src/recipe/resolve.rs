@@ -2,7 +2,7 @@
 
 use super::digest::Digest;
 use super::key::{Section, join, wrong};
-use super::sections::{FramesKeys, GltfKeys, OutputKeys, PlaceKeys, PlantKeys, SceneKeys};
+use super::sections::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys};
 use super::tree::{self, Node, Table, Value};
 use super::{Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
 use crate::diagnostic::{Diagnostic, Report, Span, nearest};
@@ -316,12 +316,19 @@ impl Resolver<'_> {
         OutputRecipe {
             formats: keys.formats,
             pov: self.section_at(table, "output", "pov"),
+            photons: self.photons(table),
             usd: self.section_at(table, "output", "usd"),
             gltf: {
                 let keys = self.section_at(table, "output", "gltf");
                 self.shown_frame(root, keys, clip)
             },
         }
+    }
+
+    /// `[output.pov.photons]`, if it is there.
+    fn photons(&mut self, output: &Table) -> Option<PhotonKeys> {
+        let Some(Value::Table(pov)) = output.get("pov").map(|e| &e.node.value) else { return None };
+        pov.get("photons").map(|_| self.section_at(pov, "output.pov", "photons"))
     }
 
     /// The one frame that a glTF shows is one of the clip's.
@@ -437,6 +444,7 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     recipe.sway.digest(&mut h);
     recipe.output.formats.digest(&mut h);
     recipe.output.pov.digest(&mut h);
+    recipe.output.photons.iter().for_each(|p| p.digest(&mut h));
     recipe.output.usd.digest(&mut h);
     recipe.output.gltf.digest(&mut h);
     for input in inputs {

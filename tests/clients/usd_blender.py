@@ -112,10 +112,10 @@ for o in bpy.data.objects:
     if o.type == "MESH":
         slots.setdefault(base(o), set()).add(tuple(s.material.name.split(".")[0] for s in o.material_slots))
 assert slots == {
-    "stem": {("bark",)}, "body": {("leaf", "bark")}, "plane": {("ground",)}, "pool": {("water",)},
+    "stem": {("bark",)}, "body": {("cache_l0", "bark")}, "plane": {("ground",)}, "pool": {("water",)},
     "p000": {("leaf",)}, "p001": {("leaf",), ("water",)}}, slots
 names = sorted(m.name.split(".")[0] for m in bpy.data.materials if m.users)
-assert names.count("bark") == 3 and names.count("leaf") == 4 and names.count("water") == 2, names
+assert names.count("bark") == 3 and names.count("leaf") == 3 and names.count("water") == 2, names
 body = find("cache/body", "MESH").data
 assert [p.material_index for p in body.polygons][:3] == [0, 0, 1] and body.polygons[-1].material_index == 1
 images = {i.filepath.replace("\\", "/").rsplit("/", 1)[-1] for i in bpy.data.images if i.has_data or i.size[0]}

@@ -4,7 +4,8 @@
 //! (still ones that are wet are macros, as their texture comes with the frame), `L_a_i` instances, `J_a_i_j` the instances that ride on joint j, `D_a_p` points, `H_a_c` curves, `A_a` the asset.
 
 use super::mesh::{Faces, mesh2, shows, topology, unhaired, vectors};
-use super::objects::{Cloud, SPHERES, cloud, curves, instances};
+use super::objects::{Cloud, SPHERES, cloud, curves, group, instances};
+use super::photons;
 use super::space::Space;
 use crate::export::Warning;
 use crate::export::text::Text;
@@ -14,10 +15,8 @@ use crate::scene::{
     world_from_joint,
 };
 
-/// Smallest radius of a drop that photons aim at, m. Smaller ones stay without: a target gets no ordinary light.
-pub(super) const DROP_MIN: f32 = 0.001;
-/// Largest such radius, m: photons are spread so that the smallest drop gets eight across.
-const DROP_MAX: f32 = 0.02;
+/// What aims photons at an object.
+const TARGET: &str = "photons { target reflection on refraction on collect off }";
 
 /// One asset on its way out, with what all its parts need.
 pub(super) struct Part<'a> {
@@ -31,8 +30,8 @@ pub(super) struct Part<'a> {
     pub materials: &'a [Material],
     /// Frames per second.
     pub fps: f32,
-    /// Photons wanted.
-    pub photons: bool,
+    /// Radius of the smallest drop that photons aim at, m, if any.
+    pub photons: Option<f32>,
 }
 
 impl Part<'_> {
@@ -57,7 +56,7 @@ impl Part<'_> {
                 text.put(&format!("#declare P_{}_{i}_{p} = object {{ ", self.index));
                 mesh2(text, self.space, &proto.mesh, &faces);
                 if self.is_target(instancer, p, &faces) {
-                    text.put("photons { target reflection on refraction on }");
+                    text.put(TARGET);
                 }
                 text.put("}\n");
             }
@@ -83,11 +82,15 @@ impl Part<'_> {
         let mine = |(i, _): &(usize, _)| instancer.protos.get(*i).is_some_and(|q| *q as usize == p);
         let scales = instancer.scales.iter().enumerate().filter(mine).map(|(_, s)| s.abs().max_element());
         let radius = instancer.prototypes[p].mesh.bounds().size().max_element() * 0.5 * scales.fold(0.0, f32::max);
-        self.photons && faces.water().is_some() && (DROP_MIN..=DROP_MAX).contains(&radius)
+        faces.water().is_some() && photons::aims(self.photons, radius)
     }
 
-    /// True if any photon has an aim in this asset.
+    /// True if any photon may have an aim in this asset.
     pub fn has_target(&self) -> bool {
+        let rains = |m: &MeshObject| m.motion == MeshMotion::Varying || photons::is_water(&m.mesh, self.materials);
+        if self.photons.is_some() && self.asset.meshes.iter().any(rains) {
+            return true;
+        }
         self.asset.instancers.iter().any(|i| {
             (0..i.prototypes.len()).any(|p| self.is_target(i, p, &Faces::of(&i.prototypes[p].mesh, self.materials)))
         })
@@ -151,7 +154,25 @@ impl Part<'_> {
 
     fn declare_mesh(&self, text: &mut Text, m: usize, mesh: &Mesh) {
         text.put(&format!("#declare G_{}_{m} = ", self.index));
+        if self.photons.is_some() && photons::is_water(mesh, self.materials) {
+            return self.drops(text, mesh);
+        }
         mesh2(text, self.space, mesh, &Faces::of(mesh, self.materials));
+    }
+
+    /// Drops in a mesh: those that photons aim at for themselves.
+    fn drops(&self, text: &mut Text, mesh: &Mesh) {
+        let (large, small) = photons::split(mesh, self.photons);
+        let both = shows(&large) && shows(&small);
+        text.put(if both { "union {\n" } else { "" });
+        for (part, target) in [(&large, TARGET), (&small, "")] {
+            if shows(part) {
+                text.put("object { ");
+                mesh2(text, self.space, part, &Faces::of(part, self.materials));
+                text.put(target).put("}\n");
+            }
+        }
+        text.put(if both { "}\n" } else { "" });
     }
 
     /// A mesh that stands still in a texture that does not.
@@ -215,17 +236,21 @@ impl Part<'_> {
         for j in used(joints) {
             let mine: Vec<usize> = (0..instancer.len()).filter(|k| joints.get(*k) == Some(&j)).collect();
             let part = pick(instancer, &mine);
-            text.put(&format!("#declare J_{}_{i}_{j} = union {{\n", self.index));
-            count += instances(text, self.space, (self.index, i), (&part, &part.rest), &Self::shown(instancer));
-            text.put("}\n");
+            text.put(&format!("#declare J_{}_{i}_{j} = ", self.index));
+            let mut lines = Text::default();
+            let shown = Self::shown(instancer);
+            let some = instances(&mut lines, self.space, (self.index, i), (&part, &part.rest), &shown);
+            group(text, some, &lines, "");
+            count += some;
         }
         count
     }
 
     fn instance_union(&self, text: &mut Text, i: usize, at: (&Instancer, &InstanceState)) -> usize {
-        text.put(&format!("#declare L_{}_{i} = union {{\n", self.index));
-        let count = instances(text, self.space, (self.index, i), at, &Self::shown(at.0));
-        text.put("}\n");
+        text.put(&format!("#declare L_{}_{i} = ", self.index));
+        let mut lines = Text::default();
+        let count = instances(&mut lines, self.space, (self.index, i), at, &Self::shown(at.0));
+        group(text, count, &lines, "");
         count
     }
 
@@ -295,10 +320,9 @@ impl Part<'_> {
             parts.put(&format!("object{{H_{a}_{i}}}\n"));
             count += 1;
         }
-        // POV-Ray complains about a union of one.
-        let start = if count == 1 { "" } else { "union {\n" };
-        let end = if count == 1 { "" } else { "} " };
-        text.put(&format!("#macro A_{a}() {start}")).append(&parts).put(end).put("#end\n");
+        text.put(&format!("#macro A_{a}() "));
+        group(text, count, &parts, "");
+        text.put("#end\n");
     }
 }
 

@@ -25,7 +25,9 @@ fn film(c: f32) -> f32 {
 pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
     text.put("#version 3.7;\nglobal_settings {\n  assumed_gamma 1.0\n  max_trace_level 16\n");
     if let Some(radius) = photons {
-        text.put("  photons { spacing ").num(radius / 8.0).put(" autostop 1 jitter 0.4 max_trace_level 8 }\n");
+        text.put("  photons { spacing ")
+            .num(radius / 8.0)
+            .put(" autostop 1 jitter 0.4 gather 20, 80 max_trace_level 8 }\n");
     }
     text.put("}\n#default { finish { ambient 0 } }\n");
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::material::quoted;
+use super::objects::group;
 use super::space::Space;
 use super::{Options, look, scene_bounds};
 use crate::export::text::{Num, Text};
@@ -22,20 +23,24 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     for phase in phases.iter().filter(|_| !written.is_empty()) {
         // Another time of the clip: its file declares the same names, which the shown frame then declares anew.
         later(&mut text, scene, includes, (*phase, written));
-        text.put(&format!("#declare OsWorld{phase} = union {{\n"));
-        place(&mut text, scene, space, |p| p.phase == *phase);
-        text.put("}\n");
+        text.put(&format!("#declare OsWorld{phase} = "));
+        let mut shown = Text::default();
+        let count = place(&mut shown, scene, space, |p| p.phase == *phase);
+        group(&mut text, count, &shown, "");
     }
     if !written.is_empty() {
         text.put(&format!("#declare OsTag = str(OsFrame, -{}, 0);\n", scene.clip.digits()));
         include(&mut text, includes, "OsTag");
     }
-    text.put("\n#macro OsWorld() union {\n");
-    place(&mut text, scene, space, |p| p.phase == 0 || written.is_empty());
+    text.put("\n#macro OsWorld() ");
+    let mut shown = Text::default();
+    let mut count = place(&mut shown, scene, space, |p| p.phase == 0 || written.is_empty());
     for phase in phases.iter().filter(|_| !written.is_empty()) {
-        text.put(&format!("  object {{ OsWorld{phase} }}\n"));
+        shown.put(&format!("  object {{ OsWorld{phase} }}\n"));
+        count += 1;
     }
-    text.put("} #end\nOsWorld()\n\n");
+    group(&mut text, count, &shown, "");
+    text.put("#end\nOsWorld()\n\n");
     let bounds = scene_bounds(scene, None);
     look::camera(&mut text, space, &scene.camera);
     look::sun(&mut text, space, &scene.sun, bounds);
@@ -43,13 +48,15 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     text
 }
 
-/// The placements that fit, as objects.
-fn place(text: &mut Text, scene: &Scene, space: Space, fits: impl Fn(&Placement) -> bool) {
-    for placement in scene.placements.iter().filter(|p| fits(p)) {
+/// The placements that fit, as objects. Returns how many.
+fn place(text: &mut Text, scene: &Scene, space: Space, fits: impl Fn(&Placement) -> bool) -> usize {
+    let fitting: Vec<&Placement> = scene.placements.iter().filter(|p| fits(p)).collect();
+    for placement in &fitting {
         text.put(&format!("  object {{ A_{}() ", placement.asset));
         space.matrix(text, &placement.transform);
         text.put(" } // ").put(&placement.name).put("\n");
     }
+    fitting.len()
 }
 
 /// Includes a frame's file.

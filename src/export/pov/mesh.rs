@@ -50,11 +50,20 @@ pub(super) fn unhaired(mesh: &Mesh, materials: &[Material]) -> Option<(Mesh, Mes
 
 /// The subsets of a mesh that are wanted, with their own points.
 fn part(mesh: &Mesh, wanted: impl Fn(&Subset) -> bool) -> Mesh {
+    let mut chosen = vec![false; mesh.triangles.len()];
+    for s in mesh.subsets.iter().filter(|s| wanted(s)) {
+        chosen.iter_mut().skip(s.first as usize).take(s.count as usize).for_each(|c| *c = true);
+    }
+    pick(mesh, |i| chosen[i])
+}
+
+/// The triangles of a mesh that are wanted, by their numbers, with their own points.
+pub(super) fn pick(mesh: &Mesh, wanted: impl Fn(usize) -> bool) -> Mesh {
     let mut out = Mesh::default();
     let mut places = vec![u32::MAX; mesh.points.len()];
-    for subset in mesh.subsets.iter().filter(|s| wanted(s)) {
+    for subset in &mesh.subsets {
         let first = u32::try_from(out.triangles.len()).unwrap_or(u32::MAX);
-        for t in mesh.subset_triangles(subset) {
+        for (_, t) in (subset.first as usize..).zip(mesh.subset_triangles(subset)).filter(|(i, _)| wanted(*i)) {
             let corners = t.map(|i| {
                 let old = i as usize;
                 if places[old] == u32::MAX {
@@ -68,7 +77,10 @@ fn part(mesh: &Mesh, wanted: impl Fn(&Subset) -> bool) -> Mesh {
             });
             out.triangles.push(corners);
         }
-        out.subsets.push(Subset { first, ..*subset });
+        let count = u32::try_from(out.triangles.len()).unwrap_or(u32::MAX) - first;
+        if count > 0 {
+            out.subsets.push(Subset { first, count, ..*subset });
+        }
     }
     out
 }

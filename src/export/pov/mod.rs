@@ -9,6 +9,7 @@ mod main_file;
 mod material;
 mod mesh;
 mod objects;
+mod photons;
 mod space;
 mod wet;
 
@@ -43,8 +44,8 @@ pub struct Options {
     pub step: u32,
     /// POV-Ray units per metre. At 100 POV-Ray's fixed tolerances leave millimetre drops whole.
     pub units_per_m: f32,
-    /// Shoot photons through drops.
-    pub photons: bool,
+    /// Shoot photons through drops of at least this radius, m.
+    pub photons: Option<f32>,
     /// Width and height of the picture in pixels.
     pub size: (u32, u32),
     /// Where the files go.
@@ -53,7 +54,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { step: 1, units_per_m: 100.0, photons: true, size: (800, 600), layout: Layout::Bake }
+        Self { step: 1, units_per_m: 100.0, photons: None, size: (800, 600), layout: Layout::Bake }
     }
 }
 
@@ -183,7 +184,7 @@ impl Exporter for Pov {
         let mut common = Text::default();
         let target = parts.iter().any(Part::has_target);
         common.put(&format!("// {}: settings and surfaces\n", super::GENERATOR));
-        look::settings(&mut common, target.then_some(assets::DROP_MIN * self.options.units_per_m));
+        look::settings(&mut common, self.options.photons.filter(|_| target).map(|r| r * self.options.units_per_m));
         material::declare(&mut common, scene, &self.pictures())?;
         self.textures.write(scene, &self.folder, &self.pictures())?;
         self.save(&self.path("common.inc"), "inc", &common)?;

@@ -12,6 +12,15 @@ pub(super) const SPHERES: usize = 100_000;
 /// Share of the time between two frames that the shutter is open: the length of a rain streak.
 const SHUTTER: f32 = 0.5;
 
+/// Shapes as one object. POV-Ray complains about a union of one, and of none. `tail`: what holds for all of them.
+pub(super) fn group(text: &mut Text, count: usize, shapes: &Text, tail: &str) {
+    match count {
+        0 => text.put("sphere{0,0 no_image no_shadow no_reflection}\n"),
+        1 => text.put("object{\n").append(shapes).put(tail).put("}\n"),
+        _ => text.put("union{\n").append(shapes).put(tail).put("}\n"),
+    };
+}
+
 /// One live instance per line, as `object { P_.. matrix <..> }`. `which`: indices of instances; `shown`: for each
 /// prototype, whether it holds anything. Returns how many were written.
 pub(super) fn instances(
@@ -51,8 +60,8 @@ pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &
     let stride = visible.len().div_ceil(SPHERES).max(1);
     let kept: Vec<usize> = visible.iter().copied().step_by(stride).collect();
     let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
-    text.put("union{\n");
-    text.lines(&kept, |t, _, i| {
+    let mut shapes = Text::default();
+    shapes.lines(&kept, |t, _, i| {
         let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);
         let streak = at.now.velocities.get(*i).map(|v| *v * (SHUTTER * 0.5 / at.fps));
         match streak {
@@ -80,7 +89,7 @@ pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &
         }
         t.put("}\n");
     });
-    surface(text, points.material, water);
+    group(text, kept.len(), &shapes, &surface(points.material, water));
     visible.len() - kept.len()
 }
 
@@ -119,16 +128,13 @@ pub(super) fn curves(text: &mut Text, space: Space, curves: &Curves, points: &[V
         }
     });
     let water = materials.get(curves.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
-    surface(text, curves.material, water);
+    text.put(&surface(curves.material, water)).put("}\n");
 }
 
-/// Closes a union with the flat colour of a material: these shapes have no texture coordinates.
-fn surface(text: &mut Text, material: u32, water: bool) {
-    text.put("texture{C_").int(material).put("}");
-    if water {
-        text.put("interior{I_").int(material).put("}");
-    }
-    text.put("}\n");
+/// The flat colour of a material: these shapes have no texture coordinates.
+fn surface(material: u32, water: bool) -> String {
+    let interior = if water { format!("interior{{I_{material}}}") } else { String::new() };
+    format!("texture{{C_{material}}}{interior}")
 }
 
 #[cfg(test)]
