@@ -50,14 +50,7 @@ pub fn dress(
 ) -> Result<(Asset, Option<Mover>)> {
     work.cancel.check()?;
     let plant = &grown.plant;
-    let (mut mesh, bindings) = match &grown.own {
-        Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
-        None => {
-            let bark = skin(plant, &skin_options(&recipe.skin, kind.tile, work))?;
-            (bark.mesh, bark.binding.iter().map(|b| (b.axis, b.s)).collect::<Vec<(u32, f32)>>())
-        }
-    };
-    to_scene(&mut mesh, kind.first_material);
+    let (mut mesh, bindings) = bark(grown, recipe, kind, work)?;
     let groups = groups(plant, kind);
     let shaded = matches!(recipe.keys.motion, Motion::Game | Motion::Static);
     let moving = moving.filter(|_| !matches!(recipe.keys.motion, Motion::Still | Motion::Static));
@@ -80,7 +73,7 @@ pub fn dress(
     };
     let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
     let separate = groups.iter().filter(|_| !shaded);
-    let instancers = separate.map(|(o, organs)| instancer(plant, kind, (*o, organs), rig));
+    let instancers = separate.map(|(o, organs)| instancer(plant, kind, (*o, organs), riding(organs, rig)));
     let mut merged = Vec::new();
     if shaded {
         let attributes = Weights::new(plant);
@@ -98,6 +91,21 @@ pub fn dress(
         curves: Vec::new(),
     };
     Ok((asset, mover))
+}
+
+/// The bark of a plant, with axis and arc length, m, of each point.
+/// # Errors
+/// What the skin refuses.
+pub fn bark(grown: &Grown, recipe: &PlantRecipe, kind: &Kind, work: &Work<'_>) -> Result<(Mesh, Vec<(u32, f32)>)> {
+    let (mut mesh, bindings) = match &grown.own {
+        Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
+        None => {
+            let bark = skin(&grown.plant, &skin_options(&recipe.skin, kind.tile, work))?;
+            (bark.mesh, bark.binding.iter().map(|b| (b.axis, b.s)).collect())
+        }
+    };
+    to_scene(&mut mesh, kind.first_material);
+    Ok((mesh, bindings))
 }
 
 /// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
@@ -123,7 +131,7 @@ fn to_scene(mesh: &mut Mesh, first: u32) {
 }
 
 /// Organ (index into the recipe's) that a prototype shows.
-fn shown(plant: &Plant, kind: &Kind, proto: usize) -> Option<usize> {
+pub fn shown(plant: &Plant, kind: &Kind, proto: usize) -> Option<usize> {
     let name = plant.protos.get(proto)?.name.as_str();
     let is = |own: &String| {
         let rest = name.strip_prefix(own.as_str());
@@ -134,7 +142,7 @@ fn shown(plant: &Plant, kind: &Kind, proto: usize) -> Option<usize> {
 }
 
 /// Organs by what they show, in the plant's order.
-fn groups<'a>(plant: &'a Plant, kind: &Kind) -> BTreeMap<usize, Vec<&'a Organ>> {
+pub fn groups<'a>(plant: &'a Plant, kind: &Kind) -> BTreeMap<usize, Vec<&'a Organ>> {
     let mut groups: BTreeMap<usize, Vec<&Organ>> = BTreeMap::new();
     for o in &plant.organs {
         if let Some(organ) = shown(plant, kind, usize::from(o.proto)) {
@@ -162,11 +170,24 @@ fn blades(
 }
 
 /// Name of the leaves of one kind.
-fn plural(kind: &Kind, organ: usize) -> String {
+pub fn plural(kind: &Kind, organ: usize) -> String {
     kind.organ_names.get(organ).filter(|n| *n != "leaf").map_or_else(|| "leaves".into(), |n| format!("{n}s"))
 }
 
-fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), rig: Option<&Rig>) -> Instancer {
+/// How organs move with the joints.
+fn riding(organs: &[&Organ], rig: Option<&Rig>) -> InstancerMotion {
+    rig.map_or(InstancerMotion::Still, |rig| {
+        InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect())
+    })
+}
+
+/// Leaves of one kind.
+pub fn instancer(
+    plant: &Plant,
+    kind: &Kind,
+    (organ, organs): (usize, &[&Organ]),
+    motion: InstancerMotion,
+) -> Instancer {
     let mine: Vec<usize> = (0..plant.protos.len()).filter(|p| shown(plant, kind, *p) == Some(organ)).collect();
     let prototypes = mine.iter().map(|p| prototype(plant, *p, kind.first_material)).collect();
     let local = |o: &Organ| mine.iter().position(|p| *p == usize::from(o.proto)).and_then(|p| u32::try_from(p).ok());
@@ -175,10 +196,6 @@ fn instancer(plant: &Plant, kind: &Kind, (organ, organs): (usize, &[&Organ]), ri
         positions: sites.iter().map(|s| s.0).collect(),
         orientations: sites.iter().map(|s| s.1).collect(),
         ..InstanceState::default()
-    };
-    let motion = match rig {
-        Some(rig) => InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect()),
-        None => InstancerMotion::Still,
     };
     Instancer {
         name: plural(kind, organ),

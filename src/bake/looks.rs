@@ -88,7 +88,7 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
         let organ = match (&recipe.mesh, &recipe.ifs) {
             (Some(mesh), _) => imported(&mut look, mesh, recipe, &plant.id, &name),
             (None, Some(table)) => tables::leaves(&mut look, recipe, table, (&plant.id, &name, seed))?,
-            (None, None) => blades(&mut look, recipe, (&plant.id, &name, seed))?,
+            (None, None) => blades(&mut look, recipe, (&plant.id, &name, seed), plant.rods.is_some())?,
         };
         look.organs.insert(recipe.letter, organ);
         look.names.push(name);
@@ -162,8 +162,13 @@ fn wear(look: &mut Look, import: &Imported, prefix: &str) -> u32 {
     first_material
 }
 
-/// Blades made from numbers.
-fn blades(look: &mut Look, recipe: &OrganRecipe, (plant, name, seed): (&str, &str, u64)) -> Result<OrganSpec> {
+/// Blades made from numbers. `bare`: without their stalks, which are then rods of the same length.
+fn blades(
+    look: &mut Look,
+    recipe: &OrganRecipe,
+    (plant, name, seed): (&str, &str, u64),
+    bare: bool,
+) -> Result<OrganSpec> {
     let keys = &recipe.keys;
     let spec = blade_spec(keys, mix64(&[seed, word(plant), word(name)]));
     let colors = leaf_colors(keys);
@@ -176,11 +181,22 @@ fn blades(look: &mut Look, recipe: &OrganRecipe, (plant, name, seed): (&str, &st
         Detail::Light => leaf::Detail::Light,
         Detail::Crown => leaf::Detail::Crown,
     };
+    let shape = BladeSpec { petiole_length: if bare { 0.0 } else { spec.petiole_length }, ..spec.clone() };
     let meshes = (0..u64::from(keys.variants))
-        .map(|variant| Ok(Arc::new(leaf::blade(&spec, variant, detail)?.with_material(id))))
-        .collect::<Result<_>>()?;
-    // The stalk is part of the blade's mesh, whose length along +Y is what parameter 1 stands for.
-    Ok(OrganSpec { name: name.to_owned(), meshes, size: f64::from(spec.length + spec.petiole_length), petiole: 0.0 })
+        .map(|variant| Ok(Arc::new(leaf::blade(&shape, variant, detail)?.with_material(id))))
+        .collect::<Result<Vec<_>>>()?;
+    // With its stalk the mesh's length along +Y is what parameter 1 stands for.
+    let (whole, stalk) = (f64::from(spec.length + spec.petiole_length), f64::from(spec.petiole_length));
+    let longest = meshes.iter().fold(0.0_f32, |m, mesh| m.max(mesh.bounds().max.y));
+    let share = whole / (f64::from(longest) + stalk);
+    let (size, petiole) = if bare { (f64::from(longest) * share, stalk * share) } else { (whole, 0.0) };
+    Ok(OrganSpec { name: name.to_owned(), meshes, size, petiole })
+}
+
+/// Radius of the stalk of an organ in size 1, m; none where the recipe does not know it.
+pub fn stalk_radius(recipe: &OrganRecipe) -> Option<f64> {
+    let own = recipe.mesh.is_none() && recipe.ifs.is_none();
+    own.then(|| f64::from(blade_spec(&recipe.keys, 0).petiole_radius))
 }
 
 /// The blade's own numbers, changed by the keys that were given.

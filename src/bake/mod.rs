@@ -2,6 +2,7 @@
 
 mod air;
 pub mod blow;
+pub mod boughs;
 pub mod catkin;
 pub mod clouds;
 mod counts;

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec3};
 
 use super::air::Air;
+use super::boughs::Shiver;
 use super::course::Course;
 use super::morphing::Morphing;
 use super::rain::Rain;
@@ -39,6 +40,8 @@ pub enum Moving {
     Rod(RodMotion),
     /// Drops.
     Rain(Arc<Rain>),
+    /// Wind, twigs and stalks as rods.
+    Boughs(Arc<Shiver>),
 }
 
 /// Moves one plant.
@@ -229,6 +232,7 @@ impl Moving {
             Self::Flight(m) => m.frame(nth(seconds, step)),
             Self::Rod(m) => Ok(m.frame(nth(seconds, step))),
             Self::Rain(m) => Ok(m.frame(nth(seconds, step))),
+            Self::Boughs(m) => m.frame(asset, nth(seconds, step)),
         }
     }
 }

@@ -7,9 +7,18 @@ use glam::{Quat, Vec2, Vec3};
 use crate::math;
 use crate::scene::{Mesh, SkinWeights};
 
-/// Sides of a tube, rings between two sections, rings and sides of a ball.
-const SIDES: u32 = 16;
-const RINGS: u32 = 4;
+/// How finely a tube is cut.
+#[derive(Debug, Clone, Copy)]
+pub struct Fineness {
+    /// Sides.
+    pub sides: u32,
+    /// Rings between two sections.
+    pub rings: u32,
+}
+
+/// That of rods seen close.
+pub const FINE: Fineness = Fineness { sides: 16, rings: 4 };
+/// Rings and sides of a ball.
 const BALL: [u32; 2] = [12, 24];
 
 /// A section of a rod: its joint, and how it was drawn.
@@ -35,39 +44,40 @@ struct Ring {
 
 /// A closed tube. Between two sections the joints' shares pass over smoothly, so that bent tubes have no kinks: where a
 /// share does not change, the tube runs along its section.
-pub fn tube(stations: &[Station]) -> (Mesh, SkinWeights) {
+pub fn tube(stations: &[Station], fine: Fineness) -> (Mesh, SkinWeights) {
     let mut made = Made::default();
-    let rings = rings(stations);
+    let sides = fine.sides;
+    let rings = rings(stations, fine.rings);
     let (Some(first), Some(last)) = (rings.first(), rings.last()) else { return made.finish() };
     let mut along = 0.0;
     for (k, ring) in rings.iter().enumerate() {
         along += if k > 0 { (ring.p - rings[k - 1].p).length() } else { 0.0 };
-        for i in 0..=SIDES {
-            let turn = TAU * i as f32 / SIDES as f32;
+        for i in 0..=sides {
+            let turn = TAU * i as f32 / sides as f32;
             let out = ring.q * Vec3::new(math::cos_f32(turn), 0.0, -math::sin_f32(turn));
-            made.point(ring.p + out * ring.r, (out, Vec2::new(i as f32 / SIDES as f32, along)), ring);
+            made.point(ring.p + out * ring.r, (out, Vec2::new(i as f32 / sides as f32, along)), ring);
         }
     }
-    let n = SIDES + 1;
+    let n = sides + 1;
     for k in 1..u32::try_from(rings.len()).unwrap_or(1) {
-        for i in 0..SIDES {
+        for i in 0..sides {
             let (a, b) = ((k - 1) * n + i, k * n + i);
             made.mesh.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
         }
     }
-    made.cap(first, false);
-    made.cap(last, true);
+    made.cap(first, (sides, false));
+    made.cap(last, (sides, true));
     made.finish()
 }
 
-fn rings(stations: &[Station]) -> Vec<Ring> {
+fn rings(stations: &[Station], count: u32) -> Vec<Ring> {
     let mut out = Vec::new();
     for pair in stations.windows(2) {
         let (a, b) = (&pair[0], &pair[1]);
         let d = (b.p - a.p).length();
         let from = u32::from(!out.is_empty());
-        for i in from..=RINGS {
-            let t = i as f32 / RINGS as f32;
+        for i in from..=count {
+            let t = i as f32 / count as f32;
             let (t2, t3) = (t * t, t * t * t);
             let share = 3.0 * t2 - 2.0 * t3;
             let p =
@@ -131,18 +141,18 @@ impl Made {
     }
 
     /// A disc at an end.
-    fn cap(&mut self, ring: &Ring, outwards: bool) {
+    fn cap(&mut self, ring: &Ring, (sides, outwards): (u32, bool)) {
         let base = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
         let normal = ring.q * if outwards { Vec3::Y } else { -Vec3::Y };
         self.point(ring.p, (normal, Vec2::splat(0.5)), ring);
-        for i in 0..SIDES {
-            let turn = TAU * i as f32 / SIDES as f32;
+        for i in 0..sides {
+            let turn = TAU * i as f32 / sides as f32;
             let (s, c) = (math::sin_f32(turn), math::cos_f32(turn));
             let out = ring.q * Vec3::new(c, 0.0, -s);
             self.point(ring.p + out * ring.r, (normal, Vec2::new(0.5 + 0.5 * c, 0.5 + 0.5 * s)), ring);
         }
-        for i in 0..SIDES {
-            let (a, b) = (base + 1 + i, base + 1 + (i + 1) % SIDES);
+        for i in 0..sides {
+            let (a, b) = (base + 1 + i, base + 1 + (i + 1) % sides);
             self.mesh.triangles.push(if outwards { [base, a, b] } else { [base, b, a] });
         }
     }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3, Quat, Vec3};
 
 use super::Work;
 use super::air::by_formula;
-use super::rod_mesh::{Station, ball, tube};
+use super::rod_mesh::{FINE, Station, ball, tube};
 use crate::Result;
 use crate::diagnostic::{Diagnostic, Report};
 use crate::math;
@@ -244,7 +244,7 @@ impl<'a> Group<'a> {
             meshes.push(MeshObject { name, mesh: mesh.with_material(material), motion, skin: moves.then_some(skin) });
         };
         for (k, rod) in self.members.iter().enumerate() {
-            add(rod.id.clone(), rod.keys.color, tube(&self.stations(k)));
+            add(rod.id.clone(), rod.keys.color, tube(&self.stations(k), FINE));
         }
         for (k, weight) in self.weights.iter().enumerate().filter(|(_, w)| w.shown) {
             let joint = u16::try_from(1 + rest.sections.len() + k).unwrap_or(0);
@@ -302,8 +302,14 @@ fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> Rod {
     let unit = PI * r * r * r * r;
     let young = keys.bending.map_or(keys.young * 1e9, |ei| 4.0 * ei / unit);
     let shear = keys.torsion.map_or(keys.shear, |gj| 2.0 * gj / unit / young);
-    let stuff =
-        Stuff { young: young / keys.gain, shear, density: keys.density, zeta: keys.zeta, recovery: keys.recovery };
+    let stuff = Stuff {
+        young: young / keys.gain,
+        shear,
+        density: keys.density,
+        zeta: keys.zeta,
+        recovery: keys.recovery,
+        stout: false,
+    };
     let points: Vec<DVec3> = keys.points.iter().map(|p| DVec3::from_array(*p)).collect();
     // The radius falls evenly along the points.
     let mut along = vec![0.0];

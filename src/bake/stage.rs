@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::Work;
 use super::air::Air;
 use super::blow::{Blown, plants_room, standing};
+use super::boughs::{Shiver, dress_sprung};
 use super::counts::{Counts, count};
 use super::course::{self, Course, Setting};
 use super::dress::{Kind, dress};
@@ -27,6 +28,7 @@ use crate::par::par_map;
 use crate::plant::AxisKind;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::land_keys::TerrainKeys;
+use crate::recipe::sections::Motion;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
@@ -111,9 +113,9 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let air = if sways { Air::of(recipe, &wanted, work, &mut report)? } else { None };
     // Leaves that rain falls on are moved by rods or not at all.
     let swaying = air.as_ref().filter(|_| recipe.rain.is_none());
-    dress_all((recipe, swaying), (&layout, &kinds, &grown), &mut made, work)?;
+    dress_all((recipe, swaying), (&layout, &kinds, &grown), &mut made, (work, &mut report))?;
     tell_clamped(&made.movers, &mut report);
-    let mut placements = placements(swaying, &made.assets, &layout);
+    let mut placements = placements(swaying, &made, &layout);
     let wet = add_rain(recipe, (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
@@ -222,20 +224,33 @@ fn dress_all(
     (recipe, air): (&Recipe, Option<&Air>),
     (layout, kinds, grown): (&Layout, &[Kind], &[Grown]),
     made: &mut Made,
-    work: &Work<'_>,
+    (work, report): (&Work<'_>, &mut Report),
 ) -> Result<()> {
     let jobs: Vec<(usize, &Individual, &Grown)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
         let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
-        let dressed = dress(grown, plant, (kind, individual), air.map(|a| (a, stand)), work);
+        let still = matches!(plant.keys.motion, Motion::Still | Motion::Static);
+        let dressed = match air.filter(|_| plant.rods.is_some() && !still) {
+            Some(air) => {
+                let clock = (recipe.clip.fps(), recipe.clip.start);
+                let sprung = dress_sprung(grown, plant, (kind, individual), (stand, clock), work)?;
+                let shiver = Shiver::new((sprung.boughs, sprung.dressing), plant, air, clock.0);
+                (sprung.asset, Some(Moving::Boughs(Arc::new(shiver))), sprung.told)
+            }
+            None => {
+                let (asset, mover) = dress(grown, plant, (kind, individual), air.map(|a| (a, stand)), work)?;
+                (asset, mover.map(|m| Moving::Plant(Box::new(m))), Vec::new())
+            }
+        };
         work.progress.advance(1);
-        dressed
+        Ok(dressed)
     });
-    for (asset, mover) in in_order(dressed)? {
+    for (asset, mover, told) in in_order(dressed)? {
         made.assets.push(asset);
-        made.movers.push(mover.map(|m| Moving::Plant(Box::new(m))));
+        made.movers.push(mover);
+        told.into_iter().for_each(|d| report.push(d));
     }
     Ok(())
 }
@@ -254,13 +269,15 @@ fn tell_clamped(movers: &[Option<Moving>], report: &mut Report) {
     }
 }
 
-fn placements(air: Option<&Air>, assets: &[Asset], layout: &Layout) -> Vec<Placement> {
+fn placements(air: Option<&Air>, made: &Made, layout: &Layout) -> Vec<Placement> {
+    let Made { assets, movers, .. } = made;
     let mut names = Names::default();
     let mut first: BTreeMap<usize, Vec3> = BTreeMap::new();
     let mut of = |s: &Standing| {
         let id = assets.get(s.individual).map_or("plant", |a| &a.id);
         let first = *first.entry(s.individual).or_insert(s.transform.t);
-        let moves = assets.get(s.individual).is_some_and(|a| a.skeleton.is_some());
+        // Rods swing on and on: their frames come one after another.
+        let moves = matches!(movers.get(s.individual), Some(Some(Moving::Plant(_))));
         let phase = air.filter(|_| moves).map_or(0, |air| air.phase(first, s.transform.t));
         Placement { name: names.unique(id), asset: s.individual, transform: s.transform, phase }
     };

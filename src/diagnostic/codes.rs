@@ -120,6 +120,7 @@ pub const CODES: &[Code] = &[
     row("S040", Warning, "rod softer against twisting than its material"),
     row("S041", Warning, "integrator that does not hold a rod of this stiffness"),
     row("S042", Warning, "no shape without weight found for a rod, its own weight is left out"),
+    row("S043", Warning, "plant with more twigs and leaves than it may have rods, the rest is rigid"),
     row("X001", Error, "value is not finite"),
     row("X002", Warning, "too many joints, the smallest are merged into their parents"),
     row("X003", Warning, "too many animated nodes, a stable subset is kept"),

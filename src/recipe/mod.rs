@@ -156,6 +156,8 @@ pub struct PlantRecipe {
     pub skin: sections::SkinKeys,
     /// What it is made of.
     pub wood: wind_keys::WoodKeys,
+    /// How it moves as rods, if it does.
+    pub rods: Option<rod_keys::TwigKeys>,
 }
 
 /// What one organ looks like.
@@ -308,6 +310,7 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::BarkKeys>(),
         info::<s::SkinKeys>(),
         info::<wind_keys::WoodKeys>(),
+        info::<rod_keys::TwigKeys>(),
         info::<cloud_keys::CloudKeys>(),
         info::<morph_keys::MorphKeys>(),
         info::<morph_keys::MorphKey>(),

@@ -73,6 +73,7 @@ impl Resolver<'_> {
         self.shoot_defaults(table, &mut shoot);
         let mut skin: SkinKeys = self.section_at(table, &path, "skin");
         let wood = self.section_at(table, &path, "wood");
+        let rods = table.get("rods").map(|_| self.section_at(table, &path, "rods"));
         let grains = [self.grain(&bark)?, self.grain(&shoot)?];
         if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
             let d =
@@ -127,6 +128,7 @@ impl Resolver<'_> {
             grains,
             skin,
             wood,
+            rods,
             keys,
         })
     }

@@ -388,6 +388,9 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
         p.shoot.digest(&mut h);
         p.skin.digest(&mut h);
         p.wood.digest(&mut h);
+        if let Some(rods) = &p.rods {
+            rods.digest(&mut h);
+        }
     }
     (recipe.clouds.len() as u64).digest(&mut h);
     for c in &recipe.clouds {

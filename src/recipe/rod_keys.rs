@@ -132,6 +132,32 @@ keys! {
         /// Its colour.
         color: [f32; 3] = "color" Color("#8a6f4d");
     }
+    /// Moves a plant as rods: twigs bend, leaves hang on stalks. With this table wind moves it so, instead of by `sway`;
+    /// stiffness, weight, drag and damping stand in `[plants.NAME.wood]`.
+    TwigKeys at "plants.NAME.rods" {
+        /// Wood thicker than this, in radius, stands still.
+        thickest: f64 = "thickest_mm" mm(15.0, 0.1, 1000.0);
+        /// Young's modulus of stalks.
+        stalk_young: f64 = "petiole_E_GPa" num(0.3, 0.001, 30.0, "GPa");
+        /// Radius of stalks.
+        stalk_radius: Option<f64> = "petiole_radius_mm" Maybe(mm(0.8, 0.1, 10.0), "the leaf's own, or 0.8");
+        /// Shear modulus over Young's.
+        shear: f64 = "shear_ratio" num(1.0 / 15.0, 0.02, 0.5, "");
+        /// Strength of the springs back to how it grew.
+        recovery: f64 = "recovery" num(0.25, 0.0, 4.0, "");
+        /// Divides all stiffness, for looks.
+        gain: f64 = "gain" num(1.0, 1.0, 20.0, "");
+        /// Cross-sections of a twig.
+        sections: Option<u32> = "sections" Maybe(whole(9, 3, 64), "an interval of 3 radii, 5 to 16");
+        /// Cross-sections of a stalk.
+        stalk_sections: u32 = "petiole_sections" whole(5, 3, 16);
+        /// Steps a frame.
+        substeps: Option<u32> = "substeps" Maybe(whole(16, 1, 10_000), "8 to 64, by its slowest swings");
+        /// Leaves on stalks of their own; further ones are rigid with their twigs.
+        max_leaves: u32 = "max_leaves" whole(400, 0, 100_000);
+        /// Cross-sections of the whole plant; twigs without room are rigid with what they stand on.
+        max_sections: u32 = "max_sections" whole(4000, 3, 1_000_000);
+    }
     /// Where a rod is held.
     RodClamp at "rod.clamp" {
         /// Where, 0 at its base to 1 at its tip.

@@ -142,7 +142,7 @@ keys! {
         fps: (u32, u32) = "fps" Fps;
     }
     /// One kind of plant; NAME is yours.
-    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "import", "organs", "bark", "shoot", "skin", "wood"] {
+    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "import", "organs", "bark", "shoot", "skin", "wood", "rods"] {
         /// The grammar that grows it.
         grammar: Option<Reference> = "grammar" File(".l");
         /// The coefficient table of a tree, instead of a grammar.

@@ -29,6 +29,8 @@ pub struct Stuff {
     pub zeta: f64,
     /// Strength of the springs back to the rest places over what makes the slowest swing, 0..4.
     pub recovery: f64,
+    /// Its prisms are spread until it twists as its material does, however thin it is; it is then softer along itself.
+    pub stout: bool,
 }
 
 /// A rod to be built.
@@ -126,14 +128,18 @@ impl Rod {
         let s: Vec<f64> = (0..n).map(|i| length * i as f64 / (n - 1) as f64).collect();
         let (p, radii): (Vec<DVec3>, Vec<f64>) = s.iter().map(|s| at(*s)).unzip();
         let frames = frames(&p);
-        let corners = frames.iter().zip(&radii).map(|(f, r)| f.corners(REACH * r)).collect();
         let interval = |i: usize| Interval {
             length: (p[i + 1] - p[i]).length(),
             radius: 0.5 * (radii[i] + radii[i + 1]),
             young: self.stuff.young,
             shear: self.stuff.shear,
+            spread: 1.0,
         };
-        let intervals = (0..n - 1).map(interval).collect();
+        let mut intervals: Vec<Interval> = (0..n - 1).map(interval).collect();
+        let wide = intervals.iter().fold(1.0, |m, l| l.wanted_spread().max(m));
+        let spread = if self.stuff.stout { wide } else { 1.0 };
+        intervals.iter_mut().for_each(|l| l.spread = spread);
+        let corners = frames.iter().zip(&radii).map(|(f, r)| f.corners(REACH * spread * r)).collect();
         Line { frames, corners, radii, s, intervals }
     }
 }

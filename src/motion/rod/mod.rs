@@ -5,9 +5,12 @@
 //! Source: the extended triangular prism spring model of [yang-wu]; docs/rods.md says what is ours.
 
 mod assemble;
+mod blade;
 mod block;
+mod boughs;
 mod build;
 mod explicit;
+mod grown;
 mod implicit;
 mod measure;
 mod prism;
@@ -18,8 +21,10 @@ mod statics;
 #[cfg(test)]
 mod tests;
 
+pub use boughs::{Between, Boughs};
 pub use build::{Rod, Stuff};
 pub use explicit::LIMP;
+pub use grown::Grain;
 pub use implicit::Lost;
 pub use prism::Frame;
 pub use rods::{Body, Clamp, Hold, Rods};

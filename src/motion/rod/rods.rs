@@ -295,6 +295,11 @@ impl Rods {
         self.tree.sections[section].s
     }
 
+    /// Rod of a section.
+    pub fn rod_of(&self, section: usize) -> usize {
+        self.tree.sections[section].rod
+    }
+
     /// Where a section is, and how it is turned.
     pub fn frame(&self, section: usize) -> Frame {
         Frame::of(&self.x[section])
@@ -560,7 +565,7 @@ pub(super) fn minus(a: &Corners, b: &Corners) -> Corners {
 }
 
 /// A small positive system. Source: Cholesky.
-fn solved(m: &Block, f: &Corners) -> Corners {
+pub(super) fn solved(m: &Block, f: &Corners) -> Corners {
     let (mut a, mut x) = (*m, *f);
     for k in 0..9 {
         for j in k + 1..9 {

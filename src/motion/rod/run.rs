@@ -10,9 +10,9 @@ use crate::wind::Wind;
 use crate::{Error, Result};
 
 /// Density of air, kg/m^3.
-const AIR: f64 = 1.225;
+pub(super) const AIR: f64 = 1.225;
 /// How often a frame's steps are halved before it is given up.
-const HALVINGS: u32 = 4;
+pub(super) const HALVINGS: u32 = 4;
 /// Most steps of a frame that an explicit scheme may ask for.
 pub const MOST_STEPS: u32 = 200_000;
 /// Explicit steps are this share of the longest stable one.
@@ -249,7 +249,7 @@ impl Rods {
     }
 
     /// Drag of the wind across each rod. Source: F = rho/2 C A |u| u of the part of the wind across it, relative to it.
-    fn blow(&mut self, drag: &[f64], wind: &dyn Wind, t: f64) {
+    pub(super) fn blow(&mut self, drag: &[f64], wind: &dyn Wind, t: f64) {
         let places: Vec<Vec3> = (0..self.len()).map(|i| self.frame(i).p.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t, &mut air);

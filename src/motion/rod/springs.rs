@@ -1,6 +1,7 @@
 //! Springs between the corners of a rod's sections: which there are, how stiff, how they pull.
 
 use super::prism::Corners;
+use crate::math;
 
 /// Springs that belong to a section: 3 around it, 9 to the section before, 3 to the one before that, and one of no strength.
 pub(super) const LANES: usize = 16;
@@ -25,17 +26,27 @@ pub(super) struct Interval {
     pub young: f64,
     /// Shear modulus over it.
     pub shear: f64,
+    /// How much wider than the wood its prism is, with the same stiffness against bending.
+    pub spread: f64,
 }
 
 impl Interval {
-    /// k0 = E pi R^2 / (3 l), N/m: a third of the stiffness along the rod.
+    /// k0 = E pi R^2 / (3 l), N/m: a third of the stiffness along the rod; of a spread prism less by the square of its
+    /// spread, so that bending stays.
     pub(super) fn axial(&self) -> f64 {
-        self.young * std::f64::consts::PI * self.radius * self.radius / (3.0 * self.length)
+        let radius = self.radius / self.spread;
+        self.young * std::f64::consts::PI * radius * radius / (3.0 * self.length)
+    }
+
+    /// Spread from which on it twists as its material does.
+    pub(super) fn wanted_spread(&self) -> f64 {
+        math::sqrt(Self { spread: 1.0, ..*self }.torsion_lost())
     }
 
     /// Without bounds it would give the torsion of the material.
     fn wanted_shear(&self) -> f64 {
-        2.0 / 3.0 * self.shear * (self.length / self.radius) * (self.length / self.radius)
+        let slender = self.length / (self.radius * self.spread);
+        2.0 / 3.0 * self.shear * slender * slender
     }
 
     /// Share of the stiffness that shear takes.
@@ -72,7 +83,7 @@ pub(super) fn stiffness(intervals: &[Interval]) -> Vec<[f64; LANES]> {
             // Springs over two intervals that pass this one: that ending in the next section, and that ending here.
             let across = if i < intervals.len() { bend(i - 1) } else { 0.0 } + if i > 1 { bend(i - 2) } else { 0.0 };
             let along = (k0 * (1.0 - f) - 2.0 * across).max(0.1 * k0);
-            let rho = REACH * l.radius;
+            let rho = REACH * l.radius * l.spread;
             let diagonal = 2.0 * f * k0 * (l.length * l.length + 3.0 * rho * rho) / (l.length * l.length);
             for c in 0..9 {
                 k[LINK + c] = if c / 3 == c % 3 { along } else { diagonal };
@@ -201,7 +212,7 @@ mod tests {
     #[test]
     fn there_are_as_many_springs_as_the_lattice_of_prisms_has() {
         for n in [3, 5, 9, 16] {
-            let interval = Interval { length: 0.05, radius: 0.01, young: 5e9, shear: 1.0 / 15.0 };
+            let interval = Interval { length: 0.05, radius: 0.01, young: 5e9, shear: 1.0 / 15.0, spread: 1.0 };
             let counts = count(&vec![interval; n - 1]);
             assert_eq!(counts, [3 * n, 3 * (n - 1), 6 * (n - 1), 3 * (n - 2), 3 * n]);
         }

@@ -9,7 +9,7 @@ use super::rods::minus;
 use super::{Body, Hold, Rod, Rods, Stuff};
 use crate::rng::Rng;
 
-const STUFF: Stuff = Stuff { young: 5e9, shear: 1.0 / 15.0, density: 900.0, zeta: 0.0, recovery: 0.0 };
+const STUFF: Stuff = Stuff { young: 5e9, shear: 1.0 / 15.0, density: 900.0, zeta: 0.0, recovery: 0.0, stout: false };
 
 /// A straight rod of `n` sections along X whose intervals are `slender` radii long.
 fn straight(n: usize, slender: f64, radius: f64, stuff: Stuff) -> Rod {
