@@ -16,9 +16,9 @@ use crate::math::{narrow, smoothstep};
 use crate::motion::rain::Bearer as _;
 use crate::motion::rod::{Boughs, Frame, Grain};
 use crate::plant::{Organ, Plant};
-use crate::recipe::{PlantRecipe, Section as _};
 use crate::recipe::rod_keys::TwigKeys;
 use crate::recipe::sections::Motion;
+use crate::recipe::{PlantRecipe, Section as _};
 use crate::scene::{
     Asset, AssetFrame, AssetKind, InstanceState, InstancerFrame, InstancerMotion, Joint, Mesh, MeshFrame, MeshMotion,
     MeshObject, Skeleton, SkinWeights, Trs,
@@ -86,7 +86,8 @@ pub fn dress_sprung(
     let grain = grain(plant, recipe, (kind, keys));
     let boughs = Boughs::new(plant, &stand, &grain, &individual.asset).by_clock(clock.0, clock.1);
     let (mesh, bindings) = bark(grown, recipe, kind, work)?;
-    let most = if recipe.keys.motion == Motion::Game { recipe.keys.max_joints.min(GAME) } else { recipe.keys.max_joints };
+    let most =
+        if recipe.keys.motion == Motion::Game { recipe.keys.max_joints.min(GAME) } else { recipe.keys.max_joints };
     let groups = groups(plant, kind);
     let places: std::collections::BTreeMap<u64, usize> =
         plant.organs.iter().enumerate().map(|(i, o)| (o.id, i)).collect();
@@ -113,9 +114,12 @@ pub fn dress_sprung(
         meshes.push(MeshObject { name, mesh, motion, skin });
         dressing.bound.push(if whole { Vec::new() } else { bound });
     }
-    let riding = |leaves: &Vec<usize>| InstancerMotion::Joints(leaves.iter().map(|i| dressing.joint(&boughs, *i)).collect());
-    let instancers =
-        groups.iter().zip(&dressing.groups).map(|((o, organs), leaves)| instancer(plant, kind, (*o, organs), riding(leaves)));
+    let riding =
+        |leaves: &Vec<usize>| InstancerMotion::Joints(leaves.iter().map(|i| dressing.joint(&boughs, *i)).collect());
+    let instancers = groups
+        .iter()
+        .zip(&dressing.groups)
+        .map(|((o, organs), leaves)| instancer(plant, kind, (*o, organs), riding(leaves)));
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
@@ -181,8 +185,11 @@ fn stalks(
         let own = rods.sections(rod).map(|i| (i, dressing.rest[i]));
         let all: Vec<(usize, (Vec3, Quat))> = base.into_iter().chain(own).collect();
         let radius = rods.sections(rod).next().map_or(0.0, |i| narrow(rods.radius(i)) / dressing.stand.s.x);
-        let station = |(k, (_, (p, q))): (usize, &(usize, (Vec3, Quat)))| {
-            Station { joint: u16::try_from(k).unwrap_or(u16::MAX), p: *p, q: *q, r: radius }
+        let station = |(k, (_, (p, q))): (usize, &(usize, (Vec3, Quat)))| Station {
+            joint: u16::try_from(k).unwrap_or(u16::MAX),
+            p: *p,
+            q: *q,
+            r: radius,
         };
         let stations: Vec<Station> = all.iter().enumerate().map(station).collect();
         let (mut tube, skin) = tube(&stations, STALKS);
@@ -271,7 +278,8 @@ impl Dressing {
         let mut skin = SkinWeights::default();
         for b in bound {
             let [a, z] = b.sections.map(|s| s.map_or(0, |s| self.joints[s]));
-            let (one, two) = if b.share > 0.5 { ((z, b.share), (a, 1.0 - b.share)) } else { ((a, 1.0 - b.share), (z, b.share)) };
+            let (one, two) =
+                if b.share > 0.5 { ((z, b.share), (a, 1.0 - b.share)) } else { ((a, 1.0 - b.share), (z, b.share)) };
             if a == z || two.1 <= 0.0 {
                 skin.joints.push([one.0, 0, 0, 0]);
                 skin.weights.push([1.0, 0.0, 0.0, 0.0]);

@@ -98,7 +98,13 @@ impl Eddies {
     /// Force on a blade, N, and where it acts from the blade's middle, m. `q`: world from leaf space; `wind`: air relative to
     /// the middle, m/s; `drag`: coefficient across the wind; `h`: seconds until the next call.
     /// Own: a plate whose force across grows with the sine of the angle and saturates.
-    pub fn press(&mut self, sheet: &Sheet, (q, scale): (DQuat, f64), wind: DVec3, (drag, h): (f64, f64)) -> (DVec3, DVec3) {
+    pub fn press(
+        &mut self,
+        sheet: &Sheet,
+        (q, scale): (DQuat, f64),
+        wind: DVec3,
+        (drag, h): (f64, f64),
+    ) -> (DVec3, DVec3) {
         let speed = wind.length();
         if speed < 1e-6 {
             return (DVec3::ZERO, DVec3::ZERO);

@@ -104,7 +104,14 @@ impl Boughs {
                 own.push(Body { section, at, mass, inertia, own: true, reach: 0.0 });
             }
             let none = glam::DMat3::ZERO;
-            water.push(Body { section: section.unwrap_or(0), at: DVec3::ZERO, mass: 0.0, inertia: none, own: false, reach: 0.0 });
+            water.push(Body {
+                section: section.unwrap_or(0),
+                at: DVec3::ZERO,
+                mass: 0.0,
+                inertia: none,
+                own: false,
+                reach: 0.0,
+            });
             let now = Blade::still(hung.pivot, hung.q);
             let (scale, eddies) = (hung.scale, Eddies::new(organ.id));
             leaves.push(Leaf { section, stalk: hung.stalk, p, q, scale, sheet, eddies, now });

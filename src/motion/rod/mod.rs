@@ -8,6 +8,8 @@ mod assemble;
 mod blade;
 mod block;
 mod boughs;
+#[cfg(test)]
+mod boughs_tests;
 mod build;
 mod explicit;
 mod grown;
