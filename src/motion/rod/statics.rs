@@ -13,6 +13,9 @@ const STRIDE: f64 = 0.1;
 const SHARE: f64 = 0.7;
 const SEARCH: usize = 20;
 const NEAR: f64 = 1e-5;
+/// Rounds of the search that does not wait for rest, and its end, m.
+const BALANCE: usize = 300;
+const EVEN: f64 = 1e-7;
 
 impl Rods {
     /// Moves to where all forces balance, from where it is, with the forces from outside; velocities become zero.
@@ -25,26 +28,7 @@ impl Rods {
         self.step.damping.fill(0.0);
         let mut still = false;
         for _ in 0..ROUNDS {
-            self.prepare(0.0);
-            self.step.next.copy_from_slice(&self.x);
-            self.step.speed.fill([0.0; 9]);
-            self.assemble(true);
-            for i in 0..self.x.len() {
-                let back = self.manners[self.tree.sections[i].rod].recovery;
-                let drawn = self.drawn_back(i);
-                let right = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * drawn[k]);
-                // A trace of mass keeps what hangs on a thread from being singular.
-                self.add_mass(i, 1e-6, back);
-                self.step.rows[i].set_right(&right);
-            }
-            self.clamp();
-            if !self.solve() {
-                return false;
-            }
-            let most = self.step.change.iter().flatten().fold(0.0_f64, |m, d| m.max(d.abs()));
-            if !most.is_finite() {
-                return false;
-            }
+            let Some(most) = self.yielding() else { return false };
             self.stride((STRIDE * length / most.max(1e-300)).min(1.0));
             still = most < STILL * length;
             if still {
@@ -53,6 +37,29 @@ impl Rods {
         }
         self.restart();
         still
+    }
+
+    /// Fills `step.change` with how far everything gives way where it is, by its stiffness there, and returns the most of
+    /// that, m; none for what has no stiffness.
+    fn yielding(&mut self) -> Option<f64> {
+        self.prepare(0.0);
+        self.step.next.copy_from_slice(&self.x);
+        self.step.speed.fill([0.0; 9]);
+        self.assemble(true);
+        for i in 0..self.x.len() {
+            let back = self.manners[self.tree.sections[i].rod].recovery;
+            let drawn = self.drawn_back(i);
+            let right = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * drawn[k]);
+            // A trace of mass keeps what hangs on a thread from being singular.
+            self.add_mass(i, 1e-6, back);
+            self.step.rows[i].set_right(&right);
+        }
+        self.clamp();
+        if !self.solve() {
+            return None;
+        }
+        let most = self.step.change.iter().flatten().fold(0.0_f64, |m, d| m.max(d.abs()));
+        Some(most).filter(|m| m.is_finite())
     }
 
     /// Goes along the change, half as far until the energy does not rise.
@@ -116,6 +123,36 @@ impl Rods {
         }
         self.shape(&drawn);
         self.x.copy_from_slice(&drawn);
+        false
+    }
+
+    /// The same as [`Rods::prestress`] for many rods: a round asks how far the drawn pose gives way, not where it would come
+    /// to rest. Own.
+    pub fn balance(&mut self) -> bool {
+        let drawn = self.tree.drawn.clone();
+        let mut shape = drawn.clone();
+        self.x.copy_from_slice(&drawn);
+        self.v.fill([0.0; 9]);
+        self.step.factors.fill(1.0);
+        self.step.damping.fill(0.0);
+        let mut least = f64::MAX;
+        for _ in 0..BALANCE {
+            self.shape(&shape);
+            let Some(most) = self.yielding() else { break };
+            if most < EVEN {
+                self.restart();
+                return true;
+            }
+            if most > 100.0 * least {
+                break;
+            }
+            least = least.min(most);
+            for (x, e) in shape.iter_mut().zip(&self.step.change) {
+                (0..9).for_each(|k| x[k] -= SHARE * e[k]);
+            }
+        }
+        self.shape(&drawn);
+        self.restart();
         false
     }
 
