@@ -9,8 +9,14 @@ use super::rain::Found;
 use crate::math::{self, narrow};
 use crate::motion::rain::{Chart, Sheet};
 use crate::recipe::Recipe;
-use crate::scene::{Asset, Instancer, InstancerMotion, Material, Mesh, MeshMotion, MeshObject, Subset, Trs, Wet};
+use crate::scene::{
+    Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh, MeshMotion,
+    MeshObject, SkinWeights, Subset, Trs, Wet,
+};
 use crate::{Error, Result};
+
+/// Per asset, per instancer, per instance: whether it is still one.
+pub type Kept = Vec<Vec<Vec<bool>>>;
 
 /// One chart per form of leaf.
 pub fn charts(found: &[Found], heroes: &[usize], side: usize) -> Vec<Arc<Chart>> {
@@ -35,7 +41,7 @@ pub fn show(
     found: &[Found],
     (heroes, stands): (&[usize], &[Trs]),
     recipe: &Recipe,
-) -> Result<Vec<Wet>> {
+) -> Result<(Vec<Wet>, Kept)> {
     let mut numbers = vec![0_usize; stands.len()];
     let mut number = vec![0_usize; found.len()];
     for (i, f) in found.iter().enumerate() {
@@ -56,7 +62,12 @@ pub fn show(
         let mut mesh = moved(&prototype.mesh, &trs);
         let index = u32::try_from(wet.len()).map_err(|_| Error::export("S004", "too many leaves with maps"))?;
         dress(&mut mesh, materials, (&name, index));
-        asset.meshes.push(MeshObject { name: format!("leaf_{id}"), mesh, motion: MeshMotion::Still, skin: None });
+        let skin = f.joint.map(|j| SkinWeights {
+            joints: vec![[j, 0, 0, 0]; mesh.points.len()],
+            weights: vec![[1.0, 0.0, 0.0, 0.0]; mesh.points.len()],
+        });
+        let motion = if skin.is_some() { MeshMotion::Skinned } else { MeshMotion::Still };
+        asset.meshes.push(MeshObject { name: format!("leaf_{id}"), mesh, motion, skin });
         wet.push(Wet {
             name,
             side: recipe.maps.resolution as usize,
@@ -65,14 +76,15 @@ pub fn show(
         });
         gone.insert(f.at);
     }
+    let mut kept = Kept::new();
     for (a, asset) in assets.iter_mut().enumerate() {
-        for (n, instancer) in asset.instancers.iter_mut().enumerate() {
-            let keep: Vec<bool> = (0..instancer.len()).map(|k| !gone.contains(&(a, n, k))).collect();
-            thin(instancer, &keep);
-        }
+        let mask = |(n, i): (usize, &Instancer)| (0..i.len()).map(|k| !gone.contains(&(a, n, k))).collect();
+        let masks: Vec<Vec<bool>> = asset.instancers.iter().enumerate().map(mask).collect();
+        asset.instancers.iter_mut().zip(&masks).for_each(|(i, keep)| thin(i, keep));
         asset.instancers.retain(|i| !i.is_empty());
+        kept.push(masks);
     }
-    Ok(wet)
+    Ok((wet, kept))
 }
 
 /// Each material that a leaf wears as one of its own, with water.
@@ -99,25 +111,41 @@ fn moved(mesh: &Mesh, trs: &Trs) -> Mesh {
     }
 }
 
+fn kept<T>(list: &mut Vec<T>, keep: &[bool]) {
+    let mut k = 0;
+    list.retain(|_| {
+        k += 1;
+        keep.get(k - 1).copied().unwrap_or(true)
+    });
+}
+
 /// Leaves some instances out.
 fn thin(instancer: &mut Instancer, keep: &[bool]) {
-    fn kept<T: Clone>(list: &mut Vec<T>, keep: &[bool]) {
-        let mut k = 0;
-        list.retain(|_| {
-            k += 1;
-            keep.get(k - 1).copied().unwrap_or(true)
-        });
-    }
     kept(&mut instancer.ids, keep);
     kept(&mut instancer.protos, keep);
     kept(&mut instancer.scales, keep);
-    kept(&mut instancer.rest.positions, keep);
-    kept(&mut instancer.rest.orientations, keep);
-    kept(&mut instancer.rest.alive, keep);
-    kept(&mut instancer.rest.velocities, keep);
-    kept(&mut instancer.rest.angular_velocities, keep);
-    instancer.rest.marks.iter_mut().for_each(|m| kept(m, keep));
+    thin_state(&mut instancer.rest, keep);
     if let InstancerMotion::Joints(joints) = &mut instancer.motion {
         kept(joints, keep);
     }
+}
+
+fn thin_state(state: &mut InstanceState, keep: &[bool]) {
+    kept(&mut state.positions, keep);
+    kept(&mut state.orientations, keep);
+    kept(&mut state.alive, keep);
+    kept(&mut state.velocities, keep);
+    kept(&mut state.angular_velocities, keep);
+    state.marks.iter_mut().for_each(|m| kept(m, keep));
+}
+
+/// Leaves the same instances out of a frame.
+pub fn thin_frame(frame: &mut AssetFrame, masks: &[Vec<bool>]) {
+    for (state, keep) in frame.instancers.iter_mut().zip(masks) {
+        if let InstancerFrame::State(state) = state {
+            thin_state(state, keep);
+        }
+    }
+    let mut masks = masks.iter();
+    frame.instancers.retain(|_| masks.next().is_none_or(|keep| keep.contains(&true)));
 }

@@ -40,6 +40,8 @@ pub enum Moving {
     Rod(RodMotion),
     /// Drops.
     Rain(Arc<Rain>),
+    /// A plant, by number, that rain moves.
+    Rained(Arc<Rain>, usize),
     /// Wind, twigs and stalks as rods.
     Boughs(Arc<Shiver>),
 }
@@ -232,6 +234,7 @@ impl Moving {
             Self::Flight(m) => m.frame(nth(seconds, step)),
             Self::Rod(m) => Ok(m.frame(nth(seconds, step))),
             Self::Rain(m) => Ok(m.frame(nth(seconds, step))),
+            Self::Rained(m, k) => Ok(m.plant(*k, nth(seconds, step))),
             Self::Boughs(m) => m.frame(asset, nth(seconds, step)),
         }
     }

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::{DQuat, DVec2, DVec3, Vec3};
 
+use super::boughs::Dressing;
 use super::{Work, heroes};
 use crate::Result;
 use crate::geometry::Bounds;
@@ -13,6 +14,7 @@ use crate::motion::rain::{
     Bearer, Bough, Chart, Envelope, Friction, Hung, Impact, Leaf, Lever, Manner, Merge, Moment, Parts, Rainfall, Shape,
     Shapes, Sheet, Shower, Size, Soak, Stiff, Storm, Target, Water, Wetness, Wetting, across, capillary,
 };
+use crate::motion::rod::Boughs;
 use crate::par::{par_map, par_map_mut};
 use crate::plant::{AxisKind, Plant};
 use crate::recipe::Recipe;
@@ -43,6 +45,10 @@ pub struct Found {
     /// Its blade.
     pub sheet: Arc<Sheet>,
     target: Arc<Target>,
+    /// Number by which its plant knows it, and the joint that it rides on.
+    number: usize,
+    /// See `number`.
+    pub joint: Option<u16>,
     /// World from leaf space.
     p: DVec3,
     q: DQuat,
@@ -63,6 +69,8 @@ pub struct Rain {
     /// Leaves as they were before the first drop: their blades and sizes.
     leaves: Vec<Leaf>,
     heroes: Vec<Hero>,
+    /// Frames of the plants that move; none of those that do not.
+    plants: Vec<Vec<AssetFrame>>,
     manner: Manner,
     /// Slots of the points that show what falls, frame by frame.
     slots: Vec<Vec<u32>>,
@@ -102,6 +110,8 @@ pub struct Under<'a> {
     pub stands: &'a [Trs],
     /// The plants themselves.
     pub plants: &'a [&'a Plant],
+    /// Rods that each moves by, if it has any.
+    pub sprung: Vec<Option<(Boughs, Dressing)>>,
     /// Moving air.
     pub wind: Option<Arc<dyn Wind>>,
 }
@@ -110,10 +120,19 @@ pub struct Under<'a> {
 /// # Errors
 /// `Simulation`, `Limit`, `Cancelled`.
 pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fallen> {
-    let Under { recipe, assets, materials, stands, plants, wind } = under;
-    let found = leaves(assets, stands);
+    let Under { recipe, assets, materials, stands, plants, sprung, wind } = under;
+    let found = leaves(assets, stands, &sprung);
     let heroes = nearest(recipe, &found);
-    let bearers: Vec<Box<dyn Bearer>> = (0..stands.len()).map(|k| stiff(k, &found, plants, stands)).collect();
+    let steps = steps(rain, recipe, &sprung);
+    let (boughs, dressings): (Vec<Option<Boughs>>, Vec<Option<Dressing>>) =
+        sprung.into_iter().map(Option::unzip).unzip();
+    let mut bearers: Vec<Box<dyn Bearer>> = Vec::new();
+    for (k, boughs) in boughs.into_iter().enumerate() {
+        bearers.push(match boughs {
+            Some(boughs) => Box::new(boughs.in_wind(wind.clone())),
+            None => stiff(k, &found, plants, stands),
+        });
+    }
     let over = bounds(assets, stands);
     let manner = manner(rain, recipe.seed);
     let clip = recipe.clip;
@@ -122,12 +141,9 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let blowing = wind.as_ref().map_or(Vec3::ZERO, |w| w.mean());
     let shower = rain.keys.falls.then(|| Shower::new(rainfall, over, blowing));
     afford(&shower, over, frames, work)?;
-    let mut numbers = vec![0; stands.len()];
     let hung = found.iter().enumerate().map(|(i, f)| {
-        let k = numbers[f.at.0];
-        numbers[f.at.0] += 1;
         let leaf = Leaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
-        (leaf, Hung { on: (f.at.0, k), target: Arc::clone(&f.target) })
+        (leaf, Hung { on: (f.at.0, f.number), target: Arc::clone(&f.target) })
     });
     let floor = f64::from(over.min.y) - BELOW;
     let floor = if recipe.ground.show { floor.max(0.0) } else { floor };
@@ -135,7 +151,7 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let mut storm = Storm::new(parts);
     let dry = storm.leaves().to_vec();
     place(&mut storm, rain);
-    let moments = record(&mut storm, rain, recipe, work)?;
+    let (moments, mut plants) = record(&mut storm, (rain, recipe, steps), (assets, &dressings), work)?;
     let material = u32::try_from(materials.len()).unwrap_or(u32::MAX);
     materials.push(Material {
         ior: WATER,
@@ -144,13 +160,17 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     });
     let side = recipe.maps.resolution as usize;
     let charts = heroes::charts(&found, &heroes, side);
-    let wet = heroes::show((assets, materials), &found, (&heroes, stands), recipe)?;
+    let (wet, kept) = heroes::show((assets, materials), &found, (&heroes, stands), recipe)?;
+    for (frames, masks) in plants.iter_mut().zip(&kept) {
+        frames.iter_mut().for_each(|frame| heroes::thin_frame(frame, masks));
+    }
     let heroes: Vec<Hero> = heroes.iter().zip(charts).map(|(leaf, chart)| Hero { leaf: *leaf, chart }).collect();
     let (slots, capacity) = slots(&moments);
     let rain = Rain {
         shapes: shapes(&moments),
         maps: Mutex::new(Maps { done: 0, wet: Vec::new() }),
         leaves: dry,
+        plants,
         moments,
         heroes,
         manner,
@@ -170,9 +190,11 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
 }
 
 /// Every blade of the scene, plant by plant.
-fn leaves(assets: &[Asset], stands: &[Trs]) -> Vec<Found> {
+fn leaves(assets: &[Asset], stands: &[Trs], sprung: &[Option<(Boughs, Dressing)>]) -> Vec<Found> {
     let mut found = Vec::new();
     for (a, (asset, stand)) in assets.iter().zip(stands).enumerate() {
+        let rods = sprung.get(a).and_then(Option::as_ref);
+        let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
             let sheets: Vec<Option<(Arc<Sheet>, Arc<Target>)>> = instancer
                 .prototypes
@@ -186,7 +208,13 @@ fn leaves(assets: &[Asset], stands: &[Trs]) -> Vec<Found> {
             for k in 0..instancer.len() {
                 let Some(Some((sheet, target))) = sheets.get(instancer.protos[k] as usize) else { continue };
                 let trs = stand.then_inner(&instancer.transform(&instancer.rest, k));
+                let organ = rods.and_then(|(_, dressing)| dressing.groups().get(i)?.get(k).copied());
+                let joint = rods.zip(organ).map(|((boughs, dressing), organ)| dressing.joint(boughs, organ));
+                let number = organ.unwrap_or(count);
+                count += 1;
                 found.push(Found {
+                    number,
+                    joint,
                     at: (a, i, k),
                     sheet: Arc::clone(sheet),
                     target: Arc::clone(target),
@@ -339,10 +367,24 @@ fn place(storm: &mut Storm, rain: &RainRecipe) {
     }
 }
 
-/// Steps through the clip.
-fn record(storm: &mut Storm, rain: &RainRecipe, recipe: &Recipe, work: &Work<'_>) -> Result<Vec<Moment>> {
+/// Steps of a frame: as many as the rods need.
+fn steps(rain: &RainRecipe, recipe: &Recipe, sprung: &[Option<(Boughs, Dressing)>]) -> u32 {
     let fps = recipe.clip.fps();
-    let steps = rain.keys.substeps.unwrap_or(STEPS);
+    let most = sprung.iter().flatten().fold(STEPS, |m, (boughs, _)| m.max(boughs.substeps(fps)));
+    rain.keys.substeps.unwrap_or(most)
+}
+
+/// Rain frame by frame, and the frames of each plant that moves.
+type Recorded = (Vec<Moment>, Vec<Vec<AssetFrame>>);
+
+/// Steps through the clip.
+fn record(
+    storm: &mut Storm,
+    (rain, recipe, steps): (&RainRecipe, &Recipe, u32),
+    (assets, dressings): (&[Asset], &[Option<Dressing>]),
+    work: &Work<'_>,
+) -> Result<Recorded> {
+    let fps = recipe.clip.fps();
     let h = 1.0 / (fps * f64::from(steps));
     let frames = recipe.clip.len() as u64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of steps")]
@@ -357,16 +399,22 @@ fn record(storm: &mut Storm, rain: &RainRecipe, recipe: &Recipe, work: &Work<'_>
         }
     }
     let mut moments = Vec::new();
+    let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); dressings.len()];
     for frame in 0..frames {
         work.cancel.check()?;
         storm.audit(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
         moments.push(Moment::of(storm));
+        for (k, (bearer, dressing)) in storm.bearers().iter().zip(dressings).enumerate() {
+            let boughs = bearer.as_any().downcast_ref::<Boughs>();
+            let shown = boughs.zip(dressing.as_ref()).zip(assets.get(k));
+            plants[k].extend(shown.map(|((boughs, dressing), asset)| dressing.frame(asset, boughs)));
+        }
         work.progress.advance(1);
         if frame + 1 < frames {
             (0..steps).try_for_each(|_| storm.step(h))?;
         }
     }
-    Ok(moments)
+    Ok((moments, plants))
 }
 
 /// Slots of what is in the air, and how many are needed: a slot rests before it shows another drop.
@@ -483,6 +531,18 @@ impl Rain {
             points: if self.capacity > 0 { vec![points] } else { Vec::new() },
             ..AssetFrame::default()
         }
+    }
+
+    /// Whether plant `k` moves.
+    pub fn moves(&self, k: usize) -> bool {
+        self.plants.get(k).is_some_and(|frames| !frames.is_empty())
+    }
+
+    /// A plant that rain moves at a frame from the first.
+    pub fn plant(&self, k: usize, nth: u64) -> AssetFrame {
+        let frames = self.plants.get(k).map_or(&[][..], Vec::as_slice);
+        let nth = usize::try_from(nth).unwrap_or(usize::MAX).min(frames.len().saturating_sub(1));
+        frames.get(nth).cloned().unwrap_or_default()
     }
 
     /// Maps of the leaves that have some, at a frame from the first. Asked in order they go on from the last.

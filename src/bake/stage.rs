@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::Work;
 use super::air::Air;
 use super::blow::{Blown, plants_room, standing};
-use super::boughs::{Shiver, dress_sprung};
+use super::boughs::{Dressing, Shiver, dress_sprung};
 use super::counts::{Counts, count};
 use super::course::{self, Course, Setting};
 use super::dress::{Kind, dress};
@@ -24,6 +24,7 @@ use crate::diagnostic::{Diagnostic, Report};
 use crate::fence::Names;
 use crate::geometry::Bounds;
 use crate::math::narrow;
+use crate::motion::rod::Boughs;
 use crate::par::par_map;
 use crate::plant::AxisKind;
 use crate::recipe::catkin_keys::CatkinKeys;
@@ -163,6 +164,8 @@ struct Made {
     materials: Vec<Material>,
     assets: Vec<Asset>,
     movers: Vec<Option<Moving>>,
+    /// Plants on rods that rain falls on, by asset.
+    sprung: Vec<Option<(Boughs, Dressing)>>,
 }
 
 impl Made {
@@ -220,6 +223,21 @@ fn pair<'a, T>(
     both.ok_or_else(|| Error::export("S005", "a place names a plant that is not there"))
 }
 
+/// A plant as it is shown.
+struct Dressed {
+    asset: Asset,
+    mover: Option<Moving>,
+    /// Rods that rain moves.
+    sprung: Option<(Boughs, Dressing)>,
+    told: Vec<Diagnostic>,
+}
+
+impl Dressed {
+    fn new(asset: Asset, told: Vec<Diagnostic>) -> Self {
+        Self { asset, mover: None, sprung: None, told }
+    }
+}
+
 fn dress_all(
     (recipe, air): (&Recipe, Option<&Air>),
     (layout, kinds, grown): (&Layout, &[Kind], &[Grown]),
@@ -232,25 +250,29 @@ fn dress_all(
         let (plant, kind) = pair(recipe, kinds, individual)?;
         let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
         let still = matches!(plant.keys.motion, Motion::Still | Motion::Static);
-        let dressed = match air.filter(|_| plant.rods.is_some() && !still) {
-            Some(air) => {
-                let clock = (recipe.clip.fps(), recipe.clip.start);
-                let sprung = dress_sprung(grown, plant, (kind, individual), (stand, clock), work)?;
-                let shiver = Shiver::new((sprung.boughs, sprung.dressing), plant, air, clock.0);
-                (sprung.asset, Some(Moving::Boughs(Arc::new(shiver))), sprung.told)
-            }
-            None => {
-                let (asset, mover) = dress(grown, plant, (kind, individual), air.map(|a| (a, stand)), work)?;
-                (asset, mover.map(|m| Moving::Plant(Box::new(m))), Vec::new())
-            }
+        let clock = (recipe.clip.fps(), recipe.clip.start);
+        let rods = || dress_sprung(grown, plant, (kind, individual), (stand, clock), work);
+        let springs = plant.rods.is_some() && !still;
+        let dressed = if springs && recipe.rain.is_some() && recipe.clip.len() > 1 {
+            let sprung = rods()?;
+            Dressed { sprung: Some((sprung.boughs, sprung.dressing)), ..Dressed::new(sprung.asset, sprung.told) }
+        } else if let Some(air) = air.filter(|_| springs) {
+            let sprung = rods()?;
+            let shiver = Shiver::new((sprung.boughs, sprung.dressing), plant, air, clock.0);
+            let mover = Some(Moving::Boughs(Arc::new(shiver)));
+            Dressed { mover, ..Dressed::new(sprung.asset, sprung.told) }
+        } else {
+            let (asset, mover) = dress(grown, plant, (kind, individual), air.map(|a| (a, stand)), work)?;
+            Dressed { mover: mover.map(|m| Moving::Plant(Box::new(m))), ..Dressed::new(asset, Vec::new()) }
         };
         work.progress.advance(1);
         Ok(dressed)
     });
-    for (asset, mover, told) in in_order(dressed)? {
-        made.assets.push(asset);
-        made.movers.push(mover);
-        told.into_iter().for_each(|d| report.push(d));
+    for dressed in in_order(dressed)? {
+        made.assets.push(dressed.asset);
+        made.movers.push(dressed.mover);
+        made.sprung.push(dressed.sprung);
+        dressed.told.into_iter().for_each(|d| report.push(d));
     }
     Ok(())
 }
@@ -458,12 +480,18 @@ fn add_rain(
         materials: &mut made.materials,
         stands: &stands,
         plants: &plants,
+        sprung: std::mem::take(&mut made.sprung),
         wind: air.map(|a| Arc::clone(&a.wind)),
     };
     let fallen = rain::fall(under, rain, work)?;
     let name = fallen.asset.id.clone();
     placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
     made.assets.push(fallen.asset);
+    for (k, mover) in made.movers.iter_mut().enumerate() {
+        if fallen.rain.moves(k) {
+            *mover = Some(Moving::Rained(Arc::clone(&fallen.rain), k));
+        }
+    }
     made.movers.push((recipe.clip.len() > 1).then_some(Moving::Rain(fallen.rain)));
     Ok(fallen.wet)
 }

@@ -1,5 +1,7 @@
 //! What leaves hang on, as rain sees it.
 
+use std::any::Any;
+
 use glam::{DQuat, DVec3};
 
 use crate::Result;
@@ -71,7 +73,8 @@ pub trait Bearer: Send + std::fmt::Debug {
     /// A force, N, on a place of a leaf during the next step.
     fn press(&mut self, leaf: usize, place: DVec3, force: DVec3);
 
-    /// Water that lies on a leaf: kg, and its middle in the world. It holds until it is said anew.
+    /// Water that lies on a leaf: kg, and its middle in the world. It weighs on the leaf and goes along with it, until it is
+    /// said anew; [`Bearer::press`] is for what differs from that.
     fn load(&mut self, leaf: usize, mass: f64, middle: DVec3);
 
     /// Pieces of wood where they are now; their number and order stay.
@@ -90,6 +93,9 @@ pub trait Bearer: Send + std::fmt::Debug {
     /// # Errors
     /// `Simulation` for what flies apart.
     fn step(&mut self, t: f64, h: f64) -> Result<()>;
+
+    /// Itself, for those who know what it is and want to show it.
+    fn as_any(&self) -> &dyn Any;
 }
 
 /// A plant that nothing moves.
@@ -142,5 +148,9 @@ impl Bearer for Stiff {
 
     fn step(&mut self, _: f64, _: f64) -> Result<()> {
         Ok(())
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
     }
 }

@@ -106,7 +106,7 @@ pub struct Told {
     pub stamps: Vec<Stamp>,
     /// What happened.
     pub events: Vec<Event>,
-    /// Forces on it, N, with their places in the world.
+    /// Forces on it beyond the water's weight, N, with their places in the world.
     pub forces: Vec<(DVec3, DVec3)>,
     /// Mass of the water on it, kg, and its middle in the world.
     pub load: (f64, DVec3),
@@ -536,7 +536,11 @@ impl Leaf {
                     n * weight.dot(n) + along.normalize_or_zero() * held
                 }
             };
-            told.forces.push((place, force * lever));
+            // Its load weighs by itself.
+            let more = force * lever - weight;
+            if more != DVec3::ZERO {
+                told.forces.push((place, more));
+            }
             sum = (sum.0 + m, sum.1 + place * m);
         }
         told.load = (sum.0, if sum.0 > 0.0 { sum.1 / sum.0 } else { now.blade.p });

@@ -411,6 +411,10 @@ impl Bearer for Boughs {
         of(&self.wood[bough][0]).lerp(of(&self.wood[bough][1]), share)
     }
 
+    fn as_any(&self) -> &dyn std::any::Any {
+        self
+    }
+
     /// A step that fails is taken again in halves, up to sixteenths.
     fn step(&mut self, t: f64, h: f64) -> Result<()> {
         if self.rods.is_empty() {
