@@ -83,7 +83,7 @@ pub(super) fn grain() -> Grain {
 }
 
 /// A step in which springs do nothing, s.
-const SHORT: f64 = 2e-10;
+const SHORT: f64 = 5e-10;
 
 fn sprung(stand: &Trs) -> Boughs {
     Boughs::new(&twig(), stand, &grain(), "twig")
@@ -227,14 +227,4 @@ fn what_has_no_room_is_rigid_and_counted() {
     let still = Boughs::new(&twig(), &Trs::IDENTITY, &small, "twig");
     assert!((0..6).filter(|i| still.carrier(*i).is_none()).count() == 4 && still.is_posed());
     assert!(still.lightness(1, DVec3::ZERO, DVec3::Y) >= 0.0);
-}
-
-#[test]
-#[ignore = "looks"]
-fn look() {
-    let mut boughs = sprung(&Trs::IDENTITY).in_wind(Some(Arc::new(Uniform(Vec3::new(2.5, 0.0, 1.0)))));
-    let n = boughs.rods().len();
-    let t = std::time::Instant::now();
-    steps(&mut boughs, 2.0, 1.0 / 384.0, |_| ());
-    println!("{n} sections {} us per section and step", t.elapsed().as_secs_f64() * 1e6 / 768.0 / n as f64);
 }
