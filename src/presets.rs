@@ -57,6 +57,8 @@ pub const PRESETS: &[Preset] = presets! {
     "scenes" / "poplar-twig.toml",
     "ifs-tables" / "pseudodichotomous.ifs",
     "ifs-tables" / "pseudodichotomous.ifs.toml",
+    "scenes" / "rain-leaves.toml",
+    "grammars" / "rain-twig.l",
     "scenes" / "showcase.toml",
     "grammars" / "silk-tree.l",
     "scenes" / "silk-tree.toml",
@@ -64,6 +66,7 @@ pub const PRESETS: &[Preset] = presets! {
     "ifs-tables" / "sun.ifs",
     "ifs-tables" / "sympodial.ifs",
     "ifs-tables" / "sympodial.ifs.toml",
+    "scenes" / "wet-leaf.toml",
     "meshes" / "young-tree.obj",
     "scenes" / "young-tree.toml",
 };

@@ -56,7 +56,7 @@ fn growing() -> impl Iterator<Item = &'static Preset> {
         move |p: &Preset| points(p) || crowd(p) || p.text.contains("[[layer]]") || p.text.contains("[[scatter]]");
     // What an artist modelled is judged in mesh_plants.rs, catkins in catkin_model.rs, rods in the rooms of theirs.
     let modelled = |p: &Preset| {
-        let others = ["\nmesh = ", "\n[catkin]", "\n[[rod]]"];
+        let others = ["\nmesh = ", "\n[catkin]", "\n[[rod]]", "\n[rain]"];
         p.name.ends_with(".obj") || others.iter().any(|t| p.text.contains(t))
     };
     PRESETS.iter().filter(move |p| !p.name.ends_with(".ifs") && !other(p) && !modelled(p))

@@ -155,6 +155,32 @@ fn every_default_is_listed_with_its_meaning() {
 }
 
 #[test]
+fn rain_is_read_and_its_faults_told() {
+    let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n[[place]]\nplant = \"a\"\n";
+    let good = format!("{plant}[rain]\nrate_mm_per_h = 30\n[rain.drop]\ntheta_deg = 62\n");
+    let r = read(&good, &[]).expect("rain");
+    let rain = r.rain.expect("rain");
+    assert!((rain.drop.theta.to_degrees() - 62.0).abs() < 1e-9 && (rain.keys.rate - 30.0).abs() < 1e-9);
+    let paper = read(&format!("{plant}[rain]\npreset = \"paper\"\n[rain.drop]\nmu = 0.1\n"), &[]).expect("paper");
+    let paper = paper.rain.expect("rain");
+    assert!((paper.keys.g - 9.8).abs() < 1e-9 && (paper.drop.mu - 0.1).abs() < 1e-9 && paper.drop.omega.is_some());
+    for (set, code, said) in [
+        ("rain.drop.theta_deg=20", "S004", "must rise from receding over theta to advancing"),
+        ("rain.drop.theta_deg=nan", "S003", "theta_deg"),
+        ("rain.rate_mm_per_h=1e999", "S004", "rate_mm_per_h"),
+        ("rain.envelope=keys", "S006", "times that rise"),
+        ("rain.lying=3", "S003", "[[rain.lying]]"),
+        ("rain.splash=0.1", "S002", "has no key \"splash\""),
+    ] {
+        let Err(e) = read(&good, &[set]) else { panic!("{set} accepted") };
+        let text = e.to_string();
+        assert!(text.contains(code) && text.contains(said), "{set}: {text}");
+    }
+    let bare = read("[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\n[rain]\n", &[]).expect_err("nothing to fall on");
+    assert!(bare.to_string().contains("needs a plant to fall on"), "{bare}");
+}
+
+#[test]
 fn rods_are_read_and_their_faults_told() {
     let good = "[[rod]]\nname = \"a\"\npoints = [[0, 0, 0], [0, 1, 0]]\n[[rod]]\non = \"a\"\npoints = [[0, 1, 0], [1, 1, 0]]\n";
     let r = read(good, &["rod.0.radius_mm=[18,12]"]).expect("rods alone are a scene");
