@@ -60,6 +60,7 @@ pub const PRESETS: &[Preset] = presets! {
     "scenes" / "rain-leaves.toml",
     "grammars" / "rain-twig.l",
     "scenes" / "showcase.toml",
+    "scenes" / "shivering-twig.toml",
     "grammars" / "silk-tree.l",
     "scenes" / "silk-tree.toml",
     "scenes" / "struck-twig.toml",
