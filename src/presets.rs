@@ -60,7 +60,6 @@ pub const PRESETS: &[Preset] = presets! {
     "scenes" / "rain-leaves.toml",
     "grammars" / "rain-twig.l",
     "scenes" / "showcase.toml",
-    "scenes" / "shivering-twig.toml",
     "grammars" / "silk-tree.l",
     "scenes" / "silk-tree.toml",
     "scenes" / "struck-twig.toml",
@@ -68,6 +67,7 @@ pub const PRESETS: &[Preset] = presets! {
     "ifs-tables" / "sympodial.ifs",
     "ifs-tables" / "sympodial.ifs.toml",
     "scenes" / "wet-leaf.toml",
+    "scenes" / "wind-twig.toml",
     "meshes" / "young-tree.obj",
     "scenes" / "young-tree.toml",
 };

@@ -47,6 +47,19 @@ pub struct Sprung {
     pub told: Vec<Diagnostic>,
 }
 
+impl Sprung {
+    /// What is seen of it where nothing moves: with its stalks.
+    pub fn stilled(self) -> Asset {
+        let mut asset = self.asset;
+        asset.skeleton = None;
+        for object in &mut asset.meshes {
+            (object.motion, object.skin) = (MeshMotion::Still, None);
+        }
+        asset.instancers.iter_mut().for_each(|i| i.motion = InstancerMotion::Still);
+        asset
+    }
+}
+
 /// A point of a mesh between two sections.
 #[derive(Debug, Clone, Copy)]
 struct Bound {

@@ -261,6 +261,8 @@ fn dress_all(
             let shiver = Shiver::new((sprung.boughs, sprung.dressing), plant, air, clock.0);
             let mover = Some(Moving::Boughs(Arc::new(shiver)));
             Dressed { mover, ..Dressed::new(sprung.asset, sprung.told) }
+        } else if plant.rods.is_some() {
+            Dressed::new(rods()?.stilled(), Vec::new())
         } else {
             let (asset, mover) = dress(grown, plant, (kind, individual), air.map(|a| (a, stand)), work)?;
             Dressed { mover: mover.map(|m| Moving::Plant(Box::new(m))), ..Dressed::new(asset, Vec::new()) }
