@@ -83,9 +83,9 @@ fn sheets(format: Format, scene: &Scene, recipe: &Recipe, frames: u64) -> u64 {
 }
 
 /// Tenths of a byte that a texel takes in a packed map.
-const HEIGHT: u64 = 8;
-const WETNESS: u64 = 2;
-const NORMAL: u64 = 22;
+const HEIGHT: u64 = 1;
+const WETNESS: u64 = 1;
+const NORMAL: u64 = 3;
 
 #[derive(Debug, Default)]
 struct Size {
