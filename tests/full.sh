@@ -6,6 +6,9 @@ cd "$(dirname "$0")/.."
 bash tests/all.sh
 say() { printf '\n== %s\n' "$*"; }
 
+say "the serial build is clean"
+cargo clippy --release --no-default-features --lib --bins -- -D warnings
+
 say "the serial build passes the same tests, snapshots of bytes among them"
 cargo test --release --no-default-features --lib --quiet
 

@@ -1,0 +1,71 @@
+use crate::bake::Work;
+use crate::bake::mover::frame;
+use crate::bake::stage::{Built, Parts, build};
+use crate::limits::Limits;
+use crate::progress::{Cancel, Silent};
+use crate::recipe::{Request, resolve};
+use crate::scene::{Frame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
+
+const SCENE: &str = "
+    [frames]\nend = 8
+    [plants.twig]\ngrammar = \"rain-twig.l\"\nset = { LEAVES = 3 }
+    [plants.twig.leaf]\nblade = \"elliptic\"\nside = 32\n
+    [[place]]\nplant = \"twig\"\ncount = 2\nspread = 0.3
+    [ground]\nshow = false
+    [maps]\nresolution = 32
+    [rain]\nrate_mm_per_h = 150\nbefore_s = 1.5\n";
+
+fn built(more: &str) -> Built {
+    let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
+    let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
+    let (limits, cancel) = (Limits::default(), Cancel::default());
+    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent };
+    build(&recipe, Parts::default(), &work).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn at(built: &Built, number: u32) -> Frame {
+    frame(&built.stage.scene, &built.stage.movers, number, false).expect("a frame")
+}
+
+#[test]
+fn leaves_get_maps_and_drops_show() {
+    let built = built("[rain.impact]\ntangent_keep = 0.05\n");
+    let scene = &built.stage.scene;
+    check_scene(scene).expect("sound");
+    assert_eq!(scene.wet.len(), 6);
+    let worn = scene.materials.iter().filter(|m| m.wet.is_some()).count();
+    assert_eq!(worn, 6);
+    let rain = scene.assets.iter().position(|a| a.id == "rain").expect("rain");
+    for number in [1, 5, 8] {
+        let frame = at(&built, number);
+        check_frame(scene, &frame).expect("sound");
+        assert_eq!(frame.wet.len(), 6);
+        assert!(frame.wet.iter().any(|m| m.water.iter().any(|h| *h > 0.0)));
+        let MeshFrame::Whole { mesh, velocities } = frame.assets[rain].mesh(0) else { panic!("no drops") };
+        assert!(!mesh.triangles.is_empty() && velocities.len() == mesh.points.len());
+        let PointsFrame::State { widths, .. } = frame.assets[rain].points(0) else { panic!("nothing falls") };
+        assert!(widths.iter().any(|w| *w > 0.0));
+    }
+}
+
+#[test]
+fn frames_do_not_depend_on_the_order_in_which_they_are_asked_for() {
+    let built = built("");
+    let first: Vec<_> = (1..=8).map(|n| at(&built, n).wet).collect();
+    for number in [8_u32, 2, 5] {
+        assert!(at(&built, number).wet == first[number as usize - 1], "frame {number}");
+    }
+}
+
+#[test]
+fn leaves_on_rods_give_way() {
+    let built = built("[plants.twig.rods]\n");
+    let scene = &built.stage.scene;
+    check_scene(scene).expect("sound");
+    let leaf = scene.assets[0].meshes.iter().find(|m| m.name.starts_with("leaf_l")).expect("a leaf with maps");
+    assert_eq!(leaf.motion, MeshMotion::Skinned);
+    let [a, b] = [1, 8].map(|n| at(&built, n));
+    check_frame(scene, &b).expect("sound");
+    let moved = a.assets[0].pose.iter().zip(&b.assets[0].pose).any(|(a, b)| a.t.distance(b.t) > 1e-6);
+    assert!(moved);
+}
