@@ -14,6 +14,8 @@ use crate::scene::WetMaps;
 const TILE: usize = 16;
 /// Wetness that counts as none.
 const DRY: f32 = 1.0 / 1024.0;
+/// Halvings after which the store is scaled anew.
+const EPOCH: f64 = 16.0;
 /// How far water wets beyond its base, in base radii.
 const SOAKS: f64 = 1.15;
 /// Normals that turn farther than this from the drop's are on another side: cosine.
@@ -64,6 +66,46 @@ pub struct Soak {
 struct Window {
     lo: [usize; 2],
     hi: [usize; 2],
+}
+
+/// A cap as texels ask for it, in the precision of maps. Source: as [`Cap::height`] and [`Print::at`].
+struct Dome {
+    along: f32,
+    across: f32,
+    skew: f32,
+    a2: f32,
+    r2: f32,
+    base: f32,
+    omega: f32,
+    overhangs: bool,
+}
+
+impl Dome {
+    fn of(blob: &Blob) -> Self {
+        let (cap, print) = (&blob.cap, &blob.print);
+        Self {
+            along: narrow(1.0 / (cap.a * print.q)),
+            across: narrow(print.q / cap.a),
+            skew: narrow(print.skew),
+            a2: narrow(cap.a * cap.a),
+            r2: narrow(cap.r * cap.r),
+            base: narrow(cap.r * cap.c),
+            omega: narrow(cap.omega),
+            overhangs: cap.c < 0.0,
+        }
+    }
+
+    /// Height over a place of the leaf, m; 0 outside.
+    fn height(&self, along: f32, across: f32) -> f32 {
+        let (x, y) = (along * self.along, across * self.across);
+        let rho2 = x * x + y * y;
+        let under = self.r2 - rho2 * self.a2;
+        if under <= 0.0 || (!self.overhangs && rho2 >= 1.0) {
+            return 0.0;
+        }
+        let h = self.omega * (math::sqrt_f32(under) - self.base).max(0.0);
+        h * (1.0 + self.skew * x.clamp(-1.0, 1.0))
+    }
 }
 
 impl Chart {
@@ -124,9 +166,10 @@ struct Stamp {
 pub struct Wetness {
     chart: Arc<Chart>,
     scale: f32,
-    /// Wetness when last soaked, and when, s.
-    peak: Vec<f32>,
-    since: Vec<f32>,
+    /// Wetness times 2^age, by the age since [`Wetness::epoch`]: what dries as one needs one factor a frame.
+    store: Vec<f32>,
+    /// Halvings that the store leaves out.
+    epoch: f64,
     stamps: Vec<Stamp>,
     maps: Arc<WetMaps>,
     /// Tiles whose wetness is above [`DRY`].
@@ -149,8 +192,8 @@ impl Wetness {
         Self {
             chart,
             scale: narrow(scale),
-            peak: vec![0.0; n],
-            since: vec![0.0; n],
+            store: vec![0.0; n],
+            epoch: 0.0,
             stamps: Vec::new(),
             maps: Arc::new(maps),
             damp: vec![false; tiles * tiles],
@@ -180,6 +223,7 @@ impl Wetness {
         let mut maps = std::mem::take(&mut self.maps);
         let own = Arc::make_mut(&mut maps);
         self.pour(own, &changed);
+        self.age(t, manner);
         self.soak(sheet, soaks, manner);
         self.dry(own, t, manner);
         self.maps = maps;
@@ -195,6 +239,7 @@ impl Wetness {
         let own = Arc::make_mut(&mut maps);
         let tiles = n.div_ceil(TILE);
         self.pour(own, &vec![true; tiles * tiles]);
+        self.age(t, manner);
         self.soak_within(sheet, soaks, manner, Some(whole));
         self.damp.fill(true);
         self.dry(own, t, manner);
@@ -263,8 +308,7 @@ impl Wetness {
     fn fill(&self, maps: &mut WetMaps, s: &Stamp, area: Window) {
         let n = self.chart.side;
         let Some(part) = s.window.and(&area) else { return };
-        let (a, print, cap) = (s.blob.cap.a, s.blob.print, &s.blob.cap);
-        let reach = cap.reach() / a;
+        let shape = Dome::of(&s.blob);
         for y in part.lo[1]..part.hi[1] {
             for x in part.lo[0]..part.hi[0] {
                 let Some(texel) = &self.chart.spots[y * n + x] else { continue };
@@ -272,11 +316,10 @@ impl Wetness {
                     continue;
                 }
                 let d = texel.p * self.scale - s.p;
-                let (rho, lean) = print.at(a, f64::from(d.dot(s.along)), f64::from(d.dot(s.across)));
-                if rho > reach {
+                let h = shape.height(d.dot(s.along), d.dot(s.across));
+                if h <= 0.0 {
                     continue;
                 }
-                let h = narrow(cap.height(rho) * lean);
                 let water = &mut maps.water[y * n + x];
                 *water = water.max(h);
             }
@@ -306,6 +349,16 @@ impl Wetness {
         (v / math::sqrt_f32(v.length_squared())).to_array()
     }
 
+    /// Moves the epoch on towards time `t`, s, by whole steps that floats hold exactly.
+    fn age(&mut self, t: f64, manner: &Manner) {
+        let age = halvings(t, manner);
+        while age - self.epoch >= EPOCH {
+            self.epoch += EPOCH;
+            let less = narrow(math::pow(2.0, -EPOCH));
+            self.store.iter_mut().for_each(|v| *v *= less);
+        }
+    }
+
     fn soak(&mut self, sheet: &Sheet, soaks: &[Soak], manner: &Manner) {
         self.soak_within(sheet, soaks, manner, None);
     }
@@ -322,23 +375,24 @@ impl Wetness {
             let own = chart.window(soak.uv, &spot, reach + texel);
             let window = all.unwrap_or(own);
             let (p, normal) = (spot.p.as_vec3(), spot.n.as_vec3());
+            // Drops of the past may be told late: before the epoch they count for less.
+            let age = halvings(soak.t, manner) - self.epoch;
+            let (grown, length) = (narrow(math::pow(2.0, age)), narrow(-1.0 / manner.wet_length));
+            let (reach, per_texel) = (narrow(reach), narrow(1.0 / texel));
             for y in window.lo[1]..window.hi[1] {
                 for x in window.lo[0]..window.hi[0] {
                     let Some(there) = &chart.spots[y * n + x] else { continue };
                     if f64::from(there.n.dot(normal)) <= OTHER {
                         continue;
                     }
-                    let d = f64::from((there.p * self.scale - p).length());
-                    let edge = ((reach - d) / texel + 0.5).clamp(0.0, 1.0);
+                    let d = math::sqrt_f32((there.p * self.scale - p).length_squared());
+                    let edge = ((reach - d) * per_texel + 0.5).clamp(0.0, 1.0);
                     if edge <= 0.0 {
                         continue;
                     }
-                    let wet = narrow(edge * math::exp(-d / manner.wet_length));
-                    let k = y * n + x;
-                    let now = faded(self.peak[k], self.since[k], narrow(soak.t), manner);
-                    if wet > now {
-                        (self.peak[k], self.since[k]) = (wet, narrow(soak.t));
-                    }
+                    let wet = edge * math::exp_f32(d * length) * grown;
+                    let kept = &mut self.store[y * n + x];
+                    *kept = kept.max(wet);
                 }
             }
             each_tile(own, tiles, |k| self.damp[k] = true);
@@ -348,7 +402,7 @@ impl Wetness {
     /// Wetness as it is at time `t`; tiles that have dried are left alone from then on.
     fn dry(&mut self, maps: &mut WetMaps, t: f64, manner: &Manner) {
         let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
-        let t = narrow(t);
+        let left = narrow(math::pow(2.0, -(halvings(t, manner) - self.epoch)));
         for k in 0..tiles * tiles {
             if !self.damp[k] {
                 continue;
@@ -356,11 +410,11 @@ impl Wetness {
             let area = tile(k, tiles, n);
             let mut most = 0.0_f32;
             for y in area.lo[1]..area.hi[1] {
-                for x in area.lo[0]..area.hi[0] {
-                    let i = y * n + x;
-                    let wet = faded(self.peak[i], self.since[i], t, manner);
-                    maps.wetness[i] = if wet < DRY { 0.0 } else { wet };
-                    most = most.max(maps.wetness[i]);
+                let row = y * n + area.lo[0]..y * n + area.hi[0];
+                for (wet, kept) in maps.wetness[row.clone()].iter_mut().zip(&self.store[row]) {
+                    let now = (kept * left).min(1.0);
+                    *wet = if now < DRY { 0.0 } else { now };
+                    most = most.max(*wet);
                 }
             }
             self.touched[1] += area.len();
@@ -369,12 +423,9 @@ impl Wetness {
     }
 }
 
-/// What a wetness has become.
-fn faded(peak: f32, since: f32, t: f32, manner: &Manner) -> f32 {
-    if peak <= 0.0 {
-        return 0.0;
-    }
-    peak * math::pow_f32(narrow(manner.zeta), (t - since).max(0.0) / narrow(manner.half_life))
+/// How often wetness has halved at time `t`, s. Source: zeta^(t / half life) = 2^-halvings.
+fn halvings(t: f64, manner: &Manner) -> f64 {
+    -t / manner.half_life * (math::ln(manner.zeta) / std::f64::consts::LN_2)
 }
 
 fn each_tile(w: Window, tiles: usize, mut f: impl FnMut(usize)) {
