@@ -10,7 +10,7 @@ const SCENE: &str = "
     [frames]\nend = 8
     [plants.twig]\ngrammar = \"rain-twig.l\"\nset = { LEAVES = 3 }
     [plants.twig.leaf]\nblade = \"elliptic\"\nside = 32\n
-    [[place]]\nplant = \"twig\"\ncount = 2\nspread = 0.3
+    [[place]]\nplant = \"twig\"\ncount = 2\nradius = 0.3
     [ground]\nshow = false
     [maps]\nresolution = 32
     [rain]\nrate_mm_per_h = 150\nbefore_s = 1.5\n";
