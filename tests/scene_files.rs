@@ -167,7 +167,7 @@ fn rain_is_read_and_its_faults_told() {
     for (set, code, said) in [
         ("rain.drop.theta_deg=20", "S004", "must rise from receding over theta to advancing"),
         ("rain.drop.theta_deg=nan", "S003", "theta_deg"),
-        ("rain.rate_mm_per_h=1e999", "S004", "rate_mm_per_h"),
+        ("rain.rate_mm_per_h=1e999", "S003", "not finite"),
         ("rain.envelope=keys", "S006", "times that rise"),
         ("rain.lying=3", "S003", "[[rain.lying]]"),
         ("rain.splash=0.1", "S002", "has no key \"splash\""),
