@@ -15,7 +15,7 @@ keys! {
         resolution: u32 = "resolution" whole(512, 32, 8192);
         /// Height that 1 in a height map stands for; what is higher is cut off.
         height_range: f64 = "height_range_m" num(0.004, 1e-4, 0.1, "m");
-        /// Most leaves that have maps: those nearest to the camera. The others carry drops and one mean wetness.
+        /// Most leaves that have maps: those nearest to the camera. The others carry drops only.
         hero_max: u32 = "hero_max" whole(32, 0, 512);
         /// Whether all leaves' maps are also laid together on sheets of 4096 texels a side.
         atlas: bool = "atlas" Flag(false);

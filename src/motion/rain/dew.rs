@@ -41,14 +41,6 @@ impl Dew {
             _ => 0.0,
         }
     }
-
-    /// The mean over a leaf, from what its cells within 0..1 say.
-    pub fn mean(&self, t: f64, law: (f64, f64)) -> f64 {
-        let n = CELLS as f64;
-        let place = |k: usize| DVec2::new((k % CELLS) as f64 + 0.5, (k / CELLS) as f64 + 0.5) / n;
-        let sum: f64 = (0..self.seen.len()).map(|k| self.at(place(k), t, law)).sum();
-        sum / (n * n)
-    }
 }
 
 fn cell(uv: DVec2) -> [usize; 2] {

@@ -124,16 +124,6 @@ impl Chart {
         Self { side, spots: crate::par::par_map(&rows, row).concat() }
     }
 
-    /// Texels of a side.
-    pub fn side(&self) -> usize {
-        self.side
-    }
-
-    /// Texels that show the blade.
-    pub fn covered(&self) -> usize {
-        self.spots.iter().flatten().count()
-    }
-
     /// Texels within a distance, m, of a place.
     fn window(&self, uv: DVec2, spot: &Spot, reach: f64) -> Window {
         let n = self.side as f64;

@@ -25,7 +25,7 @@ const BLIND: f64 = 0.005;
 const SPLASHES: f64 = 100.0;
 /// Water may be lost to rounding by this share.
 const LOST: f64 = 1e-9;
-/// Wood a drop strikes is wet; it is gone.
+/// Marks the ids of droplets that splash.
 const NEW: u64 = 1 << 62;
 
 /// A drop in the air.
