@@ -1,7 +1,7 @@
 //! Maps of wet leaves: cost of a frame by resolution and number of drops, against doing every texel again.
 //!
 //! Five leaves of 80 x 40 mm; each drop a head of 1 to 2.5 mm and a tail of six that slide at 50 mm/s; height, normals and
-//! wetness; one thread. `cargo bench --bench rain`
+//! wetness; one thread. `cargo bench --bench rain`, with `-- PLOT.svg` for a plot of cost against texels touched.
 
 #![allow(clippy::print_stdout, clippy::expect_used, clippy::disallowed_methods, reason = "a bench measures and prints")]
 
@@ -72,42 +72,122 @@ fn frame(drops: &[Slider], k: u32, manner: &Manner) -> (Vec<Blob>, Vec<Soak>) {
     (blobs, soaks)
 }
 
+/// What one cell of the table costs.
+struct Cell {
+    side: usize,
+    count: usize,
+    /// Of a frame, ms, with changed tiles and with all texels.
+    quick: f64,
+    whole: f64,
+    /// Texels worked on in a frame, each as often as it was.
+    touched: f64,
+}
+
+/// Time of the middle frame, ms: other programs of the machine hardly count.
+fn run(
+    wet: &mut [Wetness],
+    (sheet, manner): (&Sheet, &Manner),
+    drops: &[Vec<Slider>],
+    (frames, all): (std::ops::Range<u32>, bool),
+) -> f64 {
+    let mut times = Vec::new();
+    for k in frames {
+        let work: Vec<_> = drops.iter().map(|d| frame(d, k, manner)).collect();
+        let t = f64::from(k) / 24.0;
+        let start = Instant::now();
+        for (wet, (blobs, soaks)) in wet.iter_mut().zip(&work) {
+            if all {
+                wet.all_over(sheet, (blobs, soaks), t, manner);
+            } else {
+                wet.advance(sheet, (blobs, soaks), t, manner);
+            }
+        }
+        times.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn cell(side: usize, count: usize, with: (&Sheet, &Manner)) -> Cell {
+    let chart = Arc::new(Chart::new(with.0, side));
+    let drops: Vec<Vec<Slider>> = (0..LEAVES).map(|i| sliders(count / LEAVES, i, with.1)).collect();
+    let fresh = || (0..LEAVES).map(|_| Wetness::new(Arc::clone(&chart), 1.0)).collect::<Vec<_>>();
+    let some = 0..3;
+    let (mut slow, mut same) = (fresh(), fresh());
+    let whole = run(&mut slow, with, &drops, (some.clone(), true));
+    run(&mut same, with, &drops, (some, false));
+    assert!(slow.iter().zip(&same).all(|(a, b)| a.maps() == b.maps()), "not the same maps");
+    let mut wet = fresh();
+    let quick = run(&mut wet, with, &drops, (0..FRAMES, false));
+    let touched = wet.iter().map(|w| w.touched().sum()).sum::<u64>() as f64 / f64::from(FRAMES);
+    Cell { side, count, quick, whole, touched }
+}
+
 fn main() {
     let manner = Manner::default();
     let sheet = Sheet::new(&flat()).expect("a blade");
-    println!("| texels | drops | ms a frame | ns a texel done | all texels, ms | ratio |");
-    println!("|---|---|---|---|---|---|");
-    for side in [128, 256, 512] {
-        let chart = Arc::new(Chart::new(&sheet, side));
-        for count in [20, 200] {
-            let drops: Vec<Vec<Slider>> = (0..LEAVES).map(|i| sliders(count / LEAVES, i, &manner)).collect();
-            let fresh = || (0..LEAVES).map(|_| Wetness::new(Arc::clone(&chart), 1.0)).collect::<Vec<_>>();
-            let run = |wet: &mut [Wetness], frames: std::ops::Range<u32>, all: bool| {
-                let work: Vec<_> =
-                    frames.map(|k| drops.iter().map(|d| frame(d, k, &manner)).collect::<Vec<_>>()).collect();
-                let start = Instant::now();
-                for (k, leaves) in (0_u32..).zip(&work) {
-                    for (wet, (blobs, soaks)) in wet.iter_mut().zip(leaves) {
-                        let t = f64::from(k) / 24.0;
-                        if all {
-                            wet.all_over(&sheet, (blobs, soaks), t, &manner);
-                        } else {
-                            wet.advance(&sheet, (blobs, soaks), t, &manner);
-                        }
-                    }
-                }
-                start.elapsed().as_secs_f64() * 1e3 / work.len() as f64
-            };
-            let some = 3;
-            let (mut slow, mut same) = (fresh(), fresh());
-            let baseline = run(&mut slow, 0..some, true);
-            run(&mut same, 0..some, false);
-            assert!(slow.iter().zip(&same).all(|(a, b)| a.maps() == b.maps()), "not the same maps");
-            let mut wet = fresh();
-            let quick = run(&mut wet, 0..FRAMES, false);
-            let touched: u64 = wet.iter().map(|w| w.touched().iter().sum::<u64>()).sum();
-            let ns = quick * 1e6 * f64::from(FRAMES) / touched as f64;
-            println!("| {side} | {count} | {quick:.3} | {ns:.1} | {baseline:.1} | {:.0} |", baseline / quick);
+    println!("| texels | drops | ms a frame | for the drops alone | ns a texel touched | all texels, ms | ratio |");
+    println!("|---|---|---|---|---|---|---|");
+    let (mut cells, mut ns) = (Vec::new(), Vec::new());
+    for count in [20, 200] {
+        // Maps of next to no texels cost what drops cost by themselves.
+        let alone = cell(8, count, (&sheet, &manner)).quick;
+        for side in [128, 256, 512] {
+            let c = cell(side, count, (&sheet, &manner));
+            let each = (c.quick - alone) * 1e6 / c.touched;
+            let Cell { quick, whole, .. } = c;
+            println!("| {side} | {count} | {quick:.2} | {alone:.2} | {each:.1} | {whole:.0} | {:.0} |", whole / quick);
+            ns.push(each);
+            cells.push(c);
         }
     }
+    let mean = ns.iter().sum::<f64>() / ns.len() as f64;
+    let off = ns.iter().fold(0.0_f64, |m, x| m.max((x / mean - 1.0).abs()));
+    println!("\n{mean:.1} ns a texel touched, within {:.0} %", off * 100.0);
+    let path = std::env::args().skip(1).find(|a| std::path::Path::new(a).extension().is_some_and(|e| e == "svg"));
+    if let Some(path) = path {
+        std::fs::write(&path, plot(&cells)).expect("a plot");
+    }
+}
+
+/// Cost of a frame against texels touched, both in powers of ten.
+fn plot(cells: &[Cell]) -> String {
+    use std::fmt::Write as _;
+    let x = |texels: f64| 70.0 + (texels.log10() - 4.0) * 170.0;
+    let y = |ms: f64| 280.0 - (ms.log10() + 1.0) * 57.0;
+    let mut out = String::from(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 640 330\" font-family=\"sans-serif\" font-size=\"12\" fill=\"#222\">\n<rect width=\"640\" height=\"330\" fill=\"white\"/>\n",
+    );
+    for k in 4..=7 {
+        let x = x(10.0_f64.powi(k));
+        let _ = writeln!(
+            out,
+            "<path d=\"M{x:.0} 10V290\" stroke=\"#ddd\"/><text x=\"{x:.0}\" y=\"306\" text-anchor=\"middle\">10^{k}</text>"
+        );
+    }
+    for k in -1..=3 {
+        let ms = 10.0_f64.powi(k);
+        let y = y(ms);
+        let _ = writeln!(
+            out,
+            "<path d=\"M70 {y:.0}H580\" stroke=\"#ddd\"/><text x=\"62\" y=\"{:.0}\" text-anchor=\"end\">{ms}</text>",
+            y + 4.0
+        );
+    }
+    out.push_str("<text x=\"325\" y=\"324\" text-anchor=\"middle\">texels touched in a frame</text><text x=\"76\" y=\"20\">ms a frame: blue what changed, red all texels</text>\n");
+    for c in cells {
+        for (ms, color) in [(c.quick, "#1f6fb4"), (c.whole, "#c0392b")] {
+            let (x, y) = (x(c.touched), y(ms));
+            let _ = writeln!(
+                out,
+                "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\"/><text x=\"{:.1}\" y=\"{:.1}\" font-size=\"10\">{} / {}</text>",
+                x + 6.0,
+                y + 10.0,
+                c.side,
+                c.count
+            );
+        }
+    }
+    out.push_str("</svg>\n");
+    out
 }

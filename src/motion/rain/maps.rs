@@ -2,13 +2,21 @@
 
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3};
 
 use super::cap::{Cap, Print};
 use super::manner::Manner;
 use super::sheet::{Sheet, Spot};
 use crate::math::{self, narrow};
 use crate::scene::WetMaps;
+
+mod chart;
+mod rows;
+mod wide;
+
+pub use chart::Chart;
+use chart::Window;
+use rows::{Around, Dome, Dried, Patch, Pressed, Run, Stand, Turned};
 
 /// Texels of a tile's side.
 const TILE: usize = 16;
@@ -18,24 +26,8 @@ const DRY: f32 = 1.0 / 1024.0;
 const EPOCH: f64 = 16.0;
 /// How far water wets beyond its base, in base radii.
 const SOAKS: f64 = 1.15;
-/// Normals that turn farther than this from the drop's are on another side: cosine.
-const OTHER: f64 = 0.0;
-
-/// What a leaf's texture knows of its blade: made once, shared by all leaves of one form.
-#[derive(Debug)]
-pub struct Chart {
-    side: usize,
-    /// Per texel: place and normal, m of the blade's own space; none beyond it.
-    spots: Vec<Option<Texel>>,
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Texel {
-    p: Vec3,
-    n: Vec3,
-    ju: Vec3,
-    jv: Vec3,
-}
+/// Where there is no slope.
+const FLAT: [f32; 3] = [0.0, 0.0, 1.0];
 
 /// One cap on a leaf, as the maps see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,94 +53,33 @@ pub struct Soak {
     pub t: f64,
 }
 
-/// A range of texels, ends excluded.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Window {
-    lo: [usize; 2],
-    hi: [usize; 2],
-}
-
-/// A cap as texels ask for it, in the precision of maps. Source: as [`Cap::height`] and [`Print::at`].
-struct Dome {
-    along: f32,
-    across: f32,
-    skew: f32,
-    a2: f32,
-    r2: f32,
-    base: f32,
-    omega: f32,
-    overhangs: bool,
-}
-
-impl Dome {
-    fn of(blob: &Blob) -> Self {
-        let (cap, print) = (&blob.cap, &blob.print);
-        Self {
-            along: narrow(1.0 / (cap.a * print.q)),
-            across: narrow(print.q / cap.a),
-            skew: narrow(print.skew),
-            a2: narrow(cap.a * cap.a),
-            r2: narrow(cap.r * cap.r),
-            base: narrow(cap.r * cap.c),
-            omega: narrow(cap.omega),
-            overhangs: cap.c < 0.0,
-        }
-    }
-
-    /// Height over a place of the leaf, m; 0 outside.
-    fn height(&self, along: f32, across: f32) -> f32 {
-        let (x, y) = (along * self.along, across * self.across);
-        let rho2 = x * x + y * y;
-        let under = self.r2 - rho2 * self.a2;
-        if under <= 0.0 || (!self.overhangs && rho2 >= 1.0) {
-            return 0.0;
-        }
-        let h = self.omega * (math::sqrt_f32(under) - self.base).max(0.0);
-        h * (1.0 + self.skew * x.clamp(-1.0, 1.0))
-    }
-}
-
-impl Chart {
-    /// Looks up each of `side` by `side` texels.
-    pub fn new(sheet: &Sheet, side: usize) -> Self {
-        let rows: Vec<usize> = (0..side).collect();
-        let n = side as f64;
-        let row = |y: &usize| -> Vec<Option<Texel>> {
-            let v = 1.0 - (*y as f64 + 0.5) / n;
-            let texel = |x: usize| {
-                let s = sheet.at(DVec2::new((x as f64 + 0.5) / n, v), 1.0)?;
-                Some(Texel { p: s.p.as_vec3(), n: s.n.as_vec3(), ju: s.ju.as_vec3(), jv: s.jv.as_vec3() })
-            };
-            (0..side).map(texel).collect()
-        };
-        Self { side, spots: crate::par::par_map(&rows, row).concat() }
-    }
-
-    /// Texels within a distance, m, of a place.
-    fn window(&self, uv: DVec2, spot: &Spot, reach: f64) -> Window {
-        let n = self.side as f64;
-        let r = spot.fastest() * (1.25 * reach);
-        let clamp = |x: f64| {
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-            let k = x.clamp(0.0, n) as usize;
-            k
-        };
-        Window {
-            lo: [clamp(((uv.x - r.x) * n).floor()), clamp(((1.0 - uv.y - r.y) * n).floor())],
-            hi: [clamp(((uv.x + r.x) * n).ceil() + 1.0), clamp(((1.0 - uv.y + r.y) * n).ceil() + 1.0)],
-        }
-    }
-}
-
-/// A blob with what its stamp needs.
+/// A cap on the texels that it covers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Stamp {
-    blob: Blob,
-    p: Vec3,
-    n: Vec3,
-    along: Vec3,
-    across: Vec3,
+    /// Tells it from all others.
+    key: [u64; 11],
+    dome: Dome,
     window: Window,
+}
+
+/// Texels worked on, each as often as it was.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Touched {
+    /// By caps of water.
+    pub poured: u64,
+    /// By normals.
+    pub turned: u64,
+    /// By places that became wet.
+    pub soaked: u64,
+    /// By drying.
+    pub dried: u64,
+}
+
+impl Touched {
+    /// All of it.
+    pub fn sum(&self) -> u64 {
+        self.poured + self.turned + self.soaked + self.dried
+    }
 }
 
 /// The maps of one leaf through a clip.
@@ -160,12 +91,12 @@ pub struct Wetness {
     store: Vec<f32>,
     /// Halvings that the store leaves out.
     epoch: f64,
+    /// In the order of their keys.
     stamps: Vec<Stamp>,
     maps: Arc<WetMaps>,
     /// Tiles whose wetness is above [`DRY`].
     damp: Vec<bool>,
-    /// Texels worked on so far: by water, by wetness.
-    touched: [u64; 2],
+    touched: Touched,
 }
 
 impl Wetness {
@@ -173,12 +104,7 @@ impl Wetness {
     pub fn new(chart: Arc<Chart>, scale: f64) -> Self {
         let n = chart.side * chart.side;
         let tiles = chart.side.div_ceil(TILE);
-        let maps = WetMaps {
-            height: vec![0.0; n],
-            water: vec![0.0; n],
-            wetness: vec![0.0; n],
-            normal: vec![[0.0, 0.0, 1.0]; n],
-        };
+        let maps = WetMaps { height: vec![0.0; n], water: vec![0.0; n], wetness: vec![0.0; n], normal: vec![FLAT; n] };
         Self {
             chart,
             scale: narrow(scale),
@@ -187,7 +113,7 @@ impl Wetness {
             stamps: Vec::new(),
             maps: Arc::new(maps),
             damp: vec![false; tiles * tiles],
-            touched: [0; 2],
+            touched: Touched::default(),
         }
     }
 
@@ -196,14 +122,14 @@ impl Wetness {
         &self.maps
     }
 
-    /// Texels worked on so far: of water and normals, of wetness.
-    pub fn touched(&self) -> [u64; 2] {
+    /// Texels worked on so far.
+    pub fn touched(&self) -> Touched {
         self.touched
     }
 
     /// Goes on to time `t`, s: water as `blobs` say, wet where `soaks` were. Only tiles under what changed are done again.
     pub fn advance(&mut self, sheet: &Sheet, (blobs, soaks): (&[Blob], &[Soak]), t: f64, manner: &Manner) {
-        let stamps: Vec<Stamp> = blobs.iter().filter_map(|b| self.stamp(sheet, b)).collect();
+        let stamps = self.stamps(sheet, blobs);
         let changed = self.changed(&stamps);
         self.stamps = stamps;
         let still = soaks.is_empty() && !changed.contains(&true) && !self.damp.contains(&true);
@@ -214,7 +140,8 @@ impl Wetness {
         let own = Arc::make_mut(&mut maps);
         self.pour(own, &changed);
         self.age(t, manner);
-        self.soak(sheet, soaks, manner);
+        let patches = self.patches(sheet, soaks, manner);
+        self.soak(&patches);
         self.dry(own, t, manner);
         self.maps = maps;
     }
@@ -222,121 +149,137 @@ impl Wetness {
     /// The same from nothing: every texel, every blob. What [`Wetness::advance`] must equal, bit for bit.
     pub fn all_over(&mut self, sheet: &Sheet, (blobs, soaks): (&[Blob], &[Soak]), t: f64, manner: &Manner) {
         let n = self.chart.side;
-        let whole = Window { lo: [0; 2], hi: [n; 2] };
-        let stamps = blobs.iter().filter_map(|b| self.stamp(sheet, b));
-        self.stamps = stamps.map(|s| Stamp { window: whole, ..s }).collect();
+        let whole = Window::whole(n);
+        self.stamps = self.stamps(sheet, blobs);
+        self.stamps.iter_mut().for_each(|s| s.window = whole);
         let mut maps = std::mem::take(&mut self.maps);
         let own = Arc::make_mut(&mut maps);
         let tiles = n.div_ceil(TILE);
         self.pour(own, &vec![true; tiles * tiles]);
         self.age(t, manner);
-        self.soak_within(sheet, soaks, manner, Some(whole));
-        self.damp.fill(true);
+        let mut patches = self.patches(sheet, soaks, manner);
+        patches.iter_mut().for_each(|(_, window)| *window = whole);
+        self.soak(&patches);
         self.dry(own, t, manner);
         self.maps = maps;
     }
 
+    /// Caps in the order of their keys, so that two frames' are compared in one go.
+    fn stamps(&self, sheet: &Sheet, blobs: &[Blob]) -> Vec<Stamp> {
+        let mut stamps: Vec<Stamp> = blobs.iter().filter_map(|b| self.stamp(sheet, b)).collect();
+        stamps.sort_unstable_by_key(|s| s.key);
+        stamps
+    }
+
     fn stamp(&self, sheet: &Sheet, blob: &Blob) -> Option<Stamp> {
-        let scale = f64::from(self.scale);
-        let spot = sheet.at(blob.uv, scale)?;
-        let reach = blob.cap.reach() * blob.print.q.max(1.0 / blob.print.q);
+        let spot = sheet.at(blob.uv, f64::from(self.scale))?;
+        let (Cap { r, a, omega, c }, Print { q, skew }) = (blob.cap, blob.print);
         let axis = (blob.axis - spot.n * blob.axis.dot(spot.n)).normalize_or(spot.n.any_orthonormal_vector());
+        let [x, y, z] = blob.axis.to_array();
         Some(Stamp {
-            blob: *blob,
-            p: spot.p.as_vec3(),
-            n: spot.n.as_vec3(),
-            along: axis.as_vec3(),
-            across: spot.n.cross(axis).as_vec3(),
-            window: self.chart.window(blob.uv, &spot, reach),
+            key: [blob.uv.x, blob.uv.y, r, a, omega, c, q, skew, x, y, z].map(f64::to_bits),
+            dome: Dome::new((&blob.cap, &blob.print), self.stand(&spot), axis.as_vec3()),
+            window: self.chart.window(blob.uv, &spot, blob.cap.reach() * q.max(1.0 / q)),
         })
+    }
+
+    fn stand(&self, spot: &Spot) -> Stand {
+        Stand { p: spot.p.as_vec3().to_array(), n: spot.n.as_vec3().to_array(), scale: self.scale }
     }
 
     /// Tiles under what was there before or is there now and is not the same.
     fn changed(&self, stamps: &[Stamp]) -> Vec<bool> {
         let tiles = self.chart.side.div_ceil(TILE);
         let mut changed = vec![false; tiles * tiles];
-        let mut mark = |s: &Stamp| each_tile(s.window, tiles, |k| changed[k] = true);
-        let kept = |s: &Stamp, list: &[Stamp]| list.contains(s);
-        self.stamps.iter().filter(|s| !kept(s, stamps)).for_each(&mut mark);
-        stamps.iter().filter(|s| !kept(s, &self.stamps)).for_each(&mut mark);
+        let mut mark = |s: &Stamp| each_tile(&s.window, tiles, |k| changed[k] = true);
+        let (mut old, mut new) = (self.stamps.iter().peekable(), stamps.iter().peekable());
+        loop {
+            match (old.peek(), new.peek()) {
+                (Some(a), Some(b)) if a.key == b.key => {
+                    old.next();
+                    new.next();
+                }
+                (Some(a), b) if b.is_none_or(|b| a.key < b.key) => {
+                    mark(a);
+                    old.next();
+                }
+                (_, Some(b)) => {
+                    mark(b);
+                    new.next();
+                }
+                _ => break,
+            }
+        }
         changed
     }
 
     /// Clears and fills tiles, then makes their normals and those of the texels around them.
     fn pour(&mut self, maps: &mut WetMaps, changed: &[bool]) {
+        let arch = rows::arch();
         let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
-        let mut over: Vec<Vec<u32>> = vec![Vec::new(); tiles * tiles];
-        for (i, s) in self.stamps.iter().enumerate() {
-            each_tile(s.window, tiles, |k| over[k].push(u32::try_from(i).unwrap_or(u32::MAX)));
+        for (band, changed) in changed.chunks(tiles).enumerate() {
+            let rows = band * TILE..((band + 1) * TILE).min(n);
+            let runs: Vec<Run> = runs(changed, n).collect();
+            let each_row = || rows.clone().flat_map(|y| runs.iter().map(move |r| y * n + r.0..y * n + r.1));
+            each_row().for_each(|texels| maps.water[texels].fill(0.0));
+            if runs.is_empty() {
+                continue;
+            }
+            for stamp in self.stamps.iter().filter(|s| s.window.meets(&rows)) {
+                let (stamp, window, made) = (&stamp.dome, &stamp.window, maps.water.as_mut_slice());
+                let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &runs, made };
+                self.touched.poured += arch.dispatch(pressed);
+            }
+            each_row().for_each(|texels| maps.height[texels.clone()].copy_from_slice(&maps.water[texels]));
         }
-        for k in (0..tiles * tiles).filter(|k| changed[*k]) {
-            let area = tile(k, tiles, n);
-            for y in area.lo[1]..area.hi[1] {
-                maps.water[y * n + area.lo[0]..y * n + area.hi[0]].fill(0.0);
-            }
-            for i in &over[k] {
-                self.fill(maps, &self.stamps[*i as usize], area);
-            }
-            self.touched[0] += area.len();
-            for y in area.lo[1]..area.hi[1] {
-                let row = y * n + area.lo[0]..y * n + area.hi[0];
-                maps.height[row.clone()].copy_from_slice(&maps.water[row]);
-            }
-        }
-        for k in (0..tiles * tiles).filter(|k| changed[*k]) {
-            let area = tile(k, tiles, n);
-            let grown = Window { lo: area.lo.map(|x| x.saturating_sub(1)), hi: area.hi.map(|x| (x + 1).min(n)) };
-            for y in grown.lo[1]..grown.hi[1] {
-                for x in grown.lo[0]..grown.hi[0] {
-                    maps.normal[y * n + x] = self.normal(&maps.height, x, y);
+        self.turn(maps, changed);
+    }
+
+    /// Makes normals of tiles and of the texels around them.
+    fn turn(&mut self, maps: &mut WetMaps, changed: &[bool]) {
+        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
+        let any = |band: Option<usize>, k: usize| band.is_some_and(|b| changed.get(b * tiles + k) == Some(&true));
+        let bands = n.div_ceil(TILE);
+        for band in 0..bands {
+            let (first, last) = (band * TILE, ((band + 1) * TILE).min(n) - 1);
+            // A band's first and last rows look beyond it.
+            let own: Vec<bool> = (0..tiles).map(|k| any(Some(band), k)).collect();
+            let upper: Vec<bool> = (0..tiles).map(|k| own[k] || any(band.checked_sub(1), k)).collect();
+            let lower: Vec<bool> = (0..tiles).map(|k| own[k] || any(Some(band + 1), k)).collect();
+            let [own, upper, lower] = [own, upper, lower].map(|l| runs(&l, n).map(|r| r.grown(n)).collect::<Vec<_>>());
+            for y in first..=last {
+                let both = [(y == first).then_some(&upper), (y == last).then_some(&lower)];
+                for run in both.into_iter().flatten().chain((y != first && y != last).then_some(&own)).flatten() {
+                    self.turn_row(maps, y, *run);
                 }
             }
         }
     }
 
-    /// The highest water over each texel of a part of a tile.
-    fn fill(&self, maps: &mut WetMaps, s: &Stamp, area: Window) {
+    fn turn_row(&mut self, maps: &mut WetMaps, y: usize, Run(x0, x1): Run) {
         let n = self.chart.side;
-        let Some(part) = s.window.and(&area) else { return };
-        let shape = Dome::of(&s.blob);
-        for y in part.lo[1]..part.hi[1] {
-            for x in part.lo[0]..part.hi[0] {
-                let Some(texel) = &self.chart.spots[y * n + x] else { continue };
-                if f64::from(texel.n.dot(s.n)) <= OTHER {
-                    continue;
-                }
-                let d = texel.p * self.scale - s.p;
-                let h = shape.height(d.dot(s.along), d.dot(s.across));
-                if h <= 0.0 {
-                    continue;
-                }
-                let water = &mut maps.water[y * n + x];
-                *water = water.max(h);
-            }
-        }
-    }
-
-    /// Normal of the water's surface in tangent space. Source: -G^-1 (H_u, H_v) along the surface.
-    fn normal(&self, height: &[f32], x: usize, y: usize) -> [f32; 3] {
-        let n = self.chart.side;
-        let flat = [0.0, 0.0, 1.0];
-        let Some(texel) = &self.chart.spots[y * n + x] else { return flat };
-        let at = |x: usize, y: usize| height[y * n + x];
-        let (left, right) = (x.saturating_sub(1), (x + 1).min(n - 1));
+        self.touched.turned += (x1 - x0) as u64;
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
-        let du = (at(right, y) - at(left, y)) / ((right - left) as f32 / n as f32);
-        let dv = (at(x, up) - at(x, down)) / ((down - up) as f32 / n as f32);
-        if du == 0.0 && dv == 0.0 {
-            return flat;
+        let per = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
+        let WetMaps { height, normal, .. } = maps;
+        let (inner, outer) = (x0.max(1), x1.min(n - 1));
+        let texels = y * n + inner..y * n + outer;
+        let around = Around {
+            own: &height[texels.start - 1..texels.end + 1],
+            above: &height[up * n + inner..up * n + outer],
+            below: &height[down * n + inner..down * n + outer],
+            slopes: [0, 1, 2].map(|k| &self.chart.slopes[k][texels.clone()]),
+            per,
+        };
+        rows::arch().dispatch(Turned(&around, &mut normal[texels]));
+        // Ends of a row have a neighbour on one side only.
+        for x in [0, n - 1].into_iter().filter(|x| (x0..x1).contains(x) && !(inner..outer).contains(x)) {
+            let (left, right) = (x.saturating_sub(1), (x + 1).min(n - 1));
+            let per_u = n as f32 / (right - left).max(1) as f32 / self.scale;
+            let du = (height[y * n + right] - height[y * n + left]) * per_u;
+            let dv = (height[up * n + x] - height[down * n + x]) * per[1];
+            normal[y * n + x] = rows::normal([du, dv], [0, 1, 2].map(|k| self.chart.slopes[k][y * n + x]));
         }
-        let (ju, jv) = (texel.ju * self.scale, texel.jv * self.scale);
-        let (a, b, c) = (ju.dot(ju), ju.dot(jv), jv.dot(jv));
-        let det = a * c - b * b;
-        let grad = (ju * (c * du - b * dv) + jv * (a * dv - b * du)) / det;
-        let t = ju.normalize_or_zero();
-        let side = texel.n.cross(t) * if jv.dot(texel.n.cross(t)) < 0.0 { -1.0 } else { 1.0 };
-        let v = Vec3::new(-grad.dot(t), -grad.dot(side), 1.0);
-        (v / math::sqrt_f32(v.length_squared())).to_array()
     }
 
     /// Moves the epoch on towards time `t`, s, by whole steps that floats hold exactly.
@@ -349,66 +292,64 @@ impl Wetness {
         }
     }
 
-    fn soak(&mut self, sheet: &Sheet, soaks: &[Soak], manner: &Manner) {
-        self.soak_within(sheet, soaks, manner, None);
-    }
-
-    /// Places that were under water become wet. Source: [yang-wu] eq. 11.
-    fn soak_within(&mut self, sheet: &Sheet, soaks: &[Soak], manner: &Manner, all: Option<Window>) {
-        let chart = Arc::clone(&self.chart);
-        let (n, tiles) = (chart.side, chart.side.div_ceil(TILE));
-        let scale = f64::from(self.scale);
-        for soak in soaks {
-            let Some(spot) = sheet.at(soak.uv, scale) else { continue };
-            let texel = spot.ju.length().min(spot.jv.length()) / n as f64;
+    /// Places that were under water, on the texels that they reach. Source: [yang-wu] eq. 11.
+    fn patches(&self, sheet: &Sheet, soaks: &[Soak], manner: &Manner) -> Vec<(Patch, Window)> {
+        let n = self.chart.side as f64;
+        let patch = |soak: &Soak| {
+            let spot = sheet.at(soak.uv, f64::from(self.scale))?;
+            let texel = spot.ju.length().min(spot.jv.length()) / n;
             let reach = SOAKS * soak.a;
-            let own = chart.window(soak.uv, &spot, reach + texel);
-            let window = all.unwrap_or(own);
-            let (p, normal) = (spot.p.as_vec3(), spot.n.as_vec3());
             // Drops of the past may be told late: before the epoch they count for less.
             let age = halvings(soak.t, manner) - self.epoch;
-            let (grown, length) = (narrow(math::pow(2.0, age)), narrow(-1.0 / manner.wet_length));
-            let (reach, per_texel) = (narrow(reach), narrow(1.0 / texel));
-            for y in window.lo[1]..window.hi[1] {
-                for x in window.lo[0]..window.hi[0] {
-                    let Some(there) = &chart.spots[y * n + x] else { continue };
-                    if f64::from(there.n.dot(normal)) <= OTHER {
-                        continue;
-                    }
-                    let d = math::sqrt_f32((there.p * self.scale - p).length_squared());
-                    let edge = ((reach - d) * per_texel + 0.5).clamp(0.0, 1.0);
-                    if edge <= 0.0 {
-                        continue;
-                    }
-                    let wet = edge * math::exp_f32(d * length) * grown;
-                    let kept = &mut self.store[y * n + x];
-                    *kept = kept.max(wet);
-                }
+            let patch = Patch {
+                stand: self.stand(&spot),
+                reach: narrow(reach),
+                edge: narrow(1.0 / texel),
+                fall: narrow(-1.0 / manner.wet_length),
+                peak: narrow(math::pow(2.0, age)),
+            };
+            Some((patch, self.chart.window(soak.uv, &spot, reach + texel)))
+        };
+        soaks.iter().filter_map(patch).collect()
+    }
+
+    /// Makes places wet.
+    fn soak(&mut self, patches: &[(Patch, Window)]) {
+        let arch = rows::arch();
+        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
+        for band in 0..tiles {
+            let rows = band * TILE..((band + 1) * TILE).min(n);
+            for (stamp, window) in patches.iter().filter(|(_, w)| w.meets(&rows)) {
+                let made = self.store.as_mut_slice();
+                let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &[Run(0, n)], made };
+                self.touched.soaked += arch.dispatch(pressed);
             }
-            each_tile(own, tiles, |k| self.damp[k] = true);
+        }
+        for (_, window) in patches {
+            each_tile(window, tiles, |k| self.damp[k] = true);
         }
     }
 
     /// Wetness as it is at time `t`; tiles that have dried are left alone from then on.
     fn dry(&mut self, maps: &mut WetMaps, t: f64, manner: &Manner) {
+        let arch = rows::arch();
         let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
         let left = narrow(math::pow(2.0, -(halvings(t, manner) - self.epoch)));
-        for k in 0..tiles * tiles {
-            if !self.damp[k] {
-                continue;
-            }
-            let area = tile(k, tiles, n);
-            let mut most = 0.0_f32;
-            for y in area.lo[1]..area.hi[1] {
-                let row = y * n + area.lo[0]..y * n + area.hi[0];
-                for (wet, kept) in maps.wetness[row.clone()].iter_mut().zip(&self.store[row]) {
-                    let now = (kept * left).min(1.0);
-                    *wet = if now < DRY { 0.0 } else { now };
-                    most = most.max(*wet);
+        for (band, damp) in self.damp.chunks_mut(tiles).enumerate() {
+            let rows = band * TILE..((band + 1) * TILE).min(n);
+            let runs: Vec<Run> = runs(damp, n).collect();
+            for Run(from, to) in runs {
+                let mut any = false;
+                for y in rows.clone() {
+                    let texels = y * n + from..y * n + to;
+                    let (store, wetness) = (&self.store[texels.clone()], &mut maps.wetness[texels]);
+                    any |= arch.dispatch(Dried { store, left, wetness });
+                    self.touched.dried += (to - from) as u64;
+                }
+                if !any {
+                    damp[from / TILE..to.div_ceil(TILE)].fill(false);
                 }
             }
-            self.touched[1] += area.len();
-            self.damp[k] = most > 0.0;
         }
     }
 }
@@ -418,7 +359,24 @@ fn halvings(t: f64, manner: &Manner) -> f64 {
     -t / manner.half_life * (math::ln(manner.zeta) / std::f64::consts::LN_2)
 }
 
-fn each_tile(w: Window, tiles: usize, mut f: impl FnMut(usize)) {
+impl Run {
+    /// With one more at either end.
+    fn grown(self, n: usize) -> Self {
+        Self(self.0.saturating_sub(1), (self.1 + 1).min(n))
+    }
+}
+
+/// Runs of tiles that are marked, as columns of texels.
+fn runs(marked: &[bool], n: usize) -> impl Iterator<Item = Run> + '_ {
+    let mut k = 0;
+    std::iter::from_fn(move || {
+        let from = k + marked[k..].iter().position(|m| *m)?;
+        k = marked[from..].iter().position(|m| !*m).map_or(marked.len(), |l| from + l);
+        Some(Run(from * TILE, (k * TILE).min(n)))
+    })
+}
+
+fn each_tile(w: &Window, tiles: usize, mut f: impl FnMut(usize)) {
     if w.lo[0] >= w.hi[0] || w.lo[1] >= w.hi[1] {
         return;
     }
@@ -426,23 +384,6 @@ fn each_tile(w: Window, tiles: usize, mut f: impl FnMut(usize)) {
         for x in w.lo[0] / TILE..=(w.hi[0] - 1) / TILE {
             f(y * tiles + x);
         }
-    }
-}
-
-fn tile(k: usize, tiles: usize, n: usize) -> Window {
-    let (x, y) = (k % tiles * TILE, k / tiles * TILE);
-    Window { lo: [x, y], hi: [(x + TILE).min(n), (y + TILE).min(n)] }
-}
-
-impl Window {
-    fn and(&self, other: &Self) -> Option<Self> {
-        let lo = [0, 1].map(|k| self.lo[k].max(other.lo[k]));
-        let hi = [0, 1].map(|k| self.hi[k].min(other.hi[k]));
-        (lo[0] < hi[0] && lo[1] < hi[1]).then_some(Self { lo, hi })
-    }
-
-    fn len(&self) -> u64 {
-        ((self.hi[0] - self.lo[0]) * (self.hi[1] - self.lo[1])) as u64
     }
 }
 

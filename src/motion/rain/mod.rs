@@ -27,7 +27,7 @@ pub use collide::Target;
 pub use drop::Bead;
 pub use leaf::{Event, Leaf, Stamp};
 pub use manner::{Friction, Impact, Lever, Manner, Merge, capillary};
-pub use maps::{Blob, Chart, Soak, Wetness};
+pub use maps::{Blob, Chart, Soak, Touched, Wetness};
 pub use moment::{Hanging, InAir, Lying, Moment};
 pub use pendant::Shapes;
 pub use sheet::Sheet;
