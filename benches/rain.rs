@@ -8,8 +8,12 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
-use osier::motion::rain::{Blob, Chart, Manner, Print, Sheet, Soak, Wetness};
+use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
+use osier::geometry::Bounds;
+use osier::motion::rain::{
+    Blob, Chart, Envelope, Hung, Leaf, Manner, Moment, Parts, Print, Rainfall, Sheet, Shower, Size, Soak, Stiff, Storm,
+    Target, Wetness,
+};
 use osier::rng::Rng;
 use osier::scene::Mesh;
 
@@ -17,8 +21,7 @@ const LEAVES: usize = 5;
 const FRAMES: u32 = 100;
 const TAIL: u32 = 6;
 
-fn flat() -> Mesh {
-    let n = 8_u16;
+fn flat(n: u16) -> Mesh {
     let mut mesh = Mesh::default();
     for y in 0..=n {
         for x in 0..=n {
@@ -125,7 +128,7 @@ fn cell(side: usize, count: usize, with: (&Sheet, &Manner)) -> Cell {
 
 fn main() {
     let manner = Manner::default();
-    let sheet = Sheet::new(&flat()).expect("a blade");
+    let sheet = Sheet::new(&flat(8)).expect("a blade");
     println!("| texels | drops | ms a frame | for the drops alone | ns a texel touched | all texels, ms | ratio |");
     println!("|---|---|---|---|---|---|---|");
     let (mut cells, mut ns) = (Vec::new(), Vec::new());
@@ -144,10 +147,82 @@ fn main() {
     let mean = ns.iter().sum::<f64>() / ns.len() as f64;
     let off = ns.iter().fold(0.0_f64, |m, x| m.max((x / mean - 1.0).abs()));
     println!("\n{mean:.1} ns a texel touched, within {:.0} %", off * 100.0);
+    whole_frames(&manner);
     let path = std::env::args().skip(1).find(|a| std::path::Path::new(a).extension().is_some_and(|e| e == "svg"));
     if let Some(path) = path {
         std::fs::write(&path, plot(&cells)).expect("a plot");
     }
+}
+
+/// The whole of it: five leaves of 900 triangles, 200 drops on them that lie, run, merge and hang, rain, maps of 512 x 512.
+fn whole_frames(manner: &Manner) {
+    let sheet = Arc::new(Sheet::new(&flat(21)).expect("a blade"));
+    let chart = Arc::new(Chart::new(&sheet, 512));
+    let target = Arc::new(Target::new(&sheet));
+    let mut draw = Rng::at(5, &["frames".into()]);
+    let poses: Vec<(DVec3, DQuat)> = (0..LEAVES)
+        .map(|i| {
+            (
+                DVec3::new(0.06 * i as f64, 1.0, 0.0),
+                DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2 - draw.range(0.3, 1.0)),
+            )
+        })
+        .collect();
+    let leaves = (0..LEAVES as u64).map(|i| {
+        let hung = Hung { on: (0, usize::try_from(i).unwrap_or(0)), target: Arc::clone(&target) };
+        (Leaf::new(Arc::clone(&sheet), 1.0, i), hung)
+    });
+    let rain = Rainfall {
+        seed: 5,
+        strength: 40.0 / 3.6e6,
+        size: Size::Natural,
+        total: None,
+        envelope: Envelope::Constant,
+        jitter: 0.2,
+        duration: 10.0,
+        g: 9.81,
+    };
+    let over = Bounds { min: Vec3::new(-0.05, 0.9, -0.1), max: Vec3::new(0.35, 1.1, 0.1) };
+    let parts = Parts {
+        manner: manner.clone(),
+        shower: Some(Shower::new(rain, over, Vec3::ZERO)),
+        bearers: vec![Box::new(Stiff::new(&poses, Vec::new()))],
+        leaves: leaves.collect(),
+        wind: None,
+        floor: 0.8,
+    };
+    let mut storm = Storm::new(parts);
+    let mut wet: Vec<Wetness> = (0..LEAVES).map(|_| Wetness::new(Arc::clone(&chart), 1.0)).collect();
+    let (mut steps, mut maps, mut drops) = (Vec::new(), Vec::new(), 0);
+    for _ in 0..FRAMES {
+        // What has run off comes again.
+        let lying = storm.leaves().iter().map(|l| l.drops.len()).sum::<usize>();
+        for k in lying..200 {
+            let volume = manner.wetting.volume_of_base(draw.range(7e-4, 2e-3));
+            storm.place(k % LEAVES, DVec2::new(draw.range(0.05, 0.95), draw.range(0.05, 0.95)), DVec3::ZERO, volume);
+        }
+        let start = Instant::now();
+        (0..8).for_each(|_| storm.step(1.0 / (24.0 * 8.0)).expect("a step"));
+        let moment = Moment::of(&mut storm);
+        steps.push(start.elapsed().as_secs_f64() * 1e3);
+        let start = Instant::now();
+        for (i, wet) in wet.iter_mut().enumerate() {
+            let (blobs, soaks) = moment.on(i);
+            wet.advance(&sheet, (&blobs, &soaks), moment.t, manner);
+        }
+        maps.push(start.elapsed().as_secs_f64() * 1e3);
+        drops += storm.leaves().iter().map(|l| l.drops.len()).sum::<usize>();
+    }
+    let middle = |times: &mut Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    };
+    println!(
+        "\nwhole frames: {} drops, {:.1} ms of steps, {:.1} ms of maps",
+        drops / FRAMES as usize,
+        middle(&mut steps),
+        middle(&mut maps)
+    );
 }
 
 /// Cost of a frame against texels touched, both in powers of ten.

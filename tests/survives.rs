@@ -128,6 +128,37 @@ fn killed_again_and_again_in_one_folder_a_bake_still_ends_right() {
     assert_same(&tree(&out), wanted, "after six kills");
 }
 
+/// Rain is stepped as a whole before the first frame is written, and its maps go on from frame to frame.
+#[test]
+fn rain_ends_with_the_same_bytes_on_any_threads_and_after_any_kill() {
+    let bake = |out: &Path, threads: &str| {
+        let mut said = osier(&["bake", "rain-leaves", "-q", "-j", threads, "-o", arg(out)]);
+        said.args(["--set", "frames.end=6", "--set", "maps.resolution=64", "--set", "rain.before_s=0.5"]);
+        said.args(["--set", "output.formats=[\"usd\",\"pov\",\"exr\"]"]);
+        said
+    };
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("wanted");
+    let start = Instant::now();
+    assert_eq!(said(&bake(&out, "1").output().expect("osier runs")).0, 0);
+    let (wanted, took) = (tree(&out), start.elapsed());
+    assert!(wanted.keys().filter(|k| k.ends_with(".0006.exr")).count() >= 15, "no maps of the last frame");
+    for threads in ["2", "8"] {
+        let out = dir.path().join(threads);
+        let mut rng = Rng::at(9, &["kill rain".into(), threads.into()]);
+        for _ in 0..2 {
+            let mut child = bake(&out, threads).spawn().expect("osier starts");
+            std::thread::sleep(took.mul_f64(rng.range(0.3, 0.9)));
+            child.kill().expect("kill");
+            child.wait().expect("wait");
+            let torn = tree(&out).into_iter().find(|(k, bytes)| k != ".osier" && !is_part(k) && wanted[k] != *bytes);
+            assert!(torn.is_none(), "{:?} is torn", torn.map(|t| t.0));
+        }
+        assert_eq!(said(&bake(&out, threads).output().expect("osier runs")).0, 0);
+        assert_same(&tree(&out), &wanted, &format!("-j {threads}, killed twice"));
+    }
+}
+
 /// The last thing a bake does, after its manifest, is to put its journal in order.
 #[test]
 fn a_run_that_died_after_its_manifest_is_tidied_up_after() {

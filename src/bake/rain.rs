@@ -22,8 +22,8 @@ use crate::recipe::rain_keys::{
     DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
 };
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points, PointsFrame, Trs,
-    Wet, WetMaps,
+    Asset, AssetFrame, AssetKind, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points, PointsFrame,
+    Table, Trs, Wet, WetMaps,
 };
 use crate::wind::Wind;
 
@@ -96,6 +96,8 @@ pub struct Fallen {
     pub rain: Arc<Rain>,
     /// Sheets that maps are made of.
     pub wet: Vec<Wet>,
+    /// What is measured.
+    pub table: Table,
 }
 
 /// Parts of a scene that rain falls on.
@@ -160,6 +162,7 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     });
     let side = recipe.maps.resolution as usize;
     let charts = heroes::charts(&found, &heroes, side);
+    let rate = rain.keys.falls.then_some(rain.keys.rate);
     let (wet, kept) = heroes::show((assets, materials), &found, (&heroes, stands), recipe)?;
     for (frames, masks) in plants.iter_mut().zip(&kept) {
         frames.iter_mut().for_each(|frame| heroes::thin_frame(frame, masks));
@@ -186,7 +189,8 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
             sheet.rest = Some(maps);
         }
     }
-    Ok(Fallen { asset, rain: Arc::new(rain), wet })
+    let table = measures::table(&rain.manner, rate);
+    Ok(Fallen { asset, rain: Arc::new(rain), wet, table })
 }
 
 /// Every blade of the scene, plant by plant.
@@ -545,6 +549,11 @@ impl Rain {
         frames.get(nth).cloned().unwrap_or_default()
     }
 
+    /// Its row of the table at a frame from the first.
+    pub fn row(&self, nth: u64) -> Vec<f64> {
+        measures::row(self.moment(nth))
+    }
+
     /// Maps of the leaves that have some, at a frame from the first. Asked in order they go on from the last.
     pub fn maps(&self, nth: u64) -> Vec<Arc<WetMaps>> {
         let mut now = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
@@ -564,6 +573,8 @@ impl Rain {
         now.wet.iter().map(|w| Arc::clone(w.maps())).collect()
     }
 }
+
+mod measures;
 
 #[cfg(test)]
 mod tests;

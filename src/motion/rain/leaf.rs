@@ -84,17 +84,35 @@ pub struct Stamp {
     pub t: f64,
 }
 
-/// Something that happened on a leaf.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event {
-    /// The second drop is now part of the first.
-    Merge(u64, u64),
-    /// The drop left a bead behind, which is the second.
-    Bead(u64, u64),
-    /// It hangs.
-    Hang(u64),
-    /// It, or part of it, fell.
-    Fall(u64),
+/// What happened to drops, by number.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Tally {
+    /// Came down on a leaf.
+    pub struck: u64,
+    /// Were swallowed by others.
+    pub merged: u64,
+    /// Were left behind by a tail.
+    pub beads: u64,
+    /// Came to hang.
+    pub hung: u64,
+    /// Fell from a leaf, or a part of one did.
+    pub fell: u64,
+    /// The hardest blow on a leaf, N s.
+    pub hardest: f64,
+}
+
+impl Tally {
+    /// Both.
+    pub fn and(self, o: Self) -> Self {
+        Self {
+            struck: self.struck + o.struck,
+            merged: self.merged + o.merged,
+            beads: self.beads + o.beads,
+            hung: self.hung + o.hung,
+            fell: self.fell + o.fell,
+            hardest: self.hardest.max(o.hardest),
+        }
+    }
 }
 
 /// What a leaf tells after a step.
@@ -105,7 +123,7 @@ pub struct Told {
     /// Where it became wet.
     pub stamps: Vec<Stamp>,
     /// What happened.
-    pub events: Vec<Event>,
+    pub tally: Tally,
     /// Forces on it beyond the water's weight, N, with their places in the world.
     pub forces: Vec<(DVec3, DVec3)>,
     /// Mass of the water on it, kg, and its middle in the world.
@@ -295,7 +313,7 @@ impl Leaf {
                 }
                 drop.v -= out * across.max(0.0);
                 if self.hang(drop, (pull, cap), (&rim, out), manner) {
-                    told.events.push(Event::Hang(drop.id));
+                    told.tally.hung += 1;
                     return;
                 }
             }
@@ -322,7 +340,7 @@ impl Leaf {
                         drop.uv += inward;
                     }
                     if self.hang(drop, (pull, cap), (&rim, out), manner) {
-                        told.events.push(Event::Hang(drop.id));
+                        told.tally.hung += 1;
                     }
                     return;
                 }
@@ -401,7 +419,7 @@ impl Leaf {
                 let p = place + (now.blade.q * drop.axis) * length.min(5e-3);
                 let v = now.blade.speed_at(place);
                 told.drips.push(Drip { id: drop.id, p, v, volume: falls, whole: drop.volume <= 0.0 });
-                told.events.push(Event::Fall(drop.id));
+                told.tally.fell += 1;
             }
         }
         drop.hang = Some(hang);
@@ -417,7 +435,7 @@ impl Leaf {
         let p = now.blade.p + now.blade.q * p;
         let v = now.blade.speed_at(p) + now.blade.q * v;
         told.drips.push(Drip { id: drop.id, p, v, volume: drop.volume, whole: true });
-        told.events.push(Event::Fall(drop.id));
+        told.tally.fell += 1;
         drop.volume = 0.0;
     }
 
@@ -439,29 +457,38 @@ impl Leaf {
         let id = draw.next_u64() | (1 << 63);
         let mut left = Drop::new(id, drop.side, bead.uv, DVec3::ZERO, bead.volume);
         left.axis = drop.axis;
-        told.events.push(Event::Bead(drop.id, id));
+        told.tally.beads += 1;
         beads.push(left);
     }
 
     /// Drops that touch become one, until none do. Source: [yang-wu] eq. 13; eq. 12 in its own mode.
     fn merge(&self, drops: &mut Vec<Drop>, manner: &Manner, told: &mut Told) {
         drops.sort_by_key(|d| d.id);
-        while let Some((i, k)) = self.touching(drops, manner) {
+        if drops.iter().all(|d| d.quiet) {
+            return;
+        }
+        let mut places: Vec<Option<(DVec3, f64)>> = drops.iter().map(|d| self.place(d, manner)).collect();
+        while let Some((i, k)) = Self::touching(drops, &places, manner) {
             let (heavy, light) = if drops[k].volume > drops[i].volume { (k, i) } else { (i, k) };
             let gone = drops[light].clone();
-            told.events.push(Event::Merge(drops[heavy].id, gone.id));
+            told.tally.merged += 1;
             self.swallow(&mut drops[heavy], &gone);
+            places[heavy] = self.place(&drops[heavy], manner);
             drops.remove(light);
+            places.remove(light);
         }
         drops.iter_mut().for_each(|d| d.quiet = true);
     }
 
-    fn touching(&self, drops: &[Drop], manner: &Manner) -> Option<(usize, usize)> {
-        let place = |d: &Drop| match d.hang {
+    /// Where a drop is, m of leaf space, and the radius of its base.
+    fn place(&self, drop: &Drop, manner: &Manner) -> Option<(DVec3, f64)> {
+        match drop.hang {
             Some(hang) => Some((hang.rim.p, hang.radius)),
-            None => self.at(d.uv).map(|s| (s.p, d.head(manner, 1.0).a)),
-        };
-        let places: Vec<Option<(DVec3, f64)>> = drops.iter().map(place).collect();
+            None => self.at(drop.uv).map(|s| (s.p, drop.head(manner, 1.0).a)),
+        }
+    }
+
+    fn touching(drops: &[Drop], places: &[Option<(DVec3, f64)>], manner: &Manner) -> Option<(usize, usize)> {
         for i in 0..drops.len() {
             for k in i + 1..drops.len() {
                 if drops[i].quiet && drops[k].quiet {

@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::bearer::Blade;
 use super::cap::Print;
 use super::drop::Bead;
-use super::leaf::Stamp;
+use super::leaf::{Stamp, Tally};
 use super::maps::{Blob, Soak};
-use super::storm::{Happened, Storm};
+use super::storm::{Ledger, Storm};
 
 /// A drop that lies or runs, with its tail.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,14 +75,16 @@ pub struct Moment {
     pub air: Vec<InAir>,
     /// Places that came under water since the last frame, by leaf.
     pub soaked: Vec<(usize, Stamp)>,
-    /// What happened since the last frame.
-    pub happened: Vec<(f64, Happened)>,
+    /// What has happened so far.
+    pub tally: Tally,
+    /// Where all water is.
+    pub ledger: Ledger,
 }
 
 impl Moment {
     /// A storm as it is.
     pub fn of(storm: &mut Storm) -> Self {
-        let (mut soaked, happened) = storm.take();
+        let mut soaked = storm.take();
         let manner = &storm.manner;
         let (mut lying, mut hanging) = (Vec::new(), Vec::new());
         for (i, leaf) in storm.leaves().iter().enumerate() {
@@ -109,7 +111,8 @@ impl Moment {
             hanging,
             air: storm.air().iter().map(air).collect(),
             soaked,
-            happened,
+            tally: storm.tally(),
+            ledger: storm.ledger(),
         }
     }
 

@@ -9,7 +9,7 @@ use super::cap::WATER;
 use super::collide::{Field, Moved, Struck, Target};
 use super::drop::Drop;
 use super::impact::blow;
-use super::leaf::{Drip, Event, Leaf, Now, Told};
+use super::leaf::{Drip, Leaf, Now, Tally, Told};
 use super::manner::{Impact, Manner};
 use super::shower::{Born, Shower, across, air_at, fall};
 use crate::par::{par_chunks, par_map_mut};
@@ -79,22 +79,6 @@ impl Ledger {
     }
 }
 
-/// Something that happened, with its time, s, and leaf.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Happened {
-    /// A drop came down on a leaf with a blow, N s.
-    Struck {
-        /// It.
-        id: u64,
-        /// Leaf.
-        leaf: usize,
-        /// N s.
-        blow: f64,
-    },
-    /// On a leaf.
-    On(usize, Event),
-}
-
 /// Places that came under water, with their leaves.
 pub type Stamps = Vec<(usize, super::leaf::Stamp)>;
 
@@ -135,7 +119,7 @@ pub struct Storm {
     ground: f64,
     wooded: f64,
     told: Vec<Told>,
-    happened: Vec<(f64, Happened)>,
+    tally: Tally,
 }
 
 /// How a drop's step ended.
@@ -168,7 +152,7 @@ impl Storm {
             emitted: 0.0,
             ground: 0.0,
             wooded: 0.0,
-            happened: Vec::new(),
+            tally: Tally::default(),
         };
         storm.blades = storm.poses();
         storm.wood = storm.boughs();
@@ -227,15 +211,20 @@ impl Storm {
         &self.bearers
     }
 
-    /// Places that came under water since they were last taken, with their leaves; and all that happened.
-    pub fn take(&mut self) -> (Stamps, Vec<(f64, Happened)>) {
+    /// What has happened so far.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// Places that came under water since they were last taken, with their leaves.
+    pub fn take(&mut self) -> Stamps {
         let stamps = self.told.iter_mut().enumerate().flat_map(|(i, told)| {
             let leaf = i % self.leaves.len().max(1);
             std::mem::take(&mut told.stamps).into_iter().map(move |s| (leaf, s))
         });
         let stamps = stamps.collect();
         self.told.clear();
-        (stamps, std::mem::take(&mut self.happened))
+        stamps
     }
 
     /// Where all water is.
@@ -385,7 +374,7 @@ impl Storm {
         let speed = -blade.speed_at(place).dot(along);
         let j = blow(self.manner.impact, (m, u), light, (energy, speed));
         self.bearers[plant].strike(k, place, along * (-j * self.manner.gain));
-        self.happened.push((self.t, Happened::Struck { id: drop.id, leaf: i, blow: j }));
+        self.tally = self.tally.and(Tally { struck: 1, hardest: j, ..Tally::default() });
         let mut volume = drop.volume;
         let we = WATER * u * u * across(volume) / super::cap::TENSION;
         if we > SPLASHES && self.manner.splash > 0.0 {
@@ -436,7 +425,7 @@ impl Storm {
                 bearer.press(k, *place, *force);
             }
             bearer.load(k, told.load.0, told.load.1);
-            self.happened.extend(told.events.iter().map(|e| (t, Happened::On(i, *e))));
+            self.tally = self.tally.and(told.tally);
         }
         for (i, told) in told.iter().enumerate() {
             for Drip { id, p, v, volume, whole } in &told.drips {

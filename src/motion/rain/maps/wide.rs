@@ -3,6 +3,7 @@
 //! Only operations that IEEE 754 rounds in one way, and no fused ones: the bits do not depend on how many there are. What
 //! handles them is `inline(always)` and holds no closures: these would not get the instructions of the lanes.
 
+use std::f32::consts::{LN_2, LOG2_E};
 use std::ops::{Add, Mul, Sub};
 
 use pulp::Simd;
@@ -65,9 +66,9 @@ impl<S: Simd> Wide<S> {
         /// Adding it leaves a whole number in a float's last bits.
         const WHOLE: f32 = 12_582_912.0;
         /// Coefficients of 2^f around 0, |f| <= 0.5: ln 2^k / k!.
-        const C: [f32; 6] = [0.693_147_2, 0.240_226_5, 0.055_504_11, 0.009_618_129, 0.001_333_355_8, 0.000_154_035_3];
+        const C: [f32; 6] = [LN_2, 0.240_226_5, 0.055_504_11, 0.009_618_129, 0.001_333_355_8, 0.000_154_035_3];
         let simd = self.0;
-        let y = self.at_least(-87.0).times(std::f32::consts::LOG2_E);
+        let y = self.at_least(-87.0).times(LOG2_E);
         let k = y.plus(WHOLE);
         let f = y - k.plus(-WHOLE);
         let p = f.times(C[5]).plus(C[4]);

@@ -1,0 +1,60 @@
+//! What rain is measured by: the columns of its table and their numbers at a frame.
+
+use crate::motion::rain::{Manner, Moment};
+use crate::scene::Table;
+
+/// Cubic millimetres in a cubic metre.
+const MM3: f64 = 1e9;
+/// Speed from which a drop on a leaf counts as running, m/s.
+const RUNS: f64 = 1e-3;
+
+/// Columns that count drops at a frame, or tell where the water is.
+const NOW: [(&str, &str); 10] = [
+    ("in_air", ""),
+    ("at_rest", ""),
+    ("running", ""),
+    ("hanging", ""),
+    ("air_mm3", "mm3"),
+    ("leaves_mm3", "mm3"),
+    ("hanging_mm3", "mm3"),
+    ("ground_mm3", "mm3"),
+    ("wood_mm3", "mm3"),
+    ("rained_mm3", "mm3"),
+];
+
+/// Columns that count what happened until a frame.
+const TOTAL: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
+
+/// The table of rain; `rate`: mm/h.
+pub fn table(manner: &Manner, rate: Option<f64>) -> Table {
+    let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
+    columns.extend(TOTAL.iter().map(|name| ((*name).to_owned(), "")));
+    columns.push(("hardest_blow_mg_m_s".to_owned(), "mg m/s"));
+    let find = |names: &[&str]| names.iter().filter_map(|n| columns.iter().position(|c| c.0 == *n)).collect::<Vec<_>>();
+    let plots = vec![
+        ("Drops by what they do", find(&["in_air", "at_rest", "running", "hanging"])),
+        ("Water, mm3", find(&["air_mm3", "leaves_mm3", "hanging_mm3"])),
+        ("What has happened", find(&TOTAL)),
+    ];
+    let degrees = |x: f64| (x.to_degrees() * 1e6).round() / 1e6;
+    let wetting = &manner.wetting;
+    let parameters = serde_json::json!({
+        "rate_mm_per_h": rate, "theta_deg": degrees(wetting.theta), "receding_deg": degrees(wetting.receding),
+        "advancing_deg": degrees(wetting.advancing), "tau_v_s": manner.tau_v, "tangent_keep": manner.tangent_keep,
+        "tip_radius_m": manner.tip_radius, "half_life_s": manner.half_life,
+    });
+    let (totals, outcome) = (find(&TOTAL), find(&["leaves_mm3", "hanging_mm3", "fell"]));
+    Table { name: "rain".into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
+}
+
+/// A row of [`table`].
+pub fn row(m: &Moment) -> Vec<f64> {
+    let running = m.lying.iter().filter(|d| d.v.length() > RUNS).count();
+    let (l, t) = (&m.ledger, &m.tally);
+    let mut row: Vec<f64> =
+        [m.air.len(), m.lying.len() - running, running, m.hanging.len()].iter().map(|n| *n as f64).collect();
+    row.extend([l.air, l.leaves, l.pendants, l.ground, l.wood, l.emitted].map(|v| v * MM3));
+    row.extend([t.struck, t.merged, t.beads, t.hung, t.fell].map(|n| n as f64));
+    row.push(t.hardest * 1e6);
+    row
+}
