@@ -309,28 +309,22 @@ fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
     }
 }
 
-/// The ground with its look.
-#[derive(Debug, Clone)]
-pub struct Soil {
-    /// Its shape, around the origin of its own space.
-    pub shape: Ground,
-    /// Its material and pictures.
-    pub look: Look,
-}
-
-/// The ground that the keys describe. `air`: linear colour of the sky at the horizon.
-/// # Errors
-/// What the makers of ground refuse.
-pub fn of_ground(keys: &GroundKeys, air: [f32; 3], seed: u64) -> Result<Soil> {
-    let seed = mix64(&[seed, word("ground")]);
-    let shape = Ground {
+/// Shape of the ground that the keys describe, around the origin of its own space.
+pub fn ground_shape(keys: &GroundKeys, seed: u64) -> Ground {
+    Ground {
         radius: narrow(keys.size * 0.5),
         amplitude: narrow(keys.relief),
         wavelength: narrow(keys.wavelength),
         tile: narrow(keys.tile),
-        seed,
+        seed: mix64(&[seed, word("ground")]),
         ..Ground::default()
-    };
+    }
+}
+
+/// Material and pictures of that ground. `air`: linear colour of the sky at the horizon.
+/// # Errors
+/// What the makers of ground refuse.
+pub fn of_ground(shape: &Ground, keys: &GroundKeys, air: [f32; 3]) -> Result<Look> {
     let own = GroundColors::default();
     let scaled = |c: [f32; 3], k: f32| c.map(|v| v * k);
     // Haze is lit as ground is, and would outshine the sky if it were as bright.
@@ -343,7 +337,7 @@ pub fn of_ground(keys: &GroundKeys, air: [f32; 3], seed: u64) -> Result<Soil> {
         ..own
     };
     let mut look = Look::default();
-    let surface = ground_material(&colors, "ground", keys.side, (shape.tile, seed))?;
+    let surface = ground_material(&colors, "ground", keys.side, (shape.tile, shape.seed))?;
     look.add(surface.material, surface.images);
-    Ok(Soil { shape, look })
+    Ok(look)
 }

@@ -13,7 +13,7 @@ use super::counts::{Counts, count};
 use super::course::{self, Course, Setting};
 use super::dress::{Kind, dress};
 use super::layout::{Individual, Layout, Standing, lay_out_all};
-use super::looks::{Look, Soil, of_ground, of_plant};
+use super::looks::{Look, ground_shape, of_ground, of_plant};
 use super::mover::Moving;
 use super::plants::{Grown, grow};
 use super::solids::{self, Footing};
@@ -25,7 +25,7 @@ use crate::fence::Names;
 use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::motion::rod::Boughs;
-use crate::par::par_map;
+use crate::par::{join, par_map};
 use crate::plant::AxisKind;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::land_keys::TerrainKeys;
@@ -33,9 +33,10 @@ use crate::recipe::sections::Motion;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Camera, Field, Fog, Image, Material, MeshMotion, MeshObject, Placement, Scene, Sky,
-    Sun, Table, Trs, Wet, asset_bounds,
+    Asset, AssetFrame, AssetKind, Camera, Field, Fog, Image, Material, Mesh, MeshMotion, MeshObject, Placement, Scene,
+    Sky, Sun, Table, Trs, Wet, asset_bounds,
 };
+use crate::surface::ground::Ground;
 use crate::surface::terrain::Land;
 use crate::{Error, Result};
 
@@ -82,17 +83,24 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     work.limits.check("instances", layout.standings.len() as u64, "the number of placements")?;
     work.progress.stage("drawing ground, bark and leaves", recipe.plants.len() as u64);
     let shown = parts.ground && recipe.ground.show && land.is_none();
-    let soil = if shown { Some(lay_ground(recipe, &mut layout)?) } else { None };
-    let indexed: Vec<_> = recipe.plants.iter().enumerate().collect();
-    let looks = in_order(par_map(&indexed, |(i, plant)| {
-        work.cancel.check()?;
-        let used = layout.individuals.iter().any(|n| n.plant == *i);
-        let look = if used { of_plant(plant, recipe.seed, work.cancel) } else { Ok(Look::default()) };
-        work.progress.advance(1);
-        look
-    }))?;
-    work.progress.stage("growing", layout.individuals.len() as u64);
-    let (grown, mut report) = grow_all(recipe, &layout, &looks, work)?;
+    let soil = shown.then(|| lay_ground(recipe, &mut layout));
+    // The ground is made where growing leaves threads idle.
+    let (plants, ground) = join(
+        || {
+            let looks = look_all(recipe, &layout, work)?;
+            work.progress.stage("growing", layout.individuals.len() as u64);
+            let grown = grow_all(recipe, &layout, &looks, work)?;
+            Ok::<_, Error>((looks, grown))
+        },
+        || {
+            soil.as_ref()
+                .map(|(shape, _)| {
+                    Ok::<_, Error>((of_ground(shape, &recipe.ground, recipe.sky.horizon)?, shape.mesh()?))
+                })
+                .transpose()
+        },
+    );
+    let ((looks, (grown, mut report)), ground) = (plants?, ground?);
     looks.iter().filter_map(|l| l.tree.as_ref()).for_each(|tree| report.extend(tree.report.clone()));
     if let Some(land) = &land {
         let feet = feet(recipe, &layout, &grown);
@@ -104,7 +112,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let modules = grown.iter().map(|g| g.modules).sum();
     let footing = match (&land, &soil) {
         (Some(land), _) => Footing::Land(land),
-        (None, Some((soil, middle))) => Footing::Ground(&soil.shape, *middle),
+        (None, Some((shape, middle))) => Footing::Ground(shape, *middle),
         _ => Footing::Level,
     };
     let solids = standing(recipe, &footing)?;
@@ -125,8 +133,8 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     add_solids(recipe, &mut made, &mut placements)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
-    if let Some((soil, middle)) = soil {
-        add_ground(soil, middle, &mut made, &mut placements)?;
+    if let Some(((_, middle), ground)) = soil.as_ref().zip(ground) {
+        add_ground(ground, *middle, &mut made, &mut placements);
     }
     let land = land.filter(|_| parts.ground);
     if let Some((land, keys)) = land.as_ref().zip(recipe.terrain.as_ref()) {
@@ -189,6 +197,18 @@ impl Made {
 /// The first failure in order, or all results.
 fn in_order<T>(results: Vec<Result<T>>) -> Result<Vec<T>> {
     results.into_iter().collect()
+}
+
+/// Bark, leaves and what else plants wear; nothing for those that stand nowhere.
+fn look_all(recipe: &Recipe, layout: &Layout, work: &Work<'_>) -> Result<Vec<Look>> {
+    let indexed: Vec<_> = recipe.plants.iter().enumerate().collect();
+    in_order(par_map(&indexed, |(i, plant)| {
+        work.cancel.check()?;
+        let used = layout.individuals.iter().any(|n| n.plant == *i);
+        let look = if used { of_plant(plant, recipe.seed, work.cancel) } else { Ok(Look::default()) };
+        work.progress.advance(1);
+        look
+    }))
 }
 
 fn grow_all(recipe: &Recipe, layout: &Layout, looks: &[Look], work: &Work<'_>) -> Result<(Vec<Grown>, Report)> {
@@ -309,15 +329,15 @@ fn placements(air: Option<&Air>, made: &Made, layout: &Layout) -> Vec<Placement>
 }
 
 /// Sets the plants on the ground, whose middle is theirs, and returns it with its place.
-fn lay_ground(recipe: &Recipe, layout: &mut Layout) -> Result<(Soil, Vec3)> {
-    let soil = of_ground(&recipe.ground, recipe.sky.horizon, recipe.seed)?;
+fn lay_ground(recipe: &Recipe, layout: &mut Layout) -> (Ground, Vec3) {
+    let shape = ground_shape(&recipe.ground, recipe.seed);
     let feet = Bounds::of(layout.standings.iter().map(|s| s.transform.t));
     let middle = feet.center() * Vec3::new(1.0, 0.0, 1.0);
     for s in &mut layout.standings {
         let at = s.transform.t - middle;
-        s.transform.t.y += soil.shape.height(at.x, at.z);
+        s.transform.t.y += shape.height(at.x, at.z);
     }
-    Ok((soil, middle))
+    (shape, middle)
 }
 
 /// How far the feet of the individuals reach.
@@ -347,9 +367,8 @@ fn add_land(
     Ok(())
 }
 
-fn add_ground(soil: Soil, middle: Vec3, made: &mut Made, placements: &mut Vec<Placement>) -> Result<()> {
-    let mut mesh = soil.shape.mesh()?;
-    let kind = made.take(soil.look);
+fn add_ground((look, mut mesh): (Look, Mesh), middle: Vec3, made: &mut Made, placements: &mut Vec<Placement>) {
+    let kind = made.take(look);
     for s in &mut mesh.subsets {
         s.material += kind.first_material;
     }
@@ -365,7 +384,6 @@ fn add_ground(soil: Soil, middle: Vec3, made: &mut Made, placements: &mut Vec<Pl
         points: Vec::new(),
         curves: Vec::new(),
     });
-    Ok(())
 }
 
 /// Adds the points of attractors where the scene wants them.

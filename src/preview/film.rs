@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::backdrop::Backdrop;
 use super::draft;
 use super::lens::Lens;
-use super::light::{Draw, Light};
+use super::light::{Draw, Light, Sent};
 use super::picture::Picture;
 use super::quality::Quality;
 use super::sampler::Sampler;
@@ -18,6 +18,9 @@ use crate::{Error, Result, math};
 
 /// Pixels along the side of a tile.
 pub(super) const TILE: u32 = 16;
+
+/// Pictures whose pixels may have no more looks than this are crowds.
+const CROWD: u32 = 8;
 
 /// One picture to take.
 #[derive(Debug, Clone, Copy)]
@@ -37,44 +40,77 @@ pub struct Shot {
 /// Sums of one pixel's samples.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pixel {
-    /// Light of what was met, of even and of odd samples.
-    halves: [Vec3; 2],
-    met: [f32; 2],
-    /// Light on the floor over the light on an open floor.
-    floor: [f32; 2],
+    /// Of even and of odd samples.
+    halves: [Half; 2],
     samples: u32,
+    /// What all samples saw, or [`MIXED`].
+    thing: u32,
+}
+
+/// Numbers that no showing has.
+const NOTHING: u32 = u32::MAX;
+const MIXED: u32 = u32::MAX - 1;
+
+/// Sums of half of a pixel's samples.
+#[derive(Debug, Clone, Copy, Default)]
+struct Half {
+    /// Light of what was met.
+    light: Sent,
+    met: f32,
+    /// Light on the floor over the light on an open floor.
+    floor: f32,
+}
+
+impl Half {
+    fn and(self, other: Self) -> Self {
+        let light = Sent {
+            direct: self.light.direct + other.light.direct,
+            matt: self.light.matt + other.light.matt,
+            around: self.light.around + other.light.around,
+            looks: self.light.looks + other.light.looks,
+            showing: 0,
+        };
+        Self { light, met: self.met + other.met, floor: self.floor + other.floor }
+    }
+
+    /// Light of what `n` samples saw. `around`: light around it, if another is known.
+    fn seen(&self, n: f32, around: Option<Vec3>) -> (Vec3, f32, f32) {
+        let met = self.met.max(1.0);
+        let around = around.unwrap_or(self.light.around / self.light.looks.max(1.0));
+        let open = n - self.met;
+        let light = (self.light.direct + self.light.matt * around) / met;
+        (film(light), (self.met / n.max(1.0)).min(1.0), if open > 0.0 { self.floor / open } else { 1.0 })
+    }
 }
 
 impl Pixel {
     fn take(&mut self, seen: Seen) {
-        let half = usize::from(self.samples % 2 == 1);
+        let thing = if let Seen::Thing(sent) = &seen { sent.showing } else { NOTHING };
+        self.thing = if self.samples == 0 || self.thing == thing { thing } else { MIXED };
+        let half = &mut self.halves[usize::from(self.samples % 2 == 1)];
         match seen {
-            Seen::Thing(light) => {
-                self.halves[half] += light;
-                self.met[half] += 1.0;
-            }
-            Seen::Floor(share) => self.floor[half] += share,
-            Seen::Nothing => self.floor[half] += 1.0,
+            Seen::Thing(light) => *half = half.and(Half { light, met: 1.0, floor: 0.0 }),
+            Seen::Floor(share) => half.floor += share,
+            Seen::Nothing => half.floor += 1.0,
         }
         self.samples += 1;
     }
 
-    /// Shown colour of what was met and how much of the pixel it covers; brightness of the floor where nothing was met.
-    fn develop(&self, halves: std::ops::Range<usize>) -> (Vec3, f32, f32) {
-        let sum = |f: fn(&Self, usize) -> f32| halves.clone().fold(0.0, |s, i| s + f(self, i));
-        let met = sum(|p, i| p.met[i]);
-        let light = halves.clone().fold(Vec3::ZERO, |s, i| s + self.halves[i]);
-        #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
-        let n = self.samples as f32 * if halves.len() == 2 { 1.0 } else { 0.5 };
-        let color = if met > 0.0 { film(light / met) } else { Vec3::ZERO };
-        let open = n - met;
-        (color, (met / n.max(1.0)).min(1.0), if open > 0.0 { sum(|p, i| p.floor[i]) / open } else { 1.0 })
+    fn whole(&self) -> Half {
+        self.halves[0].and(self.halves[1])
     }
 
-    /// How far even and odd samples disagree in shown brightness.
-    fn doubt(&self) -> f32 {
+    /// Shown colour of what was met and how much of the pixel it covers; brightness of the floor where nothing was met.
+    #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
+    fn develop(&self, around: Option<Vec3>) -> (Vec3, f32, f32) {
+        self.whole().seen(self.samples as f32, around)
+    }
+
+    /// How far even and odd samples disagree in shown brightness. `around`: light around both, if it is known.
+    #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
+    fn doubt(&self, around: Option<Vec3>) -> f32 {
         let shown = |i: usize| {
-            let (color, share, floor) = self.develop(i..i + 1);
+            let (color, share, floor) = self.halves[i].seen(self.samples as f32 * 0.5, around);
             let c = color * share + Vec3::splat(0.6 * (1.0 - share) * floor);
             math::sqrt_f32(c.dot(Vec3::new(0.3, 0.5, 0.2)).max(0.0))
         };
@@ -83,7 +119,7 @@ impl Pixel {
 }
 
 enum Seen {
-    Thing(Vec3),
+    Thing(Sent),
     Floor(f32),
     Nothing,
 }
@@ -115,10 +151,11 @@ pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Pr
     }
     let floor = shot.backdrop.floor(world);
     let most = most_samples(world, shot, &lens);
+    let crowded = world.looks.quality.smooths() && most <= CROWD;
     let develop = |corner: &[u32; 2]| {
         cancel.check()?;
         let [w, h] = [0, 1].map(|k| TILE.min(shot.size[k] - corner[k]) as usize);
-        let tile = Tile { world, shot, lens: &lens, floor, corner: *corner, grid: Grid { w, h } };
+        let tile = Tile { world, shot, lens: &lens, floor, crowded, corner: *corner, grid: Grid { w, h } };
         let pixels = tile.developed(most);
         progress.advance(1);
         Ok(pixels)
@@ -144,7 +181,7 @@ fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
     /// Pixels between two looks that may meet the same thing.
     const APART: u32 = 8;
     /// Times the budget where all that is seen is large.
-    const SMOOTH: f32 = 6.0;
+    const SMOOTH: f32 = 9.0;
     let (fewest, most, _) = world.looks.quality.samples();
     if fewest == most {
         return most;
@@ -176,6 +213,8 @@ struct Tile<'t, 'w> {
     lens: &'t Lens,
     /// Height of the floor.
     floor: Option<f32>,
+    /// Looks are few and what is seen is small.
+    crowded: bool,
     /// Upper left pixel.
     corner: [u32; 2],
     grid: Grid,
@@ -194,8 +233,25 @@ impl Tile<'_, '_> {
         let number = place[1].wrapping_mul(self.shot.size[0]).wrapping_add(place[0]);
         let sampler = Sampler::new(number, self.shot.seed);
         while pixel.samples < goal {
-            let seen = look(self.world, self.shot, (self.lens, self.floor), (&sampler, place, pixel.samples));
-            pixel.take(seen);
+            // Two looks will do in a crowd, as its pixels share them.
+            let around = !self.crowded || pixel.whole().light.looks < 2.0;
+            pixel.take(self.look((&sampler, place, pixel.samples), around));
+        }
+    }
+
+    /// What one sample sees. `around`: looks for the light around it, too.
+    fn look(&self, (sampler, place, index): (&Sampler, [u32; 2], u32), around: bool) -> Seen {
+        let (world, light, lens) = (self.world, &self.shot.light, self.lens);
+        let inside = if world.looks.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
+        let (direction, sheet) = lens.aim(self.floor, place, inside);
+        let draw = Draw { sampler, index, spread: lens.spread, care: world.looks.quality.care(), around, known: None };
+        // What goes on below the paper is hidden by it.
+        if let Some(sent) = world.radiance(light, (lens.eye, direction), sheet.unwrap_or(f32::INFINITY), &draw) {
+            return Seen::Thing(sent);
+        }
+        match sheet {
+            Some(t) => Seen::Floor(world.floor_light(light, lens.eye + direction * t + Vec3::Y * world.gap, &draw)),
+            None => Seen::Nothing,
         }
     }
 
@@ -213,13 +269,35 @@ impl Tile<'_, '_> {
                 return pixels;
             }
             goal = (goal * 2).min(most);
-            wanted = doubtful(&pixels, self.grid, limit);
+            wanted = doubtful(&pixels, &self.around(&pixels), self.grid, limit);
         }
+    }
+
+    /// Light around what each pixel shows where that is a crowd, from what it and those about it saw: few looks into the sky are
+    /// noise, and what a leaf among leaves sees of it changes little from one to the next. None where one thing fills the
+    /// surroundings: there the noise would show as stains.
+    fn around(&self, pixels: &[Pixel]) -> Vec<Option<Vec3>> {
+        if !self.crowded {
+            return vec![None; pixels.len()];
+        }
+        let grid = self.grid;
+        let own: Vec<(Vec3, f32)> = pixels.iter().map(Pixel::whole).map(|p| (p.light.around, p.light.looks)).collect();
+        let summed = |from: &[(Vec3, f32)]| -> Vec<(Vec3, f32)> {
+            let sum = |i| grid.around(i).fold((Vec3::ZERO, 0.0), |(light, n), k| (light + from[k].0, n + from[k].1));
+            (0..from.len()).map(sum).collect()
+        };
+        let one = |i: usize| pixels[i].thing != MIXED && grid.around(i).all(|k| pixels[k].thing == pixels[i].thing);
+        let near: Vec<bool> = (0..pixels.len()).map(one).collect();
+        let alone = |i: usize| grid.around(i).all(|k| near[k]);
+        let means = summed(&summed(&own)).into_iter().enumerate();
+        means.map(|(i, (light, looks))| (looks > 0.0 && !alone(i)).then(|| light / looks)).collect()
     }
 
     /// The finished pixels.
     fn developed(&self, most: u32) -> Vec<[u8; 4]> {
-        let mut developed: Vec<(Vec3, f32, f32)> = self.looked(most).iter().map(|p| p.develop(0..2)).collect();
+        let pixels = self.looked(most);
+        let around = self.around(&pixels);
+        let mut developed: Vec<_> = pixels.iter().zip(around).map(|(p, a)| p.develop(a)).collect();
         calm(&mut developed, self.grid);
         developed.into_iter().enumerate().map(|(i, d)| finish(self.shot, self.lens, self.place(i), d)).collect()
     }
@@ -286,30 +364,11 @@ fn calm(pixels: &mut [(Vec3, f32, f32)], grid: Grid) {
 }
 
 /// Which pixels want more samples: those that are in doubt, or whose neighbours are.
-fn doubtful(pixels: &[Pixel], grid: Grid, limit: f32) -> Vec<bool> {
-    let doubts: Vec<f32> = pixels.iter().map(Pixel::doubt).collect();
+fn doubtful(pixels: &[Pixel], around: &[Option<Vec3>], grid: Grid, limit: f32) -> Vec<bool> {
+    let doubts: Vec<f32> = pixels.iter().zip(around).map(|(p, a)| p.doubt(*a)).collect();
     let mean = |i: usize| {
         let (sum, n) = grid.around(i).fold((0.0, 0.0), |(sum, n), k| (sum + doubts[k], n + 1.0));
         sum / n
     };
     (0..pixels.len()).map(|i| mean(i) > limit).collect()
-}
-
-fn look(
-    world: &World<'_>,
-    shot: &Shot,
-    (lens, floor): (&Lens, Option<f32>),
-    (sampler, place, index): (&Sampler, [u32; 2], u32),
-) -> Seen {
-    let inside = if world.looks.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
-    let (direction, sheet) = lens.aim(floor, place, inside);
-    let draw = Draw { sampler, index, spread: lens.spread, care: world.looks.quality.care(), known: None };
-    // What goes on below the paper is hidden by it.
-    if let Some(light) = world.radiance(&shot.light, (lens.eye, direction), sheet.unwrap_or(f32::INFINITY), &draw) {
-        return Seen::Thing(light);
-    }
-    match sheet {
-        Some(t) => Seen::Floor(world.floor_light(&shot.light, lens.eye + direction * t + Vec3::Y * world.gap, &draw)),
-        None => Seen::Nothing,
-    }
 }

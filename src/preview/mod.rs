@@ -10,6 +10,7 @@ mod cone;
 mod draft;
 mod film;
 mod framing;
+mod grain;
 mod lens;
 mod lettering;
 mod light;

@@ -18,7 +18,7 @@ impl Quality {
     pub(super) fn budget(self) -> f32 {
         match self {
             Self::Draft => 1.0,
-            Self::Normal => 3.0,
+            Self::Normal => 2.0,
             Self::Fine => f32::INFINITY,
         }
     }
@@ -32,11 +32,25 @@ impl Quality {
         }
     }
 
+    /// True where looks are so few that in a crowd of leaves a pixel's light from around is taken from its neighbours' as well.
+    pub(super) fn smooths(self) -> bool {
+        self == Self::Normal
+    }
+
     pub(super) fn care(self) -> Care {
         match self {
             Self::Draft => Care::Sun,
             Self::Normal => Care::Sky,
             Self::Fine => Care::Around,
+        }
+    }
+
+    /// Smallest detail of a leaf that is drawn, pixels; 0 for every one.
+    pub(super) fn grain(self) -> f32 {
+        match self {
+            Self::Draft => 1.5,
+            Self::Normal => 0.75,
+            Self::Fine => 0.0,
         }
     }
 

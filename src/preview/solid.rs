@@ -11,6 +11,7 @@ use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::Ray;
 
 use super::cone::RoundCone;
+use super::grain::merged;
 use super::looks::Looks;
 use crate::par::par_chunks;
 use crate::scene::{Curves, MaterialId, Mesh, PointsNow};
@@ -18,7 +19,7 @@ use crate::scene::{Curves, MaterialId, Mesh, PointsNow};
 /// Meshes of no more triangles than this have boxes fitted to each showing.
 const HULL: usize = 500;
 /// Up to how many things are sorted slowly, fairly and fast.
-const SORTING: [usize; 3] = [4_000, 400_000, 1_500_000];
+const SORTING: [usize; 3] = [4_000, 100_000, 1_500_000];
 
 /// A triangle as rays want it.
 #[derive(Debug, Clone, Copy)]
@@ -55,6 +56,8 @@ pub(super) enum Kind<'a> {
 #[derive(Debug)]
 pub(super) struct Skin<'a> {
     pub(super) triangles: &'a [[u32; 3]],
+    /// The point that stands for each; empty where each stands for itself.
+    stand_ins: Vec<u32>,
     /// Empty for solids with boxes.
     pub(super) points: Vec<Vec3>,
     pub(super) normals: Cow<'a, [Vec3]>,
@@ -84,14 +87,16 @@ impl<'a> Solid<'a> {
         mesh: &'a Mesh,
         points: &[Vec3],
         normals: Cow<'a, [Vec3]>,
-        (looks, boxed): (&Looks, bool),
+        (looks, boxed, grain): (&Looks, bool, f32),
     ) -> Self {
-        let faces = faces_of(mesh, points);
+        let stand_ins = merged(points, grain);
+        let faces = faces_of(mesh, points, &stand_ins);
         let (faces, tree, bounds) = sorted(faces, boxed, Face::bounds);
         let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
         let area = faces.iter().map(|f| 0.5 * f.normal().length()).sum();
         let kept = if boxed { Vec::new() } else { points.to_vec() };
-        let skin = Skin { triangles: &mesh.triangles, points: kept, normals, uvs: &mesh.uvs, colors: &mesh.colors };
+        let skin =
+            Skin { triangles: &mesh.triangles, stand_ins, points: kept, normals, uvs: &mesh.uvs, colors: &mesh.colors };
         let hull =
             if boxed && faces.len() <= HULL { faces.iter().flat_map(Face::corners).collect() } else { Vec::new() };
         Self { kind: Kind::Faces { faces, mesh: skin }, tree, bounds, cut, area, hull }
@@ -152,7 +157,7 @@ impl<'a> Solid<'a> {
     /// Number of primitives.
     pub(super) fn len(&self) -> usize {
         match &self.kind {
-            Kind::Faces { mesh, .. } => mesh.triangles.len(),
+            Kind::Faces { faces, .. } => faces.len(),
             Kind::Cones { cones, .. } => cones.len(),
         }
     }
@@ -288,7 +293,8 @@ impl Face {
 
 impl Skin<'_> {
     pub(super) fn corners(&self, face: &Face) -> [usize; 3] {
-        self.triangles.get(face.triangle as usize).copied().unwrap_or_default().map(|i| i as usize)
+        let own = self.triangles.get(face.triangle as usize).copied().unwrap_or_default();
+        own.map(|i| self.stand_ins.get(i as usize).copied().unwrap_or(i) as usize)
     }
 
     /// Texture coordinates; zero for a mesh without.
@@ -298,10 +304,15 @@ impl Skin<'_> {
     }
 }
 
-fn faces_of(mesh: &Mesh, points: &[Vec3]) -> Vec<Face> {
+/// Triangles of a mesh, those left out that merging made into lines.
+fn faces_of(mesh: &Mesh, points: &[Vec3], stand_ins: &[u32]) -> Vec<Face> {
     let mut faces = Vec::with_capacity(mesh.triangles.len());
     for subset in &mesh.subsets {
         for (i, t) in (subset.first..).zip(mesh.subset_triangles(subset)) {
+            let t = t.map(|k| stand_ins.get(k as usize).copied().unwrap_or(k));
+            if !stand_ins.is_empty() && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
+                continue;
+            }
             let [a, b, c] = t.map(|k| points.get(k as usize).copied().unwrap_or_default());
             faces.push(Face { a, ab: b - a, ac: c - a, triangle: i, material: subset.material });
         }

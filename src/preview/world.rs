@@ -7,6 +7,8 @@ use glam::{Affine3A, Mat3, Vec3, Vec3A};
 use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
 
+use super::film::Shot;
+use super::grain::Grain;
 use super::looks::Looks;
 use super::solid::{Solid, Spot, sorted};
 use super::wet::Sheet;
@@ -81,12 +83,19 @@ impl Job<'_> {
 }
 
 impl<'a> World<'a> {
-    /// `frame`: `None` for rest.
+    /// In full detail. `frame`: `None` for rest.
     pub fn new(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks) -> Self {
+        Self::seen_by(scene, frame, looks, &[])
+    }
+
+    /// As some pictures show it: leaves whose parts are less than a pixel apart have them merged. `frame`: `None` for rest.
+    pub fn seen_by(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks, shots: &[Shot]) -> Self {
         let (jobs, places) = plan(scene, frame);
         let boxed =
             looks.casts_rays() || places.iter().map(|(job, _)| jobs[*job as usize].len()).sum::<u64>() > COUNTED;
-        let solids = par_map(&jobs, |job| solid(job, looks, boxed));
+        let grains = grains(&jobs, &places, &Grain::new(shots, looks.quality));
+        let both: Vec<_> = jobs.iter().zip(grains).collect();
+        let solids = par_map(&both, |(job, grain)| solid(job, looks, (boxed, *grain)));
         let there = |job: u32| solids.get(job as usize).is_some_and(|s| s.bounds().is_some());
         let shown = places.iter().filter(|(job, _)| there(*job));
         let showings: Vec<Showing> = shown.filter_map(|(job, m)| Showing::new(*job, *m)).collect();
@@ -295,7 +304,16 @@ fn stand<'s>(
     }
 }
 
-fn solid<'s>(job: &Job<'s>, looks: &Looks, boxed: bool) -> Solid<'s> {
+/// Width of the smallest detail of each job: instances only are merged.
+fn grains(jobs: &[Job<'_>], places: &[(u32, Affine3A)], grain: &Grain) -> Vec<f32> {
+    let own = |(number, job): (u32, &Job<'_>)| match job {
+        Job::Prototype(mesh) => grain.of(mesh, places.iter().filter(|p| p.0 == number).map(|p| p.1)),
+        _ => 0.0,
+    };
+    (0..).zip(jobs).map(own).collect()
+}
+
+fn solid<'s>(job: &Job<'s>, looks: &Looks, (boxed, grain): (bool, f32)) -> Solid<'s> {
     match job {
         Job::Mesh(asset, object, i, state) => {
             let mesh = match state.mesh(*i) {
@@ -303,9 +321,9 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks, boxed: bool) -> Solid<'s> {
                 _ => &object.mesh,
             };
             let points = mesh_points(asset, object, *i, state);
-            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), (looks, boxed))
+            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), (looks, boxed, 0.0))
         }
-        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed)),
+        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed, grain)),
         Job::Points(cloud, state) => {
             let now = cloud.at(state);
             if looks.is_water(cloud.material) && !now.velocities.is_empty() {

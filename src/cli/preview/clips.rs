@@ -8,7 +8,7 @@ use super::shots::{Background, Wish, ending};
 use super::{Done, Target};
 use crate::Result;
 use crate::bake::Work;
-use crate::preview::{ClipFormat, ClipWriter, Looks, Subject, World, expose, tiles};
+use crate::preview::{ClipFormat, ClipWriter, Looks, Shot, Subject, World, expose, tiles};
 use crate::scene::Camera;
 
 /// Frames per second of a turntable.
@@ -52,16 +52,16 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> R
     let mut writer = ClipWriter::new(&mut output, format, wish.size, (length, fps, opaque))?;
     work.progress.stage("drawing frames", tiles(wish.size) * count as u64);
     if args.turntable.is_some() {
-        let world = World::new(loaded.scene(), first.as_ref(), &looks);
-        for i in 0..length {
-            let shot = wish.shot(&loaded, &own, turned(camera, i, length, &own));
-            writer.frame(&expose(&world, &shot, work.cancel, work.progress)?)?;
+        let shots: Vec<Shot> = (0..length).map(|i| wish.shot(&loaded, &own, turned(camera, i, length, &own))).collect();
+        let world = World::seen_by(loaded.scene(), first.as_ref(), &looks, &shots);
+        for shot in &shots {
+            writer.frame(&expose(&world, shot, work.cancel, work.progress)?)?;
         }
     } else {
         let shot = wish.shot(&loaded, &own, camera);
         for n in numbers.iter().flatten() {
             let now = loaded.frame(*n)?;
-            let world = World::new(loaded.scene(), Some(&now), &looks);
+            let world = World::seen_by(loaded.scene(), Some(&now), &looks, &[shot]);
             writer.frame(&expose(&world, &shot, work.cancel, work.progress)?)?;
         }
     }

@@ -19,7 +19,7 @@ pub fn take(
     work: &Work<'_>,
 ) -> Result<Picture> {
     let looks = Looks::new(loaded.scene(), quality);
-    let world = World::new(loaded.scene(), frame, &looks);
+    let world = World::seen_by(loaded.scene(), frame, &looks, &[*shot]);
     expose(&world, shot, work.cancel, work.progress)
 }
 

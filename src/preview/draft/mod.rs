@@ -41,11 +41,21 @@ pub(super) fn expose(
     let [width, height] = shot.size;
     let draft = Draft::new(world, shot, lens);
     let rows = (HELD / width.max(1) / TILE).max(1) * TILE;
+    let bands: Vec<Band> =
+        (0..height).step_by(rows as usize).map(|top| Band { top, size: [width, rows.min(height - top)] }).collect();
     let mut picture = Picture::new(width, height);
-    for top in (0..height).step_by(rows as usize) {
-        cancel.check()?;
-        let band = Band { top, size: [width, rows.min(height - top)] };
-        picture.put_block([0, top], width, &draft.band(band, cancel)?);
+    let mut openness = None;
+    for band in bands {
+        let seen = match openness {
+            Some(_) => draft.seen_in(band, cancel)?,
+            None => {
+                let (seen, open) = join(|| draft.seen_in(band, cancel), || Openness::new(world));
+                openness = Some(open);
+                seen?
+            }
+        };
+        let Some(openness) = &openness else { continue };
+        picture.put_block([0, band.top], width, &draft.developed(band, &seen, openness));
         progress.advance(super::film::tiles(band.size));
     }
     Ok(picture)
@@ -58,8 +68,15 @@ struct Draft<'d, 'w> {
     lens: &'d Lens,
     /// Height of the floor.
     floor: Option<f32>,
-    openness: Openness,
     tasks: Tasks,
+}
+
+/// What some rows show.
+struct Rows {
+    seen: Vec<Vec<Seen>>,
+    places: Vec<Vec<Vec3>>,
+    /// True where the sun is seen.
+    lit: Vec<bool>,
 }
 
 /// What a pixel shows.
@@ -72,12 +89,12 @@ enum Seen {
 
 impl<'d, 'w> Draft<'d, 'w> {
     fn new(world: &'d World<'w>, shot: &'d Shot, lens: &'d Lens) -> Self {
-        let (openness, tasks) = join(|| Openness::new(world), || Tasks::new(world));
-        Self { world, shot, lens, floor: shot.backdrop.floor(world), openness, tasks }
+        Self { world, shot, lens, floor: shot.backdrop.floor(world), tasks: Tasks::new(world) }
     }
 
-    /// Finished pixels of some rows.
-    fn band(&self, band: Band, cancel: &Cancel) -> Result<Vec<[u8; 4]>> {
+    /// What some rows show, and whether the sun reaches it.
+    fn seen_in(&self, band: Band, cancel: &Cancel) -> Result<Rows> {
+        cancel.check()?;
         let eye = Eye::new(self.world, self.lens, band, &self.tasks);
         cancel.check()?;
         let width = band.size[0] as usize;
@@ -86,11 +103,21 @@ impl<'d, 'w> Draft<'d, 'w> {
         let (seen, places): (Vec<Vec<Seen>>, Vec<Vec<Vec3>>) = par_map(&rows, row).into_iter().unzip();
         let lit = sunlit::sunlit(self.world, self.shot.light.direction(), &places, &self.tasks);
         cancel.check()?;
+        Ok(Rows { seen, places, lit })
+    }
+
+    /// Finished pixels of some rows.
+    fn developed(&self, band: Band, rows: &Rows, openness: &Openness) -> Vec<[u8; 4]> {
+        let width = band.size[0] as usize;
         let shaded = |y: &usize| -> Vec<[u8; 4]> {
-            let things = seen[*y].iter().zip(&places[*y]).zip(y * width..);
-            things.map(|((seen, p), i)| self.shaded(band.place(i), (seen, *p), lit[i])).collect()
+            let things = rows.seen[*y].iter().zip(&rows.places[*y]).zip(y * width..);
+            let one = |((seen, p), i): ((&Seen, &Vec3), usize)| {
+                self.shaded(band.place(i), (seen, *p), Known { sun: rows.lit[i], sky: openness.at(*p) })
+            };
+            things.map(one).collect()
         };
-        Ok(par_map(&rows, shaded).concat())
+        let numbers: Vec<usize> = (0..band.size[1] as usize).collect();
+        par_map(&numbers, shaded).concat()
     }
 
     /// What pixel `i` of a band shows, and from where it looks for light.
@@ -110,15 +137,21 @@ impl<'d, 'w> Draft<'d, 'w> {
         }
     }
 
-    fn shaded(&self, place: [u32; 2], (seen, p): (&Seen, Vec3), sun: bool) -> [u8; 4] {
+    fn shaded(&self, place: [u32; 2], (seen, p): (&Seen, Vec3), known: Known) -> [u8; 4] {
         let sampler = Sampler::new(0, self.shot.seed);
-        let known = Some(Known { sun, sky: self.openness.at(p) });
-        let draw = Draw { sampler: &sampler, index: 0, spread: self.lens.spread, care: Care::Sun, known };
+        let draw = Draw {
+            sampler: &sampler,
+            index: 0,
+            spread: self.lens.spread,
+            care: Care::Sun,
+            around: true,
+            known: Some(known),
+        };
         let (d, _) = self.lens.aim(None, place, [0.5, 0.5]);
         let light = &self.shot.light;
         let developed = match seen {
             Seen::Thing(hit) => match self.world.sent(light, (self.lens.eye, d), hit, &draw) {
-                Some(color) => (film(color), 1.0, 1.0),
+                Some(sent) => (film(sent.whole()), 1.0, 1.0),
                 None => (Vec3::ZERO, 0.0, 1.0),
             },
             Seen::Floor => (Vec3::ZERO, 0.0, self.world.floor_light(light, p, &draw)),

@@ -46,6 +46,8 @@ pub(super) struct Draw<'a> {
     pub(super) spread: f32,
     /// How far light is followed.
     pub(super) care: Care,
+    /// False if the light around is known well enough from other samples.
+    pub(super) around: bool,
     /// What was found out beforehand.
     pub(super) known: Option<Known>,
 }
@@ -133,14 +135,35 @@ fn cosine(n: Vec3, at: [f32; 2]) -> Vec3 {
 /// Mean cosine at which light from one side meets the seen half of a hair, over all directions of hairs.
 const ABOUT: f32 = 0.4;
 
+/// Radiance in two parts: one is noisy from few looks but smooth over a surface, so a picture may smooth it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sent {
+    /// Of the sun, of what is mirrored and of haze.
+    pub(super) direct: Vec3,
+    /// Share of `around` that is sent on.
+    pub(super) matt: Vec3,
+    /// Light of the sky and of what stands before it, from one direction drawn at random.
+    pub(super) around: Vec3,
+    /// 1 if it was looked for, else 0.
+    pub(super) looks: f32,
+    /// What was met first.
+    pub(super) showing: u32,
+}
+
+impl Sent {
+    pub(super) fn whole(self) -> Vec3 {
+        self.direct + self.matt * self.around
+    }
+}
+
 impl World<'_> {
     /// Radiance towards the viewer along a ray, if it meets anything before `far`, in lengths of the direction.
-    pub(super) fn radiance(&self, light: &Light, (o, d): (Vec3, Vec3), far: f32, draw: &Draw<'_>) -> Option<Vec3> {
+    pub(super) fn radiance(&self, light: &Light, (o, d): (Vec3, Vec3), far: f32, draw: &Draw<'_>) -> Option<Sent> {
         Path { world: self, light, draw, depth: 0 }.followed(o, d, far)
     }
 
     /// Radiance that a hit of a ray sends back along it.
-    pub(super) fn sent(&self, light: &Light, (o, d): (Vec3, Vec3), hit: &Hit, draw: &Draw<'_>) -> Option<Vec3> {
+    pub(super) fn sent(&self, light: &Light, (o, d): (Vec3, Vec3), hit: &Hit, draw: &Draw<'_>) -> Option<Sent> {
         Path { world: self, light, draw, depth: 0 }.sent(o, d, hit)
     }
 
@@ -193,30 +216,43 @@ impl Path<'_, '_> {
         self.draw.known.map_or_else(|| self.is_open(self.off(s, l), l), |known| known.sun)
     }
 
-    fn followed(&self, o: Vec3, d: Vec3, far: f32) -> Option<Vec3> {
+    fn followed(&self, o: Vec3, d: Vec3, far: f32) -> Option<Sent> {
         self.sent(o, d, &self.world.nearest(ray(o, d, [0.0, far]))?)
     }
 
     /// Light that what a ray met sends back.
-    fn sent(&self, o: Vec3, d: Vec3, hit: &Hit) -> Option<Vec3> {
+    fn sent(&self, o: Vec3, d: Vec3, hit: &Hit) -> Option<Sent> {
         let surface = self.world.surface(hit, o, d, self.draw.spread)?;
-        let seen = if surface.finish.water { self.water(d, &surface) } else { self.lit(d, &surface) };
-        let seen = seen.min(Vec3::splat(BRIGHTEST));
-        Some(if self.depth == 0 { self.light.hazed(seen, (o, d), hit.spot.t) } else { seen })
+        let mut seen = if surface.finish.water {
+            Sent { direct: self.water(d, &surface), ..Sent::default() }
+        } else {
+            self.lit(d, &surface)
+        };
+        seen.direct = seen.direct.min(Vec3::splat(BRIGHTEST));
+        if self.depth == 0
+            && let Some(fog) = self.light.fog
+        {
+            let clear = fog.clear(o, d, hit.spot.t);
+            seen.direct = Vec3::from_array(fog.color).lerp(seen.direct, clear);
+            seen.matt *= clear;
+        }
+        seen.showing = hit.showing;
+        Some(seen)
     }
 
     /// Light that an opaque or thin surface sends back along `d`.
     /// Matt light falls off with the cosine; a share `translucency` of it leaves on the other side. The gloss is that of
     /// a rough dielectric: what it takes, the matt part lacks.
-    fn lit(&self, d: Vec3, s: &Surface) -> Vec3 {
+    fn lit(&self, d: Vec3, s: &Surface) -> Sent {
         let f = &s.finish;
         let toward = -math::normalize_or(d, Vec3::Z);
         let smooth = 1.0 - f.roughness;
         let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * smooth * smooth;
         let matt = f.albedo * (1.0 - gloss);
-        let mut sum = self.sunlight(s, toward, matt);
+        let sun = self.sunlight(s, toward, matt);
         if self.draw.care == Care::Sun {
-            return sum + self.open_sky(s) * (matt + Vec3::splat(gloss));
+            let sky = self.open_sky(s) * (matt + Vec3::splat(gloss));
+            return Sent { direct: sun + sky, ..Sent::default() };
         }
         let at = self.point(2);
         // One draw serves both sides: its first number also says which.
@@ -224,16 +260,18 @@ impl Path<'_, '_> {
         let rest =
             if through { at[0] / f.translucency } else { (at[0] - f.translucency) / (1.0 - f.translucency).max(1e-6) };
         let n = if through { -s.n } else { s.n };
-        let scattered = self.arriving(s, cosine(n, [rest.clamp(0.0, 0.999_999), at[1]]));
-        sum += matt * scattered;
-        if gloss > 0.0 {
-            let mirrored = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
-            let r = if mirrored.dot(s.face) > 0.0 { mirrored } else { s.n };
-            // What a rough gloss mirrors is as blurred as the light around, unless there is time to look.
-            let clear = self.draw.care == Care::Around && f.roughness < 0.5;
-            sum += if clear { self.arriving(s, r) } else { scattered } * gloss;
+        let looks = self.draw.around || self.depth > 0;
+        let d = cosine(n, [rest.clamp(0.0, 0.999_999), at[1]]);
+        let around = if looks { self.arriving(s, d).min(Vec3::splat(BRIGHTEST)) } else { Vec3::ZERO };
+        let looks = f32::from(u8::from(looks));
+        // What a rough gloss mirrors is as blurred as the light around, unless there is time to look.
+        let clear = gloss > 0.0 && self.draw.care == Care::Around && f.roughness < 0.5;
+        if !clear {
+            return Sent { direct: sun, matt: matt + Vec3::splat(gloss), around, looks, ..Sent::default() };
         }
-        sum
+        let mirrored = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
+        let r = if mirrored.dot(s.face) > 0.0 { mirrored } else { s.n };
+        Sent { direct: sun + self.arriving(s, r) * gloss, matt, around, looks, ..Sent::default() }
     }
 
     /// Light of the sky by rule of thumb: half of it to the side, and the more the higher a surface faces, on the side that
@@ -294,7 +332,10 @@ impl Path<'_, '_> {
             return light.sky(d);
         }
         let next = Self { depth: self.depth + 1, ..*self };
-        let beyond = |to: Vec3| next.followed(self.off(s, to), to, f32::INFINITY).unwrap_or_else(|| light.sky(to));
+        let beyond = |to: Vec3| {
+            let met = next.followed(self.off(s, to), to, f32::INFINITY);
+            met.map_or_else(|| light.sky(to), |sent| sent.whole())
+        };
         let d = math::normalize_or(d, -Vec3::Z);
         let (n, ior) = (s.n, self.world.looks.ior(s.material));
         let eta = if s.outside { 1.0 / ior } else { ior };

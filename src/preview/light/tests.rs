@@ -40,8 +40,8 @@ fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, car
     let light = Light::new(&scene.sun, &scene.sky);
     let sampler = Sampler::new(7, 0);
     let one = |index| {
-        let draw = Draw { sampler: &sampler, index, spread: 1e-3, care, known: None };
-        world.radiance(&light, (origin, direction), f32::INFINITY, &draw).map(|c| c.y)
+        let draw = Draw { sampler: &sampler, index, spread: 1e-3, care, around: true, known: None };
+        world.radiance(&light, (origin, direction), f32::INFINITY, &draw).map(|c| c.whole().y)
     };
     let sum = (0..samples).map(one).try_fold(0.0_f32, |s, v| v.map(|v| s + v));
     #[allow(clippy::cast_precision_loss, reason = "few samples")]
