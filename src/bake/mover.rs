@@ -271,9 +271,10 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
     let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
     let measured = flights.map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
-    let (rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
+    let (mut rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
     let rain = movers.iter().flatten().find_map(|m| if let Moving::Rain(m) = m { Some(m) } else { None });
     let wet = rain.map_or_else(Vec::new, |m| m.maps(nth(seconds, step)));
+    rows.extend(rain.map(|m| m.row(nth(seconds, step))));
     Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect(), wet })
 }
 
@@ -283,5 +284,6 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
 pub fn rows(scene: &Scene, movers: &[Option<Moving>], number: u32) -> Result<Vec<Vec<f64>>> {
     let nth = nth(scene.clip.seconds(number), scene.clip.fps().recip());
     let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
-    flights.map(|m| m.row(nth)).collect()
+    let rain = movers.iter().flatten().filter_map(|m| if let Moving::Rain(m) = m { Some(m) } else { None });
+    flights.map(|m| m.row(nth)).chain(rain.map(|m| Ok(m.row(nth)))).collect()
 }

@@ -125,10 +125,11 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     dress_all((recipe, swaying), (&layout, &kinds, &grown), &mut made, (work, &mut report))?;
     tell_clamped(&made.movers, &mut report);
     let mut placements = placements(swaying, &made, &layout);
-    let wet = add_rain(recipe, (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
+    let (wet, rained) = add_rain(recipe, (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
-    let measures = add_catkins(recipe, (&footing, &twigs), (&mut made, &mut placements), (work, &mut report))?;
+    let flown = add_catkins(recipe, (&footing, &twigs), (&mut made, &mut placements), (work, &mut report))?;
+    let measures: Vec<Measures> = flown.into_iter().chain(rained.map(|table| (table, Vec::new()))).collect();
     add_rods(recipe, (&mut made, &mut placements), (work, &mut report))?;
     add_solids(recipe, &mut made, &mut placements)?;
     let bare = placements.is_empty();
@@ -408,7 +409,7 @@ fn box_of_air(recipe: &Recipe, size: [f64; 3]) -> Bounds {
     Bounds { min: at - Vec3::new(w / 2.0, 0.0, d / 2.0), max: at + Vec3::new(w / 2.0, h, d / 2.0) }
 }
 
-/// What a flight measures.
+/// What a flight or rain measures.
 type Measures = (Table, Vec<Field>);
 
 /// Lets catkins fly, or shows their kinds side by side.
@@ -489,8 +490,8 @@ fn add_rain(
     air: Option<&Air>,
     (made, placements): (&mut Made, &mut Vec<Placement>),
     work: &Work<'_>,
-) -> Result<Vec<Wet>> {
-    let Some(rain) = &recipe.rain else { return Ok(Vec::new()) };
+) -> Result<(Vec<Wet>, Option<Table>)> {
+    let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
     let stand = |i: usize| layout.standings.iter().find(|s| s.individual == i).map_or(Trs::IDENTITY, |s| s.transform);
     let stands: Vec<Trs> = (0..grown.len()).map(stand).collect();
     let plants: Vec<&crate::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
@@ -512,8 +513,9 @@ fn add_rain(
             *mover = Some(Moving::Rained(Arc::clone(&fallen.rain), k));
         }
     }
-    made.movers.push((recipe.clip.len() > 1).then_some(Moving::Rain(fallen.rain)));
-    Ok(fallen.wet)
+    let moves = recipe.clip.len() > 1;
+    made.movers.push(moves.then_some(Moving::Rain(fallen.rain)));
+    Ok((fallen.wet, moves.then_some(fallen.table)))
 }
 
 /// Adds rods.

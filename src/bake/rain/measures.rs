@@ -14,12 +14,12 @@ const NOW: [(&str, &str); 10] = [
     ("at_rest", ""),
     ("running", ""),
     ("hanging", ""),
-    ("air_mm3", "mm3"),
-    ("leaves_mm3", "mm3"),
-    ("hanging_mm3", "mm3"),
-    ("ground_mm3", "mm3"),
-    ("wood_mm3", "mm3"),
-    ("rained_mm3", "mm3"),
+    ("water_air", "mm3"),
+    ("water_leaves", "mm3"),
+    ("water_hanging", "mm3"),
+    ("water_ground", "mm3"),
+    ("water_wood", "mm3"),
+    ("rained", "mm3"),
 ];
 
 /// Columns that count what happened until a frame.
@@ -29,11 +29,11 @@ const TOTAL: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
 pub fn table(manner: &Manner, rate: Option<f64>) -> Table {
     let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
     columns.extend(TOTAL.iter().map(|name| ((*name).to_owned(), "")));
-    columns.push(("hardest_blow_mg_m_s".to_owned(), "mg m/s"));
+    columns.push(("hardest_blow".to_owned(), "mg m/s"));
     let find = |names: &[&str]| names.iter().filter_map(|n| columns.iter().position(|c| c.0 == *n)).collect::<Vec<_>>();
     let plots = vec![
         ("Drops by what they do", find(&["in_air", "at_rest", "running", "hanging"])),
-        ("Water, mm3", find(&["air_mm3", "leaves_mm3", "hanging_mm3"])),
+        ("Water", find(&["water_air", "water_leaves", "water_hanging"])),
         ("What has happened", find(&TOTAL)),
     ];
     let degrees = |x: f64| (x.to_degrees() * 1e6).round() / 1e6;
@@ -43,7 +43,7 @@ pub fn table(manner: &Manner, rate: Option<f64>) -> Table {
         "advancing_deg": degrees(wetting.advancing), "tau_v_s": manner.tau_v, "tangent_keep": manner.tangent_keep,
         "tip_radius_m": manner.tip_radius, "half_life_s": manner.half_life,
     });
-    let (totals, outcome) = (find(&TOTAL), find(&["leaves_mm3", "hanging_mm3", "fell"]));
+    let (totals, outcome) = (find(&TOTAL), find(&["water_leaves", "water_hanging", "fell"]));
     Table { name: "rain".into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
 }
 

@@ -49,6 +49,24 @@ fn leaves_get_maps_and_drops_show() {
 }
 
 #[test]
+fn the_table_tells_where_all_water_is() {
+    let built = built("");
+    let [table] = &built.stage.scene.tables[..] else { panic!("one table") };
+    let mut struck = 0.0;
+    for number in 1..=8 {
+        let frame = at(&built, number);
+        let of = |name: &str| frame.rows[0][table.columns.iter().position(|c| c.0 == name).expect("a column")];
+        assert_eq!(frame.rows[0].len(), table.columns.len());
+        let parts = ["water_air", "water_leaves", "water_hanging", "water_ground", "water_wood"];
+        let sum: f64 = parts.iter().map(|name| of(name)).sum();
+        assert!((sum / of("rained") - 1.0).abs() < 1e-9 && sum > 0.0, "{sum}");
+        assert!(of("struck") >= struck && of("hardest_blow") > 0.0 && of("in_air") > 0.0);
+        struck = of("struck");
+    }
+    assert!(struck > 5.0, "{struck}");
+}
+
+#[test]
 fn frames_do_not_depend_on_the_order_in_which_they_are_asked_for() {
     let built = built("");
     let first: Vec<_> = (1..=8).map(|n| at(&built, n).wet).collect();
