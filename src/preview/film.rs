@@ -233,8 +233,8 @@ impl Tile<'_, '_> {
         let number = place[1].wrapping_mul(self.shot.size[0]).wrapping_add(place[0]);
         let sampler = Sampler::new(number, self.shot.seed);
         while pixel.samples < goal {
-            // Two looks will do in a crowd, as its pixels share them.
-            let around = !self.crowded || pixel.whole().light.looks < 2.0;
+            // Three looks will do in a crowd, as its pixels share them.
+            let around = !self.crowded || pixel.whole().light.looks < 3.0;
             pixel.take(self.look((&sampler, place, pixel.samples), around));
         }
     }
@@ -273,9 +273,9 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// Light around what each pixel shows where that is a crowd, from what it and those about it saw: few looks into the sky are
-    /// noise, and what a leaf among leaves sees of it changes little from one to the next. None where one thing fills the
-    /// surroundings: there the noise would show as stains.
+    /// Light around what each pixel shows in a crowd, from what it and those about it saw: few looks into the sky are noise, and
+    /// what a leaf among leaves sees of it changes little from one to the next. Where one thing fills the surroundings only the
+    /// nearest are asked: there noise spread wide would show as stains.
     fn around(&self, pixels: &[Pixel]) -> Vec<Option<Vec3>> {
         if !self.crowded {
             return vec![None; pixels.len()];
@@ -286,11 +286,15 @@ impl Tile<'_, '_> {
             let sum = |i| grid.around(i).fold((Vec3::ZERO, 0.0), |(light, n), k| (light + from[k].0, n + from[k].1));
             (0..from.len()).map(sum).collect()
         };
-        let one = |i: usize| pixels[i].thing != MIXED && grid.around(i).all(|k| pixels[k].thing == pixels[i].thing);
-        let near: Vec<bool> = (0..pixels.len()).map(one).collect();
-        let alone = |i: usize| grid.around(i).all(|k| near[k]);
-        let means = summed(&summed(&own)).into_iter().enumerate();
-        means.map(|(i, (light, looks))| (looks > 0.0 && !alone(i)).then(|| light / looks)).collect()
+        let near = summed(&own);
+        let far = summed(&near);
+        let whole = |i: usize| pixels[i].thing != MIXED && grid.around(i).all(|k| pixels[k].thing == pixels[i].thing);
+        let whole: Vec<bool> = (0..pixels.len()).map(whole).collect();
+        let mean = |i: usize| {
+            let (light, looks) = if grid.around(i).all(|k| whole[k]) { near[i] } else { far[i] };
+            (looks > 0.0).then(|| light / looks)
+        };
+        (0..pixels.len()).map(mean).collect()
     }
 
     /// The finished pixels.
