@@ -505,8 +505,7 @@ fn add_rain(
         wind: air.map(|a| Arc::clone(&a.wind)),
     };
     let fallen = rain::fall(under, rain, work)?;
-    let name = fallen.asset.id.clone();
-    placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+    placements.push(Placement { name: "rain".into(), asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
     made.assets.push(fallen.asset);
     for (k, mover) in made.movers.iter_mut().enumerate() {
         if fallen.rain.moves(k) {
