@@ -138,11 +138,12 @@ impl Pov {
     fn write_frame(&mut self, scene: &Scene, number: u32, frame: Option<&Frame>) -> Result<()> {
         self.written.push(number);
         let path = self.path(&format!("frames/frame.{}.inc", scene.clip.tag(number)));
-        let Some(mut out) = self.folder.create(&path, "inc", Some(number))? else { return Ok(()) };
         let mut text = Text::default();
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
         let maps = self.maps();
+        // Its pictures belong to the bake even where its own file is kept from a run that was broken off.
         self.sheets.frame(&mut text, (&self.folder, &maps), scene, (number, frame))?;
+        let Some(mut out) = self.folder.create(&path, "inc", Some(number))? else { return Ok(()) };
         let rest = AssetFrame::default();
         let mut count = 0;
         for part in self.parts(scene).iter().filter(|p| p.asset.moves()) {
