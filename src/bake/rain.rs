@@ -1,5 +1,7 @@
 //! Rain of a recipe: which leaves it falls on, what a clip of it is, and how it is shown.
 
+mod measures;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -573,8 +575,6 @@ impl Rain {
         now.wet.iter().map(|w| Arc::clone(w.maps())).collect()
     }
 }
-
-mod measures;
 
 #[cfg(test)]
 mod tests;

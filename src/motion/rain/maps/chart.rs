@@ -24,7 +24,7 @@ pub struct Chart {
     pub(super) p: [Vec<f32>; 3],
     /// Their normals, of blades that fold back on themselves; others need none.
     n: Option<[Vec<f32>; 3]>,
-    /// What makes slopes in tangent space of changes per u and per v: [`Slopes`], 1/m.
+    /// What makes slopes in tangent space of changes per u and per v, 1/m: how, [`super::rows::normal`] tells.
     pub(super) slopes: [Vec<f32>; 3],
     /// Factor by which windows are larger than a distance at their middle asks for.
     margin: f64,
