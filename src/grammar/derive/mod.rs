@@ -1,5 +1,6 @@
 //! Derivation: from the axiom through the steps to the final string.
 
+mod apart;
 mod expand;
 mod matching;
 mod modules;
@@ -146,7 +147,7 @@ impl<'g> Derivation<'g> {
             } else if changed {
                 self.idle_from = None;
             }
-            if self.vm.stopped || (!changed && self.nothing_can_change()) {
+            if self.vm.stopped || (!changed && self.nothing_can_change()) || self.rest_apart(step) {
                 break;
             }
         }

@@ -106,6 +106,16 @@ impl Modules {
         self.birth.extend_from_slice(&other.birth[range]);
     }
 
+    /// Its modules in pieces of `n`, the last one shorter.
+    pub(super) fn pieces(&self, n: usize) -> Vec<Self> {
+        let piece = |start: usize| {
+            let mut piece = Self::default();
+            piece.extend(self, start..(start + n).min(self.len()));
+            piece
+        };
+        (0..self.len()).step_by(n.max(1)).map(piece).collect()
+    }
+
     /// Removes all modules and keeps the memory.
     pub(crate) fn clear(&mut self) {
         self.symbols.clear();

@@ -3,6 +3,7 @@
 use super::matching::{self, View};
 use super::rewriter::{Rewriter, Setup};
 use super::{Derivation, MAX_PARAMS, Modules};
+use crate::grammar::program::Rules;
 use crate::grammar::vm::{Halt, Purpose};
 use crate::par;
 
@@ -18,22 +19,13 @@ struct Part {
     halt: Option<Halt>,
 }
 
-impl Derivation<'_> {
+impl<'g> Derivation<'g> {
     /// Rewrites the string; true if any production was applied.
     pub(super) fn rewrite(&mut self, step: u32) -> Result<bool, Halt> {
         let rules = &self.program.rules;
         let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
         let partner = if needs_partners { matching::partners(&self.string, self.brackets) } else { Vec::new() };
-        let setup = Setup {
-            program: self.program,
-            rules,
-            stochastic: self.stochastic,
-            purposes: [Purpose::Statement, Purpose::Weight, Purpose::Choice],
-            step: Some(step),
-            birth: step,
-            tag: 0,
-            brackets: self.brackets,
-        };
+        let setup = self.setup(rules, step);
         let view = View { modules: &self.string, partner: &partner, hidden: &self.hidden };
         let limit = usize::try_from(self.limits.get("modules")).unwrap_or(usize::MAX);
         let n = self.string.len();
@@ -62,6 +54,23 @@ impl Derivation<'_> {
             part.halt = result.err();
         });
         self.join(parts, limit)
+    }
+
+    /// How modules are rewritten in a step.
+    pub(super) fn setup<'p>(&self, rules: &'p Rules, step: u32) -> Setup<'p>
+    where
+        'g: 'p,
+    {
+        Setup {
+            program: self.program,
+            rules,
+            stochastic: self.stochastic,
+            purposes: [Purpose::Statement, Purpose::Weight, Purpose::Choice],
+            step: Some(step),
+            birth: step,
+            tag: 0,
+            brackets: self.brackets,
+        }
     }
 
     /// Joins rewritten blocks in order.
@@ -97,7 +106,7 @@ pub(super) fn check_size(out: &Modules, modules: usize, params: usize, limit: us
 }
 
 /// Rewrites the modules of `range` into `out`; true if any production was applied.
-fn rewrite_range(
+pub(super) fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
     view: View<'_>,
     range: std::ops::Range<usize>,
