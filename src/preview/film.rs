@@ -54,31 +54,43 @@ const MIXED: u32 = u32::MAX - 1;
 /// Sums of half of a pixel's samples.
 #[derive(Debug, Clone, Copy, Default)]
 struct Half {
-    /// Light of what was met.
-    light: Sent,
+    /// Radiance of what was met.
+    whole: Vec3,
+    /// The same in parts, for a pixel that shares what it sees around: what is no light from around, and the share that is
+    /// sent on of that.
+    direct: Vec3,
+    matt: Vec3,
+    around: Vec3,
+    /// Looks at what is around.
+    looks: f32,
+    /// Samples that met something.
     met: f32,
     /// Light on the floor over the light on an open floor.
     floor: f32,
 }
 
 impl Half {
-    fn and(self, other: Self) -> Self {
-        let light = Sent {
-            direct: self.light.direct + other.light.direct,
-            matt: self.light.matt + other.light.matt,
-            around: self.light.around + other.light.around,
-            looks: self.light.looks + other.light.looks,
-            showing: 0,
-        };
-        Self { light, met: self.met + other.met, floor: self.floor + other.floor }
+    fn of(sent: &Sent) -> Self {
+        let Sent { direct, matt, around, looks, .. } = *sent;
+        Self { whole: sent.whole(), direct, matt, around, looks, met: 1.0, floor: 0.0 }
     }
 
-    /// Light of what `n` samples saw. `around`: light around it, if another is known.
+    fn and(self, other: Self) -> Self {
+        Self {
+            whole: self.whole + other.whole,
+            direct: self.direct + other.direct,
+            matt: self.matt + other.matt,
+            around: self.around + other.around,
+            looks: self.looks + other.looks,
+            met: self.met + other.met,
+            floor: self.floor + other.floor,
+        }
+    }
+
+    /// Light of what `n` samples saw. `around`: light around it, if it is shared with other pixels.
     fn seen(&self, n: f32, around: Option<Vec3>) -> (Vec3, f32, f32) {
-        let met = self.met.max(1.0);
-        let around = around.unwrap_or(self.light.around / self.light.looks.max(1.0));
+        let light = around.map_or(self.whole, |around| self.direct + self.matt * around) / self.met.max(1.0);
         let open = n - self.met;
-        let light = (self.light.direct + self.light.matt * around) / met;
         (film(light), (self.met / n.max(1.0)).min(1.0), if open > 0.0 { self.floor / open } else { 1.0 })
     }
 }
@@ -89,7 +101,7 @@ impl Pixel {
         self.thing = if self.samples == 0 || self.thing == thing { thing } else { MIXED };
         let half = &mut self.halves[usize::from(self.samples % 2 == 1)];
         match seen {
-            Seen::Thing(light) => *half = half.and(Half { light, met: 1.0, floor: 0.0 }),
+            Seen::Thing(sent) => *half = half.and(Half::of(&sent)),
             Seen::Floor(share) => half.floor += share,
             Seen::Nothing => half.floor += 1.0,
         }
@@ -207,6 +219,7 @@ fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
 }
 
 /// A block of pixels at work.
+#[derive(Clone, Copy)]
 struct Tile<'t, 'w> {
     world: &'t World<'w>,
     shot: &'t Shot,
@@ -234,7 +247,7 @@ impl Tile<'_, '_> {
         let sampler = Sampler::new(number, self.shot.seed);
         while pixel.samples < goal {
             // Three looks will do in a crowd, as its pixels share them.
-            let around = !self.crowded || pixel.whole().light.looks < 3.0;
+            let around = !self.crowded || pixel.whole().looks < 3.0;
             pixel.take(self.look((&sampler, place, pixel.samples), around));
         }
     }
@@ -281,7 +294,7 @@ impl Tile<'_, '_> {
             return vec![None; pixels.len()];
         }
         let grid = self.grid;
-        let own: Vec<(Vec3, f32)> = pixels.iter().map(Pixel::whole).map(|p| (p.light.around, p.light.looks)).collect();
+        let own: Vec<(Vec3, f32)> = pixels.iter().map(Pixel::whole).map(|p| (p.around, p.looks)).collect();
         let summed = |from: &[(Vec3, f32)]| -> Vec<(Vec3, f32)> {
             let sum = |i| grid.around(i).fold((Vec3::ZERO, 0.0), |(light, n), k| (light + from[k].0, n + from[k].1));
             (0..from.len()).map(sum).collect()
@@ -375,4 +388,72 @@ fn doubtful(pixels: &[Pixel], around: &[Option<Vec3>], grid: Grid, limit: f32) -
         sum / n
     };
     (0..pixels.len()).map(|i| mean(i) > limit).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::preview::looks::Looks;
+    use crate::preview::testing::{material, object, scene_of};
+    use crate::rng::Rng;
+    use crate::scene::{Mesh, Scene};
+
+    /// A thicket of tilted leaves.
+    fn thicket() -> Scene {
+        let mut rng = Rng::from_key(5);
+        let mut mesh = Mesh::default();
+        for _ in 0..6000 {
+            let mut drawn = |r: f32| (rng.unit_f32() * 2.0 - 1.0) * r;
+            let center = Vec3::new(drawn(1.0), drawn(1.0), drawn(1.0));
+            let (u, v) = (Vec3::new(drawn(0.06), drawn(0.06), drawn(0.06)), Vec3::new(drawn(0.06), drawn(0.06), 0.02));
+            let first = u32::try_from(mesh.points.len()).expect("few");
+            mesh.points.extend([center - u - v, center + u - v, center + u + v, center - u + v]);
+            mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        }
+        mesh.normals = vec![Vec3::ZERO; mesh.points.len()];
+        let mut scene = scene_of(vec![material(0.5, 0.3, 1.4)]);
+        scene.assets[0].meshes = vec![object("leaves", mesh.with_material(0))];
+        scene.camera = Camera { eye: Vec3::Z * 5.0, target: Vec3::ZERO, vfov: 0.4, roll: 0.0 };
+        scene
+    }
+
+    #[test]
+    fn pixels_that_share_the_sky_keep_its_mean_and_lose_its_noise() {
+        let scene = thicket();
+        let looks = Looks::new(&scene, Quality::Normal);
+        let world = World::new(&scene, None, &looks);
+        let shot = Shot {
+            camera: scene.camera,
+            size: [64, 64],
+            light: Light::new(&scene.sun, &scene.sky),
+            backdrop: Backdrop::Sky,
+            seed: 1,
+        };
+        let lens = Lens::new(&shot.camera, shot.size);
+        let (mut sums, mut errors, mut sky) = ([Vec3::ZERO; 2], [0.0_f32; 2], Vec3::ZERO);
+        for corner in [[16, 16], [32, 16], [16, 32], [32, 32]] {
+            let grid = Grid { w: 16, h: 16 };
+            let tile = Tile { world: &world, shot: &shot, lens: &lens, floor: None, crowded: true, corner, grid };
+            let pixels = tile.looked(3);
+            for (i, (pixel, around)) in pixels.iter().zip(tile.around(&pixels)).enumerate() {
+                let Some(around) = around.filter(|_| pixel.whole().met > 0.0) else { continue };
+                let own = pixel.whole();
+                let shared = own.direct + own.matt * around;
+                // What many looks of one's own would show, with the same light of the sun.
+                let mut fine = Pixel::default();
+                Tile { crowded: false, ..tile }.expose(&mut fine, i, 96);
+                let fine = fine.whole();
+                let meant = own.direct + own.matt * (fine.around / fine.looks.max(1.0));
+                for (k, light) in [own.whole, shared].into_iter().enumerate() {
+                    sums[k] += light;
+                    errors[k] += (light - meant).length_squared();
+                }
+                sky += own.whole - own.direct;
+            }
+        }
+        let [own, shared] = sums;
+        assert!(sky.length() > 0.3 * own.length(), "little light of the sky proves nothing");
+        assert!((shared - own).abs().max_element() < 0.02 * own.max_element(), "{shared} of {own}");
+        assert!(errors[1] < 0.5 * errors[0], "errors {errors:?}");
+    }
 }

@@ -22,6 +22,15 @@ pub(super) struct Grain {
     eyes: Vec<(Vec3, f32)>,
 }
 
+/// Widths in a mesh's own space.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Detail {
+    /// Of the smallest detail that is seen; 0 where all of it is.
+    pub(super) seen: f32,
+    /// Within which points are merged; 0 where each is drawn.
+    pub(super) merged: f32,
+}
+
 impl Grain {
     pub(super) fn new(shots: &[Shot], quality: Quality) -> Self {
         let share = quality.grain();
@@ -29,11 +38,11 @@ impl Grain {
         Self { eyes: if share > 0.0 { shots.iter().map(eye).collect() } else { Vec::new() } }
     }
 
-    /// Width in its own space of the smallest detail of a mesh that is seen in some places: 0 where all of it is seen.
-    /// One of few steps, so that it stays from frame to frame.
-    pub(super) fn of(&self, mesh: &Mesh, places: impl Iterator<Item = Affine3A>) -> f32 {
-        if self.eyes.is_empty() || !(PLAIN..=WHOLE).contains(&mesh.triangles.len()) {
-            return 0.0;
+    /// The smallest detail of a mesh that is seen in some places. Widths are of few steps, so that they stay from frame to
+    /// frame.
+    pub(super) fn of(&self, mesh: &Mesh, places: impl Iterator<Item = Affine3A>) -> Detail {
+        if self.eyes.is_empty() {
+            return Detail::default();
         }
         let reach = mesh.points.iter().fold(0.0_f32, |r, p| r.max(p.length()));
         let seen = |place: Affine3A| {
@@ -45,7 +54,9 @@ impl Grain {
             self.eyes.iter().map(near).fold(f32::INFINITY, f32::min)
         };
         let least = places.map(seen).fold(f32::INFINITY, f32::min);
-        if least.is_finite() && least > 0.0 { stepped(least) } else { 0.0 }
+        let seen = if least.is_finite() && least > 0.0 { stepped(least) } else { 0.0 };
+        let merges = (PLAIN..=WHOLE).contains(&mesh.triangles.len());
+        Detail { seen, merged: if merges { seen } else { 0.0 } }
     }
 }
 
@@ -135,7 +146,7 @@ mod tests {
         let (mesh, at) = (disc(4, 24), |z: f32| Affine3A::from_translation(Vec3::Z * z));
         let grain = |far: &[f32], places: &[f32]| {
             let shots: Vec<Shot> = far.iter().map(|d| shot(*d)).collect();
-            Grain::new(&shots, Quality::Normal).of(&mesh, places.iter().map(|z| at(*z)))
+            Grain::new(&shots, Quality::Normal).of(&mesh, places.iter().map(|z| at(*z))).merged
         };
         let one = grain(&[100.0], &[0.0]);
         // 0.75 of a pixel 99 m away, less up to a quarter of an octave.
@@ -146,6 +157,6 @@ mod tests {
         assert!(grain(&[100.0], &[0.0, 80.0]) < 0.3 * one);
         assert_eq!(one.to_bits(), grain(&[100.5], &[0.0]).to_bits());
         assert!(grain(&[100.0], &[100.0]) <= 0.0 && grain(&[], &[0.0]) <= 0.0);
-        assert!(Grain::new(&[shot(100.0)], Quality::Fine).of(&mesh, std::iter::once(at(0.0))) <= 0.0);
+        assert!(Grain::new(&[shot(100.0)], Quality::Fine).of(&mesh, std::iter::once(at(0.0))).seen <= 0.0);
     }
 }

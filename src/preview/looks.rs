@@ -39,8 +39,10 @@ impl Looks {
         let decoder = Decoder::default();
         let used =
             |i: u32| scene.materials.iter().any(|m| [m.maps.color, m.maps.normal, m.maps.roughness].contains(&Some(i)));
-        let wanted: Vec<Option<&Image>> = (0_u32..).zip(&scene.images).map(|(i, m)| used(i).then_some(m)).collect();
-        let textures = par_map(&wanted, |image| image.map(|image| Texture::new(image, side, &decoder)));
+        let cutoff = |i: u32| scene.materials.iter().filter(|m| m.maps.color == Some(i)).find_map(|m| m.alpha_cutoff);
+        let wanted: Vec<_> = (0_u32..).zip(&scene.images).map(|(i, m)| used(i).then_some((m, cutoff(i)))).collect();
+        let made = |(image, cutoff): (&Image, Option<f32>)| Texture::new(image, (side, cutoff), &decoder);
+        let textures = par_map(&wanted, |wanted| wanted.map(made));
         Self { materials: scene.materials.clone(), textures, decoder, quality }
     }
 
@@ -57,10 +59,11 @@ impl Looks {
         self.material(id).is_some_and(|m| m.alpha_cutoff.is_some() && m.maps.color.is_some())
     }
 
-    /// False where the material is cut out; `uv` is asked only if a map decides.
+    /// False where the material is cut out; `uv` is asked only if a map decides. `footprint`: width of the smallest detail
+    /// that is seen, in texture coordinates.
     #[inline]
-    pub(super) fn is_kept(&self, id: MaterialId, uv: impl FnOnce() -> Vec2) -> bool {
-        !self.is_cut(id) || self.is_there(id, uv())
+    pub(super) fn is_kept(&self, id: MaterialId, footprint: f32, uv: impl FnOnce() -> Vec2) -> bool {
+        !self.is_cut(id) || self.is_there(id, footprint, uv())
     }
 
     /// True if rays are cast: water bends what is seen, so even a draft of it needs them.
@@ -69,10 +72,10 @@ impl Looks {
     }
 
     /// False where the material is cut out.
-    pub(super) fn is_there(&self, id: MaterialId, uv: Vec2) -> bool {
+    fn is_there(&self, id: MaterialId, footprint: f32, uv: Vec2) -> bool {
         let Some(m) = self.material(id) else { return true };
         match (m.alpha_cutoff, self.texture(m.maps.color)) {
-            (Some(cutoff), Some(texture)) => texture.at(uv, 0.0, &self.decoder).w >= cutoff,
+            (Some(cutoff), Some(texture)) => texture.at(uv, footprint, &self.decoder).w >= cutoff,
             _ => true,
         }
     }

@@ -11,8 +11,9 @@ use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::Ray;
 
 use super::cone::RoundCone;
-use super::grain::merged;
+use super::grain::{Detail, merged};
 use super::looks::Looks;
+use crate::math;
 use crate::par::par_chunks;
 use crate::scene::{Curves, MaterialId, Mesh, PointsNow};
 
@@ -73,8 +74,9 @@ pub(super) struct Solid<'a> {
     tree: CwBvh,
     /// Box of everything.
     bounds: Option<[Vec3; 2]>,
-    /// Some triangles let rays through where a map says so.
-    pub(super) cut: bool,
+    /// Set if some triangles let rays through where a map says so: how wide the smallest detail that is seen is on that map,
+    /// in texture coordinates.
+    pub(super) cut: Option<f32>,
     /// Sum of its triangles' areas, m2; zero for cones.
     pub(super) area: f32,
     /// Corners, for close boxes around showings; empty where they would be too many.
@@ -87,13 +89,14 @@ impl<'a> Solid<'a> {
         mesh: &'a Mesh,
         points: &[Vec3],
         normals: Cow<'a, [Vec3]>,
-        (looks, boxed, grain): (&Looks, bool, f32),
+        (looks, boxed, detail): (&Looks, bool, Detail),
     ) -> Self {
-        let stand_ins = merged(points, grain);
+        let stand_ins = merged(points, detail.merged);
         let faces = faces_of(mesh, points, &stand_ins);
         let (faces, tree, bounds) = sorted(faces, boxed, Face::bounds);
-        let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
         let area = faces.iter().map(|f| 0.5 * f.normal().length()).sum();
+        let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
+        let cut = cut.then(|| detail.seen * math::sqrt_f32(uv_area(mesh) / f32::max(area, f32::MIN_POSITIVE)));
         let kept = if boxed { Vec::new() } else { points.to_vec() };
         let skin =
             Skin { triangles: &mesh.triangles, stand_ins, points: kept, normals, uvs: &mesh.uvs, colors: &mesh.colors };
@@ -134,7 +137,7 @@ impl<'a> Solid<'a> {
 
     fn of_cones(cones: Vec<RoundCone>, material: MaterialId, boxed: bool) -> Self {
         let (cones, tree, bounds) = sorted(cones, boxed, RoundCone::bounds);
-        Self { kind: Kind::Cones { cones, material }, tree, bounds, cut: false, area: 0.0, hull: Vec::new() }
+        Self { kind: Kind::Cones { cones, material }, tree, bounds, cut: None, area: 0.0, hull: Vec::new() }
     }
 
     /// Box of everything, or none if there is nothing.
@@ -220,7 +223,7 @@ impl<'a> Solid<'a> {
             Kind::Faces { faces, mesh } => {
                 let face = faces.get(i)?;
                 let (t, at) = face.meet(ray)?;
-                let there = !self.cut || looks.is_kept(face.material, || mesh.uv(face, at));
+                let there = self.cut.is_none_or(|width| looks.is_kept(face.material, width, || mesh.uv(face, at)));
                 there.then_some(Spot { t, primitive, at })
             }
             Kind::Cones { cones, .. } => Some(Spot { t: cones.get(i)?.meet(ray)?, primitive, at: Vec2::ZERO }),
@@ -302,6 +305,13 @@ impl Skin<'_> {
         let [a, b, c] = self.corners(face).map(|i| self.uvs.get(i).copied().unwrap_or_default());
         a + (b - a) * at.x + (c - a) * at.y
     }
+}
+
+/// Area of a mesh's triangles on its maps, in texture coordinates.
+fn uv_area(mesh: &Mesh) -> f32 {
+    let corner = |i: u32| mesh.uvs.get(i as usize).copied().unwrap_or_default();
+    let area = |[a, b, c]: [Vec2; 3]| 0.5 * (b - a).perp_dot(c - a).abs();
+    mesh.triangles.iter().map(|t| area(t.map(corner))).sum()
 }
 
 /// Triangles of a mesh, those left out that merging made into lines.

@@ -47,19 +47,21 @@ impl Decoder {
 }
 
 impl Texture {
-    /// Sizes larger than `side` are left out.
-    pub(super) fn new(image: &Image, side: u32, decoder: &Decoder) -> Self {
+    /// Sizes larger than `side` are left out. `cutoff`: alpha from which a texel is there, for pictures that cut things out.
+    pub(super) fn new(image: &Image, (side, cutoff): (u32, Option<f32>), decoder: &Decoder) -> Self {
         let color = image.kind == ImageKind::Color;
         let mut level = Level { width: image.width.max(1), height: image.height.max(1), texels: bytes(image) };
         let wanted = level.width as usize * level.height as usize;
         level.texels.resize(wanted, [0, 0, 0, 255]);
         let mut levels = Vec::new();
+        let there = cutoff.map(|cutoff| (cutoff, level.share(cutoff, 1.0)));
+        let mut whole = true;
         while level.width > 1 || level.height > 1 {
             let next = halved(&level, color, decoder);
             if level.width.max(level.height) <= side {
-                levels.push(level);
+                levels.push(if whole { level } else { level.covering(there) });
             }
-            level = next;
+            (level, whole) = (next, false);
         }
         let mean = level.texels.first().map_or(Vec4::ONE, |t| decoder.texel(*t, color));
         levels.push(level);
@@ -69,7 +71,12 @@ impl Texture {
     /// Linear colour and alpha at texture coordinates, v up, repeated beyond 0..1. `footprint`: width of the sample in
     /// texture coordinates.
     pub(super) fn at(&self, uv: Vec2, footprint: f32, decoder: &Decoder) -> Vec4 {
-        let Some(finest) = self.levels.first() else { return self.mean };
+        self.level(footprint).map_or(self.mean, |level| level.bilinear(uv, self.color, decoder))
+    }
+
+    /// The size whose texels are about as wide as a sample.
+    fn level(&self, footprint: f32) -> Option<&Level> {
+        let finest = self.levels.first()?;
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let mut texels = footprint * finest.width.max(finest.height) as f32;
         let mut i = 0;
@@ -78,11 +85,36 @@ impl Texture {
             texels *= 0.5;
             i += 1;
         }
-        self.levels.get(i).map_or(self.mean, |level| level.bilinear(uv, self.color, decoder))
+        self.levels.get(i)
     }
 }
 
 impl Level {
+    /// Share of the texels whose alpha, `scale` times as large, is not below `cutoff`.
+    fn share(&self, cutoff: f32, scale: f32) -> f32 {
+        let there = self.texels.iter().filter(|t| f32::from(t[3]) * (1.0 / 255.0) * scale >= cutoff).count();
+        #[allow(clippy::cast_precision_loss, reason = "a share")]
+        let share = there as f32 / self.texels.len().max(1) as f32;
+        share
+    }
+
+    /// With alpha scaled until as much is there as in the finest size, else things grow thin from afar. `there`: alpha from
+    /// which a texel counts, and the share to be reached.
+    /// Source: I. Castano, "Computing alpha mipmaps", 2010.
+    fn covering(mut self, there: Option<(f32, f32)>) -> Self {
+        const STEPS: u32 = 16;
+        let Some((cutoff, wanted)) = there else { return self };
+        let [mut low, mut high] = [0.25_f32, 4.0];
+        for _ in 0..STEPS {
+            let middle = 0.5 * (low + high);
+            *(if self.share(cutoff, middle) < wanted { &mut low } else { &mut high }) = middle;
+        }
+        let miss = |scale: f32| (self.share(cutoff, scale) - wanted).abs();
+        let scale = if miss(low) < miss(high) { low } else { high };
+        self.texels.iter_mut().for_each(|t| t[3] = byte(f32::from(t[3]) * (1.0 / 255.0) * scale));
+        self
+    }
+
     fn bilinear(&self, uv: Vec2, color: bool, decoder: &Decoder) -> Vec4 {
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let size = Vec2::new(self.width as f32, self.height as f32);
@@ -172,7 +204,7 @@ mod tests {
     #[test]
     fn far_samples_see_the_mean_light_not_the_mean_byte() {
         let decoder = Decoder::default();
-        let texture = Texture::new(&checker(), 4096, &decoder);
+        let texture = Texture::new(&checker(), (4096, None), &decoder);
         let far = texture.at(Vec2::new(0.3, 0.7), 1.0, &decoder);
         assert!((far.x - 0.5).abs() < 0.01, "{far}");
         assert!((texture.mean.x - 0.5).abs() < 0.01);
@@ -181,11 +213,36 @@ mod tests {
     #[test]
     fn near_samples_see_the_texel_and_repeat() {
         let decoder = Decoder::default();
-        let texture = Texture::new(&checker(), 4096, &decoder);
+        let texture = Texture::new(&checker(), (4096, None), &decoder);
         // The upper left texel, v = 1 at the top, is white.
         for shift in [Vec2::ZERO, Vec2::new(3.0, -2.0)] {
             let near = texture.at(Vec2::new(0.5 / 16.0, 15.5 / 16.0) + shift, 0.0, &decoder);
             assert!((near.x - 1.0).abs() < 1e-3, "{near}");
+        }
+    }
+    #[test]
+    fn leaves_cover_as_much_from_afar() {
+        // A ragged edge and holes a few texels wide, which plain means would close or thin out.
+        let side = 512_u16;
+        let alpha = |x: u16, y: u16| {
+            let [u, v] = [x, y].map(f32::from);
+            let wave = |f: f32| math::sin_f32(u * f) * math::cos_f32(v * f * 1.3);
+            byte(0.35 + 0.5 * wave(0.9) + 0.3 * wave(0.23) + 0.2 * wave(0.017))
+        };
+        let pixels = (0..side).flat_map(|y| (0..side).flat_map(move |x| [90, 140, 60, alpha(x, y)])).collect();
+        let (name, side) = ("leaf".into(), u32::from(side));
+        let kind = ImageKind::Color;
+        let image = Image { name, kind, width: side, height: side, channels: 4, pixels: Pixels::U8(pixels) };
+        let decoder = Decoder::default();
+        for cutoff in [0.5, 0.3] {
+            let cut = Texture::new(&image, (side, Some(cutoff)), &decoder);
+            let plain = Texture::new(&image, (side, None), &decoder);
+            let share = |t: &Texture, i: usize| t.levels[i].share(cutoff, 1.0);
+            let wanted = share(&cut, 0);
+            for i in 1..=4 {
+                assert!((share(&cut, i) - wanted).abs() < 0.01, "size {i}: {} of {wanted}", share(&cut, i));
+            }
+            assert!((1..=4).any(|i| (share(&plain, i) - wanted).abs() > 0.05), "the picture is too tame");
         }
     }
 }

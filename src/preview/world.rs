@@ -8,7 +8,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
 
 use super::film::Shot;
-use super::grain::Grain;
+use super::grain::{Detail, Grain};
 use super::looks::Looks;
 use super::solid::{Solid, Spot, sorted};
 use super::wet::Sheet;
@@ -93,9 +93,9 @@ impl<'a> World<'a> {
         let (jobs, places) = plan(scene, frame);
         let boxed =
             looks.casts_rays() || places.iter().map(|(job, _)| jobs[*job as usize].len()).sum::<u64>() > COUNTED;
-        let grains = grains(&jobs, &places, &Grain::new(shots, looks.quality));
-        let both: Vec<_> = jobs.iter().zip(grains).collect();
-        let solids = par_map(&both, |(job, grain)| solid(job, looks, (boxed, *grain)));
+        let details = details(&jobs, &places, &Grain::new(shots, looks.quality));
+        let both: Vec<_> = jobs.iter().zip(details).collect();
+        let solids = par_map(&both, |(job, detail)| solid(job, looks, (boxed, *detail)));
         let there = |job: u32| solids.get(job as usize).is_some_and(|s| s.bounds().is_some());
         let shown = places.iter().filter(|(job, _)| there(*job));
         let showings: Vec<Showing> = shown.filter_map(|(job, m)| Showing::new(*job, *m)).collect();
@@ -304,16 +304,16 @@ fn stand<'s>(
     }
 }
 
-/// Width of the smallest detail of each job: instances only are merged.
-fn grains(jobs: &[Job<'_>], places: &[(u32, Affine3A)], grain: &Grain) -> Vec<f32> {
+/// The smallest detail of each job: of instances only something is left out.
+fn details(jobs: &[Job<'_>], places: &[(u32, Affine3A)], grain: &Grain) -> Vec<Detail> {
     let own = |(number, job): (u32, &Job<'_>)| match job {
         Job::Prototype(mesh) => grain.of(mesh, places.iter().filter(|p| p.0 == number).map(|p| p.1)),
-        _ => 0.0,
+        _ => Detail::default(),
     };
     (0..).zip(jobs).map(own).collect()
 }
 
-fn solid<'s>(job: &Job<'s>, looks: &Looks, (boxed, grain): (bool, f32)) -> Solid<'s> {
+fn solid<'s>(job: &Job<'s>, looks: &Looks, (boxed, detail): (bool, Detail)) -> Solid<'s> {
     match job {
         Job::Mesh(asset, object, i, state) => {
             let mesh = match state.mesh(*i) {
@@ -321,9 +321,11 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks, (boxed, grain): (bool, f32)) -> Solid
                 _ => &object.mesh,
             };
             let points = mesh_points(asset, object, *i, state);
-            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), (looks, boxed, 0.0))
+            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), (looks, boxed, Detail::default()))
         }
-        Job::Prototype(mesh) => Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed, grain)),
+        Job::Prototype(mesh) => {
+            Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed, detail))
+        }
         Job::Points(cloud, state) => {
             let now = cloud.at(state);
             if looks.is_water(cloud.material) && !now.velocities.is_empty() {

@@ -90,7 +90,8 @@ impl Share {
                 let faces = &faces[primitives];
                 vertices.see(&sight, faces, mesh);
                 for (number, face) in (self.number..).zip(faces) {
-                    let there = |at| !solid.cut || world.looks.is_kept(face.material, || mesh.uv(face, at));
+                    let kept = |width, at| world.looks.is_kept(face.material, width, || mesh.uv(face, at));
+                    let there = |at| solid.cut.is_none_or(|width| kept(width, at));
                     screen.face(&sight, &vertices.corners(mesh.corners(face)), number, there);
                 }
             }

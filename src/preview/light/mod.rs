@@ -93,12 +93,17 @@ impl Light {
     /// Radiance of the sky in a unit direction, seen from the ground through the haze.
     pub(super) fn sky(&self, direction: Vec3) -> Vec3 {
         let clear = self.horizon.lerp(self.zenith, direction.y.clamp(0.0, 1.0));
-        self.hazed(clear, (Vec3::ZERO, direction), FAR)
+        let (share, added) = self.haze((Vec3::ZERO, direction), FAR);
+        clear * share + added
     }
 
-    /// Light as it arrives at `eye` through the haze, having come `length` m along `direction`.
-    fn hazed(&self, light: Vec3, (eye, direction): (Vec3, Vec3), length: f32) -> Vec3 {
-        self.fog.map_or(light, |fog| Vec3::from_array(fog.color).lerp(light, fog.clear(eye, direction, length)))
+    /// What the haze makes of light that comes to `eye` from `length` m along `direction`: the share that arrives, and
+    /// what is added to it.
+    fn haze(&self, (eye, direction): (Vec3, Vec3), length: f32) -> (f32, Vec3) {
+        self.fog.map_or((1.0, Vec3::ZERO), |fog| {
+            let clear = fog.clear(eye, direction, length);
+            (clear, Vec3::from_array(fog.color) * (1.0 - clear))
+        })
     }
 
     /// Mean radiance of the sky, weighted as a level surface sees it.
@@ -229,12 +234,10 @@ impl Path<'_, '_> {
             self.lit(d, &surface)
         };
         seen.direct = seen.direct.min(Vec3::splat(BRIGHTEST));
-        if self.depth == 0
-            && let Some(fog) = self.light.fog
-        {
-            let clear = fog.clear(o, d, hit.spot.t);
-            seen.direct = Vec3::from_array(fog.color).lerp(seen.direct, clear);
-            seen.matt *= clear;
+        if self.depth == 0 {
+            let (share, added) = self.light.haze((o, d), hit.spot.t);
+            seen.direct = seen.direct * share + added;
+            seen.matt *= share;
         }
         seen.showing = hit.showing;
         Some(seen)
