@@ -29,6 +29,7 @@ mod stream;
 pub mod systems;
 mod tables;
 mod trails;
+mod view;
 pub mod write;
 
 pub use counts::Counts;

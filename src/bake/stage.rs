@@ -18,6 +18,7 @@ use super::mover::Moving;
 use super::plants::{Grown, grow};
 use super::solids::{self, Footing};
 use super::stream::Stream;
+use super::view::{camera, sky, sun};
 use super::write::Stage;
 use super::{catkin, land, rain, rods, scatter};
 use crate::diagnostic::{Diagnostic, Report};
@@ -33,8 +34,7 @@ use crate::recipe::sections::Motion;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Camera, Field, Fog, Image, Material, Mesh, MeshMotion, MeshObject, Placement, Scene,
-    Sky, Sun, Table, Trs, Wet, asset_bounds,
+    Asset, AssetKind, Field, Image, Material, Mesh, MeshMotion, MeshObject, Placement, Scene, Table, Trs, Wet,
 };
 use crate::surface::ground::Ground;
 use crate::surface::terrain::Land;
@@ -552,49 +552,4 @@ fn add_solids(recipe: &Recipe, made: &mut Made, placements: &mut Vec<Placement>)
         made.movers.push(None);
     }
     Ok(())
-}
-
-/// The camera as the scene has it, or fitted to the plants.
-fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {
-    let rest = AssetFrame::default();
-    let reach = |a: &Asset| a.points.iter().fold(Bounds::default(), |b, c| b.union(c.reach));
-    let boxes: Vec<Bounds> = par_map(assets, |a| asset_bounds(a, &rest).union(reach(a)));
-    let corners = placements.iter().flat_map(|s| {
-        let b = boxes.get(s.asset).copied().unwrap_or_default();
-        let corners = if b.is_empty() { Vec::new() } else { b.corners().to_vec() };
-        corners.into_iter().map(|c| s.transform.apply(c))
-    });
-    let keys = &recipe.camera;
-    let [width, height] = recipe.output.pov.size;
-    let mut camera = Camera::framing(Bounds::of(corners), narrow(width / height), narrow(keys.vfov));
-    let point = |p: [f64; 3]| Vec3::from_array(p.map(narrow));
-    if let Some(target) = keys.target {
-        camera.eye += point(target) - camera.target;
-        camera.target = point(target);
-    }
-    camera.eye = keys.eye.map_or(camera.target + (camera.eye - camera.target) * narrow(keys.distance), point);
-    camera.roll = narrow(keys.roll);
-    camera
-}
-
-fn sun(recipe: &Recipe) -> Sun {
-    let keys = &recipe.sun;
-    Sun {
-        elevation: narrow(keys.elevation),
-        azimuth: narrow(keys.azimuth),
-        color: keys.color,
-        strength: narrow(keys.strength),
-        angle: narrow(keys.angle),
-    }
-}
-
-fn sky(recipe: &Recipe) -> Sky {
-    let keys = &recipe.sky;
-    let strength = narrow(keys.strength);
-    let fog = recipe.fog.visibility.map(|visibility| Fog {
-        visibility: narrow(visibility),
-        color: recipe.fog.color.unwrap_or(keys.horizon).map(|c| c * strength),
-        height: narrow(recipe.fog.height),
-    });
-    Sky { horizon: keys.horizon, zenith: keys.zenith, strength, fog }
 }

@@ -1,0 +1,56 @@
+//! From where a scene is seen, and in what light.
+
+use glam::Vec3;
+
+use crate::geometry::Bounds;
+use crate::math::narrow;
+use crate::par::par_map;
+use crate::recipe::Recipe;
+use crate::scene::{Asset, AssetFrame, Camera, Fog, Placement, Sky, Sun, asset_bounds};
+
+/// The camera as the scene has it, or fitted to the plants.
+pub fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {
+    let rest = AssetFrame::default();
+    let reach = |a: &Asset| a.points.iter().fold(Bounds::default(), |b, c| b.union(c.reach));
+    let boxes: Vec<Bounds> = par_map(assets, |a| asset_bounds(a, &rest).union(reach(a)));
+    let corners = placements.iter().flat_map(|s| {
+        let b = boxes.get(s.asset).copied().unwrap_or_default();
+        let corners = if b.is_empty() { Vec::new() } else { b.corners().to_vec() };
+        corners.into_iter().map(|c| s.transform.apply(c))
+    });
+    let keys = &recipe.camera;
+    let [width, height] = recipe.output.pov.size;
+    let mut camera = Camera::framing(Bounds::of(corners), narrow(width / height), narrow(keys.vfov));
+    let point = |p: [f64; 3]| Vec3::from_array(p.map(narrow));
+    if let Some(target) = keys.target {
+        camera.eye += point(target) - camera.target;
+        camera.target = point(target);
+    }
+    camera.eye = keys.eye.map_or(camera.target + (camera.eye - camera.target) * narrow(keys.distance), point);
+    camera.roll = narrow(keys.roll);
+    camera
+}
+
+/// The sun as the scene has it.
+pub fn sun(recipe: &Recipe) -> Sun {
+    let keys = &recipe.sun;
+    Sun {
+        elevation: narrow(keys.elevation),
+        azimuth: narrow(keys.azimuth),
+        color: keys.color,
+        strength: narrow(keys.strength),
+        angle: narrow(keys.angle),
+    }
+}
+
+/// The sky as the scene has it, with its haze.
+pub fn sky(recipe: &Recipe) -> Sky {
+    let keys = &recipe.sky;
+    let strength = narrow(keys.strength);
+    let fog = recipe.fog.visibility.map(|visibility| Fog {
+        visibility: narrow(visibility),
+        color: recipe.fog.color.unwrap_or(keys.horizon).map(|c| c * strength),
+        height: narrow(recipe.fog.height),
+    });
+    Sky { horizon: keys.horizon, zenith: keys.zenith, strength, fog }
+}
