@@ -15,12 +15,13 @@ use crate::grow::ifs;
 use crate::grow::mesh::Tree;
 use crate::grow::radii::Taper;
 use crate::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
+use crate::ifs::stems::Stems;
 use crate::plant::Plant;
 use crate::recipe::Section as _;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::cloud_keys::{Radii, TreeKeys};
 use crate::recipe::sections::{Line, TropismKeys};
-use crate::recipe::{Growth, PlantRecipe};
+use crate::recipe::{Growth, PlantRecipe, set_letters};
 use crate::{Error, Result};
 
 /// A grown plant.
@@ -43,7 +44,7 @@ pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &W
     let grammar = match &recipe.growth {
         Growth::Grammar(grammar) => grammar,
         Growth::Ifs(stems, keys) => {
-            let options = tree_options(recipe, keys, look);
+            let options = tree_options(recipe, (stems, keys), look);
             let plant = ifs::grow(stems, (individual.id, individual.seed), &options, work.limits)?;
             return Ok(Grown { plant, report: Report::default(), modules: 0, own: None });
         }
@@ -70,7 +71,7 @@ pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &W
     Ok(Grown { plant, report, modules, own: None })
 }
 
-fn tree_options(recipe: &PlantRecipe, keys: &TreeKeys, look: &Look) -> ifs::TreeOptions {
+fn tree_options(recipe: &PlantRecipe, (stems, keys): (&Stems, &TreeKeys), look: &Look) -> ifs::TreeOptions {
     let short = |v: u32| u16::try_from(v).unwrap_or(u16::MAX);
     ifs::TreeOptions {
         height: keys.height,
@@ -83,6 +84,7 @@ fn tree_options(recipe: &PlantRecipe, keys: &TreeKeys, look: &Look) -> ifs::Tree
         leaf_density: keys.leaf_density,
         leaves_per_site: keys.leaves,
         leaf: look.organs.get(&'l').cloned(),
+        sets: set_letters(&stems.system).filter_map(|letter| look.organs.get(&letter)).cloned().collect(),
         materials: look.materials.iter().map(|m| m.name.clone()).collect(),
         bark: (BARK, SHOOT, f64::from(SHOOT_RADIUS)),
         source: recipe.source.clone(),

@@ -10,6 +10,7 @@ pub mod cloud;
 pub mod color;
 mod cylinders;
 pub mod dynamics;
+pub mod faces;
 pub mod game;
 pub mod histogram;
 pub mod leaf;
@@ -150,6 +151,8 @@ pub enum Shape {
         /// Its corners.
         points: Vec<[f64; 2]>,
     },
+    /// The triangles of a mesh file, in space.
+    Mesh(faces::Model),
 }
 
 /// What a file says about its picture.

@@ -1,11 +1,13 @@
 //! Coefficient tables that a scene names.
 
+use std::sync::Arc;
+
 use super::cloud_keys::{CloudKeys, TreeKeys, WeightsFrom};
 use super::key::{Section, wrong};
 use super::kinds::Reference;
 use super::resolve::Resolver;
 use super::tree::{Table, Value};
-use super::{CloudRecipe, Found};
+use super::{CloudRecipe, Found, OrganRecipe, condensed};
 use crate::Error;
 use crate::diagnostic::{Diagnostic, Report, Span};
 use crate::fence::Names;
@@ -14,9 +16,19 @@ use crate::ifs::game::extent;
 use crate::ifs::stems::{Stems, is_tree, stems};
 use crate::ifs::weights::Rule;
 use crate::ifs::{Ifs, read};
+use crate::import::Imported;
 
 /// Endings of coefficient tables.
 pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];
+
+/// A system with all that its file names.
+pub(super) struct Read {
+    pub system: Ifs,
+    /// Holds the texts that its spans point into.
+    pub report: Report,
+    /// Its condensation meshes, in order.
+    pub meshes: Vec<Arc<Imported>>,
+}
 
 impl Resolver<'_> {
     /// All clouds of a scene; `names`: those already taken by plants.
@@ -63,7 +75,7 @@ impl Resolver<'_> {
             return None;
         };
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let (system, report) = self.system(&file, &keys.system)?;
+        let Read { system, report, .. } = self.system(&file, &keys.system)?;
         if self.request.thorough && self.request.bare.is_some() && keys.system.is_empty() {
             self.others(&file, &system);
         }
@@ -84,7 +96,7 @@ impl Resolver<'_> {
     /// Reads the table of a leaf or a bark; `what` it is for, for people.
     pub(super) fn plane_table(&mut self, reference: &Reference, name: &str, what: &str) -> Option<Ifs> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let (system, sources) = self.system(&file, name)?;
+        let Read { system, report: sources, .. } = self.system(&file, name)?;
         if system.dim != 2 {
             let text = format!("\"{}\" lies in space; {what} by a table of the plane", system.name);
             self.report
@@ -97,9 +109,10 @@ impl Resolver<'_> {
 
     /// What is odd about the other systems of a file.
     fn others(&mut self, file: &Found, drawn: &Ifs) {
-        let Ok((systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
-        for system in systems.iter().filter(|s| s.name != drawn.name) {
-            if let Some(study) = self.study(system, system.weights.unwrap_or(Rule::File), &sources)
+        let Ok((mut systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
+        for system in systems.iter_mut().filter(|s| s.name != drawn.name) {
+            if self.meshes(system, file, &sources).is_some()
+                && let Some(study) = self.study(system, system.weights.unwrap_or(Rule::File), &sources)
                 && let Err(escaped) = extent(system, &study)
             {
                 self.report.extend(Report { sources: sources.sources.clone(), diagnostics: vec![*escaped] });
@@ -107,37 +120,43 @@ impl Resolver<'_> {
         }
     }
 
-    /// Reads the table of a tree.
-    pub(super) fn stems(&mut self, reference: &Reference, keys: &TreeKeys) -> Option<(Stems, String)> {
+    /// Reads the table of a tree: it, its name for people, and the meshes that stand on its words.
+    pub(super) fn stems(
+        &mut self,
+        reference: &Reference,
+        keys: &TreeKeys,
+    ) -> Option<(Stems, String, Vec<OrganRecipe>)> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let (system, sources) = self.system(&file, &keys.system)?;
-        if !is_tree(&system) {
+        let read = self.system(&file, &keys.system)?;
+        let system = &read.system;
+        if !is_tree(system) {
             let text = format!("\"{}\" is no tree: it has no trunk in space", system.name);
             let d = Diagnostic::error("S005", text, reference.span, "this table");
             self.report
                 .push(d.help("a tree has dim = 3 and branch maps, or a map that squashes the whole into a stem"));
             return None;
         }
-        match stems(&system) {
-            Ok(stems) => Some((stems, file.shown)),
+        match stems(system) {
+            Ok(stems) => Some((stems, file.shown, condensed::organs(&read))),
             Err(fault) => {
-                self.report.extend(Report { sources: sources.sources, diagnostics: vec![*fault] });
+                self.report.extend(Report { sources: read.report.sources, diagnostics: vec![*fault] });
                 None
             }
         }
     }
 
-    /// Reads a file and picks a system (the first for an empty name); the report that comes back holds the sources.
-    pub(super) fn system(&mut self, file: &Found, name: &str) -> Option<(Ifs, Report)> {
+    /// Reads a file and picks a system (the first for an empty name).
+    pub(super) fn system(&mut self, file: &Found, name: &str) -> Option<Read> {
         let wanted = Some(name).filter(|n| !n.is_empty());
         let found = read::read(&file.shown, &file.bytes, &self.request.limits);
         let picked = found.and_then(|(systems, report)| {
             let system = read::pick(&systems, wanted, &file.shown)?.clone();
             Ok((system, report))
         });
-        let (system, report) = self.told(picked, file)?;
+        let (mut system, report) = self.told(picked, file)?;
         self.report.extend(report.clone());
-        Some((system, report))
+        let meshes = self.meshes(&mut system, file, &report)?;
+        Some(Read { system, report, meshes })
     }
 
     /// Studies a system and tells what is odd; `None` if it has no attractor.

@@ -98,7 +98,9 @@ impl Resolver<'_> {
             }
             (None, Some(reference)) => {
                 let tree: TreeKeys = self.section_at(table, &path, "tree");
-                let (stems, source) = self.stems(reference, &tree)?;
+                let (stems, source, sets) = self.stems(reference, &tree)?;
+                organs.retain(|o| sets.iter().all(|s| s.letter != o.letter));
+                organs.extend(sets);
                 (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
             }
             // A misspelt or unreadable `grammar` has been named already.
@@ -265,21 +267,8 @@ impl Resolver<'_> {
         (up, scale, class): (Up, f64, MaterialClass),
         span: Span,
     ) -> Option<Imported> {
-        let request = self.request;
-        let options = import::Options {
-            roots: request.library.roots(),
-            limits: &request.limits,
-            up: if up == Up::Z { import::Up::Z } else { import::Up::Y },
-            scale: crate::math::narrow(scale),
-            class,
-        };
-        match import::read(&file.path, &file.bytes, &options) {
-            Ok(mut imported) => {
-                self.report.extend(std::mem::take(&mut imported.warnings));
-                let others = imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3));
-                self.inputs.extend(others);
-                Some(imported)
-            }
+        match self.imported(file, (up, scale, class)) {
+            Ok(imported) => Some(imported),
             Err(Error::Input(faults)) => {
                 self.report.extend(*faults);
                 None
@@ -289,5 +278,25 @@ impl Resolver<'_> {
                 None
             }
         }
+    }
+
+    /// As [`Resolver::import`], with the faults left to the caller.
+    pub(super) fn imported(
+        &mut self,
+        file: &Found,
+        (up, scale, class): (Up, f64, MaterialClass),
+    ) -> crate::Result<Imported> {
+        let request = self.request;
+        let options = import::Options {
+            roots: request.library.roots(),
+            limits: &request.limits,
+            up: if up == Up::Z { import::Up::Z } else { import::Up::Y },
+            scale: crate::math::narrow(scale),
+            class,
+        };
+        let mut imported = import::read(&file.path, &file.bytes, &options)?;
+        self.report.extend(std::mem::take(&mut imported.warnings));
+        self.inputs.extend(imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3)));
+        Ok(imported)
     }
 }

@@ -120,6 +120,11 @@ impl Skeleton {
         a + (b - a) * h.clamp(0.0, 1.0)
     }
 
+    /// Axis of the plant and arc length (table units) where a word begins.
+    pub fn foot(&self, word: usize) -> Option<(u32, f64)> {
+        self.sites.get(word).map(|(axis, start, _)| (super::place(&self.raw, *axis), *start))
+    }
+
     /// Axis of the plant and arc length (table units) where a cut word would have grown.
     pub fn site(&self, stems: &Stems, expanded: &Expansion, cut: &Word) -> Option<(u32, f64)> {
         let (axis, ..) = self.sites.get(cut.parent as usize)?;

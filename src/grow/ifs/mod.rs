@@ -44,6 +44,8 @@ pub struct TreeOptions {
     pub leaves_per_site: u32,
     /// The leaf.
     pub leaf: Option<OrganSpec>,
+    /// The meshes of the table's condensation sets, in table units: each stands on every word.
+    pub sets: Vec<OrganSpec>,
     /// Names of materials.
     pub materials: Vec<String>,
     /// Material of axes, of thin ones, and the radius below which they are thin.
@@ -90,11 +92,66 @@ pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Li
     Ok(out)
 }
 
+/// A plant's organs by axis, arc length and id.
+type Placed = BTreeMap<(u32, u32, u64), Organ>;
+
+/// What a tree bears: leaves, and the sets of its table.
+fn bear(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions) {
+    let mut placed = Placed::new();
+    leaves(plant, grown, options, &mut placed);
+    sets(plant, grown, options, &mut placed);
+    plant.organs = placed.into_values().collect();
+}
+
+/// Meshes at every word, as its map moves and turns them.
+/// Own: K = C u w_1(K) u ..., word by word; a map's reflection and shear are left out, its scale is that of its volume.
+fn sets(plant: &mut Plant, (_, expanded, skeleton, scale): Grown<'_>, options: &TreeOptions, placed: &mut Placed) {
+    for set in &options.sets {
+        let Some(mesh) = set.meshes.first() else { continue };
+        let proto = u16::try_from(plant.protos.len()).unwrap_or(u16::MAX);
+        plant.protos.push(Proto { name: set.name.clone(), mesh: std::sync::Arc::clone(mesh) });
+        for (i, word) in expanded.words.iter().enumerate() {
+            let Some((axis, s)) = skeleton.foot(i) else { continue };
+            let on = &plant.axes[axis as usize];
+            let s = narrow(s * scale).clamp(0.0, on.length);
+            let site = plant.frame(on, s);
+            let back = site.q.inverse();
+            let at = Vec3::from_array((word.map.b * scale).to_array().map(narrow));
+            let id = mix64(&[on.id, self::word("set"), proto.into(), word.id]);
+            let organ = Organ {
+                id,
+                axis,
+                s,
+                offset: back * (at - site.p),
+                q: (back * turn(&word.map)).normalize(),
+                scale: narrow(scale * crate::math::pow(word.map.a.determinant().abs(), 1.0 / 3.0)),
+                proto,
+                petiole: 0.0,
+                tint: Rng::at(plant.seed, &[plant.id.into(), "ifs-set".into(), id.into()]).unit_f32(),
+                birth: 0.0,
+            };
+            placed.insert((axis, s.to_bits(), id), organ);
+        }
+    }
+}
+
+/// The turn of a map: its axes made orthonormal, y first.
+fn turn(map: &crate::ifs::affine::Affine) -> glam::Quat {
+    let y = map.a.y_axis.try_normalize().unwrap_or(DVec3::Y);
+    let x = (map.a.x_axis - y * y.dot(map.a.x_axis)).try_normalize().unwrap_or_else(|| y.any_orthonormal_vector());
+    let column = |v: DVec3| Vec3::from_array(v.to_array().map(narrow));
+    glam::Quat::from_mat3(&glam::Mat3::from_cols(column(x), column(y), column(x.cross(y)))).normalize()
+}
+
+/// A tree's system, its words, the axes that they became, and metres per table unit.
+type Grown<'a> = (&'a Stems, &'a Expansion, &'a Skeleton, f64);
+
 /// Leaves at the cut words of maps that bear them.
-fn bear(
+fn leaves(
     plant: &mut Plant,
-    (stems, expanded, skeleton, scale): (&Stems, &Expansion, &Skeleton, f64),
+    (stems, expanded, skeleton, scale): Grown<'_>,
     options: &TreeOptions,
+    placed: &mut Placed,
 ) {
     let Some(leaf) = options.leaf.as_ref().filter(|l| !l.meshes.is_empty()) else { return };
     let many = leaf.meshes.len() > 1;
@@ -106,7 +163,6 @@ fn bear(
         .collect();
     let first = f64::from(leaf.meshes[0].bounds().max.y).max(1e-9);
     let size = leaf.size / first;
-    let mut placed: BTreeMap<(u32, u32, u64), Organ> = BTreeMap::new();
     for cut in expanded.cuts.iter().filter(|c| stems.system.maps.get(usize::from(c.letter)).is_some_and(|m| m.leaf)) {
         let Some((axis, s)) = skeleton.site(stems, expanded, cut) else { continue };
         for copy in 0..options.leaves_per_site.max(1) {
@@ -119,7 +175,6 @@ fn bear(
             placed.insert((axis, organ.s.to_bits(), organ.id), organ);
         }
     }
-    plant.organs = placed.into_values().collect();
 }
 
 fn organ(

@@ -26,6 +26,7 @@ fn options(eps: f64, variation: f64) -> TreeOptions {
         leaf_density: 1.0,
         leaves_per_site: 1,
         leaf: Some(OrganSpec { name: "leaf".into(), meshes: vec![mesh], size: 0.06, petiole: 0.0 }),
+        sets: Vec::new(),
         materials: vec!["bark".into(), "shoot".into()],
         bark: (0, 1, 0.008),
         source: "test".into(),
@@ -111,4 +112,34 @@ fn matrices_are_read_as_the_branches_they_came_from() {
     let sum: f64 = text.system.maps.iter().filter_map(|m| m.radius).map(|r| r * r).sum();
     assert!((sum - 1.0).abs() < 1e-6, "a fork keeps its cross-section: {sum}");
     assert!(stems_of("pseudodichotomous.ifs").system.maps.iter().all(|m| !m.axis), "equal halves: none leads");
+}
+
+#[test]
+fn meshes_stand_on_every_word_as_its_map_has_them() {
+    let stems = stems_of(MODES[0]);
+    let corner = Vec3::new(0.3, 0.7, -0.2);
+    let mesh = crate::scene::Mesh { points: vec![corner, Vec3::X, Vec3::Z], ..crate::scene::Mesh::default() };
+    let set = OrganSpec { name: "set".into(), meshes: vec![std::sync::Arc::new(mesh)], size: 1.0, petiole: 0.0 };
+    let cut = words::Limits { eps: 0.2, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1000 };
+    for variation in [0.0, 1.0] {
+        let options = TreeOptions { sets: vec![set.clone()], ..options(0.2, variation) };
+        let plant = grow(&stems, (7, 5), &options, &Limits::default()).expect("grows");
+        let vary = (variation > 0.0).then_some(Variation::new(5, 7, variation));
+        let words = words::expand(&stems.system, &stems.letters, &cut, vary).expect("expands").words;
+        let scale = 6.0 / words::height(&stems.system, &stems.letters, stems.trunk);
+        let sets: Vec<&Organ> =
+            plant.organs.iter().filter(|o| plant.protos[usize::from(o.proto)].name == "set").collect();
+        assert_eq!((sets.len(), words.len()), (108, 108));
+        // Every image of the corner is there.
+        for word in &words {
+            let want = Vec3::from_array((word.map.apply(corner.as_dvec3()) * scale).to_array().map(narrow));
+            let there = |o: &&Organ| {
+                let (at, turn) = plant.organ_site(o);
+                (at + turn * (corner * o.scale)).distance(want) < 2e-4
+            };
+            assert!(sets.iter().any(there), "{want}");
+        }
+        let leaves = plant.organs.len() - sets.len();
+        assert!(leaves > 100, "{leaves}: leaves are there as well");
+    }
 }

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::lanes::Lanes;
 use super::{Chunk, Game, LANES};
 use crate::ifs::Shape;
+use crate::ifs::faces::within;
 use crate::math::{self, narrow};
 
 /// Fills a chunk.
@@ -67,6 +68,7 @@ fn point(shape: &Shape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
             DVec3::from_array(*center) + DVec3::new(x, y, 0.0)
         }
         Shape::Polygon { points } => fan(points, [u, v, w]),
+        Shape::Mesh(model) => model.faces.point([u, v, w]),
     }
 }
 
@@ -85,6 +87,5 @@ fn fan(points: &[[f64; 2]], [u, v, w]: [f64; 3]) -> DVec3 {
             break;
         }
     }
-    let (s, t) = if v + w > 1.0 { (1.0 - v, 1.0 - w) } else { (v, w) };
-    corner(0) + (corner(pick) - corner(0)) * s + (corner(pick + 1) - corner(0)) * t
+    within([corner(0), corner(pick), corner(pick + 1)], v, w)
 }

@@ -6,6 +6,7 @@ use toml::de::{DeTable, DeValue};
 use super::Reader;
 use crate::diagnostic::{Diagnostic, Severity, Span, nearest};
 use crate::ifs::affine::Affine;
+use crate::ifs::faces::Model;
 use crate::ifs::weights::Rule;
 use crate::ifs::{Branch, Condensation, Ifs, MAX_COEFFICIENT, Map, Shape};
 use crate::units;
@@ -29,7 +30,9 @@ const MAP: &[&str] = &[
     "stem",
 ];
 const BRANCH: &[&str] = &["h", "roll", "pitch", "scale"];
-const CONDENSATION: &[&str] = &["segment", "disc", "polygon", "weight"];
+const CONDENSATION: &[&str] = &["segment", "disc", "polygon", "mesh", "weight"];
+const MESH: &[&str] = &["file", "scale", "up"];
+const MESH_ENDINGS: &[&str] = &[".obj", ".glb", ".gltf"];
 
 /// The table `[ifs]`, or each of `[[ifs]]`.
 pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
@@ -208,7 +211,7 @@ impl Parser<'_, '_> {
             maps,
             chaos: table.get("chaos").and_then(|i| self.chaos(i)),
             last: None,
-            condensation: self.condensation(table),
+            condensation: self.condensation(table, dim),
             view: None,
             palette: self.palette(table),
             weights: table.get("weights").and_then(|i| self.rule(i)),
@@ -324,17 +327,24 @@ impl Parser<'_, '_> {
         Some(Branch { h, roll, pitch, scale })
     }
 
-    fn condensation(&mut self, table: &DeTable<'_>) -> Vec<Condensation> {
+    fn condensation(&mut self, table: &DeTable<'_>, dim: usize) -> Vec<Condensation> {
         let list = table.get("condensation").and_then(|i| self.list(i, "condensation")).unwrap_or_default();
         let mut out = Vec::new();
         for item in list {
             let Some(t) = self.table(item, "condensation") else { continue };
             self.known(t, "a condensation set", CONDENSATION);
             let weight = self.share(t, "weight", 0.05);
-            match self.shape(t) {
-                Some(shape) => out.push(Condensation { shape, weight }),
-                None => self.wrong(item, "condensation", "a segment, disc or polygon"),
-            }
+            let shape = match t.get("mesh") {
+                Some(mesh) => self.mesh(mesh, dim).map(Shape::Mesh),
+                None => {
+                    let shape = self.shape(t);
+                    if shape.is_none() {
+                        self.wrong(item, "condensation", "a segment, disc, polygon or mesh");
+                    }
+                    shape
+                }
+            };
+            out.extend(shape.map(|shape| Condensation { shape, weight }));
         }
         let sum = out.iter().fold(0.0, |s, c| s + c.weight);
         if sum >= 1.0
@@ -343,6 +353,43 @@ impl Parser<'_, '_> {
             self.outside(item, "the sum of condensation weights", "less than 1");
         }
         out
+    }
+
+    /// `mesh = "FILE"` or `mesh = { file = "FILE", scale = 1, up = "y" }`; what the file holds is read by who knows folders.
+    fn mesh(&mut self, item: &Item<'_>, dim: usize) -> Option<Model> {
+        if dim != 3 {
+            let text = "a mesh lies in space, this system in the plane";
+            let d = Diagnostic::error("I033", text, self.at(item.span()), "needs dim = 3");
+            self.reader.tell(d.help("add dim = 3 and maps abcdefghijkl or branch, or take a polygon"));
+            return None;
+        }
+        let (name, scale, up_z) = match item.get_ref() {
+            DeValue::Table(t) => {
+                self.known(t, "a mesh", MESH);
+                let scale = t.get("scale").map_or(Some(1.0), |i| self.ranged(i, "scale", (1e-6, 1e6, false)))?;
+                let up = t.get("up").map(|i| (i, i.get_ref()));
+                let up_z = match up {
+                    None => false,
+                    Some((_, DeValue::String(s))) if s == "y" || s == "z" => s == "z",
+                    Some((i, _)) => {
+                        self.wrong(i, "up", "\"y\" or \"z\"");
+                        return None;
+                    }
+                };
+                (t.get("file"), scale, up_z)
+            }
+            _ => (Some(item), 1.0, false),
+        };
+        let file = match name.map(|n| (n, n.get_ref())) {
+            Some((n, DeValue::String(s))) => Some((n, s.to_string())),
+            _ => None,
+        };
+        let ends = |s: &str| MESH_ENDINGS.iter().any(|e| s.to_ascii_lowercase().ends_with(e));
+        let Some((named, file)) = file.filter(|(_, s)| ends(s)) else {
+            self.wrong(name.unwrap_or(item), "mesh", "the name of a file .obj, .glb or .gltf");
+            return None;
+        };
+        Some(Model { file, scale, up_z, span: self.at(named.span()), faces: std::sync::Arc::default() })
     }
 
     fn shape(&mut self, t: &DeTable<'_>) -> Option<Shape> {

@@ -1,0 +1,78 @@
+//! Mesh files that coefficient tables name as condensation sets.
+
+use std::sync::Arc;
+
+use super::clouds::Read;
+use super::resolve::Resolver;
+use super::sections::{OrganKeys, Up};
+use super::{Found, OrganRecipe, Section as _};
+use crate::Error;
+use crate::diagnostic::{Diagnostic, Report};
+use crate::ifs::faces::{Faces, Model};
+use crate::ifs::{Ifs, Shape};
+use crate::import::Imported;
+use crate::scene::MaterialClass;
+
+/// The first letter of the organs that stand for the meshes of a tree's table; further ones follow it.
+const FIRST: u32 = 'A' as u32;
+
+impl Resolver<'_> {
+    /// Reads the meshes that a system names, beside its file. `sources`: of the texts that its spans point into.
+    /// Complaints point at the name in the table.
+    pub(super) fn meshes(&mut self, system: &mut Ifs, file: &Found, sources: &Report) -> Option<Vec<Arc<Imported>>> {
+        let mut all = Vec::new();
+        for set in &mut system.condensation {
+            let Shape::Mesh(model) = &mut set.shape else { continue };
+            match self.model(model, file) {
+                Ok(imported) => all.push(Arc::new(imported)),
+                Err(faults) => {
+                    // What is wrong inside the mesh has its place there, all else where the table names it.
+                    let (inside, mut about): (Vec<_>, Vec<_>) =
+                        faults.diagnostics.into_iter().partition(|d| !d.labels.is_empty());
+                    about.iter_mut().for_each(|d| d.labels.push((model.span, "this mesh".into())));
+                    self.report.extend(Report { sources: faults.sources, diagnostics: inside });
+                    self.report.extend(Report { sources: sources.sources.clone(), diagnostics: about });
+                    return None;
+                }
+            }
+        }
+        Some(all)
+    }
+
+    fn model(&mut self, model: &mut Model, file: &Found) -> Result<Imported, Box<Report>> {
+        let limit = self.request.limits.get("mesh-bytes");
+        let about = |d: Diagnostic| Box::new(Report { diagnostics: vec![d], ..Report::default() });
+        let library = &self.request.library;
+        let found = library
+            .find_beside(&file.path, &model.file, limit)
+            .map_err(|why| about(Diagnostic::about("S005", why.to_string()).help(why.help())))?;
+        self.inputs.push(blake3::hash(&found.bytes));
+        let up = if model.up_z { Up::Z } else { Up::Y };
+        let imported = self.imported(&found, (up, model.scale, MaterialClass::Leaf)).map_err(|e| match e {
+            Error::Input(faults) => faults,
+            other => about(Diagnostic::about("S005", other.to_string())),
+        })?;
+        let points = &imported.mesh.points;
+        let corner = |i: u32| points.get(i as usize).copied().unwrap_or_default();
+        model.faces = Arc::new(Faces::new(imported.mesh.triangles.iter().map(|t| t.map(corner))));
+        Ok(imported)
+    }
+}
+
+/// Letters of the organs that stand for the meshes of a table, in its order.
+pub fn set_letters(system: &Ifs) -> impl Iterator<Item = char> {
+    let meshes = system.condensation.iter().filter(|c| matches!(c.shape, Shape::Mesh(_))).count();
+    (FIRST..).filter_map(char::from_u32).take(meshes)
+}
+
+/// The meshes of a tree's table as organs, in the order of the table; they keep still on what bears them.
+pub(super) fn organs(read: &Read) -> Vec<OrganRecipe> {
+    let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
+    let organ = |(letter, mesh): (char, &Arc<Imported>)| OrganRecipe {
+        letter,
+        keys: keys.clone(),
+        ifs: None,
+        mesh: Some(Arc::clone(mesh)),
+    };
+    set_letters(&read.system).zip(&read.meshes).map(organ).collect()
+}
