@@ -1,0 +1,36 @@
+#!/usr/bin/env bash
+# Makes the gallery's pictures that are osier's own again: docs/gallery/make.sh [NAME...]. A few minutes for all of them.
+# The others: showcase, catkins-ground, preview-cycles by Cycles (render.py), rain-leaves, wet-leaf by POV-Ray from a bake,
+# plots by the benches that docs name beside them.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+cargo build --release --quiet
+wanted=" $* "
+
+# NAME.ENDING SOURCE FLAGS...
+make() {
+    local file=$1
+    shift
+    if [ "$wanted" = "  " ] || [[ "$wanted" == *" ${file%.*} "* ]]; then
+        target/release/osier preview "$@" -o "docs/gallery/$file" --force
+    fi
+}
+eye() { printf -- '--set camera.eye=[%s] --set camera.target=[%s]' "$1" "$2"; }
+
+one="--size 400x400 --quality fine"
+make oak.png oak $one
+make birch.png birch $one
+make poplar-twig.png poplar-twig $one
+make silk-tree.png silk-tree $one
+make bamboo.png bamboo $one
+make bamboo-culms.png bamboo $one --sun 32,60 $(eye 1.2,1.1,1.6 0,1.5,0)
+make oak-leaves.png oak $one --sun 32,80 $(eye 3.4,2.1,2.6 1.6,2.3,1.2)
+make birch-bark.png birch $one --sun 32,90 $(eye 0.75,1.3,0.55 0,1.35,0)
+make poplar-leaves.png poplar-twig $one --sun 45,120 $(eye 0.35,0.9,0.45 0,0.95,0)
+make oak-seeds.png oak --seeds 0-5 --size 300x330
+make silk-tree-seeds.png silk-tree --seeds 0-15 --columns 4 --size 230x230
+make landscape.png landscape --size 1200x675
+make catkins-street.png catkins-street --frame 200 --size 900x480
+make fig9.png fig9 --size 1200x675
+make meadow.gif meadow --frames 1-96:4 --size 400x225
+make struck-twig.gif struck-twig --frames 1-72:2 --size 320x320
