@@ -82,9 +82,7 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
         let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
         look.add(surface.material, surface.images);
     }
-    let mut names = Names::default();
-    for recipe in &plant.organs {
-        let name = names.unique(&if recipe.letter == 'l' { "leaf".into() } else { format!("organ_{}", recipe.letter) });
+    for (recipe, name) in plant.organs.iter().zip(organ_names(plant)) {
         let organ = match (&recipe.mesh, &recipe.ifs) {
             (Some(mesh), _) => imported(&mut look, mesh, recipe, &plant.id, &name),
             (None, Some(table)) => tables::leaves(&mut look, recipe, table, (&plant.id, &name, seed))?,
@@ -97,6 +95,13 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
         add_stalk(&mut look, &plant.id);
     }
     Ok(look)
+}
+
+/// Names of a plant's organs, parallel to them.
+pub(super) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
+    let mut names = Names::default();
+    let name = |o: &OrganRecipe| if o.letter == 'l' { "leaf".into() } else { format!("organ_{}", o.letter) };
+    plant.organs.iter().map(|o| names.unique(&name(o))).collect()
 }
 
 /// The stalk of a tuft, in its own size.

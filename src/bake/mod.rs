@@ -11,6 +11,7 @@ mod deposits;
 pub mod dress;
 pub mod exporters;
 mod heroes;
+pub mod kept;
 mod land;
 pub mod layers;
 pub mod layout;

@@ -6,7 +6,7 @@ use super::looks::Look;
 use crate::diagnostic::{Diagnostic, Report};
 use crate::grow::turtle::OrganSpec;
 use crate::ifs::Ifs;
-use crate::ifs::leaf::{self, Colors, Leaf, Pose, Spec, bent, fields};
+use crate::ifs::leaf::{self, Colors, Drawn, Pose, Spec, bent};
 use crate::ifs::tile::tile;
 use crate::math::narrow;
 use crate::recipe::OrganRecipe;
@@ -14,7 +14,6 @@ use crate::recipe::sections::{Detail, OrganKeys};
 use crate::rng::{Rng, mix64, word};
 use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
 use crate::surface::bark::Grain;
-use crate::units::{byte, srgb_from_linear};
 use crate::{Error, Result};
 
 /// Relief of a leaf over its length.
@@ -37,18 +36,11 @@ pub fn leaves(
     (plant, name, seed): (&str, &str, u64),
 ) -> Result<OrganSpec> {
     let keys = &recipe.keys;
-    let spec = Spec {
-        side: (keys.side as usize).max(64),
-        close: keys.close,
-        fill: keys.fill,
-        anchor: keys.anchor,
-        detail: if keys.detail == Detail::Hero { HERO } else { LIGHT },
-        holes: keys.holes,
-        ..Spec::default()
-    };
-    let made = leaf::leaf(table, &spec).map_err(|d| told(*d))?;
+    let (spec, colors) = parameters(keys);
+    let made = recipe.drawn.get_or_init(|| leaf::mapped(table, &spec, &colors));
+    let made = made.as_ref().map_err(|d| told((**d).clone()))?;
     let size = keys.size.unwrap_or(SIZE);
-    let (material, images) = surface(&made, keys, &format!("{plant}_{name}"), size);
+    let (material, images) = surface(made, &colors, keys, (&format!("{plant}_{name}"), size));
     let id = look.add(material, images);
     let mut draw = Rng::at(mix64(&[seed, word(plant), word(name)]), &["ifs-blade".into()]);
     let petiole = keys.petiole.unwrap_or(0.18 * size);
@@ -69,6 +61,35 @@ pub fn leaves(
     Ok(OrganSpec { name: name.to_owned(), meshes, size: size + petiole, petiole: 0.0 })
 }
 
+/// What decides the leaf that a table draws for an organ, as a hash; `None` for an organ of another kind.
+pub fn hash(recipe: &OrganRecipe) -> Option<String> {
+    let table = recipe.ifs.as_deref().filter(|_| recipe.mesh.is_none())?;
+    let (spec, colors) = parameters(&recipe.keys);
+    Some(leaf::hash(table, &spec, &colors))
+}
+
+fn parameters(keys: &OrganKeys) -> (Spec, Colors) {
+    let spec = Spec {
+        side: (keys.side as usize).max(64),
+        close: keys.close,
+        fill: keys.fill,
+        anchor: keys.anchor,
+        detail: if keys.detail == Detail::Hero { HERO } else { LIGHT },
+        holes: keys.holes,
+        ..Spec::default()
+    };
+    let own = Colors::default();
+    let colors = match (keys.color, keys.color2) {
+        (None, None) => own,
+        (centre, second) => {
+            let centre = centre.unwrap_or(own.centre);
+            let lighter = |k: f32| centre.map(|v| (v * k).min(1.0));
+            Colors { centre, edge: lighter(1.5), tip: lighter(1.7), vein: second.unwrap_or(lighter(2.6)) }
+        }
+    };
+    (spec, colors)
+}
+
 /// The density of a table as the grain of a bark whose maps have `side` pixels.
 /// # Errors
 /// `Input` for a system without attractor (I023).
@@ -84,37 +105,20 @@ fn told(d: Diagnostic) -> Error {
     Error::Input(Box::new(report))
 }
 
-fn surface(made: &Leaf, keys: &OrganKeys, name: &str, size: f64) -> (Material, Vec<Image>) {
-    let own = Colors::default();
-    let colors = match (keys.color, keys.color2) {
-        (None, None) => own,
-        (centre, second) => {
-            let centre = centre.unwrap_or(own.centre);
-            let lighter = |k: f32| centre.map(|v| (v * k).min(1.0));
-            Colors { centre, edge: lighter(1.5), tip: lighter(1.7), vein: second.unwrap_or(lighter(2.6)) }
-        }
-    };
-    let f = fields(&made.raster, &colors, 1.0);
-    let n = made.raster.mask.side;
-    let side = u32::try_from(n).unwrap_or(u32::MAX);
+fn surface(made: &Drawn, colors: &Colors, keys: &OrganKeys, (name, size): (&str, f64)) -> (Material, Vec<Image>) {
     let image = |kind, suffix: &str, channels, pixels| Image {
         name: format!("{name}_{suffix}"),
         kind,
-        width: side,
-        height: side,
+        width: made.side,
+        height: made.side,
         channels,
         pixels,
     };
-    let rgba = |c: &[f32; 4]| {
-        [byte(srgb_from_linear(c[0])), byte(srgb_from_linear(c[1])), byte(srgb_from_linear(c[2])), byte(c[3])]
-    };
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
-    let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
     let images = vec![
-        image(ImageKind::Color, "color", 4, Pixels::U8(f.color.iter().flat_map(rgba).collect())),
-        image(ImageKind::Data, "normal", 3, Pixels::U8(leaf::normals(&f.height, &made.raster.mask.set, n))),
-        image(ImageKind::Data, "rough", 1, Pixels::U8(f.rough.iter().map(|r| byte(*r)).collect())),
-        image(ImageKind::Data, "height", 1, Pixels::U16(f.height.iter().map(deep).collect())),
+        image(ImageKind::Color, "color", 4, Pixels::U8(made.color.clone())),
+        image(ImageKind::Data, "normal", 3, Pixels::U8(made.normal.clone())),
+        image(ImageKind::Data, "rough", 1, Pixels::U8(made.rough.clone())),
+        image(ImageKind::Data, "height", 1, Pixels::U16(made.height.clone())),
     ];
     let material = Material {
         name: name.to_owned(),

@@ -10,7 +10,7 @@ use super::args::Bake;
 use super::progress::{Show, Timed};
 use super::{numbers, report, source, sweep};
 use crate::Result;
-use crate::bake::{Work, exporters, stage, write};
+use crate::bake::{Work, exporters, kept, stage, write};
 use crate::export::textures::Textures;
 use crate::export::{VERSION, Warning, manifest};
 use crate::fence::{Folder, WriteOptions, is_settled};
@@ -49,6 +49,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let show = Show::new(&context.console);
     let timed = Timed::new(&show);
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &timed };
+    kept::recall(&recipe, &root, &context.limits);
     let built = stage::build(&recipe, stage::Parts::default(), &work)?;
     show.done();
     context.console.report(&built.report);
@@ -144,6 +145,7 @@ fn bake(
     let folder = Folder::open_with(root, options)?;
     let textures = Arc::new(Textures::encode(&stage.scene)?);
     textures.write(&stage.scene, &folder, "textures/")?;
+    kept::keep(recipe, &folder)?;
     let mut writers = exporters::of_bake(&folder, &textures, recipe);
     let warnings = write::write(stage, &mut writers, frames, work)?;
     let settings = exporters::settings(&recipe.output, frames);

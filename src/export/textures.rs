@@ -84,3 +84,28 @@ pub fn png(image: &Image) -> Result<Arc<[u8]>> {
     writer.finish().map_err(|e| failed(&e))?;
     Ok(bytes.into())
 }
+
+/// The samples of a square picture that [`png`] has written; `None` for any other.
+pub fn unpng(bytes: &[u8], side: u32, channels: u8) -> Option<Pixels> {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().ok()?;
+    let info = reader.info();
+    let color = match channels {
+        1 => png::ColorType::Grayscale,
+        3 => png::ColorType::Rgb,
+        _ => png::ColorType::Rgba,
+    };
+    if (info.width, info.height, info.color_type) != (side, side, color) {
+        return None;
+    }
+    let deep = info.bit_depth == png::BitDepth::Sixteen;
+    if !deep && info.bit_depth != png::BitDepth::Eight {
+        return None;
+    }
+    let mut samples = vec![0; reader.output_buffer_size()?];
+    reader.next_frame(&mut samples).ok()?;
+    Some(if deep {
+        Pixels::U16(samples.as_chunks().0.iter().map(|b| u16::from_be_bytes(*b)).collect())
+    } else {
+        Pixels::U8(samples)
+    })
+}

@@ -72,6 +72,7 @@ pub(super) fn organs(read: &Read) -> Vec<OrganRecipe> {
         letter,
         keys: keys.clone(),
         ifs: None,
+        drawn: Arc::default(),
         mesh: Some(Arc::clone(mesh)),
     };
     set_letters(&read.system).zip(&read.meshes).map(organ).collect()

@@ -36,6 +36,7 @@ use crate::grammar::Grammar;
 use crate::ifs::Ifs;
 use crate::ifs::dynamics::Study;
 use crate::ifs::game::Extent;
+use crate::ifs::leaf;
 use crate::ifs::stems::Stems;
 use crate::ifs::weights::Rule;
 use crate::import::{Grey, Imported};
@@ -171,6 +172,8 @@ pub struct OrganRecipe {
     pub keys: sections::OrganKeys,
     /// The table that draws it, if one replaces the made blade.
     pub ifs: Option<Arc<Ifs>>,
+    /// What that table draws, once it has been asked for; organs of the same table and keys share it.
+    pub drawn: Arc<leaf::Once>,
     /// The artist's mesh, if one replaces the made blade.
     pub mesh: Option<Arc<Imported>>,
 }

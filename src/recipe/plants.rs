@@ -8,12 +8,12 @@ use super::key::{Section, join, wrong};
 use super::resolve::{Resolver, span_of};
 use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, SkinKeys, TurtleKeys, Up};
 use super::tree::{Table, Value};
-use super::{Found, Growth, OrganRecipe, PlantRecipe};
+use super::{Digest as _, Found, Growth, OrganRecipe, PlantRecipe};
 use crate::Error;
 use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use crate::fence::Names;
 use crate::grammar::{self, Grammar};
-use crate::ifs::Ifs;
+use crate::ifs::{Ifs, leaf};
 use crate::import::{self, Imported};
 use crate::scene::MaterialClass;
 
@@ -33,6 +33,24 @@ fn tuft_defaults(plant: &Table, skin: &mut SkinKeys) {
     for (key, value) in [("bury", &mut skin.bury), ("flare", &mut skin.flare)] {
         if !given(key) {
             *value = 0.0;
+        }
+    }
+}
+
+/// Leaves that one table draws with the same keys are drawn once, whatever plants bear them.
+fn share_leaves(plants: &mut [PlantRecipe]) {
+    let digest = |o: &OrganRecipe| {
+        let mut hasher = blake3::Hasher::new();
+        o.keys.digest(&mut hasher);
+        hasher.finalize()
+    };
+    let mut known: Vec<(Arc<Ifs>, blake3::Hash, Arc<leaf::Once>)> = Vec::new();
+    for organ in plants.iter_mut().flat_map(|p| &mut p.organs) {
+        let Some(table) = &organ.ifs else { continue };
+        let keys = digest(organ);
+        match known.iter().find(|(t, k, _)| *k == keys && t == table) {
+            Some((.., drawn)) => organ.drawn = Arc::clone(drawn),
+            None => known.push((Arc::clone(table), keys, Arc::clone(&organ.drawn))),
         }
     }
 }
@@ -57,6 +75,7 @@ impl Resolver<'_> {
             let id = names.unique(&entry.key);
             plants.extend(self.plant(&entry.key, id, entry.key_span, plant));
         }
+        share_leaves(&mut plants);
         plants
     }
 
@@ -84,7 +103,7 @@ impl Resolver<'_> {
             _ if keys.mesh.is_some() => {
                 let (mesh, import) = self.modelled(&keys, &path, table)?;
                 let flutter = OrganKeys { flutter: import.flutter, ..OrganKeys::defaults() };
-                organs = vec![OrganRecipe { letter: 'l', keys: flutter, ifs: None, mesh: None }];
+                organs = vec![OrganRecipe { letter: 'l', keys: flutter, ifs: None, drawn: Arc::default(), mesh: None }];
                 (Growth::Mesh(Box::new(mesh.1), import), mesh.0, Vec::new())
             }
             (Some(reference), _) => {
@@ -115,7 +134,13 @@ impl Resolver<'_> {
         };
         for letter in letters {
             if !organs.iter().any(|o| o.letter == letter) {
-                organs.push(OrganRecipe { letter, keys: OrganKeys::defaults(), ifs: None, mesh: None });
+                organs.push(OrganRecipe {
+                    letter,
+                    keys: OrganKeys::defaults(),
+                    ifs: None,
+                    drawn: Arc::default(),
+                    mesh: None,
+                });
             }
         }
         Some(PlantRecipe {
@@ -216,7 +241,7 @@ impl Resolver<'_> {
             Some(r) => Some(Arc::new(self.plane_table(&r, &keys.system, "a leaf is drawn")?)),
             None => None,
         };
-        Some(OrganRecipe { letter, keys, ifs, mesh })
+        Some(OrganRecipe { letter, keys, ifs, drawn: Arc::default(), mesh })
     }
 
     /// Parses a grammar; the files that it includes take part in the scene's hash.

@@ -1,6 +1,7 @@
 //! Leaves drawn by a system: silhouette, veins, relief and colours as maps, and a blade cut along the outline.
 
 mod blade;
+mod drawn;
 pub mod edt;
 mod maps;
 mod mask;
@@ -11,6 +12,7 @@ mod rib;
 use glam::{DMat3, DVec2, DVec3};
 
 pub use blade::{Flat, Place, Pose, bent};
+pub use drawn::{Drawn, Once, hash, mapped};
 pub use maps::{Colors, Fields, fields, normals};
 pub use mask::{Cleaned, Mask};
 
