@@ -35,21 +35,14 @@ impl Derivation<'_> {
     /// Takes all steps that are left after `step`, if no module asks what stands beside it or what others did. False if
     /// they must be taken one by one, as well where something has to be said of them: the words then name their step.
     pub(super) fn rest_apart(&mut self, step: u32) -> bool {
-        if step >= self.length || self.string.len() < WORTH || !self.modules_keep_apart() {
+        if step >= self.length || self.string.len() < WORTH || self.held_together || !self.modules_keep_apart() {
             return false;
         }
-        let limit = self.limits.get("modules");
-        let pieces: Vec<Modules> = self.string.pieces(PIECE);
-        let kept = AtomicU64::new(0);
-        let grown = par_map(&pieces, |piece| self.grown(piece.clone(), step, &kept, limit));
-        let Some(grown) = grown.into_iter().collect::<Option<Vec<Grown>>>() else { return false };
-        let statements = self.vm.statements + grown.iter().map(|g| g.statements).sum::<u64>();
-        let fits = |[modules, params]: Size| modules <= limit && params <= MAX_PARAMS as u64;
-        let sized = |at: usize| grown.iter().fold([0, 0], |[m, p], g| [m + g.sizes[at][0], p + g.sizes[at][1]]);
-        if statements > self.vm.statement_limit || !(0..(self.length - step) as usize).all(|at| fits(sized(at))) {
+        let Some(grown) = self.all_grown(step) else {
+            self.held_together = true;
             return false;
-        }
-        self.vm.statements = statements;
+        };
+        self.vm.statements += grown.iter().map(|g| g.statements).sum::<u64>();
         self.string.clear();
         grown.iter().for_each(|g| self.string.extend(&g.modules, 0..g.modules.len()));
         let changed = grown.iter().map(|g| g.changed).max().unwrap_or(0);
@@ -61,6 +54,20 @@ impl Derivation<'_> {
         self.taken = self.idle_from.filter(|_| self.nothing_can_change()).unwrap_or(self.length);
         self.vm.step = self.taken;
         true
+    }
+
+    /// What pieces of the string become after all steps that follow `step`; `None` if they must be taken together.
+    fn all_grown(&self, step: u32) -> Option<Vec<Grown>> {
+        let limit = self.limits.get("modules");
+        let kept = AtomicU64::new(0);
+        let pieces = self.string.pieces(PIECE);
+        let grown = par_map(&pieces, |piece| self.grown(piece.clone(), step, &kept, limit));
+        let grown = grown.into_iter().collect::<Option<Vec<Grown>>>()?;
+        let statements = grown.iter().fold(self.vm.statements, |sum, g| sum + g.statements);
+        let fits = |[modules, params]: Size| modules <= limit && params <= MAX_PARAMS as u64;
+        let sized = |at: usize| grown.iter().fold([0, 0], |[m, p], g| [m + g.sizes[at][0], p + g.sizes[at][1]]);
+        let all_fit = (0..(self.length - step) as usize).all(|at| fits(sized(at)));
+        (statements <= self.vm.statement_limit && all_fit).then_some(grown)
     }
 
     /// True if what becomes of a module depends on nothing but itself and the step.
@@ -204,6 +211,16 @@ mod tests {
         // Comes to rest, some pieces before others.
         let (_, steps) = both(40, "A(x) : x<12 --> A(x+1) A(x+1) F\nA(x) : x>=12 && x<20 --> A(x+1)");
         assert_eq!(steps, 21);
+    }
+
+    #[test]
+    fn what_has_to_be_said_is_said_as_step_by_step() {
+        let text = "Lsystem: 1\nderivation length: 14\nAxiom: A(0)\nA(x) --> A(x+1/0) A(x+1)\nendlsystem\n";
+        let (grammar, _) = read(text);
+        let derived = derive(&grammar, &DeriveOptions::default(), &Limits::default()).expect("derives");
+        assert_eq!(derived.modules, stepwise(text).0);
+        let said = derived.warnings.iter().find(|d| d.code == "L040").map(|d| d.message.clone());
+        assert_eq!(said.as_deref(), Some("division by zero, 16383 times"));
     }
 
     #[test]

@@ -89,6 +89,8 @@ pub(super) struct Derivation<'g> {
     cut: Option<SymbolId>,
     idle_from: Option<u32>,
     taken: u32,
+    /// Pieces of the string were tried apart, and something has to be said of them.
+    held_together: bool,
 }
 
 impl<'g> Derivation<'g> {
@@ -118,6 +120,7 @@ impl<'g> Derivation<'g> {
             cut: made('%').filter(|_| !program.strips('%')),
             idle_from: None,
             taken: 0,
+            held_together: false,
         }
     }
 
