@@ -3,11 +3,12 @@
 
     python render.py out/showcase/showcase.usda picture.png [--frame 36] [--size 800x800] [--samples 96]
                      [--eye x,y,z --target x,y,z --fov 35] [--plain] [--sun elevation,azimuth]
-                     [--haze visibility]
+                     [--haze visibility] [--sky horizon,zenith,below] [--energy sun] [--through leaves]
 
 Needs Blender's Python module (pip install bpy==5.0.1). Positions are osier's: metres, +Y up. Without --eye the file's own
 camera is used if it has one, else the bounds are fitted. --plain adds a ground and is meant for single plants. --haze is
-a scene's [fog] visibility, m, put into the materials: USD has no word for it.
+a scene's [fog] visibility, m, put into the materials: USD has no word for it. --sky are a scene's [sky] colours,
+--through the share of light that leaves let through (`translucency`), which USD's preview surface has no word for either.
 """
 
 import argparse
@@ -34,6 +35,9 @@ def arguments():
     p.add_argument("--exposure", type=float, default=0.0)
     p.add_argument("--haze", type=float, help="visibility, m")
     p.add_argument("--plain", action="store_true")
+    p.add_argument("--sky", help="horizon, zenith and what stands below the horizon, #rrggbb each")
+    p.add_argument("--energy", type=float, default=3.6, help="of the sun, W/m^2")
+    p.add_argument("--through", type=float, default=0.0, help="share of light that leaves let through")
     return p.parse_args(sys.argv[1:])
 
 
@@ -97,7 +101,7 @@ def set_light(scene, a):
         bpy.data.objects.remove(o)
     elevation, azimuth = (math.radians(float(v)) for v in a.sun.split(","))
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    sun.data.energy, sun.data.angle, sun.data.color = 3.6, math.radians(0.6), (1.0, 0.95, 0.86)
+    sun.data.energy, sun.data.angle, sun.data.color = a.energy, math.radians(0.6), (1.0, 0.95, 0.86)
     x, y, z = math.cos(elevation) * math.sin(azimuth), math.sin(elevation), math.cos(elevation) * math.cos(azimuth)
     sun.rotation_mode = "QUATERNION"
     sun.rotation_quaternion = Vector((x, -z, y)).to_track_quat("Z", "Y")
@@ -116,6 +120,49 @@ def set_light(scene, a):
     links.new(split.outputs["Z"], ramp.inputs[0])
     links.new(ramp.outputs[0], nodes["Background"].inputs["Color"])
     nodes["Background"].inputs["Strength"].default_value = 0.75
+
+
+def set_sky(scene, colors):
+    """A soft edge between the sky and what stands below the horizon, as POV-Ray's files have it."""
+    def linear(text):
+        parts = (int(text.strip("#")[i : i + 2], 16) / 255 for i in (0, 2, 4))
+        return [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts] + [1]
+
+    horizon, zenith, below = (linear(c) for c in colors.split(","))
+    nodes, links = scene.world.node_tree.nodes, scene.world.node_tree.links
+    ramp = next(n for n in nodes if n.type == "VALTORGB")
+    rise = nodes.new("ShaderNodeMapRange")
+    rise.inputs["From Min"].default_value = -1.0
+    links.new(ramp.inputs[0].links[0].from_socket, rise.inputs["Value"])
+    links.new(rise.outputs[0], ramp.inputs[0])
+    stops = ramp.color_ramp.elements
+    stops[0].color = [c * 0.4 for c in below[:3]] + [1]
+    stops[1].position, stops[1].color = 1.0, zenith
+    for position, color in ((0.38, below), (0.55, horizon)):
+        stops.new(position).color = color
+    nodes["Background"].inputs["Strength"].default_value = 1.0
+
+
+def shine_through(share):
+    """Lets light through leaves."""
+    for material in bpy.data.materials:
+        if not material.node_tree or not re.search(r"_l\d+|leaf", material.name) or "bark" in material.name:
+            continue
+        nodes, links = material.node_tree.nodes, material.node_tree.links
+        surface = next((n for n in nodes if n.type == "BSDF_PRINCIPLED"), None)
+        out = next((n for n in nodes if n.type == "OUTPUT_MATERIAL"), None)
+        if surface is None or out is None:
+            continue
+        back, mix = nodes.new("ShaderNodeBsdfTranslucent"), nodes.new("ShaderNodeMixShader")
+        color = surface.inputs["Base Color"]
+        if color.links:
+            links.new(color.links[0].from_socket, back.inputs["Color"])
+        else:
+            back.inputs["Color"].default_value = color.default_value
+        mix.inputs[0].default_value = share
+        links.new(surface.outputs[0], mix.inputs[1])
+        links.new(back.outputs[0], mix.inputs[2])
+        links.new(mix.outputs[0], out.inputs["Surface"])
 
 
 def add_haze(scene, visibility):
@@ -173,7 +220,7 @@ def show_maps(scene):
             color, mix = surface.inputs["Base Color"], nodes.new("ShaderNodeMix")
             mix.data_type, mix.blend_type = "RGBA", "MULTIPLY"
             dry, wet = (s for s in mix.inputs if s.name in "AB" and s.type == "RGBA")
-            dry.default_value, wet.default_value = color.default_value, (0.7, 0.7, 0.7, 1)
+            dry.default_value, wet.default_value = color.default_value, (0.55, 0.55, 0.55, 1)
             if color.links:
                 links.new(color.links[0].from_socket, dry)
             links.new(node.outputs["Color"], mix.inputs["Factor"])
@@ -199,6 +246,10 @@ def main():
     show_maps(scene)
     set_camera(scene, a)
     set_light(scene, a)
+    if a.sky:
+        set_sky(scene, a.sky)
+    if a.through:
+        shine_through(a.through)
     if a.plain:
         add_ground(scene)
     if a.haze:

@@ -126,6 +126,7 @@ fn pov_options(output: &OutputRecipe) -> pov::Options {
     pov::Options {
         step: output.pov.step,
         units_per_m: crate::math::narrow(output.pov.units),
+        shutter: crate::math::narrow(output.pov.shutter),
         photons: output.photons.as_ref().map(|p| crate::math::narrow(p.smallest)),
         size: (output.pov.size[0] as u32, output.pov.size[1] as u32),
         ..pov::Options::default()

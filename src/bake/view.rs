@@ -52,5 +52,5 @@ pub fn sky(recipe: &Recipe) -> Sky {
         color: recipe.fog.color.unwrap_or(keys.horizon).map(|c| c * strength),
         height: narrow(recipe.fog.height),
     });
-    Sky { horizon: keys.horizon, zenith: keys.zenith, strength, fog }
+    Sky { horizon: keys.horizon, zenith: keys.zenith, below: keys.below, glow: narrow(keys.glow), strength, fog }
 }

@@ -403,6 +403,10 @@ keys! {
         horizon: [f32; 3] = "horizon" Color("#edf3f9");
         /// Overhead.
         zenith: [f32; 3] = "zenith" Color("#89b3e6");
+        /// What stands below the horizon, dark as far trees; drops show it upside down. POV-Ray only.
+        below: Option<[f32; 3]> = "below" Maybe(Color("#1a2417"), "the sky goes on");
+        /// Brightness of the air around the sun, over that of its colour. POV-Ray only.
+        glow: f64 = "glow" num(0.0, 0.0, 100.0, "");
         /// Factor on both.
         strength: f64 = "strength" num(1.0, 0.0, 1000.0, "");
     }
@@ -417,6 +421,8 @@ keys! {
         step: u32 = "step" whole(1, 1, 1_000_000);
         /// Width and height of the picture.
         size: [f64; 2] = "size" Tuple([800.0, 600.0], num(800.0, 8.0, 16384.0, "pixels"));
+        /// Share of the time between two frames for which the shutter is open: how long the streaks of falling water are.
+        shutter: f64 = "shutter" num(0.5, 0.0, 1.0, "");
         /// Scene units per metre.
         units: f64 = "units_per_m" num(100.0, 1.0, 1e5, "");
     }

@@ -68,6 +68,10 @@ pub struct Sky {
     pub horizon: [f32; 3],
     /// Overhead.
     pub zenith: [f32; 3],
+    /// What stands below the horizon, as far trees do; none: the sky goes on.
+    pub below: Option<[f32; 3]>,
+    /// Brightness of the air around the sun, over that of the sun's colour; 0: no such air.
+    pub glow: f32,
     /// Factor on both.
     pub strength: f32,
     /// Haze below it.
@@ -123,7 +127,7 @@ impl Default for Sun {
 
 impl Default for Sky {
     fn default() -> Self {
-        Self { horizon: [0.85, 0.9, 0.95], zenith: [0.25, 0.45, 0.8], strength: 1.0, fog: None }
+        Self { horizon: [0.85, 0.9, 0.95], zenith: [0.25, 0.45, 0.8], below: None, glow: 0.0, strength: 1.0, fog: None }
     }
 }
 

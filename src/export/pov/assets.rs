@@ -4,7 +4,7 @@
 //! (still ones that are wet are macros, as their texture comes with the frame), `L_a_i` instances, `J_a_i_j` the instances that ride on joint j, `D_a_p` points, `H_a_c` curves, `A_a` the asset.
 
 use super::mesh::{Faces, mesh2, shows, topology, unhaired, vectors};
-use super::objects::{Cloud, SPHERES, cloud, curves, group, instances};
+use super::objects::{Cloud, SPHERES, View, cloud, curves, group, instances};
 use super::photons;
 use super::space::Space;
 use crate::export::Warning;
@@ -28,8 +28,8 @@ pub(super) struct Part<'a> {
     pub space: Space,
     /// The scene's materials.
     pub materials: &'a [Material],
-    /// Frames per second.
-    pub fps: f32,
+    /// How what falls is seen.
+    pub view: View,
     /// Radius of the smallest drop that photons aim at, m, if any.
     pub photons: Option<f32>,
 }
@@ -256,7 +256,7 @@ impl Part<'_> {
 
     fn points(&self, text: &mut Text, frame: &AssetFrame, moving: bool, warnings: &mut Vec<Warning>) {
         for (i, points) in self.asset.points.iter().enumerate().filter(|(_, p)| p.moving == moving) {
-            let at = Cloud { now: points.at(frame.points(i)), fps: self.fps };
+            let at = Cloud { now: points.at(frame.points(i)), view: self.view };
             text.put(&format!("#declare D_{}_{i} = ", self.index));
             let dropped = cloud(text, self.space, points, self.materials, &at);
             if dropped > 0 {

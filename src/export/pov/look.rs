@@ -21,6 +21,15 @@ fn film(c: f32) -> f32 {
     1.0 - crate::math::exp_f32(-1.5 * c.max(0.0))
 }
 
+/// Where what stands below the horizon ends and the sky begins, as shares of the way from straight down to straight up: a soft
+/// edge, as of trees that are far out of focus.
+const BAND: [f32; 2] = [0.38, 0.55];
+/// How dark it is straight below, as a share of what it is at the edge.
+const DEEP: f32 = 0.4;
+
+/// Share of the glow around the sun at cosines of the angle to it. Own: chosen by eye, after hazy mornings.
+const GLOW: [(f32, f32); 6] = [(0.82, 0.0), (0.9, 0.04), (0.95, 0.13), (0.98, 0.34), (0.994, 0.7), (1.0, 1.0)];
+
 /// What holds for the whole scene. `photons`: the smallest drop's radius in units, if any drop is a target.
 pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
     text.put("#version 3.7;\nglobal_settings {\n  assumed_gamma 1.0\n  max_trace_level 16\n");
@@ -48,8 +57,8 @@ fn fog(text: &mut Text, space: Space, fog: &Fog) {
 /// X001 if camera, sun or sky hold a number that is not finite.
 pub(super) fn check(scene: &Scene) -> Result<()> {
     let (c, s, k) = (&scene.camera, &scene.sun, &scene.sky);
-    let numbers = [c.vfov, c.roll, s.elevation, s.azimuth, s.strength, s.angle, k.strength];
-    let colors = [s.color, k.horizon, k.zenith].concat();
+    let numbers = [c.vfov, c.roll, s.elevation, s.azimuth, s.strength, s.angle, k.strength, k.glow];
+    let colors = [s.color, k.horizon, k.zenith, k.below.unwrap_or_default()].concat();
     let finite = c.eye.is_finite() && c.target.is_finite() && numbers.iter().chain(&colors).all(|v| v.is_finite());
     if finite { Ok(()) } else { Err(Error::export("X001", "camera, sun or sky: a number is not finite")) }
 }
@@ -103,19 +112,41 @@ pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
     text.put("\n}\n");
 }
 
+/// The bright air around the sun, laid over the sky: what makes drops against the light sparkle.
+fn glow(text: &mut Text, sky: &Sky, sun: &Sun) {
+    let d = sun.direction();
+    text.put("  pigment {\n    function { max(0, x*(").num(d.x).put(") + y*(").num(d.y).put(") + z*(").num(-d.z);
+    text.put(")) }\n    color_map { ");
+    let color = sun.color.map(|c| c * sky.glow);
+    for (at, share) in GLOW {
+        let [r, g, b] = color;
+        text.put("[").num(at).put(" rgbt <").list(&[r, g, b, 1.0 - share], ",").put(">] ");
+    }
+    text.put("}\n  }\n");
+}
+
 /// The sky as a picture, and as a dome of parallel lights that gives the shade its light: POV-Ray's ambient would be
 /// the same in the open and inside a crown.
 /// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
 /// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
-pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, bounds: Bounds) {
+pub(super) fn sky(text: &mut Text, space: Space, (sky, sun): (&Sky, &Sun), bounds: Bounds) {
     let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
-    text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { [0 ");
-    rgb(text, horizon.map(film));
-    text.put("] [0.5 ");
-    rgb(text, horizon.map(film));
-    text.put("] [1 ");
-    rgb(text, zenith.map(film));
-    text.put("] }\n    scale 2 translate -1\n  }\n}\n");
+    let below = sky.below.unwrap_or(sky.horizon).map(|c| c * sky.strength);
+    let stops = match sky.below {
+        Some(_) => vec![(0.0, below.map(|c| c * DEEP)), (BAND[0], below), (BAND[1], horizon), (1.0, zenith)],
+        None => vec![(0.0, horizon), (0.5, horizon), (1.0, zenith)],
+    };
+    text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { ");
+    for (at, color) in stops {
+        text.put("[").num(at).put(" ");
+        rgb(text, color.map(film));
+        text.put("] ");
+    }
+    text.put("}\n    scale 2 translate -1\n  }\n");
+    if sky.glow > 0.0 {
+        glow(text, sky, sun);
+    }
+    text.put("}\n");
     if let Some(f) = &sky.fog {
         fog(text, space, f);
     }
@@ -133,5 +164,31 @@ pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, bounds: Bounds) {
         text.put(" parallel point_at ");
         space.point(text, bounds.center());
         text.put(" photons { reflection off refraction off } }\n");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(sky: &Sky) -> String {
+        let mut text = Text::default();
+        self::sky(&mut text, Space { scale: 1.0 }, (sky, &Sun::default()), Bounds::of([Vec3::ZERO, Vec3::ONE]));
+        String::from_utf8(text.bytes().to_vec()).expect("ascii")
+    }
+
+    #[test]
+    fn below_the_horizon_is_what_stands_there_and_the_sun_glows_where_asked() {
+        let plain = written(&Sky::default());
+        let same = [plain.find("[0 rgb <").expect("below"), plain.find("[0.5 rgb <").expect("horizon")];
+        assert_eq!(plain[same[0] + 3..].split(']').next(), plain[same[1] + 5..].split(']').next(), "{plain}");
+        assert_eq!(plain.matches("pigment").count(), 1, "{plain}");
+        let dark = written(&Sky { below: Some([0.0; 3]), glow: 2.0, ..Sky::default() });
+        assert!(dark.contains("[0.38 rgb 0]") || dark.contains("[0.38 rgb <0,0,0>]"), "{dark}");
+        assert!(dark.contains("[0.55 rgb <"), "{dark}");
+        // At its middle there is nothing but the sun's colour, twice as bright.
+        let [r, g, b] = Sun::default().color.map(|c| c * 2.0);
+        assert!(dark.contains(&format!("[1 rgbt <{r},{g},{b},0>]")), "{dark}");
+        assert!(dark.contains("[0.82 rgbt <") && dark.matches("light_source").count() == 8, "{dark}");
     }
 }

@@ -44,7 +44,7 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     let bounds = scene_bounds(scene, None);
     look::camera(&mut text, space, &scene.camera);
     look::sun(&mut text, space, &scene.sun, bounds);
-    look::sky(&mut text, space, &scene.sky, bounds);
+    look::sky(&mut text, space, (&scene.sky, &scene.sun), bounds);
     text
 }
 

@@ -56,7 +56,8 @@ const FLUFF: f32 = 1.5;
 /// exponent e = 2 / r^4 - 2 of a GGX lobe of roughness r; POV-Ray's `roughness` is 1 / e.
 fn finish(text: &mut Text, m: &Material) {
     if m.class == MaterialClass::Water {
-        text.put("diffuse 0 specular 0.9 roughness 0.0008 reflection { 0, 1 fresnel on } conserve_energy");
+        // The lights that stand for the sky would each show as a star in every drop; the sun is ten times as bright.
+        text.put("diffuse 0 specular 0.3 roughness 0.0008 reflection { 0, 1 fresnel on } conserve_energy");
         return;
     }
     if m.class == MaterialClass::Catkin {
@@ -110,7 +111,7 @@ enum Coat {
 }
 
 /// How dark a wet leaf is beside a dry one: light is caught in the film.
-const WET: f32 = 0.7;
+const WET: f32 = 0.55;
 
 /// The texture with its pictures, looked up by the mesh's texture coordinates.
 fn mapped(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material, pictures: &str) -> Result<()> {

@@ -16,6 +16,7 @@ mod wet;
 use std::sync::Arc;
 
 use self::assets::Part;
+use self::objects::View;
 use self::space::Space;
 use super::text::Text;
 use super::textures::Textures;
@@ -26,6 +27,10 @@ use crate::{Error, Result};
 
 /// Instances and triangles of one frame beyond which POV-Ray's parsing gets slow enough to say so.
 const HEAVY: usize = 500_000;
+
+/// Streaks of rain nearer to the eye than this are left out, as a share of the way to what it looks at: a lens would blur
+/// them away, POV-Ray draws rods of glass across the picture.
+const NEAR: f32 = 0.8;
 
 /// Where the files go.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -46,6 +51,8 @@ pub struct Options {
     pub units_per_m: f32,
     /// Shoot photons through drops of at least this radius, m.
     pub photons: Option<f32>,
+    /// Share of the time between two frames for which the shutter is open, 0..1.
+    pub shutter: f32,
     /// Width and height of the picture in pixels.
     pub size: (u32, u32),
     /// Where the files go.
@@ -54,7 +61,8 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { step: 1, units_per_m: 100.0, photons: None, size: (800, 600), layout: Layout::Bake }
+        let size = (800, 600);
+        Self { step: 1, units_per_m: 100.0, photons: None, shutter: 0.5, size, layout: Layout::Bake }
     }
 }
 
@@ -122,7 +130,11 @@ impl Pov {
             asset,
             space: self.space(),
             materials: &scene.materials,
-            fps: crate::math::narrow(scene.clip.fps()),
+            view: View {
+                open: self.options.shutter / crate::math::narrow(scene.clip.fps()),
+                eye: scene.camera.eye,
+                near: scene.camera.eye.distance(scene.camera.target) * NEAR,
+            },
             photons: self.options.photons,
         };
         scene.assets.iter().enumerate().map(part).collect()

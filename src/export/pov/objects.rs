@@ -9,8 +9,8 @@ use crate::scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Po
 /// Most spheres that one cloud may have.
 pub(super) const SPHERES: usize = 100_000;
 
-/// Share of the time between two frames that the shutter is open: the length of a rain streak.
-const SHUTTER: f32 = 0.5;
+/// How much of what is behind it a streak hides, where it is as long as it is wide. Own: chosen by eye, 0..1.
+const VEIL: f32 = 0.2;
 
 /// Shapes as one object. POV-Ray complains about a union of one, and of none. `tail`: what holds for all of them.
 pub(super) fn group(text: &mut Text, count: usize, shapes: &Text, tail: &str) {
@@ -47,25 +47,51 @@ pub(super) fn instances(
 pub(super) struct Cloud<'a> {
     /// Where they are.
     pub now: PointsNow<'a>,
-    /// Frames per second.
-    pub fps: f32,
+    /// How what falls is seen.
+    pub view: View,
+}
+
+/// How what falls is seen.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View {
+    /// Time for which the shutter is open, s.
+    pub open: f32,
+    /// Where the eye is, m.
+    pub eye: Vec3,
+    /// Streaks nearer to it are left out, m.
+    pub near: f32,
+}
+
+impl View {
+    /// Half of the way that a drop falls while the shutter is open, if it is longer than the drop.
+    fn half(&self, velocity: Option<&Vec3>, radius: f32) -> Option<Vec3> {
+        velocity.map(|v| *v * (self.open * 0.5)).filter(|half| half.length() > radius)
+    }
+
+    /// Whether a streak is so near that it would be drawn across the picture.
+    fn blurs(&self, p: Vec3, half: Vec3) -> bool {
+        let t = (self.eye - p).dot(half) / half.length_squared().max(1e-12);
+        (p + half * t.clamp(-1.0, 1.0)).distance(self.eye) < self.near
+    }
 }
 
 /// A cloud's visible points: spheres, or streaks for water that falls. At most [`SPHERES`], evenly chosen. Returns how
-/// many were left out, and whether there are any.
+/// many were left out beyond that.
 /// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
+/// Differs: the drop is at each place of its streak for a part of the time only, so the streak is a veil and not a rod of glass.
 pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &[Material], at: &Cloud) -> usize {
-    let visible: Vec<usize> =
-        (0..at.now.positions.len()).filter(|i| at.now.widths.get(*i).is_some_and(|w| *w > 0.0)).collect();
+    let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
+    let width = |i: usize| at.now.widths.get(i).copied().unwrap_or(0.0);
+    let half = |i: usize| at.view.half(at.now.velocities.get(i).filter(|_| water), width(i) * 0.5);
+    let seen = |i: &usize| width(*i) > 0.0 && !half(*i).is_some_and(|h| at.view.blurs(at.now.positions[*i], h));
+    let visible: Vec<usize> = (0..at.now.positions.len()).filter(seen).collect();
     let stride = visible.len().div_ceil(SPHERES).max(1);
     let kept: Vec<usize> = visible.iter().copied().step_by(stride).collect();
-    let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
     let mut shapes = Text::default();
     shapes.lines(&kept, |t, _, i| {
         let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);
-        let streak = at.now.velocities.get(*i).map(|v| *v * (SHUTTER * 0.5 / at.fps));
-        match streak {
-            Some(half) if water && half.length() > radius => {
+        match half(*i) {
+            Some(half) => {
                 t.put("cone{");
                 space.point(t, p - half);
                 t.put(",");
@@ -74,8 +100,11 @@ pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &
                 space.point(t, p + half);
                 t.put(",");
                 space.length(t, radius * 0.5);
+                // Its own interior, or it would bend what is seen through it.
+                t.put(" texture{pigment{rgbt<1,1,1,").num(1.0 - VEIL * radius / half.length());
+                t.put(">}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow");
             }
-            _ => {
+            None => {
                 t.put("sphere{");
                 space.point(t, p);
                 t.put(",");
@@ -154,11 +183,42 @@ mod tests {
             moving: false,
             reach: crate::geometry::Bounds::default(),
         };
-        let at = Cloud { now: points.at(&crate::scene::PointsFrame::Same), fps: 24.0 };
+        let view = View { open: 0.02, eye: Vec3::ZERO, near: 0.0 };
+        let at = Cloud { now: points.at(&crate::scene::PointsFrame::Same), view };
         let mut text = Text::default();
         let dropped = cloud(&mut text, Space { scale: 1.0 }, &points, &[], &at);
         let lines = text.bytes().split(|c| *c == b'\n').filter(|l| *l == b"sphere{<1,1,-1>,0.25}").count();
         assert_eq!((lines, dropped), (83_334, 166_666));
+    }
+
+    #[test]
+    fn falling_water_is_a_veil_or_a_drop_and_none_hangs_before_the_eye() {
+        let points = Points {
+            name: "p".into(),
+            material: 0,
+            positions: [0.0, 1.0, 2.0].map(|x| Vec3::new(x, 0.0, 0.0)).to_vec(),
+            widths: vec![0.002; 3],
+            colors: Vec::new(),
+            attributes: Vec::new(),
+            moving: true,
+            reach: crate::geometry::Bounds::default(),
+        };
+        let now = crate::scene::PointsFrame::State {
+            positions: points.positions.clone(),
+            widths: points.widths.clone(),
+            velocities: vec![Vec3::NEG_Y * 6.0, Vec3::NEG_Y * 6.0, Vec3::NEG_Y * 0.05],
+            colors: Vec::new(),
+        };
+        let water = Material::plain("water".into(), MaterialClass::Water, [1.0; 3], 0.0);
+        // The first falls past the eye, below which it is now.
+        let view = View { open: 0.01, eye: Vec3::new(0.0, 0.025, 0.05), near: 0.1 };
+        let mut text = Text::default();
+        let lost = cloud(&mut text, Space { scale: 100.0 }, &points, &[water], &Cloud { now: points.at(&now), view });
+        let s = std::str::from_utf8(text.bytes()).expect("ascii");
+        assert_eq!((lost, s.matches("cone{").count(), s.matches("sphere{").count()), (0, 1, 1), "{s}");
+        // Thirty times as long as wide, so that next to nothing of it is there at any one time.
+        assert!(s.contains("cone{<100,3,0>,0.1,<100,-3,0>,0.05 texture{pigment{rgbt<1,1,1,0.99"), "{s}");
+        assert!(s.contains("sphere{<200,0,0>,0.1}"), "{s}");
     }
 
     #[test]

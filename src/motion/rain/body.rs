@@ -1,14 +1,15 @@
 //! Drops as closed meshes that fit the leaf under them.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::bearer::Blade;
 use super::cap::Cap;
 use super::leaf::Leaf;
+use super::line::Line;
 use super::moment::{Hanging, Lying};
-use super::pendant::Shapes;
+use super::pendant::{Shapes, drawn};
 use super::sheet::Spot;
 use crate::math;
 use crate::scene::Mesh;
@@ -17,11 +18,8 @@ use crate::scene::Mesh;
 const FEW: [u32; 2] = [6, 24];
 const MANY: [u32; 2] = [12, 48];
 const LARGE: f64 = 1e-3;
-/// Rows per base radius, and columns, of a drop with a tail.
-const ROWS: f64 = 7.0;
+/// Columns of a drop with a tail.
 const COLUMNS: u32 = 14;
-/// Most rows.
-const LONG: u32 = 160;
 /// How far water reaches under the leaf's surface, so that no air is left between, m.
 const UNDER: f64 = 1e-4;
 /// Sides of a drop that hangs, and the height of its upper end over the circle it hangs from, in radii.
@@ -40,11 +38,11 @@ pub struct Water {
 }
 
 /// Where points of a drop are put.
-struct Base<'a> {
-    leaf: &'a Leaf,
+pub(super) struct Base<'a> {
+    pub(super) leaf: &'a Leaf,
     blade: &'a Blade,
     uv: DVec2,
-    spot: Spot,
+    pub(super) spot: Spot,
     side: f64,
     v: DVec3,
 }
@@ -55,7 +53,7 @@ impl<'a> Base<'a> {
     }
 
     /// A way along the leaf from the middle, and a height over it, m: in the world.
-    fn point(&self, way: DVec3, height: f64) -> DVec3 {
+    pub(super) fn point(&self, way: DVec3, height: f64) -> DVec3 {
         let there = self.uv + self.spot.uv(way);
         let s = self.leaf.sheet.beyond(there, &self.spot, self.uv, self.leaf.scale);
         self.blade.p + self.blade.q * (s.p + s.n * (self.side * height))
@@ -166,7 +164,7 @@ impl Water {
         index
     }
 
-    /// A drop with its tail as one body: rows across its way, each as wide and high as the caps there. Source: own.
+    /// A drop with its tail as one body: rows across its way, that narrow from its head to its end. Source: own.
     fn strip(&mut self, base: &Base<'_>, drop: &Lying) {
         let Some(line) = Line::new(base, drop) else { return };
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
@@ -245,7 +243,7 @@ impl Water {
 
     /// Adds a drop that hangs at a margin. `shapes`: of its circle.
     pub fn hang(&mut self, blade: &Blade, drop: &Hanging, shapes: &Shapes) {
-        let profile = shapes.profile(drop.volume);
+        let profile = drawn(&shapes.profile(drop.volume), drop.thin);
         let Some([_, length]) = profile.last().copied() else { return };
         let down = (blade.q * drop.axis).normalize_or(DVec3::NEG_Y);
         let (x, y) = down.any_orthonormal_pair();
@@ -304,92 +302,10 @@ fn thinned(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
     out
 }
 
-/// The way that a drop with a tail came, from its head back.
-struct Line {
-    /// Places, of leaf space from the head, and the way to each, m.
-    points: Vec<(DVec3, f64)>,
-    /// Way to each cap, its base radius, stretch, and shape.
-    caps: Vec<(f64, f64, Cap)>,
-    normal: DVec3,
-    skew: f64,
-    /// Where it begins and ends.
-    from: f64,
-    to: f64,
-}
-
-impl Line {
-    fn new(base: &Base<'_>, drop: &Lying) -> Option<Self> {
-        let places: Vec<DVec3> = drop.beads.iter().filter_map(|b| base.leaf.at(b.uv)).map(|s| s.p).collect();
-        if places.len() != drop.beads.len() {
-            return None;
-        }
-        let mut points = Vec::new();
-        let mut way = 0.0;
-        for (i, p) in places.iter().enumerate() {
-            way += if i > 0 { p.distance(places[i - 1]) } else { 0.0 };
-            points.push((*p - base.spot.p, way));
-        }
-        let q = |i: usize| if i == 0 { drop.print.q } else { 1.0 };
-        let caps: Vec<(f64, f64, Cap)> =
-            drop.beads.iter().enumerate().map(|(i, b)| (points[i].1, q(i), b.cap)).collect();
-        let from = -caps[0].2.reach() * caps[0].1;
-        let to = caps.iter().fold(from, |m, (s, q, c)| m.max(s + c.reach() * q));
-        // Caps that stand on one place have no way between them: the drop's own axis leads.
-        if way < 1e-6 {
-            let back = -drop.axis;
-            points = vec![(DVec3::ZERO, 0.0), (back * 1e-3, 1e-3)];
-        }
-        Some(Self { points, caps, normal: base.spot.n, skew: drop.print.skew, from, to })
-    }
-
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    fn rows(&self) -> u32 {
-        let least = self.caps.iter().fold(f64::MAX, |m, (_, _, c)| m.min(c.a)).max(1e-5);
-        ((self.to - self.from) / least * ROWS).ceil().clamp(16.0, f64::from(LONG)) as u32
-    }
-
-    /// Way of a row; rows stand closer at the ends.
-    fn at(&self, k: u32, rows: u32) -> f64 {
-        let share = 0.5 - 0.5 * math::cos(PI * f64::from(k) / f64::from(rows));
-        self.from + (self.to - self.from) * share
-    }
-
-    /// Half of its width.
-    fn width(&self, s: f64) -> f64 {
-        let one = |(at, q, c): &(f64, f64, Cap)| {
-            let x = (s - at) / (c.reach() * q);
-            if x.abs() < 1.0 { c.reach() / q * math::sqrt(1.0 - x * x) } else { 0.0 }
-        };
-        self.caps.iter().map(one).fold(1e-6, f64::max)
-    }
-
-    fn height(&self, s: f64, x: f64) -> f64 {
-        let one = |(i, (at, q, c)): (usize, &(f64, f64, Cap))| {
-            let (u, w) = ((s - at) / (c.a * q), x * q / c.a);
-            let lean = if i == 0 { 1.0 - self.skew * u.clamp(-1.0, 1.0) } else { 1.0 };
-            c.height(math::sqrt(u * u + w * w)) * lean
-        };
-        self.caps.iter().enumerate().map(one).fold(0.0, f64::max)
-    }
-
-    /// A point of the drop: a way back, aside, and up.
-    fn point(&self, base: &Base<'_>, s: f64, x: f64, h: f64) -> DVec3 {
-        let last = self.points.len() - 1;
-        let k = self.points.partition_point(|(_, way)| *way <= s).clamp(1, last);
-        let ((a, s0), (b, s1)) = (self.points[k - 1], self.points[k]);
-        let t = (s - s0) / (s1 - s0).max(1e-9);
-        // Directions turn evenly, so that rows do not cross in a bend.
-        let way = |k: usize| (self.points[k.min(last)].0 - self.points[k.min(last) - 1].0).normalize_or(DVec3::Y);
-        let (before, after) = (way(k.max(2) - 1), way(k));
-        let tangent = before.lerp(after, (0.5 + t).clamp(0.0, 1.0)).normalize_or(after);
-        let aside = self.normal.cross(tangent).normalize_or(DVec3::X);
-        base.point(a + (b - a) * t + aside * x, h)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::f64::consts::PI;
     use std::sync::Arc;
 
     use glam::DQuat;
@@ -462,8 +378,35 @@ mod tests {
         let drop = lying(60.0, &[1e-8, 5e-9, 2.5e-9, 1.2e-9], Print { q: 1.3, skew: 0.2 });
         let mut water = Water::default();
         water.lay((&leaf, &blade), &drop);
-        let found = closed(&water.mesh);
-        assert!(found > 1.2e-8 && found < 2.5e-8, "{found}");
+        let base = Base::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
+        let line = Line::new(&base, &drop).expect("a line");
+        let area: f64 = (0..line.rows())
+            .map(|k| {
+                let [a, b] = [k, k + 1].map(|k| line.at(k, line.rows()));
+                (b - a) * (line.width(a) + line.width(b))
+            })
+            .sum();
+        let found = closed(&water.mesh) - area * UNDER;
+        assert!((found / drop.volume - 1.0).abs() < 0.03, "{found} of {}", drop.volume);
+    }
+
+    #[test]
+    fn a_tail_has_no_creases() {
+        let (leaf, blade) = (leaf(), blade());
+        for theta in [40.0, 70.0, 110.0] {
+            let drop = lying(theta, &[1e-8, 5e-9, 2.5e-9, 1.2e-9, 6e-10], Print { q: 1.4, skew: 0.2 });
+            let base = Base::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
+            let line = Line::new(&base, &drop).expect("a line");
+            let sizes: Vec<[f64; 2]> =
+                (0..=400).map(|k| line.at(k, 400)).map(|s| [line.width(s), line.height(s, 0.0)]).collect();
+            for i in 0..2 {
+                let most = sizes.iter().fold(0.0, |m: f64, s| m.max(s[i]));
+                let top = sizes.iter().position(|s| s[i] >= most).expect("a top");
+                // It rises to its head and falls from there on: caps side by side would have a hollow between any two.
+                assert!(sizes[..=top].windows(2).all(|w| w[1][i] >= w[0][i] - 1e-9), "{theta} {i}");
+                assert!(sizes[top..].windows(2).all(|w| w[1][i] <= w[0][i] + 1e-9), "{theta} {i}");
+            }
+        }
     }
 
     #[test]
@@ -471,7 +414,7 @@ mod tests {
         let blade = Blade::still(DVec3::new(0.2, 1.0, 0.3), DQuat::from_rotation_z(0.4));
         let axis = blade.q.inverse() * DVec3::NEG_Y;
         for volume in [2e-9, 15e-9, 33e-9] {
-            let drop = Hanging { id: 1, leaf: 0, p: DVec3::new(0.0, 0.08, 0.0), radius: 1e-3, axis, volume };
+            let drop = Hanging { id: 1, leaf: 0, p: DVec3::new(0.0, 0.08, 0.0), radius: 1e-3, axis, volume, thin: 0.0 };
             let mut water = Water::default();
             water.hang(&blade, &drop, &Shapes::new(1e-3, 9.81));
             let found = closed(&water.mesh);

@@ -12,6 +12,7 @@ mod dew;
 mod drop;
 mod impact;
 mod leaf;
+mod line;
 mod manner;
 mod maps;
 mod moment;

@@ -7,6 +7,7 @@ use super::cap::Print;
 use super::drop::Bead;
 use super::leaf::{Stamp, Tally};
 use super::maps::{Blob, Soak};
+use super::pendant::THINS;
 use super::storm::{Ledger, Storm};
 
 /// A drop that lies or runs, with its tail.
@@ -45,6 +46,8 @@ pub struct Hanging {
     pub axis: DVec3,
     /// m^3.
     pub volume: f64,
+    /// How far it has thinned, from 0 to 1, when it falls.
+    pub thin: f64,
 }
 
 /// A drop in the air.
@@ -92,7 +95,8 @@ impl Moment {
                 if let Some(hang) = d.hang {
                     let p = hang.rim.p;
                     let (id, axis, volume) = (d.id, d.axis, d.volume);
-                    hanging.push(Hanging { id, leaf: i, p, radius: hang.radius, axis, volume });
+                    let thin = hang.thin.map_or(0.0, |t| (t / THINS).min(1.0));
+                    hanging.push(Hanging { id, leaf: i, p, radius: hang.radius, axis, volume, thin });
                     continue;
                 }
                 let facing = leaf.at(d.uv).map_or(1.0, |s| (storm.blades()[i].q * s.n).y.abs());

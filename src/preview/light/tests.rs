@@ -19,7 +19,7 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Sce
     let objects = meshes.into_iter().enumerate().map(|(i, mesh)| object(&format!("m{i}"), mesh));
     scene.assets[0].meshes = objects.collect();
     scene.sun = Sun { strength: sun, color: [1.0; 3], elevation: 1.2, azimuth: 0.4, angle: 0.02 };
-    scene.sky = Sky { horizon: [sky; 3], zenith: [sky; 3], strength: 1.0, fog: None };
+    scene.sky = Sky { horizon: [sky; 3], zenith: [sky; 3], ..Sky::default() };
     scene
 }
 
