@@ -143,6 +143,19 @@ def set_sky(scene, colors):
     nodes["Background"].inputs["Strength"].default_value = 1.0
 
 
+def bend_light():
+    """Water bends light: the preview surface knows only how much it hides."""
+    for material in bpy.data.materials:
+        surface = material.node_tree and next((n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED"), None)
+        if not surface or not material.name.startswith("water"):
+            continue
+        for name, value in (("Alpha", 1.0), ("Transmission Weight", 1.0), ("Roughness", 0.0), ("IOR", 1.333)):
+            for link in list(surface.inputs[name].links):
+                material.node_tree.links.remove(link)
+            surface.inputs[name].default_value = value
+        surface.inputs["Base Color"].default_value = (0.985, 0.995, 0.99, 1)
+
+
 def shine_through(share):
     """Lets light through leaves."""
     for material in bpy.data.materials:
@@ -244,6 +257,7 @@ def main():
     if a.frame is not None:
         scene.frame_set(a.frame)
     show_maps(scene)
+    bend_light()
     set_camera(scene, a)
     set_light(scene, a)
     if a.sky:

@@ -13,8 +13,8 @@ use crate::Result;
 use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::motion::rain::{
-    Bearer, Bough, Chart, Envelope, Friction, Hung, Impact, Leaf, Lever, Manner, Merge, Moment, Parts, Rainfall, Shape,
-    Shapes, Sheet, Shower, Size, Soak, Stiff, Storm, Target, Water, Wetness, Wetting, across, capillary,
+    Bearer, Blade, Bough, Chart, Envelope, Friction, Hung, Impact, Leaf, Lever, Manner, Merge, Moment, Parts, Rainfall,
+    Shape, Shapes, Sheet, Shower, Size, Soak, Stiff, Storm, Target, Water, Wetness, Wetting, across, capillary,
 };
 use crate::motion::rod::Boughs;
 use crate::par::{par_map, par_map_mut};
@@ -35,8 +35,9 @@ const STEPS: u32 = 8;
 const BELOW: f64 = 0.1;
 /// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
 const PAUSE: u64 = 2;
-/// Bytes of one frame's drops that are counted as one of the limit's keys.
-const KEY: f64 = 64.0;
+/// Bytes of one frame's drops that are counted as one of the limit's keys, and what those are called.
+const KEY: u64 = 64;
+const HELD: &str = "the number of leaves and raindrops times frames";
 /// Index of refraction of water.
 const WATER: f32 = 1.333;
 
@@ -144,7 +145,7 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let rainfall = rainfall(rain, recipe);
     let blowing = wind.as_ref().map_or(Vec3::ZERO, |w| w.mean());
     let shower = rain.keys.falls.then(|| Shower::new(rainfall, over, blowing));
-    afford(&shower, over, frames, work)?;
+    afford(&shower, over, (frames, found.len()), work)?;
     let hung = found.iter().enumerate().map(|(i, f)| {
         let leaf = Leaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
         (leaf, Hung { on: (f.at.0, f.number), target: Arc::clone(&f.target) })
@@ -356,14 +357,14 @@ fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> Rainfall {
     }
 }
 
-/// Drops that are in the air at once, times frames, must fit.
-fn afford(shower: &Option<Shower>, over: Bounds, frames: u64, work: &Work<'_>) -> Result<()> {
-    let Some(shower) = shower else { return Ok(()) };
+/// Leaves and drops that are in the air at once, times frames, must fit. Drops on leaves are counted as they come ([`record`]).
+fn afford(shower: &Option<Shower>, over: Bounds, (frames, leaves): (u64, usize), work: &Work<'_>) -> Result<()> {
     // The slowest fall at 2 m/s.
     let seconds = (f64::from(over.size().y) + 1.0) / 2.0;
-    let drops = shower.rate() * seconds * frames as f64 * (96.0 / KEY);
+    let falling = shower.as_ref().map_or(0.0, Shower::rate) * seconds * 96.0;
+    let drops = (falling + (leaves * size_of::<Blade>()) as f64) * frames as f64 / KEY as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
-    work.limits.check("motion-keys", drops as u64, "the number of raindrops times frames")
+    work.limits.check("motion-keys", drops as u64, HELD)
 }
 
 fn place(storm: &mut Storm, rain: &RainRecipe) {
@@ -405,11 +406,15 @@ fn record(
         }
     }
     let mut moments = Vec::new();
+    let mut held = 0;
     let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); dressings.len()];
     for frame in 0..frames {
         work.cancel.check()?;
         storm.audit(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
-        moments.push(Moment::of(storm));
+        let moment = Moment::of(storm);
+        held += moment.bytes();
+        work.limits.check("motion-keys", held / KEY, HELD)?;
+        moments.push(moment);
         for (k, (bearer, dressing)) in storm.bearers().iter().zip(dressings).enumerate() {
             let boughs = bearer.as_any().downcast_ref::<Boughs>();
             let shown = boughs.zip(dressing.as_ref()).zip(assets.get(k));

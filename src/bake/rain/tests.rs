@@ -16,15 +16,39 @@ const SCENE: &str = "
     [rain]\nrate_mm_per_h = 150\nbefore_s = 1.5\n";
 
 fn built(more: &str) -> Built {
+    within(&Limits::default(), more).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn within(limits: &Limits, more: &str) -> crate::Result<Built> {
     let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
     let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
-    let (limits, cancel) = (Limits::default(), Cancel::default());
-    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent };
-    build(&recipe, Parts::default(), &work).unwrap_or_else(|e| panic!("{e}"))
+    let cancel = Cancel::default();
+    let work = Work { limits, cancel: &cancel, progress: &Silent };
+    build(&recipe, Parts::default(), &work)
 }
 
 fn at(built: &Built, number: u32) -> Frame {
     frame(&built.stage.scene, &built.stage.movers, number, false).expect("a frame")
+}
+
+#[test]
+fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
+    let mut drops = "falls = false\n".to_owned();
+    for k in 0..18 {
+        let (leaf, v) = (k % 6, 0.3 + 0.2 * f64::from(k / 6));
+        drops += &format!("[[rain.lying]]\nleaf = {leaf}\nat = [0.5, {v}]\nvolume_mm3 = 1\n");
+    }
+    let refused = |keys: &str, more: &str| {
+        let mut limits = Limits::default();
+        limits.set("motion-keys", keys).expect("a limit");
+        within(&limits, more).err().map(|e| e.to_string())
+    };
+    // The leaves alone are counted before the first step, drops that lie on them as they come.
+    assert_eq!(refused("300", "falls = false\n"), None);
+    for (keys, more) in [("50", "falls = false\n"), ("300", drops.as_str())] {
+        let said = refused(keys, more).expect("too much");
+        assert!(said.contains("leaves and raindrops times frames") && said.contains("--max-motion-keys"), "{said}");
+    }
 }
 
 #[test]

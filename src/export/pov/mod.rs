@@ -30,7 +30,7 @@ const HEAVY: usize = 500_000;
 
 /// Streaks of rain nearer to the eye than this are left out, as a share of the way to what it looks at: a lens would blur
 /// them away, POV-Ray draws rods of glass across the picture.
-const NEAR: f32 = 0.8;
+const NEAR: f32 = 0.9;
 
 /// Where the files go.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

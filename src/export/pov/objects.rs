@@ -10,7 +10,7 @@ use crate::scene::{Curves, InstanceState, Instancer, Material, MaterialClass, Po
 pub(super) const SPHERES: usize = 100_000;
 
 /// How much of what is behind it a streak hides, where it is as long as it is wide. Own: chosen by eye, 0..1.
-const VEIL: f32 = 0.2;
+const VEIL: f32 = 0.14;
 
 /// Shapes as one object. POV-Ray complains about a union of one, and of none. `tail`: what holds for all of them.
 pub(super) fn group(text: &mut Text, count: usize, shapes: &Text, tail: &str) {
@@ -78,7 +78,8 @@ impl View {
 /// A cloud's visible points: spheres, or streaks for water that falls. At most [`SPHERES`], evenly chosen. Returns how
 /// many were left out beyond that.
 /// Source: [yang-wu], section 5: a falling drop is drawn as a tapered streak of the shutter's length.
-/// Differs: the drop is at each place of its streak for a part of the time only, so the streak is a veil and not a rod of glass.
+/// Differs: the drop is at each place of its streak for a part of the time only, so the streak is a veil, tapered to both ends,
+/// and not a rod of glass.
 pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &[Material], at: &Cloud) -> usize {
     let water = materials.get(points.material as usize).is_some_and(|m| m.class == MaterialClass::Water);
     let width = |i: usize| at.now.widths.get(i).copied().unwrap_or(0.0);
@@ -92,14 +93,17 @@ pub(super) fn cloud(text: &mut Text, space: Space, points: &Points, materials: &
         let (p, radius) = (at.now.positions[*i], at.now.widths[*i] * 0.5);
         match half(*i) {
             Some(half) => {
-                t.put("cone{");
-                space.point(t, p - half);
-                t.put(",");
-                space.length(t, radius);
-                t.put(",");
-                space.point(t, p + half);
-                t.put(",");
-                space.length(t, radius * 0.5);
+                // Pointed at both ends: the drop is there for the shortest time.
+                t.put("union{");
+                for end in [p - half, p + half] {
+                    t.put("cone{");
+                    space.point(t, end);
+                    t.put(",0,");
+                    space.point(t, p);
+                    t.put(",");
+                    space.length(t, radius);
+                    t.put(" open}");
+                }
                 // Its own interior, or it would bend what is seen through it.
                 t.put(" texture{pigment{rgbt<1,1,1,").num(1.0 - VEIL * radius / half.length());
                 t.put(">}finish{diffuse 0.25,0.25}}interior{ior 1}no_shadow");
@@ -215,9 +219,10 @@ mod tests {
         let mut text = Text::default();
         let lost = cloud(&mut text, Space { scale: 100.0 }, &points, &[water], &Cloud { now: points.at(&now), view });
         let s = std::str::from_utf8(text.bytes()).expect("ascii");
-        assert_eq!((lost, s.matches("cone{").count(), s.matches("sphere{").count()), (0, 1, 1), "{s}");
+        assert_eq!((lost, s.matches("cone{").count(), s.matches("sphere{").count()), (0, 2, 1), "{s}");
         // Thirty times as long as wide, so that next to nothing of it is there at any one time.
-        assert!(s.contains("cone{<100,3,0>,0.1,<100,-3,0>,0.05 texture{pigment{rgbt<1,1,1,0.99"), "{s}");
+        let streak = "union{cone{<100,3,0>,0,<100,0,0>,0.1 open}cone{<100,-3,0>,0,<100,0,0>,0.1 open} texture{pigment{rgbt<1,1,1,0.99";
+        assert!(s.contains(streak), "{s}");
         assert!(s.contains("sphere{<200,0,0>,0.1}"), "{s}");
     }
 

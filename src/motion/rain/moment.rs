@@ -120,6 +120,20 @@ impl Moment {
         }
     }
 
+    /// Bytes that it keeps.
+    pub fn bytes(&self) -> u64 {
+        let beads: usize = self.lying.iter().map(|d| d.beads.len()).sum();
+        let parts = [
+            self.blades.len() * size_of::<Blade>(),
+            self.lying.len() * size_of::<Lying>(),
+            beads * size_of::<Bead>(),
+            self.hanging.len() * size_of::<Hanging>(),
+            self.air.len() * size_of::<InAir>(),
+            self.soaked.len() * size_of::<(usize, Stamp)>(),
+        ];
+        parts.iter().sum::<usize>() as u64
+    }
+
     /// What the maps of a leaf need: its caps, and where it was soaked. Only what lies on its upper side.
     pub fn on(&self, leaf: usize) -> (Vec<Blob>, Vec<Soak>) {
         let mut blobs = Vec::new();
