@@ -39,7 +39,7 @@ fn recipe(name: &str, set: &[&str]) -> Recipe {
 
 fn grown(name: &str, work: &Work<'_>) -> Plant {
     let recipe = recipe(name, &[]);
-    let look = of_plant(&recipe.plants[0], recipe.seed, work.cancel).expect("look");
+    let look = of_plant(&recipe.plants[0], recipe.seed, work).expect("look");
     let (layout, _) = lay_out_all(&recipe, work).expect("layout");
     grow(&recipe.plants[0], &layout.individuals[0], &look, work).expect("plant").plant
 }

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::tables;
+use super::{Work, cards, tables};
 use crate::Result;
 use crate::fence::Names;
+use crate::grow::ifs::Cards;
 use crate::grow::mesh::{self, Tree};
 use crate::grow::turtle::{OrganSpec, STALK};
 use crate::import::Imported;
@@ -15,7 +16,7 @@ use crate::math::narrow;
 use crate::progress::Cancel;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, ImportKeys, OrganKeys};
-use crate::recipe::{Growth, OrganRecipe, PlantRecipe, Section as _, words};
+use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, Section as _, words};
 use crate::rng::{mix64, word};
 use crate::scene::{Image, Maps, Material, MaterialClass, Mesh};
 use crate::surface::bark::{BarkSpec, bark};
@@ -37,6 +38,8 @@ pub struct Look {
     pub organs: BTreeMap<char, OrganSpec>,
     /// Their names, parallel to the recipe's organs.
     pub names: Vec<String>,
+    /// Cards for the small branches of a tree seen from afar.
+    pub cards: Option<Cards>,
     /// What was found in the mesh of a whole plant.
     pub tree: Option<Arc<Tree>>,
 }
@@ -65,10 +68,10 @@ fn index(n: usize) -> u32 {
 /// The look of one plant.
 /// # Errors
 /// What the makers of blades and maps refuse.
-pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look> {
+pub fn of_plant(plant: &PlantRecipe, seed: u64, work: &Work<'_>) -> Result<Look> {
     let mut look = Look::default();
     if let Growth::Mesh(import, keys) = &plant.growth {
-        return modelled(plant, (import, keys), seed, cancel);
+        return modelled(plant, (import, keys), seed, work.cancel);
     }
     let tuft = matches!(&plant.growth, Growth::Grammar(grammar) if grammar.is_tuft());
     let [bark_grain, shoot_grain] = &plant.grains;
@@ -82,7 +85,7 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
         let surface = bark(&bark_spec(keys, mix64(&[seed, word(&name)])), grain.as_ref(), &name)?;
         look.add(surface.material, surface.images);
     }
-    for (recipe, name) in plant.organs.iter().zip(organ_names(plant)) {
+    for (recipe, name) in plant.organs.iter().zip(organ_names(plant)).filter(|(o, _)| o.letter != CARD) {
         let organ = match (&recipe.mesh, &recipe.ifs) {
             (Some(mesh), _) => imported(&mut look, mesh, recipe, &plant.id, &name),
             (None, Some(table)) => tables::leaves(&mut look, recipe, table, (&plant.id, &name, seed))?,
@@ -94,13 +97,23 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, cancel: &Cancel) -> Result<Look>
     if tuft {
         add_stalk(&mut look, &plant.id);
     }
+    if let (Growth::Ifs(stems, keys), Some(card)) = (&plant.growth, plant.organs.iter().position(|o| o.letter == CARD))
+    {
+        let name = organ_names(plant).swap_remove(card);
+        look.cards = Some(cards::make(&mut look, (plant, &name), (stems, keys), seed, work)?);
+        look.names.push(name);
+    }
     Ok(look)
 }
 
 /// Names of a plant's organs, parallel to them.
 pub(super) fn organ_names(plant: &PlantRecipe) -> Vec<String> {
     let mut names = Names::default();
-    let name = |o: &OrganRecipe| if o.letter == 'l' { "leaf".into() } else { format!("organ_{}", o.letter) };
+    let name = |o: &OrganRecipe| match o.letter {
+        'l' => "leaf".into(),
+        CARD => "card".into(),
+        letter => format!("organ_{letter}"),
+    };
     plant.organs.iter().map(|o| names.unique(&name(o))).collect()
 }
 

@@ -3,6 +3,7 @@
 mod air;
 pub mod blow;
 pub mod boughs;
+mod cards;
 pub mod catkin;
 pub mod clouds;
 mod counts;

@@ -71,7 +71,7 @@ pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &W
     Ok(Grown { plant, report, modules, own: None })
 }
 
-fn tree_options(recipe: &PlantRecipe, (stems, keys): (&Stems, &TreeKeys), look: &Look) -> ifs::TreeOptions {
+pub(super) fn tree_options(recipe: &PlantRecipe, (stems, keys): (&Stems, &TreeKeys), look: &Look) -> ifs::TreeOptions {
     let short = |v: u32| u16::try_from(v).unwrap_or(u16::MAX);
     ifs::TreeOptions {
         height: keys.height,
@@ -85,6 +85,7 @@ fn tree_options(recipe: &PlantRecipe, (stems, keys): (&Stems, &TreeKeys), look: 
         leaves_per_site: keys.leaves,
         leaf: look.organs.get(&'l').cloned(),
         sets: set_letters(&stems.system).filter_map(|letter| look.organs.get(&letter)).cloned().collect(),
+        cards: look.cards.clone(),
         materials: look.materials.iter().map(|m| m.name.clone()).collect(),
         bark: (BARK, SHOOT, f64::from(SHOOT_RADIUS)),
         source: recipe.source.clone(),

@@ -206,7 +206,7 @@ fn look_all(recipe: &Recipe, layout: &Layout, work: &Work<'_>) -> Result<Vec<Loo
     in_order(par_map(&indexed, |(i, plant)| {
         work.cancel.check()?;
         let used = layout.individuals.iter().any(|n| n.plant == *i);
-        let look = if used { of_plant(plant, recipe.seed, work.cancel) } else { Ok(Look::default()) };
+        let look = if used { of_plant(plant, recipe.seed, work) } else { Ok(Look::default()) };
         work.progress.advance(1);
         look
     }))

@@ -111,6 +111,8 @@ keys! {
         leaf_density: f64 = "leaf_density" num(1.0, 0.0, 1.0, "");
         /// Leaves at a site.
         leaves: u32 = "leaves" whole(3, 1, 100);
+        /// Level of detail: branches shorter than 2^lod eps are pictures on crossed quads. 0: all of them grow.
+        lod: u32 = "lod" whole(0, 0, 6);
     }
     /// How an attractor becomes a picture (`osier grow NAME.ifs -o NAME.png`, or `.exr` for its density).
     PictureKeys at "picture" {

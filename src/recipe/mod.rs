@@ -51,6 +51,9 @@ pub use morphs::MorphRecipe;
 pub use plants::words;
 pub use resolve::{Request, resolve};
 
+/// Letter of the organ that cards of a tree's small branches are; it comes last.
+pub const CARD: char = '\u{e000}';
+
 /// A scene with every default filled in and every reference read.
 #[derive(Debug, Clone)]
 pub struct Recipe {

@@ -8,7 +8,7 @@ use super::key::{Section, join, wrong};
 use super::resolve::{Resolver, span_of};
 use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, SkinKeys, TurtleKeys, Up};
 use super::tree::{Table, Value};
-use super::{Digest as _, Found, Growth, OrganRecipe, PlantRecipe};
+use super::{CARD, Digest as _, Found, Growth, OrganRecipe, PlantRecipe};
 use crate::Error;
 use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use crate::fence::Names;
@@ -142,6 +142,10 @@ impl Resolver<'_> {
                     mesh: None,
                 });
             }
+        }
+        if matches!(&growth, Growth::Ifs(_, tree) if tree.lod > 0) {
+            let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
+            organs.push(OrganRecipe { letter: CARD, keys, ifs: None, drawn: Arc::default(), mesh: None });
         }
         Some(PlantRecipe {
             name: name.into(),

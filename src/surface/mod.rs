@@ -1,6 +1,7 @@
 //! What a plant looks like: tubes around its axes, leaf blades, bark, and the ground it stands on.
 
 pub mod bark;
+pub mod cards;
 pub mod catkin;
 pub mod ground;
 mod lattice;

@@ -72,7 +72,7 @@ pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
     let layout = with_work(|w| lay_out_all(recipe, w)).expect("layout").0;
     let one = |individual: &osier::bake::layout::Individual| {
         let keys = &recipe.plants[individual.plant];
-        let look = of_plant(keys, recipe.seed, &Cancel::default()).expect("look");
+        let look = with_work(|w| of_plant(keys, recipe.seed, w)).expect("look");
         let grown = with_work(|w| grow(keys, individual, &look, w)).expect("plant");
         let kind = Kind { tile: look.materials[0].tile, organ_names: look.names.clone(), ..Kind::default() };
         let skin = with_work(|w| skin(&grown.plant, &skin_options(&keys.skin, kind.tile, w))).expect("skin");

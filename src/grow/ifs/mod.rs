@@ -1,6 +1,7 @@
 //! Trees of iterated function systems: words become axes, nodes and organs of a [`Plant`].
 
 mod axes;
+mod cards;
 
 use std::collections::BTreeMap;
 
@@ -17,6 +18,7 @@ use crate::plant::{NONE, Organ, Plant, Proto};
 use crate::rng::{Rng, child, mix64, word};
 use crate::{Error, Result};
 use axes::{Raw, Skeleton};
+pub use cards::{Cards, Class, classes};
 
 /// Most words of a tree.
 const MAX_SEGMENTS: u64 = 5_000_000;
@@ -46,6 +48,8 @@ pub struct TreeOptions {
     pub leaf: Option<OrganSpec>,
     /// The meshes of the table's condensation sets, in table units: each stands on every word.
     pub sets: Vec<OrganSpec>,
+    /// Stand for what is shorter than their cut, if the tree is seen from afar.
+    pub cards: Option<Cards>,
     /// Names of materials.
     pub materials: Vec<String>,
     /// Material of axes, of thin ones, and the radius below which they are thin.
@@ -61,8 +65,8 @@ pub struct TreeOptions {
 /// # Errors
 /// `Input` with I040 beyond the words allowed; what `plant::validate` refuses.
 pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
-    let max_words = limits.get("nodes").min(MAX_SEGMENTS);
-    let cut = words::Limits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words };
+    let fine = cut(options, limits);
+    let cut = words::Limits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
     let vary = Variation::new(plant.1, plant.0.into(), options.variation);
     let vary = (options.variation > 0.0).then_some(vary);
     let expanded = words::expand(&stems.system, &stems.letters, &cut, vary)
@@ -92,6 +96,12 @@ pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Li
     Ok(out)
 }
 
+/// What becomes a word of the fine tree.
+pub fn cut(options: &TreeOptions, limits: &Limits) -> words::Limits {
+    let max_words = limits.get("nodes").min(MAX_SEGMENTS);
+    words::Limits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words }
+}
+
 /// A plant's organs by axis, arc length and id.
 type Placed = BTreeMap<(u32, u32, u64), Organ>;
 
@@ -100,6 +110,7 @@ fn bear(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions) {
     let mut placed = Placed::new();
     leaves(plant, grown, options, &mut placed);
     sets(plant, grown, options, &mut placed);
+    cards::stand(plant, grown, options, &mut placed);
     plant.organs = placed.into_values().collect();
 }
 
@@ -163,7 +174,8 @@ fn leaves(
         .collect();
     let first = f64::from(leaf.meshes[0].bounds().max.y).max(1e-9);
     let size = leaf.size / first;
-    for cut in expanded.cuts.iter().filter(|c| stems.system.maps.get(usize::from(c.letter)).is_some_and(|m| m.leaf)) {
+    let bears = |c: &&Word| stems.system.maps.get(usize::from(c.letter)).is_some_and(|m| m.leaf);
+    for cut in expanded.cuts.iter().filter(bears).filter(|c| !cards::stands_for(c, options)) {
         let Some((axis, s)) = skeleton.site(stems, expanded, cut) else { continue };
         for copy in 0..options.leaves_per_site.max(1) {
             let mut draw = Rng::at(plant.seed, &[plant.id.into(), "ifs-leaf".into(), cut.id.into(), copy.into()]);

@@ -27,6 +27,7 @@ fn options(eps: f64, variation: f64) -> TreeOptions {
         leaves_per_site: 1,
         leaf: Some(OrganSpec { name: "leaf".into(), meshes: vec![mesh], size: 0.06, petiole: 0.0 }),
         sets: Vec::new(),
+        cards: None,
         materials: vec!["bark".into(), "shoot".into()],
         bark: (0, 1, 0.008),
         source: "test".into(),
@@ -141,5 +142,36 @@ fn meshes_stand_on_every_word_as_its_map_has_them() {
         }
         let leaves = plant.organs.len() - sets.len();
         assert!(leaves > 100, "{leaves}: leaves are there as well");
+    }
+}
+
+#[test]
+fn cards_stand_where_the_fine_tree_grows_on() {
+    for (name, variation) in MODES.iter().flat_map(|m| [(m, 0.0), (m, 1.0)]) {
+        let stems = stems_of(name);
+        let fine = grow(&stems, (7, 4), &options(0.08, variation), &Limits::default()).expect("grows");
+        let classes = classes(&stems, &cut(&options(0.08, variation), &Limits::default()), 0.32, 3).expect("classes");
+        let sizes: Vec<f64> = classes.iter().map(|c| c.size).collect();
+        assert!(sizes.iter().all(|s| (0.08..0.32).contains(s)) && sizes.is_sorted(), "{name}: {sizes:?}");
+        let meshes = (0..2 * sizes.len()).map(|_| std::sync::Arc::default()).collect();
+        let spec = OrganSpec { name: "card".into(), meshes, size: 1.0, petiole: 0.0 };
+        let cards = Cards { spec, sizes, variants: 2, eps: 0.32 };
+        let seen = TreeOptions { cards: Some(cards.clone()), ..options(0.08, variation) };
+        let coarse = grow(&stems, (7, 4), &seen, &Limits::default()).expect("grows");
+        let is_card = |o: &&Organ| coarse.protos[usize::from(o.proto)].name.starts_with("card");
+        let stand: Vec<&Organ> = coarse.organs.iter().filter(is_card).collect();
+        let plain = words::Limits { eps: 0.32, ..cut(&seen, &Limits::default()) };
+        let cuts = words::expand(&stems.system, &stems.letters, &plain, None).expect("expands").cuts;
+        let grows = cuts.iter().filter(|c| c.size >= 0.08).count();
+        assert_eq!((stand.len(), coarse.organs.len() - stand.len()), (grows, cuts.len() - grows), "{name}");
+        for card in &stand {
+            let at = coarse.organ_site(card).0;
+            assert!(fine.nodes.p.iter().any(|p| p.distance(at) < 1e-3), "{name}: {at}");
+            let class = (usize::from(card.proto) - 1) / 2;
+            let size = f64::from(card.scale) * cards.sizes[class];
+            // Variation adds up over the letters of a word.
+            assert!(variation > 0.0 || (0.079_99..0.320_01).contains(&size), "{name}: {size}");
+        }
+        assert!(coarse.axes.iter().all(|a| fine.axes.iter().any(|b| b.id == a.id)), "{name}: the same ids");
     }
 }

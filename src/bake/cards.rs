@@ -1,0 +1,93 @@
+//! Trees of tables seen from afar: their small branches as cards.
+
+use std::sync::Arc;
+
+use super::Work;
+use super::dress::skin_options;
+use super::looks::Look;
+use super::plants::tree_options;
+use crate::diagnostic::Report;
+use crate::grow::ifs::{self, Cards, Class, TreeOptions};
+use crate::grow::turtle::OrganSpec;
+use crate::ifs::stems::Stems;
+use crate::ifs::words;
+use crate::motion::Weights;
+use crate::par::par_map;
+use crate::recipe::PlantRecipe;
+use crate::recipe::cloud_keys::TreeKeys;
+use crate::rng::{mix64, word};
+use crate::scene::Mesh;
+use crate::surface::cards::{Worn, cards};
+use crate::surface::{SkinOptions, skin};
+use crate::{Error, Result};
+
+/// Pictures of subtrees of one size, where individuals differ.
+const VARIANTS: u32 = 3;
+/// Pixels along a side of the picture that all of them share.
+const SIDE: u32 = 1024;
+
+/// Makes the cards of a plant whose look is complete; `name`: of their organ.
+/// # Errors
+/// What growth and skin refuse.
+pub fn make(
+    look: &mut Look,
+    (plant, name): (&PlantRecipe, &str),
+    (stems, keys): (&Stems, &TreeKeys),
+    seed: u64,
+    work: &Work<'_>,
+) -> Result<Cards> {
+    let base = tree_options(plant, (stems, keys), look);
+    let eps = (keys.eps * f64::from(1_u32 << keys.lod.min(16))).min(1.0);
+    let limits = ifs::cut(&base, work.limits);
+    let told = |d: Box<crate::diagnostic::Diagnostic>| {
+        Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() }))
+    };
+    let classes = ifs::classes(stems, &limits, eps, keys.lod + 1).map_err(told)?;
+    let variants = if keys.variation > 0.0 { VARIANTS } else { 1 };
+    let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
+    let radius = keys.radius.unwrap_or(stems.radius * scale);
+    let todo: Vec<(Class, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
+    let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
+    let meshes: Vec<Mesh> = par_map(&todo, |(class, variant)| {
+        work.cancel.check()?;
+        let options = TreeOptions {
+            height: keys.height * class.size,
+            eps: keys.eps / class.size,
+            radius: Some(radius * class.radius),
+            max_order: base.max_order.saturating_sub(class.order),
+            ..base.clone()
+        };
+        let key = mix64(&[seed, word(&plant.name), word("card"), u64::from(*variant)]);
+        subtree((stems, plant), &options, (*variant, key), (tile, work))
+    })
+    .into_iter()
+    .collect::<Result<_>>()?;
+    let material = format!("{}_{name}", plant.id);
+    let (quads, surface) = cards(&meshes, Worn { materials: &look.materials, images: &look.images }, (&material, SIDE));
+    let id = look.add(surface.material, surface.images);
+    let meshes = quads.into_iter().map(|q| Arc::new(q.with_material(id))).collect();
+    Ok(Cards {
+        spec: OrganSpec { name: name.to_owned(), meshes, size: 1.0, petiole: 0.0 },
+        sizes: classes.iter().map(|c| c.size).collect(),
+        variants: variants as usize,
+        eps,
+    })
+}
+
+/// Bark and leaves of one subtree, m, on materials of the plant.
+fn subtree(
+    (stems, plant): (&Stems, &PlantRecipe),
+    options: &TreeOptions,
+    individual: (u32, u64),
+    (tile, work): (f32, &Work<'_>),
+) -> Result<Mesh> {
+    let grown = ifs::grow(stems, individual, options, work.limits)?;
+    // A branch has no roots.
+    let rootless = SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&plant.skin, tile, work) };
+    let mut mesh = skin(&grown, &rootless)?.mesh;
+    let all: Vec<_> = grown.organs.iter().collect();
+    let (mut leaves, _) = Weights::new(&grown).leaves(&all, 0);
+    leaves.wind.clear();
+    mesh.append(&leaves);
+    Ok(mesh)
+}
