@@ -426,7 +426,7 @@ keys! {
         /// Scene units per metre.
         units: f64 = "units_per_m" num(100.0, 1.0, 1e5, "");
     }
-    /// Light that drops gather: photons are shot through them, and a frame takes about three times as long. The table alone
+    /// Light that drops gather: photons are shot through them, and a frame takes half as long again to twice as long. The table alone
     /// switches it on.
     PhotonKeys at "output.pov.photons" {
         /// Radius of the smallest drops that gather light; smaller ones are lit as everything else.
