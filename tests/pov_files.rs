@@ -128,3 +128,32 @@ fn a_number_that_is_not_finite_never_reaches_a_file() {
     assert!(error.to_string().starts_with("X001"), "{error}");
     assert!(folder.files().iter().all(|f| f.path != "pov/main.pov"));
 }
+
+#[test]
+fn what_is_said_of_a_frame_is_said_where_its_file_is_kept() {
+    use osier::export::Exporter as _;
+    let (mut scene, mut frames) = common::synthetic();
+    let (number, asset) =
+        (0..).zip(&mut scene.assets).find(|(_, a)| a.points.iter().any(|p| p.moving)).expect("a cloud");
+    let cloud = asset.points.iter_mut().find(|p| p.moving).expect("a cloud");
+    let many: usize = 100_002;
+    cloud.positions = (0..many).map(|i| glam::Vec3::splat(i as f32 * 1e-5)).collect();
+    cloud.widths = vec![0.01; many];
+    (cloud.colors, cloud.attributes) = (Vec::new(), Vec::new());
+    frames.iter_mut().for_each(|f| f.assets[number].points.clear());
+    frames.truncate(2);
+    let scene = std::sync::Arc::new(scene);
+    let dir = tempfile::tempdir().expect("dir");
+    let run = |finish: bool| {
+        let options = osier::fence::WriteOptions { key: "k".into(), ..Default::default() };
+        let folder = osier::fence::Folder::open_with(dir.path(), options).expect("folder");
+        let textures = osier::export::textures::Textures::encode(&scene).expect("textures");
+        let mut pov = osier::export::pov::Pov::new(folder, textures, Options::default());
+        pov.begin(&scene).expect("begins");
+        frames.iter().for_each(|f| pov.frame(f).expect("a frame"));
+        if finish { pov.finish().expect("ends").warnings } else { Vec::new() }
+    };
+    run(false);
+    let kept = run(true);
+    assert_eq!(kept.iter().filter(|w| w.code == "X013").count(), 1, "{kept:?}");
+}

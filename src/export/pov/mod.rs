@@ -22,7 +22,7 @@ use super::text::Text;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
 use crate::fence::Folder;
-use crate::scene::{Asset, AssetFrame, Frame, Scene, check_frame, check_scene, scene_bounds};
+use crate::scene::{Asset, AssetFrame, Frame, Instancer, Scene, check_frame, check_scene, scene_bounds};
 use crate::{Error, Result};
 
 /// Instances and triangles of one frame beyond which POV-Ray's parsing gets slow enough to say so.
@@ -155,20 +155,35 @@ impl Pov {
         let maps = self.maps();
         // Its pictures belong to the bake even where its own file is kept from a run that was broken off.
         self.sheets.frame(&mut text, (&self.folder, &maps), scene, (number, frame))?;
-        let Some(mut out) = self.folder.create(&path, "inc", Some(number))? else { return Ok(()) };
+        let file = self.folder.create(&path, "inc", Some(number))?;
         let rest = AssetFrame::default();
-        let mut count = 0;
-        for part in self.parts(scene).iter().filter(|p| p.asset.moves()) {
-            let state = frame.and_then(|f| f.assets.get(part.index)).unwrap_or(&rest);
-            count += part.frame(&mut text, state, &mut self.warnings);
+        let parts = self.parts(scene);
+        let moving = parts.iter().filter(|p| p.asset.moves());
+        let now = moving.map(|p| (p, frame.and_then(|f| f.assets.get(p.index)).unwrap_or(&rest)));
+        // What has to be said of a frame is said of a kept one, too.
+        if file.is_none() && !is_heavy(now.clone()) {
+            return Ok(());
         }
+        let count = now.map(|(part, state)| part.frame(&mut text, state, &mut self.warnings)).sum();
         self.instances = self.instances.max(count);
         if !text.is_finite() {
             return Err(not_finite(&path));
         }
+        let Some(mut out) = file else { return Ok(()) };
         out.put(text.bytes())?;
         out.commit()
     }
+}
+
+/// True if parts of a frame may be more than POV-Ray takes well.
+fn is_heavy<'p>(now: impl Iterator<Item = (&'p Part<'p>, &'p AssetFrame)>) -> bool {
+    let (mut instances, mut thinned) = (0, false);
+    for (part, state) in now {
+        instances += part.asset.instancers.iter().map(Instancer::len).sum::<usize>();
+        let mut clouds = part.asset.points.iter().enumerate();
+        thinned |= clouds.any(|(i, p)| p.at(state.points(i)).positions.len() > objects::SPHERES);
+    }
+    thinned || instances > HEAVY
 }
 
 /// True if frames change anything.
