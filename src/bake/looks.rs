@@ -9,6 +9,7 @@ use super::{Work, cards, tables};
 use crate::Result;
 use crate::fence::Names;
 use crate::grow::ifs::Cards;
+use crate::grow::ifs::twigs::NAME as TWIG;
 use crate::grow::mesh::{self, Tree};
 use crate::grow::turtle::{OrganSpec, STALK};
 use crate::import::Imported;
@@ -102,6 +103,9 @@ pub fn of_plant(plant: &PlantRecipe, seed: u64, work: &Work<'_>) -> Result<Look>
         let name = organ_names(plant).swap_remove(card);
         look.cards = Some(cards::make(&mut look, (plant, &name), (stems, keys), seed, work)?);
         look.names.push(name);
+    }
+    if matches!(&plant.growth, Growth::Ifs(_, keys) if keys.twigs) {
+        look.names.push(TWIG.into());
     }
     Ok(look)
 }

@@ -31,6 +31,7 @@ mod stream;
 pub mod systems;
 mod tables;
 mod trails;
+mod twigs;
 mod view;
 pub mod write;
 

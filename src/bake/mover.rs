@@ -17,8 +17,8 @@ use crate::math::narrow;
 use crate::motion::{self, Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
 use crate::plant::{Organ, Plant};
 use crate::progress::Cancel;
-use crate::recipe::PlantRecipe;
 use crate::recipe::sections::{Motion, PlantKeys};
+use crate::recipe::{Growth, PlantRecipe};
 use crate::scene::{
     Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
 };
@@ -80,7 +80,9 @@ pub struct Leaves<'a> {
 impl<'a> Leaves<'a> {
     /// Of an organ of the recipe.
     pub fn of(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
-        let flutter = recipe.organs.get(organ).map_or(1.0, |o| narrow(o.keys.flutter));
+        // Twigs, which come after the organs of a table's tree, ride on their branch.
+        let other = if matches!(recipe.growth, Growth::Ifs(..)) { 0.0 } else { 1.0 };
+        let flutter = recipe.organs.get(organ).map_or(other, |o| narrow(o.keys.flutter));
         Self { organs, flutter }
     }
 }

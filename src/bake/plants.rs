@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
-use super::Work;
 use super::dress::{BARK, SHOOT, SHOOT_RADIUS};
 use super::layout::Individual;
 use super::looks::Look;
+use super::{Work, twigs};
 use crate::diagnostic::Report;
 use crate::grammar::{DeriveOptions, derive};
 use crate::grow::ifs;
@@ -45,7 +45,15 @@ pub fn grow(recipe: &PlantRecipe, individual: &Individual, look: &Look, work: &W
         Growth::Grammar(grammar) => grammar,
         Growth::Ifs(stems, keys) => {
             let options = tree_options(recipe, (stems, keys), look);
-            let plant = ifs::grow(stems, (individual.id, individual.seed), &options, work.limits)?;
+            let of = (individual.id, individual.seed);
+            let plant = if keys.twigs {
+                let (mut tree, twigs) = ifs::twigs::grow(stems, of, &options, work.limits)?;
+                let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
+                twigs::cover(&mut tree, &twigs, (recipe, tile), work)?;
+                tree
+            } else {
+                ifs::grow(stems, of, &options, work.limits)?
+            };
             return Ok(Grown { plant, report: Report::default(), modules: 0, own: None });
         }
         Growth::Mesh(..) => {
@@ -89,6 +97,7 @@ pub(super) fn tree_options(recipe: &PlantRecipe, (stems, keys): (&Stems, &TreeKe
         materials: look.materials.iter().map(|m| m.name.clone()).collect(),
         bark: (BARK, SHOOT, f64::from(SHOOT_RADIUS)),
         source: recipe.source.clone(),
+        up: Vec3::Y,
     }
 }
 

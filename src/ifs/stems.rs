@@ -65,6 +65,18 @@ pub fn stems(ifs: &Ifs) -> Result<Stems, Box<Diagnostic>> {
     Ok(Stems { system, letters, trunk, radius })
 }
 
+/// Which branching map is no similarity, so that its subtrees are no copies of the whole; relative tolerance 1e-6.
+pub fn sheared(stems: &Stems) -> Option<usize> {
+    let even = |a: &super::affine::Affine| {
+        let columns = [a.a.x_axis, a.a.y_axis, a.a.z_axis];
+        let size = math::sqrt(a.a.y_axis.dot(a.a.y_axis)).max(1e-300);
+        let length = |v: DVec3| math::sqrt(v.dot(v));
+        let long = columns.iter().all(|c| (length(*c) / size - 1.0).abs() < 1e-6);
+        long && (0..3).all(|i| (columns[i].dot(columns[(i + 1) % 3]) / (size * size)).abs() < 1e-6)
+    };
+    stems.system.maps.iter().position(|m| !m.stem && !even(&m.affine))
+}
+
 /// The trunk's ends and radius: the condensation segment, or the first stem map's image of the whole.
 fn trunk(ifs: &Ifs) -> Result<((DVec3, DVec3), f64), Box<Diagnostic>> {
     for c in &ifs.condensation {

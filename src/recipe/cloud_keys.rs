@@ -1,7 +1,7 @@
 //! Keys of attractors: as point clouds of a scene, and as pictures.
 
 use super::key::{keys, words};
-use super::kinds::{Color, Colors, File, Maybe, OneOf, Reference, Text, Tuple, deg, mm, num, point, whole};
+use super::kinds::{Color, Colors, File, Flag, Maybe, OneOf, Reference, Text, Tuple, deg, mm, num, point, whole};
 
 words! {
     /// What the colour of a point stands for.
@@ -113,6 +113,8 @@ keys! {
         leaves: u32 = "leaves" whole(3, 1, 100);
         /// Level of detail: branches shorter than 2^lod eps are pictures on crossed quads. 0: all of them grow.
         lod: u32 = "lod" whole(0, 0, 6);
+        /// Ends of branches, below four times `eps`, are copies of a few twigs: large trees in small files.
+        twigs: bool = "twigs" Flag(false);
     }
     /// How an attractor becomes a picture (`osier grow NAME.ifs -o NAME.png`, or `.exr` for its density).
     PictureKeys at "picture" {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::cloud_keys::TreeKeys;
+use super::cloud_keys::{Radii, TreeKeys};
 use super::key::{Section, join, wrong};
 use super::resolve::{Resolver, span_of};
 use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, SkinKeys, TurtleKeys, Up};
@@ -13,6 +13,7 @@ use crate::Error;
 use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use crate::fence::Names;
 use crate::grammar::{self, Grammar};
+use crate::ifs::stems::{Stems, sheared};
 use crate::ifs::{Ifs, leaf};
 use crate::import::{self, Imported};
 use crate::scene::MaterialClass;
@@ -116,8 +117,9 @@ impl Resolver<'_> {
                 (Growth::Grammar(Box::new(grammar)), file.shown, letters)
             }
             (None, Some(reference)) => {
-                let tree: TreeKeys = self.section_at(table, &path, "tree");
+                let mut tree: TreeKeys = self.section_at(table, &path, "tree");
                 let (stems, source, sets) = self.stems(reference, &tree)?;
+                tree.twigs &= self.copies((table, &path), (&stems, &tree), rods.is_some());
                 organs.retain(|o| sets.iter().all(|s| s.letter != o.letter));
                 organs.extend(sets);
                 (Growth::Ifs(Box::new(stems), tree), source, vec!['l'])
@@ -162,6 +164,25 @@ impl Resolver<'_> {
             rods,
             keys,
         })
+    }
+
+    /// Whether the ends of a table's tree may be copies; S007 where they are asked for in vain.
+    fn copies(&mut self, (plant, path): (&Table, &str), (stems, tree): (&Stems, &TreeKeys), rods: bool) -> bool {
+        let sheared = sheared(stems);
+        let why = match sheared {
+            _ if rods => "they bend as rods, each in its own way".to_owned(),
+            _ if tree.lod > 0 => "cards stand there at this lod".to_owned(),
+            _ if self.raining => "rain falls on each leaf".to_owned(),
+            _ if tree.radii == Radii::Pipe => "radii = \"pipe\" asks for every tip".to_owned(),
+            Some(i) => format!("map {} does more than turn and scale", i + 1),
+            None => return true,
+        };
+        if tree.twigs {
+            let span = span_of(plant, &["tree", "twigs"]).unwrap_or(self.whole);
+            let d = Diagnostic::warning("S007", format!("{path}.tree.twigs has no effect"), span, "has no effect");
+            self.report.push(d.help(format!("the tree has no copies, for {why}")));
+        }
+        false
     }
 
     /// Reads the mesh of a whole plant: its name for people, and what it holds.

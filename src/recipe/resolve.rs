@@ -93,7 +93,8 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
         return Err(Error::Input(Box::new(report)));
     }
     let whole = Span::new(source, 0, 0);
-    let mut resolver = Resolver { request, report, whole, inputs: Vec::new(), frames: 1 };
+    let mut resolver =
+        Resolver { request, report, whole, inputs: Vec::new(), frames: 1, raining: root.get("rain").is_some() };
     let recipe = resolver.recipe(&root);
     resolver.report.into_result(recipe)
 }
@@ -126,6 +127,8 @@ pub(super) struct Resolver<'a> {
     pub(super) inputs: Vec<blake3::Hash>,
     /// Frames of the clip.
     pub(super) frames: u64,
+    /// The scene has rain.
+    pub(super) raining: bool,
 }
 
 impl Resolver<'_> {

@@ -2,6 +2,7 @@
 
 mod axes;
 mod cards;
+pub mod twigs;
 
 use std::collections::BTreeMap;
 
@@ -56,6 +57,8 @@ pub struct TreeOptions {
     pub bark: (u16, u16, f64),
     /// What made the plant, for people.
     pub source: String,
+    /// Unit vector that leaves turn their upper sides to: +Y, or elsewhere for what will be turned as a whole.
+    pub up: Vec3,
 }
 
 /// Grows a tree. `plant`: its id and seed.
@@ -67,13 +70,34 @@ pub struct TreeOptions {
 pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
     let fine = cut(options, limits);
     let cut = words::Limits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
+    let expanded = expanded(stems, plant, options, &cut)?;
+    let scale = scale(stems, options);
+    let radius = options.radius.unwrap_or(stems.radius * scale);
+    built(stems, &expanded, (plant, scale, radius), options, |_, _, _| {})
+}
+
+/// Metres per table unit.
+fn scale(stems: &Stems, options: &TreeOptions) -> f64 {
+    options.height / words::height(&stems.system, &stems.letters, stems.trunk)
+}
+
+fn expanded(stems: &Stems, plant: (u32, u64), options: &TreeOptions, cut: &words::Limits) -> Result<Expansion> {
     let vary = Variation::new(plant.1, plant.0.into(), options.variation);
     let vary = (options.variation > 0.0).then_some(vary);
-    let expanded = words::expand(&stems.system, &stems.letters, &cut, vary)
-        .map_err(|d| Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() })))?;
-    let scale = options.height / words::height(&stems.system, &stems.letters, stems.trunk);
-    let radius = options.radius.unwrap_or(stems.radius * scale);
-    let skeleton = axes::skeleton(stems, &expanded, (scale, radius));
+    words::expand(&stems.system, &stems.letters, cut, vary)
+        .map_err(|d| Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() })))
+}
+
+/// The plant of some words, with what `more` adds to its organs. `scale`: metres per table unit; `radius`: of the
+/// foot, m.
+fn built(
+    stems: &Stems,
+    expanded: &Expansion,
+    (plant, scale, radius): ((u32, u64), f64, f64),
+    options: &TreeOptions,
+    more: impl FnOnce(&mut Plant, Grown<'_>, &mut Placed),
+) -> Result<Plant> {
+    let skeleton = axes::skeleton(stems, expanded, (scale, radius));
     let mut out = Plant {
         id: plant.0,
         seed: plant.1,
@@ -82,7 +106,10 @@ pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Li
         ..Plant::default()
     };
     skeleton.lay(&mut out);
-    bear(&mut out, (stems, &expanded, &skeleton, scale), options);
+    let grown = (stems, expanded, &skeleton, scale);
+    let mut placed = bear(&mut out, grown, options);
+    more(&mut out, grown, &mut placed);
+    out.organs = placed.into_values().collect();
     if options.pipe {
         radii::pipe(&mut out, &radii::Pipe { base: Some(radius), ..radii::Pipe::default() });
     }
@@ -106,12 +133,12 @@ pub fn cut(options: &TreeOptions, limits: &Limits) -> words::Limits {
 type Placed = BTreeMap<(u32, u32, u64), Organ>;
 
 /// What a tree bears: leaves, and the sets of its table.
-fn bear(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions) {
+fn bear(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions) -> Placed {
     let mut placed = Placed::new();
     leaves(plant, grown, options, &mut placed);
     sets(plant, grown, options, &mut placed);
     cards::stand(plant, grown, options, &mut placed);
-    plant.organs = placed.into_values().collect();
+    placed
 }
 
 /// Meshes at every word, as its map moves and turns them.
@@ -182,7 +209,7 @@ fn leaves(
             if !draw.chance(options.leaf_density) {
                 continue;
             }
-            let organ = organ(plant, (axis, narrow(s * scale)), (stems, cut, copy), (&mut draw, size));
+            let organ = organ(plant, (axis, narrow(s * scale)), (stems, cut, copy), (&mut draw, size), options.up);
             // Bits of a positive float order as the float does.
             placed.insert((axis, organ.s.to_bits(), organ.id), organ);
         }
@@ -194,6 +221,7 @@ fn organ(
     (axis, s): (u32, f32),
     (stems, cut, copy): (&Stems, &Word, u32),
     (draw, size): (&mut Rng, f64),
+    sky: Vec3,
 ) -> Organ {
     let on = &plant.axes[axis as usize];
     let s = s.clamp(0.0, on.length);
@@ -205,7 +233,7 @@ fn organ(
         let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * 0.55;
         dir = (dir + Vec3::new(part(), part(), part())).normalize_or(dir);
     }
-    let up = crate::math::normalize_or(Vec3::Y - dir * dir.y, crate::math::perpendicular(dir));
+    let up = crate::math::normalize_or(sky - dir * dir.dot(sky), crate::math::perpendicular(dir));
     let q = glam::Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
     let id = mix64(&[on.id, word("organ"), cut.id, u64::from(copy)]);
     let count = u64::try_from(plant.protos.len()).unwrap_or(1).max(1);

@@ -31,6 +31,7 @@ fn options(eps: f64, variation: f64) -> TreeOptions {
         materials: vec!["bark".into(), "shoot".into()],
         bark: (0, 1, 0.008),
         source: "test".into(),
+        up: Vec3::Y,
     }
 }
 
@@ -173,5 +174,70 @@ fn cards_stand_where_the_fine_tree_grows_on() {
             assert!(variation > 0.0 || (0.079_99..0.320_01).contains(&size), "{name}: {size}");
         }
         assert!(coarse.axes.iter().all(|a| fine.axes.iter().any(|b| b.id == a.id)), "{name}: the same ids");
+    }
+}
+
+/// Positions of all leaves of a tree, those of its twigs where their copies stand.
+fn leaves_of(tree: &Plant, twigs: &[twigs::Twig]) -> Vec<Vec3> {
+    let first = tree.protos.len() - twigs.len();
+    let mut all = Vec::new();
+    for o in &tree.organs {
+        let (p, q) = tree.organ_site(o);
+        match usize::from(o.proto).checked_sub(first).map(|i| &twigs[i]) {
+            None => all.push(p),
+            Some(twig) => {
+                let flip = if twig.mirrored { Vec3::new(1.0, 1.0, -1.0) } else { Vec3::ONE };
+                let places = twig.plant.organs.iter().map(|l| twig.plant.organ_site(l).0);
+                all.extend(places.map(|at| p + q * (at * flip * o.scale)));
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn without_variation_copies_of_twigs_are_the_tree_itself() {
+    // All branches as thick as they are long, so that a class of size is the only one; the second mirrors.
+    let text = "[ifs]\nname = \"t\"\ndim = 3\nmap = [\n\
+        { branch = { h = 1, roll = 80, pitch = 35, scale = 0.5 } },\n\
+        { abcdefghijkl = [-0.5, 0, 0, 0, 0.5, 0, 0, 0, 0.5, 0.1, 1, 0], radius = 0.5 },\n]\n";
+    let (systems, _) = read::read("t.ifs.toml", text.as_bytes(), &Limits::default()).expect("reads");
+    let stems = crate::ifs::stems::stems(&systems[0]).expect("a tree");
+    let options = options(0.01, 0.0);
+    let whole = grow(&stems, (7, 1), &options, &Limits::default()).expect("grows");
+    let (tree, twigs) = twigs::grow(&stems, (7, 1), &options, &Limits::default()).expect("grows");
+    let images = twigs.iter().filter(|t| t.mirrored).count();
+    assert!(
+        images > 0 && images < twigs.len() && twigs.len() <= 12,
+        "{images} of {}: by the side that lies up",
+        twigs.len()
+    );
+    let (own, copied) = (leaves_of(&whole, &[]), leaves_of(&tree, &twigs));
+    assert_eq!(own.len(), copied.len());
+    for q in own.iter().step_by(7) {
+        let near = copied.iter().fold(f32::INFINITY, |d, p| d.min(p.distance(*q)));
+        assert!(near < 1e-4, "{q}: {near}");
+    }
+    assert!(tree.nodes.len() * 4 < whole.nodes.len());
+}
+
+#[test]
+fn copies_have_the_leaves_of_the_whole_tree() {
+    for name in MODES {
+        let stems = stems_of(name);
+        let whole = grow(&stems, (7, 1), &options(0.04, 1.0), &Limits::default()).expect("grows");
+        let (tree, twigs) = twigs::grow(&stems, (7, 1), &options(0.04, 1.0), &Limits::default()).expect("grows");
+        let (own, copied) = (leaves_of(&whole, &[]), leaves_of(&tree, &twigs));
+        let ratio = copied.len() as f64 / own.len() as f64;
+        assert!((0.9..1.1).contains(&ratio), "{name}: {ratio} of {}", own.len());
+        let middle = |l: &[Vec3]| l.iter().sum::<Vec3>() / l.len() as f32;
+        assert!(middle(&own).distance(middle(&copied)) < 0.1, "{name}: {} {}", middle(&own), middle(&copied));
+        let spread = |l: &[Vec3]| l.iter().map(|p| p.distance(middle(l))).sum::<f32>() / l.len() as f32;
+        assert!((spread(&own) / spread(&copied) - 1.0).abs() < 0.05, "{name}");
+        let used: std::collections::BTreeSet<usize> = tree.organs.iter().map(|o| o.proto.into()).collect();
+        let first = tree.protos.len() - twigs.len();
+        assert!((first..tree.protos.len()).all(|p| used.contains(&p)), "{name}: every twig is shown");
+        let mut scales = tree.organs.iter().filter(|o| usize::from(o.proto) >= first).map(|o| o.scale);
+        assert!(scales.all(|s| (0.4..2.1).contains(&s)), "{name}");
     }
 }

@@ -1,0 +1,71 @@
+//! Twigs of table trees as meshes: their wood and leaves in one, ready to be copied.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::Work;
+use super::dress::skin_options;
+use crate::Result;
+use crate::grow::ifs::twigs::Twig;
+use crate::par::par_map;
+use crate::plant::Plant;
+use crate::recipe::PlantRecipe;
+use crate::scene::{Mesh, Trs};
+use crate::surface::{SkinOptions, skin};
+
+/// Gives the prototypes of twigs their meshes. `tile`: size of one repeat of the bark, m.
+/// # Errors
+/// What the skin refuses, `Cancelled`.
+pub fn cover(tree: &mut Plant, twigs: &[Twig], (recipe, tile): (&PlantRecipe, f32), work: &Work<'_>) -> Result<()> {
+    let own = skin_options(&recipe.skin, tile, work);
+    // What stands on a branch has no roots.
+    let options = SkinOptions { flare: 0.0, bury: 0.0, ..own };
+    let meshes = par_map(twigs, |twig| {
+        work.cancel.check()?;
+        mesh(twig, &options)
+    });
+    let first = tree.protos.len() - twigs.len().min(tree.protos.len());
+    for (proto, mesh) in tree.protos.iter_mut().skip(first).zip(meshes) {
+        proto.mesh = Arc::new(mesh?);
+    }
+    let points = tree.protos.iter().map(|p| p.mesh.points.len() as u64).sum();
+    work.limits.check("vertices", points, "the number of vertices of the twigs of a tree")
+}
+
+/// Wood, then leaves prototype after prototype, so that each material is one run.
+fn mesh(twig: &Twig, options: &SkinOptions) -> Result<Mesh> {
+    let plant = &twig.plant;
+    let mut all = skin(plant, options)?.mesh;
+    for (k, proto) in plant.protos.iter().enumerate() {
+        for organ in plant.organs.iter().filter(|o| usize::from(o.proto) == k) {
+            let (t, r) = plant.organ_site(organ);
+            let stand = Trs { t, r, s: Vec3::splat(organ.scale) };
+            let mut leaf = (*proto.mesh).clone();
+            leaf.points.iter_mut().for_each(|p| *p = stand.apply(*p));
+            leaf.normals.iter_mut().for_each(|n| *n = r * *n);
+            add(&mut all, leaf);
+        }
+    }
+    if twig.mirrored {
+        all.points.iter_mut().chain(&mut all.normals).for_each(|p| p.z = -p.z);
+        all.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    Ok(all)
+}
+
+/// Appends a mesh; where only one of both has coordinates or colours, the other gets plain ones.
+fn add(all: &mut Mesh, mut other: Mesh) {
+    let texts = !(all.uvs.is_empty() && other.uvs.is_empty());
+    let colors = !(all.colors.is_empty() && other.colors.is_empty());
+    for mesh in [&mut *all, &mut other] {
+        let n = mesh.points.len();
+        if texts {
+            mesh.uvs.resize(n, glam::Vec2::ZERO);
+        }
+        if colors {
+            mesh.colors.resize(n, [1.0; 4]);
+        }
+    }
+    all.append(&other);
+}
