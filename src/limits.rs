@@ -34,7 +34,7 @@ pub const LIMITS: &[Limit] = &[
     row("maps", 1000, "maps of an iterated function system"),
     row("mesh-bytes", 512 << 20, "bytes of one mesh file or buffer"),
     row("modules", 20_000_000, "modules in any derivation step"),
-    row("motion-keys", 100_000_000, "bending branches of a plant times frames"),
+    row("motion-keys", 100_000_000, "bending branches of a plant, or drops on leaves, times frames"),
     row("nodes", 20_000_000, "nodes of a plant"),
     row("organs", 20_000_000, "organs of a plant"),
     row("output-bytes", 200_000_000_000, "predicted bytes written by one command"),

@@ -85,7 +85,7 @@ pub fn png(image: &Image) -> Result<Arc<[u8]>> {
     Ok(bytes.into())
 }
 
-/// The samples of a square picture that [`png`] has written; `None` for any other.
+/// The samples of a square picture that [`png()`] has written; `None` for any other.
 pub fn unpng(bytes: &[u8], side: u32, channels: u8) -> Option<Pixels> {
     let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().ok()?;
     let info = reader.info();
