@@ -3,22 +3,20 @@
 use std::sync::Arc;
 
 use super::Work;
-use super::dress::skin_options;
 use super::looks::Look;
 use super::plants::tree_options;
+use super::twigs::{rootless, whole};
 use crate::diagnostic::Report;
 use crate::grow::ifs::{self, Cards, Class, TreeOptions};
 use crate::grow::turtle::OrganSpec;
 use crate::ifs::stems::Stems;
 use crate::ifs::words;
-use crate::motion::Weights;
 use crate::par::par_map;
 use crate::recipe::PlantRecipe;
 use crate::recipe::cloud_keys::TreeKeys;
 use crate::rng::{mix64, word};
 use crate::scene::Mesh;
 use crate::surface::cards::{Worn, cards};
-use crate::surface::{SkinOptions, skin};
 use crate::{Error, Result};
 
 /// Pictures of subtrees of one size, where individuals differ.
@@ -82,12 +80,5 @@ fn subtree(
     (tile, work): (f32, &Work<'_>),
 ) -> Result<Mesh> {
     let grown = ifs::grow(stems, individual, options, work.limits)?;
-    // A branch has no roots.
-    let rootless = SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&plant.skin, tile, work) };
-    let mut mesh = skin(&grown, &rootless)?.mesh;
-    let all: Vec<_> = grown.organs.iter().collect();
-    let (mut leaves, _) = Weights::new(&grown).leaves(&all, 0);
-    leaves.wind.clear();
-    mesh.append(&leaves);
-    Ok(mesh)
+    whole(&grown, &rootless(plant, tile, work))
 }

@@ -18,9 +18,7 @@ use crate::surface::{SkinOptions, skin};
 /// # Errors
 /// What the skin refuses, `Cancelled`.
 pub fn cover(tree: &mut Plant, twigs: &[Twig], (recipe, tile): (&PlantRecipe, f32), work: &Work<'_>) -> Result<()> {
-    let own = skin_options(&recipe.skin, tile, work);
-    // What stands on a branch has no roots.
-    let options = SkinOptions { flare: 0.0, bury: 0.0, ..own };
+    let options = rootless(recipe, tile, work);
     let meshes = par_map(twigs, |twig| {
         work.cancel.check()?;
         mesh(twig, &options)
@@ -33,9 +31,22 @@ pub fn cover(tree: &mut Plant, twigs: &[Twig], (recipe, tile): (&PlantRecipe, f3
     work.limits.check("vertices", points, "the number of vertices of the twigs of a tree")
 }
 
-/// Wood, then leaves prototype after prototype, so that each material is one run.
+/// Skin of what stands on a branch, which has no roots.
+pub(super) fn rootless(recipe: &PlantRecipe, tile: f32, work: &Work<'_>) -> SkinOptions {
+    SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tile, work) }
+}
+
 fn mesh(twig: &Twig, options: &SkinOptions) -> Result<Mesh> {
-    let plant = &twig.plant;
+    let mut all = whole(&twig.plant, options)?;
+    if twig.mirrored {
+        all.points.iter_mut().chain(&mut all.normals).for_each(|p| p.z = -p.z);
+        all.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    Ok(all)
+}
+
+/// Wood, then leaves prototype after prototype, so that each material is one run.
+pub(super) fn whole(plant: &Plant, options: &SkinOptions) -> Result<Mesh> {
     let mut all = skin(plant, options)?.mesh;
     for (k, proto) in plant.protos.iter().enumerate() {
         for organ in plant.organs.iter().filter(|o| usize::from(o.proto) == k) {
@@ -46,10 +57,6 @@ fn mesh(twig: &Twig, options: &SkinOptions) -> Result<Mesh> {
             leaf.normals.iter_mut().for_each(|n| *n = r * *n);
             add(&mut all, leaf);
         }
-    }
-    if twig.mirrored {
-        all.points.iter_mut().chain(&mut all.normals).for_each(|p| p.z = -p.z);
-        all.triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
     Ok(all)
 }

@@ -3,11 +3,12 @@
 use glam::{Vec2, Vec3};
 
 use super::SurfaceMaterial;
+use super::pictured::{Sample, Texel, VIEWS, View, cutoff, pictures, texels};
 use crate::geometry::Bounds;
 use crate::math::{self, narrow};
 use crate::par::par_map;
-use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Mesh, Pixels};
-use crate::units::{byte, linear_from_srgb, srgb_byte};
+use crate::scene::{Image, Material, MaterialClass, Mesh, Pixels};
+use crate::units::linear_from_srgb;
 
 /// Samples along a side of a pixel.
 const SAMPLES: usize = 4;
@@ -16,11 +17,6 @@ const SHADE: f32 = 0.52;
 /// Empty pixels around what a picture shows, so that neighbours do not bleed into it.
 const MARGIN: usize = 2;
 
-/// Right, up, towards the viewer.
-type View = [Vec3; 3];
-const VIEWS: [View; 3] =
-    [[Vec3::X, Vec3::Y, Vec3::Z], [Vec3::NEG_Z, Vec3::Y, Vec3::X], [Vec3::X, Vec3::NEG_Z, Vec3::Y]];
-
 /// What meshes wear; their subsets index `materials`, whose maps index `images`.
 #[derive(Debug, Clone, Copy)]
 pub struct Worn<'a> {
@@ -28,20 +24,6 @@ pub struct Worn<'a> {
     pub materials: &'a [Material],
     /// Pictures.
     pub images: &'a [Image],
-}
-
-#[derive(Debug, Clone, Copy)]
-struct Sample {
-    depth: f32,
-    color: Vec3,
-    normal: Vec3,
-}
-
-#[derive(Debug, Clone, Copy, Default)]
-struct Texel {
-    alpha: f32,
-    color: Vec3,
-    normal: Vec3,
 }
 
 /// One view of a mesh, fitted to it.
@@ -134,21 +116,7 @@ impl Tile {
 
     fn texels(&self) -> Vec<Texel> {
         let shade = self.shade();
-        let pixels = self.side / SAMPLES;
-        let one = |i: usize| {
-            let (x, y) = (i % pixels * SAMPLES, i / pixels * SAMPLES);
-            let (mut t, mut count) = (Texel::default(), 0.0_f32);
-            for s in (y..y + SAMPLES).flat_map(|row| &self.samples[row * self.side + x..][..SAMPLES]).flatten() {
-                (t.color, t.normal, count) = (t.color + s.color, t.normal + s.normal, count + 1.0);
-            }
-            if count > 0.0 {
-                t.color *= shade / count;
-                t.normal = math::normalize_or(t.normal, Vec3::Z);
-            }
-            t.alpha = count / narrow((SAMPLES * SAMPLES) as f64);
-            t
-        };
-        (0..pixels * pixels).map(one).collect()
+        texels(&self.samples, (self.side, SAMPLES), |sum, count| sum * (shade / count))
     }
 
     /// Its quad; `place`: the upper left corner of its texels and their number along a side, shares of the picture.
@@ -206,16 +174,6 @@ impl<'a> Ink<'a> {
     }
 }
 
-/// The alpha above which as many pixels are kept as all of them cover.
-fn cutoff(texels: &[Texel]) -> f32 {
-    let mut alphas: Vec<f32> = texels.iter().map(|t| t.alpha).filter(|a| *a > 0.0).collect();
-    alphas.sort_unstable_by(|a, b| b.total_cmp(a));
-    let covered: f64 = alphas.iter().fold(0.0, |s, a| s + f64::from(*a));
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of pixels")]
-    let kept = covered.round() as usize;
-    alphas.get(kept.saturating_sub(1)).map_or(0.5, |a| a - 0.5 / narrow((SAMPLES * SAMPLES) as f64))
-}
-
 /// Each mesh as three quads that cross: two through +Y, one across it. All share one picture of `side` pixels, straight in
 /// alpha, and the returned material; subsets are 0.
 /// Own: views along the axes, 4 x 4 samples to a pixel; the cut-off keeps as much as is covered. `name`: of the material.
@@ -249,36 +207,20 @@ pub fn cards(meshes: &[Mesh], worn: Worn<'_>, (name, side): (&str, u32)) -> (Vec
 }
 
 fn surface(mut texels: Vec<Texel>, worn: Worn<'_>, (name, side): (&str, u32)) -> SurfaceMaterial {
-    let cut = cutoff(&texels);
+    let cut = cutoff(&texels, SAMPLES);
     let sum = texels.iter().fold((Vec3::ZERO, 0.0), |s, t| (s.0 + t.color * t.alpha, s.1 + t.alpha));
     let mean = sum.0 / sum.1.max(1e-6);
     // Pictures far away are seen as means of many pixels, which black ones would darken.
     for t in texels.iter_mut().filter(|t| t.alpha <= 0.0) {
         (t.color, t.normal) = (mean, Vec3::Z);
     }
-    let color = texels.iter().flat_map(|t| {
-        let [r, g, b] = t.color.to_array().map(srgb_byte);
-        [r, g, b, byte(t.alpha)]
-    });
-    let normal = texels.iter().flat_map(|t| ((t.normal + Vec3::ONE) * 0.5).to_array().map(byte));
-    let image = |what: &str, kind, channels, pixels: Vec<u8>| Image {
-        name: format!("{name}_{what}"),
-        kind,
-        width: side,
-        height: side,
-        channels,
-        pixels: Pixels::U8(pixels),
-    };
-    let images = vec![
-        image("color", ImageKind::Color, 4, color.collect()),
-        image("normal", ImageKind::Data, 3, normal.collect()),
-    ];
+    let (images, maps) = pictures(&texels, (name, side));
     let leaf = worn.materials.iter().find(|m| m.class == MaterialClass::Leaf);
     let material = Material {
         double_sided: true,
         translucency: leaf.map_or(0.0, |l| l.translucency),
         alpha_cutoff: Some(cut),
-        maps: Maps { color: Some(0), normal: Some(1), ..Maps::default() },
+        maps,
         ..Material::plain(name.to_owned(), MaterialClass::Leaf, mean.to_array(), leaf.map_or(0.6, |l| l.roughness))
     };
     SurfaceMaterial { material, images }
@@ -287,6 +229,8 @@ fn surface(mut texels: Vec<Texel>, worn: Worn<'_>, (name, side): (&str, u32)) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{ImageKind, Maps};
+    use crate::units::srgb_byte;
 
     /// A square of side 2 about (0, 1, 0), facing +Z, and as many of them behind it as asked for.
     fn squares(count: u32) -> Mesh {

@@ -9,6 +9,7 @@ pub mod leaf;
 pub mod loft;
 pub mod masonry;
 mod material;
+mod pictured;
 mod pixels;
 pub mod terrain;
 

@@ -4,9 +4,9 @@ use glam::{Vec2, Vec3};
 
 use super::{Tuft, hair_material, tuning};
 use crate::math::{self, narrow};
-use crate::scene::{Image, ImageKind, Maps, Material, Mesh, Pixels};
+use crate::scene::{Material, Mesh};
 use crate::surface::SurfaceMaterial;
-use crate::units::{byte, srgb_byte};
+use crate::surface::pictured::{self, Sample, Texel, VIEWS, View, cutoff, pictures};
 
 /// Pixels along a side of the picture.
 const SIDE: usize = SIDE_U32 as usize;
@@ -16,28 +16,6 @@ const SIDE_U32: u32 = 256;
 const SAMPLES: usize = 8;
 /// Pixels by which colours and normals are spread beyond what is drawn.
 const SPREAD: usize = 4;
-
-/// A view along the normal of a quad: right, up, towards the viewer.
-type View = [Vec3; 3];
-
-const VIEWS: [View; 3] =
-    [[Vec3::X, Vec3::Y, Vec3::Z], [Vec3::NEG_Z, Vec3::Y, Vec3::X], [Vec3::X, Vec3::NEG_Z, Vec3::Y]];
-
-/// What a sample shows: how near to the viewer, m; colour; which way it faces in the view.
-#[derive(Debug, Clone, Copy)]
-struct Sample {
-    depth: f32,
-    color: Vec3,
-    normal: Vec3,
-}
-
-/// What a pixel shows: the share that is covered, colour and normal of that.
-#[derive(Debug, Clone, Copy, Default)]
-struct Texel {
-    alpha: f32,
-    color: Vec3,
-    normal: Vec3,
-}
 
 /// A square picture of one view, rows from the top.
 struct Tile {
@@ -117,26 +95,6 @@ impl Tile {
             (z2 >= 0.0).then_some(Sample { depth, color: Vec3::from_array(tuning::STALK), normal })
         });
     }
-
-    /// Pixels, rows from the top.
-    fn texels(&self) -> Vec<Texel> {
-        let pixels = self.side / SAMPLES;
-        let one = |i: usize| {
-            let (x, y) = (i % pixels * SAMPLES, i / pixels * SAMPLES);
-            let rows = (y..y + SAMPLES).flat_map(|row| &self.samples[row * self.side + x..][..SAMPLES]);
-            let (mut t, mut count) = (Texel::default(), 0.0_f32);
-            for s in rows.flatten() {
-                (t.color, t.normal, count) = (t.color + s.color, t.normal + s.normal, count + 1.0);
-            }
-            if count > 0.0 {
-                t.color /= count;
-                t.normal = math::normalize_or(t.normal, Vec3::Z);
-            }
-            t.alpha = count / narrow((SAMPLES * SAMPLES) as f64);
-            t
-        };
-        (0..pixels * pixels).map(one).collect()
-    }
 }
 
 /// Gives what is empty the mean colour and normal of its neighbours, ring after ring, and the colour of hair beyond.
@@ -166,16 +124,6 @@ fn spread(texels: &mut [Texel], side: usize) {
     }
 }
 
-/// The alpha above which as many pixels are kept as all of them cover.
-fn cutoff(texels: &[Texel]) -> f32 {
-    let mut alphas: Vec<f32> = texels.iter().map(|t| t.alpha).filter(|a| *a > 0.0).collect();
-    alphas.sort_unstable_by(|a, b| b.total_cmp(a));
-    let covered: f64 = alphas.iter().fold(0.0, |s, a| s + f64::from(*a));
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a number of pixels")]
-    let kept = covered.round() as usize;
-    alphas.get(kept.saturating_sub(1)).map_or(0.5, |a| a - 0.5 / narrow((SAMPLES * SAMPLES) as f64))
-}
-
 impl Tuft {
     /// The tuft as pictures on quads through its middle: `crossed`: three, each with a quarter of the picture, else one that
     /// faces +Z with all of it. The mesh has one material, the returned one, whose pictures are straight in alpha.
@@ -188,33 +136,18 @@ impl Tuft {
             self.hairs.points.iter().fold(0.0, |s, p| s + f64::from(p.y)) / self.hairs.points.len().max(1) as f64;
         for (k, view) in views.iter().enumerate() {
             let corner = (k % 2 * pixels, k / 2 * pixels);
-            for (i, t) in self.tile(*view, pixels).texels().into_iter().enumerate() {
+            let tile = self.tile(*view, pixels);
+            let seen = pictured::texels(&tile.samples, (tile.side, SAMPLES), |sum, count| sum / count);
+            for (i, t) in seen.into_iter().enumerate() {
                 texels[(corner.1 + i / pixels) * SIDE + corner.0 + i % pixels] = t;
             }
             // What lies flat is seen from above, at the height of most of the hair.
             let middle = if view[2] == Vec3::Y { Vec3::Y * narrow(height) } else { Vec3::ZERO };
             quad(&mut mesh, *view, (middle, self.radius), (corner, pixels));
         }
-        let cut = cutoff(&texels);
+        let cut = cutoff(&texels, SAMPLES);
         spread(&mut texels, SIDE);
-        let color = texels.iter().flat_map(|t| {
-            let [r, g, b] = t.color.to_array().map(srgb_byte);
-            [r, g, b, byte(t.alpha)]
-        });
-        let normal = texels.iter().flat_map(|t| ((t.normal + Vec3::ONE) * 0.5).to_array().map(byte));
-        let image = |what: &str, kind, channels, pixels: Vec<u8>| Image {
-            name: format!("{name}_{what}"),
-            kind,
-            width: SIDE_U32,
-            height: SIDE_U32,
-            channels,
-            pixels: Pixels::U8(pixels),
-        };
-        let images = vec![
-            image("color", ImageKind::Color, 4, color.collect()),
-            image("normal", ImageKind::Data, 3, normal.collect()),
-        ];
-        let maps = Maps { color: Some(0), normal: Some(1), ..Maps::default() };
+        let (images, maps) = pictures(&texels, (name, SIDE_U32));
         let material = Material { maps, alpha_cutoff: Some(cut), ..hair_material(name) };
         (mesh.with_material(0), SurfaceMaterial { material, images })
     }
