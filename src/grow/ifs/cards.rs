@@ -1,8 +1,6 @@
 //! Coarse trees: cards stand where branches are cut that would have grown on.
 
-use glam::Vec3;
-
-use super::{Grown, Placed, TreeOptions, turn};
+use super::{Grown, Placed, TreeOptions, growth, stood};
 use crate::diagnostic::Diagnostic;
 use crate::grow::turtle::OrganSpec;
 use crate::ifs::stems::Stems;
@@ -79,27 +77,15 @@ pub(super) fn stand(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions, 
         let apart = |size: &f64| math::ln(cut.size / size).abs();
         let near = (0..cards.sizes.len()).min_by(|a, b| apart(&cards.sizes[*a]).total_cmp(&apart(&cards.sizes[*b])));
         let Some(class) = near else { continue };
-        let on = &plant.axes[axis as usize];
-        let s = narrow(s * scale).clamp(0.0, on.length);
-        let site = plant.frame(on, s);
-        let back = site.q.inverse();
-        let at = Vec3::from_array((cut.map.b * scale).to_array().map(narrow));
-        let id = mix64(&[on.id, word("card"), cut.id]);
+        let id = mix64(&[plant.axes[axis as usize].id, word("card"), cut.id]);
         let variants = cards.variants.max(1);
         let variant = usize::try_from(child(id, word("proto")) % variants as u64).unwrap_or(0);
-        let size = math::pow(cut.map.a.determinant().abs(), 1.0 / 3.0) / cards.sizes[class];
         let organ = Organ {
             id,
-            axis,
-            s,
-            offset: back * (at - site.p),
-            q: (back * turn(&cut.map)).normalize(),
-            scale: narrow(size),
+            scale: narrow(growth(&cut.map) / cards.sizes[class]),
             proto: u16::try_from(first + class * variants + variant).unwrap_or(u16::MAX),
-            petiole: 0.0,
-            tint: 0.5,
-            birth: 0.0,
+            ..stood(plant, (axis, s), &cut.map, scale)
         };
-        placed.insert((axis, s.to_bits(), id), organ);
+        placed.insert((axis, organ.s.to_bits(), id), organ);
     }
 }

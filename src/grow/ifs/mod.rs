@@ -11,6 +11,7 @@ use glam::{DVec3, Vec3};
 use super::radii;
 use super::turtle::{OrganSpec, expose};
 use crate::diagnostic::Report;
+use crate::ifs::affine::Affine;
 use crate::ifs::stems::Stems;
 use crate::ifs::words::{self, Expansion, Variation, Word};
 use crate::limits::Limits;
@@ -150,31 +151,34 @@ fn sets(plant: &mut Plant, (_, expanded, skeleton, scale): Grown<'_>, options: &
         plant.protos.push(Proto { name: set.name.clone(), mesh: std::sync::Arc::clone(mesh) });
         for (i, word) in expanded.words.iter().enumerate() {
             let Some((axis, s)) = skeleton.foot(i) else { continue };
-            let on = &plant.axes[axis as usize];
-            let s = narrow(s * scale).clamp(0.0, on.length);
-            let site = plant.frame(on, s);
-            let back = site.q.inverse();
-            let at = Vec3::from_array((word.map.b * scale).to_array().map(narrow));
-            let id = mix64(&[on.id, self::word("set"), proto.into(), word.id]);
-            let organ = Organ {
-                id,
-                axis,
-                s,
-                offset: back * (at - site.p),
-                q: (back * turn(&word.map)).normalize(),
-                scale: narrow(scale * crate::math::pow(word.map.a.determinant().abs(), 1.0 / 3.0)),
-                proto,
-                petiole: 0.0,
-                tint: Rng::at(plant.seed, &[plant.id.into(), "ifs-set".into(), id.into()]).unit_f32(),
-                birth: 0.0,
-            };
-            placed.insert((axis, s.to_bits(), id), organ);
+            let id = mix64(&[plant.axes[axis as usize].id, self::word("set"), proto.into(), word.id]);
+            let tint = Rng::at(plant.seed, &[plant.id.into(), "ifs-set".into(), id.into()]).unit_f32();
+            let size = narrow(scale * growth(&word.map));
+            let organ = Organ { id, scale: size, proto, tint, ..stood(plant, (axis, s), &word.map, scale) };
+            placed.insert((axis, organ.s.to_bits(), id), organ);
         }
     }
 }
 
+/// An organ, still without a name and in its own size, with its foot where a map moves the origin, turned as the map turns. `s`:
+/// where it stands on its axis, table units; `scale`: metres per table unit.
+fn stood(plant: &Plant, (axis, s): (u32, f64), map: &Affine, scale: f64) -> Organ {
+    let on = &plant.axes[axis as usize];
+    let s = narrow(s * scale).clamp(0.0, on.length);
+    let site = plant.frame(on, s);
+    let back = site.q.inverse();
+    let at = Vec3::from_array((map.b * scale).to_array().map(narrow));
+    let (offset, q) = (back * (at - site.p), (back * turn(map)).normalize());
+    Organ { id: 0, axis, s, offset, q, scale: 1.0, proto: 0, petiole: 0.0, tint: 0.5, birth: 0.0 }
+}
+
+/// What a map makes of lengths, on the mean: the cube root of what it makes of a volume.
+fn growth(map: &Affine) -> f64 {
+    crate::math::pow(map.a.determinant().abs(), 1.0 / 3.0)
+}
+
 /// The turn of a map: its axes made orthonormal, y first.
-fn turn(map: &crate::ifs::affine::Affine) -> glam::Quat {
+fn turn(map: &Affine) -> glam::Quat {
     let y = map.a.y_axis.try_normalize().unwrap_or(DVec3::Y);
     let x = (map.a.x_axis - y * y.dot(map.a.x_axis)).try_normalize().unwrap_or_else(|| y.any_orthonormal_vector());
     let column = |v: DVec3| Vec3::from_array(v.to_array().map(narrow));

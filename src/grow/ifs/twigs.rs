@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::{Grown, Placed, TreeOptions, built, turn};
+use super::{Grown, Placed, TreeOptions, built, growth, stood, turn};
 use crate::Result;
 use crate::ifs::stems::Stems;
 use crate::ifs::words::{self, Word};
@@ -196,24 +196,11 @@ fn place(
     placed: &mut Placed,
 ) {
     let Some((axis, s)) = skeleton.site(stems, expanded, w) else { return };
-    let on = &plant.axes[axis as usize];
-    let s = narrow(s * scale).clamp(0.0, on.length);
-    let site = plant.frame(on, s);
-    let back = site.q.inverse();
-    let at = Vec3::from_array((w.map.b * scale).to_array().map(narrow));
-    let id = mix64(&[on.id, word(NAME), w.id]);
-    let own = math::pow(w.map.a.determinant().abs(), 1.0 / 3.0);
     let organ = Organ {
-        id,
-        axis,
-        s,
-        offset: back * (at - site.p),
-        q: (back * turn(&w.map)).normalize(),
-        scale: narrow(own / size),
+        id: mix64(&[plant.axes[axis as usize].id, word(NAME), w.id]),
+        scale: narrow(growth(&w.map) / size),
         proto: u16::try_from(proto).unwrap_or(u16::MAX),
-        petiole: 0.0,
-        tint: 0.5,
-        birth: 0.0,
+        ..stood(plant, (axis, s), &w.map, scale)
     };
-    placed.insert((axis, s.to_bits(), id), organ);
+    placed.insert((axis, organ.s.to_bits(), organ.id), organ);
 }
