@@ -62,6 +62,20 @@ pub fn pow_f32(base: f32, exponent: f32) -> f32 {
     libm::powf(base, exponent)
 }
 
+/// a b + c, rounded once: the same bits with or without an instruction for it, but not those of a product and a sum.
+#[inline(always)]
+#[allow(clippy::disallowed_methods, reason = "asked for by name, never left to the compiler")]
+pub fn fused(a: f64, b: f64, c: f64) -> f64 {
+    a.mul_add(b, c)
+}
+
+/// [`fused`] in single precision.
+#[inline(always)]
+#[allow(clippy::disallowed_methods, reason = "asked for by name, never left to the compiler")]
+pub fn fused_f32(a: f32, b: f32, c: f32) -> f32 {
+    a.mul_add(b, c)
+}
+
 /// Rounds to single precision: the one place where f64 results become stored f32 values.
 #[inline]
 #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is the purpose")]

@@ -57,6 +57,11 @@ pub fn par_map_mut<T: Send, R: Send>(items: &mut [T], f: impl Fn(&mut T) -> R + 
     }
 }
 
+/// Runs one thing among the threads, so that what it does in parallel begins at once each time.
+pub fn among<R: Send>(f: impl FnOnce() -> R + Send) -> R {
+    join(f, || ()).0
+}
+
 /// Runs both, in parallel where there are threads, and returns both results.
 pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     #[cfg(feature = "parallel")]

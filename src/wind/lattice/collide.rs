@@ -65,14 +65,17 @@ impl<L: Lane> Pairs<L> {
     #[inline(always)]
     fn stress(&self, drho: L, m: [L; 3], u: [L; 3]) -> L {
         let s = &self.sum;
-        let diagonal = self.diagonals() - drho * drho.all(1.0 / 3.0);
-        let xx = (s[0] + diagonal) - m[0] * u[0];
-        let yy = (s[1] + diagonal) - m[1] * u[1];
-        let zz = (s[2] + diagonal) - m[2] * u[2];
-        let xy = ((s[3] + s[4]) - (s[5] + s[6])) - m[0] * u[1];
-        let xz = ((s[3] - s[4]) + (s[5] - s[6])) - m[0] * u[2];
-        let yz = ((s[3] - s[4]) - (s[5] - s[6])) - m[1] * u[2];
-        ((xx * xx + yy * yy) + zz * zz) + drho.all(2.0) * ((xy * xy + xz * xz) + yz * yz)
+        let diagonal = (drho * drho.all(-1.0 / 3.0)) + self.diagonals();
+        let back = [u[0] * drho.all(-1.0), u[1] * drho.all(-1.0), u[2] * drho.all(-1.0)];
+        let xx = m[0].fused(back[0], s[0] + diagonal);
+        let yy = m[1].fused(back[1], s[1] + diagonal);
+        let zz = m[2].fused(back[2], s[2] + diagonal);
+        let (a, b, c, d) = (s[3] + s[4], s[5] + s[6], s[3] - s[4], s[5] - s[6]);
+        let xy = m[0].fused(back[1], a - b);
+        let xz = m[0].fused(back[2], c + d);
+        let yz = m[1].fused(back[2], c - d);
+        let across = xy.fused(xy, xz.fused(xz, yz * yz));
+        drho.all(2.0).fused(across, xx.fused(xx, yy.fused(yy, zz * zz)))
     }
 }
 
@@ -100,14 +103,26 @@ pub(super) fn equilibrium<L: Lane>(i: usize, drho: L, u: [L; 3]) -> L {
     drho.all(weight(i)) * ((base + drho.all(4.5) * (rho * (s * s))) + drho.all(3.0) * (rho * s))
 }
 
-/// Populations after a collision, and the square of the velocity before any clamp.
+/// What a collision leaves.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Collided<L> {
+    /// Populations less their weights.
+    pub g: [L; Q],
+    /// Density less 1, and velocity, held to [`FASTEST`]: the collision changes neither.
+    pub drho: L,
+    pub u: [L; 3],
+    /// Square of the velocity before it was held.
+    pub square: L,
+}
+
+/// A collision.
 /// `g`: populations less their weights. `EDDIES`: with Smagorinsky's eddy viscosity; without it `relax.eddies` is unused.
 /// The speed in the equilibrium is held to [`FASTEST`], the count of which is the caller's. `FORCE`: with a body force,
 /// which only flows with known solutions need.
 /// Source: \[catkin\] eq. 6 to 9; eddy viscosity: Hou, Sterling, Chen, Doolen 1996; force: Guo, Zheng, Shi 2002.
 /// Differs: \[catkin\] gives no relaxation time; opposites are taken together, which saves half of the products.
 #[inline(always)]
-pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q], relax: Relax<L>) -> ([L; Q], L) {
+pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q], relax: Relax<L>) -> Collided<L> {
     let one = relax.tau.all(1.0);
     let pairs = Pairs::of(g);
     let drho = pairs.density();
@@ -120,7 +135,7 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
         }
     }
     let mut u = [j[0] * share, j[1] * share, j[2] * share];
-    let uu = (u[0] * u[0] + u[1] * u[1]) + u[2] * u[2];
+    let uu = u[0].fused(u[0], u[1].fused(u[1], u[2] * u[2]));
     if uu.any_above(FASTEST * FASTEST) {
         let slower = uu.above(FASTEST * FASTEST, one.all(FASTEST).over(uu.sqrt()), one);
         u = [u[0] * slower, u[1] * slower, u[2] * slower];
@@ -129,7 +144,7 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
     let mut tau = relax.tau;
     if EDDIES {
         let stress = pairs.stress(drho, j, u).sqrt();
-        tau = one.all(0.5) * (tau + (tau * tau + relax.eddies * (stress * share)).sqrt());
+        tau = one.all(0.5) * (tau + tau.fused(tau, relax.eddies * (stress * share)).sqrt());
     }
     let omega = one.over(tau);
     let mut out = relaxed(g, (drho, share), (j, u), omega);
@@ -138,7 +153,7 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
             *out = *out + (one - one.all(0.5) * omega) * pushed(i, u, relax.force);
         }
     }
-    (out, uu)
+    Collided { g: out, drho, u, square: uu }
 }
 
 /// w_i [3 (c_i - u) + 9 (c_i.u) c_i].F
@@ -156,23 +171,30 @@ fn pushed<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
     sum * u[0].all(weight(i))
 }
 
-/// g - omega (g - geq), by pairs of opposites: geq = w (e + o) and w (e - o). `share`: 1/rho; `j`: momentum rho u, from
-/// which o is made, so that it keeps what the sums have found.
+/// g - omega (g - geq), by pairs of opposites: geq = w e + 3 w s and w e - 3 w s. `share`: 1/rho; `j`: momentum rho u, from
+/// which s is made, so that it keeps what the sums have found.
 #[inline(always)]
 fn relaxed<L: Lane>(g: &[L; Q], (drho, share): (L, L), (j, u): ([L; 3], [L; 3]), omega: L) -> [L; Q] {
-    let base = drho - omega.all(1.5) * ((j[0] * u[0] + j[1] * u[1]) + j[2] * u[2]);
-    let even = omega.all(4.5) * share;
+    let number = |value: f64| omega.all(value);
+    let square = j[0].fused(u[0], j[1].fused(u[1], j[2] * u[2]));
+    let base = number(-1.5).fused(square, drho);
+    let slower = omega * number(-1.0);
     let mut out = *g;
-    out[0] = g[0] - omega * (g[0] - omega.all(W[0]) * base);
+    out[0] = slower.fused(number(-W[0]).fused(base, g[0]), g[0]);
     let (plus, minus) = (j[0] + j[1], j[0] - j[1]);
     // (-++): the fourth diagonal runs against x.
     let along = [j[0], j[1], j[2], plus + j[2], plus - j[2], minus + j[2], j[2] - minus];
+    // 3 w: twice that of the axes and eight times that of the diagonals are 1 to the last bit, or every step would add to
+    // the momentum or take from it.
+    let third = number(3.0 * W[1]);
+    let rest = (number(1.0) - (third + third)) * number(0.125);
     for k in 0..7 {
         let s = along[k];
-        let w = omega.all(if k < 3 { W[1] } else { W[2] });
-        let (e, o) = (base + even * (s * s), omega.all(3.0) * s);
-        out[2 * k + 1] = g[2 * k + 1] - omega * (g[2 * k + 1] - w * (e + o));
-        out[2 * k + 2] = g[2 * k + 2] - omega * (g[2 * k + 2] - w * (e - o));
+        let (w, odd) = if k < 3 { (number(W[1]), third) } else { (number(W[2]), rest) };
+        let even = (w * (number(4.5) * share) * s).fused(s, w * base);
+        let (a, b) = (g[2 * k + 1], g[2 * k + 2]);
+        out[2 * k + 1] = slower.fused((odd * number(-1.0)).fused(s, a - even), a);
+        out[2 * k + 2] = slower.fused(odd.fused(s, b - even), b);
     }
     out
 }

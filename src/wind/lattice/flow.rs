@@ -5,7 +5,7 @@ use super::collide::moments;
 use super::grid::{Parity, Populations};
 use super::links::Links;
 use super::stencil::Q;
-use super::sweep::{Sweep, Viscosity};
+use super::sweep::{Asked, Sweep, Viscosity};
 use crate::Result;
 
 /// Air in steps of the lattice.
@@ -30,12 +30,21 @@ impl Flow {
         Ok(Self { cells, sweep, links, populations, step: 0 })
     }
 
-    /// One step; returns how many fluid cells were too fast and clamped. `wind`: velocity at each inlet, by component, cells a step;
-    /// `wanted`: mean outward velocity at each face that is an outlet.
-    pub(super) fn advance(&mut self, wind: &[Vec<f32>; 3], wanted: [f32; 6]) -> u64 {
+    /// One step; returns how many fluid cells were too fast and clamped.
+    pub(super) fn advance(&mut self, asked: Asked<'_>) -> u64 {
+        self.go((asked, None))[0]
+    }
+
+    /// Two steps with one passage through memory, the first of which is even; returns how many fluid cells were too fast
+    /// and clamped in each. The same populations as by [`Flow::advance`].
+    pub(super) fn advance_two(&mut self, first: Asked<'_>, second: Asked<'_>) -> [u64; 2] {
+        self.go((first, Some(second)))
+    }
+
+    fn go(&mut self, asked: (Asked<'_>, Option<Asked<'_>>)) -> [u64; 2] {
         let parity = Parity::of(self.step);
-        self.step += 1;
-        self.sweep.step(&mut self.populations, &mut self.links, (parity, &self.cells), (wind, wanted))
+        self.step += 1 + u64::from(asked.1.is_some());
+        crate::par::among(|| self.sweep.step(&mut self.populations, &mut self.links, (parity, &self.cells), asked))
     }
 
     /// Populations that left a cell in the last step.

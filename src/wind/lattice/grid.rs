@@ -1,9 +1,10 @@
 //! Where populations lie in memory: one copy, changed in place.
 //!
 //! One array per velocity. Node (x, y, z), the layers -1 and n around the domain included, is element
-//! x + 1 + (n_x + 2)(y + 1) + s_z (z + 1) of each. Slot (k, x) is array k at node x. Rows follow each other without gaps: a
-//! step runs through a plane as through one long row, and computes the nodes around the domain along with it. What these
-//! hold is nobody's: boundaries put what a cell reads there before it does.
+//! x + 1 + (n_x + 2)(y + 1) + s_z (z + 1) of each, and some more, so that the first cell of a plane begins a line of the
+//! cache. Slot (k, x) is array k at node x. Rows follow each other without gaps: a step runs through a plane as through one
+//! long row, and computes the nodes around the domain along with it. What these hold is nobody's: boundaries put what a
+//! cell reads there before it does, or hand it over as it is read.
 //!
 //! Before an even step slot (i, x) holds the population that arrives at x; after it, and before an odd one, slot
 //! (opp i, x) holds what left x. An odd step gathers from slot (opp i, x - c_i) and leaves its results in slot (i, x + c_i),
@@ -15,7 +16,7 @@ use super::stencil::{C, Q, opposite};
 pub(super) const BLOCK: usize = 16;
 /// Arrays begin so many elements after a page of [`PAGE`] elements more than the one before: else the fifteen streams of a
 /// step would fall on the same lines of the cache.
-const APART: usize = 68;
+const APART: usize = 5 * BLOCK;
 const PAGE: usize = 1024;
 
 /// Sizes of the arrays.
@@ -27,6 +28,8 @@ pub(super) struct Grid {
     pub row: usize,
     /// Elements of a plane of constant z.
     pub plane: usize,
+    /// Element of a plane that is its first cell.
+    pub first: usize,
     /// Elements of an array.
     pub array: usize,
 }
@@ -46,18 +49,25 @@ impl Parity {
     }
 }
 
+/// Elements of a row, of a plane, and to its first cell.
+fn sizes([x, y]: [usize; 2]) -> [usize; 3] {
+    let row = x + 2;
+    let first = (row + 1).next_multiple_of(BLOCK);
+    // Boundaries of an odd step lie a row and an element further; the last block of a plane may run over.
+    let plane = (first - row - 1 + row * (y + 2) + BLOCK).next_multiple_of(BLOCK);
+    [row, plane, first]
+}
+
 impl Grid {
     pub(super) fn new(n: [usize; 3]) -> Self {
-        let row = n[0] + 2;
-        // The last block of a plane may run over.
-        let plane = row * (n[1] + 2) + BLOCK;
-        Self { n, row, plane, array: (plane * (n[2] + 2)).next_multiple_of(PAGE) + APART }
+        let [row, plane, first] = sizes([n[0], n[1]]);
+        Self { n, row, plane, first, array: (plane * (n[2] + 2)).next_multiple_of(PAGE) + APART }
     }
 
     /// Bytes of the populations of so many cells, before a grid of them is made.
     pub(super) fn bytes(n: [usize; 3]) -> u64 {
-        let [x, y, z] = n.map(|n| n as u64 + 2);
-        4 * Q as u64 * (((x * y + BLOCK as u64) * z).next_multiple_of(PAGE as u64) + APART as u64)
+        let [_, plane, _] = sizes([n[0], n[1]]);
+        4 * Q as u64 * ((plane as u64 * (n[2] as u64 + 2)).next_multiple_of(PAGE as u64) + APART as u64)
     }
 
     pub(super) fn cells(&self) -> usize {
@@ -72,7 +82,8 @@ impl Grid {
     /// Element of a node in its array; the layers around the domain are -1 and n.
     #[allow(clippy::cast_sign_loss, clippy::cast_possible_wrap, reason = "from -1 on, below the sizes")]
     pub(super) fn element(&self, [x, y, z]: [isize; 3]) -> usize {
-        (x + 1) as usize + self.row * (y + 1) as usize + self.plane * (z + 1) as usize
+        let gap = self.first - self.row - 1;
+        gap + (x + 1) as usize + self.row * (y + 1) as usize + self.plane * (z + 1) as usize
     }
 
     /// Elements from a node to the one a velocity leads to.

@@ -1,6 +1,7 @@
 //! Numbers side by side, or one alone: what [`super::collide`] computes with.
 //!
-//! Only operations that IEEE 754 rounds in one way, and no fused ones: a lane's bits do not depend on how many there are.
+//! Only operations that IEEE 754 rounds in one way; where a product and a sum are one, the code says so, and never the
+//! compiler: a lane's bits do not depend on how many there are, nor on the processor.
 //! What handles lanes is `inline(always)` and holds no closures: these would not get the instructions of the lanes.
 
 use std::ops::{Add, Mul, Sub};
@@ -15,6 +16,8 @@ pub(super) trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Outp
     fn all(self, value: f64) -> Self;
     fn over(self, o: Self) -> Self;
     fn sqrt(self) -> Self;
+    /// self a + b, rounded once.
+    fn fused(self, a: Self, b: Self) -> Self;
     /// Whether any lane is above; never for NaN.
     fn any_above(self, bound: f64) -> bool;
     /// `then` where a lane is above `bound`, `otherwise` elsewhere.
@@ -33,6 +36,10 @@ impl Lane for f64 {
     #[inline(always)]
     fn sqrt(self) -> Self {
         math::sqrt(self)
+    }
+    #[inline(always)]
+    fn fused(self, a: Self, b: Self) -> Self {
+        math::fused(self, a, b)
     }
     #[inline(always)]
     fn any_above(self, bound: f64) -> bool {
@@ -56,6 +63,10 @@ impl Lane for f32 {
     #[inline(always)]
     fn sqrt(self) -> Self {
         math::sqrt_f32(self)
+    }
+    #[inline(always)]
+    fn fused(self, a: Self, b: Self) -> Self {
+        math::fused_f32(self, a, b)
     }
     #[inline(always)]
     fn any_above(self, bound: f64) -> bool {
@@ -122,6 +133,10 @@ impl<S: Simd> Lane for Wide<S> {
     #[inline(always)]
     fn sqrt(self) -> Self {
         Self { simd: self.simd, value: self.simd.sqrt_f32s(self.value) }
+    }
+    #[inline(always)]
+    fn fused(self, a: Self, b: Self) -> Self {
+        Self { simd: self.simd, value: self.simd.mul_add_f32s(self.value, a.value, b.value) }
     }
     #[inline(always)]
     fn any_above(self, bound: f64) -> bool {

@@ -1,31 +1,30 @@
 //! What boundaries do: they fill the places from which cells beside walls, ground and open faces read.
 //!
-//! A step goes through the domain band by band. Before a band is computed, what arrives from boundaries is put where its
-//! cells will read; afterwards, what the next step will need is taken out, while both still lie in the nearest cache.
+//! A step goes through the domain plane by plane. Before a plane is computed, what arrives from boundaries is put where its
+//! cells will read, or handed over in [`super::ends`] for the ends of rows; afterwards, what the next step will need is
+//! taken out. Nothing comes from further than the planes beside, but for joined faces: so two steps can follow each other
+//! through the domain a plane apart ([`super::sweep`]).
 
 use std::ops::Range;
 
 use super::cells::Cells;
 use super::collide::moments;
+use super::ends::Ends;
 use super::grid::{Grid, Parity, Populations};
 use super::list::List;
 use super::open::Mouths;
-use super::stencil::{C, Q, opposite};
-
-/// Nodes of a band, which lie one after the other in a plane: so few that what is put there waits for memory while the
-/// band before is computed.
-pub(super) const BAND: usize = 256;
-/// Nodes after which the cells before open faces are looked at, many at once, while they lie in the second cache.
-pub(super) const VENT: usize = 8 * BAND;
+use super::stencil::{Q, opposite};
 
 /// Populations in memory, at equal distances, and side by side in a buffer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Piece {
     /// Direction.
     pub along: u8,
     pub run: Run,
     /// Place of the first in the buffer.
     pub at: u32,
+    /// What a wall that moves adds to them.
+    pub more: f32,
 }
 
 /// Nodes of a plane at equal distances: along a row, or across rows.
@@ -37,49 +36,54 @@ pub(super) struct Run {
     pub stride: u32,
 }
 
-/// What a band needs.
+/// Populations that arrive at the ends of some rows, one after the other: places in [`Ends`], and in a buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Handed {
+    pub to: u32,
+    pub at: u32,
+    pub count: u32,
+}
+
+/// What a plane needs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Joint {
-    /// Its part of the pieces that arrive at it.
+    /// Its part of the pieces that arrive at it, and of those at the ends of its rows.
     pub put: Range<usize>,
-    /// Its part of what open faces send to it.
+    pub handed: Range<usize>,
+    /// Its part of what open faces send to it, and to the ends of its rows.
     pub open: Range<usize>,
+    pub opened: Range<usize>,
     /// Its part of the pieces that leave it for boundaries, and of their buffer.
     pub take: Range<usize>,
     pub taken: Range<usize>,
     /// Its part of the runs of cells before open faces, and of these cells.
     pub near: Range<usize>,
     pub beside: Range<usize>,
-}
-
-/// Everything that boundaries pass on.
-#[derive(Debug)]
-pub(super) struct Links {
-    pub plan: Plan,
-    pub mouths: Mouths,
-    /// Places among the taken and what walls that move add there.
-    pub struck: Vec<(u32, f32)>,
-    /// What the last step has left, and room for what the next one leaves.
-    pub last: Taken,
-    pub next: Taken,
+    /// Among these, the first of the column at each end of its rows, if the face there is open.
+    pub columns: [Option<usize>; 2],
 }
 
 /// Where everything lies.
 #[derive(Debug)]
 pub(super) struct Plan {
     pub grid: Grid,
-    /// One for every band: those of the first plane, then those of the next.
+    /// One for every plane.
     pub joints: Vec<Joint>,
+    /// What arrives: where it is put, and where it was.
     pub put: Vec<Piece>,
+    pub handed: Vec<Handed>,
+    /// What open faces send, and where it lies among what they send.
     pub open: Vec<Piece>,
+    pub opened: Vec<Handed>,
+    /// What leaves.
     pub take: Vec<Piece>,
-    /// Cells before open faces.
+    /// Cells before open faces that are not at the ends of rows.
     pub near: Vec<Run>,
     /// Outlets send what is beside the equilibrium as well.
     pub rest: bool,
 }
 
-/// What was taken out of the populations.
+/// What a step took out of the populations.
 #[derive(Debug, Clone)]
 pub(super) struct Taken {
     pub pieces: Vec<f32>,
@@ -89,30 +93,50 @@ pub(super) struct Taken {
 /// Air in the cells before open faces.
 #[derive(Debug, Clone)]
 pub(super) struct Vents {
-    /// Density less 1, and velocity; in the end air at rest, for faces before solids.
-    pub air: Vec<[f32; 4]>,
+    /// Density less 1, and velocity by component.
+    pub air: [Vec<f32>; 4],
     /// Their populations, if they are asked for.
     pub parts: Vec<[f32; Q]>,
 }
 
-/// What a step reads of boundaries.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Arriving<'a> {
-    plan: &'a Plan,
-    pieces: &'a [f32],
-    sent: &'a [f32],
+/// Everything that boundaries pass on.
+#[derive(Debug)]
+pub(super) struct Links {
+    pub plan: Plan,
+    pub mouths: Mouths,
+    /// What the step before has left; room for what the step in hand leaves, and for the first of two at once.
+    pub last: Taken,
+    pub next: Taken,
+    pub middle: Taken,
+    /// What open faces send in a step, and in the second of two.
+    pub sent: [Vec<f32>; 2],
+    /// Mean outward velocity before each outlet ahead of the last even step, cells a step: it serves two steps, so that
+    /// these can follow each other through the domain.
+    pub mean: [f32; 6],
 }
 
-/// Room for what some bands leave for boundaries.
+/// What a step reads of boundaries: buffers, and what comes before them in the whole.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Arriving<'a> {
+    pub plan: &'a Plan,
+    pub pieces: (&'a [f32], usize),
+    pub sent: (&'a [f32], usize),
+}
+
+/// Room for what some planes leave for boundaries, and what comes before it in the whole.
 #[derive(Debug)]
 pub(super) struct Leaving<'a> {
-    pub pieces: &'a mut [f32],
-    pub air: &'a mut [[f32; 4]],
+    pub pieces: (&'a mut [f32], usize),
+    pub air: ([&'a mut [f32]; 4], usize),
     pub parts: &'a mut [[f32; Q]],
 }
 
-/// Some planes of every array: array k from plane z, or from z + c_kz before and after an odd step.
-pub(super) type Planes<'a> = [&'a mut [f32]];
+/// Some planes of every array, from the plane `low` of the array.
+#[derive(Debug)]
+pub(super) struct Planes<'a> {
+    pub arrays: Vec<&'a mut [f32]>,
+    pub low: usize,
+}
 
 /// By direction: the array, and elements from a node to its place there.
 pub(super) type Places = [(usize, isize); Q];
@@ -123,23 +147,9 @@ impl Grid {
         self.row * (self.n[1] - 1) + self.n[0]
     }
 
-    /// Bands of a plane.
-    pub(super) fn bands(&self) -> usize {
-        self.span().div_ceil(BAND)
-    }
-
-    /// Number of the first cell's node in its plane.
-    pub(super) fn first(&self) -> usize {
-        self.row + 1
-    }
-
-    /// Elements by which a step reads and writes array k beside a node, within the plane.
-    #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
+    /// Elements by which a step reads and writes array k beside a node.
     pub(super) fn aside(&self, parity: Parity, k: usize) -> isize {
-        match parity {
-            Parity::Even => 0,
-            Parity::Odd => C[k][0] as isize + C[k][1] as isize * self.row as isize,
-        }
+        if parity == Parity::Odd { self.shift(k) } else { 0 }
     }
 
     /// Where a step reads what arrives along each direction.
@@ -159,6 +169,13 @@ impl Grid {
     }
 }
 
+impl Planes<'_> {
+    /// Elements before the plane z.
+    pub(super) fn before(&self, grid: &Grid, z: usize) -> usize {
+        (z + 1 - self.low) * grid.plane
+    }
+}
+
 impl Run {
     /// The part of an array from its first node on.
     fn place(self, (k, aside): (usize, isize), plane: usize) -> (usize, usize) {
@@ -169,7 +186,9 @@ impl Run {
 /// Copies numbers side by side to places at equal distances.
 fn spread(to: &mut [f32], run: Run, from: &[f32]) {
     let from = &from[..run.count as usize];
-    if run.stride == 1 {
+    if run.count == 1 {
+        to[0] = from[0];
+    } else if run.stride == 1 {
         to[..from.len()].copy_from_slice(from);
     } else {
         to.iter_mut().step_by(run.stride as usize).zip(from).for_each(|(to, from)| *to = *from);
@@ -177,78 +196,67 @@ fn spread(to: &mut [f32], run: Run, from: &[f32]) {
 }
 
 /// The other way.
-fn gather(to: &mut [f32], from: &[f32], run: Run) {
+fn gather(to: &mut [f32], from: &[f32], (run, more): (Run, f32)) {
     let to = &mut to[..run.count as usize];
-    if run.stride == 1 {
+    if run.count == 1 {
+        to[0] = from[0];
+    } else if run.stride == 1 {
         to.copy_from_slice(&from[..to.len()]);
     } else {
         to.iter_mut().zip(from.iter().step_by(run.stride as usize)).for_each(|(to, from)| *to = *from);
     }
+    if more.abs() > 0.0 {
+        to.iter_mut().for_each(|to| *to += more);
+    }
 }
 
 impl Arriving<'_> {
-    /// Puts what arrives at a band of the plane `plane` of a slab.
-    pub(super) fn put(self, planes: &mut Planes<'_>, parity: Parity, band: usize, plane: usize) {
+    /// Puts what arrives at the plane `z`; at the ends of its rows, into `ends`.
+    pub(super) fn put(self, planes: &mut Planes<'_>, ends: &mut Ends, (parity, z): (Parity, usize)) {
         let Self { plan, .. } = self;
-        let (joint, places) = (&plan.joints[band], plan.grid.arrive(parity));
-        let plane = plane * plan.grid.plane;
-        for (pieces, from) in [(&plan.put[joint.put.clone()], self.pieces), (&plan.open[joint.open.clone()], self.sent)]
-        {
+        let (joint, places) = (&plan.joints[z], plan.grid.arrive(parity));
+        let plane = planes.before(&plan.grid, z);
+        let put = (&plan.put[joint.put.clone()], self.pieces);
+        for (pieces, (from, before)) in [put, (&plan.open[joint.open.clone()], self.sent)] {
             for p in pieces {
                 let (k, e) = p.run.place(places[usize::from(p.along)], plane);
-                spread(&mut planes[k][e..], p.run, &from[p.at as usize..]);
+                spread(&mut planes.arrays[k][e..], p.run, &from[p.at as usize - before..]);
+            }
+        }
+        let handed = (&plan.handed[joint.handed.clone()], self.pieces);
+        for (pieces, (from, before)) in [handed, (&plan.opened[joint.opened.clone()], self.sent)] {
+            for p in pieces {
+                ends.take(p.to as usize, &from[p.at as usize - before..][..p.count as usize]);
             }
         }
     }
 
-    /// Takes what a band leaves for boundaries, after its step. `first`: the first band of the slab.
-    pub(super) fn take(
-        self,
-        planes: &Planes<'_>,
-        parity: Parity,
-        (first, band, plane): (usize, usize, usize),
-        room: &mut Leaving<'_>,
-    ) {
+    /// Takes what a plane leaves for boundaries, after its step.
+    pub(super) fn take(self, planes: &Planes<'_>, (parity, z): (Parity, usize), room: &mut Leaving<'_>) {
         let Self { plan, .. } = self;
-        let (joint, slab) = (&plan.joints[band], &plan.joints[first]);
         let places = plan.grid.leave(parity);
-        let plane = plane * plan.grid.plane;
-        for p in &plan.take[joint.take.clone()] {
+        let plane = planes.before(&plan.grid, z);
+        for p in &plan.take[plan.joints[z].take.clone()] {
             let (k, e) = p.run.place(places[usize::from(p.along)], plane);
-            gather(&mut room.pieces[p.at as usize - slab.taken.start..], &planes[k][e..], p.run);
+            gather(&mut room.pieces.0[p.at as usize - room.pieces.1..], &planes.arrays[k][e..], (p.run, p.more));
         }
-    }
-
-    /// The runs of cells before open faces in a band.
-    pub(super) fn near(&self, band: usize) -> &[Run] {
-        &self.plan.near[self.plan.joints[band].near.clone()]
     }
 
     /// Takes the populations that left some cells of a run, before open faces. `skip`: the first of these cells.
     pub(super) fn vent<const N: usize>(
         &self,
         planes: &Planes<'_>,
-        parity: Parity,
-        (run, skip, plane): (Run, usize, usize),
+        (parity, z): (Parity, usize),
+        (run, skip): (Run, usize),
         out: &mut [[f32; N]; Q],
     ) {
         let count = (run.count as usize - skip).min(N);
-        let (plane, stride) = (plane * self.plan.grid.plane, run.stride as usize);
+        let (plane, stride) = (planes.before(&self.plan.grid, z), run.stride as usize);
         for (place, out) in self.plan.grid.leave(parity).into_iter().zip(out) {
             let (k, e) = run.place(place, plane);
-            let from = planes[k][e + skip * stride..].iter().step_by(stride);
+            let from = planes.arrays[k][e + skip * stride..].iter().step_by(stride);
             out[..count].iter_mut().zip(from).for_each(|(out, g)| *out = *g);
         }
-    }
-
-    /// The places of a band among those of its slab before open faces.
-    pub(super) fn beside(&self, first: usize, band: usize) -> Range<usize> {
-        let (from, to) = (self.plan.joints[first].beside.start, &self.plan.joints[band].beside);
-        to.start - from..to.end - from
-    }
-
-    pub(super) fn rest(&self) -> bool {
-        self.plan.rest
     }
 }
 
@@ -258,58 +266,48 @@ impl Links {
         List::new(cells).links(rest)
     }
 
-    /// What arrives in the next step, and room for what it leaves, cut at bands `slab` apart.
-    /// `wind`: velocity at each inlet, by component, cells a step, in the order of [`Mouths::inlets`]; `wanted`: mean outward
-    /// velocity at each outlet.
-    pub(super) fn meet(
-        &mut self,
-        wind: &[Vec<f32>; 3],
-        wanted: [f32; 6],
-        slab: usize,
-        arch: pulp::Arch,
-    ) -> (Arriving<'_>, Vec<Leaving<'_>>) {
-        for (at, more) in &self.struck {
-            self.last.pieces[*at as usize] += more;
-        }
-        self.mouths.send(arch, &self.last.vents, (wind, wanted), self.plan.rest);
-        let arriving = Arriving { plan: &self.plan, pieces: &self.last.pieces, sent: &self.mouths.sent };
-        (arriving, rooms(&self.plan, &mut self.next, slab))
-    }
-
-    /// What was taken in the step that is done becomes what arrives in the next.
-    pub(super) fn turn(&mut self) {
-        std::mem::swap(&mut self.last, &mut self.next);
-    }
-
     /// Takes everything anew from populations that were set by hand. `parity`: of the next step.
     pub(super) fn renew(&mut self, populations: &Populations, parity: Parity) {
         let arrays = populations.arrays();
-        let plan = &self.plan;
-        let (bands, grid) = (plan.grid.bands(), &plan.grid);
-        let vents = &mut self.last.vents;
-        let mut number = 0;
-        for (band, joint) in plan.joints.iter().enumerate() {
-            let plane = (band / bands + 1) * grid.plane;
+        let (plan, last) = (&self.plan, &mut self.last);
+        let grid = &plan.grid;
+        for (z, joint) in plan.joints.iter().enumerate() {
+            let plane = (z + 1) * grid.plane;
             for p in &plan.take[joint.take.clone()] {
                 let (k, e) = grid.left(parity, usize::from(p.along), plane + p.run.node as usize);
-                gather(&mut self.last.pieces[p.at as usize..], &arrays[k][e..], p.run);
+                gather(&mut last.pieces[p.at as usize..], &arrays[k][e..], (p.run, p.more));
             }
-            for run in &plan.near[joint.near.clone()] {
-                for n in 0..run.count {
-                    let node = plane + (run.node + n * run.stride) as usize;
-                    let parts: [f32; Q] = std::array::from_fn(|i| {
-                        let (k, e) = grid.left(parity, i, node);
-                        arrays[k][e]
-                    });
-                    let (drho, [x, y, z]) = moments(&parts);
-                    vents.air[number] = [drho, x, y, z];
-                    if plan.rest {
-                        vents.parts[number] = parts;
-                    }
-                    number += 1;
+            let columns = joint.columns.into_iter().zip([0, grid.n[0] - 1]);
+            let columns = columns.filter_map(|(first, x)| Some((first?, grid.first + x)));
+            let columns =
+                columns.flat_map(|(first, node)| (0..grid.n[1]).map(move |y| (first + y, node + y * grid.row)));
+            let runs = plan.near[joint.near.clone()].iter();
+            let nodes = runs.flat_map(|run| (0..run.count).map(|n| (run.node + n * run.stride) as usize));
+            let numbered = (joint.first_run(grid.n[1])..).zip(nodes);
+            for (number, node) in columns.chain(numbered) {
+                let parts: [f32; Q] = std::array::from_fn(|i| {
+                    let (k, e) = grid.left(parity, i, plane + node);
+                    arrays[k][e]
+                });
+                let (drho, [x, y, z]) = moments(&parts);
+                last.vents.air.iter_mut().zip([drho, x, y, z]).for_each(|(air, value)| air[number] = value);
+                if plan.rest {
+                    last.vents.parts[number] = parts;
                 }
             }
         }
+    }
+
+    /// What populations do not tell of the step before: velocities before outlets, and the air before open faces.
+    pub(super) fn kept(&self) -> impl Iterator<Item = &f32> {
+        let vents = &self.last.vents;
+        self.mean.iter().chain(vents.air.iter().flatten()).chain(vents.parts.iter().flatten())
+    }
+
+    /// The same, to be set.
+    pub(super) fn kept_mut(&mut self) -> impl Iterator<Item = &mut f32> {
+        let vents = &mut self.last.vents;
+        self.mean.iter_mut().chain(vents.air.iter_mut().flatten()).chain(vents.parts.iter_mut().flatten())
     }
 
     /// Bytes it holds.
@@ -317,24 +315,67 @@ impl Links {
         use std::mem::size_of_val;
         let plan = &self.plan;
         let pieces = size_of_val(&*plan.put) + size_of_val(&*plan.open) + size_of_val(&*plan.take);
-        let taken = |t: &Taken| size_of_val(&*t.pieces) + size_of_val(&*t.vents.air) + size_of_val(&*t.vents.parts);
-        pieces + size_of_val(&*plan.near) + self.mouths.bytes() + taken(&self.last) + taken(&self.next)
+        let handed = size_of_val(&*plan.handed) + size_of_val(&*plan.opened);
+        let taken =
+            |t: &Taken| size_of_val(&*t.pieces) + 4 * size_of_val(&*t.vents.air[0]) + size_of_val(&*t.vents.parts);
+        pieces
+            + handed
+            + size_of_val(&*plan.near)
+            + self.mouths.bytes()
+            + 8 * self.sent[0].len()
+            + 3 * taken(&self.last)
     }
 }
 
-/// Cuts the room for what leaves at every `slab` bands.
-fn rooms<'a>(plan: &Plan, room: &'a mut Taken, slab: usize) -> Vec<Leaving<'a>> {
-    let (mut pieces, mut air, mut parts) =
-        (room.pieces.as_mut_slice(), room.vents.air.as_mut_slice(), room.vents.parts.as_mut_slice());
-    let mut rooms = Vec::new();
-    for joints in plan.joints.chunks(slab) {
-        let count = |range: &dyn Fn(&Joint) -> Range<usize>| joints.iter().map(|j| range(j).len()).sum::<usize>();
-        let beside = count(&|j| j.beside.clone());
-        let (mine, others) = pieces.split_at_mut(count(&|j| j.taken.clone()));
-        let (mine_air, others_air) = air.split_at_mut(beside);
-        let (mine_parts, others_parts) = parts.split_at_mut(if plan.rest { beside } else { 0 });
-        rooms.push(Leaving { pieces: mine, air: mine_air, parts: mine_parts });
-        (pieces, air, parts) = (others, others_air, others_parts);
+impl Joint {
+    /// Number of the first cell of its runs among those before open faces; the columns come before.
+    pub(super) fn first_run(&self, rows: usize) -> usize {
+        self.beside.start + rows * self.columns.iter().flatten().count()
     }
-    rooms
+}
+
+impl Taken {
+    /// Cuts it at planes: a part for each of some ranges of them, which follow each other and may leave some out.
+    pub(super) fn cut(&mut self, plan: &Plan, ranges: &[Range<usize>]) -> Vec<Leaving<'_>> {
+        let taken: Vec<_> = ranges.iter().map(|r| across(&plan.joints[r.clone()], |j| &j.taken)).collect();
+        let beside: Vec<_> = ranges.iter().map(|r| across(&plan.joints[r.clone()], |j| &j.beside)).collect();
+        let pieces = parts(&mut self.pieces, &taken).into_iter().zip(taken);
+        let [drho, x, y, z] = &mut self.vents.air;
+        let [x, y, z] = [x, y, z].map(|u| parts(u, &beside));
+        let air = parts(drho, &beside).into_iter().zip(x).zip(y.into_iter().zip(z));
+        let air = air.map(|((drho, x), (y, z))| [drho, x, y, z]).zip(&beside);
+        let none = vec![0..0; ranges.len()];
+        let whole = parts(&mut self.vents.parts, if plan.rest { &beside } else { &none });
+        let all = pieces.zip(air).zip(whole);
+        all.map(|(((pieces, at), (air, from)), parts)| Leaving {
+            pieces: (pieces, at.start),
+            air: (air, from.start),
+            parts,
+        })
+        .collect()
+    }
+}
+
+/// From where the part of the first begins to where that of the last ends.
+fn across(joints: &[Joint], part: impl Fn(&Joint) -> &Range<usize>) -> Range<usize> {
+    match (joints.first(), joints.last()) {
+        (Some(first), Some(last)) => part(first).start..part(last).end,
+        _ => 0..0,
+    }
+}
+
+/// Some parts of a whole that follow each other; empty ones lie anywhere.
+pub(super) fn parts<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
+    let (mut cut, mut at) = (Vec::with_capacity(ranges.len()), 0);
+    for range in ranges {
+        if range.is_empty() {
+            cut.push(&mut [][..]);
+            continue;
+        }
+        let (_, rest) = whole.split_at_mut(range.start - at);
+        let (part, rest) = rest.split_at_mut(range.len());
+        cut.push(part);
+        (whole, at) = (rest, range.end);
+    }
+    cut
 }

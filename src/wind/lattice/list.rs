@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::cells::{Cells, Face, Source};
-use super::links::{BAND, Joint, Links, Piece, Plan, Run, Taken, VENT, Vents};
-use super::open::{Ghost, Mouths};
+use super::ends::Ends;
+use super::links::{Handed, Joint, Links, Piece, Plan, Run, Taken, Vents};
+use super::open::{Ghost, Mouths, Sends};
 use super::stencil::{C, Q, weight};
 
 /// A cell: its plane, and its number in the plane, counted from the first cell.
@@ -21,16 +22,18 @@ struct Copied {
     count: usize,
     stride: usize,
     struck: Option<f32>,
+    /// Place of the first among the ends of rows, if that is where they arrive.
+    end: Option<usize>,
 }
 
 /// Lists being made.
 pub(super) struct List<'a> {
     cells: &'a Cells,
-    /// By band of arrival.
+    /// By plane of arrival.
     copies: Vec<Copied>,
     ghosts: Vec<Ghost>,
     by_place: BTreeMap<[isize; 3], usize>,
-    /// Direction of arrival, cell, ghost, direction sent; by band of arrival.
+    /// Direction of arrival, cell, ghost, direction sent; by plane of arrival.
     sends: Vec<(usize, Spot, usize, usize)>,
     /// Cell before each ghost.
     near: Vec<[usize; 3]>,
@@ -42,24 +45,19 @@ impl<'a> List<'a> {
         let (copies, ghosts, by_place) = (Vec::new(), Vec::new(), BTreeMap::new());
         let mut list = Self { cells, copies, ghosts, by_place, sends: Vec::new(), near: Vec::new() };
         for z in 0..grid.n[2] {
-            for first in (0..grid.span()).step_by(BAND) {
-                let last = grid.span().min(first + BAND);
-                for i in 1..Q {
-                    for y in first / grid.row..=(last - 1) / grid.row {
-                        let from = first.saturating_sub(y * grid.row);
-                        let to = grid.n[0].min(last - y * grid.row);
-                        list.row(i, (y, z), from..to);
-                    }
+            for i in 1..Q {
+                for y in 0..grid.n[1] {
+                    list.row(i, (y, z));
                 }
             }
         }
         list
     }
 
-    fn row(&mut self, i: usize, (y, z): (usize, usize), part: Range<usize>) {
+    fn row(&mut self, i: usize, (y, z): (usize, usize)) {
         let n = self.cells.grid.n;
         let edge = y == 0 || y + 1 == n[1] || z == 0 || z + 1 == n[2];
-        for x in part {
+        for x in 0..n[0] {
             if !self.cells.is_solid([x, y, z]) && (edge || x == 0 || x + 1 == n[0] || self.cells.beside([x, y, z], i)) {
                 self.add([x, y, z], i);
             }
@@ -72,7 +70,8 @@ impl<'a> List<'a> {
 
     fn add(&mut self, x: [usize; 3], i: usize) {
         let to = self.spot(x);
-        let copied = |leave, from, struck| Copied { arrive: i, leave, to, from, count: 1, stride: 1, struck };
+        let end = Ends::place(&self.cells.grid, i, [x[0], x[1]]);
+        let copied = |leave, from, struck| Copied { arrive: i, leave, to, from, count: 1, stride: 1, struck, end };
         match self.cells.source(x, i) {
             Source::Neighbour => {}
             Source::Left(leave, q) => self.copy(copied(leave, self.spot(q), None)),
@@ -92,13 +91,11 @@ impl<'a> List<'a> {
     fn copy(&mut self, one: Copied) {
         let row = self.cells.grid.row;
         if let Some(last) = self.copies.last_mut() {
-            let alike = (last.arrive, last.leave) == (one.arrive, one.leave) && last.struck.is_none();
-            let step = following((last.to, last.count, last.stride), one.to, (row, BAND));
-            if alike
-                && one.struck.is_none()
-                && step.is_some()
-                && step == following((last.from, last.count, last.stride), one.from, (row, BAND))
-            {
+            let alike = (last.arrive, last.leave, last.end.is_some()) == (one.arrive, one.leave, one.end.is_some())
+                && last.struck.is_none()
+                && one.struck.is_none();
+            let step = following((last.to, last.count, last.stride), one.to, row);
+            if alike && step.is_some() && step == following((last.from, last.count, last.stride), one.from, row) {
                 (last.count, last.stride) = (last.count + 1, step.unwrap_or(1));
                 return;
             }
@@ -130,132 +127,159 @@ impl<'a> List<'a> {
         number
     }
 
-    fn band(&self, (z, k): Spot) -> usize {
-        z * self.cells.grid.bands() + k / BAND
-    }
-
     pub(super) fn links(mut self, rest: bool) -> Links {
         let grid = self.cells.grid;
-        let mut joints = vec![Joint::default(); grid.bands() * grid.n[2]];
-        let mut struck = Vec::new();
-        // Taken in the order of bands they leave, put in the order of bands they reach.
+        let mut joints = vec![Joint::default(); grid.n[2]];
+        // Taken in the order of planes they leave, put in the order of planes they reach.
         let mut order: Vec<usize> = (0..self.copies.len()).collect();
-        order.sort_by_key(|k| self.band(self.copies[*k].from));
+        order.sort_by_key(|k| self.copies[*k].from.0);
         let mut place = vec![0; self.copies.len()];
         let (mut take, mut at) = (Vec::new(), 0);
         for k in order {
             let c = &self.copies[k];
             place[k] = at;
-            struck.extend(c.struck.map(|more| (small(at), more)));
-            let joint = &mut joints[self.band(c.from)];
+            let joint = &mut joints[c.from.0];
             grow(&mut joint.take, take.len(), 1);
             grow(&mut joint.taken, at, c.count);
-            take.push(self.piece(c.leave, (c.from, c.count, c.stride), at));
+            take.push(Piece { more: c.struck.unwrap_or(0.0), ..self.piece(c.leave, (c.from, c.count, c.stride), at) });
             at += c.count;
         }
-        let mut put = Vec::new();
+        let (mut put, mut handed) = (Vec::new(), Vec::new());
         for (c, at) in self.copies.iter().zip(&place) {
-            grow(&mut joints[self.band(c.to)].put, put.len(), 1);
-            put.push(self.piece(c.arrive, (c.to, c.count, c.stride), *at));
+            let joint = &mut joints[c.to.0];
+            if let Some(end) = c.end {
+                grow(&mut joint.handed, handed.len(), 1);
+                handed.push(Handed { to: small(end), at: small(*at), count: small(c.count) });
+            } else {
+                grow(&mut joint.put, put.len(), 1);
+                put.push(self.piece(c.arrive, (c.to, c.count, c.stride), *at));
+            }
         }
-        let (near, beside) = self.number_near(&mut joints);
+        let near = self.number_near(&mut joints);
         let (mouths, places) = self.mouths();
-        let open = self.open(&mouths, &places, &mut joints);
-        let parts = if rest { beside + 1 } else { 0 };
-        let vents = Vents { air: vec![[0.0; 4]; beside + 1], parts: vec![[0.0; Q]; parts] };
-        let taken = Taken { pieces: vec![0.0; at], vents };
+        let (open, opened) = self.open(&places, &mut joints);
         follow(&mut joints);
-        let plan = Plan { grid, joints, put, open, take, near, rest };
-        Links { plan, mouths, struck, last: taken.clone(), next: taken }
+        let beside = joints.last().map_or(0, |j| j.beside.end);
+        let air = std::array::from_fn(|_| vec![0.0; beside]);
+        let vents = Vents { air, parts: vec![[0.0; Q]; if rest { beside } else { 0 }] };
+        let last = Taken { pieces: vec![0.0; at], vents };
+        let sent = [vec![0.0; mouths.len()], vec![0.0; mouths.len()]];
+        let plan = Plan { grid, joints, put, handed, open, opened, take, near, rest };
+        Links { plan, mouths, next: last.clone(), middle: last.clone(), last, sent, mean: [0.0; 6] }
     }
 
-    /// Sorts places outside so that those that are alike follow each other.
-    fn mouths(&mut self) -> (Mouths, Vec<(usize, usize)>) {
+    /// Sorts places outside by plane, so that those that are alike follow each other.
+    fn mouths(&mut self) -> (Mouths, Vec<Sends>) {
+        let planes = self.cells.grid.n[2];
         let mut order: Vec<usize> = (0..self.ghosts.len()).collect();
         order.sort_by_key(|k| {
             let g = &self.ghosts[*k];
-            (g.inlet, g.sends, g.out, g.solid, g.place[2], g.place[1], g.place[0])
+            (g.plane(planes), g.inlet, g.out, g.solid, g.place[2], g.place[1], g.place[0])
         });
-        let (mouths, places) = Mouths::new(order.iter().map(|k| self.ghosts[*k]).collect());
-        let mut number = vec![(0, 0); order.len()];
+        let (mouths, places) = Mouths::new(order.iter().map(|k| self.ghosts[*k]).collect(), planes);
+        let mut number = vec![Sends::default(); order.len()];
         order.iter().zip(places).for_each(|(k, place)| number[*k] = place);
         (mouths, number)
     }
 
-    /// What open faces send, joined while it lies at equal distances.
-    fn open(&self, mouths: &Mouths, places: &[(usize, usize)], joints: &mut [Joint]) -> Vec<Piece> {
-        debug_assert_eq!(mouths.ghosts.len(), places.len());
-        let (mut open, mut last): (Vec<Piece>, Option<(usize, Spot)>) = (Vec::new(), None);
+    /// What open faces send, joined while it lies at equal distances: into memory, and to the ends of rows.
+    fn open(&self, places: &[Sends], joints: &mut [Joint]) -> (Vec<Piece>, Vec<Handed>) {
+        let grid = &self.cells.grid;
+        let (mut open, mut opened): (Vec<Piece>, Vec<Handed>) = (Vec::new(), Vec::new());
+        let mut last: Option<Spot> = None;
         for (i, spot, ghost, along) in &self.sends {
-            let before = (self.ghosts[*ghost].sends & ((1 << along) - 1)).count_ones() as usize;
-            let at = places[*ghost].0 + before * places[*ghost].1;
-            let band = self.band(*spot);
-            if let (Some(piece), Some((of, first))) = (open.last_mut(), last) {
+            let at = places[*ghost].place(*along);
+            if let Some(end) = Ends::place(grid, *i, [spot.1 % grid.row, spot.1 / grid.row]) {
+                let joint = &mut joints[spot.0].opened;
+                let next = |h: &&mut Handed| {
+                    joint.start < joint.end && (h.to + h.count, h.at + h.count) == (small(end), small(at))
+                };
+                if let Some(handed) = opened.last_mut().filter(next) {
+                    handed.count += 1;
+                } else {
+                    grow(joint, opened.len(), 1);
+                    opened.push(Handed { to: small(end), at: small(at), count: 1 });
+                }
+                continue;
+            }
+            if let (Some(piece), Some(first)) = (open.last_mut(), last) {
                 let (count, stride) = (piece.run.count as usize, piece.run.stride as usize);
-                let step = following((first, count, stride), *spot, (self.cells.grid.row, BAND));
-                let follows = piece.along == direction(*i) && piece.at as usize + count == at && of == band;
+                let step = following((first, count, stride), *spot, grid.row);
+                let follows = piece.along == direction(*i) && piece.at as usize + count == at;
                 if let Some(step) = step.filter(|_| follows) {
                     (piece.run.count, piece.run.stride) = (piece.run.count + 1, small(step));
                     continue;
                 }
             }
-            grow(&mut joints[band].open, open.len(), 1);
+            grow(&mut joints[spot.0].open, open.len(), 1);
             open.push(self.piece(*i, (*spot, 1, 1), at));
-            last = Some((band, *spot));
+            last = Some(*spot);
         }
-        open
+        (open, opened)
     }
 
     fn piece(&self, along: usize, run: (Spot, usize, usize), at: usize) -> Piece {
-        Piece { along: direction(along), run: self.run(run), at: small(at) }
+        Piece { along: direction(along), run: self.run(run), at: small(at), more: 0.0 }
     }
 
     fn run(&self, ((_, k), count, stride): (Spot, usize, usize)) -> Run {
-        Run { node: small(self.cells.grid.first() + k), count: small(count), stride: small(stride) }
+        Run { node: small(self.cells.grid.first + k), count: small(count), stride: small(stride) }
     }
 
-    /// Sorts the cells before open faces by band and tells each ghost its own. Returns their runs, and how many there are.
-    fn number_near(&mut self, joints: &mut [Joint]) -> (Vec<Run>, usize) {
-        let (n, row) = (self.cells.grid.n, self.cells.grid.row);
-        let air = |(near, ghost): (&[usize; 3], &Ghost)| (!ghost.solid).then_some(*near);
-        let mut cells: Vec<[usize; 3]> = self.near.iter().zip(&self.ghosts).filter_map(air).collect();
-        // Those at the ends of rows as columns.
-        let column = |c: &[usize; 3]| if c[0] == 0 || c[0] + 1 == n[0] { c[0] + 1 } else { 0 };
-        // The band after which it is looked at.
-        let after = |(z, k): Spot| self.band((z, (k / VENT * VENT + VENT - BAND).min(self.cells.grid.span() - 1)));
-        cells.sort_by_key(|c| (after(self.spot(*c)), column(c), c[1], c[0]));
+    /// Which end of its row a cell is, if the face there is open: then the whole column counts as before it.
+    fn column(&self, x: usize) -> Option<usize> {
+        let ends = [0, self.cells.grid.n[0] - 1];
+        (0..2).find(|end| x == ends[*end] && self.cells.faces[*end].is_open())
+    }
+
+    /// Numbers the cells before open faces, plane by plane, and tells each ghost its own. Returns the runs of those that
+    /// are not at the ends of rows.
+    fn number_near(&mut self, joints: &mut [Joint]) -> Vec<Run> {
+        let rows = self.cells.grid.n[1];
+        let air = self.near.iter().zip(&self.ghosts).filter(|(_, g)| !g.solid).map(|(cell, _)| *cell);
+        let mut cells: Vec<[usize; 3]> = air.filter(|c| self.column(c[0]).is_none()).collect();
+        cells.sort_by_key(|c| (c[2], c[1], c[0]));
         cells.dedup();
-        let mut runs: Vec<(Spot, usize, usize)> = Vec::new();
-        for (k, cell) in cells.iter().enumerate() {
-            let spot = self.spot(*cell);
-            let joint = &mut joints[after(spot)];
-            grow(&mut joint.beside, k, 1);
-            if let Some(last) = runs.last_mut()
-                && let Some(step) = following(*last, spot, (row, VENT))
-            {
-                (last.1, last.2) = (last.1 + 1, step);
-                continue;
+        let mut number: BTreeMap<[usize; 3], u32> = BTreeMap::new();
+        let (mut runs, mut at, mut cells): (Vec<(Spot, usize, usize)>, usize, _) =
+            (Vec::new(), 0, cells.iter().peekable());
+        for (z, joint) in joints.iter_mut().enumerate() {
+            for end in 0..2 {
+                if self.cells.faces[end].is_open() {
+                    joint.columns[end] = Some(at);
+                    grow(&mut joint.beside, at, rows);
+                    at += rows;
+                }
             }
-            grow(&mut joint.near, runs.len(), 1);
-            runs.push((spot, 1, 1));
+            while let Some(cell) = cells.next_if(|c| c[2] == z) {
+                number.insert(*cell, small(at));
+                grow(&mut joint.beside, at, 1);
+                at += 1;
+                let spot = self.spot(*cell);
+                if let Some(last) = runs.last_mut().filter(|_| joint.near.start < joint.near.end)
+                    && let Some(step) = following(*last, spot, self.cells.grid.row)
+                {
+                    (last.1, last.2) = (last.1 + 1, step);
+                    continue;
+                }
+                grow(&mut joint.near, runs.len(), 1);
+                runs.push((spot, 1, 1));
+            }
         }
-        let number: BTreeMap<[usize; 3], u32> = cells.iter().enumerate().map(|(k, c)| (*c, small(k))).collect();
-        for (ghost, near) in self.ghosts.iter_mut().zip(&self.near) {
-            ghost.near = number.get(near).copied().unwrap_or(small(cells.len()));
-        }
-        (runs.into_iter().map(|run| self.run(run)).collect(), cells.len())
+        let of = |cell: &[usize; 3]| match self.column(cell[0]) {
+            Some(end) => joints[cell[2]].columns[end].map_or(0, |first| small(first + cell[1])),
+            None => number.get(cell).copied().unwrap_or(0),
+        };
+        let numbers: Vec<u32> = self.near.iter().map(of).collect();
+        self.ghosts.iter_mut().zip(numbers).for_each(|(ghost, near)| ghost.near = near);
+        runs.into_iter().map(|run| self.run(run)).collect()
     }
 }
 
-/// Distance at which a cell follows some others, along the row or across rows: one after the other in a band of
-/// so many nodes.
-fn following(
-    ((z, first), count, stride): (Spot, usize, usize),
-    next: Spot,
-    (row, band): (usize, usize),
-) -> Option<usize> {
+/// Distance at which a cell follows some others, along the row or across rows of their plane.
+fn following(((z, first), count, stride): (Spot, usize, usize), next: Spot, row: usize) -> Option<usize> {
     let step = next.1.checked_sub(first + (count - 1) * stride)?;
-    let good = next.0 == z && first / band == next.1 / band && (step == 1 || step == row);
+    let good = next.0 == z && (step == 1 || step == row);
     (good && (count == 1 || step == stride)).then_some(step)
 }
 
@@ -269,10 +293,18 @@ fn grow(range: &mut Range<usize>, at: usize, count: usize) {
 
 /// Empty ranges begin where the ones before end.
 fn follow(joints: &mut [Joint]) {
-    let mut ends = [0; 6];
-    for joint in joints {
-        let ranges =
-            [&mut joint.put, &mut joint.open, &mut joint.take, &mut joint.taken, &mut joint.near, &mut joint.beside];
+    let mut ends = [0; 8];
+    for j in joints {
+        let ranges = [
+            &mut j.put,
+            &mut j.handed,
+            &mut j.open,
+            &mut j.opened,
+            &mut j.take,
+            &mut j.taken,
+            &mut j.near,
+            &mut j.beside,
+        ];
         for (range, end) in ranges.into_iter().zip(&mut ends) {
             if range.start == range.end {
                 *range = *end..*end;

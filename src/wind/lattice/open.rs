@@ -1,24 +1,23 @@
 //! Open faces: what the places outside send inside.
 
-use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
+
+use pulp::Simd;
 
 use super::collide::equilibrium;
 use super::grid::BLOCK;
 use super::lane::{Lane, Wide};
-use super::links::Vents;
 use super::stencil::Q;
-use crate::par;
 
-/// Places outside that one thread takes at a time.
+/// Most places of a group.
 const PART: usize = 512;
 
 /// A place outside an open face.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ghost {
     pub place: [isize; 3],
-    /// Number of the nearest cell inside among those before open faces; that of the air at rest if it is solid.
+    /// Number of the nearest cell inside among those before open faces, unless that is solid.
     pub near: u32,
-    /// That cell is solid.
     pub solid: bool,
     /// Directions it sends along, a bit each.
     pub sends: u16,
@@ -31,7 +30,7 @@ pub(super) struct Ghost {
 
 /// What an open face sends inside.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Sends<L> {
+pub(super) enum Kind<L> {
     /// Air with this velocity.
     Inlet([L; 3]),
     /// What comes out, at this density less 1; never inwards along these sides. `true`: with the part beside the
@@ -61,10 +60,10 @@ pub(super) struct Beyond<L> {
 impl<L: Lane> Beyond<L> {
     /// From density less 1 and velocity of the cell before it; a solid counts as air at rest.
     #[inline(always)]
-    pub(super) fn new((drho, mut u): (L, [L; 3]), sends: Sends<L>) -> Self {
-        match sends {
-            Sends::Inlet(wind) => Self { air: (drho, wind), rest: None },
-            Sends::Outlet(out, density, rest) => {
+    pub(super) fn new((drho, mut u): (L, [L; 3]), kind: Kind<L>) -> Self {
+        match kind {
+            Kind::Inlet(wind) => Self { air: (drho, wind), rest: None },
+            Kind::Outlet(out, density, rest) => {
                 let rest = if rest { Some((drho, u)) } else { None };
                 for a in 0..3 {
                     if out[a] != 0 {
@@ -89,17 +88,37 @@ impl<L: Lane> Beyond<L> {
     }
 }
 
-/// Places outside that are alike, one after the other.
+/// Places outside that are alike and before the same plane, one after the other.
 #[derive(Debug)]
 struct Group {
     first: usize,
     count: usize,
+    /// Directions that any of them sends along.
     sends: u16,
     /// Outward sides; none for an inlet.
     out: Option<[i8; 3]>,
     solid: bool,
     /// Number of the first among all inlets.
     inlet: usize,
+    /// The cells before them are numbered one after the other, from this one.
+    near: Option<u32>,
+}
+
+/// Where a place outside sends, among all that is sent.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sends {
+    /// Place of the first direction, and from one direction to the next.
+    at: usize,
+    apart: usize,
+    /// Directions that are sent along.
+    along: u16,
+}
+
+impl Sends {
+    /// Where what is sent along a direction stands.
+    pub(super) fn place(self, along: usize) -> usize {
+        self.at + self.apart * (self.along & ((1 << along) - 1)).count_ones() as usize
+    }
 }
 
 /// All places outside open faces.
@@ -107,39 +126,67 @@ struct Group {
 pub(super) struct Mouths {
     pub ghosts: Vec<Ghost>,
     groups: Vec<Group>,
+    /// By plane: its part of the groups, and of what they send, group by group and direction by direction.
+    planes: Vec<(Range<usize>, Range<usize>)>,
     /// By face, if it is an outlet: the cells before it.
     outlets: [Vec<u32>; 6],
-    /// What they send: group by group, direction by direction.
-    pub sent: Vec<f32>,
+}
+
+/// What is known of the air when open faces send: the cells before them with the number of the first, the velocity at each
+/// inlet by component, and the density less 1 beyond each face that is an outlet.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Before<'a> {
+    pub air: ([&'a [f32]; 4], usize),
+    /// Populations of these cells, where outlets pass on what is beside the equilibrium.
+    pub parts: Option<&'a [[f32; Q]]>,
+    pub wind: &'a [Vec<f32>; 3],
+    pub density: [f32; 6],
+}
+
+impl Ghost {
+    /// The plane of cells before which it lies.
+    #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit; clamped to the domain")]
+    pub(super) fn plane(&self, planes: usize) -> usize {
+        self.place[2].clamp(0, planes as isize - 1) as usize
+    }
 }
 
 impl Mouths {
-    /// `ghosts`: in an order that puts those that are alike side by side. Returns for each where it sends: the place of the
-    /// first direction, and from one direction to the next.
-    pub(super) fn new(ghosts: Vec<Ghost>) -> (Self, Vec<(usize, usize)>) {
+    /// `ghosts`: by plane, in an order that puts those that are alike side by side. Returns for each where it sends.
+    pub(super) fn new(ghosts: Vec<Ghost>, planes: usize) -> (Self, Vec<Sends>) {
         let mut groups: Vec<Group> = Vec::new();
         let mut outlets: [Vec<u32>; 6] = std::array::from_fn(|_| Vec::new());
-        let mut inlets = 0;
+        let (mut inlets, mut last) = (0, None);
+        let mut parts = vec![(0..0, 0..0); planes];
         for (first, g) in ghosts.iter().enumerate() {
             let out = (!g.inlet).then_some(g.out);
-            match groups.last_mut() {
-                Some(l) if (l.sends, l.out, l.solid) == (g.sends, out, g.solid) && l.count < PART => l.count += 1,
-                _ => groups.push(Group { first, count: 1, sends: g.sends, out, solid: g.solid, inlet: inlets }),
+            let key = Some((g.plane(planes), out, g.solid));
+            if let Some(group) = groups.last_mut().filter(|l| key == last && l.count < PART) {
+                group.near = group.near.filter(|near| near + small(group.count) == g.near);
+                (group.count, group.sends) = (group.count + 1, group.sends | g.sends);
+            } else {
+                let near = Some(g.near);
+                groups.push(Group { first, count: 1, sends: g.sends, out, solid: g.solid, inlet: inlets, near });
             }
+            last = key;
             inlets += usize::from(g.inlet);
             if let Some(face) = g.face.filter(|_| !g.inlet && !g.solid) {
                 outlets[face].push(g.near);
             }
         }
-        let (mut places, mut at) = (Vec::new(), 0);
-        for group in &groups {
-            places.extend((0..group.count).map(|k| (at + k, group.count)));
-            at += group.len();
+        let (mut places, mut at, mut number) = (Vec::new(), 0, 0);
+        for (z, (mine, sent)) in parts.iter_mut().enumerate() {
+            let (group, from) = (number, at);
+            while let Some(g) = groups.get(number).filter(|g| ghosts[g.first].plane(planes) == z) {
+                places.extend((0..g.count).map(|k| Sends { at: at + k, apart: g.count, along: g.sends }));
+                (at, number) = (at + g.len(), number + 1);
+            }
+            (*mine, *sent) = (group..number, from..at);
         }
-        (Self { ghosts, groups, outlets, sent: vec![0.0; at] }, places)
+        (Self { ghosts, groups, planes: parts, outlets }, places)
     }
 
-    /// Where air comes in, in the order of the velocities that [`super::links::Links::meet`] takes.
+    /// Where air comes in, in the order of the velocities of [`Before::wind`].
     pub(super) fn inlets(&self) -> Vec<[isize; 3]> {
         self.ghosts.iter().filter(|g| g.inlet).map(|g| g.place).collect()
     }
@@ -150,35 +197,38 @@ impl Mouths {
     }
 
     /// Mean outward velocity before each face that is an outlet, cells a step.
-    fn outflow(&self, vents: &Vents) -> [f32; 6] {
+    pub(super) fn outflow(&self, air: &[Vec<f32>; 4]) -> [f32; 6] {
         std::array::from_fn(|f| {
             let cells = &self.outlets[f];
-            let sum: f64 = cells.iter().map(|n| f64::from(vents.air[*n as usize][1 + f / 2])).sum();
+            let sum: f64 = cells.iter().map(|n| f64::from(air[1 + f / 2][*n as usize])).sum();
             let out = if f.is_multiple_of(2) { -1.0 } else { 1.0 };
             if cells.is_empty() { 0.0 } else { crate::math::narrow(out * sum / cells.len() as f64) }
         })
     }
 
-    /// Finds what is sent. `wind`: velocity at each inlet, by component; `wanted`: mean outward velocity at each outlet.
-    pub(super) fn send(&mut self, arch: Arch, vents: &Vents, (wind, wanted): (&[Vec<f32>; 3], [f32; 6]), rest: bool) {
-        let mean = self.outflow(vents);
-        let density = std::array::from_fn(|f| let_go(wanted[f], mean[f]));
-        let mut sent = self.sent.as_mut_slice();
-        let mut parts = Vec::with_capacity(self.groups.len());
-        for group in &self.groups {
-            let (mine, others) = sent.split_at_mut(group.len());
-            parts.push((group, mine));
-            sent = others;
+    /// Numbers that are sent before each plane.
+    pub(super) fn sent(&self, z: usize) -> Range<usize> {
+        self.planes[z].1.clone()
+    }
+
+    /// Numbers that are sent.
+    pub(super) fn len(&self) -> usize {
+        self.planes.last().map_or(0, |(_, sent)| sent.end)
+    }
+
+    /// Finds what is sent from before the plane z.
+    #[inline(always)]
+    pub(super) fn send<S: Simd>(&self, simd: S, z: usize, before: Before<'_>, mut out: &mut [f32]) {
+        for group in &self.groups[self.planes[z].0.clone()] {
+            let (mine, others) = std::mem::take(&mut out).split_at_mut(group.len());
+            let ghosts = &self.ghosts[group.first..group.first + group.count];
+            group.send(simd, ghosts, before, mine);
+            out = others;
         }
-        let ghosts = &self.ghosts;
-        par::par_each(&mut parts, |(group, out)| {
-            let ghosts = &ghosts[group.first..group.first + group.count];
-            arch.dispatch(Send { group, ghosts, vents, wind, density, rest: rest && !group.solid, out });
-        });
     }
 
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.ghosts) + size_of_val(&*self.sent)
+        size_of_val(&*self.ghosts)
     }
 }
 
@@ -187,70 +237,71 @@ impl Group {
     fn len(&self) -> usize {
         self.count * self.sends.count_ones() as usize
     }
-}
-
-struct Send<'a, 'b> {
-    group: &'a Group,
-    ghosts: &'a [Ghost],
-    vents: &'a Vents,
-    wind: &'a [Vec<f32>; 3],
-    density: [f32; 6],
-    rest: bool,
-    out: &'b mut [f32],
-}
-
-impl WithSimd for Send<'_, '_> {
-    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { group, ghosts, vents, wind, density, rest, out } = self;
-        for (from, some) in (0..).step_by(BLOCK).zip(ghosts.chunks(BLOCK)) {
-            let mut air = [[0.0_f32; BLOCK]; 4];
-            let mut parts = [[0.0_f32; BLOCK]; Q];
-            let mut blown = [[0.0_f32; BLOCK]; 3];
-            for (k, ghost) in some.iter().enumerate() {
-                let near = vents.air[ghost.near as usize];
-                for a in 0..4 {
-                    air[a][k] = near[a];
+    fn send<S: Simd>(&self, simd: S, ghosts: &[Ghost], before: Before<'_>, out: &mut [f32]) {
+        match self.near.filter(|_| self.count >= S::F32_LANES && before.parts.is_none()) {
+            Some(near) => self.send_side_by_side(simd, near as usize, before, out),
+            None => self.send_singly(ghosts, before, out),
+        }
+    }
+
+    /// Where the cells before these places are numbered one after the other: many at once.
+    #[inline(always)]
+    fn send_side_by_side<S: Simd>(&self, simd: S, near: usize, before: Before<'_>, out: &mut [f32]) {
+        let load = |from: &[f32]| Wide::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
+        let mut from = 0;
+        while from < self.count {
+            // The last ones, some of them again.
+            let at = from.min(self.count - S::F32_LANES);
+            from += S::F32_LANES;
+            let kind = match self.out {
+                None => {
+                    let [x, y, z] = before.wind;
+                    let inlet = self.inlet + at;
+                    Kind::Inlet([load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])])
                 }
-                if rest {
-                    for (to, from) in parts.iter_mut().zip(vents.parts[ghost.near as usize]) {
-                        to[k] = from;
-                    }
-                }
-            }
-            if group.out.is_none() {
-                let first = group.inlet + from;
-                for a in 0..3 {
-                    blown[a][..some.len()].copy_from_slice(&wind[a][first..first + some.len()]);
-                }
-            }
-            for part in 0..some.len().div_ceil(S::F32_LANES) {
-                let sends = match group.out {
-                    None => Sends::Inlet([
-                        lanes(simd, &blown[0], part),
-                        lanes(simd, &blown[1], part),
-                        lanes(simd, &blown[2], part),
-                    ]),
-                    Some(out) => Sends::Outlet(out, Wide::splat(simd, mean_of(out, density)), rest),
-                };
-                let u = [lanes(simd, &air[1], part), lanes(simd, &air[2], part), lanes(simd, &air[3], part)];
-                let beyond = Beyond::new((lanes(simd, &air[0], part), u), sends);
-                let mut to = from + part * S::F32_LANES;
-                for (i, near) in parts.iter().enumerate().skip(1) {
-                    if group.sends >> i & 1 == 0 {
-                        continue;
-                    }
-                    let mut sent = [0.0_f32; BLOCK];
-                    S::as_mut_simd_f32s(&mut sent).0[0] = beyond.sends(i, lanes(simd, near, part)).value;
-                    let count = S::F32_LANES.min(some.len() - part * S::F32_LANES);
-                    out[to..to + count].copy_from_slice(&sent[..count]);
-                    to += group.count;
+                Some(out) => Kind::Outlet(out, Wide::splat(simd, mean_of(out, before.density)), false),
+            };
+            let ([drho, x, y, z], first) = (before.air.0, near - before.air.1 + at);
+            let air = if self.solid {
+                [Wide::splat(simd, 0.0); 4]
+            } else {
+                [load(&drho[first..]), load(&x[first..]), load(&y[first..]), load(&z[first..])]
+            };
+            let beyond = Beyond::new((air[0], [air[1], air[2], air[3]]), kind);
+            let mut to = at;
+            for i in 1..Q {
+                if self.sends >> i & 1 == 1 {
+                    let sent = beyond.sends(i, Wide::splat(simd, 0.0));
+                    S::as_mut_simd_f32s(&mut out[to..to + S::F32_LANES]).0[0] = sent.value;
+                    to += self.count;
                 }
             }
         }
     }
+
+    fn send_singly(&self, ghosts: &[Ghost], before: Before<'_>, out: &mut [f32]) {
+        let parts = before.parts.filter(|_| !self.solid);
+        for (k, ghost) in ghosts.iter().enumerate() {
+            let near = (ghost.near as usize).wrapping_sub(before.air.1);
+            let air = if self.solid { [0.0; 4] } else { before.air.0.map(|a| a[near]) };
+            let kind = match self.out {
+                None => Kind::Inlet([0, 1, 2].map(|a| before.wind[a][self.inlet + k])),
+                Some(out) => Kind::Outlet(out, mean_of(out, before.density), parts.is_some()),
+            };
+            let beyond = Beyond::new((air[0], [air[1], air[2], air[3]]), kind);
+            let along = (1..Q).filter(|i| self.sends >> i & 1 == 1);
+            for (nth, i) in along.enumerate() {
+                out[nth * self.count + k] = beyond.sends(i, parts.map_or(0.0, |parts| parts[near][i]));
+            }
+        }
+    }
+}
+
+/// Numbers of cells, which planning holds below 2^32.
+fn small(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
 }
 
 #[inline(always)]

@@ -11,7 +11,7 @@
 
 use super::cells::{Cells, Face, Source};
 use super::collide::{Relax, collide, moments};
-use super::open::{Beyond, Sends, let_go, mean_of};
+use super::open::{Beyond, Kind, let_go, mean_of};
 use super::stencil::{C, Q, weight};
 
 /// Air in steps of the lattice.
@@ -22,6 +22,10 @@ pub(super) struct Plain {
     pub sponge: [Vec<f64>; 2],
     pub force: [f64; 3],
     pub rest: bool,
+    /// Mean outward velocity before each outlet, ahead of the last even step.
+    pub mean: [f64; 6],
+    /// Steps done.
+    pub step: u64,
     /// What left each cell in the last step.
     pub left: Vec<[f64; Q]>,
 }
@@ -29,11 +33,21 @@ pub(super) struct Plain {
 impl Plain {
     pub(super) fn new(cells: Cells, tau: f64, eddies: f64) -> Self {
         let left = vec![[0.0; Q]; cells.grid.cells()];
-        Self { cells, tau, eddies, sponge: [Vec::new(), Vec::new()], force: [0.0; 3], rest: false, left }
+        Self {
+            cells,
+            tau,
+            eddies,
+            sponge: [Vec::new(), Vec::new()],
+            force: [0.0; 3],
+            rest: false,
+            mean: [0.0; 6],
+            step: 0,
+            left,
+        }
     }
 
-    /// Density less 1 beyond each outlet.
-    fn density(&self, before: &[[f64; Q]], wanted: [f64; 6]) -> [f64; 6] {
+    /// Mean outward velocity before each face.
+    fn outflow(&self, before: &[[f64; Q]]) -> [f64; 6] {
         let n = self.cells.grid.n;
         std::array::from_fn(|f| {
             let (axis, high) = (f / 2, f % 2 == 1);
@@ -45,13 +59,17 @@ impl Plain {
                     count += 1.0;
                 }
             }
-            let_go(wanted[f], sum / count)
+            sum / count
         })
     }
 
     pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> [f64; 3], wanted: [f64; 6]) {
         let before = self.left.clone();
-        let density = self.density(&before, wanted);
+        if self.step.is_multiple_of(2) {
+            self.mean = self.outflow(&before);
+        }
+        self.step += 1;
+        let density = std::array::from_fn(|f| let_go(wanted[f], self.mean[f]));
         let [nx, ny, nz] = self.cells.grid.n;
         for z in 0..nz {
             for y in 0..ny {
@@ -88,10 +106,10 @@ impl Plain {
                 let near = if solid { [0.0; Q] } else { left(near) };
                 let faces = self.cells.beyond(place).map(|f| f.map(|f| (f, self.cells.faces[f])));
                 let sends = if faces.iter().flatten().any(|f| f.1 == Face::Inlet) {
-                    Sends::Inlet(wind(place))
+                    Kind::Inlet(wind(place))
                 } else {
                     let out = faces.map(|f| f.map_or(0, |(f, _)| 2 * (f % 2) as i8 - 1));
-                    Sends::Outlet(out, mean_of(out, density), self.rest && !solid)
+                    Kind::Outlet(out, mean_of(out, density), self.rest && !solid)
                 };
                 Beyond::new(moments(&near), sends).sends(j, near[j])
             }
@@ -103,9 +121,9 @@ impl Plain {
         let tau = sponge(0, x).max(sponge(1, z));
         let relax = Relax { tau, eddies: self.eddies, force: self.force };
         match (self.eddies > 0.0, self.force.iter().any(|f| f.abs() > 0.0)) {
-            (true, _) => collide::<_, true, false>(g, relax).0,
-            (false, false) => collide::<_, false, false>(g, relax).0,
-            (false, true) => collide::<_, false, true>(g, relax).0,
+            (true, _) => collide::<_, true, false>(g, relax).g,
+            (false, false) => collide::<_, false, false>(g, relax).g,
+            (false, true) => collide::<_, false, true>(g, relax).g,
         }
     }
 

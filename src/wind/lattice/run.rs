@@ -13,7 +13,7 @@ use super::inlet::{Inlet, Mouth, ramp};
 use super::marks::{judge, mark, middle};
 use super::plan::{LatticeOptions, Plan};
 use super::snapshot::{DENSITY, Field, Reading, Snapshot};
-use super::sweep::Viscosity;
+use super::sweep::{Asked, Viscosity};
 use crate::limits::Limits;
 use crate::math::narrow;
 use crate::progress::{Cancel, Progress};
@@ -26,6 +26,8 @@ const LOOK: u64 = 64;
 const PAST: usize = 3;
 /// Share of cells that may be clamped in a step.
 const CLAMPED: f64 = 0.01;
+/// Bytes of a checkpoint before its numbers.
+const HEAD: usize = 24;
 /// Checkered density, beyond which the two sublattices have come apart.
 const CHECKERED: f64 = 1e-3;
 
@@ -63,7 +65,8 @@ pub struct Lattice {
     inlet: Arc<Inlet>,
     mouth: Mouth,
     field: Arc<Field>,
-    wind: [Vec<f32>; 3],
+    /// What comes in in the next step, and in the one after.
+    wind: [[Vec<f32>; 3]; 2],
     /// Mean outward velocity at each outlet when what comes in goes out, cells a step.
     outflow: [f32; 6],
     notes: Vec<Note>,
@@ -117,7 +120,7 @@ impl Lattice {
             inlet,
             mouth,
             field,
-            wind: [const { Vec::new() }; 3],
+            wind: [const { [const { Vec::new() }; 3] }; 2],
             outflow,
             notes,
             fluid,
@@ -171,9 +174,9 @@ impl Lattice {
         }
         while self.flow.step < until {
             cancel.check()?;
-            self.step()?;
+            let steps = self.step(until - self.flow.step)?;
             if self.frames == 0 {
-                progress.advance(1);
+                progress.advance(steps);
             }
         }
         let time = self.frames as f64 / self.plan.fps;
@@ -199,32 +202,46 @@ impl Lattice {
         vec![[0.0; 4]; self.field.count()]
     }
 
-    fn step(&mut self) -> Result<()> {
-        // Steps are counted from rest, times from the first frame.
-        let t = (self.flow.step as f64 - self.plan.run_up as f64) * self.plan.dt;
-        let ramp = ramp(self.flow.step);
-        let share = self.mouth.share(&self.inlet, t, ramp);
-        self.mouth.blow(&self.inlet, (t, share, ramp), self.flow.sweep.arch, &mut self.wind);
-        let clamped = self.flow.advance(&self.wind, self.outflow.map(|u| u * share));
+    /// One step, or two at once if as many are left and the first is even. Returns how many.
+    fn step(&mut self, left: u64) -> Result<u64> {
+        let two = left >= 2 && Parity::of(self.flow.step) == Parity::Even;
+        let shares = [self.blow(0), if two { self.blow(1) } else { 0.0 }];
+        let [first, second] =
+            [0, 1].map(|k| Asked { wind: &self.wind[k], wanted: self.outflow.map(|u| u * shares[k]) });
+        let before = self.flow.step;
+        let clamped = if two { self.flow.advance_two(first, second) } else { [self.flow.advance(first), 0] };
         self.health.steps = self.flow.step;
-        if clamped > 0 {
-            self.clamped(clamped)?;
+        for (step, count) in (before + 1..).zip(clamped) {
+            if count > 0 {
+                self.clamped(step, count)?;
+            }
         }
-        if self.flow.step.is_multiple_of(LOOK) {
+        if before / LOOK < self.flow.step / LOOK {
             let reading = self.flow.read();
             self.judge(&reading)?;
         }
-        Ok(())
+        Ok(self.flow.step - before)
+    }
+
+    /// Finds what comes in some steps from now; returns the factor on the mean wind.
+    fn blow(&mut self, ahead: usize) -> f32 {
+        let step = self.flow.step + ahead as u64;
+        // Steps are counted from rest, times from the first frame.
+        let t = (step as f64 - self.plan.run_up as f64) * self.plan.dt;
+        let ramp = ramp(step);
+        let share = self.mouth.share(&self.inlet, t, ramp);
+        self.mouth.blow(&self.inlet, (t, share, ramp), self.flow.sweep.arch, &mut self.wind[ahead]);
+        share
     }
 
     #[cold]
-    fn clamped(&mut self, count: u64) -> Result<()> {
+    fn clamped(&mut self, step: u64, count: u64) -> Result<()> {
         let speed = FASTEST * self.plan.speed();
         if self.health.clamped == 0 {
             let text = format!(
-                "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {} and was held there; lower \
-                 wind.speed, or set wind.lattice.steps to more than {}",
-                self.flow.step, self.plan.steps
+                "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {step} and was held there; \
+                 lower wind.speed, or set wind.lattice.steps to more than {}",
+                self.plan.steps
             );
             self.notes.push(Note { code: "S022", text });
         }
@@ -273,12 +290,13 @@ impl Lattice {
         Error::Simulation { frame: u32::try_from(self.frames).unwrap_or(u32::MAX), quantity }
     }
 
-    /// All that the flow is, to go on from later: steps, frames, then every population.
+    /// All that the flow is, to go on from later: steps, frames, the air before open faces, then every population.
     pub fn checkpoint(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         bytes.extend(self.plan.key().to_le_bytes());
         bytes.extend(self.flow.step.to_le_bytes());
         bytes.extend(self.frames.to_le_bytes());
+        self.flow.links.kept().for_each(|value| bytes.extend(value.to_le_bytes()));
         for array in self.flow.populations.arrays() {
             array.iter().for_each(|g| bytes.extend(g.to_le_bytes()));
         }
@@ -294,18 +312,22 @@ impl Lattice {
             let quantity = "S025: the checkpoint is of another lattice wind; run it from the start: it".into();
             Error::Simulation { frame: 0, quantity }
         };
-        let (head, body) = bytes.split_at_checked(24).ok_or_else(other)?;
+        let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(other)?;
         let word = |k: usize| head[8 * k..].first_chunk::<8>().map_or(0, |b| u64::from_le_bytes(*b));
         let elements: usize = self.flow.populations.arrays().iter().map(|a| a.len()).sum();
-        if word(0) != self.plan.key() || body.len() != 4 * elements {
+        let kept = self.flow.links.kept().count();
+        if word(0) != self.plan.key() || body.len() != 4 * (elements + kept) {
             return Err(other());
         }
         (self.flow.step, self.frames) = (word(1), word(2));
-        let mut numbers = body.as_chunks::<4>().0.iter();
+        let (kept, numbers) = body.split_at(4 * kept);
+        let mut numbers = numbers.as_chunks::<4>().0.iter();
         for array in self.flow.populations.arrays_mut() {
             array.iter_mut().zip(&mut numbers).for_each(|(g, b)| *g = f32::from_le_bytes(*b));
         }
         self.flow.links.renew(&self.flow.populations, Parity::of(self.flow.step));
+        let kept = kept.as_chunks::<4>().0;
+        self.flow.links.kept_mut().zip(kept).for_each(|(value, b)| *value = f32::from_le_bytes(*b));
         Ok(())
     }
 
