@@ -12,6 +12,7 @@ mod list;
 mod marks;
 mod open;
 mod plan;
+mod plane;
 mod recorded;
 #[cfg(test)]
 mod reference;

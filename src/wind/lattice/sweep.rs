@@ -9,14 +9,12 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::cells::Cells;
-use super::collide::moments;
-use super::collide::{Collided, FASTEST, Relax, collide};
-use super::ends::{Ends, lane_of};
+use super::ends::Ends;
 use super::grid::{BLOCK, Grid, Parity, Populations};
-use super::lane::{Lane as _, Wide};
-use super::links::{Arriving, Leaving, Links, Planes, parts};
-use super::open::{Before, lanes, let_go};
-use super::stencil::{Q, opposite};
+use super::links::{Arriving, Leaving, Links, Plan, Planes, Taken, parts};
+use super::open::{Before, Mouths, let_go};
+use super::plane::Place;
+use super::stencil::Q;
 use crate::par;
 
 /// Fewest planes of a part of the domain: two at each seam.
@@ -24,11 +22,11 @@ const FEWEST: usize = 4;
 
 /// Blocks of a plane that are computed, from the first to before the last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Run {
-    from: u32,
-    to: u32,
+pub(super) struct Run {
+    pub from: u32,
+    pub to: u32,
     /// Relaxation times are those of the tables.
-    sponge: bool,
+    pub sponge: bool,
 }
 
 /// How air relaxes.
@@ -56,12 +54,12 @@ pub(super) struct Asked<'a> {
 /// What is computed, and how.
 #[derive(Debug)]
 pub(super) struct Sweep {
-    grid: Grid,
-    viscosity: Viscosity,
+    pub(super) grid: Grid,
+    pub(super) viscosity: Viscosity,
     /// Those of every plane.
-    planes: Vec<Vec<Run>>,
+    runs: Vec<Vec<Run>>,
     /// As `viscosity.sponge`, in the order of memory: a row of numbers, and a block more of the next.
-    across: Vec<f32>,
+    pub(super) across: Vec<f32>,
     pub(super) arch: Arch,
 }
 
@@ -76,10 +74,15 @@ enum Pace {
 impl Sweep {
     pub(super) fn new(cells: &Cells, viscosity: Viscosity) -> Self {
         let grid = cells.grid;
-        let planes = (0..grid.n[2]).map(|z| runs(cells, &viscosity, z)).collect();
+        let runs = (0..grid.n[2]).map(|z| runs(cells, &viscosity, z)).collect();
         let across = |k: usize| viscosity.sponge[0].get(k % grid.row).copied().unwrap_or(viscosity.tau);
         let across = (0..grid.row + BLOCK).map(across).collect();
-        Self { grid, viscosity, planes, across, arch: Arch::new() }
+        Self { grid, viscosity, runs, across, arch: Arch::new() }
+    }
+
+    /// Blocks of a plane that hold air.
+    pub(super) fn runs(&self, z: usize) -> &[Run] {
+        &self.runs[z]
     }
 
     /// Computes every fluid cell once, or an even step and the odd one after it if `second` asks for that. Returns for
@@ -163,19 +166,17 @@ impl Sweep {
         let [first_sent, second_sent] = sent;
         let ranges: Vec<_> = all.iter().map(|r| mouths.sent(r.start).start..mouths.sent(r.end - 1).end).collect();
         let sends = parts(second_sent, &ranges).into_iter().zip(&ranges);
-        let (firsts, seconds): (Vec<Option<Leaving<'_>>>, Vec<Option<Leaving<'_>>>) = match pace {
-            Pace::Even => (next.cut(plan, &all).into_iter().map(Some).collect(), all.iter().map(|_| None).collect()),
-            Pace::Odd => (all.iter().map(|_| None).collect(), next.cut(plan, &inside).into_iter().map(Some).collect()),
-            Pace::Both => (
-                middle.cut(plan, &all).into_iter().map(Some).collect(),
-                next.cut(plan, &inside).into_iter().map(Some).collect(),
-            ),
+        let (first, later) = match pace {
+            Pace::Even => (Some(next), None),
+            Pace::Odd => (None, Some(next)),
+            Pace::Both => (Some(middle), Some(next)),
         };
+        let rooms = rooms(plan, first, &all).into_iter().zip(rooms(plan, later, &inside));
         let arriving = Arriving { plan, pieces: (&last.pieces, 0), sent: (first_sent, 0) };
         let planes = self.planes(populations, &all, 0);
-        let jobs = planes.into_iter().zip(firsts).zip(seconds).zip(sends).zip(all.iter().zip(&inside));
+        let jobs = planes.into_iter().zip(rooms).zip(sends).zip(all.iter().zip(&inside));
         let mut jobs: Vec<_> = jobs
-            .map(|((((planes, first), second), sent), (all, inside))| Job {
+            .map(|(((planes, (first, second)), sent), (all, inside))| Job {
                 planes,
                 first,
                 second,
@@ -200,8 +201,9 @@ impl Sweep {
     ) -> Vec<[u64; 2]> {
         let Links { plan, last, next, middle, sent, .. } = links;
         let n = self.grid.n[2];
-        let seams: Vec<_> =
-            if n < FEWEST { vec![0..n] } else { cuts.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n)).collect() };
+        let seams = cuts.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
+        // Too few planes for two seams are one.
+        let seams: Vec<_> = if n < FEWEST { std::iter::once(0..n).collect() } else { seams.collect() };
         let (left, sent) = if pace == Pace::Both { (middle, &sent[1]) } else { (last, &sent[0]) };
         let arriving = Arriving { plan, pieces: (&left.pieces, 0), sent: (sent, 0) };
         let jobs = self.planes(populations, &seams, 1).into_iter().zip(next.cut(plan, &seams)).zip(&seams);
@@ -225,6 +227,14 @@ impl Sweep {
             (false, false) => self.arch.dispatch(With::<false, false>(turn)),
             (_, true) => self.arch.dispatch(With::<false, true>(turn)),
         }
+    }
+}
+
+/// Rooms at some ranges of planes, where any are asked for.
+fn rooms<'a>(plan: &Plan, taken: Option<&'a mut Taken>, ranges: &[Range<usize>]) -> Vec<Option<Leaving<'a>>> {
+    match taken {
+        Some(taken) => taken.cut(plan, ranges).into_iter().map(Some).collect(),
+        None => ranges.iter().map(|_| None).collect(),
     }
 }
 
@@ -260,7 +270,7 @@ fn runs(cells: &Cells, viscosity: &Viscosity, z: usize) -> Vec<Run> {
 }
 
 struct SendPlane<'a> {
-    mouths: &'a super::open::Mouths,
+    mouths: &'a Mouths,
     z: usize,
     before: Before<'a>,
     out: &'a mut [f32],
@@ -288,7 +298,7 @@ struct Job<'a> {
     inside: Range<usize>,
 }
 
-type Later<'a> = (&'a super::open::Mouths, (&'a [Vec<f32>; 3], [f32; 6]));
+type Later<'a> = (&'a Mouths, (&'a [Vec<f32>; 3], [f32; 6]));
 
 struct Turn<'a, 'b> {
     sweep: &'a Sweep,
@@ -345,199 +355,4 @@ impl Turn<'_, '_> {
         }
         clamped
     }
-}
-
-/// A plane in hand.
-#[derive(Clone, Copy)]
-struct Place<'a> {
-    sweep: &'a Sweep,
-    cells: &'a Cells,
-    arriving: Arriving<'a>,
-    z: usize,
-}
-
-/// The fifteen arrays of a plane under names of their own, all of one length that the compiler knows to be one.
-macro_rules! bind {
-    ($simd:ty, $arrays:expr, $start:expr, $length:expr; $($name:ident $k:literal)*) => {
-        let [$($name),*] = $arrays else { return 0 };
-        let count = $length / <$simd>::F32_LANES;
-        $(let $name = &mut <$simd>::as_mut_simd_f32s(&mut $name[$start($k)..][..$length]).0[..count];)*
-    };
-}
-
-impl Place<'_> {
-    /// A step of the plane, from what arrives at it to what leaves it.
-    #[inline(always)]
-    fn step<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
-        self,
-        simd: S,
-        planes: &mut Planes<'_>,
-        ends: &mut Ends,
-        room: &mut Leaving<'_>,
-    ) -> u64 {
-        let parity = if ODD { Parity::Odd } else { Parity::Even };
-        self.arriving.put(planes, ends, (parity, self.z));
-        let clamped = self.collide::<S, ODD, EDDIES, FORCE>(simd, planes, ends, room);
-        self.arriving.take(planes, (parity, self.z), room);
-        self.vent(simd, planes, parity, room);
-        clamped
-    }
-
-    #[inline(always)]
-    fn collide<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
-        self,
-        simd: S,
-        planes: &mut Planes<'_>,
-        ends: &Ends,
-        room: &mut Leaving<'_>,
-    ) -> u64 {
-        let Self { sweep, cells, z, .. } = self;
-        let grid = &sweep.grid;
-        let length = grid.span().next_multiple_of(BLOCK);
-        let first = planes.before(grid, z) + grid.first;
-        let parity = if ODD { Parity::Odd } else { Parity::Even };
-        let start = |k: usize| first.wrapping_add_signed(grid.aside(parity, k));
-        let mut clamped = 0;
-        let parts = BLOCK / S::F32_LANES;
-        let v = &sweep.viscosity;
-        let deep = v.sponge[1].get(z).copied().unwrap_or(v.tau);
-        let plain = Relax {
-            tau: Wide::splat(simd, v.tau),
-            eddies: Wide::splat(simd, v.eddies),
-            force: [Wide::splat(simd, v.force[0]), Wide::splat(simd, v.force[1]), Wide::splat(simd, v.force[2])],
-        };
-        bind!(S, planes.arrays.as_mut_slice(), start, length;
-            a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
-        for run in &sweep.planes[z] {
-            let mut relax = plain;
-            let (from, to) = (run.from as usize * parts, (run.to as usize * parts).min(length / S::F32_LANES));
-            // Place of a block in its row.
-            let mut x = from * S::F32_LANES % grid.row;
-            for b in from..to {
-                let node = b * S::F32_LANES;
-                let end = x == 0 || x + S::F32_LANES >= grid.n[0];
-                if run.sponge {
-                    let along = Wide::new(simd, S::as_simd_f32s(&sweep.across[x..]).0[0]);
-                    relax.tau = Wide::new(simd, simd.max_f32s(along.value, simd.splat_f32s(deep)));
-                }
-                let read = [
-                    a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
-                    a13[b], a14[b],
-                ];
-                let mut g = [relax.tau; Q];
-                for i in 0..Q {
-                    g[i] = Wide::new(simd, read[if ODD { opposite(i) } else { i }]);
-                }
-                if end {
-                    ends.hand(simd, grid, node, &mut g);
-                }
-                let after = collide::<_, EDDIES, FORCE>(&g, relax);
-                if after.square.any_above(FASTEST * FASTEST) {
-                    clamped += too_fast(cells, &spelt(simd, after.square)[..S::F32_LANES], node, z);
-                }
-                let mut done = [after.g[0].value; Q];
-                for i in 0..Q {
-                    done[if ODD { i } else { opposite(i) }] = after.g[i].value;
-                }
-                [
-                    a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
-                    a13[b], a14[b],
-                ] = done;
-                if end {
-                    self.vent_ends(simd, node, &after, room);
-                }
-                x += S::F32_LANES;
-                while x >= grid.row {
-                    x -= grid.row;
-                }
-            }
-        }
-        clamped
-    }
-
-    /// Takes the air in the cells of a block that are at open ends of rows. `node`: the block's first.
-    #[inline(always)]
-    fn vent_ends<S: Simd>(self, simd: S, node: usize, after: &Collided<Wide<S>>, room: &mut Leaving<'_>) {
-        let (grid, plan) = (&self.sweep.grid, self.arriving.plan);
-        let columns = plan.joints[self.z].columns;
-        if columns[0].is_none() && columns[1].is_none() {
-            return;
-        }
-        let air = [after.drho, after.u[0], after.u[1], after.u[2]].map(|value| spelt(simd, value));
-        for end in 0..2 {
-            let Some(column) = columns[end] else { continue };
-            let mut y = node / grid.row;
-            while y * grid.row < node + S::F32_LANES {
-                if let Some(lane) = lane_of(grid, (node, S::F32_LANES), (end, y)) {
-                    let number = column + y - room.air.1;
-                    for a in 0..4 {
-                        room.air.0[a][number] = air[a][lane];
-                    }
-                    if plan.rest {
-                        for i in 0..Q {
-                            room.parts[number][i] = spelt(simd, after.g[i])[lane];
-                        }
-                    }
-                }
-                y += 1;
-            }
-        }
-    }
-
-    /// Takes the air in the other cells before open faces.
-    #[inline(always)]
-    fn vent<S: Simd>(self, simd: S, planes: &Planes<'_>, parity: Parity, room: &mut Leaving<'_>) {
-        let plan = self.arriving.plan;
-        let joint = &plan.joints[self.z];
-        let mut number = joint.first_run(plan.grid.n[1]) - room.air.1;
-        for run in &plan.near[joint.near.clone()] {
-            for skip in (0..run.count as usize).step_by(BLOCK) {
-                let count = BLOCK.min(run.count as usize - skip);
-                let mut g = [[0.0_f32; BLOCK]; Q];
-                self.arriving.vent(planes, (parity, self.z), (*run, skip), &mut g);
-                for part in 0..count.div_ceil(S::F32_LANES) {
-                    let mut all = [Wide::splat(simd, 0.0); Q];
-                    for i in 0..Q {
-                        all[i] = lanes(simd, &g[i], part);
-                    }
-                    let (drho, u) = moments(&all);
-                    let from = part * S::F32_LANES;
-                    let some = S::F32_LANES.min(count - from);
-                    for (to, value) in room.air.0.iter_mut().zip([drho, u[0], u[1], u[2]]) {
-                        to[number + from..][..some].copy_from_slice(&spelt(simd, value)[..some]);
-                    }
-                }
-                if plan.rest {
-                    for k in 0..count {
-                        for i in 0..Q {
-                            room.parts[number + k][i] = g[i][k];
-                        }
-                    }
-                }
-                number += count;
-            }
-        }
-    }
-}
-
-/// Lanes as numbers.
-#[inline(always)]
-fn spelt<S: Simd>(simd: S, value: Wide<S>) -> [f32; BLOCK] {
-    let _ = simd;
-    let mut numbers = [0.0; BLOCK];
-    S::as_mut_simd_f32s(&mut numbers).0[0] = value.value;
-    numbers
-}
-
-/// Fluid cells among some nodes whose squared speed is over the limit. `at`: the first node's number in its plane, from the
-/// first cell.
-#[cold]
-#[inline(never)]
-fn too_fast(cells: &Cells, squares: &[f32], at: usize, z: usize) -> u64 {
-    let limit = crate::math::narrow(FASTEST * FASTEST);
-    let hit = |(k, uu): (usize, &f32)| {
-        let (x, y) = ((at + k) % cells.grid.row, (at + k) / cells.grid.row);
-        *uu > limit && x < cells.grid.n[0] && y < cells.grid.n[1] && !cells.is_solid([x, y, z])
-    };
-    squares.iter().enumerate().filter(|s| hit(*s)).count() as u64
 }
