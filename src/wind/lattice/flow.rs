@@ -4,6 +4,7 @@ use super::cells::Cells;
 use super::collide::moments;
 use super::grid::{Parity, Populations};
 use super::links::Links;
+use super::snapshot::{Pages, Reading};
 use super::stencil::Q;
 use super::sweep::{Asked, Sweep, Viscosity};
 use crate::Result;
@@ -31,20 +32,22 @@ impl Flow {
     }
 
     /// One step; returns how many fluid cells were too fast and clamped.
+    #[cfg(test)]
     pub(super) fn advance(&mut self, asked: Asked<'_>) -> u64 {
-        self.go((asked, None))[0]
+        self.go((asked, None), None).0[0]
     }
 
-    /// Two steps with one passage through memory, the first of which is even; returns how many fluid cells were too fast
-    /// and clamped in each. The same populations as by [`Flow::advance`].
-    pub(super) fn advance_two(&mut self, first: Asked<'_>, second: Asked<'_>) -> [u64; 2] {
-        self.go((first, Some(second)))
-    }
-
-    fn go(&mut self, asked: (Asked<'_>, Option<Asked<'_>>)) -> [u64; 2] {
+    /// One step, or an even one and the next with one passage through memory, which gives the same populations; and a
+    /// snapshot of the last. Returns how many fluid cells were too fast and clamped in each, and what was seen of the
+    /// snapshot.
+    pub(super) fn go(
+        &mut self,
+        asked: (Asked<'_>, Option<Asked<'_>>),
+        pages: Option<Pages<'_>>,
+    ) -> ([u64; 2], Reading) {
         let parity = Parity::of(self.step);
         self.step += 1 + u64::from(asked.1.is_some());
-        crate::par::among(|| self.sweep.step(&mut self.populations, &mut self.links, (parity, &self.cells), asked))
+        self.sweep.step(&mut self.populations, &mut self.links, (parity, &self.cells), (asked, pages))
     }
 
     /// Populations that left a cell in the last step.

@@ -5,12 +5,59 @@ use pulp::Simd;
 use super::cells::Cells;
 use super::collide::{Collided, FASTEST, Relax, collide, moments};
 use super::ends::{Ends, lane_of};
-use super::grid::{BLOCK, Parity};
+use super::grid::{BLOCK, Grid, Parity};
 use super::lane::{Lane as _, Wide};
 use super::links::{Arriving, Leaving, Planes};
 use super::open::lanes;
+use super::snapshot::{Field, Plane};
 use super::stencil::{Q, opposite};
 use super::sweep::Sweep;
+
+/// What a thread has at hand from plane to plane.
+pub(super) struct Desk<'a> {
+    ends: Ends,
+    /// Velocity by component and density less 1 of a plane, where a snapshot is made.
+    air: [Vec<f32>; 4],
+    /// Where it is written: the field, m/s of one cell a step, and planes of values.
+    snapshot: Option<(&'a Field, f32)>,
+    pub pages: Vec<(usize, &'a mut [[f32; 4]])>,
+    /// What was seen in each.
+    pub seen: Vec<(usize, Plane)>,
+}
+
+impl<'a> Desk<'a> {
+    /// `pages`: of which planes, from the last to the first.
+    pub(super) fn new(
+        grid: &Grid,
+        snapshot: Option<(&'a Field, f32)>,
+        pages: Vec<(usize, &'a mut [[f32; 4]])>,
+    ) -> Self {
+        let length = if pages.is_empty() { 0 } else { grid.span().next_multiple_of(BLOCK) };
+        Self {
+            ends: Ends::new(grid),
+            air: std::array::from_fn(|_| vec![0.0; length]),
+            snapshot,
+            pages,
+            seen: Vec::new(),
+        }
+    }
+
+    /// Writes down the plane that was computed.
+    #[inline(always)]
+    fn write(&mut self, cells: &Cells, z: usize) {
+        let (Some((field, speed)), Some((_, page))) = (self.snapshot, self.pages.pop_if(|(of, _)| *of == z)) else {
+            return;
+        };
+        let (row, [nx, ny, _]) = (cells.grid.row, cells.grid.n);
+        let mut plane = Plane::default();
+        for y in 0..ny {
+            let part = self.air.each_mut().map(|part| &mut part[y * row..y * row + nx]);
+            plane.row(cells, (y, z), part, Some((field, speed, page)));
+        }
+        field.edge(page);
+        self.seen.push((z, plane));
+    }
+}
 
 /// A plane in hand.
 #[derive(Clone, Copy)]
@@ -37,12 +84,13 @@ impl Place<'_> {
         self,
         simd: S,
         planes: &mut Planes<'_>,
-        ends: &mut Ends,
+        desk: &mut Desk<'_>,
         room: &mut Leaving<'_>,
     ) -> u64 {
         let parity = if ODD { Parity::Odd } else { Parity::Even };
-        self.arriving.put(planes, ends, (parity, self.z));
-        let clamped = self.collide::<S, ODD, EDDIES, FORCE>(simd, planes, ends, room);
+        self.arriving.put(planes, &mut desk.ends, (parity, self.z));
+        let clamped = self.collide::<S, ODD, EDDIES, FORCE>(simd, planes, desk, room);
+        desk.write(self.cells, self.z);
         self.arriving.take(planes, (parity, self.z), room);
         self.vent(simd, planes, parity, room);
         clamped
@@ -53,10 +101,11 @@ impl Place<'_> {
         self,
         simd: S,
         planes: &mut Planes<'_>,
-        ends: &Ends,
+        desk: &mut Desk<'_>,
         room: &mut Leaving<'_>,
     ) -> u64 {
         let Self { sweep, cells, z, .. } = self;
+        let Desk { ends, air, pages, .. } = desk;
         let grid = &sweep.grid;
         let length = grid.span().next_multiple_of(BLOCK);
         let first = planes.before(grid, z) + grid.first;
@@ -73,6 +122,13 @@ impl Place<'_> {
         };
         bind!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
+        let last = length / S::F32_LANES;
+        let mut noted = if pages.last().is_some_and(|(of, _)| *of == z) {
+            let [x, y, z, drho] = air.each_mut().map(|part| &mut S::as_mut_simd_f32s(&mut part[..length]).0[..last]);
+            Some((x, y, z, drho))
+        } else {
+            None
+        };
         for run in sweep.runs(z) {
             let mut relax = plain;
             let (from, to) = (run.from as usize * parts, (run.to as usize * parts).min(length / S::F32_LANES));
@@ -108,6 +164,10 @@ impl Place<'_> {
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
                     a13[b], a14[b],
                 ] = done;
+                if let Some((x, y, z, drho)) = &mut noted {
+                    (x[b], y[b], z[b], drho[b]) =
+                        (after.u[0].value, after.u[1].value, after.u[2].value, after.drho.value);
+                }
                 if end {
                     self.vent_ends(simd, node, &after, room);
                 }

@@ -12,10 +12,11 @@ use super::grid::{Grid, Parity};
 use super::inlet::{Inlet, Mouth, ramp};
 use super::marks::{judge, mark, middle};
 use super::plan::{LatticeOptions, Plan};
-use super::snapshot::{DENSITY, Field, Reading, Snapshot};
+use super::snapshot::{DENSITY, Field, Pages, Reading, Snapshot};
 use super::sweep::{Asked, Viscosity};
 use crate::limits::Limits;
 use crate::math::narrow;
+use crate::par;
 use crate::progress::{Cancel, Progress};
 use crate::solid::Solid;
 use crate::{Error, Result};
@@ -168,21 +169,10 @@ impl Lattice {
     /// # Errors
     /// `Simulation` when the flow leaves its bounds, `Cancelled` when asked to stop.
     pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<Snapshot>> {
-        let until = self.plan.run_up + self.frames * u64::from(self.plan.steps);
-        if self.frames == 0 {
-            progress.stage("wind", until);
-        }
-        while self.flow.step < until {
-            cancel.check()?;
-            let steps = self.step(until - self.flow.step)?;
-            if self.frames == 0 {
-                progress.advance(steps);
-            }
-        }
-        let time = self.frames as f64 / self.plan.fps;
         let mut values = self.room();
-        let reading = self.flow.write(narrow(self.plan.speed()), &self.field, &mut values);
-        self.judge(&reading)?;
+        // Among the threads all the time: else every step would call them anew.
+        par::among(|| self.run(&mut values, progress, cancel))?;
+        let time = self.frames as f64 / self.plan.fps;
         self.frames += 1;
         let snapshot = Arc::new(Snapshot { field: Arc::clone(&self.field), values, time });
         self.past.push_back(Arc::clone(&snapshot));
@@ -202,21 +192,49 @@ impl Lattice {
         vec![[0.0; 4]; self.field.count()]
     }
 
+    /// Runs to the next frame and writes its snapshot.
+    fn run(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+        let until = self.plan.run_up + self.frames * u64::from(self.plan.steps);
+        if self.frames == 0 {
+            progress.stage("wind", until);
+        }
+        let field = Arc::clone(&self.field);
+        let speed = narrow(self.plan.speed());
+        if self.flow.step == until {
+            let reading = self.flow.write(Pages { field: &field, speed, values });
+            self.judge(&reading)?;
+        }
+        while self.flow.step < until {
+            cancel.check()?;
+            let left = until - self.flow.step;
+            let last = left == 1 || left == 2 && Parity::of(self.flow.step) == Parity::Even;
+            let pages = last.then(|| Pages { field: &field, speed, values: &mut *values });
+            let steps = self.step(left, pages)?;
+            if self.frames == 0 {
+                progress.advance(steps);
+            }
+        }
+        field.surround(values);
+        Ok(())
+    }
+
     /// One step, or two at once if as many are left and the first is even. Returns how many.
-    fn step(&mut self, left: u64) -> Result<u64> {
+    fn step(&mut self, left: u64, pages: Option<Pages<'_>>) -> Result<u64> {
         let two = left >= 2 && Parity::of(self.flow.step) == Parity::Even;
         let shares = [self.blow(0), if two { self.blow(1) } else { 0.0 }];
         let [first, second] =
             [0, 1].map(|k| Asked { wind: &self.wind[k], wanted: self.outflow.map(|u| u * shares[k]) });
-        let before = self.flow.step;
-        let clamped = if two { self.flow.advance_two(first, second) } else { [self.flow.advance(first), 0] };
+        let (before, written) = (self.flow.step, pages.is_some());
+        let (clamped, reading) = self.flow.go((first, two.then_some(second)), pages);
         self.health.steps = self.flow.step;
         for (step, count) in (before + 1..).zip(clamped) {
             if count > 0 {
                 self.clamped(step, count)?;
             }
         }
-        if before / LOOK < self.flow.step / LOOK {
+        if written {
+            self.judge(&reading)?;
+        } else if before / LOOK < self.flow.step / LOOK {
             let reading = self.flow.read();
             self.judge(&reading)?;
         }

@@ -288,17 +288,12 @@ impl Flow {
         self.read_planes(&mut planes, 1.0)
     }
 
-    /// The same, and writes them down. `speed`: m/s of one cell a step; `values`: what a snapshot of the field holds.
-    pub(super) fn write(&self, speed: f32, field: &Field, values: &mut [[f32; 4]]) -> Reading {
-        let size = field.steps()[2];
-        let planes = values.chunks_mut(size).skip(1).take(field.n[2]).enumerate();
-        let mut planes: Vec<_> = planes.map(|(z, plane)| (z, Some((field, plane)))).collect();
-        let reading = self.read_planes(&mut planes, speed);
-        for z in [0, field.n[2] + 1] {
-            let from = field.inside([1, 1, z])[2] + 1;
-            values.copy_within(from * size..(from + 1) * size, z * size);
-        }
-        reading
+    /// The same, and writes them down.
+    pub(super) fn write(&self, pages: Pages<'_>) -> Reading {
+        let (field, speed) = (pages.field, pages.speed);
+        let mut planes: Vec<_> =
+            pages.planes().into_iter().enumerate().map(|(z, page)| (z, Some((field, page)))).collect();
+        self.read_planes(&mut planes, speed)
     }
 
     fn read_planes(&self, planes: &mut [(usize, Page<'_>)], speed: f32) -> Reading {
@@ -307,6 +302,35 @@ impl Flow {
             self.sweep.arch.dispatch(ReadPlane { flow: self, z: *z, speed, page })
         };
         Reading { planes: par::par_map_mut(planes, read) }
+    }
+}
+
+/// Where a snapshot is written.
+#[derive(Debug)]
+pub(super) struct Pages<'a> {
+    pub field: &'a Field,
+    /// m/s of one cell a step.
+    pub speed: f32,
+    /// What a snapshot of the field holds.
+    pub values: &'a mut [[f32; 4]],
+}
+
+impl<'a> Pages<'a> {
+    /// The planes of cells.
+    pub(super) fn planes(self) -> Vec<&'a mut [[f32; 4]]> {
+        let size = self.field.steps()[2];
+        self.values.chunks_mut(size).skip(1).take(self.field.n[2]).collect()
+    }
+}
+
+impl Field {
+    /// Fills the planes around, when all others are written.
+    pub(super) fn surround(&self, values: &mut [[f32; 4]]) {
+        let size = self.steps()[2];
+        for z in [0, self.n[2] + 1] {
+            let from = self.inside([1, 1, z])[2] + 1;
+            values.copy_within(from * size..(from + 1) * size, z * size);
+        }
     }
 }
 
@@ -334,7 +358,6 @@ impl WithSimd for ReadPlane<'_> {
         let length = nx.next_multiple_of(BLOCK);
         let mut plane = Plane::default();
         let mut row = [vec![0.0_f32; length], vec![0.0; length], vec![0.0; length], vec![0.0; length]];
-        let scale = Wide::splat(simd, speed);
         for y in 0..ny {
             let first = grid.element([0, y as isize, z as isize]);
             let mut from: [(usize, usize); Q] = [(0, 0); Q];
@@ -342,46 +365,64 @@ impl WithSimd for ReadPlane<'_> {
                 *from = grid.left(parity, i, first);
             }
             for block in 0..length / S::F32_LANES {
-                let mut g = [scale; Q];
+                let mut g = [Wide::splat(simd, 0.0); Q];
                 for (g, (k, e)) in g.iter_mut().zip(from) {
                     *g = Wide::new(simd, S::as_simd_f32s(&arrays[k][e + block * S::F32_LANES..][..S::F32_LANES]).0[0]);
                 }
                 let (drho, u) = moments(&g);
-                let all = [u[0] * scale, u[1] * scale, u[2] * scale, drho];
+                let all = [u[0], u[1], u[2], drho];
                 for a in 0..4 {
                     S::as_mut_simd_f32s(&mut row[a]).0[block] = all[a].value;
                 }
             }
-            let solid = &cells.solid[grid.cell([0, y, z])..][..nx];
-            for (x, _) in solid.iter().enumerate().filter(|(_, solid)| **solid) {
-                row.iter_mut().for_each(|part| part[x] = 0.0);
-            }
-            plane.look(&row[3][..nx], (y, z));
-            if let Some((field, page)) = &mut page {
-                write_row(&mut page[(y + 1) * (nx + 2)..][..nx + 2], &row, field);
-            }
+            let row = row.each_mut().map(|part| &mut part[..nx]);
+            plane.row(cells, (y, z), row, page.as_mut().map(|(field, page)| (*field, speed, &mut **page)));
         }
         if let Some((field, page)) = page {
-            for y in [0, ny + 1] {
-                let from = (field.inside([1, y, 1])[1] + 1) * (nx + 2);
-                page.copy_within(from..from + nx + 2, y * (nx + 2));
-            }
+            field.edge(page);
         }
         plane
     }
 }
 
-/// Writes a row of a snapshot, with its two ends.
-#[inline(always)]
-fn write_row(to: &mut [[f32; 4]], row: &[Vec<f32>; 4], field: &Field) {
-    let nx = field.n[0];
-    let [x, y, z, rho] = row;
-    let cells = &mut to[1..=nx];
-    let (x, y, z, rho) = (&x[..nx], &y[..nx], &z[..nx], &rho[..nx]);
-    for k in 0..nx {
-        cells[k] = [x[k], y[k], z[k], rho[k]];
+impl Plane {
+    /// Looks at a row, velocity by component and density less 1, and writes it down, in m/s, if there is a page.
+    #[inline(always)]
+    pub(super) fn row(
+        &mut self,
+        cells: &Cells,
+        (y, z): (usize, usize),
+        row: [&mut [f32]; 4],
+        page: Option<(&Field, f32, &mut [[f32; 4]])>,
+    ) {
+        let nx = cells.grid.n[0];
+        let solid = &cells.solid[cells.grid.cell([0, y, z])..][..nx];
+        let [ux, uy, uz, drho] = row;
+        for (x, _) in solid.iter().enumerate().filter(|(_, solid)| **solid) {
+            (ux[x], uy[x], uz[x], drho[x]) = (0.0, 0.0, 0.0, 0.0);
+        }
+        self.look(drho, (y, z));
+        if let Some((field, speed, page)) = page {
+            let to = &mut page[(y + 1) * (nx + 2)..][..nx + 2];
+            let cells = &mut to[1..=nx];
+            let (ux, uy, uz, drho) = (&ux[..nx], &uy[..nx], &uz[..nx], &drho[..nx]);
+            for k in 0..nx {
+                cells[k] = [ux[k] * speed, uy[k] * speed, uz[k] * speed, drho[k]];
+            }
+            (to[0], to[nx + 1]) = (to[field.inside([0, 1, 1])[0] + 1], to[field.inside([nx + 1, 1, 1])[0] + 1]);
+        }
     }
-    (to[0], to[nx + 1]) = (to[field.inside([0, 1, 1])[0] + 1], to[field.inside([nx + 1, 1, 1])[0] + 1]);
+}
+
+impl Field {
+    /// Fills the rows around a plane, when all others are written.
+    pub(super) fn edge(&self, page: &mut [[f32; 4]]) {
+        let row = self.n[0] + 2;
+        for y in [0, self.n[1] + 1] {
+            let from = (self.inside([1, y, 1])[1] + 1) * row;
+            page.copy_within(from..from + row, y * row);
+        }
+    }
 }
 
 impl Plane {

@@ -9,11 +9,11 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::cells::Cells;
-use super::ends::Ends;
 use super::grid::{BLOCK, Grid, Parity, Populations};
 use super::links::{Arriving, Leaving, Links, Plan, Planes, Taken, parts};
 use super::open::{Before, Mouths, let_go};
-use super::plane::Place;
+use super::plane::{Desk, Place};
+use super::snapshot::{Field, Pages, Plane, Reading};
 use super::stencil::Q;
 use crate::par;
 
@@ -86,14 +86,14 @@ impl Sweep {
     }
 
     /// Computes every fluid cell once, or an even step and the odd one after it if `second` asks for that. Returns for
-    /// each how many cells were too fast and clamped.
+    /// each how many cells were too fast and clamped, and what was seen of the planes if a snapshot is written.
     pub(super) fn step(
         &self,
         populations: &mut Populations,
         links: &mut Links,
         (parity, cells): (Parity, &Cells),
-        (first, second): (Asked<'_>, Option<Asked<'_>>),
-    ) -> [u64; 2] {
+        ((first, second), pages): ((Asked<'_>, Option<Asked<'_>>), Option<Pages<'_>>),
+    ) -> ([u64; 2], Reading) {
         let pace = match (parity, second) {
             (Parity::Odd, _) => Pace::Odd,
             (Parity::Even, None) => Pace::Even,
@@ -104,14 +104,18 @@ impl Sweep {
         }
         self.send(links, first);
         let cuts = self.cuts();
-        let mut clamped = [0; 2];
-        let mut add = |more: [u64; 2]| (0..2).for_each(|k| clamped[k] += more[k]);
-        self.inner(populations, links, (pace, &cuts, cells), second).into_iter().for_each(&mut add);
+        let snapshot = pages.as_ref().map(|p| (p.field, p.speed));
+        let mut pages: Vec<_> = pages.map_or_else(Vec::new, Pages::planes).into_iter().enumerate().collect();
+        let mut done = self.inner(populations, links, (pace, &cuts, cells), (second, &mut (snapshot, &mut pages)));
         if pace != Pace::Even {
-            self.seams(populations, links, (pace, &cuts, cells)).into_iter().for_each(&mut add);
+            done.extend(self.seams(populations, links, (pace, &cuts, cells), &mut (snapshot, &mut pages)));
         }
         std::mem::swap(&mut links.last, &mut links.next);
-        if pace == Pace::Odd { [clamped[1], 0] } else { clamped }
+        let clamped = [0, 1].map(|k| done.iter().map(|d| d.clamped[k]).sum());
+        let mut planes: Vec<_> = done.into_iter().flat_map(|d| d.seen).collect();
+        planes.sort_by_key(|(z, _)| *z);
+        let reading = Reading { planes: planes.into_iter().map(|(_, plane)| plane).collect() };
+        (if pace == Pace::Odd { [clamped[1], 0] } else { clamped }, reading)
     }
 
     /// Finds what open faces send in the first step.
@@ -157,8 +161,8 @@ impl Sweep {
         populations: &mut Populations,
         links: &mut Links,
         (pace, cuts, cells): (Pace, &[usize], &Cells),
-        second: Option<Asked<'_>>,
-    ) -> Vec<[u64; 2]> {
+        (second, book): (Option<Asked<'_>>, &mut Book<'_, '_>),
+    ) -> Vec<Done> {
         let Links { plan, mouths, last, next, middle, sent, mean } = links;
         let all: Vec<_> = cuts.windows(2).map(|w| w[0]..w[1]).collect();
         let inside: Vec<_> =
@@ -181,6 +185,7 @@ impl Sweep {
                 first,
                 second,
                 sent: (sent.0, sent.1.start),
+                desk: desk(&self.grid, book, if pace == Pace::Even { all } else { inside }),
                 all: all.clone(),
                 inside: inside.clone(),
             })
@@ -198,7 +203,8 @@ impl Sweep {
         populations: &mut Populations,
         links: &mut Links,
         (pace, cuts, cells): (Pace, &[usize], &Cells),
-    ) -> Vec<[u64; 2]> {
+        book: &mut Book<'_, '_>,
+    ) -> Vec<Done> {
         let Links { plan, last, next, middle, sent, .. } = links;
         let n = self.grid.n[2];
         let seams = cuts.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
@@ -213,6 +219,7 @@ impl Sweep {
                 first: None,
                 second: Some(room),
                 sent: (&mut [][..], 0),
+                desk: desk(&self.grid, book, seam),
                 all: seam.clone(),
                 inside: seam.clone(),
             })
@@ -220,7 +227,7 @@ impl Sweep {
         par::par_map_mut(&mut jobs, |job| self.dispatch(Turn { sweep: self, job, cells, arriving, later: None }))
     }
 
-    fn dispatch(&self, turn: Turn<'_, '_>) -> [u64; 2] {
+    fn dispatch(&self, turn: Turn<'_, '_>) -> Done {
         let forced = self.viscosity.force.iter().any(|f| f.abs() > 0.0);
         match (self.viscosity.eddies > 0.0, forced) {
             (true, false) => self.arch.dispatch(With::<true, false>(turn)),
@@ -293,9 +300,27 @@ struct Job<'a> {
     second: Option<Leaving<'a>>,
     /// Room for what open faces send in the second step, and what comes before it in the whole.
     sent: (&'a mut [f32], usize),
+    desk: Desk<'a>,
     /// Planes of the first step, and of the second.
     all: Range<usize>,
     inside: Range<usize>,
+}
+
+/// What a part has done: cells that were too fast and clamped in the first step and the second, and what was seen of
+/// planes.
+struct Done {
+    clamped: [u64; 2],
+    seen: Vec<(usize, Plane)>,
+}
+
+/// Where a snapshot is written, if one is: its field with m/s of one cell a step, and planes by number.
+type Book<'a, 'b> = (Option<(&'a Field, f32)>, &'b mut Vec<(usize, &'a mut [[f32; 4]])>);
+
+/// What a thread has at hand for some planes.
+fn desk<'a>(grid: &Grid, (snapshot, pages): &mut Book<'a, '_>, planes: &Range<usize>) -> Desk<'a> {
+    let mut mine: Vec<_> = pages.extract_if(.., |(z, _)| planes.contains(z)).collect();
+    mine.reverse();
+    Desk::new(grid, *snapshot, mine)
 }
 
 type Later<'a> = (&'a Mouths, (&'a [Vec<f32>; 3], [f32; 6]));
@@ -312,26 +337,25 @@ struct Turn<'a, 'b> {
 struct With<'a, 'b, const EDDIES: bool, const FORCE: bool>(Turn<'a, 'b>);
 
 impl<const EDDIES: bool, const FORCE: bool> WithSimd for With<'_, '_, EDDIES, FORCE> {
-    type Output = [u64; 2];
+    type Output = Done;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> [u64; 2] {
+    fn with_simd<S: Simd>(self, simd: S) -> Done {
         self.0.run::<S, EDDIES, FORCE>(simd)
     }
 }
 
 impl Turn<'_, '_> {
     #[inline(always)]
-    fn run<S: Simd, const EDDIES: bool, const FORCE: bool>(self, simd: S) -> [u64; 2] {
+    fn run<S: Simd, const EDDIES: bool, const FORCE: bool>(self, simd: S) -> Done {
         let Self { sweep, job, cells, arriving, later } = self;
-        let Job { planes, first, second, sent: (sent, before), all, inside } = job;
-        let mut ends = Ends::new(&sweep.grid);
+        let Job { planes, first, second, sent: (sent, before), desk, all, inside } = job;
         let mut clamped = [0; 2];
         // The odd step is a plane behind.
         for z in all.start..all.end + 1 {
             if let Some(room) = first.as_mut().filter(|_| z < all.end) {
                 let place = Place { sweep, cells, arriving, z };
-                clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, &mut ends, room);
+                clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, desk, room);
                 if let Some((mouths, (wind, density))) = later {
                     let parts = arriving.plan.rest.then_some(&room.parts[..]);
                     let asked =
@@ -350,9 +374,9 @@ impl Turn<'_, '_> {
                     None => arriving,
                 };
                 let place = Place { sweep, cells, arriving, z: behind };
-                clamped[1] += place.step::<S, true, EDDIES, FORCE>(simd, planes, &mut ends, room);
+                clamped[1] += place.step::<S, true, EDDIES, FORCE>(simd, planes, desk, room);
             }
         }
-        clamped
+        Done { clamped, seen: std::mem::take(&mut desk.seen) }
     }
 }

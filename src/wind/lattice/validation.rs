@@ -361,6 +361,47 @@ fn the_production_code_is_the_plain_one() {
     }
 }
 
+/// Air at rest in a box of which a part is solid, with a wall, open faces and others.
+fn mixed(n: [usize; 3], along: usize, rest: bool) -> Flow {
+    let mut faces = [Face::Periodic, Face::Periodic, Face::Wall([0.0, 0.0, 0.02]), Face::Slip, REST, Face::Slip];
+    if along == 0 {
+        faces = [Face::Inlet, Face::Outlet, REST, Face::Slip, Face::Inlet, Face::Outlet];
+    }
+    let solid = |[x, y, z]: [usize; 3]| x == n[0] / 2 && y < n[1] / 2 && z < n[2] / 2;
+    let sponge = [(0..n[0]).map(|x| if x + 3 > n[0] { 0.7 } else { 0.51 }).collect(), Vec::new()];
+    let v = Viscosity { tau: 0.51, eddies: eddies(0.16) as f32, sponge, force: [0.0; 3] };
+    Flow::new(cells(n, faces, solid), v, rest).expect("memory")
+}
+
+#[test]
+fn two_steps_at_once_are_two_steps_one_by_one() {
+    for (n, along, rest) in [
+        ([37, 20, 12], 0, true),
+        ([16, 9, 5], 0, false),
+        ([9, 8, 3], 1, false),
+        ([8, 8, 1], 1, false),
+        ([33, 12, 17], 1, false),
+    ] {
+        let [mut one, mut two] = [0, 1].map(|_| mixed(n, along, rest));
+        let count = one.links.mouths.inlets().len();
+        for step in 0..24 {
+            let u = 0.05 * (1.0 + step as f32 / 24.0);
+            let wind = [0, 1].map(|k| [vec![u + 0.001 * k as f32; count], vec![0.0; count], vec![u / 2.0; count]]);
+            let asked = [0, 1].map(|k| Asked { wind: &wind[k], wanted: [0.0, u, 0.0, 0.0, 0.0, u / 2.0] });
+            let both = two.go((asked[0], Some(asked[1])), None).0;
+            assert_eq!([one.advance(asked[0]), one.advance(asked[1])], both);
+        }
+        let fluid = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
+        let fluid = fluid.filter(|c| !one.cells.is_solid(*c));
+        let mut moves = 0.0_f32;
+        for cell in fluid {
+            assert_eq!(one.left(cell).map(f32::to_bits), two.left(cell).map(f32::to_bits), "{n:?} at {cell:?}");
+            moves = moves.max(one.at(cell).1.map(f32::abs).into_iter().fold(0.0, f32::max));
+        }
+        assert!(moves > 1e-3, "{moves}");
+    }
+}
+
 #[test]
 fn uniform_wind_between_slip_walls_stays_uniform() {
     let faces = [Face::Inlet, Face::Outlet, Face::Slip, Face::Slip, Face::Periodic, Face::Periodic];
