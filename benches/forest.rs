@@ -38,7 +38,7 @@ fn forest(count: u32, individuals: u32) -> (f64, u64) {
     let folder = Folder::open(dir.path()).expect("folder");
     let textures = Arc::new(Textures::encode(&built.stage.scene).expect("pictures"));
     textures.write(&built.stage.scene, &folder, "textures/").expect("pictures");
-    let mut writers = exporters::of_bake(&folder, &textures, &recipe);
+    let mut writers = exporters::of_bake(&folder, &textures, &recipe, &[]);
     write::write(&built.stage, &mut writers, &[], &work).expect("files");
     folder.finish().expect("files");
     (start.elapsed().as_secs_f64(), folder.files().iter().map(|f| f.bytes).sum())

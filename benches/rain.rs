@@ -9,11 +9,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
+use osier::bake::Work;
+use osier::bake::mover::frame;
+use osier::bake::stage::{self, Built};
 use osier::geometry::Bounds;
+use osier::limits::Limits;
 use osier::motion::rain::{
     Blob, Chart, Envelope, Hung, Leaf, Manner, Moment, Parts, Print, Rainfall, Sheet, Shower, Size, Soak, Stiff, Storm,
     Target, Wetness,
 };
+use osier::progress::{Cancel, Silent};
+use osier::recipe::{Request, resolve};
 use osier::rng::Rng;
 use osier::scene::Mesh;
 
@@ -56,7 +62,7 @@ fn sliders(count: usize, leaf: usize, manner: &Manner) -> Vec<Slider> {
 }
 
 /// A frame's caps, and where they were since the last frame.
-fn frame(drops: &[Slider], k: u32, manner: &Manner) -> (Vec<Blob>, Vec<Soak>) {
+fn slid(drops: &[Slider], k: u32, manner: &Manner) -> (Vec<Blob>, Vec<Soak>) {
     let t = f64::from(k) / 24.0;
     let (mut blobs, mut soaks) = (Vec::new(), Vec::new());
     for d in drops {
@@ -95,7 +101,7 @@ fn run(
 ) -> f64 {
     let mut times = Vec::new();
     for k in frames {
-        let work: Vec<_> = drops.iter().map(|d| frame(d, k, manner)).collect();
+        let work: Vec<_> = drops.iter().map(|d| slid(d, k, manner)).collect();
         let t = f64::from(k) / 24.0;
         let start = Instant::now();
         for (wet, (blobs, soaks)) in wet.iter_mut().zip(&work) {
@@ -148,9 +154,61 @@ fn main() {
     let off = ns.iter().fold(0.0_f64, |m, x| m.max((x / mean - 1.0).abs()));
     println!("\n{mean:.1} ns a texel touched, within {:.0} %", off * 100.0);
     whole_frames(&manner);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    one.install(table_one);
     let path = std::env::args().skip(1).find(|a| std::path::Path::new(a).extension().is_some_and(|e| e == "svg"));
     if let Some(path) = path {
         std::fs::write(&path, plot(&cells)).expect("a plot");
+    }
+}
+
+/// A preset scene with other keys, and the seconds that it takes to build: to grow it and to let it rain through its clip.
+fn staged(name: &str, set: &[String]) -> (Built, f64) {
+    let text = osier::presets::find(name).expect("a preset").text.to_owned();
+    let request = Request { name: "rain".into(), text, set: set.to_vec(), ..Request::default() };
+    let (recipe, _) = resolve(&request).expect("a recipe");
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let start = Instant::now();
+    let built = stage::build(&recipe, stage::Parts::default(), &work).expect("a scene");
+    (built, start.elapsed().as_secs_f64())
+}
+
+/// Scenes of as many leaves and triangles as those of table 1 of the paper by Yang and Wu, with rods that move: steps of rain
+/// and rods, and what a frame shows (maps, meshes of drops, plants), on one thread.
+fn table_one() {
+    const CLIP: u32 = 120;
+    println!(
+        "\n| scene | mm/h | drops in the air | on leaves | texels | steps, ms | maps and meshes, ms | frames a second |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for (scene, rate) in [(1, 10), (1, 100), (2, 10), (2, 100), (3, 10), (3, 100)] {
+        let name = format!("rain-table-{scene}.toml");
+        let keys = |end: u32, side: u32| {
+            let fixed = ["frames.fps=24", "rain.size=\"natural\""].map(String::from);
+            let more = [("frames.end", end), ("maps.resolution", side), ("rain.rate_mm_per_h", rate)];
+            fixed.into_iter().chain(more.map(|(key, value)| format!("{key}={value}"))).collect::<Vec<_>>()
+        };
+        let steps = (staged(&name, &keys(1 + CLIP, 128)).1 - staged(&name, &keys(2, 128)).1) / f64::from(CLIP - 1);
+        for side in [128, 256, 512] {
+            let (built, _) = staged(&name, &keys(CLIP, side));
+            let (mut times, mut drops) = (Vec::new(), [0.0; 2]);
+            for number in 1..=CLIP {
+                let start = Instant::now();
+                let frame = frame(&built.stage.scene, &built.stage.movers, number, false).expect("a frame");
+                times.push(start.elapsed().as_secs_f64());
+                let row = &frame.rows[0];
+                drops = [drops[0] + row[0], drops[1] + row[1] + row[2] + row[3]];
+            }
+            times.sort_by(f64::total_cmp);
+            let shown = times[times.len() / 2];
+            let [air, leaves] = drops.map(|n| n / f64::from(CLIP));
+            println!(
+                "| {scene} | {rate} | {air:.0} | {leaves:.0} | {side} | {:.1} | {:.1} | {:.0} |",
+                steps * 1e3,
+                shown * 1e3,
+                1.0 / (steps + shown)
+            );
+        }
     }
 }
 

@@ -134,7 +134,7 @@ fn rain_ends_with_the_same_bytes_on_any_threads_and_after_any_kill() {
     let bake = |out: &Path, threads: &str| {
         let mut said = osier(&["bake", "rain-leaves", "-q", "-j", threads, "-o", arg(out)]);
         said.args(["--set", "frames.end=6", "--set", "maps.resolution=64", "--set", "rain.before_s=0.5"]);
-        said.args(["--set", "output.formats=[\"usd\",\"pov\",\"exr\",\"csv\"]"]);
+        said.args(["--set", "output.formats=[\"usd\",\"pov\",\"exr\",\"csv\",\"tracks\"]"]);
         said
     };
     let dir = tempfile::tempdir().expect("dir");
@@ -142,7 +142,7 @@ fn rain_ends_with_the_same_bytes_on_any_threads_and_after_any_kill() {
     let start = Instant::now();
     assert_eq!(said(&bake(&out, "1").output().expect("osier runs")).0, 0);
     let (wanted, took) = (tree(&out), start.elapsed());
-    assert!(wanted.contains_key("stats/rain.csv"), "no table");
+    assert!(wanted.contains_key("stats/rain.csv") && wanted.contains_key("tracks/drops.bin"), "no table");
     assert!(wanted.keys().filter(|k| k.ends_with(".0006.exr")).count() >= 15, "no maps of the last frame");
     for threads in ["2", "8"] {
         let out = dir.path().join(threads);

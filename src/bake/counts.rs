@@ -184,6 +184,8 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
         // Four maps of half floats at the default size, packed to about half.
         Format::Exr => 4 << 20,
         Format::Csv => frames * 200,
+        // Joints; drops are counted for the whole scene.
+        Format::Tracks => frames * s.joints * 36,
         Format::Pov => {
             let still = (s.triangles + s.proto_triangles) * 100 + s.instances * 170;
             let shown = |frames: u64| frames / u64::from(recipe.output.pov.step.max(1));

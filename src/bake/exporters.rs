@@ -4,22 +4,29 @@ use std::sync::Arc;
 
 use super::write::Writer;
 use crate::export::textures::Textures;
-use crate::export::{exr, gltf, manifest, obj, ply, pov, stats, usd};
+use crate::export::{exr, gltf, manifest, obj, ply, pov, stats, tracks, usd};
 use crate::fence::Folder;
 use crate::recipe::sections::{Format, Profile, Up};
 use crate::recipe::{OutputRecipe, Recipe};
 
-/// Writers of a bake's folder.
-pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe) -> Vec<Writer> {
-    recipe.output.formats.iter().flat_map(|f| of_format(*f, folder, textures, recipe)).collect()
+/// Writers of a bake's folder, which will be given these frames.
+pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe, frames: &[u32]) -> Vec<Writer> {
+    let of = |f: &Format| of_format(*f, (folder, textures), recipe, frames);
+    recipe.output.formats.iter().flat_map(of).collect()
 }
 
-fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe) -> Vec<Writer> {
+fn of_format(
+    format: Format,
+    (folder, textures): (&Folder, &Arc<Textures>),
+    recipe: &Recipe,
+    frames: &[u32],
+) -> Vec<Writer> {
     let (folder, output) = (folder.clone(), &recipe.output);
     match format {
         Format::Usd => {
-            let options =
-                usd::Options { up: up(output), maps: output.formats.contains(&Format::Exr), ..usd::Options::default() };
+            let maps = output.formats.contains(&Format::Exr);
+            let first = frames.first().copied();
+            let options = usd::Options { up: up(output), maps, first, ..usd::Options::default() };
             vec![writer("usd", usd::Usd::new(folder, Arc::clone(textures), options))]
         }
         Format::Glb => {
@@ -35,6 +42,7 @@ fn of_format(format: Format, folder: &Folder, textures: &Arc<Textures>, recipe: 
         Format::Obj => vec![writer("obj", obj::Obj::new(folder, (**textures).clone(), obj::Layout::Bake))],
         Format::Ply => vec![writer("ply", ply::Ply::new(folder, ply::Layout::Bake))],
         Format::Csv => vec![writer("csv", stats::Stats::new(folder))],
+        Format::Tracks => vec![writer("tracks", tracks::Tracks::new(folder))],
         Format::Exr => vec![writer("exr", exr::Exr::new(folder, wanted_maps(recipe)))],
         Format::Pov => vec![writer("pov", pov::Pov::new(folder, (**textures).clone(), pov_options(output)))],
     }
@@ -66,7 +74,8 @@ pub fn of_file(
         "glb" => gltf(gltf::Layout::Glb(name.to_owned())),
         "gltf" => gltf(gltf::Layout::Gltf(name.to_owned())),
         "usda" | "usdc" | "usdz" => {
-            let options = usd::Options { up: up(output), file: Some(name.to_owned()), look: false, maps: false };
+            let options =
+                usd::Options { up: up(output), file: Some(name.to_owned()), look: false, ..usd::Options::default() };
             writer("usd", usd::Usd::new(folder, textures, options))
         }
         "obj" => writer("obj", obj::Obj::new(folder, (*textures).clone(), obj::Layout::Single(stem))),

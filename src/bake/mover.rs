@@ -277,7 +277,8 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     let rain = movers.iter().flatten().find_map(|m| if let Moving::Rain(m) = m { Some(m) } else { None });
     let wet = rain.map_or_else(Vec::new, |m| m.maps(nth(seconds, step)));
     rows.extend(rain.map(|m| m.row(nth(seconds, step))));
-    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect(), wet })
+    let drops = rain.map(|m| m.drops(nth(seconds, step)));
+    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect(), wet, drops })
 }
 
 /// Rows of all tables at a frame, and nothing else of it.

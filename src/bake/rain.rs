@@ -1,6 +1,8 @@
 //! Rain of a recipe: which leaves it falls on, what a clip of it is, and how it is shown.
 
+mod keys;
 mod measures;
+mod tracks;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,19 +15,17 @@ use crate::Result;
 use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::motion::rain::{
-    Bearer, Blade, Bough, Chart, Envelope, Friction, Hung, Impact, Leaf, Lever, Manner, Merge, Moment, Parts, Rainfall,
-    Shape, Shapes, Sheet, Shower, Size, Soak, Stiff, Storm, Target, Water, Wetness, Wetting, across, capillary,
+    Bearer, Blade, Bough, Chart, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff, Storm, Target,
+    Water, Wetness, across,
 };
 use crate::motion::rod::Boughs;
 use crate::par::{par_map, par_map_mut};
 use crate::plant::{AxisKind, Plant};
 use crate::recipe::Recipe;
-use crate::recipe::rain_keys::{
-    DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
-};
+use crate::recipe::rain_keys::RainRecipe;
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points, PointsFrame,
-    Table, Trs, Wet, WetMaps,
+    Asset, AssetFrame, AssetKind, Drops, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points,
+    PointsFrame, Table, Trs, Wet, WetMaps,
 };
 use crate::wind::Wind;
 
@@ -33,8 +33,6 @@ use crate::wind::Wind;
 const STEPS: u32 = 8;
 /// How far below everything drops end, m.
 const BELOW: f64 = 0.1;
-/// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
-const PAUSE: u64 = 2;
 /// Bytes of one frame's drops that are counted as one of the limit's keys, and what those are called.
 const KEY: u64 = 64;
 const HELD: &str = "the number of leaves and raindrops times frames";
@@ -75,6 +73,8 @@ pub struct Rain {
     /// Frames of the plants that move; none of those that do not.
     plants: Vec<Vec<AssetFrame>>,
     manner: Manner,
+    /// Small numbers of the drops, by their ids.
+    numbers: BTreeMap<u64, u32>,
     /// Slots of the points that show what falls, frame by frame.
     slots: Vec<Vec<u32>>,
     capacity: usize,
@@ -139,10 +139,10 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
         });
     }
     let over = bounds(assets, stands);
-    let manner = manner(rain, recipe.seed);
+    let manner = keys::manner(rain, recipe.seed);
     let clip = recipe.clip;
     let frames = clip.len() as u64;
-    let rainfall = rainfall(rain, recipe);
+    let rainfall = keys::rainfall(rain, recipe);
     let blowing = wind.as_ref().map_or(Vec3::ZERO, |w| w.mean());
     let shower = rain.keys.falls.then(|| Shower::new(rainfall, over, blowing));
     afford(&shower, over, (frames, found.len()), work)?;
@@ -171,9 +171,10 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
         frames.iter_mut().for_each(|frame| heroes::thin_frame(frame, masks));
     }
     let heroes: Vec<Hero> = heroes.iter().zip(charts).map(|(leaf, chart)| Hero { leaf: *leaf, chart }).collect();
-    let (slots, capacity) = slots(&moments);
+    let (slots, capacity) = tracks::slots(&moments);
     let rain = Rain {
         shapes: shapes(&moments),
+        numbers: tracks::numbers(&moments),
         maps: Mutex::new(Maps { done: 0, wet: Vec::new() }),
         leaves: dry,
         plants,
@@ -274,89 +275,6 @@ fn bounds(assets: &[Asset], stands: &[Trs]) -> Bounds {
     Bounds::of(corners)
 }
 
-fn manner(rain: &RainRecipe, seed: u64) -> Manner {
-    let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);
-    Manner {
-        seed,
-        wetting: Wetting {
-            theta: drop.theta,
-            receding: drop.receding,
-            advancing: drop.advancing,
-            omega: drop.omega,
-            shape: match drop.shape {
-                DropShape::Flattened => Shape::Flattened,
-                DropShape::Paper => Shape::Paper,
-                DropShape::PaperWedge => Shape::Wedge,
-            },
-            lambda: drop.lambda,
-            capillary: capillary(rain.keys.g),
-        },
-        g: rain.keys.g,
-        impact: match impact.model {
-            ImpactModel::Momentum => Impact::Momentum { restitution: impact.restitution },
-            ImpactModel::PaperEnergy => Impact::PaperEnergy { eps: impact.eps },
-        },
-        gain: impact.gain,
-        splash: impact.splash,
-        tangent_keep: impact.tangent_keep,
-        friction: match drop.friction {
-            DropFriction::Retention => Friction::Retention,
-            DropFriction::Paper => Friction::Paper,
-        },
-        mu: drop.mu,
-        h: drop.h,
-        k_f: drop.k_f,
-        tau_v: drop.tau_v,
-        pin_noise: drop.pin_noise,
-        merge: match drop.merge {
-            DropMerge::Touch => Merge::Touch,
-            DropMerge::Paper => Merge::Paper,
-        },
-        k_h: drop.k_h,
-        lever: match drop.lever {
-            DropLever::Physical => Lever::Physical,
-            DropLever::Paper => Lever::Paper(drop.phi_c),
-        },
-        tail_beta: drop.tail_beta,
-        tail_n: drop.tail_n,
-        rough: drop.rough,
-        bead: drop.bead,
-        tip_radius: drop.tip_radius,
-        zeta: wet.zeta,
-        half_life: wet.half_life,
-        wet_length: wet.length,
-    }
-}
-
-fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> Rainfall {
-    let keys = &rain.keys;
-    let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
-    Rainfall {
-        seed: recipe.seed,
-        strength: keys.rate / 3.6e6,
-        size: match keys.size {
-            RainSize::Natural => Size::Natural,
-            RainSize::Fixed => Size::Fixed(keys.diameter),
-            RainSize::LogNormal => Size::LogNormal(keys.diameter, keys.spread),
-        },
-        total: keys.total.map(f64::from),
-        envelope: match keys.envelope {
-            RainEnvelope::Constant => Envelope::Constant,
-            RainEnvelope::Bell => {
-                let half = keys.before + (duration - keys.before) / 2.0;
-                let middle = keys.middle.map_or(half, |t| t + keys.before);
-                Envelope::Bell(middle, keys.width.unwrap_or((duration - keys.before) / 4.0))
-            }
-            RainEnvelope::Keys => Envelope::Keys(
-                keys.keys.iter().map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)]).collect(),
-            ),
-        },
-        jitter: keys.jitter,
-        duration,
-        g: keys.g,
-    }
-}
-
 /// Leaves and drops that are in the air at once, times frames, must fit. Drops on leaves are counted as they come ([`record`]).
 fn afford(shower: &Option<Shower>, over: Bounds, (frames, leaves): (u64, usize), work: &Work<'_>) -> Result<()> {
     // The slowest fall at 2 m/s.
@@ -403,6 +321,8 @@ fn record(
         if k % u64::from(steps) == 0 {
             work.cancel.check()?;
             work.progress.advance(1);
+            // What happened before the clip nobody asks for.
+            storm.take_events();
         }
     }
     let mut moments = Vec::new();
@@ -428,41 +348,6 @@ fn record(
     Ok((moments, plants))
 }
 
-/// Slots of what is in the air, and how many are needed: a slot rests before it shows another drop.
-fn slots(moments: &[Moment]) -> (Vec<Vec<u32>>, usize) {
-    let mut held: BTreeMap<u64, (u32, u64)> = BTreeMap::new();
-    let mut free: BTreeSet<u32> = BTreeSet::new();
-    let mut resting: Vec<(u64, u32)> = Vec::new();
-    let mut count = 0_u32;
-    let mut all = Vec::new();
-    for (frame, moment) in (0_u64..).zip(moments) {
-        resting.retain(|(until, slot)| *until > frame || !free.insert(*slot));
-        let mut now = Vec::with_capacity(moment.air.len());
-        for drop in &moment.air {
-            let slot = held.get(&drop.id).map_or_else(
-                || {
-                    free.pop_first().unwrap_or_else(|| {
-                        count += 1;
-                        count - 1
-                    })
-                },
-                |s| s.0,
-            );
-            held.insert(drop.id, (slot, frame));
-            now.push(slot);
-        }
-        held.retain(|_, (slot, seen)| {
-            let stays = *seen == frame;
-            if !stays {
-                resting.push((frame + PAUSE, *slot));
-            }
-            stays
-        });
-        all.push(now);
-    }
-    (all, count as usize)
-}
-
 fn shapes(moments: &[Moment]) -> BTreeMap<u64, Shapes> {
     let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.hanging).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
@@ -482,14 +367,22 @@ impl Rain {
         let mut water = Water::default();
         for drop in &moment.lying {
             water.lay((&self.leaves[drop.leaf], &moment.blades[drop.leaf]), drop);
+            self.mark(&mut water, drop.id);
         }
         for drop in &moment.hanging {
             if let Some(shapes) = self.shapes.get(&drop.radius.to_bits()) {
                 water.hang(&moment.blades[drop.leaf], drop, shapes);
+                self.mark(&mut water, drop.id);
             }
         }
         water.mesh = water.mesh.with_material(self.material);
         water
+    }
+
+    /// The last points of water are those of a drop.
+    fn mark(&self, water: &mut Water, id: u64) {
+        let number = self.numbers.get(&id).and_then(|n| i32::try_from(*n).ok()).unwrap_or(-1);
+        water.mesh.drops.resize(water.mesh.points.len(), number);
     }
 
     /// Positions, widths and velocities of what is in the air.
@@ -559,6 +452,11 @@ impl Rain {
     /// Its row of the table at a frame from the first.
     pub fn row(&self, nth: u64) -> Vec<f64> {
         measures::row(self.moment(nth))
+    }
+
+    /// All drops at a frame from the first.
+    pub fn drops(&self, nth: u64) -> Drops {
+        tracks::drops(self.moment(nth), &self.leaves, &self.numbers, self.moment(0).t)
     }
 
     /// Maps of the leaves that have some, at a frame from the first. Asked in order they go on from the last.

@@ -86,7 +86,7 @@ pub struct Bake {
     // Limits are named in one space with all other arguments, and one of them is `frames`.
     #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
-    /// Write only these formats: usd, glb, pc2, obj, ply, pov, exr, csv.
+    /// Write only these formats: usd, glb, pc2, obj, ply, pov, exr, csv, tracks.
     #[arg(long, value_name = "LIST")]
     pub formats: Option<String>,
     /// Run the scene once for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write one table of what its [flight]

@@ -146,7 +146,7 @@ fn bake(
     let textures = Arc::new(Textures::encode(&stage.scene)?);
     textures.write(&stage.scene, &folder, "textures/")?;
     kept::keep(recipe, &folder)?;
-    let mut writers = exporters::of_bake(&folder, &textures, recipe);
+    let mut writers = exporters::of_bake(&folder, &textures, recipe, frames);
     let warnings = write::write(stage, &mut writers, frames, work)?;
     let settings = exporters::settings(&recipe.output, frames);
     let manifest = manifest::build(&stage.scene, &folder.files(), &warnings, &settings);

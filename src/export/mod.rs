@@ -20,6 +20,7 @@ pub mod sheets;
 pub mod stats;
 pub mod text;
 pub mod textures;
+pub mod tracks;
 pub mod usd;
 
 /// A warning about something that was repaired on the way out (X002, X003, X007 ...).

@@ -38,7 +38,7 @@ impl Map {
     fn raw(self, maps: &WetMaps) -> &[f32] {
         match self {
             Self::Height => &maps.height,
-            Self::Water => &maps.water,
+            Self::Water => maps.water(),
             Self::Wetness => &maps.wetness,
             Self::Normal => maps.normal.as_flattened(),
         }

@@ -114,6 +114,8 @@ words! {
         Exr = "exr",
         /// Tables of what is measured in flights, with plots.
         Csv = "csv",
+        /// Drops and joints as numbers.
+        Tracks = "tracks",
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::{InstanceState, Mesh, Placement, Trs, WetMaps};
+use super::{Drops, InstanceState, Mesh, Placement, Trs, WetMaps};
 
 /// One frame of the whole scene; `assets` runs parallel to [`crate::scene::Scene::assets`].
 #[derive(Debug, Clone, Default)]
@@ -20,6 +20,8 @@ pub struct Frame {
     pub fields: Vec<Vec<f32>>,
     /// One per wet sheet of the scene, or empty.
     pub wet: Vec<Arc<WetMaps>>,
+    /// Raindrops, where it rains.
+    pub drops: Option<Drops>,
     /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
     pub shifted: BTreeMap<(usize, u32), AssetFrame>,
 }

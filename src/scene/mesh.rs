@@ -40,6 +40,8 @@ pub struct Mesh {
     pub colors: Vec<[f32; 4]>,
     /// For shaders that sway by themselves, one per point, or empty.
     pub wind: Vec<WindPoint>,
+    /// Number of the raindrop that each point is of, or empty.
+    pub drops: Vec<i32>,
     /// Counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
     /// Consecutive runs that cover all triangles exactly once.
@@ -68,6 +70,7 @@ impl Mesh {
         self.uvs.extend_from_slice(&other.uvs);
         self.colors.extend_from_slice(&other.colors);
         self.wind.extend_from_slice(&other.wind);
+        self.drops.extend_from_slice(&other.drops);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + base)));
         for s in &other.subsets {
             match self.subsets.last_mut() {

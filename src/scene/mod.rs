@@ -3,6 +3,7 @@
 //! A scene knows no file format and does no I/O. Space: right-handed, +Y up, metres, seconds, radians; UV origin lower
 //! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
 
+mod drops;
 mod evaluate;
 mod field;
 mod frame;
@@ -18,6 +19,7 @@ mod strands;
 mod validate;
 mod wet;
 
+pub use drops::{DropEvent, DropEventKind, DropNow, DropState, Drops, LeafNow};
 pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
     world_from_joint,

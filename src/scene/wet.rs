@@ -22,12 +22,19 @@ pub struct Wet {
 pub struct WetMaps {
     /// Relief of the sheet and water on it, m.
     pub height: Vec<f32>,
-    /// Water alone, m.
+    /// Water alone, m; empty where the sheet has no relief, and its height is that of the water.
     pub water: Vec<f32>,
     /// How wet, 0 to 1.
     pub wetness: Vec<f32>,
     /// Unit normals in tangent space of relief and water: along u, along v, out.
     pub normal: Vec<[f32; 3]>,
+}
+
+impl WetMaps {
+    /// Height of water alone, m, one per texel.
+    pub fn water(&self) -> &[f32] {
+        if self.water.is_empty() { &self.height } else { &self.water }
+    }
 }
 
 impl Scene {

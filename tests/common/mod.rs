@@ -184,6 +184,7 @@ fn blade(size: f32, material: u32) -> Mesh {
     let points = [(0.0, 0.0, 0.0), (0.3, 0.5, 0.1), (0.0, 1.0, 0.0), (-0.2, 0.4, 0.15)];
     Mesh {
         wind: Vec::new(),
+        drops: Vec::new(),
         points: points.map(|(x, y, z)| Vec3::new(x, y, z) * size).to_vec(),
         normals: vec![Vec3::Z; 4],
         uvs: points.map(|(x, y, _)| Vec2::new(0.5 + x, y)).to_vec(),
@@ -317,6 +318,7 @@ fn misc() -> Asset {
 fn ground() -> Asset {
     let mesh = Mesh {
         wind: Vec::new(),
+        drops: Vec::new(),
         points: [(-3.0, -3.0), (-3.0, 3.0), (3.0, 3.0), (3.0, -3.0)].map(|(x, z)| Vec3::new(x, 0.0, z)).to_vec(),
         normals: vec![Vec3::Y; 4],
         uvs: vec![Vec2::ZERO, Vec2::Y, Vec2::ONE, Vec2::X],
@@ -349,6 +351,7 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         rows: vec![vec![f64::from(number), f64::from(t) * 0.5]],
         fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
         wet: vec![wet_at(number)],
+        drops: None,
     }
 }
 

@@ -1,12 +1,11 @@
 //! What rain is measured by: the columns of its table and their numbers at a frame.
 
+use super::tracks::RUNS;
 use crate::motion::rain::{Manner, Moment};
 use crate::scene::Table;
 
 /// Cubic millimetres in a cubic metre.
 const MM3: f64 = 1e9;
-/// Speed from which a drop on a leaf counts as running, m/s.
-const RUNS: f64 = 1e-3;
 
 /// Columns that count drops at a frame, or tell where the water is.
 const NOW: [(&str, &str); 10] = [

@@ -64,7 +64,7 @@ fn leaves_get_maps_and_drops_show() {
         let frame = at(&built, number);
         check_frame(scene, &frame).expect("sound");
         assert_eq!(frame.wet.len(), 6);
-        assert!(frame.wet.iter().any(|m| m.water.iter().any(|h| *h > 0.0)));
+        assert!(frame.wet.iter().any(|m| m.water().iter().any(|h| *h > 0.0)));
         let MeshFrame::Whole { mesh, velocities } = frame.assets[rain].mesh(0) else { panic!("no drops") };
         assert!(!mesh.triangles.is_empty() && velocities.len() == mesh.points.len());
         let PointsFrame::State { widths, .. } = frame.assets[rain].points(0) else { panic!("nothing falls") };

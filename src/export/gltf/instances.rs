@@ -109,6 +109,7 @@ fn merge(group: &Group<'_>, mesh: &Mesh, piece: &Piece<'_>) -> Mesh {
         uvs: piece.gather(&mesh.uvs).into_owned(),
         colors: piece.gather(&mesh.colors).into_owned(),
         wind: Vec::new(),
+        drops: Vec::new(),
         triangles: piece.triangles.to_vec(),
         subsets: Vec::new(),
     };

@@ -1,7 +1,7 @@
 //! An asset in a stage: everything under one prim.
 
 use super::target::{Context, Part, Target};
-use super::{instancer, mesh, points, skel};
+use super::{instancer, mesh, points, skel, wet};
 use crate::Result;
 use crate::fence::Names;
 use crate::scene::Asset;
@@ -18,6 +18,7 @@ pub(super) fn define(cx: &Context, target: &mut Target, root: &str, asset: &Asse
         let varying = object.motion == crate::scene::MeshMotion::Varying;
         let place = mesh::Place { root, path: &path, skinned: false, varying };
         parts.extend(mesh::part(cx, target, i, &place, object)?);
+        parts.extend(wet::part(cx, target, i, &path, object)?);
     }
     for (i, instances) in asset.instancers.iter().enumerate() {
         let path = format!("{root}/{}", names.unique(&instances.name));

@@ -42,7 +42,7 @@ pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Materi
     let mut sheets = Vec::new();
     for (name, map) in [("wetness", Map::Wetness), ("normal", Map::Normal)] {
         // What stands without a time is read by programs that know no times.
-        let file = cx.map(sheet, map, cx.scene.clip.start);
+        let file = cx.map(sheet, map, cx.first);
         let attr = texture(stage, path, &Picture { name, file, material: m })?;
         sheets.push(Sheet { sheet, map, attr });
     }

@@ -252,6 +252,8 @@ pub(super) struct Varying {
     velocities: Attr,
     /// Indices of the subset of each material seen so far.
     subsets: BTreeMap<MaterialId, Attr>,
+    /// Drops that the points are of, and that these are wet, from the first frame that has some.
+    drops: Option<[Attr; 2]>,
     /// Times of the frames so far.
     times: Vec<f64>,
 }
@@ -269,7 +271,7 @@ impl Varying {
             subsets.insert(material, attr);
         }
         let (root, path) = (place.root.to_owned(), place.path.to_owned());
-        Ok(Self { index, root, path, attrs, velocities, subsets, times: Vec::new() })
+        Ok(Self { index, root, path, attrs, velocities, subsets, drops: None, times: Vec::new() })
     }
 
     /// Faces of every material ever seen, so that each frame's subsets are a partition of that frame's faces.
@@ -284,12 +286,41 @@ impl Varying {
                 self.subsets.insert(*material, attr);
             }
         }
+        self.sample_drops(target, mesh, time)?;
         for (material, attr) in &self.subsets {
             let faces = families.iter().find(|(m, _)| m == material).map_or(&[][..], |(_, f)| f);
             target.stage.sample(*attr, time, Array::Int(faces).into())?;
         }
         self.times.push(time);
         Ok(())
+    }
+}
+
+impl Varying {
+    /// `primvars:drop_id`, and `primvars:wetness`, which is 1 for water as leaves have it from 0 to 1.
+    fn sample_drops(&mut self, target: &mut Target, mesh: &Mesh, time: f64) -> Result<()> {
+        if mesh.drops.is_empty() && self.drops.is_none() {
+            return Ok(());
+        }
+        let known = self.drops.is_some();
+        let [id, wetness] = match self.drops {
+            Some(attrs) => attrs,
+            None => {
+                let mut primvar = |name: &str, kind| {
+                    let spec = AttrSpec::primvar(kind, "vertex");
+                    target.stage.attr(&format!("{}.primvars:{name}", self.path), &spec, None)
+                };
+                [primvar("drop_id", "int[]")?, primvar("wetness", "float[]")?]
+            }
+        };
+        self.drops = Some([id, wetness]);
+        // Frames before had no drops.
+        for t in self.times.iter().filter(|_| !known) {
+            target.stage.sample(id, *t, Array::Int(&[]).into())?;
+            target.stage.sample(wetness, *t, Array::Float(&[]).into())?;
+        }
+        target.stage.sample(id, time, Array::Int(&mesh.drops).into())?;
+        target.stage.sample(wetness, time, Array::Float(&vec![1.0; mesh.drops.len()]).into())
     }
 }
 

@@ -20,6 +20,7 @@ mod target;
 mod usda;
 mod usdc;
 mod value;
+mod wet;
 mod zip;
 
 pub use axis::UpAxis;
@@ -44,11 +45,13 @@ pub struct Options {
     pub look: bool,
     /// Wet leaves show the maps that the exporter of EXR writes beside; without, they are dry.
     pub maps: bool,
+    /// First frame that is written; without, the clip's.
+    pub first: Option<u32>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { up: UpAxis::Y, file: None, look: true, maps: false }
+        Self { up: UpAxis::Y, file: None, look: true, maps: false, first: None }
     }
 }
 
@@ -249,7 +252,13 @@ impl Exporter for Usd {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         // A single file has no maps beside it.
         let maps = (self.options.maps && self.options.file.is_none()).then(|| "../maps/".to_owned());
-        let cx = Context { scene: Arc::clone(scene), up: self.options.up, pictures: pictures(&self.options), maps };
+        let cx = Context {
+            scene: Arc::clone(scene),
+            up: self.options.up,
+            pictures: pictures(&self.options),
+            maps,
+            first: self.options.first.unwrap_or(scene.clip.start),
+        };
         self.warn_joints(scene);
         match self.options.file.clone() {
             Some(file) => self.begin_single(&cx, &file)?,
@@ -269,7 +278,7 @@ impl Exporter for Usd {
             let Layer { target, parts, failed } = layer;
             for (i, part) in parts {
                 let Some((asset, state)) = cx.scene.assets.get(*i).zip(frame.assets.get(*i)) else { continue };
-                if let Err(e) = part.frame(cx, target, &Shot { asset, state, time }) {
+                if let Err(e) = part.frame(cx, target, &Shot { asset, state, time, wet: &frame.wet }) {
                     *failed = Some(e);
                     return;
                 }

@@ -39,18 +39,17 @@ pub(super) fn follows(asset: &Asset, object: &MeshObject) -> bool {
     asset.skeleton.is_some() && object.skin.is_some() && object.motion == MeshMotion::Skinned
 }
 
-/// Writes skeleton, animation and skinned meshes of an asset under `root`; nothing if it has none.
+/// Writes skeleton, animation and skinned meshes of an asset under `root`, and returns what changes; nothing if it has none.
 pub(super) fn part(
     cx: &Context,
     target: &mut Target,
     root: &str,
     asset: &Asset,
     names: &mut Names,
-) -> Result<Option<Box<dyn Part>>> {
-    let Some(skeleton) = &asset.skeleton else { return Ok(None) };
-    if !asset.meshes.iter().any(|m| follows(asset, m)) {
-        return Ok(None);
-    }
+) -> Result<Vec<Box<dyn Part>>> {
+    let Some(skeleton) = asset.skeleton.as_ref().filter(|_| asset.meshes.iter().any(|m| follows(asset, m))) else {
+        return Ok(Vec::new());
+    };
     let path = format!("{root}/{}", names.unique("skel"));
     target.stage.prim(&path, "SkelRoot", &PrimMeta { api: vec!["SkelBindingAPI"], ..PrimMeta::default() })?;
     let b = extent(&bounds(cx, asset, &AssetFrame::default()));
@@ -59,20 +58,22 @@ pub(super) fn part(
     target.stage.rel(&format!("{path}.skel:skeleton"), &[format!("{path}/skeleton")])?;
     let joints = tokens(skeleton);
     define_skeleton(cx, target, &format!("{path}/skeleton"), skeleton, &joints)?;
-    let part = define_animation(cx, target, &format!("{path}/anim"), (skeleton, &joints), extent)?;
+    let animation = define_animation(cx, target, &format!("{path}/anim"), (skeleton, &joints), extent)?;
+    let mut parts: Vec<Box<dyn Part>> = vec![Box::new(animation)];
     let mut inner = Names::default();
     for name in ["skeleton", "anim"] {
         inner.unique(name);
     }
-    for object in asset.meshes.iter().filter(|m| follows(asset, m)) {
+    for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| follows(asset, m)) {
         let mesh = format!("{path}/{}", inner.unique(&object.name));
         let place = Place { root, path: &mesh, skinned: true, varying: false };
         define(cx, target, &place, &object.mesh)?;
         if let Some(skin) = &object.skin {
             bind(target, &path, &mesh, skin)?;
         }
+        parts.extend(super::wet::part(cx, target, i, &mesh, object)?);
     }
-    Ok(Some(Box::new(part)))
+    Ok(parts)
 }
 
 /// Box of all skinned meshes.

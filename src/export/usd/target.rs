@@ -9,7 +9,7 @@ use super::value::Value;
 use crate::Result;
 use crate::export::sheets::Map;
 use crate::fence::safe_name;
-use crate::scene::{Asset, AssetFrame, Material, MaterialId, Scene, Trs};
+use crate::scene::{Asset, AssetFrame, Material, MaterialId, Scene, Trs, WetMaps};
 
 /// The scene and the choices that hold for all files.
 #[derive(Debug, Clone)]
@@ -20,6 +20,8 @@ pub(super) struct Context {
     pub(super) pictures: String,
     /// Where maps of wet sheets lie, likewise, if there are any.
     pub(super) maps: Option<String>,
+    /// First frame that is written.
+    pub(super) first: u32,
 }
 
 impl Context {
@@ -59,6 +61,8 @@ pub(super) struct Shot<'a> {
     pub(super) asset: &'a Asset,
     pub(super) state: &'a AssetFrame,
     pub(super) time: f64,
+    /// Maps of the scene's wet sheets, or empty.
+    pub(super) wet: &'a [Arc<WetMaps>],
 }
 
 /// Something in a layer that may change with every frame.

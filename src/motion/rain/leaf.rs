@@ -8,7 +8,8 @@ use super::bearer::Blade;
 use super::cap::{Cap, TENSION, WATER};
 use super::dew::Dew;
 use super::drop::{BEAD, Drop, Hang};
-use super::manner::{Friction, Lever, Manner, Merge};
+use super::event::{Event, Happened};
+use super::manner::{Friction, Lever, Manner};
 use super::pendant;
 use super::sheet::{Sheet, Spot};
 use crate::math;
@@ -122,12 +123,23 @@ pub struct Told {
     pub drips: Vec<Drip>,
     /// Where it became wet.
     pub stamps: Vec<Stamp>,
-    /// What happened.
+    /// What happened, in numbers.
     pub tally: Tally,
+    /// What happened, one by one, in its order.
+    pub events: Vec<Event>,
     /// Forces on it beyond the water's weight, N, with their places in the world.
     pub forces: Vec<(DVec3, DVec3)>,
     /// Mass of the water on it, kg, and its middle in the world.
     pub load: (f64, DVec3),
+}
+
+impl Told {
+    /// A drop has come to hang at a place of leaf space.
+    fn hung(&mut self, now: &Now, drop: &Drop, p: DVec3) {
+        self.tally.hung += 1;
+        let p = now.blade.p + now.blade.q * p;
+        self.events.push(Event::of(Happened::Hung, drop.id, (now.t, p), drop.volume));
+    }
 }
 
 /// What pulls at a drop, in leaf space.
@@ -142,7 +154,7 @@ struct Pull {
 }
 
 /// What acts, and how drops answer.
-type Law<'a> = (&'a Now, &'a Manner);
+pub(super) type Law<'a> = (&'a Now, &'a Manner);
 
 impl Leaf {
     /// An empty leaf.
@@ -158,6 +170,18 @@ impl Leaf {
     /// Volume of all water on it, m^3.
     pub fn volume(&self) -> f64 {
         self.drops.iter().map(|d| d.volume).sum()
+    }
+
+    /// Share of it that is wet, by how much: ways of drops as they dry, and what drops cover. `t`: s.
+    pub fn wetness(&self, t: f64, manner: &Manner) -> f64 {
+        let ways = self.dew.mean(self.sheet.cells(), t, (manner.zeta, manner.half_life));
+        let base = |d: &Drop| {
+            let a = d.head(manner, 1.0).a;
+            std::f64::consts::PI * a * a
+        };
+        let lying = self.drops.iter().filter(|d| d.hang.is_none() && d.side > 0.0).map(base);
+        let area = self.sheet.area() * self.scale * self.scale;
+        (ways + lying.fold(0.0, |sum, b| sum + b) / area.max(f64::MIN_POSITIVE)).min(1.0)
     }
 
     /// One step of all drops.
@@ -176,7 +200,7 @@ impl Leaf {
         }
         drops.retain(|d| d.volume > 0.0);
         drops.append(&mut beads);
-        self.merge(&mut drops, manner, &mut told);
+        self.merge(&mut drops, (now, manner), &mut told);
         self.drops = drops;
         self.press(now, manner, &mut told);
         self.wet(now, manner, &mut told);
@@ -313,8 +337,7 @@ impl Leaf {
                 }
                 drop.v -= out * across.max(0.0);
                 if self.hang(drop, (pull, cap), (&rim, out), manner) {
-                    told.tally.hung += 1;
-                    return;
+                    return told.hung(now, drop, rim.p);
                 }
             }
             let step = drop.v * h;
@@ -340,7 +363,7 @@ impl Leaf {
                         drop.uv += inward;
                     }
                     if self.hang(drop, (pull, cap), (&rim, out), manner) {
-                        told.tally.hung += 1;
+                        told.hung(now, drop, rim.p);
                     }
                     return;
                 }
@@ -458,83 +481,9 @@ impl Leaf {
         let mut left = Drop::new(id, drop.side, bead.uv, DVec3::ZERO, bead.volume);
         left.axis = drop.axis;
         told.tally.beads += 1;
+        let p = self.at(bead.uv).map_or(now.blade.p, |s| now.blade.p + now.blade.q * s.p);
+        told.events.push(Event { other: Some(drop.id), ..Event::of(Happened::Bead, id, (now.t, p), bead.volume) });
         beads.push(left);
-    }
-
-    /// Drops that touch become one, until none do. Source: [yang-wu] eq. 13; eq. 12 in its own mode.
-    fn merge(&self, drops: &mut Vec<Drop>, manner: &Manner, told: &mut Told) {
-        drops.sort_by_key(|d| d.id);
-        if drops.iter().all(|d| d.quiet) {
-            return;
-        }
-        let mut places: Vec<Option<(DVec3, f64)>> = drops.iter().map(|d| self.place(d, manner)).collect();
-        while let Some((i, k)) = Self::touching(drops, &places, manner) {
-            let (heavy, light) = if drops[k].volume > drops[i].volume { (k, i) } else { (i, k) };
-            let gone = drops[light].clone();
-            told.tally.merged += 1;
-            self.swallow(&mut drops[heavy], &gone);
-            places[heavy] = self.place(&drops[heavy], manner);
-            drops.remove(light);
-            places.remove(light);
-        }
-        drops.iter_mut().for_each(|d| d.quiet = true);
-    }
-
-    /// Where a drop is, m of leaf space, and the radius of its base.
-    fn place(&self, drop: &Drop, manner: &Manner) -> Option<(DVec3, f64)> {
-        match drop.hang {
-            Some(hang) => Some((hang.rim.p, hang.radius)),
-            None => self.at(drop.uv).map(|s| (s.p, drop.head(manner, 1.0).a)),
-        }
-    }
-
-    fn touching(drops: &[Drop], places: &[Option<(DVec3, f64)>], manner: &Manner) -> Option<(usize, usize)> {
-        for i in 0..drops.len() {
-            for k in i + 1..drops.len() {
-                if drops[i].quiet && drops[k].quiet {
-                    continue;
-                }
-                let hangs = drops[i].hang.is_some() || drops[k].hang.is_some();
-                let (Some(a), Some(b)) = (places[i], places[k]) else { continue };
-                let apart = a.0.distance(b.0);
-                let reach = match manner.merge {
-                    Merge::Touch => a.1 + b.1,
-                    Merge::Paper => {
-                        let lighter = WATER * drops[i].volume.min(drops[k].volume) * manner.g;
-                        (a.1 + b.1) * math::exp(-manner.mu * lighter / manner.k_h)
-                    }
-                };
-                if apart <= reach && (hangs || drops[i].side * drops[k].side > 0.0) {
-                    return Some((i, k));
-                }
-            }
-        }
-        None
-    }
-
-    /// Volumes add, momentum is kept, the place is the middle of both.
-    fn swallow(&self, heavy: &mut Drop, light: &Drop) {
-        let whole = heavy.volume + light.volume;
-        let share = light.volume / whole;
-        if heavy.hang.is_none() {
-            if light.hang.is_some() {
-                heavy.loosen();
-                heavy.hang = light.hang;
-                heavy.v = DVec3::ZERO;
-            } else {
-                let middle = heavy.uv.lerp(light.uv, share);
-                let way = self.at(heavy.uv).zip(self.at(light.uv)).map(|(a, b)| b.p - a.p);
-                if self.at(middle).is_some() {
-                    heavy.uv = middle;
-                }
-                heavy.v = heavy.v.lerp(light.v, share);
-                heavy.merged = 0.0;
-                heavy.axis = way.unwrap_or(heavy.axis).normalize_or(heavy.axis);
-            }
-        }
-        heavy.volume = whole;
-        heavy.quiet = false;
-        heavy.wetted = None;
     }
 
     /// What the water presses on the leaf with. Source: [yang-wu] eq. 14 and 15, as forces.

@@ -96,15 +96,17 @@ pub struct Wetness {
     maps: Arc<WetMaps>,
     /// Tiles whose wetness is above [`DRY`].
     damp: Vec<bool>,
+    /// Rows of tiles with normals that are not all [`FLAT`], row by row.
+    bumpy: Vec<bool>,
     touched: Touched,
 }
 
 impl Wetness {
     /// A dry leaf, `scale` times as large as its blade.
     pub fn new(chart: Arc<Chart>, scale: f64) -> Self {
-        let n = chart.side * chart.side;
+        let (n, side) = (chart.side * chart.side, chart.side);
         let tiles = chart.side.div_ceil(TILE);
-        let maps = WetMaps { height: vec![0.0; n], water: vec![0.0; n], wetness: vec![0.0; n], normal: vec![FLAT; n] };
+        let maps = WetMaps { height: vec![0.0; n], water: Vec::new(), wetness: vec![0.0; n], normal: vec![FLAT; n] };
         Self {
             chart,
             scale: narrow(scale),
@@ -113,6 +115,7 @@ impl Wetness {
             stamps: Vec::new(),
             maps: Arc::new(maps),
             damp: vec![false; tiles * tiles],
+            bumpy: vec![false; side * tiles],
             touched: Touched::default(),
         }
     }
@@ -136,14 +139,9 @@ impl Wetness {
         if still {
             return;
         }
-        let mut maps = std::mem::take(&mut self.maps);
-        let own = Arc::make_mut(&mut maps);
-        self.pour(own, &changed);
         self.age(t, manner);
         let patches = self.patches(sheet, soaks, manner);
-        self.soak(&patches);
-        self.dry(own, t, manner);
-        self.maps = maps;
+        self.work((&changed, &patches), t, manner);
     }
 
     /// The same from nothing: every texel, every blob. What [`Wetness::advance`] must equal, bit for bit.
@@ -152,15 +150,32 @@ impl Wetness {
         let whole = Window::whole(n);
         self.stamps = self.stamps(sheet, blobs);
         self.stamps.iter_mut().for_each(|s| s.window = whole);
-        let mut maps = std::mem::take(&mut self.maps);
-        let own = Arc::make_mut(&mut maps);
         let tiles = n.div_ceil(TILE);
-        self.pour(own, &vec![true; tiles * tiles]);
         self.age(t, manner);
         let mut patches = self.patches(sheet, soaks, manner);
         patches.iter_mut().for_each(|(_, window)| *window = whole);
-        self.soak(&patches);
-        self.dry(own, t, manner);
+        self.work((&vec![true; tiles * tiles], &patches), t, manner);
+    }
+
+    /// Changed tiles and patches, a band of tiles after the other: what a band needs stays in the processor's cache from its
+    /// caps to its drying. Normals wait for the caps of the band below.
+    fn work(&mut self, (changed, patches): (&[bool], &[(Patch, Window)]), t: f64, manner: &Manner) {
+        let mut maps = std::mem::take(&mut self.maps);
+        let own = Arc::make_mut(&mut maps);
+        let tiles = self.chart.side.div_ceil(TILE);
+        for (_, window) in patches {
+            each_tile(window, tiles, |k| self.damp[k] = true);
+        }
+        let left = narrow(math::pow(2.0, -(halvings(t, manner) - self.epoch)));
+        for band in 0..tiles {
+            self.pour(own, changed, band);
+            if let Some(above) = band.checked_sub(1) {
+                self.turn(own, changed, above);
+            }
+            self.soak(patches, band);
+            self.dry(own, left, band);
+        }
+        self.turn(own, changed, tiles - 1);
         self.maps = maps;
     }
 
@@ -213,52 +228,77 @@ impl Wetness {
         changed
     }
 
-    /// Clears and fills tiles, then makes their normals and those of the texels around them.
-    fn pour(&mut self, maps: &mut WetMaps, changed: &[bool]) {
+    /// Rows of a band of tiles.
+    fn rows(&self, band: usize) -> std::ops::Range<usize> {
+        band * TILE..((band + 1) * TILE).min(self.chart.side)
+    }
+
+    /// Clears and fills tiles of a band.
+    fn pour(&mut self, maps: &mut WetMaps, changed: &[bool], band: usize) {
         let arch = rows::arch();
-        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
-        for (band, changed) in changed.chunks(tiles).enumerate() {
-            let rows = band * TILE..((band + 1) * TILE).min(n);
-            let runs: Vec<Run> = runs(changed, n).collect();
-            let each_row = || rows.clone().flat_map(|y| runs.iter().map(move |r| y * n + r.0..y * n + r.1));
-            each_row().for_each(|texels| maps.water[texels].fill(0.0));
-            if runs.is_empty() {
-                continue;
-            }
-            for stamp in self.stamps.iter().filter(|s| s.window.meets(&rows)) {
-                let (stamp, window, made) = (&stamp.dome, &stamp.window, maps.water.as_mut_slice());
-                let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &runs, made };
-                self.touched.poured += arch.dispatch(pressed);
-            }
-            each_row().for_each(|texels| maps.height[texels.clone()].copy_from_slice(&maps.water[texels]));
+        let (n, rows) = (self.chart.side, self.rows(band));
+        let runs: Vec<Run> = runs(of_band(changed, n, band), n).collect();
+        if runs.is_empty() {
+            return;
         }
-        self.turn(maps, changed);
+        let each_row = || rows.clone().flat_map(|y| runs.iter().map(move |r| y * n + r.0..y * n + r.1));
+        each_row().for_each(|texels| maps.height[texels].fill(0.0));
+        for stamp in self.stamps.iter().filter(|s| s.window.meets(&rows)) {
+            let (stamp, window, made) = (&stamp.dome, &stamp.window, maps.height.as_mut_slice());
+            let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &runs, made };
+            self.touched.poured += arch.dispatch(pressed);
+        }
     }
 
-    /// Makes normals of tiles and of the texels around them.
-    fn turn(&mut self, maps: &mut WetMaps, changed: &[bool]) {
-        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
-        let any = |band: Option<usize>, k: usize| band.is_some_and(|b| changed.get(b * tiles + k) == Some(&true));
-        let bands = n.div_ceil(TILE);
-        for band in 0..bands {
-            let (first, last) = (band * TILE, ((band + 1) * TILE).min(n) - 1);
-            // A band's first and last rows look beyond it.
-            let own: Vec<bool> = (0..tiles).map(|k| any(Some(band), k)).collect();
-            let upper: Vec<bool> = (0..tiles).map(|k| own[k] || any(band.checked_sub(1), k)).collect();
-            let lower: Vec<bool> = (0..tiles).map(|k| own[k] || any(Some(band + 1), k)).collect();
-            let [own, upper, lower] = [own, upper, lower].map(|l| runs(&l, n).map(|r| r.grown(n)).collect::<Vec<_>>());
-            for y in first..=last {
-                let both = [(y == first).then_some(&upper), (y == last).then_some(&lower)];
-                for run in both.into_iter().flatten().chain((y != first && y != last).then_some(&own)).flatten() {
-                    self.turn_row(maps, y, *run);
-                }
+    /// Makes normals of a band's tiles and of the texels around those that changed.
+    fn turn(&mut self, maps: &mut WetMaps, changed: &[bool], band: usize) {
+        let (n, rows) = (self.chart.side, self.rows(band));
+        let own = of_band(changed, n, band);
+        // A band's first and last rows look beyond it.
+        let with = |other: &[bool]| -> Vec<bool> {
+            own.iter().enumerate().map(|(k, own)| *own || other.get(k) == Some(&true)).collect()
+        };
+        let upper = with(band.checked_sub(1).map_or(&[], |b| of_band(changed, n, b)));
+        let lower = with(of_band(changed, n, band + 1));
+        let [own, upper, lower] = [own, &upper, &lower].map(|l| runs(l, n).map(|r| r.grown(n)).collect::<Vec<_>>());
+        let (first, last) = (rows.start, rows.end - 1);
+        for y in rows {
+            let both = [(y == first).then_some(&upper), (y == last).then_some(&lower)];
+            for run in both.into_iter().flatten().chain((y != first && y != last).then_some(&own)).flatten() {
+                self.turn_row(maps, y, *run);
             }
         }
     }
 
+    /// Makes the normals of a part of a row. Where no water stands around, they are flat, and mostly were so before.
     fn turn_row(&mut self, maps: &mut WetMaps, y: usize, Run(x0, x1): Run) {
-        let n = self.chart.side;
+        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
         self.touched.turned += (x1 - x0) as u64;
+        let (mut bent, mut x) = (x0, x0);
+        while x < x1 {
+            let (first, flag) = (x / TILE * TILE, y * tiles + x / TILE);
+            let end = (first + TILE).min(x1);
+            if is_level(&maps.height, n, (y, x..end)) {
+                self.bend(maps, y, Run(bent, x));
+                bent = end;
+                if self.bumpy[flag] {
+                    maps.normal[y * n + x..y * n + end].fill(FLAT);
+                    self.bumpy[flag] = end - x < TILE.min(n - first);
+                }
+            } else {
+                self.bumpy[flag] = true;
+            }
+            x = end;
+        }
+        self.bend(maps, y, Run(bent, x1));
+    }
+
+    /// Normals where there may be slopes.
+    fn bend(&self, maps: &mut WetMaps, y: usize, Run(x0, x1): Run) {
+        if x0 >= x1 {
+            return;
+        }
+        let n = self.chart.side;
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
         let per = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
         let WetMaps { height, normal, .. } = maps;
@@ -313,42 +353,34 @@ impl Wetness {
         soaks.iter().filter_map(patch).collect()
     }
 
-    /// Makes places wet.
-    fn soak(&mut self, patches: &[(Patch, Window)]) {
+    /// Makes places of a band wet.
+    fn soak(&mut self, patches: &[(Patch, Window)], band: usize) {
         let arch = rows::arch();
-        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
-        for band in 0..tiles {
-            let rows = band * TILE..((band + 1) * TILE).min(n);
-            for (stamp, window) in patches.iter().filter(|(_, w)| w.meets(&rows)) {
-                let made = self.store.as_mut_slice();
-                let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &[Run(0, n)], made };
-                self.touched.soaked += arch.dispatch(pressed);
-            }
-        }
-        for (_, window) in patches {
-            each_tile(window, tiles, |k| self.damp[k] = true);
+        let (n, rows) = (self.chart.side, self.rows(band));
+        for (stamp, window) in patches.iter().filter(|(_, w)| w.meets(&rows)) {
+            let made = self.store.as_mut_slice();
+            let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &[Run(0, n)], made };
+            self.touched.soaked += arch.dispatch(pressed);
         }
     }
 
-    /// Wetness as it is at time `t`; tiles that have dried are left alone from then on.
-    fn dry(&mut self, maps: &mut WetMaps, t: f64, manner: &Manner) {
+    /// Wetness of a band as it is now; tiles that have dried are left alone from then on. `left`: share of the store's unit.
+    fn dry(&mut self, maps: &mut WetMaps, left: f32, band: usize) {
         let arch = rows::arch();
-        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
-        let left = narrow(math::pow(2.0, -(halvings(t, manner) - self.epoch)));
-        for (band, damp) in self.damp.chunks_mut(tiles).enumerate() {
-            let rows = band * TILE..((band + 1) * TILE).min(n);
-            let runs: Vec<Run> = runs(damp, n).collect();
-            for Run(from, to) in runs {
-                let mut any = false;
-                for y in rows.clone() {
-                    let texels = y * n + from..y * n + to;
-                    let (store, wetness) = (&self.store[texels.clone()], &mut maps.wetness[texels]);
-                    any |= arch.dispatch(Dried { store, left, wetness });
-                    self.touched.dried += (to - from) as u64;
-                }
-                if !any {
-                    damp[from / TILE..to.div_ceil(TILE)].fill(false);
-                }
+        let (n, rows) = (self.chart.side, self.rows(band));
+        let tiles = n.div_ceil(TILE);
+        let damp = &mut self.damp[band * tiles..(band + 1) * tiles];
+        let runs: Vec<Run> = runs(damp, n).collect();
+        for Run(from, to) in runs {
+            let mut any = false;
+            for y in rows.clone() {
+                let texels = y * n + from..y * n + to;
+                let (store, wetness) = (&self.store[texels.clone()], &mut maps.wetness[texels]);
+                any |= arch.dispatch(Dried { store, left, wetness });
+                self.touched.dried += (to - from) as u64;
+            }
+            if !any {
+                damp[from / TILE..to.div_ceil(TILE)].fill(false);
             }
         }
     }
@@ -376,13 +408,30 @@ fn runs(marked: &[bool], n: usize) -> impl Iterator<Item = Run> + '_ {
     })
 }
 
+/// Whether all heights of a part of row `y`, and of the texels around it, are 0.
+fn is_level(height: &[f32], n: usize, (y, part): (usize, std::ops::Range<usize>)) -> bool {
+    let (left, right) = (part.start.saturating_sub(1), (part.end + 1).min(n));
+    let zero = |y: usize, from: usize, to: usize| {
+        height[y * n + from..y * n + to].iter().fold(0, |any, h| any | h.to_bits()) == 0
+    };
+    zero(y, left, right)
+        && zero(y.saturating_sub(1), part.start, part.end)
+        && zero((y + 1).min(n - 1), part.start, part.end)
+}
+
+/// The marks of one band of tiles; none beyond the last.
+fn of_band(marks: &[bool], n: usize, band: usize) -> &[bool] {
+    marks.chunks(n.div_ceil(TILE)).nth(band).unwrap_or_default()
+}
+
 fn each_tile(w: &Window, tiles: usize, mut f: impl FnMut(usize)) {
     if w.lo[0] >= w.hi[0] || w.lo[1] >= w.hi[1] {
         return;
     }
     for y in w.lo[1] / TILE..=(w.hi[1] - 1) / TILE {
-        for x in w.lo[0] / TILE..=(w.hi[0] - 1) / TILE {
-            f(y * tiles + x);
+        let (from, to) = w.span(y * TILE..(y + 1) * TILE);
+        if from < to {
+            (from / TILE..=(to - 1) / TILE).for_each(|x| f(y * tiles + x));
         }
     }
 }

@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::bearer::Blade;
 use super::cap::Print;
 use super::drop::Bead;
+use super::event::Event;
 use super::leaf::{Stamp, Tally};
 use super::maps::{Blob, Soak};
 use super::pendant::THINS;
@@ -70,6 +71,8 @@ pub struct Moment {
     pub t: f64,
     /// Where the leaves are.
     pub blades: Vec<Blade>,
+    /// How wet each of them is as a whole, 0 to 1.
+    pub wetness: Vec<f64>,
     /// On leaves.
     pub lying: Vec<Lying>,
     /// At their margins.
@@ -78,7 +81,9 @@ pub struct Moment {
     pub air: Vec<InAir>,
     /// Places that came under water since the last frame, by leaf.
     pub soaked: Vec<(usize, Stamp)>,
-    /// What has happened so far.
+    /// What has happened since the last frame, or since the rain began.
+    pub events: Vec<Event>,
+    /// What has happened so far, in numbers.
     pub tally: Tally,
     /// Where all water is.
     pub ledger: Ledger,
@@ -111,10 +116,12 @@ impl Moment {
         Self {
             t: storm.time(),
             blades: storm.blades().to_vec(),
+            wetness: storm.leaves().iter().map(|l| l.wetness(storm.time(), &storm.manner)).collect(),
             lying,
             hanging,
             air: storm.air().iter().map(air).collect(),
             soaked,
+            events: storm.take_events(),
             tally: storm.tally(),
             ledger: storm.ledger(),
         }
@@ -124,12 +131,13 @@ impl Moment {
     pub fn bytes(&self) -> u64 {
         let beads: usize = self.lying.iter().map(|d| d.beads.len()).sum();
         let parts = [
-            self.blades.len() * size_of::<Blade>(),
+            self.blades.len() * (size_of::<Blade>() + size_of::<f64>()),
             self.lying.len() * size_of::<Lying>(),
             beads * size_of::<Bead>(),
             self.hanging.len() * size_of::<Hanging>(),
             self.air.len() * size_of::<InAir>(),
             self.soaked.len() * size_of::<(usize, Stamp)>(),
+            self.events.len() * size_of::<Event>(),
         ];
         parts.iter().sum::<usize>() as u64
     }

@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
+use super::dew::CELLS;
 use crate::scene::Mesh;
 
-/// Cells of the grid over texture coordinates, each way.
-const CELLS: usize = 48;
 /// Triangles with less of the texture than this are not blade: petioles are drawn on a line of it.
 const LEAST: f64 = 1e-9;
 
@@ -138,6 +137,11 @@ impl Sheet {
     /// Area of the blade, m^2.
     pub fn area(&self) -> f64 {
         self.area
+    }
+
+    /// Cells of the texture that have some of the blade, of [`CELLS`] each way.
+    pub fn cells(&self) -> usize {
+        self.cells.iter().filter(|c| !c.is_empty()).count()
     }
 
     /// Texture coordinates of a place of a triangle.

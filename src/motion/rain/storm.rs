@@ -8,6 +8,7 @@ use super::bearer::{Bearer, Blade, Bough};
 use super::cap::WATER;
 use super::collide::{Field, Moved, Struck, Target};
 use super::drop::Drop;
+use super::event::{Event, Happened};
 use super::impact::blow;
 use super::leaf::{Drip, Leaf, Now, Tally, Told};
 use super::manner::{Impact, Manner};
@@ -120,6 +121,7 @@ pub struct Storm {
     wooded: f64,
     told: Vec<Told>,
     tally: Tally,
+    events: Vec<Event>,
 }
 
 /// How a drop's step ended.
@@ -153,6 +155,7 @@ impl Storm {
             ground: 0.0,
             wooded: 0.0,
             tally: Tally::default(),
+            events: Vec::new(),
         };
         storm.blades = storm.poses();
         storm.wood = storm.boughs();
@@ -163,8 +166,12 @@ impl Storm {
     pub fn place(&mut self, leaf: usize, uv: glam::DVec2, v: DVec3, volume: f64) {
         let id = self.next();
         self.emitted += volume;
-        if let Some(leaf) = self.leaves.get_mut(leaf) {
-            leaf.drops.push(Drop::new(id, 1.0, uv, v, volume));
+        let blade = self.blades.get(leaf).copied();
+        if let Some((on, blade)) = self.leaves.get_mut(leaf).zip(blade) {
+            on.drops.push(Drop::new(id, 1.0, uv, v, volume));
+            let p = on.at(uv).map_or(blade.p, |s| blade.p + blade.q * s.p);
+            let born = Event::of(Happened::Born, id, (self.t, p), volume);
+            self.events.push(Event { leaf: Some(leaf), ..born });
         }
     }
 
@@ -227,6 +234,11 @@ impl Storm {
         stamps
     }
 
+    /// What has happened since they were last taken, in the order of steps.
+    pub fn take_events(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.events)
+    }
+
     /// Where all water is.
     pub fn ledger(&self) -> Ledger {
         let mut l = Ledger { emitted: self.emitted, ground: self.ground, wood: self.wooded, ..Ledger::default() };
@@ -273,6 +285,7 @@ impl Storm {
         for b in born {
             let id = self.next();
             self.emitted += b.volume;
+            self.events.push(Event::of(Happened::Born, id, (b.t, b.p), b.volume));
             self.air.push(Falling { id, p: b.p, v: b.v, volume: b.volume, blind: None, late: b.t - self.t });
         }
     }
@@ -313,7 +326,10 @@ impl Storm {
         for (drop, end) in ended {
             match end {
                 End::Flies => self.air.push(drop),
-                End::Ground => self.ground += drop.volume,
+                End::Ground => {
+                    self.events.push(Event::of(Happened::Ground, drop.id, (t + h, drop.p), drop.volume));
+                    self.ground += drop.volume;
+                }
                 End::Struck(s) => struck.push((drop, s)),
             }
         }
@@ -346,6 +362,7 @@ impl Storm {
             bearer.strike_bough(k, share, along * (j * self.manner.gain));
             break;
         }
+        self.events.push(Event::of(Happened::Wood, drop.id, (self.t, drop.p), drop.volume));
         self.wooded += drop.volume;
     }
 
@@ -380,6 +397,8 @@ impl Storm {
         if we > SPLASHES && self.manner.splash > 0.0 {
             volume -= self.splash(drop, (i, place), (n, rel));
         }
+        let event = Event::of(Happened::Struck, drop.id, (self.t, place), volume);
+        self.events.push(Event { leaf: Some(i), blow: j * self.manner.gain, ..event });
         rel -= n * rel.dot(n);
         let v = blade.q.inverse() * rel * self.manner.tangent_keep;
         self.leaves[i].drops.push(Drop::new(drop.id, side, uv, v, volume));
@@ -402,7 +421,10 @@ impl Storm {
             let v = way * (draw.range(0.2, 0.4) * rel.length()) + self.blades[leaf].speed_at(place);
             let id = self.next() | NEW;
             let blind = Some((leaf, self.t + BLIND));
-            self.air.push(Falling { id, p: place + n * 1e-4, v, volume, blind, late: 0.0 });
+            let p = place + n * 1e-4;
+            let event = Event::of(Happened::Born, id, (self.t, p), volume);
+            self.events.push(Event { other: Some(drop.id), ..event });
+            self.air.push(Falling { id, p, v, volume, blind, late: 0.0 });
             gone += volume;
         }
         gone
@@ -426,11 +448,14 @@ impl Storm {
             }
             bearer.load(k, told.load.0, told.load.1);
             self.tally = self.tally.and(told.tally);
+            self.events.extend(told.events.iter().map(|e| Event { leaf: Some(i), ..*e }));
         }
         for (i, told) in told.iter().enumerate() {
-            for Drip { id, p, v, volume, whole } in &told.drips {
-                let id = if *whole { *id } else { self.next() };
+            for Drip { id: of, p, v, volume, whole } in &told.drips {
+                let id = if *whole { *of } else { self.next() };
                 let blind = Some((i, t + BLIND));
+                let other = (!*whole).then_some(*of);
+                self.events.push(Event { leaf: Some(i), other, ..Event::of(Happened::Fell, id, (t, *p), *volume) });
                 self.air.push(Falling { id, p: *p, v: *v, volume: *volume, blind, late: 0.0 });
             }
         }

@@ -76,6 +76,18 @@ impl Window {
         self.lo[1] < rows.end && rows.start < self.hi[1]
     }
 
+    /// Columns of some of its rows, ends excluded: at least those of each.
+    pub fn span(&self, rows: Range<usize>) -> (usize, usize) {
+        let rows = [rows.start.max(self.lo[1]), rows.end.min(self.hi[1]).saturating_sub(1)];
+        let [first, last] = rows.map(|y| y as f64 + 0.5 - self.middle.y);
+        let widest = first.max(0.0).min(last.max(first));
+        let half = (self.half[0] - self.half[1] * widest * widest).max(0.0).sqrt() + 1.0;
+        let [a, b] = [first, last].map(|dy| self.middle.x + self.lean * dy);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let (from, to) = ((a.min(b) - half) as usize, (a.max(b) + half + 1.0) as usize);
+        (from.max(self.lo[0]), to.min(self.hi[0]))
+    }
+
     /// Columns of row `y`, ends excluded.
     #[inline(always)]
     pub fn columns(&self, y: usize) -> (usize, usize) {

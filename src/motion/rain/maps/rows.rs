@@ -192,9 +192,9 @@ impl<T: Stamped> WithSimd for Pressed<'_, T> {
                 if from >= to {
                     continue;
                 }
-                texels += (to - from) as u64;
                 // Groups without a rest are faster, and the same texels on every machine.
                 let (from, to) = (from / GROUP * GROUP, to.next_multiple_of(GROUP).min(run.1));
+                texels += (to - from) as u64;
                 let (from, to) = (y * chart.side + from, y * chart.side + to);
                 let row = chart.row(from, to);
                 let made = &mut made[from..to];

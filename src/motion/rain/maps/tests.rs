@@ -20,7 +20,7 @@ fn maps_hold_the_volume_of_a_drop() {
         let mut wet = Wetness::new(Arc::clone(&chart), 1.0);
         wet.advance(&sheet, (&[blob(DVec2::splat(0.5), 20e-9, (q, skew))], &[]), 0.0, &manner);
         let texel = 0.0032 / (512.0 * 512.0);
-        let sum: f64 = wet.maps().water.iter().map(|h| f64::from(*h) * texel).sum();
+        let sum: f64 = wet.maps().water().iter().map(|h| f64::from(*h) * texel).sum();
         assert!((sum / 20e-9 - 1.0).abs() < 0.01, "{sum}");
     }
 }

@@ -1,0 +1,92 @@
+//! From keys of a recipe to how drops behave and how rain falls.
+
+use crate::motion::rain::{
+    Envelope, Friction, Impact, Lever, Manner, Merge, Rainfall, Shape, Size, Wetting, capillary,
+};
+use crate::recipe::Recipe;
+use crate::recipe::rain_keys::{
+    DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
+};
+
+pub(super) fn manner(rain: &RainRecipe, seed: u64) -> Manner {
+    let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);
+    Manner {
+        seed,
+        wetting: Wetting {
+            theta: drop.theta,
+            receding: drop.receding,
+            advancing: drop.advancing,
+            omega: drop.omega,
+            shape: match drop.shape {
+                DropShape::Flattened => Shape::Flattened,
+                DropShape::Paper => Shape::Paper,
+                DropShape::PaperWedge => Shape::Wedge,
+            },
+            lambda: drop.lambda,
+            capillary: capillary(rain.keys.g),
+        },
+        g: rain.keys.g,
+        impact: match impact.model {
+            ImpactModel::Momentum => Impact::Momentum { restitution: impact.restitution },
+            ImpactModel::PaperEnergy => Impact::PaperEnergy { eps: impact.eps },
+        },
+        gain: impact.gain,
+        splash: impact.splash,
+        tangent_keep: impact.tangent_keep,
+        friction: match drop.friction {
+            DropFriction::Retention => Friction::Retention,
+            DropFriction::Paper => Friction::Paper,
+        },
+        mu: drop.mu,
+        h: drop.h,
+        k_f: drop.k_f,
+        tau_v: drop.tau_v,
+        pin_noise: drop.pin_noise,
+        merge: match drop.merge {
+            DropMerge::Touch => Merge::Touch,
+            DropMerge::Paper => Merge::Paper,
+        },
+        k_h: drop.k_h,
+        lever: match drop.lever {
+            DropLever::Physical => Lever::Physical,
+            DropLever::Paper => Lever::Paper(drop.phi_c),
+        },
+        tail_beta: drop.tail_beta,
+        tail_n: drop.tail_n,
+        rough: drop.rough,
+        bead: drop.bead,
+        tip_radius: drop.tip_radius,
+        zeta: wet.zeta,
+        half_life: wet.half_life,
+        wet_length: wet.length,
+    }
+}
+
+pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> Rainfall {
+    let keys = &rain.keys;
+    let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
+    Rainfall {
+        seed: recipe.seed,
+        strength: keys.rate / 3.6e6,
+        size: match keys.size {
+            RainSize::Natural => Size::Natural,
+            RainSize::Fixed => Size::Fixed(keys.diameter),
+            RainSize::LogNormal => Size::LogNormal(keys.diameter, keys.spread),
+        },
+        total: keys.total.map(f64::from),
+        envelope: match keys.envelope {
+            RainEnvelope::Constant => Envelope::Constant,
+            RainEnvelope::Bell => {
+                let half = keys.before + (duration - keys.before) / 2.0;
+                let middle = keys.middle.map_or(half, |t| t + keys.before);
+                Envelope::Bell(middle, keys.width.unwrap_or((duration - keys.before) / 4.0))
+            }
+            RainEnvelope::Keys => Envelope::Keys(
+                keys.keys.iter().map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)]).collect(),
+            ),
+        },
+        jitter: keys.jitter,
+        duration,
+        g: keys.g,
+    }
+}
