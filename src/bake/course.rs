@@ -12,7 +12,7 @@ use super::trails::Trails;
 use crate::Result;
 use crate::geometry::Bounds;
 use crate::math::{ln, narrow};
-use crate::motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, Wait, sky};
+use crate::motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, State, Wait, sky};
 use crate::recipe::flight_keys::{FlightKeys, Release, Sides};
 use crate::recipe::{FlightRecipe, Recipe};
 use crate::rng::Rng;
@@ -50,7 +50,7 @@ struct Now {
     frames: u64,
     stream: Stream,
     /// How far each is sunk towards what it lies on, m.
-    sunk: Vec<f32>,
+    sunk: Vec<Vec3>,
     trails: Option<Trails>,
 }
 
@@ -80,7 +80,7 @@ impl Course {
         let starts = starts(setting, &options);
         let start = Flights::new(options, Arc::clone(&setting.solids), &starts);
         let trails = lines(setting, start.options());
-        let mut now = Now { flights: start.clone(), frames: 0, stream, sunk: vec![0.0; start.len()], trails };
+        let mut now = Now { flights: start.clone(), frames: 0, stream, sunk: vec![Vec3::ZERO; start.len()], trails };
         now.draw();
         let hairs = |m: &CatkinModel| m.tuft().hairs.points.clone();
         Self {
@@ -166,7 +166,7 @@ impl Course {
         let wanted = self.before + number;
         if now.frames > wanted {
             now.flights = self.start.clone();
-            now.sunk.fill(0.0);
+            now.sunk.fill(Vec3::ZERO);
             now.frames = 0;
             now.trails.iter_mut().for_each(Trails::clear);
             now.draw();
@@ -190,18 +190,19 @@ impl Course {
         let share = 1.0 - crate::math::exp_f32(-narrow(1.0 / now.flights.options().fps) / SETTLE_TIME);
         let Now { flights, sunk, .. } = now;
         for (c, sunk) in flights.by_number().zip(sunk) {
-            let wanted = if c.state().is_deposited() { self.gap(c) } else { 0.0 };
+            let wanted = if c.state().is_deposited() { self.gap(c) } else { Vec3::ZERO };
             *sunk += (wanted - *sunk) * share;
         }
     }
 
-    /// From the ball's lowest point, seen from what it lies on, to the lowest hair, m.
-    fn gap(&self, c: &Catkin) -> f32 {
-        let (_, normal) = c.rests_on();
+    /// From the lowest hair, seen from what it lies on, to the ball's lowest point, m. At the foot of a wall it lies on
+    /// the ground.
+    fn gap(&self, c: &Catkin) -> Vec3 {
+        let normal = if c.state() == State::Corner { Vec3::Y } else { c.rests_on().1 };
         let out = c.turn().conjugate() * normal;
         let hairs = self.hairs.get(usize::from(c.kind())).map_or(&[][..], Vec::as_slice);
         let lowest = hairs.iter().map(|p| p.dot(out)).fold(0.0, f32::min);
-        (c.radius() + lowest * c.scale()).max(0.0)
+        -normal * (c.radius() + lowest * c.scale()).max(0.0)
     }
 
     fn state(&self, number: u64) -> Result<InstanceState> {
@@ -241,10 +242,9 @@ fn lines(setting: &Setting<'_>, options: &Options) -> Option<Trails> {
 
 fn shown(now: &Now) -> InstanceState {
     let s = now.flights.sample();
-    let sunk = now.flights.by_number().zip(&now.sunk).map(|(c, sunk)| c.rests_on().1 * -*sunk);
     let number = |v: &u32| i32::try_from(*v).unwrap_or(i32::MAX);
     InstanceState {
-        positions: s.positions.iter().zip(sunk).map(|(p, down)| *p + down).collect(),
+        positions: s.positions.iter().zip(&now.sunk).map(|(p, sunk)| *p + *sunk).collect(),
         orientations: s.orientations,
         alive: s.states.iter().map(|s| s.is_seen()).collect(),
         velocities: s.velocities,
@@ -294,6 +294,7 @@ fn options(setting: &Setting<'_>, models: &[CatkinModel]) -> Options {
         release_speed: keys.release_speed,
         stick_radius: keys.stick_radius,
         stick_probability: keys.stick_probability,
+        stick_close: keys.stick_close,
         check_every: keys.check_every,
         gamma: keys.gamma,
         humidity: setting.flight.wet.as_ref().map_or(Humidity::Even(keys.humidity), map),

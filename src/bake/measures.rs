@@ -92,7 +92,7 @@ fn parameters(keys: &FlightKeys, count: usize) -> serde_json::Value {
         "count": count, "release": word_of(keys.release), "substeps": keys.substeps, "preroll_s": keys.preroll,
         "scale": keys.scale, "mass_mg": keys.mass, "fall_speed_m_s": keys.fall, "fall_spread": keys.fall_spread,
         "glide": keys.glide, "inertia": keys.inertia, "flutter": keys.flutter, "stick_radius_m": keys.stick_radius,
-        "stick_probability": keys.stick_probability, "check_every": keys.check_every,
+        "stick_probability": keys.stick_probability, "stick_close": keys.stick_close, "check_every": keys.check_every,
         "cluster_rotation": keys.cluster_rotation, "cluster_fall_power": keys.beta, "gamma_1_m2": keys.gamma,
         "humidity": keys.humidity, "humidity_map": keys.humidity_map.as_ref().map(|r| r.text.clone()),
         "lift_speed_m_s": keys.lift_speed, "lift_wet": keys.lift_wet,

@@ -93,6 +93,8 @@ keys! {
         stick_radius: f64 = "stick_radius" num(0.2, 0.0, 1.0, "m");
         /// Chance that they do.
         stick_probability: f64 = "stick_probability" num(1.0, 0.0, 1.0, "");
+        /// How close they draw then, as a share of both radii.
+        stick_close: f64 = "stick_close" num(0.8, 0.2, 1.0, "");
         /// Steps between two looks for contacts.
         check_every: u32 = "check_every" whole(4, 1, 64);
         /// Whether clusters turn in the air.

@@ -6,7 +6,6 @@
 
 use glam::{DVec3, Vec3};
 
-use super::cluster::CLOSE;
 use super::grid::Grid;
 use super::record::{Catkin, NOBODY, State};
 use super::rest::{Path, hold, out_of};
@@ -141,7 +140,7 @@ impl Flights {
             c.x = at;
             let (target, radius) = (c.target, f64::from(c.radius));
             let other = self.at(target);
-            if other.x.distance(at) <= CLOSE * (radius + f64::from(other.radius)) {
+            if other.x.distance(at) <= self.options.stick_close * (radius + f64::from(other.radius)) {
                 self.pile(id, target, t);
             }
         }
@@ -157,7 +156,7 @@ impl Flights {
         for _ in 0..ROUNDS {
             for other in members.iter().map(|m| self.at(*m)) {
                 let way = at - other.x;
-                let least = CLOSE * f64::from(radius + other.radius);
+                let least = self.options.stick_close * f64::from(radius + other.radius);
                 let far = way.length();
                 if far < least {
                     at += way.try_normalize().unwrap_or(DVec3::Y) * (least - far);

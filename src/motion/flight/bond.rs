@@ -27,6 +27,27 @@ impl Bond {
     }
 }
 
+/// Numbers in `members`, ascending, that bonds hold together; each group ascending.
+pub(super) fn groups(bonds: &[Bond], members: &[u32]) -> Vec<Vec<u32>> {
+    let mut group: Vec<usize> = (0..members.len()).collect();
+    let top = |group: &[usize], mut i: usize| {
+        while group[i] != i {
+            i = group[i];
+        }
+        i
+    };
+    for bond in bonds {
+        if let [Ok(a), Ok(b)] = bond.ends.map(|id| members.binary_search(&id)) {
+            let (a, b) = (top(&group, a), top(&group, b));
+            group[a.max(b)] = a.min(b);
+        }
+    }
+    let mut out: Vec<Vec<u32>> = vec![Vec::new(); members.len()];
+    members.iter().enumerate().for_each(|(i, id)| out[top(&group, i)].push(*id));
+    out.retain(|g| !g.is_empty());
+    out
+}
+
 /// How far each member is moved in a step by bonds that draw in, the first of them not at all; none if no bond does.
 /// `members`: ascending.
 pub(super) fn drawn(bonds: &mut [Bond], members: &[u32], dt: f64) -> Option<Vec<DVec3>> {

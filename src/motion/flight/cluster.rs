@@ -5,16 +5,14 @@ use std::collections::BTreeMap;
 use glam::{DQuat, DVec3, Vec3};
 
 use super::Flights;
-use super::bond::{Bond, drawn};
+use super::bond::{Bond, drawn, groups};
+use super::options::Options;
 use super::record::{Catkin, Lag, State, rising};
 use super::rest::Landing;
 use crate::math::pow;
 
 /// Clusters by the smallest number of their members.
 pub(super) type Clusters = BTreeMap<u32, Cluster>;
-
-/// How close members draw, as a share of both radii.
-pub(super) const CLOSE: f64 = 0.8;
 
 /// Two or more catkins.
 #[derive(Debug, Clone)]
@@ -38,6 +36,8 @@ pub(super) struct Cluster {
     pub lifted: f64,
     /// One less than members.
     bonds: Vec<Bond>,
+    /// Some member may still sink once it lies.
+    pub loose: bool,
 }
 
 impl Cluster {
@@ -57,7 +57,38 @@ impl Cluster {
             lift: c.lift,
             lifted: c.lifted,
             bonds: Vec::new(),
+            loose: true,
         }
+    }
+
+    /// Of `all`, ascending by number, that stick together by `bonds` and rest or fly alike.
+    pub fn of(all: &[&Catkin], bonds: Vec<Bond>, options: &Options) -> Self {
+        let mass: f64 = all.iter().fold(0.0, |sum, c| sum + c.mass);
+        let x = all.iter().fold(DVec3::ZERO, |sum, c| sum + c.x * c.mass) / mass;
+        let falls: f64 = all.iter().fold(0.0, |sum, c| sum + c.fall);
+        let fall = falls / all.len() as f64 * pow(all.len() as f64, options.beta);
+        Self {
+            members: all.iter().map(|c| c.id).collect(),
+            offsets: all.iter().map(|c| c.x - x).collect(),
+            x,
+            mass,
+            fall,
+            falls,
+            lag: Lag::of(fall, options),
+            bonds,
+            ..Self::alone(all[0])
+        }
+    }
+
+    /// What is left together once some bonds are cut: members and their bonds.
+    pub fn parts(&self, cut: &[[u32; 2]]) -> Vec<(Vec<u32>, Vec<Bond>)> {
+        let whole = |b: &&Bond| !cut.iter().any(|[i, k]| b.ends == [*i, *k] || b.ends == [*k, *i]);
+        let bonds: Vec<Bond> = self.bonds.iter().filter(whole).copied().collect();
+        let own = |members: Vec<u32>| {
+            let mine = bonds.iter().filter(|b| members.binary_search(&b.ends[0]).is_ok()).copied().collect();
+            (members, mine)
+        };
+        groups(&bonds, &self.members).into_iter().map(own).collect()
     }
 
     /// Moves members towards each other where they still draw in; the centre of mass stays. `mass`: of a member, kg.
@@ -89,8 +120,24 @@ impl Cluster {
         off
     }
 
-    fn draws_in(&self) -> bool {
+    /// Some members are still on their way to each other.
+    pub fn draws_in(&self) -> bool {
         self.bonds.iter().any(|b| b.left != DVec3::ZERO)
+    }
+
+    /// Puts each member to a place of its own. `mass`: of a member, kg.
+    pub fn put(&mut self, places: &[DVec3], mass: impl Fn(u32) -> f64) {
+        self.offsets.iter_mut().zip(places).for_each(|(o, p)| *o = *p - self.x);
+        let off = self.centre(mass);
+        self.x += off;
+    }
+
+    /// Those that stick to each other, by their places among the members.
+    pub fn bonded(&self) -> impl Iterator<Item = [usize; 2]> {
+        self.bonds.iter().filter_map(|bond| {
+            let [a, b] = bond.ends.map(|id| self.members.binary_search(&id));
+            Some([a.ok()?, b.ok()?])
+        })
     }
 
     /// Turns by `omega`, rad/s, for a step.
@@ -137,6 +184,7 @@ impl Cluster {
                 Vec3::ZERO
             },
             bonds,
+            loose: true,
             fall: self.fall,
             falls: self.falls + other.falls,
             lag: self.lag,
@@ -188,7 +236,7 @@ impl Flights {
         let (ci, cj) = (self.at(i), self.at(j));
         let between = self.nearest_image(cj.x - ci.x);
         let flies = one.state == State::Airborne && other.state == State::Airborne;
-        let close = CLOSE * f64::from(ci.radius + cj.radius);
+        let close = self.options.stick_close * f64::from(ci.radius + cj.radius);
         let far = flies && between.length() > close;
         let left = if far { between * (1.0 - close / between.length()) } else { DVec3::ZERO };
         let resting = if one.state == State::Airborne { b } else { a };

@@ -112,6 +112,7 @@ impl Flights {
         let members = self.clusters.get(&root).map_or_else(|| vec![root], |c| c.members.clone());
         if let Some(c) = self.clusters.get_mut(&root) {
             (c.state, c.v, c.lift, c.lifted) = (State::Airborne, DVec3::ZERO, rise, t);
+            c.loose = true;
         }
         for id in members {
             let c = self.at_mut(id);

@@ -18,6 +18,7 @@ mod lift;
 mod options;
 mod record;
 mod rest;
+mod slump;
 mod start;
 mod tally;
 mod turn;
@@ -145,6 +146,7 @@ impl Flights {
         self.fly(wind, t);
         self.fly_clusters(wind, t);
         self.gather();
+        self.slump();
         self.sink(wind, t);
         if (self.step + 1).is_multiple_of(u64::from(self.options.check_every.max(1))) {
             self.meet(t);

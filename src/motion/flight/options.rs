@@ -114,6 +114,8 @@ pub struct Options {
     pub stick_radius: f64,
     /// Chance that a contact in the air holds.
     pub stick_probability: f64,
+    /// How close those that stick draw, as a share of both radii.
+    pub stick_close: f64,
     /// Steps between two checks for contacts, >= 1.
     pub check_every: u32,
     /// How fast attraction fades with distance, 1/m^2, > 0; see \[catkin\] eq. 14.
@@ -160,6 +162,7 @@ impl Default for Options {
             release_speed: 0.6,
             stick_radius: 0.2,
             stick_probability: 1.0,
+            stick_close: 0.8,
             check_every: 4,
             gamma: 4.605,
             tick: 0.3,

@@ -105,6 +105,11 @@ pub(super) fn out_of(solids: &Solids, mut at: DVec3, radius: f32) -> DVec3 {
     at
 }
 
+/// Whether ground, or the top of something, bears a ball.
+pub(super) fn borne(solids: &Solids, at: DVec3, radius: f32) -> bool {
+    solids.all_near(at.as_vec3(), radius * TOUCH).iter().any(|n| n.nearest.normal.y > GENTLE)
+}
+
 /// The ground first, then whatever is deepest.
 fn deepest(near: Vec<Near>) -> Option<Near> {
     let rank = |n: &Near| (n.nearest.normal.y <= GENTLE, n.nearest.distance);
@@ -253,7 +258,7 @@ impl Flights {
 }
 
 /// What many lie on together: a corner if some lie on the ground and some at a wall.
-fn joint(holds: &[Hold]) -> Option<Hold> {
+pub(super) fn joint(holds: &[Hold]) -> Option<Hold> {
     let first = |state: State| holds.iter().find(|h| h.state == state);
     if let Some(corner) = first(State::Corner) {
         return Some(*corner);

@@ -245,3 +245,31 @@ fn nothing_stays_hanging_above_what_it_clings_to() {
     assert!(landed > 0.12 && height(&all) < 0.09, "{landed} {}", height(&all));
     assert_eq!(all.tally().penetrations, 0);
 }
+
+/// A pole of ten tufts sags to a heap, at the foot of a wall or from its top; nobody is left hanging.
+#[test]
+fn a_pole_at_a_wall_sags_to_a_heap() {
+    let (foot, top) = (DVec3::new(3.78, 0.02, 0.0), DVec3::new(4.0, 4.02, 0.0));
+    for (first, up) in [(foot, 0.034), (top, 0.034), (DVec3::new(3.78, 4.02, 0.0), -0.034)] {
+        let options = Options { humidity: Humidity::Even(1.0), scales: [1.0, 1.0], ..Options::default() };
+        let place = |i: u32| {
+            // The one from which the others hang lies on the top.
+            let x = if up < 0.0 && i == 0 { 0.03 } else { 0.0 };
+            first + DVec3::new(x, up * f64::from(i), 0.002 * f64::from(i % 3))
+        };
+        let starts: Vec<Start> = (0..10).map(|i| Start { at: place(i), wait: Wait::Until(0.0) }).collect();
+        let mut all = Flights::new(Options { stick_radius: 0.0, ..options }, wall_and_house(), &starts);
+        for c in &mut all.catkins {
+            (c.x, c.wait) = (place(c.id), Wait::Until(0.0));
+            (c.state, c.face, c.normal) = (State::Corner, Some(0), Vec3::NEG_X);
+        }
+        (1..10).for_each(|id| all.join(id - 1, id, 0.0));
+        let still = Uniform(Vec3::ZERO);
+        (0..24 * 40).for_each(|_| all.advance(&still));
+        let tops: Vec<f64> = all.by_number().map(|c| c.x.y).collect();
+        // On the top or on the ground, nowhere between.
+        assert!(tops.iter().all(|y| *y < 0.1 || (*y > 4.0 && *y < 4.1)), "{tops:?}");
+        assert_eq!((all.tally().deposited(), all.tally().penetrations), (10, 0));
+        assert!(all.clusters.values().all(|c| !c.loose));
+    }
+}
