@@ -43,7 +43,7 @@ clip() {
     for frame in $(seq 1 3 144); do
         (cd "$work/$1/pov" && povray render.ini +W400 +H300 +A0.1 +FN8 +SF"$frame" +EF"$frame" +O"$work/$1-.png") 2> "$work/log"
     done
-    convert -delay 12 -loop 0 "$work/$1"-*.png +dither -colors 48 -layers optimize "docs/gallery/catkins-$1.gif"
+    convert -delay 12 -loop 0 "$work/$1"-*.png +dither -colors 64 +map -layers optimize-frame "docs/gallery/catkins-$1.gif"
 }
 ground() { clip ground; }
 wall() { clip wall; }

@@ -152,7 +152,7 @@ fn the_same_flight_at_any_order_and_number_of_threads() {
     for check_every in [1, 4] {
         let reference = run(1, check_every, true);
         assert!(reference.1.merges > 50);
-        for (threads, sorted) in [(2, true), (8, true), (1, false), (5, false)] {
+        for (threads, sorted) in [(2, true), (16, true), (1, false), (5, false)] {
             assert_eq!(run(threads, check_every, sorted), reference, "{threads} threads, sorted: {sorted}");
         }
     }
@@ -272,4 +272,19 @@ fn a_pole_at_a_wall_sags_to_a_heap() {
         assert_eq!((all.tally().deposited(), all.tally().penetrations), (10, 0));
         assert!(all.clusters.values().all(|c| !c.loose));
     }
+}
+
+/// Of half metres before a wall the one at its foot holds the most.
+#[test]
+fn most_lie_at_the_foot_of_a_wall() {
+    let options = Options { humidity: Humidity::Even(1.0), stick_radius: 0.0, ..Options::default() };
+    let mut all = flights(1500, options, &wall_and_house());
+    let wind = gusts(2.0);
+    (0..600).for_each(|_| all.advance_frame(&wind));
+    let mut bins = [0_u32; 12];
+    for c in all.by_number().filter(|c| c.state.is_deposited() && c.x.y < 0.2 && c.x.z.abs() < 14.0) {
+        let away = (3.8 - c.x.x) * 2.0;
+        (0..12).filter(|i| away >= f64::from(*i) && away < f64::from(*i + 1)).for_each(|i| bins[i as usize] += 1);
+    }
+    assert!(bins[1..].iter().all(|n| 2 * n < bins[0]) && bins[0] > 20, "{bins:?}");
 }
