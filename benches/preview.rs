@@ -106,6 +106,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        air: Vec::new(),
         wet: Vec::new(),
     }
 }

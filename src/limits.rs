@@ -32,6 +32,7 @@ pub const LIMITS: &[Limit] = &[
     row("json-bytes", 64 << 20, "bytes of JSON in one file"),
     row("macro-tokens", 10_000_000, "tokens after macro expansion"),
     row("maps", 1000, "maps of an iterated function system"),
+    row("memory", 16_000_000_000, "bytes of memory of a lattice wind"),
     row("mesh-bytes", 512 << 20, "bytes of one mesh file or buffer"),
     row("modules", 20_000_000, "modules in any derivation step"),
     row("motion-keys", 100_000_000, "bending branches of a plant, or drops on leaves, times frames"),

@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use super::Work;
 use super::layout::Layout;
 use super::plants::Grown;
+use super::run_up;
 use super::solids::{self, Footing};
 use crate::Result;
 use crate::diagnostic::{Diagnostic, Report, codes};
@@ -70,6 +71,7 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
         inlet: InletOptions {
             direction,
             speed: wind.speed,
+            curve: keys.speed_curve.clone(),
             profile: match keys.profile {
                 LatticeProfile::Log => WindProfile::Log(keys.roughness),
                 LatticeProfile::Power => WindProfile::Power(keys.exponent),
@@ -116,11 +118,12 @@ pub fn blow(recipe: &Recipe, wanted: &Blown<'_>, work: &Work<'_>, report: &mut R
         Solver::Analytic => return Ok(Arc::new(inlet(&options))),
         Solver::Lbm => {}
     }
-    let mut lattice = Lattice::new(&options, wanted.solids, work.limits)?;
+    let told = (work.progress, work.cancel);
+    let mut lattice = run_up::lattice((&options, wanted.solids), &recipe.shelf, work.limits, told)?;
     let repeats = wanted.repeats.is_some();
     let frames = wanted.repeats.unwrap_or(recipe.clip.len());
     let take = LatticeTake { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };
-    let recorded = Recorded::of(&mut lattice, take, work.limits, (work.progress, work.cancel))?;
+    let recorded = Recorded::of(&mut lattice, take, work.limits, told)?;
     tell(&lattice, report);
     Ok(Arc::new(recorded))
 }

@@ -2,10 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use super::blow::lattice_options;
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::Format;
+use crate::recipe::wind_keys::{Solver, WindModel};
 use crate::scene::{Asset, InstancerMotion, MeshMotion, Scene};
+use crate::wind::LatticeMemory;
 
 /// Numbers of things, over all assets.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -32,6 +35,8 @@ pub struct Counts {
     pub bytes: u64,
     /// Of these, what each format takes, by its word, and pictures.
     pub sizes: Vec<(&'static str, u64)>,
+    /// Bytes of memory of a lattice wind, by what they are for.
+    pub memory: Vec<(&'static str, u64)>,
 }
 
 /// Counts a stage of which `frames` frames will be written.
@@ -53,7 +58,10 @@ pub fn count(stage: &Stage, recipe: &Recipe, frames: u64) -> Counts {
         c.joints += size.joints;
         sizes.iter_mut().zip(formats).for_each(|(sum, f)| *sum += bytes(*f, &size, recipe, frames));
     }
+    let wind = air(&stage.scene, frames);
+    c.memory = memory(recipe);
     c.sizes = formats.iter().map(|f| f.word()).zip(sizes).chain([("pictures", pictures)]).collect();
+    c.sizes.extend((wind > 0).then_some(("wind", wind)));
     c.bytes = c.sizes.iter().map(|s| s.1).sum();
     c
 }
@@ -80,6 +88,21 @@ fn sheets(format: Format, scene: &Scene, recipe: &Recipe, frames: u64) -> u64 {
         Format::Pov => texels * (frames / u64::from(recipe.output.pov.step.max(1))).max(1) * (HEIGHT + WETNESS) / 10,
         _ => 0,
     }
+}
+
+/// Bytes of memory of a recipe's lattice wind, by what they are for; none without.
+pub fn memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
+    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
+    if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
+        return Vec::new();
+    }
+    let m = LatticeMemory::of(&lattice_options(recipe));
+    vec![("air", m.populations), ("snapshots", m.snapshots), ("solid cells", m.marks), ("open faces", m.boundary)]
+}
+
+/// What planes and boxes of wind take.
+fn air(scene: &Scene, frames: u64) -> u64 {
+    scene.air.iter().map(|g| frames.div_ceil(u64::from(g.every.max(1))).saturating_mul(12 * g.count())).sum()
 }
 
 /// Tenths of a byte that a texel takes in a packed map.

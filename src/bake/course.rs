@@ -21,6 +21,7 @@ use crate::scene::{
     Table,
 };
 use crate::solid::Solids;
+use crate::wind::Wind;
 
 /// Numbers that each carries, and which of them tells how often it has come back.
 const MARKS: [&str; 3] = ["state", "cluster", "generation"];
@@ -122,9 +123,12 @@ impl Course {
             tracked: true,
             marks: MARKS.to_vec(),
         };
-        let drawn = |now: &Now| now.trails.as_ref().map(|t| t.curves(self.line, material, !still));
-        let trails =
-            if still { self.at(0, drawn)? } else { drawn(&self.now.lock().unwrap_or_else(PoisonError::into_inner)) };
+        let drawn = |now: &mut Now| now.trails.as_ref().map(|t| t.curves(self.line, material, !still));
+        let trails = if still {
+            self.at(0, drawn)?
+        } else {
+            drawn(&mut self.now.lock().unwrap_or_else(PoisonError::into_inner))
+        };
         Ok(Asset {
             id: "catkins".into(),
             kind: AssetKind::Tracks,
@@ -151,7 +155,7 @@ impl Course {
     /// # Errors
     /// Those of [`Stream::during`].
     pub fn row(&self, number: u64) -> Result<Vec<f64>> {
-        self.at(number, Now::row)
+        self.at(number, |now| now.row())
     }
 
     /// Row of the table and values of the maps at a frame.
@@ -161,7 +165,18 @@ impl Course {
         self.at(number, |now| (now.row(), self.deposits.values(&now.flights)))
     }
 
-    fn at<R>(&self, number: u64, look: impl FnOnce(&Now) -> R) -> Result<R> {
+    /// The wind at a frame, and the time to ask it at, s.
+    /// # Errors
+    /// Those of [`Stream::during`].
+    pub fn wind(&self, number: u64) -> Result<(Arc<dyn Wind>, f64)> {
+        let fps = self.start.options().fps;
+        let frame = self.before + number;
+        // Of the frame that was flown last: a lattice need not go on for this.
+        let wind = self.at(number, |now| now.stream.during(frame.saturating_sub(1), fps))??;
+        Ok((wind, frame as f64 / fps))
+    }
+
+    fn at<R>(&self, number: u64, look: impl FnOnce(&mut Now) -> R) -> Result<R> {
         let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
         let wanted = self.before + number;
         if now.frames > wanted {
@@ -179,7 +194,7 @@ impl Course {
             self.sink(&mut now);
             now.draw();
         }
-        Ok(look(&now))
+        Ok(look(&mut now))
     }
 
     /// Lowers what rests until its lowest hair touches, and raises what flies again, both softly.
@@ -206,7 +221,7 @@ impl Course {
     }
 
     fn state(&self, number: u64) -> Result<InstanceState> {
-        self.at(number, shown)
+        self.at(number, |now| shown(now))
     }
 
     /// All at the flight's very start: what is written where nothing moves.

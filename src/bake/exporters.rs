@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::write::Writer;
 use crate::export::textures::Textures;
-use crate::export::{exr, gltf, manifest, obj, ply, pov, stats, tracks, usd};
+use crate::export::{air, exr, gltf, manifest, obj, ply, pov, stats, tracks, usd};
 use crate::fence::Folder;
 use crate::recipe::sections::{Format, Profile, Up};
 use crate::recipe::{OutputRecipe, Recipe};
@@ -12,7 +12,9 @@ use crate::recipe::{OutputRecipe, Recipe};
 /// Writers of a bake's folder, which will be given these frames.
 pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe, frames: &[u32]) -> Vec<Writer> {
     let of = |f: &Format| of_format(*f, (folder, textures), recipe, frames);
-    recipe.output.formats.iter().flat_map(of).collect()
+    let formats = recipe.output.formats.iter().flat_map(of);
+    let told = !recipe.output.air.grids.is_empty();
+    formats.chain(told.then(|| writer("wind", air::Air::new(folder.clone())))).collect()
 }
 
 fn of_format(

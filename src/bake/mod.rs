@@ -3,6 +3,7 @@
 mod air;
 pub mod blow;
 pub mod boughs;
+pub mod breeze;
 mod cards;
 pub mod catkin;
 pub mod clouds;
@@ -24,6 +25,7 @@ pub mod plants;
 pub mod rain;
 mod rod_mesh;
 pub mod rods;
+pub mod run_up;
 mod scatter;
 mod solids;
 pub mod stage;
@@ -35,7 +37,7 @@ mod twigs;
 mod view;
 pub mod write;
 
-pub use counts::Counts;
+pub use counts::{Counts, memory};
 
 use crate::limits::Limits;
 use crate::progress::{Cancel, Progress};

@@ -278,7 +278,8 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     let wet = rain.map_or_else(Vec::new, |m| m.maps(nth(seconds, step)));
     rows.extend(rain.map(|m| m.row(nth(seconds, step))));
     let drops = rain.map(|m| m.drops(nth(seconds, step)));
-    Ok(Frame { number, assets, shifted, rows, fields: fields.into_iter().flatten().collect(), wet, drops })
+    let fields = fields.into_iter().flatten().collect();
+    Ok(Frame { number, assets, shifted, rows, fields, wet, drops, ..Frame::default() })
 }
 
 /// Rows of all tables at a frame, and nothing else of it.

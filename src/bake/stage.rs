@@ -9,6 +9,7 @@ use super::Work;
 use super::air::Air;
 use super::blow::{Blown, plants_room, standing};
 use super::boughs::{Dressing, Shiver, dress_sprung};
+use super::breeze::{Breeze, Others};
 use super::counts::{Counts, count};
 use super::course::{self, Course, Setting};
 use super::dress::{Kind, dress};
@@ -116,7 +117,10 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         _ => Footing::Level,
     };
     let solids = standing(recipe, &footing)?;
-    let wanted = Blown { bounds: plants_room(&layout, &grown), solids: &solids, repeats: None };
+    // Who tells the wind tells all of it, if no flight has one of its own.
+    let all = !recipe.output.air.grids.is_empty() && recipe.flight.is_none();
+    let bounds = if all { Bounds::of([]) } else { plants_room(&layout, &grown) };
+    let wanted = Blown { bounds, solids: &solids, repeats: None };
     // A wind that nothing sways in is not kept.
     let sways = !layout.individuals.is_empty();
     let air = if sways { Air::of(recipe, &wanted, work, &mut report)? } else { None };
@@ -132,6 +136,8 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let measures: Vec<Measures> = flown.into_iter().chain(rained.map(|table| (table, Vec::new()))).collect();
     add_rods(recipe, (&mut made, &mut placements), (work, &mut report))?;
     add_solids(recipe, &mut made, &mut placements)?;
+    let others = Others { movers: &made.movers, air: air.as_ref(), solids: &solids };
+    let breeze = Breeze::of(recipe, &others, work, &mut report)?;
     let bare = placements.is_empty();
     let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
     if let Some(((_, middle), ground)) = soil.as_ref().zip(ground) {
@@ -161,9 +167,10 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         land: land.map(land::field),
         tables: measures.iter().map(|m| m.0.clone()).collect(),
         fields: measures.into_iter().flat_map(|m| m.1).collect(),
+        air: if breeze.is_some() { recipe.output.air.grids.clone() } else { Vec::new() },
         wet,
     };
-    Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers }, report, modules })
+    Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers, air: breeze }, report, modules })
 }
 
 /// What is collected for the scene.

@@ -7,8 +7,10 @@ use glam::Vec3;
 
 use super::air;
 use super::blow::{lattice_options, tell};
+use super::run_up;
 use crate::Result;
 use crate::diagnostic::Report;
+use crate::fence::Shelf;
 use crate::limits::Limits;
 use crate::math::narrow;
 use crate::progress::{Cancel, Progress, Silent};
@@ -38,6 +40,7 @@ struct Source {
     solids: Vec<Solid>,
     limits: Limits,
     cancel: Cancel,
+    shelf: Shelf,
     scale: f32,
 }
 
@@ -52,7 +55,8 @@ struct Flow {
 
 impl Source {
     fn begin(&self, progress: &dyn Progress) -> Result<Flow> {
-        let mut lattice = Lattice::new(&self.options, &self.solids, &self.limits)?;
+        let of = (&self.options, &*self.solids);
+        let mut lattice = run_up::lattice(of, &self.shelf, &self.limits, (progress, &self.cancel))?;
         let before = lattice.advance(progress, &self.cancel)?;
         let after = lattice.advance(progress, &self.cancel)?;
         Ok(Flow { lattice, before, after, frame: 0 })
@@ -82,11 +86,15 @@ impl Stream {
     /// The wind of a recipe's flight, which starts `before` s before the clip. `solids`: what a lattice flows around.
     pub fn new(recipe: &Recipe, solids: &[Solid], before: f64, (limits, cancel): (&Limits, &Cancel)) -> Self {
         let lattice = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
+        let mut options = lattice_options(recipe);
+        // Curves count from the clip's start, a lattice from its own.
+        options.inlet.curve.iter_mut().for_each(|row| row[0] += before);
         let source = (lattice && recipe.wind.blows()).then(|| Source {
-            options: lattice_options(recipe),
+            options,
             solids: solids.to_vec(),
             limits: limits.clone(),
             cancel: cancel.clone(),
+            shelf: recipe.shelf.clone(),
             scale: narrow(recipe.wind.scale),
         });
         Self { others: air::by_formula(recipe), before, source, flow: None }

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use super::Work;
+use super::breeze::Breeze;
 use super::mover::{Moving, frame};
-use crate::Result;
 use crate::export::{Exporter, Warning};
 use crate::scene::{Frame, Scene, check_frame, check_scene, largest};
+use crate::{Error, Result};
 
 /// A scene with what moves in it.
 #[derive(Debug, Clone)]
@@ -15,6 +16,8 @@ pub struct Stage {
     pub scene: Arc<Scene>,
     /// What moves it, parallel to the assets.
     pub movers: Vec<Option<Moving>>,
+    /// What tells the wind, if files shall.
+    pub air: Option<Arc<Breeze>>,
 }
 
 /// An exporter with the name shown for it.
@@ -36,7 +39,11 @@ pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work
     let mut most: Vec<Vec<f64>> = vec![Vec::new(); stage.scene.tables.len()];
     let phased: Vec<u32> =
         numbers.iter().copied().filter(|n| writers.iter().any(|w| w.exporter.wants_phases(*n))).collect();
-    let make = |n: u32| frame(&stage.scene, &stage.movers, n, phased.contains(&n));
+    let make = |n: u32| {
+        let made = frame(&stage.scene, &stage.movers, n, phased.contains(&n))?;
+        let air = stage.air.as_ref().map(|air| air.at(&stage.scene, n)).transpose()?;
+        Ok::<_, Error>(Frame { air: air.unwrap_or_default(), ..made })
+    };
     if let Some((first, rest)) = numbers.split_first() {
         work.progress.stage("writing frames", numbers.len() as u64);
         let mut current: Frame = make(*first)?;

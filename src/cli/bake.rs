@@ -10,7 +10,7 @@ use super::args::Bake;
 use super::progress::{Show, Timed};
 use super::{numbers, report, source, sweep};
 use crate::Result;
-use crate::bake::{Work, exporters, kept, stage, write};
+use crate::bake::{self, Work, exporters, kept, stage, write};
 use crate::export::textures::Textures;
 use crate::export::{VERSION, Warning, manifest};
 use crate::fence::{Folder, WriteOptions, is_settled};
@@ -48,10 +48,19 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     let show = Show::new(&context.console);
     let timed = Timed::new(&show);
+    let memory = bake::memory(&recipe);
+    if context.common.dry_run && !memory.is_empty() {
+        // Before any of it is spent.
+        context.console.note(&report::memory(&memory));
+    }
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &timed };
     kept::recall(&recipe, &root, &context.limits);
+    if !context.common.dry_run && keeps_air(&recipe) {
+        recipe.shelf.set(open(context, args, &recipe, &root)?);
+    }
     let built = stage::build(&recipe, stage::Parts::default(), &work)?;
     show.done();
+    recipe.shelf.said().iter().for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
     if let Some(why) = lacking(&recipe, &built.stage, &frames) {
@@ -129,6 +138,21 @@ fn is_current(context: &Context, root: &Path, recipe: &Recipe) -> bool {
     }
 }
 
+/// Whether the air of a lattice is kept after its run-up.
+fn keeps_air(recipe: &Recipe) -> bool {
+    recipe.lattice.keep && !bake::memory(recipe).is_empty()
+}
+
+fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<Folder> {
+    let options = WriteOptions {
+        key: format!("{VERSION} {}", recipe.hash),
+        force: args.force,
+        cancel: context.cancel.clone(),
+        ..WriteOptions::default()
+    };
+    Folder::open_with(root, options)
+}
+
 fn bake(
     context: &Context,
     args: &Bake,
@@ -136,13 +160,7 @@ fn bake(
     (stage, frames, root): (&write::Stage, &[u32], &PathBuf),
     work: &Work<'_>,
 ) -> Result<Vec<Warning>> {
-    let options = WriteOptions {
-        key: format!("{VERSION} {}", recipe.hash),
-        force: args.force,
-        cancel: context.cancel.clone(),
-        ..WriteOptions::default()
-    };
-    let folder = Folder::open_with(root, options)?;
+    let folder = recipe.shelf.folder().cloned().map_or_else(|| open(context, args, recipe, root), Ok)?;
     let textures = Arc::new(Textures::encode(&stage.scene)?);
     textures.write(&stage.scene, &folder, "textures/")?;
     kept::keep(recipe, &folder)?;

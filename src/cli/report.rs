@@ -37,13 +37,25 @@ pub fn as_text(c: &Counts) -> String {
         + &c.sizes.iter().map(|(what, bytes)| format!("    {what:10} {}\n", size(*bytes))).collect::<String>()
 }
 
+/// Memory of a lattice wind on a line.
+pub fn memory(parts: &[(&'static str, u64)]) -> String {
+    let all = size(parts.iter().map(|p| p.1).sum());
+    let each: Vec<String> = parts.iter().map(|(what, bytes)| format!("{what} {}", size(*bytes))).collect();
+    format!("memory of the lattice wind: {all} ({})", each.join(", "))
+}
+
+fn by_name(parts: &[(&'static str, u64)]) -> Value {
+    Value::Object(parts.iter().map(|(what, bytes)| ((*what).to_owned(), Value::from(*bytes))).collect())
+}
+
 /// Counts as an object.
 pub fn as_json(c: &Counts) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
         "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints, "frames": c.frames,
         "bytes": c.bytes,
-        "sizes": c.sizes.iter().map(|(what, bytes)| ((*what).to_owned(), Value::from(*bytes))).collect::<serde_json::Map<_, _>>(),
+        "memory": by_name(&c.memory),
+        "sizes": by_name(&c.sizes),
     })
 }
 

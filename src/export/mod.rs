@@ -8,6 +8,7 @@ use std::sync::Arc;
 use crate::Result;
 use crate::scene::{Frame, Scene};
 
+pub mod air;
 pub mod exr;
 pub mod gltf;
 pub mod manifest;

@@ -15,6 +15,7 @@ mod output;
 mod parts;
 mod read;
 mod roots;
+mod shelf;
 mod text;
 
 pub use disk::{Disk, System};
@@ -26,4 +27,5 @@ pub use number::{BadNumber, number};
 pub use output::Output;
 pub use read::read_input;
 pub use roots::{Referred, Refusal, Roots};
+pub use shelf::Shelf;
 pub use text::{BadText, Encoding, Text, decode};

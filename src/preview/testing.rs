@@ -59,6 +59,7 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        air: Vec::new(),
         wet: Vec::new(),
     }
 }

@@ -1,11 +1,15 @@
 //! The wind that a scene describes.
 
+use glam::DVec3;
+
 use super::key::{Section as _, wrong};
 use super::resolve::{Resolver, span_of};
 use super::tree::{Node, Table, Value};
-use super::wind_keys::{LatticeKeys, LatticePreset, LatticeProfile, SwayKeys, WindKeys, WindModel};
+use super::wind_keys::{AirKeys, LatticeKeys, LatticePreset, LatticeProfile, SliceKeys, SwayKeys, WindKeys, WindModel};
+use super::{AirRecipe, word_of};
 use crate::diagnostic::Diagnostic;
-use crate::scene::Clip;
+use crate::fence::Names;
+use crate::scene::{AirGrid, Clip};
 use crate::wind::{CALM, beaufort, fitted_length};
 
 /// Shortest clip that can repeat, s.
@@ -106,11 +110,129 @@ impl Resolver<'_> {
             let d = Diagnostic::error("S006", "profile = \"table\" has no table", at, "heights and factors");
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
         }
+        self.speed_curve((parent, table), &keys, wind);
         as_printed(&mut keys, table);
-        if keys.preset == LatticePreset::Paper && parent.get("speed").is_none() && wind.beaufort.is_none() {
+        if keys.preset == LatticePreset::Paper
+            && parent.get("speed").is_none()
+            && wind.beaufort.is_none()
+            && keys.speed_curve.is_empty()
+        {
             wind.speed = PAPER_SPEED;
         }
         keys
+    }
+
+    /// The largest speed of a curve is the wind's.
+    fn speed_curve(&mut self, (parent, table): (&Table, &Table), keys: &LatticeKeys, wind: &mut WindKeys) {
+        let Some(entry) = table.get("speed_curve").filter(|_| !keys.speed_curve.is_empty()) else { return };
+        let most = keys.speed_curve.iter().map(|row| row[1]).fold(0.0, f64::max);
+        if !(FASTEST[0]..=FASTEST[1]).contains(&most) {
+            let text = format!("the largest speed of wind.lattice.speed_curve is {most} m/s");
+            let at = entry.node.span;
+            let d = Diagnostic::error("S004", text, at, format!("must be {} to {}", FASTEST[0], FASTEST[1]));
+            self.report.push(d.help("pairs are a time in seconds and a speed in m/s: [[0, 2], [5, 9]]"));
+        }
+        for key in ["speed", "beaufort"] {
+            if let Some(entry) = parent.get(key) {
+                let text = format!("wind.{key} is given, but wind.lattice.speed_curve, too");
+                let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+                self.report.push(d.help("leave one of them out"));
+            }
+        }
+        wind.speed = most;
+    }
+
+    /// What a curve of speeds moves does not repeat.
+    pub(super) fn unrepeated(&mut self, root: &Table, mut sway: SwayKeys, curve: bool) -> SwayKeys {
+        if !curve {
+            return sway;
+        }
+        for (key, asked) in [("repeat", sway.repeat == Some(true)), ("loop", sway.round.is_some())] {
+            if asked {
+                let at = span_of(root, &["sway", key]).unwrap_or(self.whole);
+                let text = format!("sway.{key} asks for a loop, but wind.lattice.speed_curve does not repeat");
+                let d = Diagnostic::error("S004", text, at, "not with a curve");
+                self.report.push(d.help("leave one of them out"));
+            }
+        }
+        sway.repeat = Some(false);
+        sway.round = None;
+        sway
+    }
+
+    /// Files of the wind itself. `own`: size of the box of a flight, m.
+    pub(super) fn told_air(
+        &mut self,
+        root: &Table,
+        (wind, lattice, own): (&WindKeys, &LatticeKeys, Option<[f64; 3]>),
+        clip: Clip,
+    ) -> AirRecipe {
+        let empty = Table::default();
+        let parent = match root.get("output").map(|e| &e.node.value) {
+            Some(Value::Table(t)) => t,
+            _ => &empty,
+        };
+        let keys: AirKeys = self.section_at(parent, "output", "wind");
+        let table = match parent.get("wind").map(|e| &e.node.value) {
+            Some(Value::Table(t)) => t,
+            _ => return AirRecipe { keys, slices: Vec::new(), grids: Vec::new() },
+        };
+        let on_lattice = wind.model == WindModel::Lattice;
+        let size = if on_lattice { lattice.cells.map(|n| n * lattice.dx) } else { own.unwrap_or(keys.size) };
+        if let Some(entry) = table.get("size").filter(|_| on_lattice || own.is_some()) {
+            let owner = if on_lattice { "the lattice" } else { "[flight]" };
+            let text = format!("output.wind.size is given, but {owner} has a size");
+            self.report.push(Diagnostic::warning("S007", text, entry.key_span, "has no effect").help("leave it out"));
+        }
+        let side = keys.texel.unwrap_or(if on_lattice { lattice.dx } else { 0.5 });
+        let at = if on_lattice { DVec3::from_array(lattice.at) } else { DVec3::ZERO };
+        let space = Told { low: at - DVec3::new(size[0], 0.0, size[2]) / 2.0, size: DVec3::from_array(size), side };
+        let mut names = Names::default();
+        let mut grids = Vec::new();
+        let mut slices = Vec::new();
+        for (i, node) in self.slices(table).iter().enumerate() {
+            if let Some(slice) = self.slice(i, node, &space) {
+                grids.push(space.plane(&slice, &mut names));
+                slices.push(slice);
+            }
+        }
+        grids.extend(keys.vti_every.map(|every| space.whole(every, &mut names)));
+        if clip.len() < 2 && !grids.is_empty() {
+            let at = parent.get("wind").map_or(self.whole, |e| e.key_span);
+            let d = Diagnostic::warning("S007", "a still scene has no wind to tell", at, "has no effect");
+            self.report.push(d.help("make it a clip: [frames] end = 48"));
+        }
+        AirRecipe { keys, slices, grids }
+    }
+
+    fn slices<'t>(&mut self, table: &'t Table) -> &'t [Node] {
+        match table.get("slice").map(|e| &e.node) {
+            Some(Node { value: Value::List(list), .. }) => list,
+            Some(other) => {
+                self.report.push(*wrong("output.wind.slice", other, "a list: write [[output.wind.slice]]"));
+                &[]
+            }
+            None => &[],
+        }
+    }
+
+    fn slice(&mut self, i: usize, node: &Node, space: &Told) -> Option<SliceKeys> {
+        let path = format!("output.wind.slice.{i}");
+        let Value::Table(table) = &node.value else {
+            self.report.push(*wrong(&path, node, "a table"));
+            return None;
+        };
+        let keys = SliceKeys::read(Some(table), &path, &mut self.report);
+        let axis = keys.across as usize;
+        let (low, high) = (space.low[axis], space.low[axis] + space.size[axis]);
+        if !(low..=high).contains(&keys.at) {
+            let at = table.get("at").map_or(node.span, |e| e.node.span);
+            let text = format!("{path}.at is {} m, outside the box of air", keys.at);
+            let d = Diagnostic::error("S004", text, at, format!("must be {low} to {high}"));
+            self.report.push(d.help("move the plane, or make the box larger"));
+            return None;
+        }
+        Some(keys)
     }
 
     /// Answer to the wind.
@@ -150,6 +272,39 @@ impl Resolver<'_> {
                 self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
             }
         }
+    }
+}
+
+/// Least and most of the largest speed of a curve, m/s.
+const FASTEST: [f64; 2] = [CALM, 60.0];
+
+/// A box of air that files tell of, m.
+struct Told {
+    low: DVec3,
+    size: DVec3,
+    side: f64,
+}
+
+impl Told {
+    /// Cells along each axis; a last one may stand out.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 10^8")]
+    fn cells(&self) -> [usize; 3] {
+        self.size.to_array().map(|length| ((length / self.side - 1e-9).ceil()).max(1.0) as usize)
+    }
+
+    fn plane(&self, keys: &SliceKeys, names: &mut Names) -> AirGrid {
+        let axis = keys.across as usize;
+        let (mut cells, mut corner) = (self.cells(), self.low);
+        cells[axis] = 1;
+        corner[axis] = keys.at;
+        let value = keys.at.to_string().replace('-', "m");
+        let name = names.unique(&format!("{}{value}", word_of(keys.across)));
+        AirGrid { name, cells, corner, side: self.side, across: Some(axis), every: keys.every }
+    }
+
+    fn whole(&self, every: u32, names: &mut Names) -> AirGrid {
+        let name = names.unique("box");
+        AirGrid { name, cells: self.cells(), corner: self.low, side: self.side, across: None, every }
     }
 }
 

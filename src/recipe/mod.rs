@@ -32,6 +32,7 @@ pub mod wind_keys;
 
 use std::sync::Arc;
 
+use crate::fence::Shelf;
 use crate::grammar::Grammar;
 use crate::ifs::Ifs;
 use crate::ifs::dynamics::Study;
@@ -40,7 +41,7 @@ use crate::ifs::leaf;
 use crate::ifs::stems::Stems;
 use crate::ifs::weights::Rule;
 use crate::import::{Grey, Imported};
-use crate::scene::Clip;
+use crate::scene::{AirGrid, Clip};
 pub use condensed::set_letters;
 pub use digest::Digest;
 pub use flights::FORMS;
@@ -113,7 +114,9 @@ pub struct Recipe {
     pub sway: wind_keys::SwayKeys,
     /// What is written.
     pub output: OutputRecipe,
-    /// Hash of everything above and of the bytes of all files read, 64 hex digits.
+    /// Where the air of a lattice is kept.
+    pub shelf: Shelf,
+    /// Hash of everything above but the last and of the bytes of all files read, 64 hex digits.
     pub hash: String,
 }
 
@@ -287,6 +290,19 @@ pub struct OutputRecipe {
     pub usd: sections::UsdKeys,
     /// glTF.
     pub gltf: sections::GltfKeys,
+    /// Files of the wind itself.
+    pub air: AirRecipe,
+}
+
+/// Which files of the wind itself are written.
+#[derive(Debug, Clone)]
+pub struct AirRecipe {
+    /// Keys of its table.
+    pub keys: wind_keys::AirKeys,
+    /// Planes, as written.
+    pub slices: Vec<wind_keys::SliceKeys>,
+    /// Where the wind is told: each plane, then the box.
+    pub grids: Vec<AirGrid>,
 }
 
 /// One table of a scene file, for listings.
@@ -352,6 +368,8 @@ pub fn options() -> Vec<TableInfo> {
         info::<s::PhotonKeys>(),
         info::<s::UsdKeys>(),
         info::<s::GltfKeys>(),
+        info::<wind_keys::AirKeys>(),
+        info::<wind_keys::SliceKeys>(),
     ]
 }
 

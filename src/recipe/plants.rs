@@ -61,6 +61,7 @@ impl Resolver<'_> {
         let Some(table) = self.table(root, "", "plants") else {
             if !self.report.has_errors()
                 && ["clouds", "terrain", "layer", "catkin", "rod"].iter().all(|t| root.get(t).is_none())
+                && span_of(root, &["output", "wind"]).is_none()
             {
                 let d = Diagnostic::error("S006", "the scene has no plants", self.whole, "no [plants.NAME] table");
                 self.report.push(d.help("add [plants.tree] with grammar = \"oak.l\""));

@@ -4,9 +4,10 @@ use super::digest::Digest;
 use super::key::{Section, join, wrong};
 use super::sections::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys};
 use super::tree::{self, Node, Table, Value};
-use super::{Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
+use super::wind_keys::WindModel;
+use super::{AirRecipe, Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
 use crate::diagnostic::{Diagnostic, Report, Span, nearest};
-use crate::fence::{Names, safe_name};
+use crate::fence::{Names, Shelf, safe_name};
 use crate::limits::Limits;
 use crate::scene::Clip;
 use crate::{Error, Result};
@@ -149,7 +150,11 @@ impl Resolver<'_> {
         let (mut wind, added) = self.wind(root);
         let lattice = self.lattice(root, &mut wind);
         let sway = self.sway(root, clip);
+        let curve = wind.model == WindModel::Lattice && !lattice.speed_curve.is_empty();
+        let sway = self.unrepeated(root, sway, curve);
         self.fit(root, (&wind, &sway), &clip);
+        let own = flight.as_ref().map(|f| f.keys.size);
+        let told = self.told_air(root, (&wind, &lattice, own), clip);
         let mut recipe = Recipe {
             name: safe_name(&self.request.name),
             title: if scene.title.is_empty() { self.request.name.clone() } else { scene.title.clone() },
@@ -178,7 +183,8 @@ impl Resolver<'_> {
             lattice,
             added,
             sway,
-            output: self.output(root, clip),
+            output: self.output(root, clip, told),
+            shelf: Shelf::default(),
             hash: String::new(),
         };
         recipe.moves = clip.len() > 1 && recipe.blows();
@@ -312,7 +318,7 @@ impl Resolver<'_> {
         None
     }
 
-    fn output(&mut self, root: &Table, clip: Clip) -> OutputRecipe {
+    fn output(&mut self, root: &Table, clip: Clip, air: AirRecipe) -> OutputRecipe {
         let keys: OutputKeys = self.section(root, "output");
         let empty = Table::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
@@ -325,6 +331,7 @@ impl Resolver<'_> {
                 let keys = self.section_at(table, "output", "gltf");
                 self.shown_frame(root, keys, clip)
             },
+            air,
         }
     }
 
@@ -453,6 +460,10 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     recipe.output.photons.iter().for_each(|p| p.digest(&mut h));
     recipe.output.usd.digest(&mut h);
     recipe.output.gltf.digest(&mut h);
+    if !recipe.output.air.grids.is_empty() {
+        recipe.output.air.keys.digest(&mut h);
+        recipe.output.air.slices.iter().for_each(|s| s.digest(&mut h));
+    }
     for input in inputs {
         h.update(input.as_bytes());
     }

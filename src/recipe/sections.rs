@@ -413,7 +413,7 @@ keys! {
         strength: f64 = "strength" num(1.0, 0.0, 1000.0, "");
     }
     /// What is written.
-    OutputKeys at "output" with ["pov", "usd", "gltf"] {
+    OutputKeys at "output" with ["pov", "usd", "gltf", "wind"] {
         /// File formats.
         formats: Vec<Format> = "formats" SomeOf(&[Format::Usd, Format::Glb, Format::Pov]);
     }

@@ -60,6 +60,15 @@ words! {
         /// As `profile_table` says.
         Table = "table",
     }
+    /// An axis.
+    Across {
+        /// East.
+        X = "x",
+        /// Up.
+        Y = "y",
+        /// South.
+        Z = "z",
+    }
     /// By which equations branches bend.
     SwayModel {
         /// Beams that swing: forces, frequencies and damping of wood.
@@ -204,6 +213,9 @@ keys! {
         exponent: f64 = "exponent" num(0.2, 0.14, 0.4, "");
         /// With "table": heights (m), rising, and factors on the speed.
         profile_table: Vec<[f64; 2]> = "profile_table" Steps(num(0.0, 0.0, 1e4, ""));
+        /// Times (s from the clip's first frame), rising, and speeds (m/s) there instead of `wind.speed`, straight between them: a storm that
+        /// comes up. Such a wind does not repeat.
+        speed_curve: Vec<[f64; 2]> = "speed_curve" Steps(num(0.0, 0.0, 1e4, ""));
         /// Height at which the wind has its speed.
         reference: Option<f64> = "reference" Maybe(num(10.0, 0.1, 1e4, "m"), "10 m, or the height of the box");
         /// Strength of gusts over the mean.
@@ -216,6 +228,28 @@ keys! {
         modes: u32 = "modes" whole(24, 0, 128);
         /// Time before the first frame, in which the wind sets in.
         preroll: Option<f64> = "preroll" Maybe(num(20.0, 0.0, 3600.0, "s"), "one flow through the box");
+        /// A bake keeps the air that has set in, in `wind/` of its folder and 60 bytes a cell, and a bake that finds it there goes on from
+        /// it: for large boxes.
+        keep: bool = "keep" Flag(false);
+    }
+    /// Files of the wind itself, in `wind/`: planes with velocities as EXR, one for each [[output.wind.slice]], and whole boxes
+    /// as VTI. Of any wind; clips only.
+    AirKeys at "output.wind" with ["slice"] {
+        /// Frames between two boxes.
+        vti_every: Option<u32> = "vti_every" Maybe(whole(1, 1, 1_000_000), "no boxes");
+        /// Side of a texel of planes and of a cell of boxes.
+        texel: Option<f64> = "texel" Maybe(num(0.5, 0.01, 100.0, "m"), "the dx of a lattice, else 0.5 m");
+        /// Width, height and depth of the box about the origin that is told, where no lattice and no flight has one.
+        size: [f64; 3] = "size" Tuple([35.0; 3], num(35.0, 0.5, 1e4, "m"));
+    }
+    /// A plane through the wind.
+    SliceKeys at "output.wind.slice" {
+        /// Axis that it is across.
+        across: Across = "across" OneOf(Across::Y);
+        /// Where on that axis it lies.
+        at: f64 = "at" num(2.0, -1e5, 1e5, "m");
+        /// Frames between two files.
+        every: u32 = "every" whole(1, 1, 1_000_000);
     }
     /// How plants answer the wind.
     SwayKeys at "sway" {

@@ -18,6 +18,8 @@ pub struct Frame {
     pub rows: Vec<Vec<f64>>,
     /// One per field of the scene, rows from the top.
     pub fields: Vec<Vec<f32>>,
+    /// Velocities of the air, m/s, one list per grid of the scene and empty where it is not due; empty without any.
+    pub air: Vec<Vec<Vec3>>,
     /// One per wet sheet of the scene, or empty.
     pub wet: Vec<Arc<WetMaps>>,
     /// Raindrops, where it rains.

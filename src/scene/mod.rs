@@ -3,6 +3,7 @@
 //! A scene knows no file format and does no I/O. Space: right-handed, +Y up, metres, seconds, radians; UV origin lower
 //! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
 
+mod air;
 mod drops;
 mod evaluate;
 mod field;
@@ -19,6 +20,7 @@ mod strands;
 mod validate;
 mod wet;
 
+pub use air::AirGrid;
 pub use drops::{DropEvent, DropEventKind, DropNow, DropState, Drops, LeafNow};
 pub use evaluate::{
     asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
@@ -214,6 +216,8 @@ pub struct Scene {
     pub tables: Vec<Table>,
     /// Maps that frames fill.
     pub fields: Vec<Field>,
+    /// Where frames tell the wind.
+    pub air: Vec<AirGrid>,
     /// Sheets with maps that frames fill.
     pub wet: Vec<Wet>,
 }

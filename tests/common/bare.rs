@@ -61,6 +61,7 @@ pub fn scene(asset: Asset, frames: u32) -> Scene {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        air: Vec::new(),
         wet: Vec::new(),
     }
 }

@@ -52,6 +52,7 @@ pub fn synthetic() -> (Scene, Vec<Frame>) {
             unit: "1/m^2",
             every: Some(4),
         }],
+        air: Vec::new(),
         wet: vec![Wet { name: "cache_l0".into(), side: SIDE, height_range: 0.004, rest: Some(Arc::new(wet_maps(0))) }],
     };
     let frames = (START..=END).map(|n| frame(&scene, n)).collect();
@@ -350,6 +351,7 @@ fn frame(scene: &Scene, number: u32) -> Frame {
         shifted: [((0, PHASE), rig_frame(scene, later))].into(),
         rows: vec![vec![f64::from(number), f64::from(t) * 0.5]],
         fields: vec![vec![k, 0.0, 1.0, 2.0 + k, 0.25, 0.0]],
+        air: Vec::new(),
         wet: vec![wet_at(number)],
         drops: None,
     }

@@ -180,8 +180,9 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         land: None,
         tables: Vec::new(),
         fields: Vec::new(),
+        air: Vec::new(),
         wet: Vec::new(),
     };
-    let stage = Stage { scene: Arc::new(scene), movers: vec![None] };
+    let stage = Stage { scene: Arc::new(scene), movers: vec![None], air: None };
     Ok(Loaded { stage, has_camera: false, name, report: read.warnings })
 }

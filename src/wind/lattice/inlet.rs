@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DVec3, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::Wind;
+use super::super::{CALM, Wind};
 use super::lane::Wide;
 use crate::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use crate::rng::Rng;
@@ -30,6 +30,9 @@ pub struct InletOptions {
     pub direction: DVec3,
     /// Mean speed at the reference height, m/s.
     pub speed: f64,
+    /// Times, s, rising, and speeds there, m/s, straight between them and the same before and after; none for always `speed`, which is the largest
+    /// of them.
+    pub curve: Vec<[f64; 2]>,
     /// How it grows with the height.
     pub profile: WindProfile,
     /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is less.
@@ -114,7 +117,28 @@ impl Inlet {
         self.options.speed * fastest * (1.0 + STRONGEST * self.options.gust)
     }
 
-    /// Factor of gusts on the mean: an Ornstein-Uhlenbeck process of unit variance, cut at two, times the strength.
+    /// Speed at a time over the largest.
+    pub(super) fn strength(&self, t: f64) -> f64 {
+        if self.options.curve.is_empty() { 1.0 } else { table(&self.options.curve, t) / self.options.speed.max(CALM) }
+    }
+
+    /// Time in which the largest speed takes the air as far as it came since 0 s, s.
+    fn elapsed(&self, t: f64) -> f64 {
+        let rows = &self.options.curve;
+        let Some(first) = rows.first() else { return t };
+        // Over each straight piece the mean of its ends, times its length.
+        let way = |t: f64| {
+            let whole = rows.windows(2).filter(|w| w[0][0] < t).map(|w| {
+                let end = t.min(w[1][0]);
+                (w[0][1] + table(rows, end)) / 2.0 * (end - w[0][0])
+            });
+            let outside = rows.last().map_or(0.0, |last| last[1] * (t - last[0]).max(0.0));
+            whole.sum::<f64>() + outside + first[1] * (t - first[0]).min(0.0)
+        };
+        (way(t) - way(0.0)) / self.options.speed.max(CALM)
+    }
+
+    /// Factor on the mean: the curve of speeds, and gusts, an Ornstein-Uhlenbeck process of unit variance, cut at two, times the strength.
     pub fn gust(&self, t: f64) -> f64 {
         self.gust_by(t, |tick| self.drawn(tick))
     }
@@ -123,12 +147,12 @@ impl Inlet {
     #[allow(clippy::cast_possible_truncation, reason = "whole numbers of ticks")]
     fn gust_by(&self, t: f64, mut drawn: impl FnMut(i64) -> f64) -> f64 {
         if self.options.gust <= 0.0 {
-            return 1.0;
+            return self.strength(t);
         }
         let ticks = t * TICKS / self.options.gust_period;
         let (tick, part) = (ticks.floor() as i64, ticks - ticks.floor());
         let (a, b) = (drawn(tick), drawn(tick + 1));
-        1.0 + self.options.gust * (a + (b - a) * part).clamp(-STRONGEST, STRONGEST)
+        (1.0 + self.options.gust * (a + (b - a) * part).clamp(-STRONGEST, STRONGEST)) * self.strength(t)
     }
 
     /// The process at a tick: what is left of all draws before.
@@ -164,8 +188,9 @@ impl Inlet {
         if at.y < 0.0 {
             return DVec3::ZERO;
         }
-        let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(at) + m.phase - m.rate * t)).sum();
-        self.steady(at.y, gust) + eddies * self.envelope(at.y)
+        let came = self.elapsed(t);
+        let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(at) + m.phase - m.rate * came)).sum();
+        self.steady(at.y, gust) + eddies * (self.envelope(at.y) * self.strength(t))
     }
 }
 
@@ -288,8 +313,9 @@ impl Mouth {
     /// already.
     pub(super) fn blow(&self, inlet: &Inlet, (t, gust, ramp): (f64, f32, f64), arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
+        let (came, ramp) = (inlet.elapsed(t), ramp * inlet.strength(t));
         let turn = |m: &Mode| {
-            let (c, s) = (narrow(cos(m.rate * t) * ramp), narrow(sin(m.rate * t) * ramp));
+            let (c, s) = (narrow(cos(m.rate * came) * ramp), narrow(sin(m.rate * came) * ramp));
             (m.e.to_array().map(narrow), c, s)
         };
         let waves: Vec<_> = inlet.modes.iter().map(turn).collect();

@@ -10,6 +10,7 @@ mod lane;
 mod links;
 mod list;
 mod marks;
+mod memory;
 mod open;
 mod plan;
 mod plane;
@@ -18,6 +19,7 @@ mod recorded;
 mod reference;
 mod run;
 mod snapshot;
+mod state;
 mod stencil;
 mod sweep;
 #[cfg(test)]
@@ -26,6 +28,7 @@ mod validation;
 mod weather;
 
 pub use inlet::{Inlet, InletOptions, WindProfile};
+pub use memory::LatticeMemory;
 pub use plan::{LatticeOptions, Sides};
 pub use recorded::{Recorded, Take as LatticeTake};
 pub use run::{Health, Lattice, Note};

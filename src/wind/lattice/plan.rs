@@ -61,6 +61,7 @@ impl Default for LatticeOptions {
             inlet: InletOptions {
                 direction: DVec3::X,
                 speed: 4.5,
+                curve: Vec::new(),
                 profile: WindProfile::Log(0.05),
                 reference: None,
                 gust: 0.2,
@@ -181,7 +182,7 @@ impl Plan {
     }
 }
 
-fn faces(options: &LatticeOptions) -> [Face; 6] {
+pub(super) fn faces(options: &LatticeOptions) -> [Face; 6] {
     let d = options.inlet.direction;
     let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
     let straight = d[across].abs() < cos(std::f64::consts::FRAC_PI_2 - 1.0_f64.to_radians());

@@ -11,6 +11,7 @@ use super::flow::Flow;
 use super::grid::{Grid, Parity};
 use super::inlet::{Inlet, Mouth, ramp};
 use super::marks::{judge, mark, middle};
+use super::memory::LatticeMemory;
 use super::plan::{LatticeOptions, Plan};
 use super::snapshot::{DENSITY, Field, Pages, Reading, Snapshot};
 use super::sweep::{Asked, Viscosity};
@@ -61,7 +62,7 @@ pub struct Health {
 /// The run-up before the first frame begins from rest; it happens in the first call of [`Lattice::advance`].
 #[derive(Debug)]
 pub struct Lattice {
-    plan: Plan,
+    pub(super) plan: Plan,
     pub(super) flow: Flow,
     inlet: Arc<Inlet>,
     mouth: Mouth,
@@ -70,9 +71,9 @@ pub struct Lattice {
     wind: [[Vec<f32>; 3]; 2],
     /// Mean outward velocity at each outlet when what comes in goes out, cells a step.
     outflow: [f32; 6],
-    notes: Vec<Note>,
+    pub(super) notes: Vec<Note>,
     fluid: usize,
-    health: Health,
+    pub(super) health: Health,
     frames: u64,
     /// The last snapshots, whose memory is taken again.
     past: VecDeque<Arc<Snapshot>>,
@@ -85,6 +86,7 @@ impl Lattice {
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
         let (mut plan, mut notes) = Plan::of(options)?;
         limits.check("cells", plan.cells(), "the cells of the wind's lattice")?;
+        LatticeMemory::of(options).check(options, limits)?;
         let n = plan.n;
         if Grid::bytes(n) / 60 > u64::from(u32::MAX) {
             let (wanted, limit) = ("more than 4,294,967,295 places".into(), "that".into());
@@ -165,6 +167,24 @@ impl Lattice {
         self.plan.viscosity()
     }
 
+    /// Runs up until just before the first frame, whose last steps write it down; nothing to do if it is there already.
+    /// # Errors
+    /// As [`Lattice::advance`].
+    pub fn settle(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+        let until = self.plan.run_up.saturating_sub(1) & !1;
+        if self.flow.step < until {
+            progress.stage("wind", self.plan.run_up);
+        }
+        par::among(|| {
+            while self.flow.step < until {
+                cancel.check()?;
+                let steps = self.step(until - self.flow.step, None)?;
+                progress.advance(steps);
+            }
+            Ok(())
+        })
+    }
+
     /// The next frame's wind. The first call runs up first, telling `progress`; times are counted from the first frame.
     /// # Errors
     /// `Simulation` when the flow leaves its bounds, `Cancelled` when asked to stop.
@@ -195,7 +215,7 @@ impl Lattice {
     /// Runs to the next frame and writes its snapshot.
     fn run(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
         let until = self.plan.run_up + self.frames * u64::from(self.plan.steps);
-        if self.frames == 0 {
+        if self.frames == 0 && self.flow.step == 0 {
             progress.stage("wind", until);
         }
         let field = Arc::clone(&self.field);

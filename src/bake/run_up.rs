@@ -1,0 +1,71 @@
+//! Air that a bake keeps after its run-up, so that a stopped bake, or the next of the same wind, need not run up again.
+//!
+//! `wind/air_KEY.state` holds a line that says what it is, the hash of what follows, and the lattice's state; KEY is of its
+//! options, seed and solid cells. What does not fit in every byte is made again, and said.
+
+use crate::Result;
+use crate::export::GENERATOR;
+use crate::fence::{Folder, Shelf, read_below};
+use crate::limits::Limits;
+use crate::progress::{Cancel, Progress};
+use crate::solid::Solid;
+use crate::wind::{Lattice, LatticeOptions};
+
+/// A lattice that stands before its run-up or, where a folder keeps it, after it: as it was found there, or run up and kept.
+/// # Errors
+/// Those of [`Lattice::new`] and [`Lattice::settle`]; what cannot be written.
+pub fn lattice(
+    (options, solids): (&LatticeOptions, &[Solid]),
+    shelf: &Shelf,
+    limits: &Limits,
+    (progress, cancel): (&dyn Progress, &Cancel),
+) -> Result<Lattice> {
+    let mut lattice = Lattice::new(options, solids, limits)?;
+    let Some(folder) = shelf.folder() else { return Ok(lattice) };
+    let path = format!("wind/air_{:016x}.state", lattice.key());
+    match recall(&mut lattice, folder, (&path, limits)) {
+        Ok(true) => {}
+        Ok(false) => lattice.settle(progress, cancel)?,
+        Err(why) => {
+            shelf.say(format!("\"{path}\" {why}: the air runs up again"));
+            lattice.settle(progress, cancel)?;
+        }
+    }
+    folder.write(&path, "state.wind", &page(&lattice.state()))?;
+    Ok(lattice)
+}
+
+/// False if there is no such file, or why it cannot be used.
+fn recall(
+    lattice: &mut Lattice,
+    folder: &Folder,
+    (path, limits): (&str, &Limits),
+) -> std::result::Result<bool, &'static str> {
+    // Beside the air there are a few lines.
+    let most = lattice.bytes().saturating_add(limits.get("text-bytes"));
+    let Some(bytes) = read_below(folder.root(), path, most).map_err(|_| "cannot be read")? else { return Ok(false) };
+    let state = body(&bytes).ok_or("is damaged, or of another version")?;
+    lattice.take_up(state).map_err(|_| "is of another lattice wind")?;
+    Ok(true)
+}
+
+fn head() -> String {
+    format!("{GENERATOR}: air of a lattice wind after its run-up; a file that was changed is not used\n")
+}
+
+fn page(state: &[u8]) -> Vec<u8> {
+    let mut page = head().into_bytes();
+    page.reserve(state.len() + 65);
+    page.extend(blake3::hash(state).to_hex().as_bytes());
+    page.push(b'\n');
+    page.extend(state);
+    page
+}
+
+/// The state in a file of this version, if it is whole.
+fn body(bytes: &[u8]) -> Option<&[u8]> {
+    let rest = bytes.strip_prefix(head().as_bytes())?;
+    let (hash, rest) = rest.split_first_chunk::<64>()?;
+    let state = rest.strip_prefix(b"\n")?;
+    (blake3::hash(state).to_hex().as_bytes() == hash).then_some(state)
+}
