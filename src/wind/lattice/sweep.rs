@@ -355,7 +355,12 @@ impl Turn<'_, '_> {
         for z in all.start..all.end + 1 {
             if let Some(room) = first.as_mut().filter(|_| z < all.end) {
                 let place = Place { sweep, cells, arriving, z };
+                // Of two steps the second is written down.
+                let pages = if second.is_some() { std::mem::take(&mut desk.pages) } else { Vec::new() };
                 clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, desk, room);
+                if second.is_some() {
+                    desk.pages = pages;
+                }
                 if let Some((mouths, (wind, density))) = later {
                     let parts = arriving.plan.rest.then_some(&room.parts[..]);
                     let asked =
