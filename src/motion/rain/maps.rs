@@ -96,15 +96,13 @@ pub struct Wetness {
     maps: Arc<WetMaps>,
     /// Tiles whose wetness is above [`DRY`].
     damp: Vec<bool>,
-    /// Rows of tiles with normals that are not all [`FLAT`], row by row.
-    bumpy: Vec<bool>,
     touched: Touched,
 }
 
 impl Wetness {
     /// A dry leaf, `scale` times as large as its blade.
     pub fn new(chart: Arc<Chart>, scale: f64) -> Self {
-        let (n, side) = (chart.side * chart.side, chart.side);
+        let n = chart.side * chart.side;
         let tiles = chart.side.div_ceil(TILE);
         let maps = WetMaps { height: vec![0.0; n], water: Vec::new(), wetness: vec![0.0; n], normal: vec![FLAT; n] };
         Self {
@@ -115,7 +113,6 @@ impl Wetness {
             stamps: Vec::new(),
             maps: Arc::new(maps),
             damp: vec![false; tiles * tiles],
-            bumpy: vec![false; side * tiles],
             touched: Touched::default(),
         }
     }
@@ -265,40 +262,15 @@ impl Wetness {
         for y in rows {
             let both = [(y == first).then_some(&upper), (y == last).then_some(&lower)];
             for run in both.into_iter().flatten().chain((y != first && y != last).then_some(&own)).flatten() {
-                self.turn_row(maps, y, *run);
+                self.bend(maps, y, *run);
             }
         }
     }
 
-    /// Makes the normals of a part of a row. Where no water stands around, they are flat, and mostly were so before.
-    fn turn_row(&mut self, maps: &mut WetMaps, y: usize, Run(x0, x1): Run) {
-        let (n, tiles) = (self.chart.side, self.chart.side.div_ceil(TILE));
-        self.touched.turned += (x1 - x0) as u64;
-        let (mut bent, mut x) = (x0, x0);
-        while x < x1 {
-            let (first, flag) = (x / TILE * TILE, y * tiles + x / TILE);
-            let end = (first + TILE).min(x1);
-            if is_level(&maps.height, n, (y, x..end)) {
-                self.bend(maps, y, Run(bent, x));
-                bent = end;
-                if self.bumpy[flag] {
-                    maps.normal[y * n + x..y * n + end].fill(FLAT);
-                    self.bumpy[flag] = end - x < TILE.min(n - first);
-                }
-            } else {
-                self.bumpy[flag] = true;
-            }
-            x = end;
-        }
-        self.bend(maps, y, Run(bent, x1));
-    }
-
-    /// Normals where there may be slopes.
-    fn bend(&self, maps: &mut WetMaps, y: usize, Run(x0, x1): Run) {
-        if x0 >= x1 {
-            return;
-        }
+    /// Makes the normals of a part of a row.
+    fn bend(&mut self, maps: &mut WetMaps, y: usize, Run(x0, x1): Run) {
         let n = self.chart.side;
+        self.touched.turned += (x1 - x0) as u64;
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
         let per = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
         let WetMaps { height, normal, .. } = maps;
@@ -406,17 +378,6 @@ fn runs(marked: &[bool], n: usize) -> impl Iterator<Item = Run> + '_ {
         k = marked[from..].iter().position(|m| !*m).map_or(marked.len(), |l| from + l);
         Some(Run(from * TILE, (k * TILE).min(n)))
     })
-}
-
-/// Whether all heights of a part of row `y`, and of the texels around it, are 0.
-fn is_level(height: &[f32], n: usize, (y, part): (usize, std::ops::Range<usize>)) -> bool {
-    let (left, right) = (part.start.saturating_sub(1), (part.end + 1).min(n));
-    let zero = |y: usize, from: usize, to: usize| {
-        height[y * n + from..y * n + to].iter().fold(0, |any, h| any | h.to_bits()) == 0
-    };
-    zero(y, left, right)
-        && zero(y.saturating_sub(1), part.start, part.end)
-        && zero((y + 1).min(n - 1), part.start, part.end)
 }
 
 /// The marks of one band of tiles; none beyond the last.
