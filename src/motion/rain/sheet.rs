@@ -139,7 +139,7 @@ impl Sheet {
         self.area
     }
 
-    /// Cells of the texture that have some of the blade, of [`CELLS`] each way.
+    /// Cells of the texture that have some of the blade, of `CELLS` each way.
     pub fn cells(&self) -> usize {
         self.cells.iter().filter(|c| !c.is_empty()).count()
     }
