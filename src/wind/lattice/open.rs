@@ -5,7 +5,6 @@ use std::ops::Range;
 use pulp::Simd;
 
 use super::collide::equilibrium;
-use super::grid::BLOCK;
 use super::lane::{Lane, Wide};
 use super::stencil::Q;
 
@@ -302,11 +301,6 @@ impl Group {
 /// Numbers of cells, which planning holds below 2^32.
 fn small(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
-}
-
-#[inline(always)]
-pub(super) fn lanes<S: Simd>(simd: S, from: &[f32; BLOCK], part: usize) -> Wide<S> {
-    Wide::new(simd, S::as_simd_f32s(from).0[part])
 }
 
 /// Mean of what is said of the faces beyond which a place lies; `out`: their sides.

@@ -8,7 +8,6 @@ use super::ends::{Ends, lane_of};
 use super::grid::{BLOCK, Grid, Parity};
 use super::lane::{Lane as _, Wide};
 use super::links::{Arriving, Leaving, Planes};
-use super::open::lanes;
 use super::snapshot::{Field, Plane};
 use super::stencil::{Q, opposite};
 use super::sweep::Sweep;
@@ -20,7 +19,7 @@ pub(super) struct Desk<'a> {
     air: [Vec<f32>; 4],
     /// Where it is written: the field, m/s of one cell a step, and planes of values.
     snapshot: Option<(&'a Field, f32)>,
-    pub pages: Vec<(usize, &'a mut [[f32; 4]])>,
+    pages: Vec<(usize, &'a mut [[f32; 4]])>,
     /// What was seen in each.
     pub seen: Vec<(usize, Plane)>,
 }
@@ -66,6 +65,8 @@ pub(super) struct Place<'a> {
     pub cells: &'a Cells,
     pub arriving: Arriving<'a>,
     pub z: usize,
+    /// The step is the one that a snapshot is of.
+    pub last: bool,
 }
 
 /// The fifteen arrays of a plane under names of their own, all of one length that the compiler knows to be one.
@@ -90,7 +91,9 @@ impl Place<'_> {
         let parity = if ODD { Parity::Odd } else { Parity::Even };
         self.arriving.put(planes, &mut desk.ends, (parity, self.z));
         let clamped = self.collide::<S, ODD, EDDIES, FORCE>(simd, planes, desk, room);
-        desk.write(self.cells, self.z);
+        if self.last {
+            desk.write(self.cells, self.z);
+        }
         self.arriving.take(planes, (parity, self.z), room);
         self.vent(simd, planes, parity, room);
         clamped
@@ -123,7 +126,7 @@ impl Place<'_> {
         bind!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
         let last = length / S::F32_LANES;
-        let mut noted = if pages.last().is_some_and(|(of, _)| *of == z) {
+        let mut noted = if self.last && pages.last().is_some_and(|(of, _)| *of == z) {
             let [x, y, z, drho] = air.each_mut().map(|part| &mut S::as_mut_simd_f32s(&mut part[..length]).0[..last]);
             Some((x, y, z, drho))
         } else {
@@ -154,7 +157,7 @@ impl Place<'_> {
                 }
                 let after = collide::<_, EDDIES, FORCE>(&g, relax);
                 if after.square.any_above(FASTEST * FASTEST) {
-                    clamped += too_fast(cells, &spelt(simd, after.square)[..S::F32_LANES], node, z);
+                    clamped += too_fast(cells, &spelt(after.square)[..S::F32_LANES], node, z);
                 }
                 let mut done = [after.g[0].value; Q];
                 for i in 0..Q {
@@ -169,7 +172,7 @@ impl Place<'_> {
                         (after.u[0].value, after.u[1].value, after.u[2].value, after.drho.value);
                 }
                 if end {
-                    self.vent_ends(simd, node, &after, room);
+                    self.vent_ends(node, &after, room);
                 }
                 x += S::F32_LANES;
                 while x >= grid.row {
@@ -182,13 +185,13 @@ impl Place<'_> {
 
     /// Takes the air in the cells of a block that are at open ends of rows. `node`: the block's first.
     #[inline(always)]
-    fn vent_ends<S: Simd>(self, simd: S, node: usize, after: &Collided<Wide<S>>, room: &mut Leaving<'_>) {
+    fn vent_ends<S: Simd>(self, node: usize, after: &Collided<Wide<S>>, room: &mut Leaving<'_>) {
         let (grid, plan) = (&self.sweep.grid, self.arriving.plan);
         let columns = plan.joints[self.z].columns;
         if columns[0].is_none() && columns[1].is_none() {
             return;
         }
-        let air = [after.drho, after.u[0], after.u[1], after.u[2]].map(|value| spelt(simd, value));
+        let air = [after.drho, after.u[0], after.u[1], after.u[2]].map(spelt);
         for (end, column) in columns.into_iter().enumerate() {
             let Some(column) = column else { continue };
             let mut y = node / grid.row;
@@ -200,7 +203,7 @@ impl Place<'_> {
                     }
                     if plan.rest {
                         for (to, from) in room.parts[number].iter_mut().zip(&after.g) {
-                            *to = spelt(simd, *from)[lane];
+                            *to = spelt(*from)[lane];
                         }
                     }
                 }
@@ -229,7 +232,7 @@ impl Place<'_> {
                     let from = part * S::F32_LANES;
                     let some = S::F32_LANES.min(count - from);
                     for (to, value) in room.air.0.iter_mut().zip([drho, u[0], u[1], u[2]]) {
-                        to[number + from..][..some].copy_from_slice(&spelt(simd, value)[..some]);
+                        to[number + from..][..some].copy_from_slice(&spelt(value)[..some]);
                     }
                 }
                 if plan.rest {
@@ -243,10 +246,14 @@ impl Place<'_> {
     }
 }
 
+#[inline(always)]
+fn lanes<S: Simd>(simd: S, from: &[f32; BLOCK], part: usize) -> Wide<S> {
+    Wide::new(simd, S::as_simd_f32s(from).0[part])
+}
+
 /// Lanes as numbers.
 #[inline(always)]
-fn spelt<S: Simd>(simd: S, value: Wide<S>) -> [f32; BLOCK] {
-    let _ = simd;
+fn spelt<S: Simd>(value: Wide<S>) -> [f32; BLOCK] {
     let mut numbers = [0.0; BLOCK];
     S::as_mut_simd_f32s(&mut numbers).0[0] = value.value;
     numbers

@@ -354,13 +354,8 @@ impl Turn<'_, '_> {
         // The odd step is a plane behind.
         for z in all.start..all.end + 1 {
             if let Some(room) = first.as_mut().filter(|_| z < all.end) {
-                let place = Place { sweep, cells, arriving, z };
-                // Of two steps the second is written down.
-                let pages = if second.is_some() { std::mem::take(&mut desk.pages) } else { Vec::new() };
+                let place = Place { sweep, cells, arriving, z, last: second.is_none() };
                 clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, desk, room);
-                if second.is_some() {
-                    desk.pages = pages;
-                }
                 if let Some((mouths, (wind, density))) = later {
                     let parts = arriving.plan.rest.then_some(&room.parts[..]);
                     let asked =
@@ -378,7 +373,7 @@ impl Turn<'_, '_> {
                     }
                     None => arriving,
                 };
-                let place = Place { sweep, cells, arriving, z: behind };
+                let place = Place { sweep, cells, arriving, z: behind, last: true };
                 clamped[1] += place.step::<S, true, EDDIES, FORCE>(simd, planes, desk, room);
             }
         }
