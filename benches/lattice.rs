@@ -16,7 +16,7 @@ use glam::DVec3;
 use osier::limits::Limits;
 use osier::par;
 use osier::progress::{Cancel, Silent};
-use osier::wind::{InletOptions, Lattice, LatticeOptions, Sides, WindProfile};
+use osier::wind::{Ground, InletOptions, Lattice, LatticeOptions, Sides, WindProfile};
 
 const ROUNDS: usize = 3;
 /// Bytes that a cell costs in a step: fifteen numbers read and written.
@@ -45,6 +45,7 @@ fn options(n: u32, smagorinsky: f64, steps: u32) -> LatticeOptions {
         steps: Some(steps),
         smagorinsky,
         tau_floor: 0.51,
+        ground: Ground::Rough(0.05),
         sides: Sides::Auto,
         outlet_rest: false,
         sponge: 0,

@@ -14,10 +14,10 @@ use crate::diagnostic::{Diagnostic, Report, codes};
 use crate::geometry::Bounds;
 use crate::math::{cos, narrow, sin};
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{LatticeOutlet, LatticeProfile, LatticeSides, Solver, WindModel};
+use crate::recipe::wind_keys::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, Solver, WindModel};
 use crate::solid::Solid;
 use crate::wind::{
-    Inlet, InletOptions, Lattice, LatticeOptions, LatticeTake, Recorded, Sides, Uniform, Wind, WindProfile,
+    Ground, Inlet, InletOptions, Lattice, LatticeOptions, LatticeTake, Recorded, Sides, Uniform, Wind, WindProfile,
 };
 
 /// Room for leaves around a plant's wood, m.
@@ -90,6 +90,10 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
         steps: keys.steps,
         smagorinsky: keys.smagorinsky,
         tau_floor: keys.tau_floor,
+        ground: match keys.ground {
+            LatticeGround::Rough => Ground::Rough(keys.roughness),
+            LatticeGround::Smooth => Ground::Smooth,
+        },
         sides: match keys.sides {
             LatticeSides::Auto => Sides::Auto,
             LatticeSides::Slip => Sides::Slip,

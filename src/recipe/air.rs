@@ -5,7 +5,9 @@ use glam::DVec3;
 use super::key::{Section as _, wrong};
 use super::resolve::{Resolver, span_of};
 use super::tree::{Node, Table, Value};
-use super::wind_keys::{AirKeys, LatticeKeys, LatticePreset, LatticeProfile, SliceKeys, SwayKeys, WindKeys, WindModel};
+use super::wind_keys::{
+    AirKeys, LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, SliceKeys, SwayKeys, WindKeys, WindModel,
+};
 use super::{AirRecipe, word_of};
 use crate::diagnostic::Diagnostic;
 use crate::fence::Names;
@@ -322,6 +324,9 @@ fn as_printed(keys: &mut LatticeKeys, table: &Table) {
     }
     if free("sponge") {
         keys.sponge = 0;
+    }
+    if free("ground") {
+        keys.ground = LatticeGround::Smooth;
     }
     if free("reference") {
         keys.reference = Some(keys.cells[1] * keys.dx);

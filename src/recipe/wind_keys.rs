@@ -30,7 +30,7 @@ words! {
     LatticePreset {
         /// One's own.
         Own = "own",
-        /// That of the paper on catkins, its Table 2: 70 cells of 0.5 m each way, 2 m/s at the top, no gusts, no sponge.
+        /// That of the paper on catkins, its Table 2: 70 cells of 0.5 m each way, 2 m/s at the top, no gusts, no sponge, smooth ground.
         Paper = "paper",
     }
     /// What the faces along the wind do.
@@ -41,6 +41,13 @@ words! {
         Slip = "slip",
         /// Air comes in or goes out, as the wind has it.
         Open = "open",
+    }
+    /// What the ground does to the air.
+    LatticeGround {
+        /// It takes the stress of a logarithmic profile over its roughness, so that the wind keeps its profile.
+        Rough = "rough",
+        /// It holds the air half a cell below the lowest middles, as the paper has it.
+        Smooth = "smooth",
     }
     /// What goes back in from an outlet.
     LatticeOutlet {
@@ -207,7 +214,9 @@ keys! {
         sponge: u32 = "sponge" whole(8, 0, 32);
         /// How the wind that comes in grows with the height.
         profile: LatticeProfile = "profile" OneOf(LatticeProfile::Log);
-        /// With "log": roughness of the ground.
+        /// What the ground does to the air.
+        ground: LatticeGround = "ground" OneOf(LatticeGround::Rough);
+        /// Roughness of the ground: of the profile "log", and of rough ground.
         roughness: f64 = "roughness" num(0.05, 1e-4, 2.0, "m");
         /// With "power": the power.
         exponent: f64 = "exponent" num(0.2, 0.14, 0.4, "");

@@ -20,8 +20,8 @@ pub use formula::{Formula, FormulaOptions};
 pub use gradient::TimeNoise;
 pub use gust::{Gust, GustOptions, fitted_length};
 pub use lattice::{
-    Between, Health, Inlet, InletOptions, Lattice, LatticeMemory, LatticeOptions, LatticeTake, Note, Recorded, Sides,
-    Snapshot, WindProfile,
+    Between, Ground, Health, Inlet, InletOptions, Lattice, LatticeMemory, LatticeOptions, LatticeTake, Note, Recorded,
+    Sides, Snapshot, WindProfile,
 };
 
 /// Slower wind is none at all, m/s.

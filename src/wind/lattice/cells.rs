@@ -10,6 +10,8 @@ pub(super) enum Face {
     Wall([f64; 3]),
     /// Nothing passes, nothing drags.
     Slip,
+    /// Nothing passes, and what drags is found in [`super::ground`]: rough ground.
+    Rough,
     /// Joined with the face across.
     Periodic,
     /// Air comes in with a known velocity.
@@ -97,7 +99,7 @@ impl Cells {
         let mut along = i;
         let beyond = self.beyond(place);
         for (a, face) in beyond.into_iter().enumerate() {
-            if face.is_some_and(|f| self.faces[f] == Face::Slip) {
+            if face.is_some_and(|f| matches!(self.faces[f], Face::Slip | Face::Rough)) {
                 along = mirror(along, a);
                 place[a] = x[a] as isize;
             }

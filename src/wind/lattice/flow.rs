@@ -3,11 +3,14 @@
 use super::cells::Cells;
 use super::collide::moments;
 use super::grid::{Parity, Populations};
+use super::ground::leant;
 use super::links::Links;
 use super::snapshot::{Pages, Reading};
-use super::stencil::Q;
+use super::stencil::{C, Q, opposite, weight};
 use super::sweep::{Asked, Sweep, Viscosity};
 use crate::Result;
+use crate::math::narrow;
+use crate::par;
 
 /// Air in steps of the lattice.
 #[derive(Debug)]
@@ -48,6 +51,27 @@ impl Flow {
         let parity = Parity::of(self.step);
         self.step += 1 + u64::from(asked.1.is_some());
         self.sweep.step(&mut self.populations, &mut self.links, (parity, &self.cells), (asked, pages))
+    }
+
+    /// Adds a level velocity to all air of a height, between two steps. `by`: by y the velocity, cells a step, and how it
+    /// leans with the height ([`super::ground::lean`]), both along x and z.
+    #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
+    pub(super) fn push(&mut self, by: &[[[f32; 2]; 2]]) {
+        let (grid, parity) = (self.cells.grid, Parity::of(self.step));
+        let mut arrays: Vec<_> = self.populations.arrays_mut().into_iter().enumerate().collect();
+        // What solid cells are given is put aside by boundaries.
+        par::par_each(&mut arrays, |(k, array)| {
+            let i = if parity == Parity::Odd { opposite(*k) } else { *k };
+            let [x, _, z] = C[i].map(|c| narrow(3.0 * weight(i) * f64::from(c)));
+            let more: Vec<f32> = by.iter().map(|[u, lean]| x * u[0] + z * u[1] + leant(i, *lean)).collect();
+            for z in 0..grid.n[2] {
+                for (y, more) in more.iter().enumerate() {
+                    let (_, first) = grid.left(parity, i, grid.element([0, y as isize, z as isize]));
+                    array[first..first + grid.n[0]].iter_mut().for_each(|g| *g += more);
+                }
+            }
+        });
+        self.links.renew(&self.populations, parity);
     }
 
     /// Populations that left a cell in the last step.

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::super::{CALM, Wind};
+use super::ground::lean;
 use super::lane::Wide;
 use crate::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use crate::rng::Rng;
@@ -106,6 +107,25 @@ impl Inlet {
             WindProfile::Uniform => 1.0,
             WindProfile::Table(rows) => table(rows, y),
         }
+    }
+
+    /// Growth of that factor with the height, 1/m.
+    fn growth(&self, height: f64) -> f64 {
+        let near = self.spacing / 8.0;
+        if height < near {
+            return 0.0;
+        }
+        (self.profile(height + near) - self.profile(height - near)) / (2.0 * near)
+    }
+
+    /// How the mean wind leans at a height ([`super::ground::lean`]), m/s. `tau`: relaxation time there.
+    pub(super) fn leaning(&self, tau: f64, height: f64) -> DVec3 {
+        self.options.direction * lean(tau, self.options.speed * self.growth(height) * self.spacing)
+    }
+
+    /// Mean speed, cells in a step of `dt` s, and the height at which it is that, cells.
+    pub(super) fn scale(&self, dt: f64) -> (f64, f64) {
+        (self.options.speed * dt / self.spacing, self.reference / self.spacing)
     }
 
     /// The fastest mean with gusts, up to a height, m/s.
@@ -284,8 +304,10 @@ fn sphere(rng: &mut Rng) -> DVec3 {
 /// The wind at every place where air comes into a lattice.
 #[derive(Debug)]
 pub(super) struct Mouth {
-    /// Height above the ground there, m, and strength of turbulence.
+    /// Mean speed, cells a step.
     mean: Vec<f32>,
+    /// How the mean leans with the height, as [`super::ground::lean`] has it.
+    lean: Vec<f32>,
     /// By wave: cosine and sine of its phase at each place, times the envelope.
     waves: Vec<[Vec<f32>; 2]>,
     direction: [f32; 3],
@@ -293,10 +315,16 @@ pub(super) struct Mouth {
 }
 
 impl Mouth {
-    /// `places`: where, m, with the height of the ground there over the bottom of the box, m. `pace`: cells a step of 1 m/s.
-    pub(super) fn new(inlet: &Inlet, places: &[(DVec3, f64)], pace: f64) -> Self {
+    /// `places`: where, m, with the height of the ground there over the bottom of the box, m. `tau`: relaxation time at a height over that bottom, m.
+    /// `pace`: cells a step of 1 m/s.
+    pub(super) fn new(inlet: &Inlet, places: &[(DVec3, f64)], tau: impl Fn(f64) -> f64, pace: f64) -> Self {
         let height = |(place, ground): &(DVec3, f64)| place.y - inlet.origin.y - ground;
         let mean = places.iter().map(|p| narrow(inlet.options.speed * inlet.profile(height(p)) * pace)).collect();
+        let lean = |p: &(DVec3, f64)| {
+            let level = inlet.leaning(tau(p.0.y - inlet.origin.y), height(p));
+            narrow(level.dot(inlet.options.direction) * pace)
+        };
+        let lean = places.iter().map(lean).collect();
         let wave = |m: &Mode| {
             let turn = |p: &(DVec3, f64)| m.k.dot(p.0 - inlet.origin) + m.phase;
             let strong = |p: &(DVec3, f64)| inlet.envelope(height(p)) * pace;
@@ -306,7 +334,7 @@ impl Mouth {
             ]
         };
         let waves = inlet.modes.iter().map(wave).collect();
-        Self { mean, waves, direction: inlet.options.direction.to_array().map(narrow), gusts: Gusts::default() }
+        Self { mean, lean, waves, direction: inlet.options.direction.to_array().map(narrow), gusts: Gusts::default() }
     }
 
     /// Velocity at every place, by component, cells a step. `gust`: factor on the mean; `ramp`: share of the wind that blows
@@ -320,6 +348,11 @@ impl Mouth {
         };
         let waves: Vec<_> = inlet.modes.iter().map(turn).collect();
         arch.dispatch(Blow { mouth: self, gust, waves: &waves, out });
+    }
+
+    /// How the mean leans at every place with the height, and by how much of that along x and z. `share`: factor on the mean.
+    pub(super) fn lean(&self, share: f32) -> (&[f32], [f32; 2]) {
+        (&self.lean, [self.direction[0] * share, self.direction[2] * share])
     }
 
     /// Factor on the mean wind at a time. `ramp`: share of the wind that blows already.

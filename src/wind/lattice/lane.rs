@@ -97,6 +97,14 @@ impl<S: Simd> Wide<S> {
     }
 }
 
+impl<S: Simd> Wide<S> {
+    /// The larger of each lane; numbers only.
+    #[inline(always)]
+    pub(super) fn larger(self, o: Self) -> Self {
+        Self { simd: self.simd, value: self.simd.max_f32s(self.value, o.value) }
+    }
+}
+
 impl<S: Simd> Add for Wide<S> {
     type Output = Self;
     #[inline(always)]

@@ -5,6 +5,7 @@ mod collide;
 mod ends;
 mod flow;
 mod grid;
+mod ground;
 mod inlet;
 mod lane;
 mod links;
@@ -29,7 +30,7 @@ mod weather;
 
 pub use inlet::{Inlet, InletOptions, WindProfile};
 pub use memory::LatticeMemory;
-pub use plan::{LatticeOptions, Sides};
+pub use plan::{Ground, LatticeOptions, Sides};
 pub use recorded::{Recorded, Take as LatticeTake};
 pub use run::{Health, Lattice, Note};
 pub use snapshot::{Between, Snapshot};

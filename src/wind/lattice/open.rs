@@ -5,6 +5,7 @@ use std::ops::Range;
 use pulp::Simd;
 
 use super::collide::equilibrium;
+use super::ground::leant;
 use super::lane::{Lane, Wide};
 use super::stencil::Q;
 
@@ -30,8 +31,8 @@ pub(super) struct Ghost {
 /// What an open face sends inside.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind<L> {
-    /// Air with this velocity.
-    Inlet([L; 3]),
+    /// Air with this velocity, which leans by x and z with the height as [`super::ground::lean`] has it.
+    Inlet([L; 3], [L; 2]),
     /// What comes out, at this density less 1; never inwards along these sides. `true`: with the part beside the
     /// equilibrium.
     Outlet([i8; 3], L, bool),
@@ -54,6 +55,8 @@ pub(super) struct Beyond<L> {
     air: (L, [L; 3]),
     /// Those of the cell before it, if what is beside its equilibrium goes along.
     rest: Option<(L, [L; 3])>,
+    /// How it leans, if it comes in.
+    lean: Option<[L; 2]>,
 }
 
 impl<L: Lane> Beyond<L> {
@@ -61,7 +64,7 @@ impl<L: Lane> Beyond<L> {
     #[inline(always)]
     pub(super) fn new((drho, mut u): (L, [L; 3]), kind: Kind<L>) -> Self {
         match kind {
-            Kind::Inlet(wind) => Self { air: (drho, wind), rest: None },
+            Kind::Inlet(wind, lean) => Self { air: (drho, wind), rest: None, lean: Some(lean) },
             Kind::Outlet(out, density, rest) => {
                 let rest = if rest { Some((drho, u)) } else { None };
                 for a in 0..3 {
@@ -71,7 +74,7 @@ impl<L: Lane> Beyond<L> {
                         u[a] = pace.above(0.0, u[a], u[a].all(0.0));
                     }
                 }
-                Self { air: (density, u), rest }
+                Self { air: (density, u), rest, lean: None }
             }
         }
     }
@@ -80,9 +83,10 @@ impl<L: Lane> Beyond<L> {
     #[inline(always)]
     pub(super) fn sends(&self, i: usize, near: L) -> L {
         let sent = equilibrium(i, self.air.0, self.air.1);
-        match self.rest {
-            Some((drho, u)) => sent + (near - equilibrium(i, drho, u)),
-            None => sent,
+        match (self.rest, self.lean) {
+            (Some((drho, u)), _) => sent + (near - equilibrium(i, drho, u)),
+            (None, Some(lean)) => sent + leant(i, lean),
+            (None, None) => sent,
         }
     }
 }
@@ -139,6 +143,8 @@ pub(super) struct Before<'a> {
     /// Populations of these cells, where outlets pass on what is beside the equilibrium.
     pub parts: Option<&'a [[f32; Q]]>,
     pub wind: &'a [Vec<f32>; 3],
+    /// How it leans with the height, over that by x and z.
+    pub lean: (&'a [f32], [f32; 2]),
     pub density: [f32; 6],
 }
 
@@ -258,7 +264,9 @@ impl Group {
                 None => {
                     let [x, y, z] = before.wind;
                     let inlet = self.inlet + at;
-                    Kind::Inlet([load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])])
+                    let lean = load(&before.lean.0[inlet..]);
+                    let lean = before.lean.1.map(|along| lean * Wide::splat(simd, along));
+                    Kind::Inlet([load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])], lean)
                 }
                 Some(out) => Kind::Outlet(out, Wide::splat(simd, mean_of(out, before.density)), false),
             };
@@ -286,7 +294,11 @@ impl Group {
             let near = (ghost.near as usize).wrapping_sub(before.air.1);
             let air = if self.solid { [0.0; 4] } else { before.air.0.map(|a| a[near]) };
             let kind = match self.out {
-                None => Kind::Inlet([0, 1, 2].map(|a| before.wind[a][self.inlet + k])),
+                None => {
+                    let inlet = self.inlet + k;
+                    let lean = before.lean.1.map(|along| along * before.lean.0[inlet]);
+                    Kind::Inlet([0, 1, 2].map(|a| before.wind[a][inlet]), lean)
+                }
                 Some(out) => Kind::Outlet(out, mean_of(out, before.density), parts.is_some()),
             };
             let beyond = Beyond::new((air[0], [air[1], air[2], air[3]]), kind);

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::cells::Face;
+use super::ground::Surface;
 use super::inlet::{Inlet, InletOptions, WindProfile};
 use super::run::Note;
 use crate::math::{cos, narrow};
@@ -18,6 +19,15 @@ pub enum Sides {
     Slip,
     /// Air comes in or goes out, as the wind has it.
     Open,
+}
+
+/// What the ground does to the air.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Ground {
+    /// It takes the stress of a logarithmic profile over a roughness, m.
+    Rough(f64),
+    /// It holds the air, half a cell below the lowest middles.
+    Smooth,
 }
 
 /// What a lattice wind is like.
@@ -41,6 +51,8 @@ pub struct LatticeOptions {
     pub smagorinsky: f64,
     /// Least relaxation time, steps.
     pub tau_floor: f64,
+    /// The bottom of the box.
+    pub ground: Ground,
     /// Faces along the wind.
     pub sides: Sides,
     /// Outlets also pass on what is beside the equilibrium: less damped.
@@ -75,6 +87,7 @@ impl Default for LatticeOptions {
             steps: None,
             smagorinsky: 0.16,
             tau_floor: 0.5005,
+            ground: Ground::Rough(0.05),
             sides: Sides::Auto,
             outlet_rest: false,
             sponge: 8,
@@ -102,6 +115,7 @@ pub(super) struct Plan {
     pub dt: f64,
     pub tau: f64,
     pub faces: [Face; 6],
+    pub surface: Surface,
     /// Axis that the wind is most along.
     pub along: usize,
     /// Steps before the first frame.
@@ -135,10 +149,16 @@ impl Plan {
         if options.smagorinsky <= 0.0 && tau < BARE {
             return Err(range("wind.lattice.tau_floor without smagorinsky", tau, BARE, 1.0, "steps"));
         }
+        let surface = match options.ground {
+            Ground::Rough(z0) => {
+                Surface::rough(z0 / options.spacing, (tau, options.smagorinsky), inlet.scale(dt), n[1])
+            }
+            Ground::Smooth => Surface::default(),
+        };
         let run_up = run_up(options, (dt, size, n), along);
         let key = key(options);
         let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge);
-        Ok((Self { n, origin, spacing, fps, steps, dt, tau, faces, along, run_up, sponge, key }, notes))
+        Ok((Self { n, origin, spacing, fps, steps, dt, tau, faces, surface, along, run_up, sponge, key }, notes))
     }
 
     pub(super) fn cells(&self) -> u64 {
@@ -148,6 +168,13 @@ impl Plan {
     /// m/s of one cell a step.
     pub(super) fn speed(&self) -> f64 {
         self.spacing / self.dt
+    }
+
+    /// Relaxation time at a height over the bottom, m, where no sponge is.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells, cut at both ends")]
+    pub(super) fn tau_at(&self, height: f64) -> f64 {
+        let y = (height / self.spacing).clamp(0.0, 1e6) as usize;
+        f64::from(self.surface.tau(y, narrow(self.tau)))
     }
 
     /// Kinematic viscosity in effect, m^2/s.
@@ -166,7 +193,7 @@ impl Plan {
         self.key = bits.fold(self.key, rng::child);
     }
 
-    /// Relaxation times by x and by z: towards an outlet they rise to 1.
+    /// Shares of a sponge by x and by z: towards an outlet they rise to 1, where relaxation times do.
     pub(super) fn sponge(&self) -> [Vec<f32>; 2] {
         let rise = |axis: usize| {
             let (n, depth) = (self.n[axis], f64::from(self.sponge));
@@ -174,7 +201,7 @@ impl Plan {
                 let low = if self.faces[2 * axis] == Face::Outlet { depth - x as f64 } else { 0.0 };
                 let high = if self.faces[2 * axis + 1] == Face::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
                 let share = if depth > 0.0 { low.max(high).max(0.0) / depth } else { 0.0 };
-                narrow(self.tau + (1.0 - self.tau).max(0.0) * share * share)
+                narrow(share * share)
             };
             (0..n).map(at).collect()
         };
@@ -189,7 +216,11 @@ pub(super) fn faces(options: &LatticeOptions) -> [Face; 6] {
     std::array::from_fn(|f| {
         let axis = f / 2;
         if axis == 1 {
-            return if f == 2 { Face::Wall([0.0; 3]) } else { Face::Slip };
+            return match options.ground {
+                _ if f == 3 => Face::Slip,
+                Ground::Rough(_) => Face::Rough,
+                Ground::Smooth => Face::Wall([0.0; 3]),
+            };
         }
         let side = axis == across;
         match options.sides {

@@ -6,6 +6,7 @@ use super::cells::Cells;
 use super::collide::{Collided, FASTEST, Relax, collide, moments};
 use super::ends::{Ends, lane_of};
 use super::grid::{BLOCK, Grid, Parity};
+use super::ground::hold;
 use super::lane::{Lane as _, Wide};
 use super::links::{Arriving, Leaving, Planes};
 use super::snapshot::{Field, Plane};
@@ -117,7 +118,7 @@ impl Place<'_> {
         let mut clamped = 0;
         let parts = BLOCK / S::F32_LANES;
         let v = &sweep.viscosity;
-        let deep = v.sponge[1].get(z).copied().unwrap_or(v.tau);
+        let deep = Wide::splat(simd, v.sponge[1].get(z).copied().unwrap_or(0.0));
         let plain = Relax {
             tau: Wide::splat(simd, v.tau),
             eddies: Wide::splat(simd, v.eddies),
@@ -126,6 +127,8 @@ impl Place<'_> {
         bind!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
         let last = length / S::F32_LANES;
+        // The lowest row, if ground drags.
+        let low = sweep.drag[0].len().saturating_sub(BLOCK);
         let mut noted = if self.last && pages.last().is_some_and(|(of, _)| *of == z) {
             let [x, y, z, drho] = air.each_mut().map(|part| &mut S::as_mut_simd_f32s(&mut part[..length]).0[..last]);
             Some((x, y, z, drho))
@@ -140,9 +143,9 @@ impl Place<'_> {
             for b in from..to {
                 let node = b * S::F32_LANES;
                 let end = x == 0 || x + S::F32_LANES >= grid.n[0];
-                if run.sponge {
-                    let along = Wide::new(simd, S::as_simd_f32s(&sweep.across[x..]).0[0]);
-                    relax.tau = Wide::new(simd, simd.max_f32s(along.value, simd.splat_f32s(deep)));
+                if run.varied {
+                    let [along, sponge] = sweep.least.each_ref().map(|t| lanes(simd, t, node));
+                    relax.tau = along.larger(deep.fused(sponge, plain.tau));
                 }
                 let read = [
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
@@ -154,6 +157,10 @@ impl Place<'_> {
                 }
                 if end {
                     ends.hand(simd, grid, node, &mut g);
+                }
+                if node < low {
+                    let [drag, share] = sweep.drag.each_ref().map(|t| lanes(simd, t, node));
+                    hold(&mut g, drag, share.larger(deep) * Wide::splat(simd, v.ground.more));
                 }
                 let after = collide::<_, EDDIES, FORCE>(&g, relax);
                 if after.square.any_above(FASTEST * FASTEST) {
@@ -226,7 +233,7 @@ impl Place<'_> {
                 for part in 0..count.div_ceil(S::F32_LANES) {
                     let mut all = [Wide::splat(simd, 0.0); Q];
                     for i in 0..Q {
-                        all[i] = lanes(simd, &g[i], part);
+                        all[i] = lanes(simd, &g[i], part * S::F32_LANES);
                     }
                     let (drho, u) = moments(&all);
                     let from = part * S::F32_LANES;
@@ -247,8 +254,8 @@ impl Place<'_> {
 }
 
 #[inline(always)]
-fn lanes<S: Simd>(simd: S, from: &[f32; BLOCK], part: usize) -> Wide<S> {
-    Wide::new(simd, S::as_simd_f32s(from).0[part])
+fn lanes<S: Simd>(simd: S, from: &[f32], at: usize) -> Wide<S> {
+    Wide::new(simd, S::as_simd_f32s(&from[at..at + S::F32_LANES]).0[0])
 }
 
 /// Lanes as numbers.

@@ -11,6 +11,7 @@
 
 use super::cells::{Cells, Face, Source};
 use super::collide::{Relax, collide, moments};
+use super::ground::{Surface, hold};
 use super::open::{Beyond, Kind, let_go, mean_of};
 use super::stencil::{C, Q, weight};
 
@@ -20,6 +21,7 @@ pub(super) struct Plain {
     pub tau: f64,
     pub eddies: f64,
     pub sponge: [Vec<f64>; 2],
+    pub ground: Surface,
     pub force: [f64; 3],
     pub rest: bool,
     /// Mean outward velocity before each outlet, ahead of the last even step.
@@ -38,6 +40,7 @@ impl Plain {
             tau,
             eddies,
             sponge: [Vec::new(), Vec::new()],
+            ground: Surface::default(),
             force: [0.0; 3],
             rest: false,
             mean: [0.0; 6],
@@ -63,7 +66,8 @@ impl Plain {
         })
     }
 
-    pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> [f64; 3], wanted: [f64; 6]) {
+    /// `wind`: velocity outside, and how it leans.
+    pub(super) fn advance(&mut self, wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]), wanted: [f64; 6]) {
         let before = self.left.clone();
         if self.step.is_multiple_of(2) {
             self.mean = self.outflow(&before);
@@ -76,7 +80,7 @@ impl Plain {
                 for x in 0..nx {
                     if !self.cells.is_solid([x, y, z]) {
                         let g = std::array::from_fn(|i| self.arriving((&before, density), [x, y, z], i, &wind));
-                        let after = self.collided(&g, [x, z]);
+                        let after = self.collided(g, [x, y, z]);
                         self.left[self.cells.grid.cell([x, y, z])] = after;
                     }
                 }
@@ -89,7 +93,7 @@ impl Plain {
         (before, density): (&[[f64; Q]], [f64; 6]),
         x: [usize; 3],
         i: usize,
-        wind: impl Fn([isize; 3]) -> [f64; 3],
+        wind: impl Fn([isize; 3]) -> ([f64; 3], [f64; 2]),
     ) -> f64 {
         let left = |cell: [usize; 3]| before[self.cells.grid.cell(cell)];
         match self.cells.source(x, i) {
@@ -106,7 +110,8 @@ impl Plain {
                 let near = if solid { [0.0; Q] } else { left(near) };
                 let faces = self.cells.beyond(place).map(|f| f.map(|f| (f, self.cells.faces[f])));
                 let sends = if faces.iter().flatten().any(|f| f.1 == Face::Inlet) {
-                    Kind::Inlet(wind(place))
+                    let (u, lean) = wind(place);
+                    Kind::Inlet(u, lean)
                 } else {
                     let out = faces.map(|f| f.map_or(0, |(f, _)| 2 * (f % 2) as i8 - 1));
                     Kind::Outlet(out, mean_of(out, density), self.rest && !solid)
@@ -116,14 +121,20 @@ impl Plain {
         }
     }
 
-    fn collided(&self, g: &[f64; Q], [x, z]: [usize; 2]) -> [f64; Q] {
-        let sponge = |k: usize, at: usize| self.sponge[k].get(at).copied().unwrap_or(self.tau);
-        let tau = sponge(0, x).max(sponge(1, z));
+    fn collided(&self, mut g: [f64; Q], [x, y, z]: [usize; 3]) -> [f64; Q] {
+        let sponge = |k: usize, at: usize| self.sponge[k].get(at).copied().unwrap_or(0.0);
+        let share = sponge(0, x).max(sponge(1, z));
+        if y == 0 && self.ground.drag > 0.0 {
+            hold(&mut g, f64::from(self.ground.drag), f64::from(self.ground.more) * share);
+        }
+        let ground = self.ground.thick.get(y).map_or(self.tau, |t| f64::from(*t));
+        let rise = (1.0 - self.tau) * self.ground.shape.get(y).map_or(1.0, |s| f64::from(*s));
+        let tau = (self.tau + share * rise).max(ground);
         let relax = Relax { tau, eddies: self.eddies, force: self.force };
         match (self.eddies > 0.0, self.force.iter().any(|f| f.abs() > 0.0)) {
-            (true, _) => collide::<_, true, false>(g, relax).g,
-            (false, false) => collide::<_, false, false>(g, relax).g,
-            (false, true) => collide::<_, false, true>(g, relax).g,
+            (true, _) => collide::<_, true, false>(&g, relax).g,
+            (false, false) => collide::<_, false, false>(&g, relax).g,
+            (false, true) => collide::<_, false, true>(&g, relax).g,
         }
     }
 

@@ -72,6 +72,8 @@ pub struct Lattice {
     /// Mean outward velocity at each outlet when what comes in goes out, cells a step.
     outflow: [f32; 6],
     pub(super) notes: Vec<Note>,
+    /// By height, along x and z: what the profile has more than its mean, cells a step, and how it leans.
+    uneven: Vec<[[f64; 2]; 2]>,
     fluid: usize,
     pub(super) health: Health,
     frames: u64,
@@ -104,9 +106,14 @@ impl Lattice {
             return Err(still_box());
         }
         let tau = narrow(plan.tau);
-        let sponge = plan.sponge();
-        let viscosity =
-            Viscosity { tau, eddies: narrow(collide::eddies(options.smagorinsky)), sponge, force: [0.0; 3] };
+        let (sponge, surface) = (plan.sponge(), plan.surface.clone());
+        let viscosity = Viscosity {
+            tau,
+            eddies: narrow(collide::eddies(options.smagorinsky)),
+            sponge,
+            ground: surface,
+            force: [0.0; 3],
+        };
         let periodic = [0, 2, 4].map(|f| plan.faces[f] == Face::Periodic);
         let inlet = Inlet::new(options.inlet.clone(), plan.origin, options.spacing, options.cells, periodic);
         let inlet = Arc::new(inlet);
@@ -114,8 +121,9 @@ impl Lattice {
         let flow = Flow::new(cells, viscosity, options.outlet_rest)?;
         let places =
             flow.links.mouths.inlets().into_iter().map(|p| (plan.middle(p), ground(&flow.cells, p, options.spacing)));
-        let mouth = Mouth::new(&inlet, &places.collect::<Vec<_>>(), plan.dt / options.spacing);
-        let outflow = outflow(&flow, &inlet, &plan);
+        let mouth =
+            Mouth::new(&inlet, &places.collect::<Vec<_>>(), |height| plan.tau_at(height), plan.dt / options.spacing);
+        let (outflow, uneven) = (outflow(&flow, &inlet, &plan), uneven(&inlet, &plan));
         let health = Health { steps: 0, clamped: 0, checkered: 0.0, checkered_now: 0.0, density: 0.0 };
         Ok(Self {
             plan,
@@ -126,6 +134,7 @@ impl Lattice {
             wind: [const { [const { Vec::new() }; 3] }; 2],
             outflow,
             notes,
+            uneven,
             fluid,
             health,
             frames: 0,
@@ -242,11 +251,15 @@ impl Lattice {
     fn step(&mut self, left: u64, pages: Option<Pages<'_>>) -> Result<u64> {
         let two = left >= 2 && Parity::of(self.flow.step) == Parity::Even;
         let shares = [self.blow(0), if two { self.blow(1) } else { 0.0 }];
-        let [first, second] =
-            [0, 1].map(|k| Asked { wind: &self.wind[k], wanted: self.outflow.map(|u| u * shares[k]) });
+        let [first, second] = [0, 1].map(|k| Asked {
+            wind: &self.wind[k],
+            lean: self.mouth.lean(shares[k]),
+            wanted: self.outflow.map(|u| u * shares[k]),
+        });
         let (before, written) = (self.flow.step, pages.is_some());
         let (clamped, reading) = self.flow.go((first, two.then_some(second)), pages);
         self.health.steps = self.flow.step;
+        self.raise(before);
         for (step, count) in (before + 1..).zip(clamped) {
             if count > 0 {
                 self.clamped(step, count)?;
@@ -261,11 +274,26 @@ impl Lattice {
         Ok(self.flow.step - before)
     }
 
+    /// While the wind sets in, gives the air its profile. Pressure alone would make all heights equally fast, and the lowest
+    /// air would take as long as it needs from end to end to be as slow as it should.
+    fn raise(&mut self, before: u64) {
+        let risen = ramp(self.flow.step) - ramp(before);
+        if risen > 0.0 {
+            let strength = self.inlet.strength(self.time_of(before)) * risen;
+            let by: Vec<_> = self.uneven.iter().map(|by| by.map(|u| u.map(|u| narrow(u * strength)))).collect();
+            self.flow.push(&by);
+        }
+    }
+
+    /// Time of a step, s: steps are counted from rest, times from the first frame.
+    fn time_of(&self, step: u64) -> f64 {
+        (step as f64 - self.plan.run_up as f64) * self.plan.dt
+    }
+
     /// Finds what comes in some steps from now; returns the factor on the mean wind.
     fn blow(&mut self, ahead: usize) -> f32 {
         let step = self.flow.step + ahead as u64;
-        // Steps are counted from rest, times from the first frame.
-        let t = (step as f64 - self.plan.run_up as f64) * self.plan.dt;
+        let t = self.time_of(step);
         let ramp = ramp(step);
         let share = self.mouth.share(&self.inlet, t, ramp);
         self.mouth.blow(&self.inlet, (t, share, ramp), self.flow.sweep.arch, &mut self.wind[ahead]);
@@ -389,6 +417,18 @@ fn ground(cells: &Cells, place: [isize; 3], spacing: f64) -> f64 {
     let (x, z) = (near(0), near(2));
     let solid = (0..cells.grid.n[1]).take_while(|y| cells.is_solid([x, *y, z])).count();
     spacing * solid as f64
+}
+
+/// What the profile has more than its mean, by height, along x and z, cells a step, and how it leans.
+fn uneven(inlet: &Inlet, plan: &Plan) -> Vec<[[f64; 2]; 2]> {
+    let heights: Vec<f64> = (0..plan.n[1]).map(|y| plan.spacing * (y as f64 + 0.5)).collect();
+    let of = |height: &f64| inlet.steady(*height, 1.0) / plan.speed();
+    let mean = heights.iter().map(of).sum::<DVec3>() / plan.n[1] as f64;
+    let by = |height: &f64| {
+        let leans = inlet.leaning(plan.tau_at(*height), *height) / plan.speed();
+        [of(height) - mean, leans].map(|u| [u.x, u.z])
+    };
+    heights.iter().map(by).collect()
 }
 
 /// Mean outward velocity at each outlet, cells a step: what the inlets let in, shared out as the profile has it.

@@ -45,7 +45,7 @@ impl Field {
         let periodic = [0, 2, 4].map(|f| cells.faces[f] == Face::Periodic);
         let mut field =
             Self { n, origin, spacing, periodic, solid: Vec::new(), beside: Vec::new(), inlet, ground: false };
-        let ground = matches!(cells.faces[2], Face::Wall(_));
+        let ground = matches!(cells.faces[2], Face::Wall(_) | Face::Rough);
         field.ground = ground;
         let count = field.count();
         field.solid = (0..count)

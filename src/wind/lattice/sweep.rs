@@ -10,6 +10,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::cells::Cells;
 use super::grid::{BLOCK, Grid, Parity, Populations};
+use super::ground::Surface;
 use super::links::{Arriving, Leaving, Links, Plan, Planes, Taken, parts};
 use super::open::{Before, Mouths, let_go};
 use super::plane::{Desk, Place};
@@ -26,7 +27,7 @@ pub(super) struct Run {
     pub from: u32,
     pub to: u32,
     /// Relaxation times are those of the tables.
-    pub sponge: bool,
+    pub varied: bool,
 }
 
 /// How air relaxes.
@@ -36,8 +37,10 @@ pub(super) struct Viscosity {
     pub tau: f32,
     /// As [`super::collide::eddies`].
     pub eddies: f32,
-    /// Least relaxation times by x and by z, where a sponge lies before an outlet; `tau` elsewhere.
+    /// Shares of a sponge by x and by z, from 0 to 1 before an outlet.
     pub sponge: [Vec<f32>; 2],
+    /// What the ground does.
+    pub ground: Surface,
     /// Body force, cells a step squared; 0 in every wind.
     pub force: [f32; 3],
 }
@@ -47,6 +50,8 @@ pub(super) struct Viscosity {
 pub(super) struct Asked<'a> {
     /// Velocity at each inlet, by component, cells a step, in the order of [`super::open::Mouths::inlets`].
     pub wind: &'a [Vec<f32>; 3],
+    /// How it leans with the height there, and by how much of that along x and z.
+    pub lean: (&'a [f32], [f32; 2]),
     /// Mean outward velocity at each face that is an outlet, cells a step.
     pub wanted: [f32; 6],
 }
@@ -58,8 +63,11 @@ pub(super) struct Sweep {
     pub(super) viscosity: Viscosity,
     /// Those of every plane.
     runs: Vec<Vec<Run>>,
-    /// As `viscosity.sponge`, in the order of memory: a row of numbers, and a block more of the next.
-    pub(super) across: Vec<f32>,
+    /// Least relaxation times in a plane where no sponge is by z, from its first cell on, and what a whole sponge adds.
+    pub(super) least: [Vec<f32>; 2],
+    /// Drag of the ground on the lowest row of a plane and the block where it ends, and shares of the sponge there; empty
+    /// if there is none.
+    pub(super) drag: [Vec<f32>; 2],
     pub(super) arch: Arch,
 }
 
@@ -75,9 +83,14 @@ impl Sweep {
     pub(super) fn new(cells: &Cells, viscosity: Viscosity) -> Self {
         let grid = cells.grid;
         let runs = (0..grid.n[2]).map(|z| runs(cells, &viscosity, z)).collect();
-        let across = |k: usize| viscosity.sponge[0].get(k % grid.row).copied().unwrap_or(viscosity.tau);
-        let across = (0..grid.row + BLOCK).map(across).collect();
-        Self { grid, viscosity, runs, across, arch: Arch::new() }
+        let nodes = 0..grid.span() + BLOCK;
+        let all = nodes.clone().map(|k| least(&viscosity, [k % grid.row, k / grid.row])).collect();
+        let least = [all, nodes.map(|k| viscosity.ground.sponge(k / grid.row, viscosity.tau)).collect()];
+        let drag = |k: usize| if k < grid.n[0] { viscosity.ground.drag } else { 0.0 };
+        let dragged = if viscosity.ground.drag > 0.0 { grid.n[0] + BLOCK } else { 0 };
+        let share = |k: usize| viscosity.sponge[0].get(k).copied().unwrap_or(0.0);
+        let drag = [(0..dragged).map(drag).collect(), (0..dragged).map(share).collect()];
+        Self { grid, viscosity, runs, least, drag, arch: Arch::new() }
     }
 
     /// Blocks of a plane that hold air.
@@ -125,6 +138,7 @@ impl Sweep {
             air: (air.air.each_ref().map(|a| &a[..]), 0),
             parts: links.plan.rest.then_some(&air.parts[..]),
             wind: asked.wind,
+            lean: asked.lean,
             density: density(asked, links.mean),
         };
         let ranges: Vec<_> = (0..self.grid.n[2]).map(|z| mouths.sent(z)).collect();
@@ -190,7 +204,7 @@ impl Sweep {
                 inside: inside.clone(),
             })
             .collect();
-        let later = second.map(|asked| (asked.wind, density(asked, *mean)));
+        let later = second.map(|asked| (asked, density(asked, *mean)));
         let mouths = &*mouths;
         par::par_map_mut(&mut jobs, |job| {
             self.dispatch(Turn { sweep: self, job, cells, arriving, later: later.map(|l| (mouths, l)) })
@@ -250,27 +264,32 @@ fn density(asked: Asked<'_>, mean: [f32; 6]) -> [f32; 6] {
     std::array::from_fn(|f| let_go(asked.wanted[f], mean[f]))
 }
 
+/// Least relaxation time at a cell of any plane.
+fn least(viscosity: &Viscosity, [x, y]: [usize; 2]) -> f32 {
+    let (tau, ground) = (viscosity.tau, &viscosity.ground);
+    let share = viscosity.sponge[0].get(x).copied().unwrap_or(0.0);
+    (tau + share * ground.sponge(y, tau)).max(ground.tau(y, tau))
+}
+
 /// Blocks of a plane that hold air, joined while they are of one kind.
 fn runs(cells: &Cells, viscosity: &Viscosity, z: usize) -> Vec<Run> {
     let grid = cells.grid;
-    let deep = viscosity.sponge[1].get(z).is_some_and(|t| *t > viscosity.tau);
-    let rises: Vec<bool> =
-        (0..grid.n[0]).map(|x| viscosity.sponge[0].get(x).is_some_and(|t| *t > viscosity.tau)).collect();
+    let deep = viscosity.sponge[1].get(z).is_some_and(|share| *share > 0.0);
     let mut runs: Vec<Run> = Vec::new();
     for block in 0..grid.span().div_ceil(BLOCK) {
         let from = block * BLOCK;
         let air = |k: usize| {
             let (x, y) = (k % grid.row, k / grid.row);
-            (x < grid.n[0] && y < grid.n[1] && !cells.is_solid([x, y, z])).then_some(x)
+            (x < grid.n[0] && y < grid.n[1] && !cells.is_solid([x, y, z])).then_some([x, y])
         };
         if !(from..from + BLOCK).any(|k| air(k).is_some()) {
             continue;
         }
         let at = u32::try_from(block).unwrap_or(u32::MAX);
-        let sponge = deep || (from..from + BLOCK).filter_map(air).any(|x| rises[x]);
+        let varied = deep || (from..from + BLOCK).filter_map(air).any(|at| least(viscosity, at) > viscosity.tau);
         match runs.last_mut() {
-            Some(last) if last.to == at && last.sponge == sponge => last.to += 1,
-            _ => runs.push(Run { from: at, to: at + 1, sponge }),
+            Some(last) if last.to == at && last.varied == varied => last.to += 1,
+            _ => runs.push(Run { from: at, to: at + 1, varied }),
         }
     }
     runs
@@ -323,7 +342,7 @@ fn desk<'a>(grid: &Grid, (snapshot, pages): &mut Book<'a, '_>, planes: &Range<us
     Desk::new(grid, *snapshot, mine)
 }
 
-type Later<'a> = (&'a Mouths, (&'a [Vec<f32>; 3], [f32; 6]));
+type Later<'a> = (&'a Mouths, (Asked<'a>, [f32; 6]));
 
 struct Turn<'a, 'b> {
     sweep: &'a Sweep,
@@ -356,12 +375,13 @@ impl Turn<'_, '_> {
             if let Some(room) = first.as_mut().filter(|_| z < all.end) {
                 let place = Place { sweep, cells, arriving, z, last: second.is_none() };
                 clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, desk, room);
-                if let Some((mouths, (wind, density))) = later {
+                if let Some((mouths, (asked, density))) = later {
                     let parts = arriving.plan.rest.then_some(&room.parts[..]);
-                    let asked =
-                        Before { air: (room.air.0.each_ref().map(|a| &a[..]), room.air.1), parts, wind, density };
+                    let air = (room.air.0.each_ref().map(|a| &a[..]), room.air.1);
+                    let Asked { wind, lean, .. } = asked;
+                    let before_faces = Before { air, parts, wind, lean, density };
                     let range = mouths.sent(z);
-                    mouths.send(simd, z, asked, &mut sent[range.start - *before..range.end - *before]);
+                    mouths.send(simd, z, before_faces, &mut sent[range.start - *before..range.end - *before]);
                 }
             }
             let behind = z.wrapping_sub(1);

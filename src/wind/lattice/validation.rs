@@ -16,6 +16,7 @@ use super::cells::{Cells, Face};
 use super::collide::{eddies, equilibrium};
 use super::flow::Flow;
 use super::grid::{Grid, Parity};
+use super::ground::{Surface, lean};
 use super::reference::Plain;
 use super::stencil::{C, Q};
 use super::sweep::{Asked, Viscosity};
@@ -41,8 +42,14 @@ fn cells(n: [usize; 3], faces: [Face; 6], solid: impl Fn([usize; 3]) -> bool) ->
     Cells { grid, faces, solid: list }
 }
 
-fn still([_, _, _]: [isize; 3]) -> [f64; 3] {
-    [0.0; 3]
+fn still([_, _, _]: [isize; 3]) -> ([f64; 3], [f64; 2]) {
+    ([0.0; 3], [0.0; 2])
+}
+
+/// Air without a sponge or rough ground.
+fn viscous(tau: f32, smagorinsky: f64, force: [f32; 3]) -> Viscosity {
+    let ground = Surface::default();
+    Viscosity { tau, eddies: eddies(smagorinsky) as f32, sponge: [Vec::new(), Vec::new()], ground, force }
 }
 
 impl Fluid {
@@ -52,7 +59,7 @@ impl Fluid {
 
     fn ours(cells: Cells, tau: f64, force: [f64; 3]) -> Self {
         let force = force.map(|f| f as f32);
-        let v = Viscosity { tau: tau as f32, eddies: 0.0, sponge: [Vec::new(), Vec::new()], force };
+        let v = viscous(tau as f32, 0.0, force);
         Self::Ours(Box::new(Flow::new(cells, v, false).expect("memory")))
     }
 
@@ -60,7 +67,7 @@ impl Fluid {
         match self {
             Self::Plain(f) => f.advance(still, [0.0; 6]),
             Self::Ours(f) => {
-                f.advance(Asked { wind: &[const { Vec::new() }; 3], wanted: [0.0; 6] });
+                f.advance(Asked { wind: &[const { Vec::new() }; 3], lean: (&[], [0.0; 2]), wanted: [0.0; 6] });
             }
         }
     }
@@ -330,34 +337,41 @@ fn a_closed_cavity_keeps_its_mass() {
 #[test]
 fn the_production_code_is_the_plain_one() {
     let n = [37, 20, 12];
-    let faces = [Face::Inlet, Face::Outlet, REST, Face::Slip, Face::Periodic, Face::Periodic];
+    let faces = [Face::Inlet, Face::Outlet, Face::Rough, Face::Slip, Face::Periodic, Face::Periodic];
     let make = || cells(n, faces, |[x, y, z]| (10..14).contains(&x) && y < 8 && (3..8).contains(&z));
     let tau = 0.5005;
     let mut plain = Plain::new(make(), tau, eddies(0.16));
     let sponge: Vec<f64> = (0..n[0])
         .map(|x| {
             let k = (x as f64 - 28.0).max(0.0) / 8.0;
-            tau + (1.0 - tau) * k * k
+            k * k
         })
         .collect();
     plain.sponge[0].clone_from(&sponge);
+    let ground = Surface::rough(0.1, (tau, 0.16), (0.08, 20.0), n[1]);
+    plain.ground = ground.clone();
     let v = Viscosity {
         tau: tau as f32,
         eddies: eddies(0.16) as f32,
         sponge: [sponge.iter().map(|t| *t as f32).collect(), Vec::new()],
+        ground: ground.clone(),
         force: [0.0; 3],
     };
     let mut ours = Flow::new(make(), v, false).expect("memory");
     let inlets = ours.links.mouths.inlets();
     let log = |y: isize| (((y as f64 + 0.5) / 0.1).max(0.0) + 1.0).ln() / 201.0_f64.ln();
+    let growth = |y: isize| if y < 0 { 0.0 } else { 1.0 / (y as f64 + 0.6) / 201.0_f64.ln() };
+    let leans = |y: isize| lean(f64::from(ground.tau(y.max(0) as usize, tau as f32)), growth(y));
+    let leaning: Vec<f32> = inlets.iter().map(|p| leans(p[1]) as f32).collect();
     for step in 1..=600 {
         let t = (step as f64 / 100.0).min(1.0);
         let ramp = 0.08 * t * t * (3.0 - 2.0 * t);
         let wanted = [0.0, 0.8 * ramp, 0.0, 0.0, 0.0, 0.0];
-        plain.advance(|p| [ramp * log(p[1]), 0.0, 0.0], wanted);
+        plain.advance(|p| ([ramp * log(p[1]), 0.0, 0.0], [ramp * leans(p[1]), 0.0]), wanted);
         let wind = inlets.iter().map(|p| (ramp * log(p[1])) as f32).collect();
         let wind = [wind, vec![0.0; inlets.len()], vec![0.0; inlets.len()]];
-        assert_eq!(ours.advance(Asked { wind: &wind, wanted: wanted.map(|w| w as f32) }), 0);
+        let lean = (&leaning[..], [ramp as f32, 0.0]);
+        assert_eq!(ours.advance(Asked { wind: &wind, lean, wanted: wanted.map(|w| w as f32) }), 0);
         if step == 200 || step == 600 {
             let all = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
             let fluid = all.filter(|c| !ours.cells.is_solid(*c));
@@ -375,11 +389,13 @@ fn the_production_code_is_the_plain_one() {
 fn mixed(n: [usize; 3], along: usize, rest: bool) -> Flow {
     let mut faces = [Face::Periodic, Face::Periodic, Face::Wall([0.0, 0.0, 0.02]), Face::Slip, REST, Face::Slip];
     if along == 0 {
-        faces = [Face::Inlet, Face::Outlet, REST, Face::Slip, Face::Inlet, Face::Outlet];
+        faces = [Face::Inlet, Face::Outlet, Face::Rough, Face::Slip, Face::Inlet, Face::Outlet];
     }
     let solid = |[x, y, z]: [usize; 3]| x == n[0] / 2 && y < n[1] / 2 && z < n[2] / 2;
-    let sponge = [(0..n[0]).map(|x| if x + 3 > n[0] { 0.7 } else { 0.51 }).collect(), Vec::new()];
-    let v = Viscosity { tau: 0.51, eddies: eddies(0.16) as f32, sponge, force: [0.0; 3] };
+    let sponge = [(0..n[0]).map(|x| if x + 3 > n[0] { 0.4 } else { 0.0 }).collect(), Vec::new()];
+    let ground =
+        if along == 0 { Surface::rough(0.1, (0.51, 0.16), (0.05, n[1] as f64), n[1]) } else { Surface::default() };
+    let v = Viscosity { sponge, ground, ..viscous(0.51, 0.16, [0.0; 3]) };
     Flow::new(cells(n, faces, solid), v, rest).expect("memory")
 }
 
@@ -397,7 +413,9 @@ fn two_steps_at_once_are_two_steps_one_by_one() {
         for step in 0..24 {
             let u = 0.05 * (1.0 + step as f32 / 24.0);
             let wind = [0, 1].map(|k| [vec![u + 0.001 * k as f32; count], vec![0.0; count], vec![u / 2.0; count]]);
-            let asked = [0, 1].map(|k| Asked { wind: &wind[k], wanted: [0.0, u, 0.0, 0.0, 0.0, u / 2.0] });
+            let leaning = vec![0.01 * u; count];
+            let lean = (&leaning[..], [1.0, 0.5]);
+            let asked = [0, 1].map(|k| Asked { wind: &wind[k], lean, wanted: [0.0, u, 0.0, 0.0, 0.0, u / 2.0] });
             let both = two.go((asked[0], Some(asked[1])), None).0;
             assert_eq!([one.advance(asked[0]), one.advance(asked[1])], both);
         }
@@ -415,7 +433,7 @@ fn two_steps_at_once_are_two_steps_one_by_one() {
 #[test]
 fn uniform_wind_between_slip_walls_stays_uniform() {
     let faces = [Face::Inlet, Face::Outlet, Face::Slip, Face::Slip, Face::Periodic, Face::Periodic];
-    let v = Viscosity { tau: 0.5005, eddies: eddies(0.16) as f32, sponge: [Vec::new(), Vec::new()], force: [0.0; 3] };
+    let v = viscous(0.5005, 0.16, [0.0; 3]);
     let mut flow = Flow::new(cells([24, 12, 9], faces, |_| false), v, false).expect("memory");
     let u = [0.08_f32, 0.0, 0.0];
     for c in 0..24 * 12 * 9 {
@@ -429,7 +447,8 @@ fn uniform_wind_between_slip_walls_stays_uniform() {
     flow.links.renew(&flow.populations, Parity::of(0));
     let wind = u.map(|u| vec![u; flow.links.mouths.inlets().len()]);
     for _ in 0..500 {
-        flow.advance(Asked { wind: &wind, wanted: [0.0, u[0], 0.0, 0.0, 0.0, 0.0] });
+        let lean = (&vec![0.0; wind[0].len()][..], [0.0; 2]);
+        flow.advance(Asked { wind: &wind, lean, wanted: [0.0, u[0], 0.0, 0.0, 0.0, 0.0] });
     }
     let off = (0..24 * 12 * 9).map(|c| {
         let now = flow.at([c % 24, c / 24 % 12, c / 24 / 12]).1;
