@@ -129,9 +129,12 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
     let rho = one + drho;
     let share = one.over(rho);
     let mut j = pairs.momentum();
+    // What the populations have more than the momentum below; nothing, but for forces and what is held.
+    let mut held = [one.all(0.0); 3];
     if FORCE {
-        for (j, force) in j.iter_mut().zip(relax.force) {
-            *j = *j + one.all(0.5) * force;
+        for ((j, held), force) in j.iter_mut().zip(&mut held).zip(relax.force) {
+            let half = one.all(0.5) * force;
+            (*j, *held) = (*j + half, *held - half);
         }
     }
     let mut u = [j[0] * share, j[1] * share, j[2] * share];
@@ -139,7 +142,10 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
     if uu.any_above(FASTEST * FASTEST) {
         let slower = uu.above(FASTEST * FASTEST, one.all(FASTEST).over(uu.sqrt()), one);
         u = [u[0] * slower, u[1] * slower, u[2] * slower];
-        j = [j[0] * slower, j[1] * slower, j[2] * slower];
+        for (j, held) in j.iter_mut().zip(&mut held) {
+            let less = *j * slower;
+            (*j, *held) = (less, *held + (*j - less));
+        }
     }
     let mut tau = relax.tau;
     if EDDIES {
@@ -147,7 +153,7 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
         tau = one.all(0.5) * (tau + tau.fused(tau, relax.eddies * (stress * share)).sqrt());
     }
     let omega = one.over(tau);
-    let mut out = relaxed(g, (drho, share), (j, u), omega);
+    let mut out = relaxed((g, &pairs), (drho, share), (j, u, held), omega);
     if FORCE {
         for (i, out) in out.iter_mut().enumerate() {
             *out = *out + (one - one.all(0.5) * omega) * pushed(i, u, relax.force);
@@ -172,29 +178,39 @@ fn pushed<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
 }
 
 /// g - omega (g - geq), by pairs of opposites: geq = w e + 3 w s and w e - 3 w s. `share`: 1/rho; `j`: momentum rho u, from
-/// which s is made, so that it keeps what the sums have found.
+/// which s is made, so that it keeps what the sums have found; `held`: what the populations have more.
+///
+/// What relaxes of the pairs along the axes is not found anew but from the diagonals: all of it together moves nothing.
+/// Found anew, it would leave the last bits of the momentum in every step, and those of some steps pile up.
 #[inline(always)]
-fn relaxed<L: Lane>(g: &[L; Q], (drho, share): (L, L), (j, u): ([L; 3], [L; 3]), omega: L) -> [L; Q] {
+fn relaxed<L: Lane>(
+    (g, pairs): (&[L; Q], &Pairs<L>),
+    (drho, share): (L, L),
+    (j, u, held): ([L; 3], [L; 3], [L; 3]),
+    omega: L,
+) -> [L; Q] {
     let number = |value: f64| omega.all(value);
     let square = j[0].fused(u[0], j[1].fused(u[1], j[2] * u[2]));
     let base = number(-1.5).fused(square, drho);
-    let slower = omega * number(-1.0);
     let mut out = *g;
-    out[0] = slower.fused(number(-W[0]).fused(base, g[0]), g[0]);
+    out[0] = (omega * number(-1.0)).fused(number(-W[0]).fused(base, g[0]), g[0]);
     let (plus, minus) = (j[0] + j[1], j[0] - j[1]);
     // (-++): the fourth diagonal runs against x.
     let along = [j[0], j[1], j[2], plus + j[2], plus - j[2], minus + j[2], j[2] - minus];
-    // 3 w: twice that of the axes and eight times that of the diagonals are 1 to the last bit, or every step would add to
-    // the momentum or take from it.
-    let third = number(3.0 * W[1]);
-    let rest = (number(1.0) - (third + third)) * number(0.125);
+    let mut odd = along;
+    for k in 3..7 {
+        odd[k] = number(-6.0 * W[2]).fused(along[k], pairs.difference[k]);
+    }
+    let (a, b, c, d) = (odd[3] + odd[4], odd[5] - odd[6], odd[3] - odd[4], odd[5] + odd[6]);
+    odd[0] = held[0] - (a + b);
+    odd[1] = held[1] - (a - b);
+    odd[2] = held[2] - (c + d);
+    let half = omega * number(-0.5);
     for k in 0..7 {
-        let s = along[k];
-        let (w, odd) = if k < 3 { (number(W[1]), third) } else { (number(W[2]), rest) };
-        let even = (w * (number(4.5) * share) * s).fused(s, w * base);
-        let (a, b) = (g[2 * k + 1], g[2 * k + 2]);
-        out[2 * k + 1] = slower.fused((odd * number(-1.0)).fused(s, a - even), a);
-        out[2 * k + 2] = slower.fused(odd.fused(s, b - even), b);
+        let w = number(2.0 * if k < 3 { W[1] } else { W[2] });
+        let even = pairs.sum[k] - (w * (number(4.5) * share) * along[k]).fused(along[k], w * base);
+        out[2 * k + 1] = half.fused(even + odd[k], g[2 * k + 1]);
+        out[2 * k + 2] = half.fused(even - odd[k], g[2 * k + 2]);
     }
     out
 }
