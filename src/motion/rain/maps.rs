@@ -307,18 +307,22 @@ impl Wetness {
     /// Places that were under water, on the texels that they reach. Source: [yang-wu] eq. 11.
     fn patches(&self, sheet: &Sheet, soaks: &[Soak], manner: &Manner) -> Vec<(Patch, Window)> {
         let n = self.chart.side as f64;
+        // Drops of the past may be told late: before the epoch they count for less. Most are told at the same few times.
+        let mut known: Option<(f64, f32)> = None;
+        let mut peak = |t: f64| match known {
+            Some((told, peak)) if told.to_bits() == t.to_bits() => peak,
+            _ => known.insert((t, narrow(math::pow(2.0, halvings(t, manner) - self.epoch)))).1,
+        };
         let patch = |soak: &Soak| {
             let spot = sheet.at(soak.uv, f64::from(self.scale))?;
             let texel = spot.ju.length().min(spot.jv.length()) / n;
             let reach = SOAKS * soak.a;
-            // Drops of the past may be told late: before the epoch they count for less.
-            let age = halvings(soak.t, manner) - self.epoch;
             let patch = Patch {
                 stand: self.stand(&spot),
                 reach: narrow(reach),
                 edge: narrow(1.0 / texel),
                 fall: narrow(-1.0 / manner.wet_length),
-                peak: narrow(math::pow(2.0, age)),
+                peak: peak(soak.t),
             };
             Some((patch, self.chart.window(soak.uv, &spot, reach + texel)))
         };

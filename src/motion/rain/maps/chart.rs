@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DVec2, Vec3};
 
 use super::super::sheet::{Sheet, Spot};
+use super::TILE;
 use crate::math::narrow;
 
 /// Windows are larger than what they hold by a factor: the least, and the most for blades whose texture is stretched here
@@ -88,15 +89,28 @@ impl Window {
         (from.max(self.lo[0]), to.min(self.hi[0]))
     }
 
-    /// Columns of row `y`, ends excluded.
+    /// Columns of [`TILE`] rows from `first` on, ends excluded, as numbers with fractions. All at once, as the processor takes
+    /// several roots together and many windows are narrow.
     #[inline(always)]
-    pub fn columns(&self, y: usize) -> (usize, usize) {
-        let dy = y as f64 + 0.5 - self.middle.y;
-        let middle = self.middle.x + self.lean * dy;
-        let half = (self.half[0] - self.half[1] * dy * dy).max(0.0).sqrt() + 1.0;
+    pub fn columns(&self, first: usize) -> [[f64; 2]; TILE] {
+        let mut ends = [[0.0; TILE]; 2];
+        let y = first as f64 + 0.5 - self.middle.y;
+        let [starts, stops] = &mut ends;
+        for (i, (from, to)) in starts.iter_mut().zip(stops).enumerate() {
+            let dy = y + i as f64;
+            let middle = self.middle.x + self.lean * dy;
+            let half = (self.half[0] - self.half[1] * dy * dy).max(0.0).sqrt() + 1.0;
+            (*from, *to) = (middle - half, middle + half + 1.0);
+        }
+        std::array::from_fn(|i| [ends[0][i], ends[1][i]])
+    }
+
+    /// Whole columns from those with fractions.
+    #[inline(always)]
+    pub fn whole_columns(&self, [from, to]: [f64; 2]) -> (usize, usize) {
         // Casts to whole numbers saturate: what is below 0 becomes 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-        let (from, to) = ((middle - half) as usize, (middle + half + 1.0) as usize);
+        let (from, to) = (from as usize, to as usize);
         (from.max(self.lo[0]), to.min(self.hi[0]))
     }
 }

@@ -6,9 +6,9 @@ use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
 use super::super::cap::{Cap, Print};
-use super::DRY;
 use super::chart::{Chart, Row, Window};
 use super::wide::Wide;
+use super::{DRY, TILE};
 use crate::math::narrow;
 
 /// Texels that are worked on together: caps are narrow, and the widest vectors would mostly work beside them.
@@ -185,23 +185,26 @@ impl<T: Stamped> WithSimd for Pressed<'_, T> {
     fn with_simd<S: Simd>(self, simd: S) -> u64 {
         let Self { stamp, window, chart, rows, runs, made } = self;
         let mut texels = 0;
-        for y in window.lo[1].max(rows.start)..window.hi[1].min(rows.end) {
-            let (from, to) = window.columns(y);
-            for run in runs {
-                let (from, to) = (from.max(run.0), to.min(run.1));
-                if from >= to {
-                    continue;
-                }
-                // Groups without a rest are faster, and the same texels on every machine.
-                let (from, to) = (from / GROUP * GROUP, to.next_multiple_of(GROUP).min(run.1));
-                texels += (to - from) as u64;
-                let (from, to) = (y * chart.side + from, y * chart.side + to);
-                let row = chart.row(from, to);
-                let made = &mut made[from..to];
-                if chart.is_folded() {
-                    press::<S, true>(simd, stamp, &row, made);
-                } else {
-                    press::<S, false>(simd, stamp, &row, made);
+        let end = window.hi[1].min(rows.end);
+        for first in (window.lo[1].max(rows.start)..end).step_by(TILE) {
+            for (y, ends) in (first..end).zip(window.columns(first)) {
+                let (from, to) = window.whole_columns(ends);
+                for run in runs {
+                    let (from, to) = (from.max(run.0), to.min(run.1));
+                    if from >= to {
+                        continue;
+                    }
+                    // Groups without a rest are faster, and the same texels on every machine.
+                    let (from, to) = (from / GROUP * GROUP, to.next_multiple_of(GROUP).min(run.1));
+                    texels += (to - from) as u64;
+                    let (from, to) = (y * chart.side + from, y * chart.side + to);
+                    let row = chart.row(from, to);
+                    let made = &mut made[from..to];
+                    if chart.is_folded() {
+                        press::<S, true>(simd, stamp, &row, made);
+                    } else {
+                        press::<S, false>(simd, stamp, &row, made);
+                    }
                 }
             }
         }
