@@ -271,10 +271,9 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     });
     let states = states.into_iter().map(Option::transpose).collect::<Result<Vec<_>>>()?;
     let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
-    let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
-    let measured = flights.map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
+    let measured = flights(movers).map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
     let (mut rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
-    let rain = movers.iter().flatten().find_map(|m| if let Moving::Rain(m) = m { Some(m) } else { None });
+    let rain = rain(movers);
     let wet = rain.map_or_else(Vec::new, |m| m.maps(nth(seconds, step)));
     rows.extend(rain.map(|m| m.row(nth(seconds, step))));
     let drops = rain.map(|m| m.drops(nth(seconds, step)));
@@ -287,7 +286,15 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
 /// Those of a wind that is stepped.
 pub fn rows(scene: &Scene, movers: &[Option<Moving>], number: u32) -> Result<Vec<Vec<f64>>> {
     let nth = nth(scene.clip.seconds(number), scene.clip.fps().recip());
-    let flights = movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None });
-    let rain = movers.iter().flatten().filter_map(|m| if let Moving::Rain(m) = m { Some(m) } else { None });
-    flights.map(|m| m.row(nth)).chain(rain.map(|m| Ok(m.row(nth)))).collect()
+    flights(movers).map(|m| m.row(nth)).chain(rain(movers).map(|m| Ok(m.row(nth)))).collect()
+}
+
+/// What falls from plants, in the order of its tables.
+fn flights(movers: &[Option<Moving>]) -> impl Iterator<Item = &Arc<Course>> {
+    movers.iter().flatten().filter_map(|m| if let Moving::Flight(m) = m { Some(m) } else { None })
+}
+
+/// The rain: a scene has one, whose table comes last.
+fn rain(movers: &[Option<Moving>]) -> Option<&Arc<Rain>> {
+    movers.iter().flatten().find_map(|m| if let Moving::Rain(m) = m { Some(m) } else { None })
 }

@@ -82,11 +82,13 @@ pub enum DropEventKind {
     Ground,
     /// It ended on wood.
     Wood,
+    /// It came to the margin of its leaf, along which it goes on.
+    Edge,
 }
 
 impl DropEventKind {
     /// All, in the order of their numbers, with the words for them.
-    pub const ALL: [(Self, &'static str); 8] = [
+    pub const ALL: [(Self, &'static str); 9] = [
         (Self::Born, "born"),
         (Self::Struck, "struck"),
         (Self::Merged, "merged"),
@@ -95,6 +97,7 @@ impl DropEventKind {
         (Self::Fell, "fell"),
         (Self::Ground, "ground"),
         (Self::Wood, "wood"),
+        (Self::Edge, "edge"),
     ];
 }
 

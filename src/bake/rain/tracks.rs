@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{DVec3, Vec3};
 
 use crate::math::narrow;
-use crate::motion::rain::{Event, Happened, Leaf, Lying, Moment, across};
-use crate::scene::{DropEvent, DropEventKind, DropNow, DropState, Drops, LeafNow};
+use crate::motion::rain::{Event, Leaf, Lying, Moment, across};
+use crate::scene::{DropEvent, DropNow, DropState, Drops, LeafNow};
 
 /// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
 const PAUSE: u64 = 2;
@@ -119,16 +119,7 @@ fn lies(moment: &Moment, (d, leaf): (&Lying, &Leaf), id: u32, out: &mut Vec<Drop
 
 fn event(e: &Event, id: u32, other: Option<u32>, start: f64) -> DropEvent {
     DropEvent {
-        what: match e.what {
-            Happened::Born => DropEventKind::Born,
-            Happened::Struck => DropEventKind::Struck,
-            Happened::Merged => DropEventKind::Merged,
-            Happened::Bead => DropEventKind::Bead,
-            Happened::Hung => DropEventKind::Hung,
-            Happened::Fell => DropEventKind::Fell,
-            Happened::Ground => DropEventKind::Ground,
-            Happened::Wood => DropEventKind::Wood,
-        },
+        what: e.what,
         t: e.t - start,
         id,
         other,

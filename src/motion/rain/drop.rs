@@ -62,6 +62,8 @@ pub struct Drop {
     pub draws: u64,
     /// Nothing has happened since its leaf last compared it with the others.
     pub quiet: bool,
+    /// It is at the margin, along which it goes.
+    pub edge: bool,
     /// Where it last wetted the leaf.
     pub wetted: Option<DVec2>,
 }
@@ -95,6 +97,7 @@ impl Drop {
             active: 1.0,
             draws: 0,
             quiet: false,
+            edge: false,
             wetted: None,
         }
     }

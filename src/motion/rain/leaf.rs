@@ -8,13 +8,14 @@ use super::bearer::Blade;
 use super::cap::{Cap, TENSION, WATER};
 use super::dew::Dew;
 use super::drop::{BEAD, Drop, Hang};
-use super::event::{Event, Happened};
+use super::event::Event;
 use super::manner::{Friction, Lever, Manner};
 use super::pendant;
 use super::sheet::{Sheet, Spot};
 use crate::math;
 use crate::noise::gradient2;
 use crate::rng::Rng;
+use crate::scene::DropEventKind;
 
 /// Speed below which a drop lies, m/s.
 const REST: f64 = 1e-3;
@@ -28,6 +29,8 @@ const WAYS: u32 = 16;
 const GRAIN: f64 = 14.0;
 /// Widest place at the margin that a drop hangs from, m.
 const WIDE: f64 = 1.5e-3;
+/// Distance from the margin at which a drop goes along it, in base radii.
+const AT_EDGE: f64 = 0.3;
 /// A drop hangs at the tip if it comes as near as this, in its own radii.
 const AT_TIP: f64 = 1.0;
 /// Most pieces that one step's way is cut into.
@@ -134,11 +137,19 @@ pub struct Told {
 }
 
 impl Told {
+    /// A drop at a place of leaf space goes along the margin; told when it comes there.
+    fn at_edge(&mut self, now: &Now, drop: &mut Drop, p: DVec3) {
+        if !std::mem::replace(&mut drop.edge, true) {
+            let p = now.blade.p + now.blade.q * p;
+            self.events.push(Event::of(DropEventKind::Edge, drop.id, (now.t, p), drop.volume));
+        }
+    }
+
     /// A drop has come to hang at a place of leaf space.
     fn hung(&mut self, now: &Now, drop: &Drop, p: DVec3) {
         self.tally.hung += 1;
         let p = now.blade.p + now.blade.q * p;
-        self.events.push(Event::of(Happened::Hung, drop.id, (now.t, p), drop.volume));
+        self.events.push(Event::of(DropEventKind::Hung, drop.id, (now.t, p), drop.volume));
     }
 }
 
@@ -328,7 +339,8 @@ impl Leaf {
         for _ in 0..pieces {
             let Some(spot) = self.at(drop.uv) else { return };
             let Some(rim) = self.sheet.rim(spot.p, self.scale) else { return };
-            if rim.distance < 0.3 * cap.a {
+            drop.edge &= rim.distance < 2.0 * AT_EDGE * cap.a;
+            if rim.distance < AT_EDGE * cap.a {
                 let n = spot.n * drop.side;
                 let out = (rim.p - spot.p).normalize_or(n.cross(rim.along));
                 let across = drop.v.dot(out);
@@ -336,6 +348,7 @@ impl Leaf {
                     return self.release(drop, now, (rim.p, drop.v), told);
                 }
                 drop.v -= out * across.max(0.0);
+                told.at_edge(now, drop, spot.p);
                 if self.hang(drop, (pull, cap), (&rim, out), manner) {
                     return told.hung(now, drop, rim.p);
                 }
@@ -358,6 +371,7 @@ impl Leaf {
                         return self.release(drop, now, (rim.p, drop.v), told);
                     }
                     drop.v = rim.along * drop.v.dot(rim.along);
+                    told.at_edge(now, drop, spot.p);
                     let inward = spot.uv((spot.p - rim.p).normalize_or_zero() * (0.02 * cap.a));
                     if self.at(drop.uv + inward).is_some() {
                         drop.uv += inward;
@@ -482,7 +496,7 @@ impl Leaf {
         left.axis = drop.axis;
         told.tally.beads += 1;
         let p = self.at(bead.uv).map_or(now.blade.p, |s| now.blade.p + now.blade.q * s.p);
-        told.events.push(Event { other: Some(drop.id), ..Event::of(Happened::Bead, id, (now.t, p), bead.volume) });
+        told.events.push(Event { other: Some(drop.id), ..Event::of(DropEventKind::Bead, id, (now.t, p), bead.volume) });
         beads.push(left);
     }
 

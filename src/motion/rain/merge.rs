@@ -4,10 +4,11 @@ use glam::DVec3;
 
 use super::cap::WATER;
 use super::drop::Drop;
-use super::event::{Event, Happened};
+use super::event::Event;
 use super::leaf::{Law, Leaf, Told};
 use super::manner::{Manner, Merge};
 use crate::math;
+use crate::scene::DropEventKind;
 
 /// Where a drop is, m of leaf space, and the radius of its base, m; none beyond the blade.
 type Place = Option<(DVec3, f64)>;
@@ -28,7 +29,7 @@ impl Leaf {
             places[heavy] = self.place(&drops[heavy], manner);
             let p = places[heavy].map_or(now.blade.p, |(p, _)| now.blade.p + now.blade.q * p);
             let kept = &drops[heavy];
-            let event = Event::of(Happened::Merged, kept.id, (now.t, p), kept.volume);
+            let event = Event::of(DropEventKind::Merged, kept.id, (now.t, p), kept.volume);
             told.events.push(Event { other: Some(gone.id), ..event });
             drops.remove(light);
             places.remove(light);

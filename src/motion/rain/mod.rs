@@ -28,7 +28,7 @@ pub use body::Water;
 pub use cap::{Cap, Print, Shape, Wetting};
 pub use collide::Target;
 pub use drop::Bead;
-pub use event::{Event, Happened};
+pub use event::Event;
 pub use leaf::{Leaf, Stamp, Tally};
 pub use manner::{Friction, Impact, Lever, Manner, Merge, capillary};
 pub use maps::{Blob, Chart, Soak, Touched, Wetness};

@@ -8,13 +8,14 @@ use super::bearer::{Bearer, Blade, Bough};
 use super::cap::WATER;
 use super::collide::{Field, Moved, Struck, Target};
 use super::drop::Drop;
-use super::event::{Event, Happened};
+use super::event::Event;
 use super::impact::blow;
 use super::leaf::{Drip, Leaf, Now, Tally, Told};
 use super::manner::{Impact, Manner};
 use super::shower::{Born, Shower, across, air_at, fall};
 use crate::par::{par_chunks, par_map_mut};
 use crate::rng::Rng;
+use crate::scene::DropEventKind;
 use crate::wind::Wind;
 use crate::{Error, Result};
 
@@ -170,7 +171,7 @@ impl Storm {
         if let Some((on, blade)) = self.leaves.get_mut(leaf).zip(blade) {
             on.drops.push(Drop::new(id, 1.0, uv, v, volume));
             let p = on.at(uv).map_or(blade.p, |s| blade.p + blade.q * s.p);
-            let born = Event::of(Happened::Born, id, (self.t, p), volume);
+            let born = Event::of(DropEventKind::Born, id, (self.t, p), volume);
             self.events.push(Event { leaf: Some(leaf), ..born });
         }
     }
@@ -285,7 +286,7 @@ impl Storm {
         for b in born {
             let id = self.next();
             self.emitted += b.volume;
-            self.events.push(Event::of(Happened::Born, id, (b.t, b.p), b.volume));
+            self.events.push(Event::of(DropEventKind::Born, id, (b.t, b.p), b.volume));
             self.air.push(Falling { id, p: b.p, v: b.v, volume: b.volume, blind: None, late: b.t - self.t });
         }
     }
@@ -327,7 +328,7 @@ impl Storm {
             match end {
                 End::Flies => self.air.push(drop),
                 End::Ground => {
-                    self.events.push(Event::of(Happened::Ground, drop.id, (t + h, drop.p), drop.volume));
+                    self.events.push(Event::of(DropEventKind::Ground, drop.id, (t + h, drop.p), drop.volume));
                     self.ground += drop.volume;
                 }
                 End::Struck(s) => struck.push((drop, s)),
@@ -362,7 +363,7 @@ impl Storm {
             bearer.strike_bough(k, share, along * (j * self.manner.gain));
             break;
         }
-        self.events.push(Event::of(Happened::Wood, drop.id, (self.t, drop.p), drop.volume));
+        self.events.push(Event::of(DropEventKind::Wood, drop.id, (self.t, drop.p), drop.volume));
         self.wooded += drop.volume;
     }
 
@@ -397,7 +398,7 @@ impl Storm {
         if we > SPLASHES && self.manner.splash > 0.0 {
             volume -= self.splash(drop, (i, place), (n, rel));
         }
-        let event = Event::of(Happened::Struck, drop.id, (self.t, place), volume);
+        let event = Event::of(DropEventKind::Struck, drop.id, (self.t, place), volume);
         self.events.push(Event { leaf: Some(i), blow: j * self.manner.gain, ..event });
         rel -= n * rel.dot(n);
         let v = blade.q.inverse() * rel * self.manner.tangent_keep;
@@ -422,7 +423,7 @@ impl Storm {
             let id = self.next() | NEW;
             let blind = Some((leaf, self.t + BLIND));
             let p = place + n * 1e-4;
-            let event = Event::of(Happened::Born, id, (self.t, p), volume);
+            let event = Event::of(DropEventKind::Born, id, (self.t, p), volume);
             self.events.push(Event { other: Some(drop.id), ..event });
             self.air.push(Falling { id, p, v, volume, blind, late: 0.0 });
             gone += volume;
@@ -455,7 +456,11 @@ impl Storm {
                 let id = if *whole { *of } else { self.next() };
                 let blind = Some((i, t + BLIND));
                 let other = (!*whole).then_some(*of);
-                self.events.push(Event { leaf: Some(i), other, ..Event::of(Happened::Fell, id, (t, *p), *volume) });
+                self.events.push(Event {
+                    leaf: Some(i),
+                    other,
+                    ..Event::of(DropEventKind::Fell, id, (t, *p), *volume)
+                });
                 self.air.push(Falling { id, p: *p, v: *v, volume: *volume, blind, late: 0.0 });
             }
         }

@@ -174,3 +174,23 @@ fn what_is_too_heavy_falls_from_below_a_leaf() {
     (0..20).for_each(|_| storm.step(0.002).expect("stiff"));
     assert!(storm.leaves()[0].drops.is_empty());
 }
+
+#[test]
+fn a_drop_that_comes_to_the_margin_tells_so_once_before_it_hangs() {
+    let mut storm = storm(&[0.5], even(), None);
+    storm.place(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
+    let mut told = Vec::new();
+    while told.iter().all(|e: &Event| e.what != DropEventKind::Hung) {
+        storm.step(0.002).expect("stiff");
+        told.extend(storm.take_events());
+        assert!(told.len() < 20 && storm.leaves()[0].volume() > 0.0, "{told:?}");
+    }
+    let edges: Vec<usize> = (0..told.len()).filter(|i| told[*i].what == DropEventKind::Edge).collect();
+    assert_eq!(edges.len(), 1, "{told:?}");
+    let edge = told[edges[0]];
+    assert_eq!(edge.leaf, Some(0));
+    // The margin at the tip is 80 mm from the stalk; 0.3 base radii are less than 1.5 mm.
+    let (at, _) = hung(0.5);
+    assert!((edge.p.distance(at) - 0.08).abs() < 1.5e-3, "{edge:?}");
+    assert!(edges[0] < told.len() - 1 && (edge.volume - 60e-9).abs() < 1e-12);
+}
