@@ -10,15 +10,27 @@ pub(super) struct RoundCone {
     radii: [f32; 2],
     /// Linear colour of its own.
     pub(super) color: Option<[f32; 3]>,
+    /// See [`RoundCone::share`].
+    share: f32,
 }
 
 impl RoundCone {
     pub(super) fn new(ends: [Vec3; 2], radii: [f32; 2]) -> Self {
-        Self { ends, radii, color: None }
+        Self { ends, radii, color: None, share: 1.0 }
+    }
+
+    /// The same, met by a share of the rays only, 0..1.
+    pub(super) fn veiled(self, share: f32) -> Self {
+        Self { share, ..self }
     }
 
     pub(super) fn ball(center: Vec3, radius: f32, color: Option<[f32; 3]>) -> Self {
-        Self { ends: [center, center], radii: [radius, radius], color }
+        Self { ends: [center, center], radii: [radius, radius], color, share: 1.0 }
+    }
+
+    /// Share of the rays on their way through it that meet it.
+    pub(super) fn share(&self) -> f32 {
+        self.share
     }
 
     /// About the area of its shadow, seen from its side.

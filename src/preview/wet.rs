@@ -6,10 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::looks::Finish;
 use crate::math::{lerp, normalize_or};
-use crate::scene::{Frame, Scene, WetMaps};
+use crate::scene::{Frame, Scene, WET_ALBEDO, WetMaps};
 
-/// How dark a wet surface is beside a dry one: light is caught in the film.
-const DARK: f32 = 0.7;
 /// Roughness of a film of water.
 const SMOOTH: f32 = 0.08;
 
@@ -36,7 +34,7 @@ impl Sheet {
     /// Makes a surface as wet as it is at a place. `footprint`: width of the sample in texture coordinates.
     pub(super) fn wet(&self, finish: &mut Finish, uv: Vec2, footprint: f32) {
         let w = self.mean(uv, footprint, |i| Vec3::splat(self.maps.wetness[i])).x.clamp(0.0, 1.0);
-        finish.albedo *= lerp(1.0, DARK, w);
+        finish.albedo *= lerp(1.0, WET_ALBEDO, w);
         finish.roughness = lerp(finish.roughness, finish.roughness.min(SMOOTH), w);
     }
 
@@ -99,7 +97,7 @@ mod tests {
         let dry = Finish { albedo: Vec3::splat(0.5), roughness: 0.6, f0: 0.04, translucency: 0.3, water: false };
         let mut wet = dry;
         sheet().wet(&mut wet, Vec2::new(0.75, 0.75), 0.0);
-        assert!((wet.albedo.x - 0.35).abs() < 1e-6 && (wet.roughness - 0.08).abs() < 1e-6);
+        assert!((wet.albedo.x - 0.5 * WET_ALBEDO).abs() < 1e-6 && (wet.roughness - 0.08).abs() < 1e-6);
         let mut still = dry;
         sheet().wet(&mut still, Vec2::new(0.25, 0.75), 0.0);
         assert!((still.albedo.x - 0.5).abs() < 1e-6 && (still.roughness - 0.6).abs() < 1e-6);

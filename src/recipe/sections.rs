@@ -405,9 +405,9 @@ keys! {
         horizon: [f32; 3] = "horizon" Color("#edf3f9");
         /// Overhead.
         zenith: [f32; 3] = "zenith" Color("#89b3e6");
-        /// What stands below the horizon, dark as far trees; drops show it upside down. POV-Ray only.
+        /// What stands below the horizon, dark as far trees; drops show it upside down. POV-Ray and previews.
         below: Option<[f32; 3]> = "below" Maybe(Color("#1a2417"), "the sky goes on");
-        /// Brightness of the air around the sun, over that of its colour. POV-Ray only.
+        /// Brightness of the air around the sun, over that of its colour. POV-Ray and previews.
         glow: f64 = "glow" num(0.0, 0.0, 100.0, "");
         /// Factor on both.
         strength: f64 = "strength" num(1.0, 0.0, 1000.0, "");

@@ -125,6 +125,28 @@ impl Default for Sun {
     }
 }
 
+impl Sky {
+    /// Where what stands below the horizon ends and the sky begins, as shares of the way from straight down to straight up: a
+    /// soft edge, as of trees that are far out of focus.
+    pub const BAND: [f32; 2] = [0.38, 0.55];
+    /// How dark it is straight below, as a share of what it is at the edge.
+    pub const DEEP: f32 = 0.4;
+    /// Share of the glow around the sun at cosines of the angle to it. Own: chosen by eye, after hazy mornings.
+    pub const GLOW: [(f32, f32); 6] = [(0.82, 0.0), (0.9, 0.04), (0.95, 0.13), (0.98, 0.34), (0.994, 0.7), (1.0, 1.0)];
+
+    /// Its colours from straight down, 0, to straight up, 1, with its strength, without glow.
+    pub fn stops(&self) -> Vec<(f32, [f32; 3])> {
+        let [horizon, zenith] = [self.horizon, self.zenith].map(|c| c.map(|c| c * self.strength));
+        match self.below.map(|c| c.map(|c| c * self.strength)) {
+            Some(below) => {
+                let deep = below.map(|c| c * Self::DEEP);
+                vec![(0.0, deep), (Self::BAND[0], below), (Self::BAND[1], horizon), (1.0, zenith)]
+            }
+            None => vec![(0.0, horizon), (0.5, horizon), (1.0, zenith)],
+        }
+    }
+}
+
 impl Default for Sky {
     fn default() -> Self {
         Self { horizon: [0.85, 0.9, 0.95], zenith: [0.25, 0.45, 0.8], below: None, glow: 0.0, strength: 1.0, fog: None }

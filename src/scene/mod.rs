@@ -38,7 +38,7 @@ pub use skeleton::{Joint, Skeleton, Trs};
 pub use stilled::stilled;
 pub use strands::{ribbons, tubes, turned_ribbons};
 pub use validate::{check_frame, check_scene};
-pub use wet::{Wet, WetMaps};
+pub use wet::{WET_ALBEDO, Wet, WetMaps};
 
 /// Frames of a clip. A still scene has `start == end`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

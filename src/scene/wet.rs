@@ -4,6 +4,10 @@ use std::sync::Arc;
 
 use super::{Frame, Scene};
 
+/// Colour of a wet leaf as a share of that of a dry one, under the same light: light is caught in the film of water. All that
+/// darkens by wetness w multiplies by 1 + w (this - 1). Own: chosen by eye against photographs of wet leaves, 0.4..0.8.
+pub const WET_ALBEDO: f32 = 0.55;
+
 /// A sheet on which water lies: maps of its own over its texture coordinates.
 #[derive(Debug, Clone)]
 pub struct Wet {

@@ -37,7 +37,7 @@ pub enum ViewWish {
 /// What lies behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Background {
-    /// The sky of scenes with ground, paper for the rest.
+    /// The sky of scenes with ground or with something below the horizon, paper for the rest.
     Auto,
     Sky,
     Studio,
@@ -118,7 +118,7 @@ impl Wish {
         let level = if low > -0.25 * height && low < 0.1 * height { 0.0 } else { low };
         let floor = if subject.ground { None } else { Some(level) };
         let backdrop = match self.background {
-            Background::Auto if subject.ground => Backdrop::Sky,
+            Background::Auto if subject.ground || scene.sky.below.is_some() => Backdrop::Sky,
             Background::Sky => Backdrop::Sky,
             Background::Auto | Background::Studio => Backdrop::Studio { floor },
             Background::Clear => Backdrop::Clear { floor },

@@ -21,15 +21,6 @@ fn film(c: f32) -> f32 {
     1.0 - crate::math::exp_f32(-1.5 * c.max(0.0))
 }
 
-/// Where what stands below the horizon ends and the sky begins, as shares of the way from straight down to straight up: a soft
-/// edge, as of trees that are far out of focus.
-const BAND: [f32; 2] = [0.38, 0.55];
-/// How dark it is straight below, as a share of what it is at the edge.
-const DEEP: f32 = 0.4;
-
-/// Share of the glow around the sun at cosines of the angle to it. Own: chosen by eye, after hazy mornings.
-const GLOW: [(f32, f32); 6] = [(0.82, 0.0), (0.9, 0.04), (0.95, 0.13), (0.98, 0.34), (0.994, 0.7), (1.0, 1.0)];
-
 /// What holds for the whole scene. `photons`: the smallest drop's radius in units, if any drop is a target.
 pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
     text.put("#version 3.7;\nglobal_settings {\n  assumed_gamma 1.0\n  max_trace_level 16\n");
@@ -118,7 +109,7 @@ fn glow(text: &mut Text, sky: &Sky, sun: &Sun) {
     text.put("  pigment {\n    function { max(0, x*(").num(d.x).put(") + y*(").num(d.y).put(") + z*(").num(-d.z);
     text.put(")) }\n    color_map { ");
     let color = sun.color.map(|c| c * sky.glow);
-    for (at, share) in GLOW {
+    for (at, share) in Sky::GLOW {
         let [r, g, b] = color;
         text.put("[").num(at).put(" rgbt <").list(&[r, g, b, 1.0 - share], ",").put(">] ");
     }
@@ -131,13 +122,8 @@ fn glow(text: &mut Text, sky: &Sky, sun: &Sun) {
 /// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
 pub(super) fn sky(text: &mut Text, space: Space, (sky, sun): (&Sky, &Sun), bounds: Bounds) {
     let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
-    let below = sky.below.unwrap_or(sky.horizon).map(|c| c * sky.strength);
-    let stops = match sky.below {
-        Some(_) => vec![(0.0, below.map(|c| c * DEEP)), (BAND[0], below), (BAND[1], horizon), (1.0, zenith)],
-        None => vec![(0.0, horizon), (0.5, horizon), (1.0, zenith)],
-    };
     text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { ");
-    for (at, color) in stops {
+    for (at, color) in sky.stops() {
         text.put("[").num(at).put(" ");
         rgb(text, color.map(film));
         text.put("] ");

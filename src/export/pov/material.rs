@@ -3,7 +3,7 @@
 
 use super::space::rgb;
 use crate::export::text::Text;
-use crate::scene::{Material, MaterialClass, Scene};
+use crate::scene::{Material, MaterialClass, Scene, WET_ALBEDO};
 use crate::{Error, Result};
 
 /// Declares all materials. `pictures`: folder of the PNG files as POV-Ray finds it, with its `/`.
@@ -110,9 +110,6 @@ enum Coat {
     Wet,
 }
 
-/// How dark a wet leaf is beside a dry one: light is caught in the film.
-const WET: f32 = 0.55;
-
 /// The texture with its pictures, looked up by the mesh's texture coordinates.
 fn mapped(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material, pictures: &str) -> Result<()> {
     if m.maps.color.is_none() && m.maps.height.is_none() && coat == Coat::Dry {
@@ -147,12 +144,12 @@ fn surface(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material,
         (Some(image), Coat::Dry) => picture(text, scene, m, image, ("image_map", pictures))?,
         (Some(image), Coat::Wet) => {
             // A mean with black is the one way to darken a picture.
-            text.put("average pigment_map { [").num(WET).put(" ");
+            text.put("average pigment_map { [").num(WET_ALBEDO).put(" ");
             picture(text, scene, m, image, ("image_map", pictures))?;
-            text.put("] [").num(1.0 - WET).put(" rgb 0] }");
+            text.put("] [").num(1.0 - WET_ALBEDO).put(" rgb 0] }");
         }
         (None, Coat::Dry) => rgb(text, m.base_color),
-        (None, Coat::Wet) => rgb(text, m.base_color.map(|c| c * WET)),
+        (None, Coat::Wet) => rgb(text, m.base_color.map(|c| c * WET_ALBEDO)),
     }
     text.put(" }");
     if let Some(image) = m.maps.height {

@@ -130,3 +130,20 @@ fn looking_straight_through_a_drop_shows_the_sky_behind_it_dimmed_by_fresnel() {
     // Everything around is equally bright, so nothing is lost or won whatever way light takes.
     assert!((seen - 1.0).abs() < 0.01, "{seen}");
 }
+
+#[test]
+fn trees_stand_below_the_horizon_and_the_air_glows_around_the_sun() {
+    let sun = Sun { elevation: 0.3, azimuth: 0.4, color: [1.0, 0.5, 0.25], ..Sun::default() };
+    let sky = Sky { below: Some([0.1; 3]), glow: 2.0, horizon: [0.8; 3], zenith: [0.6; 3], strength: 0.5, fog: None };
+    let light = Light::new(&sun, &sky);
+    let away = Vec3::new(-sun.direction().x, 0.0, -sun.direction().z).normalize();
+    // Each stop of the sky's picture, where the sun does not glow.
+    for (at, color) in sky.stops() {
+        let y = 2.0 * at - 1.0;
+        let seen = light.sky(away * math::sqrt_f32(1.0 - y * y) + Vec3::Y * y);
+        assert!((seen - Vec3::from_array(color)).length() < 1e-5, "{at}: {seen}");
+    }
+    assert!((light.sky(sun.direction()) - Vec3::new(2.0, 1.0, 0.5)).length() < 1e-3);
+    let plain = Light::new(&sun, &Sky { below: None, glow: 0.0, ..sky });
+    assert!((plain.sky(Vec3::NEG_Y) - Vec3::splat(0.4)).length() < 1e-6);
+}
