@@ -58,7 +58,7 @@ fn drawing(c: &mut Criterion) {
 /// Five tufts of hair from text to curves: at most 5 ms (table 4 of [catkin]: 15 s).
 fn catkins(c: &mut Criterion) {
     let (limits, cancel) = (Limits::default(), Cancel::default());
-    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent };
+    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent, shelf: None };
     let keys = CatkinKeys::defaults();
     c.bench_function("catkins/five", |b| {
         b.iter(|| {

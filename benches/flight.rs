@@ -122,7 +122,7 @@ fn many(models: &[CatkinModel]) {
 
 fn main() {
     let (limits, cancel) = (Limits::default(), Cancel::default());
-    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent };
+    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent, shelf: None };
     let mut models = Vec::new();
     let keys = CatkinKeys::defaults();
     let made = ms(|| models = catkin_models(&keys, 1, &work).expect("models"));

@@ -32,7 +32,7 @@ fn forest(count: u32, individuals: u32) -> (f64, u64) {
     let start = Instant::now();
     let request = Request { name: "forest".into(), text: text.into(), set: set.into(), ..Request::default() };
     let recipe = resolve(&request).expect("scene").0;
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     let built = build(&recipe, Parts::default(), &work).expect("stage");
     let dir = tempfile::tempdir().expect("dir");
     let folder = Folder::open(dir.path()).expect("folder");

@@ -170,7 +170,7 @@ fn staged(name: &str, set: &[String]) -> (Built, f64) {
     let text = osier::presets::find(name).expect("a preset").text.to_owned();
     let request = Request { name: "rain".into(), text, set: set.to_vec(), ..Request::default() };
     let (recipe, _) = resolve(&request).expect("a recipe");
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     let start = Instant::now();
     let built = stage::build(&recipe, stage::Parts::default(), &work).expect("a scene");
     (built, start.elapsed().as_secs_f64())

@@ -61,7 +61,7 @@ fn stepped(plant: &Plant, wind: &Gust, manner: Manner) {
 }
 
 fn main() {
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     let plant = grown("birch", &work);
     let wind = Gust::new(GustOptions { speed: 8.0, period: Some(10.0), ..GustOptions::default() });
     let manner =

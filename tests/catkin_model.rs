@@ -76,7 +76,7 @@ const LIMIT_19: f64 = 43.82;
 const LIMIT_2: f64 = 13.82;
 
 fn work<'a>(limits: &'a Limits, cancel: &'a Cancel) -> Work<'a> {
-    Work { limits, cancel, progress: &Silent }
+    Work { limits, cancel, progress: &Silent, shelf: None }
 }
 
 #[test]

@@ -50,7 +50,7 @@ const NUMBERS: [u32; 3] = [1, 60, 120];
 fn stage(text: &str, motion: &str) -> Stage {
     let set = vec![format!("plants.tree.motion=\"{motion}\"")];
     let request = Request { name: "tree".into(), text: text.into(), set, ..Request::default() };
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
 }
 

@@ -49,7 +49,7 @@ fn built(name: &str) -> stage::Built {
         ..Request::default()
     };
     let recipe = resolve(&request).unwrap_or_else(|e| panic!("{name}: {e}")).0;
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     stage::build(&recipe, stage::Parts::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 

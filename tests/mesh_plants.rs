@@ -180,6 +180,7 @@ fn what_is_wrong_is_told_with_its_place() {
                     limits: &osier::limits::Limits::default(),
                     cancel: &osier::progress::Cancel::default(),
                     progress: &osier::progress::Silent,
+                    shelf: None,
                 };
                 match osier::bake::stage::build(&recipe, STILL, &work) {
                     Err(osier::Error::Input(report)) => of(*report),

@@ -53,7 +53,7 @@ fn same_bytes_at_any_number_of_threads() {
 fn stage(set: &[&str]) -> osier::bake::write::Stage {
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
 }
 
@@ -191,7 +191,7 @@ fn winds_of_a_scene_add_up() {
     let of = |text: &str, set: &[&str]| {
         let set = set.iter().map(|s| (*s).to_owned()).collect();
         let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
-        let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+        let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
         build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
     };
     let one = of(&still, &["wind.speed=12"]);
@@ -234,7 +234,7 @@ fn internodes_that_the_paper_bends_too_far_are_counted() {
     ];
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     let built = build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage");
     let said: Vec<&str> = built.report.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(said, ["X020"]);

@@ -8,13 +8,13 @@ use super::Work;
 use super::layout::Layout;
 use super::plants::Grown;
 use super::run_up;
-use super::solids::{self, Footing};
+use super::solids::{Obstacles, flows_round};
 use crate::Result;
 use crate::diagnostic::{Diagnostic, Report, codes};
 use crate::geometry::Bounds;
 use crate::math::{cos, narrow, sin};
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, Solver, WindModel};
+use crate::recipe::wind_keys::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, Solver};
 use crate::solid::Solid;
 use crate::wind::{
     Ground, Inlet, InletOptions, Lattice, LatticeOptions, LatticeTake, Recorded, Sides, Uniform, Wind, WindProfile,
@@ -45,15 +45,13 @@ pub fn plants_room(layout: &Layout, grown: &[Grown]) -> Bounds {
 }
 
 /// What stands in a recipe's lattice wind; nothing in another one.
-/// # Errors
-/// A mesh that holds nothing solid.
-pub fn standing(recipe: &Recipe, footing: &Footing<'_>) -> Result<Vec<Solid>> {
-    if recipe.wind.model != WindModel::Lattice || recipe.clip.len() < 2 {
-        return Ok(Vec::new());
+pub fn standing(recipe: &Recipe, obstacles: &Obstacles<'_>) -> Vec<Solid> {
+    if !flows_round(recipe) {
+        return Vec::new();
     }
     let [x, _, z] = recipe.lattice.cells;
     let reach = 2.0 * (x.max(z) * recipe.lattice.dx + recipe.lattice.at[0].abs().max(recipe.lattice.at[2].abs()));
-    Ok(solids::of(recipe, footing, narrow(reach))?.list().to_vec())
+    obstacles.within(narrow(reach)).list().to_vec()
 }
 
 /// What a recipe says of its lattice.
@@ -123,7 +121,7 @@ pub fn blow(recipe: &Recipe, wanted: &Blown<'_>, work: &Work<'_>, report: &mut R
         Solver::Lbm => {}
     }
     let told = (work.progress, work.cancel);
-    let mut lattice = run_up::lattice((&options, wanted.solids), &recipe.shelf, work.limits, told)?;
+    let mut lattice = run_up::lattice((&options, wanted.solids), work.shelf, work.limits, told)?;
     let repeats = wanted.repeats.is_some();
     let frames = wanted.repeats.unwrap_or(recipe.clip.len());
     let take = LatticeTake { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };

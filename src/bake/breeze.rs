@@ -72,7 +72,7 @@ impl Breeze {
             (Some(course), _) => Source::Flight(course),
             (None, Some(air)) => Source::Known(Arc::clone(&air.wind)),
             (None, None) => {
-                let mut stream = Stream::new(recipe, others.solids, 0.0, (work.limits, work.cancel));
+                let mut stream = Stream::new(recipe, others.solids, 0.0, work);
                 stream.run_up(work.progress, report)?;
                 Source::Own(Box::new(Mutex::new(stream)))
             }

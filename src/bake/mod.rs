@@ -39,6 +39,7 @@ pub mod write;
 
 pub use counts::{Counts, memory};
 
+use crate::fence::Shelf;
 use crate::limits::Limits;
 use crate::progress::{Cancel, Progress};
 
@@ -51,4 +52,6 @@ pub struct Work<'a> {
     pub cancel: &'a Cancel,
     /// Listens.
     pub progress: &'a dyn Progress,
+    /// Where the air of a lattice is kept, if it is.
+    pub shelf: Option<&'a Shelf>,
 }

@@ -16,12 +16,13 @@ use crate::wind::{Lattice, LatticeOptions};
 /// Those of [`Lattice::new`] and [`Lattice::settle`]; what cannot be written.
 pub fn lattice(
     (options, solids): (&LatticeOptions, &[Solid]),
-    shelf: &Shelf,
+    shelf: Option<&Shelf>,
     limits: &Limits,
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<Lattice> {
     let mut lattice = Lattice::new(options, solids, limits)?;
-    let Some(folder) = shelf.folder() else { return Ok(lattice) };
+    let Some(shelf) = shelf else { return Ok(lattice) };
+    let folder = shelf.folder();
     let path = format!("wind/air_{:016x}.state", lattice.key());
     match recall(&mut lattice, folder, (&path, limits)) {
         Ok(true) => {}

@@ -160,7 +160,7 @@ individuals = 2
     fn built(text: &str) -> crate::bake::write::Stage {
         let request = Request { text: text.into(), ..Request::default() };
         let recipe = resolve(&request).expect("scene").0;
-        let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent };
+        let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
         build(&recipe, Parts::default(), &work).expect("stage").stage
     }
 

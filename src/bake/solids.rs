@@ -7,6 +7,7 @@ use glam::Vec3;
 use super::looks::Look;
 use crate::math::narrow;
 use crate::recipe::flight_keys::Shape;
+use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};
 use crate::scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject};
 use crate::solid::{Form, LandForm, Prism, Shell, Solid, Solids};
@@ -31,23 +32,48 @@ pub enum Footing<'a> {
     Land(&'a Land),
 }
 
-/// All that is in the way. `reach`: side of the square that flights cover, m.
-/// # Errors
-/// X010 for a mesh that holds nothing solid.
-pub fn of(recipe: &Recipe, footing: &Footing<'_>, reach: f32) -> Result<Solids> {
-    let mut all = Vec::new();
-    for solid in &recipe.solids {
-        all.push(Solid { name: solid.id.clone(), form: form(solid)?, humidity: solid.keys.humidity });
+/// All that is in the way of a scene's air and catkins, made once for both.
+pub struct Obstacles<'a> {
+    named: Vec<Solid>,
+    footing: Footing<'a>,
+    hills: Option<Arc<LandForm>>,
+}
+
+impl<'a> Obstacles<'a> {
+    /// Those of a recipe; none where neither a lattice nor catkins ask for them.
+    /// # Errors
+    /// X010 for a mesh that holds nothing solid.
+    pub fn of(recipe: &Recipe, footing: Footing<'a>) -> Result<Self> {
+        if recipe.flight.is_none() && !flows_round(recipe) {
+            return Ok(Self { named: Vec::new(), footing: Footing::Level, hills: None });
+        }
+        let named = recipe
+            .solids
+            .iter()
+            .map(|solid| Ok(Solid { name: solid.id.clone(), form: form(solid)?, humidity: solid.keys.humidity }));
+        let hills = match &footing {
+            Footing::Land(land) => LandForm::new(land.side, land.size, land.heights.clone()).map(Arc::new),
+            _ => None,
+        };
+        Ok(Self { named: named.collect::<Result<_>>()?, footing, hills })
     }
-    let land = match footing {
-        Footing::Ground(ground, middle) if ground.amplitude > 0.0 => sampled(ground, *middle, reach),
-        Footing::Land(land) => LandForm::new(land.side, land.size, land.heights.clone()),
-        _ => None,
-    };
-    let level = land.is_none();
-    // After the others: the first of equals is what a catkin is said to lie on.
-    all.extend(land.map(|l| Solid { name: "land".into(), form: Form::Land(Arc::new(l)), humidity: 0.0 }));
-    Ok(Solids::new(all, level))
+
+    /// All of them. `reach`: side of the square within which waving ground is known, m.
+    pub fn within(&self, reach: f32) -> Solids {
+        let land = match self.footing {
+            Footing::Ground(ground, middle) if ground.amplitude > 0.0 => sampled(ground, middle, reach).map(Arc::new),
+            _ => self.hills.clone(),
+        };
+        let level = land.is_none();
+        let land = land.map(|l| Solid { name: "land".into(), form: Form::Land(l), humidity: 0.0 });
+        // After the others: the first of equals is what a catkin is said to lie on.
+        Solids::new(self.named.iter().cloned().chain(land).collect(), level)
+    }
+}
+
+/// Whether a recipe has a clip with a lattice wind, which flows round what is in its way.
+pub fn flows_round(recipe: &Recipe) -> bool {
+    recipe.wind.model == WindModel::Lattice && recipe.clip.len() >= 2
 }
 
 fn sampled(ground: &Ground, middle: Vec3, reach: f32) -> Option<LandForm> {
@@ -57,20 +83,24 @@ fn sampled(ground: &Ground, middle: Vec3, reach: f32) -> Option<LandForm> {
 }
 
 fn form(solid: &SolidRecipe) -> Result<Form> {
+    let Some(mesh) = &solid.mesh else { return Ok(Form::Prism(prism(solid))) };
+    let (at, turn) =
+        (Vec3::from_array(solid.keys.at.map(narrow)), glam::Quat::from_rotation_y(narrow(solid.keys.turn)));
+    let points: Vec<Vec3> = mesh.mesh.points.iter().map(|p| at + turn * *p).collect();
+    let shell = Shell::new(&points, &mesh.mesh.triangles);
+    let empty = || Error::export("X010", format!("solid \"{}\": its mesh has no triangles", solid.id));
+    Ok(Form::Shell(Arc::new(shell.ok_or_else(empty)?)))
+}
+
+/// A house, or else a block.
+fn prism(solid: &SolidRecipe) -> Prism {
     let keys = &solid.keys;
     let (at, size) = (Vec3::from_array(keys.at.map(narrow)), Vec3::from_array(keys.size.map(narrow)));
     let turn = narrow(keys.turn);
-    Ok(match (keys.shape, &solid.mesh) {
-        (Shape::House, _) => Form::Prism(Prism::house(at, size, narrow(keys.roof), turn)),
-        (Shape::Mesh, Some(mesh)) => {
-            let turn = glam::Quat::from_rotation_y(turn);
-            let points: Vec<Vec3> = mesh.mesh.points.iter().map(|p| at + turn * *p).collect();
-            let shell = Shell::new(&points, &mesh.mesh.triangles);
-            let empty = || Error::export("X010", format!("solid \"{}\": its mesh has no triangles", solid.id));
-            Form::Shell(Arc::new(shell.ok_or_else(empty)?))
-        }
-        _ => Form::Prism(Prism::block(at, size, turn)),
-    })
+    match keys.shape {
+        Shape::House => Prism::house(at, size, narrow(keys.roof), turn),
+        _ => Prism::block(at, size, turn),
+    }
 }
 
 /// A solid to be seen: its look, and its asset once the look's first material is known.
@@ -90,9 +120,8 @@ pub fn seen(solid: &SolidRecipe) -> (Look, impl FnOnce(MaterialId) -> Result<Ass
         }
     }
     (look, |first| {
-        let mesh = match (form(solid)?, &solid.mesh) {
-            (Form::Prism(prism), _) => masonry::masonry(&prism, first),
-            (_, Some(imported)) => {
+        let mesh = match &solid.mesh {
+            Some(imported) => {
                 let turn = glam::Quat::from_rotation_y(narrow(solid.keys.turn));
                 let at = Vec3::from_array(solid.keys.at.map(narrow));
                 let mut mesh = imported.mesh.clone();
@@ -101,7 +130,7 @@ pub fn seen(solid: &SolidRecipe) -> (Look, impl FnOnce(MaterialId) -> Result<Ass
                 mesh.subsets.iter_mut().for_each(|s| s.material += first);
                 mesh
             }
-            _ => return Err(Error::export("S005", "a solid without a form")),
+            None => masonry::masonry(&prism(solid), first),
         };
         Ok(Asset {
             id: solid.id.clone(),

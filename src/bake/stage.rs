@@ -17,7 +17,7 @@ use super::layout::{Individual, Layout, Standing, lay_out_all};
 use super::looks::{Look, ground_shape, of_ground, of_plant};
 use super::mover::Moving;
 use super::plants::{Grown, grow};
-use super::solids::{self, Footing};
+use super::solids::{self, Footing, Obstacles};
 use super::stream::Stream;
 use super::view::{camera, sky, sun};
 use super::write::Stage;
@@ -116,7 +116,8 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         (None, Some((shape, middle))) => Footing::Ground(shape, *middle),
         _ => Footing::Level,
     };
-    let solids = standing(recipe, &footing)?;
+    let obstacles = Obstacles::of(recipe, footing)?;
+    let solids = standing(recipe, &obstacles);
     // Who tells the wind tells all of it, if no flight has one of its own.
     let all = !recipe.output.air.grids.is_empty() && recipe.flight.is_none();
     let bounds = if all { Bounds::of([]) } else { plants_room(&layout, &grown) };
@@ -132,7 +133,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let (wet, rained) = add_rain(recipe, (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
-    let flown = add_catkins(recipe, (&footing, &twigs), (&mut made, &mut placements), (work, &mut report))?;
+    let flown = add_catkins(recipe, (&obstacles, &twigs), (&mut made, &mut placements), (work, &mut report))?;
     let measures: Vec<Measures> = flown.into_iter().chain(rained.map(|table| (table, Vec::new()))).collect();
     add_rods(recipe, (&mut made, &mut placements), (work, &mut report))?;
     add_solids(recipe, &mut made, &mut placements)?;
@@ -422,7 +423,7 @@ type Measures = (Table, Vec<Field>);
 /// Lets catkins fly, or shows their kinds side by side.
 fn add_catkins(
     recipe: &Recipe,
-    (footing, twigs): (&Footing<'_>, &[(Vec3, f64)]),
+    (obstacles, twigs): (&Obstacles<'_>, &[(Vec3, f64)]),
     (made, placements): (&mut Made, &mut Vec<Placement>),
     (work, report): (&Work<'_>, &mut Report),
 ) -> Result<Option<Measures>> {
@@ -441,9 +442,9 @@ fn add_catkins(
             let points = f64::from(flight.keys.count) * (flight.keys.trails * recipe.clip.fps()).round();
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below 2^53")]
             work.limits.check("vertices", points as u64, "the number of points of flight.trails")?;
-            let solids = Arc::new(solids::of(recipe, footing, inside.size().max_element())?);
+            let solids = Arc::new(obstacles.within(inside.size().max_element()));
             let early = course::before(flight, recipe) as f64 / recipe.clip.fps();
-            let mut stream = Stream::new(recipe, solids.list(), early, (work.limits, work.cancel));
+            let mut stream = Stream::new(recipe, solids.list(), early, work);
             let before = report.diagnostics.len();
             stream.run_up(work.progress, report)?;
             let (known_height, cell) = (stream.known_height(), stream.cell());

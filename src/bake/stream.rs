@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::Work;
 use super::air;
 use super::blow::{lattice_options, tell};
 use super::run_up;
@@ -40,7 +41,7 @@ struct Source {
     solids: Vec<Solid>,
     limits: Limits,
     cancel: Cancel,
-    shelf: Shelf,
+    shelf: Option<Shelf>,
     scale: f32,
 }
 
@@ -56,7 +57,7 @@ struct Flow {
 impl Source {
     fn begin(&self, progress: &dyn Progress) -> Result<Flow> {
         let of = (&self.options, &*self.solids);
-        let mut lattice = run_up::lattice(of, &self.shelf, &self.limits, (progress, &self.cancel))?;
+        let mut lattice = run_up::lattice(of, self.shelf.as_ref(), &self.limits, (progress, &self.cancel))?;
         let before = lattice.advance(progress, &self.cancel)?;
         let after = lattice.advance(progress, &self.cancel)?;
         Ok(Flow { lattice, before, after, frame: 0 })
@@ -84,7 +85,7 @@ impl Source {
 
 impl Stream {
     /// The wind of a recipe's flight, which starts `before` s before the clip. `solids`: what a lattice flows around.
-    pub fn new(recipe: &Recipe, solids: &[Solid], before: f64, (limits, cancel): (&Limits, &Cancel)) -> Self {
+    pub fn new(recipe: &Recipe, solids: &[Solid], before: f64, work: &Work<'_>) -> Self {
         let lattice = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
         let mut options = lattice_options(recipe);
         // Curves count from the clip's start, a lattice from its own.
@@ -92,9 +93,9 @@ impl Stream {
         let source = (lattice && recipe.wind.blows()).then(|| Source {
             options,
             solids: solids.to_vec(),
-            limits: limits.clone(),
-            cancel: cancel.clone(),
-            shelf: recipe.shelf.clone(),
+            limits: work.limits.clone(),
+            cancel: work.cancel.clone(),
+            shelf: work.shelf.cloned(),
             scale: narrow(recipe.wind.scale),
         });
         Self { others: air::by_formula(recipe), before, source, flow: None }

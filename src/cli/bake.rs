@@ -12,8 +12,8 @@ use super::{numbers, report, source, sweep};
 use crate::Result;
 use crate::bake::{self, Work, exporters, kept, stage, write};
 use crate::export::textures::Textures;
-use crate::export::{VERSION, Warning, manifest};
-use crate::fence::{Folder, WriteOptions, is_settled};
+use crate::export::{SOURCES, VERSION, Warning, manifest};
+use crate::fence::{Folder, Shelf, WriteOptions, is_settled};
 use crate::recipe::sections::Format;
 use crate::recipe::{Recipe, resolve};
 
@@ -53,14 +53,14 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         // Before any of it is spent.
         context.console.note(&report::memory(&memory));
     }
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &timed };
     kept::recall(&recipe, &root, &context.limits);
-    if !context.common.dry_run && keeps_air(&recipe) {
-        recipe.shelf.set(open(context, args, &recipe, &root)?);
-    }
+    let keeps = !context.common.dry_run && keeps_air(&recipe);
+    let shelf = if keeps { Some(Shelf::new(open(context, args, &recipe, &root)?)) } else { None };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &timed, shelf: shelf.as_ref() };
     let built = stage::build(&recipe, stage::Parts::default(), &work)?;
     show.done();
-    recipe.shelf.said().iter().for_each(|text| context.console.note(&format!("note: {text}")));
+    let said = shelf.iter().flat_map(Shelf::said);
+    said.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
     if let Some(why) = lacking(&recipe, &built.stage, &frames) {
@@ -132,10 +132,15 @@ fn is_current(context: &Context, root: &Path, recipe: &Recipe) -> bool {
     let limit = context.limits.get("json-bytes");
     match manifest::verify(root, limit) {
         Ok((m, found)) => {
-            m.scene.hash == recipe.hash && m.version == VERSION && found.is_complete() && is_settled(root)
+            m.scene.hash == recipe.hash && m.version == VERSION && found.is_complete() && is_settled(root, &key(recipe))
         }
         Err(_) => false,
     }
+}
+
+/// What decides the bytes of a bake: the program, down to the sources that it was built from, and the scene.
+fn key(recipe: &Recipe) -> String {
+    format!("{VERSION} {SOURCES} {}", recipe.hash)
 }
 
 /// Whether the air of a lattice is kept after its run-up.
@@ -144,12 +149,8 @@ fn keeps_air(recipe: &Recipe) -> bool {
 }
 
 fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<Folder> {
-    let options = WriteOptions {
-        key: format!("{VERSION} {}", recipe.hash),
-        force: args.force,
-        cancel: context.cancel.clone(),
-        ..WriteOptions::default()
-    };
+    let options =
+        WriteOptions { key: key(recipe), force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
     Folder::open_with(root, options)
 }
 
@@ -160,7 +161,7 @@ fn bake(
     (stage, frames, root): (&write::Stage, &[u32], &PathBuf),
     work: &Work<'_>,
 ) -> Result<Vec<Warning>> {
-    let folder = recipe.shelf.folder().cloned().map_or_else(|| open(context, args, recipe, root), Ok)?;
+    let folder = work.shelf.map_or_else(|| open(context, args, recipe, root), |shelf| Ok(shelf.folder().clone()))?;
     let textures = Arc::new(Textures::encode(&stage.scene)?);
     textures.write(&stage.scene, &folder, "textures/")?;
     kept::keep(recipe, &folder)?;

@@ -86,7 +86,7 @@ fn look_into(context: &Context, file: &str, found: &mut Found) -> Result<()> {
         return Ok(());
     }
     let show = Show::Nothing;
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
     let built = stage::build(&recipe, stage::Parts::default(), &work)?;
     found.report.extend(built.report.clone());
     let frames: Vec<u32> =

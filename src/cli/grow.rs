@@ -42,7 +42,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         return super::coefficients::run(context, args, &recipe, &warnings);
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
     let mut warned = !warnings.diagnostics.is_empty();
     if picture {
         return super::picture::run(context, args, &recipe, warned);

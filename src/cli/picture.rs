@@ -31,7 +31,7 @@ pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
         return Ok(context.strict(warned));
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
     let (density, tone, flat) = clouds::picture(cloud, recipe, &work)?;
     show.done();
     let name = file_name(&args.output);
@@ -68,7 +68,7 @@ fn layered(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
         return Ok(context.strict(warned));
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
     let canvas = layers::compose(recipe, &work)?;
     show.done();
     let (folder, parent) = beside(context, args)?;

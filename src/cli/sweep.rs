@@ -110,7 +110,7 @@ fn plan(args: &Bake) -> std::result::Result<(Vec<String>, Vec<Wanted>), String> 
 
 /// A run over its clip, and what it came to.
 fn one(context: &Context, recipe: &Recipe, show: &Show) -> Result<(Arc<Scene>, Whole)> {
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &Silent };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &Silent, shelf: None };
     let stage = stage::build(recipe, stage::Parts::default(), &work)?.stage;
     let mut all = Vec::new();
     for number in recipe.clip.start..=recipe.clip.end {

@@ -69,3 +69,6 @@ pub const GENERATOR: &str = concat!("osier ", env!("CARGO_PKG_VERSION"));
 
 /// Version alone.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// Hash of the sources that this program was built from: what another program of the same version wrote is made anew.
+pub const SOURCES: &str = env!("OSIER_SOURCES");

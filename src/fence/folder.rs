@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::disk::{Disk, System, hash, open_regular, retry};
-use super::journal::{Entry, JOURNAL, Journal, Trouble};
+use super::journal::{Entry, JOURNAL, Journal, Trouble, mark};
 use super::mark::has_mark;
 use super::names::is_plain_path;
 use super::output::Output;
@@ -143,7 +143,7 @@ impl Folder {
     }
 
     fn new(root: PathBuf, place: Place, options: WriteOptions) -> Self {
-        let key = blake3::hash(options.key.as_bytes()).to_hex().chars().take(32).collect();
+        let key = mark(&options.key);
         Self { shared: Arc::new(Shared { root, place, key, options, state: Mutex::default() }) }
     }
 

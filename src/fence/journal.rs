@@ -181,13 +181,21 @@ fn settled<'a>(files: impl Iterator<Item = (&'a String, &'a Entry)>) -> String {
     files.fold(HEADER.to_owned(), |text, (path, entry)| text + &line(path, entry))
 }
 
-/// False if a folder's journal shows a run that ended before [`super::Folder::finish`]: then the folder's files may be
-/// complete, but what the run left behind is not yet tidied away. A folder without journal is at rest.
-pub fn is_settled(root: &Path) -> bool {
+/// False if a folder's journal shows a run that ended before [`super::Folder::finish`], for then the folder's files may
+/// be complete, but what the run left behind is not yet tidied away; or that wrote under another key than
+/// [`super::WriteOptions::key`]. A folder without journal is at rest.
+pub fn is_settled(root: &Path, key: &str) -> bool {
     let disk: Arc<dyn Disk> = Arc::new(System);
     let Ok(journal) = Journal::open(&disk, root) else { return true };
     let files = journal.files.iter().filter_map(|(path, entries)| Some((path, entries.first()?)));
-    journal.text.is_empty() || journal.text == settled(files)
+    let key = mark(key);
+    let is_own = |e: &Entry| e.key == key;
+    journal.text.is_empty() || (journal.text == settled(files) && journal.files.values().flatten().all(is_own))
+}
+
+/// How a key stands in a journal.
+pub(super) fn mark(key: &str) -> String {
+    blake3::hash(key.as_bytes()).to_hex().chars().take(32).collect()
 }
 
 fn line(path: &str, e: &Entry) -> String {
@@ -212,7 +220,7 @@ mod tests {
     use super::*;
 
     fn entry(n: u64) -> Entry {
-        Entry { key: "0".repeat(32), blake3: "a".repeat(64), bytes: n }
+        Entry { key: mark("mine"), blake3: "a".repeat(64), bytes: n }
     }
 
     #[test]
@@ -230,15 +238,15 @@ mod tests {
         let evil = line("../../etc/passwd", &entry(1)) + &line("/etc/passwd", &entry(1)) + "file\tx\n\0\0\n";
         std::fs::write(&path, format!("{HEADER}{evil}{good}file\tabc")).expect("write");
         let mut j = Journal::open(&disk, dir.path()).expect("open");
-        assert!(j.files().count() == 1 && !is_settled(dir.path()));
+        assert!(j.files().count() == 1 && !is_settled(dir.path(), "mine"));
         j.add("c", entry(2)).expect("add");
         let again = Journal::open(&disk, dir.path()).expect("open");
         assert!(again.claims("c") && again.claims("usd/a.usdc") && again.files().count() == 2);
         let files = ["usd/a.usdc", "b"].map(|path| (path.to_owned(), entry(5)));
         j.rewrite(BTreeMap::from(files)).expect("rewrite");
-        assert!(is_settled(dir.path()));
+        assert!(is_settled(dir.path(), "mine") && !is_settled(dir.path(), "of another program"));
         j.add("a", entry(1)).expect("add");
-        assert!(!is_settled(dir.path()), "b stands before a");
+        assert!(!is_settled(dir.path(), "mine"), "b stands before a");
         std::fs::write(&path, "my own notes").expect("write");
         assert!(matches!(Journal::open(&disk, dir.path()), Err(Trouble::Foreign)));
     }

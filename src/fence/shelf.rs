@@ -1,28 +1,28 @@
-//! A folder for what is kept from one run to the next, named when it is known.
+//! A folder for what is kept from one run to the next.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use super::Folder;
 
-/// Where things are kept: nowhere, until a folder is given. Clones share it.
-#[derive(Debug, Clone, Default)]
+/// Where things are kept, and what there is to say of them. Clones share it.
+#[derive(Debug, Clone)]
 pub struct Shelf(Arc<Inside>);
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Inside {
-    folder: OnceLock<Folder>,
+    folder: Folder,
     said: Mutex<Vec<String>>,
 }
 
 impl Shelf {
-    /// Names the folder; the first one stays.
-    pub fn set(&self, folder: Folder) {
-        let _ = self.0.folder.set(folder);
+    /// One in a folder.
+    pub fn new(folder: Folder) -> Self {
+        Self(Arc::new(Inside { folder, said: Mutex::default() }))
     }
 
-    /// The folder, if it is known.
-    pub fn folder(&self) -> Option<&Folder> {
-        self.0.folder.get()
+    /// The folder.
+    pub fn folder(&self) -> &Folder {
+        &self.0.folder
     }
 
     /// Remembers what is to be said of what was found there.

@@ -32,7 +32,6 @@ pub mod wind_keys;
 
 use std::sync::Arc;
 
-use crate::fence::Shelf;
 use crate::grammar::Grammar;
 use crate::ifs::Ifs;
 use crate::ifs::dynamics::Study;
@@ -114,9 +113,7 @@ pub struct Recipe {
     pub sway: wind_keys::SwayKeys,
     /// What is written.
     pub output: OutputRecipe,
-    /// Where the air of a lattice is kept.
-    pub shelf: Shelf,
-    /// Hash of everything above but the last and of the bytes of all files read, 64 hex digits.
+    /// Hash of everything above and of the bytes of all files read, 64 hex digits.
     pub hash: String,
 }
 

@@ -7,7 +7,7 @@ use super::tree::{self, Node, Table, Value};
 use super::wind_keys::WindModel;
 use super::{AirRecipe, Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
 use crate::diagnostic::{Diagnostic, Report, Span, nearest};
-use crate::fence::{Names, Shelf, safe_name};
+use crate::fence::{Names, safe_name};
 use crate::limits::Limits;
 use crate::scene::Clip;
 use crate::{Error, Result};
@@ -184,7 +184,6 @@ impl Resolver<'_> {
             added,
             sway,
             output: self.output(root, clip, told),
-            shelf: Shelf::default(),
             hash: String::new(),
         };
         recipe.moves = clip.len() > 1 && recipe.blows();

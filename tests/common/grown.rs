@@ -55,7 +55,7 @@ pub fn stage(recipe: &Recipe, parts: Parts) -> Built {
 
 /// Calls `f` with what work needs, nobody listening.
 fn with_work<T>(f: impl FnOnce(&Work<'_>) -> T) -> T {
-    f(&Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent })
+    f(&Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None })
 }
 
 /// One individual of a still scene, with what its asset was made from.

@@ -23,7 +23,7 @@ fn within(limits: &Limits, more: &str) -> crate::Result<Built> {
     let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
     let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
     let cancel = Cancel::default();
-    let work = Work { limits, cancel: &cancel, progress: &Silent };
+    let work = Work { limits, cancel: &cancel, progress: &Silent, shelf: None };
     build(&recipe, Parts::default(), &work)
 }
 

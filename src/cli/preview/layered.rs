@@ -34,7 +34,7 @@ pub fn run(context: &Context, args: &Preview, mut recipe: Recipe, wish: &shots::
         [recipe.picture.width, recipe.picture.height] = wish.size;
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
     let canvas = layers::compose(&recipe, &work)?;
     show.done();
     let target = Target::new(context, args, &recipe.name, "png")?;

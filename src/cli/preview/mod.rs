@@ -34,7 +34,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
         return layered::run(context, args, recipe, &wish, !report.diagnostics.is_empty());
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show };
+    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
     let done = if wish.is_sheet() {
         sheets::run(context, args, &wish, &work)
     } else if !wish.frames.is_empty() || args.turntable.is_some() {

@@ -8,11 +8,13 @@ use super::record::{Catkin, Lag, State};
 use super::rest::{Landing, Path};
 use super::start::Leaving;
 use super::{CHUNK, Flights, Wait};
-use crate::par::par_map;
 use crate::wind::Wind;
 
 /// Most members of a cluster that the wind is asked at.
 const ASKED: usize = 64;
+
+/// Clusters a task takes at once.
+const CLUSTERS: usize = 64;
 
 /// Most that a cluster turns, rad/s, and how long it takes to take up a turn, s.
 const FASTEST_TURN: f32 = 6.0;
@@ -28,17 +30,37 @@ fn carried(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) -> DVec3 {
 #[derive(Debug, Clone, Copy)]
 struct Midpoint {
     lag: Lag,
+    tau: f64,
     dt: f64,
 }
 
 impl Midpoint {
     fn half(self, x: DVec3, v: DVec3, u: DVec3) -> DVec3 {
-        x + u * (self.dt / 2.0) + (v - u) * (self.lag.tau * (1.0 - self.lag.half))
+        x + u * (self.dt / 2.0) + (v - u) * (self.tau * (1.0 - self.lag.half))
     }
 
     /// Way and new velocity.
     fn whole(self, v: DVec3, u: DVec3) -> (DVec3, DVec3) {
-        (u * self.dt + (v - u) * (self.lag.tau * (1.0 - self.lag.whole)), u + (v - u) * self.lag.whole)
+        (u * self.dt + (v - u) * (self.tau * (1.0 - self.lag.whole)), u + (v - u) * self.lag.whole)
+    }
+}
+
+/// Members of a cluster that the wind is asked at; one after another, so that room for them is made but once.
+#[derive(Debug, Default)]
+struct Asked {
+    /// Their places among the members.
+    which: Vec<usize>,
+    places: Vec<Vec3>,
+    air: Vec<Vec3>,
+}
+
+impl Asked {
+    /// Asks the wind around `middle`.
+    fn ask(&mut self, cluster: &Cluster, middle: DVec3, (wind, t): (&dyn Wind, f64)) {
+        self.places.clear();
+        self.places.extend(self.which.iter().map(|i| (middle + cluster.offsets[*i]).as_vec3()));
+        self.air.resize(self.places.len(), Vec3::ZERO);
+        wind.sample(&self.places, t, &mut self.air);
     }
 }
 
@@ -74,77 +96,83 @@ impl Flights {
             let mut those: Vec<&mut Catkin> = chunk.iter_mut().filter(|c| flying(c)).collect();
             let mut places: Vec<Vec3> = those.iter().map(|c| c.x.as_vec3()).collect();
             let mut air = vec![Vec3::ZERO; places.len()];
+            let step = |c: &Catkin| Midpoint { lag: c.lag, tau: options.tau(c.fall), dt };
             let pull = |c: &Catkin, air: Vec3, t: f64| carried(air, c.tuft(), c.fall, options.glide, c.lift_at(t));
             wind.sample(&places, t, &mut air);
             for ((c, place), air) in those.iter().zip(&mut places).zip(&air) {
-                let step = Midpoint { lag: c.lag, dt };
-                *place = step.half(c.x, c.v, pull(c, *air, t)).as_vec3();
+                *place = step(c).half(c.x, c.v, pull(c, *air, t)).as_vec3();
             }
             wind.sample(&places, t + dt / 2.0, &mut air);
-            let mut landed = 0_u64;
+            let (mut landed, mut strays) = (0_u64, Vec::new());
             for (c, air) in those.iter_mut().zip(&air) {
-                let (way, v) = Midpoint { lag: c.lag, dt }.whole(c.v, pull(c, *air, t + dt / 2.0));
+                let (way, v) = step(c).whole(c.v, pull(c, *air, t + dt / 2.0));
                 let path = Path { from: c.x, way, radius: c.radius };
                 c.flow = *air - v.as_vec3();
                 let landing = path.follow(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
                 landed += u64::from(c.land(&landing));
+                if options.is_outside(c.x) {
+                    strays.push(c.id);
+                }
             }
-            (landed, About::of(chunk))
+            (landed, About::of(chunk), strays)
         });
         self.events.deposits += landed.iter().map(|l| l.0).sum::<u64>();
         self.about = landed.iter().fold(About::default(), |about, l| about.and(l.1));
+        self.strays = landed.into_iter().flat_map(|l| l.2).collect();
     }
 
     /// Clusters in the air, each as one body.
     pub(super) fn fly_clusters(&mut self, wind: &dyn Wind, t: f64) {
-        let flying: Vec<u32> =
-            self.clusters.iter().filter(|(_, c)| c.state == State::Airborne).map(|(root, _)| *root).collect();
-        let moved = par_map(&flying, |root| {
-            let cluster = self.clusters.get(root)?;
-            Some(self.moved(cluster.clone(), wind, t))
+        let mut clusters = std::mem::take(&mut self.clusters);
+        let mut flying: Vec<&mut Cluster> = clusters.values_mut().filter(|c| c.state == State::Airborne).collect();
+        let mut chunks: Vec<&mut [&mut Cluster]> = flying.chunks_mut(CLUSTERS).collect();
+        let landings = crate::par::par_map_mut(&mut chunks, |chunk| {
+            let mut asked = Asked::default();
+            chunk.iter_mut().map(|cluster| self.moved(cluster, &mut asked, (wind, t))).collect::<Vec<_>>()
         });
-        for (root, (cluster, landing)) in flying.into_iter().zip(moved).filter_map(|(r, m)| Some((r, m?))) {
+        for (cluster, landing) in flying.into_iter().zip(landings.into_iter().flatten()) {
             if landing.touches() {
                 self.events.deposits += cluster.members.len() as u64;
             }
-            self.clusters.insert(root, cluster);
-            self.place(root, &landing);
+            self.follow_on(cluster, &landing);
         }
-        self.about = self.clusters.values().fold(self.about, |about, c| about.with(c.state));
+        self.about = clusters.values().fold(self.about, |about, c| about.with(c.state));
+        self.clusters = clusters;
     }
 
-    /// A cluster a step later, and what it came upon.
-    fn moved(&self, mut cluster: Cluster, wind: &dyn Wind, t: f64) -> (Cluster, Landing) {
+    /// Moves a cluster by a step, its members not yet, and tells what it came upon.
+    fn moved(&self, cluster: &mut Cluster, asked: &mut Asked, (wind, t): (&dyn Wind, f64)) -> Landing {
         let dt = self.options.step();
         cluster.draw_in(dt, |id| self.at(id).mass);
-        let asked = cluster.evenly(ASKED);
-        let places =
-            |middle: DVec3| -> Vec<Vec3> { asked.iter().map(|i| (middle + cluster.offsets[*i]).as_vec3()).collect() };
-        let mut air = vec![Vec3::ZERO; asked.len()];
-        let members: Vec<&Catkin> = asked.iter().map(|i| self.at(cluster.members[*i])).collect();
-        let mean = |air: &[Vec3], t: f64| {
-            let (mut sum, mut mass) = (DVec3::ZERO, 0.0);
-            for (c, air) in members.iter().zip(air) {
-                sum += carried(*air, c.tuft(), cluster.fall, self.options.glide, cluster.lift_at(t)) * c.mass;
-                mass += c.mass;
-            }
-            sum / mass
-        };
-        let step = Midpoint { lag: cluster.lag, dt };
-        wind.sample(&places(cluster.x), t, &mut air);
-        let middle = step.half(cluster.x, cluster.v, mean(&air, t));
-        wind.sample(&places(middle), t + dt / 2.0, &mut air);
-        let (way, v) = step.whole(cluster.v, mean(&air, t + dt / 2.0));
+        asked.which.clear();
+        asked.which.extend(cluster.evenly(ASKED));
+        let step = Midpoint { lag: cluster.lag, tau: self.options.tau(cluster.fall), dt };
+        asked.ask(cluster, cluster.x, (wind, t));
+        let middle = step.half(cluster.x, cluster.v, self.borne_by(cluster, asked, t));
+        asked.ask(cluster, middle, (wind, t + dt / 2.0));
+        let (way, v) = step.whole(cluster.v, self.borne_by(cluster, asked, t + dt / 2.0));
         if self.options.cluster_rotation {
-            let spun = self.spun(&cluster, &asked, &air);
+            let spun = self.spun(cluster, &asked.which, &asked.air);
             cluster.turn_by(spun, dt);
         }
-        let landing = self.follow(&cluster, way);
+        let landing = self.follow(cluster, way);
         cluster.x = landing.at;
         cluster.v = v;
-        (cluster, landing)
+        landing
+    }
+
+    /// What the air at its members does to a cluster, by their masses.
+    fn borne_by(&self, cluster: &Cluster, asked: &Asked, t: f64) -> DVec3 {
+        let lift = cluster.lift_at(t);
+        let (mut sum, mut mass) = (DVec3::ZERO, 0.0);
+        for (i, air) in asked.which.iter().zip(&asked.air) {
+            let c = self.at(cluster.members[*i]);
+            sum += carried(*air, c.tuft(), cluster.fall, self.options.glide, lift) * c.mass;
+            mass += c.mass;
+        }
+        sum / mass
     }
 
     /// How fast a cluster turns after this step: towards how the air around it turns.

@@ -56,6 +56,11 @@ pub(super) fn drawn(bonds: &mut [Bond], members: &[u32], dt: f64) -> Option<Vec<
     }
     let gone = 1.0 - exp(-dt / DRAW_TIME);
     let n = members.len();
+    if let ([bond], 2) = (&mut *bonds, n) {
+        // Most clusters are pairs.
+        let way = bond.close(gone);
+        return Some(vec![DVec3::ZERO, if bond.ends[0] == members[0] { -way } else { way }]);
+    }
     let mut next: Vec<Vec<(usize, DVec3)>> = vec![Vec::new(); n];
     for bond in bonds {
         let way = bond.close(gone);

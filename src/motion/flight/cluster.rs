@@ -149,9 +149,14 @@ impl Cluster {
     }
 
     /// At most `count` members, evenly spaced: their places in `members`.
-    pub fn evenly(&self, count: usize) -> Vec<usize> {
+    pub fn evenly(&self, count: usize) -> impl Iterator<Item = usize> {
         let n = self.members.len();
-        if n <= count { (0..n).collect() } else { (0..count).map(|i| i * n / count).collect() }
+        (0..n.min(count)).map(move |i| if n <= count { i } else { i * n / count })
+    }
+
+    /// How fast a member moves that is `offset` from its centre, m/s.
+    fn speed_at(&self, offset: DVec3) -> DVec3 {
+        if self.state == State::Airborne { self.v + self.omega.as_dvec3().cross(offset) } else { self.v }
     }
 
     /// Upward air that still carries it after taking off, m/s.
@@ -272,12 +277,7 @@ impl Flights {
         let Some(cluster) = self.clusters.remove(&root) else { return };
         for (id, offset) in cluster.members.iter().zip(&cluster.offsets) {
             let c = self.at_mut(*id);
-            c.x = cluster.x + *offset;
-            c.v = if cluster.state == State::Airborne {
-                cluster.v + cluster.omega.as_dvec3().cross(*offset)
-            } else {
-                cluster.v
-            };
+            (c.x, c.v) = (cluster.x + *offset, cluster.speed_at(*offset));
         }
         self.clusters.insert(root, cluster);
     }
@@ -285,6 +285,12 @@ impl Flights {
     /// After a step of a cluster: members follow, and rest if it does.
     pub(super) fn place(&mut self, root: u32, landing: &Landing) {
         let Some(mut cluster) = self.clusters.remove(&root) else { return };
+        self.follow_on(&mut cluster, landing);
+        self.clusters.insert(root, cluster);
+    }
+
+    /// The same for one that is not among the clusters now.
+    pub(super) fn follow_on(&mut self, cluster: &mut Cluster, landing: &Landing) {
         if let Some(hold) = landing.hold {
             if cluster.state == State::Airborne {
                 cluster.v = DVec3::ZERO;
@@ -293,18 +299,15 @@ impl Flights {
             }
             cluster.state = hold.state;
         }
-        let state = cluster.state;
         for (id, offset) in cluster.members.iter().zip(&cluster.offsets) {
             let at = cluster.x + *offset;
             let c = self.at_mut(*id);
             c.travel += at - c.x;
-            c.state = state;
+            (c.x, c.v, c.state) = (at, cluster.speed_at(*offset), cluster.state);
             if let Some(hold) = landing.hold {
                 c.rest_on(hold);
             }
         }
-        self.clusters.insert(root, cluster);
-        self.spread(root);
     }
 
     /// Parts of clusters that came to rest before they had drawn close: nothing stays hanging above what it clings to.

@@ -3,8 +3,9 @@
 use glam::{DVec3, IVec3, Vec3};
 
 use super::grid::Grid;
-use super::record::State;
-use super::{Edge, Flights};
+use super::record::{Catkin, State};
+use super::{Edge, Flights, Options};
+use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::par::par_map;
 use crate::rng::Rng;
@@ -23,15 +24,13 @@ const PLANES: i32 = 4;
 struct Flyer {
     id: u32,
     root: u32,
-    /// Half way, m.
-    middle: Vec3,
     /// Way, m.
     way: Vec3,
     reach: f32,
 }
 
 impl Flyer {
-    /// Whether the two came within reach of each other. `between`: from this one's middle to the other's.
+    /// Whether the two came within reach of each other. `between`: from half of this one's way to half of the other's.
     fn meets(&self, other: &Self, between: Vec3) -> bool {
         let way = other.way - self.way;
         let start = between - way * 0.5;
@@ -40,18 +39,14 @@ impl Flyer {
         let reach = self.reach + other.reach;
         (start + way * s).length_squared() <= reach * reach
     }
-
-    /// The ball that holds all that it reaches on its way.
-    fn ball(&self) -> Ball {
-        Ball { middle: self.middle, radius: (self.reach + 0.5 * self.way.length()) * ROUNDED }
-    }
 }
 
 /// Keeps a ball's radius from being rounded below what it must hold.
 const ROUNDED: f32 = 1.0 + 1e-5;
 
-/// What the search looks at first: 16 bytes each, side by side.
-#[derive(Debug, Clone, Copy)]
+/// What the search looks at first, side by side: where one was half way, and how far it reached from there on its own way,
+/// which is what is left of its way without that of all.
+#[derive(Debug, Clone, Copy, Default)]
 struct Ball {
     middle: Vec3,
     radius: f32,
@@ -62,9 +57,14 @@ struct Ball {
 const ROWS: [(i32, i32); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
 
 /// Flyers by cubes of the box, side by side in memory; cubes that follow each other in z lie side by side too.
-struct Crowd {
+#[derive(Debug, Clone, Default)]
+pub(super) struct Crowd {
+    /// In no order.
     flyers: Vec<Flyer>,
+    loose: Vec<Ball>,
+    /// The same by cubes, and whose they are.
     balls: Vec<Ball>,
+    whose: Vec<u32>,
     /// Where each cube's flyers begin; one more at the end.
     begins: Vec<u32>,
     count: IVec3,
@@ -75,62 +75,79 @@ struct Crowd {
 }
 
 impl Crowd {
-    fn new(flyers: &mut [Flyer], flights: &Flights) -> Self {
-        let inside = flights.options.inside;
-        let size = inside.size();
-        let n = flyers.len().max(1) as f32;
-        let mean = flyers.iter().map(|f| f.way).sum::<Vec3>() / n;
-        let stray = flyers.iter().map(|f| (f.way - mean).length()).fold(0.0, f32::max);
-        let reach = flyers.iter().map(|f| f.reach).fold(0.0, f32::max);
-        let volume = (size.x * size.y * size.z).max(f32::MIN_POSITIVE);
-        let side = (2.0 * reach + stray).max(crate::math::pow_f32(volume / n, 1.0 / 3.0)).max(1e-3);
-        let count = (size / side).floor().clamp(Vec3::ONE, Vec3::splat(MOST)).as_ivec3();
-        let round = flights.options.edges.map(|e| e == Edge::Periodic);
-        let (begins, balls) = (Vec::new(), Vec::new());
-        let mut crowd = Self { flyers: Vec::new(), balls, begins, count, round, low: inside.min, size };
-        flyers.iter_mut().for_each(|f| f.middle = crowd.wrapped(f.middle));
-        crowd.sort(flyers);
-        crowd
+    /// All that flew since the last check. Keeps the room that it has. `begin`: the time to the next check begins for them.
+    fn gather(&mut self, options: &Options, catkins: &mut [Catkin], begin: bool) {
+        self.flyers.clear();
+        self.loose.clear();
+        self.round = options.edges.map(|e| e == Edge::Periodic);
+        (self.low, self.size) = (options.inside.min, options.inside.size());
+        let stick = narrow(options.stick_radius);
+        for c in catkins {
+            if c.free && c.state == State::Airborne {
+                let way = c.travel.as_vec3();
+                let middle = self.wrapped((c.x - c.travel * 0.5).as_vec3());
+                self.flyers.push(Flyer { id: c.id, root: c.root, way, reach: c.radius.max(stick) });
+                self.loose.push(Ball { middle, radius: 0.0 });
+            }
+            if begin {
+                c.begin();
+            }
+        }
     }
 
     /// Brings those of one cube together.
-    fn sort(&mut self, flyers: &[Flyer]) {
-        let cubes: Vec<u32> = flyers.iter().map(|f| self.index(self.cube(f.middle))).collect();
+    fn sort(&mut self) {
+        let ways = Bounds::of(self.flyers.iter().map(|f| f.way));
+        let (drift, stray) = (ways.center(), 0.5 * ways.size().length());
+        let mut reach = 0.0_f32;
+        for (f, ball) in self.flyers.iter().zip(&mut self.loose) {
+            ball.radius = (f.reach + 0.5 * (f.way - drift).length()) * ROUNDED;
+            reach = reach.max(f.reach);
+        }
+        let n = self.flyers.len().max(1) as f32;
+        let volume = (self.size.x * self.size.y * self.size.z).max(f32::MIN_POSITIVE);
+        let side = (2.0 * reach + stray).max(crate::math::pow_f32(volume / n, 1.0 / 3.0)).max(1e-3);
+        self.count = (self.size / side).floor().clamp(Vec3::ONE, Vec3::splat(MOST)).as_ivec3();
+        let cubes: Vec<u32> = self.loose.iter().map(|b| self.index(self.cube(b.middle))).collect();
         let cells = (self.count.x * self.count.y * self.count.z).unsigned_abs() as usize;
-        let mut begins = vec![0_u32; cells + 1];
-        cubes.iter().for_each(|c| begins[*c as usize + 1] += 1);
-        (0..cells).for_each(|i| begins[i + 1] += begins[i]);
-        let mut next = begins.clone();
-        let mut from = vec![0_u32; flyers.len()];
-        for (i, c) in (0..).zip(cubes) {
-            let place = &mut next[c as usize];
-            from[*place as usize] = i;
+        // Counted two places on, so that while they are sorted in, the place before the next cube's is where this one's end.
+        let mut begins = std::mem::take(&mut self.begins);
+        begins.clear();
+        begins.resize(cells + 2, 0);
+        cubes.iter().for_each(|c| begins[*c as usize + 2] += 1);
+        (2..cells + 2).for_each(|i| begins[i] += begins[i - 1]);
+        self.balls.resize(self.flyers.len(), Ball::default());
+        self.whose.resize(self.flyers.len(), 0);
+        for ((i, c), ball) in (0..).zip(cubes).zip(&self.loose) {
+            let place = &mut begins[c as usize + 1];
+            (self.balls[*place as usize], self.whose[*place as usize]) = (*ball, i);
             *place += 1;
         }
-        self.flyers = from.iter().map(|i| flyers[*i as usize]).collect();
-        self.balls = self.flyers.iter().map(Flyer::ball).collect();
         self.begins = begins;
     }
 
     /// A place in the box along axes that go round.
     fn wrapped(&self, p: Vec3) -> Vec3 {
-        let turns = ((p - self.low) / self.size).floor() * self.size;
+        let far = p - self.low;
+        if far.cmpge(Vec3::ZERO).all() && far.cmplt(self.size).all() {
+            return p;
+        }
+        let turns = (far / self.size).floor() * self.size;
         Vec3::new(if self.round[0] { p.x - turns.x } else { p.x }, p.y, if self.round[1] { p.z - turns.z } else { p.z })
     }
 
     fn cube(&self, p: Vec3) -> IVec3 {
-        let c = ((p - self.low) / self.size * self.count.as_vec3()).floor();
-        c.as_ivec3().clamp(IVec3::ZERO, self.count - IVec3::ONE)
+        // What is below the box goes to its first cube, as does what rounding down towards nought brings there.
+        ((p - self.low) / self.size * self.count.as_vec3()).as_ivec3().clamp(IVec3::ZERO, self.count - IVec3::ONE)
     }
 
     fn index(&self, c: IVec3) -> u32 {
         ((c.x * self.count.y + c.y) * self.count.z + c.z).unsigned_abs()
     }
 
-    /// Places of the flyers of cubes `z` of a row.
-    fn row(&self, x: i32, y: i32, z: std::ops::RangeInclusive<i32>) -> std::ops::Range<usize> {
-        let at = |z: i32| self.index(IVec3::new(x, y, z)) as usize;
-        self.begins[at(*z.start())] as usize..self.begins[at(*z.end()) + 1] as usize
+    /// Places of the flyers of some cubes that follow each other.
+    fn within(&self, cubes: std::ops::Range<usize>) -> std::ops::Range<usize> {
+        self.begins[cubes.start] as usize..self.begins[cubes.end] as usize
     }
 
     /// Pairs of numbers, the smaller first, that met; sorted, each once.
@@ -139,11 +156,7 @@ impl Crowd {
         let found = par_map(&starts, |x0| {
             let mut pairs = Vec::new();
             for x in *x0..(*x0 + PLANES).min(self.count.x) {
-                for y in 0..self.count.y {
-                    for z in 0..self.count.z {
-                        self.meet_in(IVec3::new(x, y, z), &mut pairs);
-                    }
-                }
+                (0..self.count.y).for_each(|y| self.meet_along(x, y, &mut pairs));
             }
             pairs
         });
@@ -154,48 +167,48 @@ impl Crowd {
         pairs
     }
 
-    /// Pairs of a cube's flyers with each other and with those of the cubes after it.
-    fn meet_in(&self, c: IVec3, pairs: &mut Vec<(u32, u32)>) {
-        let here = self.row(c.x, c.y, c.z..=c.z);
-        if here.is_empty() {
-            return;
-        }
-        let last = self.count.z - 1;
-        let own = self.row(c.x, c.y, c.z..=(c.z + 1).min(last));
-        for i in here.clone() {
-            self.meet(i, i + 1..own.end, Vec3::ZERO, pairs);
-        }
-        if c.z == last && self.round[1] {
-            self.meet_all(&here, self.row(c.x, c.y, 0..=0), Vec3::Z * self.size.z, pairs);
-        }
-        for (dx, dy) in ROWS {
-            let (mut x, y) = (c.x + dx, c.y + dy);
+    /// Rows of cubes after the one at (x, y): the first cube of each, and how far the row stands from where it is.
+    fn rows_after(&self, x: i32, y: i32) -> impl Iterator<Item = (usize, Vec3)> {
+        ROWS.into_iter().filter_map(move |(dx, dy)| {
+            let (mut x, y) = (x + dx, y + dy);
             if y < 0 || y >= self.count.y || (x == self.count.x && !self.round[0]) {
-                continue;
+                return None;
             }
             let mut by = Vec3::ZERO;
             if x == self.count.x {
                 (x, by.x) = (0, self.size.x);
             }
-            self.meet_all(&here, self.row(x, y, (c.z - 1).max(0)..=(c.z + 1).min(last)), by, pairs);
-            if self.round[1] && c.z == 0 {
-                self.meet_all(&here, self.row(x, y, last..=last), by - Vec3::Z * self.size.z, pairs);
-            }
-            if self.round[1] && c.z == last {
-                self.meet_all(&here, self.row(x, y, 0..=0), by + Vec3::Z * self.size.z, pairs);
-            }
-        }
+            Some((self.index(IVec3::new(x, y, 0)) as usize, by))
+        })
     }
 
-    fn meet_all(
-        &self,
-        here: &std::ops::Range<usize>,
-        there: std::ops::Range<usize>,
-        by: Vec3,
-        pairs: &mut Vec<(u32, u32)>,
-    ) {
-        if !there.is_empty() {
-            here.clone().for_each(|i| self.meet(i, there.clone(), by, pairs));
+    /// Pairs of the flyers in a row of cubes along z with each other and with those of the rows after it.
+    fn meet_along(&self, x: i32, y: i32, pairs: &mut Vec<(u32, u32)>) {
+        let own = self.index(IVec3::new(x, y, 0)) as usize;
+        let rows: Vec<(usize, Vec3)> = self.rows_after(x, y).collect();
+        let (n, round) = (self.count.z.unsigned_abs() as usize, Vec3::Z * self.size.z);
+        for z in 0..n {
+            let here = self.within(own + z..own + z + 1);
+            if here.is_empty() {
+                continue;
+            }
+            let (before, after) = (z.saturating_sub(1), (z + 2).min(n));
+            let next = self.begins[own + after] as usize;
+            here.clone().for_each(|i| self.meet(i, i + 1..next, Vec3::ZERO, pairs));
+            let mut meet = |cubes: std::ops::Range<usize>, by: Vec3| {
+                let there = self.within(cubes);
+                if !there.is_empty() {
+                    here.clone().for_each(|i| self.meet(i, there.clone(), by, pairs));
+                }
+            };
+            rows.iter().for_each(|(row, by)| meet(row + before..row + after, *by));
+            if self.round[1] && z + 1 == n {
+                meet(own..own + 1, round);
+                rows.iter().for_each(|(row, by)| meet(*row..row + 1, *by + round));
+            }
+            if self.round[1] && z == 0 {
+                rows.iter().for_each(|(row, by)| meet(row + n - 1..row + n, *by - round));
+            }
         }
     }
 
@@ -207,12 +220,21 @@ impl Crowd {
             let between = (b.middle - a.middle) + by;
             let reach = a.radius + b.radius;
             if between.length_squared() <= reach * reach {
-                let (a, b) = (&self.flyers[i], &self.flyers[k]);
+                let [a, b] = [i, k].map(|at| &self.flyers[self.whose[at] as usize]);
                 if a.root != b.root && a.meets(b, between) {
                     pairs.push((a.id.min(b.id), a.id.max(b.id)));
                 }
             }
         }
+    }
+}
+
+impl Catkin {
+    /// The time to the next check begins.
+    fn begin(&mut self) {
+        self.travel = DVec3::ZERO;
+        self.free = self.state == State::Airborne;
+        self.stirred = false;
     }
 }
 
@@ -234,27 +256,19 @@ impl Flights {
         for (i, j) in self.met_at_rest() {
             self.join(i, j, t);
         }
-        for c in &mut self.catkins {
-            c.travel = DVec3::ZERO;
-            c.free = c.state == State::Airborne;
-            c.stirred = false;
+        if self.about.deposited {
+            self.catkins.iter_mut().for_each(Catkin::begin);
         }
     }
 
-    fn met_in_the_air(&self) -> Vec<(u32, u32)> {
-        let flyer = |c: &super::Catkin| Flyer {
-            id: c.id,
-            root: c.root,
-            middle: (c.x - c.travel * 0.5).as_vec3(),
-            way: c.travel.as_vec3(),
-            reach: c.radius.max(narrow(self.options.stick_radius)),
-        };
-        let mut flyers: Vec<Flyer> =
-            self.catkins.iter().filter(|c| c.free && c.state == State::Airborne).map(flyer).collect();
-        if flyers.len() < 2 {
+    fn met_in_the_air(&mut self) -> Vec<(u32, u32)> {
+        // Where nobody rests nothing else asks where they came from.
+        self.crowd.gather(&self.options, &mut self.catkins, !self.about.deposited);
+        if self.crowd.flyers.len() < 2 {
             return Vec::new();
         }
-        Crowd::new(&mut flyers, self).pairs()
+        self.crowd.sort();
+        self.crowd.pairs()
     }
 
     /// Pairs of which one or both rest, by their own radii: who came to rest or moved since the last look with all who
@@ -270,9 +284,8 @@ impl Flights {
         }
         let widest = rests.map(|c| c.radius).fold(0.0, f32::max);
         let bounds =
-            crate::geometry::Bounds::of(self.catkins.iter().filter(|c| c.state.is_deposited()).map(|c| c.x.as_vec3()))
-                .grown(widest);
-        let chunks: Vec<&[super::Catkin]> = self.catkins.chunks(super::CHUNK).collect();
+            Bounds::of(self.catkins.iter().filter(|c| c.state.is_deposited()).map(|c| c.x.as_vec3())).grown(widest);
+        let chunks: Vec<&[Catkin]> = self.catkins.chunks(super::CHUNK).collect();
         let found = par_map(&chunks, |chunk| {
             let mut pairs = Vec::new();
             for c in chunk.iter().filter(|c| c.state == State::Airborne || (c.state.is_deposited() && c.stirred)) {
@@ -286,12 +299,7 @@ impl Flights {
         pairs
     }
 
-    fn meet_resting(
-        &self,
-        c: &super::Catkin,
-        (grid, widest, bounds): (&Grid, f32, crate::geometry::Bounds),
-        pairs: &mut Vec<(u32, u32)>,
-    ) {
+    fn meet_resting(&self, c: &Catkin, (grid, widest, bounds): (&Grid, f32, Bounds), pairs: &mut Vec<(u32, u32)>) {
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
         // What lies has no way to look back on: where it was before is not where it rests.
         let start = if c.state == State::Airborne { (c.x - c.travel).as_vec3() } else { end };
@@ -332,19 +340,14 @@ mod tests {
     }
 
     fn brute(flights: &Flights) -> Vec<(u32, u32)> {
-        let all: Vec<&super::super::Catkin> = flights.by_number().collect();
+        let all: Vec<&Catkin> = flights.by_number().collect();
         let mut pairs = Vec::new();
         for (i, a) in all.iter().enumerate() {
             for b in &all[i + 1..] {
-                let flyer = |c: &super::super::Catkin| Flyer {
-                    id: c.id,
-                    root: c.root,
-                    middle: (c.x - c.travel * 0.5).as_vec3(),
-                    way: c.travel.as_vec3(),
-                    reach: 0.2,
-                };
+                let flyer = |c: &Catkin| Flyer { id: c.id, root: c.root, way: c.travel.as_vec3(), reach: 0.2 };
+                let [from, to] = [a, b].map(|c| (c.x - c.travel * 0.5).as_vec3());
                 let (a, b) = (flyer(a), flyer(b));
-                let between = flights.nearest_image((b.middle - a.middle).as_dvec3()).as_vec3();
+                let between = flights.nearest_image((to - from).as_dvec3()).as_vec3();
                 if a.meets(&b, between) {
                     pairs.push((a.id, b.id));
                 }

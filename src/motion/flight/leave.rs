@@ -15,16 +15,11 @@ impl Flights {
     /// Wraps, lets go or brings back what is past a side, and keeps what flies below the top.
     pub(super) fn leave(&mut self, t: f64) {
         self.count_long_steps();
-        let inside = self.options.inside;
-        let top = f64::from(inside.max.y);
-        let (low, high) = (inside.min.as_dvec3(), inside.max.as_dvec3());
-        let out = |x: DVec3| x.x < low.x || x.x > high.x || x.z < low.z || x.z > high.z;
-        let place = |c: &Catkin| if c.clustered { self.clusters.get(&c.id).map_or(c.x, |k| k.x) } else { c.x };
-        let moved = self.leaders(|c| c.state.is_seen() && (out(place(c)) || place(c).y > top));
-        for root in moved {
+        let top = f64::from(self.options.inside.max.y);
+        for root in self.outside() {
             self.wrap(root);
             let x = self.clusters.get(&root).map_or_else(|| self.at(root).x, |k| k.x);
-            if out(x) {
+            if self.options.is_past_a_side(x) {
                 self.go(root, t);
             } else if x.y > top {
                 self.push(root, DVec3::Y * (top - x.y));
@@ -33,6 +28,22 @@ impl Flights {
         if self.about.exited {
             self.come_back(t);
         }
+    }
+
+    /// Numbers of singles, and of those that stand for their clusters, that are outside of the box, ascending.
+    fn outside(&mut self) -> Vec<u32> {
+        let strays = std::mem::take(&mut self.strays);
+        let single = |c: &Catkin| !c.clustered && c.state.is_seen() && self.options.is_outside(c.x);
+        let clusters = self.clusters.iter().filter(|(_, c)| self.options.is_outside(c.x)).map(|(root, _)| *root);
+        let mut all: Vec<u32> = if self.about.deposited {
+            self.leaders(single)
+        } else {
+            // Singles in the air are where they flew to.
+            strays.into_iter().filter(|id| single(self.at(*id))).collect()
+        };
+        all.extend(clusters);
+        all.sort_unstable();
+        all
     }
 
     /// Counts those in the air that are so fast that a step takes them further than they should go.

@@ -40,6 +40,7 @@ pub use tally::Tally;
 
 use about::About;
 use cluster::Clusters;
+use contact::Crowd;
 
 /// Records a task takes at once.
 const CHUNK: usize = 512;
@@ -64,6 +65,10 @@ pub struct Flights {
     about: About,
     /// Some single is drawn to a cluster.
     drawn: bool,
+    /// Singles that this step took out of the box.
+    strays: Vec<u32>,
+    /// Room for the search for contacts.
+    crowd: Crowd,
     events: tally::Events,
 }
 
@@ -100,7 +105,9 @@ impl Flights {
         }
         let slot = (0..u32::try_from(catkins.len()).unwrap_or(u32::MAX)).collect();
         let (clusters, about) = (Clusters::new(), About::UNKNOWN);
-        Self { options, solids, catkins, slot, clusters, step: 0, entering: Vec3::X, about, drawn: false, events }
+        let (strays, crowd) = (Vec::new(), Crowd::default());
+        let (step, entering, drawn) = (0, Vec3::X, false);
+        Self { options, solids, catkins, slot, clusters, step, entering, about, drawn, strays, crowd, events }
     }
 
     /// Number of catkins, flying or not.

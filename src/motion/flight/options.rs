@@ -4,6 +4,9 @@ use glam::{DVec3, Vec3};
 
 use crate::geometry::Bounds;
 
+/// Acceleration of free fall, m/s^2.
+const GRAVITY: f64 = 9.81;
+
 /// A kind of catkin that flies.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kind {
@@ -182,6 +185,22 @@ impl Options {
     /// Length of a step, s.
     pub fn step(&self) -> f64 {
         1.0 / (self.fps * f64::from(self.substeps.max(1)))
+    }
+
+    /// Time in which the difference between the velocity of what settles at `fall`, m/s, and the air's falls to 1/e, s.
+    pub(super) fn tau(&self, fall: f64) -> f64 {
+        if self.inertia { fall / GRAVITY } else { 0.0 }
+    }
+
+    /// Past a side of the box, or above its top.
+    pub(super) fn is_outside(&self, x: DVec3) -> bool {
+        self.is_past_a_side(x) || x.y > f64::from(self.inside.max.y)
+    }
+
+    /// Past a side of the box.
+    pub(super) fn is_past_a_side(&self, x: DVec3) -> bool {
+        let (low, high) = (self.inside.min.as_dvec3(), self.inside.max.as_dvec3());
+        x.x < low.x || x.x > high.x || x.z < low.z || x.z > high.z
     }
 
     /// How far a single is drawn to a cluster, m: where the attraction has fallen to a hundredth.

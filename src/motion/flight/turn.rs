@@ -78,14 +78,17 @@ impl Beat {
 impl Flights {
     pub(super) fn turn(&mut self) {
         let beat = Beat::of(self);
-        let clusters = &self.clusters;
+        let clusters = std::mem::take(&mut self.clusters);
+        for cluster in clusters.values().filter(|c| c.state == State::Airborne) {
+            cluster.members.iter().for_each(|id| self.at_mut(*id).omega = cluster.omega);
+        }
+        self.clusters = clusters;
         let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CHUNK).collect();
         crate::par::par_each(&mut chunks, |chunk| {
             for c in chunk.iter_mut() {
                 match c.state {
-                    State::Airborne if c.clustered => {
-                        c.omega = clusters.get(&c.root).map_or(c.omega, |cluster| cluster.omega);
-                    }
+                    // As their cluster turns: see above.
+                    State::Airborne if c.clustered => {}
                     State::Airborne => beat.turn(c),
                     _ => {
                         c.omega *= beat.rest;
