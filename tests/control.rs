@@ -1,0 +1,131 @@
+//! What walls and wet ground are built for, in the air of a lattice: fewer get past a higher wall, most of what it stops
+//! lies at its foot, and wetter ground lets fewer go.
+#![allow(clippy::expect_used, reason = "tests")]
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use osier::geometry::Bounds;
+use osier::limits::Limits;
+use osier::motion::flight::{Catkin, Edge, Flights, Humidity, Options, Start, Wait};
+use osier::progress::{Cancel, Silent};
+use osier::rng::Rng;
+use osier::solid::{Form, Prism, Solid, Solids};
+use osier::wind::{Between, InletOptions, Lattice, LatticeOptions, Snapshot};
+
+/// The box of air, m: 32 x 20 x 8 in cells of half a metre; it goes round along z.
+const CELLS: [u32; 3] = [64, 40, 16];
+const SPACING: f64 = 0.5;
+const FPS: f64 = 24.0;
+
+/// The wall's middle and thickness, m; it goes right across.
+const WALL: f32 = 2.0;
+const THICK: f32 = 0.5;
+
+fn solids(height: f32) -> Vec<Solid> {
+    let prism = Prism::block(Vec3::new(WALL, 0.0, 0.0), Vec3::new(THICK, height, 9.0), 0.0);
+    let wall = Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.5 };
+    if height > 0.0 { vec![wall] } else { Vec::new() }
+}
+
+/// Frames of a wind that enters at `speed`, m/s, once it has blown through.
+fn blown(speed: f64, steps: u32, solids: &[Solid], frames: usize) -> Vec<Arc<Snapshot>> {
+    let inlet = InletOptions { speed, turbulence: 0.2, ..LatticeOptions::default().inlet };
+    let options = LatticeOptions {
+        cells: CELLS,
+        spacing: SPACING,
+        fps: FPS,
+        steps: Some(steps),
+        inlet,
+        ..LatticeOptions::default()
+    };
+    let mut lattice = Lattice::new(&options, solids, &Limits::default()).expect("a lattice");
+    (0..=frames).map(|_| lattice.advance(&Silent, &Cancel::default()).expect("air")).collect()
+}
+
+fn options(seed: u64, humidity: f64, edges: [Edge; 2]) -> Options {
+    let inside = Bounds { min: Vec3::new(-16.0, 0.0, -4.0), max: Vec3::new(16.0, 20.0, 4.0) };
+    Options {
+        seed,
+        humidity: Humidity::Even(humidity),
+        edges,
+        inside,
+        stick_radius: 0.0,
+        substeps: 2,
+        ..Options::default()
+    }
+}
+
+/// Some that start between `low` and `high` and fly as long as the wind is known, and for how many frames one or another lay.
+fn flown(options: Options, (low, high): (DVec3, DVec3), solids: &[Solid], air: &[Arc<Snapshot>]) -> (Flights, usize) {
+    let mut draw = Rng::at(options.seed, &["control".into()]);
+    let mut place = || low + (high - low) * DVec3::new(draw.unit_f64(), draw.unit_f64(), draw.unit_f64());
+    let starts: Vec<Start> = (0..500).map(|_| Start { at: place(), wait: Wait::Until(0.0) }).collect();
+    let mut all = Flights::new(options, Arc::new(Solids::new(solids.to_vec(), true)), &starts);
+    let mut lay = 0;
+    for (pair, t0) in air.windows(2).zip((0_u32..).map(|k| f64::from(k) / FPS)) {
+        let (before, after) = (Arc::clone(&pair[0]), Arc::clone(&pair[1]));
+        all.advance_frame(&Between { before, after, t0, t1: t0 + 1.0 / FPS });
+        lay += all.by_number().filter(|c| c.state().is_deposited()).count();
+    }
+    (all, lay)
+}
+
+/// How many lie in each stretch of `length`, m, before the wall's face, the nearest first, and behind the wall.
+fn lying(all: &Flights, length: f64) -> (Vec<usize>, usize) {
+    let rests = |c: &&Catkin| c.state().is_deposited();
+    let before: Vec<f64> =
+        all.by_number().filter(rests).map(|c| f64::from(WALL - THICK / 2.0) - c.position().x).collect();
+    let within = |k: u32| {
+        let from = f64::from(k) * length;
+        before.iter().filter(|x| (from..from + length).contains(*x)).count()
+    };
+    ((0..7).map(within).collect(), before.iter().filter(|x| (-length..0.0).contains(*x)).count())
+}
+
+/// Walls of 0, 2, 4 and 8 m, upwind of which all start: on wet ground, and on ground that is swept dry.
+#[test]
+fn a_higher_wall_lets_fewer_pass_and_gathers_them_at_its_foot() {
+    let upwind = (DVec3::new(-14.0, 0.2, -4.0), DVec3::new(0.0, 7.0, 4.0));
+    let edges = [Edge::Exit, Edge::Periodic];
+    let winds = [0.0, 2.0, 4.0, 8.0].map(|height| {
+        let solids = solids(height);
+        let air = blown(3.0, 4, &solids, 340);
+        (solids, air)
+    });
+    for seed in 1..=2 {
+        let fly =
+            |wind: &(Vec<Solid>, Vec<Arc<Snapshot>>), wet| flown(options(seed, wet, edges), upwind, &wind.0, &wind.1).0;
+        let beyond = |c: &&Catkin| c.position().x > f64::from(WALL);
+        let passed = winds.each_ref().map(|wind| fly(wind, 0.9).by_number().filter(beyond).count());
+        assert!(passed.windows(2).all(|p| p[0] > p[1]), "seed {seed}: {passed:?}");
+        for (wind, height) in winds.iter().zip([0_u32, 2, 4, 8]).skip(1) {
+            let all = fly(wind, 0.1);
+            // As far as the wall is high: that far the air before it goes round and round.
+            let (before, behind) = lying(&all, f64::from(height));
+            let most = before.iter().skip(1).max().expect("stretches");
+            assert!(before[0] > *most && before[0] > behind, "seed {seed}, {height} m: {before:?}, {behind}");
+            assert_eq!(all.tally().penetrations, 0);
+        }
+    }
+}
+
+/// Ground of 0, 1/4, 1/2, 3/4 and quite wet, in a wind of 3 m/s: of those that lie, the fewer are lifted in a second the
+/// wetter it is; three quarters hold all.
+#[test]
+fn wetter_ground_lets_fewer_go() {
+    let air = blown(3.0, 4, &[], 200);
+    let low = (DVec3::new(-16.0, 0.1, -4.0), DVec3::new(16.0, 1.5, 4.0));
+    for seed in 1..=2 {
+        let lifted = [0.0, 0.25, 0.5, 0.75, 1.0].map(|humidity| {
+            let (all, lay) = flown(options(seed, humidity, [Edge::Periodic; 2]), low, &[], &air);
+            let tally = all.tally();
+            assert!(tally.deposits > 50, "seed {seed}, {humidity}: {tally:?}");
+            tally.lift_offs as f64 * FPS / (lay as f64).max(1.0)
+        });
+        assert!(
+            lifted.windows(2).all(|p| p[0] > p[1] || p[0] < 1e-9) && lifted[2] > 1e-9 && lifted[4] < 1e-9,
+            "seed {seed}: {lifted:?}"
+        );
+    }
+}
