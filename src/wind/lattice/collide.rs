@@ -5,16 +5,32 @@ use super::stencil::{C, Q, W, weight};
 
 /// Fastest equilibrium, in cells a step: beyond, the expansion of eq. 8 is worth nothing.
 pub(super) const FASTEST: f64 = 0.3;
+/// Where nothing is faster, nothing passes [`FASTEST`] in the next step.
+pub(super) const FAST: f64 = 0.25;
 
 /// How fast populations relax.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Relax<L> {
-    /// Relaxation time without eddies, steps, above 1/2.
+    /// Relaxation time without eddies, steps, above 1/2, and one over it.
     pub tau: L,
+    pub omega: L,
     /// 18 sqrt(2) Cs^2.
     pub eddies: L,
     /// Body force, with the last switch of [`collide`].
     pub force: [L; 3],
+}
+
+impl<L: Lane> Relax<L> {
+    #[inline(always)]
+    pub(super) fn new(tau: L, eddies: L, force: [L; 3]) -> Self {
+        Self { tau, omega: tau.all(1.0).over(tau), eddies, force }
+    }
+
+    /// The same air with another relaxation time.
+    #[inline(always)]
+    pub(super) fn with(self, tau: L) -> Self {
+        Self { tau, omega: tau.all(1.0).over(tau), ..self }
+    }
 }
 
 /// 18 sqrt(2) Cs^2 of a Smagorinsky constant.
@@ -61,19 +77,18 @@ impl<L: Lane> Pairs<L> {
         ]
     }
 
-    /// Square of the stress that is not of the equilibrium, |Pi|^2.
+    /// Square of the stress that is not of the equilibrium, |Pi|^2. `back`: -1/rho; `j`: momentum.
     #[inline(always)]
-    fn stress(&self, drho: L, m: [L; 3], u: [L; 3]) -> L {
+    fn stress(&self, drho: L, j: [L; 3], back: L) -> L {
         let s = &self.sum;
         let diagonal = (drho * drho.all(-1.0 / 3.0)) + self.diagonals();
-        let back = [u[0] * drho.all(-1.0), u[1] * drho.all(-1.0), u[2] * drho.all(-1.0)];
-        let xx = m[0].fused(back[0], s[0] + diagonal);
-        let yy = m[1].fused(back[1], s[1] + diagonal);
-        let zz = m[2].fused(back[2], s[2] + diagonal);
+        let xx = back.fused(j[0] * j[0], s[0] + diagonal);
+        let yy = back.fused(j[1] * j[1], s[1] + diagonal);
+        let zz = back.fused(j[2] * j[2], s[2] + diagonal);
         let (a, b, c, d) = (s[3] + s[4], s[5] + s[6], s[3] - s[4], s[5] - s[6]);
-        let xy = m[0].fused(back[1], a - b);
-        let xz = m[0].fused(back[2], c + d);
-        let yz = m[1].fused(back[2], c - d);
+        let xy = back.fused(j[0] * j[1], a - b);
+        let xz = back.fused(j[0] * j[2], c + d);
+        let yz = back.fused(j[1] * j[2], c - d);
         let across = xy.fused(xy, xz.fused(xz, yz * yz));
         drho.all(2.0).fused(across, xx.fused(xx, yy.fused(yy, zz * zz)))
     }
@@ -117,12 +132,17 @@ pub(super) struct Collided<L> {
 
 /// A collision.
 /// `g`: populations less their weights. `EDDIES`: with Smagorinsky's eddy viscosity; without it `relax.eddies` is unused.
-/// The speed in the equilibrium is held to [`FASTEST`], the count of which is the caller's. `FORCE`: with a body force,
-/// which only flows with known solutions need.
+/// The speed in the equilibrium is held to [`FASTEST`] where its square is above `limit`, which is infinite where nothing
+/// can be near it; to count these cells is the caller's. `FORCE`: with a body force, which only flows with known solutions
+/// need.
 /// Source: \[catkin\] eq. 6 to 9; eddy viscosity: Hou, Sterling, Chen, Doolen 1996; force: Guo, Zheng, Shi 2002.
 /// Differs: \[catkin\] gives no relaxation time; opposites are taken together, which saves half of the products.
 #[inline(always)]
-pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q], relax: Relax<L>) -> Collided<L> {
+pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
+    g: &[L; Q],
+    relax: Relax<L>,
+    limit: f64,
+) -> Collided<L> {
     let one = relax.tau.all(1.0);
     let pairs = Pairs::of(g);
     let drho = pairs.density();
@@ -137,29 +157,30 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(g: &[L; Q]
             (*j, *held) = (*j + half, *held - half);
         }
     }
-    let mut u = [j[0] * share, j[1] * share, j[2] * share];
-    let uu = u[0].fused(u[0], u[1].fused(u[1], u[2] * u[2]));
-    if uu.any_above(FASTEST * FASTEST) {
-        let slower = uu.above(FASTEST * FASTEST, one.all(FASTEST).over(uu.sqrt()), one);
-        u = [u[0] * slower, u[1] * slower, u[2] * slower];
+    // Not from the velocities: nothing that can be found beside the division should wait for it.
+    let square = share * (share * j[0].fused(j[0], j[1].fused(j[1], j[2] * j[2])));
+    if limit.is_finite() && square.any_above(limit) {
+        let slower = square.above(limit, one.all(FASTEST).over(square.sqrt()), one);
         for (j, held) in j.iter_mut().zip(&mut held) {
             let less = *j * slower;
             (*j, *held) = (less, *held + (*j - less));
         }
     }
-    let mut tau = relax.tau;
+    let mut omega = relax.omega;
     if EDDIES {
-        let stress = pairs.stress(drho, j, u).sqrt();
-        tau = one.all(0.5) * (tau + tau.fused(tau, relax.eddies * (stress * share)).sqrt());
+        let tau = relax.tau;
+        let stress = pairs.stress(drho, j, share * one.all(-1.0)).sqrt();
+        let tau = one.all(0.5) * (tau + tau.fused(tau, relax.eddies * (stress * share)).sqrt());
+        omega = one.over(tau);
     }
-    let omega = one.over(tau);
-    let mut out = relaxed((g, &pairs), (drho, share), (j, u, held), omega);
+    let mut out = relaxed((g, &pairs), (drho, share), (j, held), omega);
+    let u = [j[0] * share, j[1] * share, j[2] * share];
     if FORCE {
         for (i, out) in out.iter_mut().enumerate() {
             *out = *out + (one - one.all(0.5) * omega) * pushed(i, u, relax.force);
         }
     }
-    Collided { g: out, drho, u, square: uu }
+    Collided { g: out, drho, u, square }
 }
 
 /// w_i [3 (c_i - u) + 9 (c_i.u) c_i].F
@@ -186,17 +207,18 @@ fn pushed<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
 fn relaxed<L: Lane>(
     (g, pairs): (&[L; Q], &Pairs<L>),
     (drho, share): (L, L),
-    (j, u, held): ([L; 3], [L; 3], [L; 3]),
+    (j, held): ([L; 3], [L; 3]),
     omega: L,
 ) -> [L; Q] {
     let number = |value: f64| omega.all(value);
-    let square = j[0].fused(u[0], j[1].fused(u[1], j[2] * u[2]));
-    let base = number(-1.5).fused(square, drho);
-    let mut out = *g;
-    out[0] = (omega * number(-1.0)).fused(number(-W[0]).fused(base, g[0]), g[0]);
     let (plus, minus) = (j[0] + j[1], j[0] - j[1]);
     // (-++): the fourth diagonal runs against x.
     let along = [j[0], j[1], j[2], plus + j[2], plus - j[2], minus + j[2], j[2] - minus];
+    let square = number(-1.5) * j[0].fused(j[0], j[1].fused(j[1], j[2] * j[2]));
+    let half = omega * number(-0.5);
+    let mut out = *g;
+    let rest = number(-W[0]).fused(share.fused(square, drho), g[0]);
+    out[0] = (omega * number(-1.0)).fused(rest, g[0]);
     let mut odd = along;
     for k in 3..7 {
         odd[k] = number(-6.0 * W[2]).fused(along[k], pairs.difference[k]);
@@ -205,10 +227,11 @@ fn relaxed<L: Lane>(
     odd[0] = held[0] - (a + b);
     odd[1] = held[1] - (a - b);
     odd[2] = held[2] - (c + d);
-    let half = omega * number(-0.5);
     for k in 0..7 {
-        let w = number(2.0 * if k < 3 { W[1] } else { W[2] });
-        let even = pairs.sum[k] - (w * (number(4.5) * share) * along[k]).fused(along[k], w * base);
+        let w = number(-2.0 * if k < 3 { W[1] } else { W[2] });
+        // Little of it waits for the density.
+        let bent = number(4.5).fused(along[k] * along[k], square);
+        let even = w.fused(share.fused(bent, drho), pairs.sum[k]);
         out[2 * k + 1] = half.fused(even + odd[k], g[2 * k + 1]);
         out[2 * k + 2] = half.fused(even - odd[k], g[2 * k + 2]);
     }

@@ -113,6 +113,9 @@ pub(super) struct Links {
     /// Mean outward velocity before each outlet ahead of the last even step, cells a step: it serves two steps, so that
     /// these can follow each other through the domain.
     pub mean: [f32; 6],
+    /// Square of the largest speed in each plane in the step before, cells a step, with what solid cells hold; infinite if
+    /// nobody knows. It decides how carefully a step is done, never what comes out.
+    pub fastest: Vec<f32>,
 }
 
 /// What a step reads of boundaries: buffers, and what comes before them in the whole.
@@ -269,6 +272,7 @@ impl Links {
     /// Takes everything anew from populations that were set by hand. `parity`: of the next step.
     pub(super) fn renew(&mut self, populations: &Populations, parity: Parity) {
         let arrays = populations.arrays();
+        self.fastest.fill(f32::INFINITY);
         let (plan, last) = (&self.plan, &mut self.last);
         let grid = &plan.grid;
         for (z, joint) in plan.joints.iter().enumerate() {
@@ -298,16 +302,19 @@ impl Links {
         }
     }
 
-    /// What populations do not tell of the step before: velocities before outlets, and the air before open faces.
+    /// What populations do not tell of the step before: velocities before outlets, largest speeds, and the air before open
+    /// faces.
     pub(super) fn kept(&self) -> impl Iterator<Item = &f32> {
         let vents = &self.last.vents;
-        self.mean.iter().chain(vents.air.iter().flatten()).chain(vents.parts.iter().flatten())
+        let air = vents.air.iter().flatten().chain(vents.parts.iter().flatten());
+        self.mean.iter().chain(&self.fastest).chain(air)
     }
 
     /// The same, to be set.
     pub(super) fn kept_mut(&mut self) -> impl Iterator<Item = &mut f32> {
         let vents = &mut self.last.vents;
-        self.mean.iter_mut().chain(vents.air.iter_mut().flatten()).chain(vents.parts.iter_mut().flatten())
+        let air = vents.air.iter_mut().flatten().chain(vents.parts.iter_mut().flatten());
+        self.mean.iter_mut().chain(&mut self.fastest).chain(air)
     }
 
     /// Bytes it holds.

@@ -165,7 +165,16 @@ impl<'a> List<'a> {
         let last = Taken { pieces: vec![0.0; at], vents };
         let sent = [vec![0.0; mouths.len()], vec![0.0; mouths.len()]];
         let plan = Plan { grid, joints, put, handed, open, opened, take, near, rest };
-        Links { plan, mouths, next: last.clone(), middle: last.clone(), last, sent, mean: [0.0; 6] }
+        Links {
+            plan,
+            mouths,
+            next: last.clone(),
+            middle: last.clone(),
+            last,
+            sent,
+            mean: [0.0; 6],
+            fastest: vec![0.0; grid.n[2]],
+        }
     }
 
     /// Sorts places outside by plane, so that those that are alike follow each other.

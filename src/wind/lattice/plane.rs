@@ -3,8 +3,8 @@
 use pulp::Simd;
 
 use super::cells::Cells;
-use super::collide::{Collided, FASTEST, Relax, collide, moments};
-use super::ends::{Ends, lane_of};
+use super::collide::{Collided, FAST, FASTEST, Relax, collide, moments};
+use super::ends::{End, Ends, NONE};
 use super::grid::{BLOCK, Grid, Parity};
 use super::ground::hold;
 use super::lane::{Lane as _, Wide};
@@ -73,25 +73,34 @@ pub(super) struct Place<'a> {
 /// The fifteen arrays of a plane under names of their own, all of one length that the compiler knows to be one.
 macro_rules! bind {
     ($simd:ty, $arrays:expr, $start:expr, $length:expr; $($name:ident $k:literal)*) => {
-        let [$($name),*] = $arrays else { return 0 };
+        let [$($name),*] = $arrays else { return 0.0 };
         let count = $length / <$simd>::F32_LANES;
         $(let $name = &mut <$simd>::as_mut_simd_f32s(&mut $name[$start($k)..][..$length]).0[..count];)*
     };
 }
 
 impl Place<'_> {
-    /// A step of the plane, from what arrives at it to what leaves it.
+    /// A step of the plane, from what arrives at it to what leaves it. `fastest`: square of the largest speed in the step
+    /// before, and then in this one.
     #[inline(always)]
     pub(super) fn step<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
         self,
         simd: S,
         planes: &mut Planes<'_>,
         desk: &mut Desk<'_>,
-        room: &mut Leaving<'_>,
+        (room, fastest): (&mut Leaving<'_>, &mut f32),
     ) -> u64 {
         let parity = if ODD { Parity::Odd } else { Parity::Even };
         self.arriving.put(planes, &mut desk.ends, (parity, self.z));
-        let clamped = self.collide::<S, ODD, EDDIES, FORCE>(simd, planes, desk, room);
+        let mut clamped = 0;
+        // To look at the speed in the middle of a collision, or to ask whether air is noted, takes a tenth of its time.
+        let noted = self.last && desk.pages.last().is_some_and(|(of, _)| *of == self.z);
+        if noted || f64::from(*fastest) > FAST * FAST {
+            let counted = &mut clamped;
+            *fastest = self.collide::<S, ODD, EDDIES, FORCE, true>(simd, planes, desk, (room, counted));
+        } else {
+            *fastest = self.collide::<S, ODD, EDDIES, FORCE, false>(simd, planes, desk, (room, &mut 0));
+        }
         if self.last {
             desk.write(self.cells, self.z);
         }
@@ -101,13 +110,13 @@ impl Place<'_> {
     }
 
     #[inline(always)]
-    fn collide<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
+    fn collide<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool, const CAREFUL: bool>(
         self,
         simd: S,
         planes: &mut Planes<'_>,
         desk: &mut Desk<'_>,
-        room: &mut Leaving<'_>,
-    ) -> u64 {
+        (room, clamped): (&mut Leaving<'_>, &mut u64),
+    ) -> f32 {
         let Self { sweep, cells, z, .. } = self;
         let Desk { ends, air, pages, .. } = desk;
         let grid = &sweep.grid;
@@ -115,37 +124,37 @@ impl Place<'_> {
         let first = planes.before(grid, z) + grid.first;
         let parity = if ODD { Parity::Odd } else { Parity::Even };
         let start = |k: usize| first.wrapping_add_signed(grid.aside(parity, k));
-        let mut clamped = 0;
+        let mut fastest = Wide::splat(simd, 0.0);
         let parts = BLOCK / S::F32_LANES;
         let v = &sweep.viscosity;
         let deep = Wide::splat(simd, v.sponge[1].get(z).copied().unwrap_or(0.0));
-        let plain = Relax {
-            tau: Wide::splat(simd, v.tau),
-            eddies: Wide::splat(simd, v.eddies),
-            force: [Wide::splat(simd, v.force[0]), Wide::splat(simd, v.force[1]), Wide::splat(simd, v.force[2])],
-        };
+        let plain = Relax::new(
+            Wide::splat(simd, v.tau),
+            Wide::splat(simd, v.eddies),
+            [Wide::splat(simd, v.force[0]), Wide::splat(simd, v.force[1]), Wide::splat(simd, v.force[2])],
+        );
         bind!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
         let last = length / S::F32_LANES;
         // The lowest row, if ground drags.
         let low = sweep.drag[0].len().saturating_sub(BLOCK);
-        let mut noted = if self.last && pages.last().is_some_and(|(of, _)| *of == z) {
+        let mut noted = if CAREFUL && self.last && pages.last().is_some_and(|(of, _)| *of == z) {
             let [x, y, z, drho] = air.each_mut().map(|part| &mut S::as_mut_simd_f32s(&mut part[..length]).0[..last]);
             Some((x, y, z, drho))
         } else {
             None
         };
+        let mut next = 0;
         for run in sweep.runs(z) {
             let mut relax = plain;
             let (from, to) = (run.from as usize * parts, (run.to as usize * parts).min(length / S::F32_LANES));
-            // Place of a block in its row.
-            let mut x = from * S::F32_LANES % grid.row;
+            next += sweep.ends[next..].iter().take_while(|end| end.block < from).count();
+            let mut due = sweep.ends[next].block;
             for b in from..to {
                 let node = b * S::F32_LANES;
-                let end = x == 0 || x + S::F32_LANES >= grid.n[0];
                 if run.varied {
-                    let [along, sponge] = sweep.least.each_ref().map(|t| lanes(simd, t, node));
-                    relax.tau = along.larger(deep.fused(sponge, plain.tau));
+                    let (along, sponge) = (lanes(simd, &sweep.least[0], node), lanes(simd, &sweep.least[1], node));
+                    relax = plain.with(along.larger(deep.fused(sponge, plain.tau)));
                 }
                 let read = [
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
@@ -155,16 +164,20 @@ impl Place<'_> {
                 for i in 0..Q {
                     g[i] = Wide::new(simd, read[if ODD { opposite(i) } else { i }]);
                 }
-                if end {
-                    ends.hand(simd, grid, node, &mut g);
+                if b == due {
+                    for end in sweep.ends[next..].iter().take_while(|end| end.block == b) {
+                        ends.hand(simd, *end, &mut g);
+                    }
                 }
                 if node < low {
-                    let [drag, share] = sweep.drag.each_ref().map(|t| lanes(simd, t, node));
+                    let (drag, share) = (lanes(simd, &sweep.drag[0], node), lanes(simd, &sweep.drag[1], node));
                     hold(&mut g, drag, share.larger(deep) * Wide::splat(simd, v.ground.more));
                 }
-                let after = collide::<_, EDDIES, FORCE>(&g, relax);
-                if after.square.any_above(FASTEST * FASTEST) {
-                    clamped += too_fast(cells, &spelt(after.square)[..S::F32_LANES], node, z);
+                let limit = if CAREFUL { FASTEST * FASTEST } else { f64::INFINITY };
+                let after = collide::<_, EDDIES, FORCE>(&g, relax, limit);
+                fastest = fastest.larger(after.square);
+                if CAREFUL && after.square.any_above(FASTEST * FASTEST) {
+                    *clamped += too_fast(cells, &spelt(after.square)[..S::F32_LANES], node, z);
                 }
                 let mut done = [after.g[0].value; Q];
                 for i in 0..Q {
@@ -174,47 +187,37 @@ impl Place<'_> {
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
                     a13[b], a14[b],
                 ] = done;
-                if let Some((x, y, z, drho)) = &mut noted {
+                if CAREFUL && let Some((x, y, z, drho)) = &mut noted {
                     (x[b], y[b], z[b], drho[b]) =
                         (after.u[0].value, after.u[1].value, after.u[2].value, after.drho.value);
                 }
-                if end {
-                    self.vent_ends(node, &after, room);
-                }
-                x += S::F32_LANES;
-                while x >= grid.row {
-                    x -= grid.row;
+                if b == due {
+                    while due == b {
+                        self.vent_end(sweep.ends[next], &after, room);
+                        next += 1;
+                        due = sweep.ends[next].block;
+                    }
                 }
             }
         }
-        clamped
+        spelt(fastest).into_iter().fold(0.0, f32::max)
     }
 
-    /// Takes the air in the cells of a block that are at open ends of rows. `node`: the block's first.
+    /// Takes the air in the cells at open ends of a row in a block.
     #[inline(always)]
-    fn vent_ends<S: Simd>(self, node: usize, after: &Collided<Wide<S>>, room: &mut Leaving<'_>) {
-        let (grid, plan) = (&self.sweep.grid, self.arriving.plan);
-        let columns = plan.joints[self.z].columns;
-        if columns[0].is_none() && columns[1].is_none() {
-            return;
-        }
-        let air = [after.drho, after.u[0], after.u[1], after.u[2]].map(spelt);
-        for (end, column) in columns.into_iter().enumerate() {
-            let Some(column) = column else { continue };
-            let mut y = node / grid.row;
-            while y * grid.row < node + S::F32_LANES {
-                if let Some(lane) = lane_of(grid, (node, S::F32_LANES), (end, y)) {
-                    let number = column + y - room.air.1;
-                    for (to, from) in room.air.0.iter_mut().zip(&air) {
-                        to[number] = from[lane];
-                    }
-                    if plan.rest {
-                        for (to, from) in room.parts[number].iter_mut().zip(&after.g) {
-                            *to = spelt(*from)[lane];
-                        }
-                    }
+    fn vent_end<S: Simd>(self, end: End, after: &Collided<Wide<S>>, room: &mut Leaving<'_>) {
+        let plan = self.arriving.plan;
+        for (column, lane) in plan.joints[self.z].columns.into_iter().zip(end.lanes) {
+            let Some(column) = column.filter(|_| lane != NONE) else { continue };
+            let (lane, number) = (lane as usize, column + end.y as usize - room.air.1);
+            let air = [after.drho, after.u[0], after.u[1], after.u[2]];
+            for (to, from) in room.air.0.iter_mut().zip(air) {
+                to[number] = spelt(from)[lane];
+            }
+            if plan.rest {
+                for (to, from) in room.parts[number].iter_mut().zip(&after.g) {
+                    *to = spelt(*from)[lane];
                 }
-                y += 1;
             }
         }
     }

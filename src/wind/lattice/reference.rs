@@ -10,7 +10,7 @@
 )]
 
 use super::cells::{Cells, Face, Source};
-use super::collide::{Relax, collide, moments};
+use super::collide::{FASTEST, Relax, collide, moments};
 use super::ground::{Surface, hold};
 use super::open::{Beyond, Kind, let_go, mean_of};
 use super::stencil::{C, Q, weight};
@@ -130,11 +130,11 @@ impl Plain {
         let ground = self.ground.thick.get(y).map_or(self.tau, |t| f64::from(*t));
         let rise = (1.0 - self.tau) * self.ground.shape.get(y).map_or(1.0, |s| f64::from(*s));
         let tau = (self.tau + share * rise).max(ground);
-        let relax = Relax { tau, eddies: self.eddies, force: self.force };
+        let relax = Relax::new(tau, self.eddies, self.force);
         match (self.eddies > 0.0, self.force.iter().any(|f| f.abs() > 0.0)) {
-            (true, _) => collide::<_, true, false>(&g, relax).g,
-            (false, false) => collide::<_, false, false>(&g, relax).g,
-            (false, true) => collide::<_, false, true>(&g, relax).g,
+            (true, _) => collide::<_, true, false>(&g, relax, FASTEST * FASTEST).g,
+            (false, false) => collide::<_, false, false>(&g, relax, FASTEST * FASTEST).g,
+            (false, true) => collide::<_, false, true>(&g, relax, FASTEST * FASTEST).g,
         }
     }
 

@@ -66,7 +66,7 @@ pub struct Lattice {
     pub(super) flow: Flow,
     inlet: Arc<Inlet>,
     mouth: Mouth,
-    field: Arc<Field>,
+    pub(super) field: Arc<Field>,
     /// What comes in in the next step, and in the one after.
     wind: [[Vec<f32>; 3]; 2],
     /// Mean outward velocity at each outlet when what comes in goes out, cells a step.

@@ -9,6 +9,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::cells::Cells;
+use super::ends::End;
 use super::grid::{BLOCK, Grid, Parity, Populations};
 use super::ground::Surface;
 use super::links::{Arriving, Leaving, Links, Plan, Planes, Taken, parts};
@@ -68,6 +69,8 @@ pub(super) struct Sweep {
     /// Drag of the ground on the lowest row of a plane and the block where it ends, and shares of the sponge there; empty
     /// if there is none.
     pub(super) drag: [Vec<f32>; 2],
+    /// Blocks of a plane with ends of rows.
+    pub(super) ends: Vec<End>,
     pub(super) arch: Arch,
 }
 
@@ -82,7 +85,6 @@ enum Pace {
 impl Sweep {
     pub(super) fn new(cells: &Cells, viscosity: Viscosity) -> Self {
         let grid = cells.grid;
-        let runs = (0..grid.n[2]).map(|z| runs(cells, &viscosity, z)).collect();
         let nodes = 0..grid.span() + BLOCK;
         let all = nodes.clone().map(|k| least(&viscosity, [k % grid.row, k / grid.row])).collect();
         let least = [all, nodes.map(|k| viscosity.ground.sponge(k / grid.row, viscosity.tau)).collect()];
@@ -90,7 +92,16 @@ impl Sweep {
         let dragged = if viscosity.ground.drag > 0.0 { grid.n[0] + BLOCK } else { 0 };
         let share = |k: usize| viscosity.sponge[0].get(k).copied().unwrap_or(0.0);
         let drag = [(0..dragged).map(drag).collect(), (0..dragged).map(share).collect()];
-        Self { grid, viscosity, runs, least, drag, arch: Arch::new() }
+        let arch = Arch::new();
+        let runs = (0..grid.n[2]).map(|z| runs(cells, &viscosity, z)).collect();
+        let ends = End::list(&grid, arch.dispatch(Together));
+        Self { grid, viscosity, runs, least, drag, ends, arch }
+    }
+
+    /// Has it computed with other instructions than the machine's best.
+    #[cfg(test)]
+    pub(super) fn compute_by(&mut self, arch: Arch) {
+        (self.ends, self.arch) = (End::list(&self.grid, arch.dispatch(Together)), arch);
     }
 
     /// Blocks of a plane that hold air.
@@ -177,7 +188,7 @@ impl Sweep {
         (pace, cuts, cells): (Pace, &[usize], &Cells),
         (second, book): (Option<Asked<'_>>, &mut Book<'_, '_>),
     ) -> Vec<Done> {
-        let Links { plan, mouths, last, next, middle, sent, mean } = links;
+        let Links { plan, mouths, last, next, middle, sent, mean, fastest } = links;
         let all: Vec<_> = cuts.windows(2).map(|w| w[0]..w[1]).collect();
         let inside: Vec<_> =
             all.iter().map(|r| if r.len() < FEWEST { r.start..r.start } else { r.start + 1..r.end - 1 }).collect();
@@ -192,10 +203,12 @@ impl Sweep {
         let rooms = rooms(plan, first, &all).into_iter().zip(rooms(plan, later, &inside));
         let arriving = Arriving { plan, pieces: (&last.pieces, 0), sent: (first_sent, 0) };
         let planes = self.planes(populations, &all, 0);
-        let jobs = planes.into_iter().zip(rooms).zip(sends).zip(all.iter().zip(&inside));
+        let fastest = parts(fastest, &all).into_iter();
+        let jobs = planes.into_iter().zip(fastest).zip(rooms).zip(sends).zip(all.iter().zip(&inside));
         let mut jobs: Vec<_> = jobs
-            .map(|(((planes, (first, second)), sent), (all, inside))| Job {
+            .map(|((((planes, fastest), (first, second)), sent), (all, inside))| Job {
                 planes,
+                fastest,
                 first,
                 second,
                 sent: (sent.0, sent.1.start),
@@ -219,17 +232,20 @@ impl Sweep {
         (pace, cuts, cells): (Pace, &[usize], &Cells),
         book: &mut Book<'_, '_>,
     ) -> Vec<Done> {
-        let Links { plan, last, next, middle, sent, .. } = links;
+        let Links { plan, last, next, middle, sent, fastest, .. } = links;
         let n = self.grid.n[2];
         let seams = cuts.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
         // Too few planes for two seams are one.
         let seams: Vec<_> = if n < FEWEST { std::iter::once(0..n).collect() } else { seams.collect() };
         let (left, sent) = if pace == Pace::Both { (middle, &sent[1]) } else { (last, &sent[0]) };
         let arriving = Arriving { plan, pieces: (&left.pieces, 0), sent: (sent, 0) };
-        let jobs = self.planes(populations, &seams, 1).into_iter().zip(next.cut(plan, &seams)).zip(&seams);
+        let fastest = parts(fastest, &seams);
+        let planes = self.planes(populations, &seams, 1).into_iter().zip(fastest);
+        let jobs = planes.zip(next.cut(plan, &seams)).zip(&seams);
         let mut jobs: Vec<_> = jobs
-            .map(|((planes, room), seam)| Job {
+            .map(|(((planes, fastest), room), seam)| Job {
                 planes,
+                fastest,
                 first: None,
                 second: Some(room),
                 sent: (&mut [][..], 0),
@@ -295,6 +311,18 @@ fn runs(cells: &Cells, viscosity: &Viscosity, z: usize) -> Vec<Run> {
     runs
 }
 
+/// How many nodes are computed together.
+struct Together;
+
+impl WithSimd for Together {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        S::F32_LANES
+    }
+}
+
 struct SendPlane<'a> {
     mouths: &'a Mouths,
     z: usize,
@@ -314,6 +342,8 @@ impl WithSimd for SendPlane<'_> {
 /// A part of the domain: planes of its own, and rooms for what they leave.
 struct Job<'a> {
     planes: Planes<'a>,
+    /// Squares of the largest speeds in the planes of `all`.
+    fastest: &'a mut [f32],
     /// Rooms for what the first step leaves, and the second.
     first: Option<Leaving<'a>>,
     second: Option<Leaving<'a>>,
@@ -368,13 +398,14 @@ impl Turn<'_, '_> {
     #[inline(always)]
     fn run<S: Simd, const EDDIES: bool, const FORCE: bool>(self, simd: S) -> Done {
         let Self { sweep, job, cells, arriving, later } = self;
-        let Job { planes, first, second, sent: (sent, before), desk, all, inside } = job;
+        let Job { planes, fastest, first, second, sent: (sent, before), desk, all, inside } = job;
         let mut clamped = [0; 2];
         // The odd step is a plane behind.
         for z in all.start..all.end + 1 {
             if let Some(room) = first.as_mut().filter(|_| z < all.end) {
                 let place = Place { sweep, cells, arriving, z, last: second.is_none() };
-                clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, desk, room);
+                let fastest = &mut fastest[z - all.start];
+                clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, desk, (&mut *room, fastest));
                 if let Some((mouths, (asked, density))) = later {
                     let parts = arriving.plan.rest.then_some(&room.parts[..]);
                     let air = (room.air.0.each_ref().map(|a| &a[..]), room.air.1);
@@ -394,7 +425,8 @@ impl Turn<'_, '_> {
                     None => arriving,
                 };
                 let place = Place { sweep, cells, arriving, z: behind, last: true };
-                clamped[1] += place.step::<S, true, EDDIES, FORCE>(simd, planes, desk, room);
+                let fastest = &mut fastest[behind - all.start];
+                clamped[1] += place.step::<S, true, EDDIES, FORCE>(simd, planes, desk, (&mut *room, fastest));
             }
         }
         Done { clamped, seen: std::mem::take(&mut desk.seen) }

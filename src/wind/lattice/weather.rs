@@ -305,12 +305,12 @@ fn bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
         (o.cells, o.preroll) = ([64; 3], Some(1.0 / 48.0));
         (o.inlet.turbulence, o.inlet.gust, o.steps) = (0.1, 0.2, Some(3));
         let mut l = lattice(&o, &wall());
-        l.flow.sweep.arch = arch;
+        l.flow.sweep.compute_by(arch);
         let mut at = frames(&mut l, 9);
         if stop {
             let saved = l.checkpoint();
             l = lattice(&o, &wall());
-            l.flow.sweep.arch = arch;
+            l.flow.sweep.compute_by(arch);
             l.resume(&saved).expect("resumed");
         }
         at.extend(frames(&mut l, 9));
@@ -373,6 +373,35 @@ fn between_snapshots_the_wind_is_straight_and_falls_to_nothing_at_walls() {
     assert!((at(p, 0.0) - at(p + Vec3::Z * 8.0, 0.0)).length() < 1e-4);
     let out = Vec3::new(40.0, 8.0, 0.0);
     assert!((at(out, 0.02).as_dvec3() - l.inlet().velocity(out.as_dvec3(), 0.02)).length() < 1e-5);
+}
+
+#[test]
+fn linear_fields_are_sampled_as_they_are() {
+    let l = lattice(&LatticeOptions { sides: Sides::Open, ..channel() }, &[]);
+    let field = Arc::clone(&l.field);
+    // Velocity at a place and a time, up to 1 m/s.
+    let wind = |p: DVec3, t: f64| {
+        DVec3::new(0.02 * p.x + 0.01 * p.y - 0.5 * t, 0.04 * p.y - 0.01 * p.z, 0.03 * p.z - 0.02 * p.x + t)
+    };
+    let (nx, ny) = (field.n[0] + 2, field.n[1] + 2);
+    let snapshot = |time: f64| {
+        let value = |k: usize| {
+            let at = DVec3::new((k % nx) as f64 - 0.5, (k / nx % ny) as f64 - 0.5, (k / nx / ny) as f64 - 0.5);
+            let u = wind(field.origin + at * field.spacing, time).as_vec3();
+            [u.x, u.y, u.z, 0.0]
+        };
+        Arc::new(Snapshot { field: Arc::clone(&field), values: (0..field.count()).map(value).collect(), time })
+    };
+    let between = Between { before: snapshot(0.0), after: snapshot(0.25), t0: 0.0, t1: 0.25 };
+    let mut rng = crate::rng::Rng::at(7, &["places".into()]);
+    for _ in 0..2000 {
+        let part = DVec3::new(rng.unit_f64(), rng.unit_f64(), rng.unit_f64());
+        let (p, t) = (DVec3::new(40.0, 15.5, 8.0) * part + DVec3::new(-20.0, 0.3, -4.0), 0.25 * rng.unit_f64());
+        let mut out = [Vec3::ZERO];
+        between.sample(&[p.as_vec3()], t, &mut out);
+        let off = (out[0].as_dvec3() - wind(p.as_vec3().as_dvec3(), t)).length();
+        assert!(off < 1e-6, "off by {off:.2e} at {p}");
+    }
 }
 
 #[test]
