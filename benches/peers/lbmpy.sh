@@ -1,7 +1,7 @@
 #!/bin/sh
 # lbmpy and osier take steps of the same wind in turn: D3Q15, one relaxation time, numbers of 32 bits, vectorised, as many
-# threads each. lbmpy both in place (AA) and with two copies (pull), whose cells flow nowhere: no walls, no inlet, no outlet;
-# osier with ground, inlet and outlet. Prints million cells a second.
+# threads each. lbmpy in place (AA) and with two copies (pull), whose cells flow nowhere: no walls, no inlet, no outlet; and in
+# place with faces like ours; osier with ground, inlet and outlet. Prints million cells a second.
 # Asks for Python 3 with venv, gcc, and network for PyPI at the first run. Usage: benches/peers/lbmpy.sh [THREADS] [RUNS] [SIZES]
 set -eu
 cd "$(dirname "$0")/../.."
