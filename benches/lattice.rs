@@ -30,6 +30,7 @@ fn options(n: u32, smagorinsky: f64, steps: u32) -> LatticeOptions {
         inlet: InletOptions {
             direction: DVec3::X,
             curve: Vec::new(),
+            turns: Vec::new(),
             speed: 2.0,
             profile: WindProfile::Log(0.05),
             reference: Some(0.5 * f64::from(n)),

@@ -166,6 +166,30 @@ fn a_curve_of_speeds_lets_a_storm_come_up() {
 }
 
 #[test]
+fn a_curve_of_directions_turns_the_wind() {
+    let dir = tempfile::tempdir().expect("dir");
+    let turning = LATTICE
+        .replace("end = 5", "end = 193")
+        .replace("preroll = 2", "preroll = 2\ngust = 0\nturbulence = 0\ndirection_curve = [[0.5, 0], [2, 90]]")
+        .replace("vti_every = 4", "vti_every = 192");
+    let out = baked(dir.path(), "turning", &turning, &[]);
+    // Above the middle: towards +x, then towards -z.
+    let [before, after] =
+        ["0001", "0193"].map(|n| vti(&out.join(format!("wind/box.{n}.vti"))).values[(8 * 12 + 10) * 24 + 12]);
+    assert!(before[0] > 1.2 && before[2].abs() < 0.1, "{before:?}");
+    assert!(after[2] < -1.2 && after[0].abs() < 0.2, "{after:?}");
+    for (wrong, said) in [
+        ("direction_curve = [[-1, 0], [2, 90]]", "direction_curve begins at -1 s"),
+        ("sides = \"slip\"\ndirection_curve = [[0.5, 0], [2, 90]]", "lets nothing through, but the wind turns"),
+    ] {
+        let scene = turning.replace("direction_curve = [[0.5, 0], [2, 90]]", wrong);
+        let (_, run) = run(dir.path(), "wrong", &scene, &[]);
+        let told = String::from_utf8_lossy(&run.stderr);
+        assert!(!run.status.success() && told.contains(said), "{told}");
+    }
+}
+
+#[test]
 fn memory_is_told_before_it_is_spent() {
     let dir = tempfile::tempdir().expect("dir");
     let (scene, out) = (dir.path().join("scene.toml"), dir.path().join("out"));

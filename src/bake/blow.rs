@@ -14,7 +14,7 @@ use crate::diagnostic::{Diagnostic, Report, codes};
 use crate::geometry::Bounds;
 use crate::math::{cos, narrow, sin};
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{LatticeGround, LatticeOutlet, LatticeProfile, LatticeSides, Solver};
+use crate::recipe::wind_keys::{LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, Solver};
 use crate::solid::Solid;
 use crate::wind::{
     Ground, Inlet, InletOptions, Lattice, LatticeOptions, LatticeTake, Recorded, Sides, Uniform, Wind, WindProfile,
@@ -70,6 +70,7 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
             direction,
             speed: wind.speed,
             curve: keys.speed_curve.clone(),
+            turns: turns(keys),
             profile: match keys.profile {
                 LatticeProfile::Log => WindProfile::Log(keys.roughness),
                 LatticeProfile::Power => WindProfile::Power(keys.exponent),
@@ -101,6 +102,12 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
         sponge: keys.sponge,
         preroll: keys.preroll,
     }
+}
+
+/// Times, s, and by how much the wind has turned there since the first, rad.
+fn turns(keys: &LatticeKeys) -> Vec<[f64; 2]> {
+    let first = keys.direction_curve.first().map_or(0.0, |row| row[1]);
+    keys.direction_curve.iter().map(|row| [row[0], (row[1] - first).to_radians()]).collect()
 }
 
 /// The analytic wind of a recipe: what comes in, everywhere.

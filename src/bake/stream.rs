@@ -89,7 +89,8 @@ impl Stream {
         let lattice = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
         let mut options = lattice_options(recipe);
         // Curves count from the clip's start, a lattice from its own.
-        options.inlet.curve.iter_mut().for_each(|row| row[0] += before);
+        let inlet = &mut options.inlet;
+        inlet.curve.iter_mut().chain(&mut inlet.turns).for_each(|row| row[0] += before);
         let source = (lattice && recipe.wind.blows()).then(|| Source {
             options,
             solids: solids.to_vec(),

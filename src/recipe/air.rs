@@ -6,7 +6,8 @@ use super::key::{Section as _, wrong};
 use super::resolve::{Resolver, span_of};
 use super::tree::{Node, Table, Value};
 use super::wind_keys::{
-    AirKeys, LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, SliceKeys, SwayKeys, WindKeys, WindModel,
+    AirKeys, LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SliceKeys, SwayKeys, WindKeys,
+    WindModel,
 };
 use super::{AirRecipe, word_of};
 use crate::diagnostic::Diagnostic;
@@ -113,6 +114,7 @@ impl Resolver<'_> {
             self.report.push(d.help("add profile_table = [[0, 0], [10, 1]]"));
         }
         self.speed_curve((parent, table), &keys, wind);
+        self.direction_curve((parent, table), &keys, wind);
         as_printed(&mut keys, table);
         if keys.preset == LatticePreset::Paper
             && parent.get("speed").is_none()
@@ -144,15 +146,36 @@ impl Resolver<'_> {
         wind.speed = most;
     }
 
-    /// What a curve of speeds moves does not repeat.
-    pub(super) fn unrepeated(&mut self, root: &Table, mut sway: SwayKeys, curve: bool) -> SwayKeys {
-        if !curve {
-            return sway;
+    /// The first direction of a curve is the wind's.
+    fn direction_curve(&mut self, (parent, table): (&Table, &Table), keys: &LatticeKeys, wind: &mut WindKeys) {
+        let Some(entry) = table.get("direction_curve") else { return };
+        let Some([early, first]) = keys.direction_curve.first().copied() else { return };
+        if early < 0.0 {
+            let text = format!("wind.lattice.direction_curve begins at {early} s, before the clip");
+            let d = Diagnostic::error("S004", text, entry.node.span, "must be 0 or more");
+            self.report.push(d.help("while the wind sets in it blows as in the first pair"));
         }
+        if keys.sides == LatticeSides::Slip {
+            let text = "wind.lattice.sides = \"slip\" lets nothing through, but the wind turns";
+            let at = table.get("sides").map_or(self.whole, |e| e.node.span);
+            let d = Diagnostic::error("S004", text, at, "not with a direction_curve");
+            self.report.push(d.help("leave sides out: all four are open to a wind that turns"));
+        }
+        if let Some(entry) = parent.get("direction_deg") {
+            let text = "wind.direction_deg is given, but wind.lattice.direction_curve, too";
+            let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
+            self.report.push(d.help("leave one of them out"));
+        }
+        wind.direction = first.to_radians();
+    }
+
+    /// What a curve moves does not repeat. `curve`: its key.
+    pub(super) fn unrepeated(&mut self, root: &Table, mut sway: SwayKeys, curve: Option<&str>) -> SwayKeys {
+        let Some(curve) = curve else { return sway };
         for (key, asked) in [("repeat", sway.repeat == Some(true)), ("loop", sway.round.is_some())] {
             if asked {
                 let at = span_of(root, &["sway", key]).unwrap_or(self.whole);
-                let text = format!("sway.{key} asks for a loop, but wind.lattice.speed_curve does not repeat");
+                let text = format!("sway.{key} asks for a loop, but wind.lattice.{curve} does not repeat");
                 let d = Diagnostic::error("S004", text, at, "not with a curve");
                 self.report.push(d.help("leave one of them out"));
             }
@@ -337,6 +360,14 @@ impl WindKeys {
     /// False in a calm.
     pub fn blows(&self) -> bool {
         self.model != WindModel::Calm && self.speed * self.scale >= CALM
+    }
+}
+
+impl LatticeKeys {
+    /// Name of a key that makes the wind another one from time to time.
+    pub(super) fn curve(&self) -> Option<&'static str> {
+        let all = [("speed_curve", &self.speed_curve), ("direction_curve", &self.direction_curve)];
+        all.into_iter().find_map(|(key, rows)| (!rows.is_empty()).then_some(key))
     }
 }
 

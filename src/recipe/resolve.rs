@@ -150,8 +150,7 @@ impl Resolver<'_> {
         let (mut wind, added) = self.wind(root);
         let lattice = self.lattice(root, &mut wind);
         let sway = self.sway(root, clip);
-        let curve = wind.model == WindModel::Lattice && !lattice.speed_curve.is_empty();
-        let sway = self.unrepeated(root, sway, curve);
+        let sway = self.unrepeated(root, sway, lattice.curve().filter(|_| wind.model == WindModel::Lattice));
         self.fit(root, (&wind, &sway), &clip);
         let own = flight.as_ref().map(|f| f.keys.size);
         let told = self.told_air(root, (&wind, &lattice, own), clip);

@@ -225,6 +225,9 @@ keys! {
         /// Times (s from the clip's first frame), rising, and speeds (m/s) there instead of `wind.speed`, straight between them: a storm that
         /// comes up. Such a wind does not repeat.
         speed_curve: Vec<[f64; 2]> = "speed_curve" Steps(num(0.0, 0.0, 1e4, ""));
+        /// Times (s from the clip's first frame), rising, and directions there instead of `wind.direction_deg`, straight between them and
+        /// beyond 360 for whole turns: a wind that turns. It does not repeat.
+        direction_curve: Vec<[f64; 2]> = "direction_curve" Steps(num(0.0, -1e4, 1e4, ""));
         /// Height at which the wind has its speed.
         reference: Option<f64> = "reference" Maybe(num(10.0, 0.1, 1e4, "m"), "10 m, or the height of the box");
         /// Strength of gusts over the mean.

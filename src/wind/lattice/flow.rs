@@ -1,6 +1,6 @@
 //! Air that flows: cells, what joins them, and their populations.
 
-use super::cells::Cells;
+use super::cells::{Cells, Face};
 use super::collide::moments;
 use super::grid::{Parity, Populations};
 use super::ground::leant;
@@ -32,6 +32,16 @@ impl Flow {
         let links = Links::new(&cells, rest);
         let sweep = Sweep::new(&cells, viscosity);
         Ok(Self { cells, sweep, links, populations, step: 0 })
+    }
+
+    /// Gives the faces other roles, between two steps. `sponge`: what they make of it ([`Viscosity::sponge`]).
+    pub(super) fn open(&mut self, faces: [Face; 6], sponge: [Vec<f32>; 2]) {
+        self.cells.faces = faces;
+        let (rest, mean) = (self.links.plan.rest, self.links.mean);
+        self.links = Links::new(&self.cells, rest);
+        self.links.mean = mean;
+        self.links.renew(&self.populations, Parity::of(self.step));
+        self.sweep = Sweep::new(&self.cells, Viscosity { sponge, ..self.sweep.viscosity.clone() });
     }
 
     /// One step; returns how many fluid cells were too fast and clamped.

@@ -34,6 +34,9 @@ pub struct InletOptions {
     /// Times, s, rising, and speeds there, m/s, straight between them and the same before and after; none for always `speed`, which is the largest
     /// of them.
     pub curve: Vec<[f64; 2]>,
+    /// Times, s, from 0 on and rising, and by what angles, rad, the wind has turned there from `direction` to the left as seen from above,
+    /// straight between them and the same before and after; none for never.
+    pub turns: Vec<[f64; 2]>,
     /// How it grows with the height.
     pub profile: WindProfile,
     /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is less.
@@ -62,6 +65,8 @@ const WHOLE: f64 = 6.0;
 
 /// Places of an inlet whose waves are added up at a time, while their sums lie in the nearest cache.
 const PATCH: usize = 1024;
+/// Angle in which what a wind that turns has passed is a parabola, rad.
+const TURN: f64 = 0.1;
 
 /// One wave of turbulence.
 #[derive(Debug, Clone, Copy)]
@@ -71,11 +76,9 @@ struct Mode {
     /// Velocity, m/s, across the wave vector: it has no divergence.
     e: DVec3,
     phase: f64,
-    /// By which the phase falls, 1/s.
-    rate: f64,
 }
 
-/// Air that comes in: u = gust(t) U p(y) d + u'(x - U d t). As a wind of its own it has no wakes.
+/// Air that comes in: u = gust(t) U p(y) d + u'(x - int U d dt). As a wind of its own it has no wakes.
 /// Source: own, after Kraichnan's random Fourier modes; \[catkin\] names no inlet.
 #[derive(Debug, Clone)]
 pub struct Inlet {
@@ -86,6 +89,18 @@ pub struct Inlet {
     spacing: f64,
     reference: f64,
     modes: Vec<Mode>,
+}
+
+/// What holds everywhere at a time.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Now {
+    direction: DVec3,
+    /// Factor on the mean.
+    gust: f64,
+    /// How far the mean has taken the air since 0 s, m.
+    way: DVec3,
+    /// Speed over the largest.
+    strength: f64,
 }
 
 impl Inlet {
@@ -118,9 +133,14 @@ impl Inlet {
         (self.profile(height + near) - self.profile(height - near)) / (2.0 * near)
     }
 
-    /// How the mean wind leans at a height ([`super::ground::lean`]), m/s. `tau`: relaxation time there.
-    pub(super) fn leaning(&self, tau: f64, height: f64) -> DVec3 {
-        self.options.direction * lean(tau, self.options.speed * self.growth(height) * self.spacing)
+    /// How the mean wind leans at a height along its direction ([`super::ground::lean`]), m/s. `tau`: relaxation time there.
+    pub(super) fn leaning(&self, tau: f64, height: f64) -> f64 {
+        lean(tau, self.options.speed * self.growth(height) * self.spacing)
+    }
+
+    /// Level unit vector that the wind blows towards at a time, s.
+    pub(super) fn direction(&self, t: f64) -> DVec3 {
+        turned(&self.options, t)
     }
 
     /// Mean speed, cells in a step of `dt` s, and the height at which it is that, cells.
@@ -142,20 +162,35 @@ impl Inlet {
         if self.options.curve.is_empty() { 1.0 } else { table(&self.options.curve, t) / self.options.speed.max(CALM) }
     }
 
-    /// Time in which the largest speed takes the air as far as it came since 0 s, s.
-    fn elapsed(&self, t: f64) -> f64 {
-        let rows = &self.options.curve;
-        let Some(first) = rows.first() else { return t };
-        // Over each straight piece the mean of its ends, times its length.
-        let way = |t: f64| {
-            let whole = rows.windows(2).filter(|w| w[0][0] < t).map(|w| {
-                let end = t.min(w[1][0]);
-                (w[0][1] + table(rows, end)) / 2.0 * (end - w[0][0])
-            });
-            let outside = rows.last().map_or(0.0, |last| last[1] * (t - last[0]).max(0.0));
-            whole.sum::<f64>() + outside + first[1] * (t - first[0]).min(0.0)
+    /// How far the mean wind has taken the air since 0 s, m.
+    fn way(&self, t: f64) -> DVec3 {
+        let o = &self.options;
+        // Between the times of both curves all is straight.
+        let mut times: Vec<f64> =
+            [0.0, t].into_iter().chain(o.curve.iter().chain(&o.turns).map(|row| row[0])).collect();
+        times.retain(|at| *at * (*at - t) <= 0.0);
+        times.sort_by(f64::total_cmp);
+        let all: DVec3 = times.windows(2).map(|w| self.piece(w[0], w[1])).sum();
+        if t < 0.0 { -all } else { all }
+    }
+
+    /// The same between two times between which speed and angle are straight lines, by Simpson's rule.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred parts")]
+    fn piece(&self, from: f64, to: f64) -> DVec3 {
+        let velocity = |t: f64| self.direction(t) * (self.options.speed * self.strength(t));
+        let angle = angle(&self.options, to) - angle(&self.options, from);
+        let parts = (angle.abs() / TURN).ceil().clamp(1.0, 1e4) as u32;
+        let long = (to - from) / f64::from(parts);
+        let part = |k: u32| {
+            let at = from + long * f64::from(k);
+            (velocity(at) + 4.0 * velocity(at + long / 2.0) + velocity(at + long)) * (long / 6.0)
         };
-        (way(t) - way(0.0)) / self.options.speed.max(CALM)
+        (0..parts).map(part).sum()
+    }
+
+    /// What holds everywhere at a time. `gust`: factor on the mean.
+    pub(super) fn now(&self, t: f64, gust: f64) -> Now {
+        Now { direction: self.direction(t), gust, way: self.way(t), strength: self.strength(t) }
     }
 
     /// Factor on the mean: the curve of speeds, and gusts, an Ornstein-Uhlenbeck process of unit variance, cut at two, times the strength.
@@ -193,32 +228,32 @@ impl Inlet {
         (height / (WHOLE * self.spacing)).clamp(0.0, 1.0)
     }
 
-    /// Velocity of the mean at a height and time, m/s.
-    pub(super) fn steady(&self, height: f64, gust: f64) -> DVec3 {
-        self.options.direction * (self.options.speed * gust * self.profile(height))
+    /// Speed of the mean at a height, m/s.
+    pub(super) fn steady(&self, height: f64, gust: f64) -> f64 {
+        self.options.speed * gust * self.profile(height)
     }
 
     /// Velocity at a place, m, and time, s.
     pub fn velocity(&self, place: DVec3, t: f64) -> DVec3 {
-        self.with_gust(place, t, self.gust(t))
+        self.at(place, &self.now(t, self.gust(t)))
     }
 
-    pub(super) fn with_gust(&self, place: DVec3, t: f64, gust: f64) -> DVec3 {
+    pub(super) fn at(&self, place: DVec3, now: &Now) -> DVec3 {
         let at = place - self.origin;
         if at.y < 0.0 {
             return DVec3::ZERO;
         }
-        let came = self.elapsed(t);
-        let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(at) + m.phase - m.rate * came)).sum();
-        self.steady(at.y, gust) + eddies * (self.envelope(at.y) * self.strength(t))
+        let came = at - now.way;
+        let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(came) + m.phase)).sum();
+        now.direction * self.steady(at.y, now.gust) + eddies * (self.envelope(at.y) * now.strength)
     }
 }
 
 impl Wind for Inlet {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
-        let gust = self.gust(t);
+        let now = self.now(t, self.gust(t));
         for (place, u) in places.iter().zip(out) {
-            *u = self.with_gust(place.as_dvec3(), t, gust).as_vec3();
+            *u = self.at(place.as_dvec3(), &now).as_vec3();
         }
     }
 
@@ -227,12 +262,28 @@ impl Wind for Inlet {
     }
 
     fn mean_at(&self, height: f32) -> Vec3 {
-        self.steady(f64::from(height) - self.origin.y, 1.0).as_vec3()
+        (self.options.direction * self.steady(f64::from(height) - self.origin.y, 1.0)).as_vec3()
     }
 
     fn period(&self) -> Option<f64> {
         None
     }
+}
+
+/// By how much a wind has turned at a time, rad.
+fn angle(options: &InletOptions, t: f64) -> f64 {
+    if options.turns.is_empty() { 0.0 } else { table(&options.turns, t) }
+}
+
+/// Level unit vector that a wind blows towards at a time, s.
+pub(super) fn turned(options: &InletOptions, t: f64) -> DVec3 {
+    let d = options.direction;
+    if options.turns.is_empty() {
+        return d;
+    }
+    let angle = angle(options, t);
+    let (c, s) = (cos(angle), sin(angle));
+    DVec3::new(d.x * c + d.z * s, 0.0, d.z * c - d.x * s)
 }
 
 /// Straight lines between rows.
@@ -286,12 +337,7 @@ fn mode(options: &InletOptions, m: u32, length: f64, (strength, size, periodic):
             break e / e.length();
         }
     };
-    Mode {
-        k,
-        e: e * (strength * pow(length, 1.0 / 3.0)),
-        phase: TAU * draw(options.seed, m, "phase").unit_f64(),
-        rate: k.dot(options.direction) * options.speed,
-    }
+    Mode { k, e: e * (strength * pow(length, 1.0 / 3.0)), phase: TAU * draw(options.seed, m, "phase").unit_f64() }
 }
 
 /// A direction, all alike.
@@ -310,8 +356,18 @@ pub(super) struct Mouth {
     lean: Vec<f32>,
     /// By wave: cosine and sine of its phase at each place, times the envelope.
     waves: Vec<[Vec<f32>; 2]>,
-    direction: [f32; 3],
     gusts: Gusts,
+}
+
+/// What is the same at every place where air comes in, in a step.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Blowing {
+    /// Time, s, and share of the wind that blows already.
+    pub at: (f64, f64),
+    /// Factor on the mean wind, with that share.
+    pub share: f32,
+    /// Direction it blows towards.
+    pub toward: [f32; 3],
 }
 
 impl Mouth {
@@ -320,10 +376,7 @@ impl Mouth {
     pub(super) fn new(inlet: &Inlet, places: &[(DVec3, f64)], tau: impl Fn(f64) -> f64, pace: f64) -> Self {
         let height = |(place, ground): &(DVec3, f64)| place.y - inlet.origin.y - ground;
         let mean = places.iter().map(|p| narrow(inlet.options.speed * inlet.profile(height(p)) * pace)).collect();
-        let lean = |p: &(DVec3, f64)| {
-            let level = inlet.leaning(tau(p.0.y - inlet.origin.y), height(p));
-            narrow(level.dot(inlet.options.direction) * pace)
-        };
+        let lean = |p: &(DVec3, f64)| narrow(inlet.leaning(tau(p.0.y - inlet.origin.y), height(p)) * pace);
         let lean = places.iter().map(lean).collect();
         let wave = |m: &Mode| {
             let turn = |p: &(DVec3, f64)| m.k.dot(p.0 - inlet.origin) + m.phase;
@@ -334,30 +387,31 @@ impl Mouth {
             ]
         };
         let waves = inlet.modes.iter().map(wave).collect();
-        Self { mean, lean, waves, direction: inlet.options.direction.to_array().map(narrow), gusts: Gusts::default() }
+        Self { mean, lean, waves, gusts: Gusts::default() }
     }
 
-    /// Velocity at every place, by component, cells a step. `gust`: factor on the mean; `ramp`: share of the wind that blows
-    /// already.
-    pub(super) fn blow(&self, inlet: &Inlet, (t, gust, ramp): (f64, f32, f64), arch: Arch, out: &mut [Vec<f32>; 3]) {
+    /// Velocity at every place, by component, cells a step.
+    pub(super) fn blow(&self, inlet: &Inlet, now: Blowing, arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
-        let (came, ramp) = (inlet.elapsed(t), ramp * inlet.strength(t));
+        let (t, ramp) = now.at;
+        let (way, ramp) = (inlet.way(t), ramp * inlet.strength(t));
         let turn = |m: &Mode| {
-            let (c, s) = (narrow(cos(m.rate * came) * ramp), narrow(sin(m.rate * came) * ramp));
-            (m.e.to_array().map(narrow), c, s)
+            let late = m.k.dot(way);
+            (m.e.to_array().map(narrow), narrow(cos(late) * ramp), narrow(sin(late) * ramp))
         };
         let waves: Vec<_> = inlet.modes.iter().map(turn).collect();
-        arch.dispatch(Blow { mouth: self, gust, waves: &waves, out });
+        arch.dispatch(Blow { mouth: self, now, waves: &waves, out });
     }
 
-    /// How the mean leans at every place with the height, and by how much of that along x and z. `share`: factor on the mean.
-    pub(super) fn lean(&self, share: f32) -> (&[f32], [f32; 2]) {
-        (&self.lean, [self.direction[0] * share, self.direction[2] * share])
+    /// How the mean leans at every place with the height, and by how much of that along x and z.
+    pub(super) fn lean(&self, now: Blowing) -> (&[f32], [f32; 2]) {
+        (&self.lean, [now.toward[0] * now.share, now.toward[2] * now.share])
     }
 
-    /// Factor on the mean wind at a time. `ramp`: share of the wind that blows already.
-    pub(super) fn share(&mut self, inlet: &Inlet, t: f64, ramp: f64) -> f32 {
-        narrow(inlet.gust_by(t, |tick| self.gusts.of(inlet, tick)) * ramp)
+    /// What blows at a time, s. `ramp`: share of the wind that blows already.
+    pub(super) fn blowing(&mut self, inlet: &Inlet, t: f64, ramp: f64) -> Blowing {
+        let share = narrow(inlet.gust_by(t, |tick| self.gusts.of(inlet, tick)) * ramp);
+        Blowing { at: (t, ramp), share, toward: inlet.direction(t).to_array().map(narrow) }
     }
 }
 
@@ -377,7 +431,7 @@ impl Gusts {
 
 struct Blow<'a> {
     mouth: &'a Mouth,
-    gust: f32,
+    now: Blowing,
     /// Of every wave: velocity, cosine and sine of the phase now.
     waves: &'a [([f32; 3], f32, f32)],
     out: &'a mut [Vec<f32>; 3],
@@ -388,13 +442,13 @@ impl WithSimd for Blow<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { mouth, gust, waves, out } = self;
+        let Self { mouth, now, waves, out } = self;
         let all = mouth.mean.len();
         for first in (0..all).step_by(PATCH) {
             let here = first..all.min(first + PATCH);
-            for (out, along) in out.iter_mut().zip(mouth.direction) {
+            for (out, along) in out.iter_mut().zip(now.toward) {
                 for (u, mean) in out[here.clone()].iter_mut().zip(&mouth.mean[here.clone()]) {
-                    *u = along * (mean * gust);
+                    *u = along * (mean * now.share);
                 }
             }
             for ((e, c, s), [cosine, sine]) in waves.iter().zip(&mouth.waves) {

@@ -37,7 +37,7 @@ impl LatticeMemory {
         let n = options.cells.map(u64::from);
         let count: u64 = n.iter().fold(1, |all, n| all.saturating_mul(*n));
         let around: u64 = n.iter().fold(1, |all, n| all.saturating_mul(n + 2));
-        let faces = faces(options);
+        let faces = most_open(options);
         let area = |f: usize| (0..3).filter(|a| *a != f / 2).map(|a| n[a]).product::<u64>();
         let all = |face: Face| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
         let (coming, going) = (all(Face::Inlet), all(Face::Outlet));
@@ -70,6 +70,15 @@ impl LatticeMemory {
     }
 }
 
+/// Faces with as many open as there will be.
+pub(super) fn most_open(options: &LatticeOptions) -> [Face; 6] {
+    let mut all = faces(options, 0.0);
+    if !options.inlet.turns.is_empty() {
+        [all[0], all[1], all[4], all[5]] = [Face::Inlet, Face::Outlet, Face::Inlet, Face::Outlet];
+    }
+    all
+}
+
 #[cfg(test)]
 #[allow(clippy::expect_used, clippy::print_stdout, reason = "tests")]
 mod tests {
@@ -81,7 +90,9 @@ mod tests {
         let base = LatticeOptions { cells: [64, 48, 48], ..LatticeOptions::default() };
         let mut slanted = base.clone();
         slanted.inlet.direction = glam::DVec3::new(0.6, 0.0, 0.8);
-        for options in [base, slanted] {
+        let mut turning = base.clone();
+        turning.inlet.turns = vec![[0.0, 0.5]];
+        for options in [base, slanted, turning] {
             let told = LatticeMemory::of(&options);
             let lattice = Lattice::new(&options, &[], &Limits::default()).expect("lattice");
             // Snapshots come with the frames.

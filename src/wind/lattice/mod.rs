@@ -2,6 +2,7 @@
 
 mod cells;
 mod collide;
+mod doors;
 mod ends;
 mod flow;
 mod grid;

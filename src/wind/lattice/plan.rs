@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::cells::Face;
 use super::ground::Surface;
-use super::inlet::{Inlet, InletOptions, WindProfile};
+use super::inlet::{Inlet, InletOptions, WindProfile, turned};
 use super::run::Note;
 use crate::math::{cos, narrow};
 use crate::rng;
@@ -74,6 +74,7 @@ impl Default for LatticeOptions {
                 direction: DVec3::X,
                 speed: 4.5,
                 curve: Vec::new(),
+                turns: Vec::new(),
                 profile: WindProfile::Log(0.05),
                 reference: None,
                 gust: 0.2,
@@ -114,7 +115,6 @@ pub(super) struct Plan {
     pub steps: u32,
     pub dt: f64,
     pub tau: f64,
-    pub faces: [Face; 6],
     pub surface: Surface,
     /// Axis that the wind is most along.
     pub along: usize,
@@ -134,10 +134,11 @@ impl Plan {
         if direction.y.abs() > 1e-9 || (direction.length() - 1.0).abs() > 1e-6 {
             return Err(range("the length of the wind's level direction", direction.length(), 1.0, 1.0, ""));
         }
+        turns(options)?;
         let n = options.cells.map(|n| n as usize);
         let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
         let origin = options.at - DVec3::new(size.x, 0.0, size.z) / 2.0;
-        let faces = faces(options);
+        let faces = faces(options, 0.0);
         let along = usize::from(direction.z.abs() > direction.x.abs()) * 2;
         let mut notes = Vec::new();
         let periodic = [0, 2, 4].map(|f| faces[f] == Face::Periodic);
@@ -158,7 +159,7 @@ impl Plan {
         let run_up = run_up(options, (dt, size, n), along);
         let key = key(options);
         let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge);
-        Ok((Self { n, origin, spacing, fps, steps, dt, tau, faces, surface, along, run_up, sponge, key }, notes))
+        Ok((Self { n, origin, spacing, fps, steps, dt, tau, surface, along, run_up, sponge, key }, notes))
     }
 
     pub(super) fn cells(&self) -> u64 {
@@ -194,12 +195,12 @@ impl Plan {
     }
 
     /// Shares of a sponge by x and by z: towards an outlet they rise to 1, where relaxation times do.
-    pub(super) fn sponge(&self) -> [Vec<f32>; 2] {
+    pub(super) fn sponge(&self, faces: [Face; 6]) -> [Vec<f32>; 2] {
         let rise = |axis: usize| {
             let (n, depth) = (self.n[axis], f64::from(self.sponge));
             let at = |x: usize| {
-                let low = if self.faces[2 * axis] == Face::Outlet { depth - x as f64 } else { 0.0 };
-                let high = if self.faces[2 * axis + 1] == Face::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
+                let low = if faces[2 * axis] == Face::Outlet { depth - x as f64 } else { 0.0 };
+                let high = if faces[2 * axis + 1] == Face::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
                 let share = if depth > 0.0 { low.max(high).max(0.0) / depth } else { 0.0 };
                 narrow(share * share)
             };
@@ -209,10 +210,13 @@ impl Plan {
     }
 }
 
-pub(super) fn faces(options: &LatticeOptions) -> [Face; 6] {
-    let d = options.inlet.direction;
+/// What the faces do at a time, s: where the wind blows in from outside, it comes in.
+pub(super) fn faces(options: &LatticeOptions, t: f64) -> [Face; 6] {
+    let d = turned(&options.inlet, t);
     let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
-    let straight = d[across].abs() < cos(std::f64::consts::FRAC_PI_2 - 1.0_f64.to_radians());
+    // A wind that turns does not stay along an axis; and when it turns it sounds, which sides that slip would keep for ever.
+    let turns = !options.inlet.turns.is_empty();
+    let straight = !turns && d[across].abs() < cos(std::f64::consts::FRAC_PI_2 - 1.0_f64.to_radians());
     std::array::from_fn(|f| {
         let axis = f / 2;
         if axis == 1 {
@@ -231,12 +235,24 @@ pub(super) fn faces(options: &LatticeOptions) -> [Face; 6] {
         let out = d[axis] * if f.is_multiple_of(2) { -1.0 } else { 1.0 };
         if out < -ALONG {
             Face::Inlet
-        } else if out > ALONG {
+        } else if out > ALONG || turns {
             Face::Outlet
         } else {
             Face::Slip
         }
     })
+}
+
+/// A wind that turns does so in the clip, not while it sets in, and through all four sides.
+fn turns(options: &LatticeOptions) -> Result<()> {
+    let turns = &options.inlet.turns;
+    if let Some(first) = turns.first().filter(|row| row[0] < 0.0) {
+        return Err(range("the first time of a wind that turns", first[0], 0.0, 1e9, "s"));
+    }
+    if turns.windows(2).any(|w| w[0][0] >= w[1][0]) || !turns.is_empty() && options.sides == Sides::Slip {
+        return Err(range("turns that rise in time, and open sides", 0.0, 1.0, 1.0, ""));
+    }
+    Ok(())
 }
 
 /// Steps a frame: the fewest at which the wind does not pass a tenth of a cell.

@@ -88,13 +88,13 @@ impl Recorded {
         let part = narrow(late - frame as f64);
         let (a, b) = (&self.frames[frame], &self.frames[(frame + 1).min(last)]);
         let t = late / self.fps;
-        let gust = self.inlet.gust(t);
+        let now = self.inlet.now(t, self.inlet.gust(t));
         let value = |k: usize| {
             let (a, b) = (vector(a[k]), vector(b[k]));
             a + (b - a) * part
         };
         for (place, u) in places.iter().zip(out) {
-            let outside = || self.inlet.with_gust(place.as_dvec3(), t, gust).as_vec3();
+            let outside = || self.inlet.at(place.as_dvec3(), &now).as_vec3();
             *u += self.field.sample(*place, value, outside) * share;
         }
     }

@@ -3,16 +3,17 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::cells::{Cells, Face};
 use super::collide::{self, FASTEST};
+use super::doors::{Doors, mouth, uneven};
 use super::flow::Flow;
 use super::grid::{Grid, Parity};
-use super::inlet::{Inlet, Mouth, ramp};
+use super::inlet::{Blowing, Inlet, Mouth, ramp};
 use super::marks::{judge, mark, middle};
-use super::memory::LatticeMemory;
-use super::plan::{LatticeOptions, Plan};
+use super::memory::{LatticeMemory, most_open};
+use super::plan::{LatticeOptions, Plan, faces};
 use super::snapshot::{DENSITY, Field, Pages, Reading, Snapshot};
 use super::sweep::{Asked, Viscosity};
 use crate::limits::Limits;
@@ -69,11 +70,12 @@ pub struct Lattice {
     pub(super) field: Arc<Field>,
     /// What comes in in the next step, and in the one after.
     wind: [[Vec<f32>; 3]; 2],
-    /// Mean outward velocity at each outlet when what comes in goes out, cells a step.
-    outflow: [f32; 6],
+    doors: Doors,
+    /// What faces follow from, if they change.
+    turning: Option<LatticeOptions>,
     pub(super) notes: Vec<Note>,
-    /// By height, along x and z: what the profile has more than its mean, cells a step, and how it leans.
-    uneven: Vec<[[f64; 2]; 2]>,
+    /// By height: what the profile has more than its mean, cells a step, and how it leans, both along the wind.
+    uneven: Vec<[f64; 2]>,
     fluid: usize,
     pub(super) health: Health,
     frames: u64,
@@ -97,8 +99,10 @@ impl Lattice {
         }
         let grid = Grid::new(n);
         let space = (plan.origin, options.spacing);
-        let mut cells = Cells { grid, faces: plan.faces, solid: mark(&grid, space, solids) };
+        let roles = faces(options, 0.0);
+        let mut cells = Cells { grid, faces: most_open(options), solid: mark(&grid, space, solids) };
         let found = judge(&mut cells, solids, space, plan.along);
+        cells.faces = roles;
         notes.extend(found.notes());
         plan.tell_apart(&cells.solid);
         let fluid = grid.cells() - found.solid;
@@ -106,7 +110,7 @@ impl Lattice {
             return Err(still_box());
         }
         let tau = narrow(plan.tau);
-        let (sponge, surface) = (plan.sponge(), plan.surface.clone());
+        let (sponge, surface) = (plan.sponge(roles), plan.surface.clone());
         let viscosity = Viscosity {
             tau,
             eddies: narrow(collide::eddies(options.smagorinsky)),
@@ -114,16 +118,13 @@ impl Lattice {
             ground: surface,
             force: [0.0; 3],
         };
-        let periodic = [0, 2, 4].map(|f| plan.faces[f] == Face::Periodic);
+        let periodic = [0, 2, 4].map(|f| roles[f] == Face::Periodic);
         let inlet = Inlet::new(options.inlet.clone(), plan.origin, options.spacing, options.cells, periodic);
         let inlet = Arc::new(inlet);
         let field = Arc::new(Field::new(&cells, space, Arc::clone(&inlet)));
         let flow = Flow::new(cells, viscosity, options.outlet_rest)?;
-        let places =
-            flow.links.mouths.inlets().into_iter().map(|p| (plan.middle(p), ground(&flow.cells, p, options.spacing)));
-        let mouth =
-            Mouth::new(&inlet, &places.collect::<Vec<_>>(), |height| plan.tau_at(height), plan.dt / options.spacing);
-        let (outflow, uneven) = (outflow(&flow, &inlet, &plan), uneven(&inlet, &plan));
+        let (mouth, doors) = (mouth(&flow, &inlet, &plan), Doors::of(&flow, &inlet, &plan));
+        let uneven = uneven(&inlet, &plan);
         let health = Health { steps: 0, clamped: 0, checkered: 0.0, checkered_now: 0.0, density: 0.0 };
         Ok(Self {
             plan,
@@ -132,7 +133,8 @@ impl Lattice {
             mouth,
             field,
             wind: [const { [const { Vec::new() }; 3] }; 2],
-            outflow,
+            doors,
+            turning: (!options.inlet.turns.is_empty()).then(|| options.clone()),
             notes,
             uneven,
             fluid,
@@ -227,6 +229,7 @@ impl Lattice {
         if self.frames == 0 && self.flow.step == 0 {
             progress.stage("wind", until);
         }
+        self.turn(self.frames);
         let field = Arc::clone(&self.field);
         let speed = narrow(self.plan.speed());
         if self.flow.step == until {
@@ -250,11 +253,12 @@ impl Lattice {
     /// One step, or two at once if as many are left and the first is even. Returns how many.
     fn step(&mut self, left: u64, pages: Option<Pages<'_>>) -> Result<u64> {
         let two = left >= 2 && Parity::of(self.flow.step) == Parity::Even;
-        let shares = [self.blow(0), if two { self.blow(1) } else { 0.0 }];
+        let now = self.blow(0);
+        let now = [now, if two { self.blow(1) } else { now }];
         let [first, second] = [0, 1].map(|k| Asked {
             wind: &self.wind[k],
-            lean: self.mouth.lean(shares[k]),
-            wanted: self.outflow.map(|u| u * shares[k]),
+            lean: self.mouth.lean(now[k]),
+            wanted: self.doors.wanted(self.flow.cells.faces, now[k]),
         });
         let (before, written) = (self.flow.step, pages.is_some());
         let (clamped, reading) = self.flow.go((first, two.then_some(second)), pages);
@@ -279,8 +283,10 @@ impl Lattice {
     fn raise(&mut self, before: u64) {
         let risen = ramp(self.flow.step) - ramp(before);
         if risen > 0.0 {
-            let strength = self.inlet.strength(self.time_of(before)) * risen;
-            let by: Vec<_> = self.uneven.iter().map(|by| by.map(|u| u.map(|u| narrow(u * strength)))).collect();
+            let t = self.time_of(before);
+            let (d, strength) = (self.inlet.direction(t), self.inlet.strength(t) * risen);
+            let level = |u: f64| [d.x, d.z].map(|d| narrow(u * d * strength));
+            let by: Vec<_> = self.uneven.iter().map(|by| by.map(level)).collect();
             self.flow.push(&by);
         }
     }
@@ -290,14 +296,23 @@ impl Lattice {
         (step as f64 - self.plan.run_up as f64) * self.plan.dt
     }
 
-    /// Finds what comes in some steps from now; returns the factor on the mean wind.
-    fn blow(&mut self, ahead: usize) -> f32 {
+    /// Finds what comes in some steps from now.
+    fn blow(&mut self, ahead: usize) -> Blowing {
         let step = self.flow.step + ahead as u64;
-        let t = self.time_of(step);
-        let ramp = ramp(step);
-        let share = self.mouth.share(&self.inlet, t, ramp);
-        self.mouth.blow(&self.inlet, (t, share, ramp), self.flow.sweep.arch, &mut self.wind[ahead]);
-        share
+        let now = self.mouth.blowing(&self.inlet, self.time_of(step), ramp(step));
+        self.mouth.blow(&self.inlet, now, self.flow.sweep.arch, &mut self.wind[ahead]);
+        now
+    }
+
+    /// Gives the faces the roles they have on the way to a frame.
+    fn turn(&mut self, frame: u64) {
+        let Some(options) = &self.turning else { return };
+        let roles = faces(options, ((frame as f64 - 0.5) / self.plan.fps).max(0.0));
+        if roles != self.flow.cells.faces {
+            self.flow.open(roles, self.plan.sponge(roles));
+            self.mouth = mouth(&self.flow, &self.inlet, &self.plan);
+            self.doors = Doors::of(&self.flow, &self.inlet, &self.plan);
+        }
     }
 
     #[cold]
@@ -380,6 +395,7 @@ impl Lattice {
         };
         let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(other)?;
         let word = |k: usize| head[8 * k..].first_chunk::<8>().map_or(0, |b| u64::from_le_bytes(*b));
+        self.turn(word(2).saturating_sub(1));
         let elements: usize = self.flow.populations.arrays().iter().map(|a| a.len()).sum();
         let kept = self.flow.links.kept().count();
         if word(0) != self.plan.key() || body.len() != 4 * (elements + kept) {
@@ -407,48 +423,5 @@ fn still_box() -> Error {
     Error::Simulation {
         frame: 0,
         quantity: "S024: the lattice wind, whose cells are all solid; move or widen it: it".into(),
-    }
-}
-
-/// Height of the solid cells at the foot of the column before an open face, m.
-#[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "clamped to the domain")]
-fn ground(cells: &Cells, place: [isize; 3], spacing: f64) -> f64 {
-    let near = |a: usize| place[a].clamp(0, cells.grid.n[a] as isize - 1) as usize;
-    let (x, z) = (near(0), near(2));
-    let solid = (0..cells.grid.n[1]).take_while(|y| cells.is_solid([x, *y, z])).count();
-    spacing * solid as f64
-}
-
-/// What the profile has more than its mean, by height, along x and z, cells a step, and how it leans.
-fn uneven(inlet: &Inlet, plan: &Plan) -> Vec<[[f64; 2]; 2]> {
-    let heights: Vec<f64> = (0..plan.n[1]).map(|y| plan.spacing * (y as f64 + 0.5)).collect();
-    let of = |height: &f64| inlet.steady(*height, 1.0) / plan.speed();
-    let mean = heights.iter().map(of).sum::<DVec3>() / plan.n[1] as f64;
-    let by = |height: &f64| {
-        let leans = inlet.leaning(plan.tau_at(*height), *height) / plan.speed();
-        [of(height) - mean, leans].map(|u| [u.x, u.z])
-    };
-    heights.iter().map(by).collect()
-}
-
-/// Mean outward velocity at each outlet, cells a step: what the inlets let in, shared out as the profile has it.
-fn outflow(flow: &Flow, inlet: &Inlet, plan: &Plan) -> [f32; 6] {
-    let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
-    for (place, face) in flow.links.mouths.before_air() {
-        let height = plan.middle(place).y - plan.origin.y - ground(&flow.cells, place, plan.spacing);
-        let out = if face.is_multiple_of(2) { -1.0 } else { 1.0 };
-        sum[face] += out * inlet.steady(height, 1.0)[face / 2] / plan.speed();
-        count[face] += 1.0;
-    }
-    let all = |face: Face| (0..6).filter(|f| plan.faces[*f] == face).map(|f| sum[f]).sum::<f64>();
-    let (coming, going) = (-all(Face::Inlet), all(Face::Outlet));
-    let share = if going > 0.0 { coming / going } else { 0.0 };
-    std::array::from_fn(|f| if count[f] > 0.0 { narrow(share * sum[f] / count[f]) } else { 0.0 })
-}
-
-impl Plan {
-    #[allow(clippy::cast_precision_loss, reason = "numbers of cells")]
-    fn middle(&self, p: [isize; 3]) -> DVec3 {
-        self.origin + (DVec3::new(p[0] as f64, p[1] as f64, p[2] as f64) + 0.5) * self.spacing
     }
 }

@@ -237,14 +237,14 @@ impl Wind for Between {
         let part = if self.t1 > self.t0 { ((t - self.t0) / (self.t1 - self.t0)).clamp(0.0, 1.0) } else { 0.0 };
         let part = crate::math::narrow(part);
         let (field, inlet) = (&self.before.field, &self.before.field.inlet);
-        let gust = inlet.gust(t);
+        let now = inlet.now(t, inlet.gust(t));
         for (place, u) in places.iter().zip(out) {
             let value = |k: usize| {
                 let (a, b) = (self.before.values[k], self.after.values[k]);
                 let a = Vec3::new(a[0], a[1], a[2]);
                 a + (Vec3::new(b[0], b[1], b[2]) - a) * part
             };
-            *u = field.sample(*place, value, || inlet.with_gust(place.as_dvec3(), t, gust).as_vec3());
+            *u = field.sample(*place, value, || inlet.at(place.as_dvec3(), &now).as_vec3());
         }
     }
 

@@ -18,6 +18,7 @@ use glam::{DVec3, Vec3};
 use pulp::Arch;
 
 use super::super::Wind;
+use super::cells::Face;
 use super::*;
 use crate::limits::Limits;
 use crate::progress::{Cancel, Silent};
@@ -34,6 +35,7 @@ fn channel() -> LatticeOptions {
             direction: DVec3::X,
             speed: 1.92,
             curve: Vec::new(),
+            turns: Vec::new(),
             profile: WindProfile::Log(0.05),
             reference: Some(16.0),
             gust: 0.0,
@@ -115,6 +117,73 @@ fn eddies_go_with_a_wind_that_rises() {
     assert!((rising.velocity(place, 10.0) - even.velocity(place, 7.5)).length() < 1e-9);
     // Before it rises all of it is half as strong, and half as fast.
     assert!((rising.velocity(place, -6.0) - even.velocity(place, -3.0) / 2.0).length() < 1e-9);
+}
+
+/// A wind that turns from +x to -z in two seconds after two, in a cube of cells with a block in its middle.
+fn turning(turbulence: f64) -> Lattice {
+    let mut o = channel();
+    (o.cells, o.preroll) = ([32, 16, 32], Some(4.0));
+    (o.inlet.turbulence, o.inlet.gust, o.inlet.reference) = (turbulence, 0.0, Some(8.0));
+    o.inlet.turns = vec![[2.0, 0.0], [4.0, std::f64::consts::FRAC_PI_2]];
+    let block = Prism::block(Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0), 0.0);
+    lattice(&o, &[Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }])
+}
+
+#[test]
+fn a_wind_that_turns_goes_out_where_it_came_in() {
+    let mut l = turning(0.0);
+    let before = frames(&mut l, 48).pop().expect("frame");
+    let roles = |l: &Lattice| [0, 1, 4, 5].map(|f| l.flow.cells.faces[f]);
+    assert_eq!(roles(&l), [Face::Inlet, Face::Outlet, Face::Outlet, Face::Outlet]);
+    let part = frames(&mut l, 6).len();
+    assert_eq!((part, roles(&l)), (6, [Face::Inlet, Face::Outlet, Face::Outlet, Face::Inlet]));
+    // Then so long that the air of the old wind has left.
+    let after = frames(&mut l, 480).pop().expect("frame");
+    assert_eq!(roles(&l), [Face::Outlet, Face::Outlet, Face::Outlet, Face::Inlet]);
+    for (s, d) in [(&before, DVec3::X), (&after, -DVec3::Z)] {
+        // Above the block, where nothing is in the way.
+        let places = (2..30).flat_map(|x| (2..30).map(move |z| [x, 13, z]));
+        let all: Vec<DVec3> = places.map(|c| s.cell(c).expect("air").0.as_dvec3()).collect();
+        let mean = all.iter().sum::<DVec3>() / all.len() as f64;
+        let wanted = d * 1.92 * l.inlet().profile(6.75);
+        println!("towards {d}: {mean}, asked {wanted}");
+        assert!((mean - wanted).length() < 0.04 * wanted.length(), "{mean}, {wanted}");
+    }
+    assert!(l.health().clamped == 0 && l.health().density.abs() < 0.02, "{:?}", l.health());
+}
+
+#[test]
+fn a_wind_that_turns_goes_on_from_where_it_was_broken_off() {
+    let mut whole = turning(0.05);
+    // In the middle of the turn, when two faces have other roles than at the start.
+    let _ = frames(&mut whole, 54);
+    let mut again = turning(0.05);
+    again.resume(&whole.checkpoint()).expect("resumed");
+    assert_eq!(again.flow.cells.faces, whole.flow.cells.faces);
+    for _ in 0..20 {
+        let (a, b) = (next(&mut whole).expect("frame"), next(&mut again).expect("frame"));
+        assert!(a.values == b.values);
+    }
+    assert!(whole.checkpoint() == again.checkpoint());
+}
+
+#[test]
+fn eddies_go_the_way_of_a_wind_that_turns() {
+    let inlet = |turns: Vec<[f64; 2]>| {
+        let mut o = channel();
+        (o.inlet.turbulence, o.inlet.gust, o.inlet.turns, o.sides) = (0.2, 0.0, turns, Sides::Open);
+        lattice(&o, &[]).inlet().clone()
+    };
+    let straight = inlet(Vec::new());
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let bent = inlet(vec![[0.0, 0.0], [3.0, quarter]]);
+    // A quarter of a circle of 3 s has a radius of 3 s 1.92 m/s / (pi/2), and ends that far ahead and to the left.
+    let radius = 3.0 * 1.92 / quarter;
+    let (place, passed) = (DVec3::new(3.1, 5.3, -1.2), DVec3::new(radius, 0.0, -radius));
+    let eddies = bent.velocity(place + passed, 3.0) + DVec3::Z * bent.steady(5.3, 1.0);
+    let before = straight.velocity(place, 0.0) - DVec3::X * straight.steady(5.3, 1.0);
+    println!("eddies {eddies}, before the turn {before}");
+    assert!(before.length() > 0.05 && (eddies - before).length() < 1e-6, "{eddies} {before}");
 }
 
 #[test]
