@@ -191,7 +191,7 @@ impl Wetness {
         Some(Stamp {
             key: [blob.uv.x, blob.uv.y, r, a, omega, c, q, skew, x, y, z].map(f64::to_bits),
             dome: Dome::new((&blob.cap, &blob.print), self.stand(&spot), axis.as_vec3()),
-            window: self.chart.window(blob.uv, &spot, blob.cap.reach() * q.max(1.0 / q)),
+            window: self.chart.footprint(blob.uv, &spot, (blob.cap.reach(), q, axis)),
         })
     }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::{DVec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::super::sheet::{Sheet, Spot};
 use super::TILE;
@@ -99,8 +99,9 @@ impl Window {
         for (i, (from, to)) in starts.iter_mut().zip(stops).enumerate() {
             let dy = y + i as f64;
             let middle = self.middle.x + self.lean * dy;
-            let half = (self.half[0] - self.half[1] * dy * dy).max(0.0).sqrt() + 1.0;
-            (*from, *to) = (middle - half, middle + half + 1.0);
+            // Texels whose middle lies within, and somewhat more.
+            let half = (self.half[0] - self.half[1] * dy * dy).max(0.0).sqrt() + 0.1;
+            (*from, *to) = (middle - half - 0.5, middle + half + 0.5);
         }
         std::array::from_fn(|i| [ends[0][i], ends[1][i]])
     }
@@ -150,23 +151,36 @@ impl Chart {
 
     /// Texels within a distance, m, of a place.
     pub(super) fn window(&self, uv: DVec2, spot: &Spot, reach: f64) -> Window {
+        self.ellipse(uv, [spot.ju, spot.jv], reach)
+    }
+
+    /// Texels under a footprint of a radius, m, stretched by `q` along a unit vector of the blade's plane.
+    pub(super) fn footprint(&self, uv: DVec2, spot: &Spot, (reach, q, axis): (f64, f64, DVec3)) -> Window {
+        let across = spot.n.cross(axis);
+        let shrunk = |j: DVec3| DVec3::new(j.dot(axis) / q, j.dot(across) * q, j.dot(spot.n));
+        self.ellipse(uv, [spot.ju, spot.jv].map(shrunk), reach)
+    }
+
+    /// Texels within a distance of a place. `ju`, `jv`: ways that u and v go there.
+    fn ellipse(&self, uv: DVec2, [ju, jv]: [DVec3; 2], reach: f64) -> Window {
         let n = self.side as f64;
         let reach = self.margin * reach;
-        let r = spot.fastest() * reach;
+        // Rows count against v, whence the sign of b.
+        let (a, b, c) = (ju.dot(ju), -ju.dot(jv), jv.dot(jv));
+        let det = (a * c - b * b).max(0.0);
+        let r = DVec2::new(c, a).map(|x| (x / det.max(f64::MIN_POSITIVE)).sqrt() * reach);
         let clamp = |x: f64| {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
             let k = x.clamp(0.0, n) as usize;
             k
         };
-        // Rows count against v.
-        let (a, b, c) = (spot.ju.dot(spot.ju), -spot.ju.dot(spot.jv), spot.jv.dot(spot.jv));
         let least = a.max(f64::MIN_POSITIVE);
         Window {
             lo: [clamp(((uv.x - r.x) * n).floor()), clamp(((1.0 - uv.y - r.y) * n).floor())],
             hi: [clamp(((uv.x + r.x) * n).ceil() + 1.0), clamp(((1.0 - uv.y + r.y) * n).ceil() + 1.0)],
             middle: DVec2::new(uv.x, 1.0 - uv.y) * n,
             lean: -b / least,
-            half: [reach * reach * n * n / least, ((a * c - b * b) / (least * least)).max(0.0)],
+            half: [reach * reach * n * n / least, det / (least * least)],
         }
     }
 
