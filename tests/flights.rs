@@ -105,9 +105,14 @@ fn tables_and_maps_count_everybody() {
         let comment = layer.attributes.comments.as_ref().expect("a comment").to_string();
         let about: serde_json::Value = serde_json::from_str(&comment).expect("json");
         let area = about["texel_area_m2"].as_f64().expect("area");
-        sum += layer.channel_data.list[0].sample_data.values_as_f32().map(f64::from).sum::<f64>() * area;
+        for value in layer.channel_data.list[0].sample_data.values_as_f32() {
+            // A whole number but for the last bits of a quotient.
+            let count = f64::from(value) * area;
+            assert!((count - count.round()).abs() <= 1e-6 * count, "{count} in a texel of {}", map.display());
+            sum += count.round();
+        }
     }
-    assert!((sum - lying).abs() < 1e-3, "{sum} on maps, {lying} in the table");
+    assert!((sum - lying).abs() < 0.5, "{sum} on maps, {lying} in the table");
     let plot = std::fs::read_to_string(out.join("stats/flight.svg")).expect("plot");
     assert!(plot.starts_with("<svg") && plot.matches("<polyline").count() == 14, "{plot}");
     let about: serde_json::Value =
