@@ -32,7 +32,7 @@ pub const LIMITS: &[Limit] = &[
     row("json-bytes", 64 << 20, "bytes of JSON in one file"),
     row("macro-tokens", 10_000_000, "tokens after macro expansion"),
     row("maps", 1000, "maps of an iterated function system"),
-    row("memory", 16_000_000_000, "bytes of memory of a lattice wind"),
+    row("memory", 16_000_000_000, "bytes of memory of a lattice wind; at the command line three quarters of the machine's, if it tells"),
     row("mesh-bytes", 512 << 20, "bytes of one mesh file or buffer"),
     row("modules", 20_000_000, "modules in any derivation step"),
     row("motion-keys", 100_000_000, "bending branches of a plant, or drops on leaves, times frames"),
@@ -62,6 +62,18 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// The defaults, but of the memory of this machine, or what a container may use of it, three quarters, where the system
+    /// tells. What is written never depends on it.
+    pub fn of_machine() -> Self {
+        let mut limits = Self::default();
+        let read = |file: &str| std::fs::read_to_string(file).unwrap_or_default();
+        let told = usable(&read("/proc/meminfo"), &read("/sys/fs/cgroup/memory.max"));
+        if let (Some(bytes), Some(i)) = (told, LIMITS.iter().position(|l| l.name == "memory")) {
+            limits.values[i] = bytes / 4 * 3;
+        }
+        limits
+    }
+
     /// Value in force; 0 for an unknown name (which then refuses everything, and shows in the first test).
     pub fn get(&self, name: &str) -> u64 {
         LIMITS.iter().position(|l| l.name == name).map_or(0, |i| self.values[i])
@@ -89,6 +101,14 @@ impl Limits {
         let wanted = grouped(wanted);
         Err(Error::Limit { name: what.to_owned(), wanted, limit: grouped(limit), flag: format!("--max-{name}") })
     }
+}
+
+/// Bytes of memory by Linux's files of the machine and of the container; none if neither tells.
+fn usable(machine: &str, container: &str) -> Option<u64> {
+    let total = machine.lines().find_map(|line| line.strip_prefix("MemTotal:")?.trim().strip_suffix("kB"));
+    let total = total.and_then(|kib| kib.trim().parse::<u64>().ok()?.checked_mul(1024));
+    let most = container.trim().parse::<u64>().ok();
+    total.into_iter().chain(most).min()
 }
 
 fn parse(text: &str) -> Option<u64> {
@@ -120,6 +140,16 @@ pub fn grouped(n: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn memory_is_what_the_machine_or_the_container_has() {
+        let machine = "MemFree:  7 kB\nMemTotal:       32768 kB\n";
+        assert_eq!(usable(machine, "max\n"), Some(32 << 20));
+        assert_eq!(usable(machine, "1048576\n"), Some(1 << 20));
+        assert_eq!((usable("", "1024"), usable("MemTotal: many kB", "")), (Some(1024), None));
+        let here = Limits::of_machine().get("memory");
+        assert!(here > 0 && Limits::of_machine().get("cells") == Limits::default().get("cells"));
+    }
 
     #[test]
     fn limits_are_sorted_set_and_checked() {

@@ -330,7 +330,7 @@ impl Common {
     /// # Errors
     /// What is wrong with a flag or with the variable.
     pub fn limits(&self, environment: Option<OsString>) -> Result<Limits, String> {
-        let mut limits = Limits::default();
+        let mut limits = Limits::of_machine();
         let text = environment.map(|v| v.to_string_lossy().into_owned()).unwrap_or_default();
         for part in text.split(',').filter(|p| !p.is_empty()) {
             let (name, value) = part.split_once('=').ok_or(format!("OSIER_MAX: \"{part}\" is not name=value"))?;
