@@ -32,7 +32,7 @@ pub const LIMITS: &[Limit] = &[
     row("json-bytes", 64 << 20, "bytes of JSON in one file"),
     row("macro-tokens", 10_000_000, "tokens after macro expansion"),
     row("maps", 1000, "maps of an iterated function system"),
-    row("memory", 16_000_000_000, "bytes of memory of a lattice wind; at the command line three quarters of the machine's, if it tells"),
+    row("memory", 16_000_000_000, "bytes of memory of a lattice wind; for commands, 3/4 of the machine's if it tells"),
     row("mesh-bytes", 512 << 20, "bytes of one mesh file or buffer"),
     row("modules", 20_000_000, "modules in any derivation step"),
     row("motion-keys", 100_000_000, "bending branches of a plant, or drops on leaves, times frames"),
@@ -63,12 +63,12 @@ impl Default for Limits {
 
 impl Limits {
     /// The defaults, but of the memory of this machine, or what a container may use of it, three quarters, where the system
-    /// tells. What is written never depends on it.
-    pub fn of_machine() -> Self {
+    /// tells. What is written never depends on it. `machine`, `container`: text of `/proc/meminfo` and of a control group's
+    /// `memory.max`, or none.
+    pub fn of_machine(machine: &str, container: &str) -> Self {
         let mut limits = Self::default();
-        let read = |file: &str| std::fs::read_to_string(file).unwrap_or_default();
-        let told = usable(&read("/proc/meminfo"), &read("/sys/fs/cgroup/memory.max"));
-        if let (Some(bytes), Some(i)) = (told, LIMITS.iter().position(|l| l.name == "memory")) {
+        let place = LIMITS.iter().position(|l| l.name == "memory");
+        if let (Some(bytes), Some(i)) = (usable(machine, container), place) {
             limits.values[i] = bytes / 4 * 3;
         }
         limits
@@ -147,8 +147,9 @@ mod tests {
         assert_eq!(usable(machine, "max\n"), Some(32 << 20));
         assert_eq!(usable(machine, "1048576\n"), Some(1 << 20));
         assert_eq!((usable("", "1024"), usable("MemTotal: many kB", "")), (Some(1024), None));
-        let here = Limits::of_machine().get("memory");
-        assert!(here > 0 && Limits::of_machine().get("cells") == Limits::default().get("cells"));
+        let here = Limits::of_machine(machine, "");
+        assert_eq!((here.get("memory"), here.get("cells")), (24 << 20, Limits::default().get("cells")));
+        assert_eq!(Limits::of_machine("", ""), Limits::default());
     }
 
     #[test]

@@ -325,12 +325,19 @@ impl clap::FromArgMatches for MaxFlags {
     }
 }
 
+/// A short file of the system; empty if there is none.
+fn system_text(file: &str) -> String {
+    let bytes = crate::fence::read_input(std::path::Path::new(file), 1 << 16).unwrap_or_default();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 impl Common {
     /// Limits in force: flags over `OSIER_MAX=name=value,...` over defaults.
     /// # Errors
     /// What is wrong with a flag or with the variable.
     pub fn limits(&self, environment: Option<OsString>) -> Result<Limits, String> {
-        let mut limits = Limits::of_machine();
+        let [machine, container] = ["/proc/meminfo", "/sys/fs/cgroup/memory.max"].map(system_text);
+        let mut limits = Limits::of_machine(&machine, &container);
         let text = environment.map(|v| v.to_string_lossy().into_owned()).unwrap_or_default();
         for part in text.split(',').filter(|p| !p.is_empty()) {
             let (name, value) = part.split_once('=').ok_or(format!("OSIER_MAX: \"{part}\" is not name=value"))?;
