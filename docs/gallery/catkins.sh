@@ -1,21 +1,13 @@
 #!/usr/bin/env bash
 # Makes the pictures of catkins in flight again from bakes: docs/gallery/catkins.sh [tufts] [fig12] [fig13] [ground] [wall].
-# The first two by Cycles, which takes hairs thinner than a pixel for what they are, the others by POV-Ray. Needs povray, ImageMagick and a
-# Python with bpy (PYTHON=...); half an hour for all of them on two cores.
+# By Cycles, which takes hairs thinner than a pixel for what they are. Needs ImageMagick and a Python with bpy (PYTHON=...); an hour for
+# all of them on two cores.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 cargo build --release --quiet
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# NAME SCENE FRAMES WIDTHxHEIGHT FLAGS...: frames of a bake as $work/NAME*.png
-draw() {
-    local name=$1 scene=$2 frames=$3 size=$4
-    shift 4
-    target/release/osier -q bake "$scene" -o "$work/$name" --formats pov --frames "$frames" "$@"
-    (cd "$work/$name/pov" && povray render.ini +W"${size%x*}" +H"${size#*x}" +A0.1 +FN8 +O"$work/$name.png") 2> "$work/log" ||
-        { cat "$work/log"; exit 1; }
-}
 # NAME SCENE FRAME SUN FLAGS... -- FLAGS...: a frame of a bake by Cycles as $work/NAME.png; flags of the bake, then of the picture.
 cycles() {
     local name=$1 scene=$2 frame=$3 sun=$4 flags=()
@@ -46,23 +38,25 @@ fig12() {
 }
 
 fig13() {
-    local one=480x360 n
+    local n
     for n in 500 1000 2000; do
-        draw "fig13-$(printf %04d $n)" catkins-sky 120-120 $one --set flight.count=$n
+        cycles "fig13-$(printf %04d $n)" catkins-sky 120 38,-120 --set flight.count=$n -- --size 480x360 --samples 40 --exposure 0.35 \
+            --sky "#7fa9dd,#2a5fae,#4a5a34"
     done
     sheet fig13 3x1 catkins-fig13.jpg
 }
 
-# NAME: every third frame of catkins-NAME as a clip.
+# NAME SUN FLAGS...: every third frame of catkins-NAME as a clip.
 clip() {
-    target/release/osier -q bake "catkins-$1" -o "$work/$1" --formats pov
-    for frame in $(seq 1 3 144); do
-        (cd "$work/$1/pov" && povray render.ini +W400 +H300 +A0.1 +FN8 +SF"$frame" +EF"$frame" +O"$work/$1-.png") 2> "$work/log"
-    done
-    convert -delay 12 -loop 0 "$work/$1"-*.png +dither -colors 64 +map -layers optimize-frame "docs/gallery/catkins-$1.gif"
+    local name=$1 sun=$2
+    shift 2
+    target/release/osier -q bake "catkins-$name" -o "$work/$name" --formats usd
+    "${PYTHON:-python3}" docs/gallery/render.py "$work/$name/catkins_$name.usda" "$work/$name-.png" --frame 1 --until 144 --every 3 --sun="$sun" \
+        --size 480x360 --samples 24 "$@" > "$work/log" 2>&1 || { cat "$work/log"; exit 1; }
+    convert -delay 12 -loop 0 "$work/$name"-*.png +dither -colors 96 +map -layers optimize-frame "docs/gallery/catkins-$name.gif"
 }
-ground() { clip ground; }
-wall() { clip wall; }
+ground() { clip ground 36,-50 --exposure 0.4; }
+wall() { clip wall 38,-120 --exposure 0.4 --size 400x300 --samples 10; }
 
 [ $# -gt 0 ] || set -- tufts fig12 fig13 ground wall
 for name in "$@"; do "$name"; done

@@ -1,7 +1,7 @@
 """Renders a baked file with Cycles on the CPU, as the large picture in the README was made
 (frame 36, --samples 40 --sun 36,42 --exposure 0.2); the small ones are by osier preview.
 
-    python render.py out/showcase/showcase.usda picture.png [--frame 36] [--size 800x800] [--samples 96]
+    python render.py out/showcase/showcase.usda picture.png [--frame 36 [--until 72 --every 2]] [--size 800x800] [--samples 96]
                      [--eye x,y,z --target x,y,z --fov 35] [--plain] [--sun elevation,azimuth]
                      [--haze visibility] [--sky horizon,zenith,below] [--energy sun] [--through leaves]
 
@@ -26,6 +26,8 @@ def arguments():
     p.add_argument("source")
     p.add_argument("picture")
     p.add_argument("--frame", type=int)
+    p.add_argument("--until", type=int, help="with --frame: a clip up to this frame, as PICTURE with four digits before its ending")
+    p.add_argument("--every", type=int, default=1, help="with --until: frames from one picture to the next")
     p.add_argument("--size", default="800x800")
     p.add_argument("--samples", type=int, default=96)
     p.add_argument("--eye")
@@ -277,8 +279,12 @@ def main():
     scene.view_settings.look = "AgX - Medium High Contrast"
     scene.view_settings.exposure = a.exposure
     scene.render.resolution_x, scene.render.resolution_y = (int(v) for v in a.size.split("x"))
-    scene.render.filepath = os.path.abspath(a.picture)
-    bpy.ops.render.render(write_still=True)
+    picture, ending = os.path.splitext(os.path.abspath(a.picture))
+    for frame in range(a.frame, a.until + 1, a.every) if a.until else [None]:
+        if frame is not None:
+            scene.frame_set(frame)
+        scene.render.filepath = picture + ending if frame is None else f"{picture}{frame:04}{ending}"
+        bpy.ops.render.render(write_still=True)
 
 
 main()
