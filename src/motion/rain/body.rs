@@ -1,6 +1,6 @@
 //! Drops as closed meshes that fit the leaf under them.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -106,11 +106,13 @@ impl Water {
         let n = base.spot.n;
         let along = (drop.axis - n * drop.axis.dot(n)).normalize_or(n.any_orthonormal_vector());
         let across = n.cross(along);
+        let ring = |k: u32| theta * (1.0 - math::pow(1.0 - f64::from(k) / f64::from(rings), 1.6));
+        let fuller = fuller(&(0..=rings).map(ring).collect::<Vec<_>>(), sides);
         let place = |q: f64, phi: f64| {
             let r1 = cap.r * math::sin(q);
             let (x, y) = (r1 * math::cos(phi) * drop.print.q, r1 * math::sin(phi) / drop.print.q);
             let lean = 1.0 + drop.print.skew * (r1 / cap.a * math::cos(phi)).clamp(-1.0, 1.0);
-            let h = cap.omega * cap.r * (math::cos(q) - cap.c) * lean;
+            let h = fuller * cap.omega * cap.r * (math::cos(q) - cap.c) * lean;
             base.point(along * x + across * y, h.max(0.0))
         };
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
@@ -119,8 +121,7 @@ impl Water {
         let top = self.push(place(0.0, 0.0), carrier);
         let mut rim = Vec::new();
         for k in 1..=rings {
-            let share = 1.0 - f64::from(k) / f64::from(rings);
-            let q = theta * (1.0 - math::pow(share, 1.6));
+            let q = ring(k);
             let ring: Vec<u32> =
                 (0..sides).map(|i| self.push(place(q, TAU * f64::from(i) / f64::from(sides)), carrier)).collect();
             for i in 0..sides as usize {
@@ -291,6 +292,21 @@ impl Water {
     }
 }
 
+/// How much higher a cap of flat facets must be to hold as much as the round one. `rings`: angles from its top to its rim.
+/// Source: frusta of polygons with `sides`, against pi (2 - 3 c + c^3) / 3.
+fn fuller(rings: &[f64], sides: u32) -> f64 {
+    let turn = TAU / f64::from(sides);
+    let polygon = 0.5 * f64::from(sides) * math::sin(turn);
+    let mut facets = 0.0;
+    for pair in rings.windows(2) {
+        let ([r, s], [y, z]) = ([math::sin(pair[0]), math::sin(pair[1])], [math::cos(pair[0]), math::cos(pair[1])]);
+        facets += polygon * (r * r + s * s + r * s) * (y - z) / 3.0;
+    }
+    let c = rings.last().map_or(1.0, |q| math::cos(*q));
+    let round = PI * (2.0 - 3.0 * c + c * c * c) / 3.0;
+    if facets > 0.0 { round / facets } else { 1.0 }
+}
+
 /// About [`ALONG`] points of a profile, evenly along it.
 fn thinned(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let last = profile.len() - 1;
@@ -305,7 +321,6 @@ fn thinned(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
-    use std::f64::consts::PI;
     use std::sync::Arc;
 
     use glam::DQuat;
@@ -357,15 +372,19 @@ mod tests {
     #[test]
     fn drops_are_closed_and_hold_their_volume() {
         let (leaf, blade) = (leaf(), blade());
-        for theta in [30.0, 60.0, 90.0, 110.0, 150.0] {
-            for print in [Print { q: 1.0, skew: 0.0 }, Print { q: 1.4, skew: 0.2 }] {
-                let drop = lying(theta, &[2e-8], print);
+        let prints = [(1.0, 0.0, None), (1.4, 0.2, None), (1.2, 0.26, Some(0.7))];
+        for theta in [30.0, 45.0, 60.0, 75.0, 90.0, 110.0, 130.0, 150.0] {
+            for ((q, skew, omega), volume) in prints.into_iter().flat_map(|p| [(p, 2e-8), (p, 4e-10)]) {
+                let mut drop = lying(theta, &[volume], Print { q, skew });
+                let own = Manner::default().wetting;
+                let cap = super::super::cap::Wetting { theta: theta.to_radians(), omega, ..own }.cap(volume, 1.0);
+                drop.beads[0].cap = cap;
                 let mut water = Water::default();
                 water.lay((&leaf, &blade), &drop);
-                let cap = drop.beads[0].cap;
-                let under = PI * cap.a * cap.a * UNDER;
+                let sides = f64::from(if cap.reach() < LARGE { FEW } else { MANY }[1]);
+                let under = 0.5 * sides * math::sin(TAU / sides) * cap.a * cap.a * UNDER;
                 let found = closed(&water.mesh) - under;
-                assert!((found / 2e-8 - 1.0).abs() < 0.012, "{theta} {print:?}: {found}");
+                assert!((found / volume - 1.0).abs() < 0.01, "{theta} {q} {omega:?}: {found} of {volume}");
                 assert_eq!(water.velocities.len(), water.mesh.points.len());
                 assert!(water.mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-3));
             }

@@ -10,20 +10,20 @@ use super::sheet::{Sheet, Spot};
 use crate::math::{self, narrow};
 use crate::scene::WetMaps;
 
+mod changed;
 mod chart;
 mod rows;
 mod wide;
 
+use changed::{Changed, Marks, Run, Runs};
 pub use chart::Chart;
 use chart::Window;
-use rows::{Around, Dome, Dried, Patch, Pressed, Run, Stand, Turned};
+use rows::{Around, Dome, Dried, Patch, Pressed, Stand, Turned};
 
 /// Texels of a tile's side.
 const TILE: usize = 16;
 /// Wetness that counts as none.
 const DRY: f32 = 1.0 / 1024.0;
-/// Halvings after which the store is scaled anew.
-const EPOCH: f64 = 16.0;
 /// How far water wets beyond its base, in base radii.
 const SOAKS: f64 = 1.15;
 /// Where there is no slope.
@@ -86,11 +86,12 @@ impl Touched {
 #[derive(Debug, Clone)]
 pub struct Wetness {
     chart: Arc<Chart>,
+    /// All of its texels.
+    whole: Runs,
     scale: f32,
-    /// Wetness times 2^age, by the age since [`Wetness::epoch`]: what dries as one needs one factor a frame.
-    store: Vec<f32>,
-    /// Halvings that the store leaves out.
-    epoch: f64,
+    /// Halvings of wetness up to the last time, and by what factor the maps are behind them: factors are rounded.
+    age: f64,
+    behind: f64,
     /// In the order of their keys.
     stamps: Vec<Stamp>,
     maps: Arc<WetMaps>,
@@ -106,10 +107,11 @@ impl Wetness {
         let tiles = chart.side.div_ceil(TILE);
         let maps = WetMaps { height: vec![0.0; n], water: Vec::new(), wetness: vec![0.0; n], normal: vec![FLAT; n] };
         Self {
+            whole: Runs::all(chart.side),
             chart,
             scale: narrow(scale),
-            store: vec![0.0; n],
-            epoch: 0.0,
+            age: 0.0,
+            behind: 1.0,
             stamps: Vec::new(),
             maps: Arc::new(maps),
             damp: vec![false; tiles * tiles],
@@ -127,53 +129,60 @@ impl Wetness {
         self.touched
     }
 
-    /// Goes on to time `t`, s: water as `blobs` say, wet where `soaks` were. Only tiles under what changed are done again.
+    /// Goes on to time `t`, s: water as `blobs` say, wet where `soaks` were. Only texels under what changed are done again.
     pub fn advance(&mut self, sheet: &Sheet, (blobs, soaks): (&[Blob], &[Soak]), t: f64, manner: &Manner) {
         let stamps = self.stamps(sheet, blobs);
         let changed = self.changed(&stamps);
         self.stamps = stamps;
-        let still = soaks.is_empty() && !changed.contains(&true) && !self.damp.contains(&true);
-        if still {
+        let left = self.left(t, manner);
+        if soaks.is_empty() && !changed.any() && !self.damp.contains(&true) {
             return;
         }
-        self.age(t, manner);
-        let patches = self.patches(sheet, soaks, manner);
-        self.work((&changed, &patches), t, manner);
+        let patches = self.patches(sheet, soaks, t, manner);
+        self.work(&changed, &patches, left);
     }
 
     /// The same from nothing: every texel, every blob. What [`Wetness::advance`] must equal, bit for bit.
     pub fn all_over(&mut self, sheet: &Sheet, (blobs, soaks): (&[Blob], &[Soak]), t: f64, manner: &Manner) {
-        let n = self.chart.side;
-        let whole = Window::whole(n);
+        let whole = Window::whole(self.chart.side);
         self.stamps = self.stamps(sheet, blobs);
         self.stamps.iter_mut().for_each(|s| s.window = whole);
-        let tiles = n.div_ceil(TILE);
-        self.age(t, manner);
-        let mut patches = self.patches(sheet, soaks, manner);
+        let left = self.left(t, manner);
+        let mut patches = self.patches(sheet, soaks, t, manner);
         patches.iter_mut().for_each(|(_, window)| *window = whole);
-        self.work((&vec![true; tiles * tiles], &patches), t, manner);
+        self.damp.fill(true);
+        self.work(&Changed::all(self.chart.side), &patches, left);
     }
 
-    /// Changed tiles and patches, a band of tiles after the other: what a band needs stays in the processor's cache from its
-    /// caps to its drying. Normals wait for the caps of the band below.
-    fn work(&mut self, (changed, patches): (&[bool], &[(Patch, Window)]), t: f64, manner: &Manner) {
+    /// What changed, and patches, a band of tiles after the other: what a band needs stays in the processor's cache from its
+    /// caps to its wet places. Normals wait for the caps of the band below.
+    fn work(&mut self, changed: &Changed, patches: &[(Patch, Window)], left: f32) {
         let mut maps = std::mem::take(&mut self.maps);
         let own = Arc::make_mut(&mut maps);
         let tiles = self.chart.side.div_ceil(TILE);
-        for (_, window) in patches {
-            each_tile(window, tiles, |k| self.damp[k] = true);
-        }
-        let left = narrow(math::pow(2.0, -(halvings(t, manner) - self.epoch)));
         for band in 0..tiles {
             self.pour(own, changed, band);
             if let Some(above) = band.checked_sub(1) {
                 self.turn(own, changed, above);
             }
-            self.soak(patches, band);
             self.dry(own, left, band);
+            self.soak(own, patches, band);
         }
         self.turn(own, changed, tiles - 1);
+        for (_, window) in patches {
+            each_tile(window, tiles, |k| self.damp[k] = true);
+        }
         self.maps = maps;
+    }
+
+    /// Share of wetness that is left at time `t`, s, of that at the last time.
+    fn left(&mut self, t: f64, manner: &Manner) -> f32 {
+        let age = halvings(t, manner);
+        let meant = math::pow(2.0, self.age - age) * self.behind;
+        let left = narrow(meant);
+        self.behind = if left > 0.0 { meant / f64::from(left) } else { 1.0 };
+        self.age = age;
+        left
     }
 
     /// Caps in the order of their keys, so that two frames' are compared in one go.
@@ -199,11 +208,10 @@ impl Wetness {
         Stand { p: spot.p.as_vec3().to_array(), n: spot.n.as_vec3().to_array(), scale: self.scale }
     }
 
-    /// Tiles under what was there before or is there now and is not the same.
-    fn changed(&self, stamps: &[Stamp]) -> Vec<bool> {
-        let tiles = self.chart.side.div_ceil(TILE);
-        let mut changed = vec![false; tiles * tiles];
-        let mut mark = |s: &Stamp| each_tile(&s.window, tiles, |k| changed[k] = true);
+    /// Texels under what was there before or is there now and is not the same.
+    fn changed(&self, stamps: &[Stamp]) -> Changed {
+        let mut marks = Marks::none(self.chart.side);
+        let mut mark = |s: &Stamp| marks.add(&s.window);
         let (mut old, mut new) = (self.stamps.iter().peekable(), stamps.iter().peekable());
         loop {
             match (old.peek(), new.peek()) {
@@ -222,7 +230,7 @@ impl Wetness {
                 _ => break,
             }
         }
-        changed
+        Changed::new(&marks)
     }
 
     /// Rows of a band of tiles.
@@ -230,40 +238,25 @@ impl Wetness {
         band * TILE..((band + 1) * TILE).min(self.chart.side)
     }
 
-    /// Clears and fills tiles of a band.
-    fn pour(&mut self, maps: &mut WetMaps, changed: &[bool], band: usize) {
+    /// Clears and fills what changed in a band.
+    fn pour(&mut self, maps: &mut WetMaps, changed: &Changed, band: usize) {
         let arch = rows::arch();
         let (n, rows) = (self.chart.side, self.rows(band));
-        let runs: Vec<Run> = runs(of_band(changed, n, band), n).collect();
-        if runs.is_empty() {
-            return;
+        let runs = &changed.poured;
+        for (y, run) in rows.clone().flat_map(|y| runs.of(y).iter().map(move |r| (y, r))) {
+            maps.height[y * n + run.0..y * n + run.1].fill(0.0);
         }
-        let each_row = || rows.clone().flat_map(|y| runs.iter().map(move |r| y * n + r.0..y * n + r.1));
-        each_row().for_each(|texels| maps.height[texels].fill(0.0));
         for stamp in self.stamps.iter().filter(|s| s.window.meets(&rows)) {
             let (stamp, window, made) = (&stamp.dome, &stamp.window, maps.height.as_mut_slice());
-            let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &runs, made };
+            let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs, made };
             self.touched.poured += arch.dispatch(pressed);
         }
     }
 
-    /// Makes normals of a band's tiles and of the texels around those that changed.
-    fn turn(&mut self, maps: &mut WetMaps, changed: &[bool], band: usize) {
-        let (n, rows) = (self.chart.side, self.rows(band));
-        let own = of_band(changed, n, band);
-        // A band's first and last rows look beyond it.
-        let with = |other: &[bool]| -> Vec<bool> {
-            own.iter().enumerate().map(|(k, own)| *own || other.get(k) == Some(&true)).collect()
-        };
-        let upper = with(band.checked_sub(1).map_or(&[], |b| of_band(changed, n, b)));
-        let lower = with(of_band(changed, n, band + 1));
-        let [own, upper, lower] = [own, &upper, &lower].map(|l| runs(l, n).map(|r| r.grown(n)).collect::<Vec<_>>());
-        let (first, last) = (rows.start, rows.end - 1);
-        for y in rows {
-            let both = [(y == first).then_some(&upper), (y == last).then_some(&lower)];
-            for run in both.into_iter().flatten().chain((y != first && y != last).then_some(&own)).flatten() {
-                self.bend(maps, y, *run);
-            }
+    /// Makes normals of a band's texels that changed, and of those around them.
+    fn turn(&mut self, maps: &mut WetMaps, changed: &Changed, band: usize) {
+        for y in self.rows(band) {
+            changed.turned.of(y).iter().for_each(|run| self.bend(maps, y, *run));
         }
     }
 
@@ -294,24 +287,15 @@ impl Wetness {
         }
     }
 
-    /// Moves the epoch on towards time `t`, s, by whole steps that floats hold exactly.
-    fn age(&mut self, t: f64, manner: &Manner) {
-        let age = halvings(t, manner);
-        while age - self.epoch >= EPOCH {
-            self.epoch += EPOCH;
-            let less = narrow(math::pow(2.0, -EPOCH));
-            self.store.iter_mut().for_each(|v| *v *= less);
-        }
-    }
-
     /// Places that were under water, on the texels that they reach. Source: [yang-wu] eq. 11.
-    fn patches(&self, sheet: &Sheet, soaks: &[Soak], manner: &Manner) -> Vec<(Patch, Window)> {
+    fn patches(&self, sheet: &Sheet, soaks: &[Soak], t: f64, manner: &Manner) -> Vec<(Patch, Window)> {
         let n = self.chart.side as f64;
-        // Drops of the past may be told late: before the epoch they count for less. Most are told at the same few times.
+        // Drops of the past may be told late, and count for less. Most are told at the same few times.
+        let now = halvings(t, manner);
         let mut known: Option<(f64, f32)> = None;
         let mut peak = |t: f64| match known {
             Some((told, peak)) if told.to_bits() == t.to_bits() => peak,
-            _ => known.insert((t, narrow(math::pow(2.0, halvings(t, manner) - self.epoch)))).1,
+            _ => known.insert((t, narrow(math::pow(2.0, (halvings(t, manner) - now).min(0.0))))).1,
         };
         let patch = |soak: &Soak| {
             let spot = sheet.at(soak.uv, f64::from(self.scale))?;
@@ -330,17 +314,18 @@ impl Wetness {
     }
 
     /// Makes places of a band wet.
-    fn soak(&mut self, patches: &[(Patch, Window)], band: usize) {
+    fn soak(&mut self, maps: &mut WetMaps, patches: &[(Patch, Window)], band: usize) {
         let arch = rows::arch();
-        let (n, rows) = (self.chart.side, self.rows(band));
+        let rows = self.rows(band);
+        let runs = &self.whole;
         for (stamp, window) in patches.iter().filter(|(_, w)| w.meets(&rows)) {
-            let made = self.store.as_mut_slice();
-            let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs: &[Run(0, n)], made };
+            let made = maps.wetness.as_mut_slice();
+            let pressed = Pressed { stamp, window, chart: &self.chart, rows: &rows, runs, made };
             self.touched.soaked += arch.dispatch(pressed);
         }
     }
 
-    /// Wetness of a band as it is now; tiles that have dried are left alone from then on. `left`: share of the store's unit.
+    /// Dries a band; tiles that have dried up are left alone from then on. `left`: share of what was.
     fn dry(&mut self, maps: &mut WetMaps, left: f32, band: usize) {
         let arch = rows::arch();
         let (n, rows) = (self.chart.side, self.rows(band));
@@ -350,9 +335,8 @@ impl Wetness {
         for Run(from, to) in runs {
             let mut any = false;
             for y in rows.clone() {
-                let texels = y * n + from..y * n + to;
-                let (store, wetness) = (&self.store[texels.clone()], &mut maps.wetness[texels]);
-                any |= arch.dispatch(Dried { store, left, wetness });
+                let wetness = &mut maps.wetness[y * n + from..y * n + to];
+                any |= arch.dispatch(Dried { left, wetness });
                 self.touched.dried += (to - from) as u64;
             }
             if !any {
@@ -367,14 +351,7 @@ fn halvings(t: f64, manner: &Manner) -> f64 {
     -t / manner.half_life * (math::ln(manner.zeta) / std::f64::consts::LN_2)
 }
 
-impl Run {
-    /// With one more at either end.
-    fn grown(self, n: usize) -> Self {
-        Self(self.0.saturating_sub(1), (self.1 + 1).min(n))
-    }
-}
-
-/// Runs of tiles that are marked, as columns of texels.
+/// Runs of tiles that are damp, as columns of texels.
 fn runs(marked: &[bool], n: usize) -> impl Iterator<Item = Run> + '_ {
     let mut k = 0;
     std::iter::from_fn(move || {
@@ -382,11 +359,6 @@ fn runs(marked: &[bool], n: usize) -> impl Iterator<Item = Run> + '_ {
         k = marked[from..].iter().position(|m| !*m).map_or(marked.len(), |l| from + l);
         Some(Run(from * TILE, (k * TILE).min(n)))
     })
-}
-
-/// The marks of one band of tiles; none beyond the last.
-fn of_band(marks: &[bool], n: usize, band: usize) -> &[bool] {
-    marks.chunks(n.div_ceil(TILE)).nth(band).unwrap_or_default()
 }
 
 fn each_tile(w: &Window, tiles: usize, mut f: impl FnMut(usize)) {

@@ -6,6 +6,7 @@ use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
 use super::super::cap::{Cap, Print};
+use super::changed::Runs;
 use super::chart::{Chart, Row, Window};
 use super::wide::Wide;
 use super::{DRY, TILE};
@@ -123,7 +124,7 @@ impl Stamped for Patch {
         let simd = d[0].0;
         let d = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         let edge = (Wide::all(simd, self.reach) - d).times(self.edge).plus(0.5).at_least(0.0).at_most(1.0);
-        (edge * d.times(self.fall).exp()).times(self.peak)
+        (edge * d.times(self.fall).exp().at_most(1.0)).times(self.peak)
     }
 }
 
@@ -163,10 +164,6 @@ fn press<S: Simd, const FOLDED: bool>(simd: S, stamp: &impl Stamped, row: &Row<'
     }
 }
 
-/// Columns of texels, the end excluded.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Run(pub usize, pub usize);
-
 /// What a stamp does to some rows of a map, within its window and runs of columns. Dispatched, it tells how many texels that
 /// were.
 pub(super) struct Pressed<'a, T> {
@@ -174,7 +171,7 @@ pub(super) struct Pressed<'a, T> {
     pub window: &'a Window,
     pub chart: &'a Chart,
     pub rows: &'a Range<usize>,
-    pub runs: &'a [Run],
+    pub runs: &'a Runs,
     pub made: &'a mut [f32],
 }
 
@@ -189,7 +186,7 @@ impl<T: Stamped> WithSimd for Pressed<'_, T> {
         for first in (window.lo[1].max(rows.start)..end).step_by(TILE) {
             for (y, ends) in (first..end).zip(window.columns(first)) {
                 let (from, to) = window.whole_columns(ends);
-                for run in runs {
+                for run in runs.of(y) {
                     let (from, to) = (from.max(run.0), to.min(run.1));
                     if from >= to {
                         continue;
@@ -226,19 +223,43 @@ pub(super) struct Around<'a> {
 /// Normals of the water's surface in tangent space. Source: -G^-1 (H_u, H_v) along the surface.
 pub(super) struct Turned<'a>(pub &'a Around<'a>, pub &'a mut [[f32; 3]]);
 
-impl NullaryFnOnce for Turned<'_> {
+/// Most numbers that a processor takes at once.
+const MOST: usize = 16;
+
+impl WithSimd for Turned<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
-        let Self(around, out) = self;
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self(Around { own, above, below, slopes: [s, t, u], per }, out) = self;
         let n = out.len();
-        let (left, right) = (&around.own[..n], &around.own[2..n + 2]);
-        let (above, below) = (&around.above[..n], &around.below[..n]);
-        let [s, t, u] = around.slopes.map(|l| &l[..n]);
-        for i in 0..n {
-            let (du, dv) = ((right[i] - left[i]) * around.per[0], (above[i] - below[i]) * around.per[1]);
-            out[i] = normal([du, dv], [s[i], t[i], u[i]]);
+        let (left, right) = (&own[..n], &own[2..n + 2]);
+        let (above, below, s, t, u) = (&above[..n], &below[..n], &s[..n], &t[..n], &u[..n]);
+        let [lefts, rights] = [left, right].map(|l| S::as_simd_f32s(l).0);
+        let [aboves, belows] = [above, below].map(|l| S::as_simd_f32s(l).0);
+        let [ss, ts, us] = [s, t, u].map(|l| S::as_simd_f32s(l).0);
+        let none = Wide::all(simd, 0.0);
+        let mut parts = [[0.0_f32; MOST]; 3];
+        let mut groups = out.chunks_exact_mut(S::F32_LANES);
+        for (g, out) in groups.by_ref().enumerate() {
+            let du = (Wide(simd, rights[g]) - Wide(simd, lefts[g])).times(per[0]);
+            let dv = (Wide(simd, aboves[g]) - Wide(simd, belows[g])).times(per[1]);
+            let x = du * Wide(simd, ss[g]);
+            let y = du * Wide(simd, ts[g]) + dv * Wide(simd, us[g]);
+            let k = (x * x + y * y).plus(1.0).sqrt().inverse();
+            S::as_mut_simd_f32s(&mut parts[0]).0[0] = (none - x * k).1;
+            S::as_mut_simd_f32s(&mut parts[1]).0[0] = (none - y * k).1;
+            S::as_mut_simd_f32s(&mut parts[2]).0[0] = k.1;
+            let [x, y, z] = &parts;
+            for (((out, x), y), z) in out.iter_mut().zip(x).zip(y).zip(z) {
+                *out = [*x, *y, *z];
+            }
+        }
+        let rest = groups.into_remainder();
+        let done = n - rest.len();
+        for (i, out) in (done..n).zip(rest) {
+            let (du, dv) = ((right[i] - left[i]) * per[0], (above[i] - below[i]) * per[1]);
+            *out = normal([du, dv], [s[i], t[i], u[i]]);
         }
     }
 }
@@ -251,9 +272,8 @@ pub(super) fn normal([du, dv]: [f32; 2], slopes: [f32; 3]) -> [f32; 3] {
     [0.0 - x * k, 0.0 - y * k, k]
 }
 
-/// Wetness of a row as it is now; dispatched, it tells whether any is left. `left`: share of the store's unit.
+/// Dries a row; dispatched, it tells whether any wetness is left. `left`: share of what was.
 pub(super) struct Dried<'a> {
-    pub store: &'a [f32],
     pub left: f32,
     pub wetness: &'a mut [f32],
 }
@@ -263,15 +283,13 @@ impl NullaryFnOnce for Dried<'_> {
 
     #[inline(always)]
     fn call(self) -> bool {
-        let Self { store, left, wetness } = self;
-        let store = &store[..wetness.len()];
+        let Self { left, wetness } = self;
         let mut any = 0_u32;
-        for i in 0..wetness.len() {
-            let now = store[i] * left;
-            let now = if now < 1.0 { now } else { 1.0 };
+        for w in wetness {
+            let now = *w * left;
             let now = if now < DRY { 0.0 } else { now };
             any |= now.to_bits();
-            wetness[i] = now;
+            *w = now;
         }
         any != 0
     }

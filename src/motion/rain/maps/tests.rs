@@ -1,3 +1,4 @@
+use super::super::cap::Wetting;
 use super::super::sheet::tests::flat;
 use super::*;
 use crate::rng::Rng;
@@ -16,12 +17,17 @@ fn maps_hold_the_volume_of_a_drop() {
     let sheet = sheet();
     let manner = Manner::default();
     let chart = Arc::new(Chart::new(&sheet, 512));
-    for (q, skew) in [(1.0, 0.0), (1.4, 0.26)] {
-        let mut wet = Wetness::new(Arc::clone(&chart), 1.0);
-        wet.advance(&sheet, (&[blob(DVec2::splat(0.5), 20e-9, (q, skew))], &[]), 0.0, &manner);
-        let texel = 0.0032 / (512.0 * 512.0);
-        let sum: f64 = wet.maps().water().iter().map(|h| f64::from(*h) * texel).sum();
-        assert!((sum / 20e-9 - 1.0).abs() < 0.01, "{sum}");
+    let volume = 4.2e-8;
+    for theta in [30.0_f64, 45.0, 60.0, 75.0, 90.0] {
+        for (q, skew, omega) in [(1.0, 0.0, None), (1.4, 0.26, None), (1.2, 0.1, Some(0.7))] {
+            let wetting = Wetting { theta: theta.to_radians(), omega, ..manner.wetting };
+            let blob = Blob { cap: wetting.cap(volume, 1.0), ..blob(DVec2::splat(0.5), volume, (q, skew)) };
+            let mut wet = Wetness::new(Arc::clone(&chart), 1.0);
+            wet.advance(&sheet, (&[blob], &[]), 0.0, &manner);
+            let texel = 0.0032 / (512.0 * 512.0);
+            let sum: f64 = wet.maps().water().iter().map(|h| f64::from(*h) * texel).sum();
+            assert!((sum / volume - 1.0).abs() < 0.01, "{theta} {q}: {sum}");
+        }
     }
 }
 
@@ -130,7 +136,7 @@ fn vectors_of_any_width_give_the_same_bits() {
         let press = |arch: Arch| {
             let mut made = vec![0.0; 61 * 61];
             let (chart, whole) = (&*wet.chart, Window::whole(61));
-            let (rows, runs) = (0..61, [Run(0, 61)]);
+            let (rows, runs) = (0..61, Runs::all(61));
             let stamp = &stamps[0].dome;
             arch.dispatch(Pressed { stamp, window: &whole, chart, rows: &rows, runs: &runs, made: &mut made });
             made

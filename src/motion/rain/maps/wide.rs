@@ -39,6 +39,11 @@ impl<S: Simd> Wide<S> {
     }
 
     #[inline(always)]
+    pub fn inverse(self) -> Self {
+        Self(self.0, self.0.div_f32s(self.0.splat_f32s(1.0), self.1))
+    }
+
+    #[inline(always)]
     pub fn max(self, o: Self) -> Self {
         Self(self.0, self.0.max_f32s(self.1, o.1))
     }
