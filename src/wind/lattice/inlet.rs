@@ -233,6 +233,11 @@ impl Inlet {
         self.options.speed * gust * self.profile(height)
     }
 
+    /// Mean velocity at a height, m, as it blows at a time, s.
+    pub(super) fn mean_then(&self, height: f32, t: f64) -> Vec3 {
+        (self.direction(t) * self.steady(f64::from(height) - self.origin.y, 1.0)).as_vec3()
+    }
+
     /// Velocity at a place, m, and time, s.
     pub fn velocity(&self, place: DVec3, t: f64) -> DVec3 {
         self.at(place, &self.now(t, self.gust(t)))
@@ -262,7 +267,7 @@ impl Wind for Inlet {
     }
 
     fn mean_at(&self, height: f32) -> Vec3 {
-        (self.options.direction * self.steady(f64::from(height) - self.origin.y, 1.0)).as_vec3()
+        self.mean_then(height, 0.0)
     }
 
     fn period(&self) -> Option<f64> {

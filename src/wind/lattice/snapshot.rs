@@ -249,11 +249,11 @@ impl Wind for Between {
     }
 
     fn mean(&self) -> Vec3 {
-        self.before.field.inlet.mean()
+        self.mean_at(10.0)
     }
 
     fn mean_at(&self, height: f32) -> Vec3 {
-        self.before.field.inlet.mean_at(height)
+        self.before.field.inlet.mean_then(height, self.t0)
     }
 
     fn period(&self) -> Option<f64> {

@@ -150,6 +150,12 @@ fn a_wind_that_turns_goes_out_where_it_came_in() {
         assert!((mean - wanted).length() < 0.04 * wanted.length(), "{mean}, {wanted}");
     }
     assert!(l.health().clamped == 0 && l.health().density.abs() < 0.02, "{:?}", l.health());
+    // Whoever flies in it knows from where it comes.
+    for (s, d) in [(before, Vec3::X), (after, Vec3::NEG_Z)] {
+        let (t0, t1) = (s.time, s.time);
+        let now = Between { before: Arc::clone(&s), after: s, t0, t1 };
+        assert!((now.mean().normalize() - d).length() < 1e-6, "{}", now.mean());
+    }
 }
 
 #[test]
