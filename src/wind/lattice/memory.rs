@@ -2,7 +2,7 @@
 
 use super::cells::Face;
 use super::grid::Grid;
-use super::plan::{LatticeOptions, faces};
+use super::plan::{LatticeOptions, most_open};
 use crate::limits::{Limits, grouped};
 use crate::{Error, Result};
 
@@ -68,15 +68,6 @@ impl LatticeMemory {
         let flag = "--max-memory, fewer wind.lattice.cells or a larger wind.lattice.dx".into();
         Err(Error::Limit { name, wanted: grouped(self.total()), limit: grouped(limit), flag })
     }
-}
-
-/// Faces with as many open as there will be.
-pub(super) fn most_open(options: &LatticeOptions) -> [Face; 6] {
-    let mut all = faces(options, 0.0);
-    if !options.inlet.turns.is_empty() {
-        [all[0], all[1], all[4], all[5]] = [Face::Inlet, Face::Outlet, Face::Inlet, Face::Outlet];
-    }
-    all
 }
 
 #[cfg(test)]

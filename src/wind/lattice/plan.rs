@@ -243,6 +243,15 @@ pub(super) fn faces(options: &LatticeOptions, t: f64) -> [Face; 6] {
     })
 }
 
+/// Faces with as many open as there will be.
+pub(super) fn most_open(options: &LatticeOptions) -> [Face; 6] {
+    let mut all = faces(options, 0.0);
+    if !options.inlet.turns.is_empty() {
+        [all[0], all[1], all[4], all[5]] = [Face::Inlet, Face::Outlet, Face::Inlet, Face::Outlet];
+    }
+    all
+}
+
 /// A wind that turns does so in the clip, not while it sets in, and through all four sides.
 fn turns(options: &LatticeOptions) -> Result<()> {
     let turns = &options.inlet.turns;
