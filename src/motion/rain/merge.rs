@@ -106,9 +106,13 @@ fn touch(drops: &[Drop], places: &[Place], (i, k): (usize, usize), manner: &Mann
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec2;
+
+    use super::super::sheet::{Sheet, tests::flat};
     use super::*;
     use crate::rng::Rng;
-    use glam::DVec2;
 
     #[test]
     fn the_row_finds_the_pair_that_all_pairs_have_first() {
@@ -135,5 +139,26 @@ mod tests {
             }
         }
         assert!((20..120).contains(&found), "{found} of 120 have a pair");
+    }
+
+    #[test]
+    fn one_drop_has_all_the_water_and_momentum_of_both() {
+        let sheet = Sheet::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let leaf = Leaf::new(Arc::new(sheet), 1.0, 0);
+        let mut draw = Rng::at(8, &["merge".into()]);
+        for id in 0..500 {
+            let mut one = |most: f64| {
+                let uv = DVec2::new(draw.range(0.1, 0.9), draw.range(0.1, 0.9));
+                let v = DVec3::new(draw.range(-0.5, 0.5), draw.range(-0.5, 0.5), 0.0);
+                Drop::new(id, 1.0, uv, v, draw.range(1e-11, most))
+            };
+            let (mut kept, gone) = (one(1e-7), one(1e-8));
+            let (water, push) = (kept.volume + gone.volume, kept.v * kept.volume + gone.v * gone.volume);
+            let middle = (kept.uv * kept.volume + gone.uv * gone.volume) / water;
+            leaf.swallow(&mut kept, &gone);
+            assert!((kept.volume / water - 1.0).abs() < 1e-12);
+            assert!((kept.v * kept.volume - push).length() < 1e-12 * push.length());
+            assert!(kept.uv.distance(middle) < 1e-12);
+        }
     }
 }

@@ -286,20 +286,39 @@ mod tests {
     fn ten_millimetres_an_hour_are_ten_millimetres_an_hour() {
         let shower = Shower::new(rainfall(), over(), Vec3::ZERO);
         assert!((2300.0..3100.0).contains(&shower.flux()), "{}", shower.flux());
-        let (mut water, mut count, h) = (0.0, 0_usize, 0.005);
-        let mut sum_sq = 0.0;
+        let (mut water, mut counts, h) = (0.0, Vec::new(), 0.005);
         for k in 0..8000_u64 {
             let born = shower.drops(k, (k as f64 * h, h), DVec3::ZERO);
             water += born.iter().map(|b| b.volume).sum::<f64>();
-            count += born.len();
-            let off = born.len() as f64 - shower.rate() * h;
-            sum_sq += off * off / (shower.rate() * h);
+            counts.push(born.len());
         }
-        assert!(count > 100_000, "{count}");
+        assert!(counts.iter().sum::<usize>() > 100_000);
         let area = 1.0;
         assert!((water / (area * 8000.0 * h) / rainfall().strength - 1.0).abs() < 0.03);
-        // Counts are Poisson's: chi square of 8000 of them, at five sigmas.
-        assert!((sum_sq - 8000.0).abs() < 5.0 * (2.0 * 8000.0_f64).sqrt(), "{sum_sq}");
+        let (mean, n) = (shower.rate() * h, counts.len() as f64);
+        // Counts scatter as Poisson's do, neither more nor less.
+        let scatter: f64 = counts.iter().map(|c| (*c as f64 - mean) * (*c as f64 - mean) / mean).sum();
+        assert!(sigmas(scatter, n).abs() < 3.29, "{scatter}");
+        // And each number of drops is as frequent as it should be; both at p = 0.001.
+        let (mut share, mut left, mut found) = (math::exp(-mean), 1.0, 0.0);
+        let (mut bins, mut bin) = (Vec::new(), (0.0, 0.0));
+        for k in 0..40 {
+            bin = (bin.0 + n * share, bin.1 + counts.iter().filter(|c| **c == k).count() as f64);
+            (left, share) = (left - share, share * mean / (k + 1) as f64);
+            if bin.0 >= 5.0 && n * left >= 5.0 {
+                found += bin.1;
+                bins.push(std::mem::take(&mut bin));
+            }
+        }
+        bins.push((n - bins.iter().map(|b| b.0).sum::<f64>(), n - found));
+        let chi: f64 = bins.iter().map(|(meant, seen)| (seen - meant) * (seen - meant) / meant).sum();
+        assert!(bins.len() > 15 && sigmas(chi, bins.len() as f64 - 1.0) < 3.09, "{chi} of {}", bins.len());
+    }
+
+    /// By how many sigmas a chi square of so many degrees is off. Source: Wilson and Hilferty 1931.
+    fn sigmas(chi: f64, degrees: f64) -> f64 {
+        let spread = 2.0 / (9.0 * degrees);
+        (math::cbrt(chi / degrees) - (1.0 - spread)) / spread.sqrt()
     }
 
     #[test]

@@ -31,24 +31,46 @@ fn maps_hold_the_volume_of_a_drop() {
     }
 }
 
+/// Normal of a cap's own formula at a way from its middle along the leaf's x and y, m.
+fn meant(b: &Blob, x: f64, y: f64) -> DVec3 {
+    let height = |x: f64, y: f64| {
+        let (along, across) = (x * b.axis.x + y * b.axis.y, x * b.axis.y - y * b.axis.x);
+        let (rho, lean) = b.print.at(b.cap.a, along, across);
+        b.cap.height(rho) * lean
+    };
+    let d = 1e-8;
+    let slope = DVec2::new(height(x + d, y) - height(x - d, y), height(x, y + d) - height(x, y - d)) / (2.0 * d);
+    DVec3::new(-slope.x, -slope.y, 1.0).normalize()
+}
+
 #[test]
 fn normals_are_those_of_the_cap() {
-    let sheet = sheet();
-    let manner = Manner::default();
-    let mut wet = Wetness::new(Arc::new(Chart::new(&sheet, 1024)), 1.0);
-    let b = blob(DVec2::splat(0.5), 20e-9, (1.0, 0.0));
-    wet.advance(&sheet, (&[b], &[]), 0.0, &manner);
-    for k in 1..16 {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a column of the map")]
-        let column = |rho: f64| 512 + (b.cap.a * rho / 0.04 * 1024.0).round() as usize;
-        let rho = 0.9 * f64::from(k) / 16.0;
-        let x = column(rho);
-        let r1 = (x as f64 + 0.5 - 512.0) / 1024.0 * 0.04;
-        let slope = b.cap.omega * r1 / math::sqrt(b.cap.r * b.cap.r - r1 * r1);
-        let [nx, ny, nz] = wet.maps().normal[511 * 1024 + x].map(f64::from);
-        let off = math::atan2(nx, nz) - math::atan(slope);
-        assert!(off.abs().to_degrees() < 2.0, "{rho}: {off}");
-        assert!(ny.abs() < 0.02);
+    const N: u32 = 1024;
+    let (sheet, manner) = (sheet(), Manner::default());
+    let chart = Arc::new(Chart::new(&sheet, N as usize));
+    let place = |k: u32, size: f64| (f64::from(k) + 0.5 - 0.5 * f64::from(N)) / f64::from(N) * size;
+    for (theta, q, skew, omega) in
+        [(60.0, 1.0, 0.0, None), (60.0, 1.4, 0.26, None), (30.0, 1.2, 0.2, None), (90.0, 1.1, 0.1, Some(0.7))]
+    {
+        for turn in [0.0_f64, 30.0, 45.0, 90.0, 135.0] {
+            let (sin, cos) = (math::sin(turn.to_radians()), math::cos(turn.to_radians()));
+            let wetting = Wetting { theta: f64::to_radians(theta), omega, ..manner.wetting };
+            let cap = wetting.cap(20e-9, 1.0);
+            let b = Blob { cap, axis: DVec3::new(cos, sin, 0.0), ..blob(DVec2::splat(0.5), 20e-9, (q, skew)) };
+            let mut wet = Wetness::new(Arc::clone(&chart), 1.0);
+            wet.advance(&sheet, (&[b], &[]), 0.0, &manner);
+            let (mut seen, mut worst) = (0, 0.0_f64);
+            for (row, column) in (400..624).flat_map(|row| (400..624).map(move |column| (row, column))) {
+                let (x, y) = (place(column, 0.04), -place(row, 0.08));
+                let (rho, _) = b.print.at(cap.a, x * cos + y * sin, x * sin - y * cos);
+                if rho < 0.9 {
+                    let made = DVec3::from_array(wet.maps().normal[(row * N + column) as usize].map(f64::from));
+                    worst = worst.max(math::acos(made.dot(meant(&b, x, y)).min(1.0)).to_degrees());
+                    seen += 1;
+                }
+            }
+            assert!(seen > 2000 && worst < 2.0, "{theta} {q} {skew} {omega:?} at {turn}: {worst} of {seen}");
+        }
     }
 }
 

@@ -91,6 +91,38 @@ fn a_running_drop_reaches_the_tip_hangs_and_falls() {
 }
 
 #[test]
+fn a_splash_keeps_all_water() {
+    let mut storm = storm(&[0.2], Manner { splash: 0.3, ..even() }, None);
+    let (volume, air) = (super::super::shower::ball(4e-3), storm.next());
+    storm.emitted += volume;
+    let p = storm.blades[0].p + DVec3::new(0.0, 0.05, -0.03);
+    storm.air.push(Falling { id: air, p, v: DVec3::NEG_Y * 8.0, volume, blind: None, late: 0.0 });
+    while storm.leaves()[0].drops.is_empty() {
+        storm.step(0.001).expect("stiff");
+        assert!(storm.time() < 0.1, "it missed the leaf");
+    }
+    let flew: f64 = storm.air().iter().map(|d| d.volume).sum();
+    assert!((6..=20).contains(&storm.air().len()));
+    assert!((flew / (0.3 * volume) - 1.0).abs() < 1e-12);
+    assert!(((flew + storm.leaves()[0].volume()) / volume - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn beads_that_a_tail_leaves_have_its_water() {
+    let mut storm = storm(&[0.25], Manner { bead: 1.0, ..even() }, None);
+    for u in [0.2, 0.5, 0.8] {
+        storm.place(0, DVec2::new(u, 0.2), DVec3::Y * 0.6, 30e-9);
+    }
+    for _ in 0..1500 {
+        storm.step(0.002).expect("stiff");
+        assert!(storm.ledger().error() < 1e-12, "{:?}", storm.ledger());
+    }
+    let beads: Vec<Event> = storm.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
+    assert!(beads.len() >= 3 && storm.tally().beads == beads.len() as u64, "{beads:?}");
+    assert!(beads.iter().all(|b| b.volume > 0.0 && b.other.is_some_and(|of| of <= 3)));
+}
+
+#[test]
 fn drops_that_touch_are_one_with_all_their_water_and_momentum() {
     let mut storm = storm(&[0.0], even(), None);
     storm.place(0, DVec2::new(0.5, 0.5), DVec3::new(0.0, 0.25, 0.0), 9e-9);
