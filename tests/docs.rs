@@ -246,10 +246,9 @@ fn names(text: &str) -> Vec<(String, String)> {
 }
 
 #[test]
-fn functions_and_tests_of_the_papers_exist() {
-    let text = std::fs::read_to_string(root().join("docs/papers.md")).expect("text");
-    let all = names(&text);
-    assert!(all.len() > 20, "{}", all.len());
+fn functions_and_tests_that_documents_name_exist() {
+    let all: Vec<(String, String)> = documents().iter().flat_map(|(_, text)| names(text)).collect();
+    assert!(all.len() > 200, "{}", all.len());
     let missing: Vec<String> = all
         .iter()
         .filter(|(file, name)| {
@@ -261,7 +260,7 @@ fn functions_and_tests_of_the_papers_exist() {
         })
         .map(|(file, name)| format!("{file}: {name}"))
         .collect();
-    assert!(missing.is_empty(), "docs/papers.md names what is not there: {missing:#?}");
+    assert!(missing.is_empty(), "documents name what is not there: {missing:#?}");
 }
 
 #[test]

@@ -1,0 +1,73 @@
+//! Baked rain: every file of every format is the same at any number of threads, and POV-Ray shows the drops without a word.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+
+#[path = "common/clients.rs"]
+mod clients;
+#[path = "common/picture.rs"]
+mod picture;
+#[path = "common/program.rs"]
+mod program;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use picture::{Picture, luma};
+use program::{arg, assert_same, ends, tree};
+
+const SCENE: &str = "seed = 4\n[frames]\nend = 8\nfps = 30\n[plants.twig]\ngrammar = \"rain-twig.l\"\nset = { LEAVES = 3 }\n\
+    [plants.twig.leaf]\nblade = \"elliptic\"\nside = 32\n[plants.twig.rods]\n[[place]]\nplant = \"twig\"\n\
+    [ground]\nshow = false\n[maps]\nresolution = 32\n[rain]\nrate_mm_per_h = 200\nbefore_s = 2\nsubsteps = 8\n";
+
+#[test]
+fn all_files_are_the_same_at_any_number_of_threads() {
+    let dir = tempfile::tempdir().expect("dir");
+    let scene = dir.path().join("wet.toml");
+    fs::write(&scene, SCENE).expect("scene");
+    let baked = |jobs: &str| {
+        let out = dir.path().join(jobs);
+        let formats = "usd,glb,pc2,obj,ply,pov,exr,csv,tracks";
+        ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", formats, jobs]);
+        tree(&out)
+    };
+    let one = baked("-j1");
+    for ending in [".usda", ".usdc", ".glb", ".inc", ".exr", ".png", ".csv", ".bin"] {
+        assert!(one.keys().any(|path| path.ends_with(ending)), "no {ending}: {:?}", one.keys());
+    }
+    for jobs in ["-j2", "-j5"] {
+        assert_same(&baked(jobs), &one, jobs);
+    }
+}
+
+/// Pixels of a frame of 64 x 48.
+fn rendered(povray: &Path, out: &Path) -> Picture {
+    let folder = out.join("pov");
+    let arguments = ["render.ini", "+W64", "+H48", "-A", "-D", "+SF1", "+EF1", "+Op.png"];
+    let ended = clients::run(Command::new(povray).current_dir(&folder).args(arguments));
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    // Light from behind is still called an experiment.
+    assert_eq!(said.matches("Warning:").count(), said.matches("experimental feature").count(), "{said}");
+    let made = fs::read_dir(&folder).expect("folder").filter_map(Result::ok).map(|e| e.path());
+    let made = made.filter(|p| p.file_name().is_some_and(|n| n.to_string_lossy().starts_with('p'))).collect::<Vec<_>>();
+    let picture = made.iter().find(|p| p.extension().is_some_and(|e| e == "png")).expect("a picture");
+    Picture::open(picture)
+}
+
+#[test]
+fn drops_are_seen_in_pov_ray() {
+    let Some(povray) = clients::povray() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let text = osier::presets::find("wet-leaf.toml").expect("a preset").text;
+    let (from, to) = (text.find("[rain]").expect("rain"), text.find("[camera]").expect("camera"));
+    let dry = [&text[..from], &text[to..]].concat();
+    let pictures = [("wet", text), ("dry", dry.as_str())].map(|(name, text)| {
+        let (scene, out) = (dir.path().join(format!("{name}.toml")), dir.path().join(name));
+        fs::write(&scene, text).expect("scene");
+        ends(0, &["-q", "bake", arg(&scene), "-o", arg(&out), "--formats", "pov", "--frames", "1"]);
+        rendered(&povray, &out)
+    });
+    let differs = |x: usize, y: usize| (luma(pictures[0].at(x, y)) - luma(pictures[1].at(x, y))).abs() > 0.03;
+    let count = (0..48).flat_map(|y| (0..64).map(move |x| (x, y))).filter(|(x, y)| differs(*x, *y)).count();
+    // Six drops of 3 to 9 mm on two leaves of 90 mm: some hundredths of the picture, and not all of it.
+    assert!((40..1200).contains(&count), "{count} pixels of {}", 64 * 48);
+}
