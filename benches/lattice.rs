@@ -98,8 +98,10 @@ fn main() {
     for n in sizes {
         let memory = 60 * (n as usize).pow(3);
         let bound = in_place(memory);
-        let plain = pace(n, 0.0, 64, 0.0);
-        let eddies = pace(n, 0.16, 64, 0.0);
+        // As many steps to a snapshot as take a tenth of a second or more.
+        let steps = if n < 100 { 256 } else { 64 };
+        let plain = pace(n, 0.0, steps, 0.0);
+        let eddies = pace(n, 0.16, steps, 0.0);
         let whole = pace(n, 0.16, 2, 0.1);
         let share = 100.0 * plain * BYTES / 1000.0 / bound;
         println!(
