@@ -29,7 +29,7 @@ fn maps(c: &mut Criterion) {
     for (name, spec) in barks {
         sets.push((format!("bark {name} 1024"), Box::new(move || bark(&spec, None, "bark").expect("bark"))));
     }
-    let leaf = || leaf_material(&BladeSpec::oak(), &LeafColors::OAK, "leaf", 512).expect("leaf");
+    let leaf = || leaf_material(&BladeSpec::oak(), &LeafColors::OAK, "leaf", 512, false).expect("leaf");
     sets.push(("leaf 512".into(), Box::new(leaf)));
     let ground = || ground_material(&GroundColors::default(), "ground", 1024, (2.0, 1)).expect("ground");
     sets.push(("ground 1024".into(), Box::new(ground)));

@@ -195,10 +195,11 @@ fn blades(
     let spec = blade_spec(keys, mix64(&[seed, word(plant), word(name)]));
     let colors = leaf_colors(keys);
     let material_name = format!("{plant}_{name}");
-    let mut surface = leaf::leaf_material(&spec, &colors, &material_name, keys.side)?;
+    let mut surface = leaf::leaf_material(&spec, &colors, &material_name, keys.side, keys.detail == Detail::Close)?;
     surface.material.translucency = narrow(keys.translucency);
     let id = look.add(surface.material, surface.images);
     let detail = match keys.detail {
+        Detail::Close => leaf::Detail::Close,
         Detail::Hero => leaf::Detail::Hero,
         Detail::Light => leaf::Detail::Light,
         Detail::Crown => leaf::Detail::Crown,

@@ -74,7 +74,7 @@ fn parameters(keys: &OrganKeys) -> (Spec, Colors) {
         close: keys.close,
         fill: keys.fill,
         anchor: keys.anchor,
-        detail: if keys.detail == Detail::Hero { HERO } else { LIGHT },
+        detail: if matches!(keys.detail, Detail::Hero | Detail::Close) { HERO } else { LIGHT },
         holes: keys.holes,
         ..Spec::default()
     };

@@ -52,5 +52,13 @@ pub fn sky(recipe: &Recipe) -> Sky {
         color: recipe.fog.color.unwrap_or(keys.horizon).map(|c| c * strength),
         height: narrow(recipe.fog.height),
     });
-    Sky { horizon: keys.horizon, zenith: keys.zenith, below: keys.below, glow: narrow(keys.glow), strength, fog }
+    Sky {
+        horizon: keys.horizon,
+        zenith: keys.zenith,
+        below: keys.below,
+        dapple: narrow(keys.dapple),
+        glow: narrow(keys.glow),
+        strength,
+        fog,
+    }
 }

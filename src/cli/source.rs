@@ -35,7 +35,8 @@ fn resolved(context: &Context, source: &str, picture: bool) -> Result<Request> {
 fn find(context: &Context, source: &str, picture: bool) -> Result<Request> {
     let path = Path::new(source);
     let search = &context.common.search;
-    if source != "-" && !source.contains(['/', '\\']) && !path.exists() {
+    // A folder is no source: the name of a preset may also be that of the folder it was baked into.
+    if source != "-" && !source.contains(['/', '\\']) && (!path.exists() || path.is_dir()) {
         return Ok(Request { library: Library::presets(search)?, ..preset(context, source, picture)? });
     }
     // A path that is not there is best reported before anything that is said about its folder.

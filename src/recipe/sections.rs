@@ -46,6 +46,8 @@ words! {
         Crown = "crown",
         /// For close-ups: every tooth, 100 to 250 points.
         Hero = "hero",
+        /// For pictures of a few leaves: a smooth margin, thousands of points, a map of its relief.
+        Close = "close",
     }
     /// Character of bark.
     BarkKind {
@@ -407,6 +409,8 @@ keys! {
         zenith: [f32; 3] = "zenith" Color("#89b3e6");
         /// What stands below the horizon, dark as far trees; drops show it upside down. POV-Ray and previews.
         below: Option<[f32; 3]> = "below" Maybe(Color("#1a2417"), "the sky goes on");
+        /// How uneven it is all around: masses of shade and gaps of light, as of leaves far out of focus. POV-Ray.
+        dapple: f64 = "dapple" num(0.0, 0.0, 1.0, "");
         /// Brightness of the air around the sun, over that of its colour. POV-Ray and previews.
         glow: f64 = "glow" num(0.0, 0.0, 100.0, "");
         /// Factor on both.

@@ -70,6 +70,9 @@ pub struct Sky {
     pub zenith: [f32; 3],
     /// What stands below the horizon, as far trees do; none: the sky goes on.
     pub below: Option<[f32; 3]>,
+    /// How uneven it is all around, 0..1: masses of shade and gaps of light, as of leaves far out of focus. It changes what is
+    /// seen, mirrored and bent by water, and lights nothing.
+    pub dapple: f32,
     /// Brightness of the air around the sun, over that of the sun's colour; 0: no such air.
     pub glow: f32,
     /// Factor on both.
@@ -149,7 +152,15 @@ impl Sky {
 
 impl Default for Sky {
     fn default() -> Self {
-        Self { horizon: [0.85, 0.9, 0.95], zenith: [0.25, 0.45, 0.8], below: None, glow: 0.0, strength: 1.0, fog: None }
+        Self {
+            horizon: [0.85, 0.9, 0.95],
+            zenith: [0.25, 0.45, 0.8],
+            below: None,
+            dapple: 0.0,
+            glow: 0.0,
+            strength: 1.0,
+            fog: None,
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::space::{Space, rgb};
 use crate::export::text::{Num, Text};
 use crate::geometry::Bounds;
+use crate::math;
 use crate::scene::{Camera, Fog, Scene, Sky, Sun};
 use crate::{Error, Result};
 
@@ -18,7 +19,7 @@ const EXPOSURE: f32 = 1.15;
 /// Shoulder of the sky's picture: c to 1 - exp(-1.5 c), about c where it is dark and never 1.
 /// Own: chosen by eye so that horizon and sunlit ground differ.
 fn film(c: f32) -> f32 {
-    1.0 - crate::math::exp_f32(-1.5 * c.max(0.0))
+    1.0 - math::exp_f32(-1.5 * c.max(0.0))
 }
 
 /// What holds for the whole scene. `photons`: the smallest drop's radius in units, if any drop is a target.
@@ -48,7 +49,7 @@ fn fog(text: &mut Text, space: Space, fog: &Fog) {
 /// X001 if camera, sun or sky hold a number that is not finite.
 pub(super) fn check(scene: &Scene) -> Result<()> {
     let (c, s, k) = (&scene.camera, &scene.sun, &scene.sky);
-    let numbers = [c.vfov, c.roll, s.elevation, s.azimuth, s.strength, s.angle, k.strength, k.glow];
+    let numbers = [c.vfov, c.roll, s.elevation, s.azimuth, s.strength, s.angle, k.strength, k.glow, k.dapple];
     let colors = [s.color, k.horizon, k.zenith, k.below.unwrap_or_default()].concat();
     let finite = c.eye.is_finite() && c.target.is_finite() && numbers.iter().chain(&colors).all(|v| v.is_finite());
     if finite { Ok(()) } else { Err(Error::export("X001", "camera, sun or sky: a number is not finite")) }
@@ -59,12 +60,12 @@ pub(super) fn check(scene: &Scene) -> Result<()> {
 /// pointing into the picture because F turns it over.
 pub(super) fn camera(text: &mut Text, space: Space, camera: &Camera) {
     let [right, _, back] = camera.axes().map(|v| v.to_array().map(f64::from));
-    let back = scaled(back, 1.0 / crate::math::sqrt(dot(back, back)));
+    let back = scaled(back, 1.0 / math::sqrt(dot(back, back)));
     let across = dot(right, back);
     let right = [0, 1, 2].map(|i| right[i] - back[i] * across);
-    let right = scaled(right, 1.0 / crate::math::sqrt(dot(right, right)));
+    let right = scaled(right, 1.0 / math::sqrt(dot(right, right)));
     let up = [0, 1, 2].map(|i| back[(i + 1) % 3] * right[(i + 2) % 3] - back[(i + 2) % 3] * right[(i + 1) % 3]);
-    let half = crate::math::tan_f32(camera.vfov * 0.5);
+    let half = math::tan_f32(camera.vfov * 0.5);
     text.put("camera {\n  perspective\n  right x*image_width/image_height\n  up y\n");
     text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  matrix <", Num(half)));
     // POV-Ray holds the axes to be perpendicular far closer than single precision can say.
@@ -89,7 +90,7 @@ pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
     let distance = (bounds.size().length() * 10.0).max(10.0);
     let (center, toward) = (bounds.center(), sun.direction());
     let strength = EXPOSURE * sun.strength / std::f32::consts::PI;
-    let size = 2.0 * distance * crate::math::tan_f32(sun.angle * 0.5);
+    let size = 2.0 * distance * math::tan_f32(sun.angle * 0.5);
     text.put("light_source {\n  ");
     space.point(text, center + toward * distance);
     text.put("\n  ");
@@ -116,6 +117,41 @@ fn glow(text: &mut Text, sky: &Sky, sun: &Sun) {
     text.put("}\n  }\n");
 }
 
+/// Light that comes through leaves, as a share of that of the horizon. Own: chosen by eye.
+const THROUGH: [f32; 3] = [1.0, 1.06, 0.62];
+
+/// Leaves far out of focus, laid over the sky up to half its height: masses of shade with gaps of light between them, and discs as
+/// a lens draws them of the smallest gaps. It is what the picture shows behind things, and what drops show upside down.
+/// Own: chosen by eye, after photographs of drops in gardens.
+fn dapple(text: &mut Text, sky: &Sky) {
+    let stops = sky.stops();
+    let (deep, bright) = (stops[0].1, stops[stops.len() - 2].1);
+    let lit = [0, 1, 2].map(|c| film(bright[c] * THROUGH[c]) * 1.1);
+    let tone = |share: f32| [0, 1, 2].map(|c| math::lerp(0.5 * deep[c], lit[c], share));
+    let stop = |t: &mut Text, at: f32, share: f32, cover: f32| {
+        let [r, g, b] = tone(share);
+        t.put("[").num(at).put(" rgbt <").list(&[r, g, b, 1.0 - cover * sky.dapple], ",").put(">] ");
+    };
+    text.put("  pigment {\n    gradient y pigment_map {\n");
+    for at in ["0", "0.6"] {
+        text.put("      [").put(at).put(" bozo turbulence 0.4 octaves 3 omega 0.4 color_map { ");
+        for (at, share, cover) in
+            [(0.0, 0.0, 0.85), (0.4, 0.03, 0.7), (0.55, 0.1, 0.6), (0.66, 0.4, 0.6), (0.8, 1.0, 0.7)]
+        {
+            stop(text, at, share, cover);
+        }
+        text.put("} scale 0.14]\n");
+    }
+    text.put("      [0.85 rgbt 1]\n    }\n    scale 2 translate -1\n  }\n");
+    for (size, radius) in [(0.18, 0.22), (0.29, 0.16)] {
+        text.put("  pigment {\n    crackle form <1,0,0> color_map { ");
+        for (at, cover) in [(0.0, 0.13), (0.75 * radius, 0.19), (radius, 0.0)] {
+            stop(text, at, 1.2, cover);
+        }
+        text.put("} scale ").num(size).put(" translate ").num(10.0 * size).put("\n  }\n");
+    }
+}
+
 /// The sky as a picture, and as a dome of parallel lights that gives the shade its light: POV-Ray's ambient would be
 /// the same in the open and inside a crown.
 /// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
@@ -129,6 +165,9 @@ pub(super) fn sky(text: &mut Text, space: Space, (sky, sun): (&Sky, &Sun), bound
         text.put("] ");
     }
     text.put("}\n    scale 2 translate -1\n  }\n");
+    if sky.dapple > 0.0 {
+        dapple(text, sky);
+    }
     if sky.glow > 0.0 {
         glow(text, sky, sun);
     }
@@ -140,9 +179,9 @@ pub(super) fn sky(text: &mut Text, space: Space, (sky, sun): (&Sky, &Sun), bound
     for i in 0..DOME {
         let y = (f32::from(i) + 0.5) / f32::from(DOME);
         let turn = f32::from(i) * 2.399_963_2;
-        let flat = crate::math::sqrt_f32(1.0 - y * y);
-        let toward = Vec3::new(flat * crate::math::cos_f32(turn), y, flat * crate::math::sin_f32(turn));
-        let color = [0, 1, 2].map(|c| EXPOSURE * crate::math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(DOME));
+        let flat = math::sqrt_f32(1.0 - y * y);
+        let toward = Vec3::new(flat * math::cos_f32(turn), y, flat * math::sin_f32(turn));
+        let color = [0, 1, 2].map(|c| EXPOSURE * math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(DOME));
         text.put("light_source { ");
         space.point(text, bounds.center() + toward * distance);
         text.put(" ");
@@ -172,6 +211,15 @@ mod tests {
         let dark = written(&Sky { below: Some([0.0; 3]), glow: 2.0, ..Sky::default() });
         assert!(dark.contains("[0.38 rgb 0]") || dark.contains("[0.38 rgb <0,0,0>]"), "{dark}");
         assert!(dark.contains("[0.55 rgb <"), "{dark}");
+        assert!(!dark.contains("crackle"), "{dark}");
+        // Shade and light among leaves: up to half the sky's height, half as dense where half of it is asked for.
+        let cover = |dapple: f32| {
+            let s = written(&Sky { below: Some([0.0; 3]), dapple, ..Sky::default() });
+            assert!(s.contains("[0.85 rgbt 1]") && s.matches("crackle").count() == 2, "{s}");
+            let masses = s.split("bozo").nth(1).and_then(|s| s.split("[0 rgbt <0,0,0,").nth(1)).expect("shade");
+            1.0 - masses.split('>').next().and_then(|n| n.parse::<f32>().ok()).expect("a number")
+        };
+        assert!((cover(1.0) - 0.85).abs() < 1e-6 && (cover(0.5) - 0.425).abs() < 1e-6);
         // At its middle there is nothing but the sun's colour, twice as bright.
         let [r, g, b] = Sun::default().color.map(|c| c * 2.0);
         assert!(dark.contains(&format!("[1 rgbt <{r},{g},{b},0>]")), "{dark}");

@@ -12,6 +12,10 @@ pub(super) const SPHERES: usize = 100_000;
 /// How much of what is behind it a streak hides, where it is as long as it is wide. Own: chosen by eye, 0..1.
 const VEIL: f32 = 0.14;
 
+/// A drop that falls less far than so many times its width while the shutter is open is drawn as a ball: a streak would be as broad
+/// as it is long.
+const LONG: f32 = 3.0;
+
 /// Shapes as one object. POV-Ray complains about a union of one, and of none. `tail`: what holds for all of them.
 pub(super) fn group(text: &mut Text, count: usize, shapes: &Text, tail: &str) {
     match count {
@@ -63,9 +67,9 @@ pub(super) struct View {
 }
 
 impl View {
-    /// Half of the way that a drop falls while the shutter is open, if it is longer than the drop.
+    /// Half of the way that a drop falls while the shutter is open, if that is [`LONG`] enough to be drawn as a streak.
     fn half(&self, velocity: Option<&Vec3>, radius: f32) -> Option<Vec3> {
-        velocity.map(|v| *v * (self.open * 0.5)).filter(|half| half.length() > radius)
+        velocity.map(|v| *v * (self.open * 0.5)).filter(|half| half.length() > LONG * radius)
     }
 
     /// Whether a streak is so near that it would be drawn across the picture.

@@ -108,12 +108,15 @@ impl Water {
         let across = n.cross(along);
         let ring = |k: u32| theta * (1.0 - math::pow(1.0 - f64::from(k) / f64::from(rings), 1.6));
         let fuller = fuller(&(0..=rings).map(ring).collect::<Vec<_>>(), sides);
+        let at = |r1: f64, phi: f64, h: f64| {
+            let (x, y) = (r1 * math::cos(phi) * drop.print.q, r1 * math::sin(phi) / drop.print.q);
+            base.point(along * x + across * y, h)
+        };
         let place = |q: f64, phi: f64| {
             let r1 = cap.r * math::sin(q);
-            let (x, y) = (r1 * math::cos(phi) * drop.print.q, r1 * math::sin(phi) / drop.print.q);
             let lean = 1.0 + drop.print.skew * (r1 / cap.a * math::cos(phi)).clamp(-1.0, 1.0);
             let h = fuller * cap.omega * cap.r * (math::cos(q) - cap.c) * lean;
-            base.point(along * x + across * y, h.max(0.0))
+            at(r1, phi, h.max(0.0))
         };
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let carrier = (base.blade, base.v);
@@ -137,30 +140,39 @@ impl Water {
             rim = ring;
         }
         self.smooth(start, first);
-        self.seat(base, &rim, flip);
+        let foot = cap.r * math::sin(theta);
+        self.seat(base, (&rim, rings / 2), |share, phi| at(foot * share, phi, -UNDER));
     }
 
-    /// Closes a drop under the leaf: a skirt and a fan. `rim`: counter-clockwise seen from above.
-    fn seat(&mut self, base: &Base<'_>, rim: &[u32], flip: bool) {
+    /// Closes a drop under the leaf: a skirt, and rings that follow what is under it, as air that a flat bottom left in a fold
+    /// would mirror. `rim`: counter-clockwise seen from above; `place`: by share of the way to it, and angle.
+    fn seat(&mut self, base: &Base<'_>, (rim, rings): (&[u32], u32), place: impl Fn(f64, f64) -> DVec3) {
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
-        let carrier = (base.blade, base.v);
-        let down = (base.blade.q * base.spot.n * (-base.side * UNDER)).as_vec3();
-        let upper: Vec<u32> = rim.iter().map(|i| self.again(*i, Vec3::ZERO)).collect();
-        let lower: Vec<u32> = rim.iter().map(|i| self.again(*i, down)).collect();
-        let middle = base.point(DVec3::ZERO, -UNDER);
-        let middle = self.push(middle, carrier);
-        for i in 0..rim.len() {
-            let j = (i + 1) % rim.len();
-            self.triangle([upper[i], lower[i], lower[j]], flip);
-            self.triangle([upper[i], lower[j], upper[j]], flip);
-            self.triangle([middle, lower[j], lower[i]], flip);
+        let (carrier, flip) = ((base.blade, base.v), base.side < 0.0);
+        let sides = rim.len();
+        let count = u32::try_from(sides).unwrap_or(u32::MAX);
+        let mut before: Vec<u32> = rim.iter().map(|i| self.again(*i)).collect();
+        for k in (1..=rings).rev() {
+            let share = f64::from(k) / f64::from(rings);
+            let angles = (0_u32..).map(|i| TAU * f64::from(i) / f64::from(count)).take(sides);
+            let ring: Vec<u32> = angles.map(|phi| self.push(place(share, phi), carrier)).collect();
+            for i in 0..sides {
+                let j = (i + 1) % sides;
+                self.triangle([before[i], ring[i], ring[j]], flip);
+                self.triangle([before[i], ring[j], before[j]], flip);
+            }
+            before = ring;
+        }
+        let middle = self.push(place(0.0, 0.0), carrier);
+        for i in 0..sides {
+            self.triangle([middle, before[(i + 1) % sides], before[i]], flip);
         }
         self.smooth(start, first);
     }
 
-    fn again(&mut self, i: u32, by: Vec3) -> u32 {
+    fn again(&mut self, i: u32) -> u32 {
         let index = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
-        self.mesh.points.push(self.mesh.points[i as usize] + by);
+        self.mesh.points.push(self.mesh.points[i as usize]);
         self.velocities.push(self.velocities[i as usize]);
         index
     }
@@ -170,7 +182,6 @@ impl Water {
         let Some(line) = Line::new(base, drop) else { return };
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let carrier = (base.blade, base.v);
-        let flip = base.side < 0.0;
         let rows = line.rows();
         let ends = [0, rows].map(|k| {
             let p = line.point(base, line.at(k, rows), 0.0, 0.0);
@@ -182,7 +193,7 @@ impl Water {
             let wide = line.width(s);
             let row = (0..=COLUMNS)
                 .map(|i| {
-                    let x = wide * math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(COLUMNS) - 1.0));
+                    let x = wide * column(i);
                     let rim = i == 0 || i == COLUMNS;
                     let h = if rim { 0.0 } else { line.height(s, x) };
                     let p = line.point(base, s, x, h);
@@ -191,55 +202,48 @@ impl Water {
                 .collect();
             grid.push(row);
         }
-        let n = COLUMNS as usize;
-        for i in 0..n {
-            self.triangle([ends[0], grid[0][i], grid[0][i + 1]], flip);
-            let last = &grid[grid.len() - 1];
-            let (a, b) = (last[i], last[i + 1]);
-            self.triangle([ends[1], b, a], flip);
+        self.web((&grid, ends), base.side < 0.0);
+        self.smooth(start, first);
+        self.keel(base, &line, (&grid, ends));
+    }
+
+    /// Closes a strip under the leaf, whose folds it follows.
+    fn keel(&mut self, base: &Base<'_>, line: &Line, (grid, ends): (&[Vec<u32>], [u32; 2])) {
+        let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
+        let (carrier, flip) = ((base.blade, base.v), base.side < 0.0);
+        let (n, rows) = (COLUMNS as usize, line.rows());
+        let mut under = |k: u32, x: f64| self.push(line.point(base, line.at(k, rows), x, -UNDER), carrier);
+        let lower_ends = [0, rows].map(|k| under(k, 0.0));
+        let across = |k: u32, i: u32| line.width(line.at(k, rows)) * column(i);
+        let lower: Vec<Vec<u32>> = (1..rows).map(|k| (0..=COLUMNS).map(|i| under(k, across(k, i))).collect()).collect();
+        // Around: the front end, the left side back, the hind end, the right side forth.
+        let around = |rows: &[Vec<u32>], ends: [u32; 2]| -> Vec<u32> {
+            let (left, right) = (rows.iter().map(|r| r[0]), rows.iter().rev().map(|r| r[n]));
+            [ends[0]].into_iter().chain(left).chain([ends[1]]).chain(right).collect()
+        };
+        let upper: Vec<u32> = around(grid, ends).iter().map(|i| self.again(*i)).collect();
+        let rim = around(&lower, lower_ends);
+        for i in 0..rim.len() {
+            let j = (i + 1) % rim.len();
+            self.triangle([upper[i], rim[i], rim[j]], flip);
+            self.triangle([upper[i], rim[j], upper[j]], flip);
         }
-        for k in 1..grid.len() {
-            for i in 0..n {
+        self.web((&lower, lower_ends), !flip);
+        self.smooth(start, first);
+    }
+
+    /// Rows of a strip, joined, with a point at both ends.
+    fn web(&mut self, (grid, ends): (&[Vec<u32>], [u32; 2]), flip: bool) {
+        let last = grid.len() - 1;
+        for i in 0..COLUMNS as usize {
+            self.triangle([ends[0], grid[0][i], grid[0][i + 1]], flip);
+            self.triangle([ends[1], grid[last][i + 1], grid[last][i]], flip);
+            for k in 1..=last {
                 let (a, b, c, d) = (grid[k - 1][i], grid[k - 1][i + 1], grid[k][i + 1], grid[k][i]);
                 self.triangle([a, c, b], flip);
                 self.triangle([a, d, c], flip);
             }
         }
-        self.smooth(start, first);
-        self.keel(base, (&grid, ends), flip);
-    }
-
-    /// Closes a strip under the leaf.
-    fn keel(&mut self, base: &Base<'_>, (grid, ends): (&[Vec<u32>], [u32; 2]), flip: bool) {
-        let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
-        let down = (base.blade.q * base.spot.n * (-base.side * UNDER)).as_vec3();
-        let n = COLUMNS as usize;
-        // Around: the front end, the right side back, the hind end, the left side forth.
-        let right: Vec<u32> = grid.iter().map(|row| row[n]).collect();
-        let left: Vec<u32> = grid.iter().map(|row| row[0]).collect();
-        let ring: Vec<u32> = std::iter::once(ends[0])
-            .chain(left.iter().copied())
-            .chain(std::iter::once(ends[1]))
-            .chain(right.iter().rev().copied())
-            .collect();
-        let upper: Vec<u32> = ring.iter().map(|i| self.again(*i, Vec3::ZERO)).collect();
-        let lower: Vec<u32> = ring.iter().map(|i| self.again(*i, down)).collect();
-        for i in 0..ring.len() {
-            let j = (i + 1) % ring.len();
-            self.triangle([upper[i], lower[i], lower[j]], flip);
-            self.triangle([upper[i], lower[j], upper[j]], flip);
-        }
-        let rows = grid.len();
-        let (front, back) = (lower[0], lower[rows + 1]);
-        let l = |k: usize| lower[1 + k];
-        let r = |k: usize| lower[ring.len() - 1 - k];
-        self.triangle([front, r(0), l(0)], flip);
-        for k in 1..rows {
-            self.triangle([l(k - 1), r(k - 1), r(k)], flip);
-            self.triangle([l(k - 1), r(k), l(k)], flip);
-        }
-        self.triangle([l(rows - 1), r(rows - 1), back], flip);
-        self.smooth(start, first);
     }
 
     /// Adds a drop that hangs at a margin. `shapes`: of its circle.
@@ -290,6 +294,11 @@ impl Water {
             }
         }
     }
+}
+
+/// Place of a column of a strip, as a share of the way from its middle to its rim; they stand closer there.
+fn column(i: u32) -> f64 {
+    math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(COLUMNS) - 1.0))
 }
 
 /// How much higher a cap of flat facets must be to hold as much as the round one. `rings`: angles from its top to its rim.
@@ -407,6 +416,26 @@ mod tests {
             .sum();
         let found = closed(&water.mesh) - area * UNDER;
         assert!((found / drop.volume - 1.0).abs() < 0.03, "{found} of {}", drop.volume);
+    }
+
+    #[test]
+    fn no_air_is_left_between_a_drop_and_the_fold_it_lies_in() {
+        let mut mesh = flat(0.08, 0.04, 32);
+        mesh.points.iter_mut().for_each(|p| p.z += 0.6 * p.x.abs());
+        let leaf = Leaf::new(Arc::new(Sheet::new(&mesh).expect("a blade")), 1.0, 0);
+        let blade = Blade::still(DVec3::ZERO, DQuat::IDENTITY);
+        for volumes in [&[2e-8][..], &[1e-8, 5e-9, 2.5e-9]] {
+            let mut water = Water::default();
+            water.lay((&leaf, &blade), &lying(60.0, volumes, Print { q: 1.0, skew: 0.0 }));
+            let Mesh { points, triangles, .. } = &water.mesh;
+            let middles = triangles.iter().map(|t| t.map(|i| points[i as usize].as_dvec3())).filter_map(|[a, b, c]| {
+                let (n, m) = ((b - a).cross(c - a).normalize_or_zero(), (a + b + c) / 3.0);
+                (n.z < -0.5).then_some(m.z - 0.6 * m.x.abs())
+            });
+            let heights: Vec<f64> = middles.collect();
+            let highest = heights.iter().copied().fold(f64::MIN, f64::max);
+            assert!(heights.len() > 20 && highest < 0.3 * UNDER, "{highest} m over the leaf, of {}", heights.len());
+        }
     }
 
     #[test]

@@ -134,7 +134,8 @@ fn looking_straight_through_a_drop_shows_the_sky_behind_it_dimmed_by_fresnel() {
 #[test]
 fn trees_stand_below_the_horizon_and_the_air_glows_around_the_sun() {
     let sun = Sun { elevation: 0.3, azimuth: 0.4, color: [1.0, 0.5, 0.25], ..Sun::default() };
-    let sky = Sky { below: Some([0.1; 3]), glow: 2.0, horizon: [0.8; 3], zenith: [0.6; 3], strength: 0.5, fog: None };
+    let sky =
+        Sky { below: Some([0.1; 3]), glow: 2.0, horizon: [0.8; 3], zenith: [0.6; 3], strength: 0.5, ..Sky::default() };
     let light = Light::new(&sun, &sky);
     let away = Vec3::new(-sun.direction().x, 0.0, -sun.direction().z).normalize();
     // Each stop of the sky's picture, where the sun does not glow.

@@ -1,6 +1,6 @@
 //! The blade as a mesh: cells between veins, folded, curled and waved, on a petiole that goes on as the midrib below.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Vec2, Vec3};
 
@@ -16,6 +16,8 @@ use crate::scene::Mesh;
 /// How finely a blade is cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
+    /// For a picture of a few leaves: a smooth margin, some thousand triangles that follow every bend.
+    Close,
     /// For close-ups: every tooth, 100 to 250 points.
     Hero,
     /// For plants seen whole: 40 to 90 points, teeth left to the eye.
@@ -26,6 +28,39 @@ pub enum Detail {
 
 /// Most points of one side's margin of a [`Detail::Crown`] blade.
 const CROWN_MARGIN: usize = 12;
+
+/// How often each triangle of a [`Detail::Close`] blade is cut into four.
+const HALVINGS: u32 = 2;
+
+impl Detail {
+    /// Points along each piece of the margin, and whether its teeth are cut.
+    fn margin(self) -> (u32, bool) {
+        match self {
+            Self::Close => (8, true),
+            Self::Hero => (2, true),
+            Self::Light | Self::Crown => (1, false),
+        }
+    }
+
+    /// Where veins have points between the midrib and the margin, as shares of their way.
+    fn inner(self) -> &'static [f32] {
+        match self {
+            Self::Close | Self::Hero => &[0.34, 0.68],
+            Self::Light => &[0.5],
+            Self::Crown => &[],
+        }
+    }
+
+    /// Sides of the petiole, rings along it, rings below the blade.
+    fn petiole(self) -> (u32, u32, u32) {
+        match self {
+            Self::Close => (12, 10, 12),
+            Self::Hero => (5, 4, 4),
+            Self::Light => (3, 2, 1),
+            Self::Crown => (3, 1, 1),
+        }
+    }
+}
 
 /// How one leaf differs from the next of its kind.
 struct Pose {
@@ -57,10 +92,7 @@ impl Pose {
 /// Own: cells between veins, so that creases follow the veins.
 pub fn blade(spec: &BladeSpec, variant: u64, detail: Detail) -> Result<Mesh> {
     spec.check()?;
-    let (smooth, teeth) = match detail {
-        Detail::Hero => (2, true),
-        Detail::Light | Detail::Crown => (1, false),
-    };
+    let (smooth, teeth) = detail.margin();
     let mut outline = Outline::new(spec, smooth, teeth);
     if detail == Detail::Crown {
         outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
@@ -92,6 +124,18 @@ impl Flat {
         u32::try_from(self.points.len() - 1).unwrap_or(u32::MAX)
     }
 
+    /// Cuts each triangle into four at the middles of its edges.
+    fn halve(&mut self) {
+        let mut middles: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+        for [a, b, c] in std::mem::take(&mut self.triangles) {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+                let middle = (self.points[p as usize] + self.points[q as usize]) * 0.5;
+                *middles.entry(edge(p, q)).or_insert_with(|| self.push(middle))
+            });
+            self.triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+    }
+
     /// A cell; `reversed` if its corners run clockwise seen from above.
     fn cell(&mut self, corners: &[u32], reversed: bool) {
         let mut corners = corners.to_vec();
@@ -112,6 +156,9 @@ fn flat(outline: &Outline, detail: Detail) -> Flat {
     flat.creases.extend(midrib.windows(2).map(|w| edge(w[0], w[1])));
     let Flat { points, triangles, creases } = &mut flat;
     improve(points, triangles, creases);
+    for _ in 0..if detail == Detail::Close { HALVINGS } else { 0 } {
+        flat.halve();
+    }
     flat
 }
 
@@ -119,11 +166,7 @@ fn flat(outline: &Outline, detail: Detail) -> Flat {
 fn cells(flat: &mut Flat, outline: &Outline, half: &Half, midrib: &[u32], (detail, reversed): (Detail, bool)) {
     let last = half.margin.len() - 1;
     let (base, tip) = (midrib[0], midrib[midrib.len() - 1]);
-    let inner: &[f32] = match detail {
-        Detail::Hero => &[0.34, 0.68],
-        Detail::Light => &[0.5],
-        Detail::Crown => &[],
-    };
+    let inner = detail.inner();
     let margin: Vec<u32> = half
         .margin
         .iter()
@@ -221,11 +264,7 @@ fn lean_to_triangles(mesh: &mut Mesh) {
 
 /// A tube from the pivot to the blade and on below the midrib, thinning out; closed at both ends.
 fn petiole(spec: &BladeSpec, pose: &Pose, outline: &Outline, detail: Detail, mesh: &mut Mesh) {
-    let (sides, steps, under): (u32, u32, u32) = match detail {
-        Detail::Hero => (5, 4, 4),
-        Detail::Light => (3, 2, 1),
-        Detail::Crown => (3, 1, 1),
-    };
+    let (sides, steps, under) = detail.petiole();
     let r = spec.petiole_radius;
     let mut path: Vec<(Vec3, f32)> = Vec::new();
     for k in 0..steps {
@@ -287,7 +326,8 @@ mod tests {
     use super::*;
 
     fn area(spec: &BladeSpec, detail: Detail) -> (f32, f32) {
-        let outline = Outline::new(spec, if detail == Detail::Hero { 2 } else { 1 }, detail == Detail::Hero);
+        let (smooth, teeth) = detail.margin();
+        let outline = Outline::new(spec, smooth, teeth);
         let f = flat(&outline, detail);
         let signed = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| f.points[i as usize]);
@@ -301,7 +341,7 @@ mod tests {
     #[test]
     fn cells_cover_the_outline_once() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
-            for detail in [Detail::Hero, Detail::Light] {
+            for detail in [Detail::Close, Detail::Hero, Detail::Light] {
                 let (cells, outline) = area(&spec, detail);
                 assert!((cells / outline - 1.0).abs() < 1e-3, "{:?}: {cells} of {outline}", spec.form);
             }
@@ -332,7 +372,13 @@ mod tests {
     #[test]
     fn blades_are_sound_and_variants_differ() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
-            for (detail, counts) in [(Detail::Hero, 60..=280), (Detail::Light, 20..=100), (Detail::Crown, 20..=50)] {
+            let all = [
+                (Detail::Close, 1000..=6000),
+                (Detail::Hero, 60..=280),
+                (Detail::Light, 20..=100),
+                (Detail::Crown, 20..=50),
+            ];
+            for (detail, counts) in all {
                 let (a, b) = (blade(&spec, 0, detail).expect("a"), blade(&spec, 1, detail).expect("b"));
                 assert!(counts.contains(&a.points.len()), "{:?} {detail:?}: {}", spec.form, a.points.len());
                 assert_eq!(a.uvs, b.uvs, "variants share their maps");

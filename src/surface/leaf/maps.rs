@@ -59,6 +59,8 @@ const RELIEF: f32 = 0.004;
 struct Fields {
     /// To the edge of the midrib and side veins, negative within.
     main: Vec<f32>,
+    /// To the branches of the side veins.
+    branch: Vec<f32>,
     /// To the veins between the side veins.
     fine: Vec<f32>,
     /// To the margin.
@@ -66,11 +68,17 @@ struct Fields {
 }
 
 /// A blade's material with `<name>_color`, `<name>_normal` and `<name>_rough`, square, `side` pixels (16..=4096). Needs no
-/// alpha: the outline is geometry.
+/// alpha: the outline is geometry. `relief`: also `<name>_height`, 16 bit, for programs that take no normals.
 /// # Errors
 /// `Range` for a value of the blade or a side outside its range.
 /// Own: veins as curves with tapered width, a network of cells between them, both as colour and as relief.
-pub fn leaf_material(spec: &BladeSpec, colors: &LeafColors, name: &str, side: u32) -> Result<SurfaceMaterial> {
+pub fn leaf_material(
+    spec: &BladeSpec,
+    colors: &LeafColors,
+    name: &str,
+    side: u32,
+    relief: bool,
+) -> Result<SurfaceMaterial> {
     spec.check()?;
     if !(16..=4096).contains(&side) {
         let name = "leaf: side of the maps".to_owned();
@@ -88,11 +96,14 @@ pub fn leaf_material(spec: &BladeSpec, colors: &LeafColors, name: &str, side: u3
     let color = pixels::colors(painted.iter().map(|p| p.color));
     let rough = painted.iter().map(|p| crate::units::byte(p.rough)).collect();
     let image = |kind, what, pixels| map(name, what, kind, side, pixels);
-    let images = vec![
+    let mut images = vec![
         image(ImageKind::Color, "color", Pixels::U8(color)),
         image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, grid.side, slopes))),
         image(ImageKind::Data, "rough", Pixels::U8(rough)),
     ];
+    if relief {
+        images.push(image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())));
+    }
     let material = Material {
         name: name.to_owned(),
         class: MaterialClass::Leaf,
@@ -104,7 +115,7 @@ pub fn leaf_material(spec: &BladeSpec, colors: &LeafColors, name: &str, side: u3
         alpha_cutoff: None,
         height_range: scale,
         tile: spec.length,
-        maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: None },
+        maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: relief.then_some(3) },
         wet: None,
     };
     Ok(SurfaceMaterial { material, images })
@@ -148,7 +159,7 @@ impl Grid<'_> {
 fn fields(spec: &BladeSpec, outline: &Outline, grid: &Grid<'_>) -> Fields {
     let far = spec.length * SHOULDER;
     let blank = || vec![far; grid.side * grid.side];
-    let mut f = Fields { main: blank(), fine: blank(), margin: blank() };
+    let mut f = Fields { main: blank(), branch: blank(), fine: blank(), margin: blank() };
     let unit = spec.length * 0.0075;
     let steps = 16_u32;
     for k in 0..steps {
@@ -181,19 +192,21 @@ fn curve(grid: &Grid<'_>, field: &mut [f32], at: impl Fn(f32) -> Vec2, width: [f
 fn between(spec: &BladeSpec, grid: &Grid<'_>, f: &mut Fields, half: &Half, unit: f32) {
     let mut draw = Rng::at(spec.seed, &["veins".into(), half.veins.len().into()]);
     let reach = spec.length * 0.012;
+    let last = half.margin.len() - 1;
     for (i, vein) in half.veins.iter().enumerate() {
-        for from in [0.45, 0.68_f32] {
+        let next: Option<&Vein> = half.veins.get(i + 1);
+        let before = if i > 0 { half.veins[i - 1].at } else { 0 };
+        let after = next.map_or(last, |n| n.at);
+        // Each keeps to its own half of the way to the next vein: the one that leaves first goes farthest.
+        for (from, share) in [(0.45, 0.46), (0.68_f32, 0.26_f32)] {
             let a = vein.point(from);
-            let Some(goal) = half.margin.get((vein.at + 3 + i % 2).min(half.margin.len() - 2)) else { continue };
-            let below = half.margin[vein.at.saturating_sub(4)];
-            for goal in [*goal, below] {
-                let end = a.lerp(goal, 0.85);
+            for goal in [after, before] {
+                let end = a.lerp(along(&half.margin, vein.at, goal, share), 0.9);
                 let bend = a.lerp(end, 0.5).lerp(vein.point(0.9), 0.35);
                 let q = |t: f32| a * ((1.0 - t) * (1.0 - t)) + bend * (2.0 * t * (1.0 - t)) + end * (t * t);
-                curve(grid, &mut f.main, q, [unit * 0.16, unit * 0.03], reach);
+                curve(grid, &mut f.branch, q, [unit * 0.16, unit * 0.03], reach);
             }
         }
-        let next: Option<&Vein> = half.veins.get(i + 1);
         let bridges = 7_u8;
         for k in 1..bridges {
             let t = (f32::from(k) + math::narrow(draw.range(-0.25, 0.25))) / f32::from(bridges);
@@ -205,6 +218,14 @@ fn between(spec: &BladeSpec, grid: &Grid<'_>, f: &mut Fields, half: &Half, unit:
             curve(grid, &mut f.fine, q, [unit * 0.06, unit * 0.06], reach);
         }
     }
+}
+
+/// The point a share of the way from one of a margin's points to another, counted in points.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the margin")]
+fn along(margin: &[Vec2], from: usize, to: usize, share: f32) -> Vec2 {
+    let at = math::lerp(from as f32, to as f32, share);
+    let k = (at as usize).min(margin.len().saturating_sub(2));
+    margin[k].lerp(margin[k + 1], at - k as f32)
 }
 
 struct Painted {
@@ -249,6 +270,7 @@ fn paint((spec, colors): Look<'_>, q: Vec2, noise: [f32; 2], at: (&Fields, &Tabl
     let net = tables.net.at(q.x, q.y);
     let mesh = 1.0 - math::smoothstep(0.0, 0.16, net.f2 - net.f1);
     let (main, fine, margin) = (fields.main[i], fields.fine[i], fields.margin[i]);
+    let branch = 1.0 - math::smoothstep(-0.0006 * l, 0.0012 * l, fields.branch[i]);
     let vein = 1.0 - math::smoothstep(-0.0006 * l, 0.0015 * l, main);
     let bridge = 1.0 - math::smoothstep(0.0, 0.0028 * l, fine);
     let glow = 1.0 - math::smoothstep(0.0, 0.03 * l, main.max(0.0));
@@ -265,12 +287,12 @@ fn paint((spec, colors): Look<'_>, q: Vec2, noise: [f32; 2], at: (&Fields, &Tabl
     if spot.id.is_multiple_of(23) {
         color = color.lerp(edge_color * 0.7, 0.75 * (1.0 - math::smoothstep(0.05, 0.13, spot.f1)));
     }
-    color = color.lerp(vein_color, 0.85 * vein);
+    color = color.lerp(vein_color, (0.85 * vein).max(0.45 * branch));
 
     // Between veins the blade swells; veins lie in grooves, the midrib itself is a ridge in its groove.
     let swell = math::smoothstep(0.0, SHOULDER, main.max(0.0) / l).sqrt();
-    let height =
-        0.62 * swell + 0.12 * math::smoothstep(0.0, 0.010, fine / l) + 0.10 * (1.0 - mesh) + 0.03 * grain + 0.16 * vein;
+    let (groove, fold) = (math::smoothstep(0.0, 0.012, fields.branch[i] / l), math::smoothstep(0.0, 0.010, fine / l));
+    let height = 0.58 * swell + 0.08 * groove + 0.12 * fold + 0.06 * (1.0 - mesh) + 0.03 * grain + 0.16 * vein;
     let rough = colors.roughness + 0.14 * vein + 0.06 * mesh + 0.06 * patch + 0.05 * grain;
     Painted { color, height, rough: rough.clamp(0.05, 1.0) }
 }
@@ -283,13 +305,23 @@ mod tests {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels within the picture")]
     fn maps_show_lighter_veins_on_a_finite_blade() {
         let spec = BladeSpec::oak();
-        let set = leaf_material(&spec, &LeafColors::OAK, "oak_leaf", 512).expect("maps");
-        let [color, normal, rough] = set.images.as_slice() else { panic!("three maps") };
+        let set = leaf_material(&spec, &LeafColors::OAK, "oak_leaf", 512, true).expect("maps");
+        let [color, normal, rough, height] = set.images.as_slice() else { panic!("four maps") };
         assert_eq!((color.name.as_str(), normal.name.as_str()), ("oak_leaf_color", "oak_leaf_normal"));
         let (Pixels::U8(c), Pixels::U8(n), Pixels::U8(r)) = (&color.pixels, &normal.pixels, &rough.pixels) else {
             panic!("8 bits each")
         };
         assert_eq!((c.len(), n.len(), r.len()), (512 * 512 * 3, 512 * 512 * 3, 512 * 512));
+        // Where it is steep by its normals, so it is by its heights.
+        let Pixels::U16(h) = &height.pixels else { panic!("16 bits") };
+        let steps = |x: usize, y: usize| f32::from(h[y * 512 + x + 1]) - f32::from(h[y * 512 + x - 1]);
+        let leans = |x: usize, y: usize| 127.5 - f32::from(n[(y * 512 + x) * 3]);
+        let both = (100..400).flat_map(|y| (100..400).map(move |x| (x, y))).map(|(x, y)| (steps(x, y), leans(x, y)));
+        let [up, slope, mix] = both.fold([0.0_f64; 3], |s, (a, b)| {
+            let (a, b) = (f64::from(a), f64::from(b));
+            [s[0] + a * a, s[1] + b * b, s[2] + a * b]
+        });
+        assert!(mix / (up * slope).sqrt() > 0.95, "{}", mix / (up * slope).sqrt());
         let outline = Outline::new(&spec, 6, true);
         let green = |p: Vec2| {
             let uv = outline.uv(p);
@@ -300,6 +332,6 @@ mod tests {
             let (on, off) = (vein.point(0.3), vein.point(0.3) + Vec2::new(0.0, 0.006));
             assert!(green(on) > green(off) + 10.0, "{} on the vein, {} beside", green(on), green(off));
         }
-        assert!(leaf_material(&spec, &LeafColors::OAK, "x", 8).is_err());
+        assert!(leaf_material(&spec, &LeafColors::OAK, "x", 8, false).is_err());
     }
 }
