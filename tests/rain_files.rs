@@ -71,3 +71,31 @@ fn drops_are_seen_in_pov_ray() {
     // Six drops of 3 to 9 mm on two leaves of 90 mm: some hundredths of the picture, and not all of it.
     assert!((40..1200).contains(&count), "{count} pixels of {}", 64 * 48);
 }
+
+/// A leaf of 80 x 80 mm with a picture, level, in the rain: how many drops struck it.
+fn struck(dir: &Path, name: &str, cut: bool) -> f64 {
+    let folder = dir.join(name);
+    fs::create_dir(&folder).expect("folder");
+    let mesh = "mtllib leaf.mtl\nv -0.04 0 0\nv 0.04 0 0\nv 0.04 0.08 0\nv -0.04 0.08 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+        usemtl leaf\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+    fs::write(folder.join("leaf.obj"), mesh).expect("mesh");
+    fs::write(folder.join("leaf.mtl"), "newmtl leaf\nKd 1 1 1\nmap_Kd leaf.png\n").expect("material");
+    let color = |x: u32, _| image::Rgba([90, 140, 60, if cut && x < 16 { 0 } else { 255 }]);
+    image::RgbaImage::from_fn(32, 32, color).save(folder.join("leaf.png")).expect("picture");
+    let scene = SCENE.replace("blade = \"elliptic\"\nside = 32", "mesh = \"leaf.obj\"\nsize = 0.08");
+    fs::write(folder.join("wet.toml"), scene).expect("scene");
+    let out = folder.join("out");
+    ends(0, &["-q", "bake", arg(&folder.join("wet.toml")), "-o", arg(&out), "--formats", "csv"]);
+    let table = fs::read_to_string(out.join("stats/rain.csv")).expect("table");
+    let mut rows = table.lines().filter(|l| !l.starts_with('#'));
+    let column = rows.next().expect("names").split(',').position(|c| c == "struck").expect("a column");
+    rows.next_back().and_then(|row| row.split(',').nth(column)?.parse().ok()).expect("a number")
+}
+
+#[test]
+fn drops_fall_through_the_holes_of_a_picture() {
+    let dir = tempfile::tempdir().expect("dir");
+    let (whole, cut) = (struck(dir.path(), "whole", false), struck(dir.path(), "cut", true));
+    assert!(whole > 100.0, "{whole}");
+    assert!((cut / whole - 0.5).abs() < 0.12, "{cut} of {whole}");
+}

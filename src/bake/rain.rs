@@ -15,8 +15,8 @@ use crate::Result;
 use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::motion::rain::{
-    Bearer, Blade, Bough, Chart, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff, Storm, Target,
-    Water, Wetness, across,
+    Bearer, Blade, Bough, Chart, Cover, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff, Storm,
+    Target, Water, Wetness, across,
 };
 use crate::motion::rod::Boughs;
 use crate::par::{par_map, par_map_mut};
@@ -24,7 +24,7 @@ use crate::plant::{AxisKind, Plant};
 use crate::recipe::Recipe;
 use crate::recipe::rain_keys::RainRecipe;
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Drops, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points,
+    Asset, AssetFrame, AssetKind, Drops, Image, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points,
     PointsFrame, Table, Trs, Wet, WetMaps,
 };
 use crate::wind::Wind;
@@ -111,6 +111,8 @@ pub struct Under<'a> {
     pub assets: &'a mut Vec<Asset>,
     /// Materials.
     pub materials: &'a mut Vec<Material>,
+    /// Their pictures.
+    pub images: &'a [Image],
     /// Where each stands.
     pub stands: &'a [Trs],
     /// The plants themselves.
@@ -125,8 +127,8 @@ pub struct Under<'a> {
 /// # Errors
 /// `Simulation`, `Limit`, `Cancelled`.
 pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fallen> {
-    let Under { recipe, assets, materials, stands, plants, sprung, wind } = under;
-    let found = leaves(assets, stands, &sprung);
+    let Under { recipe, assets, materials, images, stands, plants, sprung, wind } = under;
+    let found = leaves(assets, (materials, images), stands, &sprung);
     let heroes = nearest(recipe, &found);
     let steps = steps(rain, recipe, &sprung);
     let (boughs, dressings): (Vec<Option<Boughs>>, Vec<Option<Dressing>>) =
@@ -198,7 +200,12 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
 }
 
 /// Every blade of the scene, plant by plant.
-fn leaves(assets: &[Asset], stands: &[Trs], sprung: &[Option<(Boughs, Dressing)>]) -> Vec<Found> {
+fn leaves(
+    assets: &[Asset],
+    (materials, images): (&[Material], &[Image]),
+    stands: &[Trs],
+    sprung: &[Option<(Boughs, Dressing)>],
+) -> Vec<Found> {
     let mut found = Vec::new();
     for (a, (asset, stand)) in assets.iter().zip(stands).enumerate() {
         let rods = sprung.get(a).and_then(Option::as_ref);
@@ -208,7 +215,7 @@ fn leaves(assets: &[Asset], stands: &[Trs], sprung: &[Option<(Boughs, Dressing)>
                 .prototypes
                 .iter()
                 .map(|p| {
-                    let sheet = Arc::new(Sheet::new(&p.mesh)?);
+                    let sheet = Arc::new(Sheet::new(&p.mesh)?.covered(Cover::of(&p.mesh, materials, images)));
                     let target = Arc::new(Target::new(&sheet));
                     Some((sheet, target))
                 })

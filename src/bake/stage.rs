@@ -507,6 +507,7 @@ fn add_rain(
         recipe,
         assets: &mut made.assets,
         materials: &mut made.materials,
+        images: &made.images,
         stands: &stands,
         plants: &plants,
         sprung: std::mem::take(&mut made.sprung),

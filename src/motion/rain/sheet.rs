@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
+use super::cover::Cover;
 use super::dew::CELLS;
 use crate::scene::Mesh;
 
@@ -72,6 +73,8 @@ pub struct Sheet {
     area: f64,
     /// The point of the margin farthest from the stalk.
     tip: DVec3,
+    /// What of it is leaf, if its picture cuts holes.
+    cover: Option<Cover>,
 }
 
 impl Sheet {
@@ -100,9 +103,20 @@ impl Sheet {
         }
         let (rim, next) = margin(&triangles, &points);
         let tip = rim.iter().map(|e| points[e[0] as usize]).max_by(|a, b| a.length().total_cmp(&b.length()))?;
-        let mut sheet = Self { points, normals, uvs, triangles, jacobians, cells: Vec::new(), rim, next, area, tip };
+        let mut sheet =
+            Self { points, normals, uvs, triangles, jacobians, cells: Vec::new(), rim, next, area, tip, cover: None };
         sheet.sort();
         Some(sheet)
+    }
+
+    /// The same blade with the holes that its picture cuts.
+    pub fn covered(self, cover: Option<Cover>) -> Self {
+        Self { cover, ..self }
+    }
+
+    /// Whether a drop that comes down at texture coordinates meets leaf, not a hole.
+    pub fn stops(&self, uv: DVec2) -> bool {
+        self.cover.as_ref().is_none_or(|cover| cover.is_leaf(uv))
     }
 
     fn sort(&mut self) {

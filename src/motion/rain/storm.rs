@@ -370,8 +370,8 @@ impl Storm {
     fn strike_leaf(&mut self, drop: &Falling, i: usize, met: &super::collide::Met) {
         let (blade, leaf) = (self.blades[i], &self.leaves[i]);
         let uv = leaf.sheet.uv_of(met.triangle, met.weights);
-        let Some(spot) = leaf.at(uv) else {
-            // On the very edge of a triangle at the margin: it passes.
+        let Some(spot) = leaf.at(uv).filter(|_| leaf.sheet.stops(uv)) else {
+            // Through a hole, or on the very edge of a triangle at the margin: it passes.
             self.air.push(Falling { blind: Some((i, self.t + BLIND)), ..*drop });
             return;
         };
