@@ -42,7 +42,7 @@ wet() {
 
 pendant() {
     render pendant wet-leaf 56-82 240x300 $(from 0.016,0.247,0.081 0.012,0.231,0.006 34)
-    convert -delay 8 -loop 0 "$work"/pendant-*.png +dither -colors 96 +map -layers optimize-frame docs/gallery/rain-pendant.gif
+    convert -delay 8 -loop 0 "$work"/pendant-*.png -dither FloydSteinberg -colors 224 +map -layers optimize docs/gallery/rain-pendant.gif
 }
 
 [ $# -gt 0 ] || set -- fig14 fig1 wet pendant
