@@ -15,8 +15,8 @@ use crate::Result;
 use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::motion::rain::{
-    Bearer, Blade, Bough, Chart, Cover, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff, Storm,
-    Target, Water, Wetness, across,
+    Bearer, Blade, Bough, Chart, Cover, Grooves, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff,
+    Storm, Target, Water, Wetness, across,
 };
 use crate::motion::rod::Boughs;
 use crate::par::{par_map, par_map_mut};
@@ -215,7 +215,9 @@ fn leaves(
                 .prototypes
                 .iter()
                 .map(|p| {
-                    let sheet = Arc::new(Sheet::new(&p.mesh)?.covered(Cover::of(&p.mesh, materials, images)));
+                    let cover = Cover::of(&p.mesh, materials, images);
+                    let grooves = Grooves::of(&p.mesh, materials, images);
+                    let sheet = Arc::new(Sheet::new(&p.mesh)?.with(cover, grooves));
                     let target = Arc::new(Target::new(&sheet));
                     Some((sheet, target))
                 })

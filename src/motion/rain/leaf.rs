@@ -322,7 +322,9 @@ impl Leaf {
             let d = vhat * math::cos(turn) + across * math::sin(turn);
             let there = drop.uv + spot.uv(d * ring);
             let wet = self.dew.at(there, now.t, (manner.zeta, manner.half_life));
-            let score = d.dot(vhat) + 0.5 * d.dot(ghat) + 0.3 * wet + 0.15 * self.grain(there * 2.0, manner);
+            let vein = self.sheet.vein(there);
+            let grain = self.grain(there * 2.0, manner);
+            let score = d.dot(vhat) + 0.5 * d.dot(ghat) + 0.3 * wet + 0.2 * vein + 0.15 * grain;
             if score > best.0 {
                 best = (score, d);
             }

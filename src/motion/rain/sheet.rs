@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::cover::Cover;
 use super::dew::CELLS;
+use super::grooves::Grooves;
 use crate::scene::Mesh;
 
 /// Triangles with less of the texture than this are not blade: petioles are drawn on a line of it.
@@ -75,6 +76,8 @@ pub struct Sheet {
     tip: DVec3,
     /// What of it is leaf, if its picture cuts holes.
     cover: Option<Cover>,
+    /// Its veins, if it has a relief.
+    grooves: Option<Grooves>,
 }
 
 impl Sheet {
@@ -103,15 +106,32 @@ impl Sheet {
         }
         let (rim, next) = margin(&triangles, &points);
         let tip = rim.iter().map(|e| points[e[0] as usize]).max_by(|a, b| a.length().total_cmp(&b.length()))?;
-        let mut sheet =
-            Self { points, normals, uvs, triangles, jacobians, cells: Vec::new(), rim, next, area, tip, cover: None };
+        let mut sheet = Self {
+            points,
+            normals,
+            uvs,
+            triangles,
+            jacobians,
+            cells: Vec::new(),
+            rim,
+            next,
+            area,
+            tip,
+            cover: None,
+            grooves: None,
+        };
         sheet.sort();
         Some(sheet)
     }
 
-    /// The same blade with the holes that its picture cuts.
-    pub fn covered(self, cover: Option<Cover>) -> Self {
-        Self { cover, ..self }
+    /// The same blade with the holes that its picture cuts, and the veins of its relief.
+    pub fn with(self, cover: Option<Cover>, grooves: Option<Grooves>) -> Self {
+        Self { cover, grooves, ..self }
+    }
+
+    /// How deep in a vein texture coordinates lie, 0 to 1.
+    pub fn vein(&self, uv: DVec2) -> f64 {
+        self.grooves.as_ref().map_or(0.0, |grooves| grooves.at(uv))
     }
 
     /// Whether a drop that comes down at texture coordinates meets leaf, not a hole.

@@ -2,6 +2,7 @@ use glam::{DQuat, DVec2};
 
 use super::super::bearer::Stiff;
 use super::super::cap::TENSION;
+use super::super::grooves::{Grooves, tests::vein};
 use super::super::manner::Manner;
 use super::super::sheet::{Sheet, tests::flat};
 use super::super::shower::{Envelope, Rainfall, Size};
@@ -120,6 +121,24 @@ fn beads_that_a_tail_leaves_have_its_water() {
     let beads: Vec<Event> = storm.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
     assert!(beads.len() >= 3 && storm.tally().beads == beads.len() as u64, "{beads:?}");
     assert!(beads.iter().all(|b| b.volume > 0.0 && b.other.is_some_and(|of| of <= 3)));
+}
+
+#[test]
+fn running_drops_follow_veins() {
+    // A vein that leads aside takes a drop along for a part of its way.
+    let ends = |grooves: Option<Grooves>| {
+        let sheet = Arc::new(Sheet::new(&flat(0.08, 0.04, 6)).expect("a blade").with(None, grooves));
+        let mut storm = storm(&[1.0], even(), None);
+        storm.leaves[0] = Leaf::new(sheet, 1.0, 0);
+        storm.place(0, DVec2::new(0.35, 0.1), DVec3::ZERO, 25e-9);
+        while storm.leaves()[0].drops.first().is_some_and(|d| d.uv.y < 0.6) {
+            storm.step(0.001).expect("stiff");
+            assert!(storm.time() < 5.0, "it lies");
+        }
+        storm.leaves()[0].drops.first().expect("still on the leaf").uv.x
+    };
+    let (with, without) = (ends(Some(vein(|v| 0.32 + 0.35 * v))), ends(None));
+    assert!(without - 0.35 < 1e-6 && with > 0.37, "{with} {without}");
 }
 
 #[test]
