@@ -99,3 +99,19 @@ fn drops_fall_through_the_holes_of_a_picture() {
     assert!(whole > 100.0, "{whole}");
     assert!((cut / whole - 0.5).abs() < 0.12, "{cut} of {whole}");
 }
+
+/// Leaves without maps of their own tell how wet they are as a whole.
+#[test]
+fn leaves_without_maps_tell_their_wetness() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let (scene, out) = (dir.path().join("wet.toml"), dir.path().join("out"));
+    fs::write(&scene, SCENE).expect("scene");
+    let set = ["--set", "maps.hero_max=0", "--formats", "usd"];
+    ends(0, &[&["-q", "bake", arg(&scene), "-o", arg(&out)], &set[..]].concat());
+    let said = clients::python_script(&python, "instance_wetness.py", &[arg(&out.join("wet.usda"))]);
+    let told: Vec<f32> = serde_json::from_slice(&said.stdout).expect("a list");
+    assert_eq!(told.len(), 3);
+    // Three leaves of 20 mm, hit by some forty drops.
+    assert!(told.iter().all(|w| (0.01..0.5).contains(w)), "{told:?}");
+}

@@ -269,6 +269,7 @@ fn shown(now: &Now) -> InstanceState {
             s.clusters.iter().map(number).collect(),
             s.generations.iter().map(number).collect(),
         ],
+        wetness: Vec::new(),
     }
 }
 

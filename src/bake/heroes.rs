@@ -137,6 +137,7 @@ fn thin_state(state: &mut InstanceState, keep: &[bool]) {
     kept(&mut state.velocities, keep);
     kept(&mut state.angular_velocities, keep);
     state.marks.iter_mut().for_each(|m| kept(m, keep));
+    kept(&mut state.wetness, keep);
 }
 
 /// Leaves the same instances out of a frame.

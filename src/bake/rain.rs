@@ -24,8 +24,8 @@ use crate::plant::{AxisKind, Plant};
 use crate::recipe::Recipe;
 use crate::recipe::rain_keys::RainRecipe;
 use crate::scene::{
-    Asset, AssetFrame, AssetKind, Drops, Image, Material, MaterialClass, MeshFrame, MeshMotion, MeshObject, Points,
-    PointsFrame, Table, Trs, Wet, WetMaps,
+    Asset, AssetFrame, AssetKind, Drops, Image, InstancerFrame, Material, MaterialClass, MeshFrame, MeshMotion,
+    MeshObject, Points, PointsFrame, Table, Trs, Wet, WetMaps,
 };
 use crate::wind::Wind;
 
@@ -158,7 +158,7 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let mut storm = Storm::new(parts);
     let dry = storm.leaves().to_vec();
     place(&mut storm, rain);
-    let (moments, mut plants) = record(&mut storm, (rain, recipe, steps), (assets, &dressings), work)?;
+    let (moments, mut plants) = record(&mut storm, (rain, recipe, steps), (assets, &dressings, &found), work)?;
     let material = u32::try_from(materials.len()).unwrap_or(u32::MAX);
     materials.push(Material {
         ior: WATER,
@@ -315,7 +315,7 @@ type Recorded = (Vec<Moment>, Vec<Vec<AssetFrame>>);
 fn record(
     storm: &mut Storm,
     (rain, recipe, steps): (&RainRecipe, &Recipe, u32),
-    (assets, dressings): (&[Asset], &[Option<Dressing>]),
+    (assets, dressings, found): (&[Asset], &[Option<Dressing>], &[Found]),
     work: &Work<'_>,
 ) -> Result<Recorded> {
     let fps = recipe.clip.fps();
@@ -343,18 +343,32 @@ fn record(
         let moment = Moment::of(storm);
         held += moment.bytes();
         work.limits.check("motion-keys", held / KEY, HELD)?;
+        let wetness = moment.wetness.clone();
         moments.push(moment);
         for (k, (bearer, dressing)) in storm.bearers().iter().zip(dressings).enumerate() {
             let boughs = bearer.as_any().downcast_ref::<Boughs>();
             let shown = boughs.zip(dressing.as_ref()).zip(assets.get(k));
             plants[k].extend(shown.map(|((boughs, dressing), asset)| dressing.frame(asset, boughs)));
         }
+        moisten(&mut plants, found, &wetness);
         work.progress.advance(1);
         if frame + 1 < frames {
             (0..steps).try_for_each(|_| storm.step(h))?;
         }
     }
     Ok((moments, plants))
+}
+
+/// Tells the newest frames of plants how wet their leaves are.
+fn moisten(plants: &mut [Vec<AssetFrame>], found: &[Found], wetness: &[f64]) {
+    for (leaf, wetness) in found.iter().zip(wetness) {
+        let (plant, instancer, k) = leaf.at;
+        let frame = plants.get_mut(plant).and_then(|frames| frames.last_mut());
+        if let Some(InstancerFrame::State(state)) = frame.and_then(|f| f.instancers.get_mut(instancer)) {
+            state.wetness.resize(state.positions.len(), 0.0);
+            state.wetness[k] = narrow(*wetness);
+        }
+    }
 }
 
 fn shapes(moments: &[Moment]) -> BTreeMap<u64, Shapes> {

@@ -266,11 +266,12 @@ impl Colors {
 fn instances(scene: &Scene, asset: &Asset, (i, state): (usize, &AssetFrame), frame: u32) -> Vec<u8> {
     let instancer = &asset.instancers[i];
     let states = instance_states(asset, instancer, i, state);
+    let wet = |k: usize| states.wetness.get(k).copied().unwrap_or(0.0);
     let mut body = Vec::new();
     let mut count = 0;
     for k in (0..instancer.len()).filter(|k| states.is_alive(*k)) {
         let t = instancer.transform(&states, k);
-        put(&mut body, &[t.t.x, t.t.y, t.t.z, t.r.w, t.r.x, t.r.y, t.r.z, t.s.x, t.s.y, t.s.z, 0.0]);
+        put(&mut body, &[t.t.x, t.t.y, t.t.z, t.r.w, t.r.x, t.r.y, t.r.z, t.s.x, t.s.y, t.s.z, wet(k)]);
         for n in [instancer.protos[k], u32::try_from(k).unwrap_or(u32::MAX)] {
             body.extend_from_slice(&n.to_le_bytes());
         }

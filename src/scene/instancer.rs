@@ -70,6 +70,8 @@ pub struct InstanceState {
     pub angular_velocities: Vec<Vec3>,
     /// For each of [`Instancer::marks`] a number per instance, or empty.
     pub marks: Vec<Vec<i32>>,
+    /// How wet each is on the whole, 0 to 1; empty where it does not rain.
+    pub wetness: Vec<f32>,
 }
 
 impl InstanceState {

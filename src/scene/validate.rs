@@ -137,6 +137,12 @@ fn check_state(instancer: &Instancer, state: &InstanceState, place: &str) -> Res
     finite(&state.positions, place, "position")?;
     finite(&state.velocities, place, "velocity")?;
     finite(&state.angular_velocities, place, "angular velocity")?;
+    if !state.wetness.is_empty() {
+        same_length(state.wetness.len(), n, place)?;
+    }
+    if let Some(i) = state.wetness.iter().position(|w| !(0.0..=1.0).contains(w)) {
+        return Err(Error::export("X001", format!("{place}: wetness {i} is {}, not 0 to 1", state.wetness[i])));
+    }
     match state.orientations.iter().position(|q| !q.is_finite() || (q.length() - 1.0).abs() > 1e-4) {
         Some(i) => Err(Error::export("X001", format!("{place}: orientation {i} is not a unit quaternion"))),
         None => Ok(()),

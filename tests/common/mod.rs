@@ -391,6 +391,7 @@ fn tracks_frame(scene: &Scene, number: u32, t: f32) -> AssetFrame {
             .collect(),
         angular_velocities: (0..5).map(|i| if alive[i] { Vec3::new(1.8, 2.4, 0.0) } else { Vec3::ZERO }).collect(),
         marks: vec![alive.iter().map(|a| i32::from(*a) * 2).collect()],
+        wetness: Vec::new(),
         alive,
     };
     let _ = t;

@@ -56,6 +56,8 @@ pub(super) struct Instances {
     invisible: Option<Attr>,
     velocities: Velocities,
     angular: Velocities,
+    /// Written from the first frame that tells how wet instances are.
+    wetness: Option<Attr>,
     before: Vec<Quat>,
     shapes: Shapes,
 }
@@ -102,6 +104,7 @@ pub(super) fn part(
         invisible,
         velocities: Velocities::default(),
         angular: Velocities::default(),
+        wetness: None,
         before,
         shapes,
     })))
@@ -176,7 +179,19 @@ impl Part for Instances {
         let velocities = up.vecs(&state.velocities);
         self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&velocities), at)?;
         let angular = degrees(up, &state.angular_velocities);
-        self.angular.sample(target, &format!("{}.angularVelocities", self.path), &angular, at)
+        self.angular.sample(target, &format!("{}.angularVelocities", self.path), &angular, at)?;
+        if state.wetness.is_empty() {
+            return Ok(());
+        }
+        let attr = match self.wetness {
+            Some(attr) => attr,
+            None => {
+                let spec = AttrSpec::primvar("float[]", "vertex");
+                target.stage.attr(&format!("{}.primvars:wetness", self.path), &spec, None)?
+            }
+        };
+        self.wetness = Some(attr);
+        target.stage.sample(attr, time, Array::Float(&state.wetness).into())
     }
 }
 
