@@ -86,10 +86,12 @@ fn probes(scene: &Scene, frame: &Frame) -> Vec<Probe> {
                 let axis = velocities[k].normalize();
                 let side = axis.cross(Vec3::Z).normalize();
                 // A streak of half a frame is as wide as the drop at the drop's own place and tapers to both ends: a quarter of
-                // the way to its front end three quarters of that are left.
-                let on = velocities[k] * (0.25 / scene.clip.fps() as f32) * 0.25;
-                let (on, left) = if water { (on, 0.75) } else { (Vec3::ZERO, 1.0) };
-                let sides = if water { vec![side, -side] } else { vec![side, axis, -axis, Vec3::Z] };
+                // the way to its front end three quarters of that are left. Water that falls less far than three times its
+                // width is a ball, as all else is.
+                let half = velocities[k] * (0.25 / scene.clip.fps() as f32);
+                let streak = water && half.length() > 3.0 * (w * 0.5);
+                let (on, left) = if streak { (half * 0.25, 0.75) } else { (Vec3::ZERO, 1.0) };
+                let sides = if streak { vec![side, -side] } else { vec![side, axis, -axis, Vec3::Z] };
                 let radius = if w > &0.0 { w * 0.5 } else { 0.01 } * left;
                 for from in sides {
                     let what = format!("{}/{} {k}", placement.name, cloud.name);

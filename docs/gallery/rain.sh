@@ -26,7 +26,7 @@ fig14() {
     render b wet-leaf 44 560x420 $(from 0.004,0.299,0.074 -0.008,0.263,0.006 28)
     render c wet-leaf 44 560x420 $(from -0.053,0.279,0.070 -0.062,0.2565,0.006 22)
     render d wet-leaf 44 560x420 $(from 0.017,0.248,0.068 0.012,0.2365,0.006 20)
-    montage -label 'at rest' "$work/a-0012.png" -label 'a wet way' "$work/b-0044.png" -label 'flattened by its weight' "$work/c-0044.png" \
+    montage -label 'at rest' "$work/a-0002.png" -label 'a wet way' "$work/b-0044.png" -label 'flattened by its weight' "$work/c-0044.png" \
         -label 'hanging' "$work/d-0044.png" -tile 2x2 -geometry +3+3 -pointsize 18 -quality 88 docs/gallery/rain-fig14.jpg
 }
 
