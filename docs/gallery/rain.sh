@@ -22,7 +22,7 @@ render() {
 from() { printf -- '--set camera.eye=[%s] --set camera.target=[%s] --set camera.vfov_deg=%s' "$1" "$2" "$3"; }
 
 fig14() {
-    render a wet-leaf 12 560x420 $(from -0.010,0.306,0.068 -0.0215,0.2735,0.006 20)
+    render a wet-leaf 2 560x420 $(from -0.010,0.303,0.068 -0.0205,0.2717,0.006 17)
     render b wet-leaf 44 560x420 $(from 0.004,0.299,0.074 -0.008,0.263,0.006 28)
     render c wet-leaf 44 560x420 $(from -0.053,0.279,0.070 -0.062,0.2565,0.006 22)
     render d wet-leaf 44 560x420 $(from 0.017,0.248,0.068 0.012,0.2365,0.006 20)
