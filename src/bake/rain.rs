@@ -343,14 +343,13 @@ fn record(
         let moment = Moment::of(storm);
         held += moment.bytes();
         work.limits.check("motion-keys", held / KEY, HELD)?;
-        let wetness = moment.wetness.clone();
-        moments.push(moment);
         for (k, (bearer, dressing)) in storm.bearers().iter().zip(dressings).enumerate() {
             let boughs = bearer.as_any().downcast_ref::<Boughs>();
             let shown = boughs.zip(dressing.as_ref()).zip(assets.get(k));
             plants[k].extend(shown.map(|((boughs, dressing), asset)| dressing.frame(asset, boughs)));
         }
-        moisten(&mut plants, found, &wetness);
+        moisten(&mut plants, found, &moment.wetness);
+        moments.push(moment);
         work.progress.advance(1);
         if frame + 1 < frames {
             (0..steps).try_for_each(|_| storm.step(h))?;

@@ -30,7 +30,7 @@ pub use field::HeightField;
 pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
 pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
 pub use look::{Camera, Fog, Sky, Sun};
-pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels};
+pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
 pub use measure::{Field, Table, Watch, largest};
 pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
 pub use points::{Attribute, Curves, Points, PointsNow};

@@ -7,7 +7,7 @@ use super::pictured::{Sample, Texel, VIEWS, View, cutoff, pictures, texels};
 use crate::geometry::Bounds;
 use crate::math::{self, narrow};
 use crate::par::par_map;
-use crate::scene::{Image, Material, MaterialClass, Mesh, Pixels};
+use crate::scene::{Image, Material, MaterialClass, Mesh, Pixels, pixel_at};
 use crate::units::linear_from_srgb;
 
 /// Samples along a side of a pixel.
@@ -162,13 +162,10 @@ impl<'a> Ink<'a> {
     }
 
     /// Linear colour; `None` where the picture is cut away.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the picture")]
     fn at(&self, uv: Vec2) -> Option<Vec3> {
         let Some((image, bytes)) = self.map else { return Some(self.base) };
-        let inside = |v: f32, n: u32| (((v - v.floor()) * n as f32) as usize).min(n as usize - 1);
-        let (x, y) = (inside(uv.x, image.width), inside(1.0 - uv.y, image.height));
         let channels = usize::from(image.channels);
-        let p = bytes.get((y * image.width as usize + x) * channels..)?.get(..channels)?;
+        let p = bytes.get(pixel_at(uv, [image.width, image.height]) * channels..)?.get(..channels)?;
         let clear = p.get(3).is_some_and(|a| f32::from(*a) / 255.0 < self.cutoff);
         (!clear).then(|| Vec3::from_array([p[0], p[1], p[2]].map(|v| linear_from_srgb(f32::from(v) / 255.0))))
     }

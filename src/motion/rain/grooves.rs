@@ -11,7 +11,7 @@ const CELLS: usize = 128;
 const AROUND: usize = 5;
 
 /// How deep in a vein places of a leaf lie.
-/// Source: own; [yang-wu] 4.2 lets drops follow veins and gives no rule.
+/// Source: own; [yang-wu] lets drops flow along veins and gives no rule.
 #[derive(Debug, Clone)]
 pub struct Grooves {
     /// From 0 to 1, rows from the top.
