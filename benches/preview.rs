@@ -84,6 +84,7 @@ fn scene(mesh: Option<Mesh>, leaves: Option<Instancer>) -> Scene {
     let asset = Asset {
         id: "a".into(),
         kind: AssetKind::Plant,
+        group: String::new(),
         skeleton: None,
         meshes: mesh.map(object).into_iter().collect(),
         instancers: leaves.into_iter().collect(),

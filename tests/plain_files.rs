@@ -31,6 +31,7 @@ fn triangle() -> Scene {
     scene.assets = vec![Asset {
         id: "tri".into(),
         kind: AssetKind::Import,
+        group: String::new(),
         skeleton: None,
         meshes: vec![object],
         instancers: Vec::new(),

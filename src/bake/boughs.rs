@@ -136,6 +136,7 @@ pub fn dress_sprung(
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
+        group: String::new(),
         skeleton: Some(dressing.skeleton()),
         instancers: instancers.collect(),
         meshes,

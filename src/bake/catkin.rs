@@ -216,6 +216,7 @@ pub fn row(models: &[CatkinModel], levels: &Levels, first: u32) -> Asset {
     Asset {
         id: "catkins".into(),
         kind: AssetKind::Tracks,
+        group: String::new(),
         skeleton: None,
         meshes: Vec::new(),
         instancers: vec![instancer],

@@ -89,6 +89,7 @@ pub fn made(recipe: &CloudRecipe, (seed, moving): (u64, bool), material: u32, wo
     let asset = Asset {
         id: recipe.id.clone(),
         kind: AssetKind::Cloud,
+        group: String::new(),
         skeleton: None,
         meshes: Vec::new(),
         instancers: Vec::new(),

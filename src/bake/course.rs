@@ -132,6 +132,7 @@ impl Course {
         Ok(Asset {
             id: "catkins".into(),
             kind: AssetKind::Tracks,
+            group: String::new(),
             skeleton: None,
             meshes: Vec::new(),
             instancers: vec![instancer],

@@ -84,6 +84,7 @@ pub fn dress(
     let asset = Asset {
         id: individual.asset.clone(),
         kind: AssetKind::Plant,
+        group: String::new(),
         skeleton: rig.map(|r| r.skeleton.clone()),
         instancers: instancers.collect(),
         meshes: [bark].into_iter().chain(merged).collect(),

@@ -6,7 +6,7 @@ use super::write::Writer;
 use crate::export::textures::Textures;
 use crate::export::{air, exr, gltf, manifest, obj, ply, pov, stats, tracks, usd};
 use crate::fence::Folder;
-use crate::recipe::sections::{Format, Profile, Up};
+use crate::recipe::sections::{CopyStyle, Format, Profile, Up};
 use crate::recipe::{OutputRecipe, Recipe};
 
 /// Writers of a bake's folder, which will be given these frames.
@@ -28,7 +28,8 @@ fn of_format(
         Format::Usd => {
             let maps = output.formats.contains(&Format::Exr);
             let first = frames.first().copied();
-            let options = usd::Options { up: up(output), maps, first, ..usd::Options::default() };
+            let options =
+                usd::Options { up: up(output), maps, first, copies: copies(output), ..usd::Options::default() };
             vec![writer("usd", usd::Usd::new(folder, Arc::clone(textures), options))]
         }
         Format::Glb => {
@@ -123,6 +124,13 @@ fn wanted_maps(recipe: &Recipe) -> exr::Wanted {
 
 fn up(output: &OutputRecipe) -> usd::UpAxis {
     if output.usd.up == Up::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
+}
+
+fn copies(output: &OutputRecipe) -> usd::CopyStyle {
+    match output.usd.copies {
+        CopyStyle::Instancer => usd::CopyStyle::Instancer,
+        CopyStyle::References => usd::CopyStyle::References,
+    }
 }
 
 fn profile(profile: Profile) -> gltf::Profile {

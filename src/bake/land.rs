@@ -61,6 +61,7 @@ pub fn asset(land: &Land, material: u32) -> Asset {
     Asset {
         id: NAME.into(),
         kind: AssetKind::Terrain,
+        group: String::new(),
         skeleton: None,
         meshes: land.tiles().into_iter().map(object).collect(),
         instancers: Vec::new(),

@@ -439,6 +439,7 @@ impl Rain {
         Asset {
             id: "rain".into(),
             kind: AssetKind::Tracks,
+            group: String::new(),
             skeleton: None,
             meshes: if empty { Vec::new() } else { vec![drops] },
             instancers: Vec::new(),

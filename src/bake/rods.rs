@@ -260,6 +260,7 @@ impl<'a> Group<'a> {
         let asset = Asset {
             id: self.members[0].id.clone(),
             kind: AssetKind::Plant,
+            group: String::new(),
             skeleton,
             meshes,
             instancers: Vec::new(),

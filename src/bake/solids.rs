@@ -135,6 +135,7 @@ pub fn seen(solid: &SolidRecipe) -> (Look, impl FnOnce(MaterialId) -> Result<Ass
         Ok(Asset {
             id: solid.id.clone(),
             kind: AssetKind::Import,
+            group: String::new(),
             skeleton: None,
             meshes: vec![MeshObject { name: solid.id.clone(), mesh, motion: MeshMotion::Still, skin: None }],
             instancers: Vec::new(),

@@ -299,8 +299,9 @@ fn dress_all(
         work.progress.advance(1);
         Ok(dressed)
     });
-    for dressed in in_order(dressed)? {
-        made.assets.push(dressed.asset);
+    for (dressed, individual) in in_order(dressed)?.into_iter().zip(&layout.individuals) {
+        let group = recipe.plants.get(individual.plant).map(|p| p.id.clone()).unwrap_or_default();
+        made.assets.push(Asset { group, ..dressed.asset });
         made.movers.push(dressed.mover);
         made.sprung.push(dressed.sprung);
         dressed.told.into_iter().for_each(|d| report.push(d));
@@ -387,6 +388,7 @@ fn add_ground((look, mut mesh): (Look, Mesh), middle: Vec3, made: &mut Made, pla
     made.assets.push(Asset {
         id: "ground".into(),
         kind: AssetKind::Terrain,
+        group: String::new(),
         skeleton: None,
         meshes: vec![MeshObject { name: "ground".into(), mesh, motion: MeshMotion::Still, skin: None }],
         instancers: Vec::new(),

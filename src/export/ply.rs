@@ -77,6 +77,7 @@ impl Ply {
         let mut all = Asset {
             id: scene.name.clone(),
             kind: crate::scene::AssetKind::Import,
+            group: String::new(),
             skeleton: None,
             meshes: Vec::new(),
             instancers: Vec::new(),

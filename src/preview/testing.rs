@@ -37,6 +37,7 @@ pub(super) fn scene_of(materials: Vec<Material>) -> Scene {
     let asset = Asset {
         id: "a".into(),
         kind: AssetKind::Plant,
+        group: String::new(),
         skeleton: None,
         meshes: Vec::new(),
         instancers: Vec::new(),

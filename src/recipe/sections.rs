@@ -91,6 +91,13 @@ words! {
         /// Z, as Blender.
         Z = "z",
     }
+    /// How copies of a plant are shown in USD.
+    CopyStyle {
+        /// One point instancer for each plant: few objects, any number of copies.
+        Instancer = "instancer",
+        /// A prim for each copy: in Blender an object each.
+        References = "references",
+    }
     /// The readers a glb is made for.
     Profile {
         /// Any Blender: merged leaves, every key.
@@ -442,6 +449,8 @@ keys! {
     UsdKeys at "output.usd" {
         /// Upward axis.
         up: Up = "up" OneOf(Up::Y);
+        /// How several placements of a plant are shown: by one point instancer, or by a prim each, to edit single copies.
+        copies: CopyStyle = "copies" OneOf(CopyStyle::Instancer);
     }
     /// glTF files.
     GltfKeys at "output.gltf" {

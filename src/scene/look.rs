@@ -137,6 +137,34 @@ impl Sky {
     /// Share of the glow around the sun at cosines of the angle to it. Own: chosen by eye, after hazy mornings.
     pub const GLOW: [(f32, f32); 6] = [(0.82, 0.0), (0.9, 0.04), (0.95, 0.13), (0.98, 0.34), (0.994, 0.7), (1.0, 1.0)];
 
+    /// Radiance in a unit direction, with what stands below the horizon and the glow around the sun, without the sun's disc,
+    /// [`Self::dapple`] and haze. Source: [`Self::stops`] and [`Self::GLOW`].
+    pub fn radiance(&self, sun: &Sun, direction: Vec3) -> Vec3 {
+        self.toward(direction, sun.direction(), Vec3::from_array(sun.color) * self.glow)
+    }
+
+    /// As [`Self::radiance`], for many directions. `sun`: unit vector to it; `glow`: linear colour of the air around it.
+    pub fn toward(&self, direction: Vec3, sun: Vec3, glow: Vec3) -> Vec3 {
+        let [horizon, zenith] = [self.horizon, self.zenith].map(|c| Vec3::from_array(c) * self.strength);
+        let y = direction.y.clamp(-1.0, 1.0);
+        let at = 0.5 + 0.5 * y;
+        let [edge, open] = Self::BAND;
+        let plain = match self.below.map(|c| Vec3::from_array(c) * self.strength) {
+            None => horizon.lerp(zenith, y.max(0.0)),
+            Some(below) if at < edge => (below * Self::DEEP).lerp(below, at / edge),
+            Some(below) if at < open => below.lerp(horizon, (at - edge) / (open - edge)),
+            Some(_) => horizon.lerp(zenith, (at - open) / (1.0 - open)),
+        };
+        if glow == Vec3::ZERO {
+            return plain;
+        }
+        let cos = direction.dot(sun);
+        let inner = Self::GLOW.iter().position(|(c, _)| cos < *c).unwrap_or(Self::GLOW.len() - 1);
+        let Some(outer) = inner.checked_sub(1) else { return plain };
+        let [(c0, s0), (c1, s1)] = [Self::GLOW[outer], Self::GLOW[inner]];
+        plain.lerp(glow, crate::math::lerp(s0, s1, ((cos - c0) / (c1 - c0)).clamp(0.0, 1.0)))
+    }
+
     /// Its colours from straight down, 0, to straight up, 1, with its strength, without glow.
     pub fn stops(&self) -> Vec<(f32, [f32; 3])> {
         let [horizon, zenith] = [self.horizon, self.zenith].map(|c| c.map(|c| c * self.strength));

@@ -147,6 +147,9 @@ pub struct Asset {
     pub id: String,
     /// What it is.
     pub kind: AssetKind,
+    /// Name of the plant that it is an individual of, `[a-z0-9_]+`; empty for everything that has no copies. Formats
+    /// with instancers show all placements of a group by one instancer.
+    pub group: String,
     /// Joints that skinned meshes and joint-bound instancers follow.
     pub skeleton: Option<Skeleton>,
     /// Meshes.

@@ -12,6 +12,7 @@ pub fn asset() -> Asset {
     Asset {
         id: "it".into(),
         kind: AssetKind::Plant,
+        group: String::new(),
         skeleton: None,
         meshes: Vec::new(),
         instancers: Vec::new(),

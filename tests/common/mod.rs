@@ -241,6 +241,7 @@ fn rig() -> Asset {
     Asset {
         id: "rig".into(),
         kind: AssetKind::Plant,
+        group: String::new(),
         skeleton: Some(Skeleton { joints }),
         meshes: vec![stem],
         instancers: vec![leaves],
@@ -253,6 +254,7 @@ fn bare(id: &str, kind: AssetKind) -> Asset {
     Asset {
         id: id.into(),
         kind,
+        group: String::new(),
         skeleton: None,
         meshes: Vec::new(),
         instancers: Vec::new(),

@@ -154,6 +154,7 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
     let asset = Asset {
         id: "mesh".into(),
         kind: AssetKind::Import,
+        group: String::new(),
         skeleton: None,
         meshes: vec![object],
         instancers: Vec::new(),

@@ -7,6 +7,7 @@
 //! for land metres.
 
 mod atlas;
+mod sky;
 mod wet;
 
 use std::sync::Arc;
@@ -21,6 +22,7 @@ use crate::fence::Folder;
 use crate::scene::{Field, Frame, HeightField, Material, Pixels, Scene};
 
 pub use atlas::{ATLAS, BORDER};
+pub use sky::{FILE as SKY_FILE, write as write_sky};
 
 /// What is written of wet sheets beside height, wetness and normals.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

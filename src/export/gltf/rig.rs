@@ -143,6 +143,7 @@ mod tests {
         Asset {
             id: "tree".into(),
             kind: AssetKind::Plant,
+            group: String::new(),
             skeleton: Some(Skeleton { joints }),
             meshes: Vec::new(),
             instancers: Vec::new(),

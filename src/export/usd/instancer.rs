@@ -60,6 +60,8 @@ pub(super) struct Instances {
     wetness: Option<Attr>,
     before: Vec<Quat>,
     shapes: Shapes,
+    /// Box of all frames so far.
+    reach: Bounds,
 }
 
 /// Writes an instancer at rest.
@@ -107,6 +109,7 @@ pub(super) fn part(
         wetness: None,
         before,
         shapes,
+        reach: Bounds::default(),
     })))
 }
 
@@ -168,6 +171,7 @@ impl Part for Instances {
         let orientations = halves(&self.before);
         let positions = up.vecs(&state.positions);
         let b = self.shapes.extent(&orientations, &positions, &state.alive);
+        self.reach = self.reach.union(Bounds::of(b.map(Vec3::from_array)));
         let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
         sample(self.extent, Array::Float3(&b))?;
         if let Some(invisible) = self.invisible {
@@ -192,6 +196,10 @@ impl Part for Instances {
         };
         self.wetness = Some(attr);
         target.stage.sample(attr, time, Array::Float(&state.wetness).into())
+    }
+
+    fn reach(&self) -> Bounds {
+        self.reach
     }
 }
 

@@ -13,11 +13,12 @@ const FILM: f32 = 0.24;
 /// Width to height of the picture.
 const ASPECT: f32 = 16.0 / 9.0;
 
-/// Writes camera, sun and sky under `root`.
-pub(super) fn define(cx: &Context, target: &mut Target, root: &str) -> Result<()> {
+/// Writes camera, sun and sky under `root`. `picture`: path of the sky's equirectangular picture, seen from the layer; without one
+/// the sky is of one colour.
+pub(super) fn define(cx: &Context, target: &mut Target, root: &str, picture: Option<&str>) -> Result<()> {
     camera(cx, target, &format!("{root}/camera"))?;
     sun(cx, target, &format!("{root}/sun"))?;
-    sky(cx, target, &format!("{root}/sky"))?;
+    sky(cx, target, &format!("{root}/sky"), picture)?;
     fog(cx, target, &format!("{root}/fog"))
 }
 
@@ -66,9 +67,16 @@ fn sun(cx: &Context, target: &mut Target, path: &str) -> Result<()> {
     target.transform(path, &Trs { t, r: cx.up.stage_from_world() * r, s: Vec3::ONE })
 }
 
-fn sky(cx: &Context, target: &mut Target, path: &str) -> Result<()> {
+fn sky(cx: &Context, target: &mut Target, path: &str, picture: Option<&str>) -> Result<()> {
     let sky = &cx.scene.sky;
     target.plain(path, "DomeLight")?;
+    if let Some(picture) = picture {
+        target.set(&format!("{path}.inputs:intensity"), "float", Value::Float(1.0))?;
+        target.set(&format!("{path}.inputs:texture:file"), "asset", Value::Asset(picture))?;
+        target.set(&format!("{path}.inputs:texture:format"), "token", Value::Token("latlong"))?;
+        // The pole of such a picture is +Y on every stage.
+        return target.transform(path, &Trs { r: cx.up.stage_from_world(), ..Trs::IDENTITY });
+    }
     let mean: [f32; 3] = std::array::from_fn(|i| (sky.horizon[i] + sky.zenith[i]) * 0.5);
     target.set(&format!("{path}.inputs:color"), "color3f", Value::Float3(mean))?;
     target.set(&format!("{path}.inputs:intensity"), "float", Value::Float(sky.strength))?;

@@ -225,6 +225,8 @@ pub(super) struct Deforming {
     pub(super) path: String,
     pub(super) attrs: MeshAttrs,
     pub(super) velocities: Velocities,
+    /// Box of all frames so far.
+    pub(super) reach: Bounds,
 }
 
 impl Part for Deforming {
@@ -235,11 +237,17 @@ impl Part for Deforming {
             _ => (&object.mesh.points, &[]),
         };
         let points = cx.up.vecs(points);
-        let b = extent(&Bounds::of(points.iter().copied()));
+        let b = Bounds::of(points.iter().copied());
+        self.reach = self.reach.union(b);
+        let b = extent(&b);
         target.stage.sample(self.attrs.extent, shot.time, Array::Float3(&b).into())?;
         target.stage.sample(self.attrs.points, shot.time, Array::Float3(triples(&points)).into())?;
         let v = cx.up.vecs(velocities);
         self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&v), (points.len(), shot.time))
+    }
+
+    fn reach(&self) -> Bounds {
+        self.reach
     }
 }
 
@@ -368,7 +376,13 @@ pub(super) fn part(
     let attrs = define(cx, target, place, &object.mesh)?;
     if object.motion == MeshMotion::Deforming {
         let path = place.path.to_owned();
-        return Ok(Some(Box::new(Deforming { index, path, attrs, velocities: Velocities::default() })));
+        return Ok(Some(Box::new(Deforming {
+            index,
+            path,
+            attrs,
+            velocities: Velocities::default(),
+            reach: Bounds::default(),
+        })));
     }
     Ok(None)
 }

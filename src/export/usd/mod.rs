@@ -2,12 +2,13 @@
 //!
 //! Everything is written once against `stage::Stage`, which has a text and a crate implementation.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 mod axis;
 mod body;
 mod boxes;
+mod copies;
 mod instancer;
 mod look;
 mod material;
@@ -26,13 +27,15 @@ mod zip;
 pub use axis::UpAxis;
 
 use super::textures::Textures;
-use super::{Exporter, Summary, Warning};
+use super::{Exporter, Summary, Warning, exr};
+use crate::fence::safe_name;
 use crate::fence::{Folder, Output};
-use crate::fence::{Names, safe_name};
-use crate::scene::{Frame, Scene};
+use crate::geometry::Bounds;
+use crate::scene::{AssetFrame, Frame, Scene, asset_bounds};
 use crate::{Error, Result};
+use copies::Single;
 use stage::{LayerMeta, PrimMeta, Stage};
-use target::{Context, Part, Shot, Target};
+use target::{Binding, Context, Part, Shot, Target};
 
 /// What may be chosen about USD files.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,17 +50,31 @@ pub struct Options {
     pub maps: bool,
     /// First frame that is written; without, the clip's.
     pub first: Option<u32>,
+    /// How copies of a plant are shown.
+    pub copies: CopyStyle,
+}
+
+/// How several placements of a plant are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CopyStyle {
+    /// One point instancer for each plant, its prototypes whole plants.
+    #[default]
+    Instancer,
+    /// A prim for each placement, which refers to its individual.
+    References,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { up: UpAxis::Y, file: None, look: true, maps: false, first: None }
+        Self { up: UpAxis::Y, file: None, look: true, maps: false, first: None, copies: CopyStyle::default() }
     }
 }
 
 /// A layer and those of its parts that change.
 struct Layer {
     target: Target,
+    /// Index of the asset whose payload it is.
+    payload_of: Option<usize>,
     /// Asset and part.
     parts: Vec<(usize, Box<dyn Part>)>,
     /// What went wrong in a frame.
@@ -89,7 +106,7 @@ impl Usd {
                 let mut target = open(cx, Box::new(usdc::Usdc::new(Box::new(out))), &name)?;
                 target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
                 let parts = body::define(cx, &mut target, &root, asset)?;
-                self.push(target, parts.into_iter().map(|p| (i, p)).collect());
+                self.push(target, Some(i), parts.into_iter().map(|p| (i, p)).collect());
             }
             if !asset.instancers.iter().any(|x| x.tracked) {
                 continue;
@@ -98,14 +115,14 @@ impl Usd {
                 let mut target = open(cx, Box::new(usdc::Usdc::new(Box::new(out))), &name)?;
                 target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
                 let parts = body::define_twins(cx, &mut target, &root, asset)?;
-                self.push(target, parts.into_iter().map(|p| (i, p)).collect());
+                self.push(target, None, parts.into_iter().map(|p| (i, p)).collect());
             }
         }
         Ok(())
     }
 
-    fn push(&mut self, target: Target, parts: Vec<(usize, Box<dyn Part>)>) {
-        self.layers.push(Layer { target, parts, failed: None });
+    fn push(&mut self, target: Target, payload_of: Option<usize>, parts: Vec<(usize, Box<dyn Part>)>) {
+        self.layers.push(Layer { target, payload_of, parts, failed: None });
     }
 
     /// The whole scene in one layer.
@@ -126,31 +143,28 @@ impl Usd {
         let root = format!("/{scene}");
         target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
         let mut parts = Vec::new();
-        let mut first: Vec<Option<String>> = vec![None; cx.scene.assets.len()];
+        let mut first: BTreeMap<usize, String> = BTreeMap::new();
         let shared = shared(&cx.scene);
-        for (path, placement) in placed(cx, &root) {
-            let Some(asset) = cx.scene.assets.get(placement.asset) else { continue };
-            let slot = first.get_mut(placement.asset);
-            let known = slot.as_ref().and_then(|s| s.as_ref());
-            let ahead = placement.phase;
-            let reference = known.map(|p| stage::Arc { asset: String::new(), prim: p.clone(), ahead });
-            let new = reference.is_none();
-            let instanceable = !new && shared.contains(&placement.asset);
-            let meta = PrimMeta { kind: Some("component"), instanceable, reference, ..PrimMeta::default() };
-            target.stage.prim(&path, "Xform", &meta)?;
-            target.transform(&path, &cx.up.trs(&placement.transform))?;
-            if new {
-                let changing = body::define(cx, &mut target, &path, asset)?;
-                parts.extend(changing.into_iter().map(|p| (placement.asset, p)));
-                if let Some(slot) = slot {
-                    *slot = Some(path);
-                }
+        let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+        for single in &plan.singles {
+            let Single { path, placement } = single;
+            let meta = PrimMeta { kind: Some("component"), ..PrimMeta::default() };
+            let shown =
+                Shown { asset: placement.asset, ahead: placement.phase, may_share: shared.contains(&placement.asset) };
+            parts.extend(inside(cx, &mut target, (path, "Xform", meta), shown, &mut first)?);
+            target.transform(path, &cx.up.trs(&placement.transform))?;
+        }
+        for group in &plan.copies {
+            group.define(&mut target)?;
+            for (individual, path) in &group.prototypes {
+                let shown = Shown { asset: individual.asset, ahead: individual.phase, may_share: false };
+                parts.extend(inside(cx, &mut target, (path, "Xform", PrimMeta::default()), shown, &mut first)?);
             }
         }
         if self.options.look {
-            look::define(cx, &mut target, &root)?;
+            look::define(cx, &mut target, &root, None)?;
         }
-        self.push(target, parts);
+        self.push(target, None, parts);
         if kind != "usdz" {
             let folder = cx.pictures.strip_prefix("./").unwrap_or(&cx.pictures);
             self.textures.write(&cx.scene, &self.folder, folder)?;
@@ -167,26 +181,42 @@ impl Usd {
         zip::Package::new(out, root, members)
     }
 
-    /// The wrapper: a payload per placement, camera and lights.
-    fn wrapper(&self, cx: &Context) -> Result<()> {
+    /// The wrapper: a payload per placement, an instancer per plant with copies, one scope of materials, camera and lights.
+    fn wrapper(&self, cx: &Context, written: &Written) -> Result<()> {
         let scene = safe_name(&cx.scene.name);
         let Some(out) = self.folder.create(&format!("{scene}.usda"), "usda.wrapper", None)? else { return Ok(()) };
+        // Seen from here, pictures lie beside the payloads, not above them.
+        let cx = &Context { pictures: "./textures/".to_owned(), maps: None, ..cx.clone() };
         let mut target = open(cx, Box::new(usda::Usda::new(Box::new(out))), &scene)?;
         let root = format!("/{scene}");
         target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
         let shared = shared(&cx.scene);
-        for (path, placement) in placed(cx, &root) {
-            let Some(asset) = cx.scene.assets.get(placement.asset) else { continue };
-            let name = safe_name(&asset.id);
-            let ahead = placement.phase;
-            let payload = Some(stage::Arc { asset: format!("./usd/{name}.usdc"), prim: format!("/{name}"), ahead });
+        let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+        for single in &plan.singles {
+            let Single { path, placement } = single;
+            let Some(payload) = payload(cx, placement.asset, placement.phase, "./usd/") else { continue };
             let instanceable = shared.contains(&placement.asset);
-            let meta = PrimMeta { kind: Some("component"), instanceable, payload, ..PrimMeta::default() };
-            target.stage.prim(&path, "Xform", &meta)?;
-            target.transform(&path, &cx.up.trs(&placement.transform))?;
+            let meta =
+                PrimMeta { kind: Some("component"), instanceable, payload: Some(payload), ..PrimMeta::default() };
+            target.stage.prim(path, "Xform", &meta)?;
+            target.transform(path, &cx.up.trs(&placement.transform))?;
+            if !instanceable {
+                rebind(cx, &mut target, (&root, path), written.bindings(placement.asset))?;
+            }
+        }
+        for group in &plan.copies {
+            group.define(&mut target)?;
+            for (individual, path) in &group.prototypes {
+                let Some(payload) = payload(cx, individual.asset, individual.phase, "./usd/") else { continue };
+                // A prototype takes its type from the payload.
+                target.stage.prim(path, "", &PrimMeta { payload: Some(payload), ..PrimMeta::default() })?;
+                rebind(cx, &mut target, (&root, path), written.bindings(individual.asset))?;
+            }
+            group.place(cx, &mut target, &written.reach)?;
         }
         if self.options.look {
-            look::define(cx, &mut target, &root)?;
+            exr::write_sky(&self.folder, &cx.scene)?;
+            look::define(cx, &mut target, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
         }
         target.stage.finish()
     }
@@ -227,13 +257,100 @@ fn shared(scene: &Scene) -> BTreeSet<usize> {
     shared
 }
 
-/// Placements with the paths of their prims. Camera and lights keep their names.
-fn placed<'a>(cx: &'a Context, root: &str) -> Vec<(String, &'a crate::scene::Placement)> {
-    let mut names = Names::default();
-    for name in ["camera", "sun", "sky"] {
-        names.unique(name);
+/// What the layers of a scene turned out to hold.
+#[derive(Debug, Default)]
+struct Written {
+    /// Box of each asset over all frames, in its own space of the stage.
+    reach: Vec<Bounds>,
+    /// Bindings of each asset's payload.
+    bound: Vec<Vec<Binding>>,
+}
+
+impl Written {
+    /// Gathers it from the layers of all assets; with payloads, the first layer of an asset is its payload.
+    fn of(cx: &Context, layers: &[Layer]) -> Self {
+        let rest = |asset| copies::in_stage(cx.up, &asset_bounds(asset, &AssetFrame::default()));
+        let mut reach: Vec<Bounds> = cx.scene.assets.iter().map(rest).collect();
+        for (asset, part) in layers.iter().flat_map(|l| &l.parts) {
+            if let Some(b) = reach.get_mut(*asset) {
+                *b = b.union(part.reach());
+            }
+        }
+        let mut bound = vec![Vec::new(); cx.scene.assets.len()];
+        for layer in layers {
+            if let Some(list) = layer.payload_of.and_then(|asset| bound.get_mut(asset)) {
+                *list = layer.target.bindings().to_vec();
+            }
+        }
+        Self { reach, bound }
     }
-    cx.scene.placements.iter().map(|p| (format!("{root}/{}", names.unique(&p.name)), p)).collect()
+
+    /// Bindings of the payload of an asset.
+    fn bindings(&self, asset: usize) -> &[Binding] {
+        self.bound.get(asset).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// An asset as a prim shows it.
+struct Shown {
+    /// Index of the asset.
+    asset: usize,
+    /// Frames by which it is ahead of the clip.
+    ahead: u32,
+    /// Readers may hold it once for all prims that show it.
+    may_share: bool,
+}
+
+/// Writes an asset under a new prim of the layer: its contents the first time, a reference to those from then on.
+fn inside(
+    cx: &Context,
+    target: &mut Target,
+    (path, type_name, meta): (&str, &'static str, PrimMeta),
+    shown: Shown,
+    first: &mut BTreeMap<usize, String>,
+) -> Result<Vec<(usize, Box<dyn Part>)>> {
+    let Some(asset) = cx.scene.assets.get(shown.asset) else { return Ok(Vec::new()) };
+    let known = first.get(&shown.asset).cloned();
+    let instanceable = known.is_some() && shown.may_share;
+    let reference = known.map(|prim| stage::Arc { asset: String::new(), prim, ahead: shown.ahead });
+    let new = reference.is_none();
+    target.stage.prim(path, type_name, &PrimMeta { instanceable, reference, ..meta })?;
+    if !new {
+        return Ok(Vec::new());
+    }
+    first.insert(shown.asset, path.to_owned());
+    let changing = body::define(cx, target, path, asset)?;
+    Ok(changing.into_iter().map(|p| (shown.asset, p)).collect())
+}
+
+/// The payload of an asset, `ahead` frames ahead, seen from a layer that has the folder of payloads at `folder`.
+fn payload(cx: &Context, asset: usize, ahead: u32, folder: &str) -> Option<stage::Arc> {
+    let name = safe_name(&cx.scene.assets.get(asset)?.id);
+    Some(stage::Arc { asset: format!("{folder}{name}.usdc"), prim: format!("/{name}"), ahead })
+}
+
+/// Binds what a payload at `path` shows to the materials of the scene's root, so that readers that make a material for every
+/// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change.
+fn rebind(cx: &Context, target: &mut Target, (root, path): (&str, &str), bindings: &[Binding]) -> Result<()> {
+    let mut made = BTreeSet::new();
+    for Binding { prim, material } in bindings {
+        let wet = cx.scene.materials.get(*material as usize).is_none_or(|m| m.wet.is_some());
+        // What stands in a variant is bound there.
+        if wet || prim.contains('{') {
+            continue;
+        }
+        // The payload's root is its first name.
+        let below: Vec<&str> = prim.split('/').skip(2).collect();
+        let mut over = path.to_owned();
+        for name in below {
+            over = format!("{over}/{name}");
+            if made.insert(over.clone()) {
+                target.stage.prim(&over, "", &PrimMeta { over: true, ..PrimMeta::default() })?;
+            }
+        }
+        target.bind(cx, root, &over, *material)?;
+    }
+    Ok(())
 }
 
 /// Folder of the pictures, as seen from the layers that show them.
@@ -275,7 +392,7 @@ impl Exporter for Usd {
         let Some(cx) = &self.cx else { return Ok(()) };
         let time = f64::from(frame.number);
         crate::par::par_each(&mut self.layers, |layer| {
-            let Layer { target, parts, failed } = layer;
+            let Layer { target, parts, failed, .. } = layer;
             for (i, part) in parts {
                 let Some((asset, state)) = cx.scene.assets.get(*i).zip(frame.assets.get(*i)) else { continue };
                 if let Err(e) = part.frame(cx, target, &Shot { asset, state, time, wet: &frame.wet }) {
@@ -291,6 +408,15 @@ impl Exporter for Usd {
     }
 
     fn finish(&mut self) -> Result<Summary> {
+        let Some(cx) = self.cx.clone() else { return Ok(Summary::default()) };
+        let written = Written::of(&cx, &self.layers);
+        if self.options.file.is_some()
+            && let Some(layer) = self.layers.first_mut()
+        {
+            let root = format!("/{}", safe_name(&cx.scene.name));
+            let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+            plan.copies.iter().try_for_each(|group| group.place(&cx, &mut layer.target, &written.reach))?;
+        }
         for layer in &mut self.layers {
             if let Some(scene) = self.cx.as_ref().map(|cx| &cx.scene)
                 && layer.parts.iter().any(|(asset, _)| is_phased(scene, *asset))
@@ -300,8 +426,8 @@ impl Exporter for Usd {
             layer.target.stage.finish()?;
         }
         self.layers.clear();
-        if let (Some(cx), None) = (&self.cx, &self.options.file) {
-            self.wrapper(cx)?;
+        if self.options.file.is_none() {
+            self.wrapper(&cx, &written)?;
         }
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }

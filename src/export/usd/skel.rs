@@ -32,6 +32,8 @@ pub(super) struct Skinned {
     extent: Attr,
     /// Rotations of the frame before.
     before: Vec<Quat>,
+    /// Box of all frames so far.
+    reach: Bounds,
 }
 
 /// True if a mesh follows the skeleton in this format.
@@ -133,6 +135,7 @@ fn define_animation(
         translations: target.set(&format!("{path}.translations"), "float3[]", Array::Float3(&t).into())?,
         extent,
         before: Vec::new(),
+        reach: Bounds::default(),
     })
 }
 
@@ -172,7 +175,9 @@ impl Part for Skinned {
         for (q, before) in r.iter_mut().zip(&self.before) {
             *q = near(*q, *before);
         }
-        let b = extent(&bounds(cx, shot.asset, shot.state));
+        let b = bounds(cx, shot.asset, shot.state);
+        self.reach = self.reach.union(b);
+        let b = extent(&b);
         let time = shot.time;
         let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
         sample(self.translations, Array::Float3(&t))?;
@@ -181,6 +186,10 @@ impl Part for Skinned {
         sample(self.extent, Array::Float3(&b))?;
         self.before = r;
         Ok(())
+    }
+
+    fn reach(&self) -> Bounds {
+        self.reach
     }
 }
 

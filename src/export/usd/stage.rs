@@ -58,6 +58,8 @@ pub struct Arc {
 /// Metadata of a prim.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PrimMeta {
+    /// It only adds to a prim that a payload or a reference defines.
+    pub over: bool,
     /// Model kind.
     pub kind: Option<&'static str>,
     /// Readers may hold what it refers to once for all prims that refer to the same.

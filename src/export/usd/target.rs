@@ -9,6 +9,7 @@ use super::value::Value;
 use crate::Result;
 use crate::export::sheets::Map;
 use crate::fence::safe_name;
+use crate::geometry::Bounds;
 use crate::scene::{Asset, AssetFrame, Material, MaterialId, Scene, Trs, WetMaps};
 
 /// The scene and the choices that hold for all files.
@@ -54,6 +55,16 @@ pub(super) struct Target {
     pub(super) stage: Box<dyn Stage>,
     made: BTreeSet<String>,
     sheets: Vec<Sheet>,
+    /// Prims that are bound to a material, in order.
+    bound: Vec<Binding>,
+}
+
+/// A prim and its material.
+#[derive(Debug, Clone)]
+pub(super) struct Binding {
+    /// Path of a mesh, a subset or curves.
+    pub(super) prim: String,
+    pub(super) material: MaterialId,
 }
 
 /// One frame of one asset.
@@ -69,11 +80,16 @@ pub(super) struct Shot<'a> {
 pub(super) trait Part: Send {
     /// Adds the samples of a frame.
     fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()>;
+
+    /// The box of what its frames so far showed, in the asset's space of the stage; empty for what has no points of its own.
+    fn reach(&self) -> Bounds {
+        Bounds::default()
+    }
 }
 
 impl Target {
     pub(super) fn new(stage: Box<dyn Stage>) -> Self {
-        Self { stage, made: BTreeSet::new(), sheets: Vec::new() }
+        Self { stage, made: BTreeSet::new(), sheets: Vec::new(), bound: Vec::new() }
     }
 
     /// A prim with nothing but a type.
@@ -112,7 +128,13 @@ impl Target {
             let m = Material { base_color: cx.scene.flat_color(material), ..own.clone() };
             self.sheets.extend(super::material::define(cx, self.stage.as_mut(), &path, &m)?);
         }
+        self.bound.push(Binding { prim: prim.to_owned(), material });
         self.stage.rel(&format!("{prim}.material:binding"), &[path])
+    }
+
+    /// Which prims of the layer are bound to which materials.
+    pub(super) fn bindings(&self) -> &[Binding] {
+        &self.bound
     }
 
     /// Translation, rotation and scale of a prim.

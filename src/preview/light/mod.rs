@@ -34,8 +34,9 @@ pub struct Light {
     cone: f32,
     horizon: Vec3,
     zenith: Vec3,
-    /// What stands below the horizon, if anything does, and the bright air around the sun.
-    below: Option<Vec3>,
+    /// The sky, its strength already in its colours.
+    sky: Sky,
+    /// Colour of the bright air around the sun.
     glow: Vec3,
     fog: Option<Fog>,
 }
@@ -84,7 +85,13 @@ impl Light {
             cone: math::cos_f32(sun.angle * 0.5).min(1.0 - 1e-7),
             horizon: Vec3::from_array(sky.horizon) * sky.strength,
             zenith: Vec3::from_array(sky.zenith) * sky.strength,
-            below: sky.below.map(|c| Vec3::from_array(c) * sky.strength),
+            sky: Sky {
+                horizon: sky.horizon.map(|c| c * sky.strength),
+                zenith: sky.zenith.map(|c| c * sky.strength),
+                below: sky.below.map(|b| b.map(|c| c * sky.strength)),
+                strength: 1.0,
+                ..*sky
+            },
             glow: Vec3::from_array(sun.color) * sky.glow,
             fog: sky.fog,
         }
@@ -97,30 +104,9 @@ impl Light {
 
     /// Radiance of the sky in a unit direction, seen from the ground through the haze.
     pub(super) fn sky(&self, direction: Vec3) -> Vec3 {
-        let clear = self.air(direction);
+        let clear = self.sky.toward(direction, self.toward, self.glow);
         let (share, added) = self.haze((Vec3::ZERO, direction), FAR);
         clear * share + added
-    }
-
-    /// The same without haze. Source: [`Sky::stops`] and [`Sky::GLOW`].
-    fn air(&self, direction: Vec3) -> Vec3 {
-        let y = direction.y.clamp(-1.0, 1.0);
-        let at = 0.5 + 0.5 * y;
-        let [edge, open] = Sky::BAND;
-        let plain = match self.below {
-            None => self.horizon.lerp(self.zenith, y.max(0.0)),
-            Some(below) if at < edge => (below * Sky::DEEP).lerp(below, at / edge),
-            Some(below) if at < open => below.lerp(self.horizon, (at - edge) / (open - edge)),
-            Some(_) => self.horizon.lerp(self.zenith, (at - open) / (1.0 - open)),
-        };
-        if self.glow == Vec3::ZERO {
-            return plain;
-        }
-        let cos = direction.dot(self.toward);
-        let inner = Sky::GLOW.iter().position(|(c, _)| cos < *c).unwrap_or(Sky::GLOW.len() - 1);
-        let Some(outer) = inner.checked_sub(1) else { return plain };
-        let [(c0, s0), (c1, s1)] = [Sky::GLOW[outer], Sky::GLOW[inner]];
-        plain.lerp(self.glow, math::lerp(s0, s1, ((cos - c0) / (c1 - c0)).clamp(0.0, 1.0)))
     }
 
     /// What the haze makes of light that comes to `eye` from `length` m along `direction`: the share that arrives, and

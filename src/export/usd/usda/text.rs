@@ -82,7 +82,8 @@ pub(super) fn prim(type_name: &str, name: &str, meta: &PrimMeta) -> String {
         lines.push(format!("prepend variantSets = {}", quoted(variants.set)));
     }
     let space = if type_name.is_empty() { "" } else { " " };
-    let head = format!("def{space}{type_name} \"{name}\"");
+    let specifier = if meta.over { "over" } else { "def" };
+    let head = format!("{specifier}{space}{type_name} \"{name}\"");
     if lines.is_empty() { head } else { format!("{head} (\n    {}\n)", lines.join("\n    ")) }
 }
 

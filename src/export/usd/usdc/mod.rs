@@ -305,7 +305,7 @@ impl Stage for Usdc {
         let spec = self.spec(path, SpecKind::Prim);
         self.prim_specs.insert(path.to_owned(), spec);
         self.members.insert(spec, Members::default());
-        self.field(spec, "specifier", inline(code::SPECIFIER, 0));
+        self.field(spec, "specifier", inline(code::SPECIFIER, u32::from(meta.over)));
         if !type_name.is_empty() {
             let value = self.token_value(type_name);
             self.field(spec, "typeName", value);
