@@ -69,10 +69,15 @@ pub fn count(stage: &Stage, recipe: &Recipe, frames: u64) -> Counts {
 /// What a format takes for the whole scene.
 fn shared(format: Format, pictures: u64, recipe: &Recipe) -> u64 {
     match format {
-        // Pictures are embedded in each asset's file and once more in the scene's.
-        Format::Glb => 2 * pictures * recipe.output.gltf.profiles.len() as u64,
+        // Pictures are embedded in the scene's file, and in each asset's where those have some.
+        Format::Glb => glb_files(recipe) * pictures * recipe.output.gltf.profiles.len() as u64,
         _ => 0,
     }
+}
+
+/// In how many binary glTF files of a profile an asset appears.
+fn glb_files(recipe: &Recipe) -> u64 {
+    if recipe.output.gltf.assets { 2 } else { 1 }
 }
 
 /// What the maps of wet sheets take. Own: bytes a texel as measured on leaves in rain; a file of each map per frame.
@@ -194,10 +199,12 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
             let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
             let web = s.vertices * 56 + s.triangles * 12 + s.proto_vertices * 32 + s.instances * 32;
             let (tracks, points) = (moving * s.joints * 16 + nodes * frames * 44, (s.points - s.moving_points) * 18);
-            // Once in the asset's own file, once in the scene's, which has tracks for each of the times.
+            // In the scene's file, which has tracks for each of the times, and in the asset's own if it has one.
+            let files = glb_files(recipe);
+            let times = s.times.min(u64::from(keys.skins)) + files - 1;
             let each = |p: &crate::recipe::sections::Profile| match p {
-                crate::recipe::sections::Profile::Blender => 2 * (merged + points) + (1 + s.times) * tracks,
-                crate::recipe::sections::Profile::Web => 2 * (web + points) + (1 + s.times) * tracks,
+                crate::recipe::sections::Profile::Blender => files * (merged + points) + times * tracks,
+                crate::recipe::sections::Profile::Web => files * (web + points) + times * tracks,
             };
             recipe.output.gltf.profiles.iter().map(each).sum()
         }

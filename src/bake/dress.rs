@@ -36,6 +36,8 @@ pub struct Kind {
     pub tile: f32,
     /// Names of the organs, parallel to the recipe's; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub organ_names: Vec<String>,
+    /// Its bark carries the attributes by which shaders sway it, for copies that a format shows without a skeleton.
+    pub shader_wind: bool,
 }
 
 /// Makes the asset of a grown plant. `moving`: the wind, and where the plant's first copy stands.
@@ -75,9 +77,11 @@ pub fn dress(
     let separate = groups.iter().filter(|_| !shaded);
     let instancers = separate.map(|(o, organs)| instancer(plant, kind, (*o, organs), riding(organs, rig)));
     let mut merged = Vec::new();
+    if shaded || kind.shader_wind {
+        mesh.wind = Weights::new(plant).bark(&bindings);
+    }
     if shaded {
         let attributes = Weights::new(plant);
-        mesh.wind = attributes.bark(&bindings);
         merged = groups.iter().map(|(o, organs)| blades(&attributes, kind, (*o, organs), (rig, motion))).collect();
     }
     let bark = MeshObject { name: "bark".into(), mesh, motion, skin: weights };

@@ -28,15 +28,22 @@ fn of_format(
         Format::Usd => {
             let maps = output.formats.contains(&Format::Exr);
             let first = frames.first().copied();
-            let options =
-                usd::Options { up: up(output), maps, first, copies: copies(output), ..usd::Options::default() };
+            let options = usd::Options {
+                up: up(output),
+                maps,
+                first,
+                copies: copies(output),
+                tolerance: tolerance(output),
+                ..usd::Options::default()
+            };
             vec![writer("usd", usd::Usd::new(folder, Arc::clone(textures), options))]
         }
         Format::Glb => {
             let glb = |p: &Profile| {
                 let layout = gltf::Layout::Bake;
                 let (frame, nodes) = (output.gltf.frame, output.gltf.nodes as usize);
-                let options = gltf::Options { profile: profile(*p), layout, frame, nodes };
+                let (skins, assets) = (output.gltf.skins as usize, output.gltf.assets);
+                let options = gltf::Options { profile: profile(*p), layout, frame, nodes, skins, assets };
                 writer("glb", gltf::Gltf::new(folder.clone(), Arc::clone(textures), options))
             };
             output.gltf.profiles.iter().map(glb).collect()
@@ -69,7 +76,7 @@ pub fn of_file(
             gltf::Gltf::new(
                 folder.clone(),
                 Arc::clone(&textures),
-                gltf::Options { profile, layout, ..gltf::Options::default() },
+                gltf::Options { profile, layout, skins: output.gltf.skins as usize, ..gltf::Options::default() },
             ),
         )
     };
@@ -124,6 +131,12 @@ fn wanted_maps(recipe: &Recipe) -> exr::Wanted {
 
 fn up(output: &OutputRecipe) -> usd::UpAxis {
     if output.usd.up == Up::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
+}
+
+/// Angles and lengths of the recipe are in radians and metres.
+fn tolerance(output: &OutputRecipe) -> usd::Tolerance {
+    let keys = &output.usd;
+    usd::Tolerance { metres: crate::math::narrow(keys.tolerance), radians: crate::math::narrow(keys.turn_tolerance) }
 }
 
 fn copies(output: &OutputRecipe) -> usd::CopyStyle {

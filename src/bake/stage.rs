@@ -31,7 +31,7 @@ use crate::par::{join, par_map};
 use crate::plant::AxisKind;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::land_keys::TerrainKeys;
-use crate::recipe::sections::Motion;
+use crate::recipe::sections::{Format, Motion};
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
@@ -108,7 +108,8 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         scatter::sink(&mut layout, &feet, land);
     }
     let mut made = Made::default();
-    let kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
+    let mut kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
+    mark_beyond_skins(recipe, &layout, &mut kinds);
     work.progress.stage("skinning", layout.individuals.len() as u64);
     let modules = grown.iter().map(|g| g.modules).sum();
     let footing = match (&land, &soil) {
@@ -199,7 +200,7 @@ impl Made {
             }
             m
         }));
-        Kind { first_material, tile, organ_names }
+        Kind { first_material, tile, organ_names, shader_wind: false }
     }
 }
 
@@ -241,6 +242,19 @@ fn grow_all(recipe: &Recipe, layout: &Layout, looks: &[Look], work: &Work<'_>) -
         }
     }
     report.into_result(plants)
+}
+
+/// Marks the plants of which glTF may show copies without a skeleton, as all of them would need more skins than it is given.
+fn mark_beyond_skins(recipe: &Recipe, layout: &Layout, kinds: &mut [Kind]) {
+    let written = recipe.output.formats.contains(&Format::Glb);
+    let beyond = layout.standings.len() > usize::try_from(recipe.output.gltf.skins).unwrap_or(usize::MAX);
+    let mut standing = vec![0_usize; kinds.len()];
+    for plant in layout.standings.iter().filter_map(|s| layout.individuals.get(s.individual)).map(|i| i.plant) {
+        standing.get_mut(plant).into_iter().for_each(|n| *n += 1);
+    }
+    for (kind, n) in kinds.iter_mut().zip(standing) {
+        kind.shader_wind = written && beyond && recipe.moves && n > 1;
+    }
 }
 
 fn pair<'a, T>(

@@ -141,6 +141,7 @@ pub const CODES: &[Code] = &[
     row("X018", Error, "mesh of a plant in which no skeleton is found"),
     row("X019", Warning, "part of a plant's mesh that does not move as the rest"),
     row("X020", Warning, "the paper's equations bend an internode too far, clamped"),
+    row("X021", Warning, "more swaying plants than a glTF file has skins for"),
 ];
 
 /// The row of a code.

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
 
-use crate::scene::{Asset, InstanceState, Instancer, Mesh, Subset, Trs};
+use crate::scene::{Asset, InstanceState, Instancer, Mesh, Subset, Trs, WindPoint};
 
 /// All meshes and live instances of an asset at rest, moved by `world`, as one mesh with one subset per material in
-/// order of first use. Texture coordinates are zero where a part has none; vertex colours are dropped.
+/// order of first use. Texture coordinates are zero where a part has none, attributes for wind likewise; vertex colours are dropped.
 pub(super) fn merged(asset: &Asset, world: &Trs) -> Mesh {
     let mut all = Merge::default();
     for object in &asset.meshes {
@@ -49,6 +49,10 @@ impl Merge {
             self.has_uvs = true;
             self.mesh.uvs.extend_from_slice(&part.uvs);
         }
+        if !part.wind.is_empty() {
+            self.mesh.wind.resize(base as usize, WindPoint::default());
+            self.mesh.wind.extend_from_slice(&part.wind);
+        }
         for subset in &part.subsets {
             let list = self.triangles.entry(subset.material).or_insert_with(|| {
                 self.order.push(subset.material);
@@ -69,6 +73,9 @@ impl Merge {
         }
         if !self.has_uvs {
             self.mesh.uvs.clear();
+        }
+        if !self.mesh.wind.is_empty() {
+            self.mesh.wind.resize(self.mesh.points.len(), WindPoint::default());
         }
         self.mesh
     }

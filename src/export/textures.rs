@@ -2,9 +2,15 @@
 
 use std::sync::Arc;
 
+use image::ImageEncoder as _;
+
 use crate::fence::Folder;
 use crate::scene::{Image, ImageKind, Pixels, Scene};
 use crate::{Error, Result};
+
+/// JPEG quality of colours, and of normals and roughness, in which blocks would show as facets.
+const COLOR_QUALITY: u8 = 88;
+const DATA_QUALITY: u8 = 92;
 
 /// The scene's pictures as PNG files, in the order of [`Scene::images`].
 #[derive(Debug, Clone, Default)]
@@ -83,6 +89,31 @@ pub fn png(image: &Image) -> Result<Arc<[u8]>> {
     writer.write_image_data(samples).map_err(|e| failed(&e))?;
     writer.finish().map_err(|e| failed(&e))?;
     Ok(bytes.into())
+}
+
+/// One picture as a JPEG file, for readers that decode pictures to 8 bits anyway; `None` with an alpha channel, which JPEG lacks.
+/// # Errors
+/// X012 if it has the wrong number of samples.
+pub fn jpeg(image: &Image) -> Result<Option<Vec<u8>>> {
+    let color = match image.channels {
+        1 => image::ExtendedColorType::L8,
+        3 => image::ExtendedColorType::Rgb8,
+        _ => return Ok(None),
+    };
+    let quality = if image.kind == ImageKind::Color { COLOR_QUALITY } else { DATA_QUALITY };
+    let narrowed: Vec<u8>;
+    let samples: &[u8] = match &image.pixels {
+        Pixels::U8(v) => v,
+        Pixels::U16(v) => {
+            narrowed = v.iter().map(|s| crate::units::byte(f32::from(*s) / 65_535.0)).collect();
+            &narrowed
+        }
+    };
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);
+    let written = encoder.write_image(samples, image.width, image.height, color);
+    written.map_err(|e| Error::export("X012", format!("picture {}: {e}", image.name)))?;
+    Ok(Some(bytes))
 }
 
 /// The samples of a square picture that [`png()`] has written; `None` for any other.

@@ -426,7 +426,7 @@ keys! {
     /// What is written.
     OutputKeys at "output" with ["pov", "usd", "gltf", "wind"] {
         /// File formats.
-        formats: Vec<Format> = "formats" SomeOf(&[Format::Usd, Format::Glb, Format::Pov]);
+        formats: Vec<Format> = "formats" SomeOf(&[Format::Usd, Format::Glb]);
     }
     /// POV-Ray files.
     PovKeys at "output.pov" with ["photons"] {
@@ -451,14 +451,22 @@ keys! {
         up: Up = "up" OneOf(Up::Y);
         /// How several placements of a plant are shown: by one point instancer, or by a prim each, to edit single copies.
         copies: CopyStyle = "copies" OneOf(CopyStyle::Instancer);
+        /// How far leaves that ride on branches may be from where they were simulated, between two frames that are kept; 0 keeps all.
+        tolerance: f64 = "tolerance_mm" mm(1.0, 0.0, 100.0);
+        /// The same of their rotations.
+        turn_tolerance: f64 = "turn_tolerance_deg" deg(0.5, 0.0, 45.0);
     }
     /// glTF files.
     GltfKeys at "output.gltf" {
         /// For which readers.
-        profiles: Vec<Profile> = "profiles" SomeOf(&[Profile::Blender, Profile::Web]);
+        profiles: Vec<Profile> = "profiles" SomeOf(&[Profile::Web]);
         /// Only this frame, standing still: any number of things that fly, as instances in the web profile.
         frame: Option<u32> = "frame" Maybe(whole(1, 0, 999_999), "the whole clip, moving");
         /// Most things that fly that a moving file holds, a node and a track each.
         nodes: u32 = "nodes" whole(500, 1, 100_000);
+        /// Most plants that sway by a skeleton of their own; those beyond, farthest from the camera, stand still and share meshes.
+        skins: u32 = "skins" whole(64, 0, 100_000);
+        /// Whether each asset has a file of its own, beside the one of the whole scene.
+        assets: bool = "assets" Flag(false);
     }
 }

@@ -172,7 +172,7 @@ struct Tables {
 /// Height difference of the ground's maps, m.
 const RELIEF: f32 = 0.03;
 
-/// The ground's material with `<name>_color`, `_normal` (16 bit), `_rough` and `_height` (16 bit), tiling; `side` pixels
+/// The ground's material with `<name>_color`, `_normal`, `_rough` and `_height` (16 bit), tiling; `side` pixels
 /// (16..=4096), `tile` m a repeat.
 /// # Errors
 /// `Range` for a side outside its range.
@@ -203,7 +203,7 @@ pub fn ground_material(
     let image = |kind, what, pixels| map(name, what, kind, side, pixels);
     let images = vec![
         image(ImageKind::Color, "color", Pixels::U8(pixels::colors(samples.iter().map(|s| s.color)))),
-        image(ImageKind::Data, "normal", Pixels::U16(pixels::normals16(&heights, side as usize, [step, step]))),
+        image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, side as usize, [step, step]))),
         image(ImageKind::Data, "rough", Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
         image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
     ];

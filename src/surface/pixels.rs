@@ -20,8 +20,8 @@ pub(super) fn colors(colors: impl Iterator<Item = Vec3>) -> Vec<u8> {
 }
 
 /// Unit normals of a square height field, row 0 at the top, wrapped at the borders: normalize(-dh/du, -dh/dv, 1) by
-/// central differences, stored as (n + 1) / 2. `slopes`: height unit over the size of a pixel, across and up.
-fn normals<T: Send>(heights: &[f32], side: usize, slopes: [f32; 2], store: impl Fn(f32) -> T + Sync) -> Vec<T> {
+/// central differences, stored as (n + 1) / 2 in RGB bytes. `slopes`: height unit over the size of a pixel, across and up.
+pub(super) fn normals8(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<u8> {
     let rows: Vec<usize> = (0..side).collect();
     let row = |&y: &usize| {
         let row = |y: usize| &heights[y % side * side..][..side];
@@ -33,7 +33,7 @@ fn normals<T: Send>(heights: &[f32], side: usize, slopes: [f32; 2], store: impl 
             let dx = (here[right] - here[left]) * 0.5 * slopes[0];
             let dy = (above[x] - below[x]) * 0.5 * slopes[1];
             let n = (Vec3::new(-dx, -dy, 1.0).normalize() + Vec3::ONE) * 0.5;
-            out.extend(n.to_array().map(&store));
+            out.extend(n.to_array().map(byte));
         }
         out
     };
@@ -47,16 +47,6 @@ pub(super) fn joined<T>(rows: Vec<Vec<T>>) -> Vec<T> {
         out.append(&mut row);
     }
     out
-}
-
-/// [`normals`] as RGB bytes.
-pub(super) fn normals8(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<u8> {
-    normals(heights, side, slopes, byte)
-}
-
-/// [`normals`] as 16-bit RGB.
-pub(super) fn normals16(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<u16> {
-    normals(heights, side, slopes, word)
 }
 
 /// A value in [0, 1] as 16 bits, rounded to nearest.

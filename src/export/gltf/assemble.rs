@@ -1,7 +1,7 @@
 //! Placements, joints, camera: the nodes of one file.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Mat3, Quat};
 
@@ -39,10 +39,11 @@ impl Document<'_> {
             Shows::Scene { .. } => (&scene.placements, &scene.name),
         };
         let prefixed = matches!(shows, Shows::Scene { .. });
+        let copies = if prefixed { self.share(placements) } else { BTreeSet::new() };
         let chosen = self.choose(placements, name);
         let mut parts: BTreeMap<usize, Parts> = BTreeMap::new();
         let mut later: BTreeMap<(usize, u32), Vec<Joint>> = BTreeMap::new();
-        for (i, placement) in placements.iter().enumerate() {
+        for (i, placement) in placements.iter().enumerate().filter(|(i, _)| !copies.contains(i)) {
             let asset = placement.asset;
             let made = match parts.entry(asset) {
                 Entry::Occupied(made) => made.into_mut(),
@@ -60,6 +61,8 @@ impl Document<'_> {
             let joints = later.get(&(asset, placement.phase)).unwrap_or(&made.joints);
             self.place(placement, prefixed, (made, joints), chosen.get(&i))?;
         }
+        // Copies come last: Blender's importer takes longer over each skeleton the more objects there are before it.
+        self.copies(placements, &copies)?;
         let filled = !self.root.nodes.is_empty();
         if shows == (Shows::Scene { camera: true }) {
             self.camera()?;

@@ -37,6 +37,24 @@ impl Buffer {
         self.floats(values.flat_map(|v| [v.x, v.y, v.z]), ("VEC3", 3), (Some(target::VERTICES), what))
     }
 
+    /// Unit vectors of vertices as four normalised bytes each, of which `shape` uses three or all: directions within half a degree.
+    /// Needs KHR_mesh_quantization.
+    pub(super) fn directions(&mut self, values: &[[f32; 4]], shape: &'static str, what: &str) -> Result<Index> {
+        if let Some(i) = values.iter().position(|v| v.iter().any(|c| !c.is_finite())) {
+            return Err(Error::export("X001", format!("{what}: element {i} is not finite")));
+        }
+        let start = self.start();
+        for v in values {
+            // Rounded components are unit to a hundredth, which readers that check for it take.
+            self.bytes.extend(v.map(signed_byte).map(i8::cast_unsigned));
+        }
+        let view = self.view(start, Some(target::VERTICES))?;
+        if let Some(view) = self.views.last_mut() {
+            view.byte_stride = Some(4);
+        }
+        self.accessor(Accessor { normalized: true, ..shaped(view, component::I8, values.len(), shape) })
+    }
+
     /// Three floats each, outside vertex data unless a target is given.
     pub(super) fn vectors(&mut self, values: &[Vec3], target: Option<u32>, what: &str) -> Result<Index> {
         self.floats(values.iter().flat_map(|v| [v.x, v.y, v.z]), ("VEC3", 3), (target, what))
@@ -55,6 +73,19 @@ impl Buffer {
     /// Quaternions, x y z w.
     pub(super) fn quaternions(&mut self, values: &[Quat], what: &str) -> Result<Index> {
         self.floats(values.iter().flat_map(|q| [q.x, q.y, q.z, q.w]), ("VEC4", 4), (None, what))
+    }
+
+    /// Unit quaternions as normalised 16-bit numbers, within 3e-5, for instances, of which there are many.
+    pub(super) fn short_quaternions(&mut self, values: &[Quat], what: &str) -> Result<Index> {
+        if let Some(i) = values.iter().position(|q| !q.is_finite()) {
+            return Err(Error::export("X001", format!("{what}: element {i} is not finite")));
+        }
+        let start = self.start();
+        for c in values.iter().flat_map(|q| q.to_array()) {
+            self.bytes.extend_from_slice(&signed_short(c).to_le_bytes());
+        }
+        let view = self.view(start, None)?;
+        self.accessor(Accessor { normalized: true, ..shaped(view, component::I16, values.len(), "VEC4") })
     }
 
     /// 4 x 4 matrices, column major.
@@ -166,7 +197,7 @@ impl Buffer {
             return Err(too_large(self.bytes.len()));
         }
         let byte_length = self.bytes.len() - byte_offset;
-        self.views.push(BufferView { buffer: 0, byte_offset, byte_length, target });
+        self.views.push(BufferView { buffer: 0, byte_offset, byte_length, byte_stride: None, target });
         last(self.views.len())
     }
 
@@ -192,6 +223,18 @@ pub(super) fn too_large(bytes: usize) -> Error {
 
 fn shaped(buffer_view: Index, component_type: u32, count: usize, shape: &'static str) -> Accessor {
     Accessor { buffer_view, component_type, count, shape, ..Accessor::default() }
+}
+
+/// A number in [-1, 1] as a normalised i8, rounded to nearest.
+#[allow(clippy::cast_possible_truncation, reason = "clamped to +-127 before the cast")]
+fn signed_byte(c: f32) -> i8 {
+    (c.clamp(-1.0, 1.0) * 127.0).round() as i8
+}
+
+/// A number in [-1, 1] as a normalised i16, rounded to nearest.
+#[allow(clippy::cast_possible_truncation, reason = "clamped to +-32767 before the cast")]
+fn signed_short(c: f32) -> i16 {
+    (c.clamp(-1.0, 1.0) * 32_767.0).round() as i16
 }
 
 /// A number in [0, 1] as a normalised u16, rounded to nearest.

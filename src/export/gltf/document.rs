@@ -25,6 +25,8 @@ pub(super) struct Source<'a> {
     pub tracks: &'a Tracks,
     pub textures: &'a Textures,
     pub profile: Profile,
+    /// Most placements with a skin of their own.
+    pub skins: usize,
 }
 
 /// A file under construction.
@@ -36,6 +38,8 @@ pub(super) struct Document<'a> {
     pub buffer: Buffer,
     pub animation: Animation,
     pub warnings: Vec<Warning>,
+    /// Most joints of an animated plant.
+    pub joints: usize,
     pub surfaces: BTreeMap<Surface, Index>,
     pub textures: BTreeMap<u32, Index>,
     names: BTreeSet<String>,
@@ -80,6 +84,7 @@ impl<'a> Document<'a> {
             buffer: Buffer::default(),
             animation: Animation::default(),
             warnings: Vec::new(),
+            joints: super::rig::JOINTS,
             surfaces: BTreeMap::new(),
             textures: BTreeMap::new(),
             names: BTreeSet::new(),

@@ -57,16 +57,18 @@ impl Document<'_> {
             Trs { t: back * (trs.t - joint.t), r: unit(back * trs.r), s: trs.s }
         };
         let list: Vec<Trs> = group.members.iter().map(local).collect();
+        self.instancing_at(&list, group.what)
+    }
+
+    /// The instancing extension for a mesh at many places. `what`: for errors.
+    pub(super) fn instancing_at(&mut self, list: &[Trs], what: &str) -> Result<NodeExtensions> {
         let rotations: Vec<Quat> = list.iter().map(|t| if t.r.w < 0.0 { -t.r } else { t.r }).collect();
         let translations: Vec<Vec3> = list.iter().map(|t| t.t).collect();
         let scales: Vec<Vec3> = list.iter().map(|t| t.s).collect();
-        let rotation = self.buffer.quaternions(&rotations, group.what)?;
-        let scale = if scales.iter().any(|s| *s != Vec3::ONE) {
-            Some(self.buffer.vectors(&scales, None, group.what)?)
-        } else {
-            None
-        };
-        let translation = self.buffer.vectors(&translations, None, group.what)?;
+        let rotation = self.buffer.short_quaternions(&rotations, what)?;
+        let scale =
+            if scales.iter().any(|s| *s != Vec3::ONE) { Some(self.buffer.vectors(&scales, None, what)?) } else { None };
+        let translation = self.buffer.vectors(&translations, None, what)?;
         self.uses("EXT_mesh_gpu_instancing", true);
         let attributes = InstanceAttributes { rotation, scale, translation };
         Ok(NodeExtensions { instancing: Instancing { attributes } })
@@ -93,6 +95,7 @@ impl Document<'_> {
                 colors: Cow::Owned(merged.colors),
                 wind: Cow::Borrowed(&[]),
                 skin,
+                morphs: false,
             };
             primitives.push(self.primitive(&vertices, &merged.triangles, on_mesh(piece.material))?);
         }

@@ -7,7 +7,9 @@ pub(super) type Index = u32;
 
 /// glTF component types that osier writes.
 pub(super) mod component {
+    pub(in crate::export::gltf) const I8: u32 = 5120;
     pub(in crate::export::gltf) const U8: u32 = 5121;
+    pub(in crate::export::gltf) const I16: u32 = 5122;
     pub(in crate::export::gltf) const U16: u32 = 5123;
     pub(in crate::export::gltf) const U32: u32 = 5125;
     pub(in crate::export::gltf) const F32: u32 = 5126;
@@ -385,6 +387,8 @@ pub(super) struct BufferView {
     #[serde(skip_serializing_if = "is_zero")]
     pub byte_offset: usize,
     pub byte_length: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub byte_stride: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<u32>,
 }

@@ -5,8 +5,9 @@ use super::document::Document;
 use super::json::{
     Image, Index, Ior, Material, MaterialExtensions, Pbr, Texture, TextureRef, TextureSampler, Transmission, Volume,
 };
-use super::{Pictures, percent};
+use super::{Pictures, Profile, percent};
 use crate::Result;
+use crate::export::textures::jpeg;
 use crate::scene::{self, Asset, Instancer, MaterialClass, MaterialId, Mesh, Scene};
 
 /// A material as some kind of geometry shows it.
@@ -113,8 +114,10 @@ impl Document<'_> {
         let name = source.name.clone();
         let entry = match &mut self.pictures {
             Pictures::Inside => {
-                let buffer_view = Some(self.buffer.file(self.from.textures.png(image))?);
-                Image { name, uri: None, mime_type: Some("image/png"), buffer_view }
+                let small = if self.from.profile == Profile::Web { jpeg(source)? } else { None };
+                let mime_type = Some(if small.is_some() { "image/jpeg" } else { "image/png" });
+                let bytes = small.as_deref().unwrap_or(self.from.textures.png(image));
+                Image { name, uri: None, mime_type, buffer_view: Some(self.buffer.file(bytes)?) }
             }
             Pictures::Beside { folder, written } => {
                 let path = format!("{folder}/{name}.png");

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use glam::{Vec2, Vec3};
 
+use super::Profile;
 use super::buffer::last;
 use super::document::Document;
 use super::json::{Attributes, Index, Mesh as JsonMesh, MeshExtras, MorphTarget, Primitive};
@@ -24,6 +25,8 @@ pub(super) struct Vertices<'a> {
     pub colors: Cow<'a, [[f32; 4]]>,
     pub wind: Cow<'a, [WindPoint]>,
     pub skin: Option<Influences>,
+    /// It has morph targets.
+    pub morphs: bool,
 }
 
 /// Joints and weights of vertices, and the number of joints in the skin.
@@ -71,6 +74,7 @@ impl Document<'_> {
                 colors: piece.gather(&drawn.mesh.colors),
                 wind: piece.gather(&drawn.mesh.wind),
                 skin,
+                morphs: !drawn.shapes.is_empty(),
             };
             let surface = Surface { material: piece.material, shown: drawn.shown };
             let mut primitive = self.primitive(&vertices, &piece.triangles, surface)?;
@@ -100,16 +104,31 @@ impl Document<'_> {
     ) -> Result<Primitive> {
         let what = vertices.what;
         let count = vertices.points.len();
+        // Targets of morphs are differences in floats, to which normals in bytes do not add.
+        let small = self.from.profile == Profile::Web && !vertices.morphs;
+        if small {
+            self.uses("KHR_mesh_quantization", true);
+        }
         let position = self.buffer.positions(&vertices.points, what)?;
         let mut attributes = Attributes { position, ..Attributes::default() };
         if vertices.normals.len() == count {
-            attributes.normal = Some(self.buffer.normals(&vertices.normals, what)?);
+            attributes.normal = Some(if small {
+                let unit = |n: &Vec3| crate::math::normalize_or(*n, Vec3::Y).extend(0.0).to_array();
+                let list: Vec<[f32; 4]> = vertices.normals.iter().map(unit).collect();
+                self.buffer.directions(&list, "VEC3", what)?
+            } else {
+                self.buffer.normals(&vertices.normals, what)?
+            });
         }
         if vertices.uvs.len() == count && textured(self.from.scene, surface.material) {
             attributes.uv = Some(self.buffer.uvs(&vertices.uvs, what)?);
             if vertices.normals.len() == count && relief(self.from.scene, surface.material) {
                 let list = tangents(&vertices.points, &vertices.normals, &vertices.uvs, triangles);
-                attributes.tangent = Some(self.buffer.quads(&list, what)?);
+                attributes.tangent = Some(if small {
+                    self.buffer.directions(&list, "VEC4", what)?
+                } else {
+                    self.buffer.quads(&list, what)?
+                });
             }
         }
         if vertices.colors.len() == count {

@@ -6,6 +6,7 @@
 mod assemble;
 mod buffer;
 mod container;
+mod copies;
 mod document;
 mod instances;
 mod json;
@@ -81,11 +82,25 @@ pub struct Options {
     pub frame: Option<u32>,
     /// Most moving instances in a file.
     pub nodes: usize,
+    /// Most placements with a skin of their own; the plants beyond stand still and share meshes.
+    pub skins: usize,
+    /// Whether each asset has a file of its own, too.
+    pub assets: bool,
 }
+
+/// Skins of a file unless the scene asks for others.
+pub const SKINS: usize = 64;
 
 impl Default for Options {
     fn default() -> Self {
-        Self { profile: Profile::default(), layout: Layout::default(), frame: None, nodes: 500 }
+        Self {
+            profile: Profile::default(),
+            layout: Layout::default(),
+            frame: None,
+            nodes: 500,
+            skins: SKINS,
+            assets: true,
+        }
     }
 }
 
@@ -117,7 +132,7 @@ impl Gltf {
     fn bake(&self, source: Source<'_>) -> Result<Vec<Warning>> {
         let scene = source.scene;
         let mut warnings = Vec::new();
-        for (i, asset) in scene.assets.iter().enumerate() {
+        for (i, asset) in scene.assets.iter().enumerate().filter(|_| self.options.assets) {
             warnings.extend(self.glb(source, &asset.id, Shows::Asset(i))?);
         }
         // A scene named like one of its assets gives way, as files do whose names collide.
@@ -129,7 +144,7 @@ impl Gltf {
         }
         match self.glb(source, &stem, Shows::Scene { camera: true }) {
             // The assets' own files say what had to be repaired; here it is known already, but for the placements.
-            Ok(more) => warnings.extend(more.into_iter().filter(|w| w.code == "X003")),
+            Ok(more) => warnings.extend(more.into_iter().filter(|w| !self.options.assets || w.code != "X002")),
             Err(Error::Export { code: code @ "X005", reason }) => {
                 let message = format!("the file of the whole scene is left out: {reason}");
                 warnings.push(Warning { code, message });
@@ -216,7 +231,13 @@ impl Exporter for Gltf {
     fn finish(&mut self) -> Result<Summary> {
         let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
         let tracks = std::mem::take(&mut self.tracks);
-        let source = Source { scene: &scene, tracks: &tracks, textures: &self.textures, profile: self.options.profile };
+        let source = Source {
+            scene: &scene,
+            tracks: &tracks,
+            textures: &self.textures,
+            profile: self.options.profile,
+            skins: self.options.skins,
+        };
         let warnings = match &self.options.layout {
             Layout::Bake => self.bake(source)?,
             Layout::Glb(path) => {
@@ -256,7 +277,8 @@ fn unmoved<'a>(scene: &'a Scene, tracks: &'a Tracks) -> impl Iterator<Item = War
 pub fn write(scene: &Scene, textures: &Textures, profile: Profile, out: &mut impl Write) -> Result<Vec<Warning>> {
     check_scene(scene)?;
     let tracks = Tracks::new(scene, Options::default().nodes);
-    let mut document = Document::new(Source { scene, tracks: &tracks, textures, profile }, Pictures::Inside);
+    let mut document =
+        Document::new(Source { scene, tracks: &tracks, textures, profile, skins: SKINS }, Pictures::Inside);
     document.assemble(Shows::Scene { camera: false })?;
     let warnings = std::mem::take(&mut document.warnings);
     container::glb(document, |bytes| out.write_all(bytes).map_err(|e| Error::io("write", "-", e)))?;

@@ -70,13 +70,24 @@ impl Part {
 pub(super) type Chosen = BTreeSet<(usize, usize)>;
 
 impl Document<'_> {
+    /// The joints of an asset that a file animates.
+    pub(super) fn rig(&self, asset: usize) -> Option<Rig> {
+        let from = self.from;
+        let (source, tracks) = from.scene.assets.get(asset).zip(from.tracks.assets.get(asset))?;
+        let mut rig = Rig::new(source, &tracks.poses, self.joints.min(JOINTS))?;
+        let all = source.skeleton.as_ref().map_or(0, |s| s.joints.len());
+        // Fewer joints than the format takes are the profile's choice, about which there is nothing to warn.
+        rig.warning = rig.warning.filter(|_| all > JOINTS);
+        Some(rig)
+    }
+
     /// Makes the parts of an asset.
     pub(super) fn parts(&mut self, asset: usize, chosen: &Chosen) -> Result<Parts> {
         let from = self.from;
         let Some(source) = from.scene.assets.get(asset) else { return Ok(Parts::default()) };
         let Some(tracks) = from.tracks.assets.get(asset) else { return Ok(Parts::default()) };
         let mut parts = Parts::default();
-        let rig = if from.tracks.is_still() { None } else { Rig::new(source, &tracks.poses, JOINTS) };
+        let rig = if from.tracks.is_still() { None } else { self.rig(asset) };
         for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
             self.object(&mut parts, (source, object), rig.as_ref(), shapes)?;
         }
@@ -279,7 +290,7 @@ impl Document<'_> {
         let Some((source, tracks)) = from.scene.assets.get(asset).zip(from.tracks.assets.get(asset)) else {
             return Ok(Vec::new());
         };
-        let Some(rig) = Rig::new(source, &tracks.poses, JOINTS).filter(|_| !tracks.poses.is_empty()) else {
+        let Some(rig) = self.rig(asset).filter(|_| !tracks.poses.is_empty()) else {
             return Ok(Vec::new());
         };
         let mut poses = tracks.poses.clone();

@@ -9,6 +9,7 @@ use super::boxes::Shapes;
 use super::mesh::{Place, Velocities, define};
 use super::stage::{Attr, AttrSpec, PrimMeta, Variants, variant};
 use super::target::{Context, Part, Shot, Target, near, unit};
+use super::thin::{Due, Thinned};
 use super::value::Array;
 use crate::Result;
 use crate::geometry::Bounds;
@@ -60,8 +61,16 @@ pub(super) struct Instances {
     wetness: Option<Attr>,
     before: Vec<Quat>,
     shapes: Shapes,
+    /// What waits to be left out, where instances neither come and go nor have velocities.
+    thinned: Option<Waiting>,
     /// Box of all frames so far.
     reach: Bounds,
+}
+
+/// Places and rotations of frames that interpolation may restore.
+struct Waiting {
+    positions: Thinned<Vec3>,
+    orientations: Thinned<Quat>,
 }
 
 /// Writes an instancer at rest.
@@ -109,6 +118,10 @@ pub(super) fn part(
         wetness: None,
         before,
         shapes,
+        thinned: matches!(instancer.motion, InstancerMotion::Joints(_)).then(|| Waiting {
+            positions: Thinned::new(cx.tolerance.metres),
+            orientations: Thinned::new(cx.tolerance.radians),
+        }),
         reach: Bounds::default(),
     })))
 }
@@ -162,6 +175,26 @@ fn hidden(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
     slots.filter(|(alive, _)| !**alive).map(|(_, slot)| slot).collect()
 }
 
+impl Instances {
+    /// Takes places and the rotations of a frame, and writes those that later frames cannot restore.
+    fn thin(&mut self, target: &mut Target, time: f64, positions: Vec<Vec3>) -> Result<()> {
+        let Some(waiting) = &mut self.thinned else { return Ok(()) };
+        let turns = waiting.orientations.push(time, self.before.clone());
+        let places = waiting.positions.push(time, positions);
+        self.write(target, turns, places)
+    }
+
+    fn write(&self, target: &mut Target, turns: Option<Due<Quat>>, places: Option<Due<Vec3>>) -> Result<()> {
+        if let Some((time, turns)) = turns {
+            target.stage.sample(self.orientations, time, Array::Quath(&halves(&turns)).into())?;
+        }
+        if let Some((time, places)) = places {
+            target.stage.sample(self.positions, time, Array::Float3(triples(&places)).into())?;
+        }
+        Ok(())
+    }
+}
+
 impl Part for Instances {
     fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
         let Some(instancer) = shot.asset.instancers.get(self.index) else { return Ok(()) };
@@ -177,8 +210,12 @@ impl Part for Instances {
         if let Some(invisible) = self.invisible {
             sample(invisible, Array::Int64(&hidden(instancer, &state)))?;
         }
-        sample(self.orientations, Array::Quath(&orientations))?;
-        sample(self.positions, Array::Float3(triples(&positions)))?;
+        if self.thinned.is_some() && state.velocities.is_empty() {
+            self.thin(target, time, positions.into_owned())?;
+        } else {
+            sample(self.orientations, Array::Quath(&orientations))?;
+            sample(self.positions, Array::Float3(triples(&positions)))?;
+        }
         let at = (instancer.len(), time);
         let velocities = up.vecs(&state.velocities);
         self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&velocities), at)?;
@@ -196,6 +233,12 @@ impl Part for Instances {
         };
         self.wetness = Some(attr);
         target.stage.sample(attr, time, Array::Float(&state.wetness).into())
+    }
+
+    fn finish(&mut self, target: &mut Target) -> Result<()> {
+        let Some(waiting) = &mut self.thinned else { return Ok(()) };
+        let (turns, places) = (waiting.orientations.finish(), waiting.positions.finish());
+        self.write(target, turns, places)
     }
 
     fn reach(&self) -> Bounds {

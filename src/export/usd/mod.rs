@@ -18,6 +18,7 @@ mod sink;
 mod skel;
 mod stage;
 mod target;
+mod thin;
 mod usda;
 mod usdc;
 mod value;
@@ -38,7 +39,7 @@ use stage::{LayerMeta, PrimMeta, Stage};
 use target::{Binding, Context, Part, Shot, Target};
 
 /// What may be chosen about USD files.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Which way is up.
     pub up: UpAxis,
@@ -52,6 +53,17 @@ pub struct Options {
     pub first: Option<u32>,
     /// How copies of a plant are shown.
     pub copies: CopyStyle,
+    /// How far leaves between two samples may be from where they were simulated.
+    pub tolerance: Tolerance,
+}
+
+/// Errors that tracks are thinned to. 0 keeps the samples of every frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tolerance {
+    /// Of places, m.
+    pub metres: f32,
+    /// Of rotations, rad.
+    pub radians: f32,
 }
 
 /// How several placements of a plant are shown.
@@ -66,7 +78,15 @@ pub enum CopyStyle {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { up: UpAxis::Y, file: None, look: true, maps: false, first: None, copies: CopyStyle::default() }
+        Self {
+            up: UpAxis::Y,
+            file: None,
+            look: true,
+            maps: false,
+            first: None,
+            copies: CopyStyle::default(),
+            tolerance: Tolerance::default(),
+        }
     }
 }
 
@@ -330,15 +350,18 @@ fn payload(cx: &Context, asset: usize, ahead: u32, folder: &str) -> Option<stage
 }
 
 /// Binds what a payload at `path` shows to the materials of the scene's root, so that readers that make a material for every
-/// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change.
+/// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change, and so does what stands in a variant.
 fn rebind(cx: &Context, target: &mut Target, (root, path): (&str, &str), bindings: &[Binding]) -> Result<()> {
+    let own = |b: &Binding| {
+        b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.wet.is_some())
+    };
+    if !bindings.is_empty() && !bindings.iter().any(own) {
+        // Nothing is bound to the payload's own materials any more; a reader need not look at them.
+        let meta = PrimMeta { over: true, inactive: true, ..PrimMeta::default() };
+        target.stage.prim(&format!("{path}/mtl"), "", &meta)?;
+    }
     let mut made = BTreeSet::new();
-    for Binding { prim, material } in bindings {
-        let wet = cx.scene.materials.get(*material as usize).is_none_or(|m| m.wet.is_some());
-        // What stands in a variant is bound there.
-        if wet || prim.contains('{') {
-            continue;
-        }
+    for Binding { prim, material } in bindings.iter().filter(|b| !own(b)) {
         // The payload's root is its first name.
         let below: Vec<&str> = prim.split('/').skip(2).collect();
         let mut over = path.to_owned();
@@ -375,6 +398,7 @@ impl Exporter for Usd {
             pictures: pictures(&self.options),
             maps,
             first: self.options.first.unwrap_or(scene.clip.start),
+            tolerance: self.options.tolerance,
         };
         self.warn_joints(scene);
         match self.options.file.clone() {
@@ -418,6 +442,8 @@ impl Exporter for Usd {
             plan.copies.iter().try_for_each(|group| group.place(&cx, &mut layer.target, &written.reach))?;
         }
         for layer in &mut self.layers {
+            let Layer { target, parts, .. } = layer;
+            parts.iter_mut().try_for_each(|(_, part)| part.finish(target))?;
             if let Some(scene) = self.cx.as_ref().map(|cx| &cx.scene)
                 && layer.parts.iter().any(|(asset, _)| is_phased(scene, *asset))
             {

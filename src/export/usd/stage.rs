@@ -58,6 +58,8 @@ pub struct Arc {
 /// Metadata of a prim.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PrimMeta {
+    /// It and all below it are left out, though what it refers to defines them.
+    pub inactive: bool,
     /// It only adds to a prim that a payload or a reference defines.
     pub over: bool,
     /// Model kind.

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use super::Tolerance;
 use super::axis::UpAxis;
 use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
 use super::value::Value;
@@ -23,6 +24,8 @@ pub(super) struct Context {
     pub(super) maps: Option<String>,
     /// First frame that is written.
     pub(super) first: u32,
+    /// How far leaves between two samples may be from where they were simulated.
+    pub(super) tolerance: Tolerance,
 }
 
 impl Context {
@@ -80,6 +83,11 @@ pub(super) struct Shot<'a> {
 pub(super) trait Part: Send {
     /// Adds the samples of a frame.
     fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()>;
+
+    /// Adds what waited for later frames; called once, after the last one.
+    fn finish(&mut self, _target: &mut Target) -> Result<()> {
+        Ok(())
+    }
 
     /// The box of what its frames so far showed, in the asset's space of the stage; empty for what has no points of its own.
     fn reach(&self) -> Bounds {

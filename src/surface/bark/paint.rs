@@ -62,7 +62,7 @@ impl Sample {
     }
 }
 
-/// A bark's material with `<name>_color` (sRGB), `_normal` (16 bit), `_rough` and `_height` (16 bit), all tiling.
+/// A bark's material with `<name>_color` (sRGB), `_normal`, `_rough` and `_height` (16 bit), all tiling.
 /// # Errors
 /// `Range` for a value outside its range.
 /// Own: warp, plates, fibre, height, cracks, colour, roughness, normal, in this order; heights are stretched to fill
@@ -75,14 +75,14 @@ pub fn bark(spec: &BarkSpec, grain: Option<&Grain>, name: &str) -> Result<Surfac
     let samples = par_map(&rows, |&row| sample_row(spec, (&tables, grain), row));
     let heights = stretched(&samples);
     let step = spec.depth / (spec.tile / spec.side as f32);
-    let normals = pixels::normals16(&heights, side, [step, step]);
+    let normals = pixels::normals8(&heights, side, [step, step]);
     let painted = par_map(&rows, |&row| paint_row(spec, &samples[row], &heights[row * side..(row + 1) * side]));
     let (color, rough): (Vec<Vec<u8>>, Vec<Vec<u8>>) = painted.into_iter().unzip();
     let (color, rough) = (pixels::joined(color), pixels::joined(rough));
     let image = |kind, what, pixels| map(name, what, kind, spec.side, pixels);
     let images = vec![
         image(ImageKind::Color, "color", Pixels::U8(color)),
-        image(ImageKind::Data, "normal", Pixels::U16(normals)),
+        image(ImageKind::Data, "normal", Pixels::U8(normals)),
         image(ImageKind::Data, "rough", Pixels::U8(rough)),
         image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
     ];

@@ -62,7 +62,7 @@ struct Patterns {
     strata: Fractal,
 }
 
-/// The land's material with `<name>_color`, `_normal` (16 bit) and `_rough`: one map over all of it, `side` pixels
+/// The land's material with `<name>_color`, `_normal` and `_rough`: one map over all of it, `side` pixels
 /// (16..=4096).
 /// # Errors
 /// `Range` for a side outside its range.
@@ -89,7 +89,7 @@ pub fn land_material(land: &Land, colors: &LandColors, name: &str, side: u32, se
     let image = |kind, what, pixels| map(name, what, kind, side, pixels);
     let images = vec![
         image(ImageKind::Color, "color", Pixels::U8(pixels::colors(samples.iter().map(|s| s.color)))),
-        image(ImageKind::Data, "normal", Pixels::U16(pixels::normals16(&heights, side as usize, [step, step]))),
+        image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, side as usize, [step, step]))),
         image(ImageKind::Data, "rough", Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
     ];
     let material = Material {

@@ -64,6 +64,9 @@ pub(super) fn prim(type_name: &str, name: &str, meta: &PrimMeta) -> String {
         let names: Vec<String> = meta.api.iter().map(|a| quoted(a)).collect();
         lines.push(format!("prepend apiSchemas = [{}]", names.join(", ")));
     }
+    if meta.inactive {
+        lines.push("active = false".into());
+    }
     if let Some(kind) = meta.kind {
         lines.push(format!("kind = {}", quoted(kind)));
     }

@@ -315,6 +315,9 @@ impl Stage for Usdc {
             let value = self.list_op(code::TOKEN_LIST_OP, PREPENDED, &items)?;
             self.field(spec, "apiSchemas", value);
         }
+        if meta.inactive {
+            self.field(spec, "active", inline(code::BOOL, 0));
+        }
         if let Some(kind) = meta.kind {
             let value = self.token_value(kind);
             self.field(spec, "kind", value);
