@@ -1,0 +1,74 @@
+"""What Blender makes of copies and of the sky: copies.py FILE.usda EXPECTED.json
+
+Runs under bpy (5.0). Imports into the factory file, counts objects, armatures and materials, follows the instances of the
+evaluated scene at three frames and reads the picture of the World. Prints one JSON object; the caller holds it to what it wants.
+EXPECTED: {"group": name of the instancer, "places": [[x, y, z], ...] of copies in osier's space}.
+"""
+import json
+import resource
+import sys
+import time
+
+import bpy
+
+path, wanted = sys.argv[-2:]
+wanted = json.load(open(wanted, encoding="utf-8"))
+bpy.ops.wm.read_factory_settings(use_empty=False)
+for o in list(bpy.data.objects):
+    bpy.data.objects.remove(o)
+start = time.time()
+bpy.ops.wm.usd_import(filepath=path)
+seconds = time.time() - start
+
+scene = bpy.context.scene
+frames = [scene.frame_start, scene.frame_start + 12, (scene.frame_start + scene.frame_end) // 2]
+stands, tips = [], []
+for number in frames:
+    scene.frame_set(number)
+    graph = bpy.context.evaluated_depsgraph_get()
+    roots, reach = [], []
+    for i in graph.object_instances:
+        if not i.is_instance or i.object.type != "MESH" or not i.object.name.startswith("bark"):
+            continue
+        m = i.matrix_world
+        # Blender space to osier's.
+        roots.append([m.translation[0], m.translation[2], -m.translation[1]])
+        if len(reach) < 50:
+            reach.append(list(m @ max((v.co for v in i.object.data.vertices), key=lambda c: c.z)))
+    stands.append(roots)
+    tips.append(reach)
+
+
+def nearest(p):
+    return min(sum((a - b) ** 2 for a, b in zip(p, q)) ** 0.5 for q in stands[0])
+
+
+def moved(a, b):
+    return max(sum((x - y) ** 2 for x, y in zip(p, q)) ** 0.5 for p, q in zip(a, b))
+
+
+world = scene.world
+nodes = world.node_tree.nodes if world and world.node_tree else []
+images = [n.image for n in nodes if n.type == "TEX_ENVIRONMENT" and n.image]
+sky = []
+if images:
+    width, height = images[0].size
+    pixels = images[0].pixels
+    for u, v in wanted.get("sky", []):
+        # Blender counts rows from the bottom.
+        x, y = int(u * width), int((1.0 - v) * height)
+        at = 4 * (y * width + x)
+        sky.append(list(pixels[at:at + 3]))
+print(json.dumps({
+    "seconds": seconds,
+    "gigabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6,
+    "objects": len(bpy.data.objects),
+    "armatures": len(bpy.data.armatures),
+    "meshes": len(bpy.data.meshes),
+    "materials": len(bpy.data.materials),
+    "copies": [len(s) for s in stands],
+    "off": max((nearest(p) for p in wanted["places"]), default=0.0),
+    "moved": [moved(tips[0], t) for t in tips[1:]],
+    "environment": len(images),
+    "sky": sky,
+}))
