@@ -47,6 +47,7 @@ pub const LIMITS: &[Limit] = &[
     row("turtle-stack", 100_000, "open brackets"),
     row("vertices", 50_000_000, "vertices of a mesh"),
     row("wind-bytes", 4_000_000_000, "bytes of the wind of a clip, kept for what sways in it"),
+    row("work", 250_000_000, "modules rewritten by one derivation, over all of its steps"),
 ];
 
 /// The limits in force: defaults, then what the user lifted or lowered.

@@ -117,7 +117,7 @@ pub struct Grow {
     /// Which readers a glb is made for.
     #[arg(long, value_enum, default_value = "blender")]
     pub profile: ProfileArg,
-    /// Overwrite a file that osier did not write.
+    /// Overwrite a file that osier did not write, and write more than 2 GB.
     #[arg(long)]
     pub force: bool,
 }
@@ -259,7 +259,7 @@ pub struct Common {
     /// Look for referenced files in this folder as well.
     #[arg(long, value_name = "DIR", global = true)]
     pub search: Vec<PathBuf>,
-    /// Threads [default: all that the system allows].
+    /// Threads, at most 256 [default: all that the system allows].
     #[arg(short = 'j', long = "jobs", value_name = "N", global = true)]
     pub jobs: Option<usize>,
     /// Only say what would be made.

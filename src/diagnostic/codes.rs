@@ -141,6 +141,7 @@ pub const CODES: &[Code] = &[
     row("X018", Error, "mesh of a plant in which no skeleton is found"),
     row("X019", Warning, "part of a plant's mesh that does not move as the rest"),
     row("X020", Warning, "the paper's equations bend an internode too far, clamped"),
+    row("X030", Error, "nothing to write: no triangle, no point"),
 ];
 
 /// The row of a code.
