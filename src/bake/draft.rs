@@ -1,5 +1,6 @@
 //! A recipe as it is looked at before it is run: what it would make is counted, nothing is drawn or simulated.
 
+use super::layout::Layout;
 use super::looks::{Look, organ_names};
 use crate::recipe::wind_keys::Solver;
 use crate::recipe::{Growth, PlantRecipe, Recipe};
@@ -7,6 +8,8 @@ use crate::scene::{Clip, Image, Pixels};
 
 /// Pixels along a side of maps that are only counted.
 const SIDE: u32 = 16;
+/// Individuals of a plant that are grown to be counted.
+const SAMPLE: usize = 64;
 /// Clusters of the wood of a mesh along its diagonal, at most.
 const CLUSTERS: f32 = 300.0;
 
@@ -21,7 +24,10 @@ pub fn of(recipe: &Recipe) -> Recipe {
     for plant in &mut draft.plants {
         plant.bark.side = plant.bark.side.min(SIDE);
         plant.shoot.side = plant.shoot.side.min(SIDE);
-        plant.organs.iter_mut().for_each(|o| o.keys.side = o.keys.side.min(SIDE));
+        // Leaves of tables are drawn once for all plants, and their shape follows from the drawing.
+        for organ in plant.organs.iter_mut().filter(|o| o.ifs.is_none()) {
+            organ.keys.side = organ.keys.side.min(SIDE);
+        }
         if let Growth::Mesh(import, keys) = &mut plant.growth {
             let least = f64::from(import.mesh.bounds().size().length() / CLUSTERS);
             keys.spacing = keys.spacing.map(|s| s.max(least));
@@ -38,9 +44,37 @@ pub fn shower(recipe: &Recipe) -> Recipe {
     short
 }
 
+/// Keeps the first of a plant's individuals, which stand for the others; how many each stands for, itself included.
+pub fn thin(layout: &mut Layout, plants: usize) -> Vec<u64> {
+    let mut kept: Vec<Vec<usize>> = vec![Vec::new(); plants];
+    let mut seen = vec![0_usize; plants];
+    let mut weights = Vec::new();
+    let mut individuals = Vec::new();
+    let mut places = Vec::with_capacity(layout.individuals.len());
+    for individual in std::mem::take(&mut layout.individuals) {
+        let (Some(kept), Some(seen)) = (kept.get_mut(individual.plant), seen.get_mut(individual.plant)) else {
+            continue;
+        };
+        if kept.len() < SAMPLE {
+            kept.push(individuals.len());
+            individuals.push(individual);
+            weights.push(0);
+        }
+        let place = kept[*seen % kept.len()];
+        *seen += 1;
+        weights[place] += 1;
+        places.push(place);
+    }
+    layout.individuals = individuals;
+    for s in &mut layout.standings {
+        s.individual = places.get(s.individual).copied().unwrap_or(0);
+    }
+    weights
+}
+
 /// Gives the pictures of a plant that was drawn small the sizes that are meant; they hold no pixels then.
 pub fn enlarge(look: &mut Look, meant: &PlantRecipe) {
-    let made = meant.organs.iter().zip(organ_names(meant)).filter(|(o, _)| o.mesh.is_none());
+    let made = meant.organs.iter().zip(organ_names(meant)).filter(|(o, _)| o.mesh.is_none() && o.ifs.is_none());
     let organs = made.map(|(o, name)| (format!("{}_{name}", meant.id), o.keys.side));
     let barks = [("bark", meant.bark.side), ("shoot", meant.shoot.side)];
     let sides: Vec<(String, u32)> =

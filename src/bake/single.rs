@@ -29,7 +29,7 @@ pub fn counts(stage: &Stage, recipe: &Recipe, ending: &str, web: bool) -> Counts
     };
     alone.output.formats = vec![format];
     alone.output.gltf.profiles = vec![if web { Profile::Web } else { Profile::Blender }];
-    let mut counts = count(stage, &alone, 0);
+    let mut counts = count(stage, &alone, 0, &[]);
     let pictures = counts.sizes.iter().find(|s| s.0 == "pictures").map_or(0, |s| s.1);
     let own = counts.sizes.first().map_or(0, |s| s.1);
     let merged = Merged::of(&stage.scene);

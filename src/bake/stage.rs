@@ -63,12 +63,14 @@ pub struct Built {
     pub report: Report,
     /// Modules of all final strings.
     pub modules: u64,
+    /// In a plan: how many individuals each of the first assets stands for. Empty in what was built.
+    pub weights: Vec<u64>,
 }
 
 impl Built {
     /// What writing `frames` (none: still) will make.
     pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> Counts {
-        Counts { modules: self.modules, ..count(&self.stage, recipe, frames.len() as u64) }
+        Counts { modules: self.modules, ..count(&self.stage, recipe, frames.len() as u64, &self.weights) }
     }
 }
 
@@ -94,6 +96,7 @@ fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) 
         return Err(Error::export("S006", reason));
     }
     let (mut layout, land) = lay_out_all(recipe, work)?;
+    let weights = if meant.is_some() { draft::thin(&mut layout, recipe.plants.len()) } else { Vec::new() };
     work.limits.check("instances", layout.standings.len() as u64, "the number of placements")?;
     work.progress.stage("drawing ground, bark and leaves", recipe.plants.len() as u64);
     let shown = parts.ground && recipe.ground.show && land.is_none();
@@ -127,7 +130,8 @@ fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) 
     let mut made = Made::default();
     let kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
     work.progress.stage("skinning", layout.individuals.len() as u64);
-    let modules = grown.iter().map(|g| g.modules).sum();
+    let weight = |i: usize| weights.get(i).copied().unwrap_or(1);
+    let modules = grown.iter().enumerate().map(|(i, g)| g.modules * weight(i)).sum();
     let footing = match (&land, &soil) {
         (Some(land), _) => Footing::Land(land),
         (None, Some((shape, middle))) => Footing::Ground(shape, *middle),
@@ -193,7 +197,7 @@ fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) 
         air: if breeze.is_some() { recipe.output.air.grids.clone() } else { Vec::new() },
         wet,
     };
-    Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers, air: breeze }, report, modules })
+    Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers, air: breeze }, report, modules, weights })
 }
 
 /// What is collected for the scene.
@@ -274,6 +278,17 @@ fn pair<'a, T>(
     both.ok_or_else(|| Error::export("S005", "a place names a plant that is not there"))
 }
 
+/// Where the first copy of each individual stands.
+fn first_stands(layout: &Layout) -> Vec<Trs> {
+    let mut stands = vec![None; layout.individuals.len()];
+    for s in &layout.standings {
+        if let Some(stand) = stands.get_mut(s.individual) {
+            stand.get_or_insert(s.transform);
+        }
+    }
+    stands.into_iter().map(|s| s.unwrap_or(Trs::IDENTITY)).collect()
+}
+
 /// A plant as it is shown.
 struct Dressed {
     asset: Asset,
@@ -297,9 +312,10 @@ fn dress_all(
 ) -> Result<()> {
     let jobs: Vec<(usize, &Individual, &Grown)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
+    let stands = first_stands(layout);
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
-        let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
+        let stand = stands.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let still = matches!(plant.keys.motion, Motion::Still | Motion::Static);
         let clock = (recipe.clip.fps(), recipe.clip.start);
         let rods = || dress_sprung(grown, plant, (kind, individual), (stand, clock), work);
@@ -522,8 +538,7 @@ fn add_rain(
     work: &Work<'_>,
 ) -> Result<(Vec<Wet>, Option<Table>)> {
     let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
-    let stand = |i: usize| layout.standings.iter().find(|s| s.individual == i).map_or(Trs::IDENTITY, |s| s.transform);
-    let stands: Vec<Trs> = (0..grown.len()).map(stand).collect();
+    let stands = first_stands(layout);
     let plants: Vec<&crate::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
     let under = rain::Under {
         recipe,
