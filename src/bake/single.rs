@@ -1,6 +1,7 @@
 //! How large a file of its own a still scene becomes.
 
 use super::counts::{Counts, count};
+use super::stage::Built;
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::{Format, Profile};
@@ -18,7 +19,7 @@ const PLY_FACE: u64 = 13;
 const PLY_DOT: u64 = 22;
 
 /// What `osier grow` will write into a file with the ending `ending`, without its dot; `web`: for browsers.
-pub fn counts(stage: &Stage, recipe: &Recipe, ending: &str, web: bool) -> Counts {
+pub fn counts(built: &Built, recipe: &Recipe, ending: &str, web: bool) -> Counts {
     let mut alone = recipe.clone();
     let format = match ending {
         "glb" | "gltf" => Format::Glb,
@@ -29,10 +30,10 @@ pub fn counts(stage: &Stage, recipe: &Recipe, ending: &str, web: bool) -> Counts
     };
     alone.output.formats = vec![format];
     alone.output.gltf.profiles = vec![if web { Profile::Web } else { Profile::Blender }];
-    let mut counts = count(stage, &alone, 0, &[]);
+    let mut counts = count(&built.stage, &alone, 0, &built.weights);
     let pictures = counts.sizes.iter().find(|s| s.0 == "pictures").map_or(0, |s| s.1);
     let own = counts.sizes.first().map_or(0, |s| s.1);
-    let merged = Merged::of(&stage.scene);
+    let merged = Merged::of(&built.stage.scene);
     let (own, pictures) = match format {
         // A bake has everything once in the asset's own file and once in the scene's.
         Format::Glb => (own / 2, 0),
@@ -43,6 +44,7 @@ pub fn counts(stage: &Stage, recipe: &Recipe, ending: &str, web: bool) -> Counts
     counts.sizes = vec![(format.word(), own)];
     counts.sizes.extend((pictures > 0).then_some(("pictures", pictures)));
     counts.bytes = counts.sizes.iter().map(|s| s.1).sum();
+    counts.modules = built.modules;
     counts
 }
 

@@ -12,7 +12,7 @@ use super::list::ENDINGS;
 use super::progress::Show;
 use super::{Context, report, source};
 use crate::Result;
-use crate::bake::{Counts, Work, exporters, single, stage, write};
+use crate::bake::{Work, exporters, single, stage, write};
 use crate::export::textures::Textures;
 use crate::fence::{Folder, WriteOptions};
 use crate::recipe::resolve;
@@ -48,7 +48,9 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     if picture {
         return super::picture::run(context, args, &recipe, warned);
     }
-    let built = stage::build(&recipe, stage::Parts { ground: false }, &work);
+    let parts = stage::Parts { ground: false };
+    let dry = context.common.dry_run;
+    let built = if dry { stage::plan(&recipe, parts, &work) } else { stage::build(&recipe, parts, &work) };
     show.done();
     let built = built?;
     context.console.report(&built.report);
@@ -56,7 +58,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let web = args.profile == ProfileArg::Web;
     let kind = ending.trim_start_matches('.');
     single::refuse_empty(&built.stage, kind)?;
-    let counts = Counts { modules: built.modules, ..single::counts(&built.stage, &recipe, kind, web) };
+    let counts = single::counts(&built, &recipe, kind, web);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
     if context.common.dry_run {
         report::counts(context, &args.output.display().to_string(), &counts)?;
