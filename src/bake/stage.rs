@@ -278,17 +278,6 @@ fn pair<'a, T>(
     both.ok_or_else(|| Error::export("S005", "a place names a plant that is not there"))
 }
 
-/// Where the first copy of each individual stands.
-fn first_stands(layout: &Layout) -> Vec<Trs> {
-    let mut stands = vec![None; layout.individuals.len()];
-    for s in &layout.standings {
-        if let Some(stand) = stands.get_mut(s.individual) {
-            stand.get_or_insert(s.transform);
-        }
-    }
-    stands.into_iter().map(|s| s.unwrap_or(Trs::IDENTITY)).collect()
-}
-
 /// A plant as it is shown.
 struct Dressed {
     asset: Asset,
@@ -312,7 +301,7 @@ fn dress_all(
 ) -> Result<()> {
     let jobs: Vec<(usize, &Individual, &Grown)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
-    let stands = first_stands(layout);
+    let stands = layout.first_stands();
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
         let stand = stands.get(*i).copied().unwrap_or(Trs::IDENTITY);
@@ -538,7 +527,7 @@ fn add_rain(
     work: &Work<'_>,
 ) -> Result<(Vec<Wet>, Option<Table>)> {
     let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
-    let stands = first_stands(layout);
+    let stands = layout.first_stands();
     let plants: Vec<&crate::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
     let under = rain::Under {
         recipe,
