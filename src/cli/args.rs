@@ -259,7 +259,7 @@ pub struct Common {
     /// Look for referenced files in this folder as well.
     #[arg(long, value_name = "DIR", global = true)]
     pub search: Vec<PathBuf>,
-    /// Threads, at most 256 [default: all that the system allows].
+    /// Threads [default: all that the system allows].
     #[arg(short = 'j', long = "jobs", value_name = "N", global = true)]
     pub jobs: Option<usize>,
     /// Only say what would be made.
