@@ -32,7 +32,7 @@ pub const LIMITS: &[Limit] = &[
     row("json-bytes", 64 << 20, "bytes of JSON in one file"),
     row("macro-tokens", 10_000_000, "tokens after macro expansion"),
     row("maps", 1000, "maps of an iterated function system"),
-    row("memory", 16_000_000_000, "bytes of memory of a lattice wind; for commands, 3/4 of the machine's if it tells"),
+    row("memory", 16_000_000_000, "bytes of memory of a command; without it 3/4 of the machine's, if it tells"),
     row("mesh-bytes", 512 << 20, "bytes of one mesh file or buffer"),
     row("modules", 20_000_000, "modules in any derivation step"),
     row("motion-keys", 100_000_000, "bending branches of a plant, or drops on leaves, times frames"),
@@ -47,6 +47,7 @@ pub const LIMITS: &[Limit] = &[
     row("turtle-stack", 100_000, "open brackets"),
     row("vertices", 50_000_000, "vertices of a mesh"),
     row("wind-bytes", 4_000_000_000, "bytes of the wind of a clip, kept for what sways in it"),
+    row("work", 100_000_000, "modules rewritten by one derivation, over all of its steps"),
 ];
 
 /// The limits in force: defaults, then what the user lifted or lowered.
@@ -72,6 +73,18 @@ impl Limits {
             limits.values[i] = bytes / 4 * 3;
         }
         limits
+    }
+
+    /// Lowers the memory to three quarters of what the process may address, where that is bounded. `text`: of
+    /// `/proc/self/limits`, or none.
+    pub fn within_process(mut self, text: &str) -> Self {
+        let line = text.lines().find_map(|line| line.strip_prefix("Max address space"));
+        let most = line.and_then(|l| l.split_whitespace().next()?.parse::<u64>().ok());
+        let place = LIMITS.iter().position(|l| l.name == "memory");
+        if let (Some(bytes), Some(i)) = (most, place) {
+            self.values[i] = self.values[i].min(bytes / 4 * 3);
+        }
+        self
     }
 
     /// Value in force; 0 for an unknown name (which then refuses everything, and shows in the first test).
@@ -150,6 +163,9 @@ mod tests {
         let here = Limits::of_machine(machine, "");
         assert_eq!((here.get("memory"), here.get("cells")), (24 << 20, Limits::default().get("cells")));
         assert_eq!(Limits::of_machine("", ""), Limits::default());
+        let bounded = "Max file size  unlimited\nMax address space         8192  unlimited  bytes\n";
+        assert_eq!(here.clone().within_process(bounded).get("memory"), 6144);
+        assert_eq!(here.clone().within_process("Max address space  unlimited  unlimited  bytes"), here);
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub struct Air {
     gravity: bool,
     /// The paper's equations, if they are asked for.
     pub paper: Option<PaperManner>,
+    /// Of the motion only its size is asked for.
+    pub draft: bool,
 }
 
 /// Those of a scene's winds that are known at any time without being stepped; none in a calm.
@@ -92,7 +94,13 @@ impl Air {
             overtones: sway.modes > 1,
             gravity: sway.gravity,
             paper: paper(sway),
+            draft: false,
         }))
+    }
+
+    /// The same for plants whose motion is counted and not shown.
+    pub fn drafted(self) -> Self {
+        Self { draft: true, ..self }
     }
 
     /// Frames by which a copy at `at` is ahead of the one at `first`, m, whose motion it shows: gusts reach what stands

@@ -17,7 +17,8 @@ use crate::recipe::Recipe;
 use crate::recipe::wind_keys::{LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, Solver};
 use crate::solid::Solid;
 use crate::wind::{
-    Ground, Inlet, InletOptions, Lattice, LatticeOptions, LatticeTake, Recorded, Sides, Uniform, Wind, WindProfile,
+    Ground, Inlet, InletOptions, Lattice, LatticeMemory, LatticeOptions, LatticeTake, Note, Recorded, Sides, Uniform,
+    Wind, WindProfile,
 };
 
 /// Room for leaves around a plant's wood, m.
@@ -137,9 +138,32 @@ pub fn blow(recipe: &Recipe, wanted: &Blown<'_>, work: &Work<'_>, report: &mut R
     Ok(Arc::new(recorded))
 }
 
+/// Memory of a lattice up to which its cells are made to be looked at, bytes.
+const SMALL: u64 = 200_000_000;
+
+/// What a recipe's lattice would say of itself before it runs; of a large one without what stands in it.
+/// # Errors
+/// Those of [`Lattice::new`].
+pub fn foretell(recipe: &Recipe, solids: &[Solid], work: &Work<'_>, report: &mut Report) -> Result<()> {
+    if super::memory(recipe).is_empty() {
+        return Ok(());
+    }
+    let options = lattice_options(recipe);
+    if LatticeMemory::of(&options).total() > SMALL {
+        tell_all(&Lattice::foretold(&options, work.limits)?, report);
+    } else {
+        tell(&Lattice::new(&options, solids, work.limits)?, report);
+    }
+    Ok(())
+}
+
 /// Passes on what a lattice wind says of itself.
 pub fn tell(lattice: &Lattice, report: &mut Report) {
-    for note in lattice.notes() {
+    tell_all(lattice.notes(), report);
+}
+
+fn tell_all(notes: &[Note], report: &mut Report) {
+    for note in notes {
         let code = codes::find(note.code).map_or("S020", |c| c.code);
         report.push(Diagnostic::about(code, note.text.clone()));
     }

@@ -40,23 +40,29 @@ pub struct Counts {
 }
 
 /// Counts a stage of which `frames` frames will be written.
-pub fn count(stage: &Stage, recipe: &Recipe, frames: u64) -> Counts {
+/// `weights`: how many assets each of the first stands for, itself included.
+pub fn count(stage: &Stage, recipe: &Recipe, frames: u64, weights: &[u64]) -> Counts {
     let mut c = Counts { frames, placements: stage.scene.placements.len() as u64, ..Counts::default() };
     let pictures: u64 = stage.scene.images.iter().map(picture).sum();
     let formats = &recipe.output.formats;
     let mut sizes: Vec<u64> =
         formats.iter().map(|f| shared(*f, pictures, recipe) + sheets(*f, &stage.scene, recipe, frames)).collect();
-    for (i, asset) in stage.scene.assets.iter().enumerate() {
-        let shown = stage.scene.placements.iter().filter(|p| p.asset == i);
-        let times: BTreeSet<u32> = shown.map(|p| p.phase).collect();
+    let mut times: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); stage.scene.assets.len()];
+    for placement in &stage.scene.placements {
+        if let Some(times) = times.get_mut(placement.asset) {
+            times.insert(placement.phase);
+        }
+    }
+    for (i, (asset, times)) in stage.scene.assets.iter().zip(times).enumerate() {
         let size = Size { times: times.len().max(1) as u64, ..Size::of(asset) };
-        c.assets += 1;
-        c.vertices += size.vertices + size.proto_vertices;
-        c.triangles += size.triangles + size.proto_triangles;
-        c.instances += size.instances;
-        c.points += size.points;
-        c.joints += size.joints;
-        sizes.iter_mut().zip(formats).for_each(|(sum, f)| *sum += bytes(*f, &size, recipe, frames));
+        let weight = weights.get(i).copied().unwrap_or(1);
+        c.assets += weight;
+        c.vertices += weight * (size.vertices + size.proto_vertices);
+        c.triangles += weight * (size.triangles + size.proto_triangles);
+        c.instances += weight * size.instances;
+        c.points += weight * size.points;
+        c.joints += weight * size.joints;
+        sizes.iter_mut().zip(formats).for_each(|(sum, f)| *sum += weight * bytes(*f, &size, recipe, frames));
     }
     let wind = air(&stage.scene, frames);
     c.memory = memory(recipe);

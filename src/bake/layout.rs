@@ -46,6 +46,19 @@ pub struct Layout {
     pub standings: Vec<Standing>,
 }
 
+impl Layout {
+    /// Where the first copy of each individual stands.
+    pub fn first_stands(&self) -> Vec<Trs> {
+        let mut stands = vec![None; self.individuals.len()];
+        for s in &self.standings {
+            if let Some(stand) = stands.get_mut(s.individual) {
+                stand.get_or_insert(s.transform);
+            }
+        }
+        stands.into_iter().map(|s| s.unwrap_or(Trs::IDENTITY)).collect()
+    }
+}
+
 /// Lays out all of a recipe: its places, and what is strewn over its land, which comes back too.
 /// # Errors
 /// `Range` for land outside its ranges, `Limit`, `Cancelled`.

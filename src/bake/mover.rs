@@ -124,12 +124,15 @@ impl Mover {
             Motion::Skin | Motion::Static | Motion::Still => Budget::Joints(joints),
         };
         let elements = Elements::build(plant, &manner.wood, budget);
+        motion::afford(&elements, air.take, limits)?;
+        let take =
+            if air.draft { motion::Take { frames: 1, repeats: false, from_rest: true, ..air.take } } else { air.take };
         let track = match air.paper {
             Some(paper) => {
                 let both = (plant, &elements);
-                Track::record_as_printed(both, &*air.wind, (manner, paper), air.take, (limits, cancel))?
+                Track::record_as_printed(both, &*air.wind, (manner, paper), take, (limits, cancel))?
             }
-            None => Track::record(&elements, &*air.wind, manner, air.take, (limits, cancel))?,
+            None => Track::record(&elements, &*air.wind, manner, take, (limits, cancel))?,
         };
         let foliage = |l: &Leaves<'_>| {
             let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;

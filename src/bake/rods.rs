@@ -67,10 +67,11 @@ struct Group<'a> {
     weights: Vec<Weight>,
 }
 
-/// All rods of a recipe, those that stand on each other as one asset. `first`: number of the first material.
+/// All rods of a recipe, those that stand on each other as one asset. `draft`: they are counted, not moved; `first`: number
+/// of the first material.
 /// # Errors
 /// `Simulation` for rods that fly apart, `Limit`, `Cancelled`.
-pub fn made(recipe: &Recipe, first: u32, work: &Work<'_>, report: &mut Report) -> Result<Vec<New>> {
+pub fn made((recipe, draft): (&Recipe, bool), first: u32, work: &Work<'_>, report: &mut Report) -> Result<Vec<New>> {
     let wind = by_formula(recipe).filter(|_| recipe.blows());
     let roots = (0..recipe.rods.len()).filter(|i| recipe.rods[*i].on.is_none());
     let mut all = Vec::new();
@@ -87,7 +88,11 @@ pub fn made(recipe: &Recipe, first: u32, work: &Work<'_>, report: &mut Report) -
             );
             group.rods.weightless = true;
         }
-        let motion = if recipe.clip.len() > 1 { Some(group.record(recipe, wind.as_deref(), work)?) } else { None };
+        let motion = match recipe.clip.len() {
+            0 | 1 => None,
+            _ if draft => Some(RodMotion(Arc::default())),
+            _ => Some(group.record(recipe, wind.as_deref(), work)?),
+        };
         let new = group.show(material, motion.is_some());
         material += u32::try_from(new.0.len()).unwrap_or(0);
         all.push(New { asset: new.1, materials: new.0, motion });

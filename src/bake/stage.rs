@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::Work;
 use super::air::Air;
-use super::blow::{Blown, plants_room, standing};
+use super::blow::{Blown, foretell, plants_room, standing};
 use super::boughs::{Dressing, Shiver, dress_sprung};
 use super::breeze::{Breeze, Others};
 use super::counts::{Counts, count};
@@ -21,7 +21,7 @@ use super::solids::{self, Footing, Obstacles};
 use super::stream::Stream;
 use super::view::{camera, sky, sun};
 use super::write::Stage;
-use super::{catkin, land, rain, rods, scatter};
+use super::{catkin, draft, land, rain, rods, scatter};
 use crate::diagnostic::{Diagnostic, Report};
 use crate::fence::Names;
 use crate::geometry::Bounds;
@@ -63,12 +63,14 @@ pub struct Built {
     pub report: Report,
     /// Modules of all final strings.
     pub modules: u64,
+    /// In a plan: how many individuals each of the first assets stands for. Empty in what was built.
+    pub weights: Vec<u64>,
 }
 
 impl Built {
     /// What writing `frames` (none: still) will make.
     pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> Counts {
-        Counts { modules: self.modules, ..count(&self.stage, recipe, frames.len() as u64) }
+        Counts { modules: self.modules, ..count(&self.stage, recipe, frames.len() as u64, &self.weights) }
     }
 }
 
@@ -76,11 +78,25 @@ impl Built {
 /// # Errors
 /// `Input` with the faults of grammars, `Limit`, `Cancelled`.
 pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
+    made(recipe, None, parts, work)
+}
+
+/// As [`build`] for a look at what would be made: no map is drawn, no air, rain or motion is simulated. The stage can be
+/// counted, not written.
+/// # Errors
+/// As [`build`].
+pub fn plan(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
+    made(&draft::of(recipe), Some(recipe), parts, work)
+}
+
+/// `meant`: what the recipe is a draft of.
+fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) -> Result<Built> {
     if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
         let reason = format!("\"{}\" is a picture, not a scene in space: osier grow {0} -o {0}.png", recipe.name);
         return Err(Error::export("S006", reason));
     }
     let (mut layout, land) = lay_out_all(recipe, work)?;
+    let weights = if meant.is_some() { draft::thin(&mut layout, recipe.plants.len()) } else { Vec::new() };
     work.limits.check("instances", layout.standings.len() as u64, "the number of placements")?;
     work.progress.stage("drawing ground, bark and leaves", recipe.plants.len() as u64);
     let shown = parts.ground && recipe.ground.show && land.is_none();
@@ -88,7 +104,9 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     // The ground is made where growing leaves threads idle.
     let (plants, ground) = join(
         || {
-            let looks = look_all(recipe, &layout, work)?;
+            let mut looks = look_all(recipe, &layout, work)?;
+            let plants = meant.iter().flat_map(|m| &m.plants);
+            looks.iter_mut().zip(plants).for_each(|(look, plant)| draft::enlarge(look, plant));
             work.progress.stage("growing", layout.individuals.len() as u64);
             let grown = grow_all(recipe, &layout, &looks, work)?;
             Ok::<_, Error>((looks, grown))
@@ -96,7 +114,9 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         || {
             soil.as_ref()
                 .map(|(shape, _)| {
-                    Ok::<_, Error>((of_ground(shape, &recipe.ground, recipe.sky.horizon)?, shape.mesh()?))
+                    let mut look = of_ground(shape, &recipe.ground, recipe.sky.horizon)?;
+                    meant.iter().for_each(|m| draft::enlarge_all(&mut look, m.ground.side));
+                    Ok::<_, Error>((look, shape.mesh()?))
                 })
                 .transpose()
         },
@@ -111,14 +131,16 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     let mut kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
     mark_beyond_skins(recipe, &layout, &mut kinds);
     work.progress.stage("skinning", layout.individuals.len() as u64);
-    let modules = grown.iter().map(|g| g.modules).sum();
+    let weight = |i: usize| weights.get(i).copied().unwrap_or(1);
+    let modules = grown.iter().enumerate().map(|(i, g)| g.modules * weight(i)).sum();
     let footing = match (&land, &soil) {
         (Some(land), _) => Footing::Land(land),
         (None, Some((shape, middle))) => Footing::Ground(shape, *middle),
         _ => Footing::Level,
     };
     let obstacles = Obstacles::of(recipe, footing)?;
-    let solids = standing(recipe, &obstacles);
+    let solids = standing(meant.unwrap_or(recipe), &obstacles);
+    meant.map_or(Ok(()), |m| foretell(m, &solids, work, &mut report))?;
     // Who tells the wind tells all of it, if no flight has one of its own.
     let all = !recipe.output.air.grids.is_empty() && recipe.flight.is_none();
     let bounds = if all { Bounds::of([]) } else { plants_room(&layout, &grown) };
@@ -126,17 +148,21 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
     // A wind that nothing sways in is not kept.
     let sways = !layout.individuals.is_empty();
     let air = if sways { Air::of(recipe, &wanted, work, &mut report)? } else { None };
+    let air = if meant.is_some() { air.map(Air::drafted) } else { air };
     // Leaves that rain falls on are moved by rods or not at all.
     let swaying = air.as_ref().filter(|_| recipe.rain.is_none());
     dress_all((recipe, swaying), (&layout, &kinds, &grown), &mut made, (work, &mut report))?;
     tell_clamped(&made.movers, &mut report);
     let mut placements = placements(swaying, &made, &layout);
-    let (wet, rained) = add_rain(recipe, (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
+    let short = meant.map(draft::shower);
+    let raining = short.as_ref().unwrap_or(recipe);
+    let (wet, rained) =
+        add_rain((raining, meant.is_some()), (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
     let flown = add_catkins(recipe, (&obstacles, &twigs), (&mut made, &mut placements), (work, &mut report))?;
     let measures: Vec<Measures> = flown.into_iter().chain(rained.map(|table| (table, Vec::new()))).collect();
-    add_rods(recipe, (&mut made, &mut placements), (work, &mut report))?;
+    add_rods((recipe, meant.is_some()), (&mut made, &mut placements), (work, &mut report))?;
     add_solids(recipe, &mut made, &mut placements)?;
     let others = Others { movers: &made.movers, air: air.as_ref(), solids: &solids };
     let breeze = Breeze::of(recipe, &others, work, &mut report)?;
@@ -172,7 +198,7 @@ pub fn build(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
         air: if breeze.is_some() { recipe.output.air.grids.clone() } else { Vec::new() },
         wet,
     };
-    Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers, air: breeze }, report, modules })
+    Ok(Built { stage: Stage { scene: Arc::new(scene), movers: made.movers, air: breeze }, report, modules, weights })
 }
 
 /// What is collected for the scene.
@@ -289,9 +315,10 @@ fn dress_all(
 ) -> Result<()> {
     let jobs: Vec<(usize, &Individual, &Grown)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
+    let stands = layout.first_stands();
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
-        let stand = layout.standings.iter().find(|s| s.individual == *i).map_or(Trs::IDENTITY, |s| s.transform);
+        let stand = stands.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let still = matches!(plant.keys.motion, Motion::Still | Motion::Static);
         let clock = (recipe.clip.fps(), recipe.clip.start);
         let rods = || dress_sprung(grown, plant, (kind, individual), (stand, clock), work);
@@ -507,23 +534,22 @@ fn twigs(recipe: &Recipe, layout: &Layout, grown: &[Grown]) -> Vec<(Vec3, f64)> 
     out
 }
 
-/// Lets it rain on the plants.
+/// Lets it rain on the plants; `draft`: their pictures hold no pixels.
 fn add_rain(
-    recipe: &Recipe,
+    (recipe, draft): (&Recipe, bool),
     (layout, grown): (&Layout, &[Grown]),
     air: Option<&Air>,
     (made, placements): (&mut Made, &mut Vec<Placement>),
     work: &Work<'_>,
 ) -> Result<(Vec<Wet>, Option<Table>)> {
     let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
-    let stand = |i: usize| layout.standings.iter().find(|s| s.individual == i).map_or(Trs::IDENTITY, |s| s.transform);
-    let stands: Vec<Trs> = (0..grown.len()).map(stand).collect();
+    let stands = layout.first_stands();
     let plants: Vec<&crate::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
     let under = rain::Under {
         recipe,
         assets: &mut made.assets,
         materials: &mut made.materials,
-        images: &made.images,
+        images: if draft { &[] } else { &made.images },
         stands: &stands,
         plants: &plants,
         sprung: std::mem::take(&mut made.sprung),
@@ -542,14 +568,14 @@ fn add_rain(
     Ok((fallen.wet, moves.then_some(fallen.table)))
 }
 
-/// Adds rods.
+/// Adds rods; `draft`: without their motion.
 fn add_rods(
-    recipe: &Recipe,
+    (recipe, draft): (&Recipe, bool),
     (made, placements): (&mut Made, &mut Vec<Placement>),
     (work, report): (&Work<'_>, &mut Report),
 ) -> Result<()> {
     let first = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
-    for mut new in rods::made(recipe, first, work, report)? {
+    for mut new in rods::made((recipe, draft), first, work, report)? {
         while made.assets.iter().any(|a| a.id == new.asset.id) {
             new.asset.id = format!("{}_rod", new.asset.id);
         }

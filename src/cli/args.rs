@@ -117,7 +117,7 @@ pub struct Grow {
     /// Which readers a glb is made for.
     #[arg(long, value_enum, default_value = "blender")]
     pub profile: ProfileArg,
-    /// Overwrite a file that osier did not write.
+    /// Overwrite a file that osier did not write, and write more than 2 GB.
     #[arg(long)]
     pub force: bool,
 }
@@ -337,7 +337,7 @@ impl Common {
     /// What is wrong with a flag or with the variable.
     pub fn limits(&self, environment: Option<OsString>) -> Result<Limits, String> {
         let [machine, container] = ["/proc/meminfo", "/sys/fs/cgroup/memory.max"].map(system_text);
-        let mut limits = Limits::of_machine(&machine, &container);
+        let mut limits = Limits::of_machine(&machine, &container).within_process(&system_text("/proc/self/limits"));
         let text = environment.map(|v| v.to_string_lossy().into_owned()).unwrap_or_default();
         for part in text.split(',').filter(|p| !p.is_empty()) {
             let (name, value) = part.split_once('=').ok_or(format!("OSIER_MAX: \"{part}\" is not name=value"))?;

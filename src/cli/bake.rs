@@ -18,7 +18,7 @@ use crate::recipe::sections::Format;
 use crate::recipe::{Recipe, resolve};
 
 /// Bakes that are predicted to be larger want to be asked for, bytes.
-const LARGE: u64 = 2_000_000_000;
+pub(super) const LARGE: u64 = 2_000_000_000;
 
 /// Runs it.
 pub fn run(context: &Context, args: &Bake) -> Result<u8> {
@@ -57,7 +57,9 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     let keeps = !context.common.dry_run && keeps_air(&recipe);
     let shelf = if keeps { Some(Shelf::new(open(context, args, &recipe, &root)?)) } else { None };
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &timed, shelf: shelf.as_ref() };
-    let built = stage::build(&recipe, stage::Parts::default(), &work)?;
+    let parts = stage::Parts::default();
+    let dry = context.common.dry_run;
+    let built = if dry { stage::plan(&recipe, parts, &work)? } else { stage::build(&recipe, parts, &work)? };
     show.done();
     let said = shelf.iter().flat_map(Shelf::said);
     said.for_each(|text| context.console.note(&format!("note: {text}")));

@@ -87,7 +87,7 @@ fn look_into(context: &Context, file: &str, found: &mut Found) -> Result<()> {
     }
     let show = Show::Nothing;
     let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
-    let built = stage::build(&recipe, stage::Parts::default(), &work)?;
+    let built = stage::plan(&recipe, stage::Parts::default(), &work)?;
     found.report.extend(built.report.clone());
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anstream::ColorChoice;
 
 use super::args::{Color, Common};
-use crate::diagnostic::{Report, Style, render, visible};
+use crate::diagnostic::{Report, Style, is_hidden, render, visible};
 use crate::{Error, Result};
 
 /// Where a command talks to.
@@ -43,6 +43,7 @@ impl Console {
         if self.closed.load(Ordering::Relaxed) {
             return Ok(());
         }
+        let text = if self.json { escaped(text) } else { shown(text) };
         let mut out = anstream::stdout().lock();
         match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
             Err(e) if e.kind() == io::ErrorKind::BrokenPipe => {
@@ -90,4 +91,16 @@ impl Console {
     pub fn complain(&self, text: &str) {
         let _ = writeln!(anstream::stderr(), "\u{1b}[1;31merror\u{1b}[0m: {}", visible(text));
     }
+}
+
+/// A result of several lines: what is hidden in them is shown, beside the ends of lines.
+fn shown(text: &str) -> String {
+    let lines: Vec<String> = text.split('\n').map(visible).collect();
+    lines.join("\n")
+}
+
+/// JSON with what is hidden in its texts escaped; beside texts JSON has only blanks and ends of lines.
+fn escaped(json: &str) -> String {
+    let plain = |c: char| if is_hidden(c) && c != '\n' { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
+    if json.chars().any(|c| is_hidden(c) && c != '\n') { json.chars().map(plain).collect() } else { json.to_owned() }
 }

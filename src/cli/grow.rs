@@ -7,11 +7,12 @@ use std::sync::Arc;
 use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
+use super::bake::LARGE;
 use super::list::ENDINGS;
 use super::progress::Show;
 use super::{Context, report, source};
 use crate::Result;
-use crate::bake::{Work, exporters, stage, write};
+use crate::bake::{Work, exporters, single, stage, write};
 use crate::export::textures::Textures;
 use crate::fence::{Folder, WriteOptions};
 use crate::recipe::resolve;
@@ -47,18 +48,30 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     if picture {
         return super::picture::run(context, args, &recipe, warned);
     }
-    let built = stage::build(&recipe, stage::Parts { ground: false }, &work);
+    let parts = stage::Parts { ground: false };
+    let dry = context.common.dry_run;
+    let built = if dry { stage::plan(&recipe, parts, &work) } else { stage::build(&recipe, parts, &work) };
     show.done();
     let built = built?;
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
+    let web = args.profile == ProfileArg::Web;
+    let kind = ending.trim_start_matches('.');
+    single::refuse_empty(&built.stage, kind)?;
+    let counts = single::counts(&built, &recipe, kind, web);
+    context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
     if context.common.dry_run {
-        report::counts(context, &args.output.display().to_string(), &built.counts(&recipe, &[]))?;
+        report::counts(context, &args.output.display().to_string(), &counts)?;
         return Ok(context.strict(warned));
+    }
+    if counts.bytes > LARGE && !args.force {
+        let (size, most) = (report::size(counts.bytes), report::size(LARGE));
+        let why = format!("this would write about {size}, more than {most}; --force writes it");
+        context.console.complain(&why);
+        return Ok(2);
     }
     let (folder, parent) = if to_pipe { (Folder::memory(), Path::new(".")) } else { beside(context, args)? };
     let textures = Arc::new(Textures::encode(&built.stage.scene)?);
-    let web = args.profile == ProfileArg::Web;
     let Some(writer) = exporters::of_file(folder.clone(), &name, &textures, &recipe.output, web) else { return Ok(2) };
     let told = write::write(&built.stage, &mut [writer], &[], &work);
     show.done();

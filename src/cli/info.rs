@@ -6,6 +6,7 @@ use serde_json::json;
 
 use super::args::Info;
 use super::{Context, report};
+use crate::diagnostic::visible;
 use crate::export::manifest::{Manifest, Verification, verify};
 use crate::fence::{MANIFEST, Roots, read_input};
 use crate::limits::grouped;
@@ -71,17 +72,17 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
     let fps = f64::from(m.time.fps[0]) / f64::from(m.time.fps[1].max(1));
     let mut out = format!(
         "{}  scene {}, seed {}, by {} {}\nframes {} to {} at {fps} per second, {} files, {}\nscene {}\nbake  {}\n\n",
-        root.display(),
-        m.scene.name,
-        m.seed,
-        m.generator,
-        m.version,
+        visible(&root.display().to_string()),
+        visible(&m.scene.name),
+        visible(&m.seed),
+        visible(&m.generator),
+        visible(&m.version),
         m.time.start,
         m.time.end,
         files.len(),
         report::size(bytes),
-        m.scene.hash,
-        m.bake_hash,
+        visible(&m.scene.hash),
+        visible(&m.bake_hash),
     );
     out += &format!(
         "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  size, m\n",
@@ -92,8 +93,8 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         let size: Vec<String> = lo.iter().zip(hi).map(|(l, h)| format!("{:.2}", h - l)).collect();
         out += &format!(
             "{:16} {:8} {:>11} {:>11} {:>10} {:>7}  {}\n",
-            a.id,
-            a.kind,
+            visible(&a.id),
+            visible(&a.kind),
             grouped(a.vertices as u64),
             grouped(a.triangles as u64),
             grouped(a.instances as u64),
@@ -102,7 +103,7 @@ fn describe(root: &Path, m: &Manifest, only: Option<&str>) -> String {
         );
     }
     if let Some((path, bytes, hash)) = only.and_then(|o| files.iter().find(|f| f.0 == o)) {
-        out += &format!("\n{path}  {}\nblake3 {hash}\n", report::size(*bytes));
+        out += &format!("\n{}  {}\nblake3 {}\n", visible(path), report::size(*bytes), visible(hash));
     }
     out
 }
@@ -161,7 +162,8 @@ fn single(context: &Context, path: &Path) -> Result<u8> {
         context.console.result(&format!("{value:#}\n"))?;
         return Ok(0);
     }
-    let mut out = format!("{}  {}\nblake3 {hash}\n", path.display(), report::size(bytes.len() as u64));
+    let shown = visible(&path.display().to_string());
+    let mut out = format!("{shown}  {}\nblake3 {hash}\n", report::size(bytes.len() as u64));
     if let (Some(m), Some([x, y, z])) = (mesh, size) {
         let (v, t) = (grouped(m.points.len() as u64), grouped(m.triangles.len() as u64));
         out += &format!("{v} vertices, {t} triangles, {x:.2} x {y:.2} x {z:.2} m\n");

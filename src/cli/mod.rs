@@ -16,10 +16,9 @@ mod progress;
 mod report;
 mod source;
 mod sweep;
+mod watch;
 
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use clap::Parser as _;
 
@@ -27,6 +26,10 @@ use crate::limits::Limits;
 use crate::progress::Cancel;
 use args::{Cli, Command, Common};
 use console::Console;
+
+/// Most threads: more wait for each other longer than they work.
+#[cfg(feature = "parallel")]
+const THREADS: usize = 256;
 
 /// What every command gets.
 pub(crate) struct Context {
@@ -90,12 +93,16 @@ fn start(cli: Cli) -> u8 {
         }
     };
     let cancel = Cancel::default();
-    if let Err(e) = listen(&cancel) {
+    if let Err(e) = watch::listen(&cancel) {
         console.complain(&format!("cannot listen to signals: {e}"));
     }
     if let Err(e) = pool(cli.common.jobs) {
         console.complain(&e);
         return 2;
+    }
+    if let Err(e) = watch::watch(&limits) {
+        console.error(&e);
+        return e.exit_code();
     }
     let context = Context { common: cli.common, console, limits, cancel };
     let done = match &cli.command {
@@ -113,19 +120,6 @@ fn start(cli: Cli) -> u8 {
     })
 }
 
-/// The first signal asks the work to stop, the second ends it at once.
-fn listen(cancel: &Cancel) -> std::io::Result<()> {
-    use signal_hook::consts::{SIGINT, SIGTERM};
-    use signal_hook::flag;
-    let armed = Arc::new(AtomicBool::new(false));
-    for (signal, code, number) in [(SIGINT, 130, 2), (SIGTERM, 143, 15)] {
-        flag::register_conditional_shutdown(signal, code, Arc::clone(&armed))?;
-        flag::register(signal, Arc::clone(&armed))?;
-        flag::register_usize(signal, cancel.flag(), number)?;
-    }
-    Ok(())
-}
-
 /// Threads for everything parallel.
 #[cfg(feature = "parallel")]
 fn pool(jobs: Option<usize>) -> Result<(), String> {
@@ -134,7 +128,7 @@ fn pool(jobs: Option<usize>) -> Result<(), String> {
     }
     let threads = jobs.or_else(|| std::thread::available_parallelism().map(std::num::NonZero::get).ok()).unwrap_or(1);
     rayon::ThreadPoolBuilder::new()
-        .num_threads(threads.min(1024))
+        .num_threads(threads.min(THREADS))
         .build_global()
         .map_err(|e| format!("cannot start {threads} threads: {e}"))
 }

@@ -39,6 +39,9 @@ fn find(context: &Context, source: &str, picture: bool) -> Result<Request> {
     if source != "-" && !source.contains(['/', '\\']) && (!path.exists() || path.is_dir()) {
         return Ok(Request { library: Library::presets(search)?, ..preset(context, source, picture)? });
     }
+    if path.is_dir() {
+        return Err(folder(source));
+    }
     // A path that is not there is best reported before anything that is said about its folder.
     let bytes = fence::read_input(path, context.limits.get("text-bytes"))?;
     if path.extension() == Some(OsStr::new("l")) {
@@ -73,6 +76,14 @@ fn find(context: &Context, source: &str, picture: bool) -> Result<Request> {
     })
 }
 
+/// A folder where a scene was expected.
+fn folder(source: &str) -> Error {
+    let mut report = Report::default();
+    let help = "name a scene or grammar in it; `osier info` and `osier preview` take the folder of a bake";
+    report.push(Diagnostic::about("S001", format!("\"{source}\" is a folder, not a scene")).help(help));
+    Error::Input(Box::new(report))
+}
+
 /// A table of branches grows a tree, any other is drawn as points; `--set as=cloud` draws a tree's points as well.
 fn table((file, name): (&str, &str), bytes: &[u8], context: &Context, picture: bool) -> Request {
     let systems = read::read(file, bytes, &context.limits).map(|r| r.0).unwrap_or_default();
@@ -98,6 +109,9 @@ fn preset(context: &Context, name: &str, picture: bool) -> Result<Request> {
     let found = endings.iter().map(|e| format!("{name}{e}")).collect::<Vec<_>>();
     let found = found.iter().find_map(|n| presets::find(n));
     let Some(p) = found else {
+        if Path::new(name).is_dir() {
+            return Err(folder(name));
+        }
         let names = presets::PRESETS.iter().map(|p| p.name.split('.').next().unwrap_or(p.name));
         let hint = match nearest(name, names) {
             Some(near) => format!("no such file or preset; did you mean \"{near}\"?"),

@@ -142,6 +142,7 @@ pub const CODES: &[Code] = &[
     row("X019", Warning, "part of a plant's mesh that does not move as the rest"),
     row("X020", Warning, "the paper's equations bend an internode too far, clamped"),
     row("X021", Warning, "more swaying plants than a glTF file has skins for"),
+    row("X030", Error, "nothing to write: no triangle, no point"),
 ];
 
 /// The row of a code.

@@ -7,7 +7,7 @@ pub mod codes;
 mod render;
 mod source;
 
-pub use render::{Style, render, render_json, visible};
+pub use render::{Style, is_hidden, render, render_json, visible};
 pub use source::{Position, SourceId, Sources, Span};
 
 /// How grave a complaint is; fixed per code.
@@ -85,6 +85,9 @@ impl Diagnostic {
     }
 }
 
+/// Most complaints that a report holds: what a damaged file of any size has to say stays short.
+const MOST: usize = 250;
+
 /// Diagnostics with the sources they point into.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
@@ -100,8 +103,18 @@ impl Report {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// Adds one complaint; a (code, place) already present is not repeated, nor is one without a place whose words are.
+    /// True if no further complaint is held.
+    pub fn is_full(&self) -> bool {
+        self.diagnostics.len() >= MOST && self.has_errors()
+    }
+
+    /// Adds one complaint; a (code, place) already present is not repeated, nor is one without a place whose words are. A
+    /// full report takes none but its first error.
     pub fn push(&mut self, diagnostic: Diagnostic) {
+        let warning = diagnostic.severity == Severity::Warning;
+        if self.diagnostics.len() >= MOST && (warning || self.has_errors()) {
+            return;
+        }
         let place = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));
         let same = |d: &Diagnostic| {
             place(d) == place(&diagnostic) && (place(d).1.is_some() || d.message == diagnostic.message)

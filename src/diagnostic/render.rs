@@ -186,19 +186,20 @@ fn windows(sources: &Sources, diagnostic: &Diagnostic) -> Vec<(String, Vec<Span>
 /// Control, bidirectional and invisible characters shown as `\u{..}`, so that words from a hostile file can neither drive
 /// the terminal nor begin a line.
 pub fn visible(text: &str) -> String {
-    text.chars().map(|c| if hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }).collect()
+    text.chars().map(|c| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }).collect()
 }
 
 /// Like [`visible`], but keeps every byte offset: hidden characters become the same number of question marks.
 fn masked(text: &str) -> String {
-    let is_masked = |c: char| hidden(c) && !matches!(c, '\n' | '\t' | '\r');
+    let is_masked = |c: char| is_hidden(c) && !matches!(c, '\n' | '\t' | '\r');
     if !text.chars().any(is_masked) {
         return text.to_owned();
     }
     text.chars().map(|c| if is_masked(c) { "?".repeat(c.len_utf8()) } else { c.to_string() }).collect()
 }
 
-fn hidden(c: char) -> bool {
+/// True for control characters and for those that change the direction or the place of others.
+pub fn is_hidden(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{2069}' | '\u{feff}')
 }
@@ -245,7 +246,7 @@ mod tests {
         let name = r.sources.add("a\nopenjd_env: x\u{1b}", "q");
         r.push(Diagnostic::error("S001", "bad\nopenjd_env: y", Span::new(name, 0, 1), "\nopenjd_"));
         let text = render(&r, Style::Plain);
-        assert!(!text.chars().any(|c| hidden(c) && c != '\n'), "{text:?}");
+        assert!(!text.chars().any(|c| is_hidden(c) && c != '\n'), "{text:?}");
         assert!(text.lines().all(|l| !l.to_lowercase().starts_with("openjd_")), "{text}");
         insta::assert_snapshot!(text);
     }

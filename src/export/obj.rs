@@ -5,12 +5,12 @@
 
 use std::sync::Arc;
 
-use super::merge::merged;
+use super::merge::{Flat, Piece, stream};
 use super::text::Text;
 use super::textures::Textures;
 use super::{Exporter, GENERATOR, Summary};
-use crate::fence::Folder;
-use crate::scene::{Frame, Material, Mesh, Scene, Trs, check_scene};
+use crate::fence::{Folder, Output};
+use crate::scene::{Frame, Material, Scene, Trs, check_scene};
 use crate::{Error, Result};
 
 /// Where the files go.
@@ -37,19 +37,35 @@ impl Obj {
         Self { folder, textures, layout }
     }
 
-    /// Writes one pair of files. `path`: without ending; `pictures`: their folder as seen from there.
-    fn pair(&self, scene: &Scene, path: &str, pictures: &str, objects: &[(&str, Mesh)]) -> Result<()> {
+    /// Writes one pair of files. `path`: without ending; `pictures`: their folder as seen from there; `finish`: what
+    /// else belongs to them, written before the mesh appears under its name.
+    fn pair(
+        &self,
+        scene: &Scene,
+        (path, pictures): (&str, &str),
+        objects: &[Object<'_>],
+        finish: impl FnOnce() -> Result<()>,
+    ) -> Result<()> {
         let stem = path.rsplit('/').next().unwrap_or(path);
-        let mut text = Text::default();
-        text.put(&format!("# {GENERATOR}\n# seed {}\nmtllib {stem}.mtl\n", scene.seed));
+        let count = objects.iter().map(|o| o.flat.vertices).sum::<u64>();
+        if u32::try_from(count).is_err() {
+            return Err(Error::export("X010", "more vertices than OBJ files can number; write .usdc or .glb"));
+        }
+        let name = format!("{path}.obj");
+        let out = self.folder.create(&name, "obj", None)?;
+        let mut lines = Lines { out, name: &name };
+        lines.put(Text::default().put(&format!("# {GENERATOR}\n# seed {}\nmtllib {stem}.mtl\n", scene.seed)))?;
         let mut base = 1;
         let mut used = std::collections::BTreeSet::new();
-        for (name, mesh) in objects {
-            object(&mut text, name, mesh, base, &scene.materials);
-            base += u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
-            used.extend(mesh.subsets.iter().map(|s| s.material));
+        for object in objects {
+            object.write(&mut lines, base, &scene.materials)?;
+            base += object.flat.vertices;
+            used.extend(object.flat.materials.iter().copied());
         }
-        self.save(&format!("{path}.obj"), "obj", &text)?;
+        finish()?;
+        if let Some(out) = lines.out {
+            out.commit()?;
+        }
         let mut library = Text::default();
         library.put(&format!("# {GENERATOR}\n"));
         for id in used {
@@ -58,14 +74,30 @@ impl Obj {
                 material(&mut library, scene, &m, pictures);
             }
         }
-        self.save(&format!("{path}.mtl"), "mtl", &library)
+        let path = format!("{path}.mtl");
+        finite(&library, &path)?;
+        self.folder.write(&path, "mtl", library.bytes())
     }
+}
 
-    fn save(&self, path: &str, kind: &'static str, text: &Text) -> Result<()> {
-        if !text.is_finite() {
-            return Err(Error::export("X001", format!("\"{path}\" would hold a number that is not finite")));
-        }
-        self.folder.write(path, kind, text.bytes())
+fn finite(text: &Text, path: &str) -> Result<()> {
+    if text.is_finite() {
+        Ok(())
+    } else {
+        Err(Error::export("X001", format!("\"{path}\" would hold a number that is not finite")))
+    }
+}
+
+/// A file being written, unless it is finished already.
+struct Lines<'a> {
+    out: Option<Output>,
+    name: &'a str,
+}
+
+impl Lines<'_> {
+    fn put(&mut self, text: &Text) -> Result<()> {
+        finite(text, self.name)?;
+        self.out.as_mut().map_or(Ok(()), |out| out.put(text.bytes()))
     }
 }
 
@@ -76,27 +108,25 @@ impl Exporter for Obj {
             Layout::Bake => {
                 self.textures.write(scene, &self.folder, "textures/")?;
                 for asset in &scene.assets {
-                    let mesh = merged(asset, &Trs::IDENTITY);
-                    if !mesh.triangles.is_empty() {
+                    let object = Object { name: &asset.id, flat: &Flat::of(asset), world: Trs::IDENTITY };
+                    if object.flat.triangles > 0 {
                         let path = format!("obj/{}", asset.id);
-                        self.pair(scene, &path, "../textures/", &[(&asset.id, mesh)])?;
+                        self.pair(scene, (&path, "../textures/"), &[object], || Ok(()))?;
                     }
                 }
                 Ok(())
             }
             Layout::Single(stem) => {
                 let pictures = format!("{stem}_files/");
-                self.textures.write(scene, &self.folder, &pictures)?;
-                let place = |p: &'_ crate::scene::Placement| {
-                    scene.assets.get(p.asset).map(|asset| merged(asset, &p.transform)).unwrap_or_default()
-                };
-                let objects: Vec<(&str, Mesh)> = scene
-                    .placements
-                    .iter()
-                    .map(|p| (p.name.as_str(), place(p)))
-                    .filter(|(_, mesh)| !mesh.triangles.is_empty())
+                let flats: Vec<Flat<'_>> = scene.assets.iter().map(Flat::of).collect();
+                let placed = scene.placements.iter().filter_map(|p| Some((p, flats.get(p.asset)?)));
+                let objects: Vec<Object<'_>> = placed
+                    .filter(|(_, flat)| flat.triangles > 0)
+                    .map(|(p, flat)| Object { name: &p.name, flat, world: p.transform })
                     .collect();
-                self.pair(scene, stem, &pictures, &objects)
+                // Where the mesh cannot be written there is no folder of pictures for it.
+                let finish = || self.textures.write(scene, &self.folder, &pictures);
+                self.pair(scene, (stem, &pictures), &objects, finish)
             }
         }
     }
@@ -110,37 +140,71 @@ impl Exporter for Obj {
     }
 }
 
-/// One object: `o`, `v`, `vt`, `vn`, then runs of one material. `base`: number of its first vertex.
-/// Source: Wavefront "Object Files (.obj)", version 3.0: indices count from one over the whole file.
-fn object(text: &mut Text, name: &str, mesh: &Mesh, base: u32, materials: &[Material]) {
-    text.put("o ").put(name).put("\n");
-    text.lines(&mesh.points, |t, _, p| {
-        t.put("v ").list(&p.to_array(), " ").put("\n");
-    });
-    text.lines(&mesh.uvs, |t, _, v| {
-        t.put("vt ").list(&v.to_array(), " ").put("\n");
-    });
-    text.lines(&mesh.normals, |t, _, n| {
-        t.put("vn ").list(&n.to_array(), " ").put("\n");
-    });
-    let has_uvs = !mesh.uvs.is_empty();
-    for subset in &mesh.subsets {
-        if let Some(m) = materials.get(subset.material as usize) {
-            text.put("usemtl ").put(&m.name).put("\n");
+/// One object of a file.
+struct Object<'a> {
+    name: &'a str,
+    flat: &'a Flat<'a>,
+    world: Trs,
+}
+
+impl Object<'_> {
+    /// `o`, `v`, `vt`, `vn`, then runs of one material. `base`: number of its first vertex.
+    /// Source: Wavefront "Object Files (.obj)", version 3.0: indices count from one over the whole file.
+    fn write(&self, lines: &mut Lines<'_>, base: u64, materials: &[Material]) -> Result<()> {
+        lines.put(Text::default().put("o ").put(self.name).put("\n"))?;
+        self.numbers(lines, |t, piece| {
+            piece.points().for_each(|p| line(t, "v ", &p.to_array()));
+        })?;
+        if self.flat.has_uvs {
+            self.numbers(lines, |t, piece| match piece.mesh.uvs.get(piece.range.clone()) {
+                Some(uvs) => uvs.iter().for_each(|v| line(t, "vt ", &v.to_array())),
+                None => piece.range.clone().for_each(|_| line(t, "vt ", &[0.0; 2])),
+            })?;
         }
-        text.lines(mesh.subset_triangles(subset), |t, _, corners| {
-            t.put("f");
-            for v in corners {
-                let v = v.saturating_add(base);
-                t.put(" ").int(v).put("/");
-                if has_uvs {
-                    t.int(v);
-                }
-                t.put("/").int(v);
+        self.numbers(lines, |t, piece| {
+            piece.normals().for_each(|n| line(t, "vn ", &n.to_array()));
+        })?;
+        for id in &self.flat.materials {
+            if let Some(m) = materials.get(*id as usize) {
+                lines.put(Text::default().put("usemtl ").put(&m.name).put("\n"))?;
             }
-            t.put("\n");
-        });
+            let format = |pieces: &[Piece<'_>]| {
+                let mut text = Text::default();
+                pieces.iter().for_each(|p| p.corners().for_each(|c| face(&mut text, c, p.base, self.flat.has_uvs)));
+                text
+            };
+            stream(self.flat.triangles(self.world, *id, base), format, |text| lines.put(&text))?;
+        }
+        Ok(())
     }
+
+    /// Lines of all points.
+    fn numbers(&self, lines: &mut Lines<'_>, each: impl Fn(&mut Text, &Piece<'_>) + Sync + Send) -> Result<()> {
+        let format = |pieces: &[Piece<'_>]| {
+            let mut text = Text::default();
+            pieces.iter().for_each(|p| each(&mut text, p));
+            text
+        };
+        stream(self.flat.points(self.world), format, |text| lines.put(&text))
+    }
+}
+
+fn line(text: &mut Text, word: &str, values: &[f32]) {
+    text.put(word).list(values, " ").put("\n");
+}
+
+/// `base`: number of the part's first vertex.
+fn face(text: &mut Text, corners: [u32; 3], base: u64, has_uvs: bool) {
+    text.put("f");
+    for v in corners {
+        let v = u32::try_from(u64::from(v) + base).unwrap_or(u32::MAX);
+        text.put(" ").int(v).put("/");
+        if has_uvs {
+            text.int(v);
+        }
+        text.put("/").int(v);
+    }
+    text.put("\n");
 }
 
 /// One material. A colour map replaces the colour, so beside it `Kd` is white.

@@ -3,11 +3,14 @@
 //! A bake gets `cloud/<asset>[.####].ply` for an asset's points and `cloud/<asset>.<instancer>[.####].ply` for its
 //! instances, numbered where they move freely. A single asset `<stem>.ply`: its merged mesh, or its points.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::merge::merged;
+use glam::Vec3;
+
+use super::merge::{Flat, Piece, normal, stream};
 use super::{Exporter, GENERATOR, Summary};
-use crate::fence::Folder;
+use crate::fence::{Folder, Output};
 use crate::scene::{
     Asset, AssetFrame, Frame, InstancerMotion, Material, Mesh, Placement, Points, PointsFrame, PointsNow, Scene, Trs,
     check_frame, check_scene, instance_states,
@@ -40,10 +43,10 @@ impl Ply {
         Self { folder, layout, scene: None, frames: 0 }
     }
 
-    /// Writes a file of parts, one after the other.
-    fn save(&self, path: &str, frame: Option<u32>, parts: &[Vec<u8>]) -> Result<()> {
+    /// Writes a file.
+    fn save(&self, path: &str, frame: Option<u32>, fill: impl FnOnce(&mut Output) -> Result<()>) -> Result<()> {
         if let Some(mut out) = self.folder.create(path, "ply", frame)? {
-            parts.iter().try_for_each(|part| out.put(part))?;
+            fill(&mut out)?;
             out.commit()?;
         }
         Ok(())
@@ -61,51 +64,33 @@ impl Ply {
                 let states = asset.points.iter().enumerate();
                 let shown =
                     states.map(|(i, points)| Shown { points, now: points.at(state.points(i)), trs: Trs::IDENTITY });
-                self.save(&path, number, &cloud(scene, shown, at))?;
+                self.save(&path, number, |out| cloud(out, scene, shown, at))?;
             }
             for (i, instancer) in asset.instancers.iter().enumerate() {
                 if (instancer.motion == InstancerMotion::Free) == moving {
                     let path = format!("cloud/{}.{}{tag}.ply", asset.id, instancer.name);
-                    self.save(&path, number, &[instances(scene, asset, (i, state), at)])?;
+                    self.save(&path, number, |out| out.put(&instances(scene, asset, (i, state), at)))?;
                 }
             }
         }
         Ok(())
     }
 
+    /// Everything as one mesh; the points of clouds where there is no mesh.
     fn single(&self, scene: &Scene, stem: &str) -> Result<()> {
-        let mut all = Asset {
-            id: scene.name.clone(),
-            kind: crate::scene::AssetKind::Import,
-            group: String::new(),
-            skeleton: None,
-            meshes: Vec::new(),
-            instancers: Vec::new(),
-            points: Vec::new(),
-            curves: Vec::new(),
-        };
-        for placement in &scene.placements {
-            let Some(asset) = scene.assets.get(placement.asset) else { continue };
-            let mesh = merged(asset, &placement.transform);
-            let name = placement.name.clone();
-            all.meshes.push(crate::scene::MeshObject {
-                name,
-                mesh,
-                motion: crate::scene::MeshMotion::Still,
-                skin: None,
-            });
-        }
-        let mesh = merged(&all, &Trs::IDENTITY);
+        let path = format!("{stem}.ply");
+        let flats: Vec<Flat<'_>> = scene.assets.iter().map(Flat::of).collect();
+        let placed: Vec<(&Flat<'_>, Trs)> =
+            scene.placements.iter().filter_map(|p| Some((flats.get(p.asset)?, p.transform))).collect();
         let at = scene.clip.start;
-        let placed = |p: &Placement| Some((&scene.assets.get(p.asset)?.points, p.transform));
-        let clouds: Vec<(&Points, Trs)> =
-            scene.placements.iter().filter_map(placed).flat_map(|(c, t)| c.iter().map(move |c| (c, t))).collect();
-        let parts = if mesh.triangles.is_empty() && !clouds.is_empty() {
-            cloud(scene, clouds.into_iter().map(|(points, trs)| Shown::at_rest(points, trs)), at)
-        } else {
-            vec![mesh_file(scene, &mesh, at)?]
-        };
-        self.save(&format!("{stem}.ply"), None, &parts)
+        let of = |p: &Placement| Some((&scene.assets.get(p.asset)?.points, p.transform));
+        let mut clouds =
+            scene.placements.iter().filter_map(of).flat_map(|(c, t)| c.iter().map(move |c| (c, t))).peekable();
+        if placed.iter().all(|(flat, _)| flat.triangles == 0) && clouds.peek().is_some() {
+            let shown = clouds.map(|(points, trs)| Shown::at_rest(points, trs));
+            return self.save(&path, None, |out| cloud(out, scene, shown, at));
+        }
+        self.save(&path, None, |out| mesh(out, scene, &placed, at))
     }
 }
 
@@ -185,11 +170,20 @@ impl<'a> Shown<'a> {
     fn at_rest(points: &'a Points, trs: Trs) -> Self {
         Self { points, now: points.at(&PointsFrame::Same), trs }
     }
+
+    /// Width of a point, m; 0 for one that is not seen.
+    fn width(&self, k: usize) -> f32 {
+        self.now.widths.get(k).copied().unwrap_or(0.0)
+    }
 }
 
+/// Points that are made at once, and those of a task.
+const SLICE: usize = 1 << 20;
+const CHUNK: usize = 1 << 16;
+
 /// All visible points with radius, colour and further numbers (0 where a cloud has none of that name): unsigned bytes
-/// where all of a name fit, else 32 bits. Header first, then the rows in parts.
-fn cloud<'a>(scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32) -> Vec<Vec<u8>> {
+/// where all of a name fit, else 32 bits.
+fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32) -> Result<()> {
     let clouds: Vec<Shown<'a>> = clouds.collect();
     let mut names: Vec<(&'static str, bool)> = Vec::new();
     for a in clouds.iter().flat_map(|c| &c.points.attributes) {
@@ -199,45 +193,54 @@ fn cloud<'a>(scene: &Scene, clouds: impl Iterator<Item = Shown<'a>>, frame: u32)
             None => names.push((a.name, wide)),
         }
     }
-    let parts: Vec<(Vec<u8>, usize)> = clouds.iter().flat_map(|c| rows(scene, c, &names)).collect();
-    let count: usize = parts.iter().map(|p| p.1).sum();
-    let mut out = header(scene, frame).into_bytes();
+    let seen = |c: &Shown<'_>| (0..c.now.positions.len()).filter(|k| c.width(*k) > 0.0).count();
+    let count: usize = clouds.iter().map(seen).sum();
     let more: String =
         names.iter().map(|(n, w)| format!("property {} {n}\n", if *w { "uint" } else { "uchar" })).collect();
-    out.extend(format!("element vertex {count}\n{}{COLOR}{more}end_header\n", floats("x y z radius")).bytes());
-    std::iter::once(out).chain(parts.into_iter().map(|p| p.0)).collect()
+    let head = format!("element vertex {count}\n{}{COLOR}{more}end_header\n", floats("x y z radius"));
+    out.put((header(scene, frame) + &head).as_bytes())?;
+    for shown in &clouds {
+        for (i, positions) in shown.now.positions.chunks(SLICE).enumerate() {
+            let rows = crate::par::par_chunks(positions, CHUNK, |first, positions| {
+                rows(scene, shown, &names, (i * SLICE + first, positions))
+            });
+            rows.iter().try_for_each(|body| out.put(body))?;
+        }
+    }
+    Ok(())
 }
 
-/// Rows of one cloud and how many, in chunks.
-fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)]) -> Vec<(Vec<u8>, usize)> {
+/// Rows of some points of a cloud, of which the first is numbered `first`.
+fn rows(
+    scene: &Scene,
+    shown: &Shown<'_>,
+    names: &[(&'static str, bool)],
+    (first, positions): (usize, &[Vec3]),
+) -> Vec<u8> {
     let points = shown.points;
     let flat = base_color(&scene.materials, points.material);
     let columns: Vec<(Option<&Vec<u32>>, bool)> =
         names.iter().map(|(n, w)| (points.attributes.iter().find(|a| a.name == *n).map(|a| &a.values), *w)).collect();
     let size = 20 + names.iter().map(|n| if n.1 { 4 } else { 1 }).sum::<usize>();
-    crate::par::par_chunks(shown.now.positions, 1 << 16, |first, positions| {
-        let mut body = Vec::with_capacity(positions.len() * size);
-        let mut colors = Colors::default();
-        let mut count = 0;
-        for (k, p) in (first..).zip(positions) {
-            let width = shown.now.widths.get(k).copied().unwrap_or(0.0);
-            if width <= 0.0 {
-                continue;
-            }
-            let p = if shown.trs == Trs::IDENTITY { *p } else { shown.trs.apply(*p) };
-            let mut fixed = [0; 20];
-            let numbers = [p.x, p.y, p.z, width * shown.trs.s.x * 0.5].map(plain);
-            fixed[..16].copy_from_slice(bytemuck::bytes_of(&numbers));
-            fixed[16..].copy_from_slice(&colors.bytes(shown.now.colors.get(k).copied().unwrap_or(flat)));
-            body.extend_from_slice(&fixed);
-            for (values, wide) in &columns {
-                let v = values.and_then(|v| v.get(k)).copied().unwrap_or(0).to_le_bytes();
-                body.extend_from_slice(if *wide { &v } else { &v[..1] });
-            }
-            count += 1;
+    let mut body = Vec::with_capacity(positions.len() * size);
+    let mut colors = Colors::default();
+    for (k, p) in (first..).zip(positions) {
+        let width = shown.width(k);
+        if width <= 0.0 {
+            continue;
         }
-        (body, count)
-    })
+        let p = if shown.trs == Trs::IDENTITY { *p } else { shown.trs.apply(*p) };
+        let mut fixed = [0; 20];
+        let numbers = [p.x, p.y, p.z, width * shown.trs.s.x * 0.5].map(plain);
+        fixed[..16].copy_from_slice(bytemuck::bytes_of(&numbers));
+        fixed[16..].copy_from_slice(&colors.bytes(shown.now.colors.get(k).copied().unwrap_or(flat)));
+        body.extend_from_slice(&fixed);
+        for (values, wide) in &columns {
+            let v = values.and_then(|v| v.get(k)).copied().unwrap_or(0).to_le_bytes();
+            body.extend_from_slice(if *wide { &v } else { &v[..1] });
+        }
+    }
+    body
 }
 
 /// Bytes of colours met before: clouds have millions of points and few colours.
@@ -288,35 +291,111 @@ fn instances(scene: &Scene, asset: &Asset, (i, state): (usize, &AssetFrame), fra
     out
 }
 
-/// A mesh with normals, and its vertex colours or else its materials' flat ones.
-fn mesh_file(scene: &Scene, mesh: &Mesh, frame: u32) -> Result<Vec<u8>> {
-    let mut colors = vec![[255_u8; 4]; mesh.points.len()];
-    for subset in &mesh.subsets {
-        let [r, g, b] = base_color(&scene.materials, subset.material);
-        let flat = rgba([r, g, b, 1.0]);
-        for v in mesh.subset_triangles(subset).iter().flatten() {
-            if let Some(c) = colors.get_mut(*v as usize) {
-                *c = flat;
+/// A mesh with normals, and its materials' flat colours: part by part, once for points and once for each material.
+fn mesh(out: &mut Output, scene: &Scene, placed: &[(&Flat<'_>, Trs)], frame: u32) -> Result<()> {
+    let vertices: u64 = placed.iter().map(|p| p.0.vertices).sum();
+    let faces: u64 = placed.iter().map(|p| p.0.triangles).sum();
+    if i32::try_from(vertices).is_err() {
+        return Err(Error::export("X010", "more vertices than PLY can number; write .usdc or .glb"));
+    }
+    let mut order: Vec<u32> = Vec::new();
+    let mut known = BTreeSet::new();
+    let first = placed.iter().flat_map(|p| &p.0.materials).filter(|m| known.insert(**m));
+    order.extend(first);
+    let rank: BTreeMap<u32, usize> = order.iter().enumerate().map(|(i, m)| (*m, i)).collect();
+    let mut head = header(scene, frame);
+    head += &format!("element vertex {vertices}\n{}{COLOR}", floats("x y z nx ny nz"));
+    head += &format!("element face {faces}\nproperty list uchar int vertex_indices\nend_header\n");
+    out.put(head.as_bytes())?;
+    let paint = Paint::new(scene, placed, rank);
+    let rows = |pieces: &[Piece<'_>]| {
+        let mut body = Vec::new();
+        pieces.iter().for_each(|p| vertex_rows(&mut body, p, &paint));
+        body
+    };
+    for (flat, world) in placed {
+        stream(flat.points(*world), rows, |body| out.put(&body))?;
+    }
+    for material in order {
+        let mut base = 0;
+        for (flat, world) in placed {
+            stream(flat.triangles(*world, material, base), face_rows, |body| out.put(&body))?;
+            base += flat.vertices;
+        }
+    }
+    Ok(())
+}
+
+fn vertex_rows(body: &mut Vec<u8>, piece: &Piece<'_>, paint: &Paint<'_>) {
+    let own;
+    let colors = match paint.large.get(&address(piece.mesh)) {
+        Some(colors) => colors,
+        None => {
+            own = paint.colors(piece.mesh);
+            &own
+        }
+    };
+    for ((p, n), c) in piece.points().zip(piece.normals()).zip(&colors[piece.range.clone()]) {
+        put(body, &p.to_array());
+        // Once more, as if the placed asset were merged with others.
+        put(body, &normal(&Trs::IDENTITY, n).to_array());
+        body.extend_from_slice(c);
+    }
+}
+
+/// Colours of points.
+struct Paint<'a> {
+    scene: &'a Scene,
+    /// Places of materials in the file's order.
+    rank: BTreeMap<u32, usize>,
+    /// Of meshes that are written in several runs, by their addresses.
+    large: BTreeMap<usize, Vec<[u8; 4]>>,
+}
+
+impl<'a> Paint<'a> {
+    fn new(scene: &'a Scene, placed: &[(&Flat<'_>, Trs)], rank: BTreeMap<u32, usize>) -> Self {
+        let mut paint = Self { scene, rank, large: BTreeMap::new() };
+        for mesh in placed.iter().flat_map(|p| p.0.large()) {
+            let colors = paint.colors(mesh);
+            paint.large.insert(address(mesh), colors);
+        }
+        paint
+    }
+
+    /// That of the last material in the file's order whose triangles have the point.
+    fn colors(&self, mesh: &Mesh) -> Vec<[u8; 4]> {
+        let mut colors = vec![[255_u8; 4]; mesh.points.len()];
+        let mut subsets: Vec<&crate::scene::Subset> = mesh.subsets.iter().collect();
+        subsets.sort_by_key(|s| self.rank.get(&s.material).copied().unwrap_or(usize::MAX));
+        for subset in subsets {
+            let [r, g, b] = base_color(&self.scene.materials, subset.material);
+            let flat = rgba([r, g, b, 1.0]);
+            for v in mesh.subset_triangles(subset).iter().flatten() {
+                if let Some(c) = colors.get_mut(*v as usize) {
+                    *c = flat;
+                }
+            }
+        }
+        colors
+    }
+}
+
+fn address(mesh: &Mesh) -> usize {
+    std::ptr::from_ref(mesh).addr()
+}
+
+fn face_rows(pieces: &[Piece<'_>]) -> Vec<u8> {
+    let mut body = Vec::new();
+    for piece in pieces {
+        for corners in piece.corners() {
+            body.push(3);
+            for v in corners {
+                let v = i32::try_from(u64::from(v) + piece.base).unwrap_or(i32::MAX);
+                body.extend_from_slice(&v.to_le_bytes());
             }
         }
     }
-    let mut out = header(scene, frame).into_bytes();
-    let (n, faces) = (mesh.points.len(), mesh.triangles.len());
-    out.extend(format!("element vertex {n}\n{}{COLOR}", floats("x y z nx ny nz")).bytes());
-    out.extend(format!("element face {faces}\nproperty list uchar int vertex_indices\nend_header\n").bytes());
-    for ((p, normal), c) in mesh.points.iter().zip(&mesh.normals).zip(&colors) {
-        put(&mut out, &p.to_array());
-        put(&mut out, &normal.to_array());
-        out.extend_from_slice(c);
-    }
-    for t in &mesh.triangles {
-        out.push(3);
-        for v in t {
-            let v = i32::try_from(*v).map_err(|_| Error::export("X010", "more vertices than PLY can number"))?;
-            out.extend_from_slice(&v.to_le_bytes());
-        }
-    }
-    Ok(out)
+    body
 }
 
 #[cfg(test)]

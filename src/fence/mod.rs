@@ -25,6 +25,7 @@ pub use journal::is_settled;
 pub use names::{Names, safe_name};
 pub use number::{BadNumber, number};
 pub use output::Output;
+pub use parts::drop_parts;
 pub use read::read_input;
 pub use roots::{Referred, Refusal, Roots};
 pub use shelf::Shelf;

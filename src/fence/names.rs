@@ -1,6 +1,6 @@
 //! Names that are safe as files, prims and identifiers, whatever the input called its things.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Longest safe name, bytes.
 const LONGEST: usize = 120;
@@ -36,21 +36,27 @@ fn is_device(name: &str) -> bool {
 #[derive(Debug, Clone, Default)]
 pub struct Names {
     taken: BTreeSet<String>,
+    /// Number to try next, by the name that was asked for: a thousand of one name are not counted through a thousand times.
+    next: BTreeMap<String, u64>,
 }
 
 impl Names {
     /// A safe name that no earlier call returned.
     pub fn unique(&mut self, name: &str) -> String {
         let base = safe_name(name);
-        let mut unique = base.clone();
-        let mut n = 2_u64;
-        while !self.taken.insert(unique.clone()) {
+        if self.taken.insert(base.clone()) {
+            return base;
+        }
+        let n = self.next.entry(base.clone()).or_insert(2);
+        loop {
             let tail = format!("_{n}");
             let kept = base.len().min(LONGEST - tail.len());
-            unique = format!("{}{tail}", &base[..kept]);
-            n += 1;
+            let unique = format!("{}{tail}", &base[..kept]);
+            *n += 1;
+            if self.taken.insert(unique.clone()) {
+                return unique;
+            }
         }
-        unique
     }
 }
 

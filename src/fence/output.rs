@@ -140,7 +140,6 @@ impl Output {
                 };
                 record.blake3 = digest.to_hex().to_string();
                 retry(|| disk.sync(&file)).map_err(sync)?;
-                // Some systems do not rename an open file.
                 drop(file);
                 folder.admit(record, |target| part.rename(target))
             }

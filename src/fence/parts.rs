@@ -1,4 +1,7 @@
 //! Files in the making: `.NAME.HOST-PID-N.part` beside the final name, unique per writer and gone when it ends.
+//!
+//! A writer locks its part for as long as it is one. Process numbers alone would not tell the living from the dead: two
+//! containers on one machine have the same ones.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -8,7 +11,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use super::disk::{Disk, retry};
+use super::disk::{Disk, open_regular, retry};
 
 /// Parts that this process is writing now: what tells them from those of a dead process with our number.
 static LIVE: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -26,6 +29,8 @@ pub(super) struct Part {
     disk: Arc<dyn Disk>,
     path: PathBuf,
     moved: bool,
+    /// Holds the lock.
+    lock: Option<File>,
 }
 
 impl Part {
@@ -35,21 +40,30 @@ impl Part {
             let n = COUNT.fetch_add(1, Ordering::Relaxed);
             let path = folder.join(format!(".{}.{}-{}-{n}.part", cut(name), host(), std::process::id()));
             live(|l| l.insert(path.clone()));
-            let part = Self { disk: Arc::clone(disk), path, moved: false };
+            let mut part = Self { disk: Arc::clone(disk), path, moved: false, lock: None };
             match retry(|| disk.create_new(&part.path)) {
-                Ok(file) => return Ok((part, file)),
-                // A dead process had our number and this name: leave its part to the sweep and count on.
-                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
-                    let mut part = part;
-                    part.moved = true;
+                Ok(file) if is_held(&file) => {
+                    part.lock = file.try_clone().ok();
+                    return Ok((part, file));
                 }
-                Err(e) => return Err(e),
+                // Another process sweeps here and took it for a dead one's.
+                Ok(_) => {}
+                // A process elsewhere has our number and this name: leave its part to the sweep and count on.
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => part.moved = true,
+                Err(e) => {
+                    part.moved = true;
+                    return Err(e);
+                }
             }
         }
     }
 
     /// Moves the part to its final name.
     pub(super) fn rename(mut self, target: &Path) -> io::Result<()> {
+        if cfg!(not(unix)) {
+            // Some systems do not rename an open file.
+            self.lock = None;
+        }
         retry(|| self.disk.rename(&self.path, target))?;
         self.moved = true;
         Ok(())
@@ -64,6 +78,48 @@ impl Drop for Part {
         }
         live(|l| l.remove(&self.path));
     }
+}
+
+/// Removes what this process is writing, for an end without any further step.
+pub fn drop_parts() {
+    for path in live(|l| std::mem::take(l)) {
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Locks a part that was just made; false if another process was faster. Where files cannot be locked it is true.
+#[cfg(unix)]
+fn is_held(file: &File) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    lock(file) != Lock::Taken && file.metadata().is_ok_and(|m| m.nlink() > 0)
+}
+
+#[cfg(not(unix))]
+fn is_held(_file: &File) -> bool {
+    true
+}
+
+#[derive(Debug, PartialEq, Eq)]
+enum Lock {
+    Ours,
+    Taken,
+    /// The disk knows no locks.
+    Unknown,
+}
+
+#[cfg(unix)]
+fn lock(file: &File) -> Lock {
+    use rustix::fs::{FlockOperation, flock};
+    match flock(file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Lock::Ours,
+        Err(rustix::io::Errno::WOULDBLOCK) => Lock::Taken,
+        Err(_) => Lock::Unknown,
+    }
+}
+
+#[cfg(not(unix))]
+fn lock(_file: &File) -> Lock {
+    Lock::Unknown
 }
 
 fn live<T>(f: impl FnOnce(&mut BTreeSet<PathBuf>) -> T) -> T {
@@ -109,7 +165,8 @@ fn is_dead(_pid: i32) -> bool {
     false
 }
 
-/// Removes what dead writers left in a folder: parts of this host whose process is gone, other hosts' after a day.
+/// Removes what dead writers left in a folder: parts that nobody holds, of this host where their process is gone, others
+/// after a day.
 pub(super) fn sweep(disk: &Arc<dyn Disk>, folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     let mut now = None;
@@ -120,16 +177,22 @@ pub(super) fn sweep(disk: &Arc<dyn Disk>, folder: &Path) {
             continue;
         }
         let path = entry.path();
-        let stale = if their_host != host() {
+        // Held until it is removed.
+        let held = open_regular(&path, false).map(|file| (lock(&file), file));
+        let Ok((lock, _file)) = held else { continue };
+        let own = their_host == host();
+        let gone = match lock {
+            Lock::Taken => continue,
+            Lock::Ours if own && u32::try_from(pid) == Ok(std::process::id()) => !live(|l| l.contains(&path)),
+            Lock::Ours => own && is_dead(pid),
+            Lock::Unknown => false,
+        };
+        let mut aged = || {
             let now = *now.get_or_insert_with(|| disk_time(disk, folder));
             let age = now.zip(entry.metadata().and_then(|m| m.modified()).ok());
             age.is_some_and(|(now, then)| now.duration_since(then).is_ok_and(|a| a > PATIENCE))
-        } else if u32::try_from(pid) == Ok(std::process::id()) {
-            !live(|l| l.contains(&path))
-        } else {
-            is_dead(pid)
         };
-        if stale {
+        if gone || aged() {
             let _ = disk.remove(&path);
         }
     }

@@ -65,6 +65,8 @@ pub(crate) enum Halt {
     Modules,
     /// The budget of parameters is used up.
     Parameters,
+    /// Modules of all steps pass the limit.
+    Work,
 }
 
 /// A remark of a run, with how often it came.

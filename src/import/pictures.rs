@@ -1,5 +1,7 @@
 //! Pictures of imported materials: PNG and JPEG, header first, within the limits.
 
+mod shelf;
+
 use std::io::Cursor;
 
 use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader};
@@ -7,6 +9,7 @@ use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader
 use super::{Job, Outcome};
 use crate::scene::{Image, ImageKind, Pixels};
 use crate::units;
+pub(super) use shelf::{Shelf, Use};
 
 /// A decoded picture, 8 bits a channel.
 #[derive(Debug, Clone)]
@@ -106,11 +109,7 @@ pub(super) fn decode(job: &Job<'_>, place: &str, bytes: &[u8], spent: &mut u64) 
         let message = format_args!("{place}: picture of {width} x {height} pixels, the limit is {side} a side");
         return Err(Box::new(job.inside("X010", message).help("make it smaller, or use --max-image-side")));
     }
-    *spent = spent.saturating_add(decoder.total_bytes());
-    if *spent > budget {
-        let message = format_args!("{place}: pictures take {spent} bytes decoded, the limit is {budget}");
-        return Err(Box::new(job.inside("X010", message).help("make them smaller, or use --max-image-bytes")));
-    }
+    spend(job, place, decoder.total_bytes(), spent)?;
     let picture = DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))?;
     let (channels, samples) = match picture.color() {
         ColorType::L8 | ColorType::L16 => (1, picture.into_luma8().into_raw()),
@@ -118,6 +117,19 @@ pub(super) fn decode(job: &Job<'_>, place: &str, bytes: &[u8], spent: &mut u64) 
         _ => (4, picture.into_rgba8().into_raw()),
     };
     Ok(Raw { width, height, channels, samples })
+}
+
+/// Counts bytes of decoded pictures.
+/// # Errors
+/// X010 over the limit.
+pub(super) fn spend(job: &Job<'_>, place: &str, bytes: u64, spent: &mut u64) -> Outcome<()> {
+    let budget = job.options.limits.get("image-bytes");
+    *spent = spent.saturating_add(bytes);
+    if *spent > budget {
+        let message = format_args!("{place}: pictures take {spent} bytes decoded, the limit is {budget}");
+        return Err(Box::new(job.inside("X010", message).help("make them smaller, or use --max-image-bytes")));
+    }
+    Ok(())
 }
 
 /// True if the chunks of a PNG follow each other up to the last one.

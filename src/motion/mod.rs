@@ -32,5 +32,5 @@ pub use pieces::{Budget, Load};
 pub use posture::{Body, Hangers, Posture};
 pub use rig::Rig;
 pub use simulate::{Manner, Simulation};
-pub use track::{Take, Track};
+pub use track::{Take, Track, afford};
 pub use wood::{AIR, FOLD, Wood};

@@ -58,7 +58,7 @@ impl Track {
         take: Take,
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
-        check(elements, take, limits)?;
+        afford(elements, take, limits)?;
         let (frames, still) = Self::simulate(elements, wind, manner, take, cancel)?;
         Self::kept(frames, &still, take)
     }
@@ -73,7 +73,7 @@ impl Track {
         take: Take,
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
-        check(elements, take, limits)?;
+        afford(elements, take, limits)?;
         let mut run = Paper::new(plant, elements, wind, (manner, paper));
         let rest = vec![[0.0; 2]; elements.list.len()];
         // A second is long enough to forget the first force, of which a share k is left in every frame.
@@ -177,7 +177,10 @@ impl Track {
     }
 }
 
-fn check(elements: &Elements, take: Take, limits: &Limits) -> Result<()> {
+/// Refuses a motion of more numbers than the limit allows.
+/// # Errors
+/// `Limit`.
+pub fn afford(elements: &Elements, take: Take, limits: &Limits) -> Result<()> {
     let keys = (elements.swings() as u64).saturating_mul(take.frames as u64);
     limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
 }

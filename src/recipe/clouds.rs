@@ -21,6 +21,9 @@ use crate::import::Imported;
 /// Endings of coefficient tables.
 pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];
 
+/// Bytes of memory of a point of a cloud, as measured while it is made.
+pub(super) const POINT: u64 = 40;
+
 /// A system with all that its file names.
 pub(super) struct Read {
     pub system: Ifs,
@@ -69,6 +72,7 @@ impl Resolver<'_> {
         keys: CloudKeys,
     ) -> Option<CloudRecipe> {
         self.limit("points", u64::from(keys.points), Some(span));
+        self.memory(&format!("{path}.points"), u64::from(keys.points), POINT, Some(span));
         let Some(reference) = &keys.ifs else {
             let d = Diagnostic::error("S006", format!("[{path}] names no table"), span, "no ifs here");
             self.report.push(d.help("add ifs = \"NAME.ifs\"; `osier list presets` shows those in the binary"));

@@ -13,6 +13,9 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::fence::Names;
 use crate::scene::MaterialClass;
 
+/// Bytes of memory of a catkin that flies, as measured.
+const CATKIN: u64 = 1000;
+
 /// Names of the forms that catkins have.
 pub const FORMS: [&str; 5] = ["v0", "v1", "v2", "v3", "v4"];
 
@@ -24,6 +27,7 @@ impl Resolver<'_> {
         let mut keys = FlightKeys::read(Some(table), "flight", &mut self.report);
         as_printed(&mut keys, table);
         self.limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
+        self.memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
         for (name, pair) in [("band", keys.band), ("scale", keys.scale)] {
             self.in_order(table, ("flight", name), pair);
         }

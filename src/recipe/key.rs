@@ -91,6 +91,9 @@ impl Reader<'_> {
     fn refuse_unknown(&mut self, keys: &[KeyInfo], tables: &[&str]) {
         let known: Vec<&str> = keys.iter().map(|k| k.name).chain(tables.iter().copied()).collect();
         for entry in self.table.iter().flat_map(|t| &t.entries) {
+            if self.report.is_full() {
+                return;
+            }
             if !known.contains(&entry.key.as_str()) {
                 self.report.push(unknown(entry, &self.path, &known));
             }

@@ -57,6 +57,7 @@ impl Resolver<'_> {
     ) -> Option<CloudRecipe> {
         let path = join(path, "morph");
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
+        self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::clouds::POINT, Some(span));
         let told = self.report.diagnostics.len();
         let morph = MorphKeys::read(Some(table), &path, &mut self.report);
         self.idle(cloud, &path);

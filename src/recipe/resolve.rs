@@ -230,6 +230,15 @@ impl Resolver<'_> {
         }
     }
 
+    /// Refuses a number of things that would take more memory than there may be. `each`: bytes of one.
+    pub(super) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
+        let what = format!("memory of {key} = {count}, in bytes,");
+        if let Err(e) = self.request.limits.check("memory", count.saturating_mul(each), &what) {
+            let d = Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit");
+            self.report.push(d.help(format!("each takes {each} bytes; give fewer")));
+        }
+    }
+
     /// What a file holds, or nothing once its faults are told.
     pub(super) fn told<T>(&mut self, read: Result<T>, file: &Found) -> Option<T> {
         match read {

@@ -77,6 +77,9 @@ impl Table {
 pub fn parse(text: &str, source: SourceId, report: &mut Report) -> Table {
     let (document, errors) = DeTable::parse_recoverable(text);
     for e in errors {
+        if report.is_full() {
+            break;
+        }
         let at = e.span().unwrap_or(0..0);
         let message = e.message().lines().collect::<Vec<_>>().join(", ");
         report.push(

@@ -113,7 +113,7 @@ impl Document<'_> {
 
     /// One node for each copy, all with one mesh of everything that the plant shows.
     fn node_copies(&mut self, asset: &Asset, list: &[&Placement]) -> Result<()> {
-        let mut whole = merged(asset, &Trs::IDENTITY);
+        let mut whole = merged(asset);
         for curves in &asset.curves {
             let tile = self.from.scene.materials.get(curves.material as usize).map_or(1.0, |m| m.tile);
             whole.append(&ribbons(curves, &curves.points, tile));

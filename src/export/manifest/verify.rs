@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Manifest, bake_hash};
+use super::{FileEntry, Manifest, bake_hash};
 use crate::fence::{MANIFEST, hash_file, list_files, read_below};
 use crate::{Error, Result};
 
@@ -27,6 +27,28 @@ impl Verification {
     }
 }
 
+/// Most digits of a frame number in a file's name, and the longest path of a file, bytes.
+const DIGITS: usize = 10;
+const LONGEST: usize = 1024;
+
+/// Refuses what no bake writes: names that would grow out of bounds when sequences are taken apart.
+fn plain(manifest: &Manifest) -> Result<()> {
+    let digits = manifest.time.digits;
+    if digits > DIGITS {
+        let reason =
+            format!("\"{MANIFEST}\" is damaged: frame numbers of {digits} digits, at most {DIGITS} are written");
+        return Err(Error::export("X010", reason));
+    }
+    let path = |f: &FileEntry| match f {
+        FileEntry::Single { path, .. } | FileEntry::Sequence { path, .. } => path.len(),
+    };
+    if let Some(bytes) = manifest.files.iter().map(path).find(|n| *n > LONGEST) {
+        let reason = format!("\"{MANIFEST}\" is damaged: a path has {bytes} bytes, at most {LONGEST} are written");
+        return Err(Error::export("X010", reason));
+    }
+    Ok(())
+}
+
 /// Recomputes the hashes of all files that a bake's manifest names.
 /// `limit`: bytes that the manifest may have.
 /// # Errors
@@ -37,6 +59,7 @@ pub fn verify(dir: &Path, limit: u64) -> Result<(Manifest, Verification)> {
     let text = read_below(dir, MANIFEST, limit)?.ok_or_else(absent)?;
     let damaged = |e: serde_json::Error| Error::export("X010", format!("\"{MANIFEST}\" is damaged: {e}"));
     let manifest: Manifest = serde_json::from_slice(&text).map_err(damaged)?;
+    plain(&manifest)?;
     let expanded = manifest.expanded();
     let mut found = Verification { sum_holds: bake_hash(&expanded) == manifest.bake_hash, ..Verification::default() };
     let hashes = crate::par::par_map(&expanded, |(path, _, _)| hash_file(dir, path));

@@ -7,6 +7,7 @@ use super::matching::View;
 use super::rewriter::Rewriter;
 use super::step::rewrite_range;
 use super::{Derivation, MAX_PARAMS, Modules};
+use crate::grammar::vm::Halt;
 use crate::par::par_map;
 
 /// Modules from which a string is worth being taken apart.
@@ -34,13 +35,20 @@ struct Grown {
 impl Derivation<'_> {
     /// Takes all steps that are left after `step`, if no module asks what stands beside it or what others did. False if
     /// they must be taken one by one, as well where something has to be said of them: the words then name their step.
-    pub(super) fn rest_apart(&mut self, step: u32) -> bool {
+    /// # Errors
+    /// `Work` beyond the limit.
+    pub(super) fn rest_apart(&mut self, step: u32) -> Result<bool, Halt> {
         if step >= self.length || self.string.len() < WORTH || self.held_together || !self.modules_keep_apart() {
-            return false;
+            return Ok(false);
         }
-        let Some(grown) = self.all_grown(step) else {
+        let work = AtomicU64::new(self.work);
+        let grown = self.all_grown(step, &work);
+        if work.into_inner() > self.limits.get("work") {
+            return Err(Halt::Work);
+        }
+        let Some(grown) = grown else {
             self.held_together = true;
-            return false;
+            return Ok(false);
         };
         self.vm.statements += grown.iter().map(|g| g.statements).sum::<u64>();
         self.string.clear();
@@ -53,15 +61,16 @@ impl Derivation<'_> {
         }
         self.taken = self.idle_from.filter(|_| self.nothing_can_change()).unwrap_or(self.length);
         self.vm.step = self.taken;
-        true
+        Ok(true)
     }
 
     /// What pieces of the string become after all steps that follow `step`; `None` if they must be taken together.
-    fn all_grown(&self, step: u32) -> Option<Vec<Grown>> {
+    /// `work`: modules rewritten, added to.
+    fn all_grown(&self, step: u32, work: &AtomicU64) -> Option<Vec<Grown>> {
         let limit = self.limits.get("modules");
         let kept = AtomicU64::new(0);
         let pieces = self.string.pieces(PIECE);
-        let grown = par_map(&pieces, |piece| self.grown(piece.clone(), step, &kept, limit));
+        let grown = par_map(&pieces, |piece| self.grown(piece.clone(), step, (&kept, work), limit));
         let grown = grown.into_iter().collect::<Option<Vec<Grown>>>()?;
         let statements = grown.iter().fold(self.vm.statements, |sum, g| sum + g.statements);
         let fits = |[modules, params]: Size| modules <= limit && params <= MAX_PARAMS as u64;
@@ -84,7 +93,8 @@ impl Derivation<'_> {
 
     /// A piece after all steps that follow `step`; `None` if anything has to be said of it, or if all pieces together pass the
     /// limit. `kept`: modules of finished pieces.
-    fn grown(&self, piece: Modules, step: u32, kept: &AtomicU64, limit: u64) -> Option<Grown> {
+    fn grown(&self, piece: Modules, step: u32, (kept, work): (&AtomicU64, &AtomicU64), limit: u64) -> Option<Grown> {
+        let most = self.limits.get("work");
         let mut vm = self.vm.clone();
         (vm.events.0, vm.statements) = (Vec::new(), 0);
         let mut worker = Worker {
@@ -95,11 +105,17 @@ impl Derivation<'_> {
             spare: Modules::default(),
             sizes: vec![[0; 2]; (self.length - step) as usize],
             changed: 0,
+            work: 0,
         };
         let mut modules = Modules::default();
         let mut waiting = vec![(piece, step)];
         while let Some((mut piece, seen)) = waiting.pop() {
+            let before = worker.work;
             let seen = worker.step(&mut piece, seen, limit)?;
+            let spent = worker.work - before;
+            if work.fetch_add(spent, Ordering::Relaxed).saturating_add(spent) > most {
+                return None;
+            }
             if seen < self.length {
                 waiting.extend(piece.pieces(CUT).into_iter().rev().map(|p| (p, seen)));
                 continue;
@@ -126,6 +142,8 @@ struct Worker<'d, 'g> {
     spare: Modules,
     sizes: Vec<Size>,
     changed: u32,
+    /// Modules rewritten.
+    work: u64,
 }
 
 impl Worker<'_, '_> {
@@ -136,6 +154,7 @@ impl Worker<'_, '_> {
         for step in seen + 1..=length {
             (self.rewriter.vm.step, self.rewriter.setup.step, self.rewriter.setup.birth) = (step, Some(step), step);
             self.spare.clear();
+            self.work = self.work.saturating_add(piece.len() as u64);
             let view = View { modules: piece, partner: &[], hidden: &self.derivation.hidden };
             let most = usize::try_from(limit).unwrap_or(usize::MAX);
             let changed = rewrite_range(&mut self.rewriter, view, 0..piece.len(), &mut self.spare, most).ok()?;

@@ -89,6 +89,8 @@ pub(super) struct Derivation<'g> {
     cut: Option<SymbolId>,
     idle_from: Option<u32>,
     taken: u32,
+    /// Modules rewritten so far.
+    work: u64,
     /// Pieces of the string were tried apart, and something has to be said of them.
     held_together: bool,
 }
@@ -120,6 +122,7 @@ impl<'g> Derivation<'g> {
             cut: made('%').filter(|_| !program.strips('%')),
             idle_from: None,
             taken: 0,
+            work: 0,
             held_together: false,
         }
     }
@@ -141,6 +144,10 @@ impl<'g> Derivation<'g> {
             if let Some(cut) = self.cut {
                 self.cut(cut);
             }
+            self.work = self.work.saturating_add(self.string.len() as u64);
+            if self.work > self.limits.get("work") {
+                return Err(Halt::Work);
+            }
             let changed = self.rewrite(step)?;
             self.decompose(step)?;
             self.block(blocks.end_each.as_ref(), step)?;
@@ -150,7 +157,7 @@ impl<'g> Derivation<'g> {
             } else if changed {
                 self.idle_from = None;
             }
-            if self.vm.stopped || (!changed && self.nothing_can_change()) || self.rest_apart(step) {
+            if self.vm.stopped || (!changed && self.nothing_can_change()) || self.rest_apart(step)? {
                 break;
             }
         }
@@ -288,6 +295,11 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
             let limit = crate::limits::grouped(limits.get("modules"));
             let message = format!("step {step} passes the limit of {limit} modules");
             runtime_error(grammar, "L051", message, at, "raise it with --max-modules, or shorten the derivation")
+        }
+        Halt::Work => {
+            let limit = crate::limits::grouped(limits.get("work"));
+            let message = format!("step {step} passes the limit of {limit} modules over all steps");
+            runtime_error(grammar, "L051", message, at, "raise it with --max-work, or shorten the derivation")
         }
         Halt::Parameters => {
             let message = format!("step {step} passes the memory for parameters");

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::DeriveOptions;
 use crate::Result;
+use crate::grammar::code::{Code, Op};
 use crate::grammar::program::{Production, SymbolId};
 use crate::grammar::{Grammar, runtime_error};
 use crate::limits::{Limits, grouped};
@@ -73,6 +74,19 @@ impl Matrix {
             m.set_row(k, &rules, stochastic);
         }
         m
+    }
+
+    /// Kinds that every step surely rewrites; none of a grammar whose blocks may end the derivation.
+    fn works(&self, grammar: &Grammar) -> Vec<bool> {
+        let program = &grammar.program;
+        let stops = |c: &Code| c.ops.iter().any(|o| matches!(o, Op::Stop));
+        let blocks = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
+        let runs = !blocks && !program.rules.list.iter().any(|p| p.codes().any(stops));
+        let mut surely = vec![false; self.kinds.len()];
+        for (&(symbol, arity), &k) in &self.kinds {
+            surely[k] = runs && program.rules.of(symbol, arity).any(Production::is_unconditional);
+        }
+        surely
     }
 
     /// The row of one kind: what its productions may make of it.
@@ -165,15 +179,28 @@ pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, lim
     }
     let limit = u128::from(limits.get("modules"));
     let mut v = m.start.clone();
+    let mut work = 0_u128;
+    let surely = m.works(grammar);
     for step in 0..=steps {
         if total(&v) > limit {
             return Err(too_long(grammar, &m, step, steps, limits));
         }
+        let busy = surely.iter().zip(&v).any(|(surely, n)| *surely && *n > 0);
+        let each = if busy { total(&v) } else { 0 };
         let next = Matrix::step(&m.lower, &v);
         if next == v {
+            work = work.saturating_add(each.saturating_mul(u128::from(steps - step)));
             break;
         }
+        work = work.saturating_add(if step < steps { each } else { 0 });
         v = next;
+    }
+    if work > u128::from(limits.get("work")) {
+        let (wanted, limit) = (grouped(u64::try_from(work).unwrap_or(u64::MAX)), grouped(limits.get("work")));
+        let message =
+            format!("{} steps would rewrite {wanted} modules, the limit is {limit}", grouped(u64::from(steps)));
+        let help = "raise it with --max-work, or shorten the derivation";
+        return Err(runtime_error(grammar, "L050", message, grammar.length_place(), help));
     }
     Ok(())
 }

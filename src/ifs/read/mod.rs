@@ -8,7 +8,7 @@ mod table;
 mod tests;
 
 use super::Ifs;
-use crate::diagnostic::{Diagnostic, Report, SourceId, Span, nearest};
+use crate::diagnostic::{Diagnostic, Report, Severity, SourceId, Span, nearest};
 use crate::fence::{Encoding, decode};
 use crate::limits::{Limits, grouped};
 use crate::{Error, Result};
@@ -88,6 +88,9 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
         Kind::Flame => flame::read(&mut reader),
         Kind::Table => table::read(&mut reader),
     };
+    if kind == Kind::Fractint && !systems.is_empty() {
+        reader.leave_out();
+    }
     reader.check_names(&systems);
     reader.check_weights(&systems);
     report.into_result(systems)
@@ -159,6 +162,14 @@ impl Reader<'_> {
     /// True once so much was said that more reading is of no use.
     fn is_hopeless(&self) -> bool {
         self.told > MAX_TOLD
+    }
+
+    /// Faults of entries cost these entries, not the others of the file.
+    fn leave_out(&mut self) {
+        for d in self.report.diagnostics.iter_mut().filter(|d| d.severity == Severity::Error) {
+            d.severity = Severity::Warning;
+            d.message += "; the entry is left out";
+        }
     }
 
     fn check_suffix(&mut self, name: &str, kind: Kind) {

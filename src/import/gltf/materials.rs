@@ -8,26 +8,34 @@ use gltf::json::validation::Checked;
 use super::buffers::{Buffers, resource};
 use super::document::{Document, UvTransform};
 use crate::fence::Names;
-use crate::import::pictures::{self, Raw};
+use crate::import::pictures::{self, Raw, Shelf, Use};
 use crate::import::{Job, Outcome};
 use crate::math;
-use crate::scene::{Image, ImageKind, Material};
+use crate::scene::{Image, Material};
 
 /// Materials in the order in which the meshes use them.
 pub(super) struct Surfaces<'a> {
     document: &'a Document,
     buffers: &'a Buffers<'a>,
     names: Names,
-    made: Vec<(Option<usize>, Material)>,
-    images: Vec<Image>,
-    decoded: BTreeMap<usize, Option<Raw>>,
+    made: Vec<Material>,
+    /// Index of a material by its number in the file.
+    known: BTreeMap<Option<usize>, usize>,
+    shelf: Shelf,
     spent: u64,
 }
 
 impl<'a> Surfaces<'a> {
     pub(super) fn new(document: &'a Document, buffers: &'a Buffers<'a>) -> Self {
-        let (names, made, images) = (Names::default(), Vec::new(), Vec::new());
-        Self { document, buffers, names, made, images, decoded: BTreeMap::new(), spent: 0 }
+        Self {
+            document,
+            buffers,
+            names: Names::default(),
+            made: Vec::new(),
+            known: BTreeMap::new(),
+            shelf: Shelf::default(),
+            spent: 0,
+        }
     }
 
     /// Set of texture coordinates that a material's colour uses, and their transform.
@@ -41,11 +49,12 @@ impl<'a> Surfaces<'a> {
 
     /// Index of the material that the file numbers `id` (none: glTF's default, named after the file).
     pub(super) fn of(&mut self, job: &mut Job<'_>, id: Option<usize>) -> Outcome<u32> {
-        let index = match self.made.iter().position(|(i, _)| *i == id) {
-            Some(index) => index,
+        let index = match self.known.get(&id) {
+            Some(index) => *index,
             None => {
                 let material = self.make(job, id)?;
-                self.made.push((id, material));
+                self.made.push(material);
+                self.known.insert(id, self.made.len() - 1);
                 self.made.len() - 1
             }
         };
@@ -69,46 +78,46 @@ impl<'a> Surfaces<'a> {
         let ior = self.document.iors.get(&id).copied().filter(|n| (1.0..=3.0).contains(n));
         material.ior = ior.map_or(material.ior, math::narrow);
         if let Some(texture) = &pbr.base_color_texture
-            && let Some(color) = self.picture(job, texture.index.value())?
+            && let Some((image, channels)) = self.picture(job, texture.index.value())?
         {
-            let is_white = [r, g, b, a].iter().all(|v| *v >= 1.0);
-            let color = if is_white { color } else { color.tinted([r, g, b, a]) };
-            material.alpha_cutoff = cutoff(given).filter(|_| color.channels == 4);
-            material.maps.color = Some(self.keep(color, format!("{name}_color"), ImageKind::Color));
+            material.alpha_cutoff = cutoff(given).filter(|_| channels == 4);
+            material.maps.color = self.keep(job, (image, Use::color([r, g, b, a])), &name)?;
         }
         if let Some(texture) = &pbr.metallic_roughness_texture
-            && let Some(packed) = self.picture(job, texture.index.value())?
+            && let Some((image, _)) = self.picture(job, texture.index.value())?
         {
-            // Roughness is the green channel, times the factor.
-            let grey = packed.channel(1, 255).scaled(material.roughness);
-            material.maps.roughness = Some(self.keep(grey, format!("{name}_rough"), ImageKind::Data));
+            material.maps.roughness = self.keep(job, (image, Use::rough(material.roughness)), &name)?;
         }
         if let Some(texture) = &given.normal_texture
-            && let Some(normal) = self.picture(job, texture.index.value())?.filter(|n| n.channels >= 3)
+            && let Some((image, _)) = self.picture(job, texture.index.value())?.filter(|n| n.1 >= 3)
         {
-            material.maps.normal = Some(self.keep(normal, format!("{name}_normal"), ImageKind::Data));
+            material.maps.normal = self.keep(job, (image, Use::Normal), &name)?;
         }
         Ok(material)
     }
 
-    fn keep(&mut self, raw: Raw, name: String, kind: ImageKind) -> u32 {
-        self.images.push(raw.into_image(name, kind));
-        u32::try_from(self.images.len() - 1).unwrap_or(u32::MAX)
+    /// Keeps a picture for one use, named after the first material that has it.
+    fn keep(&mut self, job: &Job<'_>, (image, way): (usize, Use), name: &str) -> Outcome<Option<u32>> {
+        if let Some(known) = self.shelf.find(image, way) {
+            return Ok(Some(known));
+        }
+        let bytes = self.shelf.more(image, way);
+        pictures::spend(job, &format!("images[{image}]"), bytes, &mut self.spent)?;
+        Ok(self.shelf.keep(image, way, name))
     }
 
-    /// The decoded picture of a texture; `None` if its file is absent.
-    fn picture(&mut self, job: &mut Job<'_>, texture: usize) -> Outcome<Option<Raw>> {
+    /// Number and channels of the picture of a texture, decoded; `None` if its file is absent.
+    fn picture(&mut self, job: &mut Job<'_>, texture: usize) -> Outcome<Option<(usize, u8)>> {
         let Some(index) = self.document.root.textures.get(texture).map(|t| t.source.value()) else { return Ok(None) };
-        if let Some(known) = self.decoded.get(&index) {
-            return Ok(known.clone());
+        if !self.shelf.knows(index) {
+            let place = format!("images[{index}]");
+            let raw: Option<Raw> = match self.bytes(job, index, &place)? {
+                Some(bytes) => Some(pictures::decode(job, &place, &bytes, &mut self.spent)?),
+                None => None,
+            };
+            self.shelf.add(index, raw);
         }
-        let place = format!("images[{index}]");
-        let raw = match self.bytes(job, index, &place)? {
-            Some(bytes) => Some(pictures::decode(job, &place, &bytes, &mut self.spent)?),
-            None => None,
-        };
-        self.decoded.insert(index, raw.clone());
-        Ok(raw)
+        Ok(self.shelf.channels(index).map(|channels| (index, channels)))
     }
 
     fn bytes(&self, job: &mut Job<'_>, index: usize, place: &str) -> Outcome<Option<Vec<u8>>> {
@@ -130,7 +139,7 @@ impl<'a> Surfaces<'a> {
     }
 
     pub(super) fn finish(self) -> (Vec<Material>, Vec<Image>) {
-        (self.made.into_iter().map(|(_, m)| m).collect(), self.images)
+        (self.made, self.shelf.finish())
     }
 }
 

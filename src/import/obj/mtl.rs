@@ -119,7 +119,9 @@ pub(super) struct Surfaces<'l> {
     given: Vec<tobj::Material>,
     names: Names,
     spent: u64,
-    made: Vec<(Option<usize>, Material)>,
+    made: Vec<Material>,
+    /// Index of a material by its number in the file.
+    known: BTreeMap<Option<usize>, usize>,
     images: Vec<Image>,
     stem: String,
 }
@@ -127,14 +129,22 @@ pub(super) struct Surfaces<'l> {
 impl<'l> Surfaces<'l> {
     pub(super) fn new(job: &Job<'_>, library: &'l Library, given: Vec<tobj::Material>) -> Self {
         let stem = job.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Self { library, given, names: Names::default(), spent: 0, made: Vec::new(), images: Vec::new(), stem }
+        Self {
+            library,
+            given,
+            names: Names::default(),
+            spent: 0,
+            made: Vec::new(),
+            known: BTreeMap::new(),
+            images: Vec::new(),
+            stem,
+        }
     }
 
     /// Index of the material that `tobj` numbers `id` (none: a grey one named after the file). Without a colour of its own it
     /// is white under `colored` vertices.
     pub(super) fn of(&mut self, job: &mut Job<'_>, id: Option<usize>, colored: bool) -> Outcome<u32> {
-        let known = self.made.iter().position(|(i, _)| *i == id);
-        let index = match known {
+        let index = match self.known.get(&id).copied() {
             Some(index) => index,
             None => {
                 let given = id.and_then(|i| self.given.get(i)).cloned();
@@ -143,13 +153,14 @@ impl<'l> Surfaces<'l> {
                 if let Some(given) = given {
                     self.fill(job, &given, &mut material)?;
                 }
-                self.made.push((id, material));
+                self.made.push(material);
+                self.known.insert(id, self.made.len() - 1);
                 self.made.len() - 1
             }
         };
         let given = id.and_then(|i| self.given.get(i)).is_some_and(|g| g.diffuse.is_some());
         if colored && !given {
-            self.made[index].1.base_color = [1.0; 3];
+            self.made[index].base_color = [1.0; 3];
         }
         Ok(u32::try_from(index).unwrap_or(u32::MAX))
     }
@@ -200,7 +211,7 @@ impl<'l> Surfaces<'l> {
     }
 
     pub(super) fn finish(self) -> (Vec<Material>, Vec<Image>) {
-        (self.made.into_iter().map(|(_, m)| m).collect(), self.images)
+        (self.made, self.images)
     }
 }
 

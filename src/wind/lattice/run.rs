@@ -84,6 +84,16 @@ pub struct Lattice {
 }
 
 impl Lattice {
+    /// What [`Lattice::new`] says of options, without the cells.
+    /// # Errors
+    /// As [`Lattice::new`].
+    pub fn foretold(options: &LatticeOptions, limits: &Limits) -> Result<Vec<Note>> {
+        let (plan, notes) = Plan::of(options)?;
+        limits.check("cells", plan.cells(), "the cells of the wind's lattice")?;
+        LatticeMemory::of(options).check(options, limits)?;
+        Ok(notes)
+    }
+
     /// Plans everything and makes the cells; nothing flows yet. `solids`: what stands in the wind.
     /// # Errors
     /// `Range` for options that do not go together; `Limit` for too many cells; `Io` if the system has no memory.
