@@ -27,7 +27,11 @@ pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Materi
     if m.translucency > 0.0 {
         // The preview surface has no word for it; Blender shows it as a custom property.
         let property = format!("{path}.userProperties:osier:translucency");
-        stage.attr(&property, &AttrSpec { custom: true, ..AttrSpec::new("float") }, Some(Value::Float(m.translucency)))?;
+        stage.attr(
+            &property,
+            &AttrSpec { custom: true, ..AttrSpec::new("float") },
+            Some(Value::Float(m.translucency)),
+        )?;
     }
     shader(stage, &surface, "UsdPreviewSurface")?;
     let mut s = Shader { stage, path: &surface, network: path };

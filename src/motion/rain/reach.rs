@@ -168,8 +168,7 @@ impl Reach {
     pub fn sources(&mut self, epoch: u64) -> Vec<Source> {
         let over = self.floor_plan();
         let (a, b) = (self.drifts(epoch), self.drifts(epoch + 1));
-        let both: Vec<Drift> =
-            a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|k| a[k].and(b[k]))).collect();
+        let both: Vec<Drift> = a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|k| a[k].and(b[k]))).collect();
         let pairs = both.windows(2);
         pairs.map(|d| Source::new(&over, &std::array::from_fn(|k| d[0][k].and(d[1][k])))).collect()
     }
