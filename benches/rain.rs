@@ -246,11 +246,11 @@ fn whole_frames(manner: &Manner) {
     let over = Bounds { min: Vec3::new(-0.05, 0.9, -0.1), max: Vec3::new(0.35, 1.1, 0.1) };
     let parts = Parts {
         manner: manner.clone(),
-        shower: Some(Shower::new(rain, over, Vec3::ZERO)),
+        shower: Some(Shower::new(rain, over, None)),
         bearers: vec![Box::new(Stiff::new(&poses, Vec::new()))],
         leaves: leaves.collect(),
         wind: None,
-        floor: 0.8,
+        floor: Box::new(0.8),
     };
     let mut storm = Storm::new(parts);
     let mut wet: Vec<Wetness> = (0..LEAVES).map(|_| Wetness::new(Arc::clone(&chart), 1.0)).collect();

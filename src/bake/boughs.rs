@@ -90,13 +90,14 @@ pub fn dress_sprung(
     recipe: &PlantRecipe,
     (kind, individual): (&Kind, &Individual),
     (stand, clock): (Trs, (f64, u32)),
+    g: f64,
     work: &Work<'_>,
 ) -> Result<Sprung> {
     work.cancel.check()?;
     let own = TwigKeys::defaults();
     let keys = recipe.rods.as_ref().unwrap_or(&own);
     let plant = &grown.plant;
-    let grain = grain(plant, recipe, (kind, keys));
+    let grain = grain(plant, recipe, (kind, keys), g);
     let boughs = Boughs::new(plant, &stand, &grain, &individual.asset).by_clock(clock.0, clock.1);
     let (mesh, bindings) = bark(grown, recipe, kind, work)?;
     let most =
@@ -147,7 +148,7 @@ pub fn dress_sprung(
     Ok(Sprung { asset, boughs, dressing, told })
 }
 
-fn grain(plant: &Plant, recipe: &PlantRecipe, (kind, keys): (&Kind, &TwigKeys)) -> Grain {
+fn grain(plant: &Plant, recipe: &PlantRecipe, (kind, keys): (&Kind, &TwigKeys), g: f64) -> Grain {
     let radius = |proto: usize| {
         let organ = super::dress::shown(plant, kind, proto).and_then(|o| recipe.organs.get(o));
         organ.and_then(stalk_radius).unwrap_or(STALK)
@@ -155,6 +156,7 @@ fn grain(plant: &Plant, recipe: &PlantRecipe, (kind, keys): (&Kind, &TwigKeys)) 
     let count = |n: u32| usize::try_from(n).unwrap_or(usize::MAX);
     Grain {
         wood: wood(&recipe.wood),
+        g,
         shear: keys.shear,
         recovery: keys.recovery,
         gain: keys.gain,

@@ -1,14 +1,17 @@
 //! Rain of a recipe: which leaves it falls on, what a clip of it is, and how it is shown.
 
+mod floor;
 mod keys;
+mod lying;
 mod measures;
 mod tracks;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::{DQuat, DVec2, DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 
+pub use self::floor::Soil;
 use super::boughs::Dressing;
 use super::{Work, heroes};
 use crate::Result;
@@ -31,8 +34,6 @@ use crate::wind::Wind;
 
 /// Steps of a frame where nothing asks for more.
 const STEPS: u32 = 8;
-/// How far below everything drops end, m.
-const BELOW: f64 = 0.1;
 /// Bytes of one frame's drops that are counted as one of the limit's keys, and what those are called.
 const KEY: u64 = 64;
 const HELD: &str = "the number of leaves and raindrops times frames";
@@ -121,13 +122,15 @@ pub struct Under<'a> {
     pub sprung: Vec<Option<(Boughs, Dressing)>>,
     /// Moving air.
     pub wind: Option<Arc<dyn Wind>>,
+    /// Ground.
+    pub soil: Soil,
 }
 
 /// Lets it rain.
 /// # Errors
 /// `Simulation`, `Limit`, `Cancelled`.
 pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fallen> {
-    let Under { recipe, assets, materials, images, stands, plants, sprung, wind } = under;
+    let Under { recipe, assets, materials, images, stands, plants, sprung, wind, soil } = under;
     let found = leaves(assets, (materials, images), stands, &sprung);
     let heroes = nearest(recipe, &found);
     let steps = steps(rain, recipe, &sprung);
@@ -145,19 +148,18 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let clip = recipe.clip;
     let frames = clip.len() as u64;
     let rainfall = keys::rainfall(rain, recipe);
-    let blowing = wind.as_ref().map_or(Vec3::ZERO, |w| w.mean());
-    let shower = rain.keys.falls.then(|| Shower::new(rainfall, over, blowing));
+    let shower = rain.keys.falls.then(|| Shower::new(rainfall, over, wind.clone()));
+    let area = shower.as_ref().map(Shower::area);
     afford(&shower, over, (frames, found.len()), work)?;
     let hung = found.iter().enumerate().map(|(i, f)| {
         let leaf = Leaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
         (leaf, Hung { on: (f.at.0, f.number), target: Arc::clone(&f.target) })
     });
-    let floor = f64::from(over.min.y) - BELOW;
-    let floor = if recipe.ground.show { floor.max(0.0) } else { floor };
+    let floor = soil.floor(over.min.y);
     let parts = Parts { manner: manner.clone(), shower, bearers, leaves: hung.collect(), wind, floor };
     let mut storm = Storm::new(parts);
     let dry = storm.leaves().to_vec();
-    place(&mut storm, rain);
+    lying::check(&rain.lying, &dry)?;
     let (moments, mut plants) = record(&mut storm, (rain, recipe, steps), (assets, &dressings, &found), work)?;
     let material = u32::try_from(materials.len()).unwrap_or(u32::MAX);
     materials.push(Material {
@@ -175,7 +177,7 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let heroes: Vec<Hero> = heroes.iter().zip(charts).map(|(leaf, chart)| Hero { leaf: *leaf, chart }).collect();
     let (slots, capacity) = tracks::slots(&moments);
     let rain = Rain {
-        shapes: shapes(&moments),
+        shapes: shapes(&moments, manner.g),
         numbers: tracks::numbers(&moments),
         maps: Mutex::new(Maps { done: 0, wet: Vec::new() }),
         leaves: dry,
@@ -195,7 +197,7 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
             sheet.rest = Some(maps);
         }
     }
-    let table = measures::table(&rain.manner, rate);
+    let table = measures::table(&rain.manner, rate.zip(area));
     Ok(Fallen { asset, rain: Arc::new(rain), wet, table })
 }
 
@@ -294,13 +296,6 @@ fn afford(shower: &Option<Shower>, over: Bounds, (frames, leaves): (u64, usize),
     work.limits.check("motion-keys", drops as u64, HELD)
 }
 
-fn place(storm: &mut Storm, rain: &RainRecipe) {
-    for lying in &rain.lying {
-        let v = DVec3::new(lying.speed[1], lying.speed[0], 0.0);
-        storm.place(lying.leaf as usize, DVec2::from_array(lying.at), v, lying.volume * 1e-9);
-    }
-}
-
 /// Steps of a frame: as many as the rods need.
 fn steps(rain: &RainRecipe, recipe: &Recipe, sprung: &[Option<(Boughs, Dressing)>]) -> u32 {
     let fps = recipe.clip.fps();
@@ -334,6 +329,7 @@ fn record(
             storm.take_events();
         }
     }
+    lying::place(storm, &rain.lying);
     let mut moments = Vec::new();
     let mut held = 0;
     let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); dressings.len()];
@@ -370,10 +366,10 @@ fn moisten(plants: &mut [Vec<AssetFrame>], found: &[Found], wetness: &[f64]) {
     }
 }
 
-fn shapes(moments: &[Moment]) -> BTreeMap<u64, Shapes> {
+fn shapes(moments: &[Moment], g: f64) -> BTreeMap<u64, Shapes> {
     let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.hanging).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
-    let made = par_map(&radii, |bits| Shapes::new(f64::from_bits(*bits), 9.81));
+    let made = par_map(&radii, |bits| Shapes::new(f64::from_bits(*bits), g));
     radii.into_iter().zip(made).collect()
 }
 

@@ -137,7 +137,8 @@ impl<'a> Group<'a> {
                 holds.push((k, 0.0, Hold::Fixed));
             }
         }
-        let rods = Rods::new(&lines, &holds);
+        let mut rods = Rods::new(&lines, &holds);
+        rods.gravity = -DVec3::Y * recipe.gravity();
         let mut group = Self { members, lines, rods, acts, weights: Vec::new() };
         group.load();
         group

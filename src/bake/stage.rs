@@ -156,8 +156,9 @@ fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) 
     let mut placements = placements(swaying, &made, &layout);
     let short = meant.map(draft::shower);
     let raining = short.as_ref().unwrap_or(recipe);
+    let under = (air.as_ref(), rained_on(recipe, land.as_ref(), soil.as_ref().map(|(shape, middle)| (shape, *middle))));
     let (wet, rained) =
-        add_rain((raining, meant.is_some()), (&layout, &grown), air.as_ref(), (&mut made, &mut placements), work)?;
+        add_rain((raining, meant.is_some()), (&layout, &grown), under, (&mut made, &mut placements), work)?;
     add_clouds(recipe, &mut made, &mut placements, work)?;
     let twigs = twigs(recipe, &layout, &grown);
     let flown = add_catkins(recipe, (&obstacles, &twigs), (&mut made, &mut placements), (work, &mut report))?;
@@ -321,7 +322,7 @@ fn dress_all(
         let stand = stands.get(*i).copied().unwrap_or(Trs::IDENTITY);
         let still = matches!(plant.keys.motion, Motion::Still | Motion::Static);
         let clock = (recipe.clip.fps(), recipe.clip.start);
-        let rods = || dress_sprung(grown, plant, (kind, individual), (stand, clock), work);
+        let rods = || dress_sprung(grown, plant, (kind, individual), (stand, clock), recipe.gravity(), work);
         let springs = plant.rods.is_some() && !still;
         let dressed = if springs && recipe.rain.is_some() && recipe.clip.len() > 1 {
             let sprung = rods()?;
@@ -534,11 +535,20 @@ fn twigs(recipe: &Recipe, layout: &Layout, grown: &[Grown]) -> Vec<(Vec3, f64)> 
     out
 }
 
+/// The ground that rain ends on.
+fn rained_on(recipe: &Recipe, land: Option<&Land>, soil: Option<(&Ground, Vec3)>) -> rain::Soil {
+    match (land, soil) {
+        (Some(land), _) if recipe.rain.is_some() => rain::Soil::Hills(land.clone()),
+        (_, Some((shape, middle))) => rain::Soil::Waves(shape.clone(), middle),
+        _ => rain::Soil::Level(recipe.ground.show),
+    }
+}
+
 /// Lets it rain on the plants; `draft`: their pictures hold no pixels.
 fn add_rain(
     (recipe, draft): (&Recipe, bool),
     (layout, grown): (&Layout, &[Grown]),
-    air: Option<&Air>,
+    (air, soil): (Option<&Air>, rain::Soil),
     (made, placements): (&mut Made, &mut Vec<Placement>),
     work: &Work<'_>,
 ) -> Result<(Vec<Wet>, Option<Table>)> {
@@ -554,6 +564,7 @@ fn add_rain(
         plants: &plants,
         sprung: std::mem::take(&mut made.sprung),
         wind: air.map(|a| Arc::clone(&a.wind)),
+        soil,
     };
     let fallen = rain::fall(under, rain, work)?;
     placements.push(Placement { name: "rain".into(), asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });

@@ -6,13 +6,16 @@ use crate::geometry::Bounds;
 use crate::math::narrow;
 use crate::par::par_map;
 use crate::recipe::Recipe;
-use crate::scene::{Asset, AssetFrame, Camera, Fog, Placement, Sky, Sun, asset_bounds};
+use crate::scene::{Asset, AssetFrame, AssetKind, Camera, Fog, Placement, Sky, Sun, asset_bounds};
 
 /// The camera as the scene has it, or fitted to the plants.
 pub fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {
     let rest = AssetFrame::default();
     let reach = |a: &Asset| a.points.iter().fold(Bounds::default(), |b, c| b.union(c.reach));
-    let boxes: Vec<Bounds> = par_map(assets, |a| asset_bounds(a, &rest).union(reach(a)));
+    // The wind brings rain from far away; only its fall on the plants is looked at.
+    let falls = |a: &Asset| a.kind == AssetKind::Tracks && a.instancers.is_empty() && !reach(a).is_empty();
+    let boxed = |a: &Asset| if falls(a) { reach(a) } else { asset_bounds(a, &rest).union(reach(a)) };
+    let boxes: Vec<Bounds> = par_map(assets, boxed);
     let corners = placements.iter().flat_map(|s| {
         let b = boxes.get(s.asset).copied().unwrap_or_default();
         let corners = if b.is_empty() { Vec::new() } else { b.corners().to_vec() };

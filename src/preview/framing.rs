@@ -86,7 +86,10 @@ impl Subject {
                 }
             }
             for (i, cloud) in asset.points.iter().enumerate() {
-                own.extend_from_slice(cloud.at(state.points(i)).positions);
+                // The wind brings rain from far away; only its fall on the plants is the subject.
+                if asset.kind != AssetKind::Tracks || cloud.reach.is_empty() {
+                    own.extend_from_slice(cloud.at(state.points(i)).positions);
+                }
                 // What moves is seen from the same place at every frame.
                 let corners = cloud.reach.corners().into_iter().filter(|_| !cloud.reach.is_empty());
                 reach.extend(corners.map(|x| p.transform.apply(x)));

@@ -117,10 +117,18 @@ pub struct Recipe {
     pub hash: String,
 }
 
+/// Gravity where no rain has one, m/s^2.
+const EARTH: f64 = 9.81;
+
 impl Recipe {
     /// False in a calm.
     pub fn blows(&self) -> bool {
         self.wind.blows() || self.added.iter().any(wind_keys::WindKeys::blows)
+    }
+
+    /// Gravity that rods hang in, m/s^2: that of the scene's rain.
+    pub fn gravity(&self) -> f64 {
+        self.rain.as_ref().map_or(EARTH, |rain| rain.keys.g)
     }
 }
 

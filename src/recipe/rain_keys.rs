@@ -104,7 +104,7 @@ keys! {
         before: f64 = "before_s" num(0.0, 0.0, 600.0, "s");
         /// Steps a frame.
         substeps: Option<u32> = "substeps" Maybe(whole(8, 1, 256), "8, or as many as the plants' rods need");
-        /// Gravity.
+        /// Gravity, of drops and of all rods of the scene.
         g: f64 = "g" num(9.81, 0.01, 30.0, "m/s^2");
     }
     /// What drops do when they strike.

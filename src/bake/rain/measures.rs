@@ -24,8 +24,8 @@ const NOW: [(&str, &str); 10] = [
 /// Columns that count what happened until a frame.
 const TOTAL: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
 
-/// The table of rain; `rate`: mm/h.
-pub fn table(manner: &Manner, rate: Option<f64>) -> Table {
+/// The table of rain; `falls`: its strength, mm/h, and the area that it starts from, m^2.
+pub fn table(manner: &Manner, falls: Option<(f64, f64)>) -> Table {
     let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
     columns.extend(TOTAL.iter().map(|name| ((*name).to_owned(), "")));
     columns.push(("hardest_blow".to_owned(), "mg m/s"));
@@ -37,8 +37,9 @@ pub fn table(manner: &Manner, rate: Option<f64>) -> Table {
     ];
     let degrees = |x: f64| (x.to_degrees() * 1e6).round() / 1e6;
     let wetting = &manner.wetting;
+    let (rate, area) = falls.map(|(rate, area)| (rate, (area * 1e4).round() / 1e4)).unzip();
     let parameters = serde_json::json!({
-        "rate_mm_per_h": rate, "theta_deg": degrees(wetting.theta), "receding_deg": degrees(wetting.receding),
+        "rate_mm_per_h": rate, "rained_on_m2": area, "theta_deg": degrees(wetting.theta), "receding_deg": degrees(wetting.receding),
         "advancing_deg": degrees(wetting.advancing), "tau_v_s": manner.tau_v, "tangent_keep": manner.tangent_keep,
         "tip_radius_m": manner.tip_radius, "half_life_s": manner.half_life,
     });

@@ -7,8 +7,8 @@ use crate::Result;
 use crate::export::sheets::Map;
 use crate::scene::{Material, MaterialClass};
 
-/// Roughness of a film of water. Own: 0 would be a mirror of single bright pixels.
-const FILM: f32 = 0.08;
+/// Roughness of a film of water on a leaf. Own: 0 would be a mirror of single bright pixels.
+const FILM: f32 = 0.05;
 
 /// Writes a material and its shaders. Returns the pictures of it that change with the frames.
 pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Material) -> Result<Vec<Sheet>> {
@@ -24,6 +24,15 @@ pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Materi
         let source = format!("{surface}.outputs:displacement");
         stage.attr(&format!("{path}.outputs:displacement"), &AttrSpec::connected("token", source), None)?;
     }
+    if m.translucency > 0.0 {
+        // The preview surface has no word for it; Blender shows it as a custom property.
+        let property = format!("{path}.userProperties:osier:translucency");
+        stage.attr(
+            &property,
+            &AttrSpec { custom: true, ..AttrSpec::new("float") },
+            Some(Value::Float(m.translucency)),
+        )?;
+    }
     shader(stage, &surface, "UsdPreviewSurface")?;
     let mut s = Shader { stage, path: &surface, network: path };
     s.surface(m, sheet.is_some())?;
@@ -32,21 +41,16 @@ pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Materi
         reader(stage, path)?;
     }
     let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
-    let dry = |name: &str| sheet.is_none() || !matches!(name, "normal" | "rough");
-    for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))).filter(|(name, _)| dry(name)) {
+    for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))) {
         let Some(image) = cx.scene.images.get(image as usize) else { continue };
         let file = format!("{}{}.png", cx.pictures, image.name);
         texture(stage, path, &Picture { name, file, material: m })?;
     }
     let Some(sheet) = sheet else { return Ok(Vec::new()) };
-    let mut sheets = Vec::new();
-    for (name, map) in [("wetness", Map::Wetness), ("normal", Map::Normal)] {
-        // What stands without a time is read by programs that know no times.
-        let file = cx.map(sheet, map, cx.first);
-        let attr = texture(stage, path, &Picture { name, file, material: m })?;
-        sheets.push(Sheet { sheet, map, attr });
-    }
-    Ok(sheets)
+    // What stands without a time is read by programs that know no times.
+    let file = cx.map(sheet, Map::Wetness, cx.first);
+    let attr = texture(stage, path, &Picture { name: "wetness", file, material: m })?;
+    Ok(vec![Sheet { sheet, map: Map::Wetness, attr }])
 }
 
 fn shader(stage: &mut dyn Stage, path: &str, id: &str) -> Result<()> {
@@ -93,14 +97,17 @@ impl Shader<'_> {
             self.input("opacity", "float", Value::Float(0.1))?;
         }
         match m.maps.roughness {
-            // Dry roughness and that of a film, mixed by wetness.
-            _ if wet => self.connect("roughness", "float", "wetness.outputs:r")?,
             Some(_) => self.connect("roughness", "float", "rough.outputs:r")?,
             None => self.input("roughness", "float", Value::Float(m.roughness))?,
         }
+        if wet {
+            // A film of water over the leaf, which keeps its own roughness and relief.
+            self.connect("clearcoat", "float", "wetness.outputs:r")?;
+            self.input("clearcoatRoughness", "float", Value::Float(FILM))?;
+        }
         self.input("ior", "float", Value::Float(m.ior))?;
         self.input("metallic", "float", Value::Float(0.0))?;
-        if wet || m.maps.normal.is_some() {
+        if m.maps.normal.is_some() {
             self.connect("normal", "normal3f", "normal.outputs:rgb")?;
         }
         if m.maps.height.is_some() {
@@ -143,11 +150,9 @@ fn texture(stage: &mut dyn Stage, network: &str, picture: &Picture) -> Result<At
     for side in ["wrapS", "wrapT"] {
         s.input(side, "token", Value::Token(if once { "clamp" } else { "repeat" }))?;
     }
-    let dry = picture.material.roughness;
     let (scale, bias) = match picture.name {
         "normal" => (Some(2.0), Some(-1.0)),
         "height" => (Some(picture.material.height_range), None),
-        "wetness" => (Some(FILM.min(dry) - dry), Some(dry)),
         _ => (None, None),
     };
     if let Some(v) = scale {

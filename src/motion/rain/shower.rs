@@ -1,9 +1,11 @@
 //! Drops as the sky lets them go: how many, how large, from where; and how they fall.
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
+use super::reach::{Reach, Source};
 use crate::geometry::Bounds;
 use crate::math;
 use crate::noise::gradient1;
@@ -14,9 +16,6 @@ use crate::wind::Wind;
 const SIZES: [f64; 2] = [0.5, 6.0];
 /// Pieces of the table of sizes.
 const TABLE: usize = 1024;
-/// Height from which rain falls above everything, m, and how far it reaches beyond it to the sides.
-const ABOVE: f64 = 0.5;
-const BESIDE: f64 = 0.05;
 /// Mean of the largest draw by multiplication.
 const CHUNK: f64 = 30.0;
 /// Period of gusts of rain, s.
@@ -84,13 +83,23 @@ pub struct Rainfall {
 #[derive(Debug)]
 pub struct Shower {
     fall: Rainfall,
-    /// Rectangle that it falls from: corner and sides, m.
-    corner: DVec3,
-    sides: [f64; 2],
-    /// Diameters of equal chance, m.
+    reach: Reach,
+    /// Diameters of equal chance, m, each with the class of sizes that it belongs to.
     sizes: Vec<f64>,
+    classes: Vec<usize>,
     /// Drops per m^2 and s.
     flux: f64,
+    /// Area that rain starts from, in the mean over sizes and the clip, m^2.
+    area: f64,
+    /// Where drops of each class start now, the number of the epoch, and the rectangles of all sizes so far, m^2.
+    now: Option<Now>,
+}
+
+#[derive(Debug)]
+struct Now {
+    epoch: u64,
+    sources: Vec<Source>,
+    sums: Vec<f64>,
 }
 
 /// A drop that is let go.
@@ -107,18 +116,20 @@ pub struct Born {
 }
 
 impl Shower {
-    /// Rain that falls on everything in a box, m, with a mean wind, m/s.
-    pub fn new(fall: Rainfall, over: Bounds, wind: Vec3) -> Self {
-        let (min, max) = (over.min.as_dvec3(), over.max.as_dvec3());
+    /// Rain that falls on everything in a box, m, through a wind.
+    pub fn new(fall: Rainfall, over: Bounds, wind: Option<Arc<dyn Wind>>) -> Self {
         let sizes = sizes(&fall);
         let mean = sizes.iter().map(|d| ball(*d)).sum::<f64>() / sizes.len().max(1) as f64;
-        let middle = sizes.get(sizes.len() / 2).copied().unwrap_or(1e-3);
-        let drift = wind.as_dvec3() * ((ABOVE + 0.5 * (max.y - min.y)) / terminal(middle));
-        let corner = DVec3::new(min.x - BESIDE - drift.x, max.y + ABOVE, min.z - BESIDE - drift.z);
-        let sides = [max.x - min.x + 2.0 * BESIDE, max.z - min.z + 2.0 * BESIDE];
-        let mut shower = Self { corner, sides, sizes, flux: 1.0, fall };
+        let end = |d: Option<&f64>| d.copied().unwrap_or(1e-3);
+        let reach = Reach::new(over, wind, [end(sizes.first()), end(sizes.last())], fall.g);
+        let classes: Vec<usize> = sizes.iter().map(|d| reach.class(*d)).collect();
+        let mut shower = Self { reach, classes, sizes, flux: 1.0, area: 0.0, now: None, fall };
+        let fall = &shower.fall;
+        let areas = shower.reach.areas(fall.duration, |t| share(fall, t));
+        let of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
+        shower.area = shower.classes.iter().map(of).sum::<f64>() / shower.classes.len().max(1) as f64;
         shower.flux = match shower.fall.total {
-            Some(total) => total / (sides[0] * sides[1] * shower.whole()).max(f64::MIN_POSITIVE),
+            Some(total) => total / (shower.area * shower.whole()).max(f64::MIN_POSITIVE),
             None => shower.fall.strength / mean,
         };
         shower
@@ -129,69 +140,97 @@ impl Shower {
         self.flux
     }
 
-    /// Drops let go in a second at full strength.
+    /// Area that rain starts from, in the mean over sizes and the clip, m^2.
+    pub fn area(&self) -> f64 {
+        self.area
+    }
+
+    /// Drops let go in a second at full strength, in the mean over the clip.
     pub fn rate(&self) -> f64 {
-        self.flux * self.sides[0] * self.sides[1]
+        self.flux * self.area
     }
 
     /// Strength over the clip, s.
     fn whole(&self) -> f64 {
         let n = 2000;
         let h = self.fall.duration / f64::from(n);
-        (0..n).map(|k| self.share((f64::from(k) + 0.5) * h) * h).sum()
+        (0..n).map(|k| share(&self.fall, (f64::from(k) + 0.5) * h) * h).sum()
     }
 
-    fn share(&self, t: f64) -> f64 {
-        match &self.fall.envelope {
-            Envelope::Constant => 1.0,
-            Envelope::Bell(middle, width) => {
-                let k = (t - middle) / width;
-                math::exp(-0.5 * k * k)
-            }
-            Envelope::Keys(keys) => {
-                let k = keys.partition_point(|key| key[0] <= t);
-                match (k.checked_sub(1).map(|k| keys[k]), keys.get(k)) {
-                    (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (t - a[0]) / (b[0] - a[0]),
-                    (Some(a), None) => a[1],
-                    (None, Some(b)) => b[1],
-                    (None, None) => 1.0,
-                }
-            }
-        }
-    }
-
-    /// Drops of step `number`, which begins at `t` and lasts `h` seconds. The wind where they start: `air`, m/s.
-    pub fn drops(&self, number: u64, (t, h): (f64, f64), air: DVec3) -> Vec<Born> {
+    /// Drops of step `number`, which begins at `t` and lasts `h` seconds.
+    pub fn drops(&mut self, number: u64, (t, h): (f64, f64)) -> Vec<Born> {
         let mut draw = Rng::at(self.fall.seed, &["rain".into(), 0_u64.into(), number.into()]);
         let key = Rng::key(self.fall.seed, &["rain".into(), "gusts".into()]);
         let gust = 1.0 + self.fall.jitter * f64::from(gradient1(key, math::narrow(t / PERIOD), 1 << 20));
-        let mean = self.rate() * self.share(t) * h * gust.max(0.0);
+        let now = self.at(t);
+        let around = now.sums.last().copied().unwrap_or(0.0) / self.sizes.len().max(1) as f64;
+        let mean = self.flux * around * share(&self.fall, t) * h * gust.max(0.0);
         let count = poisson(mean, &mut draw);
-        let mut born: Vec<Born> = (0..count)
-            .map(|_| {
-                let at = draw.range(0.0, h);
-                let d = self.size(draw.unit_f64());
-                let [x, z] = self.sides.map(|s| draw.range(0.0, s));
-                let p = self.corner + DVec3::new(x, 0.0, z);
-                Born { t: t + at, p, v: air - DVec3::Y * terminal(d), volume: ball(d) }
-            })
-            .collect();
+        let mut born: Vec<Born> = Vec::new();
+        for _ in 0..count {
+            let at = draw.range(0.0, h);
+            let (class, d) = self.size(&now.sums, draw.unit_f64());
+            let shares = DVec2::new(draw.unit_f64(), draw.unit_f64());
+            // From elsewhere in the rectangle around it nothing comes that matters.
+            let Some(p) = now.sources.get(class).and_then(|s| s.place(shares)) else { continue };
+            let p = DVec3::new(p.x, self.reach.height(), p.y);
+            born.push(Born { t: t + at, p, v: -DVec3::Y * terminal(d), volume: ball(d) });
+        }
+        self.now = Some(now);
+        let places: Vec<Vec3> = born.iter().map(|b| b.p.as_vec3()).collect();
+        let airs = air_at(self.reach.wind(), &places, t);
+        born.iter_mut().zip(airs).for_each(|(b, air)| b.v += air.as_dvec3());
         born.sort_by(|a, b| a.t.total_cmp(&b.t));
         born
     }
 
-    /// The middle of where drops start, m.
-    pub fn middle(&self) -> DVec3 {
-        self.corner + DVec3::new(self.sides[0] / 2.0, 0.0, self.sides[1] / 2.0)
+    /// Where drops start at a time.
+    fn at(&mut self, t: f64) -> Now {
+        let epoch = self.reach.epoch(t);
+        if let Some(now) = self.now.take().filter(|now| now.epoch == epoch) {
+            return now;
+        }
+        let sources = self.reach.sources(epoch);
+        let around: Vec<f64> = sources.iter().map(Source::around).collect();
+        let mut sum = 0.0;
+        let add = |class: &usize| {
+            sum += around.get(*class).copied().unwrap_or(0.0);
+            sum
+        };
+        let sums = self.classes.iter().map(add).collect();
+        Now { epoch, sources, sums }
     }
 
-    fn size(&self, u: f64) -> f64 {
-        let x = u * self.sizes.len() as f64 - 0.5;
+    /// A size by its chance to start now: the larger the area that a size starts from, the more drops of it there are.
+    fn size(&self, sums: &[f64], u: f64) -> (usize, f64) {
         let last = self.sizes.len().saturating_sub(1);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-        let k = x.floor().clamp(0.0, last as f64) as usize;
-        let (a, b) = (self.sizes[k], self.sizes[(k + 1).min(last)]);
-        a + (b - a) * (x - k as f64).clamp(0.0, 1.0)
+        let wanted = u * sums.last().copied().unwrap_or(0.0);
+        let k = sums.partition_point(|s| *s <= wanted).min(last);
+        let below = if k > 0 { sums[k - 1] } else { 0.0 };
+        let x = (wanted - below) / (sums[k] - below).max(f64::MIN_POSITIVE) - 0.5;
+        let other = if x < 0.0 { k.saturating_sub(1) } else { (k + 1).min(last) };
+        let d = self.sizes[k] + (self.sizes[other] - self.sizes[k]) * x.abs().min(0.5);
+        (self.classes[k], d)
+    }
+}
+
+/// Share of its full strength that rain has at a time, s.
+fn share(fall: &Rainfall, t: f64) -> f64 {
+    match &fall.envelope {
+        Envelope::Constant => 1.0,
+        Envelope::Bell(middle, width) => {
+            let k = (t - middle) / width;
+            math::exp(-0.5 * k * k)
+        }
+        Envelope::Keys(keys) => {
+            let k = keys.partition_point(|key| key[0] <= t);
+            match (k.checked_sub(1).map(|k| keys[k]), keys.get(k)) {
+                (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (t - a[0]) / (b[0] - a[0]),
+                (Some(a), None) => a[1],
+                (None, Some(b)) => b[1],
+                (None, None) => 1.0,
+            }
+        }
     }
 }
 
@@ -284,11 +323,11 @@ mod tests {
 
     #[test]
     fn ten_millimetres_an_hour_are_ten_millimetres_an_hour() {
-        let shower = Shower::new(rainfall(), over(), Vec3::ZERO);
+        let mut shower = Shower::new(rainfall(), over(), None);
         assert!((2300.0..3100.0).contains(&shower.flux()), "{}", shower.flux());
         let (mut water, mut counts, h) = (0.0, Vec::new(), 0.005);
         for k in 0..8000_u64 {
-            let born = shower.drops(k, (k as f64 * h, h), DVec3::ZERO);
+            let born = shower.drops(k, (k as f64 * h, h));
             water += born.iter().map(|b| b.volume).sum::<f64>();
             counts.push(born.len());
         }
@@ -323,11 +362,11 @@ mod tests {
 
     #[test]
     fn sizes_are_marshall_and_palmers() {
-        let shower = Shower::new(rainfall(), over(), Vec3::ZERO);
+        let mut shower = Shower::new(rainfall(), over(), None);
         let mut found: Vec<f64> = Vec::new();
         let mut k = 0_u64;
         while found.len() < 20_000 {
-            found.extend(shower.drops(k, (0.0, 0.01), DVec3::ZERO).iter().map(|b| across(b.volume) * 1e3));
+            found.extend(shower.drops(k, (0.0, 0.01)).iter().map(|b| across(b.volume) * 1e3));
             k += 1;
         }
         found.sort_by(f64::total_cmp);
@@ -363,8 +402,8 @@ mod tests {
     fn a_clip_has_as_many_drops_as_it_is_told() {
         let bell = Envelope::Bell(5.0, 2.5);
         let fall = Rainfall { total: Some(2000.0), envelope: bell, jitter: 0.2, ..rainfall() };
-        let shower = Shower::new(fall, over(), Vec3::X);
-        let count: usize = (0..2000_u64).map(|k| shower.drops(k, (k as f64 * 0.005, 0.005), DVec3::ZERO).len()).sum();
+        let mut shower = Shower::new(fall, over(), Some(Arc::new(crate::wind::Uniform(Vec3::X))));
+        let count: usize = (0..2000_u64).map(|k| shower.drops(k, (k as f64 * 0.005, 0.005)).len()).sum();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt() + 60.0, "{count}");
     }
 }

@@ -84,6 +84,19 @@ impl Ledger {
 /// Places that came under water, with their leaves.
 pub type Stamps = Vec<(usize, super::leaf::Stamp)>;
 
+/// Where drops end that strike nothing.
+pub trait Floor: std::fmt::Debug + Send + Sync {
+    /// Height at x and z, m.
+    fn height(&self, x: f64, z: f64) -> f64;
+}
+
+/// The same height everywhere.
+impl Floor for f64 {
+    fn height(&self, _: f64, _: f64) -> f64 {
+        *self
+    }
+}
+
 /// What a storm is made of.
 pub struct Parts {
     /// How drops behave.
@@ -96,8 +109,8 @@ pub struct Parts {
     pub leaves: Vec<(Leaf, Hung)>,
     /// Moving air.
     pub wind: Option<Arc<dyn Wind>>,
-    /// Height at which drops end, m.
-    pub floor: f64,
+    /// Where drops end that strike nothing.
+    pub floor: Box<dyn Floor>,
 }
 
 /// Rain over some plants.
@@ -113,7 +126,7 @@ pub struct Storm {
     blades: Vec<Blade>,
     wood: Vec<Vec<Bough>>,
     wind: Option<Arc<dyn Wind>>,
-    floor: f64,
+    floor: Box<dyn Floor>,
     t: f64,
     steps: u64,
     born: u64,
@@ -280,9 +293,8 @@ impl Storm {
     }
 
     fn emit(&mut self, h: f64) {
-        let Some(shower) = &self.shower else { return };
-        let air = air_at(self.wind.as_deref(), &[shower.middle().as_vec3()], self.t)[0].as_dvec3();
-        let born: Vec<Born> = shower.drops(self.steps, (self.t, h), air);
+        let Some(shower) = &mut self.shower else { return };
+        let born: Vec<Born> = shower.drops(self.steps, (self.t, h));
         for b in born {
             let id = self.next();
             self.emitted += b.volume;
@@ -305,7 +317,7 @@ impl Storm {
         let places: Vec<Vec3> = self.air.iter().map(|d| d.p.as_vec3()).collect();
         let winds = air_at(self.wind.as_deref(), &places, self.t);
         let both: Vec<(Falling, Vec3)> = self.air.iter().copied().zip(winds).collect();
-        let (t, floor, g) = (self.t, self.floor, self.manner.g);
+        let (t, floor, g) = (self.t, &self.floor, self.manner.g);
         let one = |(drop, wind): &(Falling, Vec3)| {
             let mut drop = *drop;
             let h = h - std::mem::replace(&mut drop.late, 0.0);
@@ -314,7 +326,7 @@ impl Storm {
             let without = drop.blind.filter(|(_, until)| t < *until).map(|(leaf, _)| leaf);
             let end = match field.first([drop.p, to], across(drop.volume), without) {
                 Some(struck) => End::Struck(struck),
-                None if to.y < floor => End::Ground,
+                None if to.y < floor.height(to.x, to.z) => End::Ground,
                 None => End::Flies,
             };
             let reach = if let End::Struck(s) = &end { s.t() } else { 1.0 };

@@ -118,6 +118,7 @@ impl Boughs {
         }
         // Water comes first: body k is that of leaf k.
         let mut rods = if rods.is_empty() { rods } else { rods.with(water).with(own) };
+        rods.gravity = -DVec3::Y * grain.g;
         let posed = rods.is_empty() || rods.balance();
         rods.weightless = !posed;
         let mut on = vec![Vec::new(); rods.len()];

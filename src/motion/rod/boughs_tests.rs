@@ -67,6 +67,7 @@ pub(super) fn twig() -> Plant {
 
 pub(super) fn grain() -> Grain {
     Grain {
+        g: 9.81,
         wood: Wood::default(),
         shear: 1.0 / 15.0,
         recovery: 0.25,

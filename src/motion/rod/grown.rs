@@ -20,6 +20,8 @@ const WOODEN: f64 = 0.6;
 pub struct Grain {
     /// Stems: stiffness, weight, drag of leaves and wood, factor on damping.
     pub wood: Wood,
+    /// Gravity, m/s^2.
+    pub g: f64,
     /// Shear modulus over Young's, 0.02..0.5.
     pub shear: f64,
     /// Springs back, 0..4.

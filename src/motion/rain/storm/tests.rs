@@ -37,7 +37,7 @@ fn storm(tilts: &[f64], manner: Manner, shower: Option<Shower>) -> Storm {
         bearers: vec![Box::new(Stiff::new(&places, vec![stem]))],
         leaves,
         wind: None,
-        floor: 0.0,
+        floor: Box::new(0.0),
     })
 }
 
@@ -182,7 +182,7 @@ fn over() -> Bounds {
 #[test]
 fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
     let manner = Manner { splash: 0.3, ..Manner::default() };
-    let shower = Shower::new(heavy_rain(3), over(), Vec3::ZERO);
+    let shower = Shower::new(heavy_rain(3), over(), None);
     let mut storm = storm(&[0.3, 0.6, 1.0, -0.4], manner, Some(shower));
     for k in 0..2400 {
         storm.step(1.0 / 240.0).expect("stiff");
@@ -198,7 +198,7 @@ fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
 #[test]
 fn any_number_of_threads_gives_the_same_rain() {
     let run = || {
-        let shower = Shower::new(heavy_rain(4), over(), Vec3::ZERO);
+        let shower = Shower::new(heavy_rain(4), over(), None);
         let mut storm = storm(&[0.3, 0.6, 1.0], Manner::default(), Some(shower));
         (0..400).for_each(|_| storm.step(1.0 / 200.0).expect("stiff"));
         let drops = storm.leaves().iter().flat_map(|l| &l.drops);

@@ -1,0 +1,41 @@
+//! Drops of `[[rain.lying]]`: refused where no leaf is, and laid down when the clip begins.
+
+use glam::{DVec2, DVec3};
+
+use crate::motion::rain::{Leaf, Storm};
+use crate::recipe::rain_keys::LyingKeys;
+use crate::{Error, Result};
+
+/// Whether all of them lie on leaves.
+/// # Errors
+/// S004, with the key that is wrong.
+pub fn check(lying: &[LyingKeys], leaves: &[Leaf]) -> Result<()> {
+    for (i, drop) in lying.iter().enumerate() {
+        let Some(leaf) = leaves.get(drop.leaf as usize) else {
+            let text = format!(
+                "rain.lying.{i}.leaf is {}, but {} leaves can carry drops, counted from 0; a leaf without texture \
+                 coordinates (uv) is none of them",
+                drop.leaf,
+                leaves.len()
+            );
+            return Err(Error::export("S004", text));
+        };
+        let uv = DVec2::from_array(drop.at);
+        if leaf.at(uv).is_none() || !leaf.sheet.stops(uv) {
+            let text = format!(
+                "rain.lying.{i}.at is [{}, {}], where leaf {} has no blade; [0.5, 0.5] is the middle of its picture",
+                drop.at[0], drop.at[1], drop.leaf
+            );
+            return Err(Error::export("S004", text));
+        }
+    }
+    Ok(())
+}
+
+/// Lays them down.
+pub fn place(storm: &mut Storm, lying: &[LyingKeys]) {
+    for drop in lying {
+        let v = DVec3::new(drop.speed[1], drop.speed[0], 0.0);
+        storm.place(drop.leaf as usize, DVec2::from_array(drop.at), v, drop.volume * 1e-9);
+    }
+}
