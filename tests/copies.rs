@@ -72,13 +72,8 @@ fn blender_opens_the_showcase_with_few_objects_and_its_sky() {
     assert!(number(&r, "seconds") < 10.0 && number(&r, "objects") < 150.0, "{r}");
     assert!(number(&r, "off") < 1e-3 && number(&r, "environment") >= 1.0, "{r}");
     for (at, seen) in LOOKS.iter().zip(r["sky"].as_array().expect("pixels")) {
-        let (azimuth, elevation) =
-            (std::f32::consts::TAU * (0.5 - at[0]), std::f32::consts::PI * (0.5 - at[1]));
-        let direction = Vec3::new(
-            elevation.cos() * azimuth.sin(),
-            elevation.sin(),
-            elevation.cos() * azimuth.cos(),
-        );
+        let (azimuth, elevation) = (std::f32::consts::TAU * (0.5 - at[0]), std::f32::consts::PI * (0.5 - at[1]));
+        let direction = Vec3::new(elevation.cos() * azimuth.sin(), elevation.sin(), elevation.cos() * azimuth.cos());
         let wanted = scene.sky.radiance(&scene.sun, direction).to_array();
         for (w, s) in wanted.iter().zip(seen.as_array().expect("three")) {
             let s = s.as_f64().expect("number");

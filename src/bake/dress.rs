@@ -6,14 +6,14 @@ use glam::Vec3;
 
 use super::Work;
 use super::air::Air;
-use super::layout::Individual;
+use super::layout::{Individual, Layout};
 use super::mover::{Leaves, Mover, Shown};
 use super::plants::Grown;
 use crate::Result;
 use crate::motion::{Rig, Weights};
 use crate::plant::{Organ, Plant};
-use crate::recipe::PlantRecipe;
-use crate::recipe::sections::{Motion, SkinKeys, Uv};
+use crate::recipe::sections::{Format, Motion, SkinKeys, Uv};
+use crate::recipe::{PlantRecipe, Recipe};
 use crate::scene::{
     Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Prototype, SkinWeights,
     Trs,
@@ -38,6 +38,19 @@ pub struct Kind {
     pub organ_names: Vec<String>,
     /// Its bark carries the attributes by which shaders sway it, for copies that a format shows without a skeleton.
     pub shader_wind: bool,
+}
+
+/// Marks the plants of which glTF may show copies without a skeleton, as all of them would need more skins than it is given.
+pub fn mark_beyond_skins(recipe: &Recipe, layout: &Layout, kinds: &mut [Kind]) {
+    let written = recipe.output.formats.contains(&Format::Glb);
+    let beyond = layout.standings.len() > usize::try_from(recipe.output.gltf.skins).unwrap_or(usize::MAX);
+    let mut standing = vec![0_usize; kinds.len()];
+    for plant in layout.standings.iter().filter_map(|s| layout.individuals.get(s.individual)).map(|i| i.plant) {
+        standing.get_mut(plant).into_iter().for_each(|n| *n += 1);
+    }
+    for (kind, n) in kinds.iter_mut().zip(standing) {
+        kind.shader_wind = written && beyond && recipe.moves && n > 1;
+    }
 }
 
 /// Makes the asset of a grown plant. `moving`: the wind, and where the plant's first copy stands.

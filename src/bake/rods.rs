@@ -341,7 +341,7 @@ mod tests {
         let (recipe, mut report) = resolve(&request).expect("a good scene");
         let (limits, cancel) = (Limits::default(), Cancel::default());
         let work = Work { limits: &limits, cancel: &cancel, progress: &Silent, shelf: None };
-        let made = made(&recipe, 3, &work, &mut report).expect("moves");
+        let made = made((&recipe, false), 3, &work, &mut report).expect("moves");
         (made, report.diagnostics.iter().map(|d| d.code).collect())
     }
 

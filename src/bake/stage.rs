@@ -31,7 +31,7 @@ use crate::par::{join, par_map};
 use crate::plant::AxisKind;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::land_keys::TerrainKeys;
-use crate::recipe::sections::{Format, Motion};
+use crate::recipe::sections::Motion;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use crate::scene::{
@@ -129,7 +129,7 @@ fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) 
     }
     let mut made = Made::default();
     let mut kinds: Vec<Kind> = looks.into_iter().map(|look| made.take(look)).collect();
-    mark_beyond_skins(recipe, &layout, &mut kinds);
+    super::dress::mark_beyond_skins(recipe, &layout, &mut kinds);
     work.progress.stage("skinning", layout.individuals.len() as u64);
     let weight = |i: usize| weights.get(i).copied().unwrap_or(1);
     let modules = grown.iter().enumerate().map(|(i, g)| g.modules * weight(i)).sum();
@@ -269,19 +269,6 @@ fn grow_all(recipe: &Recipe, layout: &Layout, looks: &[Look], work: &Work<'_>) -
         }
     }
     report.into_result(plants)
-}
-
-/// Marks the plants of which glTF may show copies without a skeleton, as all of them would need more skins than it is given.
-fn mark_beyond_skins(recipe: &Recipe, layout: &Layout, kinds: &mut [Kind]) {
-    let written = recipe.output.formats.contains(&Format::Glb);
-    let beyond = layout.standings.len() > usize::try_from(recipe.output.gltf.skins).unwrap_or(usize::MAX);
-    let mut standing = vec![0_usize; kinds.len()];
-    for plant in layout.standings.iter().filter_map(|s| layout.individuals.get(s.individual)).map(|i| i.plant) {
-        standing.get_mut(plant).into_iter().for_each(|n| *n += 1);
-    }
-    for (kind, n) in kinds.iter_mut().zip(standing) {
-        kind.shader_wind = written && beyond && recipe.moves && n > 1;
-    }
 }
 
 fn pair<'a, T>(

@@ -210,6 +210,9 @@ pub struct List {
     /// What to list.
     #[arg(value_enum, default_value = "presets")]
     pub what: What,
+    /// With `options`: only keys in whose name, table or help all of these words occur. With `knobs`: the scene or grammar.
+    #[arg(value_name = "WORD")]
+    pub words: Vec<String>,
 }
 
 /// What can be listed.
@@ -219,6 +222,8 @@ pub enum What {
     Presets,
     /// Keys of scene files.
     Options,
+    /// The #defines of a scene's grammars, with their values and what they say of themselves: osier list knobs oak.
+    Knobs,
     /// File formats.
     Formats,
     /// Codes of faults.

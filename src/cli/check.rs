@@ -3,8 +3,9 @@
 use serde_json::{Value, json};
 
 use super::args::Check;
+use super::knobs::Knob;
 use super::progress::Show;
-use super::{Context, report, source};
+use super::{Context, knobs, report, source};
 use crate::bake::{Counts, Work, stage};
 use crate::diagnostic::{Report, Severity, render_json};
 use crate::recipe::{Growth, resolve};
@@ -14,6 +15,8 @@ use crate::{Error, Result};
 struct Found {
     report: Report,
     counts: Option<Counts>,
+    /// What its grammars leave to be set.
+    knobs: Vec<Knob>,
     /// Why it could not be looked at.
     failed: Option<Error>,
 }
@@ -40,13 +43,17 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
                 "file": file, "diagnostics": render_json(&found.report),
                 "error": found.failed.as_ref().map(ToString::to_string),
                 "would_make": found.counts.as_ref().map(report::as_json),
+                "knobs": knobs::as_json(&found.knobs),
             }));
             continue;
         }
         context.console.report(&found.report);
         match (&found.counts, &found.failed) {
             (_, Some(e)) => context.console.error(e),
-            (Some(c), _) => context.console.result(&format!("{file}\n{}", report::as_text(c)))?,
+            (Some(c), _) => {
+                let knobs = knobs::as_text(&found.knobs);
+                context.console.result(&format!("{file}\n{}{knobs}", report::as_text(c)))?;
+            }
             _ => {}
         }
     }
@@ -60,7 +67,7 @@ pub fn run(context: &Context, args: &Check) -> Result<u8> {
 }
 
 fn look(context: &Context, file: &str) -> Found {
-    let mut found = Found { report: Report::default(), counts: None, failed: None };
+    let mut found = Found { report: Report::default(), counts: None, knobs: Vec::new(), failed: None };
     if let Err(e) = look_into(context, file, &mut found) {
         match e {
             Error::Input(report) => found.report.extend(*report),
@@ -75,6 +82,7 @@ fn look_into(context: &Context, file: &str, found: &mut Found) -> Result<()> {
     request.thorough = true;
     let (recipe, warnings) = resolve(&request)?;
     found.report.extend(warnings);
+    found.knobs = knobs::of(&recipe);
     if context.common.verbose {
         for plant in &recipe.plants {
             let Growth::Grammar(grammar) = &plant.growth else { continue };

@@ -2,12 +2,12 @@
 
 use serde_json::json;
 
-use super::Context;
 use super::args::{List, What};
+use super::{Context, knobs};
 use crate::diagnostic::Severity;
 use crate::diagnostic::codes::CODES;
 use crate::limits::{LIMITS, grouped};
-use crate::recipe::{TableInfo, Word, options, sections};
+use crate::recipe::{KeyInfo, TableInfo, Word, options, sections};
 use crate::{Result, presets};
 
 /// Endings that `grow` writes, with what they are.
@@ -28,9 +28,22 @@ pub const ENDINGS: &[(&str, &str)] = &[
 
 /// Runs it.
 pub fn run(context: &Context, args: &List) -> Result<u8> {
+    if let Some(why) = misplaced(args) {
+        context.console.complain(&why);
+        return Ok(2);
+    }
+    let tables = matching(&args.words);
+    if args.what == What::Options && tables.is_empty() {
+        context.console.complain(&format!("no key has {}; `osier list options` shows all", quoted(&args.words)));
+        return Ok(2);
+    }
+    let knobs = if args.what == What::Knobs { knobs::of_sources(context, &args.words)? } else { Vec::new() };
     let text = match (args.what, context.console.json) {
         (What::Presets, false) => presets_text(),
-        (What::Options, false) => options_text(),
+        (What::Knobs, false) => knobs::as_text(&knobs),
+        (What::Knobs, true) => format!("{:#}\n", knobs::as_json(&knobs)),
+        (What::Options, false) => options_text(&tables),
+        (What::Options, true) => format!("{:#}\n", options_json(&tables)),
         (What::Formats, false) => formats_text(),
         (What::Codes, false) => codes_text(),
         (What::Limits, false) => limits_text(context),
@@ -48,10 +61,42 @@ fn presets_text() -> String {
     out
 }
 
-fn options_text() -> String {
-    let mut out = String::from("Every key of a scene file (TOML). Without unit: SI units and radians.\n");
-    for table in options() {
-        let header = if table.path.is_empty() { String::new() } else { format!("[{}]  ", heading(&table)) };
+/// Why the words of a command line do not fit what is listed.
+fn misplaced(args: &List) -> Option<String> {
+    match args.what {
+        What::Options => None,
+        What::Knobs if args.words.is_empty() => {
+            Some("name a scene, grammar or preset: osier list knobs oak".to_owned())
+        }
+        What::Knobs => None,
+        _ if args.words.is_empty() => None,
+        _ => Some(format!("only `list options` and `list knobs` take words, here {}", quoted(&args.words))),
+    }
+}
+
+fn quoted(words: &[String]) -> String {
+    words.iter().map(|w| format!("\"{w}\"")).collect::<Vec<_>>().join(" and ")
+}
+
+/// The tables of options with those of their keys in which all words occur, in capitals or not.
+fn matching(words: &[String]) -> Vec<TableInfo> {
+    let words: Vec<String> = words.iter().map(|w| w.to_lowercase()).collect();
+    let mut tables = options();
+    for table in &mut tables {
+        let place = format!("{} {}", table.path, table.about).to_lowercase();
+        table.keys.retain(|key| {
+            let text = format!("{place} {} {} {}", key.name, key.help, key.shown.accepts).to_lowercase();
+            words.iter().all(|w| text.contains(w.as_str()))
+        });
+    }
+    tables.retain(|table| !table.keys.is_empty());
+    tables
+}
+
+fn options_text(tables: &[TableInfo]) -> String {
+    let mut out = String::from("Keys of a scene file (TOML). Without unit: SI units and radians.\n");
+    for table in tables {
+        let header = if table.path.is_empty() { String::new() } else { format!("[{}]  ", heading(table)) };
         out += &format!("\n{header}{}\n", table.about);
         for key in &table.keys {
             let default = &key.shown.default;
@@ -111,21 +156,23 @@ fn shown(limit: u64) -> String {
     if limit == u64::MAX { "none".into() } else { grouped(limit) }
 }
 
+fn options_json(tables: &[TableInfo]) -> serde_json::Value {
+    let row = |(t, k): (&TableInfo, &KeyInfo)| {
+        json!({
+            "table": t.path, "key": k.name, "help": k.help, "accepts": k.shown.accepts,
+            "default": k.shown.default, "unit": k.shown.unit,
+        })
+    };
+    tables.iter().flat_map(|t| t.keys.iter().map(move |k| (t, k))).map(row).collect()
+}
+
 fn as_json(context: &Context, what: What) -> serde_json::Value {
     match what {
         What::Presets => {
             presets::PRESETS.iter().map(|p| json!({ "name": p.name, "about": presets::about(p) })).collect()
         }
-        What::Options => options()
-            .iter()
-            .flat_map(|t| t.keys.iter().map(move |k| (t, k)))
-            .map(|(t, k)| {
-                json!({
-                    "table": t.path, "key": k.name, "help": k.help, "accepts": k.shown.accepts,
-                    "default": k.shown.default, "unit": k.shown.unit,
-                })
-            })
-            .collect(),
+        What::Options => options_json(&options()),
+        What::Knobs => serde_json::Value::Null,
         What::Formats => {
             sections::Format::ALL.iter().map(|(w, _)| json!({ "name": w, "about": format_about(w) })).collect()
         }

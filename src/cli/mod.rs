@@ -7,6 +7,7 @@ mod coefficients;
 mod console;
 mod grow;
 mod info;
+mod knobs;
 mod list;
 mod new;
 mod numbers;

@@ -97,7 +97,27 @@ pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let mut resolver =
         Resolver { request, report, whole, inputs: Vec::new(), frames: 1, raining: root.get("rain").is_some() };
     let recipe = resolver.recipe(&root);
+    name_knobs(&recipe, &mut resolver.report);
     resolver.report.into_result(recipe)
+}
+
+/// Where an unknown key of the scene is a #define of one of its grammars, the help names the key that reaches it.
+fn name_knobs(recipe: &Recipe, report: &mut Report) {
+    for d in report.diagnostics.iter_mut().filter(|d| d.code == "S002") {
+        let Some(name) = d.message.strip_prefix("a scene has no key \"").and_then(|m| m.strip_suffix('"')) else {
+            continue;
+        };
+        let has = |p: &&super::PlantRecipe| match &p.growth {
+            super::Growth::Grammar(grammar) => grammar.defines().iter().any(|define| define.name == name),
+            _ => false,
+        };
+        let keys: Vec<String> =
+            recipe.plants.iter().filter(has).map(|p| format!("plants.{}.set.{name}", p.name)).collect();
+        if !keys.is_empty() {
+            d.help = Some(format!("it is a #define of a grammar: its key is {}", keys.join(" or ")));
+            d.fix = None;
+        }
+    }
 }
 
 /// For a bare grammar, `angle=30` reaches its #define and `leaf.size=0.1` its plant.

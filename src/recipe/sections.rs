@@ -322,7 +322,7 @@ keys! {
         /// Length of edges around an axis.
         edge: f64 = "edge" num(0.04, 1e-5, 10.0, "m");
         /// A new ring after so much bend.
-        turn: f64 = "turn_deg" deg(12.0, 0.5, 90.0);
+        turn: f64 = "turn_deg" deg(12.0, 0.6, 85.0);
         /// How the maps follow the taper.
         uv: Uv = "uv" OneOf(Uv::Conformal);
         /// Widening at the foot.

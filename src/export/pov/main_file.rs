@@ -77,8 +77,13 @@ fn later(text: &mut Text, scene: &Scene, includes: &str, (phase, written): (u32,
     include(text, includes, "OsLaterTag");
 }
 
-/// Sets `OsFrame` to the written frame nearest to the one that is rendered. A still render has
-/// frame number 0 and shows the first; a clip that starts at 0 is therefore rendered as frames 1, 2, ..
+/// Whether every frame from the first to the last has a file.
+fn is_contiguous(written: &[u32]) -> bool {
+    written.windows(2).all(|pair| pair[1] == pair[0] + 1)
+}
+
+/// Sets `OsFrame` to the frame that is rendered. A still render has frame number 0 and shows the first; a clip that starts at 0 is
+/// therefore rendered as frames 1, 2, .. Where frames are left out, pictures are numbered 1, 2, .. in the order of those written.
 fn pick_frame(text: &mut Text, written: &[u32]) {
     let (Some(first), Some(last)) = (written.first(), written.last()) else { return };
     let shift = u32::from(*first == 0);
@@ -87,26 +92,18 @@ fn pick_frame(text: &mut Text, written: &[u32]) {
         0 => text.put("#else #declare OsFrame = frame_number; #end\n"),
         _ => text.put("#else #declare OsFrame = frame_number - 1; #end\n"),
     };
-    if written.len() as u64 != u64::from(last - first) + 1 {
+    if !is_contiguous(written) {
         let list: Vec<String> = written.iter().map(u32::to_string).collect();
         text.put(&format!("#declare OsWritten = array[{}] {{ {} }}\n", list.len(), list.join(", ")));
-        text.put("#declare OsNearest = OsWritten[0];\n#declare OsI = 0;\n");
-        text.put("#while (OsI < dimension_size(OsWritten, 1))\n");
-        text.put("  #if (abs(OsWritten[OsI] - OsFrame) < abs(OsNearest - OsFrame))");
-        text.put(" #declare OsNearest = OsWritten[OsI]; #end\n  #declare OsI = OsI + 1;\n#end\n");
-        text.put("#declare OsFrame = OsNearest;\n");
+        let last = written.len() - 1;
+        text.put(&format!("#declare OsFrame = OsWritten[max(0, min({last}, frame_number - 1))];\n"));
     } else {
         text.put(&format!("#declare OsFrame = max({first}, min({last}, OsFrame));\n"));
     }
 }
 
-/// Settings of the rendering program. `main`: name of the scene file; `given`: first and last frame that were asked for.
-pub(super) fn render_ini(
-    scene: &Scene,
-    options: &Options,
-    main: &str,
-    (written, given): (&[u32], Option<[u32; 2]>),
-) -> Text {
+/// Settings of the rendering program. `main`: name of the scene file; `written`: frames that have a file.
+pub(super) fn render_ini(scene: &Scene, options: &Options, main: &str, written: &[u32]) -> Text {
     let mut text = Text::default();
     let library = match options.layout {
         Layout::Bake => "..",
@@ -117,12 +114,16 @@ pub(super) fn render_ini(
     text.put(&format!("Bits_Per_Color=16\nWidth={width}\nHeight={height}\n"));
     text.put("Antialias=On\nAntialias_Threshold=0.1\nSampling_Method=2\nAntialias_Depth=3\n");
     if let (Some(first), Some(last)) = (written.first(), written.last()) {
-        // With steps the pictures still end at the last frame, which then shows the nearest written one.
-        let last = given.map_or(*last, |[_, end]| end.max(*last));
-        let shift = u32::from(*first == 0);
+        // Only frames that exist: where some are left out, pictures are counted from 1.
+        let (from, to) = if is_contiguous(written) {
+            let shift = u32::from(*first == 0);
+            (first + shift, last + shift)
+        } else {
+            (1, u32::try_from(written.len()).unwrap_or(u32::MAX))
+        };
         let clock = |f: u32| Num(crate::math::narrow(scene.clip.seconds(f)));
-        text.put(&format!("Initial_Frame={}\nFinal_Frame={}\n", first + shift, last + shift));
-        text.put(&format!("Initial_Clock={}\nFinal_Clock={}\n", clock(*first), clock(last)));
+        text.put(&format!("Initial_Frame={from}\nFinal_Frame={to}\n"));
+        text.put(&format!("Initial_Clock={}\nFinal_Clock={}\n", clock(*first), clock(*last)));
     }
     text.put("Display=Off\nPause_When_Done=Off\n");
     text

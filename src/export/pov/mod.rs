@@ -74,8 +74,8 @@ pub struct Pov {
     options: Options,
     scene: Option<Arc<Scene>>,
     written: Vec<u32>,
-    /// First and last frame that were asked for.
-    given: Option<[u32; 2]>,
+    /// First frame that was asked for.
+    first: Option<u32>,
     instances: usize,
     sheets: wet::Sheets,
     warnings: Vec<Warning>,
@@ -85,7 +85,7 @@ impl Pov {
     /// Writes into `folder`; `textures`: the scene's pictures.
     pub fn new(folder: Folder, textures: Textures, options: Options) -> Self {
         let (written, warnings, sheets) = (Vec::new(), Vec::new(), wet::Sheets::new());
-        Self { folder, textures, options, scene: None, written, given: None, instances: 0, sheets, warnings }
+        Self { folder, textures, options, scene: None, written, first: None, instances: 0, sheets, warnings }
     }
 
     /// Path of one of our files below the output folder.
@@ -236,8 +236,7 @@ impl Exporter for Pov {
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = self.scene.clone() else { return Ok(()) };
         // Steps are counted from the first frame that is asked for, so a single one is always written.
-        let [first, _] = self.given.map_or([frame.number; 2], |[first, _]| [first, frame.number]);
-        self.given = Some([first, frame.number]);
+        let first = *self.first.get_or_insert(frame.number);
         let skipped = !frame.number.saturating_sub(first).is_multiple_of(self.options.step.max(1));
         if skipped || !moves(&scene) {
             return Ok(());
@@ -262,7 +261,7 @@ impl Exporter for Pov {
             Layout::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
         };
         self.save(&path, "pov", &main)?;
-        let ini = main_file::render_ini(&scene, &self.options, &name, (&self.written, self.given));
+        let ini = main_file::render_ini(&scene, &self.options, &name, &self.written);
         self.save(&self.path("render.ini"), "ini", &ini)?;
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }
