@@ -42,6 +42,13 @@ scale = 0.8
 speed = 8
 [ground]
 show = false
+[output.gltf]
+profiles = ["blender", "web"]
+assets = true
+[output.usd]
+copies = "references"
+tolerance_mm = 0
+turn_tolerance_deg = 0
 "#;
 
 const NUMBERS: [u32; 3] = [1, 60, 120];

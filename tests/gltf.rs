@@ -209,7 +209,10 @@ fn one_frame_stands_still_with_all_that_live() {
         }
     }
     let required = |name: &str| Player::new(&read(&temp.path().join(name))).json["extensionsRequired"].clone();
-    assert_eq!(required("gltf/tracks.web.glb"), serde_json::json!(["EXT_mesh_gpu_instancing"]));
+    assert_eq!(
+        required("gltf/tracks.web.glb"),
+        serde_json::json!(["EXT_mesh_gpu_instancing", "KHR_mesh_quantization"])
+    );
     let Some((node, folder)) = clients::three() else { return };
     let file = temp.path().join("gltf/synthetic.web.glb");
     let job =
@@ -232,7 +235,11 @@ fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
         let count = |s: &Value| player.rows(s["input"].as_u64().expect("input") as usize).len();
         keys.push(samplers.iter().map(count).sum::<usize>());
         let required = player.json["extensionsRequired"].as_array().map_or(0, Vec::len);
-        assert_eq!(required, 0, "nothing is instanced where everything moves on its own");
+        let small = usize::from(profile == Profile::Web);
+        assert_eq!(
+            required, small,
+            "nothing is instanced where everything moves on its own, only web has small numbers"
+        );
     }
     assert!(keys[0] * 2 < keys[1], "{keys:?}");
 }

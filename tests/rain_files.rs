@@ -112,6 +112,6 @@ fn leaves_without_maps_tell_their_wetness() {
     let said = clients::python_script(&python, "instance_wetness.py", &[arg(&out.join("wet.usda"))]);
     let told: Vec<f32> = serde_json::from_slice(&said.stdout).expect("a list");
     assert_eq!(told.len(), 3);
-    // Three leaves of 20 mm, hit by some forty drops.
-    assert!(told.iter().all(|w| (0.01..0.5).contains(w)), "{told:?}");
+    // Three leaves of 20 mm, hit by some hundred and fifty drops.
+    assert!(told.iter().all(|w| (0.3..0.9).contains(w)), "{told:?}");
 }

@@ -40,7 +40,18 @@ fn baked() -> &'static Path {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("showcase");
         // What an earlier build left there must not be taken for this one's.
         let _ = std::fs::remove_dir_all(&folder);
-        let run = osier(&["bake", "-o", &folder.to_string_lossy()]);
+        // All files of all formats, each placement a prim of its own, every frame: what is compared point by point.
+        let set = [
+            "output.formats=[\"usd\", \"glb\", \"pov\"]",
+            "output.gltf.profiles=[\"blender\", \"web\"]",
+            "output.gltf.assets=true",
+            "output.usd.copies=references",
+            "output.usd.tolerance_mm=0",
+            "output.usd.turn_tolerance_deg=0",
+        ];
+        let path = folder.to_string_lossy();
+        let arguments = ["bake", "-o", &path].into_iter().chain(set.iter().flat_map(|s| ["--set", s]));
+        let run = osier(&arguments.map(|s| s as &str).collect::<Vec<&str>>());
         let said = String::from_utf8_lossy(&run.stdout).into_owned();
         assert!(said.contains("File > Import > USD") && said.contains("showcase.usda"), "{said}");
         folder
@@ -130,6 +141,17 @@ impl Shown<'_> {
 
     /// Meshes material by material, instances merged prototype by prototype, leaves as they ride on their joints.
     fn gltf(&self, meshes: &mut Map<String, Value>) {
+        // Copies at rest are a node each, with everything that the plant shows in one mesh.
+        let copies = stage().scene.placements.iter().filter(|p| p.asset == self.placement.asset).count();
+        if !self.asset.group.is_empty() && !self.asset.moves() && copies > 1 {
+            let written = |(i, o): (usize, &MeshObject)| {
+                let points = self.mesh(i, o);
+                per_material(&o.mesh).into_iter().map(move |v| points[v]).collect::<Vec<Vec3>>()
+            };
+            let points: Vec<Vec3> = self.asset.meshes.iter().enumerate().flat_map(written).collect();
+            meshes.insert(self.placement.name.clone(), summary(&points));
+            return;
+        }
         let key = |n: &str| format!("{}_{n}", self.placement.name);
         for (i, object) in self.asset.meshes.iter().enumerate() {
             // A cache is written as the skin beside it.

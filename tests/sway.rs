@@ -30,6 +30,13 @@ radius = 20
 speed = 6
 [ground]
 show = false
+[output.gltf]
+profiles = ["blender", "web"]
+assets = true
+[output.usd]
+copies = "references"
+tolerance_mm = 0
+turn_tolerance_deg = 0
 "#;
 
 fn bake(dir: &Path, out: &str, threads: &str) -> String {

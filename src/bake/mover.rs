@@ -12,6 +12,7 @@ use super::morphing::Morphing;
 use super::rain::Rain;
 use super::rods::RodMotion;
 use crate::Result;
+use crate::diagnostic::{Diagnostic, Report};
 use crate::limits::Limits;
 use crate::math::narrow;
 use crate::motion::{self, Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
@@ -242,6 +243,20 @@ impl Moving {
             Self::Rained(m, k) => Ok(m.plant(*k, nth(seconds, step))),
             Self::Boughs(m) => m.frame(asset, nth(seconds, step)),
         }
+    }
+}
+
+/// X020 where the paper's equations have no answer.
+pub fn tell_clamped(movers: &[Option<Moving>], report: &mut Report) {
+    let of = |m: &Option<Moving>| if let Some(Moving::Plant(m)) = m { m.clamped() } else { 0 };
+    let clamped: u64 = movers.iter().map(of).sum();
+    if clamped > 0 {
+        let text = format!(
+            "{clamped} times an internode would be deflected by more than its length; its angle is taken as 90 degrees"
+        );
+        report.push(
+            Diagnostic::about("X020", text).help("raise plants.NAME.wood.stiffness, or take sway.model = \"beam\""),
+        );
     }
 }
 

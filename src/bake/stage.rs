@@ -152,7 +152,7 @@ fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) 
     // Leaves that rain falls on are moved by rods or not at all.
     let swaying = air.as_ref().filter(|_| recipe.rain.is_none());
     dress_all((recipe, swaying), (&layout, &kinds, &grown), &mut made, (work, &mut report))?;
-    tell_clamped(&made.movers, &mut report);
+    super::mover::tell_clamped(&made.movers, &mut report);
     let mut placements = placements(swaying, &made, &layout);
     let short = meant.map(draft::shower);
     let raining = short.as_ref().unwrap_or(recipe);
@@ -336,20 +336,6 @@ fn dress_all(
         dressed.told.into_iter().for_each(|d| report.push(d));
     }
     Ok(())
-}
-
-/// X020 where the paper's equations have no answer.
-fn tell_clamped(movers: &[Option<Moving>], report: &mut Report) {
-    let of = |m: &Option<Moving>| if let Some(Moving::Plant(m)) = m { m.clamped() } else { 0 };
-    let clamped: u64 = movers.iter().map(of).sum();
-    if clamped > 0 {
-        let text = format!(
-            "{clamped} times an internode would be deflected by more than its length; its angle is taken as 90 degrees"
-        );
-        report.push(
-            Diagnostic::about("X020", text).help("raise plants.NAME.wood.stiffness, or take sway.model = \"beam\""),
-        );
-    }
 }
 
 fn placements(air: Option<&Air>, made: &Made, layout: &Layout) -> Vec<Placement> {

@@ -52,6 +52,8 @@ impl Player {
         assert_eq!(start % 4, 0, "offsets are multiples of 4");
         let bytes = &self.bin[start..start + number(view, "/byteLength", 0)];
         let values: Vec<f32> = match number(a, "/componentType", 0) {
+            5120 => bytes.iter().map(|b| f32::from(b.cast_signed()) / 127.0).collect(),
+            5122 => bytes.chunks_exact(2).map(|b| f32::from(i16::from_le_bytes([b[0], b[1]])) / 32_767.0).collect(),
             5121 => bytes.iter().map(|b| f32::from(*b)).collect(),
             5123 => bytes.chunks_exact(2).map(|b| f32::from(u16::from_le_bytes([b[0], b[1]]))).collect(),
             5125 => bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as f32).collect(),
@@ -131,7 +133,7 @@ impl Player {
         (0..t.len())
             .map(|i| {
                 let scale = s.as_ref().map_or(Vec3::ONE, |s| s[i]);
-                Mat4::from_scale_rotation_translation(scale, Quat::from_slice(&r[i]), t[i])
+                Mat4::from_scale_rotation_translation(scale, Quat::from_slice(&r[i]).normalize(), t[i])
             })
             .collect()
     }

@@ -35,6 +35,7 @@ use crate::geometry::Bounds;
 use crate::scene::{AssetFrame, Frame, Scene, asset_bounds};
 use crate::{Error, Result};
 use copies::Single;
+use sink::{Discard, Sink};
 use stage::{LayerMeta, PrimMeta, Stage};
 use target::{Binding, Context, Part, Shot, Target};
 
@@ -122,12 +123,15 @@ impl Usd {
         for (i, asset) in cx.scene.assets.iter().enumerate() {
             let name = safe_name(&asset.id);
             let root = format!("/{name}");
-            if let Some(out) = self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
-                let mut target = open(cx, Box::new(usdc::Usdc::new(Box::new(out))), &name)?;
-                target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
-                let parts = body::define(cx, &mut target, &root, asset)?;
-                self.push(target, Some(i), parts.into_iter().map(|p| (i, p)).collect());
-            }
+            // The wrapper needs the bindings and the extent of a payload that an interrupted bake has left complete, too.
+            let sink: Box<dyn Sink> = match self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
+                Some(out) => Box::new(out),
+                None => Box::new(Discard::default()),
+            };
+            let mut target = open(cx, Box::new(usdc::Usdc::new(sink)), &name)?;
+            target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
+            let parts = body::define(cx, &mut target, &root, asset)?;
+            self.push(target, Some(i), parts.into_iter().map(|p| (i, p)).collect());
             if !asset.instancers.iter().any(|x| x.tracked) {
                 continue;
             }

@@ -15,6 +15,31 @@ pub(super) trait Sink: Send {
     fn commit(self: Box<Self>) -> Result<()>;
 }
 
+/// Counts bytes and keeps none: for a layer that is on disk already, of which others still need to know what it holds.
+#[derive(Debug, Default)]
+pub(super) struct Discard {
+    position: u64,
+}
+
+impl Sink for Discard {
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.position += bytes.len() as u64;
+        Ok(())
+    }
+
+    fn put_at(&mut self, _offset: u64, _bytes: &[u8]) -> Result<()> {
+        Ok(())
+    }
+
+    fn position(&self) -> u64 {
+        self.position
+    }
+
+    fn commit(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
 impl Sink for Output {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         Self::put(self, bytes)

@@ -103,7 +103,7 @@ mod tests {
 
     #[test]
     fn what_is_left_restores_every_frame_within_the_tolerance() {
-        let wave = |i: u16| Vec3::new(crate::math::sin_f32(f32::from(i) * 0.2), f32::from(i) * 0.01, 0.0);
+        let wave = |i: u16| Vec3::new(crate::math::sin_f32(f32::from(i) * 0.05), f32::from(i) * 0.01, 0.0);
         let frames: Vec<Vec<Vec3>> = (0..100_u16).map(|i| vec![wave(i), wave(i + 7)]).collect();
         let kept = thinned(0.004, &frames);
         assert!(kept.len() < 60, "{}", kept.len());
