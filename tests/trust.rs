@@ -1,4 +1,5 @@
 //! Files from strangers: what they may cost, and what they may print.
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "a test may fail, and says what it leaves out")]
 #![cfg(unix)]
 #![allow(clippy::disallowed_methods, reason = "tests look at the disk and the clock themselves")]
 

@@ -85,6 +85,7 @@ pub struct Dressing {
 /// Rods and leaves of a plant that stands at `stand`, at rest. `clock`: frames per second, and the number of the first.
 /// # Errors
 /// What the skin refuses.
+#[allow(clippy::too_many_arguments, reason = "a struct for one call would only rename them")]
 pub fn dress_sprung(
     grown: &Grown,
     recipe: &PlantRecipe,

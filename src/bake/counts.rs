@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::blow::lattice_options;
 use super::write::Stage;
 use crate::recipe::Recipe;
-use crate::recipe::sections::Format;
+use crate::recipe::sections::{Format, Profile};
 use crate::recipe::wind_keys::{Solver, WindModel};
 use crate::scene::{Asset, InstancerMotion, MeshMotion, Scene};
 use crate::wind::LatticeMemory;
@@ -76,10 +76,16 @@ pub fn count(stage: &Stage, recipe: &Recipe, frames: u64, weights: &[u64]) -> Co
 fn shared(format: Format, pictures: u64, recipe: &Recipe) -> u64 {
     match format {
         // Pictures are embedded in the scene's file, and in each asset's where those have some.
-        Format::Glb => glb_files(recipe) * pictures * recipe.output.gltf.profiles.len() as u64,
+        Format::Glb => {
+            let each = |p: &Profile| if *p == Profile::Web { pictures / JPEG } else { pictures };
+            glb_files(recipe) * recipe.output.gltf.profiles.iter().map(each).sum::<u64>()
+        }
         _ => 0,
     }
 }
+
+/// How many times smaller pictures are as JPEG. Own: measured on barks, grounds and leaves.
+const JPEG: u64 = 4;
 
 /// In how many binary glTF files of a profile an asset appears.
 fn glb_files(recipe: &Recipe) -> u64 {
@@ -203,14 +209,14 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
             let nodes = if keys.frame.is_some() { 0 } else { s.free.min(u64::from(keys.nodes)) };
             let vertices = s.vertices + s.instance_vertices;
             let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
-            let web = s.vertices * 56 + s.triangles * 12 + s.proto_vertices * 32 + s.instances * 32;
+            let web = s.vertices * 48 + s.triangles * 12 + s.proto_vertices * 28 + s.instances * 32;
             let (tracks, points) = (moving * s.joints * 16 + nodes * frames * 44, (s.points - s.moving_points) * 18);
             // In the scene's file, which has tracks for each of the times, and in the asset's own if it has one.
             let files = glb_files(recipe);
             let times = s.times.min(u64::from(keys.skins)) + files - 1;
-            let each = |p: &crate::recipe::sections::Profile| match p {
-                crate::recipe::sections::Profile::Blender => files * (merged + points) + times * tracks,
-                crate::recipe::sections::Profile::Web => files * (web + points) + times * tracks,
+            let each = |p: &Profile| match p {
+                Profile::Blender => files * (merged + points) + times * tracks,
+                Profile::Web => files * (web + points) + times * tracks,
             };
             recipe.output.gltf.profiles.iter().map(each).sum()
         }

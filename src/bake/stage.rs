@@ -90,6 +90,7 @@ pub fn plan(recipe: &Recipe, parts: Parts, work: &Work<'_>) -> Result<Built> {
 }
 
 /// `meant`: what the recipe is a draft of.
+#[allow(clippy::too_many_lines, reason = "the kinds of things in a scene, one after the other")]
 fn made(recipe: &Recipe, meant: Option<&Recipe>, parts: Parts, work: &Work<'_>) -> Result<Built> {
     if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
         let reason = format!("\"{}\" is a picture, not a scene in space: osier grow {0} -o {0}.png", recipe.name);

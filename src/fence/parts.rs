@@ -82,7 +82,7 @@ impl Drop for Part {
 
 /// Removes what this process is writing, for an end without any further step.
 pub fn drop_parts() {
-    for path in live(|l| std::mem::take(l)) {
+    for path in live(std::mem::take) {
         let _ = fs::remove_file(path);
     }
 }

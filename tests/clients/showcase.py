@@ -38,11 +38,17 @@ def index():
     return out
 
 
+def alone(key, kind):
+    """Blender makes one object of a placement and its only mesh."""
+    single = [o for o in bpy.data.objects if o.type == kind and (o.parent is None or o.parent.parent is None)]
+    return [o for o in single if base(o) in key.split("/")]
+
+
 def find(key, kind):
     """An object by its name, or by the name of its placement and its own: PLACEMENT/NAME."""
     if "/" not in key:
         return bpy.data.objects[key]
-    hits = objects.get((key, kind), [])
+    hits = objects.get((key, kind), []) or alone(key, kind)
     assert len(hits) == 1, (key, hits)
     return hits[0]
 

@@ -34,6 +34,10 @@ def placement(o):
 def find(key, kind):
     where, name = key.split("/")
     hits = [o for o in bpy.data.objects if base(o) == name and placement(o) == where and o.type == kind]
+    if not hits:
+        # Blender makes one object of a placement and its only mesh.
+        alone = [o for o in bpy.data.objects if o.type == kind and (o.parent is None or o.parent.parent is None)]
+        hits = [o for o in alone if base(o) in (where, name)]
     assert len(hits) == 1, (key, hits)
     return hits[0]
 
