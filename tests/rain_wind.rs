@@ -1,5 +1,10 @@
 //! Where rain falls: a leaf catches the same share of it whatever the wind, and wherever the land lies.
-#![allow(clippy::expect_used, clippy::disallowed_methods, clippy::print_stdout, reason = "tests run the program and read its files")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "tests run the program and read its files"
+)]
 #![allow(clippy::cast_possible_truncation, reason = "small whole numbers")]
 
 use std::fs;
