@@ -94,7 +94,8 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
 }
 
 fn options_text(tables: &[TableInfo]) -> String {
-    let mut out = String::from("Keys of a scene file (TOML). Without unit: SI units and radians.\n");
+    let mut out =
+        String::from("Keys of a scene file (TOML). Without unit: SI units; angles are in degrees and say so.\n");
     for table in tables {
         let header = if table.path.is_empty() { String::new() } else { format!("[{}]  ", heading(table)) };
         out += &format!("\n{header}{}\n", table.about);

@@ -45,7 +45,9 @@ pub fn run(context: &Context, args: &New) -> Result<u8> {
         context.console.result(&format!("{value:#}\n"))?;
     } else {
         context.console.result(&format!("{}\n", paths.join("\n")))?;
-        context.console.note(&format!("next: osier bake {}", path(&scene_name)));
+        let scene = path(&scene_name);
+        let quote = if scene.contains(char::is_whitespace) { "'" } else { "" };
+        context.console.note(&format!("next: osier bake {quote}{scene}{quote}"));
     }
     Ok(0)
 }

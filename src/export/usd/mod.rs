@@ -207,6 +207,9 @@ impl Usd {
 
     /// The wrapper: a payload per placement, an instancer per plant with copies, one scope of materials, camera and lights.
     fn wrapper(&self, cx: &Context, written: &Written) -> Result<()> {
+        if self.options.look {
+            exr::write_sky(&self.folder, &cx.scene)?;
+        }
         let scene = safe_name(&cx.scene.name);
         let Some(out) = self.folder.create(&format!("{scene}.usda"), "usda.wrapper", None)? else { return Ok(()) };
         // Seen from here, pictures lie beside the payloads, not above them.
@@ -239,7 +242,6 @@ impl Usd {
             group.place(cx, &mut target, &written.reach)?;
         }
         if self.options.look {
-            exr::write_sky(&self.folder, &cx.scene)?;
             look::define(cx, &mut target, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
         }
         target.stage.finish()
