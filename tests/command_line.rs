@@ -331,8 +331,8 @@ fn info_names_what_was_deleted_or_changed_and_a_bake_mends_it() {
     bake();
     assert_same(&tree(&out), &wanted, "mended");
     ends(1, &["info", arg(dir.path())]);
-    let (text, _) = ends(0, &["info", arg(&out.join("gltf/cached.web.glb"))]);
-    assert!(text.contains("gltf/cached.web.glb"), "{text}");
+    let (text, _) = ends(0, &["info", arg(&out.join("gltf/sprig.web.glb"))]);
+    assert!(text.contains("gltf/sprig.web.glb"), "{text}");
 }
 
 #[test]
