@@ -121,7 +121,7 @@ assert slots == {
 names = sorted(m.name.split(".")[0] for m in bpy.data.materials if m.users)
 # A wrapper binds all payloads to one material of each kind; in one layer each asset has its own.
 counts = [names.count(kind) for kind in ("bark", "leaf", "water")]
-assert counts == ([1, 1, 1] if assert.endswith("synthetic.usda") else [3, 3, 2]), names
+assert counts == ([1, 1, 1] if sys.argv[1].endswith("synthetic.usda") else [3, 3, 2]), names
 body = find("cache/body", "MESH").data
 assert [p.material_index for p in body.polygons][:3] == [0, 0, 1] and body.polygons[-1].material_index == 1
 images = {i.filepath.replace("\\", "/").rsplit("/", 1)[-1] for i in bpy.data.images if i.has_data or i.size[0]}
