@@ -16,7 +16,7 @@ use crate::export::Warning;
 use crate::export::merge::merged;
 use crate::scene::{Asset, InstancerMotion, MeshMotion, Placement, Trs, ribbons};
 
-/// Most transforms that an instanced node of copies holds: copies times the leaves of each. 8 MB of the file.
+/// Most transforms that an instanced node of copies holds: copies times the leaves of each: 32 bytes each, 6 MB of the file.
 const TRANSFORMS: usize = 200_000;
 /// Draw calls that `web` spends on leaves that ride on joints, over all placements that sway: a call is one prototype on one
 /// joint. Own: with bark, ground and copies a scene stays below 500, which browsers of phones draw at 60 Hz.

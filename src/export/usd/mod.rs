@@ -172,17 +172,20 @@ impl Usd {
         let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
         for single in &plan.singles {
             let Single { path, placement } = single;
-            let meta = PrimMeta { kind: Some("component"), ..PrimMeta::default() };
-            let shown =
-                Shown { asset: placement.asset, ahead: placement.phase, may_share: shared.contains(&placement.asset) };
-            parts.extend(inside(cx, &mut target, (path, "Xform", meta), shown, &mut first)?);
+            let shown = Shown {
+                asset: placement.asset,
+                ahead: placement.phase,
+                may_share: shared.contains(&placement.asset),
+                kind: Some("component"),
+            };
+            parts.extend(inside(cx, &mut target, path, shown, &mut first)?);
             target.transform(path, &cx.up.trs(&placement.transform))?;
         }
         for group in &plan.copies {
             group.define(&mut target)?;
             for (individual, path) in &group.prototypes {
-                let shown = Shown { asset: individual.asset, ahead: individual.phase, may_share: false };
-                parts.extend(inside(cx, &mut target, (path, "Xform", PrimMeta::default()), shown, &mut first)?);
+                let shown = Shown { asset: individual.asset, ahead: individual.phase, may_share: false, kind: None };
+                parts.extend(inside(cx, &mut target, path, shown, &mut first)?);
             }
         }
         if self.options.look {
@@ -228,7 +231,7 @@ impl Usd {
             target.stage.prim(path, "Xform", &meta)?;
             target.transform(path, &cx.up.trs(&placement.transform))?;
             if !instanceable {
-                rebind(cx, &mut target, (&root, path), written.bindings(placement.asset))?;
+                rebind(cx, &mut target, &root, path, written.bindings(placement.asset))?;
             }
         }
         for group in &plan.copies {
@@ -237,7 +240,7 @@ impl Usd {
                 let Some(payload) = payload(cx, individual.asset, individual.phase, "./usd/") else { continue };
                 // A prototype takes its type from the payload.
                 target.stage.prim(path, "", &PrimMeta { payload: Some(payload), ..PrimMeta::default() })?;
-                rebind(cx, &mut target, (&root, path), written.bindings(individual.asset))?;
+                rebind(cx, &mut target, &root, path, written.bindings(individual.asset))?;
             }
             group.place(cx, &mut target, &written.reach)?;
         }
@@ -325,13 +328,15 @@ struct Shown {
     ahead: u32,
     /// Readers may hold it once for all prims that show it.
     may_share: bool,
+    /// Model kind of the prim.
+    kind: Option<&'static str>,
 }
 
 /// Writes an asset under a new prim of the layer: its contents the first time, a reference to those from then on.
 fn inside(
     cx: &Context,
     target: &mut Target,
-    (path, type_name, meta): (&str, &'static str, PrimMeta),
+    path: &str,
     shown: Shown,
     first: &mut BTreeMap<usize, String>,
 ) -> Result<Vec<(usize, Box<dyn Part>)>> {
@@ -340,7 +345,8 @@ fn inside(
     let instanceable = known.is_some() && shown.may_share;
     let reference = known.map(|prim| stage::Arc { asset: String::new(), prim, ahead: shown.ahead });
     let new = reference.is_none();
-    target.stage.prim(path, type_name, &PrimMeta { instanceable, reference, ..meta })?;
+    let meta = PrimMeta { kind: shown.kind, instanceable, reference, ..PrimMeta::default() };
+    target.stage.prim(path, "Xform", &meta)?;
     if !new {
         return Ok(Vec::new());
     }
@@ -357,7 +363,7 @@ fn payload(cx: &Context, asset: usize, ahead: u32, folder: &str) -> Option<stage
 
 /// Binds what a payload at `path` shows to the materials of the scene's root, so that readers that make a material for every
 /// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change, and so does what stands in a variant.
-fn rebind(cx: &Context, target: &mut Target, (root, path): (&str, &str), bindings: &[Binding]) -> Result<()> {
+fn rebind(cx: &Context, target: &mut Target, root: &str, path: &str, bindings: &[Binding]) -> Result<()> {
     let own = |b: &Binding| {
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.wet.is_some())
     };
