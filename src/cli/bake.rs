@@ -12,7 +12,8 @@ use super::{numbers, report, source, sweep};
 use crate::Result;
 use crate::bake::{self, Work, exporters, kept, stage, write};
 use crate::export::textures::Textures;
-use crate::export::{SOURCES, VERSION, Warning, manifest};
+use crate::export::manifest::{self, Manifest};
+use crate::export::{SOURCES, VERSION, Warning};
 use crate::fence::{Folder, Shelf, WriteOptions, is_settled};
 use crate::recipe::sections::Format;
 use crate::recipe::{Recipe, resolve};
@@ -41,9 +42,11 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     };
     let root = args.output.clone().unwrap_or_else(|| Path::new("out").join(&recipe.name));
     let mut warned = !warnings.diagnostics.is_empty();
-    if !context.common.dry_run && is_current(context, &root, &recipe) {
+    if !context.common.dry_run
+        && let Some(manifest) = current(context, &root, &recipe)
+    {
         context.console.note(&format!("\"{}\" is up to date", root.display()));
-        summary(context, &root, &recipe, None)?;
+        summary(context, &root, &recipe, &manifest, None)?;
         return Ok(context.strict(warned));
     }
     let show = Show::new(&context.console);
@@ -86,11 +89,11 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     context.console.note(&format!("writing about {}", sizes(counts.bytes, &counts.sizes)));
     let told = bake(context, args, &recipe, (&built.stage, &frames, &root), &work);
     show.done();
-    let told = told?;
+    let (manifest, told) = told?;
     for w in &told {
         context.console.note(&format!("warning[{}]: {}", w.code, w.message));
     }
-    summary(context, &root, &recipe, Some(&timed.seconds()))?;
+    summary(context, &root, &recipe, &manifest, Some(&timed.seconds()))?;
     Ok(context.strict(warned || !told.is_empty()))
 }
 
@@ -130,15 +133,12 @@ fn lacking(recipe: &Recipe, stage: &write::Stage, frames: &[u32]) -> Option<Stri
     })
 }
 
-/// True if the folder holds exactly what this run would write, and the run that wrote it came to its very end.
-fn is_current(context: &Context, root: &Path, recipe: &Recipe) -> bool {
-    let limit = context.limits.get("json-bytes");
-    match manifest::verify(root, limit) {
-        Ok((m, found)) => {
-            m.scene.hash == recipe.hash && m.version == VERSION && found.is_complete() && is_settled(root, &key(recipe))
-        }
-        Err(_) => false,
-    }
+/// The manifest of the folder if it holds exactly what this run would write, and the run that wrote it came to its very
+/// end.
+fn current(context: &Context, root: &Path, recipe: &Recipe) -> Option<Manifest> {
+    let (m, found) = manifest::verify(root, context.limits.get("json-bytes")).ok()?;
+    let is_same = m.scene.hash == recipe.hash && m.version == VERSION;
+    (is_same && found.is_complete() && is_settled(root, &key(recipe))).then_some(m)
 }
 
 /// What decides the bytes of a bake: the program, down to the sources that it was built from, and the scene.
@@ -163,7 +163,7 @@ fn bake(
     recipe: &Recipe,
     (stage, frames, root): (&write::Stage, &[u32], &PathBuf),
     work: &Work<'_>,
-) -> Result<Vec<Warning>> {
+) -> Result<(Manifest, Vec<Warning>)> {
     let folder = work.shelf.map_or_else(|| open(context, args, recipe, root), |shelf| Ok(shelf.folder().clone()))?;
     let textures = Arc::new(Textures::encode(&stage.scene)?);
     textures.write(&stage.scene, &folder, "textures/")?;
@@ -174,12 +174,18 @@ fn bake(
     let manifest = manifest::build(&stage.scene, &folder.files(), &warnings, &settings);
     manifest::write(&folder, &manifest)?;
     folder.finish()?;
-    Ok(warnings)
+    Ok((manifest, warnings))
 }
 
 /// What was made, how to open it, and how long each stage took; without stages it was up to date.
-fn summary(context: &Context, root: &Path, recipe: &Recipe, stages: Option<&[(String, f64)]>) -> Result<()> {
-    let (m, _) = manifest::verify(root, context.limits.get("json-bytes"))?;
+/// It is told from the manifest in memory: another process may have begun to write the folder anew.
+fn summary(
+    context: &Context,
+    root: &Path,
+    recipe: &Recipe,
+    m: &Manifest,
+    stages: Option<&[(String, f64)]>,
+) -> Result<()> {
     let files = m.expanded();
     let bytes: u64 = files.iter().map(|f| f.1).sum();
     if context.console.json {

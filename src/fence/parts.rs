@@ -1,21 +1,26 @@
 //! Files in the making: `.NAME.HOST-PID-N.part` beside the final name, unique per writer and gone when it ends.
 //!
 //! A writer locks its part for as long as it is one. Process numbers alone would not tell the living from the dead: two
-//! containers on one machine have the same ones.
+//! containers on one machine have the same ones. N counts from a random number, so that no two processes ever name the
+//! same part: who removes its own part by name cannot remove another's.
 
 use std::collections::BTreeSet;
+use std::collections::hash_map::RandomState;
 use std::fs::{self, File};
+use std::hash::BuildHasher as _;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Duration;
 
 use super::disk::{Disk, open_regular, retry};
 
 /// Parts that this process is writing now: what tells them from those of a dead process with our number.
 static LIVE: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-static COUNT: AtomicU64 = AtomicU64::new(0);
+
+/// Number of the next part. The names of parts are in no result, so a random start changes no byte of one.
+static NEXT: LazyLock<AtomicU64> = LazyLock::new(|| AtomicU64::new(RandomState::new().hash_one(std::process::id())));
 
 /// Bytes of the final name kept in the part's name, which must stay under 255.
 const NAME_BYTES: usize = 120;
@@ -37,7 +42,7 @@ impl Part {
     /// Makes the part file for `name` in `folder`.
     pub(super) fn create(disk: &Arc<dyn Disk>, folder: &Path, name: &str) -> io::Result<(Self, File)> {
         loop {
-            let n = COUNT.fetch_add(1, Ordering::Relaxed);
+            let n = NEXT.fetch_add(1, Ordering::Relaxed);
             let path = folder.join(format!(".{}.{}-{}-{n}.part", cut(name), host(), std::process::id()));
             live(|l| l.insert(path.clone()));
             let mut part = Self { disk: Arc::clone(disk), path, moved: false, lock: None };
@@ -48,7 +53,7 @@ impl Part {
                 }
                 // Another process sweeps here and took it for a dead one's.
                 Ok(_) => {}
-                // A process elsewhere has our number and this name: leave its part to the sweep and count on.
+                // Another file has this name: leave it to the sweep and count on.
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => part.moved = true,
                 Err(e) => {
                     part.moved = true;
