@@ -19,7 +19,7 @@ use osier::export::gltf::{Gltf, Options};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
 use osier::fence::Folder;
-use osier::scene::{Frame, MeshFrame, MeshMotion, Scene};
+use osier::scene::{Frame, InstancerMotion, MeshFrame, MeshMotion, Scene};
 use serde_json::{Value, json};
 
 fn bake(folder: &Path, scene: &Arc<Scene>, frames: &[Frame]) {
@@ -118,8 +118,18 @@ fn resting(scene: &Scene, frames: &[Frame], folder: &Path, number: u32) -> Value
     let expected = expect::expect(scene, std::slice::from_ref(&rest), &[number]);
     let list = at[number.to_string()].as_object_mut().expect("objects");
     list.retain(|name, _| !name.starts_with("tracks_flying_"));
-    let states = expected["frames"][number.to_string()]["instancers"]["tracks/flying"].as_array().expect("flying");
-    instanced(list, "tracks_flying", states, true);
+    let states = &expected["frames"][number.to_string()]["instancers"];
+    instanced(list, "tracks_flying", states["tracks/flying"].as_array().expect("flying"), true);
+    // Without joints that move, leaves are one mesh for each prototype.
+    for p in &scene.placements {
+        for instancer in &scene.assets[p.asset].instancers {
+            let InstancerMotion::Joints(joints) = &instancer.motion else { continue };
+            let name = format!("{}_{}", p.name, instancer.name);
+            joints.iter().for_each(|joint| _ = list.remove(&format!("{name}_{joint}")));
+            let states = states[format!("{}/{}", p.name, instancer.name)].as_array().expect("states");
+            instanced(list, &name, states, true);
+        }
+    }
     let cloud = &expected["frames"][number.to_string()]["points"]["misc/rain"]["positions"];
     list.insert("misc_rain".into(), json!({"points": cloud}));
     let file = folder.join("gltf/synthetic.blender.glb").to_string_lossy().into_owned();

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses its own share")]
 #![allow(clippy::expect_used, reason = "a test may fail")]
 
-use osier::scene::{Frame, InstancerMotion, Mesh, Placement, Scene, Trs};
+use osier::scene::{Frame, Instancer, InstancerMotion, Mesh, Placement, Scene, Trs};
 use serde_json::{Map, Value, json};
 
 use crate::expect;
@@ -47,7 +47,12 @@ pub fn objects(scene: &Scene, frames: &[Frame], numbers: &[u32], prefix: bool) -
             }
             for instancer in &asset.instancers {
                 let states = at["instancers"][key(&instancer.name)].as_array().expect("instancer");
-                instanced(&mut list, &named(&instancer.name), states, asset.skeleton.is_some());
+                match &instancer.motion {
+                    InstancerMotion::Joints(joints) => {
+                        riding(&mut list, &named(&instancer.name), (instancer, joints), states);
+                    }
+                    _ => instanced(&mut list, &named(&instancer.name), states, asset.skeleton.is_some()),
+                }
             }
             for c in &asset.curves {
                 let points = &at["curves"][key(&c.name)];
@@ -75,6 +80,26 @@ pub fn instanced(list: &mut Map<String, Value>, name: &str, states: &[Value], ri
     }
 }
 
+/// Instances that ride on joints: one mesh on each joint, material after material, prototype after prototype.
+fn riding(
+    list: &mut Map<String, Value>,
+    name: &str,
+    (instancer, joints): (&Instancer, &[u16]),
+    states: &[Value],
+) {
+    let material = |i: usize| {
+        let mesh = &instancer.prototypes[instancer.protos[i] as usize].mesh;
+        mesh.subsets.first().map_or(0, |s| s.material)
+    };
+    let mut order: Vec<usize> = (0..states.len()).collect();
+    order.sort_by_key(|&i| (joints[i], material(i), instancer.protos[i], i));
+    for i in order {
+        let ridden = list.entry(format!("{name}_{}", joints[i])).or_insert_with(|| json!({"points": []}));
+        let points = states[i]["points"].as_array().expect("points").clone();
+        ridden["points"].as_array_mut().expect("list").extend(points);
+    }
+}
+
 /// An asset alone at the origin.
 pub fn alone(scene: &Scene, asset: usize) -> Scene {
     let name = scene.assets[asset].id.clone();
@@ -91,10 +116,10 @@ pub fn web_objects(scene: &Scene, frames: &[Frame], numbers: &[u32]) -> Value {
             for instancer in &scene.assets[p.asset].instancers {
                 let InstancerMotion::Joints(joints) = &instancer.motion else { continue };
                 let states = &all["frames"][number]["instancers"][format!("{}/{}", p.name, instancer.name)];
+                joints.iter().for_each(|joint| _ = list.remove(&format!("{}_{}_{joint}", p.name, instancer.name)));
                 for (state, joint) in states.as_array().expect("states").iter().zip(joints) {
                     let proto = state["proto"].as_str().expect("name");
                     let merged = format!("{}_{}_{proto}", p.name, instancer.name);
-                    list.remove(&merged);
                     let place = list.entry(format!("{merged}_{joint}")).or_insert_with(|| json!({"points": []}));
                     let points = state["points"].as_array().expect("points").clone();
                     place["points"].as_array_mut().expect("list").extend(points);

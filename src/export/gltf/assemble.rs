@@ -3,7 +3,7 @@
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
-use glam::{Mat3, Quat};
+use glam::{Mat3, Quat, Vec3};
 
 use super::super::Warning;
 use super::buffer::last;
@@ -114,10 +114,16 @@ impl Document<'_> {
         let top = marked(placement.name.clone(), &placement.transform, asset.id.clone(), asset.kind.word());
         let top = self.node(top)?;
         self.attach(None, top);
+        let mut root = top;
+        if placement.transform.s != Vec3::ONE && !joints_of_parts.is_empty() {
+            // Blender's importer puts what hangs on a bone in the wrong place if the node above the joints is scaled.
+            root = self.node(placed(named("skeleton"), &Trs::IDENTITY))?;
+            self.attach(Some(top), root);
+        }
         let mut joints: Vec<Index> = Vec::with_capacity(joints_of_parts.len());
         for joint in joints_of_parts {
             let node = self.node(placed(named(&joint.name), &joint.motion.rest))?;
-            let parent = joint.parent.and_then(|p| joints.get(p)).copied().unwrap_or(top);
+            let parent = joint.parent.and_then(|p| joints.get(p)).copied().unwrap_or(root);
             self.attach(Some(parent), node);
             self.animate(node, &joint.motion.drives);
             joints.push(node);

@@ -1,6 +1,7 @@
 //! Instances: by extension where viewers know it, merged into one mesh per prototype where they do not.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 use glam::{Quat, Vec3};
 
@@ -8,11 +9,11 @@ use super::document::Document;
 use super::json::{Index, InstanceAttributes, Instancing, Mesh as JsonMesh, NodeExtensions};
 use super::keys::unit;
 use super::materials::Shown;
-use super::meshes::{Drawn, Influences, Vertices, on_mesh};
+use super::meshes::{Drawn, Vertices, on_mesh};
 use super::pieces::{Piece, pieces};
 use crate::Result;
 use crate::par::par_chunks;
-use crate::scene::{InstanceState, Instancer, Mesh, Trs};
+use crate::scene::{InstanceState, Instancer, MaterialId, Mesh, Trs};
 
 /// Instances of one prototype that move together.
 #[derive(Debug)]
@@ -51,12 +52,7 @@ impl Document<'_> {
 
     /// The instancing extension for a group, its transforms taken into the space of `joint` (asset from joint).
     pub(super) fn instancing(&mut self, group: &Group<'_>, joint: &Trs) -> Result<NodeExtensions> {
-        let back = joint.r.conjugate();
-        let local = |i: &usize| {
-            let trs = group.instancer.transform(group.state, *i);
-            Trs { t: back * (trs.t - joint.t), r: unit(back * trs.r), s: trs.s }
-        };
-        let list: Vec<Trs> = group.members.iter().map(local).collect();
+        let list: Vec<Trs> = group.members.iter().map(|i| group.transform(*i, joint)).collect();
         self.instancing_at(&list, group.what)
     }
 
@@ -74,38 +70,48 @@ impl Document<'_> {
         Ok(NodeExtensions { instancing: Instancing { attributes } })
     }
 
-    /// All instances of a group as one mesh in asset space: instance after instance, each with its prototype's
-    /// vertices. `carriers`: joint of each instance of the instancer, and the number of joints in the skin.
-    pub(super) fn merged(&mut self, group: &Group<'_>, carriers: Option<(&[u16], usize)>) -> Result<Option<Index>> {
-        let Some(proto) = group.instancer.prototypes.get(group.proto) else { return Ok(None) };
+    /// All instances of some groups of one instancer as one mesh in the space of `joint` (asset from joint), with a
+    /// primitive for each material: instance after instance, each with its prototype's vertices.
+    pub(super) fn merged(&mut self, name: String, groups: &[Group<'_>], joint: &Trs) -> Result<Option<Index>> {
+        let mut meshes: BTreeMap<MaterialId, Mesh> = BTreeMap::new();
+        let mut what = "";
+        for group in groups {
+            what = group.what;
+            let Some(prototype) = group.instancer.prototypes.get(group.proto) else { continue };
+            for piece in pieces(&prototype.mesh) {
+                let mesh = merge(group, &prototype.mesh, &piece, joint);
+                meshes.entry(piece.material).or_default().append(&mesh);
+            }
+        }
         let mut primitives = Vec::new();
-        for piece in pieces(&proto.mesh) {
-            let merged = merge(group, &proto.mesh, &piece);
-            let size = piece.gather(&proto.mesh.points).len();
-            let skin = carriers.map(|(joints, count)| {
-                let each = |i: &usize| std::iter::repeat_n([joints.get(*i).copied().unwrap_or(0), 0, 0, 0], size);
-                let joints: Vec<[u16; 4]> = group.members.iter().flat_map(each).collect();
-                Influences { weights: vec![[1.0, 0.0, 0.0, 0.0]; joints.len()], joints, count }
-            });
+        for (material, mesh) in meshes {
             let vertices = Vertices {
-                what: group.what,
-                points: Cow::Owned(merged.points),
-                normals: Cow::Owned(merged.normals),
-                uvs: Cow::Owned(merged.uvs),
-                colors: Cow::Owned(merged.colors),
+                what,
+                points: Cow::Owned(mesh.points),
+                normals: Cow::Owned(mesh.normals),
+                uvs: Cow::Owned(mesh.uvs),
+                colors: Cow::Owned(mesh.colors),
                 wind: Cow::Borrowed(&[]),
-                skin,
+                skin: None,
                 morphs: false,
             };
-            primitives.push(self.primitive(&vertices, &merged.triangles, on_mesh(piece.material))?);
+            primitives.push(self.primitive(&vertices, &mesh.triangles, on_mesh(material))?);
         }
-        let name = format!("{}_{}", group.instancer.name, proto.name);
         self.finish_mesh(JsonMesh { name, primitives, ..JsonMesh::default() })
     }
 }
 
+impl Group<'_> {
+    /// Transform of an instance in the space of `joint` (asset from joint, without scale).
+    fn transform(&self, instance: usize, joint: &Trs) -> Trs {
+        let trs = self.instancer.transform(self.state, instance);
+        let back = joint.r.conjugate();
+        Trs { t: back * (trs.t - joint.t), r: unit(back * trs.r), s: trs.s }
+    }
+}
+
 /// One piece of a prototype, repeated for every member.
-fn merge(group: &Group<'_>, mesh: &Mesh, piece: &Piece<'_>) -> Mesh {
+fn merge(group: &Group<'_>, mesh: &Mesh, piece: &Piece<'_>, joint: &Trs) -> Mesh {
     let single = Mesh {
         points: piece.gather(&mesh.points).into_owned(),
         normals: piece.gather(&mesh.normals).into_owned(),
@@ -119,7 +125,7 @@ fn merge(group: &Group<'_>, mesh: &Mesh, piece: &Piece<'_>) -> Mesh {
     let parts = par_chunks(&group.members, MERGE_CHUNK, |_, chunk| {
         let mut out = Mesh::default();
         for i in chunk {
-            append(&mut out, &single, &group.instancer.transform(group.state, *i));
+            append(&mut out, &single, &group.transform(*i, joint));
         }
         out
     });

@@ -197,15 +197,15 @@ impl Document<'_> {
             members(instancer, &instancer.rest).into_iter().enumerate().filter(|(_, m)| !m.is_empty())
         {
             let group = Group { instancer, state: &instancer.rest, proto, members, what };
+            let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
             let (mesh, instancing) = match self.from.profile {
                 Profile::Web => match self.prototype(instancer, proto, what)? {
                     Some(mesh) => (Some(mesh), Some(self.instancing(&group, &Trs::IDENTITY)?)),
                     None => (None, None),
                 },
-                Profile::Blender => (self.merged(&group, None)?, None),
+                Profile::Blender => (self.merged(name.clone(), &[group], &Trs::IDENTITY)?, None),
             };
             if let Some(mesh) = mesh {
-                let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
                 parts.shown.push(Part { instancing, ..Part::new(&name, "instancer", mesh, Hold::Placement) });
             }
         }
@@ -222,25 +222,37 @@ impl Document<'_> {
     ) -> Result<()> {
         let carriers: Vec<u16> =
             joints.iter().map(|j| rig.carrier.get(usize::from(*j)).copied().unwrap_or(0)).collect();
-        for (proto, members) in
-            members(instancer, &instancer.rest).into_iter().enumerate().filter(|(_, m)| !m.is_empty())
-        {
-            let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
-            let state = &instancer.rest;
-            if self.from.profile == Profile::Blender {
-                let group = Group { instancer, state, proto, members, what };
-                if let Some(mesh) = self.merged(&group, Some((&carriers, rig.kept.len())))? {
-                    parts.shown.push(Part::new(&name, "instancer", mesh, Hold::Skin));
+        let state = &instancer.rest;
+        // The groups on each joint: one for each prototype of which it carries some.
+        let mut riders: Vec<Vec<Group<'_>>> = rig.kept.iter().map(|_| Vec::new()).collect();
+        for (proto, members) in members(instancer, state).into_iter().enumerate() {
+            let mut on: Vec<Vec<usize>> = vec![Vec::new(); rig.kept.len()];
+            for i in members {
+                if let Some(list) = carriers.get(i).and_then(|c| on.get_mut(usize::from(*c))) {
+                    list.push(i);
                 }
-                continue;
             }
+            for (groups, members) in riders.iter_mut().zip(on).filter(|(_, m)| !m.is_empty()) {
+                groups.push(Group { instancer, state, proto, members, what });
+            }
+        }
+        if self.from.profile == Profile::Blender {
+            // A mesh on each joint moves as one with a skin would, and importers need not weigh its vertices.
+            for (k, groups) in riders.iter().enumerate() {
+                let name = format!("{}_{k}", instancer.name);
+                if let Some(mesh) = self.merged(name.clone(), groups, &rig.bind[rig.kept[k]])? {
+                    parts.shown.push(Part::new(&name, "instancer", mesh, Hold::Joint(k)));
+                }
+            }
+            return Ok(());
+        }
+        let is_used = |proto: &usize| riders.iter().flatten().any(|g| g.proto == *proto);
+        for proto in (0..instancer.prototypes.len()).filter(is_used) {
+            let name = format!("{}_{}", instancer.name, instancer.prototypes[proto].name);
             let Some(mesh) = self.prototype(instancer, proto, what)? else { continue };
-            for (k, joint) in rig.kept.iter().enumerate() {
-                let rides = |i: &usize| carriers.get(*i).is_some_and(|c| usize::from(*c) == k);
-                let members: Vec<usize> = members.iter().copied().filter(rides).collect();
-                if !members.is_empty() {
-                    let group = Group { instancer, state, proto, members, what };
-                    let instancing = Some(self.instancing(&group, &rig.bind[*joint])?);
+            for (k, groups) in riders.iter().enumerate() {
+                for group in groups.iter().filter(|g| g.proto == proto) {
+                    let instancing = Some(self.instancing(group, &rig.bind[rig.kept[k]])?);
                     let name = format!("{name}_{k}");
                     parts.shown.push(Part { instancing, ..Part::new(&name, "instancer", mesh, Hold::Joint(k)) });
                 }
