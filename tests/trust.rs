@@ -135,6 +135,10 @@ fn an_empty_result_is_an_error() {
         let (code, _, said) = run(dir.path(), &[&["grow"], args].concat());
         assert!(code == 1 && said.contains("X030"), "{args:?}: {code} {said}");
     }
+    for command in [&["check", "none.l"][..], &["bake", "none.l", "-o", "none"]] {
+        let (code, _, said) = run(dir.path(), command);
+        assert!(code == 1 && said.contains("X030") && !dir.path().join("none").exists(), "{command:?}: {code} {said}");
+    }
 }
 
 #[test]
@@ -324,5 +328,66 @@ fn bakes_of_two_containers_leave_each_others_parts_alone() {
             assert!(done.status.success(), "round {round}: {}", String::from_utf8_lossy(&done.stderr));
         }
         assert_eq!(read(&out), wanted, "round {round}");
+    }
+}
+
+/// Largest resident memory of a run, bytes: looked at until it ends.
+#[cfg(target_os = "linux")]
+fn peak(folder: &Path, args: &[&str]) -> f64 {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_osier"))
+        .args(["-q", "-j2"])
+        .args(args)
+        .current_dir(folder)
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("starts");
+    let status = format!("/proc/{}/status", child.id());
+    let mut most = 0.0_f64;
+    while child.try_wait().expect("waits").is_none() {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+        let kib = line.and_then(|l| l.trim().strip_suffix("kB")?.trim().parse::<f64>().ok());
+        most = most.max(kib.unwrap_or(0.0) * 1024.0);
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    most
+}
+
+/// What a dry run tells of memory is what the run takes, to a quarter.
+#[cfg(target_os = "linux")]
+#[test]
+fn the_memory_that_is_told_is_the_memory_that_is_taken() {
+    if cfg!(debug_assertions) {
+        println!("left out: factors are those of the optimised program");
+        return;
+    }
+    let dir = folder();
+    for args in [
+        &["bake", "oak", "-o", "oak"][..],
+        &["bake", "landscape", "-o", "landscape"],
+        &["bake", "birch-wood", "--set", "frames.end=12", "-o", "wood"],
+        &["bake", "wet-leaf", "--set", "frames.end=24", "-o", "wet"],
+        &["bake", "hill.ifs", "-o", "hill"],
+        &["grow", "oak", "-o", "oak.ply"],
+        &["grow", "oak", "-o", "oak.obj"],
+        &["grow", "hill.ifs", "-o", "hill.ply"],
+    ] {
+        let (code, out, said) = run(dir.path(), &[args, &["-n", "--json"]].concat());
+        assert_eq!(code, 0, "{args:?}: {said}");
+        let told: serde_json::Value = serde_json::from_str(&out).expect("JSON");
+        let parts = told["would_make"]["memory"].as_object().expect("parts").values();
+        let told: f64 = parts.filter_map(serde_json::Value::as_f64).sum();
+        let taken = peak(dir.path(), args);
+        println!("{args:?}: told {:.0} MB, taken {:.0} MB", told / 1e6, taken / 1e6);
+        assert!((0.75..1.25).contains(&(told / taken)), "{args:?}: told {told}, taken {taken}");
+    }
+}
+
+#[test]
+fn a_run_that_needs_more_memory_than_it_may_take_is_refused_with_its_prediction() {
+    let dir = folder();
+    for args in [&["bake", "oak", "-o", "x"][..], &["grow", "oak", "-o", "x.glb"]] {
+        let (code, _, said) = run(dir.path(), &[args, &["-n", "--max-memory", "90M"]].concat());
+        assert!(code == 1 && said.contains("predicted peak of memory"), "{args:?}: {code} {said}");
     }
 }

@@ -145,7 +145,7 @@ const SMALL: u64 = 200_000_000;
 /// # Errors
 /// Those of [`Lattice::new`].
 pub fn foretell(recipe: &Recipe, solids: &[Solid], work: &Work<'_>, report: &mut Report) -> Result<()> {
-    if super::memory(recipe).is_empty() {
+    if super::lattice(recipe).is_empty() {
         return Ok(());
     }
     let options = lattice_options(recipe);

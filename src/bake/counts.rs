@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::blow::lattice_options;
+use super::memory::{predicted, raw};
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::{Format, Profile};
@@ -35,8 +36,15 @@ pub struct Counts {
     pub bytes: u64,
     /// Of these, what each format takes, by its word, and pictures.
     pub sizes: Vec<(&'static str, u64)>,
-    /// Bytes of memory of a lattice wind, by what they are for.
+    /// Bytes of memory at the peak of the run, by what they are for.
     pub memory: Vec<(&'static str, u64)>,
+}
+
+impl Counts {
+    /// Bytes of memory at the peak of the run.
+    pub fn peak(&self) -> u64 {
+        self.memory.iter().map(|p| p.1).sum()
+    }
 }
 
 /// Counts a stage of which `frames` frames will be written.
@@ -65,10 +73,10 @@ pub fn count(stage: &Stage, recipe: &Recipe, frames: u64, weights: &[u64]) -> Co
         sizes.iter_mut().zip(formats).for_each(|(sum, f)| *sum += weight * bytes(*f, &size, recipe, frames));
     }
     let wind = air(&stage.scene, frames);
-    c.memory = memory(recipe);
     c.sizes = formats.iter().map(|f| f.word()).zip(sizes).chain([("pictures", pictures)]).collect();
     c.sizes.extend((wind > 0).then_some(("wind", wind)));
     c.bytes = c.sizes.iter().map(|s| s.1).sum();
+    c.memory = predicted(&stage.scene, recipe, &c);
     c
 }
 
@@ -108,7 +116,7 @@ fn sheets(format: Format, scene: &Scene, recipe: &Recipe, frames: u64) -> u64 {
 }
 
 /// Bytes of memory of a recipe's lattice wind, by what they are for; none without.
-pub fn memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
+pub fn lattice(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
     if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
         return Vec::new();
@@ -188,8 +196,7 @@ impl Size {
 
 /// PNG takes about half of noise-like pictures' bytes.
 fn picture(image: &crate::scene::Image) -> u64 {
-    let deep = if matches!(image.pixels, crate::scene::Pixels::U16(_)) { 2 } else { 1 };
-    u64::from(image.width) * u64::from(image.height) * u64::from(image.channels) * deep / 2
+    raw(image) / 2
 }
 
 /// Own: bytes per vertex, triangle, instance and sample as the writers lay them out.

@@ -20,6 +20,7 @@ pub mod layers;
 pub mod layout;
 pub mod looks;
 mod measures;
+mod memory;
 mod morphing;
 pub mod mover;
 pub mod plants;
@@ -39,7 +40,7 @@ mod twigs;
 mod view;
 pub mod write;
 
-pub use counts::{Counts, memory};
+pub use counts::{Counts, lattice};
 
 use crate::fence::Shelf;
 use crate::limits::Limits;

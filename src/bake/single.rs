@@ -1,11 +1,12 @@
 //! How large a file of its own a still scene becomes.
 
 use super::counts::{Counts, count};
+use super::memory::predicted;
 use super::stage::Built;
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::{Format, Profile};
-use crate::scene::{Asset, Scene};
+use crate::scene::{Asset, AssetKind, Scene};
 use crate::{Error, Result};
 
 /// Bytes of lines of an OBJ file. Own: as measured on trees; corners of a face have three numbers.
@@ -44,6 +45,7 @@ pub fn counts(built: &Built, recipe: &Recipe, ending: &str, web: bool) -> Counts
     counts.sizes = vec![(format.word(), own)];
     counts.sizes.extend((pictures > 0).then_some(("pictures", pictures)));
     counts.bytes = counts.sizes.iter().map(|s| s.1).sum();
+    counts.memory = predicted(&built.stage.scene, &alone, &counts);
     counts.modules = built.modules;
     counts
 }
@@ -63,6 +65,26 @@ pub fn refuse_empty(stage: &Stage, ending: &str) -> Result<()> {
     }
     let reason = format!("\"{}\" makes {what}: nothing is written", stage.scene.name);
     Err(Error::export("X030", reason))
+}
+
+/// Refuses a scene whose plants all come out without anything to see, and in which nothing else is seen but ground.
+/// # Errors
+/// X030.
+pub fn refuse_bare(scene: &Scene) -> Result<()> {
+    let is_plant = |a: &&Asset| a.kind == AssetKind::Plant;
+    let is_bare = |a: &Asset| {
+        let one = Merged::asset(a);
+        one.triangles == 0 && one.dots == 0 && a.curves.is_empty()
+    };
+    let grown = scene.assets.iter().filter(|a| a.kind != AssetKind::Terrain);
+    if scene.assets.iter().any(|a| is_plant(&a)) && grown.clone().all(is_bare) {
+        let reason = format!(
+            "\"{}\" grows nothing that can be seen: no segment, leaf or polygon is drawn at the end of the derivation",
+            scene.name
+        );
+        return Err(Error::export("X030", reason));
+    }
+    Ok(())
 }
 
 /// Everything of a scene as one mesh.

@@ -10,7 +10,7 @@ use super::args::Bake;
 use super::progress::{Show, Timed};
 use super::{numbers, report, source, sweep};
 use crate::Result;
-use crate::bake::{self, Work, exporters, kept, stage, write};
+use crate::bake::{self, Work, exporters, kept, single, stage, write};
 use crate::export::textures::Textures;
 use crate::export::manifest::{self, Manifest};
 use crate::export::{SOURCES, VERSION, Warning};
@@ -51,10 +51,10 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     let show = Show::new(&context.console);
     let timed = Timed::new(&show);
-    let memory = bake::memory(&recipe);
+    let memory = bake::lattice(&recipe);
     if context.common.dry_run && !memory.is_empty() {
         // Before any of it is spent.
-        context.console.note(&report::memory(&memory));
+        context.console.note(&report::lattice(&memory));
     }
     kept::recall(&recipe, &root, &context.limits);
     let keeps = !context.common.dry_run && keeps_air(&recipe);
@@ -72,8 +72,10 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         context.console.complain(&why);
         return Ok(2);
     }
+    single::refuse_bare(&built.stage.scene)?;
     let counts = built.counts(&recipe, &frames);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
+    context.limits.check("memory", counts.peak(), "the predicted peak of memory, in bytes,")?;
     if context.common.dry_run {
         report::counts(context, &root.display().to_string(), &counts)?;
         return Ok(context.strict(warned));
@@ -148,7 +150,7 @@ fn key(recipe: &Recipe) -> String {
 
 /// Whether the air of a lattice is kept after its run-up.
 fn keeps_air(recipe: &Recipe) -> bool {
-    recipe.lattice.keep && !bake::memory(recipe).is_empty()
+    recipe.lattice.keep && !bake::lattice(recipe).is_empty()
 }
 
 fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<Folder> {

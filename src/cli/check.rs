@@ -6,7 +6,7 @@ use super::args::Check;
 use super::knobs::Knob;
 use super::progress::Show;
 use super::{Context, knobs, report, source};
-use crate::bake::{Counts, Work, stage};
+use crate::bake::{Counts, Work, single, stage};
 use crate::diagnostic::{Report, Severity, render_json};
 use crate::recipe::{Growth, resolve};
 use crate::{Error, Result};
@@ -100,5 +100,5 @@ fn look_into(context: &Context, file: &str, found: &mut Found) -> Result<()> {
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
     found.counts = Some(built.counts(&recipe, &frames));
-    Ok(())
+    single::refuse_bare(&built.stage.scene)
 }

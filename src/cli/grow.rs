@@ -60,6 +60,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     single::refuse_empty(&built.stage, kind)?;
     let counts = single::counts(&built, &recipe, kind, web);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
+    context.limits.check("memory", counts.peak(), "the predicted peak of memory, in bytes,")?;
     if context.common.dry_run {
         report::counts(context, &args.output.display().to_string(), &counts)?;
         return Ok(context.strict(warned));

@@ -34,11 +34,18 @@ pub fn as_text(c: &Counts) -> String {
         format!("  {:12} about {}\n", "size", size(c.bytes)),
     ]
     .concat()
-        + &c.sizes.iter().map(|(what, bytes)| format!("    {what:10} {}\n", size(*bytes))).collect::<String>()
+        + &rows(&c.sizes)
+        + &format!("  {:12} about {}\n", "memory", size(c.peak()))
+        + &rows(&c.memory)
+}
+
+/// Parts of a number of bytes, a line each.
+fn rows(parts: &[(&'static str, u64)]) -> String {
+    parts.iter().map(|(what, bytes)| format!("    {what:13} {}\n", size(*bytes))).collect()
 }
 
 /// Memory of a lattice wind on a line.
-pub fn memory(parts: &[(&'static str, u64)]) -> String {
+pub fn lattice(parts: &[(&'static str, u64)]) -> String {
     let all = size(parts.iter().map(|p| p.1).sum());
     let each: Vec<String> = parts.iter().map(|(what, bytes)| format!("{what} {}", size(*bytes))).collect();
     format!("memory of the lattice wind: {all} ({})", each.join(", "))
