@@ -1,5 +1,10 @@
 //! Copies of plants, as Blender and three.js open what the program bakes: few objects, all of them there, all of them moving.
-#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test may fail and reads what it likes")]
+#![allow(
+    clippy::expect_used,
+    clippy::disallowed_methods,
+    clippy::print_stdout,
+    reason = "a test may fail, says what it saw and reads what it likes"
+)]
 
 #[path = "common/clients.rs"]
 mod clients;
@@ -88,6 +93,26 @@ fn blender_opens_a_wood_of_a_hundred_trees() {
     let Some(r) = in_blender(&folder, &scene, "birch") else { return };
     assert_eq!(r["copies"], json!([100, 100, 100]), "{r}");
     assert!(number(&r, "seconds") < 20.0 && number(&r, "off") < 1e-3, "{r}");
+}
+
+/// Most seconds for a scene on a machine that does other things too: three times what is asked of a quiet one.
+#[test]
+fn blender_opens_the_meadow_and_the_showcase_from_gltf() {
+    let Some(python) = clients::python() else { return };
+    for (preset, seconds, armatures, weighed) in [("meadow", 90.0, 64.0, 200_000.0), ("showcase", 30.0, 6.0, 600_000.0)] {
+        let set = ["--formats", "glb", "--set", "output.gltf.profiles=[\"blender\"]"];
+        let folder = baked(&format!("{preset}-gltf"), preset, &set);
+        let file = folder.join(format!("gltf/{preset}.blender.glb"));
+        let out = clients::python_script(&python, "open_gltf.py", &[&file.to_string_lossy()]);
+        let text = String::from_utf8_lossy(&out.stdout).into_owned();
+        let line = text.lines().rev().find(|l| l.starts_with('{')).expect("a report");
+        let r: Value = serde_json::from_str(line).expect("JSON");
+        assert!(number(&r, "seconds") < seconds && number(&r, "gigabytes") < 2.0, "{preset}: {r}");
+        assert!(number(&r, "armatures") <= armatures && number(&r, "weighed") < weighed, "{preset}: {r}");
+        let moved = r["moved"].as_array().expect("two frames");
+        assert!(moved.iter().all(|m| m.as_f64().is_some_and(|m| m > 0.001)), "{preset}: {r}");
+        println!("{preset}: {r}");
+    }
 }
 
 /// Draw calls of a binary glTF file: primitives of the meshes of all nodes, instances in one call.

@@ -13,7 +13,7 @@ mod picture;
 #[path = "common/pov.rs"]
 mod pov;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -27,7 +27,7 @@ use osier::geometry::Bounds;
 use osier::par::par_map;
 use osier::presets;
 use osier::scene::{
-    Asset, AssetFrame, Frame, Mesh, MeshObject, Placement, Scene, instance_states, mesh_points, skinned_points,
+    Asset, AssetFrame, Frame, InstancerMotion, Mesh, MeshObject, Placement, Scene, instance_states, mesh_points, skinned_points,
     world_from_joint,
 };
 use picture::{Picture, Rect, luma, project};
@@ -139,7 +139,7 @@ impl Shown<'_> {
         }
     }
 
-    /// Meshes material by material, instances merged prototype by prototype, leaves as they ride on their joints.
+    /// Meshes material by material, the leaves on each joint as one mesh.
     fn gltf(&self, meshes: &mut Map<String, Value>) {
         // Copies at rest are a node each, with everything that the plant shows in one mesh.
         let copies = stage().scene.placements.iter().filter(|p| p.asset == self.placement.asset).count();
@@ -170,17 +170,17 @@ impl Shown<'_> {
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
             assert!(self.asset.skeleton.is_some(), "what stands still is written instance by instance");
             let states = instance_states(self.asset, instancer, i, &riding);
-            for (p, proto) in instancer.prototypes.iter().enumerate() {
-                let own = (0..instancer.len()).filter(|k| instancer.protos[*k] as usize == p);
-                let vertices = per_material(&proto.mesh);
-                let points = own.flat_map(|k| {
-                    let trs = self.placement.transform.then_inner(&instancer.transform(&states, k));
-                    vertices.iter().map(move |v| trs.apply(proto.mesh.points[*v]))
-                });
-                let points: Vec<Vec3> = points.collect();
-                if !points.is_empty() {
-                    meshes.insert(key(&format!("{}_{}", instancer.name, proto.name)), summary(&points));
-                }
+            let InstancerMotion::Joints(joints) = &instancer.motion else { panic!("leaves ride on joints") };
+            let mut ridden: BTreeMap<u16, Vec<Vec3>> = BTreeMap::new();
+            let vertices: Vec<Vec<usize>> = instancer.prototypes.iter().map(|p| per_material(&p.mesh)).collect();
+            for (k, joint) in joints.iter().enumerate() {
+                let proto = instancer.protos[k] as usize;
+                let trs = self.placement.transform.then_inner(&instancer.transform(&states, k));
+                let points = vertices[proto].iter().map(|v| trs.apply(instancer.prototypes[proto].mesh.points[*v]));
+                ridden.entry(*joint).or_default().extend(points);
+            }
+            for (joint, points) in ridden {
+                meshes.insert(key(&format!("{}_{joint}", instancer.name)), summary(&points));
             }
         }
     }
