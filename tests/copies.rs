@@ -87,6 +87,30 @@ fn blender_opens_the_showcase_with_few_objects_and_its_sky() {
     }
 }
 
+/// Directions in which Cycles looks: steep, on either side, and low.
+const SEEN: [[f32; 3]; 5] = [[0.0, 0.9, 0.2], [0.7, 0.3, 0.7], [-0.7, 0.5, 0.3], [0.2, 0.1, -0.9], [-0.9, 0.2, -0.2]];
+
+#[test]
+fn cycles_renders_the_sky_of_the_showcase() {
+    let Some(python) = clients::python() else { return };
+    let (folder, scene) = (baked("sky", "showcase", &["--formats", "usd"]), scene("showcase"));
+    let wanted = folder.with_extension("json");
+    std::fs::write(&wanted, json!({ "directions": SEEN }).to_string()).expect("expected");
+    let usda = folder.join("showcase.usda");
+    let out = clients::python_script(&python, "cycles_sky.py", &[&usda.to_string_lossy(), &wanted.to_string_lossy()]);
+    let text = String::from_utf8_lossy(&out.stdout).into_owned();
+    let line = text.lines().rev().find(|l| l.starts_with('{')).expect("a report");
+    let r: Value = serde_json::from_str(line).expect("JSON");
+    for (direction, seen) in SEEN.iter().zip(r["pixels"].as_array().expect("pixels")) {
+        let wanted = scene.sky.radiance(&scene.sun, Vec3::from_array(*direction).normalize()).to_array();
+        for (w, s) in wanted.iter().zip(seen.as_array().expect("three")) {
+            let s = s.as_f64().expect("number");
+            // A pixel of the picture spans three degrees.
+            assert!((f64::from(*w) - s).abs() < 0.02, "{direction:?}: {wanted:?} and {seen}");
+        }
+    }
+}
+
 #[test]
 fn blender_opens_a_wood_of_a_hundred_trees() {
     let (folder, scene) = (baked("birch-wood", "birch-wood", &["--formats", "usd"]), scene("birch-wood"));
@@ -129,10 +153,18 @@ fn draws(path: &Path) -> usize {
 
 #[test]
 fn browsers_draw_copies_in_few_calls_and_bakes_are_small() {
+    let three = clients::three();
     for (preset, calls, megabytes) in [("meadow", 200, 250), ("showcase", 500, 200), ("oak", 100, 30)] {
         let folder = baked(&format!("{preset}-default"), preset, &[]);
         let n = draws(&folder.join(format!("gltf/{preset}.web.glb")));
         assert!(n <= calls, "{preset}: {n} draw calls");
+        if let Some((node, modules)) = &three {
+            let file = folder.join(format!("gltf/{preset}.web.glb"));
+            let mut command = Command::new(node);
+            let out = clients::run(command.arg(clients::script("three_draws.mjs")).arg(modules).arg(file));
+            let seen: Value = serde_json::from_slice(&out.stdout).expect("JSON");
+            assert_eq!(seen["draws"].as_u64(), u64::try_from(n).ok(), "{preset}: three.js draws {seen}");
+        }
         let size = du(&folder);
         assert!(size <= megabytes * 1_000_000, "{preset}: {size} bytes");
     }
