@@ -115,3 +115,29 @@ fn leaves_without_maps_tell_their_wetness() {
     // Three leaves of 20 mm, hit by some hundred and fifty drops.
     assert!(told.iter().all(|w| (0.3..0.9).contains(w)), "{told:?}");
 }
+
+/// A wet leaf keeps its own colour, roughness and relief under a film of water, as far as Blender reads USD; drops refract.
+#[test]
+fn blender_sees_a_film_of_water_on_wet_leaves() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("out");
+    let set = ["--set", "frames.end=2", "--set", "maps.resolution=64", "--formats", "usd,exr"];
+    ends(0, &[&["-q", "bake", "wet-leaf", "-o", arg(&out)], &set[..]].concat());
+    let said = clients::python_script(&python, "materials.py", &[arg(&out.join("wet_leaf.usda"))]);
+    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let line = text.lines().rev().find(|l| l.starts_with('{')).expect("a report");
+    let seen: serde_json::Value = serde_json::from_str(line).expect("JSON");
+    let wet = &seen["leaf_l0000"];
+    for (socket, file) in [
+        ("Base Color", "leaf_leaf_color.png"),
+        ("Roughness", "leaf_leaf_rough.png"),
+        ("Normal", "leaf_leaf_normal.png"),
+        ("Coat Weight", "wetness.0001.exr"),
+    ] {
+        assert_eq!(wet[socket], file, "{socket}: {wet}");
+    }
+    let number = |material: &str, socket: &str| seen[material][socket].as_f64().expect("a number");
+    assert!((number("leaf_l0000", "Coat Roughness") - 0.05).abs() < 1e-6 && number("leaf_leaf", "Coat Weight") == 0.0);
+    assert!((number("water", "IOR") - 1.333).abs() < 1e-3 && number("water", "Alpha") < 0.2, "{seen}");
+}
