@@ -123,7 +123,8 @@ fn blender_opens_a_wood_of_a_hundred_trees() {
 #[test]
 fn blender_opens_the_meadow_and_the_showcase_from_gltf() {
     let Some(python) = clients::python() else { return };
-    for (preset, seconds, armatures, weighed) in [("meadow", 90.0, 64.0, 200_000.0), ("showcase", 30.0, 6.0, 600_000.0)] {
+    for (preset, seconds, armatures, weighed) in [("meadow", 90.0, 64.0, 200_000.0), ("showcase", 30.0, 6.0, 600_000.0)]
+    {
         let set = ["--formats", "glb", "--set", "output.gltf.profiles=[\"blender\"]"];
         let folder = baked(&format!("{preset}-gltf"), preset, &set);
         let file = folder.join(format!("gltf/{preset}.blender.glb"));

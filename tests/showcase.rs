@@ -27,8 +27,8 @@ use osier::geometry::Bounds;
 use osier::par::par_map;
 use osier::presets;
 use osier::scene::{
-    Asset, AssetFrame, Frame, InstancerMotion, Mesh, MeshObject, Placement, Scene, instance_states, mesh_points, skinned_points,
-    world_from_joint,
+    Asset, AssetFrame, Frame, InstancerMotion, Mesh, MeshObject, Placement, Scene, instance_states, mesh_points,
+    skinned_points, world_from_joint,
 };
 use picture::{Picture, Rect, luma, project};
 use serde_json::{Map, Value, json};

@@ -81,12 +81,7 @@ pub fn instanced(list: &mut Map<String, Value>, name: &str, states: &[Value], ri
 }
 
 /// Instances that ride on joints: one mesh on each joint, material after material, prototype after prototype.
-fn riding(
-    list: &mut Map<String, Value>,
-    name: &str,
-    (instancer, joints): (&Instancer, &[u16]),
-    states: &[Value],
-) {
+fn riding(list: &mut Map<String, Value>, name: &str, (instancer, joints): (&Instancer, &[u16]), states: &[Value]) {
     let material = |i: usize| {
         let mesh = &instancer.prototypes[instancer.protos[i] as usize].mesh;
         mesh.subsets.first().map_or(0, |s| s.material)
