@@ -19,8 +19,15 @@ use super::disk::{Disk, open_regular, retry};
 /// Parts that this process is writing now: what tells them from those of a dead process with our number.
 static LIVE: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Number of the next part. The names of parts are in no result, so a random start changes no byte of one.
-static NEXT: LazyLock<AtomicU64> = LazyLock::new(|| AtomicU64::new(RandomState::new().hash_one(std::process::id())));
+/// Number of this process's first part, and how many it has made. The names of parts are in no result, so a random start
+/// changes no byte of one.
+static FIRST: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(std::process::id()));
+static COUNT: AtomicU64 = AtomicU64::new(0);
+
+/// Whether this process made the part of a number.
+fn made_here(n: u64) -> bool {
+    n.wrapping_sub(*FIRST) < COUNT.load(Ordering::Relaxed)
+}
 
 /// Bytes of the final name kept in the part's name, which must stay under 255.
 const NAME_BYTES: usize = 120;
@@ -42,7 +49,7 @@ impl Part {
     /// Makes the part file for `name` in `folder`.
     pub(super) fn create(disk: &Arc<dyn Disk>, folder: &Path, name: &str) -> io::Result<(Self, File)> {
         loop {
-            let n = NEXT.fetch_add(1, Ordering::Relaxed);
+            let n = FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed));
             let path = folder.join(format!(".{}.{}-{}-{n}.part", cut(name), host(), std::process::id()));
             live(|l| l.insert(path.clone()));
             let mut part = Self { disk: Arc::clone(disk), path, moved: false, lock: None };
@@ -149,14 +156,14 @@ fn host() -> String {
     name.chars().map(plain).chain(name.is_empty().then_some('_')).take(40).collect()
 }
 
-/// Host and process of a part's name; `None` for any other name.
-fn owner(name: &str) -> Option<(&str, i32)> {
+/// Host, process and number of a part's name; `None` for any other name.
+fn owner(name: &str) -> Option<(&str, i32, u64)> {
     let middle = name.strip_prefix('.')?.strip_suffix(".part")?;
     let tail = middle.rsplit('.').next().filter(|t| t.len() < middle.len())?;
     let mut fields = tail.rsplitn(3, '-');
-    fields.next()?.parse::<u64>().ok()?;
+    let n = fields.next()?.parse().ok()?;
     let pid = fields.next()?.parse().ok()?;
-    Some((fields.next()?, pid))
+    Some((fields.next()?, pid, n))
 }
 
 #[cfg(unix)]
@@ -177,7 +184,7 @@ pub(super) fn sweep(disk: &Arc<dyn Disk>, folder: &Path) {
     let mut now = None;
     for entry in entries.flatten() {
         let name = entry.file_name();
-        let Some((their_host, pid)) = name.to_str().and_then(owner) else { continue };
+        let Some((their_host, pid, n)) = name.to_str().and_then(owner) else { continue };
         if !entry.file_type().is_ok_and(|t| t.is_file()) {
             continue;
         }
@@ -186,10 +193,13 @@ pub(super) fn sweep(disk: &Arc<dyn Disk>, folder: &Path) {
         let held = open_regular(&path, false).map(|file| (lock(&file), file));
         let Ok((lock, _file)) = held else { continue };
         let own = their_host == host();
+        let same_pid = own && u32::try_from(pid) == Ok(std::process::id());
         let gone = match lock {
+            // A child that is about to start another program holds our locks for a moment, so they say nothing of our own parts.
+            _ if same_pid && made_here(n) => !live(|l| l.contains(&path)),
             Lock::Taken => continue,
-            Lock::Ours if own && u32::try_from(pid) == Ok(std::process::id()) => !live(|l| l.contains(&path)),
-            Lock::Ours => own && is_dead(pid),
+            // Left by an earlier process of our number.
+            Lock::Ours => own && (same_pid || is_dead(pid)),
             Lock::Unknown => false,
         };
         let mut aged = || {
@@ -217,7 +227,7 @@ mod tests {
 
     #[test]
     fn only_part_names_have_an_owner() {
-        assert_eq!(owner(".frame.0001.exr.farm_7-123-4.part"), Some(("farm_7", 123)));
+        assert_eq!(owner(".frame.0001.exr.farm_7-123-4.part"), Some(("farm_7", 123, 4)));
         for other in ["x.part", ".x.part", ".osier", ".a.b-c-d.part", ".h-1-2.part", ".a.h-1-2.parts"] {
             assert_eq!(owner(other), None, "{other}");
         }
