@@ -7,7 +7,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// All that ends up in the program.
-const SOURCES: [&str; 7] = ["src", "grammars", "ifs-tables", "meshes", "scenes", "Cargo.toml", "Cargo.lock"];
+const SOURCES: [&str; 8] = ["src", "crates", "grammars", "ifs-tables", "meshes", "scenes", "Cargo.toml", "Cargo.lock"];
 
 /// Offset and prime of the 64-bit FNV-1a hash.
 const FNV: [u64; 2] = [0xcbf2_9ce4_8422_2325, 0x0100_0000_01b3];

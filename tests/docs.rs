@@ -234,7 +234,7 @@ fn scene_snippets_resolve() {
     assert!(seen > 4, "{seen}");
 }
 
-/// Code in backquotes that names a place in the sources: `src/math.rs: transport`.
+/// Code in backquotes that names a place in the sources: `crates/base/src/math.rs: transport`.
 fn names(text: &str) -> Vec<(String, String)> {
     let mut out = Vec::new();
     for code in text.split('`').skip(1).step_by(2) {

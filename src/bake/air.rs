@@ -6,14 +6,14 @@ use glam::Vec3;
 
 use super::Work;
 use super::blow::{Blown, blow, inlet, lattice_options};
-use crate::math::{cos, narrow, sin};
-use crate::motion::{Fixes, Manner, PaperManner, Take, Wood};
 use crate::recipe::Recipe;
 use crate::recipe::wind_keys::{PaperFix, Profile, Solver, Start, SwayKeys, SwayModel, WindKeys, WindModel, WoodKeys};
-use crate::rng;
-use crate::scene::Trs;
-use crate::wind::{CALM, Formula, FormulaOptions, Gust, GustOptions, Scaled, Sum, Uniform, Wind};
-use crate::{Result, diagnostic::Report};
+use osier_base::math::{cos, narrow, sin};
+use osier_base::rng;
+use osier_base::{Result, diagnostic::Report};
+use osier_motion::{Fixes, Manner, PaperManner, Take, Wood};
+use osier_scene::Trs;
+use osier_wind::{CALM, Formula, FormulaOptions, Gust, GustOptions, Scaled, Sum, Uniform, Wind};
 
 /// Wind as it meets the plants.
 #[derive(Debug, Clone)]
@@ -76,7 +76,7 @@ impl Air {
         let flicker = flickers.map(|(_, keys)| keys.flicker).fold(0.0, f64::max);
         let lattice = (recipe.wind.model == WindModel::Lattice).then(|| {
             let wind = blow(recipe, &Blown { repeats: repeats.then_some(frames), ..*wanted }, work, report)?;
-            Ok::<Arc<dyn Wind>, crate::Error>(Arc::new(Scaled { wind, factor: narrow(recipe.wind.scale) }))
+            Ok::<Arc<dyn Wind>, osier_base::Error>(Arc::new(Scaled { wind, factor: narrow(recipe.wind.scale) }))
         });
         let others = winds.iter().filter(|(_, keys)| keys.model != WindModel::Lattice);
         let others = others.map(|(i, keys)| scaled(keys, period, recipe.seed, *i));

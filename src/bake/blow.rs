@@ -9,14 +9,14 @@ use super::layout::Layout;
 use super::plants::Grown;
 use super::run_up;
 use super::solids::{Obstacles, flows_round};
-use crate::Result;
-use crate::diagnostic::{Diagnostic, Report, codes};
-use crate::geometry::Bounds;
-use crate::math::{cos, narrow, sin};
 use crate::recipe::Recipe;
 use crate::recipe::wind_keys::{LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, Solver};
-use crate::solid::Solid;
-use crate::wind::{
+use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Report, codes};
+use osier_base::geometry::Bounds;
+use osier_base::math::{cos, narrow, sin};
+use osier_scene::solid::Solid;
+use osier_wind::{
     Ground, Inlet, InletOptions, Lattice, LatticeMemory, LatticeOptions, LatticeTake, Note, Recorded, Sides, Uniform,
     Wind, WindProfile,
 };

@@ -11,20 +11,20 @@ use super::layout::Individual;
 use super::looks::stalk_radius;
 use super::plants::Grown;
 use super::rod_mesh::{Fineness, Station, tube};
-use crate::diagnostic::Diagnostic;
-use crate::math::{narrow, smoothstep};
-use crate::motion::rain::Bearer as _;
-use crate::motion::rod::{Boughs, Frame, Grain};
-use crate::plant::{Organ, Plant};
 use crate::recipe::rod_keys::TwigKeys;
 use crate::recipe::sections::Motion;
 use crate::recipe::{PlantRecipe, Section as _};
-use crate::scene::{
+use osier_base::diagnostic::Diagnostic;
+use osier_base::math::{narrow, smoothstep};
+use osier_base::{Result, math};
+use osier_motion::rain::Bearer as _;
+use osier_motion::rod::{Boughs, Frame, Grain};
+use osier_scene::plant::{Organ, Plant};
+use osier_scene::{
     Asset, AssetFrame, AssetKind, InstanceState, InstancerFrame, InstancerMotion, Joint, Mesh, MeshFrame, MeshMotion,
     MeshObject, Skeleton, SkinWeights, Trs,
 };
-use crate::wind::Wind;
-use crate::{Result, math};
+use osier_wind::Wind;
 
 /// Wind that has blown before the first frame of a clip that does not begin at rest, s.
 const BEFORE: f64 = 2.0;

@@ -9,13 +9,13 @@ use super::air::Air;
 use super::course::Course;
 use super::mover::Moving;
 use super::stream::Stream;
-use crate::Result;
-use crate::diagnostic::Report;
-use crate::par::{CHUNK, par_chunks};
 use crate::recipe::Recipe;
-use crate::scene::{AirGrid, Scene};
-use crate::solid::Solid;
-use crate::wind::Wind;
+use osier_base::Result;
+use osier_base::diagnostic::Report;
+use osier_base::par::{CHUNK, par_chunks};
+use osier_scene::solid::Solid;
+use osier_scene::{AirGrid, Scene};
+use osier_wind::Wind;
 
 /// Bytes of a velocity.
 const BYTES: u64 = 12;

@@ -6,18 +6,18 @@ use super::Work;
 use super::looks::Look;
 use super::plants::tree_options;
 use super::twigs::{rootless, whole};
-use crate::diagnostic::Report;
-use crate::grow::ifs::{self, Cards, Class, TreeOptions};
-use crate::grow::turtle::OrganSpec;
-use crate::ifs::stems::Stems;
-use crate::ifs::words;
-use crate::par::par_map;
 use crate::recipe::PlantRecipe;
 use crate::recipe::cloud_keys::TreeKeys;
-use crate::rng::{mix64, word};
-use crate::scene::Mesh;
-use crate::surface::cards::{Worn, cards};
-use crate::{Error, Result};
+use osier_base::diagnostic::Report;
+use osier_base::par::par_map;
+use osier_base::rng::{mix64, word};
+use osier_base::{Error, Result};
+use osier_ifs::stems::Stems;
+use osier_ifs::words;
+use osier_plants::grow::ifs::{self, Cards, Class, TreeOptions};
+use osier_plants::grow::turtle::OrganSpec;
+use osier_plants::surface::cards::{Worn, cards};
+use osier_scene::Mesh;
 
 /// Pictures of subtrees of one size, where individuals differ.
 const VARIANTS: u32 = 3;
@@ -37,7 +37,7 @@ pub fn make(
     let base = tree_options(plant, (stems, keys), look);
     let eps = (keys.eps * f64::from(1_u32 << keys.lod.min(16))).min(1.0);
     let limits = ifs::cut(&base, work.limits);
-    let told = |d: Box<crate::diagnostic::Diagnostic>| {
+    let told = |d: Box<osier_base::diagnostic::Diagnostic>| {
         Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() }))
     };
     let classes = ifs::classes(stems, &limits, eps, keys.lod + 1).map_err(told)?;

@@ -2,19 +2,19 @@
 
 use super::Work;
 use super::looks::Look;
-use crate::Result;
-use crate::diagnostic::Sources;
-use crate::grammar::{DeriveOptions, Grammar, Source, derive, parse};
-use crate::grow::turtle::{self, TurtleOptions};
-use crate::par::par_map;
-use crate::plant::Plant;
 use crate::recipe::catkin_keys::{Angles, CatkinKeys, Polar};
-use crate::rng::Rng;
-use crate::scene::{Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
-use crate::surface::SurfaceMaterial;
-use crate::surface::catkin::{Detail, Tuft, TuftSpec, VARIANTS, hair_material, stalk_material, tuft};
-use crate::units::degrees;
 use glam::{Quat, Vec3};
+use osier_base::Result;
+use osier_base::diagnostic::Sources;
+use osier_base::par::par_map;
+use osier_base::rng::Rng;
+use osier_base::units::degrees;
+use osier_grammar::{DeriveOptions, Grammar, Source, derive, parse};
+use osier_plants::grow::turtle::{self, TurtleOptions};
+use osier_plants::surface::SurfaceMaterial;
+use osier_plants::surface::catkin::{Detail, Tuft, TuftSpec, VARIANTS, hair_material, stalk_material, tuft};
+use osier_scene::plant::Plant;
+use osier_scene::{Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
 
 /// Distance of tufts side by side, in radii of the largest.
 const APART: f32 = 2.1;
@@ -150,7 +150,7 @@ pub fn skeleton(keys: &CatkinKeys, variant: usize, seed: u64, work: &Work<'_>) -
     work.cancel.check()?;
     let text = text(keys, variant);
     let mut none =
-        |reference: &str, _: &str| Err(crate::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
+        |reference: &str, _: &str| Err(osier_base::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
     let source = Source {
         name: "catkin",
         bytes: text.as_bytes(),

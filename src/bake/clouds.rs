@@ -6,19 +6,19 @@ use glam::{DVec3, Quat, Vec3};
 
 use super::Work;
 use super::morphing::Morphing;
-use crate::geometry::Bounds;
-use crate::ifs::affine::{Affine, turn_z};
-use crate::ifs::cloud::{Cloud, Request, cloud, voxels};
-use crate::ifs::color::{Labels, Mode};
-use crate::ifs::game::{Escapes, Tier};
-use crate::ifs::histogram::{Window, histogram};
-use crate::ifs::picture::{Density, Estimator, Tone, density};
-use crate::ifs::{Ifs, View};
-use crate::math::narrow;
 use crate::recipe::cloud_keys::{ColorBy, Fit, Foot, PictureKeys};
 use crate::recipe::{CloudRecipe, Recipe};
-use crate::scene::{Asset, AssetKind, Attribute, Material, MaterialClass, Points, Trs};
-use crate::{Error, Result};
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_base::{Error, Result};
+use osier_ifs::affine::{Affine, turn_z};
+use osier_ifs::cloud::{Cloud, Request, cloud, voxels};
+use osier_ifs::color::{Labels, Mode};
+use osier_ifs::game::{Escapes, Tier};
+use osier_ifs::histogram::{Window, histogram};
+use osier_ifs::picture::{Density, Estimator, Tone, density};
+use osier_ifs::{Ifs, View};
+use osier_scene::{Asset, AssetKind, Attribute, Material, MaterialClass, Points, Trs};
 
 /// Points of a pixel in a picture without a number of points.
 pub(super) const PER_PIXEL: u64 = 20;

@@ -8,8 +8,8 @@ use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::{Format, Profile};
 use crate::recipe::wind_keys::{Solver, WindModel};
-use crate::scene::{Asset, InstancerMotion, MeshMotion, Scene};
-use crate::wind::LatticeMemory;
+use osier_scene::{Asset, InstancerMotion, MeshMotion, Scene};
+use osier_wind::LatticeMemory;
 
 /// Numbers of things, over all assets.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -195,7 +195,7 @@ impl Size {
 }
 
 /// PNG takes about half of noise-like pictures' bytes.
-fn picture(image: &crate::scene::Image) -> u64 {
+fn picture(image: &osier_scene::Image) -> u64 {
     raw(image) / 2
 }
 

@@ -9,19 +9,19 @@ use super::deposits::Deposits;
 use super::measures;
 use super::stream::Stream;
 use super::trails::Trails;
-use crate::Result;
-use crate::geometry::Bounds;
-use crate::math::{ln, narrow};
-use crate::motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, State, Wait, sky};
 use crate::recipe::flight_keys::{FlightKeys, Release, Sides};
 use crate::recipe::{FlightRecipe, Recipe};
-use crate::rng::Rng;
-use crate::scene::{
+use osier_base::Result;
+use osier_base::geometry::Bounds;
+use osier_base::math::{ln, narrow};
+use osier_base::rng::Rng;
+use osier_motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, State, Wait, sky};
+use osier_scene::solid::Solids;
+use osier_scene::{
     Asset, AssetFrame, AssetKind, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Prototype,
     Table,
 };
-use crate::solid::Solids;
-use crate::wind::Wind;
+use osier_wind::Wind;
 
 /// Numbers that each carries, and which of them tells how often it has come back.
 const MARKS: [&str; 3] = ["state", "cluster", "generation"];
@@ -101,7 +101,7 @@ impl Course {
     }
 
     /// The table that frames fill, and the maps. `said`: warnings so far.
-    pub fn measures(&self, keys: &FlightKeys, said: Vec<(&'static str, String)>) -> (Table, &[crate::scene::Field]) {
+    pub fn measures(&self, keys: &FlightKeys, said: Vec<(&'static str, String)>) -> (Table, &[osier_scene::Field]) {
         let lattice = self.now.lock().unwrap_or_else(PoisonError::into_inner).stream.health();
         let solids: Vec<&str> = self.start.solids().list().iter().map(|s| s.name.as_str()).collect();
         (measures::table(keys, (self.start.len(), &solids), lattice, said), &self.deposits.fields)
@@ -203,7 +203,7 @@ impl Course {
         if !self.settle {
             return;
         }
-        let share = 1.0 - crate::math::exp_f32(-narrow(1.0 / now.flights.options().fps) / SETTLE_TIME);
+        let share = 1.0 - osier_base::math::exp_f32(-narrow(1.0 / now.flights.options().fps) / SETTLE_TIME);
         let Now { flights, sunk, .. } = now;
         for (c, sunk) in flights.by_number().zip(sunk) {
             let wanted = if c.state().is_deposited() { self.gap(c) } else { Vec3::ZERO };

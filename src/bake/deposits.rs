@@ -2,12 +2,12 @@
 
 use glam::Vec3;
 
-use crate::geometry::Bounds;
-use crate::math::narrow;
-use crate::motion::flight::{Catkin, Flights, State};
 use crate::recipe::flight_keys::{FlightKeys, MapOf};
-use crate::scene::Field;
-use crate::solid::{Form, Side, Solids};
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_motion::flight::{Catkin, Flights, State};
+use osier_scene::Field;
+use osier_scene::solid::{Form, Side, Solids};
 
 /// Maps of a flight: the ground first, then four sides of each straight solid.
 #[derive(Debug, Clone)]

@@ -4,7 +4,7 @@ use super::layout::Layout;
 use super::looks::{Look, organ_names};
 use crate::recipe::wind_keys::Solver;
 use crate::recipe::{Growth, PlantRecipe, Recipe};
-use crate::scene::{Clip, Image, Pixels};
+use osier_scene::{Clip, Image, Pixels};
 
 /// Pixels along a side of maps that are only counted.
 const SIDE: u32 = 16;

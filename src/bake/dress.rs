@@ -9,16 +9,16 @@ use super::air::Air;
 use super::layout::{Individual, Layout};
 use super::mover::{Leaves, Mover, Shown};
 use super::plants::Grown;
-use crate::Result;
-use crate::motion::{Rig, Weights};
-use crate::plant::{Organ, Plant};
 use crate::recipe::sections::{Format, Motion, SkinKeys, Uv};
 use crate::recipe::{PlantRecipe, Recipe};
-use crate::scene::{
+use osier_base::Result;
+use osier_motion::{Rig, Weights};
+use osier_plants::surface::{SkinOptions, UvMode, skin};
+use osier_scene::plant::{Organ, Plant};
+use osier_scene::{
     Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Prototype, SkinWeights,
     Trs,
 };
-use crate::surface::{SkinOptions, UvMode, skin};
 
 /// Index of the bark in a plant's own materials.
 pub const BARK: u16 = 0;
@@ -129,12 +129,12 @@ pub fn bark(grown: &Grown, recipe: &PlantRecipe, kind: &Kind, work: &Work<'_>) -
 /// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
 pub fn skin_options(keys: &SkinKeys, tile: f32, work: &Work<'_>) -> SkinOptions {
     SkinOptions {
-        turn: crate::math::narrow(keys.turn),
-        edge: crate::math::narrow(keys.edge),
+        turn: osier_base::math::narrow(keys.turn),
+        edge: osier_base::math::narrow(keys.edge),
         tile: [tile, tile],
         uv: if keys.uv == Uv::Metric { UvMode::Metric } else { UvMode::Conformal },
-        flare: crate::math::narrow(keys.flare),
-        bury: crate::math::narrow(keys.bury),
+        flare: osier_base::math::narrow(keys.flare),
+        bury: osier_base::math::narrow(keys.bury),
         shoot: Some((SHOOT_RADIUS, SHOOT)),
         max_points: work.limits.get("vertices"),
         ..SkinOptions::default()

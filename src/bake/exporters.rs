@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use super::write::Writer;
-use crate::export::textures::Textures;
-use crate::export::{air, exr, gltf, manifest, obj, ply, pov, stats, tracks, usd};
-use crate::fence::Folder;
 use crate::recipe::sections::{CopyStyle, Format, Profile, Up};
 use crate::recipe::{OutputRecipe, Recipe};
+use osier_base::fence::Folder;
+use osier_export::textures::Textures;
+use osier_export::{air, exr, gltf, manifest, obj, ply, pov, stats, tracks, usd};
 
 /// Writers of a bake's folder, which will be given these frames.
 pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe, frames: &[u32]) -> Vec<Writer> {
@@ -48,7 +48,7 @@ fn of_format(
             };
             output.gltf.profiles.iter().map(glb).collect()
         }
-        Format::Pc2 => vec![writer("pc2", crate::export::pc2::Pc2::new(folder))],
+        Format::Pc2 => vec![writer("pc2", osier_export::pc2::Pc2::new(folder))],
         Format::Obj => vec![writer("obj", obj::Obj::new(folder, (**textures).clone(), obj::Layout::Bake))],
         Format::Ply => vec![writer("ply", ply::Ply::new(folder, ply::Layout::Bake))],
         Format::Csv => vec![writer("csv", stats::Stats::new(folder))],
@@ -104,7 +104,7 @@ pub fn settings(output: &OutputRecipe, frames: &[u32]) -> manifest::Settings {
         up_axis: if output.usd.up == Up::Z { "Z".into() } else { "Y".into() },
         substeps: 1,
         step: stride(frames),
-        pov_units_per_m: crate::math::narrow(output.pov.units),
+        pov_units_per_m: osier_base::math::narrow(output.pov.units),
     }
 }
 
@@ -120,7 +120,7 @@ fn stride(frames: &[u32]) -> u32 {
     frames.windows(2).fold(0, |step, pair| gcd(step, pair[1].abs_diff(pair[0]))).max(1)
 }
 
-fn writer(name: &'static str, exporter: impl crate::export::Exporter + 'static) -> Writer {
+fn writer(name: &'static str, exporter: impl osier_export::Exporter + 'static) -> Writer {
     Writer { name, exporter: Box::new(exporter) }
 }
 
@@ -136,7 +136,10 @@ fn up(output: &OutputRecipe) -> usd::UpAxis {
 /// Angles and lengths of the recipe are in radians and metres.
 fn tolerance(output: &OutputRecipe) -> usd::Tolerance {
     let keys = &output.usd;
-    usd::Tolerance { metres: crate::math::narrow(keys.tolerance), radians: crate::math::narrow(keys.turn_tolerance) }
+    usd::Tolerance {
+        metres: osier_base::math::narrow(keys.tolerance),
+        radians: osier_base::math::narrow(keys.turn_tolerance),
+    }
 }
 
 fn copies(output: &OutputRecipe) -> usd::CopyStyle {
@@ -157,9 +160,9 @@ fn profile(profile: Profile) -> gltf::Profile {
 fn pov_options(output: &OutputRecipe) -> pov::Options {
     pov::Options {
         step: output.pov.step,
-        units_per_m: crate::math::narrow(output.pov.units),
-        shutter: crate::math::narrow(output.pov.shutter),
-        photons: output.photons.as_ref().map(|p| crate::math::narrow(p.smallest)),
+        units_per_m: osier_base::math::narrow(output.pov.units),
+        shutter: osier_base::math::narrow(output.pov.shutter),
+        photons: output.photons.as_ref().map(|p| osier_base::math::narrow(p.smallest)),
         size: (output.pov.size[0] as u32, output.pov.size[1] as u32),
         ..pov::Options::default()
     }

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::rain::Found;
-use crate::math::{self, narrow};
-use crate::motion::rain::{Chart, Sheet};
 use crate::recipe::Recipe;
-use crate::scene::{
+use osier_base::math::{self, narrow};
+use osier_base::{Error, Result};
+use osier_motion::rain::{Chart, Sheet};
+use osier_scene::{
     Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh, MeshMotion,
     MeshObject, SkinWeights, Subset, Trs, Wet,
 };
-use crate::{Error, Result};
 
 /// Per asset, per instancer, per instance: whether it is still one.
 pub type Kept = Vec<Vec<Vec<bool>>>;

@@ -9,14 +9,14 @@ use glam::DVec2;
 use serde::Deserialize;
 
 use super::{looks, tables};
-use crate::Result;
-use crate::export::{GENERATOR, textures};
-use crate::fence::{Folder, read_below};
-use crate::ifs::leaf::{Drawn, Flat, Once, Place};
-use crate::limits::Limits;
-use crate::par::par_map;
 use crate::recipe::Recipe;
-use crate::scene::Pixels;
+use osier_base::Result;
+use osier_base::fence::{Folder, read_below};
+use osier_base::limits::Limits;
+use osier_base::par::par_map;
+use osier_export::{GENERATOR, textures};
+use osier_ifs::leaf::{Drawn, Flat, Once, Place};
+use osier_scene::Pixels;
 
 /// Maps of a leaf by their endings, with their channels.
 const MAPS: [(&str, u8); 4] = [("color", 4), ("normal", 3), ("rough", 1), ("height", 1)];

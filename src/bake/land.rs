@@ -1,12 +1,12 @@
 //! The land of a scene: shape, look, and how it enters the stage.
 
 use super::looks::Look;
-use crate::Result;
-use crate::math::narrow;
 use crate::recipe::land_keys::TerrainKeys;
-use crate::rng::{mix64, word};
-use crate::scene::{Asset, AssetKind, Camera, HeightField, MeshMotion, MeshObject};
-use crate::surface::terrain::{Land, LandColors, Relief, land_material};
+use osier_base::Result;
+use osier_base::math::narrow;
+use osier_base::rng::{mix64, word};
+use osier_plants::surface::terrain::{Land, LandColors, Relief, land_material};
+use osier_scene::{Asset, AssetKind, Camera, HeightField, MeshMotion, MeshObject};
 
 /// Name of the land's asset, placement and material.
 pub const NAME: &str = "terrain";
@@ -52,7 +52,7 @@ pub fn look(land: &Land, keys: &TerrainKeys, seed: u64) -> Result<Look> {
 
 /// The land's asset; `material`: index of its material in the scene.
 pub fn asset(land: &Land, material: u32) -> Asset {
-    let object = |(name, mesh): (String, crate::scene::Mesh)| MeshObject {
+    let object = |(name, mesh): (String, osier_scene::Mesh)| MeshObject {
         name,
         mesh: mesh.with_material(material),
         motion: MeshMotion::Still,

@@ -4,17 +4,17 @@ use glam::DVec3;
 
 use super::Work;
 use super::clouds::{MEMORY, PER_PIXEL, bounds, labels, settled};
-use crate::ifs::cloud::Request;
-use crate::ifs::color::Labels;
-use crate::ifs::game::Tier;
-use crate::ifs::histogram::{Window, histogram};
-use crate::ifs::picture::{Tone, density, opacity};
-use crate::math::{lerp, narrow};
 use crate::recipe::cloud_keys::ColorBy;
 use crate::recipe::{CloudRecipe, LayerRecipe, Recipe};
-use crate::rng::{mix64, word};
-use crate::units::srgb_from_linear;
-use crate::{Error, Result};
+use osier_base::math::{lerp, narrow};
+use osier_base::rng::{mix64, word};
+use osier_base::units::srgb_from_linear;
+use osier_base::{Error, Result};
+use osier_ifs::cloud::Request;
+use osier_ifs::color::Labels;
+use osier_ifs::game::Tier;
+use osier_ifs::histogram::{Window, histogram};
+use osier_ifs::picture::{Tone, density, opacity};
 
 /// Bytes per pixel of a layer at most: counts, colours, densities.
 const CELL: u64 = 96;

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use glam::{Quat, Vec2, Vec3};
 
 use super::{Work, land, scatter};
-use crate::Result;
-use crate::fence::Names;
-use crate::math;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
-use crate::rng::{Rng, child, mix64, word};
-use crate::scene::Trs;
-use crate::surface::terrain::Land;
+use osier_base::Result;
+use osier_base::fence::Names;
+use osier_base::math;
+use osier_base::rng::{Rng, child, mix64, word};
+use osier_plants::surface::terrain::Land;
+use osier_scene::Trs;
 
 /// One plant to grow.
 #[derive(Debug, Clone, PartialEq, Eq)]

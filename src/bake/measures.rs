@@ -1,10 +1,10 @@
 //! What a flight is measured by: columns of its table, what is said once, and what is worth a warning.
 
-use crate::motion::flight::Tally;
 use crate::recipe::flight_keys::FlightKeys;
 use crate::recipe::word_of;
-use crate::scene::{Table, Watch};
-use crate::wind::Health;
+use osier_motion::flight::Tally;
+use osier_scene::{Table, Watch};
+use osier_wind::Health;
 
 /// Columns that count what is so at a frame, or measure it.
 const NOW: [(&str, &str); 15] = [

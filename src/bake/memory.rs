@@ -8,7 +8,7 @@
 use super::counts::{Counts, lattice};
 use crate::recipe::Recipe;
 use crate::recipe::sections::Format;
-use crate::scene::{Image, Pixels, Scene};
+use osier_scene::{Image, Pixels, Scene};
 
 /// The program itself, and what each thread has on its stack and in its buffers, bytes.
 const PROGRAM: u64 = 14_000_000;
@@ -33,7 +33,7 @@ pub fn predicted(scene: &Scene, recipe: &Recipe, counts: &Counts) -> Vec<(&'stat
     let glb = counts.sizes.iter().find(|s| s.0 == "glb").map_or(0, |s| s.1);
     let point = if recipe.output.formats.contains(&Format::Usd) { POINT + USD_POINT } else { POINT };
     let mut parts = vec![
-        ("program", PROGRAM + THREAD * crate::par::threads() as u64),
+        ("program", PROGRAM + THREAD * osier_base::par::threads() as u64),
         ("pictures", scene.images.iter().map(raw).sum::<u64>() / 10 * PICTURE),
         ("meshes", VERTEX.saturating_mul(counts.vertices + counts.triangles)),
         ("instances", INSTANCE.saturating_mul(counts.instances)),

@@ -42,9 +42,9 @@ pub mod write;
 
 pub use counts::{Counts, lattice};
 
-use crate::fence::Shelf;
-use crate::limits::Limits;
-use crate::progress::{Cancel, Progress};
+use osier_base::fence::Shelf;
+use osier_base::limits::Limits;
+use osier_base::progress::{Cancel, Progress};
 
 /// What all work heeds.
 #[derive(Clone, Copy)]

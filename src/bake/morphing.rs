@@ -5,14 +5,14 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::clouds::mode;
-use crate::geometry::Bounds;
-use crate::ifs::cloud::{Cloud, Request, cloud};
-use crate::ifs::color::{Labels, Mode};
-use crate::ifs::game::{Extent, Tier};
-use crate::ifs::morph::Morph;
-use crate::math::{lerp, narrow};
 use crate::recipe::{CloudRecipe, MorphRecipe};
-use crate::scene::{Asset, AssetFrame, PointsFrame};
+use osier_base::geometry::Bounds;
+use osier_base::math::{lerp, narrow};
+use osier_ifs::cloud::{Cloud, Request, cloud};
+use osier_ifs::color::{Labels, Mode};
+use osier_ifs::game::{Extent, Tier};
+use osier_ifs::morph::Morph;
+use osier_scene::{Asset, AssetFrame, PointsFrame};
 
 /// Points and times that tell how far a cloud reaches.
 const SAMPLE: u64 = 4096;

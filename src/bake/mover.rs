@@ -11,19 +11,19 @@ use super::course::Course;
 use super::morphing::Morphing;
 use super::rain::Rain;
 use super::rods::RodMotion;
-use crate::Result;
-use crate::diagnostic::{Diagnostic, Report};
-use crate::limits::Limits;
-use crate::math::narrow;
-use crate::motion::{self, Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
-use crate::plant::{Organ, Plant};
-use crate::progress::Cancel;
 use crate::recipe::sections::{Motion, PlantKeys};
 use crate::recipe::{Growth, PlantRecipe};
-use crate::scene::{
+use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::limits::Limits;
+use osier_base::math::narrow;
+use osier_base::progress::Cancel;
+use osier_motion::{Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
+use osier_scene::plant::{Organ, Plant};
+use osier_scene::{
     Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
 };
-use crate::wind::Wind;
+use osier_wind::Wind;
 
 /// Most joints for engines.
 const GAME: u32 = 64;
@@ -125,9 +125,12 @@ impl Mover {
             Motion::Skin | Motion::Static | Motion::Still => Budget::Joints(joints),
         };
         let elements = Elements::build(plant, &manner.wood, budget);
-        motion::afford(&elements, air.take, limits)?;
-        let take =
-            if air.draft { motion::Take { frames: 1, repeats: false, from_rest: true, ..air.take } } else { air.take };
+        osier_motion::afford(&elements, air.take, limits)?;
+        let take = if air.draft {
+            osier_motion::Take { frames: 1, repeats: false, from_rest: true, ..air.take }
+        } else {
+            air.take
+        };
         let track = match air.paper {
             Some(paper) => {
                 let both = (plant, &elements);
@@ -179,7 +182,7 @@ impl Mover {
     }
 
     fn meshes(&self, asset: &Asset, (body, posture): (&Body, &Posture), moment: &Moment) -> Vec<MeshFrame> {
-        let one = |m: &crate::scene::MeshObject| {
+        let one = |m: &osier_scene::MeshObject| {
             if m.motion != MeshMotion::Deforming {
                 return MeshFrame::Same;
             }
@@ -226,7 +229,7 @@ impl Mover {
             let [before, after] = [0, 1].map(|n| self.elements.turn(&around[n], &moment.bends[2 * n], spot));
             let turned = after * before.conjugate();
             let spin = turned.xyz() * (2.0 * turned.w.signum() / moment.step);
-            *q = leaves.flutter.turned(k, *q, moment.seconds, motion::Air { wind, spin }).normalize();
+            *q = leaves.flutter.turned(k, *q, moment.seconds, osier_motion::Air { wind, spin }).normalize();
         }
     }
 }
@@ -275,14 +278,14 @@ pub fn frame(scene: &Scene, movers: &[Option<Moving>], number: u32, shifted: boo
     let step = scene.clip.fps().recip();
     let pairs: Vec<(&Asset, Option<&Moving>)> =
         scene.assets.iter().zip(movers.iter().map(Option::as_ref).chain(std::iter::repeat(None))).collect();
-    let assets = crate::par::par_map(&pairs, |(asset, mover)| {
+    let assets = osier_base::par::par_map(&pairs, |(asset, mover)| {
         mover.map_or_else(|| Ok(AssetFrame::default()), |m| m.frame(asset, seconds, step))
     });
     let assets = assets.into_iter().collect::<Result<Vec<_>>>()?;
     let phases: BTreeSet<(usize, u32)> =
         scene.placements.iter().filter(|p| shifted && p.phase > 0).map(|p| (p.asset, p.phase)).collect();
     let phases: Vec<(usize, u32)> = phases.into_iter().collect();
-    let states = crate::par::par_map(&phases, |(i, phase)| {
+    let states = osier_base::par::par_map(&phases, |(i, phase)| {
         let later = seconds + f64::from(*phase) / scene.clip.fps();
         let (asset, mover) = pairs.get(*i)?;
         mover.map(|m| m.frame(asset, later, step))

@@ -9,20 +9,20 @@ use super::dress::{BARK, SHOOT, SHOOT_RADIUS};
 use super::layout::Individual;
 use super::looks::Look;
 use super::{Work, twigs};
-use crate::diagnostic::Report;
-use crate::grammar::{DeriveOptions, derive};
-use crate::grow::ifs;
-use crate::grow::mesh::Tree;
-use crate::grow::radii::Taper;
-use crate::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
-use crate::ifs::stems::Stems;
-use crate::plant::Plant;
 use crate::recipe::Section as _;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::cloud_keys::{Radii, TreeKeys};
 use crate::recipe::sections::{Line, TropismKeys};
 use crate::recipe::{Growth, PlantRecipe, set_letters};
-use crate::{Error, Result};
+use osier_base::diagnostic::Report;
+use osier_base::{Error, Result};
+use osier_grammar::{DeriveOptions, derive};
+use osier_ifs::stems::Stems;
+use osier_plants::grow::ifs;
+use osier_plants::grow::mesh::Tree;
+use osier_plants::grow::radii::Taper;
+use osier_plants::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
+use osier_scene::plant::Plant;
 
 /// A grown plant.
 #[derive(Debug)]

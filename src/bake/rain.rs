@@ -14,23 +14,23 @@ use glam::{DQuat, DVec3, Vec3};
 pub use self::floor::Soil;
 use super::boughs::Dressing;
 use super::{Work, heroes};
-use crate::Result;
-use crate::geometry::Bounds;
-use crate::math::narrow;
-use crate::motion::rain::{
+use crate::recipe::Recipe;
+use crate::recipe::rain_keys::RainRecipe;
+use osier_base::Result;
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_base::par::{par_map, par_map_mut};
+use osier_motion::rain::{
     Bearer, Blade, Bough, Chart, Cover, Grooves, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff,
     Storm, Target, Water, Wetness, across,
 };
-use crate::motion::rod::Boughs;
-use crate::par::{par_map, par_map_mut};
-use crate::plant::{AxisKind, Plant};
-use crate::recipe::Recipe;
-use crate::recipe::rain_keys::RainRecipe;
-use crate::scene::{
+use osier_motion::rod::Boughs;
+use osier_scene::plant::{AxisKind, Plant};
+use osier_scene::{
     Asset, AssetFrame, AssetKind, Drops, Image, InstancerFrame, Material, MaterialClass, MeshFrame, MeshMotion,
     MeshObject, Points, PointsFrame, Table, Trs, Wet, WetMaps,
 };
-use crate::wind::Wind;
+use osier_wind::Wind;
 
 /// Steps of a frame where nothing asks for more.
 const STEPS: u32 = 8;
@@ -282,7 +282,7 @@ fn bounds(assets: &[Asset], stands: &[Trs]) -> Bounds {
     let corners = assets
         .iter()
         .zip(stands)
-        .flat_map(|(asset, stand)| crate::scene::asset_bounds(asset, &rest).corners().map(|c| stand.apply(c)));
+        .flat_map(|(asset, stand)| osier_scene::asset_bounds(asset, &rest).corners().map(|c| stand.apply(c)));
     Bounds::of(corners)
 }
 

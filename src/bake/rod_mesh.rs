@@ -4,8 +4,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
-use crate::math;
-use crate::scene::{Mesh, SkinWeights};
+use osier_base::math;
+use osier_scene::{Mesh, SkinWeights};
 
 /// How finely a tube is cut.
 #[derive(Debug, Clone, Copy)]

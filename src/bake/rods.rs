@@ -8,17 +8,17 @@ use glam::{DMat3, DVec3, Quat, Vec3};
 use super::Work;
 use super::air::by_formula;
 use super::rod_mesh::{FINE, Station, ball, tube};
-use crate::Result;
-use crate::diagnostic::{Diagnostic, Report};
-use crate::math;
-use crate::motion::rod::{Act, Body, Clip, Hold, Integrator, Keys, LIMP, Rod, Rods, Still, Stuff};
 use crate::recipe::rod_keys::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
 use crate::recipe::{Recipe, RodRecipe};
-use crate::scene::{
+use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::math;
+use osier_motion::rod::{Act, Body, Clip, Hold, Integrator, Keys, LIMP, Rod, Rods, Still, Stuff};
+use osier_scene::{
     Asset, AssetFrame, AssetKind, Joint, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton, SkinWeights,
     Trs,
 };
-use crate::wind::Wind;
+use osier_wind::Wind;
 
 /// Density of the balls that weights are shown as, kg/m^3.
 const WATER: f64 = 998.0;
@@ -331,9 +331,9 @@ fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> Rod {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::limits::Limits;
-    use crate::progress::{Cancel, Silent};
     use crate::recipe::{Request, resolve};
+    use osier_base::limits::Limits;
+    use osier_base::progress::{Cancel, Silent};
 
     fn built(text: &str, set: &[&str]) -> (Vec<New>, Vec<&'static str>) {
         let set = set.iter().map(|s| (*s).to_owned()).collect();

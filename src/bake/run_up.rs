@@ -3,13 +3,13 @@
 //! `wind/air_KEY.state` holds a line that says what it is, the hash of what follows, and the lattice's state; KEY is of its
 //! options, seed and solid cells. What does not fit in every byte is made again, and said.
 
-use crate::Result;
-use crate::export::GENERATOR;
-use crate::fence::{Folder, Shelf, read_below};
-use crate::limits::Limits;
-use crate::progress::{Cancel, Progress};
-use crate::solid::Solid;
-use crate::wind::{Lattice, LatticeOptions};
+use osier_base::Result;
+use osier_base::fence::{Folder, Shelf, read_below};
+use osier_base::limits::Limits;
+use osier_base::progress::{Cancel, Progress};
+use osier_export::GENERATOR;
+use osier_scene::solid::Solid;
+use osier_wind::{Lattice, LatticeOptions};
 
 /// A lattice that stands before its run-up or, where a folder keeps it, after it: as it was found there, or run up and kept.
 /// # Errors

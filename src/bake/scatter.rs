@@ -4,15 +4,15 @@ use glam::Vec3;
 
 use super::Work;
 use super::layout::{Layout, Standing, individual, rotation, tangent};
-use crate::Result;
-use crate::math::{cos_f32, narrow, rotation_between, sin_f32};
-use crate::plant::{NONE, Plant};
 use crate::recipe::sections::SkinKeys;
 use crate::recipe::{Recipe, ScatterRecipe};
-use crate::rng::Rng;
-use crate::scene::Trs;
-use crate::surface::terrain::Land;
-use crate::surface::terrain::scatter::{Disc, Mask, Sowing, Taken, address, scatter};
+use osier_base::Result;
+use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
+use osier_base::rng::Rng;
+use osier_plants::surface::terrain::Land;
+use osier_plants::surface::terrain::scatter::{Disc, Mask, Sowing, Taken, address, scatter};
+use osier_scene::Trs;
+use osier_scene::plant::{NONE, Plant};
 
 /// How far every foot goes into the land, m.
 const SUNK: f32 = 0.02;
@@ -124,10 +124,10 @@ pub(super) fn sink(layout: &mut Layout, feet: &[f32], land: &Land) {
 mod tests {
     use super::*;
     use crate::bake::stage::{Parts, build};
-    use crate::limits::Limits;
-    use crate::progress::{Cancel, Silent};
     use crate::recipe::{Request, resolve};
-    use crate::scene::AssetKind;
+    use osier_base::limits::Limits;
+    use osier_base::progress::{Cancel, Silent};
+    use osier_scene::AssetKind;
 
     const SCENE: &str = "seed = 4
 [terrain]

@@ -6,8 +6,8 @@ use super::stage::Built;
 use super::write::Stage;
 use crate::recipe::Recipe;
 use crate::recipe::sections::{Format, Profile};
-use crate::scene::{Asset, AssetKind, Scene};
-use crate::{Error, Result};
+use osier_base::{Error, Result};
+use osier_scene::{Asset, AssetKind, Scene};
 
 /// Bytes of lines of an OBJ file. Own: as measured on trees; corners of a face have three numbers.
 const OBJ_POINT: u64 = 33;

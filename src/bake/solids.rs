@@ -5,16 +5,16 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::looks::Look;
-use crate::math::narrow;
 use crate::recipe::flight_keys::Shape;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};
-use crate::scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject};
-use crate::solid::{Form, LandForm, Prism, Shell, Solid, Solids};
-use crate::surface::ground::Ground;
-use crate::surface::masonry;
-use crate::surface::terrain::Land;
-use crate::{Error, Result};
+use osier_base::math::narrow;
+use osier_base::{Error, Result};
+use osier_plants::surface::ground::Ground;
+use osier_plants::surface::masonry;
+use osier_plants::surface::terrain::Land;
+use osier_scene::solid::{Form, LandForm, Prism, Shell, Solid, Solids};
+use osier_scene::{Asset, AssetKind, MaterialId, MeshMotion, MeshObject};
 
 /// Heights along a side of the box that a waving ground is known by.
 const SAMPLES: u16 = 513;

@@ -22,24 +22,24 @@ use super::stream::Stream;
 use super::view::{camera, sky, sun};
 use super::write::Stage;
 use super::{catkin, draft, land, rain, rods, scatter};
-use crate::diagnostic::{Diagnostic, Report};
-use crate::fence::Names;
-use crate::geometry::Bounds;
-use crate::math::narrow;
-use crate::motion::rod::Boughs;
-use crate::par::{join, par_map};
-use crate::plant::AxisKind;
 use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::land_keys::TerrainKeys;
 use crate::recipe::sections::Motion;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
-use crate::scene::{
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::fence::Names;
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_base::par::{join, par_map};
+use osier_base::{Error, Result};
+use osier_motion::rod::Boughs;
+use osier_plants::surface::ground::Ground;
+use osier_plants::surface::terrain::Land;
+use osier_scene::plant::AxisKind;
+use osier_scene::{
     Asset, AssetKind, Field, Image, Material, Mesh, MeshMotion, MeshObject, Placement, Scene, Table, Trs, Wet,
 };
-use crate::surface::ground::Ground;
-use crate::surface::terrain::Land;
-use crate::{Error, Result};
 
 /// Which parts of a recipe are made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -528,7 +528,7 @@ fn add_rain(
 ) -> Result<(Vec<Wet>, Option<Table>)> {
     let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
     let stands = layout.first_stands();
-    let plants: Vec<&crate::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
+    let plants: Vec<&osier_scene::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
     let under = rain::Under {
         recipe,
         assets: &mut made.assets,

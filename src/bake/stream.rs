@@ -9,16 +9,16 @@ use super::Work;
 use super::air;
 use super::blow::{lattice_options, tell};
 use super::run_up;
-use crate::Result;
-use crate::diagnostic::Report;
-use crate::fence::Shelf;
-use crate::limits::Limits;
-use crate::math::narrow;
-use crate::progress::{Cancel, Progress, Silent};
 use crate::recipe::Recipe;
 use crate::recipe::wind_keys::{Solver, WindModel};
-use crate::solid::Solid;
-use crate::wind::{Between, Health, Lattice, LatticeOptions, Scaled, Snapshot, Sum, Wind};
+use osier_base::Result;
+use osier_base::diagnostic::Report;
+use osier_base::fence::Shelf;
+use osier_base::limits::Limits;
+use osier_base::math::narrow;
+use osier_base::progress::{Cancel, Progress, Silent};
+use osier_scene::solid::Solid;
+use osier_wind::{Between, Health, Lattice, LatticeOptions, Scaled, Snapshot, Sum, Wind};
 
 /// Height above a surface at which a wind by formula is known, m.
 const KNOWN_HEIGHT: f64 = 0.5;

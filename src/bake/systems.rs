@@ -1,9 +1,9 @@
 //! The coefficient tables of a recipe, to be written again.
 
-use crate::ifs::View;
-use crate::ifs::weights::probabilities;
-use crate::ifs::write::{Item, squashed};
 use crate::recipe::{CloudRecipe, Growth, Recipe};
+use osier_ifs::View;
+use osier_ifs::weights::probabilities;
+use osier_ifs::write::{Item, squashed};
 
 /// All attractors and table-grown trees of a recipe, in its order; trees with their trunk as a map.
 pub fn systems(recipe: &Recipe) -> Vec<Item> {

@@ -3,18 +3,18 @@
 use std::sync::Arc;
 
 use super::looks::Look;
-use crate::diagnostic::{Diagnostic, Report};
-use crate::grow::turtle::OrganSpec;
-use crate::ifs::Ifs;
-use crate::ifs::leaf::{self, Colors, Drawn, Pose, Spec, bent};
-use crate::ifs::tile::tile;
-use crate::math::narrow;
 use crate::recipe::OrganRecipe;
 use crate::recipe::sections::{Detail, OrganKeys};
-use crate::rng::{Rng, mix64, word};
-use crate::scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
-use crate::surface::bark::Grain;
-use crate::{Error, Result};
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::math::narrow;
+use osier_base::rng::{Rng, mix64, word};
+use osier_base::{Error, Result};
+use osier_ifs::Ifs;
+use osier_ifs::leaf::{self, Colors, Drawn, Pose, Spec, bent};
+use osier_ifs::tile::tile;
+use osier_plants::grow::turtle::OrganSpec;
+use osier_plants::surface::bark::Grain;
+use osier_scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
 
 /// Relief of a leaf over its length.
 const RELIEF: f32 = 0.012;

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::scene::{Curves, InstanceState};
+use osier_scene::{Curves, InstanceState};
 
 /// Points of all lines. A line is cut where its catkin came back elsewhere or was wrapped to the other side: nothing streaks
 /// across the box. What is not seen, or has not moved for the whole time, has a line without length.

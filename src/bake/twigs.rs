@@ -6,13 +6,13 @@ use glam::Vec3;
 
 use super::Work;
 use super::dress::skin_options;
-use crate::Result;
-use crate::grow::ifs::twigs::Twig;
-use crate::par::par_map;
-use crate::plant::Plant;
 use crate::recipe::PlantRecipe;
-use crate::scene::{Mesh, Trs};
-use crate::surface::{SkinOptions, skin};
+use osier_base::Result;
+use osier_base::par::par_map;
+use osier_plants::grow::ifs::twigs::Twig;
+use osier_plants::surface::{SkinOptions, skin};
+use osier_scene::plant::Plant;
+use osier_scene::{Mesh, Trs};
 
 /// Gives the prototypes of twigs their meshes. `tile`: size of one repeat of the bark, m.
 /// # Errors

@@ -2,11 +2,11 @@
 
 use glam::Vec3;
 
-use crate::geometry::Bounds;
-use crate::math::narrow;
-use crate::par::par_map;
 use crate::recipe::Recipe;
-use crate::scene::{Asset, AssetFrame, AssetKind, Camera, Fog, Placement, Sky, Sun, asset_bounds};
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_base::par::par_map;
+use osier_scene::{Asset, AssetFrame, AssetKind, Camera, Fog, Placement, Sky, Sun, asset_bounds};
 
 /// The camera as the scene has it, or fitted to the plants.
 pub fn camera(recipe: &Recipe, assets: &[Asset], placements: &[Placement]) -> Camera {

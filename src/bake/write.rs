@@ -5,9 +5,9 @@ use std::sync::Arc;
 use super::Work;
 use super::breeze::Breeze;
 use super::mover::{Moving, frame};
-use crate::export::{Exporter, Warning};
-use crate::scene::{Frame, Scene, check_frame, check_scene, largest};
-use crate::{Error, Result};
+use osier_base::{Error, Result};
+use osier_export::{Exporter, Warning};
+use osier_scene::{Frame, Scene, check_frame, check_scene, largest};
 
 /// A scene with what moves in it.
 #[derive(Debug, Clone)]
@@ -54,7 +54,7 @@ pub fn write(stage: &Stage, writers: &mut [Writer], numbers: &[u32], work: &Work
                 *most = largest([&**most, row]);
             }
             let (done, following) =
-                crate::par::join(|| each(writers, |w| w.frame(&current)), || next.map(|n| make(*n)));
+                osier_base::par::join(|| each(writers, |w| w.frame(&current)), || next.map(|n| make(*n)));
             done?;
             work.progress.advance(1);
             if let Some(f) = following {
@@ -76,6 +76,6 @@ fn each<R: Send>(
     call: impl Fn(&mut (dyn Exporter + 'static)) -> Result<R> + Sync + Send,
 ) -> Result<Vec<R>> {
     let mut jobs: Vec<(&mut Writer, Option<Result<R>>)> = writers.iter_mut().map(|w| (w, None)).collect();
-    crate::par::par_each(&mut jobs, |(writer, result)| *result = Some(call(writer.exporter.as_mut())));
+    osier_base::par::par_each(&mut jobs, |(writer, result)| *result = Some(call(writer.exporter.as_mut())));
     jobs.into_iter().filter_map(|(_, result)| result).collect()
 }

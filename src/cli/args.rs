@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::limits::{LIMITS, Limits};
+use osier_base::limits::{LIMITS, Limits};
 
 /// Printed below every long help.
 pub const EXIT_CODES: &str = "\
@@ -332,7 +332,7 @@ impl clap::FromArgMatches for MaxFlags {
 
 /// A short file of the system; empty if there is none.
 fn system_text(file: &str) -> String {
-    let bytes = crate::fence::read_input(std::path::Path::new(file), 1 << 16).unwrap_or_default();
+    let bytes = osier_base::fence::read_input(std::path::Path::new(file), 1 << 16).unwrap_or_default();
     String::from_utf8_lossy(&bytes).into_owned()
 }
 

@@ -9,14 +9,17 @@ use super::Context;
 use super::args::Bake;
 use super::progress::{Show, Timed};
 use super::{numbers, report, source, sweep};
-use crate::Result;
 use crate::bake::{self, Work, exporters, kept, single, stage, write};
-use crate::export::manifest::{self, Manifest};
-use crate::export::textures::Textures;
-use crate::export::{SOURCES, VERSION, Warning};
-use crate::fence::{Folder, Shelf, WriteOptions, is_settled};
 use crate::recipe::sections::Format;
 use crate::recipe::{Recipe, resolve};
+use osier_base::Result;
+use osier_base::fence::{Folder, Shelf, WriteOptions, is_settled};
+use osier_export::manifest::{self, Manifest};
+use osier_export::textures::Textures;
+use osier_export::{VERSION, Warning};
+
+/// Hash of the sources that this program was built from: what another program of the same version wrote is made anew.
+const SOURCES: &str = env!("OSIER_SOURCES");
 
 /// Bakes that are predicted to be larger want to be asked for, bytes.
 pub(super) const LARGE: u64 = 2_000_000_000;

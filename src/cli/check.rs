@@ -7,9 +7,9 @@ use super::knobs::Knob;
 use super::progress::Show;
 use super::{Context, knobs, report, source};
 use crate::bake::{Counts, Work, single, stage};
-use crate::diagnostic::{Report, Severity, render_json};
 use crate::recipe::{Growth, resolve};
-use crate::{Error, Result};
+use osier_base::diagnostic::{Report, Severity, render_json};
+use osier_base::{Error, Result};
 
 /// What is known about one file.
 struct Found {

@@ -4,10 +4,10 @@ use super::Context;
 use super::args::Grow;
 use super::grow::{beside, file_name, result};
 use crate::bake::systems::systems;
-use crate::diagnostic::Report;
-use crate::ifs::write::{entries, flames};
 use crate::recipe::Recipe;
-use crate::{Error, Result};
+use osier_base::diagnostic::Report;
+use osier_base::{Error, Result};
+use osier_ifs::write::{entries, flames};
 
 /// Writes every attractor and table-grown tree of a recipe; what the file cannot hold is told (I011).
 pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warnings: &Report) -> Result<u8> {

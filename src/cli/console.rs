@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anstream::ColorChoice;
 
 use super::args::{Color, Common};
-use crate::diagnostic::{Report, Style, is_hidden, render, visible};
-use crate::{Error, Result};
+use osier_base::diagnostic::{Report, Style, is_hidden, render, visible};
+use osier_base::{Error, Result};
 
 /// Where a command talks to.
 #[derive(Debug)]

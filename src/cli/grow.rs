@@ -11,11 +11,11 @@ use super::bake::LARGE;
 use super::list::ENDINGS;
 use super::progress::Show;
 use super::{Context, report, source};
-use crate::Result;
 use crate::bake::{Work, exporters, single, stage, write};
-use crate::export::textures::Textures;
-use crate::fence::{Folder, WriteOptions};
 use crate::recipe::resolve;
+use osier_base::Result;
+use osier_base::fence::{Folder, WriteOptions};
+use osier_export::textures::Textures;
 
 /// Runs it.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
@@ -105,7 +105,7 @@ pub(super) fn result(context: &Context, parent: &Path, folder: &Folder) -> Resul
     let path = |p: &str| if here { p.to_owned() } else { parent.join(p).display().to_string() };
     let files = folder.files();
     if context.console.json {
-        let row = |f: &crate::fence::FileRecord| json!({ "path": path(&f.path), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+        let row = |f: &osier_base::fence::FileRecord| json!({ "path": path(&f.path), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
         let value: Vec<serde_json::Value> = files.iter().map(row).collect();
         return context.console.result(&format!("{:#}\n", json!({ "files": value })));
     }

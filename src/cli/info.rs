@@ -6,12 +6,13 @@ use serde_json::json;
 
 use super::args::Info;
 use super::{Context, report};
-use crate::diagnostic::visible;
-use crate::export::manifest::{Manifest, Verification, verify};
-use crate::fence::{MANIFEST, Roots, read_input};
-use crate::limits::grouped;
-use crate::scene::MaterialClass;
-use crate::{Error, Result, import};
+use osier_base::diagnostic::visible;
+use osier_base::fence::{MANIFEST, Roots, read_input};
+use osier_base::limits::grouped;
+use osier_base::{Error, Result};
+use osier_export::manifest::{Manifest, Verification, verify};
+use osier_import as import;
+use osier_scene::MaterialClass;
 
 /// Runs it.
 pub fn run(context: &Context, args: &Info) -> Result<u8> {

@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use super::{Context, source};
-use crate::Result;
 use crate::recipe::{Growth, Recipe, resolve};
+use osier_base::Result;
 
 /// A #define of a plant's grammar.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,11 +4,12 @@ use serde_json::json;
 
 use super::args::{List, What};
 use super::{Context, knobs};
-use crate::diagnostic::Severity;
-use crate::diagnostic::codes::CODES;
-use crate::limits::{LIMITS, grouped};
+use crate::presets;
 use crate::recipe::{KeyInfo, TableInfo, Word, options, sections};
-use crate::{Result, presets};
+use osier_base::Result;
+use osier_base::diagnostic::Severity;
+use osier_base::diagnostic::codes::CODES;
+use osier_base::limits::{LIMITS, grouped};
 
 /// Endings that `grow` writes, with what they are.
 pub const ENDINGS: &[(&str, &str)] = &[
@@ -185,7 +186,7 @@ fn as_json(context: &Context, what: What) -> serde_json::Value {
                 .collect()
         }
         What::Limits => {
-            let row = |l: &crate::limits::Limit| json!({ "name": l.name, "default": l.default, "value": context.limits.get(l.name), "counts": l.counts });
+            let row = |l: &osier_base::limits::Limit| json!({ "name": l.name, "default": l.default, "value": context.limits.get(l.name), "counts": l.counts });
             LIMITS.iter().map(row).collect()
         }
     }

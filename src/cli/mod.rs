@@ -23,10 +23,10 @@ use std::process::ExitCode;
 
 use clap::Parser as _;
 
-use crate::limits::Limits;
-use crate::progress::Cancel;
 use args::{Cli, Command, Common};
 use console::Console;
+use osier_base::limits::Limits;
+use osier_base::progress::Cancel;
 
 /// Most threads: more wait for each other longer than they work.
 #[cfg(feature = "parallel")]

@@ -6,10 +6,10 @@ use serde_json::json;
 
 use super::Context;
 use super::args::New;
-use crate::Result;
-use crate::diagnostic::nearest;
-use crate::fence::{Folder, WriteOptions, safe_name};
 use crate::presets::{self, Preset};
+use osier_base::Result;
+use osier_base::diagnostic::nearest;
+use osier_base::fence::{Folder, WriteOptions, safe_name};
 
 /// Makes the folder: the scene, and the grammars that it names, all free to be changed.
 pub fn run(context: &Context, args: &New) -> Result<u8> {

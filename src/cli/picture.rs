@@ -7,12 +7,12 @@ use super::args::Grow;
 use super::grow::{beside, file_name, result};
 use super::progress::Show;
 use crate::bake::{Work, clouds, layers};
-use crate::export::{exr, textures};
-use crate::ifs::picture::{Density, Tone, tone_mapped};
 use crate::recipe::Recipe;
-use crate::scene::{Image, ImageKind, Pixels};
-use crate::units::byte;
-use crate::{Error, Result};
+use osier_base::units::byte;
+use osier_base::{Error, Result};
+use osier_export::{exr, textures};
+use osier_ifs::picture::{Density, Tone, tone_mapped};
+use osier_scene::{Image, ImageKind, Pixels};
 
 /// Draws the first attractor of a recipe into the file asked for.
 pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Result<u8> {

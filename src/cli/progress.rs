@@ -8,8 +8,8 @@ use std::time::Instant;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::console::Console;
-use crate::diagnostic::visible;
-use crate::progress::Progress;
+use osier_base::diagnostic::visible;
+use osier_base::progress::Progress;
 
 /// How work is shown.
 #[derive(Debug)]

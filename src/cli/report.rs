@@ -3,9 +3,9 @@
 use serde_json::{Value, json};
 
 use super::Context;
-use crate::Result;
 use crate::bake::Counts;
-use crate::limits::grouped;
+use osier_base::Result;
+use osier_base::limits::grouped;
 
 /// Prints what a run would make.
 /// # Errors

@@ -4,10 +4,11 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use super::Context;
-use crate::diagnostic::{Diagnostic, Report, nearest};
-use crate::ifs::read;
+use crate::presets;
 use crate::recipe::{Library, Request};
-use crate::{Error, Result, fence, presets};
+use osier_base::diagnostic::{Diagnostic, Report, nearest};
+use osier_base::{Error, Result, fence};
+use osier_ifs::read;
 
 /// A request for the recipe of a source, with the common flags laid in.
 /// # Errors

@@ -9,15 +9,15 @@ use super::args::Bake;
 use super::numbers::{self, Sweep as Choice, sweep};
 use super::progress::Show;
 use super::{Context, source};
-use crate::Result;
 use crate::bake::mover::rows;
 use crate::bake::{Work, stage};
-use crate::export::VERSION;
-use crate::export::stats::{Run, Sweep, Whole};
-use crate::fence::{Folder, WriteOptions};
-use crate::progress::{Progress as _, Silent};
 use crate::recipe::{Recipe, resolve};
-use crate::scene::Scene;
+use osier_base::Result;
+use osier_base::fence::{Folder, WriteOptions};
+use osier_base::progress::{Progress as _, Silent};
+use osier_export::VERSION;
+use osier_export::stats::{Run, Sweep, Whole};
+use osier_scene::Scene;
 
 /// Most runs of a sweep.
 const RUNS: u64 = 1000;

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use crate::Error;
-use crate::fence::{drop_parts, read_input};
-use crate::limits::{Limits, grouped};
-use crate::progress::Cancel;
+use osier_base::Error;
+use osier_base::fence::{drop_parts, read_input};
+use osier_base::limits::{Limits, grouped};
+use osier_base::progress::Cancel;
 
 /// Time that work has to stop by itself after a signal.
 const PATIENCE: Duration = Duration::from_millis(1400);

@@ -10,10 +10,10 @@ use super::wind_keys::{
     WindModel,
 };
 use super::{AirRecipe, word_of};
-use crate::diagnostic::Diagnostic;
-use crate::fence::Names;
-use crate::scene::{AirGrid, Clip};
-use crate::wind::{CALM, beaufort, fitted_length};
+use osier_base::diagnostic::Diagnostic;
+use osier_base::fence::Names;
+use osier_scene::{AirGrid, Clip};
+use osier_wind::{CALM, beaufort, fitted_length};
 
 /// Shortest clip that can repeat, s.
 pub const SHORTEST_LOOP: f64 = 2.0;

@@ -8,15 +8,15 @@ use super::kinds::Reference;
 use super::resolve::Resolver;
 use super::tree::{Table, Value};
 use super::{CloudRecipe, Found, OrganRecipe, condensed};
-use crate::Error;
-use crate::diagnostic::{Diagnostic, Report, Span};
-use crate::fence::Names;
-use crate::ifs::dynamics::{self, Study};
-use crate::ifs::game::extent;
-use crate::ifs::stems::{Stems, is_tree, stems};
-use crate::ifs::weights::Rule;
-use crate::ifs::{Ifs, read};
-use crate::import::Imported;
+use osier_base::Error;
+use osier_base::diagnostic::{Diagnostic, Report, Span};
+use osier_base::fence::Names;
+use osier_ifs::dynamics::{self, Study};
+use osier_ifs::game::extent;
+use osier_ifs::stems::{Stems, is_tree, stems};
+use osier_ifs::weights::Rule;
+use osier_ifs::{Ifs, read};
+use osier_import::Imported;
 
 /// Endings of coefficient tables.
 pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];

@@ -6,12 +6,12 @@ use super::clouds::Read;
 use super::resolve::Resolver;
 use super::sections::{OrganKeys, Up};
 use super::{Found, OrganRecipe, Section as _};
-use crate::Error;
-use crate::diagnostic::{Diagnostic, Report};
-use crate::ifs::faces::{Faces, Model};
-use crate::ifs::{Ifs, Shape};
-use crate::import::Imported;
-use crate::scene::MaterialClass;
+use osier_base::Error;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_ifs::faces::{Faces, Model};
+use osier_ifs::{Ifs, Shape};
+use osier_import::Imported;
+use osier_scene::MaterialClass;
 
 /// The first letter of the organs that stand for the meshes of a tree's table; further ones follow it.
 const FIRST: u32 = 'A' as u32;

@@ -9,9 +9,9 @@ use super::resolve::{Resolver, span_of};
 use super::sections::Up;
 use super::tree::{Node, Table, Value};
 use super::{FlightRecipe, PlantRecipe, SolidRecipe};
-use crate::diagnostic::{Diagnostic, Span};
-use crate::fence::Names;
-use crate::scene::MaterialClass;
+use osier_base::diagnostic::{Diagnostic, Span};
+use osier_base::fence::Names;
+use osier_scene::MaterialClass;
 
 /// Bytes of memory of a catkin that flies, as measured.
 const CATKIN: u64 = 1000;

@@ -2,7 +2,7 @@
 
 use super::digest::Digest;
 use super::tree::{Node, Table, Value};
-use crate::diagnostic::{Diagnostic, Report, nearest};
+use osier_base::diagnostic::{Diagnostic, Report, nearest};
 
 /// A complaint about one value.
 pub type Fault = Box<Diagnostic>;

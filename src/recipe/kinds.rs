@@ -3,8 +3,8 @@
 use super::digest::Digest;
 use super::key::{Fault, Kind, Section, Shown, number, outside, wrong};
 use super::tree::{Node, Value};
-use crate::diagnostic::{Diagnostic, Report, Span, nearest};
-use crate::units;
+use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
+use osier_base::units;
 
 /// A number in a range, scaled into SI.
 #[derive(Debug, Clone, Copy)]
@@ -326,7 +326,7 @@ impl Kind for Color {
     }
     fn read(&self, name: &str, node: &Node) -> Result<[f32; 3], Fault> {
         if let Value::List(_) = node.value {
-            return Ok(Tuple([0.0; 3], num(0.0, 0.0, 1.0, "")).read(name, node)?.map(crate::math::narrow));
+            return Ok(Tuple([0.0; 3], num(0.0, 0.0, 1.0, "")).read(name, node)?.map(osier_base::math::narrow));
         }
         let wanted = "a color, \"#rrggbb\" or three numbers";
         let Value::Text(t) = &node.value else { return Err(wrong(name, node, wanted)) };
@@ -505,7 +505,7 @@ impl<S: Section> Kind for Rows<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnostic::SourceId;
+    use osier_base::diagnostic::SourceId;
 
     fn node(value: Value) -> Node {
         Node { span: Span::new(SourceId(0), 0, 1), value }

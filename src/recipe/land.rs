@@ -5,9 +5,9 @@ use super::land_keys::{ScatterKeys, TerrainKeys};
 use super::resolve::Resolver;
 use super::tree::{Node, Table, Value};
 use super::{PlantRecipe, ScatterRecipe};
-use crate::diagnostic::{Diagnostic, Span, nearest};
-use crate::import::{self, Grey};
-use crate::scene::MaterialClass;
+use osier_base::diagnostic::{Diagnostic, Span, nearest};
+use osier_import::Grey;
+use osier_scene::MaterialClass;
 
 impl Resolver<'_> {
     /// The land, if the scene has a `[terrain]`.
@@ -118,14 +118,14 @@ impl Resolver<'_> {
 
     pub(super) fn grey(&mut self, file: &super::Found) -> Option<Grey> {
         let request = self.request;
-        let options = import::Options {
+        let options = osier_import::Options {
             roots: request.library.roots(),
             limits: &request.limits,
-            up: import::Up::Y,
+            up: osier_import::Up::Y,
             scale: 1.0,
             class: MaterialClass::Ground,
         };
-        let grey = import::grey(&file.path, &file.bytes, &options);
+        let grey = osier_import::grey(&file.path, &file.bytes, &options);
         self.told(grey, file)
     }
 }

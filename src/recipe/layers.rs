@@ -6,7 +6,7 @@ use super::key::{Section as _, wrong};
 use super::layer_keys::LayerKeys;
 use super::resolve::Resolver;
 use super::tree::{Node, Table, Value};
-use crate::diagnostic::Diagnostic;
+use osier_base::diagnostic::Diagnostic;
 
 impl Resolver<'_> {
     /// All layers of a scene, from the lowest.

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use super::Bytes;
-use crate::fence::{Refusal, Roots};
-use crate::{Result, presets};
+use crate::presets;
+use osier_base::Result;
+use osier_base::fence::{Refusal, Roots};
 
 /// A file that a reference led to.
 #[derive(Debug, Clone)]

@@ -5,8 +5,8 @@ use super::key::{Section, keys};
 use super::kinds::{Flag, num, whole};
 use super::resolve::{Resolver, span_of};
 use super::tree::Table;
-use crate::diagnostic::Diagnostic;
-use crate::export::exr::{ATLAS, BORDER};
+use osier_base::diagnostic::Diagnostic;
+use osier_export::exr::{ATLAS, BORDER};
 
 keys! {
     /// Maps of the leaves that rain falls on: relief, wetness and normals, a file of each per leaf and frame.
@@ -49,7 +49,7 @@ impl Recipe {
 #[cfg(test)]
 mod tests {
     use crate::recipe::{Recipe, Request, resolve};
-    use crate::{Error, Result};
+    use osier_base::{Error, Result};
 
     fn read(text: &str) -> Result<Recipe> {
         let text = format!("[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\n{text}");

@@ -32,15 +32,6 @@ pub mod wind_keys;
 
 use std::sync::Arc;
 
-use crate::grammar::Grammar;
-use crate::ifs::Ifs;
-use crate::ifs::dynamics::Study;
-use crate::ifs::game::Extent;
-use crate::ifs::leaf;
-use crate::ifs::stems::Stems;
-use crate::ifs::weights::Rule;
-use crate::import::{Grey, Imported};
-use crate::scene::{AirGrid, Clip};
 pub use condensed::set_letters;
 pub use digest::Digest;
 pub use flights::FORMS;
@@ -48,6 +39,15 @@ pub use key::{KeyInfo, Section, Shown};
 pub use kinds::{Word, word_of};
 pub use library::{Found, Library};
 pub use morphs::MorphRecipe;
+use osier_grammar::Grammar;
+use osier_ifs::Ifs;
+use osier_ifs::dynamics::Study;
+use osier_ifs::game::Extent;
+use osier_ifs::leaf;
+use osier_ifs::stems::Stems;
+use osier_ifs::weights::Rule;
+use osier_import::{Grey, Imported};
+use osier_scene::{AirGrid, Clip};
 pub use plants::words;
 pub use resolve::{Request, resolve};
 

@@ -9,10 +9,10 @@ use super::key::{Section as _, join, wrong};
 use super::morph_keys::{Ease, MorphKey, MorphKeys, MorphWeights, Shift};
 use super::resolve::Resolver;
 use super::tree::{Node, Table, Value};
-use crate::diagnostic::{Diagnostic, Span};
-use crate::ifs::dynamics;
-use crate::ifs::game::Extent;
-use crate::ifs::morph::{Key, Morph, Options};
+use osier_base::diagnostic::{Diagnostic, Span};
+use osier_ifs::dynamics;
+use osier_ifs::game::Extent;
+use osier_ifs::morph::{Key, Morph, Options};
 
 /// Places between two tables where a system is judged.
 const LOOKS: u32 = 8;
@@ -63,7 +63,7 @@ impl Resolver<'_> {
         self.idle(cloud, &path);
         let rows = self.rows((name, &path), (table, span), &keys)?;
         self.times(&rows);
-        if self.report.diagnostics.iter().skip(told).any(|d| d.severity == crate::diagnostic::Severity::Error) {
+        if self.report.diagnostics.iter().skip(told).any(|d| d.severity == osier_base::diagnostic::Severity::Error) {
             return None;
         }
         let made = self.led(&rows, &morph)?;
@@ -202,7 +202,7 @@ impl Resolver<'_> {
                 for (map, p) in system.maps.iter_mut().zip(shares) {
                     map.weight = Some(p);
                 }
-                let study = dynamics::study(&system, crate::ifs::weights::Rule::Raw);
+                let study = dynamics::study(&system, osier_ifs::weights::Rule::Raw);
                 if study.told.iter().any(|d| d.code == "I021") {
                     let text = format!("at {at:.2} s the system does not contract: there is no attractor between");
                     let d = Diagnostic::error("I021", text, pair[1].ifs, "on the way to this table");

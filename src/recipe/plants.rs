@@ -9,14 +9,14 @@ use super::resolve::{Resolver, span_of};
 use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, SkinKeys, TurtleKeys, Up};
 use super::tree::{Table, Value};
 use super::{CARD, Digest as _, Found, Growth, OrganRecipe, PlantRecipe};
-use crate::Error;
-use crate::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
-use crate::fence::Names;
-use crate::grammar::{self, Grammar};
-use crate::ifs::stems::{Stems, sheared};
-use crate::ifs::{Ifs, leaf};
-use crate::import::{self, Imported};
-use crate::scene::MaterialClass;
+use osier_base::Error;
+use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
+use osier_base::fence::Names;
+use osier_grammar::Grammar;
+use osier_ifs::stems::{Stems, sheared};
+use osier_ifs::{Ifs, leaf};
+use osier_import::Imported;
+use osier_scene::MaterialClass;
 
 /// Keys and tables that say how a plant grows or what it wears.
 const GROWN: &[&str] =
@@ -288,9 +288,9 @@ impl Resolver<'_> {
         };
         let defines = keys.set.iter().map(|(name, value)| (name.clone(), value.to_string())).collect();
         let source =
-            grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
+            osier_grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
         let mut sources = Sources::default();
-        let parsed = grammar::parse(&mut sources, source, &self.request.limits);
+        let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);
         let (grammar, diagnostics) = self.told(parsed, file)?;
         self.report.extend(Report { sources, diagnostics });
         self.unused(&grammar, keys);
@@ -336,16 +336,16 @@ impl Resolver<'_> {
         &mut self,
         file: &Found,
         (up, scale, class): (Up, f64, MaterialClass),
-    ) -> crate::Result<Imported> {
+    ) -> osier_base::Result<Imported> {
         let request = self.request;
-        let options = import::Options {
+        let options = osier_import::Options {
             roots: request.library.roots(),
             limits: &request.limits,
-            up: if up == Up::Z { import::Up::Z } else { import::Up::Y },
-            scale: crate::math::narrow(scale),
+            up: if up == Up::Z { osier_import::Up::Z } else { osier_import::Up::Y },
+            scale: osier_base::math::narrow(scale),
             class,
         };
-        let mut imported = import::read(&file.path, &file.bytes, &options)?;
+        let mut imported = osier_import::read(&file.path, &file.bytes, &options)?;
         self.report.extend(std::mem::take(&mut imported.warnings));
         self.inputs.extend(imported.files.iter().skip(1).map(|f| blake3::Hash::from_bytes(f.blake3)));
         Ok(imported)

@@ -5,7 +5,7 @@ use super::kinds::{Flag, Maybe, OneOf, Tuple, deg, mm, num, whole};
 use super::resolve::Resolver;
 use super::rod_keys::Times;
 use super::tree::{Table, Value};
-use crate::diagnostic::Diagnostic;
+use osier_base::diagnostic::Diagnostic;
 
 words! {
     /// How large raindrops are.

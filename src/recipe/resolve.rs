@@ -6,11 +6,11 @@ use super::sections::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, P
 use super::tree::{self, Node, Table, Value};
 use super::wind_keys::WindModel;
 use super::{AirRecipe, Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
-use crate::diagnostic::{Diagnostic, Report, Span, nearest};
-use crate::fence::{Names, safe_name};
-use crate::limits::Limits;
-use crate::scene::Clip;
-use crate::{Error, Result};
+use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
+use osier_base::fence::{Names, safe_name};
+use osier_base::limits::Limits;
+use osier_base::{Error, Result};
+use osier_scene::Clip;
 
 /// What to resolve.
 #[derive(Debug, Clone, Default)]

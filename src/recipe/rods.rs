@@ -5,9 +5,9 @@ use super::key::{Section as _, wrong};
 use super::resolve::Resolver;
 use super::rod_keys::{RodClamp, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
 use super::tree::{Node, Table, Value};
-use crate::diagnostic::{Diagnostic, Span, nearest};
-use crate::fence::Names;
-use crate::math;
+use osier_base::diagnostic::{Diagnostic, Span, nearest};
+use osier_base::fence::Names;
+use osier_base::math;
 
 impl Resolver<'_> {
     /// All rods of a scene, each after the one that it stands on.

@@ -3,7 +3,7 @@
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::diagnostic::{Diagnostic, Report, SourceId, Span};
+use osier_base::diagnostic::{Diagnostic, Report, SourceId, Span};
 
 /// A value with its place.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 
-use crate::math::narrow;
-use crate::motion::rain::Floor;
-use crate::surface::ground::Ground;
-use crate::surface::terrain::Land;
+use osier_base::math::narrow;
+use osier_motion::rain::Floor;
+use osier_plants::surface::ground::Ground;
+use osier_plants::surface::terrain::Land;
 
 /// How far below everything drops end where no ground is shown, m.
 const BELOW: f64 = 0.1;

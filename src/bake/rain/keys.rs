@@ -1,12 +1,10 @@
 //! From keys of a recipe to how drops behave and how rain falls.
 
-use crate::motion::rain::{
-    Envelope, Friction, Impact, Lever, Manner, Merge, Rainfall, Shape, Size, Wetting, capillary,
-};
 use crate::recipe::Recipe;
 use crate::recipe::rain_keys::{
     DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
 };
+use osier_motion::rain::{Envelope, Friction, Impact, Lever, Manner, Merge, Rainfall, Shape, Size, Wetting, capillary};
 
 pub(super) fn manner(rain: &RainRecipe, seed: u64) -> Manner {
     let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);

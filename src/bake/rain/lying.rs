@@ -2,9 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::motion::rain::{Leaf, Storm};
 use crate::recipe::rain_keys::LyingKeys;
-use crate::{Error, Result};
+use osier_base::{Error, Result};
+use osier_motion::rain::{Leaf, Storm};
 
 /// Whether all of them lie on leaves.
 /// # Errors

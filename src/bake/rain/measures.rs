@@ -1,8 +1,8 @@
 //! What rain is measured by: the columns of its table and their numbers at a frame.
 
 use super::tracks::RUNS;
-use crate::motion::rain::{Manner, Moment};
-use crate::scene::Table;
+use osier_motion::rain::{Manner, Moment};
+use osier_scene::Table;
 
 /// Cubic millimetres in a cubic metre.
 const MM3: f64 = 1e9;

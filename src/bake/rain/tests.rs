@@ -1,10 +1,10 @@
 use crate::bake::Work;
 use crate::bake::mover::frame;
 use crate::bake::stage::{Built, Parts, build};
-use crate::limits::Limits;
-use crate::progress::{Cancel, Silent};
 use crate::recipe::{Request, resolve};
-use crate::scene::{Frame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
+use osier_base::limits::Limits;
+use osier_base::progress::{Cancel, Silent};
+use osier_scene::{Frame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
 
 const SCENE: &str = "
     [frames]\nend = 8
@@ -19,7 +19,7 @@ fn built(more: &str) -> Built {
     within(&Limits::default(), more).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn within(limits: &Limits, more: &str) -> crate::Result<Built> {
+fn within(limits: &Limits, more: &str) -> osier_base::Result<Built> {
     let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
     let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
     let cancel = Cancel::default();

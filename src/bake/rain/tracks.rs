@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, Vec3};
 
-use crate::math::narrow;
-use crate::motion::rain::{Event, Leaf, Lying, Moment, across};
-use crate::scene::{DropEvent, DropNow, DropState, Drops, LeafNow};
+use osier_base::math::narrow;
+use osier_motion::rain::{Event, Leaf, Lying, Moment, across};
+use osier_scene::{DropEvent, DropNow, DropState, Drops, LeafNow};
 
 /// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
 const PAUSE: u64 = 2;

@@ -6,10 +6,10 @@ use super::load::{Change, load};
 use super::sheets::subject;
 use super::shots::{Background, Wish, ending};
 use super::{Done, Target};
-use crate::Result;
 use crate::bake::Work;
-use crate::preview::{ClipFormat, ClipWriter, Looks, Shot, Subject, World, expose, tiles};
-use crate::scene::Camera;
+use osier_base::Result;
+use osier_preview::{ClipFormat, ClipWriter, Looks, Shot, Subject, World, expose, tiles};
+use osier_scene::Camera;
 
 /// Frames per second of a turntable.
 const TURNS: (u32, u32) = (16, 1);

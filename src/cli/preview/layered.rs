@@ -6,11 +6,11 @@ use super::super::args::Preview;
 use super::super::progress::Show;
 use super::super::{Context, picture, source};
 use super::{Target, shots};
-use crate::Result;
 use crate::bake::{Work, layers};
-use crate::diagnostic::Report;
-use crate::export::textures;
 use crate::recipe::{Recipe, resolve};
+use osier_base::Result;
+use osier_base::diagnostic::Report;
+use osier_export::textures;
 
 /// The recipe of a source that is a picture of layers.
 pub fn of(context: &Context, args: &Preview) -> Result<Option<(Recipe, Report)>> {

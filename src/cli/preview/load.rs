@@ -9,16 +9,16 @@ use super::shots::ending;
 use crate::bake::mover::{Moving, frame};
 use crate::bake::write::Stage;
 use crate::bake::{Work, stage};
-use crate::diagnostic::{Diagnostic, Report};
-use crate::export::manifest;
-use crate::fence::{self, Roots};
-use crate::import::{self, Options, Up};
-use crate::preview::Quality;
 use crate::recipe::{Recipe, resolve};
-use crate::scene::{
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::fence::{self, Roots};
+use osier_base::{Error, Result};
+use osier_export::manifest;
+use osier_import::{Options, Up};
+use osier_preview::Quality;
+use osier_scene::{
     Asset, AssetKind, Camera, Clip, Frame, MaterialClass, MeshMotion, MeshObject, Placement, Scene, Sky, Sun, Trs,
 };
-use crate::{Error, Result};
 
 /// Files that are read as they are.
 const MESHES: [&str; 3] = ["glb", "gltf", "obj"];
@@ -148,7 +148,7 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
     let bytes = fence::read_input(path, context.limits.get("mesh-bytes"))?;
     let roots = Roots::new(path, &context.common.search)?;
     let options = Options { roots: &roots, limits: &context.limits, up: Up::Y, scale: 1.0, class: MaterialClass::Leaf };
-    let read = import::read(path, &bytes, &options)?;
+    let read = osier_import::read(path, &bytes, &options)?;
     let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let object = MeshObject { name: "mesh".into(), mesh: read.mesh, motion: MeshMotion::Still, skin: None };
     let asset = Asset {

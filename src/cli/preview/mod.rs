@@ -13,12 +13,12 @@ use serde_json::json;
 use super::Context;
 use super::args::Preview;
 use super::progress::Show;
-use crate::Result;
 use crate::bake::Work;
-use crate::export::GENERATOR;
-use crate::fence::{Folder, WriteOptions};
-use crate::preview::{Picture, Quality};
-use crate::scene::Scene;
+use osier_base::Result;
+use osier_base::fence::{Folder, WriteOptions};
+use osier_export::GENERATOR;
+use osier_preview::{Picture, Quality};
+use osier_scene::Scene;
 
 /// Runs it.
 pub fn run(context: &Context, args: &Preview) -> Result<u8> {
@@ -95,7 +95,7 @@ impl Target {
     fn tell(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
         self.folder.finish()?;
         if context.console.json {
-            let row = |f: &crate::fence::FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+            let row = |f: &osier_base::fence::FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
             let files: Vec<_> = self.folder.files().iter().map(row).collect();
             let value = json!({ "files": files, "width": width, "height": height, "frames": frames });
             return context.console.result(&format!("{value:#}\n"));

@@ -6,10 +6,10 @@ use super::load::{Change, Loaded, load};
 use super::shots::{self, Wish};
 use super::{Done, Target};
 use crate::bake::Work;
-use crate::par::par_map;
-use crate::preview::{Cell, Looks, Picture, Quality, Shot, Subject, World, columns, expose, sheet, sheet_size, tiles};
-use crate::scene::Frame;
-use crate::{Error, Result};
+use osier_base::par::par_map;
+use osier_base::{Error, Result};
+use osier_preview::{Cell, Looks, Picture, Quality, Shot, Subject, World, columns, expose, sheet, sheet_size, tiles};
+use osier_scene::Frame;
 
 /// Takes a picture of what is loaded.
 pub fn take(
@@ -84,7 +84,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> R
     }
     let grow = |change: &(Change, String)| {
         work.cancel.check()?;
-        let quiet = Work { progress: &crate::progress::Silent, ..*work };
+        let quiet = Work { progress: &osier_base::progress::Silent, ..*work };
         let loaded = load(context, args, (&args.source, wish.quality, args.frame.is_some()), &change.0, &quiet)?;
         work.progress.advance(1);
         Ok(loaded)

@@ -6,9 +6,9 @@ use super::super::Context;
 use super::super::args::{Preview, QualityArg};
 use super::super::numbers::{self, Sweep, sweep};
 use super::load::Loaded;
-use crate::preview::{Backdrop, Light, Quality, Shot, Subject, View};
-use crate::scene::{Camera, Frame};
-use crate::units::{linear_from_srgb, radians_f32};
+use osier_base::units::{linear_from_srgb, radians_f32};
+use osier_preview::{Backdrop, Light, Quality, Shot, Subject, View};
+use osier_scene::{Camera, Frame};
 
 /// Flags, read.
 #[derive(Debug, Clone)]

@@ -1,0 +1,203 @@
+//! Height maps as OpenEXR: `maps/<material>/height.exr`, half floats, one channel `Y`; land's own heights in 32-bit floats.
+//!
+//! Fields that frames fill come as `maps/<what>/<field>.exr` with the last frame's values, and as `<field>.####.exr` where
+//! the scene asks for more. Wet sheets have `maps/<sheet>/<map>.####.exr` (`wet.rs`), on request laid together (`atlas.rs`).
+//!
+//! Scan lines in increasing order with ZIP16: equal bytes at any thread count. Values are height / range in [0, 1],
+//! for land metres.
+
+mod atlas;
+mod sky;
+mod wet;
+
+use std::sync::Arc;
+
+use exr::prelude::*;
+use half::f16;
+
+use self::wet::Sheets;
+use super::{Exporter, GENERATOR, Summary};
+use osier_base::Error;
+use osier_base::fence::Folder;
+use osier_scene::{Field, Frame, HeightField, Material, Pixels, Scene};
+
+pub use atlas::{ATLAS, BORDER};
+pub use sky::{FILE as SKY_FILE, write as write_sky};
+
+/// What is written of wet sheets beside height, wetness and normals.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// Heights of water alone.
+    pub water: bool,
+    /// All maps laid together.
+    pub atlas: bool,
+}
+
+/// Exporter for EXR maps.
+#[derive(Debug)]
+pub struct Exr {
+    folder: Folder,
+    scene: Option<Arc<Scene>>,
+    /// The last values of each field.
+    last: Vec<Vec<f32>>,
+    sheets: Sheets,
+}
+
+impl Exr {
+    /// Writes into `folder`.
+    pub fn new(folder: Folder, wanted: Wanted) -> Self {
+        Self { folder, scene: None, last: Vec::new(), sheets: Sheets::new(wanted) }
+    }
+
+    fn height(&self, scene: &Scene, material: &Material, image: u32) -> osier_base::Result<()> {
+        let missing = || Error::export("X012", format!("material {}: picture {image} is missing", material.name));
+        let picture = scene.images.get(image as usize).ok_or_else(missing)?;
+        let path = format!("maps/{}/height.exr", material.name);
+        let Some(mut out) = self.folder.create(&path, "exr.height", None)? else { return Ok(()) };
+        let step = usize::from(picture.channels.max(1));
+        let samples: Vec<f16> = match &picture.pixels {
+            Pixels::U8(v) => v.iter().step_by(step).map(|s| f16::from_f32(f32::from(*s) / 255.0)).collect(),
+            Pixels::U16(v) => v.iter().step_by(step).map(|s| f16::from_f32(f32::from(*s) / 65535.0)).collect(),
+        };
+        let comment = serde_json::json!({
+            "map": "height", "leaf": material.name, "frame": scene.clip.start, "seed": scene.seed.to_string(),
+            "scene": scene.hash, "unit": "m", "range": material.height_range,
+        });
+        let size = (picture.width as usize, picture.height as usize);
+        out.put(&encode(size, 1, samples, (scene.clip.fps, &comment.to_string()))?)?;
+        out.commit()
+    }
+
+    /// The land's heights, m; row 0 is the edge at -z.
+    fn land(&self, scene: &Scene, land: &HeightField) -> osier_base::Result<()> {
+        let path = format!("maps/{}/height.exr", land.name);
+        let Some(mut out) = self.folder.create(&path, "exr.terrain", None)? else { return Ok(()) };
+        let [min, max] = land.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)]);
+        let comment = serde_json::json!({
+            "map": "terrain", "seed": scene.seed.to_string(), "scene": scene.hash, "unit": "m",
+            "size": land.size, "min": min, "max": max,
+        });
+        out.put(&floats((land.side, land.side), 1, &land.heights, &comment.to_string())?)?;
+        out.commit()
+    }
+}
+
+impl Exporter for Exr {
+    fn begin(&mut self, scene: &Arc<Scene>) -> osier_base::Result<()> {
+        for material in &scene.materials {
+            if let Some(image) = material.maps.height {
+                self.height(scene, material, image)?;
+            }
+        }
+        if let Some(land) = &scene.land {
+            self.land(scene, land)?;
+        }
+        self.sheets.begin(&self.folder, scene)?;
+        self.scene = Some(Arc::clone(scene));
+        self.last = vec![Vec::new(); scene.fields.len()];
+        Ok(())
+    }
+
+    fn frame(&mut self, frame: &Frame) -> osier_base::Result<()> {
+        let Some(scene) = &self.scene else { return Ok(()) };
+        for ((field, values), last) in scene.fields.iter().zip(&frame.fields).zip(&mut self.last) {
+            let since = frame.number.saturating_sub(scene.clip.start);
+            if field.every.is_some_and(|k| since.is_multiple_of(k.max(1))) {
+                put_field(&self.folder, scene, field, values, Some(frame.number))?;
+            }
+            last.clone_from(values);
+        }
+        self.sheets.frame(&self.folder, scene, frame.number, Some(frame))
+    }
+
+    fn finish(&mut self) -> osier_base::Result<Summary> {
+        let Some(scene) = &self.scene else { return Ok(Summary::default()) };
+        for (field, values) in scene.fields.iter().zip(&self.last).filter(|(_, v)| !v.is_empty()) {
+            put_field(&self.folder, scene, field, values, None)?;
+        }
+        self.sheets.finish(&self.folder, scene)
+    }
+}
+
+/// Writes a field's values at a frame, or for good.
+fn put_field(
+    folder: &Folder,
+    scene: &Scene,
+    field: &Field,
+    values: &[f32],
+    frame: Option<u32>,
+) -> osier_base::Result<()> {
+    let tag = frame.map_or_else(String::new, |n| format!(".{}", scene.clip.tag(n)));
+    let path = format!("maps/{}/{}{tag}.exr", field.what, field.name);
+    let Some(mut out) = folder.create(&path, "exr.field", frame)? else { return Ok(()) };
+    let comment = serde_json::json!({
+        "map": field.what, "name": field.name, "seed": scene.seed.to_string(), "scene": scene.hash, "unit": field.unit,
+        "texel_area_m2": field.texel_area(), "corner_m": field.corner.to_array(), "along_m": field.along.to_array(),
+        "down_m": field.down.to_array(), "frame": frame,
+    });
+    out.put(&floats((field.width, field.height), 1, values, &comment.to_string())?)?;
+    out.commit()
+}
+
+/// A picture of 32-bit floats as an EXR file: one channel `Y`, or `R`, `G`, `B` for three values per pixel; rows from the
+/// top. `comment`: JSON about it.
+/// # Errors
+/// X012 if the number of samples does not fit.
+pub fn floats(
+    (width, height): (usize, usize),
+    channels: usize,
+    samples: &[f32],
+    comment: &str,
+) -> osier_base::Result<Vec<u8>> {
+    let bad = |e: &dyn std::fmt::Display| Error::export("X012", format!("the picture cannot be encoded: {e}"));
+    if samples.len() != width.saturating_mul(height).saturating_mul(channels) {
+        return Err(bad(&"wrong number of samples"));
+    }
+    let names: &[&str] = if channels == 1 { &["Y"] } else { &["R", "G", "B"] };
+    let plane = |c: usize| samples.iter().skip(c).step_by(channels.max(1)).copied().collect::<Vec<f32>>();
+    let list = names.iter().enumerate().map(|(c, n)| AnyChannel::new(*n, FlatSamples::F32(plane(c)))).collect();
+    let attributes = LayerAttributes {
+        software_name: Some(GENERATOR.into()),
+        comments: Text::new_or_none(comment),
+        ..LayerAttributes::default()
+    };
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let layer = Layer::new((width, height), attributes, encoding, AnyChannels::sort(list));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    Image::from_layer(layer).write().to_buffered(&mut bytes).map_err(|e| bad(&e))?;
+    Ok(bytes.into_inner())
+}
+
+/// The bytes of a file of half floats, rows from the top: one channel `Y`, or `R`, `G`, `B` for three values per pixel.
+/// `about`: frames per second, and JSON. No attribute beside those named in its header: the crate keeps others in no fixed order.
+fn encode(
+    size: (usize, usize),
+    channels: usize,
+    samples: Vec<f16>,
+    about: ((u32, u32), &str),
+) -> osier_base::Result<Vec<u8>> {
+    let (fps, comment) = about;
+    if samples.len() != size.0.saturating_mul(size.1).saturating_mul(channels) {
+        return Err(Error::export("X012", "a map has the wrong number of samples"));
+    }
+    let list = if channels == 1 {
+        std::iter::once(AnyChannel::new("Y", FlatSamples::F16(samples))).collect()
+    } else {
+        let plane = |c: usize| samples.iter().skip(c).step_by(channels).copied().collect::<Vec<f16>>();
+        ["R", "G", "B"].iter().enumerate().map(|(c, n)| AnyChannel::new(*n, FlatSamples::F16(plane(c)))).collect()
+    };
+    let mut attributes = LayerAttributes {
+        software_name: Some(GENERATOR.into()),
+        comments: Text::new_or_none(comment),
+        ..LayerAttributes::default()
+    };
+    attributes.frames_per_second = i32::try_from(fps.0).ok().map(|n| (n, fps.1));
+    let encoding =
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(list));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let written = Image::from_layer(layer).write().to_buffered(&mut bytes);
+    written.map_err(|e| Error::export("X012", format!("a map cannot be encoded: {e}")))?;
+    Ok(bytes.into_inner())
+}

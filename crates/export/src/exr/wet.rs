@@ -1,0 +1,127 @@
+//! Maps of wet sheets: `maps/<sheet>/<map>.####.exr`, half floats; `Y`, or `R`, `G`, `B` for normals.
+
+use half::f16;
+
+use super::atlas::Atlas;
+use super::{Wanted, encode};
+use crate::sheets::{Keeper, Kept, Map, Values};
+use crate::{Summary, Warning};
+use osier_base::fence::Folder;
+use osier_base::{Error, Result};
+use osier_scene::{Frame, Scene};
+
+/// Writes the maps of a scene's sheets.
+#[derive(Debug)]
+pub(super) struct Sheets {
+    keeper: Keeper<Stamped>,
+    atlas: Option<Atlas>,
+    /// Frames so far.
+    frames: usize,
+}
+
+impl Sheets {
+    pub(super) fn new(wanted: Wanted) -> Self {
+        let maps = [Map::Height, Map::Wetness, Map::Normal].into_iter().chain(wanted.water.then_some(Map::Water));
+        Self { keeper: Keeper::new(maps.collect()), atlas: wanted.atlas.then(Atlas::default), frames: 0 }
+    }
+
+    /// Writes where each sheet lies on the atlases, if there are any.
+    pub(super) fn begin(&mut self, folder: &Folder, scene: &Scene) -> Result<()> {
+        match &mut self.atlas {
+            Some(atlas) if !scene.wet.is_empty() => atlas.begin(folder, scene),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes a frame's maps; `frame`: none for those at rest.
+    pub(super) fn frame(&mut self, folder: &Folder, scene: &Scene, number: u32, frame: Option<&Frame>) -> Result<()> {
+        if scene.wet.is_empty() {
+            return Ok(());
+        }
+        self.frames += 1;
+        let make = |sheet: &osier_scene::Wet, map: Map, values: &Values| {
+            Stamped::new(scene, (&sheet.name, sheet.height_range), (map, sheet.side), &values.samples)
+        };
+        let kept = self.keeper.frame(&scene.wet, (number, scene.wet_now(frame)), make)?;
+        for Kept { sheet, map, file, .. } in &kept {
+            let name = &scene.wet[*sheet].name;
+            let path = format!("maps/{name}/{}.{}.exr", map.word(), scene.clip.tag(number));
+            file.write(folder, scene, (&path, *map), number)?;
+        }
+        match &mut self.atlas {
+            Some(atlas) => atlas.frame(folder, scene, (number, frame), &kept),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes the maps at rest if no frame came.
+    pub(super) fn finish(&mut self, folder: &Folder, scene: &Scene) -> Result<Summary> {
+        if self.frames == 0 {
+            self.frame(folder, scene, scene.clip.start, None)?;
+        }
+        let warnings: Vec<Warning> = self.keeper.warning(&scene.wet, "exr").into_iter().collect();
+        Ok(Summary { warnings })
+    }
+}
+
+/// A file in which the number of its frame can be changed: the rest is encoded once for all frames that show it.
+#[derive(Debug)]
+pub(super) struct Stamped {
+    bytes: Vec<u8>,
+    /// Where its comment stands.
+    at: usize,
+    /// Who it is of, and the height that 1 stands for, m.
+    of: (String, f32),
+}
+
+impl Stamped {
+    /// Encodes a square map. `of`: name of the sheet or atlas, and height that 1 stands for, m; `samples`: 0..1.
+    pub(super) fn new(scene: &Scene, of: (&str, f32), (map, side): (Map, usize), samples: &[f32]) -> Result<Self> {
+        let halves = samples.iter().map(|v| f16::from_f32(*v)).collect();
+        let of = (of.0.to_owned(), of.1);
+        let comment = comment(scene, (&of.0, of.1), map, scene.clip.start);
+        let bytes = encode((side, side), map.channels(), halves, (scene.clip.fps, &comment))?;
+        // The header comes first, so this finds it at once.
+        let found = bytes.windows(comment.len()).position(|w| w == comment.as_bytes());
+        let at = found.ok_or_else(|| Error::export("X012", "a map has lost its comment"))?;
+        Ok(Self { bytes, at, of })
+    }
+
+    /// Writes it as the file of a frame.
+    pub(super) fn write(&self, folder: &Folder, scene: &Scene, (path, map): (&str, Map), number: u32) -> Result<()> {
+        let Some(mut out) = folder.create(path, kind(map), Some(number))? else { return Ok(()) };
+        let comment = comment(scene, (&self.of.0, self.of.1), map, number);
+        let (head, tail) = self.bytes.split_at(self.at);
+        out.put(head)?;
+        out.put(comment.as_bytes())?;
+        out.put(tail.get(comment.len()..).unwrap_or_default())?;
+        out.commit()
+    }
+}
+
+/// What a map's header says: of one length at all frames.
+fn comment(scene: &Scene, (leaf, range): (&str, f32), map: Map, number: u32) -> String {
+    let (unit, range) = match map {
+        Map::Height | Map::Water => ("m", serde_json::json!(range)),
+        Map::Wetness => ("0..1", serde_json::Value::Null),
+        Map::Normal => ("0.5 n + 0.5", serde_json::Value::Null),
+    };
+    let text = |number: u32| {
+        serde_json::json!({
+            "map": map.word(), "leaf": leaf, "frame": number, "seed": scene.seed.to_string(), "scene": scene.hash,
+            "unit": unit, "range": range,
+        })
+        .to_string()
+    };
+    let longest = text(scene.clip.end).len();
+    format!("{:longest$}", text(number))
+}
+
+fn kind(map: Map) -> &'static str {
+    match map {
+        Map::Height => "exr.height",
+        Map::Water => "exr.water",
+        Map::Wetness => "exr.wetness",
+        Map::Normal => "exr.normal",
+    }
+}

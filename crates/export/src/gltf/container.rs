@@ -1,0 +1,71 @@
+//! The two containers: one binary file, or JSON with a binary file beside it.
+
+use super::buffer::too_large;
+use super::document::Document;
+use super::json;
+use super::text::to_json;
+use osier_base::Result;
+
+const MAGIC: u32 = 0x4654_6C67;
+const VERSION: u32 = 2;
+const JSON: u32 = 0x4E4F_534A;
+const BIN: u32 = 0x004E_4942;
+
+/// Hands a finished document out as a .glb, piece by piece.
+/// # Errors
+/// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite, whatever `put` returns.
+pub(super) fn glb(mut document: Document<'_>, mut put: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+    let mut bin = std::mem::take(&mut document.buffer.bytes);
+    if !bin.is_empty() {
+        document.root.buffers.push(json::Buffer { uri: None, byte_length: bin.len() });
+    }
+    let mut text = to_json(&document.root)?;
+    text.resize(text.len().next_multiple_of(4), b' ');
+    bin.resize(bin.len().next_multiple_of(4), 0);
+    let total = whole(text.len(), bin.len())?;
+    for word in [MAGIC, VERSION, total, length(&text)?, JSON] {
+        put(&word.to_le_bytes())?;
+    }
+    put(&text)?;
+    if !bin.is_empty() {
+        put(&length(&bin)?.to_le_bytes())?;
+        put(&BIN.to_le_bytes())?;
+        put(&bin)?;
+    }
+    Ok(())
+}
+
+/// JSON text and binary part of a .gltf whose buffer is found at `uri`.
+/// # Errors
+/// X005 for more than 2^32 - 1 bytes, X001 for a number that is not finite.
+pub(super) fn gltf(mut document: Document<'_>, uri: String) -> Result<(Vec<u8>, Vec<u8>)> {
+    let bin = std::mem::take(&mut document.buffer.bytes);
+    length(&bin)?;
+    if !bin.is_empty() {
+        document.root.buffers.push(json::Buffer { uri: Some(uri), byte_length: bin.len() });
+    }
+    Ok((to_json(&document.root)?, bin))
+}
+
+fn length(bytes: &[u8]) -> Result<u32> {
+    u32::try_from(bytes.len()).map_err(|_| too_large(bytes.len()))
+}
+
+/// Bytes of a .glb whose chunks hold `text` and `bin` bytes (multiples of four).
+fn whole(text: usize, bin: usize) -> Result<u32> {
+    let bytes = 12 + 8 + text + if bin == 0 { 0 } else { 8 + bin };
+    u32::try_from(bytes).map_err(|_| too_large(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn four_gibibytes_less_one_is_the_end() {
+        let most = 0xFFFF_FFFC - 28 - 100;
+        assert_eq!(whole(100, most).expect("fits"), 0xFFFF_FFFC);
+        assert!(matches!(whole(104, most), Err(osier_base::Error::Export { code: "X005", .. })));
+        assert_eq!(whole(100, 0).expect("no buffer"), 120);
+    }
+}

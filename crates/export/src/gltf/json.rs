@@ -1,0 +1,407 @@
+//! The JSON part of a glTF file as plain structs: field order is key order, and what equals its default is left out.
+
+use serde::Serialize;
+
+/// Index into one of the top-level lists.
+pub(super) type Index = u32;
+
+/// glTF component types that osier writes.
+pub(super) mod component {
+    pub(in crate::gltf) const I8: u32 = 5120;
+    pub(in crate::gltf) const U8: u32 = 5121;
+    pub(in crate::gltf) const I16: u32 = 5122;
+    pub(in crate::gltf) const U16: u32 = 5123;
+    pub(in crate::gltf) const U32: u32 = 5125;
+    pub(in crate::gltf) const F32: u32 = 5126;
+}
+
+/// Targets of buffer views.
+pub(super) mod target {
+    pub(in crate::gltf) const VERTICES: u32 = 34962;
+    pub(in crate::gltf) const INDICES: u32 = 34963;
+}
+
+/// The whole document.
+#[derive(Debug, Default, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Root {
+    pub asset: AssetInfo,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub extensions_used: Vec<&'static str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub extensions_required: Vec<&'static str>,
+    pub scene: Index,
+    pub scenes: Vec<SceneList>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub nodes: Vec<Node>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<Camera>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub meshes: Vec<Mesh>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub skins: Vec<Skin>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub animations: Vec<Animation>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub materials: Vec<Material>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub textures: Vec<Texture>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub images: Vec<Image>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub samplers: Vec<TextureSampler>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub accessors: Vec<Accessor>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub buffer_views: Vec<BufferView>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub buffers: Vec<Buffer>,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct AssetInfo {
+    pub version: &'static str,
+    pub generator: &'static str,
+    pub extras: Extras<FileMark>,
+}
+
+/// Our own data stands under one key.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Extras<T> {
+    pub osier: T,
+}
+
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(super) struct FogMark {
+    pub visibility: f32,
+    pub color: [f32; 3],
+    pub height: f32,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct FileMark {
+    /// Haze for whoever renders: m, linear colour, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fog: Option<FogMark>,
+    pub schema: u32,
+    pub version: &'static str,
+    pub seed: String,
+    pub scene: SceneMark,
+    pub fps: [u32; 2],
+    pub start: u32,
+    pub end: u32,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct SceneMark {
+    pub name: String,
+    pub hash: String,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct SceneList {
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub nodes: Vec<Index>,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Node {
+    pub name: String,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub children: Vec<Index>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub translation: Option<[f32; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<[f32; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<[f32; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub camera: Option<Index>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<Index>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skin: Option<Index>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extensions: Option<NodeExtensions>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extras: Option<Extras<NodeMark>>,
+}
+
+#[derive(Debug, Clone, Default, Serialize)]
+pub(super) struct NodeMark {
+    pub id: String,
+    pub kind: &'static str,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct NodeExtensions {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub instancing: Instancing,
+}
+
+#[derive(Debug, Clone, Serialize)]
+pub(super) struct Instancing {
+    pub attributes: InstanceAttributes,
+}
+
+#[derive(Debug, Clone, Copy, Serialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub(super) struct InstanceAttributes {
+    pub rotation: Index,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<Index>,
+    pub translation: Index,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Camera {
+    pub name: String,
+    #[serde(rename = "type")]
+    pub kind: &'static str,
+    pub perspective: Perspective,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Perspective {
+    pub yfov: f32,
+    pub znear: f32,
+    pub zfar: f32,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Mesh {
+    pub name: String,
+    pub primitives: Vec<Primitive>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub weights: Vec<f32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub extras: Option<MeshExtras>,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct MeshExtras {
+    pub target_names: Vec<String>,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Primitive {
+    pub attributes: Attributes,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub indices: Option<Index>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<Index>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mode: Option<u32>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub targets: Vec<MorphTarget>,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Attributes {
+    #[serde(rename = "COLOR_0", skip_serializing_if = "Option::is_none")]
+    pub color: Option<Index>,
+    #[serde(rename = "JOINTS_0", skip_serializing_if = "Option::is_none")]
+    pub joints: Option<Index>,
+    #[serde(rename = "NORMAL", skip_serializing_if = "Option::is_none")]
+    pub normal: Option<Index>,
+    #[serde(rename = "POSITION")]
+    pub position: Index,
+    #[serde(rename = "TANGENT", skip_serializing_if = "Option::is_none")]
+    pub tangent: Option<Index>,
+    #[serde(rename = "TEXCOORD_0", skip_serializing_if = "Option::is_none")]
+    pub uv: Option<Index>,
+    #[serde(rename = "WEIGHTS_0", skip_serializing_if = "Option::is_none")]
+    pub weights: Option<Index>,
+    #[serde(rename = "_WIND", skip_serializing_if = "Option::is_none")]
+    pub wind: Option<Index>,
+    #[serde(rename = "_WIND2", skip_serializing_if = "Option::is_none")]
+    pub branch: Option<Index>,
+    /// Numbers of our own: `_MAP`, `_DEPTH`, ...
+    #[serde(flatten)]
+    pub own: std::collections::BTreeMap<String, Index>,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct MorphTarget {
+    #[serde(rename = "NORMAL", skip_serializing_if = "Option::is_none")]
+    pub normal: Option<Index>,
+    #[serde(rename = "POSITION")]
+    pub position: Index,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Skin {
+    pub name: String,
+    pub inverse_bind_matrices: Index,
+    pub skeleton: Index,
+    pub joints: Vec<Index>,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Animation {
+    pub name: String,
+    pub channels: Vec<Channel>,
+    pub samplers: Vec<Sampler>,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Channel {
+    pub sampler: Index,
+    pub target: ChannelTarget,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct ChannelTarget {
+    pub node: Index,
+    pub path: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub(super) struct Sampler {
+    pub input: Index,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interpolation: Option<&'static str>,
+    pub output: Index,
+}
+
+#[derive(Debug, Default, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Material {
+    pub name: String,
+    pub pbr_metallic_roughness: Pbr,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub normal_texture: Option<TextureRef>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alpha_mode: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alpha_cutoff: Option<f32>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub double_sided: bool,
+    #[serde(skip_serializing_if = "MaterialExtensions::is_empty")]
+    pub extensions: MaterialExtensions,
+}
+
+#[derive(Debug, Default, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Pbr {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_color_factor: Option<[f32; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub base_color_texture: Option<TextureRef>,
+    pub metallic_factor: f32,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roughness_factor: Option<f32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metallic_roughness_texture: Option<TextureRef>,
+}
+
+#[derive(Debug, Clone, Copy, Serialize)]
+pub(super) struct TextureRef {
+    pub index: Index,
+}
+
+#[derive(Debug, Default, Serialize)]
+pub(super) struct MaterialExtensions {
+    #[serde(rename = "KHR_materials_ior", skip_serializing_if = "Option::is_none")]
+    pub ior: Option<Ior>,
+    #[serde(rename = "KHR_materials_transmission", skip_serializing_if = "Option::is_none")]
+    pub transmission: Option<Transmission>,
+    #[serde(rename = "KHR_materials_volume", skip_serializing_if = "Option::is_none")]
+    pub volume: Option<Volume>,
+}
+
+impl MaterialExtensions {
+    pub(super) fn is_empty(&self) -> bool {
+        self.ior.is_none() && self.transmission.is_none() && self.volume.is_none()
+    }
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Ior {
+    pub ior: f32,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Transmission {
+    pub transmission_factor: f32,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Volume {
+    pub thickness_factor: f32,
+    pub attenuation_distance: f32,
+    pub attenuation_color: [f32; 3],
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Texture {
+    pub sampler: Index,
+    pub source: Index,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Image {
+    pub name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uri: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mime_type: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub buffer_view: Option<Index>,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct TextureSampler {
+    pub mag_filter: u32,
+    pub min_filter: u32,
+}
+
+#[derive(Debug, Default, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Accessor {
+    pub buffer_view: Index,
+    pub component_type: u32,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub normalized: bool,
+    pub count: usize,
+    #[serde(rename = "type")]
+    pub shape: &'static str,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub max: Vec<f32>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub min: Vec<f32>,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct BufferView {
+    pub buffer: Index,
+    #[serde(skip_serializing_if = "is_zero")]
+    pub byte_offset: usize,
+    pub byte_length: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub byte_stride: Option<usize>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<u32>,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "the signature serde asks for")]
+fn is_zero(n: &usize) -> bool {
+    *n == 0
+}
+
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Buffer {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub uri: Option<String>,
+    pub byte_length: usize,
+}

@@ -1,0 +1,309 @@
+//! glTF 2.0: one binary file per asset and one for the whole scene, in two profiles.
+//!
+//! `web` shows instances by extension and leaves out keys that interpolation restores; `blender` merges instances into
+//! meshes and keeps every key. A file holds one animation: viewers and Blender's importer play the first they find.
+
+mod assemble;
+mod buffer;
+mod container;
+mod copies;
+mod document;
+mod instances;
+mod json;
+mod keys;
+mod materials;
+mod meshes;
+mod parts;
+pub(super) mod pieces;
+mod rig;
+mod tangents;
+mod text;
+mod tracks;
+
+use std::io::Write;
+use std::sync::Arc;
+
+use self::assemble::Shows;
+use self::document::{Document, Source};
+use self::tracks::Tracks;
+use super::textures::Textures;
+use super::{Exporter, Summary, Warning};
+use osier_base::fence::Folder;
+use osier_base::{Error, Result};
+use osier_scene::{Frame, Scene, check_frame, check_scene, stilled};
+
+/// For whom a file is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Profile {
+    /// Viewers and engines: instancing by EXT_mesh_gpu_instancing, few keys.
+    Web,
+    /// Blender 3.4 to 5.0: merged instances, a key for every frame.
+    #[default]
+    Blender,
+}
+
+impl Profile {
+    /// The word in file names.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Web => "web",
+            Self::Blender => "blender",
+        }
+    }
+
+    fn kind(self) -> &'static str {
+        match self {
+            Self::Web => "glb.web",
+            Self::Blender => "glb.blender",
+        }
+    }
+}
+
+/// Which files are written.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub enum Layout {
+    /// `gltf/<asset>.<profile>.glb` for each asset and `gltf/<scene>.<profile>.glb` for all placements and the camera.
+    #[default]
+    Bake,
+    /// All placements in one binary file at this path.
+    Glb(String),
+    /// All placements in a .gltf at this path, its buffer beside it as `<stem>.bin`, its pictures in `<stem>_files/`.
+    Gltf(String),
+}
+
+/// What to write.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Options {
+    /// For whom.
+    pub profile: Profile,
+    /// Which files.
+    pub layout: Layout,
+    /// The only frame, shown still.
+    pub frame: Option<u32>,
+    /// Most moving instances in a file.
+    pub nodes: usize,
+    /// Most placements with a skin of their own; the plants beyond stand still and share meshes.
+    pub skins: usize,
+    /// Whether each asset has a file of its own, too.
+    pub assets: bool,
+}
+
+/// Skins of a file unless the scene asks for others.
+pub const SKINS: usize = 64;
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            profile: Profile::default(),
+            layout: Layout::default(),
+            frame: None,
+            nodes: 500,
+            skins: SKINS,
+            assets: true,
+        }
+    }
+}
+
+/// Where a document's pictures go.
+#[derive(Debug)]
+enum Pictures {
+    /// Into the buffer.
+    Inside,
+    /// Into files of a folder named relative to the document; `written` lists (name, image).
+    Beside { folder: String, written: Vec<(String, u32)> },
+}
+
+/// The glTF exporter. Tracks are gathered while frames pass, files written at the end.
+#[derive(Debug)]
+pub struct Gltf {
+    folder: Folder,
+    textures: Arc<Textures>,
+    options: Options,
+    scene: Option<Arc<Scene>>,
+    tracks: Tracks,
+}
+
+impl Gltf {
+    /// An exporter into `folder`; `textures` are those of the scene that will be given.
+    pub fn new(folder: Folder, textures: Arc<Textures>, options: Options) -> Self {
+        Self { folder, textures, options, scene: None, tracks: Tracks::default() }
+    }
+
+    fn bake(&self, source: Source<'_>) -> Result<Vec<Warning>> {
+        let scene = source.scene;
+        let mut warnings = Vec::new();
+        for (i, asset) in scene.assets.iter().enumerate().filter(|_| self.options.assets) {
+            warnings.extend(self.glb(source, &asset.id, Shows::Asset(i))?);
+        }
+        // A scene named like one of its assets gives way, as files do whose names collide.
+        let mut stem = scene.name.clone();
+        let mut n = 1_u32;
+        while scene.assets.iter().any(|a| a.id == stem) {
+            n += 1;
+            stem = format!("{}_{n}", scene.name);
+        }
+        match self.glb(source, &stem, Shows::Scene { camera: true }) {
+            // The assets' own files say what had to be repaired; here it is known already, but for the placements.
+            Ok(more) => warnings.extend(more.into_iter().filter(|w| !self.options.assets || w.code != "X002")),
+            Err(Error::Export { code: code @ "X005", reason }) => {
+                let message = format!("the file of the whole scene is left out: {reason}");
+                warnings.push(Warning { code, message });
+            }
+            Err(e) => return Err(e),
+        }
+        Ok(warnings)
+    }
+
+    fn glb(&self, source: Source<'_>, stem: &str, shows: Shows) -> Result<Vec<Warning>> {
+        let path = format!("gltf/{stem}.{}.glb", self.options.profile.word());
+        let mut document = Document::new(source, Pictures::Inside);
+        if document.assemble(shows)? {
+            let warnings = std::mem::take(&mut document.warnings);
+            self.put_glb(document, &path)?;
+            return Ok(warnings);
+        }
+        Ok(Vec::new())
+    }
+
+    fn put_glb(&self, document: Document<'_>, path: &str) -> Result<()> {
+        if let Some(mut out) = self.folder.create(path, self.options.profile.kind(), None)? {
+            container::glb(document, |bytes| out.put(bytes))?;
+            out.commit()?;
+        }
+        Ok(())
+    }
+
+    fn put_gltf(&self, source: Source<'_>, path: &str) -> Result<Vec<Warning>> {
+        let name = path.rsplit('/').next().unwrap_or(path);
+        let stem = name.strip_suffix(".gltf").unwrap_or(name);
+        let beside = |file: &str| match path.rsplit_once('/') {
+            Some((parent, _)) => format!("{parent}/{file}"),
+            None => file.to_owned(),
+        };
+        let folder = format!("{stem}_files");
+        let mut document = Document::new(source, Pictures::Beside { folder: folder.clone(), written: Vec::new() });
+        document.assemble(Shows::Scene { camera: false })?;
+        let warnings = std::mem::take(&mut document.warnings);
+        if let Pictures::Beside { written, .. } = &document.pictures {
+            for (name, image) in written {
+                self.folder.write(&beside(&format!("{folder}/{name}.png")), "png", source.textures.png(*image))?;
+            }
+        }
+        let bin = format!("{stem}.bin");
+        let (text, bytes) = container::gltf(document, percent(&bin))?;
+        if !bytes.is_empty() {
+            self.folder.write(&beside(&bin), "bin", &bytes)?;
+        }
+        self.folder.write(path, "gltf", &text)?;
+        Ok(warnings)
+    }
+}
+
+impl Exporter for Gltf {
+    fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
+        check_scene(scene)?;
+        self.tracks = Tracks::new(scene, self.options.nodes);
+        self.scene = Some(Arc::clone(scene));
+        Ok(())
+    }
+
+    fn wants_phases(&self, number: u32) -> bool {
+        self.options.frame == Some(number)
+    }
+
+    fn frame(&mut self, frame: &Frame) -> Result<()> {
+        if let Some(scene) = &self.scene {
+            check_frame(scene, frame)?;
+            match self.options.frame {
+                None => self.tracks.push(scene, frame),
+                Some(number) if number == frame.number => {
+                    let still = stilled(scene, frame);
+                    check_scene(&still)?;
+                    self.tracks = Tracks::new(&still, self.options.nodes);
+                    self.scene = Some(Arc::new(still));
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Summary> {
+        let Some(scene) = self.scene.take() else { return Ok(Summary::default()) };
+        let tracks = std::mem::take(&mut self.tracks);
+        let source = Source {
+            scene: &scene,
+            tracks: &tracks,
+            textures: &self.textures,
+            profile: self.options.profile,
+            skins: self.options.skins,
+        };
+        let warnings = match &self.options.layout {
+            Layout::Bake => self.bake(source)?,
+            Layout::Glb(path) => {
+                let mut document = Document::new(source, Pictures::Inside);
+                document.assemble(Shows::Scene { camera: false })?;
+                let warnings = std::mem::take(&mut document.warnings);
+                self.put_glb(document, path)?;
+                warnings
+            }
+            Layout::Gltf(path) => self.put_gltf(source, path)?,
+        };
+        let still = unmoved(&scene, &tracks).filter(|_| !tracks.is_still());
+        Ok(Summary { warnings: warnings.into_iter().chain(still).collect() })
+    }
+}
+
+/// X017 for clouds that move, for which glTF has no motion, and for curves that move in more frames than it has targets for.
+fn unmoved<'a>(scene: &'a Scene, tracks: &'a Tracks) -> impl Iterator<Item = Warning> + 'a {
+    let told = |what: String, why: &str| Warning { code: "X017", message: format!("{what}: left out, {why}") };
+    scene.assets.iter().zip(&tracks.assets).flat_map(move |(asset, tracks)| {
+        let clouds = asset.points.iter().filter(|c| c.moving).map(move |cloud| {
+            let what = format!("asset {}, points {}", asset.id, cloud.name);
+            told(what, "glTF cannot move points; USD, PLY and POV-Ray have them")
+        });
+        let many = asset.curves.iter().zip(&tracks.curves).filter(|(_, s)| matches!(s, tracks::Shapes::TooMany));
+        let curves = many.map(move |(curves, _)| {
+            let what = format!("asset {}, curves {}", asset.id, curves.name);
+            told(what, "they move in more frames than glTF's 32 targets; USD and POV-Ray have them")
+        });
+        clouds.chain(curves)
+    })
+}
+
+/// Writes all placements of a still scene as one .glb into `out`, pictures inside.
+/// # Errors
+/// X001, X005, X006; `Io` if `out` refuses.
+pub fn write(scene: &Scene, textures: &Textures, profile: Profile, out: &mut impl Write) -> Result<Vec<Warning>> {
+    check_scene(scene)?;
+    let tracks = Tracks::new(scene, Options::default().nodes);
+    let mut document =
+        Document::new(Source { scene, tracks: &tracks, textures, profile, skins: SKINS }, Pictures::Inside);
+    document.assemble(Shows::Scene { camera: false })?;
+    let warnings = std::mem::take(&mut document.warnings);
+    container::glb(document, |bytes| out.write_all(bytes).map_err(|e| Error::io("write", "-", e)))?;
+    Ok(warnings)
+}
+
+/// A relative path as a URI: letters, digits and `-._~/` stay, other bytes become `%XX`.
+fn percent(path: &str) -> String {
+    let mut out = String::with_capacity(path.len());
+    for b in path.bytes() {
+        if b.is_ascii_alphanumeric() || b"-._~/".contains(&b) {
+            out.push(char::from(b));
+        } else {
+            out.push_str(&format!("%{b:02X}"));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percent;
+
+    #[test]
+    fn uris_are_escaped() {
+        assert_eq!(percent("my tree_files/é.png"), "my%20tree_files/%C3%A9.png");
+    }
+}

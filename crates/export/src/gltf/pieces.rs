@@ -1,0 +1,99 @@
+//! Meshes cut by material into primitives that hold exactly the vertices they use.
+
+use std::borrow::Cow;
+
+use osier_scene::{MaterialId, Mesh};
+
+/// The triangles of one material and the vertices they use.
+#[derive(Debug)]
+pub(crate) struct Piece<'a> {
+    /// Material of all triangles.
+    pub material: MaterialId,
+    /// Indices into the piece's own vertices.
+    pub triangles: Cow<'a, [[u32; 3]]>,
+    /// For each vertex of the piece its index in the mesh, rising; `None` if the piece has all of them.
+    pub vertices: Option<Vec<u32>>,
+}
+
+impl Piece<'_> {
+    /// The piece's share of a list that runs over the mesh's vertices.
+    pub(crate) fn gather<'b, T: Copy>(&self, all: &'b [T]) -> Cow<'b, [T]> {
+        match &self.vertices {
+            None => Cow::Borrowed(all),
+            Some(list) => Cow::Owned(list.iter().filter_map(|&i| all.get(i as usize)).copied().collect()),
+        }
+    }
+}
+
+/// Pieces of a mesh, one per material, in order of first appearance; none without triangles. Vertices that no triangle
+/// uses are dropped, those on a border between materials appear in each piece.
+pub(crate) fn pieces(mesh: &Mesh) -> Vec<Piece<'_>> {
+    let mut materials: Vec<MaterialId> = Vec::new();
+    for s in mesh.subsets.iter().filter(|s| s.count > 0) {
+        if !materials.contains(&s.material) {
+            materials.push(s.material);
+        }
+    }
+    let own = |material: &MaterialId| {
+        let runs = mesh.subsets.iter().filter(|s| s.material == *material && s.count > 0);
+        let triangles = if materials.len() == 1 {
+            Cow::Borrowed(mesh.triangles.as_slice())
+        } else {
+            Cow::Owned(runs.flat_map(|s| mesh.subset_triangles(s)).copied().collect())
+        };
+        compact(*material, triangles, mesh.points.len())
+    };
+    materials.iter().map(own).collect()
+}
+
+fn compact(material: MaterialId, triangles: Cow<'_, [[u32; 3]]>, count: usize) -> Piece<'_> {
+    let mut used = vec![false; count];
+    for i in triangles.iter().flatten() {
+        used[*i as usize] = true;
+    }
+    if used.iter().all(|u| *u) {
+        return Piece { material, triangles, vertices: None };
+    }
+    let vertices: Vec<u32> = (0_u32..).zip(&used).filter(|(_, u)| **u).map(|(i, _)| i).collect();
+    let mut place = vec![0_u32; count];
+    for (new, old) in (0_u32..).zip(&vertices) {
+        place[*old as usize] = new;
+    }
+    let triangles = triangles.iter().map(|t| t.map(|i| place[i as usize])).collect();
+    Piece { material, triangles: Cow::Owned(triangles), vertices: Some(vertices) }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use osier_scene::Subset;
+
+    #[test]
+    fn pieces_cover_the_mesh_by_material_and_drop_unused_vertices() {
+        let mesh = Mesh {
+            points: (0_u8..6).map(|i| Vec3::splat(f32::from(i))).collect(),
+            normals: vec![Vec3::Y; 6],
+            triangles: vec![[0, 1, 2], [2, 1, 3], [5, 1, 0]],
+            subsets: vec![
+                Subset { material: 4, first: 0, count: 1 },
+                Subset { material: 1, first: 1, count: 1 },
+                Subset { material: 4, first: 2, count: 1 },
+            ],
+            ..Mesh::default()
+        };
+        let list = pieces(&mesh);
+        assert_eq!(list.iter().map(|p| p.material).collect::<Vec<_>>(), [4, 1]);
+        assert_eq!(list[0].vertices.as_deref(), Some([0, 1, 2, 5].as_slice()));
+        assert_eq!(*list[0].triangles, [[0, 1, 2], [3, 1, 0]]);
+        assert_eq!(list[1].gather(&mesh.points).iter().map(|p| p.x).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_mesh_of_one_material_is_taken_as_it_is() {
+        let mesh = Mesh { points: vec![Vec3::ZERO; 3], triangles: vec![[0, 1, 2]], ..Mesh::default() }.with_material(0);
+        let list = pieces(&mesh);
+        assert!(matches!(list.as_slice(), [Piece { vertices: None, triangles: Cow::Borrowed(_), .. }]));
+    }
+}

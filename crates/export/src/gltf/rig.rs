@@ -1,0 +1,182 @@
+//! Joints of a skin: which are written when there are too many, and what their vertices hold.
+
+use glam::{Mat4, Quat};
+
+use super::super::Warning;
+use osier_scene::{Asset, Skeleton, SkinWeights, Trs};
+
+/// Most joints in a skin.
+pub(super) const JOINTS: usize = 300;
+
+/// The joints written of a skeleton.
+#[derive(Debug)]
+pub(super) struct Rig {
+    /// Indices into the skeleton, rising, so parents come first.
+    pub kept: Vec<usize>,
+    /// For each joint of the skeleton the written joint that carries its vertices.
+    pub carrier: Vec<u16>,
+    /// Asset from joint at rest, for each joint of the skeleton.
+    pub bind: Vec<Trs>,
+    /// X002, if joints were left out.
+    pub warning: Option<Warning>,
+}
+
+impl Rig {
+    /// Chooses the joints of an asset's skeleton, at most `limit`; `poses` are the clip's.
+    ///
+    /// Joints are ranked by the largest rotation in the clip (rad) times the length of their subtree (m), ties by
+    /// index; the best are kept while they and their ancestors fit. The others ride on the nearest kept ancestor.
+    /// Own: the ranking keeps what would move most visibly.
+    pub(super) fn new(asset: &Asset, poses: &[Vec<Trs>], limit: usize) -> Option<Self> {
+        let skeleton = asset.skeleton.as_ref().filter(|s| !s.joints.is_empty())?;
+        let n = skeleton.joints.len();
+        let bind = skeleton.bind();
+        if n <= limit {
+            let carrier = (0..n).filter_map(|i| u16::try_from(i).ok()).collect();
+            return Some(Self { kept: (0..n).collect(), carrier, bind, warning: None });
+        }
+        let keep = choose(skeleton, poses, limit);
+        let kept: Vec<usize> = (0..n).filter(|&i| keep[i]).collect();
+        let mut carrier: Vec<u16> = Vec::with_capacity(n);
+        for i in 0..n {
+            let own = kept.binary_search(&i).ok().and_then(|k| u16::try_from(k).ok());
+            let parent = skeleton.joints[i].parent.and_then(|p| carrier.get(p as usize)).copied();
+            carrier.push(own.or(parent).unwrap_or(0));
+        }
+        let message =
+            format!("asset {}: {n} joints, {} written; the others ride on the nearest of them", asset.id, kept.len());
+        Some(Self { kept, carrier, bind, warning: Some(Warning { code: "X002", message }) })
+    }
+
+    /// Index among the written joints of the parent of written joint `k`.
+    pub(super) fn parent(&self, skeleton: &Skeleton, k: usize) -> Option<usize> {
+        skeleton.joints[self.kept[k]].parent.map(|p| usize::from(self.carrier[p as usize]))
+    }
+
+    /// Joint from asset at rest, column major, last row 0 0 0 1.
+    pub(super) fn inverse_bind(&self) -> Vec<[f32; 16]> {
+        let inverse = |i: &usize| {
+            let b = &self.bind[*i];
+            let r = b.r.normalize().conjugate();
+            Mat4::from_rotation_translation(r, r * -b.t).to_cols_array()
+        };
+        self.kept.iter().map(inverse).collect()
+    }
+
+    /// Weights over the written joints: largest first, no joint twice, weight 0 on joint 0, sum 1.
+    pub(super) fn weights(&self, skin: &SkinWeights) -> (Vec<[u16; 4]>, Vec<[f32; 4]>) {
+        skin.joints.iter().zip(&skin.weights).map(|(j, w)| self.merge(*j, *w)).unzip()
+    }
+
+    fn merge(&self, joints: [u16; 4], weights: [f32; 4]) -> ([u16; 4], [f32; 4]) {
+        let mut list: Vec<(u16, f32)> = Vec::with_capacity(4);
+        for (j, w) in joints.iter().zip(weights).filter(|(_, w)| *w > 0.0) {
+            let carrier = self.carrier.get(usize::from(*j)).copied().unwrap_or(0);
+            match list.iter_mut().find(|(k, _)| *k == carrier) {
+                Some((_, sum)) => *sum += w,
+                None => list.push((carrier, w)),
+            }
+        }
+        list.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let total = list.iter().fold(0.0, |s, (_, w)| s + w);
+        let (mut j, mut w) = ([0; 4], [0.0; 4]);
+        for (k, (joint, weight)) in list.iter().enumerate() {
+            j[k] = *joint;
+            w[k] = if (total - 1.0).abs() > 1e-6 { weight / total } else { *weight };
+        }
+        if list.is_empty() {
+            w[0] = 1.0;
+        }
+        (j, w)
+    }
+}
+
+fn choose(skeleton: &Skeleton, poses: &[Vec<Trs>], limit: usize) -> Vec<bool> {
+    let n = skeleton.joints.len();
+    let mut length = vec![0.0_f32; n];
+    for i in (0..n).rev() {
+        if let Some(p) = skeleton.joints[i].parent {
+            length[p as usize] += length[i] + skeleton.joints[i].rest.t.length();
+        }
+    }
+    let turn = |i: usize| poses.iter().fold(0.0_f32, |m, pose| m.max(angle(skeleton.joints[i].rest.r, pose[i].r)));
+    let rank: Vec<f32> = (0..n).map(|i| turn(i) * length[i]).collect();
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| rank[b].total_cmp(&rank[a]).then(a.cmp(&b)));
+
+    let mut keep = vec![false; n];
+    keep[0] = true;
+    let mut room = limit.saturating_sub(1);
+    for i in order {
+        let line: Vec<usize> = std::iter::successors(Some(i), |&j| skeleton.joints[j].parent.map(|p| p as usize))
+            .take_while(|&j| !keep[j])
+            .collect();
+        if line.len() <= room {
+            room -= line.len();
+            line.iter().for_each(|&j| keep[j] = true);
+        }
+    }
+    keep
+}
+
+/// Angle between two rotations, rad in [0, pi]. Source: twice the arc tangent of the half-angle's sine and cosine,
+/// which keeps small angles exact where an arc cosine would round them away.
+pub(super) fn angle(a: Quat, b: Quat) -> f32 {
+    let d = a.conjugate() * b;
+    let sine = f64::from(d.x * d.x + d.y * d.y + d.z * d.z).max(0.0);
+    osier_base::math::narrow(2.0 * osier_base::math::atan2(osier_base::math::sqrt(sine), f64::from(d.w.abs())))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use osier_scene::{AssetKind, Joint};
+
+    /// A trunk of 3 joints; joint 1 carries a chain of `n` twigs.
+    fn asset(n: u32) -> Asset {
+        let joint =
+            |name: &str, parent| Joint { name: name.into(), parent, rest: Trs::translation(Vec3::new(0.0, 1.0, 0.0)) };
+        let mut joints = vec![joint("a", None), joint("b", Some(0)), joint("c", Some(1))];
+        joints.extend((0..n).map(|i| joint(&format!("t{i}"), Some(i + 2))));
+        Asset {
+            id: "tree".into(),
+            kind: AssetKind::Plant,
+            group: String::new(),
+            skeleton: Some(Skeleton { joints }),
+            meshes: Vec::new(),
+            instancers: Vec::new(),
+            points: Vec::new(),
+            curves: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn too_many_joints_ride_on_the_nearest_kept_ancestor() {
+        let asset = asset(5);
+        let mut pose = asset.skeleton.as_ref().expect("skeleton").rest_pose();
+        pose.iter_mut().for_each(|j| j.r = Quat::from_rotation_x(0.2));
+        let rig = Rig::new(&asset, &[pose], 4).expect("rig");
+        assert_eq!(rig.kept, [0, 1, 2, 3]);
+        assert_eq!(rig.carrier, [0, 1, 2, 3, 3, 3, 3, 3]);
+        assert_eq!(rig.warning.expect("warned").code, "X002");
+    }
+
+    #[test]
+    fn merged_weights_name_no_joint_twice_and_sum_to_one() {
+        let asset = asset(5);
+        let rig = Rig::new(&asset, &[], 4).expect("rig");
+        let skin = SkinWeights { joints: vec![[6, 7, 1, 0]], weights: vec![[0.4, 0.25, 0.35, 0.0]] };
+        let (joints, weights) = rig.weights(&skin);
+        assert_eq!(joints, [[3, 1, 0, 0]]);
+        assert!((weights[0][0] - 0.65).abs() < 1e-6 && (weights[0][1] - 0.35).abs() < 1e-6 && weights[0][2] == 0.0);
+    }
+
+    #[test]
+    fn angles_near_zero_keep_their_size() {
+        for a in [0.0, 1e-5, 0.3, 3.0] {
+            assert!((angle(Quat::IDENTITY, Quat::from_rotation_z(a)) - a).abs() < 1e-6 * a.max(0.1));
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! From a scene and the list of finished files to the manifest.
+
+use std::collections::BTreeMap;
+
+use super::{
+    AssetEntry, FileEntry, ItemEntry, Manifest, MaterialEntry, ParamsEntry, SceneEntry, TimeEntry, UnitsEntry,
+    WarningEntry, bake_hash,
+};
+use crate::{VERSION, Warning};
+use osier_base::fence::{FileRecord, MANIFEST};
+use osier_scene::{Asset, AssetFrame, Clip, Material, MaterialClass, Scene, asset_bounds};
+
+/// Choices of the exporters that readers of the files need.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// "Y" or "Z": of the USD files.
+    pub up_axis: String,
+    /// Samples per frame.
+    pub substeps: u32,
+    /// Frames between samples.
+    pub step: u32,
+    /// POV-Ray units per metre.
+    pub pov_units_per_m: f32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { up_axis: "Y".into(), substeps: 1, step: 1, pov_units_per_m: 100.0 }
+    }
+}
+
+/// Height that a leaf map's value of 1 stands for unless its material says otherwise, m.
+const HEIGHT_RANGE: f32 = 0.004;
+
+/// Builds the manifest. `files`: the folder's finished files; `warnings`: of all exporters, in asset order.
+pub fn build(scene: &Scene, files: &[FileRecord], warnings: &[Warning], settings: &Settings) -> Manifest {
+    let files = grouped(files, scene.clip);
+    let paths: Vec<&str> = files.iter().map(path).collect();
+    let is_leaf = |m: &&Material| m.class == MaterialClass::Leaf && m.maps.height.is_some();
+    let dry = || scene.materials.iter().find(is_leaf).map(|m| m.height_range);
+    let height = scene.wet.first().map(|w| w.height_range).or_else(dry).unwrap_or(HEIGHT_RANGE);
+    let mut manifest = Manifest {
+        schema: 1,
+        generator: "osier".into(),
+        version: VERSION.into(),
+        scene: SceneEntry { name: scene.name.clone(), hash: scene.hash.clone() },
+        seed: scene.seed.to_string(),
+        up_axis: settings.up_axis.clone(),
+        meters_per_unit: 1.0,
+        time: TimeEntry {
+            fps: [scene.clip.fps.0, scene.clip.fps.1],
+            start: scene.clip.start,
+            end: scene.clip.end,
+            step: settings.step,
+            substeps: settings.substeps,
+            digits: scene.clip.digits(),
+        },
+        units: UnitsEntry { height_range_m: height, wetness: "0..1".into(), pov_units_per_m: settings.pov_units_per_m },
+        assets: scene.assets.iter().map(|a| asset_entry(a, &paths)).collect(),
+        materials: scene.materials.iter().map(|m| material_entry(scene, m, &paths)).collect(),
+        files: Vec::new(),
+        bake_hash: String::new(),
+        warnings: warnings.iter().map(|w| WarningEntry { code: w.code.into(), message: w.message.clone() }).collect(),
+    };
+    manifest.files = files;
+    manifest.bake_hash = bake_hash(&manifest.expanded());
+    manifest
+}
+
+fn path(file: &FileEntry) -> &str {
+    match file {
+        FileEntry::Single { path, .. } | FileEntry::Sequence { path, .. } => path,
+    }
+}
+
+/// Groups numbered files into sequences, in path order.
+fn grouped(files: &[FileRecord], clip: Clip) -> Vec<FileEntry> {
+    let mut entries: BTreeMap<String, FileEntry> = BTreeMap::new();
+    let mut sorted: Vec<&FileRecord> = files.iter().filter(|f| f.path != MANIFEST).collect();
+    sorted.sort_by(|a, b| (a.frame, &a.path).cmp(&(b.frame, &b.path)));
+    for file in sorted {
+        let pattern = file.frame.and_then(|f| numbered(&file.path, &clip.tag(f)));
+        let (Some(pattern), Some(frame)) = (pattern, file.frame) else {
+            let (path, kind) = (file.path.clone(), file.kind.to_owned());
+            let single = FileEntry::Single { path, kind, bytes: file.bytes, blake3: file.blake3.clone() };
+            entries.insert(file.path.clone(), single);
+            continue;
+        };
+        let item = ItemEntry { frame, bytes: file.bytes, blake3: file.blake3.clone() };
+        match entries.get_mut(&pattern) {
+            Some(FileEntry::Sequence { frames, bytes, items, .. }) => {
+                frames[1] = frame;
+                *bytes += item.bytes;
+                items.push(item);
+            }
+            _ => {
+                let (path, kind, bytes) = (pattern.clone(), file.kind.to_owned(), item.bytes);
+                let entry = FileEntry::Sequence { path, kind, frames: [frame, frame], bytes, items: vec![item] };
+                entries.insert(pattern, entry);
+            }
+        }
+    }
+    entries.into_values().collect()
+}
+
+/// `a/frame.0001.inc` with tag `0001` as `a/frame.####.inc`; the last place where the tag fills a dotted part.
+fn numbered(path: &str, tag: &str) -> Option<String> {
+    let wanted = format!(".{tag}.");
+    let at = path.rfind(&wanted)?;
+    Some(format!("{}.####.{}", &path[..at], &path[at + wanted.len()..]))
+}
+
+/// Folders whose files are named after assets.
+const ASSET_FOLDERS: [&str; 5] = ["usd", "gltf", "cache", "cloud", "obj"];
+
+fn asset_entry(asset: &Asset, paths: &[&str]) -> AssetEntry {
+    let mine = |path: &str| {
+        path.split_once('/').is_some_and(|(folder, name)| {
+            ASSET_FOLDERS.contains(&folder) && name.split('.').next() == Some(asset.id.as_str())
+        })
+    };
+    let bounds = asset_bounds(asset, &AssetFrame::default());
+    let corners = if bounds.is_empty() { [[0.0; 3]; 2] } else { [bounds.min, bounds.max].map(|v| v.to_array()) };
+    AssetEntry {
+        id: asset.id.clone(),
+        kind: asset.kind.word().into(),
+        prim: format!("/{}", asset.id),
+        files: paths.iter().filter(|p| mine(p)).map(|p| (*p).to_owned()).collect(),
+        vertices: asset.meshes.iter().map(|m| m.mesh.points.len()).sum(),
+        triangles: asset.meshes.iter().map(|m| m.mesh.triangles.len()).sum(),
+        instances: asset.instancers.iter().map(osier_scene::Instancer::len).sum(),
+        joints: asset.skeleton.as_ref().map_or(0, |s| s.joints.len()),
+        // Minus zero would be written as -0.0.
+        bounds: corners.map(|c| c.map(|v| v + 0.0)),
+    }
+}
+
+fn material_entry(scene: &Scene, m: &Material, paths: &[&str]) -> MaterialEntry {
+    let picture = |slot: &str, image: Option<u32>| {
+        let name = &scene.images.get(image? as usize)?.name;
+        let path = format!("textures/{name}.png");
+        paths.contains(&path.as_str()).then(|| (slot.to_owned(), path))
+    };
+    let slots = [
+        picture("color", m.maps.color),
+        picture("height", m.maps.height),
+        picture("normal", m.maps.normal),
+        picture("rough", m.maps.roughness),
+    ];
+    let sheet = m.wet.and_then(|i| scene.wet.get(i as usize)).map(|w| w.name.clone());
+    let folders = [Some(&m.name), sheet.as_ref()];
+    let map = |path: &&str| {
+        let (folder, name) = path.strip_prefix("maps/")?.split_once('/')?;
+        let mine = folders.contains(&Some(&folder.to_owned())) && name.ends_with(".exr");
+        mine.then(|| (name.split('.').next().unwrap_or(name).to_owned(), (*path).to_owned()))
+    };
+    MaterialEntry {
+        name: m.name.clone(),
+        class: m.class.word().into(),
+        slots: slots.into_iter().flatten().collect(),
+        maps: paths.iter().filter_map(map).collect(),
+        leaf_ids: sheet.into_iter().collect(),
+        params: ParamsEntry {
+            base_color: m.base_color,
+            roughness: m.roughness,
+            ior: m.ior,
+            translucency: m.translucency,
+            alpha_cutoff: m.alpha_cutoff,
+            height_range_m: m.height_range,
+            tile_m: m.tile,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_taken_where_it_fills_a_dotted_part() {
+        assert_eq!(numbered("pov/frames/frame.0007.inc", "0007").as_deref(), Some("pov/frames/frame.####.inc"));
+        assert_eq!(numbered("cloud/a0007.0007.ply", "0007").as_deref(), Some("cloud/a0007.####.ply"));
+        assert_eq!(numbered("cloud/a0007.ply", "0007"), None);
+    }
+}

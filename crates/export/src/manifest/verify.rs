@@ -1,0 +1,78 @@
+//! A bake against its manifest.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::{FileEntry, Manifest, bake_hash};
+use osier_base::fence::{MANIFEST, hash_file, list_files, read_below};
+use osier_base::{Error, Result};
+
+/// What [`verify`] found; lists are in path order.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Verification {
+    /// Files that the manifest names and the folder lacks.
+    pub missing: Vec<String>,
+    /// Files that the manifest does not name.
+    pub extra: Vec<String>,
+    /// Files whose length or hash differs.
+    pub changed: Vec<String>,
+    /// False if the manifest's own sum does not fit its list.
+    pub sum_holds: bool,
+}
+
+impl Verification {
+    /// True if everything that the manifest names is there, unchanged. Further files do no harm.
+    pub fn is_complete(&self) -> bool {
+        self.sum_holds && self.missing.is_empty() && self.changed.is_empty()
+    }
+}
+
+/// Most digits of a frame number in a file's name, and the longest path of a file, bytes.
+const DIGITS: usize = 10;
+const LONGEST: usize = 1024;
+
+/// Refuses what no bake writes: names that would grow out of bounds when sequences are taken apart.
+fn plain(manifest: &Manifest) -> Result<()> {
+    let digits = manifest.time.digits;
+    if digits > DIGITS {
+        let reason =
+            format!("\"{MANIFEST}\" is damaged: frame numbers of {digits} digits, at most {DIGITS} are written");
+        return Err(Error::export("X010", reason));
+    }
+    let path = |f: &FileEntry| match f {
+        FileEntry::Single { path, .. } | FileEntry::Sequence { path, .. } => path.len(),
+    };
+    if let Some(bytes) = manifest.files.iter().map(path).find(|n| *n > LONGEST) {
+        let reason = format!("\"{MANIFEST}\" is damaged: a path has {bytes} bytes, at most {LONGEST} are written");
+        return Err(Error::export("X010", reason));
+    }
+    Ok(())
+}
+
+/// Recomputes the hashes of all files that a bake's manifest names.
+/// `limit`: bytes that the manifest may have.
+/// # Errors
+/// `Io` if there is no manifest or the folder cannot be read, X010 if the manifest is damaged, X009 if it names a path
+/// outside the folder.
+pub fn verify(dir: &Path, limit: u64) -> Result<(Manifest, Verification)> {
+    let absent = || Error::io("open", dir.join(MANIFEST), std::io::ErrorKind::NotFound.into());
+    let text = read_below(dir, MANIFEST, limit)?.ok_or_else(absent)?;
+    let damaged = |e: serde_json::Error| Error::export("X010", format!("\"{MANIFEST}\" is damaged: {e}"));
+    let manifest: Manifest = serde_json::from_slice(&text).map_err(damaged)?;
+    plain(&manifest)?;
+    let expanded = manifest.expanded();
+    let mut found = Verification { sum_holds: bake_hash(&expanded) == manifest.bake_hash, ..Verification::default() };
+    let hashes = osier_base::par::par_map(&expanded, |(path, _, _)| hash_file(dir, path));
+    let mut named = BTreeMap::new();
+    for ((path, bytes, hex), hash) in expanded.iter().zip(hashes) {
+        named.insert(path.as_str(), ());
+        match hash? {
+            None => found.missing.push(path.clone()),
+            Some((length, blake3)) if length != *bytes || blake3 != *hex => found.changed.push(path.clone()),
+            Some(_) => {}
+        }
+    }
+    let is_extra = |path: &String| path != MANIFEST && !named.contains_key(path.as_str());
+    found.extra = list_files(dir)?.into_iter().filter(is_extra).collect();
+    Ok((manifest, found))
+}

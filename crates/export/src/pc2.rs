@@ -1,0 +1,154 @@
+//! Point caches for deforming meshes: `cache/<asset>.pc2`, beside the glTF file of profile `blender`.
+//!
+//! Little endian: `POINTCACHE2\0`, i32 1, i32 vertices, f32 first frame, f32 frames per sample, i32 samples, then
+//! samples x vertices x 3 f32. Vertices stand in the order of that glTF file (pieces by material, each with the
+//! vertices it uses), which Blender's importer keeps; space is Blender's, (x, -z, y).
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::gltf::pieces::pieces;
+use super::{Exporter, Summary};
+use osier_base::fence::{Folder, Output};
+use osier_base::{Error, Result};
+use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
+
+/// The point cache exporter: a file per deforming mesh, frames written as they come.
+#[derive(Debug)]
+pub struct Pc2 {
+    folder: Folder,
+    scene: Option<Arc<Scene>>,
+    caches: Vec<Cache>,
+    numbers: Vec<u32>,
+}
+
+/// One file.
+#[derive(Debug)]
+struct Cache {
+    asset: usize,
+    mesh: usize,
+    /// For each vertex written its index in the mesh.
+    order: Vec<usize>,
+    out: Option<Output>,
+    /// As written when the file was opened.
+    header: Header,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Header {
+    vertices: i32,
+    first: u32,
+    step: u32,
+    samples: usize,
+}
+
+impl Pc2 {
+    /// An exporter into `folder`. Still scenes and scenes without deforming meshes give no file.
+    pub fn new(folder: Folder) -> Self {
+        Self { folder, scene: None, caches: Vec::new(), numbers: Vec::new() }
+    }
+
+    /// Opens the files at the first frame; the header foretells a whole clip and is mended at the end if it was not.
+    fn open(&mut self, scene: &Scene, first: u32) -> Result<()> {
+        let samples = (scene.clip.end.saturating_sub(first) as usize).saturating_add(1);
+        for (asset, source) in scene.assets.iter().enumerate() {
+            let deforming: Vec<usize> =
+                (0..source.meshes.len()).filter(|&i| source.meshes[i].motion == MeshMotion::Deforming).collect();
+            for &mesh in &deforming {
+                let object = &source.meshes[mesh];
+                let order = written_order(&object.mesh);
+                let path = if deforming.len() == 1 {
+                    format!("cache/{}.pc2", source.id)
+                } else {
+                    format!("cache/{}_{}.pc2", source.id, object.name)
+                };
+                let vertices = i32::try_from(order.len())
+                    .map_err(|_| Error::export("X005", format!("{path}: {} vertices", order.len())))?;
+                let header = Header { vertices, first, step: 1, samples };
+                let mut out = self.folder.create(&path, "pc2", None)?;
+                if let Some(out) = &mut out {
+                    out.put(&header.bytes()?)?;
+                }
+                self.caches.push(Cache { asset, mesh, order, out, header });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Header {
+    fn bytes(&self) -> Result<Vec<u8>> {
+        let samples = i32::try_from(self.samples)
+            .map_err(|_| Error::export("X005", format!("point cache of {} samples", self.samples)))?;
+        let mut bytes = b"POINTCACHE2\0".to_vec();
+        bytes.extend(1_i32.to_le_bytes());
+        bytes.extend(self.vertices.to_le_bytes());
+        bytes.extend(osier_base::math::narrow(f64::from(self.first)).to_le_bytes());
+        bytes.extend(osier_base::math::narrow(f64::from(self.step)).to_le_bytes());
+        bytes.extend(samples.to_le_bytes());
+        Ok(bytes)
+    }
+}
+
+/// For each vertex of the glTF file's primitives its index in the mesh.
+fn written_order(mesh: &osier_scene::Mesh) -> Vec<usize> {
+    let all: Vec<usize> = (0..mesh.points.len()).collect();
+    pieces(mesh).iter().flat_map(|p| p.gather(&all).into_owned()).collect()
+}
+
+impl Cache {
+    fn put(&mut self, points: &[Vec3]) -> Result<()> {
+        let Some(out) = &mut self.out else { return Ok(()) };
+        let mut bytes = Vec::with_capacity(self.order.len() * 12);
+        for p in self.order.iter().filter_map(|&i| points.get(i)) {
+            // Adding 0 turns -0 into 0.
+            for c in [p.x, -p.z, p.y] {
+                bytes.extend((c + 0.0).to_le_bytes());
+            }
+        }
+        out.put(&bytes)
+    }
+}
+
+impl Exporter for Pc2 {
+    fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
+        self.scene = Some(Arc::clone(scene));
+        Ok(())
+    }
+
+    fn frame(&mut self, frame: &Frame) -> Result<()> {
+        let Some(scene) = self.scene.clone() else { return Ok(()) };
+        check_frame(&scene, frame)?;
+        if self.numbers.is_empty() {
+            self.open(&scene, frame.number)?;
+        }
+        self.numbers.push(frame.number);
+        let rest = AssetFrame::default();
+        for cache in &mut self.caches {
+            let asset = &scene.assets[cache.asset];
+            let state = frame.assets.get(cache.asset).unwrap_or(&rest);
+            cache.put(&mesh_points(asset, &asset.meshes[cache.mesh], cache.mesh, state))?;
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<Summary> {
+        let step = match self.numbers.as_slice() {
+            [a, b, ..] => b.saturating_sub(*a).max(1),
+            _ => 1,
+        };
+        for mut cache in self.caches.drain(..) {
+            let header = Header { step, samples: self.numbers.len(), ..cache.header };
+            if let Some(mut out) = cache.out.take() {
+                if header != cache.header {
+                    out.put_at(0, &header.bytes()?)?;
+                }
+                out.commit()?;
+            }
+        }
+        self.scene = None;
+        self.numbers.clear();
+        Ok(Summary::default())
+    }
+}

@@ -1,0 +1,228 @@
+//! Settings, camera, light and sky.
+
+use glam::Vec3;
+
+use super::space::{Space, rgb};
+use crate::text::{Num, Text};
+use osier_base::geometry::Bounds;
+use osier_base::math;
+use osier_base::{Error, Result};
+use osier_scene::{Camera, Fog, Scene, Sky, Sun};
+
+/// Directions that stand for the sky's light.
+const DOME: u16 = 8;
+
+/// Factor on all lights. POV-Ray has no film curve, so shade is lifted here and the sky's picture held back by
+/// [`film`]: white bark in full sun stays below 1.
+const EXPOSURE: f32 = 1.15;
+
+/// Shoulder of the sky's picture: c to 1 - exp(-1.5 c), about c where it is dark and never 1.
+/// Own: chosen by eye so that horizon and sunlit ground differ.
+fn film(c: f32) -> f32 {
+    1.0 - math::exp_f32(-1.5 * c.max(0.0))
+}
+
+/// What holds for the whole scene. `photons`: the smallest drop's radius in units, if any drop is a target.
+pub(super) fn settings(text: &mut Text, photons: Option<f32>) {
+    text.put("#version 3.7;\nglobal_settings {\n  assumed_gamma 1.0\n  max_trace_level 16\n");
+    if let Some(radius) = photons {
+        text.put("  photons { spacing ")
+            .num(radius / 8.0)
+            .put(" autostop 1 jitter 0.4 gather 20, 80 max_trace_level 8 }\n");
+    }
+    text.put("}\n#default { finish { ambient 0 } }\n");
+}
+
+/// Haze; POV-Ray's distance is where 1 / e of the light is left.
+fn fog(text: &mut Text, space: Space, fog: &Fog) {
+    let distance = fog.visibility / Fog::CONTRAST * space.scale;
+    text.put("fog {\n  ").put(if fog.height > 0.0 { "fog_type 2" } else { "fog_type 1" });
+    text.put(" distance ").num(distance);
+    if fog.height > 0.0 {
+        text.put(" fog_offset 0 fog_alt ").num(fog.height * space.scale).put(" up y");
+    }
+    text.put("\n  ");
+    rgb(text, fog.color.map(film));
+    text.put("\n}\n");
+}
+
+/// X001 if camera, sun or sky hold a number that is not finite.
+pub(super) fn check(scene: &Scene) -> Result<()> {
+    let (c, s, k) = (&scene.camera, &scene.sun, &scene.sky);
+    let numbers = [c.vfov, c.roll, s.elevation, s.azimuth, s.strength, s.angle, k.strength, k.glow, k.dapple];
+    let colors = [s.color, k.horizon, k.zenith, k.below.unwrap_or_default()].concat();
+    let finite = c.eye.is_finite() && c.target.is_finite() && numbers.iter().chain(&colors).all(|v| v.is_finite());
+    if finite { Ok(()) } else { Err(Error::export("X001", "camera, sun or sky: a number is not finite")) }
+}
+
+/// The camera. POV-Ray's angle is horizontal, so the picture's shape enters when it renders.
+/// Source: A = 2 atan(aspect tan(vfov / 2)); the matrix is F M F of the camera-to-world transform M, its third axis
+/// pointing into the picture because F turns it over.
+pub(super) fn camera(text: &mut Text, space: Space, camera: &Camera) {
+    let [right, _, back] = camera.axes().map(|v| v.to_array().map(f64::from));
+    let back = scaled(back, 1.0 / math::sqrt(dot(back, back)));
+    let across = dot(right, back);
+    let right = [0, 1, 2].map(|i| right[i] - back[i] * across);
+    let right = scaled(right, 1.0 / math::sqrt(dot(right, right)));
+    let up = [0, 1, 2].map(|i| back[(i + 1) % 3] * right[(i + 2) % 3] - back[(i + 2) % 3] * right[(i + 1) % 3]);
+    let half = math::tan_f32(camera.vfov * 0.5);
+    text.put("camera {\n  perspective\n  right x*image_width/image_height\n  up y\n");
+    text.put(&format!("  angle 2*degrees(atan2({}*image_width/image_height, 1))\n  matrix <", Num(half)));
+    // POV-Ray holds the axes to be perpendicular far closer than single precision can say.
+    for [x, y, z] in [right, up, scaled(back, -1.0)] {
+        text.put(&format!("{x},{y},{},", -z));
+    }
+    let e = camera.eye * space.scale;
+    text.list(&[e.x, e.y, -e.z], ",").put(">\n}\n");
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn scaled(a: [f64; 3], s: f64) -> [f64; 3] {
+    a.map(|x| x * s)
+}
+
+/// The sun as a parallel area light whose size is its angle. `bounds`: of the scene, m.
+/// Source: a matt surface of albedo a under irradiance E shows a E / pi, and a under POV-Ray's light of colour 1.
+pub(super) fn sun(text: &mut Text, space: Space, sun: &Sun, bounds: Bounds) {
+    let distance = (bounds.size().length() * 10.0).max(10.0);
+    let (center, toward) = (bounds.center(), sun.direction());
+    let strength = EXPOSURE * sun.strength / std::f32::consts::PI;
+    let size = 2.0 * distance * math::tan_f32(sun.angle * 0.5);
+    text.put("light_source {\n  ");
+    space.point(text, center + toward * distance);
+    text.put("\n  ");
+    rgb(text, sun.color.map(|c| c * strength));
+    text.put("\n  parallel point_at ");
+    space.point(text, center);
+    if size > 0.0 {
+        // `orient` turns the axes towards what is lit; only their lengths count, and they must be equal.
+        text.put("\n  area_light x*").num(size).put(", y*").num(size).put(", 4, 4 adaptive 1 circular orient");
+    }
+    text.put("\n}\n");
+}
+
+/// The bright air around the sun, laid over the sky: what makes drops against the light sparkle.
+fn glow(text: &mut Text, sky: &Sky, sun: &Sun) {
+    let d = sun.direction();
+    text.put("  pigment {\n    function { max(0, x*(").num(d.x).put(") + y*(").num(d.y).put(") + z*(").num(-d.z);
+    text.put(")) }\n    color_map { ");
+    let color = sun.color.map(|c| c * sky.glow);
+    for (at, share) in Sky::GLOW {
+        let [r, g, b] = color;
+        text.put("[").num(at).put(" rgbt <").list(&[r, g, b, 1.0 - share], ",").put(">] ");
+    }
+    text.put("}\n  }\n");
+}
+
+/// Light that comes through leaves, as a share of that of the horizon. Own: chosen by eye.
+const THROUGH: [f32; 3] = [1.0, 1.06, 0.62];
+
+/// Leaves far out of focus, laid over the sky up to half its height: masses of shade with gaps of light between them, and discs as
+/// a lens draws them of the smallest gaps. It is what the picture shows behind things, and what drops show upside down.
+/// Own: chosen by eye, after photographs of drops in gardens.
+fn dapple(text: &mut Text, sky: &Sky) {
+    let stops = sky.stops();
+    let (deep, bright) = (stops[0].1, stops[stops.len() - 2].1);
+    let lit = [0, 1, 2].map(|c| film(bright[c] * THROUGH[c]) * 1.1);
+    let tone = |share: f32| [0, 1, 2].map(|c| math::lerp(0.5 * deep[c], lit[c], share));
+    let stop = |t: &mut Text, at: f32, share: f32, cover: f32| {
+        let [r, g, b] = tone(share);
+        t.put("[").num(at).put(" rgbt <").list(&[r, g, b, 1.0 - cover * sky.dapple], ",").put(">] ");
+    };
+    text.put("  pigment {\n    gradient y pigment_map {\n");
+    for at in ["0", "0.6"] {
+        text.put("      [").put(at).put(" bozo turbulence 0.4 octaves 3 omega 0.4 color_map { ");
+        for (at, share, cover) in
+            [(0.0, 0.0, 0.85), (0.4, 0.03, 0.7), (0.55, 0.1, 0.6), (0.66, 0.4, 0.6), (0.8, 1.0, 0.7)]
+        {
+            stop(text, at, share, cover);
+        }
+        text.put("} scale 0.14]\n");
+    }
+    text.put("      [0.85 rgbt 1]\n    }\n    scale 2 translate -1\n  }\n");
+    for (size, radius) in [(0.18, 0.22), (0.29, 0.16)] {
+        text.put("  pigment {\n    crackle form <1,0,0> color_map { ");
+        for (at, cover) in [(0.0, 0.13), (0.75 * radius, 0.19), (radius, 0.0)] {
+            stop(text, at, 1.2, cover);
+        }
+        text.put("} scale ").num(size).put(" translate ").num(10.0 * size).put("\n  }\n");
+    }
+}
+
+/// The sky as a picture, and as a dome of parallel lights that gives the shade its light: POV-Ray's ambient would be
+/// the same in the open and inside a crown.
+/// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
+/// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
+pub(super) fn sky(text: &mut Text, space: Space, (sky, sun): (&Sky, &Sun), bounds: Bounds) {
+    let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
+    text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { ");
+    for (at, color) in sky.stops() {
+        text.put("[").num(at).put(" ");
+        rgb(text, color.map(film));
+        text.put("] ");
+    }
+    text.put("}\n    scale 2 translate -1\n  }\n");
+    if sky.dapple > 0.0 {
+        dapple(text, sky);
+    }
+    if sky.glow > 0.0 {
+        glow(text, sky, sun);
+    }
+    text.put("}\n");
+    if let Some(f) = &sky.fog {
+        fog(text, space, f);
+    }
+    let distance = (bounds.size().length() * 10.0).max(10.0);
+    for i in 0..DOME {
+        let y = (f32::from(i) + 0.5) / f32::from(DOME);
+        let turn = f32::from(i) * 2.399_963_2;
+        let flat = math::sqrt_f32(1.0 - y * y);
+        let toward = Vec3::new(flat * math::cos_f32(turn), y, flat * math::sin_f32(turn));
+        let color = [0, 1, 2].map(|c| EXPOSURE * math::lerp(horizon[c], zenith[c], y) * 2.0 / f32::from(DOME));
+        text.put("light_source { ");
+        space.point(text, bounds.center() + toward * distance);
+        text.put(" ");
+        rgb(text, color);
+        text.put(" parallel point_at ");
+        space.point(text, bounds.center());
+        text.put(" photons { reflection off refraction off } }\n");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn written(sky: &Sky) -> String {
+        let mut text = Text::default();
+        self::sky(&mut text, Space { scale: 1.0 }, (sky, &Sun::default()), Bounds::of([Vec3::ZERO, Vec3::ONE]));
+        String::from_utf8(text.bytes().to_vec()).expect("ascii")
+    }
+
+    #[test]
+    fn below_the_horizon_is_what_stands_there_and_the_sun_glows_where_asked() {
+        let plain = written(&Sky::default());
+        let same = [plain.find("[0 rgb <").expect("below"), plain.find("[0.5 rgb <").expect("horizon")];
+        assert_eq!(plain[same[0] + 3..].split(']').next(), plain[same[1] + 5..].split(']').next(), "{plain}");
+        assert_eq!(plain.matches("pigment").count(), 1, "{plain}");
+        let dark = written(&Sky { below: Some([0.0; 3]), glow: 2.0, ..Sky::default() });
+        assert!(dark.contains("[0.38 rgb 0]") || dark.contains("[0.38 rgb <0,0,0>]"), "{dark}");
+        assert!(dark.contains("[0.55 rgb <"), "{dark}");
+        assert!(!dark.contains("crackle"), "{dark}");
+        // Shade and light among leaves: up to half the sky's height, half as dense where half of it is asked for.
+        let cover = |dapple: f32| {
+            let s = written(&Sky { below: Some([0.0; 3]), dapple, ..Sky::default() });
+            assert!(s.contains("[0.85 rgbt 1]") && s.matches("crackle").count() == 2, "{s}");
+            let masses = s.split("bozo").nth(1).and_then(|s| s.split("[0 rgbt <0,0,0,").nth(1)).expect("shade");
+            1.0 - masses.split('>').next().and_then(|n| n.parse::<f32>().ok()).expect("a number")
+        };
+        assert!((cover(1.0) - 0.85).abs() < 1e-6 && (cover(0.5) - 0.425).abs() < 1e-6);
+        // At its middle there is nothing but the sun's colour, twice as bright.
+        let [r, g, b] = Sun::default().color.map(|c| c * 2.0);
+        assert!(dark.contains(&format!("[1 rgbt <{r},{g},{b},0>]")), "{dark}");
+        assert!(dark.contains("[0.82 rgbt <") && dark.matches("light_source").count() == 8, "{dark}");
+    }
+}

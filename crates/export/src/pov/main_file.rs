@@ -1,0 +1,130 @@
+//! `main.pov`, which picks the frame, and `render.ini`, which renders the clip.
+
+use std::collections::BTreeSet;
+
+use super::material::quoted;
+use super::objects::group;
+use super::space::Space;
+use super::{Options, look, scene_bounds};
+use crate::text::{Num, Text};
+use crate::{GENERATOR, pov::Layout};
+use osier_scene::{Placement, Scene};
+
+/// The scene. `includes`: folder of the include files, with its `/`; `written`: frames that have a file, ascending.
+pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[u32]) -> Text {
+    let mut text = Text::default();
+    text.put(&format!("// {GENERATOR}, scene {}, seed {}, {}\n", scene.name, scene.seed, scene.hash));
+    text.put("#version 3.7;\n");
+    for name in ["common.inc", "prototypes.inc", "static.inc"] {
+        text.put("#include ").put(&quoted(&format!("{includes}{name}"))).put("\n");
+    }
+    pick_frame(&mut text, written);
+    let phases: BTreeSet<u32> = scene.placements.iter().map(|p| p.phase).filter(|p| *p > 0).collect();
+    for phase in phases.iter().filter(|_| !written.is_empty()) {
+        // Another time of the clip: its file declares the same names, which the shown frame then declares anew.
+        later(&mut text, scene, includes, (*phase, written));
+        text.put(&format!("#declare OsWorld{phase} = "));
+        let mut shown = Text::default();
+        let count = place(&mut shown, scene, space, |p| p.phase == *phase);
+        group(&mut text, count, &shown, "");
+    }
+    if !written.is_empty() {
+        text.put(&format!("#declare OsTag = str(OsFrame, -{}, 0);\n", scene.clip.digits()));
+        include(&mut text, includes, "OsTag");
+    }
+    text.put("\n#macro OsWorld() ");
+    let mut shown = Text::default();
+    let mut count = place(&mut shown, scene, space, |p| p.phase == 0 || written.is_empty());
+    for phase in phases.iter().filter(|_| !written.is_empty()) {
+        shown.put(&format!("  object {{ OsWorld{phase} }}\n"));
+        count += 1;
+    }
+    group(&mut text, count, &shown, "");
+    text.put("#end\nOsWorld()\n\n");
+    let bounds = scene_bounds(scene, None);
+    look::camera(&mut text, space, &scene.camera);
+    look::sun(&mut text, space, &scene.sun, bounds);
+    look::sky(&mut text, space, (&scene.sky, &scene.sun), bounds);
+    text
+}
+
+/// The placements that fit, as objects. Returns how many.
+fn place(text: &mut Text, scene: &Scene, space: Space, fits: impl Fn(&Placement) -> bool) -> usize {
+    let fitting: Vec<&Placement> = scene.placements.iter().filter(|p| fits(p)).collect();
+    for placement in &fitting {
+        text.put(&format!("  object {{ A_{}() ", placement.asset));
+        space.matrix(text, &placement.transform);
+        text.put(" } // ").put(&placement.name).put("\n");
+    }
+    fitting.len()
+}
+
+/// Includes a frame's file.
+fn include(text: &mut Text, includes: &str, tag: &str) {
+    text.put("#include concat(").put(&quoted(&format!("{includes}frames/frame.")));
+    text.put(&format!(", {tag}, \".inc\")\n"));
+}
+
+/// Includes the file of the frame that comes `phase` later in the clip, repeated; where only some frames are written, of the
+/// one so much later in their list.
+fn later(text: &mut Text, scene: &Scene, includes: &str, (phase, written): (u32, &[u32])) {
+    let (first, count) = (written.first().copied().unwrap_or(0), written.len() as u64);
+    let last = written.last().copied().unwrap_or(first);
+    let step = if count > 1 { (u64::from(last - first) / (count - 1)).max(1) } else { 1 };
+    let ahead = (u64::from(phase) / step) % count.max(1);
+    text.put(&format!("#declare OsLater = {first} + mod((OsFrame - {first}) / {step} + {ahead}, {count}) * {step};\n"));
+    text.put(&format!("#declare OsLaterTag = str(OsLater, -{}, 0);\n", scene.clip.digits()));
+    include(text, includes, "OsLaterTag");
+}
+
+/// Whether every frame from the first to the last has a file.
+fn is_contiguous(written: &[u32]) -> bool {
+    written.windows(2).all(|pair| pair[1] == pair[0] + 1)
+}
+
+/// Sets `OsFrame` to the frame that is rendered. A still render has frame number 0 and shows the first; a clip that starts at 0 is
+/// therefore rendered as frames 1, 2, .. Where frames are left out, pictures are numbered 1, 2, .. in the order of those written.
+fn pick_frame(text: &mut Text, written: &[u32]) {
+    let (Some(first), Some(last)) = (written.first(), written.last()) else { return };
+    let shift = u32::from(*first == 0);
+    text.put(&format!("#if (frame_number = 0) #declare OsFrame = {first}; "));
+    match shift {
+        0 => text.put("#else #declare OsFrame = frame_number; #end\n"),
+        _ => text.put("#else #declare OsFrame = frame_number - 1; #end\n"),
+    };
+    if !is_contiguous(written) {
+        let list: Vec<String> = written.iter().map(u32::to_string).collect();
+        text.put(&format!("#declare OsWritten = array[{}] {{ {} }}\n", list.len(), list.join(", ")));
+        let last = written.len() - 1;
+        text.put(&format!("#declare OsFrame = OsWritten[max(0, min({last}, frame_number - 1))];\n"));
+    } else {
+        text.put(&format!("#declare OsFrame = max({first}, min({last}, OsFrame));\n"));
+    }
+}
+
+/// Settings of the rendering program. `main`: name of the scene file; `written`: frames that have a file.
+pub(super) fn render_ini(scene: &Scene, options: &Options, main: &str, written: &[u32]) -> Text {
+    let mut text = Text::default();
+    let library = match options.layout {
+        Layout::Bake => "..",
+        Layout::Single(_) => ".",
+    };
+    let (width, height) = options.size;
+    text.put(&format!("; {GENERATOR}\nInput_File_Name=\"{main}\"\nLibrary_Path=\"{library}\"\nOutput_File_Type=N\n"));
+    text.put(&format!("Bits_Per_Color=16\nWidth={width}\nHeight={height}\n"));
+    text.put("Antialias=On\nAntialias_Threshold=0.1\nSampling_Method=2\nAntialias_Depth=3\n");
+    if let (Some(first), Some(last)) = (written.first(), written.last()) {
+        // Only frames that exist: where some are left out, pictures are counted from 1.
+        let (from, to) = if is_contiguous(written) {
+            let shift = u32::from(*first == 0);
+            (first + shift, last + shift)
+        } else {
+            (1, u32::try_from(written.len()).unwrap_or(u32::MAX))
+        };
+        let clock = |f: u32| Num(osier_base::math::narrow(scene.clip.seconds(f)));
+        text.put(&format!("Initial_Frame={from}\nFinal_Frame={to}\n"));
+        text.put(&format!("Initial_Clock={}\nFinal_Clock={}\n", clock(*first), clock(*last)));
+    }
+    text.put("Display=Off\nPause_When_Done=Off\n");
+    text
+}

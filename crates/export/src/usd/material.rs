@@ -1,0 +1,173 @@
+//! Materials as UsdPreviewSurface networks.
+
+use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
+use super::target::{Context, Sheet};
+use super::value::Value;
+use crate::sheets::Map;
+use osier_base::Result;
+use osier_scene::{Material, MaterialClass};
+
+/// Roughness of a film of water on a leaf. Own: 0 would be a mirror of single bright pixels.
+const FILM: f32 = 0.05;
+
+/// Writes a material and its shaders. Returns the pictures of it that change with the frames.
+pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Material) -> Result<Vec<Sheet>> {
+    let sheet = cx.sheet(m);
+    stage.prim(path, "Material", &PrimMeta::default())?;
+    let surface = format!("{path}/surface");
+    stage.attr(
+        &format!("{path}.outputs:surface"),
+        &AttrSpec::connected("token", format!("{surface}.outputs:surface")),
+        None,
+    )?;
+    if m.maps.height.is_some() {
+        let source = format!("{surface}.outputs:displacement");
+        stage.attr(&format!("{path}.outputs:displacement"), &AttrSpec::connected("token", source), None)?;
+    }
+    if m.translucency > 0.0 {
+        // The preview surface has no word for it; Blender shows it as a custom property.
+        let property = format!("{path}.userProperties:osier:translucency");
+        stage.attr(
+            &property,
+            &AttrSpec { custom: true, ..AttrSpec::new("float") },
+            Some(Value::Float(m.translucency)),
+        )?;
+    }
+    shader(stage, &surface, "UsdPreviewSurface")?;
+    let mut s = Shader { stage, path: &surface, network: path };
+    s.surface(m, sheet.is_some())?;
+    let maps = [m.maps.color, m.maps.normal, m.maps.roughness, m.maps.height];
+    if sheet.is_some() || maps.iter().any(Option::is_some) {
+        reader(stage, path)?;
+    }
+    let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
+    for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))) {
+        let Some(image) = cx.scene.images.get(image as usize) else { continue };
+        let file = format!("{}{}.png", cx.pictures, image.name);
+        texture(stage, path, &Picture { name, file, material: m })?;
+    }
+    let Some(sheet) = sheet else { return Ok(Vec::new()) };
+    // What stands without a time is read by programs that know no times.
+    let file = cx.map(sheet, Map::Wetness, cx.first);
+    let attr = texture(stage, path, &Picture { name: "wetness", file, material: m })?;
+    Ok(vec![Sheet { sheet, map: Map::Wetness, attr }])
+}
+
+fn shader(stage: &mut dyn Stage, path: &str, id: &str) -> Result<()> {
+    stage.prim(path, "Shader", &PrimMeta::default())?;
+    stage.attr(&format!("{path}.info:id"), &AttrSpec::uniform("token"), Some(Value::Token(id)))?;
+    Ok(())
+}
+
+struct Shader<'a> {
+    stage: &'a mut dyn Stage,
+    path: &'a str,
+    network: &'a str,
+}
+
+impl Shader<'_> {
+    fn input(&mut self, name: &str, type_name: &'static str, value: Value) -> Result<()> {
+        let path = format!("{}.inputs:{name}", self.path);
+        self.stage.attr(&path, &AttrSpec::new(type_name), Some(value))?;
+        Ok(())
+    }
+
+    fn connect(&mut self, name: &str, type_name: &'static str, source: &str) -> Result<()> {
+        let source = format!("{}/{source}", self.network);
+        let path = format!("{}.inputs:{name}", self.path);
+        self.stage.attr(&path, &AttrSpec::connected(type_name, source), None)?;
+        Ok(())
+    }
+
+    fn output(&mut self, name: &str, type_name: &'static str) -> Result<()> {
+        self.stage.attr(&format!("{}.outputs:{name}", self.path), &AttrSpec::new(type_name), None)?;
+        Ok(())
+    }
+
+    /// Inputs of the surface shader, from maps where there are any.
+    fn surface(&mut self, m: &Material, wet: bool) -> Result<()> {
+        match m.maps.color {
+            Some(_) => self.connect("diffuseColor", "color3f", "color.outputs:rgb")?,
+            None => self.input("diffuseColor", "color3f", Value::Float3(m.base_color))?,
+        }
+        if let (Some(_), Some(cutoff)) = (m.maps.color, m.alpha_cutoff) {
+            self.connect("opacity", "float", "color.outputs:a")?;
+            self.input("opacityThreshold", "float", Value::Float(cutoff))?;
+        } else if m.class == MaterialClass::Water {
+            self.input("opacity", "float", Value::Float(0.1))?;
+        }
+        match m.maps.roughness {
+            Some(_) => self.connect("roughness", "float", "rough.outputs:r")?,
+            None => self.input("roughness", "float", Value::Float(m.roughness))?,
+        }
+        if wet {
+            // A film of water over the leaf, which keeps its own roughness and relief.
+            self.connect("clearcoat", "float", "wetness.outputs:r")?;
+            self.input("clearcoatRoughness", "float", Value::Float(FILM))?;
+        }
+        self.input("ior", "float", Value::Float(m.ior))?;
+        self.input("metallic", "float", Value::Float(0.0))?;
+        if m.maps.normal.is_some() {
+            self.connect("normal", "normal3f", "normal.outputs:rgb")?;
+        }
+        if m.maps.height.is_some() {
+            self.connect("displacement", "float", "height.outputs:r")?;
+            self.output("displacement", "token")?;
+        }
+        self.output("surface", "token")
+    }
+}
+
+/// The shader that looks up texture coordinates.
+fn reader(stage: &mut dyn Stage, network: &str) -> Result<()> {
+    let path = format!("{network}/st");
+    shader(stage, &path, "UsdPrimvarReader_float2")?;
+    let mut s = Shader { stage, path: &path, network };
+    s.input("varname", "string", Value::String("st"))?;
+    s.output("result", "float2")
+}
+
+/// One map of a material.
+struct Picture<'a> {
+    name: &'static str,
+    /// Seen from the layer.
+    file: String,
+    material: &'a Material,
+}
+
+/// Writes a picture's shader. Returns the attribute that names its file.
+fn texture(stage: &mut dyn Stage, network: &str, picture: &Picture) -> Result<Attr> {
+    let path = format!("{network}/{}", picture.name);
+    shader(stage, &path, "UsdUVTexture")?;
+    let file =
+        stage.attr(&format!("{path}.inputs:file"), &AttrSpec::new("asset"), Some(Value::Asset(&picture.file)))?;
+    let mut s = Shader { stage, path: &path, network };
+    s.connect("st", "float2", "st.outputs:result")?;
+    let color = picture.name == "color";
+    s.input("sourceColorSpace", "token", Value::Token(if color { "sRGB" } else { "raw" }))?;
+    // A blade shows its picture once; bark and ground repeat theirs.
+    let once = matches!(picture.material.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
+    for side in ["wrapS", "wrapT"] {
+        s.input(side, "token", Value::Token(if once { "clamp" } else { "repeat" }))?;
+    }
+    let (scale, bias) = match picture.name {
+        "normal" => (Some(2.0), Some(-1.0)),
+        "height" => (Some(picture.material.height_range), None),
+        _ => (None, None),
+    };
+    if let Some(v) = scale {
+        s.input("scale", "float4", Value::Float4([v, v, v, 1.0]))?;
+    }
+    if let Some(v) = bias {
+        s.input("bias", "float4", Value::Float4([v, v, v, 0.0]))?;
+    }
+    if color || picture.name == "normal" {
+        s.output("rgb", "float3")?;
+        if color && picture.material.alpha_cutoff.is_some() {
+            s.output("a", "float")?;
+        }
+        return Ok(file);
+    }
+    s.output("r", "float")?;
+    Ok(file)
+}

@@ -1,0 +1,472 @@
+//! USD: a text wrapper, one crate file per asset, packages.
+//!
+//! Everything is written once against `stage::Stage`, which has a text and a crate implementation.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+mod axis;
+mod body;
+mod boxes;
+mod copies;
+mod instancer;
+mod look;
+mod material;
+mod mesh;
+mod points;
+mod sink;
+mod skel;
+mod stage;
+mod target;
+mod thin;
+mod usda;
+mod usdc;
+mod value;
+mod wet;
+mod zip;
+
+pub use axis::UpAxis;
+
+use super::textures::Textures;
+use super::{Exporter, Summary, Warning, exr};
+use copies::Single;
+use osier_base::fence::safe_name;
+use osier_base::fence::{Folder, Output};
+use osier_base::geometry::Bounds;
+use osier_base::{Error, Result};
+use osier_scene::{AssetFrame, Frame, Scene, asset_bounds};
+use sink::{Discard, Sink};
+use stage::{LayerMeta, PrimMeta, Stage};
+use target::{Binding, Context, Part, Shot, Target};
+
+/// What may be chosen about USD files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Which way is up.
+    pub up: UpAxis,
+    /// Write everything into one file of this name (`.usda`, `.usdc`, `.usdz`) instead of a wrapper and payloads.
+    pub file: Option<String>,
+    /// Write camera and lights.
+    pub look: bool,
+    /// Wet leaves show the maps that the exporter of EXR writes beside; without, they are dry.
+    pub maps: bool,
+    /// First frame that is written; without, the clip's.
+    pub first: Option<u32>,
+    /// How copies of a plant are shown.
+    pub copies: CopyStyle,
+    /// How far leaves between two samples may be from where they were simulated.
+    pub tolerance: Tolerance,
+}
+
+/// Errors that tracks are thinned to. 0 keeps the samples of every frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tolerance {
+    /// Of places, m.
+    pub metres: f32,
+    /// Of rotations, rad.
+    pub radians: f32,
+}
+
+/// How several placements of a plant are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CopyStyle {
+    /// One point instancer for each plant, its prototypes whole plants.
+    #[default]
+    Instancer,
+    /// A prim for each placement, which refers to its individual.
+    References,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            up: UpAxis::Y,
+            file: None,
+            look: true,
+            maps: false,
+            first: None,
+            copies: CopyStyle::default(),
+            tolerance: Tolerance::default(),
+        }
+    }
+}
+
+/// A layer and those of its parts that change.
+struct Layer {
+    target: Target,
+    /// Index of the asset whose payload it is.
+    payload_of: Option<usize>,
+    /// Asset and part.
+    parts: Vec<(usize, Box<dyn Part>)>,
+    /// What went wrong in a frame.
+    failed: Option<Error>,
+}
+
+/// Writes USD.
+pub struct Usd {
+    folder: Folder,
+    textures: Arc<Textures>,
+    options: Options,
+    cx: Option<Context>,
+    layers: Vec<Layer>,
+    warnings: Vec<Warning>,
+}
+
+impl Usd {
+    /// An exporter into a folder. Pictures go into the folder's `textures/`, those of a single file into it or beside it.
+    pub fn new(folder: Folder, textures: Arc<Textures>, options: Options) -> Self {
+        Self { folder, textures, options, cx: None, layers: Vec::new(), warnings: Vec::new() }
+    }
+
+    /// One crate file per asset, and the twins.
+    fn begin_payloads(&mut self, cx: &Context) -> Result<()> {
+        for (i, asset) in cx.scene.assets.iter().enumerate() {
+            let name = safe_name(&asset.id);
+            let root = format!("/{name}");
+            // The wrapper needs the bindings and the extent of a payload that an interrupted bake has left complete, too.
+            let sink: Box<dyn Sink> = match self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
+                Some(out) => Box::new(out),
+                None => Box::new(Discard::default()),
+            };
+            let mut target = open(cx, Box::new(usdc::Usdc::new(sink)), &name)?;
+            target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
+            let parts = body::define(cx, &mut target, &root, asset)?;
+            self.push(target, Some(i), parts.into_iter().map(|p| (i, p)).collect());
+            if !asset.instancers.iter().any(|x| x.tracked) {
+                continue;
+            }
+            if let Some(out) = self.folder.create(&format!("usd/{name}.points.usdc"), "usdc.points", None)? {
+                let mut target = open(cx, Box::new(usdc::Usdc::new(Box::new(out))), &name)?;
+                target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
+                let parts = body::define_twins(cx, &mut target, &root, asset)?;
+                self.push(target, None, parts.into_iter().map(|p| (i, p)).collect());
+            }
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, target: Target, payload_of: Option<usize>, parts: Vec<(usize, Box<dyn Part>)>) {
+        self.layers.push(Layer { target, payload_of, parts, failed: None });
+    }
+
+    /// The whole scene in one layer.
+    fn begin_single(&mut self, cx: &Context, file: &str) -> Result<()> {
+        let kind = match file.rsplit_once('.') {
+            Some((_, "usda")) => "usda",
+            Some((_, "usdz")) => "usdz",
+            _ => "usdc",
+        };
+        let Some(out) = self.folder.create(file, kind, None)? else { return Ok(()) };
+        let scene = safe_name(&cx.scene.name);
+        let stage: Box<dyn Stage> = match kind {
+            "usda" => Box::new(usda::Usda::new(Box::new(out))),
+            "usdz" => Box::new(usdc::Usdc::new(Box::new(self.package(cx, out, &format!("{scene}.usdc"))?))),
+            _ => Box::new(usdc::Usdc::new(Box::new(out))),
+        };
+        let mut target = open(cx, stage, &scene)?;
+        let root = format!("/{scene}");
+        target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
+        let mut parts = Vec::new();
+        let mut first: BTreeMap<usize, String> = BTreeMap::new();
+        let shared = shared(&cx.scene);
+        let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+        for single in &plan.singles {
+            let Single { path, placement } = single;
+            let shown = Shown {
+                asset: placement.asset,
+                ahead: placement.phase,
+                may_share: shared.contains(&placement.asset),
+                kind: Some("component"),
+            };
+            parts.extend(inside(cx, &mut target, path, shown, &mut first)?);
+            target.transform(path, &cx.up.trs(&placement.transform))?;
+        }
+        for group in &plan.copies {
+            group.define(&mut target)?;
+            for (individual, path) in &group.prototypes {
+                let shown = Shown { asset: individual.asset, ahead: individual.phase, may_share: false, kind: None };
+                parts.extend(inside(cx, &mut target, path, shown, &mut first)?);
+            }
+        }
+        if self.options.look {
+            look::define(cx, &mut target, &root, None)?;
+        }
+        self.push(target, None, parts);
+        if kind != "usdz" {
+            let folder = cx.pictures.strip_prefix("./").unwrap_or(&cx.pictures);
+            self.textures.write(&cx.scene, &self.folder, folder)?;
+        }
+        Ok(())
+    }
+
+    fn package(&self, cx: &Context, out: Output, root: &str) -> Result<zip::Package> {
+        let member = |(image, bytes): (&osier_scene::Image, &Arc<[u8]>)| zip::Member {
+            name: format!("textures/{}.png", image.name),
+            bytes: Arc::clone(bytes),
+        };
+        let members = cx.scene.images.iter().zip(self.textures.iter()).map(member).collect();
+        zip::Package::new(out, root, members)
+    }
+
+    /// The wrapper: a payload per placement, an instancer per plant with copies, one scope of materials, camera and lights.
+    fn wrapper(&self, cx: &Context, written: &Written) -> Result<()> {
+        if self.options.look {
+            exr::write_sky(&self.folder, &cx.scene)?;
+        }
+        let scene = safe_name(&cx.scene.name);
+        let Some(out) = self.folder.create(&format!("{scene}.usda"), "usda.wrapper", None)? else { return Ok(()) };
+        // Seen from here, pictures lie beside the payloads, not above them.
+        let cx = &Context { pictures: "./textures/".to_owned(), maps: None, ..cx.clone() };
+        let mut target = open(cx, Box::new(usda::Usda::new(Box::new(out))), &scene)?;
+        let root = format!("/{scene}");
+        target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
+        let shared = shared(&cx.scene);
+        let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+        for single in &plan.singles {
+            let Single { path, placement } = single;
+            let Some(payload) = payload(cx, placement.asset, placement.phase, "./usd/") else { continue };
+            let instanceable = shared.contains(&placement.asset);
+            let meta =
+                PrimMeta { kind: Some("component"), instanceable, payload: Some(payload), ..PrimMeta::default() };
+            target.stage.prim(path, "Xform", &meta)?;
+            target.transform(path, &cx.up.trs(&placement.transform))?;
+            if !instanceable {
+                rebind(cx, &mut target, &root, path, written.bindings(placement.asset))?;
+            }
+        }
+        for group in &plan.copies {
+            group.define(&mut target)?;
+            for (individual, path) in &group.prototypes {
+                let Some(payload) = payload(cx, individual.asset, individual.phase, "./usd/") else { continue };
+                // A prototype takes its type from the payload.
+                target.stage.prim(path, "", &PrimMeta { payload: Some(payload), ..PrimMeta::default() })?;
+                rebind(cx, &mut target, &root, path, written.bindings(individual.asset))?;
+            }
+            group.place(cx, &mut target, &written.reach)?;
+        }
+        if self.options.look {
+            look::define(cx, &mut target, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
+        }
+        target.stage.finish()
+    }
+
+    /// X002 for skeletons that are larger than readers like.
+    fn warn_joints(&mut self, scene: &Scene) {
+        for asset in &scene.assets {
+            let joints = asset.skeleton.as_ref().map_or(0, |s| s.joints.len());
+            if joints > skel::MAX_JOINTS && asset.meshes.iter().any(|m| skel::follows(asset, m)) {
+                let message =
+                    format!("asset {}: {joints} joints, more than {}: readers may be slow", asset.id, skel::MAX_JOINTS);
+                self.warnings.push(Warning { code: "X002", message });
+            }
+        }
+    }
+}
+
+fn open(cx: &Context, stage: Box<dyn Stage>, default_prim: &str) -> Result<Target> {
+    let mut target = Target::new(stage);
+    target.stage.begin(&LayerMeta::of(&cx.scene, default_prim, cx.up))?;
+    Ok(target)
+}
+
+/// True if a placement shows the asset at another time of the clip.
+fn is_phased(scene: &Scene, asset: usize) -> bool {
+    scene.placements.iter().any(|p| p.asset == asset && p.phase > 0)
+}
+
+/// Assets at rest that several placements show: readers then hold them once. Those that move are not shared, as Blender reads
+/// their frames by the names that USD gives to shared prims, and these are others whenever the file is opened.
+fn shared(scene: &Scene) -> BTreeSet<usize> {
+    let (mut seen, mut shared) = (BTreeSet::new(), BTreeSet::new());
+    for p in &scene.placements {
+        if !seen.insert(p.asset) && scene.assets.get(p.asset).is_some_and(|a| !a.moves()) {
+            shared.insert(p.asset);
+        }
+    }
+    shared
+}
+
+/// What the layers of a scene turned out to hold.
+#[derive(Debug, Default)]
+struct Written {
+    /// Box of each asset over all frames, in its own space of the stage.
+    reach: Vec<Bounds>,
+    /// Bindings of each asset's payload.
+    bound: Vec<Vec<Binding>>,
+}
+
+impl Written {
+    /// Gathers it from the layers of all assets; with payloads, the first layer of an asset is its payload.
+    fn of(cx: &Context, layers: &[Layer]) -> Self {
+        let rest = |asset| copies::in_stage(cx.up, &asset_bounds(asset, &AssetFrame::default()));
+        let mut reach: Vec<Bounds> = cx.scene.assets.iter().map(rest).collect();
+        for (asset, part) in layers.iter().flat_map(|l| &l.parts) {
+            if let Some(b) = reach.get_mut(*asset) {
+                *b = b.union(part.reach());
+            }
+        }
+        let mut bound = vec![Vec::new(); cx.scene.assets.len()];
+        for layer in layers {
+            if let Some(list) = layer.payload_of.and_then(|asset| bound.get_mut(asset)) {
+                *list = layer.target.bindings().to_vec();
+            }
+        }
+        Self { reach, bound }
+    }
+
+    /// Bindings of the payload of an asset.
+    fn bindings(&self, asset: usize) -> &[Binding] {
+        self.bound.get(asset).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// An asset as a prim shows it.
+struct Shown {
+    /// Index of the asset.
+    asset: usize,
+    /// Frames by which it is ahead of the clip.
+    ahead: u32,
+    /// Readers may hold it once for all prims that show it.
+    may_share: bool,
+    /// Model kind of the prim.
+    kind: Option<&'static str>,
+}
+
+/// Writes an asset under a new prim of the layer: its contents the first time, a reference to those from then on.
+fn inside(
+    cx: &Context,
+    target: &mut Target,
+    path: &str,
+    shown: Shown,
+    first: &mut BTreeMap<usize, String>,
+) -> Result<Vec<(usize, Box<dyn Part>)>> {
+    let Some(asset) = cx.scene.assets.get(shown.asset) else { return Ok(Vec::new()) };
+    let known = first.get(&shown.asset).cloned();
+    let instanceable = known.is_some() && shown.may_share;
+    let reference = known.map(|prim| stage::Arc { asset: String::new(), prim, ahead: shown.ahead });
+    let new = reference.is_none();
+    let meta = PrimMeta { kind: shown.kind, instanceable, reference, ..PrimMeta::default() };
+    target.stage.prim(path, "Xform", &meta)?;
+    if !new {
+        return Ok(Vec::new());
+    }
+    first.insert(shown.asset, path.to_owned());
+    let changing = body::define(cx, target, path, asset)?;
+    Ok(changing.into_iter().map(|p| (shown.asset, p)).collect())
+}
+
+/// The payload of an asset, `ahead` frames ahead, seen from a layer that has the folder of payloads at `folder`.
+fn payload(cx: &Context, asset: usize, ahead: u32, folder: &str) -> Option<stage::Arc> {
+    let name = safe_name(&cx.scene.assets.get(asset)?.id);
+    Some(stage::Arc { asset: format!("{folder}{name}.usdc"), prim: format!("/{name}"), ahead })
+}
+
+/// Binds what a payload at `path` shows to the materials of the scene's root, so that readers that make a material for every
+/// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change, and so does what stands in a variant.
+fn rebind(cx: &Context, target: &mut Target, root: &str, path: &str, bindings: &[Binding]) -> Result<()> {
+    let own = |b: &Binding| {
+        b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.wet.is_some())
+    };
+    if !bindings.is_empty() && !bindings.iter().any(own) {
+        // Nothing is bound to the payload's own materials any more; a reader need not look at them.
+        let meta = PrimMeta { over: true, inactive: true, ..PrimMeta::default() };
+        target.stage.prim(&format!("{path}/mtl"), "", &meta)?;
+    }
+    let mut made = BTreeSet::new();
+    for Binding { prim, material } in bindings.iter().filter(|b| !own(b)) {
+        // The payload's root is its first name.
+        let below: Vec<&str> = prim.split('/').skip(2).collect();
+        let mut over = path.to_owned();
+        for name in below {
+            over = format!("{over}/{name}");
+            if made.insert(over.clone()) {
+                target.stage.prim(&over, "", &PrimMeta { over: true, ..PrimMeta::default() })?;
+            }
+        }
+        target.bind(cx, root, &over, *material)?;
+    }
+    Ok(())
+}
+
+/// Folder of the pictures, as seen from the layers that show them.
+fn pictures(options: &Options) -> String {
+    match &options.file {
+        None => "../textures/".to_owned(),
+        Some(file) => match file.rsplit_once('.') {
+            Some((_, "usdz")) => "./textures/".to_owned(),
+            Some((stem, _)) => format!("./{stem}_files/"),
+            None => format!("./{file}_files/"),
+        },
+    }
+}
+
+impl Exporter for Usd {
+    fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
+        // A single file has no maps beside it.
+        let maps = (self.options.maps && self.options.file.is_none()).then(|| "../maps/".to_owned());
+        let cx = Context {
+            scene: Arc::clone(scene),
+            up: self.options.up,
+            pictures: pictures(&self.options),
+            maps,
+            first: self.options.first.unwrap_or(scene.clip.start),
+            tolerance: self.options.tolerance,
+        };
+        self.warn_joints(scene);
+        match self.options.file.clone() {
+            Some(file) => self.begin_single(&cx, &file)?,
+            None => {
+                self.textures.write(scene, &self.folder, "textures/")?;
+                self.begin_payloads(&cx)?;
+            }
+        }
+        self.cx = Some(cx);
+        Ok(())
+    }
+
+    fn frame(&mut self, frame: &Frame) -> Result<()> {
+        let Some(cx) = &self.cx else { return Ok(()) };
+        let time = f64::from(frame.number);
+        osier_base::par::par_each(&mut self.layers, |layer| {
+            let Layer { target, parts, failed, .. } = layer;
+            for (i, part) in parts {
+                let Some((asset, state)) = cx.scene.assets.get(*i).zip(frame.assets.get(*i)) else { continue };
+                if let Err(e) = part.frame(cx, target, &Shot { asset, state, time, wet: &frame.wet }) {
+                    *failed = Some(e);
+                    return;
+                }
+            }
+            if let Err(e) = target.sheets(cx, frame.number) {
+                *failed = Some(e);
+            }
+        });
+        self.layers.iter_mut().find_map(|l| l.failed.take()).map_or(Ok(()), Err)
+    }
+
+    fn finish(&mut self) -> Result<Summary> {
+        let Some(cx) = self.cx.clone() else { return Ok(Summary::default()) };
+        let written = Written::of(&cx, &self.layers);
+        if self.options.file.is_some()
+            && let Some(layer) = self.layers.first_mut()
+        {
+            let root = format!("/{}", safe_name(&cx.scene.name));
+            let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+            plan.copies.iter().try_for_each(|group| group.place(&cx, &mut layer.target, &written.reach))?;
+        }
+        for layer in &mut self.layers {
+            let Layer { target, parts, .. } = layer;
+            parts.iter_mut().try_for_each(|(_, part)| part.finish(target))?;
+            if let Some(scene) = self.cx.as_ref().map(|cx| &cx.scene)
+                && layer.parts.iter().any(|(asset, _)| is_phased(scene, *asset))
+            {
+                layer.target.stage.repeat(f64::from(u32::try_from(scene.clip.len()).unwrap_or(u32::MAX)));
+            }
+            layer.target.stage.finish()?;
+        }
+        self.layers.clear();
+        if self.options.file.is_none() {
+            self.wrapper(&cx, &written)?;
+        }
+        Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
+    }
+}

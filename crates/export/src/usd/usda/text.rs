@@ -1,0 +1,208 @@
+//! Pieces of text stages.
+
+use half::f16;
+
+use crate::usd::stage::{Arc, AttrSpec, LayerMeta, PrimMeta};
+use crate::usd::value::{Array, Value};
+use osier_base::{Error, Result};
+
+/// A piece, line by line, indented.
+pub(super) fn indented(text: &str, depth: usize, out: &mut String) {
+    for line in text.split('\n') {
+        for _ in 0..depth {
+            out.push_str("    ");
+        }
+        out.push_str(line);
+        out.push('\n');
+    }
+}
+
+/// A string in quotes.
+fn quoted(s: &str) -> String {
+    let mut out = String::from("\"");
+    for c in s.chars() {
+        match c {
+            '"' => out.push_str("\\\""),
+            '\\' => out.push_str("\\\\"),
+            '\n' => out.push_str("\\n"),
+            c if c.is_control() => out.push(' '),
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+/// The head of a layer.
+pub(super) fn layer(meta: &LayerMeta) -> String {
+    let custom: String =
+        meta.custom().iter().map(|(k, v)| format!("            string {k} = {}\n", quoted(v))).collect();
+    format!(
+        "#usda 1.0\n# {}\n(\n    customLayerData = {{\n        dictionary osier = {{\n{custom}        }}\n    }}\n    \
+         defaultPrim = {}\n    endTimeCode = {}\n    framesPerSecond = {}\n    metersPerUnit = 1\n    \
+         startTimeCode = {}\n    timeCodesPerSecond = {}\n    upAxis = {}\n)\n",
+        crate::GENERATOR,
+        quoted(&meta.default_prim),
+        meta.end,
+        meta.fps,
+        meta.start,
+        meta.fps,
+        quoted(meta.up.token())
+    )
+}
+
+fn arc(arc: &Arc) -> String {
+    let asset = if arc.asset.is_empty() { String::new() } else { format!("@{}@", arc.asset) };
+    let offset = if arc.ahead > 0 { format!(" (offset = -{})", arc.ahead) } else { String::new() };
+    format!("{asset}<{}>{offset}", arc.prim)
+}
+
+/// `def Xform "name" (...)`.
+pub(super) fn prim(type_name: &str, name: &str, meta: &PrimMeta) -> String {
+    let mut lines = Vec::new();
+    if !meta.api.is_empty() {
+        let names: Vec<String> = meta.api.iter().map(|a| quoted(a)).collect();
+        lines.push(format!("prepend apiSchemas = [{}]", names.join(", ")));
+    }
+    if meta.inactive {
+        lines.push("active = false".into());
+    }
+    if let Some(kind) = meta.kind {
+        lines.push(format!("kind = {}", quoted(kind)));
+    }
+    if meta.instanceable {
+        lines.push("instanceable = true".into());
+    }
+    if let Some(payload) = &meta.payload {
+        lines.push(format!("prepend payload = {}", arc(payload)));
+    }
+    if let Some(reference) = &meta.reference {
+        lines.push(format!("prepend references = {}", arc(reference)));
+    }
+    if let Some(variants) = &meta.variants {
+        let chosen = format!("variants = {{\n        string {} = {}\n    }}", variants.set, quoted(&variants.chosen));
+        lines.push(chosen);
+        lines.push(format!("prepend variantSets = {}", quoted(variants.set)));
+    }
+    let space = if type_name.is_empty() { "" } else { " " };
+    let specifier = if meta.over { "over" } else { "def" };
+    let head = format!("{specifier}{space}{type_name} \"{name}\"");
+    if lines.is_empty() { head } else { format!("{head} (\n    {}\n)", lines.join("\n    ")) }
+}
+
+/// ` (interpolation = "vertex")` or nothing.
+pub(super) fn attr_metadata(spec: &AttrSpec) -> String {
+    let mut lines = Vec::new();
+    if let Some(size) = spec.element_size {
+        lines.push(format!("    elementSize = {size}\n"));
+    }
+    if let Some(interpolation) = spec.interpolation {
+        lines.push(format!("    interpolation = {}\n", quoted(interpolation)));
+    }
+    if lines.is_empty() { String::new() } else { format!(" (\n{})", lines.concat()) }
+}
+
+/// The shortest decimal that reads back equal, without exponent; -0 as 0.
+/// `None` if the number is not finite.
+trait Decimal: Copy {
+    fn decimal(self) -> Option<String>;
+}
+
+impl Decimal for f32 {
+    fn decimal(self) -> Option<String> {
+        self.is_finite().then(|| format!("{}", self + 0.0))
+    }
+}
+
+impl Decimal for f64 {
+    fn decimal(self) -> Option<String> {
+        self.is_finite().then(|| format!("{}", self + 0.0))
+    }
+}
+
+impl Decimal for f16 {
+    fn decimal(self) -> Option<String> {
+        self.to_f32().decimal()
+    }
+}
+
+type Text = std::result::Result<String, usize>;
+
+fn tuple<T: Decimal>(v: &[T]) -> Option<String> {
+    let parts: Option<Vec<String>> = v.iter().map(|x| x.decimal()).collect();
+    parts.map(|p| format!("({})", p.join(", ")))
+}
+
+/// A quaternion given as x, y, z, w; text has w first.
+fn quaternion<T: Decimal>(q: &[T; 4]) -> Option<String> {
+    tuple(&[q[3], q[0], q[1], q[2]])
+}
+
+fn matrix(m: &[f64; 16]) -> Option<String> {
+    let rows: Option<Vec<String>> = m.chunks_exact(4).map(tuple).collect();
+    rows.map(|r| format!("( {} )", r.join(", ")))
+}
+
+fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> Text {
+    let mut out = String::from("[");
+    for (i, item) in items.iter().enumerate() {
+        if i > 0 {
+            out.push_str(", ");
+        }
+        out.push_str(&f(item).ok_or(i)?);
+    }
+    out.push(']');
+    Ok(out)
+}
+
+fn array(a: &Array) -> Text {
+    match a {
+        Array::Int(v) => list(v, |x| Some(x.to_string())),
+        Array::Int64(v) => list(v, |x| Some(x.to_string())),
+        Array::Float(v) => list(v, |x| x.decimal()),
+        Array::Float2(v) => list(v, |x| tuple(x)),
+        Array::Float3(v) => list(v, |x| tuple(x)),
+        Array::Float4(v) => list(v, |x| tuple(x)),
+        Array::Half3(v) => list(v, |x| tuple(x)),
+        Array::Quatf(v) => list(v, quaternion),
+        Array::Quath(v) => list(v, quaternion),
+        Array::Matrix4d(v) => list(v, matrix),
+        Array::Token(v) => list(v, |x| Some(quoted(x))),
+    }
+}
+
+/// A value as text. `place`: for complaints.
+pub(super) fn value(v: &Value, place: &str) -> Result<String> {
+    let text = match v {
+        Value::Bool(b) => Ok(u8::from(*b).to_string()),
+        Value::Float(x) => x.decimal().ok_or(0),
+        Value::Double(x) => x.decimal().ok_or(0),
+        Value::String(s) | Value::Token(s) => Ok(quoted(s)),
+        Value::Asset(s) => Ok(format!("@{s}@")),
+        Value::Float2(x) => tuple(x).ok_or(0),
+        Value::Float3(x) => tuple(x).ok_or(0),
+        Value::Float4(x) => tuple(x).ok_or(0),
+        Value::Double3(x) => tuple(x).ok_or(0),
+        Value::Quatf(x) => quaternion(x).ok_or(0),
+        Value::Matrix4d(x) => matrix(x).ok_or(0),
+        Value::Array(a) => array(a),
+    };
+    text.map_err(|i| Error::export("X001", format!("{place}: element {i} is not finite")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_print_as_text_stages_want_them() {
+        let p = |v: Value| value(&v, "x").expect("finite");
+        assert_eq!(p(Value::Quatf([0.1, 0.2, 0.3, 1.0])), "(1, 0.1, 0.2, 0.3)");
+        assert_eq!(p(Value::Float(1e-10)), "0.0000000001");
+        assert_eq!(p(Value::Float(-0.0)), "0");
+        assert_eq!(p(Array::Float3(&[[1.0, 0.5, -2.0]]).into()), "[(1, 0.5, -2)]");
+        assert_eq!(p(Value::String("a \"b\"\\\n")), "\"a \\\"b\\\"\\\\\\n\"");
+        let e = value(&Array::Float(&[0.0, f32::NAN]).into(), "/a.b").expect_err("not finite");
+        assert_eq!(e.to_string(), "X001: /a.b: element 1 is not finite");
+    }
+}

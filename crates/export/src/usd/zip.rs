@@ -1,0 +1,261 @@
+//! Packages: zip archives whose members are stored as they are, each beginning at a multiple of 64 bytes.
+
+use std::sync::Arc;
+
+use super::sink::Sink;
+use osier_base::fence::Output;
+use osier_base::{Error, Result};
+
+const ALIGN: u64 = 64;
+const LOCAL_HEADER: usize = 30;
+/// 1980-01-01 in MS-DOS form, so that equal content gives equal bytes.
+const DATE: u16 = 1 << 5 | 1;
+/// Extra field of unused bytes.
+const PADDING_ID: u16 = 0x1986;
+
+/// A whole member that follows the root layer.
+pub(super) struct Member {
+    /// Path in the package.
+    pub(super) name: String,
+    /// Content.
+    pub(super) bytes: Arc<[u8]>,
+}
+
+/// A package being written: its root layer streams through, then come the other members.
+pub(super) struct Package {
+    out: Output,
+    start: u64,
+    /// Checksum of all bytes of the root layer but its first [`Package::head`].
+    tail: Crc,
+    head: Vec<u8>,
+    others: Vec<Member>,
+    entries: Vec<Entry>,
+}
+
+struct Entry {
+    name: String,
+    offset: u64,
+    bytes: u64,
+    crc: u32,
+}
+
+/// Bytes at the front of the root layer that may be rewritten.
+const HEAD: usize = 128;
+
+impl Package {
+    /// Starts a package with a root layer of that name; `others` follow it.
+    pub(super) fn new(mut out: Output, root: &str, others: Vec<Member>) -> Result<Self> {
+        let start = local_header(&mut out, root, 0, 0)?;
+        let entries = vec![Entry { name: root.to_owned(), offset: 0, bytes: 0, crc: 0 }];
+        Ok(Self { out, start, tail: Crc::default(), head: Vec::new(), others, entries })
+    }
+
+    fn directory(&mut self) -> Result<()> {
+        let start = self.out.position();
+        for e in &self.entries {
+            let mut h = Vec::new();
+            h.extend(0x0201_4b50_u32.to_le_bytes());
+            h.extend([10_u16, 10, 0, 0, 0, DATE].iter().flat_map(|x| x.to_le_bytes()));
+            h.extend(e.crc.to_le_bytes());
+            h.extend(small(e.bytes)?.to_le_bytes());
+            h.extend(small(e.bytes)?.to_le_bytes());
+            h.extend(length(&e.name)?.to_le_bytes());
+            // No extra field, no comment, disk 0, no attributes.
+            h.extend([0; 12]);
+            h.extend(small(e.offset)?.to_le_bytes());
+            h.extend(e.name.as_bytes());
+            self.out.put(&h)?;
+        }
+        let bytes = self.out.position() - start;
+        let count = u16::try_from(self.entries.len()).map_err(|_| too_large())?;
+        let mut h = 0x0605_4b50_u32.to_le_bytes().to_vec();
+        h.extend([0, 0, count, count].iter().flat_map(|x: &u16| x.to_le_bytes()));
+        h.extend(small(bytes)?.to_le_bytes());
+        h.extend(small(start)?.to_le_bytes());
+        h.extend([0; 2]);
+        self.out.put(&h)
+    }
+}
+
+impl Sink for Package {
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        let into_head = bytes.len().min(HEAD - self.head.len().min(HEAD));
+        let (head, tail) = bytes.split_at(into_head);
+        self.head.extend_from_slice(head);
+        self.tail.update(tail);
+        self.out.put(bytes)
+    }
+
+    fn put_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
+        let at = usize::try_from(offset).unwrap_or(usize::MAX);
+        let slot = at.checked_add(bytes.len()).and_then(|end| self.head.get_mut(at..end));
+        // Bytes behind the head are already in the checksum.
+        slot.ok_or_else(too_large)?.copy_from_slice(bytes);
+        self.out.put_at(self.start + offset, bytes)
+    }
+
+    fn position(&self) -> u64 {
+        self.out.position() - self.start
+    }
+
+    fn commit(mut self: Box<Self>) -> Result<()> {
+        let bytes = self.out.position() - self.start;
+        let mut head = Crc::default();
+        head.update(&self.head);
+        let crc = head.followed_by(&self.tail);
+        if let Some(root) = self.entries.first_mut() {
+            root.bytes = bytes;
+            root.crc = crc;
+        }
+        let mut fields = crc.to_le_bytes().to_vec();
+        fields.extend(small(bytes)?.to_le_bytes());
+        fields.extend(small(bytes)?.to_le_bytes());
+        self.out.put_at(14, &fields)?;
+        for member in std::mem::take(&mut self.others) {
+            let mut crc = Crc::default();
+            crc.update(&member.bytes);
+            let (offset, bytes) = (self.out.position(), member.bytes.len() as u64);
+            local_header(&mut self.out, &member.name, crc.value(), bytes)?;
+            self.out.put(&member.bytes)?;
+            self.entries.push(Entry { name: member.name, offset, bytes, crc: crc.value() });
+        }
+        self.directory()?;
+        self.out.commit()
+    }
+}
+
+/// Writes the header before a member, padded so that the member is aligned. Returns where the member begins.
+fn local_header(out: &mut Output, name: &str, crc: u32, bytes: u64) -> Result<u64> {
+    let end = out.position() + (LOCAL_HEADER + name.len() + 4) as u64;
+    let padding = (ALIGN - end % ALIGN) % ALIGN;
+    let mut h = 0x0403_4b50_u32.to_le_bytes().to_vec();
+    h.extend([10_u16, 0, 0, 0, DATE].iter().flat_map(|x| x.to_le_bytes()));
+    h.extend(crc.to_le_bytes());
+    h.extend(small(bytes)?.to_le_bytes());
+    h.extend(small(bytes)?.to_le_bytes());
+    h.extend(length(name)?.to_le_bytes());
+    let padding = u16::try_from(padding).map_err(|_| too_large())?;
+    h.extend((padding + 4).to_le_bytes());
+    h.extend(name.as_bytes());
+    h.extend(PADDING_ID.to_le_bytes());
+    h.extend(padding.to_le_bytes());
+    h.extend(std::iter::repeat_n(0_u8, usize::from(padding)));
+    out.put(&h)?;
+    Ok(out.position())
+}
+
+fn small(n: u64) -> Result<u32> {
+    u32::try_from(n).map_err(|_| too_large())
+}
+
+fn length(name: &str) -> Result<u16> {
+    u16::try_from(name.len()).map_err(|_| too_large())
+}
+
+fn too_large() -> Error {
+    Error::Limit {
+        name: "a usdz package".into(),
+        wanted: "over 4 GiB".into(),
+        limit: "4 GiB".into(),
+        flag: "another ending: .usdc".into(),
+    }
+}
+
+/// The checksum of zip archives.
+/// Source: ISO 3309 CRC-32, polynomial 0xedb88320 reflected.
+#[derive(Debug, Clone, Default)]
+struct Crc {
+    state: u32,
+    length: u64,
+}
+
+/// Eight tables, so that eight bytes are folded at a time.
+const TABLES: [[u32; 256]; 8] = tables();
+
+const fn tables() -> [[u32; 256]; 8] {
+    let mut t = [[0_u32; 256]; 8];
+    let mut i = 0;
+    let mut byte = 0_u32;
+    while i < 256 {
+        let mut c = byte;
+        let mut k = 0;
+        while k < 8 {
+            c = if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
+            k += 1;
+        }
+        t[0][i] = c;
+        i += 1;
+        byte += 1;
+    }
+    let mut row = 1;
+    while row < 8 {
+        let mut i = 0;
+        while i < 256 {
+            t[row][i] = (t[row - 1][i] >> 8) ^ t[0][(t[row - 1][i] & 255) as usize];
+            i += 1;
+        }
+        row += 1;
+    }
+    t
+}
+
+impl Crc {
+    fn update(&mut self, bytes: &[u8]) {
+        let mut c = !self.state;
+        let (eights, rest) = bytes.as_chunks::<8>();
+        for b in eights {
+            let [a0, a1, a2, a3] = c.to_le_bytes();
+            let mixed = [b[0] ^ a0, b[1] ^ a1, b[2] ^ a2, b[3] ^ a3, b[4], b[5], b[6], b[7]];
+            c = mixed.iter().zip(TABLES.iter().rev()).fold(0, |c, (x, t)| c ^ t[usize::from(*x)]);
+        }
+        for b in rest {
+            c = (c >> 8) ^ TABLES[0][usize::from(c.to_le_bytes()[0] ^ b)];
+        }
+        self.state = !c;
+        self.length += bytes.len() as u64;
+    }
+
+    fn value(&self) -> u32 {
+        self.state
+    }
+
+    /// Checksum of these bytes followed by those of `tail`: the effect of `tail.length` zero bytes on the state, by
+    /// repeated squaring of the matrix of one zero bit.
+    fn followed_by(&self, tail: &Self) -> u32 {
+        let apply = |m: &[u32; 32], v: u32| (0..32).filter(|i| v >> i & 1 == 1).fold(0, |s, i| s ^ m[i]);
+        let square = |m: &[u32; 32]| std::array::from_fn(|i| apply(m, m[i]));
+        let mut power: [u32; 32] = std::array::from_fn(|i| if i == 0 { 0xedb8_8320 } else { 1 << (i - 1) });
+        for _ in 0..3 {
+            power = square(&power);
+        }
+        let (mut state, mut n) = (self.state, tail.length);
+        while n > 0 {
+            if n & 1 == 1 {
+                state = apply(&power, state);
+            }
+            power = square(&power);
+            n >>= 1;
+        }
+        state ^ tail.state
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn crc(bytes: &[u8]) -> Crc {
+        let mut c = Crc::default();
+        c.update(bytes);
+        c
+    }
+
+    #[test]
+    fn checksums_are_the_known_ones_and_join() {
+        assert_eq!(crc(b"123456789").value(), 0xcbf4_3926);
+        let bytes: Vec<u8> = (0..1000_u32).map(|i| (i * 7 % 251).to_le_bytes()[0]).collect();
+        for cut in [0, 1, 88, 999, 1000] {
+            assert_eq!(crc(&bytes[..cut]).followed_by(&crc(&bytes[cut..])), crc(&bytes).value());
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Expressions and statements as code for a small stack machine.
+
+use super::token::Place;
+
+/// Functions of one argument without side effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Unary {
+    Neg,
+    Not,
+    Sin,
+    Cos,
+    Tan,
+    Asin,
+    Acos,
+    Atan,
+    Exp,
+    Log,
+    Sqrt,
+    Fabs,
+    Floor,
+    Ceil,
+    Trunc,
+    Sign,
+}
+
+/// Operators of two arguments without side effects.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Binary {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Rem,
+    Pow,
+    Eq,
+    Ne,
+    Lt,
+    Le,
+    Gt,
+    Ge,
+    Atan2,
+}
+
+/// Functions that draw random numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Random {
+    Ran,
+    Nran,
+    Bran,
+    Biran,
+    /// Between two bounds; angles only.
+    Uniform,
+}
+
+/// One instruction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Op {
+    Const(f64),
+    Local(u16),
+    Global(u16),
+    StoreLocal(u16),
+    StoreGlobal(u16),
+    /// `Q`.
+    Step,
+    /// `Z`.
+    Length,
+    /// `Z` - `Q`.
+    Remaining,
+    Unary(Unary),
+    /// Operator and index into [`Code::places`], for division by zero.
+    Binary(Binary, u32),
+    Random(Random),
+    /// Pairs of (value, share) on the stack.
+    Choose(u16),
+    Srand,
+    Stop,
+    Pop,
+    Jump(u32),
+    /// Pops; jumps if zero.
+    JumpIfZero(u32),
+    /// Pops; if zero pushes 0 and jumps.
+    And(u32),
+    /// Pops; if not zero pushes 1 and jumps.
+    Or(u32),
+    /// Pops; pushes 1 or 0.
+    Bool,
+    /// Counts a statement or a turn of a loop; index into [`Code::places`].
+    Count(u32),
+}
+
+/// A sequence of instructions.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(crate) struct Code {
+    pub ops: Vec<Op>,
+    pub places: Vec<Place>,
+}
+
+/// An expression, with the common cases ready.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Expr {
+    Const(f64),
+    Local(u16),
+    Code(Code),
+}
+
+impl Code {
+    /// As an expression, in its simplest form.
+    pub fn into_expr(self) -> Expr {
+        match self.ops.as_slice() {
+            [Op::Const(c)] => Expr::Const(*c),
+            [Op::Local(i)] => Expr::Local(*i),
+            _ => Expr::Code(self),
+        }
+    }
+
+    /// Does it write a global variable?
+    pub fn writes_globals(&self) -> bool {
+        self.ops.iter().any(|o| matches!(o, Op::StoreGlobal(_) | Op::Stop))
+    }
+}
+
+impl Unary {
+    /// The function of a name, where the name takes one argument.
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "sin" => Self::Sin,
+            "cos" => Self::Cos,
+            "tan" => Self::Tan,
+            "asin" => Self::Asin,
+            "acos" => Self::Acos,
+            "atan" => Self::Atan,
+            "exp" => Self::Exp,
+            "log" => Self::Log,
+            "sqrt" => Self::Sqrt,
+            "fabs" => Self::Fabs,
+            "floor" => Self::Floor,
+            "ceil" => Self::Ceil,
+            "trunc" => Self::Trunc,
+            "sign" => Self::Sign,
+            _ => return None,
+        })
+    }
+
+    /// Value; angles in degrees.
+    pub fn apply(self, x: f64) -> f64 {
+        use osier_base::math;
+        use osier_base::units::radians;
+        let degrees = |r: f64| r * (180.0 / std::f64::consts::PI);
+        match self {
+            Self::Neg => -x,
+            Self::Not => truth(is_zero(x)),
+            Self::Sin => math::sin(radians(x)),
+            Self::Cos => math::cos(radians(x)),
+            Self::Tan => math::tan(radians(x)),
+            Self::Asin => degrees(math::asin(x)),
+            Self::Acos => degrees(math::acos(x)),
+            Self::Atan => degrees(math::atan(x)),
+            Self::Exp => math::exp(x),
+            Self::Log => math::ln(x),
+            Self::Sqrt => math::sqrt(x),
+            Self::Fabs => x.abs(),
+            Self::Floor => x.floor(),
+            Self::Ceil => x.ceil(),
+            // cpfg's trunc rounds half up.
+            Self::Trunc => (x + 0.5).floor(),
+            Self::Sign if x > 0.0 => 1.0,
+            Self::Sign if x < 0.0 => -1.0,
+            Self::Sign => 0.0,
+        }
+    }
+}
+
+/// 1 or 0.
+pub(crate) fn truth(b: bool) -> f64 {
+    if b { 1.0 } else { 0.0 }
+}
+
+/// The language's notion of false; NaN is true, as in C.
+#[allow(clippy::float_cmp, reason = "the grammar language compares exactly")]
+pub(crate) fn is_zero(x: f64) -> bool {
+    x == 0.0
+}
+
+impl Binary {
+    /// Value, and whether a division by zero was met (the numerator stands for x/0, 0 for x%0).
+    #[allow(clippy::float_cmp, reason = "the grammar language compares exactly")]
+    pub fn apply(self, a: f64, b: f64) -> (f64, bool) {
+        let value = match self {
+            Self::Add => a + b,
+            Self::Sub => a - b,
+            Self::Mul => a * b,
+            Self::Div if is_zero(b) => return (a, true),
+            Self::Div => a / b,
+            Self::Rem => return remainder(a, b),
+            Self::Pow => osier_base::math::pow(a, b),
+            Self::Eq => truth(a == b),
+            Self::Ne => truth(a != b),
+            Self::Lt => truth(a < b),
+            Self::Le => truth(a <= b),
+            Self::Gt => truth(a > b),
+            Self::Ge => truth(a >= b),
+            Self::Atan2 => osier_base::math::atan2(a, b) * (180.0 / std::f64::consts::PI),
+        };
+        (value, false)
+    }
+}
+
+/// Remainder of both sides cut to integers, with the sign of the left one.
+fn remainder(a: f64, b: f64) -> (f64, bool) {
+    let (a, b) = (a.trunc(), b.trunc());
+    if is_zero(b) || !a.is_finite() || b.is_nan() {
+        return (0.0, true);
+    }
+    (a % b, false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[allow(clippy::float_cmp, reason = "exact values of the language")]
+    fn arithmetic_of_the_language() {
+        assert_eq!(Binary::Div.apply(5.0, 0.0), (5.0, true));
+        assert_eq!(Binary::Rem.apply(-7.0, 4.0), (-3.0, false));
+        assert_eq!(Binary::Rem.apply(7.9, 2.9), (1.0, false));
+        assert_eq!(Binary::Rem.apply(7.0, 0.5), (0.0, true));
+        assert_eq!(Binary::Pow.apply(0.0, 0.0).0, 1.0);
+        assert_eq!(Unary::Trunc.apply(2.5), 3.0);
+        assert_eq!(Unary::Trunc.apply(-2.5), -2.0);
+        assert!(Unary::Sqrt.apply(-1.0).is_nan());
+        assert_eq!(Unary::Log.apply(0.0), f64::NEG_INFINITY);
+        assert!((Unary::Sin.apply(30.0) - 0.5).abs() < 1e-15);
+        assert!((Binary::Atan2.apply(1.0, -1.0).0 - 135.0).abs() < 1e-12);
+    }
+}

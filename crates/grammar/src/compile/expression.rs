@@ -1,0 +1,481 @@
+//! Expressions: operator precedence with an explicit stack, straight into code.
+
+use super::{Compiler, Cursor, Scope};
+use crate::code::{Binary, Code, Op, Random, Unary, is_zero};
+use crate::token::{Kind, Place, Token};
+use osier_base::diagnostic::nearest;
+use osier_base::math::narrow;
+
+/// Something waiting for its right side.
+#[derive(Debug)]
+enum Pending {
+    Unary(Unary),
+    Binary(Binary, u8, Place),
+    /// Jump to patch, precedence.
+    Short(usize, u8),
+    Question(usize),
+    Colon(usize),
+    Paren(Place),
+    Call {
+        name: u32,
+        place: Place,
+        args: usize,
+    },
+}
+
+const PREC_TERNARY: u8 = 1;
+const PREC_OR: u8 = 2;
+const PREC_AND: u8 = 3;
+const PREC_UNARY: u8 = 9;
+
+/// Names every function of the language, for suggestions.
+const FUNCTIONS: [&str; 21] = [
+    "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sqrt", "fabs", "floor", "ceil", "trunc", "sign", "ran",
+    "nran", "bran", "biran", "srand", "choose", "stop",
+];
+const DATA_FUNCTIONS: [&str; 12] = [
+    "func", "curveX", "curveY", "curveZ", "curveGAL", "vvXmin", "vvXmax", "vvYmin", "vvYmax", "vvZmin", "vvZmax",
+    "printf",
+];
+const FILE_FUNCTIONS: [&str; 5] = ["fopen", "fclose", "fscan", "fprintf", "fflush"];
+
+/// An expression under construction.
+struct Builder<'c, 'r> {
+    compiler: &'c mut Compiler<'r>,
+    code: Code,
+    pending: Vec<Pending>,
+    /// Instructions before this one must stay: a jump lands here.
+    barrier: usize,
+    /// The last token's place.
+    last: Place,
+}
+
+/// Compiles one expression; stops before the first token that cannot continue it. `None` after an error, which is
+/// recorded.
+pub(super) fn expression(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>) -> Option<Code> {
+    let last = cursor.place();
+    let code = Code::default();
+    let mut b = Builder { compiler, code, pending: Vec::new(), barrier: 0, last };
+    b.run(cursor)?;
+    Some(b.code)
+}
+
+/// Binary operator at the cursor with its precedence and number of tokens.
+fn operator(cursor: &Cursor<'_>) -> Option<(&'static str, u8, usize)> {
+    let Kind::Char(c) = cursor.peek()?.kind else { return None };
+    let second = cursor.glued_char(1);
+    Some(match (c, second) {
+        ('|', Some('|')) => ("||", PREC_OR, 2),
+        ('&', Some('&')) => ("&&", PREC_AND, 2),
+        ('=', Some('=')) => ("==", 4, 2),
+        ('!', Some('=')) => ("!=", 4, 2),
+        ('<', Some('>')) => ("!=", 4, 2),
+        ('<', Some('=')) => ("<=", 5, 2),
+        ('>', Some('=')) => (">=", 5, 2),
+        ('<', _) => ("<", 5, 1),
+        ('>', _) => (">", 5, 1),
+        ('-', Some('-')) if cursor.glued_char(2) == Some('>') => return None,
+        ('+', _) => ("+", 6, 1),
+        ('-', _) => ("-", 6, 1),
+        ('*', _) => ("*", 7, 1),
+        ('/', _) => ("/", 7, 1),
+        ('%', _) => ("%", 7, 1),
+        ('^', _) => ("^", 8, 1),
+        _ => return None,
+    })
+}
+
+impl Builder<'_, '_> {
+    fn run(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
+        loop {
+            while self.prefix(cursor)? {}
+            self.operand(cursor)?;
+            loop {
+                if self.close(cursor)? {
+                    continue;
+                }
+                if self.infix(cursor)? {
+                    break;
+                }
+                return self.finish(cursor);
+            }
+        }
+    }
+
+    fn error<T>(&mut self, code: &'static str, message: String, place: Place, label: &str) -> Option<T> {
+        self.compiler.reading.error(code, message, place, label);
+        None
+    }
+
+    fn open(&mut self, pending: Pending, place: Place) -> Option<()> {
+        self.pending.push(pending);
+        let limit = self.compiler.max_depth;
+        if self.pending.len() > limit {
+            return self.error("L004", format!("expression nested deeper than {limit}"), place, "too deep here");
+        }
+        Some(())
+    }
+
+    /// Takes one prefix operator or opening parenthesis.
+    fn prefix(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
+        let Some(&t) = cursor.peek() else { return Some(false) };
+        let pending = match t.kind {
+            Kind::Char('-') => Some(Pending::Unary(Unary::Neg)),
+            Kind::Char('!') => Some(Pending::Unary(Unary::Not)),
+            Kind::Char('+') => None,
+            Kind::Char('(') => Some(Pending::Paren(t.place)),
+            Kind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('(')) => {
+                cursor.bump();
+                Some(Pending::Call { name, place: t.place, args: 0 })
+            }
+            _ => return Some(false),
+        };
+        cursor.bump();
+        self.last = t.place;
+        let is_call = matches!(pending, Some(Pending::Call { .. }));
+        if let Some(p) = pending {
+            self.open(p, t.place)?;
+        }
+        // A call without arguments has no operand to wait for.
+        if is_call && cursor.peek().is_some_and(|t| t.is(')')) {
+            return Some(false);
+        }
+        Some(true)
+    }
+
+    fn operand(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
+        let Some(&t) = cursor.peek() else {
+            return self.error("L001", "unexpected end, expected a value".into(), self.last, "after this");
+        };
+        match t.kind {
+            Kind::Number(n) => {
+                let text = self.compiler.reading.names.get(n).to_owned();
+                let value: f64 = text.parse().unwrap_or(f64::INFINITY);
+                if !value.is_finite() {
+                    return self.error("L001", format!("number {text} is out of range"), t.place, "too large");
+                }
+                self.code.ops.push(Op::Const(value));
+            }
+            Kind::Ident(name) => {
+                let op = self.compiler.variable(name, t.place);
+                self.code.ops.push(op);
+            }
+            // The argument list of a call without arguments.
+            Kind::Char(')') if matches!(self.pending.last(), Some(Pending::Call { args: 0, .. })) && self.at_call() => {
+                return Some(());
+            }
+            _ => {
+                let word = self.compiler.describe(&t);
+                return self.error("L001", format!("unexpected {word}, expected a value"), t.place, "here");
+            }
+        }
+        cursor.bump();
+        self.last = t.place;
+        Some(())
+    }
+
+    /// Was the last token the opening of a call?
+    fn at_call(&self) -> bool {
+        matches!(self.pending.last(), Some(Pending::Call { place, .. }) if *place == self.last)
+    }
+
+    /// Takes a closing parenthesis or a comma that belongs to this expression.
+    fn close(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
+        let Some(&t) = cursor.peek() else { return Some(false) };
+        let inside = self.pending.iter().any(|p| matches!(p, Pending::Paren(_) | Pending::Call { .. }));
+        if !inside || !t.is(')') {
+            return Some(false);
+        }
+        let empty = matches!(self.pending.last(), Some(Pending::Call { args: 0, .. })) && self.at_call();
+        self.reduce(0);
+        match self.pending.pop() {
+            Some(Pending::Paren(_)) => {}
+            Some(Pending::Call { name, place, args }) => {
+                self.call(name, place.to(t.place), args + usize::from(!empty))?;
+            }
+            _ => return self.error("L001", "unexpected ')', expected ':' of '?:'".into(), t.place, "here"),
+        }
+        cursor.bump();
+        self.last = t.place;
+        Some(true)
+    }
+
+    /// Takes a binary operator, `?`, `:` or the comma of a call; false if the expression ends here.
+    fn infix(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
+        let Some(&t) = cursor.peek() else { return Some(false) };
+        if let Some((op, prec, length)) = operator(cursor) {
+            for _ in 0..length {
+                cursor.bump();
+            }
+            self.last = t.place;
+            self.reduce(prec);
+            self.push_operator(op, prec, t.place)?;
+            return Some(true);
+        }
+        match t.kind {
+            Kind::Char('?') => {
+                self.reduce(PREC_TERNARY + 1);
+                self.code.ops.push(Op::JumpIfZero(0));
+                let jump = self.code.ops.len() - 1;
+                self.open(Pending::Question(jump), t.place)?;
+            }
+            Kind::Char(':') if self.innermost_question() => {
+                self.reduce(0);
+                let Some(Pending::Question(jump)) = self.pending.pop() else { return Some(false) };
+                self.code.ops.push(Op::Jump(0));
+                let end = self.code.ops.len() - 1;
+                self.patch(jump);
+                self.open(Pending::Colon(end), t.place)?;
+            }
+            Kind::Char(',') => {
+                let inside = |p: &Pending| matches!(p, Pending::Paren(_) | Pending::Call { .. });
+                if !self.pending.iter().any(inside) {
+                    return Some(false);
+                }
+                self.reduce(0);
+                match self.pending.last_mut() {
+                    Some(Pending::Call { args, .. }) => *args += 1,
+                    _ => return self.error("L001", "unexpected ',', expected ')'".into(), t.place, "here"),
+                }
+            }
+            _ => return Some(false),
+        }
+        cursor.bump();
+        self.last = t.place;
+        self.barrier = self.code.ops.len();
+        Some(true)
+    }
+
+    /// Is a `?` still without its `:` inside the innermost parenthesis?
+    fn innermost_question(&self) -> bool {
+        let stop = |p: &&Pending| matches!(p, Pending::Question(_) | Pending::Paren(_) | Pending::Call { .. });
+        matches!(self.pending.iter().rev().find(stop), Some(Pending::Question(_)))
+    }
+
+    fn push_operator(&mut self, op: &str, prec: u8, place: Place) -> Option<()> {
+        let binary = match op {
+            "&&" | "||" => {
+                let is_or = op == "||";
+                self.code.ops.push(if is_or { Op::Or(0) } else { Op::And(0) });
+                let jump = self.code.ops.len() - 1;
+                self.barrier = self.code.ops.len();
+                return self.open(Pending::Short(jump, prec), place);
+            }
+            "==" => Binary::Eq,
+            "!=" => Binary::Ne,
+            "<=" => Binary::Le,
+            ">=" => Binary::Ge,
+            "<" => Binary::Lt,
+            ">" => Binary::Gt,
+            "+" => Binary::Add,
+            "-" => Binary::Sub,
+            "*" => Binary::Mul,
+            "/" => Binary::Div,
+            "%" => Binary::Rem,
+            _ => Binary::Pow,
+        };
+        self.open(Pending::Binary(binary, prec, place), place)
+    }
+
+    /// Emits everything pending that binds at least as tightly as `prec`; stops at parentheses and open `?`.
+    fn reduce(&mut self, prec: u8) {
+        loop {
+            let binds = match self.pending.last() {
+                Some(Pending::Unary(_)) => PREC_UNARY,
+                Some(Pending::Binary(_, p, _) | Pending::Short(_, p)) => *p,
+                Some(Pending::Colon(_)) => PREC_TERNARY,
+                _ => return,
+            };
+            if binds < prec {
+                return;
+            }
+            match self.pending.pop() {
+                Some(Pending::Unary(op)) => self.emit_unary(op),
+                Some(Pending::Binary(op, _, place)) => self.emit_binary(op, place),
+                Some(Pending::Short(jump, _)) => {
+                    self.code.ops.push(Op::Bool);
+                    self.patch(jump);
+                }
+                Some(Pending::Colon(end)) => self.patch(end),
+                _ => return,
+            }
+        }
+    }
+
+    /// Lets the jump at `index` land here.
+    fn patch(&mut self, index: usize) {
+        let here = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
+        self.barrier = self.code.ops.len();
+        if let Some(op) = self.code.ops.get_mut(index) {
+            *op = match *op {
+                Op::Jump(_) => Op::Jump(here),
+                Op::JumpIfZero(_) => Op::JumpIfZero(here),
+                Op::And(_) => Op::And(here),
+                Op::Or(_) => Op::Or(here),
+                other => other,
+            };
+        }
+    }
+
+    fn emit_unary(&mut self, op: Unary) {
+        let n = self.code.ops.len();
+        match self.code.ops.last_mut() {
+            Some(Op::Const(c)) if n > self.barrier => *c = op.apply(*c),
+            _ => self.code.ops.push(Op::Unary(op)),
+        }
+    }
+
+    fn emit_binary(&mut self, op: Binary, place: Place) {
+        let n = self.code.ops.len();
+        if n >= self.barrier + 2
+            && let [.., Op::Const(a), Op::Const(b)] = self.code.ops[..]
+            && let (value, false) = op.apply(a, b)
+        {
+            self.code.ops.truncate(n - 2);
+            self.code.ops.push(Op::Const(value));
+            return;
+        }
+        if matches!(op, Binary::Eq | Binary::Ne) {
+            self.check_equality(op, place);
+        }
+        let index = if matches!(op, Binary::Div | Binary::Rem) {
+            self.code.places.push(place);
+            u32::try_from(self.code.places.len() - 1).unwrap_or(0)
+        } else {
+            0
+        };
+        self.code.ops.push(Op::Binary(op, index));
+    }
+
+    /// L025: a parameter held against a constant that its 32 bits cannot be.
+    fn check_equality(&mut self, op: Binary, place: Place) {
+        let sides = self.code.ops.get(self.barrier..).unwrap_or(&[]);
+        let (slot, value) = match *sides {
+            [.., Op::Local(slot), Op::Const(v)] | [.., Op::Const(v), Op::Local(slot)] => (slot, v),
+            _ => return,
+        };
+        let exact = is_zero(f64::from(narrow(value)) - value);
+        if exact || !self.compiler.stored.contains(&slot) {
+            return;
+        }
+        let name = self.compiler.locals.get(usize::from(slot)).map_or("", |n| self.compiler.reading.names.get(*n));
+        let (sign, verdict) = if op == Binary::Eq { ("==", "can never hold") } else { ("!=", "always holds") };
+        let message =
+            format!("'{name} {sign} {value}' {verdict}: parameters are stored in 32 bits, which {value} is not");
+        let help = format!("allow for rounding: fabs({name} - {value}) < 0.001");
+        self.compiler.reading.warning("L025", message, place, help);
+    }
+
+    fn call(&mut self, name: u32, place: Place, args: usize) -> Option<()> {
+        let word = self.compiler.reading.names.get(name).to_owned();
+        let wrong = |wanted: &str| format!("{word} takes {wanted}, got {args}");
+        let random = match word.as_str() {
+            "ran" => Some((Random::Ran, 1)),
+            "nran" => Some((Random::Nran, 2)),
+            "bran" => Some((Random::Bran, 2)),
+            "biran" => Some((Random::Biran, 2)),
+            "uniform" if self.compiler.scope == Scope::Angle => Some((Random::Uniform, 2)),
+            "normal" if self.compiler.scope == Scope::Angle => Some((Random::Nran, 2)),
+            _ => None,
+        };
+        if let Some((op, wanted)) = random {
+            if args != wanted {
+                return self.error("L022", wrong(&format!("{wanted} arguments")), place, "this call");
+            }
+            self.code.ops.push(Op::Random(op));
+        } else if word == "atan" && args == 2 {
+            let help = "osier computes the angle of the point (y, x), cpfg ignores x";
+            self.compiler.reading.note("L042", "atan(x,y) differs from cpfg 6.6".into(), place, help);
+            self.emit_binary(Binary::Atan2, place);
+        } else if let Some(op) = Unary::named(&word) {
+            if args != 1 {
+                return self.error("L022", wrong("1 argument"), place, "this call");
+            }
+            self.emit_unary(op);
+        } else {
+            return self.special_call(&word, place, args);
+        }
+        Some(())
+    }
+
+    fn special_call(&mut self, word: &str, place: Place, args: usize) -> Option<()> {
+        match word {
+            "choose" => {
+                if args == 0 || !args.is_multiple_of(2) {
+                    let message = format!("choose takes pairs of value and share, got {args} arguments");
+                    return self.error("L022", message, place, "this call");
+                }
+                self.check_shares(place, args);
+                self.code.ops.push(Op::Choose(u16::try_from(args / 2).unwrap_or(u16::MAX)));
+                Some(())
+            }
+            "srand" | "stop" if args != 1 => {
+                self.error("L022", format!("{word} takes 1 argument, got {args}"), place, "this call")
+            }
+            "srand" | "stop" => {
+                self.code.ops.push(if word == "srand" { Op::Srand } else { Op::Stop });
+                self.barrier = self.code.ops.len();
+                Some(())
+            }
+            w if FILE_FUNCTIONS.contains(&w) => {
+                let message = format!("{w} is not available: grammars neither read nor write files");
+                self.compiler.reading.error_help("L043", message, place, "remove this call");
+                None
+            }
+            w if DATA_FUNCTIONS.contains(&w) => {
+                let help = "it counts as 0 here";
+                self.compiler.reading.warning("L008", format!("{w} is not supported"), place, help);
+                for _ in 0..args {
+                    self.code.ops.push(Op::Pop);
+                }
+                self.code.ops.push(Op::Const(0.0));
+                self.barrier = self.code.ops.len();
+                Some(())
+            }
+            w => {
+                let help = match nearest(w, FUNCTIONS) {
+                    Some(n) => format!("did you mean '{n}'?"),
+                    None => format!("known functions: {}", FUNCTIONS.join(", ")),
+                };
+                self.compiler.reading.error_help("L021", format!("unknown function '{w}'"), place, help);
+                None
+            }
+        }
+    }
+
+    /// Warns if the constant shares of a `choose` do not sum to 1.
+    fn check_shares(&mut self, place: Place, args: usize) {
+        let n = self.code.ops.len();
+        let Some(tail) = n.checked_sub(args).and_then(|first| self.code.ops.get(first..)) else { return };
+        let constant = |o: &Op| if let Op::Const(c) = o { Some(*c) } else { None };
+        let Some(values) = tail.iter().map(constant).collect::<Option<Vec<f64>>>() else { return };
+        let sum = values.iter().skip(1).step_by(2).fold(0.0, |s, p| s + p);
+        if (sum - 1.0).abs() > 1e-3 {
+            let help = "they are divided by their sum";
+            self.compiler.reading.warning("L035", format!("shares of choose sum to {sum}"), place, help);
+        }
+    }
+
+    fn finish(&mut self, cursor: &Cursor<'_>) -> Option<()> {
+        self.reduce(0);
+        let place = cursor.peek().map_or(self.last, |t| t.place);
+        match self.pending.pop() {
+            None => Some(()),
+            Some(Pending::Paren(open) | Pending::Call { place: open, .. }) => {
+                let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
+                self.compiler.reading.push(
+                    osier_base::diagnostic::Diagnostic::error(
+                        "L001",
+                        format!("unexpected {found}, expected ')' or an operator"),
+                        place.span,
+                        "here",
+                    )
+                    .label(open.span, "opened here"),
+                    place,
+                );
+                None
+            }
+            Some(_) => self.error("L001", "'?' without ':'".into(), place, "expected ':' before this"),
+        }
+    }
+}

@@ -1,0 +1,335 @@
+//! The items of an L-system: header, values, blocks, sections.
+
+use super::lines::{self, KEYWORDS, Keyword, Line, is_block};
+use super::{Compiler, Scope, describe, production, statement, successor, whole_expression};
+use crate::code::Code;
+use crate::program::{Hidden, Program};
+use crate::token::{Kind, Place, Reading, Token};
+use crate::vm;
+use osier_base::diagnostic::{Diagnostic, nearest};
+
+/// A compiled file.
+#[derive(Debug)]
+pub(crate) struct Parsed {
+    pub program: Program,
+    pub label: String,
+}
+
+/// Where productions go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Section {
+    Productions,
+    Decomposition,
+    Homomorphism,
+}
+
+pub(super) struct Parser<'r> {
+    pub(super) reading: &'r mut Reading,
+    pub(super) program: Program,
+    label: String,
+    section: Section,
+    globals: Vec<u32>,
+    header: Option<Place>,
+    axiom: Option<Place>,
+    ended: bool,
+}
+
+/// Reads the main L-system of a file.
+pub(crate) fn parse(reading: &mut Reading, tokens: &[Token], start: Place) -> Parsed {
+    let lines = lines::split(reading, tokens);
+    let mut p = Parser {
+        reading,
+        program: Program::default(),
+        label: String::new(),
+        section: Section::Productions,
+        globals: Vec::new(),
+        header: None,
+        axiom: None,
+        ended: false,
+    };
+    p.program.decomposition.depth = 1;
+    p.program.homomorphism.depth = 1;
+    for c in ['[', ']', '%'] {
+        p.program.symbols.intern(c);
+    }
+    let main = p.main_lines(lines);
+    p.collect_globals(&main);
+    for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k))) {
+        p.block_item(line);
+    }
+    p.rebinding(&main);
+    for line in &main {
+        p.line(line);
+    }
+    p.check_complete(start);
+    let symbols = p.program.symbols.len();
+    p.program.rules.index(symbols);
+    p.program.decomposition.index(symbols);
+    p.program.homomorphism.index(symbols);
+    p.program.blocks.globals = u16::try_from(p.globals.len()).unwrap_or(u16::MAX);
+    Parsed { program: p.program, label: p.label }
+}
+
+impl Parser<'_> {
+    /// The lines of the first L-system; others are named and left out.
+    fn main_lines(&mut self, lines: Vec<Line>) -> Vec<Line> {
+        let mut out = Vec::new();
+        let mut skipping = false;
+        for line in lines {
+            let key = line.keyword.map(|k| k.0);
+            let begins = matches!(key, Some(Keyword::Lsystem | Keyword::Ring));
+            if skipping {
+                continue;
+            }
+            if begins && self.header.is_some() {
+                skipping = true;
+                if let Some(place) = line.place() {
+                    let help = "the first L-system of the file is the one that is read";
+                    self.reading.warning("L008", "sub-L-systems are not supported".into(), place, help);
+                }
+                continue;
+            }
+            if begins {
+                self.header = line.place();
+            }
+            out.push(line);
+        }
+        out
+    }
+
+    /// Every name that a block assigns is global, wherever the block stands.
+    fn collect_globals(&mut self, lines: &[Line]) {
+        let blocks = lines.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define));
+        for line in blocks {
+            for (i, t) in line.tokens.iter().enumerate() {
+                let Kind::Ident(name) = t.kind else { continue };
+                let assigned = line.tokens.get(i + 1).is_some_and(|t| t.is('='))
+                    && !line.tokens.get(i + 2).is_some_and(|t| t.is('=') && t.glued);
+                if assigned && !self.globals.contains(&name) {
+                    self.globals.push(name);
+                }
+            }
+        }
+    }
+
+    pub(super) fn compiler(&mut self, scope: Scope) -> Compiler<'_> {
+        let globals = self.globals.clone();
+        let mut c = Compiler::new(self.reading, scope);
+        c.globals = globals;
+        c.has_turtle = self.program.turtle.is_some();
+        c
+    }
+
+    fn block_item(&mut self, line: &Line) {
+        let (Some((key, n)), Some(place)) = (line.keyword, line.place()) else { return };
+        if key == Keyword::Define {
+            let help = "use single variables in Start: { .. }";
+            self.reading.warning("L008", "arrays are not supported, Define is left out".into(), place, help);
+            return;
+        }
+        let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
+        let body = &line.tokens[(n + colon).min(line.tokens.len())..];
+        let inner = match body {
+            [open, inner @ .., close] if open.is('{') && close.is('}') => inner,
+            [open, ..] if open.is('{') => {
+                return self.reading.error("L004", "block is never closed", open.place, "opened here");
+            }
+            _ => {
+                let at = body.first().map_or(place, |t| t.place);
+                return self.reading.error("L001", "unexpected token, expected '{'", at, "here");
+            }
+        };
+        let mut compiler = self.compiler(Scope::Global);
+        let Some(code) = statement::block(&mut compiler, inner, place) else { return };
+        let slot = match key {
+            Keyword::Start => &mut self.program.blocks.start,
+            Keyword::StartEach => &mut self.program.blocks.start_each,
+            Keyword::EndEach => &mut self.program.blocks.end_each,
+            _ => &mut self.program.blocks.end,
+        };
+        *slot = Some(code);
+    }
+
+    fn line(&mut self, line: &Line) {
+        if self.ended {
+            return;
+        }
+        let Some(place) = line.place() else { return };
+        if let Some(arrow) = line.arrow {
+            return self.production(line, arrow, place);
+        }
+        let Some((key, n)) = line.keyword else { return self.unknown(line, place) };
+        let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
+        let head = line.tokens.first().map_or(place, |t| t.place);
+        let value = &line.tokens[(n + colon).min(line.tokens.len())..];
+        match key {
+            Keyword::Lsystem => self.label = self.spelling(value),
+            Keyword::Ring => {
+                let help = "contexts do not see across the ends of the string";
+                self.reading.warning("L008", "ring L-systems are not supported".into(), head, help);
+            }
+            Keyword::Seed => {
+                let seed = self.integer(value, head);
+                match self.section {
+                    Section::Homomorphism => self.program.homomorphism.seed = seed,
+                    _ => self.program.seed = seed,
+                }
+            }
+            Keyword::Length => {
+                let length = self.integer(value, head);
+                self.program.length = length.and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
+                self.program.length_place = Some(place);
+                if length.is_some_and(|n| u32::try_from(n).is_err()) {
+                    self.reading.error("L001", "derivation length must lie in 0 to 1,000,000", place, "here");
+                }
+            }
+            Keyword::Axiom => self.axiom_item(value, place),
+            Keyword::Ignore | Keyword::Consider => self.hide(key, value, head),
+            Keyword::Decomposition | Keyword::Homomorphism => self.begin_section(key, value, head),
+            Keyword::Depth => {
+                let depth = self.integer(value, head).and_then(|n| u32::try_from(n).ok()).unwrap_or(1);
+                match self.section {
+                    Section::Homomorphism => self.program.homomorphism.depth = depth,
+                    _ => self.program.decomposition.depth = depth,
+                }
+            }
+            Keyword::Warnings | Keyword::NoWarnings => self.warn_depth(key == Keyword::Warnings),
+            Keyword::EndLsystem => self.ended = true,
+            _ => {}
+        }
+    }
+
+    fn warn_depth(&mut self, warn: bool) {
+        match self.section {
+            Section::Homomorphism => self.program.homomorphism.warn_depth = warn,
+            _ => self.program.decomposition.warn_depth = warn,
+        }
+    }
+
+    fn begin_section(&mut self, key: Keyword, value: &[Token], place: Place) {
+        let is_homomorphism = key == Keyword::Homomorphism;
+        self.section = if is_homomorphism { Section::Homomorphism } else { Section::Decomposition };
+        let rules = if is_homomorphism { &mut self.program.homomorphism } else { &mut self.program.decomposition };
+        rules.place = Some(place);
+        let words = self.spelling(value).to_ascii_lowercase();
+        if words.contains("warnings") {
+            self.warn_depth(!words.contains("no"));
+        }
+    }
+
+    /// Spellings of tokens, joined by blanks.
+    pub(super) fn spelling(&self, tokens: &[Token]) -> String {
+        let word = |t: &Token| describe(&self.reading.names, t).trim_matches(['\'', '"']).to_owned();
+        tokens.iter().map(word).collect::<Vec<_>>().join(" ")
+    }
+
+    /// A constant item value, cut to an integer.
+    fn integer(&mut self, tokens: &[Token], place: Place) -> Option<i64> {
+        if tokens.is_empty() {
+            self.reading.error("L001", "unexpected end of line, expected a number", place, "after this");
+            return None;
+        }
+        let mut compiler = self.compiler(Scope::Global);
+        let code: Code = whole_expression(&mut compiler, tokens, place)?;
+        match vm::constant(&code) {
+            #[allow(clippy::cast_possible_truncation, reason = "saturates; ranges are checked by the caller")]
+            Some(v) if v.is_finite() => Some(v.trunc() as i64),
+            _ => {
+                self.reading.error("L001", "value is not a constant number", place, "here");
+                None
+            }
+        }
+    }
+
+    fn axiom_item(&mut self, value: &[Token], place: Place) {
+        if let Some(first) = self.axiom {
+            let d = Diagnostic::error("L001", "second axiom", place.span, "here").label(first.span, "the first one");
+            return self.reading.push(d.help("leave one of them, with the modules of both"), place);
+        }
+        self.axiom = Some(place);
+        let globals = self.globals.clone();
+        let mut compiler = Compiler::new(self.reading, Scope::Global);
+        compiler.globals = globals;
+        compiler.has_turtle = self.program.turtle.is_some();
+        if let Some((modules, _)) = successor::successor(&mut compiler, &mut self.program.symbols, value, place) {
+            if modules.is_empty() {
+                self.reading.error("L003", "the axiom is empty", place, "expected modules after this");
+            }
+            self.program.axiom = modules;
+        }
+    }
+
+    fn hide(&mut self, key: Keyword, value: &[Token], place: Place) {
+        if !matches!(self.program.hidden, Hidden::Nothing) {
+            let message = "Ignore and Consider exclude each other".to_owned();
+            return self.reading.error_help("L010", message, place, "remove this line or the one before");
+        }
+        let spelled = self.spelling(value);
+        let symbols = &mut self.program.symbols;
+        let list = spelled.chars().filter(|c| *c != ' ').filter_map(|c| symbols.intern(c)).collect();
+        self.program.hidden = if key == Keyword::Ignore { Hidden::These(list) } else { Hidden::AllBut(list) };
+    }
+
+    fn production(&mut self, line: &Line, arrow: usize, place: Place) {
+        let globals = self.globals.clone();
+        let mut compiler = Compiler::new(self.reading, Scope::Production);
+        compiler.globals = globals;
+        compiler.has_turtle = self.program.turtle.is_some();
+        let parsed = production::production(&mut compiler, &mut self.program.symbols, line, arrow);
+        let Some(parsed) = parsed else { return };
+        let rules = match self.section {
+            Section::Productions => &mut self.program.rules,
+            Section::Decomposition => &mut self.program.decomposition,
+            Section::Homomorphism => &mut self.program.homomorphism,
+        };
+        if self.section != Section::Productions && parsed.predecessor.len() > 1 {
+            let message = "ill-formed production: only one predecessor is allowed in this section".to_owned();
+            return self.reading.error_help("L010", message, place, "write one production for each predecessor");
+        }
+        rules.list.push(parsed);
+    }
+
+    /// A line that is neither an item nor a production.
+    fn unknown(&mut self, line: &Line, place: Place) {
+        let colon = line.tokens.iter().position(|t| t.is(':') || t.is('{'));
+        let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
+        let all_words = !words.is_empty() && words.iter().all(|t| matches!(t.kind, Kind::Ident(_)));
+        let first = line.tokens.first().map_or(place, |t| t.place);
+        if all_words && (colon.is_some() || words.len() < 3) {
+            let spelled = self.spelling(words);
+            let lower = spelled.to_ascii_lowercase();
+            let known = KEYWORDS.iter().map(|k| k.2);
+            let near = nearest(
+                &lower,
+                known.clone().map(str::to_ascii_lowercase).collect::<Vec<_>>().iter().map(|s| s.as_str()),
+            )
+            .map(str::to_owned);
+            let near = near.and_then(|n| known.clone().find(|k| k.eq_ignore_ascii_case(&n)));
+            let help = match near {
+                Some(n) => format!("did you mean '{n}'?"),
+                None => "a production needs '-->' between predecessor and successor".to_owned(),
+            };
+            let at = words.last().map_or(first, |t| first.to(t.place));
+            return self.reading.error_help("L002", format!("unknown item '{spelled}'"), at, help);
+        }
+        let found = line.tokens.first().map_or_else(String::new, |t| describe(&self.reading.names, t));
+        let message = format!("unexpected {found}, expected an item or a production with '-->'");
+        self.reading.error("L001", message, first, "this line");
+    }
+
+    fn check_complete(&mut self, start: Place) {
+        let at = self.header.unwrap_or(start);
+        if self.axiom.is_none() {
+            let help = "add a line such as 'Axiom: F(1)'";
+            self.reading.error_help("L003", "the L-system has no axiom".into(), at, help);
+        }
+        if self.program.length_place.is_none() {
+            let help = "add a line such as 'derivation length: 5'";
+            self.reading.error_help("L003", "the L-system has no derivation length".into(), at, help);
+        }
+        if !self.ended {
+            let help = "add a last line 'endlsystem'";
+            self.reading.error_help("L003", "the L-system has no 'endlsystem'".into(), at, help);
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Tokens to logical lines: one item or production each.
+
+use super::is_arrow;
+use crate::token::{Kind, Names, Place, Reading, Token};
+
+/// What a line begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Keyword {
+    Lsystem,
+    Ring,
+    Seed,
+    Length,
+    Axiom,
+    Ignore,
+    Consider,
+    Define,
+    Start,
+    StartEach,
+    EndEach,
+    End,
+    Decomposition,
+    Homomorphism,
+    Depth,
+    Warnings,
+    NoWarnings,
+    EndLsystem,
+    Turtle,
+    Angles,
+    Bind,
+}
+
+/// Spelling without blanks, keyword, spelling in messages, does a colon follow.
+pub(super) const KEYWORDS: [(&str, Keyword, &str); 21] = [
+    ("lsystem", Keyword::Lsystem, "Lsystem"),
+    ("ringlsystem", Keyword::Ring, "ring Lsystem"),
+    ("seed", Keyword::Seed, "Seed"),
+    ("derivationlength", Keyword::Length, "derivation length"),
+    ("axiom", Keyword::Axiom, "Axiom"),
+    ("ignore", Keyword::Ignore, "Ignore"),
+    ("consider", Keyword::Consider, "Consider"),
+    ("define", Keyword::Define, "Define"),
+    ("start", Keyword::Start, "Start"),
+    ("starteach", Keyword::StartEach, "StartEach"),
+    ("endeach", Keyword::EndEach, "EndEach"),
+    ("end", Keyword::End, "End"),
+    ("decomposition", Keyword::Decomposition, "Decomposition"),
+    ("homomorphism", Keyword::Homomorphism, "Homomorphism"),
+    ("maximumdepth", Keyword::Depth, "maximum depth"),
+    ("warnings", Keyword::Warnings, "warnings"),
+    ("nowarnings", Keyword::NoWarnings, "no warnings"),
+    ("endlsystem", Keyword::EndLsystem, "endlsystem"),
+    ("turtle", Keyword::Turtle, "turtle"),
+    ("defineangle", Keyword::Angles, "define-angle"),
+    ("bind", Keyword::Bind, "bind"),
+];
+
+/// One logical line without line ends, with the arrow's position if it is a production.
+#[derive(Debug)]
+pub(super) struct Line {
+    pub tokens: Vec<Token>,
+    pub arrow: Option<usize>,
+    pub keyword: Option<(Keyword, usize)>,
+}
+
+impl Line {
+    /// From the first token to the last.
+    pub fn place(&self) -> Option<Place> {
+        Some(self.tokens.first()?.place.to(self.tokens.last()?.place))
+    }
+}
+
+/// The keyword that a list of tokens begins with and how many tokens it takes.
+fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
+    let mut word = String::new();
+    let mut best = None;
+    for (i, t) in tokens.iter().take(3).enumerate() {
+        if t.is('-') && word == "define" && t.glued {
+            continue;
+        }
+        let Kind::Ident(n) = t.kind else { break };
+        word.push_str(&names.get(n).to_ascii_lowercase());
+        if let Some((_, k, _)) = KEYWORDS.iter().find(|(w, _, _)| *w == word) {
+            best = Some((*k, i + 1));
+        }
+    }
+    let (k, n) = best?;
+    let bare = matches!(
+        k,
+        Keyword::Lsystem
+            | Keyword::Ring
+            | Keyword::Decomposition
+            | Keyword::Homomorphism
+            | Keyword::Warnings
+            | Keyword::NoWarnings
+            | Keyword::EndLsystem
+    );
+    let next = tokens.get(n);
+    // Any symbol may follow `bind`, a colon only as the second.
+    let bare = bare || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
+    let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || bare || next.is_none();
+    fits.then_some((k, n))
+}
+
+/// Splits tokens into logical lines.
+pub(super) fn split(reading: &mut Reading, tokens: &[Token]) -> Vec<Line> {
+    let mut lines = Vec::new();
+    let mut s =
+        Splitter { reading, tokens, current: Vec::new(), arrow: None, parens: 0, braces: 0, opened: None, i: 0 };
+    while s.i < tokens.len() {
+        if s.step() {
+            s.finish(&mut lines);
+        }
+    }
+    s.finish(&mut lines);
+    lines
+}
+
+struct Splitter<'a> {
+    reading: &'a mut Reading,
+    tokens: &'a [Token],
+    current: Vec<Token>,
+    arrow: Option<usize>,
+    parens: usize,
+    braces: usize,
+    /// The brace that none has closed yet.
+    opened: Option<Place>,
+    i: usize,
+}
+
+impl Splitter<'_> {
+    /// Takes one token; true if the logical line ends with it.
+    fn step(&mut self) -> bool {
+        let Some(&t) = self.tokens.get(self.i) else { return true };
+        if self.arrow.is_none() && self.braces == 0 && is_arrow(self.tokens, self.i) {
+            self.arrow = Some(self.current.len());
+            self.parens = 0;
+        }
+        self.i += 1;
+        if let Kind::Newline { indented, tab } = t.kind {
+            return self.ends_here(indented, tab, t);
+        }
+        match t.kind {
+            Kind::Char('(') => self.parens += 1,
+            Kind::Char(')') => self.parens = self.parens.saturating_sub(1),
+            Kind::Char('{') if self.arrow.is_none() => {
+                if self.braces == 0 {
+                    self.opened = Some(t.place);
+                }
+                self.braces += 1;
+            }
+            Kind::Char('}') if self.arrow.is_none() => self.braces = self.braces.saturating_sub(1),
+            _ => {}
+        }
+        self.current.push(t);
+        // A block item ends with its block.
+        t.is('}')
+            && self.braces == 0
+            && self.arrow.is_none()
+            && keyword(&self.reading.names, &self.current).is_some_and(|(k, _)| is_block(k))
+    }
+
+    /// Does the logical line end at this line end?
+    fn ends_here(&mut self, indented: bool, tab: bool, newline: Token) -> bool {
+        if self.current.is_empty() {
+            return false;
+        }
+        let next = self.next_line();
+        if self.braces > 0 {
+            // An unclosed block must not swallow the rest of the file.
+            return !indented && keyword(&self.reading.names, next).is_some();
+        }
+        let next_is_rule = (0..next.len()).any(|i| is_arrow(next, i));
+        if self.parens > 0 {
+            // An unclosed parenthesis must not swallow the rest of the file.
+            let recover = next_is_rule || keyword(&self.reading.names, next).is_some();
+            return recover && (self.arrow.is_some() || !indented);
+        }
+        let key = keyword(&self.reading.names, &self.current);
+        if next.first().is_some_and(|t| t.is('{')) && key.is_some_and(|(k, _)| is_block(k)) {
+            return false;
+        }
+        let continues = key.is_none_or(|(k, _)| matches!(k, Keyword::Axiom | Keyword::Angles | Keyword::Bind));
+        if !indented || next.is_empty() || !continues || keyword(&self.reading.names, next).is_some() {
+            return true;
+        }
+        if next_is_rule && (self.arrow.is_some() || key.is_some()) {
+            return true;
+        }
+        if !tab {
+            let help = "cpfg continues a production only on lines that begin with a tab";
+            self.reading.note("L013", "continued by blanks".into(), newline.place, help);
+        }
+        false
+    }
+
+    /// Tokens of the physical line after the cursor.
+    fn next_line(&self) -> &[Token] {
+        let rest = &self.tokens[self.i.min(self.tokens.len())..];
+        let n = rest.iter().position(Token::is_newline).unwrap_or(rest.len());
+        &rest[..n]
+    }
+
+    fn finish(&mut self, lines: &mut Vec<Line>) {
+        let tokens = std::mem::take(&mut self.current);
+        let arrow = self.arrow.take();
+        let unclosed = self.opened.take().filter(|_| self.braces > 0);
+        (self.parens, self.braces) = (0, 0);
+        if let Some(place) = unclosed {
+            let help = "close it with '}'";
+            return self.reading.error_help("L004", "block is never closed".into(), place, help);
+        }
+        if tokens.is_empty() {
+            return;
+        }
+        let keyword = if arrow.is_none() { keyword(&self.reading.names, &tokens) } else { None };
+        lines.push(Line { tokens, arrow, keyword });
+    }
+}
+
+/// Items whose value is a block in braces.
+pub(super) fn is_block(k: Keyword) -> bool {
+    matches!(k, Keyword::Define | Keyword::Start | Keyword::StartEach | Keyword::EndEach | Keyword::End)
+}

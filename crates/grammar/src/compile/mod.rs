@@ -1,0 +1,197 @@
+//! Tokens to [`Program`]: items, productions, statements, expressions.
+
+mod expression;
+mod items;
+mod lines;
+mod production;
+mod rebind;
+mod statement;
+mod successor;
+
+use super::code::{Code, Op};
+use super::token::{Kind, Names, Place, Reading, Token};
+use osier_base::diagnostic::nearest;
+
+pub(super) use items::parse;
+
+/// A place in a list of tokens without line ends.
+pub(super) struct Cursor<'t> {
+    tokens: &'t [Token],
+    pos: usize,
+    /// Where complaints about a missing token point.
+    fallback: Place,
+}
+
+impl<'t> Cursor<'t> {
+    pub fn new(tokens: &'t [Token], fallback: Place) -> Self {
+        Self { tokens, pos: 0, fallback: tokens.last().map_or(fallback, |t| t.place) }
+    }
+
+    pub fn peek(&self) -> Option<&'t Token> {
+        self.tokens.get(self.pos)
+    }
+
+    pub fn peek_at(&self, ahead: usize) -> Option<&'t Token> {
+        self.tokens.get(self.pos + ahead)
+    }
+
+    /// The character `ahead` tokens on, if all tokens up to it stick together.
+    pub fn glued_char(&self, ahead: usize) -> Option<char> {
+        let run = self.tokens.get(self.pos + 1..=self.pos + ahead)?;
+        match run.last()?.kind {
+            Kind::Char(c) if run.iter().all(|t| t.glued) => Some(c),
+            _ => None,
+        }
+    }
+
+    pub fn bump(&mut self) {
+        self.pos += 1;
+    }
+
+    /// Takes this character if it comes next.
+    pub fn eat(&mut self, c: char) -> bool {
+        let found = self.peek().is_some_and(|t| t.is(c));
+        self.pos += usize::from(found);
+        found
+    }
+
+    pub fn place(&self) -> Place {
+        self.peek().map_or(self.fallback, |t| t.place)
+    }
+}
+
+/// Which names an expression may use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scope {
+    /// `#if`: every name counts as 0.
+    Preprocessor,
+    /// Item values and blocks: what blocks assign is global.
+    Global,
+    /// Productions: formal parameters, then locals, then globals.
+    Production,
+    /// Angles of the turtle: locals are the angles.
+    Angle,
+}
+
+/// The names in force and where complaints go.
+pub(super) struct Compiler<'r> {
+    pub reading: &'r mut Reading,
+    pub scope: Scope,
+    /// Numbers of global names; the position is the slot.
+    pub globals: Vec<u32>,
+    /// Numbers of local names; the position is the slot.
+    pub locals: Vec<u32>,
+    /// Slots of the locals that hold a module's parameter as it was stored.
+    pub stored: Vec<u16>,
+    /// Nested brackets in expressions and blocks.
+    pub max_depth: usize,
+    /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
+    pub has_turtle: bool,
+}
+
+impl<'r> Compiler<'r> {
+    pub fn new(reading: &'r mut Reading, scope: Scope) -> Self {
+        let (globals, locals, stored) = (Vec::new(), Vec::new(), Vec::new());
+        Self { reading, scope, globals, locals, stored, max_depth: 1000, has_turtle: false }
+    }
+
+    /// How a token is called in a message.
+    pub fn describe(&self, t: &Token) -> String {
+        describe(&self.reading.names, t)
+    }
+
+    fn slot(list: &[u32], name: u32) -> Option<u16> {
+        list.iter().rposition(|n| *n == name).and_then(|i| u16::try_from(i).ok())
+    }
+
+    /// Code that reads a variable.
+    pub fn variable(&mut self, name: u32, place: Place) -> Op {
+        if let Some(slot) = Self::slot(&self.locals, name) {
+            return Op::Local(slot);
+        }
+        if let Some(slot) = Self::slot(&self.globals, name) {
+            return Op::Global(slot);
+        }
+        let word = self.reading.names.get(name).to_owned();
+        match word.as_str() {
+            "Q" => return Op::Step,
+            "Z" => return Op::Length,
+            "remaining" => return Op::Remaining,
+            _ if self.scope == Scope::Preprocessor => return Op::Const(0.0),
+            _ => {}
+        }
+        let known = self.locals.iter().chain(&self.globals).map(|n| self.reading.names.get(*n));
+        let help = match nearest(&word, known.filter(|k| *k != word)) {
+            Some(n) => format!("did you mean '{n}'?"),
+            None if self.scope == Scope::Angle => format!("define it: define-angle: {word} = uniform(0,60)"),
+            None => "assign it in a Start block, or #define it".to_owned(),
+        };
+        self.reading.warning("L020", format!("undefined variable '{word}' counts as 0"), place, help);
+        Op::Const(0.0)
+    }
+
+    /// Code that writes a variable, which comes into being with it.
+    pub fn assign(&mut self, name: u32, place: Place) -> Option<Op> {
+        if let Some(slot) = Self::slot(&self.locals, name) {
+            self.stored.retain(|s| *s != slot);
+            return Some(Op::StoreLocal(slot));
+        }
+        if let Some(slot) = Self::slot(&self.globals, name) {
+            return Some(Op::StoreGlobal(slot));
+        }
+        let is_local = self.scope == Scope::Production;
+        let list = if is_local { &mut self.locals } else { &mut self.globals };
+        let Ok(slot) = u16::try_from(list.len()) else {
+            self.reading.error("L004", "more than 65,535 variables", place, "this one is too many");
+            return None;
+        };
+        list.push(name);
+        Some(if is_local { Op::StoreLocal(slot) } else { Op::StoreGlobal(slot) })
+    }
+}
+
+/// How a token is called in a message.
+pub(super) fn describe(names: &Names, t: &Token) -> String {
+    match t.kind {
+        Kind::Ident(n) | Kind::Number(n) => format!("'{}'", names.get(n)),
+        Kind::Text(n) => format!("\"{}\"", names.get(n)),
+        Kind::Char(c) => format!("'{c}'"),
+        Kind::Newline { .. } => "end of line".to_owned(),
+    }
+}
+
+/// Truth of an `#if` expression; false after a complaint.
+pub(super) fn integer_condition(reading: &mut Reading, tokens: &[Token], place: Place) -> bool {
+    let mut compiler = Compiler::new(reading, Scope::Preprocessor);
+    let mut cursor = Cursor::new(tokens, place);
+    let code = expression::expression(&mut compiler, &mut cursor);
+    if let (Some(_), Some(t)) = (&code, cursor.peek()) {
+        let word = describe(&reading.names, t);
+        reading.error("L001", format!("unexpected {word}, expected an operator"), t.place, "here");
+        return false;
+    }
+    code.is_some_and(|c| crate::vm::constant(&c) != Some(0.0))
+}
+
+/// True for `-->` beginning at token `i`.
+pub(super) fn is_arrow(tokens: &[Token], i: usize) -> bool {
+    match tokens.get(i..i + 3) {
+        Some([a, b, c]) => a.is('-') && b.is('-') && b.glued && c.is('>') && c.glued,
+        _ => false,
+    }
+}
+
+/// Compiles an expression that must fill the whole list of tokens.
+fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: Place) -> Option<Code> {
+    let mut cursor = Cursor::new(tokens, place);
+    let code = expression::expression(compiler, &mut cursor)?;
+    match cursor.peek() {
+        None => Some(code),
+        Some(t) => {
+            let word = compiler.describe(t);
+            let message = format!("unexpected {word}, expected an operator or the end");
+            compiler.reading.error("L001", message, t.place, "here");
+            None
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! Productions: contexts, predecessor, blocks, condition, successor, weight.
+
+use super::lines::Line;
+use super::{Compiler, statement, successor, whole_expression};
+use crate::program::{Element, Formal, Production, Symbols, Template};
+use crate::token::{Kind, Place, Token};
+use osier_base::diagnostic::Diagnostic;
+
+/// Parameters of one module.
+pub(super) const MAX_ARITY: usize = 255;
+
+/// One symbol: blanks mean nothing, so that a word is as many symbols as it has letters.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Symbol {
+    pub c: char,
+    pub place: Place,
+}
+
+/// The parts of a production before its arrow.
+struct Head<'t> {
+    left: &'t [Token],
+    predecessor: &'t [Token],
+    right: &'t [Token],
+    before: Option<&'t [Token]>,
+    condition: &'t [Token],
+    after: Option<&'t [Token]>,
+}
+
+/// Compiles one production; `None` after an error, which is recorded.
+pub(super) fn production(
+    compiler: &mut Compiler<'_>,
+    symbols: &mut Symbols,
+    line: &Line,
+    arrow: usize,
+) -> Option<Production> {
+    let place = line.place()?;
+    let head = split_head(compiler, line.tokens.get(..arrow)?, place)?;
+    let mut formals = Formals { compiler, symbols, place };
+    let predecessor = formals.predecessor(head.predecessor)?;
+    let left = formals.context(head.left, true)?;
+    let right = formals.context(head.right, false)?;
+    let block = |c: &mut Compiler<'_>, tokens: Option<&[Token]>| match tokens {
+        None => Some(None),
+        Some(t) => statement::block(c, t, place).map(Some),
+    };
+    let before = block(compiler, head.before)?;
+    let condition = statement::condition(compiler, head.condition, place)?;
+    let after = block(compiler, head.after)?;
+    let tail = line.tokens.get(arrow + 3..).unwrap_or(&[]);
+    let arrow_place = line.tokens.get(arrow).map_or(place, |t| t.place);
+    let (successor, rest) = successor::successor(compiler, symbols, tail, arrow_place)?;
+    let weight = match rest {
+        None => None,
+        Some(tokens) => Some(whole_expression(compiler, tokens, place)?),
+    };
+    let first = head.predecessor.first().map_or(place, |t| t.place);
+    let place = head.predecessor.last().map_or(first, |t| first.to(t.place));
+    check_balance(compiler, &successor, symbols, place);
+    let locals = u16::try_from(compiler.locals.len()).unwrap_or(u16::MAX);
+    Some(Production { left, predecessor, right, before, condition, after, successor, weight, locals, place })
+}
+
+/// Tokens of `{ .. }` beginning at `i`, and the index behind it.
+fn braces(tokens: &[Token], i: usize) -> Option<(&[Token], usize)> {
+    let mut depth = 0_usize;
+    for (k, t) in tokens.iter().enumerate().skip(i) {
+        match t.kind {
+            Kind::Char('{') => depth += 1,
+            Kind::Char('}') if depth == 1 => return Some((&tokens[i + 1..k], k + 1)),
+            Kind::Char('}') => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+    }
+    None
+}
+
+fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Place) -> Option<Head<'t>> {
+    let (mut depth, mut less, mut greater) = (0_usize, None, None);
+    let mut end = tokens.len();
+    for (i, t) in tokens.iter().enumerate() {
+        match t.kind {
+            Kind::Char('(') => depth += 1,
+            Kind::Char(')') => depth = depth.saturating_sub(1),
+            Kind::Char('<') if depth == 0 && less.is_none() && greater.is_none() => less = Some(i),
+            Kind::Char('>') if depth == 0 && greater.is_none() => greater = Some(i),
+            Kind::Char(':' | '{') if depth == 0 => {
+                end = i;
+                break;
+            }
+            _ => {}
+        }
+    }
+    let left = less.map_or(&[][..], |l| &tokens[..l]);
+    let right = greater.map_or(&[][..], |g| &tokens[g + 1..end]);
+    let predecessor = &tokens[less.map_or(0, |l| l + 1)..greater.unwrap_or(end)];
+    let mut i = end + usize::from(tokens.get(end).is_some_and(|t| t.is(':')));
+    let mut blocks: [Option<&[Token]>; 2] = [None, None];
+    let mut condition: &[Token] = &[];
+    if tokens.get(i).is_some_and(|t| t.is('{')) {
+        let Some((inner, next)) = braces(tokens, i) else { return unclosed(compiler, tokens, i, place) };
+        (blocks[0], i) = (Some(inner), next);
+    }
+    let stop = tokens[i..].iter().position(|t| t.is('{')).map_or(tokens.len(), |n| i + n);
+    condition = if stop > i { &tokens[i..stop] } else { condition };
+    if stop < tokens.len() {
+        let Some((inner, next)) = braces(tokens, stop) else { return unclosed(compiler, tokens, stop, place) };
+        blocks[1] = Some(inner);
+        if let Some(t) = tokens.get(next) {
+            let word = compiler.describe(t);
+            compiler.reading.error("L001", format!("unexpected {word}, expected '-->'"), t.place, "here");
+            return None;
+        }
+    }
+    Some(Head { left, predecessor, right, before: blocks[0], condition, after: blocks[1] })
+}
+
+fn unclosed<T>(compiler: &mut Compiler<'_>, tokens: &[Token], i: usize, place: Place) -> Option<T> {
+    let at = tokens.get(i).map_or(place, |t| t.place);
+    compiler.reading.error("L004", "block is never closed before '-->'", at, "opened here");
+    None
+}
+
+/// Symbols of a token.
+pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<Symbol> {
+    match t.kind {
+        Kind::Ident(n) | Kind::Number(n) => {
+            let text = compiler.reading.names.get(n);
+            let at = |i: usize, c: char| {
+                let mut place = t.place;
+                let start = place.span.start + u32::try_from(i).unwrap_or(0);
+                let length = u32::try_from(c.len_utf8()).unwrap_or(1);
+                if start + length <= place.span.end {
+                    (place.span.start, place.span.end) = (start, start + length);
+                }
+                Symbol { c, place }
+            };
+            text.char_indices().map(|(i, c)| at(i, c)).collect()
+        }
+        Kind::Text(n) => {
+            let text = compiler.reading.names.get(n);
+            ['"'].into_iter().chain(text.chars()).chain(['"']).map(|c| Symbol { c, place: t.place }).collect()
+        }
+        Kind::Char(c) => vec![Symbol { c, place: t.place }],
+        Kind::Newline { .. } => Vec::new(),
+    }
+}
+
+struct Formals<'c, 'r, 's> {
+    compiler: &'c mut Compiler<'r>,
+    symbols: &'s mut Symbols,
+    place: Place,
+}
+
+impl Formals<'_, '_, '_> {
+    fn ill<T>(&mut self, reason: &str, place: Place) -> Option<T> {
+        self.compiler.reading.error("L010", format!("ill-formed production: {reason}"), place, "here");
+        None
+    }
+
+    fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<Formal>> {
+        let elements = self.elements(tokens)?;
+        let mut out = Vec::new();
+        for e in elements {
+            match e {
+                (Element::Module(f), _) => out.push(f),
+                (_, place) => return self.ill("brackets cannot be rewritten", place),
+            }
+        }
+        match out.first() {
+            None => self.ill("it has no predecessor", tokens.first().map_or(self.place, |t| t.place)),
+            Some(_) => Some(out),
+        }
+    }
+
+    fn context(&mut self, tokens: &[Token], is_left: bool) -> Option<Vec<Element>> {
+        if let [t] = tokens
+            && t.is('*')
+            && !self.compiler.has_turtle
+        {
+            return Some(Vec::new());
+        }
+        let elements = self.elements(tokens)?;
+        if is_left && let Some((_, place)) = elements.iter().find(|(e, _)| !matches!(e, Element::Module(_))) {
+            return self.ill("brackets in a left context never match", *place);
+        }
+        Some(elements.into_iter().map(|e| e.0).collect())
+    }
+
+    /// Modules with formal parameters, and brackets.
+    fn elements(&mut self, tokens: &[Token]) -> Option<Vec<(Element, Place)>> {
+        let mut out: Vec<(Element, Place)> = Vec::new();
+        let mut i = 0;
+        while let Some(t) = tokens.get(i) {
+            i += 1;
+            if t.is('(') {
+                i = self.parameters(tokens, i, &mut out)?;
+                continue;
+            }
+            for s in symbols_of(self.compiler, t) {
+                let closes = s.c == '=' && tokens.get(i).is_some_and(|t| t.is(']'));
+                match s.c {
+                    '[' => out.push((Element::Open, s.place)),
+                    ']' => out.push((Element::Close, s.place)),
+                    '=' if closes => {
+                        i += 1;
+                        out.push((Element::CloseRest, s.place));
+                    }
+                    '*' if self.compiler.has_turtle => {
+                        let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
+                        let formal = Formal { symbol, arity: 0, slot: 0, place: s.place };
+                        out.push((Element::Module(formal), s.place));
+                    }
+                    ')' | '*' | '<' | '>' | ':' => {
+                        return self.ill(&format!("'{}' cannot stand here", s.c), s.place);
+                    }
+                    c => {
+                        let symbol = intern(self.compiler, self.symbols, c, s.place)?;
+                        let formal = Formal { symbol, arity: 0, slot: 0, place: s.place };
+                        out.push((Element::Module(formal), s.place));
+                    }
+                }
+            }
+        }
+        Some(out)
+    }
+
+    /// `a, b)` after a module: names its parameters; returns the index behind the parenthesis.
+    fn parameters(&mut self, tokens: &[Token], mut i: usize, out: &mut [(Element, Place)]) -> Option<usize> {
+        let open = tokens.get(i - 1).map_or(self.place, |t| t.place);
+        let Some((Element::Module(formal), _)) = out.last_mut() else {
+            return self.ill("'(' without a module before it", open);
+        };
+        formal.slot = u16::try_from(self.compiler.locals.len()).unwrap_or(u16::MAX);
+        let mut count = 0_usize;
+        loop {
+            let Some(t) = tokens.get(i) else { return self.ill("parameters are never closed", open) };
+            let Kind::Ident(name) = t.kind else {
+                if t.is(')') && count == 0 {
+                    return Some(i + 1);
+                }
+                let word = self.compiler.describe(t);
+                let help = "conditions on values stand behind ':'";
+                let message = format!("unexpected {word}, expected the name of a parameter");
+                self.compiler.reading.error_help("L001", message, t.place, help);
+                return None;
+            };
+            if self.compiler.locals.contains(&name) {
+                let word = self.compiler.reading.names.get(name).to_owned();
+                let message = format!("parameter '{word}' is named twice");
+                self.compiler.reading.error("L024", message, t.place, "the second one");
+                return None;
+            }
+            self.compiler.stored.extend(u16::try_from(self.compiler.locals.len()));
+            self.compiler.locals.push(name);
+            count += 1;
+            if let Some((Element::Module(f), _)) = out.last_mut() {
+                f.arity = u8::try_from(count).unwrap_or(u8::MAX);
+            }
+            if count > MAX_ARITY {
+                return self.ill("a module has at most 255 parameters", t.place);
+            }
+            match tokens.get(i + 1) {
+                Some(n) if n.is(',') => i += 2,
+                Some(n) if n.is(')') => return Some(i + 2),
+                other => {
+                    let at = other.map_or(open, |t| t.place);
+                    return self.ill("expected ',' or ')' after a parameter", at);
+                }
+            }
+        }
+    }
+}
+
+pub(super) fn intern(compiler: &mut Compiler<'_>, symbols: &mut Symbols, c: char, place: Place) -> Option<u16> {
+    let id = symbols.intern(c);
+    if id.is_none() {
+        compiler.reading.error("L004", "more than 65,535 different symbols", place, "this one is too many");
+    }
+    id
+}
+
+/// Warns about brackets and braces that a successor opens and leaves open.
+fn check_balance(compiler: &mut Compiler<'_>, successor: &[Template], symbols: &Symbols, place: Place) {
+    for (open, close, code) in [('[', ']', "L011"), ('{', '}', "L012")] {
+        let mut stack = Vec::new();
+        for m in successor {
+            match symbols.get(m.symbol) {
+                c if c == open => stack.push(m.place),
+                c if c == close => {
+                    stack.pop();
+                }
+                _ => {}
+            }
+        }
+        if let Some(innermost) = stack.last() {
+            let message = format!("this successor has {} '{open}' without '{close}'", stack.len());
+            let d = Diagnostic::warning(code, message, innermost.span, "the innermost")
+                .label(place.span, "in this production")
+                .help(format!("close it with '{close}'"));
+            compiler.reading.push(d, *innermost);
+        }
+    }
+}

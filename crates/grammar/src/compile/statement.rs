@@ -1,0 +1,246 @@
+//! Statements of blocks, with an explicit stack of open braces.
+
+use super::expression::expression;
+use super::{Compiler, Cursor, whole_expression};
+use crate::code::{Code, Op};
+use crate::token::{Kind, Place, Token};
+
+/// An open brace and what happens when it closes.
+enum Open {
+    /// Jump over the block, jumps to the end of the whole chain.
+    If(usize, Vec<usize>),
+    Else(Vec<usize>),
+    /// Start of the condition, jump out.
+    While(usize, usize),
+    /// Start of the body.
+    Do(usize),
+}
+
+struct Block<'c, 'r> {
+    compiler: &'c mut Compiler<'r>,
+    code: Code,
+    open: Vec<Open>,
+}
+
+/// Compiles the statements between a block's braces. `None` after an error, which is recorded.
+pub(super) fn block(compiler: &mut Compiler<'_>, tokens: &[Token], place: Place) -> Option<Code> {
+    let mut cursor = Cursor::new(tokens, place);
+    let mut block = Block { compiler, code: Code::default(), open: Vec::new() };
+    while cursor.peek().is_some() {
+        block.statement(&mut cursor)?;
+    }
+    if block.open.is_empty() {
+        return Some(block.code);
+    }
+    block.compiler.reading.error("L004", "block is never closed", cursor.place(), "expected '}' after this");
+    None
+}
+
+impl Block<'_, '_> {
+    fn error<T>(&mut self, message: String, place: Place) -> Option<T> {
+        self.compiler.reading.error("L001", message, place, "here");
+        None
+    }
+
+    fn here(&self) -> usize {
+        self.code.ops.len()
+    }
+
+    fn expect(&mut self, cursor: &mut Cursor<'_>, c: char) -> Option<()> {
+        if cursor.eat(c) {
+            return Some(());
+        }
+        let found = cursor.peek().map_or_else(|| "end of block".to_owned(), |t| self.compiler.describe(t));
+        self.error(format!("unexpected {found}, expected '{c}'"), cursor.place())
+    }
+
+    fn count(&mut self, place: Place) {
+        self.code.places.push(place);
+        let index = u32::try_from(self.code.places.len() - 1).unwrap_or(0);
+        self.code.ops.push(Op::Count(index));
+    }
+
+    fn statement(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
+        let Some(&t) = cursor.peek() else { return Some(()) };
+        match t.kind {
+            Kind::Char(';') => {
+                cursor.bump();
+                Some(())
+            }
+            Kind::Char('}') => {
+                cursor.bump();
+                self.close(cursor, t.place)
+            }
+            Kind::Ident(name) => {
+                self.count(t.place);
+                match self.compiler.reading.names.get(name) {
+                    "if" => {
+                        cursor.bump();
+                        self.begin_if(cursor, Vec::new())
+                    }
+                    "while" => {
+                        cursor.bump();
+                        let start = self.here() - 1;
+                        let jump = self.condition(cursor)?;
+                        self.begin(cursor, Open::While(start, jump))
+                    }
+                    "do" => {
+                        cursor.bump();
+                        let start = self.here() - 1;
+                        self.begin(cursor, Open::Do(start))
+                    }
+                    "printf" => self.printf(cursor, t.place),
+                    _ => self.simple(cursor, name, t.place),
+                }
+            }
+            _ => {
+                let word = self.compiler.describe(&t);
+                self.error(format!("unexpected {word}, expected a statement"), t.place)
+            }
+        }
+    }
+
+    fn begin(&mut self, cursor: &mut Cursor<'_>, open: Open) -> Option<()> {
+        let place = cursor.place();
+        self.expect(cursor, '{')?;
+        self.open.push(open);
+        if self.open.len() > self.compiler.max_depth {
+            let message = format!("blocks nested deeper than {}", self.compiler.max_depth);
+            self.compiler.reading.error("L004", message, place, "too deep here");
+            return None;
+        }
+        Some(())
+    }
+
+    /// A condition in parentheses; returns the jump taken when it fails.
+    fn condition(&mut self, cursor: &mut Cursor<'_>) -> Option<usize> {
+        self.expect(cursor, '(')?;
+        self.append_expression(cursor)?;
+        self.expect(cursor, ')')?;
+        self.code.ops.push(Op::JumpIfZero(0));
+        Some(self.here() - 1)
+    }
+
+    fn begin_if(&mut self, cursor: &mut Cursor<'_>, ends: Vec<usize>) -> Option<()> {
+        let jump = self.condition(cursor)?;
+        self.begin(cursor, Open::If(jump, ends))
+    }
+
+    /// Compiles an expression behind what is there already.
+    fn append_expression(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
+        let code = expression(self.compiler, cursor)?;
+        let shift = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
+        let places = u32::try_from(self.code.places.len()).unwrap_or(u32::MAX);
+        self.code.places.extend(code.places);
+        self.code.ops.extend(code.ops.into_iter().map(|op| match op {
+            Op::Jump(t) => Op::Jump(t + shift),
+            Op::JumpIfZero(t) => Op::JumpIfZero(t + shift),
+            Op::And(t) => Op::And(t + shift),
+            Op::Or(t) => Op::Or(t + shift),
+            Op::Binary(b, p) => Op::Binary(b, p + places),
+            other => other,
+        }));
+        Some(())
+    }
+
+    fn patch(&mut self, at: usize) {
+        let here = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
+        if let Some(Op::Jump(t) | Op::JumpIfZero(t)) = self.code.ops.get_mut(at) {
+            *t = here;
+        }
+    }
+
+    fn next_is(&self, cursor: &Cursor<'_>, word: &str) -> bool {
+        matches!(cursor.peek().map(|t| t.kind), Some(Kind::Ident(n)) if self.compiler.reading.names.get(n) == word)
+    }
+
+    fn close(&mut self, cursor: &mut Cursor<'_>, place: Place) -> Option<()> {
+        let target = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
+        match self.open.pop() {
+            None => self.error("unexpected '}', no block is open".to_owned(), place),
+            Some(Open::If(jump, mut ends)) if self.next_is(cursor, "else") => {
+                cursor.bump();
+                self.code.ops.push(Op::Jump(0));
+                ends.push(self.here() - 1);
+                self.patch(jump);
+                if self.next_is(cursor, "if") {
+                    cursor.bump();
+                    return self.begin_if(cursor, ends);
+                }
+                self.begin(cursor, Open::Else(ends))
+            }
+            Some(Open::If(jump, ends)) => {
+                self.patch(jump);
+                ends.into_iter().for_each(|e| self.patch(e));
+                Some(())
+            }
+            Some(Open::Else(ends)) => {
+                ends.into_iter().for_each(|e| self.patch(e));
+                Some(())
+            }
+            Some(Open::While(start, jump)) => {
+                self.code.ops.push(Op::Jump(target(start)));
+                self.patch(jump);
+                Some(())
+            }
+            Some(Open::Do(start)) => {
+                if !self.next_is(cursor, "while") {
+                    return self.error("'do' block without 'while'".to_owned(), place);
+                }
+                cursor.bump();
+                let out = self.condition(cursor)?;
+                self.code.ops.push(Op::Jump(target(start)));
+                self.patch(out);
+                Some(())
+            }
+        }
+    }
+
+    /// An assignment or a bare call.
+    fn simple(&mut self, cursor: &mut Cursor<'_>, name: u32, place: Place) -> Option<()> {
+        let next = cursor.peek_at(1);
+        if next.is_some_and(|t| t.is('(')) {
+            self.append_expression(cursor)?;
+            self.code.ops.push(Op::Pop);
+            return self.expect(cursor, ';');
+        }
+        if next.is_some_and(|t| t.is('[')) {
+            let word = self.compiler.reading.names.get(name).to_owned();
+            let help = "use single variables";
+            let message = format!("'{word}[..]': arrays are not supported");
+            self.compiler.reading.error_help("L001", message, place, help);
+            return None;
+        }
+        cursor.bump();
+        if let (Some(op), Some('=')) = (cursor.peek(), cursor.glued_char(1)) {
+            let help = "write the variable on both sides: v = v + 1";
+            let message = format!("unexpected {}, expected '='", self.compiler.describe(op));
+            self.compiler.reading.error_help("L001", message, op.place, help);
+            return None;
+        }
+        self.expect(cursor, '=')?;
+        self.append_expression(cursor)?;
+        let op = self.compiler.assign(name, place)?;
+        self.code.ops.push(op);
+        self.expect(cursor, ';')
+    }
+
+    /// Skips a call of `printf` to its semicolon.
+    fn printf(&mut self, cursor: &mut Cursor<'_>, place: Place) -> Option<()> {
+        let help = "it prints nothing here; use `osier check` to see what a grammar makes";
+        self.compiler.reading.warning("L008", "printf is not supported".into(), place, help);
+        while cursor.peek().is_some_and(|t| !t.is(';')) {
+            cursor.bump();
+        }
+        self.expect(cursor, ';')
+    }
+}
+
+/// Compiles a condition that fills its tokens; `*` alone is true.
+pub(super) fn condition(compiler: &mut Compiler<'_>, tokens: &[Token], place: Place) -> Option<Option<Code>> {
+    match tokens {
+        [] => Some(None),
+        [t] if t.is('*') => Some(None),
+        _ => whole_expression(compiler, tokens, place).map(Some),
+    }
+}

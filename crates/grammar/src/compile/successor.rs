@@ -1,0 +1,183 @@
+//! Successors and axioms: modules with expressions as parameters, and what is repeated.
+
+use super::production::{MAX_ARITY, intern, symbols_of};
+use super::{Compiler, Cursor, expression};
+use crate::code::Expr;
+use crate::program::{Symbols, Template};
+use crate::token::{Kind, Place, Token};
+use crate::vm;
+use osier_base::diagnostic::Diagnostic;
+
+/// Modules that one successor may spell.
+const MAX_SPELLED: usize = 1 << 20;
+
+/// An open `repeat`.
+#[derive(Debug)]
+struct Repeat {
+    /// First module of its body.
+    start: usize,
+    times: usize,
+    /// Polygons that its body has opened.
+    polygons: usize,
+    place: Place,
+}
+
+struct Spelling<'c, 'r, 's> {
+    compiler: &'c mut Compiler<'r>,
+    symbols: &'s mut Symbols,
+    out: Vec<Template>,
+    repeats: Vec<Repeat>,
+    star: Option<Place>,
+    /// Whether parameters may follow.
+    open: bool,
+}
+
+/// Modules with expressions as parameters, up to a ':'; returns the tokens behind it, if there is one.
+pub(super) fn successor<'t>(
+    compiler: &mut Compiler<'_>,
+    symbols: &mut Symbols,
+    tokens: &'t [Token],
+    place: Place,
+) -> Option<(Vec<Template>, Option<&'t [Token]>)> {
+    let mut cursor = Cursor::new(tokens, place);
+    let mut s = Spelling { compiler, symbols, out: Vec::new(), repeats: Vec::new(), star: None, open: false };
+    while let Some(t) = cursor.peek() {
+        if t.is(':') {
+            let rest = tokens.get(cursor.pos + 1..);
+            return s.finish().map(|o| (o, rest));
+        }
+        cursor.bump();
+        s.token(t, &mut cursor)?;
+    }
+    s.finish().map(|o| (o, None))
+}
+
+impl Spelling<'_, '_, '_> {
+    fn error<T>(&mut self, message: impl Into<String>, place: Place) -> Option<T> {
+        self.compiler.reading.error("L001", message, place, "here");
+        None
+    }
+
+    fn token(&mut self, t: &Token, cursor: &mut Cursor<'_>) -> Option<()> {
+        let has_turtle = self.compiler.has_turtle;
+        match t.kind {
+            Kind::Char('(') => {
+                let known = self.open && self.out.last().is_some_and(|m| m.args.is_empty());
+                if !known {
+                    return self.error("unexpected '(', expected a module before it", t.place);
+                }
+                let args = arguments(self.compiler, cursor, t.place)?;
+                if let Some(last) = self.out.last_mut() {
+                    last.args = args;
+                }
+                return Some(());
+            }
+            Kind::Char('*') if !has_turtle => self.star = Some(t.place),
+            Kind::Char(c @ (')' | '<' | '>')) => {
+                return self.error(format!("unexpected '{c}', expected a module"), t.place);
+            }
+            Kind::Ident(n) if has_turtle && self.compiler.reading.names.get(n) == "repeat" => {
+                return self.repeat(cursor, t.place);
+            }
+            Kind::Char('}') if self.repeats.last().is_some_and(|r| r.polygons == 0) => return self.again(),
+            _ => {
+                if let (Some(r), Kind::Char(c)) = (self.repeats.last_mut(), t.kind) {
+                    r.polygons = (r.polygons + usize::from(c == '{')).saturating_sub(usize::from(c == '}'));
+                }
+                for s in symbols_of(self.compiler, t) {
+                    let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
+                    self.out.push(Template { symbol, args: Vec::new(), occurrence: 0, place: s.place });
+                }
+            }
+        }
+        self.open = true;
+        Some(())
+    }
+
+    /// `n {` behind `repeat`.
+    fn repeat(&mut self, cursor: &mut Cursor<'_>, place: Place) -> Option<()> {
+        let code = expression::expression(self.compiler, cursor)?;
+        let times = vm::constant(&code).filter(|n| (0.0..=1e6).contains(n));
+        let Some(times) = times else {
+            return self.error("'repeat' takes a constant number from 0 to 1,000,000", place);
+        };
+        if !cursor.eat('{') {
+            let at = cursor.place();
+            return self.error("unexpected token, expected '{' behind the number of 'repeat'", at);
+        }
+        if self.repeats.len() >= self.compiler.max_depth {
+            self.compiler.reading.error("L004", "'repeat' nested too deep", place, "too deep here");
+            return None;
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and a million")]
+        let times = times as usize;
+        self.repeats.push(Repeat { start: self.out.len(), times, polygons: 0, place });
+        self.open = false;
+        Some(())
+    }
+
+    /// The body of the innermost `repeat` is complete.
+    fn again(&mut self) -> Option<()> {
+        let Some(r) = self.repeats.pop() else { return Some(()) };
+        let body = self.out.split_off(r.start.min(self.out.len()));
+        let wanted = body.len().saturating_mul(r.times).saturating_add(self.out.len());
+        if wanted > MAX_SPELLED {
+            let message = format!("this 'repeat' would spell {wanted} modules, at most {MAX_SPELLED} are allowed");
+            let help = "repeat less, or let productions make them";
+            self.compiler.reading.error_help("L050", message, r.place, help);
+            return None;
+        }
+        self.out.reserve(wanted - self.out.len());
+        (0..r.times).for_each(|_| self.out.extend_from_slice(&body));
+        self.open = false;
+        Some(())
+    }
+
+    /// Numbers the modules of each symbol. `*` must stand alone.
+    fn finish(mut self) -> Option<Vec<Template>> {
+        if let Some(r) = self.repeats.pop() {
+            self.compiler.reading.error("L004", "'repeat' is never closed", r.place, "opened here");
+            return None;
+        }
+        if let Some(place) = self.star.filter(|_| !self.out.is_empty()) {
+            return self.error("unexpected '*', expected a module: '*' alone means nothing", place);
+        }
+        let mut counts = vec![0_u32; self.symbols.len()];
+        for m in &mut self.out {
+            if let Some(count) = counts.get_mut(usize::from(m.symbol)) {
+                m.occurrence = *count;
+                *count += 1;
+            }
+        }
+        Some(self.out)
+    }
+}
+
+/// Expressions up to the closing parenthesis.
+fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: Place) -> Option<Vec<Expr>> {
+    let mut args = Vec::new();
+    if cursor.eat(')') {
+        return Some(args);
+    }
+    loop {
+        let code = expression::expression(compiler, cursor)?;
+        args.push(code.into_expr());
+        if args.len() > MAX_ARITY {
+            let message = "a module has at most 255 parameters".to_owned();
+            compiler.reading.error_help("L010", message, cursor.place(), "share them out among several modules");
+            return None;
+        }
+        if cursor.eat(')') {
+            return Some(args);
+        }
+        if !cursor.eat(',') {
+            let place = cursor.place();
+            let found = cursor.peek().map_or_else(|| "end of line".to_owned(), |t| compiler.describe(t));
+            let message = format!("unexpected {found}, expected ',' or ')'");
+            let d = Diagnostic::error("L001", message, place.span, "here").label(open.span, "opened here");
+            let d = d.help("close the parenthesis, or put a ',' between two parameters");
+            compiler.reading.push(d, place);
+            return None;
+        }
+    }
+}

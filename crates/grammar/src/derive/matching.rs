@@ -1,0 +1,155 @@
+//! Contexts: what stands to the left and right of a module in a bracketed string.
+
+use super::modules::{Module, Modules};
+use crate::program::{Element, Formal, SymbolId};
+
+/// No partner.
+const NONE: u32 = u32::MAX;
+
+/// A string prepared for context matching.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct View<'a> {
+    pub modules: &'a Modules,
+    /// Partner of each bracket; empty if no production asks for contexts.
+    pub partner: &'a [u32],
+    /// Per symbol: contexts look past it.
+    pub hidden: &'a [bool],
+}
+
+/// The brackets' numbers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Brackets {
+    pub open: SymbolId,
+    pub close: SymbolId,
+}
+
+/// Partner of every bracket; `NONE` for all else and for brackets without one.
+pub(super) fn partners(modules: &Modules, brackets: Brackets) -> Vec<u32> {
+    let mut partner = vec![NONE; modules.len()];
+    let mut stack: Vec<usize> = Vec::new();
+    let short = |i: usize| u32::try_from(i).unwrap_or(NONE);
+    for (i, &s) in modules.symbols().iter().enumerate() {
+        if s == brackets.open {
+            stack.push(i);
+        } else if s == brackets.close
+            && let Some(o) = stack.pop()
+        {
+            partner[o] = short(i);
+            partner[i] = short(o);
+        }
+    }
+    partner
+}
+
+/// Stores the parameters of a matched module in the production's variables.
+fn bind(formal: &Formal, module: Module<'_>, locals: &mut [f64]) {
+    let first = usize::from(formal.slot);
+    for (i, v) in module.params.iter().enumerate() {
+        if let Some(slot) = locals.get_mut(first + i) {
+            *slot = f64::from(*v);
+        }
+    }
+}
+
+/// Does the module have the formal's symbol and number of parameters? If so its parameters are bound.
+#[inline]
+pub(super) fn accept(formal: &Formal, module: Module<'_>, locals: &mut [f64]) -> bool {
+    let fits = module.symbol == formal.symbol && module.params.len() == usize::from(formal.arity);
+    if fits {
+        bind(formal, module, locals);
+    }
+    fits
+}
+
+impl View<'_> {
+    fn partner(&self, i: usize) -> Option<usize> {
+        self.partner.get(i).filter(|p| **p != NONE).map(|p| *p as usize)
+    }
+
+    fn is_hidden(&self, symbol: SymbolId) -> bool {
+        self.hidden.get(usize::from(symbol)).copied().unwrap_or(false)
+    }
+
+    /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped
+    /// over, openings are stepped over: a branch sees the axis that carries it.
+    pub fn left(&self, brackets: Brackets, context: &[Element], at: usize, locals: &mut [f64]) -> bool {
+        let mut i = at;
+        let mut wanted = context.iter().rev();
+        let mut next = wanted.next();
+        while let Some(element) = next {
+            let Element::Module(formal) = element else { return false };
+            let Some(k) = i.checked_sub(1) else { return false };
+            i = k;
+            let symbol = self.modules.symbols()[i];
+            if symbol == brackets.close {
+                match self.partner(i) {
+                    Some(open) => i = open,
+                    None => return false,
+                }
+            } else if symbol != brackets.open && !self.is_hidden(symbol) {
+                if !accept(formal, self.modules.get(i), locals) {
+                    return false;
+                }
+                next = wanted.next();
+            }
+        }
+        true
+    }
+
+    /// Is the right context there, beginning with module `at`?
+    pub fn right(&self, brackets: Brackets, context: &[Element], at: usize, locals: &mut [f64]) -> bool {
+        let mut i = at;
+        for element in context {
+            let found = match element {
+                Element::Module(formal) => self.right_module(brackets, formal, i, locals),
+                Element::Open => self.skip_hidden(i).filter(|k| self.modules.symbols()[*k] == brackets.open),
+                Element::Close => self.end_of_branch(brackets, i, false),
+                Element::CloseRest => self.end_of_branch(brackets, i, true),
+            };
+            match found {
+                Some(k) => i = k + 1,
+                None => return false,
+            }
+        }
+        true
+    }
+
+    /// The next module that is not hidden.
+    fn skip_hidden(&self, from: usize) -> Option<usize> {
+        (from..self.modules.len()).find(|&i| !self.is_hidden(self.modules.symbols()[i]))
+    }
+
+    /// The next module of this axis, if it is the wanted one.
+    fn right_module(&self, brackets: Brackets, formal: &Formal, from: usize, locals: &mut [f64]) -> Option<usize> {
+        let mut i = from;
+        loop {
+            i = self.skip_hidden(i)?;
+            let symbol = self.modules.symbols()[i];
+            if symbol == brackets.open {
+                i = self.partner(i)? + 1;
+            } else if symbol == brackets.close {
+                return None;
+            } else {
+                return accept(formal, self.modules.get(i), locals).then_some(i);
+            }
+        }
+    }
+
+    /// The closing bracket of the branch; what is left before it must be branches, or anything if `rest`.
+    fn end_of_branch(&self, brackets: Brackets, from: usize, rest: bool) -> Option<usize> {
+        let mut i = from;
+        loop {
+            i = if rest { i } else { self.skip_hidden(i)? };
+            let symbol = *self.modules.symbols().get(i)?;
+            if symbol == brackets.open {
+                i = self.partner(i)? + 1;
+            } else if symbol == brackets.close {
+                return Some(i);
+            } else if rest {
+                i += 1;
+            } else {
+                return None;
+            }
+        }
+    }
+}

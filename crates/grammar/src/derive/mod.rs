@@ -1,0 +1,309 @@
+//! Derivation: from the axiom through the steps to the final string.
+
+mod apart;
+mod expand;
+mod matching;
+mod modules;
+mod predict;
+mod rewriter;
+mod step;
+
+pub use expand::interpret;
+pub use modules::{Module, Modules};
+pub use predict::{Prediction, predict};
+
+use super::code::Code;
+use super::program::{Program, SymbolId};
+use super::vm::{Event, Events, Halt, Purpose, Streams, Vm};
+use super::{Grammar, runtime_error, runtime_report};
+use matching::Brackets;
+use osier_base::Result;
+use osier_base::diagnostic::Diagnostic;
+use osier_base::limits::Limits;
+use osier_base::math::narrow;
+use osier_base::rng::{child, mix64};
+
+/// How a grammar is derived.
+#[derive(Debug, Clone, Default)]
+pub struct DeriveOptions {
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Names the plant in lineages; holds no seed.
+    pub plant_id: u32,
+    /// Derivation length instead of the grammar's.
+    pub steps: Option<u32>,
+    /// Whether productions compete by weight; `None`: if the grammar has a `Seed:`.
+    pub stochastic: Option<bool>,
+}
+
+/// The final string and what is needed to draw it.
+#[derive(Debug, Clone)]
+pub struct Derived {
+    /// The final string, without homomorphism.
+    pub modules: Modules,
+    /// Steps taken.
+    pub steps: u32,
+    /// As in the options.
+    pub plant_id: u32,
+    /// As in the options.
+    pub seed: u64,
+    /// What was odd on the way.
+    pub warnings: Vec<Diagnostic>,
+    pub(crate) stochastic: bool,
+    pub(crate) length: u32,
+    pub(crate) file_seed: i64,
+    pub(crate) globals: Vec<f64>,
+}
+
+/// Memory for parameters, in values: half a gibibyte.
+const MAX_PARAMS: usize = 1 << 27;
+
+/// Derives a grammar.
+/// # Errors
+/// `Input` with L050 if the string would surely pass `modules`, with L051 if it does on the way, with L044 for an
+/// endless loop.
+pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<Derived> {
+    let program = &grammar.program;
+    let length = options.steps.unwrap_or(program.length);
+    predict::refuse(grammar, length, options, limits)?;
+    let mut d = Derivation::new(grammar, options, length, limits);
+    match d.run() {
+        Ok(()) => Ok(d.finish(options)),
+        Err(halt) => Err(d.error(halt)),
+    }
+}
+
+pub(super) struct Derivation<'g> {
+    grammar: &'g Grammar,
+    program: &'g Program,
+    limits: &'g Limits,
+    vm: Vm,
+    string: Modules,
+    spare: Modules,
+    /// Memory of rewritten blocks, kept from step to step: fresh pages cost more than the copying.
+    pool: Vec<Modules>,
+    stochastic: bool,
+    length: u32,
+    brackets: Brackets,
+    hidden: Vec<bool>,
+    cut: Option<SymbolId>,
+    idle_from: Option<u32>,
+    taken: u32,
+    /// Modules rewritten so far.
+    work: u64,
+    /// Pieces of the string were tried apart, and something has to be said of them.
+    held_together: bool,
+}
+
+impl<'g> Derivation<'g> {
+    fn new(grammar: &'g Grammar, options: &DeriveOptions, length: u32, limits: &'g Limits) -> Self {
+        let program = &grammar.program;
+        let file_seed = program.seed.unwrap_or(0);
+        let streams = Streams { seed: options.seed, plant_id: options.plant_id, file_seed };
+        let mut vm = Vm::new(streams, usize::from(program.blocks.globals), length);
+        vm.statement_limit = limits.get("statements");
+        let made = |c: char| {
+            let id = program.symbols.find(c)?;
+            let templates = program.productions().flat_map(|p| &p.successor).chain(&program.axiom);
+            templates.into_iter().any(|t| t.symbol == id).then_some(id)
+        };
+        Self {
+            grammar,
+            program,
+            limits,
+            vm,
+            string: Modules::default(),
+            spare: Modules::default(),
+            pool: Vec::new(),
+            stochastic: options.stochastic.unwrap_or(program.is_stochastic()),
+            length,
+            brackets: brackets(program),
+            hidden: program.hidden.table(&program.symbols),
+            cut: made('%').filter(|_| !program.strips('%')),
+            idle_from: None,
+            taken: 0,
+            work: 0,
+            held_together: false,
+        }
+    }
+
+    fn run(&mut self) -> std::result::Result<(), Halt> {
+        let blocks = &self.program.blocks;
+        self.block(blocks.start.as_ref(), 0)?;
+        if let Some(seed) = self.vm.reseeded() {
+            self.vm.streams.file_seed = seed;
+        }
+        self.axiom()?;
+        for step in 1..=self.length {
+            self.vm.step = step - 1;
+            self.block(blocks.start_each.as_ref(), step)?;
+            self.vm.step = step;
+            if step == 1 {
+                self.decompose(step)?;
+            }
+            if let Some(cut) = self.cut {
+                self.cut(cut);
+            }
+            self.work = self.work.saturating_add(self.string.len() as u64);
+            if self.work > self.limits.get("work") {
+                return Err(Halt::Work);
+            }
+            let changed = self.rewrite(step)?;
+            self.decompose(step)?;
+            self.block(blocks.end_each.as_ref(), step)?;
+            self.taken = step;
+            if !changed && self.idle_from.is_none() {
+                self.idle_from = Some(step);
+            } else if changed {
+                self.idle_from = None;
+            }
+            if self.vm.stopped || (!changed && self.nothing_can_change()) || self.rest_apart(step)? {
+                break;
+            }
+        }
+        self.block(blocks.end.as_ref(), self.taken)
+    }
+
+    /// Without blocks or `%`, a step that changes nothing is followed by equal ones.
+    fn nothing_can_change(&self) -> bool {
+        let b = &self.program.blocks;
+        let uses_step = |c: &Code| {
+            use crate::code::Op;
+            c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
+        };
+        b.start_each.is_none()
+            && b.end_each.is_none()
+            && !self.program.rules.list.iter().any(|p| p.codes().any(uses_step))
+    }
+
+    fn block(&mut self, code: Option<&Code>, step: u32) -> std::result::Result<(), Halt> {
+        self.vm.begin(Purpose::Block, 0, Some(step));
+        if let Some(code) = code {
+            self.vm.run(code, &mut [])?;
+        }
+        Ok(())
+    }
+
+    fn axiom(&mut self) -> std::result::Result<(), Halt> {
+        self.vm.begin(Purpose::Block, 1, Some(0));
+        for t in &self.program.axiom {
+            for arg in &t.args {
+                let value = self.vm.eval(arg, &mut [])?;
+                self.string.param(narrow(value));
+            }
+            let symbol = u64::from(u32::from(self.program.symbols.get(t.symbol)));
+            let plant = u64::from(self.vm.streams.plant_id);
+            // The second number is the L-system's: 0 is the main one.
+            let lineage = child(mix64(&[plant, 0, symbol]), u64::from(t.occurrence));
+            self.string.close(t.symbol, lineage, 0);
+        }
+        Ok(())
+    }
+
+    /// Removes every `%` and what follows it on its branch.
+    fn cut(&mut self, cut: SymbolId) {
+        if !self.string.symbols().contains(&cut) {
+            return;
+        }
+        self.spare.clear();
+        let (mut depth, mut cut_at) = (0_usize, None);
+        for i in 0..self.string.len() {
+            let m = self.string.get(i);
+            if m.symbol == self.brackets.close {
+                if cut_at == Some(depth) {
+                    cut_at = None;
+                }
+                depth = depth.saturating_sub(1);
+            } else if m.symbol == self.brackets.open {
+                depth += 1;
+            }
+            if cut_at.is_none() && m.symbol == cut {
+                cut_at = Some(depth);
+            }
+            if cut_at.is_none() {
+                self.spare.push(m);
+            }
+        }
+        std::mem::swap(&mut self.string, &mut self.spare);
+    }
+
+    fn finish(mut self, options: &DeriveOptions) -> Derived {
+        if let (Some(step), Some(place)) = (self.idle_from, self.program.length_place)
+            && step > 1
+            && step < self.length
+        {
+            self.vm.events.add("L054", place, &format!("nothing changes from step {step} on"));
+        }
+        Derived {
+            modules: self.string,
+            steps: self.taken,
+            plant_id: options.plant_id,
+            seed: options.seed,
+            warnings: warnings(self.grammar, &self.vm.events),
+            stochastic: self.stochastic,
+            length: self.length,
+            file_seed: self.vm.streams.file_seed,
+            globals: self.vm.globals,
+        }
+    }
+
+    fn error(&self, halt: Halt) -> osier_base::Error {
+        halt_error(self.grammar, halt, self.taken + 1, self.limits)
+    }
+}
+
+/// The numbers of `[` and `]`.
+fn brackets(program: &Program) -> Brackets {
+    let find = |c| program.symbols.find(c).unwrap_or(SymbolId::MAX);
+    Brackets { open: find('['), close: find(']') }
+}
+
+/// Remarks of runs as diagnostics.
+pub(super) fn warnings(grammar: &Grammar, events: &Events) -> Vec<Diagnostic> {
+    let diagnostic = |e: &Event| {
+        let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
+        let help = match e.code {
+            "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
+            "L033" => "weights must be 0 or more",
+            "L034" => "give at least one production a positive weight",
+            "L052" => "raise 'maximum depth', or end the expansion by a condition",
+            "L054" => "shorten the derivation length",
+            _ => "",
+        };
+        let d = Diagnostic::warning(e.code, format!("{}{times}", e.message), e.place.span, "here");
+        let d = if help.is_empty() { d } else { d.help(help) };
+        grammar.with_chain(d, e.place)
+    };
+    events.0.iter().map(diagnostic).collect()
+}
+
+/// An ended run as an error.
+pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limits) -> osier_base::Error {
+    let at = grammar.length_place();
+    match halt {
+        Halt::Loop(place) => {
+            let d = Diagnostic::error("L044", "this loop does not end", place.span, "after 1,000,000 turns");
+            runtime_report(grammar, grammar.with_chain(d.help("change what its condition tests"), place))
+        }
+        Halt::Statements(place) => {
+            let message = format!("step {step} passes the budget of statements");
+            let help = "raise it with --max-statements, or simplify the blocks";
+            let d = Diagnostic::error("L051", message, place.span, "reached here").help(help);
+            runtime_report(grammar, grammar.with_chain(d, place))
+        }
+        Halt::Modules => {
+            let limit = osier_base::limits::grouped(limits.get("modules"));
+            let message = format!("step {step} passes the limit of {limit} modules");
+            runtime_error(grammar, "L051", message, at, "raise it with --max-modules, or shorten the derivation")
+        }
+        Halt::Work => {
+            let limit = osier_base::limits::grouped(limits.get("work"));
+            let message = format!("step {step} passes the limit of {limit} modules over all steps");
+            runtime_error(grammar, "L051", message, at, "raise it with --max-work, or shorten the derivation")
+        }
+        Halt::Parameters => {
+            let message = format!("step {step} passes the memory for parameters");
+            runtime_error(grammar, "L051", message, at, "shorten the derivation, or use fewer parameters")
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! How long the string will be, before it is made: the growth matrix over kinds of modules.
+
+use std::collections::BTreeMap;
+
+use super::DeriveOptions;
+use crate::code::{Code, Op};
+use crate::program::{Production, SymbolId};
+use crate::{Grammar, runtime_error};
+use osier_base::Result;
+use osier_base::limits::{Limits, grouped};
+
+/// Number of modules after some steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prediction {
+    /// No fewer than this (saturating).
+    pub lower: u128,
+    /// No more than this (saturating).
+    pub upper: u128,
+    /// What weights make likely; half-way knowledge where conditions decide.
+    pub expected: f64,
+}
+
+/// A module's symbol and number of parameters.
+type Kind = (SymbolId, u8);
+/// Counts by kind, sparse.
+type Row<T> = Vec<(usize, T)>;
+
+#[derive(Debug, Default)]
+struct Matrix {
+    kinds: BTreeMap<Kind, usize>,
+    lower: Vec<Row<u128>>,
+    upper: Vec<Row<u128>>,
+    expected: Vec<Row<f64>>,
+    start: Vec<u128>,
+    /// False if the string can shrink in ways that counts do not see.
+    has_lower: bool,
+}
+
+fn count(kinds: &BTreeMap<Kind, usize>, p: &Production) -> BTreeMap<usize, u128> {
+    let mut out = BTreeMap::new();
+    for t in &p.successor {
+        if let Some(&k) = kinds.get(&(t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX))) {
+            *out.entry(k).or_insert(0) += 1;
+        }
+    }
+    out
+}
+
+impl Matrix {
+    fn new(grammar: &Grammar, stochastic: bool) -> Self {
+        let program = &grammar.program;
+        let templates = program.rules.list.iter().flat_map(|p| &p.successor).chain(&program.axiom);
+        let mut m = Self::default();
+        for t in templates {
+            let kind = (t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX));
+            let next = m.kinds.len();
+            m.kinds.entry(kind).or_insert(next);
+        }
+        let n = m.kinds.len();
+        (m.lower, m.upper, m.expected) = (vec![Vec::new(); n], vec![Vec::new(); n], vec![Vec::new(); n]);
+        m.start = vec![0; n];
+        for t in &program.axiom {
+            let kind = (t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX));
+            if let Some(&k) = m.kinds.get(&kind) {
+                m.start[k] += 1;
+            }
+        }
+        let cut = program.symbols.find('%');
+        let has_cut = m.kinds.keys().any(|k| Some(k.0) == cut);
+        let several = program.rules.list.iter().any(|p| p.predecessor.len() > 1);
+        m.has_lower = !has_cut && !several && program.decomposition.list.is_empty();
+        for (&(symbol, arity), &k) in &m.kinds.clone() {
+            let rules: Vec<&Production> = program.rules.of(symbol, arity).collect();
+            m.set_row(k, &rules, stochastic);
+        }
+        m
+    }
+
+    /// Kinds that every step surely rewrites; none of a grammar whose blocks may end the derivation.
+    fn works(&self, grammar: &Grammar) -> Vec<bool> {
+        let program = &grammar.program;
+        let stops = |c: &Code| c.ops.iter().any(|o| matches!(o, Op::Stop));
+        let blocks = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
+        let runs = !blocks && !program.rules.list.iter().any(|p| p.codes().any(stops));
+        let mut surely = vec![false; self.kinds.len()];
+        for (&(symbol, arity), &k) in &self.kinds {
+            surely[k] = runs && program.rules.of(symbol, arity).any(Production::is_unconditional);
+        }
+        surely
+    }
+
+    /// The row of one kind: what its productions may make of it.
+    fn set_row(&mut self, k: usize, rules: &[&Production], stochastic: bool) {
+        let copy = BTreeMap::from([(k, 1)]);
+        let mut options: Vec<(BTreeMap<usize, u128>, f64)> = Vec::new();
+        let mut always = false;
+        for p in rules {
+            let weight = p.weight.as_ref().map_or(Some(1.0), crate::vm::constant).unwrap_or(1.0);
+            options.push((count(&self.kinds, p), weight.max(0.0)));
+            always |= p.is_unconditional();
+            if always && !stochastic {
+                break;
+            }
+        }
+        if !always {
+            options.push((copy.clone(), 1.0));
+        }
+        let total = options.iter().fold(0.0, |s, o| s + o.1);
+        let columns: std::collections::BTreeSet<usize> = options.iter().flat_map(|o| o.0.keys().copied()).collect();
+        for c in columns {
+            let of = |o: &(BTreeMap<usize, u128>, f64)| o.0.get(&c).copied().unwrap_or(0);
+            let low = options.iter().map(of).min().unwrap_or(0);
+            let high = options.iter().map(of).max().unwrap_or(0);
+            let share = |o: &(BTreeMap<usize, u128>, f64)| of(o) as f64 * o.1;
+            let mean = if total > 0.0 { options.iter().fold(0.0, |s, o| s + share(o)) / total } else { low as f64 };
+            if low > 0 {
+                self.lower[k].push((c, low));
+            }
+            self.upper[k].push((c, high));
+            self.expected[k].push((c, mean));
+        }
+    }
+
+    fn step(rows: &[Row<u128>], v: &[u128]) -> Vec<u128> {
+        let mut out = vec![0_u128; v.len()];
+        for (row, x) in rows.iter().zip(v) {
+            for (c, n) in row {
+                out[*c] = out[*c].saturating_add(x.saturating_mul(*n));
+            }
+        }
+        out
+    }
+}
+
+fn total(v: &[u128]) -> u128 {
+    v.iter().fold(0, |s, x| s.saturating_add(*x))
+}
+
+/// Number of modules after `steps` steps; exact (lower = upper) if every kind has one production without conditions.
+/// Source: the growth matrix of the textbook, length = v0 M^n 1; bounds take element-wise extremes over alternatives.
+pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
+    let m = Matrix::new(grammar, stochastic);
+    let (mut low, mut high) = (m.start.clone(), m.start.clone());
+    let mut expected: Vec<f64> = m.start.iter().map(|x| *x as f64).collect();
+    for _ in 0..steps {
+        let mut next = vec![0.0; expected.len()];
+        for (row, x) in m.expected.iter().zip(&expected) {
+            for (c, n) in row {
+                next[*c] += x * n;
+            }
+        }
+        let (l, h) = (Matrix::step(&m.lower, &low), Matrix::step(&m.upper, &high));
+        if l == low && h == high && next == expected {
+            break;
+        }
+        (low, high, expected) = (l, h, next);
+        if total(&low) > u128::from(u64::MAX) {
+            break;
+        }
+    }
+    let lower = if m.has_lower { total(&low) } else { 0 };
+    let upper = if grammar.program.decomposition.list.is_empty() { total(&high) } else { u128::MAX };
+    Prediction { lower, upper, expected: expected.iter().fold(0.0, |s, x| s + x) }
+}
+
+/// Refuses a derivation that must pass a limit.
+pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, limits: &Limits) -> Result<()> {
+    let max_steps = limits.get("steps");
+    if u64::from(steps) > max_steps {
+        let (wanted, limit) = (grouped(u64::from(steps)), grouped(max_steps));
+        let message = format!("derivation length {wanted} is above the limit of {limit} steps");
+        let help = "raise it with --max-steps";
+        return Err(runtime_error(grammar, "L050", message, grammar.length_place(), help));
+    }
+    let stochastic = options.stochastic.unwrap_or(grammar.program.is_stochastic());
+    let m = Matrix::new(grammar, stochastic);
+    if !m.has_lower {
+        return Ok(());
+    }
+    let limit = u128::from(limits.get("modules"));
+    let mut v = m.start.clone();
+    let mut work = 0_u128;
+    let surely = m.works(grammar);
+    for step in 0..=steps {
+        if total(&v) > limit {
+            return Err(too_long(grammar, &m, step, steps, limits));
+        }
+        let busy = surely.iter().zip(&v).any(|(surely, n)| *surely && *n > 0);
+        let each = if busy { total(&v) } else { 0 };
+        let next = Matrix::step(&m.lower, &v);
+        if next == v {
+            work = work.saturating_add(each.saturating_mul(u128::from(steps - step)));
+            break;
+        }
+        work = work.saturating_add(if step < steps { each } else { 0 });
+        v = next;
+    }
+    if work > u128::from(limits.get("work")) {
+        let (wanted, limit) = (grouped(u64::try_from(work).unwrap_or(u64::MAX)), grouped(limits.get("work")));
+        let message =
+            format!("{} steps would rewrite {wanted} modules, the limit is {limit}", grouped(u64::from(steps)));
+        let help = "raise it with --max-work, or shorten the derivation";
+        return Err(runtime_error(grammar, "L050", message, grammar.length_place(), help));
+    }
+    Ok(())
+}
+
+fn too_long(grammar: &Grammar, m: &Matrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
+    let mut v = m.start.clone();
+    for _ in 0..steps.min(4096) {
+        v = Matrix::step(&m.lower, &v);
+    }
+    let wanted = match u64::try_from(total(&v)) {
+        Ok(n) => grouped(n),
+        Err(_) => "more than 10^19".to_owned(),
+    };
+    let limit = limits.get("modules");
+    let allowed = first_over.saturating_sub(1);
+    let message = format!("step {steps} would make {wanted} modules; --max-modules {limit} allows {allowed}");
+    let help = format!("set the derivation length to {allowed} or less, or raise --max-modules");
+    runtime_error(grammar, "L050", message, grammar.length_place(), help)
+}

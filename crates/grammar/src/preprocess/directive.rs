@@ -1,0 +1,228 @@
+//! `#define`, `#undef`, `#include`, conditionals.
+
+use std::rc::Rc;
+
+use super::{Condition, Define, FrameKind, Macro, Preprocessor};
+use crate::compile;
+use crate::token::{Kind, Place, Token};
+
+const WORDS: [&str; 11] =
+    ["define", "undef", "include", "if", "ifdef", "ifndef", "elif", "else", "endif", "pragma", "error"];
+/// Files inside files.
+const MAX_INCLUDE_DEPTH: usize = 32;
+
+impl Preprocessor<'_> {
+    /// Does this token, just taken, begin a directive?
+    pub(super) fn at_directive(&self, token: Token) -> bool {
+        if !token.is('#') {
+            return false;
+        }
+        let Some(frame) = self.frames.last() else { return false };
+        let starts_line = frame.pos < 2 || frame.tokens[frame.pos - 2].is_newline();
+        let is_file = matches!(frame.kind, FrameKind::File { .. });
+        let word = match frame.tokens.get(frame.pos).map(|t| t.kind) {
+            Some(Kind::Ident(w)) => self.reading.names.get(w),
+            _ => return false,
+        };
+        is_file && starts_line && WORDS.contains(&word)
+    }
+
+    /// The rest of the current line, without its newline.
+    fn rest_of_line(&mut self) -> Vec<Token> {
+        let Some(frame) = self.frames.last_mut() else { return Vec::new() };
+        let rest = &frame.tokens[frame.pos.min(frame.tokens.len())..];
+        let n = rest.iter().position(Token::is_newline).unwrap_or(rest.len());
+        let line = rest[..n].to_vec();
+        frame.pos += n;
+        line
+    }
+
+    /// Runs the directive whose `#` was just taken.
+    pub(super) fn directive(&mut self) {
+        let line = self.rest_of_line();
+        let Some((first, rest)) = line.split_first() else { return };
+        let Kind::Ident(word) = first.kind else { return };
+        let place = first.place;
+        match self.reading.names.get(word).to_owned().as_str() {
+            "define" => self.define(rest, place),
+            "undef" => {
+                if let Some(Kind::Ident(name)) = rest.first().map(|t| t.kind) {
+                    self.macros.remove(&name);
+                }
+            }
+            "include" => self.include(rest, place),
+            "if" => {
+                let value = self.condition(rest, place);
+                self.begin_if(value, place);
+            }
+            "ifdef" | "ifndef" => {
+                let defined = match rest.first().map(|t| t.kind) {
+                    Some(Kind::Ident(name)) => self.macros.contains_key(&name) || self.overrides.contains_key(&name),
+                    _ => false,
+                };
+                let wanted = self.reading.names.get(word) == "ifdef";
+                self.begin_if(defined == wanted, place);
+            }
+            // Reached at the end of an active part: what follows is left out.
+            "elif" | "else" => match self.conditions.last_mut() {
+                Some(c) => {
+                    c.active = false;
+                    self.skip();
+                }
+                None => self.reading.error("L001", "#else without #if", place, "no #if is open here"),
+            },
+            "endif" if self.conditions.pop().is_none() => {
+                self.reading.error("L001", "#endif without #if", place, "no #if is open here");
+            }
+            "error" => {
+                let help = "the file refuses to be read this way: change the macros that its #if lines ask for";
+                self.reading.error_help("L005", "#error reached".into(), place, help);
+            }
+            _ => {}
+        }
+    }
+
+    fn begin_if(&mut self, value: bool, place: Place) {
+        self.conditions.push(Condition { active: value, taken: value, place });
+        if !value {
+            self.skip();
+        }
+    }
+
+    /// Skips lines up to the part of the innermost `#if` that holds.
+    fn skip(&mut self) {
+        let mut nested = 0_u32;
+        loop {
+            self.rest_of_line();
+            let Some(frame) = self.frames.last_mut() else { return };
+            frame.pos += 1;
+            let Some(first) = frame.tokens.get(frame.pos).copied() else { return };
+            if !first.is('#') {
+                continue;
+            }
+            frame.pos += 1;
+            if !self.at_directive(first) {
+                continue;
+            }
+            let line = self.rest_of_line();
+            let Some(Kind::Ident(word)) = line.first().map(|t| t.kind) else { continue };
+            let place = line[0].place;
+            match self.reading.names.get(word) {
+                "if" | "ifdef" | "ifndef" => nested += 1,
+                "endif" if nested > 0 => nested -= 1,
+                "endif" => {
+                    self.conditions.pop();
+                    return;
+                }
+                w @ ("else" | "elif") if nested == 0 => {
+                    let is_else = w == "else";
+                    let taken = self.conditions.last().is_none_or(|c| c.taken);
+                    if !taken && (is_else || self.condition(&line[1..], place)) {
+                        if let Some(c) = self.conditions.last_mut() {
+                            (c.active, c.taken) = (true, true);
+                        }
+                        return;
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Value of an `#if` expression.
+    fn condition(&mut self, tokens: &[Token], place: Place) -> bool {
+        let mut list = Vec::new();
+        let mut i = 0;
+        while let Some(&t) = tokens.get(i) {
+            i += 1;
+            let is_defined = matches!(t.kind, Kind::Ident(w) if self.reading.names.get(w) == "defined");
+            if !is_defined {
+                list.push(t);
+                continue;
+            }
+            let open = usize::from(tokens.get(i).is_some_and(|t| t.is('(')));
+            let known = match tokens.get(i + open).map(|t| t.kind) {
+                Some(Kind::Ident(n)) => self.macros.contains_key(&n) || self.overrides.contains_key(&n),
+                _ => false,
+            };
+            i += 1 + 2 * open;
+            let digit = self.reading.names.intern(if known { "1" } else { "0" });
+            list.push(Token { kind: Kind::Number(digit), ..t });
+        }
+        let list = self.expand_list(list);
+        compile::integer_condition(self.reading, &list, place)
+    }
+
+    fn define(&mut self, rest: &[Token], place: Place) {
+        let Some(head) = rest.first() else {
+            return self.reading.error("L001", "#define without a name", place, "expected a name after this");
+        };
+        let Kind::Ident(name) = head.kind else {
+            return self.reading.error("L001", "unexpected token, expected a macro name", head.place, "not a name");
+        };
+        let is_function = rest.get(1).is_some_and(|t| t.is('(') && t.glued);
+        let (params, body) = if is_function {
+            let Some(close) = rest.iter().position(|t| t.is(')')) else {
+                return self.reading.error("L004", "macro parameters are never closed", head.place, "opened here");
+            };
+            let ident = |t: &Token| if let Kind::Ident(n) = t.kind { Some(n) } else { None };
+            let params: Rc<[u32]> = rest[2..close].iter().filter_map(ident).collect();
+            (Some(params), &rest[close + 1..])
+        } else {
+            (None, &rest[1..])
+        };
+        let mut body: Rc<[Token]> = body.into();
+        if params.is_none() {
+            if let Some(value) = self.overrides.get(&name) {
+                body = Rc::clone(value);
+                self.used_overrides.push(name);
+            }
+            self.record_define(name, head.place, &body, rest);
+        }
+        self.macros.insert(name, Macro { params, body });
+    }
+
+    /// Keeps a macro without arguments for `osier list options`.
+    fn record_define(&mut self, name: u32, place: Place, body: &[Token], line: &[Token]) {
+        let slice = |a: u32, b: u32| self.sources.text(place.span.source).get(a as usize..b as usize).unwrap_or("");
+        let value = match (body.first(), body.last()) {
+            (Some(a), Some(b)) if a.place.span.source == b.place.span.source => {
+                let text = self.sources.text(a.place.span.source);
+                text.get(a.place.span.start as usize..b.place.span.end as usize).unwrap_or("").to_owned()
+            }
+            _ => String::new(),
+        };
+        let end = line.last().map_or(place.span.end, |t| t.place.span.end);
+        let behind = |c: &&osier_base::diagnostic::Span| {
+            c.source == place.span.source && c.start >= end && !slice(end, c.start).contains('\n')
+        };
+        let comment = self.comments.iter().find(behind).map_or_else(String::new, |c| self.comment_text(*c));
+        let name = self.reading.names.get(name).to_owned();
+        self.defines.retain(|d| d.name != name);
+        self.defines.push(Define { name, value, span: place.span, comment });
+    }
+
+    fn include(&mut self, rest: &[Token], place: Place) {
+        let name = match rest.first().map(|t| t.kind) {
+            Some(Kind::Text(t)) => self.reading.names.get(t).to_owned(),
+            _ => {
+                return self.reading.error("L006", "#include without a file name in quotes", place, "here");
+            }
+        };
+        let at = rest.first().map_or(place, |t| t.place);
+        self.included += 1;
+        if self.included > self.limits.get("includes") || self.files.len() >= MAX_INCLUDE_DEPTH {
+            let help = "join some of them, or raise --max-includes";
+            return self.reading.error_help("L006", "too many files included".into(), at, help);
+        }
+        let from = self.files.last().cloned().unwrap_or_default();
+        match (self.includes)(&name, &from) {
+            Ok((shown, _)) if self.files.contains(&shown) => {
+                let chain = format!("{} -> {shown}", self.files.join(" -> "));
+                self.reading.error("L006", format!("\"{name}\" includes itself: {chain}"), at, "here");
+            }
+            Ok((shown, bytes)) => self.open(&shown, &bytes),
+            Err(e) => self.reading.error("L006", format!("\"{name}\" cannot be included: {e}"), at, "here"),
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! Files of other programs whose names end alike, known by their first telling line.
+
+use crate::token::{Kind, Names, Place, Token};
+
+/// The program that a file is written for, and the line that tells, if it is one whose language is not read.
+pub(super) fn foreign(names: &Names, tokens: &[Token]) -> Option<(&'static str, Place)> {
+    tokens.split(Token::is_newline).find_map(|line| {
+        let (first, last) = (line.first()?, line.last()?);
+        Some((program(names, line)?, first.place.to(last.place)))
+    })
+}
+
+/// The program whose files alone have such a line.
+fn program(names: &Names, line: &[Token]) -> Option<&'static str> {
+    let (first, last) = (line.first()?, line.last()?);
+    let word = |t: &Token| if let Kind::Ident(n) = t.kind { names.get(n) } else { "" };
+    match word(first) {
+        "module" | "produce" if last.is(';') && line.len() > 2 => Some("L+C"),
+        "def" if last.is(':') && line.len() > 3 => Some("L-Py"),
+        "production" if last.is(':') && line.len() == 2 => Some("L-Py"),
+        _ if first.is('#') && line.iter().any(|t| word(t) == "lpfgall") => Some("L+C"),
+        _ => None,
+    }
+}

@@ -1,0 +1,197 @@
+//! Bytes to text to tokens: encodings, spliced lines, comments.
+
+use crate::token::{Kind, Place, Reading, Token};
+use osier_base::diagnostic::{SourceId, Span};
+
+/// Text of a file's bytes and whether they had to be read as Latin-1. A byte order mark is dropped.
+pub(super) fn decode(bytes: &[u8]) -> (String, bool) {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    match std::str::from_utf8(bytes) {
+        Ok(text) => (text.to_owned(), false),
+        Err(_) => (bytes.iter().map(|&b| char::from(b)).collect(), true),
+    }
+}
+
+/// A file as tokens, ending in a newline, with the places of its comments.
+#[derive(Debug, Default)]
+pub(super) struct Lexed {
+    pub tokens: Vec<Token>,
+    pub comments: Vec<Span>,
+}
+
+/// Turns a text into tokens.
+pub(super) fn lex(reading: &mut Reading, source: SourceId, text: &str) -> Lexed {
+    let mut lexer = Lexer { reading, source, chars: splice(text), i: 0, end: text.len(), out: Lexed::default() };
+    lexer.run();
+    lexer.out
+}
+
+/// Characters with their byte offsets; backslash-newline removed, CRLF and CR turned into LF.
+fn splice(text: &str) -> Vec<(usize, char)> {
+    let bytes = text.as_bytes();
+    let mut out = Vec::with_capacity(text.len());
+    let mut skip_to = 0;
+    for (i, c) in text.char_indices() {
+        if i < skip_to {
+            continue;
+        }
+        match c {
+            '\\' if bytes.get(i + 1) == Some(&b'\n') => skip_to = i + 2,
+            '\\' if bytes.get(i + 1) == Some(&b'\r') => {
+                skip_to = if bytes.get(i + 2) == Some(&b'\n') { i + 3 } else { i + 2 };
+            }
+            '\r' if bytes.get(i + 1) == Some(&b'\n') => {}
+            '\r' => out.push((i, '\n')),
+            c => out.push((i, c)),
+        }
+    }
+    out
+}
+
+struct Lexer<'a> {
+    reading: &'a mut Reading,
+    source: SourceId,
+    chars: Vec<(usize, char)>,
+    i: usize,
+    end: usize,
+    out: Lexed,
+}
+
+impl Lexer<'_> {
+    fn peek(&self, ahead: usize) -> Option<char> {
+        self.chars.get(self.i + ahead).map(|c| c.1)
+    }
+
+    fn offset(&self) -> usize {
+        self.chars.get(self.i).map_or(self.end, |c| c.0)
+    }
+
+    fn run(&mut self) {
+        let mut glued = false;
+        while let Some(c) = self.peek(0) {
+            let start = self.offset();
+            match c {
+                '\n' => {
+                    self.i += 1;
+                    self.newline(start);
+                    glued = false;
+                    continue;
+                }
+                c if c.is_whitespace() => {
+                    self.i += 1;
+                    glued = false;
+                    continue;
+                }
+                '/' if matches!(self.peek(1), Some('/' | '*')) => {
+                    self.comment();
+                    glued = false;
+                    continue;
+                }
+                '\0' => {
+                    let place = Place::bare(Span::new(self.source, start, start + 1));
+                    self.reading.error("L001", "unexpected NUL byte, expected text", place, "NUL byte");
+                    self.i += 1;
+                    continue;
+                }
+                _ => {}
+            }
+            let kind = self.token(c);
+            let place = Place::bare(Span::new(self.source, start, self.last_end()));
+            self.out.tokens.push(Token { kind, place, glued });
+            glued = true;
+        }
+        if !self.out.tokens.last().is_some_and(Token::is_newline) {
+            self.newline(self.end);
+        }
+    }
+
+    /// End of the character before the cursor.
+    fn last_end(&self) -> usize {
+        self.i.checked_sub(1).and_then(|i| self.chars.get(i)).map_or(0, |(o, c)| o + c.len_utf8())
+    }
+
+    fn newline(&mut self, start: usize) {
+        let tab = self.peek(0) == Some('\t');
+        let place = Place::bare(Span::new(self.source, start, (start + 1).min(self.end)));
+        let kind = Kind::Newline { indented: tab || self.peek(0) == Some(' '), tab };
+        self.out.tokens.push(Token { kind, place, glued: false });
+    }
+
+    fn take_while(&mut self, f: impl Fn(char) -> bool) -> String {
+        let mut text = String::new();
+        while let Some(c) = self.peek(0).filter(|c| f(*c)) {
+            text.push(c);
+            self.i += 1;
+        }
+        text
+    }
+
+    fn token(&mut self, c: char) -> Kind {
+        let digit_after_dot = c == '.' && self.peek(1).is_some_and(|d| d.is_ascii_digit());
+        if c.is_ascii_alphabetic() || c == '_' {
+            let text = self.take_while(|c| c.is_ascii_alphanumeric() || c == '_');
+            Kind::Ident(self.reading.names.intern(&text))
+        } else if c.is_ascii_digit() || digit_after_dot {
+            let text = self.number();
+            Kind::Number(self.reading.names.intern(&text))
+        } else if c == '"' {
+            self.string()
+        } else {
+            self.i += 1;
+            Kind::Char(c)
+        }
+    }
+
+    /// Digits, one dot, more digits, and an exponent only if it has digits.
+    fn number(&mut self) -> String {
+        let mut text = self.take_while(|c| c.is_ascii_digit());
+        if self.peek(0) == Some('.') {
+            text.push('.');
+            self.i += 1;
+            text.push_str(&self.take_while(|c| c.is_ascii_digit()));
+        }
+        if matches!(self.peek(0), Some('e' | 'E')) {
+            let signed = matches!(self.peek(1), Some('+' | '-'));
+            if self.peek(1 + usize::from(signed)).is_some_and(|c| c.is_ascii_digit()) {
+                for _ in 0..=usize::from(signed) {
+                    text.extend(self.peek(0));
+                    self.i += 1;
+                }
+                text.push_str(&self.take_while(|c| c.is_ascii_digit()));
+            }
+        }
+        text
+    }
+
+    /// A quoted text on one line; a quote without a partner is a symbol like any other.
+    fn string(&mut self) -> Kind {
+        let line = self.chars[self.i + 1..].iter().take_while(|c| c.1 != '\n');
+        let Some(length) = line.map(|c| c.1).position(|c| c == '"') else {
+            self.i += 1;
+            return Kind::Char('"');
+        };
+        let text: String = self.chars[self.i + 1..self.i + 1 + length].iter().map(|c| c.1).collect();
+        self.i += length + 2;
+        Kind::Text(self.reading.names.intern(&text))
+    }
+
+    fn comment(&mut self) {
+        let start = self.offset();
+        if self.peek(1) == Some('/') {
+            while self.peek(0).is_some_and(|c| c != '\n') {
+                self.i += 1;
+            }
+        } else {
+            self.i += 2;
+            while self.peek(0).is_some() && !(self.peek(0) == Some('*') && self.peek(1) == Some('/')) {
+                self.i += 1;
+            }
+            if self.peek(0).is_none() {
+                let place = Place::bare(Span::new(self.source, start, start + 2));
+                self.reading.error("L004", "unterminated comment", place, "opened here, never closed by '*/'");
+            }
+            self.i = (self.i + 2).min(self.chars.len());
+        }
+        self.out.comments.push(Span::new(self.source, start, self.last_end()));
+    }
+}

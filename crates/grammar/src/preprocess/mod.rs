@@ -1,0 +1,228 @@
+//! The preprocessor: a grammar file and what it includes become one list of expanded tokens.
+
+mod directive;
+mod expand;
+mod foreign;
+mod lexer;
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use super::token::{Place, Reading, Token};
+use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Sources, Span, nearest};
+use osier_base::limits::Limits;
+
+/// Finds an included file: (reference as written, shown name of the including file) to (shown name, bytes).
+pub type Includes<'a> = dyn FnMut(&str, &str) -> Result<(String, Vec<u8>)> + 'a;
+
+/// A `#define` without arguments: a knob that `--set` turns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Define {
+    /// Name.
+    pub name: String,
+    /// Its replacement as written, or the override's text.
+    pub value: String,
+    /// Where its name is defined.
+    pub span: Span,
+    /// The comment behind it on the same line, without comment signs.
+    pub comment: String,
+}
+
+#[derive(Debug, Clone)]
+struct Macro {
+    /// `None` = without arguments.
+    params: Option<Rc<[u32]>>,
+    body: Rc<[Token]>,
+}
+
+/// What a frame of the reading stack is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum FrameKind {
+    /// A file; the number of open `#if` when it began.
+    File { conditions: usize },
+    /// A macro's body after substitution.
+    Macro { name: u32 },
+    /// A list expanded on its own.
+    List,
+}
+
+#[derive(Debug, Clone)]
+struct Frame {
+    tokens: Rc<[Token]>,
+    pos: usize,
+    kind: FrameKind,
+}
+
+/// One open `#if`.
+#[derive(Debug, Clone, Copy)]
+struct Condition {
+    active: bool,
+    taken: bool,
+    place: Place,
+}
+
+/// The state of one run.
+struct Preprocessor<'a> {
+    reading: &'a mut Reading,
+    sources: &'a mut Sources,
+    includes: &'a mut Includes<'a>,
+    overrides: BTreeMap<u32, Rc<[Token]>>,
+    used_overrides: Vec<u32>,
+    macros: BTreeMap<u32, Macro>,
+    frames: Vec<Frame>,
+    /// Shown names of the open files, outermost first.
+    files: Vec<String>,
+    comments: Vec<Span>,
+    conditions: Vec<Condition>,
+    defines: Vec<Define>,
+    included: u64,
+    produced: u64,
+    depth: u32,
+    break_glue: bool,
+    /// A limit was passed: no more macros are expanded.
+    exhausted: bool,
+    is_foreign: bool,
+    limits: &'a Limits,
+}
+
+/// What the preprocessor hands on.
+pub(super) struct Preprocessed {
+    pub tokens: Vec<Token>,
+    pub defines: Vec<Define>,
+    /// The comment that opens the main file.
+    pub description: String,
+    /// Written for another program: there is nothing to parse.
+    pub is_foreign: bool,
+}
+
+/// The file to read, and how.
+pub(super) struct Input<'a> {
+    pub name: &'a str,
+    pub bytes: &'a [u8],
+    pub includes: &'a mut Includes<'a>,
+    pub defines: &'a BTreeMap<String, String>,
+    pub limits: &'a Limits,
+}
+
+/// Runs the preprocessor.
+pub(super) fn run(reading: &mut Reading, sources: &mut Sources, input: Input<'_>) -> Preprocessed {
+    let mut overrides = BTreeMap::new();
+    for (name, value) in input.defines {
+        let source = sources.add(format!("--set {name}"), value.as_str());
+        let mut tokens = lexer::lex(reading, source, value).tokens;
+        tokens.retain(|t| !t.is_newline());
+        overrides.insert(reading.names.intern(name), Rc::from(tokens));
+    }
+    // The lifetimes of the borrowed parts differ; a local shortens them to one.
+    let includes = input.includes;
+    let mut p = Preprocessor {
+        reading,
+        sources,
+        includes: &mut |a, b| includes(a, b),
+        overrides,
+        used_overrides: Vec::new(),
+        macros: BTreeMap::new(),
+        frames: Vec::new(),
+        files: Vec::new(),
+        comments: Vec::new(),
+        conditions: Vec::new(),
+        defines: Vec::new(),
+        included: 0,
+        produced: 0,
+        depth: 0,
+        break_glue: false,
+        exhausted: false,
+        is_foreign: false,
+        limits: input.limits,
+    };
+    p.predefine();
+    p.open(input.name, input.bytes);
+    let description = p.description();
+    let mut tokens = Vec::new();
+    while let Some(t) = p.next(0) {
+        tokens.push(t);
+    }
+    if !p.is_foreign {
+        p.check_overrides();
+    }
+    let (defines, is_foreign) = (p.defines, p.is_foreign);
+    Preprocessed { tokens, defines, description, is_foreign }
+}
+
+impl Preprocessor<'_> {
+    fn predefine(&mut self) {
+        let source = self.sources.add("predefined", "1");
+        let body = lexer::lex(self.reading, source, "1").tokens;
+        let body: Rc<[Token]> = body.into_iter().filter(|t| !t.is_newline()).collect();
+        let name = self.reading.names.intern("OSIER");
+        self.macros.insert(name, Macro { params: None, body });
+    }
+
+    /// Puts a file on top of the reading stack.
+    fn open(&mut self, name: &str, bytes: &[u8]) {
+        let (text, latin1) = lexer::decode(bytes);
+        let source = self.sources.add(name, text.as_str());
+        let start = Place::start_of(source);
+        if bytes.len() as u64 > self.limits.get("text-bytes") {
+            let message = format!("\"{name}\" is larger than --max-text-bytes");
+            self.reading.error_help("L005", message, start, "shorten the file, or raise the limit");
+            return;
+        }
+        if latin1 {
+            let help = "save the file as UTF-8";
+            self.reading.warning("L009", format!("\"{name}\" is not UTF-8, read as Latin-1"), start, help);
+        }
+        let lexed = lexer::lex(self.reading, source, &text);
+        if let Some((program, place)) = foreign::foreign(&self.reading.names, &lexed.tokens) {
+            let message = format!("\"{name}\" is written for {program}, whose language is not read");
+            let help = "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'";
+            self.reading.error_help("L007", message, place, help);
+            self.is_foreign = true;
+            return;
+        }
+        self.comments.extend(lexed.comments);
+        let kind = FrameKind::File { conditions: self.conditions.len() };
+        self.frames.push(Frame { tokens: lexed.tokens.into(), pos: 0, kind });
+        self.files.push(name.to_owned());
+    }
+
+    /// The comments before the first token, as plain text.
+    fn description(&self) -> String {
+        let Some(frame) = self.frames.first() else { return String::new() };
+        let first = frame.tokens.iter().find(|t| !t.is_newline()).map_or(u32::MAX, |t| t.place.span.start);
+        let lines = self.comments.iter().take_while(|c| c.end <= first).map(|c| self.comment_text(*c));
+        lines.collect::<Vec<_>>().join(" ").trim().to_owned()
+    }
+
+    /// A comment without its signs, on one line.
+    fn comment_text(&self, span: Span) -> String {
+        let text = self.sources.text(span.source).get(span.start as usize..span.end as usize).unwrap_or("");
+        let text = text.trim_start_matches(['/', '*']).trim_end_matches(['/', '*']);
+        text.split_whitespace().filter(|w| *w != "*").collect::<Vec<_>>().join(" ")
+    }
+
+    /// Every override must meet a definition.
+    fn check_overrides(&mut self) {
+        let names: Vec<String> = self.defines.iter().map(|d| d.name.clone()).collect();
+        for (name, tokens) in &self.overrides {
+            if self.used_overrides.contains(name) {
+                continue;
+            }
+            let word = self.reading.names.get(*name);
+            let near = nearest(word, names.iter().map(String::as_str));
+            let help = match near {
+                Some(n) => format!("did you mean '{n}'?"),
+                None if names.is_empty() => "the grammar has no #define to set".to_owned(),
+                None => format!("known: {}", names.join(", ")),
+            };
+            let place = tokens.first().map(|t| t.place);
+            let place = place.or_else(|| self.sources.ids().next().map(Place::start_of));
+            if let Some(place) = place {
+                let message = format!("no #define is named '{word}'");
+                let d = Diagnostic::error("L002", message, place.span, "this value has no place to go").help(help);
+                self.reading.push(d, place);
+            }
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Tokens of a grammar file, and the complaints about them.
+
+use osier_base::diagnostic::{Diagnostic, SourceId, Span};
+
+/// Where a token was written and through which macros it came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Place {
+    /// In the file or in a macro's body.
+    pub span: Span,
+    /// One-based index into [`Expansions`]; 0 = written in place.
+    pub origin: u32,
+}
+
+impl Place {
+    /// A place outside macros.
+    pub const fn bare(span: Span) -> Self {
+        Self { span, origin: 0 }
+    }
+
+    /// Start of a source.
+    pub fn start_of(source: SourceId) -> Self {
+        Self::bare(Span::new(source, 0, 0))
+    }
+
+    /// From here to `other`, if both came the same way.
+    pub fn to(self, other: Self) -> Self {
+        if self.origin == other.origin { Self { span: self.span.to(other.span), ..self } } else { self }
+    }
+}
+
+/// One use of a macro.
+#[derive(Debug, Clone)]
+pub(crate) struct Expansion {
+    pub name: u32,
+    pub used_at: Place,
+}
+
+/// What a token is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Kind {
+    /// `[A-Za-z_][A-Za-z0-9_]*`, an index into [`Names`].
+    Ident(u32),
+    /// A number; its spelling is an index into [`Names`].
+    Number(u32),
+    /// A quoted string.
+    Text(u32),
+    /// Any other character.
+    Char(char),
+    /// End of a line; says whether the next line is indented, and whether by a tab.
+    Newline { indented: bool, tab: bool },
+}
+
+/// One token.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Token {
+    pub kind: Kind,
+    pub place: Place,
+    /// Follows its predecessor without a blank and from the same text, so that both may form one operator.
+    pub glued: bool,
+}
+
+impl Token {
+    /// True for this punctuation character.
+    pub fn is(&self, c: char) -> bool {
+        self.kind == Kind::Char(c)
+    }
+
+    /// True for an end of line.
+    pub fn is_newline(&self) -> bool {
+        matches!(self.kind, Kind::Newline { .. })
+    }
+}
+
+/// Spellings of identifiers and numbers.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Names {
+    list: Vec<String>,
+    index: std::collections::BTreeMap<String, u32>,
+}
+
+impl Names {
+    /// The number of a spelling.
+    pub fn intern(&mut self, text: &str) -> u32 {
+        if let Some(&i) = self.index.get(text) {
+            return i;
+        }
+        let i = u32::try_from(self.list.len()).unwrap_or(u32::MAX);
+        self.list.push(text.to_owned());
+        self.index.insert(text.to_owned(), i);
+        i
+    }
+
+    /// The spelling of a number.
+    pub fn get(&self, i: u32) -> &str {
+        self.list.get(i as usize).map_or("", String::as_str)
+    }
+}
+
+/// What the whole reading of a file shares: spellings, macro uses, complaints.
+#[derive(Debug, Default)]
+pub(crate) struct Reading {
+    pub names: Names,
+    pub expansions: Vec<Expansion>,
+    pub diagnostics: Vec<Diagnostic>,
+    /// Remarks that only a verbose run shows.
+    pub notes: Vec<Diagnostic>,
+}
+
+/// Macro uses named under a complaint.
+const CHAIN_SHOWN: usize = 4;
+/// Complaints kept; a damaged file would otherwise make one per byte.
+const KEPT: usize = 200;
+
+/// What mends an error of this code, where its message alone does not tell.
+pub(super) fn remedy(code: &str) -> Option<&'static str> {
+    Some(match code {
+        "L001" => "mend this line; docs/grammars.md shows the form of every line, and `osier new` makes one that works",
+        "L004" => "close what is open, or break it into parts",
+        "L005" => "write what the macro's #define asks for, and no macro that leads back to itself",
+        "L006" => "name a file beside this one, in quotes and with '/', that does not include this one",
+        "L010" => "write it as: left < predecessor > right : condition --> successor",
+        "L022" => "give the function as many values, between commas, as it takes",
+        "L024" => "give the second one another name",
+        _ => return None,
+    })
+}
+
+impl Reading {
+    /// Records an error whose remedy follows from its code.
+    pub fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place, label: &str) {
+        let mut d = Diagnostic::error(code, message, place.span, label);
+        d.help = remedy(code).map(str::to_owned);
+        self.push(d, place);
+    }
+
+    /// Records an error with a way out.
+    pub fn error_help(&mut self, code: &'static str, message: String, place: Place, help: impl Into<String>) {
+        self.push(Diagnostic::error(code, message, place.span, "here").help(help), place);
+    }
+
+    /// Records a warning with a way out.
+    pub fn warning(&mut self, code: &'static str, message: String, place: Place, help: impl Into<String>) {
+        self.push(Diagnostic::warning(code, message, place.span, "here").help(help), place);
+    }
+
+    /// Records a remark for verbose runs.
+    pub fn note(&mut self, code: &'static str, message: String, place: Place, help: impl Into<String>) {
+        let d = Diagnostic::warning(code, message, place.span, "here").help(help);
+        if self.notes.len() < KEPT {
+            self.notes.push(d);
+        }
+    }
+
+    /// Records a complaint whose first label is at `place`, with the macros it came through; each (code, place) once.
+    pub fn push(&mut self, mut diagnostic: Diagnostic, place: Place) {
+        let key = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));
+        if self.diagnostics.len() >= KEPT || self.diagnostics.iter().any(|d| key(d) == key(&diagnostic)) {
+            return;
+        }
+        diagnostic.labels.extend(self.chain(place));
+        self.diagnostics.push(diagnostic);
+    }
+
+    /// Labels of the macro uses that led to a place, innermost first.
+    pub fn chain(&self, place: Place) -> Vec<(Span, String)> {
+        chain(&self.expansions, &self.names, place)
+    }
+
+    /// True if any complaint is an error.
+    pub fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(|d| d.severity == osier_base::diagnostic::Severity::Error)
+    }
+}
+
+/// Labels of the macro uses that led to a place, innermost first.
+fn chain(expansions: &[Expansion], names: &Names, place: Place) -> Vec<(Span, String)> {
+    let mut out = Vec::new();
+    let mut at = place;
+    while at.origin != 0 && out.len() < CHAIN_SHOWN {
+        let Some(e) = expansions.get(at.origin as usize - 1) else { break };
+        out.push((e.used_at.span, format!("through macro {}", names.get(e.name))));
+        at = e.used_at;
+    }
+    out
+}

@@ -1,0 +1,399 @@
+//! The stack machine that runs expressions and statements.
+
+use super::code::{Code, Expr, Op, Random, is_zero, truth};
+use super::token::Place;
+use osier_base::math;
+use osier_base::rng::{self, Key, Rng};
+
+/// Turns of a loop, or statements of one block, before it counts as endless.
+const LOOP_LIMIT: u64 = 1_000_000;
+/// Largest n of `biran(n, p)`.
+const BIRAN_LIMIT: f64 = 1e6;
+
+/// What random draws are for: the first part of their address.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    Choice,
+    Statement,
+    Weight,
+    Decomposition,
+    Block,
+    Homomorphism,
+    Angle,
+}
+
+impl Purpose {
+    fn word(self) -> &'static str {
+        match self {
+            Self::Choice => "choice",
+            Self::Statement => "statement",
+            Self::Weight => "weight",
+            Self::Decomposition => "decomposition",
+            Self::Block => "block",
+            Self::Homomorphism => "homomorphism",
+            Self::Angle => "angle",
+        }
+    }
+}
+
+/// Where the draws of a run live.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Streams {
+    pub seed: u64,
+    pub plant_id: u32,
+    pub file_seed: i64,
+}
+
+impl Streams {
+    /// Key of everything drawn for a purpose by module `h` (in `step`, if the purpose depends on it).
+    pub fn key(&self, purpose: Purpose, h: u64, step: Option<u32>) -> u64 {
+        let path: [Key; 5] =
+            [self.plant_id.into(), "lsys".into(), self.file_seed.into(), purpose.word().into(), h.into()];
+        let key = Rng::key(self.seed, &path);
+        step.map_or(key, |s| rng::child(key, u64::from(s)))
+    }
+}
+
+/// Something that ended a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Halt {
+    /// A loop without end.
+    Loop(Place),
+    /// The budget of statements is used up.
+    Statements(Place),
+    /// The budget of modules is used up.
+    Modules,
+    /// The budget of parameters is used up.
+    Parameters,
+    /// Modules of all steps pass the limit.
+    Work,
+}
+
+/// A remark of a run, with how often it came.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Event {
+    pub code: &'static str,
+    pub message: String,
+    pub place: Place,
+    pub count: u64,
+}
+
+/// Adds remarks of the same code and place up.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Events(pub Vec<Event>);
+
+impl Events {
+    /// Counts one remark.
+    pub fn add(&mut self, code: &'static str, place: Place, message: &str) {
+        match self.0.iter_mut().find(|e| e.code == code && e.place == place) {
+            Some(e) => e.count += 1,
+            None => self.0.push(Event { code, message: message.to_owned(), place, count: 1 }),
+        }
+    }
+
+    /// Adds another list.
+    pub fn merge(&mut self, other: Self) {
+        for e in other.0 {
+            match self.0.iter_mut().find(|o| o.code == e.code && o.place == e.place) {
+                Some(o) => o.count += e.count,
+                None => self.0.push(e),
+            }
+        }
+    }
+}
+
+/// Where a sequence of draws stands.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Draws {
+    purpose: Purpose,
+    owner: u64,
+    step: Option<u32>,
+    number: u64,
+    key: Option<u64>,
+    reseeded: Option<i64>,
+}
+
+/// Machine state.
+#[derive(Debug, Clone)]
+pub(crate) struct Vm {
+    pub globals: Vec<f64>,
+    stack: Vec<f64>,
+    pub streams: Streams,
+    pub step: u32,
+    pub length: u32,
+    /// Whose draws, in which step, for what.
+    owner: u64,
+    owner_step: Option<u32>,
+    purpose: Purpose,
+    number: u64,
+    key: Option<u64>,
+    reseeded: Option<i64>,
+    pub events: Events,
+    pub statements: u64,
+    pub statement_limit: u64,
+    /// Set by `stop(n)`.
+    pub stopped: bool,
+}
+
+impl Vm {
+    pub fn new(streams: Streams, globals: usize, length: u32) -> Self {
+        Self {
+            globals: vec![0.0; globals],
+            stack: Vec::new(),
+            streams,
+            step: 0,
+            length,
+            owner: 0,
+            owner_step: None,
+            purpose: Purpose::Block,
+            number: 0,
+            key: None,
+            reseeded: None,
+            events: Events::default(),
+            statements: 0,
+            statement_limit: u64::MAX,
+            stopped: false,
+        }
+    }
+
+    /// From here on draws belong to `owner`.
+    pub fn begin(&mut self, purpose: Purpose, owner: u64, step: Option<u32>) {
+        (self.purpose, self.owner, self.owner_step) = (purpose, owner, step);
+        (self.number, self.key, self.reseeded) = (0, None, None);
+    }
+
+    /// Numbers the next draws from here, so that two uses of one purpose do not meet.
+    pub fn number_from(&mut self, number: u64) {
+        self.number = number;
+    }
+
+    /// What identifies the next draw.
+    pub fn clone_draws(&self) -> Draws {
+        Draws {
+            purpose: self.purpose,
+            owner: self.owner,
+            step: self.owner_step,
+            number: self.number,
+            key: self.key,
+            reseeded: self.reseeded,
+        }
+    }
+
+    /// Goes on with draws left earlier.
+    pub fn resume_draws(&mut self, d: Draws) {
+        (self.purpose, self.owner, self.owner_step) = (d.purpose, d.owner, d.step);
+        (self.number, self.key, self.reseeded) = (d.number, d.key, d.reseeded);
+    }
+
+    /// The seed that `srand` set since [`Vm::begin`].
+    pub fn reseeded(&self) -> Option<i64> {
+        self.reseeded
+    }
+
+    /// The next stream of the present owner.
+    fn draw(&mut self) -> Rng {
+        let streams = Streams { file_seed: self.reseeded.unwrap_or(self.streams.file_seed), ..self.streams };
+        let key = *self.key.get_or_insert_with(|| streams.key(self.purpose, self.owner, self.owner_step));
+        let stream = Rng::from_key(rng::child(key, self.number));
+        self.number += 1;
+        stream
+    }
+
+    /// Value of an expression.
+    #[inline]
+    pub fn eval(&mut self, e: &Expr, locals: &mut [f64]) -> Result<f64, Halt> {
+        match e {
+            Expr::Const(c) => Ok(*c),
+            Expr::Local(i) => Ok(locals.get(usize::from(*i)).copied().unwrap_or(0.0)),
+            Expr::Code(code) => self.run(code, locals),
+        }
+    }
+
+    fn pop(&mut self) -> f64 {
+        self.stack.pop().unwrap_or(0.0)
+    }
+
+    /// Runs code; its value is what it leaves on the stack, or 0.
+    pub fn run(&mut self, code: &Code, locals: &mut [f64]) -> Result<f64, Halt> {
+        self.stack.clear();
+        let mut pc = 0_usize;
+        let mut turns = 0_u64;
+        while let Some(op) = code.ops.get(pc) {
+            pc += 1;
+            match *op {
+                Op::Const(c) => self.stack.push(c),
+                Op::Local(i) => self.stack.push(locals.get(usize::from(i)).copied().unwrap_or(0.0)),
+                Op::Global(i) => {
+                    let v = self.globals.get(usize::from(i)).copied().unwrap_or(0.0);
+                    self.stack.push(v);
+                }
+                Op::StoreLocal(i) => {
+                    let v = self.pop();
+                    if let Some(slot) = locals.get_mut(usize::from(i)) {
+                        *slot = v;
+                    }
+                }
+                Op::StoreGlobal(i) => {
+                    let v = self.pop();
+                    if let Some(slot) = self.globals.get_mut(usize::from(i)) {
+                        *slot = v;
+                    }
+                }
+                Op::Step => self.stack.push(f64::from(self.step)),
+                Op::Length => self.stack.push(f64::from(self.length)),
+                Op::Remaining => self.stack.push(f64::from(self.length) - f64::from(self.step)),
+                Op::Unary(f) => {
+                    let v = self.pop();
+                    self.stack.push(f.apply(v));
+                }
+                Op::Binary(f, place) => {
+                    let b = self.pop();
+                    let a = self.pop();
+                    let (v, by_zero) = f.apply(a, b);
+                    if by_zero && let Some(place) = code.places.get(place as usize) {
+                        self.events.add("L040", *place, "division by zero");
+                    }
+                    self.stack.push(v);
+                }
+                Op::Jump(t) => pc = t as usize,
+                Op::JumpIfZero(t) => {
+                    if is_zero(self.pop()) {
+                        pc = t as usize;
+                    }
+                }
+                Op::And(t) => {
+                    if is_zero(self.pop()) {
+                        self.stack.push(0.0);
+                        pc = t as usize;
+                    }
+                }
+                Op::Or(t) => {
+                    if !is_zero(self.pop()) {
+                        self.stack.push(1.0);
+                        pc = t as usize;
+                    }
+                }
+                Op::Bool => {
+                    let v = self.pop();
+                    self.stack.push(truth(!is_zero(v)));
+                }
+                Op::Count(place) => {
+                    turns += 1;
+                    self.count(code, place, turns)?;
+                }
+                Op::Pop => {
+                    self.pop();
+                }
+                Op::Random(f) => self.random(f),
+                Op::Choose(n) => self.choose(usize::from(n)),
+                Op::Srand => self.srand(),
+                Op::Stop => self.stopped = true,
+            }
+        }
+        Ok(self.pop())
+    }
+
+    fn count(&mut self, code: &Code, place: u32, turns: u64) -> Result<(), Halt> {
+        self.statements += 1;
+        let place = || code.places.get(place as usize).copied();
+        if turns > LOOP_LIMIT
+            && let Some(p) = place()
+        {
+            return Err(Halt::Loop(p));
+        }
+        if self.statements > self.statement_limit
+            && let Some(p) = place()
+        {
+            return Err(Halt::Statements(p));
+        }
+        Ok(())
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "seeds saturate")]
+    fn srand(&mut self) {
+        let seed = self.stack.last().copied().unwrap_or(0.0);
+        (self.reseeded, self.key, self.number) = (Some(seed as i64), None, 0);
+    }
+
+    fn random(&mut self, f: Random) {
+        let mut stream = self.draw();
+        let value = match f {
+            Random::Ran => self.pop() * stream.unit_f64(),
+            _ => {
+                let b = self.pop();
+                let a = self.pop();
+                match f {
+                    Random::Nran => a + b * stream.normal(),
+                    Random::Uniform => a + (b - a) * stream.unit_f64(),
+                    Random::Bran => beta(&mut stream, a, b),
+                    _ => binomial(&mut stream, a, b),
+                }
+            }
+        };
+        self.stack.push(value);
+    }
+
+    /// One of `n` values in proportion to its share.
+    fn choose(&mut self, n: usize) {
+        let first = self.stack.len().saturating_sub(2 * n);
+        let pairs: Vec<f64> = self.stack.split_off(first);
+        let shares: Vec<f64> = pairs.iter().skip(1).step_by(2).copied().collect();
+        let i = self.draw().pick(&shares);
+        self.stack.push(pairs.get(2 * i).copied().unwrap_or(0.0));
+    }
+}
+
+/// A beta variate by Johnk's rejection, in its own stream; 0 for parameters that are not positive.
+/// Source: Johnk, Metrika 8 (1964): accept X = U^(1/a), Y = V^(1/b) while X + Y <= 1, return X / (X + Y).
+fn beta(stream: &mut Rng, a: f64, b: f64) -> f64 {
+    if !(a > 0.0 && b > 0.0) {
+        return 0.0;
+    }
+    for _ in 0..10_000 {
+        let x = math::pow(stream.unit_f64(), 1.0 / a);
+        let y = math::pow(stream.unit_f64(), 1.0 / b);
+        if x + y <= 1.0 && x + y > 0.0 {
+            return x / (x + y);
+        }
+    }
+    // Large parameters are hardly ever accepted; there the distribution is close to normal.
+    let mean = a / (a + b);
+    let variance = mean * (1.0 - mean) / (a + b + 1.0);
+    (mean + math::sqrt(variance) * stream.normal()).clamp(0.0, 1.0)
+}
+
+/// Successes in `n` trials of chance `p`, counted one by one.
+fn binomial(stream: &mut Rng, n: f64, p: f64) -> f64 {
+    let mut left = if n.is_finite() { n.clamp(0.0, BIRAN_LIMIT).floor() } else { 0.0 };
+    let mut hits = 0.0;
+    while left > 0.0 {
+        hits += truth(stream.chance(p));
+        left -= 1.0;
+    }
+    hits
+}
+
+/// Value of code that needs nothing from outside; `None` if it does.
+pub(crate) fn constant(code: &Code) -> Option<f64> {
+    let needs = |op: &Op| {
+        matches!(
+            op,
+            Op::Local(_)
+                | Op::Global(_)
+                | Op::StoreLocal(_)
+                | Op::StoreGlobal(_)
+                | Op::Step
+                | Op::Length
+                | Op::Remaining
+                | Op::Random(_)
+                | Op::Choose(_)
+                | Op::Srand
+                | Op::Stop
+        )
+    };
+    if code.ops.iter().any(needs) {
+        return None;
+    }
+    let streams = Streams { seed: 0, plant_id: 0, file_seed: 0 };
+    Vm::new(streams, 0, 0).run(code, &mut []).ok()
+}

@@ -1,0 +1,159 @@
+//! Attractors as points.
+
+use glam::{DVec3, Vec3};
+
+use super::Ifs;
+use super::color::Labels;
+use super::dynamics::Study;
+use super::game::{CHUNK, Chunk, Escapes, Extent, Game, LANES, Sink, Tier};
+use osier_base::math::narrow;
+use osier_base::par::par_each;
+
+/// Box diagonals beyond which a lane starts again.
+const GUARD: f64 = 1e4;
+
+/// Points as structure of arrays, in the order block, step, lane.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Cloud {
+    /// Positions, table units times the scale asked for.
+    pub positions: Vec<Vec3>,
+    /// Linear RGB.
+    pub colors: Vec<[f32; 3]>,
+    /// The map that made each point, 255 and above as 255.
+    pub maps: Vec<u8>,
+    /// Steps since the start or the last jump, at most 255.
+    pub depths: Vec<u8>,
+    /// What the guard found.
+    pub escapes: Escapes,
+}
+
+/// What to draw.
+#[derive(Debug, Clone, Copy)]
+pub struct Request<'a> {
+    /// The system.
+    pub system: &'a Ifs,
+    /// Its study.
+    pub study: &'a Study,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Number of points.
+    pub points: u64,
+    /// Instructions.
+    pub tier: Tier,
+}
+
+struct Block<'a> {
+    index: u64,
+    at: usize,
+    labels: Labels,
+    label: Box<[[u32; LANES]; CHUNK]>,
+    positions: &'a mut [Vec3],
+    colors: &'a mut [[f32; 3]],
+    maps: &'a mut [u8],
+    depths: &'a mut [u8],
+    /// Maps of the system, and steps of each lane since its start or last jump.
+    count: u32,
+    depth: [u8; LANES],
+    escapes: Escapes,
+    last: Option<super::affine::Affine>,
+}
+
+impl Sink for Block<'_> {
+    #[allow(clippy::cast_possible_truncation, reason = "clamped to 255 before the cast")]
+    fn take(&mut self, chunk: &Chunk) {
+        self.labels.label(chunk, &mut self.label);
+        let left = self.positions.len() - self.at;
+        let count = left.min(chunk.steps * LANES);
+        let range = self.at..self.at + count;
+        for (i, (((p, c), m), d)) in self.positions[range.clone()]
+            .iter_mut()
+            .zip(&mut self.colors[range.clone()])
+            .zip(&mut self.maps[range.clone()])
+            .zip(&mut self.depths[range])
+            .enumerate()
+        {
+            let (step, lane) = (i / LANES, i % LANES);
+            *p = Vec3::new(chunk.x[step][lane], chunk.y[step][lane], chunk.z[step][lane]);
+            *c = self.labels.colors.get(self.label[step][lane] as usize).copied().unwrap_or([1.0; 3]);
+            *m = chunk.map[step][lane].min(255) as u8;
+            let depth = &mut self.depth[lane];
+            *depth = if chunk.map[step][lane] >= self.count { 0 } else { depth.saturating_add(1) };
+            *d = *depth;
+        }
+        if let Some(last) = &self.last {
+            for p in &mut self.positions[self.at..self.at + count] {
+                let q = last.apply(p.as_dvec3());
+                *p = Vec3::new(narrow(q.x), narrow(q.y), narrow(q.z));
+            }
+        }
+        self.at += count;
+    }
+
+    fn restart(&mut self, lane: usize) {
+        self.labels.restart(lane);
+        self.depth[lane] = 0;
+    }
+}
+
+/// Draws points: u = scale (x - origin), the same at any thread count.
+pub fn cloud(request: &Request<'_>, labels: &Labels, extent: &Extent, (origin, scale): (DVec3, f64)) -> Cloud {
+    let n = usize::try_from(request.points).unwrap_or(usize::MAX);
+    let diagonal = (extent.bounds.1 - extent.bounds.0).length().max(1e-30) * scale;
+    let frame = (DVec3::splat(scale), -origin * scale);
+    let game = Game::new(request.system, request.study, request.seed, frame, narrow((diagonal * GUARD).min(1e15)));
+    let game = game.with_tier(request.tier);
+    let (_, steps) = Game::plan(request.points);
+    let size = usize::try_from(steps).unwrap_or(usize::MAX).saturating_mul(LANES).max(1);
+    let last = request.system.last.map(|l| l.conjugated(frame.0, frame.1));
+    let mut out = Cloud {
+        positions: vec![Vec3::ZERO; n],
+        colors: vec![[0.0; 3]; n],
+        maps: vec![0; n],
+        depths: vec![0; n],
+        escapes: Escapes::default(),
+    };
+    let parts = out
+        .positions
+        .chunks_mut(size)
+        .zip(out.colors.chunks_mut(size))
+        .zip(out.maps.chunks_mut(size))
+        .zip(out.depths.chunks_mut(size));
+    let count = u32::try_from(game.maps()).unwrap_or(u32::MAX);
+    let block = |(index, (((positions, colors), maps), depths))| Block {
+        index,
+        at: 0,
+        labels: labels.clone(),
+        label: Box::new([[0; LANES]; CHUNK]),
+        positions,
+        colors,
+        maps,
+        depths,
+        count,
+        depth: [0; LANES],
+        escapes: Escapes::default(),
+        last,
+    };
+    let mut blocks: Vec<Block<'_>> = (0_u64..).zip(parts).map(block).collect();
+    par_each(&mut blocks, |b| b.escapes = game.play(b.index, steps, b));
+    let escapes = blocks.iter().fold(Escapes::default(), |s, b| s.plus(b.escapes));
+    Cloud { escapes, ..out }
+}
+
+/// Keeps the first point of every cube of the given size; returns how many points each one stands for.
+pub fn voxels(cloud: &mut Cloud, size: f32) -> Vec<u32> {
+    #[allow(clippy::cast_possible_truncation, reason = "saturates far beyond any scene")]
+    let cell = |p: &Vec3| (*p / size).floor().to_array().map(|v| v as i64);
+    let mut order: Vec<usize> = (0..cloud.positions.len()).collect();
+    let cells: Vec<[i64; 3]> = cloud.positions.iter().map(cell).collect();
+    order.sort_unstable_by(|a, b| cells[*a].cmp(&cells[*b]).then(a.cmp(b)));
+    let mut kept: Vec<(usize, u32)> = Vec::new();
+    for group in order.chunk_by(|a, b| cells[*a] == cells[*b]) {
+        kept.extend(group.first().map(|i| (*i, u32::try_from(group.len()).unwrap_or(u32::MAX))));
+    }
+    kept.sort_unstable();
+    cloud.positions = kept.iter().map(|k| cloud.positions[k.0]).collect();
+    cloud.colors = kept.iter().map(|k| cloud.colors[k.0]).collect();
+    cloud.maps = kept.iter().map(|k| cloud.maps[k.0]).collect();
+    cloud.depths = kept.iter().map(|k| cloud.depths[k.0]).collect();
+    kept.iter().map(|k| k.1).collect()
+}

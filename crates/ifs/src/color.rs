@@ -1,0 +1,272 @@
+//! Colours of points: by the map that made them, by the last letters of their word, by palette, depth or density.
+
+use super::game::{CHUNK, Chunk, LANES};
+use super::{Ifs, Map};
+use osier_base::math;
+
+/// What a point's colour stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// The last map.
+    Map,
+    /// The last so many maps, 1 to 4, newest first.
+    Prefix(u32),
+    /// The colour coordinate in the palette.
+    Coord,
+    /// Steps since the lane started or jumped into the condensation set.
+    Depth,
+    /// Branchings since the last stem: 0 on the trunk, 1 on its branches.
+    Order,
+    /// Density alone.
+    Density,
+}
+
+/// Most colours that prefixes are told apart by.
+const LABELS: usize = 4096;
+/// Steps of the palette and of depth.
+const STEPS: usize = 256;
+/// Orders that are told apart.
+const ORDERS: u32 = 5;
+/// Wood, for maps that squash the whole into a stem.
+const WOOD: [f32; 3] = [0.110, 0.062, 0.032];
+/// Greens and warm hues for the other maps, in turn.
+const LEAVES: [[f32; 3]; 6] = [
+    [0.060, 0.195, 0.028],
+    [0.210, 0.340, 0.055],
+    [0.028, 0.125, 0.050],
+    [0.380, 0.400, 0.070],
+    [0.120, 0.270, 0.110],
+    [0.480, 0.300, 0.060],
+];
+
+/// True for a map that squashes the whole into a line: second singular value below a quarter of the first.
+pub fn is_squash(map: &Map) -> bool {
+    let s = map.affine.singular_values();
+    s[1] < 0.25 * s[0]
+}
+
+/// Linear colours by label, with the labels of a lane's points.
+#[derive(Debug, Clone)]
+pub struct Labels {
+    mode: Mode,
+    /// Linear RGB by label.
+    pub colors: Vec<[f32; 3]>,
+    maps: u32,
+    /// m^(k-1).
+    top: u32,
+    /// By map: what is kept of the coordinate and what is added; the last row is for jumps.
+    pull: Vec<(f32, f32)>,
+    /// By map: what it makes of an order.
+    orders: Vec<Branching>,
+    lanes: Lane,
+}
+
+/// What a map does to the order of a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Branching {
+    /// A stem: the point is on a trunk.
+    Begins,
+    /// An axis goes on.
+    Keeps,
+    /// A branch.
+    Adds,
+}
+
+#[derive(Debug, Clone)]
+struct Lane {
+    word: [u32; LANES],
+    coord: [f32; LANES],
+    depth: [u32; LANES],
+}
+
+impl Labels {
+    /// Labels of a system; `own`: linear colours that replace the system's, by map or along the palette, or empty.
+    pub fn new(ifs: &Ifs, mode: Mode, own: &[[f32; 3]]) -> Self {
+        let maps = ifs.maps.len();
+        let mode = match mode {
+            Mode::Prefix(k) => Mode::Prefix(longest(maps, k.clamp(1, 4))),
+            other => other,
+        };
+        let by_map = map_colors(ifs, own);
+        let palette = if own.is_empty() { &ifs.palette } else { own };
+        let colors = match mode {
+            Mode::Map => by_map,
+            Mode::Prefix(k) => prefixes(&by_map, maps, k),
+            Mode::Coord | Mode::Depth | Mode::Order | Mode::Density => {
+                (0..STEPS).map(|i| along(palette, &by_map, i)).collect()
+            }
+        };
+        let base = u32::try_from(maps).unwrap_or(1).max(1);
+        let top = if let Mode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
+        let pull = ifs.maps.iter().map(|m| (math::narrow(1.0 - m.speed), math::narrow(m.speed * m.coord)));
+        // Jumps leave the coordinate.
+        let pull = pull.chain([(1.0, 0.0)]).collect();
+        let orders = ifs.maps.iter().map(|m| match () {
+            () if m.stem || is_squash(m) => Branching::Begins,
+            () if m.axis => Branching::Keeps,
+            () => Branching::Adds,
+        });
+        let lanes = Lane { word: [0; LANES], coord: [0.5; LANES], depth: [0; LANES] };
+        Self { mode, colors, maps: base, top, pull, orders: orders.collect(), lanes }
+    }
+
+    /// True if labels are steps of a palette at a point's own coordinate.
+    pub fn is_by_coord(&self) -> bool {
+        self.mode == Mode::Coord
+    }
+
+    /// True if labels count branchings.
+    pub fn is_by_order(&self) -> bool {
+        self.mode == Mode::Order
+    }
+
+    /// How many of the last maps a label that is not [by coordinate](Self::is_by_coord) depends on, at least 1.
+    pub fn letters(&self) -> usize {
+        if let Mode::Prefix(k) = self.mode { k as usize } else { 1 }
+    }
+
+    /// Label of points whose last maps, newest first, are these [`Self::letters`].
+    pub fn of_word(&self, letters: &[usize]) -> u32 {
+        let word = letters.iter().fold(0, |word, i| word * self.maps as usize + i);
+        match self.mode {
+            Mode::Map | Mode::Prefix(_) => u32::try_from(word).unwrap_or(0),
+            // Endless words; coordinates are a point's own.
+            Mode::Depth => 255,
+            Mode::Coord | Mode::Order | Mode::Density => 0,
+        }
+    }
+
+    /// Labels of a chunk's points.
+    pub fn label(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
+        if self.mode == Mode::Map {
+            *out = chunk.map;
+            return;
+        }
+        for step in 0..chunk.steps.min(CHUNK) {
+            if self.mode == Mode::Coord {
+                out[step] = self.pulled(&chunk.map[step]).map(of_coord);
+                continue;
+            }
+            for lane in 0..LANES {
+                out[step][lane] = self.one(lane, chunk.map[step][lane]);
+            }
+        }
+    }
+
+    /// Coordinates of one step of all lanes: every map pulls the coordinate to its own, jumps leave it.
+    pub fn pulled(&mut self, maps: &[u32; LANES]) -> [f32; LANES] {
+        let last = self.pull.len() - 1;
+        for (coord, map) in self.lanes.coord.iter_mut().zip(maps) {
+            let (keep, add) = self.pull[(*map as usize).min(last)];
+            *coord = keep * *coord + add;
+        }
+        self.lanes.coord
+    }
+
+    fn one(&mut self, lane: usize, map: u32) -> u32 {
+        let l = &mut self.lanes;
+        let jumped = map >= self.maps;
+        match self.mode {
+            Mode::Map | Mode::Coord => map,
+            Mode::Prefix(_) => {
+                l.word[lane] = map.min(self.maps - 1) * self.top + l.word[lane] / self.maps;
+                l.word[lane]
+            }
+            Mode::Depth => {
+                l.depth[lane] = if jumped { 0 } else { (l.depth[lane] + 1).min(255) };
+                l.depth[lane]
+            }
+            Mode::Order => {
+                let order = &mut l.depth[lane];
+                *order = match self.orders.get(map as usize) {
+                    // Jumps into the condensation set are stems as well.
+                    None | Some(Branching::Begins) => 0,
+                    Some(Branching::Keeps) => *order,
+                    Some(Branching::Adds) => (*order + 1).min(ORDERS),
+                };
+                *order * (255 / ORDERS)
+            }
+            Mode::Density => 0,
+        }
+    }
+
+    /// A lane starts again.
+    pub fn restart(&mut self, lane: usize) {
+        (self.lanes.word[lane], self.lanes.coord[lane], self.lanes.depth[lane]) = (0, 0.5, 0);
+    }
+}
+
+/// Step of the palette of a coordinate: 255 c to the nearest whole number.
+#[inline(always)]
+pub fn of_coord(c: f32) -> u32 {
+    // Beyond 2^23 there are no fractions: the sum's last bits are the number, found without a cast that saturates.
+    (c * 255.0 + 8_388_608.0).to_bits() & 255
+}
+
+/// Largest word length up to `k` with no more than [`LABELS`] words.
+fn longest(maps: usize, k: u32) -> u32 {
+    (1..=k).rev().find(|k| maps.checked_pow(*k).is_some_and(|n| n <= LABELS)).unwrap_or(1)
+}
+
+/// One colour per map and one for the condensation set.
+pub fn map_colors(ifs: &Ifs, own: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let mut leaves = LEAVES.iter().cycle();
+    let pick = |(i, map): (usize, &Map)| {
+        if !own.is_empty() {
+            return own[i % own.len()];
+        }
+        match map.color {
+            Some(c) => c,
+            None if is_squash(map) || map.stem => WOOD,
+            None => leaves.next().copied().unwrap_or(WOOD),
+        }
+    };
+    let mut colors: Vec<[f32; 3]> = ifs.maps.iter().enumerate().map(pick).collect();
+    colors.push(if own.is_empty() { WOOD } else { own[ifs.maps.len() % own.len()] });
+    colors
+}
+
+/// The newest map's colour, shaded by the older ones.
+fn prefixes(by_map: &[[f32; 3]], maps: usize, k: u32) -> Vec<[f32; 3]> {
+    let maps = maps.max(1);
+    let count = maps.pow(k);
+    let color = |word: usize| {
+        let mut rest = word;
+        let mut letters = [0_usize; 4];
+        for l in letters.iter_mut().take(k as usize).rev() {
+            // The newest map is the highest digit.
+            *l = rest % maps;
+            rest /= maps;
+        }
+        let mut c = by_map.get(letters[0]).copied().unwrap_or(WOOD);
+        let mut share = 0.45;
+        for l in letters.iter().take(k as usize).skip(1) {
+            let other = by_map.get(*l).copied().unwrap_or(WOOD);
+            for (x, y) in c.iter_mut().zip(other) {
+                *x = math::lerp(*x, y, share);
+            }
+            share *= 0.5;
+        }
+        c
+    };
+    (0..count).map(color).collect()
+}
+
+/// Step `i` of 256 of a palette, or from the first to the second leaf colour without one.
+#[allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a place in a list"
+)]
+fn along(palette: &[[f32; 3]], by_map: &[[f32; 3]], i: usize) -> [f32; 3] {
+    let fallback = [LEAVES[0], LEAVES[1]];
+    let list = match (palette, by_map) {
+        ([], _) => &fallback[..],
+        (p, _) => p,
+    };
+    let at = i as f32 / (STEPS - 1) as f32 * (list.len() - 1) as f32;
+    let low = (at as usize).min(list.len() - 1);
+    let high = (low + 1).min(list.len() - 1);
+    std::array::from_fn(|c| math::lerp(list[low][c], list[high][c], at - low as f32))
+}

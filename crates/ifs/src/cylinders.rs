@@ -1,0 +1,418 @@
+//! An attractor cut into cylinders: the images w(A) of the whole under words of maps.
+//!
+//! A point of the attractor that every map of a word takes in turn is again such a point, in the word's own small part of
+//! the picture. So a pool of points is drawn once by the chaos game and then laid into one cylinder after the other, each
+//! of which takes its share: no draw, no choice of a map, and cells that lie together while they are counted.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::affine::Affine;
+use super::cloud::Request;
+use super::color::Labels;
+use super::dynamics::Study;
+use super::game::{CHUNK, Chunk, Escapes, Game, LANES, Sink};
+use super::{Ifs, Map};
+use osier_base::math::narrow;
+
+/// Points of a batch: at most, and at least where there are fewer.
+const BATCH: u64 = 1 << 24;
+const LEAST: u64 = 1 << 16;
+/// Batches that are aimed at, so that threads have something to share.
+const BATCHES: u64 = 8;
+/// A pool holds one point for so many of its batch, and at least so many points.
+const REUSE: u64 = 64;
+const SMALL: u64 = 1 << 16;
+/// Pixels of a cylinder's box that need no further cut: their cells stay in the nearest caches.
+const AREA: f64 = 16_384.0;
+/// A cylinder with fewer points in a batch is not cut for being wide.
+const FEW: f64 = 512.0;
+/// Longest word.
+const LONGEST: usize = 4096;
+/// Words beyond which none is cut further unless labels ask: systems of hundreds of maps would fill the memory.
+const MOST: usize = 1 << 17;
+/// Magnitude beyond which a point is lost, table units.
+const FAR: f32 = 1e15;
+/// Share of the pool outside its box, on each side of each axis.
+const TAIL: f64 = 0.02;
+
+/// Points of an attractor, each coordinate in a row of its own, with their colour coordinates.
+#[derive(Debug, Default)]
+pub(super) struct Pool {
+    /// x, y, z.
+    pub place: [Vec<f32>; 3],
+    /// Colour coordinates, 0 to 1, or empty.
+    pub coord: Vec<f32>,
+    labels: Option<Labels>,
+}
+
+impl Sink for Pool {
+    fn take(&mut self, chunk: &Chunk) {
+        for step in 0..chunk.steps.min(CHUNK) {
+            for (list, row) in self.place.iter_mut().zip([&chunk.x, &chunk.y, &chunk.z]) {
+                list.extend_from_slice(&row[step]);
+            }
+            if let Some(labels) = &mut self.labels {
+                self.coord.extend(labels.pulled(&chunk.map[step]));
+            }
+        }
+    }
+
+    fn begin(&mut self) {
+        self.place.iter_mut().for_each(Vec::clear);
+        self.coord.clear();
+        (0..LANES).for_each(|lane| self.restart(lane));
+    }
+
+    fn restart(&mut self, lane: usize) {
+        if let Some(labels) = &mut self.labels {
+            labels.restart(lane);
+        }
+    }
+}
+
+impl Pool {
+    /// An empty pool; with labels that ask for it, one that keeps colour coordinates.
+    pub fn new(labels: Option<&Labels>) -> Self {
+        Self { labels: labels.filter(|l| l.is_by_coord()).cloned(), ..Self::default() }
+    }
+
+    /// The box of all but the outermost points.
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "a place in the list"
+    )]
+    fn bounds(&self) -> [[f64; 2]; 3] {
+        self.place.each_ref().map(|row| {
+            let mut sorted: Vec<f32> = row.iter().copied().filter(|v| v.is_finite()).collect();
+            let Some(end) = sorted.len().checked_sub(1) else { return [0.0; 2] };
+            let tail = (TAIL * end as f64) as usize;
+            let mut at = |k: usize| f64::from(*sorted.select_nth_unstable_by(k, f32::total_cmp).1);
+            [at(tail), at(end - tail)]
+        })
+    }
+}
+
+/// The image of the whole under one word.
+#[derive(Debug, Clone)]
+pub(super) struct Cylinder {
+    /// From a pool to pixels by the maps of the word: rows of A, then b.
+    pub map: [f32; 12],
+    /// The map that is applied last.
+    pub newest: usize,
+    /// Label of its points where that does not depend on them.
+    pub label: u32,
+    /// What is kept of a point's colour coordinate, and what is added.
+    pub pull: (f32, f32),
+    /// Sum of the shares up to and with this one.
+    end: f64,
+}
+
+/// How many points are drawn, and how many at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Batches {
+    /// Batches.
+    pub count: u64,
+    /// Points of each.
+    pub points: u64,
+}
+
+impl Batches {
+    /// Batches for at least `points` points.
+    pub fn of(points: u64) -> Self {
+        let count = points.div_ceil((points / BATCHES).clamp(LEAST, BATCH)).max(1);
+        Self { count, points: points.div_ceil(count).max(1) }
+    }
+
+    /// Points of a pool, a whole number of steps of all lanes.
+    fn pool(self) -> u64 {
+        (self.points / REUSE).max(SMALL).next_multiple_of(LANES as u64)
+    }
+}
+
+/// The cylinders of an attractor in the order of their words.
+#[derive(Debug)]
+pub(super) struct Cut {
+    cylinders: Vec<Cylinder>,
+    batches: Batches,
+}
+
+/// A word while the cut is made.
+struct Word {
+    affine: Affine,
+    share: f64,
+    newest: usize,
+    /// Its maps, newest first, as far as labels ask.
+    letters: Vec<usize>,
+    length: usize,
+    pull: (f64, f64),
+}
+
+/// True if an attractor can be cut: maps follow each other freely, nothing is condensed, and labels need not know a
+/// whole word.
+pub(super) fn suits(ifs: &Ifs, study: &Study, labels: Option<&Labels>) -> bool {
+    study.next.is_none() && ifs.condensation.is_empty() && !labels.is_some_and(Labels::is_by_order)
+}
+
+impl Cut {
+    /// Cuts until a cylinder is small in the picture, or holds few points, and no pool runs out. `game`: in units of
+    /// [`unit_frame`]; `window`: scale and shift from table units to pixels.
+    /// Source: J. Hutchinson, "Fractals and self similarity", 1981: A is the union of w(A) over any full set of words.
+    pub fn new(request: &Request<'_>, game: &Game, window: (DVec3, DVec3), labels: Option<&Labels>) -> Self {
+        let Request { system, study, .. } = *request;
+        let batches = Batches::of(request.points);
+        let mut pool = Pool::default();
+        game.play(0, batches.pool() / LANES as u64, &mut pool);
+        let bounds = pool.bounds();
+        let window = Affine::scaling(window.0, window.1);
+        let shown = system.last.map_or(window, |l| window.after(&l));
+        let (scale, shift) = game.frame();
+        let table = Affine::scaling(scale.recip(), -shift / scale);
+        #[allow(clippy::cast_precision_loss, reason = "some million points")]
+        let (all, most) = (batches.points as f64, batches.pool() as f64 / batches.points as f64);
+        let letters = labels.map_or(1, Labels::letters);
+        let mut cut = Self { cylinders: Vec::new(), batches };
+        let mut open = vec![Word::empty()];
+        let mut end = 0.0;
+        while let Some(word) = open.pop() {
+            // In double precision from unit to pixels, so that a deep look into a part is as sharp as one at the whole.
+            let map = shown.after(&word.affine).after(&table);
+            let wide = area(&map, &bounds) > AREA && word.share * all >= FEW;
+            let short = word.letters.len() < letters;
+            let room = word.length < LONGEST && cut.cylinders.len() + open.len() < MOST;
+            if short || ((wide || word.share > most) && room) {
+                let drawn = |i: &usize| study.probabilities.get(*i).is_some_and(|p| *p > 0.0);
+                open.extend((0..system.maps.len()).rev().filter(drawn).map(|i| {
+                    let (map, share) = (&system.maps[i], study.probabilities[i]);
+                    word.longer(i, map, share, letters)
+                }));
+                continue;
+            }
+            end += word.share;
+            cut.cylinders.push(word.close(&map, labels, end));
+        }
+        cut
+    }
+
+    /// The batches.
+    pub fn batches(&self) -> Batches {
+        self.batches
+    }
+
+    /// Draws one batch: fills the pool, then hands over every cylinder with windows of it. Cylinders take whole numbers of
+    /// points nearest to their shares.
+    pub fn draw(
+        &self,
+        batch: u64,
+        game: &Game,
+        pool: &mut Pool,
+        mut lay: impl FnMut(&Cylinder, &Pool, Range<usize>),
+    ) -> Escapes {
+        let steps = self.batches.pool() / LANES as u64;
+        let escapes = game.play(batch, steps, pool);
+        let size = pool.place[0].len();
+        let mut draw = game.draws("cylinders", batch);
+        let offset = draw.unit_f64();
+        let total = self.cylinders.last().map_or(1.0, |c| c.end);
+        let mut done = 0;
+        for cylinder in &self.cylinders {
+            let until = self.until(cylinder.end / total, offset);
+            let mut left = until - done;
+            done = until;
+            let mut at = draw.below(u32::try_from(size).unwrap_or(u32::MAX)) as usize;
+            while left > 0 {
+                let n = left.min(size - at);
+                lay(cylinder, pool, at..at + n);
+                (left, at) = (left - n, 0);
+            }
+        }
+        escapes
+    }
+
+    /// Points of all cylinders up to the one whose shares end here.
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss,
+        reason = "between 0 and some million"
+    )]
+    fn until(&self, end: f64, offset: f64) -> usize {
+        if end >= 1.0 { self.batches.points as usize } else { (end * self.batches.points as f64 + offset) as usize }
+    }
+}
+
+impl Word {
+    fn empty() -> Self {
+        Self { affine: Affine::IDENTITY, share: 1.0, newest: 0, letters: Vec::new(), length: 0, pull: (1.0, 0.0) }
+    }
+
+    /// The word with one map more, applied before all others.
+    fn longer(&self, i: usize, map: &Map, probability: f64, letters: usize) -> Self {
+        let mut all = self.letters.clone();
+        if all.len() < letters {
+            all.push(i);
+        }
+        Self {
+            affine: self.affine.after(&map.affine),
+            share: self.share * probability,
+            newest: if self.length == 0 { i } else { self.newest },
+            letters: all,
+            length: self.length + 1,
+            pull: (self.pull.0 * (1.0 - map.speed), self.pull.1 + self.pull.0 * map.speed * map.coord),
+        }
+    }
+
+    fn close(&self, map: &Affine, labels: Option<&Labels>, end: f64) -> Cylinder {
+        Cylinder {
+            map: map.single(),
+            newest: self.newest,
+            label: labels.map_or(0, |l| l.of_word(&self.letters)),
+            pull: (narrow(self.pull.0), narrow(self.pull.1)),
+            end,
+        }
+    }
+}
+
+/// Scale and shift from table units to those of a pool: all but the outermost points lie between -1 and 1.
+pub(super) fn unit_frame(system: &Ifs, study: &Study) -> (DVec3, DVec3) {
+    let game = Game::new(system, study, 0, (DVec3::ONE, DVec3::ZERO), FAR);
+    let mut pool = Pool::default();
+    game.play(0, SMALL / LANES as u64, &mut pool);
+    let bounds = pool.bounds().map(|[low, high]| [(low + high) * 0.5, (high - low) * 0.5]);
+    let half = bounds.iter().fold(0.0, |h: f64, b| h.max(b[1]));
+    let scale = if half > 1e-300 { 1.0 / half } else { 1.0 };
+    (DVec3::splat(scale), DVec3::from_array(bounds.map(|b| -b[0] * scale)))
+}
+
+/// Pixels of the box around the image of a box.
+fn area(map: &Affine, bounds: &[[f64; 2]; 3]) -> f64 {
+    let c = map.coefficients(3);
+    let side = |row: usize| (0..3).fold(0.0, |s, k| s + (c[row * 3 + k] * (bounds[k][1] - bounds[k][0])).abs());
+    (side(0) + 1.0) * (side(1) + 1.0)
+}
+
+#[cfg(test)]
+#[allow(clippy::cast_precision_loss, reason = "counts")]
+mod tests {
+    use super::*;
+    use crate::color::Mode;
+    use crate::dynamics::study;
+    use crate::game::{Tier, extent};
+    use crate::histogram::{Histogram, Window, histogram};
+    use crate::read;
+    use crate::tests::system;
+    use crate::weights::Rule;
+    use osier_base::limits::Limits;
+
+    const POINTS: u64 = 1 << 21;
+
+    fn drawn(ifs: &Ifs, mode: Mode, side: usize) -> Histogram {
+        let s = study(ifs, Rule::File);
+        let window = Window::fitted(extent(ifs, &s).expect("one").bounds, side, side);
+        let request = Request { system: ifs, study: &s, seed: 5, points: POINTS, tier: Tier::Best };
+        histogram(&request, Some(&Labels::new(ifs, mode, &[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])), &window)
+    }
+
+    /// The same system with a chaos matrix that changes nothing, so that it is drawn step by step.
+    fn stepped(ifs: &Ifs) -> Ifs {
+        Ifs { chaos: Some(vec![vec![1.0; ifs.maps.len()]; ifs.maps.len()]), ..ifs.clone() }
+    }
+
+    #[test]
+    fn cylinders_hold_what_the_chaos_game_draws() {
+        for name in ["fern_leaf", "bamboo_leaf", "green_tree", "monopodial"] {
+            let ifs = system(name);
+            for mode in [Mode::Map, Mode::Prefix(3), Mode::Coord] {
+                let (a, b) = (drawn(&ifs, mode, 24), drawn(&stepped(&ifs), mode, 24));
+                let scale = a.points as f64 / b.points as f64;
+                for i in 0..a.hits.len() {
+                    let (x, y) = (a.hits[i] as f64, b.hits[i] as f64 * scale);
+                    assert!((x - y).abs() <= 8.0 * (x + y).sqrt() + 8.0, "{name} {mode:?} cell {i}: {x} for {y}");
+                    for k in (0..3).filter(|_| x.min(y) > 2000.0) {
+                        let mean = |h: &Histogram| h.sums[i][k] as f64 / h.hits[i] as f64 / 4095.0;
+                        assert!((mean(&a) - mean(&b)).abs() < 0.05, "{name} {mode:?} cell {i} colour {k}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_batch_takes_all_of_its_points() {
+        for points in [1, 1000, 300_000, 5_000_001] {
+            let ifs = system("hill");
+            let s = study(&ifs, Rule::File);
+            let game = Game::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
+            let request = Request { system: &ifs, study: &s, seed: 2, points, tier: Tier::Best };
+            let cut = Cut::new(&request, &game, (DVec3::splat(10.0), DVec3::splat(50.0)), None);
+            let mut pool = Pool::new(None);
+            let mut laid = 0;
+            for batch in 0..cut.batches().count {
+                cut.draw(batch, &game, &mut pool, |_, _, range| laid += range.len() as u64);
+            }
+            assert_eq!(laid, cut.batches().count * cut.batches().points);
+            assert!(laid >= points && laid < points + cut.batches().count);
+        }
+    }
+
+    #[test]
+    fn a_deep_look_is_as_sharp_as_one_at_the_whole() {
+        let text = "g {\n.5 0 0 .5 0 0 .9\n.5 0 0 .5 .5 0 .05\n.5 0 0 .5 0 .5 .05\n}";
+        let ifs = read::read("g.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+        let s = study(&ifs, Rule::File);
+        let request = Request { system: &ifs, study: &s, seed: 5, points: POINTS, tier: Tier::Best };
+        let looked = |side: f64| {
+            // Beyond the side the next part begins.
+            let window = Window { width: 32, height: 32, center: [side * 0.49; 2], pixel: side * 0.98 / 32.0 };
+            histogram(&request, None, &window)
+        };
+        // The first map 24 times over: the corner 2^-24 wide is the whole again, with .9^24 of the points.
+        let (whole, deep) = (looked(1.0), looked(1.0 / 16_777_216.0));
+        let share = 0.079_766_443;
+        for (a, b) in whole.hits.iter().zip(&deep.hits) {
+            let (a, b) = (*a as f64 * share, *b as f64);
+            assert!((a - b).abs() <= 8.0 * (a + b).sqrt() + 8.0, "{b} for {a}");
+        }
+    }
+
+    #[test]
+    fn many_maps_that_hardly_shrink_are_cut_within_bounds() {
+        let row = |k: u32| format!("0 .9 -.9 0 {} {} .005", k % 20, k / 20);
+        let text = format!("m {{\n{}\n}}", (0..200).map(row).collect::<Vec<_>>().join("\n"));
+        let ifs = read::read("m.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+        let s = study(&ifs, Rule::File);
+        let game = Game::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
+        let request = Request { system: &ifs, study: &s, seed: 2, points: 1 << 30, tier: Tier::Best };
+        let cut = Cut::new(&request, &game, (DVec3::splat(400.0), DVec3::splat(9000.0)), None);
+        assert!(cut.cylinders.len() < MOST + ifs.maps.len(), "{}", cut.cylinders.len());
+        let end = cut.cylinders.last().map_or(0.0, |c| c.end);
+        assert!((end - 1.0).abs() < 1e-9, "all of it is there: {end}");
+    }
+
+    #[test]
+    fn cuts_end() {
+        // One map alone, and one that nearly always follows itself and hardly shrinks: no cut makes these small.
+        for text in ["a {\n.5 0 0 .5 1 1 1\n}", "b {\n.9999 0 0 .9999 1 0 .9999\n.5 0 0 .5 0 0 .0001\n}"] {
+            let ifs = read::read("x.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
+            let h = drawn(&ifs, Mode::Map, 64);
+            assert_eq!(h.hits.iter().sum::<u64>() + h.outside, h.points);
+        }
+    }
+
+    #[test]
+    fn pictures_are_shown_by_the_final_map() {
+        let turned = |last| Ifs { last: Some(last), ..system("fern_leaf") };
+        let upside_down = turned(Affine::plane([-1.0, 0.0, 0.0, -1.0, 3.0, 4.0]));
+        for ifs in [upside_down.clone(), stepped(&upside_down)] {
+            let (h, plain) = (drawn(&ifs, Mode::Map, 16), drawn(&system("fern_leaf"), Mode::Map, 16));
+            let scale = plain.points as f64 / h.points as f64;
+            for (a, b) in h.hits.iter().rev().zip(&plain.hits) {
+                let (a, b) = (*a as f64 * scale, *b as f64);
+                assert!((a - b).abs() < 0.02 * (a + b) + 300.0, "{a} for {b}");
+            }
+        }
+    }
+}

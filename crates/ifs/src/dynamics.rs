@@ -1,0 +1,256 @@
+//! Whether a system has an attractor: stretch of its maps, Lyapunov exponent, and what is odd about them.
+
+use glam::DVec3;
+
+use super::weights::{Rule, probabilities};
+use super::{Ifs, Map};
+use osier_base::diagnostic::{Diagnostic, Report, Severity};
+use osier_base::math;
+use osier_base::rng::Rng;
+use osier_base::units;
+
+/// Exponents beyond this are not zero.
+const NEUTRAL: f64 = 1e-3;
+/// Chains of the exponent, and steps of each.
+const CHAINS: u64 = 64;
+const STEPS: u32 = 4096;
+/// Singular values below this share of the largest coefficient are 0.
+const FLAT: f64 = 1e-9;
+
+/// What is known about a system before it is drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    /// Share of each map in long runs.
+    pub probabilities: Vec<f64>,
+    /// Probability of the next map (column) after the last one (row), where the file has a chaos matrix.
+    pub next: Option<Vec<Vec<f64>>>,
+    /// E1, mean of ln of the norms.
+    pub mean_log: f64,
+    /// Top Lyapunov exponent of the random product, per step.
+    pub exponent: f64,
+    /// Its standard error.
+    pub error: f64,
+    /// True if a map drawn has a spectral radius of 1 or more: the attractor has no bounds.
+    pub unbounded: bool,
+    /// The map whose fixed point chains start from.
+    pub first: usize,
+    /// What is odd.
+    pub told: Vec<Diagnostic>,
+}
+
+impl Study {
+    /// `Err` with a report over `sources` if the system has no attractor.
+    /// # Errors
+    /// `Input` with all that is odd.
+    pub fn into_result(self, sources: &Report) -> osier_base::Result<(Self, Report)> {
+        let mut report = Report { sources: sources.sources.clone(), diagnostics: Vec::new() };
+        self.told.iter().for_each(|d| report.push(d.clone()));
+        report.into_result(self)
+    }
+
+    /// Steps until a start is forgotten: e^-16.6 of the distance is left, 32 to 4096.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
+    pub fn warm_up(&self) -> u32 {
+        (16.6 / self.exponent.abs().max(1e-6)).ceil().clamp(32.0, 4096.0) as u32
+    }
+}
+
+/// Studies a system under a rule of weights.
+/// Source: [zhao-zhang] definition 2, of which a contractive system asks max norm < 1.
+/// Differs: contraction on average is enough (E1 <= -1e-3, or a negative exponent): a quarter of the tables in
+/// circulation holds a map that stretches and has an attractor all the same.
+pub fn study(ifs: &Ifs, rule: Rule) -> Study {
+    let (mut shares, mut told) = probabilities(ifs, rule);
+    let next = ifs.chaos.as_ref().and_then(|c| transitions(ifs, c, &shares, &mut told));
+    if let Some(next) = &next {
+        shares = stationary(next, shares);
+    }
+    let norms: Vec<f64> = ifs.maps.iter().map(|m| m.affine.norm()).collect();
+    let drawn = |i: &usize| shares.get(*i).is_some_and(|p| *p > 0.0);
+    for (i, map) in ifs.maps.iter().enumerate().filter(|(i, _)| norms.get(*i).is_some_and(|n| *n >= 1.0)) {
+        told.push(stretches(ifs, i, map, norms.get(i).copied().unwrap_or(0.0)));
+    }
+    let radius: Vec<f64> = ifs.maps.iter().map(|m| m.affine.spectral_radius()).collect();
+    let wild = (0..ifs.maps.len()).filter(drawn).find(|i| radius.get(*i).is_some_and(|r| *r >= 1.0));
+    if let Some(i) = wild {
+        let text = format!("map {} alone runs away: its spectral radius is {:.4}", i + 1, radius[i]);
+        let d = Diagnostic::warning("I026", text, ifs.maps[i].span, "this map");
+        told.push(d.help("the attractor has no bounds; the picture shows where all but 0.1 % of the points are"));
+    }
+    if ifs.maps.iter().all(|m| is_flat(ifs, m)) {
+        let text = "every map flattens what it is given";
+        let d = Diagnostic::warning("I025", text, ifs.span, "in this system");
+        told.push(
+            d.help("the attractor is a few lines or points; are the columns r q alpha beta rather than a b c d?"),
+        );
+    }
+    let mean_log = shares.iter().zip(&norms).fold(0.0, |s, (p, n)| s + p * math::ln(n.max(1e-12)));
+    let (exponent, error) = exponent(ifs, &shares, next.as_deref());
+    verdict(ifs, (mean_log, exponent), &mut told);
+    let first = likeliest(&shares);
+    Study { probabilities: shares, next, mean_log, exponent, error, unbounded: wild.is_some(), first, told }
+}
+
+fn is_flat(ifs: &Ifs, map: &Map) -> bool {
+    let s = map.affine.singular_values();
+    s.get(ifs.dim - 1).is_none_or(|least| *least <= FLAT * s[0].max(1e-300))
+}
+
+fn verdict(ifs: &Ifs, (mean_log, exponent): (f64, f64), told: &mut Vec<Diagnostic>) {
+    if mean_log <= -NEUTRAL || told.iter().any(|d| d.severity == Severity::Error) {
+        return;
+    }
+    if exponent > NEUTRAL {
+        let text = format!("\"{}\" does not contract: distances grow by {:.3} per step", ifs.name, math::exp(exponent));
+        let d = Diagnostic::error("I021", text, ifs.span, "no attractor");
+        told.push(d.help("points run away; make the maps smaller, or the weights of those that shrink larger"));
+    } else if exponent > -NEUTRAL {
+        let text = format!("\"{}\" neither contracts nor grows on average", ifs.name);
+        let d = Diagnostic::warning("I022", text, ifs.span, "in this system");
+        told.push(d.help("its picture depends on where the points start"));
+    }
+}
+
+/// I020 with the map's numbers and, where one changed digit makes both angles equal, that digit.
+fn stretches(ifs: &Ifs, index: usize, map: &Map, norm: f64) -> Diagnostic {
+    let text = format!("map {} stretches: its norm is {norm:.3}", index + 1);
+    if ifs.dim != 2 {
+        let d = Diagnostic::warning("I020", text, map.span, "norm of 1 or more");
+        return d.help("a system may hold such a map as long as it contracts on average");
+    }
+    let [r, q, alpha, beta] = map.affine.to_polar();
+    let degrees = |a: f64| a / units::radians(1.0);
+    let label = format!("r {r:.3} q {q:.3} alpha {:.1} beta {:.1}", degrees(alpha), degrees(beta));
+    let d = Diagnostic::warning("I020", text, map.span, label);
+    match misprint(map) {
+        Some((column, from, to)) => d.help(format!(
+            "with {column} = {to} instead of {from} both angles would agree: a misprint? It may stay as long as the \
+             system contracts on average"
+        )),
+        None => d.help("a system may hold such a map as long as it contracts on average"),
+    }
+}
+
+/// A change of one digit of one coefficient that makes alpha and beta equal within a degree, and the norm less than 1.
+fn misprint(map: &Map) -> Option<(char, String, String)> {
+    let numbers = map.affine.coefficients(2);
+    let gap = |c: [f64; 6]| {
+        let m = super::affine::Affine::plane(c);
+        let [r, q, alpha, beta] = m.to_polar();
+        let sound = r > 0.0 && q > 0.0 && m.norm() < 1.0;
+        if sound { (alpha - beta).abs() } else { f64::MAX }
+    };
+    let mut best = (units::radians(1.0), None);
+    for (i, column) in "abcd".chars().enumerate() {
+        let text = numbers.get(i)?.to_string();
+        for (k, digit) in text.char_indices().filter(|(_, c)| c.is_ascii_digit()) {
+            for new in '0'..='9' {
+                let mut changed = text.clone();
+                changed.replace_range(k..=k, new.encode_utf8(&mut [0; 4]));
+                let Ok(value) = changed.parse::<f64>() else { continue };
+                let mut c: [f64; 6] = std::array::from_fn(|j| numbers.get(j).copied().unwrap_or(0.0));
+                c[i] = value;
+                let found = gap(c);
+                if new != digit && found < best.0 {
+                    best = (found, Some((column, text.clone(), changed)));
+                }
+            }
+        }
+    }
+    best.1
+}
+
+/// Rows of next-map probabilities q_j c_ij, normalised; `None` with I016 if the matrix makes no sense.
+fn transitions(ifs: &Ifs, chaos: &[Vec<f64>], shares: &[f64], told: &mut Vec<Diagnostic>) -> Option<Vec<Vec<f64>>> {
+    let m = ifs.maps.len();
+    let mut bad = |text: String, help: &str| {
+        told.push(Diagnostic::error("I016", text, ifs.span, "in this system").help(help));
+    };
+    if chaos.len() != m || chaos.iter().any(|r| r.len() != m) {
+        bad(format!("the chaos matrix is not {m} x {m}"), "one row per map, each with one factor per map");
+        return None;
+    }
+    let mut next = Vec::with_capacity(m);
+    for (i, row) in chaos.iter().enumerate() {
+        let weights: Vec<f64> = row.iter().zip(shares).map(|(c, q)| c.max(0.0) * q).collect();
+        let sum = weights.iter().fold(0.0, |s, w| s + w);
+        if sum <= 0.0 {
+            bad(format!("nothing may follow map {}", i + 1), "leave a factor above 0 in each row");
+            return None;
+        }
+        next.push(weights.iter().map(|w| w / sum).collect::<Vec<f64>>());
+    }
+    let start = likeliest(shares);
+    let mut reached = vec![false; m];
+    let mut stack = vec![start];
+    while let Some(i) = stack.pop() {
+        if !std::mem::replace(&mut reached[i], true) {
+            stack.extend((0..m).filter(|j| next[i][*j] > 0.0));
+        }
+    }
+    if let Some(lost) = (0..m).find(|i| !reached[*i] && shares[*i] > 0.0) {
+        bad(format!("map {} is never reached", lost + 1), "some row needs a factor above 0 in its column");
+        return None;
+    }
+    Some(next)
+}
+
+/// The map with the largest share; the first of several.
+fn likeliest(shares: &[f64]) -> usize {
+    let mut best = 0;
+    for (i, p) in shares.iter().enumerate() {
+        if *p > shares[best] {
+            best = i;
+        }
+    }
+    best
+}
+
+/// Long-run shares of a Markov chain, by averaged powers.
+fn stationary(next: &[Vec<f64>], mut shares: Vec<f64>) -> Vec<f64> {
+    for _ in 0..4096 {
+        let step = |j: usize| shares.iter().zip(next).fold(0.0, |s, (p, row)| s + p * row[j]);
+        // Half a step: chains that go round in circles settle as well.
+        let mixed: Vec<f64> = (0..shares.len()).map(|j| 0.5 * (shares[j] + step(j))).collect();
+        shares = mixed;
+    }
+    shares
+}
+
+/// Top exponent of the random product and its standard error; seed 0, so that the verdict never depends on a scene's.
+/// Source: H. Furstenberg, H. Kesten, "Products of random matrices", 1960; by simulation.
+fn exponent(ifs: &Ifs, shares: &[f64], next: Option<&[Vec<f64>]>) -> (f64, f64) {
+    if shares.iter().all(|p| *p <= 0.0) {
+        return (0.0, 0.0);
+    }
+    let mut means = Vec::new();
+    for chain in 0..CHAINS {
+        let mut draw = Rng::at(0, &["ifs-exponent".into(), chain.into()]);
+        let mut direction = random_direction(&mut draw, ifs.dim);
+        let (mut sum, mut last) = (0.0, draw.pick(shares));
+        for _ in 0..STEPS {
+            let row = next.and_then(|n| n.get(last)).map_or(shares, Vec::as_slice);
+            last = draw.pick(row);
+            let Some(map) = ifs.maps.get(last) else { continue };
+            let image = map.affine.a * direction;
+            let length = image.length();
+            if length > 1e-12 && length.is_finite() {
+                direction = image / length;
+            } else {
+                direction = random_direction(&mut draw, ifs.dim);
+            }
+            sum += math::ln(length.clamp(1e-12, 1e300));
+        }
+        means.push(sum / f64::from(STEPS));
+    }
+    #[allow(clippy::cast_precision_loss, reason = "64 chains")]
+    let n = means.len() as f64;
+    let mean = means.iter().fold(0.0, |s, v| s + v) / n;
+    let variance = means.iter().fold(0.0, |s, v| s + (v - mean) * (v - mean)) / (n - 1.0);
+    (mean, math::sqrt(variance / n))
+}
+
+fn random_direction(draw: &mut Rng, dim: usize) -> DVec3 {
+    let v = DVec3::new(draw.normal(), draw.normal(), if dim == 3 { draw.normal() } else { 0.0 });
+    v.try_normalize().unwrap_or(DVec3::X)
+}

@@ -1,0 +1,113 @@
+//! Where an attractor lies, by drawing it.
+
+use glam::DVec3;
+
+use super::{CHUNK, Chunk, Escapes, Game, LANES, Sink};
+use crate::Ifs;
+use crate::affine::Affine;
+use crate::dynamics::Study;
+use osier_base::diagnostic::Diagnostic;
+use osier_base::math::narrow;
+use osier_base::par::par_map;
+
+/// Points of the sample.
+const SAMPLE: u64 = 1 << 20;
+/// Magnitude beyond which a point of the sample has escaped.
+const FAR: f32 = 1e15;
+/// Shares of the sample outside the quantile box, on each side of each axis.
+const TAIL: f64 = 0.0005;
+/// Share of escapes that is still an attractor.
+const MAX_ESCAPES: f64 = 1e-3;
+
+/// The sample's box and its box without stragglers, table units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Smallest and largest coordinates.
+    pub bounds: (DVec3, DVec3),
+    /// 0.0005 and 0.9995 quantiles.
+    pub quantile: (DVec3, DVec3),
+}
+
+#[derive(Default)]
+struct Collect {
+    points: [Vec<f32>; 3],
+}
+
+impl Sink for Collect {
+    fn take(&mut self, chunk: &Chunk) {
+        for step in 0..chunk.steps.min(CHUNK) {
+            for (list, row) in self.points.iter_mut().zip([&chunk.x, &chunk.y, &chunk.z]) {
+                list.extend_from_slice(&row[step]);
+            }
+        }
+    }
+}
+
+/// Samples an attractor: 2^20 points with seed 0.
+/// Own: intervals derived from the largest ratio would be useless, 4.5e5 for a figure 8.6 wide where a ratio is near 1.
+/// # Errors
+/// I023 if more than 0.001 of the tests find an escaped lane.
+pub fn extent(ifs: &Ifs, study: &Study) -> Result<Extent, Box<Diagnostic>> {
+    let game = Game::new(ifs, study, 0, (DVec3::ONE, DVec3::ZERO), FAR);
+    let (blocks, steps) = Game::plan(SAMPLE);
+    let blocks: Vec<u64> = (0..blocks).collect();
+    let parts = par_map(&blocks, |block| {
+        let mut sink = Collect::default();
+        let escapes = game.play(*block, steps, &mut sink);
+        (sink.points, escapes)
+    });
+    let mut all: [Vec<f32>; 3] = Default::default();
+    let mut escapes = Escapes::default();
+    for (points, found) in parts {
+        for (list, more) in all.iter_mut().zip(points) {
+            list.extend(more);
+        }
+        escapes = escapes.plus(found);
+    }
+    if let Some(last) = &ifs.last {
+        show(last, &mut all);
+    }
+    let finite = |i: &usize| all.iter().all(|l| l[*i].is_finite());
+    let kept: Vec<usize> = (0..all[0].len()).filter(finite).collect();
+    #[allow(clippy::cast_precision_loss, reason = "counts of a million")]
+    let share = escapes.found as f64 / escapes.tests.max(1) as f64;
+    if share > MAX_ESCAPES || kept.is_empty() {
+        return Err(Box::new(escaped(ifs, &all, share)));
+    }
+    let mut out = Extent { bounds: (DVec3::ZERO, DVec3::ZERO), quantile: (DVec3::ZERO, DVec3::ZERO) };
+    for axis in 0..ifs.dim.min(3) {
+        let mut values: Vec<f32> = kept.iter().map(|i| all[axis][*i]).collect();
+        let end = values.len() - 1;
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::cast_precision_loss,
+            reason = "a place in the sample"
+        )]
+        let tail = (TAIL * end as f64) as usize;
+        let mut at = |k: usize| f64::from(*values.select_nth_unstable_by(k, f32::total_cmp).1);
+        (out.quantile.0[axis], out.quantile.1[axis]) = (at(tail), at(end - tail));
+        (out.bounds.0[axis], out.bounds.1[axis]) = (at(0), at(end));
+    }
+    Ok(out)
+}
+
+/// Moves all points by the map that they are shown by.
+fn show(last: &Affine, [xs, ys, zs]: &mut [Vec<f32>; 3]) {
+    for ((x, y), z) in xs.iter_mut().zip(ys).zip(zs) {
+        let shown = last.apply(DVec3::new(f64::from(*x), f64::from(*y), f64::from(*z)));
+        [*x, *y, *z] = shown.to_array().map(narrow);
+    }
+}
+
+fn escaped(ifs: &Ifs, all: &[Vec<f32>; 3], share: f64) -> Diagnostic {
+    let near = |i: &usize| all.iter().all(|l| l[*i].abs() <= FAR);
+    let last = (0..all[0].len())
+        .rev()
+        .step_by(LANES)
+        .find(near)
+        .map_or(DVec3::ZERO, |i| DVec3::new(f64::from(all[0][i]), f64::from(all[1][i]), f64::from(all[2][i])));
+    let text = format!("\"{}\" runs away: {:.1} % of the tests find a point beyond 1e15", ifs.name, share * 100.0);
+    let d = Diagnostic::error("I023", text, ifs.span, "no attractor");
+    d.help(format!("a last near point was ({:.3e}, {:.3e}, {:.3e}); make the maps smaller", last.x, last.y, last.z))
+}

@@ -1,0 +1,91 @@
+//! Steps of systems with condensation: with a certain chance a lane jumps into the set instead of being mapped.
+
+use glam::DVec3;
+
+use super::lanes::Lanes;
+use super::{Chunk, Game, LANES};
+use crate::Shape;
+use crate::faces::within;
+use osier_base::math::{self, narrow};
+
+/// Fills a chunk.
+/// Source: M. Barnsley, "Fractals Everywhere", 1988: K = C u w_1(K) u ... u w_m(K).
+pub(super) fn advance(game: &Game, lanes: &mut Lanes, chunk: &mut Chunk) {
+    let total = game.condensation.iter().fold(0.0, |s, c| s + c.weight).clamp(0.0, 1.0);
+    for step in 0..chunk.steps {
+        for lane in 0..LANES {
+            let chance = unit(lanes, lane);
+            if chance < total {
+                jump(game, lanes, lane, chance);
+            } else {
+                let draw = lanes.draw(lane) >> 1;
+                if lanes.map[lane] as usize >= game.maps.len() {
+                    // A jump forgets which map came last.
+                    lanes.map[lane] = game.first;
+                }
+                lanes.step(game, lane, draw);
+            }
+        }
+        (chunk.x[step], chunk.y[step], chunk.z[step]) = (lanes.x, lanes.y, lanes.z);
+        chunk.map[step] = lanes.map;
+    }
+}
+
+/// Uniform in [0, 1).
+fn unit(lanes: &mut Lanes, lane: usize) -> f64 {
+    f64::from(lanes.draw(lane) >> 1) / 2_147_483_648.0
+}
+
+fn jump(game: &Game, lanes: &mut Lanes, lane: usize, chance: f64) {
+    let mut sum = 0.0;
+    let set = game.condensation.iter().find(|c| {
+        sum += c.weight;
+        chance < sum
+    });
+    let Some(set) = set.or(game.condensation.last()) else { return };
+    let draws = [unit(lanes, lane), unit(lanes, lane), unit(lanes, lane)];
+    let p = point(&set.shape, draws, game.dim) * game.frame.0 + game.frame.1;
+    [lanes.x[lane], lanes.y[lane], lanes.z[lane]] = p.to_array().map(narrow);
+    lanes.map[lane] = u32::try_from(game.maps.len()).unwrap_or(u32::MAX);
+}
+
+/// A point of the set, uniform by three uniform draws.
+fn point(shape: &Shape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
+    let around = |radius: f64| {
+        let (angle, r) = (v * std::f64::consts::TAU, radius * math::sqrt(w));
+        (math::cos(angle) * r, math::sin(angle) * r)
+    };
+    match shape {
+        Shape::Segment { from, to, radius } => {
+            let (a, b) = (DVec3::from_array(*from), DVec3::from_array(*to));
+            let axis = (b - a).try_normalize().unwrap_or(DVec3::Y);
+            let side = if dim == 2 { DVec3::new(-axis.y, axis.x, 0.0) } else { axis.any_orthonormal_vector() };
+            let (s, t) = if dim == 2 { (radius * (2.0 * v - 1.0), 0.0) } else { around(*radius) };
+            a.lerp(b, u) + side * s + axis.cross(side) * t
+        }
+        Shape::Disc { center, radius } => {
+            let (x, y) = around(*radius);
+            DVec3::from_array(*center) + DVec3::new(x, y, 0.0)
+        }
+        Shape::Polygon { points } => fan(points, [u, v, w]),
+        Shape::Mesh(model) => model.faces.point([u, v, w]),
+    }
+}
+
+/// A point of a convex polygon: a triangle of its fan by area, then a place in it.
+fn fan(points: &[[f64; 2]], [u, v, w]: [f64; 3]) -> DVec3 {
+    let corner = |i: usize| points.get(i).map_or(DVec3::ZERO, |p| DVec3::new(p[0], p[1], 0.0));
+    let area = |i: usize| (corner(i) - corner(0)).cross(corner(i + 1) - corner(0)).z.abs();
+    let last = points.len().saturating_sub(1);
+    let total = (1..last).fold(0.0, |s, i| s + area(i));
+    let mut left = u * total;
+    let mut pick = 1;
+    for i in 1..last {
+        pick = i;
+        left -= area(i);
+        if left < 0.0 {
+            break;
+        }
+    }
+    within([corner(0), corner(pick), corner(pick + 1)], v, w)
+}

@@ -1,0 +1,71 @@
+//! Where the cells of a picture lie in memory: in square tiles, so that what is near in the picture is near in memory, and
+//! rows of a power of two do not fall on each other in the caches.
+
+use osier_base::par::par_each;
+
+/// log2 of the side of a tile; the fast instructions have it written in.
+const SIDE: usize = 5;
+const MASK: usize = (1 << SIDE) - 1;
+
+/// Cells of a picture, tile after tile, with one more for what falls outside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Columns of the picture.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Layout {
+    /// Tiles from left to right.
+    pub fn across(self) -> usize {
+        self.width.div_ceil(1 << SIDE)
+    }
+
+    /// The cell for all points outside, behind all others.
+    pub fn outside(self) -> usize {
+        (self.across() * self.height.div_ceil(1 << SIDE)) << (2 * SIDE)
+    }
+
+    /// Number of cells, that of the outside with them.
+    pub fn cells(self) -> usize {
+        self.outside() + 1
+    }
+
+    /// Cell of a pixel.
+    #[inline]
+    pub fn cell(self, x: usize, y: usize) -> usize {
+        let tile = (y >> SIDE) * self.across() + (x >> SIDE);
+        (tile << (2 * SIDE)) | ((y & MASK) << SIDE) | (x & MASK)
+    }
+
+    /// A value for every pixel from its cell, rows from the top.
+    pub fn rows<T: Default + Clone + Send>(self, of: impl Fn(usize) -> T + Sync) -> Vec<T> {
+        let mut out = vec![T::default(); self.width * self.height];
+        let mut rows: Vec<(usize, &mut [T])> = out.chunks_mut(self.width.max(1)).enumerate().collect();
+        par_each(&mut rows, |(y, row)| {
+            for (x, value) in row.iter_mut().enumerate() {
+                *value = of(self.cell(x, *y));
+            }
+        });
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pixel_has_a_cell_of_its_own() {
+        for (width, height) in [(1, 1), (31, 65), (64, 32), (100, 33)] {
+            let layout = Layout { width, height };
+            let mut cells = layout.rows(|c| c);
+            assert_eq!(cells.len(), width * height);
+            assert_eq!(cells[(height - 1) * width], layout.cell(0, height - 1));
+            cells.sort_unstable();
+            cells.dedup();
+            assert!(cells.len() == width * height && cells.iter().all(|c| *c < layout.outside()));
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! The chaos game: points of an attractor, the same at any thread count and on any processor.
+//!
+//! Points come in blocks of 32 lanes. A lane has a random stream of its own and steps from map to map; the points of a
+//! block are ordered by step, then lane.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod bounds;
+mod condensed;
+mod lanes;
+mod layout;
+
+use glam::DVec3;
+
+use super::dynamics::Study;
+use super::{Condensation, Ifs};
+pub use bounds::{Extent, extent};
+use lanes::Lanes;
+pub(super) use layout::Layout;
+use osier_base::math::narrow;
+use osier_base::rng::{Rng, word};
+
+/// Lanes of a block.
+pub const LANES: usize = 32;
+/// Steps that are handed over at once.
+pub const CHUNK: usize = 32;
+/// Least number of blocks, and most points of one.
+const BLOCKS: u64 = 32;
+const BLOCK_POINTS: u64 = 1 << 20;
+/// Escaping lanes are looked for every so many chunks.
+const GUARD: usize = 2;
+
+/// Instructions that the steps are made with; all give the same bits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Tier {
+    /// What the processor has.
+    Best,
+    /// Plain loops.
+    Plain,
+}
+
+/// Up to [`CHUNK`] steps of all lanes, one array per coordinate, lane after lane within a step.
+#[derive(Debug)]
+pub struct Chunk {
+    /// Steps that are filled.
+    pub steps: usize,
+    /// x of every point.
+    pub x: [[f32; LANES]; CHUNK],
+    /// y of every point.
+    pub y: [[f32; LANES]; CHUNK],
+    /// z of every point.
+    pub z: [[f32; LANES]; CHUNK],
+    /// The map that made each point; the number of maps for a point of the condensation set.
+    pub map: [[u32; LANES]; CHUNK],
+}
+
+impl Chunk {
+    /// An empty chunk.
+    pub fn new() -> Box<Self> {
+        let zero = [[0.0; LANES]; CHUNK];
+        Box::new(Self { steps: 0, x: zero, y: zero, z: zero, map: [[0; LANES]; CHUNK] })
+    }
+}
+
+/// Takes the points of one block, chunk after chunk.
+pub trait Sink {
+    /// Steps of all lanes.
+    fn take(&mut self, chunk: &Chunk);
+    /// A block begins: nothing of the last one counts any more.
+    fn begin(&mut self) {}
+    /// A lane has escaped and starts again.
+    fn restart(&mut self, _lane: usize) {}
+}
+
+/// Tests of the guard, and how many lanes it found outside.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Escapes {
+    /// Lanes looked at.
+    pub tests: u64,
+    /// Lanes found beyond the guard or not finite.
+    pub found: u64,
+}
+
+impl Escapes {
+    /// Both together.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
+        Self { tests: self.tests + other.tests, found: self.found + other.found }
+    }
+}
+
+/// One map in single precision: rows of A, then b.
+pub(super) type Coefficients = [f32; 12];
+
+/// A system made ready for drawing.
+#[derive(Debug, Clone)]
+pub struct Game {
+    maps: Vec<Coefficients>,
+    dim: usize,
+    /// Sums of probabilities as 31-bit numbers, one row, or with a chaos matrix one per last map.
+    rows: Vec<Vec<u32>>,
+    start: [f32; 3],
+    first: u32,
+    warm_up: u32,
+    guard: f32,
+    condensation: Vec<Condensation>,
+    /// Scale and shift of the coordinates that points come in.
+    frame: (DVec3, DVec3),
+    id: u64,
+    seed: u64,
+    tier: Tier,
+}
+
+impl Game {
+    /// Makes a system ready. Points come as u = scale x + shift; `guard`: |u| beyond which a lane starts again.
+    /// Own: the start is the fixed point of the map [`Study::first`], moved by the warm-up of [`Study::warm_up`] steps.
+    pub fn new(ifs: &Ifs, study: &Study, seed: u64, (scale, shift): (DVec3, DVec3), guard: f32) -> Self {
+        let best = study.first;
+        let stays = study.next.as_ref().is_none_or(|n| n.get(best).and_then(|r| r.get(best)).is_some_and(|p| *p > 0.0));
+        let fixed = ifs.maps.get(best).filter(|m| stays && m.affine.spectral_radius() < 1.0);
+        let start = fixed.and_then(|m| m.affine.fixed_point()).unwrap_or(DVec3::ZERO) * scale + shift;
+        let maps = ifs.maps.iter().map(|m| m.affine.conjugated(scale, shift).single());
+        let rows = match &study.next {
+            Some(next) => next.iter().map(|r| thresholds(r)).collect(),
+            None => vec![thresholds(&study.probabilities)],
+        };
+        Self {
+            maps: maps.collect(),
+            dim: ifs.dim,
+            rows,
+            start: start.to_array().map(narrow),
+            first: u32::try_from(best).unwrap_or(0),
+            warm_up: study.warm_up(),
+            guard,
+            condensation: ifs.condensation.clone(),
+            frame: (scale, shift),
+            id: word(&ifs.name),
+            seed,
+            tier: Tier::Best,
+        }
+    }
+
+    /// The same game with other instructions.
+    #[must_use]
+    pub fn with_tier(self, tier: Tier) -> Self {
+        Self { tier, ..self }
+    }
+
+    /// Number of maps.
+    pub fn maps(&self) -> usize {
+        self.maps.len()
+    }
+
+    /// A stream of draws beside those of the lanes.
+    pub(super) fn draws(&self, what: &str, block: u64) -> Rng {
+        Rng::at(self.seed, &["ifs".into(), self.id.into(), what.into(), block.into()])
+    }
+
+    /// Scale and shift of the coordinates that points come in.
+    pub(super) fn frame(&self) -> (DVec3, DVec3) {
+        self.frame
+    }
+
+    /// Instructions that steps are made with.
+    pub(super) fn tier(&self) -> Tier {
+        self.tier
+    }
+
+    /// Blocks, and steps of each lane, for `points` points.
+    pub fn plan(points: u64) -> (u64, u64) {
+        let blocks = points.div_ceil(BLOCK_POINTS).max(BLOCKS);
+        (blocks, points.div_ceil(blocks * LANES as u64))
+    }
+
+    /// Plays one block of `steps` steps into a sink.
+    /// Source: M. Barnsley, "Fractals Everywhere", 1988: the random iteration algorithm, 32 chains at a time.
+    pub fn play(&self, block: u64, steps: u64, sink: &mut impl Sink) -> Escapes {
+        let mut lanes = self.lanes(block);
+        let mut chunk = Chunk::new();
+        sink.begin();
+        let mut left = u64::from(self.warm_up);
+        while left > 0 {
+            left -= self.advance(&mut lanes, &mut chunk, left);
+        }
+        let mut escapes = Escapes::default();
+        let (mut left, mut count) = (steps, 0);
+        while left > 0 {
+            left -= self.advance(&mut lanes, &mut chunk, left);
+            count += 1;
+            sink.take(&chunk);
+            if count % GUARD == 0 {
+                escapes = escapes.plus(self.guard(&mut lanes, sink));
+            }
+        }
+        escapes
+    }
+
+    fn lanes(&self, block: u64) -> Lanes {
+        let mut lanes = Lanes::at(self.start, self.first);
+        for lane in 0..LANES {
+            let mut draw = Rng::at(self.seed, &["ifs".into(), self.id.into(), block.into(), lane.into()]);
+            let words = [draw.next_u64(), draw.next_u64()];
+            lanes.seed(lane, words);
+        }
+        lanes
+    }
+
+    /// Up to `left` steps, at most a chunk; returns how many.
+    fn advance(&self, lanes: &mut Lanes, chunk: &mut Chunk, left: u64) -> u64 {
+        chunk.steps = usize::try_from(left).unwrap_or(CHUNK).min(CHUNK);
+        let steps = chunk.steps as u64;
+        if !self.condensation.is_empty() {
+            condensed::advance(self, lanes, chunk);
+            return steps;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if self.tier == Tier::Best && avx2::advance(self, lanes, chunk) {
+            return steps;
+        }
+        lanes.advance(self, chunk);
+        steps
+    }
+
+    fn guard(&self, lanes: &mut Lanes, sink: &mut impl Sink) -> Escapes {
+        let mut found = 0;
+        for lane in 0..LANES {
+            let inside = |v: f32| v.abs() <= self.guard;
+            if !(inside(lanes.x[lane]) && inside(lanes.y[lane]) && inside(lanes.z[lane])) {
+                found += 1;
+                [lanes.x[lane], lanes.y[lane], lanes.z[lane]] = self.start;
+                lanes.map[lane] = self.first;
+                sink.restart(lane);
+            }
+        }
+        Escapes { tests: LANES as u64, found }
+    }
+}
+
+/// Cell of the image of every place under a map; the one outside for images beyond the picture.
+/// `place`: as many x and y as `out` is long, and as many z or, for maps of the plane, none.
+pub(super) fn images(tier: Tier, map: &Coefficients, place: [&[f32]; 3], layout: Layout, out: &mut [u32]) {
+    #[cfg(target_arch = "x86_64")]
+    if tier == Tier::Best && avx2::images(map, place, layout, out) {
+        return;
+    }
+    lanes::images(map, place, layout, out);
+}
+
+/// floor(2^31 times the running sum) for all maps but the last; 2^31, which no draw reaches, behind the last one drawn.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=2^31 before the cast")]
+fn thresholds(q: &[f64]) -> Vec<u32> {
+    let last = q.iter().rposition(|p| *p > 0.0).unwrap_or(0);
+    let mut sum = 0.0;
+    let bound = |(i, p): (usize, &f64)| {
+        sum += p;
+        if i >= last { 1 << 31 } else { (sum * 2_147_483_648.0).clamp(0.0, 2_147_483_648.0) as u32 }
+    };
+    q.iter().take(q.len().saturating_sub(1)).enumerate().map(bound).collect()
+}

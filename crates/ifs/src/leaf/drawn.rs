@@ -1,0 +1,68 @@
+//! A leaf as what is shown of it, and the hash that tells one leaf from another.
+
+use std::sync::OnceLock;
+
+use glam::DVec2;
+
+use super::{Colors, Flat, Place, Spec, fields, leaf, normals};
+use crate::Ifs;
+use osier_base::diagnostic::Diagnostic;
+use osier_base::units::{byte, srgb_from_linear};
+
+/// Raised whenever the same table and parameters make another leaf.
+const REVISION: u32 = 1;
+
+/// Maps and blade of a leaf. Maps are square, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// Pixels along a side of the maps.
+    pub side: u32,
+    /// sRGB and coverage, 4 bytes a pixel.
+    pub color: Vec<u8>,
+    /// Normals, 3 bytes a pixel.
+    pub normal: Vec<u8>,
+    /// Roughness, a byte a pixel.
+    pub rough: Vec<u8>,
+    /// Relief, 16 bits a pixel.
+    pub height: Vec<u16>,
+    /// The blade.
+    pub flat: Flat,
+    /// Where the blade lies on the maps.
+    pub place: Place,
+    /// Anchor and tip, table units.
+    pub ends: [DVec2; 2],
+}
+
+/// A leaf that is made when it is first asked for, or why it cannot be made.
+pub type Once = OnceLock<Result<Drawn, Box<Diagnostic>>>;
+
+/// Makes a leaf with its maps.
+/// # Errors
+/// As [`leaf`].
+pub fn mapped(table: &Ifs, spec: &Spec, colors: &Colors) -> Result<Drawn, Box<Diagnostic>> {
+    let made = leaf(table, spec)?;
+    let f = fields(&made.raster, colors, 1.0);
+    let n = made.raster.mask.side;
+    let rgba = |c: &[f32; 4]| {
+        [byte(srgb_from_linear(c[0])), byte(srgb_from_linear(c[1])), byte(srgb_from_linear(c[2])), byte(c[3])]
+    };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
+    let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
+    Ok(Drawn {
+        side: u32::try_from(n).unwrap_or(u32::MAX),
+        color: f.color.iter().flat_map(rgba).collect(),
+        normal: normals(&f.height, &made.raster.mask.set, n),
+        rough: f.rough.iter().map(|r| byte(*r)).collect(),
+        height: f.height.iter().map(deep).collect(),
+        flat: made.flat,
+        place: made.place,
+        ends: made.ends,
+    })
+}
+
+/// BLAKE3, 64 hex digits, of all that decides a leaf: table, parameters, colours, this program.
+/// Own: what Rust prints of a float is read back as the same bits, and what it prints of a struct leaves out no field.
+pub fn hash(table: &Ifs, spec: &Spec, colors: &Colors) -> String {
+    let text = format!("{} {REVISION} {table:?} {spec:?} {colors:?}", env!("CARGO_PKG_VERSION"));
+    blake3::hash(text.as_bytes()).to_hex().to_string()
+}

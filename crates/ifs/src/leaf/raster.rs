@@ -1,0 +1,64 @@
+//! A leaf's attractor counted into pixels, by last map.
+
+use super::mask::Mask;
+use crate::cloud::Request;
+use crate::color::Labels;
+use crate::cylinders::Cylinder;
+use crate::histogram::Window;
+use crate::splat::{Cells, Plan};
+
+/// Kinds of maps told apart.
+pub(super) const KINDS: usize = 4;
+
+/// Hits by last map modulo [`KINDS`]: by cell while they are counted, then by pixel, rows from the top.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Counts {
+    cells: Vec<[u32; KINDS]>,
+}
+
+impl Cells for Counts {
+    fn labels(&self) -> Option<&Labels> {
+        None
+    }
+
+    fn add_each(&mut self, cells: &[u32], maps: &[u32], _labels: &[u32]) {
+        for (i, map) in cells.iter().zip(maps) {
+            self.cells[*i as usize][*map as usize % KINDS] += 1;
+        }
+    }
+
+    fn add(&mut self, cells: &[u32], cylinder: &Cylinder, _coord: &[f32]) {
+        let kind = cylinder.newest % KINDS;
+        for i in cells {
+            self.cells[*i as usize][kind] += 1;
+        }
+    }
+}
+
+/// Counts the points of a request; the same at any thread count.
+pub(super) fn count(request: &Request<'_>, window: &Window) -> Counts {
+    let plan = Plan::new(request, None, window);
+    let layout = plan.layout;
+    let empty = || Counts { cells: vec![[0; KINDS]; layout.cells()] };
+    let (parts, _) = plan.count(size_of::<[u32; KINDS]>(), empty);
+    let sum = |i: usize| std::array::from_fn(|k| parts.iter().map(|p| p.cells[i][k]).sum());
+    Counts { cells: layout.rows(sum) }
+}
+
+impl Counts {
+    /// Hits by pixel.
+    pub fn hits(&self) -> Vec<u32> {
+        self.cells.iter().map(|c| c.iter().sum()).collect()
+    }
+
+    /// The commonest kind of map by pixel, the first of several.
+    pub fn letters(&self) -> Vec<u8> {
+        let best = |c: &[u32; KINDS]| (0_u8..).zip(c).max_by_key(|(i, n)| (**n, u8::MAX - i)).map_or(0, |b| b.0);
+        self.cells.iter().map(best).collect()
+    }
+
+    /// Pixels with at least so many hits.
+    pub fn mask(&self, side: usize, min_hits: u32) -> Mask {
+        Mask { side, set: self.cells.iter().map(|c| c.iter().sum::<u32>() >= min_hits.max(1)).collect() }
+    }
+}

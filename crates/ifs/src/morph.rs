@@ -1,0 +1,448 @@
+//! Systems between systems: tables as keys in time, and every table in between.
+
+use glam::DVec3;
+
+use super::affine::Affine;
+use super::dynamics::Study;
+use super::polar::{Turn, parts};
+use super::{Ifs, Map};
+
+/// Places along a leg where the fixed points are judged.
+const LOOKS: u32 = 32;
+/// |det(I - A)| below which a fixed point runs away.
+const STIFF: f64 = 1e-6;
+
+/// One table at one time.
+#[derive(Debug, Clone)]
+pub struct Key {
+    /// When, s.
+    pub at: f64,
+    /// The table.
+    pub system: Ifs,
+    /// Its study.
+    pub study: Study,
+    /// Full turns that each map makes on its way to this key besides the shortest turn; empty: none.
+    pub turns: Vec<f64>,
+}
+
+/// How keys are led over.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Slow at the keys, fast between.
+    pub smooth: bool,
+    /// Fixed points go straight instead of the shifts.
+    pub fixed_points: bool,
+    /// The first key's weights at all times.
+    pub hold_weights: bool,
+}
+
+/// Keys that do not fit each other.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Misfit {
+    /// Index of the key.
+    pub key: usize,
+    /// I070 or I071.
+    pub code: &'static str,
+    /// What is wrong.
+    pub message: String,
+    /// What would mend it.
+    pub help: &'static str,
+}
+
+/// One map on its way from a key to the next.
+#[derive(Debug, Clone)]
+struct Way {
+    turn: [Turn; 2],
+    stretch: [glam::DMat3; 2],
+    /// Shifts, or fixed points.
+    shift: [DVec3; 2],
+    more: f64,
+}
+
+/// All maps, and the final one, between two keys.
+#[derive(Debug, Clone)]
+struct Leg {
+    maps: Vec<Way>,
+    last: Option<Way>,
+}
+
+/// A system that changes with time.
+#[derive(Debug, Clone)]
+pub struct Morph {
+    keys: Vec<Key>,
+    legs: Vec<Leg>,
+    options: Options,
+    /// Exponent that is nearest to 0: its warm-up does for all keys.
+    exponent: f64,
+}
+
+impl Morph {
+    /// Leads from key to key; times rise. Two keys at least make a motion.
+    /// # Errors
+    /// I070 for tables of unequal numbers of maps, dimension or condensation sets, I071 where a fixed point that is to be
+    /// moved does not stay single.
+    pub fn new(keys: Vec<Key>, options: Options) -> Result<Self, Misfit> {
+        let Some(first) = keys.first() else {
+            return Err(misfit(0, "I070", "a morph without keys".into(), "give it two keys at least"));
+        };
+        for (i, key) in keys.iter().enumerate() {
+            fits(&first.system, key, i)?;
+        }
+        let count = first.system.maps.len();
+        let dim = first.system.dim;
+        let column =
+            |m: usize| -> Vec<Affine> { keys.iter().filter_map(|k| k.system.maps.get(m).map(|m| m.affine)).collect() };
+        let lanes: Vec<Vec<(Turn, glam::DMat3)>> =
+            (0..count).map(|m| parts(&column(m).iter().map(|a| a.a).collect::<Vec<_>>(), dim)).collect();
+        let finals: Vec<Affine> = keys.iter().map(|k| k.system.last.unwrap_or(Affine::IDENTITY)).collect();
+        let shown = keys.iter().any(|k| k.system.last.is_some());
+        let final_parts = parts(&finals.iter().map(|a| a.a).collect::<Vec<_>>(), dim);
+        let mut legs = Vec::new();
+        for k in 1..keys.len() {
+            let mut maps = Vec::with_capacity(count);
+            for (m, lane) in lanes.iter().enumerate() {
+                let ends = [keys[k - 1].system.maps[m].affine, keys[k].system.maps[m].affine];
+                let more = keys[k].turns.get(m).copied().unwrap_or(0.0);
+                let mut way = Way::new([lane[k - 1], lane[k]], ends.map(|a| a.b), more);
+                if options.fixed_points {
+                    way.fix(ends).map_err(|message| {
+                        let help = "keep this map's norm below 1, or leave shift = \"straight\"";
+                        misfit(k, "I071", format!("map {}: {message}", m + 1), help)
+                    })?;
+                }
+                maps.push(way);
+            }
+            let last =
+                shown.then(|| Way::new([final_parts[k - 1], final_parts[k]], [finals[k - 1].b, finals[k].b], 0.0));
+            legs.push(Leg { maps, last });
+        }
+        let exponent = keys.iter().fold(f64::NEG_INFINITY, |m, k| m.max(-k.study.exponent.abs()));
+        Ok(Self { keys, legs, options, exponent })
+    }
+
+    /// The keys.
+    pub fn keys(&self) -> &[Key] {
+        &self.keys
+    }
+
+    /// The key before or at a time, s, and how far it is to the next one, eased, 0 .. 1. Before the first key and behind
+    /// the last one nothing changes.
+    pub fn place(&self, seconds: f64) -> (usize, f64) {
+        let next = self.keys.partition_point(|k| k.at <= seconds);
+        if next == 0 || next >= self.keys.len() {
+            return (next.saturating_sub(1), 0.0);
+        }
+        let (a, b) = (self.keys[next - 1].at, self.keys[next].at);
+        let t = ((seconds - a) / (b - a)).clamp(0.0, 1.0);
+        (next - 1, if self.options.smooth { t * t * (3.0 - 2.0 * t) } else { t })
+    }
+
+    /// The system at a time, s. At the keys' own times it is exactly theirs, but for the name, which is the first one's:
+    /// the chaos game's streams are named by it.
+    /// Own: turns go the shortest way, everything else goes straight. As ||R S|| = ||S|| and the norm is convex, a map's
+    /// norm never exceeds the larger of its keys': what contracts at the keys contracts in every frame.
+    pub fn system(&self, seconds: f64) -> Ifs {
+        let (k, t) = self.place(seconds);
+        let mut system = Ifs { name: self.keys[0].system.name.clone(), ..self.keys[k].system.clone() };
+        let (Some(leg), Some(next)) = (self.legs.get(k).filter(|_| t > 0.0), self.keys.get(k + 1)) else {
+            return system;
+        };
+        for ((map, to), way) in system.maps.iter_mut().zip(&next.system.maps).zip(&leg.maps) {
+            blend(map, to, t);
+            map.affine = way.at(t, self.options.fixed_points);
+        }
+        system.last = leg.last.as_ref().map(|way| way.at(t, false));
+        system
+    }
+
+    /// What the chaos game needs to know of the system at a time, s: its weights, divided by their sum. Start and warm-up
+    /// are the same at all times, so while weights stay, every point keeps its word.
+    pub fn study(&self, seconds: f64) -> Study {
+        let (k, t) = if self.options.hold_weights { (0, 0.0) } else { self.place(seconds) };
+        let a = &self.keys[k].study;
+        let b = self.keys.get(k + 1).map_or(a, |k| &k.study);
+        let rows = self.keys.iter().any(|k| k.study.next.is_some()) && !(self.options.hold_weights && a.next.is_none());
+        let next = rows.then(|| {
+            let row = |i: usize| blended(&chances(a, i), &chances(b, i), t);
+            (0..a.probabilities.len()).map(row).collect()
+        });
+        Study {
+            probabilities: blended(&a.probabilities, &b.probabilities, t),
+            next,
+            exponent: self.exponent,
+            first: self.keys[0].study.first,
+            unbounded: self.keys.iter().any(|k| k.study.unbounded),
+            told: Vec::new(),
+            ..a.clone()
+        }
+    }
+
+    /// The first key whose weights are not those before it.
+    pub fn reweighted(&self) -> Option<usize> {
+        let same = |a: &Study, b: &Study| {
+            a.probabilities.iter().zip(&b.probabilities).all(|(p, q)| (p - q).abs() < 1e-9) && a.next == b.next
+        };
+        (1..self.keys.len()).find(|i| !same(&self.keys[i - 1].study, &self.keys[*i].study))
+    }
+}
+
+/// Probabilities of the map after map `i`.
+fn chances(study: &Study, i: usize) -> Vec<f64> {
+    study.next.as_ref().and_then(|n| n.get(i)).unwrap_or(&study.probabilities).clone()
+}
+
+fn blended(a: &[f64], b: &[f64], t: f64) -> Vec<f64> {
+    // Equal weights stay bit for bit, or a point in a billion would change its word.
+    if t <= 0.0 || a == b {
+        return a.to_vec();
+    }
+    let mixed: Vec<f64> = a.iter().zip(b).map(|(p, q)| mix(*p, *q, t)).collect();
+    let sum = mixed.iter().fold(0.0, |s, p| s + p);
+    mixed.iter().map(|p| p / sum).collect()
+}
+
+fn mix(a: f64, b: f64, t: f64) -> f64 {
+    a * (1.0 - t) + b * t
+}
+
+fn misfit(key: usize, code: &'static str, message: String, help: &'static str) -> Misfit {
+    Misfit { key, code, message, help }
+}
+
+fn fits(first: &Ifs, key: &Key, i: usize) -> Result<(), Misfit> {
+    let system = &key.system;
+    if system.dim != first.dim {
+        let text = format!("\"{}\" has {} dimensions, \"{}\" has {}", system.name, system.dim, first.name, first.dim);
+        return Err(misfit(i, "I070", text, "take tables that all lie in the plane or all in space"));
+    }
+    let (n, m) = (system.maps.len(), first.maps.len());
+    if n != m {
+        let text = format!("\"{}\" has {n} maps, \"{}\" has {m}", system.name, first.name);
+        return Err(misfit(i, "I070", text, "map i becomes map i: give the shorter table further maps of weight 0"));
+    }
+    if system.condensation != first.condensation {
+        let text = format!("\"{}\" and \"{}\" have other condensation sets", system.name, first.name);
+        return Err(misfit(i, "I070", text, "condensation sets stand still: write the same ones in all tables"));
+    }
+    Ok(())
+}
+
+/// What a map has besides its coefficients.
+fn blend(map: &mut Map, to: &Map, t: f64) {
+    map.weight = map.weight.zip(to.weight).map(|(a, b)| mix(a, b, t));
+    map.color = map
+        .color
+        .zip(to.color)
+        .map(|(a, b)| [0, 1, 2].map(|i| osier_base::math::lerp(a[i], b[i], osier_base::math::narrow(t))));
+    map.coord = mix(map.coord, to.coord, t);
+    map.speed = mix(map.speed, to.speed, t);
+    map.opacity = mix(map.opacity, to.opacity, t);
+    map.radius = map.radius.zip(to.radius).map(|(a, b)| mix(a, b, t));
+    map.branch = None;
+}
+
+impl Way {
+    fn new(ends: [(Turn, glam::DMat3); 2], shift: [DVec3; 2], more: f64) -> Self {
+        Self { turn: ends.map(|e| e.0), stretch: ends.map(|e| e.1), shift, more }
+    }
+
+    fn linear(&self, t: f64) -> glam::DMat3 {
+        let r = self.turn[0].toward(self.turn[1], self.more, t).matrix();
+        r * (self.stretch[0] * (1.0 - t) + self.stretch[1] * t)
+    }
+
+    fn at(&self, t: f64, fixed: bool) -> Affine {
+        let a = self.linear(t);
+        let shift = self.shift[0] * (1.0 - t) + self.shift[1] * t;
+        Affine { a, b: if fixed { shift - a * shift } else { shift } }
+    }
+
+    /// Leads the fixed points instead of the shifts.
+    fn fix(&mut self, ends: [Affine; 2]) -> Result<(), String> {
+        let det = |i: u32| {
+            let t = f64::from(i) / f64::from(LOOKS);
+            (t, (glam::DMat3::IDENTITY - self.linear(t)).determinant())
+        };
+        let sign = det(0).1.signum();
+        if let Some((t, d)) = (0..=LOOKS).map(det).find(|(_, d)| *d * sign <= STIFF) {
+            return Err(format!("it has no single fixed point {:.0} % of the way, det(I - A) = {d:.2e}", t * 100.0));
+        }
+        for (shift, end) in self.shift.iter_mut().zip(ends) {
+            *shift = (glam::DMat3::IDENTITY - end.a).inverse() * end.b;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::cloud::{Request, cloud};
+    use crate::color::{Labels, Mode};
+    use crate::dynamics::study;
+    use crate::game::{Tier, extent};
+    use crate::tests::system as table;
+    use crate::weights::Rule;
+
+    fn key(at: f64, system: Ifs) -> Key {
+        let study = study(&system, Rule::File);
+        Key { at, system, study, turns: Vec::new() }
+    }
+
+    fn fern() -> Ifs {
+        table("fern_leaf")
+    }
+
+    /// A system of rows as in a file.
+    fn system(rows: &[[f64; 7]]) -> Ifs {
+        let span = fern().span;
+        let map = |r: &[f64; 7]| Map::new(Affine::plane([r[0], r[1], r[2], r[3], r[4], r[5]]), Some(r[6]), span);
+        Ifs { name: "rows".into(), maps: rows.iter().map(map).collect(), ..fern() }
+    }
+
+    fn curled() -> Ifs {
+        system(&[
+            [0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.01],
+            [0.6, -0.4, 0.4, 0.6, 0.0, 1.0, 0.85],
+            [0.1, -0.1, 0.1, 0.1, 0.0, 1.0, 0.07],
+            [-0.1, 0.1, 0.1, 0.1, 0.0, 0.4, 0.07],
+        ])
+    }
+
+    fn morph(keys: Vec<Key>, options: Options) -> Morph {
+        Morph::new(keys, options).expect("keys that fit")
+    }
+
+    #[test]
+    fn at_the_keys_times_the_system_is_exactly_the_keys() {
+        for fixed_points in [false, true] {
+            let options = Options { fixed_points, ..Options::default() };
+            let m = morph(vec![key(0.5, curled()), key(2.0, fern()), key(3.0, curled())], options);
+            for (at, want) in [(0.0, curled()), (0.5, curled()), (2.0, fern()), (3.0, curled()), (9.0, curled())] {
+                assert_eq!(m.system(at), Ifs { name: "rows".into(), ..want }, "{at} s");
+            }
+            // And what is near a key is near it: nothing jumps.
+            for at in [0.5, 2.0, 3.0] {
+                for (a, b) in m.system(at - 1e-9).maps.iter().zip(&m.system(at + 1e-9).maps) {
+                    let off = (a.affine.a - b.affine.a).to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+                    assert!(off.max((a.affine.b - b.affine.b).length()) < 1e-7, "{at} s");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_quarter_turn_is_half_done_half_way_and_the_singular_row_stays_finite() {
+        let turned = |p: f64| {
+            let (s, c) = (osier_base::math::sin(p), osier_base::math::cos(p));
+            system(&[[0.5 * c, -0.5 * s, 0.5 * s, 0.5 * c, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 0.16, 0.0, 0.0, 0.5]])
+        };
+        let m = morph(vec![key(0.0, turned(0.0)), key(1.0, turned(std::f64::consts::FRAC_PI_2))], Options::default());
+        let h = 0.5 * std::f64::consts::FRAC_1_SQRT_2;
+        let half = m.system(0.5).maps[0].affine.coefficients(2);
+        assert!(half.iter().zip([h, -h, h, h, 0.0, 0.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{half:?}");
+        for i in 0..=100 {
+            let row = m.system(f64::from(i) * 0.01).maps[1].affine;
+            assert!(row.is_finite() && (row.norm() - 0.16).abs() < 1e-12);
+        }
+        // Smooth: the same middle, slow ends.
+        let options = Options { smooth: true, ..Options::default() };
+        let m = morph(vec![key(0.0, turned(0.0)), key(1.0, turned(1.0))], options);
+        assert!((m.place(0.5).1 - 0.5).abs() < 1e-12 && m.place(0.01).1 < 4e-4);
+    }
+
+    #[test]
+    fn fixed_points_go_straight_where_that_is_asked_for() {
+        let options = Options { fixed_points: true, ..Options::default() };
+        let m = morph(vec![key(0.0, curled()), key(1.0, fern())], options);
+        let ends = [curled(), fern()].map(|s| s.maps[1].affine.fixed_point().expect("one"));
+        for i in 1..10 {
+            let t = f64::from(i) * 0.1;
+            let p = m.system(t).maps[1].affine.fixed_point().expect("one");
+            assert!((p - ends[0].lerp(ends[1], t)).length() < 1e-9, "{t}: {p}");
+        }
+        let straight = morph(vec![key(0.0, curled()), key(1.0, fern())], Options::default());
+        assert!((straight.system(0.5).maps[1].affine.b - DVec3::new(0.0, 1.3, 0.0)).length() < 1e-12);
+        // A map that passes the identity has no single fixed point on the way.
+        let wide = |k: f64| system(&[[k, 0.0, 0.0, k, 1.0, 0.0, 0.1], [0.3, 0.0, 0.0, 0.3, 0.0, 0.0, 0.9]]);
+        let fault = Morph::new(vec![key(0.0, wide(0.5)), key(1.0, wide(1.5))], options).expect_err("no fixed point");
+        assert_eq!((fault.code, fault.key), ("I071", 1));
+    }
+
+    #[test]
+    fn tables_that_do_not_fit_are_refused() {
+        let short = system(&[[0.5, 0.0, 0.0, 0.5, 0.0, 0.0, 1.0]]);
+        let solid = Ifs { dim: 3, ..fern() };
+        for (other, words) in [(short, "1 maps"), (solid, "3 dimensions")] {
+            let fault = Morph::new(vec![key(0.0, fern()), key(1.0, other)], Options::default()).expect_err("misfit");
+            assert!(fault.code == "I070" && fault.key == 1 && fault.message.contains(words), "{}", fault.message);
+        }
+        assert_eq!(Morph::new(Vec::new(), Options::default()).expect_err("none").code, "I070");
+    }
+
+    #[test]
+    fn points_keep_their_words_while_weights_stay() {
+        let m = morph(vec![key(0.0, curled()), key(1.0, fern())], Options::default());
+        assert_eq!(m.reweighted(), None);
+        let extent = extent(&fern(), &m.keys()[1].study).expect("attractor");
+        let drawn = |at: f64| {
+            let (system, study) = (m.system(at), m.study(at));
+            let labels = Labels::new(&system, Mode::Map, &[]);
+            let request = Request { system: &system, study: &study, seed: 3, points: 4096, tier: Tier::Best };
+            cloud(&request, &labels, &extent, (DVec3::ZERO, 0.1))
+        };
+        let (before, now, after) = (drawn(0.4), drawn(0.4001), drawn(0.6));
+        assert!([now.maps.clone(), after.maps, drawn(0.0).maps, drawn(1.0).maps].iter().all(|m| *m == before.maps));
+        // Each point is the image of its word: a step of the next map leads from one to the next.
+        let farthest = before.positions.iter().zip(&now.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+        assert!(farthest > 0.0 && farthest < 1e-3, "{farthest} m in 0.1 ms");
+        // Other weights are told, and held if that is asked for.
+        let mut heavy = fern();
+        for (map, w) in heavy.maps.iter_mut().zip([0.25; 4]) {
+            map.weight = Some(w);
+        }
+        for hold_weights in [false, true] {
+            let options = Options { hold_weights, ..Options::default() };
+            let m = morph(vec![key(0.0, curled()), key(1.0, heavy.clone())], options);
+            assert_eq!(m.reweighted(), Some(1));
+            let p = m.study(0.5).probabilities;
+            let want = if hold_weights { 0.85 } else { 0.55 };
+            assert!((p[1] - want).abs() < 1e-12 && (p.iter().sum::<f64>() - 1.0).abs() < 1e-12, "{p:?}");
+        }
+    }
+
+    #[test]
+    fn chains_of_maps_are_led_over_row_by_row() {
+        let mut chained = fern();
+        chained.chaos = Some(vec![vec![0.5, 1.0, 1.0, 1.0]; 4]);
+        let m = morph(vec![key(0.0, fern()), key(1.0, chained)], Options::default());
+        let next = m.study(0.5).next.expect("rows");
+        assert!(
+            next.iter()
+                .all(|r| (r.iter().sum::<f64>() - 1.0).abs() < 1e-12
+                    && (r[0] - 0.5 * (0.01 + 0.005 / 0.995)).abs() < 1e-9)
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn no_map_stretches_more_than_at_its_keys(
+            a in proptest::array::uniform12(-1.0..1.0_f64),
+            b in proptest::array::uniform12(-1.0..1.0_f64),
+            t in 0.0..1.0_f64,
+        ) {
+            for dim in [2, 3] {
+                let of = |c: [f64; 12]| {
+                    if dim == 3 { Affine::space(c) } else { Affine::plane([c[0], c[1], c[2], c[3], c[4], c[5]]) }
+                };
+                let lane = parts(&[of(a).a, of(b).a], dim);
+                let way = Way::new([lane[0], lane[1]], [of(a).b, of(b).b], 0.0);
+                let most = of(a).norm().max(of(b).norm());
+                prop_assert!(way.at(t, false).norm() <= most + 1e-7, "{} {most}", way.at(t, false).norm());
+                prop_assert!((way.at(1.0, false).a - of(b).a).to_cols_array().iter().all(|v| v.abs() < 1e-12));
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! From counts to pictures: density estimation, logarithmic tone mapping, colours.
+
+use super::histogram::Histogram;
+use osier_base::math::{self, narrow};
+use osier_base::par::par_map;
+use osier_base::units::srgb_from_linear;
+
+/// Share of the non-empty pixels that are at most fully opaque.
+const WHITE: f64 = 0.995;
+
+/// Spreads thin hits over discs of max(minimum, radius / hits^curve) pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimator {
+    /// Radius of the disc of a single hit, pixels; 0 is off.
+    pub radius: f64,
+    /// Smallest radius, pixels.
+    pub minimum: f64,
+    /// How fast discs shrink with hits.
+    pub curve: f64,
+}
+
+/// How counts become a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tone {
+    /// g of alpha = ln(1 + g D) / ln(1 + g D99.5).
+    pub exposure: f64,
+    /// Exponent of alpha.
+    pub gamma: f64,
+    /// Linear RGB, or none: the picture is transparent.
+    pub background: Option<[f32; 3]>,
+}
+
+impl Default for Tone {
+    fn default() -> Self {
+        Self { exposure: 16.0, gamma: 0.6, background: None }
+    }
+}
+
+/// Density and mean colour per pixel, linear, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Density {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// hits W H / N: 1 on average when nothing lies outside.
+    pub value: Vec<f32>,
+    /// Mean linear RGB of a pixel's points, or empty.
+    pub color: Vec<[f32; 3]>,
+}
+
+/// Hits and colour sums of one pixel in floating point: hits, red, green, blue.
+type Sample = [f64; 4];
+
+/// Density of counts made at `oversample` times the size, thin places spread by the estimator.
+/// Source: S. Draves, E. Reckase, "The fractal flame algorithm", 2003: adaptive density estimation.
+/// Differs: hits are spread evenly over a disc.
+#[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
+pub fn density(h: &Histogram, oversample: usize, estimator: Option<Estimator>) -> Density {
+    let k = oversample.max(1);
+    let (width, height) = (h.width / k, h.height / k);
+    let rows: Vec<usize> = (0..height).collect();
+    let boxed = par_map(&rows, |y| (0..width).map(|x| boxed(h, k, x, *y)).collect::<Vec<Sample>>());
+    let mut samples: Vec<Sample> = boxed.into_iter().flatten().collect();
+    if let Some(e) = estimator.filter(|e| e.radius > 0.0) {
+        samples = spread(&samples, (width, height), &e);
+    }
+    let all = h.points as f64 * h.unit as f64;
+    let scale = (width * height) as f64 / all.max(1.0);
+    let colored = !h.sums.is_empty();
+    let color = |s: &Sample| std::array::from_fn(|c| narrow(s[c + 1] / (s[0].max(1e-300) * 4095.0)));
+    Density {
+        width,
+        height,
+        value: samples.iter().map(|s| narrow(s[0] * scale)).collect(),
+        color: if colored { samples.iter().map(color).collect() } else { Vec::new() },
+    }
+}
+
+#[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
+fn boxed(h: &Histogram, k: usize, x: usize, y: usize) -> Sample {
+    let mut sums = [0_u64; 4];
+    for row in y * k..(y + 1) * k {
+        for i in row * h.width + x * k..row * h.width + (x + 1) * k {
+            sums[0] += h.hits.get(i).copied().unwrap_or(0);
+            if let Some(s) = h.sums.get(i) {
+                for (a, b) in sums.iter_mut().skip(1).zip(s) {
+                    *a += b;
+                }
+            }
+        }
+    }
+    sums.map(|v| v as f64)
+}
+
+/// Each pixel's sample spread evenly over a disc around it.
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    reason = "offsets of a few pixels inside the picture"
+)]
+fn spread(samples: &[Sample], (width, height): (usize, usize), e: &Estimator) -> Vec<Sample> {
+    let radius = |hits: f64| (e.radius / math::pow(hits.max(1.0), e.curve)).max(e.minimum);
+    let reach = e.radius.ceil() as isize;
+    let discs: Vec<Vec<(isize, isize)>> = (0..=reach * 4)
+        .map(|quarter| {
+            let r = quarter as f64 * 0.25;
+            let inside = |(dx, dy): &(isize, isize)| ((dx * dx + dy * dy) as f64) <= r * r;
+            (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))).filter(inside).collect()
+        })
+        .collect();
+    let mut out = vec![[0.0; 4]; samples.len()];
+    for (i, s) in samples.iter().enumerate().filter(|(_, s)| s[0] > 0.0) {
+        let quarter = (radius(s[0]) * 4.0 + 0.5) as usize;
+        let Some(disc) = discs.get(quarter.min(discs.len() - 1)) else { continue };
+        let (x, y) = ((i % width) as isize, (i / width) as isize);
+        let near = |(dx, dy): &(isize, isize)| {
+            let (u, v) = (x + dx, y + dy);
+            (u >= 0 && v >= 0 && u < width as isize && v < height as isize).then_some(v as usize * width + u as usize)
+        };
+        // Hits near the border stay inside: their share is taken by the part of the disc that is there.
+        let inside: Vec<usize> = disc.iter().filter_map(near).collect();
+        let share = 1.0 / inside.len().max(1) as f64;
+        for j in inside {
+            for (a, b) in out[j].iter_mut().zip(s) {
+                *a += b * share;
+            }
+        }
+    }
+    out
+}
+
+/// Opacity per pixel: clamp(ln(1 + g D) / ln(1 + g D99.5), 0, 1)^gamma with the 99.5 % quantile over non-empty pixels.
+/// Source: S. Draves, E. Reckase, "The fractal flame algorithm", 2003: logarithmic density.
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "a place in a list"
+)]
+pub fn opacity(d: &Density, tone: &Tone) -> Vec<f32> {
+    let mut full: Vec<f32> = d.value.iter().copied().filter(|v| *v > 0.0).collect();
+    if full.is_empty() {
+        return vec![0.0; d.value.len()];
+    }
+    let at = ((full.len() - 1) as f64 * WHITE) as usize;
+    let white = f64::from(*full.select_nth_unstable_by(at, f32::total_cmp).1);
+    let top = math::ln(1.0 + tone.exposure * white).max(1e-12);
+    let one = |v: &f32| {
+        let share = (math::ln(1.0 + tone.exposure * f64::from(*v)) / top).clamp(0.0, 1.0);
+        if share > 0.0 { narrow(math::pow(share, tone.gamma)) } else { 0.0 }
+    };
+    osier_base::par::par_chunks(&d.value, osier_base::par::CHUNK, |_, c| c.iter().map(one).collect::<Vec<f32>>())
+        .concat()
+}
+
+/// RGB over the background, or RGBA without one, sRGB in 0..1, rows from the top. `flat`: colour without a mean one.
+pub fn tone_mapped(d: &Density, tone: &Tone, flat: [f32; 3]) -> Vec<f32> {
+    let alpha = opacity(d, tone);
+    let mut out = Vec::with_capacity(alpha.len() * 4);
+    for (i, a) in alpha.iter().enumerate() {
+        let c = d.color.get(i).copied().unwrap_or(flat);
+        match tone.background {
+            // Laid over in sRGB, as programs lay the transparent picture over a page.
+            Some(b) => out.extend((0..3).map(|k| math::lerp(srgb_from_linear(b[k]), srgb_from_linear(c[k]), *a))),
+            None => out.extend(c.map(srgb_from_linear).into_iter().chain([*a])),
+        }
+    }
+    out
+}

@@ -1,0 +1,314 @@
+//! The affine part of flames (flam3, Apophysis): linear maps, post transforms, chaos rows, palette and view.
+
+use glam::DVec3;
+use roxmltree::{Attribute, Document, Node, ParsingOptions};
+
+use super::Reader;
+use crate::affine::Affine;
+use crate::{Ifs, MAX_COEFFICIENT, Map, View};
+use osier_base::diagnostic::{Diagnostic, Span};
+use osier_base::fence::number;
+use osier_base::units;
+
+/// Attributes of a map that are read.
+const KNOWN: &[&str] = &[
+    "weight",
+    "color",
+    "color_speed",
+    "symmetry",
+    "opacity",
+    "plotmode",
+    "coefs",
+    "post",
+    "chaos",
+    "linear",
+    "linear3D",
+    "name",
+];
+/// Attributes that change nothing when they have this value or are only for show.
+const HARMLESS: &[(&str, &str)] =
+    &[("animate", ""), ("var_color", ""), ("enabled", "1"), ("solo", "0"), ("density", "1")];
+/// Attributes of a flame that are read or say nothing about the attractor.
+const FLAME: &[&str] = &[
+    "name",
+    "version",
+    "size",
+    "center",
+    "scale",
+    "zoom",
+    "rotate",
+    "background",
+    "gamma",
+    "brightness",
+    "vibrancy",
+    "filter",
+    "quality",
+    "oversample",
+    "supersample",
+    "time",
+    "palette",
+    "hue",
+    "passes",
+    "temporal_samples",
+    "nick",
+    "url",
+    "notes",
+    "highlight_power",
+    "gamma_threshold",
+    "estimator_radius",
+    "estimator_minimum",
+    "estimator_curve",
+    "palette_mode",
+    "palette_interpolation",
+    "interpolation",
+    "interpolation_type",
+    "temporal_filter_type",
+    "temporal_filter_width",
+    "filter_shape",
+    "curves",
+    "plugins",
+    "new_linear",
+];
+/// Deepest nesting and most nodes of a document.
+const NODES: u32 = 1_000_000;
+
+/// Reads all flames of a document.
+pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
+    let options = ParsingOptions { allow_dtd: false, nodes_limit: NODES, ..ParsingOptions::default() };
+    // Apophysis writes several flames without a root; one is put around them, and positions are moved back.
+    let text = reader.text;
+    let several = text.matches("<flame").count() > 1 && !text.contains("<flames") && !text.contains("<Flames");
+    let wrapped = format!("<f>{text}</f>");
+    let (source, shift) = if several { (wrapped.as_str(), 3) } else { (text, 0) };
+    let document = match Document::parse_with_options(source, options) {
+        Ok(document) => document,
+        Err(e) => {
+            let at = offset(source, e.pos()).saturating_sub(shift).min(text.len());
+            let span = reader.span(at, at);
+            let d = Diagnostic::error("I033", format!("not valid XML: {e}"), span, "here");
+            reader.tell(d.help("a flame file is XML: <flame name=\"...\"> <xform .../> ... </flame>"));
+            return Vec::new();
+        }
+    };
+    let flames = document.descendants().filter(|n| n.has_tag_name("flame"));
+    let systems: Vec<Ifs> = flames.filter_map(|f| Flame { reader, shift }.flame(f)).collect();
+    if systems.is_empty() && !reader.report.has_errors() {
+        let span = reader.span(0, 0);
+        let d = Diagnostic::error("I033", "no flame in this file", span, "no <flame>");
+        reader.tell(d.help("a flame file is XML: <flame name=\"...\"> <xform .../> ... </flame>"));
+    }
+    systems
+}
+
+fn offset(text: &str, at: roxmltree::TextPos) -> usize {
+    let row = (at.row as usize).saturating_sub(1);
+    let start: usize = text.split_inclusive('\n').take(row).map(str::len).sum();
+    let column = (at.col as usize).saturating_sub(1);
+    let rest = text.get(start..).unwrap_or_default();
+    start + rest.chars().take(column).map(char::len_utf8).sum::<usize>()
+}
+
+struct Flame<'a, 'r> {
+    reader: &'a mut Reader<'r>,
+    /// Bytes that were put before the text.
+    shift: usize,
+}
+
+impl Flame<'_, '_> {
+    fn span(&self, range: std::ops::Range<usize>) -> Span {
+        let end = self.reader.text.len();
+        let back = |v: usize| v.saturating_sub(self.shift).min(end);
+        self.reader.span(back(range.start), back(range.end))
+    }
+
+    /// The start tag of a node.
+    fn tag(&self, node: Node<'_, '_>) -> Span {
+        let r = node.range();
+        self.span(r.start..(r.start + 1 + node.tag_name().name().len()).min(r.end))
+    }
+
+    fn flame(&mut self, node: Node<'_, '_>) -> Option<Ifs> {
+        let span = self.tag(node);
+        let before = self.reader.report.diagnostics.len();
+        for a in node.attributes().filter(|a| !FLAME.contains(&a.name())) {
+            self.unknown(&a);
+        }
+        let mut ifs = Ifs {
+            name: node.attribute("name").unwrap_or(&self.reader.stem).to_owned(),
+            dim: 2,
+            maps: Vec::new(),
+            chaos: None,
+            last: None,
+            condensation: Vec::new(),
+            view: self.view(node),
+            palette: self.palette(node),
+            weights: Some(crate::weights::Rule::Raw),
+            span,
+        };
+        let mut rows: Vec<Option<Vec<f64>>> = Vec::new();
+        for child in node.children().filter(Node::is_element) {
+            match child.tag_name().name() {
+                "xform" => {
+                    let map = self.map(child)?;
+                    rows.push(self.list(child, "chaos"));
+                    ifs.maps.push(map);
+                }
+                "finalxform" => ifs.last = Some(self.map(child)?.affine),
+                "color" | "palette" | "edit" | "colors" => {}
+                other => self.refuse(self.tag(child), &format!("<{other}>")),
+            }
+        }
+        if ifs.maps.is_empty() {
+            let d = Diagnostic::error("I007", format!("\"{}\" holds no maps", ifs.name), span, "no <xform>");
+            self.reader.tell(d.help("a map is <xform weight=\"1\" linear=\"1\" coefs=\"a c b d e f\"/>"));
+        }
+        if ifs.maps.len() > self.reader.max_maps() {
+            let text = format!("\"{}\" has {} maps, the limit is {}", ifs.name, ifs.maps.len(), self.reader.max_maps());
+            let d = Diagnostic::error("I008", text, span, "too many maps");
+            self.reader.tell(d.help("fewer maps, or raise the limit with --max-maps"));
+        }
+        if rows.iter().any(Option::is_some) {
+            let n = ifs.maps.len();
+            let full = |r: Option<Vec<f64>>| {
+                let mut row = r.unwrap_or_default();
+                // Missing entries at the end are 1.
+                row.resize(n, 1.0);
+                row
+            };
+            ifs.chaos = Some(rows.into_iter().map(full).collect());
+        }
+        let new = self.reader.report.diagnostics.iter().skip(before);
+        let sound = !new.clone().any(|d| d.severity == osier_base::diagnostic::Severity::Error);
+        sound.then_some(ifs)
+    }
+
+    /// One map. Coefficients come column by column with y down: conjugated by diag(1, -1), the post transform composed.
+    fn map(&mut self, node: Node<'_, '_>) -> Option<Map> {
+        let span = self.tag(node);
+        for a in node.attributes() {
+            let quiet = HARMLESS.iter().any(|(n, v)| *n == a.name() && (v.is_empty() || *v == a.value()));
+            if KNOWN.contains(&a.name()) || quiet {
+                continue;
+            }
+            let zero = number(a.value()).is_ok_and(|v| v == 0.0);
+            if zero {
+                continue;
+            }
+            let place = self.span(a.range());
+            self.refuse(place, a.name());
+        }
+        let coefs = self.six(node, "coefs", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        let post = self.six(node, "post", [1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+        let mut amount = self.one(node, "linear", 0.0) + self.one(node, "linear3D", 0.0);
+        if node.attribute("linear").is_none() && node.attribute("linear3D").is_none() {
+            amount = 1.0;
+        }
+        let scaled = Affine { a: coefs.a * amount, b: coefs.b * amount };
+        let flip = DVec3::new(1.0, -1.0, 1.0);
+        let weight = self.one(node, "weight", 0.0);
+        let mut map = Map::new(post.after(&scaled).conjugated(flip, DVec3::ZERO), Some(weight), span);
+        map.coord = self.one(node, "color", 0.0).clamp(0.0, 1.0);
+        map.speed = match node.attribute("symmetry") {
+            Some(_) if node.attribute("color_speed").is_none() => (1.0 - self.one(node, "symmetry", 0.0)) * 0.5,
+            _ => self.one(node, "color_speed", 0.5),
+        };
+        map.opacity = if node.attribute("plotmode") == Some("off") { 0.0 } else { self.one(node, "opacity", 1.0) };
+        Some(map)
+    }
+
+    /// `a d b e c f` of the file, where x' = a x + b y + c, y' = d x + e y + f.
+    fn six(&mut self, node: Node<'_, '_>, name: &str, fallback: [f64; 6]) -> Affine {
+        let c = match self.list(node, name) {
+            Some(v) if v.len() == 6 => std::array::from_fn(|i| v.get(i).copied().unwrap_or(0.0)),
+            Some(v) => {
+                let text = format!("{name} has {} numbers", v.len());
+                let span = self.place(node, name);
+                let d = Diagnostic::error("I007", text, span, "six are needed");
+                self.reader.tell(d.help("columns of the matrix, then the shift"));
+                fallback
+            }
+            None => fallback,
+        };
+        Affine::plane([c[0], c[2], c[1], c[3], c[4], c[5]])
+    }
+
+    fn place(&self, node: Node<'_, '_>, name: &str) -> Span {
+        let range = node.attribute_node(name).map(|a| a.range());
+        range.map_or_else(|| self.tag(node), |r| self.span(r))
+    }
+
+    fn list(&mut self, node: Node<'_, '_>, name: &str) -> Option<Vec<f64>> {
+        let words: Vec<&str> = node.attribute(name)?.split_whitespace().collect();
+        let mut out = Vec::with_capacity(words.len());
+        for word in words {
+            match number(word) {
+                Ok(v) if v.abs() <= MAX_COEFFICIENT => out.push(v),
+                _ => {
+                    let span = self.place(node, name);
+                    let text = format!("\"{}\" is not a finite number", word.chars().take(64).collect::<String>());
+                    let d = Diagnostic::error("I005", text, span, format!("in {name}"));
+                    self.reader.tell(d.help("write finite decimals of at most 1e12, separated by blanks"));
+                    return None;
+                }
+            }
+        }
+        Some(out)
+    }
+
+    fn one(&mut self, node: Node<'_, '_>, name: &str, fallback: f64) -> f64 {
+        self.list(node, name).and_then(|v| v.first().copied()).unwrap_or(fallback)
+    }
+
+    fn refuse(&mut self, span: Span, what: &str) {
+        let d = Diagnostic::error("I030", format!("{what} is no affine map"), span, "not supported");
+        self.reader.tell(d.help("only linear maps with post transforms are read; take this variation out"));
+    }
+
+    fn unknown(&mut self, a: &Attribute<'_, '_>) {
+        let text = format!("unknown attribute \"{}\"", a.name());
+        let known = self.reader.report.diagnostics.iter().any(|d| d.code == "I031" && d.message == text);
+        if !known {
+            let span = self.span(a.range());
+            self.reader.tell(Diagnostic::warning("I031", text, span, "left out").help("it does not change the maps"));
+        }
+    }
+
+    /// Size and scale of the picture: `scale` pixels per unit, doubled by each step of `zoom`.
+    fn view(&mut self, node: Node<'_, '_>) -> Option<View> {
+        let size = self.list(node, "size").filter(|s| s.len() == 2 && s[0] >= 1.0 && s[1] >= 1.0)?;
+        let scale =
+            self.one(node, "scale", 50.0) * osier_base::math::pow(2.0, self.one(node, "zoom", 0.0).clamp(-60.0, 60.0));
+        let center = self.list(node, "center").filter(|c| c.len() == 2).unwrap_or_else(|| vec![0.0, 0.0]);
+        let background = self.list(node, "background").filter(|c| c.len() == 3).unwrap_or_else(|| vec![0.0; 3]);
+        let linear =
+            |i: usize| units::linear_from_srgb(osier_base::math::narrow(background.get(i).copied().unwrap_or(0.0)));
+        (scale > 0.0).then(|| View {
+            center: [center[0], -center[1]],
+            width: size[0] / scale,
+            rotate: units::radians(self.one(node, "rotate", 0.0)),
+            aspect: size[0] / size[1],
+            background: [linear(0), linear(1), linear(2)],
+        })
+    }
+
+    fn palette(&mut self, node: Node<'_, '_>) -> Vec<[f32; 3]> {
+        let linear = |v: f64| units::linear_from_srgb(osier_base::math::narrow((v / 255.0).clamp(0.0, 1.0)));
+        let mut out: Vec<(f64, [f32; 3])> = Vec::new();
+        for child in node.children().filter(|c| c.has_tag_name("color")) {
+            let index = self.one(child, "index", 0.0);
+            if let Some(rgb) = self.list(child, "rgb").filter(|v| v.len() >= 3) {
+                out.push((index, [linear(rgb[0]), linear(rgb[1]), linear(rgb[2])]));
+            }
+        }
+        out.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some(p) = node.children().find(|c| c.has_tag_name("palette")) {
+            let digits: Vec<u8> = p.text().unwrap_or_default().bytes().filter(u8::is_ascii_hexdigit).collect();
+            let skip = usize::from(p.attribute("format") == Some("RGBA"));
+            let byte = |c: &[u8]| std::str::from_utf8(c).ok().and_then(|t| u8::from_str_radix(t, 16).ok()).unwrap_or(0);
+            let bytes: Vec<u8> = digits.chunks_exact(2).map(byte).collect();
+            let color = |c: &[u8]| [linear(c[0].into()), linear(c[1].into()), linear(c[2].into())];
+            out = bytes.chunks_exact(3 + skip).map(|c| (0.0, color(c))).collect();
+        }
+        out.into_iter().take(65_536).map(|c| c.1).collect()
+    }
+}

@@ -1,0 +1,222 @@
+//! Coefficient files into systems: Fractint's `.ifs`, flames, and tables of our own.
+
+mod entries;
+mod flame;
+mod fractint;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use super::Ifs;
+use osier_base::diagnostic::{Diagnostic, Report, Severity, SourceId, Span, nearest};
+use osier_base::fence::{Encoding, decode};
+use osier_base::limits::{Limits, grouped};
+use osier_base::{Error, Result};
+
+/// Longest file, bytes.
+const MAX_BYTES: usize = 16 << 20;
+/// Most systems in a file.
+const MAX_SYSTEMS: usize = 10_000;
+/// Most complaints about one file.
+const MAX_TOLD: usize = 100;
+
+/// What a file is, by what stands in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Fractint's columns.
+    Fractint,
+    /// XML of flam3 and Apophysis.
+    Flame,
+    /// TOML with a table `[ifs]`.
+    Table,
+}
+
+impl Kind {
+    /// By the first character that is not blank, or a line that starts `[ifs` or `[[ifs`.
+    fn of(text: &str) -> Self {
+        if text.trim_start().starts_with('<') {
+            Self::Flame
+        } else if text.lines().any(|l| l.starts_with("[ifs") || l.starts_with("[[ifs")) {
+            Self::Table
+        } else {
+            Self::Fractint
+        }
+    }
+
+    fn suffix(self) -> &'static str {
+        match self {
+            Self::Fractint => ".ifs",
+            Self::Flame => ".flame",
+            Self::Table => ".ifs.toml",
+        }
+    }
+}
+
+/// Reads all systems of a file. `name`: as shown to people; its ending is held against what the file holds.
+/// Returns them in the file's order, with warnings in the report.
+/// # Errors
+/// `Input` with I codes and places.
+pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Report)> {
+    let mut report = Report::default();
+    let limit = usize::try_from(limits.get("text-bytes")).unwrap_or(usize::MAX).min(MAX_BYTES);
+    if bytes.len() > limit {
+        let text =
+            format!("\"{name}\" has {} bytes, the limit is {}", grouped(bytes.len() as u64), grouped(limit as u64));
+        report.push(Diagnostic::about("I008", text).help("split the file, or name a system in a smaller one"));
+        return Err(Error::Input(Box::new(report)));
+    }
+    // DOS editors end a file with 0x1A.
+    let end = bytes.iter().position(|b| *b == 0x1A).unwrap_or(bytes.len());
+    let body = bytes.get(..end).unwrap_or(bytes);
+    let text = match decode(body, Encoding::OrLatin1) {
+        Ok(text) => text,
+        Err(bad) => {
+            bad.report("I005", name, body, &mut report);
+            return Err(Error::Input(Box::new(report)));
+        }
+    };
+    let source = report.sources.add(name, text.text.as_str());
+    let mut reader = Reader { text: &text.text, source, stem: stem(name), report: &mut report, told: 0, limits };
+    if let Some((line, _)) = text.latin1 {
+        let d = Diagnostic::about("I003", format!("\"{name}\" is not UTF-8 from line {line} on, read as Latin-1"));
+        reader.tell(d.help("save the file as UTF-8 to keep names as they are"));
+    }
+    let kind = Kind::of(&text.text);
+    reader.check_suffix(name, kind);
+    let systems = match kind {
+        Kind::Fractint => entries::read(&mut reader),
+        Kind::Flame => flame::read(&mut reader),
+        Kind::Table => table::read(&mut reader),
+    };
+    if kind == Kind::Fractint && !systems.is_empty() {
+        reader.leave_out();
+    }
+    reader.check_names(&systems);
+    reader.check_weights(&systems);
+    report.into_result(systems)
+}
+
+/// The system of a name (case does not count), or the only one, or the first without a name asked for.
+/// # Errors
+/// `Input` with I001 and the nearest name.
+pub fn pick<'a>(systems: &'a [Ifs], name: Option<&str>, file: &str) -> Result<&'a Ifs> {
+    let found = match name {
+        Some(name) => systems.iter().find(|s| s.name.eq_ignore_ascii_case(name)),
+        None => systems.first(),
+    };
+    found.ok_or_else(|| {
+        let mut report = Report::default();
+        let d = match name {
+            Some(name) => {
+                let d = Diagnostic::about("I001", format!("\"{file}\" has no system \"{name}\""));
+                match nearest(name, systems.iter().map(|s| s.name.as_str())) {
+                    Some(near) => d.help(format!("did you mean \"{near}\"?")),
+                    None => {
+                        let names: Vec<&str> = systems.iter().take(12).map(|s| s.name.as_str()).collect();
+                        d.help(format!("it holds: {}", names.join(", ")))
+                    }
+                }
+            }
+            None => Diagnostic::about("I001", format!("\"{file}\" holds no system"))
+                .help("a system is written NAME { a b c d e f p ... }, one map per line"),
+        };
+        report.push(d);
+        Error::Input(Box::new(report))
+    })
+}
+
+fn stem(name: &str) -> String {
+    let file = name.rsplit(['/', '\\', ':']).next().unwrap_or(name);
+    file.split('.').next().unwrap_or(file).to_owned()
+}
+
+/// One file being read.
+pub(super) struct Reader<'a> {
+    pub text: &'a str,
+    pub source: SourceId,
+    /// File name without folder and ending: the name of a system without one.
+    pub stem: String,
+    pub report: &'a mut Report,
+    told: usize,
+    pub limits: &'a Limits,
+}
+
+impl Reader<'_> {
+    /// Most maps of a system.
+    fn max_maps(&self) -> usize {
+        usize::try_from(self.limits.get("maps")).unwrap_or(usize::MAX)
+    }
+
+    fn span(&self, start: usize, end: usize) -> Span {
+        Span::new(self.source, start, end)
+    }
+
+    /// Adds a complaint, up to a number that nobody reads to the end.
+    fn tell(&mut self, d: Diagnostic) {
+        self.told += 1;
+        if self.told <= MAX_TOLD {
+            self.report.push(d);
+        }
+    }
+
+    /// True once so much was said that more reading is of no use.
+    fn is_hopeless(&self) -> bool {
+        self.told > MAX_TOLD
+    }
+
+    /// Faults of entries cost these entries, not the others of the file.
+    fn leave_out(&mut self) {
+        for d in self.report.diagnostics.iter_mut().filter(|d| d.severity == Severity::Error) {
+            d.severity = Severity::Warning;
+            d.message += "; the entry is left out";
+        }
+    }
+
+    fn check_suffix(&mut self, name: &str, kind: Kind) {
+        let lower = name.to_ascii_lowercase();
+        let claims = [Kind::Table, Kind::Flame, Kind::Fractint].into_iter().find(|k| lower.ends_with(k.suffix()));
+        if let Some(claimed) = claims.filter(|c| *c != kind) {
+            let text = format!("the name ends in {}, but this is what {} files hold", claimed.suffix(), kind.suffix());
+            let span = self.span(0, self.text.chars().next().map_or(0, char::len_utf8));
+            self.tell(Diagnostic::warning("I002", text, span, "read by its content"));
+        }
+    }
+
+    /// Names that are used twice, and names that Fractint takes for one.
+    fn check_names(&mut self, systems: &[Ifs]) {
+        if systems.len() > MAX_SYSTEMS {
+            let text =
+                format!("the file holds {} systems, the limit is {}", systems.len(), grouped(MAX_SYSTEMS as u64));
+            self.tell(Diagnostic::about("I008", text).help("split the file"));
+            return;
+        }
+        let mut seen: std::collections::BTreeMap<String, (Span, String)> = std::collections::BTreeMap::new();
+        for s in systems {
+            let lower = s.name.to_lowercase();
+            let short: String = lower.chars().take(18).collect();
+            match seen.get(&short).cloned() {
+                Some((first, full)) if full == lower => {
+                    let text = format!("the name \"{}\" is used twice", s.name);
+                    let d = Diagnostic::error("I010", text, s.span, "second").label(first, "first");
+                    self.tell(d.help("give each system of a file a name of its own"));
+                }
+                Some((first, _)) => {
+                    let text = format!("\"{}\" and another name are equal in their first 18 characters", s.name);
+                    let d = Diagnostic::warning("I009", text, s.span, "second").label(first, "first");
+                    self.tell(d.help("Fractint looks at 18 characters and would take the first"));
+                }
+                None => {
+                    seen.insert(short, (s.span, lower));
+                }
+            }
+        }
+    }
+
+    fn check_weights(&mut self, systems: &[Ifs]) {
+        for s in systems {
+            for d in super::weights::notes(s) {
+                self.tell(d);
+            }
+        }
+    }
+}

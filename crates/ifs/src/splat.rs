@@ -1,0 +1,164 @@
+//! How points of an attractor reach the cells of a picture: by cylinders, or step by step where those do not suit.
+
+use std::ops::Range;
+
+use super::cloud::Request;
+use super::color::Labels;
+use super::cylinders::{self, Cut, Cylinder, Pool};
+use super::game::{CHUNK, Chunk, Escapes, Game, LANES, Layout, Sink, Tier, images};
+use super::histogram::Window;
+use osier_base::math::narrow;
+use osier_base::par::{par_map, threads};
+
+/// Bytes that the cells of all threads may take together.
+const MEMORY: usize = 1 << 30;
+/// Box diagonals beyond which a lane starts again.
+const GUARD: f64 = 1e4;
+/// Points whose pixels are found at once.
+pub(super) const SLICE: usize = 1024;
+/// The map that leaves everything where it is.
+const STILL: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+
+/// Finds the pixels of points, slice after slice.
+struct Pixels {
+    tier: Tier,
+    layout: Layout,
+    /// The attractor lies in space.
+    deep: bool,
+    index: Box<[u32; SLICE]>,
+}
+
+impl Pixels {
+    /// Cells of the images of up to [`SLICE`] places.
+    fn of(&mut self, map: &[f32; 12], [x, y, z]: [&[f32]; 3]) -> &[u32] {
+        let out = &mut self.index[..x.len()];
+        images(self.tier, map, [x, y, if self.deep { z } else { &[] }], self.layout, out);
+        out
+    }
+}
+
+/// Counts of points by cell.
+pub(super) trait Cells {
+    /// What tells points apart, if anything does.
+    fn labels(&self) -> Option<&Labels>;
+    /// Counts points in these cells, with the map that made each and its label.
+    fn add_each(&mut self, cells: &[u32], maps: &[u32], labels: &[u32]);
+    /// Counts points of a cylinder; `coord`: colour coordinates of its places, or none.
+    fn add(&mut self, cells: &[u32], cylinder: &Cylinder, coord: &[f32]);
+}
+
+/// Takes points of the chaos game itself: where cylinders do not suit.
+struct Steps<C> {
+    cells: C,
+    pixels: Pixels,
+    /// The map that places are shown by.
+    last: [f32; 12],
+    labels: Option<Labels>,
+    label: Box<[[u32; LANES]; CHUNK]>,
+}
+
+impl<C: Cells> Sink for Steps<C> {
+    fn take(&mut self, chunk: &Chunk) {
+        let steps = ..chunk.steps.min(CHUNK);
+        if let Some(labels) = &mut self.labels {
+            labels.label(chunk, &mut self.label);
+        }
+        let place = [&chunk.x, &chunk.y, &chunk.z].map(|row| row[steps].as_flattened());
+        let pixels = self.pixels.of(&self.last, place);
+        self.cells.add_each(pixels, chunk.map[steps].as_flattened(), self.label[steps].as_flattened());
+    }
+
+    fn begin(&mut self) {
+        (0..LANES).for_each(|lane| self.restart(lane));
+    }
+
+    fn restart(&mut self, lane: usize) {
+        if let Some(labels) = &mut self.labels {
+            labels.restart(lane);
+        }
+    }
+}
+
+/// A system made ready for counting.
+pub(super) struct Plan {
+    game: Game,
+    /// The cylinders, where they suit.
+    cut: Option<Cut>,
+    /// Blocks or batches, and steps of a lane of a block.
+    blocks: u64,
+    steps: u64,
+    /// Points that are drawn in all.
+    pub points: u64,
+    /// Where cells lie.
+    pub layout: Layout,
+    deep: bool,
+    last: [f32; 12],
+}
+
+impl Plan {
+    /// Makes a system ready for the cells of a window.
+    pub fn new(request: &Request<'_>, labels: Option<&Labels>, window: &Window) -> Self {
+        let Request { system, study, seed, points, tier } = *request;
+        let frame = window.frame();
+        #[allow(clippy::cast_precision_loss, reason = "pixels")]
+        let diagonal = (window.width + window.height) as f64;
+        let by_cylinders = cylinders::suits(system, study, labels);
+        let (units, size) = if by_cylinders { (cylinders::unit_frame(system, study), 2.0) } else { (frame, diagonal) };
+        let game = Game::new(system, study, seed, units, narrow((size * GUARD).min(1e15))).with_tier(tier);
+        let cut = by_cylinders.then(|| Cut::new(request, &game, frame, labels));
+        let (blocks, steps) = Game::plan(points);
+        let (blocks, points) = match &cut {
+            Some(cut) => (cut.batches().count, cut.batches().count * cut.batches().points),
+            None => (blocks, blocks * steps * LANES as u64),
+        };
+        let last = system.last.map(|l| l.conjugated(frame.0, frame.1).single()).unwrap_or(STILL);
+        Self {
+            game,
+            cut,
+            blocks,
+            steps,
+            points,
+            layout: Layout { width: window.width, height: window.height },
+            deep: system.dim > 2,
+            last,
+        }
+    }
+
+    /// Counts all points. Each thread has cells of its own, of `bytes` bytes each, while they fit the memory; `make`:
+    /// empty cells for a [`Layout`].
+    pub fn count<C: Cells + Send>(&self, bytes: usize, make: impl Fn() -> C + Sync) -> (Vec<C>, Escapes) {
+        let blocks = usize::try_from(self.blocks).unwrap_or(usize::MAX);
+        let workers = threads().min(MEMORY / (bytes * self.layout.cells())).clamp(1, blocks.max(1));
+        let jobs: Vec<u64> = (0..workers as u64).collect();
+        let parts = par_map(&jobs, |worker| self.some(make(), (*worker..self.blocks).step_by(workers)));
+        let escapes = parts.iter().fold(Escapes::default(), |s, p| s.plus(p.1));
+        (parts.into_iter().map(|p| p.0).collect(), escapes)
+    }
+
+    /// Counts the points of some blocks.
+    fn some<C: Cells>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
+        let tier = self.game.tier();
+        let mut pixels = Pixels { tier, layout: self.layout, deep: self.deep, index: Box::new([0; SLICE]) };
+        let none = Escapes::default();
+        if let Some(cut) = &self.cut {
+            let mut pool = Pool::new(cells.labels());
+            let mut lay = |c: &Cylinder, pool: &Pool, range: Range<usize>| lay(&mut cells, &mut pixels, c, pool, range);
+            let escapes = blocks.fold(none, |s, b| s.plus(cut.draw(b, &self.game, &mut pool, &mut lay)));
+            return (cells, escapes);
+        }
+        let labels = cells.labels().cloned();
+        let label = Box::new([[0; LANES]; CHUNK]);
+        let mut sink = Steps { cells, pixels, last: self.last, labels, label };
+        let escapes = blocks.fold(none, |s, b| s.plus(self.game.play(b, self.steps, &mut sink)));
+        (sink.cells, escapes)
+    }
+}
+
+/// Counts a window of the pool laid into a cylinder.
+fn lay(cells: &mut impl Cells, pixels: &mut Pixels, cylinder: &Cylinder, pool: &Pool, range: Range<usize>) {
+    for start in range.clone().step_by(SLICE) {
+        let part = start..range.end.min(start + SLICE);
+        let index = pixels.of(&cylinder.map, pool.place.each_ref().map(|row| &row[part.clone()]));
+        cells.add(index, cylinder, pool.coord.get(part).unwrap_or(&[]));
+    }
+}

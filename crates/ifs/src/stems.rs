@@ -1,0 +1,128 @@
+//! What makes a system a tree: its trunk, its branching maps, which of them lead on.
+
+use glam::DVec3;
+
+use super::color::is_squash;
+use super::game::extent;
+use super::weights::{Rule, similarity_dimension};
+use super::words::Letters;
+use super::{Ifs, Shape, dynamics};
+use osier_base::diagnostic::Diagnostic;
+use osier_base::math;
+
+/// Least height on the parent of a map that leads on, and most degrees off the vertical.
+const APEX: f64 = 0.9;
+const LEAN: f64 = 35.0;
+/// A trunk this near to the unit segment is it.
+const SNAP: f64 = 0.03;
+/// Radius of a trunk over its length, where nothing says it.
+const RADIUS: f64 = 0.08;
+
+/// A system as a tree.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stems {
+    /// The system, its squash maps marked as stems, one of its branches marked as the axis.
+    pub system: Ifs,
+    /// Scales and radii.
+    pub letters: Letters,
+    /// Foot and tip of the trunk.
+    pub trunk: (DVec3, DVec3),
+    /// Radius at the foot, table units.
+    pub radius: f64,
+}
+
+/// True if a system of space has branching maps and a trunk for them.
+pub fn is_tree(ifs: &Ifs) -> bool {
+    let branches = ifs.maps.iter().any(|m| m.branch.is_some());
+    let segment = ifs.condensation.iter().any(|c| matches!(c.shape, Shape::Segment { .. }));
+    ifs.dim == 3 && (branches || segment || ifs.maps.iter().any(is_squash))
+}
+
+/// Reads a system as a tree. Branches as they were written; plain matrices by their norms: s = norm, radius factor
+/// s^(D/2) with sum s^D = 1, so that a fork keeps its cross-section.
+/// Source: Leonardo's rule of branch areas; [zhao-zhang] 2.2.1 names the branching modes.
+/// # Errors
+/// I041 for a branch that does not shrink, I023 if the system has no attractor.
+pub fn stems(ifs: &Ifs) -> Result<Stems, Box<Diagnostic>> {
+    let mut system = ifs.clone();
+    for map in system.maps.iter_mut().filter(|m| m.branch.is_none()) {
+        map.stem |= is_squash(map);
+    }
+    let (trunk, radius) = trunk(&system)?;
+    if system.maps.iter().all(|m| m.branch.is_none()) {
+        let norms: Vec<f64> = system.maps.iter().filter(|m| !m.stem).map(|m| m.affine.norm()).collect();
+        let half = 0.5 * similarity_dimension(&norms, 3.0);
+        for map in system.maps.iter_mut().filter(|m| !m.stem && m.radius.is_none()) {
+            map.radius = Some(math::pow(map.affine.norm(), half));
+        }
+        if system.maps.iter().all(|m| !m.axis)
+            && let Some(apex) = apex(&system, trunk)
+        {
+            system.maps[apex].axis = true;
+        }
+    }
+    let letters = Letters::new(&system)?;
+    Ok(Stems { system, letters, trunk, radius })
+}
+
+/// Which branching map is no similarity, so that its subtrees are no copies of the whole; relative tolerance 1e-6.
+pub fn sheared(stems: &Stems) -> Option<usize> {
+    let even = |a: &super::affine::Affine| {
+        let columns = [a.a.x_axis, a.a.y_axis, a.a.z_axis];
+        let size = math::sqrt(a.a.y_axis.dot(a.a.y_axis)).max(1e-300);
+        let length = |v: DVec3| math::sqrt(v.dot(v));
+        let long = columns.iter().all(|c| (length(*c) / size - 1.0).abs() < 1e-6);
+        long && (0..3).all(|i| (columns[i].dot(columns[(i + 1) % 3]) / (size * size)).abs() < 1e-6)
+    };
+    stems.system.maps.iter().position(|m| !m.stem && !even(&m.affine))
+}
+
+/// The trunk's ends and radius: the condensation segment, or the first stem map's image of the whole.
+fn trunk(ifs: &Ifs) -> Result<((DVec3, DVec3), f64), Box<Diagnostic>> {
+    for c in &ifs.condensation {
+        if let Shape::Segment { from, to, radius } = &c.shape {
+            return Ok(((DVec3::from_array(*from), DVec3::from_array(*to)), *radius));
+        }
+    }
+    let unit = (DVec3::ZERO, DVec3::Y);
+    let Some(stem) = ifs.maps.iter().find(|m| m.stem) else { return Ok((unit, RADIUS)) };
+    let study = dynamics::study(ifs, Rule::File);
+    let (low, high) = extent(ifs, &study)?.bounds;
+    let middle = (low + high) * 0.5;
+    let end = |y: f64| stem.affine.apply(DVec3::new(middle.x, y, middle.z));
+    let (foot, tip) = (end(low.y), end(high.y));
+    let half = 0.5 * (high.x - low.x).max(high.z - low.z);
+    let widths = stem.affine.singular_values();
+    // The image of the crown is thin outside: its densest part has four fifths of the width.
+    let radius = (widths[1] * half / 0.8).max(1e-6);
+    let near = |p: DVec3, q: DVec3| (p - q).length() < SNAP;
+    if near(foot, unit.0) && near(tip, unit.1) { Ok((unit, radius)) } else { Ok(((foot, tip), radius)) }
+}
+
+/// The branch at the trunk's tip that leans least, if it leans less than 35 degrees.
+fn apex(ifs: &Ifs, (foot, tip): (DVec3, DVec3)) -> Option<usize> {
+    let along = tip - foot;
+    let lean = |i: &usize| {
+        let map = &ifs.maps[*i].affine;
+        let dir = (map.a * along).try_normalize().unwrap_or(DVec3::NEG_Y);
+        math::acos(dir.dot(along.normalize_or_zero()).clamp(-1.0, 1.0))
+    };
+    let high = |i: &usize| {
+        let map = &ifs.maps[*i];
+        let h = (map.affine.apply(foot) - foot).dot(along) / along.length_squared().max(1e-30);
+        !map.stem && h >= APEX
+    };
+    let mut best: Option<(f64, usize)> = None;
+    let mut ties = 0;
+    for i in (0..ifs.maps.len()).filter(high) {
+        let l = lean(&i);
+        if best.is_some_and(|(b, _)| (l - b).abs() < 1e-3) {
+            ties += 1;
+        }
+        if best.is_none_or(|(b, _)| l < b) {
+            best = Some((l, i));
+        }
+    }
+    // Equal halves of a fork: none of them leads.
+    best.filter(|(l, _)| *l < osier_base::units::radians(LEAN) && ties == 0).map(|b| b.1)
+}

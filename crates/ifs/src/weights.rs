@@ -1,0 +1,254 @@
+//! Probabilities of the maps.
+
+use super::Ifs;
+use osier_base::diagnostic::{Diagnostic, Severity};
+use osier_base::math;
+
+/// Where probabilities come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rule {
+    /// The file's column, cumulative columns taken apart, divided by its sum; without one as [`Rule::Det`] or, in space,
+    /// [`Rule::Moran`].
+    File,
+    /// The file's column as it is, divided by its sum.
+    Raw,
+    /// By area or volume.
+    Det,
+    /// By the share of the similarity dimension.
+    Moran,
+    /// All the same.
+    Equal,
+    /// As Fractint draws: a running sum, of which the last map takes the rest.
+    Fractint,
+}
+
+/// Smallest share of the largest weight that a map gets by [`Rule::Det`] and [`Rule::Moran`].
+const FLOOR: f64 = 0.01;
+/// Tolerance for sums.
+const SUM: f64 = 0.005;
+/// Norm beyond which weights by area starve what is left.
+const ROTATION: f64 = 0.99;
+
+/// Probabilities, one per map, sum 1, with what is odd about them (I012 to I017, I024, I027).
+/// Source: [wang-hao] eq. (3) for weights by area, here with a floor.
+/// Differs: eq. (3) divides by the sum of |det| and starves singular maps.
+pub fn probabilities(ifs: &Ifs, rule: Rule) -> (Vec<f64>, Vec<Diagnostic>) {
+    let mut told = Vec::new();
+    let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
+    let positive = |w: &[f64]| w.iter().any(|p| *p > 0.0);
+    let fallback = if ifs.dim == 2 { Rule::Det } else { Rule::Moran };
+    let rule = match (rule, &column) {
+        (Rule::File | Rule::Raw | Rule::Fractint, None) => fallback,
+        (Rule::File, Some(w)) if !positive(w) => fallback,
+        (rule, _) => rule,
+    };
+    let column = column.unwrap_or_default();
+    let weights = match rule {
+        Rule::File => differences(&column).unwrap_or_else(|| column.iter().map(|p| p.max(0.0)).collect()),
+        Rule::Raw => {
+            if !positive(&column) {
+                let d = Diagnostic::error("I017", "every weight is 0", ifs.span, "in this system");
+                told.push(d.help("give a map a weight, or choose weights = \"det\""));
+            }
+            column.iter().map(|p| p.max(0.0)).collect()
+        }
+        Rule::Det => by_area(ifs, &mut told),
+        Rule::Moran => by_dimension(ifs),
+        Rule::Equal => vec![1.0; ifs.maps.len()],
+        Rule::Fractint => scanned(&column),
+    };
+    (normalised(weights), told)
+}
+
+fn normalised(mut weights: Vec<f64>) -> Vec<f64> {
+    let sum = weights.iter().fold(0.0, |s, w| s + w);
+    let n = weights.len();
+    for w in &mut weights {
+        #[allow(clippy::cast_precision_loss, reason = "at most some thousand maps")]
+        let even = 1.0 / n as f64;
+        *w = if sum > 0.0 { *w / sum } else { even };
+    }
+    weights
+}
+
+/// Differences of a column that is a running sum, else `None`.
+fn differences(column: &[f64]) -> Option<Vec<f64>> {
+    let sum = column.iter().fold(0.0, |s, w| s + w);
+    let rises =
+        column.len() >= 2 && column.windows(2).all(|w| w[1] > w[0]) && column.first().is_some_and(|p| *p >= 0.0);
+    let ends = column.last().is_some_and(|p| (p - 1.0).abs() <= SUM);
+    (rises && ends && sum > 1.0 + SUM).then(|| {
+        let mut before = 0.0;
+        column.iter().map(|p| p - std::mem::replace(&mut before, *p)).collect()
+    })
+}
+
+fn by_area(ifs: &Ifs, told: &mut Vec<Diagnostic>) -> Vec<f64> {
+    let areas: Vec<f64> = ifs.maps.iter().map(|m| m.affine.det(ifs.dim).abs()).collect();
+    let largest = areas.iter().fold(0.0_f64, |m, a| m.max(*a));
+    if let Some(turn) = ifs.maps.iter().find(|m| m.affine.norm() > ROTATION) {
+        let text = "weights by area do not suit a map that hardly shrinks";
+        let d = Diagnostic::warning("I027", text, turn.span, format!("norm {:.6}", turn.affine.norm()));
+        told.push(d.help("the weights of the file are used; they keep the other maps alive"));
+        let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight.map(|w| w.max(0.0))).collect();
+        if let Some(column) = column.filter(|c| c.iter().any(|w| *w > 0.0)) {
+            return column;
+        }
+    }
+    if largest <= 0.0 {
+        let d = Diagnostic::warning("I024", "no map has an area", ifs.span, "every determinant is 0");
+        told.push(d.help("weights by the square of the norm are used"));
+        return ifs.maps.iter().map(|m| m.affine.norm() * m.affine.norm()).collect();
+    }
+    areas.iter().map(|a| a.max(FLOOR * largest)).collect()
+}
+
+/// q_i ~ s_i^D with sum s_i^D = 1, s_i = |det A_i|^(1/d), D clamped to 0.1..d.
+fn by_dimension(ifs: &Ifs) -> Vec<f64> {
+    #[allow(clippy::cast_precision_loss, reason = "2 or 3")]
+    let d = ifs.dim as f64;
+    let ratios: Vec<f64> = ifs.maps.iter().map(|m| math::pow(m.affine.det(ifs.dim).abs(), 1.0 / d)).collect();
+    let dimension = similarity_dimension(&ratios, d);
+    let weights: Vec<f64> = ratios.iter().map(|s| math::pow(*s, dimension)).collect();
+    let largest = weights.iter().fold(0.0_f64, |m, w| m.max(*w));
+    weights.iter().map(|w| w.max(FLOOR * largest)).collect()
+}
+
+/// The D with sum s_i^D = 1, clamped to 0.1..`most`; ratios of 0 do not count.
+/// Source: P. Moran, "Additive functions of intervals and Hausdorff measure", 1946.
+pub fn similarity_dimension(ratios: &[f64], most: f64) -> f64 {
+    let excess = |d: f64| ratios.iter().filter(|s| **s > 0.0).fold(-1.0, |t, s| t + math::pow(*s, d));
+    let (mut low, mut high) = (0.1, most);
+    if excess(low) <= 0.0 {
+        return low;
+    }
+    if excess(high) >= 0.0 {
+        return high;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if excess(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// What Fractint's running sum gives: beyond 1 nothing is left, the last map takes what is.
+fn scanned(column: &[f64]) -> Vec<f64> {
+    let mut left = 1.0;
+    let last = column.len().saturating_sub(1);
+    column
+        .iter()
+        .enumerate()
+        .map(|(i, p)| {
+            let q = if i == last { left } else { p.clamp(0.0, left) };
+            left -= q;
+            q
+        })
+        .collect()
+}
+
+/// What is odd about the column of weights as written (I012 to I015).
+pub fn notes(ifs: &Ifs) -> Vec<Diagnostic> {
+    let mut told = Vec::new();
+    let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
+    let Some(column) = column.filter(|c| c.iter().any(|p| *p != 0.0)) else { return told };
+    let row = |i: usize| ifs.maps.get(i).map_or(ifs.span, |m| m.span);
+    for (i, _) in column.iter().enumerate().filter(|(_, p)| **p < 0.0) {
+        let text = format!("the weight of map {} is negative", i + 1);
+        told.push(Diagnostic::warning("I013", text, row(i), "taken as 0").help("weights are shares of the points"));
+    }
+    let sum = column.iter().fold(0.0, |s, w| s + w.max(0.0));
+    if differences(&column).is_some() {
+        let d = Diagnostic::warning("I012", "the weights look like a running sum", ifs.span, "in this system");
+        told.push(d.help("their differences are used; weights = \"file-raw\" takes them as they are"));
+    } else if (sum - 1.0).abs() > SUM && ifs.chaos.is_none() && ifs.condensation.is_empty() {
+        let text = format!("the weights sum to {sum:.4}, not to 1");
+        let effect = if sum < 1.0 { "the last map takes the rest" } else { "the last maps are starved" };
+        let d = Diagnostic::warning("I014", text, ifs.span, "in this system");
+        told.push(d.help(format!("they are divided by their sum; in Fractint {effect}")));
+    }
+    let unused: Vec<usize> = (0..column.len()).filter(|i| column[*i] == 0.0).collect();
+    if let Some(first) = unused.first() {
+        let text = format!("{} of {} maps have the weight 0", unused.len(), column.len());
+        let d = Diagnostic::warning("I015", text, row(*first), "the first of them");
+        told.push(d.help("they are not drawn; expansion by words uses them"));
+    }
+    debug_assert!(told.iter().all(|d| d.severity == Severity::Warning));
+    told
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Map, affine::Affine};
+    use osier_base::diagnostic::{SourceId, Span};
+
+    pub(crate) fn system(rows: &[[f64; 7]]) -> Ifs {
+        let span = Span::new(SourceId(0), 0, 0);
+        let map = |r: &[f64; 7]| Map::new(Affine::plane([r[0], r[1], r[2], r[3], r[4], r[5]]), Some(r[6]), span);
+        Ifs {
+            name: "test".into(),
+            dim: 2,
+            maps: rows.iter().map(map).collect(),
+            chaos: None,
+            last: None,
+            condensation: Vec::new(),
+            view: None,
+            palette: Vec::new(),
+            weights: None,
+            span,
+        }
+    }
+
+    fn with_weights(p: &[f64]) -> Ifs {
+        system(&p.iter().map(|p| [0.5, 0.0, 0.0, 0.5, 0.0, 0.0, *p]).collect::<Vec<_>>())
+    }
+
+    fn codes(told: &[Diagnostic]) -> Vec<&'static str> {
+        told.iter().map(|d| d.code).collect()
+    }
+
+    #[test]
+    fn running_sums_are_seen_and_equal_weights_are_not() {
+        let fern = with_weights(&[0.01, 0.86, 0.93, 1.0]);
+        assert_eq!(codes(&notes(&fern)), ["I012"]);
+        let q = probabilities(&fern, Rule::File).0;
+        for (a, b) in q.iter().zip([0.01, 0.85, 0.07, 0.07]) {
+            assert!((a - b).abs() < 1e-12);
+        }
+        assert!((probabilities(&fern, Rule::Raw).0[0] - 0.01 / 2.8).abs() < 1e-12);
+        assert_eq!(codes(&notes(&with_weights(&[1.0, 1.0, 1.0]))), ["I014"]);
+        assert_eq!(codes(&notes(&with_weights(&[0.5, 0.5]))), [] as [&str; 0]);
+        assert_eq!(codes(&notes(&with_weights(&[0.5, -0.1, 0.0, 0.5]))), ["I013", "I015"]);
+    }
+
+    #[test]
+    fn area_keeps_singular_maps_alive() {
+        let fern = system(&[
+            [0.0, 0.0, 0.0, 0.16, 0.0, 0.0, 0.01],
+            [0.85, 0.04, -0.04, 0.85, 0.0, 1.6, 0.85],
+            [0.2, -0.26, 0.23, 0.22, 0.0, 1.6, 0.07],
+        ]);
+        let (q, told) = probabilities(&fern, Rule::Det);
+        assert!((q[0] / q[1] - 0.01).abs() < 1e-12 && told.is_empty());
+        let flat = system(&[[0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5], [0.5, 0.5, 0.0, 0.0, 50.0, 0.0, 0.5]]);
+        let (q, told) = probabilities(&flat, Rule::Det);
+        assert!((q[0] - 0.5).abs() < 1e-9 && codes(&told) == ["I024"]);
+        let none = with_weights(&[0.0, 0.0]);
+        assert_eq!(codes(&probabilities(&none, Rule::Raw).1), ["I017"]);
+    }
+
+    #[test]
+    fn fractint_starves_or_feeds_the_last_map() {
+        let q = |p: &[f64]| probabilities(&with_weights(p), Rule::Fractint).0;
+        let near = |a: Vec<f64>, b: &[f64]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-12);
+        assert!(near(q(&[0.2, 0.2, 0.2]), &[0.2, 0.2, 0.6]));
+        assert!(near(q(&[0.7, 0.5, 0.5]), &[0.7, 0.3, 0.0]));
+    }
+
+    #[test]
+    fn moran_of_sierpinski() {
+        let d = similarity_dimension(&[0.5, 0.5, 0.5], 2.0);
+        assert!((d - math::ln(3.0) / math::ln(2.0)).abs() < 1e-9, "{d}");
+    }
+}

@@ -1,0 +1,207 @@
+//! Systems expanded word by word: every prefix, down to a size.
+
+use glam::DVec3;
+
+use super::affine::Affine;
+use super::{Ifs, Map};
+use osier_base::diagnostic::Diagnostic;
+use osier_base::math;
+use osier_base::rng::{Key, Rng, child};
+
+/// No parent.
+pub const NONE: u32 = u32::MAX;
+
+/// A word that is shown: letters outermost first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Word {
+    /// Index of the word without its last letter, or [`NONE`].
+    pub parent: u32,
+    /// Its last letter; 0 for the empty word.
+    pub letter: u16,
+    /// Its length.
+    pub depth: u16,
+    /// Letters that are no axis.
+    pub order: u16,
+    /// Product of the scales.
+    pub size: f64,
+    /// Product of the factors on radii.
+    pub radius: f64,
+    /// Composition of its maps, the first letter's outermost.
+    pub map: Affine,
+    /// Address of its letters without a seed.
+    pub id: u64,
+}
+
+/// What may become of the words.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Words smaller than this are cut.
+    pub eps: f64,
+    /// Longest word.
+    pub max_depth: u16,
+    /// Most letters that are no axis.
+    pub max_order: u16,
+    /// Most words.
+    pub max_words: u64,
+}
+
+/// How maps differ from word to word.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Variation {
+    /// Key of the stream that the letters are added to.
+    pub key: u64,
+    /// 0 none to 2 twice as much.
+    pub amount: f64,
+}
+
+impl Variation {
+    /// The variation of a plant: draws at (seed, plant, "ifs-tree", letters).
+    pub fn new(seed: u64, plant: u64, amount: f64) -> Self {
+        Self { key: Rng::key(seed, &[plant.into(), "ifs-tree".into()]), amount }
+    }
+}
+
+/// Words shown, and those at which growth was cut.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Expansion {
+    /// Depth first, letters in the order of the file; the empty word comes first.
+    pub words: Vec<Word>,
+    /// Words that were too small, too long or of too high an order.
+    pub cuts: Vec<Word>,
+}
+
+/// Scale and factor on radii of each letter: `None` for maps that squash.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Letters {
+    scale: Vec<Option<f64>>,
+    radius: Vec<f64>,
+}
+
+impl Letters {
+    /// The letters of a system; a map without a factor on radii takes its scale.
+    /// # Errors
+    /// I041 for a branching map that does not shrink.
+    pub fn new(ifs: &Ifs) -> Result<Self, Box<Diagnostic>> {
+        let mut out = Self { scale: Vec::new(), radius: Vec::new() };
+        for (i, map) in ifs.maps.iter().enumerate() {
+            let s = map.branch.map_or_else(|| map.affine.norm(), |b| b.scale);
+            let shrinks = s > 0.0 && s < 1.0;
+            if !(map.stem || shrinks) {
+                let text = format!("map {} has the scale {s:.4}", i + 1);
+                let d = Diagnostic::error("I041", text, map.span, "must lie between 0 and 1");
+                return Err(Box::new(d.help("every branch must be smaller than what it grows on")));
+            }
+            out.scale.push((!map.stem).then_some(s));
+            out.radius.push(map.radius.unwrap_or(s));
+        }
+        Ok(out)
+    }
+
+    /// Words and cuts that an expansion will make, or `None` beyond `max_words`.
+    pub fn count(&self, ifs: &Ifs, limits: &Limits) -> Option<(u64, u64)> {
+        let (mut words, mut cuts) = (0_u64, 0_u64);
+        let mut stack: Vec<(f64, u16, u16)> = vec![(1.0, 0, 0)];
+        while let Some((size, depth, order)) = stack.pop() {
+            words += 1;
+            if words > limits.max_words {
+                return None;
+            }
+            for (scale, map) in self.scale.iter().zip(&ifs.maps) {
+                let Some(scale) = scale else { continue };
+                let next = (size * scale, depth.saturating_add(1), order + u16::from(!map.axis));
+                if limits.admits(next) { stack.push(next) } else { cuts += 1 }
+            }
+        }
+        Some((words, cuts))
+    }
+}
+
+impl Limits {
+    fn admits(&self, (size, depth, order): (f64, u16, u16)) -> bool {
+        size >= self.eps && depth <= self.max_depth && order <= self.max_order
+    }
+}
+
+/// Expands a system.
+/// The words of a larger eps are among those of a smaller one, with the same maps and ids.
+/// Source: [zhao-zhang] 2.2, which expands to a fixed level.
+/// Differs: growth is cut by size; a fixed level would cut the trunk or explode where scales are as far apart as 0.9
+/// and 0.4.
+/// # Errors
+/// I040 if it would make more than the words allowed, naming an eps that fits.
+pub fn expand(
+    ifs: &Ifs,
+    letters: &Letters,
+    limits: &Limits,
+    vary: Option<Variation>,
+) -> Result<Expansion, Box<Diagnostic>> {
+    if letters.count(ifs, limits).is_none() {
+        return Err(Box::new(too_many(ifs, letters, limits)));
+    }
+    let root =
+        Word { parent: NONE, letter: 0, depth: 0, order: 0, size: 1.0, radius: 1.0, map: Affine::IDENTITY, id: 0 };
+    let mut out = Expansion::default();
+    let mut stack = vec![(root, vary.map_or(0, |v| v.key))];
+    while let Some((word, key)) = stack.pop() {
+        if !limits.admits((word.size, word.depth, word.order)) {
+            out.cuts.push(word);
+            continue;
+        }
+        let index = u32::try_from(out.words.len()).unwrap_or(NONE);
+        out.words.push(word);
+        for (i, map) in ifs.maps.iter().enumerate().rev() {
+            let Some(scale) = letters.scale.get(i).copied().flatten() else { continue };
+            let letter = u16::try_from(i).unwrap_or(u16::MAX);
+            let key = child(key, Key::from(i).0);
+            let step = vary.map_or(map.affine, |v| varied(map, key, v.amount));
+            let next = Word {
+                parent: index,
+                letter,
+                depth: word.depth.saturating_add(1),
+                order: word.order + u16::from(!map.axis),
+                size: word.size * scale,
+                radius: word.radius * letters.radius.get(i).copied().unwrap_or(scale),
+                map: word.map.after(&step),
+                id: child(word.id, Key::from(i).0),
+            };
+            stack.push((next, key));
+        }
+    }
+    Ok(out)
+}
+
+fn too_many(ifs: &Ifs, letters: &Letters, limits: &Limits) -> Diagnostic {
+    let mut fits = limits.eps.max(1e-6);
+    while fits < 1.0 && letters.count(ifs, &Limits { eps: fits, ..*limits }).is_none() {
+        fits *= 1.25;
+    }
+    let text = format!("\"{}\" expanded down to {} makes more than {} words", ifs.name, limits.eps, limits.max_words);
+    let d = Diagnostic::error("I040", text, ifs.span, "in this system");
+    d.help(format!("eps = {fits:.4} fits"))
+}
+
+/// A map as one word has it: roll and pitch vary by 8 and 5 degrees, the scale by 6 %, normal and cut at two deviations.
+fn varied(map: &Map, key: u64, amount: f64) -> Affine {
+    let mut draw = Rng::from_key(key);
+    let mut n = || draw.normal().clamp(-2.0, 2.0) * amount;
+    let (roll, pitch, scale) = (n() * 8.0_f64.to_radians(), n() * 5.0_f64.to_radians(), 1.0 + 0.06 * n());
+    match map.branch {
+        Some(b) => {
+            let b = super::Branch { roll: b.roll + roll, pitch: b.pitch + pitch, scale: b.scale * scale, ..b };
+            Affine::branch(&b)
+        }
+        None => {
+            // Turned about its own stem, then tilted along with it.
+            let turned = super::affine::turn_y(roll) * map.affine.a * super::affine::turn_z(pitch) * scale;
+            Affine { a: turned, b: map.affine.b }
+        }
+    }
+}
+
+/// Height of the unit segment's tree: the highest end of the words at eps 0.03 without variation.
+pub fn height(ifs: &Ifs, letters: &Letters, trunk: (DVec3, DVec3)) -> f64 {
+    let limits = Limits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
+    let words = expand(ifs, letters, &limits, None).map(|e| e.words).unwrap_or_default();
+    let top = words.iter().fold(0.0_f64, |h, w| h.max(w.map.apply(trunk.1).y));
+    (top - trunk.0.y).max(math::sqrt((trunk.1 - trunk.0).length_squared())).max(1e-9)
+}

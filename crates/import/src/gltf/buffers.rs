@@ -1,0 +1,115 @@
+//! Buffers: the binary chunk, `data:` URIs, files beside the document.
+
+use std::borrow::Cow;
+
+use gltf::json::Root;
+use gltf::json::buffer::View;
+
+use crate::{Job, Outcome};
+
+/// The bytes of all buffers, each at least as long as it declares.
+#[derive(Debug)]
+pub(super) struct Buffers<'a> {
+    list: Vec<Cow<'a, [u8]>>,
+}
+
+impl<'a> Buffers<'a> {
+    /// Loads every buffer; all together stay within the limit for mesh bytes.
+    /// # Errors
+    /// X009 or X010.
+    pub(super) fn load(job: &mut Job<'_>, root: &Root, bin: Option<&'a [u8]>) -> Outcome<Self> {
+        let mut list = Vec::with_capacity(root.buffers.len());
+        let mut left = job.options.limits.get("mesh-bytes");
+        for (i, buffer) in root.buffers.iter().enumerate() {
+            let bytes = match (&buffer.uri, bin) {
+                (Some(uri), _) => Cow::Owned(resource(job, &format!("buffers[{i}]"), uri, left)?),
+                (None, Some(bin)) if i == 0 => Cow::Borrowed(bin),
+                (None, _) => return Err(job.inside("X010", format_args!("buffers[{i}] has no bytes"))),
+            };
+            if (bytes.len() as u64) < buffer.byte_length.0 {
+                let (has, wants) = (bytes.len(), buffer.byte_length.0);
+                let message = format_args!("buffers[{i}] holds {has} bytes where {wants} are declared");
+                return Err(Box::new(job.inside("X010", message).help("export the file again, with its .bin")));
+            }
+            left = left.saturating_sub(bytes.len() as u64);
+            list.push(bytes);
+        }
+        Ok(Self { list })
+    }
+
+    /// Bytes of a view; `None` if it passes the end of its buffer.
+    pub(super) fn view(&self, view: &View) -> Option<&[u8]> {
+        let start = view.byte_offset.map_or(0, |o| o.0);
+        let end = start.checked_add(view.byte_length.0)?;
+        let declared = self.list.get(view.buffer.value())?;
+        declared.get(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
+    }
+}
+
+/// Bytes that a uri stands for, at most `limit`.
+/// # Errors
+/// X009 or X010.
+pub(super) fn resource(job: &mut Job<'_>, place: &str, uri: &str, limit: u64) -> Outcome<Vec<u8>> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let bytes = data.split_once(',').filter(|(kind, _)| kind.ends_with(";base64")).and_then(|(_, b)| base64(b));
+        let bytes = bytes.ok_or_else(|| job.inside("X010", format_args!("{place}: its data: URI is not base64")))?;
+        return if bytes.len() as u64 <= limit {
+            Ok(bytes)
+        } else {
+            Err(job.inside("X010", format_args!("{place}: all buffers together pass --max-mesh-bytes")))
+        };
+    }
+    match job.options.roots.read_uri(job.path, uri, limit) {
+        Ok(referred) => {
+            job.note(&referred);
+            Ok(referred.bytes)
+        }
+        Err(refusal) => {
+            Err(Box::new(job.inside(refusal.code(), format_args!("{place}: {refusal}")).help(refusal.help())))
+        }
+    }
+}
+
+/// Standard base64 with or without padding; `None` for anything else.
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let digits = text.trim_end_matches('=');
+    if text.len() - digits.len() > 2 || digits.len() % 4 == 1 {
+        return None;
+    }
+    let mut bytes = Vec::with_capacity(digits.len() / 4 * 3 + 2);
+    let (mut bits, mut held) = (0_u32, 0_u32);
+    for c in digits.bytes() {
+        let value = match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => return None,
+        };
+        bits = (bits << 6) | u32::from(value);
+        held += 6;
+        if held >= 8 {
+            held -= 8;
+            bytes.extend((bits >> held).to_le_bytes().first());
+            bits &= (1 << held) - 1;
+        }
+    }
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_strict() {
+        assert_eq!(base64("Zm9vYmE=").as_deref(), Some(&b"fooba"[..]));
+        assert_eq!(base64("Zm9vYg").as_deref(), Some(&b"foob"[..]));
+        assert_eq!(base64("+/8=").as_deref(), Some(&[0xfb, 0xff][..]));
+        assert_eq!(base64("").as_deref(), Some(&[][..]));
+        for bad in ["A", "Zm9v YmE=", "Zm9v====", "Zm-_", "=Zm9v"] {
+            assert_eq!(base64(bad), None, "{bad}");
+        }
+    }
+}

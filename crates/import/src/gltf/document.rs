@@ -1,0 +1,186 @@
+//! The JSON: what we decode ourselves is taken out before the `gltf` crate validates the rest.
+
+use std::collections::BTreeMap;
+
+use gltf::json::Root;
+use serde_json::{Map, Value};
+
+use crate::{Job, Outcome};
+use osier_base::diagnostic::{Diagnostic, Span};
+use osier_base::fence::{Encoding, decode};
+use osier_base::limits::grouped;
+
+/// Extensions that are read, or whose absence changes only the look.
+const KNOWN: [&str; 15] = [
+    "EXT_mesh_gpu_instancing",
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_dispersion",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Accessors of an instanced node.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Instancing {
+    pub(super) translation: Option<usize>,
+    pub(super) rotation: Option<usize>,
+    pub(super) scale: Option<usize>,
+}
+
+/// A texture transform: offset, rotation (rad), scale, set of coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct UvTransform {
+    pub(super) offset: [f64; 2],
+    pub(super) rotation: f64,
+    pub(super) scale: [f64; 2],
+    pub(super) set: Option<u32>,
+}
+
+/// A validated document and what was taken out of it.
+#[derive(Debug)]
+pub(super) struct Document {
+    pub(super) root: Root,
+    /// By node.
+    pub(super) instancing: BTreeMap<usize, Instancing>,
+    /// Of the colour texture, by material.
+    pub(super) transforms: BTreeMap<usize, UvTransform>,
+    /// Index of refraction, by material.
+    pub(super) iors: BTreeMap<usize, f64>,
+}
+
+impl Document {
+    /// Reads the JSON; `None` if it has errors with a place, which are then in the report.
+    /// # Errors
+    /// X010 if it is damaged or too large, X011 for a required extension that is not known.
+    pub(super) fn read(job: &mut Job<'_>, json: &[u8]) -> Outcome<Option<Self>> {
+        let limit = job.options.limits.get("json-bytes");
+        if json.len() as u64 > limit {
+            let message = format_args!("holds more than {} bytes of JSON", grouped(limit));
+            return Err(Box::new(job.fault("X010", message).help("raise the limit with --max-json-bytes")));
+        }
+        let name = job.name();
+        let text = match decode(json, Encoding::Utf8) {
+            Ok(text) => text.text,
+            Err(bad) => {
+                bad.report("X010", &name, json, &mut job.report);
+                return Ok(None);
+            }
+        };
+        let mut value: Value = match serde_json::from_str(&text) {
+            Ok(value) => value,
+            Err(e) => {
+                syntax_error(job, &text, &e);
+                return Ok(None);
+            }
+        };
+        let Some(top) = value.as_object_mut() else {
+            return Err(job.fault("X010", "is not a glTF document: its JSON is no object"));
+        };
+        required(job, top)?;
+        positions(job, top)?;
+        if top.remove("animations").is_some() {
+            job.warn("X016", "holds animations; they are not read");
+        }
+        let instancing = entries(top, "nodes").filter_map(|(i, n)| Some((i, instancing(n)?))).collect();
+        let transforms = entries(top, "materials").filter_map(|(i, m)| Some((i, transform(m)?))).collect();
+        let ior = |m: &Value| m.pointer("/extensions/KHR_materials_ior/ior")?.as_f64();
+        let iors = entries(top, "materials").filter_map(|(i, m)| Some((i, ior(m)?))).collect();
+        let stripped = serde_json::to_vec(&value).map_err(|e| job.fault("X010", format_args!("is damaged: {e}")))?;
+        drop(value);
+        let root = match gltf::Gltf::from_slice(&stripped) {
+            Ok(gltf) => gltf.document.into_json(),
+            Err(e) => return Err(invalid(job, e)),
+        };
+        Ok(Some(Self { root, instancing, transforms, iors }))
+    }
+}
+
+/// A complaint about the JSON itself, with its place.
+fn syntax_error(job: &mut Job<'_>, text: &str, e: &serde_json::Error) {
+    let line_start: usize = text.split_inclusive('\n').take(e.line().saturating_sub(1)).map(str::len).sum();
+    let at = (line_start + e.column().saturating_sub(1)).min(text.len());
+    let source = job.report.sources.add(job.name(), text);
+    let words = e.to_string();
+    let message = words.split(" at line ").next().unwrap_or(&words).to_owned();
+    let diagnostic = Diagnostic::error("X010", message, Span::new(source, at, at + 1), "here");
+    job.report.push(diagnostic.help("the JSON is damaged; export the file again"));
+}
+
+/// What the crate's validation found, a few of it.
+fn invalid(job: &Job<'_>, e: gltf::Error) -> Box<Diagnostic> {
+    let list = match e {
+        gltf::Error::Validation(list) => {
+            let shown = list.iter().take(5).map(|(path, e)| format!("{path}: {e}"));
+            let more = list.len().saturating_sub(5);
+            shown.chain((more > 0).then(|| format!("and {more} more"))).collect::<Vec<_>>().join(", ")
+        }
+        other => other.to_string(),
+    };
+    Box::new(
+        job.fault("X010", format_args!("is not valid glTF: {list}"))
+            .help("export it again, or check it with the Khronos validator"),
+    )
+}
+
+/// Takes the extensions that we decode out of the list of required ones; others end the reading.
+fn required(job: &Job<'_>, top: &mut Map<String, Value>) -> Outcome<()> {
+    let Some(list) = top.remove("extensionsRequired") else { return Ok(()) };
+    let names: Vec<String> = match list {
+        Value::Array(items) => items.iter().map(|v| v.as_str().map_or_else(|| v.to_string(), str::to_owned)).collect(),
+        other => vec![other.to_string()],
+    };
+    match names.iter().find(|n| !KNOWN.contains(&n.as_str())) {
+        None => Ok(()),
+        Some(name) => Err(Box::new(
+            job.fault("X011", format_args!("requires the glTF extension {name:?}, which is not known"))
+                .help("export the file without it (no Draco or meshopt compression, PNG or JPEG pictures)"),
+        )),
+    }
+}
+
+/// Refuses positions in accessors that do not exist: the crate's validation would panic on them.
+fn positions(job: &Job<'_>, top: &Map<String, Value>) -> Outcome<()> {
+    let count = top.get("accessors").and_then(Value::as_array).map_or(0, Vec::len) as u64;
+    for (i, mesh) in entries(top, "meshes") {
+        let primitives = mesh.get("primitives").and_then(Value::as_array);
+        for (k, primitive) in primitives.into_iter().flatten().enumerate() {
+            let index = primitive.pointer("/attributes/POSITION").and_then(Value::as_u64);
+            if index.is_some_and(|n| n >= count) {
+                let message = format_args!("meshes[{i}].primitives[{k}].attributes.POSITION names no accessor");
+                return Err(job.inside("X010", message));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn entries<'a>(top: &'a Map<String, Value>, key: &str) -> impl Iterator<Item = (usize, &'a Value)> + use<'a> {
+    top.get(key).and_then(Value::as_array).into_iter().flatten().enumerate()
+}
+
+fn instancing(node: &Value) -> Option<Instancing> {
+    let attributes = node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes")?;
+    let index = |key: &str| attributes.get(key)?.as_u64().map(|i| usize::try_from(i).unwrap_or(usize::MAX));
+    Some(Instancing { translation: index("TRANSLATION"), rotation: index("ROTATION"), scale: index("SCALE") })
+}
+
+fn transform(material: &Value) -> Option<UvTransform> {
+    let t = material.pointer("/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform")?;
+    let pair = |key: &str, default: f64| {
+        let at = |i: usize| t.get(key).and_then(|v| v.get(i)).and_then(Value::as_f64).unwrap_or(default);
+        [at(0), at(1)]
+    };
+    let rotation = t.get("rotation").and_then(Value::as_f64).unwrap_or(0.0);
+    let set = t.get("texCoord").and_then(Value::as_u64).and_then(|n| u32::try_from(n).ok());
+    Some(UvTransform { offset: pair("offset", 0.0), rotation, scale: pair("scale", 1.0), set })
+}

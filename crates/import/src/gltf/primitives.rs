@@ -1,0 +1,189 @@
+//! Primitives as pieces of a mesh, in the world of the file.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use glam::{Mat3, Mat4, Vec2, Vec3};
+use gltf::json::accessor::Type;
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+use super::accessor::Accessors;
+use super::buffers::Buffers;
+use super::document::{Document, UvTransform};
+use super::materials::Surfaces;
+use super::nodes::Placed;
+use crate::assembly::Piece;
+use crate::{Job, Outcome};
+use osier_base::math;
+
+/// Every primitive at every place, within the limits on vertices and triangles.
+/// # Errors
+/// X009 or X010.
+pub(super) fn pieces(
+    job: &mut Job<'_>,
+    document: &Document,
+    buffers: &Buffers<'_>,
+    placed: &[Placed],
+    surfaces: &mut Surfaces<'_>,
+) -> Outcome<Vec<Piece>> {
+    let accessors = Accessors { document, buffers };
+    let mut meshes: BTreeMap<usize, Vec<Piece>> = BTreeMap::new();
+    let mut pieces = Vec::new();
+    let (mut vertices, mut triangles) = (0, 0);
+    for place in placed {
+        let local = match meshes.entry(place.mesh) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => new.insert(mesh(job, &accessors, place.mesh, surfaces)?),
+        };
+        for piece in local {
+            let copies = place.world_from_mesh.len() as u64;
+            vertices += piece.points.len() as u64 * copies;
+            triangles += piece.triangles.len() as u64 * copies;
+            job.limit("vertices", vertices)?;
+            job.limit("triangles", triangles)?;
+            let named = |m: &Mat4| Piece { name: place.name.clone(), ..moved(piece, *m) };
+            pieces.extend(place.world_from_mesh.iter().map(named));
+        }
+    }
+    Ok(pieces)
+}
+
+/// A piece elsewhere; a mirroring transform turns its triangles round.
+fn moved(piece: &Piece, world_from_mesh: Mat4) -> Piece {
+    let mut piece = piece.clone();
+    let linear = Mat3::from_mat4(world_from_mesh);
+    let det = linear.determinant();
+    piece.points.iter_mut().for_each(|p| *p = world_from_mesh.transform_point3(*p));
+    if det.abs() > 0.0 {
+        let for_normals = linear.inverse().transpose();
+        piece.normals.iter_mut().for_each(|n| *n = (for_normals * *n).normalize_or_zero());
+    } else {
+        piece.normals.clear();
+    }
+    if det < 0.0 {
+        piece.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    piece
+}
+
+fn mesh(
+    job: &mut Job<'_>,
+    accessors: &Accessors<'_>,
+    index: usize,
+    surfaces: &mut Surfaces<'_>,
+) -> Outcome<Vec<Piece>> {
+    let mut pieces = Vec::new();
+    let Some(mesh) = accessors.document.root.meshes.get(index) else { return Ok(pieces) };
+    for (k, primitive) in mesh.primitives.iter().enumerate() {
+        let place = format!("meshes[{index}].primitives[{k}]");
+        if primitive.targets.as_ref().is_some_and(|t| !t.is_empty()) {
+            job.warn("X016", "holds morph targets; they are not read");
+        }
+        let mode = match &primitive.mode {
+            Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => *mode,
+            _ => {
+                let warning = job.inside("X016", format_args!("{place} is made of points or lines; it is left out"));
+                job.report.push(*warning);
+                continue;
+            }
+        };
+        let material = primitive.material.map(|m| m.value());
+        let mut piece = geometry(job, accessors, primitive, surfaces.transform(material))?;
+        let order = match primitive.indices {
+            Some(indices) => accessors.corners(job, indices.value())?,
+            None => (0..piece.points.len()).filter_map(|i| u32::try_from(i).ok()).collect(),
+        };
+        piece.triangles = triangles(&order, mode);
+        piece.material = surfaces.of(job, material)?;
+        piece.place = place;
+        pieces.push(piece);
+    }
+    Ok(pieces)
+}
+
+fn geometry(
+    job: &Job<'_>,
+    accessors: &Accessors<'_>,
+    primitive: &Primitive,
+    (set, transform): (u32, Option<UvTransform>),
+) -> Outcome<Piece> {
+    let attribute = |s: Semantic| primitive.attributes.get(&Checked::Valid(s)).map(|i| i.value());
+    let floats = |s: Semantic, types: &[Type]| {
+        attribute(s).map(|i| accessors.floats(job, i, types, "vertices")).transpose().map(Option::unwrap_or_default)
+    };
+    let points = floats(Semantic::Positions, &[Type::Vec3])?;
+    let normals = floats(Semantic::Normals, &[Type::Vec3])?;
+    let uvs = floats(Semantic::TexCoords(set), &[Type::Vec2])?;
+    let colors = floats(Semantic::Colors(0), &[Type::Vec3, Type::Vec4])?;
+    let width = attribute(Semantic::Colors(0)).map_or(4, |i| accessors.width(i)).max(1);
+    let piece = Piece {
+        points: points.chunks_exact(3).map(Vec3::from_slice).collect(),
+        normals: normals.chunks_exact(3).map(Vec3::from_slice).collect(),
+        uvs: uvs.chunks_exact(2).map(|uv| from_gltf_uv(Vec2::from_slice(uv), transform)).collect(),
+        colors: colors.chunks_exact(width).map(rgba).collect(),
+        ..Piece::default()
+    };
+    let n = piece.points.len();
+    let lengths = [piece.normals.len(), piece.uvs.len(), piece.colors.len()];
+    if lengths.iter().any(|l| *l != 0 && *l != n) {
+        return Err(job.fault("X010", "has a primitive whose attributes differ in length"));
+    }
+    Ok(piece)
+}
+
+fn rgba(c: &[f32]) -> [f32; 4] {
+    std::array::from_fn(|i| c.get(i).copied().unwrap_or(1.0))
+}
+
+/// Texture coordinates with v up.
+/// Source: KHR_texture_transform (translation x rotation x scale, rotation counter-clockwise with v down).
+fn from_gltf_uv(uv: Vec2, transform: Option<UvTransform>) -> Vec2 {
+    let Some(t) = transform else { return Vec2::new(uv.x, 1.0 - uv.y) };
+    let (sin, cos) = (math::sin(t.rotation), math::cos(t.rotation));
+    let (u, v) = (f64::from(uv.x) * t.scale[0], f64::from(uv.y) * t.scale[1]);
+    let (u, v) = (cos * u + sin * v + t.offset[0], -sin * u + cos * v + t.offset[1]);
+    Vec2::new(math::narrow(u), math::narrow(1.0 - v))
+}
+
+/// Triangles of an index list.
+/// Source: glTF 2.0 specification, section 3.7.2.1.
+fn triangles(order: &[u32], mode: Mode) -> Vec<[u32; 3]> {
+    let triple = |w: &[u32]| match w {
+        [a, b, c] => [*a, *b, *c],
+        _ => [0; 3],
+    };
+    match (mode, order) {
+        (Mode::TriangleStrip, _) => {
+            let turned = |(i, w): (usize, &[u32])| {
+                let [a, b, c] = triple(w);
+                if i % 2 == 0 { [a, b, c] } else { [b, a, c] }
+            };
+            order.windows(3).enumerate().map(turned).collect()
+        }
+        (Mode::TriangleFan, [hub, rim @ ..]) => {
+            rim.iter().zip(rim.iter().skip(1)).map(|(a, b)| [*a, *b, *hub]).collect()
+        }
+        _ => order.chunks_exact(3).map(triple).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_and_fans_keep_their_side() {
+        assert_eq!(triangles(&[0, 1, 2, 3], Mode::TriangleStrip), [[0, 1, 2], [2, 1, 3]]);
+        assert_eq!(triangles(&[0, 1, 2, 3], Mode::TriangleFan), [[1, 2, 0], [2, 3, 0]]);
+        assert_eq!(triangles(&[0, 1, 2, 3], Mode::Triangles), [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn texture_transform_follows_the_specification() {
+        let t = UvTransform { offset: [0.1, 0.2], rotation: std::f64::consts::FRAC_PI_2, scale: [2.0, 1.0], set: None };
+        let uv = from_gltf_uv(Vec2::new(0.25, 0.5), Some(t));
+        // (0.5, 0.5) turned: u = v, v = -u.
+        assert!((uv - Vec2::new(0.6, 1.0 - (-0.3))).length() < 1e-6, "{uv}");
+    }
+}

@@ -1,0 +1,156 @@
+//! Pictures of imported materials: PNG and JPEG, header first, within the limits.
+
+mod shelf;
+
+use std::io::Cursor;
+
+use image::{ColorType, DynamicImage, ImageDecoder as _, ImageFormat, ImageReader};
+
+use super::{Job, Outcome};
+use osier_base::units;
+use osier_scene::{Image, ImageKind, Pixels};
+pub(super) use shelf::{Shelf, Use};
+
+/// A decoded picture, 8 bits a channel.
+#[derive(Debug, Clone)]
+pub(super) struct Raw {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// 1, 3 or 4.
+    pub(super) channels: u8,
+    pub(super) samples: Vec<u8>,
+}
+
+impl Raw {
+    /// One channel as a grey picture; channels that are absent read as `fallback`.
+    pub(super) fn channel(&self, channel: usize, fallback: u8) -> Self {
+        let n = usize::from(self.channels);
+        let pick = |p: &[u8]| p.get(if n == 1 { 0 } else { channel }).copied().unwrap_or(fallback);
+        Self { channels: 1, samples: self.samples.chunks_exact(n).map(pick).collect(), ..*self }
+    }
+
+    /// True if some pixel is not fully opaque.
+    pub(super) fn has_holes(&self) -> bool {
+        self.channels == 4 && self.samples.chunks_exact(4).any(|p| p.last() != Some(&255))
+    }
+
+    /// RGBA with the grey picture `mask`, of equal size, as alpha; `None` if the sizes differ.
+    pub(super) fn with_alpha(&self, mask: &Self) -> Option<Self> {
+        if (mask.width, mask.height) != (self.width, self.height) {
+            return None;
+        }
+        let rgb = |p: &[u8]| match p {
+            [r, g, b, ..] => [*r, *g, *b],
+            p => [p.first().copied().unwrap_or(0); 3],
+        };
+        let pixels = self.samples.chunks_exact(usize::from(self.channels)).zip(&mask.samples);
+        let samples = pixels.flat_map(|(p, a)| rgb(p).into_iter().chain([*a])).collect();
+        Some(Self { channels: 4, samples, ..*self })
+    }
+
+    /// sRGB colours multiplied by a linear factor, as glTF asks where a material has both picture and colour.
+    pub(super) fn tinted(mut self, factor: [f32; 4]) -> Self {
+        let table = |f: f32| -> Vec<u8> {
+            let tint = |v: u8| units::srgb_from_linear(units::linear_from_srgb(f32::from(v) / 255.0) * f);
+            (0..=255_u8).map(|v| units::byte(tint(v))).collect()
+        };
+        let colors: Vec<Vec<u8>> = factor.iter().take(3).map(|f| table(*f)).collect();
+        let alpha: Vec<u8> = (0..=255_u8).map(|v| units::byte(f32::from(v) / 255.0 * factor[3])).collect();
+        let tables: Vec<&Vec<u8>> = colors.iter().chain([&alpha]).collect();
+        for pixel in self.samples.chunks_exact_mut(usize::from(self.channels)) {
+            for (sample, table) in pixel.iter_mut().zip(&tables) {
+                *sample = table.get(usize::from(*sample)).copied().unwrap_or(*sample);
+            }
+        }
+        self
+    }
+
+    /// Samples times a factor in [0, 1].
+    pub(super) fn scaled(mut self, factor: f32) -> Self {
+        self.samples.iter_mut().for_each(|s| *s = units::byte(f32::from(*s) / 255.0 * factor));
+        self
+    }
+
+    /// As the scene holds it.
+    pub(super) fn into_image(self, name: String, kind: ImageKind) -> Image {
+        let Self { width, height, channels, samples } = self;
+        Image { name, kind, width, height, channels, pixels: Pixels::U8(samples) }
+    }
+}
+
+/// Decodes a PNG or JPEG. `place`: what it is in the file; `spent`: bytes decoded so far for this file.
+/// # Errors
+/// X010 if it is damaged, of another format, or over a limit.
+pub(super) fn decode(job: &Job<'_>, place: &str, bytes: &[u8], spent: &mut u64) -> Outcome<Raw> {
+    let failed = |e: &dyn std::fmt::Display| job.inside("X010", format_args!("{place}: picture is damaged: {e}"));
+    let side = u32::try_from(job.options.limits.get("image-side")).unwrap_or(u32::MAX);
+    let budget = job.options.limits.get("image-bytes");
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| failed(&e))?;
+    if reader.format().is_none() {
+        return Err(Box::new(
+            job.inside("X010", format_args!("{place}: picture is neither PNG nor JPEG")).help("convert it"),
+        ));
+    }
+    // The decoders fill in what is missing.
+    let is_whole = match reader.format() {
+        Some(ImageFormat::Png) => png_is_whole(bytes),
+        Some(ImageFormat::Jpeg) => jpeg_is_whole(bytes),
+        _ => true,
+    };
+    if !is_whole {
+        return Err(failed(&"its end is missing"));
+    }
+    let mut limits = image::Limits::no_limits();
+    limits.max_alloc = Some(budget);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|e| failed(&e))?;
+    let (width, height) = decoder.dimensions();
+    if width > side || height > side {
+        let message = format_args!("{place}: picture of {width} x {height} pixels, the limit is {side} a side");
+        return Err(Box::new(job.inside("X010", message).help("make it smaller, or use --max-image-side")));
+    }
+    spend(job, place, decoder.total_bytes(), spent)?;
+    let picture = DynamicImage::from_decoder(decoder).map_err(|e| failed(&e))?;
+    let (channels, samples) = match picture.color() {
+        ColorType::L8 | ColorType::L16 => (1, picture.into_luma8().into_raw()),
+        ColorType::Rgb8 | ColorType::Rgb16 | ColorType::Rgb32F => (3, picture.into_rgb8().into_raw()),
+        _ => (4, picture.into_rgba8().into_raw()),
+    };
+    Ok(Raw { width, height, channels, samples })
+}
+
+/// Counts bytes of decoded pictures.
+/// # Errors
+/// X010 over the limit.
+pub(super) fn spend(job: &Job<'_>, place: &str, bytes: u64, spent: &mut u64) -> Outcome<()> {
+    let budget = job.options.limits.get("image-bytes");
+    *spent = spent.saturating_add(bytes);
+    if *spent > budget {
+        let message = format_args!("{place}: pictures take {spent} bytes decoded, the limit is {budget}");
+        return Err(Box::new(job.inside("X010", message).help("make them smaller, or use --max-image-bytes")));
+    }
+    Ok(())
+}
+
+/// True if the chunks of a PNG follow each other up to the last one.
+fn png_is_whole(bytes: &[u8]) -> bool {
+    let mut at = 8_usize;
+    loop {
+        let head = |k: usize| bytes.get(at + k..at + k + 4);
+        let (Some(length), Some(kind)) = (head(0).and_then(|b| b.try_into().ok()), head(4)) else { return false };
+        let next = at.saturating_add(12).saturating_add(u32::from_be_bytes(length) as usize);
+        if next > bytes.len() {
+            return false;
+        }
+        if kind == b"IEND" {
+            return true;
+        }
+        at = next;
+    }
+}
+
+/// True if an end marker follows the last scan of a JPEG. Thumbnails, which have both, stand before it.
+fn jpeg_is_whole(bytes: &[u8]) -> bool {
+    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
+    last([0xff, 0xd9]).is_some_and(|end| last([0xff, 0xda]).is_some_and(|scan| end > scan))
+}

@@ -1,0 +1,86 @@
+//! What holds a cluster together: one bond a join, a tree of its members, along which they draw close.
+
+use glam::DVec3;
+
+use osier_base::math::exp;
+
+/// Time in which what sticks together draws closer, s.
+const DRAW_TIME: f64 = 0.6;
+
+/// Ways shorter than this are gone at once, squared, m^2.
+const SHORT: f64 = 1e-10;
+
+/// Two members that touched.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bond {
+    pub ends: [u32; 2],
+    /// What is left of the way of the first, and all that hangs on it, towards the second, m.
+    pub left: DVec3,
+}
+
+impl Bond {
+    /// Goes a part of what is left of the way.
+    fn close(&mut self, gone: f64) -> DVec3 {
+        let way = if self.left.length_squared() < SHORT { self.left } else { self.left * gone };
+        self.left -= way;
+        way
+    }
+}
+
+/// Numbers in `members`, ascending, that bonds hold together; each group ascending.
+pub(super) fn groups(bonds: &[Bond], members: &[u32]) -> Vec<Vec<u32>> {
+    let mut group: Vec<usize> = (0..members.len()).collect();
+    let top = |group: &[usize], mut i: usize| {
+        while group[i] != i {
+            i = group[i];
+        }
+        i
+    };
+    for bond in bonds {
+        if let [Ok(a), Ok(b)] = bond.ends.map(|id| members.binary_search(&id)) {
+            let (a, b) = (top(&group, a), top(&group, b));
+            group[a.max(b)] = a.min(b);
+        }
+    }
+    let mut out: Vec<Vec<u32>> = vec![Vec::new(); members.len()];
+    members.iter().enumerate().for_each(|(i, id)| out[top(&group, i)].push(*id));
+    out.retain(|g| !g.is_empty());
+    out
+}
+
+/// How far each member is moved in a step by bonds that draw in, the first of them not at all; none if no bond does.
+/// `members`: ascending.
+pub(super) fn drawn(bonds: &mut [Bond], members: &[u32], dt: f64) -> Option<Vec<DVec3>> {
+    if bonds.iter().all(|b| b.left == DVec3::ZERO) {
+        return None;
+    }
+    let gone = 1.0 - exp(-dt / DRAW_TIME);
+    let n = members.len();
+    if let ([bond], 2) = (&mut *bonds, n) {
+        // Most clusters are pairs.
+        let way = bond.close(gone);
+        return Some(vec![DVec3::ZERO, if bond.ends[0] == members[0] { -way } else { way }]);
+    }
+    let mut next: Vec<Vec<(usize, DVec3)>> = vec![Vec::new(); n];
+    for bond in bonds {
+        let way = bond.close(gone);
+        let [a, b] = bond.ends.map(|id| members.binary_search(&id));
+        if let (Ok(a), Ok(b)) = (a, b) {
+            next[a].push((b, -way));
+            next[b].push((a, way));
+        }
+    }
+    let mut moved: Vec<Option<DVec3>> = vec![None; n];
+    let mut open = vec![0];
+    moved[0] = Some(DVec3::ZERO);
+    while let Some(i) = open.pop() {
+        let here = moved[i].unwrap_or_default();
+        for (k, way) in &next[i] {
+            if moved[*k].is_none() {
+                moved[*k] = Some(here + *way);
+                open.push(*k);
+            }
+        }
+    }
+    Some(moved.into_iter().map(Option::unwrap_or_default).collect())
+}

@@ -1,0 +1,216 @@
+//! Catkins in the air and on the ground: carried by a wind, sinking, tumbling, sticking to each other, coming to rest on
+//! ground and walls, drawn to heaps, lifted again.
+//!
+//! [`Flights`] holds all of them and goes forward in steps; the wind is asked at every step, so that it need not be known
+//! beforehand. Results do not depend on threads or on the order in memory: what concerns one catkin is computed for each
+//! by itself, what concerns two is collected, sorted by number and done in that order.
+//! Source: \[catkin\] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
+
+mod about;
+mod advance;
+mod attract;
+mod bond;
+mod cluster;
+mod contact;
+mod grid;
+mod leave;
+mod lift;
+mod options;
+mod record;
+mod rest;
+mod slump;
+mod start;
+mod tally;
+mod turn;
+
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use glam::{Quat, Vec3};
+
+use osier_scene::solid::Solids;
+use osier_wind::Wind;
+
+pub use options::{Edge, Humidity, Kind, Options, Start, Wait};
+pub use record::{Catkin, State};
+pub use start::{Sky, sky};
+pub use tally::Tally;
+
+use about::About;
+use cluster::Clusters;
+use contact::Crowd;
+
+/// Records a task takes at once.
+const CHUNK: usize = 512;
+
+/// Steps after which neighbours are brought together in memory.
+const SORT_EVERY: u64 = 64;
+
+/// All catkins of a clip.
+#[derive(Debug, Clone)]
+pub struct Flights {
+    options: Options,
+    solids: Arc<Solids>,
+    /// In an order of their own.
+    catkins: Vec<Catkin>,
+    /// Where each number is in `catkins`.
+    slot: Vec<u32>,
+    clusters: Clusters,
+    step: u64,
+    /// Mean wind, m/s: by which sides it enters.
+    entering: Vec3,
+    /// What there is, as of the last flight of singles and clusters.
+    about: About,
+    /// Some single is drawn to a cluster.
+    drawn: bool,
+    /// Singles that this step took out of the box.
+    strays: Vec<u32>,
+    /// Room for the search for contacts.
+    crowd: Crowd,
+    events: tally::Events,
+}
+
+/// What is seen at one time, by number.
+#[derive(Debug, Clone, Default)]
+pub struct Sample {
+    /// m; those not seen stay where they were last.
+    pub positions: Vec<Vec3>,
+    /// Tufts point along +Y.
+    pub orientations: Vec<Quat>,
+    /// m/s.
+    pub velocities: Vec<Vec3>,
+    /// Axis times rad/s.
+    pub angular_velocities: Vec<Vec3>,
+    /// What each is doing.
+    pub states: Vec<State>,
+    /// Smallest number of its cluster.
+    pub clusters: Vec<u32>,
+    /// How often it has come back.
+    pub generations: Vec<u32>,
+}
+
+impl Flights {
+    /// Catkins numbered in the order of `starts`. Those that start in a solid never fly; see [`Tally::buried`].
+    pub fn new(options: Options, solids: Arc<Solids>, starts: &[Start]) -> Self {
+        let mut catkins: Vec<Catkin> = (0..).zip(starts).map(|(id, start)| Catkin::new(id, *start, &options)).collect();
+        let mut events = tally::Events::default();
+        for c in &mut catkins {
+            if solids.contains(c.x.as_vec3()) {
+                c.state = State::Exited;
+                c.wait = Wait::Until(f64::INFINITY);
+                events.buried += 1;
+            }
+        }
+        let slot = (0..u32::try_from(catkins.len()).unwrap_or(u32::MAX)).collect();
+        let (clusters, about) = (Clusters::new(), About::UNKNOWN);
+        let (strays, crowd) = (Vec::new(), Crowd::default());
+        let (step, entering, drawn) = (0, Vec3::X, false);
+        Self { options, solids, catkins, slot, clusters, step, entering, about, drawn, strays, crowd, events }
+    }
+
+    /// Number of catkins, flying or not.
+    pub fn len(&self) -> usize {
+        self.catkins.len()
+    }
+
+    /// True without any.
+    pub fn is_empty(&self) -> bool {
+        self.catkins.is_empty()
+    }
+
+    /// Time since the start, s.
+    pub fn seconds(&self) -> f64 {
+        self.step as f64 * self.options.step()
+    }
+
+    /// What rules them.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// All of them by number.
+    pub fn by_number(&self) -> impl Iterator<Item = &Catkin> {
+        self.slot.iter().filter_map(|s| self.catkins.get(*s as usize))
+    }
+
+    /// Goes on by the steps of one frame.
+    pub fn advance_frame(&mut self, wind: &dyn Wind) {
+        for _ in 0..self.options.substeps.max(1) {
+            self.advance(wind);
+        }
+    }
+
+    /// Goes on by one step.
+    pub fn advance(&mut self, wind: &dyn Wind) {
+        let t = self.seconds();
+        self.entering = wind.mean();
+        if self.options.sorted && self.step.is_multiple_of(SORT_EVERY) {
+            self.sort();
+        }
+        self.release(wind, t);
+        self.fly(wind, t);
+        self.fly_clusters(wind, t);
+        self.gather();
+        self.slump();
+        self.sink(wind, t);
+        if (self.step + 1).is_multiple_of(u64::from(self.options.check_every.max(1))) {
+            self.meet(t);
+        }
+        self.attract(t);
+        self.lift_off(wind, t);
+        self.leave(t);
+        self.turn();
+        self.step += 1;
+    }
+
+    /// Brings neighbours together: wind and contacts then find in the cache what they need.
+    fn sort(&mut self) {
+        let key = |c: &Catkin| {
+            let p = ((c.x.as_vec3() - self.options.inside.min) * 0.5).clamp(Vec3::ZERO, Vec3::splat(1023.0));
+            let [x, y, z] = p.as_uvec3().to_array();
+            (y, z, x, c.id)
+        };
+        self.catkins.sort_by_cached_key(key);
+        for (i, c) in (0..).zip(&self.catkins) {
+            self.slot[c.id as usize] = i;
+        }
+    }
+
+    /// Numbers of singles, and of those that stand for their clusters, that answer to `want`, ascending.
+    fn leaders(&self, want: impl Fn(&Catkin) -> bool) -> Vec<u32> {
+        // In the order of memory, which is far faster than by number.
+        let mut found: Vec<u32> = self.catkins.iter().filter(|c| c.leads() && want(c)).map(|c| c.id).collect();
+        found.sort_unstable();
+        found
+    }
+
+    fn at(&self, id: u32) -> &Catkin {
+        &self.catkins[self.slot[id as usize] as usize]
+    }
+
+    fn at_mut(&mut self, id: u32) -> &mut Catkin {
+        &mut self.catkins[self.slot[id as usize] as usize]
+    }
+
+    /// What is seen now.
+    pub fn sample(&self) -> Sample {
+        let mut out = Sample::default();
+        for c in self.by_number() {
+            out.positions.push(c.x.as_vec3());
+            out.orientations.push(c.q);
+            out.velocities.push(if c.state.is_seen() { c.v.as_vec3() } else { Vec3::ZERO });
+            out.angular_velocities.push(if c.state.is_seen() { c.omega } else { Vec3::ZERO });
+            out.states.push(c.state);
+            out.clusters.push(c.root);
+            out.generations.push(c.generation);
+        }
+        out
+    }
+
+    /// Counts of now and of all that happened so far.
+    pub fn tally(&self) -> Tally {
+        tally::of(self)
+    }
+}

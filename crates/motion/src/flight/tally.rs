@@ -1,0 +1,130 @@
+//! Counts.
+
+use super::{Flights, State};
+use osier_base::math::sqrt;
+use osier_scene::solid::Solids;
+
+/// What happened so far.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Events {
+    pub merges: u64,
+    pub deposits: u64,
+    pub lift_offs: u64,
+    pub recycled: u64,
+    pub left: u64,
+    pub buried: u64,
+    pub long_steps: u64,
+    /// Mean wind at 0.1 m over all deposits, m/s, of the last step.
+    pub ground_wind: f64,
+}
+
+/// Counts of one moment, and of all that happened until then.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Tally {
+    /// Not yet released.
+    pub pending: u64,
+    /// In the air.
+    pub airborne: u64,
+    /// On ground, roofs, tops of walls.
+    pub grounded: u64,
+    /// At steep faces.
+    pub on_wall: u64,
+    /// Between ground and wall.
+    pub corner: u64,
+    /// Out of the box.
+    pub exited: u64,
+    /// Clusters of two and more.
+    pub clusters: u64,
+    /// Seen ones that are in no cluster.
+    pub singles: u64,
+    /// Members of the largest cluster.
+    pub largest: u64,
+    /// Joins so far.
+    pub merges: u64,
+    /// Times that one came to rest so far.
+    pub deposits: u64,
+    /// Times that a deposit was taken up again so far.
+    pub lift_offs: u64,
+    /// Times that one came back so far.
+    pub recycled: u64,
+    /// Times that one left so far.
+    pub left: u64,
+    /// Mean speed of those in the air, m/s.
+    pub mean_speed: f64,
+    /// Largest speed of those in the air, m/s.
+    pub max_speed: f64,
+    /// Mean wind at 0.1 m over deposits, m/s.
+    pub ground_wind: f64,
+    /// Mean time that those at rest flew, s.
+    pub flight_time: f64,
+    /// Mean level distance that they flew, m.
+    pub flight_distance: f64,
+    /// Resting ones that are more than 0.1 mm too deep in something.
+    pub penetrations: u64,
+    /// Those that found no place to start outside of solids.
+    pub buried: u64,
+    /// Times so far that one moved further in a step than [`super::Options::longest_step`].
+    pub long_steps: u64,
+}
+
+impl Tally {
+    /// On anything.
+    pub fn deposited(&self) -> u64 {
+        self.grounded + self.on_wall + self.corner
+    }
+}
+
+impl Flights {
+    /// What is in their way.
+    pub fn solids(&self) -> &Solids {
+        &self.solids
+    }
+
+    /// How many of those at rest touch each solid, in the order of the solids: its walls, its roof, or its foot.
+    pub fn at_solids(&self) -> Vec<u64> {
+        let mut out = vec![0; self.solids.list().len()];
+        for c in self.by_number().filter(|c| c.state.is_deposited()) {
+            if let Some(n) = c.face.and_then(|i| out.get_mut(i as usize)) {
+                *n += 1;
+            }
+        }
+        out
+    }
+}
+
+pub(super) fn of(flights: &Flights) -> Tally {
+    let mut t = Tally::default();
+    let (mut speeds, mut time, mut way) = (0.0, 0.0, 0.0);
+    for c in flights.by_number() {
+        *match c.state {
+            State::Pending => &mut t.pending,
+            State::Airborne => &mut t.airborne,
+            State::Grounded => &mut t.grounded,
+            State::OnWall => &mut t.on_wall,
+            State::Corner => &mut t.corner,
+            State::Exited => &mut t.exited,
+        } += 1;
+        if c.state == State::Airborne {
+            let speed = c.v.length();
+            speeds += speed;
+            t.max_speed = t.max_speed.max(speed);
+        }
+        if c.state.is_deposited() {
+            let d = c.x - c.from;
+            time += c.rested - c.since;
+            way += sqrt(d.x * d.x + d.z * d.z);
+        }
+        t.singles += u64::from(c.state.is_seen() && !c.clustered);
+    }
+    let mean = |sum: f64, n: u64| if n > 0 { sum / n as f64 } else { 0.0 };
+    t.clusters = flights.clusters.len() as u64;
+    t.largest = flights.clusters.values().map(|c| c.members.len() as u64).max().unwrap_or(0);
+    t.mean_speed = mean(speeds, t.airborne);
+    (t.flight_time, t.flight_distance) = (mean(time, t.deposited()), mean(way, t.deposited()));
+    t.penetrations = flights.buried();
+    let e = &flights.events;
+    (t.merges, t.deposits, t.lift_offs) = (e.merges, e.deposits, e.lift_offs);
+    (t.recycled, t.left, t.buried, t.ground_wind) = (e.recycled, e.left, e.buried, e.ground_wind);
+    t.long_steps = e.long_steps;
+    t
+}

@@ -1,0 +1,296 @@
+//! What is done to rows of texels.
+
+use std::ops::Range;
+
+use glam::Vec3;
+use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
+
+use super::super::cap::{Cap, Print};
+use super::changed::Runs;
+use super::chart::{Chart, Row, Window};
+use super::wide::Wide;
+use super::{DRY, TILE};
+use osier_base::math::narrow;
+
+/// Texels that are worked on together: caps are narrow, and the widest vectors would mostly work beside them.
+const GROUP: usize = 8;
+
+/// The processor's vectors of [`GROUP`] numbers, if it has such.
+pub(super) fn arch() -> Arch {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v3) = pulp::x86::V3::try_new() {
+        return Arch::V3(v3);
+    }
+    Arch::new()
+}
+
+/// Where something stands on the leaf, as its texels are asked. `scale`: of the leaf.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stand {
+    pub p: [f32; 3],
+    pub n: [f32; 3],
+    pub scale: f32,
+}
+
+impl Stand {
+    /// Ways from it to texels, m.
+    #[inline(always)]
+    fn way<S: Simd>(&self, p: [Wide<S>; 3]) -> [Wide<S>; 3] {
+        [
+            p[0].times(self.scale).plus(-self.p[0]),
+            p[1].times(self.scale).plus(-self.p[1]),
+            p[2].times(self.scale).plus(-self.p[2]),
+        ]
+    }
+}
+
+#[inline(always)]
+fn along<S: Simd>(d: [Wide<S>; 3], way: [f32; 3]) -> Wide<S> {
+    d[0].times(way[0]) + d[1].times(way[1]) + d[2].times(way[2])
+}
+
+/// A cap as texels ask for it, in the precision of maps. Source: as [`Cap::height`] and [`Print::at`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Dome {
+    stand: Stand,
+    /// Ways over the leaf, in base radii.
+    along: [f32; 3],
+    across: [f32; 3],
+    skew: f32,
+    a2: f32,
+    r2: f32,
+    base: f32,
+    omega: f32,
+    /// Square of the distance at which it ends, in base radii.
+    ends: f32,
+}
+
+impl Dome {
+    pub fn new((cap, print): (&Cap, &Print), stand: Stand, along: Vec3) -> Self {
+        let across = Vec3::from_array(stand.n).cross(along);
+        Self {
+            stand,
+            along: (along * narrow(1.0 / (cap.a * print.q))).to_array(),
+            across: (across * narrow(print.q / cap.a)).to_array(),
+            skew: narrow(print.skew),
+            a2: narrow(cap.a * cap.a),
+            r2: narrow(cap.r * cap.r),
+            base: narrow(cap.r * cap.c),
+            omega: narrow(cap.omega),
+            ends: if cap.c < 0.0 { f32::INFINITY } else { 1.0 },
+        }
+    }
+}
+
+impl Stamped for Dome {
+    #[inline(always)]
+    fn stand(&self) -> &Stand {
+        &self.stand
+    }
+
+    #[inline(always)]
+    fn at<S: Simd>(&self, d: [Wide<S>; 3]) -> Wide<S> {
+        let simd = d[0].0;
+        let (x, y) = (along(d, self.along), along(d, self.across));
+        let rho2 = x * x + y * y;
+        let under = Wide::all(simd, self.r2) - rho2.times(self.a2);
+        let h = under.at_least(0.0).sqrt().plus(-self.base).at_least(0.0).times(self.omega);
+        let h = h * x.at_least(-1.0).at_most(1.0).times(self.skew).plus(1.0);
+        h.where_above(under, 0.0).where_above(Wide::all(simd, self.ends) - rho2, 0.0)
+    }
+}
+
+/// A wet place as texels ask for it. Source: [yang-wu] eq. 11.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Patch {
+    pub stand: Stand,
+    /// How far, m, and 1 / width of its soft edge, 1/m.
+    pub reach: f32,
+    pub edge: f32,
+    /// Wetness falls to 1 / e over this way: -1 / m.
+    pub fall: f32,
+    /// Wetness at its middle, in the store's units.
+    pub peak: f32,
+}
+
+impl Stamped for Patch {
+    #[inline(always)]
+    fn stand(&self) -> &Stand {
+        &self.stand
+    }
+
+    #[inline(always)]
+    fn at<S: Simd>(&self, d: [Wide<S>; 3]) -> Wide<S> {
+        let simd = d[0].0;
+        let d = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        let edge = (Wide::all(simd, self.reach) - d).times(self.edge).plus(0.5).at_least(0.0).at_most(1.0);
+        (edge * d.times(self.fall).exp().at_most(1.0)).times(self.peak)
+    }
+}
+
+/// Something that raises texels around it.
+pub(super) trait Stamped {
+    /// Where it stands.
+    fn stand(&self) -> &Stand;
+
+    /// How high it is at ways from there, m.
+    fn at<S: Simd>(&self, d: [Wide<S>; 3]) -> Wide<S>;
+}
+
+/// Raises texels of a row. Of a folded blade only those on the same side.
+#[inline(always)]
+fn press<S: Simd, const FOLDED: bool>(simd: S, stamp: &impl Stamped, row: &Row<'_>, made: &mut [f32]) {
+    let stand = *stamp.stand();
+    let ([px, py, pz], [nx, ny, nz]) = (row.p, row.n);
+    let ((px, x), (py, y), (pz, z)) = (S::as_simd_f32s(px), S::as_simd_f32s(py), S::as_simd_f32s(pz));
+    let ((nx, u), (ny, v), (nz, w)) = (S::as_simd_f32s(nx), S::as_simd_f32s(ny), S::as_simd_f32s(nz));
+    let (made, rest) = S::as_mut_simd_f32s(made);
+    for (g, ((made, px), (py, pz))) in made.iter_mut().zip(px).zip(py.iter().zip(pz)).enumerate() {
+        let mut h = stamp.at(stand.way([Wide(simd, *px), Wide(simd, *py), Wide(simd, *pz)]));
+        if FOLDED {
+            let n = [Wide(simd, nx[g]), Wide(simd, ny[g]), Wide(simd, nz[g])];
+            h = h.where_above(along(n, stand.n), 0.0);
+        }
+        *made = Wide(simd, *made).max(h).1;
+    }
+    if !rest.is_empty() {
+        let mut h = stamp.at(stand.way([Wide::part(simd, x), Wide::part(simd, y), Wide::part(simd, z)]));
+        if FOLDED {
+            let n = [Wide::part(simd, u), Wide::part(simd, v), Wide::part(simd, w)];
+            h = h.where_above(along(n, stand.n), 0.0);
+        }
+        let all = Wide::part(simd, rest).max(h);
+        simd.partial_store_f32s(rest, all.1);
+    }
+}
+
+/// What a stamp does to some rows of a map, within its window and runs of columns. Dispatched, it tells how many texels that
+/// were.
+pub(super) struct Pressed<'a, T> {
+    pub stamp: &'a T,
+    pub window: &'a Window,
+    pub chart: &'a Chart,
+    pub rows: &'a Range<usize>,
+    pub runs: &'a Runs,
+    pub made: &'a mut [f32],
+}
+
+impl<T: Stamped> WithSimd for Pressed<'_, T> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> u64 {
+        let Self { stamp, window, chart, rows, runs, made } = self;
+        let mut texels = 0;
+        let end = window.hi[1].min(rows.end);
+        for first in (window.lo[1].max(rows.start)..end).step_by(TILE) {
+            for (y, ends) in (first..end).zip(window.columns(first)) {
+                let (from, to) = window.whole_columns(ends);
+                for run in runs.of(y) {
+                    let (from, to) = (from.max(run.0), to.min(run.1));
+                    if from >= to {
+                        continue;
+                    }
+                    // Groups without a rest are faster, and the same texels on every machine.
+                    let (from, to) = (from / GROUP * GROUP, to.next_multiple_of(GROUP).min(run.1));
+                    texels += (to - from) as u64;
+                    let (from, to) = (y * chart.side + from, y * chart.side + to);
+                    let row = chart.row(from, to);
+                    let made = &mut made[from..to];
+                    if chart.is_folded() {
+                        press::<S, true>(simd, stamp, &row, made);
+                    } else {
+                        press::<S, false>(simd, stamp, &row, made);
+                    }
+                }
+            }
+        }
+        texels
+    }
+}
+
+/// Heights around the texels of a row, and what slopes are made of.
+pub(super) struct Around<'a> {
+    /// The row's own heights, with one more at either end.
+    pub own: &'a [f32],
+    pub above: &'a [f32],
+    pub below: &'a [f32],
+    pub slopes: [&'a [f32]; 3],
+    /// 1 / distance of the neighbours, in u and in v.
+    pub per: [f32; 2],
+}
+
+/// Normals of the water's surface in tangent space. Source: -G^-1 (H_u, H_v) along the surface.
+pub(super) struct Turned<'a>(pub &'a Around<'a>, pub &'a mut [[f32; 3]]);
+
+/// Most numbers that a processor takes at once.
+const MOST: usize = 16;
+
+impl WithSimd for Turned<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self(Around { own, above, below, slopes: [s, t, u], per }, out) = self;
+        let n = out.len();
+        let (left, right) = (&own[..n], &own[2..n + 2]);
+        let (above, below, s, t, u) = (&above[..n], &below[..n], &s[..n], &t[..n], &u[..n]);
+        let [lefts, rights] = [left, right].map(|l| S::as_simd_f32s(l).0);
+        let [aboves, belows] = [above, below].map(|l| S::as_simd_f32s(l).0);
+        let [ss, ts, us] = [s, t, u].map(|l| S::as_simd_f32s(l).0);
+        let none = Wide::all(simd, 0.0);
+        let mut parts = [[0.0_f32; MOST]; 3];
+        let mut groups = out.chunks_exact_mut(S::F32_LANES);
+        for (g, out) in groups.by_ref().enumerate() {
+            let du = (Wide(simd, rights[g]) - Wide(simd, lefts[g])).times(per[0]);
+            let dv = (Wide(simd, aboves[g]) - Wide(simd, belows[g])).times(per[1]);
+            let x = du * Wide(simd, ss[g]);
+            let y = du * Wide(simd, ts[g]) + dv * Wide(simd, us[g]);
+            let k = (x * x + y * y).plus(1.0).sqrt().inverse();
+            S::as_mut_simd_f32s(&mut parts[0]).0[0] = (none - x * k).1;
+            S::as_mut_simd_f32s(&mut parts[1]).0[0] = (none - y * k).1;
+            S::as_mut_simd_f32s(&mut parts[2]).0[0] = k.1;
+            let [x, y, z] = &parts;
+            for (((out, x), y), z) in out.iter_mut().zip(x).zip(y).zip(z) {
+                *out = [*x, *y, *z];
+            }
+        }
+        let rest = groups.into_remainder();
+        let done = n - rest.len();
+        for (i, out) in (done..n).zip(rest) {
+            let (du, dv) = ((right[i] - left[i]) * per[0], (above[i] - below[i]) * per[1]);
+            *out = normal([du, dv], [s[i], t[i], u[i]]);
+        }
+    }
+}
+
+/// A normal by the changes of height per u and per v. `slopes`: as in [`super::Chart`], over the leaf's scale.
+#[inline(always)]
+pub(super) fn normal([du, dv]: [f32; 2], slopes: [f32; 3]) -> [f32; 3] {
+    let (x, y) = (du * slopes[0], du * slopes[1] + dv * slopes[2]);
+    let k = 1.0 / (x * x + y * y + 1.0).sqrt();
+    [0.0 - x * k, 0.0 - y * k, k]
+}
+
+/// Dries a row; dispatched, it tells whether any wetness is left. `left`: share of what was.
+pub(super) struct Dried<'a> {
+    pub left: f32,
+    pub wetness: &'a mut [f32],
+}
+
+impl NullaryFnOnce for Dried<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        let Self { left, wetness } = self;
+        let mut any = 0_u32;
+        for w in wetness {
+            let now = *w * left;
+            let now = if now < DRY { 0.0 } else { now };
+            any |= now.to_bits();
+            *w = now;
+        }
+        any != 0
+    }
+}

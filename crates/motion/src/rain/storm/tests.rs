@@ -1,0 +1,243 @@
+use glam::{DQuat, DVec2};
+
+use super::super::bearer::Stiff;
+use super::super::cap::TENSION;
+use super::super::grooves::{Grooves, tests::vein};
+use super::super::manner::Manner;
+use super::super::sheet::{Sheet, tests::flat};
+use super::super::shower::{Envelope, Rainfall, Size};
+use super::*;
+use osier_base::geometry::Bounds;
+use osier_base::math;
+
+/// A flat leaf of 80 x 40 mm whose tip points down by an angle from level, its upper side up.
+fn hung(tilt: f64) -> (DVec3, DQuat) {
+    let turn = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2 - tilt);
+    (DVec3::new(0.0, 1.0, 0.0), turn)
+}
+
+fn storm(tilts: &[f64], manner: Manner, shower: Option<Shower>) -> Storm {
+    let sheet = Arc::new(Sheet::new(&flat(0.08, 0.04, 6)).expect("a blade"));
+    let target = Arc::new(Target::new(&sheet));
+    let place = |(i, tilt): (usize, &f64)| {
+        let (p, q) = hung(*tilt);
+        (p - DVec3::Y * (0.06 * i as f64) - DVec3::Z * (0.02 * i as f64), q)
+    };
+    let places: Vec<(DVec3, DQuat)> = tilts.iter().enumerate().map(place).collect();
+    let leaves = (0..tilts.len())
+        .map(|i| {
+            let leaf = Leaf::new(Arc::clone(&sheet), 1.0, i as u64);
+            (leaf, Hung { on: (0, i), target: Arc::clone(&target) })
+        })
+        .collect();
+    let stem = Bough { ends: [DVec3::ZERO, DVec3::Y], radii: [0.005, 0.003] };
+    Storm::new(Parts {
+        manner,
+        shower,
+        bearers: vec![Box::new(Stiff::new(&places, vec![stem]))],
+        leaves,
+        wind: None,
+        floor: Box::new(0.0),
+    })
+}
+
+fn even() -> Manner {
+    Manner { pin_noise: 0.0, ..Manner::default() }
+}
+
+/// Slope, degrees, at which a drop of a volume begins to run, by steps of 0.1 degrees.
+fn slips(volume: f64) -> f64 {
+    for k in 10..900 {
+        let tilt = f64::from(k) * 0.1;
+        let mut storm = storm(&[tilt.to_radians()], even(), None);
+        storm.place(0, DVec2::new(0.5, 0.5), DVec3::ZERO, volume);
+        (0..6).for_each(|_| storm.step(0.004).expect("stiff"));
+        if storm.leaves()[0].drops[0].v.length() > 0.0 {
+            return tilt;
+        }
+    }
+    90.0
+}
+
+#[test]
+fn drops_slip_where_furmidge_says() {
+    let manner = even();
+    let w = manner.wetting;
+    for volume in [8e-9, 15e-9, 30e-9] {
+        let a = w.cap(volume, 1.0).a;
+        // The drop runs as soon as its weight along the slope exceeds what both rims hold.
+        let held = 2.0 * a * TENSION * (math::cos(w.receding) - math::cos(w.advancing));
+        let wanted = held / (WATER * 9.81 * volume);
+        let found = math::sin(slips(volume).to_radians());
+        assert!((found - wanted).abs() < 0.01 * wanted + 0.0018, "{volume}: {found} {wanted}");
+    }
+    assert!((slips(19.1e-9) - 30.0).abs() < 1.5, "{}", slips(19.1e-9));
+}
+
+#[test]
+fn a_running_drop_reaches_the_tip_hangs_and_falls() {
+    let mut storm = storm(&[0.7], even(), None);
+    storm.place(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
+    let (mut fell, mut hung) = (0.0_f64, false);
+    for _ in 0..4000 {
+        storm.step(0.002).expect("stiff");
+        hung |= storm.leaves()[0].drops.iter().any(|d| d.hang.is_some());
+        fell = fell.max(storm.ledger().ground);
+        assert!(storm.ledger().error() < 1e-12, "{:?}", storm.ledger());
+    }
+    assert!(hung);
+    assert!(fell > 10e-9, "{:?}", storm.ledger());
+    let Tally { hung, fell, struck, .. } = storm.tally();
+    assert!(hung >= 1 && fell >= 1 && struck == 0, "{hung} {fell} {struck}");
+}
+
+#[test]
+fn a_splash_keeps_all_water() {
+    let mut storm = storm(&[0.2], Manner { splash: 0.3, ..even() }, None);
+    let (volume, air) = (super::super::shower::ball(4e-3), storm.next());
+    storm.emitted += volume;
+    let p = storm.blades[0].p + DVec3::new(0.0, 0.05, -0.03);
+    storm.air.push(Falling { id: air, p, v: DVec3::NEG_Y * 8.0, volume, blind: None, late: 0.0 });
+    while storm.leaves()[0].drops.is_empty() {
+        storm.step(0.001).expect("stiff");
+        assert!(storm.time() < 0.1, "it missed the leaf");
+    }
+    let flew: f64 = storm.air().iter().map(|d| d.volume).sum();
+    assert!((6..=20).contains(&storm.air().len()));
+    assert!((flew / (0.3 * volume) - 1.0).abs() < 1e-12);
+    assert!(((flew + storm.leaves()[0].volume()) / volume - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn beads_that_a_tail_leaves_have_its_water() {
+    let mut storm = storm(&[0.25], Manner { bead: 1.0, ..even() }, None);
+    for u in [0.2, 0.5, 0.8] {
+        storm.place(0, DVec2::new(u, 0.2), DVec3::Y * 0.6, 30e-9);
+    }
+    for _ in 0..1500 {
+        storm.step(0.002).expect("stiff");
+        assert!(storm.ledger().error() < 1e-12, "{:?}", storm.ledger());
+    }
+    let beads: Vec<Event> = storm.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
+    assert!(beads.len() >= 3 && storm.tally().beads == beads.len() as u64, "{beads:?}");
+    assert!(beads.iter().all(|b| b.volume > 0.0 && b.other.is_some_and(|of| of <= 3)));
+}
+
+#[test]
+fn running_drops_follow_veins() {
+    // A vein that leads aside takes a drop along for a part of its way.
+    let ends = |grooves: Option<Grooves>| {
+        let sheet = Arc::new(Sheet::new(&flat(0.08, 0.04, 6)).expect("a blade").with(None, grooves));
+        let mut storm = storm(&[1.0], even(), None);
+        storm.leaves[0] = Leaf::new(sheet, 1.0, 0);
+        storm.place(0, DVec2::new(0.35, 0.1), DVec3::ZERO, 25e-9);
+        while storm.leaves()[0].drops.first().is_some_and(|d| d.uv.y < 0.6) {
+            storm.step(0.001).expect("stiff");
+            assert!(storm.time() < 5.0, "it lies");
+        }
+        storm.leaves()[0].drops.first().expect("still on the leaf").uv.x
+    };
+    let (with, without) = (ends(Some(vein(|v| 0.32 + 0.35 * v))), ends(None));
+    assert!(without - 0.35 < 1e-6 && with > 0.37, "{with} {without}");
+}
+
+#[test]
+fn drops_that_touch_are_one_with_all_their_water_and_momentum() {
+    let mut storm = storm(&[0.0], even(), None);
+    storm.place(0, DVec2::new(0.5, 0.5), DVec3::new(0.0, 0.25, 0.0), 9e-9);
+    storm.place(0, DVec2::new(0.5, 0.56), DVec3::ZERO, 3e-9);
+    for _ in 0..400 {
+        let before = storm.leaves()[0].clone();
+        storm.step(0.002).expect("stiff");
+        let now = &storm.leaves()[0];
+        if now.drops.len() < before.drops.len() {
+            let m = |drops: &[Drop]| drops.iter().fold(DVec3::ZERO, |s, d| s + d.v * d.volume);
+            assert!((now.volume() / 12e-9 - 1.0).abs() < 1e-12);
+            // Momentum right after merging is that of both, less the friction of one step.
+            assert!(m(&now.drops).length() <= m(&before.drops).length());
+            assert_eq!(now.drops[0].id, 1);
+            return;
+        }
+    }
+    panic!("they never met");
+}
+
+fn heavy_rain(seed: u64) -> Rainfall {
+    Rainfall {
+        seed,
+        strength: 100.0 / 3.6e6,
+        size: Size::Natural,
+        total: None,
+        envelope: Envelope::Constant,
+        jitter: 0.2,
+        duration: 10.0,
+        g: 9.81,
+    }
+}
+
+fn over() -> Bounds {
+    Bounds { min: Vec3::new(-0.03, 0.7, -0.09), max: Vec3::new(0.03, 1.0, 0.02) }
+}
+
+#[test]
+fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
+    let manner = Manner { splash: 0.3, ..Manner::default() };
+    let shower = Shower::new(heavy_rain(3), over(), None);
+    let mut storm = storm(&[0.3, 0.6, 1.0, -0.4], manner, Some(shower));
+    for k in 0..2400 {
+        storm.step(1.0 / 240.0).expect("stiff");
+        if k % 10 == 0 {
+            assert!(storm.ledger().error() < 1e-9, "{k}: {:?}", storm.ledger());
+        }
+    }
+    let l = storm.ledger();
+    assert!(l.ground > 0.0 && l.wood > 0.0 && l.leaves > 0.0 && l.pendants > 0.0, "{l:?}");
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_rain() {
+    let run = || {
+        let shower = Shower::new(heavy_rain(4), over(), None);
+        let mut storm = storm(&[0.3, 0.6, 1.0], Manner::default(), Some(shower));
+        (0..400).for_each(|_| storm.step(1.0 / 200.0).expect("stiff"));
+        let drops = storm.leaves().iter().flat_map(|l| &l.drops);
+        let bits: Vec<u64> =
+            drops.flat_map(|d| [d.id, d.uv.x.to_bits(), d.uv.y.to_bits(), d.volume.to_bits()]).collect();
+        (bits, storm.air().len())
+    };
+    let on = |n: usize| osier_base::par::on_threads(n, run);
+    let one = on(1);
+    assert!(!one.0.is_empty());
+    for n in [2, 5] {
+        assert_eq!(on(n), one);
+    }
+}
+
+#[test]
+fn what_is_too_heavy_falls_from_below_a_leaf() {
+    // Upside down by more than a drop's weight can hang: it falls.
+    let mut storm = storm(&[3.0], even(), None);
+    storm.place(0, DVec2::new(0.5, 0.5), DVec3::ZERO, 400e-9);
+    (0..20).for_each(|_| storm.step(0.002).expect("stiff"));
+    assert!(storm.leaves()[0].drops.is_empty());
+}
+
+#[test]
+fn a_drop_that_comes_to_the_margin_tells_so_once_before_it_hangs() {
+    let mut storm = storm(&[0.5], even(), None);
+    storm.place(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
+    let mut told = Vec::new();
+    while told.iter().all(|e: &Event| e.what != DropEventKind::Hung) {
+        storm.step(0.002).expect("stiff");
+        told.extend(storm.take_events());
+        assert!(told.len() < 20 && storm.leaves()[0].volume() > 0.0, "{told:?}");
+    }
+    let edges: Vec<usize> = (0..told.len()).filter(|i| told[*i].what == DropEventKind::Edge).collect();
+    assert_eq!(edges.len(), 1, "{told:?}");
+    let edge = told[edges[0]];
+    assert_eq!(edge.leaf, Some(0));
+    // The margin at the tip is 80 mm from the stalk; 0.3 base radii are less than 1.5 mm.
+    let (at, _) = hung(0.5);
+    assert!((edge.p.distance(at) - 0.08).abs() < 1.5e-3, "{edge:?}");
+    assert!(edges[0] < told.len() - 1 && (edge.volume - 60e-9).abs() < 1e-12);
+}

@@ -1,0 +1,194 @@
+//! Words into axes: a letter that leads on lengthens its parent's axis, any other opens one of its own.
+
+use glam::{DVec3, Vec3};
+
+use crate::grow::polyline;
+use osier_base::math::{self, narrow};
+use osier_base::rng::{mix64, word};
+use osier_ifs::stems::Stems;
+use osier_ifs::words::{Expansion, NONE as ROOT, Word};
+use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
+
+/// Thinnest radius, m.
+const MIN_RADIUS: f64 = 1e-6;
+
+/// A node: position and radius, m, and arc length in table units.
+#[derive(Debug, Clone, Copy)]
+struct Node {
+    p: DVec3,
+    r: f64,
+    s: f64,
+}
+
+/// An axis before it has its place.
+#[derive(Debug, Clone)]
+pub(super) struct Raw {
+    parent: usize,
+    /// Arc length on the parent, table units.
+    parent_s: f64,
+    order: u8,
+    ordinal: u64,
+    fork: u32,
+    nodes: Vec<Node>,
+    /// Index in the plant.
+    pub place: u32,
+}
+
+/// All axes, and where each word lies on its axis.
+#[derive(Debug)]
+pub(super) struct Skeleton {
+    raw: Vec<Raw>,
+    /// By word: axis, and arc lengths of its segment's ends, table units.
+    sites: Vec<(usize, f64, f64)>,
+}
+
+/// Builds the axes. `scale`: metres per table unit; `radius`: of the trunk's foot, m.
+/// Own: a word's segment ends as thick as the word that leads on begins; without one, as thick as its children's
+/// cross-sections together, at most as its foot.
+pub(super) fn skeleton(stems: &Stems, expanded: &Expansion, (scale, radius): (f64, f64)) -> Skeleton {
+    let maps = &stems.system.maps;
+    let (mut lead, mut sum) = (None, 0.0);
+    for m in maps.iter().filter(|m| !m.stem) {
+        let rho = m.radius.unwrap_or_else(|| m.branch.map_or_else(|| m.affine.norm(), |b| b.scale));
+        sum += rho * rho;
+        if m.axis {
+            lead = Some(rho);
+        }
+    }
+    let end = lead.unwrap_or_else(|| math::sqrt(sum).min(1.0));
+    let mut out = Skeleton { raw: Vec::new(), sites: Vec::with_capacity(expanded.words.len()) };
+    let mut forks = 0;
+    let mut fork_of = vec![NONE; expanded.words.len()];
+    for w in &expanded.words {
+        let foot = w.map.apply(stems.trunk.0) * scale;
+        let tip = w.map.apply(stems.trunk.1) * scale;
+        let (r0, r1) = (radius * w.radius, radius * w.radius * end);
+        let parent = out.sites.get(w.parent as usize).copied();
+        let axis = match parent {
+            Some((axis, _, last)) if maps[usize::from(w.letter)].axis => {
+                // What leads on begins where the parent ends, or cuts the parent short.
+                let at = out.height(stems, expanded, w).min(last);
+                let nodes = &mut out.raw[axis].nodes;
+                if at < last - 1e-9
+                    && let Some(n) = nodes.last_mut()
+                {
+                    (n.p, n.s, n.r) = (foot, at, r0);
+                }
+                axis
+            }
+            _ => {
+                let (parent_axis, parent_s) = match parent {
+                    Some((axis, ..)) => (axis, out.height(stems, expanded, w)),
+                    None => (usize::MAX, 0.0),
+                };
+                let fork = if lead.is_none() && w.parent != ROOT {
+                    let slot = &mut fork_of[w.parent as usize];
+                    if *slot == NONE {
+                        *slot = forks;
+                        forks += 1;
+                    }
+                    *slot
+                } else {
+                    NONE
+                };
+                let order = u8::try_from(w.order).unwrap_or(u8::MAX);
+                let nodes = vec![Node { p: foot, r: r0, s: 0.0 }];
+                out.raw.push(Raw { parent: parent_axis, parent_s, order, ordinal: w.id, fork, nodes, place: NONE });
+                out.raw.len() - 1
+            }
+        };
+        let start = out.raw[axis].nodes.last().map_or(0.0, |n| n.s);
+        let stop = start + (tip - foot).length() / scale;
+        out.raw[axis].nodes.push(Node { p: tip, r: r1, s: stop });
+        out.sites.push((axis, start, stop));
+    }
+    out.order();
+    out
+}
+
+impl Skeleton {
+    /// Arc length on the parent's axis where a word's foot lies, table units.
+    fn height(&self, stems: &Stems, expanded: &Expansion, w: &Word) -> f64 {
+        let (Some(parent), Some((_, a, b))) =
+            (expanded.words.get(w.parent as usize), self.sites.get(w.parent as usize).copied())
+        else {
+            return 0.0;
+        };
+        let (foot, tip) = (parent.map.apply(stems.trunk.0), parent.map.apply(stems.trunk.1));
+        let along = tip - foot;
+        let h = (w.map.apply(stems.trunk.0) - foot).dot(along) / along.length_squared().max(1e-300);
+        a + (b - a) * h.clamp(0.0, 1.0)
+    }
+
+    /// Axis of the plant and arc length (table units) where a word begins.
+    pub fn foot(&self, word: usize) -> Option<(u32, f64)> {
+        self.sites.get(word).map(|(axis, start, _)| (super::place(&self.raw, *axis), *start))
+    }
+
+    /// Axis of the plant and arc length (table units) where a cut word would have grown.
+    pub fn site(&self, stems: &Stems, expanded: &Expansion, cut: &Word) -> Option<(u32, f64)> {
+        let (axis, ..) = self.sites.get(cut.parent as usize)?;
+        Some((super::place(&self.raw, *axis), self.height(stems, expanded, cut)))
+    }
+
+    /// Depth first, siblings by place on the parent, then ordinal.
+    fn order(&mut self) {
+        let mut children: Vec<Vec<usize>> = vec![Vec::new(); self.raw.len()];
+        for (i, r) in self.raw.iter().enumerate() {
+            if let Some(list) = children.get_mut(r.parent) {
+                list.push(i);
+            }
+        }
+        for list in &mut children {
+            let key = |i: &usize| (self.raw[*i].parent_s, self.raw[*i].ordinal);
+            list.sort_by(|a, b| key(a).0.total_cmp(&key(b).0).then(key(a).1.cmp(&key(b).1)));
+        }
+        let mut stack: Vec<usize> = (0..self.raw.len()).filter(|i| self.raw[*i].parent == usize::MAX).rev().collect();
+        let mut next = 0;
+        while let Some(i) = stack.pop() {
+            self.raw[i].place = next;
+            next += 1;
+            stack.extend(children[i].iter().rev());
+        }
+    }
+
+    /// Puts all axes and nodes into a plant.
+    pub fn lay(&self, plant: &mut Plant) {
+        let mut by_place: Vec<&Raw> = self.raw.iter().collect();
+        by_place.sort_by_key(|r| r.place);
+        for raw in by_place {
+            lay(plant, raw, &self.raw);
+        }
+    }
+}
+
+fn lay(plant: &mut Plant, raw: &Raw, all: &[Raw]) {
+    let parent = all.get(raw.parent).map_or(NONE, |r| r.place);
+    let first = plant.nodes.len();
+    let points: Vec<Vec3> = raw.nodes.iter().map(|n| Vec3::from_array(n.p.to_array().map(narrow))).collect();
+    let s = polyline::lay(plant, parent, &points, |i| narrow(raw.nodes[i].r.max(MIN_RADIUS)), 128);
+    let (id, parent_s) = match plant.axes.get(parent as usize) {
+        Some(p) => {
+            let whole = all.get(raw.parent).and_then(|r| r.nodes.last()).map_or(1.0, |n| n.s);
+            let share = if whole > 0.0 { raw.parent_s / whole } else { 0.0 };
+            (mix64(&[p.id, word("axis"), raw.ordinal]), narrow(share) * p.length)
+        }
+        None => (mix64(&[u64::from(plant.id), 0]), 0.0),
+    };
+    let short = |n: usize| u32::try_from(n).unwrap_or(NONE);
+    plant.axes.push(Axis {
+        id,
+        parent,
+        parent_s,
+        order: raw.order,
+        kind: AxisKind::Stem,
+        first: short(first),
+        count: short(points.len()),
+        length: s,
+        s_exposed: 0.0,
+        material: 0,
+        fork: raw.fork,
+        end: AxisEnd::Tip,
+        birth: 0.0,
+    });
+}

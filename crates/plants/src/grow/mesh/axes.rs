@@ -1,0 +1,299 @@
+//! Chains of clusters into the axes of a plant: where they begin and end, how thick they are, how they are turned.
+
+use glam::{DVec3, Vec3};
+
+use super::chains::{Chain, curve};
+use super::graph::Graph;
+use crate::grow::polyline;
+use osier_base::math::{self, narrow};
+use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
+
+/// Nodes of an axis per cluster.
+pub(super) const STEPS: usize = 2;
+/// Thinnest radius, m.
+const MIN_RADIUS: f64 = 2e-4;
+/// A surface that faces along the axis by more than this closes an end.
+const END: f32 = 0.7;
+/// The outer part of an end cluster, by which the radius of the end is measured.
+const OUTER: f64 = 0.6;
+/// Thickest child, as a share of its parent.
+const MAX_CHILD: f32 = 0.95;
+/// Sharpest angle at which a child leaves its parent, as a sine.
+const SHARP: f32 = 0.3;
+/// Places looked at per stretch of the parent.
+const LOOKS: u8 = 4;
+
+/// Points of a cluster.
+#[derive(Debug, Default, Clone)]
+pub(super) struct Skin {
+    pub points: Vec<(Vec3, Vec3)>,
+    /// m^2.
+    pub areas: Vec<f64>,
+}
+
+impl Skin {
+    /// How far it reaches beyond `p` along `t`, m.
+    fn reach(&self, p: DVec3, t: DVec3) -> f64 {
+        self.points.iter().fold(0.0, |m, (q, _)| (q.as_dvec3() - p).dot(t).max(m))
+    }
+
+    /// Distances from the line through `p` along `t`, with areas, of what lies at `along` or farther.
+    fn distances(&self, p: DVec3, t: DVec3, along: f64) -> Vec<(f64, f64)> {
+        let side = self
+            .points
+            .iter()
+            .zip(&self.areas)
+            .filter(|((q, n), _)| n.dot(t.as_vec3()).abs() < END && (q.as_dvec3() - p).dot(t) >= along);
+        side.map(|((q, _), area)| {
+            let d = q.as_dvec3() - p;
+            ((d - t * d.dot(t)).length(), *area)
+        })
+        .collect()
+    }
+
+    /// Mean distance; at a `fork` no more than the median, since the feet of the children stand off.
+    fn radius(&self, p: DVec3, t: DVec3, along: f64, fork: bool) -> Option<f64> {
+        let mut list = self.distances(p, t, along);
+        let all = list.iter().fold(0.0, |sum, (_, a)| sum + a);
+        if all <= 0.0 {
+            return None;
+        }
+        let mean = list.iter().fold(0.0, |sum, (d, a)| sum + d * a) / all;
+        if !fork {
+            return Some(mean);
+        }
+        list.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut sum = 0.0;
+        let half = list.iter().find(|(_, a)| {
+            sum += a;
+            sum >= 0.5 * all
+        });
+        Some(half.map_or(mean, |(d, _)| d.min(mean)))
+    }
+}
+
+/// Where a cluster lies on the plant.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Seat {
+    pub axis: u32,
+    /// Node of the axis nearest to it, counted from the axis' first.
+    pub node: u32,
+}
+
+/// A centreline.
+#[derive(Debug, Default)]
+struct Line {
+    p: Vec<DVec3>,
+    r: Vec<f32>,
+    /// Index of each of the chain's nodes.
+    of: Vec<usize>,
+    /// On the parent's line: stretch and place on it.
+    stem: (usize, f32),
+}
+
+/// Lays the chains into a plant; where each node of the graph lies.
+pub(super) fn lay(plant: &mut Plant, graph: &Graph, chains: &[Chain], skins: &[Skin]) -> Vec<Seat> {
+    let mut lines: Vec<Line> = Vec::with_capacity(chains.len());
+    for chain in chains {
+        let line = line(graph, chain, skins, &lines);
+        lines.push(line);
+    }
+    let mut children: Vec<Vec<usize>> = vec![Vec::new(); chains.len()];
+    let mut stack = Vec::new();
+    for (i, chain) in chains.iter().enumerate() {
+        match chain.parent {
+            Some((parent, _)) => children[parent].push(i),
+            None => stack.push((i, NONE)),
+        }
+    }
+    stack.reverse();
+    let by_stem = |a: &usize, b: &usize| {
+        let (a, b) = (lines[*a].stem, lines[*b].stem);
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    };
+    children.iter_mut().for_each(|list| list.sort_by(by_stem));
+    let mut seats = vec![Seat::default(); graph.nodes.len()];
+    while let Some((i, parent)) = stack.pop() {
+        let axis = u32::try_from(plant.axes.len()).unwrap_or(NONE);
+        push(plant, &lines[i], parent);
+        for (node, at) in chains[i].nodes.iter().zip(&lines[i].of) {
+            seats[*node as usize] = Seat { axis, node: u32::try_from(*at).unwrap_or(0) };
+        }
+        stack.extend(children[i].iter().rev().map(|c| (*c, axis)));
+    }
+    seats
+}
+
+fn line(graph: &Graph, chain: &Chain, skins: &[Skin], lines: &[Line]) -> Line {
+    let mut points: Vec<DVec3> = chain.nodes.iter().map(|n| graph.nodes[*n as usize].p).collect();
+    let stem = chain.parent.map(|(parent, at)| Stem::find(&lines[parent], at, &points));
+    // What lies within the parent's wood is no part of the centreline.
+    let inside = |p: &DVec3| stem.is_some_and(|s| s.p.distance(*p) < f64::from(s.r));
+    let hidden = points.iter().take_while(|p| inside(p)).count().min(points.len() - 1);
+    points.drain(..hidden);
+    let radii = radii(graph, chain, skins, hidden, &points);
+    let (base, tip) = ends(chain, skins, (hidden, &points), stem.as_ref(), &radii);
+    let mut r = radii;
+    r.insert(0, base.1);
+    r.push(tip.1);
+    points.insert(0, base.0);
+    points.push(tip.0);
+    let smooth = smooth(&r);
+    let most = stem.map_or(f64::INFINITY, |s| f64::from(s.r * MAX_CHILD));
+    let p = curve(&points, STEPS);
+    let radius = |k: usize| {
+        let (i, t) = (k / STEPS, (k % STEPS) as f64 / STEPS as f64);
+        let next = smooth[(i + 1).min(smooth.len() - 1)];
+        narrow((smooth[i] + (next - smooth[i]) * t).min(most).max(MIN_RADIUS))
+    };
+    let of = (0..chain.nodes.len()).map(|k| (k + 1).saturating_sub(hidden) * STEPS).collect();
+    Line { r: (0..p.len()).map(radius).collect(), p, of, stem: stem.map_or((0, 0.0), |s| s.at) }
+}
+
+fn direction(points: &[DVec3], k: usize) -> Option<DVec3> {
+    let (before, after) = (points[k.saturating_sub(1)], points[(k + 1).min(points.len() - 1)]);
+    (after - before).try_normalize()
+}
+
+fn radii(graph: &Graph, chain: &Chain, skins: &[Skin], hidden: usize, points: &[DVec3]) -> Vec<f64> {
+    let one = |(k, node): (usize, &u32)| {
+        let own = &graph.nodes[*node as usize];
+        let rough = f64::from(own.r);
+        let Some(t) = direction(points, k) else { return rough };
+        skins[*node as usize].radius(points[k], t, f64::NEG_INFINITY, own.beside.len() > 2).unwrap_or(rough)
+    };
+    chain.nodes[hidden..].iter().enumerate().map(one).collect()
+}
+
+/// Base and tip with their radii.
+fn ends(
+    chain: &Chain,
+    skins: &[Skin],
+    (hidden, points): (usize, &[DVec3]),
+    stem: Option<&Stem>,
+    radii: &[f64],
+) -> ((DVec3, f64), (DVec3, f64)) {
+    let (first, last) = (points[0], points[points.len() - 1]);
+    let skin = |k: usize| &skins[chain.nodes[hidden + k] as usize];
+    let lone = || {
+        // One cluster: along its farthest point.
+        let far = |q: &&(Vec3, Vec3)| q.0.as_dvec3().distance_squared(first);
+        let farthest = skin(0).points.iter().max_by(|a, b| far(a).total_cmp(&far(b)));
+        let out = farthest.and_then(|q| (q.0.as_dvec3() - first).try_normalize()).unwrap_or(DVec3::Y);
+        if out.y < 0.0 { -out } else { out }
+    };
+    let from_stem = stem.and_then(|s| (first - s.p).try_normalize());
+    let up = direction(points, 0).or(from_stem).unwrap_or_else(lone);
+    let out = direction(points, points.len() - 1).or(from_stem).unwrap_or_else(lone);
+    let end = |k: usize, p: DVec3, t: DVec3, own: f64| {
+        let reach = skin(k).reach(p, t);
+        let r = skin(k).radius(p, t, OUTER * reach, false).unwrap_or(own);
+        (p + t * reach.max(own * 0.5), r)
+    };
+    let tip = end(points.len() - 1, last, out, radii[radii.len() - 1]);
+    let tip = (tip.0, tip.1.min(radii[radii.len() - 1]));
+    let own = end(0, first, -up, radii[0]);
+    let base = match stem {
+        None => own,
+        Some(s) => {
+            let bark = s.bark(first);
+            // A branch of its own ends where its wood ends, if that is not yet in the parent's.
+            let nearer = chain.attached && own.0.distance(first) < bark.distance(first);
+            (if nearer { own.0 } else { bark }, radii[0])
+        }
+    };
+    (base, tip)
+}
+
+fn smooth(r: &[f64]) -> Vec<f64> {
+    let at = |k: usize| {
+        let (a, b) = (r[k.saturating_sub(1)], r[(k + 1).min(r.len() - 1)]);
+        if k == 0 || k + 1 == r.len() { r[k] } else { 0.25 * (a + 2.0 * r[k] + b) }
+    };
+    (0..r.len()).map(at).collect()
+}
+
+/// Where a chain leaves its parent.
+#[derive(Debug, Clone, Copy)]
+struct Stem {
+    /// On the parent's centreline.
+    p: DVec3,
+    /// Direction of the parent.
+    t: DVec3,
+    r: f32,
+    /// Stretch of the parent's line and place on it.
+    at: (usize, f32),
+}
+
+impl Stem {
+    /// Where the chain's own direction, led back, comes closest to the parent.
+    fn find(parent: &Line, at: usize, points: &[DVec3]) -> Self {
+        let around = parent.of[at.min(parent.of.len() - 1)];
+        let back = match points {
+            [a, b, ..] => (*a - *b).normalize_or_zero(),
+            _ => DVec3::ZERO,
+        };
+        let first = points[0];
+        let far = |q: DVec3| {
+            let d = q - first;
+            (d - back * d.dot(back).max(0.0)).length()
+        };
+        let last = parent.p.len() - 1;
+        let (from, to) = (around.saturating_sub(2 * STEPS), (around + 2 * STEPS).min(last));
+        let mut best = (f64::INFINITY, (from.min(last - 1), 0.0));
+        for k in from..to {
+            for j in 0..=LOOKS {
+                let t = f64::from(j) / f64::from(LOOKS);
+                let d = far(parent.p[k].lerp(parent.p[k + 1], t));
+                if d < best.0 {
+                    best = (d, (k, narrow(t)));
+                }
+            }
+        }
+        let (k, t) = best.1;
+        let (a, b) = (parent.p[k], parent.p[k + 1]);
+        Self {
+            p: a.lerp(b, f64::from(t)),
+            t: (b - a).normalize_or_zero(),
+            r: math::lerp(parent.r[k], parent.r[k + 1], t),
+            at: best.1,
+        }
+    }
+
+    /// Where the way from here to `p` leaves the bark, before it comes to `p`.
+    fn bark(&self, p: DVec3) -> DVec3 {
+        let way = p - self.p;
+        let length = way.length();
+        let Some(out) = way.try_normalize() else { return p };
+        let sine = out.cross(self.t).length().max(f64::from(SHARP));
+        self.p + out * (f64::from(self.r) / sine).min(0.8 * length)
+    }
+}
+
+fn push(plant: &mut Plant, line: &Line, parent: u32) {
+    let first = plant.nodes.len();
+    let points: Vec<Vec3> = line.p.iter().map(|p| p.as_vec3()).collect();
+    let s = polyline::lay(plant, parent, &points, |i| line.r[i], 0);
+    let (parent_s, order) = plant.axes.get(parent as usize).map_or((0.0, 0), |a| {
+        let k = a.first as usize + line.stem.0;
+        let s = &plant.nodes.s;
+        (math::lerp(s[k], s[k + 1], line.stem.1), a.order.saturating_add(1))
+    });
+    let short = |n: usize| u32::try_from(n).unwrap_or(NONE);
+    plant.axes.push(Axis {
+        id: 0,
+        parent,
+        parent_s,
+        order,
+        kind: AxisKind::Stem,
+        first: short(first),
+        count: short(points.len()),
+        length: s,
+        // Its first node stands on the parent's bark.
+        s_exposed: 0.0,
+        material: 0,
+        fork: NONE,
+        end: AxisEnd::Tip,
+        birth: 0.0,
+    });
+}

@@ -1,0 +1,162 @@
+//! A tree of clusters taken apart into chains: at a fork the heaviest child goes on, the others begin chains of their own.
+
+use glam::{DVec3, Vec3};
+
+use super::graph::{Graph, Node};
+use osier_base::math;
+
+/// Nodes no higher than this share of the height may be the root,
+const LOW: f64 = 0.05;
+/// the thickest of them; one with wood on both sides counts as so much thinner.
+const INNER: f32 = 0.8;
+
+/// A chain of nodes from where it leaves its parent to its tip.
+#[derive(Debug)]
+pub(super) struct Chain {
+    /// Chain that it leaves, before it in the list, and the index there of the node that it leaves.
+    pub parent: Option<(usize, usize)>,
+    /// Indices into the graph.
+    pub nodes: Vec<u32>,
+    /// Another piece of wood than its parent at that place.
+    pub attached: bool,
+}
+
+/// All chains, parents first. `root`: where the trunk begins, if told.
+pub(super) fn chains(graph: &Graph, root: Option<Vec3>) -> Vec<Chain> {
+    let nodes = &graph.nodes;
+    let mut order: Vec<(u32, u32)> = Vec::with_capacity(nodes.len());
+    let mut seen: Vec<bool> = nodes.iter().map(|n| !n.live).collect();
+    let mut out = Vec::new();
+    let groups = groups(nodes);
+    // Where a root is told, the group nearest to it takes it; the others stand on what is lowest.
+    let told = root.and_then(|p| nearest(nodes, p.as_dvec3()));
+    for group in groups {
+        let own = told.filter(|n| group.contains(n));
+        let Some(start) = own.or_else(|| foot(nodes, &group)) else { continue };
+        order.clear();
+        order.push((start, u32::MAX));
+        seen[start as usize] = true;
+        let mut at = 0;
+        while let Some(&(i, _)) = order.get(at) {
+            at += 1;
+            for next in &nodes[i as usize].beside {
+                if !std::mem::replace(&mut seen[*next as usize], true) {
+                    order.push((*next, i));
+                }
+            }
+        }
+        follow(nodes, &order, start, &mut out);
+    }
+    out
+}
+
+/// Nodes that hang together, each group in rising order.
+fn groups(nodes: &[Node]) -> Vec<Vec<u32>> {
+    let mut seen: Vec<bool> = nodes.iter().map(|n| !n.live).collect();
+    let mut groups = Vec::new();
+    for start in (0..).take(nodes.len()) {
+        if std::mem::replace(&mut seen[start as usize], true) {
+            continue;
+        }
+        let mut group = vec![start];
+        let mut at = 0;
+        while let Some(i) = group.get(at).copied() {
+            at += 1;
+            for next in &nodes[i as usize].beside {
+                if !std::mem::replace(&mut seen[*next as usize], true) {
+                    group.push(*next);
+                }
+            }
+        }
+        group.sort_unstable();
+        groups.push(group);
+    }
+    groups
+}
+
+fn nearest(nodes: &[Node], p: DVec3) -> Option<u32> {
+    let far = |n: &Node| n.p.distance_squared(p);
+    let live = (0..).zip(nodes).filter(|(_, n)| n.live);
+    live.min_by(|a, b| far(a.1).total_cmp(&far(b.1))).map(|(i, _)| i)
+}
+
+/// The thickest of the lowest nodes.
+fn foot(nodes: &[Node], group: &[u32]) -> Option<u32> {
+    let height = |i: &u32| nodes[*i as usize].p.y;
+    let low = group.iter().map(height).fold(f64::INFINITY, f64::min);
+    let high = group.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
+    let girth = |i: &u32| {
+        let n = &nodes[*i as usize];
+        if n.beside.len() > 1 { n.r * INNER } else { n.r }
+    };
+    let lowest = group.iter().filter(|i| height(i) <= low + LOW * (high - low));
+    lowest.max_by(|a, b| girth(a).total_cmp(&girth(b)).then(height(b).total_cmp(&height(a)))).copied()
+}
+
+/// Chains of one tree. `order`: nodes with their parents, parents first.
+fn follow(nodes: &[Node], order: &[(u32, u32)], start: u32, out: &mut Vec<Chain>) {
+    // Length times radius of all that a node carries.
+    let mut weight = std::collections::BTreeMap::new();
+    let mut children: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
+    for &(i, parent) in order.iter().rev().filter(|(_, p)| *p != u32::MAX) {
+        let (a, b) = (&nodes[i as usize], &nodes[parent as usize]);
+        let own = a.p.distance(b.p) * f64::from(a.r + b.r) * 0.5 + weight.get(&i).copied().unwrap_or(0.0);
+        *weight.entry(parent).or_insert(0.0) += own;
+        children.entry(parent).or_default().push(i);
+    }
+    let weight_of = |parent: u32, i: u32| {
+        let (a, b) = (&nodes[i as usize], &nodes[parent as usize]);
+        a.p.distance(b.p) * f64::from(a.r + b.r) * 0.5 + weight.get(&i).copied().unwrap_or(0.0)
+    };
+    let mut starts = vec![(start, None, false)];
+    while let Some((first, parent, attached)) = starts.pop() {
+        let chain = out.len();
+        let mut own = vec![first];
+        let mut at = first;
+        while let Some(list) = children.get(&at) {
+            let piece = |i: &u32| nodes[*i as usize].piece == nodes[at as usize].piece;
+            let any_own = list.iter().any(piece);
+            let heir = (list.iter().filter(|i| !any_own || piece(i)))
+                .max_by(|a, b| weight_of(at, **a).total_cmp(&weight_of(at, **b)).then(b.cmp(a)));
+            let Some(heir) = heir.copied() else { break };
+            let side = list.iter().filter(|i| **i != heir);
+            starts.extend(side.map(|i| (*i, Some((chain, own.len() - 1)), !piece(i))));
+            own.push(heir);
+            at = heir;
+        }
+        out.push(Chain { parent, nodes: own, attached });
+    }
+}
+
+/// Smooth places through `points`, `steps` per stretch: the same count times the stretches, and the last point.
+/// Source: E. Catmull, R. Rom, 1974, with the square roots of the chords as knots.
+pub(super) fn curve(points: &[DVec3], steps: usize) -> Vec<DVec3> {
+    let n = points.len();
+    if n < 3 {
+        let whole = |k: usize| points[0].lerp(points[n - 1], k as f64 / steps as f64);
+        return if n < 2 { points.to_vec() } else { (0..=steps).map(whole).collect() };
+    }
+    let knot = |i: usize| math::sqrt(points[i].distance(points[i + 1])).max(1e-9);
+    let slope = |i: usize| (points[i + 1] - points[i]) / knot(i);
+    let tangent = |i: usize| match i {
+        0 => slope(0),
+        i if i + 1 == n => slope(n - 2),
+        i => slope(i - 1) + slope(i) - (points[i + 1] - points[i - 1]) / (knot(i - 1) + knot(i)),
+    };
+    let mut out = Vec::with_capacity((n - 1) * steps + 1);
+    for i in 0..n - 1 {
+        let (a, b) = (tangent(i) * knot(i), tangent(i + 1) * knot(i));
+        for k in 0..steps {
+            let t = k as f64 / steps as f64;
+            let (t2, t3) = (t * t, t * t * t);
+            out.push(
+                points[i] * (2.0 * t3 - 3.0 * t2 + 1.0)
+                    + a * (t3 - 2.0 * t2 + t)
+                    + points[i + 1] * (3.0 * t2 - 2.0 * t3)
+                    + b * (t3 - t2),
+            );
+        }
+    }
+    out.push(points[n - 1]);
+    out
+}

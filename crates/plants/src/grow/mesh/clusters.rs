@@ -1,0 +1,280 @@
+//! Clusters of a surface: k-means whose clusters hang together, so that twigs that nearly touch stay apart.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeSet, BinaryHeap};
+
+use glam::{DMat3, DVec3};
+
+use super::parts::least_axis;
+use super::refine::Fine;
+use osier_base::math;
+use osier_base::rng::Rng;
+
+/// Fewest and most clusters of a piece.
+const COUNT: (usize, usize) = (2, 16_384);
+/// Rounds of Lloyd at the most, and the shift, in clusters, at which they end.
+const ROUNDS: usize = 40;
+const STILL: f64 = 5e-3;
+/// Neighbours no farther apart than this along the wood, in clusters,
+const LEVEL: f64 = 0.6;
+/// and than this across it, in radii, are parts of one ring: the middles of patches on a tube lie within it.
+const WITHIN: f64 = 1.9;
+/// Passes of joining parts of rings.
+const PASSES: usize = 8;
+
+/// Clusters of one piece.
+#[derive(Debug)]
+pub(super) struct Clusters {
+    /// Cluster of each point of the surface.
+    pub of: Vec<u32>,
+    /// Mean place of each, m.
+    pub middles: Vec<DVec3>,
+    /// Size of each, m.
+    sizes: Vec<f64>,
+}
+
+/// Finds the clusters of a surface.
+/// Source: [yang-wu] 3.1, k-means over the vertices.
+/// Differs: seeds drawn by squared distance (D. Arthur, S. Vassilvitskii, "k-means++", SODA 2007); sizes follow the radius;
+/// a cluster grows over the surface from its middle, so it hangs together; parts of one ring are joined.
+pub(super) fn find(fine: &Fine, rng: &mut Rng) -> Clusters {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped next")]
+    let wanted = (fine.room().ceil() as usize).clamp(COUNT.0, COUNT.1.min(fine.points.len()));
+    let seeds = seeds(fine, wanted, rng);
+    let middles = seeds.iter().map(|i| fine.points[*i as usize].as_dvec3()).collect();
+    let sizes = seeds.iter().map(|i| f64::from(fine.sizes[*i as usize])).collect();
+    let mut clusters = Clusters { of: Vec::new(), middles, sizes };
+    clusters.grow(fine, &seeds);
+    clusters.settle(fine);
+    for _ in 0..PASSES {
+        if !clusters.join_patches(fine) {
+            break;
+        }
+        clusters.settle(fine);
+    }
+    clusters
+}
+
+/// Draws points, each the likelier the farther it lies from those drawn before.
+fn seeds(fine: &Fine, wanted: usize, rng: &mut Rng) -> Vec<u32> {
+    let n = fine.points.len();
+    let weight = |i: usize| fine.areas[i] / f64::from(fine.radii[i] * fine.sizes[i]).max(1e-30);
+    let mut nearest = vec![f64::INFINITY; n];
+    let mut chances = Sums::new((0..n).map(weight).collect());
+    let mut out = Vec::with_capacity(wanted);
+    let mut stack: Vec<u32> = Vec::new();
+    while out.len() < wanted {
+        let Some(drawn) = chances.draw(rng) else { break };
+        let seed = u32::try_from(drawn).unwrap_or(u32::MAX);
+        out.push(seed);
+        let middle = fine.points[drawn];
+        let distance = |i: usize| f64::from(fine.points[i].distance(middle) / fine.sizes[i]);
+        nearest[drawn] = 0.0;
+        chances.set(drawn, 0.0);
+        stack.push(seed);
+        while let Some(i) = stack.pop() {
+            for next in fine.around(i) {
+                let k = *next as usize;
+                let d = distance(k);
+                if d < nearest[k] {
+                    nearest[k] = d;
+                    chances.set(k, weight(k) * d * d);
+                    stack.push(*next);
+                }
+            }
+        }
+    }
+    out
+}
+
+impl Clusters {
+    /// Gives every point to a cluster: clusters grow from their seeds, the nearest point first.
+    fn grow(&mut self, fine: &Fine, seeds: &[u32]) {
+        self.of = vec![u32::MAX; fine.points.len()];
+        let mut heap = BinaryHeap::with_capacity(fine.points.len());
+        // The nearest that has asked for each point so far: farther ones need not ask.
+        let mut asked = vec![f64::INFINITY; fine.points.len()];
+        for (cluster, i) in (0..).zip(seeds) {
+            // A seed is its cluster's, however far the middle has moved.
+            heap.push(Reverse((0, cluster, *i)));
+        }
+        while let Some(Reverse((_, cluster, i))) = heap.pop() {
+            if self.of[i as usize] != u32::MAX {
+                continue;
+            }
+            self.of[i as usize] = cluster;
+            let (middle, size) = (self.middles[cluster as usize], self.sizes[cluster as usize]);
+            for next in fine.around(i) {
+                let k = *next as usize;
+                let far = fine.points[k].as_dvec3().distance(middle) / size;
+                if self.of[k] == u32::MAX && far < asked[k] {
+                    asked[k] = far;
+                    // Bits of a positive float order as the float does.
+                    heap.push(Reverse((far.to_bits(), cluster, *next)));
+                }
+            }
+        }
+    }
+
+    /// Means of the clusters' points; the largest shift, in clusters.
+    fn center(&mut self, fine: &Fine) -> f64 {
+        let mut sums = vec![(DVec3::ZERO, 0.0, 0.0); self.middles.len()];
+        for (i, c) in self.of.iter().enumerate() {
+            let Some(sum) = sums.get_mut(*c as usize) else { continue };
+            let w = fine.areas[i].max(1e-30);
+            *sum = (sum.0 + fine.points[i].as_dvec3() * w, sum.1 + f64::from(fine.sizes[i]) * w, sum.2 + w);
+        }
+        let mut most = 0.0_f64;
+        for (c, (place, size, w)) in sums.into_iter().enumerate() {
+            if w > 0.0 {
+                most = most.max((place / w).distance(self.middles[c]) / self.sizes[c]);
+                (self.middles[c], self.sizes[c]) = (place / w, size / w);
+            }
+        }
+        most
+    }
+
+    /// Rounds of Lloyd.
+    fn settle(&mut self, fine: &Fine) {
+        for _ in 0..ROUNDS {
+            if self.center(fine) < STILL {
+                break;
+            }
+            let seeds = self.nearest(fine);
+            self.grow(fine, &seeds);
+        }
+        self.center(fine);
+    }
+
+    /// Of each cluster's points the one nearest to its middle; clusters without points are given up.
+    fn nearest(&mut self, fine: &Fine) -> Vec<u32> {
+        let mut best = vec![(f64::INFINITY, u32::MAX); self.middles.len()];
+        for (i, c) in (0..).zip(&self.of) {
+            let Some(best) = best.get_mut(*c as usize) else { continue };
+            let d = fine.points[i as usize].as_dvec3().distance_squared(self.middles[*c as usize]);
+            if d < best.0 {
+                *best = (d, i);
+            }
+        }
+        let used: Vec<bool> = best.iter().map(|b| b.1 != u32::MAX).collect();
+        let mut k = 0;
+        self.middles.retain(|_| {
+            k += 1;
+            used[k - 1]
+        });
+        k = 0;
+        self.sizes.retain(|_| {
+            k += 1;
+            used[k - 1]
+        });
+        best.into_iter().map(|b| b.1).filter(|i| *i != u32::MAX).collect()
+    }
+
+    /// Pairs of clusters that share an edge, lower index first.
+    pub fn pairs(&self, fine: &Fine) -> Vec<[u32; 2]> {
+        let mut pairs = BTreeSet::new();
+        for (i, a) in (0..).zip(&self.of) {
+            let beside = fine.around(i).iter().map(|k| self.of[*k as usize]);
+            pairs.extend(beside.filter(|b| b > a && *b != u32::MAX).map(|b| [*a, b]));
+        }
+        pairs.into_iter().collect()
+    }
+
+    /// Per cluster the sum of its normals' squares, by area, and its mean radius.
+    fn rings(&self, fine: &Fine) -> Vec<(DMat3, f64)> {
+        let mut sums = vec![(DMat3::ZERO, 0.0, 1e-30); self.middles.len()];
+        for (i, c) in self.of.iter().enumerate() {
+            let Some(sum) = sums.get_mut(*c as usize) else { continue };
+            let (n, w) = (fine.normals[i].as_dvec3(), fine.areas[i]);
+            let square = DMat3::from_cols(n * n.x, n * n.y, n * n.z);
+            *sum = (sum.0 + square * w, sum.1 + w * f64::from(fine.radii[i]), sum.2 + w);
+        }
+        sums.into_iter().map(|(m, r, w)| (m, r / w)).collect()
+    }
+
+    /// Joins neighbours that lie side by side around the wood; false if there are none. Each joins one other at the most.
+    fn join_patches(&mut self, fine: &Fine) -> bool {
+        let rings = self.rings(fine);
+        let apart = |[a, b]: [u32; 2]| {
+            let (a, b) = (a as usize, b as usize);
+            let d = self.middles[b] - self.middles[a];
+            let along = d.dot(least_axis(&(rings[a].0 + rings[b].0))).abs();
+            let across = math::sqrt((d.length_squared() - along * along).max(0.0));
+            let beside = along < LEVEL * 0.5 * (self.sizes[a] + self.sizes[b]);
+            (beside && across < WITHIN * 0.5 * (rings[a].1 + rings[b].1)).then_some(d.length())
+        };
+        let pairs = self.pairs(fine).into_iter();
+        let mut close: Vec<(f64, [u32; 2])> = pairs.filter_map(|p| Some((apart(p)?, p))).collect();
+        close.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut into: Vec<u32> = (0..).take(self.middles.len()).collect();
+        let mut left = self.middles.len();
+        let mut done = vec![false; self.middles.len()];
+        for (_, [a, b]) in close {
+            if !done[a as usize] && !done[b as usize] && left > 1 {
+                (done[a as usize], done[b as usize]) = (true, true);
+                into[b as usize] = a;
+                left -= 1;
+            }
+        }
+        if left == self.middles.len() {
+            return false;
+        }
+        self.of.iter_mut().for_each(|c| *c = into.get(*c as usize).copied().unwrap_or(*c));
+        self.center(fine);
+        let seeds = self.nearest(fine);
+        self.grow(fine, &seeds);
+        true
+    }
+}
+
+/// Weights with their running sums, for draws that change as they go.
+/// Source: P. Fenwick, "A new data structure for cumulative frequency tables", 1994.
+struct Sums {
+    weights: Vec<f64>,
+    tree: Vec<f64>,
+}
+
+impl Sums {
+    fn new(weights: Vec<f64>) -> Self {
+        let mut tree = vec![0.0; weights.len() + 1];
+        tree[1..].copy_from_slice(&weights);
+        for i in 1..tree.len() {
+            let up = i + (i & i.wrapping_neg());
+            if up < tree.len() {
+                tree[up] += tree[i];
+            }
+        }
+        Self { weights, tree }
+    }
+
+    fn set(&mut self, i: usize, weight: f64) {
+        let change = weight - self.weights[i];
+        self.weights[i] = weight;
+        let mut k = i + 1;
+        while k < self.tree.len() {
+            self.tree[k] += change;
+            k += k & k.wrapping_neg();
+        }
+    }
+
+    /// An index, as likely as its weight says; `None` once nothing weighs anything.
+    fn draw(&self, rng: &mut Rng) -> Option<usize> {
+        let n = self.weights.len();
+        let (mut k, mut total) = (n, 0.0);
+        while k > 0 {
+            total += self.tree[k];
+            k &= k - 1;
+        }
+        let mut left = rng.unit_f64() * total;
+        let (mut at, mut step) = (0, n.next_power_of_two());
+        while step > 0 {
+            if at + step <= n && self.tree[at + step] <= left {
+                at += step;
+                left -= self.tree[at];
+            }
+            step /= 2;
+        }
+        // Rounding of the sums may lead to one of no weight: then the next that has some.
+        (at.min(n.saturating_sub(1))..n).chain(0..n).find(|i| self.weights[*i] > 0.0)
+    }
+}

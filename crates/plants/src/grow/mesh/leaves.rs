@@ -1,0 +1,246 @@
+//! Blades of an artist's mesh as organs: each turns about the vertex by which it hangs; those of one shape share a mesh.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{Mat3, Quat, Vec3};
+
+use super::bind::{self, Site};
+use super::near::Near;
+use super::parts::Patch;
+use osier_base::geometry::Bounds;
+use osier_base::math;
+use osier_base::par::par_map;
+use osier_base::rng::{Rng, child, mix64, word};
+use osier_scene::plant::{Organ, Plant, Proto};
+use osier_scene::{Mesh, Subset};
+
+/// Blades are of one shape if no point is farther off than this share of their size.
+const ALIKE: f32 = 1e-3;
+/// Most shapes.
+const SHAPES: usize = 4096;
+/// A blade larger than this share of the plant is no leaf.
+const LARGE: f32 = 0.25;
+
+/// A blade cut out of the mesh.
+struct Blade {
+    mesh: Mesh,
+    /// Box's diagonal, m.
+    size: f32,
+    /// Its point by which it hangs, and where.
+    hold: (usize, Site),
+}
+
+/// A shape that blades share, as the first of them has it.
+struct Shape {
+    proto: u16,
+    points: Vec<Vec3>,
+    /// Three points that lie far apart.
+    corners: [usize; 3],
+    hold: usize,
+    q: Quat,
+}
+
+/// A blade where it hangs.
+struct Hung {
+    site: Site,
+    pivot: Vec3,
+    q: Quat,
+    scale: f32,
+    proto: u16,
+}
+
+/// What became of the blades.
+#[derive(Debug, Default)]
+pub(super) struct Leaves {
+    /// Indices of the blades that stay part of the wood: too large, or of too many shapes.
+    pub large: Vec<usize>,
+    pub strange: Vec<usize>,
+}
+
+/// Hangs blades on a plant as organs.
+pub(super) fn hang(plant: &mut Plant, mesh: &Mesh, blades: &[Patch], near: &Near<Site>) -> Leaves {
+    let whole = mesh.bounds().size().length();
+    let material = materials(mesh);
+    let cut = par_map(blades, |patch| cut(mesh, &material, patch, near));
+    let mut left = Leaves::default();
+    let mut shapes: BTreeMap<u64, Vec<Shape>> = BTreeMap::new();
+    let mut hung: Vec<Hung> = Vec::new();
+    for (i, blade) in cut.into_iter().enumerate() {
+        match blade.filter(|b| b.size <= LARGE * whole) {
+            None => left.large.push(i),
+            Some(blade) => {
+                let alike = shapes.entry(kind(&blade.mesh)).or_default();
+                match alike.iter().find_map(|s| fit(s, &blade, near)) {
+                    Some(h) => hung.push(h),
+                    None if plant.protos.len() >= SHAPES => left.strange.push(i),
+                    None => {
+                        let (shape, h) = first(plant, blade);
+                        alike.push(shape);
+                        hung.push(h);
+                    }
+                }
+            }
+        }
+    }
+    hung.sort_by(|a, b| (a.site.0.cmp(&b.site.0)).then(a.site.1.total_cmp(&b.site.1)));
+    plant.organs = hung.into_iter().map(|h| organ(plant, h)).collect();
+    left
+}
+
+/// Ids of the organs; those of the axes are known.
+pub(super) fn name(plant: &mut Plant) {
+    let mut rank = (u32::MAX, 0_u64);
+    for organ in &mut plant.organs {
+        rank = if organ.axis == rank.0 { (rank.0, rank.1 + 1) } else { (organ.axis, 0) };
+        let axis = plant.axes.get(organ.axis as usize).map_or(0, |a| a.id);
+        organ.id = mix64(&[axis, word("organ"), rank.1]);
+        organ.tint = Rng::from_key(child(organ.id, word("tint"))).unit_f32();
+    }
+}
+
+/// Material of each triangle.
+fn materials(mesh: &Mesh) -> Vec<u32> {
+    let mut of = vec![0; mesh.triangles.len()];
+    for s in &mesh.subsets {
+        let run = s.first as usize..s.first as usize + s.count as usize;
+        of.get_mut(run).into_iter().flatten().for_each(|m| *m = s.material);
+    }
+    of
+}
+
+/// Some triangles of a mesh as a mesh of their own, points in the mesh's order.
+pub(super) fn part(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32]) -> (Mesh, Vec<u32>) {
+    let mut used: Vec<u32> = patch.iter().flat_map(|t| mesh.triangles[*t as usize]).collect();
+    used.sort_unstable();
+    used.dedup();
+    let local = |i: u32| u32::try_from(used.partition_point(|u| *u < i)).unwrap_or(0);
+    let mut out = Mesh {
+        points: used.iter().map(|i| mesh.points[*i as usize]).collect(),
+        normals: used.iter().map(|i| mesh.normals[*i as usize]).collect(),
+        uvs: used.iter().filter_map(|i| mesh.uvs.get(*i as usize)).copied().collect(),
+        colors: used.iter().filter_map(|i| mesh.colors.get(*i as usize)).copied().collect(),
+        triangles: patch.iter().map(|t| mesh.triangles[*t as usize].map(local)).collect(),
+        subsets: Vec::new(),
+        ..Mesh::default()
+    };
+    for (first, t) in (0..).zip(patch) {
+        let material = material(*t);
+        match out.subsets.last_mut() {
+            Some(last) if last.material == material => last.count += 1,
+            _ => out.subsets.push(Subset { material, first, count: 1 }),
+        }
+    }
+    (out, used)
+}
+
+/// The wood: all triangles but some, which are few runs of the rest.
+pub(super) fn rest(mesh: &Mesh, gone: &[bool]) -> (Mesh, Vec<u32>) {
+    let material = materials(mesh);
+    let kept: Vec<u32> = (0..).take(mesh.triangles.len()).filter(|t| !gone[*t as usize]).collect();
+    part(mesh, |t| material[t as usize], &kept)
+}
+
+fn cut(mesh: &Mesh, material: &[u32], patch: &Patch, near: &Near<Site>) -> Option<Blade> {
+    let mut patch = patch.clone();
+    patch.sort_by_key(|t| (material[*t as usize], *t));
+    let (mesh, _) = part(mesh, |t| material[t as usize], &patch);
+    let size = mesh.bounds().size().length();
+    let (i, _, site) = bind::hold(near, &mesh.points)?;
+    Some(Blade { mesh, size, hold: (i, site) })
+}
+
+/// A number that blades of one shape share: triangles, materials, texture coordinates.
+fn kind(mesh: &Mesh) -> u64 {
+    let corners = mesh.triangles.iter().flatten().map(|i| u64::from(*i));
+    let runs = mesh.subsets.iter().flat_map(|s| [u64::from(s.material), u64::from(s.count)]);
+    let uvs = mesh.uvs.iter().flat_map(|uv| uv.to_array()).map(|v| u64::from(v.to_bits()));
+    let colors = mesh.colors.iter().flatten().map(|v| u64::from(v.to_bits()));
+    let all: Vec<u64> =
+        std::iter::once(mesh.points.len() as u64).chain(corners).chain(runs).chain(uvs).chain(colors).collect();
+    mix64(&all)
+}
+
+/// Two far points and the one that spans most with them.
+fn corners(points: &[Vec3]) -> [usize; 3] {
+    let most = |value: &dyn Fn(Vec3) -> f32| {
+        let all = points.iter().enumerate();
+        all.max_by(|a, b| value(*a.1).total_cmp(&value(*b.1)).then(b.0.cmp(&a.0))).map_or(0, |(i, _)| i)
+    };
+    let a = points[0];
+    let b = most(&|p| p.distance_squared(a));
+    let c = most(&|p| (points[b] - a).cross(p - a).length_squared());
+    [0, b, c]
+}
+
+/// Frame of three points: first along the first two, second in their plane.
+fn frame(points: &[Vec3], [a, b, c]: [usize; 3]) -> Mat3 {
+    let x = math::normalize_or(points[b] - points[a], Vec3::X);
+    let z = math::normalize_or(math::normalize_or(x.cross(points[c] - points[a]), Vec3::ZERO), math::perpendicular(x));
+    Mat3::from_cols(x, z.cross(x), z)
+}
+
+/// The blade as a copy of a shape, if it is one.
+fn fit(shape: &Shape, blade: &Blade, near: &Near<Site>) -> Option<Hung> {
+    let (own, points) = (&shape.points, &blade.mesh.points);
+    let [a, b, _] = shape.corners;
+    let length = own[b].distance(own[a]);
+    let scale = points[b].distance(points[a]) / length.max(f32::MIN_POSITIVE);
+    let turn = frame(points, shape.corners) * frame(own, shape.corners).transpose();
+    let placed = |p: Vec3| turn * ((p - own[a]) * scale) + points[a];
+    let off = own.iter().zip(points).fold(0.0_f32, |m, (p, q)| m.max(placed(*p).distance_squared(*q)));
+    if math::sqrt_f32(off) > ALIKE * blade.size || scale <= 0.0 {
+        return None;
+    }
+    let pivot = placed(own[shape.hold]);
+    // The shape's own point holds it, even if another lies a little nearer to the bark here.
+    let site = near.nearest(pivot).map_or(blade.hold.1, |(_, site)| site);
+    let q = (Quat::from_mat3(&turn) * shape.q).normalize();
+    Some(Hung { site, pivot, q, scale, proto: shape.proto })
+}
+
+/// A new shape: the pivot at its origin, +Y to the middle of the blade, +Z its upper side.
+fn first(plant: &mut Plant, blade: Blade) -> (Shape, Hung) {
+    let Blade { mut mesh, hold: (hold, site), .. } = blade;
+    let points = mesh.points.clone();
+    let pivot = points[hold];
+    let middle = points.iter().fold(Vec3::ZERO, |s, p| s + (*p - pivot)) / points.len() as f32;
+    let y = math::normalize_or(middle, Vec3::Y);
+    let face = mesh.triangles.iter().fold(Vec3::ZERO, |s, t| {
+        let [a, b, c] = t.map(|i| points[i as usize]);
+        s + (b - a).cross(c - a)
+    });
+    // Areas of leaves are far below the length that counts as none.
+    let face = face / face.abs().max_element().max(f32::MIN_POSITIVE);
+    let z = math::normalize_or(face - y * face.dot(y), math::perpendicular(y));
+    let q = Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z)).normalize();
+    let back = q.conjugate();
+    mesh.points.iter_mut().for_each(|p| *p = back * (*p - pivot));
+    mesh.normals.iter_mut().for_each(|n| *n = back * *n);
+    let proto = u16::try_from(plant.protos.len()).unwrap_or(u16::MAX);
+    plant.protos.push(Proto { name: format!("leaf_{proto}"), mesh: Arc::new(mesh) });
+    let shape = Shape { proto, corners: corners(&points), points, hold, q };
+    (shape, Hung { site, pivot, q, scale: 1.0, proto })
+}
+
+fn organ(plant: &Plant, h: Hung) -> Organ {
+    let at = plant.frame(&plant.axes[h.site.0 as usize], h.site.1);
+    let back = at.q.conjugate();
+    Organ {
+        id: 0,
+        axis: h.site.0,
+        s: h.site.1,
+        offset: back * (h.pivot - at.p),
+        q: (back * h.q).normalize(),
+        scale: h.scale,
+        proto: h.proto,
+        petiole: 0.0,
+        tint: 0.0,
+        birth: 0.0,
+    }
+}
+
+/// Box of a few triangles, m.
+pub(super) fn bounds(mesh: &Mesh, patch: &Patch) -> Bounds {
+    Bounds::of(patch.iter().flat_map(|t| mesh.triangles[*t as usize]).map(|i| mesh.points[i as usize]))
+}

@@ -1,0 +1,265 @@
+//! Artists' meshes: a skeleton is found in the wood, and the mesh is bound to it as it is.
+//!
+//! Blades are told from wood (`parts`); the wood's thickness is measured (`thick`) and its surface cut into clusters
+//! (`refine`, `clusters`), whose middles become a tree (`graph`), chains (`chains`) and axes (`axes`); every vertex is bound
+//! to its axis (`bind`), and the blades become organs (`leaves`).
+
+mod axes;
+mod bind;
+mod chains;
+mod clusters;
+mod graph;
+mod leaves;
+mod near;
+mod parts;
+mod refine;
+mod thick;
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use axes::{Seat, Skin};
+use bind::Site;
+use clusters::Clusters;
+use graph::Graph;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::math::narrow;
+use osier_base::par::par_map;
+use osier_base::progress::Cancel;
+use osier_base::rng::{Rng, mix64, word};
+use osier_base::{Error, Result};
+use osier_import::Imported;
+use osier_scene::Mesh;
+use osier_scene::plant::{self, NONE, Plant};
+use parts::{Parts, Piece};
+use refine::{Fine, Sizes};
+
+/// Smallest cluster where sizes follow the radius: a share of the plant's diagonal, and of the length of all its wood.
+const LEAST: (f32, f64) = (1.0 / 1500.0, 1.0 / 12_000.0);
+/// A piece that stands on nothing and begins above this share of the height floats.
+const FLOATS: f32 = 0.1;
+
+/// How a skeleton is found.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Name of the file, for complaints.
+    pub name: String,
+    /// In lower case: objects and materials whose name holds one of these are blades.
+    pub leaf_words: Vec<String>,
+    /// Distance of the clusters along the wood, m; without it three times the radius of the wood.
+    pub spacing: Option<f32>,
+    /// Where the trunk begins, m; without it the lowest thick end.
+    pub root: Option<Vec3>,
+    /// Seed of the clusters.
+    pub seed: u64,
+}
+
+/// A plant found in a mesh, with the mesh.
+#[derive(Debug, Clone, Default)]
+pub struct Tree {
+    /// Axes and organs, with ids of a plant of id 0.
+    pub plant: Plant,
+    /// The artist's mesh but for the blades that are organs: points, normals, coordinates as they are.
+    pub wood: Arc<Mesh>,
+    /// Axis and arc length, m, of each of its points.
+    pub bindings: Vec<(u32, f32)>,
+    /// What was odd.
+    pub report: Report,
+}
+
+impl Tree {
+    /// The plant of an individual: all of one mesh are alike but for their names.
+    pub fn individual(&self, id: u32, seed: u64, source: &str) -> Plant {
+        let mut plant = self.plant.clone();
+        (plant.id, plant.seed, plant.source) = (id, seed, source.into());
+        name(&mut plant);
+        plant
+    }
+}
+
+/// Finds the skeleton of a mesh and binds the mesh to it.
+/// Source: [yang-wu] 3.1: k-means clusters of the vertices, joined to a tree.
+/// Differs: the number of clusters comes from the thickness of the wood, pieces are joined where their ends meet bark, and
+/// a branch's first node stands on its parent's bark, so that the mesh bends there without a tear.
+/// # Errors
+/// `Input` with X018 for a mesh without wood or without volume; what `plant::validate` refuses; `Cancelled`.
+pub fn skeleton(imported: &Imported, options: &Options, cancel: &Cancel) -> Result<Tree> {
+    let parts = parts::sort(imported, &options.leaf_words);
+    let solid: Vec<&Piece> = parts.wood.iter().filter(|p| p.is_solid()).collect();
+    if solid.is_empty() {
+        return Err(refused(&parts, options));
+    }
+    let diagonal = imported.mesh.bounds().size().length();
+    // A tube of these areas and volumes is so long.
+    let length = |p: &&Piece| p.area * p.area / (4.0 * std::f64::consts::PI * p.volume.abs());
+    let least = narrow(solid.iter().map(length).sum::<f64>() * LEAST.1).max(diagonal * LEAST.0);
+    let sizes = Sizes { fixed: options.spacing, least };
+    let numbered: Vec<(u64, &Piece)> = (0..).zip(solid.iter().copied()).collect();
+    let found = par_map(&numbered, |(i, piece)| -> Result<(Fine, Clusters)> {
+        cancel.check()?;
+        let fine = Fine::new(piece, sizes);
+        let clusters = clusters::find(&fine, &mut Rng::at(options.seed, &["kmeans".into(), (*i).into()]));
+        Ok((fine, clusters))
+    });
+    let found = found.into_iter().collect::<Result<Vec<_>>>()?;
+    let mut graph = Graph::default();
+    found.iter().for_each(|(fine, clusters)| graph.add(fine, clusters));
+    graph.join(diagonal);
+    let skins = skins(&graph, &found);
+    let chains = chains::chains(&graph, options.root);
+    let mut plant = Plant::default();
+    let seats = axes::lay(&mut plant, &graph, &chains, &skins);
+    plant::validate(&mut plant)?;
+    let mut tree = Tree { plant, ..Tree::default() };
+    floating(&mut tree, options);
+    tree.bind(imported, &parts, (&graph, &found, &seats), options);
+    name(&mut tree.plant);
+    plant::validate(&mut tree.plant)?;
+    Ok(tree)
+}
+
+/// X018: why there is no skeleton.
+fn refused(parts: &Parts, options: &Options) -> Error {
+    let file = &options.name;
+    let (message, help) = if parts.wood.is_empty() {
+        (
+            format!("\"{file}\" has no wood: all of it is leaves by name"),
+            "name fewer words in leaf_pattern, or rename the objects and materials of the wood",
+        )
+    } else {
+        (
+            format!("\"{file}\" encloses no volume, so its wood has no thickness and no axis"),
+            "model trunk and branches as tubes: cards and single lines have no skeleton",
+        )
+    };
+    let mut report = Report::default();
+    report.push(Diagnostic::about("X018", message).help(help));
+    Error::Input(Box::new(report))
+}
+
+/// The points of each node's clusters.
+fn skins(graph: &Graph, found: &[(Fine, Clusters)]) -> Vec<Skin> {
+    let mut skins = vec![Skin::default(); graph.nodes.len()];
+    for ((fine, clusters), of) in found.iter().zip(&graph.of) {
+        for (i, c) in clusters.of.iter().enumerate() {
+            let Some(skin) = of.get(*c as usize).and_then(|n| skins.get_mut(*n as usize)) else { continue };
+            skin.points.push((fine.points[i], fine.normals[i]));
+            skin.areas.push(fine.areas[i]);
+        }
+    }
+    skins
+}
+
+/// X019 for trees of pieces that neither meet the rest nor stand low.
+fn floating(tree: &mut Tree, options: &Options) {
+    let plant = &tree.plant;
+    let low = plant.nodes.p.iter().fold(f32::INFINITY, |m, p| m.min(p.y));
+    let high = plant.nodes.p.iter().fold(f32::NEG_INFINITY, |m, p| m.max(p.y));
+    let base = |a: &plant::Axis| plant.nodes.p[a.first as usize];
+    let roots = plant.axes.iter().filter(|a| a.parent == NONE).skip(1);
+    let high_up: Vec<Vec3> = roots.map(base).filter(|p| p.y > low + FLOATS * (high - low)).collect();
+    if let Some(p) = high_up.first() {
+        let (file, n) = (&options.name, high_up.len());
+        let message = format!(
+            "\"{file}\": {n} pieces of wood hang in the air, the first at ({:.2}, {:.2}, {:.2}); they stand still where they begin",
+            p.x, p.y, p.z
+        );
+        tree.report.push(Diagnostic::about("X019", message).help("let branches begin inside what they grow on"));
+    }
+}
+
+impl Tree {
+    /// Hangs the blades and binds what is left of the mesh.
+    fn bind(
+        &mut self,
+        imported: &Imported,
+        parts: &Parts,
+        (graph, found, seats): (&Graph, &[(Fine, Clusters)], &[Seat]),
+        options: &Options,
+    ) {
+        let near = bind::bark(&self.plant);
+        let left = leaves::hang(&mut self.plant, &imported.mesh, &parts.blades, &near);
+        self.complain(imported, parts, &left, options);
+        let mut sites: Vec<Option<Site>> = vec![None; parts.welded.points.len()];
+        let mut loose: Vec<Vec<u32>> = Vec::new();
+        let mut solid = found.iter().zip(&graph.of);
+        for piece in &parts.wood {
+            if !piece.is_solid() {
+                loose.push(piece.welded.clone());
+                continue;
+            }
+            let Some(((_, clusters), of)) = solid.next() else { continue };
+            for ((w, p), c) in piece.welded.iter().zip(&piece.points).zip(&clusters.of) {
+                let Some(seat) = of.get(*c as usize).and_then(|n| seats.get(*n as usize)) else { continue };
+                sites[*w as usize] = Some(bind::site(&self.plant, *seat, *p));
+            }
+        }
+        let stays = left.large.iter().chain(&left.strange);
+        let welded = |t: &u32| imported.mesh.triangles[*t as usize].map(|i| parts.welded.of[i as usize]);
+        loose.extend(stays.clone().map(|i| parts.blades[*i].iter().flat_map(welded).collect()));
+        let held = par_map(&loose, |part| {
+            let points: Vec<Vec3> = part.iter().map(|i| parts.welded.points[*i as usize]).collect();
+            bind::hold(&near, &points).map(|h| h.2)
+        });
+        for (part, site) in loose.iter().zip(held) {
+            part.iter().for_each(|i| sites[*i as usize] = sites[*i as usize].or(site));
+        }
+        let mut gone = vec![false; imported.mesh.triangles.len()];
+        parts.blades.iter().flatten().for_each(|t| gone[*t as usize] = true);
+        stays.flat_map(|i| &parts.blades[*i]).for_each(|t| gone[*t as usize] = false);
+        let (wood, used) = leaves::rest(&imported.mesh, &gone);
+        let site = |i: &u32| {
+            let place = parts.welded.of[*i as usize] as usize;
+            // Corners of triangles without area hang on what is near.
+            let near = || near.nearest(parts.welded.points[place]).map_or((0, 0.0), |n| n.1);
+            sites[place].unwrap_or_else(near)
+        };
+        self.bindings = used.iter().map(site).collect();
+        self.wood = Arc::new(wood);
+    }
+
+    /// X019 for blades that do not flutter.
+    fn complain(&mut self, imported: &Imported, parts: &Parts, left: &leaves::Leaves, options: &Options) {
+        let file = &options.name;
+        if let Some(i) = left.large.first() {
+            let size = leaves::bounds(&imported.mesh, &parts.blades[*i]).size().max_element();
+            let n = left.large.len();
+            let message = format!(
+                "\"{file}\": {n} leaves are as large as a quarter of the plant, the first {size:.2} m; they do not flutter"
+            );
+            let help = "separate the leaves: those that share vertices are one";
+            self.report.push(Diagnostic::about("X019", message).help(help));
+        }
+        if !left.strange.is_empty() {
+            let n = left.strange.len();
+            let message =
+                format!("\"{file}\": {n} leaves differ from all others; they ride on their twigs and do not flutter");
+            let help = "copy a few leaves instead of shaping each: 4096 shapes are kept apart";
+            self.report.push(Diagnostic::about("X019", message).help(help));
+        }
+    }
+}
+
+/// Ids of axes and organs from the plant's.
+fn name(plant: &mut Plant) {
+    let mut roots = 0_u64;
+    let mut ranks = vec![0_u64; plant.axes.len()];
+    for i in 0..plant.axes.len() {
+        let parent = plant.axes[i].parent as usize;
+        plant.axes[i].id = match ranks.get_mut(parent) {
+            Some(rank) => {
+                *rank += 1;
+                mix64(&[plant.axes[parent].id, word("axis"), *rank - 1])
+            }
+            None => {
+                roots += 1;
+                mix64(&[u64::from(plant.id), roots - 1])
+            }
+        };
+    }
+    leaves::name(plant);
+}
+
+#[cfg(test)]
+mod tests;

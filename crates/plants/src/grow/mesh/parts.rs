@@ -1,0 +1,375 @@
+//! An artist's triangles sorted: which are blades, which are wood, and what hangs together.
+
+use std::ops::Range;
+
+use glam::{DMat3, DVec3, Vec3};
+
+use osier_base::geometry::Bounds;
+use osier_base::math;
+use osier_base::par::LookupMap;
+use osier_import::Imported;
+
+/// Points nearer than this share of the box's diagonal are one.
+const WELD: f32 = 1e-5;
+/// A part is a blade by its shape if it is so much flatter than it is wide,
+const FLAT: f64 = 0.02;
+/// or if what would close it is so large a share of its area,
+const OPEN: f64 = 0.3;
+/// and if it has no more than this share of all area.
+const SMALL: f64 = 0.05;
+/// A stalk has less than this share of its blade's area, and lies no farther from it than this share of the blade's size.
+const STALK: (f64, f32) = (0.25, 0.03);
+/// Fewest points of a piece of wood that gets axes of its own.
+const FEWEST: usize = 12;
+/// Volume below this share of area^1.5 is none.
+const HOLLOW: f64 = 1e-4;
+
+/// Points that lie in one place made one.
+#[derive(Debug)]
+pub(super) struct Welded {
+    /// Per point of the mesh.
+    pub of: Vec<u32>,
+    /// Places.
+    pub points: Vec<Vec3>,
+}
+
+/// Triangles that hang together, by index into the mesh.
+pub(super) type Patch = Vec<u32>;
+
+/// Which triangles are what.
+#[derive(Debug)]
+pub(super) struct Parts {
+    pub welded: Welded,
+    /// One per leaf.
+    pub blades: Vec<Patch>,
+    /// Pieces of wood, largest volume of work first as the file has them.
+    pub wood: Vec<Piece>,
+}
+
+/// A piece of wood: one surface.
+#[derive(Debug)]
+pub(super) struct Piece {
+    pub points: Vec<Vec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Index of each point among the welded.
+    pub welded: Vec<u32>,
+    /// m^2.
+    pub area: f64,
+    /// Holes closed, m^3; the surface may face inwards.
+    pub volume: f64,
+    /// Of what closes its holes, m^2.
+    caps: f64,
+}
+
+impl Piece {
+    /// Radius of the tube of this area and volume, m.
+    pub fn radius(&self) -> f64 {
+        2.0 * self.volume.abs() / self.area
+    }
+
+    /// True if it can have axes.
+    pub fn is_solid(&self) -> bool {
+        let root = math::sqrt(self.area);
+        self.points.len() >= FEWEST && self.volume.abs() > HOLLOW * root * self.area && self.caps < OPEN * self.area
+    }
+}
+
+/// Sorts the triangles of a mesh. `words`: in lower case; an object or a material whose name holds one is a blade.
+pub(super) fn sort(imported: &Imported, words: &[String]) -> Parts {
+    let mesh = &imported.mesh;
+    let welded = weld(&mesh.points);
+    let triangles: Vec<[u32; 3]> =
+        mesh.triangles.iter().map(|t| t.map(|i| welded.of.get(i as usize).copied().unwrap_or(0))).collect();
+    let mut is_blade = named(imported, words);
+    let whole: Vec<u32> = (0..).take(triangles.len()).collect();
+    let sound = |t: &&u32| {
+        let [a, b, c] = triangles[**t as usize];
+        a != b && b != c && c != a
+    };
+    if !is_blade.contains(&true) {
+        let sound: Vec<u32> = whole.iter().filter(sound).copied().collect();
+        let patches = patches(&triangles, &sound, true);
+        let areas: Vec<f64> = patches.iter().map(|p| area(&welded.points, &triangles, p)).collect();
+        let all = areas.iter().fold(0.0, |sum, a| sum + a);
+        for (patch, area) in patches.iter().zip(areas) {
+            if area < SMALL * all && is_sheet(&welded.points, &triangles, patch) {
+                patch.iter().for_each(|t| is_blade[*t as usize] = true);
+            }
+        }
+    }
+    let of = |blade: bool| -> Vec<u32> { whole.iter().filter(|t| is_blade[**t as usize] == blade).copied().collect() };
+    let blades = with_stalks(&welded.points, &triangles, patches(&triangles, &of(true), false));
+    let solid: Vec<u32> = of(false).iter().filter(sound).copied().collect();
+    let wood = patches(&triangles, &solid, true).iter().map(|p| piece(&welded.points, &triangles, p)).collect();
+    Parts { welded, blades, wood }
+}
+
+/// Per triangle whether its object's or its material's name says that it is a blade.
+fn named(imported: &Imported, words: &[String]) -> Vec<bool> {
+    let mut is_blade = vec![false; imported.mesh.triangles.len()];
+    let says = |name: &str| {
+        let name = name.to_lowercase();
+        words.iter().any(|w| name.contains(w.as_str()))
+    };
+    let mut mark = |run: Range<usize>| is_blade.get_mut(run).into_iter().flatten().for_each(|b| *b = true);
+    imported.parts.iter().filter(|p| says(&p.name)).for_each(|p| mark(p.triangles.clone()));
+    for s in &imported.mesh.subsets {
+        if imported.materials.get(s.material as usize).is_some_and(|m| says(&m.name)) {
+            mark(s.first as usize..s.first as usize + s.count as usize);
+        }
+    }
+    is_blade
+}
+
+fn weld(points: &[Vec3]) -> Welded {
+    let bounds = Bounds::of(points.iter().copied());
+    let near = (bounds.size().length() * WELD).max(f32::MIN_POSITIVE);
+    let cell = 2.0 * near;
+    #[allow(clippy::cast_possible_truncation, reason = "at most 1e5 cells along a side")]
+    let low = |p: Vec3| ((p - bounds.min) / cell - 0.5).floor().to_array().map(|v| v as i32);
+    let mut last: LookupMap<[i32; 3], u32> = LookupMap::default();
+    let (mut places, mut before): (Vec<Vec3>, Vec<u32>) = (Vec::new(), Vec::new());
+    let mut of = Vec::with_capacity(points.len());
+    for p in points {
+        let [x, y, z] = low(*p);
+        let cells = (0..8).map(|k| [x + (k & 1), y + (k >> 1 & 1), z + (k >> 2)]);
+        let found = cells.filter_map(|c| last.get(&c).copied()).find_map(|top| {
+            std::iter::successors(Some(top), |i| before.get(*i as usize).copied().filter(|b| *b != u32::MAX))
+                .find(|i| places[*i as usize].distance(*p) <= near)
+        });
+        of.push(found.unwrap_or_else(|| {
+            let index = u32::try_from(places.len()).unwrap_or(u32::MAX);
+            places.push(*p);
+            #[allow(clippy::cast_possible_truncation, reason = "at most 1e5 cells along a side")]
+            let own = ((*p - bounds.min) / cell).floor().to_array().map(|v| v as i32);
+            before.push(last.insert(own, index).unwrap_or(u32::MAX));
+            index
+        }));
+    }
+    Welded { of, points: places }
+}
+
+/// Sets that are joined pair by pair; the lowest member names a set.
+#[derive(Debug)]
+pub(super) struct Sets(Vec<u32>);
+
+impl Sets {
+    pub fn new(n: usize) -> Self {
+        Self((0..).take(n).collect())
+    }
+
+    pub fn find(&mut self, i: u32) -> u32 {
+        let mut i = i;
+        while self.0[i as usize] != i {
+            let up = self.0[self.0[i as usize] as usize];
+            self.0[i as usize] = up;
+            i = up;
+        }
+        i
+    }
+
+    /// True if they were apart.
+    pub fn join(&mut self, a: u32, b: u32) -> bool {
+        let (a, b) = (self.find(a), self.find(b));
+        self.0[a.max(b) as usize] = a.min(b);
+        a != b
+    }
+}
+
+/// Some of the triangles, in runs that share edges (or only points), each in the order of the file.
+fn patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Vec<Patch> {
+    let mut links: Vec<([u32; 2], u32)> = Vec::with_capacity(some.len() * 3);
+    for (k, t) in (0..).zip(some) {
+        let [a, b, c] = triangles[*t as usize];
+        if by_edges {
+            links.extend([(a, b), (b, c), (c, a)].map(|(a, b)| ([a.min(b), a.max(b)], k)));
+        } else {
+            links.extend([a, b, c].map(|a| ([a, a], k)));
+        }
+    }
+    links.sort_unstable();
+    let mut sets = Sets::new(some.len());
+    for w in links.windows(2) {
+        if w[0].0 == w[1].0 {
+            sets.join(w[0].1, w[1].1);
+        }
+    }
+    let mut place = vec![u32::MAX; some.len()];
+    let mut out: Vec<Patch> = Vec::new();
+    for (k, t) in (0..).zip(some) {
+        let root = sets.find(k) as usize;
+        if place[root] == u32::MAX {
+            place[root] = u32::try_from(out.len()).unwrap_or(u32::MAX);
+            out.push(Vec::new());
+        }
+        out[place[root] as usize].push(*t);
+    }
+    out
+}
+
+fn corners(points: &[Vec3], t: [u32; 3]) -> [DVec3; 3] {
+    t.map(|i| points[i as usize].as_dvec3())
+}
+
+fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> f64 {
+    let one = |t: &u32| {
+        let [a, b, c] = corners(points, triangles[*t as usize]);
+        (b - a).cross(c - a).length() * 0.5
+    };
+    patch.iter().fold(0.0, |sum, t| sum + one(t))
+}
+
+/// True for what is flat, and for what is so open that it encloses nothing.
+fn is_sheet(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> bool {
+    let piece = piece(points, triangles, patch);
+    if piece.caps > OPEN * piece.area {
+        return true;
+    }
+    let n = piece.points.len() as f64;
+    let middle = piece.points.iter().fold(DVec3::ZERO, |s, p| s + p.as_dvec3()) / n;
+    let spread = piece.points.iter().fold(DMat3::ZERO, |m, p| {
+        let d = p.as_dvec3() - middle;
+        m + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
+    });
+    let [least, mid, _] = eigenvalues(&spread);
+    least < FLAT * mid
+}
+
+/// Of a symmetric matrix, rising.
+/// Source: O. K. Smith, "Eigenvalues of a symmetric 3x3 matrix", CACM 4(4), 1961.
+fn eigenvalues(m: &DMat3) -> [f64; 3] {
+    let q = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
+    let off = m.x_axis.y * m.x_axis.y + m.x_axis.z * m.x_axis.z + m.y_axis.z * m.y_axis.z;
+    let d = DVec3::new(m.x_axis.x - q, m.y_axis.y - q, m.z_axis.z - q);
+    let p = math::sqrt((d.length_squared() + 2.0 * off) / 6.0);
+    if p <= 0.0 {
+        return [q; 3];
+    }
+    let b = (*m - DMat3::from_diagonal(DVec3::splat(q))) * (1.0 / p);
+    let angle = math::acos((b.determinant() * 0.5).clamp(-1.0, 1.0)) / 3.0;
+    let most = q + 2.0 * p * math::cos(angle);
+    let least = q + 2.0 * p * math::cos(angle + std::f64::consts::TAU / 3.0);
+    [least, 3.0 * q - most - least, most]
+}
+
+/// Direction of the least eigenvalue of a symmetric matrix.
+pub(super) fn least_axis(m: &DMat3) -> DVec3 {
+    let [least, ..] = eigenvalues(m);
+    let rest = *m - DMat3::from_diagonal(DVec3::splat(least));
+    let (x, y, z) = (rest.x_axis, rest.y_axis, rest.z_axis);
+    let crosses = [x.cross(y), y.cross(z), z.cross(x)];
+    let longest = crosses.into_iter().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    longest.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y)
+}
+
+/// Blades with the stalks that stand beside them in the file as surfaces of their own.
+fn with_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<Patch>) -> Vec<Patch> {
+    let areas: Vec<f64> = patches.iter().map(|p| area(points, triangles, p)).collect();
+    let places = |p: &Patch| -> Vec<Vec3> {
+        let mut seen: Vec<u32> = p.iter().flat_map(|t| triangles[*t as usize]).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        seen.iter().map(|i| points[*i as usize]).collect()
+    };
+    let places: Vec<Vec<Vec3>> = patches.iter().map(places).collect();
+    let gap = |small: usize, large: usize| {
+        let size = Bounds::of(places[large].iter().copied()).size().length();
+        let apart = |a: &Vec3| places[large].iter().fold(f32::MAX, |m, b| m.min(a.distance(*b)));
+        places[small].iter().fold(f32::MAX, |m, a| m.min(apart(a))) / size.max(f32::MIN_POSITIVE)
+    };
+    let mut joined = Sets::new(patches.len());
+    for i in 0..patches.len() {
+        let beside = [i.checked_sub(1), Some(i + 1).filter(|n| *n < patches.len())];
+        let blades = beside.into_iter().flatten().filter(|n| areas[i] < STALK.0 * areas[*n]);
+        let nearest = blades.map(|n| (gap(i, n), n)).min_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, n)) = nearest.filter(|(gap, _)| *gap < STALK.1) {
+            joined.join(u32::try_from(i).unwrap_or(0), u32::try_from(n).unwrap_or(0));
+        }
+    }
+    let mut out: Vec<Patch> = Vec::new();
+    let mut slot = vec![usize::MAX; patches.len()];
+    for (i, patch) in (0..).zip(patches) {
+        let root = joined.find(i) as usize;
+        if slot[root] == usize::MAX {
+            slot[root] = out.len();
+            out.push(Vec::new());
+        }
+        out[slot[root]].extend(patch);
+    }
+    out
+}
+
+fn piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> Piece {
+    let mut welded: Vec<u32> = patch.iter().flat_map(|t| triangles[*t as usize]).collect();
+    welded.sort_unstable();
+    welded.dedup();
+    let local = |i: u32| u32::try_from(welded.partition_point(|w| *w < i)).unwrap_or(0);
+    let own: Vec<[u32; 3]> = patch.iter().map(|t| triangles[*t as usize].map(local)).collect();
+    let own_points: Vec<Vec3> = welded.iter().map(|i| points[*i as usize]).collect();
+    let (area, volume, caps) = measure(&own_points, &own);
+    Piece { points: own_points, triangles: own, welded, area, volume, caps }
+}
+
+/// Area, volume with fans over the holes, and the area of these fans.
+fn measure(points: &[Vec3], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
+    let middle = points.iter().fold(DVec3::ZERO, |s, p| s + p.as_dvec3()) / points.len().max(1) as f64;
+    let at = |i: u32| points[i as usize].as_dvec3() - middle;
+    let (mut area, mut volume, mut caps) = (0.0, 0.0, 0.0);
+    let mut edges: Vec<([u32; 2], [u32; 2])> = Vec::with_capacity(triangles.len() * 3);
+    for t in triangles {
+        let [a, b, c] = t.map(at);
+        area += (b - a).cross(c - a).length() * 0.5;
+        volume += a.dot(b.cross(c)) / 6.0;
+        let [a, b, c] = *t;
+        edges.extend([[a, b], [b, c], [c, a]].map(|e| ([e[0].min(e[1]), e[0].max(e[1])], e)));
+    }
+    edges.sort_unstable();
+    let free: Vec<[u32; 2]> =
+        edges.chunk_by(|a, b| a.0 == b.0).filter_map(|run| if let [e] = run { Some(e.1) } else { None }).collect();
+    let mut loops = Sets::new(points.len());
+    free.iter().for_each(|[a, b]| _ = loops.join(*a, *b));
+    let mut hubs: Vec<(DVec3, f64)> = vec![(DVec3::ZERO, 0.0); points.len()];
+    for [a, _] in &free {
+        let hub = &mut hubs[loops.find(*a) as usize];
+        *hub = (hub.0 + at(*a), hub.1 + 1.0);
+    }
+    for [a, b] in &free {
+        let (sum, n) = hubs[loops.find(*a) as usize];
+        let (a, b, hub) = (at(*a), at(*b), sum / n);
+        caps += (b - a).cross(hub - a).length() * 0.5;
+        volume += b.dot(a.cross(hub)) / 6.0;
+    }
+    (area, volume, caps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eigenvalues_of_a_known_matrix() {
+        let m = DMat3::from_cols(DVec3::new(2.0, 1.0, 0.0), DVec3::new(1.0, 2.0, 0.0), DVec3::new(0.0, 0.0, 5.0));
+        let found = eigenvalues(&m);
+        assert!(found.iter().zip([1.0, 3.0, 5.0]).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
+        assert!((least_axis(&m).dot(DVec3::new(1.0, -1.0, 0.0).normalize()).abs() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_open_tube_has_the_volume_of_a_closed_one_and_a_sheet_has_none() {
+        let n = 64_u32;
+        let ring = |y: f32| {
+            (0..n).map(move |k| {
+                let a = k as f32 / n as f32 * std::f32::consts::TAU;
+                Vec3::new(math::cos_f32(a), y, math::sin_f32(a)) * Vec3::new(0.1, 1.0, 0.1)
+            })
+        };
+        let points: Vec<Vec3> = ring(0.0).chain(ring(2.0)).collect();
+        let tube: Vec<[u32; 3]> =
+            (0..n).flat_map(|k| [[k, k + n, (k + 1) % n], [(k + 1) % n, k + n, (k + 1) % n + n]]).collect();
+        let patch: Patch = (0..).take(tube.len()).collect();
+        let tube = piece(&points, &tube, &patch);
+        assert!((tube.radius() / 0.1 - 1.0).abs() < 2e-3 && tube.is_solid(), "{}", tube.radius());
+        let sheet = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.3, 1.0), Vec3::Z];
+        assert!(!piece(&sheet, &[[0, 1, 2], [0, 2, 3]], &vec![0, 1]).is_solid());
+    }
+}

@@ -1,0 +1,210 @@
+//! A piece of wood cut finely enough for its clusters: long triangles have no points where the axis needs them.
+
+use glam::Vec3;
+
+use super::parts::Piece;
+use super::thick;
+use osier_base::math;
+use osier_base::par::LookupMap;
+
+/// Longest edge, in clusters.
+const EDGE: f32 = 0.25;
+/// Most points of a piece; beyond it edges stay long.
+const MOST: usize = 2_000_000;
+
+/// A piece's surface as clusters see it. The piece's own points come first.
+#[derive(Debug)]
+pub(super) struct Fine {
+    pub points: Vec<Vec3>,
+    /// Outwards.
+    pub normals: Vec<Vec3>,
+    /// Radius of the wood below, m.
+    pub radii: Vec<f32>,
+    /// Size of a cluster here, m.
+    pub sizes: Vec<f32>,
+    /// A third of the area around, m^2.
+    pub areas: Vec<f64>,
+    /// Neighbours of point `i`: `around[first[i]..first[i + 1]]`.
+    first: Vec<u32>,
+    around: Vec<u32>,
+}
+
+/// How large clusters are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sizes {
+    /// The same everywhere, m; else so many radii,
+    pub fixed: Option<f32>,
+    /// and no smaller than this, m.
+    pub least: f32,
+}
+
+/// Length of a cluster in radii.
+const RADII: f32 = 3.0;
+
+impl Sizes {
+    fn at(&self, radius: f32) -> f32 {
+        self.fixed.unwrap_or((RADII * radius).max(self.least))
+    }
+}
+
+impl Fine {
+    /// Measures and refines a piece.
+    pub fn new(piece: &Piece, sizes: Sizes) -> Self {
+        let mut normals = thick::normals(piece);
+        let mut radii = thick::radii(piece, &normals);
+        let mut points = piece.points.clone();
+        let mut triangles = piece.triangles.clone();
+        let mut cuts: LookupMap<[u32; 2], Cut> = LookupMap::default();
+        for e in triangles.iter().flat_map(|t| edges(*t)) {
+            if cuts.get(&e).is_some() {
+                continue;
+            }
+            let [a, b] = e.map(|i| i as usize);
+            let longest = EDGE * sizes.at(radii[a].min(radii[b]));
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 4096")]
+            let parts = (points[a].distance(points[b]) / longest).ceil().clamp(1.0, 4096.0) as u16;
+            let room = points.len() + usize::from(parts) < MOST;
+            let cut =
+                Cut { first: u32::try_from(points.len()).unwrap_or(u32::MAX), count: if room { parts - 1 } else { 0 } };
+            for k in 1..=cut.count {
+                let t = f32::from(k) / f32::from(parts);
+                points.push(points[a].lerp(points[b], t));
+                normals.push(math::normalize_or(normals[a].lerp(normals[b], t), normals[a]));
+                radii.push(math::lerp(radii[a], radii[b], t));
+            }
+            cuts.insert(e, cut);
+        }
+        triangles = triangles.iter().flat_map(|t| strip(*t, &cuts)).collect();
+        let sizes = radii.iter().map(|r| sizes.at(*r)).collect();
+        let (first, around) = neighbours(points.len(), &triangles);
+        let mut areas = vec![0.0; points.len()];
+        for t in &triangles {
+            let [a, b, c] = t.map(|i| points[i as usize].as_dvec3());
+            let third = (b - a).cross(c - a).length() / 6.0;
+            t.iter().for_each(|i| areas[*i as usize] += third);
+        }
+        Self { points, normals, radii, sizes, areas, first, around }
+    }
+
+    /// Points that share an edge with point `i`.
+    pub fn around(&self, i: u32) -> &[u32] {
+        &self.around[self.first[i as usize] as usize..self.first[i as usize + 1] as usize]
+    }
+
+    /// Clusters that the surface has room for: its length over their size, the length being its area over its girth.
+    pub fn room(&self) -> f64 {
+        let one = |i: usize| self.areas[i] / (std::f64::consts::TAU * f64::from(self.radii[i] * self.sizes[i]));
+        (0..self.points.len()).fold(0.0, |sum, i| sum + one(i))
+    }
+}
+
+fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
+    [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)])
+}
+
+/// Points on an edge, from its lower end to its higher one.
+#[derive(Debug, Clone, Copy)]
+struct Cut {
+    first: u32,
+    count: u16,
+}
+
+/// All points from `a` to `b`.
+fn chain(a: u32, b: u32, cuts: &LookupMap<[u32; 2], Cut>) -> Vec<u32> {
+    let between = cuts.get(&[a.min(b), a.max(b)]).map_or(0..0, |c| c.first..c.first + u32::from(c.count));
+    let mut all = vec![a.min(b)];
+    all.extend(between);
+    all.push(a.max(b));
+    if a > b {
+        all.reverse();
+    }
+    all
+}
+
+/// A triangle whose edges hold points, as a strip between the two that hold most: no points within, so that needles stay
+/// as few as their edges need.
+fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], Cut>) -> Vec<[u32; 3]> {
+    let chains = [0, 1, 2].map(|k| chain(t[k], t[(k + 1) % 3], cuts));
+    // The corner across from the edge that holds least.
+    let base = (0..3).min_by_key(|k| chains[*k].len()).unwrap_or(0);
+    let (foot, p) = (&chains[base], &chains[(base + 2) % 3]);
+    let mut q = chains[(base + 1) % 3].clone();
+    q.reverse();
+    // Both from the apex: `p` to the first point of the foot, `q` to its last.
+    let mut out = Vec::with_capacity(p.len() + q.len() + foot.len());
+    let (mut i, mut j) = (0, 0);
+    let (np, nq) = (p.len() - 1, q.len() - 1);
+    while i < np || j < nq {
+        let last = i + j + 1 == np + nq;
+        // The one that lags behind goes on.
+        let on_p = j == nq || i < np && (i + 1) * nq <= (j + 1) * np;
+        if i == 0 && j == 0 {
+            (i, j) = (1, 1);
+            if np == 1 && nq == 1 {
+                out.extend(foot.windows(2).map(|w| [p[0], w[0], w[1]]));
+            } else {
+                out.push([p[0], p[1], q[1]]);
+            }
+            continue;
+        }
+        match (last, on_p) {
+            (true, _) => {
+                let from = if on_p { p[i] } else { q[j] };
+                out.extend(foot.windows(2).map(|w| [from, w[0], w[1]]));
+            }
+            (false, true) => out.push([p[i], p[i + 1], q[j]]),
+            (false, false) => out.push([p[i], q[j + 1], q[j]]),
+        }
+        if on_p { i += 1 } else { j += 1 }
+    }
+    out
+}
+
+fn neighbours(n: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+    let mut links: Vec<[u32; 2]> = triangles.iter().flat_map(|t| edges(*t)).collect();
+    links.sort_unstable();
+    links.dedup();
+    let mut first = vec![0_u32; n + 1];
+    links.iter().flatten().for_each(|i| first[*i as usize + 1] += 1);
+    for i in 0..n {
+        first[i + 1] += first[i];
+    }
+    let mut next = first.clone();
+    let mut around = vec![0; links.len() * 2];
+    for [a, b] in links {
+        for (from, to) in [(a, b), (b, a)] {
+            around[next[from as usize] as usize] = to;
+            next[from as usize] += 1;
+        }
+    }
+    (first, around)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cut_triangle_keeps_its_outline_and_its_side() {
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        for counts in (0..64).map(|k| [k & 3, k >> 2 & 3, k >> 4]) {
+            let mut points = corners.to_vec();
+            let mut cuts = LookupMap::default();
+            for (e, count) in edges([0, 1, 2]).into_iter().zip(counts) {
+                cuts.insert(e, Cut { first: u32::try_from(points.len()).expect("small"), count });
+                let [a, b] = e.map(|i| corners[i as usize]);
+                points.extend((1..=count).map(|k| a.lerp(b, f32::from(k) / f32::from(count + 1))));
+            }
+            for turned in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+                let parts = strip(turned, &cuts);
+                let area = |t: &[u32; 3]| {
+                    let [a, b, c] = t.map(|i| points[i as usize]);
+                    (b - a).cross(c - a).z
+                };
+                assert!(parts.iter().all(|t| area(t) > 1e-6), "{counts:?}: {parts:?}");
+                assert!((parts.iter().map(area).sum::<f32>() - 1.0).abs() < 1e-5, "{counts:?}");
+                assert_eq!(parts.len(), 1 + usize::from(counts.iter().sum::<u16>()), "{counts:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! How thick wood is at each point of its surface, measured by rays through it.
+
+use std::time::Duration;
+
+use glam::{Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray, RayHit};
+
+use super::parts::Piece;
+use osier_base::math;
+use osier_base::par::par_chunks;
+
+/// Points that one thread measures at a time.
+const CHUNK: usize = 1024;
+/// Tilted rays beside the one straight in, and how far they are tilted, rad.
+const RAYS: u8 = 6;
+const TILT: f32 = 0.6;
+/// Rounds in which a point takes the mean of its neighbours.
+const SMOOTH: usize = 2;
+/// A radius lies between these shares of the piece's own.
+const RANGE: [f32; 2] = [0.02, 50.0];
+
+/// Sum of the normals around each point times area: outwards, whichever way the surface faces.
+pub(super) fn normals(piece: &Piece) -> Vec<Vec3> {
+    let side = if piece.volume < 0.0 { -1.0 } else { 1.0 };
+    let mut sums = vec![Vec3::ZERO; piece.points.len()];
+    for t in &piece.triangles {
+        let [a, b, c] = t.map(|i| piece.points[i as usize]);
+        let area = (b - a).cross(c - a) * side;
+        t.iter().for_each(|i| sums[*i as usize] += area);
+    }
+    // Areas of twigs are far below the length that counts as none.
+    let unit = |n: &Vec3| n / n.abs().max_element().max(f32::MIN_POSITIVE);
+    sums.iter().map(|n| math::normalize_or(unit(n), Vec3::Y)).collect()
+}
+
+/// Radius of the wood under each point, m: half the median way to the opposite side.
+/// Own: after the shape diameter of L. Shapira et al., "Consistent mesh partitioning", The Visual Computer 24, 2008.
+pub(super) fn radii(piece: &Piece, normals: &[Vec3]) -> Vec<f32> {
+    let whole = math::narrow(piece.radius());
+    let walls = Walls::new(piece);
+    let points: Vec<(Vec3, Vec3)> = piece.points.iter().copied().zip(normals.iter().copied()).collect();
+    let measured =
+        par_chunks(&points, CHUNK, |_, part| part.iter().map(|(p, n)| walls.radius(*p, *n, whole)).collect::<Vec<_>>())
+            .concat();
+    smooth(piece, measured)
+}
+
+fn smooth(piece: &Piece, radii: Vec<f32>) -> Vec<f32> {
+    let mut radii = radii;
+    for _ in 0..SMOOTH {
+        let mut sums: Vec<(f32, f32)> = radii.iter().map(|r| (*r, 1.0)).collect();
+        for t in &piece.triangles {
+            for k in 0..3 {
+                let (a, b) = (t[k] as usize, t[(k + 1) % 3] as usize);
+                sums[a] = (sums[a].0 + radii[b], sums[a].1 + 1.0);
+                sums[b] = (sums[b].0 + radii[a], sums[b].1 + 1.0);
+            }
+        }
+        radii = sums.iter().map(|(sum, n)| sum / n).collect();
+    }
+    radii
+}
+
+/// The triangles of a piece with their tree of boxes.
+struct Walls {
+    tree: CwBvh,
+    /// In the order of the tree: a corner and both edges from it.
+    faces: Vec<[Vec3; 3]>,
+}
+
+impl Walls {
+    fn new(piece: &Piece) -> Self {
+        let corner = |i: u32| piece.points[i as usize];
+        let boxes: Vec<Aabb> = piece
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|i| Vec3A::from(corner(i)));
+                Aabb::new(a.min(b).min(c), a.max(b).max(c))
+            })
+            .collect();
+        let tree = build_cwbvh(&boxes, BvhBuildParams::very_fast_build(), &mut Duration::default());
+        let face = |i: &u32| {
+            let [a, b, c] = piece.triangles[*i as usize].map(corner);
+            [a, b - a, c - a]
+        };
+        let faces = tree.primitive_indices.iter().map(face).collect();
+        Self { tree, faces }
+    }
+
+    fn radius(&self, p: Vec3, n: Vec3, whole: f32) -> f32 {
+        let (x, y) = (math::perpendicular(n), n.cross(math::perpendicular(n)));
+        let (sin, cos) = (math::sin_f32(TILT), math::cos_f32(TILT));
+        let tilted = (0..RAYS).map(|k| {
+            let a = f32::from(k) * (std::f32::consts::TAU / f32::from(RAYS));
+            n * -cos + (x * math::cos_f32(a) + y * math::sin_f32(a)) * sin
+        });
+        let start = p - n * (whole * 1e-3);
+        let mut ways: Vec<f32> = std::iter::once(-n).chain(tilted).filter_map(|d| self.way(start, d)).collect();
+        ways.sort_by(f32::total_cmp);
+        let median = ways.get(ways.len() / 2).map_or(whole, |d| d * 0.5);
+        median.clamp(whole * RANGE[0], whole * RANGE[1])
+    }
+
+    /// How far a ray goes until it meets a wall.
+    fn way(&self, from: Vec3, along: Vec3) -> Option<f32> {
+        let ray = Ray::new_inf(from.into(), along.into());
+        let mut hit = RayHit::none();
+        let mut nearest = f32::INFINITY;
+        self.tree.ray_traverse(ray, &mut hit, |ray, i| {
+            let t = self.faces.get(i).and_then(|f| meet(f, from, along)).unwrap_or(f32::INFINITY);
+            if t < ray.tmax {
+                nearest = nearest.min(t);
+            }
+            t
+        });
+        nearest.is_finite().then_some(nearest)
+    }
+}
+
+/// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
+fn meet([a, ab, ac]: &[Vec3; 3], from: Vec3, along: Vec3) -> Option<f32> {
+    let across = along.cross(*ac);
+    let det = ab.dot(across);
+    if det.abs() < f32::MIN_POSITIVE {
+        return None;
+    }
+    let away = from - *a;
+    let u = away.dot(across) / det;
+    let lift = away.cross(*ab);
+    let v = along.dot(lift) / det;
+    let t = ac.dot(lift) / det;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+}

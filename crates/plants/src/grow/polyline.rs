@@ -1,0 +1,46 @@
+//! Centrelines as nodes of a plant.
+
+use glam::{Mat3, Quat, Vec3};
+
+use osier_base::math;
+use osier_scene::plant::Plant;
+
+/// Adds the nodes of an axis that is about to be added; its length, m. `radius`: at each point, m; `parent`: index of the
+/// axis that it leaves.
+pub(super) fn lay(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) -> f32 {
+    let up = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
+    let mut s = 0.0;
+    for (i, (p, q)) in points.iter().zip(frames(points, up)).enumerate() {
+        // Arc lengths are those of the stored, rounded positions.
+        s += if i > 0 { p.distance(points[i - 1]) } else { 0.0 };
+        plant.nodes.p.push(*p);
+        plant.nodes.q.push(q);
+        plant.nodes.r.push(radius(i));
+        plant.nodes.s.push(s);
+        plant.nodes.birth.push(0.0);
+        plant.nodes.color.push(color);
+    }
+    s
+}
+
+/// Frames along a polyline by parallel transport, Y along the mean of both segments. The first takes its X from `up`, the
+/// parent's tangent, so that a branch does not twist where it leaves.
+fn frames(points: &[Vec3], up: Vec3) -> Vec<Quat> {
+    let last = points.len() - 1;
+    let dir = |i: usize| math::normalize_or(points[i + 1] - points[i], Vec3::Y);
+    let tangent = |i: usize| match i {
+        0 => dir(0),
+        i if i == last => dir(last - 1),
+        i => math::normalize_or(dir(i - 1) + dir(i), dir(i)),
+    };
+    let mut x = math::normalize_or(tangent(0).cross(up), math::perpendicular(tangent(0)));
+    let mut out = Vec::with_capacity(points.len());
+    for i in 0..=last {
+        let t = tangent(i);
+        if i > 0 {
+            x = math::transport(points[i - 1], tangent(i - 1), x, points[i], t);
+        }
+        out.push(Quat::from_mat3(&Mat3::from_cols(x, t, x.cross(t))).normalize());
+    }
+    out
+}

@@ -1,0 +1,201 @@
+//! Laws of thickness: radii of a plant's nodes from its branching alone.
+
+use osier_base::math::{narrow, pow};
+use osier_scene::plant::{NONE, Plant};
+
+/// A leaf counts as a pipe of this radius, m.
+const LEAF: f64 = 0.0005;
+/// Radii grow towards the base by at least this per metre.
+const MIN_TAPER: f64 = 0.002;
+/// Half width of the smoothing window, in radii.
+const WINDOW: f64 = 1.5;
+/// A child starts with this share of its parent's radius.
+const CHILD: f64 = 0.6;
+
+/// Pipe model: what goes into a fork comes out of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pipe {
+    /// Exponent, 2..3.
+    pub exponent: f64,
+    /// Radius at tips, m.
+    pub tip: f64,
+    /// Radius at the base, m; `None`: what the tips add up to.
+    pub base: Option<f64>,
+}
+
+impl Default for Pipe {
+    fn default() -> Self {
+        Self { exponent: 2.3, tip: 0.0015, base: None }
+    }
+}
+
+/// Taper along each axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Taper {
+    /// Radius of root axes at their base, m.
+    pub base: f64,
+    /// Radius at tips, m.
+    pub tip: f64,
+    /// Exponent, 0.3..3.
+    pub exponent: f64,
+}
+
+impl Default for Taper {
+    fn default() -> Self {
+        Self { base: 0.02, tip: 0.0015, exponent: 1.0 }
+    }
+}
+
+/// Sets all radii by the pipe model, from the tips to the base; axes must come after their parents.
+/// Radii never grow along an axis; the thinnest are `tip`, and the thickest root is `base` if given.
+/// Source: acc = tip^n at tips, + r_child^n per attachment, + 0.0005^n per leaf; r = max(acc^(1/n), r_next + 0.002 ds);
+/// steps box-filtered over +-1.5 r, then mapped linearly so that the base fits.
+pub fn pipe(plant: &mut Plant, options: &Pipe) {
+    let n = if options.exponent.is_finite() { options.exponent.clamp(1.0, 6.0) } else { 2.3 };
+    let tip = options.tip.max(1e-6);
+    let thickest = sums(plant, tip, n);
+    let mut room = Smoothing::default();
+    for i in 0..plant.axes.len() {
+        room.smooth(plant, i);
+    }
+    match options.base {
+        Some(base) if thickest > tip * 1.000_001 => {
+            let factor = (base - tip) / (thickest - tip);
+            for r in &mut plant.nodes.r {
+                *r = narrow((tip + (f64::from(*r) - tip) * factor).max(1e-6));
+            }
+        }
+        Some(base) => taper(plant, &Taper { base, tip, exponent: 1.0 }),
+        None => {}
+    }
+}
+
+/// Powers of one exponent; neighbours on an axis often ask for the same.
+struct Power {
+    exponent: f64,
+    last: (f64, f64),
+}
+
+impl Power {
+    fn new(exponent: f64) -> Self {
+        Self { exponent, last: (1.0, 1.0) }
+    }
+
+    fn of(&mut self, base: f64) -> f64 {
+        if base.to_bits() != self.last.0.to_bits() {
+            self.last = (base, pow(base, self.exponent));
+        }
+        self.last.1
+    }
+}
+
+/// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the thickest root's.
+fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
+    let (leaf, pow_tip) = (pow(LEAF, n), pow(tip, n));
+    let mut loads: Vec<Vec<(f32, f64)>> = vec![Vec::new(); plant.axes.len()];
+    for o in &plant.organs {
+        if let Some(list) = loads.get_mut(o.axis as usize) {
+            list.push((o.s, leaf));
+        }
+    }
+    let mut thickest = 0.0_f64;
+    let (mut area, mut radius) = (Power::new(n), Power::new(1.0 / n));
+    for i in (0..plant.axes.len()).rev() {
+        let mut list = std::mem::take(&mut loads[i]);
+        list.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
+        let base = accumulate(plant, i, &list, (pow_tip, &mut radius)).unwrap_or(tip);
+        let axis = &plant.axes[i];
+        if axis.parent == NONE {
+            thickest = thickest.max(base);
+        } else if let Some(list) = loads.get_mut(axis.parent as usize) {
+            list.push((axis.parent_s, area.of(base)));
+        }
+    }
+    thickest
+}
+
+/// Radii of one axis before smoothing, from its tip down; `loads` sorted from the tip, `tip`: the tip's own, and what
+/// turns loads into radii. Returns the base's.
+fn accumulate(plant: &mut Plant, axis: usize, loads: &[(f32, f64)], tip: (f64, &mut Power)) -> Option<f64> {
+    let range = plant.nodes_of(&plant.axes[axis]);
+    let (s, r) = (&plant.nodes.s, &mut plant.nodes.r);
+    let (mut acc, root) = tip;
+    let mut loads = loads.iter().peekable();
+    let mut above: Option<(f64, f32)> = None;
+    // Half a millionth of the length: attachments and nodes were rounded separately.
+    let slack = plant.axes[axis].length * 1e-6;
+    for k in range.rev() {
+        while let Some((_, amount)) = loads.next_if(|l| l.0 >= s[k] - slack) {
+            acc += amount;
+        }
+        let mut radius = root.of(acc);
+        if let Some((r_next, s_next)) = above {
+            radius = radius.max(r_next + MIN_TAPER * f64::from(s_next - s[k]));
+        }
+        above = Some((radius, s[k]));
+        r[k] = narrow(radius);
+    }
+    above.map(|a| a.0)
+}
+
+/// Room for arc lengths, radii and their integrals from the base on, one axis at a time.
+#[derive(Default)]
+struct Smoothing {
+    s: Vec<f64>,
+    r: Vec<f64>,
+    sums: Vec<f64>,
+}
+
+impl Smoothing {
+    /// Averages an axis's radii over a window of 1.5 radii to each side (less near the ends, which stay as they are) and
+    /// makes them fall towards the tip again.
+    fn smooth(&mut self, plant: &mut Plant, axis: usize) {
+        let range = plant.nodes_of(&plant.axes[axis]);
+        let Self { s, r, sums } = self;
+        for (wide, stored) in [(&mut *s, &plant.nodes.s), (&mut *r, &plant.nodes.r)] {
+            wide.clear();
+            wide.extend(stored[range.clone()].iter().map(|v| f64::from(*v)));
+        }
+        let count = s.len();
+        sums.clear();
+        sums.resize(count, 0.0);
+        for k in 1..count {
+            sums[k] = sums[k - 1] + 0.5 * (r[k] + r[k - 1]) * (s[k] - s[k - 1]);
+        }
+        // Integral of r from the base to `x`.
+        let integral = |x: f64| {
+            let k = s.partition_point(|v| *v <= x).clamp(1, count - 1);
+            let (a, b) = (s[k - 1], s[k]);
+            let t = if b > a { ((x - a) / (b - a)).clamp(0.0, 1.0) } else { 0.0 };
+            let here = r[k - 1] + (r[k] - r[k - 1]) * t;
+            sums[k - 1] + 0.5 * (r[k - 1] + here) * (b - a) * t
+        };
+        let last = s[count - 1];
+        let mut least = 0.0_f64;
+        for k in (0..count).rev() {
+            let w = (WINDOW * r[k]).min(s[k]).min(last - s[k]);
+            let mean = if w > 1e-9 { (integral(s[k] + w) - integral(s[k] - w)) / (2.0 * w) } else { r[k] };
+            least = least.max(mean);
+            plant.nodes.r[range.start + k] = narrow(least);
+        }
+    }
+}
+
+/// Sets all radii by the taper law; axes must come after their parents.
+/// Source: r = tip + (base - tip)(1 - s/L)^e, a child's base = 0.6 of its parent's radius at the site.
+pub fn taper(plant: &mut Plant, options: &Taper) {
+    let tip = options.tip.max(1e-6);
+    for i in 0..plant.axes.len() {
+        let axis = plant.axes[i].clone();
+        let base = match plant.axes.get(axis.parent as usize).filter(|_| axis.parent != NONE) {
+            Some(parent) => CHILD * f64::from(plant.frame(parent, axis.parent_s).r),
+            None => options.base,
+        };
+        let (base, tip) = (base.max(1e-6), tip.min(base.max(1e-6)));
+        for k in plant.nodes_of(&axis) {
+            let along = if axis.length > 0.0 { f64::from(plant.nodes.s[k] / axis.length) } else { 0.0 };
+            let left = pow((1.0 - along).clamp(0.0, 1.0), options.exponent);
+            plant.nodes.r[k] = narrow(tip + (base - tip) * left);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! Obeys symbols that the grammar itself has bound.
+
+use super::frame::Frame;
+use super::interpreter::{Turtle, wrapped};
+use super::options::STALK;
+use osier_base::math;
+use osier_base::units::radians;
+use osier_grammar::{Action, Module, Own};
+
+/// World axes by number.
+const AXES: [glam::DVec3; 3] = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z];
+
+impl Turtle<'_> {
+    /// Does what a module's symbol is bound to; its first parameter takes the place of the action's own number.
+    pub(super) fn bound(&mut self, m: Module<'_>) {
+        let Some(action) = self.drawing.action(m.symbol) else { return };
+        let own = if m.params.is_empty() { self.drawing.value(m) } else { None };
+        let number = match own {
+            Some(v) if v.is_finite() => v,
+            Some(_) => 0.0,
+            None => self.param(m, 0, 1.0),
+        };
+        if matches!(
+            action,
+            Action::Forward | Action::Move | Action::Polygon | Action::Fill | Action::Organ(_) | Action::Sphere
+        ) {
+            self.close_segment();
+        }
+        match action {
+            Action::Forward => self.step(number, m, true, true),
+            Action::Move => self.step(number, m, false, true),
+            Action::World(axis) => {
+                let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
+                let axis = AXES.get(*axis).copied().unwrap_or(glam::DVec3::Y);
+                self.s.frame = self.s.frame.rotated(axis, c, s);
+                self.turned();
+            }
+            Action::Turtle(own) => {
+                let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
+                let turn = match own {
+                    Own::Heading => Frame::roll,
+                    Own::Left => Frame::pitch,
+                    Own::Up => Frame::yaw,
+                };
+                turn(&mut self.s.frame, c, s);
+                self.turned();
+            }
+            Action::Width => self.widen(number * self.s.scale),
+            Action::Widen => self.widen(self.s.width + number * self.s.scale),
+            Action::Colour => self.s.color = wrapped(number),
+            Action::Polygon => self.open_polygon(),
+            Action::Vertex => self.vertex(),
+            Action::Fill => self.fill(m),
+            Action::Organ(name) => {
+                let letter = if name == "stalk" { STALK } else { name.chars().next().unwrap_or(STALK) };
+                self.organ(letter, number, m);
+            }
+            Action::Sphere => self.ball('O', number, m),
+            // Obeyed as the symbol that they stand for.
+            Action::As(_) | Action::Nothing => {}
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! Collects segments and organs as the turtle draws them and puts them into the plant's canonical order.
+
+use glam::{DQuat, DVec3, Quat, Vec3};
+
+use super::frame::{narrow, narrow_quat};
+use super::options::TurtleOptions;
+use osier_base::math;
+use osier_base::rng::{child, mix64, word};
+use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Organ, Plant, Proto};
+
+/// Nodes nearer to each other than this are one, m.
+const MIN_SEGMENT: f64 = 1e-6;
+/// Thinnest radius, m.
+const MIN_RADIUS: f64 = 1e-6;
+/// Length of the axis that carries the organs of a string without axes, m.
+const STUB: f64 = 1e-3;
+
+/// One node as drawn; the nodes of an axis are linked, for branches are drawn in between.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RawNode {
+    pub p: DVec3,
+    /// Left vector of the segment that ends here (that begins here, for the first).
+    pub left: DVec3,
+    /// Diameters of the segments that end and begin here, m.
+    pub width_in: Option<f64>,
+    pub width_out: Option<f64>,
+    pub birth: u32,
+    pub color: u16,
+    /// Arc length on its axis, m.
+    pub s: f64,
+    next: u32,
+}
+
+/// One axis as drawn.
+#[derive(Debug, Clone, Copy)]
+struct RawAxis {
+    parent: u32,
+    parent_node: u32,
+    ordinal: u64,
+    first: u32,
+    last: u32,
+    count: u32,
+}
+
+/// One organ as drawn.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RawOrgan {
+    /// Axis and node that carry it; `None`: the first axis.
+    pub site: Option<(u32, u32)>,
+    pub p: DVec3,
+    pub q: DQuat,
+    pub scale: f64,
+    pub petiole: f64,
+    /// First of its prototypes, and how many there are to pick from.
+    pub protos: (u16, u16),
+    pub lineage: u64,
+    pub birth: u32,
+}
+
+/// Everything drawn so far.
+#[derive(Debug, Default)]
+pub(super) struct Builder {
+    axes: Vec<RawAxis>,
+    nodes: Vec<RawNode>,
+    organs: Vec<RawOrgan>,
+    pub protos: Vec<Proto>,
+}
+
+fn short(i: usize) -> u32 {
+    u32::try_from(i).unwrap_or(NONE)
+}
+
+impl Builder {
+    /// Nodes and organs so far.
+    pub fn counts(&self) -> (u64, u64) {
+        (self.nodes.len() as u64, self.organs.len() as u64)
+    }
+
+    /// Begins an axis at a node.
+    pub fn begin(&mut self, parent: Option<(u32, u32)>, ordinal: u64, node: RawNode) -> u32 {
+        let i = short(self.nodes.len());
+        self.nodes.push(node);
+        let (parent, parent_node) = parent.unwrap_or((NONE, NONE));
+        self.axes.push(RawAxis { parent, parent_node, ordinal, first: i, last: i, count: 1 });
+        short(self.axes.len() - 1)
+    }
+
+    /// A node that is not linked yet.
+    pub fn node(p: DVec3, left: DVec3, birth: u32, color: u16) -> RawNode {
+        RawNode { p, left, width_in: None, width_out: None, birth, color, s: 0.0, next: NONE }
+    }
+
+    /// Last node of an axis.
+    pub fn last(&self, axis: u32) -> u32 {
+        self.axes.get(axis as usize).map_or(NONE, |a| a.last)
+    }
+
+    /// The node of a number.
+    pub fn at(&mut self, node: u32) -> Option<&mut RawNode> {
+        self.nodes.get_mut(node as usize)
+    }
+
+    /// Adds a node at the end of an axis, or moves on without one if it would lie on the last.
+    pub fn extend(&mut self, axis: u32, mut node: RawNode) {
+        let i = short(self.nodes.len());
+        let Some(a) = self.axes.get_mut(axis as usize) else { return };
+        let Some(last) = self.nodes.get_mut(a.last as usize) else { return };
+        let length = (node.p - last.p).length();
+        if length < MIN_SEGMENT {
+            return;
+        }
+        node.s = last.s + length;
+        last.next = i;
+        (a.last, a.count) = (i, a.count + 1);
+        self.nodes.push(node);
+    }
+
+    pub fn organ(&mut self, organ: RawOrgan) {
+        self.organs.push(organ);
+    }
+
+    /// Puts everything into canonical order.
+    pub fn finish(mut self, plant_id: u32, seed: u64, steps: u32, options: &TurtleOptions) -> Plant {
+        self.add_stub();
+        let order = self.canonical_order();
+        let mut plant = Plant {
+            id: plant_id,
+            seed,
+            materials: options.materials.clone(),
+            source: options.source.clone(),
+            ..Plant::default()
+        };
+        let growth = Growth { last: f64::from(steps.max(1)) };
+        let mut place = vec![NONE; self.axes.len()];
+        let mut roots = 0_u64;
+        for &raw in &order {
+            place[raw] = short(plant.axes.len());
+            self.add_axis(&mut plant, raw, &place, (&mut roots, growth));
+        }
+        self.add_organs(&mut plant, &place, growth);
+        plant.protos = self.protos;
+        plant
+    }
+
+    /// Organs need an axis; a string without one gets a stub. Axes of one node are left out.
+    fn add_stub(&mut self) {
+        let has_axis = self.axes.iter().any(|a| a.count > 1);
+        let Some(first) = self.organs.first().copied().filter(|_| !has_axis) else { return };
+        let h = first.q * DVec3::Y;
+        let node = Self::node(first.p, first.q * DVec3::NEG_X, first.birth, 0);
+        let axis = self.begin(None, first.lineage, RawNode { width_out: Some(STUB), ..node });
+        self.extend(axis, RawNode { p: first.p + h * STUB, width_in: Some(STUB), ..node });
+    }
+
+    /// Axes depth first, siblings by place on the parent, then ordinal. Axes of one node are left out; their children
+    /// cannot exist, for a child needs a node to stand on.
+    fn canonical_order(&self) -> Vec<usize> {
+        let s = |a: &RawAxis| self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
+        let is_child = |i: &usize| self.axes[*i].parent != NONE && self.axes[*i].count > 1;
+        // Children gathered by parent, each family then by itself: families are small.
+        let mut first = vec![0_usize; self.axes.len() + 1];
+        for c in (0..self.axes.len()).filter(is_child) {
+            first[self.axes[c].parent as usize + 1] += 1;
+        }
+        for i in 1..first.len() {
+            first[i] += first[i - 1];
+        }
+        let mut children = vec![0_usize; first.last().copied().unwrap_or(0)];
+        let mut next = first.clone();
+        for c in (0..self.axes.len()).filter(is_child) {
+            let slot = &mut next[self.axes[c].parent as usize];
+            children[*slot] = c;
+            *slot += 1;
+        }
+        for family in first.windows(2) {
+            children[family[0]..family[1]].sort_unstable_by(|&x, &y| {
+                let (a, b) = (&self.axes[x], &self.axes[y]);
+                s(a).total_cmp(&s(b)).then(a.ordinal.cmp(&b.ordinal)).then(x.cmp(&y))
+            });
+        }
+        let is_root = |i: &usize| self.axes[*i].parent == NONE && self.axes[*i].count > 1;
+        let mut stack: Vec<usize> = (0..self.axes.len()).filter(is_root).rev().collect();
+        let mut order = Vec::with_capacity(self.axes.len());
+        while let Some(i) = stack.pop() {
+            order.push(i);
+            stack.extend(children[first[i]..first[i + 1]].iter().rev());
+        }
+        order
+    }
+
+    fn add_axis(&self, plant: &mut Plant, raw: usize, place: &[u32], (roots, growth): (&mut u64, Growth)) {
+        let a = &self.axes[raw];
+        let parent = place.get(a.parent as usize).copied().unwrap_or(NONE);
+        let (id, order, parent_s) = match plant.axes.get(parent as usize) {
+            Some(p) => {
+                let s = self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
+                let id = mix64(&[p.id, word("axis"), a.ordinal]);
+                (id, p.order.saturating_add(1), math::narrow(s).clamp(0.0, p.length))
+            }
+            None => {
+                *roots += 1;
+                (mix64(&[u64::from(plant.id), *roots - 1]), 0, 0.0)
+            }
+        };
+        let first = plant.nodes.len();
+        self.add_nodes(plant, a, growth);
+        let last = plant.nodes.len() - 1;
+        plant.axes.push(Axis {
+            id,
+            parent,
+            parent_s,
+            order,
+            kind: AxisKind::Stem,
+            first: short(first),
+            count: short(last + 1 - first),
+            length: plant.nodes.s[last],
+            s_exposed: 0.0,
+            material: 0,
+            fork: NONE,
+            end: AxisEnd::Tip,
+            birth: plant.nodes.birth[first],
+        });
+    }
+
+    fn add_nodes(&self, plant: &mut Plant, a: &RawAxis, growth: Growth) {
+        let mut i = a.first;
+        let mut came: Option<DVec3> = None;
+        let mut p0 = None;
+        while let Some(n) = self.nodes.get(i as usize) {
+            let goes = self.nodes.get(n.next as usize).and_then(|m| (m.p - n.p).try_normalize());
+            let tangent = match (came, goes) {
+                (Some(c), Some(g)) => (c + g).try_normalize().unwrap_or(c),
+                (Some(c), None) => c,
+                (None, g) => g.unwrap_or(DVec3::Y),
+            };
+            let p = narrow(n.p);
+            // Arc lengths are those of the stored, rounded positions.
+            let s = match p0 {
+                Some(q) => plant.nodes.s.last().copied().unwrap_or(0.0) + p.distance(q),
+                None => 0.0,
+            };
+            let width = match (n.width_in, n.width_out) {
+                (Some(x), Some(y)) => 0.5 * (x + y),
+                (Some(x), None) | (None, Some(x)) => x,
+                (None, None) => 0.0,
+            };
+            plant.nodes.p.push(p);
+            plant.nodes.q.push(node_frame(tangent, n.left));
+            plant.nodes.r.push(math::narrow((width * 0.5).max(MIN_RADIUS)));
+            plant.nodes.s.push(s);
+            plant.nodes.birth.push(growth.time(n.birth));
+            plant.nodes.color.push(n.color);
+            (came, p0, i) = (goes, Some(p), n.next);
+        }
+    }
+
+    fn add_organs(&self, plant: &mut Plant, place: &[u32], growth: Growth) {
+        let mut placed: Vec<(u32, f32, usize)> = Vec::with_capacity(self.organs.len());
+        for (i, o) in self.organs.iter().enumerate() {
+            // An axis of one node hands its organs to its parent.
+            let mut site = o.site;
+            while let Some((a, _)) = site
+                && place.get(a as usize).is_none_or(|p| *p == NONE)
+            {
+                site = self.axes.get(a as usize).filter(|x| x.parent != NONE).map(|x| (x.parent, x.parent_node));
+            }
+            let axis = site.map_or(0, |(a, _)| place[a as usize]);
+            let Some(on) = plant.axes.get(axis as usize) else { continue };
+            let s = site.and_then(|(_, n)| self.nodes.get(n as usize)).map_or(0.0, |n| n.s);
+            placed.push((axis, math::narrow(s).clamp(0.0, on.length), i));
+        }
+        placed.sort_unstable_by(|a, b| {
+            let ordinal = |k: usize| self.organs[k].lineage;
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(ordinal(a.2).cmp(&ordinal(b.2))).then(a.2.cmp(&b.2))
+        });
+        plant.organs.reserve(placed.len());
+        for (axis, s, i) in placed {
+            let o = &self.organs[i];
+            let on = &plant.axes[axis as usize];
+            let site = plant.frame(on, s);
+            let id = mix64(&[on.id, word("organ"), o.lineage]);
+            let back = site.q.inverse();
+            let pick = child(id, word("proto")) % u64::from(o.protos.1.max(1));
+            let organ = Organ {
+                id,
+                axis,
+                s,
+                offset: back * (narrow(o.p) - site.p),
+                q: (back * narrow_quat(o.q)).normalize(),
+                scale: math::narrow(o.scale),
+                proto: o.protos.0.saturating_add(u16::try_from(pick).unwrap_or(0)),
+                petiole: math::narrow(o.petiole),
+                tint: osier_base::rng::Rng::from_key(child(id, word("tint"))).unit_f32(),
+                birth: growth.time(o.birth),
+            };
+            plant.organs.push(organ);
+        }
+    }
+}
+
+/// Steps as growth time.
+#[derive(Debug, Clone, Copy)]
+struct Growth {
+    last: f64,
+}
+
+impl Growth {
+    fn time(self, birth: u32) -> f32 {
+        math::narrow((f64::from(birth) / self.last).clamp(0.0, 1.0))
+    }
+}
+
+/// Frame of a node: Y along the tangent, X nearest to the turtle's right.
+fn node_frame(tangent: DVec3, left: DVec3) -> Quat {
+    let frame = super::frame::Frame { h: tangent, l: left, u: DVec3::ZERO };
+    let mut frame = frame;
+    frame.orthonormalize();
+    narrow_quat(frame.quat())
+}
+
+/// Sets where each axis leaves its parent's bark: where its centreline is farther from the parent's than the parent's
+/// radius. `Own:` the parent is taken as a cylinder around its tangent at the site.
+pub(in crate::grow) fn expose(plant: &mut Plant) {
+    for i in 0..plant.axes.len() {
+        let axis = &plant.axes[i];
+        let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
+        let site = plant.frame(parent, axis.parent_s);
+        let t = site.q * Vec3::Y;
+        let away = |p: Vec3| {
+            let d = p - site.p;
+            (d - t * d.dot(t)).length() - site.r
+        };
+        let range = plant.nodes_of(axis);
+        let mut exposed = axis.length;
+        for k in range.start + 1..range.end {
+            let (a, b) = (away(plant.nodes.p[k - 1]), away(plant.nodes.p[k]));
+            if b >= 0.0 {
+                let part = if a < 0.0 { a / (a - b) } else { 0.0 };
+                exposed = math::lerp(plant.nodes.s[k - 1], plant.nodes.s[k], part);
+                break;
+            }
+        }
+        plant.axes[i].s_exposed = exposed;
+    }
+}

@@ -1,0 +1,65 @@
+//! The turtle: a string of modules becomes a [`Plant`].
+//!
+//! Drawn steps of one bracket level are one axis, `[` opens a child at the current node, `~c` and filled shapes become
+//! organs. World: metres, +Y up; the turtle starts at the origin heading up.
+
+mod bound;
+mod builder;
+mod commands;
+mod frame;
+mod interpreter;
+mod options;
+mod organs;
+mod pull;
+mod shapes;
+
+pub(super) use builder::expose;
+pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
+
+use super::radii;
+use interpreter::Turtle;
+use osier_base::Result;
+use osier_base::diagnostic::Diagnostic;
+use osier_base::limits::Limits;
+use osier_grammar::{Derived, Drawing, Grammar, interpret};
+use osier_scene::plant::Plant;
+
+/// Draws a derived string.
+/// Returns the plant, validated, and warnings of the drawing and of the homomorphism.
+/// # Errors
+/// `Input` with L043 for a command that is not available, L051 beyond a limit; what `plant::validate` refuses.
+/// Source: cpfg's turtle; frame, turns, taper and tropisms as in the lines of each command.
+pub fn grow(
+    grammar: &Grammar,
+    derived: &Derived,
+    options: &TurtleOptions,
+    limits: &Limits,
+) -> Result<(Plant, Vec<Diagnostic>)> {
+    let drawing = Drawing::new(grammar, derived, limits);
+    let mut turtle = Turtle::new(grammar, drawing, options, limits);
+    let mut warnings = interpret(grammar, derived, limits, |m| turtle.module(m))?;
+    turtle.end();
+    warnings.extend(turtle.diagnostics()?);
+    warnings.extend(turtle.drawing.warnings(grammar));
+    let sets_widths = turtle.sets_widths;
+    let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
+    match options.radii {
+        RadiusModel::Pipe(p) => radii::pipe(&mut plant, &p),
+        RadiusModel::Taper(t) => radii::taper(&mut plant, &t),
+        RadiusModel::Auto if !sets_widths => radii::pipe(&mut plant, &radii::Pipe::default()),
+        RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
+        RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}
+    }
+    // Thin children are what a grammar that halves its widths means; repairs need no word here.
+    osier_scene::plant::validate(&mut plant)?;
+    expose(&mut plant);
+    for axis in &mut plant.axes {
+        let base = plant.nodes.r.get(axis.first as usize).copied().unwrap_or(0.0);
+        let thin = f64::from(base) < options.shoot_radius;
+        axis.material = options.shoot_material.filter(|_| thin).unwrap_or(options.axis_material);
+    }
+    Ok((plant, warnings))
+}
+
+#[cfg(test)]
+mod tests;

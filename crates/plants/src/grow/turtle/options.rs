@@ -1,0 +1,135 @@
+//! What the turtle is told besides the string.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::grow::radii::{Pipe, Taper};
+use osier_scene::{MaterialId, Mesh};
+
+/// Key of the organ `stalk` among those of a plant: no letter that a scene could name.
+pub const STALK: char = '\u{e000}';
+
+/// A pull on the turtle before each step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tropism {
+    /// Where it pulls; made a unit vector.
+    pub dir: DVec3,
+    /// Angle to the direction that it seeks, rad.
+    pub angle: f64,
+    /// Sign and strength, -1..1.
+    pub intensity: f64,
+    /// Elasticity at the start.
+    pub elasticity: f64,
+    /// What `@Ti` without parameter adds.
+    pub step: f64,
+    /// Turns the turtle about its heading instead.
+    pub torque: bool,
+}
+
+impl Default for Tropism {
+    fn default() -> Self {
+        Self { dir: DVec3::Y, angle: 0.0, intensity: 1.0, elasticity: 0.0, step: 0.0, torque: false }
+    }
+}
+
+/// What an organ symbol (`~c`) stands for.
+#[derive(Debug, Clone)]
+pub struct OrganSpec {
+    /// `[a-z0-9_]+`; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
+    pub name: String,
+    /// Prototypes in organ space, one picked per organ by its id; their subsets index [`TurtleOptions::materials`].
+    pub meshes: Vec<Arc<Mesh>>,
+    /// Length along +Y that parameter 1 stands for, m; prototypes are scaled to it.
+    pub size: f64,
+    /// Distance from the centreline to the pivot at parameter 1, m.
+    pub petiole: f64,
+}
+
+/// Where radii come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RadiusModel {
+    /// Turtle widths if the string sets any, else the pipe model.
+    Auto,
+    /// Turtle widths.
+    Widths,
+    /// Pipe model.
+    Pipe(Pipe),
+    /// Taper along each axis.
+    Taper(Taper),
+    /// Turtle widths if the string sets any, else this taper.
+    Hairs(Taper),
+}
+
+/// How a string is drawn.
+#[derive(Debug, Clone)]
+pub struct TurtleOptions {
+    /// Turn without parameter, rad; `None`: 45 degrees, with a warning where it is used.
+    pub angle: Option<f64>,
+    /// Size of one turtle unit, m.
+    pub unit_m: f64,
+    /// Diameter at the start, turtle units.
+    pub width: f64,
+    /// What `#` and `!` without parameter add and take, turtle units.
+    pub width_increment: f64,
+    /// Colour index at the start.
+    pub color: u8,
+    /// What `;` and `,` without parameter add and take.
+    pub color_increment: u8,
+    /// Scale at the start.
+    pub scale: f64,
+    /// Factor of `@D` without parameter.
+    pub scale_multiplier: f64,
+    /// Whether a segment ends with the width that comes next.
+    pub tapered: bool,
+    /// Pulls, numbered from 1 for `@T`; at most 8.
+    pub tropisms: Vec<Tropism>,
+    /// Pull of the old kind, steered by `_(e)`: direction.
+    pub old_tropism: DVec3,
+    /// Whether a roll made since the last segment survives a tropism.
+    pub tropism_keep_roll: bool,
+    /// Organs by symbol.
+    pub organs: BTreeMap<char, OrganSpec>,
+    /// Names of materials; goes into the plant.
+    pub materials: Vec<String>,
+    /// Material of axes.
+    pub axis_material: u16,
+    /// Material of axes thinner than `shoot_radius` at their base, if it differs.
+    pub shoot_material: Option<u16>,
+    /// m.
+    pub shoot_radius: f64,
+    /// Material of polygons, discs and spheres.
+    pub shape_material: MaterialId,
+    /// Where radii come from.
+    pub radii: RadiusModel,
+    /// What made the plant, for people.
+    pub source: String,
+}
+
+impl Default for TurtleOptions {
+    fn default() -> Self {
+        Self {
+            angle: None,
+            unit_m: 1.0,
+            width: 1.0,
+            width_increment: 0.0,
+            color: 128,
+            color_increment: 1,
+            scale: 1.0,
+            scale_multiplier: 1.0,
+            tapered: true,
+            tropisms: Vec::new(),
+            old_tropism: DVec3::Y,
+            tropism_keep_roll: false,
+            organs: BTreeMap::new(),
+            materials: vec!["bark".into()],
+            axis_material: 0,
+            shoot_material: None,
+            shoot_radius: 0.008,
+            shape_material: 0,
+            radii: RadiusModel::Auto,
+            source: String::new(),
+        }
+    }
+}

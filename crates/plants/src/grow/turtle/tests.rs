@@ -1,0 +1,276 @@
+//! What is drawn, command by command.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::*;
+use osier_base::diagnostic::Sources;
+use osier_base::units::radians;
+use osier_grammar::{DeriveOptions, Source, derive, parse};
+use osier_scene::Mesh;
+use osier_scene::plant::{NONE, validate};
+
+fn read(text: &str) -> Grammar {
+    let mut sources = Sources::default();
+    let defines = BTreeMap::new();
+    let mut includes = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!("includes nothing") };
+    let source = Source { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    parse(&mut sources, source, &Limits::default()).unwrap_or_else(|e| panic!("{e}")).0
+}
+
+fn try_draw(text: &str, options: &TurtleOptions) -> Result<(Plant, Vec<Diagnostic>)> {
+    let g = read(text);
+    let d = derive(&g, &DeriveOptions { seed: 3, plant_id: 9, ..Default::default() }, &Limits::default())?;
+    grow(&g, &d, options, &Limits::default())
+}
+
+/// Draws an axiom with widths as they are.
+fn draw(axiom: &str) -> Plant {
+    let options = TurtleOptions { radii: RadiusModel::Widths, angle: Some(radians(90.0)), ..Default::default() };
+    let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem");
+    try_draw(&text, &options).unwrap_or_else(|e| panic!("{e}")).0
+}
+
+fn near(a: Vec3, b: [f32; 3]) {
+    assert!((a - Vec3::from(b)).length() < 1e-5, "{a} is not {b:?}");
+}
+
+fn tips(plant: &Plant) -> Vec<Vec3> {
+    plant.axes.iter().map(|a| plant.nodes.p[plant.nodes_of(a).end - 1]).collect()
+}
+
+fn leaf() -> OrganSpec {
+    let mesh = Mesh {
+        points: vec![Vec3::ZERO, Vec3::new(0.2, 0.5, 0.0), Vec3::new(-0.2, 0.5, 0.0)],
+        normals: vec![Vec3::Z; 3],
+        triangles: vec![[0, 1, 2]],
+        ..Default::default()
+    };
+    let mesh = Arc::new(mesh.with_material(0));
+    OrganSpec { name: "leaf".into(), meshes: vec![Arc::clone(&mesh), mesh], size: 0.1, petiole: 0.02 }
+}
+
+#[test]
+fn steps_and_brackets_make_axes() {
+    let plant = draw("F(1)[+F(2)[F(1)]F(1)]F(1)[-F(3)]f(1)F(1)");
+    assert_eq!(plant.axes.len(), 5);
+    let parents: Vec<u32> = plant.axes.iter().map(|a| a.parent).collect();
+    assert_eq!(parents, [NONE, 0, 1, 0, NONE]);
+    assert_eq!(plant.axes.iter().map(|a| a.order).collect::<Vec<_>>(), [0, 1, 2, 1, 0]);
+    assert_eq!(plant.axes.iter().map(|a| a.count).collect::<Vec<_>>(), [3, 3, 2, 2, 2]);
+    assert!((plant.axes[1].parent_s - 1.0).abs() < 1e-6 && (plant.axes[3].parent_s - 2.0).abs() < 1e-6);
+    let tips = tips(&plant);
+    // The start heads up, left is -X.
+    near(tips[0], [0.0, 2.0, 0.0]);
+    near(tips[1], [-3.0, 1.0, 0.0]);
+    near(tips[2], [-3.0, 1.0, 0.0]);
+    near(tips[3], [3.0, 2.0, 0.0]);
+    near(tips[4], [0.0, 4.0, 0.0]);
+    for (i, q) in plant.nodes.q.iter().enumerate() {
+        assert!((q.length() - 1.0).abs() < 1e-6, "node {i}");
+    }
+    let side = plant.nodes.q[plant.axes[3].first as usize];
+    near(side * Vec3::Y, [1.0, 0.0, 0.0]);
+    near(side * Vec3::Z, [0.0, 0.0, 1.0]);
+}
+
+#[test]
+fn nested_brackets_without_a_step_keep_their_parent() {
+    let plant = draw("F(1)[[+F(1)][-F(1)]&F(1)]F(1)");
+    assert_eq!(plant.axes.len(), 4);
+    assert!(plant.axes[1..].iter().all(|a| a.parent == 0 && (a.parent_s - 1.0).abs() < 1e-6));
+    let ids: std::collections::BTreeSet<u64> = plant.axes.iter().map(|a| a.id).collect();
+    assert_eq!(ids.len(), 4);
+}
+
+#[test]
+fn widths_taper_from_segment_to_segment() {
+    let plant = draw("!(2)F!(1)F");
+    assert_eq!(plant.nodes.r.iter().map(|r| (r * 100.0).round()).collect::<Vec<_>>(), [100.0, 50.0, 50.0]);
+    let plant = draw("!(2)F!(1)F!(0.5)");
+    assert_eq!(plant.nodes.r.iter().map(|r| (r * 100.0).round()).collect::<Vec<_>>(), [100.0, 50.0, 25.0]);
+    // The segment closes at the bracket, so the node has two widths: their mean counts.
+    let plant = draw("!(2)F[+!(1)F]!(1)F");
+    assert_eq!(plant.nodes.r.iter().take(3).map(|r| (r * 100.0).round()).collect::<Vec<_>>(), [100.0, 75.0, 50.0]);
+    let plant = draw("@D(2)!(1)F(1)@Di(0.5)F(1)@Dd(0.25)F(1)@DF(1)");
+    let s: Vec<f32> = plant.nodes.s.clone();
+    assert_eq!(s, [0.0, 2.0, 3.0, 7.0, 8.0]);
+}
+
+#[test]
+fn positions_and_directions_can_be_set() {
+    let plant = draw("@M(1,2,3)@R(1,0,0)F(2)@R(0,0,1,0,-1,0)F");
+    near(plant.nodes.p[0], [1.0, 2.0, 3.0]);
+    near(plant.nodes.p[1], [3.0, 2.0, 3.0]);
+    near(plant.nodes.p[2], [3.0, 2.0, 4.0]);
+    let plant = draw("+(60)/(40)@vF");
+    near(plant.nodes.q[0] * Vec3::Z, [0.5 * 3.0_f32.sqrt() / 3.0_f32.sqrt(), 0.75_f32.sqrt(), 0.0]);
+    let plant = draw("F|F(3)");
+    near(tips(&plant)[0], [0.0, -2.0, 0.0]);
+}
+
+#[test]
+fn organs_stand_in_the_turtles_frame() {
+    let mut options = TurtleOptions { radii: RadiusModel::Widths, ..Default::default() };
+    options.organs.insert('l', leaf());
+    let text = "Lsystem: 1\nderivation length: 0\nAxiom: F(1)[+(90)~l(2)]F(1)~l@O(0.5)~l(1,2,1)~k\nendlsystem";
+    let (plant, warnings) = try_draw(text, &options).expect("draws");
+    assert_eq!(plant.organs.len(), 4);
+    let o = &plant.organs[0];
+    assert!((o.s - 1.0).abs() < 1e-6 && (o.scale - 0.4).abs() < 1e-6 && (o.petiole - 0.04).abs() < 1e-6);
+    let (pivot, q) = plant.organ_site(o);
+    near(pivot, [-0.04, 1.0, 0.0]);
+    near(q * Vec3::Y, [-1.0, 0.0, 0.0]);
+    near(q * Vec3::Z, [0.0, 0.0, 1.0]);
+    assert!(plant.organs.iter().all(|o| (0.0..1.0).contains(&o.tint)));
+    let names: Vec<&str> = plant.protos.iter().map(|p| p.name.as_str()).collect();
+    assert_eq!(names[..3], ["leaf_0", "leaf_1", "sphere"]);
+    assert_eq!(warnings.iter().map(|w| w.code).collect::<Vec<_>>(), ["L048"]);
+}
+
+#[test]
+fn a_string_of_organs_alone_gets_a_stub() {
+    let mut options = TurtleOptions::default();
+    options.organs.insert('l', leaf());
+    let text = "Lsystem: 1\nderivation length: 0\nAxiom: [+(30)~l][-(30)~l]\nendlsystem";
+    let (plant, _) = try_draw(text, &options).expect("draws");
+    assert_eq!((plant.axes.len(), plant.organs.len()), (1, 2));
+}
+
+#[test]
+fn polygons_are_filled_where_they_stand() {
+    let text = "F(1)[+(90){.f(1)-(90)f(1)-(90)f(1).}][-(90){.f(2)+(90)f(2)+(90)f(2).}]";
+    let plant = draw(text);
+    assert_eq!(plant.organs.len(), 2);
+    for (o, area) in plant.organs.iter().zip([1.0, 4.0]) {
+        let mesh = &plant.protos[usize::from(o.proto)].mesh;
+        let (p, q) = plant.organ_site(o);
+        let world: Vec<Vec3> = mesh.points.iter().map(|c| p + q * (*c * o.scale)).collect();
+        let sum: f32 = mesh.triangles.iter().fold(0.0, |s, t| {
+            let [a, b, c] = t.map(|i| world[i as usize]);
+            s + (b - a).cross(c - a).length() * 0.5
+        });
+        let expected = [area, 5.0 - area];
+        assert!(expected.iter().any(|e| (sum - e).abs() < 1e-4), "{sum}");
+        assert!(world.iter().any(|w| (*w - Vec3::Y).length() < 1e-5), "begins at the node");
+    }
+}
+
+#[test]
+fn koch_ends_where_it_should() {
+    for n in 0..6 {
+        let text = format!(
+            "Lsystem: 1\nderivation length: {n}\nAxiom: F(1)\nF(d) --> F(d/3)+(60)F(d/3)-(120)F(d/3)+(60)F(d/3)\nendlsystem"
+        );
+        let (plant, _) = try_draw(&text, &TurtleOptions::default()).expect("draws");
+        assert_eq!(plant.axes.len(), 1);
+        assert_eq!(plant.axes[0].count, 4_u32.pow(n) + 1);
+        near(tips(&plant)[0], [0.0, 1.0, 0.0]);
+        let step = plant.nodes.p[1].distance(plant.nodes.p[0]);
+        assert!((step * osier_base::math::pow_f32(3.0, n as f32) - 1.0).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn tropisms_are_steered_from_the_string() {
+    let options = TurtleOptions {
+        tropisms: vec![Tropism { elasticity: 0.0, step: 0.05, ..Default::default() }],
+        radii: RadiusModel::Widths,
+        ..Default::default()
+    };
+    let heading = |axiom: &str| {
+        let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem");
+        let (plant, _) = try_draw(&text, &options).expect("draws");
+        let n = plant.nodes.len();
+        let d = (plant.nodes.p[n - 1] - plant.nodes.p[n - 2]).normalize();
+        osier_base::math::acos(DVec3::from(d).y) * 180.0 / std::f64::consts::PI
+    };
+    assert!((heading("+(60)F") - 60.0).abs() < 1e-4);
+    assert!((heading("@Ts(1,0.1)+(60)F") - 55.038).abs() < 1e-3);
+    assert!((heading("@Ti(1)@Ti(1,0.05)+(60)F") - 55.038).abs() < 1e-3);
+    assert!((heading("@Ts(1,0.3)@Td(1,0.2)+(60)F") - 55.038).abs() < 1e-3);
+}
+
+#[test]
+fn oddities_are_told() {
+    let code = |axiom: &str| {
+        let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: {axiom}\nendlsystem");
+        match try_draw(&text, &TurtleOptions::default()) {
+            Ok((_, w)) => w.iter().map(|d| d.code).collect::<Vec<_>>(),
+            Err(e) => vec![if e.to_string().contains("L043") { "L043!" } else { "other!" }],
+        }
+    };
+    assert_eq!(code("F]F"), ["L053"]);
+    assert_eq!(code("F+F"), ["L045"]);
+    assert_eq!(code("F(log(0))F(1)"), ["L041"]);
+    assert_eq!(code("F@GsF"), ["L008"]);
+    assert_eq!(code("F@SF"), ["L043!"]);
+    assert_eq!(code("@Ts(3,1)F"), ["L048"]);
+}
+
+#[test]
+fn deep_brackets_neither_recurse_nor_pass_the_limit() {
+    let grow_on_small_stack = |text: String| {
+        std::thread::Builder::new()
+            .stack_size(256 * 1024)
+            .spawn(move || try_draw(&text, &TurtleOptions::default()).map(|p| p.0.axes.len()))
+            .expect("thread")
+            .join()
+            .expect("no overflow")
+    };
+    let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: F{}\nendlsystem", "[F".repeat(50_000));
+    assert_eq!(grow_on_small_stack(text).expect("within limits"), 50_001);
+    let text = format!("Lsystem: 1\nderivation length: 0\nAxiom: F{}\nendlsystem", "[".repeat(1_000_000));
+    let e = grow_on_small_stack(text).expect_err("too deep").to_string();
+    assert!(e.contains("L051") && e.contains("open branches"), "{e}");
+}
+
+#[test]
+fn pipe_model_keeps_its_sums() {
+    let text = "Lsystem: 1\nderivation length: 6\nAxiom: A\nA --> F(0.5)[+(30)A]/(90)[-(30)A]/(90)F(0.3)A\nendlsystem";
+    let (plant, _) = try_draw(text, &TurtleOptions::default()).expect("draws");
+    assert!(plant.axes.len() > 200);
+    for a in &plant.axes {
+        let r = &plant.nodes.r[plant.nodes_of(a)];
+        assert!(r.windows(2).all(|w| w[1] <= w[0]), "never grows along s");
+        assert!((r[r.len() - 1] - 0.0015).abs() < 1e-6, "tip");
+    }
+    let pipe = radii::Pipe { base: Some(0.08), ..Default::default() };
+    let options = TurtleOptions { radii: RadiusModel::Pipe(pipe), ..Default::default() };
+    let (mut plant, _) = try_draw(text, &options).expect("draws");
+    assert!((plant.nodes.r[0] - 0.08).abs() < 1e-6, "base {}", plant.nodes.r[0]);
+    let thinnest = plant.nodes.r.iter().fold(1.0_f32, |m, r| m.min(*r));
+    assert!((thinnest - 0.0015).abs() < 1e-6, "tip {thinnest}");
+    let taper = radii::Taper { base: 0.05, tip: 0.001, exponent: 1.0 };
+    radii::taper(&mut plant, &taper);
+    assert!((plant.nodes.r[0] - 0.05).abs() < 1e-6);
+    assert!((plant.nodes.r[plant.axes[0].count as usize - 1] - 0.001).abs() < 1e-6);
+}
+
+#[test]
+fn any_number_of_threads_grows_the_same_plant() {
+    let text = "Lsystem: 1\nSeed: 2\nderivation length: 9\nAxiom: A(1)\n\
+        A(s) --> F(s)[+(ran(60))A(s*0.8)]/(90+nran(0,9))[-(20)A(s*0.7)~l]A(s*0.9) : 3\nA(s) --> F(s)A(s) : 1\nendlsystem";
+    let mut options = TurtleOptions::default();
+    options.organs.insert('l', leaf());
+    let run = |threads: usize| {
+        let plant = osier_base::par::on_threads(threads, || try_draw(text, &options)).expect("draws").0;
+        format!("{:?}{:?}{:?}", plant.axes, plant.nodes, plant.organs)
+    };
+    let one = run(1);
+    assert!(one == run(2) && one == run(5));
+}
+
+#[test]
+fn grown_plants_need_no_repair() {
+    let text = "Lsystem: 1\nderivation length: 5\nAxiom: !(0.2)A(0.2)\nA(w) --> !(w)F(1)[+(30)!(w*2)A(w*2)]F(0)/(70)A(w*0.7)\nendlsystem";
+    let options = TurtleOptions { radii: RadiusModel::Widths, ..Default::default() };
+    let (mut plant, _) = try_draw(text, &options).expect("draws");
+    let again = validate(&mut plant).expect("valid");
+    assert!(again.iter().all(|w| !w.message.contains("thinned") && !w.message.contains("dropped")), "{again:?}");
+    for a in plant.axes.iter().filter(|a| a.parent != NONE) {
+        assert!(a.s_exposed > 0.0 && a.s_exposed <= a.length);
+    }
+}

@@ -1,0 +1,122 @@
+//! What stands out on a bark: cross cracks, dashes and scars, diamonds, pores.
+
+use crate::surface::lattice::{Cells, Fractal, Near};
+use osier_base::math::smoothstep;
+
+/// Marks of a bark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Marks {
+    /// None.
+    None,
+    /// Fine cracks across the ridges.
+    Cracks,
+    /// Dark dashes round the girth and a few black scars of branches.
+    Dashes,
+    /// Dark diamonds, large and small.
+    Diamonds,
+    /// Small pale dots.
+    Pores,
+}
+
+/// A mark at a point: how much of the mark's colour shows, and how far the bark is lowered there.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Mark {
+    pub color: f32,
+    pub height: f32,
+}
+
+/// The tables behind the marks.
+pub(super) struct Marker {
+    kind: Marks,
+    small: Cells,
+    large: Cells,
+    rough: Fractal,
+}
+
+impl Marker {
+    pub fn new(kind: Marks, seed: u64) -> Self {
+        let (small, large) = match kind {
+            Marks::Cracks => ([22, 12], [4, 4]),
+            Marks::Dashes => ([7, 44], [2, 3]),
+            Marks::Diamonds => ([16, 14], [4, 3]),
+            Marks::Pores | Marks::None => ([10, 8], [4, 4]),
+        };
+        Self {
+            kind,
+            small: Cells::new(seed ^ 0xA1, small, 0.85),
+            large: Cells::new(seed ^ 0xA2, large, 0.7),
+            rough: Fractal::new(seed ^ 0xA3, [24, 24], 3),
+        }
+    }
+
+    /// The mark at (x, y) of the unit square.
+    pub fn at(&self, x: f32, y: f32) -> Mark {
+        match self.kind {
+            Marks::None => Mark::default(),
+            Marks::Cracks => {
+                let wobble = self.rough.at(x, y);
+                let near = self.small.at(x + 0.012 * wobble, y + 0.02 * self.rough.at(y, x));
+                let line = (1.0 - smoothstep(0.0, 0.16, near.f2 - near.f1)) * smoothstep(-0.25, 0.35, wobble);
+                Mark { color: 0.30 * line, height: -0.35 * line }
+            }
+            Marks::Dashes => self.dashes(x, y),
+            Marks::Diamonds => self.diamonds(x, y),
+            Marks::Pores => {
+                let near = self.small.at(x, y);
+                let size = 0.05 + 0.05 * share(near.id, 8);
+                let dot = 1.0 - smoothstep(size * 0.5, size, length(near.from, [1.0, 0.5]));
+                Mark { color: 0.8 * dot, height: 0.5 * dot }
+            }
+        }
+    }
+
+    fn dashes(&self, x: f32, y: f32) -> Mark {
+        let wobble = self.rough.at(x, y);
+        let near = self.small.at(x, y + 0.0025 * wobble);
+        let wide = 0.12 + 0.42 * share(near.id, 8) * share(near.id, 8);
+        let thin = if near.id.is_multiple_of(3) { 0.08 } else { 0.15 };
+        let dash = 1.0 - smoothstep(0.55, 1.0, length(near.from, [1.0 / wide, 1.0 / thin]));
+        let shown = if near.id % 5 < 4 { dash } else { 0.0 };
+        let scar = self.scar(x, y, wobble, [0.24, 0.17]);
+        Mark { color: (0.92 * shown).max(scar.color), height: (-0.35 * shown).min(scar.height) }
+    }
+
+    fn diamonds(&self, x: f32, y: f32) -> Mark {
+        let wobble = self.rough.at(x, y);
+        let near = self.small.at(x, y);
+        let size = 0.16 + 0.26 * share(near.id, 8);
+        let inside = 1.0 - diamond(&near, [size * 1.1, size], 0.15 * wobble);
+        let body = smoothstep(0.0, 0.35, inside);
+        let heart = smoothstep(0.35, 0.8, inside);
+        let shown = if near.id.is_multiple_of(3) { 1.0 } else { 0.0 };
+        let scar = self.scar(x, y, wobble, [0.22, 0.13]);
+        Mark { color: (shown * 0.8 * body).max(scar.color), height: shown * (0.25 * body - 0.55 * heart) + scar.height }
+    }
+
+    /// A rough black scar in every other cell.
+    fn scar(&self, x: f32, y: f32, wobble: f32, size: [f32; 2]) -> Mark {
+        let near = self.large.at(x, y);
+        if !near.id.is_multiple_of(2) {
+            return Mark::default();
+        }
+        let grow = 0.6 + 0.7 * share(near.id, 8);
+        let inside = 1.0 - diamond(&near, [size[0] * grow, size[1] * grow], 0.55 * wobble);
+        let body = smoothstep(0.0, 0.22, inside);
+        Mark { color: body * (0.93 + 0.3 * wobble).clamp(0.0, 1.0), height: body * (0.25 * wobble - 0.15) }
+    }
+}
+
+/// 0 in the middle of a diamond, 1 on its border.
+fn diamond(near: &Near, size: [f32; 2], rough: f32) -> f32 {
+    near.from[0].abs() / size[0] + near.from[1].abs() / size[1] + rough
+}
+
+fn length(v: [f32; 2], scale: [f32; 2]) -> f32 {
+    let (x, y) = (v[0] * scale[0], v[1] * scale[1]);
+    (x * x + y * y).sqrt()
+}
+
+/// A number in [0, 1) from some bits of a hash.
+fn share(id: u64, shift: u32) -> f32 {
+    ((id >> shift) & 0xFFFF) as f32 / 65_536.0
+}

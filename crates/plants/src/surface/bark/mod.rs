@@ -1,0 +1,216 @@
+//! Bark as tiling maps: plates between cracks, fibres, marks.
+
+mod marks;
+mod paint;
+
+pub use marks::Marks;
+pub use paint::bark;
+
+use osier_base::{Error, Result};
+
+/// Everything that makes a bark. Colours are linear.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BarkSpec {
+    /// Plates around and up a tile, 1..=64.
+    pub plates: [u32; 2],
+    /// Weights in the height: plates, fibres, coarse noise; 0..1.
+    pub weights: [f32; 3],
+    /// Width of the cracks' shoulders, shares of a plate, 0.01..1.
+    pub gap: f32,
+    /// Colour in the cracks.
+    pub crack: [f32; 3],
+    /// Colour on the ridges.
+    pub ridge: [f32; 3],
+    /// Colour of large patches (lichen, weathering) and how much of it, 0..1.
+    pub patch: ([f32; 3], f32),
+    /// Marks on the bark.
+    pub marks: Marks,
+    /// Colour of the marks.
+    pub mark: [f32; 3],
+    /// Height from the deepest crack to the highest ridge, m, 0..0.1.
+    pub depth: f32,
+    /// Size of one repeat, m, 0.001..100.
+    pub tile: f32,
+    /// Roughness in the cracks and on the ridges, 0..1.
+    pub roughness: [f32; 2],
+    /// Pixels along a side of the maps, a power of two, 16..=4096.
+    pub side: u32,
+    /// Seed.
+    pub seed: u64,
+}
+
+/// A pattern that is laid over a bark, in relief and tint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grain {
+    /// Cells along a side.
+    pub side: usize,
+    /// Values 0..1, rows from the top, `side` x `side`.
+    pub values: Vec<f32>,
+}
+
+impl Grain {
+    /// The value at (x, y) of the unit square, y up; repeats beyond it, straight between cells.
+    pub fn at(&self, x: f32, y: f32) -> f32 {
+        let n = self.side.max(1);
+        let cell = |v: f32| {
+            let v = (v - v.floor()) * n as f32 - 0.5 + n as f32;
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0.5..2n")]
+            let low = v as usize;
+            (low % n, (low + 1) % n, v - v.floor())
+        };
+        let ((x0, x1, fx), (y0, y1, fy)) = (cell(x), cell(1.0 - y));
+        let value = |x: usize, y: usize| self.values.get(y * n + x).copied().unwrap_or(0.5);
+        let row = |y: usize| osier_base::math::lerp(value(x0, y), value(x1, y), fx);
+        osier_base::math::lerp(row(y0), row(y1), fy)
+    }
+}
+
+impl BarkSpec {
+    /// Oak, willow: ridges between deep vertical furrows.
+    pub fn furrowed() -> Self {
+        Self {
+            plates: [12, 2],
+            weights: [0.75, 0.15, 0.10],
+            gap: 0.24,
+            crack: [0.030, 0.022, 0.015],
+            ridge: [0.205, 0.165, 0.122],
+            patch: ([0.150, 0.165, 0.095], 0.30),
+            marks: Marks::Cracks,
+            mark: [0.045, 0.034, 0.024],
+            depth: 0.012,
+            tile: 0.5,
+            roughness: [0.95, 0.80],
+            side: 1024,
+            seed: 11,
+        }
+    }
+
+    /// Pine: broad plates, red-brown.
+    pub fn plated() -> Self {
+        Self {
+            plates: [8, 6],
+            weights: [0.85, 0.05, 0.10],
+            gap: 0.08,
+            crack: [0.035, 0.020, 0.012],
+            ridge: [0.250, 0.120, 0.065],
+            depth: 0.015,
+            seed: 12,
+            ..Self::furrowed()
+        }
+    }
+
+    /// Beech: hardly a crack.
+    pub fn smooth() -> Self {
+        Self {
+            plates: [4, 4],
+            weights: [0.05, 0.25, 0.70],
+            gap: 0.5,
+            crack: [0.120, 0.115, 0.100],
+            ridge: [0.235, 0.230, 0.205],
+            marks: Marks::None,
+            depth: 0.001,
+            seed: 13,
+            ..Self::furrowed()
+        }
+    }
+
+    /// Silver birch: white, with dark dashes round the girth and black scars.
+    pub fn birch() -> Self {
+        Self {
+            plates: [3, 24],
+            weights: [0.10, 0.30, 0.60],
+            gap: 0.15,
+            crack: [0.520, 0.490, 0.440],
+            ridge: [0.720, 0.700, 0.655],
+            patch: ([0.560, 0.450, 0.350], 0.35),
+            marks: Marks::Dashes,
+            mark: [0.040, 0.034, 0.030],
+            depth: 0.0015,
+            roughness: [0.80, 0.55],
+            seed: 14,
+            ..Self::furrowed()
+        }
+    }
+
+    /// Poplar, aspen: pale grey-green, smooth, with rows of dark diamonds and shallow furrows.
+    pub fn poplar() -> Self {
+        Self {
+            plates: [6, 2],
+            weights: [0.22, 0.28, 0.50],
+            gap: 0.22,
+            crack: [0.165, 0.160, 0.115],
+            ridge: [0.365, 0.370, 0.290],
+            patch: ([0.270, 0.310, 0.190], 0.55),
+            marks: Marks::Diamonds,
+            mark: [0.052, 0.046, 0.036],
+            depth: 0.003,
+            roughness: [0.85, 0.62],
+            seed: 15,
+            ..Self::furrowed()
+        }
+    }
+
+    /// Young twigs: thin greenish-brown skin with pale pores.
+    pub fn shoot() -> Self {
+        Self {
+            plates: [4, 2],
+            weights: [0.0, 0.5, 0.5],
+            gap: 0.5,
+            crack: [0.078, 0.066, 0.034],
+            ridge: [0.150, 0.140, 0.066],
+            patch: ([0.105, 0.125, 0.046], 0.6),
+            marks: Marks::Pores,
+            mark: [0.310, 0.270, 0.190],
+            depth: 0.0006,
+            roughness: [0.75, 0.60],
+            seed: 16,
+            ..Self::furrowed()
+        }
+    }
+
+    /// Bamboo: green, waxy, with fine fibres along the culm.
+    pub fn culm() -> Self {
+        Self {
+            plates: [2, 1],
+            weights: [0.0, 0.35, 0.65],
+            gap: 0.5,
+            crack: [0.085, 0.130, 0.030],
+            ridge: [0.215, 0.275, 0.075],
+            patch: ([0.330, 0.320, 0.130], 0.45),
+            marks: Marks::None,
+            depth: 0.0003,
+            tile: 0.18,
+            roughness: [0.46, 0.34],
+            seed: 17,
+            ..Self::furrowed()
+        }
+    }
+
+    /// # Errors
+    /// `Range` naming the first value outside its range.
+    pub fn check(&self) -> Result<()> {
+        let bad = |name: &str, value: f32, min: f32, max: f32, unit| {
+            let name = format!("bark: {name}");
+            Err(Error::Range { name, value: value.into(), min: min.into(), max: max.into(), unit })
+        };
+        if !(16..=4096).contains(&self.side) || !self.side.is_power_of_two() {
+            return bad("side of the maps", self.side as f32, 16.0, 4096.0, "pixels, a power of two");
+        }
+        let [nx, ny] = self.plates.map(|n| n as f32);
+        let rows = [
+            ("plates around", nx, 1.0, 64.0, ""),
+            ("plates up", ny, 1.0, 64.0, ""),
+            ("weight of the plates", self.weights[0], 0.0, 1.0, ""),
+            ("weight of the fibres", self.weights[1], 0.0, 1.0, ""),
+            ("weight of the noise", self.weights[2], 0.0, 1.0, ""),
+            ("gap", self.gap, 0.01, 1.0, ""),
+            ("share of patches", self.patch.1, 0.0, 1.0, ""),
+            ("depth", self.depth, 0.0, 0.1, "m"),
+            ("tile", self.tile, 0.001, 100.0, "m"),
+        ];
+        match rows.iter().find(|(_, value, min, max, _)| !(*min..=*max).contains(value)) {
+            Some(&(name, value, min, max, unit)) => bad(name, value, min, max, unit),
+            None => Ok(()),
+        }
+    }
+}

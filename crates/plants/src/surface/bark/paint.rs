@@ -1,0 +1,258 @@
+//! The maps of a bark.
+
+use glam::Vec3;
+
+use super::marks::Marker;
+use super::{BarkSpec, Grain};
+use crate::surface::lattice::{Cells, Fractal, middles};
+use crate::surface::material::map;
+use crate::surface::{SurfaceMaterial, pixels};
+use osier_base::Result;
+use osier_base::math::{self, smoothstep};
+use osier_base::par::par_map;
+use osier_base::units::byte;
+use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
+
+/// Tables of all noises of a bark.
+struct Tables {
+    warp: [Fractal; 2],
+    plates: Cells,
+    fibre: Fractal,
+    coarse: Fractal,
+    tint: Fractal,
+    patch: Fractal,
+    marker: Marker,
+}
+
+impl Tables {
+    fn new(spec: &BarkSpec) -> Self {
+        let s = |k: u64| spec.seed.wrapping_mul(64).wrapping_add(k << 3);
+        let [nx, ny] = spec.plates;
+        Self {
+            warp: [Fractal::new(s(0), [4, 2], 6), Fractal::new(s(1), [4, 2], 6)],
+            plates: Cells::new(s(2), spec.plates, 0.9),
+            fibre: Fractal::new(s(3), [8 * nx, ny], 4),
+            coarse: Fractal::new(s(4), [6, 6], 5),
+            tint: Fractal::new(s(5), [3, 3], 4),
+            patch: Fractal::new(s(6), [2, 2], 5),
+            marker: Marker::new(spec.marks, spec.seed),
+        }
+    }
+}
+
+/// One pixel before the heights are stretched.
+struct Sample {
+    height: f32,
+    /// Brightness of the tint, share of patches, share of marks.
+    tint: f32,
+    patch: f32,
+    mark: f32,
+}
+
+/// Share of a grain in the height, and how far it lightens and darkens.
+const RELIEF: f32 = 0.25;
+const TINT: f32 = 0.24;
+/// Repeats of a grain around a tile: it is drawn out along the axis, as fibres are.
+const AROUND: f32 = 5.0;
+
+impl Sample {
+    fn grained(self, value: f32) -> Self {
+        let height = math::lerp(self.height, value, RELIEF);
+        Self { height, tint: self.tint * (1.0 + TINT * (value - 0.5)), ..self }
+    }
+}
+
+/// A bark's material with `<name>_color` (sRGB), `_normal`, `_rough` and `_height` (16 bit), all tiling.
+/// # Errors
+/// `Range` for a value outside its range.
+/// Own: warp, plates, fibre, height, cracks, colour, roughness, normal, in this order; heights are stretched to fill
+/// [0, 1]; patches and marks are added on top. A grain takes a quarter of the height and tints.
+pub fn bark(spec: &BarkSpec, grain: Option<&Grain>, name: &str) -> Result<SurfaceMaterial> {
+    spec.check()?;
+    let tables = Tables::new(spec);
+    let side = spec.side as usize;
+    let rows: Vec<usize> = (0..side).collect();
+    let samples = par_map(&rows, |&row| sample_row(spec, (&tables, grain), row));
+    let heights = stretched(&samples);
+    let step = spec.depth / (spec.tile / spec.side as f32);
+    let normals = pixels::normals8(&heights, side, [step, step]);
+    let painted = par_map(&rows, |&row| paint_row(spec, &samples[row], &heights[row * side..(row + 1) * side]));
+    let (color, rough): (Vec<Vec<u8>>, Vec<Vec<u8>>) = painted.into_iter().unzip();
+    let (color, rough) = (pixels::joined(color), pixels::joined(rough));
+    let image = |kind, what, pixels| map(name, what, kind, spec.side, pixels);
+    let images = vec![
+        image(ImageKind::Color, "color", Pixels::U8(color)),
+        image(ImageKind::Data, "normal", Pixels::U8(normals)),
+        image(ImageKind::Data, "rough", Pixels::U8(rough)),
+        image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
+    ];
+    let material = Material {
+        name: name.to_owned(),
+        class: MaterialClass::Bark,
+        base_color: spec.ridge,
+        roughness: spec.roughness[1],
+        ior: 1.5,
+        translucency: 0.0,
+        double_sided: false,
+        alpha_cutoff: None,
+        height_range: spec.depth,
+        tile: spec.tile,
+        maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
+        wet: None,
+    };
+    Ok(SurfaceMaterial { material, images })
+}
+
+fn sample_row(spec: &BarkSpec, (t, grain): (&Tables, Option<&Grain>), row: usize) -> Vec<Sample> {
+    let xs = middles(spec.side);
+    let y = 1.0 - (row as f32 + 0.5) / spec.side as f32;
+    let [a, b] = [&t.warp[0], &t.warp[1]].map(|noise| noise.row(&xs, y));
+    let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.row(&xs, y));
+    let straight = |i: usize| Straight { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
+    let one = |(i, x): (usize, &f32)| {
+        let bare = sample(spec, t, [*x, y], &straight(i));
+        let at = |g: &Grain| g.at(AROUND * x + 0.05 * straight(i).warp[0], y + 0.12 * straight(i).warp[1]);
+        match grain {
+            Some(g) => bare.grained(at(g)),
+            None => bare,
+        }
+    };
+    xs.iter().enumerate().map(one).collect()
+}
+
+/// The noises that are looked up where the pixel is, not where the warp sends it.
+struct Straight {
+    warp: [f32; 2],
+    coarse: f32,
+    tint: f32,
+    patch: f32,
+}
+
+fn sample(spec: &BarkSpec, t: &Tables, [x, y]: [f32; 2], straight: &Straight) -> Sample {
+    let (wx, wy) = (x + 0.035 * straight.warp[0], y + 0.07 * straight.warp[1]);
+    let near = t.plates.at(wx, wy);
+    let plate = smoothstep(0.02, 0.02 + spec.gap, near.f2 - near.f1);
+    let fibre = t.fibre.at(wx, wy);
+    let coarse = straight.coarse;
+    let [k1, k2, k3] = spec.weights;
+    let height = k1 * root(plate) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
+    // Without plates there is nothing to crack.
+    let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * plate, (k1 * 4.0).min(1.0)) } else { 1.0 };
+    let mark = t.marker.at(wx, wy);
+    let patch = smoothstep(0.05, 0.45, straight.patch) * spec.patch.1;
+    Sample {
+        height: height * cracked + 0.4 * mark.height,
+        tint: 1.0 + 0.25 * straight.tint + 0.10 * fibre,
+        patch,
+        mark: mark.color,
+    }
+}
+
+/// x^0.6 on [0, 1], within 0.02.
+fn root(x: f32) -> f32 {
+    let r = x.sqrt();
+    r * (0.8 + 0.2 * r)
+}
+
+/// Heights row by row, scaled to [0, 1].
+fn stretched(samples: &[Vec<Sample>]) -> Vec<f32> {
+    let all = || samples.iter().flatten().map(|s| s.height);
+    let (low, high) = all().fold((f32::MAX, f32::MIN), |(a, b), h| (a.min(h), b.max(h)));
+    let scale = 1.0 / (high - low).max(1e-9);
+    all().map(|h| ((h - low) * scale).clamp(0.0, 1.0)).collect()
+}
+
+fn paint_row(spec: &BarkSpec, samples: &[Sample], heights: &[f32]) -> (Vec<u8>, Vec<u8>) {
+    let [crack, ridge, patch, mark] = [spec.crack, spec.ridge, spec.patch.0, spec.mark].map(Vec3::from_array);
+    let mut color = Vec::with_capacity(samples.len() * 3);
+    let mut rough = Vec::with_capacity(samples.len());
+    for (s, h) in samples.iter().zip(heights) {
+        let bare = crack.lerp(ridge, *h);
+        let c = (bare.lerp(patch, s.patch * (0.4 + 0.6 * h)) * s.tint).lerp(mark, s.mark);
+        color.extend(pixels::srgb(c));
+        rough.push(byte(math::lerp(spec.roughness[0], spec.roughness[1], *h) + 0.1 * s.mark));
+    }
+    (color, rough)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> Vec<(&'static str, BarkSpec)> {
+        vec![
+            ("furrowed", BarkSpec::furrowed()),
+            ("plated", BarkSpec::plated()),
+            ("smooth", BarkSpec::smooth()),
+            ("birch", BarkSpec::birch()),
+            ("poplar", BarkSpec::poplar()),
+            ("shoot", BarkSpec::shoot()),
+            ("culm", BarkSpec::culm()),
+        ]
+    }
+
+    /// A sample anywhere, all noises point by point.
+    fn point(spec: &BarkSpec, t: &Tables, x: f32, y: f32) -> Sample {
+        let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.at(x, y));
+        let warp = [t.warp[0].at(x, y), t.warp[1].at(x, y)];
+        sample(spec, t, [x, y], &Straight { warp, coarse, tint, patch })
+    }
+
+    #[test]
+    fn maps_tile_and_heights_fill_their_range() {
+        for (name, spec) in all() {
+            let t = Tables::new(&spec);
+            for i in 0..64 {
+                let v = i as f32 / 64.0;
+                for ((x0, y0), (x1, y1)) in [((0.0, v), (1.0, v)), ((v, 0.0), (v, 1.0))] {
+                    let (a, b) = (point(&spec, &t, x0, y0), point(&spec, &t, x1, y1));
+                    let d = (a.height - b.height).abs().max((a.tint - b.tint).abs()).max((a.mark - b.mark).abs());
+                    assert!(d < 1.0 / 255.0, "{name}: {d} at {v}");
+                }
+            }
+            let set = bark(&BarkSpec { side: 256, ..spec }, None, name).expect("maps");
+            assert_eq!(set.images.len(), 4);
+            let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
+            let (low, high) = (h.iter().min().expect("some"), h.iter().max().expect("some"));
+            assert!(high - low > 52_428, "{name}: {low}..{high}");
+            let mut sorted = h.clone();
+            sorted.sort_unstable();
+            let (a, b) = (sorted[h.len() / 50], sorted[h.len() - h.len() / 50]);
+            assert!(b - a > 16_000, "{name}: nearly all heights between {a} and {b}");
+        }
+    }
+
+    #[test]
+    fn a_grain_repeats_and_shows_in_height_and_tint() {
+        let grain = Grain { side: 2, values: vec![0.0, 1.0, 1.0, 0.0] };
+        assert!((grain.at(0.25, 0.75) - 0.0).abs() < 1e-6 && (grain.at(0.75, 0.75) - 1.0).abs() < 1e-6);
+        assert!((grain.at(0.1, 0.3) - grain.at(1.1, -0.7)).abs() < 1e-5);
+        let grain = Grain { side: 2, values: vec![0.0, 0.0, 1.0, 1.0] };
+        let spec = BarkSpec { side: 64, ..BarkSpec::culm() };
+        let lower_half = |grain: Option<&Grain>| {
+            let set = bark(&spec, grain, "x").expect("maps");
+            let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
+            let sum = |half: &[u16]| half.iter().map(|h| f64::from(*h)).sum::<f64>();
+            (sum(&h[2048..]) - sum(&h[..2048])) / 2048.0
+        };
+        let (with, without) = (lower_half(Some(&grain)), lower_half(None));
+        assert!(with > without + 5000.0, "{with} {without}");
+    }
+
+    #[test]
+    fn registering_moves_the_maps() {
+        let spec = BarkSpec { side: 16, ..BarkSpec::shoot() };
+        let (mut images, mut materials) = (Vec::new(), Vec::new());
+        bark(&spec, None, "a").expect("a").register(&mut images, &mut materials);
+        assert_eq!(bark(&spec, None, "b").expect("b").register(&mut images, &mut materials), 1);
+        assert_eq!((images.len(), materials[1].maps.color, materials[1].maps.height), (8, Some(4), Some(7)));
+        assert_eq!(images[4].name, "b_color");
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        let e = bark(&BarkSpec { side: 1000, ..BarkSpec::birch() }, None, "x").expect_err("no power of two");
+        assert!(e.to_string().contains("power of two"), "{e}");
+        assert!(bark(&BarkSpec { gap: 0.0, ..BarkSpec::birch() }, None, "x").is_err());
+    }
+}

@@ -1,0 +1,221 @@
+//! The tuft of hairs that carries the seed of a willow or poplar: curves of its plant, and meshes for every distance.
+
+mod cards;
+mod stalk;
+mod tuning;
+
+use glam::Vec3;
+
+use osier_base::math::{self, narrow};
+use osier_base::rng::{Rng, child, word};
+use osier_scene::plant::Plant;
+use osier_scene::{Curves, Fine, Material, MaterialClass, MaterialId, Mesh, Prototype, tubes, turned_ribbons};
+
+pub use stalk::stalk;
+pub use tuning::VARIANTS;
+
+/// Share of the hairs that are left in the middle distance.
+const THINNED: f64 = 0.3;
+
+/// Thickness and unevenness of a tuft's hairs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TuftSpec {
+    /// Each hair is longer or shorter by at most this share, 0..0.9.
+    pub jitter: f64,
+    /// Radius of a hair where it begins, m.
+    pub radius: f64,
+    /// Radius at its tip as a share of that, 0..1; between them it is linear along the hair.
+    pub tip: f64,
+    /// Points that a smoothed hair has; 0 leaves its three straight sections.
+    pub smooth: u32,
+    /// Small semi-axis of the stalk, m; 0 = no stalk.
+    pub stalk: f64,
+    /// Materials of hairs and stalk.
+    pub materials: [MaterialId; 2],
+}
+
+/// How far away a tuft is seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Detail {
+    /// Three-sided tubes.
+    Tubes,
+    /// Two-sided ribbons.
+    Ribbons,
+    /// A third of them, wider.
+    Thinned,
+}
+
+/// A tuft: hairs begin at the origin and the tuft opens towards +Y; the stalk hangs below.
+#[derive(Debug, Clone)]
+pub struct Tuft {
+    /// Hairs, in the order of the plant's axes.
+    pub hairs: Curves,
+    /// Radius of the smallest ball around the origin that holds all hairs and the stalk, m.
+    pub radius: f32,
+    /// Lowest point, m, at most 0.
+    pub lowest: f32,
+    spec: TuftSpec,
+    key: u64,
+}
+
+/// Length and turn of each hair come from `key`.
+/// `plant`: one hair per axis, from its first node at the origin.
+/// Source: \[catkin\] 3; the bounding ball, fig. 7a. Differs: the ball holds the stalk as well.
+pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
+    let mut hairs = Curves {
+        name: "hairs".into(),
+        material: spec.materials[0],
+        counts: Vec::with_capacity(plant.axes.len()),
+        points: Vec::with_capacity(plant.nodes.len()),
+        widths: Vec::with_capacity(plant.nodes.len()),
+        moving: false,
+    };
+    for (i, axis) in plant.axes.iter().enumerate() {
+        let mut stream = Rng::from_key(child(child(key, word("jitter")), i as u64));
+        let scale = narrow(1.0 + spec.jitter * stream.range(-1.0, 1.0));
+        let line: Vec<Vec3> = plant.nodes.p[plant.nodes_of(axis)].iter().map(|p| *p * scale).collect();
+        let line = if spec.smooth == 0 { line } else { smoothed(&line, spec.smooth as usize) };
+        hairs.counts.push(u32::try_from(line.len()).unwrap_or(u32::MAX));
+        hairs.widths.extend(widths(&line, spec));
+        hairs.points.extend(line);
+    }
+    let r = narrow(spec.stalk);
+    let far = hairs.points.iter().map(|p| p.length()).fold(4.0 * r, f32::max);
+    let lowest = hairs.points.iter().map(|p| p.y).fold(-4.0 * r, f32::min);
+    Tuft { hairs, radius: far, lowest: lowest.min(0.0), spec: *spec, key }
+}
+
+/// Diameters along a hair, linear in its length.
+fn widths(line: &[Vec3], spec: &TuftSpec) -> Vec<f32> {
+    let mut along = 0.0;
+    let mut arcs = vec![0.0_f32];
+    for pair in line.windows(2) {
+        along += pair[0].distance(pair[1]);
+        arcs.push(along);
+    }
+    let (root, tip) = (narrow(2.0 * spec.radius), narrow(2.0 * spec.radius * spec.tip));
+    arcs.iter().map(|s| math::lerp(root, tip, if along > 0.0 { s / along } else { 0.0 })).collect()
+}
+
+/// A line through the same points with `count` of them, evenly spaced in the parameter.
+/// Source: centripetal Catmull-Rom spline (Barry and Goldman's pyramid); end tangents by mirrored neighbours.
+fn smoothed(line: &[Vec3], count: usize) -> Vec<Vec3> {
+    let n = line.len();
+    if n < 2 || count < 2 {
+        return line.to_vec();
+    }
+    let at = |i: isize| match usize::try_from(i) {
+        Err(_) => line[0] * 2.0 - line[1],
+        Ok(i) if i >= n => line[n - 1] * 2.0 - line[n - 2],
+        Ok(i) => line[i],
+    };
+    let place = |k: usize| {
+        let x = (n - 1) as f32 * k as f32 / (count - 1) as f32;
+        let i = (0..n - 1).rev().find(|i| *i as f32 <= x).unwrap_or(0);
+        let first = isize::try_from(i).unwrap_or(0);
+        spline([at(first - 1), at(first), at(first + 1), at(first + 2)], x - i as f32)
+    };
+    (0..count).map(place).collect()
+}
+
+/// The point a share `t` of the way from the second to the third of four.
+fn spline(p: [Vec3; 4], t: f32) -> Vec3 {
+    let mut knots = [0.0_f32; 4];
+    for i in 0..3 {
+        knots[i + 1] = knots[i] + math::sqrt_f32(p[i].distance(p[i + 1])).max(1e-6);
+    }
+    let t = math::lerp(knots[1], knots[2], t);
+    let between = |a: (Vec3, f32), b: (Vec3, f32)| a.0 + (b.0 - a.0) * ((t - a.1) / (b.1 - a.1));
+    let a: [Vec3; 3] = std::array::from_fn(|i| between((p[i], knots[i]), (p[i + 1], knots[i + 1])));
+    let b: [Vec3; 2] = std::array::from_fn(|i| between((a[i], knots[i]), (a[i + 1], knots[i + 2])));
+    between((b[0], knots[1]), (b[1], knots[2]))
+}
+
+impl Tuft {
+    /// The tuft as a mesh, hairs first.
+    pub fn mesh(&self, detail: Detail) -> Mesh {
+        let turn = |i: usize| {
+            let key = child(child(self.key, word("turn")), i as u64);
+            Rng::from_key(key).unit_f32() * std::f32::consts::PI
+        };
+        let (mut mesh, cut) = match detail {
+            Detail::Tubes => (tubes(&self.hairs), (12, 8)),
+            Detail::Ribbons => (turned_ribbons(&self.hairs, turn), (6, 5)),
+            Detail::Thinned => (turned_ribbons(&self.thinned(), turn), (3, 3)),
+        };
+        mesh.append(&self.stalk(cut));
+        mesh
+    }
+
+    /// The stalk alone; `cut`: segments around, rows from pole to pole.
+    fn stalk(&self, cut: (u32, u32)) -> Mesh {
+        stalk(narrow(self.spec.stalk), cut).with_material(self.spec.materials[1])
+    }
+
+    /// The first hairs of a fixed shuffle, so much wider that they cover what all of them did.
+    /// Own: widened by the ratio of areas, which that of numbers is but for the hairs' unequal lengths.
+    fn thinned(&self) -> Curves {
+        let n = self.hairs.counts.len();
+        let mut order: Vec<usize> = (0..n).collect();
+        Rng::from_key(child(self.key, word("thin"))).shuffle(&mut order);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a share of a length")]
+        let kept = ((n as f64 * THINNED).round() as usize).clamp(1.min(n), n);
+        order.truncate(kept);
+        order.sort_unstable();
+        let mut out = Curves { counts: Vec::new(), points: Vec::new(), widths: Vec::new(), ..self.hairs.clone() };
+        let starts: Vec<usize> =
+            self.hairs.counts.iter().scan(0, |s, c| Some(std::mem::replace(s, *s + *c as usize))).collect();
+        for i in order {
+            let range = starts[i]..starts[i] + self.hairs.counts[i] as usize;
+            out.counts.push(self.hairs.counts[i]);
+            out.points.extend_from_slice(&self.hairs.points[range.clone()]);
+            out.widths.extend_from_slice(&self.hairs.widths[range]);
+        }
+        let own = covered(&out);
+        let factor = if own > 0.0 { narrow(covered(&self.hairs) / own) } else { 1.0 };
+        out.widths.iter_mut().for_each(|w| *w *= factor);
+        out
+    }
+
+    /// The tuft as curves and stalk, with ribbons for programs that have no curves.
+    pub fn hero(&self, name: &str) -> Prototype {
+        let fine = Fine { mesh: self.stalk((12, 8)), curves: self.hairs.clone() };
+        Prototype { fine: Some(fine), ..Prototype::new(name, self.mesh(Detail::Ribbons)) }
+    }
+}
+
+/// Area that curves cover seen from their sides, m2: the sum of lengths times mean widths.
+pub fn covered(curves: &Curves) -> f64 {
+    let mut first = 0_usize;
+    let mut sum = 0.0;
+    for count in &curves.counts {
+        let end = first + *count as usize;
+        for k in first + 1..end {
+            let length = curves.points[k - 1].distance(curves.points[k]);
+            sum += f64::from(length) * f64::from(curves.widths[k - 1] + curves.widths[k]) * 0.5;
+        }
+        first = end;
+    }
+    sum
+}
+
+/// White hair that light goes through.
+pub fn hair_material(name: &str) -> Material {
+    let plain = Material::plain(name.to_owned(), MaterialClass::Catkin, tuning::HAIR, 0.75);
+    Material { translucency: tuning::HAIR_LIGHT, double_sided: true, ..plain }
+}
+
+/// Brown skin of the stalk.
+pub fn stalk_material(name: &str) -> Material {
+    Material {
+        base_color: tuning::STALK,
+        roughness: 0.7,
+        translucency: 0.0,
+        double_sided: false,
+        class: MaterialClass::Bark,
+        ..hair_material(name)
+    }
+}
+
+#[cfg(test)]
+mod tests;

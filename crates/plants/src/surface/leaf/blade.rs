@@ -1,0 +1,398 @@
+//! The blade as a mesh: cells between veins, folded, curled and waved, on a petiole that goes on as the midrib below.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use glam::{Vec2, Vec3};
+
+use super::BladeSpec;
+use super::flips::{edge, improve};
+use super::outline::{Half, Outline};
+use osier_base::Result;
+use osier_base::geometry::triangulate;
+use osier_base::math;
+use osier_base::rng::Rng;
+use osier_scene::Mesh;
+
+/// How finely a blade is cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Detail {
+    /// For a picture of a few leaves: a smooth margin, some thousand triangles that follow every bend.
+    Close,
+    /// For close-ups: every tooth, 100 to 250 points.
+    Hero,
+    /// For plants seen whole: 40 to 90 points, teeth left to the eye.
+    Light,
+    /// For crowns of many thousand leaves: 20 to 50 points, the margin between veins and bays straight.
+    Crown,
+}
+
+/// Most points of one side's margin of a [`Detail::Crown`] blade.
+const CROWN_MARGIN: usize = 12;
+
+/// How often each triangle of a [`Detail::Close`] blade is cut into four.
+const HALVINGS: u32 = 2;
+
+impl Detail {
+    /// Points along each piece of the margin, and whether its teeth are cut.
+    fn margin(self) -> (u32, bool) {
+        match self {
+            Self::Close => (8, true),
+            Self::Hero => (2, true),
+            Self::Light | Self::Crown => (1, false),
+        }
+    }
+
+    /// Where veins have points between the midrib and the margin, as shares of their way.
+    fn inner(self) -> &'static [f32] {
+        match self {
+            Self::Close | Self::Hero => &[0.34, 0.68],
+            Self::Light => &[0.5],
+            Self::Crown => &[],
+        }
+    }
+
+    /// Sides of the petiole, rings along it, rings below the blade.
+    fn petiole(self) -> (u32, u32, u32) {
+        match self {
+            Self::Close => (12, 10, 12),
+            Self::Hero => (5, 4, 4),
+            Self::Light => (3, 2, 1),
+            Self::Crown => (3, 1, 1),
+        }
+    }
+}
+
+/// How one leaf differs from the next of its kind.
+struct Pose {
+    fold: f32,
+    curl: f32,
+    wave: f32,
+    phase: [f32; 2],
+    sideways: f32,
+    twist: f32,
+    stretch: [f32; 2],
+}
+
+impl Pose {
+    fn new(spec: &BladeSpec, variant: u64) -> Self {
+        let mut draw = Rng::at(spec.seed, &["leaf".into(), variant.into()]);
+        let mut vary = |base: f32, by: f64| base * math::narrow(1.0 + draw.range(-by, by));
+        let (fold, curl, wave) = (vary(spec.fold, 0.5), vary(spec.curl, 0.7), vary(spec.waviness, 0.5));
+        let stretch = [vary(1.0, 0.08), vary(1.0, 0.06)];
+        let mut any = |a: f64| math::narrow(draw.range(-a, a));
+        Self { fold, curl, wave, phase: [any(3.0), any(3.0)], sideways: any(0.06), twist: any(0.25), stretch }
+    }
+}
+
+/// The mesh of a leaf in organ space: petiole base at the origin, midrib along +Y, upper side +Z, m. One material (0).
+/// `variant` varies fold, curl, waves and proportions; all variants share texture coordinates and so one set of maps:
+/// u across, v from 0 at the base of the blade to 1 at its tip, petiole on the midrib.
+/// # Errors
+/// `Range` for a value outside its range.
+/// Own: cells between veins, so that creases follow the veins.
+pub fn blade(spec: &BladeSpec, variant: u64, detail: Detail) -> Result<Mesh> {
+    spec.check()?;
+    let (smooth, teeth) = detail.margin();
+    let mut outline = Outline::new(spec, smooth, teeth);
+    if detail == Detail::Crown {
+        outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
+    }
+    let pose = Pose::new(spec, variant);
+    let flat = flat(&outline, detail);
+    let mut mesh = Mesh {
+        points: flat.points.iter().map(|p| bent(spec, &pose, *p)).collect(),
+        uvs: flat.points.iter().map(|p| outline.uv(*p)).collect(),
+        triangles: flat.triangles,
+        ..Mesh::default()
+    };
+    mesh.normals = smooth_normals(&mesh);
+    petiole(spec, &pose, &outline, detail, &mut mesh);
+    lean_to_triangles(&mut mesh);
+    Ok(mesh.with_material(0))
+}
+
+struct Flat {
+    points: Vec<Vec2>,
+    triangles: Vec<[u32; 3]>,
+    /// Edges along veins.
+    creases: BTreeSet<(u32, u32)>,
+}
+
+impl Flat {
+    fn push(&mut self, p: Vec2) -> u32 {
+        self.points.push(p);
+        u32::try_from(self.points.len() - 1).unwrap_or(u32::MAX)
+    }
+
+    /// Cuts each triangle into four at the middles of its edges.
+    fn halve(&mut self) {
+        let mut middles: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+        for [a, b, c] in std::mem::take(&mut self.triangles) {
+            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+                let middle = (self.points[p as usize] + self.points[q as usize]) * 0.5;
+                *middles.entry(edge(p, q)).or_insert_with(|| self.push(middle))
+            });
+            self.triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+        }
+    }
+
+    /// A cell; `reversed` if its corners run clockwise seen from above.
+    fn cell(&mut self, corners: &[u32], reversed: bool) {
+        let mut corners = corners.to_vec();
+        if reversed {
+            corners.reverse();
+        }
+        let outline: Vec<Vec2> = corners.iter().map(|i| self.points[*i as usize]).collect();
+        self.triangles.extend(triangulate(&outline).iter().map(|t| t.map(|i| corners[i as usize])));
+    }
+}
+
+fn flat(outline: &Outline, detail: Detail) -> Flat {
+    let mut flat = Flat { points: Vec::new(), triangles: Vec::new(), creases: BTreeSet::new() };
+    let midrib: Vec<u32> = outline.midrib.iter().map(|y| flat.push(Vec2::new(0.0, *y))).collect();
+    for (half, reversed) in outline.halves.iter().zip([true, false]) {
+        cells(&mut flat, outline, half, &midrib, (detail, reversed));
+    }
+    flat.creases.extend(midrib.windows(2).map(|w| edge(w[0], w[1])));
+    let Flat { points, triangles, creases } = &mut flat;
+    improve(points, triangles, creases);
+    for _ in 0..if detail == Detail::Close { HALVINGS } else { 0 } {
+        flat.halve();
+    }
+    flat
+}
+
+/// The cells of one half: up the midrib, out along the upper vein, back along the margin, in along the lower vein.
+fn cells(flat: &mut Flat, outline: &Outline, half: &Half, midrib: &[u32], (detail, reversed): (Detail, bool)) {
+    let last = half.margin.len() - 1;
+    let (base, tip) = (midrib[0], midrib[midrib.len() - 1]);
+    let inner = detail.inner();
+    let margin: Vec<u32> = half
+        .margin
+        .iter()
+        .enumerate()
+        .map(|(i, p)| match i {
+            0 => base,
+            i if i == last => tip,
+            _ => flat.push(*p),
+        })
+        .collect();
+    // Bounds of the cell so far: place on the midrib, place on the margin, the vein between them from the midrib out.
+    let (mut from, mut along, mut below): (usize, usize, Vec<u32>) = (0, 0, Vec::new());
+    for vein in &half.veins {
+        let root = outline.midrib.partition_point(|y| *y < vein.root.y);
+        let above: Vec<u32> = inner.iter().map(|t| flat.push(vein.point(*t))).collect();
+        let line: Vec<u32> = [midrib[root]].iter().chain(&above).chain(&[margin[vein.at]]).copied().collect();
+        flat.creases.extend(line.windows(2).map(|w| edge(w[0], w[1])));
+        let corners: Vec<u32> = midrib[from..=root]
+            .iter()
+            .chain(&above)
+            .chain(margin[along..=vein.at].iter().rev().filter(|i| **i != base))
+            .chain(below.iter().rev())
+            .copied()
+            .collect();
+        flat.cell(&corners, reversed);
+        (from, along, below) = (root, vein.at, above);
+    }
+    let corners: Vec<u32> =
+        midrib[from..].iter().chain(margin[along..last].iter().rev()).chain(below.iter().rev()).copied().collect();
+    flat.cell(&corners, reversed);
+}
+
+/// The flat blade's point in space. The midrib is an arc of `curl`; both halves are folded up along it, their margins
+/// wave and droop.
+fn bent(spec: &BladeSpec, pose: &Pose, p: Vec2) -> Vec3 {
+    let half = spec.width * 0.5;
+    let u = p.y / spec.length;
+    let side = usize::from(p.x < 0.0);
+    let x = p.x * pose.stretch[0];
+    let share = (x / half).abs();
+    let fold = pose.fold * (1.0 - 0.35 * u);
+    let wave = pose.wave * spec.width * math::sin_f32(9.0 * u + pose.phase[side]) * share * share.sqrt();
+    let rise = x.abs() * math::sin_f32(fold) - 0.1 * half * share * share + wave;
+    let across = x * math::cos_f32(fold);
+    let twist = pose.twist * u;
+    let (ct, st) = (math::cos_f32(twist), math::sin_f32(twist));
+    let (across, rise) = (across * ct - rise * st, across * st + rise * ct);
+    let (mid, normal) = arc(spec, pose, u);
+    Vec3::new(across + pose.sideways * spec.length * u * u, mid.x + normal.x * rise, mid.y + normal.y * rise)
+}
+
+/// The midrib at `u`: point and normal in the plane of y and z.
+fn arc(spec: &BladeSpec, pose: &Pose, u: f32) -> (Vec2, Vec2) {
+    let length = spec.length * pose.stretch[1];
+    let k = if pose.curl.abs() < 1e-3 { 1e-3 } else { pose.curl };
+    let a = k * u;
+    let (sin, cos) = (math::sin_f32(a), math::cos_f32(a));
+    let start = Vec2::new(spec.petiole_length, 0.0);
+    (start + Vec2::new(sin, cos - 1.0) * (length / k), Vec2::new(sin, cos))
+}
+
+fn smooth_normals(mesh: &Mesh) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::ZERO; mesh.points.len()];
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+        let n = (b - a).cross(c - a);
+        for i in t {
+            normals[*i as usize] += n;
+        }
+    }
+    normals.iter().map(|n| if n.length() > 1e-20 { n.normalize() } else { Vec3::Z }).collect()
+}
+
+/// Where a sharp wave leaves a triangle facing against its normals, these lean over to it. At most 8 sweeps.
+fn lean_to_triangles(mesh: &mut Mesh) {
+    for _ in 0..8 {
+        let mut turned = false;
+        for t in &mesh.triangles {
+            let [a, b, c] = t.map(|i| mesh.points[i as usize]);
+            let n = math::normalize_or((b - a).cross(c - a) * 1e6, Vec3::ZERO);
+            let mean: Vec3 = t.iter().fold(Vec3::ZERO, |s, i| s + mesh.normals[*i as usize]);
+            if n.dot(mean) < 0.05 && n != Vec3::ZERO {
+                turned = true;
+                for i in t {
+                    let normal = &mut mesh.normals[*i as usize];
+                    *normal = math::normalize_or(*normal + n * 0.5, n);
+                }
+            }
+        }
+        if !turned {
+            break;
+        }
+    }
+}
+
+/// A tube from the pivot to the blade and on below the midrib, thinning out; closed at both ends.
+fn petiole(spec: &BladeSpec, pose: &Pose, outline: &Outline, detail: Detail, mesh: &mut Mesh) {
+    let (sides, steps, under) = detail.petiole();
+    let r = spec.petiole_radius;
+    let mut path: Vec<(Vec3, f32)> = Vec::new();
+    for k in 0..steps {
+        let t = k as f32 / steps as f32;
+        let sag = 0.06 * spec.petiole_length * math::sin_f32(std::f32::consts::PI * t);
+        // A thick foot where it sat on the twig.
+        path.push((Vec3::new(0.0, spec.petiole_length * t, -sag), r * (1.0 + 0.6 * (1.0 - t) * (1.0 - t))));
+    }
+    for k in 0..=under {
+        let u = 0.62 * k as f32 / under as f32;
+        let (mid, normal) = arc(spec, pose, u);
+        let thin = r * (1.0 - 0.85 * u / 0.62);
+        let p = mid - normal * (thin * 0.75);
+        path.push((Vec3::new(pose.sideways * spec.length * u * u, p.x, p.y), thin));
+    }
+    if spec.petiole_length < 1e-6 {
+        path.drain(..steps as usize);
+    }
+    let first = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+    let base_v = outline.uv(Vec2::ZERO).y;
+    for (i, (c, r)) in path.iter().enumerate() {
+        let (a, b) = (path[i.saturating_sub(1)].0, path[(i + 1).min(path.len() - 1)].0);
+        let t = math::normalize_or(b - a, Vec3::Y);
+        let up = math::normalize_or(Vec3::X.cross(t), Vec3::Z);
+        for j in 0..sides {
+            let angle = j as f32 / sides as f32 * std::f32::consts::TAU;
+            let (sin, cos) = (math::sin_f32(angle), math::cos_f32(angle));
+            let flat = spec.petiole_flatness.sqrt();
+            mesh.points.push(*c + (Vec3::X * (cos / flat) + up * (sin * flat)) * *r);
+            let end = if i == 0 {
+                -t
+            } else if i + 1 == path.len() {
+                t
+            } else {
+                Vec3::ZERO
+            };
+            mesh.normals.push(math::normalize_or(Vec3::X * (cos * flat) + up * (sin / flat) + end * 0.3, up));
+            let v = base_v + 0.02 + 0.03 * i as f32 / path.len() as f32;
+            mesh.uvs.push(Vec2::new(outline.uv(Vec2::ZERO).x + 0.004 * cos, v));
+        }
+    }
+    let rings = u32::try_from(path.len()).unwrap_or(0);
+    for i in 0..rings.saturating_sub(1) {
+        for j in 0..sides {
+            let (a, b) = (first + i * sides + j, first + i * sides + (j + 1) % sides);
+            mesh.triangles.push([a, b + sides, b]);
+            mesh.triangles.push([a, a + sides, b + sides]);
+        }
+    }
+    let last = first + rings.saturating_sub(1) * sides;
+    for j in 1..sides - 1 {
+        mesh.triangles.push([first, first + j, first + j + 1]);
+        mesh.triangles.push([last, last + j + 1, last + j]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(spec: &BladeSpec, detail: Detail) -> (f32, f32) {
+        let (smooth, teeth) = detail.margin();
+        let outline = Outline::new(spec, smooth, teeth);
+        let f = flat(&outline, detail);
+        let signed = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|i| f.points[i as usize]);
+            (b - a).perp_dot(c - a) * 0.5
+        };
+        assert!(f.triangles.iter().all(|t| signed(t) > 0.0), "{:?}: every cell faces up", spec.form);
+        let polygon = |h: &Half| h.margin.windows(2).fold(0.0, |s, w| s + w[0].perp_dot(w[1]) * 0.5);
+        (f.triangles.iter().fold(0.0, |s, t| s + signed(t)), polygon(&outline.halves[0]) - polygon(&outline.halves[1]))
+    }
+
+    #[test]
+    fn cells_cover_the_outline_once() {
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+            for detail in [Detail::Close, Detail::Hero, Detail::Light] {
+                let (cells, outline) = area(&spec, detail);
+                assert!((cells / outline - 1.0).abs() < 1e-3, "{:?}: {cells} of {outline}", spec.form);
+            }
+        }
+    }
+
+    #[test]
+    fn a_crown_blade_covers_what_a_light_one_does() {
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+            let mut outline = Outline::new(&spec, 1, false);
+            let all: Vec<Vec2> = outline.halves[0].margin.clone();
+            let (light, _) = area(&spec, Detail::Light);
+            outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
+            let half = &outline.halves[0];
+            assert!(half.margin.len() <= CROWN_MARGIN.max(half.veins.len() + 2));
+            assert!(half.veins.iter().all(|v| half.margin[v.at].distance(v.tip) < 1e-6), "veins end on the margin");
+            assert!(half.margin.iter().all(|p| all.contains(p)));
+            let flat = flat(&outline, Detail::Crown);
+            let twice = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| flat.points[i as usize]);
+                (b - a).perp_dot(c - a)
+            };
+            let crown: f32 = 0.5 * flat.triangles.iter().map(twice).sum::<f32>();
+            assert!((crown / light - 1.0).abs() < 0.12, "{:?}: {crown} of {light}", spec.form);
+        }
+    }
+
+    #[test]
+    fn blades_are_sound_and_variants_differ() {
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+            let all = [
+                (Detail::Close, 1000..=6000),
+                (Detail::Hero, 60..=280),
+                (Detail::Light, 20..=100),
+                (Detail::Crown, 20..=50),
+            ];
+            for (detail, counts) in all {
+                let (a, b) = (blade(&spec, 0, detail).expect("a"), blade(&spec, 1, detail).expect("b"));
+                assert!(counts.contains(&a.points.len()), "{:?} {detail:?}: {}", spec.form, a.points.len());
+                assert_eq!(a.uvs, b.uvs, "variants share their maps");
+                assert_ne!(a.points, b.points);
+                assert!(a.uvs.iter().all(|t| (0.0..=1.0).contains(&t.x) && (0.0..=1.0).contains(&t.y)));
+                assert!(a.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4));
+                let bad = a.triangles.iter().filter(|t| {
+                    let [p, q, r] = t.map(|i| a.points[i as usize]);
+                    let mean = t.iter().fold(Vec3::ZERO, |s, i| s + a.normals[*i as usize]);
+                    (q - p).cross(r - p).dot(mean) <= 0.0
+                });
+                assert_eq!(bad.count(), 0, "{:?} {detail:?}", spec.form);
+            }
+        }
+        assert!(blade(&BladeSpec { length: -1.0, ..BladeSpec::oak() }, 0, Detail::Hero).is_err());
+    }
+}

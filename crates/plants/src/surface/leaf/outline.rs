@@ -1,0 +1,368 @@
+//! The flat blade: margin, midrib and side veins, in metres; base at the origin, tip at (0, length).
+
+use glam::Vec2;
+
+use super::{BladeSpec, Form};
+use osier_base::math;
+use osier_base::rng::Rng;
+
+/// A side vein from the midrib to the margin, a quadratic curve.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Vein {
+    pub root: Vec2,
+    pub bend: Vec2,
+    pub tip: Vec2,
+    /// Index of the tip in the margin of its half.
+    pub at: usize,
+}
+
+impl Vein {
+    /// Point at `t` in [0, 1] from the midrib to the margin.
+    pub fn point(&self, t: f32) -> Vec2 {
+        let s = 1.0 - t;
+        self.root * (s * s) + self.bend * (2.0 * s * t) + self.tip * (t * t)
+    }
+}
+
+/// One side of the blade.
+#[derive(Debug, Clone)]
+pub(super) struct Half {
+    /// From the base to the tip of the blade, both included.
+    pub margin: Vec<Vec2>,
+    /// From the base to the tip, roots and tips increasing.
+    pub veins: Vec<Vein>,
+}
+
+impl Half {
+    /// Takes away the margin's points that change its shape least, but none where a vein ends, until `most` are left.
+    /// Source: Visvalingam and Whyatt 1993, "Line generalisation by repeated elimination of points".
+    pub fn simplify(&mut self, most: usize) {
+        while self.margin.len() > most {
+            let held = |i: usize| self.veins.iter().any(|v| v.at == i);
+            let area = |i: usize| {
+                let [a, b, c] = [i - 1, i, i + 1].map(|k| self.margin[k]);
+                (b - a).perp_dot(c - a).abs()
+            };
+            let free = (1..self.margin.len().saturating_sub(1)).filter(|i| !held(*i));
+            let Some(least) = free.min_by(|i, j| area(*i).total_cmp(&area(*j))) else { return };
+            self.margin.remove(least);
+            self.veins.iter_mut().filter(|v| v.at > least).for_each(|v| v.at -= 1);
+        }
+    }
+}
+
+/// A flat blade.
+#[derive(Debug, Clone)]
+pub(super) struct Outline {
+    /// Right (x > 0), then left.
+    pub halves: [Half; 2],
+    /// Heights on the midrib: base, all vein roots, tip, increasing.
+    pub midrib: Vec<f32>,
+    /// Box of the margins with 2 % around: smallest corner and size.
+    pub frame: (Vec2, Vec2),
+}
+
+impl Outline {
+    /// The outline of a blade; `smooth`: points along each piece of the margin, `teeth`: drawn or left out.
+    pub fn new(spec: &BladeSpec, smooth: u32, teeth: bool) -> Self {
+        let halves = [half(spec, 1.0, smooth, teeth), half(spec, -1.0, smooth, teeth)];
+        let mut midrib = vec![0.0, spec.length];
+        midrib.extend(halves.iter().flat_map(|h| h.veins.iter().map(|v| v.root.y)));
+        midrib.sort_by(f32::total_cmp);
+        let points = || halves.iter().flat_map(|h| h.margin.iter().copied());
+        let (low, high) = points().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+        let pad = (high - low) * 0.02;
+        Self { halves, midrib, frame: (low - pad, high - low + pad * 2.0) }
+    }
+
+    /// Texture coordinates of a point of the flat blade.
+    pub fn uv(&self, p: Vec2) -> Vec2 {
+        (p - self.frame.0) / self.frame.1
+    }
+}
+
+/// Control points of one side in shares of (half width, length), base and tip included.
+fn controls(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
+    let table: &[[f32; 2]] = match spec.form {
+        Form::Lobed { lobes, depth } => return lobed(lobes, depth, draw),
+        Form::Rhombic => &[
+            [0.0, 0.0],
+            [0.28, 0.012],
+            [0.62, 0.095],
+            [0.9, 0.22],
+            [1.0, 0.34],
+            [0.86, 0.48],
+            [0.6, 0.64],
+            [0.33, 0.8],
+            [0.12, 0.92],
+            [0.0, 1.0],
+        ],
+        Form::Deltoid => &[
+            [0.0, 0.0],
+            [0.3, -0.028],
+            [0.66, -0.012],
+            [0.93, 0.07],
+            [1.0, 0.19],
+            [0.88, 0.34],
+            [0.64, 0.52],
+            [0.37, 0.7],
+            [0.16, 0.84],
+            [0.06, 0.92],
+            [0.0, 1.0],
+        ],
+        Form::Elliptic => &[[0.0, 0.0], [0.35, 0.07], [0.8, 0.28], [1.0, 0.5], [0.8, 0.74], [0.35, 0.93], [0.0, 1.0]],
+    };
+    table.iter().map(|&[x, y]| Vec2::new(x, y)).collect()
+}
+
+/// Obovate with rounded lobes that lean to the tip: for each lobe its lower shoulder, tip and upper shoulder, then the
+/// bottom of the bay above.
+#[allow(clippy::cast_precision_loss, reason = "at most 8 lobes")]
+fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
+    // Half width of the envelope at height y.
+    let envelope = |y: f32| 0.16 + 0.84 * math::smoothstep(0.0, 0.58, y) - 0.75 * math::smoothstep(0.62, 1.04, y);
+    let mut wobble = |amount: f64| math::narrow(draw.range(-amount, amount));
+    let mut out = vec![Vec2::ZERO, Vec2::new(0.1, 0.02)];
+    let n = lobes as f32;
+    let height = |k: f32| 0.13 + 0.76 * (k + 0.5) / (n + 0.2);
+    let step = height(1.0) - height(0.0);
+    for i in 0..lobes {
+        let k = i as f32;
+        let y = height(k) + wobble(0.08) * step;
+        let x = envelope(y) * (1.0 + wobble(0.05));
+        let bay_y = height(k + 0.5) + wobble(0.05) * step;
+        // Bays are deepest in the middle of the blade.
+        let deep = depth * (0.72 + 0.36 * math::sin_f32(std::f32::consts::PI * (k + 0.8) / (n + 0.6)));
+        let bay = envelope(bay_y) * (1.0 - deep + wobble(0.04));
+        out.push(Vec2::new(math::lerp(bay, x, 0.74), y - 0.20 * step));
+        out.push(Vec2::new(x, y + 0.13 * step));
+        out.push(Vec2::new(math::lerp(bay, x, 0.72), y + 0.38 * step));
+        out.push(Vec2::new(bay.max(0.08), bay_y + 0.06 * step));
+    }
+    let top = height(n - 0.5) + 0.3 * step;
+    out.extend([Vec2::new(0.33, top), Vec2::new(0.31, 0.965), Vec2::new(0.15, 0.995), Vec2::new(0.0, 1.0)]);
+    out
+}
+
+fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> Half {
+    let word = if side > 0.0 { "right" } else { "left" };
+    let mut draw = Rng::at(spec.seed, &["blade".into(), word.into()]);
+    let scale = Vec2::new(spec.width * 0.5, spec.length);
+    let points: Vec<Vec2> = controls(spec, &mut draw).iter().map(|p| *p * scale).collect();
+    let lobed = matches!(spec.form, Form::Lobed { .. });
+    let curve = spline(&points, smooth);
+    let (mut margin, tips) = match (teeth && spec.teeth.count > 0, lobed) {
+        (true, _) => toothed(spec, &spline(&points, 12), &mut draw),
+        // Lobe tips are every fourth control point from the fourth on.
+        (false, true) => {
+            let tips = (0..).map(|k| (3 + 4 * k) * smooth as usize).take_while(|t| t + 4 < curve.len());
+            (curve.clone(), tips.take(vein_count(spec)).collect())
+        }
+        (false, false) => (curve.clone(), spread(&curve, spec)),
+    };
+    let mut veins = veins(spec, &margin, &tips, side);
+    for p in &mut margin {
+        p.x *= side;
+    }
+    for v in &mut veins {
+        for p in [&mut v.root, &mut v.bend, &mut v.tip] {
+            p.x *= side;
+        }
+    }
+    Half { margin, veins }
+}
+
+fn vein_count(spec: &BladeSpec) -> usize {
+    match spec.form {
+        Form::Lobed { lobes, .. } => lobes as usize,
+        _ => spec.veins as usize,
+    }
+}
+
+/// Catmull-Rom curve (centripetal) through the points, `pieces` points for each span.
+fn spline(points: &[Vec2], pieces: u32) -> Vec<Vec2> {
+    let mut out = Vec::with_capacity(points.len() * pieces as usize);
+    for (i, w) in points.windows(2).enumerate() {
+        let (a, b) = (w[0], w[1]);
+        // Beyond the ends the margin goes on across the midrib.
+        let before = if i > 0 { points[i - 1] } else { Vec2::new(-b.x, b.y) };
+        let after = points.get(i + 2).copied().unwrap_or(Vec2::new(-a.x, a.y));
+        for k in 0..pieces {
+            out.push(span([before, a, b, after], k as f32 / pieces as f32));
+        }
+    }
+    out.extend(points.last());
+    out
+}
+
+fn span(p: [Vec2; 4], u: f32) -> Vec2 {
+    let gap = |a: Vec2, b: Vec2| a.distance(b).sqrt().max(1e-5);
+    let (t1, t2) = (gap(p[0], p[1]), gap(p[0], p[1]) + gap(p[1], p[2]));
+    let t3 = t2 + gap(p[2], p[3]);
+    let t = math::lerp(t1, t2, u);
+    let mix = |a: Vec2, b: Vec2, from: f32, to: f32| a.lerp(b, (t - from) / (to - from));
+    let (a, b, c) = (mix(p[0], p[1], 0.0, t1), mix(p[1], p[2], t1, t2), mix(p[2], p[3], t2, t3));
+    mix(mix(a, b, 0.0, t2), mix(b, c, t1, t3), t1, t2)
+}
+
+/// Arc lengths along a polyline.
+fn arcs(line: &[Vec2]) -> Vec<f32> {
+    let mut sum = 0.0;
+    let mut out = vec![0.0];
+    out.extend(line.windows(2).map(|w| {
+        sum += w[0].distance(w[1]);
+        sum
+    }));
+    out
+}
+
+/// Point and unit direction at arc length `a`.
+fn along(line: &[Vec2], arcs: &[f32], a: f32) -> (Vec2, Vec2) {
+    let k = arcs.partition_point(|v| *v <= a).clamp(1, line.len() - 1);
+    let (p, q) = (line[k - 1], line[k]);
+    let t = ((a - arcs[k - 1]) / (arcs[k] - arcs[k - 1]).max(1e-9)).clamp(0.0, 1.0);
+    (p.lerp(q, t), (q - p).normalize_or(Vec2::Y))
+}
+
+/// Share of the margin, from the base, where teeth begin and end.
+fn toothed_range(spec: &BladeSpec) -> (f32, f32) {
+    match spec.form {
+        Form::Deltoid => (0.26, 0.93),
+        Form::Rhombic => (0.2, 0.97),
+        _ => (0.1, 0.96),
+    }
+}
+
+/// A margin of teeth that point to the tip, and the indices of the vein tips: with minor teeth every large tooth bears
+/// one, else they are spread over the teeth.
+#[allow(clippy::cast_precision_loss, reason = "at most 60 teeth of 5 points")]
+fn toothed(spec: &BladeSpec, curve: &[Vec2], draw: &mut Rng) -> (Vec<Vec2>, Vec<usize>) {
+    let lengths = arcs(curve);
+    let total = lengths.last().copied().unwrap_or(0.0);
+    let (from, to) = toothed_range(spec);
+    let (from, to) = (from * total, to * total);
+    let each = spec.teeth.minor + 1;
+    let n = spec.teeth.count * each;
+    let mut margin: Vec<Vec2> = (0..6).map(|k| along(curve, &lengths, from * k as f32 / 6.0).0).collect();
+    let mut tips = Vec::new();
+    let step = (to - from) / n as f32;
+    for k in 0..n {
+        let major = k % each == each - 1;
+        let share = k as f32 / n as f32;
+        let size = spec.teeth.depth * spec.width * if major { 1.0 } else { 0.5 } * (1.0 - 0.55 * share);
+        let size = size * math::narrow(draw.range(0.85, 1.15));
+        let here = from + step * (k as f32 + math::narrow(draw.range(-0.08, 0.08)));
+        let (notch, t) = along(curve, &lengths, here);
+        let out = Vec2::new(t.y, -t.x);
+        let reach = if major { 0.82 } else { 0.74 };
+        let (tip, tt) = along(curve, &lengths, here + step * reach);
+        margin.push(notch - out * (size * 0.35));
+        if spec.teeth.minor == 0 {
+            // Rounded: the shoulder keeps the height before the tip.
+            let (shoulder, ts) = along(curve, &lengths, here + step * 0.45);
+            margin.push(shoulder + Vec2::new(ts.y, -ts.x) * (size * 0.55));
+        }
+        if major {
+            tips.push(margin.len());
+        }
+        margin.push(tip + Vec2::new(tt.y, -tt.x) * size + tt * (size * 0.4));
+    }
+    let (last, _) = along(curve, &lengths, to + step * 0.25);
+    margin.push(last);
+    margin.extend(curve.last());
+    let wanted = vein_count(spec);
+    if tips.len() > wanted {
+        let pick = |i: usize| tips[(i * tips.len()) / wanted];
+        tips = (0..wanted).map(pick).collect();
+    }
+    (margin, tips)
+}
+
+/// Vein tips at equal steps along an untoothed margin.
+fn spread(curve: &[Vec2], spec: &BladeSpec) -> Vec<usize> {
+    let lengths = arcs(curve);
+    let total = lengths.last().copied().unwrap_or(0.0);
+    let (from, to) = toothed_range(spec);
+    let n = vein_count(spec);
+    let at = |i: usize| (from + (to - from) * (i as f32 + 0.6) / (n as f32 + 0.6)) * total;
+    let mut tips: Vec<usize> =
+        (0..n).map(|i| lengths.partition_point(|a| *a < at(i)).clamp(1, curve.len() - 2)).collect();
+    tips.dedup();
+    tips
+}
+
+/// Veins to the given margin points; roots rise along the midrib, the lowest near the base. Positive side.
+fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Vein> {
+    let slope = math::cos_f32(spec.vein_angle) / math::sin_f32(spec.vein_angle);
+    // The two sides alternate a little.
+    let shift = if side > 0.0 { 0.0 } else { 0.012 * spec.length };
+    let gap = 0.018 * spec.length;
+    let rise = if matches!(spec.form, Form::Lobed { .. }) { 0.6 } else { 0.42 };
+    let mut lowest = gap;
+    let mut out = Vec::with_capacity(tips.len());
+    for (i, &at) in tips.iter().enumerate() {
+        let Some(&tip) = margin.get(at) else { continue };
+        let most = spec.length * (0.97 - 0.03 * (tips.len() - i) as f32);
+        let y = (tip.y - tip.x * slope + shift).clamp(lowest, most.max(lowest));
+        let mut vein = Vein { root: Vec2::ZERO, bend: Vec2::ZERO, tip, at };
+        // Straight at first, bent to the tip of the blade near the margin; rooted higher where a bay is in the way.
+        for k in 0..16_u8 {
+            let y = (y + 0.012 * spec.length * f32::from(k)).min(most.max(lowest));
+            vein.root = Vec2::new(0.0, y);
+            vein.bend = Vec2::new(tip.x * 0.55, math::lerp(y, tip.y, rise));
+            if clear(margin, &vein) {
+                break;
+            }
+        }
+        lowest = vein.root.y + gap;
+        out.push(vein);
+    }
+    out
+}
+
+/// Whether the vein, as meshes cut it, stays off the margin.
+fn clear(margin: &[Vec2], vein: &Vein) -> bool {
+    let cuts: [&[f32]; 2] = [&[0.0, 0.34, 0.68, 1.0], &[0.0, 0.5, 1.0]];
+    cuts.iter().flat_map(|c| c.windows(2)).all(|w| {
+        let (a, b) = (vein.point(w[0]), vein.point(w[1]));
+        (1..20_u8).all(|k| inside(margin, a.lerp(b, f32::from(k) / 20.0)))
+    })
+}
+
+/// Whether `p` lies between the midrib and the margin.
+fn inside(margin: &[Vec2], p: Vec2) -> bool {
+    let crosses = |w: &&[Vec2]| {
+        let (a, b) = (w[0], w[1]);
+        (a.y > p.y) != (b.y > p.y) && a.x + (b.x - a.x) * (p.y - a.y) / (b.y - a.y) > p.x
+    };
+    margin.windows(2).filter(crosses).count() % 2 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn margins_are_simple_and_veins_end_on_them() {
+        for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
+            let o = Outline::new(&spec, 4, true);
+            for half in &o.halves {
+                assert!(half.veins.len() >= 5);
+                assert!(half.veins.windows(2).all(|v| v[0].root.y < v[1].root.y && v[0].at < v[1].at));
+                assert!(half.veins.iter().all(|v| half.margin[v.at] == v.tip));
+                let m = &half.margin;
+                for i in 0..m.len() - 1 {
+                    for j in i + 2..m.len() - 1 {
+                        assert!(!cross(m[i], m[i + 1], m[j], m[j + 1]), "{:?}: {i} crosses {j}", spec.form);
+                    }
+                }
+            }
+            assert!((o.frame.1.x / 1.04 / spec.width - 1.0).abs() < 0.15, "{:?} {}", spec.form, o.frame.1);
+        }
+    }
+
+    fn cross(a: Vec2, b: Vec2, c: Vec2, d: Vec2) -> bool {
+        let side = |p: Vec2, q: Vec2, r: Vec2| (q - p).perp_dot(r - p);
+        side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0
+    }
+}

@@ -1,0 +1,179 @@
+//! What walls and houses look like.
+
+use glam::{Vec2, Vec3};
+
+use osier_scene::solid::Prism;
+use osier_scene::{Material, MaterialClass, MaterialId, Mesh, Subset};
+
+/// How far a roof stands out over its walls, and how thick it is, m.
+const EAVES: f32 = 0.35;
+const ROOF: f32 = 0.16;
+/// Windows: width, height, distance of their middles, height of a storey, height of a sill, m.
+const WINDOW: Vec2 = Vec2::new(1.0, 1.35);
+const APART: f32 = 2.4;
+const STOREY: f32 = 2.8;
+const SILL: f32 = 0.95;
+/// Width of a frame; how far frame and pane stand before the wall, m.
+const FRAME: f32 = 0.09;
+const PROUD: [f32; 2] = [0.015, 0.02];
+
+/// Materials of walls, roofs, window frames and panes, in the order of [`materials`].
+pub const SLOTS: u32 = 4;
+
+/// Surfaces named after `name`: walls, roof, frames, panes.
+pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
+    let of = |what: &str, color, roughness| {
+        Material::plain(format!("{name}_{what}"), MaterialClass::Ground, color, roughness)
+    };
+    let trim = wall.map(|c| (c * 1.25 + 0.15).min(0.85));
+    [of("wall", wall, 0.9), of("roof", roof, 0.75), of("trim", trim, 0.6), of("pane", [0.03, 0.045, 0.06], 0.12)]
+}
+
+/// A solid's faces; with a gable it gets a roof that stands out, and windows. `first`: of its materials.
+pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
+    let [near, far] = prism.ends();
+    let mut mesh = Mesh::default();
+    let n = near.len();
+    let gable = n == 5;
+    for i in 0..n {
+        let k = (i + 1) % n;
+        if i == 0 || (gable && (i == 2 || i == 3)) {
+            continue;
+        }
+        quad(&mut mesh, [near[k], far[k], far[i], near[i]]);
+    }
+    for (end, flip) in [(&near, true), (&far, false)] {
+        let mut outline = end.clone();
+        if flip {
+            outline.reverse();
+        }
+        fan(&mut mesh, &outline);
+    }
+    let walls = triangles(&mesh);
+    let mut subsets = vec![(first, walls)];
+    if gable {
+        roof(&mut mesh, [&near, &far]);
+        subsets.push((first + 1, triangles(&mesh)));
+        for (slot, grow, proud) in [(2, FRAME, PROUD[0]), (3, 0.0, PROUD[1])] {
+            windows(&mut mesh, prism, grow, proud);
+            subsets.push((first + slot, triangles(&mesh)));
+        }
+    }
+    let mut from = 0;
+    for (material, end) in subsets {
+        if end > from {
+            mesh.subsets.push(Subset { material, first: from, count: end - from });
+        }
+        from = end;
+    }
+    mesh
+}
+
+fn triangles(mesh: &Mesh) -> u32 {
+    u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX)
+}
+
+/// A flat convex outline, counter-clockwise from outside.
+fn fan(mesh: &mut Mesh, outline: &[Vec3]) {
+    let base = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+    let normal = osier_base::geometry::newell(outline).normalize_or(Vec3::Y);
+    let along = Vec3::Y.cross(normal).normalize_or(Vec3::X);
+    let up = normal.cross(along);
+    for p in outline {
+        mesh.points.push(*p);
+        mesh.normals.push(normal);
+        mesh.uvs.push(Vec2::new(p.dot(along), p.dot(up)));
+    }
+    for i in 2..u32::try_from(outline.len()).unwrap_or(0) {
+        mesh.triangles.push([base, base + i - 1, base + i]);
+    }
+}
+
+fn quad(mesh: &mut Mesh, corners: [Vec3; 4]) {
+    fan(mesh, &corners);
+}
+
+/// Two slabs that meet at the ridge.
+fn roof(mesh: &mut Mesh, [near, far]: [&[Vec3]; 2]) {
+    let width = (near[0] - far[0]).normalize_or(Vec3::X) * EAVES;
+    for (eave, flip) in [(2, false), (4, true)] {
+        let ridge = [near[3] + width, far[3] - width];
+        let down = (near[eave] - near[3]).normalize_or(Vec3::X);
+        let out = |p: Vec3| p + down * EAVES;
+        let low = [out(near[eave]) + width, out(far[eave]) - width];
+        let normal = (ridge[1] - ridge[0]).cross(low[0] - ridge[0]).normalize_or(Vec3::Y);
+        let lift = normal * if normal.y < 0.0 { -ROOF } else { ROOF };
+        // A hair above the gable's own edge, lest both shimmer.
+        let bottom = [ridge[0], ridge[1], low[1], low[0]].map(|p| p + lift * 0.03);
+        let top = bottom.map(|p| p + lift);
+        let sides = [[0, 1], [1, 2], [2, 3], [3, 0]].map(|[i, k]| [bottom[i], bottom[k], top[k], top[i]]);
+        let under = [bottom[3], bottom[2], bottom[1], bottom[0]];
+        for corners in [top, under].into_iter().chain(sides) {
+            let mut c = corners;
+            if flip {
+                c.reverse();
+            }
+            quad(mesh, c);
+        }
+    }
+}
+
+/// Panes, or frames larger by `grow`, before both long walls.
+fn windows(mesh: &mut Mesh, prism: &Prism, grow: f32, proud: f32) {
+    for side in &prism.sides()[..2] {
+        let (wide, high) = (side.along.length(), side.down.length());
+        let (along, up) = (side.along / wide, -side.down / high);
+        let (columns, storeys) = (((wide - 0.6) / APART).floor(), ((high - SILL - WINDOW.y) / STOREY).floor() + 1.0);
+        let mut storey = 0.0;
+        while storey < storeys {
+            let mut column = 0.0;
+            while column < columns {
+                let x = wide / 2.0 + (column - (columns - 1.0) / 2.0) * APART;
+                let y = SILL + storey * STOREY + WINDOW.y / 2.0;
+                let middle = side.corner + side.down + along * x + up * y + side.normal * proud;
+                let (a, b) = (along * (WINDOW.x / 2.0 + grow), up * (WINDOW.y / 2.0 + grow));
+                quad(mesh, [middle - a - b, middle + a - b, middle + a + b, middle - a + b]);
+                column += 1.0;
+            }
+            storey += 1.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every face looks out: a step along its normal leads away from the solid.
+    #[test]
+    fn faces_look_outwards() {
+        let foot = Vec3::new(2.0, 0.0, 1.0);
+        for prism in
+            [Prism::block(foot, Vec3::new(0.3, 3.0, 9.0), 0.6), Prism::house(foot, Vec3::new(9.0, 5.6, 7.0), 2.5, 0.6)]
+        {
+            let mesh = masonry(&prism, 0);
+            let solid = osier_scene::solid::Solid {
+                name: String::new(),
+                form: osier_scene::solid::Form::Prism(prism),
+                humidity: 0.0,
+            };
+            let counted: u32 = mesh.subsets.iter().map(|s| s.count).sum();
+            assert_eq!(counted as usize, mesh.triangles.len());
+            for t in mesh.subset_triangles(&mesh.subsets[0]) {
+                let p = t.map(|i| mesh.points[i as usize]);
+                let normal = (p[1] - p[0]).cross(p[2] - p[0]).normalize();
+                assert!(normal.dot(mesh.normals[t[0] as usize]) > 0.99);
+                let middle = (p[0] + p[1] + p[2]) / 3.0;
+                assert!(solid.nearest(middle + normal * 0.05).distance > 0.02, "{middle} {normal}");
+            }
+            // Slabs of a roof are closed: their volume counts positive where all their faces look out.
+            for roof in mesh.subsets.iter().filter(|s| s.material == 1) {
+                let corner = |i: u32| mesh.points[i as usize] - foot;
+                let volume = |t: &[u32; 3]| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0;
+                let whole: f32 = mesh.subset_triangles(roof).iter().map(volume).sum();
+                let slabs = 2.0 * (9.0 + 2.0 * EAVES) * (Vec2::new(3.5, 2.5).length() + EAVES) * ROOF;
+                assert!((whole - slabs).abs() < 1e-2 * slabs, "{whole} {slabs}");
+            }
+        }
+    }
+}

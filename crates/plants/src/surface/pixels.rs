@@ -1,0 +1,56 @@
+//! From heights and colours to samples of a picture.
+
+use glam::Vec3;
+
+use osier_base::par::par_map;
+use osier_base::units::{byte, srgb_byte};
+
+/// A linear colour as three sRGB bytes.
+pub(super) fn srgb(color: Vec3) -> [u8; 3] {
+    color.to_array().map(srgb_byte)
+}
+
+/// Linear colours as sRGB bytes.
+pub(super) fn colors(colors: impl Iterator<Item = Vec3>) -> Vec<u8> {
+    let mut out = Vec::with_capacity(colors.size_hint().0 * 3);
+    for color in colors {
+        out.extend(srgb(color));
+    }
+    out
+}
+
+/// Unit normals of a square height field, row 0 at the top, wrapped at the borders: normalize(-dh/du, -dh/dv, 1) by
+/// central differences, stored as (n + 1) / 2 in RGB bytes. `slopes`: height unit over the size of a pixel, across and up.
+pub(super) fn normals8(heights: &[f32], side: usize, slopes: [f32; 2]) -> Vec<u8> {
+    let rows: Vec<usize> = (0..side).collect();
+    let row = |&y: &usize| {
+        let row = |y: usize| &heights[y % side * side..][..side];
+        let (above, here, below) = (row(y + side - 1), row(y), row(y + 1));
+        let mut out = Vec::with_capacity(side * 3);
+        for x in 0..side {
+            let left = if x == 0 { side - 1 } else { x - 1 };
+            let right = if x + 1 == side { 0 } else { x + 1 };
+            let dx = (here[right] - here[left]) * 0.5 * slopes[0];
+            let dy = (above[x] - below[x]) * 0.5 * slopes[1];
+            let n = (Vec3::new(-dx, -dy, 1.0).normalize() + Vec3::ONE) * 0.5;
+            out.extend(n.to_array().map(byte));
+        }
+        out
+    };
+    joined(par_map(&rows, row))
+}
+
+/// Rows one after the other.
+pub(super) fn joined<T>(rows: Vec<Vec<T>>) -> Vec<T> {
+    let mut out = Vec::with_capacity(rows.iter().map(Vec::len).sum());
+    for mut row in rows {
+        out.append(&mut row);
+    }
+    out
+}
+
+/// A value in [0, 1] as 16 bits, rounded to nearest.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=65535 before the cast")]
+pub(super) fn word(c: f32) -> u16 {
+    (c.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16
+}

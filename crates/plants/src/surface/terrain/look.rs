@@ -1,0 +1,192 @@
+//! What land looks like from afar: grass where it is gentle, earth where it is worn, rock where it is steep.
+
+use glam::Vec3;
+
+use super::super::lattice::{Fractal, middles};
+use super::super::material::map;
+use super::super::{SurfaceMaterial, pixels};
+use super::Land;
+use osier_base::math::smoothstep;
+use osier_base::par::par_map;
+use osier_base::units::byte;
+use osier_base::{Error, Result};
+use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
+
+/// Linear colours of land.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LandColors {
+    /// Bare earth.
+    pub earth: [f32; 3],
+    /// Grass.
+    pub grass: [f32; 3],
+    /// Rock.
+    pub rock: [f32; 3],
+    /// Share of grass on gentle land, 0..1.
+    pub cover: f32,
+    /// Slope at which grass gives way to rock, rad.
+    pub steep: f32,
+}
+
+impl Default for LandColors {
+    fn default() -> Self {
+        Self {
+            earth: [0.105, 0.074, 0.045],
+            grass: [0.075, 0.110, 0.026],
+            rock: [0.185, 0.170, 0.150],
+            cover: 0.9,
+            steep: 0.65,
+        }
+    }
+}
+
+/// Lengths of the patterns, m, with their octaves.
+const MEADOW: (f32, u32) = (70.0, 4);
+const WORN: (f32, u32) = (17.0, 5);
+const TUFTS: (f32, u32) = (2.2, 4);
+const STRATA: (f32, u32) = (6.0, 5);
+/// Height of the painted relief, m.
+const RELIEF: f32 = 0.35;
+/// Softenings between the land and what its hollows and crests are measured from.
+const BROAD: u32 = 24;
+
+struct Sample {
+    color: Vec3,
+    height: f32,
+    rough: f32,
+}
+
+struct Patterns {
+    meadow: Fractal,
+    worn: Fractal,
+    tufts: Fractal,
+    strata: Fractal,
+}
+
+/// The land's material with `<name>_color`, `_normal` and `_rough`: one map over all of it, `side` pixels
+/// (16..=4096).
+/// # Errors
+/// `Range` for a side outside its range.
+/// Own: grass in lush and dry parts, worn to earth in patches and on crests, rock from `steep` on, all borders broken by
+/// noise; hollows are greener than crests.
+pub fn land_material(land: &Land, colors: &LandColors, name: &str, side: u32, seed: u64) -> Result<SurfaceMaterial> {
+    if !(16..=4096).contains(&side) {
+        let name = "terrain: side of the map".to_owned();
+        return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
+    }
+    let patterns = Patterns::new(land.size, side, seed);
+    let ground = Ground::new(land);
+    let (xs, n) = (middles(side), side as f32);
+    let rows: Vec<u32> = (0..side).collect();
+    let samples = pixels::joined(par_map(&rows, |&y| {
+        let down = (y as f32 + 0.5) / n;
+        let all = [&patterns.meadow, &patterns.worn, &patterns.tufts, &patterns.strata];
+        let [meadow, worn, tufts, strata] = all.map(|p| p.row(&xs, down));
+        let one = |i: usize| sample(colors, ground.at(xs[i], down), [meadow[i], worn[i], tufts[i], strata[i]]);
+        (0..xs.len()).map(one).collect()
+    }));
+    let heights: Vec<f32> = samples.iter().map(|s| s.height).collect();
+    let step = RELIEF / (land.size / n);
+    let image = |kind, what, pixels| map(name, what, kind, side, pixels);
+    let images = vec![
+        image(ImageKind::Color, "color", Pixels::U8(pixels::colors(samples.iter().map(|s| s.color)))),
+        image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, side as usize, [step, step]))),
+        image(ImageKind::Data, "rough", Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
+    ];
+    let material = Material {
+        name: name.to_owned(),
+        class: MaterialClass::Ground,
+        base_color: colors.grass,
+        roughness: 0.95,
+        ior: 1.5,
+        translucency: 0.0,
+        double_sided: false,
+        alpha_cutoff: None,
+        height_range: RELIEF,
+        tile: land.size,
+        maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: None },
+        wet: None,
+    };
+    Ok(SurfaceMaterial { material, images })
+}
+
+impl Patterns {
+    /// Lengths are in metres whatever the land's size; what is finer than two pixels is drawn as coarse as the map shows.
+    fn new(size: f32, side: u32, seed: u64) -> Self {
+        let most = (side / 2).max(1);
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
+        let fractal = |k: u64, (length, octaves): (f32, u32)| {
+            let cells = (size / length).round().clamp(1.0, most as f32) as u32;
+            Fractal::new(
+                seed.wrapping_mul(64).wrapping_add(k << 3),
+                [cells; 2],
+                octaves.min((most / cells).ilog2() + 1),
+            )
+        };
+        Self {
+            meadow: fractal(0, MEADOW),
+            worn: fractal(1, WORN),
+            tufts: fractal(2, TUFTS),
+            strata: fractal(3, STRATA),
+        }
+    }
+}
+
+/// Slope and bulge of the land, looked up between its heights.
+struct Ground {
+    side: usize,
+    /// Slope, rad, and height over the broad land, m.
+    cells: Vec<[f32; 2]>,
+}
+
+impl Ground {
+    fn new(land: &Land) -> Self {
+        let mut broad = land.clone();
+        (0..BROAD).for_each(|_| broad.soften());
+        let rows: Vec<usize> = (0..land.side).collect();
+        let row = |&j: &usize| {
+            let one = |i: usize| {
+                let slope = osier_base::math::acos_f32(land.normal(i, j, 1).y.clamp(-1.0, 1.0));
+                [slope, land.height(i, j) - broad.height(i, j)]
+            };
+            (0..land.side).map(one).collect::<Vec<_>>()
+        };
+        Self { side: land.side, cells: pixels::joined(par_map(&rows, row)) }
+    }
+
+    /// `x`, `y`: shares of the way from -x and -z.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of the unit line")]
+    fn at(&self, x: f32, y: f32) -> [f32; 2] {
+        let cells = self.side - 1;
+        let split = |v: f32| {
+            let u = v.clamp(0.0, 1.0) * cells as f32;
+            let i = (u as usize).min(cells - 1);
+            (i, u - i as f32)
+        };
+        let ((i, f), (j, g)) = (split(x), split(y));
+        let row = |j: usize| {
+            let [a, b] = [self.cells[j * self.side + i], self.cells[j * self.side + i + 1]];
+            [0, 1].map(|k| osier_base::math::lerp(a[k], b[k], f))
+        };
+        let (low, high) = (row(j), row(j + 1));
+        [0, 1].map(|k| osier_base::math::lerp(low[k], high[k], g))
+    }
+}
+
+fn sample(colors: &LandColors, [slope, bulge]: [f32; 2], [meadow, worn, tufts, strata]: [f32; 4]) -> Sample {
+    let [earth, grass, rock] = [colors.earth, colors.grass, colors.rock].map(Vec3::from_array);
+    // Crests are dry, hollows hold water.
+    let dry = (0.5 + 0.9 * meadow + 0.35 * bulge).clamp(0.0, 1.0);
+    let lush = grass * Vec3::new(0.62, 0.80, 0.70);
+    let straw = Vec3::new(grass.y * 1.55, grass.y * 1.32, grass.z * 1.9);
+    let green = lush.lerp(grass, dry.min(0.5) * 2.0).lerp(straw, ((dry - 0.5) * 2.0).max(0.0) * 0.75);
+    let green = green * (1.0 + 0.45 * tufts + 0.12 * worn);
+    let bare = earth * (1.0 + 0.5 * tufts + 0.25 * strata);
+    let stone = rock * (0.9 + 0.55 * strata + 0.25 * tufts);
+
+    let worn_away = worn + 0.30 * tufts + 0.12 * bulge.clamp(-2.0, 2.0) + 1.2 * (slope - 0.6 * colors.steep).max(0.0);
+    let soil = smoothstep(-0.12, 0.16, worn_away - (colors.cover - 0.5) * 1.1);
+    let crag = smoothstep(-0.09, 0.09, slope - colors.steep + 0.16 * strata + 0.08 * worn);
+    let color = green.lerp(bare, soil).lerp(stone.max(Vec3::splat(0.01)), crag);
+    let height = 0.45 + (0.30 * tufts) * (1.0 - 0.5 * soil) + 0.28 * crag * strata - 0.1 * soil;
+    Sample { color: color.max(Vec3::splat(0.004)), height: height.clamp(0.0, 1.0), rough: 0.96 - 0.12 * crag }
+}

@@ -1,0 +1,49 @@
+//! Land as a mesh in tiles.
+
+use glam::{Vec2, Vec3};
+
+use super::{Land, falling};
+use osier_base::par::par_map;
+use osier_scene::Mesh;
+
+/// Most cells along a side of a tile: its points are numbered in 16 bits.
+const TILE: usize = 255;
+
+impl Land {
+    /// Meshes of one material (0) that cover the land, named by row and column; edges of neighbours share every bit.
+    /// u runs 0..1 along +x, v along -z. Cells are split as [`Land::height_at`] has them.
+    pub fn tiles(&self) -> Vec<(String, Mesh)> {
+        let cells = (self.side - 1) / self.stride;
+        let count = cells.div_ceil(TILE);
+        let cut = |t: usize| t * cells / count;
+        let all: Vec<[usize; 2]> = (0..count).flat_map(|r| (0..count).map(move |c| [r, c])).collect();
+        par_map(&all, |&[r, c]| {
+            let mesh = self.tile([cut(c), cut(c + 1)], [cut(r), cut(r + 1)]);
+            (format!("tile_{r}_{c}"), mesh.with_material(0))
+        })
+    }
+
+    fn tile(&self, across: [usize; 2], along: [usize; 2]) -> Mesh {
+        let (width, s) = (across[1] - across[0] + 1, self.stride);
+        let mut mesh = Mesh::default();
+        let last = (self.side - 1) as f32;
+        for j in (along[0]..=along[1]).map(|j| j * s) {
+            for i in (across[0]..=across[1]).map(|i| i * s) {
+                mesh.points.push(Vec3::new(self.place(i), self.height(i, j), self.place(j)));
+                mesh.normals.push(self.normal(i, j, s));
+                mesh.uvs.push(Vec2::new(i as f32 / last, 1.0 - j as f32 / last));
+            }
+        }
+        for j in along[0]..along[1] {
+            for i in across[0]..across[1] {
+                let first = (j - along[0]) * width + (i - across[0]);
+                let [a, b, c, d] =
+                    [first, first + 1, first + width, first + width + 1].map(|k| u32::try_from(k).unwrap_or(u32::MAX));
+                let [ha, hb, hc, hd] = self.corners(i * s, j * s);
+                let halves = if falling(ha, hb, hc, hd) { [[a, d, b], [a, c, d]] } else { [[a, c, b], [b, c, d]] };
+                mesh.triangles.extend(halves);
+            }
+        }
+        mesh
+    }
+}

@@ -1,0 +1,190 @@
+//! Land: heights by midpoint displacement, its mesh in tiles, its grass, earth and rock, and where plants stand on it.
+
+mod look;
+mod mesh;
+mod raise;
+pub mod scatter;
+#[cfg(test)]
+mod tests;
+
+use glam::Vec3;
+
+use osier_base::{Error, Result};
+
+pub use look::{LandColors, land_material};
+
+/// What land is made from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relief {
+    /// Doublings: 2^n + 1 heights along a side, 1..=13.
+    pub n: u32,
+    /// Length of a side, m, 1..1e6.
+    pub size: f64,
+    /// Farthest that the first displacement moves a height, m, 0..1e5.
+    pub amplitude: f64,
+    /// Fall of displacements per doubling, 0..=1: 0 is roughest.
+    pub exponent: f64,
+    /// Heights of the corners (-x -z, +x -z, -x +z, +x +z), m; drawn without.
+    pub corners: Option<[f64; 4]>,
+    /// Opposite edges are equal.
+    pub tileable: bool,
+    /// Both half steps displace alike, as the paper has it.
+    pub paper: bool,
+    /// Nothing is lower, m.
+    pub floor: Option<f64>,
+    /// Binomial passes over the finished heights, 0..=8.
+    pub smooth: u32,
+    /// Cells of the shown mesh are so many cells of the heights long: a power of two, up to 2^n.
+    pub stride: u32,
+    /// Seed.
+    pub seed: u64,
+}
+
+impl Default for Relief {
+    fn default() -> Self {
+        Self {
+            n: 9,
+            size: 200.0,
+            amplitude: 25.0,
+            exponent: 0.8,
+            corners: None,
+            tileable: false,
+            paper: false,
+            floor: None,
+            smooth: 0,
+            stride: 1,
+            seed: 1,
+        }
+    }
+}
+
+impl Relief {
+    /// Refuses what is outside its range.
+    /// # Errors
+    /// `Range`.
+    pub fn check(&self) -> Result<()> {
+        let rows = [
+            ("n", f64::from(self.n), 1.0, 13.0, ""),
+            ("size", self.size, 1.0, 1e6, "m"),
+            ("amplitude", self.amplitude, 0.0, 1e5, "m"),
+            ("exponent", self.exponent, 0.0, 1.0, ""),
+            ("smooth", f64::from(self.smooth), 0.0, 8.0, "passes"),
+            ("stride", f64::from(self.stride), 1.0, f64::from(1_u32 << self.n.min(13)), "cells"),
+        ];
+        for (name, value, min, max, unit) in rows {
+            if !(min..=max).contains(&value) {
+                return Err(Error::Range { name: format!("terrain: {name}"), value, min, max, unit });
+            }
+        }
+        let corner = self.corners.iter().flatten().chain(&self.floor).find(|v| !(-1e6..=1e6).contains(*v));
+        if let Some(&value) = corner {
+            return Err(Error::Range { name: "terrain: height".into(), value, min: -1e6, max: 1e6, unit: "m" });
+        }
+        if !self.stride.is_power_of_two() {
+            let name = "terrain: stride, a power of two,".to_owned();
+            return Err(Error::Range { name, value: self.stride.into(), min: 1.0, max: 8192.0, unit: "cells" });
+        }
+        Ok(())
+    }
+}
+
+/// Land around the origin: x and z in [-size / 2, size / 2].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Land {
+    /// Heights along a side, 2^n + 1.
+    pub side: usize,
+    /// Length of a side, m.
+    pub size: f32,
+    /// Cells of the shown mesh are so many cells long.
+    pub stride: usize,
+    /// Opposite edges are equal.
+    pub tileable: bool,
+    /// Heights, m: rows from -z to +z, in each from -x to +x.
+    pub heights: Vec<f32>,
+}
+
+impl Land {
+    /// Height number `i` from -x in row `j` from -z, m; the border's beyond it.
+    pub fn height(&self, i: usize, j: usize) -> f32 {
+        let last = self.side - 1;
+        self.heights.get(j.min(last) * self.side + i.min(last)).copied().unwrap_or(0.0)
+    }
+
+    /// Length of a cell of the heights, m.
+    pub fn cell(&self) -> f32 {
+        self.size / (self.side - 1) as f32
+    }
+
+    /// Place of a height along x or z, m.
+    fn place(&self, i: usize) -> f32 {
+        self.size * (i as f32 / (self.side - 1) as f32 - 0.5)
+    }
+
+    /// Lowest and highest, m.
+    pub fn range(&self) -> [f32; 2] {
+        self.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)])
+    }
+
+    /// Height of the shown mesh at (x, z), m; beyond the land its border's.
+    pub fn height_at(&self, x: f32, z: f32) -> f32 {
+        self.spot(x, z).0
+    }
+
+    /// Slope of the shown mesh at (x, z) as the unit normal of the triangle there.
+    pub fn normal_at(&self, x: f32, z: f32) -> Vec3 {
+        let [dx, dz] = self.spot(x, z).1;
+        Vec3::new(-dx, 1.0, -dz).normalize()
+    }
+
+    /// Height and its change along x and z on the triangle under (x, z).
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells of the land")]
+    fn spot(&self, x: f32, z: f32) -> (f32, [f32; 2]) {
+        let cells = (self.side - 1) / self.stride;
+        let across = |v: f32| {
+            let u = ((v / self.size + 0.5) * cells as f32).clamp(0.0, cells as f32);
+            let i = (u as usize).min(cells - 1);
+            (i * self.stride, u - i as f32)
+        };
+        let ((i, f), (j, g)) = (across(x), across(z));
+        let [a, b, c, d] = self.corners(i, j);
+        let (dx, dz, h) = if falling(a, b, c, d) {
+            // Split from -x -z to +x +z.
+            if f >= g { (b - a, d - b, a) } else { (d - c, c - a, a) }
+        } else if f + g <= 1.0 {
+            (b - a, c - a, a)
+        } else {
+            (d - c, d - b, c + b - d)
+        };
+        let rate = 1.0 / (self.cell() * self.stride as f32);
+        (h + f * dx + g * dz, [dx * rate, dz * rate])
+    }
+
+    /// Heights of a shown cell: at (i, j), one stride along x, one along z, along both.
+    fn corners(&self, i: usize, j: usize) -> [f32; 4] {
+        let s = self.stride;
+        [self.height(i, j), self.height(i + s, j), self.height(i, j + s), self.height(i + s, j + s)]
+    }
+
+    /// Unit normal at a height, by central differences over `step` heights; wrapped at the border of tileable land,
+    /// one-sided at any other.
+    fn normal(&self, i: usize, j: usize, step: usize) -> Vec3 {
+        let last = self.side - 1;
+        let around = |k: usize| match (k < step, k + step > last) {
+            (true, _) if self.tileable => ((last + k - step), k + step, 2),
+            (_, true) if self.tileable => (k - step, k + step - last, 2),
+            (true, _) => (k, k + step, 1),
+            (_, true) => (k - step, k, 1),
+            _ => (k - step, k + step, 2),
+        };
+        let ((w, e, across), (n, s, along)) = (around(i), around(j));
+        let rate = |n: u8| 1.0 / (f32::from(n) * step as f32 * self.cell());
+        let dx = (self.height(e, j) - self.height(w, j)) * rate(across);
+        let dz = (self.height(i, s) - self.height(i, n)) * rate(along);
+        Vec3::new(-dx, 1.0, -dz).normalize()
+    }
+}
+
+/// True if a cell is split from (-x, -z) to (+x, +z): along the diagonal of the smaller height difference.
+fn falling(a: f32, b: f32, c: f32, d: f32) -> bool {
+    (a - d).abs() < (b - c).abs()
+}

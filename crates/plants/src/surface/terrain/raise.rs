@@ -1,0 +1,133 @@
+//! Heights by the diamond-square scheme.
+
+use super::{Land, Relief};
+use osier_base::Result;
+use osier_base::math::{narrow, pow};
+use osier_base::par::par_map;
+use osier_base::rng::{Key, Rng, child};
+
+impl Land {
+    /// Raises land.
+    /// Corners are A u. Level l = 0, 1 .. n - 1 has squares of 2^(n - l) cells and displaces by a_l u, a_l = A 2^(-H l):
+    /// first each square's middle, from the mean of its corners (diamond), then each edge's middle, from the mean of
+    /// the four heights half a square away (square), by a_l 2^(-H / 2) u. u is uniform in [-1, 1] and drawn at the
+    /// address ("terrain", l, half, row, column) on that level's lattice: any order gives the same bytes, and a larger
+    /// n keeps every height it shares with a smaller one. |h| <= A + sum a_l (1 + 2^(-H / 2)) before `smooth`.
+    /// # Errors
+    /// `Range` for a value outside its range.
+    /// Source: [zhao-zhang] 4.
+    /// Differs: the paper displaces by "similar" amounts in both half steps; that is `paper`. At an open border the
+    /// mean is of three heights, at a tileable one of four, wrapped.
+    pub fn raise(relief: &Relief) -> Result<Self> {
+        relief.check()?;
+        let side = (1_usize << relief.n) + 1;
+        let mut land = Self {
+            side,
+            size: narrow(relief.size),
+            stride: relief.stride as usize,
+            tileable: relief.tileable,
+            heights: vec![0.0; side * side],
+        };
+        let key = Rng::key(relief.seed, &["terrain".into()]);
+        land.set_corners(relief, key);
+        for level in 0..relief.n {
+            let by = relief.amplitude * pow(2.0, -relief.exponent * f64::from(level));
+            let half = if relief.paper { 1.0 } else { pow(2.0, -relief.exponent * 0.5) };
+            let key = child(key, u64::from(level));
+            land.diamond(level, by, child(key, Key::from("diamond").0));
+            land.square(level, by * half, child(key, Key::from("square").0));
+        }
+        for _ in 0..relief.smooth {
+            land.soften();
+        }
+        if let Some(floor) = relief.floor.map(narrow) {
+            land.heights.iter_mut().for_each(|h| *h = h.max(floor));
+        }
+        Ok(land)
+    }
+
+    fn set_corners(&mut self, relief: &Relief, key: u64) {
+        let last = self.side - 1;
+        let key = child(key, Key::from("corner").0);
+        for (c, (i, j)) in [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().enumerate() {
+            let drawn = if self.tileable { (0, 0) } else { (j, i) };
+            let given = relief.corners.and_then(|g| g.get(if self.tileable { 0 } else { c }).copied());
+            let h = given.unwrap_or_else(|| relief.amplitude * uniform(child(child(key, drawn.0), drawn.1)));
+            let at = usize::from(j == 1) * last * self.side + usize::from(i == 1) * last;
+            self.heights[at] = narrow(h);
+        }
+    }
+
+    /// Middles of squares.
+    fn diamond(&mut self, level: u32, by: f64, key: u64) {
+        let squares = 1_usize << level;
+        let step = (self.side - 1) >> level;
+        let rows: Vec<usize> = (0..squares).collect();
+        let done = par_map(&rows, |&j| {
+            let key = child(key, j as u64);
+            let (low, high) = (self.row(j * step), self.row((j + 1) * step));
+            let one = |i: usize| {
+                let (w, e) = (i * step, (i + 1) * step);
+                let sum = f64::from(low[w]) + f64::from(low[e]) + f64::from(high[w]) + f64::from(high[e]);
+                narrow(0.25 * sum + by * uniform(child(key, i as u64)))
+            };
+            (0..squares).map(one).collect::<Vec<f32>>()
+        });
+        for (j, row) in done.iter().enumerate() {
+            let at = (j * step + step / 2) * self.side + step / 2;
+            row.iter().zip(self.heights[at..].iter_mut().step_by(step)).for_each(|(from, to)| *to = *from);
+        }
+    }
+
+    /// Middles of edges.
+    fn square(&mut self, level: u32, by: f64, key: u64) {
+        let m = 2_usize << level;
+        let k = (self.side - 1) / m;
+        let rows: Vec<usize> = (0..=m).collect();
+        let done = par_map(&rows, |&j| {
+            let key = child(key, if self.tileable { j % m } else { j } as u64);
+            // Rows and columns half a square away; `None` beyond an open border.
+            let before = |v: usize| if v > 0 { Some(v - 1) } else { self.tileable.then_some(m - 1) };
+            let after = |v: usize| if v < m { Some(v + 1) } else { self.tileable.then_some(1) };
+            let row = |j: usize| self.row(j * k);
+            let (north, here, south) = (before(j).map(row), row(j), after(j).map(row));
+            let one = |i: usize| {
+                let (west, east) = (before(i).map(|i| here[i * k]), after(i).map(|i| here[i * k]));
+                let around = [north.map(|r| r[i * k]), south.map(|r| r[i * k]), west, east];
+                let sum = around.iter().flatten().fold(0.0, |s, h| s + f64::from(*h));
+                let count = if around.iter().all(Option::is_some) { 4.0 } else { 3.0 };
+                let column = if self.tileable { i % m } else { i };
+                narrow(sum / count + by * uniform(child(key, column as u64)))
+            };
+            ((j + 1) % 2..=m).step_by(2).map(one).collect::<Vec<f32>>()
+        });
+        for (j, row) in done.iter().enumerate() {
+            let at = j * k * self.side + ((j + 1) % 2) * k;
+            row.iter().zip(self.heights[at..].iter_mut().step_by(2 * k)).for_each(|(from, to)| *to = *from);
+        }
+    }
+
+    fn row(&self, j: usize) -> &[f32] {
+        &self.heights[j * self.side..(j + 1) * self.side]
+    }
+
+    /// One binomial pass, 1 2 1 both ways; at an open border the missing height is the border's own.
+    pub(super) fn soften(&mut self) {
+        let last = self.side - 1;
+        let before = |v: usize| if v > 0 { v - 1 } else { [0, last - 1][usize::from(self.tileable)] };
+        let after = |v: usize| if v < last { v + 1 } else { [last, 1][usize::from(self.tileable)] };
+        let rows: Vec<usize> = (0..self.side).collect();
+        let done = par_map(&rows, |&j| {
+            let (a, b, c) = (self.row(before(j)), self.row(j), self.row(after(j)));
+            let column = |i: usize| f64::from(a[i]) + 2.0 * f64::from(b[i]) + f64::from(c[i]);
+            let one = |i: usize| narrow((column(before(i)) + 2.0 * column(i) + column(after(i))) / 16.0);
+            (0..self.side).map(one).collect::<Vec<f32>>()
+        });
+        self.heights = done.concat();
+    }
+}
+
+/// Uniform in [-1, 1).
+fn uniform(key: u64) -> f64 {
+    2.0 * Rng::from_key(key).unit_f64() - 1.0
+}

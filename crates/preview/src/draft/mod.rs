@@ -1,0 +1,165 @@
+//! Drafts: everything is projected onto the pixels, then onto the light; no ray is cast and nothing sorted into boxes.
+//!
+//! One look a pixel: [`eye`] finds what it shows, [`sunlit`] whether the sun reaches it, [`openness`] how much of the sky
+//! does; colours and tones are made as for rays.
+
+mod eye;
+mod openness;
+mod project;
+mod sunlit;
+mod tasks;
+
+use glam::Vec3;
+
+use self::eye::{Band, Eye};
+use self::openness::Openness;
+use self::tasks::Tasks;
+use super::film::{Shot, TILE, finish};
+use super::lens::Lens;
+use super::light::{Care, Draw, Known};
+use super::picture::Picture;
+use super::sampler::Sampler;
+use super::tone::film;
+use super::world::{Hit, World};
+use osier_base::Result;
+use osier_base::par::{join, par_map};
+use osier_base::progress::{Cancel, Progress};
+
+/// Pixels that are held at a time.
+const HELD: u32 = 1 << 22;
+
+/// Takes a draft. The world has no more primitives than 32 bits count.
+/// # Errors
+/// `Cancelled`.
+pub(super) fn expose(
+    world: &World<'_>,
+    shot: &Shot,
+    lens: &Lens,
+    cancel: &Cancel,
+    progress: &dyn Progress,
+) -> Result<Picture> {
+    let [width, height] = shot.size;
+    let draft = Draft::new(world, shot, lens);
+    let rows = (HELD / width.max(1) / TILE).max(1) * TILE;
+    let bands: Vec<Band> =
+        (0..height).step_by(rows as usize).map(|top| Band { top, size: [width, rows.min(height - top)] }).collect();
+    let mut picture = Picture::new(width, height);
+    let mut openness = None;
+    for band in bands {
+        let seen = match openness {
+            Some(_) => draft.seen_in(band, cancel)?,
+            None => {
+                let (seen, open) = join(|| draft.seen_in(band, cancel), || Openness::new(world));
+                openness = Some(open);
+                seen?
+            }
+        };
+        let Some(openness) = &openness else { continue };
+        picture.put_block([0, band.top], width, &draft.developed(band, &seen, openness));
+        progress.advance(super::film::tiles(band.size));
+    }
+    Ok(picture)
+}
+
+/// A draft at work.
+struct Draft<'d, 'w> {
+    world: &'d World<'w>,
+    shot: &'d Shot,
+    lens: &'d Lens,
+    /// Height of the floor.
+    floor: Option<f32>,
+    tasks: Tasks,
+}
+
+/// What some rows show.
+struct Rows {
+    seen: Vec<Vec<Seen>>,
+    places: Vec<Vec<Vec3>>,
+    /// True where the sun is seen.
+    lit: Vec<bool>,
+}
+
+/// What a pixel shows.
+#[derive(Clone, Copy)]
+enum Seen {
+    Thing(Hit),
+    Floor,
+    Nothing,
+}
+
+impl<'d, 'w> Draft<'d, 'w> {
+    fn new(world: &'d World<'w>, shot: &'d Shot, lens: &'d Lens) -> Self {
+        Self { world, shot, lens, floor: shot.backdrop.floor(world), tasks: Tasks::new(world) }
+    }
+
+    /// What some rows show, and whether the sun reaches it.
+    fn seen_in(&self, band: Band, cancel: &Cancel) -> Result<Rows> {
+        cancel.check()?;
+        let eye = Eye::new(self.world, self.lens, band, &self.tasks);
+        cancel.check()?;
+        let width = band.size[0] as usize;
+        let rows: Vec<usize> = (0..band.size[1] as usize).collect();
+        let row = |y: &usize| (y * width..(y + 1) * width).map(|i| self.seen(&eye, band, i)).unzip();
+        let (seen, places): (Vec<Vec<Seen>>, Vec<Vec<Vec3>>) = par_map(&rows, row).into_iter().unzip();
+        let lit = sunlit::sunlit(self.world, self.shot.light.direction(), &places, &self.tasks);
+        cancel.check()?;
+        Ok(Rows { seen, places, lit })
+    }
+
+    /// Finished pixels of some rows.
+    fn developed(&self, band: Band, rows: &Rows, openness: &Openness) -> Vec<[u8; 4]> {
+        let width = band.size[0] as usize;
+        let shaded = |y: &usize| -> Vec<[u8; 4]> {
+            let things = rows.seen[*y].iter().zip(&rows.places[*y]).zip(y * width..);
+            let one = |((seen, p), i): ((&Seen, &Vec3), usize)| {
+                self.shaded(band.place(i), (seen, *p), Known { sun: rows.lit[i], sky: openness.at(*p) })
+            };
+            things.map(one).collect()
+        };
+        let numbers: Vec<usize> = (0..band.size[1] as usize).collect();
+        par_map(&numbers, shaded).concat()
+    }
+
+    /// What pixel `i` of a band shows, and from where it looks for light.
+    fn seen(&self, eye: &Eye<'_>, band: Band, i: usize) -> (Seen, Vec3) {
+        let (d, sheet) = self.lens.aim(self.floor, band.place(i), [0.5, 0.5]);
+        let o = self.lens.eye;
+        let far = sheet.unwrap_or(f32::INFINITY);
+        // What goes on below the paper is hidden by it.
+        match (eye.hit(self.world, i, (o, d), &self.tasks.starts), sheet) {
+            (Some(hit), _) if hit.spot.t <= far => {
+                let n = self.world.facing(&hit, o + d * hit.spot.t);
+                let side = if n.dot(self.shot.light.direction()) > 0.0 { self.world.gap } else { -self.world.gap };
+                (Seen::Thing(hit), o + d * hit.spot.t + n * side)
+            }
+            (_, Some(t)) => (Seen::Floor, o + d * t + Vec3::Y * self.world.gap),
+            _ => (Seen::Nothing, Vec3::NAN),
+        }
+    }
+
+    fn shaded(&self, place: [u32; 2], (seen, p): (&Seen, Vec3), known: Known) -> [u8; 4] {
+        let sampler = Sampler::new(0, self.shot.seed);
+        let draw = Draw {
+            sampler: &sampler,
+            index: 0,
+            spread: self.lens.spread,
+            care: Care::Sun,
+            around: true,
+            known: Some(known),
+        };
+        let (d, _) = self.lens.aim(None, place, [0.5, 0.5]);
+        let light = &self.shot.light;
+        let developed = match seen {
+            Seen::Thing(hit) => match self.world.sent(light, (self.lens.eye, d), hit, &draw) {
+                Some(sent) => (film(sent.whole()), 1.0, 1.0),
+                None => (Vec3::ZERO, 0.0, 1.0),
+            },
+            Seen::Floor => (Vec3::ZERO, 0.0, self.world.floor_light(light, p, &draw)),
+            Seen::Nothing => (Vec3::ZERO, 0.0, 1.0),
+        };
+        finish(self.shot, self.lens, place, developed)
+    }
+}
+
+#[cfg(test)]
+mod tests;

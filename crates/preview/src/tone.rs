@@ -1,0 +1,54 @@
+//! From light to a picture: a film curve that keeps highlights from burning out.
+
+use glam::Vec3;
+
+use osier_base::units::{byte, srgb_byte};
+
+/// Factor on all light: a meadow in full sun lies a little above the middle.
+const EXPOSURE: f32 = 1.25;
+
+/// A linear colour as it is shown, linear in 0..1.
+/// Own: a toe that deepens shade and a shoulder towards white, f(x) = x (1.2 x + 0.05) / (x (1.15 x + 0.62) + 0.14) with the
+/// colour's brightness as x; what rises beyond 1 is spilt towards white, so bright leaves pale instead of turning
+/// yellow.
+pub(super) fn film(color: Vec3) -> Vec3 {
+    let c = color.max(Vec3::ZERO) * EXPOSURE;
+    let x = c.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(1e-6);
+    let shown = curve(x);
+    let kept = c * (shown / x);
+    let over = (kept.max_element() - 1.0).max(0.0);
+    let pale = over / (over + 0.6);
+    kept.lerp(Vec3::splat(shown), pale).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+fn curve(x: f32) -> f32 {
+    (x * (1.2 * x + 0.05) / (x * (1.15 * x + 0.62) + 0.14)).min(1.0)
+}
+
+/// Shown colour and coverage as sRGB bytes with straight alpha.
+pub(super) fn encode(color: Vec3, alpha: f32) -> [u8; 4] {
+    let [r, g, b] = color.to_array().map(srgb_byte);
+    [r, g, b, byte(alpha)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_rises_from_black_to_white() {
+        let values: Vec<f32> = (0..=600).map(|i| curve(i as f32 * 0.01)).collect();
+        assert!(values.windows(2).all(|w| w[0] <= w[1]));
+        assert!(values[0] < 1e-6 && values[600] > 0.95);
+    }
+
+    #[test]
+    fn greys_stay_grey_and_hues_stay_where_there_is_room() {
+        for x in [0.01, 0.18, 1.0, 5.0] {
+            let c = film(Vec3::splat(x));
+            assert!((c.x - c.z).abs() < 1e-6);
+        }
+        let green = film(Vec3::new(0.05, 0.2, 0.02));
+        assert!((green.y / green.x - 4.0).abs() < 1e-3);
+    }
+}

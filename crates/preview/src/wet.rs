@@ -1,0 +1,105 @@
+//! Water on sheets: where it lies a surface is darker, smoother, and has the water's shape.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use super::looks::Finish;
+use osier_base::math::{lerp, normalize_or};
+use osier_scene::{Frame, Scene, WET_ALBEDO, WetMaps};
+
+/// Roughness of a film of water.
+const SMOOTH: f32 = 0.08;
+
+/// The maps of one sheet at the moment.
+#[derive(Debug)]
+pub(super) struct Sheet {
+    maps: Arc<WetMaps>,
+    side: usize,
+}
+
+impl Sheet {
+    /// Of each material, the sheet that it wears.
+    pub(super) fn of_materials(scene: &Scene, frame: Option<&Frame>) -> Vec<Option<Self>> {
+        let now = scene.wet_now(frame);
+        let sheet = |wet: Option<u32>| {
+            let i = wet? as usize;
+            let (maps, side) = (Arc::clone(now.get(i)?.as_ref()?), scene.wet.get(i)?.side);
+            let whole = maps.wetness.len() == side * side && maps.normal.len() == side * side;
+            (side > 0 && whole).then_some(Self { maps, side })
+        };
+        scene.materials.iter().map(|m| sheet(m.wet)).collect()
+    }
+
+    /// Makes a surface as wet as it is at a place. `footprint`: width of the sample in texture coordinates.
+    pub(super) fn wet(&self, finish: &mut Finish, uv: Vec2, footprint: f32) {
+        let w = self.mean(uv, footprint, |i| Vec3::splat(self.maps.wetness[i])).x.clamp(0.0, 1.0);
+        finish.albedo *= lerp(1.0, WET_ALBEDO, w);
+        finish.roughness = lerp(finish.roughness, finish.roughness.min(SMOOTH), w);
+    }
+
+    /// The normal in tangent space, of relief and water.
+    pub(super) fn relief(&self, uv: Vec2, footprint: f32) -> Vec3 {
+        normalize_or(self.mean(uv, footprint, |i| Vec3::from_array(self.maps.normal[i])), Vec3::Z)
+    }
+
+    /// The mean of a map over a sample: between texels at one place where it is finer than they are, at four across it else.
+    fn mean(&self, uv: Vec2, footprint: f32, map: impl Fn(usize) -> Vec3) -> Vec3 {
+        #[allow(clippy::cast_precision_loss, reason = "maps are at most 8192 texels wide")]
+        if footprint * (self.side as f32) < 1.0 {
+            return self.between(uv, &map);
+        }
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)];
+        let each = corners.map(|(x, y)| self.between(uv + Vec2::new(x, y) * (footprint * 0.25), &map));
+        each.iter().sum::<Vec3>() * 0.25
+    }
+
+    /// Between the middles of four texels; row 0 is the top, and beyond its edge the map goes on as at it.
+    #[allow(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "texels of a map"
+    )]
+    fn between(&self, uv: Vec2, map: &impl Fn(usize) -> Vec3) -> Vec3 {
+        let most = (self.side - 1) as f32;
+        let at = (Vec2::new(uv.x, 1.0 - uv.y) * self.side as f32 - 0.5).clamp(Vec2::ZERO, Vec2::splat(most));
+        let (x, y) = (at.x as usize, at.y as usize);
+        let share = at - Vec2::new(x as f32, y as f32);
+        let texel = |dx: usize, dy: usize| map((y + dy).min(self.side - 1) * self.side + (x + dx).min(self.side - 1));
+        let row = |dy: usize| texel(0, dy).lerp(texel(1, dy), share.x);
+        row(0).lerp(row(1), share.y)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sheet() -> Sheet {
+        let normal = vec![[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]];
+        let maps = WetMaps { wetness: vec![0.0, 1.0, 0.5, 0.0], normal, ..WetMaps::default() };
+        Sheet { maps: Arc::new(maps), side: 2 }
+    }
+
+    #[test]
+    fn the_upper_right_texel_is_where_v_is_large() {
+        let sheet = sheet();
+        let at = |u: f32, v: f32| sheet.mean(Vec2::new(u, v), 0.0, |i| Vec3::splat(sheet.maps.wetness[i])).x;
+        let found = [at(0.75, 0.75), at(1.0, 1.0), at(0.25, 0.25), at(0.25, 0.75)];
+        assert!(found.iter().zip([1.0, 1.0, 0.5, 0.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?}");
+        assert!((at(0.5, 0.5) - 0.375).abs() < 1e-6);
+        assert!((sheet.relief(Vec2::new(0.75, 0.75), 0.0) - Vec3::new(0.6, 0.0, 0.8)).length() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_wet_is_darker_and_smoother() {
+        let dry = Finish { albedo: Vec3::splat(0.5), roughness: 0.6, f0: 0.04, translucency: 0.3, water: false };
+        let mut wet = dry;
+        sheet().wet(&mut wet, Vec2::new(0.75, 0.75), 0.0);
+        assert!((wet.albedo.x - 0.5 * WET_ALBEDO).abs() < 1e-6 && (wet.roughness - 0.08).abs() < 1e-6);
+        let mut still = dry;
+        sheet().wet(&mut still, Vec2::new(0.25, 0.75), 0.0);
+        assert!((still.albedo.x - 0.5).abs() < 1e-6 && (still.roughness - 0.6).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,137 @@
+//! What changes.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::{Drops, InstanceState, Mesh, Placement, Trs, WetMaps};
+
+/// One frame of the whole scene; `assets` runs parallel to [`crate::Scene::assets`].
+#[derive(Debug, Clone, Default)]
+pub struct Frame {
+    /// Frame number.
+    pub number: u32,
+    /// One per asset.
+    pub assets: Vec<AssetFrame>,
+    /// One per table of the scene, one number per column.
+    pub rows: Vec<Vec<f64>>,
+    /// One per field of the scene, rows from the top.
+    pub fields: Vec<Vec<f32>>,
+    /// Velocities of the air, m/s, one list per grid of the scene and empty where it is not due; empty without any.
+    pub air: Vec<Vec<Vec3>>,
+    /// One per wet sheet of the scene, or empty.
+    pub wet: Vec<Arc<WetMaps>>,
+    /// Raindrops, where it rains.
+    pub drops: Option<Drops>,
+    /// Assets at other times of the clip, by asset and phase, where somebody asked for them.
+    pub shifted: BTreeMap<(usize, u32), AssetFrame>,
+}
+
+impl Frame {
+    /// What a placement shows: its asset at the placement's phase, or without if nobody asked for that.
+    pub fn shown(&self, placement: &Placement) -> Option<&AssetFrame> {
+        let shifted = self.shifted.get(&(placement.asset, placement.phase)).filter(|_| placement.phase > 0);
+        shifted.or_else(|| self.assets.get(placement.asset))
+    }
+}
+
+/// One frame of one asset. Lists run parallel to the asset's; an empty list means that nothing in it changes.
+#[derive(Debug, Clone, Default)]
+pub struct AssetFrame {
+    /// Parent from joint, one per joint, or empty at rest.
+    pub pose: Vec<Trs>,
+    /// Meshes.
+    pub meshes: Vec<MeshFrame>,
+    /// Instancers.
+    pub instancers: Vec<InstancerFrame>,
+    /// Point clouds.
+    pub points: Vec<PointsFrame>,
+    /// Curves.
+    pub curves: Vec<CurvesFrame>,
+}
+
+/// One mesh at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum MeshFrame {
+    /// As at rest, or as its skin says.
+    #[default]
+    Same,
+    /// New points of the same topology ([`super::MeshMotion::Deforming`]).
+    Points {
+        /// One per point, m.
+        points: Vec<Vec3>,
+        /// Unit normals, one per point.
+        normals: Vec<Vec3>,
+        /// m/s, one per point, or empty.
+        velocities: Vec<Vec3>,
+    },
+    /// A whole mesh ([`super::MeshMotion::Varying`]); may be empty.
+    Whole {
+        /// The mesh.
+        mesh: Mesh,
+        /// m/s, one per point, or empty.
+        velocities: Vec<Vec3>,
+    },
+}
+
+/// One instancer at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum InstancerFrame {
+    /// As at rest, or as its joints say.
+    #[default]
+    Same,
+    /// New state.
+    State(InstanceState),
+}
+
+/// One point cloud at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum PointsFrame {
+    /// As at rest.
+    #[default]
+    Same,
+    /// New positions and widths.
+    State {
+        /// m, one per point.
+        positions: Vec<Vec3>,
+        /// Diameters, m; 0 hides.
+        widths: Vec<f32>,
+        /// m/s, one per point, or empty.
+        velocities: Vec<Vec3>,
+        /// Linear RGB, one per point, or empty: as at rest.
+        colors: Vec<[f32; 3]>,
+    },
+}
+
+/// Curves at one frame.
+#[derive(Debug, Clone, Default)]
+pub enum CurvesFrame {
+    /// As at rest.
+    #[default]
+    Same,
+    /// New points, m, one per point.
+    Points(Vec<Vec3>),
+}
+
+impl AssetFrame {
+    /// Mesh `i`; `Same` when the list is shorter.
+    pub fn mesh(&self, i: usize) -> &MeshFrame {
+        self.meshes.get(i).unwrap_or(&MeshFrame::Same)
+    }
+
+    /// Instancer `i`; `Same` when the list is shorter.
+    pub fn instancer(&self, i: usize) -> &InstancerFrame {
+        self.instancers.get(i).unwrap_or(&InstancerFrame::Same)
+    }
+
+    /// Point cloud `i`; `Same` when the list is shorter.
+    pub fn points(&self, i: usize) -> &PointsFrame {
+        self.points.get(i).unwrap_or(&PointsFrame::Same)
+    }
+
+    /// Curves `i`; `Same` when the list is shorter.
+    pub fn curves(&self, i: usize) -> &CurvesFrame {
+        self.curves.get(i).unwrap_or(&CurvesFrame::Same)
+    }
+}

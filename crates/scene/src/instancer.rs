@@ -1,0 +1,122 @@
+//! Repeated things.
+
+use glam::{Quat, Vec3};
+
+use super::{Curves, Mesh};
+use crate::Trs;
+use osier_base::geometry::Bounds;
+
+/// What instances show, in its own space.
+#[derive(Debug, Clone)]
+pub struct Prototype {
+    /// `[a-z0-9_]+`, unique in the instancer.
+    pub name: String,
+    /// Pivot at the origin.
+    pub mesh: Mesh,
+    /// The same with curves, for programs that have them.
+    pub fine: Option<Fine>,
+    /// Its level of detail, `[a-z0-9]+`; empty where there is only one.
+    pub level: String,
+    /// The same at other levels, for formats that let their readers choose.
+    pub others: Vec<Self>,
+}
+
+/// A prototype drawn with curves.
+#[derive(Debug, Clone)]
+pub struct Fine {
+    /// What is not curves.
+    pub mesh: Mesh,
+    /// Hairs; they do not move within the prototype.
+    pub curves: Curves,
+}
+
+impl Prototype {
+    /// A prototype that is a mesh and nothing else.
+    pub fn new(name: impl Into<String>, mesh: Mesh) -> Self {
+        Self { name: name.into(), mesh, fine: None, level: String::new(), others: Vec::new() }
+    }
+
+    /// Box of what is shown, whichever way.
+    pub fn bounds(&self) -> Bounds {
+        let fine = self.fine.as_ref().map(|f| f.mesh.bounds().union(f.curves.bounds()));
+        fine.unwrap_or_default().union(self.mesh.bounds())
+    }
+}
+
+/// How the instances move.
+#[derive(Debug, Clone, PartialEq)]
+pub enum InstancerMotion {
+    /// Not at all.
+    Still,
+    /// Each instance rides rigidly on one joint of the asset's skeleton (one index per instance). Frames may carry
+    /// finer states, which formats with instancers prefer.
+    Joints(Vec<u16>),
+    /// Frames carry states; instances may be born and die.
+    Free,
+}
+
+/// Positions and rotations of all instances at one time; arrays of equal length N.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct InstanceState {
+    /// Pivots in asset space, m.
+    pub positions: Vec<Vec3>,
+    /// Unit quaternions.
+    pub orientations: Vec<Quat>,
+    /// Alive or not; empty means all are.
+    pub alive: Vec<bool>,
+    /// m/s, or empty.
+    pub velocities: Vec<Vec3>,
+    /// Axis times rad/s, or empty.
+    pub angular_velocities: Vec<Vec3>,
+    /// For each of [`Instancer::marks`] a number per instance, or empty.
+    pub marks: Vec<Vec<i32>>,
+    /// How wet each is on the whole, 0 to 1; empty where it does not rain.
+    pub wetness: Vec<f32>,
+}
+
+impl InstanceState {
+    /// True if instance `i` is alive.
+    pub fn is_alive(&self, i: usize) -> bool {
+        self.alive.get(i).copied().unwrap_or(true)
+    }
+}
+
+/// N instances of some prototypes. N counts every instance that is ever alive; a slot never changes owner.
+#[derive(Debug, Clone)]
+pub struct Instancer {
+    /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
+    pub name: String,
+    /// What can be shown.
+    pub prototypes: Vec<Prototype>,
+    /// Stable id of each instance (written as 0..N-1 where a format wants small numbers).
+    pub ids: Vec<u64>,
+    /// Index into `prototypes` per instance.
+    pub protos: Vec<u32>,
+    /// Constant scale per instance.
+    pub scales: Vec<Vec3>,
+    /// State at rest.
+    pub rest: InstanceState,
+    /// How they move.
+    pub motion: InstancerMotion,
+    /// Ask for a twin as plain points with orientation and scale (catkins, drops: things tracked one by one).
+    pub tracked: bool,
+    /// Names of numbers that tracked instances carry, `[a-z_]+`: what each is doing, with whom.
+    pub marks: Vec<&'static str>,
+}
+
+impl Instancer {
+    /// Number of instances.
+    pub fn len(&self) -> usize {
+        self.protos.len()
+    }
+
+    /// True without instances.
+    pub fn is_empty(&self) -> bool {
+        self.protos.is_empty()
+    }
+
+    /// Transform of instance `i` in a state.
+    pub fn transform(&self, state: &InstanceState, i: usize) -> Trs {
+        Trs { t: state.positions[i], r: state.orientations[i], s: self.scales[i] }
+    }
+}

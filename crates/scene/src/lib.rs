@@ -1,0 +1,228 @@
+//! What exists ([`Scene`]) and what changes ([`Frame`]).
+//!
+//! A scene knows no file format and does no I/O. Space: right-handed, +Y up, metres, seconds, radians; UV origin lower
+//! left; front faces counter-clockwise; map row 0 is the top (v = 1). Frame f is shown at t = (f - start) / fps seconds.
+
+mod air;
+mod drops;
+mod evaluate;
+mod field;
+mod frame;
+mod instancer;
+mod look;
+mod material;
+mod measure;
+mod mesh;
+pub mod plant;
+mod points;
+mod skeleton;
+pub mod solid;
+mod stilled;
+mod strands;
+mod validate;
+mod wet;
+
+pub use air::AirGrid;
+pub use drops::{DropEvent, DropEventKind, DropNow, DropState, Drops, LeafNow};
+pub use evaluate::{
+    asset_bounds, instance_states, joint_motions, mesh_points, scene_bounds, skinned_normals, skinned_points,
+    world_from_joint,
+};
+pub use field::HeightField;
+pub use frame::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame};
+pub use instancer::{Fine, InstanceState, Instancer, InstancerMotion, Prototype};
+pub use look::{Camera, Fog, Sky, Sun};
+pub use material::{Image, ImageKind, Maps, Material, MaterialClass, MaterialId, Pixels, pixel_at};
+pub use measure::{Field, Table, Watch, largest};
+pub use mesh::{Mesh, MeshMotion, MeshObject, SkinWeights, Subset, WindPoint};
+pub use points::{Attribute, Curves, Points, PointsNow};
+pub use skeleton::{Joint, Skeleton, Trs};
+pub use stilled::stilled;
+pub use strands::{ribbons, tubes, turned_ribbons};
+pub use validate::{check_frame, check_scene};
+pub use wet::{WET_ALBEDO, Wet, WetMaps};
+
+/// Frames of a clip. A still scene has `start == end`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Clip {
+    /// First frame number, 0..=999999.
+    pub start: u32,
+    /// Last frame number, inclusive.
+    pub end: u32,
+    /// Frames per second as a fraction (numerator, denominator).
+    pub fps: (u32, u32),
+}
+
+impl Clip {
+    /// Number of frames.
+    pub fn len(&self) -> usize {
+        (self.end.saturating_sub(self.start) as usize).saturating_add(1)
+    }
+
+    /// A clip always holds at least one frame.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Frames per second.
+    pub fn fps(&self) -> f64 {
+        f64::from(self.fps.0) / f64::from(self.fps.1.max(1))
+    }
+
+    /// Time of a frame, s: t = (frame - start) / fps.
+    pub fn seconds(&self, frame: u32) -> f64 {
+        (f64::from(frame) - f64::from(self.start)) / self.fps()
+    }
+
+    /// Digits of frame numbers in file names: at least four, one number per bake.
+    pub fn digits(&self) -> usize {
+        self.end.to_string().len().max(4)
+    }
+
+    /// A frame number padded with zeros, as it appears in file names.
+    pub fn tag(&self, frame: u32) -> String {
+        format!("{frame:0width$}", width = self.digits())
+    }
+}
+
+impl Default for Clip {
+    fn default() -> Self {
+        Self { start: 1, end: 1, fps: (24, 1) }
+    }
+}
+
+/// What an asset is, for folder names, statistics and materials' defaults.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AssetKind {
+    /// Anything grown.
+    Plant,
+    /// The ground.
+    Terrain,
+    /// A point cloud.
+    Cloud,
+    /// Flying or lying things tracked one by one.
+    Tracks,
+    /// An artist's mesh.
+    Import,
+}
+
+impl AssetKind {
+    /// The word used in the manifest.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Plant => "plant",
+            Self::Terrain => "terrain",
+            Self::Cloud => "cloud",
+            Self::Tracks => "tracks",
+            Self::Import => "import",
+        }
+    }
+}
+
+impl Scene {
+    /// Linear colour of a material where colours at vertices are not shown: its own, times the mean of those of all meshes
+    /// that wear it, point by point.
+    pub fn flat_color(&self, id: MaterialId) -> [f32; 3] {
+        let Some(material) = self.materials.get(id as usize) else { return [1.0; 3] };
+        let prototypes = self.assets.iter().flat_map(|a| &a.instancers).flat_map(|i| &i.prototypes).map(|p| &p.mesh);
+        let meshes = self.assets.iter().flat_map(|a| &a.meshes).map(|m| &m.mesh).chain(prototypes);
+        let (mut sum, mut count) = ([0.0_f64; 3], 0_u64);
+        for mesh in meshes.filter(|m| !m.colors.is_empty()) {
+            let mut worn = vec![false; mesh.points.len()];
+            for s in mesh.subsets.iter().filter(|s| s.material == id) {
+                mesh.subset_triangles(s).iter().flatten().for_each(|i| worn[*i as usize] = true);
+            }
+            for (c, _) in mesh.colors.iter().zip(&worn).filter(|(_, worn)| **worn) {
+                (0..3).for_each(|k| sum[k] += f64::from(c[k]));
+                count += 1;
+            }
+        }
+        let mean = sum.map(|s| if count > 0 { s / count as f64 } else { 1.0 });
+        [0, 1, 2].map(|k| osier_base::math::narrow(f64::from(material.base_color[k]) * mean[k]))
+    }
+}
+
+/// One thing with its own files: a grown individual, the ground, a cloud. Everything in it is in the asset's own space.
+#[derive(Debug, Clone)]
+pub struct Asset {
+    /// File and prim name, `[a-z0-9_]+`, unique in the scene.
+    pub id: String,
+    /// What it is.
+    pub kind: AssetKind,
+    /// Name of the plant that it is an individual of, `[a-z0-9_]+`; empty for everything that has no copies. Formats
+    /// with instancers show all placements of a group by one instancer.
+    pub group: String,
+    /// Joints that skinned meshes and joint-bound instancers follow.
+    pub skeleton: Option<Skeleton>,
+    /// Meshes.
+    pub meshes: Vec<MeshObject>,
+    /// Repeated meshes.
+    pub instancers: Vec<Instancer>,
+    /// Point clouds.
+    pub points: Vec<Points>,
+    /// Curves.
+    pub curves: Vec<Curves>,
+}
+
+impl Asset {
+    /// True if a frame can change it.
+    pub fn moves(&self) -> bool {
+        self.meshes.iter().any(|m| m.motion != MeshMotion::Still)
+            || self.instancers.iter().any(|i| i.motion != InstancerMotion::Still)
+            || self.points.iter().any(|p| p.moving)
+            || self.curves.iter().any(|c| c.moving)
+    }
+}
+
+/// One showing of an asset in the scene.
+#[derive(Debug, Clone)]
+pub struct Placement {
+    /// Node and prim name, `[a-z0-9_]+`, unique in the scene.
+    pub name: String,
+    /// Index into [`Scene::assets`].
+    pub asset: usize,
+    /// World from asset space. Scale is uniform.
+    pub transform: Trs,
+    /// It shows what the asset does so many frames later, the clip repeated: copies that share one motion do not move as
+    /// one. Below the number of frames.
+    pub phase: u32,
+}
+
+/// Everything that exists, resolved, in SI units.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// File name, `[a-z0-9_]+`.
+    pub name: String,
+    /// Title as the artist wrote it.
+    pub title: String,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Hash of the resolved scene and its input files, 64 hex digits.
+    pub hash: String,
+    /// Frames.
+    pub clip: Clip,
+    /// View.
+    pub camera: Camera,
+    /// Sunlight.
+    pub sun: Sun,
+    /// Light from the sky.
+    pub sky: Sky,
+    /// Pictures used by the materials.
+    pub images: Vec<Image>,
+    /// Surfaces.
+    pub materials: Vec<Material>,
+    /// Things with files of their own.
+    pub assets: Vec<Asset>,
+    /// Where the assets stand. An asset without a placement is written but not shown.
+    pub placements: Vec<Placement>,
+    /// Heights of the land, if there is any.
+    pub land: Option<HeightField>,
+    /// Tables that grow by a row with every frame.
+    pub tables: Vec<Table>,
+    /// Maps that frames fill.
+    pub fields: Vec<Field>,
+    /// Where frames tell the wind.
+    pub air: Vec<AirGrid>,
+    /// Sheets with maps that frames fill.
+    pub wet: Vec<Wet>,
+}

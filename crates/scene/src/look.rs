@@ -1,0 +1,218 @@
+//! Camera and light.
+
+use glam::Vec3;
+
+/// A perspective camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Where it stands, m.
+    pub eye: Vec3,
+    /// What it looks at, m.
+    pub target: Vec3,
+    /// Vertical field of view, rad.
+    pub vfov: f32,
+    /// Turn about the viewing axis, rad; positive leans the camera to its right.
+    pub roll: f32,
+}
+
+impl Camera {
+    /// Unit vectors of camera space in the world: right, up, back (the camera looks along -back).
+    pub fn axes(&self) -> [Vec3; 3] {
+        let back = osier_base::math::normalize_or(self.eye - self.target, Vec3::Z);
+        let level = osier_base::math::normalize_or(Vec3::Y.cross(back), Vec3::X);
+        let right = glam::Quat::from_axis_angle(back, -self.roll) * level;
+        [right, back.cross(right), back]
+    }
+
+    /// Fits a box into the picture: three-quarter view, the camera looking about 10 degrees down.
+    /// `bounds`: world box, m; `aspect`: width / height; `vfov`: rad.
+    pub fn framing(bounds: osier_base::geometry::Bounds, aspect: f32, vfov: f32) -> Self {
+        let radius = (bounds.size().length() * 0.5).max(1e-3);
+        let half = (vfov * 0.5).min(osier_base::math::atan_f32(osier_base::math::tan_f32(vfov * 0.5) * aspect));
+        let distance = radius / osier_base::math::sin_f32(half);
+        let pitch = osier_base::units::radians_f32(10.0);
+        let (s, c) = (osier_base::math::sin_f32(pitch), osier_base::math::cos_f32(pitch));
+        let azimuth = osier_base::units::radians_f32(25.0);
+        let out = Vec3::new(c * osier_base::math::sin_f32(azimuth), s, c * osier_base::math::cos_f32(azimuth));
+        Self { eye: bounds.center() + out * distance, target: bounds.center(), vfov, roll: 0.0 }
+    }
+}
+
+/// Parallel light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sun {
+    /// Height over the horizon, rad.
+    pub elevation: f32,
+    /// Compass turn from +Z towards +X, rad.
+    pub azimuth: f32,
+    /// Linear colour.
+    pub color: [f32; 3],
+    /// Irradiance on a surface facing the sun, W/m^2 in Blender's sense (3 is a bright day).
+    pub strength: f32,
+    /// Angular diameter, rad; softens shadows.
+    pub angle: f32,
+}
+
+impl Sun {
+    /// Unit vector from the ground towards the sun.
+    pub fn direction(&self) -> Vec3 {
+        let (se, ce) = (osier_base::math::sin_f32(self.elevation), osier_base::math::cos_f32(self.elevation));
+        Vec3::new(ce * osier_base::math::sin_f32(self.azimuth), se, ce * osier_base::math::cos_f32(self.azimuth))
+    }
+}
+
+/// A vertical gradient of linear colours.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sky {
+    /// At the horizon.
+    pub horizon: [f32; 3],
+    /// Overhead.
+    pub zenith: [f32; 3],
+    /// What stands below the horizon, as far trees do; none: the sky goes on.
+    pub below: Option<[f32; 3]>,
+    /// How uneven it is all around, 0..1: masses of shade and gaps of light, as of leaves far out of focus. It changes what is
+    /// seen, mirrored and bent by water, and lights nothing.
+    pub dapple: f32,
+    /// Brightness of the air around the sun, over that of the sun's colour; 0: no such air.
+    pub glow: f32,
+    /// Factor on both.
+    pub strength: f32,
+    /// Haze below it.
+    pub fog: Option<Fog>,
+}
+
+/// Haze: of one density up to y = 0, thinner above.
+/// Source: Koschmieder, extinction = 3.912 / visibility; the share left at height y is 1 / (1 + y / height)^2, as in
+/// POV-Ray's ground fog.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fog {
+    /// Distance at which 2 % of a contrast is left, m, > 0.
+    pub visibility: f32,
+    /// Linear colour, with the strength of the sky in it.
+    pub color: [f32; 3],
+    /// Height at which a quarter of it is left, m; 0: the same at all heights.
+    pub height: f32,
+}
+
+impl Fog {
+    /// Natural logarithm of a contrast over what is left of it at a distance of `visibility`: -ln 0.02.
+    pub const CONTRAST: f32 = 3.912;
+
+    /// Share of light that comes through `length` m of haze from `from` along the unit vector `along`.
+    pub fn clear(&self, from: Vec3, along: Vec3, length: f32) -> f32 {
+        let rate = Self::CONTRAST / self.visibility;
+        if self.height <= 0.0 {
+            return osier_base::math::exp_f32(-rate * length);
+        }
+        // Haze from the ground up to a height, as a length of the full density.
+        let below = |y: f32| match y {
+            y if y <= 0.0 => y,
+            y if y.is_finite() => self.height * y / (self.height + y),
+            _ => self.height,
+        };
+        let share = |y: f32| if y <= 0.0 { 1.0 } else { 1.0 / ((1.0 + y / self.height) * (1.0 + y / self.height)) };
+        let rise = along.y * length;
+        let amount = if rise.abs() < 1e-3 * self.height {
+            share(from.y) * length
+        } else {
+            (below(from.y + rise) - below(from.y)) / along.y
+        };
+        osier_base::math::exp_f32(-rate * amount)
+    }
+}
+
+impl Default for Sun {
+    fn default() -> Self {
+        let deg = osier_base::units::radians_f32;
+        Self { elevation: deg(40.0), azimuth: deg(75.0), color: [1.0, 0.95, 0.85], strength: 3.0, angle: deg(0.53) }
+    }
+}
+
+impl Sky {
+    /// Where what stands below the horizon ends and the sky begins, as shares of the way from straight down to straight up: a
+    /// soft edge, as of trees that are far out of focus.
+    pub const BAND: [f32; 2] = [0.38, 0.55];
+    /// How dark it is straight below, as a share of what it is at the edge.
+    pub const DEEP: f32 = 0.4;
+    /// Share of the glow around the sun at cosines of the angle to it. Own: chosen by eye, after hazy mornings.
+    pub const GLOW: [(f32, f32); 6] = [(0.82, 0.0), (0.9, 0.04), (0.95, 0.13), (0.98, 0.34), (0.994, 0.7), (1.0, 1.0)];
+
+    /// Radiance in a unit direction, with what stands below the horizon and the glow around the sun, without the sun's disc,
+    /// [`Self::dapple`] and haze. Source: [`Self::stops`] and [`Self::GLOW`].
+    pub fn radiance(&self, sun: &Sun, direction: Vec3) -> Vec3 {
+        self.toward(direction, sun.direction(), Vec3::from_array(sun.color) * self.glow)
+    }
+
+    /// As [`Self::radiance`], for many directions. `sun`: unit vector to it; `glow`: linear colour of the air around it.
+    pub fn toward(&self, direction: Vec3, sun: Vec3, glow: Vec3) -> Vec3 {
+        let [horizon, zenith] = [self.horizon, self.zenith].map(|c| Vec3::from_array(c) * self.strength);
+        let y = direction.y.clamp(-1.0, 1.0);
+        let at = 0.5 + 0.5 * y;
+        let [edge, open] = Self::BAND;
+        let plain = match self.below.map(|c| Vec3::from_array(c) * self.strength) {
+            None => horizon.lerp(zenith, y.max(0.0)),
+            Some(below) if at < edge => (below * Self::DEEP).lerp(below, at / edge),
+            Some(below) if at < open => below.lerp(horizon, (at - edge) / (open - edge)),
+            Some(_) => horizon.lerp(zenith, (at - open) / (1.0 - open)),
+        };
+        if glow == Vec3::ZERO {
+            return plain;
+        }
+        let cos = direction.dot(sun);
+        let inner = Self::GLOW.iter().position(|(c, _)| cos < *c).unwrap_or(Self::GLOW.len() - 1);
+        let Some(outer) = inner.checked_sub(1) else { return plain };
+        let [(c0, s0), (c1, s1)] = [Self::GLOW[outer], Self::GLOW[inner]];
+        plain.lerp(glow, osier_base::math::lerp(s0, s1, ((cos - c0) / (c1 - c0)).clamp(0.0, 1.0)))
+    }
+
+    /// Its colours from straight down, 0, to straight up, 1, with its strength, without glow.
+    pub fn stops(&self) -> Vec<(f32, [f32; 3])> {
+        let [horizon, zenith] = [self.horizon, self.zenith].map(|c| c.map(|c| c * self.strength));
+        match self.below.map(|c| c.map(|c| c * self.strength)) {
+            Some(below) => {
+                let deep = below.map(|c| c * Self::DEEP);
+                vec![(0.0, deep), (Self::BAND[0], below), (Self::BAND[1], horizon), (1.0, zenith)]
+            }
+            None => vec![(0.0, horizon), (0.5, horizon), (1.0, zenith)],
+        }
+    }
+}
+
+impl Default for Sky {
+    fn default() -> Self {
+        Self {
+            horizon: [0.85, 0.9, 0.95],
+            zenith: [0.25, 0.45, 0.8],
+            below: None,
+            dapple: 0.0,
+            glow: 0.0,
+            strength: 1.0,
+            fog: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn haze_leaves_two_percent_at_the_visibility_and_thins_out_above() {
+        let fog = Fog { visibility: 400.0, color: [1.0; 3], height: 0.0 };
+        assert!((fog.clear(Vec3::ZERO, Vec3::X, 400.0) - 0.02).abs() < 1e-4);
+        let low = Fog { height: 30.0, ..fog };
+        assert!((low.clear(Vec3::new(0.0, -5.0, 0.0), Vec3::X, 400.0) - 0.02).abs() < 1e-4);
+        // Straight up from the ground there is as much haze as in 30 m along it.
+        let up = low.clear(Vec3::ZERO, Vec3::Y, f32::INFINITY);
+        assert!((up - low.clear(Vec3::ZERO, Vec3::X, 30.0)).abs() < 1e-5);
+        // A slant through many thin layers agrees with their sum.
+        let d = Vec3::new(0.8, 0.6, 0.0);
+        let step = 0.01;
+        let sum = (0..10_000_u16).fold(0.0_f32, |s, i| {
+            let y = 2.0 + d.y * (f32::from(i) + 0.5) * step;
+            s + step / ((1.0 + y / 30.0) * (1.0 + y / 30.0))
+        });
+        let wanted = osier_base::math::exp_f32(-Fog::CONTRAST / 400.0 * sum);
+        assert!((low.clear(Vec3::new(0.0, 2.0, 0.0), d, 100.0) - wanted).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,136 @@
+//! Surfaces and the pictures on them.
+
+/// Index into [`crate::Scene::materials`].
+pub type MaterialId = u32;
+
+/// What a material stands for; exporters choose their shader by it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MaterialClass {
+    /// Opaque, rough, with relief.
+    Bark,
+    /// Thin, lit through from behind.
+    Leaf,
+    /// Like leaf, fleshier.
+    Catkin,
+    /// Refracting.
+    Water,
+    /// The ground.
+    Ground,
+}
+
+impl MaterialClass {
+    /// The word used in the manifest.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Bark => "bark",
+            Self::Leaf => "leaf",
+            Self::Catkin => "catkin",
+            Self::Water => "water",
+            Self::Ground => "ground",
+        }
+    }
+}
+
+/// Indices into [`crate::Scene::images`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Maps {
+    /// sRGB colour; the alpha channel cuts out when `alpha_cutoff` is set.
+    pub color: Option<u32>,
+    /// Tangent-space normals, (n + 1) / 2, +Y = +v.
+    pub normal: Option<u32>,
+    /// Roughness, grey, raw.
+    pub roughness: Option<u32>,
+    /// Height / `height_range`, grey, raw.
+    pub height: Option<u32>,
+}
+
+/// One surface.
+#[derive(Debug, Clone)]
+pub struct Material {
+    /// `[a-z0-9_]+`, unique in the scene.
+    pub name: String,
+    /// What it stands for.
+    pub class: MaterialClass,
+    /// Linear colour; multiplied with nothing: a colour map replaces it.
+    pub base_color: [f32; 3],
+    /// 0 mirror .. 1 matt; a roughness map replaces it.
+    pub roughness: f32,
+    /// Index of refraction (water 1.333, leaves and bark 1.5).
+    pub ior: f32,
+    /// Share of light let through to the other side, 0..1 (leaves about 0.3).
+    pub translucency: f32,
+    /// Shown from both sides.
+    pub double_sided: bool,
+    /// Cut out where the colour map's alpha is below this.
+    pub alpha_cutoff: Option<f32>,
+    /// Height difference between map values 0 and 1, m.
+    pub height_range: f32,
+    /// Size of one repeat of the maps on the surface, m; relief is scaled with it.
+    pub tile: f32,
+    /// Pictures.
+    pub maps: Maps,
+    /// Water on it: index into [`crate::Scene::wet`].
+    pub wet: Option<u32>,
+}
+
+impl Material {
+    /// Something opaque without pictures, seen from its front. `base_color`: linear; `roughness`: 0..1.
+    pub fn plain(name: String, class: MaterialClass, base_color: [f32; 3], roughness: f32) -> Self {
+        Self {
+            name,
+            class,
+            base_color,
+            roughness,
+            ior: 1.5,
+            translucency: 0.0,
+            double_sided: false,
+            alpha_cutoff: None,
+            height_range: 0.0,
+            tile: 1.0,
+            maps: Maps::default(),
+            wet: None,
+        }
+    }
+}
+
+/// How a picture's numbers are meant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ImageKind {
+    /// sRGB colour (8 bit).
+    Color,
+    /// Raw numbers.
+    Data,
+}
+
+/// Samples, rows from the top, channels interleaved.
+#[derive(Debug, Clone)]
+pub enum Pixels {
+    /// 8 bits a channel.
+    U8(Vec<u8>),
+    /// 16 bits a channel.
+    U16(Vec<u16>),
+}
+
+/// One picture.
+#[derive(Debug, Clone)]
+pub struct Image {
+    /// File name without ending, `<material>_<color|normal|rough|height>`, unique in the scene.
+    pub name: String,
+    /// How its numbers are meant.
+    pub kind: ImageKind,
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// 1 grey, 3 RGB, 4 RGBA.
+    pub channels: u8,
+    /// `width * height * channels` samples.
+    pub pixels: Pixels,
+}
+
+/// Number of the pixel at texture coordinates, which repeat beyond 0 to 1, in a picture of at least one pixel; rows from the top.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the picture")]
+pub fn pixel_at(uv: glam::Vec2, [width, height]: [u32; 2]) -> usize {
+    let inside = |v: f32, n: u32| (((v - v.floor()) * n as f32) as usize).min(n as usize - 1);
+    inside(1.0 - uv.y, height) * width as usize + inside(uv.x, width)
+}

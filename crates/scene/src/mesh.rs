@@ -1,0 +1,124 @@
+//! Triangle meshes.
+
+use glam::{Vec2, Vec3};
+
+use super::MaterialId;
+use osier_base::geometry::Bounds;
+
+/// A run of triangles with one material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Subset {
+    /// Material of the run.
+    pub material: MaterialId,
+    /// First triangle.
+    pub first: u32,
+    /// Number of triangles.
+    pub count: u32,
+}
+
+/// What a shader needs at a point to sway it; all from 0 to 1.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct WindPoint {
+    /// Sway with the whole plant, 0 at the root; phase of the limb; flutter of a leaf, 1 at its tip; light that reaches it.
+    pub wind: [f32; 4],
+    /// Sway with the branches, 0 on the trunk; a number of the axis or leaf.
+    pub branch: [f32; 2],
+    /// Axis that it is on.
+    pub axis: i32,
+}
+
+/// Triangles with one normal and one UV per vertex (vertices are doubled at seams).
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Positions, m.
+    pub points: Vec<Vec3>,
+    /// Unit normals, one per point; never empty for a mesh with points.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one per point, or empty. v points up.
+    pub uvs: Vec<Vec2>,
+    /// Linear RGBA, one per point, or empty.
+    pub colors: Vec<[f32; 4]>,
+    /// For shaders that sway by themselves, one per point, or empty.
+    pub wind: Vec<WindPoint>,
+    /// Number of the raindrop that each point is of, or empty.
+    pub drops: Vec<i32>,
+    /// Counter-clockwise from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Consecutive runs that cover all triangles exactly once.
+    pub subsets: Vec<Subset>,
+}
+
+impl Mesh {
+    /// Box of all points.
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of(self.points.iter().copied())
+    }
+
+    /// One subset over all triangles.
+    pub fn with_material(mut self, material: MaterialId) -> Self {
+        let count = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
+        self.subsets = vec![Subset { material, first: 0, count }];
+        self
+    }
+
+    /// Appends another mesh; its subsets follow, one equal to the last is merged into it.
+    pub fn append(&mut self, other: &Self) {
+        let base = u32::try_from(self.points.len()).unwrap_or(u32::MAX);
+        let first = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
+        self.points.extend_from_slice(&other.points);
+        self.normals.extend_from_slice(&other.normals);
+        self.uvs.extend_from_slice(&other.uvs);
+        self.colors.extend_from_slice(&other.colors);
+        self.wind.extend_from_slice(&other.wind);
+        self.drops.extend_from_slice(&other.drops);
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|i| i + base)));
+        for s in &other.subsets {
+            match self.subsets.last_mut() {
+                Some(last) if last.material == s.material => last.count += s.count,
+                _ => self.subsets.push(Subset { first: first + s.first, ..*s }),
+            }
+        }
+    }
+
+    /// Triangles of a subset.
+    pub fn subset_triangles(&self, s: &Subset) -> &[[u32; 3]] {
+        let first = (s.first as usize).min(self.triangles.len());
+        let end = (first + s.count as usize).min(self.triangles.len());
+        &self.triangles[first..end]
+    }
+}
+
+/// How a mesh changes over the clip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeshMotion {
+    /// Not at all.
+    Still,
+    /// By its skin and the asset's skeleton; frames carry poses only.
+    Skinned,
+    /// Frames carry new points of the same topology. A skin beside it is the light stand-in for formats without caches.
+    Deforming,
+    /// Frames carry whole meshes.
+    Varying,
+}
+
+/// Up to four joints per point.
+#[derive(Debug, Clone, Default)]
+pub struct SkinWeights {
+    /// Indices into the asset's skeleton; unused places are 0.
+    pub joints: Vec<[u16; 4]>,
+    /// Weights, largest first, sum 1 within 1e-6; unused places are 0.
+    pub weights: Vec<[f32; 4]>,
+}
+
+/// A mesh in an asset.
+#[derive(Debug, Clone)]
+pub struct MeshObject {
+    /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
+    pub name: String,
+    /// Rest shape (for a varying mesh: the shape shown by formats that cannot vary; may be empty).
+    pub mesh: Mesh,
+    /// How it changes.
+    pub motion: MeshMotion,
+    /// Present for skinned meshes, optional for deforming ones.
+    pub skin: Option<SkinWeights>,
+}

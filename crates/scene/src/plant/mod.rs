@@ -1,0 +1,207 @@
+//! The common skeleton of everything that grows: axes of nodes, organs at sites, stable ids.
+//!
+//! The turtle, IFS trees, particle-shapes and imported meshes all end in a [`Plant`]; skinning, motion and export start
+//! from one. Space: metres, +Y up; angles in radians.
+
+mod validate;
+
+use std::sync::Arc;
+
+use glam::{Quat, Vec3};
+
+use crate::Mesh;
+
+pub use validate::{MAX_ITEMS, Warning, validate};
+
+/// No parent, no fork.
+pub const NONE: u32 = u32::MAX;
+
+/// What an axis is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AxisKind {
+    /// Trunk, branch, twig.
+    Stem,
+    /// Below the ground.
+    Root,
+    /// Stalk of a leaf.
+    Petiole,
+    /// Blade of grass.
+    Blade,
+}
+
+/// Why an axis ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AxisEnd {
+    /// Grown to its tip.
+    Tip,
+    /// Cut off: shows a disc of wood.
+    Cut,
+    /// Met an obstacle.
+    Obstacle,
+    /// Died in the shade.
+    Shade,
+    /// Could not go on.
+    Stalled,
+}
+
+/// A chain of nodes from attachment to tip.
+#[derive(Debug, Clone)]
+pub struct Axis {
+    /// Stable id.
+    pub id: u64,
+    /// Index of the parent axis, or [`NONE`].
+    pub parent: u32,
+    /// Arc length on the parent's centreline where node 0 lies, m.
+    pub parent_s: f32,
+    /// 0 for the trunk, the parent's + 1 for a child (equal for halves of an apical fork).
+    pub order: u8,
+    /// Stem, root, petiole or blade.
+    pub kind: AxisKind,
+    /// Index of node 0 in [`Nodes`].
+    pub first: u32,
+    /// Number of nodes, at least 2.
+    pub count: u32,
+    /// Arc length of the last node, m.
+    pub length: f32,
+    /// Arc length where the axis leaves its parent's bark, m.
+    pub s_exposed: f32,
+    /// Index into [`Plant::materials`].
+    pub material: u16,
+    /// Number shared by the halves of an apical fork, or [`NONE`].
+    pub fork: u32,
+    /// Why it ends.
+    pub end: AxisEnd,
+    /// Growth time at its first node, 0..1.
+    pub birth: f32,
+}
+
+/// Nodes of all axes, structure of arrays.
+#[derive(Debug, Clone, Default)]
+pub struct Nodes {
+    /// Position, m.
+    pub p: Vec<Vec3>,
+    /// Frame: +Y along the growth tangent, +X the roll reference, +Z = X x Y; includes twist.
+    pub q: Vec<Quat>,
+    /// Radius, m, > 0.
+    pub r: Vec<f32>,
+    /// Arc length from the axis' first node, m.
+    pub s: Vec<f32>,
+    /// Growth time, 0..1.
+    pub birth: Vec<f32>,
+    /// Turtle colour or map index.
+    pub color: Vec<u16>,
+}
+
+impl Nodes {
+    /// Number of nodes.
+    pub fn len(&self) -> usize {
+        self.p.len()
+    }
+
+    /// True without nodes.
+    pub fn is_empty(&self) -> bool {
+        self.p.is_empty()
+    }
+}
+
+/// A leaf, flower, fruit, catkin or bud.
+#[derive(Debug, Clone)]
+pub struct Organ {
+    /// Stable id.
+    pub id: u64,
+    /// Axis it grows on.
+    pub axis: u32,
+    /// Where on the axis, m.
+    pub s: f32,
+    /// From the centreline, in the axis frame at `s`, m.
+    pub offset: Vec3,
+    /// Rotation relative to the axis frame at `s`. Organ space: +Y along the midrib, +Z upper side.
+    pub q: Quat,
+    /// Uniform size factor on the prototype.
+    pub scale: f32,
+    /// Index into [`Plant::protos`].
+    pub proto: u16,
+    /// Distance from the offset point to the organ's pivot, m.
+    pub petiole: f32,
+    /// Random in [0, 1], for colour.
+    pub tint: f32,
+    /// Growth time, 0..1.
+    pub birth: f32,
+}
+
+/// The mesh of an organ, in organ space, metres; its subsets name [`Plant::materials`].
+#[derive(Debug, Clone)]
+pub struct Proto {
+    /// `[a-z0-9_]+`.
+    pub name: String,
+    /// Pivot (petiole base) at the origin, +Y midrib, +Z upper side.
+    pub mesh: Arc<Mesh>,
+}
+
+/// Where the centreline is, how it is turned and how thick it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Site {
+    /// Position, m.
+    pub p: Vec3,
+    /// Frame.
+    pub q: Quat,
+    /// Radius, m.
+    pub r: f32,
+}
+
+/// A fully resolved plant. Array order is canonical: axes depth first, siblings by (parent_s, ordinal), nodes contiguous
+/// by s, organs by (axis, s, ordinal).
+#[derive(Debug, Clone, Default)]
+pub struct Plant {
+    /// Names the plant in ids; holds no seed.
+    pub id: u32,
+    /// Seed of its draws.
+    pub seed: u64,
+    /// Axes.
+    pub axes: Vec<Axis>,
+    /// Nodes.
+    pub nodes: Nodes,
+    /// Organs.
+    pub organs: Vec<Organ>,
+    /// Organ meshes.
+    pub protos: Vec<Proto>,
+    /// Names of materials that axes and organs refer to by index.
+    pub materials: Vec<String>,
+    /// What made it, for people: "oak.l", ...
+    pub source: String,
+}
+
+impl Plant {
+    /// Node indices of an axis.
+    pub fn nodes_of(&self, axis: &Axis) -> std::ops::Range<usize> {
+        let first = axis.first as usize;
+        first..first + axis.count as usize
+    }
+
+    /// The segment of an axis that holds arc length `s` (clamped): its first node and how far along it, 0 to 1.
+    pub fn segment(&self, axis: &Axis, s: f32) -> (usize, f32) {
+        let range = self.nodes_of(axis);
+        let arcs = &self.nodes.s[range.clone()];
+        let i = range.start + arcs.partition_point(|&v| v <= s).clamp(1, arcs.len() - 1) - 1;
+        let span = self.nodes.s[i + 1] - self.nodes.s[i];
+        (i, if span > 0.0 { ((s - self.nodes.s[i]) / span).clamp(0.0, 1.0) } else { 0.0 })
+    }
+
+    /// The centreline of an axis at arc length `s` (clamped): p and r linear, q by normalised lerp on the shorter arc.
+    pub fn frame(&self, axis: &Axis, s: f32) -> Site {
+        let (i, t) = self.segment(axis, s);
+        let j = i + 1;
+        Site {
+            p: self.nodes.p[i].lerp(self.nodes.p[j], t),
+            q: osier_base::math::nlerp(self.nodes.q[i], self.nodes.q[j], t),
+            r: osier_base::math::lerp(self.nodes.r[i], self.nodes.r[j], t),
+        }
+    }
+
+    /// Pivot and rotation of an organ in plant space.
+    pub fn organ_site(&self, organ: &Organ) -> (Vec3, Quat) {
+        let site = self.frame(&self.axes[organ.axis as usize], organ.s);
+        let q = (site.q * organ.q).normalize();
+        (site.p + site.q * organ.offset + q * (Vec3::Y * organ.petiole), q)
+    }
+}

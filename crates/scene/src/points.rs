@@ -1,0 +1,127 @@
+//! Point clouds and curves.
+
+use glam::Vec3;
+
+use super::{MaterialId, PointsFrame};
+use osier_base::geometry::Bounds;
+
+/// A whole number per point that programs may read: the map of an attractor, a depth.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Attribute {
+    /// `[a-z0-9_]+`, unique in the cloud.
+    pub name: &'static str,
+    /// One per point, below 2^24.
+    pub values: Vec<u32>,
+}
+
+/// A point cloud of fixed capacity; a width of 0 hides a point.
+#[derive(Debug, Clone)]
+pub struct Points {
+    /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
+    pub name: String,
+    /// Surface.
+    pub material: MaterialId,
+    /// Positions, m.
+    pub positions: Vec<Vec3>,
+    /// Diameters, m, one per point.
+    pub widths: Vec<f32>,
+    /// Linear RGB, one per point, or empty.
+    pub colors: Vec<[f32; 3]>,
+    /// Further numbers; empty for most.
+    pub attributes: Vec<Attribute>,
+    /// True if frames carry positions and widths.
+    pub moving: bool,
+    /// The box that it moves in, m, where that is known; empty else.
+    pub reach: Bounds,
+}
+
+/// A cloud at one time.
+#[derive(Debug, Clone, Copy)]
+pub struct PointsNow<'a> {
+    /// Positions, m.
+    pub positions: &'a [Vec3],
+    /// Diameters, m; 0 hides.
+    pub widths: &'a [f32],
+    /// m/s, one per point, or empty.
+    pub velocities: &'a [Vec3],
+    /// Linear RGB, one per point, or empty.
+    pub colors: &'a [[f32; 3]],
+}
+
+impl Points {
+    /// The cloud at a frame.
+    pub fn at<'a>(&'a self, frame: &'a PointsFrame) -> PointsNow<'a> {
+        let (positions, widths, colors) = (&self.positions[..], &self.widths[..], &self.colors[..]);
+        match frame {
+            PointsFrame::Same => PointsNow { positions, widths, velocities: &[], colors },
+            PointsFrame::State { positions, widths, velocities, colors: own } => {
+                let colors = if own.is_empty() { colors } else { own };
+                PointsNow { positions, widths, velocities, colors }
+            }
+        }
+    }
+}
+
+/// Polylines with thickness.
+#[derive(Debug, Clone)]
+pub struct Curves {
+    /// Prim and node name, `[a-z0-9_]+`, unique in the asset.
+    pub name: String,
+    /// Surface.
+    pub material: MaterialId,
+    /// Points per curve, each at least 2.
+    pub counts: Vec<u32>,
+    /// All points, m, curve after curve.
+    pub points: Vec<Vec3>,
+    /// Diameters, m, one per point.
+    pub widths: Vec<f32>,
+    /// True if frames carry points.
+    pub moving: bool,
+}
+
+impl Curves {
+    /// The curves as they are with these points, without those that have no length: the trail of something that does not move
+    /// shows nothing.
+    pub fn drawn(&self, points: &[Vec3]) -> Self {
+        let mut out = Self { counts: Vec::new(), points: Vec::new(), widths: Vec::new(), ..self.clone() };
+        let mut first = 0_usize;
+        for count in &self.counts {
+            let range = first..first + *count as usize;
+            first = range.end;
+            let Some((line, widths)) = points.get(range.clone()).zip(self.widths.get(range)) else { continue };
+            if line.windows(2).any(|p| p[0] != p[1]) {
+                out.counts.push(*count);
+                out.points.extend_from_slice(line);
+                out.widths.extend_from_slice(widths);
+            }
+        }
+        out
+    }
+
+    /// Box of the curves with their thickness.
+    pub fn bounds(&self) -> Bounds {
+        let one = |(p, w): (&Vec3, &f32)| Bounds::of([*p]).grown(w * 0.5);
+        self.points.iter().zip(&self.widths).map(one).fold(Bounds::default(), Bounds::union)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_no_length_is_not_drawn() {
+        let curves = Curves {
+            name: "trails".into(),
+            material: 0,
+            counts: vec![2, 3],
+            points: vec![Vec3::ZERO; 5],
+            widths: vec![0.0, 1.0, 2.0, 3.0, 4.0],
+            moving: true,
+        };
+        let points = [Vec3::X, Vec3::X, Vec3::ZERO, Vec3::ZERO, Vec3::Y];
+        let drawn = curves.drawn(&points);
+        assert_eq!((drawn.counts, drawn.widths), (vec![3], vec![2.0, 3.0, 4.0]));
+        assert_eq!(drawn.points, points[2..]);
+    }
+}

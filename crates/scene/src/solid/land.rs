@@ -1,0 +1,143 @@
+//! Hills as a solid.
+
+use glam::{Vec2, Vec3};
+
+use super::Nearest;
+use osier_base::geometry::Bounds;
+
+/// Heights over a square around the origin; outside it goes on as at its edge. Cells are cut from -x -z to +x +z.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LandForm {
+    side: usize,
+    size: f32,
+    heights: Vec<f32>,
+    bounds: Bounds,
+    /// Least cosine of a slope: what a gap straight down is worth as a distance, everywhere.
+    flattest: f32,
+}
+
+impl LandForm {
+    /// `heights`: `side * side`, m, rows from -z to +z, in each from -x to +x; `size`: length of a side, m. None if the
+    /// numbers do not fit together.
+    pub fn new(side: usize, size: f32, heights: Vec<f32>) -> Option<Self> {
+        if side < 2 || heights.len() != side * side || size <= 0.0 {
+            return None;
+        }
+        let low = heights.iter().copied().fold(f32::INFINITY, f32::min);
+        let high = heights.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let half = size / 2.0;
+        let bounds = Bounds { min: Vec3::new(-half, low, -half), max: Vec3::new(half, high, half) };
+        let step = size / (side - 1) as f32;
+        let mut steepest = 0.0_f32;
+        for z in 0..side {
+            for x in 0..side - 1 {
+                let along = (heights[z * side + x + 1] - heights[z * side + x]).abs();
+                let across = (heights[(x + 1) * side + z] - heights[x * side + z]).abs();
+                steepest = steepest.max(along).max(across);
+            }
+        }
+        let slope = steepest * std::f32::consts::SQRT_2 / step;
+        Some(Self { side, size, heights, bounds, flattest: 1.0 / (1.0 + slope * slope).sqrt() })
+    }
+
+    fn step(&self) -> f32 {
+        self.size / (self.side - 1) as f32
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells")]
+    fn cell(&self, v: f32) -> (usize, f32) {
+        let at = ((v + self.size / 2.0) / self.step()).clamp(0.0, (self.side - 1) as f32);
+        let cell = (at as usize).min(self.side - 2);
+        (cell, at - cell as f32)
+    }
+
+    /// Height at (x, z), m.
+    pub fn height(&self, at: Vec2) -> f32 {
+        let ((x, u), (z, v)) = (self.cell(at.x), self.cell(at.y));
+        let h = |i: usize, k: usize| self.heights[(z + k) * self.side + x + i];
+        // The diagonal runs from (0, 0) to (1, 1).
+        if u >= v {
+            h(0, 0) + (h(1, 0) - h(0, 0)) * u + (h(1, 1) - h(1, 0)) * v
+        } else {
+            h(0, 0) + (h(0, 1) - h(0, 0)) * v + (h(1, 1) - h(0, 1)) * u
+        }
+    }
+
+    /// Its highest and lowest heights over the whole square.
+    pub(super) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    pub(super) fn contains(&self, at: Vec3) -> bool {
+        at.y < self.height(Vec2::new(at.x, at.z))
+    }
+
+    fn corner(&self, x: usize, z: usize) -> Vec3 {
+        let place = |i: usize| i as f32 * self.step() - self.size / 2.0;
+        Vec3::new(place(x), self.heights[z * self.side + x], place(z))
+    }
+
+    pub(super) fn nearest(&self, at: Vec3) -> Nearest {
+        let gap = at.y - self.height(Vec2::new(at.x, at.z));
+        let sign = if gap < 0.0 { -1.0 } else { 1.0 };
+        let (x, u) = self.cell(at.x);
+        let (z, v) = self.cell(at.z);
+        let normal = self.normal((x, z), u >= v);
+        if gap.abs() > 3.0 * self.step() {
+            return Nearest { distance: gap * self.flattest, normal };
+        }
+        let ([x0, x1], [z0, z1]) = (self.around(at.x, gap.abs()), self.around(at.z, gap.abs()));
+        let mut best = (f32::INFINITY, at, normal);
+        for cz in z0..=z1 {
+            for cx in x0..=x1 {
+                let c = [
+                    self.corner(cx, cz),
+                    self.corner(cx + 1, cz),
+                    self.corner(cx, cz + 1),
+                    self.corner(cx + 1, cz + 1),
+                ];
+                for (t, lower) in [([c[0], c[3], c[1]], true), ([c[0], c[2], c[3]], false)] {
+                    let p = super::shell::nearest_on(t, at);
+                    let d = p.distance(at);
+                    if d < best.0 {
+                        best = (d, p, self.normal((cx, cz), lower));
+                    }
+                }
+            }
+        }
+        let (distance, place, flat) = best;
+        let out = (at - place) * sign;
+        Nearest { distance: distance * sign, normal: if distance > 1e-5 { out / distance } else { flat } }
+    }
+
+    /// Cells that a ball about `v` may meet along one axis.
+    fn around(&self, v: f32, reach: f32) -> [usize; 2] {
+        [self.cell(v - reach).0, self.cell(v + reach).0]
+    }
+
+    fn normal(&self, (x, z): (usize, usize), lower: bool) -> Vec3 {
+        let c = |i, k| self.corner(x + i, z + k);
+        let (along, across) =
+            if lower { (c(1, 0) - c(0, 0), c(1, 1) - c(1, 0)) } else { (c(1, 1) - c(0, 1), c(0, 1) - c(0, 0)) };
+        across.cross(along).normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slope_is_as_far_as_its_plane() {
+        let heights = (0..25).map(|i| (i % 5) as f32 * 0.5).collect();
+        let land = LandForm::new(5, 4.0, heights).expect("fits");
+        let at = Vec3::new(0.3, 1.9, 0.2);
+        let near = land.nearest(at);
+        let normal = Vec3::new(-0.5, 1.0, 0.0).normalize();
+        let truth = (at - Vec3::new(0.0, 1.0, 0.0)).dot(normal);
+        assert!((near.distance - truth).abs() < 1e-5 && near.normal.distance(normal) < 1e-4, "{near:?} {truth}");
+        assert!(land.contains(Vec3::new(0.0, 0.9, 0.0)) && !land.contains(Vec3::new(0.0, 1.1, 0.0)));
+        let far = land.nearest(Vec3::new(0.0, 40.0, 0.0));
+        assert!(far.distance > 20.0 && far.distance <= 39.0 * normal.y + 1e-3, "{far:?}");
+    }
+}

@@ -1,0 +1,180 @@
+//! Things in the way: what wind flows around and what flying things come to rest on.
+//!
+//! Each tells how far a place is from its surface (negative inside) and which way leads out, exactly near the surface;
+//! far from it a land may answer less than the truth, never more. Space: world, metres, +Y up.
+
+mod land;
+mod prism;
+mod shell;
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use osier_base::geometry::Bounds;
+
+pub use land::LandForm;
+pub use prism::{Prism, Side, Slab};
+pub use shell::Shell;
+
+/// Where a surface is nearest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Nearest {
+    /// m; negative inside.
+    pub distance: f32,
+    /// Unit vector out of the solid at the nearest point.
+    pub normal: Vec3,
+}
+
+/// Its form in space.
+#[derive(Debug, Clone)]
+pub enum Form {
+    /// A wall, a box, a house: an upright convex outline drawn out along a level line.
+    Prism(Prism),
+    /// Hills.
+    Land(Arc<LandForm>),
+    /// A closed mesh.
+    Shell(Arc<Shell>),
+}
+
+/// One thing in the way.
+#[derive(Debug, Clone)]
+pub struct Solid {
+    /// As the scene calls it; names its maps.
+    pub name: String,
+    /// Where it is.
+    pub form: Form,
+    /// How wet its faces are: 0 lets go at once, 1 never.
+    pub humidity: f64,
+}
+
+impl Solid {
+    /// The smallest upright box around it.
+    pub fn bounds(&self) -> Bounds {
+        match &self.form {
+            Form::Prism(p) => p.bounds(),
+            Form::Land(l) => l.bounds(),
+            Form::Shell(s) => s.bounds(),
+        }
+    }
+
+    /// Whether a place is inside.
+    pub fn contains(&self, at: Vec3) -> bool {
+        match &self.form {
+            Form::Prism(p) => p.nearest(at).distance < 0.0,
+            Form::Land(l) => l.contains(at),
+            Form::Shell(s) => s.contains(at),
+        }
+    }
+
+    /// The nearest place of its surface.
+    pub fn nearest(&self, at: Vec3) -> Nearest {
+        match &self.form {
+            Form::Prism(p) => p.nearest(at),
+            Form::Land(l) => l.nearest(at),
+            Form::Shell(s) => s.nearest(at),
+        }
+    }
+
+    /// Its thinnest direction, for those who would miss it between two of their own points; none for hills and meshes.
+    pub fn slab(&self) -> Option<Slab> {
+        if let Form::Prism(p) = &self.form { Some(p.slab()) } else { None }
+    }
+}
+
+/// The ground at y = 0, or hills, and all that stands on it.
+#[derive(Debug, Clone, Default)]
+pub struct Solids {
+    all: Vec<Solid>,
+    boxes: Vec<Bounds>,
+    /// Whether the level y = 0 is ground everywhere.
+    level: bool,
+}
+
+/// What a place is near to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Near {
+    /// How near.
+    pub nearest: Nearest,
+    /// Which solid; none for the level ground.
+    pub which: Option<u32>,
+}
+
+impl Solids {
+    /// `level`: with ground at y = 0.
+    pub fn new(all: Vec<Solid>, level: bool) -> Self {
+        let boxes = all.iter().map(Solid::bounds).collect();
+        Self { all, boxes, level }
+    }
+
+    /// In the scene's order.
+    pub fn list(&self) -> &[Solid] {
+        &self.all
+    }
+
+    /// The nearest surface within `reach`, m, of a place, or none.
+    pub fn near(&self, at: Vec3, reach: f32) -> Option<Near> {
+        let level = Near { nearest: Nearest { distance: at.y, normal: Vec3::Y }, which: None };
+        let mut best = (self.level && at.y <= reach).then_some(level);
+        self.each_near(at, reach, |near| {
+            if best.is_none_or(|b| near.nearest.distance < b.nearest.distance) {
+                best = Some(near);
+            }
+        });
+        best
+    }
+
+    /// Every surface within `reach`, m, of a place: the ground first, then in the scene's order.
+    pub fn all_near(&self, at: Vec3, reach: f32) -> Vec<Near> {
+        let level = Near { nearest: Nearest { distance: at.y, normal: Vec3::Y }, which: None };
+        let mut found: Vec<Near> = if self.level && at.y <= reach { vec![level] } else { Vec::new() };
+        self.each_near(at, reach, |near| found.push(near));
+        found
+    }
+
+    fn each_near(&self, at: Vec3, reach: f32, mut take: impl FnMut(Near)) {
+        for ((solid, b), i) in self.all.iter().zip(&self.boxes).zip(0..) {
+            let away = (b.min - at).max(at - b.max).max(Vec3::ZERO);
+            if away.length_squared() > reach * reach {
+                continue;
+            }
+            let nearest = solid.nearest(at);
+            if nearest.distance <= reach {
+                take(Near { nearest, which: Some(i) });
+            }
+        }
+    }
+
+    /// Whether a place is in the ground or in a solid.
+    pub fn contains(&self, at: Vec3) -> bool {
+        (self.level && at.y < 0.0)
+            || self
+                .all
+                .iter()
+                .zip(&self.boxes)
+                .any(|(s, b)| at.cmpge(b.min).all() && at.cmple(b.max).all() && s.contains(at))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wall() -> Solid {
+        let prism = Prism::block(Vec3::new(0.0, 0.0, 0.0), Vec3::new(0.5, 4.0, 10.0), 0.0);
+        Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.5 }
+    }
+
+    #[test]
+    fn the_nearer_of_ground_and_wall_answers() {
+        let solids = Solids::new(vec![wall()], true);
+        let near = solids.near(Vec3::new(0.45, 1.0, 0.0), 2.0).expect("a wall");
+        assert_eq!(near.which, Some(0));
+        assert!((near.nearest.distance - 0.2).abs() < 1e-6 && near.nearest.normal == Vec3::X);
+        let near = solids.near(Vec3::new(3.0, 1.0, 0.0), 2.0).expect("ground");
+        assert_eq!((near.which, near.nearest.normal), (None, Vec3::Y));
+        assert!(solids.near(Vec3::new(3.0, 2.5, 0.0), 2.0).is_none());
+        assert_eq!(solids.all_near(Vec3::new(0.45, 0.1, 0.0), 0.5).len(), 2);
+        assert!(solids.contains(Vec3::new(0.0, 3.9, 0.0)) && !solids.contains(Vec3::new(0.0, 4.1, 0.0)));
+    }
+}

@@ -1,0 +1,222 @@
+//! Upright outlines drawn out along a level line: boxes, walls, houses.
+
+use glam::{Vec2, Vec3};
+
+use super::Nearest;
+use osier_base::geometry::Bounds;
+use osier_base::math::{cos_f32, sin_f32};
+
+/// A convex outline in the plane of depth and height, drawn out along the width.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Prism {
+    /// Middle of the foot, m.
+    foot: Vec3,
+    /// Level unit vectors along width and depth.
+    width: Vec3,
+    depth: Vec3,
+    /// (depth, height) of the corners, counter-clockwise, m.
+    outline: Vec<Vec2>,
+    /// Half the width, m.
+    half: f32,
+}
+
+/// The thinnest direction of a solid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Slab {
+    /// Middle of the solid, m.
+    pub center: Vec3,
+    /// Unit vector across it.
+    pub across: Vec3,
+    /// How thick it is, m.
+    pub thickness: f32,
+}
+
+/// A steep face as a rectangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Side {
+    /// Its upper left corner seen from outside, m.
+    pub corner: Vec3,
+    /// From there to the right, m.
+    pub along: Vec3,
+    /// From there down, m.
+    pub down: Vec3,
+    /// Unit vector out of it.
+    pub normal: Vec3,
+}
+
+impl Prism {
+    /// A box. `foot`: middle of its lower face; `size`: width, height, depth, m, all > 0; `turn`: about +Y, radians: the
+    /// width lies along +X, and along -Z after a quarter turn.
+    pub fn block(foot: Vec3, size: Vec3, turn: f32) -> Self {
+        let (h, d) = (size.y, size.z / 2.0);
+        let outline = [(-d, 0.0), (d, 0.0), (d, h), (-d, h)];
+        Self::new(foot, turn, size.x, &outline)
+    }
+
+    /// A house with a gable roof whose ridge runs along its width. `size`: width, height of the eaves, depth, m, all > 0;
+    /// `roof`: height of the ridge over the eaves, m, > 0.
+    pub fn house(foot: Vec3, size: Vec3, roof: f32, turn: f32) -> Self {
+        let (h, d) = (size.y, size.z / 2.0);
+        let outline = [(-d, 0.0), (d, 0.0), (d, h), (0.0, h + roof), (-d, h)];
+        Self::new(foot, turn, size.x, &outline)
+    }
+
+    fn new(foot: Vec3, turn: f32, width: f32, outline: &[(f32, f32)]) -> Self {
+        // Quarter turns are exact, so that walls along an axis stay on their cells.
+        let [sin, cos] = [sin_f32(turn), cos_f32(turn)].map(|v| if v.abs() < 1e-6 { 0.0 } else { v });
+        Self {
+            foot,
+            width: Vec3::new(cos, 0.0, -sin),
+            depth: Vec3::new(sin, 0.0, cos),
+            outline: outline.iter().map(|(d, h)| Vec2::new(*d, *h)).collect(),
+            half: width / 2.0,
+        }
+    }
+
+    /// Corners of both ends, m: those of the outline at +width, then at -width, counter-clockwise seen from -width.
+    pub fn ends(&self) -> [Vec<Vec3>; 2] {
+        [self.half, -self.half].map(|along| self.outline.iter().map(|p| self.world(*p, along)).collect())
+    }
+
+    /// Its steep faces as rectangles, at +depth, -depth, +width, -width; those of gables are as high as the ridge.
+    pub fn sides(&self) -> [Side; 4] {
+        let b = self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+        let eaves = self.outline.iter().filter(|p| p.x > b.1.x - 1e-6).map(|p| p.y).fold(0.0, f32::max);
+        let size = b.1 - b.0;
+        let front = |sign: f32| Side {
+            // Seen from outside rows run to the right.
+            corner: self.foot + self.depth * (size.x / 2.0 * sign) - self.width * (self.half * sign) + Vec3::Y * eaves,
+            along: self.width * (2.0 * self.half * sign),
+            down: -Vec3::Y * eaves,
+            normal: self.depth * sign,
+        };
+        let end = |sign: f32| Side {
+            corner: self.foot + self.width * (self.half * sign) + self.depth * (size.x / 2.0 * sign) + Vec3::Y * b.1.y,
+            along: self.depth * (-size.x * sign),
+            down: -Vec3::Y * b.1.y,
+            normal: self.width * sign,
+        };
+        [front(1.0), front(-1.0), end(1.0), end(-1.0)]
+    }
+
+    fn world(&self, p: Vec2, along: f32) -> Vec3 {
+        self.foot + self.width * along + self.depth * p.x + Vec3::Y * p.y
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        Bounds::of(self.ends().into_iter().flatten())
+    }
+
+    /// Its thinnest direction.
+    pub(super) fn slab(&self) -> Slab {
+        let b = self.outline.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(a, b), p| (a.min(*p), b.max(*p)));
+        let size = b.1 - b.0;
+        let center = self.world((b.0 + b.1) / 2.0, 0.0);
+        let (across, thickness) =
+            if size.x <= 2.0 * self.half { (self.depth, size.x) } else { (self.width, 2.0 * self.half) };
+        if size.y < thickness {
+            Slab { center, across: Vec3::Y, thickness: size.y }
+        } else {
+            Slab { center, across, thickness }
+        }
+    }
+
+    pub(super) fn nearest(&self, at: Vec3) -> Nearest {
+        let from = at - self.foot;
+        let along = from.dot(self.width);
+        let (side, out) = outline(&self.outline, Vec2::new(from.dot(self.depth), from.y));
+        let over = along.abs() - self.half;
+        let end = self.width * if along < 0.0 { -1.0 } else { 1.0 };
+        let out = self.depth * out.x + Vec3::Y * out.y;
+        if side > 0.0 && over > 0.0 {
+            let away = Vec2::new(side, over);
+            let distance = away.length();
+            return Nearest { distance, normal: (out * side + end * over) / distance };
+        }
+        if side > over { Nearest { distance: side, normal: out } } else { Nearest { distance: over, normal: end } }
+    }
+}
+
+/// Signed distance of a place from a convex outline, counter-clockwise, and the way out of it there.
+fn outline(corners: &[Vec2], p: Vec2) -> (f32, Vec2) {
+    let mut inside = (f32::NEG_INFINITY, Vec2::Y);
+    let mut outside = (f32::INFINITY, Vec2::Y);
+    for (i, a) in corners.iter().enumerate() {
+        let edge = corners[(i + 1) % corners.len()] - *a;
+        let normal = Vec2::new(edge.y, -edge.x).normalize();
+        let depth = (p - *a).dot(normal);
+        if depth > inside.0 {
+            inside = (depth, normal);
+        }
+        let share = ((p - *a).dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+        let away = p - *a - edge * share;
+        let distance = away.length();
+        if distance < outside.0 {
+            // On the edge itself its own normal is the way out.
+            outside = (distance, if distance > 1e-6 { away / distance } else { normal });
+        }
+    }
+    if inside.0 <= 0.0 { inside } else { outside }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn house() -> Prism {
+        Prism::house(Vec3::new(3.0, 0.0, -2.0), Vec3::new(10.0, 5.0, 8.0), 3.0, 0.4)
+    }
+
+    /// Distance by trying every triangle's points is what the closed form says.
+    #[test]
+    fn distances_are_those_to_the_nearest_point() {
+        let house = house();
+        let [a, b] = house.ends();
+        let mut surface = Vec::new();
+        let n = 60_u16;
+        let mut quad = |c: [Vec3; 4]| {
+            for i in 0..=n {
+                for j in 0..=n {
+                    let (u, v) = (f32::from(i) / f32::from(n), f32::from(j) / f32::from(n));
+                    surface.push(c[0].lerp(c[1], u).lerp(c[3].lerp(c[2], u), v));
+                }
+            }
+        };
+        for i in 0..a.len() {
+            let k = (i + 1) % a.len();
+            quad([a[i], a[k], b[k], b[i]]);
+        }
+        for end in [&a, &b] {
+            quad([end[0], end[1], end[2], end[4]]);
+            quad([end[4], end[2], end[3], end[3]]);
+        }
+        for i in 0..300_u16 {
+            let f = f32::from(i);
+            let at = Vec3::new(3.0 + (f * 0.37) % 16.0 - 8.0, (f * 0.21) % 11.0 - 1.0, -2.0 + (f * 0.53) % 14.0 - 7.0);
+            let near = house.nearest(at);
+            let sampled = surface.iter().map(|p| p.distance(at)).fold(f32::INFINITY, f32::min);
+            assert!((near.distance.abs() - sampled).abs() < 0.1, "{at}: {near:?} against {sampled}");
+            assert!((near.normal.length() - 1.0).abs() < 1e-5);
+            let out = house.nearest(at - near.normal * near.distance);
+            assert!(out.distance.abs() < 1e-4, "{at} leads to {out:?}");
+        }
+    }
+
+    #[test]
+    fn sides_lie_on_the_surface_and_look_out() {
+        for side in house().sides() {
+            assert!((side.down.cross(side.along).normalize() - side.normal).length() < 1e-5, "{side:?}");
+            let middle = side.corner + side.along * 0.5 + side.down * 0.9;
+            let near = house().nearest(middle);
+            assert!(near.distance.abs() < 1e-4 && near.normal.distance(side.normal) < 1e-4, "{side:?} {near:?}");
+        }
+    }
+
+    #[test]
+    fn thin_walls_know_their_thin_side() {
+        let wall = Prism::block(Vec3::ZERO, Vec3::new(20.0, 3.0, 0.2), 0.0);
+        assert_eq!(wall.slab(), Slab { center: Vec3::Y * 1.5, across: Vec3::Z, thickness: 0.2 });
+        let quarter = Prism::block(Vec3::ZERO, Vec3::new(20.0, 3.0, 0.2), std::f32::consts::FRAC_PI_2);
+        assert_eq!(quarter.slab().across, Vec3::X);
+    }
+}

@@ -1,0 +1,224 @@
+//! Closed meshes as solids.
+
+use std::time::Duration;
+
+use glam::Vec3;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+
+use super::Nearest;
+use osier_base::geometry::Bounds;
+
+/// A closed triangle mesh with a tree of boxes over it.
+#[derive(Clone)]
+pub struct Shell {
+    triangles: Vec<[Vec3; 3]>,
+    tree: Bvh2,
+    bounds: Bounds,
+    open: usize,
+}
+
+impl std::fmt::Debug for Shell {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Shell of {} triangles", self.triangles.len())
+    }
+}
+
+impl Shell {
+    /// `points`, m; triangles counter-clockwise from outside; those without area are left out. None if nothing is left.
+    pub fn new(points: &[Vec3], triangles: &[[u32; 3]]) -> Option<Self> {
+        let at = |i: u32| points.get(i as usize).copied();
+        let all = triangles.iter().filter_map(|[a, b, c]| Some([at(*a)?, at(*b)?, at(*c)?]));
+        let triangles: Vec<[Vec3; 3]> =
+            all.filter(|[a, b, c]| (*b - *a).cross(*c - *a).length() > f32::MIN_POSITIVE).collect();
+        if triangles.is_empty() {
+            return None;
+        }
+        let boxes: Vec<Aabb> =
+            triangles.iter().map(|[a, b, c]| Aabb::new(a.min(*b).min(*c).into(), a.max(*b).max(*c).into())).collect();
+        let tree = build_bvh2(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
+        let bounds = Bounds::of(triangles.iter().flatten().copied());
+        let open = open_edges(&triangles);
+        Some(Self { triangles, tree, bounds, open })
+    }
+
+    /// Edges that do not belong to two triangles.
+    pub fn open_edges(&self) -> usize {
+        self.open
+    }
+
+    /// Its triangles, corners in m.
+    pub fn triangles(&self) -> &[[Vec3; 3]] {
+        &self.triangles
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Inside by what most of six rays along the axes say: each passes an odd number of walls.
+    pub(super) fn contains(&self, at: Vec3) -> bool {
+        let b = self.bounds;
+        if at.cmplt(b.min).any() || at.cmpgt(b.max).any() {
+            return false;
+        }
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
+        axes.iter().filter(|way| self.walls(at, **way) % 2 == 1).count() > 3
+    }
+
+    /// Walls that a ray passes.
+    fn walls(&self, from: Vec3, way: Vec3) -> usize {
+        let mut count = 0;
+        let far = self.bounds.size().max_element() * 2.0;
+        let reach = from + way * far;
+        let strip = Aabb::new(from.min(reach).into(), from.max(reach).into());
+        self.tree.aabb_traverse(strip, |tree, node| {
+            let node = &tree.nodes[node as usize];
+            let first = node.first_index as usize;
+            for i in &tree.primitive_indices[first..first + node.prim_count as usize] {
+                count += usize::from(meets(self.triangles[*i as usize], from, way));
+            }
+            true
+        });
+        count
+    }
+
+    pub(super) fn nearest(&self, at: Vec3) -> Nearest {
+        let mut best = (f32::INFINITY, Vec3::ZERO, 0_usize);
+        let mut stack = vec![0_u32];
+        while let Some(i) = stack.pop() {
+            let Some(node) = self.tree.nodes.get(i as usize) else { continue };
+            if square_distance(node.aabb(), at) >= best.0 {
+                continue;
+            }
+            let first = node.first_index as usize;
+            if node.is_leaf() {
+                for t in &self.tree.primitive_indices[first..first + node.prim_count as usize] {
+                    let p = nearest_on(self.triangles[*t as usize], at);
+                    let d = p.distance_squared(at);
+                    if d < best.0 {
+                        best = (d, p, *t as usize);
+                    }
+                }
+            } else {
+                // The nearer child last, so that it comes first.
+                let [a, b] = [node.first_index, node.first_index + 1];
+                let away = |k: u32| self.tree.nodes.get(k as usize).map_or(0.0, |n| square_distance(n.aabb(), at));
+                stack.extend(if away(a) < away(b) { [b, a] } else { [a, b] });
+            }
+        }
+        let sign = if self.contains(at) { -1.0 } else { 1.0 };
+        let distance = best.0.sqrt();
+        let [a, b, c] = self.triangles[best.2];
+        let flat = (b - a).cross(c - a).normalize_or(Vec3::Y);
+        let normal = if distance > 1e-5 { (at - best.1) * (sign / distance) } else { flat };
+        Nearest { distance: distance * sign, normal }
+    }
+}
+
+fn square_distance(b: &Aabb, at: Vec3) -> f32 {
+    let (low, high) = (Vec3::from(b.min), Vec3::from(b.max));
+    (low - at).max(at - high).max(Vec3::ZERO).length_squared()
+}
+
+/// Edges, by the bits of their ends, that do not come twice.
+fn open_edges(triangles: &[[Vec3; 3]]) -> usize {
+    let bits = |p: Vec3| p.to_array().map(|v| (v + 0.0).to_bits());
+    let mut edges: Vec<[[u32; 3]; 2]> = Vec::with_capacity(triangles.len() * 3);
+    for [a, b, c] in triangles {
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            let mut edge = [bits(*p), bits(*q)];
+            edge.sort_unstable();
+            edges.push(edge);
+        }
+    }
+    edges.sort_unstable();
+    edges.chunk_by(|a, b| a == b).filter(|run| run.len() != 2).count()
+}
+
+/// Whether a ray meets a triangle.
+/// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
+fn meets([a, b, c]: [Vec3; 3], from: Vec3, way: Vec3) -> bool {
+    let (ab, ac) = (b - a, c - a);
+    let across = way.cross(ac);
+    let det = ab.dot(across);
+    if det.abs() < f32::MIN_POSITIVE {
+        return false;
+    }
+    let away = from - a;
+    let u = away.dot(across) / det;
+    let lift = away.cross(ab);
+    let v = way.dot(lift) / det;
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && ac.dot(lift) / det > 0.0
+}
+
+/// The point of a triangle nearest to `p`.
+/// Source: C. Ericson, "Real-time collision detection", 2005, section 5.1.5 (regions of corners, edges and face).
+pub(super) fn nearest_on([a, b, c]: [Vec3; 3], p: Vec3) -> Vec3 {
+    let (ab, ac) = (b - a, c - a);
+    let side = |from: Vec3| (ab.dot(p - from), ac.dot(p - from));
+    let ((d1, d2), (d3, d4), (d5, d6)) = (side(a), side(b), side(c));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    let share = 1.0 / (va + vb + vc);
+    a + ab * (vb * share) + ac * (vc * share)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cube of side 2 around the origin.
+    fn cube() -> Shell {
+        let points: Vec<Vec3> = (0..8)
+            .map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32) * 2.0 - Vec3::ONE)
+            .collect();
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+        Shell::new(&points, &triangles).expect("a cube")
+    }
+
+    #[test]
+    fn a_cube_is_a_box() {
+        let cube = cube();
+        assert_eq!(cube.open_edges(), 0);
+        for i in 0..500_u16 {
+            let f = f32::from(i);
+            let at = Vec3::new((f * 0.371) % 4.0 - 2.0, (f * 0.533) % 4.0 - 2.0, (f * 0.717) % 4.0 - 2.0);
+            let over = at.abs() - Vec3::ONE;
+            let truth = over.max(Vec3::ZERO).length() + over.max_element().min(0.0);
+            let near = cube.nearest(at);
+            assert!((near.distance - truth).abs() < 1e-5, "{at}: {near:?} {truth}");
+            assert!(cube.nearest(at - near.normal * near.distance).distance.abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn what_is_open_is_counted() {
+        let cube = cube();
+        let points: Vec<Vec3> = cube.triangles().iter().flatten().copied().collect();
+        let triangles: Vec<[u32; 3]> = (0..11).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        assert_eq!(Shell::new(&points, &triangles).expect("most of a cube").open_edges(), 3);
+    }
+}

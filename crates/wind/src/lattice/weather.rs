@@ -1,0 +1,555 @@
+//! Winds as scenes ask for them.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    clippy::disallowed_methods,
+    clippy::float_cmp,
+    clippy::needless_range_loop,
+    clippy::print_stdout,
+    reason = "small known numbers, whose last bits do not matter; figures that documents state are printed"
+)]
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+use pulp::Arch;
+
+use super::super::Wind;
+use super::cells::Face;
+use super::*;
+use osier_base::limits::Limits;
+use osier_base::progress::{Cancel, Silent};
+use osier_base::{Error, Result};
+use osier_scene::solid::{Form, Prism, Solid};
+
+/// A small channel: 0.5 m cells and 2 steps a frame, so that 0.08 cells a step are 1.92 m/s.
+fn channel() -> LatticeOptions {
+    LatticeOptions {
+        cells: [80, 32, 16],
+        spacing: 0.5,
+        at: DVec3::ZERO,
+        inlet: InletOptions {
+            direction: DVec3::X,
+            speed: 1.92,
+            curve: Vec::new(),
+            turns: Vec::new(),
+            profile: WindProfile::Log(0.05),
+            reference: Some(16.0),
+            gust: 0.0,
+            gust_period: 8.0,
+            turbulence: 0.0,
+            modes: 24,
+            seed: 7,
+        },
+        viscosity: 1.5e-5,
+        fps: 24.0,
+        steps: Some(2),
+        smagorinsky: 0.16,
+        tau_floor: 0.5005,
+        ground: Ground::Rough(0.05),
+        sides: Sides::Auto,
+        outlet_rest: false,
+        sponge: 8,
+        preroll: None,
+    }
+}
+
+/// A wall across the channel, five metres high, a cell thick, 20 cells from where the wind comes in.
+fn wall() -> Vec<Solid> {
+    let prism = Prism::block(Vec3::new(-9.75, 0.0, 0.0), Vec3::new(0.5, 5.0, 40.0), 0.0);
+    vec![Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.5 }]
+}
+
+fn lattice(options: &LatticeOptions, solids: &[Solid]) -> Lattice {
+    Lattice::new(options, solids, &Limits::default()).expect("lattice")
+}
+
+fn next(lattice: &mut Lattice) -> Result<Arc<Snapshot>> {
+    lattice.advance(&Silent, &Cancel::default())
+}
+
+/// Steps from where a lattice stands.
+fn frames(lattice: &mut Lattice, count: usize) -> Vec<Arc<Snapshot>> {
+    (0..count).map(|_| next(lattice).expect("frame")).collect()
+}
+
+/// Mean flux through the plane x: density times velocity, over some frames.
+fn flux(snapshots: &[Arc<Snapshot>], x: usize) -> f64 {
+    let mut sum = 0.0;
+    for s in snapshots {
+        let [_, ny, nz] = s.cells();
+        for c in 0..ny * nz {
+            sum += s.cell([x, c % ny, c / ny]).map_or(0.0, |(u, drho)| f64::from(u.x) * f64::from(1.0 + drho));
+        }
+    }
+    sum / snapshots.len() as f64
+}
+
+#[test]
+fn what_comes_in_goes_through_and_out() {
+    for (solids, bounds) in [(Vec::new(), [1e-3, 1e-3]), (wall(), [1e-2, 4e-2])] {
+        let mut l = lattice(&channel(), &solids);
+        let _ = frames(&mut l, 200);
+        let s = frames(&mut l, 250);
+        let [a, b, c] = [5, 40, 74].map(|x| flux(&s, x));
+        println!("flux, {} solids: mid {:.2e}, outlet {:.2e}", solids.len(), b / a - 1.0, c / a - 1.0);
+        assert!((b / a - 1.0).abs() < bounds[0] && (c / a - 1.0).abs() < bounds[1], "{a} {b} {c}");
+        assert_eq!(l.health().clamped, 0);
+    }
+}
+
+#[test]
+fn eddies_go_with_a_wind_that_rises() {
+    let inlet = |curve: Vec<[f64; 2]>| {
+        let mut o = channel();
+        (o.inlet.turbulence, o.inlet.gust, o.inlet.curve) = (0.2, 0.0, curve);
+        lattice(&o, &[]).inlet().clone()
+    };
+    let (even, same, rising) = (inlet(Vec::new()), inlet(vec![[0.0, 1.92]]), inlet(vec![[0.0, 0.96], [10.0, 1.92]]));
+    let place = DVec3::new(3.1, 5.3, -1.2);
+    for t in [-3.0, 0.0, 7.5, 20.0] {
+        assert!((even.velocity(place, t) - same.velocity(place, t)).length() < 1e-12);
+    }
+    // In ten seconds at three quarters of the speed on the mean it comes as far as in seven and a half.
+    assert!((rising.velocity(place, 10.0) - even.velocity(place, 7.5)).length() < 1e-9);
+    // Before it rises all of it is half as strong, and half as fast.
+    assert!((rising.velocity(place, -6.0) - even.velocity(place, -3.0) / 2.0).length() < 1e-9);
+}
+
+/// A wind that turns from +x to -z in two seconds after two, in a cube of cells with a block in its middle.
+fn turning(turbulence: f64) -> Lattice {
+    let mut o = channel();
+    (o.cells, o.preroll) = ([32, 16, 32], Some(4.0));
+    (o.inlet.turbulence, o.inlet.gust, o.inlet.reference) = (turbulence, 0.0, Some(8.0));
+    o.inlet.turns = vec![[2.0, 0.0], [4.0, std::f64::consts::FRAC_PI_2]];
+    let block = Prism::block(Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0), 0.0);
+    lattice(&o, &[Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }])
+}
+
+#[test]
+fn a_wind_that_turns_goes_out_where_it_came_in() {
+    let mut l = turning(0.0);
+    let before = frames(&mut l, 48).pop().expect("frame");
+    let roles = |l: &Lattice| [0, 1, 4, 5].map(|f| l.flow.cells.faces[f]);
+    assert_eq!(roles(&l), [Face::Inlet, Face::Outlet, Face::Outlet, Face::Outlet]);
+    let part = frames(&mut l, 6).len();
+    assert_eq!((part, roles(&l)), (6, [Face::Inlet, Face::Outlet, Face::Outlet, Face::Inlet]));
+    // Then so long that the air of the old wind has left.
+    let after = frames(&mut l, 480).pop().expect("frame");
+    assert_eq!(roles(&l), [Face::Outlet, Face::Outlet, Face::Outlet, Face::Inlet]);
+    for (s, d) in [(&before, DVec3::X), (&after, -DVec3::Z)] {
+        // Above the block, where nothing is in the way.
+        let places = (2..30).flat_map(|x| (2..30).map(move |z| [x, 13, z]));
+        let all: Vec<DVec3> = places.map(|c| s.cell(c).expect("air").0.as_dvec3()).collect();
+        let mean = all.iter().sum::<DVec3>() / all.len() as f64;
+        let wanted = d * 1.92 * l.inlet().profile(6.75);
+        println!("towards {d}: {mean}, asked {wanted}");
+        assert!((mean - wanted).length() < 0.04 * wanted.length(), "{mean}, {wanted}");
+    }
+    assert!(l.health().clamped == 0 && l.health().density.abs() < 0.02, "{:?}", l.health());
+    // Whoever flies in it knows from where it comes.
+    for (s, d) in [(before, Vec3::X), (after, Vec3::NEG_Z)] {
+        let (t0, t1) = (s.time, s.time);
+        let now = Between { before: Arc::clone(&s), after: s, t0, t1 };
+        assert!((now.mean().normalize() - d).length() < 1e-6, "{}", now.mean());
+    }
+}
+
+#[test]
+fn a_wind_that_turns_goes_on_from_where_it_was_broken_off() {
+    let mut whole = turning(0.05);
+    // In the middle of the turn, when two faces have other roles than at the start.
+    let _ = frames(&mut whole, 54);
+    let mut again = turning(0.05);
+    again.resume(&whole.checkpoint()).expect("resumed");
+    assert_eq!(again.flow.cells.faces, whole.flow.cells.faces);
+    for _ in 0..20 {
+        let (a, b) = (next(&mut whole).expect("frame"), next(&mut again).expect("frame"));
+        assert!(a.values == b.values);
+    }
+    assert!(whole.checkpoint() == again.checkpoint());
+}
+
+#[test]
+fn eddies_go_the_way_of_a_wind_that_turns() {
+    let inlet = |turns: Vec<[f64; 2]>| {
+        let mut o = channel();
+        (o.inlet.turbulence, o.inlet.gust, o.inlet.turns, o.sides) = (0.2, 0.0, turns, Sides::Open);
+        lattice(&o, &[]).inlet().clone()
+    };
+    let straight = inlet(Vec::new());
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let bent = inlet(vec![[0.0, 0.0], [3.0, quarter]]);
+    // A quarter of a circle of 3 s has a radius of 3 s 1.92 m/s / (pi/2), and ends that far ahead and to the left.
+    let radius = 3.0 * 1.92 / quarter;
+    let (place, passed) = (DVec3::new(3.1, 5.3, -1.2), DVec3::new(radius, 0.0, -radius));
+    let eddies = bent.velocity(place + passed, 3.0) + DVec3::Z * bent.steady(5.3, 1.0);
+    let before = straight.velocity(place, 0.0) - DVec3::X * straight.steady(5.3, 1.0);
+    println!("eddies {eddies}, before the turn {before}");
+    assert!(before.length() > 0.05 && (eddies - before).length() < 1e-6, "{eddies} {before}");
+}
+
+#[test]
+fn what_is_taken_up_goes_on_and_says_what_was_said() {
+    let mut first = lattice(&channel(), &wall());
+    first.settle(&Silent, &Cancel::default()).expect("run-up");
+    first.notes.push(Note { code: "S022", text: "fast\tair".into() });
+    let state = first.state();
+    let mut second = lattice(&channel(), &wall());
+    assert!(second.take_up(&state[..state.len() - 1]).is_err() && second.take_up(&state[..30]).is_err());
+    second.take_up(&state).expect("the same lattice");
+    assert!(lattice(&channel(), &[]).take_up(&state).is_err());
+    assert_eq!((second.health(), second.notes()), (first.health(), first.notes()));
+    for _ in 0..3 {
+        let (a, b) = (next(&mut first).expect("frame"), next(&mut second).expect("frame"));
+        assert!(a.values == b.values);
+    }
+    assert_eq!((second.state(), second.health().steps), (first.state(), first.run_up() + 4));
+}
+
+#[test]
+fn the_profile_that_comes_in_is_the_one_asked_for() {
+    let mut l = lattice(&channel(), &[]);
+    let s = frames(&mut l, 100).pop().expect("frame");
+    let mut worst = 0.0_f64;
+    for y in 0..32 {
+        let u = f64::from(s.cell([5, y, 8]).expect("air").0.x);
+        let wanted = 1.92 * l.inlet().profile((y as f64 + 0.5) * 0.5);
+        println!("log profile, cell {y}: {:.4} m/s, {wanted:.4} asked for, {:+.3}", u, u / wanted - 1.0);
+        worst = worst.max((u / wanted - 1.0).abs());
+    }
+    println!("log profile five cells in: {worst:.2e}");
+    assert!(worst < 0.02, "{worst}");
+}
+
+/// Largest deviations from the profile asked for along a channel, by distance from where the wind comes in.
+fn kept(ground: Ground) -> [f64; 3] {
+    let mut o = channel();
+    (o.preroll, o.ground) = (Some(80.0), ground);
+    let mut l = lattice(&o, &[]);
+    let s = frames(&mut l, 1).pop().expect("frame");
+    [5, 30, 60].map(|x| {
+        let off = (0..32).map(|y| {
+            let wanted = 1.92 * l.inlet().profile((y as f64 + 0.5) * 0.5);
+            (f64::from(s.cell([x, y, 8]).expect("air").0.x) / wanted - 1.0).abs()
+        });
+        off.fold(0.0, f64::max)
+    })
+}
+
+#[test]
+fn over_rough_ground_the_wind_keeps_its_profile() {
+    let (rough, smooth) = (kept(Ground::Rough(0.05)), kept(Ground::Smooth));
+    println!("log profile at 5, 30, 60 cells: rough ground {rough:.3?}, smooth {smooth:.3?}");
+    assert!(rough[0] < 0.02 && rough.iter().all(|off| *off < 0.08), "{rough:?}");
+    assert!(smooth.iter().all(|off| *off > 0.2), "{smooth:?}");
+}
+
+#[test]
+fn turbulence_has_the_strength_asked_for() {
+    let mut o = channel();
+    (o.inlet.turbulence, o.inlet.profile) = (0.1, WindProfile::Uniform);
+    let inlet = lattice(&o, &[]).inlet().clone();
+    let (mut square, mut count) = ([0.0; 3], 0.0);
+    for step in 0..4000 {
+        for y in [8, 14, 20, 28] {
+            for z in [2, 9] {
+                let place = DVec3::new(-20.25, f64::from(y) * 0.5 + 0.25, f64::from(z) * 0.5 - 4.0);
+                let u = inlet.velocity(place, f64::from(step) / 48.0) - DVec3::X * 1.92;
+                for a in 0..3 {
+                    square[a] += u[a] * u[a];
+                }
+                count += 1.0;
+            }
+        }
+    }
+    let wanted = 0.1 * 0.1 * 1.92 * 1.92;
+    let parts = square.map(|s| s / count / wanted);
+    println!("turbulence: components {parts:.3?}, sum {:.3} of 3", parts.iter().sum::<f64>());
+    assert!((parts.iter().sum::<f64>() / 3.0 - 1.0).abs() < 0.1, "{parts:?}");
+    assert!(parts.iter().all(|p| (p - 1.0).abs() < 0.4), "{parts:?}");
+}
+
+/// Mean square of the velocity along z behind the wall, (m/s)^2.
+fn across(snapshots: &[Arc<Snapshot>]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for s in snapshots {
+        for c in 0..10 * 16 {
+            if let Some((u, _)) = s.cell([35, c % 10, c / 10]) {
+                sum += f64::from(u.z * u.z);
+                count += 1.0;
+            }
+        }
+    }
+    sum / count
+}
+
+#[test]
+fn turbulence_makes_a_wake_that_is_not_flat() {
+    let mut o = channel();
+    let flat = across(&frames(&mut lattice(&o, &wall()), 50));
+    o.inlet.turbulence = 0.1;
+    let rough = across(&frames(&mut lattice(&o, &wall()), 50));
+    println!("w'^2 behind the wall: {flat:.2e} without, {rough:.2e} with turbulence");
+    assert!(flat < 1e-8 && rough > 1e-3, "{flat} {rough}");
+}
+
+/// A scene turned to a direction: a cube of cells with a block in its middle.
+fn turned(direction: DVec3) -> Arc<Snapshot> {
+    let mut o = channel();
+    (o.cells, o.inlet.direction, o.preroll) = ([32, 16, 32], direction, Some(300.0 / 48.0));
+    let block = Prism::block(Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0), 0.0);
+    let solids = [Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }];
+    next(&mut lattice(&o, &solids)).expect("frame")
+}
+
+#[test]
+fn the_wind_is_the_same_whichever_way_it_blows() {
+    let mean = |s: &Snapshot, d: DVec3| {
+        let n = s.cells();
+        let all = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
+        let air: Vec<f64> = all.filter_map(|c| s.cell(c)).map(|(u, _)| u.as_dvec3().dot(d)).collect();
+        air.iter().sum::<f64>() / air.len() as f64
+    };
+    let along = mean(&turned(DVec3::X), DVec3::X);
+    for d in [DVec3::Z, -DVec3::X, -DVec3::Z] {
+        let off = mean(&turned(d), d) / along - 1.0;
+        println!("turned to {d}: mean off by {off:.2e}");
+        assert!(off.abs() < 1e-4, "{d}: {off}");
+    }
+    let oblique = DVec3::new(1.0, 0.0, 1.0).normalize();
+    let mut o = channel();
+    (o.cells, o.inlet.direction, o.preroll) = ([32, 16, 32], oblique, Some(30.0));
+    o.inlet.reference = Some(8.0);
+    let mut l = lattice(&o, &[]);
+    let s = frames(&mut l, 20).pop().expect("frame");
+    let mut worst = 0.0_f64;
+    for y in 0..16 {
+        let u = s.cell([12, y, 12]).expect("air").0.as_dvec3().dot(oblique);
+        let wanted = 1.92 * l.inlet().profile((y as f64 + 0.5) * 0.5);
+        println!("oblique profile at {y}: {:.3}", u / wanted);
+        worst = worst.max((u / wanted - 1.0).abs());
+    }
+    assert!(worst < 0.05, "{worst}");
+}
+
+#[test]
+fn a_wall_in_rough_air_stays_stable() {
+    let mut o = channel();
+    o.inlet.turbulence = 0.1;
+    let mut l = lattice(&o, &wall());
+    let mut fastest = 0.0_f32;
+    while l.health().steps < 5000 {
+        let s = next(&mut l).expect("stable");
+        if l.health().steps % 50 < 2 {
+            fastest = s.values.iter().map(|v| Vec3::new(v[0], v[1], v[2]).length()).fold(fastest, f32::max);
+        }
+    }
+    println!("5000 steps behind a wall: fastest {:.3} cells a step, {:?}", fastest / 24.0, l.health());
+    assert!(fastest / 24.0 < 0.25 && l.health().clamped == 0, "{fastest}");
+    assert!(l.health().checkered < 1e-3);
+}
+
+#[test]
+fn without_eddies_thin_air_is_refused_and_blows_up_when_forced() {
+    let mut o = channel();
+    (o.smagorinsky, o.inlet.turbulence) = (0.0, 0.1);
+    assert!(matches!(Lattice::new(&o, &wall(), &Limits::default()), Err(Error::Range { .. })));
+    o.smagorinsky = 1e-9;
+    let mut l = lattice(&o, &wall());
+    let mut end = Ok(());
+    for _ in 0..1000 {
+        if let Err(e) = next(&mut l) {
+            end = Err(e);
+            break;
+        }
+    }
+    let e = end.expect_err("blows up");
+    println!("{e}");
+    assert!(matches!(e, Error::Simulation { .. }), "{e}");
+    assert!(e.to_string().contains("S024") && e.to_string().contains("tau_floor"), "{e}");
+}
+
+/// A cube of cells with everything in it, as bytes after 50 steps.
+fn bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
+    let run = || {
+        let mut o = channel();
+        (o.cells, o.preroll) = ([64; 3], Some(1.0 / 48.0));
+        (o.inlet.turbulence, o.inlet.gust, o.steps) = (0.1, 0.2, Some(3));
+        let mut l = lattice(&o, &wall());
+        l.flow.sweep.compute_by(arch);
+        let mut at = frames(&mut l, 9);
+        if stop {
+            let saved = l.checkpoint();
+            l = lattice(&o, &wall());
+            l.flow.sweep.compute_by(arch);
+            l.resume(&saved).expect("resumed");
+        }
+        at.extend(frames(&mut l, 9));
+        let mut all = l.checkpoint();
+        all.extend(at.last().expect("frame").values.iter().flatten().flat_map(|v| v.to_le_bytes()));
+        all
+    };
+    osier_base::par::on_threads(threads, run)
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads_instructions_or_breaks() {
+    let one = blake3::hash(&bytes(Arch::new(), 1, false));
+    for threads in [2, 5, 16] {
+        assert_eq!(blake3::hash(&bytes(Arch::new(), threads, false)), one, "{threads} threads");
+    }
+    assert_eq!(blake3::hash(&bytes(Arch::Scalar, 2, false)), one, "scalar");
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v3) = pulp::x86::V3::try_new() {
+        assert_eq!(blake3::hash(&bytes(Arch::V3(v3), 2, false)), one, "AVX2");
+    }
+    assert_eq!(blake3::hash(&bytes(Arch::new(), 2, true)), one, "broken off and resumed");
+    let mut other = lattice(&channel(), &[]);
+    assert!(other.resume(&lattice(&channel(), &wall()).checkpoint()).is_err(), "another scene");
+}
+
+#[test]
+fn between_snapshots_the_wind_is_straight_and_falls_to_nothing_at_walls() {
+    let mut l = lattice(&channel(), &wall());
+    let two = frames(&mut l, 2);
+    let wind = Between { before: two[0].clone(), after: two[1].clone(), t0: 0.0, t1: 1.0 / 24.0 };
+    let at = |p: Vec3, t: f64| {
+        let mut out = [Vec3::ZERO];
+        wind.sample(&[p], t, &mut out);
+        out[0]
+    };
+    // The middle of cell (40, 20, 8).
+    let middle = Vec3::new(0.25, 10.25, 0.25);
+    let (a, b) = (two[0].cell([40, 20, 8]).expect("air").0, two[1].cell([40, 20, 8]).expect("air").0);
+    assert!((at(middle, 0.0) - a).length() < 1e-5 && (at(middle, 1.0) - b).length() < 1e-5);
+    assert!((at(middle, 0.5 / 24.0) - (a + b) / 2.0).length() < 1e-5);
+    let next = two[0].cell([41, 20, 8]).expect("air").0;
+    assert!((at(middle + Vec3::X * 0.125, 0.0) - (a + (next - a) * 0.25)).length() < 1e-5);
+    // Straight down to the ground, and to the wall whose face lies at x = -10.
+    let (low, half) = (at(Vec3::new(5.0, 0.25, 0.25), 0.0), at(Vec3::new(5.0, 0.125, 0.25), 0.0));
+    assert!((half * 2.0 - low).length() < 1e-4 * low.length().max(0.01), "{low} {half}");
+    assert!(at(Vec3::new(5.0, -0.1, 0.0), 0.0) == Vec3::ZERO && at(Vec3::new(-9.75, 2.0, 0.0), 0.0) == Vec3::ZERO);
+    let (far, near) = (at(Vec3::new(-10.25, 2.25, 0.25), 0.0), at(Vec3::new(-10.125, 2.25, 0.25), 0.0));
+    assert!((near * 2.0 - far).length() < 1e-3 * far.length().max(0.1), "{far} {near}");
+    // Sides are joined; far outside there is what comes in.
+    let p = Vec3::new(3.0, 6.0, 1.3);
+    assert!((at(p, 0.0) - at(p + Vec3::Z * 8.0, 0.0)).length() < 1e-4);
+    let out = Vec3::new(40.0, 8.0, 0.0);
+    assert!((at(out, 0.02).as_dvec3() - l.inlet().velocity(out.as_dvec3(), 0.02)).length() < 1e-5);
+}
+
+#[test]
+fn linear_fields_are_sampled_as_they_are() {
+    let l = lattice(&LatticeOptions { sides: Sides::Open, ..channel() }, &[]);
+    let field = Arc::clone(&l.field);
+    // Velocity at a place and a time, up to 1 m/s.
+    let wind = |p: DVec3, t: f64| {
+        DVec3::new(0.02 * p.x + 0.01 * p.y - 0.5 * t, 0.04 * p.y - 0.01 * p.z, 0.03 * p.z - 0.02 * p.x + t)
+    };
+    let (nx, ny) = (field.n[0] + 2, field.n[1] + 2);
+    let snapshot = |time: f64| {
+        let value = |k: usize| {
+            let at = DVec3::new((k % nx) as f64 - 0.5, (k / nx % ny) as f64 - 0.5, (k / nx / ny) as f64 - 0.5);
+            let u = wind(field.origin + at * field.spacing, time).as_vec3();
+            [u.x, u.y, u.z, 0.0]
+        };
+        Arc::new(Snapshot { field: Arc::clone(&field), values: (0..field.count()).map(value).collect(), time })
+    };
+    let between = Between { before: snapshot(0.0), after: snapshot(0.25), t0: 0.0, t1: 0.25 };
+    let mut rng = osier_base::rng::Rng::at(7, &["places".into()]);
+    for _ in 0..2000 {
+        let part = DVec3::new(rng.unit_f64(), rng.unit_f64(), rng.unit_f64());
+        let (p, t) = (DVec3::new(40.0, 15.5, 8.0) * part + DVec3::new(-20.0, 0.3, -4.0), 0.25 * rng.unit_f64());
+        let mut out = [Vec3::ZERO];
+        between.sample(&[p.as_vec3()], t, &mut out);
+        let off = (out[0].as_dvec3() - wind(p.as_vec3().as_dvec3(), t)).length();
+        assert!(off < 1e-6, "off by {off:.2e} at {p}");
+    }
+}
+
+#[test]
+fn plans_follow_the_wind() {
+    let mut o = channel();
+    (o.cells, o.inlet.speed, o.inlet.reference, o.steps) = ([70; 3], 2.0, Some(35.0), None);
+    let l = lattice(&o, &[]);
+    assert_eq!(l.steps(), 2);
+    assert!((l.viscosity() - 2e-3).abs() < 1e-6, "{}", l.viscosity());
+    o.steps = Some(1);
+    assert!(matches!(Lattice::new(&o, &[], &Limits::default()), Err(Error::Range { .. })));
+    (o.steps, o.inlet.speed) = (Some(2), 3.2);
+    assert!(lattice(&o, &[]).notes().iter().any(|n| n.code == "S020"));
+    let mut few = Limits::default();
+    few.set("cells", "1k").expect("limit");
+    assert!(matches!(Lattice::new(&o, &[], &few), Err(Error::Limit { .. })));
+}
+
+#[test]
+fn thin_walls_claim_one_layer_and_pockets_fill() {
+    let o = channel();
+    for (shift, thick) in [(0.0, 0.1), (0.13, 0.1), (0.25, 0.2), (0.37, 0.02)] {
+        let prism = Prism::block(Vec3::new(shift, 0.0, 0.0), Vec3::new(thick, 5.0, 40.0), 0.0);
+        let l = lattice(&o, &[Solid { name: "fence".into(), form: Form::Prism(prism), humidity: 0.5 }]);
+        let solid = l.flow.cells.solid.iter().filter(|s| **s).count();
+        assert_eq!(solid, 10 * 16, "{shift} {thick}");
+    }
+    let wall = |at: Vec3, size: Vec3| Solid {
+        name: "wall".into(),
+        form: Form::Prism(Prism::block(at, size, 0.0)),
+        humidity: 0.5,
+    };
+    let room = [
+        wall(Vec3::new(-2.0, 0.0, 0.0), Vec3::new(0.5, 3.0, 4.0)),
+        wall(Vec3::new(2.0, 0.0, 0.0), Vec3::new(0.5, 3.0, 4.0)),
+        wall(Vec3::new(0.0, 0.0, 1.75), Vec3::new(4.5, 3.0, 0.5)),
+        wall(Vec3::new(0.0, 0.0, -1.75), Vec3::new(4.5, 3.0, 0.5)),
+        wall(Vec3::new(0.0, 2.5, 0.0), Vec3::new(4.5, 0.5, 4.0)),
+    ];
+    let l = lattice(&o, &room);
+    assert!(l.notes().iter().any(|n| n.text.contains("still")), "{:?}", l.notes());
+    assert!(l.flow.cells.is_solid([40, 2, 8]));
+}
+
+#[test]
+fn a_recorded_wind_is_the_one_that_blew_and_repeats() {
+    use osier_base::geometry::Bounds;
+    let mut o = channel();
+    (o.inlet.turbulence, o.preroll) = (0.1, Some(2.0));
+    let bounds = Bounds { min: Vec3::new(-3.0, 0.0, -1.0), max: Vec3::new(2.0, 5.0, 1.5) };
+    let quiet: (&dyn osier_base::progress::Progress, &Cancel) = (&Silent, &Cancel::default());
+    let record = |repeats: bool, limits: &Limits| {
+        let take = LatticeTake { bounds, frames: 60, fps: 24.0, repeats };
+        Recorded::of(&mut lattice(&o, &wall()), take, limits, quiet)
+    };
+    let once = record(false, &Limits::default()).expect("recorded");
+    let mut l = lattice(&o, &wall());
+    let all = frames(&mut l, 40);
+    let places = [Vec3::new(-2.1, 0.4, 0.3), Vec3::new(1.7, 4.9, -0.9), Vec3::new(0.0, 2.0, 0.0)];
+    let ask = |w: &dyn Wind, t: f64| {
+        let mut out = [Vec3::ZERO; 3];
+        w.sample(&places, t, &mut out);
+        out
+    };
+    let frame = |k: usize| Between {
+        before: all[k].clone(),
+        after: all[k + 1].clone(),
+        t0: k as f64 / 24.0,
+        t1: (k + 1) as f64 / 24.0,
+    };
+    for (k, t) in [(0, 0.0), (7, 7.4), (30, 30.9)] {
+        let (a, b) = (ask(&once, t / 24.0), ask(&frame(k), t / 24.0));
+        assert!(a.iter().zip(&b).all(|(a, b)| (*a - *b).length() < 3e-3), "{a:?} {b:?}");
+    }
+    let round = record(true, &Limits::default()).expect("recorded");
+    assert_eq!((round.period(), once.period()), (Some(2.5), None));
+    let (end, start) = (ask(&round, 2.5 - 1e-9), ask(&round, 0.0));
+    assert!(end.iter().zip(&start).all(|(a, b)| (*a - *b).length() < 1e-4), "{end:?} {start:?}");
+    assert_eq!(ask(&round, 0.7), ask(&round, 0.7 + 2.5));
+    assert!(ask(&round, 0.3) != ask(&round, 0.9));
+    let mut few = Limits::default();
+    few.set("wind-bytes", "1k").expect("limit");
+    assert!(matches!(record(false, &few), Err(Error::Limit { .. })));
+}
