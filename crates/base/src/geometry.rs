@@ -19,34 +19,40 @@ impl Default for Bounds {
 
 impl Bounds {
     /// Box of some points; empty for none.
+    #[inline]
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
         points.into_iter().fold(Self::default(), |b, p| b.with(p))
     }
 
     /// The box grown to hold `p`.
     #[must_use]
+    #[inline]
     pub fn with(self, p: Vec3) -> Self {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
     /// The box that holds both.
     #[must_use]
+    #[inline]
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// The box grown by `d` on every side; an empty box stays empty.
     #[must_use]
+    #[inline]
     pub fn grown(self, d: f32) -> Self {
         if self.is_empty() { self } else { Self { min: self.min - Vec3::splat(d), max: self.max + Vec3::splat(d) } }
     }
 
     /// True if no point was added.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.min.x > self.max.x
     }
 
     /// The eight corners.
+    #[inline]
     pub fn corners(&self) -> [Vec3; 8] {
         let (a, b) = (self.min, self.max);
         std::array::from_fn(|i| {
@@ -56,23 +62,27 @@ impl Bounds {
     }
 
     /// The middle; zero for an empty box.
+    #[inline]
     pub fn center(&self) -> Vec3 {
         if self.is_empty() { Vec3::ZERO } else { (self.min + self.max) * 0.5 }
     }
 
     /// Side lengths; zero for an empty box.
+    #[inline]
     pub fn size(&self) -> Vec3 {
         if self.is_empty() { Vec3::ZERO } else { self.max - self.min }
     }
 }
 
 /// Newell normal of a polygon (not normalised; its length is twice the area).
+#[inline]
 pub fn newell(points: &[Vec3]) -> Vec3 {
     let n = points.len();
     (0..n).fold(Vec3::ZERO, |s, i| s + points[i].cross(points[(i + 1) % n]))
 }
 
 /// Triangles of a simple polygon in the plane, counter-clockwise as given; empty if it has no area.
+#[inline]
 pub fn triangulate(outline: &[Vec2]) -> Vec<[u32; 3]> {
     let flat: Vec<f32> = outline.iter().flat_map(|p| [p.x, p.y]).collect();
     let Ok(indices) = earcutr::earcut(&flat, &[], 2) else { return Vec::new() };

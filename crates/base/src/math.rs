@@ -65,6 +65,7 @@ pub fn pow_f32(base: f32, exponent: f32) -> f32 {
 /// a b + c, rounded once: the same bits with or without an instruction for it, but not those of a product and a sum.
 #[inline(always)]
 #[allow(clippy::disallowed_methods, reason = "asked for by name, never left to the compiler")]
+#[inline]
 pub fn fused(a: f64, b: f64, c: f64) -> f64 {
     a.mul_add(b, c)
 }
@@ -72,6 +73,7 @@ pub fn fused(a: f64, b: f64, c: f64) -> f64 {
 /// [`fused`] in single precision.
 #[inline(always)]
 #[allow(clippy::disallowed_methods, reason = "asked for by name, never left to the compiler")]
+#[inline]
 pub fn fused_f32(a: f32, b: f32, c: f32) -> f32 {
     a.mul_add(b, c)
 }
@@ -79,6 +81,7 @@ pub fn fused_f32(a: f32, b: f32, c: f32) -> f32 {
 /// Rounds to single precision: the one place where f64 results become stored f32 values.
 #[inline]
 #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is the purpose")]
+#[inline]
 pub fn narrow(x: f64) -> f32 {
     x as f32
 }
@@ -104,6 +107,7 @@ pub fn normalize_or(v: Vec3, fallback: Vec3) -> Vec3 {
 }
 
 /// Some unit vector perpendicular to the unit vector `v`, chosen by its smallest component.
+#[inline]
 pub fn perpendicular(v: Vec3) -> Vec3 {
     let a = v.abs();
     let axis = if a.x <= a.y && a.x <= a.z {
@@ -117,6 +121,7 @@ pub fn perpendicular(v: Vec3) -> Vec3 {
 }
 
 /// The smallest rotation that takes unit vector `from` to unit vector `to`.
+#[inline]
 pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
     let d = from.dot(to);
     if d < -0.999_999 {
@@ -128,6 +133,7 @@ pub fn rotation_between(from: Vec3, to: Vec3) -> Quat {
 }
 
 /// Normalised linear blend of two rotations along the shorter arc.
+#[inline]
 pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
     let b = if a.dot(b) < 0.0 { -b } else { b };
     Quat::from_vec4(glam::Vec4::from(a) * (1.0 - t) + glam::Vec4::from(b) * t).normalize()
@@ -137,6 +143,7 @@ pub fn nlerp(a: Quat, b: Quat, t: f32) -> Quat {
 /// `x0`, `x1`: centres; `t0`, `t1`: unit tangents; `e0`: unit reference perpendicular to `t0`.
 /// Returns the unit reference at `x1`, perpendicular to `t1`. Reflections with a divisor below 1e-18 are skipped.
 /// Source: W. Wang et al., "Computation of rotation minimizing frames", ACM TOG 27(1), 2008, table 1.
+#[inline]
 pub fn transport(x0: Vec3, t0: Vec3, e0: Vec3, x1: Vec3, t1: Vec3) -> Vec3 {
     let v1 = x1 - x0;
     let c1 = v1.dot(v1);

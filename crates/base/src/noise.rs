@@ -6,6 +6,7 @@ use crate::rng::mix64;
 /// Gradient noise on a lattice of whole numbers, periodic with `period` (cells, >= 1), in about [-1, 1].
 /// `p`: position in cells. Smooth to the second derivative.
 /// Source: K. Perlin, "Improving noise", SIGGRAPH 2002; gradients from a hash instead of a table.
+#[inline]
 pub fn gradient2(seed: u64, p: [f32; 2], period: [i32; 2]) -> f32 {
     let (x0, fx) = split(p[0]);
     let (y0, fy) = split(p[1]);
@@ -21,6 +22,7 @@ pub fn gradient2(seed: u64, p: [f32; 2], period: [i32; 2]) -> f32 {
 }
 
 /// Gradient noise along a line, periodic with `period` cells, in [-1, 1].
+#[inline]
 pub fn gradient1(seed: u64, x: f32, period: i32) -> f32 {
     let (x0, f) = split(x);
     let slope = |d: i32| {
@@ -31,6 +33,7 @@ pub fn gradient1(seed: u64, x: f32, period: i32) -> f32 {
 }
 
 /// Sum of `octaves` of [`gradient2`], each of doubled frequency and half the weight, scaled back to about [-1, 1].
+#[inline]
 pub fn fractal2(seed: u64, p: [f32; 2], period: [i32; 2], octaves: u32) -> f32 {
     let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
     for o in 0..octaves {

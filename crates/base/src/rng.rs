@@ -18,17 +18,20 @@ const fn fin(z: u64) -> u64 {
 }
 
 /// Key of the child `id` of key `k`.
+#[inline]
 pub const fn child(k: u64, id: u64) -> u64 {
     fin(k.wrapping_mul(MULTIPLIER) ^ fin(id.wrapping_add(GOLDEN)))
 }
 
 /// Mixes a sequence of integers into one key; the empty sequence gives 0.
+#[inline]
 pub fn mix64(values: &[u64]) -> u64 {
     let Some((first, rest)) = values.split_first() else { return 0 };
     rest.iter().fold(fin(first.wrapping_add(GOLDEN)), |k, &v| child(k, v))
 }
 
 /// 64-bit FNV-1a of the UTF-8 bytes: how a word becomes a path element.
+#[inline]
 pub const fn word(text: &str) -> u64 {
     let bytes = text.as_bytes();
     let mut hash = 0xCBF2_9CE4_8422_2325_u64;
@@ -73,7 +76,7 @@ impl From<&str> for Key {
 /// A stream of random numbers.
 ///
 /// ```
-/// use osier::rng::Rng;
+/// use osier_base::rng::Rng;
 /// let mut leaf = Rng::at(42, &["leaf".into(), 3_u64.into()]);
 /// assert_eq!(leaf.next_u64(), 0x89c5_d2de_302e_b114);
 /// ```
@@ -82,16 +85,19 @@ pub struct Rng(Pcg64Mcg);
 
 impl Rng {
     /// The stream at `seed` and `path`.
+    #[inline]
     pub fn at(seed: u64, path: &[Key]) -> Self {
         Self::from_key(Self::key(seed, path))
     }
 
     /// The key of an address; streams of equal keys are equal.
+    #[inline]
     pub fn key(seed: u64, path: &[Key]) -> u64 {
         path.iter().fold(fin(seed.wrapping_add(GOLDEN)), |k, e| child(k, e.0))
     }
 
     /// The stream of a key.
+    #[inline]
     pub fn from_key(k: u64) -> Self {
         let high = u128::from(fin(k.wrapping_add(GOLDEN)));
         let low = u128::from(fin(k.wrapping_add(GOLDEN.wrapping_mul(2))));
@@ -99,21 +105,25 @@ impl Rng {
     }
 
     /// 64 random bits. One draw.
+    #[inline]
     pub fn next_u64(&mut self) -> u64 {
         self.0.next_u64()
     }
 
     /// Uniform in [0, 1). One draw.
+    #[inline]
     pub fn unit_f32(&mut self) -> f32 {
         (self.next_u64() >> 40) as f32 * (1.0 / 16_777_216.0)
     }
 
     /// Uniform in [0, 1). One draw.
+    #[inline]
     pub fn unit_f64(&mut self) -> f64 {
         (self.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }
 
     /// Uniform between `a` and `b`; `b` may appear by rounding. One draw.
+    #[inline]
     pub fn range(&mut self, a: f64, b: f64) -> f64 {
         a + (b - a) * self.unit_f64()
     }
@@ -123,16 +133,19 @@ impl Rng {
         clippy::cast_possible_truncation,
         reason = "the product is below n * 2^64, so the shifted value is below n"
     )]
+    #[inline]
     pub fn below(&mut self, n: u32) -> u32 {
         ((u128::from(self.next_u64()) * u128::from(n)) >> 64) as u32
     }
 
     /// True with probability `p`; never for NaN. One draw.
+    #[inline]
     pub fn chance(&mut self, p: f64) -> bool {
         self.unit_f64() < p
     }
 
     /// Standard normal (Box-Muller, the second value is not kept), magnitude at most 8.58. Two draws.
+    #[inline]
     pub fn normal(&mut self) -> f64 {
         let u1 = self.unit_f64();
         let u2 = self.unit_f64();
@@ -141,6 +154,7 @@ impl Rng {
 
     /// Index picked in proportion to `weights`; the last positive one if rounding runs past the end; 0 if none is
     /// positive. One draw.
+    #[inline]
     pub fn pick(&mut self, weights: &[f64]) -> usize {
         let total = weights.iter().fold(0.0, |t, w| t + w.max(0.0));
         let target = self.unit_f64() * total;
@@ -158,6 +172,7 @@ impl Rng {
 
     /// Fisher-Yates shuffle from the end. `len - 1` draws.
     #[allow(clippy::cast_possible_truncation, reason = "lists are limited far below 2^32 items")]
+    #[inline]
     pub fn shuffle<T>(&mut self, items: &mut [T]) {
         for i in (1..items.len()).rev() {
             let j = self.below(i as u32 + 1) as usize;

@@ -3,27 +3,32 @@
 use crate::math;
 
 /// Degrees to radians.
+#[inline]
 pub fn radians(degrees: f64) -> f64 {
     degrees * (std::f64::consts::PI / 180.0)
 }
 
 /// Degrees from radians.
+#[inline]
 pub fn degrees(radians: f64) -> f64 {
     radians / (std::f64::consts::PI / 180.0)
 }
 
 /// Degrees to radians, single precision, rounded once.
 #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is the purpose")]
+#[inline]
 pub fn radians_f32(degrees: f32) -> f32 {
     radians(f64::from(degrees)) as f32
 }
 
 /// One sRGB component in [0, 1] to linear light.
+#[inline]
 pub fn linear_from_srgb(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { math::pow_f32((c + 0.055) / 1.055, 2.4) }
 }
 
 /// One linear component in [0, 1] to sRGB.
+#[inline]
 pub fn srgb_from_linear(c: f32) -> f32 {
     let c = c.clamp(0.0, 1.0);
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * math::pow_f32(c, 1.0 / 2.4) - 0.055 }
@@ -31,6 +36,7 @@ pub fn srgb_from_linear(c: f32) -> f32 {
 
 /// A value in [0, 1] as a byte, rounded to nearest.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=255 before the cast")]
+#[inline]
 pub fn byte(c: f32) -> u8 {
     (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
@@ -64,6 +70,7 @@ impl Steps {
 
 /// One linear component in [0, 1] to an sRGB byte: [`byte`] of [`srgb_from_linear`], from a table.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the table before the cast")]
+#[inline]
 pub fn srgb_byte(c: f32) -> u8 {
     static STEPS: std::sync::LazyLock<Steps> = std::sync::LazyLock::new(Steps::new);
     let steps = &*STEPS;

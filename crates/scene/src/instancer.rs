@@ -32,11 +32,13 @@ pub struct Fine {
 
 impl Prototype {
     /// A prototype that is a mesh and nothing else.
+    #[inline]
     pub fn new(name: impl Into<String>, mesh: Mesh) -> Self {
         Self { name: name.into(), mesh, fine: None, level: String::new(), others: Vec::new() }
     }
 
     /// Box of what is shown, whichever way.
+    #[inline]
     pub fn bounds(&self) -> Bounds {
         let fine = self.fine.as_ref().map(|f| f.mesh.bounds().union(f.curves.bounds()));
         fine.unwrap_or_default().union(self.mesh.bounds())
@@ -76,6 +78,7 @@ pub struct InstanceState {
 
 impl InstanceState {
     /// True if instance `i` is alive.
+    #[inline]
     pub fn is_alive(&self, i: usize) -> bool {
         self.alive.get(i).copied().unwrap_or(true)
     }
@@ -106,16 +109,19 @@ pub struct Instancer {
 
 impl Instancer {
     /// Number of instances.
+    #[inline]
     pub fn len(&self) -> usize {
         self.protos.len()
     }
 
     /// True without instances.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.protos.is_empty()
     }
 
     /// Transform of instance `i` in a state.
+    #[inline]
     pub fn transform(&self, state: &InstanceState, i: usize) -> Trs {
         Trs { t: state.positions[i], r: state.orientations[i], s: self.scales[i] }
     }

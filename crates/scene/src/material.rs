@@ -20,6 +20,7 @@ pub enum MaterialClass {
 
 impl MaterialClass {
     /// The word used in the manifest.
+    #[inline]
     pub fn word(self) -> &'static str {
         match self {
             Self::Bark => "bark",
@@ -130,6 +131,7 @@ pub struct Image {
 
 /// Number of the pixel at texture coordinates, which repeat beyond 0 to 1, in a picture of at least one pixel; rows from the top.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "inside the picture")]
+#[inline]
 pub fn pixel_at(uv: glam::Vec2, [width, height]: [u32; 2]) -> usize {
     let inside = |v: f32, n: u32| (((v - v.floor()) * n as f32) as usize).min(n as usize - 1);
     inside(1.0 - uv.y, height) * width as usize + inside(uv.x, width)

@@ -50,11 +50,13 @@ pub struct Mesh {
 
 impl Mesh {
     /// Box of all points.
+    #[inline]
     pub fn bounds(&self) -> Bounds {
         Bounds::of(self.points.iter().copied())
     }
 
     /// One subset over all triangles.
+    #[inline]
     pub fn with_material(mut self, material: MaterialId) -> Self {
         let count = u32::try_from(self.triangles.len()).unwrap_or(u32::MAX);
         self.subsets = vec![Subset { material, first: 0, count }];
@@ -81,6 +83,7 @@ impl Mesh {
     }
 
     /// Triangles of a subset.
+    #[inline]
     pub fn subset_triangles(&self, s: &Subset) -> &[[u32; 3]] {
         let first = (s.first as usize).min(self.triangles.len());
         let end = (first + s.count as usize).min(self.triangles.len());

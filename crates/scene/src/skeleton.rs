@@ -24,22 +24,26 @@ impl Trs {
     pub const IDENTITY: Self = Self { t: Vec3::ZERO, r: Quat::IDENTITY, s: Vec3::ONE };
 
     /// A pure shift.
+    #[inline]
     pub fn translation(t: Vec3) -> Self {
         Self { t, ..Self::IDENTITY }
     }
 
     /// The same as a matrix.
+    #[inline]
     pub fn matrix(&self) -> Mat4 {
         Mat4::from_scale_rotation_translation(self.s, self.r, self.t)
     }
 
     /// The transformed point.
+    #[inline]
     pub fn apply(&self, p: Vec3) -> Vec3 {
         self.t + self.r * (self.s * p)
     }
 
     /// `self` after `inner`; exact if `self` scales uniformly.
     #[must_use]
+    #[inline]
     pub fn then_inner(&self, inner: &Self) -> Self {
         Self { t: self.apply(inner.t), r: (self.r * inner.r).normalize(), s: self.s * inner.s }
     }
@@ -65,6 +69,7 @@ pub struct Skeleton {
 
 impl Skeleton {
     /// Asset from joint for one pose (parent-from-joint transforms, one per joint).
+    #[inline]
     pub fn asset_from_joint(&self, pose: &[Trs]) -> Vec<Trs> {
         let mut world: Vec<Trs> = Vec::with_capacity(self.joints.len());
         for (joint, local) in self.joints.iter().zip(pose) {
@@ -75,11 +80,13 @@ impl Skeleton {
     }
 
     /// The pose at rest.
+    #[inline]
     pub fn rest_pose(&self) -> Vec<Trs> {
         self.joints.iter().map(|j| j.rest).collect()
     }
 
     /// Asset from joint at rest: the bind transforms.
+    #[inline]
     pub fn bind(&self) -> Vec<Trs> {
         self.asset_from_joint(&self.rest_pose())
     }

@@ -94,11 +94,13 @@ pub struct Nodes {
 
 impl Nodes {
     /// Number of nodes.
+    #[inline]
     pub fn len(&self) -> usize {
         self.p.len()
     }
 
     /// True without nodes.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.p.is_empty()
     }
@@ -173,12 +175,14 @@ pub struct Plant {
 
 impl Plant {
     /// Node indices of an axis.
+    #[inline]
     pub fn nodes_of(&self, axis: &Axis) -> std::ops::Range<usize> {
         let first = axis.first as usize;
         first..first + axis.count as usize
     }
 
     /// The segment of an axis that holds arc length `s` (clamped): its first node and how far along it, 0 to 1.
+    #[inline]
     pub fn segment(&self, axis: &Axis, s: f32) -> (usize, f32) {
         let range = self.nodes_of(axis);
         let arcs = &self.nodes.s[range.clone()];
@@ -188,6 +192,7 @@ impl Plant {
     }
 
     /// The centreline of an axis at arc length `s` (clamped): p and r linear, q by normalised lerp on the shorter arc.
+    #[inline]
     pub fn frame(&self, axis: &Axis, s: f32) -> Site {
         let (i, t) = self.segment(axis, s);
         let j = i + 1;
@@ -199,6 +204,7 @@ impl Plant {
     }
 
     /// Pivot and rotation of an organ in plant space.
+    #[inline]
     pub fn organ_site(&self, organ: &Organ) -> (Vec3, Quat) {
         let site = self.frame(&self.axes[organ.axis as usize], organ.s);
         let q = (site.q * organ.q).normalize();

@@ -34,6 +34,7 @@ impl std::fmt::Display for Warning {
 /// X001 for a value that is not finite; `Range` for r <= 0, a frame that is no unit quaternion, a parent that does not
 /// precede its child, an arc length outside its axis, an unknown prototype or fewer than 2 nodes; `Limit` beyond 2e7
 /// nodes or organs.
+#[inline]
 pub fn validate(plant: &mut Plant) -> Result<Vec<Warning>> {
     check_counts(plant)?;
     check_arrays(plant)?;

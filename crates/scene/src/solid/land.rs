@@ -52,6 +52,7 @@ impl LandForm {
     }
 
     /// Height at (x, z), m.
+    #[inline]
     pub fn height(&self, at: Vec2) -> f32 {
         let ((x, u), (z, v)) = (self.cell(at.x), self.cell(at.y));
         let h = |i: usize, k: usize| self.heights[(z + k) * self.side + x + i];

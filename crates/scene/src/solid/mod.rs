@@ -50,6 +50,7 @@ pub struct Solid {
 
 impl Solid {
     /// The smallest upright box around it.
+    #[inline]
     pub fn bounds(&self) -> Bounds {
         match &self.form {
             Form::Prism(p) => p.bounds(),
@@ -59,6 +60,7 @@ impl Solid {
     }
 
     /// Whether a place is inside.
+    #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
         match &self.form {
             Form::Prism(p) => p.nearest(at).distance < 0.0,
@@ -68,6 +70,7 @@ impl Solid {
     }
 
     /// The nearest place of its surface.
+    #[inline]
     pub fn nearest(&self, at: Vec3) -> Nearest {
         match &self.form {
             Form::Prism(p) => p.nearest(at),
@@ -77,6 +80,7 @@ impl Solid {
     }
 
     /// Its thinnest direction, for those who would miss it between two of their own points; none for hills and meshes.
+    #[inline]
     pub fn slab(&self) -> Option<Slab> {
         if let Form::Prism(p) = &self.form { Some(p.slab()) } else { None }
     }
@@ -102,17 +106,20 @@ pub struct Near {
 
 impl Solids {
     /// `level`: with ground at y = 0.
+    #[inline]
     pub fn new(all: Vec<Solid>, level: bool) -> Self {
         let boxes = all.iter().map(Solid::bounds).collect();
         Self { all, boxes, level }
     }
 
     /// In the scene's order.
+    #[inline]
     pub fn list(&self) -> &[Solid] {
         &self.all
     }
 
     /// The nearest surface within `reach`, m, of a place, or none.
+    #[inline]
     pub fn near(&self, at: Vec3, reach: f32) -> Option<Near> {
         let level = Near { nearest: Nearest { distance: at.y, normal: Vec3::Y }, which: None };
         let mut best = (self.level && at.y <= reach).then_some(level);
@@ -125,6 +132,7 @@ impl Solids {
     }
 
     /// Every surface within `reach`, m, of a place: the ground first, then in the scene's order.
+    #[inline]
     pub fn all_near(&self, at: Vec3, reach: f32) -> Vec<Near> {
         let level = Near { nearest: Nearest { distance: at.y, normal: Vec3::Y }, which: None };
         let mut found: Vec<Near> = if self.level && at.y <= reach { vec![level] } else { Vec::new() };
@@ -146,6 +154,7 @@ impl Solids {
     }
 
     /// Whether a place is in the ground or in a solid.
+    #[inline]
     pub fn contains(&self, at: Vec3) -> bool {
         (self.level && at.y < 0.0)
             || self

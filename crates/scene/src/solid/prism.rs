@@ -47,6 +47,7 @@ pub struct Side {
 impl Prism {
     /// A box. `foot`: middle of its lower face; `size`: width, height, depth, m, all > 0; `turn`: about +Y, radians: the
     /// width lies along +X, and along -Z after a quarter turn.
+    #[inline]
     pub fn block(foot: Vec3, size: Vec3, turn: f32) -> Self {
         let (h, d) = (size.y, size.z / 2.0);
         let outline = [(-d, 0.0), (d, 0.0), (d, h), (-d, h)];
@@ -55,6 +56,7 @@ impl Prism {
 
     /// A house with a gable roof whose ridge runs along its width. `size`: width, height of the eaves, depth, m, all > 0;
     /// `roof`: height of the ridge over the eaves, m, > 0.
+    #[inline]
     pub fn house(foot: Vec3, size: Vec3, roof: f32, turn: f32) -> Self {
         let (h, d) = (size.y, size.z / 2.0);
         let outline = [(-d, 0.0), (d, 0.0), (d, h), (0.0, h + roof), (-d, h)];
@@ -74,6 +76,7 @@ impl Prism {
     }
 
     /// Corners of both ends, m: those of the outline at +width, then at -width, counter-clockwise seen from -width.
+    #[inline]
     pub fn ends(&self) -> [Vec<Vec3>; 2] {
         [self.half, -self.half].map(|along| self.outline.iter().map(|p| self.world(*p, along)).collect())
     }

@@ -28,6 +28,7 @@ impl std::fmt::Debug for Shell {
 
 impl Shell {
     /// `points`, m; triangles counter-clockwise from outside; those without area are left out. None if nothing is left.
+    #[inline]
     pub fn new(points: &[Vec3], triangles: &[[u32; 3]]) -> Option<Self> {
         let at = |i: u32| points.get(i as usize).copied();
         let all = triangles.iter().filter_map(|[a, b, c]| Some([at(*a)?, at(*b)?, at(*c)?]));
@@ -45,11 +46,13 @@ impl Shell {
     }
 
     /// Edges that do not belong to two triangles.
+    #[inline]
     pub fn open_edges(&self) -> usize {
         self.open
     }
 
     /// Its triangles, corners in m.
+    #[inline]
     pub fn triangles(&self) -> &[[Vec3; 3]] {
         &self.triangles
     }
