@@ -4,9 +4,31 @@
 //! grammar, scene, artist mesh ─ parse ─► resolve ─► grow ─► Plant ─► surface ─► Scene ─► motion ─► Frame ─► exporters
 //! ```
 //!
-//! Modules stand in layers; each imports only from those below it (see `ARCHITECTURE.md`).
+//! A scene is text, or a preset by name. [`recipe::resolve`] reads it, [`bake::bake`] makes all of its files:
+//!
+//! ```
+//! use osier::bake::{Work, bake};
+//! use osier::fence::Folder;
+//! use osier::limits::Limits;
+//! use osier::progress::Cancel;
+//! use osier::recipe::{Request, resolve};
+//!
+//! # fn main() -> osier::Result<()> {
+//! let text = "[plants.tuft]\ngrammar = \"grass.l\"\n[output]\nformats = [\"glb\"]\n".to_owned();
+//! let request = Request { name: "tuft".into(), text, ..Request::default() };
+//! let (recipe, _warnings) = resolve(&request)?;
+//! let folder = Folder::open(std::env::temp_dir().join("osier-tuft"))?;
+//! let baked = bake(&recipe, &[], &folder, &Work::quiet(&Limits::default(), &Cancel::default()))?;
+//! assert!(baked.manifest.expanded().iter().any(|(path, ..)| path == "gltf/tuft.web.glb"));
+//! # std::fs::remove_dir_all(folder.root()).ok();
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Each layer is a crate of its own, shown here under the name of its module (see `ARCHITECTURE.md`).
 
 pub mod bake;
+#[cfg(feature = "cli")]
 pub mod cli;
 pub mod presets;
 pub mod recipe;

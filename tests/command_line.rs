@@ -376,3 +376,13 @@ fn help_and_tables_read_as_they_did() {
         insta::assert_snapshot!(format!("list_{what}"), ends(0, &["list", what, "--max-memory", "16G"]).0);
     }
 }
+
+#[test]
+fn shells_and_man_learn_every_command() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let (text, _) = ends(0, &["completions", shell]);
+        assert!(["bake", "preview", "max-memory"].iter().all(|word| text.contains(word)), "{shell}: {text}");
+    }
+    let (page, _) = ends(0, &["man"]);
+    assert!(page.contains(".TH osier 1") && page.contains("Exit codes") && page.contains("bake"), "{page}");
+}

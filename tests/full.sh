@@ -7,7 +7,10 @@ bash tests/all.sh
 say() { printf '\n== %s\n' "$*"; }
 
 say "the serial build is clean"
-cargo clippy --release --no-default-features --lib --bins -- -D warnings
+cargo clippy --release --no-default-features --features cli --lib --bins -- -D warnings
+
+say "the library is clean without the program"
+cargo clippy --release --no-default-features --features parallel --lib -- -D warnings
 
 say "the serial build passes the same tests, snapshots of bytes among them"
 cargo test --release --no-default-features --lib --quiet

@@ -71,6 +71,18 @@ pub enum Command {
     /// Tell what an output holds, and check a bake against its manifest.
     #[command(after_long_help = EXIT_CODES)]
     Info(Info),
+    /// Print completions of the command line for a shell.
+    Completions(Completions),
+    /// Print the manual page, as troff.
+    Man,
+}
+
+/// `osier completions`.
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// The shell that is to complete.
+    #[arg(value_enum)]
+    pub shell: clap_complete::Shell,
 }
 
 /// `osier bake`.

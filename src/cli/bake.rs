@@ -1,7 +1,6 @@
 //! `osier bake`.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use serde_json::json;
 
@@ -9,14 +8,13 @@ use super::Context;
 use super::args::Bake;
 use super::progress::{Show, Timed};
 use super::{numbers, report, source, sweep};
-use crate::bake::{self, Work, exporters, kept, single, stage, write};
+use crate::bake::{self, Work, kept, single, stage, write};
 use crate::recipe::sections::Format;
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
 use osier_base::fence::{Folder, Shelf, WriteOptions, is_settled};
+use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
-use osier_export::textures::Textures;
-use osier_export::{VERSION, Warning};
 
 /// Hash of the sources that this program was built from: what another program of the same version wrote is made anew.
 const SOURCES: &str = env!("OSIER_SOURCES");
@@ -92,7 +90,11 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         return Ok(2);
     }
     context.console.note(&format!("writing about {}", sizes(counts.bytes, &counts.sizes)));
-    let told = bake(context, args, &recipe, (&built.stage, &frames, &root), &work);
+    let folder = match &shelf {
+        Some(shelf) => shelf.folder().clone(),
+        None => open(context, args, &recipe, &root)?,
+    };
+    let told = bake::save(&recipe, &built.stage, &frames, &folder, &work);
     show.done();
     let (manifest, told) = told?;
     for w in &told {
@@ -160,26 +162,6 @@ fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<
     let options =
         WriteOptions { key: key(recipe), force: args.force, cancel: context.cancel.clone(), ..WriteOptions::default() };
     Folder::open_with(root, options)
-}
-
-fn bake(
-    context: &Context,
-    args: &Bake,
-    recipe: &Recipe,
-    (stage, frames, root): (&write::Stage, &[u32], &PathBuf),
-    work: &Work<'_>,
-) -> Result<(Manifest, Vec<Warning>)> {
-    let folder = work.shelf.map_or_else(|| open(context, args, recipe, root), |shelf| Ok(shelf.folder().clone()))?;
-    let textures = Arc::new(Textures::encode(&stage.scene)?);
-    textures.write(&stage.scene, &folder, "textures/")?;
-    kept::keep(recipe, &folder)?;
-    let mut writers = exporters::of_bake(&folder, &textures, recipe, frames);
-    let warnings = write::write(stage, &mut writers, frames, work)?;
-    let settings = exporters::settings(&recipe.output, frames);
-    let manifest = manifest::build(&stage.scene, &folder.files(), &warnings, &settings);
-    manifest::write(&folder, &manifest)?;
-    folder.finish()?;
-    Ok((manifest, warnings))
 }
 
 /// What was made, how to open it, and how long each stage took; without stages it was up to date.

@@ -15,6 +15,7 @@ mod picture;
 mod preview;
 mod progress;
 mod report;
+mod shell;
 mod source;
 mod sweep;
 mod watch;
@@ -114,6 +115,8 @@ fn start(cli: Cli) -> u8 {
         Command::Preview(a) => preview::run(&context, a),
         Command::Check(a) => check::run(&context, a),
         Command::Info(a) => info::run(&context, a),
+        Command::Completions(a) => shell::completions(&context, a),
+        Command::Man => shell::man(&context),
     };
     done.unwrap_or_else(|e| {
         context.console.error(&e);

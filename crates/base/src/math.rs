@@ -65,7 +65,6 @@ pub fn pow_f32(base: f32, exponent: f32) -> f32 {
 /// a b + c, rounded once: the same bits with or without an instruction for it, but not those of a product and a sum.
 #[inline(always)]
 #[allow(clippy::disallowed_methods, reason = "asked for by name, never left to the compiler")]
-#[inline]
 pub fn fused(a: f64, b: f64, c: f64) -> f64 {
     a.mul_add(b, c)
 }
@@ -73,7 +72,6 @@ pub fn fused(a: f64, b: f64, c: f64) -> f64 {
 /// [`fused`] in single precision.
 #[inline(always)]
 #[allow(clippy::disallowed_methods, reason = "asked for by name, never left to the compiler")]
-#[inline]
 pub fn fused_f32(a: f32, b: f32, c: f32) -> f32 {
     a.mul_add(b, c)
 }
@@ -81,7 +79,6 @@ pub fn fused_f32(a: f32, b: f32, c: f32) -> f32 {
 /// Rounds to single precision: the one place where f64 results become stored f32 values.
 #[inline]
 #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is the purpose")]
-#[inline]
 pub fn narrow(x: f64) -> f32 {
     x as f32
 }

@@ -1,0 +1,28 @@
+//! `osier completions` and `osier man`: what shells and `man` read of the command line.
+
+use clap::CommandFactory as _;
+
+use super::Context;
+use super::args::{Cli, Completions};
+use osier_base::{Error, Result};
+
+/// Prints completions for a shell.
+/// # Errors
+/// As standard output.
+pub fn completions(context: &Context, args: &Completions) -> Result<u8> {
+    let mut text = Vec::new();
+    clap_complete::generate(args.shell, &mut Cli::command(), "osier", &mut text);
+    context.console.artefact(&text)?;
+    Ok(0)
+}
+
+/// Prints the manual page of the program, with its commands, their flags and the exit codes.
+/// # Errors
+/// As standard output.
+pub fn man(context: &Context) -> Result<u8> {
+    let mut text = Vec::new();
+    let page = |e| Error::io("write", "the manual page", e);
+    clap_mangen::Man::new(Cli::command()).render(&mut text).map_err(page)?;
+    context.console.artefact(&text)?;
+    Ok(0)
+}
