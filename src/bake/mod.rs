@@ -1,4 +1,4 @@
-//! Runs a [`Recipe`](crate::recipe::Recipe): grows, skins, steps through time, writes.
+//! Runs a [`Recipe`]: grows, skins, steps through time, writes.
 
 mod air;
 pub mod blow;
