@@ -55,15 +55,18 @@ pub fn count(stage: &Stage, recipe: &Recipe, frames: u64, weights: &[u64]) -> Co
     let formats = &recipe.output.formats;
     let mut sizes: Vec<u64> =
         formats.iter().map(|f| shared(*f, pictures, recipe) + sheets(*f, &stage.scene, recipe, frames)).collect();
-    let mut times: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); stage.scene.assets.len()];
+    let mut shown: Vec<(BTreeSet<u32>, u64)> = vec![Default::default(); stage.scene.assets.len()];
     for placement in &stage.scene.placements {
-        if let Some(times) = times.get_mut(placement.asset) {
+        if let Some((times, copies)) = shown.get_mut(placement.asset) {
             times.insert(placement.phase);
+            *copies += 1;
         }
     }
-    for (i, (asset, times)) in stage.scene.assets.iter().zip(times).enumerate() {
-        let size = Size { times: times.len().max(1) as u64, ..Size::of(asset) };
+    for (i, (asset, (times, copies))) in stage.scene.assets.iter().zip(shown).enumerate() {
         let weight = weights.get(i).copied().unwrap_or(1);
+        // Copies that stand still share meshes; in a plan they are those of all individuals that this one stands for.
+        let copies = if asset.moves() && frames > 0 { 1 } else { copies.div_ceil(weight.max(1)).max(1) };
+        let size = Size { times: times.len().max(1) as u64, copies, ..Size::of(asset) };
         c.assets += weight;
         c.vertices += weight * (size.vertices + size.proto_vertices);
         c.triangles += weight * (size.triangles + size.proto_triangles);
@@ -156,6 +159,8 @@ struct Size {
     moving: u64,
     /// Different times of the clip at which copies show it.
     times: u64,
+    /// Copies that stand still.
+    copies: u64,
 }
 
 impl Size {
@@ -215,8 +220,10 @@ fn bytes(format: Format, s: &Size, recipe: &Recipe, frames: u64) -> u64 {
             let keys = &recipe.output.gltf;
             let nodes = if keys.frame.is_some() { 0 } else { s.free.min(u64::from(keys.nodes)) };
             let vertices = s.vertices + s.instance_vertices;
-            let merged = vertices * 56 + (s.triangles + s.instance_triangles) * 12;
-            let web = s.vertices * 48 + s.triangles * 12 + s.proto_vertices * 28 + s.instances * 32;
+            // Points, normals, coordinates, tangents; bark has joints and weights as well.
+            let skinned = if s.joints > 0 { s.vertices * 24 } else { 0 };
+            let merged = vertices * 48 + skinned + (s.triangles + s.instance_triangles) * 12;
+            let web = s.vertices * 48 + s.triangles * 12 + s.proto_vertices * 28 + s.instances * s.copies * 32;
             let (tracks, points) = (moving * s.joints * 16 + nodes * frames * 44, (s.points - s.moving_points) * 18);
             // In the scene's file, which has tracks for each of the times, and in the asset's own if it has one.
             let files = glb_files(recipe);
