@@ -1,4 +1,4 @@
-//! What the compiler does not hold of the architecture: which crate may know which, one-way imports inside the package, small files.
+//! What the compiler does not hold of the architecture: which crate may know which, one-way imports inside the package.
 #![allow(clippy::disallowed_methods, clippy::expect_used, reason = "tests read the tree and fail loudly")]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -123,16 +123,4 @@ fn imports_go_one_way() {
 fn imports_are_seen_in_every_form() {
     let text = "use crate::{Error, scene::{Mesh, Trs}, math};\nlet x = crate::rng::word(\"a\");";
     assert_eq!(imports(text), ["Error", "scene", "math", "rng"]);
-}
-
-#[test]
-fn files_stay_small() {
-    let long: Vec<String> = [read_sources("src"), read_sources("crates")]
-        .concat()
-        .iter()
-        .map(|(f, t)| (f, t.lines().count()))
-        .filter(|(_, n)| *n > 600)
-        .map(|(f, n)| format!("{f} has {n} lines"))
-        .collect();
-    assert!(long.is_empty(), "{}", long.join("\n"));
 }
