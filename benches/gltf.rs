@@ -8,7 +8,7 @@ use osier::export::gltf::{Profile, write};
 use osier::export::textures::Textures;
 use osier::scene::{Asset, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, Prototype};
 
-#[path = "../tests/common/bare.rs"]
+#[path = "../tests/it/common/bare.rs"]
 mod bare;
 
 fn grid(side: u32) -> Mesh {

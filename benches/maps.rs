@@ -13,7 +13,7 @@ use osier::surface::bark::{BarkSpec, bark};
 use osier::surface::ground::{GroundColors, ground_material};
 use osier::surface::leaf::{BladeSpec, LeafColors, leaf_material};
 
-#[path = "../tests/common/bare.rs"]
+#[path = "../tests/it/common/bare.rs"]
 mod bare;
 
 type Draw = Box<dyn Fn() -> SurfaceMaterial + Send + Sync>;

@@ -13,7 +13,7 @@ use osier::export::textures::Textures;
 use osier::fence::Folder;
 use osier::scene::{Mesh, MeshMotion};
 
-#[path = "../tests/common/bare.rs"]
+#[path = "../tests/it/common/bare.rs"]
 mod bare;
 
 /// A bumpy sheet of `n` by `n` vertices with normals and texture coordinates.

@@ -17,7 +17,7 @@ use osier::scene::{
     Asset, AssetFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Mesh, Prototype, Scene,
 };
 
-#[path = "../tests/common/bare.rs"]
+#[path = "../tests/it/common/bare.rs"]
 mod bare;
 
 fn swarm(n: u32, frames: u32) -> (Scene, Vec<Frame>) {

@@ -9,7 +9,8 @@ use osier::grammar::{self, DeriveOptions, Grammar};
 use osier::limits::{LIMITS, Limits, grouped};
 use osier::recipe::{Library, Request, resolve};
 
-mod common;
+#[path = "it/common/synthetic.rs"]
+mod synthetic;
 
 fn held(name: &str, expected: &str) {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
@@ -267,7 +268,7 @@ fn functions_and_tests_that_documents_name_exist() {
 fn every_key_of_the_manifest_is_explained() {
     use osier::export::manifest::{Settings, build};
     let text = std::fs::read_to_string(root().join("docs/formats.md")).expect("text");
-    let (scene, _) = common::synthetic();
+    let (scene, _) = synthetic::scene();
     let json = build(&scene, &[], &[], &Settings::default()).text().expect("finite");
     let keys = json.split('"').skip(1).step_by(2).zip(json.split('"').skip(2).step_by(2));
     let missing: std::collections::BTreeSet<&str> = keys

@@ -16,7 +16,7 @@ say "the serial build passes the same tests, snapshots of bytes among them"
 cargo test --release --no-default-features --lib --quiet
 
 say "every preset at seeds 0 to 63"
-OSIER_SEEDS=64 cargo test --release --test presets -- --nocapture
+OSIER_SEEDS=64 cargo test --release --test it presets -- --nocapture
 
 say "flows that take minutes"
 cargo test --release --lib lattice::validation -- --ignored

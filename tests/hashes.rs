@@ -18,7 +18,7 @@ use std::sync::Mutex;
 
 use osier::presets::PRESETS;
 
-#[path = "common/program.rs"]
+#[path = "it/common/program.rs"]
 mod program;
 
 use program::{arg, run, said, tree};

@@ -10,7 +10,7 @@ use osier::export::textures::Textures;
 use osier::export::usd::{Options, Usd};
 use osier::fence::Folder;
 
-#[path = "common/bare.rs"]
+#[path = "it/common/bare.rs"]
 mod bare;
 
 const POINTS: u32 = 100_000;

@@ -1,0 +1,386 @@
+//! The program on the command line: exit codes, what goes where, equal bytes in any surroundings, and answers to
+//! whatever is wrong.
+#![cfg(unix)]
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests fail by panicking and look at the disk")]
+
+use crate::common::program;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::common::program::{OSIER, arg, assert_same, ends, osier, said, tree};
+use serde_json::Value;
+use tempfile::{TempDir, tempdir};
+
+const SCENE: &str = "tests/scenes/sprig.toml";
+const GRAMMAR: &str = "tests/scenes/sprig.l";
+
+/// Small maps for a bare grammar, which are drawn quickly.
+const SMALL: [&str; 6] = ["--set", "bark.side=16", "--set", "shoot.side=16", "--set", "leaf.side=32"];
+
+fn folder() -> TempDir {
+    tempdir().expect("dir")
+}
+
+/// Writes a file and gives its path.
+fn file(dir: &TempDir, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
+    let path = dir.path().join(name);
+    fs::write(&path, text).expect("write");
+    path
+}
+
+/// A grammar that is grown with one warning: its tropism is not defined.
+const WARNS: &str = "Lsystem: w\nDerivation length: 1\nAxiom: @Ts(1,0.1) F\nendlsystem\n";
+
+#[test]
+fn nothing_typed_gets_a_guide_of_ten_lines() {
+    let (out, err) = ends(2, &[]);
+    assert!(out.is_empty() && err.lines().count() == 10 && err.contains("osier new mytree"), "{err}");
+}
+
+#[test]
+fn usage_ends_with_2_and_help_with_0() {
+    let dir = folder();
+    let glb = dir.path().join("x.glb");
+    let grow = ["grow", SCENE, "-o", arg(&glb)];
+    for more in [&["--nope"][..], &["-j0"], &["--max-modules", "many"], &["--max-wishes", "1"], &["--seed", "x"]] {
+        let (out, err) = ends(2, &[&grow[..], more].concat());
+        assert!(out.is_empty() && err.starts_with("error:"), "{err}");
+    }
+    for list in ["x", "9-7", "1-9", "1-6:0"] {
+        let (_, err) = ends(2, &["bake", SCENE, "-o", arg(dir.path()), "--frames", list]);
+        assert!(err.starts_with("error: --frames"), "{err}");
+    }
+    let (_, err) = ends(2, &["grow", SCENE, "-o", "x.docx"]);
+    assert!(err.contains(".usdc"), "{err}");
+    ends(2, &["frobnicate"]);
+    let mut with_bad_environment = osier(&["list"]);
+    let (code, _, err) = said(&with_bad_environment.env("OSIER_MAX", "modules=many").output().expect("runs"));
+    assert!(code == 2 && err.contains("OSIER_MAX") && err.contains("\"many\" is not a whole number"), "{err}");
+    for asked in ["--help", "-h", "--version"] {
+        let (out, err) = ends(0, &[asked]);
+        assert!(err.is_empty() && out.contains("osier"), "{out}{err}");
+    }
+    assert!(!glb.exists() && tree(dir.path()).is_empty());
+}
+
+#[test]
+fn strict_ends_with_3_after_writing_everything() {
+    let dir = folder();
+    let grammar = file(&dir, "w.l", WARNS);
+    let (lax, strict) = (dir.path().join("lax/w.glb"), dir.path().join("strict/w.glb"));
+    let (_, err) = ends(0, &[&["grow", arg(&grammar), "-o", arg(&lax)], &SMALL[..]].concat());
+    assert!(err.contains("warning[L048]") && err.contains("w.l:3:8"), "{err}");
+    ends(3, &[&["grow", arg(&grammar), "-o", arg(&strict), "--strict"], &SMALL[..]].concat());
+    assert_eq!(fs::read(lax).expect("lax"), fs::read(strict).expect("strict"));
+    ends(3, &[&["check", arg(&grammar), "--strict"], &SMALL[..]].concat());
+    ends(0, &["check", SCENE, "--strict"]);
+}
+
+#[test]
+fn what_cannot_be_written_ends_with_74() {
+    let dir = folder();
+    let wall = file(&dir, "wall", "a file, no folder");
+    for args in [["grow", SCENE, "-o", arg(&wall.join("x.glb"))], ["bake", SCENE, "-o", arg(&wall.join("out"))]] {
+        let (out, err) = ends(74, &args);
+        assert!(out.is_empty() && err.contains("error: cannot create") && err.contains("wall"), "{err}");
+    }
+    if let Ok(full) = fs::File::options().write(true).open("/dev/full") {
+        let (code, _, err) = said(&osier(&["list", "codes"]).stdout(full).output().expect("runs"));
+        assert!(code == 74 && err.contains("standard output"), "{err}");
+    }
+}
+
+#[test]
+fn standard_output_holds_results_and_nothing_else() {
+    let dir = folder();
+    let (out, glb, new) = (dir.path().join("out"), dir.path().join("x.glb"), dir.path().join("mine"));
+    let json = |args: &[&str]| -> Value {
+        let (out, _) = ends(0, &[args, &["--json"]].concat());
+        serde_json::from_str(&out).unwrap_or_else(|e| panic!("{args:?}: {e}: {out}"))
+    };
+    let planned = json(&["bake", SCENE, "-n", "-o", arg(&out)]);
+    assert!(planned["would_make"]["frames"] == 6 && !out.exists());
+    let (first, again) = (json(&["bake", SCENE, "-o", arg(&out)]), json(&["bake", SCENE, "-o", arg(&out)]));
+    assert!(first["up_to_date"] == false && again["up_to_date"] == true && first["bake_hash"] == again["bake_hash"]);
+    assert_eq!(json(&["info", arg(&out)])["complete"], true);
+    assert_eq!(json(&["grow", SCENE, "-o", arg(&glb)])["files"][0]["path"], arg(&glb));
+    assert!(json(&["info", arg(&glb)])["triangles"].as_u64().is_some_and(|n| n > 0));
+    assert_eq!(json(&["new", arg(&new), "--from", "koch"])["files"].as_array().map(Vec::len), Some(2));
+    assert_eq!(json(&["check", SCENE, SCENE]).as_array().map(Vec::len), Some(2));
+    for what in ["presets", "options", "formats", "codes", "limits"] {
+        assert!(json(&["list", what]).as_array().is_some_and(|rows| rows.len() > 3), "{what}");
+    }
+    let (said, told) = ends(0, &["bake", SCENE, "-o", arg(&dir.path().join("loud"))]);
+    assert!(
+        said.contains("files") && !said.lines().any(|l| l.starts_with("skinning")) && told.contains("skinning"),
+        "{said}{told}"
+    );
+    assert_eq!(ends(0, &["bake", SCENE, "-q", "-o", arg(&dir.path().join("hush"))]), (String::new(), String::new()));
+}
+
+#[test]
+fn threads_time_zone_locale_and_environment_leave_the_bytes_alone() {
+    let dir = folder();
+    let plain = dir.path().join("plain");
+    ends(0, &["bake", SCENE, "-o", arg(&plain)]);
+    let wanted = tree(&plain);
+    let still = dir.path().join("s.glb");
+    ends(0, &["grow", SCENE, "-o", arg(&still)]);
+    let (glb, path) = (fs::read(&still).expect("glb"), arg(&still).to_owned());
+    let vars: [&[(&str, &str)]; 6] = [
+        &[],
+        &[],
+        &[],
+        &[("TZ", "Asia/Kathmandu"), ("LC_ALL", "tr_TR.UTF-8")],
+        &[("TZ", "America/St_Johns"), ("LC_ALL", "de_DE.UTF-8"), ("LANG", "de_DE.UTF-8")],
+        &[("LC_ALL", "C")],
+    ];
+    for (i, vars) in vars.iter().enumerate() {
+        let jobs = ["-j1", "-j2", "-j8"][i % 3];
+        let out = dir.path().join(format!("out{i}"));
+        let calm = |mut command: Command| {
+            if i == 5 {
+                command.env_clear();
+            }
+            let (code, _, err) = said(&command.envs(vars.iter().copied()).output().expect("runs"));
+            assert_eq!(code, 0, "{vars:?}: {err}");
+        };
+        calm(osier(&["bake", SCENE, jobs, "-o", arg(&out)]));
+        assert_same(&tree(&out), &wanted, &format!("{jobs} {vars:?}"));
+        calm(osier(&["grow", SCENE, jobs, "-o", &path]));
+        assert_eq!(fs::read(&still).expect("glb"), glb, "{jobs} {vars:?}");
+    }
+}
+
+#[test]
+fn an_artefact_goes_through_a_pipe_and_readers_may_leave() {
+    let dir = folder();
+    let named = dir.path().join("stdout.glb");
+    ends(0, &["grow", SCENE, "-o", arg(&named)]);
+    let piped = program::run(&["grow", SCENE, "-o", "-"]);
+    assert_eq!((piped.status.code(), piped.stdout), (Some(0), fs::read(named).expect("glb")));
+    let left = |args: &[&str]| {
+        let mut child = osier(args).spawn().expect("starts");
+        drop(child.stdout.take());
+        said(&child.wait_with_output().expect("ends"))
+    };
+    let (code, _, err) = left(&["list", "options"]);
+    assert_eq!((code, err.as_str()), (0, ""));
+    let out = dir.path().join("out");
+    let (code, _, err) = left(&["bake", SCENE, "-o", arg(&out)]);
+    assert!(code == 0 && out.join("manifest.json").exists(), "{err}");
+    let (code, _, err) = left(&["grow", SCENE, "-o", "-"]);
+    assert!(code == 74 && err.contains("standard output"), "{err}");
+}
+
+#[test]
+fn closed_descriptors_stop_nothing() {
+    let dir = folder();
+    let (open, closed) = (dir.path().join("open"), dir.path().join("closed"));
+    ends(0, &["bake", SCENE, "-o", arg(&open)]);
+    let script = "exec \"$0\" bake \"$1\" -o \"$2\" <&- >&- 2>&-";
+    let mut shell = Command::new("sh");
+    shell.current_dir(env!("CARGO_MANIFEST_DIR")).args(["-c", script, OSIER, SCENE, arg(&closed)]);
+    assert_eq!(shell.stdin(Stdio::null()).status().expect("sh").code(), Some(0));
+    assert_same(&tree(&closed), &tree(&open), "closed descriptors");
+}
+
+#[test]
+fn foreign_files_are_left_alone_without_force() {
+    let dir = folder();
+    let glb = file(&dir, "x.glb", "mine");
+    let (out, err) = ends(1, &["grow", SCENE, "-o", arg(&glb)]);
+    assert!(out.is_empty() && err.contains("--force") && fs::read(&glb).expect("mine") == b"mine", "{err}");
+    ends(0, &["grow", SCENE, "-o", arg(&glb), "--force"]);
+    ends(0, &["grow", SCENE, "-o", arg(&glb)]);
+    let (out, plain) = (dir.path().join("out"), dir.path().join("plain"));
+    ends(0, &["bake", SCENE, "-o", arg(&plain)]);
+    for name in ["manifest.json", ".osier", "sprig.usda", "pov/main.pov", "textures/sprig_bark_color.png"] {
+        let path = out.join(name);
+        fs::create_dir_all(path.parent().expect("folder")).expect("folder");
+        fs::write(&path, "mine").expect("write");
+        let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&out)]);
+        assert!(err.contains(name) && err.contains("--force"), "{err}");
+        assert_eq!(fs::read(&path).expect("mine"), b"mine", "{name}");
+        ends(0, &["bake", SCENE, "-o", arg(&out), "--force"]);
+        assert_same(&tree(&out), &tree(&plain), name);
+        fs::remove_dir_all(&out).expect("remove");
+    }
+}
+
+/// A scene whose one plant has a mesh of its own as its leaf.
+fn with_leaf(mesh: &str) -> String {
+    let grammar = "[plants.a]\ngrammar = \"sprig.l\"\n[plants.a.bark]\nside = 16\n[plants.a.shoot]\nside = 16\n";
+    format!("{grammar}[plants.a.leaf]\nmesh = \"{mesh}\"\n[ground]\nshow = false\n")
+}
+
+#[test]
+fn every_broken_input_is_named_with_its_place_and_a_way_out() {
+    let dir = folder();
+    let grammar = |body: &str| format!("Lsystem: x\nDerivation length: 2\n{body}\nendlsystem\n");
+    let gltf = r#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":9}}]}],
+        "nodes":[{"mesh":0}],"scenes":[{"nodes":[0]}],"scene":0}"#;
+    file(&dir, "sprig.l", fs::read(GRAMMAR).expect("grammar"));
+    file(&dir, "bad.obj", "v 0 0 0\nv 1 0\nf 1 1 1\n");
+    file(&dir, "bad.gltf", gltf);
+    file(&dir, "bad.glb", b"glTF\x02\0\0\0\xff\0\0\0");
+    file(&dir, "bad.l", grammar("Axiom: A\nA --> F(sine(3))"));
+    let cases: [(&str, String, &[&str]); 9] = [
+        ("a.l", grammar("Axiom: A\nA --> F(1 A"), &["L001", "a.l:4:11"]),
+        ("b.l", grammar("Axiom: A\nA --> F(sin(3,4))"), &["L022", "b.l:4:9"]),
+        ("c.l", grammar("Axiom: A\nA --> F(sine(3))"), &["L021", "c.l:4:9", "help:"]),
+        ("d.toml", "[plants.a\n".into(), &["S001", "d.toml:1:10", "help:"]),
+        ("e.toml", "[plants.a]\ngramar = \"sprig.l\"\n".into(), &["S002", "e.toml:2:1", "help:", "grammar"]),
+        ("f.toml", with_leaf("bad.obj"), &["X010", "bad.obj:2:1", "help:"]),
+        ("g.toml", with_leaf("bad.gltf"), &["X010", "bad.gltf", "meshes[0].primitives[0].attributes.POSITION"]),
+        ("h.toml", with_leaf("bad.glb"), &["X010", "bad.glb", "help:"]),
+        ("i.toml", "[plants.a]\ngrammar = \"bad.l\"\n[[place]]\nplant = \"a\"\n".into(), &["L021", "bad.l:4:9"]),
+    ];
+    let (_, err) = ends(1, &["check", arg(&dir.path().join("bad.obj"))]);
+    assert!(err.contains("is a mesh (.obj), neither scene nor grammar") && err.contains("help:"), "{err}");
+    for (name, text, wanted) in cases {
+        let path = file(&dir, name, text);
+        let glb = dir.path().join("x.glb");
+        for args in [&["check", arg(&path)][..], &["grow", arg(&path), "-o", arg(&glb)]] {
+            let (out, err) = ends(1, args);
+            assert!(out.is_empty() && wanted.iter().all(|w| err.contains(w)), "{name}: {err}");
+            // One fault is told once, without faults that only follow from it.
+            assert_eq!(err.matches("error[").count(), 1, "{name}: {err}");
+            assert!(!glb.exists(), "{name}");
+        }
+    }
+}
+
+#[test]
+fn cut_and_flipped_inputs_get_an_answer_too() {
+    let dir = folder();
+    let (grammar, scene) = (fs::read(GRAMMAR).expect("grammar"), fs::read(SCENE).expect("scene"));
+    file(&dir, "sprig.l", &grammar);
+    let mut rng = osier::rng::Rng::at(3, &["damage".into()]);
+    for turn in 0..24 {
+        let (name, whole) = if turn % 2 == 0 { ("x.l", &grammar) } else { ("x.toml", &scene) };
+        let mut bytes = whole.clone();
+        let at = rng.below(u32::try_from(bytes.len()).expect("small")) as usize;
+        if turn % 4 < 2 {
+            bytes.truncate(at);
+        } else {
+            bytes[at] ^= 1 << rng.below(8);
+        }
+        let path = file(&dir, name, &bytes);
+        let small = if turn % 2 == 0 { &SMALL[..] } else { &[] };
+        let (code, _, err) = said(&program::run(&[&["check", arg(&path)], small].concat()));
+        assert!(code == 0 || (code == 1 && err.contains("error")), "{code} after byte {at} of {name}: {err}");
+    }
+}
+
+#[test]
+fn a_misspelt_preset_is_told_the_nearest() {
+    let dir = folder();
+    let glb = dir.path().join("x.glb");
+    let calls: [&[&str]; 4] =
+        [&["grow", "okk", "-o", arg(&glb)], &["bake", "oaks"], &["check", "oakk"], &["new", "x", "--from", "ok"]];
+    for args in calls {
+        let (_, err) = ends(1, args);
+        assert!(err.contains("did you mean \"oak\"?"), "{err}");
+    }
+    let (_, err) = ends(1, &["bake", "nowhere/to/be/found.toml"]);
+    assert!(err.contains("cannot open \"nowhere/to/be/found.toml\""), "{err}");
+}
+
+#[test]
+fn a_new_folder_bakes_and_is_never_overwritten() {
+    let dir = folder();
+    for (preset, plant) in [("poplar-twig", "poplar_twig"), ("koch.l", "koch")] {
+        let mine = dir.path().join(format!("My {plant}"));
+        let (out, _) = ends(0, &["new", arg(&mine), "--from", preset]);
+        let scene = out.lines().find(|l| l.ends_with(".toml")).expect("a scene");
+        let small = [format!("plants.{plant}.bark.side=16"), format!("plants.{plant}.shoot.side=16")];
+        let bark = ["--set", &small[0], "--set", &small[1], "--set", "ground.side=16"];
+        let leaf = format!("plants.{plant}.leaf.side=32");
+        let baked = dir.path().join(plant);
+        let flags = ["--set", &leaf, "--formats", "ply", "-o", arg(&baked)];
+        ends(0, &[&["bake", scene][..], &bark, &flags].concat());
+        assert!(baked.join("manifest.json").is_file());
+        let before = tree(&mine);
+        let (_, err) = ends(1, &["new", arg(&mine), "--from", preset]);
+        assert!(err.contains("is there already") && err.contains("choose another name"), "{err}");
+        assert_same(&tree(&mine), &before, "new, twice");
+    }
+}
+
+#[test]
+fn info_names_what_was_deleted_or_changed_and_a_bake_mends_it() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    let bake = || ends(0, &["bake", SCENE, "-o", arg(&out)]);
+    bake();
+    let wanted = tree(&out);
+    let (_, err) = ends(0, &["info", arg(&out)]);
+    assert!(err.contains("complete"), "{err}");
+    fs::remove_file(out.join("pov/frames/frame.0002.inc")).expect("remove");
+    fs::write(out.join("obj/cached.obj"), "# nothing\n").expect("change");
+    fs::write(out.join("notes.txt"), "mine").expect("add");
+    let (_, err) = ends(1, &["info", arg(&out)]);
+    for line in ["missing: pov/frames/frame.0002.inc", "changed: obj/cached.obj", "not part of the bake: notes.txt"] {
+        assert!(err.contains(line), "{err}");
+    }
+    fs::remove_file(out.join("notes.txt")).expect("remove");
+    bake();
+    assert_same(&tree(&out), &wanted, "mended");
+    ends(1, &["info", arg(dir.path())]);
+    let (text, _) = ends(0, &["info", arg(&out.join("gltf/sprig.web.glb"))]);
+    assert!(text.contains("gltf/sprig.web.glb"), "{text}");
+}
+
+#[test]
+fn limits_refuse_before_anything_is_written() {
+    let dir = folder();
+    let glb = dir.path().join("x.glb");
+    let grow = ["grow", SCENE, "-o", arg(&glb)];
+    let (_, err) = ends(1, &[&grow[..], &["--max-steps", "1"]].concat());
+    assert!(err.contains("L050") && err.contains("sprig.l:5:1") && err.contains("--max-steps"), "{err}");
+    ends(0, &[&grow[..], &["-n", "--max-steps", "6"]].concat());
+    let (_, err) = ends(1, &[&grow[..], &["--max-vertices", "10"]].concat());
+    assert!(err.contains("the limit is 10"), "{err}");
+    let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-frames", "5"]);
+    assert!(err.contains("--max-frames"), "{err}");
+    let (_, err) = ends(1, &["bake", SCENE, "-o", arg(&dir.path().join("out")), "--max-output-bytes", "1k"]);
+    assert!(err.contains("--max-output-bytes"), "{err}");
+    assert!(tree(dir.path()).is_empty());
+}
+
+#[test]
+fn a_selection_of_frames_is_written_and_told() {
+    let dir = folder();
+    let out = dir.path().join("out");
+    ends(0, &["bake", SCENE, "--formats", "pov", "--frames", "1-6:2", "-o", arg(&out)]);
+    let frames = |out: &Path| tree(out).keys().filter(|p| p.starts_with("pov/frames/")).cloned().collect::<Vec<_>>();
+    assert_eq!(frames(&out), [1, 3, 5].map(|f| format!("pov/frames/frame.000{f}.inc")));
+    let text = fs::read_to_string(out.join("manifest.json")).expect("manifest");
+    let manifest: Value = serde_json::from_str(&text).expect("json");
+    assert_eq!((&manifest["time"]["step"], &manifest["time"]["end"]), (&2.into(), &6.into()));
+}
+
+#[test]
+fn help_and_tables_read_as_they_did() {
+    for command in ["", "bake", "grow", "preview", "check", "list", "new", "info"] {
+        let args: Vec<&str> = [command, "--help"].into_iter().filter(|a| !a.is_empty()).collect();
+        let name = if command.is_empty() { "help".into() } else { format!("help_{command}") };
+        insta::assert_snapshot!(name, ends(0, &args).0);
+    }
+    for what in ["formats", "codes", "limits", "presets"] {
+        // By itself it is a part of this machine's.
+        insta::assert_snapshot!(format!("list_{what}"), ends(0, &["list", what, "--max-memory", "16G"]).0);
+    }
+}
+
+#[test]
+fn shells_and_man_learn_every_command() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let (text, _) = ends(0, &["completions", shell]);
+        assert!(["bake", "preview", "max-memory"].iter().all(|word| text.contains(word)), "{shell}: {text}");
+    }
+    let (page, _) = ends(0, &["man"]);
+    assert!(page.contains(".TH osier 1") && page.contains("Exit codes") && page.contains("bake"), "{page}");
+}

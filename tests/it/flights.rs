@@ -1,0 +1,300 @@
+//! Catkins in flight, through the program: what is refused, what is counted, what clients see, and that walls and wet
+//! ground do what they are for.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests run the program and read its files")]
+
+use crate::common::clients;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn osier(arguments: &[&str]) -> std::process::Output {
+    Command::new(env!("CARGO_BIN_EXE_osier")).args(arguments).output().expect("osier runs")
+}
+
+const SCENE: &str = "seed = 5\n[frames]\nend = 48\n[ground]\nrelief = 0\n[catkin]\nhairs = 20\nlod = 2\n\
+    [flight]\ncount = 200\nsize = [12, 6, 8]\nband = [0.02, 0.7]\nhumidity = 0.7\n\
+    [[solid]]\nname = \"wall\"\nat = [1.5, 0, 0]\nsize = [0.3, 2, 6]\n\
+    [[solid]]\nname = \"shed\"\nshape = \"house\"\nat = [-3, 0, 1]\nsize = [2, 1.5, 1.6]\nroof = 0.8\nturn_deg = 20\n\
+    [wind]\nspeed = 2\n";
+
+fn scene(folder: &Path, name: &str, text: &str) -> PathBuf {
+    let path = folder.join(format!("{name}.toml"));
+    std::fs::write(&path, text).expect("scene");
+    path
+}
+
+fn baked(folder: &Path, name: &str, scene: &Path, more: &[&str]) -> PathBuf {
+    let out = folder.join(name);
+    let fixed = ["-q", "bake", scene.to_str().expect("path"), "-o", out.to_str().expect("path")];
+    let run = osier(&[&fixed, more].concat());
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    out
+}
+
+/// Columns of a bake's table by name.
+fn table(out: &Path) -> BTreeMap<String, Vec<f64>> {
+    let text = std::fs::read_to_string(out.join("stats/flight.csv")).expect("table");
+    let mut lines = text.lines();
+    let name = |head: &str| head.split(' ').next().expect("name").to_owned();
+    let names: Vec<String> = lines.next().expect("heads").split(',').map(name).collect();
+    let mut columns: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for line in lines {
+        for (name, value) in names.iter().zip(line.split(',')) {
+            columns.entry(name.clone()).or_default().push(value.parse().expect("a number"));
+        }
+    }
+    columns
+}
+
+fn last(columns: &BTreeMap<String, Vec<f64>>, name: &str) -> f64 {
+    *columns[name].last().expect("a frame")
+}
+
+#[test]
+fn each_fault_names_its_place_and_the_mend() {
+    let dir = tempfile::tempdir().expect("dir");
+    let cases = [
+        ("points", "[flight]\nrelease = \"points\"\n", "S006", "points = \"FILE.csv\""),
+        ("canopy", "[flight]\nrelease = \"canopy\"\n", "S006", "no plant in this scene"),
+        ("band", "[flight]\nband = [0.9, 0.1]\n", "S004", "write [0.1, 0.9]"),
+        ("form", "[flight]\nforms = { v7 = 1 }\n", "S005", "v0, v1, v2, v3, v4"),
+        ("weight", "[flight]\nforms = { v1 = -1 }\n", "S004", "0 to 1e9"),
+        ("key", "[flight]\nhumiditi = 1\n", "S002", "did you mean \"humidity\"?"),
+        ("wet", "[flight]\nhumidity = 2\n", "S004", "0 to 1"),
+        ("list", "[solid]\nname = \"wall\"\n", "S003", "[[solid]]"),
+        ("mesh", "[[solid]]\nshape = \"mesh\"\n", "S006", "mesh = \"FILE.obj\""),
+        ("shape", "[[solid]]\nshape = \"hose\"\n", "S003", "did you mean \"house\"?"),
+        ("file", "[flight]\nrelease = \"points\"\npoints = \"bad.csv\"\n", "S003", "bad.csv:3"),
+    ];
+    std::fs::write(dir.path().join("bad.csv"), "x,y,z\n1,2,3\n1,two,3\n").expect("points");
+    for (name, text, code, words) in cases {
+        let path = scene(dir.path(), name, text);
+        let run = osier(&["check", path.to_str().expect("path")]);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert_eq!(run.status.code(), Some(1), "{name}: {said}");
+        assert!(said.contains(code) && said.contains(words), "{name}: {said}");
+    }
+}
+
+/// Nobody is lost, nobody is in anything, and the maps hold just those that lie.
+#[test]
+fn tables_and_maps_count_everybody() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "two", SCENE);
+    let out = baked(dir.path(), "out", &path, &["--formats", "csv,exr", "--set", "flight.map_every=24"]);
+    let columns = table(&out);
+    let states = ["pending", "airborne", "grounded", "on_wall", "corner", "exited"];
+    for (frame, deep) in columns["penetrations"].iter().enumerate() {
+        let sum: f64 = states.iter().map(|s| columns[*s][frame]).sum();
+        assert!((sum - 200.0).abs() < 0.5 && *deep < 0.5, "frame {frame}: {sum}");
+    }
+    let lying = last(&columns, "grounded") + last(&columns, "on_wall") + last(&columns, "corner");
+    assert!(lying > 10.0 && last(&columns, "merges") > 3.0, "{columns:?}");
+    let maps: Vec<PathBuf> =
+        std::fs::read_dir(out.join("maps/deposition")).expect("maps").map(|e| e.expect("entry").path()).collect();
+    // The ground, four sides of two solids; each at frames 1 and 25 and once more for the last.
+    assert_eq!(maps.len(), 3 * 9, "{maps:?}");
+    let mut sum = 0.0;
+    for map in maps.iter().filter(|m| {
+        m.to_string_lossy().matches('.').count() == m.parent().expect("dir").to_string_lossy().matches('.').count() + 1
+    }) {
+        let picture = exr::prelude::read_first_flat_layer_from_file(map).expect("our maps open");
+        let layer = &picture.layer_data;
+        let comment = layer.attributes.comments.as_ref().expect("a comment").to_string();
+        let about: serde_json::Value = serde_json::from_str(&comment).expect("json");
+        let area = about["texel_area_m2"].as_f64().expect("area");
+        for value in layer.channel_data.list[0].sample_data.values_as_f32() {
+            // A whole number but for the last bits of a quotient.
+            let count = f64::from(value) * area;
+            assert!((count - count.round()).abs() <= 1e-6 * count, "{count} in a texel of {}", map.display());
+            sum += count.round();
+        }
+    }
+    assert!((sum - lying).abs() < 0.5, "{sum} on maps, {lying} in the table");
+    let plot = std::fs::read_to_string(out.join("stats/flight.svg")).expect("plot");
+    assert!(plot.starts_with("<svg") && plot.matches("<polyline").count() == 14, "{plot}");
+    let about: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("stats/flight.json")).expect("json")).expect("json");
+    assert_eq!(about["parameters"]["count"], 200);
+    // What is said once is what the rows say.
+    assert!((about["last"]["grounded"].as_f64().expect("number") - last(&columns, "grounded")).abs() < 1e-9);
+    assert!((about["totals"]["merges"].as_f64().expect("number") - last(&columns, "merges")).abs() < 1e-9);
+    let mean = columns["airborne"].iter().sum::<f64>() / columns["airborne"].len() as f64;
+    assert!((about["mean"]["airborne"].as_f64().expect("number") - mean).abs() < 1e-9);
+    assert!(about["warnings"].as_array().expect("list").is_empty(), "{about}");
+}
+
+/// A lattice says how it did, and catkins that leap over its cells are told of: in the files, and by the program's end.
+#[test]
+fn a_lattice_says_how_it_did() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = "seed = 5\n[frames]\nend = 24\n[ground]\nrelief = 0\n[catkin]\nhairs = 2\n[flight]\ncount = 100\n\
+        [[solid]]\nsize = [0.3, 1, 2]\n[wind]\nmodel = \"lattice\"\nspeed = 6\n[wind.lattice]\ncells = [32, 24, 24]\ndx = 0.2\n";
+    let path = scene(dir.path(), "leaps", text);
+    let out = dir.path().join("out");
+    let (path, to) = (path.to_str().expect("path"), out.to_str().expect("path"));
+    let run = osier(&["bake", path, "-o", to, "--formats", "csv", "--strict", "--json"]);
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert!(run.status.code() == Some(3) && said.contains("S027") && said.contains("flight.substeps"), "{said}");
+    let summary: serde_json::Value = serde_json::from_slice(&run.stdout).expect("json");
+    assert!(summary["seconds"]["writing frames"].as_f64().expect("a time") > 0.0, "{summary}");
+    let columns = table(&out);
+    assert!(last(&columns, "long_steps") > 10.0, "{columns:?}");
+    assert!(columns["wind_mass_error"].iter().all(|e| e.abs() < 0.05 && *e != 0.0), "{columns:?}");
+    assert!(columns["wind_checkered"].iter().any(|q| *q > 0.0) && columns["wind_clamps"].iter().all(|n| *n < 0.5));
+    let told: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("stats/flight.json")).expect("json")).expect("json");
+    assert!(told["warnings"].as_array().expect("list").iter().any(|w| w["code"] == "S027"), "{told}");
+    // Four steps a frame are short enough.
+    let calm = ["--formats", "csv", "--strict", "--set", "flight.substeps=4"];
+    let columns = table(&baked(dir.path(), "calm", Path::new(path), &calm));
+    assert!(last(&columns, "long_steps") < 0.5, "{columns:?}");
+}
+
+#[test]
+fn files_are_the_same_at_any_number_of_threads() {
+    let dir = tempfile::tempdir().expect("dir");
+    let text = SCENE.replace(
+        "speed = 2",
+        "speed = 2\nmodel = \"lattice\"\n[wind.lattice]\ncells = [48, 24, 32]\ndx = 0.25\npreroll = 2",
+    );
+    let path = scene(dir.path(), "threads", &text);
+    let all = ["-j1", "-j2", "-j8"].map(|jobs| {
+        let out = baked(dir.path(), jobs, &path, &["--formats", "usd,csv,exr,pov", "--frames", "1-48:47", jobs]);
+        let manifest = std::fs::read_to_string(out.join("manifest.json")).expect("manifest");
+        let manifest: serde_json::Value = serde_json::from_str(&manifest).expect("json");
+        manifest["bake_hash"].as_str().expect("hash").to_owned()
+    });
+    assert!(all[0] == all[1] && all[0] == all[2], "bytes depend on the number of threads");
+}
+
+/// A frame asked for by itself is that of the whole clip.
+#[test]
+fn a_late_frame_alone_is_the_same() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "late", SCENE);
+    let pov = |name: &str, frames: &str| {
+        let out = baked(dir.path(), name, &path, &["--formats", "pov", "--frames", frames]);
+        std::fs::read_to_string(out.join("pov/frames/frame.0048.inc")).expect("frame")
+    };
+    assert_eq!(pov("whole", "1-48"), pov("alone", "48"));
+}
+
+/// Seeds that walls and wet ground are tried at: two, or as many as `OSIER_SEEDS` says, at most eight.
+fn seeds() -> u64 {
+    std::env::var("OSIER_SEEDS").map_or(2, |v| v.parse::<u64>().expect("OSIER_SEEDS is a number").min(8))
+}
+
+/// Every choice of values with every seed is a row, that of a bake with the same; means go over the seeds.
+#[test]
+fn a_sweep_is_a_row_for_each_run() {
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "swept", &SCENE.replace("end = 48", "end = 24"));
+    let (path, out) = (path.to_str().expect("path"), dir.path().join("sweep"));
+    let choices = ["--sweep", "solid.0.size.1=0.5:2:2", "--sweep", "flight.humidity=0,1", "--seeds", "1-2"];
+    let run = osier(&[&["bake", path, "-o", out.to_str().expect("path")][..], &choices].concat());
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(said.contains("8 runs") && said.lines().count() == 2 + 4, "{said}");
+    let text = std::fs::read_to_string(out.join("sweep.csv")).expect("table");
+    let rows: Vec<Vec<&str>> = text.lines().map(|l| l.split(',').collect()).collect();
+    assert!(rows.len() == 9 && rows[0][..3] == ["solid.0.size.1", "flight.humidity", "seed"], "{text}");
+    assert_eq!(rows[8][..3], ["2.0", "1", "2"]);
+    let same = ["--formats", "csv", "--seed", "2", "--set", "solid.0.size.1=2.0", "--set", "flight.humidity=1"];
+    let columns = table(&baked(dir.path(), "alone", Path::new(path), &same));
+    for name in ["grounded", "exited", "merges", "deposits", "mean_speed"] {
+        let at = rows[0].iter().position(|n| *n == name).expect("column");
+        assert_eq!(rows[8][at].parse::<f64>().expect("number").to_bits(), last(&columns, name).to_bits(), "{name}");
+    }
+    let told: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("sweep.json")).expect("json")).expect("json");
+    assert!(told["means"].as_array().expect("means").iter().all(|m| m["runs"] == 2), "{told}");
+    assert!(std::fs::read_to_string(out.join("sweep.svg")).expect("plot").matches("<polyline").count() == 12);
+    let refused: [(&[&str], i32, &str); 4] = [
+        (&["bake", path, "--sweep", "flight.humidity=0:1:3", "--formats", "usd"], 2, "leave out --formats"),
+        (&["bake", path, "--sweep", "flight.humidity=0:1"], 2, "KEY=FROM:TO:COUNT"),
+        (&["bake", path, "--sweep", "flight.humiditi=0,1"], 1, "did you mean \"humidity\"?"),
+        (&["bake", "koch", "--seeds", "1-2"], 2, "[flight]"),
+    ];
+    for (arguments, code, words) in refused {
+        let run = osier(arguments);
+        let said = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.code() == Some(code) && said.contains(words), "{arguments:?}: {said}");
+    }
+}
+
+/// A wall of so many metres in a lattice wind, on ground so wet.
+fn behind_a_wall(folder: &Path, (height, humidity): (f64, f64), seed: u64) -> BTreeMap<String, Vec<f64>> {
+    let text = format!(
+        "[frames]\nend = 192\n[ground]\nrelief = 0\n[catkin]\nhairs = 2\n[flight]\ncount = 600\nband = [0.02, 0.6]\n\
+         sides = \"exit\"\nhumidity = {humidity}\nstick_radius = 0\n[[solid]]\nat = [0, 0, 0]\nsize = [0.5, {height}, 9]\n\
+         [wind]\nmodel = \"lattice\"\nspeed = 2\n[wind.lattice]\ncells = [48, 28, 48]\ndx = 0.25\n"
+    );
+    let name = format!("h{height}_w{humidity}_s{seed}");
+    let path = scene(folder, &name, &text);
+    table(&baked(folder, &format!("{name}_out"), &path, &["--formats", "csv", "--seed", &seed.to_string()]))
+}
+
+/// In the air of a lattice: the higher the wall, the fewer get past it and out of the box.
+#[test]
+fn higher_walls_stop_more() {
+    let dir = tempfile::tempdir().expect("dir");
+    for seed in 1..=seeds() {
+        let passed = [0.05, 1.1, 1.6, 2.1, 2.6].map(|h| last(&behind_a_wall(dir.path(), (h, 0.8), seed), "exited"));
+        assert!(passed.windows(2).all(|p| p[0] > p[1]), "seed {seed}: {passed:?}");
+    }
+}
+
+/// The wetter the ground, the more it holds; quite wet ground lets nobody go.
+#[test]
+fn wetter_ground_holds_more() {
+    let dir = tempfile::tempdir().expect("dir");
+    for seed in 1..=seeds() {
+        let runs = [0.0, 0.1, 0.2, 0.3, 1.0].map(|h| {
+            let columns = behind_a_wall(dir.path(), (1.2, h), seed);
+            let held = ["grounded", "on_wall", "corner"].iter().flat_map(|s| &columns[*s]).sum::<f64>();
+            (held, last(&columns, "lift_offs"))
+        });
+        assert!(
+            runs.windows(2).all(|p| p[0].0 <= p[1].0) && runs[0].0 < runs[3].0 && runs[4].1 < 0.5,
+            "seed {seed}: {runs:?}"
+        );
+    }
+}
+
+/// Blender sees each catkin where usd-core does, and as many: two thousand as curves, two hundred as ribbons.
+#[test]
+fn blender_sees_who_flies() {
+    let Some(python) = clients::python() else { return };
+    let dir = tempfile::tempdir().expect("dir");
+    let path = scene(dir.path(), "flying", SCENE);
+    for lod in ["0", "2"] {
+        let set = format!("catkin.lod={lod}");
+        // Let go one after another: births as well.
+        let rain = ["--set", "flight.release=rain", "--set", "flight.duration=2"];
+        let mut fixed = vec!["--formats", "usd,csv", "--set", &set];
+        let frames = if lod == "0" { [1, 120, 240] } else { [1, 24, 48] };
+        if lod == "0" {
+            fixed.extend(["--set", "flight.count=2000", "--set", "frames.end=240"]);
+        } else {
+            // Levels beside it and lines behind it change nothing of what Blender shows.
+            fixed.extend(["--set", "catkin.lods=[0, 3, 4, 5]", "--set", "flight.trails=0.25"]);
+        }
+        let out = baked(dir.path(), &format!("out{lod}"), &path, &[&fixed[..], &rain].concat());
+        let (stage, told) = (out.join("flying.usda"), out.join("told.json"));
+        let (stage, told) = (stage.to_str().expect("path"), told.to_str().expect("path"));
+        let run = |arguments: &[&str]| {
+            let run = Command::new(&python).arg(clients::script("flight.py")).args(arguments).output().expect("python");
+            let said = String::from_utf8_lossy(&run.stdout).into_owned();
+            assert!(run.status.success(), "lod {lod}: {said}{}", String::from_utf8_lossy(&run.stderr));
+            said
+        };
+        let numbers = frames.map(|f| f.to_string());
+        let states = run(&["usd", stage, told, &numbers[0], &numbers[1], &numbers[2]]);
+        assert!(lod != "2" || states.contains("levels ['lod0', 'lod2', 'lod3', 'lod4', 'lod5'] lines 1"), "{states}");
+        let columns = table(&out);
+        let pending = |frame: usize| format!("\"{frame}\": [{}, ", columns["pending"][frame - 1]);
+        assert!(frames.iter().all(|f| states.contains(&pending(*f))) && columns["pending"][0] > 100.0, "{states}");
+        assert!(run(&["bpy", stage, told]).contains("3 frames"));
+    }
+}

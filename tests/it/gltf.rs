@@ -1,0 +1,328 @@
+//! glTF files: what the gltf crate and the Khronos validator read in them.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test may fail and writes where it likes")]
+#![allow(clippy::cast_possible_truncation, reason = "small test numbers")]
+
+use crate::common::clients;
+use crate::common::expect;
+use crate::common::gltf_objects;
+use crate::common::synthetic;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
+
+use crate::common::gltf_player::Player;
+use osier::export::gltf::{Gltf, Layout, Options, Profile};
+use osier::export::textures::Textures;
+use osier::export::{Exporter as _, Warning};
+use osier::fence::Folder;
+use osier::scene::{Frame, Scene};
+use serde_json::Value;
+
+const PROFILES: [Profile; 2] = [Profile::Web, Profile::Blender];
+
+/// Writes a scene with the frames given and returns what was said.
+fn export(folder: &Path, scene: &Arc<Scene>, frames: &[Frame], options: Options) -> Vec<Warning> {
+    let textures = Arc::new(Textures::encode(scene).expect("pictures"));
+    let mut exporter = Gltf::new(Folder::open(folder).expect("folder"), textures, options);
+    exporter.begin(scene).expect("begin");
+    frames.iter().for_each(|f| exporter.frame(f).expect("frame"));
+    exporter.finish().expect("finish").warnings
+}
+
+fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let mut list: Vec<PathBuf> = std::fs::read_dir(folder).expect("folder").map(|e| e.expect("entry").path()).collect();
+    list.retain(|p| p.to_string_lossy().ends_with(ending));
+    list.sort();
+    list
+}
+
+/// Every layout and profile, still and moving: all .glb and .gltf files.
+fn everything(folder: &Path) -> Vec<PathBuf> {
+    let (scene, frames) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let mut list = Vec::new();
+    for (word, frames) in [("still", &frames[..0]), ("moving", &frames[..])] {
+        for profile in PROFILES {
+            let at = folder.join(word);
+            export(&at, &scene, frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+            let one = Layout::Glb(format!("one_{}.glb", profile.word()));
+            export(&at, &scene, frames, Options { profile, layout: one, ..Options::default() });
+            let text = Layout::Gltf(format!("text {}.gltf", profile.word()));
+            export(&at, &scene, frames, Options { profile, layout: text, ..Options::default() });
+            if word == "moving" {
+                export(
+                    &folder.join("moment"),
+                    &scene,
+                    frames,
+                    Options { profile, frame: Some(6), ..Options::default() },
+                );
+                if profile == Profile::Web {
+                    list.extend(files(&folder.join("moment/gltf"), ".glb"));
+                }
+            }
+        }
+        list.extend(files(&folder.join(word), ".glb"));
+        list.extend(files(&folder.join(word), ".gltf"));
+        list.extend(files(&folder.join(word).join("gltf"), ".glb"));
+    }
+    list
+}
+
+#[test]
+fn the_khronos_validator_finds_no_error_and_no_warning() {
+    let Some((node, folder)) = clients::validator() else { return };
+    let temp = tempfile::tempdir().expect("temp");
+    let list = everything(temp.path());
+    assert!(list.len() >= 2 * (2 * 5 + 4), "{list:?}");
+    let output = clients::run(Command::new(node).arg(clients::script("gltf_validate.mjs")).arg(folder).args(&list));
+    let text = String::from_utf8(output.stdout).expect("utf-8");
+    let mut seen = 0;
+    for line in text.lines() {
+        let report: serde_json::Value = serde_json::from_str(line).expect("json");
+        assert_eq!((&report["errors"], &report["warnings"]), (&0.into(), &0.into()), "{line}");
+        for message in report["messages"].as_array().expect("messages") {
+            let code = message["code"].as_str().unwrap_or_default();
+            assert!(["UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"].contains(&code), "{line}");
+            if code == "UNUSED_OBJECT" {
+                let pointer = message["pointer"].as_str().unwrap_or_default();
+                assert!(line.contains("UNSUPPORTED_EXTENSION") && pointer.starts_with("/accessors/"), "{line}");
+            }
+        }
+        seen += 1;
+    }
+    assert_eq!(seen, list.len());
+}
+
+fn read(path: &Path) -> Vec<u8> {
+    std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+fn points(v: &Value) -> Vec<glam::Vec3> {
+    let number = |v: &Value| v.as_f64().expect("number") as f32;
+    let list = v.as_array().expect("points").iter();
+    list.map(|p| glam::Vec3::new(number(&p[0]), number(&p[1]), number(&p[2]))).collect()
+}
+
+/// Largest distance between a node's positions and what is wanted of it.
+fn error(got: &[glam::Vec3], want: &Value, place: &str) -> f32 {
+    let paired: Vec<glam::Vec3>;
+    let mut got = got;
+    if want["hidden"] == true {
+        assert!(got.iter().all(|p| (*p - got[0]).length() < 1e-4), "{place} is dead");
+        return 0.0;
+    }
+    if want["pairs"] == true {
+        paired = got.chunks_exact(2).map(|p| (p[0] + p[1]) * 0.5).collect();
+        got = &paired;
+    }
+    let want = points(&want["points"]);
+    assert_eq!(got.len(), want.len(), "{place}");
+    got.iter().zip(&want).map(|(a, b)| (*a - *b).length()).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_player_of_the_format_shows_everything_where_osier_does_at_every_frame() {
+    let (scene, frames) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
+    let temp = tempfile::tempdir().expect("temp");
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+        let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
+        let wanted = match profile {
+            Profile::Web => gltf_objects::web_objects(&scene, &frames, &numbers),
+            Profile::Blender => gltf_objects::objects(&scene, &frames, &numbers, true),
+        };
+        for (number, list) in wanted.as_object().expect("frames") {
+            let number: u32 = number.parse().expect("number");
+            let time = osier::math::narrow(scene.clip.seconds(number));
+            let list = list.as_object().expect("objects");
+            for (name, want) in list {
+                let node = player.node(name).unwrap_or_else(|| panic!("{} {name}", profile.word()));
+                let place = format!("{} {name}, frame {number}", profile.word());
+                let e = error(&player.positions(node, time), want, &place);
+                assert!(e < 1e-4, "{place}: off by {e}");
+            }
+            let meshes = player.json["nodes"].as_array().expect("nodes").iter().filter(|n| n["mesh"].is_u64());
+            assert_eq!(meshes.count(), list.len(), "nothing but what is wanted");
+        }
+    }
+}
+
+#[test]
+fn three_shows_the_web_profile_where_osier_does() {
+    let Some((node, folder)) = clients::three() else { return };
+    let (scene, frames) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    export(temp.path(), &scene, &frames, Options { profile: Profile::Web, ..Options::default() });
+    let file = temp.path().join("gltf/synthetic.web.glb");
+    let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
+    let wanted = gltf_objects::web_objects(&scene, &frames, &numbers);
+    let job = serde_json::json!([{"file": file, "fps": 24, "start": scene.clip.start, "frames": wanted}]);
+    let jobs = temp.path().join("jobs.json");
+    std::fs::write(&jobs, job.to_string()).expect("jobs");
+    let output = clients::run(Command::new(node).arg(clients::script("gltf_three.mjs")).arg(folder).arg(&jobs));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("\"instanced\":8"), "four groups in each of two places");
+}
+
+/// What each node shows where one frame stands still: the living of each prototype in one.
+fn standing(scene: &Scene, frames: &[Frame], number: u32) -> Value {
+    let all = expect::expect(scene, frames, &[number]);
+    let mut list = gltf_objects::objects(scene, frames, &[number], true);
+    let list = list[number.to_string()].as_object_mut().expect("objects");
+    for p in &scene.placements {
+        for instancer in &scene.assets[p.asset].instancers {
+            let name = format!("{}_{}", p.name, instancer.name);
+            let states = &all["frames"][number.to_string()]["instancers"][format!("{}/{}", p.name, instancer.name)];
+            let states: Vec<Value> = states.as_array().expect("states").clone();
+            (0..states.len()).for_each(|i| _ = list.remove(&format!("{name}_{i}")));
+            states.iter().for_each(|s| _ = list.remove(&format!("{name}_{}", s["proto"].as_str().expect("name"))));
+            let alive: Vec<Value> = states.into_iter().filter(|s| s["alive"] != false).collect();
+            gltf_objects::instanced(list, &name, &alive, true);
+        }
+    }
+    Value::Object(list.clone())
+}
+
+/// One frame of a moving scene, without tracks: instances by extension, all that live, for viewers as for our player.
+#[test]
+fn one_frame_stands_still_with_all_that_live() {
+    let (scene, frames) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, frame: Some(6), ..Options::default() });
+        let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
+        assert!(player.json["animations"].is_null() && player.json["skins"].is_null());
+        let wanted = standing(&scene, &frames, 6);
+        for (name, want) in wanted.as_object().expect("objects") {
+            let node = player.node(name).unwrap_or_else(|| panic!("{} {name}", profile.word()));
+            let e = error(&player.positions(node, 0.0), want, name);
+            assert!(e < 1e-4, "{} {name}: off by {e}", profile.word());
+        }
+    }
+    let required = |name: &str| Player::new(&read(&temp.path().join(name))).json["extensionsRequired"].clone();
+    assert_eq!(
+        required("gltf/tracks.web.glb"),
+        serde_json::json!(["EXT_mesh_gpu_instancing", "KHR_mesh_quantization"])
+    );
+    let Some((node, folder)) = clients::three() else { return };
+    let file = temp.path().join("gltf/synthetic.web.glb");
+    let job =
+        serde_json::json!([{ "file": file, "fps": 24, "start": 6, "frames": { "6": standing(&scene, &frames, 6) } }]);
+    let jobs = temp.path().join("jobs.json");
+    std::fs::write(&jobs, job.to_string()).expect("jobs");
+    clients::run(Command::new(node).arg(clients::script("gltf_three.mjs")).arg(folder).arg(&jobs));
+}
+
+#[test]
+fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
+    let (scene, frames) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    let mut keys = Vec::new();
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+        let player = Player::new(&read(&temp.path().join(format!("gltf/tracks.{}.glb", profile.word()))));
+        let samplers = player.json["animations"][0]["samplers"].as_array().expect("samplers").clone();
+        let count = |s: &Value| player.rows(s["input"].as_u64().expect("input") as usize).len();
+        keys.push(samplers.iter().map(count).sum::<usize>());
+        let required = player.json["extensionsRequired"].as_array().map_or(0, Vec::len);
+        let small = usize::from(profile == Profile::Web);
+        assert_eq!(
+            required, small,
+            "nothing is instanced where everything moves on its own, only web has small numbers"
+        );
+    }
+    assert!(keys[0] * 2 < keys[1], "{keys:?}");
+}
+
+/// The file without required extensions: the gltf crate refuses those that it was not built with.
+fn unrequired(glb: &[u8]) -> Vec<u8> {
+    let mut file = gltf::binary::Glb::from_slice(glb).expect("glb");
+    let mut json: Value = serde_json::from_slice(&file.json).expect("json");
+    json.as_object_mut().expect("object").remove("extensionsRequired");
+    file.json = serde_json::to_vec(&json).expect("json").into();
+    file.to_vec().expect("glb")
+}
+
+#[test]
+fn the_gltf_crate_reads_positions_bit_for_bit() {
+    let (scene, frames) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    for profile in PROFILES {
+        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+        let bytes = unrequired(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
+        let file = gltf::Gltf::from_slice(&bytes).expect("valid");
+        let bin = file.blob.clone().expect("buffer");
+        for (asset, object) in scene.assets.iter().flat_map(|a| a.meshes.iter().map(move |m| (a, m))) {
+            if object.mesh.points.is_empty() {
+                continue;
+            }
+            let mesh = file.meshes().find(|m| m.name() == Some(&object.name)).expect("mesh");
+            let (mut positions, mut triangles) = (Vec::new(), 0);
+            for primitive in mesh.primitives() {
+                let reader = primitive.reader(|_| Some(&bin));
+                positions.extend(reader.read_positions().expect("positions"));
+                triangles += reader.read_indices().expect("indices").into_u32().count() / 3;
+            }
+            let bits = |p: &[f32; 3]| p.map(|c| (c + 0.0).to_bits());
+            let want: Vec<[u32; 3]> = object.mesh.points.iter().map(|p| bits(&p.to_array())).collect();
+            assert_eq!(positions.iter().map(bits).collect::<Vec<_>>(), want, "{}/{}", asset.id, object.name);
+            assert_eq!(triangles, object.mesh.triangles.len());
+        }
+        assert_eq!(file.skins().count(), 2, "each placement has joints of its own");
+        assert_eq!(file.animations().count(), 1);
+        let names: std::collections::BTreeSet<_> = file.nodes().filter_map(|n| n.name().map(str::to_owned)).collect();
+        assert_eq!(names.len(), file.nodes().count());
+        assert!(file.nodes().all(|n| matches!(n.transform(), gltf::scene::Transform::Decomposed { .. })));
+    }
+}
+
+#[test]
+#[cfg(feature = "parallel")]
+fn bytes_do_not_depend_on_threads_or_runs() {
+    let (scene, frames) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let run = |threads: usize| -> Vec<Vec<u8>> {
+        let temp = tempfile::tempdir().expect("temp");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
+        pool.install(|| {
+            for profile in PROFILES {
+                export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+            }
+        });
+        files(&temp.path().join("gltf"), ".glb").iter().map(|p| read(p)).collect()
+    };
+    let one = run(1);
+    assert_eq!(one.len(), 12);
+    assert!([2, 5].into_iter().all(|n| run(n) == one));
+}
+
+#[test]
+fn a_gltf_beside_its_files_holds_the_same_as_a_glb() {
+    let (scene, _) = synthetic::scene();
+    let scene = Arc::new(scene);
+    let temp = tempfile::tempdir().expect("temp");
+    let options = |layout| Options { layout, ..Options::default() };
+    export(temp.path(), &scene, &[], options(Layout::Gltf("a/my tree.gltf".into())));
+    let json: Value = serde_json::from_slice(&read(&temp.path().join("a/my tree.gltf"))).expect("json");
+    assert_eq!(json["buffers"][0]["uri"], "my%20tree.bin");
+    let bin = read(&temp.path().join("a/my tree.bin"));
+    assert_eq!(json["buffers"][0]["byteLength"], bin.len());
+    let uris: Vec<&str> = json["images"].as_array().expect("images").iter().filter_map(|i| i["uri"].as_str()).collect();
+    assert_eq!(uris.len(), 3);
+    for uri in uris {
+        assert!(read(&temp.path().join("a").join(uri.replace("%20", " "))).starts_with(b"\x89PNG"));
+    }
+    let mut streamed = Vec::new();
+    let textures = Textures::encode(&scene).expect("pictures");
+    osier::export::gltf::write(&scene, &textures, Profile::Blender, &mut streamed).expect("write");
+    export(temp.path(), &scene, &[], options(Layout::Glb("one.glb".into())));
+    assert!(read(&temp.path().join("one.glb")) == streamed, "a pipe gets the same bytes as a file");
+    let glb: Value = Player::new(&streamed).json;
+    assert_eq!(json["nodes"], glb["nodes"]);
+    assert_eq!(json["meshes"], glb["meshes"]);
+}

@@ -1,0 +1,184 @@
+//! `osier preview` as a person runs it.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "a test may fail and reads what it likes")]
+
+use std::path::Path;
+
+use crate::common::program::{arg, ends};
+
+const SPRIG: &str = "tests/scenes/sprig.toml";
+
+fn picture(path: &Path) -> image::RgbaImage {
+    image::open(path).expect("picture").to_rgba8()
+}
+
+/// How much two pictures differ on average, in 1/255.
+fn difference(a: &image::RgbaImage, b: &image::RgbaImage) -> f64 {
+    assert_eq!(a.dimensions(), b.dimensions());
+    let sum: u64 = a.iter().zip(b.iter()).map(|(x, y)| u64::from(x.abs_diff(*y))).sum();
+    sum as f64 / a.len() as f64
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads_and_seeds_do_make_others() {
+    let dir = tempfile::tempdir().expect("dir");
+    for quality in ["draft", "normal"] {
+        let bytes = |jobs: &str| {
+            let out = dir.path().join(format!("{quality}{jobs}.png"));
+            let flags = ["preview", SPRIG, "--size", "96x80", "--quality", quality, "-j", jobs, "-o", arg(&out)];
+            ends(0, &flags);
+            std::fs::read(out).expect("file")
+        };
+        let one = bytes("1");
+        assert!(one == bytes("2") && one == bytes("8"), "{quality}");
+    }
+    let (a, b) = (dir.path().join("a.png"), dir.path().join("b.png"));
+    ends(0, &["preview", "birch", "--quality", "draft", "--size", "64", "--background", "none", "-o", arg(&a)]);
+    ends(
+        0,
+        &[
+            "preview",
+            "birch",
+            "--quality",
+            "draft",
+            "--size",
+            "64",
+            "--background",
+            "none",
+            "--seed",
+            "9",
+            "-o",
+            arg(&b),
+        ],
+    );
+    assert!(difference(&picture(&a), &picture(&b)) > 1.0);
+}
+
+#[test]
+fn a_transparent_picture_shows_the_plant_its_shadow_and_nothing_else() {
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("twig.png");
+    let flags = ["preview", "poplar-twig.l", "--size", "120x160", "--background", "none", "--quality", "draft"];
+    ends(0, &[&flags[..], &["-o", arg(&out)]].concat());
+    let p = picture(&out);
+    let covered = p.pixels().filter(|c| c.0[3] > 200).count();
+    let clear = p.pixels().filter(|c| c.0[3] == 0).count();
+    assert!(covered > 300 && clear > 4000, "{covered} covered, {clear} clear");
+    assert_eq!(p.get_pixel(0, 0).0[3], 0);
+    let green = p.pixels().filter(|c| c.0[3] > 200 && c.0[1] > c.0[0] && c.0[1] > c.0[2]).count();
+    assert!(green > covered / 3, "{green} of {covered} are green");
+}
+
+#[test]
+fn sheets_have_a_cell_for_every_seed_and_value() {
+    let dir = tempfile::tempdir().expect("dir");
+    let out = dir.path().join("sheet.png");
+    let common = ["--size", "60x50", "--quality", "draft", "-o", arg(&out), "--force"];
+    ends(0, &[&["preview", "birch.l", "--seeds", "0-3,7"][..], &common].concat());
+    let seeds = picture(&out);
+    // Three columns of 60 and two rows of 50 pixels, margins, captions and a title line.
+    assert_eq!(seeds.dimensions(), (3 * 70 + 10, 2 * (50 + 36) + 10 + 34));
+    let sweeps =
+        ["preview", "koch", "--sweep", "plants.koch.turtle.width=0.01,0.02", "--sweep", "plants.koch.steps=1:3:3"];
+    let (_, err) = ends(0, &[&sweeps[..], &common].concat());
+    assert!(!err.contains("error"), "{err}");
+    assert_eq!(picture(&out).dimensions(), (2 * 70 + 10, 3 * (50 + 36) + 10 + 34));
+}
+
+#[test]
+fn moving_pictures_hold_the_frames_that_were_asked_for() {
+    let dir = tempfile::tempdir().expect("dir");
+    let gif = dir.path().join("sway.gif");
+    let small = ["--size", "48x40", "--quality", "draft"];
+    ends(0, &[&["preview", SPRIG, "--frames", "1-6:2", "-o", arg(&gif)][..], &small].concat());
+    let mut decoder = gif::Decoder::new(std::fs::File::open(&gif).expect("file")).expect("gif");
+    let mut frames: Vec<Vec<u8>> = Vec::new();
+    while let Some(frame) = decoder.read_next_frame().expect("frame") {
+        assert_eq!((frame.width, frame.height, frame.delay), (48, 40, 8));
+        frames.push(frame.buffer.to_vec());
+    }
+    assert_eq!(frames.len(), 3);
+    assert!(frames[0] != frames[1] && frames[1] != frames[2], "it moves");
+
+    let apng = dir.path().join("turn.apng");
+    let flags = ["preview", "poplar-twig.l", "--turntable", "5", "--background", "none", "-o", arg(&apng)];
+    ends(0, &[&flags[..], &small].concat());
+    let file = std::io::BufReader::new(std::fs::File::open(&apng).expect("file"));
+    let mut reader = png::Decoder::new(file).read_info().expect("png");
+    assert_eq!(reader.info().animation_control.expect("animated").num_frames, 5);
+    let mut turns: Vec<Vec<u8>> = Vec::new();
+    for _ in 0..5 {
+        let mut buffer = vec![0; reader.output_buffer_size().expect("size")];
+        reader.next_frame(&mut buffer).expect("frame");
+        turns.push(buffer);
+    }
+    assert!(turns.windows(2).all(|w| w[0] != w[1]), "it turns");
+}
+
+#[test]
+fn what_was_baked_looks_like_what_was_grown() {
+    let dir = tempfile::tempdir().expect("dir");
+    let bake = dir.path().join("bake");
+    ends(0, &["bake", SPRIG, "--formats", "glb", "--frames", "1", "-o", arg(&bake)]);
+    let (a, b) = (dir.path().join("a.png"), dir.path().join("b.png"));
+    let look = ["--size", "160x120", "--background", "#ffffff", "--view", "20,10", "--set", "ground.show=false"];
+    ends(0, &[&["preview", SPRIG, "-o", arg(&a)][..], &look].concat());
+    let glb = dir.path().join("sprig.glb");
+    ends(0, &["grow", SPRIG, "-o", arg(&glb)]);
+    ends(0, &[&["preview", arg(&glb), "-o", arg(&b)][..], &look[..6]].concat());
+    let apart = difference(&picture(&a), &picture(&b));
+    assert!(apart < 4.0, "they differ by {apart} on average");
+    let whole = dir.path().join("c.png");
+    ends(0, &["preview", arg(&bake), "--size", "80x60", "--quality", "draft", "-o", arg(&whole)]);
+    assert!(picture(&whole).pixels().any(|p| p.0[1] > p.0[2]), "leaves are green");
+    let side = dir.path().join("d.png");
+    let flags = ["preview", "birch.l", "--compare", "oak.l", "--size", "80x60", "--quality", "draft", "-o", arg(&side)];
+    ends(0, &flags);
+    assert_eq!(picture(&side).width(), 2 * 90 + 10);
+}
+
+#[test]
+fn every_mistake_is_named() {
+    let dir = tempfile::tempdir().expect("dir");
+    let file = |name: &str, text: &[u8]| {
+        let path = dir.path().join(name);
+        std::fs::write(&path, text).expect("file");
+        path
+    };
+    let empty = file("empty.l", b"lsystem: 1\nderivation length: 1\naxiom: A\nA --> B\nendlsystem\n");
+    let broken = file("broken.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff");
+    let crate_file = file("tree.usdc", b"PXR-USDC");
+    let out = dir.path().join("x.png");
+    let cases: &[(i32, &[&str], &str)] = &[
+        (1, &[arg(&empty)], "P001"),
+        (1, &[arg(&broken)], "broken.glb"),
+        (1, &[arg(&crate_file)], "--formats glb"),
+        (1, &["no-such-thing"], "no such file or preset"),
+        (2, &["oak", "--size", "200000"], "--max-image-side"),
+        (2, &["oak", "--size", "16000x16000", "--max-image-side", "20k"], "--max-image-bytes"),
+        (2, &["oak", "--size", "0x5"], "WIDTHxHEIGHT"),
+        (2, &["oak", "--view", "upside"], "portrait"),
+        (2, &["oak", "--background", "#12345"], "#f4f1ea"),
+        (2, &["oak", "--sun", "40"], "ELEVATION,AZIMUTH"),
+        (2, &["oak", "--sweep", "x=1:2"], "FROM:TO:COUNT"),
+        (2, &["oak", "--seeds", "0-3", "--turntable"], "choose one"),
+        (2, &["oak", "--seeds", "0-5000"], "1024"),
+        (2, &[SPRIG, "--frame", "99"], "outside the scene's 1 to 6"),
+        (2, &[SPRIG, "--frames", "5-9"], "outside the scene's 1 to 6"),
+        (2, &["koch", "--frames", "1"], "--turntable"),
+        (2, &["oak", "--turntable", "-o", "x.mp4"], ".gif"),
+    ];
+    for (code, flags, told) in cases {
+        let place: &[&str] = if flags.contains(&"-o") { &[] } else { &["-o", arg(&out)] };
+        let flags = [&["preview"], *flags, place].concat();
+        let (_, err) = ends(*code, &flags);
+        assert!(err.contains(told), "{flags:?} should say {told}: {err}");
+        assert!(!out.exists(), "{flags:?} leaves no file");
+    }
+    let foreign = file("mine.png", b"my own picture");
+    let flags = ["preview", "koch", "--size", "20", "--quality", "draft", "-o", arg(&foreign)];
+    let (_, err) = ends(1, &flags);
+    assert!(err.contains("--force"), "{err}");
+    assert_eq!(std::fs::read(&foreign).expect("file"), b"my own picture");
+    ends(0, &[&flags[..], &["--force"]].concat());
+    ends(0, &flags);
+}

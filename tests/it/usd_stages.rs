@@ -1,0 +1,179 @@
+//! USD files judged by usd-core and Blender.
+#![allow(clippy::expect_used, clippy::disallowed_methods, reason = "tests panic and look at the disk themselves")]
+
+use crate::common::clients;
+use crate::common::expect;
+use crate::common::synthetic;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use osier::export::Exporter as _;
+use osier::export::exr::{Exr, Wanted};
+use osier::export::textures::Textures;
+use osier::export::usd::{Options, UpAxis, Usd};
+use osier::fence::Folder;
+use osier::scene::{Frame, Scene};
+
+/// A fresh folder for a test.
+fn place(name: &str) -> PathBuf {
+    let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("usd").join(name);
+    let _ = std::fs::remove_dir_all(&dir);
+    dir
+}
+
+/// Writes a scene with some frames, and the maps that its wet leaves show.
+fn write(dir: &Path, scene: &Scene, frames: &[Frame], options: Options) {
+    let folder = Folder::open(dir).expect("folder");
+    let mut maps = Exr::new(folder.clone(), Wanted::default());
+    maps.begin(&Arc::new(scene.clone())).expect("begin");
+    frames.iter().for_each(|f| maps.frame(f).expect("frame"));
+    maps.finish().expect("finish");
+    let options = Options { maps: true, ..options };
+    let textures = Arc::new(Textures::encode(scene).expect("pictures"));
+    let mut usd = Usd::new(folder, textures, options);
+    usd.begin(&Arc::new(scene.clone())).expect("begin");
+    for frame in frames {
+        usd.frame(frame).expect("frame");
+    }
+    let summary = usd.finish().expect("finish");
+    assert!(summary.warnings.is_empty(), "{:?}", summary.warnings);
+}
+
+fn single(file: &str) -> Options {
+    Options { file: Some(file.into()), ..Options::default() }
+}
+
+/// All USD files beneath a folder.
+fn files(dir: &Path) -> Vec<String> {
+    let mut out = Vec::new();
+    let mut folders = vec![dir.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("folder") {
+            let path = entry.expect("entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e.to_string_lossy().starts_with("usd")) {
+                out.push(path.to_string_lossy().into_owned());
+            }
+        }
+    }
+    out.sort();
+    out
+}
+
+/// The synthetic scene in every form: animated and still, folders and single files, both up axes.
+fn everything(dir: &Path) {
+    let (scene, frames) = synthetic::scene();
+    let z = |file: Option<&str>| Options { up: UpAxis::Z, file: file.map(String::from), ..Options::default() };
+    for (name, frames) in [("moving", &frames[..]), ("still", &[])] {
+        write(&dir.join(name), &scene, frames, Options::default());
+        write(&dir.join(format!("{name}_z")), &scene, frames, z(None));
+        for file in ["all.usda", "all.usdc", "all.usdz"] {
+            write(&dir.join(format!("{name}_single")), &scene, frames, single(file));
+        }
+        write(&dir.join(format!("{name}_single_z")), &scene, frames, z(Some("all.usdz")));
+    }
+}
+
+#[test]
+fn every_file_passes_all_validators() {
+    let dir = place("validate");
+    everything(&dir);
+    let files = files(&dir);
+    assert_eq!(files.len(), 2 * (7 + 7 + 3 + 1), "{files:?}");
+    let Some(python) = clients::python() else { return };
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
+    clients::python_script(&python, "usd_validate.py", &files);
+}
+
+#[test]
+fn everything_stands_where_osier_says() {
+    let dir = place("positions");
+    everything(&dir);
+    let (scene, frames) = synthetic::scene();
+    let wanted = dir.join("expected.json");
+    let json = expect::expect(&scene, &frames, &expect::three(&scene)).to_string();
+    std::fs::write(&wanted, json).expect("expectations");
+    let Some(python) = clients::python() else { return };
+    for (stage, up) in [
+        ("moving/synthetic.usda", ""),
+        ("moving_z/synthetic.usda", "z"),
+        ("moving_single/all.usda", ""),
+        ("moving_single/all.usdc", ""),
+        ("moving_single/all.usdz", ""),
+        ("moving_single_z/all.usdz", "z"),
+    ] {
+        let (stage, wanted) = (dir.join(stage), wanted.to_string_lossy());
+        let stage = stage.to_string_lossy();
+        let arguments: Vec<&str> = [&*stage, &*wanted, up].into_iter().filter(|a| !a.is_empty()).collect();
+        clients::python_script(&python, "usd_positions.py", &arguments);
+    }
+}
+
+#[test]
+fn text_and_crate_say_the_same() {
+    let dir = place("equal");
+    let (scene, frames) = synthetic::scene();
+    for (name, frames) in [("still", &[][..]), ("moving", &frames[..])] {
+        for file in ["all.usda", "all.usdc"] {
+            write(&dir.join(name), &scene, frames, single(file));
+        }
+    }
+    let Some(python) = clients::python() else { return };
+    for name in ["still", "moving"] {
+        let [a, b] = ["all.usda", "all.usdc"].map(|f| dir.join(name).join(f).to_string_lossy().into_owned());
+        // The pictures' folder is named after the stem, which is the same.
+        clients::python_script(&python, "usd_equal.py", &[&a, &b]);
+    }
+}
+
+#[test]
+fn what_follows_from_the_points_agrees_with_them() {
+    let dir = place("derived");
+    let (scene, frames) = synthetic::scene();
+    let z = Options { up: UpAxis::Z, ..Options::default() };
+    for (name, options) in [("y", Options::default()), ("z", z)] {
+        write(&dir.join(name), &scene, &frames, options);
+    }
+    let Some(python) = clients::python() else { return };
+    for name in ["y", "z"] {
+        let files = files(&dir.join(name).join("usd"));
+        let files: Vec<&str> = files.iter().map(String::as_str).collect();
+        clients::python_script(&python, "usd_derived.py", &files);
+    }
+}
+
+#[test]
+fn blender_shows_everything_where_osier_says() {
+    let dir = place("blender");
+    let (scene, frames) = synthetic::scene();
+    write(&dir.join("y"), &scene, &frames, Options::default());
+    write(&dir.join("z"), &scene, &frames, Options { up: UpAxis::Z, ..Options::default() });
+    write(&dir.join("one"), &scene, &frames, single("all.usdz"));
+    let wanted = dir.join("expected.json");
+    let json = expect::expect(&scene, &frames, &expect::three(&scene)).to_string();
+    std::fs::write(&wanted, json).expect("expectations");
+    let [_, up, back] = scene.camera.axes().map(|a| a.to_array());
+    let look = serde_json::json!({
+        "eye": scene.camera.eye.to_array(), "up": up, "back": back, "sun": scene.sun.direction().to_array(),
+    });
+    let Some(python) = clients::python() else { return };
+    for stage in ["y/synthetic.usda", "z/synthetic.usda", "one/all.usdz"] {
+        let (stage, wanted) = (dir.join(stage), wanted.to_string_lossy());
+        let arguments = [&*stage.to_string_lossy(), &*wanted, &look.to_string()];
+        clients::python_script(&python, "usd_blender.py", &arguments);
+    }
+}
+
+#[test]
+fn packages_are_plain_aligned_archives() {
+    let dir = place("package");
+    let (scene, frames) = synthetic::scene();
+    write(&dir, &scene, &frames, single("all.usdz"));
+    let Some(python) = clients::python() else { return };
+    let path = dir.join("all.usdz");
+    let file = path.to_string_lossy();
+    let members = ["synthetic.usdc", "textures/bark_color.png", "textures/bark_normal.png", "textures/leaf_color.png"];
+    let arguments: Vec<&str> = [&*file].into_iter().chain(members).collect();
+    clients::python_script(&python, "usd_package.py", &arguments);
+}
