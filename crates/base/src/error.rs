@@ -46,6 +46,16 @@ pub enum Error {
         /// The flag that lifts it, or the key to change.
         flag: String,
     },
+    /// More things than the integer that numbers them can count.
+    #[error("{count} {what} are too many; at most {limit} can be indexed")]
+    TooMany {
+        /// The things, in the plural: "points of a mesh".
+        what: &'static str,
+        /// Their number.
+        count: String,
+        /// Largest number that the index type holds.
+        limit: u64,
+    },
     /// A simulation left its bounds.
     #[error("frame {frame}: {quantity} is out of bounds; shorten the step or soften the input")]
     Simulation {

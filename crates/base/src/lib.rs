@@ -1,5 +1,6 @@
 //! What all of osier stands on: diagnostics, errors, files that appear whole, numbers, random draws, parallel loops.
 
+pub mod convert;
 pub mod diagnostic;
 mod error;
 pub mod fence;
