@@ -11,6 +11,7 @@ pub mod noise;
 pub mod par;
 pub mod progress;
 pub mod rng;
+pub mod simd;
 pub mod units;
 
 pub use error::{Error, Result};

@@ -1,7 +1,7 @@
 //! Collision: what happens to the air in one cell.
 
-use super::lane::Lane;
 use super::stencil::{C, Q, W, weight};
+use osier_base::simd::Lane;
 
 /// Fastest equilibrium, in cells a step: beyond, the expansion of eq. 8 is worth nothing.
 pub(super) const FASTEST: f64 = 0.3;
@@ -23,13 +23,13 @@ pub(super) struct Relax<L> {
 impl<L: Lane> Relax<L> {
     #[inline(always)]
     pub(super) fn new(tau: L, eddies: L, force: [L; 3]) -> Self {
-        Self { tau, omega: tau.all(1.0).over(tau), eddies, force }
+        Self { tau, omega: tau.splat(1.0).div(tau), eddies, force }
     }
 
     /// The same air with another relaxation time.
     #[inline(always)]
     pub(super) fn with(self, tau: L) -> Self {
-        Self { tau, omega: tau.all(1.0).over(tau), ..self }
+        Self { tau, omega: tau.splat(1.0).div(tau), ..self }
     }
 }
 
@@ -81,16 +81,16 @@ impl<L: Lane> Pairs<L> {
     #[inline(always)]
     fn stress(&self, drho: L, j: [L; 3], back: L) -> L {
         let s = &self.sum;
-        let diagonal = (drho * drho.all(-1.0 / 3.0)) + self.diagonals();
-        let xx = back.fused(j[0] * j[0], s[0] + diagonal);
-        let yy = back.fused(j[1] * j[1], s[1] + diagonal);
-        let zz = back.fused(j[2] * j[2], s[2] + diagonal);
+        let diagonal = (drho * drho.splat(-1.0 / 3.0)) + self.diagonals();
+        let xx = back.mul_add(j[0] * j[0], s[0] + diagonal);
+        let yy = back.mul_add(j[1] * j[1], s[1] + diagonal);
+        let zz = back.mul_add(j[2] * j[2], s[2] + diagonal);
         let (a, b, c, d) = (s[3] + s[4], s[5] + s[6], s[3] - s[4], s[5] - s[6]);
-        let xy = back.fused(j[0] * j[1], a - b);
-        let xz = back.fused(j[0] * j[2], c + d);
-        let yz = back.fused(j[1] * j[2], c - d);
-        let across = xy.fused(xy, xz.fused(xz, yz * yz));
-        drho.all(2.0).fused(across, xx.fused(xx, yy.fused(yy, zz * zz)))
+        let xy = back.mul_add(j[0] * j[1], a - b);
+        let xz = back.mul_add(j[0] * j[2], c + d);
+        let yz = back.mul_add(j[1] * j[2], c - d);
+        let across = xy.mul_add(xy, xz.mul_add(xz, yz * yz));
+        drho.splat(2.0).mul_add(across, xx.mul_add(xx, yy.mul_add(yy, zz * zz)))
     }
 }
 
@@ -101,7 +101,7 @@ impl<L: Lane> Pairs<L> {
 pub(super) fn moments<L: Lane>(g: &[L; Q]) -> (L, [L; 3]) {
     let pairs = Pairs::of(g);
     let drho = pairs.density();
-    let share = drho.all(1.0).over(drho.all(1.0) + drho);
+    let share = drho.splat(1.0).div(drho.splat(1.0) + drho);
     let j = pairs.momentum();
     (drho, [j[0] * share, j[1] * share, j[2] * share])
 }
@@ -110,12 +110,12 @@ pub(super) fn moments<L: Lane>(g: &[L; Q]) -> (L, [L; 3]) {
 /// Source: \[catkin\] eq. 8 with c = 1.
 #[inline(always)]
 pub(super) fn equilibrium<L: Lane>(i: usize, drho: L, u: [L; 3]) -> L {
-    let rho = drho.all(1.0) + drho;
-    let c = C[i].map(|c| drho.all(f64::from(c)));
+    let rho = drho.splat(1.0) + drho;
+    let c = C[i].map(|c| drho.splat(f64::from(c)));
     let s = (c[0] * u[0] + c[1] * u[1]) + c[2] * u[2];
     let uu = (u[0] * u[0] + u[1] * u[1]) + u[2] * u[2];
-    let base = drho - drho.all(1.5) * (rho * uu);
-    drho.all(weight(i)) * ((base + drho.all(4.5) * (rho * (s * s))) + drho.all(3.0) * (rho * s))
+    let base = drho - drho.splat(1.5) * (rho * uu);
+    drho.splat(weight(i)) * ((base + drho.splat(4.5) * (rho * (s * s))) + drho.splat(3.0) * (rho * s))
 }
 
 /// What a collision leaves.
@@ -143,24 +143,24 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
     relax: Relax<L>,
     limit: f64,
 ) -> Collided<L> {
-    let one = relax.tau.all(1.0);
+    let one = relax.tau.splat(1.0);
     let pairs = Pairs::of(g);
     let drho = pairs.density();
     let rho = one + drho;
-    let share = one.over(rho);
+    let share = one.div(rho);
     let mut j = pairs.momentum();
     // What the populations have more than the momentum below; nothing, but for forces and what is held.
-    let mut held = [one.all(0.0); 3];
+    let mut held = [one.splat(0.0); 3];
     if FORCE {
         for ((j, held), force) in j.iter_mut().zip(&mut held).zip(relax.force) {
-            let half = one.all(0.5) * force;
+            let half = one.splat(0.5) * force;
             (*j, *held) = (*j + half, *held - half);
         }
     }
     // Not from the velocities: nothing that can be found beside the division should wait for it.
-    let square = share * (share * j[0].fused(j[0], j[1].fused(j[1], j[2] * j[2])));
-    if limit.is_finite() && square.any_above(limit) {
-        let slower = square.above(limit, one.all(FASTEST).over(square.sqrt()), one);
+    let square = share * (share * j[0].mul_add(j[0], j[1].mul_add(j[1], j[2] * j[2])));
+    if limit.is_finite() && square.any_gt(limit) {
+        let slower = square.select_gt(limit, one.splat(FASTEST).div(square.sqrt()), one);
         for (j, held) in j.iter_mut().zip(&mut held) {
             let less = *j * slower;
             (*j, *held) = (less, *held + (*j - less));
@@ -169,15 +169,15 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
     let mut omega = relax.omega;
     if EDDIES {
         let tau = relax.tau;
-        let stress = pairs.stress(drho, j, share * one.all(-1.0)).sqrt();
-        let tau = one.all(0.5) * (tau + tau.fused(tau, relax.eddies * (stress * share)).sqrt());
-        omega = one.over(tau);
+        let stress = pairs.stress(drho, j, share * one.splat(-1.0)).sqrt();
+        let tau = one.splat(0.5) * (tau + tau.mul_add(tau, relax.eddies * (stress * share)).sqrt());
+        omega = one.div(tau);
     }
     let mut out = relaxed(&pairs, (drho, share), (j, held), omega);
     let u = [j[0] * share, j[1] * share, j[2] * share];
     if FORCE {
         for (i, out) in out.iter_mut().enumerate() {
-            *out = *out + (one - one.all(0.5) * omega) * pushed(i, u, relax.force);
+            *out = *out + (one - one.splat(0.5) * omega) * pushed(i, u, relax.force);
         }
     }
     Collided { g: out, drho, u, square }
@@ -186,16 +186,16 @@ pub(super) fn collide<L: Lane, const EDDIES: bool, const FORCE: bool>(
 /// w_i [3 (c_i - u) + 9 (c_i.u) c_i].F
 #[inline(always)]
 fn pushed<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
-    let mut along = u[0].all(0.0);
+    let mut along = u[0].splat(0.0);
     for a in 0..3 {
-        along = along + u[a].all(f64::from(C[i][a])) * u[a];
+        along = along + u[a].splat(f64::from(C[i][a])) * u[a];
     }
-    let mut sum = u[0].all(0.0);
+    let mut sum = u[0].splat(0.0);
     for a in 0..3 {
-        let c = u[a].all(f64::from(C[i][a]));
-        sum = sum + (u[a].all(3.0) * (c - u[a]) + u[a].all(9.0) * (along * c)) * force[a];
+        let c = u[a].splat(f64::from(C[i][a]));
+        sum = sum + (u[a].splat(3.0) * (c - u[a]) + u[a].splat(9.0) * (along * c)) * force[a];
     }
-    sum * u[0].all(weight(i))
+    sum * u[0].splat(weight(i))
 }
 
 /// g - omega (g - geq), by pairs of opposites: geq = w e + 3 w s and w e - 3 w s. `share`: 1/rho; `j`: momentum rho u, from
@@ -208,18 +208,18 @@ fn pushed<L: Lane>(i: usize, u: [L; 3], force: [L; 3]) -> L {
 /// Found anew, it would leave the last bits of the momentum in every step, and those of some steps pile up.
 #[inline(always)]
 fn relaxed<L: Lane>(pairs: &Pairs<L>, (drho, share): (L, L), (j, held): ([L; 3], [L; 3]), omega: L) -> [L; Q] {
-    let number = |value: f64| omega.all(value);
+    let number = |value: f64| omega.splat(value);
     let (plus, minus) = (j[0] + j[1], j[0] - j[1]);
     // (-++): the fourth diagonal runs against x.
     let along = [j[0], j[1], j[2], plus + j[2], plus - j[2], minus + j[2], j[2] - minus];
-    let square = number(-1.5) * j[0].fused(j[0], j[1].fused(j[1], j[2] * j[2]));
+    let square = number(-1.5) * j[0].mul_add(j[0], j[1].mul_add(j[1], j[2] * j[2]));
     let half = omega * number(-0.5);
     let mut out = [pairs.rest; Q];
-    let rest = number(-W[0]).fused(share.fused(square, drho), pairs.rest);
-    out[0] = (omega * number(-1.0)).fused(rest, pairs.rest);
+    let rest = number(-W[0]).mul_add(share.mul_add(square, drho), pairs.rest);
+    out[0] = (omega * number(-1.0)).mul_add(rest, pairs.rest);
     let mut odd = along;
     for k in 3..7 {
-        odd[k] = number(-6.0 * W[2]).fused(along[k], pairs.difference[k]);
+        odd[k] = number(-6.0 * W[2]).mul_add(along[k], pairs.difference[k]);
     }
     let (a, b, c, d) = (odd[3] + odd[4], odd[5] - odd[6], odd[3] - odd[4], odd[5] + odd[6]);
     odd[0] = held[0] - (a + b);
@@ -229,10 +229,10 @@ fn relaxed<L: Lane>(pairs: &Pairs<L>, (drho, share): (L, L), (j, held): ([L; 3],
     let (straight, across) = (half * number(-2.0 * W[1]), half * number(-2.0 * W[2]));
     for k in 0..7 {
         // Little of it waits for the density.
-        let bent = number(4.5).fused(along[k] * along[k], square);
-        let meant = share.fused(bent, drho);
-        let even = if k < 3 { straight } else { across }.fused(meant, kept * pairs.sum[k]);
-        let odd = half.fused(odd[k], number(0.5) * pairs.difference[k]);
+        let bent = number(4.5).mul_add(along[k] * along[k], square);
+        let meant = share.mul_add(bent, drho);
+        let even = if k < 3 { straight } else { across }.mul_add(meant, kept * pairs.sum[k]);
+        let odd = half.mul_add(odd[k], number(0.5) * pairs.difference[k]);
         out[2 * k + 1] = even + odd;
         out[2 * k + 2] = even - odd;
     }

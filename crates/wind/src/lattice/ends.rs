@@ -7,8 +7,8 @@
 use pulp::Simd;
 
 use super::grid::{BLOCK, Grid};
-use super::lane::Wide;
 use super::stencil::{C, Q};
+use osier_base::simd::F32Lanes;
 
 /// Directions that arrive at the first cell of a row from outside, and at the last.
 const ARRIVE: [[usize; PER]; 2] = [[1, 7, 9, 11, 14], [2, 8, 10, 12, 13]];
@@ -66,7 +66,7 @@ impl Ends {
 
     /// Hands over what arrives at the ends of a row in a block, and nothing to nodes between rows.
     #[inline(always)]
-    pub(super) fn hand<S: Simd>(&self, simd: S, end: End, g: &mut [Wide<S>; Q]) {
+    pub(super) fn hand<S: Simd>(&self, simd: S, end: End, g: &mut [F32Lanes<S>; Q]) {
         let y = end.y as usize;
         if end.lanes[0] != NONE {
             self.arrive::<S, 0>(simd, (end.lanes[0] as usize, y), g);
@@ -80,7 +80,7 @@ impl Ends {
             let after = simd.greater_than_or_equal_f32s(lanes, simd.splat_f32s(LANES[from]));
             let here = simd.and_m32s(after, simd.less_than_or_equal_f32s(lanes, simd.splat_f32s(LANES[to - 1])));
             for g in g.iter_mut() {
-                *g = Wide::new(simd, simd.select_f32s(here, simd.splat_f32s(0.0), g.value));
+                *g = F32Lanes::new(simd, simd.select_f32s(here, simd.splat_f32s(0.0), g.value));
             }
         }
     }
@@ -88,12 +88,12 @@ impl Ends {
 
 impl Ends {
     #[inline(always)]
-    fn arrive<S: Simd, const END: usize>(&self, simd: S, (lane, y): (usize, usize), g: &mut [Wide<S>; Q]) {
+    fn arrive<S: Simd, const END: usize>(&self, simd: S, (lane, y): (usize, usize), g: &mut [F32Lanes<S>; Q]) {
         let here = simd.equal_f32s(S::as_simd_f32s(&LANES).0[0], simd.splat_f32s(LANES[lane]));
         let from = &self.arrived[END * PER * self.rows + y..];
         for nth in 0..PER {
             let g = &mut g[ARRIVE[END][nth]];
-            *g = Wide::new(simd, simd.select_f32s(here, simd.splat_f32s(from[nth * self.rows]), g.value));
+            *g = F32Lanes::new(simd, simd.select_f32s(here, simd.splat_f32s(from[nth * self.rows]), g.value));
         }
     }
 }

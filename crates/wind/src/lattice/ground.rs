@@ -6,9 +6,9 @@
 //! the stress of a logarithmic profile through the lowest middle; and the air of the lowest cells is as viscous as eddies make it that
 //! are no larger than the height they are at.
 
-use super::lane::Lane;
 use super::stencil::{C, Q, weight};
 use osier_base::math::{ln, narrow};
+use osier_base::simd::Lane;
 
 /// Karman's constant.
 const KARMAN: f64 = 0.4;
@@ -74,10 +74,10 @@ impl Surface {
 pub(super) fn hold<L: Lane>(g: &mut [L; Q], drag: L, more: L) {
     let drag = drag + drag * more;
     let (drho, u) = super::collide::moments(g);
-    let one = drag.all(1.0);
-    let pull = drag * u[0].fused(u[0], u[2] * u[2]).sqrt();
+    let one = drag.splat(1.0);
+    let pull = drag * u[0].mul_add(u[0], u[2] * u[2]).sqrt();
     // Never more than there is, however rough the ground.
-    let share = (drag.all(0.25) * (one + drho) * pull).over(one + pull);
+    let share = (drag.splat(0.25) * (one + drho) * pull).div(one + pull);
     let (plus, minus) = (share * (u[0] + u[2]), share * (u[0] - u[2]));
     // Those that go up, with x and z as they are.
     g[7] = g[7] - plus;
@@ -91,8 +91,8 @@ pub(super) fn hold<L: Lane>(g: &mut [L; Q], drag: L, more: L) {
 /// Source: own; first order of Chapman and Enskog, (1 - tau) 3 w_i c_iy (c_ix du_x/dy + c_iz du_z/dy).
 #[inline(always)]
 pub(super) fn leant<L: Lane>(i: usize, lean: [L; 2]) -> L {
-    let c = C[i].map(|c| lean[0].all(f64::from(c)));
-    lean[0].all(weight(i)) * c[1] * (c[0] * lean[0] + c[2] * lean[1])
+    let c = C[i].map(|c| lean[0].splat(f64::from(c)));
+    lean[0].splat(weight(i)) * c[1] * (c[0] * lean[0] + c[2] * lean[1])
 }
 
 /// 3 (1 - tau) times the growth of the wind with the height, a step.

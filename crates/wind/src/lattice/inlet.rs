@@ -7,9 +7,9 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::super::{CALM, Wind};
 use super::ground::lean;
-use super::lane::Wide;
 use osier_base::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use osier_base::rng::Rng;
+use osier_base::simd::F32Lanes;
 
 /// How the mean grows with the height above the ground.
 #[derive(Debug, Clone, PartialEq)]
@@ -471,10 +471,10 @@ impl WithSimd for Blow<'_> {
 fn add<S: Simd>(simd: S, to: &mut [f32], (c, cosine): (f32, &[f32]), (s, sine): (f32, &[f32])) {
     let (lanes, rest) = S::as_mut_simd_f32s(to);
     let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
-    let (c_all, s_all) = (Wide::splat(simd, c), Wide::splat(simd, s));
+    let (c_all, s_all) = (F32Lanes::from_scalar(simd, c), F32Lanes::from_scalar(simd, s));
     for ((u, a), b) in lanes.iter_mut().zip(a).zip(b) {
-        let wave = Wide::new(simd, *a) * c_all + Wide::new(simd, *b) * s_all;
-        *u = (Wide::new(simd, *u) + wave).value;
+        let wave = F32Lanes::new(simd, *a) * c_all + F32Lanes::new(simd, *b) * s_all;
+        *u = (F32Lanes::new(simd, *u) + wave).value;
     }
     for ((u, a), b) in rest.iter_mut().zip(a_rest).zip(b_rest) {
         *u += *a * c + *b * s;

@@ -8,7 +8,6 @@ mod flow;
 mod grid;
 mod ground;
 mod inlet;
-mod lane;
 mod links;
 mod list;
 mod marks;

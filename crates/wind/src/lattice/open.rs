@@ -6,8 +6,8 @@ use pulp::Simd;
 
 use super::collide::equilibrium;
 use super::ground::leant;
-use super::lane::{Lane, Wide};
 use super::stencil::Q;
+use osier_base::simd::{F32Lanes, Lane};
 
 /// Most places of a group.
 const PART: usize = 512;
@@ -43,7 +43,7 @@ pub(super) enum Kind<L> {
 /// Differs: with density 1 for good a box between inlet and outlet is an organ pipe, whose note lasts for thousands of
 /// steps and is as strong as the wind.
 pub(super) fn let_go<L: Lane>(wanted: L, mean: L) -> L {
-    (mean - wanted) * mean.all(SQRT_3)
+    (mean - wanted) * mean.splat(SQRT_3)
 }
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
@@ -70,8 +70,8 @@ impl<L: Lane> Beyond<L> {
                 for a in 0..3 {
                     if out[a] != 0 {
                         // Kept where it goes outwards.
-                        let pace = u[a] * u[a].all(f64::from(out[a]));
-                        u[a] = pace.above(0.0, u[a], u[a].all(0.0));
+                        let pace = u[a] * u[a].splat(f64::from(out[a]));
+                        u[a] = pace.select_gt(0.0, u[a], u[a].splat(0.0));
                     }
                 }
                 Self { air: (density, u), rest, lean: None }
@@ -254,7 +254,7 @@ impl Group {
     /// Where the cells before these places are numbered one after the other: many at once.
     #[inline(always)]
     fn send_side_by_side<S: Simd>(&self, simd: S, near: usize, before: Before<'_>, out: &mut [f32]) {
-        let load = |from: &[f32]| Wide::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
+        let load = |from: &[f32]| F32Lanes::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
         let mut from = 0;
         while from < self.count {
             // The last ones, some of them again.
@@ -265,14 +265,14 @@ impl Group {
                     let [x, y, z] = before.wind;
                     let inlet = self.inlet + at;
                     let lean = load(&before.lean.0[inlet..]);
-                    let lean = before.lean.1.map(|along| lean * Wide::splat(simd, along));
+                    let lean = before.lean.1.map(|along| lean * F32Lanes::from_scalar(simd, along));
                     Kind::Inlet([load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])], lean)
                 }
-                Some(out) => Kind::Outlet(out, Wide::splat(simd, mean_of(out, before.density)), false),
+                Some(out) => Kind::Outlet(out, F32Lanes::from_scalar(simd, mean_of(out, before.density)), false),
             };
             let ([drho, x, y, z], first) = (before.air.0, near - before.air.1 + at);
             let air = if self.solid {
-                [Wide::splat(simd, 0.0); 4]
+                [F32Lanes::from_scalar(simd, 0.0); 4]
             } else {
                 [load(&drho[first..]), load(&x[first..]), load(&y[first..]), load(&z[first..])]
             };
@@ -280,7 +280,7 @@ impl Group {
             let mut to = at;
             for i in 1..Q {
                 if self.sends >> i & 1 == 1 {
-                    let sent = beyond.sends(i, Wide::splat(simd, 0.0));
+                    let sent = beyond.sends(i, F32Lanes::from_scalar(simd, 0.0));
                     S::as_mut_simd_f32s(&mut out[to..to + S::F32_LANES]).0[0] = sent.value;
                     to += self.count;
                 }
@@ -317,10 +317,10 @@ fn small(n: usize) -> u32 {
 
 /// Mean of what is said of the faces beyond which a place lies; `out`: their sides.
 pub(super) fn mean_of<L: Lane>(out: [i8; 3], faces: [L; 6]) -> L {
-    let (mut sum, mut count) = (faces[0].all(0.0), 0.0);
+    let (mut sum, mut count) = (faces[0].splat(0.0), 0.0);
     for (a, side) in out.iter().enumerate().filter(|(_, side)| **side != 0) {
         sum = sum + faces[2 * a + usize::from(*side > 0)];
         count += 1.0;
     }
-    if count > 0.0 { sum.over(sum.all(count)) } else { sum }
+    if count > 0.0 { sum.div(sum.splat(count)) } else { sum }
 }

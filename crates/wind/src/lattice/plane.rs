@@ -7,11 +7,11 @@ use super::collide::{Collided, FAST, FASTEST, Relax, collide, moments};
 use super::ends::{End, Ends, NONE};
 use super::grid::{BLOCK, Grid, Parity};
 use super::ground::hold;
-use super::lane::{Lane as _, Wide};
 use super::links::{Arriving, Leaving, Planes};
 use super::snapshot::{Field, Plane};
 use super::stencil::{Q, opposite};
 use super::sweep::Sweep;
+use osier_base::simd::{F32Lanes, Lane as _};
 
 /// What a thread has at hand from plane to plane.
 pub(super) struct Desk<'a> {
@@ -124,14 +124,18 @@ impl Place<'_> {
         let first = planes.before(grid, z) + grid.first;
         let parity = if ODD { Parity::Odd } else { Parity::Even };
         let start = |k: usize| first.wrapping_add_signed(grid.aside(parity, k));
-        let mut fastest = Wide::splat(simd, 0.0);
+        let mut fastest = F32Lanes::from_scalar(simd, 0.0);
         let parts = BLOCK / S::F32_LANES;
         let v = &sweep.viscosity;
-        let deep = Wide::splat(simd, v.sponge[1].get(z).copied().unwrap_or(0.0));
+        let deep = F32Lanes::from_scalar(simd, v.sponge[1].get(z).copied().unwrap_or(0.0));
         let plain = Relax::new(
-            Wide::splat(simd, v.tau),
-            Wide::splat(simd, v.eddies),
-            [Wide::splat(simd, v.force[0]), Wide::splat(simd, v.force[1]), Wide::splat(simd, v.force[2])],
+            F32Lanes::from_scalar(simd, v.tau),
+            F32Lanes::from_scalar(simd, v.eddies),
+            [
+                F32Lanes::from_scalar(simd, v.force[0]),
+                F32Lanes::from_scalar(simd, v.force[1]),
+                F32Lanes::from_scalar(simd, v.force[2]),
+            ],
         );
         bind!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
@@ -154,7 +158,7 @@ impl Place<'_> {
                 let node = b * S::F32_LANES;
                 if run.varied {
                     let (along, sponge) = (lanes(simd, &sweep.least[0], node), lanes(simd, &sweep.least[1], node));
-                    relax = plain.with(along.larger(deep.fused(sponge, plain.tau)));
+                    relax = plain.with(along.max(deep.mul_add(sponge, plain.tau)));
                 }
                 let read = [
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
@@ -162,7 +166,7 @@ impl Place<'_> {
                 ];
                 let mut g = [relax.tau; Q];
                 for i in 0..Q {
-                    g[i] = Wide::new(simd, read[if ODD { opposite(i) } else { i }]);
+                    g[i] = F32Lanes::new(simd, read[if ODD { opposite(i) } else { i }]);
                 }
                 if b == due {
                     for end in sweep.ends[next..].iter().take_while(|end| end.block == b) {
@@ -171,12 +175,12 @@ impl Place<'_> {
                 }
                 if node < low {
                     let (drag, share) = (lanes(simd, &sweep.drag[0], node), lanes(simd, &sweep.drag[1], node));
-                    hold(&mut g, drag, share.larger(deep) * Wide::splat(simd, v.ground.more));
+                    hold(&mut g, drag, share.max(deep) * F32Lanes::from_scalar(simd, v.ground.more));
                 }
                 let limit = if CAREFUL { FASTEST * FASTEST } else { f64::INFINITY };
                 let after = collide::<_, EDDIES, FORCE>(&g, relax, limit);
-                fastest = fastest.larger(after.square);
-                if CAREFUL && after.square.any_above(FASTEST * FASTEST) {
+                fastest = fastest.max(after.square);
+                if CAREFUL && after.square.any_gt(FASTEST * FASTEST) {
                     *clamped += too_fast(cells, &spelt(after.square)[..S::F32_LANES], node, z);
                 }
                 let mut done = [after.g[0].value; Q];
@@ -205,7 +209,7 @@ impl Place<'_> {
 
     /// Takes the air in the cells at open ends of a row in a block.
     #[inline(always)]
-    fn vent_end<S: Simd>(self, end: End, after: &Collided<Wide<S>>, room: &mut Leaving<'_>) {
+    fn vent_end<S: Simd>(self, end: End, after: &Collided<F32Lanes<S>>, room: &mut Leaving<'_>) {
         let plan = self.arriving.plan;
         for (column, lane) in plan.joints[self.z].columns.into_iter().zip(end.lanes) {
             let Some(column) = column.filter(|_| lane != NONE) else { continue };
@@ -234,7 +238,7 @@ impl Place<'_> {
                 let mut g = [[0.0_f32; BLOCK]; Q];
                 self.arriving.vent(planes, (parity, self.z), (*run, skip), &mut g);
                 for part in 0..count.div_ceil(S::F32_LANES) {
-                    let mut all = [Wide::splat(simd, 0.0); Q];
+                    let mut all = [F32Lanes::from_scalar(simd, 0.0); Q];
                     for i in 0..Q {
                         all[i] = lanes(simd, &g[i], part * S::F32_LANES);
                     }
@@ -257,13 +261,13 @@ impl Place<'_> {
 }
 
 #[inline(always)]
-fn lanes<S: Simd>(simd: S, from: &[f32], at: usize) -> Wide<S> {
-    Wide::new(simd, S::as_simd_f32s(&from[at..at + S::F32_LANES]).0[0])
+fn lanes<S: Simd>(simd: S, from: &[f32], at: usize) -> F32Lanes<S> {
+    F32Lanes::new(simd, S::as_simd_f32s(&from[at..at + S::F32_LANES]).0[0])
 }
 
 /// Lanes as numbers.
 #[inline(always)]
-fn spelt<S: Simd>(value: Wide<S>) -> [f32; BLOCK] {
+fn spelt<S: Simd>(value: F32Lanes<S>) -> [f32; BLOCK] {
     let mut numbers = [0.0; BLOCK];
     S::as_mut_simd_f32s(&mut numbers).0[0] = value.value;
     numbers

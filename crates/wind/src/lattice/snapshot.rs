@@ -11,11 +11,11 @@ use super::collide::moments;
 use super::flow::Flow;
 use super::grid::{BLOCK, Parity};
 use super::inlet::Inlet;
-use super::lane::Wide;
 use super::stencil::Q;
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par;
+use osier_base::simd::F32Lanes;
 
 /// Cells over which the wind outside the box turns into what comes in.
 const BLEND: f32 = 4.0;
@@ -366,9 +366,12 @@ impl WithSimd for ReadPlane<'_> {
                 *from = grid.left(parity, i, first);
             }
             for block in 0..length / S::F32_LANES {
-                let mut g = [Wide::splat(simd, 0.0); Q];
+                let mut g = [F32Lanes::from_scalar(simd, 0.0); Q];
                 for (g, (k, e)) in g.iter_mut().zip(from) {
-                    *g = Wide::new(simd, S::as_simd_f32s(&arrays[k][e + block * S::F32_LANES..][..S::F32_LANES]).0[0]);
+                    *g = F32Lanes::new(
+                        simd,
+                        S::as_simd_f32s(&arrays[k][e + block * S::F32_LANES..][..S::F32_LANES]).0[0],
+                    );
                 }
                 let (drho, u) = moments(&g);
                 let all = [u[0], u[1], u[2], drho];
