@@ -18,7 +18,7 @@ use osier::progress::{Cancel, Silent};
 use osier::recipe::Section as _;
 use osier::recipe::catkin_keys::CatkinKeys;
 use osier::solid::Solids;
-use osier::wind::{Between, InletOptions, Lattice, LatticeOptions, Uniform, Wind};
+use osier::wind::{InletOptions, InterpolatedWind, LatticeOptions, LatticeSolver, UniformWind, Wind};
 
 /// Updates before those that are timed, and how many are.
 const BEFORE: u32 = 100;
@@ -72,11 +72,11 @@ fn table(models: &[CatkinModel]) {
             cells: [70; 3],
             spacing: 0.5,
             fps: 24.0,
-            steps: Some(2),
+            steps_per_frame: Some(2),
             inlet: InletOptions { speed: 2.0, ..LatticeOptions::default().inlet },
             ..LatticeOptions::default()
         };
-        let mut lattice = Lattice::new(&options, &[], &Limits::default()).expect("lattice");
+        let mut lattice = LatticeSolver::new(&options, &[], &Limits::default()).expect("lattice");
         let mut before = lattice.advance(&Silent, &Cancel::default()).expect("run-up");
         let mut all = flights(n, models, 0.05);
         let mut points = vec![Vec3::ZERO; n as usize * 400];
@@ -86,7 +86,8 @@ fn table(models: &[CatkinModel]) {
             let wind = ms(|| after = Some(lattice.advance(&Silent, &Cancel::default()).expect("step")));
             let after = after.expect("snapshot");
             let t0 = k as f64 / 24.0;
-            let blows = Between { before: Arc::clone(&before), after: Arc::clone(&after), t0, t1: t0 + 1.0 / 24.0 };
+            let blows =
+                InterpolatedWind { before: Arc::clone(&before), after: Arc::clone(&after), t0, t1: t0 + 1.0 / 24.0 };
             let flight = ms(|| all.advance(&blows));
             let shown = ms(|| drawn(&all, models, &mut points));
             before = after;
@@ -111,7 +112,7 @@ fn many(models: &[CatkinModel]) {
     println!("catkins   ms a step   ns a catkin");
     for n in [2_000_u32, 100_000, 1_000_000] {
         let mut all = flights(n, models, 0.05);
-        let wind = Uniform(Vec3::new(2.0, 0.0, 0.3));
+        let wind = UniformWind(Vec3::new(2.0, 0.0, 0.3));
         let rounds = if n > 500_000 { 8 } else { 40 };
         (0..4).for_each(|_| all.advance(&wind));
         let times: Vec<f64> = (0..rounds).map(|_| ms(|| all.advance(&wind as &dyn Wind))).collect();

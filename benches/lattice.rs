@@ -16,7 +16,7 @@ use glam::DVec3;
 use osier::limits::Limits;
 use osier::par;
 use osier::progress::{Cancel, Silent};
-use osier::wind::{Ground, InletOptions, Lattice, LatticeOptions, Sides, WindProfile};
+use osier::wind::{GroundCondition, InletOptions, LatticeOptions, LatticeSolver, SideCondition, WindProfile};
 
 const ROUNDS: usize = 3;
 /// Bytes that a cell costs in a step: fifteen numbers read and written.
@@ -26,31 +26,31 @@ fn options(n: u32, smagorinsky: f64, steps: u32) -> LatticeOptions {
     LatticeOptions {
         cells: [n; 3],
         spacing: 0.5,
-        at: DVec3::ZERO,
+        base_center: DVec3::ZERO,
         inlet: InletOptions {
             direction: DVec3::X,
-            curve: Vec::new(),
-            turns: Vec::new(),
+            speed_curve: Vec::new(),
+            direction_curve: Vec::new(),
             speed: 2.0,
             profile: WindProfile::Log(0.05),
-            reference: Some(0.5 * f64::from(n)),
-            gust: 0.0,
+            reference_height: Some(0.5 * f64::from(n)),
+            gust_strength: 0.0,
             gust_period: 8.0,
             turbulence: 0.0,
-            modes: 0,
+            turbulence_modes: 0,
             seed: 1,
         },
         viscosity: 1.5e-5,
         // So many steps between two snapshots of the same wind.
         fps: 48.0 / f64::from(steps),
-        steps: Some(steps),
+        steps_per_frame: Some(steps),
         smagorinsky,
         tau_floor: 0.51,
-        ground: Ground::Rough(0.05),
-        sides: Sides::Auto,
-        outlet_rest: false,
-        sponge: 0,
-        preroll: Some(0.0),
+        ground: GroundCondition::Rough(0.05),
+        sides: SideCondition::Auto,
+        outlet_nonequilibrium: false,
+        sponge_cells: 0,
+        spin_up: Some(0.0),
     }
 }
 
@@ -62,8 +62,8 @@ fn median(mut all: Vec<f64>) -> f64 {
 /// Million cells a second over frames of some steps.
 fn pace(n: u32, smagorinsky: f64, steps: u32, turbulence: f64) -> f64 {
     let mut o = options(n, smagorinsky, steps);
-    (o.inlet.turbulence, o.inlet.modes) = (turbulence, 24);
-    let mut lattice = Lattice::new(&o, &[], &Limits::default()).expect("lattice");
+    (o.inlet.turbulence, o.inlet.turbulence_modes) = (turbulence, 24);
+    let mut lattice = LatticeSolver::new(&o, &[], &Limits::default()).expect("lattice");
     let mut frame = || drop(lattice.advance(&Silent, &Cancel::default()).expect("frame"));
     frame();
     frame();

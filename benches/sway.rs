@@ -16,7 +16,7 @@ use osier::presets::find;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Recipe, Request, resolve};
 use osier::scene::{Trs, skinned_points, world_from_joint};
-use osier::wind::{Gust, GustOptions, Wind};
+use osier::wind::{GustWind, GustWindOptions, Wind};
 
 const ROUNDS: u32 = 5;
 
@@ -45,7 +45,7 @@ fn grown(name: &str, work: &Work<'_>) -> Plant {
 }
 
 /// Simulates 240 frames of up to 2,000 branches.
-fn stepped(plant: &Plant, wind: &Gust, manner: Manner) {
+fn stepped(plant: &Plant, wind: &GustWind, manner: Manner) {
     let elements = Elements::build(plant, &manner.wood, Budget::Elements(2000));
     let (branches, stations) = (elements.list.len(), elements.stations.len());
     let seconds = best(|| {
@@ -63,7 +63,7 @@ fn stepped(plant: &Plant, wind: &Gust, manner: Manner) {
 fn main() {
     let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
     let plant = grown("birch", &work);
-    let wind = Gust::new(GustOptions { speed: 8.0, period: Some(10.0), ..GustOptions::default() });
+    let wind = GustWind::new(GustWindOptions { speed: 8.0, period: Some(10.0), ..GustWindOptions::default() });
     let manner =
         Manner { wood: Wood::default(), flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: 24.0 };
 

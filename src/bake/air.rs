@@ -13,7 +13,9 @@ use osier_base::rng;
 use osier_base::{Result, diagnostic::Report};
 use osier_motion::{Fixes, Manner, PaperManner, Take, Wood};
 use osier_scene::Trs;
-use osier_wind::{CALM, Formula, FormulaOptions, Gust, GustOptions, Scaled, Sum, Uniform, Wind};
+use osier_wind::{
+    CALM_SPEED, GustWind, GustWindOptions, ScaledWind, SineWind, SineWindOptions, UniformWind, Wind, WindSum,
+};
 
 /// Wind as it meets the plants.
 #[derive(Debug, Clone)]
@@ -45,10 +47,10 @@ pub fn by_formula(recipe: &Recipe) -> Option<Arc<dyn Wind>> {
             winds.push(scaled(keys, None, recipe.seed, i));
         } else if recipe.lattice.solver == Solver::Analytic {
             let wind = Arc::new(inlet(&lattice_options(recipe)));
-            winds.push(Arc::new(Scaled { wind, factor: narrow(keys.scale) }));
+            winds.push(Arc::new(ScaledWind { wind, factor: narrow(keys.scale) }));
         }
     }
-    if winds.len() > 1 { Some(Arc::new(Sum(winds))) } else { winds.pop() }
+    if winds.len() > 1 { Some(Arc::new(WindSum(winds))) } else { winds.pop() }
 }
 
 impl Air {
@@ -76,12 +78,12 @@ impl Air {
         let flicker = flickers.map(|(_, keys)| keys.flicker).fold(0.0, f64::max);
         let lattice = (recipe.wind.model == WindModel::Lattice).then(|| {
             let wind = blow(recipe, &Blown { repeats: repeats.then_some(frames), ..*wanted }, work, report)?;
-            Ok::<Arc<dyn Wind>, osier_base::Error>(Arc::new(Scaled { wind, factor: narrow(recipe.wind.scale) }))
+            Ok::<Arc<dyn Wind>, osier_base::Error>(Arc::new(ScaledWind { wind, factor: narrow(recipe.wind.scale) }))
         });
         let others = winds.iter().filter(|(_, keys)| keys.model != WindModel::Lattice);
         let others = others.map(|(i, keys)| scaled(keys, period, recipe.seed, *i));
         let mut winds: Vec<Arc<dyn Wind>> = lattice.transpose()?.into_iter().chain(others).collect();
-        let wind = if winds.len() == 1 { winds.remove(0) } else { Arc::new(Sum(winds)) };
+        let wind = if winds.len() == 1 { winds.remove(0) } else { Arc::new(WindSum(winds)) };
         Ok(Some(Self {
             wind,
             take,
@@ -113,7 +115,7 @@ impl Air {
             return 0;
         }
         let mean = self.wind.mean().as_dvec3();
-        if mean.length() < CALM {
+        if mean.length() < CALM_SPEED {
             return 0;
         }
         let late = (at - first).as_dvec3().dot(mean) / mean.length_squared();
@@ -141,14 +143,16 @@ fn paper(sway: &SwayKeys) -> Option<PaperManner> {
 fn scaled(keys: &WindKeys, period: Option<f64>, seed: u64, number: u64) -> Arc<dyn Wind> {
     let seed = if number == 0 { seed } else { rng::child(seed, number) };
     let wind = wind(keys, period, seed);
-    Arc::new(Scaled { wind, factor: narrow(keys.scale) })
+    Arc::new(ScaledWind { wind, factor: narrow(keys.scale) })
 }
 
 fn wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Wind> {
     let direction = Vec3::new(narrow(cos(keys.direction)), 0.0, narrow(-sin(keys.direction)));
     match keys.model {
-        WindModel::Calm | WindModel::Uniform | WindModel::Lattice => Arc::new(Uniform(direction * narrow(keys.speed))),
-        WindModel::Gust => Arc::new(Gust::new(GustOptions {
+        WindModel::Calm | WindModel::Uniform | WindModel::Lattice => {
+            Arc::new(UniformWind(direction * narrow(keys.speed)))
+        }
+        WindModel::Gust => Arc::new(GustWind::new(GustWindOptions {
             direction,
             speed: keys.speed,
             gust: narrow(keys.gust),
@@ -160,7 +164,7 @@ fn wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Wind> {
             period,
             seed,
         })),
-        WindModel::Perlin => Arc::new(Formula::new(FormulaOptions {
+        WindModel::Perlin => Arc::new(SineWind::new(SineWindOptions {
             direction,
             speed: keys.speed,
             gust: narrow(keys.gust),

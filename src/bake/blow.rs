@@ -17,8 +17,8 @@ use osier_base::geometry::Bounds;
 use osier_base::math::{cos, narrow, sin};
 use osier_scene::solid::Solid;
 use osier_wind::{
-    Ground, Inlet, InletOptions, Lattice, LatticeMemory, LatticeOptions, LatticeTake, Note, Recorded, Sides, Uniform,
-    Wind, WindProfile,
+    GroundCondition, InletOptions, InletWind, LatticeMemory, LatticeOptions, LatticeSolver, LatticeWarning,
+    RecordedWind, RecordingOptions, SideCondition, UniformWind, Wind, WindProfile,
 };
 
 /// Room for leaves around a plant's wood, m.
@@ -66,42 +66,42 @@ pub fn lattice_options(recipe: &Recipe) -> LatticeOptions {
     LatticeOptions {
         cells,
         spacing: keys.dx,
-        at: DVec3::from_array(keys.at),
+        base_center: DVec3::from_array(keys.at),
         inlet: InletOptions {
             direction,
             speed: wind.speed,
-            curve: keys.speed_curve.clone(),
-            turns: turns(keys),
+            speed_curve: keys.speed_curve.clone(),
+            direction_curve: turns(keys),
             profile: match keys.profile {
                 LatticeProfile::Log => WindProfile::Log(keys.roughness),
                 LatticeProfile::Power => WindProfile::Power(keys.exponent),
                 LatticeProfile::Uniform => WindProfile::Uniform,
                 LatticeProfile::Table => WindProfile::Table(keys.profile_table.clone()),
             },
-            reference: keys.reference,
-            gust: keys.gust,
+            reference_height: keys.reference,
+            gust_strength: keys.gust,
             gust_period: keys.gust_period,
             turbulence: keys.turbulence,
-            modes: keys.modes,
+            turbulence_modes: keys.modes,
             seed: recipe.seed,
         },
         viscosity: keys.nu,
         fps: recipe.clip.fps(),
-        steps: keys.steps,
+        steps_per_frame: keys.steps,
         smagorinsky: keys.smagorinsky,
         tau_floor: keys.tau_floor,
         ground: match keys.ground {
-            LatticeGround::Rough => Ground::Rough(keys.roughness),
-            LatticeGround::Smooth => Ground::Smooth,
+            LatticeGround::Rough => GroundCondition::Rough(keys.roughness),
+            LatticeGround::Smooth => GroundCondition::Smooth,
         },
         sides: match keys.sides {
-            LatticeSides::Auto => Sides::Auto,
-            LatticeSides::Slip => Sides::Slip,
-            LatticeSides::Open => Sides::Open,
+            LatticeSides::Auto => SideCondition::Auto,
+            LatticeSides::Slip => SideCondition::Slip,
+            LatticeSides::Open => SideCondition::Open,
         },
-        outlet_rest: keys.outlet == LatticeOutlet::Nonequilibrium,
-        sponge: keys.sponge,
-        preroll: keys.preroll,
+        outlet_nonequilibrium: keys.outlet == LatticeOutlet::Nonequilibrium,
+        sponge_cells: keys.sponge,
+        spin_up: keys.preroll,
     }
 }
 
@@ -112,19 +112,19 @@ fn turns(keys: &LatticeKeys) -> Vec<[f64; 2]> {
 }
 
 /// The analytic wind of a recipe: what comes in, everywhere.
-pub fn inlet(options: &LatticeOptions) -> Inlet {
+pub fn inlet(options: &LatticeOptions) -> InletWind {
     let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
-    let origin = options.at - DVec3::new(size.x, 0.0, size.z) / 2.0;
-    Inlet::new(options.inlet.clone(), origin, options.spacing, options.cells, [false; 3])
+    let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
+    InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, [false; 3])
 }
 
 /// The wind of a recipe's lattice for the whole clip.
 /// # Errors
-/// Those of [`Lattice::new`] and [`Recorded::of`].
+/// Those of [`LatticeSolver::new`] and [`RecordedWind::record`].
 pub fn blow(recipe: &Recipe, wanted: &Blown<'_>, work: &Work<'_>, report: &mut Report) -> Result<Arc<dyn Wind>> {
     let options = lattice_options(recipe);
     match recipe.lattice.solver {
-        Solver::Still => return Ok(Arc::new(Uniform(Vec3::ZERO))),
+        Solver::Still => return Ok(Arc::new(UniformWind(Vec3::ZERO))),
         Solver::Analytic => return Ok(Arc::new(inlet(&options))),
         Solver::Lbm => {}
     }
@@ -132,8 +132,8 @@ pub fn blow(recipe: &Recipe, wanted: &Blown<'_>, work: &Work<'_>, report: &mut R
     let mut lattice = run_up::lattice((&options, wanted.solids), work.shelf, work.limits, told)?;
     let repeats = wanted.repeats.is_some();
     let frames = wanted.repeats.unwrap_or(recipe.clip.len());
-    let take = LatticeTake { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };
-    let recorded = Recorded::of(&mut lattice, take, work.limits, told)?;
+    let take = RecordingOptions { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };
+    let recorded = RecordedWind::record(&mut lattice, take, work.limits, told)?;
     tell(&lattice, report);
     Ok(Arc::new(recorded))
 }
@@ -143,26 +143,26 @@ const SMALL: u64 = 200_000_000;
 
 /// What a recipe's lattice would say of itself before it runs; of a large one without what stands in it.
 /// # Errors
-/// Those of [`Lattice::new`].
+/// Those of [`LatticeSolver::new`].
 pub fn foretell(recipe: &Recipe, solids: &[Solid], work: &Work<'_>, report: &mut Report) -> Result<()> {
     if super::lattice(recipe).is_empty() {
         return Ok(());
     }
     let options = lattice_options(recipe);
-    if LatticeMemory::of(&options).total() > SMALL {
-        tell_all(&Lattice::foretold(&options, work.limits)?, report);
+    if LatticeMemory::estimate(&options).total() > SMALL {
+        tell_all(&LatticeSolver::check_options(&options, work.limits)?, report);
     } else {
-        tell(&Lattice::new(&options, solids, work.limits)?, report);
+        tell(&LatticeSolver::new(&options, solids, work.limits)?, report);
     }
     Ok(())
 }
 
 /// Passes on what a lattice wind says of itself.
-pub fn tell(lattice: &Lattice, report: &mut Report) {
-    tell_all(lattice.notes(), report);
+pub fn tell(lattice: &LatticeSolver, report: &mut Report) {
+    tell_all(lattice.warnings(), report);
 }
 
-fn tell_all(notes: &[Note], report: &mut Report) {
+fn tell_all(notes: &[LatticeWarning], report: &mut Report) {
     for note in notes {
         let code = codes::find(note.code).map_or("S020", |c| c.code);
         report.push(Diagnostic::about(code, note.text.clone()));

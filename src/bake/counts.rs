@@ -124,8 +124,13 @@ pub fn lattice(recipe: &Recipe) -> Vec<(&'static str, u64)> {
     if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
         return Vec::new();
     }
-    let m = LatticeMemory::of(&lattice_options(recipe));
-    vec![("air", m.populations), ("snapshots", m.snapshots), ("solid cells", m.marks), ("open faces", m.boundary)]
+    let m = LatticeMemory::estimate(&lattice_options(recipe));
+    vec![
+        ("air", m.populations),
+        ("snapshots", m.snapshots),
+        ("solid cells", m.solid_cells),
+        ("open faces", m.open_faces),
+    ]
 }
 
 /// What planes and boxes of wind take.

@@ -4,7 +4,7 @@ use crate::recipe::flight_keys::FlightKeys;
 use crate::recipe::word_of;
 use osier_motion::flight::Tally;
 use osier_scene::{Table, Watch};
-use osier_wind::Health;
+use osier_wind::LatticeStats;
 
 /// Columns that count what is so at a frame, or measure it.
 const NOW: [(&str, &str); 15] = [
@@ -42,7 +42,7 @@ const COMPARED: usize = 4;
 pub fn table(
     keys: &FlightKeys,
     (count, solids): (usize, &[&str]),
-    lattice: Option<Health>,
+    lattice: Option<LatticeStats>,
     said: Vec<(&'static str, String)>,
 ) -> Table {
     let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
@@ -68,7 +68,7 @@ pub fn table(
         ),
         (
             "wind_clamps",
-            lattice.map_or(0.0, |h| h.clamped as f64),
+            lattice.map_or(0.0, |h| h.clamped_cells as f64),
             "S022",
             "{} times in all the lattice wind was held at its fastest in a cell; lower wind.speed, or raise wind.lattice.steps",
         ),
@@ -100,7 +100,7 @@ fn parameters(keys: &FlightKeys, count: usize) -> serde_json::Value {
 }
 
 /// A row of [`table`].
-pub fn row(t: &Tally, at_solids: &[u64], lattice: Option<Health>) -> Vec<f64> {
+pub fn row(t: &Tally, at_solids: &[u64], lattice: Option<LatticeStats>) -> Vec<f64> {
     let counts = [
         t.pending,
         t.airborne,
@@ -118,7 +118,7 @@ pub fn row(t: &Tally, at_solids: &[u64], lattice: Option<Health>) -> Vec<f64> {
     row.extend([t.mean_speed, t.max_speed, t.ground_wind, t.flight_time, t.flight_distance]);
     row.extend(at_solids.iter().map(|v| *v as f64));
     row.extend(totals.iter().map(|v| *v as f64));
-    row.extend(lattice.iter().flat_map(|h| [h.clamped as f64, h.checkered_now, h.density]));
+    row.extend(lattice.iter().flat_map(|h| [h.clamped_cells as f64, h.checkerboard, h.density_error]));
     row
 }
 
@@ -127,7 +127,8 @@ mod tests {
     use super::*;
     use crate::recipe::Section as _;
 
-    const HEALTH: Health = Health { steps: 9, clamped: 4, checkered: 0.5, checkered_now: 0.25, density: -0.125 };
+    const HEALTH: LatticeStats =
+        LatticeStats { steps: 9, clamped_cells: 4, peak_checkerboard: 0.5, checkerboard: 0.25, density_error: -0.125 };
 
     #[test]
     fn every_column_has_its_number() {
@@ -146,7 +147,7 @@ mod tests {
             let of = |name: &str| table.columns.iter().position(|c| c.0 == name).map(|i| row[i]);
             assert_eq!((of("pending"), of("penetrations"), of("flight_distance")), (Some(1.0), Some(10.0), Some(15.0)));
             assert_eq!((of("merges"), of("long_steps"), of("at_wall")), (Some(16.0), Some(21.0), Some(7.0)));
-            assert_eq!(of("wind_mass_error"), lattice.map(|h| h.density));
+            assert_eq!(of("wind_mass_error"), lattice.map(|h| h.density_error));
         }
     }
 
@@ -154,12 +155,13 @@ mod tests {
     #[test]
     fn what_went_wrong_is_told_once() {
         let table = table(&FlightKeys::defaults(), (5, &[]), Some(HEALTH), Vec::new());
-        let told =
-            |t: &Tally, h: Health| -> Vec<&str> { table.warnings(&row(t, &[], Some(h))).iter().map(|w| w.0).collect() };
-        let calm = Health { checkered_now: 0.0, ..HEALTH };
+        let told = |t: &Tally, h: LatticeStats| -> Vec<&str> {
+            table.warnings(&row(t, &[], Some(h))).iter().map(|w| w.0).collect()
+        };
+        let calm = LatticeStats { checkerboard: 0.0, ..HEALTH };
         assert!(told(&Tally::default(), calm).is_empty());
         assert_eq!(told(&Tally { long_steps: 3, ..Tally::default() }, HEALTH), ["S027", "S023"]);
-        assert_eq!(told(&Tally::default(), Health { clamped: 6, ..calm }), ["S022"]);
+        assert_eq!(told(&Tally::default(), LatticeStats { clamped_cells: 6, ..calm }), ["S022"]);
         let text = &table.warnings(&row(&Tally { long_steps: 3, ..Tally::default() }, &[], Some(calm)))[0].1;
         assert!(text.starts_with("3 times a catkin"), "{text}");
     }

@@ -9,36 +9,36 @@ use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Progress};
 use osier_export::GENERATOR;
 use osier_scene::solid::Solid;
-use osier_wind::{Lattice, LatticeOptions};
+use osier_wind::{LatticeOptions, LatticeSolver};
 
 /// A lattice that stands before its run-up or, where a folder keeps it, after it: as it was found there, or run up and kept.
 /// # Errors
-/// Those of [`Lattice::new`] and [`Lattice::settle`]; what cannot be written.
+/// Those of [`LatticeSolver::new`] and [`LatticeSolver::spin_up`]; what cannot be written.
 pub fn lattice(
     (options, solids): (&LatticeOptions, &[Solid]),
     shelf: Option<&Shelf>,
     limits: &Limits,
     (progress, cancel): (&dyn Progress, &Cancel),
-) -> Result<Lattice> {
-    let mut lattice = Lattice::new(options, solids, limits)?;
+) -> Result<LatticeSolver> {
+    let mut lattice = LatticeSolver::new(options, solids, limits)?;
     let Some(shelf) = shelf else { return Ok(lattice) };
     let folder = shelf.folder();
-    let path = format!("wind/air_{:016x}.state", lattice.key());
+    let path = format!("wind/air_{:016x}.state", lattice.fingerprint());
     match recall(&mut lattice, folder, (&path, limits)) {
         Ok(true) => {}
-        Ok(false) => lattice.settle(progress, cancel)?,
+        Ok(false) => lattice.spin_up(progress, cancel)?,
         Err(why) => {
             shelf.say(format!("\"{path}\" {why}: the air runs up again"));
-            lattice.settle(progress, cancel)?;
+            lattice.spin_up(progress, cancel)?;
         }
     }
-    folder.write(&path, "state.wind", &page(&lattice.state()))?;
+    folder.write(&path, "state.wind", &page(&lattice.save_state()))?;
     Ok(lattice)
 }
 
 /// False if there is no such file, or why it cannot be used.
 fn recall(
-    lattice: &mut Lattice,
+    lattice: &mut LatticeSolver,
     folder: &Folder,
     (path, limits): (&str, &Limits),
 ) -> std::result::Result<bool, &'static str> {
@@ -46,7 +46,7 @@ fn recall(
     let most = lattice.bytes().saturating_add(limits.get("text-bytes"));
     let Some(bytes) = read_below(folder.root(), path, most).map_err(|_| "cannot be read")? else { return Ok(false) };
     let state = body(&bytes).ok_or("is damaged, or of another version")?;
-    lattice.take_up(state).map_err(|_| "is of another lattice wind")?;
+    lattice.restore_state(state).map_err(|_| "is of another lattice wind")?;
     Ok(true)
 }
 

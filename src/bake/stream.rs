@@ -18,7 +18,9 @@ use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::{Cancel, Progress, Silent};
 use osier_scene::solid::Solid;
-use osier_wind::{Between, Health, Lattice, LatticeOptions, Scaled, Snapshot, Sum, Wind};
+use osier_wind::{
+    InterpolatedWind, LatticeOptions, LatticeSolver, LatticeStats, ScaledWind, Wind, WindSnapshot, WindSum,
+};
 
 /// Height above a surface at which a wind by formula is known, m.
 const KNOWN_HEIGHT: f64 = 0.5;
@@ -48,9 +50,9 @@ struct Source {
 /// A lattice that runs.
 #[derive(Debug)]
 struct Flow {
-    lattice: Lattice,
-    before: Arc<Snapshot>,
-    after: Arc<Snapshot>,
+    lattice: LatticeSolver,
+    before: Arc<WindSnapshot>,
+    after: Arc<WindSnapshot>,
     frame: u64,
 }
 
@@ -73,13 +75,13 @@ impl Source {
             flow.before = std::mem::replace(&mut flow.after, next);
             flow.frame += 1;
         }
-        let wind = Arc::new(Between {
+        let wind = Arc::new(InterpolatedWind {
             before: Arc::clone(&flow.before),
             after: Arc::clone(&flow.after),
             t0: frame as f64 / fps,
             t1: (frame + 1) as f64 / fps,
         });
-        Ok(Arc::new(Scaled { wind, factor: self.scale }))
+        Ok(Arc::new(ScaledWind { wind, factor: self.scale }))
     }
 }
 
@@ -90,7 +92,7 @@ impl Stream {
         let mut options = lattice_options(recipe);
         // Curves count from the clip's start, a lattice from its own.
         let inlet = &mut options.inlet;
-        inlet.curve.iter_mut().chain(&mut inlet.turns).for_each(|row| row[0] += before);
+        inlet.speed_curve.iter_mut().chain(&mut inlet.direction_curve).for_each(|row| row[0] += before);
         let source = (lattice && recipe.wind.blows()).then(|| Source {
             options,
             solids: solids.to_vec(),
@@ -104,7 +106,7 @@ impl Stream {
 
     /// Lets a lattice run up; whatever it says of itself goes into `report`.
     /// # Errors
-    /// Those of [`Lattice::new`] and [`Lattice::advance`].
+    /// Those of [`LatticeSolver::new`] and [`LatticeSolver::advance`].
     pub fn run_up(&mut self, progress: &dyn Progress, report: &mut Report) -> Result<()> {
         if let Some(source) = &self.source {
             let flow = source.begin(progress)?;
@@ -125,13 +127,13 @@ impl Stream {
     }
 
     /// How a lattice wind did until now.
-    pub fn health(&self) -> Option<Health> {
-        self.flow.as_ref().map(|f| f.lattice.health())
+    pub fn health(&self) -> Option<LatticeStats> {
+        self.flow.as_ref().map(|f| f.lattice.stats())
     }
 
     /// The wind between a frame of the flight and the next.
     /// # Errors
-    /// Those of [`Lattice::advance`].
+    /// Those of [`LatticeSolver::advance`].
     pub fn during(&mut self, frame: u64, fps: f64) -> Result<Arc<dyn Wind>> {
         let mut all: Vec<Arc<dyn Wind>> = Vec::new();
         if let Some(source) = &self.source {
@@ -145,7 +147,7 @@ impl Stream {
         if let Some(wind) = &self.others {
             all.push(Arc::new(Later { wind: Arc::clone(wind), before: self.before }));
         }
-        Ok(if all.len() == 1 { all.remove(0) } else { Arc::new(Sum(all)) })
+        Ok(if all.len() == 1 { all.remove(0) } else { Arc::new(WindSum(all)) })
     }
 }
 

@@ -13,7 +13,7 @@ use super::{AirRecipe, word_of};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::fence::Names;
 use osier_scene::{AirGrid, Clip};
-use osier_wind::{CALM, beaufort, fitted_length};
+use osier_wind::{CALM_SPEED, beaufort_speed, fit_gust_length};
 
 /// Shortest clip that can repeat, s.
 pub const SHORTEST_LOOP: f64 = 2.0;
@@ -65,7 +65,7 @@ impl Resolver<'_> {
                 let d = Diagnostic::warning("S007", text, at, "has no effect");
                 self.report.push(d.help("leave one of them out"));
             } else {
-                keys.speed = beaufort(number);
+                keys.speed = beaufort_speed(number);
             }
         }
         if keys.literal && keys.model != WindModel::Perlin {
@@ -290,7 +290,7 @@ impl Resolver<'_> {
         let period = frames as f64 / clip.fps();
         for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
             let Some(at) = span_of(root, &["wind", key]) else { continue };
-            let fitted = fitted_length(length, wind.speed, period);
+            let fitted = fit_gust_length(length, wind.speed, period);
             if (fitted / length - 1.0).abs() > 0.02 {
                 let text = format!("wind.{key} is {length} m, but in a loop of {period} s whole gusts must pass");
                 let d = Diagnostic::warning("S008", text, at, format!("taken as {fitted:.2} m"));
@@ -301,7 +301,7 @@ impl Resolver<'_> {
 }
 
 /// Least and most of the largest speed of a curve, m/s.
-const FASTEST: [f64; 2] = [CALM, 60.0];
+const FASTEST: [f64; 2] = [CALM_SPEED, 60.0];
 
 /// A box of air that files tell of, m.
 struct Told {
@@ -359,7 +359,7 @@ fn as_printed(keys: &mut LatticeKeys, table: &Table) {
 impl WindKeys {
     /// False in a calm.
     pub fn blows(&self) -> bool {
-        self.model != WindModel::Calm && self.speed * self.scale >= CALM
+        self.model != WindModel::Calm && self.speed * self.scale >= CALM_SPEED
     }
 }
 

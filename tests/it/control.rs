@@ -11,7 +11,7 @@ use osier::motion::flight::{Catkin, Edge, Flights, Humidity, Options, Start, Wai
 use osier::progress::{Cancel, Silent};
 use osier::rng::Rng;
 use osier::solid::{Form, Prism, Solid, Solids};
-use osier::wind::{Between, InletOptions, Lattice, LatticeOptions, Snapshot};
+use osier::wind::{InletOptions, InterpolatedWind, LatticeOptions, LatticeSolver, WindSnapshot};
 
 /// The box of air, m: 32 x 20 x 8 in cells of half a metre; it goes round along z.
 const CELLS: [u32; 3] = [64, 40, 16];
@@ -29,17 +29,17 @@ fn solids(height: f32) -> Vec<Solid> {
 }
 
 /// Frames of a wind that enters at `speed`, m/s, once it has blown through.
-fn blown(speed: f64, steps: u32, solids: &[Solid], frames: usize) -> Vec<Arc<Snapshot>> {
+fn blown(speed: f64, steps: u32, solids: &[Solid], frames: usize) -> Vec<Arc<WindSnapshot>> {
     let inlet = InletOptions { speed, turbulence: 0.2, ..LatticeOptions::default().inlet };
     let options = LatticeOptions {
         cells: CELLS,
         spacing: SPACING,
         fps: FPS,
-        steps: Some(steps),
+        steps_per_frame: Some(steps),
         inlet,
         ..LatticeOptions::default()
     };
-    let mut lattice = Lattice::new(&options, solids, &Limits::default()).expect("a lattice");
+    let mut lattice = LatticeSolver::new(&options, solids, &Limits::default()).expect("a lattice");
     (0..=frames).map(|_| lattice.advance(&Silent, &Cancel::default()).expect("air")).collect()
 }
 
@@ -57,7 +57,12 @@ fn options(seed: u64, humidity: f64, edges: [Edge; 2]) -> Options {
 }
 
 /// Some that start between `low` and `high` and fly as long as the wind is known, and for how many frames one or another lay.
-fn flown(options: Options, (low, high): (DVec3, DVec3), solids: &[Solid], air: &[Arc<Snapshot>]) -> (Flights, usize) {
+fn flown(
+    options: Options,
+    (low, high): (DVec3, DVec3),
+    solids: &[Solid],
+    air: &[Arc<WindSnapshot>],
+) -> (Flights, usize) {
     let mut draw = Rng::at(options.seed, &["control".into()]);
     let mut place = || low + (high - low) * DVec3::new(draw.unit_f64(), draw.unit_f64(), draw.unit_f64());
     let starts: Vec<Start> = (0..500).map(|_| Start { at: place(), wait: Wait::Until(0.0) }).collect();
@@ -65,7 +70,7 @@ fn flown(options: Options, (low, high): (DVec3, DVec3), solids: &[Solid], air: &
     let mut lay = 0;
     for (pair, t0) in air.windows(2).zip((0_u32..).map(|k| f64::from(k) / FPS)) {
         let (before, after) = (Arc::clone(&pair[0]), Arc::clone(&pair[1]));
-        all.advance_frame(&Between { before, after, t0, t1: t0 + 1.0 / FPS });
+        all.advance_frame(&InterpolatedWind { before, after, t0, t1: t0 + 1.0 / FPS });
         lay += all.by_number().filter(|c| c.state().is_deposited()).count();
     }
     (all, lay)
@@ -94,8 +99,9 @@ fn a_higher_wall_lets_fewer_pass_and_gathers_them_at_its_foot() {
         (solids, air)
     });
     for seed in 1..=2 {
-        let fly =
-            |wind: &(Vec<Solid>, Vec<Arc<Snapshot>>), wet| flown(options(seed, wet, edges), upwind, &wind.0, &wind.1).0;
+        let fly = |wind: &(Vec<Solid>, Vec<Arc<WindSnapshot>>), wet| {
+            flown(options(seed, wet, edges), upwind, &wind.0, &wind.1).0
+        };
         let beyond = |c: &&Catkin| c.position().x > f64::from(WALL);
         let passed = winds.each_ref().map(|wind| fly(wind, 0.9).by_number().filter(beyond).count());
         assert!(passed.windows(2).all(|p| p[0] > p[1]), "seed {seed}: {passed:?}");

@@ -69,7 +69,7 @@ impl Flutter {
         let speed = air.wind.length();
         let lively = self.strength * if self.printed { 1.0 } else { 1.0 - math::exp_f32(-speed / LIVELY) };
         let noise = |k: u32| {
-            let n = leaf.beside(k).at(seconds);
+            let n = leaf.with_seed_offset(k).at(seconds);
             if self.printed { 0.5 + 0.5 * n } else { n }
         };
         let nod = NOD * lively * noise(0);

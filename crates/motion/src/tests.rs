@@ -9,7 +9,7 @@ use osier_base::math;
 use osier_base::progress::Cancel;
 use osier_scene::Trs;
 use osier_scene::plant::Plant;
-use osier_wind::{Gust, GustOptions, Uniform, Wind};
+use osier_wind::{GustWind, GustWindOptions, UniformWind, Wind};
 
 const FPS: f64 = 24.0;
 
@@ -89,7 +89,7 @@ fn air_damps_along_the_wind_and_half_as_much_across() {
     let free = 3.516 / (3.5 * 3.5) * math::sqrt(wood.rigidity(0.02) / mass);
     let heavier = |way: usize| free * free / (all.list[0].w[way] * all.list[0].w[way]);
     let expected = |way: usize| 1.225 * 1.1 * 0.04 * speed / (2.0 * mass * heavier(way));
-    let wind = Uniform(Vec3::X * math::narrow(speed));
+    let wind = UniformWind(Vec3::X * math::narrow(speed));
     let mut sim = Simulation::new(&all, &wind, manner(wood));
     let h = 1.0 / (FPS * f64::from(sim.steps()));
     // Starts from rest: the swing about the lean is along the wind.
@@ -111,7 +111,7 @@ fn a_steady_wind_ends_in_balance_and_the_stem_leans_with_it() {
     let all = elements(&plant, &wood);
     let mut bends = Vec::new();
     for wind in [Vec3::X * 8.0, Vec3::NEG_Z * 8.0] {
-        let wind = Uniform(wind);
+        let wind = UniformWind(wind);
         let mut sim = Simulation::new(&all, &wind, manner(wood));
         let path = run(&mut sim, 0.0, 80.0);
         let (end, before) = (path[path.len() - 1], path[path.len() - 200]);
@@ -128,8 +128,8 @@ fn a_steady_wind_ends_in_balance_and_the_stem_leans_with_it() {
     assert!((bends[0].x + bends[1].z).abs() < 0.03 * bends[0].x, "as far to every side: {bends:?}");
 }
 
-fn gusts(period: Option<f64>) -> Gust {
-    Gust::new(GustOptions { speed: 7.0, period, seed: 3, ..GustOptions::default() })
+fn gusts(period: Option<f64>) -> GustWind {
+    GustWind::new(GustWindOptions { speed: 7.0, period, seed: 3, ..GustWindOptions::default() })
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn a_loop_closes_in_place_and_in_rate() {
 fn nothing_moves_in_a_calm() {
     let (plant, wood) = (leafy(8), Wood::default());
     let all = elements(&plant, &wood);
-    let track = record(&all, &Uniform(Vec3::ZERO), manner(wood), take(60, true));
+    let track = record(&all, &UniformWind(Vec3::ZERO), manner(wood), take(60, true));
     let rig = Rig::build(&plant, &all, 256);
     for k in 0..60_u16 {
         let pose = rig.pose(&all, &track.at(f64::from(k)));
@@ -279,7 +279,7 @@ fn gravity_presses_on_what_leans_away_from_how_it_grew() {
     testing::axis(&mut plant, (0, 3.0), (Vec3::Y * 3.0, Vec3::Y), (0.01, 0.01));
     let wood = Wood { elasticity: Some(2e9), ..Wood::default() };
     let all = elements(&plant, &wood);
-    let wind = Uniform(Vec3::X * 5.0);
+    let wind = UniformWind(Vec3::X * 5.0);
     let bends = |gravity: bool| {
         let mut sim = Simulation::new(&all, &wind, Manner { gravity, ..manner(wood) });
         sim.settle();
@@ -301,7 +301,7 @@ fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
     let wood = Wood { overtones: true, ..Wood::default() };
     let all = elements(&plant, &wood);
     assert_eq!((all.list.len(), all.swings(), all.list[0].overtone), (1, 2, Some(1)));
-    let steady = Uniform(Vec3::X * 8.0);
+    let steady = UniformWind(Vec3::X * 8.0);
     let mut sim = Simulation::new(&all, &steady, manner(wood));
     sim.settle();
     let rest = sim.bends()[0][1].abs();

@@ -8,14 +8,14 @@ use super::Wind;
 
 /// A wind whose air is so many times as fast; what travels in it does not travel faster.
 #[derive(Debug, Clone)]
-pub struct Scaled {
+pub struct ScaledWind {
     /// The wind.
     pub wind: Arc<dyn Wind>,
     /// Factor on its velocities.
     pub factor: f32,
 }
 
-impl Wind for Scaled {
+impl Wind for ScaledWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         self.wind.sample(places, t, out);
         out.iter_mut().for_each(|u| *u *= self.factor);
@@ -36,12 +36,12 @@ impl Wind for Scaled {
 
 /// Several winds at once: their velocities add up.
 #[derive(Debug, Clone)]
-pub struct Sum(
+pub struct WindSum(
     /// The winds.
     pub Vec<Arc<dyn Wind>>,
 );
 
-impl Wind for Sum {
+impl Wind for WindSum {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         out.fill(Vec3::ZERO);
         let mut own = vec![Vec3::ZERO; places.len()];
@@ -71,12 +71,13 @@ impl Wind for Sum {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Gust, GustOptions, Uniform};
+    use super::super::{GustWind, GustWindOptions, UniformWind};
     use super::*;
 
     #[test]
     fn velocities_are_scaled_and_added() {
-        let gust = |period: Option<f64>| Arc::new(Gust::new(GustOptions { period, ..GustOptions::default() }));
+        let gust =
+            |period: Option<f64>| Arc::new(GustWind::new(GustWindOptions { period, ..GustWindOptions::default() }));
         let places: Vec<Vec3> = (0..100_u8).map(|i| Vec3::new(f32::from(i), 3.0, 0.0)).collect();
         let sample = |w: &dyn Wind| {
             let mut out = vec![Vec3::ONE; places.len()];
@@ -84,15 +85,15 @@ mod tests {
             out
         };
         let alone = sample(&*gust(None));
-        let twice = Scaled { wind: gust(None), factor: 2.0 };
+        let twice = ScaledWind { wind: gust(None), factor: 2.0 };
         assert!(sample(&twice).iter().zip(&alone).all(|(a, b)| *a == *b * 2.0));
         assert_eq!(twice.mean(), Vec3::X * 9.0);
-        let both = Sum(vec![gust(None), Arc::new(Uniform(Vec3::Z * 3.0))]);
+        let both = WindSum(vec![gust(None), Arc::new(UniformWind(Vec3::Z * 3.0))]);
         assert!(sample(&both).iter().zip(&alone).all(|(a, b)| *a == *b + Vec3::Z * 3.0));
         assert_eq!((both.mean(), both.mean_at(10.0)), (Vec3::new(4.5, 0.0, 3.0), Vec3::new(4.5, 0.0, 3.0)));
         assert_eq!(both.period(), None);
-        let repeating = Sum(vec![gust(Some(5.0)), Arc::new(Uniform(Vec3::Z)), gust(Some(5.0))]);
+        let repeating = WindSum(vec![gust(Some(5.0)), Arc::new(UniformWind(Vec3::Z)), gust(Some(5.0))]);
         assert_eq!(repeating.period(), Some(5.0));
-        assert_eq!(Sum(vec![gust(Some(5.0)), gust(Some(4.0))]).period(), None);
+        assert_eq!(WindSum(vec![gust(Some(5.0)), gust(Some(4.0))]).period(), None);
     }
 }

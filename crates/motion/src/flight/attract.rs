@@ -176,7 +176,7 @@ mod tests {
     use super::super::{Options, Start, Wait};
     use super::*;
     use osier_scene::solid::Solids;
-    use osier_wind::Uniform;
+    use osier_wind::UniformWind;
 
     /// A pair on the ground and a single 0.8 m away; after five ticks it is where the paper's steps have it.
     fn after_five_ticks(fps: f64) -> f64 {
@@ -197,7 +197,7 @@ mod tests {
             c.stirred = true;
         }
         flights.join(0, 1, 0.0);
-        let still = Uniform(Vec3::ZERO);
+        let still = UniformWind(Vec3::ZERO);
         while flights.seconds() < 1.5 - SAME {
             flights.advance(&still);
         }

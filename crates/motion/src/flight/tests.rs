@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::*;
 use osier_base::rng::Rng;
 use osier_scene::solid::{Form, Prism, Solid};
-use osier_wind::{Gust, GustOptions, Uniform};
+use osier_wind::{GustWind, GustWindOptions, UniformWind};
 
 fn wall_and_house() -> Arc<Solids> {
     let solid = |name: &str, prism| Solid { name: name.into(), form: Form::Prism(prism), humidity: 0.5 };
@@ -16,8 +16,8 @@ fn wall_and_house() -> Arc<Solids> {
     Arc::new(Solids::new(vec![solid("wall", wall), solid("house", house)], true))
 }
 
-fn gusts(speed: f64) -> Gust {
-    Gust::new(GustOptions { direction: Vec3::X, speed, seed: 4, ..GustOptions::default() })
+fn gusts(speed: f64) -> GustWind {
+    GustWind::new(GustWindOptions { direction: Vec3::X, speed, seed: 4, ..GustWindOptions::default() })
 }
 
 fn flights(n: u32, options: Options, solids: &Arc<Solids>) -> Flights {
@@ -87,7 +87,7 @@ fn drawing_in_leaves_the_centre_and_comes_close() {
     let before = centre(&all);
     all.join(0, 1, 0.0);
     assert!(centre(&all).distance(before) < 1e-12);
-    let still = Uniform(Vec3::ZERO);
+    let still = UniformWind(Vec3::ZERO);
     for _ in 0..24 * 8 {
         all.advance(&still);
         let moved = centre(&all) - all.clusters[&0].x;
@@ -208,7 +208,7 @@ fn a_step_at_a_wall_sinks_to_its_foot() {
     let mut all = flights(1, Options { humidity: Humidity::Even(1.0), ..Options::default() }, &solids);
     let c = all.at_mut(0);
     (c.x, c.from) = (DVec3::new(3.0, 2.0, 0.0), DVec3::new(3.0, 2.0, 0.0));
-    let wind = Uniform(Vec3::X);
+    let wind = UniformWind(Vec3::X);
     let mut seen = Vec::new();
     for _ in 0..24 * 60 {
         all.advance(&wind);
@@ -230,7 +230,7 @@ fn nothing_stays_hanging_above_what_it_clings_to() {
     let places = [0.08, 0.38, 0.68].map(|y| DVec3::new(0.1 * y, y, 0.0));
     let starts = places.map(|at| Start { at, wait: Wait::Until(0.0) });
     let mut all = Flights::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts);
-    let still = Uniform(Vec3::ZERO);
+    let still = UniformWind(Vec3::ZERO);
     (0..5).for_each(|_| all.advance(&still));
     assert_eq!(all.clusters.len(), 1);
     while all.tally().airborne > 0 {
@@ -261,7 +261,7 @@ fn a_pole_at_a_wall_sags_to_a_heap() {
             (c.state, c.face, c.normal) = (State::Corner, Some(0), Vec3::NEG_X);
         }
         (1..10).for_each(|id| all.join(id - 1, id, 0.0));
-        let still = Uniform(Vec3::ZERO);
+        let still = UniformWind(Vec3::ZERO);
         (0..24 * 40).for_each(|_| all.advance(&still));
         let tops: Vec<f64> = all.by_number().map(|c| c.x.y).collect();
         // On the top or on the ground, nowhere between.

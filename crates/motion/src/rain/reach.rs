@@ -271,7 +271,7 @@ fn of_speed(speed: f64, [mut low, mut high]: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use osier_wind::{Gust, GustOptions, Uniform};
+    use osier_wind::{GustWind, GustWindOptions, UniformWind};
 
     fn tree() -> Bounds {
         Bounds { min: Vec3::new(-2.0, 1.0, -2.0), max: Vec3::new(2.0, 9.0, 2.0) }
@@ -287,7 +287,7 @@ mod tests {
 
     #[test]
     fn steady_wind_shifts_each_size_by_its_own_drift() {
-        let mut reach = Reach::new(tree(), Some(Arc::new(Uniform(Vec3::X * 5.0))), [5e-4, 6e-3], 9.81);
+        let mut reach = Reach::new(tree(), Some(Arc::new(UniformWind(Vec3::X * 5.0))), [5e-4, 6e-3], 9.81);
         for d in [5e-4, 1e-3, 3e-3, 5.9e-3] {
             let sources = reach.sources(0);
             let source = &sources[reach.class(d)];
@@ -306,7 +306,7 @@ mod tests {
     /// Drops that are let go evenly all around, and how many of those that cross the region start from its sources.
     #[test]
     fn nearly_all_that_crosses_the_region_in_gusts_is_let_go() {
-        let gust = Gust::new(GustOptions { speed: 8.0, seed: 3, ..GustOptions::default() });
+        let gust = GustWind::new(GustWindOptions { speed: 8.0, seed: 3, ..GustWindOptions::default() });
         for over in [tree(), Bounds { min: Vec3::new(-0.1, 0.3, -0.1), max: Vec3::new(0.1, 0.6, 0.1) }] {
             let mut reach = Reach::new(over, Some(Arc::new(gust.clone())), [5e-4, 6e-3], 9.81);
             let (mut met, mut started) = (0, 0);

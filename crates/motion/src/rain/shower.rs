@@ -402,7 +402,7 @@ mod tests {
     fn a_clip_has_as_many_drops_as_it_is_told() {
         let bell = Envelope::Bell(5.0, 2.5);
         let fall = Rainfall { total: Some(2000.0), envelope: bell, jitter: 0.2, ..rainfall() };
-        let mut shower = Shower::new(fall, over(), Some(Arc::new(osier_wind::Uniform(Vec3::X))));
+        let mut shower = Shower::new(fall, over(), Some(Arc::new(osier_wind::UniformWind(Vec3::X))));
         let count: usize = (0..2000_u64).map(|k| shower.drops(k, (k as f64 * 0.005, 0.005)).len()).sum();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt() + 60.0, "{count}");
     }

@@ -112,7 +112,7 @@ impl Eddies {
         let normal = q * sheet.normal;
         let [wide, long] = sheet.extent.map(|e| e * scale);
         self.passed += h * SHED * speed / wide.max(1e-4);
-        let noise = |k: u32| f64::from(self.noise.beside(k).at(2.0 * self.passed));
+        let noise = |k: u32| f64::from(self.noise.with_seed_offset(k).at(2.0 * self.passed));
         let sine = normal.dot(wind) / speed;
         let across = 2.0 * sine / (1.0 + sine * sine) + BUFFET * noise(0);
         let pressure = 0.5 * AIR * sheet.facing * scale * scale * speed * speed;

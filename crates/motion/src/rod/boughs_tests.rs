@@ -10,7 +10,7 @@ use crate::rain::Bearer;
 use crate::wood::Wood;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
 use osier_scene::{Mesh, Trs};
-use osier_wind::Uniform;
+use osier_wind::UniformWind;
 
 /// A twig of 0.4 m along X, rising a little, with six leaves on stalks of 3 cm.
 pub(super) fn twig() -> Plant {
@@ -195,7 +195,7 @@ fn what_was_loaded_and_let_go_swings_through_and_settles() {
 
 #[test]
 fn leaves_shiver_each_for_itself_and_turn_over_never() {
-    let wind = Arc::new(Uniform(Vec3::new(2.5, 0.0, 1.0)));
+    let wind = Arc::new(UniformWind(Vec3::new(2.5, 0.0, 1.0)));
     let mut boughs = sprung(&Trs::IDENTITY).in_wind(Some(wind));
     let start: Vec<_> = (0..6).map(|i| boughs.blade(i).q).collect();
     let (mut most, mut swings) = (0.0_f64, vec![Vec::new(); 6]);

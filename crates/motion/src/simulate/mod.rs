@@ -211,13 +211,13 @@ mod tests {
     use super::super::pieces::Budget;
     use super::super::testing::leafy;
     use super::*;
-    use osier_wind::{Gust, GustOptions};
+    use osier_wind::{GustWind, GustWindOptions};
 
     #[test]
     fn every_width_of_lanes_gives_the_same_bits() {
         let wood = Wood { stiffness: 0.1, measured: true, overtones: true, ..Wood::default() };
         let elements = Elements::build(&leafy(23), &wood, Budget::Elements(1000));
-        let wind = Gust::new(GustOptions { speed: 40.0, seed: 3, ..GustOptions::default() });
+        let wind = GustWind::new(GustWindOptions { speed: 40.0, seed: 3, ..GustWindOptions::default() });
         let manner = Manner { wood, flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: true, fps: 24.0 };
         let run = |arch: Arch| {
             let mut sim = Simulation { arch, ..Simulation::new(&elements, &wind, manner) };

@@ -1,13 +1,13 @@
 //! Air that flows: cells, what joins them, and their populations.
 
-use super::cells::{Cells, Face};
 use super::collide::moments;
+use super::domain::{Cells, Face};
+use super::exchange::Links;
 use super::grid::{Parity, Populations};
 use super::ground::leant;
-use super::links::Links;
 use super::snapshot::{Pages, Reading};
 use super::stencil::{C, Q, opposite, weight};
-use super::sweep::{Asked, Sweep, Viscosity};
+use super::stepper::{Asked, Sweep, Viscosity};
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_base::par;

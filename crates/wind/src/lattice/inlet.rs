@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DVec3, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::{CALM, Wind};
+use super::super::{CALM_SPEED, Wind};
 use super::ground::lean;
 use osier_base::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use osier_base::rng::Rng;
@@ -33,22 +33,22 @@ pub struct InletOptions {
     pub speed: f64,
     /// Times, s, rising, and speeds there, m/s, straight between them and the same before and after; none for always `speed`, which is the largest
     /// of them.
-    pub curve: Vec<[f64; 2]>,
+    pub speed_curve: Vec<[f64; 2]>,
     /// Times, s, from 0 on and rising, and by what angles, rad, the wind has turned there from `direction` to the left as seen from above,
     /// straight between them and the same before and after; none for never.
-    pub turns: Vec<[f64; 2]>,
+    pub direction_curve: Vec<[f64; 2]>,
     /// How it grows with the height.
     pub profile: WindProfile,
     /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is less.
-    pub reference: Option<f64>,
+    pub reference_height: Option<f64>,
     /// Strength of gusts over the mean.
-    pub gust: f64,
+    pub gust_strength: f64,
     /// Time after which a gust is forgotten, s.
     pub gust_period: f64,
     /// Strength of each component of turbulence over the mean.
     pub turbulence: f64,
     /// Waves that turbulence is made of.
-    pub modes: u32,
+    pub turbulence_modes: u32,
     /// Seed of gusts and turbulence.
     pub seed: u64,
 }
@@ -81,7 +81,7 @@ struct Mode {
 /// Air that comes in: u = gust(t) U p(y) d + u'(x - int U d dt). As a wind of its own it has no wakes.
 /// Source: own, after Kraichnan's random Fourier modes; \[catkin\] names no inlet.
 #[derive(Debug, Clone)]
-pub struct Inlet {
+pub struct InletWind {
     options: InletOptions,
     /// Lowest corner of the box, m, whose bottom is the ground.
     origin: DVec3,
@@ -103,12 +103,12 @@ pub(super) struct Now {
     strength: f64,
 }
 
-impl Inlet {
+impl InletWind {
     /// `origin`: lowest corner of the box, m; `spacing`: of the lattice, m; `cells`: its size. `periodic`: axes whose
     /// faces are joined, on which turbulence repeats.
     pub fn new(options: InletOptions, origin: DVec3, spacing: f64, cells: [u32; 3], periodic: [bool; 3]) -> Self {
         let size = DVec3::from_array(cells.map(f64::from)) * spacing;
-        let reference = options.reference.unwrap_or(size.y.min(10.0));
+        let reference = options.reference_height.unwrap_or(size.y.min(10.0));
         let modes = modes(&options, spacing, size, periodic);
         Self { options, origin, spacing, reference, modes }
     }
@@ -154,12 +154,16 @@ impl Inlet {
         let fastest = (0..=steps).map(|i| self.profile(height * f64::from(i) / f64::from(steps))).fold(0.0, f64::max);
         let rows: &[[f64; 2]] = if let WindProfile::Table(rows) = &self.options.profile { rows } else { &[] };
         let fastest = rows.iter().filter(|r| r[0] <= height).map(|r| r[1]).fold(fastest, f64::max);
-        self.options.speed * fastest * (1.0 + STRONGEST * self.options.gust)
+        self.options.speed * fastest * (1.0 + STRONGEST * self.options.gust_strength)
     }
 
     /// Speed at a time over the largest.
     pub(super) fn strength(&self, t: f64) -> f64 {
-        if self.options.curve.is_empty() { 1.0 } else { table(&self.options.curve, t) / self.options.speed.max(CALM) }
+        if self.options.speed_curve.is_empty() {
+            1.0
+        } else {
+            table(&self.options.speed_curve, t) / self.options.speed.max(CALM_SPEED)
+        }
     }
 
     /// How far the mean wind has taken the air since 0 s, m.
@@ -167,7 +171,7 @@ impl Inlet {
         let o = &self.options;
         // Between the times of both curves all is straight.
         let mut times: Vec<f64> =
-            [0.0, t].into_iter().chain(o.curve.iter().chain(&o.turns).map(|row| row[0])).collect();
+            [0.0, t].into_iter().chain(o.speed_curve.iter().chain(&o.direction_curve).map(|row| row[0])).collect();
         times.retain(|at| *at * (*at - t) <= 0.0);
         times.sort_by(f64::total_cmp);
         let all: DVec3 = times.windows(2).map(|w| self.piece(w[0], w[1])).sum();
@@ -201,13 +205,13 @@ impl Inlet {
     /// The same from draws by tick.
     #[allow(clippy::cast_possible_truncation, reason = "whole numbers of ticks")]
     fn gust_by(&self, t: f64, mut drawn: impl FnMut(i64) -> f64) -> f64 {
-        if self.options.gust <= 0.0 {
+        if self.options.gust_strength <= 0.0 {
             return self.strength(t);
         }
         let ticks = t * TICKS / self.options.gust_period;
         let (tick, part) = (ticks.floor() as i64, ticks - ticks.floor());
         let (a, b) = (drawn(tick), drawn(tick + 1));
-        (1.0 + self.options.gust * (a + (b - a) * part).clamp(-STRONGEST, STRONGEST)) * self.strength(t)
+        (1.0 + self.options.gust_strength * (a + (b - a) * part).clamp(-STRONGEST, STRONGEST)) * self.strength(t)
     }
 
     /// The process at a tick: what is left of all draws before.
@@ -254,7 +258,7 @@ impl Inlet {
     }
 }
 
-impl Wind for Inlet {
+impl Wind for InletWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         let now = self.now(t, self.gust(t));
         for (place, u) in places.iter().zip(out) {
@@ -277,13 +281,13 @@ impl Wind for Inlet {
 
 /// By how much a wind has turned at a time, rad.
 fn angle(options: &InletOptions, t: f64) -> f64 {
-    if options.turns.is_empty() { 0.0 } else { table(&options.turns, t) }
+    if options.direction_curve.is_empty() { 0.0 } else { table(&options.direction_curve, t) }
 }
 
 /// Level unit vector that a wind blows towards at a time, s.
 pub(super) fn turned(options: &InletOptions, t: f64) -> DVec3 {
     let d = options.direction;
-    if options.turns.is_empty() {
+    if options.direction_curve.is_empty() {
         return d;
     }
     let angle = angle(options, t);
@@ -302,13 +306,13 @@ fn table(rows: &[[f64; 2]], y: f64) -> f64 {
 }
 
 fn modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3]) -> Vec<Mode> {
-    if options.turbulence <= 0.0 || options.modes == 0 {
+    if options.turbulence <= 0.0 || options.turbulence_modes == 0 {
         return Vec::new();
     }
     let shortest = WAVES[0] * spacing;
     let longest = (WAVES[1] * spacing).min(size.y).max(shortest);
-    let count = f64::from(options.modes);
-    let lengths: Vec<f64> = (0..options.modes)
+    let count = f64::from(options.turbulence_modes);
+    let lengths: Vec<f64> = (0..options.turbulence_modes)
         .map(|m| {
             let place = (f64::from(m) + draw(options.seed, m, "length").unit_f64()) / count;
             shortest * pow(longest / shortest, place)
@@ -317,7 +321,10 @@ fn modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3])
     // Of half the sum of the squares of all strengths, each component has a third.
     let power: f64 = lengths.iter().map(|l| pow(*l, 2.0 / 3.0) / 2.0).sum();
     let strength = sqrt(3.0 / power) * options.turbulence * options.speed;
-    (0..options.modes).zip(&lengths).map(|(m, length)| mode(options, m, *length, (strength, size, periodic))).collect()
+    (0..options.turbulence_modes)
+        .zip(&lengths)
+        .map(|(m, length)| mode(options, m, *length, (strength, size, periodic)))
+        .collect()
 }
 
 fn draw(seed: u64, m: u32, what: &str) -> Rng {
@@ -378,7 +385,7 @@ pub(super) struct Blowing {
 impl Mouth {
     /// `places`: where, m, with the height of the ground there over the bottom of the box, m. `tau`: relaxation time at a height over that bottom, m.
     /// `pace`: cells a step of 1 m/s.
-    pub(super) fn new(inlet: &Inlet, places: &[(DVec3, f64)], tau: impl Fn(f64) -> f64, pace: f64) -> Self {
+    pub(super) fn new(inlet: &InletWind, places: &[(DVec3, f64)], tau: impl Fn(f64) -> f64, pace: f64) -> Self {
         let height = |(place, ground): &(DVec3, f64)| place.y - inlet.origin.y - ground;
         let mean = places.iter().map(|p| narrow(inlet.options.speed * inlet.profile(height(p)) * pace)).collect();
         let lean = |p: &(DVec3, f64)| narrow(inlet.leaning(tau(p.0.y - inlet.origin.y), height(p)) * pace);
@@ -396,7 +403,7 @@ impl Mouth {
     }
 
     /// Velocity at every place, by component, cells a step.
-    pub(super) fn blow(&self, inlet: &Inlet, now: Blowing, arch: Arch, out: &mut [Vec<f32>; 3]) {
+    pub(super) fn blow(&self, inlet: &InletWind, now: Blowing, arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
         let (t, ramp) = now.at;
         let (way, ramp) = (inlet.way(t), ramp * inlet.strength(t));
@@ -414,7 +421,7 @@ impl Mouth {
     }
 
     /// What blows at a time, s. `ramp`: share of the wind that blows already.
-    pub(super) fn blowing(&mut self, inlet: &Inlet, t: f64, ramp: f64) -> Blowing {
+    pub(super) fn blowing(&mut self, inlet: &InletWind, t: f64, ramp: f64) -> Blowing {
         let share = narrow(inlet.gust_by(t, |tick| self.gusts.of(inlet, tick)) * ramp);
         Blowing { at: (t, ramp), share, toward: inlet.direction(t).to_array().map(narrow) }
     }
@@ -425,7 +432,7 @@ impl Mouth {
 struct Gusts([Option<(i64, f64)>; 2]);
 
 impl Gusts {
-    fn of(&mut self, inlet: &Inlet, tick: i64) -> f64 {
+    fn of(&mut self, inlet: &InletWind, tick: i64) -> f64 {
         let slot = &mut self.0[usize::from(tick.rem_euclid(2) == 1)];
         match slot {
             Some((known, drawn)) if *known == tick => *drawn,

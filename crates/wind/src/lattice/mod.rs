@@ -1,36 +1,36 @@
 //! Wind on a lattice.
 
-mod cells;
+mod checkpoint;
 mod collide;
-mod doors;
-mod ends;
+mod domain;
+mod exchange;
+mod exchange_builder;
 mod flow;
 mod grid;
 mod ground;
 mod inlet;
-mod links;
-mod list;
-mod marks;
-mod memory;
-mod open;
-mod plan;
-mod plane;
+mod memory_estimate;
+mod open_boundary;
+mod outlet_targets;
+mod plane_step;
 mod recorded;
 #[cfg(test)]
 mod reference;
-mod run;
+mod row_halo;
+mod setup;
 mod snapshot;
-mod state;
+mod solver;
+#[cfg(test)]
+mod solver_tests;
 mod stencil;
-mod sweep;
+mod stepper;
 #[cfg(test)]
 mod validation;
-#[cfg(test)]
-mod weather;
+mod voxelize;
 
-pub use inlet::{Inlet, InletOptions, WindProfile};
-pub use memory::LatticeMemory;
-pub use plan::{Ground, LatticeOptions, Sides};
-pub use recorded::{Recorded, Take as LatticeTake};
-pub use run::{Health, Lattice, Note};
-pub use snapshot::{Between, Snapshot};
+pub use inlet::{InletOptions, InletWind, WindProfile};
+pub use memory_estimate::LatticeMemory;
+pub use recorded::{RecordedWind, RecordingOptions};
+pub use setup::{GroundCondition, LatticeOptions, SideCondition};
+pub use snapshot::{InterpolatedWind, WindSnapshot};
+pub use solver::{LatticeSolver, LatticeStats, LatticeWarning};

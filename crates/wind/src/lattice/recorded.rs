@@ -6,9 +6,9 @@ use glam::Vec3;
 use half::f16;
 
 use super::super::Wind;
-use super::inlet::Inlet;
-use super::run::Lattice;
-use super::snapshot::{Field, Snapshot};
+use super::inlet::InletWind;
+use super::snapshot::{Field, WindSnapshot};
+use super::solver::LatticeSolver;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::limits::Limits;
@@ -22,7 +22,7 @@ const FADE: f64 = 2.0;
 
 /// What to record.
 #[derive(Debug, Clone, Copy)]
-pub struct Take {
+pub struct RecordingOptions {
     /// Where it is asked for, m.
     pub bounds: Bounds,
     /// Frames.
@@ -35,23 +35,23 @@ pub struct Take {
 
 /// A recorded wind: velocities in half precision at every cell near some place, for every frame of a clip.
 #[derive(Debug)]
-pub struct Recorded {
+pub struct RecordedWind {
     field: Field,
     frames: Vec<Vec<[f16; 3]>>,
     fps: f64,
     /// Frames recorded before the first.
     lead: usize,
     period: Option<f64>,
-    inlet: Arc<Inlet>,
+    inlet: Arc<InletWind>,
 }
 
-impl Recorded {
+impl RecordedWind {
     /// Runs a fresh lattice through a clip and keeps what was asked for.
     /// # Errors
-    /// `Limit` if it would keep too much; those of [`Lattice::advance`].
-    pub fn of(
-        lattice: &mut Lattice,
-        take: Take,
+    /// `Limit` if it would keep too much; those of [`LatticeSolver::advance`].
+    pub fn record(
+        lattice: &mut LatticeSolver,
+        take: RecordingOptions,
         limits: &Limits,
         (progress, cancel): (&dyn Progress, &Cancel),
     ) -> Result<Self> {
@@ -105,12 +105,12 @@ fn vector(v: [f16; 3]) -> Vec3 {
 }
 
 /// A snapshot's values within a part of its field.
-fn kept(snapshot: &Snapshot, part: &Field, low: [usize; 3]) -> Vec<[f16; 3]> {
+fn kept(snapshot: &WindSnapshot, part: &Field, low: [usize; 3]) -> Vec<[f16; 3]> {
     let all = (0..part.count()).map(|k| snapshot.values[snapshot.field.in_whole(part, low, k)]);
     all.map(|[x, y, z, _]| [x, y, z].map(f16::from_f32)).collect()
 }
 
-impl Wind for Recorded {
+impl Wind for RecordedWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         out.fill(Vec3::ZERO);
         let lead = self.lead as f64;

@@ -9,10 +9,10 @@
     reason = "small known numbers"
 )]
 
-use super::cells::{Cells, Face, Source};
 use super::collide::{FASTEST, Relax, collide, moments};
+use super::domain::{Cells, Face, Source};
 use super::ground::{Surface, hold};
-use super::open::{Beyond, Kind, let_go, mean_of};
+use super::open_boundary::{Beyond, Kind, let_go, mean_of};
 use super::stencil::{C, Q, weight};
 
 /// Air in steps of the lattice.

@@ -6,11 +6,11 @@ use glam::{DVec3, Vec3};
 use pulp::{Simd, WithSimd};
 
 use super::super::Wind;
-use super::cells::{Cells, Face};
 use super::collide::moments;
+use super::domain::{Cells, Face};
 use super::flow::Flow;
 use super::grid::{BLOCK, Parity};
-use super::inlet::Inlet;
+use super::inlet::InletWind;
 use super::stencil::Q;
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
@@ -34,13 +34,13 @@ pub(super) struct Field {
     pub solid: Vec<bool>,
     /// Of every cell from which eight corners begin: whether any of them is solid.
     pub beside: Vec<bool>,
-    pub inlet: Arc<Inlet>,
+    pub inlet: Arc<InletWind>,
     /// Below it is ground.
     pub ground: bool,
 }
 
 impl Field {
-    pub(super) fn new(cells: &Cells, (origin, spacing): (DVec3, f64), inlet: Arc<Inlet>) -> Self {
+    pub(super) fn new(cells: &Cells, (origin, spacing): (DVec3, f64), inlet: Arc<InletWind>) -> Self {
         let n = cells.grid.n;
         let periodic = [0, 2, 4].map(|f| cells.faces[f] == Face::Periodic);
         let mut field =
@@ -182,7 +182,7 @@ fn corner(c: usize, step: [usize; 3]) -> usize {
 
 /// The wind of one moment: velocity, m/s, and density less 1 of every cell.
 #[derive(Debug)]
-pub struct Snapshot {
+pub struct WindSnapshot {
     pub(super) field: Arc<Field>,
     /// With the layer around the cells.
     pub(super) values: Vec<[f32; 4]>,
@@ -190,7 +190,7 @@ pub struct Snapshot {
     pub(super) time: f64,
 }
 
-impl Snapshot {
+impl WindSnapshot {
     /// When it is, s.
     pub fn time(&self) -> f64 {
         self.time
@@ -221,18 +221,18 @@ impl Snapshot {
 
 /// The wind between two moments: in a straight line from one to the other.
 #[derive(Debug, Clone)]
-pub struct Between {
+pub struct InterpolatedWind {
     /// The earlier one.
-    pub before: Arc<Snapshot>,
+    pub before: Arc<WindSnapshot>,
     /// The later one.
-    pub after: Arc<Snapshot>,
+    pub after: Arc<WindSnapshot>,
     /// When the earlier one is, s.
     pub t0: f64,
     /// When the later one is, s.
     pub t1: f64,
 }
 
-impl Wind for Between {
+impl Wind for InterpolatedWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         let part = if self.t1 > self.t0 { ((t - self.t0) / (self.t1 - self.t0)).clamp(0.0, 1.0) } else { 0.0 };
         let part = osier_base::math::narrow(part);

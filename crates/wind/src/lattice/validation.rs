@@ -12,14 +12,14 @@
     reason = "small known numbers, whose last bits do not matter; figures that documents state are printed"
 )]
 
-use super::cells::{Cells, Face};
 use super::collide::{eddies, equilibrium};
+use super::domain::{Cells, Face};
 use super::flow::Flow;
 use super::grid::{Grid, Parity};
 use super::ground::{Surface, lean};
 use super::reference::Plain;
 use super::stencil::{C, Q};
-use super::sweep::{Asked, Viscosity};
+use super::stepper::{Asked, Viscosity};
 
 const REST: Face = Face::Wall([0.0; 3]);
 

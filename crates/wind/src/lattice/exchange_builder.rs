@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::cells::{Cells, Face, Source};
-use super::ends::Ends;
-use super::links::{Handed, Joint, Links, Piece, Plan, Run, Taken, Vents};
-use super::open::{Ghost, Mouths, Sends};
+use super::domain::{Cells, Face, Source};
+use super::exchange::{Handed, Joint, Links, Piece, Plan, Run, Taken, Vents};
+use super::open_boundary::{Ghost, Mouths, Sends};
+use super::row_halo::Ends;
 use super::stencil::{C, Q, weight};
 
 /// A cell: its plane, and its number in the plane, counted from the first cell.

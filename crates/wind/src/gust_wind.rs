@@ -3,9 +3,9 @@
 use glam::Vec3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::block::{BLOCK, Places, noise2, noise3};
-use super::gradient::{ENDLESS, Place, noise1};
-use super::{CALM, Wind, with_height};
+use super::gradient_noise::{ENDLESS, Place, noise1};
+use super::noise_block::{BLOCK, Places, noise2, noise3};
+use super::{CALM_SPEED, Wind, with_height};
 use osier_base::math;
 use osier_base::rng::Rng;
 
@@ -22,7 +22,7 @@ const PROFILE: usize = 400;
 
 /// What the wind is like.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GustOptions {
+pub struct GustWindOptions {
     /// Unit vector that it blows towards, level.
     pub direction: Vec3,
     /// Mean speed at 10 m, m/s, 0..60.
@@ -45,7 +45,7 @@ pub struct GustOptions {
     pub seed: u64,
 }
 
-impl Default for GustOptions {
+impl Default for GustWindOptions {
     fn default() -> Self {
         Self {
             direction: Vec3::X,
@@ -76,7 +76,7 @@ impl Carried {
     fn new(length: f64, speed: f64, period: Option<f64>, seed: u32) -> Self {
         match period {
             Some(t) => {
-                let length = fitted_length(length, speed, t);
+                let length = fit_gust_length(length, speed, t);
                 Self { length, cells: (speed * t / length).round() as i32, seed }
             }
             None => Self { length, cells: ENDLESS, seed },
@@ -86,15 +86,15 @@ impl Carried {
 
 /// Length of gusts of which whole ones, at least four, pass in a period, m: the nearest to `length`, m.
 /// `speed`: m/s; `period`: s.
-pub fn fitted_length(length: f64, speed: f64, period: f64) -> f64 {
-    let way = speed.max(CALM) * period;
+pub fn fit_gust_length(length: f64, speed: f64, period: f64) -> f64 {
+    let way = speed.max(CALM_SPEED) * period;
     way / (way / length).round().max(FEWEST)
 }
 
 /// Gusts and eddies in a mean wind that grows with height.
 #[derive(Debug, Clone)]
-pub struct Gust {
-    options: GustOptions,
+pub struct GustWind {
+    options: GustWindOptions,
     across: Vec3,
     gusts: Carried,
     eddies: Carried,
@@ -104,13 +104,13 @@ pub struct Gust {
     profile: Vec<f32>,
 }
 
-impl Gust {
+impl GustWind {
     /// Prepares it.
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
-    pub fn new(options: GustOptions) -> Self {
+    pub fn new(options: GustWindOptions) -> Self {
         let mut draw = Rng::at(options.seed, &["gustwind".into()]);
         let mut seed = || (draw.next_u64() >> 32) as u32;
-        let speed = options.speed.max(CALM);
+        let speed = options.speed.max(CALM_SPEED);
         let cells = options.period.map_or(f64::from(ENDLESS), |t| (t / WANDER_TIME).round().max(FEWEST));
         Self {
             gusts: Carried::new(options.gust_length, speed, options.period, seed()),
@@ -144,7 +144,7 @@ impl Gust {
 
 /// Air at many places of one moment.
 struct Sample<'a> {
-    wind: &'a Gust,
+    wind: &'a GustWind,
     places: &'a [Vec3],
     t: f64,
     out: &'a mut [Vec3],
@@ -163,7 +163,7 @@ impl WithSimd for Sample<'_> {
     }
 }
 
-impl Gust {
+impl GustWind {
     /// u = U0 h(y) [max(0, 1 + g n1) w + I (n2x w + n2y Y / 2 + 0.7 n2z c)]: gusts of long, eddies of short waves, both
     /// carried along at the mean speed. At most [`BLOCK`] places.
     #[inline(always)]
@@ -203,7 +203,7 @@ fn over(x: &[f64; BLOCK], length: f64) -> [f64; BLOCK] {
     cells
 }
 
-impl Wind for Gust {
+impl Wind for GustWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         Arch::new().dispatch(Sample { wind: self, places, t, out });
     }
@@ -225,7 +225,7 @@ impl Wind for Gust {
 mod tests {
     use super::*;
 
-    fn one(wind: &Gust, p: Vec3, t: f64) -> Vec3 {
+    fn one(wind: &GustWind, p: Vec3, t: f64) -> Vec3 {
         let mut out = [Vec3::ZERO];
         wind.sample(&[p], t, &mut out);
         out[0]
@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn the_mean_is_as_asked_at_every_height() {
         for (seed, y) in [(1, 1.0), (2, 10.0), (3, 30.0)] {
-            let wind = Gust::new(GustOptions { seed, wander: 0.0, ..GustOptions::default() });
+            let wind = GustWind::new(GustWindOptions { seed, wander: 0.0, ..GustWindOptions::default() });
             // Many places instead of one for a long time: the same average, sooner.
             let places: Vec<Vec3> = (0..64).map(|i| Vec3::new(0.0, y, i as f32 * 317.0)).collect();
             let mut out = vec![Vec3::ZERO; places.len()];
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn wide_instructions_give_the_same_bits() {
-        let wind = Gust::new(GustOptions { period: Some(7.0), ..GustOptions::default() });
+        let wind = GustWind::new(GustWindOptions { period: Some(7.0), ..GustWindOptions::default() });
         let places: Vec<Vec3> = (0..200_u16).map(|i| Vec3::new(f32::from(i), 0.1, 2.0) * f32::from(i)).collect();
         let sample = |arch: Arch| {
             let mut out = vec![Vec3::ZERO; places.len()];
@@ -263,8 +263,8 @@ mod tests {
 
     #[test]
     fn a_gust_arrives_later_downwind() {
-        let options = GustOptions { turbulence: 0.0, wander: 0.0, speed: 6.0, ..GustOptions::default() };
-        let wind = Gust::new(options);
+        let options = GustWindOptions { turbulence: 0.0, wander: 0.0, speed: 6.0, ..GustWindOptions::default() };
+        let wind = GustWind::new(options);
         let series = |x: f32| -> Vec<f32> {
             (0..6000_u32).map(|k| one(&wind, Vec3::new(x, 10.0, 0.0), f64::from(k) * 0.05).x - 6.0).collect()
         };
@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn a_period_is_kept_everywhere() {
         for speed in [0.5, 4.5, 17.0] {
-            let wind = Gust::new(GustOptions { speed, period: Some(10.0), ..GustOptions::default() });
+            let wind = GustWind::new(GustWindOptions { speed, period: Some(10.0), ..GustWindOptions::default() });
             for i in 0..200_u16 {
                 let p = Vec3::new(f32::from(i) * 1.7, f32::from(i % 13), f32::from(i) * -0.9);
                 let t = f64::from(i) * 0.137;
@@ -292,8 +292,9 @@ mod tests {
 
     #[test]
     fn the_direction_wanders_and_turns_with_the_option() {
-        let options = GustOptions { turbulence: 0.0, wander: 0.5, direction: Vec3::NEG_Z, ..GustOptions::default() };
-        let wind = Gust::new(options);
+        let options =
+            GustWindOptions { turbulence: 0.0, wander: 0.5, direction: Vec3::NEG_Z, ..GustWindOptions::default() };
+        let wind = GustWind::new(options);
         let turns: Vec<f32> = (0..400_u16)
             .map(|k| {
                 let u = one(&wind, Vec3::Y * 10.0, f64::from(k));

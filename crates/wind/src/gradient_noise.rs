@@ -27,7 +27,7 @@ impl TimeNoise {
 
     /// Another one of the same pace.
     #[must_use]
-    pub fn beside(self, number: u32) -> Self {
+    pub fn with_seed_offset(self, number: u32) -> Self {
         Self { seed: self.seed.wrapping_add(number), ..self }
     }
 

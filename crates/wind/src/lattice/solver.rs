@@ -5,17 +5,17 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::cells::{Cells, Face};
 use super::collide::{self, FASTEST};
-use super::doors::{Doors, mouth, uneven};
+use super::domain::{Cells, Face};
 use super::flow::Flow;
 use super::grid::{Grid, Parity};
-use super::inlet::{Blowing, Inlet, Mouth, ramp};
-use super::marks::{judge, mark, middle};
-use super::memory::LatticeMemory;
-use super::plan::{LatticeOptions, Plan, faces, most_open};
-use super::snapshot::{DENSITY, Field, Pages, Reading, Snapshot};
-use super::sweep::{Asked, Viscosity};
+use super::inlet::{Blowing, InletWind, Mouth, ramp};
+use super::memory_estimate::LatticeMemory;
+use super::outlet_targets::{Doors, mouth, uneven};
+use super::setup::{LatticeOptions, Plan, faces, most_open};
+use super::snapshot::{DENSITY, Field, Pages, Reading, WindSnapshot};
+use super::stepper::{Asked, Viscosity};
+use super::voxelize::{judge, mark, middle};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::par;
@@ -36,7 +36,7 @@ const CHECKERED: f64 = 1e-3;
 
 /// Something that is not wrong but should be known; `code` is one of the table of codes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Note {
+pub struct LatticeWarning {
     /// Stable code.
     pub code: &'static str,
     /// Subject, fact, next step.
@@ -45,27 +45,27 @@ pub struct Note {
 
 /// How a lattice wind did, for reports.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Health {
+pub struct LatticeStats {
     /// Steps done.
     pub steps: u64,
     /// Fluid cells that were clamped, over all steps.
-    pub clamped: u64,
+    pub clamped_cells: u64,
     /// Strongest checkered density seen.
-    pub checkered: f64,
+    pub peak_checkerboard: f64,
     /// Checkered density at the last look.
-    pub checkered_now: f64,
+    pub checkerboard: f64,
     /// Mean of the density less 1, in the last snapshot.
-    pub density: f64,
+    pub density_error: f64,
 }
 
 /// Wind on a lattice: air flows through the box, round what stands there, and gives a snapshot for every frame.
 ///
-/// The run-up before the first frame begins from rest; it happens in the first call of [`Lattice::advance`].
+/// The run-up before the first frame begins from rest; it happens in the first call of [`LatticeSolver::advance`].
 #[derive(Debug)]
-pub struct Lattice {
+pub struct LatticeSolver {
     pub(super) plan: Plan,
     pub(super) flow: Flow,
-    inlet: Arc<Inlet>,
+    inlet: Arc<InletWind>,
     mouth: Mouth,
     pub(super) field: Arc<Field>,
     /// What comes in in the next step, and in the one after.
@@ -73,24 +73,24 @@ pub struct Lattice {
     doors: Doors,
     /// What faces follow from, if they change.
     turning: Option<LatticeOptions>,
-    pub(super) notes: Vec<Note>,
+    pub(super) warnings: Vec<LatticeWarning>,
     /// By height: what the profile has more than its mean, cells a step, and how it leans, both along the wind.
     uneven: Vec<[f64; 2]>,
     fluid: usize,
-    pub(super) health: Health,
+    pub(super) stats: LatticeStats,
     frames: u64,
     /// The last snapshots, whose memory is taken again.
-    past: VecDeque<Arc<Snapshot>>,
+    past: VecDeque<Arc<WindSnapshot>>,
 }
 
-impl Lattice {
-    /// What [`Lattice::new`] says of options, without the cells.
+impl LatticeSolver {
+    /// What [`LatticeSolver::new`] says of options, without the cells.
     /// # Errors
-    /// As [`Lattice::new`].
-    pub fn foretold(options: &LatticeOptions, limits: &Limits) -> Result<Vec<Note>> {
+    /// As [`LatticeSolver::new`].
+    pub fn check_options(options: &LatticeOptions, limits: &Limits) -> Result<Vec<LatticeWarning>> {
         let (plan, notes) = Plan::of(options)?;
         limits.check("cells", plan.cells(), "the cells of the wind's lattice")?;
-        LatticeMemory::of(options).check(options, limits)?;
+        LatticeMemory::estimate(options).check(options, limits)?;
         Ok(notes)
     }
 
@@ -100,7 +100,7 @@ impl Lattice {
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
         let (mut plan, mut notes) = Plan::of(options)?;
         limits.check("cells", plan.cells(), "the cells of the wind's lattice")?;
-        LatticeMemory::of(options).check(options, limits)?;
+        LatticeMemory::estimate(options).check(options, limits)?;
         let n = plan.n;
         if Grid::bytes(n) / 60 > u64::from(u32::MAX) {
             let (wanted, limit) = ("more than 4,294,967,295 places".into(), "that".into());
@@ -129,13 +129,14 @@ impl Lattice {
             force: [0.0; 3],
         };
         let periodic = [0, 2, 4].map(|f| roles[f] == Face::Periodic);
-        let inlet = Inlet::new(options.inlet.clone(), plan.origin, options.spacing, options.cells, periodic);
+        let inlet = InletWind::new(options.inlet.clone(), plan.origin, options.spacing, options.cells, periodic);
         let inlet = Arc::new(inlet);
         let field = Arc::new(Field::new(&cells, space, Arc::clone(&inlet)));
-        let flow = Flow::new(cells, viscosity, options.outlet_rest)?;
+        let flow = Flow::new(cells, viscosity, options.outlet_nonequilibrium)?;
         let (mouth, doors) = (mouth(&flow, &inlet, &plan), Doors::of(&flow, &inlet, &plan));
         let uneven = uneven(&inlet, &plan);
-        let health = Health { steps: 0, clamped: 0, checkered: 0.0, checkered_now: 0.0, density: 0.0 };
+        let stats =
+            LatticeStats { steps: 0, clamped_cells: 0, peak_checkerboard: 0.0, checkerboard: 0.0, density_error: 0.0 };
         Ok(Self {
             plan,
             flow,
@@ -144,18 +145,18 @@ impl Lattice {
             field,
             wind: [const { [const { Vec::new() }; 3] }; 2],
             doors,
-            turning: (!options.inlet.turns.is_empty()).then(|| options.clone()),
-            notes,
+            turning: (!options.inlet.direction_curve.is_empty()).then(|| options.clone()),
+            warnings: notes,
             uneven,
             fluid,
-            health,
+            stats,
             frames: 0,
             past: VecDeque::new(),
         })
     }
 
     /// The wind that comes in.
-    pub fn inlet(&self) -> &Arc<Inlet> {
+    pub fn inlet(&self) -> &Arc<InletWind> {
         &self.inlet
     }
 
@@ -164,34 +165,34 @@ impl Lattice {
     }
 
     /// What should be known so far.
-    pub fn notes(&self) -> &[Note] {
-        &self.notes
+    pub fn warnings(&self) -> &[LatticeWarning] {
+        &self.warnings
     }
 
     /// How it did so far.
-    pub fn health(&self) -> Health {
-        self.health
+    pub fn stats(&self) -> LatticeStats {
+        self.stats
     }
 
     /// Steps before the first frame.
-    pub fn run_up(&self) -> u64 {
+    pub fn spin_up_steps(&self) -> u64 {
         self.plan.run_up
     }
 
     /// Steps a frame.
-    pub fn steps(&self) -> u32 {
+    pub fn steps_per_frame(&self) -> u32 {
         self.plan.steps
     }
 
     /// Kinematic viscosity the air has in effect, m^2/s.
-    pub fn viscosity(&self) -> f64 {
+    pub fn effective_viscosity(&self) -> f64 {
         self.plan.viscosity()
     }
 
     /// Runs up until just before the first frame, whose last steps write it down; nothing to do if it is there already.
     /// # Errors
-    /// As [`Lattice::advance`].
-    pub fn settle(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+    /// As [`LatticeSolver::advance`].
+    pub fn spin_up(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
         let until = self.plan.run_up.saturating_sub(1) & !1;
         if self.flow.step < until {
             progress.stage("wind", self.plan.run_up);
@@ -209,13 +210,13 @@ impl Lattice {
     /// The next frame's wind. The first call runs up first, telling `progress`; times are counted from the first frame.
     /// # Errors
     /// `Simulation` when the flow leaves its bounds, `Cancelled` when asked to stop.
-    pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<Snapshot>> {
+    pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<WindSnapshot>> {
         let mut values = self.room();
         // Among the threads all the time: else every step would call them anew.
         par::among(|| self.run(&mut values, progress, cancel))?;
         let time = self.frames as f64 / self.plan.fps;
         self.frames += 1;
-        let snapshot = Arc::new(Snapshot { field: Arc::clone(&self.field), values, time });
+        let snapshot = Arc::new(WindSnapshot { field: Arc::clone(&self.field), values, time });
         self.past.push_back(Arc::clone(&snapshot));
         Ok(snapshot)
     }
@@ -272,7 +273,7 @@ impl Lattice {
         });
         let (before, written) = (self.flow.step, pages.is_some());
         let (clamped, reading) = self.flow.go((first, two.then_some(second)), pages);
-        self.health.steps = self.flow.step;
+        self.stats.steps = self.flow.step;
         self.raise(before);
         for (step, count) in (before + 1..).zip(clamped) {
             if count > 0 {
@@ -328,15 +329,15 @@ impl Lattice {
     #[cold]
     fn clamped(&mut self, step: u64, count: u64) -> Result<()> {
         let speed = FASTEST * self.plan.speed();
-        if self.health.clamped == 0 {
+        if self.stats.clamped_cells == 0 {
             let text = format!(
                 "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {step} and was held there; \
                  lower wind.speed, or set wind.lattice.steps to more than {}",
                 self.plan.steps
             );
-            self.notes.push(Note { code: "S022", text });
+            self.warnings.push(LatticeWarning { code: "S022", text });
         }
-        self.health.clamped += count;
+        self.stats.clamped_cells += count;
         if count as f64 > CLAMPED * self.fluid as f64 {
             return Err(self.blown(format!("more than {speed:.1} m/s in {count} cells")));
         }
@@ -357,18 +358,18 @@ impl Lattice {
             )));
         }
         let sum = |f: &dyn Fn(&super::snapshot::Plane) -> f64| reading.planes.iter().map(f).sum::<f64>();
-        self.health.density = sum(&|p| p.mass) / self.fluid as f64;
+        self.stats.density_error = sum(&|p| p.mass) / self.fluid as f64;
         let checkered = (sum(&|p| p.checkered) / self.fluid as f64).abs();
-        if checkered > CHECKERED && self.health.checkered <= CHECKERED {
+        if checkered > CHECKERED && self.stats.peak_checkerboard <= CHECKERED {
             let text = format!(
                 "the lattice wind has come apart into a checkerboard of density {checkered:.1e} at step {}; raise \
                  wind.lattice.tau_floor",
                 self.flow.step
             );
-            self.notes.push(Note { code: "S023", text });
+            self.warnings.push(LatticeWarning { code: "S023", text });
         }
-        self.health.checkered = self.health.checkered.max(checkered);
-        self.health.checkered_now = checkered;
+        self.stats.peak_checkerboard = self.stats.peak_checkerboard.max(checkered);
+        self.stats.checkerboard = checkered;
         Ok(())
     }
 

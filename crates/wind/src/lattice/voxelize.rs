@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 
 use glam::{DVec3, Vec3};
 
-use super::cells::Cells;
+use super::domain::Cells;
 use super::grid::Grid;
-use super::run::Note;
+use super::solver::LatticeWarning;
 use osier_base::geometry::Bounds;
 use osier_base::par;
 use osier_scene::solid::{Form, Slab, Solid};
@@ -31,9 +31,9 @@ pub(super) struct Found {
 
 impl Found {
     /// What should be known.
-    pub(super) fn notes(&self) -> Vec<Note> {
+    pub(super) fn notes(&self) -> Vec<LatticeWarning> {
         let mut notes = Vec::new();
-        let mut note = |text: String| notes.push(Note { code: "S021", text });
+        let mut note = |text: String| notes.push(LatticeWarning { code: "S021", text });
         if self.crowded {
             note("a solid stands within 4 cells of a face through which the lattice wind comes or goes, and disturbs it; \
                   widen the box with wind.lattice.cells"

@@ -2,15 +2,15 @@
 
 use pulp::Simd;
 
-use super::cells::Cells;
 use super::collide::{Collided, FAST, FASTEST, Relax, collide, moments};
-use super::ends::{End, Ends, NONE};
+use super::domain::Cells;
+use super::exchange::{Arriving, Leaving, Planes};
 use super::grid::{BLOCK, Grid, Parity};
 use super::ground::hold;
-use super::links::{Arriving, Leaving, Planes};
+use super::row_halo::{End, Ends, NONE};
 use super::snapshot::{Field, Plane};
 use super::stencil::{Q, opposite};
-use super::sweep::Sweep;
+use super::stepper::Sweep;
 use osier_base::simd::{F32Lanes, Lane as _};
 
 /// What a thread has at hand from plane to plane.

@@ -1,18 +1,18 @@
 //! What boundaries do: they fill the places from which cells beside walls, ground and open faces read.
 //!
 //! A step goes through the domain plane by plane. Before a plane is computed, what arrives from boundaries is put where its
-//! cells will read, or handed over in [`super::ends`] for the ends of rows; afterwards, what the next step will need is
+//! cells will read, or handed over in [`super::row_halo`] for the ends of rows; afterwards, what the next step will need is
 //! taken out. Nothing comes from further than the planes beside, but for joined faces: so two steps can follow each other
-//! through the domain a plane apart ([`super::sweep`]).
+//! through the domain a plane apart ([`super::stepper`]).
 
 use std::ops::Range;
 
-use super::cells::Cells;
 use super::collide::moments;
-use super::ends::Ends;
+use super::domain::Cells;
+use super::exchange_builder::List;
 use super::grid::{Grid, Parity, Populations};
-use super::list::List;
-use super::open::Mouths;
+use super::open_boundary::Mouths;
+use super::row_halo::Ends;
 use super::stencil::{Q, opposite};
 
 /// Populations in memory, at equal distances, and side by side in a buffer.

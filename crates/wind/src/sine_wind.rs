@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::gradient::{ENDLESS, Place, noise1};
+use super::gradient_noise::{ENDLESS, Place, noise1};
 use super::{Wind, with_height};
 use osier_base::math;
 use osier_base::rng::Rng;
@@ -23,7 +23,7 @@ const OCTAVES: u32 = 3;
 
 /// What the wind is like.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FormulaOptions {
+pub struct SineWindOptions {
     /// Unit vector that it blows towards, level.
     pub direction: Vec3,
     /// V0, m/s at 10 m.
@@ -43,8 +43,8 @@ pub struct FormulaOptions {
 /// V = V0 [1 + g sin(2 pi t'/T)] + eps n(t'), t' the time at which the air now here passed the origin.
 /// Source: [zhao-zhang] eq. (1), in seconds, with gusts that travel and noise that keeps the mean.
 #[derive(Debug, Clone, Copy)]
-pub struct Formula {
-    options: FormulaOptions,
+pub struct SineWind {
+    options: SineWindOptions,
     /// Period of the sine that fits the wind's, s.
     sine: f64,
     /// Cells of the first octave a second, and in a period.
@@ -52,10 +52,10 @@ pub struct Formula {
     seed: u32,
 }
 
-impl Formula {
+impl SineWind {
     /// Prepares it.
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash; periods are limited")]
-    pub fn new(options: FormulaOptions) -> Self {
+    pub fn new(options: SineWindOptions) -> Self {
         let rate = if options.literal { PRINTED_RATE / PRINTED_LATTICE } else { NOISE };
         let (sine, noise) = match options.period {
             Some(t) => {
@@ -112,7 +112,7 @@ impl Formula {
     }
 }
 
-impl Wind for Formula {
+impl Wind for SineWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
         let o = &self.options;
         if o.literal {
@@ -142,9 +142,9 @@ impl Wind for Formula {
 mod tests {
     use super::*;
 
-    fn wind(literal: bool, period: Option<f64>) -> Formula {
+    fn wind(literal: bool, period: Option<f64>) -> SineWind {
         let direction = Vec3::X;
-        Formula::new(FormulaOptions { direction, speed: 10.0, gust: 0.5, power: 0.2, literal, period, seed: 4 })
+        SineWind::new(SineWindOptions { direction, speed: 10.0, gust: 0.5, power: 0.2, literal, period, seed: 4 })
     }
 
     #[test]

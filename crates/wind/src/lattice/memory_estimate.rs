@@ -1,8 +1,8 @@
 //! What a lattice wind takes of the machine, known before it is made.
 
-use super::cells::Face;
+use super::domain::Face;
 use super::grid::Grid;
-use super::plan::{LatticeOptions, most_open};
+use super::setup::{LatticeOptions, most_open};
 use osier_base::limits::{Limits, grouped};
 use osier_base::{Error, Result};
 
@@ -26,14 +26,14 @@ pub struct LatticeMemory {
     /// Velocities of a few frames, sixteen bytes a cell.
     pub snapshots: u64,
     /// What is solid.
-    pub marks: u64,
+    pub solid_cells: u64,
     /// Open faces.
-    pub boundary: u64,
+    pub open_faces: u64,
 }
 
 impl LatticeMemory {
     /// What these options would take.
-    pub fn of(options: &LatticeOptions) -> Self {
+    pub fn estimate(options: &LatticeOptions) -> Self {
         let n = options.cells.map(u64::from);
         let count: u64 = n.iter().fold(1, |all, n| all.saturating_mul(*n));
         let around: u64 = n.iter().fold(1, |all, n| all.saturating_mul(n + 2));
@@ -41,18 +41,20 @@ impl LatticeMemory {
         let area = |f: usize| (0..3).filter(|a| *a != f / 2).map(|a| n[a]).product::<u64>();
         let all = |face: Face| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
         let (coming, going) = (all(Face::Inlet), all(Face::Outlet));
-        let modes = if options.inlet.turbulence > 0.0 { u64::from(options.inlet.modes) } else { 0 };
+        let modes = if options.inlet.turbulence > 0.0 { u64::from(options.inlet.turbulence_modes) } else { 0 };
         Self {
             populations: Grid::bytes(options.cells.map(|n| n as usize)),
             snapshots: SNAPSHOTS * 16 * around,
-            marks: MARKS * count,
-            boundary: OPEN * (coming + going) + (WAVE * modes + MOUTH) * coming,
+            solid_cells: MARKS * count,
+            open_faces: OPEN * (coming + going) + (WAVE * modes + MOUTH) * coming,
         }
     }
 
     /// All of it.
     pub fn total(&self) -> u64 {
-        [self.populations, self.snapshots, self.marks, self.boundary].iter().fold(0, |sum, b| sum.saturating_add(*b))
+        [self.populations, self.snapshots, self.solid_cells, self.open_faces]
+            .iter()
+            .fold(0, |sum, b| sum.saturating_add(*b))
     }
 
     /// Refuses what passes the limit.
@@ -73,7 +75,7 @@ impl LatticeMemory {
 #[cfg(test)]
 #[allow(clippy::expect_used, clippy::print_stdout, reason = "tests")]
 mod tests {
-    use super::super::Lattice;
+    use super::super::LatticeSolver;
     use super::*;
 
     #[test]
@@ -82,10 +84,10 @@ mod tests {
         let mut slanted = base.clone();
         slanted.inlet.direction = glam::DVec3::new(0.6, 0.0, 0.8);
         let mut turning = base.clone();
-        turning.inlet.turns = vec![[0.0, 0.5]];
+        turning.inlet.direction_curve = vec![[0.0, 0.5]];
         for options in [base, slanted, turning] {
-            let told = LatticeMemory::of(&options);
-            let lattice = Lattice::new(&options, &[], &Limits::default()).expect("lattice");
+            let told = LatticeMemory::estimate(&options);
+            let lattice = LatticeSolver::new(&options, &[], &Limits::default()).expect("lattice");
             // Snapshots come with the frames.
             let (told, held) = (told.total() - told.snapshots, lattice.bytes());
             println!("lattice: told {told} bytes, holds {held}");
@@ -98,7 +100,7 @@ mod tests {
         let options = LatticeOptions { cells: [4096; 3], spacing: 0.25, ..LatticeOptions::default() };
         let mut limits = Limits::default();
         limits.set("cells", "none").expect("limit");
-        let said = Lattice::new(&options, &[], &limits).expect_err("68 billion cells").to_string();
+        let said = LatticeSolver::new(&options, &[], &limits).expect_err("68 billion cells").to_string();
         assert!(
             said.contains("4096 x 4096 x 4096") && said.contains("dx = 0.25") && said.contains("--max-memory"),
             "{said}"

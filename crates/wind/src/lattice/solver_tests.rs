@@ -18,7 +18,7 @@ use glam::{DVec3, Vec3};
 use pulp::Arch;
 
 use super::super::Wind;
-use super::cells::Face;
+use super::domain::Face;
 use super::*;
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
@@ -30,30 +30,30 @@ fn channel() -> LatticeOptions {
     LatticeOptions {
         cells: [80, 32, 16],
         spacing: 0.5,
-        at: DVec3::ZERO,
+        base_center: DVec3::ZERO,
         inlet: InletOptions {
             direction: DVec3::X,
             speed: 1.92,
-            curve: Vec::new(),
-            turns: Vec::new(),
+            speed_curve: Vec::new(),
+            direction_curve: Vec::new(),
             profile: WindProfile::Log(0.05),
-            reference: Some(16.0),
-            gust: 0.0,
+            reference_height: Some(16.0),
+            gust_strength: 0.0,
             gust_period: 8.0,
             turbulence: 0.0,
-            modes: 24,
+            turbulence_modes: 24,
             seed: 7,
         },
         viscosity: 1.5e-5,
         fps: 24.0,
-        steps: Some(2),
+        steps_per_frame: Some(2),
         smagorinsky: 0.16,
         tau_floor: 0.5005,
-        ground: Ground::Rough(0.05),
-        sides: Sides::Auto,
-        outlet_rest: false,
-        sponge: 8,
-        preroll: None,
+        ground: GroundCondition::Rough(0.05),
+        sides: SideCondition::Auto,
+        outlet_nonequilibrium: false,
+        sponge_cells: 8,
+        spin_up: None,
     }
 }
 
@@ -63,21 +63,21 @@ fn wall() -> Vec<Solid> {
     vec![Solid { name: "wall".into(), form: Form::Prism(prism), humidity: 0.5 }]
 }
 
-fn lattice(options: &LatticeOptions, solids: &[Solid]) -> Lattice {
-    Lattice::new(options, solids, &Limits::default()).expect("lattice")
+fn lattice(options: &LatticeOptions, solids: &[Solid]) -> LatticeSolver {
+    LatticeSolver::new(options, solids, &Limits::default()).expect("lattice")
 }
 
-fn next(lattice: &mut Lattice) -> Result<Arc<Snapshot>> {
+fn next(lattice: &mut LatticeSolver) -> Result<Arc<WindSnapshot>> {
     lattice.advance(&Silent, &Cancel::default())
 }
 
 /// Steps from where a lattice stands.
-fn frames(lattice: &mut Lattice, count: usize) -> Vec<Arc<Snapshot>> {
+fn frames(lattice: &mut LatticeSolver, count: usize) -> Vec<Arc<WindSnapshot>> {
     (0..count).map(|_| next(lattice).expect("frame")).collect()
 }
 
 /// Mean flux through the plane x: density times velocity, over some frames.
-fn flux(snapshots: &[Arc<Snapshot>], x: usize) -> f64 {
+fn flux(snapshots: &[Arc<WindSnapshot>], x: usize) -> f64 {
     let mut sum = 0.0;
     for s in snapshots {
         let [_, ny, nz] = s.cells();
@@ -97,7 +97,7 @@ fn what_comes_in_goes_through_and_out() {
         let [a, b, c] = [5, 40, 74].map(|x| flux(&s, x));
         println!("flux, {} solids: mid {:.2e}, outlet {:.2e}", solids.len(), b / a - 1.0, c / a - 1.0);
         assert!((b / a - 1.0).abs() < bounds[0] && (c / a - 1.0).abs() < bounds[1], "{a} {b} {c}");
-        assert_eq!(l.health().clamped, 0);
+        assert_eq!(l.stats().clamped_cells, 0);
     }
 }
 
@@ -105,7 +105,7 @@ fn what_comes_in_goes_through_and_out() {
 fn eddies_go_with_a_wind_that_rises() {
     let inlet = |curve: Vec<[f64; 2]>| {
         let mut o = channel();
-        (o.inlet.turbulence, o.inlet.gust, o.inlet.curve) = (0.2, 0.0, curve);
+        (o.inlet.turbulence, o.inlet.gust_strength, o.inlet.speed_curve) = (0.2, 0.0, curve);
         lattice(&o, &[]).inlet().clone()
     };
     let (even, same, rising) = (inlet(Vec::new()), inlet(vec![[0.0, 1.92]]), inlet(vec![[0.0, 0.96], [10.0, 1.92]]));
@@ -120,11 +120,11 @@ fn eddies_go_with_a_wind_that_rises() {
 }
 
 /// A wind that turns from +x to -z in two seconds after two, in a cube of cells with a block in its middle.
-fn turning(turbulence: f64) -> Lattice {
+fn turning(turbulence: f64) -> LatticeSolver {
     let mut o = channel();
-    (o.cells, o.preroll) = ([32, 16, 32], Some(4.0));
-    (o.inlet.turbulence, o.inlet.gust, o.inlet.reference) = (turbulence, 0.0, Some(8.0));
-    o.inlet.turns = vec![[2.0, 0.0], [4.0, std::f64::consts::FRAC_PI_2]];
+    (o.cells, o.spin_up) = ([32, 16, 32], Some(4.0));
+    (o.inlet.turbulence, o.inlet.gust_strength, o.inlet.reference_height) = (turbulence, 0.0, Some(8.0));
+    o.inlet.direction_curve = vec![[2.0, 0.0], [4.0, std::f64::consts::FRAC_PI_2]];
     let block = Prism::block(Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0), 0.0);
     lattice(&o, &[Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }])
 }
@@ -133,7 +133,7 @@ fn turning(turbulence: f64) -> Lattice {
 fn a_wind_that_turns_goes_out_where_it_came_in() {
     let mut l = turning(0.0);
     let before = frames(&mut l, 48).pop().expect("frame");
-    let roles = |l: &Lattice| [0, 1, 4, 5].map(|f| l.flow.cells.faces[f]);
+    let roles = |l: &LatticeSolver| [0, 1, 4, 5].map(|f| l.flow.cells.faces[f]);
     assert_eq!(roles(&l), [Face::Inlet, Face::Outlet, Face::Outlet, Face::Outlet]);
     let part = frames(&mut l, 6).len();
     assert_eq!((part, roles(&l)), (6, [Face::Inlet, Face::Outlet, Face::Outlet, Face::Inlet]));
@@ -149,11 +149,11 @@ fn a_wind_that_turns_goes_out_where_it_came_in() {
         println!("towards {d}: {mean}, asked {wanted}");
         assert!((mean - wanted).length() < 0.04 * wanted.length(), "{mean}, {wanted}");
     }
-    assert!(l.health().clamped == 0 && l.health().density.abs() < 0.02, "{:?}", l.health());
+    assert!(l.stats().clamped_cells == 0 && l.stats().density_error.abs() < 0.02, "{:?}", l.stats());
     // Whoever flies in it knows from where it comes.
     for (s, d) in [(before, Vec3::X), (after, Vec3::NEG_Z)] {
         let (t0, t1) = (s.time, s.time);
-        let now = Between { before: Arc::clone(&s), after: s, t0, t1 };
+        let now = InterpolatedWind { before: Arc::clone(&s), after: s, t0, t1 };
         assert!((now.mean().normalize() - d).length() < 1e-6, "{}", now.mean());
     }
 }
@@ -177,7 +177,8 @@ fn a_wind_that_turns_goes_on_from_where_it_was_broken_off() {
 fn eddies_go_the_way_of_a_wind_that_turns() {
     let inlet = |turns: Vec<[f64; 2]>| {
         let mut o = channel();
-        (o.inlet.turbulence, o.inlet.gust, o.inlet.turns, o.sides) = (0.2, 0.0, turns, Sides::Open);
+        (o.inlet.turbulence, o.inlet.gust_strength, o.inlet.direction_curve, o.sides) =
+            (0.2, 0.0, turns, SideCondition::Open);
         lattice(&o, &[]).inlet().clone()
     };
     let straight = inlet(Vec::new());
@@ -195,19 +196,19 @@ fn eddies_go_the_way_of_a_wind_that_turns() {
 #[test]
 fn what_is_taken_up_goes_on_and_says_what_was_said() {
     let mut first = lattice(&channel(), &wall());
-    first.settle(&Silent, &Cancel::default()).expect("run-up");
-    first.notes.push(Note { code: "S022", text: "fast\tair".into() });
-    let state = first.state();
+    first.spin_up(&Silent, &Cancel::default()).expect("run-up");
+    first.warnings.push(LatticeWarning { code: "S022", text: "fast\tair".into() });
+    let state = first.save_state();
     let mut second = lattice(&channel(), &wall());
-    assert!(second.take_up(&state[..state.len() - 1]).is_err() && second.take_up(&state[..30]).is_err());
-    second.take_up(&state).expect("the same lattice");
-    assert!(lattice(&channel(), &[]).take_up(&state).is_err());
-    assert_eq!((second.health(), second.notes()), (first.health(), first.notes()));
+    assert!(second.restore_state(&state[..state.len() - 1]).is_err() && second.restore_state(&state[..30]).is_err());
+    second.restore_state(&state).expect("the same lattice");
+    assert!(lattice(&channel(), &[]).restore_state(&state).is_err());
+    assert_eq!((second.stats(), second.warnings()), (first.stats(), first.warnings()));
     for _ in 0..3 {
         let (a, b) = (next(&mut first).expect("frame"), next(&mut second).expect("frame"));
         assert!(a.values == b.values);
     }
-    assert_eq!((second.state(), second.health().steps), (first.state(), first.run_up() + 4));
+    assert_eq!((second.save_state(), second.stats().steps), (first.save_state(), first.spin_up_steps() + 4));
 }
 
 #[test]
@@ -226,9 +227,9 @@ fn the_profile_that_comes_in_is_the_one_asked_for() {
 }
 
 /// Largest deviations from the profile asked for along a channel, by distance from where the wind comes in.
-fn kept(ground: Ground) -> [f64; 3] {
+fn kept(ground: GroundCondition) -> [f64; 3] {
     let mut o = channel();
-    (o.preroll, o.ground) = (Some(80.0), ground);
+    (o.spin_up, o.ground) = (Some(80.0), ground);
     let mut l = lattice(&o, &[]);
     let s = frames(&mut l, 1).pop().expect("frame");
     [5, 30, 60].map(|x| {
@@ -242,7 +243,7 @@ fn kept(ground: Ground) -> [f64; 3] {
 
 #[test]
 fn over_rough_ground_the_wind_keeps_its_profile() {
-    let (rough, smooth) = (kept(Ground::Rough(0.05)), kept(Ground::Smooth));
+    let (rough, smooth) = (kept(GroundCondition::Rough(0.05)), kept(GroundCondition::Smooth));
     println!("log profile at 5, 30, 60 cells: rough ground {rough:.3?}, smooth {smooth:.3?}");
     assert!(rough[0] < 0.02 && rough.iter().all(|off| *off < 0.08), "{rough:?}");
     assert!(smooth.iter().all(|off| *off > 0.2), "{smooth:?}");
@@ -274,7 +275,7 @@ fn turbulence_has_the_strength_asked_for() {
 }
 
 /// Mean square of the velocity along z behind the wall, (m/s)^2.
-fn across(snapshots: &[Arc<Snapshot>]) -> f64 {
+fn across(snapshots: &[Arc<WindSnapshot>]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for s in snapshots {
         for c in 0..10 * 16 {
@@ -298,9 +299,9 @@ fn turbulence_makes_a_wake_that_is_not_flat() {
 }
 
 /// A scene turned to a direction: a cube of cells with a block in its middle.
-fn turned(direction: DVec3) -> Arc<Snapshot> {
+fn turned(direction: DVec3) -> Arc<WindSnapshot> {
     let mut o = channel();
-    (o.cells, o.inlet.direction, o.preroll) = ([32, 16, 32], direction, Some(300.0 / 48.0));
+    (o.cells, o.inlet.direction, o.spin_up) = ([32, 16, 32], direction, Some(300.0 / 48.0));
     let block = Prism::block(Vec3::ZERO, Vec3::new(2.0, 3.0, 2.0), 0.0);
     let solids = [Solid { name: "block".into(), form: Form::Prism(block), humidity: 0.5 }];
     next(&mut lattice(&o, &solids)).expect("frame")
@@ -308,7 +309,7 @@ fn turned(direction: DVec3) -> Arc<Snapshot> {
 
 #[test]
 fn the_wind_is_the_same_whichever_way_it_blows() {
-    let mean = |s: &Snapshot, d: DVec3| {
+    let mean = |s: &WindSnapshot, d: DVec3| {
         let n = s.cells();
         let all = (0..n[0] * n[1] * n[2]).map(|c| [c % n[0], c / n[0] % n[1], c / n[0] / n[1]]);
         let air: Vec<f64> = all.filter_map(|c| s.cell(c)).map(|(u, _)| u.as_dvec3().dot(d)).collect();
@@ -322,8 +323,8 @@ fn the_wind_is_the_same_whichever_way_it_blows() {
     }
     let oblique = DVec3::new(1.0, 0.0, 1.0).normalize();
     let mut o = channel();
-    (o.cells, o.inlet.direction, o.preroll) = ([32, 16, 32], oblique, Some(30.0));
-    o.inlet.reference = Some(8.0);
+    (o.cells, o.inlet.direction, o.spin_up) = ([32, 16, 32], oblique, Some(30.0));
+    o.inlet.reference_height = Some(8.0);
     let mut l = lattice(&o, &[]);
     let s = frames(&mut l, 20).pop().expect("frame");
     let mut worst = 0.0_f64;
@@ -342,22 +343,22 @@ fn a_wall_in_rough_air_stays_stable() {
     o.inlet.turbulence = 0.1;
     let mut l = lattice(&o, &wall());
     let mut fastest = 0.0_f32;
-    while l.health().steps < 5000 {
+    while l.stats().steps < 5000 {
         let s = next(&mut l).expect("stable");
-        if l.health().steps % 50 < 2 {
+        if l.stats().steps % 50 < 2 {
             fastest = s.values.iter().map(|v| Vec3::new(v[0], v[1], v[2]).length()).fold(fastest, f32::max);
         }
     }
-    println!("5000 steps behind a wall: fastest {:.3} cells a step, {:?}", fastest / 24.0, l.health());
-    assert!(fastest / 24.0 < 0.25 && l.health().clamped == 0, "{fastest}");
-    assert!(l.health().checkered < 1e-3);
+    println!("5000 steps behind a wall: fastest {:.3} cells a step, {:?}", fastest / 24.0, l.stats());
+    assert!(fastest / 24.0 < 0.25 && l.stats().clamped_cells == 0, "{fastest}");
+    assert!(l.stats().peak_checkerboard < 1e-3);
 }
 
 #[test]
 fn without_eddies_thin_air_is_refused_and_blows_up_when_forced() {
     let mut o = channel();
     (o.smagorinsky, o.inlet.turbulence) = (0.0, 0.1);
-    assert!(matches!(Lattice::new(&o, &wall(), &Limits::default()), Err(Error::Range { .. })));
+    assert!(matches!(LatticeSolver::new(&o, &wall(), &Limits::default()), Err(Error::Range { .. })));
     o.smagorinsky = 1e-9;
     let mut l = lattice(&o, &wall());
     let mut end = Ok(());
@@ -377,8 +378,8 @@ fn without_eddies_thin_air_is_refused_and_blows_up_when_forced() {
 fn bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
     let run = || {
         let mut o = channel();
-        (o.cells, o.preroll) = ([64; 3], Some(1.0 / 48.0));
-        (o.inlet.turbulence, o.inlet.gust, o.steps) = (0.1, 0.2, Some(3));
+        (o.cells, o.spin_up) = ([64; 3], Some(1.0 / 48.0));
+        (o.inlet.turbulence, o.inlet.gust_strength, o.steps_per_frame) = (0.1, 0.2, Some(3));
         let mut l = lattice(&o, &wall());
         l.flow.sweep.compute_by(arch);
         let mut at = frames(&mut l, 9);
@@ -416,7 +417,7 @@ fn bytes_do_not_depend_on_threads_instructions_or_breaks() {
 fn between_snapshots_the_wind_is_straight_and_falls_to_nothing_at_walls() {
     let mut l = lattice(&channel(), &wall());
     let two = frames(&mut l, 2);
-    let wind = Between { before: two[0].clone(), after: two[1].clone(), t0: 0.0, t1: 1.0 / 24.0 };
+    let wind = InterpolatedWind { before: two[0].clone(), after: two[1].clone(), t0: 0.0, t1: 1.0 / 24.0 };
     let at = |p: Vec3, t: f64| {
         let mut out = [Vec3::ZERO];
         wind.sample(&[p], t, &mut out);
@@ -444,7 +445,7 @@ fn between_snapshots_the_wind_is_straight_and_falls_to_nothing_at_walls() {
 
 #[test]
 fn linear_fields_are_sampled_as_they_are() {
-    let l = lattice(&LatticeOptions { sides: Sides::Open, ..channel() }, &[]);
+    let l = lattice(&LatticeOptions { sides: SideCondition::Open, ..channel() }, &[]);
     let field = Arc::clone(&l.field);
     // Velocity at a place and a time, up to 1 m/s.
     let wind = |p: DVec3, t: f64| {
@@ -457,9 +458,9 @@ fn linear_fields_are_sampled_as_they_are() {
             let u = wind(field.origin + at * field.spacing, time).as_vec3();
             [u.x, u.y, u.z, 0.0]
         };
-        Arc::new(Snapshot { field: Arc::clone(&field), values: (0..field.count()).map(value).collect(), time })
+        Arc::new(WindSnapshot { field: Arc::clone(&field), values: (0..field.count()).map(value).collect(), time })
     };
-    let between = Between { before: snapshot(0.0), after: snapshot(0.25), t0: 0.0, t1: 0.25 };
+    let between = InterpolatedWind { before: snapshot(0.0), after: snapshot(0.25), t0: 0.0, t1: 0.25 };
     let mut rng = osier_base::rng::Rng::at(7, &["places".into()]);
     for _ in 0..2000 {
         let part = DVec3::new(rng.unit_f64(), rng.unit_f64(), rng.unit_f64());
@@ -474,17 +475,17 @@ fn linear_fields_are_sampled_as_they_are() {
 #[test]
 fn plans_follow_the_wind() {
     let mut o = channel();
-    (o.cells, o.inlet.speed, o.inlet.reference, o.steps) = ([70; 3], 2.0, Some(35.0), None);
+    (o.cells, o.inlet.speed, o.inlet.reference_height, o.steps_per_frame) = ([70; 3], 2.0, Some(35.0), None);
     let l = lattice(&o, &[]);
-    assert_eq!(l.steps(), 2);
-    assert!((l.viscosity() - 2e-3).abs() < 1e-6, "{}", l.viscosity());
-    o.steps = Some(1);
-    assert!(matches!(Lattice::new(&o, &[], &Limits::default()), Err(Error::Range { .. })));
-    (o.steps, o.inlet.speed) = (Some(2), 3.2);
-    assert!(lattice(&o, &[]).notes().iter().any(|n| n.code == "S020"));
+    assert_eq!(l.steps_per_frame(), 2);
+    assert!((l.effective_viscosity() - 2e-3).abs() < 1e-6, "{}", l.effective_viscosity());
+    o.steps_per_frame = Some(1);
+    assert!(matches!(LatticeSolver::new(&o, &[], &Limits::default()), Err(Error::Range { .. })));
+    (o.steps_per_frame, o.inlet.speed) = (Some(2), 3.2);
+    assert!(lattice(&o, &[]).warnings().iter().any(|n| n.code == "S020"));
     let mut few = Limits::default();
     few.set("cells", "1k").expect("limit");
-    assert!(matches!(Lattice::new(&o, &[], &few), Err(Error::Limit { .. })));
+    assert!(matches!(LatticeSolver::new(&o, &[], &few), Err(Error::Limit { .. })));
 }
 
 #[test]
@@ -509,7 +510,7 @@ fn thin_walls_claim_one_layer_and_pockets_fill() {
         wall(Vec3::new(0.0, 2.5, 0.0), Vec3::new(4.5, 0.5, 4.0)),
     ];
     let l = lattice(&o, &room);
-    assert!(l.notes().iter().any(|n| n.text.contains("still")), "{:?}", l.notes());
+    assert!(l.warnings().iter().any(|n| n.text.contains("still")), "{:?}", l.warnings());
     assert!(l.flow.cells.is_solid([40, 2, 8]));
 }
 
@@ -517,12 +518,12 @@ fn thin_walls_claim_one_layer_and_pockets_fill() {
 fn a_recorded_wind_is_the_one_that_blew_and_repeats() {
     use osier_base::geometry::Bounds;
     let mut o = channel();
-    (o.inlet.turbulence, o.preroll) = (0.1, Some(2.0));
+    (o.inlet.turbulence, o.spin_up) = (0.1, Some(2.0));
     let bounds = Bounds { min: Vec3::new(-3.0, 0.0, -1.0), max: Vec3::new(2.0, 5.0, 1.5) };
     let quiet: (&dyn osier_base::progress::Progress, &Cancel) = (&Silent, &Cancel::default());
     let record = |repeats: bool, limits: &Limits| {
-        let take = LatticeTake { bounds, frames: 60, fps: 24.0, repeats };
-        Recorded::of(&mut lattice(&o, &wall()), take, limits, quiet)
+        let take = RecordingOptions { bounds, frames: 60, fps: 24.0, repeats };
+        RecordedWind::record(&mut lattice(&o, &wall()), take, limits, quiet)
     };
     let once = record(false, &Limits::default()).expect("recorded");
     let mut l = lattice(&o, &wall());
@@ -533,7 +534,7 @@ fn a_recorded_wind_is_the_one_that_blew_and_repeats() {
         w.sample(&places, t, &mut out);
         out
     };
-    let frame = |k: usize| Between {
+    let frame = |k: usize| InterpolatedWind {
         before: all[k].clone(),
         after: all[k + 1].clone(),
         t0: k as f64 / 24.0,

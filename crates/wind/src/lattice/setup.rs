@@ -2,17 +2,17 @@
 
 use glam::DVec3;
 
-use super::cells::Face;
+use super::domain::Face;
 use super::ground::Surface;
-use super::inlet::{Inlet, InletOptions, WindProfile, turned};
-use super::run::Note;
+use super::inlet::{InletOptions, InletWind, WindProfile, turned};
+use super::solver::LatticeWarning;
 use osier_base::math::{cos, narrow};
 use osier_base::rng;
 use osier_base::{Error, Result};
 
 /// What the faces along the wind do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sides {
+pub enum SideCondition {
     /// Joined, if the wind blows along an axis; else open.
     Auto,
     /// Nothing passes, nothing drags.
@@ -23,7 +23,7 @@ pub enum Sides {
 
 /// What the ground does to the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Ground {
+pub enum GroundCondition {
     /// It takes the stress of a logarithmic profile over a roughness, m.
     Rough(f64),
     /// It holds the air, half a cell below the lowest middles.
@@ -38,7 +38,7 @@ pub struct LatticeOptions {
     /// Spacing, m.
     pub spacing: f64,
     /// Middle of the bottom of the box, m: the ground.
-    pub at: DVec3,
+    pub base_center: DVec3,
     /// What comes in.
     pub inlet: InletOptions,
     /// Kinematic viscosity, m^2/s.
@@ -46,21 +46,21 @@ pub struct LatticeOptions {
     /// Frames a second.
     pub fps: f64,
     /// Steps a frame; none for as many as are needed.
-    pub steps: Option<u32>,
+    pub steps_per_frame: Option<u32>,
     /// Smagorinsky's constant; 0 for no eddy viscosity.
     pub smagorinsky: f64,
     /// Least relaxation time, steps.
     pub tau_floor: f64,
     /// The bottom of the box.
-    pub ground: Ground,
+    pub ground: GroundCondition,
     /// Faces along the wind.
-    pub sides: Sides,
+    pub sides: SideCondition,
     /// Outlets also pass on what is beside the equilibrium: less damped.
-    pub outlet_rest: bool,
+    pub outlet_nonequilibrium: bool,
     /// Cells before an outlet in which the air thickens.
-    pub sponge: u32,
+    pub sponge_cells: u32,
     /// Time before the first frame, s; none for one flow through the box.
-    pub preroll: Option<f64>,
+    pub spin_up: Option<f64>,
 }
 
 impl Default for LatticeOptions {
@@ -69,30 +69,30 @@ impl Default for LatticeOptions {
         Self {
             cells: [70; 3],
             spacing: 0.5,
-            at: DVec3::ZERO,
+            base_center: DVec3::ZERO,
             inlet: InletOptions {
                 direction: DVec3::X,
                 speed: 4.5,
-                curve: Vec::new(),
-                turns: Vec::new(),
+                speed_curve: Vec::new(),
+                direction_curve: Vec::new(),
                 profile: WindProfile::Log(0.05),
-                reference: None,
-                gust: 0.2,
+                reference_height: None,
+                gust_strength: 0.2,
                 gust_period: 8.0,
                 turbulence: 0.1,
-                modes: 24,
+                turbulence_modes: 24,
                 seed: 0,
             },
             viscosity: 1.5e-5,
             fps: 24.0,
-            steps: None,
+            steps_per_frame: None,
             smagorinsky: 0.16,
             tau_floor: 0.5005,
-            ground: Ground::Rough(0.05),
-            sides: Sides::Auto,
-            outlet_rest: false,
-            sponge: 8,
-            preroll: None,
+            ground: GroundCondition::Rough(0.05),
+            sides: SideCondition::Auto,
+            outlet_nonequilibrium: false,
+            sponge_cells: 8,
+            spin_up: None,
         }
     }
 }
@@ -129,7 +129,7 @@ fn range(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -> Erro
 }
 
 impl Plan {
-    pub(super) fn of(options: &LatticeOptions) -> Result<(Self, Vec<Note>)> {
+    pub(super) fn of(options: &LatticeOptions) -> Result<(Self, Vec<LatticeWarning>)> {
         let direction = options.inlet.direction;
         if direction.y.abs() > 1e-9 || (direction.length() - 1.0).abs() > 1e-6 {
             return Err(range("the length of the wind's level direction", direction.length(), 1.0, 1.0, ""));
@@ -137,12 +137,12 @@ impl Plan {
         turns(options)?;
         let n = options.cells.map(|n| n as usize);
         let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
-        let origin = options.at - DVec3::new(size.x, 0.0, size.z) / 2.0;
+        let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
         let faces = faces(options, 0.0);
         let along = usize::from(direction.z.abs() > direction.x.abs()) * 2;
         let mut notes = Vec::new();
         let periodic = [0, 2, 4].map(|f| faces[f] == Face::Periodic);
-        let inlet = Inlet::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
+        let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
         let peak = inlet.peak(size.y);
         let steps = steps(options, peak, &mut notes)?;
         let dt = 1.0 / (options.fps * f64::from(steps));
@@ -151,14 +151,14 @@ impl Plan {
             return Err(range("wind.lattice.tau_floor without smagorinsky", tau, BARE, 1.0, "steps"));
         }
         let surface = match options.ground {
-            Ground::Rough(z0) => {
+            GroundCondition::Rough(z0) => {
                 Surface::rough(z0 / options.spacing, (tau, options.smagorinsky), inlet.scale(dt), n[1])
             }
-            Ground::Smooth => Surface::default(),
+            GroundCondition::Smooth => Surface::default(),
         };
         let run_up = run_up(options, (dt, size, n), along);
         let key = key(options);
-        let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge);
+        let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge_cells);
         Ok((Self { n, origin, spacing, fps, steps, dt, tau, surface, along, run_up, sponge, key }, notes))
     }
 
@@ -215,21 +215,21 @@ pub(super) fn faces(options: &LatticeOptions, t: f64) -> [Face; 6] {
     let d = turned(&options.inlet, t);
     let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
     // A wind that turns does not stay along an axis; and when it turns it sounds, which sides that slip would keep for ever.
-    let turns = !options.inlet.turns.is_empty();
+    let turns = !options.inlet.direction_curve.is_empty();
     let straight = !turns && d[across].abs() < cos(std::f64::consts::FRAC_PI_2 - 1.0_f64.to_radians());
     std::array::from_fn(|f| {
         let axis = f / 2;
         if axis == 1 {
             return match options.ground {
                 _ if f == 3 => Face::Slip,
-                Ground::Rough(_) => Face::Rough,
-                Ground::Smooth => Face::Wall([0.0; 3]),
+                GroundCondition::Rough(_) => Face::Rough,
+                GroundCondition::Smooth => Face::Wall([0.0; 3]),
             };
         }
         let side = axis == across;
         match options.sides {
-            Sides::Auto if side && straight => return Face::Periodic,
-            Sides::Slip if side => return Face::Slip,
+            SideCondition::Auto if side && straight => return Face::Periodic,
+            SideCondition::Slip if side => return Face::Slip,
             _ => {}
         }
         let out = d[axis] * if f.is_multiple_of(2) { -1.0 } else { 1.0 };
@@ -246,7 +246,7 @@ pub(super) fn faces(options: &LatticeOptions, t: f64) -> [Face; 6] {
 /// Faces with as many open as there will be.
 pub(super) fn most_open(options: &LatticeOptions) -> [Face; 6] {
     let mut all = faces(options, 0.0);
-    if !options.inlet.turns.is_empty() {
+    if !options.inlet.direction_curve.is_empty() {
         [all[0], all[1], all[4], all[5]] = [Face::Inlet, Face::Outlet, Face::Inlet, Face::Outlet];
     }
     all
@@ -254,11 +254,11 @@ pub(super) fn most_open(options: &LatticeOptions) -> [Face; 6] {
 
 /// A wind that turns does so in the clip, not while it sets in, and through all four sides.
 fn turns(options: &LatticeOptions) -> Result<()> {
-    let turns = &options.inlet.turns;
+    let turns = &options.inlet.direction_curve;
     if let Some(first) = turns.first().filter(|row| row[0] < 0.0) {
         return Err(range("the first time of a wind that turns", first[0], 0.0, 1e9, "s"));
     }
-    if turns.windows(2).any(|w| w[0][0] >= w[1][0]) || !turns.is_empty() && options.sides == Sides::Slip {
+    if turns.windows(2).any(|w| w[0][0] >= w[1][0]) || !turns.is_empty() && options.sides == SideCondition::Slip {
         return Err(range("turns that rise in time, and open sides", 0.0, 1.0, 1.0, ""));
     }
     Ok(())
@@ -266,9 +266,9 @@ fn turns(options: &LatticeOptions) -> Result<()> {
 
 /// Steps a frame: the fewest at which the wind does not pass a tenth of a cell.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
-fn steps(options: &LatticeOptions, peak: f64, notes: &mut Vec<Note>) -> Result<u32> {
+fn steps(options: &LatticeOptions, peak: f64, notes: &mut Vec<LatticeWarning>) -> Result<u32> {
     let one = peak / (options.fps * options.spacing);
-    let wanted = options.steps.unwrap_or((one / PACE[0] - 1e-9).ceil().clamp(1.0, 1e6) as u32).max(1);
+    let wanted = options.steps_per_frame.unwrap_or((one / PACE[0] - 1e-9).ceil().clamp(1.0, 1e6) as u32).max(1);
     let pace = one / f64::from(wanted);
     let needed = (one / PACE[0] - 1e-9).ceil().max(1.0);
     if pace > PACE[2] {
@@ -278,14 +278,14 @@ fn steps(options: &LatticeOptions, peak: f64, notes: &mut Vec<Note>) -> Result<u
         let text = format!(
             "the lattice wind passes {pace:.3} cells a step, which is coarse; {needed} steps a frame would be fine"
         );
-        notes.push(Note { code: "S020", text });
+        notes.push(LatticeWarning { code: "S020", text });
     }
     if pace < PACE[3] {
         let text = format!(
             "the lattice wind passes only {pace:.4} cells a step and drowns in rounding; take fewer steps a frame or a \
              smaller dx"
         );
-        notes.push(Note { code: "S020", text });
+        notes.push(LatticeWarning { code: "S020", text });
     }
     Ok(wanted)
 }
@@ -293,7 +293,7 @@ fn steps(options: &LatticeOptions, peak: f64, notes: &mut Vec<Note>) -> Result<u
 /// Steps before the first frame: one flow through the box, at least three passages of sound.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are limited")]
 fn run_up(options: &LatticeOptions, (dt, size, n): (f64, DVec3, [usize; 3]), along: usize) -> u64 {
-    if let Some(seconds) = options.preroll {
+    if let Some(seconds) = options.spin_up {
         return (seconds / dt).ceil() as u64;
     }
     let through = size[along] / options.inlet.speed.max(0.01) / dt;

@@ -8,13 +8,13 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::cells::Cells;
-use super::ends::End;
+use super::domain::Cells;
+use super::exchange::{Arriving, Leaving, Links, Plan, Planes, Taken, parts};
 use super::grid::{BLOCK, Grid, Parity, Populations};
 use super::ground::Surface;
-use super::links::{Arriving, Leaving, Links, Plan, Planes, Taken, parts};
-use super::open::{Before, Mouths, let_go};
-use super::plane::{Desk, Place};
+use super::open_boundary::{Before, Mouths, let_go};
+use super::plane_step::{Desk, Place};
+use super::row_halo::End;
 use super::snapshot::{Field, Pages, Plane, Reading};
 use super::stencil::Q;
 use osier_base::par;
@@ -49,7 +49,7 @@ pub(super) struct Viscosity {
 /// What is asked of open faces in a step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Asked<'a> {
-    /// Velocity at each inlet, by component, cells a step, in the order of [`super::open::Mouths::inlets`].
+    /// Velocity at each inlet, by component, cells a step, in the order of [`super::open_boundary::Mouths::inlets`].
     pub wind: &'a [Vec<f32>; 3],
     /// How it leans with the height there, and by how much of that along x and z.
     pub lean: (&'a [f32], [f32; 2]),

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
-use super::cells::{Cells, Face};
+use super::domain::{Cells, Face};
 use super::flow::Flow;
-use super::inlet::{Blowing, Inlet, Mouth};
-use super::plan::Plan;
+use super::inlet::{Blowing, InletWind, Mouth};
+use super::setup::Plan;
 use osier_base::math::narrow;
 
 /// The wind before each open face.
@@ -18,7 +18,7 @@ pub(super) struct Doors {
 }
 
 impl Doors {
-    pub(super) fn of(flow: &Flow, inlet: &Inlet, plan: &Plan) -> Self {
+    pub(super) fn of(flow: &Flow, inlet: &InletWind, plan: &Plan) -> Self {
         let (mut sum, mut count) = ([0.0_f64; 6], [0.0_f64; 6]);
         for (place, face) in flow.links.mouths.before_air() {
             let height = plan.middle(place).y - plan.origin.y - ground(&flow.cells, place, plan.spacing);
@@ -42,7 +42,7 @@ impl Doors {
 }
 
 /// The wind at every place where it comes in.
-pub(super) fn mouth(flow: &Flow, inlet: &Inlet, plan: &Plan) -> Mouth {
+pub(super) fn mouth(flow: &Flow, inlet: &InletWind, plan: &Plan) -> Mouth {
     let place = |p| (plan.middle(p), ground(&flow.cells, p, plan.spacing));
     let places: Vec<_> = flow.links.mouths.inlets().into_iter().map(place).collect();
     Mouth::new(inlet, &places, |height| plan.tau_at(height), plan.dt / plan.spacing)
@@ -58,7 +58,7 @@ fn ground(cells: &Cells, place: [isize; 3], spacing: f64) -> f64 {
 }
 
 /// What the profile has more than its mean, by height, and how it leans, both along the wind, cells a step.
-pub(super) fn uneven(inlet: &Inlet, plan: &Plan) -> Vec<[f64; 2]> {
+pub(super) fn uneven(inlet: &InletWind, plan: &Plan) -> Vec<[f64; 2]> {
     let heights: Vec<f64> = (0..plan.n[1]).map(|y| plan.spacing * (y as f64 + 0.5)).collect();
     let of = |height: &f64| inlet.steady(*height, 1.0) / plan.speed();
     let mean = heights.iter().map(of).sum::<f64>() / plan.n[1] as f64;

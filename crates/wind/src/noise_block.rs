@@ -2,7 +2,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "one index runs through many blocks")]
 
-use super::gradient::{fade, scramble};
+use super::gradient_noise::{fade, scramble};
 
 /// Places in a block.
 pub(super) const BLOCK: usize = 64;
@@ -119,7 +119,7 @@ fn signed(v: f32, bits: u32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::gradient::ENDLESS;
+    use super::super::gradient_noise::ENDLESS;
     use super::*;
 
     /// Noises of the plane and of space at blocks of places, each block from place `k` on.
@@ -148,7 +148,7 @@ mod tests {
             assert!(all.iter().all(|v| v[k].abs() < 1.2));
         }
         let rms = osier_base::math::sqrt(mean(&|v| v[2] * v[2]));
-        assert!((rms - f64::from(super::super::gust::EDDY_RMS)).abs() < 0.01, "{rms}");
+        assert!((rms - f64::from(super::super::gust_wind::EDDY_RMS)).abs() < 0.01, "{rms}");
         assert!(mean(&|v| v[1] * v[2]).abs() < 0.004);
     }
 
