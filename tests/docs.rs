@@ -56,6 +56,19 @@ fn limits() {
     held("limits.md", &text);
 }
 
+/// The table of docs/formats.md is that of the registry of formats.
+#[test]
+fn formats() {
+    let mut table = String::from("| format | what a bake writes | single files |\n|---|---|---|\n");
+    for f in osier::export::format::FORMATS {
+        let endings: Vec<String> = f.endings.iter().map(|(e, _)| format!("`.{e}`")).collect();
+        let files = if endings.is_empty() { "-".to_owned() } else { endings.join(" ") };
+        table.push_str(&format!("| `{}` | {} | {files} |\n", f.word, f.about));
+    }
+    let text = std::fs::read_to_string(root().join("docs/formats.md")).expect("formats.md");
+    assert!(text.contains(&table), "docs/formats.md lacks the table of the registry:\n{table}");
+}
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }

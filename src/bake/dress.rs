@@ -9,7 +9,7 @@ use super::air::Air;
 use super::layout::{Individual, Layout};
 use super::mover::{Leaves, Mover, Shown};
 use super::plants::Grown;
-use crate::recipe::sections::{Format, Motion, SkinKeys, Uv};
+use crate::recipe::sections::{Motion, SkinKeys, Uv};
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::Result;
 use osier_motion::{Rig, Weights};
@@ -42,7 +42,7 @@ pub struct Kind {
 
 /// Marks the plants of which glTF may show copies without a skeleton, as all of them would need more skins than it is given.
 pub fn mark_beyond_skins(recipe: &Recipe, layout: &Layout, kinds: &mut [Kind]) {
-    let written = recipe.output.formats.contains(&Format::Glb);
+    let written = recipe.output.writes(&osier_export::gltf::FORMAT);
     let beyond = layout.standings.len() > usize::try_from(recipe.output.gltf.skins).unwrap_or(usize::MAX);
     let mut standing = vec![0_usize; kinds.len()];
     for plant in layout.standings.iter().filter_map(|s| layout.individuals.get(s.individual)).map(|i| i.plant) {

@@ -3,99 +3,62 @@
 use std::sync::Arc;
 
 use super::write::Writer;
-use crate::recipe::sections::{CopyStyle, Format, Profile, Up};
+use crate::recipe::sections::{CopyStyle, Profile, Up};
 use crate::recipe::{OutputRecipe, Recipe};
 use osier_base::fence::Folder;
 use osier_export::textures::Textures;
-use osier_export::{air, exr, gltf, manifest, obj, ply, pov, stats, tracks, usd};
+use osier_export::format::{self, ExportJob, ExportOptions, FormatInfo};
+use osier_export::{air, exr, gltf, manifest, pov, usd};
 
 /// Writers of a bake's folder, which will be given these frames.
 pub fn of_bake(folder: &Folder, textures: &Arc<Textures>, recipe: &Recipe, frames: &[u32]) -> Vec<Writer> {
-    let of = |f: &Format| of_format(*f, (folder, textures), recipe, frames);
-    let formats = recipe.output.formats.iter().flat_map(of);
-    let told = !recipe.output.air.grids.is_empty();
-    formats.chain(told.then(|| writer("wind", air::Air::new(folder.clone())))).collect()
-}
-
-fn of_format(
-    format: Format,
-    (folder, textures): (&Folder, &Arc<Textures>),
-    recipe: &Recipe,
-    frames: &[u32],
-) -> Vec<Writer> {
-    let (folder, output) = (folder.clone(), &recipe.output);
-    match format {
-        Format::Usd => {
-            let maps = output.formats.contains(&Format::Exr);
-            let first = frames.first().copied();
-            let options = usd::Options {
-                up: up(output),
-                maps,
-                first,
-                copies: copies(output),
-                tolerance: tolerance(output),
-                ..usd::Options::default()
-            };
-            vec![writer("usd", usd::Usd::new(folder, Arc::clone(textures), options))]
-        }
-        Format::Glb => {
-            let glb = |p: &Profile| {
-                let layout = gltf::Layout::Bake;
-                let (frame, nodes) = (output.gltf.frame, output.gltf.nodes as usize);
-                let (skins, assets) = (output.gltf.skins as usize, output.gltf.assets);
-                let options = gltf::Options { profile: profile(*p), layout, frame, nodes, skins, assets };
-                writer("glb", gltf::Gltf::new(folder.clone(), Arc::clone(textures), options))
-            };
-            output.gltf.profiles.iter().map(glb).collect()
-        }
-        Format::Pc2 => vec![writer("pc2", osier_export::pc2::Pc2::new(folder))],
-        Format::Obj => vec![writer("obj", obj::Obj::new(folder, (**textures).clone(), obj::Layout::Bake))],
-        Format::Ply => vec![writer("ply", ply::Ply::new(folder, ply::Layout::Bake))],
-        Format::Csv => vec![writer("csv", stats::Stats::new(folder))],
-        Format::Tracks => vec![writer("tracks", tracks::Tracks::new(folder))],
-        Format::Exr => vec![writer("exr", exr::Exr::new(folder, wanted_maps(recipe)))],
-        Format::Pov => vec![writer("pov", pov::Pov::new(folder, (**textures).clone(), pov_options(output)))],
+    let mut options = export_options(recipe);
+    options.usd.first = frames.first().copied();
+    let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
+    let mut writers: Vec<Writer> = recipe.output.formats.iter().flat_map(|f| open(f.0, &job)).collect();
+    if !recipe.output.air.grids.is_empty() {
+        writers.push(Writer { name: "wind", exporter: Box::new(air::Air::new(folder.clone())) });
     }
+    writers
 }
 
-/// The writer of a single file in a folder of the user's; `None` for an unknown ending.
-pub fn of_file(
-    folder: Folder,
-    name: &str,
-    textures: &Arc<Textures>,
-    output: &OutputRecipe,
-    web: bool,
-) -> Option<Writer> {
-    let (stem, ending) = name.rsplit_once('.')?;
-    let stem = stem.to_owned();
-    let textures = Arc::clone(textures);
-    let gltf = |layout| {
-        let profile = if web { gltf::Profile::Web } else { gltf::Profile::Blender };
-        writer(
-            "glb",
-            gltf::Gltf::new(
-                folder.clone(),
-                Arc::clone(&textures),
-                gltf::Options { profile, layout, skins: output.gltf.skins as usize, ..gltf::Options::default() },
-            ),
-        )
-    };
-    Some(match ending.to_ascii_lowercase().as_str() {
-        "glb" => gltf(gltf::Layout::Glb(name.to_owned())),
-        "gltf" => gltf(gltf::Layout::Gltf(name.to_owned())),
-        "usda" | "usdc" | "usdz" => {
-            let options =
-                usd::Options { up: up(output), file: Some(name.to_owned()), look: false, ..usd::Options::default() };
-            writer("usd", usd::Usd::new(folder, textures, options))
-        }
-        "obj" => writer("obj", obj::Obj::new(folder, (*textures).clone(), obj::Layout::Single(stem))),
-        "ply" => writer("ply", ply::Ply::new(folder, ply::Layout::Single(stem))),
-        "pov" => {
-            let options = pov::Options { layout: pov::Layout::Single(stem), ..pov_options(output) };
-            writer("pov", pov::Pov::new(folder, (*textures).clone(), options))
-        }
-        _ => return None,
-    })
+/// The writer of a single file in a folder of the user's; `None` for an unknown ending. `web`: glTF for browsers.
+pub fn of_file(folder: Folder, name: &str, textures: &Arc<Textures>, recipe: &Recipe, web: bool) -> Option<Writer> {
+    let (_, ending) = name.rsplit_once('.')?;
+    let format = format::by_ending(&ending.to_ascii_lowercase())?;
+    let mut options = export_options(recipe);
+    options.gltf_profiles = vec![if web { gltf::Profile::Web } else { gltf::Profile::Blender }];
+    let job = ExportJob { folder, textures: Arc::clone(textures), options: &options, file: Some(name) };
+    open(format, &job).into_iter().next()
+}
+
+/// Opens the writers of a format under its word.
+fn open(format: &FormatInfo, job: &ExportJob) -> Vec<Writer> {
+    (format.open)(job).into_iter().map(|exporter| Writer { name: format.word, exporter }).collect()
+}
+
+/// What a recipe chooses for all formats.
+pub fn export_options(recipe: &Recipe) -> ExportOptions {
+    let output = &recipe.output;
+    ExportOptions {
+        usd: usd::UsdOptions {
+            up: up(output),
+            maps: output.writes(&exr::FORMAT),
+            copies: copies(output),
+            tolerance: tolerance(output),
+            ..usd::UsdOptions::default()
+        },
+        gltf: gltf::GltfOptions {
+            frame: output.gltf.frame,
+            nodes: output.gltf.nodes as usize,
+            skins: output.gltf.skins as usize,
+            assets: output.gltf.assets,
+            ..gltf::GltfOptions::default()
+        },
+        gltf_profiles: output.gltf.profiles.iter().map(|p| profile(*p)).collect(),
+        pov: pov_options(output),
+        exr: exr::ExrOptions { water: recipe.maps.water, atlas: recipe.maps.atlas },
+    }
 }
 
 /// What the manifest says about the choices, for a bake of these frames in rising order.
@@ -118,15 +81,6 @@ fn stride(frames: &[u32]) -> u32 {
         a
     };
     frames.windows(2).fold(0, |step, pair| gcd(step, pair[1].abs_diff(pair[0]))).max(1)
-}
-
-fn writer(name: &'static str, exporter: impl osier_export::Exporter + 'static) -> Writer {
-    Writer { name, exporter: Box::new(exporter) }
-}
-
-/// Which maps of wet leaves are asked for.
-fn wanted_maps(recipe: &Recipe) -> exr::Wanted {
-    exr::Wanted { water: recipe.maps.water, atlas: recipe.maps.atlas }
 }
 
 fn up(output: &OutputRecipe) -> usd::UpAxis {
@@ -157,14 +111,14 @@ fn profile(profile: Profile) -> gltf::Profile {
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pictures are 8 to 16384 pixels wide")]
-fn pov_options(output: &OutputRecipe) -> pov::Options {
-    pov::Options {
+fn pov_options(output: &OutputRecipe) -> pov::PovOptions {
+    pov::PovOptions {
         step: output.pov.step,
         units_per_m: osier_base::math::narrow(output.pov.units),
         shutter: osier_base::math::narrow(output.pov.shutter),
         photons: output.photons.as_ref().map(|p| osier_base::math::narrow(p.smallest)),
         size: (output.pov.size[0] as u32, output.pov.size[1] as u32),
-        ..pov::Options::default()
+        ..pov::PovOptions::default()
     }
 }
 

@@ -8,7 +8,8 @@
 
 use super::counts::{Counts, lattice};
 use crate::recipe::Recipe;
-use crate::recipe::sections::Format;
+use osier_export::format::FormatInfo;
+use osier_export::usd;
 use osier_scene::{Image, Pixels, Scene};
 
 /// The program itself, and what each thread has on its stack and in its buffers, bytes.
@@ -23,27 +24,27 @@ const INSTANCE: u64 = 130;
 /// Bytes for each point of a cloud, and how many more as USD lays it out.
 const POINT: u64 = 50;
 const USD_POINT: u64 = 26;
-/// Hundredths of a byte for each byte of a binary glTF file, and of what USD and POV-Ray files keep of each byte until they end.
-const GLB: u64 = 155;
-const USD: u64 = 7;
-const POV: u64 = 20;
 /// Bytes for each texel of the maps of rain.
 const TEXEL: u64 = 150;
 
 /// Bytes of memory at the peak of a run, by what they are for. `counts`: of the run, with its sizes.
-pub fn predicted(scene: &Scene, recipe: &Recipe, counts: &Counts) -> Vec<(&'static str, u64)> {
+pub fn predicted(
+    scene: &Scene,
+    formats: &[&FormatInfo],
+    recipe: &Recipe,
+    counts: &Counts,
+) -> Vec<(&'static str, u64)> {
     let texels: u64 = scene.wet.iter().map(|w| (w.side * w.side) as u64).sum();
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
-    let kept = |format: &str, hundredths: u64| size(format) / 100 * hundredths;
-    let point = if recipe.output.formats.contains(&Format::Usd) { POINT + USD_POINT } else { POINT };
+    let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();
+    let point = if formats.iter().any(|f| f.word == usd::FORMAT.word) { POINT + USD_POINT } else { POINT };
     let mut parts = vec![
         ("program", PROGRAM + THREAD * osier_base::par::threads() as u64),
         ("pictures", scene.images.iter().map(raw).sum::<u64>() / 10 * PICTURE),
         ("meshes", VERTEX.saturating_mul(counts.vertices + counts.triangles)),
         ("instances", INSTANCE.saturating_mul(counts.instances)),
         ("points", point.saturating_mul(counts.points)),
-        ("binary glTF", kept("glb", GLB)),
-        ("writers", kept("usd", USD) + kept("pov", POV)),
+        ("writers", writers),
         ("maps of rain", TEXEL * texels),
     ];
     parts.extend(lattice(recipe));

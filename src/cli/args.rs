@@ -98,8 +98,8 @@ pub struct Bake {
     // Limits are named in one space with all other arguments, and one of them is `frames`.
     #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
-    /// Write only these formats: usd, glb, pc2, obj, ply, pov, exr, csv, tracks.
-    #[arg(long, value_name = "LIST")]
+    /// Write only these formats.
+    #[arg(long, value_name = "LIST", help = format!("Write only these formats: {}", osier_export::format::words()))]
     pub formats: Option<String>,
     /// Run the scene once for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write one table of what its [flight]
     /// came to, with a plot, into out/NAME-sweep; several for all their choices.

@@ -9,7 +9,6 @@ use super::args::Bake;
 use super::progress::{Show, Timed};
 use super::{numbers, report, source, sweep};
 use crate::bake::{self, Work, kept, single, stage, write};
-use crate::recipe::sections::Format;
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
 use osier_base::fence::{Folder, Shelf, WriteOptions, is_settled};
@@ -126,7 +125,7 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
 
 /// Why a part of a clip cannot be written: copies, or a still file, show times of it that are left out.
 fn lacking(recipe: &Recipe, stage: &write::Stage, frames: &[u32]) -> Option<String> {
-    let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.formats.contains(&Format::Glb));
+    let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
     if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
         return Some(format!("--frames: frame {frame}, which output.gltf.frame shows, is not among them"));
     }

@@ -8,22 +8,23 @@ use serde_json::json;
 
 use super::args::{Grow, ProfileArg};
 use super::bake::LARGE;
-use super::list::ENDINGS;
+use super::list::endings;
 use super::progress::Show;
 use super::{Context, report, source};
 use crate::bake::{Work, exporters, single, stage, write};
 use crate::recipe::resolve;
 use osier_base::Result;
 use osier_base::fence::{Folder, WriteOptions};
+use osier_export::format;
 use osier_export::textures::Textures;
 
 /// Runs it.
 pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     let to_pipe = args.output == Path::new("-");
     let name = if to_pipe { "stdout.glb".into() } else { file_name(&args.output) };
-    let ending = name.rsplit_once('.').map(|(_, e)| format!(".{}", e.to_ascii_lowercase())).unwrap_or_default();
-    if !ENDINGS.iter().any(|(e, _)| *e == ending) {
-        let known: Vec<&str> = ENDINGS.iter().map(|(e, _)| *e).collect();
+    let ending = name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
+    if !endings().any(|(e, _)| e == ending) {
+        let known: Vec<String> = endings().map(|(e, _)| format!(".{e}")).collect();
         let why = format!("\"{}\" has no known ending; one of {}", args.output.display(), known.join(" "));
         context.console.complain(&why);
         return Ok(2);
@@ -32,14 +33,14 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         context.console.complain("a binary file would fill the terminal; send it into a file or program: -o - > x.glb");
         return Ok(2);
     }
-    let picture = matches!(ending.as_str(), ".png" | ".exr");
+    let picture = matches!(ending.as_str(), "png" | "exr");
     let mut request =
         if picture { source::picture(context, &args.source)? } else { source::request(context, &args.source)? };
     request.steps = args.steps;
     let (mut recipe, warnings) = resolve(&request)?;
     context.console.report(&warnings);
     recipe.clip.end = recipe.clip.start;
-    if matches!(ending.as_str(), ".ifs" | ".flame") {
+    if matches!(ending.as_str(), "ifs" | "flame") {
         return super::coefficients::run(context, args, &recipe, &warnings);
     }
     let show = Show::new(&context.console);
@@ -56,9 +57,9 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
     let web = args.profile == ProfileArg::Web;
-    let kind = ending.trim_start_matches('.');
-    single::refuse_empty(&built.stage, kind)?;
-    let counts = single::counts(&built, &recipe, kind, web);
+    let Some(format) = format::by_ending(&ending) else { return Ok(2) };
+    single::refuse_empty(&built.stage, &ending)?;
+    let counts = single::counts(&built, &recipe, format, web);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
     context.limits.check("memory", counts.peak(), "the predicted peak of memory, in bytes,")?;
     if context.common.dry_run {
@@ -73,7 +74,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     }
     let (folder, parent) = if to_pipe { (Folder::memory(), Path::new(".")) } else { beside(context, args)? };
     let textures = Arc::new(Textures::encode(&built.stage.scene)?);
-    let Some(writer) = exporters::of_file(folder.clone(), &name, &textures, &recipe.output, web) else { return Ok(2) };
+    let Some(writer) = exporters::of_file(folder.clone(), &name, &textures, &recipe, web) else { return Ok(2) };
     let told = write::write(&built.stage, &mut [writer], &[], &work);
     show.done();
     let told = told?;

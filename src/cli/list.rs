@@ -5,27 +5,25 @@ use serde_json::json;
 use super::args::{List, What};
 use super::{Context, knobs};
 use crate::presets;
-use crate::recipe::{KeyInfo, TableInfo, Word, options, sections};
+use crate::recipe::{KeyInfo, TableInfo, options};
 use osier_base::Result;
 use osier_base::diagnostic::Severity;
 use osier_base::diagnostic::codes::CODES;
 use osier_base::limits::{LIMITS, grouped};
+use osier_export::format;
 
-/// Endings that `grow` writes, with what they are.
-pub const ENDINGS: &[(&str, &str)] = &[
-    (".glb", "glTF in one file, pictures inside"),
-    (".gltf", "glTF as JSON, data and pictures beside it"),
-    (".usda", "USD as text"),
-    (".usdc", "USD, binary"),
-    (".usdz", "USD with pictures in one file"),
-    (".obj", "Wavefront mesh with .mtl and pictures"),
-    (".ply", "points and leaves"),
-    (".pov", "POV-Ray scene"),
-    (".png", "picture of an attractor (a coefficient table)"),
-    (".ifs", "coefficients of tables and trees, Fractint's columns"),
-    (".flame", "coefficients of tables of the plane, for flam3 and Apophysis"),
-    (".exr", "density of an attractor, 32-bit floats, linear"),
+/// Endings of attractors and coefficient tables, which no format of a bake writes, with what they are.
+const COEFFICIENT_ENDINGS: [(&str, &str); 4] = [
+    ("png", "picture of an attractor (a coefficient table)"),
+    ("ifs", "coefficients of tables and trees, Fractint's columns"),
+    ("flame", "coefficients of tables of the plane, for flam3 and Apophysis"),
+    ("exr", "density of an attractor, 32-bit floats, linear"),
 ];
+
+/// Endings that `osier grow -o` writes, without the dot, with what they are.
+pub fn endings() -> impl Iterator<Item = (&'static str, &'static str)> {
+    format::endings().chain(COEFFICIENT_ENDINGS)
+}
 
 /// Runs it.
 pub fn run(context: &Context, args: &List) -> Result<u8> {
@@ -115,28 +113,14 @@ fn heading(table: &TableInfo) -> String {
 
 fn formats_text() -> String {
     let mut out = String::from("Formats of a bake (output.formats, --formats):\n\n");
-    for (word, _) in sections::Format::ALL {
-        out += &format!("  {word:6} {}\n", format_about(word));
+    for format in format::FORMATS {
+        out += &format!("  {:6} {}\n", format.word, format.about);
     }
     out += "\nEndings of `osier grow -o FILE`:\n\n";
-    for (ending, about) in ENDINGS {
-        out += &format!("  {ending:6} {about}\n");
+    for (ending, about) in endings() {
+        out += &format!("  .{ending:5} {about}\n");
     }
     out
-}
-
-fn format_about(word: &str) -> &'static str {
-    match word {
-        "usd" => "USD: a wrapper (.usda) and a payload (.usdc) per asset; animated",
-        "glb" => "glTF per asset and for the whole scene, per profile; animated",
-        "pc2" => "point caches beside the blender glb, for plants with motion = \"cache\"",
-        "exr" => "height maps of barks, leaves and ground in half floats, maps of deposits and of wet leaves",
-        "csv" => "tables and plots of what flights and rain measure",
-        "tracks" => "raindrops, what happens to them, and joints, as records of numbers",
-        "obj" => "Wavefront meshes at rest",
-        "ply" => "point clouds, leaves and tracks",
-        _ => "a POV-Ray scene with an include per frame; `povray render.ini` renders it",
-    }
 }
 
 fn codes_text() -> String {
@@ -176,7 +160,7 @@ fn as_json(context: &Context, what: What) -> serde_json::Value {
         What::Options => options_json(&options()),
         What::Knobs => serde_json::Value::Null,
         What::Formats => {
-            sections::Format::ALL.iter().map(|(w, _)| json!({ "name": w, "about": format_about(w) })).collect()
+            format::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect()
         }
         What::Codes => {
             let word = |s| if s == Severity::Error { "error" } else { "warning" };

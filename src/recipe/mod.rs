@@ -299,6 +299,13 @@ pub struct OutputRecipe {
     pub air: AirRecipe,
 }
 
+impl OutputRecipe {
+    /// True if a format is among those that are written.
+    pub fn writes(&self, format: &osier_export::format::FormatInfo) -> bool {
+        self.formats.iter().any(|f| f.0.word == format.word)
+    }
+}
+
 /// Which files of the wind itself are written.
 #[derive(Debug, Clone)]
 pub struct AirRecipe {

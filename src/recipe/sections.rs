@@ -2,11 +2,14 @@
 //!
 //! Values are in SI units and radians; keys that are not say so in their name.
 
+use super::digest::Digest;
 use super::key::{keys, words};
 use super::kinds::{
-    Color, File, Flag, Fps, Maybe, Numbers, OneOf, PowerOfTwo, Reference, Rows, Seed, SomeOf, Text, Tuple, Word as _,
+    Color, File, Flag, Fps, Maybe, Numbers, OneOf, PowerOfTwo, Reference, Rows, Seed, SomeOf, Text, Tuple, Word,
     deg, mm, num, point, whole,
 };
+use osier_export::format::{FORMATS, FormatInfo};
+use osier_export::{gltf, usd};
 
 /// Where an organ's number comes from without its key.
 const OWN: &str = "the blade's own";
@@ -105,33 +108,33 @@ words! {
         /// Browsers and engines: instanced leaves, sparse keys.
         Web = "web",
     }
-    /// File formats.
-    Format {
-        /// Universal Scene Description: a wrapper and one payload per asset.
-        Usd = "usd",
-        /// Binary glTF per asset and for the whole scene.
-        Glb = "glb",
-        /// Point caches beside the blender glb.
-        Pc2 = "pc2",
-        /// Wavefront meshes at rest.
-        Obj = "obj",
-        /// Point clouds and tracks.
-        Ply = "ply",
-        /// A POV-Ray scene.
-        Pov = "pov",
-        /// Height maps of barks, leaves and ground for displacement; maps of what came to rest.
-        Exr = "exr",
-        /// Tables of what is measured in flights, with plots.
-        Csv = "csv",
-        /// Drops and joints as numbers.
-        Tracks = "tracks",
+}
+
+/// A format of the registry of osier-export.
+#[derive(Debug, Clone, Copy)]
+pub struct Format(pub &'static FormatInfo);
+
+impl PartialEq for Format {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.word == other.0.word
     }
 }
 
-impl Format {
-    /// As it is written in a scene.
-    pub fn word(self) -> &'static str {
-        Self::ALL.iter().find(|(_, format)| *format == self).map_or("", |(word, _)| *word)
+impl Word for Format {
+    const ALL: &'static [(&'static str, Self)] = &{
+        let mut all = [("", Self(&usd::FORMAT)); FORMATS.len()];
+        let mut i = 0;
+        while i < all.len() {
+            all[i] = (FORMATS[i].word, Self(FORMATS[i]));
+            i += 1;
+        }
+        all
+    };
+}
+
+impl Digest for Format {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        self.0.word.digest(hasher);
     }
 }
 
@@ -426,7 +429,7 @@ keys! {
     /// What is written.
     OutputKeys at "output" with ["pov", "usd", "gltf", "wind"] {
         /// File formats.
-        formats: Vec<Format> = "formats" SomeOf(&[Format::Usd, Format::Glb]);
+        formats: Vec<Format> = "formats" SomeOf(&[Format(&usd::FORMAT), Format(&gltf::FORMAT)]);
     }
     /// POV-Ray files.
     PovKeys at "output.pov" with ["photons"] {

@@ -11,7 +11,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use crate::common::gltf_player::Player;
-use osier::export::gltf::{Gltf, Layout, Options, Profile};
+use osier::export::gltf::{Gltf, GltfTarget, GltfOptions, Profile};
 use osier::export::textures::Textures;
 use osier::export::{Exporter as _, Warning};
 use osier::fence::Folder;
@@ -21,7 +21,7 @@ use serde_json::Value;
 const PROFILES: [Profile; 2] = [Profile::Web, Profile::Blender];
 
 /// Writes a scene with the frames given and returns what was said.
-fn export(folder: &Path, scene: &Arc<Scene>, frames: &[Frame], options: Options) -> Vec<Warning> {
+fn export(folder: &Path, scene: &Arc<Scene>, frames: &[Frame], options: GltfOptions) -> Vec<Warning> {
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
     let mut exporter = Gltf::new(Folder::open(folder).expect("folder"), textures, options);
     exporter.begin(scene).expect("begin");
@@ -44,17 +44,17 @@ fn everything(folder: &Path) -> Vec<PathBuf> {
     for (word, frames) in [("still", &frames[..0]), ("moving", &frames[..])] {
         for profile in PROFILES {
             let at = folder.join(word);
-            export(&at, &scene, frames, Options { profile, layout: Layout::Bake, ..Options::default() });
-            let one = Layout::Glb(format!("one_{}.glb", profile.word()));
-            export(&at, &scene, frames, Options { profile, layout: one, ..Options::default() });
-            let text = Layout::Gltf(format!("text {}.gltf", profile.word()));
-            export(&at, &scene, frames, Options { profile, layout: text, ..Options::default() });
+            export(&at, &scene, frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
+            let one = GltfTarget::Glb(format!("one_{}.glb", profile.word()));
+            export(&at, &scene, frames, GltfOptions { profile, target: one, ..GltfOptions::default() });
+            let text = GltfTarget::Gltf(format!("text {}.gltf", profile.word()));
+            export(&at, &scene, frames, GltfOptions { profile, target: text, ..GltfOptions::default() });
             if word == "moving" {
                 export(
                     &folder.join("moment"),
                     &scene,
                     frames,
-                    Options { profile, frame: Some(6), ..Options::default() },
+                    GltfOptions { profile, frame: Some(6), ..GltfOptions::default() },
                 );
                 if profile == Profile::Web {
                     list.extend(files(&folder.join("moment/gltf"), ".glb"));
@@ -127,7 +127,7 @@ fn a_player_of_the_format_shows_everything_where_osier_does_at_every_frame() {
     let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
     let temp = tempfile::tempdir().expect("temp");
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+        export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
         let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
         let wanted = match profile {
             Profile::Web => gltf_objects::web_objects(&scene, &frames, &numbers),
@@ -155,7 +155,7 @@ fn three_shows_the_web_profile_where_osier_does() {
     let (scene, frames) = synthetic::scene();
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
-    export(temp.path(), &scene, &frames, Options { profile: Profile::Web, ..Options::default() });
+    export(temp.path(), &scene, &frames, GltfOptions { profile: Profile::Web, ..GltfOptions::default() });
     let file = temp.path().join("gltf/synthetic.web.glb");
     let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
     let wanted = gltf_objects::web_objects(&scene, &frames, &numbers);
@@ -192,7 +192,7 @@ fn one_frame_stands_still_with_all_that_live() {
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, Options { profile, frame: Some(6), ..Options::default() });
+        export(temp.path(), &scene, &frames, GltfOptions { profile, frame: Some(6), ..GltfOptions::default() });
         let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
         assert!(player.json["animations"].is_null() && player.json["skins"].is_null());
         let wanted = standing(&scene, &frames, 6);
@@ -223,7 +223,7 @@ fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
     let temp = tempfile::tempdir().expect("temp");
     let mut keys = Vec::new();
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+        export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
         let player = Player::new(&read(&temp.path().join(format!("gltf/tracks.{}.glb", profile.word()))));
         let samplers = player.json["animations"][0]["samplers"].as_array().expect("samplers").clone();
         let count = |s: &Value| player.rows(s["input"].as_u64().expect("input") as usize).len();
@@ -253,7 +253,7 @@ fn the_gltf_crate_reads_positions_bit_for_bit() {
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+        export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
         let bytes = unrequired(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
         let file = gltf::Gltf::from_slice(&bytes).expect("valid");
         let bin = file.blob.clone().expect("buffer");
@@ -291,7 +291,7 @@ fn bytes_do_not_depend_on_threads_or_runs() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
         pool.install(|| {
             for profile in PROFILES {
-                export(temp.path(), &scene, &frames, Options { profile, layout: Layout::Bake, ..Options::default() });
+                export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
             }
         });
         files(&temp.path().join("gltf"), ".glb").iter().map(|p| read(p)).collect()
@@ -306,8 +306,8 @@ fn a_gltf_beside_its_files_holds_the_same_as_a_glb() {
     let (scene, _) = synthetic::scene();
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
-    let options = |layout| Options { layout, ..Options::default() };
-    export(temp.path(), &scene, &[], options(Layout::Gltf("a/my tree.gltf".into())));
+    let options = |target| GltfOptions { target, ..GltfOptions::default() };
+    export(temp.path(), &scene, &[], options(GltfTarget::Gltf("a/my tree.gltf".into())));
     let json: Value = serde_json::from_slice(&read(&temp.path().join("a/my tree.gltf"))).expect("json");
     assert_eq!(json["buffers"][0]["uri"], "my%20tree.bin");
     let bin = read(&temp.path().join("a/my tree.bin"));
@@ -320,7 +320,7 @@ fn a_gltf_beside_its_files_holds_the_same_as_a_glb() {
     let mut streamed = Vec::new();
     let textures = Textures::encode(&scene).expect("pictures");
     osier::export::gltf::write(&scene, &textures, Profile::Blender, &mut streamed).expect("write");
-    export(temp.path(), &scene, &[], options(Layout::Glb("one.glb".into())));
+    export(temp.path(), &scene, &[], options(GltfTarget::Glb("one.glb".into())));
     assert!(read(&temp.path().join("one.glb")) == streamed, "a pipe gets the same bytes as a file");
     let glb: Value = Player::new(&streamed).json;
     assert_eq!(json["nodes"], glb["nodes"]);

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use osier::export::Exporter;
-use osier::export::gltf::{Gltf, Options};
+use osier::export::gltf::{Gltf, GltfOptions};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
 use osier::fence::Folder;
@@ -21,7 +21,7 @@ fn bake(folder: &Path, scene: &Arc<Scene>, frames: &[Frame]) {
     let folder = Folder::open(folder).expect("folder");
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
     let exporters: [Box<dyn Exporter>; 2] =
-        [Box::new(Gltf::new(folder.clone(), textures, Options::default())), Box::new(Pc2::new(folder))];
+        [Box::new(Gltf::new(folder.clone(), textures, GltfOptions::default())), Box::new(Pc2::new(folder))];
     for mut exporter in exporters {
         exporter.begin(scene).expect("begin");
         frames.iter().for_each(|f| exporter.frame(f).expect("frame"));

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use crate::common::gltf_player::Player;
 use glam::{Quat, Vec3};
-use osier::export::gltf::{Gltf, Layout, Options, Profile, write};
+use osier::export::gltf::{Gltf, GltfTarget, GltfOptions, Profile, write};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Warning};
@@ -23,7 +23,7 @@ use serde_json::Value;
 fn export(folder: &Path, scene: &Scene, frames: &[Frame], profile: Profile) -> Result<Vec<Warning>> {
     let scene = Arc::new(scene.clone());
     let textures = Arc::new(Textures::encode(&scene).expect("pictures"));
-    let options = Options { profile, layout: Layout::Bake, ..Options::default() };
+    let options = GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() };
     let mut exporter = Gltf::new(Folder::open(folder).expect("folder"), textures, options);
     exporter.begin(&scene)?;
     frames.iter().try_for_each(|f| exporter.frame(f))?;

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use osier::export::format::FileTarget;
 use osier::export::manifest::{self, FileEntry, Settings};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, exr, obj, ply, pov};
@@ -20,13 +21,13 @@ fn bake(dir: &Path) -> String {
     scene.images.push(Image { name, kind: ImageKind::Data, width: 4, height: 4, channels: 1, pixels });
     scene.materials[0].maps.height = Some(3);
     let folder = Folder::open(dir).expect("folder");
-    let textures = Textures::encode(&scene).expect("textures");
+    let textures = Arc::new(Textures::encode(&scene).expect("textures"));
     let scene = Arc::new(scene);
     let mut exporters: Vec<Box<dyn Exporter>> = vec![
-        Box::new(pov::Pov::new(folder.clone(), textures.clone(), pov::Options::default())),
-        Box::new(obj::Obj::new(folder.clone(), textures, obj::Layout::Bake)),
-        Box::new(ply::Ply::new(folder.clone(), ply::Layout::Bake)),
-        Box::new(exr::Exr::new(folder.clone(), exr::Wanted::default())),
+        Box::new(pov::Pov::new(folder.clone(), textures.clone(), pov::PovOptions::default())),
+        Box::new(obj::Obj::new(folder.clone(), textures, FileTarget::Bake)),
+        Box::new(ply::Ply::new(folder.clone(), FileTarget::Bake)),
+        Box::new(exr::Exr::new(folder.clone(), exr::ExrOptions::default())),
     ];
     let mut warnings = Vec::new();
     for exporter in &mut exporters {

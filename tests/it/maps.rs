@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use osier::export::Exporter;
-use osier::export::exr::{Exr, Wanted};
+use osier::export::exr::{Exr, ExrOptions};
 use osier::fence::Folder;
 use osier::scene::*;
 
@@ -34,7 +34,7 @@ fn scene() -> Scene {
 }
 
 fn write(dir: &Path, scene: Scene) -> osier::Result<Vec<u8>> {
-    let mut exporter = Exr::new(Folder::open(dir).expect("folder"), Wanted::default());
+    let mut exporter = Exr::new(Folder::open(dir).expect("folder"), ExrOptions::default());
     exporter.begin(&Arc::new(scene))?;
     exporter.finish()?;
     Ok(fs::read(dir.join("maps/bark/height.exr")).expect("map"))
@@ -106,7 +106,7 @@ fn a_map_without_its_picture_is_an_error() {
 /// Writes the synthetic scene with its wet sheet, frame after frame.
 fn wet(
     dir: &Path,
-    wanted: Wanted,
+    wanted: ExrOptions,
     change: impl Fn(&mut Scene, &mut Vec<Frame>),
 ) -> osier::Result<osier::export::Summary> {
     let (mut scene, mut frames) = synthetic::scene();
@@ -117,7 +117,7 @@ fn wet(
     exporter.finish()
 }
 
-const WATER: Wanted = Wanted { water: true, atlas: false };
+const WATER: ExrOptions = ExrOptions { water: true, atlas: false };
 
 /// What maps of the wet sheet hold at a frame, 0..1.
 fn meant(map: &str, frame: u32) -> Vec<f64> {
@@ -171,7 +171,7 @@ fn openexr_reads_the_maps_of_a_wet_leaf() {
 #[test]
 fn blender_reads_the_maps_of_a_wet_leaf() {
     let dir = tempfile::tempdir().expect("dir");
-    wet(dir.path(), Wanted::default(), |_, _| ()).expect("written");
+    wet(dir.path(), ExrOptions::default(), |_, _| ()).expect("written");
     let Some(python) = clients::python() else { return };
     let paths = ["height", "wetness"].map(|m| dir.path().join(format!("maps/cache_l0/{m}.0006.exr")));
     let paths: Vec<_> = paths.iter().map(|p| p.to_string_lossy()).collect();
@@ -188,9 +188,9 @@ fn blender_reads_the_maps_of_a_wet_leaf() {
 #[test]
 fn pov_ray_reads_the_maps_of_a_wet_leaf() {
     let dir = tempfile::tempdir().expect("dir");
-    wet(dir.path(), Wanted::default(), |_, _| ()).expect("written");
+    wet(dir.path(), ExrOptions::default(), |_, _| ()).expect("written");
     let (scene, frames) = synthetic::scene();
-    pov::bake(dir.path(), &scene, &frames, osier::export::pov::Options::default());
+    pov::bake(dir.path(), &scene, &frames, osier::export::pov::PovOptions::default());
     let Some(povray) = clients::povray() else { return };
     for (map, ending) in [("wetness", "png"), ("wetness", "exr"), ("height", "png"), ("height", "exr")] {
         let file = format!("maps/cache_l0/{map}.0006.{ending}");
@@ -217,7 +217,7 @@ fn pov_ray_reads_the_maps_of_a_wet_leaf() {
 #[test]
 fn frames_that_show_the_same_differ_in_their_number_alone() {
     let dir = tempfile::tempdir().expect("dir");
-    wet(dir.path(), Wanted::default(), |_, _| ()).expect("written");
+    wet(dir.path(), ExrOptions::default(), |_, _| ()).expect("written");
     let read = |frame: u32| fs::read(dir.path().join(format!("maps/cache_l0/wetness.{frame:04}.exr"))).expect("map");
     let (one, two) = (read(1), read(2));
     let differ: Vec<(u8, u8)> = one.iter().zip(&two).filter(|(a, b)| a != b).map(|(a, b)| (*a, *b)).collect();
@@ -243,7 +243,7 @@ fn maps_of_wet_leaves_do_not_depend_on_threads() {
 fn what_no_map_may_hold_stops_the_bake() {
     let dir = tempfile::tempdir().expect("dir");
     let spoil = |f: fn(&mut WetMaps)| {
-        wet(dir.path(), Wanted::default(), |_, frames| f(Arc::make_mut(&mut frames[3].wet[0])))
+        wet(dir.path(), ExrOptions::default(), |_, frames| f(Arc::make_mut(&mut frames[3].wet[0])))
             .expect_err("refused")
             .to_string()
     };
@@ -256,7 +256,7 @@ fn what_no_map_may_hold_stops_the_bake() {
 fn what_is_higher_than_the_range_is_cut_and_counted() {
     let dir = tempfile::tempdir().expect("dir");
     let high = |frames: &mut Vec<Frame>| frames.iter_mut().for_each(|f| Arc::make_mut(&mut f.wet[0]).height[5] = 0.005);
-    let summary = wet(dir.path(), Wanted::default(), |_, frames| high(frames)).expect("written");
+    let summary = wet(dir.path(), ExrOptions::default(), |_, frames| high(frames)).expect("written");
     assert_eq!(summary.warnings.len(), 1);
     let w = &summary.warnings[0];
     assert!(w.code == "X007" && w.message.starts_with("9 texels") && w.message.contains("frame 1"), "{w:?}");
@@ -271,7 +271,7 @@ fn an_atlas_holds_each_sheet_where_its_list_says() {
         let blank = WetMaps { wetness: vec![0.25; synthetic::SIDE * synthetic::SIDE], ..synthetic::wet_maps(0) };
         frames[0].wet.push(Arc::new(blank));
     };
-    wet(dir.path(), Wanted { water: false, atlas: true }, two).expect("written");
+    wet(dir.path(), ExrOptions { water: false, atlas: true }, two).expect("written");
     let text = fs::read_to_string(dir.path().join("maps/atlas.json")).expect("list");
     let list: serde_json::Value = serde_json::from_str(&text).expect("json");
     let texel = |i: usize| {

@@ -9,8 +9,9 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec2, Vec3};
 use osier::export::Exporter;
-use osier::export::obj::{self, Obj};
-use osier::export::ply::{self, Ply};
+use osier::export::format::FileTarget;
+use osier::export::obj::Obj;
+use osier::export::ply::Ply;
 use osier::export::textures::Textures;
 use osier::fence::Folder;
 use osier::scene::*;
@@ -45,12 +46,12 @@ fn triangle() -> Scene {
 
 fn write(dir: &Path, scene: &Scene, frames: &[Frame], single: bool) {
     let folder = Folder::open(dir).expect("folder");
-    let textures = Textures::encode(scene).expect("textures");
+    let textures = Arc::new(Textures::encode(scene).expect("textures"));
     let stem = || "tri".to_owned();
     let (obj_layout, ply_layout) = if single {
-        (obj::Layout::Single(stem()), ply::Layout::Single(stem()))
+        (FileTarget::Single(stem()), FileTarget::Single(stem()))
     } else {
-        (obj::Layout::Bake, ply::Layout::Bake)
+        (FileTarget::Bake, FileTarget::Bake)
     };
     let scene = Arc::new(scene.clone());
     let mut exporters: [Box<dyn Exporter>; 2] =

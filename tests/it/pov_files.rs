@@ -6,7 +6,8 @@ use crate::common::synthetic;
 use std::fs;
 
 use crate::common::pov::{bake, render};
-use osier::export::pov::{Layout, Options};
+use osier::export::format::FileTarget;
+use osier::export::pov::PovOptions;
 use osier::scene::{Clip, MeshMotion};
 
 const SMALL: [&str; 3] = ["+W8", "+H6", "-A"];
@@ -15,7 +16,7 @@ const SMALL: [&str; 3] = ["+W8", "+H6", "-A"];
 fn every_file_of_the_synthetic_scene_parses() {
     let dir = tempfile::tempdir().expect("dir");
     let (scene, frames) = synthetic::scene();
-    let summary = bake(dir.path(), &scene, &frames, Options::default());
+    let summary = bake(dir.path(), &scene, &frames, PovOptions::default());
     assert!(summary.warnings.is_empty());
     let Some(povray) = clients::povray() else { return };
     let pov = dir.path().join("pov");
@@ -32,7 +33,7 @@ fn every_file_of_the_synthetic_scene_parses() {
 fn a_still_scene_and_a_moving_one_without_frames_parse() {
     let dir = tempfile::tempdir().expect("dir");
     let (mut scene, _) = synthetic::scene();
-    bake(&dir.path().join("rest"), &scene, &[], Options::default());
+    bake(&dir.path().join("rest"), &scene, &[], PovOptions::default());
     scene.clip = Clip { start: 1, end: 1, fps: (24, 1) };
     scene.placements.retain(|p| p.asset == 4);
     scene.wet.clear();
@@ -40,8 +41,8 @@ fn a_still_scene_and_a_moving_one_without_frames_parse() {
         asset.meshes.iter_mut().for_each(|m| m.motion = MeshMotion::Still);
         (asset.points, asset.curves, asset.instancers) = (Vec::new(), Vec::new(), Vec::new());
     }
-    let layout = Layout::Single("my-tree".into());
-    bake(&dir.path().join("still"), &scene, &[], Options { layout, ..Options::default() });
+    let target = FileTarget::Single("my-tree".into());
+    bake(&dir.path().join("still"), &scene, &[], PovOptions { target, ..PovOptions::default() });
     assert!(!dir.path().join("still/my-tree_files/frames").exists());
     let Some(povray) = clients::povray() else { return };
     render(&povray, &dir.path().join("rest/pov"), &[&["render.ini", "+Or.png"][..], &SMALL].concat());
@@ -62,7 +63,7 @@ fn included(povray: &std::path::Path, dir: &std::path::Path, frame: u32) -> Stri
 fn with_a_step_pictures_are_those_of_the_written_frames_in_order() {
     let dir = tempfile::tempdir().expect("dir");
     let (scene, frames) = synthetic::scene();
-    bake(dir.path(), &scene, &frames, Options { step: 3, ..Options::default() });
+    bake(dir.path(), &scene, &frames, PovOptions { step: 3, ..PovOptions::default() });
     let pov = dir.path().join("pov");
     let written: Vec<_> = osier::fence::list_files(&pov.join("frames")).expect("files");
     assert_eq!(written, ["frame.0001.inc", "frame.0004.inc", "frame.0007.inc"]);
@@ -77,7 +78,7 @@ fn with_a_step_pictures_are_those_of_the_written_frames_in_order() {
 fn a_single_frame_is_written_and_rendered_whatever_the_step() {
     let dir = tempfile::tempdir().expect("dir");
     let (scene, frames) = synthetic::scene();
-    bake(dir.path(), &scene, &frames[5..6], Options { step: 4, ..Options::default() });
+    bake(dir.path(), &scene, &frames[5..6], PovOptions { step: 4, ..PovOptions::default() });
     let pov = dir.path().join("pov");
     assert_eq!(osier::fence::list_files(&pov.join("frames")).expect("files"), ["frame.0006.inc"]);
     let ini = fs::read_to_string(pov.join("render.ini")).expect("ini");
@@ -90,7 +91,7 @@ fn a_clip_from_frame_0_renders_as_one_from_1() {
     let (mut scene, mut frames) = synthetic::scene();
     scene.clip = Clip { start: 0, end: 8, ..scene.clip };
     frames.iter_mut().for_each(|f| f.number -= 1);
-    bake(dir.path(), &scene, &frames, Options::default());
+    bake(dir.path(), &scene, &frames, PovOptions::default());
     let pov = dir.path().join("pov");
     let ini = fs::read_to_string(pov.join("render.ini")).expect("ini");
     assert!(ini.contains("Initial_Frame=1\nFinal_Frame=9\nInitial_Clock=0\nFinal_Clock=0.33333334\n"), "{ini}");
@@ -103,10 +104,10 @@ fn a_missing_picture_stops_before_anything_is_written() {
     use osier::export::Exporter as _;
     let dir = tempfile::tempdir().expect("dir");
     let (mut scene, _) = synthetic::scene();
-    let textures = osier::export::textures::Textures::encode(&scene).expect("textures");
+    let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
     scene.materials[1].maps.height = Some(99);
     let folder = osier::fence::Folder::open(dir.path()).expect("folder");
-    let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, Options::default());
+    let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, PovOptions::default());
     let error = pov.begin(&std::sync::Arc::new(scene)).expect_err("missing");
     assert!(error.to_string().starts_with("X012: material leaf"), "{error}");
     assert!(folder.files().is_empty());
@@ -117,10 +118,10 @@ fn a_number_that_is_not_finite_never_reaches_a_file() {
     use osier::export::Exporter as _;
     let dir = tempfile::tempdir().expect("dir");
     let (mut scene, _) = synthetic::scene();
-    let textures = osier::export::textures::Textures::encode(&scene).expect("textures");
+    let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
     scene.placements[0].transform.t.x = f32::NAN;
     let folder = osier::fence::Folder::open(dir.path()).expect("folder");
-    let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, Options::default());
+    let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, PovOptions::default());
     pov.begin(&std::sync::Arc::new(scene)).expect("begin");
     let error = pov.finish().expect_err("placement");
     assert!(error.to_string().starts_with("X001"), "{error}");
@@ -145,8 +146,8 @@ fn what_is_said_of_a_frame_is_said_where_its_file_is_kept() {
     let run = |finish: bool| {
         let options = osier::fence::WriteOptions { key: "k".into(), ..Default::default() };
         let folder = osier::fence::Folder::open_with(dir.path(), options).expect("folder");
-        let textures = osier::export::textures::Textures::encode(&scene).expect("textures");
-        let mut pov = osier::export::pov::Pov::new(folder, textures, Options::default());
+        let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
+        let mut pov = osier::export::pov::Pov::new(folder, textures, PovOptions::default());
         pov.begin(&scene).expect("begins");
         frames.iter().for_each(|f| pov.frame(f).expect("a frame"));
         if finish { pov.finish().expect("ends").warnings } else { Vec::new() }

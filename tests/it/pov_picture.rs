@@ -5,7 +5,7 @@ use crate::common::clients;
 use crate::common::picture::{Picture, Rect, luma};
 use crate::common::pov;
 use crate::common::synthetic;
-use osier::export::pov::Options;
+use osier::export::pov::PovOptions;
 use osier::geometry::Bounds;
 use osier::scene::asset_bounds;
 
@@ -13,7 +13,7 @@ use osier::scene::asset_bounds;
 fn the_synthetic_scene_makes_a_picture() {
     let dir = tempfile::tempdir().expect("dir");
     let (scene, frames) = synthetic::scene();
-    pov::bake(dir.path(), &scene, &frames, Options::default());
+    pov::bake(dir.path(), &scene, &frames, PovOptions::default());
     let Some(povray) = clients::povray() else { return };
     let folder = dir.path().join("pov");
     pov::render(&povray, &folder, &["render.ini", "+SF5", "+EF5", "+Op.png", "+W160", "+H120", "-A"]);
@@ -73,7 +73,7 @@ fn the_wet_half_of_a_leaf_differs_from_the_dry_one() {
         frame.assets[0] = osier::scene::AssetFrame::default();
         (frame.shifted, frame.rows, frame.fields) = Default::default();
     }
-    pov::bake(dir.path(), &scene, &frames, Options::default());
+    pov::bake(dir.path(), &scene, &frames, PovOptions::default());
     let Some(povray) = clients::povray() else { return };
     let folder = dir.path().join("pov");
     let out = pov::render(&povray, &folder, &["render.ini", "+Op.png", "+W80", "+H60", "-A"]);

@@ -13,7 +13,7 @@ use std::path::Path;
 
 use crate::common::pov::{bake, render};
 use glam::{Quat, Vec3};
-use osier::export::pov::Options;
+use osier::export::pov::PovOptions;
 use osier::scene::*;
 
 /// POV-Ray units per metre.
@@ -141,7 +141,7 @@ fn shoot(povray: &Path, dir: &Path, frame: u32, probes: &[Probe]) -> Vec<Option<
 
 fn compare(scene: &Scene, frames: &[Frame]) {
     let dir = tempfile::tempdir().expect("dir");
-    bake(dir.path(), scene, frames, Options::default());
+    bake(dir.path(), scene, frames, PovOptions::default());
     let Some(povray) = clients::povray() else { return };
     for number in expect::three(scene) {
         let frame = frames.iter().find(|f| f.number == number).expect("frame");
@@ -207,7 +207,7 @@ fn known_points_project_within_half_a_pixel() {
         reach: osier::geometry::Bounds::default(),
     };
     let dir = tempfile::tempdir().expect("dir");
-    bake(dir.path(), &scene, &[], Options::default());
+    bake(dir.path(), &scene, &[], PovOptions::default());
     let Some(povray) = clients::povray() else { return };
     let pov = dir.path().join("pov");
     fs::write(pov.join("glow.pov"), "#version 3.7;\n#default { finish { emission 1 } }\n#include \"main.pov\"\n")

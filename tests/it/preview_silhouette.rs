@@ -14,7 +14,7 @@ use std::path::Path;
 
 use osier::bake::mover;
 use osier::bake::stage::Parts;
-use osier::export::pov::Options;
+use osier::export::pov::PovOptions;
 use osier::presets;
 use osier::preview::{Backdrop, Light, Looks, Quality, Shot, World, expose};
 use osier::progress::{Cancel, Silent};
@@ -39,7 +39,7 @@ fn ours(scene: &Scene, frame: Option<&Frame>) -> Vec<bool> {
 
 /// The same from POV-Ray, whose sky is taken away so that its alpha shows what stands before it.
 fn theirs(povray: &Path, dir: &Path, scene: &Scene, frame: Option<&Frame>) -> Vec<bool> {
-    pov::bake(dir, scene, frame.map(std::slice::from_ref).unwrap_or_default(), Options::default());
+    pov::bake(dir, scene, frame.map(std::slice::from_ref).unwrap_or_default(), PovOptions::default());
     let folder = dir.join("pov");
     let main = folder.join("main.pov");
     let text = std::fs::read_to_string(&main).expect("scene");

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use osier::export::Exporter as _;
-use osier::export::exr::{Exr, Wanted};
+use osier::export::exr::{Exr, ExrOptions};
 use osier::export::textures::Textures;
-use osier::export::usd::{Options, UpAxis, Usd};
+use osier::export::usd::{UsdOptions, UpAxis, Usd};
 use osier::fence::Folder;
 use osier::scene::{Frame, Scene};
 
@@ -22,13 +22,13 @@ fn place(name: &str) -> PathBuf {
 }
 
 /// Writes a scene with some frames, and the maps that its wet leaves show.
-fn write(dir: &Path, scene: &Scene, frames: &[Frame], options: Options) {
+fn write(dir: &Path, scene: &Scene, frames: &[Frame], options: UsdOptions) {
     let folder = Folder::open(dir).expect("folder");
-    let mut maps = Exr::new(folder.clone(), Wanted::default());
+    let mut maps = Exr::new(folder.clone(), ExrOptions::default());
     maps.begin(&Arc::new(scene.clone())).expect("begin");
     frames.iter().for_each(|f| maps.frame(f).expect("frame"));
     maps.finish().expect("finish");
-    let options = Options { maps: true, ..options };
+    let options = UsdOptions { maps: true, ..options };
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
     let mut usd = Usd::new(folder, textures, options);
     usd.begin(&Arc::new(scene.clone())).expect("begin");
@@ -39,8 +39,8 @@ fn write(dir: &Path, scene: &Scene, frames: &[Frame], options: Options) {
     assert!(summary.warnings.is_empty(), "{:?}", summary.warnings);
 }
 
-fn single(file: &str) -> Options {
-    Options { file: Some(file.into()), ..Options::default() }
+fn single(file: &str) -> UsdOptions {
+    UsdOptions { file: Some(file.into()), ..UsdOptions::default() }
 }
 
 /// All USD files beneath a folder.
@@ -64,9 +64,9 @@ fn files(dir: &Path) -> Vec<String> {
 /// The synthetic scene in every form: animated and still, folders and single files, both up axes.
 fn everything(dir: &Path) {
     let (scene, frames) = synthetic::scene();
-    let z = |file: Option<&str>| Options { up: UpAxis::Z, file: file.map(String::from), ..Options::default() };
+    let z = |file: Option<&str>| UsdOptions { up: UpAxis::Z, file: file.map(String::from), ..UsdOptions::default() };
     for (name, frames) in [("moving", &frames[..]), ("still", &[])] {
-        write(&dir.join(name), &scene, frames, Options::default());
+        write(&dir.join(name), &scene, frames, UsdOptions::default());
         write(&dir.join(format!("{name}_z")), &scene, frames, z(None));
         for file in ["all.usda", "all.usdc", "all.usdz"] {
             write(&dir.join(format!("{name}_single")), &scene, frames, single(file));
@@ -131,8 +131,8 @@ fn text_and_crate_say_the_same() {
 fn what_follows_from_the_points_agrees_with_them() {
     let dir = place("derived");
     let (scene, frames) = synthetic::scene();
-    let z = Options { up: UpAxis::Z, ..Options::default() };
-    for (name, options) in [("y", Options::default()), ("z", z)] {
+    let z = UsdOptions { up: UpAxis::Z, ..UsdOptions::default() };
+    for (name, options) in [("y", UsdOptions::default()), ("z", z)] {
         write(&dir.join(name), &scene, &frames, options);
     }
     let Some(python) = clients::python() else { return };
@@ -147,8 +147,8 @@ fn what_follows_from_the_points_agrees_with_them() {
 fn blender_shows_everything_where_osier_says() {
     let dir = place("blender");
     let (scene, frames) = synthetic::scene();
-    write(&dir.join("y"), &scene, &frames, Options::default());
-    write(&dir.join("z"), &scene, &frames, Options { up: UpAxis::Z, ..Options::default() });
+    write(&dir.join("y"), &scene, &frames, UsdOptions::default());
+    write(&dir.join("z"), &scene, &frames, UsdOptions { up: UpAxis::Z, ..UsdOptions::default() });
     write(&dir.join("one"), &scene, &frames, single("all.usdz"));
     let wanted = dir.join("expected.json");
     let json = expect::expect(&scene, &frames, &expect::three(&scene)).to_string();

@@ -9,7 +9,9 @@ use osier_base::Result;
 use osier_scene::{Frame, Scene};
 
 pub mod air;
+pub mod estimate;
 pub mod exr;
+pub mod format;
 pub mod gltf;
 pub mod manifest;
 mod merge;

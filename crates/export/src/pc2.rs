@@ -8,11 +8,24 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::format::FormatInfo;
 use super::gltf::pieces::pieces;
 use super::{Exporter, Summary};
 use osier_base::fence::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
+
+/// Point caches in the registry.
+pub const FORMAT: FormatInfo = FormatInfo {
+    word: "pc2",
+    about: "point caches beside the blender glb, for plants with motion = \"cache\"",
+    asset_folder: Some("cache"),
+    endings: &[],
+    pictures_beside: false,
+    memory_percent: 0,
+    estimate: |input| input.per_asset(|a| a.posed_frames(input.frames) * a.deforming_vertices * 12),
+    open: |job| vec![Box::new(Pc2::new(job.folder.clone()))],
+};
 
 /// The point cache exporter: a file per deforming mesh, frames written as they come.
 #[derive(Debug)]

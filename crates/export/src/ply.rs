@@ -8,6 +8,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::estimate::{EstimateInput, MergedSize};
+use super::format::{FileTarget, FormatInfo};
 use super::merge::{Flat, Piece, normal, stream};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::fence::{Folder, Output};
@@ -18,29 +20,44 @@ use osier_scene::{
     check_frame, check_scene, instance_states,
 };
 
-/// Where the files go.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum Layout {
-    /// `cloud/..` in the folder of a bake.
-    #[default]
-    Bake,
-    /// `<stem>.ply`.
-    Single(String),
+/// PLY in the registry.
+pub const FORMAT: FormatInfo = FormatInfo {
+    word: "ply",
+    about: "point clouds, leaves and tracks",
+    asset_folder: Some("cloud"),
+    endings: &[("ply", "points and leaves")],
+    pictures_beside: false,
+    memory_percent: 0,
+    estimate,
+    open: |job| vec![Box::new(Ply::new(job.folder.clone(), job.target()))],
+};
+
+/// Own: bytes as the binary records have them. A single file holds the merged mesh, points only without one.
+fn estimate(input: &EstimateInput) -> u64 {
+    if !input.single {
+        return input.per_asset(|a| {
+            a.instances * 60 + (a.points - a.moving_points) * 22 + a.moving_points * input.frames * 22
+        });
+    }
+    let size = MergedSize::of(input.scene);
+    let points = if size.triangles == 0 { size.points * 22 } else { 0 };
+    // A vertex with normal and colour, a face with its count.
+    size.vertices * 28 + size.triangles * 13 + points
 }
 
 /// Exporter for PLY.
 #[derive(Debug)]
 pub struct Ply {
     folder: Folder,
-    layout: Layout,
+    target: FileTarget,
     scene: Option<Arc<Scene>>,
     frames: usize,
 }
 
 impl Ply {
     /// Writes into `folder`.
-    pub fn new(folder: Folder, layout: Layout) -> Self {
-        Self { folder, layout, scene: None, frames: 0 }
+    pub fn new(folder: Folder, target: FileTarget) -> Self {
+        Self { folder, target, scene: None, frames: 0 }
     }
 
     /// Writes a file.
@@ -98,15 +115,15 @@ impl Exporter for Ply {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
         self.scene = Some(Arc::clone(scene));
-        match &self.layout {
-            Layout::Bake => self.clouds(scene, None, false, None),
-            Layout::Single(stem) => self.single(scene, stem),
+        match &self.target {
+            FileTarget::Bake => self.clouds(scene, None, false, None),
+            FileTarget::Single(stem) => self.single(scene, stem),
         }
     }
 
     fn frame(&mut self, frame: &Frame) -> Result<()> {
         let Some(scene) = self.scene.clone() else { return Ok(()) };
-        if self.layout != Layout::Bake {
+        if self.target != FileTarget::Bake {
             return Ok(());
         }
         check_frame(&scene, frame)?;
@@ -117,7 +134,7 @@ impl Exporter for Ply {
     fn finish(&mut self) -> Result<Summary> {
         if let Some(scene) = self.scene.take()
             && self.frames == 0
-            && self.layout == Layout::Bake
+            && self.target == FileTarget::Bake
         {
             self.clouds(&scene, None, true, None)?;
         }

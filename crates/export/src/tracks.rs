@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
+use super::format::FormatInfo;
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::Result;
 use osier_base::fence::{Folder, Output};
@@ -80,6 +81,19 @@ const RODS: [Field; 9] = [
     ("qz", "f4", ""),
     ("qw", "f4", ""),
 ];
+
+/// Records in the registry.
+pub const FORMAT: FormatInfo = FormatInfo {
+    word: "tracks",
+    about: "raindrops, what happens to them, and joints, as records of numbers",
+    asset_folder: None,
+    endings: &[],
+    pictures_beside: false,
+    memory_percent: 0,
+    // Joints alone: the number of drops is not known before they fall.
+    estimate: |input| input.per_asset(|a| input.frames * a.joints * 36),
+    open: |job| vec![Box::new(Tracks::new(job.folder.clone()))],
+};
 
 /// Exporter of drops and joints.
 pub struct Tracks {

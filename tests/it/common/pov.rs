@@ -6,16 +6,16 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::Arc;
 
-use osier::export::pov::{Options, Pov};
+use osier::export::pov::{PovOptions, Pov};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Summary};
 use osier::fence::Folder;
 use osier::scene::{Frame, Scene};
 
 /// Writes a scene and its frames.
-pub fn bake(dir: &Path, scene: &Scene, frames: &[Frame], options: Options) -> Summary {
+pub fn bake(dir: &Path, scene: &Scene, frames: &[Frame], options: PovOptions) -> Summary {
     let folder = Folder::open(dir).expect("folder");
-    let textures = Textures::encode(scene).expect("textures");
+    let textures = Arc::new(Textures::encode(scene).expect("textures"));
     let mut pov = Pov::new(folder, textures, options);
     pov.begin(&Arc::new(scene.clone())).expect("begin");
     frames.iter().for_each(|f| pov.frame(f).expect("frame"));

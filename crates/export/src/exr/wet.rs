@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::atlas::Atlas;
-use super::{Wanted, encode};
+use super::{ExrOptions, encode};
 use crate::sheets::{Keeper, Kept, Map, Values};
 use crate::{Summary, Warning};
 use osier_base::fence::Folder;
@@ -20,9 +20,9 @@ pub(super) struct Sheets {
 }
 
 impl Sheets {
-    pub(super) fn new(wanted: Wanted) -> Self {
-        let maps = [Map::Height, Map::Wetness, Map::Normal].into_iter().chain(wanted.water.then_some(Map::Water));
-        Self { keeper: Keeper::new(maps.collect()), atlas: wanted.atlas.then(Atlas::default), frames: 0 }
+    pub(super) fn new(options: ExrOptions) -> Self {
+        let maps = [Map::Height, Map::Wetness, Map::Normal].into_iter().chain(options.water.then_some(Map::Water));
+        Self { keeper: Keeper::new(maps.collect()), atlas: options.atlas.then(Atlas::default), frames: 0 }
     }
 
     /// Writes where each sheet lies on the atlases, if there are any.

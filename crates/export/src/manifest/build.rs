@@ -6,6 +6,7 @@ use super::{
     AssetEntry, FileEntry, ItemEntry, Manifest, MaterialEntry, ParamsEntry, SceneEntry, TimeEntry, UnitsEntry,
     WarningEntry, bake_hash,
 };
+use crate::format::FORMATS;
 use crate::{VERSION, Warning};
 use osier_base::fence::{FileRecord, MANIFEST};
 use osier_scene::{Asset, AssetFrame, Clip, Material, MaterialClass, Scene, asset_bounds};
@@ -110,13 +111,10 @@ fn numbered(path: &str, tag: &str) -> Option<String> {
     Some(format!("{}.####.{}", &path[..at], &path[at + wanted.len()..]))
 }
 
-/// Folders whose files are named after assets.
-const ASSET_FOLDERS: [&str; 5] = ["usd", "gltf", "cache", "cloud", "obj"];
-
 fn asset_entry(asset: &Asset, paths: &[&str]) -> AssetEntry {
     let mine = |path: &str| {
         path.split_once('/').is_some_and(|(folder, name)| {
-            ASSET_FOLDERS.contains(&folder) && name.split('.').next() == Some(asset.id.as_str())
+            FORMATS.iter().any(|f| f.asset_folder == Some(folder)) && name.split('.').next() == Some(asset.id.as_str())
         })
     };
     let bounds = asset_bounds(asset, &AssetFrame::default());

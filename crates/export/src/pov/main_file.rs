@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use super::material::quoted;
 use super::objects::group;
 use super::space::Space;
-use super::{Options, look, scene_bounds};
+use super::{PovOptions, look, scene_bounds};
 use crate::text::{Num, Text};
-use crate::{GENERATOR, pov::Layout};
+use crate::{GENERATOR, format::FileTarget};
 use osier_scene::{Placement, Scene};
 
 /// The scene. `includes`: folder of the include files, with its `/`; `written`: frames that have a file, ascending.
@@ -103,11 +103,11 @@ fn pick_frame(text: &mut Text, written: &[u32]) {
 }
 
 /// Settings of the rendering program. `main`: name of the scene file; `written`: frames that have a file.
-pub(super) fn render_ini(scene: &Scene, options: &Options, main: &str, written: &[u32]) -> Text {
+pub(super) fn render_ini(scene: &Scene, options: &PovOptions, main: &str, written: &[u32]) -> Text {
     let mut text = Text::default();
-    let library = match options.layout {
-        Layout::Bake => "..",
-        Layout::Single(_) => ".",
+    let library = match options.target {
+        FileTarget::Bake => "..",
+        FileTarget::Single(_) => ".",
     };
     let (width, height) = options.size;
     text.put(&format!("; {GENERATOR}\nInput_File_Name=\"{main}\"\nLibrary_Path=\"{library}\"\nOutput_File_Type=N\n"));

@@ -18,6 +18,8 @@ use std::sync::Arc;
 use self::assets::Part;
 use self::objects::View;
 use self::space::Space;
+use super::estimate::EstimateInput;
+use super::format::{FileTarget, FormatInfo};
 use super::text::Text;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
@@ -32,19 +34,41 @@ const HEAVY: usize = 500_000;
 /// them away, POV-Ray draws rods of glass across the picture.
 const NEAR: f32 = 0.9;
 
-/// Where the files go.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub enum Layout {
-    /// `pov/..` and `textures/..` in the folder of a bake.
-    #[default]
-    Bake,
-    /// `<stem>.pov` and `<stem>_files/..`.
-    Single(String),
+/// POV-Ray in the registry.
+pub const FORMAT: FormatInfo = FormatInfo {
+    word: "pov",
+    about: "a POV-Ray scene with an include per frame; `povray render.ini` renders it",
+    asset_folder: None,
+    endings: &[("pov", "POV-Ray scene")],
+    pictures_beside: true,
+    memory_percent: 20,
+    estimate,
+    open: |job| {
+        let options = PovOptions { target: job.target(), ..job.options.pov.clone() };
+        vec![Box::new(Pov::new(job.folder.clone(), Arc::clone(&job.textures), options))]
+    },
+};
+
+/// Own: bytes as the include files have them; texels of maps as measured on leaves in rain.
+fn estimate(input: &EstimateInput) -> u64 {
+    let step = u64::from(input.options.pov.step.max(1));
+    let written = |frames: u64| frames / step;
+    let spheres = |n: u64| n.min(100_000) * 110;
+    let assets = input.per_asset(|a| {
+        let still = (a.triangles + a.prototype_triangles) * 100 + a.instances * 170;
+        let points = spheres(a.points - a.moving_points) + written(input.frames) * spheres(a.moving_points);
+        // A frame has points and normals of what moves, and one line for the leaves of each joint.
+        let moving = written(input.frames) * (a.free_instances * 170 + a.moving_curve_points * 120);
+        let posed = written(a.posed_frames(input.frames)) * (a.moving_vertices * 70 + a.joints * 170);
+        still + points + moving + posed
+    });
+    // Height and wetness of each map, a tenth of a byte a texel.
+    assets + input.map_texels() * written(input.frames.max(1)).max(1) * 2 / 10
 }
 
 /// What can be chosen.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct PovOptions {
     /// Every how many frames one is written, >= 1; the others show the nearest written one.
     pub step: u32,
     /// POV-Ray units per metre. At 100 POV-Ray's fixed tolerances leave millimetre drops whole.
@@ -56,13 +80,13 @@ pub struct Options {
     /// Width and height of the picture in pixels.
     pub size: (u32, u32),
     /// Where the files go.
-    pub layout: Layout,
+    pub target: FileTarget,
 }
 
-impl Default for Options {
+impl Default for PovOptions {
     fn default() -> Self {
         let size = (800, 600);
-        Self { step: 1, units_per_m: 100.0, photons: None, shutter: 0.5, size, layout: Layout::Bake }
+        Self { step: 1, units_per_m: 100.0, photons: None, shutter: 0.5, size, target: FileTarget::Bake }
     }
 }
 
@@ -70,8 +94,8 @@ impl Default for Options {
 #[derive(Debug)]
 pub struct Pov {
     folder: Folder,
-    textures: Textures,
-    options: Options,
+    textures: Arc<Textures>,
+    options: PovOptions,
     scene: Option<Arc<Scene>>,
     written: Vec<u32>,
     /// First frame that was asked for.
@@ -83,40 +107,40 @@ pub struct Pov {
 
 impl Pov {
     /// Writes into `folder`; `textures`: the scene's pictures.
-    pub fn new(folder: Folder, textures: Textures, options: Options) -> Self {
+    pub fn new(folder: Folder, textures: Arc<Textures>, options: PovOptions) -> Self {
         let (written, warnings, sheets) = (Vec::new(), Vec::new(), wet::Sheets::new());
         Self { folder, textures, options, scene: None, written, first: None, instances: 0, sheets, warnings }
     }
 
     /// Path of one of our files below the output folder.
     fn path(&self, name: &str) -> String {
-        match &self.options.layout {
-            Layout::Bake => format!("pov/{name}"),
-            Layout::Single(stem) => format!("{stem}_files/{name}"),
+        match &self.options.target {
+            FileTarget::Bake => format!("pov/{name}"),
+            FileTarget::Single(stem) => format!("{stem}_files/{name}"),
         }
     }
 
     /// Folder of our files as POV-Ray finds it from the main file.
     fn includes(&self) -> String {
-        match &self.options.layout {
-            Layout::Bake => String::new(),
-            Layout::Single(stem) => format!("{stem}_files/"),
+        match &self.options.target {
+            FileTarget::Bake => String::new(),
+            FileTarget::Single(stem) => format!("{stem}_files/"),
         }
     }
 
     /// Folder of the pictures below the output folder, which is also where POV-Ray looks for them.
     fn pictures(&self) -> String {
-        match &self.options.layout {
-            Layout::Bake => "textures/".into(),
-            Layout::Single(stem) => format!("{stem}_files/"),
+        match &self.options.target {
+            FileTarget::Bake => "textures/".into(),
+            FileTarget::Single(stem) => format!("{stem}_files/"),
         }
     }
 
     /// Folder of the pictures that frames bring.
     fn maps(&self) -> String {
-        match &self.options.layout {
-            Layout::Bake => "maps/".into(),
-            Layout::Single(stem) => format!("{stem}_files/maps/"),
+        match &self.options.target {
+            FileTarget::Bake => "maps/".into(),
+            FileTarget::Single(stem) => format!("{stem}_files/maps/"),
         }
     }
 
@@ -256,9 +280,9 @@ impl Exporter for Pov {
         }
         self.warnings.extend(self.sheets.warning(&scene));
         let main = main_file::main_file(&scene, self.space(), &self.includes(), &self.written);
-        let (path, name) = match &self.options.layout {
-            Layout::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),
-            Layout::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
+        let (path, name) = match &self.options.target {
+            FileTarget::Bake => ("pov/main.pov".to_owned(), "main.pov".to_owned()),
+            FileTarget::Single(stem) => (format!("{stem}.pov"), format!("{stem}.pov")),
         };
         self.save(&path, "pov", &main)?;
         let ini = main_file::render_ini(&scene, &self.options, &name, &self.written);

@@ -11,9 +11,22 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use super::format::FormatInfo;
 use super::{Exporter, Summary};
 use osier_base::fence::Folder;
 use osier_scene::{Frame, Scene, Table, largest};
+
+/// Tables of statistics in the registry.
+pub const FORMAT: FormatInfo = FormatInfo {
+    word: "csv",
+    about: "tables and plots of what flights and rain measure",
+    asset_folder: None,
+    endings: &[],
+    pictures_beside: false,
+    memory_percent: 0,
+    estimate: |input| input.per_asset(|_| input.frames * 200),
+    open: |job| vec![Box::new(Stats::new(job.folder.clone()))],
+};
 
 /// Exporter of a scene's tables.
 #[derive(Debug)]
