@@ -8,7 +8,7 @@ use std::sync::Arc;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Vec2, Vec3};
 use osier::export::Exporter as _;
-use osier::export::pov::{PovOptions, Pov};
+use osier::export::pov::{Pov, PovOptions};
 use osier::fence::Folder;
 use osier::scene::{Mesh, MeshMotion};
 

@@ -11,7 +11,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Quat, Vec3};
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
-use osier::export::usd::{UsdOptions, Usd};
+use osier::export::usd::{Usd, UsdOptions};
 use osier::fence::Folder;
 use osier::scene::{
     Asset, AssetFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Mesh, Prototype, Scene,

@@ -51,7 +51,12 @@ impl Counts {
 /// `weights`: how many assets each of the first stands for, itself included.
 pub fn count(stage: &Stage, recipe: &Recipe, frames: u64, weights: &[u64]) -> Counts {
     let formats: Vec<&FormatInfo> = recipe.output.formats.iter().map(|f| f.0).collect();
-    count_formats(stage, recipe, &export_options(recipe), &CountJob { formats: &formats, frames, weights, single: false })
+    count_formats(
+        stage,
+        recipe,
+        &export_options(recipe),
+        &CountJob { formats: &formats, frames, weights, single: false },
+    )
 }
 
 /// What is counted.
@@ -71,8 +76,7 @@ pub(super) fn count_formats(stage: &Stage, recipe: &Recipe, options: &ExportOpti
     let scene = &stage.scene;
     let assets = AssetSize::of_scene(scene, job.frames, job.weights);
     let pictures: u64 = scene.images.iter().map(picture).sum();
-    let input =
-        EstimateInput { scene, assets: &assets, frames: job.frames, pictures, options, single: job.single };
+    let input = EstimateInput { scene, assets: &assets, frames: job.frames, pictures, options, single: job.single };
     let mut c = Counts {
         assets: assets.iter().map(|a| a.weight).sum(),
         placements: scene.placements.len() as u64,

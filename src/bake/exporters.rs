@@ -6,8 +6,8 @@ use super::write::Writer;
 use crate::recipe::sections::{CopyStyle, Profile, Up};
 use crate::recipe::{OutputRecipe, Recipe};
 use osier_base::fence::Folder;
-use osier_export::textures::Textures;
 use osier_export::format::{self, ExportJob, ExportOptions, FormatInfo};
+use osier_export::textures::Textures;
 use osier_export::{air, exr, gltf, manifest, pov, usd};
 
 /// Writers of a bake's folder, which will be given these frames.

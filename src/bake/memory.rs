@@ -28,12 +28,7 @@ const USD_POINT: u64 = 26;
 const TEXEL: u64 = 150;
 
 /// Bytes of memory at the peak of a run, by what they are for. `counts`: of the run, with its sizes.
-pub fn predicted(
-    scene: &Scene,
-    formats: &[&FormatInfo],
-    recipe: &Recipe,
-    counts: &Counts,
-) -> Vec<(&'static str, u64)> {
+pub fn predicted(scene: &Scene, formats: &[&FormatInfo], recipe: &Recipe, counts: &Counts) -> Vec<(&'static str, u64)> {
     let texels: u64 = scene.wet.iter().map(|w| (w.side * w.side) as u64).sum();
     let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
     let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();

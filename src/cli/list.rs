@@ -159,9 +159,7 @@ fn as_json(context: &Context, what: What) -> serde_json::Value {
         }
         What::Options => options_json(&options()),
         What::Knobs => serde_json::Value::Null,
-        What::Formats => {
-            format::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect()
-        }
+        What::Formats => format::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
         What::Codes => {
             let word = |s| if s == Severity::Error { "error" } else { "warning" };
             CODES

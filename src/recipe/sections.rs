@@ -5,8 +5,8 @@
 use super::digest::Digest;
 use super::key::{keys, words};
 use super::kinds::{
-    Color, File, Flag, Fps, Maybe, Numbers, OneOf, PowerOfTwo, Reference, Rows, Seed, SomeOf, Text, Tuple, Word,
-    deg, mm, num, point, whole,
+    Color, File, Flag, Fps, Maybe, Numbers, OneOf, PowerOfTwo, Reference, Rows, Seed, SomeOf, Text, Tuple, Word, deg,
+    mm, num, point, whole,
 };
 use osier_export::format::{FORMATS, FormatInfo};
 use osier_export::{gltf, usd};

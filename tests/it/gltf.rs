@@ -11,7 +11,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use crate::common::gltf_player::Player;
-use osier::export::gltf::{Gltf, GltfTarget, GltfOptions, Profile};
+use osier::export::gltf::{Gltf, GltfOptions, GltfTarget, Profile};
 use osier::export::textures::Textures;
 use osier::export::{Exporter as _, Warning};
 use osier::fence::Folder;
@@ -127,7 +127,12 @@ fn a_player_of_the_format_shows_everything_where_osier_does_at_every_frame() {
     let numbers: Vec<u32> = frames.iter().map(|f| f.number).collect();
     let temp = tempfile::tempdir().expect("temp");
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
+        export(
+            temp.path(),
+            &scene,
+            &frames,
+            GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() },
+        );
         let player = Player::new(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
         let wanted = match profile {
             Profile::Web => gltf_objects::web_objects(&scene, &frames, &numbers),
@@ -223,7 +228,12 @@ fn the_web_profile_has_fewer_keys_and_no_merged_leaves() {
     let temp = tempfile::tempdir().expect("temp");
     let mut keys = Vec::new();
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
+        export(
+            temp.path(),
+            &scene,
+            &frames,
+            GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() },
+        );
         let player = Player::new(&read(&temp.path().join(format!("gltf/tracks.{}.glb", profile.word()))));
         let samplers = player.json["animations"][0]["samplers"].as_array().expect("samplers").clone();
         let count = |s: &Value| player.rows(s["input"].as_u64().expect("input") as usize).len();
@@ -253,7 +263,12 @@ fn the_gltf_crate_reads_positions_bit_for_bit() {
     let scene = Arc::new(scene);
     let temp = tempfile::tempdir().expect("temp");
     for profile in PROFILES {
-        export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
+        export(
+            temp.path(),
+            &scene,
+            &frames,
+            GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() },
+        );
         let bytes = unrequired(&read(&temp.path().join(format!("gltf/synthetic.{}.glb", profile.word()))));
         let file = gltf::Gltf::from_slice(&bytes).expect("valid");
         let bin = file.blob.clone().expect("buffer");
@@ -291,7 +306,12 @@ fn bytes_do_not_depend_on_threads_or_runs() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
         pool.install(|| {
             for profile in PROFILES {
-                export(temp.path(), &scene, &frames, GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() });
+                export(
+                    temp.path(),
+                    &scene,
+                    &frames,
+                    GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() },
+                );
             }
         });
         files(&temp.path().join("gltf"), ".glb").iter().map(|p| read(p)).collect()

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use crate::common::gltf_player::Player;
 use glam::{Quat, Vec3};
-use osier::export::gltf::{Gltf, GltfTarget, GltfOptions, Profile, write};
+use osier::export::gltf::{Gltf, GltfOptions, GltfTarget, Profile, write};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Warning};

@@ -464,7 +464,11 @@ fn our_own_glb_is_read_back() {
     let textures = Arc::new(Textures::encode(&scene).expect("textures"));
     for profile in [gltf::Profile::Web, gltf::Profile::Blender] {
         let folder = Folder::memory();
-        let options = gltf::GltfOptions { profile, target: gltf::GltfTarget::Glb("x.glb".into()), ..gltf::GltfOptions::default() };
+        let options = gltf::GltfOptions {
+            profile,
+            target: gltf::GltfTarget::Glb("x.glb".into()),
+            ..gltf::GltfOptions::default()
+        };
         let mut exporter = gltf::Gltf::new(folder.clone(), Arc::clone(&textures), options);
         exporter.begin(&Arc::new(scene.clone())).expect("begin");
         exporter.finish().expect("finish");

@@ -10,7 +10,7 @@ use glam::{Quat, Vec3};
 use half::f16;
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
-use osier::export::usd::{UsdOptions, Usd};
+use osier::export::usd::{Usd, UsdOptions};
 use osier::fence::Folder;
 use osier::scene::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame, Scene, instance_states};
 use serde_json::{Map, Value, json};

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use osier::export::Exporter as _;
 use osier::export::exr::{Exr, ExrOptions};
 use osier::export::textures::Textures;
-use osier::export::usd::{UsdOptions, UpAxis, Usd};
+use osier::export::usd::{UpAxis, Usd, UsdOptions};
 use osier::fence::Folder;
 use osier::scene::{Frame, Scene};
 

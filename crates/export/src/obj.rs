@@ -37,9 +37,8 @@ const FACE_LINE: u64 = 11;
 /// Own: bytes as the lines have them; indices of faces grow with the number of vertices.
 fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
-        return input.per_asset(|a| {
-            (a.vertices + a.instance_vertices) * 80 + (a.triangles + a.instance_triangles) * 40
-        });
+        return input
+            .per_asset(|a| (a.vertices + a.instance_vertices) * 80 + (a.triangles + a.instance_triangles) * 40);
     }
     let size = MergedSize::of(input.scene);
     let digits = size.vertices.max(1).ilog10() + 1;

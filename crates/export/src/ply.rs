@@ -35,9 +35,8 @@ pub const FORMAT: FormatInfo = FormatInfo {
 /// Own: bytes as the binary records have them. A single file holds the merged mesh, points only without one.
 fn estimate(input: &EstimateInput) -> u64 {
     if !input.single {
-        return input.per_asset(|a| {
-            a.instances * 60 + (a.points - a.moving_points) * 22 + a.moving_points * input.frames * 22
-        });
+        return input
+            .per_asset(|a| a.instances * 60 + (a.points - a.moving_points) * 22 + a.moving_points * input.frames * 22);
     }
     let size = MergedSize::of(input.scene);
     let points = if size.triangles == 0 { size.points * 22 } else { 0 };

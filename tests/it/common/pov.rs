@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::Arc;
 
-use osier::export::pov::{PovOptions, Pov};
+use osier::export::pov::{Pov, PovOptions};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Summary};
 use osier::fence::Folder;

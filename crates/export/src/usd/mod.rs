@@ -27,9 +27,9 @@ mod zip;
 
 pub use axis::UpAxis;
 
-use super::textures::Textures;
 use super::estimate::EstimateInput;
 use super::format::{ExportJob, FormatInfo};
+use super::textures::Textures;
 use super::{Exporter, Summary, Warning, exr};
 use copies::Single;
 use osier_base::fence::safe_name;
@@ -110,9 +110,7 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     let bake = &job.options.usd;
     let options = match job.file {
         None => bake.clone(),
-        Some(name) => {
-            UsdOptions { up: bake.up, file: Some(name.to_owned()), look: false, ..UsdOptions::default() }
-        }
+        Some(name) => UsdOptions { up: bake.up, file: Some(name.to_owned()), look: false, ..UsdOptions::default() },
     };
     vec![Box::new(Usd::new(job.folder.clone(), Arc::clone(&job.textures), options))]
 }
