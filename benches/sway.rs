@@ -10,7 +10,7 @@ use osier::bake::plants::grow;
 use osier::bake::stage::{Parts, build};
 use osier::bake::{Work, mover};
 use osier::limits::Limits;
-use osier::motion::{Budget, Elements, Manner, Rig, Simulation, Wood};
+use osier::motion::sway::{Budget, Elements, Manner, Rig, Simulation, Wood};
 use osier::plant::Plant;
 use osier::presets::find;
 use osier::progress::{Cancel, Silent};

@@ -11,7 +11,7 @@ use crate::recipe::wind_keys::{PaperFix, Profile, Solver, Start, SwayKeys, SwayM
 use osier_base::math::{cos, narrow, sin};
 use osier_base::rng;
 use osier_base::{Result, diagnostic::Report};
-use osier_motion::{Fixes, Manner, PaperManner, Take, Wood};
+use osier_motion::sway::{Fixes, Manner, PaperManner, Take, Wood};
 use osier_scene::Trs;
 use osier_wind::{
     CALM_SPEED, GustWind, GustWindOptions, ScaledWind, SineWind, SineWindOptions, UniformWind, Wind, WindSum,

@@ -12,7 +12,7 @@ use super::plants::Grown;
 use crate::recipe::sections::{Motion, SkinKeys, Uv};
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::Result;
-use osier_motion::{Rig, Weights};
+use osier_motion::sway::{Rig, Weights};
 use osier_plants::surface::{SkinOptions, UvMode, skin};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{

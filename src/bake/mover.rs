@@ -18,7 +18,7 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::Cancel;
-use osier_motion::{Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
+use osier_motion::sway::{Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
@@ -125,9 +125,9 @@ impl Mover {
             Motion::Skin | Motion::Static | Motion::Still => Budget::Joints(joints),
         };
         let elements = Elements::build(plant, &manner.wood, budget);
-        osier_motion::afford(&elements, air.take, limits)?;
+        osier_motion::sway::afford(&elements, air.take, limits)?;
         let take = if air.draft {
-            osier_motion::Take { frames: 1, repeats: false, from_rest: true, ..air.take }
+            osier_motion::sway::Take { frames: 1, repeats: false, from_rest: true, ..air.take }
         } else {
             air.take
         };
@@ -229,7 +229,7 @@ impl Mover {
             let [before, after] = [0, 1].map(|n| self.elements.turn(&around[n], &moment.bends[2 * n], spot));
             let turned = after * before.conjugate();
             let spin = turned.xyz() * (2.0 * turned.w.signum() / moment.step);
-            *q = leaves.flutter.turned(k, *q, moment.seconds, osier_motion::Air { wind, spin }).normalize();
+            *q = leaves.flutter.turned(k, *q, moment.seconds, osier_motion::sway::Air { wind, spin }).normalize();
         }
     }
 }

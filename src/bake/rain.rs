@@ -24,7 +24,7 @@ use osier_motion::rain::{
     Bearer, Blade, Bough, Chart, Cover, Grooves, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff,
     Storm, Target, Water, Wetness, across,
 };
-use osier_motion::rod::Boughs;
+use osier_motion::rods::Boughs;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Drops, Image, InstancerFrame, Material, MaterialClass, MeshFrame, MeshMotion,

@@ -13,7 +13,7 @@ use crate::recipe::{Recipe, RodRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math;
-use osier_motion::rod::{Act, Body, Clip, Hold, Integrator, Keys, LIMP, Rod, Rods, Still, Stuff};
+use osier_motion::rods::{Act, Body, Clip, Hold, Integrator, Keys, LIMP, Rod, Rods, Still, Stuff};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Joint, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton, SkinWeights,
     Trs,

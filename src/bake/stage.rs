@@ -33,7 +33,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{join, par_map};
 use osier_base::{Error, Result};
-use osier_motion::rod::Boughs;
+use osier_motion::rods::Boughs;
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Land;
 use osier_scene::plant::AxisKind;

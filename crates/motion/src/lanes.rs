@@ -12,20 +12,20 @@ const WIDEST: usize = 8;
 
 /// Some numbers, one to a lane.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lane<S: Simd> {
+pub(crate) struct Lane<S: Simd> {
     simd: S,
     value: S::f64s,
 }
 
 impl<S: Simd> Lane<S> {
     #[inline(always)]
-    pub(super) fn all(simd: S, value: f64) -> Self {
+    pub(crate) fn all(simd: S, value: f64) -> Self {
         Self { simd, value: simd.splat_f64s(value) }
     }
 
     /// What its numbers are computed with.
     #[inline(always)]
-    pub(super) fn simd(self) -> S {
+    pub(crate) fn simd(self) -> S {
         self.simd
     }
 
@@ -35,31 +35,31 @@ impl<S: Simd> Lane<S> {
     }
 
     #[inline(always)]
-    pub(super) fn sqrt(self) -> Self {
+    pub(crate) fn sqrt(self) -> Self {
         self.with(self.simd.sqrt_f64s(self.value))
     }
 
     #[inline(always)]
-    pub(super) fn over(self, o: Self) -> Self {
+    pub(crate) fn over(self, o: Self) -> Self {
         self.with(self.simd.div_f64s(self.value, o.value))
     }
 
     /// The greater of both; neither may be NaN.
     #[inline(always)]
-    pub(super) fn at_least(self, least: f64) -> Self {
+    pub(crate) fn at_least(self, least: f64) -> Self {
         self.with(self.simd.max_f64s(self.value, self.simd.splat_f64s(least)))
     }
 
     /// `then` where a lane is below `bound`, `otherwise` elsewhere.
     #[inline(always)]
-    pub(super) fn below(self, bound: f64, then: Self, otherwise: Self) -> Self {
+    pub(crate) fn below(self, bound: f64, then: Self, otherwise: Self) -> Self {
         let mask = self.simd.less_than_f64s(self.value, self.simd.splat_f64s(bound));
         self.with(self.simd.select_f64s(mask, then.value, otherwise.value))
     }
 
     /// Whether every lane is below.
     #[inline(always)]
-    pub(super) fn all_below(self, bound: f64) -> bool {
+    pub(crate) fn all_below(self, bound: f64) -> bool {
         self.simd.reduce_max_f64s(self.value) < bound
     }
 }
@@ -67,7 +67,7 @@ impl<S: Simd> Lane<S> {
 impl Lane<Scalar> {
     /// The one number.
     #[inline(always)]
-    pub(super) fn value(self) -> f64 {
+    pub(crate) fn value(self) -> f64 {
         self.value
     }
 }
@@ -114,21 +114,21 @@ impl<S: Simd> Neg for Lane<S> {
 
 /// Vectors side by side.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Arrow<S: Simd>(pub(super) [Lane<S>; 3]);
+pub(crate) struct Arrow<S: Simd>(pub(crate) [Lane<S>; 3]);
 
 impl<S: Simd> Arrow<S> {
     #[inline(always)]
-    pub(super) fn dot(self, o: Self) -> Lane<S> {
+    pub(crate) fn dot(self, o: Self) -> Lane<S> {
         self.0[0] * o.0[0] + self.0[1] * o.0[1] + self.0[2] * o.0[2]
     }
 
     #[inline(always)]
-    pub(super) fn length(self) -> Lane<S> {
+    pub(crate) fn length(self) -> Lane<S> {
         self.dot(self).sqrt()
     }
 
     #[inline(always)]
-    pub(super) fn cross(self, o: Self) -> Self {
+    pub(crate) fn cross(self, o: Self) -> Self {
         let ([a, b, c], [x, y, z]) = (self.0, o.0);
         Self([b * z - c * y, c * x - a * z, a * y - b * x])
     }
@@ -160,12 +160,12 @@ impl<S: Simd> Mul<Lane<S>> for Arrow<S> {
 
 /// Rotations side by side, as matrices by rows.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Turned<S: Simd>([Arrow<S>; 3]);
+pub(crate) struct Turned<S: Simd>([Arrow<S>; 3]);
 
 impl<S: Simd> Turned<S> {
     /// Of unit quaternions (x, y, z, w).
     #[inline(always)]
-    pub(super) fn of([x, y, z, w]: [Lane<S>; 4]) -> Self {
+    pub(crate) fn of([x, y, z, w]: [Lane<S>; 4]) -> Self {
         let one = Lane::all(x.simd, 1.0);
         let (x2, y2, z2) = (x + x, y + y, z + z);
         let (xx, yy, zz) = (x * x2, y * y2, z * z2);
@@ -179,13 +179,13 @@ impl<S: Simd> Turned<S> {
     }
 
     #[inline(always)]
-    pub(super) fn apply(&self, v: Arrow<S>) -> Arrow<S> {
+    pub(crate) fn apply(&self, v: Arrow<S>) -> Arrow<S> {
         Arrow([self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v)])
     }
 
     /// The other way round.
     #[inline(always)]
-    pub(super) fn back(&self, v: Arrow<S>) -> Arrow<S> {
+    pub(crate) fn back(&self, v: Arrow<S>) -> Arrow<S> {
         let [a, b, c] = self.0;
         a * v.0[0] + b * v.0[1] + c * v.0[2]
     }
@@ -193,20 +193,20 @@ impl<S: Simd> Turned<S> {
 
 /// Rows of `K` numbers, padded with zeros: [`WIDEST`] rows lie together, column after column.
 #[derive(Debug, Clone)]
-pub(super) struct Columns<const K: usize>(Vec<f64>);
+pub(crate) struct Columns<const K: usize>(Vec<f64>);
 
 impl<const K: usize> Columns<K> {
     /// `rows` rows of zeros.
-    pub(super) fn new(rows: usize) -> Self {
+    pub(crate) fn new(rows: usize) -> Self {
         Self(vec![0.0; padded(rows) * K])
     }
 
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.0.fill(0.0);
     }
 
     /// Rows, padding included.
-    pub(super) fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.0.len() / K
     }
 
@@ -218,13 +218,13 @@ impl<const K: usize> Columns<K> {
     }
 
     #[inline(always)]
-    pub(super) fn row(&self, i: usize) -> [f64; K] {
+    pub(crate) fn row(&self, i: usize) -> [f64; K] {
         let all = &self.0[Self::span(i)];
         std::array::from_fn(|k| all[k * WIDEST])
     }
 
     #[inline(always)]
-    pub(super) fn set(&mut self, i: usize, row: [f64; K]) {
+    pub(crate) fn set(&mut self, i: usize, row: [f64; K]) {
         let all = &mut self.0[Self::span(i)];
         for k in 0..K {
             all[k * WIDEST] = row[k];
@@ -232,7 +232,7 @@ impl<const K: usize> Columns<K> {
     }
 
     #[inline(always)]
-    pub(super) fn add(&mut self, i: usize, row: [f64; K]) {
+    pub(crate) fn add(&mut self, i: usize, row: [f64; K]) {
         let all = &mut self.0[Self::span(i)];
         for k in 0..K {
             all[k * WIDEST] += row[k];
@@ -248,7 +248,7 @@ impl<const K: usize> Columns<K> {
 
     /// The rows of a group, as many as there are lanes.
     #[inline(always)]
-    pub(super) fn get<S: Simd>(&self, simd: S, group: usize) -> [Lane<S>; K] {
+    pub(crate) fn get<S: Simd>(&self, simd: S, group: usize) -> [Lane<S>; K] {
         let (first, apart) = Self::lanes::<S>(group);
         let all = &S::as_simd_f64s(&self.0).0[first..=first + (K - 1) * apart];
         let mut row = [Lane { simd, value: all[0] }; K];
@@ -259,7 +259,7 @@ impl<const K: usize> Columns<K> {
     }
 
     #[inline(always)]
-    pub(super) fn put<S: Simd>(&mut self, group: usize, row: [Lane<S>; K]) {
+    pub(crate) fn put<S: Simd>(&mut self, group: usize, row: [Lane<S>; K]) {
         let (first, apart) = Self::lanes::<S>(group);
         let all = &mut S::as_mut_simd_f64s(&mut self.0).0[first..=first + (K - 1) * apart];
         for k in 0..K {
@@ -269,6 +269,6 @@ impl<const K: usize> Columns<K> {
 }
 
 /// Row count that all lane widths divide.
-pub(super) fn padded(rows: usize) -> usize {
+pub(crate) fn padded(rows: usize) -> usize {
     rows.next_multiple_of(WIDEST)
 }

@@ -2,11 +2,11 @@
 
 use glam::{DVec3, Vec3};
 
-use super::about::About;
-use super::cluster::Cluster;
-use super::record::{Catkin, Lag, State};
-use super::rest::{Landing, Path};
-use super::start::Leaving;
+use super::present_states::About;
+use super::clusters::Cluster;
+use super::particles::{Catkin, Lag, State};
+use super::deposit::{Landing, Path};
+use super::release::Leaving;
 use super::{CHUNK, Flights, Wait};
 use osier_wind::Wind;
 

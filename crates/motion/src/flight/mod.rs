@@ -6,22 +6,22 @@
 //! by itself, what concerns two is collected, sorted by number and done in that order.
 //! Source: \[catkin\] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
 
-mod about;
+mod present_states;
 mod advance;
-mod attract;
-mod bond;
-mod cluster;
-mod contact;
+mod attraction;
+mod bonds;
+mod clusters;
+mod contacts;
 mod grid;
-mod leave;
-mod lift;
-mod options;
-mod record;
-mod rest;
-mod slump;
-mod start;
-mod tally;
-mod turn;
+mod boundary;
+mod lift_off;
+mod params;
+mod particles;
+mod deposit;
+mod heaps;
+mod release;
+mod stats;
+mod tumble;
 
 #[cfg(test)]
 mod tests;
@@ -33,14 +33,14 @@ use glam::{Quat, Vec3};
 use osier_scene::solid::Solids;
 use osier_wind::Wind;
 
-pub use options::{Edge, Humidity, Kind, Options, Start, Wait};
-pub use record::{Catkin, State};
-pub use start::{Sky, sky};
-pub use tally::Tally;
+pub use params::{Edge, Humidity, Kind, Options, Start, Wait};
+pub use particles::{Catkin, State};
+pub use release::{Sky, sky};
+pub use stats::Tally;
 
-use about::About;
-use cluster::Clusters;
-use contact::Crowd;
+use present_states::About;
+use clusters::Clusters;
+use contacts::Crowd;
 
 /// Records a task takes at once.
 const CHUNK: usize = 512;
@@ -69,7 +69,7 @@ pub struct Flights {
     strays: Vec<u32>,
     /// Room for the search for contacts.
     crowd: Crowd,
-    events: tally::Events,
+    events: stats::Events,
 }
 
 /// What is seen at one time, by number.
@@ -95,7 +95,7 @@ impl Flights {
     /// Catkins numbered in the order of `starts`. Those that start in a solid never fly; see [`Tally::buried`].
     pub fn new(options: Options, solids: Arc<Solids>, starts: &[Start]) -> Self {
         let mut catkins: Vec<Catkin> = (0..).zip(starts).map(|(id, start)| Catkin::new(id, *start, &options)).collect();
-        let mut events = tally::Events::default();
+        let mut events = stats::Events::default();
         for c in &mut catkins {
             if solids.contains(c.x.as_vec3()) {
                 c.state = State::Exited;
@@ -211,6 +211,6 @@ impl Flights {
 
     /// Counts of now and of all that happened so far.
     pub fn tally(&self) -> Tally {
-        tally::of(self)
+        stats::of(self)
     }
 }

@@ -1,0 +1,42 @@
+//! Which states occur at all, so that a step need not look for what nobody does.
+
+use super::particles::{Catkin, State};
+
+/// States of which there is at least one, or was at the beginning of this step.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct About {
+    pub pending: bool,
+    pub exited: bool,
+    pub on_wall: bool,
+    pub deposited: bool,
+}
+
+impl About {
+    /// Before anybody has been looked at: anything may be.
+    pub const UNKNOWN: Self = Self { pending: true, exited: true, on_wall: true, deposited: true };
+
+    /// Those of `catkins`.
+    pub fn of(catkins: &[Catkin]) -> Self {
+        catkins.iter().fold(Self::default(), |about, c| about.with(c.state))
+    }
+
+    /// And one of these.
+    pub fn with(self, state: State) -> Self {
+        self.and(Self {
+            pending: state == State::Pending,
+            exited: state == State::Exited,
+            on_wall: state == State::OnWall,
+            deposited: state.is_deposited(),
+        })
+    }
+
+    /// Both together.
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            pending: self.pending || other.pending,
+            exited: self.exited || other.exited,
+            on_wall: self.on_wall || other.on_wall,
+            deposited: self.deposited || other.deposited,
+        }
+    }
+}

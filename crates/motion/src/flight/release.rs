@@ -1,0 +1,116 @@
+//! Where catkins come from.
+
+use glam::{DVec3, Vec3};
+
+use super::params::{Start, Wait};
+use osier_base::geometry::Bounds;
+use osier_base::rng::Rng;
+use osier_scene::solid::Solids;
+
+/// A box of sky that catkins start in.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sky {
+    /// Of all draws.
+    pub seed: u64,
+    /// How many.
+    pub count: u32,
+    /// The box of air.
+    pub inside: Bounds,
+    /// Part of its height that they start in.
+    pub band: [f64; 2],
+    /// They start at times spread over so many seconds; 0 for all at once.
+    pub duration: f64,
+}
+
+/// Draws for a place that is not in a solid.
+const TRIES: u32 = 64;
+
+/// Starts all over a box of sky. One that finds no place in 64 draws stays in the solid where it was drawn last, and is
+/// then told of.
+pub fn sky(sky: &Sky, solids: &Solids) -> Vec<Start> {
+    let (low, size) = (sky.inside.min.as_dvec3(), sky.inside.size().as_dvec3());
+    let share = |draw: &mut Rng| {
+        let [a, b] = sky.band;
+        DVec3::new(draw.unit_f64(), a + (b - a) * draw.unit_f64(), draw.unit_f64())
+    };
+    (0..sky.count)
+        .map(|id| {
+            let mut draw = Rng::at(sky.seed, &["flight".into(), id.into(), 0_u64.into(), "start".into()]);
+            let when = sky.duration * draw.unit_f64();
+            let mut at = low + size * share(&mut draw);
+            for _ in 1..TRIES {
+                if !solids.contains(at.as_vec3()) {
+                    break;
+                }
+                at = low + size * share(&mut draw);
+            }
+            Start { at, wait: Wait::Until(when) }
+        })
+        .collect()
+}
+
+/// A place on a side of the box that the wind enters by, for one that comes back. `wind`: its mean.
+pub(super) fn entry(wind: Vec3, (inside, band): (Bounds, [f64; 2]), draw: &mut Rng) -> DVec3 {
+    let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
+    let [u, w] = [draw.unit_f64(), draw.unit_f64()];
+    let y = low.y + size.y * (band[0] + (band[1] - band[0]) * draw.unit_f64());
+    // Both sides are entered by as much air as their faces and the wind across them have.
+    let through = [f64::from(wind.x.abs()) * size.z, f64::from(wind.z.abs()) * size.x];
+    let across = |positive: bool, along: f64| if positive { 0.0 } else { along };
+    if through[0] + through[1] > 0.0 && u * (through[0] + through[1]) >= through[0] {
+        DVec3::new(low.x + size.x * w, y, low.z + across(wind.z > 0.0, size.z))
+    } else {
+        DVec3::new(low.x + across(wind.x >= 0.0, size.x), y, low.z + size.z * w)
+    }
+}
+
+/// Wind that tears seeds off.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leaving {
+    /// Chance a second where the air is twice as fast as `speed`.
+    pub rate: f64,
+    /// m/s.
+    pub speed: f64,
+}
+
+impl Leaving {
+    /// Whether what waits leaves now.
+    pub fn goes(self, wait: &mut Wait, air: Vec3, (t, dt): (f64, f64)) -> bool {
+        match wait {
+            Wait::Until(when) => t >= *when,
+            Wait::Wind(left) => {
+                *left -= self.rate * (f64::from(air.length()) / self.speed - 1.0).max(0.0) * dt;
+                *left <= 0.0
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The time of leaving does not hang on the step: an even wind at twice the speed takes E / rate seconds.
+    #[test]
+    fn seeds_leave_after_the_same_wind_at_any_step() {
+        for dt in [0.1, 0.01, 0.001] {
+            let leaving = Leaving { rate: 0.2, speed: 0.6 };
+            let (mut wait, mut t) = (Wait::Wind(0.5), 0.0);
+            while !leaving.goes(&mut wait, Vec3::X * 1.2, (t, dt)) {
+                t += dt;
+            }
+            assert!((t - 2.5).abs() <= 2.0 * dt, "{t} at {dt}");
+        }
+    }
+
+    #[test]
+    fn starts_keep_out_of_solids() {
+        use osier_scene::solid::{Form, Prism, Solid};
+        let prism = Prism::block(Vec3::ZERO, Vec3::new(20.0, 30.0, 30.0), 0.0);
+        let solids = Solids::new(vec![Solid { name: "hall".into(), form: Form::Prism(prism), humidity: 0.5 }], true);
+        let inside = Bounds { min: Vec3::new(-17.5, 0.0, -17.5), max: Vec3::new(17.5, 35.0, 17.5) };
+        let all = sky(&Sky { seed: 3, count: 500, inside, band: [0.3, 0.95], duration: 0.0 }, &solids);
+        assert!(all.iter().all(|s| !solids.contains(s.at.as_vec3())));
+        assert!(all.iter().any(|s| s.at.y > 30.0) && all.iter().any(|s| s.at.y < 12.0));
+    }
+}

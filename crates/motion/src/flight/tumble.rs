@@ -1,0 +1,153 @@
+//! How catkins tumble: the tuft is dragged downstream, swings about that way, and never comes quite to rest.
+
+use glam::{Quat, Vec3};
+
+use super::particles::{Catkin, State, flutter_key, flutter_root};
+use super::{CHUNK, Flights};
+use osier_base::math::narrow;
+use osier_base::rng;
+
+// Chosen by eye; none of it is in the paper.
+/// Swings a second in a fall at settling speed.
+const SWINGS: f32 = 0.8;
+/// Part of critical damping.
+const DAMPING: f32 = 0.35;
+/// Strength of unrest, rad/s^2, and how long it lasts, s.
+const UNREST: f32 = 6.0;
+const UNREST_TIME: f32 = 0.4;
+/// Turning about the tuft's own axis: strength, rad/s, and how long it lasts, s.
+const SPIN: f32 = 0.6;
+const SPIN_TIME: f32 = 1.5;
+/// Fastest turn, rad/s.
+const FASTEST: f32 = 12.0;
+/// In which turning dies away on the ground, s.
+const REST_TIME: f32 = 0.1;
+
+/// Numbers of a step that are the same for all.
+struct Beat {
+    dt: f32,
+    unrest: [f32; 2],
+    spin: [f32; 2],
+    rest: f32,
+    flutter: f32,
+    /// Of all flutter of this flight.
+    key: u64,
+    step: u64,
+    /// s, at its end.
+    now: f64,
+}
+
+impl Beat {
+    fn of(flights: &Flights) -> Self {
+        let dt = narrow(flights.options.step());
+        let keeps = |time: f32| osier_base::math::exp_f32(-dt / time);
+        let pair = |time: f32, strength: f32| {
+            let keep = keeps(time);
+            [keep, strength * narrow(flights.options.flutter) * osier_base::math::sqrt_f32(1.0 - keep * keep)]
+        };
+        Self {
+            dt,
+            unrest: pair(UNREST_TIME, UNREST),
+            spin: pair(SPIN_TIME, SPIN),
+            rest: keeps(REST_TIME),
+            flutter: narrow(flights.options.flutter),
+            key: flutter_root(flights.options.seed),
+            step: flights.step,
+            now: flights.seconds() + flights.options.step(),
+        }
+    }
+
+    fn turn(&self, c: &mut Catkin) {
+        let tuft = c.tuft();
+        let speed = c.flow.length();
+        let along = if speed < 0.05 { Vec3::Y } else { c.flow / speed };
+        let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, 3.0);
+        let omega_n = std::f32::consts::TAU * SWINGS * pace * self.flutter;
+        let (a, b) = noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
+        c.unrest = c.unrest * self.unrest[0] + a * self.unrest[1];
+        // About the axis of the tuft it turns freely, and slowly; across it swings.
+        let spin = c.omega.dot(tuft) * self.spin[0] + b * self.spin[1];
+        let across = c.omega - tuft * c.omega.dot(tuft);
+        let torque = tuft.cross(along) * (omega_n * omega_n) + c.unrest;
+        let damped = (across + (torque - tuft * torque.dot(tuft)) * self.dt)
+            * osier_base::math::exp_f32(-2.0 * DAMPING * omega_n * self.dt);
+        c.omega = (damped + tuft * spin).clamp_length_max(FASTEST);
+    }
+}
+
+impl Flights {
+    pub(super) fn turn(&mut self) {
+        let beat = Beat::of(self);
+        let clusters = std::mem::take(&mut self.clusters);
+        for cluster in clusters.values().filter(|c| c.state == State::Airborne) {
+            cluster.members.iter().for_each(|id| self.at_mut(*id).omega = cluster.omega);
+        }
+        self.clusters = clusters;
+        let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CHUNK).collect();
+        osier_base::par::par_each(&mut chunks, |chunk| {
+            for c in chunk.iter_mut() {
+                match c.state {
+                    // As their cluster turns: see above.
+                    State::Airborne if c.clustered => {}
+                    State::Airborne => beat.turn(c),
+                    _ => {
+                        c.omega *= beat.rest;
+                        if c.state.is_deposited() && c.rested < 0.0 {
+                            c.rested = beat.now;
+                        }
+                    }
+                }
+                if c.state.is_seen() {
+                    c.q = turned(c.q, c.omega * beat.dt);
+                }
+            }
+        });
+    }
+}
+
+/// `q` turned by a small rotation vector, rad: exp(r/2) q by its series.
+pub(super) fn turned(q: Quat, r: Vec3) -> Quat {
+    let half = r * 0.5;
+    let s = half.length_squared();
+    // Terms up to the eighth power: 1e-7 at the fastest turn.
+    let sinc = 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0));
+    let cos = 1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0));
+    let v = half * sinc;
+    (Quat::from_xyzw(v.x, v.y, v.z, cos) * q).normalize()
+}
+
+/// Three numbers and one more of unit variance, nearly normal: sums of four even draws of 16 bits.
+#[allow(clippy::cast_possible_truncation, reason = "16 bits of 64")]
+fn noise(key: u64) -> (Vec3, f32) {
+    let sum = |bits: u64| {
+        let parts = [bits, bits >> 16, bits >> 32, bits >> 48].map(|b| f32::from(b as u16));
+        ((parts[0] + parts[1]) + (parts[2] + parts[3]) - 2.0 * 65_535.0) * (1.732_050_8 / 65_536.0)
+    };
+    let at = |i: u64| sum(rng::child(key, i));
+    (Vec3::new(at(0), at(1), at(2)), at(3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unrest_has_unit_variance_and_no_mean() {
+        let n = 50_000_u32;
+        let (mut sum, mut square) = (Vec3::ZERO, Vec3::ZERO);
+        for i in 0..n {
+            let (v, _) = noise(rng::child(7, u64::from(i)));
+            (sum, square) = (sum + v, square + v * v);
+        }
+        let (mean, variance) = (sum / n as f32, square / n as f32);
+        assert!(mean.abs().max_element() < 0.02 && (variance - 1.0).abs().max_element() < 0.03, "{mean} {variance}");
+    }
+
+    #[test]
+    fn a_turn_is_a_turn() {
+        let q = Quat::from_axis_angle(Vec3::new(1.0, 2.0, 3.0).normalize(), 0.7);
+        let r = Vec3::new(0.2, -0.3, 0.35);
+        let wanted = Quat::from_scaled_axis(r) * q;
+        assert!(turned(q, r).dot(wanted) > 1.0 - 1e-6);
+    }
+}

@@ -1,0 +1,98 @@
+//! The slowest swing of each rod, and what follows from it.
+
+use crate::rods::system::{Manner, Rods};
+use osier_base::math;
+
+/// What a section carries: mass, kg, and its moments of first and second order along the rod from the section on, kg m and
+/// kg m^2.
+#[derive(Debug, Clone, Copy, Default)]
+struct Lump {
+    mass: f64,
+    first: f64,
+    second: f64,
+}
+
+impl Rods {
+    /// Measures all rods anew: after bodies were added.
+    pub(crate) fn measure(&mut self) {
+        let lumps = self.carried();
+        for rod in 0..self.manners.len() {
+            let stuff = self.tree.spans[rod].stuff;
+            let hertz = self.slowest(rod, &lumps);
+            let anchored = self.is_anchored(rod);
+            let recovery = if anchored { stuff.recovery } else { 0.0 };
+            let swing = std::f64::consts::TAU * hertz;
+            let w = swing * math::sqrt(1.0 + recovery);
+            // Without anything to hang on only bending is damped, not flight.
+            let (mass, stiffness) =
+                if anchored { (stuff.zeta * w, stuff.zeta / w) } else { (0.0, 2.0 * stuff.zeta / w) };
+            self.manners[rod] = Manner { hertz, recovery: recovery * swing * swing, mass, stiffness };
+        }
+        self.horizon = self.reach();
+    }
+
+    /// Each section with the plant's bodies on it, and the rods.
+    fn carried(&self) -> Vec<Lump> {
+        let mut lumps: Vec<Lump> =
+            self.tree.sections.iter().map(|s| Lump { mass: 3.0 * s.mass, ..Lump::default() }).collect();
+        for body in self.bodies.iter().filter(|b| b.own) {
+            let (lump, lever) = (&mut lumps[body.section], body.at.z);
+            lump.mass += body.mass;
+            lump.first += body.mass * lever;
+            let about = body.inertia.x_axis.x + body.inertia.y_axis.y;
+            lump.second += body.mass * lever * lever + 0.5 * about;
+        }
+        for span in self.tree.spans.iter().rev() {
+            if let Some(base) = span.base {
+                let sum = span.sections.clone().fold(0.0, |s, i| s + lumps[i].mass);
+                lumps[self.tree.bases[base].on as usize].mass += sum;
+            }
+        }
+        lumps
+    }
+
+    /// Slowest swing of a rod, Hz: of one that is fixed somewhere by its deflection under its own weight from the side, of
+    /// another one as if it were pinned at both ends.
+    /// Source: Rayleigh's quotient w^2 = g sum(m y) / sum(m y^2); [yang-wu] eq. 1 for the deflection.
+    fn slowest(&self, rod: usize, lumps: &[Lump]) -> f64 {
+        let span = &self.tree.spans[rod];
+        let n = span.intervals.len();
+        if !self.is_anchored(rod) {
+            let total = span.sections.clone().fold(0.0, |s, i| s + lumps[i].mass);
+            let mean = span.intervals.iter().fold(0.0, |s, l| s + l.bending()) / n as f64;
+            let k = std::f64::consts::PI / span.length;
+            return k * k * math::sqrt(mean * span.length / total) / std::f64::consts::TAU;
+        }
+        // Of the base that rides on another rod the mass is that rod's.
+        let first = n + 1 - span.sections.len();
+        let lump = |j: usize| if j < first { Lump::default() } else { lumps[span.sections.start + j - first] };
+        let at = self.held_at(rod).map_or(0, |i| i - span.sections.start);
+        let (mut top, mut bottom) = (0.0, 0.0);
+        for forth in [true, false] {
+            let count = if forth { n - at } else { at };
+            let interval = |k: usize| if forth { &span.intervals[at + k] } else { &span.intervals[at - 1 - k] };
+            let beyond = |k: usize| {
+                let lump = lump(if forth { at + k } else { at - k });
+                Lump { first: if forth { lump.first } else { -lump.first }, ..lump }
+            };
+            // Moments at both ends of each interval, from the free end inwards, for one newton on each kilogram.
+            let (mut moments, mut moment, mut shear) = (vec![[0.0; 2]; count], 0.0, 0.0);
+            for k in (0..count).rev() {
+                shear += beyond(k + 1).mass;
+                let outer = moment + beyond(k + 1).first;
+                moment = outer + shear * interval(k).length;
+                moments[k] = [moment, outer];
+            }
+            let (mut slope, mut y) = (0.0, 0.0);
+            for k in 0..count {
+                let (l, ei, [inner, outer]) = (interval(k).length, interval(k).bending(), moments[k]);
+                y += slope * l + l * l * (2.0 * inner + outer) / (6.0 * ei);
+                slope += l * (inner + outer) / (2.0 * ei);
+                let m = beyond(k + 1);
+                top += m.mass * y + m.first * slope;
+                bottom += m.mass * y * y + 2.0 * m.first * y * slope + m.second * slope * slope;
+            }
+        }
+        math::sqrt(top / bottom.max(1e-300)) / std::f64::consts::TAU
+    }
+}

@@ -1,0 +1,232 @@
+//! Which of a plant's axes and leaves move as rods, and which ride on those.
+
+use glam::{DQuat, DVec3};
+
+use crate::rods::layout::{Rod, Stuff};
+use crate::rods::system::Hold;
+use crate::sway::{Wood, damping_of};
+use osier_scene::Trs;
+use osier_scene::plant::{Axis, AxisKind, NONE, Organ, Plant};
+
+/// Shorter axes ride on their parents, m and base radii.
+const SHORT: [f64; 2] = [4e-3, 4.0];
+/// Least length of a stalk, m.
+const STUB: f64 = 2e-3;
+/// Share of all sections that wood may take.
+const WOODEN: f64 = 0.6;
+
+/// What a plant's rods are like.
+#[derive(Debug, Clone)]
+pub struct Grain {
+    /// Stems: stiffness, weight, drag of leaves and wood, factor on damping.
+    pub wood: Wood,
+    /// Gravity, m/s^2.
+    pub g: f64,
+    /// Shear modulus over Young's, 0.02..0.5.
+    pub shear: f64,
+    /// Springs back, 0..4.
+    pub recovery: f64,
+    /// Divides all stiffness, 1..20.
+    pub gain: f64,
+    /// Young's modulus of stalks, Pa.
+    pub stalk_young: f64,
+    /// Radius of the stalk of each prototype in size 1, m.
+    pub stalk_radii: Vec<f64>,
+    /// Radius of all stalks, m, instead.
+    pub stalk_radius: Option<f64>,
+    /// Sections of a stalk.
+    pub stalk_sections: usize,
+    /// Sections of a stem; `None` chooses.
+    pub sections: Option<usize>,
+    /// Thicker wood stands still, m.
+    pub thickest: f64,
+    /// Most sections of all rods.
+    pub most_sections: usize,
+    /// Most leaves on stalks of their own.
+    pub most_leaves: usize,
+}
+
+/// How an axis moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Carried {
+    /// Not at all.
+    Still,
+    /// As a rod from an arc length on, m in the plant; not at all before.
+    Rod(usize, f64),
+    /// With a rod at an arc length, m.
+    Rider(usize, f64),
+}
+
+/// Where a leaf hangs: its foot on the wood, its pivot, its turn in the world, m.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Hung {
+    /// Its own rod.
+    pub stalk: Option<usize>,
+    /// Rod that carries it or its stalk, and where, m.
+    pub host: Option<(usize, f64)>,
+    pub pivot: DVec3,
+    pub q: DQuat,
+    pub scale: f64,
+}
+
+/// The rods of a plant in the world.
+#[derive(Debug, Default)]
+pub(crate) struct Plan {
+    pub rods: Vec<Rod>,
+    pub holds: Vec<(usize, f64, Hold)>,
+    pub axes: Vec<Carried>,
+    pub leaves: Vec<Hung>,
+    /// Stems, and leaves, for which there was no room.
+    pub left: [usize; 2],
+    scale: f64,
+}
+
+impl Plan {
+    pub(crate) fn new(plant: &Plant, stand: &Trs, grain: &Grain) -> Self {
+        let mut plan = Self { scale: f64::from(stand.s.x), ..Self::default() };
+        let rods = plan.stems(plant, stand, grain);
+        let room = plan.chosen(plant, &rods, grain);
+        for (axis, rod) in plant.axes.iter().zip(rods) {
+            let host = (axis.parent != NONE).then(|| plan.host(axis.parent, f64::from(axis.parent_s))).flatten();
+            let index = plan.axes.len();
+            let carried = match (rod.filter(|_| room[index]), host) {
+                (Some((from, rod)), host) => plan.stem((from, rod), host),
+                (None, Some((rod, at))) => Carried::Rider(rod, at),
+                (None, None) => Carried::Still,
+            };
+            plan.axes.push(carried);
+        }
+        plan.hang(plant, stand, grain);
+        plan
+    }
+
+    /// The rod that carries a place of an axis, and where on it, m.
+    fn host(&self, axis: u32, s: f64) -> Option<(usize, f64)> {
+        match self.axes.get(axis as usize).copied().unwrap_or(Carried::Still) {
+            Carried::Still => None,
+            Carried::Rod(_, from) if s < from => None,
+            Carried::Rod(rod, from) => Some((rod, (s - from) * self.scale)),
+            Carried::Rider(rod, at) => Some((rod, at)),
+        }
+    }
+
+    /// A rod for each axis that may move, without its place among the others, and the arc length from which on it is one.
+    fn stems(&self, plant: &Plant, stand: &Trs, grain: &Grain) -> Vec<Option<(f64, Rod)>> {
+        let one = |axis: &Axis| {
+            if axis.kind == AxisKind::Root {
+                return None;
+            }
+            let nodes = plant.nodes_of(axis);
+            let radius = |k: usize| f64::from(plant.nodes.r[k]) * self.scale;
+            let first = nodes.clone().find(|k| radius(*k) <= grain.thickest)?;
+            let from = f64::from(plant.nodes.s[first]);
+            let length = (f64::from(axis.length) - from) * self.scale;
+            if length < SHORT[0].max(SHORT[1] * radius(first)) || first + 1 >= nodes.end {
+                return None;
+            }
+            let part = first..nodes.end;
+            let radii: Vec<f64> = part.clone().map(radius).collect();
+            let mean = radii.iter().fold(0.0, |s, r| s + r) / radii.len() as f64;
+            let petiole = axis.kind == AxisKind::Petiole;
+            let young = if petiole { grain.stalk_young } else { grain.wood.elasticity_at(mean) };
+            let rod = Rod {
+                points: part.map(|k| stand.apply(plant.nodes.p[k]).as_dvec3()).collect(),
+                radii,
+                stuff: stuff(grain, young, damping_of(axis.order, petiole)),
+                sections: if petiole { Some(grain.stalk_sections) } else { grain.sections },
+                parent: None,
+            };
+            Some((from, rod))
+        };
+        plant.axes.iter().map(one).collect()
+    }
+
+    /// Which of the stems there is room for: lower orders first, then long ones.
+    fn chosen(&mut self, plant: &Plant, rods: &[Option<(f64, Rod)>], grain: &Grain) -> Vec<bool> {
+        let mut order: Vec<usize> = (0..rods.len()).filter(|i| rods[*i].is_some()).collect();
+        let length = |i: &usize| plant.axes[*i].length;
+        order.sort_by(|a, b| {
+            let by_order = plant.axes[*a].order.cmp(&plant.axes[*b].order);
+            by_order.then(length(b).total_cmp(&length(a))).then(a.cmp(b))
+        });
+        let mut room = vec![false; rods.len()];
+        let most = if plant.organs.is_empty() { 1.0 } else { WOODEN } * grain.most_sections as f64;
+        let mut used = 0;
+        for i in order {
+            let count = rods[i].as_ref().map_or(0, |r| r.1.count());
+            if (used + count) as f64 <= most {
+                used += count;
+                room[i] = true;
+            } else {
+                self.left[0] += 1;
+            }
+        }
+        room
+    }
+
+    fn stem(&mut self, (from, rod): (f64, Rod), host: Option<(usize, f64)>) -> Carried {
+        let index = self.rods.len();
+        if host.is_none() {
+            self.holds.push((index, 0.0, Hold::Fixed));
+        }
+        self.rods.push(Rod { parent: host, ..rod });
+        Carried::Rod(index, from)
+    }
+
+    /// Leaves, on stalks as far as there is room.
+    fn hang(&mut self, plant: &Plant, stand: &Trs, grain: &Grain) {
+        let used = self.rods.iter().fold(0, |s, r| s + r.count());
+        let room = grain.most_sections.saturating_sub(used) / grain.stalk_sections.max(1);
+        let (all, room) = (plant.organs.len(), room.min(grain.most_leaves));
+        let own = all.min(room);
+        self.left[1] = all - own;
+        for (i, organ) in plant.organs.iter().enumerate() {
+            // Spread evenly over the plant.
+            let chosen = (i + 1) * own / all > i * own / all;
+            let hung = self.leaf(plant, organ, (stand, grain), chosen);
+            self.leaves.push(hung);
+        }
+    }
+
+    fn leaf(&mut self, plant: &Plant, organ: &Organ, (stand, grain): (&Trs, &Grain), own: bool) -> Hung {
+        let (pivot, q) = plant.organ_site(organ);
+        let site = plant.frame(&plant.axes[organ.axis as usize], organ.s);
+        let (pivot, q) = (stand.apply(pivot).as_dvec3(), (stand.r * q).normalize().as_dquat().normalize());
+        let scale = f64::from(organ.scale) * self.scale;
+        let host = self.host(organ.axis, f64::from(organ.s));
+        let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
+        let mut hung = Hung { stalk: None, host, pivot, q, scale };
+        if !own || on_petiole {
+            return hung;
+        }
+        let length = (f64::from(organ.petiole) * self.scale).max(STUB);
+        let along = q * DVec3::Y;
+        let foot = pivot - along * (f64::from(organ.petiole) * self.scale);
+        // What lies within the wood does not bend.
+        let inside = (f64::from(site.r) * self.scale).min(0.5 * length);
+        let points = [inside, 0.5 * (inside + length), length].map(|s| foot + along * s);
+        let drawn = grain.stalk_radii.get(usize::from(organ.proto)).copied().unwrap_or(8e-4) * scale;
+        let radius = grain.stalk_radius.unwrap_or(drawn).max(1e-4);
+        hung.stalk = Some(self.rods.len());
+        let rod = Rod {
+            points: points.to_vec(),
+            radii: vec![radius; 3],
+            stuff: stuff(grain, grain.stalk_young, damping_of(0, true)),
+            sections: Some(grain.stalk_sections),
+            parent: None,
+        };
+        self.stem((0.0, rod), host);
+        hung
+    }
+}
+
+fn stuff(grain: &Grain, young: f64, zeta: f64) -> Stuff {
+    Stuff {
+        young: young / grain.gain,
+        shear: grain.shear,
+        density: grain.wood.density,
+        zeta: (zeta * grain.wood.damping).min(1.0),
+        recovery: grain.recovery,
+        stout: true,
+    }
+}

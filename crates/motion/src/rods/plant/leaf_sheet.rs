@@ -1,0 +1,171 @@
+//! Blades of leaves as rigid sheets: what they weigh, and what the wind does to them.
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::rods::record::AIR;
+use osier_base::math;
+use osier_base::rng;
+use osier_scene::Mesh;
+use osier_wind::TimeNoise;
+
+/// Share of the blade's extent by which the middle of pressure stands before the blade's where the wind comes along it.
+/// Source: a thin plate at a small angle is pressed on a quarter behind its leading edge (thin airfoils).
+const FORE: f64 = 0.25;
+/// Friction along the blade, as a coefficient of its area on one side.
+const SKIN: f64 = 0.06;
+/// Eddies that leave a blade: how many pass while the air goes its width (Strouhal's number), how far they shift the middle
+/// of pressure, in extents, and how much they press across, as a coefficient.
+const SHED: f64 = 0.2;
+const WANDER: f64 = 0.12;
+const BUFFET: f64 = 0.25;
+/// Sheets whose triangles face so evenly all ways, of their area, are taken as closed: half of it faces the wind.
+const CLOSED: f64 = 0.2;
+
+/// The mesh of a leaf as a uniform sheet, in the leaf's space and size 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sheet {
+    /// m^2, one side.
+    pub area: f64,
+    /// Middle, m.
+    pub middle: DVec3,
+    /// Inertia about the middle by mass per area, m^4.
+    inertia: DMat3,
+    /// Across it, unit.
+    normal: DVec3,
+    /// What faces the wind along the normal, m^2.
+    facing: f64,
+    /// Along X and Y, m.
+    extent: [f64; 2],
+}
+
+impl Sheet {
+    /// Of a mesh whose stalk is not part of it.
+    pub fn of(mesh: &Mesh) -> Self {
+        let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
+        for t in &mesh.triangles {
+            let [a, b, c] = t.map(|i| mesh.points.get(i as usize).copied().unwrap_or_default().as_dvec3());
+            let n = 0.5 * (b - a).cross(c - a);
+            let (size, sum) = (n.length(), a + b + c);
+            area += size;
+            faces += n;
+            first += sum * (size / 3.0);
+            // Exact for triangles: A / 12 (sum of p p^T + (sum of p) (sum of p)^T).
+            all += (outer(a) + outer(b) + outer(c) + outer(sum)) * (size / 12.0);
+        }
+        let area = area.max(1e-12);
+        let middle = first / area;
+        let spread = all - outer(middle) * area;
+        let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
+        let open = faces.length() > CLOSED * area;
+        Self {
+            area,
+            middle,
+            inertia: DMat3::from_diagonal(DVec3::splat(trace)) - spread,
+            normal: if open { faces.normalize() } else { DVec3::Z },
+            facing: if open { faces.length() } else { 0.5 * area },
+            extent: [spread.x_axis.x, spread.y_axis.y].map(|m| math::sqrt((12.0 * m / area).max(1e-12))),
+        }
+    }
+
+    /// Inertia about the middle, kg m^2, in the leaf's space. `density`: kg/m^2; `scale`: of the leaf.
+    pub fn inertia(&self, density: f64, scale: f64) -> DMat3 {
+        let s2 = scale * scale;
+        self.inertia * (density * s2 * s2)
+    }
+}
+
+fn outer(a: DVec3) -> DMat3 {
+    DMat3::from_cols(a * a.x, a * a.y, a * a.z)
+}
+
+/// The air around a blade, and its eddies so far.
+#[derive(Debug, Clone, Copy)]
+pub struct Eddies {
+    noise: TimeNoise,
+    /// How many have left.
+    passed: f64,
+}
+
+impl Eddies {
+    /// Those of an organ.
+    #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
+    pub fn new(id: u64) -> Self {
+        let key = rng::child(id, rng::word("eddies"));
+        let passed = rng::Rng::from_key(key).range(0.0, 1000.0);
+        Self { noise: TimeNoise::new((key >> 32) as u32, 1.0, None), passed }
+    }
+
+    /// Force on a blade, N, and where it acts from the blade's middle, m. `q`: world from leaf space; `wind`: air relative to
+    /// the middle, m/s; `drag`: coefficient across the wind; `h`: seconds until the next call.
+    /// Own: a plate whose force across grows with the sine of the angle and saturates.
+    pub fn press(
+        &mut self,
+        sheet: &Sheet,
+        (q, scale): (DQuat, f64),
+        wind: DVec3,
+        (drag, h): (f64, f64),
+    ) -> (DVec3, DVec3) {
+        let speed = wind.length();
+        if speed < 1e-6 {
+            return (DVec3::ZERO, DVec3::ZERO);
+        }
+        let normal = q * sheet.normal;
+        let [wide, long] = sheet.extent.map(|e| e * scale);
+        self.passed += h * SHED * speed / wide.max(1e-4);
+        let noise = |k: u32| f64::from(self.noise.with_seed_offset(k).at(2.0 * self.passed));
+        let sine = normal.dot(wind) / speed;
+        let across = 2.0 * sine / (1.0 + sine * sine) + BUFFET * noise(0);
+        let pressure = 0.5 * AIR * sheet.facing * scale * scale * speed * speed;
+        let along = wind - normal * (sine * speed);
+        let force = pressure * (drag * across * normal + SKIN * along / speed);
+        let local = (q.conjugate() * along).normalize_or_zero();
+        let chord = math::sqrt(wide * wide * local.x * local.x + long * long * local.y * local.y);
+        let fore = -along.normalize_or_zero() * (FORE * chord * (1.0 - sine.abs()));
+        let wander = q * DVec3::new(wide * noise(1), long * noise(2), 0.0) * WANDER;
+        (force, fore + wander)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    fn plate() -> Mesh {
+        let points = [[-0.02, 0.0], [0.02, 0.0], [0.02, 0.1], [-0.02, 0.1]].map(|p| Vec3::new(p[0], p[1], 0.0));
+        Mesh { points: points.to_vec(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() }
+    }
+
+    #[test]
+    fn a_plate_weighs_and_turns_as_one() {
+        let sheet = Sheet::of(&plate());
+        assert!((sheet.area - 0.004).abs() < 1e-9 && (sheet.middle - DVec3::Y * 0.05).length() < 1e-8);
+        let m = 0.2 * sheet.area * 4.0;
+        let i = sheet.inertia(0.2, 2.0);
+        let [w2, l2] = [0.08 * 0.08, 0.2 * 0.2];
+        for (got, wanted) in
+            [(i.x_axis.x, m * l2 / 12.0), (i.y_axis.y, m * w2 / 12.0), (i.z_axis.z, m * (l2 + w2) / 12.0)]
+        {
+            assert!((got / wanted - 1.0).abs() < 1e-6, "{got} {wanted}");
+        }
+        assert!((sheet.extent[0] - 0.04).abs() < 1e-7 && (sheet.extent[1] - 0.1).abs() < 1e-7);
+    }
+
+    #[test]
+    fn wind_presses_a_plate_across_and_leaves_it_alone_edge_on() {
+        let sheet = Sheet::of(&plate());
+        let mean = |wind: DVec3| {
+            let mut eddies = Eddies::new(5);
+            let all = (0..4000).map(|_| eddies.press(&sheet, (DQuat::IDENTITY, 1.0), wind, (1.1, 0.02)));
+            all.fold((DVec3::ZERO, DVec3::ZERO), |s, f| (s.0 + f.0 / 4000.0, s.1 + f.1 / 4000.0))
+        };
+        let (broad, at) = mean(DVec3::Z * 3.0);
+        let wanted = 0.5 * AIR * 1.1 * 0.004 * 9.0;
+        assert!((broad.z / wanted - 1.0).abs() < 0.05 && broad.x.abs() < 1e-9, "{broad} {wanted}");
+        assert!(at.length() < 0.004, "the middle, on average: {at}");
+        let (edge, at) = mean(DVec3::Y * 3.0);
+        assert!(edge.length() < 0.15 * wanted && edge.y > 0.0, "{edge}");
+        assert!((at.y + 0.025).abs() < 0.004, "a quarter of its length before the middle: {at}");
+    }
+}

@@ -1,0 +1,231 @@
+//! Twigs with leaves on rods.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Quat, Vec3};
+
+use super::Boughs;
+use crate::rods::plant::layout::Grain;
+use crate::rain::Bearer;
+use crate::sway::Wood;
+use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
+use osier_scene::{Mesh, Trs};
+use osier_wind::UniformWind;
+
+/// A twig of 0.4 m along X, rising a little, with six leaves on stalks of 3 cm.
+pub(crate) fn twig() -> Plant {
+    let count = 9_u16;
+    let at = |k: u16| Vec3::new(0.05 * f32::from(k), 1.0 + 0.01 * f32::from(k), 0.0);
+    let turn = osier_base::math::rotation_between(Vec3::Y, (at(1) - at(0)).normalize());
+    let step = (at(1) - at(0)).length();
+    let nodes = Nodes {
+        p: (0..count).map(at).collect(),
+        q: vec![turn; usize::from(count)],
+        r: (0..count).map(|k| 0.0025 - 0.00015 * f32::from(k)).collect(),
+        s: (0..count).map(|k| step * f32::from(k)).collect(),
+        birth: vec![0.0; usize::from(count)],
+        color: vec![0; usize::from(count)],
+    };
+    let axis = Axis {
+        id: 1,
+        parent: NONE,
+        parent_s: 0.0,
+        order: 3,
+        kind: AxisKind::Stem,
+        first: 0,
+        count: u32::from(count),
+        length: step * f32::from(count - 1),
+        s_exposed: 0.0,
+        material: 0,
+        fork: NONE,
+        end: AxisEnd::Tip,
+        birth: 0.0,
+    };
+    let points = [[-0.02, 0.0], [0.02, 0.0], [0.02, 0.07], [-0.02, 0.07]].map(|p| Vec3::new(p[0], p[1], 0.0));
+    let mesh = Mesh { points: points.to_vec(), triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
+    let organ = |k: u16| Organ {
+        id: 100 + u64::from(k),
+        axis: 0,
+        s: step * (f32::from(k) + 2.5),
+        offset: Vec3::ZERO,
+        q: Quat::from_rotation_z(if k.is_multiple_of(2) { 0.9 } else { -0.9 })
+            * Quat::from_rotation_y(0.3 * f32::from(k)),
+        scale: 1.0,
+        proto: 0,
+        petiole: 0.03,
+        tint: 0.0,
+        birth: 0.0,
+    };
+    Plant {
+        axes: vec![axis],
+        nodes,
+        organs: (0..6).map(organ).collect(),
+        protos: vec![Proto { name: "leaf".into(), mesh: Arc::new(mesh) }],
+        ..Plant::default()
+    }
+}
+
+pub(crate) fn grain() -> Grain {
+    Grain {
+        g: 9.81,
+        wood: Wood::default(),
+        shear: 1.0 / 15.0,
+        recovery: 0.25,
+        gain: 1.0,
+        stalk_young: 3e8,
+        stalk_radii: vec![8e-4],
+        stalk_radius: None,
+        stalk_sections: 5,
+        sections: None,
+        thickest: 0.015,
+        most_sections: 4000,
+        most_leaves: 400,
+    }
+}
+
+/// A step in which springs do nothing, s.
+const SHORT: f64 = 5e-10;
+
+fn sprung(stand: &Trs) -> Boughs {
+    Boughs::new(&twig(), stand, &grain(), "twig")
+}
+
+fn steps(boughs: &mut Boughs, seconds: f64, h: f64, mut each: impl FnMut(&Boughs)) {
+    let mut t = 0.0;
+    while t < seconds {
+        boughs.step(t, h).expect("steps");
+        each(boughs);
+        t += h;
+    }
+}
+
+#[test]
+fn a_twig_hangs_as_it_grew_wherever_it_stands() {
+    let turned = Trs {
+        t: Vec3::new(2.0, -1.0, 0.5),
+        r: Quat::from_euler(glam::EulerRot::XYZ, 0.3, 1.2, -0.4),
+        s: Vec3::splat(1.4),
+    };
+    for stand in [Trs::IDENTITY, turned] {
+        let plant = twig();
+        let mut boughs = sprung(&stand);
+        assert!(boughs.is_posed() && boughs.left() == [0, 0]);
+        assert_eq!(boughs.leaves(), 6);
+        for (i, organ) in plant.organs.iter().enumerate() {
+            let (p, q) = plant.organ_site(organ);
+            let blade = boughs.blade(i);
+            assert!((blade.p - stand.apply(p).as_dvec3()).length() < 1e-6);
+            assert!(blade.q.dot((stand.r * q).as_dquat()).abs() > 1.0 - 1e-9);
+        }
+        let start: Vec<DVec3> = (0..6).map(|i| boughs.blade(i).world(DVec3::Y * 0.07, 1.4)).collect();
+        let mut most = 0.0_f64;
+        steps(&mut boughs, 2.0, 1.0 / 384.0, |b| {
+            (0..6).for_each(|i| most = most.max((b.blade(i).world(DVec3::Y * 0.07, 1.4) - start[i]).length()));
+        });
+        assert!(most < 1e-4, "{most}");
+        let mut pieces = Vec::new();
+        boughs.boughs(&mut pieces);
+        assert!(pieces.len() >= 4);
+        let (first, last) = (pieces[0].ends[0], pieces[pieces.len() - 1].ends[1]);
+        assert!((first - stand.apply(plant.nodes.p[0]).as_dvec3()).length() < 1e-3);
+        assert!((last - stand.apply(plant.nodes.p[8]).as_dvec3()).length() < 1e-3);
+    }
+}
+
+#[test]
+fn a_blow_changes_a_leaf_as_its_lightness_says() {
+    let mut free = grain();
+    // Damping by stiffness passes a blow on at once.
+    free.wood.damping = 0.0;
+    // Near the origin, where places are known to the last digits.
+    let near = Trs::translation(Vec3::new(-0.2, -1.04, 0.0));
+    let made = || Boughs::new(&twig(), &near, &free, "twig");
+    let twice = |strike: &dyn Fn(&mut Boughs, f64), look: &dyn Fn(&Boughs) -> f64| {
+        // There and back: what grows with the square of the blow falls out.
+        let [forth, back] = [1e-3, -1e-3].map(|blow| {
+            let mut boughs = made();
+            strike(&mut boughs, blow);
+            steps(&mut boughs, 24.5 * SHORT, SHORT, |_| ());
+            look(&boughs)
+        });
+        (forth - back) / 2e-3
+    };
+    for (leaf, along) in [(1, DVec3::NEG_Y), (4, DVec3::new(0.6, 0.0, 0.8))] {
+        let blade = made().blade(leaf);
+        let [place, wet] = [DVec3::new(0.01, 0.05, 0.0), DVec3::Y * 0.03].map(|p| blade.world(p, 1.0));
+        let mut boughs = made();
+        boughs.load(leaf, 2e-5, wet);
+        // A blade of 0.56 g, struck off its middle, gives way more than its weight says.
+        let light = boughs.lightness(leaf, place, along);
+        assert!(light > 1.0 / 6e-4 && light < 1e5, "{light}");
+        let strike = |b: &mut Boughs, blow: f64| {
+            b.load(leaf, 2e-5, wet);
+            b.strike(leaf, place, along * blow);
+        };
+        let got = twice(&strike, &|b| b.blade(leaf).speed_at(place).dot(along));
+        assert!((got / light - 1.0).abs() < 1e-6, "{got} {light}");
+    }
+    let light = made().bough_lightness(6, 0.3, DVec3::Y);
+    let got = twice(&|b, blow| b.strike_bough(6, 0.3, DVec3::Y * blow), &|b| b.bough_speed(6, 0.3).y);
+    assert!(light > 0.0 && (got / light - 1.0).abs() < 1e-6, "{got} {light}");
+}
+
+#[test]
+fn what_was_loaded_and_let_go_swings_through_and_settles() {
+    let mut free = grain();
+    free.wood.damping = 0.3;
+    let mut boughs = Boughs::new(&twig(), &Trs::IDENTITY, &free, "twig");
+    let tip = |b: &Boughs| b.blade(3).world(DVec3::Y * 0.07, 1.0).y;
+    let rest = tip(&boughs);
+    let place = boughs.blade(3).world(DVec3::Y * 0.05, 1.0);
+    boughs.load(3, 2e-4, place);
+    steps(&mut boughs, 3.0, 1.0 / 384.0, |_| ());
+    let sunk = rest - tip(&boughs);
+    assert!(sunk > 5e-4, "{sunk}");
+    boughs.load(3, 0.0, place);
+    let (mut crossings, mut above) = (0, false);
+    steps(&mut boughs, 4.0, 1.0 / 384.0, |b| {
+        let now = tip(b) > rest;
+        crossings += usize::from(now != above);
+        above = now;
+    });
+    assert!(crossings >= 2, "{crossings}");
+    assert!((tip(&boughs) - rest).abs() < 0.05 * sunk, "{} of {sunk}", tip(&boughs) - rest);
+}
+
+#[test]
+fn leaves_shiver_each_for_itself_and_turn_over_never() {
+    let wind = Arc::new(UniformWind(Vec3::new(2.5, 0.0, 1.0)));
+    let mut boughs = sprung(&Trs::IDENTITY).in_wind(Some(wind));
+    let start: Vec<_> = (0..6).map(|i| boughs.blade(i).q).collect();
+    let (mut most, mut swings) = (0.0_f64, vec![Vec::new(); 6]);
+    steps(&mut boughs, 6.0, 1.0 / 384.0, |b| {
+        for i in 0..6 {
+            most = most.max(b.blade(i).q.angle_between(start[i]));
+            swings[i].push(b.blade(i).spin.length());
+        }
+    });
+    let mean = |s: &[f64]| s.iter().fold(0.0, |a, b| a + b) / s.len() as f64;
+    assert!(most < 1.6, "no leaf turns over: {most}");
+    let late: Vec<&[f64]> = swings.iter().map(|s| &s[1200..]).collect();
+    assert!(late.iter().all(|s| mean(s) > 0.02), "all move: {:?}", late.iter().map(|s| mean(s)).collect::<Vec<_>>());
+    let (a, b) = (late[0], late[1]);
+    let (ma, mb) = (mean(a), mean(b));
+    let product = |x: &[f64], y: &[f64], m: f64, n: f64| x.iter().zip(y).fold(0.0, |s, (x, y)| s + (x - m) * (y - n));
+    let alike = product(a, b, ma, mb) / osier_base::math::sqrt(product(a, a, ma, ma) * product(b, b, mb, mb));
+    assert!(alike < 0.7, "not in unison: {alike}");
+}
+
+#[test]
+fn what_has_no_room_is_rigid_and_counted() {
+    let mut small = grain();
+    small.most_leaves = 2;
+    let boughs = Boughs::new(&twig(), &Trs::IDENTITY, &small, "twig");
+    assert_eq!(boughs.left(), [0, 4]);
+    assert_eq!((0..6).filter(|i| boughs.stalk(*i).is_some()).count(), 2);
+    assert!((0..6).all(|i| boughs.carrier(i).is_some()));
+    small.thickest = 1e-4;
+    let still = Boughs::new(&twig(), &Trs::IDENTITY, &small, "twig");
+    assert!((0..6).filter(|i| still.carrier(*i).is_none()).count() == 4 && still.is_posed());
+    assert!(still.lightness(1, DVec3::ZERO, DVec3::Y) >= 0.0);
+}

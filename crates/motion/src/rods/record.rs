@@ -1,0 +1,294 @@
+//! Rods through a clip: what acts on them when, and where they are in every frame.
+
+use glam::{DQuat, DVec3, Quat, Vec3};
+
+use crate::rods::Lost;
+use crate::rods::system::Rods;
+use osier_base::math;
+use osier_base::progress::Cancel;
+use osier_base::{Error, Result};
+use osier_wind::Wind;
+
+/// Density of air, kg/m^3.
+pub(crate) const AIR: f64 = 1.225;
+/// How often a frame's steps are halved before it is given up.
+pub(crate) const HALVINGS: u32 = 4;
+/// Most steps of a frame that an explicit scheme may ask for.
+pub const MOST_STEPS: u32 = 200_000;
+/// Explicit steps are this share of the longest stable one.
+const SAFE: f64 = 0.9;
+
+/// How steps are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Integrator {
+    /// All springs together, [`Rods::advance`].
+    Xpbd,
+    /// One by one, [`Rods::relax`].
+    XpbdGs,
+    /// [`Rods::leap`].
+    Symplectic,
+    /// [`Rods::plunge`].
+    Explicit,
+}
+
+/// Numbers over time: seconds and values, rising; linear between, constant outside.
+#[derive(Debug, Clone, Default)]
+pub struct Keys<const N: usize>(pub Vec<(f64, [f64; N])>);
+
+impl<const N: usize> Keys<N> {
+    /// Values at a time, s; zero without keys.
+    pub fn at(&self, t: f64) -> [f64; N] {
+        let k = self.0.partition_point(|key| key.0 <= t);
+        match (k.checked_sub(1).map(|k| self.0[k]), self.0.get(k)) {
+            (Some(a), Some(b)) => {
+                let f = (t - a.0) / (b.0 - a.0);
+                std::array::from_fn(|i| a.1[i] + f * (b.1[i] - a.1[i]))
+            }
+            (Some(a), None) => a.1,
+            (None, Some(b)) => b.1,
+            (None, None) => [0.0; N],
+        }
+    }
+}
+
+/// What acts on rods, or moves what holds them.
+#[derive(Debug, Clone)]
+pub enum Act {
+    /// Force, N, and torque, N m, on a section.
+    Wrench(usize, Keys<6>),
+    /// Blows on a section, N s, each once.
+    Blow(usize, Keys<3>),
+    /// Mass of a body, kg.
+    Mass(usize, Keys<1>),
+    /// Shift of a clamp, m.
+    Shift(usize, Keys<3>),
+    /// Turn of a clamp about an axis, rad.
+    Turn(usize, DVec3, Keys<1>),
+}
+
+/// A clip to be recorded.
+pub struct Clip<'a> {
+    /// Frames.
+    pub frames: u32,
+    /// Number of the first.
+    pub first: u32,
+    /// Frames per second.
+    pub fps: f64,
+    /// Steps a frame; `None` chooses.
+    pub steps: Option<u32>,
+    /// How steps are taken.
+    pub integrator: Integrator,
+    /// What acts.
+    pub acts: Vec<Act>,
+    /// Drag of each rod, and the wind.
+    pub wind: Option<(Vec<f64>, &'a dyn Wind)>,
+    /// Name for messages.
+    pub name: String,
+}
+
+/// Where everything is in one frame.
+#[derive(Debug, Clone, Default)]
+pub struct Still {
+    /// Per section: place, m, and turn: +Y along the rod, +X to its corner 0.
+    pub sections: Vec<(Vec3, Quat)>,
+    /// Per body: place, m.
+    pub bodies: Vec<Vec3>,
+}
+
+/// A weight that was let go.
+#[derive(Debug, Clone, Copy)]
+struct Flying {
+    p: DVec3,
+    v: DVec3,
+    /// Height at which it comes to rest, m.
+    floor: f64,
+}
+
+impl Rods {
+    /// Lets a clip pass and returns its frames; the first shows the start.
+    /// # Errors
+    /// `Simulation` naming frame and rod, `Limit` for too many steps, `Cancelled`.
+    pub fn record(&mut self, clip: &Clip<'_>, cancel: &Cancel) -> Result<Vec<Still>> {
+        let n = self.steps_of(clip)?;
+        let mut flying: Vec<Option<Flying>> = vec![None; self.bodies.len()];
+        let mut frames = Vec::new();
+        self.act(clip, 0.0, (0.0, f64::MAX));
+        self.restart();
+        for frame in 0..clip.frames {
+            cancel.check()?;
+            frames.push(self.still(&flying));
+            let start = f64::from(frame) / clip.fps;
+            self.pass(clip, (start, n), &mut flying).map_err(|Lost| Error::Simulation {
+                frame: clip.first + frame,
+                quantity: format!("rod \"{}\"", clip.name),
+            })?;
+        }
+        Ok(frames)
+    }
+
+    fn steps_of(&mut self, clip: &Clip<'_>) -> Result<u32> {
+        let explicit = matches!(clip.integrator, Integrator::Symplectic | Integrator::Explicit);
+        if let (Some(n), _) | (None, Some(n)) = (clip.steps, (!explicit).then(|| self.steps(clip.fps))) {
+            return Ok(n);
+        }
+        let w = self.fastest();
+        let longest = match clip.integrator {
+            Integrator::Symplectic => 2.0 / w,
+            _ => (0..self.len()).fold(f64::MAX, |m, i| m.min(self.braked(i))) / (w * w),
+        };
+        let wanted = (1.0 / (clip.fps * SAFE * longest)).ceil();
+        if wanted > f64::from(MOST_STEPS) || wanted.is_nan() {
+            return Err(Error::Limit {
+                name: format!("the number of steps a frame of rod \"{}\"", clip.name),
+                wanted: format!("{wanted:.0}"),
+                limit: MOST_STEPS.to_string(),
+                flag: "integrator = \"xpbd\"".into(),
+            });
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded above")]
+        Ok(wanted.max(1.0) as u32)
+    }
+
+    fn still(&self, flying: &[Option<Flying>]) -> Still {
+        let section = |i: usize| {
+            let f = self.frame(i);
+            (f.p.as_vec3(), f.turn().as_quat().normalize())
+        };
+        let body = |(body, flying): (&super::Body, &Option<Flying>)| {
+            let f = self.frame(body.section);
+            flying.map_or(f.p + f.matrix() * body.at, |k| k.p).as_vec3()
+        };
+        Still {
+            sections: (0..self.len()).map(section).collect(),
+            bodies: self.bodies.iter().zip(flying).map(body).collect(),
+        }
+    }
+
+    /// One frame from `start`, s: in `n` steps, or in more if these fail.
+    fn pass(
+        &mut self,
+        clip: &Clip<'_>,
+        (start, n): (f64, u32),
+        flying: &mut [Option<Flying>],
+    ) -> std::result::Result<(), Lost> {
+        let saved = (self.x.clone(), self.v.clone(), flying.to_vec());
+        let mut last = Lost;
+        for halving in 0..=HALVINGS {
+            let n = n << halving;
+            let h = 1.0 / (clip.fps * f64::from(n));
+            if halving > 0 {
+                (self.x, self.v) = (saved.0.clone(), saved.1.clone());
+                flying.copy_from_slice(&saved.2);
+                self.restart();
+            }
+            match self.run(clip, (start, n, h), flying) {
+                Ok(()) => {
+                    if halving > 0 {
+                        self.restart();
+                    }
+                    return Ok(());
+                }
+                Err(lost) => last = lost,
+            }
+        }
+        Err(last)
+    }
+
+    fn run(
+        &mut self,
+        clip: &Clip<'_>,
+        (start, n, h): (f64, u32, f64),
+        flying: &mut [Option<Flying>],
+    ) -> std::result::Result<(), Lost> {
+        for k in 0..n {
+            let t = start + f64::from(k) * h;
+            self.act(clip, t + h, (t, h));
+            match clip.integrator {
+                Integrator::Xpbd => self.advance(h)?,
+                Integrator::XpbdGs => self.relax(h)?,
+                Integrator::Symplectic => self.leap(h),
+                Integrator::Explicit => self.plunge(h),
+            }
+            let far =
+                self.x.iter().flatten().fold(0.0_f64, |m, x| if x.is_finite() { m.max(x.abs()) } else { f64::MAX });
+            if far > self.horizon {
+                return Err(Lost);
+            }
+            self.fly(flying, h);
+        }
+        Ok(())
+    }
+
+    /// Everything from outside at time `t`, s; blows of the step that begins at `from` and lasts `h`.
+    fn act(&mut self, clip: &Clip<'_>, t: f64, (from, h): (f64, f64)) {
+        self.calm();
+        for act in &clip.acts {
+            match act {
+                Act::Wrench(section, keys) => {
+                    let [a, b, c, d, e, f] = keys.at(t);
+                    self.pull(*section, DVec3::new(a, b, c), DVec3::new(d, e, f));
+                }
+                Act::Blow(section, keys) => {
+                    let place = self.frame(*section).p;
+                    for (_, blow) in keys.0.iter().filter(|k| k.0 >= from && k.0 < from + h && h < f64::MAX) {
+                        self.strike(*section, place, DVec3::from_array(*blow), h);
+                    }
+                }
+                Act::Mass(body, keys) => self.bodies[*body].mass = keys.at(t)[0],
+                Act::Shift(clamp, keys) => self.clamps[*clamp].shift = DVec3::from_array(keys.at(t)),
+                Act::Turn(clamp, axis, keys) => {
+                    let half = keys.at(t)[0] / 2.0;
+                    let v = *axis * math::sin(half);
+                    self.clamps[*clamp].turn = DQuat::from_xyzw(v.x, v.y, v.z, math::cos(half));
+                }
+            }
+        }
+        if let Some((drag, wind)) = &clip.wind {
+            self.blow(drag, *wind, t);
+        }
+    }
+
+    /// Drag of the wind across each rod. Source: F = rho/2 C A |u| u of the part of the wind across it, relative to it.
+    pub(crate) fn blow(&mut self, drag: &[f64], wind: &dyn Wind, t: f64) {
+        let places: Vec<Vec3> = (0..self.len()).map(|i| self.frame(i).p.as_vec3()).collect();
+        let mut air = vec![Vec3::ZERO; places.len()];
+        wind.sample(&places, t, &mut air);
+        for (i, air) in air.iter().enumerate() {
+            let section = &self.tree.sections[i];
+            let span = &self.tree.spans[section.rod];
+            let length = span.length / span.intervals.len().max(1) as f64;
+            let end = i + 1 == span.sections.end || (i == span.sections.start && span.base.is_none());
+            let area = 2.0 * section.radius * length * if end { 0.5 } else { 1.0 };
+            let along = self.frame(i).w;
+            let u = air.as_dvec3() - self.motion(i).0;
+            let u = u - along * along.dot(u);
+            let f = 0.5 * AIR * drag[section.rod] * area * u.length() * u;
+            self.pull(i, f, DVec3::ZERO);
+        }
+    }
+
+    /// Weights that were let go fall freely until they lie on y = 0.
+    fn fly(&self, flying: &mut [Option<Flying>], h: f64) {
+        for (body, state) in self.bodies.iter().zip(flying) {
+            if body.own {
+                continue;
+            }
+            match state {
+                Some(k) => {
+                    k.p += h * k.v + 0.5 * h * h * self.gravity;
+                    k.v += h * self.gravity;
+                    if k.p.y < k.floor {
+                        (k.p.y, k.v) = (k.floor, DVec3::ZERO);
+                    }
+                }
+                None if body.mass <= 0.0 => {
+                    let (f, (v, spin)) = (self.frame(body.section), self.motion(body.section));
+                    let arm = f.matrix() * body.at;
+                    let p = f.p + arm;
+                    *state = Some(Flying { p, v: v + spin.cross(arm), floor: body.reach.min(p.y) });
+                }
+                None => {}
+            }
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Integrators for comparison: Euler's, and springs one by one.
+
+use crate::rods::Lost;
+use crate::rods::prism::{Corners, Frame, Grip, add, corner, dot, transposed_times};
+use crate::rods::system::Rods;
+use crate::rods::springs::{BEND, LANES, LINK};
+use osier_base::math;
+use osier_scene::plant::NONE;
+
+/// Largest k h^2 / m for which single passes over the springs still hold a rod up.
+pub const LIMP: f64 = 10.0;
+
+impl Rods {
+    /// Acceleration, m/s^2, by springs and loads at the present places, without damping.
+    fn accelerations(&mut self, h: f64) {
+        self.share = 1.0;
+        self.prepare(h);
+        let Self { x, v, step, .. } = self;
+        step.next.copy_from_slice(x);
+        step.speed.copy_from_slice(v);
+        step.damping.fill(0.0);
+        self.assemble(false);
+        for i in 0..self.x.len() {
+            let back = self.manners[self.tree.sections[i].rod].recovery;
+            let drawn = self.drawn_back(i);
+            let f = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * drawn[k]);
+            self.step.change[i] = self.accelerated(i, &f);
+        }
+    }
+
+    /// Damping by mass alone, 1/s: twice the implicit one's, which leaves half to stiffness.
+    pub(crate) fn braked(&self, i: usize) -> f64 {
+        2.0 * self.manners[self.tree.sections[i].rod].mass
+    }
+
+    /// v = (v + h F/m) / (1 + a h), x = x + h v: stable for h < 2 / w_max.
+    pub fn leap(&mut self, h: f64) {
+        self.accelerations(h);
+        for i in 0..self.x.len() {
+            let a = self.braked(i);
+            for k in 0..9 {
+                self.v[i][k] = (self.v[i][k] + h * self.step.change[i][k]) / (1.0 + a * h);
+            }
+        }
+        self.clamp_speeds(h);
+        for i in 0..self.x.len() {
+            (0..9).for_each(|k| self.x[i][k] += h * self.v[i][k]);
+        }
+    }
+
+    /// [yang-wu]'s own: x = x + h v with the velocity before; stable only for h <= a / w_max^2, never without damping.
+    pub fn plunge(&mut self, h: f64) {
+        self.accelerations(h);
+        let mut to: Vec<Corners> = self.x.clone();
+        for i in 0..self.x.len() {
+            let a = self.braked(i);
+            for k in 0..9 {
+                to[i][k] += h * self.v[i][k];
+                self.v[i][k] += h * (self.step.change[i][k] - a * self.v[i][k]);
+            }
+        }
+        self.clamp_speeds(h);
+        for clamp in 0..self.clamps.len() {
+            let i = self.clamps[clamp].section;
+            to[i] = std::array::from_fn(|k| self.x[i][k] + h * self.v[i][k]);
+        }
+        self.x = to;
+    }
+
+    /// Bound of the fastest swing of all, rad/s: w^2 <= max 2 sum(k) / m.
+    /// Source: Gershgorin's circles.
+    pub fn fastest(&mut self) -> f64 {
+        self.weigh();
+        let mut sums = vec![[0.0; 3]; self.x.len()];
+        for (i, s) in self.tree.sections.iter().enumerate() {
+            let [up, over] = self.tree.above[i];
+            for c in 0..3 {
+                sums[i][c] += s.k[c] + s.k[BEND + c];
+                sums[i][(c + 1) % 3] += s.k[c];
+                if over != NONE {
+                    sums[over as usize][c] += s.k[BEND + c];
+                }
+                for o in 0..3 {
+                    sums[i][c] += s.k[LINK + 3 * c + o];
+                    if up != NONE {
+                        sums[up as usize][o] += s.k[LINK + 3 * c + o];
+                    }
+                }
+            }
+        }
+        let bound = |(i, k): (usize, &[f64; 3])| {
+            let back = self.manners[self.tree.sections[i].rod].recovery;
+            2.0 * k.iter().fold(0.0_f64, |m, k| m.max(*k)) / self.tree.sections[i].mass + back
+        };
+        math::sqrt(sums.iter().enumerate().map(bound).fold(0.0, f64::max))
+    }
+
+    /// Springs one after another, once: for soft ropes only.
+    /// Source: M. Macklin et al., "XPBD", 2016, with the springs of [yang-wu] as constraints.
+    /// # Errors
+    /// [`Lost`] for what is not finite.
+    pub fn relax(&mut self, h: f64) -> Result<(), Lost> {
+        self.share = 1.0;
+        self.prepare(h);
+        for i in 0..self.x.len() {
+            let m = self.manners[self.tree.sections[i].rod];
+            let push = self.accelerated(i, &self.step.load[i]);
+            for k in 0..9 {
+                self.v[i][k] = (self.v[i][k] + h * push[k]) / (1.0 + 2.0 * m.mass * h);
+            }
+        }
+        self.clamp_speeds(h);
+        for i in 0..self.x.len() {
+            self.step.next[i] = std::array::from_fn(|k| self.x[i][k] + h * self.v[i][k]);
+        }
+        for i in 0..self.x.len() {
+            for lane in 0..LANES - 1 {
+                self.shorten((i, lane), h);
+            }
+            self.recall(i, h);
+        }
+        for i in 0..self.x.len() {
+            for k in 0..9 {
+                self.v[i][k] = (self.step.next[i][k] - self.x[i][k]) / h;
+            }
+        }
+        self.clamp_speeds(h);
+        for i in 0..self.x.len() {
+            for k in 0..9 {
+                self.x[i][k] += h * self.v[i][k];
+                if !self.x[i][k].is_finite() {
+                    return Err(Lost);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Corners that a spring ties: this section's and the other end's section (0 up, 1 over), or its own.
+    fn ends(lane: usize) -> (usize, Option<usize>, usize) {
+        match lane {
+            0..LINK => (lane, None, (lane + 1) % 3),
+            LINK..BEND => ((lane - LINK) / 3, Some(0), (lane - LINK) % 3),
+            _ => ((lane - BEND) % 3, Some(1), (lane - BEND) % 3),
+        }
+    }
+
+    /// Moves the ends of one spring to where its force would.
+    fn shorten(&mut self, (i, lane): (usize, usize), h: f64) {
+        let section = &self.tree.sections[i];
+        let (k, rest) = (section.k[lane], section.l[lane]);
+        if k <= 0.0 {
+            return;
+        }
+        let (c, other, o) = Self::ends(lane);
+        let (on, base) = match other {
+            None => (i, NONE),
+            Some(which) => (self.tree.above[i][which] as usize, section.base[which]),
+        };
+        let held = |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::Hold::Fixed);
+        let light = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
+        let here = corner(&self.step.next[i], c);
+        let rider = (base != NONE).then(|| {
+            let b = &self.tree.bases[base as usize];
+            let x = Frame::of(&self.step.next[on]).carry(&b.local);
+            (Grip::of(&self.step.next[on]).carried(&x), x)
+        });
+        let there = rider.as_ref().map_or_else(|| corner(&self.step.next[on], o), |(_, x)| corner(x, o));
+        let d = there - here;
+        let length = d.length();
+        if length < 1e-30 {
+            return;
+        }
+        let e = d / length;
+        let mut pull = [0.0; 9];
+        add(&mut pull, o, e);
+        let pull = rider.map_or(pull, |(j, _)| transposed_times(&j, &pull));
+        let (a, b) = (light(i), light(on) * dot(&pull, &pull));
+        let f = (length - rest) / (a + b + 1.0 / (k * h * h));
+        add(&mut self.step.next[i], c, e * (f * a));
+        let by = light(on) * f;
+        (0..9).for_each(|k| self.step.next[on][k] -= by * pull[k]);
+    }
+
+    /// The springs back to the rest place of a section.
+    fn recall(&mut self, i: usize, h: f64) {
+        let back = self.manners[self.tree.sections[i].rod].recovery * h * h;
+        let share = back / (1.0 + back);
+        for k in 0..9 {
+            self.step.next[i][k] += share * (self.step.places[i][k] - self.step.next[i][k]);
+        }
+    }
+
+    /// Largest k h^2 / m of all springs: above [`LIMP`] single passes let a rod hang limp.
+    pub fn stiffness_per_step(&self, h: f64) -> f64 {
+        let one = |s: &crate::rods::layout::Section| s.k.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass;
+        self.tree.sections.iter().map(one).fold(0.0, f64::max)
+    }
+}

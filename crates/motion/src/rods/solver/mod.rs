@@ -1,0 +1,10 @@
+//! Time integration and statics of a tree of rods.
+
+pub(crate) mod assemble;
+pub(crate) mod block;
+mod explicit;
+mod implicit;
+mod statics;
+
+pub use explicit::LIMP;
+pub use implicit::Lost;

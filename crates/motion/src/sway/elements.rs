@@ -1,0 +1,470 @@
+//! The parts of a plant that bend: what they are made of, what they carry, where air presses.
+
+use std::ops::Range;
+
+use glam::{DVec3, Quat};
+
+use super::beam::{Beam, Shape, overtone, turn_f32};
+use super::segments::{Budget, Load, Piece, Pieces};
+use super::wood::{Wood, damping_of};
+use osier_base::math;
+use osier_base::rng;
+use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
+
+/// Slowest swing, Hz.
+const SLOWEST: f64 = 0.1;
+/// Spread of frequencies between branches alike, and between the two ways a branch swings.
+const JITTER: f64 = 0.18;
+const SIDES: f64 = 0.03;
+/// Wind that the depth of a crown keeps off.
+const SHELTER: f64 = 0.6;
+
+/// A stretch of an axis that bends as one.
+#[derive(Debug, Clone)]
+pub struct Element {
+    /// Axis that it is part of.
+    pub axis: u32,
+    /// Where on the axis, m.
+    pub span: [f32; 2],
+    /// Element that carries it, below its own index, or [`NONE`] for the ground.
+    pub parent: u32,
+    /// Where on that, 0 at its base to 1 at its tip.
+    pub at: f64,
+    /// Branching order.
+    pub order: u8,
+    /// Stable id.
+    pub id: u64,
+    /// Place at rest, m.
+    pub base: DVec3,
+    /// Direction of growth at its base, at rest.
+    pub up: DVec3,
+    /// The two ways that it bends: axes of turning, at rest, across `up`.
+    pub ways: [DVec3; 2],
+    /// m.
+    pub length: f64,
+    /// Its stations.
+    pub stations: Range<usize>,
+    /// Slope of the carrier's tip for a unit force at this element's base, 1/N.
+    pub lever: f64,
+    /// Circular frequency of both ways, rad/s.
+    pub w: [f64; 2],
+    /// Share of critical damping.
+    pub zeta: f64,
+    /// How its slope grows along it.
+    pub shape: Shape,
+    /// Where the bends of its second mode stand in a list of bends: behind those of all elements.
+    pub overtone: Option<usize>,
+}
+
+/// Where air presses on an element, for one stretch of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Station {
+    /// Middle of its stretch along the element, 0 to 1.
+    pub middle: f64,
+    /// Place at rest, m.
+    pub p: DVec3,
+    /// Direction of growth at rest.
+    pub along: DVec3,
+    /// Where the stretch begins at rest.
+    pub from: DVec3,
+    /// From there to its end.
+    pub chord: DVec3,
+    /// Area of wood and of leaves, m^2, and mass, kg, of the stretch.
+    pub load: Load,
+    /// Slope of the tip for a unit of drag, and of inertia, spread as area and mass are, 1/N.
+    pub levers: [f64; 2],
+    /// Share of the wind that reaches it.
+    pub open: f32,
+}
+
+/// A place on a plant as motion sees it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spot {
+    /// Element, or [`NONE`] for what stands still.
+    pub element: u32,
+    /// Where on it.
+    pub at: f64,
+}
+
+/// All elements of a plant, parents first.
+#[derive(Debug, Clone, Default)]
+pub struct Elements {
+    /// Elements.
+    pub list: Vec<Element>,
+    /// Stations of all.
+    pub stations: Vec<Station>,
+    /// Fewer joints to each.
+    pub(crate) coarse: bool,
+    /// From the one that counts most to the one that counts least.
+    pub ranked: Vec<u32>,
+    /// Per axis: where each part ends, m, and its element or [`NONE`].
+    parts: Vec<Vec<(f32, u32)>>,
+    /// Per axis: where its base stands.
+    carriers: Vec<Spot>,
+}
+
+impl Elements {
+    /// Chooses and measures the elements of a plant. What is not chosen rides on what carries it and adds to its load.
+    /// Source: the hierarchy of [zhao-zhang] 3.2, one element for a branch instead of for an internode.
+    pub fn build(plant: &Plant, wood: &Wood, budget: Budget) -> Self {
+        let pieces = Pieces::of(plant, wood);
+        let ranked = pieces.ranked();
+        let kept = pieces.accept(&ranked, budget);
+        let source = Source { plant, wood, pieces: &pieces, kept: &kept, crown: Crown::of(plant) };
+        let mut all = Self {
+            parts: vec![Vec::new(); plant.axes.len()],
+            carriers: vec![Spot { element: NONE, at: 0.0 }; plant.axes.len()],
+            coarse: matches!(budget, Budget::Coarse(_)),
+            ..Self::default()
+        };
+        let mut index = vec![NONE; pieces.list.len()];
+        let mut slopes = vec![None; pieces.list.len()];
+        for (i, piece) in pieces.list.iter().enumerate() {
+            if kept[i] {
+                index[i] = u32::try_from(all.list.len()).unwrap_or(NONE);
+                let parent = piece.parent.map_or(NONE, |p| index[p]);
+                let carrier = piece.parent.and_then(|p| slopes[p].as_ref());
+                slopes[i] = Some(all.push(&source, i, (parent, carrier)));
+            }
+            all.parts[piece.axis as usize].push((piece.span[1], index[i]));
+        }
+        all.add_overtones(wood);
+        all.ranked = ranked.iter().filter(|i| kept[**i]).map(|i| index[*i]).collect();
+        all.find_carriers(plant);
+        all
+    }
+
+    /// Adds a piece on a carrier whose slopes are given; returns its own.
+    fn push(&mut self, source: &Source<'_>, i: usize, (parent, carrier): (u32, Option<&Slopes>)) -> Slopes {
+        let piece = &source.pieces.list[i];
+        let axis = source.axis(piece);
+        let measured = Measured::new(source, i);
+        let site = source.plant.frame(axis, piece.span[0]);
+        let frame = site.q.as_dquat();
+        let id = rng::child(axis.id, u64::from(piece.number));
+        let (at, lever) = self.attachment(piece, parent, carrier);
+        let first = self.stations.len();
+        self.stations.extend(measured.stations(source, piece));
+        let bare = if source.crown.bare { 0.5 } else { 1.0 };
+        self.list.push(Element {
+            axis: piece.axis,
+            span: piece.span,
+            parent,
+            at,
+            order: axis.order,
+            id,
+            base: site.p.as_dvec3(),
+            up: frame * DVec3::Y,
+            ways: [frame * DVec3::X, frame * DVec3::Z],
+            length: f64::from(piece.span[1] - piece.span[0]),
+            stations: first..self.stations.len(),
+            lever,
+            w: measured.frequency(source, piece, id),
+            zeta: source.wood.damping * damping_of(axis.order, axis.kind == AxisKind::Petiole) * bare,
+            shape: measured.shape,
+            overtone: None,
+        });
+        Slopes { x: measured.beam.x, compliance: measured.compliance }
+    }
+
+    /// Where a piece stands on its carrier, and how far its pull bends that.
+    fn attachment(&self, piece: &Piece, parent: u32, carrier: Option<&Slopes>) -> (f64, f64) {
+        let Some((element, slopes)) = self.list.get(parent as usize).zip(carrier) else { return (0.0, 0.0) };
+        let s = f64::from(piece.parent_s - element.span[0]);
+        let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
+        (at, value(&slopes.x, &slopes.compliance, s))
+    }
+
+    /// The second modes of trunks and limbs.
+    fn add_overtones(&mut self, wood: &Wood) {
+        let behind = self.list.len()..;
+        for (place, element) in behind.zip(self.list.iter_mut().filter(|e| wood.overtones && e.order <= 1)) {
+            element.overtone = Some(place);
+        }
+    }
+
+    /// Bends of all elements and of their second modes.
+    pub fn swings(&self) -> usize {
+        self.list.len() + self.list.iter().filter(|e| e.overtone.is_some()).count()
+    }
+
+    fn find_carriers(&mut self, plant: &Plant) {
+        for (i, axis) in plant.axes.iter().enumerate() {
+            if axis.parent != NONE {
+                self.carriers[i] = self.spot(axis.parent, axis.parent_s);
+            }
+        }
+    }
+
+    /// What moves a place of an axis. `s`: arc length, m.
+    pub fn spot(&self, axis: u32, s: f32) -> Spot {
+        let Some(parts) = self.parts.get(axis as usize) else { return Spot { element: NONE, at: 0.0 } };
+        let mut last = self.carriers[axis as usize];
+        for (end, element) in parts {
+            let Some(e) = self.list.get(*element as usize) else { break };
+            let at = f64::from(s - e.span[0]) / e.length.max(1e-9);
+            last = Spot { element: *element, at: at.clamp(0.0, 1.0) };
+            if s < *end {
+                break;
+            }
+        }
+        last
+    }
+
+    /// Turns of all elements' bases from rest. `bends`: per element, both ways, rad.
+    pub fn bases(&self, bends: &[[f32; 2]]) -> Vec<Quat> {
+        let mut bases: Vec<Quat> = Vec::with_capacity(self.list.len());
+        for e in &self.list {
+            let base = self.turn(&bases, bends, Spot { element: e.parent, at: e.at });
+            bases.push(base);
+        }
+        bases
+    }
+
+    /// Turn of a place from rest. `bases`: from [`Elements::bases`] for the same bends.
+    pub fn turn(&self, bases: &[Quat], bends: &[[f32; 2]], spot: Spot) -> Quat {
+        let k = spot.element as usize;
+        let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
+        let Some(b) = bends.get(k) else { return *base };
+        let along = |b: &[f32; 2], share: f64| (e.ways[0] * f64::from(b[0]) + e.ways[1] * f64::from(b[1])) * share;
+        let mut bend = along(b, e.shape.at(spot.at));
+        if let Some(b) = e.overtone.and_then(|k| bends.get(k)) {
+            bend += along(b, overtone(spot.at));
+        }
+        *base * turn_f32(bend.as_vec3())
+    }
+
+    /// Share of the wind that reaches a place.
+    pub fn open(&self, spot: Spot) -> f32 {
+        let stations = self.list.get(spot.element as usize).and_then(|e| self.stations.get(e.stations.clone()));
+        stations.map_or(1.0, |list| list.iter().map(|s| s.open).sum::<f32>() / list.len().max(1) as f32)
+    }
+}
+
+/// The leaves of a plant as one egg-shaped crown.
+struct Crown {
+    middle: DVec3,
+    radii: DVec3,
+    bare: bool,
+}
+
+impl Crown {
+    fn of(plant: &Plant) -> Self {
+        let places = plant.organs.iter().map(|o| plant.organ_site(o).0);
+        let b = osier_base::geometry::Bounds::of(places);
+        if b.is_empty() {
+            return Self { middle: DVec3::ZERO, radii: DVec3::ZERO, bare: true };
+        }
+        Self { middle: b.center().as_dvec3(), radii: b.size().as_dvec3() * 0.5, bare: false }
+    }
+
+    /// Share of the wind that reaches a place.
+    fn open(&self, p: DVec3) -> f32 {
+        if self.radii.min_element() <= 0.0 {
+            return 1.0;
+        }
+        let depth = (1.0 - ((p - self.middle) / self.radii).length()).clamp(0.0, 1.0);
+        math::narrow(1.0 - SHELTER * depth)
+    }
+}
+
+/// What elements are made from.
+struct Source<'a> {
+    plant: &'a Plant,
+    wood: &'a Wood,
+    pieces: &'a Pieces,
+    kept: &'a [bool],
+    crown: Crown,
+}
+
+impl Source<'_> {
+    fn axis(&self, piece: &Piece) -> &Axis {
+        &self.plant.axes[piece.axis as usize]
+    }
+}
+
+/// Slope of the tip for a unit force at places along a piece.
+#[derive(Debug, Clone)]
+struct Slopes {
+    x: Vec<f64>,
+    compliance: Vec<f64>,
+}
+
+/// A piece with everything on it, station by station of its beam.
+struct Measured {
+    beam: Beam,
+    /// Own wood, leaves and what rides along, per station.
+    own: Vec<Load>,
+    /// Slope of the tip for a unit force.
+    compliance: Vec<f64>,
+    shape: Shape,
+}
+
+impl Measured {
+    fn new(&Source { plant, wood, pieces, kept, .. }: &Source<'_>, i: usize) -> Self {
+        let piece = &pieces.list[i];
+        let mut beam = pieces.beam(plant, wood, i);
+        let mut own: Vec<Load> = pieces.wood_along(plant, wood, i, beam.x.len());
+        for (s, load) in &piece.leaves {
+            spread(&beam.x, &mut own, f64::from(s - piece.span[0]), *load);
+        }
+        let mut hung = vec![Load::default(); beam.x.len()];
+        for child in &piece.children {
+            let (s, load) = (f64::from(pieces.list[*child].parent_s - piece.span[0]), pieces.list[*child].total);
+            // What is kept catches the wind by itself, but its mass hangs here.
+            spread(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
+        }
+        beam.mass = own.iter().zip(&hung).map(|(o, h)| o.mass + h.mass).collect();
+        let drag = |l: &Load| wood.drag * l.wood + wood.leaf_drag * l.leaf;
+        let wind: Vec<f64> = own.iter().zip(&hung).map(|(o, h)| drag(o) + drag(h)).collect();
+        let shape = wood.measured.then(|| beam.shape(&wind)).flatten().map_or(Shape::Even, Shape::Table);
+        let compliance = beam.compliance();
+        Self { beam, own, compliance, shape }
+    }
+
+    fn frequency(&self, source: &Source<'_>, piece: &Piece, id: u64) -> [f64; 2] {
+        const TAU: f64 = std::f64::consts::TAU;
+        let (axis, wood) = (source.axis(piece), source.wood);
+        let trunk = wood.trunk_hertz.filter(|_| axis.parent == NONE && piece.number == 0);
+        let free = trunk.map_or_else(|| self.beam.frequency(), |f| f * TAU);
+        let mut draw = rng::Rng::from_key(rng::child(id, rng::word("frequency")));
+        let w = free * wood.hertz * (1.0 + JITTER * draw.range(-1.0, 1.0));
+        let apart = SIDES * draw.range(-1.0, 1.0);
+        [w * (1.0 + apart), w * (1.0 - apart)].map(|w| w.max(SLOWEST * TAU))
+    }
+
+    /// Three stretches for what is thick, one for the rest.
+    fn stations(&self, source: &Source<'_>, piece: &Piece) -> Vec<Station> {
+        let (axis, wood) = (source.axis(piece), source.wood);
+        let places: &[f64] = if axis.order <= 1 { &[0.2, 0.5, 0.85] } else { &[0.75] };
+        let n = places.len() as f64;
+        let length = piece.span[1] - piece.span[0];
+        let site = |at: f64| source.plant.frame(axis, piece.span[0] + length * math::narrow(at));
+        let one = |(k, at): (usize, &f64)| {
+            let (low, high) = (k as f64 / n, (k + 1) as f64 / n);
+            let (mut load, mut levers, mut weight) = (Load::default(), [0.0; 2], 0.0);
+            let last = self.own.len() - 1;
+            for (j, own) in self.own.iter().enumerate() {
+                let x = j as f64 / last as f64;
+                if x >= low && (x < high || (k + 1 == places.len() && j == last)) {
+                    let drag = wood.drag * own.wood + wood.leaf_drag * own.leaf;
+                    load = load + *own;
+                    levers[0] += drag * self.compliance[j];
+                    levers[1] += own.mass * self.compliance[j];
+                    weight += drag;
+                }
+            }
+            let s = site(*at);
+            let from = site(low).p.as_dvec3();
+            Station {
+                middle: (low + high) * 0.5,
+                p: s.p.as_dvec3(),
+                along: (s.q * glam::Vec3::Y).as_dvec3(),
+                from,
+                chord: site(high).p.as_dvec3() - from,
+                load,
+                levers: [ratio(levers[0], weight), ratio(levers[1], load.mass)],
+                open: source.crown.open(s.p.as_dvec3()),
+            }
+        };
+        places.iter().enumerate().map(one).collect()
+    }
+}
+
+fn ratio(a: f64, b: f64) -> f64 {
+    if b > 0.0 { a / b } else { 0.0 }
+}
+
+/// Shares a load between the two stations around a place.
+fn spread(x: &[f64], loads: &mut [Load], s: f64, load: Load) {
+    let (k, t) = between(x, s);
+    loads[k] = loads[k] + load.times(1.0 - t);
+    if let Some(next) = loads.get_mut(k + 1) {
+        *next = *next + load.times(t);
+    }
+}
+
+/// Linear between stations.
+fn value(x: &[f64], y: &[f64], s: f64) -> f64 {
+    let (k, t) = between(x, s);
+    y.get(k + 1).map_or(y[k], |next| y[k] + (next - y[k]) * t)
+}
+
+fn between(x: &[f64], s: f64) -> (usize, f64) {
+    let k = x.partition_point(|v| *v <= s).clamp(1, x.len().max(2) - 1) - 1;
+    let span = x.get(k + 1).map_or(0.0, |b| b - x[k]);
+    (k, if span > 0.0 { ((s - x[k]) / span).clamp(0.0, 1.0) } else { 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sway::testing::{leafy, rod, tree};
+    use super::*;
+
+    #[test]
+    fn a_rod_is_one_element_with_the_frequency_of_the_books() {
+        let plant = rod(3.5, 0.035, 0.035);
+        let wood = Wood { elasticity: Some(8e9), ..Wood::default() };
+        let all = Elements::build(&plant, &wood, Budget::Elements(10));
+        assert_eq!(all.list.len(), 1);
+        let e = &all.list[0];
+        let hertz = (e.w[0] + e.w[1]) * 0.5 / std::f64::consts::TAU;
+        assert!((hertz / 2.38 - 1.0).abs() < 0.19, "{hertz}, up to the spread of branches alike");
+        let area: f64 = all.stations.iter().map(|s| s.load.wood).sum();
+        let mass: f64 = all.stations.iter().map(|s| s.load.mass).sum();
+        assert!(
+            (area - 2.0 * 0.035 * 3.5).abs() < 1e-4
+                && (mass - 900.0 * std::f64::consts::PI * 0.035 * 0.035 * 3.5).abs() < 1e-3
+        );
+        // A uniform wind bends it by F L^2 / (6 E I).
+        let bend: f64 = all.stations.iter().map(|s| s.load.wood / area * s.levers[0]).sum();
+        let expected = 3.5 * 3.5 / (6.0 * wood.rigidity(0.035));
+        assert!((bend / expected - 1.0).abs() < 5e-3, "{bend} {expected}");
+    }
+
+    #[test]
+    fn thin_ends_swing_by_themselves() {
+        let all = Elements::build(&rod(4.0, 0.04, 0.002), &Wood::default(), Budget::Elements(10));
+        assert!(all.list.len() == 2 && all.list[1].parent == 0 && (all.list[1].at - 1.0).abs() < 1e-9);
+        assert!(all.list[1].w[0] > all.list[0].w[0]);
+    }
+
+    #[test]
+    fn parents_stand_first_and_what_does_not_fit_rides() {
+        let plant = tree(40);
+        let wood = Wood::default();
+        let full = Elements::build(&plant, &wood, Budget::Elements(1000));
+        let few = Elements::build(&plant, &wood, Budget::Elements(20));
+        assert!(full.list.len() >= 81 && few.list.len() == 20);
+        for all in [&full, &few] {
+            assert!(all.list.iter().enumerate().all(|(i, e)| e.parent == NONE || (e.parent as usize) < i));
+            let mass: f64 = all.stations.iter().map(|s| s.load.mass).sum();
+            let whole: f64 = full.stations.iter().map(|s| s.load.mass).sum();
+            assert!((mass / whole - 1.0).abs() < 1e-6, "no mass is lost");
+        }
+        let rider = (0..100_u32).find(|a| few.parts[*a as usize].iter().all(|p| p.1 == NONE)).expect("some ride");
+        let spot = few.spot(rider, plant.axes[rider as usize].length);
+        assert_eq!(spot, few.carriers[rider as usize]);
+        assert_ne!(spot.element, NONE);
+    }
+
+    #[test]
+    fn leaves_press_and_weigh_on_their_twigs() {
+        let (bare, leafy) = (tree(5), leafy(5));
+        let wood = Wood::default();
+        let build = |p: &Plant| Elements::build(p, &wood, Budget::Elements(100));
+        let (a, b) = (build(&bare), build(&leafy));
+        let leaf: f64 = b.stations.iter().map(|s| s.load.leaf).sum();
+        assert!((leaf - leafy.organs.len() as f64 * 0.01).abs() < 1e-6, "{leaf} m2");
+        assert!(a.stations.iter().all(|s| s.load.leaf <= 0.0));
+        assert!(b.list[1].w[0] < a.list[1].w[0] && a.list[1].zeta < b.list[1].zeta);
+    }
+
+    #[test]
+    fn a_trunk_swings_as_asked() {
+        let wood = Wood { trunk_hertz: Some(0.51), ..Wood::default() };
+        let all = Elements::build(&tree(5), &wood, Budget::Elements(100));
+        let hertz = all.list[0].w[0] / std::f64::consts::TAU;
+        assert!((hertz / 0.51 - 1.0).abs() < 0.22, "{hertz}");
+    }
+}

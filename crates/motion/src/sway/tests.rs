@@ -1,0 +1,348 @@
+//! What a plant in the wind must do.
+
+use glam::{DVec3, Quat, Vec3};
+
+use super::testing::{leafy, rod, tree};
+use super::*;
+use osier_base::limits::Limits;
+use osier_base::math;
+use osier_base::progress::Cancel;
+use osier_scene::Trs;
+use osier_scene::plant::Plant;
+use osier_wind::{GustWind, GustWindOptions, UniformWind, Wind};
+
+const FPS: f64 = 24.0;
+
+fn manner(wood: Wood) -> Manner {
+    Manner { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: FPS }
+}
+
+fn elements(plant: &Plant, wood: &Wood) -> Elements {
+    Elements::build(plant, wood, Budget::Elements(1000))
+}
+
+fn take(frames: usize, repeats: bool) -> Take {
+    Take { frames, repeats, from_rest: false, lean: 1.0, gain: 1.0 }
+}
+
+fn record(elements: &Elements, wind: &dyn Wind, manner: Manner, take: Take) -> Track {
+    Track::record(elements, wind, manner, take, (&Limits::default(), &Cancel::default())).expect("track")
+}
+
+/// Goes on for `seconds`, and returns the bends of element 0 after each step with the length of a step.
+fn run(sim: &mut Simulation<'_>, from: f64, seconds: f64) -> Vec<[f64; 2]> {
+    let h = 1.0 / (FPS * f64::from(sim.steps()));
+    let mut list = Vec::new();
+    let mut t = from;
+    while t < from + seconds {
+        sim.advance(t);
+        list.push(sim.bends()[0]);
+        t += h;
+    }
+    list
+}
+
+/// One wind, then another.
+#[derive(Debug)]
+struct Turning {
+    first: Vec3,
+    then: Vec3,
+    at: f64,
+}
+
+impl Wind for Turning {
+    fn sample(&self, _: &[Vec3], t: f64, out: &mut [Vec3]) {
+        out.fill(if t < self.at { self.first } else { self.then });
+    }
+    fn mean(&self) -> Vec3 {
+        self.then
+    }
+    fn mean_at(&self, _: f32) -> Vec3 {
+        self.then
+    }
+    fn period(&self) -> Option<f64> {
+        None
+    }
+}
+
+/// Rate at which the peaks of a swing die, 1/s.
+fn decay(series: &[f64], h: f64) -> f64 {
+    let rest = series[series.len() - 1];
+    let y: Vec<f64> = series.iter().map(|v| (v - rest).abs()).collect();
+    let peaks: Vec<(f64, f64)> = (1..y.len() - 1)
+        .filter(|&k| y[k] > y[k - 1] && y[k] >= y[k + 1])
+        .map(|k| (k as f64 * h, y[k]))
+        .take_while(|p| p.1 > 0.02 * y[0].max(y[1]))
+        .collect();
+    let (a, b) = (peaks[1], peaks[peaks.len() - 1]);
+    math::ln(a.1 / b.1) / (b.0 - a.0)
+}
+
+#[test]
+fn air_damps_along_the_wind_and_half_as_much_across() {
+    let plant = rod(3.5, 0.02, 0.02);
+    let wood = Wood { elasticity: Some(8e9), damping: 0.0, density: 500.0, ..Wood::default() };
+    let all = elements(&plant, &wood);
+    let speed = 6.0;
+    let mass = 500.0 * std::f64::consts::PI * 0.02 * 0.02;
+    // Branches alike differ in frequency as if their mass did.
+    let free = 3.516 / (3.5 * 3.5) * math::sqrt(wood.rigidity(0.02) / mass);
+    let heavier = |way: usize| free * free / (all.list[0].w[way] * all.list[0].w[way]);
+    let expected = |way: usize| 1.225 * 1.1 * 0.04 * speed / (2.0 * mass * heavier(way));
+    let wind = UniformWind(Vec3::X * math::narrow(speed));
+    let mut sim = Simulation::new(&all, &wind, manner(wood));
+    let h = 1.0 / (FPS * f64::from(sim.steps()));
+    // Starts from rest: the swing about the lean is along the wind.
+    let along: Vec<f64> = run(&mut sim, 0.0, 60.0).iter().map(|b| b[1]).collect();
+    let found = decay(&along, h);
+    assert!((found / expected(1) - 1.0).abs() < 0.10, "along {found}, expected {}", expected(1));
+    // A push from the side, then the same wind: the swing is across.
+    let turning = Turning { first: Vec3::new(math::narrow(speed), 0.0, 2.0), then: wind.0, at: 90.0 };
+    let mut sim = Simulation::new(&all, &turning, manner(wood));
+    run(&mut sim, 0.0, 90.0);
+    let across: Vec<f64> = run(&mut sim, 90.0, 80.0).iter().map(|b| b[0]).collect();
+    let found = decay(&across, h);
+    assert!((found / expected(0) * 2.0 - 1.0).abs() < 0.10, "across {found}, half of {} expected", expected(0));
+}
+
+#[test]
+fn a_steady_wind_ends_in_balance_and_the_stem_leans_with_it() {
+    let (plant, wood) = (rod(6.0, 0.03, 0.015), Wood::default());
+    let all = elements(&plant, &wood);
+    let mut bends = Vec::new();
+    for wind in [Vec3::X * 8.0, Vec3::NEG_Z * 8.0] {
+        let wind = UniformWind(wind);
+        let mut sim = Simulation::new(&all, &wind, manner(wood));
+        let path = run(&mut sim, 0.0, 80.0);
+        let (end, before) = (path[path.len() - 1], path[path.len() - 200]);
+        assert!((end[0] - before[0]).abs() + (end[1] - before[1]).abs() < 1e-4);
+        let mut still = Simulation::new(&all, &wind, manner(wood));
+        still.settle();
+        let b = still.bends()[0];
+        assert!((b[0] - end[0]).abs() + (b[1] - end[1]).abs() < 1e-4, "{b:?} {end:?}");
+        let element = &all.list[0];
+        let tip = beam::turn(element.ways[0] * end[0] + element.ways[1] * end[1]) * DVec3::Y;
+        assert!(tip.dot(wind.0.as_dvec3()) > 1e-3, "leans with the wind: {tip}");
+        bends.push(tip);
+    }
+    assert!((bends[0].x + bends[1].z).abs() < 0.03 * bends[0].x, "as far to every side: {bends:?}");
+}
+
+fn gusts(period: Option<f64>) -> GustWind {
+    GustWind::new(GustWindOptions { speed: 7.0, period, seed: 3, ..GustWindOptions::default() })
+}
+
+#[test]
+fn a_loop_closes_in_place_and_in_rate() {
+    let (plant, wood) = (leafy(12), Wood::default());
+    let all = elements(&plant, &wood);
+    let wind = gusts(Some(5.0));
+    let shaken = Manner { flicker: 0.15, ..manner(wood) };
+    let track = record(&all, &wind, shaken, take(120, true));
+    assert_eq!(track.len(), 120);
+    assert_eq!(track.at(0.0), track.at(120.0));
+    assert_eq!(track.at(-0.5), track.at(119.5));
+    for e in 0..all.list.len() {
+        for way in 0..2 {
+            let b: Vec<f32> = (0..=121_u16).map(|k| track.at(f64::from(k))[e][way]).collect();
+            let rates: Vec<f32> = b.windows(2).map(|w| w[1] - w[0]).collect();
+            let jumps: Vec<f32> = rates.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
+            let most = jumps[..118].iter().copied().fold(0.0, f32::max);
+            // The seam is no rougher than the clip is anywhere.
+            assert!(
+                jumps[118] <= most * 1.05 + 1e-7 && jumps[119] <= most * 1.05 + 1e-7,
+                "element {e}: {most} {:?}",
+                &jumps[118..]
+            );
+        }
+    }
+}
+
+#[test]
+fn nothing_moves_in_a_calm() {
+    let (plant, wood) = (leafy(8), Wood::default());
+    let all = elements(&plant, &wood);
+    let track = record(&all, &UniformWind(Vec3::ZERO), manner(wood), take(60, true));
+    let rig = Rig::build(&plant, &all, 256);
+    for k in 0..60_u16 {
+        let pose = rig.pose(&all, &track.at(f64::from(k)));
+        assert!(pose.iter().all(|t| t.r == Quat::IDENTITY));
+    }
+}
+
+#[test]
+fn twigs_are_quick_trunks_are_slow_and_neighbours_do_not_swing_in_unison() {
+    let (plant, wood) = (leafy(24), Wood::default());
+    let all = elements(&plant, &wood);
+    let shaken = Manner { flicker: 0.15, ..manner(wood) };
+    let track = record(&all, &gusts(Some(10.0)), shaken, take(240, true));
+    let series = |e: usize| -> Vec<f32> { (0..240_u16).map(|k| track.at(f64::from(k))[e][0]).collect() };
+    let swings = |b: &[f32]| {
+        let mean = b.iter().sum::<f32>() / b.len() as f32;
+        b.windows(2).filter(|w| (w[0] - mean) * (w[1] - mean) < 0.0).count()
+    };
+    let (trunk, twigs): (Vec<usize>, Vec<usize>) = (0..all.list.len()).partition(|e| all.list[*e].order == 0);
+    let twigs: Vec<usize> = twigs.into_iter().filter(|e| all.list[*e].order == 2).collect();
+    let mean = twigs.iter().map(|e| swings(&series(*e))).sum::<usize>() / twigs.len();
+    assert!(mean > swings(&series(trunk[0])), "{mean} {}", swings(&series(trunk[0])));
+    let branches: Vec<usize> = (0..all.list.len()).filter(|e| all.list[*e].order == 1).collect();
+    let alike = branches.windows(2).filter(|w| correlation(&series(w[0]), &series(w[1])).abs() > 0.95).count();
+    assert!(alike * 4 < branches.len(), "{alike} of {} pairs swing alike", branches.len());
+}
+
+fn correlation(a: &[f32], b: &[f32]) -> f32 {
+    let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
+    let (ma, mb) = (mean(a), mean(b));
+    let dot = |x: &[f32], mx: f32, y: &[f32], my: f32| x.iter().zip(y).map(|(p, q)| (p - mx) * (q - my)).sum::<f32>();
+    dot(a, ma, b, mb) / math::sqrt_f32(dot(a, ma, a, ma) * dot(b, mb, b, mb)).max(1e-12)
+}
+
+#[test]
+fn a_skin_follows_the_full_motion_of_thick_wood() {
+    let (plant, wood) = (leafy(40), Wood::default());
+    let all = Elements::build(&plant, &wood, Budget::Joints(300));
+    let rig = Rig::build(&plant, &all, 300);
+    let mut bark = Vec::new();
+    for (a, axis) in plant.axes.iter().enumerate().filter(|(_, axis)| axis.order <= 1) {
+        for k in plant.nodes_of(axis) {
+            let out = plant.nodes.q[k] * Vec3::X * plant.nodes.r[k];
+            bark.push((plant.nodes.p[k] + out, (u32::try_from(a).expect("few"), plant.nodes.s[k])));
+        }
+    }
+    let (points, bindings): (Vec<Vec3>, Vec<(u32, f32)>) = bark.into_iter().unzip();
+    let body = Body::new(&plant, &all, &points, &bindings);
+    let skin = rig.skin(&plant, bindings.iter().copied());
+    let track = record(&all, &gusts(Some(5.0)), manner(wood), take(120, true));
+    let (mut wrong, mut moved) = (0.0_f64, 0.0_f64);
+    for k in (0..120_u16).step_by(10) {
+        let bends = track.at(f64::from(k));
+        let full = body.bark(&body.posture(&all, &bends));
+        let joints = osier_scene::world_from_joint(&rig.skeleton, &rig.pose(&all, &bends));
+        for ((f, s), rest) in full.iter().zip(osier_scene::skinned_points(&points, &skin, &joints)).zip(&points) {
+            wrong += f64::from((*f - s).length_squared());
+            moved += f64::from((*f - *rest).length_squared());
+        }
+    }
+    let share = math::sqrt(wrong / moved);
+    assert!(share < 0.05, "{share}");
+}
+
+#[test]
+fn bends_keep_lengths_and_joints_of_branches() {
+    let (plant, wood) = (tree(12), Wood::default());
+    let all = elements(&plant, &wood);
+    let body = Body::new(&plant, &all, &plant.nodes.p, &[]);
+    let bends: Vec<[f32; 2]> = (0..all.list.len()).map(|k| [0.4 - 0.03 * k as f32, 0.2]).collect();
+    let posture = body.posture(&all, &bends);
+    let p = posture.places();
+    for axis in &plant.axes {
+        for k in plant.nodes_of(axis).skip(1) {
+            let (now, rest) = ((p[k] - p[k - 1]).length(), (plant.nodes.p[k] - plant.nodes.p[k - 1]).length());
+            assert!((now / rest - 1.0).abs() < 1e-4);
+        }
+    }
+    assert!((p[0] - plant.nodes.p[0]).length() < 1e-6, "the foot stands");
+}
+
+#[test]
+fn same_bends_whatever_else_is_there() {
+    let (plant, wood) = (leafy(12), Wood::default());
+    let all = elements(&plant, &wood);
+    let shaken = Manner { flicker: 0.15, ..manner(wood) };
+    let (a, b) = (
+        record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
+        record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
+    );
+    assert!((0..72_u16).all(|k| a.at(f64::from(k)) == b.at(f64::from(k))));
+}
+
+#[test]
+fn exaggeration_scales_swings_and_not_the_lean() {
+    let (plant, wood) = (leafy(8), Wood::default());
+    let all = elements(&plant, &wood);
+    let wind = gusts(Some(5.0));
+    let of = |gain: f64, lean: f64| record(&all, &wind, manner(wood), Take { gain, lean, ..take(120, true) });
+    let (one, still) = (of(1.0, 1.0), of(0.0, 1.0));
+    let (three, upright) = (of(3.0, 1.0), of(1.0, 0.0));
+    let at = |t: &Track, k: u16| t.at(f64::from(k))[0][1];
+    for k in [0, 30, 77] {
+        let swing = at(&one, k) - at(&still, k);
+        assert!((at(&three, k) - at(&still, k) - 3.0 * swing).abs() < 0.02 * swing.abs() + 1e-4);
+        assert!((at(&upright, k) - swing).abs() < 0.02 * swing.abs() + 1e-4);
+    }
+}
+
+#[test]
+fn gravity_presses_on_what_leans_away_from_how_it_grew() {
+    // A stick that stands upright on the tip of a soft stem which a wind bends by an angle feels m g sin(angle) across.
+    let mut plant = rod(3.0, 0.02, 0.02);
+    testing::axis(&mut plant, (0, 3.0), (Vec3::Y * 3.0, Vec3::Y), (0.01, 0.01));
+    let wood = Wood { elasticity: Some(2e9), ..Wood::default() };
+    let all = elements(&plant, &wood);
+    let wind = UniformWind(Vec3::X * 5.0);
+    let bends = |gravity: bool| {
+        let mut sim = Simulation::new(&all, &wind, Manner { gravity, ..manner(wood) });
+        sim.settle();
+        sim.bends()
+    };
+    let (without, with) = (bends(false), bends(true));
+    assert!((without[0][1] - with[0][1]).abs() < 1e-5, "the stem stands on level ground");
+    let lean = math::sqrt(with[0][0] * with[0][0] + with[0][1] * with[0][1]);
+    let mass = 900.0 * std::f64::consts::PI * 0.01 * 0.01;
+    let expected = mass * 9.81 * math::sin(lean) / (6.0 * wood.rigidity(0.01));
+    let more = with[1][1] - without[1][1];
+    assert!(lean > 0.01 && (more.abs() / expected - 1.0).abs() < 0.02, "{more} for {expected} at {lean}");
+    assert!(more * without[1][1] > 0.0, "farther the same way");
+}
+
+#[test]
+fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
+    let plant = rod(6.0, 0.05, 0.05);
+    let wood = Wood { overtones: true, ..Wood::default() };
+    let all = elements(&plant, &wood);
+    assert_eq!((all.list.len(), all.swings(), all.list[0].overtone), (1, 2, Some(1)));
+    let steady = UniformWind(Vec3::X * 8.0);
+    let mut sim = Simulation::new(&all, &steady, manner(wood));
+    sim.settle();
+    let rest = sim.bends()[0][1].abs();
+    let most = |sim: &mut Simulation<'_>, steps: u32| {
+        (0..steps).fold(0.0_f64, |m, k| {
+            sim.advance(f64::from(k) / 120.0);
+            m.max(sim.bends()[1][1].abs())
+        })
+    };
+    assert!(most(&mut sim, 600) < 1e-3 * rest, "a steady wind");
+    // A wind that sets in: the second mode rings at 6.27 times the frequency.
+    let gust = Turning { first: Vec3::ZERO, then: Vec3::X * 8.0, at: 0.25 };
+    let mut sim = Simulation::new(&all, &gust, manner(wood));
+    sim.settle();
+    let mut signs = Vec::new();
+    let mut last = 0.0;
+    for k in 0..240_u32 {
+        sim.advance(f64::from(k) / 120.0);
+        // Where it rings about: a share of the load, which the first mode's swing hardly changes within a period of it.
+        let bend = sim.bends()[1][1];
+        signs.push(bend > last);
+        last = bend;
+    }
+    let turns: Vec<usize> = (1..signs.len()).filter(|k| signs[*k] != signs[k - 1]).collect();
+    let half = (turns[turns.len() - 1] - turns[2]) as f64 / (turns.len() - 3) as f64 / 120.0;
+    let hertz = all.list[0].w[1] / std::f64::consts::TAU
+        * 6.27
+        * math::sqrt(1.0 - (1.5 * all.list[0].zeta) * (1.5 * all.list[0].zeta));
+    assert!((0.5 / half / hertz - 1.0).abs() < 0.1, "{} Hz for {hertz}", 0.5 / half);
+}
+
+#[test]
+fn measured_branches_turn_more_of_their_thin_ends() {
+    let plant = rod(4.0, 0.05, 0.02);
+    let build = |measured: bool| elements(&plant, &Wood { measured, ..Wood::default() });
+    let (even, measured) = (build(false), build(true));
+    let bend = [[0.2_f32, 0.0]];
+    let angle = |all: &Elements, at: f64| {
+        all.turn(&all.bases(&bend), &bend, Spot { element: 0, at }).angle_between(Quat::IDENTITY)
+    };
+    assert!((angle(&even, 1.0) - 0.2).abs() < 1e-4 && (angle(&measured, 1.0) - 0.2).abs() < 1e-4);
+    assert!((angle(&even, 0.5) - 0.2 * 0.875).abs() < 1e-4);
+    assert!(angle(&measured, 0.5) < angle(&even, 0.5) - 0.01);
+}

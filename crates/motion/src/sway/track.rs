@@ -1,0 +1,216 @@
+//! What the wind did to a plant: the bends of its elements, frame by frame.
+
+use super::elements::Elements;
+use super::zhao_zhang::{Paper, PaperManner, RATE};
+use super::simulation::{Manner, Simulation};
+use osier_base::limits::Limits;
+use osier_base::math;
+use osier_base::progress::Cancel;
+use osier_base::{Error, Result};
+use osier_scene::plant::Plant;
+use osier_wind::Wind;
+
+/// Most clips that are simulated before the one that is kept.
+const PRELUDES: f64 = 8.0;
+/// A swing is forgotten when it is this power of e smaller: what is left of it, 0.2 %, is taken out over the clip.
+const DYING: f64 = 6.0;
+/// Time before the first frame of a clip that does not repeat, s.
+const PRELUDE: f64 = 5.0;
+/// Largest bend that is shown, rad.
+const MOST: f32 = 1.4;
+
+/// Which time is kept, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Take {
+    /// Frames.
+    pub frames: usize,
+    /// The frame after the last is the first: the wind must repeat, too.
+    pub repeats: bool,
+    /// Starts from rest instead of in the middle of it.
+    pub from_rest: bool,
+    /// Factor on the steady lean in the mean wind, 0..5.
+    pub lean: f64,
+    /// Factor on the swings about it, 0..20.
+    pub gain: f64,
+}
+
+/// Both ways of each element, rad.
+type Bends = Vec<[f64; 2]>;
+
+/// Bends over time.
+#[derive(Debug, Clone, Default)]
+pub struct Track {
+    /// Per frame, per element: both ways, rad.
+    frames: Vec<Vec<[f32; 2]>>,
+    repeats: bool,
+    /// Angles of the paper's equations that had to be clamped.
+    clamped: u64,
+}
+
+impl Track {
+    /// Simulates a take.
+    /// # Errors
+    /// `Limit` for too many elements times frames, `Cancelled`.
+    pub fn record(
+        elements: &Elements,
+        wind: &dyn Wind,
+        manner: Manner,
+        take: Take,
+        (limits, cancel): (&Limits, &Cancel),
+    ) -> Result<Self> {
+        afford(elements, take, limits)?;
+        let (frames, still) = Self::simulate(elements, wind, manner, take, cancel)?;
+        Self::kept(frames, &still, take)
+    }
+
+    /// The same by the equations of [zhao-zhang].
+    /// # Errors
+    /// As [`Track::record`].
+    pub fn record_as_printed(
+        (plant, elements): (&Plant, &Elements),
+        wind: &dyn Wind,
+        (manner, paper): (Manner, PaperManner),
+        take: Take,
+        (limits, cancel): (&Limits, &Cancel),
+    ) -> Result<Self> {
+        afford(elements, take, limits)?;
+        let mut run = Paper::new(plant, elements, wind, (manner, paper));
+        let rest = vec![[0.0; 2]; elements.list.len()];
+        // A second is long enough to forget the first force, of which a share k is left in every frame.
+        let lead = if take.from_rest { 0 } else { 60_i64 };
+        let mut before = rest.clone();
+        let mut frames = Vec::with_capacity(take.frames + 1);
+        let mut number = -lead;
+        for frame in 0..=take.frames {
+            cancel.check()?;
+            let t = frame as f64 / manner.fps * RATE;
+            #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
+            while (number as f64) <= t {
+                before = run.advance(number as f64 / RATE);
+                number += 1;
+            }
+            frames.push(if take.from_rest && frame == 0 { rest.clone() } else { before.clone() });
+        }
+        Ok(Self { clamped: run.clamped, ..Self::kept(frames, &rest, take)? })
+    }
+
+    /// Angles of the paper's equations that had to be clamped, over all internodes and frames.
+    pub fn clamped(&self) -> u64 {
+        self.clamped
+    }
+
+    fn simulate(
+        elements: &Elements,
+        wind: &dyn Wind,
+        manner: Manner,
+        take: Take,
+        cancel: &Cancel,
+    ) -> Result<(Vec<Bends>, Bends)> {
+        let mut run = Simulation::new(elements, wind, manner);
+        let length = take.frames as f64 / manner.fps;
+        let mut still = vec![[0.0; 2]; elements.swings()];
+        run.settle();
+        let lead = if take.from_rest {
+            run.rest();
+            0.0
+        } else {
+            still = run.bends();
+            if take.repeats { length * preludes(elements, length) } else { PRELUDE }
+        };
+        let steps = run.steps();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand frames")]
+        let lead = (lead * manner.fps).round() as i64;
+        let mut frames: Vec<Bends> = Vec::with_capacity(take.frames + 1);
+        for frame in -lead..=i64::try_from(take.frames).unwrap_or(i64::MAX) {
+            cancel.check()?;
+            if frame >= 0 {
+                frames.push(run.bends());
+            }
+            for k in 0..steps {
+                #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
+                run.advance((frame as f64 + f64::from(k) / f64::from(steps)) / manner.fps);
+            }
+        }
+        Ok((frames, still))
+    }
+
+    /// What is shown of bends. The last of `frames` comes after the clip.
+    fn kept(mut frames: Vec<Bends>, still: &[[f64; 2]], take: Take) -> Result<Self> {
+        let after = frames.pop();
+        if let Some(after) = after.filter(|_| take.repeats) {
+            close(&mut frames, &after);
+        }
+        let shown = |b: &Bends| b.iter().zip(still).map(|(b, m)| shown(*b, *m, &take)).collect();
+        let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(shown).collect();
+        if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
+            return Ok(Self { frames, repeats: take.repeats, clamped: 0 });
+        }
+        Err(Error::export("X001", "the wind made a branch bend without bounds"))
+    }
+
+    /// Bends at a time. `frame`: counted from the first, fractions lie between; times outside a clip that does not repeat
+    /// show its ends. A millionth of a frame next to a whole one is that one.
+    pub fn at(&self, frame: f64) -> Vec<[f32; 2]> {
+        let n = self.frames.len();
+        if n == 0 {
+            return Vec::new();
+        }
+        let near = frame.round();
+        let frame = if (frame - near).abs() < 1e-6 { near } else { frame };
+        let (floor, t) = (frame.floor(), math::narrow(frame - frame.floor()));
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clips are short")]
+        let index = |k: f64| match self.repeats {
+            true => k.rem_euclid(n as f64) as usize % n,
+            false => k.clamp(0.0, (n - 1) as f64) as usize,
+        };
+        let (a, b) = (&self.frames[index(floor)], &self.frames[index(floor + 1.0)]);
+        if t == 0.0 {
+            return a.clone();
+        }
+        a.iter().zip(b).map(|(a, b)| [0, 1].map(|k| math::lerp(a[k], b[k], t))).collect()
+    }
+
+    /// Number of frames.
+    #[cfg(test)]
+    pub(crate) fn len(&self) -> usize {
+        self.frames.len()
+    }
+}
+
+/// Refuses a motion of more numbers than the limit allows.
+/// # Errors
+/// `Limit`.
+pub fn afford(elements: &Elements, take: Take, limits: &Limits) -> Result<()> {
+    let keys = (elements.swings() as u64).saturating_mul(take.frames as u64);
+    limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
+}
+
+/// Clips until the start is forgotten.
+fn preludes(elements: &Elements, length: f64) -> f64 {
+    let slowest = elements.list.iter().map(|e| e.zeta * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
+    (DYING / (slowest * length)).ceil().clamp(1.0, PRELUDES)
+}
+
+/// Takes out what the frame after the clip, which is the first again, differs by: a little in every frame.
+fn close(frames: &mut [Bends], after: &Bends) {
+    let Some(first) = frames.first().cloned() else { return };
+    let n = frames.len() as f64;
+    for (k, frame) in frames.iter_mut().enumerate() {
+        for (b, (from, to)) in frame.iter_mut().zip(first.iter().zip(after)) {
+            for way in 0..2 {
+                b[way] -= (to[way] - from[way]) * k as f64 / n;
+            }
+        }
+    }
+}
+
+/// The bend as it is shown: lean and swing scaled, and no farther than a branch goes.
+fn shown(bend: [f64; 2], still: [f64; 2], take: &Take) -> [f32; 2] {
+    let [a, b] = [0, 1].map(|k| math::narrow(take.lean * still[k] + take.gain * (bend[k] - still[k])));
+    let size = math::sqrt_f32(a * a + b * b);
+    if size < 1e-9 {
+        return [a, b];
+    }
+    let scale = MOST * math::tanh_f32(size / MOST) / size;
+    [a * scale, b * scale]
+}

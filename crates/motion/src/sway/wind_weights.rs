@@ -1,0 +1,125 @@
+//! What shaders need to sway a plant by themselves: weights and phases at its vertices.
+
+use osier_base::rng;
+use osier_scene::plant::{NONE, Organ, Plant};
+use osier_scene::{Mesh, Trs, WindPoint};
+
+/// Share of its own sway that an axis has at its tip.
+const OWN: f32 = 0.5;
+
+/// Weights along the axes of a plant: w(s) = 1 - (1 - w(carrier)) (1 - (s / L)^2 / 2), none at the root, so that nothing
+/// tears where branches stand on each other.
+#[derive(Debug)]
+pub struct Weights<'a> {
+    plant: &'a Plant,
+    /// Per axis, at its base: weight from the root on, and from the trunk on.
+    bases: Vec<[f32; 2]>,
+    /// Per axis: phase of the limb that it grows on.
+    phases: Vec<f32>,
+}
+
+impl<'a> Weights<'a> {
+    /// Of all axes.
+    pub fn new(plant: &'a Plant) -> Self {
+        let mut all = Self { plant, bases: Vec::new(), phases: Vec::new() };
+        for axis in &plant.axes {
+            let (base, phase) = if axis.parent == NONE {
+                ([0.0; 2], hash01(axis.id))
+            } else {
+                let limb = plant.axes[axis.parent as usize].order == 0 && axis.order > 0;
+                let phase = if limb { hash01(axis.id) } else { all.phases[axis.parent as usize] };
+                (all.at(axis.parent, axis.parent_s), phase)
+            };
+            all.bases.push(base);
+            all.phases.push(phase);
+        }
+        all
+    }
+
+    /// Both weights at arc length `s`, m, of an axis.
+    fn at(&self, axis: u32, s: f32) -> [f32; 2] {
+        let a = &self.plant.axes[axis as usize];
+        let x = (s / a.length.max(1e-9)).clamp(0.0, 1.0);
+        let [whole, branch] = self.bases[axis as usize];
+        let grown = |w: f32| 1.0 - (1.0 - w) * (1.0 - OWN * x * x);
+        [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
+    }
+
+    fn point(&self, (axis, s): (u32, f32), id: u64, flutter: f32) -> WindPoint {
+        let [whole, branch] = self.at(axis, s);
+        let wind = [whole, self.phases[axis as usize], flutter, 1.0];
+        WindPoint { wind, branch: [branch, hash01(id)], axis: i32::try_from(axis).unwrap_or(i32::MAX) }
+    }
+
+    /// Of bark bound to axes at arc lengths, m.
+    pub fn bark(&self, bindings: &[(u32, f32)]) -> Vec<WindPoint> {
+        bindings.iter().map(|b| self.point(*b, self.plant.axes[b.0 as usize].id, 0.0)).collect()
+    }
+
+    /// Leaves as one mesh with its attributes, and how many points each has; flutter grows from the foot of the stalk to the
+    /// tip. `worn`: first material.
+    pub fn leaves(&self, organs: &[&Organ], worn: u32) -> (Mesh, Vec<usize>) {
+        let (mut all, mut sizes) = (Mesh::default(), vec![0; organs.len()]);
+        for (organ, size) in organs.iter().zip(&mut sizes) {
+            let Some(proto) = self.plant.protos.get(usize::from(organ.proto)) else { continue };
+            let (t, r) = self.plant.organ_site(organ);
+            let stand = Trs { t, r, s: glam::Vec3::splat(organ.scale) };
+            let tip = proto.mesh.points.iter().fold(1e-9_f32, |m, p| m.max(p.y));
+            let mut leaf = (*proto.mesh).clone();
+            let flutter = |p: &glam::Vec3| (p.y / tip).clamp(0.0, 1.0);
+            leaf.wind = leaf.points.iter().map(|p| self.point((organ.axis, organ.s), organ.id, flutter(p))).collect();
+            leaf.points.iter_mut().for_each(|p| *p = stand.apply(*p));
+            leaf.normals.iter_mut().for_each(|n| *n = r * *n);
+            leaf.subsets.iter_mut().for_each(|s| s.material += worn);
+            *size = leaf.points.len();
+            all.append(&leaf);
+        }
+        (all, sizes)
+    }
+}
+
+fn hash01(id: u64) -> f32 {
+    osier_base::math::narrow(rng::Rng::from_key(rng::child(id, rng::word("wind phase"))).range(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sway::testing::leafy;
+    use super::*;
+
+    fn near<const N: usize>(a: [f32; N], b: [f32; N]) -> bool {
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6)
+    }
+
+    #[test]
+    fn weights_begin_at_nothing_and_do_not_jump_where_branches_stand() {
+        let plant = leafy(6);
+        let weights = Weights::new(&plant);
+        assert!(near(weights.at(0, 0.0), [0.0, 0.0]));
+        assert!(near(weights.at(0, 4.0), [0.5, 0.0]), "half at the tip of the trunk, which is no branch");
+        for (i, axis) in (0_u32..).zip(&plant.axes).skip(1) {
+            assert!(near(weights.at(i, 0.0), weights.at(axis.parent, axis.parent_s)));
+            let [base, tip] = [0.0, axis.length].map(|s| weights.at(i, s));
+            assert!(base[0] < tip[0] && base[1] < tip[1] && tip[0] < 1.0 && tip[1] <= tip[0]);
+            let limb = if axis.order == 1 { i } else { axis.parent };
+            assert!((weights.phases[i as usize] - hash01(plant.axes[limb as usize].id)).abs() < 1e-9, "one per limb");
+        }
+    }
+
+    #[test]
+    fn leaves_flutter_at_their_tips_and_sway_as_their_twigs() {
+        let plant = leafy(2);
+        let weights = Weights::new(&plant);
+        let organs: Vec<&Organ> = plant.organs.iter().collect();
+        let (mesh, sizes) = weights.leaves(&organs, 3);
+        assert!(sizes.iter().all(|n| *n == 4));
+        assert_eq!((mesh.points.len(), mesh.wind.len()), (organs.len() * 4, organs.len() * 4));
+        assert!(mesh.subsets.iter().all(|s| s.material == 3));
+        for (organ, leaf) in organs.iter().zip(mesh.wind.chunks(4)) {
+            let whole = weights.at(organ.axis, organ.s)[0];
+            assert!(leaf.iter().all(|p| (p.wind[0] - whole).abs() < 1e-9));
+            assert!(near([0, 1, 2, 3].map(|k| leaf[k].wind[2]), [0.0, 0.0, 1.0, 1.0]));
+        }
+        assert!(weights.bark(&[(0, 2.0)])[0].wind[2] <= 0.0);
+    }
+}

@@ -1,0 +1,210 @@
+//! Swaying by the equations of [zhao-zhang] 3.2, each internode a cantilever of its own.
+//!
+//! Sixty times a second: F = F_1 + F_2 + F_w, the drag of the wind, a share of the last force taken back, and a damping by
+//! the square of the turning rate; then deflection and angle of the internode. Angles add up along a branch and along what
+//! carries it. What the paper misprints can be mended one by one ([`Fixes`]).
+
+use glam::{DVec3, Vec3};
+
+use super::elements::Elements;
+use super::simulation::Manner;
+use osier_base::math;
+use osier_scene::plant::{NONE, Plant};
+use osier_wind::Wind;
+
+/// Frames of the formula a second.
+pub(crate) const RATE: f64 = 60.0;
+/// Coefficients of drag and lift, as printed.
+const DRAG: f64 = 0.013;
+const LIFT: f64 = 0.75;
+/// Density of air as printed, 2.37e-3 g/m^3, and as it is, kg/m^3.
+const PRINTED_AIR: f64 = 2.37e-6;
+
+/// What is mended in the printed equations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Fixes {
+    /// delta = 4 F L^3 / (3 pi E R^4) instead of R^3.
+    pub radius: bool,
+    /// 1.225 kg/m^3 instead of the density of almost nothing.
+    pub air: bool,
+    /// The damping works against the turning instead of always one way.
+    pub damping: bool,
+}
+
+/// Numbers that the paper leaves open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperManner {
+    /// What is mended.
+    pub fixes: Fixes,
+    /// Share of the last force that is taken back, k in F_2 = -k F(t-1), 0 to below 1.
+    pub recoil: f64,
+    /// k in F_w = k w^2, N s^2.
+    pub damping: f64,
+}
+
+/// One internode.
+struct Internode {
+    element: usize,
+    middle: Vec3,
+    along: DVec3,
+    length: f64,
+    radius: f64,
+    /// Young's modulus, Pa.
+    elasticity: f64,
+    /// Force of the last frame, N; angle of the last two, rad.
+    force: DVec3,
+    angles: [f64; 2],
+}
+
+/// A plant that sways as printed.
+pub(crate) struct Paper<'a> {
+    elements: &'a Elements,
+    wind: &'a dyn Wind,
+    manner: Manner,
+    paper: PaperManner,
+    internodes: Vec<Internode>,
+    /// Angles that had to be clamped: deflections of more than the internode's length.
+    pub(crate) clamped: u64,
+}
+
+/// Deflection of an internode's end, m: eq. (3). `radius_power`: 3 as printed, 4 as it should be.
+fn deflection(force: f64, (length, radius): (f64, f64), elasticity: f64, fixed: bool) -> f64 {
+    let cube = radius * radius * radius;
+    let power = if fixed { cube * radius } else { cube };
+    4.0 * force * length * length * length / (3.0 * std::f64::consts::PI * elasticity * power)
+}
+
+impl<'a> Paper<'a> {
+    pub(crate) fn new(
+        plant: &Plant,
+        elements: &'a Elements,
+        wind: &'a dyn Wind,
+        (manner, paper): (Manner, PaperManner),
+    ) -> Self {
+        let mut internodes = Vec::new();
+        for (a, axis) in plant.axes.iter().enumerate() {
+            let index = u32::try_from(a).unwrap_or(NONE);
+            let nodes: Vec<usize> = plant.nodes_of(axis).collect();
+            for pair in nodes.windows(2) {
+                let (i, j) = (pair[0], pair[1]);
+                let spot = elements.spot(index, (plant.nodes.s[i] + plant.nodes.s[j]) * 0.5);
+                let own = elements.list.get(spot.element as usize).is_some_and(|e| e.axis == index);
+                let span = plant.nodes.p[j] - plant.nodes.p[i];
+                if !own || span.length() <= 0.0 {
+                    continue;
+                }
+                let radius = f64::from(plant.nodes.r[i] + plant.nodes.r[j]) * 0.5;
+                internodes.push(Internode {
+                    element: spot.element as usize,
+                    middle: (plant.nodes.p[i] + plant.nodes.p[j]) * 0.5,
+                    along: span.as_dvec3().normalize(),
+                    length: f64::from(span.length()),
+                    radius,
+                    elasticity: manner.wood.elasticity_at(radius),
+                    force: DVec3::ZERO,
+                    angles: [0.0; 2],
+                });
+            }
+        }
+        Self { elements, wind, manner, paper, internodes, clamped: 0 }
+    }
+
+    /// Bends of the elements in the formula's next frame, at `t` s.
+    pub(crate) fn advance(&mut self, t: f64) -> Vec<[f64; 2]> {
+        let stand = self.manner.stand;
+        let places: Vec<Vec3> = self.internodes.iter().map(|i| stand.apply(i.middle)).collect();
+        let mut air = vec![Vec3::ZERO; places.len()];
+        self.wind.sample(&places, t, &mut air);
+        let mut bends = vec![[0.0; 2]; self.elements.list.len()];
+        for (internode, air) in self.internodes.iter_mut().zip(&air) {
+            let (bend, clamped) = internode.step((stand.r.conjugate() * *air).as_dvec3(), &self.paper);
+            self.clamped += u64::from(clamped);
+            for (sum, way) in bends[internode.element].iter_mut().zip(&self.elements.list[internode.element].ways) {
+                *sum += way.dot(bend);
+            }
+        }
+        bends
+    }
+}
+
+impl Internode {
+    /// The turn of this internode in wind `v`, as a vector, and whether its arcsine had to be clamped.
+    fn step(&mut self, v: DVec3, paper: &PaperManner) -> (DVec3, bool) {
+        let air = if paper.fixes.air { super::wood::AIR } else { PRINTED_AIR };
+        let area = 2.0 * self.radius * self.length;
+        let wind = v * (0.5 * (DRAG + LIFT) * air * area * v.length());
+        let rate = (self.angles[0] - self.angles[1]) * RATE;
+        let against = if paper.fixes.damping { rate.signum() } else { 1.0 };
+        let force =
+            wind - self.force * paper.recoil - wind.normalize_or_zero() * (against * paper.damping * rate * rate);
+        self.force = force;
+        let across = force - self.along * force.dot(self.along);
+        let delta = deflection(across.length(), (self.length, self.radius), self.elasticity, paper.fixes.radius);
+        let sine = delta / self.length;
+        let angle = math::asin(sine.clamp(-1.0, 1.0));
+        self.angles = [angle, self.angles[0]];
+        (self.along.cross(across).normalize_or_zero() * angle, sine > 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_printed_radius_is_too_small_by_the_radius() {
+        for r in [0.035, 0.003] {
+            let (printed, mended) = (deflection(1.0, (0.3, r), 8e9, false), deflection(1.0, (0.3, r), 8e9, true));
+            assert!((mended / printed * r - 1.0).abs() < 1e-12);
+        }
+        // Mended, it is F L^3 / (3 E I).
+        let inertia = std::f64::consts::FRAC_PI_4 * 1e-8;
+        assert!(
+            (deflection(1.0, (1.2, 0.01), 8e9, true) * 3.0 * 8e9 * inertia / (1.2 * 1.2 * 1.2) - 1.0).abs() < 1e-12
+        );
+    }
+
+    fn internode() -> Internode {
+        Internode {
+            element: 0,
+            middle: Vec3::ZERO,
+            along: DVec3::Y,
+            length: 0.3,
+            radius: 0.004,
+            elasticity: 5e9,
+            force: DVec3::ZERO,
+            angles: [0.0; 2],
+        }
+    }
+
+    #[test]
+    fn a_share_of_the_last_force_is_taken_back() {
+        let fixes = Fixes { radius: true, air: true, damping: true };
+        let mut one = internode();
+        let paper = PaperManner { fixes, recoil: 0.3, damping: 0.0 };
+        let first = one.step(DVec3::X * 10.0, &paper).0.length();
+        let second = one.step(DVec3::X * 10.0, &paper).0.length();
+        assert!((second / first - 0.7).abs() < 1e-3, "{first} {second}");
+        let last = (0..60).fold(0.0, |_, _| one.step(DVec3::X * 10.0, &paper).0.length());
+        assert!((last / first - 1.0 / 1.3).abs() < 1e-3, "the gain at rest is 1 / (1 + k): {last}");
+    }
+
+    #[test]
+    fn angles_beyond_a_right_one_are_clamped_and_told() {
+        let fixes = Fixes { radius: true, air: true, damping: true };
+        let paper = PaperManner { fixes, recoil: 0.0, damping: 0.0 };
+        let mut soft = Internode { elasticity: 1e3, ..internode() };
+        let (bend, clamped) = soft.step(DVec3::X * 30.0, &paper);
+        assert!(clamped && (bend.length() - std::f64::consts::FRAC_PI_2).abs() < 1e-12, "{bend}");
+        assert!(!internode().step(DVec3::X * 30.0, &paper).1);
+    }
+
+    #[test]
+    fn as_printed_nothing_is_seen_to_move() {
+        let fixes = Fixes { radius: false, air: false, damping: false };
+        let (bend, _) = internode().step(DVec3::X * 10.0, &PaperManner { fixes, recoil: 0.3, damping: 0.01 });
+        assert!(bend.length() < 1e-6 && bend.length() > 0.0, "{bend}");
+        let leaf = 0.5 * (DRAG + LIFT) * PRINTED_AIR * 0.0002 * 100.0;
+        assert!(leaf < 1e-7, "a leaf of 2 cm^2 feels {leaf} N");
+    }
+}
