@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Vec3};
 
-use super::present_states::About;
 use super::clusters::Cluster;
-use super::particles::{Catkin, Lag, State};
 use super::deposit::{Landing, Path};
+use super::particles::{Catkin, Lag, State};
+use super::present_states::About;
 use super::release::Leaving;
 use super::{CHUNK, Flights, Wait};
 use osier_wind::Wind;

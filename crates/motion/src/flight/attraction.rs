@@ -6,9 +6,9 @@
 
 use glam::{DVec3, Vec3};
 
+use super::deposit::{Path, hold, out_of};
 use super::grid::Grid;
 use super::particles::{Catkin, NOBODY, State};
-use super::deposit::{Path, hold, out_of};
 use super::{CHUNK, Flights};
 use osier_base::math::{exp, ln, narrow};
 use osier_base::par::par_map;

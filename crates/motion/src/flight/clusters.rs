@@ -6,9 +6,9 @@ use glam::{DQuat, DVec3, Vec3};
 
 use super::Flights;
 use super::bonds::{Bond, drawn, groups};
+use super::deposit::Landing;
 use super::params::Options;
 use super::particles::{Catkin, Lag, State, rising};
-use super::deposit::Landing;
 use osier_base::math::pow;
 
 /// Clusters by the smallest number of their members.

@@ -8,9 +8,9 @@ use glam::DVec3;
 
 use super::Flights;
 use super::clusters::Cluster;
+use super::deposit::{borne, hold, joint, out_of};
 use super::grid::Grid;
 use super::particles::{Catkin, State};
-use super::deposit::{borne, hold, joint, out_of};
 use osier_base::math::{cos, narrow, sin};
 use osier_base::par::par_map;
 

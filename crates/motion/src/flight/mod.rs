@@ -6,19 +6,19 @@
 //! by itself, what concerns two is collected, sorted by number and done in that order.
 //! Source: \[catkin\] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
 
-mod present_states;
 mod advance;
 mod attraction;
 mod bonds;
+mod boundary;
 mod clusters;
 mod contacts;
+mod deposit;
 mod grid;
-mod boundary;
+mod heaps;
 mod lift_off;
 mod params;
 mod particles;
-mod deposit;
-mod heaps;
+mod present_states;
 mod release;
 mod stats;
 mod tumble;
@@ -38,9 +38,9 @@ pub use particles::{Catkin, State};
 pub use release::{Sky, sky};
 pub use stats::Tally;
 
-use present_states::About;
 use clusters::Clusters;
 use contacts::Crowd;
+use present_states::About;
 
 /// Records a task takes at once.
 const CHUNK: usize = 512;

@@ -2,10 +2,10 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::rods::solver::assemble::{Assembly, Rider};
-use crate::rods::solver::block::{Above, Rows, solve};
 use crate::rods::layout::{Rod, Tree, index};
 use crate::rods::prism::{Block, Corners, Frame, Grip, add, corner, corners, dot, middle, times};
+use crate::rods::solver::assemble::{Assembly, Rider};
+use crate::rods::solver::block::{Above, Rows, solve};
 use osier_base::math;
 use osier_scene::plant::NONE;
 

@@ -4,9 +4,9 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
+use super::{Body, Hold, Rod, Rods, Stuff};
 use crate::rods::prism::{Corners, Frame, Grip, corner, corners, dot};
 use crate::rods::system::minus;
-use super::{Body, Hold, Rod, Rods, Stuff};
 use osier_base::rng::Rng;
 
 const STUFF: Stuff = Stuff { young: 5e9, shear: 1.0 / 15.0, density: 900.0, zeta: 0.0, recovery: 0.0, stout: false };

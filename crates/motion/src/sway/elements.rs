@@ -398,8 +398,8 @@ fn between(x: &[f64], s: f64) -> (usize, f64) {
 
 #[cfg(test)]
 mod tests {
-    use crate::sway::testing::{leafy, rod, tree};
     use super::*;
+    use crate::sway::testing::{leafy, rod, tree};
 
     #[test]
     fn a_rod_is_one_element_with_the_frequency_of_the_books() {

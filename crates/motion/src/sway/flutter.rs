@@ -107,8 +107,8 @@ fn turned(v: Vec3) -> Quat {
 
 #[cfg(test)]
 mod tests {
-    use crate::sway::testing::leafy;
     use super::*;
+    use crate::sway::testing::leafy;
 
     #[test]
     fn leaves_flutter_each_in_their_own_time_and_repeat() {

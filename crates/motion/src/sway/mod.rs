@@ -27,6 +27,6 @@ pub use segments::{Budget, Load};
 pub use simulation::{Manner, Simulation};
 pub use track::{Take, Track, afford};
 pub use wind_weights::Weights;
-pub use wood::{AIR, FOLD, Wood};
 pub(crate) use wood::damping_of;
+pub use wood::{AIR, FOLD, Wood};
 pub use zhao_zhang::{Fixes, PaperManner};

@@ -6,8 +6,8 @@
 use glam::Quat;
 
 use super::elements::{Element, Elements, Spot};
-use super::segments::joints_of;
 use super::pose::own_share;
+use super::segments::joints_of;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Joint, Skeleton, SkinWeights, Trs};
 
@@ -228,10 +228,10 @@ impl Mix {
 #[cfg(test)]
 #[allow(clippy::cast_possible_truncation, reason = "small plants")]
 mod tests {
+    use super::*;
     use crate::sway::segments::Budget;
     use crate::sway::testing::tree;
     use crate::sway::wood::Wood;
-    use super::*;
 
     fn rig(plant: &Plant, joints: usize) -> (Elements, Rig) {
         let elements = Elements::build(plant, &Wood::default(), Budget::Joints(joints));

@@ -1,8 +1,8 @@
 //! What the wind did to a plant: the bends of its elements, frame by frame.
 
 use super::elements::Elements;
-use super::zhao_zhang::{Paper, PaperManner, RATE};
 use super::simulation::{Manner, Simulation};
+use super::zhao_zhang::{Paper, PaperManner, RATE};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;

@@ -84,8 +84,8 @@ fn hash01(id: u64) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use crate::sway::testing::leafy;
     use super::*;
+    use crate::sway::testing::leafy;
 
     fn near<const N: usize>(a: [f32; N], b: [f32; N]) -> bool {
         a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6)

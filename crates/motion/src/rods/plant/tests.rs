@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{DVec3, Quat, Vec3};
 
 use super::Boughs;
-use crate::rods::plant::layout::Grain;
 use crate::rain::Bearer;
+use crate::rods::plant::layout::Grain;
 use crate::sway::Wood;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
 use osier_scene::{Mesh, Trs};

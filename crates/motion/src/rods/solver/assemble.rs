@@ -2,9 +2,9 @@
 
 use pulp::{Arch, NullaryFnOnce};
 
-use crate::rods::solver::block::{OVER, Rows, UP};
 use crate::rods::layout::Tree;
 use crate::rods::prism::{Block, Corners, Frame, Grip, times, transposed_times};
+use crate::rods::solver::block::{OVER, Rows, UP};
 use crate::rods::springs::{BEND, LANES, LINK, Strain, pulls, scatter, spans, strain};
 use osier_scene::plant::NONE;
 

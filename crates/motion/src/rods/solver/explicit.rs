@@ -2,8 +2,8 @@
 
 use crate::rods::Lost;
 use crate::rods::prism::{Corners, Frame, Grip, add, corner, dot, transposed_times};
-use crate::rods::system::Rods;
 use crate::rods::springs::{BEND, LANES, LINK};
+use crate::rods::system::Rods;
 use osier_base::math;
 use osier_scene::plant::NONE;
 

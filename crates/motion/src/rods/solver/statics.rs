@@ -1,8 +1,8 @@
 //! Where rods hang still, the shape from which they do so as drawn, and their energy.
 
 use crate::rods::prism::{Corners, dot};
-use crate::rods::system::{Rods, minus};
 use crate::rods::springs::{energy, spans};
+use crate::rods::system::{Rods, minus};
 
 /// Most rounds of Newton's method, and the change, in lengths of everything, that ends them.
 const ROUNDS: usize = 600;

@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
+use super::Manner;
+use crate::lanes::{Columns, padded};
 use crate::sway::beam::{OVERTONE, Swing, overtone};
 use crate::sway::elements::{Element, Elements, Station};
-use crate::lanes::{Columns, padded};
 use crate::sway::wood::{AIR, Wood};
-use super::Manner;
 
 /// m/s^2.
 const GRAVITY: f64 = 9.81;

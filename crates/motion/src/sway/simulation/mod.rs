@@ -208,9 +208,9 @@ fn own(e: &Element, period: Option<f64>) -> [TimeNoise; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::sway::segments::Budget;
     use crate::sway::testing::leafy;
-    use super::*;
     use osier_wind::{GustWind, GustWindOptions};
 
     #[test]

@@ -3,10 +3,10 @@
 
 use pulp::{Simd, WithSimd};
 
-use crate::sway::beam::{share_of_slope, turn_lanes};
-use crate::lanes::{Arrow, Columns, Lane, Turned};
-use crate::sway::wood::FOLD;
 use super::constants::{Fixed, Overtones};
+use crate::lanes::{Arrow, Columns, Lane, Turned};
+use crate::sway::beam::{share_of_slope, turn_lanes};
+use crate::sway::wood::FOLD;
 
 /// Strongest inertia, m/s^2.
 const JERK: f64 = 50.0;
