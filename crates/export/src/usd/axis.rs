@@ -78,7 +78,7 @@ pub(super) fn extent(b: &Bounds) -> [[f32; 3]; 2] {
 }
 
 /// A transform as a row-major matrix with the translation in the last row.
-pub(super) fn matrix(m: &Trs) -> [f64; 16] {
+pub(super) fn matrix4d(m: &Trs) -> [f64; 16] {
     // Columns of the column-vector form, one after the other, are the rows of the row-vector form.
     Mat4::to_cols_array(&m.matrix()).map(f64::from)
 }

@@ -1,8 +1,8 @@
 //! Materials as UsdPreviewSurface networks.
 
-use super::stage::{Attr, AttrSpec, PrimMeta, Stage};
-use super::target::{Context, Sheet};
-use super::value::Value;
+use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta, LayerWriter};
+use super::layer::{UsdContext, MapTexture};
+use super::value::UsdValue;
 use crate::sheets::Map;
 use osier_base::Result;
 use osier_scene::{Material, MaterialClass};
@@ -11,76 +11,76 @@ use osier_scene::{Material, MaterialClass};
 const FILM: f32 = 0.05;
 
 /// Writes a material and its shaders. Returns the pictures of it that change with the frames.
-pub(super) fn define(cx: &Context, stage: &mut dyn Stage, path: &str, m: &Material) -> Result<Vec<Sheet>> {
-    let sheet = cx.sheet(m);
-    stage.prim(path, "Material", &PrimMeta::default())?;
+pub(super) fn define_material(cx: &UsdContext, writer: &mut dyn LayerWriter, path: &str, m: &Material) -> Result<Vec<MapTexture>> {
+    let sheet = cx.map_sequence(m);
+    writer.define_prim(path, "Material", &PrimMeta::default())?;
     let surface = format!("{path}/surface");
-    stage.attr(
+    writer.create_attr(
         &format!("{path}.outputs:surface"),
         &AttrSpec::connected("token", format!("{surface}.outputs:surface")),
         None,
     )?;
     if m.maps.height.is_some() {
         let source = format!("{surface}.outputs:displacement");
-        stage.attr(&format!("{path}.outputs:displacement"), &AttrSpec::connected("token", source), None)?;
+        writer.create_attr(&format!("{path}.outputs:displacement"), &AttrSpec::connected("token", source), None)?;
     }
     if m.translucency > 0.0 {
         // The preview surface has no word for it; Blender shows it as a custom property.
         let property = format!("{path}.userProperties:osier:translucency");
-        stage.attr(
+        writer.create_attr(
             &property,
             &AttrSpec { custom: true, ..AttrSpec::new("float") },
-            Some(Value::Float(m.translucency)),
+            Some(UsdValue::Float(m.translucency)),
         )?;
     }
-    shader(stage, &surface, "UsdPreviewSurface")?;
-    let mut s = Shader { stage, path: &surface, network: path };
+    define_shader(writer, &surface, "UsdPreviewSurface")?;
+    let mut s = ShaderPrim { writer, path: &surface, network: path };
     s.surface(m, sheet.is_some())?;
     let maps = [m.maps.color, m.maps.normal, m.maps.roughness, m.maps.height];
     if sheet.is_some() || maps.iter().any(Option::is_some) {
-        reader(stage, path)?;
+        define_st_reader(writer, path)?;
     }
     let named = ["color", "normal", "rough", "height"].into_iter().zip(maps);
     for (name, image) in named.filter_map(|(name, image)| image.map(|i| (name, i))) {
         let Some(image) = cx.scene.images.get(image as usize) else { continue };
         let file = format!("{}{}.png", cx.pictures, image.name);
-        texture(stage, path, &Picture { name, file, material: m })?;
+        define_texture(writer, path, &TextureNode { name, file, material: m })?;
     }
     let Some(sheet) = sheet else { return Ok(Vec::new()) };
     // What stands without a time is read by programs that know no times.
-    let file = cx.map(sheet, Map::Wetness, cx.first);
-    let attr = texture(stage, path, &Picture { name: "wetness", file, material: m })?;
-    Ok(vec![Sheet { sheet, map: Map::Wetness, attr }])
+    let file = cx.map_file(sheet, Map::Wetness, cx.first);
+    let attr = define_texture(writer, path, &TextureNode { name: "wetness", file, material: m })?;
+    Ok(vec![MapTexture { sheet, map: Map::Wetness, attr }])
 }
 
-fn shader(stage: &mut dyn Stage, path: &str, id: &str) -> Result<()> {
-    stage.prim(path, "Shader", &PrimMeta::default())?;
-    stage.attr(&format!("{path}.info:id"), &AttrSpec::uniform("token"), Some(Value::Token(id)))?;
+fn define_shader(writer: &mut dyn LayerWriter, path: &str, id: &str) -> Result<()> {
+    writer.define_prim(path, "Shader", &PrimMeta::default())?;
+    writer.create_attr(&format!("{path}.info:id"), &AttrSpec::uniform("token"), Some(UsdValue::Token(id)))?;
     Ok(())
 }
 
-struct Shader<'a> {
-    stage: &'a mut dyn Stage,
+struct ShaderPrim<'a> {
+    writer: &'a mut dyn LayerWriter,
     path: &'a str,
     network: &'a str,
 }
 
-impl Shader<'_> {
-    fn input(&mut self, name: &str, type_name: &'static str, value: Value) -> Result<()> {
+impl ShaderPrim<'_> {
+    fn input(&mut self, name: &str, type_name: &'static str, value: UsdValue) -> Result<()> {
         let path = format!("{}.inputs:{name}", self.path);
-        self.stage.attr(&path, &AttrSpec::new(type_name), Some(value))?;
+        self.writer.create_attr(&path, &AttrSpec::new(type_name), Some(value))?;
         Ok(())
     }
 
     fn connect(&mut self, name: &str, type_name: &'static str, source: &str) -> Result<()> {
         let source = format!("{}/{source}", self.network);
         let path = format!("{}.inputs:{name}", self.path);
-        self.stage.attr(&path, &AttrSpec::connected(type_name, source), None)?;
+        self.writer.create_attr(&path, &AttrSpec::connected(type_name, source), None)?;
         Ok(())
     }
 
     fn output(&mut self, name: &str, type_name: &'static str) -> Result<()> {
-        self.stage.attr(&format!("{}.outputs:{name}", self.path), &AttrSpec::new(type_name), None)?;
+        self.writer.create_attr(&format!("{}.outputs:{name}", self.path), &AttrSpec::new(type_name), None)?;
         Ok(())
     }
 
@@ -88,25 +88,25 @@ impl Shader<'_> {
     fn surface(&mut self, m: &Material, wet: bool) -> Result<()> {
         match m.maps.color {
             Some(_) => self.connect("diffuseColor", "color3f", "color.outputs:rgb")?,
-            None => self.input("diffuseColor", "color3f", Value::Float3(m.base_color))?,
+            None => self.input("diffuseColor", "color3f", UsdValue::Float3(m.base_color))?,
         }
         if let (Some(_), Some(cutoff)) = (m.maps.color, m.alpha_cutoff) {
             self.connect("opacity", "float", "color.outputs:a")?;
-            self.input("opacityThreshold", "float", Value::Float(cutoff))?;
+            self.input("opacityThreshold", "float", UsdValue::Float(cutoff))?;
         } else if m.class == MaterialClass::Water {
-            self.input("opacity", "float", Value::Float(0.1))?;
+            self.input("opacity", "float", UsdValue::Float(0.1))?;
         }
         match m.maps.roughness {
             Some(_) => self.connect("roughness", "float", "rough.outputs:r")?,
-            None => self.input("roughness", "float", Value::Float(m.roughness))?,
+            None => self.input("roughness", "float", UsdValue::Float(m.roughness))?,
         }
         if wet {
             // A film of water over the leaf, which keeps its own roughness and relief.
             self.connect("clearcoat", "float", "wetness.outputs:r")?;
-            self.input("clearcoatRoughness", "float", Value::Float(FILM))?;
+            self.input("clearcoatRoughness", "float", UsdValue::Float(FILM))?;
         }
-        self.input("ior", "float", Value::Float(m.ior))?;
-        self.input("metallic", "float", Value::Float(0.0))?;
+        self.input("ior", "float", UsdValue::Float(m.ior))?;
+        self.input("metallic", "float", UsdValue::Float(0.0))?;
         if m.maps.normal.is_some() {
             self.connect("normal", "normal3f", "normal.outputs:rgb")?;
         }
@@ -119,16 +119,16 @@ impl Shader<'_> {
 }
 
 /// The shader that looks up texture coordinates.
-fn reader(stage: &mut dyn Stage, network: &str) -> Result<()> {
+fn define_st_reader(writer: &mut dyn LayerWriter, network: &str) -> Result<()> {
     let path = format!("{network}/st");
-    shader(stage, &path, "UsdPrimvarReader_float2")?;
-    let mut s = Shader { stage, path: &path, network };
-    s.input("varname", "string", Value::String("st"))?;
+    define_shader(writer, &path, "UsdPrimvarReader_float2")?;
+    let mut s = ShaderPrim { writer, path: &path, network };
+    s.input("varname", "string", UsdValue::String("st"))?;
     s.output("result", "float2")
 }
 
 /// One map of a material.
-struct Picture<'a> {
+struct TextureNode<'a> {
     name: &'static str,
     /// Seen from the layer.
     file: String,
@@ -136,19 +136,19 @@ struct Picture<'a> {
 }
 
 /// Writes a picture's shader. Returns the attribute that names its file.
-fn texture(stage: &mut dyn Stage, network: &str, picture: &Picture) -> Result<Attr> {
+fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &TextureNode) -> Result<AttrHandle> {
     let path = format!("{network}/{}", picture.name);
-    shader(stage, &path, "UsdUVTexture")?;
+    define_shader(writer, &path, "UsdUVTexture")?;
     let file =
-        stage.attr(&format!("{path}.inputs:file"), &AttrSpec::new("asset"), Some(Value::Asset(&picture.file)))?;
-    let mut s = Shader { stage, path: &path, network };
+        writer.create_attr(&format!("{path}.inputs:file"), &AttrSpec::new("asset"), Some(UsdValue::Asset(&picture.file)))?;
+    let mut s = ShaderPrim { writer, path: &path, network };
     s.connect("st", "float2", "st.outputs:result")?;
     let color = picture.name == "color";
-    s.input("sourceColorSpace", "token", Value::Token(if color { "sRGB" } else { "raw" }))?;
+    s.input("sourceColorSpace", "token", UsdValue::Token(if color { "sRGB" } else { "raw" }))?;
     // A blade shows its picture once; bark and ground repeat theirs.
     let once = matches!(picture.material.class, MaterialClass::Leaf | MaterialClass::Catkin | MaterialClass::Water);
     for side in ["wrapS", "wrapT"] {
-        s.input(side, "token", Value::Token(if once { "clamp" } else { "repeat" }))?;
+        s.input(side, "token", UsdValue::Token(if once { "clamp" } else { "repeat" }))?;
     }
     let (scale, bias) = match picture.name {
         "normal" => (Some(2.0), Some(-1.0)),
@@ -156,10 +156,10 @@ fn texture(stage: &mut dyn Stage, network: &str, picture: &Picture) -> Result<At
         _ => (None, None),
     };
     if let Some(v) = scale {
-        s.input("scale", "float4", Value::Float4([v, v, v, 1.0]))?;
+        s.input("scale", "float4", UsdValue::Float4([v, v, v, 1.0]))?;
     }
     if let Some(v) = bias {
-        s.input("bias", "float4", Value::Float4([v, v, v, 0.0]))?;
+        s.input("bias", "float4", UsdValue::Float4([v, v, v, 0.0]))?;
     }
     if color || picture.name == "normal" {
         s.output("rgb", "float3")?;

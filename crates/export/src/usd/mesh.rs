@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::axis::{UpAxis, extent};
-use super::stage::{Attr, AttrSpec, PrimMeta};
-use super::target::{Context, Part, Shot, Target};
-use super::value::{Array, Value};
+use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
+use super::layer::{UsdContext, AnimatedPrim, AssetSample, LayerBuilder};
+use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::fence::safe_name;
 use osier_base::geometry::Bounds;
@@ -16,16 +16,16 @@ use osier_scene::{MaterialId, Mesh, MeshFrame, MeshMotion};
 /// Attributes of a mesh that may have samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MeshAttrs {
-    points: Attr,
-    normals: Attr,
-    counts: Attr,
-    indices: Attr,
-    extent: Attr,
-    uvs: Option<[Attr; 2]>,
+    points: AttrHandle,
+    normals: AttrHandle,
+    counts: AttrHandle,
+    indices: AttrHandle,
+    extent: AttrHandle,
+    uvs: Option<[AttrHandle; 2]>,
 }
 
 /// Where a mesh goes and what is special about it.
-pub(super) struct Place<'a> {
+pub(super) struct MeshPrim<'a> {
     /// Prim that holds the materials' scope.
     pub(super) root: &'a str,
     /// Path of the mesh.
@@ -37,7 +37,7 @@ pub(super) struct Place<'a> {
 }
 
 /// The arrays of a mesh as the format wants them.
-struct Arrays {
+struct MeshArrays {
     points: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
     counts: Vec<i32>,
@@ -45,17 +45,17 @@ struct Arrays {
     extent: [[f32; 3]; 2],
 }
 
-fn triples(v: &[Vec3]) -> &[[f32; 3]] {
+fn as_float3(v: &[Vec3]) -> &[[f32; 3]] {
     bytemuck::cast_slice(v)
 }
 
-impl Arrays {
+impl MeshArrays {
     fn of(mesh: &Mesh, up: UpAxis) -> Self {
-        let points = triples(&up.vecs(&mesh.points)).to_vec();
+        let points = as_float3(&up.vecs(&mesh.points)).to_vec();
         let flat = mesh.triangles.as_flattened();
         Self {
             extent: extent(&Bounds::of(points.iter().map(|p| Vec3::from_array(*p)))),
-            normals: triples(&up.vecs(&mesh.normals)).to_vec(),
+            normals: as_float3(&up.vecs(&mesh.normals)).to_vec(),
             points,
             counts: vec![3; mesh.triangles.len()],
             indices: flat.iter().map(|i| i32::try_from(*i).unwrap_or(i32::MAX)).collect(),
@@ -64,12 +64,12 @@ impl Arrays {
 }
 
 /// Texture coordinates, zeros where a mesh of varying topology has none.
-fn uvs(mesh: &Mesh) -> Vec<[f32; 2]> {
+fn st_or_zeros(mesh: &Mesh) -> Vec<[f32; 2]> {
     if mesh.uvs.is_empty() { vec![[0.0; 2]; mesh.points.len()] } else { bytemuck::cast_slice(&mesh.uvs).to_vec() }
 }
 
 /// Faces of each material, in order of first use.
-fn families(mesh: &Mesh) -> Vec<(MaterialId, Vec<i32>)> {
+fn material_faces(mesh: &Mesh) -> Vec<(MaterialId, Vec<i32>)> {
     let mut out: Vec<(MaterialId, Vec<i32>)> = Vec::new();
     for s in &mesh.subsets {
         let faces = (s.first..s.first.saturating_add(s.count)).map(|i| i32::try_from(i).unwrap_or(i32::MAX));
@@ -82,46 +82,46 @@ fn families(mesh: &Mesh) -> Vec<(MaterialId, Vec<i32>)> {
 }
 
 /// Writes a mesh at rest.
-pub(super) fn define(cx: &Context, target: &mut Target, place: &Place, mesh: &Mesh) -> Result<MeshAttrs> {
-    let families = families(mesh);
+pub(super) fn define_mesh(cx: &UsdContext, layer: &mut LayerBuilder, place: &MeshPrim, mesh: &Mesh) -> Result<MeshAttrs> {
+    let families = material_faces(mesh);
     let mut api = vec!["MaterialBindingAPI"];
     if place.skinned {
         api.push("SkelBindingAPI");
     }
     let path = place.path;
-    target.stage.prim(path, "Mesh", &PrimMeta { api, ..PrimMeta::default() })?;
+    layer.writer.define_prim(path, "Mesh", &PrimMeta { api, ..PrimMeta::default() })?;
     let two_sided = |m: &MaterialId| cx.scene.materials.get(*m as usize).is_some_and(|m| m.double_sided);
     if place.varying || families.iter().any(|(m, _)| two_sided(m)) {
-        target.fix(&format!("{path}.doubleSided"), "bool", Value::Bool(true))?;
+        layer.set_uniform(&format!("{path}.doubleSided"), "bool", UsdValue::Bool(true))?;
     }
-    let a = Arrays::of(mesh, cx.up);
-    let attr = |target: &mut Target, name: &str, type_name, array: Array| {
-        target.set(&format!("{path}.{name}"), type_name, array.into())
+    let a = MeshArrays::of(mesh, cx.up);
+    let attr = |layer: &mut LayerBuilder, name: &str, type_name, array: UsdArray| {
+        layer.set_attr(&format!("{path}.{name}"), type_name, array.into())
     };
     let attrs = MeshAttrs {
-        extent: attr(target, "extent", "float3[]", Array::Float3(&a.extent))?,
-        counts: attr(target, "faceVertexCounts", "int[]", Array::Int(&a.counts))?,
-        indices: attr(target, "faceVertexIndices", "int[]", Array::Int(&a.indices))?,
-        normals: target.stage.attr(
+        extent: attr(layer, "extent", "float3[]", UsdArray::Float3(&a.extent))?,
+        counts: attr(layer, "faceVertexCounts", "int[]", UsdArray::Int(&a.counts))?,
+        indices: attr(layer, "faceVertexIndices", "int[]", UsdArray::Int(&a.indices))?,
+        normals: layer.writer.create_attr(
             &format!("{path}.normals"),
             &AttrSpec::primvar("normal3f[]", "vertex"),
-            Some(Array::Float3(&a.normals).into()),
+            Some(UsdArray::Float3(&a.normals).into()),
         )?,
-        points: attr(target, "points", "point3f[]", Array::Float3(&a.points))?,
-        uvs: coordinates(target, place, mesh, &a.indices)?,
+        points: attr(layer, "points", "point3f[]", UsdArray::Float3(&a.points))?,
+        uvs: define_st(layer, place, mesh, &a.indices)?,
     };
-    target.fix(&format!("{path}.orientation"), "token", Value::Token("rightHanded"))?;
-    target.fix(&format!("{path}.subdivisionScheme"), "token", Value::Token("none"))?;
-    colors(target, path, mesh)?;
-    wind(target, path, mesh)?;
+    layer.set_uniform(&format!("{path}.orientation"), "token", UsdValue::Token("rightHanded"))?;
+    layer.set_uniform(&format!("{path}.subdivisionScheme"), "token", UsdValue::Token("none"))?;
+    define_display_color(layer, path, mesh)?;
+    define_shader_wind(layer, path, mesh)?;
     match families.as_slice() {
         _ if place.varying => {}
         [] => {}
-        [(material, _)] => target.bind(cx, place.root, path, *material)?,
+        [(material, _)] => layer.bind_material(cx, place.root, path, *material)?,
         several => {
-            partition(target, path)?;
+            set_partition_family(layer, path)?;
             for (material, faces) in several {
-                subset(cx, target, place.root, (path, *material), faces)?;
+                define_subset(cx, layer, place.root, (path, *material), faces)?;
             }
         }
     }
@@ -129,29 +129,29 @@ pub(super) fn define(cx: &Context, target: &mut Target, place: &Place, mesh: &Me
 }
 
 /// One coordinate per point, looked up by face corner: the corners' indices are those of the faces, stored once.
-fn coordinates(target: &mut Target, place: &Place, mesh: &Mesh, corners: &[i32]) -> Result<Option<[Attr; 2]>> {
+fn define_st(layer: &mut LayerBuilder, place: &MeshPrim, mesh: &Mesh, corners: &[i32]) -> Result<Option<[AttrHandle; 2]>> {
     if mesh.uvs.is_empty() && !place.varying {
         return Ok(None);
     }
     let spec = AttrSpec::primvar("texCoord2f[]", "faceVarying");
     let st =
-        target.stage.attr(&format!("{}.primvars:st", place.path), &spec, Some(Array::Float2(&uvs(mesh)).into()))?;
-    let indices = target.set(&format!("{}.primvars:st:indices", place.path), "int[]", Array::Int(corners).into())?;
+        layer.writer.create_attr(&format!("{}.primvars:st", place.path), &spec, Some(UsdArray::Float2(&st_or_zeros(mesh)).into()))?;
+    let indices = layer.set_attr(&format!("{}.primvars:st:indices", place.path), "int[]", UsdArray::Int(corners).into())?;
     Ok(Some([st, indices]))
 }
 
-fn colors(target: &mut Target, path: &str, mesh: &Mesh) -> Result<()> {
+fn define_display_color(layer: &mut LayerBuilder, path: &str, mesh: &Mesh) -> Result<()> {
     if mesh.colors.is_empty() || mesh.colors.len() != mesh.points.len() {
         return Ok(());
     }
     let rgb: Vec<[f32; 3]> = mesh.colors.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
     let spec = AttrSpec::primvar("color3f[]", "vertex");
-    target.stage.attr(&format!("{path}.primvars:displayColor"), &spec, Some(Array::Float3(&rgb).into()))?;
+    layer.writer.create_attr(&format!("{path}.primvars:displayColor"), &spec, Some(UsdArray::Float3(&rgb).into()))?;
     Ok(())
 }
 
 /// Attributes for shaders that sway by themselves.
-fn wind(target: &mut Target, path: &str, mesh: &Mesh) -> Result<()> {
+fn define_shader_wind(layer: &mut LayerBuilder, path: &str, mesh: &Mesh) -> Result<()> {
     if mesh.wind.is_empty() || mesh.wind.len() != mesh.points.len() {
         return Ok(());
     }
@@ -159,80 +159,81 @@ fn wind(target: &mut Target, path: &str, mesh: &Mesh) -> Result<()> {
     let branch: Vec<[f32; 2]> = mesh.wind.iter().map(|p| p.branch).collect();
     let axes: Vec<i32> = mesh.wind.iter().map(|p| p.axis).collect();
     let list = [
-        ("wind", "color4f[]", Array::Float4(&whole)),
-        ("wind2", "float2[]", Array::Float2(&branch)),
-        ("wind_axis", "int[]", Array::Int(&axes)),
+        ("wind", "color4f[]", UsdArray::Float4(&whole)),
+        ("wind2", "float2[]", UsdArray::Float2(&branch)),
+        ("wind_axis", "int[]", UsdArray::Int(&axes)),
     ];
     for (name, kind, values) in list {
         let spec = AttrSpec::primvar(kind, "vertex");
-        target.stage.attr(&format!("{path}.primvars:{name}"), &spec, Some(values.into()))?;
+        layer.writer.create_attr(&format!("{path}.primvars:{name}"), &spec, Some(values.into()))?;
     }
     Ok(())
 }
 
-fn partition(target: &mut Target, path: &str) -> Result<()> {
+fn set_partition_family(layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let name = format!("{path}.subsetFamily:materialBind:familyType");
-    target.fix(&name, "token", Value::Token("partition")).map(|_| ())
+    layer.set_uniform(&name, "token", UsdValue::Token("partition")).map(|_| ())
 }
 
 /// The faces of one material of the mesh at `of.0`.
-fn subset(cx: &Context, target: &mut Target, root: &str, of: (&str, MaterialId), faces: &[i32]) -> Result<Attr> {
+fn define_subset(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, of: (&str, MaterialId), faces: &[i32]) -> Result<AttrHandle> {
     let name = cx.scene.materials.get(of.1 as usize).map_or("faces", |m| m.name.as_str());
     let path = format!("{}/{}", of.0, safe_name(name));
-    target.stage.prim(&path, "GeomSubset", &PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() })?;
-    target.fix(&format!("{path}.elementType"), "token", Value::Token("face"))?;
-    target.fix(&format!("{path}.familyName"), "token", Value::Token("materialBind"))?;
-    let indices = target.set(&format!("{path}.indices"), "int[]", Array::Int(faces).into())?;
-    target.bind(cx, root, &path, of.1)?;
+    layer.writer.define_prim(&path, "GeomSubset", &PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() })?;
+    layer.set_uniform(&format!("{path}.elementType"), "token", UsdValue::Token("face"))?;
+    layer.set_uniform(&format!("{path}.familyName"), "token", UsdValue::Token("materialBind"))?;
+    let indices = layer.set_attr(&format!("{path}.indices"), "int[]", UsdArray::Int(faces).into())?;
+    layer.bind_material(cx, root, &path, of.1)?;
     Ok(indices)
 }
 
-/// Velocities of a thing with a fixed number of points: written from the first frame that has any.
+/// VelocityAttr of a thing with a fixed number of points: written from the first frame that has any.
 #[derive(Debug, Default)]
-pub(super) struct Velocities(Option<Attr>);
+pub(super) struct VelocityAttr(Option<AttrHandle>);
 
-impl Velocities {
-    /// Adds a sample; `n` zeros if a later frame has none. `path`: of the attribute.
+impl VelocityAttr {
+    /// Adds a sample; `count` zeros if a later frame has none. `path`: of the attribute.
     pub(super) fn sample(
         &mut self,
-        target: &mut Target,
+        layer: &mut LayerBuilder,
         path: &str,
         values: &[[f32; 3]],
-        (n, time): (usize, f64),
+        count: usize,
+        time: f64,
     ) -> Result<()> {
         if values.is_empty() && self.0.is_none() {
             return Ok(());
         }
         let attr = match self.0 {
             Some(attr) => attr,
-            None => target.stage.attr(path, &AttrSpec::new("vector3f[]"), None)?,
+            None => layer.writer.create_attr(path, &AttrSpec::new("vector3f[]"), None)?,
         };
         self.0 = Some(attr);
         let zeros;
-        let values = if values.len() == n {
+        let values = if values.len() == count {
             values
         } else {
-            zeros = vec![[0.0; 3]; n];
+            zeros = vec![[0.0; 3]; count];
             &zeros
         };
-        target.stage.sample(attr, time, Array::Float3(values).into())
+        layer.writer.set_time_sample(attr, time, UsdArray::Float3(values).into())
     }
 }
 
 /// A mesh whose points move.
-pub(super) struct Deforming {
+pub(super) struct DeformingMesh {
     pub(super) index: usize,
     pub(super) path: String,
     pub(super) attrs: MeshAttrs,
-    pub(super) velocities: Velocities,
+    pub(super) velocities: VelocityAttr,
     /// Box of all frames so far.
     pub(super) reach: Bounds,
 }
 
-impl Part for Deforming {
-    fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
-        let Some(object) = shot.asset.meshes.get(self.index) else { return Ok(()) };
-        let (points, velocities): (&[Vec3], &[Vec3]) = match shot.state.mesh(self.index) {
+impl AnimatedPrim for DeformingMesh {
+    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+        let Some(object) = sample.asset.meshes.get(self.index) else { return Ok(()) };
+        let (points, velocities): (&[Vec3], &[Vec3]) = match sample.state.mesh(self.index) {
             MeshFrame::Points { points, velocities, .. } => (points, velocities),
             _ => (&object.mesh.points, &[]),
         };
@@ -240,10 +241,10 @@ impl Part for Deforming {
         let b = Bounds::of(points.iter().copied());
         self.reach = self.reach.union(b);
         let b = extent(&b);
-        target.stage.sample(self.attrs.extent, shot.time, Array::Float3(&b).into())?;
-        target.stage.sample(self.attrs.points, shot.time, Array::Float3(triples(&points)).into())?;
+        layer.writer.set_time_sample(self.attrs.extent, sample.time, UsdArray::Float3(&b).into())?;
+        layer.writer.set_time_sample(self.attrs.points, sample.time, UsdArray::Float3(as_float3(&points)).into())?;
         let v = cx.up.vecs(velocities);
-        self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&v), (points.len(), shot.time))
+        self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&v), points.len(), sample.time)
     }
 
     fn reach(&self) -> Bounds {
@@ -252,30 +253,30 @@ impl Part for Deforming {
 }
 
 /// A mesh that is another one at every frame.
-pub(super) struct Varying {
+pub(super) struct VaryingMesh {
     pub(super) index: usize,
     pub(super) root: String,
     pub(super) path: String,
     pub(super) attrs: MeshAttrs,
-    velocities: Attr,
+    velocities: AttrHandle,
     /// Indices of the subset of each material seen so far.
-    subsets: BTreeMap<MaterialId, Attr>,
+    subsets: BTreeMap<MaterialId, AttrHandle>,
     /// Drops that the points are of, and that these are wet, from the first frame that has some.
-    drops: Option<[Attr; 2]>,
+    drops: Option<[AttrHandle; 2]>,
     /// Times of the frames so far.
     times: Vec<f64>,
 }
 
-impl Varying {
-    pub(super) fn new(cx: &Context, target: &mut Target, index: usize, place: &Place, mesh: &Mesh) -> Result<Self> {
-        let attrs = define(cx, target, place, mesh)?;
+impl VaryingMesh {
+    pub(super) fn new(cx: &UsdContext, layer: &mut LayerBuilder, index: usize, place: &MeshPrim, mesh: &Mesh) -> Result<Self> {
+        let attrs = define_mesh(cx, layer, place, mesh)?;
         let still = vec![[0.0; 3]; mesh.points.len()];
         let path = format!("{}.velocities", place.path);
-        let velocities = target.set(&path, "vector3f[]", Array::Float3(&still).into())?;
-        partition(target, place.path)?;
+        let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;
+        set_partition_family(layer, place.path)?;
         let mut subsets = BTreeMap::new();
-        for (material, faces) in families(mesh) {
-            let attr = subset(cx, target, place.root, (place.path, material), &faces)?;
+        for (material, faces) in material_faces(mesh) {
+            let attr = define_subset(cx, layer, place.root, (place.path, material), &faces)?;
             subsets.insert(material, attr);
         }
         let (root, path) = (place.root.to_owned(), place.path.to_owned());
@@ -283,30 +284,30 @@ impl Varying {
     }
 
     /// Faces of every material ever seen, so that each frame's subsets are a partition of that frame's faces.
-    fn sample_subsets(&mut self, cx: &Context, target: &mut Target, mesh: &Mesh, time: f64) -> Result<()> {
-        let families = families(mesh);
+    fn sample_subsets(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
+        let families = material_faces(mesh);
         for (material, _) in &families {
             if !self.subsets.contains_key(material) {
-                let attr = subset(cx, target, &self.root, (&self.path, *material), &[])?;
+                let attr = define_subset(cx, layer, &self.root, (&self.path, *material), &[])?;
                 for t in &self.times {
-                    target.stage.sample(attr, *t, Array::Int(&[]).into())?;
+                    layer.writer.set_time_sample(attr, *t, UsdArray::Int(&[]).into())?;
                 }
                 self.subsets.insert(*material, attr);
             }
         }
-        self.sample_drops(target, mesh, time)?;
+        self.sample_drops(layer, mesh, time)?;
         for (material, attr) in &self.subsets {
             let faces = families.iter().find(|(m, _)| m == material).map_or(&[][..], |(_, f)| f);
-            target.stage.sample(*attr, time, Array::Int(faces).into())?;
+            layer.writer.set_time_sample(*attr, time, UsdArray::Int(faces).into())?;
         }
         self.times.push(time);
         Ok(())
     }
 }
 
-impl Varying {
+impl VaryingMesh {
     /// `primvars:drop_id`, and `primvars:wetness`, which is 1 for water as leaves have it from 0 to 1.
-    fn sample_drops(&mut self, target: &mut Target, mesh: &Mesh, time: f64) -> Result<()> {
+    fn sample_drops(&mut self, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
         if mesh.drops.is_empty() && self.drops.is_none() {
             return Ok(());
         }
@@ -316,7 +317,7 @@ impl Varying {
             None => {
                 let mut primvar = |name: &str, kind| {
                     let spec = AttrSpec::primvar(kind, "vertex");
-                    target.stage.attr(&format!("{}.primvars:{name}", self.path), &spec, None)
+                    layer.writer.create_attr(&format!("{}.primvars:{name}", self.path), &spec, None)
                 };
                 [primvar("drop_id", "int[]")?, primvar("wetness", "float[]")?]
             }
@@ -324,63 +325,63 @@ impl Varying {
         self.drops = Some([id, wetness]);
         // Frames before had no drops.
         for t in self.times.iter().filter(|_| !known) {
-            target.stage.sample(id, *t, Array::Int(&[]).into())?;
-            target.stage.sample(wetness, *t, Array::Float(&[]).into())?;
+            layer.writer.set_time_sample(id, *t, UsdArray::Int(&[]).into())?;
+            layer.writer.set_time_sample(wetness, *t, UsdArray::Float(&[]).into())?;
         }
-        target.stage.sample(id, time, Array::Int(&mesh.drops).into())?;
-        target.stage.sample(wetness, time, Array::Float(&vec![1.0; mesh.drops.len()]).into())
+        layer.writer.set_time_sample(id, time, UsdArray::Int(&mesh.drops).into())?;
+        layer.writer.set_time_sample(wetness, time, UsdArray::Float(&vec![1.0; mesh.drops.len()]).into())
     }
 }
 
-impl Part for Varying {
-    fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
-        let Some(object) = shot.asset.meshes.get(self.index) else { return Ok(()) };
-        let (mesh, velocities): (&Mesh, &[Vec3]) = match shot.state.mesh(self.index) {
+impl AnimatedPrim for VaryingMesh {
+    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+        let Some(object) = sample.asset.meshes.get(self.index) else { return Ok(()) };
+        let (mesh, velocities): (&Mesh, &[Vec3]) = match sample.state.mesh(self.index) {
             MeshFrame::Whole { mesh, velocities } => (mesh, velocities),
             _ => (&object.mesh, &[]),
         };
-        let a = Arrays::of(mesh, cx.up);
-        let time = shot.time;
+        let a = MeshArrays::of(mesh, cx.up);
+        let time = sample.time;
         let v = if velocities.len() == mesh.points.len() {
-            triples(&cx.up.vecs(velocities)).to_vec()
+            as_float3(&cx.up.vecs(velocities)).to_vec()
         } else {
             vec![[0.0; 3]; mesh.points.len()]
         };
-        let st = uvs(mesh);
-        let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
-        sample(self.attrs.extent, Array::Float3(&a.extent))?;
-        sample(self.attrs.counts, Array::Int(&a.counts))?;
-        sample(self.attrs.indices, Array::Int(&a.indices))?;
-        sample(self.attrs.normals, Array::Float3(&a.normals))?;
-        sample(self.attrs.points, Array::Float3(&a.points))?;
-        sample(self.velocities, Array::Float3(&v))?;
+        let st = st_or_zeros(mesh);
+        let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
+        sample(self.attrs.extent, UsdArray::Float3(&a.extent))?;
+        sample(self.attrs.counts, UsdArray::Int(&a.counts))?;
+        sample(self.attrs.indices, UsdArray::Int(&a.indices))?;
+        sample(self.attrs.normals, UsdArray::Float3(&a.normals))?;
+        sample(self.attrs.points, UsdArray::Float3(&a.points))?;
+        sample(self.velocities, UsdArray::Float3(&v))?;
         if let Some([values, corners]) = self.attrs.uvs {
-            sample(values, Array::Float2(&st))?;
-            sample(corners, Array::Int(&a.indices))?;
+            sample(values, UsdArray::Float2(&st))?;
+            sample(corners, UsdArray::Int(&a.indices))?;
         }
-        self.sample_subsets(cx, target, mesh, time)
+        self.sample_subsets(cx, layer, mesh, time)
     }
 }
 
 /// A mesh of an asset that is not skinned.
-pub(super) fn part(
-    cx: &Context,
-    target: &mut Target,
+pub(super) fn define_unskinned(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
     index: usize,
-    place: &Place,
+    place: &MeshPrim,
     object: &osier_scene::MeshObject,
-) -> Result<Option<Box<dyn Part>>> {
+) -> Result<Option<Box<dyn AnimatedPrim>>> {
     if object.motion == MeshMotion::Varying {
-        return Ok(Some(Box::new(Varying::new(cx, target, index, place, &object.mesh)?)));
+        return Ok(Some(Box::new(VaryingMesh::new(cx, layer, index, place, &object.mesh)?)));
     }
-    let attrs = define(cx, target, place, &object.mesh)?;
+    let attrs = define_mesh(cx, layer, place, &object.mesh)?;
     if object.motion == MeshMotion::Deforming {
         let path = place.path.to_owned();
-        return Ok(Some(Box::new(Deforming {
+        return Ok(Some(Box::new(DeformingMesh {
             index,
             path,
             attrs,
-            velocities: Velocities::default(),
+            velocities: VelocityAttr::default(),
             reach: Bounds::default(),
         })));
     }

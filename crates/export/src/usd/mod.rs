@@ -1,29 +1,29 @@
 //! USD: a text wrapper, one crate file per asset, packages.
 //!
-//! Everything is written once against `stage::Stage`, which has a text and a crate implementation.
+//! Everything is written once against `layer_writer::LayerWriter`, which has a text and a crate implementation.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 mod axis;
-mod body;
-mod boxes;
-mod copies;
+mod asset;
+mod instancer_extent;
+mod plant_instancer;
 mod instancer;
-mod look;
+mod camera_light;
 mod material;
 mod mesh;
 mod points;
-mod sink;
+mod byte_sink;
 mod skel;
-mod stage;
-mod target;
-mod thin;
+mod layer_writer;
+mod layer;
+mod sample_reduction;
 mod usda;
 mod usdc;
 mod value;
-mod wet;
-mod zip;
+mod wetness_primvar;
+mod usdz;
 
 pub use axis::UpAxis;
 
@@ -31,15 +31,15 @@ use super::estimate::EstimateInput;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning, exr};
-use copies::Single;
+use plant_instancer::SinglePlacement;
 use osier_base::fence::safe_name;
 use osier_base::fence::{Folder, Output};
 use osier_base::geometry::Bounds;
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, Scene, asset_bounds};
-use sink::{Discard, Sink};
-use stage::{LayerMeta, PrimMeta, Stage};
-use target::{Binding, Context, Part, Shot, Target};
+use byte_sink::{CountingSink, ByteSink};
+use layer_writer::{CompositionArc, LayerMeta, PrimMeta, LayerWriter};
+use layer::{MaterialBinding, UsdContext, AnimatedPrim, AssetSample, LayerBuilder};
 
 /// What may be chosen about USD files.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,12 +129,12 @@ fn estimate(input: &EstimateInput) -> u64 {
 }
 
 /// A layer and those of its parts that change.
-struct Layer {
-    target: Target,
+struct OpenLayer {
+    layer: LayerBuilder,
     /// Index of the asset whose payload it is.
     payload_of: Option<usize>,
     /// Asset and part.
-    parts: Vec<(usize, Box<dyn Part>)>,
+    parts: Vec<(usize, Box<dyn AnimatedPrim>)>,
     /// What went wrong in a frame.
     failed: Option<Error>,
 }
@@ -144,8 +144,8 @@ pub struct Usd {
     folder: Folder,
     textures: Arc<Textures>,
     options: UsdOptions,
-    cx: Option<Context>,
-    layers: Vec<Layer>,
+    cx: Option<UsdContext>,
+    layers: Vec<OpenLayer>,
     warnings: Vec<Warning>,
 }
 
@@ -156,38 +156,38 @@ impl Usd {
     }
 
     /// One crate file per asset, and the twins.
-    fn begin_payloads(&mut self, cx: &Context) -> Result<()> {
+    fn begin_payloads(&mut self, cx: &UsdContext) -> Result<()> {
         for (i, asset) in cx.scene.assets.iter().enumerate() {
             let name = safe_name(&asset.id);
             let root = format!("/{name}");
             // The wrapper needs the bindings and the extent of a payload that an interrupted bake has left complete, too.
-            let sink: Box<dyn Sink> = match self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
+            let sink: Box<dyn ByteSink> = match self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
                 Some(out) => Box::new(out),
-                None => Box::new(Discard::default()),
+                None => Box::new(CountingSink::default()),
             };
-            let mut target = new_layer(cx, Box::new(usdc::Usdc::new(sink)), &name)?;
-            target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
-            let parts = body::define(cx, &mut target, &root, asset)?;
-            self.push(target, Some(i), parts.into_iter().map(|p| (i, p)).collect());
+            let mut layer = new_layer(cx, Box::new(usdc::UsdcWriter::new(sink)), &name)?;
+            layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
+            let parts = asset::define_asset(cx, &mut layer, &root, asset)?;
+            self.push_layer(layer, Some(i), parts.into_iter().map(|p| (i, p)).collect());
             if !asset.instancers.iter().any(|x| x.tracked) {
                 continue;
             }
             if let Some(out) = self.folder.create(&format!("usd/{name}.points.usdc"), "usdc.points", None)? {
-                let mut target = new_layer(cx, Box::new(usdc::Usdc::new(Box::new(out))), &name)?;
-                target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
-                let parts = body::define_twins(cx, &mut target, &root, asset)?;
-                self.push(target, None, parts.into_iter().map(|p| (i, p)).collect());
+                let mut layer = new_layer(cx, Box::new(usdc::UsdcWriter::new(Box::new(out))), &name)?;
+                layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
+                let parts = asset::define_point_twins(cx, &mut layer, &root, asset)?;
+                self.push_layer(layer, None, parts.into_iter().map(|p| (i, p)).collect());
             }
         }
         Ok(())
     }
 
-    fn push(&mut self, target: Target, payload_of: Option<usize>, parts: Vec<(usize, Box<dyn Part>)>) {
-        self.layers.push(Layer { target, payload_of, parts, failed: None });
+    fn push_layer(&mut self, layer: LayerBuilder, payload_of: Option<usize>, parts: Vec<(usize, Box<dyn AnimatedPrim>)>) {
+        self.layers.push(OpenLayer { layer, payload_of, parts, failed: None });
     }
 
     /// The whole scene in one layer.
-    fn begin_single(&mut self, cx: &Context, file: &str) -> Result<()> {
+    fn begin_single(&mut self, cx: &UsdContext, file: &str) -> Result<()> {
         let kind = match file.rsplit_once('.') {
             Some((_, "usda")) => "usda",
             Some((_, "usdz")) => "usdz",
@@ -195,40 +195,40 @@ impl Usd {
         };
         let Some(out) = self.folder.create(file, kind, None)? else { return Ok(()) };
         let scene = safe_name(&cx.scene.name);
-        let stage: Box<dyn Stage> = match kind {
-            "usda" => Box::new(usda::Usda::new(Box::new(out))),
-            "usdz" => Box::new(usdc::Usdc::new(Box::new(self.package(cx, out, &format!("{scene}.usdc"))?))),
-            _ => Box::new(usdc::Usdc::new(Box::new(out))),
+        let writer: Box<dyn LayerWriter> = match kind {
+            "usda" => Box::new(usda::UsdaWriter::new(Box::new(out))),
+            "usdz" => Box::new(usdc::UsdcWriter::new(Box::new(self.usdz_sink(cx, out, &format!("{scene}.usdc"))?))),
+            _ => Box::new(usdc::UsdcWriter::new(Box::new(out))),
         };
-        let mut target = new_layer(cx, stage, &scene)?;
+        let mut layer = new_layer(cx, writer, &scene)?;
         let root = format!("/{scene}");
-        target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
+        layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
         let mut parts = Vec::new();
         let mut first: BTreeMap<usize, String> = BTreeMap::new();
-        let shared = shared(&cx.scene);
-        let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+        let shared = instanceable_assets(&cx.scene);
+        let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
         for single in &plan.singles {
-            let Single { path, placement } = single;
-            let shown = Shown {
+            let SinglePlacement { path, placement } = single;
+            let shown = AssetPrim {
                 asset: placement.asset,
                 ahead: placement.phase,
                 may_share: shared.contains(&placement.asset),
                 kind: Some("component"),
             };
-            parts.extend(inside(cx, &mut target, path, shown, &mut first)?);
-            target.transform(path, &cx.up.trs(&placement.transform))?;
+            parts.extend(define_asset_prim(cx, &mut layer, path, shown, &mut first)?);
+            layer.set_xform_ops(path, &cx.up.trs(&placement.transform))?;
         }
-        for group in &plan.copies {
-            group.define(&mut target)?;
+        for group in &plan.instancers {
+            group.define(&mut layer)?;
             for (individual, path) in &group.prototypes {
-                let shown = Shown { asset: individual.asset, ahead: individual.phase, may_share: false, kind: None };
-                parts.extend(inside(cx, &mut target, path, shown, &mut first)?);
+                let shown = AssetPrim { asset: individual.asset, ahead: individual.phase, may_share: false, kind: None };
+                parts.extend(define_asset_prim(cx, &mut layer, path, shown, &mut first)?);
             }
         }
         if self.options.look {
-            look::define(cx, &mut target, &root, None)?;
+            camera_light::define_camera_and_lights(cx, &mut layer, &root, None)?;
         }
-        self.push(target, None, parts);
+        self.push_layer(layer, None, parts);
         if kind != "usdz" {
             let folder = cx.pictures.strip_prefix("./").unwrap_or(&cx.pictures);
             self.textures.write(&cx.scene, &self.folder, folder)?;
@@ -236,62 +236,62 @@ impl Usd {
         Ok(())
     }
 
-    fn package(&self, cx: &Context, out: Output, root: &str) -> Result<zip::Package> {
-        let member = |(image, bytes): (&osier_scene::Image, &Arc<[u8]>)| zip::Member {
+    fn usdz_sink(&self, cx: &UsdContext, out: Output, root: &str) -> Result<usdz::UsdzPackage> {
+        let member = |(image, bytes): (&osier_scene::Image, &Arc<[u8]>)| usdz::PackageMember {
             name: format!("textures/{}.png", image.name),
             bytes: Arc::clone(bytes),
         };
         let members = cx.scene.images.iter().zip(self.textures.iter()).map(member).collect();
-        zip::Package::new(out, root, members)
+        usdz::UsdzPackage::new(out, root, members)
     }
 
     /// The wrapper: a payload per placement, an instancer per plant with copies, one scope of materials, camera and lights.
-    fn wrapper(&self, cx: &Context, written: &Written) -> Result<()> {
+    fn write_wrapper(&self, cx: &UsdContext, written: &LayerSummary) -> Result<()> {
         if self.options.look {
             exr::write_sky(&self.folder, &cx.scene)?;
         }
         let scene = safe_name(&cx.scene.name);
         let Some(out) = self.folder.create(&format!("{scene}.usda"), "usda.wrapper", None)? else { return Ok(()) };
         // Seen from here, pictures lie beside the payloads, not above them.
-        let cx = &Context { pictures: "./textures/".to_owned(), maps: None, ..cx.clone() };
-        let mut target = new_layer(cx, Box::new(usda::Usda::new(Box::new(out))), &scene)?;
+        let cx = &UsdContext { pictures: "./textures/".to_owned(), maps: None, ..cx.clone() };
+        let mut layer = new_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &scene)?;
         let root = format!("/{scene}");
-        target.stage.prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
-        let shared = shared(&cx.scene);
-        let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+        layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
+        let shared = instanceable_assets(&cx.scene);
+        let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
         for single in &plan.singles {
-            let Single { path, placement } = single;
-            let Some(payload) = payload(cx, placement.asset, placement.phase, "./usd/") else { continue };
+            let SinglePlacement { path, placement } = single;
+            let Some(payload) = payload_arc(cx, placement.asset, placement.phase, "./usd/") else { continue };
             let instanceable = shared.contains(&placement.asset);
             let meta =
                 PrimMeta { kind: Some("component"), instanceable, payload: Some(payload), ..PrimMeta::default() };
-            target.stage.prim(path, "Xform", &meta)?;
-            target.transform(path, &cx.up.trs(&placement.transform))?;
+            layer.writer.define_prim(path, "Xform", &meta)?;
+            layer.set_xform_ops(path, &cx.up.trs(&placement.transform))?;
             if !instanceable {
-                rebind(cx, &mut target, &root, path, written.bindings(placement.asset))?;
+                rebind_materials(cx, &mut layer, &root, path, written.bindings(placement.asset))?;
             }
         }
-        for group in &plan.copies {
-            group.define(&mut target)?;
+        for group in &plan.instancers {
+            group.define(&mut layer)?;
             for (individual, path) in &group.prototypes {
-                let Some(payload) = payload(cx, individual.asset, individual.phase, "./usd/") else { continue };
+                let Some(payload) = payload_arc(cx, individual.asset, individual.phase, "./usd/") else { continue };
                 // A prototype takes its type from the payload.
-                target.stage.prim(path, "", &PrimMeta { payload: Some(payload), ..PrimMeta::default() })?;
-                rebind(cx, &mut target, &root, path, written.bindings(individual.asset))?;
+                layer.writer.define_prim(path, "", &PrimMeta { payload: Some(payload), ..PrimMeta::default() })?;
+                rebind_materials(cx, &mut layer, &root, path, written.bindings(individual.asset))?;
             }
-            group.place(cx, &mut target, &written.reach)?;
+            group.write_instances(cx, &mut layer, &written.reach)?;
         }
         if self.options.look {
-            look::define(cx, &mut target, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
+            camera_light::define_camera_and_lights(cx, &mut layer, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
         }
-        target.stage.finish()
+        layer.writer.finish()
     }
 
     /// X002 for skeletons that are larger than readers like.
-    fn warn_joints(&mut self, scene: &Scene) {
+    fn warn_joint_count(&mut self, scene: &Scene) {
         for asset in &scene.assets {
             let joints = asset.skeleton.as_ref().map_or(0, |s| s.joints.len());
-            if joints > skel::MAX_JOINTS && asset.meshes.iter().any(|m| skel::follows(asset, m)) {
+            if joints > skel::MAX_JOINTS && asset.meshes.iter().any(|m| skel::is_skinned(asset, m)) {
                 let message =
                     format!("asset {}: {joints} joints, more than {}: readers may be slow", asset.id, skel::MAX_JOINTS);
                 self.warnings.push(Warning { code: "X002", message });
@@ -300,20 +300,20 @@ impl Usd {
     }
 }
 
-fn new_layer(cx: &Context, stage: Box<dyn Stage>, default_prim: &str) -> Result<Target> {
-    let mut target = Target::new(stage);
-    target.stage.begin(&LayerMeta::of(&cx.scene, default_prim, cx.up))?;
-    Ok(target)
+fn new_layer(cx: &UsdContext, writer: Box<dyn LayerWriter>, default_prim: &str) -> Result<LayerBuilder> {
+    let mut layer = LayerBuilder::new(writer);
+    layer.writer.begin(&LayerMeta::of(&cx.scene, default_prim, cx.up))?;
+    Ok(layer)
 }
 
 /// True if a placement shows the asset at another time of the clip.
-fn is_phased(scene: &Scene, asset: usize) -> bool {
+fn has_phase_offset(scene: &Scene, asset: usize) -> bool {
     scene.placements.iter().any(|p| p.asset == asset && p.phase > 0)
 }
 
 /// Assets at rest that several placements show: readers then hold them once. Those that move are not shared, as Blender reads
 /// their frames by the names that USD gives to shared prims, and these are others whenever the file is opened.
-fn shared(scene: &Scene) -> BTreeSet<usize> {
+fn instanceable_assets(scene: &Scene) -> BTreeSet<usize> {
     let (mut seen, mut shared) = (BTreeSet::new(), BTreeSet::new());
     for p in &scene.placements {
         if !seen.insert(p.asset) && scene.assets.get(p.asset).is_some_and(|a| !a.moves()) {
@@ -325,17 +325,17 @@ fn shared(scene: &Scene) -> BTreeSet<usize> {
 
 /// What the layers of a scene turned out to hold.
 #[derive(Debug, Default)]
-struct Written {
+struct LayerSummary {
     /// Box of each asset over all frames, in its own space of the stage.
     reach: Vec<Bounds>,
     /// Bindings of each asset's payload.
-    bound: Vec<Vec<Binding>>,
+    bound: Vec<Vec<MaterialBinding>>,
 }
 
-impl Written {
+impl LayerSummary {
     /// Gathers it from the layers of all assets; with payloads, the first layer of an asset is its payload.
-    fn of(cx: &Context, layers: &[Layer]) -> Self {
-        let rest = |asset| copies::in_stage(cx.up, &asset_bounds(asset, &AssetFrame::default()));
+    fn of(cx: &UsdContext, layers: &[OpenLayer]) -> Self {
+        let rest = |asset| plant_instancer::stage_bounds(cx.up, &asset_bounds(asset, &AssetFrame::default()));
         let mut reach: Vec<Bounds> = cx.scene.assets.iter().map(rest).collect();
         for (asset, part) in layers.iter().flat_map(|l| &l.parts) {
             if let Some(b) = reach.get_mut(*asset) {
@@ -345,20 +345,20 @@ impl Written {
         let mut bound = vec![Vec::new(); cx.scene.assets.len()];
         for layer in layers {
             if let Some(list) = layer.payload_of.and_then(|asset| bound.get_mut(asset)) {
-                *list = layer.target.bindings().to_vec();
+                *list = layer.layer.bindings().to_vec();
             }
         }
         Self { reach, bound }
     }
 
     /// Bindings of the payload of an asset.
-    fn bindings(&self, asset: usize) -> &[Binding] {
+    fn bindings(&self, asset: usize) -> &[MaterialBinding] {
         self.bound.get(asset).map_or(&[], Vec::as_slice)
     }
 }
 
 /// An asset as a prim shows it.
-struct Shown {
+struct AssetPrim {
     /// Index of the asset.
     asset: usize,
     /// Frames by which it is ahead of the clip.
@@ -370,63 +370,63 @@ struct Shown {
 }
 
 /// Writes an asset under a new prim of the layer: its contents the first time, a reference to those from then on.
-fn inside(
-    cx: &Context,
-    target: &mut Target,
+fn define_asset_prim(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
     path: &str,
-    shown: Shown,
+    shown: AssetPrim,
     first: &mut BTreeMap<usize, String>,
-) -> Result<Vec<(usize, Box<dyn Part>)>> {
+) -> Result<Vec<(usize, Box<dyn AnimatedPrim>)>> {
     let Some(asset) = cx.scene.assets.get(shown.asset) else { return Ok(Vec::new()) };
     let known = first.get(&shown.asset).cloned();
     let instanceable = known.is_some() && shown.may_share;
-    let reference = known.map(|prim| stage::Arc { asset: String::new(), prim, ahead: shown.ahead });
+    let reference = known.map(|prim| CompositionArc { asset: String::new(), prim, ahead: shown.ahead });
     let new = reference.is_none();
     let meta = PrimMeta { kind: shown.kind, instanceable, reference, ..PrimMeta::default() };
-    target.stage.prim(path, "Xform", &meta)?;
+    layer.writer.define_prim(path, "Xform", &meta)?;
     if !new {
         return Ok(Vec::new());
     }
     first.insert(shown.asset, path.to_owned());
-    let changing = body::define(cx, target, path, asset)?;
+    let changing = asset::define_asset(cx, layer, path, asset)?;
     Ok(changing.into_iter().map(|p| (shown.asset, p)).collect())
 }
 
 /// The payload of an asset, `ahead` frames ahead, seen from a layer that has the folder of payloads at `folder`.
-fn payload(cx: &Context, asset: usize, ahead: u32, folder: &str) -> Option<stage::Arc> {
+fn payload_arc(cx: &UsdContext, asset: usize, ahead: u32, folder: &str) -> Option<CompositionArc> {
     let name = safe_name(&cx.scene.assets.get(asset)?.id);
-    Some(stage::Arc { asset: format!("{folder}{name}.usdc"), prim: format!("/{name}"), ahead })
+    Some(CompositionArc { asset: format!("{folder}{name}.usdc"), prim: format!("/{name}"), ahead })
 }
 
 /// Binds what a payload at `path` shows to the materials of the scene's root, so that readers that make a material for every
 /// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change, and so does what stands in a variant.
-fn rebind(cx: &Context, target: &mut Target, root: &str, path: &str, bindings: &[Binding]) -> Result<()> {
-    let own = |b: &Binding| {
+fn rebind_materials(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path: &str, bindings: &[MaterialBinding]) -> Result<()> {
+    let own = |b: &MaterialBinding| {
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.wet.is_some())
     };
     if !bindings.is_empty() && !bindings.iter().any(own) {
         // Nothing is bound to the payload's own materials any more; a reader need not look at them.
         let meta = PrimMeta { over: true, inactive: true, ..PrimMeta::default() };
-        target.stage.prim(&format!("{path}/mtl"), "", &meta)?;
+        layer.writer.define_prim(&format!("{path}/mtl"), "", &meta)?;
     }
     let mut made = BTreeSet::new();
-    for Binding { prim, material } in bindings.iter().filter(|b| !own(b)) {
+    for MaterialBinding { prim, material } in bindings.iter().filter(|b| !own(b)) {
         // The payload's root is its first name.
         let below: Vec<&str> = prim.split('/').skip(2).collect();
         let mut over = path.to_owned();
         for name in below {
             over = format!("{over}/{name}");
             if made.insert(over.clone()) {
-                target.stage.prim(&over, "", &PrimMeta { over: true, ..PrimMeta::default() })?;
+                layer.writer.define_prim(&over, "", &PrimMeta { over: true, ..PrimMeta::default() })?;
             }
         }
-        target.bind(cx, root, &over, *material)?;
+        layer.bind_material(cx, root, &over, *material)?;
     }
     Ok(())
 }
 
 /// Folder of the pictures, as seen from the layers that show them.
-fn pictures(options: &UsdOptions) -> String {
+fn texture_folder(options: &UsdOptions) -> String {
     match &options.file {
         None => "../textures/".to_owned(),
         Some(file) => match file.rsplit_once('.') {
@@ -441,15 +441,15 @@ impl Exporter for Usd {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         // A single file has no maps beside it.
         let maps = (self.options.maps && self.options.file.is_none()).then(|| "../maps/".to_owned());
-        let cx = Context {
+        let cx = UsdContext {
             scene: Arc::clone(scene),
             up: self.options.up,
-            pictures: pictures(&self.options),
+            pictures: texture_folder(&self.options),
             maps,
             first: self.options.first.unwrap_or(scene.clip.start),
             tolerance: self.options.tolerance,
         };
-        self.warn_joints(scene);
+        self.warn_joint_count(scene);
         match self.options.file.clone() {
             Some(file) => self.begin_single(&cx, &file)?,
             None => {
@@ -465,15 +465,15 @@ impl Exporter for Usd {
         let Some(cx) = &self.cx else { return Ok(()) };
         let time = f64::from(frame.number);
         osier_base::par::par_each(&mut self.layers, |layer| {
-            let Layer { target, parts, failed, .. } = layer;
+            let OpenLayer { layer, parts, failed, .. } = layer;
             for (i, part) in parts {
                 let Some((asset, state)) = cx.scene.assets.get(*i).zip(frame.assets.get(*i)) else { continue };
-                if let Err(e) = part.frame(cx, target, &Shot { asset, state, time, wet: &frame.wet }) {
+                if let Err(e) = part.frame(cx, layer, &AssetSample { asset, state, time, wet: &frame.wet }) {
                     *failed = Some(e);
                     return;
                 }
             }
-            if let Err(e) = target.sheets(cx, frame.number) {
+            if let Err(e) = layer.sample_map_textures(cx, frame.number) {
                 *failed = Some(e);
             }
         });
@@ -482,27 +482,26 @@ impl Exporter for Usd {
 
     fn finish(&mut self) -> Result<Summary> {
         let Some(cx) = self.cx.clone() else { return Ok(Summary::default()) };
-        let written = Written::of(&cx, &self.layers);
+        let written = LayerSummary::of(&cx, &self.layers);
         if self.options.file.is_some()
-            && let Some(layer) = self.layers.first_mut()
+            && let Some(open) = self.layers.first_mut()
         {
             let root = format!("/{}", safe_name(&cx.scene.name));
-            let plan = copies::plan(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
-            plan.copies.iter().try_for_each(|group| group.place(&cx, &mut layer.target, &written.reach))?;
+            let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
+            plan.instancers.iter().try_for_each(|group| group.write_instances(&cx, &mut open.layer, &written.reach))?;
         }
-        for layer in &mut self.layers {
-            let Layer { target, parts, .. } = layer;
-            parts.iter_mut().try_for_each(|(_, part)| part.finish(target))?;
+        for OpenLayer { layer, parts, .. } in &mut self.layers {
+            parts.iter_mut().try_for_each(|(_, part)| part.finish(layer))?;
             if let Some(scene) = self.cx.as_ref().map(|cx| &cx.scene)
-                && layer.parts.iter().any(|(asset, _)| is_phased(scene, *asset))
+                && parts.iter().any(|(asset, _)| has_phase_offset(scene, *asset))
             {
-                layer.target.stage.repeat(f64::from(u32::try_from(scene.clip.len()).unwrap_or(u32::MAX)));
+                layer.writer.repeat_samples(scene.clip.len() as f64);
             }
-            layer.target.stage.finish()?;
+            layer.writer.finish()?;
         }
         self.layers.clear();
         if self.options.file.is_none() {
-            self.wrapper(&cx, &written)?;
+            self.write_wrapper(&cx, &written)?;
         }
         Ok(Summary { warnings: std::mem::take(&mut self.warnings) })
     }

@@ -3,140 +3,142 @@
 use glam::Vec3;
 
 use super::axis::extent;
-use super::instancer::{cloud_box, ids};
-use super::mesh::Velocities;
-use super::stage::{Attr, AttrSpec, PrimMeta};
-use super::target::{Context, Part, Shot, Target};
-use super::value::{Array, Value};
+use super::instancer::{points_extent, sequential_ids};
+use super::mesh::VelocityAttr;
+use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
+use super::layer::{UsdContext, AnimatedPrim, AssetSample, LayerBuilder};
+use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_scene::{Curves, CurvesFrame, Points, PointsFrame};
 
-fn triples(v: &[Vec3]) -> &[[f32; 3]] {
+fn as_float3(v: &[Vec3]) -> &[[f32; 3]] {
     bytemuck::cast_slice(v)
 }
 
-fn bound() -> PrimMeta {
+fn material_binding_api() -> PrimMeta {
     PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() }
 }
 
 /// A moving cloud.
-struct Cloud {
+struct PointsSamples {
     index: usize,
     path: String,
-    extent: Attr,
-    points: Attr,
-    widths: Attr,
-    velocities: Velocities,
-    colors: Option<Attr>,
+    extent: AttrHandle,
+    points: AttrHandle,
+    widths: AttrHandle,
+    velocities: VelocityAttr,
+    colors: Option<AttrHandle>,
 }
 
 /// Writes a cloud at rest.
-pub(super) fn cloud(
-    cx: &Context,
-    target: &mut Target,
+pub(super) fn define_points(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
     index: usize,
-    (root, path): (&str, &str),
+    root: &str,
+    path: &str,
     cloud: &Points,
-) -> Result<Option<Box<dyn Part>>> {
-    target.stage.prim(path, "Points", &bound())?;
+) -> Result<Option<Box<dyn AnimatedPrim>>> {
+    layer.writer.define_prim(path, "Points", &material_binding_api())?;
     let points = cx.up.vecs(&cloud.positions);
-    let b = cloud_box(&points, &cloud.widths);
-    let extent = target.set(&format!("{path}.extent"), "float3[]", Array::Float3(&b).into())?;
-    target.set(&format!("{path}.ids"), "int64[]", Array::Int64(&ids(points.len())).into())?;
-    let points = target.set(&format!("{path}.points"), "point3f[]", Array::Float3(triples(&points)).into())?;
+    let b = points_extent(&points, &cloud.widths);
+    let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
+    layer.set_attr(&format!("{path}.ids"), "int64[]", UsdArray::Int64(&sequential_ids(points.len())).into())?;
+    let points = layer.set_attr(&format!("{path}.points"), "point3f[]", UsdArray::Float3(as_float3(&points)).into())?;
     let mut colors = None;
     if !cloud.colors.is_empty() {
         let spec = AttrSpec::primvar("color3f[]", "vertex");
-        let values = Array::Float3(&cloud.colors);
-        let attr = target.stage.attr(&format!("{path}.primvars:displayColor"), &spec, Some(values.into()))?;
+        let values = UsdArray::Float3(&cloud.colors);
+        let attr = layer.writer.create_attr(&format!("{path}.primvars:displayColor"), &spec, Some(values.into()))?;
         colors = Some(attr);
     }
     for a in &cloud.attributes {
         let values: Vec<i32> = a.values.iter().map(|v| i32::try_from(*v).unwrap_or(i32::MAX)).collect();
         let spec = AttrSpec::primvar("int[]", "vertex");
-        target.stage.attr(&format!("{path}.primvars:{}", a.name), &spec, Some(Array::Int(&values).into()))?;
+        layer.writer.create_attr(&format!("{path}.primvars:{}", a.name), &spec, Some(UsdArray::Int(&values).into()))?;
     }
     let spec = AttrSpec::primvar("float[]", "vertex");
-    let widths = target.stage.attr(&format!("{path}.widths"), &spec, Some(Array::Float(&cloud.widths).into()))?;
-    target.bind(cx, root, path, cloud.material)?;
-    let velocities = Velocities::default();
-    let part = Cloud { index, path: path.to_owned(), extent, points, widths, velocities, colors };
-    Ok(cloud.moving.then(|| Box::new(part) as Box<dyn Part>))
+    let widths = layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&cloud.widths).into()))?;
+    layer.bind_material(cx, root, path, cloud.material)?;
+    let velocities = VelocityAttr::default();
+    let part = PointsSamples { index, path: path.to_owned(), extent, points, widths, velocities, colors };
+    Ok(cloud.moving.then(|| Box::new(part) as Box<dyn AnimatedPrim>))
 }
 
-impl Part for Cloud {
-    fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
-        let Some(cloud) = shot.asset.points.get(self.index) else { return Ok(()) };
-        let state = shot.state.points(self.index);
+impl AnimatedPrim for PointsSamples {
+    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+        let Some(cloud) = sample.asset.points.get(self.index) else { return Ok(()) };
+        let state = sample.state.points(self.index);
         let now = cloud.at(state);
         let points = cx.up.vecs(now.positions);
-        let b = cloud_box(&points, now.widths);
-        let time = shot.time;
-        let mut sample = |attr, array: Array| target.stage.sample(attr, time, array.into());
-        sample(self.extent, Array::Float3(&b))?;
-        sample(self.points, Array::Float3(triples(&points)))?;
-        sample(self.widths, Array::Float(now.widths))?;
+        let b = points_extent(&points, now.widths);
+        let time = sample.time;
+        let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
+        sample(self.extent, UsdArray::Float3(&b))?;
+        sample(self.points, UsdArray::Float3(as_float3(&points)))?;
+        sample(self.widths, UsdArray::Float(now.widths))?;
         if let (Some(attr), PointsFrame::State { colors, .. }) = (self.colors, state)
             && !colors.is_empty()
         {
-            sample(attr, Array::Float3(colors))?;
+            sample(attr, UsdArray::Float3(colors))?;
         }
         let v = cx.up.vecs(now.velocities);
-        self.velocities.sample(target, &format!("{}.velocities", self.path), triples(&v), (points.len(), time))
+        self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&v), points.len(), time)
     }
 }
 
 /// Moving curves.
-struct Hairs {
+struct CurvesSamples {
     index: usize,
-    extent: Attr,
-    points: Attr,
+    extent: AttrHandle,
+    points: AttrHandle,
 }
 
 /// Box of curves: that of their points, grown by half the largest width.
-fn curves_box(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
+fn curves_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
     let widest = widths.iter().fold(0.0_f32, |a, b| a.max(*b));
     extent(&Bounds::of(points.iter().copied()).grown(widest * 0.5))
 }
 
 /// Writes curves at rest.
-pub(super) fn hairs(
-    cx: &Context,
-    target: &mut Target,
+pub(super) fn define_curves(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
     index: usize,
-    (root, path): (&str, &str),
+    root: &str,
+    path: &str,
     curves: &Curves,
-) -> Result<Option<Box<dyn Part>>> {
-    target.stage.prim(path, "BasisCurves", &bound())?;
+) -> Result<Option<Box<dyn AnimatedPrim>>> {
+    layer.writer.define_prim(path, "BasisCurves", &material_binding_api())?;
     let points = cx.up.vecs(&curves.points);
-    let b = curves_box(&points, &curves.widths);
+    let b = curves_extent(&points, &curves.widths);
     let counts: Vec<i32> = curves.counts.iter().map(|n| i32::try_from(*n).unwrap_or(i32::MAX)).collect();
-    target.set(&format!("{path}.curveVertexCounts"), "int[]", Array::Int(&counts).into())?;
-    let extent = target.set(&format!("{path}.extent"), "float3[]", Array::Float3(&b).into())?;
-    let points = target.set(&format!("{path}.points"), "point3f[]", Array::Float3(triples(&points)).into())?;
+    layer.set_attr(&format!("{path}.curveVertexCounts"), "int[]", UsdArray::Int(&counts).into())?;
+    let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
+    let points = layer.set_attr(&format!("{path}.points"), "point3f[]", UsdArray::Float3(as_float3(&points)).into())?;
     // One place on the map per curve: the curves side by side along u.
     #[allow(clippy::cast_precision_loss, reason = "a place on a map")]
     let st: Vec<[f32; 2]> = (0..counts.len()).map(|i| [(i as f32 + 0.5) / counts.len() as f32, 0.5]).collect();
     let spec = AttrSpec::primvar("texCoord2f[]", "uniform");
-    target.stage.attr(&format!("{path}.primvars:st"), &spec, Some(Array::Float2(&st).into()))?;
-    target.fix(&format!("{path}.type"), "token", Value::Token("linear"))?;
+    layer.writer.create_attr(&format!("{path}.primvars:st"), &spec, Some(UsdArray::Float2(&st).into()))?;
+    layer.set_uniform(&format!("{path}.type"), "token", UsdValue::Token("linear"))?;
     let spec = AttrSpec::primvar("float[]", "vertex");
-    target.stage.attr(&format!("{path}.widths"), &spec, Some(Array::Float(&curves.widths).into()))?;
-    target.bind(cx, root, path, curves.material)?;
-    Ok(curves.moving.then(|| Box::new(Hairs { index, extent, points }) as Box<dyn Part>))
+    layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&curves.widths).into()))?;
+    layer.bind_material(cx, root, path, curves.material)?;
+    Ok(curves.moving.then(|| Box::new(CurvesSamples { index, extent, points }) as Box<dyn AnimatedPrim>))
 }
 
-impl Part for Hairs {
-    fn frame(&mut self, cx: &Context, target: &mut Target, shot: &Shot) -> Result<()> {
-        let Some(curves) = shot.asset.curves.get(self.index) else { return Ok(()) };
-        let points = match shot.state.curves(self.index) {
+impl AnimatedPrim for CurvesSamples {
+    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+        let Some(curves) = sample.asset.curves.get(self.index) else { return Ok(()) };
+        let points = match sample.state.curves(self.index) {
             CurvesFrame::Points(points) => points,
             CurvesFrame::Same => &curves.points,
         };
         let points = cx.up.vecs(points);
-        let b = curves_box(&points, &curves.widths);
-        target.stage.sample(self.extent, shot.time, Array::Float3(&b).into())?;
-        target.stage.sample(self.points, shot.time, Array::Float3(triples(&points)).into())
+        let b = curves_extent(&points, &curves.widths);
+        layer.writer.set_time_sample(self.extent, sample.time, UsdArray::Float3(&b).into())?;
+        layer.writer.set_time_sample(self.points, sample.time, UsdArray::Float3(as_float3(&points)).into())
     }
 }

@@ -4,7 +4,7 @@ use half::f16;
 
 /// A value of an attribute. Quaternions are x, y, z, w.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Value<'a> {
+pub enum UsdValue<'a> {
     /// `bool`.
     Bool(bool),
     /// `float`.
@@ -30,12 +30,12 @@ pub enum Value<'a> {
     /// `matrix4d`, row after row, translation in the last row.
     Matrix4d([f64; 16]),
     /// Any array.
-    Array(Array<'a>),
+    Array(UsdArray<'a>),
 }
 
 /// An array of an attribute.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Array<'a> {
+pub enum UsdArray<'a> {
     /// `int[]`.
     Int(&'a [i32]),
     /// `int64[]`.
@@ -60,7 +60,7 @@ pub enum Array<'a> {
     Token(&'a [String]),
 }
 
-impl Array<'_> {
+impl UsdArray<'_> {
     /// Number of elements.
     pub fn len(&self) -> usize {
         match self {
@@ -84,9 +84,9 @@ impl Array<'_> {
     }
 }
 
-impl<'a> From<Array<'a>> for Value<'a> {
-    fn from(array: Array<'a>) -> Self {
-        Value::Array(array)
+impl<'a> From<UsdArray<'a>> for UsdValue<'a> {
+    fn from(array: UsdArray<'a>) -> Self {
+        UsdValue::Array(array)
     }
 }
 

@@ -2,12 +2,12 @@
 
 use half::f16;
 
-use crate::usd::stage::{Arc, AttrSpec, LayerMeta, PrimMeta};
-use crate::usd::value::{Array, Value};
+use crate::usd::layer_writer::{CompositionArc, AttrSpec, LayerMeta, PrimMeta};
+use crate::usd::value::{UsdArray, UsdValue};
 use osier_base::{Error, Result};
 
 /// A piece, line by line, indented.
-pub(super) fn indented(text: &str, depth: usize, out: &mut String) {
+pub(super) fn push_indented(text: &str, depth: usize, out: &mut String) {
     for line in text.split('\n') {
         for _ in 0..depth {
             out.push_str("    ");
@@ -34,7 +34,7 @@ fn quoted(s: &str) -> String {
 }
 
 /// The head of a layer.
-pub(super) fn layer(meta: &LayerMeta) -> String {
+pub(super) fn layer_header(meta: &LayerMeta) -> String {
     let custom: String =
         meta.custom().iter().map(|(k, v)| format!("            string {k} = {}\n", quoted(v))).collect();
     format!(
@@ -51,14 +51,14 @@ pub(super) fn layer(meta: &LayerMeta) -> String {
     )
 }
 
-fn arc(arc: &Arc) -> String {
+fn composition_arc(arc: &CompositionArc) -> String {
     let asset = if arc.asset.is_empty() { String::new() } else { format!("@{}@", arc.asset) };
     let offset = if arc.ahead > 0 { format!(" (offset = -{})", arc.ahead) } else { String::new() };
     format!("{asset}<{}>{offset}", arc.prim)
 }
 
 /// `def Xform "name" (...)`.
-pub(super) fn prim(type_name: &str, name: &str, meta: &PrimMeta) -> String {
+pub(super) fn prim_header(type_name: &str, name: &str, meta: &PrimMeta) -> String {
     let mut lines = Vec::new();
     if !meta.api.is_empty() {
         let names: Vec<String> = meta.api.iter().map(|a| quoted(a)).collect();
@@ -74,13 +74,13 @@ pub(super) fn prim(type_name: &str, name: &str, meta: &PrimMeta) -> String {
         lines.push("instanceable = true".into());
     }
     if let Some(payload) = &meta.payload {
-        lines.push(format!("prepend payload = {}", arc(payload)));
+        lines.push(format!("prepend payload = {}", composition_arc(payload)));
     }
     if let Some(reference) = &meta.reference {
-        lines.push(format!("prepend references = {}", arc(reference)));
+        lines.push(format!("prepend references = {}", composition_arc(reference)));
     }
     if let Some(variants) = &meta.variants {
-        let chosen = format!("variants = {{\n        string {} = {}\n    }}", variants.set, quoted(&variants.chosen));
+        let chosen = format!("variants = {{\n        string {} = {}\n    }}", variants.set, quoted(&variants.selection));
         lines.push(chosen);
         lines.push(format!("prepend variantSets = {}", quoted(variants.set)));
     }
@@ -138,7 +138,7 @@ fn quaternion<T: Decimal>(q: &[T; 4]) -> Option<String> {
     tuple(&[q[3], q[0], q[1], q[2]])
 }
 
-fn matrix(m: &[f64; 16]) -> Option<String> {
+fn matrix4d(m: &[f64; 16]) -> Option<String> {
     let rows: Option<Vec<String>> = m.chunks_exact(4).map(tuple).collect();
     rows.map(|r| format!("( {} )", r.join(", ")))
 }
@@ -155,37 +155,37 @@ fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> Text {
     Ok(out)
 }
 
-fn array(a: &Array) -> Text {
+fn array(a: &UsdArray) -> Text {
     match a {
-        Array::Int(v) => list(v, |x| Some(x.to_string())),
-        Array::Int64(v) => list(v, |x| Some(x.to_string())),
-        Array::Float(v) => list(v, |x| x.decimal()),
-        Array::Float2(v) => list(v, |x| tuple(x)),
-        Array::Float3(v) => list(v, |x| tuple(x)),
-        Array::Float4(v) => list(v, |x| tuple(x)),
-        Array::Half3(v) => list(v, |x| tuple(x)),
-        Array::Quatf(v) => list(v, quaternion),
-        Array::Quath(v) => list(v, quaternion),
-        Array::Matrix4d(v) => list(v, matrix),
-        Array::Token(v) => list(v, |x| Some(quoted(x))),
+        UsdArray::Int(v) => list(v, |x| Some(x.to_string())),
+        UsdArray::Int64(v) => list(v, |x| Some(x.to_string())),
+        UsdArray::Float(v) => list(v, |x| x.decimal()),
+        UsdArray::Float2(v) => list(v, |x| tuple(x)),
+        UsdArray::Float3(v) => list(v, |x| tuple(x)),
+        UsdArray::Float4(v) => list(v, |x| tuple(x)),
+        UsdArray::Half3(v) => list(v, |x| tuple(x)),
+        UsdArray::Quatf(v) => list(v, quaternion),
+        UsdArray::Quath(v) => list(v, quaternion),
+        UsdArray::Matrix4d(v) => list(v, matrix4d),
+        UsdArray::Token(v) => list(v, |x| Some(quoted(x))),
     }
 }
 
 /// A value as text. `place`: for complaints.
-pub(super) fn value(v: &Value, place: &str) -> Result<String> {
+pub(super) fn value(v: &UsdValue, place: &str) -> Result<String> {
     let text = match v {
-        Value::Bool(b) => Ok(u8::from(*b).to_string()),
-        Value::Float(x) => x.decimal().ok_or(0),
-        Value::Double(x) => x.decimal().ok_or(0),
-        Value::String(s) | Value::Token(s) => Ok(quoted(s)),
-        Value::Asset(s) => Ok(format!("@{s}@")),
-        Value::Float2(x) => tuple(x).ok_or(0),
-        Value::Float3(x) => tuple(x).ok_or(0),
-        Value::Float4(x) => tuple(x).ok_or(0),
-        Value::Double3(x) => tuple(x).ok_or(0),
-        Value::Quatf(x) => quaternion(x).ok_or(0),
-        Value::Matrix4d(x) => matrix(x).ok_or(0),
-        Value::Array(a) => array(a),
+        UsdValue::Bool(b) => Ok(u8::from(*b).to_string()),
+        UsdValue::Float(x) => x.decimal().ok_or(0),
+        UsdValue::Double(x) => x.decimal().ok_or(0),
+        UsdValue::String(s) | UsdValue::Token(s) => Ok(quoted(s)),
+        UsdValue::Asset(s) => Ok(format!("@{s}@")),
+        UsdValue::Float2(x) => tuple(x).ok_or(0),
+        UsdValue::Float3(x) => tuple(x).ok_or(0),
+        UsdValue::Float4(x) => tuple(x).ok_or(0),
+        UsdValue::Double3(x) => tuple(x).ok_or(0),
+        UsdValue::Quatf(x) => quaternion(x).ok_or(0),
+        UsdValue::Matrix4d(x) => matrix4d(x).ok_or(0),
+        UsdValue::Array(a) => array(a),
     };
     text.map_err(|i| Error::export("X001", format!("{place}: element {i} is not finite")))
 }
@@ -196,13 +196,13 @@ mod tests {
 
     #[test]
     fn values_print_as_text_stages_want_them() {
-        let p = |v: Value| value(&v, "x").expect("finite");
-        assert_eq!(p(Value::Quatf([0.1, 0.2, 0.3, 1.0])), "(1, 0.1, 0.2, 0.3)");
-        assert_eq!(p(Value::Float(1e-10)), "0.0000000001");
-        assert_eq!(p(Value::Float(-0.0)), "0");
-        assert_eq!(p(Array::Float3(&[[1.0, 0.5, -2.0]]).into()), "[(1, 0.5, -2)]");
-        assert_eq!(p(Value::String("a \"b\"\\\n")), "\"a \\\"b\\\"\\\\\\n\"");
-        let e = value(&Array::Float(&[0.0, f32::NAN]).into(), "/a.b").expect_err("not finite");
+        let p = |v: UsdValue| value(&v, "x").expect("finite");
+        assert_eq!(p(UsdValue::Quatf([0.1, 0.2, 0.3, 1.0])), "(1, 0.1, 0.2, 0.3)");
+        assert_eq!(p(UsdValue::Float(1e-10)), "0.0000000001");
+        assert_eq!(p(UsdValue::Float(-0.0)), "0");
+        assert_eq!(p(UsdArray::Float3(&[[1.0, 0.5, -2.0]]).into()), "[(1, 0.5, -2)]");
+        assert_eq!(p(UsdValue::String("a \"b\"\\\n")), "\"a \\\"b\\\"\\\\\\n\"");
+        let e = value(&UsdArray::Float(&[0.0, f32::NAN]).into(), "/a.b").expect_err("not finite");
         assert_eq!(e.to_string(), "X001: /a.b: element 1 is not finite");
     }
 }

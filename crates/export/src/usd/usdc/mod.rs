@@ -3,33 +3,33 @@
 //!
 //! Source: the crate format as usd-core reads it.
 
-mod heap;
-mod intcode;
-mod tables;
+mod value_heap;
+mod integer_coding;
+mod sections;
 
-use heap::{Heap, code, inline};
-use tables::{Interner, Paths, Spec, SpecKind};
+use value_heap::{ValueHeap, inline_value_rep, type_code};
+use sections::{Interner, PathTable, SpecEntry, SpecKind};
 
-use super::sink::Sink;
-use super::stage::{Attr, AttrSpec, LayerMeta, PrimMeta, Stage, Variants, split_prim, split_property, variant};
-use super::value::{Array, Value};
+use super::byte_sink::ByteSink;
+use super::layer_writer::{AttrHandle, AttrSpec, CompositionArc, LayerMeta, PrimMeta, LayerWriter, VariantSet, split_prim_path, split_property_path, variant_path};
+use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 
-const HEADER: usize = 88;
+const HEADER_BYTES: usize = 88;
 const MAGIC: &[u8; 8] = b"PXR-USDC";
 const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
 
 /// A crate file being written.
-pub struct Usdc {
-    heap: Heap,
+pub struct UsdcWriter {
+    heap: ValueHeap,
     tokens: Interner,
     strings: Interner,
-    paths: Paths,
-    specs: Vec<Spec>,
+    paths: PathTable,
+    specs: Vec<SpecEntry>,
     /// Children and properties of each prim, by spec number: tokens of their names.
-    members: std::collections::BTreeMap<usize, Members>,
+    members: std::collections::BTreeMap<usize, PrimMembers>,
     prim_specs: std::collections::BTreeMap<String, usize>,
-    attrs: Vec<Samples>,
+    attrs: Vec<AttrSamples>,
     /// All times that any sample has, in order of arrival.
     times: Vec<f64>,
     /// Frames after which all samples come again.
@@ -37,45 +37,45 @@ pub struct Usdc {
 }
 
 #[derive(Debug, Default)]
-struct Members {
+struct PrimMembers {
     children: Vec<u32>,
     properties: Vec<u32>,
 }
 
-/// Samples of an attribute.
+/// AttrSamples of an attribute.
 #[derive(Debug)]
-struct Samples {
+struct AttrSamples {
     spec: usize,
     path: String,
     values: Vec<u64>,
-    when: When,
+    when: SampleTimes,
 }
 
 /// Times of samples, as indices into the common list.
 #[derive(Debug)]
-enum When {
+enum SampleTimes {
     /// Neighbours from an index on.
-    Run(usize),
+    Consecutive(usize),
     /// Any.
-    Each(Vec<usize>),
+    Indices(Vec<usize>),
 }
 
-impl Usdc {
+impl UsdcWriter {
     /// A file that goes into `sink`.
-    pub(super) fn new(sink: Box<dyn Sink>) -> Self {
+    pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
         let mut tokens = Interner::default();
         // Properties have negated token numbers, so number 0 must not be in use.
         tokens.intern(";-)");
-        let mut paths = Paths::default();
+        let mut paths = PathTable::default();
         paths.intern("/");
-        let root = Spec { path: 0, kind: SpecKind::Root, fields: Vec::new() };
+        let root = SpecEntry { path: 0, kind: SpecKind::Root, fields: Vec::new() };
         Self {
-            heap: Heap::new(sink),
+            heap: ValueHeap::new(sink),
             tokens,
             strings: Interner::default(),
             paths,
             specs: vec![root],
-            members: [(0, Members::default())].into(),
+            members: [(0, PrimMembers::default())].into(),
             prim_specs: [("/".to_owned(), 0)].into(),
             attrs: Vec::new(),
             times: Vec::new(),
@@ -84,16 +84,16 @@ impl Usdc {
     }
 
     /// Number of a string (each is also a token).
-    fn string(&mut self, text: &str) -> u32 {
+    fn intern_string(&mut self, text: &str) -> u32 {
         self.tokens.intern(text);
         self.strings.intern(text)
     }
 
-    fn token_value(&mut self, text: &str) -> u64 {
-        inline(code::TOKEN, self.tokens.intern(text))
+    fn token_rep(&mut self, text: &str) -> u64 {
+        inline_value_rep(type_code::TOKEN, self.tokens.intern(text))
     }
 
-    fn field(&mut self, spec: usize, name: &str, value: u64) {
+    fn set_field(&mut self, spec: usize, name: &str, value: u64) {
         let name = self.tokens.intern(name);
         if let Some(spec) = self.specs.get_mut(spec) {
             spec.fields.push((name, value));
@@ -101,29 +101,29 @@ impl Usdc {
     }
 
     /// Reference to any value.
-    fn value(&mut self, value: &Value, place: &dyn Fn() -> String) -> Result<u64> {
+    fn value_rep(&mut self, value: &UsdValue, place: &dyn Fn() -> String) -> Result<u64> {
         let index = match value {
-            Value::Token(t) | Value::Asset(t) => self.tokens.intern(t),
-            Value::String(t) => self.string(t),
-            Value::Array(array @ Array::Token(list)) => {
+            UsdValue::Token(t) | UsdValue::Asset(t) => self.tokens.intern(t),
+            UsdValue::String(t) => self.intern_string(t),
+            UsdValue::Array(array @ UsdArray::Token(list)) => {
                 let tokens: Vec<u32> = list.iter().map(|t| self.tokens.intern(t)).collect();
-                return self.heap.array(array, &tokens, place);
+                return self.heap.array_rep(array, &tokens, place);
             }
             _ => 0,
         };
-        self.heap.single(value, index, place)
+        self.heap.scalar_rep(value, index, place)
     }
 
     /// Adds a spec for a path, and its name to its parent's list.
-    fn spec(&mut self, path: &str, kind: SpecKind) -> usize {
+    fn add_spec(&mut self, path: &str, kind: SpecKind) -> usize {
         let number = self.specs.len();
-        let (parent, name) = if kind == SpecKind::Prim { split_prim(path) } else { split_property(path) };
+        let (parent, name) = if kind == SpecKind::Prim { split_prim_path(path) } else { split_property_path(path) };
         let token = self.tokens.intern(name);
         if let Some(members) = self.prim_specs.get(parent).and_then(|p| self.members.get_mut(p)) {
             if kind == SpecKind::Prim { members.children.push(token) } else { members.properties.push(token) }
         }
         let path = self.paths.intern(path);
-        self.specs.push(Spec { path, kind, fields: Vec::new() });
+        self.specs.push(SpecEntry { path, kind, fields: Vec::new() });
         number
     }
 
@@ -132,17 +132,17 @@ impl Usdc {
         let mut bytes = vec![flags];
         bytes.extend((items.len() as u64).to_le_bytes());
         bytes.extend(items.iter().flatten());
-        self.heap.value(code, &bytes)
+        self.heap.append(code, &bytes)
     }
 
     fn path_list(&mut self, targets: &[String]) -> Result<u64> {
         let items: Vec<Vec<u8>> = targets.iter().map(|t| self.paths.intern(t).to_le_bytes().to_vec()).collect();
-        self.list_op(code::PATH_LIST_OP, EXPLICIT, &items)
+        self.list_op(type_code::PATH_LIST_OP, EXPLICIT, &items)
     }
 
     /// Payload or reference item: layer, prim, offset, scale 1.
-    fn arc(&mut self, arc: &super::stage::Arc) -> Vec<u8> {
-        let mut item = self.string(&arc.asset).to_le_bytes().to_vec();
+    fn composition_arc(&mut self, arc: &CompositionArc) -> Vec<u8> {
+        let mut item = self.intern_string(&arc.asset).to_le_bytes().to_vec();
         item.extend(self.paths.intern(&arc.prim).to_le_bytes());
         item.extend((0.0 - f64::from(arc.ahead)).to_le_bytes());
         item.extend(1.0_f64.to_le_bytes());
@@ -152,55 +152,55 @@ impl Usdc {
     fn dictionary(&mut self, entries: &[(&str, u64)]) -> Result<u64> {
         let mut bytes = (entries.len() as u64).to_le_bytes().to_vec();
         for (key, value) in entries {
-            bytes.extend(self.string(key).to_le_bytes());
+            bytes.extend(self.intern_string(key).to_le_bytes());
             bytes.extend(8_i64.to_le_bytes());
             bytes.extend(value.to_le_bytes());
         }
-        self.heap.value(code::DICTIONARY, &bytes)
+        self.heap.append(type_code::DICTIONARY, &bytes)
     }
 
     fn token_vector(&mut self, tokens: &[u32]) -> Result<u64> {
         let mut bytes = (tokens.len() as u64).to_le_bytes().to_vec();
         bytes.extend(tokens.iter().flat_map(|t| t.to_le_bytes()));
-        self.heap.value(code::TOKEN_VECTOR, &bytes)
+        self.heap.append(type_code::TOKEN_VECTOR, &bytes)
     }
 
     /// The variant set of a prim: which variants there are, which is seen, and a place for the contents of each.
-    fn variants(&mut self, (path, spec): (&str, usize), variants: &Variants) -> Result<()> {
-        let set = self.string(variants.set).to_le_bytes().to_vec();
-        let names = self.list_op(code::STRING_LIST_OP, PREPENDED, std::slice::from_ref(&set))?;
-        self.field(spec, "variantSetNames", names);
+    fn variant_set(&mut self, path: &str, spec: usize, variants: &VariantSet) -> Result<()> {
+        let set = self.intern_string(variants.set).to_le_bytes().to_vec();
+        let names = self.list_op(type_code::STRING_LIST_OP, PREPENDED, std::slice::from_ref(&set))?;
+        self.set_field(spec, "variantSetNames", names);
         let mut map = 1_u64.to_le_bytes().to_vec();
         map.extend(set);
-        map.extend(self.string(&variants.chosen).to_le_bytes());
-        let chosen = self.heap.value(code::VARIANT_SELECTION_MAP, &map)?;
-        self.field(spec, "variantSelection", chosen);
+        map.extend(self.intern_string(&variants.selection).to_le_bytes());
+        let chosen = self.heap.append(type_code::VARIANT_SELECTION_MAP, &map)?;
+        self.set_field(spec, "variantSelection", chosen);
         let token = self.tokens.intern(variants.set);
         let children = self.token_vector(&[token])?;
-        self.field(spec, "variantSetChildren", children);
-        let all = self.paths.intern(&variant(path, variants.set, ""));
+        self.set_field(spec, "variantSetChildren", children);
+        let all = self.paths.intern(&variant_path(path, variants.set, ""));
         let tokens: Vec<u32> = variants.names.iter().map(|n| self.tokens.intern(n)).collect();
         let children = self.token_vector(&tokens)?;
         let name = self.tokens.intern("variantChildren");
-        self.specs.push(Spec { path: all, kind: SpecKind::VariantSet, fields: vec![(name, children)] });
+        self.specs.push(SpecEntry { path: all, kind: SpecKind::VariantSet, fields: vec![(name, children)] });
         for name in &variants.names {
-            let path = variant(path, variants.set, name);
+            let path = variant_path(path, variants.set, name);
             let number = self.specs.len();
             let interned = self.paths.intern(&path);
-            self.specs.push(Spec { path: interned, kind: SpecKind::Variant, fields: Vec::new() });
-            self.field(number, "specifier", inline(code::SPECIFIER, 1));
+            self.specs.push(SpecEntry { path: interned, kind: SpecKind::Variant, fields: Vec::new() });
+            self.set_field(number, "specifier", inline_value_rep(type_code::SPECIFIER, 1));
             self.prim_specs.insert(path, number);
-            self.members.insert(number, Members::default());
+            self.members.insert(number, PrimMembers::default());
         }
         Ok(())
     }
 
     /// Appends the samples of an attribute and sets its field.
-    fn time_samples(&mut self, samples: &Samples) -> Result<()> {
+    fn time_samples(&mut self, samples: &AttrSamples) -> Result<()> {
         let at = |i: usize| self.times.get(i).copied().unwrap_or(0.0);
         let mut times: Vec<f64> = match &samples.when {
-            When::Run(first) => (0..samples.values.len()).map(|i| at(first + i)).collect(),
-            When::Each(list) => list.iter().map(|i| at(*i)).collect(),
+            SampleTimes::Consecutive(first) => (0..samples.values.len()).map(|i| at(first + i)).collect(),
+            SampleTimes::Indices(list) => list.iter().map(|i| at(*i)).collect(),
         };
         let mut values = samples.values.clone();
         if let Some(period) = self.repeats {
@@ -210,19 +210,19 @@ impl Usdc {
         }
         let mut bytes = (times.len() as u64).to_le_bytes().to_vec();
         bytes.extend(times.iter().flat_map(|t| t.to_le_bytes()));
-        let times = self.heap.value(code::DOUBLE_VECTOR, &bytes)?;
+        let times = self.heap.append(type_code::DOUBLE_VECTOR, &bytes)?;
         let mut bytes = 8_i64.to_le_bytes().to_vec();
         bytes.extend(times.to_le_bytes());
         bytes.extend(8_i64.to_le_bytes());
         bytes.extend((values.len() as u64).to_le_bytes());
         bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-        let value = self.heap.value(code::TIME_SAMPLES, &bytes)?;
-        self.field(samples.spec, "timeSamples", value);
+        let value = self.heap.append(type_code::TIME_SAMPLES, &bytes)?;
+        self.set_field(samples.spec, "timeSamples", value);
         Ok(())
     }
 
     /// Index of a time in the common list.
-    fn time(&mut self, time: f64) -> usize {
+    fn intern_time(&mut self, time: f64) -> usize {
         match self.times.iter().rposition(|t| t.to_bits() == time.to_bits()) {
             Some(i) => i,
             None => {
@@ -233,14 +233,14 @@ impl Usdc {
     }
 
     /// Appends the sections and their table, and rewrites the header.
-    fn sections(&mut self) -> Result<()> {
+    fn write_sections(&mut self) -> Result<()> {
         let mut names = std::mem::take(&mut self.tokens);
         let paths = self.paths.section(&mut |t| names.intern(t));
         let strings: Vec<u32> = self.strings.list().iter().map(|s| names.intern(s)).collect();
-        let [fields, sets, specs] = tables::specs(&self.specs);
+        let [fields, sets, specs] = sections::spec_sections(&self.specs);
         let sections = [
-            ("TOKENS", tables::tokens(names.list())),
-            ("STRINGS", tables::strings(&strings)),
+            ("TOKENS", sections::tokens_section(names.list())),
+            ("STRINGS", sections::strings_section(&strings)),
             ("FIELDS", fields),
             ("FIELDSETS", sets),
             ("PATHS", paths),
@@ -258,7 +258,7 @@ impl Usdc {
         }
         let at = sink.position();
         sink.put(&table)?;
-        let mut header = [0; HEADER];
+        let mut header = [0; HEADER_BYTES];
         header[..8].copy_from_slice(MAGIC);
         header[8..16].copy_from_slice(&VERSION);
         header[16..24].copy_from_slice(&at.to_le_bytes());
@@ -269,23 +269,23 @@ impl Usdc {
 const EXPLICIT: u8 = 0x03;
 const PREPENDED: u8 = 0x20;
 
-impl Stage for Usdc {
+impl LayerWriter for UsdcWriter {
     fn begin(&mut self, meta: &LayerMeta) -> Result<()> {
-        self.heap.sink.put(&[0; HEADER])?;
+        self.heap.sink.put(&[0; HEADER_BYTES])?;
         // Nothing refers to these bytes; they tell whose file it is without unpacking it.
         self.heap.sink.put(crate::GENERATOR.as_bytes())?;
         self.heap.sink.put(&[0])?;
         let mut strings = Vec::new();
         for (key, text) in meta.custom() {
-            strings.push((key, inline(code::STRING, self.string(text))));
+            strings.push((key, inline_value_rep(type_code::STRING, self.intern_string(text))));
         }
         let osier = self.dictionary(&strings)?;
         let custom = self.dictionary(&[("osier", osier)])?;
-        self.field(0, "customLayerData", custom);
+        self.set_field(0, "customLayerData", custom);
         let tokens = [("defaultPrim", meta.default_prim.as_str()), ("upAxis", meta.up.token())];
         for (name, text) in tokens {
-            let value = self.token_value(text);
-            self.field(0, name, value);
+            let value = self.token_rep(text);
+            self.set_field(0, name, value);
         }
         let numbers = [
             ("endTimeCode", meta.end),
@@ -295,107 +295,107 @@ impl Stage for Usdc {
             ("timeCodesPerSecond", meta.fps),
         ];
         for (name, number) in numbers {
-            let value = self.value(&Value::Double(number), &|| name.to_owned())?;
-            self.field(0, name, value);
+            let value = self.value_rep(&UsdValue::Double(number), &|| name.to_owned())?;
+            self.set_field(0, name, value);
         }
         Ok(())
     }
 
-    fn prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()> {
-        let spec = self.spec(path, SpecKind::Prim);
+    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()> {
+        let spec = self.add_spec(path, SpecKind::Prim);
         self.prim_specs.insert(path.to_owned(), spec);
-        self.members.insert(spec, Members::default());
-        self.field(spec, "specifier", inline(code::SPECIFIER, u32::from(meta.over)));
+        self.members.insert(spec, PrimMembers::default());
+        self.set_field(spec, "specifier", inline_value_rep(type_code::SPECIFIER, u32::from(meta.over)));
         if !type_name.is_empty() {
-            let value = self.token_value(type_name);
-            self.field(spec, "typeName", value);
+            let value = self.token_rep(type_name);
+            self.set_field(spec, "typeName", value);
         }
         if !meta.api.is_empty() {
             let items: Vec<Vec<u8>> = meta.api.iter().map(|a| self.tokens.intern(a).to_le_bytes().to_vec()).collect();
-            let value = self.list_op(code::TOKEN_LIST_OP, PREPENDED, &items)?;
-            self.field(spec, "apiSchemas", value);
+            let value = self.list_op(type_code::TOKEN_LIST_OP, PREPENDED, &items)?;
+            self.set_field(spec, "apiSchemas", value);
         }
         if meta.inactive {
-            self.field(spec, "active", inline(code::BOOL, 0));
+            self.set_field(spec, "active", inline_value_rep(type_code::BOOL, 0));
         }
         if let Some(kind) = meta.kind {
-            let value = self.token_value(kind);
-            self.field(spec, "kind", value);
+            let value = self.token_rep(kind);
+            self.set_field(spec, "kind", value);
         }
         if meta.instanceable {
-            self.field(spec, "instanceable", inline(code::BOOL, 1));
+            self.set_field(spec, "instanceable", inline_value_rep(type_code::BOOL, 1));
         }
         if let Some(payload) = &meta.payload {
-            let item = self.arc(payload);
-            let value = self.list_op(code::PAYLOAD_LIST_OP, PREPENDED, &[item])?;
-            self.field(spec, "payload", value);
+            let item = self.composition_arc(payload);
+            let value = self.list_op(type_code::PAYLOAD_LIST_OP, PREPENDED, &[item])?;
+            self.set_field(spec, "payload", value);
         }
         if let Some(reference) = &meta.reference {
-            let mut item = self.arc(reference);
+            let mut item = self.composition_arc(reference);
             item.extend([0; 8]);
-            let value = self.list_op(code::REFERENCE_LIST_OP, PREPENDED, &[item])?;
-            self.field(spec, "references", value);
+            let value = self.list_op(type_code::REFERENCE_LIST_OP, PREPENDED, &[item])?;
+            self.set_field(spec, "references", value);
         }
         if let Some(variants) = &meta.variants {
-            self.variants((path, spec), variants)?;
+            self.variant_set(path, spec, variants)?;
         }
         Ok(())
     }
 
-    fn attr(&mut self, path: &str, spec: &AttrSpec, default: Option<Value>) -> Result<Attr> {
-        let number = self.spec(path, SpecKind::Attribute);
+    fn create_attr(&mut self, path: &str, spec: &AttrSpec, default: Option<UsdValue>) -> Result<AttrHandle> {
+        let number = self.add_spec(path, SpecKind::Attribute);
         if spec.custom {
-            self.field(number, "custom", inline(code::BOOL, 1));
+            self.set_field(number, "custom", inline_value_rep(type_code::BOOL, 1));
         }
-        let type_name = self.token_value(spec.type_name);
-        self.field(number, "typeName", type_name);
+        let type_name = self.token_rep(spec.type_name);
+        self.set_field(number, "typeName", type_name);
         if spec.uniform {
-            self.field(number, "variability", inline(code::VARIABILITY, 1));
+            self.set_field(number, "variability", inline_value_rep(type_code::VARIABILITY, 1));
         }
         if let Some(size) = spec.element_size {
-            self.field(number, "elementSize", inline(code::INT, size.cast_unsigned()));
+            self.set_field(number, "elementSize", inline_value_rep(type_code::INT, size.cast_unsigned()));
         }
         if let Some(interpolation) = spec.interpolation {
-            let value = self.token_value(interpolation);
-            self.field(number, "interpolation", value);
+            let value = self.token_rep(interpolation);
+            self.set_field(number, "interpolation", value);
         }
         if let Some(value) = default {
-            let value = self.value(&value, &|| path.to_owned())?;
-            self.field(number, "default", value);
+            let value = self.value_rep(&value, &|| path.to_owned())?;
+            self.set_field(number, "default", value);
         }
         if let Some(source) = &spec.connection {
             let value = self.path_list(std::slice::from_ref(source))?;
-            self.field(number, "connectionPaths", value);
+            self.set_field(number, "connectionPaths", value);
         }
-        self.attrs.push(Samples { spec: number, path: path.to_owned(), values: Vec::new(), when: When::Run(0) });
-        Ok(Attr(self.attrs.len() - 1))
+        self.attrs.push(AttrSamples { spec: number, path: path.to_owned(), values: Vec::new(), when: SampleTimes::Consecutive(0) });
+        Ok(AttrHandle(self.attrs.len() - 1))
     }
 
-    fn sample(&mut self, attr: Attr, time: f64, value: Value) -> Result<()> {
-        let time_index = self.time(time);
+    fn set_time_sample(&mut self, attr: AttrHandle, time: f64, value: UsdValue) -> Result<()> {
+        let time_index = self.intern_time(time);
         let path = self.attrs.get(attr.0).map(|a| a.path.clone()).unwrap_or_default();
-        let value = self.value(&value, &|| format!("{path}, frame {time}"))?;
+        let value = self.value_rep(&value, &|| format!("{path}, frame {time}"))?;
         let Some(samples) = self.attrs.get_mut(attr.0) else { return Ok(()) };
         let n = samples.values.len();
         match &mut samples.when {
-            When::Run(first) if n == 0 => *first = time_index,
-            When::Run(first) if *first + n == time_index => {}
-            When::Run(first) => samples.when = When::Each((*first..*first + n).chain([time_index]).collect()),
-            When::Each(list) => list.push(time_index),
+            SampleTimes::Consecutive(first) if n == 0 => *first = time_index,
+            SampleTimes::Consecutive(first) if *first + n == time_index => {}
+            SampleTimes::Consecutive(first) => samples.when = SampleTimes::Indices((*first..*first + n).chain([time_index]).collect()),
+            SampleTimes::Indices(list) => list.push(time_index),
         }
         samples.values.push(value);
         Ok(())
     }
 
-    fn repeat(&mut self, period: f64) {
+    fn repeat_samples(&mut self, period: f64) {
         self.repeats = Some(period);
     }
 
-    fn rel(&mut self, path: &str, targets: &[String]) -> Result<()> {
-        let spec = self.spec(path, SpecKind::Relationship);
-        self.field(spec, "variability", inline(code::VARIABILITY, 1));
+    fn create_relationship(&mut self, path: &str, targets: &[String]) -> Result<()> {
+        let spec = self.add_spec(path, SpecKind::Relationship);
+        self.set_field(spec, "variability", inline_value_rep(type_code::VARIABILITY, 1));
         let value = self.path_list(targets)?;
-        self.field(spec, "targetPaths", value);
+        self.set_field(spec, "targetPaths", value);
         Ok(())
     }
 
@@ -408,19 +408,19 @@ impl Stage for Usdc {
             for (name, list) in [("properties", members.properties), ("primChildren", members.children)] {
                 if !list.is_empty() {
                     let value = self.token_vector(&list)?;
-                    self.field(spec, name, value);
+                    self.set_field(spec, name, value);
                 }
             }
         }
-        self.sections()?;
-        std::mem::replace(&mut self.heap.sink, Box::new(Closed)).commit()
+        self.write_sections()?;
+        std::mem::replace(&mut self.heap.sink, Box::new(ClosedSink)).commit()
     }
 }
 
 /// What remains of a closed file.
-struct Closed;
+struct ClosedSink;
 
-impl Sink for Closed {
+impl ByteSink for ClosedSink {
     fn put(&mut self, _: &[u8]) -> Result<()> {
         Ok(())
     }
@@ -449,7 +449,7 @@ mod tests {
     fn clip(frames: u32, n: u32, scale: impl Fn(u32) -> f32) -> usize {
         let folder = Folder::memory();
         let out = folder.create("a.usdc", "usdc", None).expect("create").expect("new");
-        let mut stage = Usdc::new(Box::new(out));
+        let mut writer = UsdcWriter::new(Box::new(out));
         let meta = LayerMeta {
             default_prim: "a".into(),
             up: UpAxis::Y,
@@ -459,23 +459,23 @@ mod tests {
             seed: "1".into(),
             scene: String::new(),
         };
-        stage.begin(&meta).expect("begin");
-        stage.prim("/a", "PointInstancer", &PrimMeta::default()).expect("prim");
+        writer.begin(&meta).expect("begin");
+        writer.define_prim("/a", "PointInstancer", &PrimMeta::default()).expect("prim");
         let types = [("positions", "point3f[]"), ("orientations", "quath[]"), ("scales", "float3[]")];
         let attrs =
-            types.map(|(name, kind)| stage.attr(&format!("/a.{name}"), &AttrSpec::new(kind), None).expect("attr"));
+            types.map(|(name, kind)| writer.create_attr(&format!("/a.{name}"), &AttrSpec::new(kind), None).expect("attr"));
         for f in 1..=frames {
             #[allow(clippy::cast_precision_loss, reason = "small numbers")]
             let at = |i: u32, k: u32| (i * 7 + k * 31 + f * 13) as f32 * 0.01;
             let positions: Vec<[f32; 3]> = (0..n).map(|i| [at(i, 0), at(i, 1), at(i, 2)]).collect();
             let turns: Vec<[f16; 4]> = (0..n).map(|i| [0, 1, 2, 3].map(|k| f16::from_f32(at(i, k)))).collect();
             let scales = vec![[scale(f); 3]; n as usize];
-            let arrays = [Array::Float3(&positions), Array::Quath(&turns), Array::Float3(&scales)];
+            let arrays = [UsdArray::Float3(&positions), UsdArray::Quath(&turns), UsdArray::Float3(&scales)];
             for (attr, array) in attrs.iter().zip(arrays) {
-                stage.sample(*attr, f64::from(f), array.into()).expect("sample");
+                writer.set_time_sample(*attr, f64::from(f), array.into()).expect("sample");
             }
         }
-        stage.finish().expect("finish");
+        writer.finish().expect("finish");
         folder.take("a.usdc").expect("file").len()
     }
 
@@ -492,7 +492,7 @@ mod tests {
     fn the_layout_is_the_documented_one() {
         let folder = Folder::memory();
         let out = folder.create("a.usdc", "usdc", None).expect("create").expect("new");
-        let mut stage = Usdc::new(Box::new(out));
+        let mut writer = UsdcWriter::new(Box::new(out));
         let meta = LayerMeta {
             default_prim: "a".into(),
             up: UpAxis::Z,
@@ -502,9 +502,9 @@ mod tests {
             seed: "1".into(),
             scene: "s".into(),
         };
-        stage.begin(&meta).expect("begin");
-        stage.prim("/a", "Xform", &PrimMeta::default()).expect("prim");
-        stage.finish().expect("finish");
+        writer.begin(&meta).expect("begin");
+        writer.define_prim("/a", "Xform", &PrimMeta::default()).expect("prim");
+        writer.finish().expect("finish");
         let bytes = folder.take("a.usdc").expect("file");
         assert_eq!(&bytes[..16], b"PXR-USDC\0\x08\0\0\0\0\0\0");
         let number =

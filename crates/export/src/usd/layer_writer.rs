@@ -1,7 +1,7 @@
-//! What a stage is made of: the one interface that text and crate files are written through.
+//! The interface through which layers are written, as text (.usda) or as crate files (.usdc), and the metadata it takes.
 
 use super::axis::UpAxis;
-use super::value::Value;
+use super::value::UsdValue;
 use osier_base::Result;
 use osier_scene::Scene;
 
@@ -46,7 +46,7 @@ impl LayerMeta {
 
 /// A prim in another layer, or in this one if `asset` is empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Arc {
+pub struct CompositionArc {
     /// Relative path of the layer.
     pub asset: String,
     /// Path of the prim.
@@ -69,26 +69,26 @@ pub struct PrimMeta {
     /// Applied schemas.
     pub api: Vec<&'static str>,
     /// Layer loaded on demand.
-    pub payload: Option<Arc>,
+    pub payload: Option<CompositionArc>,
     /// Layer always loaded.
-    pub reference: Option<Arc>,
+    pub reference: Option<CompositionArc>,
     /// Contents to choose from. Prims of a variant are children of `prim path{set=name}`.
-    pub variants: Option<Variants>,
+    pub variants: Option<VariantSet>,
 }
 
 /// A variant set of a prim.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Variants {
+pub struct VariantSet {
     /// Its name.
     pub set: &'static str,
     /// Names of its variants, in order.
     pub names: Vec<String>,
     /// The one that is seen unless a reader chooses.
-    pub chosen: String,
+    pub selection: String,
 }
 
 /// The path that prims of a variant are children of.
-pub(super) fn variant(prim: &str, set: &str, name: &str) -> String {
+pub(super) fn variant_path(prim: &str, set: &str, name: &str) -> String {
     format!("{prim}{{{set}={name}}}")
 }
 
@@ -133,11 +133,11 @@ impl AttrSpec {
 
 /// An attribute of a stage being written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Attr(pub(super) usize);
+pub struct AttrHandle(pub(super) usize);
 
-/// A layer being written. Prims come before their children and properties; samples of an attribute come in order of
+/// A layer being written: specs of prims, attributes and relationships. Prims come before their children and properties; samples of an attribute come in order of
 /// time, and may come when other prims have been added.
-pub trait Stage: Send {
+pub trait LayerWriter: Send {
     /// Starts the layer.
     /// # Errors
     /// `Io`.
@@ -146,25 +146,25 @@ pub trait Stage: Send {
     /// Defines a prim at an absolute path; an empty type is allowed.
     /// # Errors
     /// `Io`.
-    fn prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()>;
+    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()>;
 
     /// Adds an attribute at `prim path.name`.
     /// # Errors
     /// X001 for a number that is not finite, X004 if a text grows too large, `Io`.
-    fn attr(&mut self, path: &str, spec: &AttrSpec, default: Option<Value>) -> Result<Attr>;
+    fn create_attr(&mut self, path: &str, spec: &AttrSpec, default: Option<UsdValue>) -> Result<AttrHandle>;
 
     /// Adds a value at a time.
     /// # Errors
-    /// As [`Stage::attr`].
-    fn sample(&mut self, attr: Attr, time: f64, value: Value) -> Result<()>;
+    /// As [`LayerWriter::create_attr`].
+    fn set_time_sample(&mut self, attr: AttrHandle, time: f64, value: UsdValue) -> Result<()>;
 
     /// Says every sample again `period` later: the same values.
-    fn repeat(&mut self, period: f64);
+    fn repeat_samples(&mut self, period: f64);
 
     /// Adds a relationship at `prim path.name`.
     /// # Errors
     /// `Io`.
-    fn rel(&mut self, path: &str, targets: &[String]) -> Result<()>;
+    fn create_relationship(&mut self, path: &str, targets: &[String]) -> Result<()>;
 
     /// Completes and closes the file.
     /// # Errors
@@ -173,13 +173,13 @@ pub trait Stage: Send {
 }
 
 /// Splits a property path into prim path and name.
-pub(super) fn split_property(path: &str) -> (&str, &str) {
+pub(super) fn split_property_path(path: &str) -> (&str, &str) {
     path.rsplit_once('.').unwrap_or((path, ""))
 }
 
 /// Splits a prim path into parent path and name.
 /// A path that ends in a variant has the prim that varies as its parent.
-pub(super) fn split_prim(path: &str) -> (&str, &str) {
+pub(super) fn split_prim_path(path: &str) -> (&str, &str) {
     if let Some(at) = path.rfind('{').filter(|_| path.ends_with('}')) {
         return path.split_at(at);
     }

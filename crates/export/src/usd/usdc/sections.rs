@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::intcode;
-use crate::usd::stage::{split_prim, split_property};
+use super::integer_coding;
+use crate::usd::layer_writer::{split_prim_path, split_property_path};
 
 /// Strings by number, each once.
 #[derive(Debug, Default)]
@@ -31,7 +31,7 @@ impl Interner {
 
 /// A spec: something with a path and fields.
 #[derive(Debug)]
-pub(super) struct Spec {
+pub(super) struct SpecEntry {
     pub(super) path: u32,
     pub(super) kind: SpecKind,
     /// Token of the name and reference of the value.
@@ -49,39 +49,39 @@ pub(super) enum SpecKind {
     VariantSet = 11,
 }
 
-fn number(n: usize) -> [u8; 8] {
+fn u64_bytes(n: usize) -> [u8; 8] {
     (n as u64).to_le_bytes()
 }
 
-fn block(data: &[u8], out: &mut Vec<u8>) {
-    out.extend(number(data.len()));
+fn push_block(data: &[u8], out: &mut Vec<u8>) {
+    out.extend(u64_bytes(data.len()));
     out.extend_from_slice(data);
 }
 
 /// The TOKENS section.
-pub(super) fn tokens(tokens: &[String]) -> Vec<u8> {
+pub(super) fn tokens_section(tokens: &[String]) -> Vec<u8> {
     let mut raw = Vec::new();
     for t in tokens {
         raw.extend_from_slice(t.as_bytes());
         raw.push(0);
     }
-    let mut out = number(tokens.len()).to_vec();
-    out.extend(number(raw.len()));
-    block(&intcode::lz(&raw), &mut out);
+    let mut out = u64_bytes(tokens.len()).to_vec();
+    out.extend(u64_bytes(raw.len()));
+    push_block(&integer_coding::lz4_block(&raw), &mut out);
     out
 }
 
 /// The STRINGS section.
-pub(super) fn strings(strings: &[u32]) -> Vec<u8> {
-    let mut out = number(strings.len()).to_vec();
+pub(super) fn strings_section(strings: &[u32]) -> Vec<u8> {
+    let mut out = u64_bytes(strings.len()).to_vec();
     out.extend(strings.iter().flat_map(|i| i.to_le_bytes()));
     out
 }
 
 /// The FIELDS, FIELDSETS and SPECS sections.
-pub(super) fn specs(specs: &[Spec]) -> [Vec<u8>; 3] {
-    let mut fields = Table::default();
-    let mut sets = Table::default();
+pub(super) fn spec_sections(specs: &[SpecEntry]) -> [Vec<u8>; 3] {
+    let mut fields = DedupTable::default();
+    let mut sets = DedupTable::default();
     let (mut set_list, mut set_starts) = (Vec::new(), Vec::new());
     let [mut paths, mut firsts, mut kinds] = [const { Vec::<i32>::new() }; 3];
     for spec in specs {
@@ -96,34 +96,34 @@ pub(super) fn specs(specs: &[Spec]) -> [Vec<u8>; 3] {
         firsts.push(usize::try_from(which).ok().and_then(|w| set_starts.get(w)).copied().unwrap_or(0));
         kinds.push(spec.kind as i32);
     }
-    let mut field_section = number(fields.list.len()).to_vec();
+    let mut field_section = u64_bytes(fields.list.len()).to_vec();
     let names: Vec<i32> = fields.list.iter().map(|f| f.0.cast_signed()).collect();
     let values: Vec<u8> = fields.list.iter().flat_map(|f| f.1.to_le_bytes()).collect();
-    block(&intcode::ints(&names), &mut field_section);
-    block(&intcode::lz(&values), &mut field_section);
-    let mut set_section = number(set_list.len()).to_vec();
-    block(&intcode::ints(&set_list), &mut set_section);
-    let mut spec_section = number(specs.len()).to_vec();
+    push_block(&integer_coding::compress_i32(&names), &mut field_section);
+    push_block(&integer_coding::lz4_block(&values), &mut field_section);
+    let mut set_section = u64_bytes(set_list.len()).to_vec();
+    push_block(&integer_coding::compress_i32(&set_list), &mut set_section);
+    let mut spec_section = u64_bytes(specs.len()).to_vec();
     for column in [&paths, &firsts, &kinds] {
-        block(&intcode::ints(column), &mut spec_section);
+        push_block(&integer_coding::compress_i32(column), &mut spec_section);
     }
     [field_section, set_section, spec_section]
 }
 
 /// Things by number, each once.
 #[derive(Debug)]
-struct Table<T> {
+struct DedupTable<T> {
     index: BTreeMap<T, i32>,
     list: Vec<T>,
 }
 
-impl<T> Default for Table<T> {
+impl<T> Default for DedupTable<T> {
     fn default() -> Self {
         Self { index: BTreeMap::new(), list: Vec::new() }
     }
 }
 
-impl<T: Ord + Clone> Table<T> {
+impl<T: Ord + Clone> DedupTable<T> {
     fn intern(&mut self, item: T) -> i32 {
         let next = i32::try_from(self.list.len()).unwrap_or(i32::MAX);
         let list = &mut self.list;
@@ -134,17 +134,17 @@ impl<T: Ord + Clone> Table<T> {
     }
 }
 
-/// Paths by number; parents come before their children, number 0 is the root.
+/// PathTable by number; parents come before their children, number 0 is the root.
 #[derive(Debug, Default)]
-pub(super) struct Paths {
+pub(super) struct PathTable {
     paths: Interner,
 }
 
-impl Paths {
+impl PathTable {
     /// The number of a prim or property path.
     pub(super) fn intern(&mut self, path: &str) -> u32 {
         if path != "/" {
-            let parent = if path.contains('.') { split_property(path).0 } else { split_prim(path).0 };
+            let parent = if path.contains('.') { split_property_path(path).0 } else { split_prim_path(path).0 };
             self.intern(parent);
         }
         self.paths.intern(path)
@@ -152,36 +152,36 @@ impl Paths {
 
     /// The PATHS section. `token`: number of an element's name.
     pub(super) fn section(&self, token: &mut dyn FnMut(&str) -> u32) -> Vec<u8> {
-        let mut tree = Tree { children: BTreeMap::new(), index: &self.paths.index, rows: Vec::new() };
+        let mut tree = PathTree { children: BTreeMap::new(), index: &self.paths.index, rows: Vec::new() };
         for path in self.paths.list().iter().filter(|p| *p != "/") {
             let (parent, name, property) = if path.contains('.') {
-                let (parent, name) = split_property(path);
+                let (parent, name) = split_property_path(path);
                 (parent, name, true)
             } else {
-                let (parent, name) = split_prim(path);
+                let (parent, name) = split_prim_path(path);
                 (parent, name, false)
             };
             tree.children.entry(parent).or_default().insert((name, property), path);
         }
         tree.visit("/", 0, false, token);
-        let mut out = number(tree.rows.len()).to_vec();
-        out.extend(number(tree.rows.len()));
+        let mut out = u64_bytes(tree.rows.len()).to_vec();
+        out.extend(u64_bytes(tree.rows.len()));
         for column in 0..3 {
             let values: Vec<i32> = tree.rows.iter().map(|r| r[column]).collect();
-            block(&intcode::ints(&values), &mut out);
+            push_block(&integer_coding::compress_i32(&values), &mut out);
         }
         out
     }
 }
 
 /// The tree of paths, and its rows: path, element token, jump.
-struct Tree<'a> {
+struct PathTree<'a> {
     children: BTreeMap<&'a str, BTreeMap<(&'a str, bool), &'a str>>,
     index: &'a BTreeMap<String, u32>,
     rows: Vec<[i32; 3]>,
 }
 
-impl<'a> Tree<'a> {
+impl<'a> PathTree<'a> {
     /// Appends a path and all beneath it, depth first.
     fn visit(&mut self, path: &'a str, element: i32, sibling: bool, token: &mut dyn FnMut(&str) -> u32) {
         let row = self.rows.len();
@@ -212,14 +212,14 @@ mod tests {
 
     #[test]
     fn jumps_lead_to_the_next_sibling() {
-        let mut paths = Paths::default();
+        let mut paths = PathTable::default();
         for p in ["/", "/a/b.x", "/a/c", "/a/b"] {
             paths.intern(p);
         }
         assert_eq!(paths.paths.list(), ["/", "/a", "/a/b", "/a/b.x", "/a/c"]);
         let mut tokens = Interner::default();
         tokens.intern("");
-        let mut tree = Tree { children: BTreeMap::new(), index: &paths.paths.index, rows: Vec::new() };
+        let mut tree = PathTree { children: BTreeMap::new(), index: &paths.paths.index, rows: Vec::new() };
         tree.children.entry("/").or_default().insert(("a", false), "/a");
         tree.children.entry("/a").or_default().insert(("b", false), "/a/b");
         tree.children.entry("/a").or_default().insert(("c", false), "/a/c");

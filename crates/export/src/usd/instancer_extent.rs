@@ -15,7 +15,7 @@ const LANES: usize = 4;
 type Lanes3 = [Vec4; 3];
 
 /// What some instances show, in stage space.
-struct Shown {
+struct InstanceBoxes {
     scale: Lanes3,
     /// Middle and half sides of the prototype's box.
     center: Lanes3,
@@ -27,11 +27,11 @@ struct Shown {
 }
 
 /// What the instances of an instancer show.
-pub(super) struct Shapes {
-    blocks: Vec<Shown>,
+pub(super) struct PrototypeBoxes {
+    blocks: Vec<InstanceBoxes>,
 }
 
-impl Shapes {
+impl PrototypeBoxes {
     /// Measures the prototypes of an instancer.
     pub(super) fn of(instancer: &Instancer, up: UpAxis) -> Self {
         let boxed = |p: &Prototype| {
@@ -46,7 +46,7 @@ impl Shapes {
             Some([up.scale(*s), center, half])
         };
         let each: Vec<Option<[Vec3; 3]>> = instancer.scales.iter().zip(&instancer.protos).map(shape).collect();
-        Self { blocks: each.chunks(LANES).map(Shown::of).collect() }
+        Self { blocks: each.chunks(LANES).map(InstanceBoxes::of).collect() }
     }
 
     /// The box of all instances that live, from their rotations in half precision and their positions.
@@ -54,7 +54,7 @@ impl Shapes {
         let mut rounded = vec![0.0; turns.len() * 4];
         turns.as_flattened().convert_to_f32_slice(&mut rounded);
         let turns: &[[f32; 4]] = bytemuck::cast_slice(&rounded);
-        let mut span = Span { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3] };
+        let mut span = ExtentLanes { low: [Vec4::INFINITY; 3], high: [Vec4::NEG_INFINITY; 3] };
         let placed = positions.chunks(LANES).zip(turns.chunks(LANES));
         for (block, (shown, (t, q))) in self.blocks.iter().zip(placed).enumerate() {
             let n = t.len().min(q.len());
@@ -76,11 +76,11 @@ impl Shapes {
     }
 }
 
-impl Shown {
+impl InstanceBoxes {
     /// At most `LANES` instances: scale, middle and half sides.
     fn of(each: &[Option<[Vec3; 3]>]) -> Self {
         let lane = |l: usize| each.get(l).copied().flatten();
-        let of = |what: usize| transposed(&std::array::from_fn(|l| lane(l).map_or(Vec3::ZERO, |shape| shape[what])));
+        let of = |what: usize| transpose_lanes(&std::array::from_fn(|l| lane(l).map_or(Vec3::ZERO, |shape| shape[what])));
         // Rounded quaternions make matrices that stretch by less than a hundredth.
         let reach = |[scale, center, half]: [Vec3; 3]| 1.01 * ((scale * center).length() + (scale * half).length());
         Self {
@@ -108,20 +108,20 @@ impl Shown {
     }
 }
 
-fn transposed([a, b, c, d]: &[Vec3; LANES]) -> Lanes3 {
+fn transpose_lanes([a, b, c, d]: &[Vec3; LANES]) -> Lanes3 {
     [Vec4::new(a.x, b.x, c.x, d.x), Vec4::new(a.y, b.y, c.y, d.y), Vec4::new(a.z, b.z, c.z, d.z)]
 }
 
 /// Smallest and largest coordinates so far, lane by lane.
-struct Span {
+struct ExtentLanes {
     low: Lanes3,
     high: Lanes3,
 }
 
-impl Span {
+impl ExtentLanes {
     /// Grows by the boxes of some instances at positions `t`, turned by `q` (x, y, z, w).
-    fn add(&mut self, shown: &Shown, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
-        let t = transposed(t);
+    fn add(&mut self, shown: &InstanceBoxes, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
+        let t = transpose_lanes(t);
         // Most instances lie well within what the others span; the second term covers all rounding.
         let within = |k: usize| {
             let reach = shown.reach + t[k].abs() * 1e-6;
@@ -131,7 +131,7 @@ impl Span {
             return;
         }
         // A box turns into the box around its turned middle with the matrix's absolute values applied to its half sides.
-        for (k, row) in rows(q).into_iter().enumerate() {
+        for (k, row) in rotation_rows(q).into_iter().enumerate() {
             let [x, y, z]: Lanes3 = std::array::from_fn(|i| row[i] * shown.scale[i]);
             let middle = t[k] + (x * shown.center[0] + y * shown.center[1] + z * shown.center[2]);
             let side = x.abs() * shown.half[0] + y.abs() * shown.half[1] + z.abs() * shown.half[2];
@@ -143,7 +143,7 @@ impl Span {
 
 /// Rows of the quaternions' matrices, as readers compute them: the quaternions were rounded, so these are not quite
 /// rotations.
-fn rows(q: &[[f32; 4]; LANES]) -> [Lanes3; 3] {
+fn rotation_rows(q: &[[f32; 4]; LANES]) -> [Lanes3; 3] {
     let Mat4 { x_axis: x, y_axis: y, z_axis: z, w_axis: w } = Mat4::from_cols_array_2d(q).transpose();
     let (x2, y2, z2) = (x + x, y + y, z + z);
     let (xx, xy, xz) = (x * x2, x * y2, x * z2);
@@ -209,7 +209,7 @@ mod tests {
             for up in [UpAxis::Y, UpAxis::Z] {
                 let turns: Vec<[f16; 4]> =
                     it.rest.orientations.iter().map(|q| up.quat(*q).to_array().map(f16::from_f32)).collect();
-                let got = Shapes::of(&it, up).extent(&turns, &up.vecs(&it.rest.positions), &it.rest.alive);
+                let got = PrototypeBoxes::of(&it, up).extent(&turns, &up.vecs(&it.rest.positions), &it.rest.alive);
                 let bits = |e: [[f32; 3]; 2]| e.map(|v| v.map(f32::to_bits));
                 assert_eq!(bits(got), bits(plainly(&it, &turns, up)), "{n} instances");
             }

@@ -1,7 +1,7 @@
 //! Integers of a crate file: deltas, two-bit codes, LZ4.
 
 /// Integers that the code packs: 32 or 64 bits wide.
-trait Word: Copy + Ord {
+trait CodedInteger: Copy + Ord {
     const ZERO: Self;
     fn minus(self, other: Self) -> Self;
     /// Code (1, 2 or 3) and bytes of the narrowest form.
@@ -15,7 +15,7 @@ fn wide<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
     out
 }
 
-impl Word for i32 {
+impl CodedInteger for i32 {
     const ZERO: Self = 0;
 
     fn minus(self, other: Self) -> Self {
@@ -37,7 +37,7 @@ impl Word for i32 {
     }
 }
 
-impl Word for i64 {
+impl CodedInteger for i64 {
     const ZERO: Self = 0;
 
     fn minus(self, other: Self) -> Self {
@@ -60,7 +60,7 @@ impl Word for i64 {
 }
 
 /// The commonest delta; of equally common ones the largest.
-fn commonest<W: Word>(deltas: &[W]) -> W {
+fn most_common_delta<W: CodedInteger>(deltas: &[W]) -> W {
     let mut sorted = deltas.to_vec();
     sorted.sort_unstable();
     let mut best = (W::ZERO, 0);
@@ -72,10 +72,10 @@ fn commonest<W: Word>(deltas: &[W]) -> W {
     best.0
 }
 
-fn encode<W: Word>(values: &[W]) -> Vec<u8> {
+fn delta_encode<W: CodedInteger>(values: &[W]) -> Vec<u8> {
     let mut last = W::ZERO;
     let deltas: Vec<W> = values.iter().map(|v| v.minus(std::mem::replace(&mut last, *v))).collect();
-    let common = commonest(&deltas);
+    let common = most_common_delta(&deltas);
     let mut out = Vec::with_capacity(values.len() * 2 + 8);
     common.put(&mut out);
     let codes = out.len();
@@ -89,20 +89,20 @@ fn encode<W: Word>(values: &[W]) -> Vec<u8> {
 }
 
 /// One LZ4 block behind the byte that says "one block".
-pub(super) fn lz(bytes: &[u8]) -> Vec<u8> {
+pub(super) fn lz4_block(bytes: &[u8]) -> Vec<u8> {
     let mut out = vec![0];
     out.extend_from_slice(&lz4_flex::block::compress(bytes));
     out
 }
 
 /// 32-bit integers, compressed.
-pub(super) fn ints(values: &[i32]) -> Vec<u8> {
-    lz(&encode(values))
+pub(super) fn compress_i32(values: &[i32]) -> Vec<u8> {
+    lz4_block(&delta_encode(values))
 }
 
 /// 64-bit integers, compressed.
-pub(super) fn longs(values: &[i64]) -> Vec<u8> {
-    lz(&encode(values))
+pub(super) fn compress_i64(values: &[i64]) -> Vec<u8> {
+    lz4_block(&delta_encode(values))
 }
 
 #[cfg(test)]
@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn the_code_is_the_documented_one() {
         // Deltas 123, 1, 1, 1, 100, 0, 0, 0, -223, 100000: the commonest is 1 or 0, each three times, so 1.
-        let got = encode(&[123, 124, 125, 126, 226, 226, 226, 226, 3, 100_003]);
+        let got = delta_encode(&[123, 124, 125, 126, 226, 226, 226, 226, 3, 100_003]);
         let mut want = 1_i32.to_le_bytes().to_vec();
         want.extend([0b00_00_00_01, 0b01_01_01_01, 0b00_00_11_10]);
         want.extend([123, 100, 0, 0, 0]);
@@ -123,7 +123,7 @@ mod tests {
 
     #[test]
     fn wide_integers_have_their_own_widths() {
-        let got = encode(&[5_i64, 5, 5, 70_005]);
+        let got = delta_encode(&[5_i64, 5, 5, 70_005]);
         let mut want = 0_i64.to_le_bytes().to_vec();
         want.extend([0b10_00_00_01]);
         want.extend(5_i16.to_le_bytes());
@@ -134,9 +134,9 @@ mod tests {
     #[test]
     fn compressed_bytes_come_back() {
         let values: Vec<i32> = (0..1000).map(|i| (i * i) % 77).collect();
-        let packed = ints(&values);
+        let packed = compress_i32(&values);
         assert_eq!(packed[0], 0);
         let raw = lz4_flex::block::decompress(&packed[1..], 10_000).expect("lz4");
-        assert_eq!(raw, encode(&values));
+        assert_eq!(raw, delta_encode(&values));
     }
 }

@@ -1,13 +1,13 @@
 //! The heap of a crate file: values appended as they arrive, equal ones once.
 
-use super::intcode;
-use crate::usd::sink::Sink;
-use crate::usd::value::{Array, Value, pack_f16, pack_f32, pack_f64};
+use super::integer_coding;
+use crate::usd::byte_sink::ByteSink;
+use crate::usd::value::{UsdArray, UsdValue, pack_f16, pack_f32, pack_f64};
 use osier_base::par::LookupMap;
 use osier_base::{Error, Result};
 
 /// Type codes of values.
-pub(super) mod code {
+pub(super) mod type_code {
     pub const BOOL: u8 = 1;
     pub const INT: u8 = 3;
     pub const INT64: u8 = 5;
@@ -45,19 +45,19 @@ const COMPRESSED: u64 = 1 << 61;
 const MIN_COMPRESSED: usize = 16;
 
 /// A value reference that holds its value itself.
-pub(super) fn inline(code: u8, bits: u32) -> u64 {
+pub(super) fn inline_value_rep(code: u8, bits: u32) -> u64 {
     INLINE | u64::from(code) << 48 | u64::from(bits)
 }
 
 /// Bytes of values and where equal ones lie.
-pub(super) struct Heap {
-    pub(super) sink: Box<dyn Sink>,
+pub(super) struct ValueHeap {
+    pub(super) sink: Box<dyn ByteSink>,
     known: LookupMap<(u8, [u8; 32]), u64>,
     scratch: Vec<u8>,
 }
 
-impl Heap {
-    pub(super) fn new(sink: Box<dyn Sink>) -> Self {
+impl ValueHeap {
+    pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
         Self { sink, known: LookupMap::default(), scratch: Vec::new() }
     }
 
@@ -71,13 +71,13 @@ impl Heap {
     }
 
     /// Appends one value's bytes, or finds them.
-    pub(super) fn value(&mut self, code: u8, bytes: &[u8]) -> Result<u64> {
-        self.shared(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
+    pub(super) fn append(&mut self, code: u8, bytes: &[u8]) -> Result<u64> {
+        self.deduplicated(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
     }
 
     /// Reference to bytes: that of equal ones if there are any, else of what `write` appends.
     /// `kind`: what tells equal bytes of unequal meaning apart; `flags`: the reference without its offset.
-    fn shared(
+    fn deduplicated(
         &mut self,
         kind: u8,
         flags: u64,
@@ -95,8 +95,8 @@ impl Heap {
     }
 
     /// Reference to an array. `tokens`: indices, if it is one of tokens. `place`: for complaints.
-    pub(super) fn array(&mut self, array: &Array, tokens: &[u32], place: &dyn Fn() -> String) -> Result<u64> {
-        let code = array_code(array);
+    pub(super) fn array_rep(&mut self, array: &UsdArray, tokens: &[u32], place: &dyn Fn() -> String) -> Result<u64> {
+        let code = array_type_code(array);
         let flags = ARRAY | u64::from(code) << 48;
         if array.is_empty() {
             return Ok(flags);
@@ -113,13 +113,13 @@ impl Heap {
             heap.sink.put(&data)
         };
         let reference = match array {
-            Array::Int(v) if v.len() >= MIN_COMPRESSED => {
-                self.shared(kind, flags | COMPRESSED, &bytes, |heap| packed(heap, intcode::ints(v)))
+            UsdArray::Int(v) if v.len() >= MIN_COMPRESSED => {
+                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| packed(heap, integer_coding::compress_i32(v)))
             }
-            Array::Int64(v) if v.len() >= MIN_COMPRESSED => {
-                self.shared(kind, flags | COMPRESSED, &bytes, |heap| packed(heap, intcode::longs(v)))
+            UsdArray::Int64(v) if v.len() >= MIN_COMPRESSED => {
+                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| packed(heap, integer_coding::compress_i64(v)))
             }
-            _ => self.shared(kind, flags, &bytes, |heap| {
+            _ => self.deduplicated(kind, flags, &bytes, |heap| {
                 heap.sink.put(&count)?;
                 heap.sink.put(&bytes)
             }),
@@ -129,27 +129,27 @@ impl Heap {
     }
 
     /// Reference to a single value; tokens, strings and paths to assets come as indices in `index`.
-    pub(super) fn single(&mut self, value: &Value, index: u32, place: &dyn Fn() -> String) -> Result<u64> {
+    pub(super) fn scalar_rep(&mut self, value: &UsdValue, index: u32, place: &dyn Fn() -> String) -> Result<u64> {
         let mut bytes = Vec::new();
         let bad = |i| not_finite(&place(), i);
         let code = match value {
-            Value::Bool(b) => return Ok(inline(code::BOOL, u32::from(*b))),
-            Value::Float(x) if x.is_finite() => return Ok(inline(code::FLOAT, (x + 0.0).to_bits())),
-            Value::Float(_) => return Err(bad(0)),
-            Value::String(_) => return Ok(inline(code::STRING, index)),
-            Value::Token(_) => return Ok(inline(code::TOKEN, index)),
-            Value::Asset(_) => return Ok(inline(code::ASSET_PATH, index)),
-            Value::Double(x) => pack_f64(&[*x], &mut bytes).map(|()| code::DOUBLE),
-            Value::Float2(v) => pack_f32(v, &mut bytes).map(|()| code::VEC2F),
-            Value::Float3(v) => pack_f32(v, &mut bytes).map(|()| code::VEC3F),
-            Value::Float4(v) => pack_f32(v, &mut bytes).map(|()| code::VEC4F),
-            Value::Double3(v) => pack_f64(v, &mut bytes).map(|()| code::VEC3D),
-            Value::Quatf(v) => pack_f32(v, &mut bytes).map(|()| code::QUATF),
-            Value::Matrix4d(v) => pack_f64(v, &mut bytes).map(|()| code::MATRIX4D),
-            Value::Array(array) => return self.array(array, &[], place),
+            UsdValue::Bool(b) => return Ok(inline_value_rep(type_code::BOOL, u32::from(*b))),
+            UsdValue::Float(x) if x.is_finite() => return Ok(inline_value_rep(type_code::FLOAT, (x + 0.0).to_bits())),
+            UsdValue::Float(_) => return Err(bad(0)),
+            UsdValue::String(_) => return Ok(inline_value_rep(type_code::STRING, index)),
+            UsdValue::Token(_) => return Ok(inline_value_rep(type_code::TOKEN, index)),
+            UsdValue::Asset(_) => return Ok(inline_value_rep(type_code::ASSET_PATH, index)),
+            UsdValue::Double(x) => pack_f64(&[*x], &mut bytes).map(|()| type_code::DOUBLE),
+            UsdValue::Float2(v) => pack_f32(v, &mut bytes).map(|()| type_code::VEC2F),
+            UsdValue::Float3(v) => pack_f32(v, &mut bytes).map(|()| type_code::VEC3F),
+            UsdValue::Float4(v) => pack_f32(v, &mut bytes).map(|()| type_code::VEC4F),
+            UsdValue::Double3(v) => pack_f64(v, &mut bytes).map(|()| type_code::VEC3D),
+            UsdValue::Quatf(v) => pack_f32(v, &mut bytes).map(|()| type_code::QUATF),
+            UsdValue::Matrix4d(v) => pack_f64(v, &mut bytes).map(|()| type_code::MATRIX4D),
+            UsdValue::Array(array) => return self.array_rep(array, &[], place),
         }
         .map_err(bad)?;
-        self.value(code, &bytes)
+        self.append(code, &bytes)
     }
 }
 
@@ -157,35 +157,35 @@ fn not_finite(place: &str, i: usize) -> Error {
     Error::export("X001", format!("{place}: number {i} is not finite"))
 }
 
-fn array_code(array: &Array) -> u8 {
+fn array_type_code(array: &UsdArray) -> u8 {
     match array {
-        Array::Int(_) => code::INT,
-        Array::Int64(_) => code::INT64,
-        Array::Float(_) => code::FLOAT,
-        Array::Float2(_) => code::VEC2F,
-        Array::Float3(_) => code::VEC3F,
-        Array::Float4(_) => code::VEC4F,
-        Array::Half3(_) => code::VEC3H,
-        Array::Quatf(_) => code::QUATF,
-        Array::Quath(_) => code::QUATH,
-        Array::Matrix4d(_) => code::MATRIX4D,
-        Array::Token(_) => code::TOKEN,
+        UsdArray::Int(_) => type_code::INT,
+        UsdArray::Int64(_) => type_code::INT64,
+        UsdArray::Float(_) => type_code::FLOAT,
+        UsdArray::Float2(_) => type_code::VEC2F,
+        UsdArray::Float3(_) => type_code::VEC3F,
+        UsdArray::Float4(_) => type_code::VEC4F,
+        UsdArray::Half3(_) => type_code::VEC3H,
+        UsdArray::Quatf(_) => type_code::QUATF,
+        UsdArray::Quath(_) => type_code::QUATH,
+        UsdArray::Matrix4d(_) => type_code::MATRIX4D,
+        UsdArray::Token(_) => type_code::TOKEN,
     }
 }
 
-fn pack_array(array: &Array, tokens: &[u32], out: &mut Vec<u8>) -> std::result::Result<(), usize> {
+fn pack_array(array: &UsdArray, tokens: &[u32], out: &mut Vec<u8>) -> std::result::Result<(), usize> {
     match array {
-        Array::Int(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
-        Array::Int64(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
-        Array::Float(v) => pack_f32(v, out)?,
-        Array::Float2(v) => pack_f32(v.as_flattened(), out)?,
-        Array::Float3(v) => pack_f32(v.as_flattened(), out)?,
-        Array::Float4(v) => pack_f32(v.as_flattened(), out)?,
-        Array::Quatf(v) => pack_f32(v.as_flattened(), out)?,
-        Array::Half3(v) => pack_f16(v.as_flattened(), out)?,
-        Array::Quath(v) => pack_f16(v.as_flattened(), out)?,
-        Array::Matrix4d(v) => pack_f64(v.as_flattened(), out)?,
-        Array::Token(_) => out.extend(tokens.iter().flat_map(|x| x.to_le_bytes())),
+        UsdArray::Int(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
+        UsdArray::Int64(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
+        UsdArray::Float(v) => pack_f32(v, out)?,
+        UsdArray::Float2(v) => pack_f32(v.as_flattened(), out)?,
+        UsdArray::Float3(v) => pack_f32(v.as_flattened(), out)?,
+        UsdArray::Float4(v) => pack_f32(v.as_flattened(), out)?,
+        UsdArray::Quatf(v) => pack_f32(v.as_flattened(), out)?,
+        UsdArray::Half3(v) => pack_f16(v.as_flattened(), out)?,
+        UsdArray::Quath(v) => pack_f16(v.as_flattened(), out)?,
+        UsdArray::Matrix4d(v) => pack_f64(v.as_flattened(), out)?,
+        UsdArray::Token(_) => out.extend(tokens.iter().flat_map(|x| x.to_le_bytes())),
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sink::Sink;
+use super::byte_sink::ByteSink;
 use osier_base::fence::Output;
 use osier_base::{Error, Result};
 
@@ -14,7 +14,7 @@ const DATE: u16 = 1 << 5 | 1;
 const PADDING_ID: u16 = 0x1986;
 
 /// A whole member that follows the root layer.
-pub(super) struct Member {
+pub(super) struct PackageMember {
     /// Path in the package.
     pub(super) name: String,
     /// Content.
@@ -22,17 +22,17 @@ pub(super) struct Member {
 }
 
 /// A package being written: its root layer streams through, then come the other members.
-pub(super) struct Package {
+pub(super) struct UsdzPackage {
     out: Output,
     start: u64,
-    /// Checksum of all bytes of the root layer but its first [`Package::head`].
-    tail: Crc,
+    /// Checksum of all bytes of the root layer but its first [`UsdzPackage::head`].
+    tail: Crc32,
     head: Vec<u8>,
-    others: Vec<Member>,
-    entries: Vec<Entry>,
+    others: Vec<PackageMember>,
+    entries: Vec<ZipEntry>,
 }
 
-struct Entry {
+struct ZipEntry {
     name: String,
     offset: u64,
     bytes: u64,
@@ -42,27 +42,27 @@ struct Entry {
 /// Bytes at the front of the root layer that may be rewritten.
 const HEAD: usize = 128;
 
-impl Package {
+impl UsdzPackage {
     /// Starts a package with a root layer of that name; `others` follow it.
-    pub(super) fn new(mut out: Output, root: &str, others: Vec<Member>) -> Result<Self> {
+    pub(super) fn new(mut out: Output, root: &str, others: Vec<PackageMember>) -> Result<Self> {
         let start = local_header(&mut out, root, 0, 0)?;
-        let entries = vec![Entry { name: root.to_owned(), offset: 0, bytes: 0, crc: 0 }];
-        Ok(Self { out, start, tail: Crc::default(), head: Vec::new(), others, entries })
+        let entries = vec![ZipEntry { name: root.to_owned(), offset: 0, bytes: 0, crc: 0 }];
+        Ok(Self { out, start, tail: Crc32::default(), head: Vec::new(), others, entries })
     }
 
-    fn directory(&mut self) -> Result<()> {
+    fn write_central_directory(&mut self) -> Result<()> {
         let start = self.out.position();
         for e in &self.entries {
             let mut h = Vec::new();
             h.extend(0x0201_4b50_u32.to_le_bytes());
             h.extend([10_u16, 10, 0, 0, 0, DATE].iter().flat_map(|x| x.to_le_bytes()));
             h.extend(e.crc.to_le_bytes());
-            h.extend(small(e.bytes)?.to_le_bytes());
-            h.extend(small(e.bytes)?.to_le_bytes());
+            h.extend(zip_u32(e.bytes)?.to_le_bytes());
+            h.extend(zip_u32(e.bytes)?.to_le_bytes());
             h.extend(length(&e.name)?.to_le_bytes());
             // No extra field, no comment, disk 0, no attributes.
             h.extend([0; 12]);
-            h.extend(small(e.offset)?.to_le_bytes());
+            h.extend(zip_u32(e.offset)?.to_le_bytes());
             h.extend(e.name.as_bytes());
             self.out.put(&h)?;
         }
@@ -70,14 +70,14 @@ impl Package {
         let count = u16::try_from(self.entries.len()).map_err(|_| too_large())?;
         let mut h = 0x0605_4b50_u32.to_le_bytes().to_vec();
         h.extend([0, 0, count, count].iter().flat_map(|x: &u16| x.to_le_bytes()));
-        h.extend(small(bytes)?.to_le_bytes());
-        h.extend(small(start)?.to_le_bytes());
+        h.extend(zip_u32(bytes)?.to_le_bytes());
+        h.extend(zip_u32(start)?.to_le_bytes());
         h.extend([0; 2]);
         self.out.put(&h)
     }
 }
 
-impl Sink for Package {
+impl ByteSink for UsdzPackage {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         let into_head = bytes.len().min(HEAD - self.head.len().min(HEAD));
         let (head, tail) = bytes.split_at(into_head);
@@ -100,7 +100,7 @@ impl Sink for Package {
 
     fn commit(mut self: Box<Self>) -> Result<()> {
         let bytes = self.out.position() - self.start;
-        let mut head = Crc::default();
+        let mut head = Crc32::default();
         head.update(&self.head);
         let crc = head.followed_by(&self.tail);
         if let Some(root) = self.entries.first_mut() {
@@ -108,18 +108,18 @@ impl Sink for Package {
             root.crc = crc;
         }
         let mut fields = crc.to_le_bytes().to_vec();
-        fields.extend(small(bytes)?.to_le_bytes());
-        fields.extend(small(bytes)?.to_le_bytes());
+        fields.extend(zip_u32(bytes)?.to_le_bytes());
+        fields.extend(zip_u32(bytes)?.to_le_bytes());
         self.out.put_at(14, &fields)?;
         for member in std::mem::take(&mut self.others) {
-            let mut crc = Crc::default();
+            let mut crc = Crc32::default();
             crc.update(&member.bytes);
             let (offset, bytes) = (self.out.position(), member.bytes.len() as u64);
             local_header(&mut self.out, &member.name, crc.value(), bytes)?;
             self.out.put(&member.bytes)?;
-            self.entries.push(Entry { name: member.name, offset, bytes, crc: crc.value() });
+            self.entries.push(ZipEntry { name: member.name, offset, bytes, crc: crc.value() });
         }
-        self.directory()?;
+        self.write_central_directory()?;
         self.out.commit()
     }
 }
@@ -131,8 +131,8 @@ fn local_header(out: &mut Output, name: &str, crc: u32, bytes: u64) -> Result<u6
     let mut h = 0x0403_4b50_u32.to_le_bytes().to_vec();
     h.extend([10_u16, 0, 0, 0, DATE].iter().flat_map(|x| x.to_le_bytes()));
     h.extend(crc.to_le_bytes());
-    h.extend(small(bytes)?.to_le_bytes());
-    h.extend(small(bytes)?.to_le_bytes());
+    h.extend(zip_u32(bytes)?.to_le_bytes());
+    h.extend(zip_u32(bytes)?.to_le_bytes());
     h.extend(length(name)?.to_le_bytes());
     let padding = u16::try_from(padding).map_err(|_| too_large())?;
     h.extend((padding + 4).to_le_bytes());
@@ -144,7 +144,7 @@ fn local_header(out: &mut Output, name: &str, crc: u32, bytes: u64) -> Result<u6
     Ok(out.position())
 }
 
-fn small(n: u64) -> Result<u32> {
+fn zip_u32(n: u64) -> Result<u32> {
     u32::try_from(n).map_err(|_| too_large())
 }
 
@@ -164,15 +164,15 @@ fn too_large() -> Error {
 /// The checksum of zip archives.
 /// Source: ISO 3309 CRC-32, polynomial 0xedb88320 reflected.
 #[derive(Debug, Clone, Default)]
-struct Crc {
+struct Crc32 {
     state: u32,
     length: u64,
 }
 
 /// Eight tables, so that eight bytes are folded at a time.
-const TABLES: [[u32; 256]; 8] = tables();
+const CRC_TABLES: [[u32; 256]; 8] = crc_tables();
 
-const fn tables() -> [[u32; 256]; 8] {
+const fn crc_tables() -> [[u32; 256]; 8] {
     let mut t = [[0_u32; 256]; 8];
     let mut i = 0;
     let mut byte = 0_u32;
@@ -199,17 +199,17 @@ const fn tables() -> [[u32; 256]; 8] {
     t
 }
 
-impl Crc {
+impl Crc32 {
     fn update(&mut self, bytes: &[u8]) {
         let mut c = !self.state;
         let (eights, rest) = bytes.as_chunks::<8>();
         for b in eights {
             let [a0, a1, a2, a3] = c.to_le_bytes();
             let mixed = [b[0] ^ a0, b[1] ^ a1, b[2] ^ a2, b[3] ^ a3, b[4], b[5], b[6], b[7]];
-            c = mixed.iter().zip(TABLES.iter().rev()).fold(0, |c, (x, t)| c ^ t[usize::from(*x)]);
+            c = mixed.iter().zip(CRC_TABLES.iter().rev()).fold(0, |c, (x, t)| c ^ t[usize::from(*x)]);
         }
         for b in rest {
-            c = (c >> 8) ^ TABLES[0][usize::from(c.to_le_bytes()[0] ^ b)];
+            c = (c >> 8) ^ CRC_TABLES[0][usize::from(c.to_le_bytes()[0] ^ b)];
         }
         self.state = !c;
         self.length += bytes.len() as u64;
@@ -244,8 +244,8 @@ impl Crc {
 mod tests {
     use super::*;
 
-    fn crc(bytes: &[u8]) -> Crc {
-        let mut c = Crc::default();
+    fn crc(bytes: &[u8]) -> Crc32 {
+        let mut c = Crc32::default();
         c.update(bytes);
         c
     }

@@ -4,7 +4,7 @@ use osier_base::Result;
 use osier_base::fence::Output;
 
 /// A growing run of bytes with a head that can be rewritten.
-pub(super) trait Sink: Send {
+pub(super) trait ByteSink: Send {
     /// Appends bytes.
     fn put(&mut self, bytes: &[u8]) -> Result<()>;
     /// Overwrites bytes at an offset; appending goes on at the end.
@@ -17,11 +17,11 @@ pub(super) trait Sink: Send {
 
 /// Counts bytes and keeps none: for a layer that is on disk already, of which others still need to know what it holds.
 #[derive(Debug, Default)]
-pub(super) struct Discard {
+pub(super) struct CountingSink {
     position: u64,
 }
 
-impl Sink for Discard {
+impl ByteSink for CountingSink {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.position += bytes.len() as u64;
         Ok(())
@@ -40,7 +40,7 @@ impl Sink for Discard {
     }
 }
 
-impl Sink for Output {
+impl ByteSink for Output {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         Self::put(self, bytes)
     }

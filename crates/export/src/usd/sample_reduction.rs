@@ -6,23 +6,23 @@
 use glam::{Quat, Vec3};
 
 /// Most frames between two written samples. It bounds the memory that waits, and the search.
-const LONGEST: usize = 8;
+const MAX_GAP: usize = 8;
 
 /// What can be interpolated, and how far off the result may be.
-pub(super) trait Element: Copy {
+pub(super) trait Interpolated: Copy {
     /// Whether `self`, a share `at` of the way from `a` to `b`, is within `tolerance` of what lies there.
     fn is_between(&self, a: &Self, b: &Self, at: f32, tolerance: f32) -> bool;
 }
 
 /// Tolerance: m.
-impl Element for Vec3 {
+impl Interpolated for Vec3 {
     fn is_between(&self, a: &Self, b: &Self, at: f32, tolerance: f32) -> bool {
         (a.lerp(*b, at) - *self).length_squared() <= tolerance * tolerance
     }
 }
 
 /// Tolerance: rad.
-impl Element for Quat {
+impl Interpolated for Quat {
     fn is_between(&self, a: &Self, b: &Self, at: f32, tolerance: f32) -> bool {
         // The straight chord, made a unit quaternion again, leaves the arc by less than a thousandth of the angle.
         let between = (*a * (1.0 - at) + *b * at).normalize();
@@ -33,54 +33,51 @@ impl Element for Quat {
 
 /// A frame of an array.
 #[derive(Debug, Clone)]
-struct Sample<T> {
-    time: f64,
-    values: Vec<T>,
+pub(super) struct TimeSample<T> {
+    pub(super) time: f64,
+    pub(super) values: Vec<T>,
 }
 
 /// The samples of one array that wait until it is known whether they are needed.
 #[derive(Debug)]
-pub(super) struct Thinned<T> {
+pub(super) struct SampleReducer<T> {
     tolerance: f32,
     /// The last one that was written.
-    last: Option<Sample<T>>,
-    waiting: Vec<Sample<T>>,
+    last: Option<TimeSample<T>>,
+    waiting: Vec<TimeSample<T>>,
 }
 
-/// A sample to write.
-pub(super) type Due<T> = (f64, Vec<T>);
-
-impl<T: Element> Thinned<T> {
+impl<T: Interpolated> SampleReducer<T> {
     /// Nothing yet. `tolerance`: in the element's unit; 0 keeps every frame.
     pub(super) fn new(tolerance: f32) -> Self {
         Self { tolerance, last: None, waiting: Vec::new() }
     }
 
     /// Takes a frame; returns the samples that are to be written before more arrive, in order.
-    pub(super) fn push(&mut self, time: f64, values: Vec<T>) -> Option<Due<T>> {
-        let sample = Sample { time, values };
+    pub(super) fn push(&mut self, time: f64, values: Vec<T>) -> Option<TimeSample<T>> {
+        let sample = TimeSample { time, values };
         if self.last.is_none() || self.tolerance <= 0.0 {
             self.last = Some(sample.clone());
-            return Some((sample.time, sample.values));
+            return Some(sample);
         }
-        let due = if self.waiting.len() >= LONGEST || !self.restores(&sample) { self.waiting.pop() } else { None };
+        let due = if self.waiting.len() >= MAX_GAP || !self.restores(&sample) { self.waiting.pop() } else { None };
         if let Some(due) = &due {
             self.waiting.clear();
             self.last = Some(due.clone());
         }
         self.waiting.push(sample);
-        due.map(|d| (d.time, d.values))
+        due
     }
 
     /// The last frame, if it has not been written.
-    pub(super) fn finish(&mut self) -> Option<Due<T>> {
+    pub(super) fn finish(&mut self) -> Option<TimeSample<T>> {
         let last = self.waiting.pop();
         self.waiting.clear();
-        last.map(|s| (s.time, s.values))
+        last
     }
 
     /// Whether all that wait lie between the last written sample and this one.
-    fn restores(&self, next: &Sample<T>) -> bool {
+    fn restores(&self, next: &TimeSample<T>) -> bool {
         let Some(last) = &self.last else { return false };
         self.waiting.iter().all(|w| {
             let at = osier_base::math::narrow((w.time - last.time) / (next.time - last.time));
@@ -94,8 +91,8 @@ impl<T: Element> Thinned<T> {
 mod tests {
     use super::*;
 
-    fn thinned(tolerance: f32, frames: &[Vec<Vec3>]) -> Vec<Due<Vec3>> {
-        let mut t = Thinned::new(tolerance);
+    fn thinned(tolerance: f32, frames: &[Vec<Vec3>]) -> Vec<TimeSample<Vec3>> {
+        let mut t = SampleReducer::new(tolerance);
         let mut out: Vec<_> = frames.iter().zip(0..).filter_map(|(f, i)| t.push(f64::from(i), f.clone())).collect();
         out.extend(t.finish());
         out
@@ -107,13 +104,13 @@ mod tests {
         let frames: Vec<Vec<Vec3>> = (0..100_u16).map(|i| vec![wave(i), wave(i + 7)]).collect();
         let kept = thinned(0.004, &frames);
         assert!(kept.len() < 60, "{}", kept.len());
-        assert!((kept[0].0, kept[kept.len() - 1].0) == (0.0, 99.0), "both ends stay");
+        assert!((kept[0].time, kept[kept.len() - 1].time) == (0.0, 99.0), "both ends stay");
         for (i, frame) in frames.iter().enumerate() {
-            let b = kept.iter().position(|k| k.0 >= i as f64).expect("inside").max(1);
+            let b = kept.iter().position(|k| k.time >= i as f64).expect("inside").max(1);
             let (a, b) = (&kept[b - 1], &kept[b]);
-            let at = osier_base::math::narrow((i as f64 - a.0) / (b.0 - a.0));
+            let at = osier_base::math::narrow((i as f64 - a.time) / (b.time - a.time));
             for (k, v) in frame.iter().enumerate() {
-                assert!((a.1[k].lerp(b.1[k], at) - *v).length() <= 0.004 + 1e-6);
+                assert!((a.values[k].lerp(b.values[k], at) - *v).length() <= 0.004 + 1e-6);
             }
         }
         assert_eq!(thinned(0.0, &frames).len(), 100, "a tolerance of 0 keeps all");

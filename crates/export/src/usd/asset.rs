@@ -1,0 +1,47 @@
+//! An asset as a prim with everything beneath it.
+
+use super::layer::{UsdContext, AnimatedPrim, LayerBuilder};
+use super::{instancer, mesh, points, skel, wetness_primvar};
+use osier_base::Result;
+use osier_base::fence::Names;
+use osier_scene::Asset;
+
+/// Writes an asset at rest under `root`, a prim that exists. Returns what changes with the frames.
+pub(super) fn define_asset(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, asset: &Asset) -> Result<Vec<Box<dyn AnimatedPrim>>> {
+    let mut names = Names::default();
+    // The materials' scope.
+    names.unique("mtl");
+    let mut parts = Vec::new();
+    parts.extend(skel::define_skel_root(cx, layer, root, asset, &mut names)?);
+    for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| !skel::is_skinned(asset, m)) {
+        let path = format!("{root}/{}", names.unique(&object.name));
+        let varying = object.motion == osier_scene::MeshMotion::Varying;
+        let place = mesh::MeshPrim { root, path: &path, skinned: false, varying };
+        parts.extend(mesh::define_unskinned(cx, layer, i, &place, object)?);
+        parts.extend(wetness_primvar::define_wetness(cx, layer, i, &path, object)?);
+    }
+    for (i, instances) in asset.instancers.iter().enumerate() {
+        let path = format!("{root}/{}", names.unique(&instances.name));
+        parts.extend(instancer::define_instancer(cx, layer, i, root, &path, instances)?);
+    }
+    for (i, cloud) in asset.points.iter().enumerate() {
+        let path = format!("{root}/{}", names.unique(&cloud.name));
+        parts.extend(points::define_points(cx, layer, i, root, &path, cloud)?);
+    }
+    for (i, curves) in asset.curves.iter().enumerate() {
+        let path = format!("{root}/{}", names.unique(&curves.name));
+        parts.extend(points::define_curves(cx, layer, i, root, &path, curves)?);
+    }
+    Ok(parts)
+}
+
+/// Writes the twins of an asset's tracked instancers under `root`.
+pub(super) fn define_point_twins(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, asset: &Asset) -> Result<Vec<Box<dyn AnimatedPrim>>> {
+    let mut names = Names::default();
+    let mut parts = Vec::new();
+    for (i, instances) in asset.instancers.iter().enumerate().filter(|(_, x)| x.tracked) {
+        let path = format!("{root}/{}", names.unique(&instances.name));
+        parts.push(instancer::define_point_twin(cx, layer, i, &path, instances)?);
+    }
+    Ok(parts)
+}

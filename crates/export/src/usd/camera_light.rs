@@ -1,0 +1,84 @@
+//! Camera and lights.
+
+use glam::{Mat3, Quat, Vec3};
+
+use super::layer::{UsdContext, LayerBuilder};
+use super::value::UsdValue;
+use osier_base::Result;
+use osier_base::math;
+use osier_scene::{Fog, Trs};
+
+/// Height of the picture on the film, tenths of a metre: 24 mm.
+const FILM: f32 = 0.24;
+/// Width to height of the picture.
+const ASPECT: f32 = 16.0 / 9.0;
+
+/// Writes camera, sun and sky under `root`. `picture`: path of the sky's equirectangular picture, seen from the layer; without one
+/// the sky is of one colour.
+pub(super) fn define_camera_and_lights(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, picture: Option<&str>) -> Result<()> {
+    define_camera(cx, layer, &format!("{root}/camera"))?;
+    define_sun(cx, layer, &format!("{root}/sun"))?;
+    define_sky(cx, layer, &format!("{root}/sky"), picture)?;
+    define_fog(cx, layer, &format!("{root}/fog"))
+}
+
+/// Haze as numbers for whoever renders: a prim whose properties Blender shows as its own. Density: per metre.
+fn define_fog(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
+    let Some(fog) = cx.scene.sky.fog else { return Ok(()) };
+    layer.define_prim(path, "Xform")?;
+    let property = |name: &str| format!("{path}.userProperties:fog_{name}");
+    layer.set_attr(&property("color"), "color3f", UsdValue::Float3(fog.color))?;
+    layer.set_attr(&property("density"), "float", UsdValue::Float(Fog::CONTRAST / fog.visibility))?;
+    layer.set_attr(&property("height"), "float", UsdValue::Float(fog.height))?;
+    layer.set_attr(&property("visibility"), "float", UsdValue::Float(fog.visibility))?;
+    Ok(())
+}
+
+fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
+    let camera = &cx.scene.camera;
+    layer.define_prim(path, "Camera")?;
+    let far = (camera.eye.length() + camera.target.length()) * 100.0 + 1000.0;
+    let focal = FILM * 0.5 / math::tan_f32(camera.vfov * 0.5);
+    layer.set_attr(&format!("{path}.clippingRange"), "float2", UsdValue::Float2([0.01, far]))?;
+    layer.set_attr(&format!("{path}.focalLength"), "float", UsdValue::Float(focal))?;
+    layer.set_attr(&format!("{path}.focusDistance"), "float", UsdValue::Float((camera.target - camera.eye).length()))?;
+    layer.set_attr(&format!("{path}.horizontalAperture"), "float", UsdValue::Float(FILM * ASPECT))?;
+    layer.set_uniform(&format!("{path}.projection"), "token", UsdValue::Token("perspective"))?;
+    layer.set_attr(&format!("{path}.verticalAperture"), "float", UsdValue::Float(FILM))?;
+    let [right, up, back] = camera.axes();
+    let r = Quat::from_mat3(&Mat3::from_cols(right, up, back));
+    let place = Trs { t: cx.up.vec(camera.eye), r: cx.up.stage_from_world() * r, s: Vec3::ONE };
+    layer.set_xform_ops(path, &place)
+}
+
+fn define_sun(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<()> {
+    let sun = &cx.scene.sun;
+    layer.define_prim(path, "DistantLight")?;
+    let degrees = sun.angle * 180.0 / std::f32::consts::PI;
+    layer.set_attr(&format!("{path}.inputs:angle"), "float", UsdValue::Float(degrees))?;
+    layer.set_attr(&format!("{path}.inputs:color"), "color3f", UsdValue::Float3(sun.color))?;
+    // The measure of a light whose brightness does not depend on its angle, as Blender writes and reads it.
+    layer.set_attr(&format!("{path}.inputs:intensity"), "float", UsdValue::Float(sun.strength / 4.0))?;
+    layer.set_attr(&format!("{path}.inputs:normalize"), "bool", UsdValue::Bool(true))?;
+    // Light leaves along -Z.
+    let r = math::rotation_between(Vec3::Z, sun.direction());
+    // Where it stands does not matter to the light, only to whoever wants to grab it.
+    let t = cx.up.vec(cx.scene.camera.target + sun.direction() * 10.0);
+    layer.set_xform_ops(path, &Trs { t, r: cx.up.stage_from_world() * r, s: Vec3::ONE })
+}
+
+fn define_sky(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, picture: Option<&str>) -> Result<()> {
+    let sky = &cx.scene.sky;
+    layer.define_prim(path, "DomeLight")?;
+    if let Some(picture) = picture {
+        layer.set_attr(&format!("{path}.inputs:intensity"), "float", UsdValue::Float(1.0))?;
+        layer.set_attr(&format!("{path}.inputs:texture:file"), "asset", UsdValue::Asset(picture))?;
+        layer.set_attr(&format!("{path}.inputs:texture:format"), "token", UsdValue::Token("latlong"))?;
+        // The pole of such a picture is +Y on every stage.
+        return layer.set_xform_ops(path, &Trs { r: cx.up.stage_from_world(), ..Trs::IDENTITY });
+    }
+    let mean: [f32; 3] = std::array::from_fn(|i| (sky.horizon[i] + sky.zenith[i]) * 0.5);
+    layer.set_attr(&format!("{path}.inputs:color"), "color3f", UsdValue::Float3(mean))?;
+    layer.set_attr(&format!("{path}.inputs:intensity"), "float", UsdValue::Float(sky.strength))?;
+    Ok(())
+}
