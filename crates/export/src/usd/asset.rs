@@ -1,13 +1,18 @@
 //! An asset as a prim with everything beneath it.
 
-use super::layer::{UsdContext, AnimatedPrim, LayerBuilder};
+use super::layer::{AnimatedPrim, LayerBuilder, UsdContext};
 use super::{instancer, mesh, points, skel, wetness_primvar};
 use osier_base::Result;
 use osier_base::fence::Names;
 use osier_scene::Asset;
 
 /// Writes an asset at rest under `root`, a prim that exists. Returns what changes with the frames.
-pub(super) fn define_asset(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, asset: &Asset) -> Result<Vec<Box<dyn AnimatedPrim>>> {
+pub(super) fn define_asset(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    asset: &Asset,
+) -> Result<Vec<Box<dyn AnimatedPrim>>> {
     let mut names = Names::default();
     // The materials' scope.
     names.unique("mtl");
@@ -36,7 +41,12 @@ pub(super) fn define_asset(cx: &UsdContext, layer: &mut LayerBuilder, root: &str
 }
 
 /// Writes the twins of an asset's tracked instancers under `root`.
-pub(super) fn define_point_twins(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, asset: &Asset) -> Result<Vec<Box<dyn AnimatedPrim>>> {
+pub(super) fn define_point_twins(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    asset: &Asset,
+) -> Result<Vec<Box<dyn AnimatedPrim>>> {
     let mut names = Names::default();
     let mut parts = Vec::new();
     for (i, instances) in asset.instancers.iter().enumerate().filter(|(_, x)| x.tracked) {

@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-use super::layer::{UsdContext, LayerBuilder};
+use super::layer::{LayerBuilder, UsdContext};
 use super::value::UsdValue;
 use osier_base::Result;
 use osier_base::math;
@@ -15,7 +15,12 @@ const ASPECT: f32 = 16.0 / 9.0;
 
 /// Writes camera, sun and sky under `root`. `picture`: path of the sky's equirectangular picture, seen from the layer; without one
 /// the sky is of one colour.
-pub(super) fn define_camera_and_lights(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, picture: Option<&str>) -> Result<()> {
+pub(super) fn define_camera_and_lights(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    picture: Option<&str>,
+) -> Result<()> {
     define_camera(cx, layer, &format!("{root}/camera"))?;
     define_sun(cx, layer, &format!("{root}/sun"))?;
     define_sky(cx, layer, &format!("{root}/sky"), picture)?;
@@ -41,7 +46,11 @@ fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Resul
     let focal = FILM * 0.5 / math::tan_f32(camera.vfov * 0.5);
     layer.set_attr(&format!("{path}.clippingRange"), "float2", UsdValue::Float2([0.01, far]))?;
     layer.set_attr(&format!("{path}.focalLength"), "float", UsdValue::Float(focal))?;
-    layer.set_attr(&format!("{path}.focusDistance"), "float", UsdValue::Float((camera.target - camera.eye).length()))?;
+    layer.set_attr(
+        &format!("{path}.focusDistance"),
+        "float",
+        UsdValue::Float((camera.target - camera.eye).length()),
+    )?;
     layer.set_attr(&format!("{path}.horizontalAperture"), "float", UsdValue::Float(FILM * ASPECT))?;
     layer.set_uniform(&format!("{path}.projection"), "token", UsdValue::Token("perspective"))?;
     layer.set_attr(&format!("{path}.verticalAperture"), "float", UsdValue::Float(FILM))?;

@@ -6,10 +6,10 @@ use half::slice::HalfFloatSliceExt as _;
 
 use super::axis::{UpAxis, extent};
 use super::instancer_extent::PrototypeBoxes;
-use super::mesh::{MeshPrim, VelocityAttr, define_mesh};
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext, canonical_quat, nearest_quat};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta, VariantSet, variant_path};
-use super::layer::{UsdContext, AnimatedPrim, AssetSample, LayerBuilder, nearest_quat, canonical_quat};
-use super::sample_reduction::{TimeSample, SampleReducer};
+use super::mesh::{MeshPrim, VelocityAttr, define_mesh};
+use super::sample_reduction::{SampleReducer, TimeSample};
 use super::value::UsdArray;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
@@ -78,7 +78,8 @@ pub(super) fn define_instancer(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     index: usize,
-    root: &str, path: &str,
+    root: &str,
+    path: &str,
     instancer: &Instancer,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
     layer.define_prim(path, "PointInstancer")?;
@@ -99,7 +100,8 @@ pub(super) fn define_instancer(
     let dies = instancer.motion == InstancerMotion::Free || !hidden.is_empty();
     let invisible = dies.then(|| set(layer, "invisibleIds", "int64[]", UsdArray::Int64(&hidden))).transpose()?;
     let orientations = set(layer, "orientations", "quath[]", UsdArray::Quath(&orientations))?;
-    let positions = set(layer, "positions", "point3f[]", UsdArray::Float3(as_float3(&up.vecs(&instancer.rest.positions))))?;
+    let positions =
+        set(layer, "positions", "point3f[]", UsdArray::Float3(as_float3(&up.vecs(&instancer.rest.positions))))?;
     set(layer, "protoIndices", "int[]", UsdArray::Int(&protos))?;
     set(layer, "scales", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
     define_prototypes(cx, layer, root, path, instancer)?;
@@ -126,7 +128,13 @@ pub(super) fn define_instancer(
     })))
 }
 
-fn define_prototypes(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path: &str, instancer: &Instancer) -> Result<()> {
+fn define_prototypes(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    path: &str,
+    instancer: &Instancer,
+) -> Result<()> {
     let names: Vec<String> = (0..instancer.prototypes.len()).map(|i| format!("{path}/Prototypes/p{i:03}")).collect();
     layer.writer.create_relationship(&format!("{path}.prototypes"), &names)?;
     layer.define_prim(&format!("{path}/Prototypes"), "Scope")?;
@@ -136,7 +144,9 @@ fn define_prototypes(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path
             continue;
         }
         match &proto.fine {
-            Some(_) => layer.define_prim(name, "Xform").and_then(|()| define_prototype(cx, layer, root, name, proto))?,
+            Some(_) => {
+                layer.define_prim(name, "Xform").and_then(|()| define_prototype(cx, layer, root, name, proto))?
+            }
             None => {
                 let place = MeshPrim { root, path: name, skinned: false, varying: false };
                 define_mesh(cx, layer, &place, &proto.mesh).map(|_| ())?;
@@ -147,24 +157,39 @@ fn define_prototypes(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path
 }
 
 /// Levels of detail as variants of one prim, which shows the prototype's own unless a reader chooses.
-fn define_lod_variants(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path: &str, proto: &Prototype) -> Result<()> {
+fn define_lod_variants(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    path: &str,
+    proto: &Prototype,
+) -> Result<()> {
     let mut all: Vec<&Prototype> = std::iter::once(proto).chain(&proto.others).collect();
     all.sort_by(|a, b| a.level.cmp(&b.level));
     let names = all.iter().map(|p| p.level.clone()).collect();
     let variants = Some(VariantSet { set: LOD_VARIANT_SET, names, selection: proto.level.clone() });
     layer.writer.define_prim(path, "Xform", &PrimMeta { variants, ..PrimMeta::default() })?;
-    all.into_iter().try_for_each(|p| define_prototype(cx, layer, root, &variant_path(path, LOD_VARIANT_SET, &p.level), p))
+    all.into_iter()
+        .try_for_each(|p| define_prototype(cx, layer, root, &variant_path(path, LOD_VARIANT_SET, &p.level), p))
 }
 
 /// Contents of a prototype beneath a prim: its mesh, or curves and what is not curves.
-fn define_prototype(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path: &str, proto: &Prototype) -> Result<()> {
+fn define_prototype(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    path: &str,
+    proto: &Prototype,
+) -> Result<()> {
     let mesh = proto.fine.as_ref().map_or(&proto.mesh, |fine| &fine.mesh);
     if !mesh.triangles.is_empty() {
         let path = format!("{path}/body");
         define_mesh(cx, layer, &MeshPrim { root, path: &path, skinned: false, varying: false }, mesh)?;
     }
     match &proto.fine {
-        Some(fine) => super::points::define_curves(cx, layer, 0, root, &format!("{path}/hairs"), &fine.curves).map(|_| ()),
+        Some(fine) => {
+            super::points::define_curves(cx, layer, 0, root, &format!("{path}/hairs"), &fine.curves).map(|_| ())
+        }
         None => Ok(()),
     }
 }
@@ -184,7 +209,12 @@ impl InstancerSamples {
         self.write_samples(layer, turns, places)
     }
 
-    fn write_samples(&self, layer: &mut LayerBuilder, turns: Option<TimeSample<Quat>>, places: Option<TimeSample<Vec3>>) -> Result<()> {
+    fn write_samples(
+        &self,
+        layer: &mut LayerBuilder,
+        turns: Option<TimeSample<Quat>>,
+        places: Option<TimeSample<Vec3>>,
+    ) -> Result<()> {
         if let Some(TimeSample { time, values: turns }) = turns {
             layer.writer.set_time_sample(self.orientations, time, UsdArray::Quath(&to_quath(&turns)).into())?;
         }

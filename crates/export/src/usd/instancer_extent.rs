@@ -80,7 +80,8 @@ impl InstanceBoxes {
     /// At most `LANES` instances: scale, middle and half sides.
     fn of(each: &[Option<[Vec3; 3]>]) -> Self {
         let lane = |l: usize| each.get(l).copied().flatten();
-        let of = |what: usize| transpose_lanes(&std::array::from_fn(|l| lane(l).map_or(Vec3::ZERO, |shape| shape[what])));
+        let of =
+            |what: usize| transpose_lanes(&std::array::from_fn(|l| lane(l).map_or(Vec3::ZERO, |shape| shape[what])));
         // Rounded quaternions make matrices that stretch by less than a hundredth.
         let reach = |[scale, center, half]: [Vec3; 3]| 1.01 * ((scale * center).length() + (scale * half).length());
         Self {

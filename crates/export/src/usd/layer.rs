@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Tolerance;
 use super::axis::UpAxis;
-use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta, LayerWriter};
+use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMeta};
 use super::value::UsdValue;
 use crate::sheets::Map;
 use osier_base::Result;
@@ -113,7 +113,11 @@ impl LayerBuilder {
     /// Names the files of wet sheets at a frame.
     pub(super) fn sample_map_textures(&mut self, cx: &UsdContext, frame: u32) -> Result<()> {
         for s in &self.map_textures {
-            self.writer.set_time_sample(s.attr, f64::from(frame), UsdValue::Asset(&cx.map_file(s.sheet, s.map, frame)))?;
+            self.writer.set_time_sample(
+                s.attr,
+                f64::from(frame),
+                UsdValue::Asset(&cx.map_file(s.sheet, s.map, frame)),
+            )?;
         }
         Ok(())
     }
@@ -124,7 +128,13 @@ impl LayerBuilder {
     }
 
     /// Binds a prim beneath `root` to a material of that root's own scope, which is defined_materials when first used.
-    pub(super) fn bind_material(&mut self, cx: &UsdContext, root: &str, prim: &str, material: MaterialId) -> Result<()> {
+    pub(super) fn bind_material(
+        &mut self,
+        cx: &UsdContext,
+        root: &str,
+        prim: &str,
+        material: MaterialId,
+    ) -> Result<()> {
         let scope = format!("{root}/mtl");
         let Some(own) = cx.scene.materials.get(material as usize) else { return Ok(()) };
         let path = format!("{scope}/{}", safe_name(&own.name));

@@ -1,7 +1,7 @@
 //! Materials as UsdPreviewSurface networks.
 
-use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta, LayerWriter};
-use super::layer::{UsdContext, MapTexture};
+use super::layer::{MapTexture, UsdContext};
+use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMeta};
 use super::value::UsdValue;
 use crate::sheets::Map;
 use osier_base::Result;
@@ -11,7 +11,12 @@ use osier_scene::{Material, MaterialClass};
 const FILM: f32 = 0.05;
 
 /// Writes a material and its shaders. Returns the pictures of it that change with the frames.
-pub(super) fn define_material(cx: &UsdContext, writer: &mut dyn LayerWriter, path: &str, m: &Material) -> Result<Vec<MapTexture>> {
+pub(super) fn define_material(
+    cx: &UsdContext,
+    writer: &mut dyn LayerWriter,
+    path: &str,
+    m: &Material,
+) -> Result<Vec<MapTexture>> {
     let sheet = cx.map_sequence(m);
     writer.define_prim(path, "Material", &PrimMeta::default())?;
     let surface = format!("{path}/surface");
@@ -139,8 +144,11 @@ struct TextureNode<'a> {
 fn define_texture(writer: &mut dyn LayerWriter, network: &str, picture: &TextureNode) -> Result<AttrHandle> {
     let path = format!("{network}/{}", picture.name);
     define_shader(writer, &path, "UsdUVTexture")?;
-    let file =
-        writer.create_attr(&format!("{path}.inputs:file"), &AttrSpec::new("asset"), Some(UsdValue::Asset(&picture.file)))?;
+    let file = writer.create_attr(
+        &format!("{path}.inputs:file"),
+        &AttrSpec::new("asset"),
+        Some(UsdValue::Asset(&picture.file)),
+    )?;
     let mut s = ShaderPrim { writer, path: &path, network };
     s.connect("st", "float2", "st.outputs:result")?;
     let color = picture.name == "color";

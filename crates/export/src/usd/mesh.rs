@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 
 use super::axis::{UpAxis, extent};
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
-use super::layer::{UsdContext, AnimatedPrim, AssetSample, LayerBuilder};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::fence::safe_name;
@@ -82,7 +82,12 @@ fn material_faces(mesh: &Mesh) -> Vec<(MaterialId, Vec<i32>)> {
 }
 
 /// Writes a mesh at rest.
-pub(super) fn define_mesh(cx: &UsdContext, layer: &mut LayerBuilder, place: &MeshPrim, mesh: &Mesh) -> Result<MeshAttrs> {
+pub(super) fn define_mesh(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    place: &MeshPrim,
+    mesh: &Mesh,
+) -> Result<MeshAttrs> {
     let families = material_faces(mesh);
     let mut api = vec!["MaterialBindingAPI"];
     if place.skinned {
@@ -129,14 +134,23 @@ pub(super) fn define_mesh(cx: &UsdContext, layer: &mut LayerBuilder, place: &Mes
 }
 
 /// One coordinate per point, looked up by face corner: the corners' indices are those of the faces, stored once.
-fn define_st(layer: &mut LayerBuilder, place: &MeshPrim, mesh: &Mesh, corners: &[i32]) -> Result<Option<[AttrHandle; 2]>> {
+fn define_st(
+    layer: &mut LayerBuilder,
+    place: &MeshPrim,
+    mesh: &Mesh,
+    corners: &[i32],
+) -> Result<Option<[AttrHandle; 2]>> {
     if mesh.uvs.is_empty() && !place.varying {
         return Ok(None);
     }
     let spec = AttrSpec::primvar("texCoord2f[]", "faceVarying");
-    let st =
-        layer.writer.create_attr(&format!("{}.primvars:st", place.path), &spec, Some(UsdArray::Float2(&st_or_zeros(mesh)).into()))?;
-    let indices = layer.set_attr(&format!("{}.primvars:st:indices", place.path), "int[]", UsdArray::Int(corners).into())?;
+    let st = layer.writer.create_attr(
+        &format!("{}.primvars:st", place.path),
+        &spec,
+        Some(UsdArray::Float2(&st_or_zeros(mesh)).into()),
+    )?;
+    let indices =
+        layer.set_attr(&format!("{}.primvars:st:indices", place.path), "int[]", UsdArray::Int(corners).into())?;
     Ok(Some([st, indices]))
 }
 
@@ -176,10 +190,20 @@ fn set_partition_family(layer: &mut LayerBuilder, path: &str) -> Result<()> {
 }
 
 /// The faces of one material of the mesh at `of.0`.
-fn define_subset(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, of: (&str, MaterialId), faces: &[i32]) -> Result<AttrHandle> {
+fn define_subset(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    of: (&str, MaterialId),
+    faces: &[i32],
+) -> Result<AttrHandle> {
     let name = cx.scene.materials.get(of.1 as usize).map_or("faces", |m| m.name.as_str());
     let path = format!("{}/{}", of.0, safe_name(name));
-    layer.writer.define_prim(&path, "GeomSubset", &PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() })?;
+    layer.writer.define_prim(
+        &path,
+        "GeomSubset",
+        &PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() },
+    )?;
     layer.set_uniform(&format!("{path}.elementType"), "token", UsdValue::Token("face"))?;
     layer.set_uniform(&format!("{path}.familyName"), "token", UsdValue::Token("materialBind"))?;
     let indices = layer.set_attr(&format!("{path}.indices"), "int[]", UsdArray::Int(faces).into())?;
@@ -268,7 +292,13 @@ pub(super) struct VaryingMesh {
 }
 
 impl VaryingMesh {
-    pub(super) fn new(cx: &UsdContext, layer: &mut LayerBuilder, index: usize, place: &MeshPrim, mesh: &Mesh) -> Result<Self> {
+    pub(super) fn new(
+        cx: &UsdContext,
+        layer: &mut LayerBuilder,
+        index: usize,
+        place: &MeshPrim,
+        mesh: &Mesh,
+    ) -> Result<Self> {
         let attrs = define_mesh(cx, layer, place, mesh)?;
         let still = vec![[0.0; 3]; mesh.points.len()];
         let path = format!("{}.velocities", place.path);

@@ -5,25 +5,25 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-mod axis;
 mod asset;
-mod instancer_extent;
-mod plant_instancer;
-mod instancer;
+mod axis;
+mod byte_sink;
 mod camera_light;
+mod instancer;
+mod instancer_extent;
+mod layer;
+mod layer_writer;
 mod material;
 mod mesh;
+mod plant_instancer;
 mod points;
-mod byte_sink;
-mod skel;
-mod layer_writer;
-mod layer;
 mod sample_reduction;
+mod skel;
 mod usda;
 mod usdc;
+mod usdz;
 mod value;
 mod wetness_primvar;
-mod usdz;
 
 pub use axis::UpAxis;
 
@@ -31,15 +31,15 @@ use super::estimate::EstimateInput;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning, exr};
-use plant_instancer::SinglePlacement;
+use byte_sink::{ByteSink, CountingSink};
+use layer::{AnimatedPrim, AssetSample, LayerBuilder, MaterialBinding, UsdContext};
+use layer_writer::{CompositionArc, LayerMeta, LayerWriter, PrimMeta};
 use osier_base::fence::safe_name;
 use osier_base::fence::{Folder, Output};
 use osier_base::geometry::Bounds;
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, Scene, asset_bounds};
-use byte_sink::{CountingSink, ByteSink};
-use layer_writer::{CompositionArc, LayerMeta, PrimMeta, LayerWriter};
-use layer::{MaterialBinding, UsdContext, AnimatedPrim, AssetSample, LayerBuilder};
+use plant_instancer::SinglePlacement;
 
 /// What may be chosen about USD files.
 #[derive(Debug, Clone, PartialEq)]
@@ -174,7 +174,11 @@ impl Usd {
             }
             if let Some(out) = self.folder.create(&format!("usd/{name}.points.usdc"), "usdc.points", None)? {
                 let mut layer = new_layer(cx, Box::new(usdc::UsdcWriter::new(Box::new(out))), &name)?;
-                layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
+                layer.writer.define_prim(
+                    &root,
+                    "Xform",
+                    &PrimMeta { kind: Some("component"), ..PrimMeta::default() },
+                )?;
                 let parts = asset::define_point_twins(cx, &mut layer, &root, asset)?;
                 self.push_layer(layer, None, parts.into_iter().map(|p| (i, p)).collect());
             }
@@ -182,7 +186,12 @@ impl Usd {
         Ok(())
     }
 
-    fn push_layer(&mut self, layer: LayerBuilder, payload_of: Option<usize>, parts: Vec<(usize, Box<dyn AnimatedPrim>)>) {
+    fn push_layer(
+        &mut self,
+        layer: LayerBuilder,
+        payload_of: Option<usize>,
+        parts: Vec<(usize, Box<dyn AnimatedPrim>)>,
+    ) {
         self.layers.push(OpenLayer { layer, payload_of, parts, failed: None });
     }
 
@@ -221,7 +230,8 @@ impl Usd {
         for group in &plan.instancers {
             group.define(&mut layer)?;
             for (individual, path) in &group.prototypes {
-                let shown = AssetPrim { asset: individual.asset, ahead: individual.phase, may_share: false, kind: None };
+                let shown =
+                    AssetPrim { asset: individual.asset, ahead: individual.phase, may_share: false, kind: None };
                 parts.extend(define_asset_prim(cx, &mut layer, path, shown, &mut first)?);
             }
         }
@@ -400,7 +410,13 @@ fn payload_arc(cx: &UsdContext, asset: usize, ahead: u32, folder: &str) -> Optio
 
 /// Binds what a payload at `path` shows to the materials of the scene's root, so that readers that make a material for every
 /// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change, and so does what stands in a variant.
-fn rebind_materials(cx: &UsdContext, layer: &mut LayerBuilder, root: &str, path: &str, bindings: &[MaterialBinding]) -> Result<()> {
+fn rebind_materials(
+    cx: &UsdContext,
+    layer: &mut LayerBuilder,
+    root: &str,
+    path: &str,
+    bindings: &[MaterialBinding],
+) -> Result<()> {
     let own = |b: &MaterialBinding| {
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.wet.is_some())
     };

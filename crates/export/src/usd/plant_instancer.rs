@@ -9,8 +9,8 @@ use half::f16;
 
 use super::axis::{UpAxis, extent};
 use super::instancer::sequential_ids;
+use super::layer::{LayerBuilder, UsdContext, canonical_quat};
 use super::layer_writer::{AttrSpec, PrimMeta};
-use super::layer::{UsdContext, LayerBuilder, canonical_quat};
 use super::value::UsdArray;
 use osier_base::Result;
 use osier_base::fence::{Names, safe_name};
@@ -126,7 +126,8 @@ impl PlantInstancer<'_> {
             corners.unwrap_or_default()
         };
         let around = self.members.iter().zip(&stands).map(box_of).fold(Bounds::default(), Bounds::union);
-        let orientations: Vec<[f16; 4]> = stands.iter().map(|s| canonical_quat(s.r).to_array().map(f16::from_f32)).collect();
+        let orientations: Vec<[f16; 4]> =
+            stands.iter().map(|s| canonical_quat(s.r).to_array().map(f16::from_f32)).collect();
         let positions: Vec<[f32; 3]> = stands.iter().map(|s| s.t.to_array()).collect();
         let scales: Vec<[f32; 3]> = stands.iter().map(|s| s.s.to_array()).collect();
         let protos: Vec<i32> = self.members.iter().map(|(_, k)| i32::try_from(*k).unwrap_or(i32::MAX)).collect();
@@ -143,7 +144,11 @@ impl PlantInstancer<'_> {
         let phases: Vec<f32> =
             self.members.iter().map(|(p, _)| osier_base::math::narrow(f64::from(p.phase) / fps)).collect();
         let path = format!("{}.primvars:phase", self.path);
-        layer.writer.create_attr(&path, &AttrSpec::primvar("float[]", "vertex"), Some(UsdArray::Float(&phases).into()))?;
+        layer.writer.create_attr(
+            &path,
+            &AttrSpec::primvar("float[]", "vertex"),
+            Some(UsdArray::Float(&phases).into()),
+        )?;
         let paths: Vec<String> = self.prototypes.iter().map(|(_, path)| path.clone()).collect();
         layer.writer.create_relationship(&format!("{}.prototypes", self.path), &paths)
     }

@@ -4,9 +4,9 @@ use glam::Vec3;
 
 use super::axis::extent;
 use super::instancer::{points_extent, sequential_ids};
-use super::mesh::VelocityAttr;
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
-use super::layer::{UsdContext, AnimatedPrim, AssetSample, LayerBuilder};
+use super::mesh::VelocityAttr;
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::geometry::Bounds;
@@ -59,7 +59,8 @@ pub(super) fn define_points(
         layer.writer.create_attr(&format!("{path}.primvars:{}", a.name), &spec, Some(UsdArray::Int(&values).into()))?;
     }
     let spec = AttrSpec::primvar("float[]", "vertex");
-    let widths = layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&cloud.widths).into()))?;
+    let widths =
+        layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&cloud.widths).into()))?;
     layer.bind_material(cx, root, path, cloud.material)?;
     let velocities = VelocityAttr::default();
     let part = PointsSamples { index, path: path.to_owned(), extent, points, widths, velocities, colors };

@@ -4,9 +4,9 @@ use glam::Quat;
 use half::f16;
 
 use super::axis::{extent, matrix4d};
-use super::mesh::{MeshPrim, define_mesh};
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext, canonical_quat, nearest_quat};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
-use super::layer::{UsdContext, AnimatedPrim, AssetSample, LayerBuilder, nearest_quat, canonical_quat};
+use super::mesh::{MeshPrim, define_mesh};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::fence::{Names, safe_name};

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext};
 use super::layer_writer::{AttrHandle, AttrSpec};
-use super::layer::{UsdContext, AnimatedPrim, AssetSample, LayerBuilder};
 use super::value::UsdArray;
 use osier_base::Result;
 use osier_scene::{Mesh, MeshObject, WetMaps};
@@ -44,7 +44,8 @@ pub(super) fn define_wetness(
     };
     let values = sample_at_points(&object.mesh, wet.side, wet.rest.as_ref());
     let spec = AttrSpec::primvar("float[]", "vertex");
-    let attr = layer.writer.create_attr(&format!("{path}.primvars:wetness"), &spec, Some(UsdArray::Float(&values).into()))?;
+    let attr =
+        layer.writer.create_attr(&format!("{path}.primvars:wetness"), &spec, Some(UsdArray::Float(&values).into()))?;
     Ok(Some(Box::new(WetnessPrimvar { index, sheet, attr })))
 }
 

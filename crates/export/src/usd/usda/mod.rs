@@ -6,7 +6,9 @@ mod text;
 use std::collections::BTreeMap;
 
 use super::byte_sink::ByteSink;
-use super::layer_writer::{AttrHandle, AttrSpec, LayerMeta, PrimMeta, LayerWriter, split_prim_path, split_property_path, variant_path};
+use super::layer_writer::{
+    AttrHandle, AttrSpec, LayerMeta, LayerWriter, PrimMeta, split_prim_path, split_property_path, variant_path,
+};
 use super::value::UsdValue;
 use osier_base::{Error, Result};
 
@@ -174,7 +176,8 @@ impl LayerWriter for UsdaWriter {
         self.count_bytes(default.as_ref().map_or(0, String::len))?;
         let lines = spec.connection.iter().map(|source| format!("{declaration}.connect = <{source}>")).collect();
         let metadata = text::attr_metadata(spec);
-        let property = TextProperty { path: path.to_owned(), declaration, default, metadata, samples: Vec::new(), lines };
+        let property =
+            TextProperty { path: path.to_owned(), declaration, default, metadata, samples: Vec::new(), lines };
         let place = self.add_property(path, property)?;
         self.attrs.push(place);
         Ok(AttrHandle(self.attrs.len() - 1))

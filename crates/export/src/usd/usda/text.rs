@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use crate::usd::layer_writer::{CompositionArc, AttrSpec, LayerMeta, PrimMeta};
+use crate::usd::layer_writer::{AttrSpec, CompositionArc, LayerMeta, PrimMeta};
 use crate::usd::value::{UsdArray, UsdValue};
 use osier_base::{Error, Result};
 
@@ -80,7 +80,8 @@ pub(super) fn prim_header(type_name: &str, name: &str, meta: &PrimMeta) -> Strin
         lines.push(format!("prepend references = {}", composition_arc(reference)));
     }
     if let Some(variants) = &meta.variants {
-        let chosen = format!("variants = {{\n        string {} = {}\n    }}", variants.set, quoted(&variants.selection));
+        let chosen =
+            format!("variants = {{\n        string {} = {}\n    }}", variants.set, quoted(&variants.selection));
         lines.push(chosen);
         lines.push(format!("prepend variantSets = {}", quoted(variants.set)));
     }

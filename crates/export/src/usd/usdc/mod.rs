@@ -3,15 +3,18 @@
 //!
 //! Source: the crate format as usd-core reads it.
 
-mod value_heap;
 mod integer_coding;
 mod sections;
+mod value_heap;
 
-use value_heap::{ValueHeap, inline_value_rep, type_code};
 use sections::{Interner, PathTable, SpecEntry, SpecKind};
+use value_heap::{ValueHeap, inline_value_rep, type_code};
 
 use super::byte_sink::ByteSink;
-use super::layer_writer::{AttrHandle, AttrSpec, CompositionArc, LayerMeta, PrimMeta, LayerWriter, VariantSet, split_prim_path, split_property_path, variant_path};
+use super::layer_writer::{
+    AttrHandle, AttrSpec, CompositionArc, LayerMeta, LayerWriter, PrimMeta, VariantSet, split_prim_path,
+    split_property_path, variant_path,
+};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 
@@ -367,7 +370,12 @@ impl LayerWriter for UsdcWriter {
             let value = self.path_list(std::slice::from_ref(source))?;
             self.set_field(number, "connectionPaths", value);
         }
-        self.attrs.push(AttrSamples { spec: number, path: path.to_owned(), values: Vec::new(), when: SampleTimes::Consecutive(0) });
+        self.attrs.push(AttrSamples {
+            spec: number,
+            path: path.to_owned(),
+            values: Vec::new(),
+            when: SampleTimes::Consecutive(0),
+        });
         Ok(AttrHandle(self.attrs.len() - 1))
     }
 
@@ -380,7 +388,9 @@ impl LayerWriter for UsdcWriter {
         match &mut samples.when {
             SampleTimes::Consecutive(first) if n == 0 => *first = time_index,
             SampleTimes::Consecutive(first) if *first + n == time_index => {}
-            SampleTimes::Consecutive(first) => samples.when = SampleTimes::Indices((*first..*first + n).chain([time_index]).collect()),
+            SampleTimes::Consecutive(first) => {
+                samples.when = SampleTimes::Indices((*first..*first + n).chain([time_index]).collect())
+            }
             SampleTimes::Indices(list) => list.push(time_index),
         }
         samples.values.push(value);
@@ -462,8 +472,8 @@ mod tests {
         writer.begin(&meta).expect("begin");
         writer.define_prim("/a", "PointInstancer", &PrimMeta::default()).expect("prim");
         let types = [("positions", "point3f[]"), ("orientations", "quath[]"), ("scales", "float3[]")];
-        let attrs =
-            types.map(|(name, kind)| writer.create_attr(&format!("/a.{name}"), &AttrSpec::new(kind), None).expect("attr"));
+        let attrs = types
+            .map(|(name, kind)| writer.create_attr(&format!("/a.{name}"), &AttrSpec::new(kind), None).expect("attr"));
         for f in 1..=frames {
             #[allow(clippy::cast_precision_loss, reason = "small numbers")]
             let at = |i: u32, k: u32| (i * 7 + k * 31 + f * 13) as f32 * 0.01;

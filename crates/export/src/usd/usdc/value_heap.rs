@@ -114,10 +114,14 @@ impl ValueHeap {
         };
         let reference = match array {
             UsdArray::Int(v) if v.len() >= MIN_COMPRESSED => {
-                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| packed(heap, integer_coding::compress_i32(v)))
+                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| {
+                    packed(heap, integer_coding::compress_i32(v))
+                })
             }
             UsdArray::Int64(v) if v.len() >= MIN_COMPRESSED => {
-                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| packed(heap, integer_coding::compress_i64(v)))
+                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| {
+                    packed(heap, integer_coding::compress_i64(v))
+                })
             }
             _ => self.deduplicated(kind, flags, &bytes, |heap| {
                 heap.sink.put(&count)?;
