@@ -119,7 +119,7 @@ pub fn bark(grown: &Grown, recipe: &PlantRecipe, kind: &Kind, work: &Work<'_>) -
         Some(tree) => ((*tree.wood).clone(), tree.bindings.clone()),
         None => {
             let bark = skin(&grown.plant, &skin_options(&recipe.skin, kind.tile, work))?;
-            (bark.mesh, bark.binding.iter().map(|b| (b.axis, b.s)).collect())
+            (bark.mesh, bark.bindings.iter().map(|b| (b.axis, b.s)).collect())
         }
     };
     to_scene(&mut mesh, kind.first_material);

@@ -106,10 +106,10 @@ fn bad_triangles(skin: &Skin) -> (usize, usize) {
 
 fn assert_sound(skin: &Skin) {
     let m = &skin.mesh;
-    assert_eq!((m.points.len(), m.points.len()), (m.normals.len(), skin.binding.len()));
+    assert_eq!((m.points.len(), m.points.len()), (m.normals.len(), skin.bindings.len()));
     assert!(m.points.iter().all(|p| p.is_finite()) && m.uvs.iter().all(|p| p.is_finite()));
     assert!(m.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4));
-    assert!(skin.binding.iter().all(|b| b.s.is_finite() && b.s >= 0.0));
+    assert!(skin.bindings.iter().all(|b| b.s.is_finite() && b.s >= 0.0));
     let covered: u32 = m.subsets.iter().map(|s| s.count).sum();
     assert_eq!(covered as usize, m.triangles.len());
 }
@@ -182,7 +182,7 @@ fn used_memory_does_not_show() {
         let fresh = skin(plant, &options).expect("skin");
         assert!(again.mesh.points == fresh.mesh.points && again.mesh.normals == fresh.mesh.normals);
         assert!(again.mesh.triangles == fresh.mesh.triangles && again.mesh.uvs == fresh.mesh.uvs);
-        assert!(again.binding == fresh.binding && again.tubes == fresh.tubes);
+        assert!(again.bindings == fresh.bindings && again.tubes == fresh.tubes);
     }
 }
 
@@ -222,7 +222,7 @@ fn feet_of_branches_lie_on_their_parent() {
         let (first, count) = (tube.points.0 as usize, tube.points.1 as usize);
         let r_c = plant.nodes.r[plant.axes[1].first as usize];
         // Points bound to the trunk are the hidden cap's corners, its middle, and the foot, which is written last.
-        let glued: Vec<usize> = (first..first + count).filter(|&i| skin.binding[i].axis == 0).collect();
+        let glued: Vec<usize> = (first..first + count).filter(|&i| skin.bindings[i].axis == 0).collect();
         let per_row = (glued.len() - 1) / 2;
         for k in 0..per_row {
             assert_eq!(skin.mesh.points[glued[k]], skin.mesh.points[glued[per_row + 1 + k]], "the cap closes the foot");
@@ -346,6 +346,6 @@ fn threads_do_not_change_the_bytes() {
         let other = run(n);
         assert!(one.mesh.points == other.mesh.points && one.mesh.normals == other.mesh.normals);
         assert!(one.mesh.triangles == other.mesh.triangles && one.mesh.uvs == other.mesh.uvs);
-        assert!(one.binding == other.binding);
+        assert!(one.bindings == other.bindings);
     }
 }

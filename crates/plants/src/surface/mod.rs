@@ -13,5 +13,5 @@ mod pictured;
 mod pixels;
 pub mod terrain;
 
-pub use loft::{Binding, Skin, SkinOptions, Tube, UvMode, skin, skin_into};
+pub use loft::{AxisBinding, Skin, SkinOptions, TubeRange, UvMode, skin, skin_into};
 pub use material::SurfaceMaterial;

@@ -1,45 +1,23 @@
 //! Third pass: points, normals, texture coordinates, bindings and triangles, filled in place.
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 
-use super::foot;
-use super::link::{Circles, Layout, Link, rolled, v_of, v_scale};
-use super::plan::{Base, Cap, Plan, Plans};
+use super::junction;
+use super::layout::{CircleTables, MaterialRun, SkinLayout, v_scale};
 use super::rings::Ring;
-use super::row::{Out, Row};
-use super::{Binding, Skin, SkinOptions, Tube};
+use super::tube::{SkinContext, TubeJob};
+use super::tube_plan::{TubeCap, TubePlans, TubeStart};
+use super::tuning::POINTS_PER_TASK;
+use super::writer::{PointRing, TubeWriter};
+use super::{AxisBinding, Skin, SkinOptions, TubeRange};
 use osier_base::par::par_each;
 use osier_scene::plant::Plant;
 use osier_scene::{Mesh, Subset};
 
-/// Points filled as one piece of work.
-const RUN: u32 = 1 << 16;
-
-/// What all tubes share.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Shared<'a> {
-    pub plant: &'a Plant,
-    pub options: &'a SkinOptions,
-    pub plans: &'a Plans,
-    pub links: &'a [Link],
-    pub circles: &'a Circles,
-}
-
-/// One tube being written.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Job<'a> {
-    pub shared: Shared<'a>,
-    pub axis: u32,
-    pub plan: &'a Plan,
-    pub link: Link,
-    pub rings: &'a [Ring],
-    pub circle: &'a [[f32; 3]],
-}
-
-/// Fills the arrays of `skin`, whose memory is used again where it suffices.
-pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &Plans, layout: Layout, skin: &mut Skin) {
-    let circles = Circles::new(options.sides.1);
-    let (points, triangles) = (layout.totals.0 as usize, layout.totals.1 as usize);
+/// Fills the arrays of `skin`, whose buffers are reused where they are large enough.
+pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &TubePlans, layout: SkinLayout, skin: &mut Skin) {
+    let circles = CircleTables::new(options.sides.1);
+    let (points, triangles) = (layout.points as usize, layout.triangles as usize);
     let old = std::mem::take(&mut skin.mesh);
     skin.mesh = Mesh {
         points: sized(old.points, points),
@@ -49,18 +27,18 @@ pub(super) fn emit(plant: &Plant, options: &SkinOptions, plans: &Plans, layout: 
         subsets: subsets(&layout.subsets),
         ..Mesh::default()
     };
-    skin.binding = sized(std::mem::take(&mut skin.binding), points);
-    let shared = Shared { plant, options, plans, links: &layout.links, circles: &circles };
-    let mut runs = split(&layout.tubes, &mut skin.mesh, &mut skin.binding);
-    par_each(&mut runs, |(tubes, out)| {
+    skin.bindings = sized(std::mem::take(&mut skin.bindings), points);
+    let context = SkinContext { plant, options, plans, params: &layout.params, circles: &circles };
+    let mut tasks = split_arrays(&layout.tubes, &mut skin.mesh, &mut skin.bindings);
+    par_each(&mut tasks, |(tubes, out)| {
         for tube in *tubes {
-            write(&shared, tube.axis, out);
+            write_tube(&TubeJob::new(context, tube.axis), out);
         }
     });
     skin.tubes = layout.tubes;
 }
 
-/// The buffer with `n` entries, all of which are written afterwards: what it held may stay in it until then.
+/// The buffer with `n` entries. The caller overwrites them all, so old entries are not cleared.
 fn sized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> {
     if buffer.capacity() < n {
         drop(buffer);
@@ -70,153 +48,117 @@ fn sized<T: bytemuck::Zeroable + Clone>(mut buffer: Vec<T>, n: usize) -> Vec<T> 
     buffer
 }
 
-fn subsets(runs: &[(u16, u32)]) -> Vec<Subset> {
+/// Consecutive triangles of one material as subsets of a mesh.
+fn subsets(runs: &[MaterialRun]) -> Vec<Subset> {
     let mut first = 0;
-    let subset = |&(material, count): &(u16, u32)| {
-        let s = Subset { material: material.into(), first, count };
-        first += count;
-        s
+    let subset = |run: &MaterialRun| {
+        let subset = Subset { material: run.material.into(), first, count: run.triangles };
+        first += run.triangles;
+        subset
     };
     runs.iter().map(subset).collect()
 }
 
-/// Cuts the arrays into shares for whole tubes.
-fn split<'a>(tubes: &'a [Tube], mesh: &'a mut Mesh, binding: &'a mut [Binding]) -> Vec<(&'a [Tube], Out<'a>)> {
+/// Splits the arrays into tasks of whole tubes, about [`POINTS_PER_TASK`] points each.
+fn split_arrays<'a>(
+    tubes: &'a [TubeRange],
+    mesh: &'a mut Mesh,
+    bindings: &'a mut [AxisBinding],
+) -> Vec<(&'a [TubeRange], TubeWriter<'a>)> {
     let (mut points, mut normals) = (mesh.points.as_mut_slice(), mesh.normals.as_mut_slice());
     let (mut uvs, mut triangles) = (mesh.uvs.as_mut_slice(), mesh.triangles.as_mut_slice());
-    let mut binding = binding;
+    let mut bindings = bindings;
     let mut rest = tubes;
-    let mut runs = Vec::new();
+    let mut tasks = Vec::new();
     while let Some(first) = rest.first() {
-        let base = first.points.0;
-        let n = rest.partition_point(|t| t.points.0 - base < RUN).max(1);
+        let first_point = first.points.0;
+        let n = rest.partition_point(|t| t.points.0 - first_point < POINTS_PER_TASK).max(1);
         let (run, after) = rest.split_at(n);
         let p = run.iter().map(|t| t.points.1 as usize).sum();
         let t = run.iter().map(|t| t.triangles.1 as usize).sum();
-        runs.push((
+        tasks.push((
             run,
-            Out {
-                points: take(&mut points, p),
-                normals: take(&mut normals, p),
-                uvs: take(&mut uvs, p),
-                binding: take(&mut binding, p),
-                triangles: take(&mut triangles, t),
-                base,
-                at: 0,
-                done: 0,
+            TubeWriter {
+                points: split_off(&mut points, p),
+                normals: split_off(&mut normals, p),
+                uvs: split_off(&mut uvs, p),
+                bindings: split_off(&mut bindings, p),
+                triangles: split_off(&mut triangles, t),
+                first_point,
+                points_written: 0,
+                triangles_written: 0,
             },
         ));
         rest = after;
     }
-    runs
+    tasks
 }
 
-fn take<'a, T>(from: &mut &'a mut [T], n: usize) -> &'a mut [T] {
+/// Splits the first `n` entries off a slice.
+fn split_off<'a, T>(from: &mut &'a mut [T], n: usize) -> &'a mut [T] {
     let (head, tail) = std::mem::take(from).split_at_mut(n);
     *from = tail;
     head
 }
 
-fn write(shared: &Shared<'_>, axis: u32, out: &mut Out<'_>) {
-    let i = axis as usize;
-    let link = shared.links[i];
-    let job = Job {
-        shared: *shared,
-        axis,
-        plan: shared.plans.of(i),
-        link,
-        rings: shared.plans.rings(i),
-        circle: shared.circles.of(link.sides),
-    };
-    job.tube(out);
+/// Writes one tube: start, rings from the base to the tip, end.
+fn write_tube(tube: &TubeJob<'_>, out: &mut TubeWriter<'_>) {
+    let v_scale = v_scale(tube.context.options, &tube.params);
+    let mut below = write_start(tube, out);
+    for ring in tube.rings {
+        let first = out.ring(&tube.point_ring(ring, v_scale), tube.circle);
+        if let Some(below) = below {
+            out.quad_strip(below, first, tube.params.sides);
+        }
+        below = Some(first);
+    }
+    if let (Some(last), Some(first)) = (tube.rings.last(), below) {
+        write_end(tube, last, first, out);
+    }
 }
 
-impl Job<'_> {
-    fn tube(&self, out: &mut Out<'_>) {
-        let n = self.link.sides;
-        let (rows, v) = (self.rings, v_scale(self.shared.options, &self.link));
-        let mut below = self.begin(out);
-        for ring in rows {
-            let row = self.row(ring, v);
-            let first = out.row(&row, self.circle);
-            if let Some(below) = below {
-                out.band(below, first, n);
+/// Writes the cap below the first ring or, for a side branch, its junction. Returns the first point of the ring that the first
+/// regular ring is joined to.
+fn write_start(tube: &TubeJob<'_>, out: &mut TubeWriter<'_>) -> Option<u32> {
+    let first = tube.rings.first()?;
+    if let TubeStart::Side(site) = &tube.plan.start {
+        return Some(junction::write_junction(tube, site, out));
+    }
+    let ring = tube.point_ring(first, v_scale(tube.context.options, &tube.params));
+    tube.write_disc(&ring, first.t, true, out);
+    None
+}
+
+/// Writes the cap above the last ring. `below`: that ring's first point.
+fn write_end(tube: &TubeJob<'_>, ring: &Ring, below: u32, out: &mut TubeWriter<'_>) {
+    let n = tube.params.sides;
+    let base = tube.point_ring(ring, v_scale(tube.context.options, &tube.params));
+    let raised = |height: f32, v: f32| PointRing {
+        c: base.c + ring.t * (height * ring.r),
+        uv: [base.uv[0], base.uv[1], base.uv[2] + v],
+        ..base
+    };
+    // v over one radius beyond the ring: 1 / (2 pi) of the repeats around, as on the wall.
+    let step = 0.16 * tube.params.repeats;
+    let write_apex = |below: u32, out: &mut TubeWriter<'_>| {
+        let tip = raised(1.0, step);
+        let uv = Vec2::new(tip.uv[0] + 0.5 * tip.uv[1], tip.uv[2]);
+        let apex = out.point(tip.c, ring.t, uv, base.binding);
+        out.triangle_fan(below, apex, n, false);
+    };
+    match tube.params.cap {
+        TubeCap::Disc => tube.write_disc(&base, ring.t, false, out),
+        TubeCap::Point => write_apex(below, out),
+        TubeCap::Dome => {
+            // Rings at 30 and 60 degrees of a hemisphere.
+            let mut below = below;
+            for (sin, cos) in [(0.5, 0.866_025_4), (0.866_025_4, 0.5_f32)] {
+                let dome = PointRing { r: ring.r * cos, axial: ring.t * sin, radial: cos, ..raised(sin, sin * step) };
+                let first = out.ring(&dome, tube.circle);
+                out.quad_strip(below, first, n);
+                below = first;
             }
-            below = Some(first);
-        }
-        if let (Some(last), Some(row)) = (rows.last(), below) {
-            self.end(last, row, out);
-        }
-    }
-
-    /// Cap below the first row and, for a side branch, its foot; the row that the first ring is joined to.
-    fn begin(&self, out: &mut Out<'_>) -> Option<u32> {
-        let first = self.rings.first()?;
-        if let Base::Side(foot) = &self.plan.base {
-            return Some(foot::write(self, foot, out));
-        }
-        let row = self.row(first, v_scale(self.shared.options, &self.link));
-        self.disc(&row, first.t, true, out);
-        None
-    }
-
-    /// Row of a regular ring.
-    pub fn row(&self, ring: &Ring, v: f32) -> Row {
-        let e = rolled(ring.t, ring.e, self.link.roll);
-        let out = 1.0 / (1.0 + ring.slope * ring.slope).sqrt();
-        Row {
-            c: ring.c,
-            e,
-            b: ring.t.cross(e),
-            r: ring.r,
-            lean: ring.t * (-ring.slope * out),
-            out,
-            uv: [self.link.uv[0], self.link.repeats, self.link.uv[1] + v * v_of(self.shared.options, ring.v, ring.s)],
-            bind: Binding { axis: self.axis, s: ring.s.max(0.0) },
-        }
-    }
-
-    /// A flat cap on a row, with corners of its own.
-    pub fn disc(&self, row: &Row, t: Vec3, down: bool, out: &mut Out<'_>) {
-        let normal = if down { -t } else { t };
-        let flat = Row { lean: normal, out: 0.0, ..*row };
-        let first = out.row(&flat, self.circle);
-        let uv = Vec2::new(row.uv[0] + 0.5 * row.uv[1], row.uv[2]);
-        let middle = out.point(row.c, normal, uv, row.bind);
-        out.fan(first, middle, self.link.sides, down);
-    }
-
-    fn end(&self, ring: &Ring, below: u32, out: &mut Out<'_>) {
-        let n = self.link.sides;
-        let row = self.row(ring, v_scale(self.shared.options, &self.link));
-        let raised = |height: f32, v: f32| Row {
-            c: row.c + ring.t * (height * ring.r),
-            uv: [row.uv[0], row.uv[1], row.uv[2] + v],
-            ..row
-        };
-        // One radius along the tip is this much of v.
-        let step = 0.16 * self.link.repeats;
-        match self.link.cap {
-            Cap::Disc => self.disc(&row, ring.t, false, out),
-            Cap::Point => {
-                let tip = raised(1.0, step);
-                let uv = Vec2::new(tip.uv[0] + 0.5 * tip.uv[1], tip.uv[2]);
-                let apex = out.point(tip.c, ring.t, uv, row.bind);
-                out.fan(below, apex, n, false);
-            }
-            Cap::Dome => {
-                let mut below = below;
-                for (sin, cos) in [(0.5, 0.866_025_4), (0.866_025_4, 0.5_f32)] {
-                    let dome = Row { r: ring.r * cos, lean: ring.t * sin, out: cos, ..raised(sin, sin * step) };
-                    let first = out.row(&dome, self.circle);
-                    out.band(below, first, n);
-                    below = first;
-                }
-                let tip = raised(1.0, step);
-                let uv = Vec2::new(tip.uv[0] + 0.5 * tip.uv[1], tip.uv[2]);
-                let apex = out.point(tip.c, ring.t, uv, row.bind);
-                out.fan(below, apex, n, false);
-            }
+            write_apex(below, out);
         }
     }
 }

@@ -1,16 +1,31 @@
-//! Tubes around the axes of a plant: rings on rotation-minimising frames, joined where branches leave.
+//! Lofting: one closed tube of rings per axis of a plant, on rotation-minimizing frames, joined where branches leave.
 //!
-//! Three passes: `plan` chooses the rings of every axis on its own, `link` settles counts, offsets and what a branch
-//! inherits from the axis it continues, `emit` fills the arrays in place. The first and the last run in parallel over
-//! fixed runs of axes, so the bytes do not depend on the number of threads.
+//! Three passes: `tube_plan` places the rings of every axis independently; `layout` sets the number of sides, the texture
+//! offsets and index ranges, and what a branch inherits from the axis that it continues; `emit` fills the arrays in place.
+//! The first and the last pass run in parallel over fixed ranges of axes, so the bytes do not depend on the number of threads.
+//!
+//! ```
+//! use osier_plants::surface::{SkinOptions, skin};
+//! use osier_scene::plant::Plant;
+//!
+//! # fn main() -> osier_base::Result<()> {
+//! // A plant without axes has a skin without points; `turtle::grow` makes plants worth skinning.
+//! let skin = skin(&Plant::default(), &SkinOptions::default())?;
+//! assert_eq!(skin.mesh.points.len(), skin.bindings.len());
+//! # Ok(())
+//! # }
+//! ```
 
+mod centerline;
 mod corners;
 mod emit;
-mod foot;
-mod link;
-mod plan;
+mod junction;
+mod layout;
 mod rings;
-mod row;
+mod tube;
+mod tube_plan;
+mod tuning;
+mod writer;
 
 use std::f32::consts::PI;
 
@@ -30,7 +45,7 @@ pub enum UvMode {
 /// How finely and in what style a plant is skinned.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SkinOptions {
-    /// A ring stands wherever the axis turned by more than this since the last one, rad, 0.01..1.5.
+    /// A ring is placed wherever the axis turned by more than this since the last one, rad, 0.01..1.5.
     pub turn: f32,
     /// Length of a polygon side around the base of an axis, m, > 0.
     pub edge: f32,
@@ -38,7 +53,7 @@ pub struct SkinOptions {
     pub sides: (u32, u32),
     /// Size of one repeat of the bark maps, width and height, m, > 0.
     pub tile: [f32; 2],
-    /// Texture coordinates along the axis.
+    /// How v runs along the axis.
     pub uv: UvMode,
     /// How much wider a branch is where it leaves its parent, as a share of its radius, 0..1.
     pub collar: f32,
@@ -69,19 +84,19 @@ impl Default for SkinOptions {
     }
 }
 
-/// Where on the skeleton a point of the skin belongs.
+/// The location on the skeleton that a point of the skin is bound to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Zeroable)]
 #[repr(C)]
-pub struct Binding {
+pub struct AxisBinding {
     /// Index into [`Plant::axes`].
     pub axis: u32,
     /// Arc length on that axis, m, within it.
     pub s: f32,
 }
 
-/// The tube of one axis within the skin.
+/// The points and triangles of one axis within the skin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Tube {
+pub struct TubeRange {
     /// Index into [`Plant::axes`].
     pub axis: u32,
     /// First point and number of points.
@@ -95,40 +110,39 @@ pub struct Tube {
 pub struct Skin {
     /// Tubes of all axes; subsets by material, whose ids are indices into [`Plant::materials`].
     pub mesh: Mesh,
-    /// One per point.
-    pub binding: Vec<Binding>,
-    /// One per axis, in the order of the mesh: by material, then as in the plant. Each is closed when points that share
-    /// a place are welded.
-    pub tubes: Vec<Tube>,
+    /// The skeleton location of each point, parallel to `mesh.points`.
+    pub bindings: Vec<AxisBinding>,
+    /// One per axis, in the order of the mesh: by material, then as in the plant. Each is a closed surface once points that
+    /// share a position are welded.
+    pub tubes: Vec<TubeRange>,
 }
 
 /// Skins a plant that [`osier_scene::plant::validate`] accepted. Each axis becomes one closed tube that starts inside its
-/// parent; side branches stand on a widened foot that lies on the parent's surface, branches at the tip grow out of the
+/// parent; side branches begin with a widened collar that lies on the parent's surface, branches at the tip continue from the
 /// parent's last ring. Positions in m, plant space; normals are exact on cones.
 /// # Errors
 /// `Range` for an option outside its range, `Limit` for more than `max_points` points.
-/// Own: rings, feet and continuations; frames after [`osier_base::math::transport`].
+/// Own: rings, junctions and continuations; frames after [`osier_base::math::transport`].
 pub fn skin(plant: &Plant, options: &SkinOptions) -> Result<Skin> {
     let mut out = Skin::default();
     skin_into(plant, options, &mut out)?;
     Ok(out)
 }
 
-/// As [`skin`], into the memory of an earlier skin, which saves asking the system for fresh pages: for callers that skin
-/// again and again. What `out` held does not matter.
+/// As [`skin`], but reuses the buffers of an earlier skin, which avoids page faults for callers that skin repeatedly. The old
+/// contents of `out` do not matter.
 /// # Errors
-/// As [`skin`]; `out` is then as before.
-/// Own.
+/// As [`skin`]; `out` is then unchanged.
 pub fn skin_into(plant: &Plant, options: &SkinOptions, out: &mut Skin) -> Result<()> {
     check(options)?;
-    let plans = plan::plan(plant, options);
-    let layout = link::link(plant, options, &plans)?;
+    let plans = tube_plan::plan_tubes(plant, options);
+    let layout = layout::lay_out(plant, options, &plans)?;
     emit::emit(plant, options, &plans, layout, out);
     Ok(())
 }
 
 fn check(o: &SkinOptions) -> Result<()> {
-    let rows = [
+    let ranges = [
         ("turn", o.turn, 0.01, 1.5, "rad"),
         ("edge", o.edge, 1e-5, 100.0, "m"),
         ("sides, fewest", o.sides.0 as f32, 3.0, o.sides.1 as f32, ""),
@@ -139,7 +153,7 @@ fn check(o: &SkinOptions) -> Result<()> {
         ("flare", o.flare, 0.0, 2.0, ""),
         ("bury", o.bury, 0.0, 100.0, "m"),
     ];
-    for (name, value, min, max, unit) in rows {
+    for (name, value, min, max, unit) in ranges {
         if !(min..=max).contains(&value) {
             let name = format!("skin: {name}");
             return Err(Error::Range { name, value: value.into(), min: min.into(), max: max.into(), unit });

@@ -2,30 +2,21 @@
 
 use glam::Vec3;
 
+use super::centerline::CurvePoint;
 use super::corners;
+use super::tuning::{MAX_LEAN, MAX_SPACING, MIN_SPACING, SAG, SWELL, TAPER, TILT_PASSES};
 use osier_base::math;
 
-/// A point of a centreline.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Knot {
-    /// Position, m.
-    pub p: Vec3,
-    /// Radius, m.
-    pub r: f32,
-    /// Arc length on the axis, m.
-    pub s: f32,
-}
-
-/// A ring of a tube.
+/// A cross-section of a tube: a circle in the plane normal to the centreline.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ring {
-    /// Centre, m.
+    /// Centre on the centreline, m.
     pub c: Vec3,
-    /// Unit normal of its plane.
+    /// Unit tangent of the centreline, the normal of the plane.
     pub t: Vec3,
-    /// Unit reference in its plane.
+    /// Unit reference in the plane, towards the texture seam; rotation-minimizing along the axis.
     pub e: Vec3,
-    /// Radius, m.
+    /// Radius of the circle, m.
     pub r: f32,
     /// Change of radius per metre.
     pub slope: f32,
@@ -35,63 +26,63 @@ pub(super) struct Ring {
     pub v: f32,
 }
 
-/// Rings are left out where the tangent hardly turned, the radius changed by less than this share ...
-const TAPER: f32 = 0.1;
-/// ... and the last one is nearer than this many radii ...
-const SPACING: f32 = 12.0;
-/// ... and the tube stays nearer to the centreline than this share of its radius, so that branches and leaves meet it.
-const SAG: f32 = 0.15;
-/// ... and is nowhere thicker or thinner than the axis by more than this share.
-const SWELL: f32 = 0.1;
-/// Rings nearer than this many radii to the last one are dropped, but for the last of all.
-const CLOSE: f32 = 0.25;
-
-/// Sweeps along the axis, forth and back, that part crossing rings.
-const PASSES: usize = 4;
-
-/// Working memory of [`choose`], kept from axis to axis.
+/// Buffers of [`place_rings`], reused from axis to axis.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
-    /// Input: the centreline.
-    pub knots: Vec<Knot>,
-    fine: Vec<Knot>,
+pub(super) struct RingScratch {
+    /// Input: the centreline, at least two points that are apart.
+    pub curve: Vec<CurvePoint>,
+    fine: Vec<CurvePoint>,
     tangents: Vec<Vec3>,
 }
 
-/// Appends the rings of the centreline in `scratch.knots` (at least two knots, apart) to `out`. `first`: tangent at the
-/// first knot, or the first segment's direction; `e0`: wanted reference there, any vector; `turn`: rad.
-/// Knots between which the tangent turns by more than `turn` are joined by a centripetal Catmull-Rom curve, or, where
-/// that would bend more tightly than the tube allows, by arcs within the corners.
-pub(super) fn choose(scratch: &mut Scratch, first: Option<Vec3>, e0: Vec3, turn: f32, out: &mut Vec<Ring>) {
-    let start = out.len();
-    tangents(&scratch.knots, first, &mut scratch.tangents);
-    if corners::any_tight(&scratch.knots, turn) {
-        corners::round(&scratch.knots, turn, &mut scratch.fine);
-        tangents(&scratch.fine, first, &mut scratch.tangents);
-    } else if refine(&scratch.knots, &scratch.tangents, turn, &mut scratch.fine) {
-        tangents(&scratch.fine, first, &mut scratch.tangents);
-    }
-    let fixed = first.is_some();
-    select((&scratch.fine, &scratch.tangents), turn, fixed, out);
-    orient(&mut out[start..], e0);
-    if out[start..].windows(2).any(|w| crossing(&w[0], &w[1])) {
-        uncross(&mut out[start..], e0, fixed);
-        drop_crossing(start, out);
-        orient(&mut out[start..], e0);
-    }
-    measure(&mut out[start..]);
+/// What is prescribed for the first ring of a tube.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct FirstRing {
+    /// Unit tangent; `None`: the direction of the first segment.
+    pub tangent: Option<Vec3>,
+    /// Direction of the reference, any vector; its part along the tangent is removed.
+    pub reference: Vec3,
 }
 
-fn direction(a: &Knot, b: &Knot) -> Vec3 {
+/// Appends the rings of the centreline in `scratch.curve` to `out`. `turn`: greatest angle between neighbouring tangents, rad.
+/// Points between which the tangent turns by more are joined by a centripetal Catmull-Rom curve, or, where that would bend
+/// more tightly than the tube allows, by arcs within the corners.
+pub(super) fn place_rings(scratch: &mut RingScratch, first: FirstRing, turn: f32, out: &mut Vec<Ring>) {
+    let FirstRing { tangent: first, reference: e0 } = first;
+    let start = out.len();
+    // Resample the centreline where it bends too much. Where no point was added, the tangents stay valid.
+    set_tangents(&scratch.curve, first, &mut scratch.tangents);
+    if corners::has_tight_corner(&scratch.curve, turn) {
+        corners::fillet_corners(&scratch.curve, turn, &mut scratch.fine);
+        set_tangents(&scratch.fine, first, &mut scratch.tangents);
+    } else if subdivide_bends(&scratch.curve, &scratch.tangents, turn, &mut scratch.fine) {
+        set_tangents(&scratch.fine, first, &mut scratch.tangents);
+    }
+    let fixed = first.is_some();
+    // Keep as few of its points as the tolerances allow, then propagate the reference of the first ring.
+    select_rings(&scratch.fine, &scratch.tangents, turn, fixed, out);
+    transport_references(&mut out[start..], e0);
+    // Rings that intersect would turn quads inside out: tilt them apart, then remove those that still cross.
+    if out[start..].windows(2).any(|w| rings_cross(&w[0], &w[1])) {
+        tilt_crossing_rings(&mut out[start..], e0, fixed);
+        remove_crossing_rings(start, out);
+        transport_references(&mut out[start..], e0);
+    }
+    set_slopes_and_v(&mut out[start..]);
+}
+
+/// Unit direction from `a` to `b`.
+fn direction(a: &CurvePoint, b: &CurvePoint) -> Vec3 {
     math::normalize_or(b.p - a.p, Vec3::Y)
 }
 
-fn tangents(knots: &[Knot], first: Option<Vec3>, out: &mut Vec<Vec3>) {
+/// Unit tangents at the points: the mean direction of both segments, at the ends that of the one segment.
+fn set_tangents(curve: &[CurvePoint], first: Option<Vec3>, out: &mut Vec<Vec3>) {
     out.clear();
-    let Some(second) = knots.get(1) else { return };
-    let mut before = direction(&knots[0], second);
+    let Some(second) = curve.get(1) else { return };
+    let mut before = direction(&curve[0], second);
     out.push(first.unwrap_or(before));
-    for w in knots.windows(2).skip(1) {
+    for w in curve.windows(2).skip(1) {
         let after = direction(&w[0], &w[1]);
         out.push(math::normalize_or(before + after, after));
         before = after;
@@ -99,30 +90,33 @@ fn tangents(knots: &[Knot], first: Option<Vec3>, out: &mut Vec<Vec3>) {
     out.push(before);
 }
 
-/// Copies the knots into `out` and adds points between those that turn too much; true if any were added.
-fn refine(knots: &[Knot], tangents: &[Vec3], turn: f32, out: &mut Vec<Knot>) -> bool {
+/// Copies the curve into `out` and adds points where its tangent turns by more than `turn` (rad); true if any were added.
+fn subdivide_bends(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, out: &mut Vec<CurvePoint>) -> bool {
     out.clear();
     let limit = math::cos_f32(turn);
-    for i in 0..knots.len() {
-        out.push(knots[i]);
-        if i + 1 < knots.len() && tangents[i].dot(tangents[i + 1]) < limit {
-            insert(knots, i, tangents[i].dot(tangents[i + 1]), turn, out);
+    for i in 0..curve.len() {
+        out.push(curve[i]);
+        if i + 1 < curve.len() && tangents[i].dot(tangents[i + 1]) < limit {
+            insert_spline_points(curve, i, tangents[i].dot(tangents[i + 1]), turn, out);
         }
     }
-    out.len() > knots.len()
+    out.len() > curve.len()
 }
 
+/// Appends spline points between points `i` and `i + 1`, whose tangents have this cosine: one per `turn` (rad), at most one per
+/// 0.3 radii.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a ratio of angles, at most 315")]
-fn insert(knots: &[Knot], i: usize, cosine: f32, turn: f32, out: &mut Vec<Knot>) {
-    let (a, b) = (knots[i], knots[i + 1]);
-    let room = a.p.distance(b.p) / (0.3 * a.r.max(b.r));
-    let pieces = (math::acos_f32(cosine.clamp(-1.0, 1.0)) / turn).ceil().min(room).min(8.0) as u32;
-    let before = if i > 0 { knots[i - 1].p } else { a.p * 2.0 - b.p };
-    let after = knots.get(i + 2).map_or(b.p * 2.0 - a.p, |k| k.p);
+fn insert_spline_points(curve: &[CurvePoint], i: usize, cosine: f32, turn: f32, out: &mut Vec<CurvePoint>) {
+    let (a, b) = (curve[i], curve[i + 1]);
+    let most = a.p.distance(b.p) / (0.3 * a.r.max(b.r));
+    let pieces = (math::acos_f32(cosine.clamp(-1.0, 1.0)) / turn).ceil().min(most).min(8.0) as u32;
+    // At the ends of the curve the neighbour is mirrored.
+    let before = if i > 0 { curve[i - 1].p } else { a.p * 2.0 - b.p };
+    let after = curve.get(i + 2).map_or(b.p * 2.0 - a.p, |k| k.p);
     for k in 1..pieces {
         let u = k as f32 / pieces as f32;
         let p = catmull_rom([before, a.p, b.p, after], u);
-        out.push(Knot { p, r: math::lerp(a.r, b.r, u), s: math::lerp(a.s, b.s, u) });
+        out.push(CurvePoint { p, r: math::lerp(a.r, b.r, u), s: math::lerp(a.s, b.s, u) });
     }
 }
 
@@ -139,27 +133,30 @@ fn catmull_rom(p: [Vec3; 4], u: f32) -> Vec3 {
     mix(mix(a, b, 0.0, t2), mix(b, c, t1, t3), t1, t2)
 }
 
-/// `fixed`: the first ring is prescribed, so the second stands a radius away lest it cross it.
-fn select((knots, tangents): (&[Knot], &[Vec3]), turn: f32, fixed: bool, out: &mut Vec<Ring>) {
+/// Appends a ring at every point of the curve that the tolerances ask for, not yet oriented. `fixed`: the first ring is
+/// prescribed, so the second keeps a distance of one radius in order not to cross it.
+fn select_rings(curve: &[CurvePoint], tangents: &[Vec3], turn: f32, fixed: bool, out: &mut Vec<Ring>) {
     let limit = math::cos_f32(turn);
     let (narrow, wide) = (1.0 - TAPER, 1.0 + TAPER);
-    let (start, last) = (out.len(), knots.len().saturating_sub(1));
-    let mut kept: Option<(Knot, Vec3)> = None;
+    let (start, last) = (out.len(), curve.len().saturating_sub(1));
+    let mut kept: Option<(CurvePoint, Vec3)> = None;
     let mut skipped = 0;
-    for (i, (k, t)) in knots.iter().zip(tangents).enumerate() {
-        let wanted = kept.is_none_or(|(l, lt)| {
+    for (i, (k, t)) in curve.iter().zip(tangents).enumerate() {
+        // A ring is needed at the ends, where tangent or radius changed since the last one, after a long gap, and where the
+        // tube without it would leave the centreline or its radii.
+        let needed = kept.is_none_or(|(l, lt)| {
             let gap = k.s - l.s;
-            let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > SPACING * l.r;
-            let close = if fixed && out.len() == start + 1 { 1.0 } else { CLOSE };
-            let sags = || sags(l, &knots[skipped..=i + 1]) || swells(l, &knots[skipped..=i + 1]);
-            i == last || gap > close * l.r && (changed || sags())
+            let changed = lt.dot(*t) < limit || k.r < l.r * narrow || k.r > l.r * wide || gap > MAX_SPACING * l.r;
+            let close = if fixed && out.len() == start + 1 { 1.0 } else { MIN_SPACING };
+            let deviates = || exceeds_sag(l, &curve[skipped..=i + 1]) || exceeds_swell(l, &curve[skipped..=i + 1]);
+            i == last || gap > close * l.r && (changed || deviates())
         });
-        if !wanted {
+        if !needed {
             continue;
         }
         skipped = i + 1;
         // The last ring replaces one that it would crowd.
-        if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < CLOSE * l.r) {
+        if i == last && out.len() > start + 1 && kept.is_some_and(|(l, _)| k.s - l.s < MIN_SPACING * l.r) {
             out.pop();
         }
         out.push(Ring { c: k.p, t: *t, e: Vec3::X, r: k.r, slope: 0.0, s: k.s, v: 0.0 });
@@ -167,23 +164,25 @@ fn select((knots, tangents): (&[Knot], &[Vec3]), turn: f32, fixed: bool, out: &m
     }
 }
 
-/// Whether the straight line from `from` to the last of the knots passes too far from any of the others.
-fn sags(from: Knot, knots: &[Knot]) -> bool {
-    let Some((to, between)) = knots.split_last() else { return false };
+/// Whether the chord from `from` to the last of the points passes any of the others at more than [`SAG`] radii.
+fn exceeds_sag(from: CurvePoint, curve: &[CurvePoint]) -> bool {
+    let Some((to, between)) = curve.split_last() else { return false };
     let along = math::normalize_or(to.p - from.p, Vec3::Y);
     between.iter().any(|k| (k.p - from.p).reject_from_normalized(along).length_squared() > (SAG * k.r) * (SAG * k.r))
 }
 
-/// Whether a tube that tapers evenly from `from` to the last of the knots is thicker or thinner than any of the others
-/// by a share of [`SWELL`]: the rings of a culm's node stand where they belong.
-fn swells(from: Knot, knots: &[Knot]) -> bool {
-    let Some((to, between)) = knots.split_last() else { return false };
+/// Whether a tube that tapers linearly from `from` to the last of the points is thicker or thinner than any of the others by
+/// a share of [`SWELL`]. This keeps the swollen nodes of a culm.
+fn exceeds_swell(from: CurvePoint, curve: &[CurvePoint]) -> bool {
+    let Some((to, between)) = curve.split_last() else { return false };
     let span = (to.s - from.s).max(1e-9);
     between.iter().any(|k| (k.r - math::lerp(from.r, to.r, (k.s - from.s) / span)).abs() > SWELL * k.r)
 }
 
-/// Whether a corner of ring `b` lies behind its twin on ring `a`, seen along the mean of their normals.
-fn crossing(a: &Ring, b: &Ring) -> bool {
+/// Whether a point of ring `b` lies behind the corresponding point of ring `a`, seen along the mean of their tangents.
+/// The distance of corresponding points along that mean is ahead + x cos a + y sin a, negative somewhere if ahead^2 < x^2 + y^2
+/// (here with a margin of 5 %).
+fn rings_cross(a: &Ring, b: &Ring) -> bool {
     let m = a.t + b.t;
     let ahead = (b.c - a.c).dot(m);
     let x = (b.e * b.r - a.e * a.r).dot(m);
@@ -191,42 +190,43 @@ fn crossing(a: &Ring, b: &Ring) -> bool {
     ahead <= 0.0 || ahead * ahead <= 1.05 * (x * x + y * y)
 }
 
-/// Turns the planes of crossing neighbours towards their chord until what the two lean is at most 0.85 of their
+/// Tilts the planes of crossing neighbours towards their chord until both together lean by at most [`MAX_LEAN`] of their
 /// distance. `fixed`: the first ring stays as it is.
-fn uncross(rings: &mut [Ring], e0: Vec3, fixed: bool) {
-    for pass in 0..PASSES {
+fn tilt_crossing_rings(rings: &mut [Ring], e0: Vec3, fixed: bool) {
+    for pass in 0..TILT_PASSES {
         for k in 1..rings.len() {
             let i = if pass % 2 == 0 { k } else { rings.len() - k };
             let (a, b) = (rings[i - 1], rings[i]);
             let d = a.c.distance(b.c);
-            if d < 1e-9 || !crossing(&a, &b) {
+            if d < 1e-9 || !rings_cross(&a, &b) {
                 continue;
             }
+            // Radius times the sine against the chord: how far a plane leans towards the other.
             let chord = (b.c - a.c) / d;
             let (la, lb) = (a.r * sine(a.t, chord), b.r * sine(b.t, chord));
             if fixed && i == 1 {
-                rings[i].t = lean_to(b.t, chord, ((0.85 * d - la) / lb.max(1e-9)).clamp(0.0, 1.0));
+                rings[i].t = tilt_towards(b.t, chord, ((MAX_LEAN * d - la) / lb.max(1e-9)).clamp(0.0, 1.0));
             } else {
-                let share = (0.85 * d / (la + lb).max(1e-9)).min(1.0);
-                rings[i - 1].t = lean_to(a.t, chord, share);
-                rings[i].t = lean_to(b.t, chord, share);
+                let share = (MAX_LEAN * d / (la + lb).max(1e-9)).min(1.0);
+                rings[i - 1].t = tilt_towards(a.t, chord, share);
+                rings[i].t = tilt_towards(b.t, chord, share);
             }
         }
-        orient(rings, e0);
+        transport_references(rings, e0);
     }
 }
 
-/// Removes rings, but for the first and last, that still cross the one before.
-fn drop_crossing(start: usize, out: &mut Vec<Ring>) {
+/// Removes rings from `start` on that cross the one before; the first and the last stay.
+fn remove_crossing_rings(start: usize, out: &mut Vec<Ring>) {
     let mut kept = start + 1;
     let last = out.len() - 1;
     for i in start + 1..=last {
         let ring = out[i];
         if i == last {
-            while kept > start + 1 && crossing(&out[kept - 1], &ring) {
+            while kept > start + 1 && rings_cross(&out[kept - 1], &ring) {
                 kept -= 1;
             }
-        } else if crossing(&out[kept - 1], &ring) {
+        } else if rings_cross(&out[kept - 1], &ring) {
             continue;
         }
         out[kept] = ring;
@@ -235,19 +235,21 @@ fn drop_crossing(start: usize, out: &mut Vec<Ring>) {
     out.truncate(kept);
 }
 
+/// Sine of the angle between unit vectors.
 fn sine(a: Vec3, b: Vec3) -> f32 {
     (1.0 - a.dot(b) * a.dot(b)).max(0.0).sqrt()
 }
 
-/// The direction whose sine against `chord` is `share` of that of `t`, on the same side, leaning forward.
-fn lean_to(t: Vec3, chord: Vec3, share: f32) -> Vec3 {
+/// The unit vector whose sine against `chord` is `share` of that of `t`, on the same side, leaning forward.
+fn tilt_towards(t: Vec3, chord: Vec3, share: f32) -> Vec3 {
     let across = t - chord * t.dot(chord);
     let s = across.length() * share;
     let c = (1.0 - s * s).max(0.0).sqrt();
     math::normalize_or(chord * c + across * share, chord)
 }
 
-fn orient(rings: &mut [Ring], e0: Vec3) {
+/// Sets the references of all rings: `e0` projected into the first plane, then parallel transport by double reflection.
+fn transport_references(rings: &mut [Ring], e0: Vec3) {
     let Some(first) = rings.first_mut() else { return };
     let across = e0 - first.t * first.t.dot(e0);
     first.e = if across.length_squared() > 1e-6 { across.normalize() } else { math::perpendicular(first.t) };
@@ -257,9 +259,9 @@ fn orient(rings: &mut [Ring], e0: Vec3) {
     }
 }
 
-/// Slopes by differences over the neighbours, and the integral along the axis that texture coordinates need. The
-/// thinnest quarter of an axis is measured as if it were a quarter as thick as its base, lest v run away at the tip.
-fn measure(rings: &mut [Ring]) {
+/// Sets slopes by central differences, and v by the trapezoidal rule on the radius. For v, radii below a quarter of the base
+/// radius count as that quarter; otherwise v would diverge at the tip.
+fn set_slopes_and_v(rings: &mut [Ring]) {
     let n = rings.len();
     let least = rings.first().map_or(0.0, |r| r.r * 0.25);
     for i in 0..n {
@@ -277,11 +279,11 @@ fn measure(rings: &mut [Ring]) {
 mod tests {
     use super::*;
 
-    fn helix(turns: u32, per_turn: u32, radius: f32, pitch: f32) -> Vec<Knot> {
+    fn helix(turns: u32, per_turn: u32, radius: f32, pitch: f32) -> Vec<CurvePoint> {
         let knot = |i: u32| {
             let a = i as f32 / per_turn as f32 * std::f32::consts::TAU;
             let p = Vec3::new(radius * math::cos_f32(a), pitch * a, radius * math::sin_f32(a));
-            Knot { p, r: 0.01, s: a * (radius * radius + pitch * pitch).sqrt() }
+            CurvePoint { p, r: 0.01, s: a * (radius * radius + pitch * pitch).sqrt() }
         };
         (0..=turns * per_turn).map(knot).collect()
     }
@@ -289,9 +291,9 @@ mod tests {
     #[test]
     fn roll_on_a_helix_is_the_integral_of_torsion() {
         let (radius, pitch, turns) = (1.0_f32, 0.3_f32, 3_u32);
-        let mut scratch = Scratch { knots: helix(turns, 64, radius, pitch), ..Scratch::default() };
+        let mut scratch = RingScratch { curve: helix(turns, 64, radius, pitch), ..RingScratch::default() };
         let mut rings = Vec::new();
-        choose(&mut scratch, None, Vec3::Y, 0.01, &mut rings);
+        place_rings(&mut scratch, FirstRing { tangent: None, reference: Vec3::Y }, 0.01, &mut rings);
         // The Frenet normal points to the helix axis; the rotation-minimising reference turns against it by -torsion.
         let angle = |r: &Ring| {
             let axis = Vec3::new(-r.c.x, 0.0, -r.c.z);
@@ -318,9 +320,10 @@ mod tests {
             let rise = i.min(4) as f32 * 0.25 + i.saturating_sub(28) as f32 * 0.25;
             Vec3::new(0.002 * i as f32, rise + math::sin_f32(a), 1.0 - math::cos_f32(a))
         };
-        let knots = (0..34).map(|i| Knot { p: point(i), r: 0.05, s: 0.25 * i as f32 }).collect();
+        let curve = (0..34).map(|i| CurvePoint { p: point(i), r: 0.05, s: 0.25 * i as f32 }).collect();
         let mut rings = Vec::new();
-        choose(&mut Scratch { knots, ..Scratch::default() }, None, Vec3::X, 0.2, &mut rings);
+        let first = FirstRing { tangent: None, reference: Vec3::X };
+        place_rings(&mut RingScratch { curve, ..RingScratch::default() }, first, 0.2, &mut rings);
         assert!(rings.iter().any(|r| r.t.y < -0.9) && rings.iter().any(|r| r.t.y > 0.99));
         for r in &rings {
             assert!(r.e.x > 0.9, "{} at {}", r.e, r.c);
