@@ -18,7 +18,7 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{narrow, smoothstep};
 use osier_base::{Result, math};
 use osier_motion::rain::Bearer as _;
-use osier_motion::rods::{Boughs, Frame, Grain};
+use osier_motion::rods::{RodPlant, SectionFrame, RodPlantParams};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, InstanceState, InstancerFrame, InstancerMotion, Joint, Mesh, MeshFrame, MeshMotion,
@@ -40,7 +40,7 @@ pub struct Sprung {
     /// What is seen of it.
     pub asset: Asset,
     /// Its rods, at rest.
-    pub boughs: Boughs,
+    pub boughs: RodPlant,
     /// From rods to frames.
     pub dressing: Dressing,
     /// What was left out.
@@ -99,7 +99,7 @@ pub fn dress_sprung(
     let keys = recipe.rods.as_ref().unwrap_or(&own);
     let plant = &grown.plant;
     let grain = grain(plant, recipe, (kind, keys), g);
-    let boughs = Boughs::new(plant, &stand, &grain, &individual.asset).by_clock(clock.0, clock.1);
+    let boughs = RodPlant::new(plant, &stand, &grain, &individual.asset).with_frame_clock(clock.0, clock.1);
     let (mesh, bindings) = bark(grown, recipe, kind, work)?;
     let most =
         if recipe.keys.motion == Motion::Game { recipe.keys.max_joints.min(GAME) } else { recipe.keys.max_joints };
@@ -111,7 +111,7 @@ pub fn dress_sprung(
     dressing.groups = groups.values().map(|organs| organs.iter().map(place).collect()).collect();
     let whole = dressing.jointed.len() == boughs.rods().len() && recipe.keys.motion != Motion::Cache;
     let around = |(axis, s): &(u32, f32)| {
-        let at = boughs.between(*axis, f64::from(*s));
+        let at = boughs.axis_sections(*axis, f64::from(*s));
         // Where a share does not change the bark runs along its section: no kinks.
         Bound { sections: at.sections, share: smoothstep(0.0, 1.0, narrow(at.share)) }
     };
@@ -149,13 +149,13 @@ pub fn dress_sprung(
     Ok(Sprung { asset, boughs, dressing, told })
 }
 
-fn grain(plant: &Plant, recipe: &PlantRecipe, (kind, keys): (&Kind, &TwigKeys), g: f64) -> Grain {
+fn grain(plant: &Plant, recipe: &PlantRecipe, (kind, keys): (&Kind, &TwigKeys), g: f64) -> RodPlantParams {
     let radius = |proto: usize| {
         let organ = super::dress::shown(plant, kind, proto).and_then(|o| recipe.organs.get(o));
         organ.and_then(stalk_radius).unwrap_or(STALK)
     };
     let count = |n: u32| usize::try_from(n).unwrap_or(usize::MAX);
-    Grain {
+    RodPlantParams {
         wood: wood(&recipe.wood),
         g,
         shear: keys.shear,
@@ -172,13 +172,13 @@ fn grain(plant: &Plant, recipe: &PlantRecipe, (kind, keys): (&Kind, &TwigKeys), 
     }
 }
 
-fn told(boughs: &Boughs, name: &str, keys: &TwigKeys) -> Vec<Diagnostic> {
+fn told(boughs: &RodPlant, name: &str, keys: &TwigKeys) -> Vec<Diagnostic> {
     let mut told = Vec::new();
-    if !boughs.is_posed() {
+    if !boughs.has_rest_shape() {
         let text = format!("no shape was found from which the twigs of \"{name}\" hang as they grew");
         told.push(Diagnostic::about("S042", text).help("their own weight is left out; stiffer wood holds it"));
     }
-    let [stems, leaves] = boughs.left();
+    let [stems, leaves] = boughs.omitted_stems_and_leaves();
     if stems + leaves > 0 {
         let text = format!("{stems} twigs and {leaves} leaves of \"{name}\" are rigid with what they stand on");
         let now = format!("now {} and {}", keys.max_leaves, keys.max_sections);
@@ -190,15 +190,15 @@ fn told(boughs: &Boughs, name: &str, keys: &TwigKeys) -> Vec<Diagnostic> {
 /// Stalks of some leaves as one mesh. They wear what their blades do, at the place where these begin.
 fn stalks(
     plant: &Plant,
-    boughs: &Boughs,
+    boughs: &RodPlant,
     (dressing, leaves): (&Dressing, &[usize]),
     first_material: u32,
 ) -> (Mesh, Vec<Bound>) {
     let (mut mesh, mut bound) = (Mesh::default(), Vec::new());
     let rods = boughs.rods();
     for leaf in leaves {
-        let Some(rod) = boughs.stalk(*leaf) else { continue };
-        let base = rods.base(rod).map(|(on, frame)| (on, dressing.local(&frame)));
+        let Some(rod) = boughs.leaf_stalk(*leaf) else { continue };
+        let base = rods.base_attachment(rod).map(|(on, frame)| (on, dressing.local(&frame)));
         let own = rods.sections(rod).map(|i| (i, dressing.rest[i]));
         let all: Vec<(usize, (Vec3, Quat))> = base.into_iter().chain(own).collect();
         let radius = rods.sections(rod).next().map_or(0.0, |i| narrow(rods.radius(i)) / dressing.stand.s.x);
@@ -229,7 +229,7 @@ fn at_foot(mesh: &Mesh) -> Vec2 {
 }
 
 impl Dressing {
-    fn new(boughs: &Boughs, stand: Trs, most: usize) -> Self {
+    fn new(boughs: &RodPlant, stand: Trs, most: usize) -> Self {
         let rods = boughs.rods();
         let mut all = Self {
             stand,
@@ -239,7 +239,7 @@ impl Dressing {
             bound: Vec::new(),
             groups: Vec::new(),
         };
-        all.rest = (0..rods.len()).map(|i| all.local(&rods.drawn(i))).collect();
+        all.rest = (0..rods.len()).map(|i| all.local(&rods.rest_frame(i))).collect();
         // Rods come wood first, so that with few joints it is leaves that share them.
         let mut carried = 0;
         for i in 0..rods.len() {
@@ -248,7 +248,7 @@ impl Dressing {
                 all.jointed.push(i);
                 u16::try_from(i + 1).unwrap_or(u16::MAX)
             } else if i == rods.sections(rod).start {
-                rods.base(rod).map_or(0, |(on, _)| all.joints[on])
+                rods.base_attachment(rod).map_or(0, |(on, _)| all.joints[on])
             } else {
                 carried
             };
@@ -259,8 +259,8 @@ impl Dressing {
     }
 
     /// A frame of the world in the asset's space.
-    fn local(&self, f: &Frame) -> (Vec3, Quat) {
-        (self.place(f.p), self.turned(f.turn()))
+    fn local(&self, f: &SectionFrame) -> (Vec3, Quat) {
+        (self.place(f.p), self.turned(f.rotation()))
     }
 
     fn place(&self, p: DVec3) -> Vec3 {
@@ -282,8 +282,8 @@ impl Dressing {
     }
 
     /// Joint that a leaf's blade follows.
-    pub fn joint(&self, boughs: &Boughs, leaf: usize) -> u16 {
-        boughs.carrier(leaf).map_or(0, |section| self.joints[section])
+    pub fn joint(&self, boughs: &RodPlant, leaf: usize) -> u16 {
+        boughs.leaf_section(leaf).map_or(0, |section| self.joints[section])
     }
 
     /// Leaves of each instancer, as indices into the plant's organs.
@@ -309,9 +309,9 @@ impl Dressing {
     }
 
     /// What is seen of rods as they are now.
-    pub fn frame(&self, asset: &Asset, boughs: &Boughs) -> AssetFrame {
+    pub fn frame(&self, asset: &Asset, boughs: &RodPlant) -> AssetFrame {
         let rods = boughs.rods();
-        let now: Vec<(Vec3, Quat)> = (0..rods.len()).map(|i| self.local(&rods.frame(i))).collect();
+        let now: Vec<(Vec3, Quat)> = (0..rods.len()).map(|i| self.local(&rods.section_frame(i))).collect();
         let joint = |i: &usize| Trs { t: now[*i].0, r: now[*i].1, s: Vec3::ONE };
         let meshes = asset.meshes.iter().zip(&self.bound);
         AssetFrame {
@@ -322,7 +322,7 @@ impl Dressing {
         }
     }
 
-    fn leaves(&self, leaves: &[usize], boughs: &Boughs) -> InstanceState {
+    fn leaves(&self, leaves: &[usize], boughs: &RodPlant) -> InstanceState {
         let blades: Vec<_> = leaves.iter().map(|i| boughs.blade(*i)).collect();
         let back = self.stand.r.as_dquat().normalize().conjugate();
         let scale = f64::from(self.stand.s.x);
@@ -335,14 +335,14 @@ impl Dressing {
         }
     }
 
-    fn points(&self, mesh: &Mesh, bound: &[Bound], (now, boughs): (&[(Vec3, Quat)], &Boughs)) -> MeshFrame {
+    fn points(&self, mesh: &Mesh, bound: &[Bound], (now, boughs): (&[(Vec3, Quat)], &RodPlant)) -> MeshFrame {
         if bound.is_empty() {
             return MeshFrame::Same;
         }
         let (rods, back) = (boughs.rods(), self.stand.r.conjugate());
         let motions: Vec<(Vec3, Vec3)> = (0..rods.len())
             .map(|i| {
-                let (v, spin) = rods.motion(i);
+                let (v, spin) = rods.section_velocity(i);
                 (back * v.as_vec3() / self.stand.s.x, back * spin.as_vec3())
             })
             .collect();
@@ -372,20 +372,20 @@ impl Dressing {
 /// A plant on rods in a wind: asked for frames in order it goes on from the last.
 #[derive(Debug)]
 pub struct Shiver {
-    start: Boughs,
+    start: RodPlant,
     dressing: Dressing,
     fps: f64,
     steps: u32,
     /// Steps before the first frame.
     before: u32,
-    now: Mutex<Option<(Boughs, u64)>>,
+    now: Mutex<Option<(RodPlant, u64)>>,
 }
 
 impl Shiver {
     /// In a wind that has blown for a while, unless the clip begins from rest.
-    pub fn new(sprung: (Boughs, Dressing), recipe: &PlantRecipe, air: &Air, fps: f64) -> Self {
-        let start = sprung.0.in_wind(Some(Arc::clone(&air.wind) as Arc<dyn Wind>));
-        let steps = recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(|| start.substeps(fps));
+    pub fn new(sprung: (RodPlant, Dressing), recipe: &PlantRecipe, air: &Air, fps: f64) -> Self {
+        let start = sprung.0.with_wind(Some(Arc::clone(&air.wind) as Arc<dyn Wind>));
+        let steps = recipe.rods.as_ref().and_then(|k| k.substeps).unwrap_or_else(|| start.steps_per_frame(fps));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few seconds of steps")]
         let before = if air.take.from_rest { 0 } else { (BEFORE * fps).round() as u32 * steps };
         Self { start, dressing: sprung.1, fps, steps, before, now: Mutex::new(None) }

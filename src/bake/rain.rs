@@ -24,7 +24,7 @@ use osier_motion::rain::{
     Bearer, Blade, Bough, Chart, Cover, Grooves, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff,
     Storm, Target, Water, Wetness, across,
 };
-use osier_motion::rods::Boughs;
+use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Drops, Image, InstancerFrame, Material, MaterialClass, MeshFrame, MeshMotion,
@@ -119,7 +119,7 @@ pub struct Under<'a> {
     /// The plants themselves.
     pub plants: &'a [&'a Plant],
     /// Rods that each moves by, if it has any.
-    pub sprung: Vec<Option<(Boughs, Dressing)>>,
+    pub sprung: Vec<Option<(RodPlant, Dressing)>>,
     /// Moving air.
     pub wind: Option<Arc<dyn Wind>>,
     /// Ground.
@@ -134,12 +134,12 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let found = leaves(assets, (materials, images), stands, &sprung);
     let heroes = nearest(recipe, &found);
     let steps = steps(rain, recipe, &sprung);
-    let (boughs, dressings): (Vec<Option<Boughs>>, Vec<Option<Dressing>>) =
+    let (boughs, dressings): (Vec<Option<RodPlant>>, Vec<Option<Dressing>>) =
         sprung.into_iter().map(Option::unzip).unzip();
     let mut bearers: Vec<Box<dyn Bearer>> = Vec::new();
     for (k, boughs) in boughs.into_iter().enumerate() {
         bearers.push(match boughs {
-            Some(boughs) => Box::new(boughs.in_wind(wind.clone())),
+            Some(boughs) => Box::new(boughs.with_wind(wind.clone())),
             None => stiff(k, &found, plants, stands),
         });
     }
@@ -206,7 +206,7 @@ fn leaves(
     assets: &[Asset],
     (materials, images): (&[Material], &[Image]),
     stands: &[Trs],
-    sprung: &[Option<(Boughs, Dressing)>],
+    sprung: &[Option<(RodPlant, Dressing)>],
 ) -> Vec<Found> {
     let mut found = Vec::new();
     for (a, (asset, stand)) in assets.iter().zip(stands).enumerate() {
@@ -297,9 +297,9 @@ fn afford(shower: &Option<Shower>, over: Bounds, (frames, leaves): (u64, usize),
 }
 
 /// Steps of a frame: as many as the rods need.
-fn steps(rain: &RainRecipe, recipe: &Recipe, sprung: &[Option<(Boughs, Dressing)>]) -> u32 {
+fn steps(rain: &RainRecipe, recipe: &Recipe, sprung: &[Option<(RodPlant, Dressing)>]) -> u32 {
     let fps = recipe.clip.fps();
-    let most = sprung.iter().flatten().fold(STEPS, |m, (boughs, _)| m.max(boughs.substeps(fps)));
+    let most = sprung.iter().flatten().fold(STEPS, |m, (boughs, _)| m.max(boughs.steps_per_frame(fps)));
     rain.keys.substeps.unwrap_or(most)
 }
 
@@ -340,7 +340,7 @@ fn record(
         held += moment.bytes();
         work.limits.check("motion-keys", held / KEY, HELD)?;
         for (k, (bearer, dressing)) in storm.bearers().iter().zip(dressings).enumerate() {
-            let boughs = bearer.as_any().downcast_ref::<Boughs>();
+            let boughs = bearer.as_any().downcast_ref::<RodPlant>();
             let shown = boughs.zip(dressing.as_ref()).zip(assets.get(k));
             plants[k].extend(shown.map(|((boughs, dressing), asset)| dressing.frame(asset, boughs)));
         }

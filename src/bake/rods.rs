@@ -13,7 +13,7 @@ use crate::recipe::{Recipe, RodRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math;
-use osier_motion::rods::{Act, Body, Clip, Hold, Integrator, Keys, LIMP, Rod, Rods, Still, Stuff};
+use osier_motion::rods::{Actuation, AttachedBody, RodClip, ClampKind, Integrator, Keys, MAX_GAUSS_SEIDEL_STIFFNESS, RodDescription, RodSystem, RodPose, RodMaterial};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Joint, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton, SkinWeights,
     Trs,
@@ -35,7 +35,7 @@ pub struct New {
 
 /// Rods in every frame.
 #[derive(Debug, Clone)]
-pub struct RodMotion(Arc<Vec<Still>>);
+pub struct RodMotion(Arc<Vec<RodPose>>);
 
 impl RodMotion {
     /// The pose of frame `k` from the first.
@@ -46,7 +46,7 @@ impl RodMotion {
 }
 
 /// Joint 0 stands still; then come sections, then weights.
-fn pose(still: &Still) -> Vec<Trs> {
+fn pose(still: &RodPose) -> Vec<Trs> {
     let sections = still.sections.iter().map(|(t, r)| Trs { t: *t, r: *r, s: Vec3::ONE });
     [Trs::IDENTITY].into_iter().chain(sections).chain(still.bodies.iter().map(|p| Trs::translation(*p))).collect()
 }
@@ -61,9 +61,9 @@ struct Weight {
 /// Rods that hang together.
 struct Group<'a> {
     members: Vec<&'a RodRecipe>,
-    lines: Vec<Rod>,
-    rods: Rods,
-    acts: Vec<Act>,
+    lines: Vec<RodDescription>,
+    rods: RodSystem,
+    acts: Vec<Actuation>,
     weights: Vec<Weight>,
 }
 
@@ -81,7 +81,7 @@ pub fn made((recipe, draft): (&Recipe, bool), first: u32, work: &Work<'_>, repor
         group.tell(recipe.clip.fps(), report);
         // What turns freely hangs nowhere: it is drawn as it is without weight.
         let posed = group.members[0].keys.gravity == RodGravity::Posed && group.rods.is_anchored(0);
-        if posed && !group.rods.prestress() {
+        if posed && !group.rods.find_rest_shape_by_equilibrium() {
             let text = format!("no shape was found from which rod \"{}\" hangs as it is drawn", group.members[0].id);
             report.push(
                 Diagnostic::about("S042", text).help("its own weight is left out; gravity = \"droop\" lets it hang"),
@@ -104,7 +104,7 @@ impl<'a> Group<'a> {
     /// The rods that stand on `root`, and on those.
     fn new(recipe: &'a Recipe, root: usize) -> Self {
         let mut place = vec![None; recipe.rods.len()];
-        let (mut members, mut lines): (Vec<&RodRecipe>, Vec<Rod>) = (Vec::new(), Vec::new());
+        let (mut members, mut lines): (Vec<&RodRecipe>, Vec<RodDescription>) = (Vec::new(), Vec::new());
         for (i, rod) in recipe.rods.iter().enumerate().skip(root) {
             let on = rod.on.and_then(|on| place[on]);
             if i == root || on.is_some() {
@@ -119,25 +119,25 @@ impl<'a> Group<'a> {
         for (k, rod) in members.iter().enumerate() {
             for clamp in &rod.clamps {
                 let hold = match clamp.hold {
-                    RodHold::Fixed => Hold::Fixed,
-                    RodHold::Pinned => Hold::Pinned,
-                    RodHold::Guided => Hold::Guided(DVec3::from_array(clamp.line)),
+                    RodHold::Fixed => ClampKind::Fixed,
+                    RodHold::Pinned => ClampKind::Pinned,
+                    RodHold::Guided => ClampKind::Guided(DVec3::from_array(clamp.line)),
                 };
                 if !clamp.keys.is_empty() {
-                    acts.push(Act::Shift(holds.len(), keys(&clamp.keys)));
+                    acts.push(Actuation::Shift(holds.len(), keys(&clamp.keys)));
                 }
                 if !clamp.turns.is_empty() {
                     let axis = DVec3::from_array(clamp.axis).normalize_or(DVec3::Y);
                     let turns = clamp.turns.iter().map(|k| (k[0], [k[1] * PI / 180.0])).collect();
-                    acts.push(Act::Turn(holds.len(), axis, Keys(turns)));
+                    acts.push(Actuation::Turn(holds.len(), axis, Keys(turns)));
                 }
                 holds.push((k, clamp.at * lines[k].length(), hold));
             }
             if rod.on.is_none() && rod.clamps.is_empty() {
-                holds.push((k, 0.0, Hold::Fixed));
+                holds.push((k, 0.0, ClampKind::Fixed));
             }
         }
-        let mut rods = Rods::new(&lines, &holds);
+        let mut rods = RodSystem::new(&lines, &holds);
         rods.gravity = -DVec3::Y * recipe.gravity();
         let mut group = Self { members, lines, rods, acts, weights: Vec::new() };
         group.load();
@@ -149,34 +149,34 @@ impl<'a> Group<'a> {
         let mut bodies = Vec::new();
         for (k, rod) in self.members.iter().enumerate() {
             for load in &rod.loads {
-                let section = self.rods.nearest(k, load.at * self.lines[k].length());
+                let section = self.rods.nearest_section(k, load.at * self.lines[k].length());
                 match load.kind {
                     RodLoadKind::Force => {
                         let wide = load.keys.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
-                        self.acts.push(Act::Wrench(section, Keys(wide)));
+                        self.acts.push(Actuation::Wrench(section, Keys(wide)));
                     }
-                    RodLoadKind::Wrench => self.acts.push(Act::Wrench(section, keys(&load.keys))),
-                    RodLoadKind::Blow => self.acts.push(Act::Blow(section, keys(&load.keys))),
+                    RodLoadKind::Wrench => self.acts.push(Actuation::Wrench(section, keys(&load.keys))),
+                    RodLoadKind::Blow => self.acts.push(Actuation::Blow(section, keys(&load.keys))),
                     RodLoadKind::Mass => {
                         let most = load.keys.iter().fold(0.0, |m: f64, k| m.max(k[1]));
                         let radius = math::cbrt(3.0 * most / (4.0 * PI * WATER)).max(1e-4);
-                        self.acts.push(Act::Mass(bodies.len(), keys(&load.keys)));
+                        self.acts.push(Actuation::Mass(bodies.len(), keys(&load.keys)));
                         let mass = load.keys.first().map_or(0.0, |k| k[1]);
                         let (at, inertia) = (DVec3::ZERO, DMat3::ZERO);
-                        bodies.push(Body { section, at, mass, inertia, own: false, reach: radius });
+                        bodies.push(AttachedBody { section, at, mass, inertia, own: false, reach: radius });
                         self.weights.push(Weight { shown: load.show, radius, color: load.color });
                     }
                 }
             }
         }
-        let rods = std::mem::replace(&mut self.rods, Rods::new(&[], &[]));
-        self.rods = rods.with(bodies);
+        let rods = std::mem::replace(&mut self.rods, RodSystem::new(&[], &[]));
+        self.rods = rods.with_bodies(bodies);
         self.rods.weightless = self.members[0].keys.gravity == RodGravity::Compensated;
         for (k, rod) in self.members.iter().enumerate() {
             let (tip, length) = (DVec3::from_array(rod.keys.launch), self.lines[k].length());
             if tip != DVec3::ZERO {
                 for i in self.rods.sections(k) {
-                    self.rods.launch(i, tip * (self.rods.place(i) / length));
+                    self.rods.set_section_velocity(i, tip * (self.rods.arc_length(i) / length));
                 }
             }
         }
@@ -192,7 +192,7 @@ impl<'a> Group<'a> {
             report.push(Diagnostic::about("S041", text).help("take integrator = \"xpbd\", or raise substeps"));
         }
         for (k, rod) in self.members.iter().enumerate() {
-            let lost = self.rods.torsion_lost(k);
+            let lost = self.rods.torsion_softening(k);
             // Of interest only where somebody twists it.
             let turns = |l: &RodLoad| l.kind == RodLoadKind::Wrench && l.keys.iter().any(|k| k[4..] != [0.0; 3]);
             let twisted = rod.keys.torsion.is_some() || rod.loads.iter().any(turns);
@@ -215,7 +215,7 @@ impl<'a> Group<'a> {
         };
         let frames = u32::try_from(recipe.clip.len()).unwrap_or(u32::MAX);
         let drags: Vec<f64> = self.members.iter().map(|r| r.keys.drag).collect();
-        let clip = Clip {
+        let clip = RodClip {
             frames,
             first: recipe.clip.start,
             fps: recipe.clip.fps(),
@@ -225,19 +225,19 @@ impl<'a> Group<'a> {
             wind: wind.map(|wind| (drags, wind)),
             name: self.members[0].id.clone(),
         };
-        Ok(RodMotion(Arc::new(self.rods.record(&clip, work.cancel)?)))
+        Ok(RodMotion(Arc::new(self.rods.record_clip(&clip, work.cancel)?)))
     }
 
     /// Whether single passes over the springs let it hang limp.
     fn limp(&self, fps: f64) -> bool {
         let keys = &self.members[0].keys;
-        let steps = keys.substeps.unwrap_or_else(|| self.rods.steps(fps));
-        keys.integrator == RodIntegrator::XpbdGs && self.rods.stiffness_per_step(1.0 / (fps * f64::from(steps))) > LIMP
+        let steps = keys.substeps.unwrap_or_else(|| self.rods.steps_per_frame(fps));
+        keys.integrator == RodIntegrator::XpbdGs && self.rods.stiffness_per_step(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
     }
 
     /// Materials, and the asset with tubes and balls.
     fn show(&self, first: u32, moves: bool) -> (Vec<Material>, Asset) {
-        let rest = Still {
+        let rest = RodPose {
             sections: (0..self.rods.len()).map(|i| self.drawn(i)).collect(),
             bodies: self.rods.bodies().iter().map(|b| self.drawn(b.section).0).collect(),
         };
@@ -277,17 +277,17 @@ impl<'a> Group<'a> {
     }
 
     fn drawn(&self, i: usize) -> (Vec3, Quat) {
-        let f = self.rods.drawn(i);
-        (f.p.as_vec3(), f.turn().as_quat().normalize())
+        let f = self.rods.rest_frame(i);
+        (f.p.as_vec3(), f.rotation().as_quat().normalize())
     }
 
     /// Sections of a rod as the tube sees them; the base of one that rides on another follows that one's section.
     fn stations(&self, k: usize) -> Vec<Station> {
         let joint = |i: usize| u16::try_from(i + 1).unwrap_or(u16::MAX);
-        let base = self.rods.base(k).map(|(on, f)| Station {
+        let base = self.rods.base_attachment(k).map(|(on, f)| Station {
             joint: joint(on),
             p: f.p.as_vec3(),
-            q: f.turn().as_quat().normalize(),
+            q: f.rotation().as_quat().normalize(),
             r: math::narrow(self.members[k].keys.radius[0]),
         });
         let own = self.rods.sections(k).map(|i| {
@@ -304,18 +304,18 @@ fn keys<const N: usize>(rows: &[Vec<f64>]) -> Keys<N> {
 }
 
 /// A rod as the solver wants it.
-fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> Rod {
+fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> RodDescription {
     let [r, tip] = keys.radius;
     let unit = PI * r * r * r * r;
     let young = keys.bending.map_or(keys.young * 1e9, |ei| 4.0 * ei / unit);
     let shear = keys.torsion.map_or(keys.shear, |gj| 2.0 * gj / unit / young);
-    let stuff = Stuff {
+    let material = RodMaterial {
         young: young / keys.gain,
         shear,
         density: keys.density,
-        zeta: keys.zeta,
+        damping_ratio: keys.zeta,
         recovery: keys.recovery,
-        stout: false,
+        spread_for_torsion: false,
     };
     let points: Vec<DVec3> = keys.points.iter().map(|p| DVec3::from_array(*p)).collect();
     // The radius falls evenly along the points.
@@ -325,7 +325,7 @@ fn line(keys: &RodKeys, parent: Option<(usize, f64)>) -> Rod {
     }
     let whole = along[along.len() - 1];
     let radii = along.iter().map(|s| r + (tip - r) * s / whole).collect();
-    Rod { points, radii, stuff, sections: keys.sections.and_then(|n| usize::try_from(n).ok()), parent }
+    RodDescription { points, radii, material, sections: keys.sections.and_then(|n| usize::try_from(n).ok()), parent }
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{join, par_map};
 use osier_base::{Error, Result};
-use osier_motion::rods::Boughs;
+use osier_motion::rods::RodPlant;
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Land;
 use osier_scene::plant::AxisKind;
@@ -211,7 +211,7 @@ struct Made {
     assets: Vec<Asset>,
     movers: Vec<Option<Moving>>,
     /// Plants on rods that rain falls on, by asset.
-    sprung: Vec<Option<(Boughs, Dressing)>>,
+    sprung: Vec<Option<(RodPlant, Dressing)>>,
 }
 
 impl Made {
@@ -286,7 +286,7 @@ struct Dressed {
     asset: Asset,
     mover: Option<Moving>,
     /// Rods that rain moves.
-    sprung: Option<(Boughs, Dressing)>,
+    sprung: Option<(RodPlant, Dressing)>,
     told: Vec<Diagnostic>,
 }
 

@@ -1,40 +1,40 @@
 //! The slowest swing of each rod, and what follows from it.
 
-use crate::rods::system::{Manner, Rods};
+use crate::rods::system::{RodDamping, RodSystem};
 use osier_base::math;
 
 /// What a section carries: mass, kg, and its moments of first and second order along the rod from the section on, kg m and
 /// kg m^2.
 #[derive(Debug, Clone, Copy, Default)]
-struct Lump {
+struct LumpedMass {
     mass: f64,
     first: f64,
     second: f64,
 }
 
-impl Rods {
+impl RodSystem {
     /// Measures all rods anew: after bodies were added.
-    pub(crate) fn measure(&mut self) {
-        let lumps = self.carried();
-        for rod in 0..self.manners.len() {
-            let stuff = self.tree.spans[rod].stuff;
-            let hertz = self.slowest(rod, &lumps);
+    pub(crate) fn update_damping(&mut self) {
+        let lumps = self.lumped_masses();
+        for rod in 0..self.dampings.len() {
+            let material = self.tree.spans[rod].material;
+            let hertz = self.estimate_fundamental_hz(rod, &lumps);
             let anchored = self.is_anchored(rod);
-            let recovery = if anchored { stuff.recovery } else { 0.0 };
+            let recovery = if anchored { material.recovery } else { 0.0 };
             let swing = std::f64::consts::TAU * hertz;
             let w = swing * math::sqrt(1.0 + recovery);
             // Without anything to hang on only bending is damped, not flight.
             let (mass, stiffness) =
-                if anchored { (stuff.zeta * w, stuff.zeta / w) } else { (0.0, 2.0 * stuff.zeta / w) };
-            self.manners[rod] = Manner { hertz, recovery: recovery * swing * swing, mass, stiffness };
+                if anchored { (material.damping_ratio * w, material.damping_ratio / w) } else { (0.0, 2.0 * material.damping_ratio / w) };
+            self.dampings[rod] = RodDamping { hertz, recovery: recovery * swing * swing, mass, stiffness };
         }
-        self.horizon = self.reach();
+        self.divergence_limit = self.divergence_radius();
     }
 
     /// Each section with the plant's bodies on it, and the rods.
-    fn carried(&self) -> Vec<Lump> {
-        let mut lumps: Vec<Lump> =
-            self.tree.sections.iter().map(|s| Lump { mass: 3.0 * s.mass, ..Lump::default() }).collect();
+    fn lumped_masses(&self) -> Vec<LumpedMass> {
+        let mut lumps: Vec<LumpedMass> =
+            self.tree.sections.iter().map(|s| LumpedMass { mass: 3.0 * s.mass, ..LumpedMass::default() }).collect();
         for body in self.bodies.iter().filter(|b| b.own) {
             let (lump, lever) = (&mut lumps[body.section], body.at.z);
             lump.mass += body.mass;
@@ -54,7 +54,7 @@ impl Rods {
     /// Slowest swing of a rod, Hz: of one that is fixed somewhere by its deflection under its own weight from the side, of
     /// another one as if it were pinned at both ends.
     /// Source: Rayleigh's quotient w^2 = g sum(m y) / sum(m y^2); [yang-wu] eq. 1 for the deflection.
-    fn slowest(&self, rod: usize, lumps: &[Lump]) -> f64 {
+    fn estimate_fundamental_hz(&self, rod: usize, lumps: &[LumpedMass]) -> f64 {
         let span = &self.tree.spans[rod];
         let n = span.intervals.len();
         if !self.is_anchored(rod) {
@@ -65,15 +65,15 @@ impl Rods {
         }
         // Of the base that rides on another rod the mass is that rod's.
         let first = n + 1 - span.sections.len();
-        let lump = |j: usize| if j < first { Lump::default() } else { lumps[span.sections.start + j - first] };
-        let at = self.held_at(rod).map_or(0, |i| i - span.sections.start);
+        let lump = |j: usize| if j < first { LumpedMass::default() } else { lumps[span.sections.start + j - first] };
+        let at = self.clamped_section(rod).map_or(0, |i| i - span.sections.start);
         let (mut top, mut bottom) = (0.0, 0.0);
         for forth in [true, false] {
             let count = if forth { n - at } else { at };
             let interval = |k: usize| if forth { &span.intervals[at + k] } else { &span.intervals[at - 1 - k] };
             let beyond = |k: usize| {
                 let lump = lump(if forth { at + k } else { at - k });
-                Lump { first: if forth { lump.first } else { -lump.first }, ..lump }
+                LumpedMass { first: if forth { lump.first } else { -lump.first }, ..lump }
             };
             // Moments at both ends of each interval, from the free end inwards, for one newton on each kilogram.
             let (mut moments, mut moment, mut shear) = (vec![[0.0; 2]; count], 0.0, 0.0);

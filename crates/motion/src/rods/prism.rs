@@ -3,9 +3,9 @@
 use glam::{DMat3, DQuat, DVec3};
 
 /// Places, velocities or forces of three corners: x, y, z of each, one after another.
-pub type Corners = [f64; 9];
+pub type SectionCorners = [f64; 9];
 /// A square block of a matrix over corners, by rows.
-pub type Block = [[f64; 9]; 9];
+pub type Matrix9 = [[f64; 9]; 9];
 
 /// Cosine and sine of the corners' angles, 0, 120 and 240 degrees.
 const COS: [f64; 3] = [1.0, -0.5, -0.5];
@@ -13,13 +13,13 @@ const SIN: [f64; 3] = [0.0, 0.866_025_403_784_438_6, -0.866_025_403_784_438_6];
 
 /// One corner.
 #[inline(always)]
-pub fn corner(x: &Corners, c: usize) -> DVec3 {
+pub fn corner(x: &SectionCorners, c: usize) -> DVec3 {
     DVec3::new(x[3 * c], x[3 * c + 1], x[3 * c + 2])
 }
 
 /// Adds to one corner.
 #[inline(always)]
-pub fn add(x: &mut Corners, c: usize, d: DVec3) {
+pub fn add(x: &mut SectionCorners, c: usize, d: DVec3) {
     x[3 * c] += d.x;
     x[3 * c + 1] += d.y;
     x[3 * c + 2] += d.z;
@@ -27,7 +27,7 @@ pub fn add(x: &mut Corners, c: usize, d: DVec3) {
 
 /// Three corners from a function of their number.
 #[inline(always)]
-pub fn corners(f: impl Fn(usize) -> DVec3) -> Corners {
+pub fn corners(f: impl Fn(usize) -> DVec3) -> SectionCorners {
     let mut x = [0.0; 9];
     for c in 0..3 {
         add(&mut x, c, f(c));
@@ -37,25 +37,25 @@ pub fn corners(f: impl Fn(usize) -> DVec3) -> Corners {
 
 /// Mean of the corners.
 #[inline(always)]
-pub fn middle(x: &Corners) -> DVec3 {
+pub fn centroid(x: &SectionCorners) -> DVec3 {
     (corner(x, 0) + corner(x, 1) + corner(x, 2)) / 3.0
 }
 
 /// Scalar product over all corners.
 #[inline(always)]
-pub fn dot(a: &Corners, b: &Corners) -> f64 {
+pub fn dot(a: &SectionCorners, b: &SectionCorners) -> f64 {
     (0..9).fold(0.0, |sum, k| sum + a[k] * b[k])
 }
 
 /// A block times corners.
 #[inline(always)]
-pub fn times(m: &Block, x: &Corners) -> Corners {
+pub fn matrix_vector(m: &Matrix9, x: &SectionCorners) -> SectionCorners {
     std::array::from_fn(|k| dot(&m[k], x))
 }
 
 /// The transposed block times corners.
 #[inline(always)]
-pub fn transposed_times(m: &Block, x: &Corners) -> Corners {
+pub fn transposed_matrix_vector(m: &Matrix9, x: &SectionCorners) -> SectionCorners {
     let mut y = [0.0; 9];
     for k in 0..9 {
         for (y, m) in y.iter_mut().zip(&m[k]) {
@@ -67,7 +67,7 @@ pub fn transposed_times(m: &Block, x: &Corners) -> Corners {
 
 /// Centre and directions of a section: `w` along the rod, `u` to corner 0, v = w x u.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
+pub struct SectionFrame {
     /// Centre, m.
     pub p: DVec3,
     /// To corner 0, unit.
@@ -78,11 +78,11 @@ pub struct Frame {
     pub w: DVec3,
 }
 
-impl Frame {
+impl SectionFrame {
     /// The frame that three corners span. Corners on a line give no frame: its directions are then zero.
     /// Source: [yang-wu] 2.1, the frame by moved corners; Own: `u` is the mean of both sides' guesses.
-    pub fn of(x: &Corners) -> Self {
-        let p = middle(x);
+    pub fn from_corners(x: &SectionCorners) -> Self {
+        let p = centroid(x);
         let (mut a, mut b) = (DVec3::ZERO, DVec3::ZERO);
         for c in 0..3 {
             let d = corner(x, c) - p;
@@ -95,13 +95,13 @@ impl Frame {
     }
 
     /// The frame shifted by `by`, m, and turned about its centre by `turn`, rad, which is taken as small.
-    pub fn moved(&self, by: DVec3, turn: DVec3) -> Self {
+    pub fn displaced(&self, by: DVec3, turn: DVec3) -> Self {
         let q = DQuat::from_xyzw(0.5 * turn.x, 0.5 * turn.y, 0.5 * turn.z, 1.0).normalize();
         Self { p: self.p + by, u: q * self.u, v: q * self.v, w: q * self.w }
     }
 
     /// Corners at `rho` from the centre, m.
-    pub fn corners(&self, rho: f64) -> Corners {
+    pub fn corners(&self, rho: f64) -> SectionCorners {
         corners(|c| self.p + rho * (COS[c] * self.u + SIN[c] * self.v))
     }
 
@@ -111,19 +111,19 @@ impl Frame {
     }
 
     /// Corners that ride on the frame. `local`: in its coordinates, m.
-    pub fn carry(&self, local: &Corners) -> Corners {
+    pub fn to_world(&self, local: &SectionCorners) -> SectionCorners {
         let m = self.matrix();
         corners(|c| self.p + m * corner(local, c))
     }
 
-    /// The opposite of [`Frame::carry`].
-    pub fn local(&self, x: &Corners) -> Corners {
+    /// The opposite of [`SectionFrame::to_world`].
+    pub fn to_local(&self, x: &SectionCorners) -> SectionCorners {
         let m = self.matrix().transpose();
         corners(|c| m * (corner(x, c) - self.p))
     }
 
     /// Turn from space whose +Y runs along the rod and +X towards corner 0, as nodes of plants have it.
-    pub fn turn(&self) -> DQuat {
+    pub fn rotation(&self) -> DQuat {
         DQuat::from_mat3(&DMat3::from_cols(self.u, self.w, -self.v)).normalize()
     }
 }
@@ -132,7 +132,7 @@ impl Frame {
 /// the corners, which add up to just these.
 /// Source: the map W of M_last = diag(m) + W^T M W. Own: [yang-wu] leaves it open.
 #[derive(Debug, Clone, Copy)]
-pub struct Grip {
+pub struct RigidSectionMap {
     /// Centre, m.
     pub p: DVec3,
     /// From the centre to the corners, m.
@@ -141,10 +141,10 @@ pub struct Grip {
     inverse: DMat3,
 }
 
-impl Grip {
+impl RigidSectionMap {
     /// Of some corners, which must not lie on a line.
-    pub fn of(x: &Corners) -> Self {
-        let p = middle(x);
+    pub fn from_corners(x: &SectionCorners) -> Self {
+        let p = centroid(x);
         let arms = [0, 1, 2].map(|c| corner(x, c) - p);
         let mut i = DMat3::ZERO;
         for r in arms {
@@ -154,19 +154,19 @@ impl Grip {
     }
 
     /// Velocity of the centre, m/s, and turning, rad/s, of corners that move with `v`.
-    pub fn motion(&self, v: &Corners) -> (DVec3, DVec3) {
+    pub fn rigid_velocity(&self, v: &SectionCorners) -> (DVec3, DVec3) {
         let spin = (0..3).fold(DVec3::ZERO, |s, c| s + self.arms[c].cross(corner(v, c)));
-        (middle(v), self.inverse * spin)
+        (centroid(v), self.inverse * spin)
     }
 
     /// Forces on the corners, N, of a force and a torque (N m) at the centre.
-    pub fn wrench(&self, force: DVec3, torque: DVec3) -> Corners {
+    pub fn corner_forces(&self, force: DVec3, torque: DVec3) -> SectionCorners {
         let t = self.inverse * torque;
         corners(|c| force / 3.0 + t.cross(self.arms[c]))
     }
 
     /// Velocities of corners that ride on the body, by those of its own: dV = J dx. `x`: where they are, m.
-    pub fn carried(&self, x: &Corners) -> Block {
+    pub fn attachment_jacobian(&self, x: &SectionCorners) -> Matrix9 {
         let mut j = [[0.0; 9]; 9];
         for c in 0..3 {
             let q = corner(x, c) - self.p;
@@ -181,7 +181,7 @@ impl Grip {
 
     /// Mass of a body that rides on the corners, as a block over them. `at`: from the centre to the body's, m; `mass`, kg;
     /// `inertia` about its own centre, kg m^2, both in the world's directions.
-    pub fn mass(&self, at: DVec3, mass: f64, inertia: DMat3) -> Block {
+    pub fn mass_matrix(&self, at: DVec3, mass: f64, inertia: DMat3) -> Matrix9 {
         let s = cross(at);
         // Momentum by velocity and turning, and the same for the moment of momentum about the centre of the section.
         let (a, b) = (DMat3::from_diagonal(DVec3::splat(mass)), s * -mass);
@@ -192,8 +192,8 @@ impl Grip {
             for k in 0..3 {
                 let mut v = [0.0; 9];
                 v[3 * j + k] = 1.0;
-                let (v, w) = self.motion(&v);
-                let f = self.wrench(a * v + b * w, c * v + d * w);
+                let (v, w) = self.rigid_velocity(&v);
+                let f = self.corner_forces(a * v + b * w, c * v + d * w);
                 for row in 0..9 {
                     m[row][3 * j + k] = f[row];
                 }
@@ -212,7 +212,7 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-fn put(block: &mut Block, (c, a): (usize, usize), m: &DMat3) {
+fn put(block: &mut Matrix9, (c, a): (usize, usize), m: &DMat3) {
     for k in 0..3 {
         let column = m.col(k);
         for (row, v) in column.to_array().into_iter().enumerate() {
@@ -225,29 +225,29 @@ fn put(block: &mut Block, (c, a): (usize, usize), m: &DMat3) {
 mod tests {
     use super::*;
 
-    fn some() -> (Frame, Corners) {
+    fn some() -> (SectionFrame, SectionCorners) {
         let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 0.7);
-        let frame = Frame { p: DVec3::new(1.0, 2.0, -3.0), u: turn * DVec3::X, v: turn * DVec3::Y, w: turn * DVec3::Z };
+        let frame = SectionFrame { p: DVec3::new(1.0, 2.0, -3.0), u: turn * DVec3::X, v: turn * DVec3::Y, w: turn * DVec3::Z };
         (frame, frame.corners(0.02))
     }
 
     #[test]
     fn corners_give_their_frame_back() {
         let (frame, x) = some();
-        let again = Frame::of(&x);
+        let again = SectionFrame::from_corners(&x);
         for (a, b) in [(frame.p, again.p), (frame.u, again.u), (frame.v, again.v), (frame.w, again.w)] {
             assert!((a - b).length() < 1e-12);
         }
-        assert!((again.turn() * DVec3::Y - frame.w).length() < 1e-12);
-        assert!((again.turn() * DVec3::Z + frame.v).length() < 1e-12);
+        assert!((again.rotation() * DVec3::Y - frame.w).length() < 1e-12);
+        assert!((again.rotation() * DVec3::Z + frame.v).length() < 1e-12);
     }
 
     #[test]
     fn a_wrench_on_the_corners_is_that_wrench() {
         let (_, x) = some();
-        let grip = Grip::of(&x);
+        let grip = RigidSectionMap::from_corners(&x);
         let (force, torque) = (DVec3::new(1.0, -2.0, 0.5), DVec3::new(0.02, 0.01, -0.03));
-        let f = grip.wrench(force, torque);
+        let f = grip.corner_forces(force, torque);
         let sum = (0..3).fold(DVec3::ZERO, |s, c| s + corner(&f, c));
         let turn = (0..3).fold(DVec3::ZERO, |s, c| s + (corner(&x, c) - grip.p).cross(corner(&f, c)));
         assert!((sum - force).length() < 1e-12 && (turn - torque).length() < 1e-12);
@@ -256,13 +256,13 @@ mod tests {
     #[test]
     fn the_mass_of_a_body_is_its_energy() {
         let (_, x) = some();
-        let grip = Grip::of(&x);
+        let grip = RigidSectionMap::from_corners(&x);
         let (v, w) = (DVec3::new(0.3, -0.2, 1.0), DVec3::new(2.0, 1.0, -1.5));
         let (at, mass, inertia) =
             (DVec3::new(0.05, 0.01, -0.02), 0.3, DMat3::from_diagonal(DVec3::new(1e-4, 2e-4, 3e-4)));
         let moved = corners(|c| v + w.cross(corner(&x, c) - grip.p));
-        let m = grip.mass(at, mass, inertia);
-        let energy = 0.5 * dot(&moved, &times(&m, &moved));
+        let m = grip.mass_matrix(at, mass, inertia);
+        let energy = 0.5 * dot(&moved, &matrix_vector(&m, &moved));
         let own = 0.5 * mass * (v + w.cross(at)).length_squared() + 0.5 * w.dot(inertia * w);
         assert!((energy - own).abs() < 1e-12, "{energy} {own}");
     }

@@ -2,32 +2,32 @@
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 
-use crate::rods::Lost;
-use crate::rods::system::Rods;
+use crate::rods::StepFailure;
+use crate::rods::system::RodSystem;
 use osier_base::math;
 use osier_base::progress::Cancel;
 use osier_base::{Error, Result};
 use osier_wind::Wind;
 
 /// Density of air, kg/m^3.
-pub(crate) const AIR: f64 = 1.225;
+pub(crate) const AIR_DENSITY: f64 = 1.225;
 /// How often a frame's steps are halved before it is given up.
-pub(crate) const HALVINGS: u32 = 4;
+pub(crate) const MAX_STEP_HALVINGS: u32 = 4;
 /// Most steps of a frame that an explicit scheme may ask for.
-pub const MOST_STEPS: u32 = 200_000;
+pub const MAX_SUBSTEPS: u32 = 200_000;
 /// Explicit steps are this share of the longest stable one.
-const SAFE: f64 = 0.9;
+const STABILITY_MARGIN: f64 = 0.9;
 
 /// How steps are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Integrator {
-    /// All springs together, [`Rods::advance`].
+    /// All springs together, [`RodSystem::step_implicit`].
     Xpbd,
-    /// One by one, [`Rods::relax`].
+    /// One by one, [`RodSystem::step_gauss_seidel`].
     XpbdGs,
-    /// [`Rods::leap`].
+    /// [`RodSystem::step_symplectic_euler`].
     Symplectic,
-    /// [`Rods::plunge`].
+    /// [`RodSystem::step_explicit_euler`].
     Explicit,
 }
 
@@ -53,7 +53,7 @@ impl<const N: usize> Keys<N> {
 
 /// What acts on rods, or moves what holds them.
 #[derive(Debug, Clone)]
-pub enum Act {
+pub enum Actuation {
     /// Force, N, and torque, N m, on a section.
     Wrench(usize, Keys<6>),
     /// Blows on a section, N s, each once.
@@ -67,7 +67,7 @@ pub enum Act {
 }
 
 /// A clip to be recorded.
-pub struct Clip<'a> {
+pub struct RodClip<'a> {
     /// Frames.
     pub frames: u32,
     /// Number of the first.
@@ -79,7 +79,7 @@ pub struct Clip<'a> {
     /// How steps are taken.
     pub integrator: Integrator,
     /// What acts.
-    pub acts: Vec<Act>,
+    pub acts: Vec<Actuation>,
     /// Drag of each rod, and the wind.
     pub wind: Option<(Vec<f64>, &'a dyn Wind)>,
     /// Name for messages.
@@ -88,7 +88,7 @@ pub struct Clip<'a> {
 
 /// Where everything is in one frame.
 #[derive(Debug, Clone, Default)]
-pub struct Still {
+pub struct RodPose {
     /// Per section: place, m, and turn: +Y along the rod, +X to its corner 0.
     pub sections: Vec<(Vec3, Quat)>,
     /// Per body: place, m.
@@ -97,28 +97,28 @@ pub struct Still {
 
 /// A weight that was let go.
 #[derive(Debug, Clone, Copy)]
-struct Flying {
+struct ReleasedWeight {
     p: DVec3,
     v: DVec3,
     /// Height at which it comes to rest, m.
     floor: f64,
 }
 
-impl Rods {
+impl RodSystem {
     /// Lets a clip pass and returns its frames; the first shows the start.
     /// # Errors
     /// `Simulation` naming frame and rod, `Limit` for too many steps, `Cancelled`.
-    pub fn record(&mut self, clip: &Clip<'_>, cancel: &Cancel) -> Result<Vec<Still>> {
-        let n = self.steps_of(clip)?;
-        let mut flying: Vec<Option<Flying>> = vec![None; self.bodies.len()];
+    pub fn record_clip(&mut self, clip: &RodClip<'_>, cancel: &Cancel) -> Result<Vec<RodPose>> {
+        let n = self.steps_for_clip(clip)?;
+        let mut flying: Vec<Option<ReleasedWeight>> = vec![None; self.bodies.len()];
         let mut frames = Vec::new();
-        self.act(clip, 0.0, (0.0, f64::MAX));
-        self.restart();
+        self.apply_actuations(clip, 0.0, (0.0, f64::MAX));
+        self.reset_history();
         for frame in 0..clip.frames {
             cancel.check()?;
-            frames.push(self.still(&flying));
+            frames.push(self.pose(&flying));
             let start = f64::from(frame) / clip.fps;
-            self.pass(clip, (start, n), &mut flying).map_err(|Lost| Error::Simulation {
+            self.advance_frame(clip, (start, n), &mut flying).map_err(|StepFailure| Error::Simulation {
                 frame: clip.first + frame,
                 quantity: format!("rod \"{}\"", clip.name),
             })?;
@@ -126,22 +126,22 @@ impl Rods {
         Ok(frames)
     }
 
-    fn steps_of(&mut self, clip: &Clip<'_>) -> Result<u32> {
+    fn steps_for_clip(&mut self, clip: &RodClip<'_>) -> Result<u32> {
         let explicit = matches!(clip.integrator, Integrator::Symplectic | Integrator::Explicit);
-        if let (Some(n), _) | (None, Some(n)) = (clip.steps, (!explicit).then(|| self.steps(clip.fps))) {
+        if let (Some(n), _) | (None, Some(n)) = (clip.steps, (!explicit).then(|| self.steps_per_frame(clip.fps))) {
             return Ok(n);
         }
-        let w = self.fastest();
+        let w = self.max_angular_frequency_bound();
         let longest = match clip.integrator {
             Integrator::Symplectic => 2.0 / w,
-            _ => (0..self.len()).fold(f64::MAX, |m, i| m.min(self.braked(i))) / (w * w),
+            _ => (0..self.len()).fold(f64::MAX, |m, i| m.min(self.explicit_mass_damping(i))) / (w * w),
         };
-        let wanted = (1.0 / (clip.fps * SAFE * longest)).ceil();
-        if wanted > f64::from(MOST_STEPS) || wanted.is_nan() {
+        let wanted = (1.0 / (clip.fps * STABILITY_MARGIN * longest)).ceil();
+        if wanted > f64::from(MAX_SUBSTEPS) || wanted.is_nan() {
             return Err(Error::Limit {
                 name: format!("the number of steps a frame of rod \"{}\"", clip.name),
                 wanted: format!("{wanted:.0}"),
-                limit: MOST_STEPS.to_string(),
+                limit: MAX_SUBSTEPS.to_string(),
                 flag: "integrator = \"xpbd\"".into(),
             });
         }
@@ -149,42 +149,42 @@ impl Rods {
         Ok(wanted.max(1.0) as u32)
     }
 
-    fn still(&self, flying: &[Option<Flying>]) -> Still {
+    fn pose(&self, flying: &[Option<ReleasedWeight>]) -> RodPose {
         let section = |i: usize| {
-            let f = self.frame(i);
-            (f.p.as_vec3(), f.turn().as_quat().normalize())
+            let f = self.section_frame(i);
+            (f.p.as_vec3(), f.rotation().as_quat().normalize())
         };
-        let body = |(body, flying): (&super::Body, &Option<Flying>)| {
-            let f = self.frame(body.section);
+        let body = |(body, flying): (&super::AttachedBody, &Option<ReleasedWeight>)| {
+            let f = self.section_frame(body.section);
             flying.map_or(f.p + f.matrix() * body.at, |k| k.p).as_vec3()
         };
-        Still {
+        RodPose {
             sections: (0..self.len()).map(section).collect(),
             bodies: self.bodies.iter().zip(flying).map(body).collect(),
         }
     }
 
     /// One frame from `start`, s: in `n` steps, or in more if these fail.
-    fn pass(
+    fn advance_frame(
         &mut self,
-        clip: &Clip<'_>,
+        clip: &RodClip<'_>,
         (start, n): (f64, u32),
-        flying: &mut [Option<Flying>],
-    ) -> std::result::Result<(), Lost> {
+        flying: &mut [Option<ReleasedWeight>],
+    ) -> std::result::Result<(), StepFailure> {
         let saved = (self.x.clone(), self.v.clone(), flying.to_vec());
-        let mut last = Lost;
-        for halving in 0..=HALVINGS {
+        let mut last = StepFailure;
+        for halving in 0..=MAX_STEP_HALVINGS {
             let n = n << halving;
             let h = 1.0 / (clip.fps * f64::from(n));
             if halving > 0 {
                 (self.x, self.v) = (saved.0.clone(), saved.1.clone());
                 flying.copy_from_slice(&saved.2);
-                self.restart();
+                self.reset_history();
             }
             match self.run(clip, (start, n, h), flying) {
                 Ok(()) => {
                     if halving > 0 {
-                        self.restart();
+                        self.reset_history();
                     }
                     return Ok(());
                 }
@@ -196,47 +196,47 @@ impl Rods {
 
     fn run(
         &mut self,
-        clip: &Clip<'_>,
+        clip: &RodClip<'_>,
         (start, n, h): (f64, u32, f64),
-        flying: &mut [Option<Flying>],
-    ) -> std::result::Result<(), Lost> {
+        flying: &mut [Option<ReleasedWeight>],
+    ) -> std::result::Result<(), StepFailure> {
         for k in 0..n {
             let t = start + f64::from(k) * h;
-            self.act(clip, t + h, (t, h));
+            self.apply_actuations(clip, t + h, (t, h));
             match clip.integrator {
-                Integrator::Xpbd => self.advance(h)?,
-                Integrator::XpbdGs => self.relax(h)?,
-                Integrator::Symplectic => self.leap(h),
-                Integrator::Explicit => self.plunge(h),
+                Integrator::Xpbd => self.step_implicit(h)?,
+                Integrator::XpbdGs => self.step_gauss_seidel(h)?,
+                Integrator::Symplectic => self.step_symplectic_euler(h),
+                Integrator::Explicit => self.step_explicit_euler(h),
             }
             let far =
                 self.x.iter().flatten().fold(0.0_f64, |m, x| if x.is_finite() { m.max(x.abs()) } else { f64::MAX });
-            if far > self.horizon {
-                return Err(Lost);
+            if far > self.divergence_limit {
+                return Err(StepFailure);
             }
-            self.fly(flying, h);
+            self.advance_released_weights(flying, h);
         }
         Ok(())
     }
 
     /// Everything from outside at time `t`, s; blows of the step that begins at `from` and lasts `h`.
-    fn act(&mut self, clip: &Clip<'_>, t: f64, (from, h): (f64, f64)) {
-        self.calm();
+    fn apply_actuations(&mut self, clip: &RodClip<'_>, t: f64, (from, h): (f64, f64)) {
+        self.clear_forces();
         for act in &clip.acts {
             match act {
-                Act::Wrench(section, keys) => {
+                Actuation::Wrench(section, keys) => {
                     let [a, b, c, d, e, f] = keys.at(t);
-                    self.pull(*section, DVec3::new(a, b, c), DVec3::new(d, e, f));
+                    self.add_wrench(*section, DVec3::new(a, b, c), DVec3::new(d, e, f));
                 }
-                Act::Blow(section, keys) => {
-                    let place = self.frame(*section).p;
+                Actuation::Blow(section, keys) => {
+                    let place = self.section_frame(*section).p;
                     for (_, blow) in keys.0.iter().filter(|k| k.0 >= from && k.0 < from + h && h < f64::MAX) {
-                        self.strike(*section, place, DVec3::from_array(*blow), h);
+                        self.add_impulse(*section, place, DVec3::from_array(*blow), h);
                     }
                 }
-                Act::Mass(body, keys) => self.bodies[*body].mass = keys.at(t)[0],
-                Act::Shift(clamp, keys) => self.clamps[*clamp].shift = DVec3::from_array(keys.at(t)),
-                Act::Turn(clamp, axis, keys) => {
+                Actuation::Mass(body, keys) => self.bodies[*body].mass = keys.at(t)[0],
+                Actuation::Shift(clamp, keys) => self.clamps[*clamp].shift = DVec3::from_array(keys.at(t)),
+                Actuation::Turn(clamp, axis, keys) => {
                     let half = keys.at(t)[0] / 2.0;
                     let v = *axis * math::sin(half);
                     self.clamps[*clamp].turn = DQuat::from_xyzw(v.x, v.y, v.z, math::cos(half));
@@ -244,13 +244,13 @@ impl Rods {
             }
         }
         if let Some((drag, wind)) = &clip.wind {
-            self.blow(drag, *wind, t);
+            self.add_wind_drag(drag, *wind, t);
         }
     }
 
     /// Drag of the wind across each rod. Source: F = rho/2 C A |u| u of the part of the wind across it, relative to it.
-    pub(crate) fn blow(&mut self, drag: &[f64], wind: &dyn Wind, t: f64) {
-        let places: Vec<Vec3> = (0..self.len()).map(|i| self.frame(i).p.as_vec3()).collect();
+    pub(crate) fn add_wind_drag(&mut self, drag: &[f64], wind: &dyn Wind, t: f64) {
+        let places: Vec<Vec3> = (0..self.len()).map(|i| self.section_frame(i).p.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t, &mut air);
         for (i, air) in air.iter().enumerate() {
@@ -259,16 +259,16 @@ impl Rods {
             let length = span.length / span.intervals.len().max(1) as f64;
             let end = i + 1 == span.sections.end || (i == span.sections.start && span.base.is_none());
             let area = 2.0 * section.radius * length * if end { 0.5 } else { 1.0 };
-            let along = self.frame(i).w;
-            let u = air.as_dvec3() - self.motion(i).0;
+            let along = self.section_frame(i).w;
+            let u = air.as_dvec3() - self.section_velocity(i).0;
             let u = u - along * along.dot(u);
-            let f = 0.5 * AIR * drag[section.rod] * area * u.length() * u;
-            self.pull(i, f, DVec3::ZERO);
+            let f = 0.5 * AIR_DENSITY * drag[section.rod] * area * u.length() * u;
+            self.add_wrench(i, f, DVec3::ZERO);
         }
     }
 
     /// Weights that were let go fall freely until they lie on y = 0.
-    fn fly(&self, flying: &mut [Option<Flying>], h: f64) {
+    fn advance_released_weights(&self, flying: &mut [Option<ReleasedWeight>], h: f64) {
         for (body, state) in self.bodies.iter().zip(flying) {
             if body.own {
                 continue;
@@ -282,10 +282,10 @@ impl Rods {
                     }
                 }
                 None if body.mass <= 0.0 => {
-                    let (f, (v, spin)) = (self.frame(body.section), self.motion(body.section));
+                    let (f, (v, spin)) = (self.section_frame(body.section), self.section_velocity(body.section));
                     let arm = f.matrix() * body.at;
                     let p = f.p + arm;
-                    *state = Some(Flying { p, v: v + spin.cross(arm), floor: body.reach.min(p.y) });
+                    *state = Some(ReleasedWeight { p, v: v + spin.cross(arm), floor: body.reach.min(p.y) });
                 }
                 None => {}
             }

@@ -1,23 +1,23 @@
 //! Springs between the corners of a rod's sections: which there are, how stiff, how they pull.
 
-use crate::rods::prism::Corners;
+use crate::rods::prism::SectionCorners;
 use osier_base::math;
 
 /// Springs that belong to a section: 3 around it, 9 to the section before, 3 to the one before that, and one of no strength.
-pub(crate) const LANES: usize = 16;
+pub(crate) const SPRINGS_PER_SECTION: usize = 16;
 /// Where those to the section before begin, and those to the one before that.
-pub(crate) const LINK: usize = 3;
-pub(crate) const BEND: usize = 12;
+pub(crate) const FIRST_LINK_SPRING: usize = 3;
+pub(crate) const FIRST_BEND_SPRING: usize = 12;
 /// Share of bending that the springs over two intervals take.
-const BENDING: f64 = 0.2;
+const TWO_INTERVAL_BENDING_SHARE: f64 = 0.2;
 /// Bounds of the share of stiffness along the rod that shear takes.
-const SHEAR: [f64; 2] = [0.1, 0.5];
+const SHEAR_SHARE_RANGE: [f64; 2] = [0.1, 0.5];
 /// Corners stand so far from the centre, in radii: bending and axial stiffness are then those of a solid rod.
-pub(crate) const REACH: f64 = std::f64::consts::FRAC_1_SQRT_2;
+pub(crate) const CORNER_RADIUS_RATIO: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// A stretch between two sections.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Interval {
+pub(crate) struct RodInterval {
     /// m.
     pub length: f64,
     /// Mean radius, m.
@@ -30,7 +30,7 @@ pub(crate) struct Interval {
     pub spread: f64,
 }
 
-impl Interval {
+impl RodInterval {
     /// k0 = E pi R^2 / (3 l), N/m: a third of the stiffness along the rod; of a spread prism less by the square of its
     /// spread, so that bending stays.
     pub(crate) fn axial(&self) -> f64 {
@@ -40,7 +40,7 @@ impl Interval {
 
     /// Spread from which on it twists as its material does.
     pub(crate) fn wanted_spread(&self) -> f64 {
-        math::sqrt(Self { spread: 1.0, ..*self }.torsion_lost())
+        math::sqrt(Self { spread: 1.0, ..*self }.torsion_softening())
     }
 
     /// Without bounds it would give the torsion of the material.
@@ -51,12 +51,12 @@ impl Interval {
 
     /// Share of the stiffness that shear takes.
     fn sheared(&self) -> f64 {
-        self.wanted_shear().clamp(SHEAR[0], SHEAR[1])
+        self.wanted_shear().clamp(SHEAR_SHARE_RANGE[0], SHEAR_SHARE_RANGE[1])
     }
 
     /// How many times softer in torsion than the material it is: 1 unless the interval is too long.
-    pub(crate) fn torsion_lost(&self) -> f64 {
-        (self.wanted_shear() / SHEAR[1]).max(1.0)
+    pub(crate) fn torsion_softening(&self) -> f64 {
+        (self.wanted_shear() / SHEAR_SHARE_RANGE[1]).max(1.0)
     }
 
     /// EI = E pi R^4 / 4, N m^2.
@@ -69,68 +69,68 @@ impl Interval {
 /// Stiffness, N/m, of a rod's springs, section by section.
 /// Source: the families S_st, S_sh, S_fl of [yang-wu] Fig. 3. Own: the stiffness, chosen so that plane sections give
 /// EI = E pi R^4 / 4 and, while the share of shear is not bounded, GJ = G pi R^4 / 2.
-pub(crate) fn stiffness(intervals: &[Interval]) -> Vec<[f64; LANES]> {
+pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS_PER_SECTION]> {
     let n = intervals.len() + 1;
-    let bend = |i: usize| BENDING / 4.0 * intervals[i].axial().min(intervals[i + 1].axial());
-    let mut all = vec![[0.0; LANES]; n];
+    let bend = |i: usize| TWO_INTERVAL_BENDING_SHARE / 4.0 * intervals[i].axial().min(intervals[i + 1].axial());
+    let mut all = vec![[0.0; SPRINGS_PER_SECTION]; n];
     for (i, k) in all.iter_mut().enumerate() {
         let near = &intervals[i.saturating_sub(1)..(i + 1).min(intervals.len())];
         let mean = near.iter().fold(0.0, |s, l| s + l.axial()) / near.len() as f64;
-        k[..LINK].fill(4.0 * mean);
+        k[..FIRST_LINK_SPRING].fill(4.0 * mean);
         if i > 0 {
             let l = &intervals[i - 1];
             let (k0, f) = (l.axial(), l.sheared());
             // Springs over two intervals that pass this one: that ending in the next section, and that ending here.
             let across = if i < intervals.len() { bend(i - 1) } else { 0.0 } + if i > 1 { bend(i - 2) } else { 0.0 };
             let along = (k0 * (1.0 - f) - 2.0 * across).max(0.1 * k0);
-            let rho = REACH * l.radius * l.spread;
+            let rho = CORNER_RADIUS_RATIO * l.radius * l.spread;
             let diagonal = 2.0 * f * k0 * (l.length * l.length + 3.0 * rho * rho) / (l.length * l.length);
             for c in 0..9 {
-                k[LINK + c] = if c / 3 == c % 3 { along } else { diagonal };
+                k[FIRST_LINK_SPRING + c] = if c / 3 == c % 3 { along } else { diagonal };
             }
         }
         if i > 1 {
-            k[BEND..BEND + 3].fill(bend(i - 2));
+            k[FIRST_BEND_SPRING..FIRST_BEND_SPRING + 3].fill(bend(i - 2));
         }
     }
     all
 }
 
 /// Three rows of numbers, one lane to a spring: x, y, z.
-pub(crate) type Spans = [[f64; LANES]; 3];
+pub(crate) type SpringVectors = [[f64; SPRINGS_PER_SECTION]; 3];
 
 /// From each spring's corner of this section to its other end.
 #[inline(always)]
-pub(crate) fn spans(own: &Corners, up: &Corners, over: &Corners) -> Spans {
-    let mut d = [[0.0; LANES]; 3];
+pub(crate) fn spring_vectors(own: &SectionCorners, up: &SectionCorners, over: &SectionCorners) -> SpringVectors {
+    let mut d = [[0.0; SPRINGS_PER_SECTION]; 3];
     for axis in 0..3 {
         let row = &mut d[axis];
         for c in 0..3 {
             row[c] = own[3 * ((c + 1) % 3) + axis] - own[3 * c + axis];
             for other in 0..3 {
-                row[LINK + 3 * c + other] = up[3 * other + axis] - own[3 * c + axis];
+                row[FIRST_LINK_SPRING + 3 * c + other] = up[3 * other + axis] - own[3 * c + axis];
             }
-            row[BEND + c] = over[3 * c + axis] - own[3 * c + axis];
+            row[FIRST_BEND_SPRING + c] = over[3 * c + axis] - own[3 * c + axis];
         }
     }
     d
 }
 
 /// The springs of a section at one moment.
-pub(crate) struct Strain {
+pub(crate) struct SpringState {
     /// Directions.
-    pub e: Spans,
+    pub e: SpringVectors,
     /// Tension, N.
-    pub tension: [f64; LANES],
+    pub tension: [f64; SPRINGS_PER_SECTION],
     /// Stiffness across, N/m: of stretched springs only, so that the whole stays positive.
-    pub across: [f64; LANES],
+    pub across: [f64; SPRINGS_PER_SECTION],
 }
 
 /// Lengths become tensions. `k`: N/m; `l`: lengths at rest, m.
 #[inline(always)]
-pub(crate) fn strain(d: &Spans, k: &[f64; LANES], l: &[f64; LANES]) -> Strain {
-    let mut s = Strain { e: *d, tension: [0.0; LANES], across: [0.0; LANES] };
-    for i in 0..LANES {
+pub(crate) fn spring_state(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l: &[f64; SPRINGS_PER_SECTION]) -> SpringState {
+    let mut s = SpringState { e: *d, tension: [0.0; SPRINGS_PER_SECTION], across: [0.0; SPRINGS_PER_SECTION] };
+    for i in 0..SPRINGS_PER_SECTION {
         let length = (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt().max(1e-30);
         let inverse = 1.0 / length;
         for axis in 0..3 {
@@ -144,9 +144,9 @@ pub(crate) fn strain(d: &Spans, k: &[f64; LANES], l: &[f64; LANES]) -> Strain {
 
 /// Forces on this section's corner of each spring, N, with damping `b` K_t v. `v`: from corner to other end, m/s.
 #[inline(always)]
-pub(crate) fn pulls(s: &Strain, k: &[f64; LANES], v: &Spans, b: f64) -> Spans {
-    let mut f = [[0.0; LANES]; 3];
-    for i in 0..LANES {
+pub(crate) fn spring_forces(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], v: &SpringVectors, b: f64) -> SpringVectors {
+    let mut f = [[0.0; SPRINGS_PER_SECTION]; 3];
+    for i in 0..SPRINGS_PER_SECTION {
         let along = v[0][i] * s.e[0][i] + v[1][i] * s.e[1][i] + v[2][i] * s.e[2][i];
         let pull = s.tension[i] + b * (k[i] - s.across[i]) * along;
         for axis in 0..3 {
@@ -157,30 +157,30 @@ pub(crate) fn pulls(s: &Strain, k: &[f64; LANES], v: &Spans, b: f64) -> Spans {
 }
 
 /// What the springs store, J.
-pub(crate) fn energy(d: &Spans, k: &[f64; LANES], l: &[f64; LANES]) -> f64 {
-    (0..LANES).fold(0.0, |sum, i| {
+pub(crate) fn spring_energy(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l: &[f64; SPRINGS_PER_SECTION]) -> f64 {
+    (0..SPRINGS_PER_SECTION).fold(0.0, |sum, i| {
         let length = (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt();
         sum + 0.5 * k[i] * (length - l[i]) * (length - l[i])
     })
 }
 
 /// Lengths of all springs of a section, m.
-pub(crate) fn lengths(d: &Spans) -> [f64; LANES] {
+pub(crate) fn spring_lengths(d: &SpringVectors) -> [f64; SPRINGS_PER_SECTION] {
     std::array::from_fn(|i| (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt())
 }
 
 /// Adds forces on springs' corners to the sections', with the opposite on their other ends.
 #[inline(always)]
-pub(crate) fn scatter(f: &Spans, own: &mut Corners, up: &mut Corners, over: &mut Corners) {
+pub(crate) fn scatter_forces(f: &SpringVectors, own: &mut SectionCorners, up: &mut SectionCorners, over: &mut SectionCorners) {
     for axis in 0..3 {
         let row = &f[axis];
         for c in 0..3 {
-            own[3 * c + axis] += row[c] + row[BEND + c];
+            own[3 * c + axis] += row[c] + row[FIRST_BEND_SPRING + c];
             own[3 * ((c + 1) % 3) + axis] -= row[c];
-            over[3 * c + axis] -= row[BEND + c];
+            over[3 * c + axis] -= row[FIRST_BEND_SPRING + c];
             for other in 0..3 {
-                own[3 * c + axis] += row[LINK + 3 * c + other];
-                up[3 * other + axis] -= row[LINK + 3 * c + other];
+                own[3 * c + axis] += row[FIRST_LINK_SPRING + 3 * c + other];
+                up[3 * other + axis] -= row[FIRST_LINK_SPRING + 3 * c + other];
             }
         }
     }
@@ -188,19 +188,19 @@ pub(crate) fn scatter(f: &Spans, own: &mut Corners, up: &mut Corners, over: &mut
 
 /// Number of springs of a rod of `n` sections: around, along, diagonal, over two intervals, back to their places.
 #[cfg(test)]
-pub(crate) fn count(intervals: &[Interval]) -> [usize; 5] {
-    let k = stiffness(intervals);
+pub(crate) fn count(intervals: &[RodInterval]) -> [usize; 5] {
+    let k = spring_stiffnesses(intervals);
     let n = k.len();
     let some = |lanes: &dyn Fn(usize) -> bool| {
-        k.iter().map(|k| (0..LANES).filter(|i| lanes(*i) && k[*i] > 0.0).count()).sum::<usize>()
+        k.iter().map(|k| (0..SPRINGS_PER_SECTION).filter(|i| lanes(*i) && k[*i] > 0.0).count()).sum::<usize>()
     };
-    let link = |i: usize| (LINK..BEND).contains(&i);
-    let straight = |i: usize| (i - LINK) / 3 == (i - LINK) % 3;
+    let link = |i: usize| (FIRST_LINK_SPRING..FIRST_BEND_SPRING).contains(&i);
+    let straight = |i: usize| (i - FIRST_LINK_SPRING) / 3 == (i - FIRST_LINK_SPRING) % 3;
     [
-        some(&|i| i < LINK),
+        some(&|i| i < FIRST_LINK_SPRING),
         some(&|i| link(i) && straight(i)),
         some(&|i| link(i) && !straight(i)),
-        some(&|i| i >= BEND),
+        some(&|i| i >= FIRST_BEND_SPRING),
         3 * n,
     ]
 }
@@ -212,7 +212,7 @@ mod tests {
     #[test]
     fn there_are_as_many_springs_as_the_lattice_of_prisms_has() {
         for n in [3, 5, 9, 16] {
-            let interval = Interval { length: 0.05, radius: 0.01, young: 5e9, shear: 1.0 / 15.0, spread: 1.0 };
+            let interval = RodInterval { length: 0.05, radius: 0.01, young: 5e9, shear: 1.0 / 15.0, spread: 1.0 };
             let counts = count(&vec![interval; n - 1]);
             assert_eq!(counts, [3 * n, 3 * (n - 1), 6 * (n - 1), 3 * (n - 2), 3 * n]);
         }

@@ -4,25 +4,25 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
-use super::{Body, Hold, Rod, Rods, Stuff};
-use crate::rods::prism::{Corners, Frame, Grip, corner, corners, dot};
-use crate::rods::system::minus;
+use super::{AttachedBody, ClampKind, RodDescription, RodSystem, RodMaterial};
+use crate::rods::prism::{SectionCorners, SectionFrame, RigidSectionMap, corner, corners, dot};
+use crate::rods::system::difference;
 use osier_base::rng::Rng;
 
-const STUFF: Stuff = Stuff { young: 5e9, shear: 1.0 / 15.0, density: 900.0, zeta: 0.0, recovery: 0.0, stout: false };
+const STUFF: RodMaterial = RodMaterial { young: 5e9, shear: 1.0 / 15.0, density: 900.0, damping_ratio: 0.0, recovery: 0.0, spread_for_torsion: false };
 
 /// A straight rod of `n` sections along X whose intervals are `slender` radii long.
-fn straight(n: usize, slender: f64, radius: f64, stuff: Stuff) -> Rod {
+fn straight(n: usize, slender: f64, radius: f64, material: RodMaterial) -> RodDescription {
     let length = (n - 1) as f64 * slender * radius;
-    Rod { points: vec![DVec3::ZERO, DVec3::X * length], radii: vec![radius; 2], stuff, sections: Some(n), parent: None }
+    RodDescription { points: vec![DVec3::ZERO, DVec3::X * length], radii: vec![radius; 2], material, sections: Some(n), parent: None }
 }
 
 /// The same, held at its base, without weight.
-fn cantilever(n: usize, slender: f64, stuff: Stuff) -> Rods {
-    weightless(Rods::new(&[straight(n, slender, 0.01, stuff)], &[(0, 0.0, Hold::Fixed)]))
+fn cantilever(n: usize, slender: f64, material: RodMaterial) -> RodSystem {
+    weightless(RodSystem::new(&[straight(n, slender, 0.01, material)], &[(0, 0.0, ClampKind::Fixed)]))
 }
 
-fn weightless(mut rods: Rods) -> Rods {
+fn weightless(mut rods: RodSystem) -> RodSystem {
     rods.gravity = DVec3::ZERO;
     rods
 }
@@ -42,26 +42,26 @@ impl Power for f64 {
 }
 
 /// Slowest swing of the lattice itself, Hz, by inverse iteration.
-fn slowest(rods: &mut Rods) -> f64 {
+fn estimate_fundamental_hz(rods: &mut RodSystem) -> f64 {
     let n = rods.len();
-    let mut y: Vec<Corners> = (0..n).map(|i| corners(|_| DVec3::Y * (i as f64 / n as f64))).collect();
+    let mut y: Vec<SectionCorners> = (0..n).map(|i| corners(|_| DVec3::Y * (i as f64 / n as f64))).collect();
     let mut w2 = 0.0;
     for _ in 0..60 {
-        rods.prepare(0.0);
+        rods.prepare_step(0.0);
         rods.step.factors.fill(1.0);
         rods.step.next.copy_from_slice(&rods.x.clone());
         rods.step.speed.fill([0.0; 9]);
-        rods.assemble(true);
+        rods.assemble_springs(true);
         for i in 0..n {
-            let back = rods.manners[rods.tree.sections[i].rod].recovery;
-            rods.add_mass(i, 0.0, back);
-            let right = rods.massed(i, &y[i], false);
+            let back = rods.dampings[rods.tree.sections[i].rod].recovery;
+            rods.add_mass_to_block(i, 0.0, back);
+            let right = rods.apply_mass(i, &y[i], false);
             rods.step.rows[i].set_right(&right);
         }
-        rods.clamp();
-        assert!(rods.solve());
+        rods.add_clamp_penalties();
+        assert!(rods.solve_newton_update());
         let next = rods.step.change.clone();
-        let of = |a: &[Corners], b: &[Corners]| (0..n).fold(0.0, |s, i| s + dot(&a[i], &rods.massed(i, &b[i], false)));
+        let of = |a: &[SectionCorners], b: &[SectionCorners]| (0..n).fold(0.0, |s, i| s + dot(&a[i], &rods.apply_mass(i, &b[i], false)));
         w2 = of(&next, &y) / of(&next, &next);
         let size = of(&next, &next).sqrt();
         y = next.iter().map(|x| x.map(|v| v / size)).collect();
@@ -77,15 +77,15 @@ fn a_cantilever_bends_and_swings_as_a_beam() {
         let mut rods = cantilever(n, slender, STUFF);
         let (length, ei) = ((n - 1) as f64 * slender * 0.01, bending(0.01, STUFF.young));
         let force = 1e-4 * 3.0 * ei / (length * length);
-        rods.pull(n - 1, DVec3::Y * force, DVec3::ZERO);
-        assert!(rods.hang());
-        let deflection = rods.frame(n - 1).p.y / (1e-4 * length);
+        rods.add_wrench(n - 1, DVec3::Y * force, DVec3::ZERO);
+        assert!(rods.solve_equilibrium());
+        let deflection = rods.section_frame(n - 1).p.y / (1e-4 * length);
         assert!((0.995..1.0 + tolerance).contains(&deflection), "{n} sections, l/R {slender}: {deflection}");
         let mut rods = cantilever(n, slender, STUFF);
         let beam = 3.516 / (TAU * length * length) * (ei / (STUFF.density * PI * 1e-4)).sqrt();
-        let swing = slowest(&mut rods) / beam;
+        let swing = estimate_fundamental_hz(&mut rods) / beam;
         assert!((1.0 - tolerance..1.005).contains(&swing), "{n} sections, l/R {slender}: {swing} of {beam} Hz");
-        assert!((rods.hertz(0) / beam - 1.0).abs() < 0.03, "Rayleigh's {} of {beam}", rods.hertz(0));
+        assert!((rods.fundamental_hz(0) / beam - 1.0).abs() < 0.03, "Rayleigh's {} of {beam}", rods.fundamental_hz(0));
     }
 }
 
@@ -93,9 +93,9 @@ fn a_cantilever_bends_and_swings_as_a_beam() {
 fn five_sections_are_a_little_softer() {
     let mut rods = cantilever(5, 3.0, STUFF);
     let (length, ei) = (0.12, bending(0.01, STUFF.young));
-    rods.pull(4, DVec3::Z * (1e-4 * 3.0 * ei / (length * length)), DVec3::ZERO);
-    assert!(rods.hang());
-    let deflection = rods.frame(4).p.z / (1e-4 * length);
+    rods.add_wrench(4, DVec3::Z * (1e-4 * 3.0 * ei / (length * length)), DVec3::ZERO);
+    assert!(rods.solve_equilibrium());
+    let deflection = rods.section_frame(4).p.z / (1e-4 * length);
     assert!((1.03..1.09).contains(&deflection), "{deflection}");
 }
 
@@ -106,40 +106,40 @@ fn a_torque_twists_it_as_its_material_says() {
     let length = 0.16;
     let gj = STUFF.young * STUFF.shear * PI * 1e-8 / 2.0;
     let torque = 1e-3 * gj / length;
-    rods.pull(n - 1, DVec3::ZERO, DVec3::X * torque);
-    assert!(rods.hang());
-    let (was, is) = (rods.frame(0).u, rods.frame(n - 1).u);
+    rods.add_wrench(n - 1, DVec3::ZERO, DVec3::X * torque);
+    assert!(rods.solve_equilibrium());
+    let (was, is) = (rods.section_frame(0).u, rods.section_frame(n - 1).u);
     let angle = was.cross(is).dot(DVec3::X);
     assert!((angle / 1e-3 - 1.0).abs() < 0.01, "{angle}");
-    assert!((rods.torsion_lost(0) - 1.0).abs() < 1e-12);
-    assert!((cantilever(9, 10.0, STUFF).torsion_lost(0) - 8.889).abs() < 1e-3);
+    assert!((rods.torsion_softening(0) - 1.0).abs() < 1e-12);
+    assert!((cantilever(9, 10.0, STUFF).torsion_softening(0) - 8.889).abs() < 1e-3);
 }
 
 #[test]
 fn springs_back_raise_every_swing() {
-    let bare = slowest(&mut cantilever(9, 3.0, STUFF));
-    let drawn = slowest(&mut cantilever(9, 3.0, Stuff { recovery: 0.25, ..STUFF }));
+    let bare = estimate_fundamental_hz(&mut cantilever(9, 3.0, STUFF));
+    let drawn = estimate_fundamental_hz(&mut cantilever(9, 3.0, RodMaterial { recovery: 0.25, ..STUFF }));
     assert!((drawn / bare / 1.118 - 1.0).abs() < 0.01, "{}", drawn / bare);
 }
 
 #[test]
 fn a_moved_root_moves_the_rod_rigidly() {
-    let mut rods = cantilever(9, 3.0, Stuff { recovery: 0.25, ..STUFF });
+    let mut rods = cantilever(9, 3.0, RodMaterial { recovery: 0.25, ..STUFF });
     let (shift, turn) = (DVec3::new(0.3, -0.2, 0.5), DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 1.3));
     (rods.clamps[0].shift, rods.clamps[0].turn) = (shift, turn);
-    let moved: Vec<Corners> = rods.tree.drawn.iter().map(|x| corners(|c| shift + turn * corner(x, c))).collect();
+    let moved: Vec<SectionCorners> = rods.tree.drawn.iter().map(|x| corners(|c| shift + turn * corner(x, c))).collect();
     let mut draw = Rng::at(1, &["rigid".into()]);
     rods.x = moved.iter().map(|x| x.map(|v| v + 1e-5 * draw.range(-1.0, 1.0))).collect();
-    assert!(rods.hang());
-    let worst = rods.x.iter().zip(&moved).flat_map(|(a, b)| minus(a, b)).fold(0.0_f64, |m, d| m.max(d.abs()));
+    assert!(rods.solve_equilibrium());
+    let worst = rods.x.iter().zip(&moved).flat_map(|(a, b)| difference(a, b)).fold(0.0_f64, |m, d| m.max(d.abs()));
     assert!(worst < 1e-9, "{worst}");
 }
 
 /// Fastest swing, rad/s, by power iteration on differences of accelerations.
-fn fastest(rods: &mut Rods) -> f64 {
+fn max_angular_frequency_bound(rods: &mut RodSystem) -> f64 {
     let rest = rods.x.clone();
     let mut draw = Rng::at(5, &["fastest".into()]);
-    let mut y: Vec<Corners> = rest.iter().map(|_| std::array::from_fn(|_| draw.range(-1.0, 1.0))).collect();
+    let mut y: Vec<SectionCorners> = rest.iter().map(|_| std::array::from_fn(|_| draw.range(-1.0, 1.0))).collect();
     let mut w2 = 0.0;
     for _ in 0..400 {
         y[0] = [0.0; 9];
@@ -149,24 +149,24 @@ fn fastest(rods: &mut Rods) -> f64 {
         for i in 0..rest.len() {
             rods.x[i] = std::array::from_fn(|k| rest[i][k] + e * y[i][k]);
         }
-        rods.prepare(0.0);
+        rods.prepare_step(0.0);
         rods.step.next.copy_from_slice(&rods.x.clone());
         rods.step.speed.fill([0.0; 9]);
-        rods.assemble(false);
-        y = (0..rest.len()).map(|i| rods.accelerated(i, &rods.step.force[i]).map(|a| -a / e)).collect();
+        rods.assemble_springs(false);
+        y = (0..rest.len()).map(|i| rods.solve_mass(i, &rods.step.force[i]).map(|a| -a / e)).collect();
         w2 = y[1..].iter().fold(0.0, |s, v| s + dot(v, v)).sqrt();
     }
     rods.x = rest;
     w2.sqrt()
 }
 
-fn loudest(rods: &Rods) -> f64 {
-    let away = rods.x.iter().zip(&rods.tree.drawn).flat_map(|(a, b)| minus(a, b));
+fn loudest(rods: &RodSystem) -> f64 {
+    let away = rods.x.iter().zip(&rods.tree.drawn).flat_map(|(a, b)| difference(a, b));
     away.fold(0.0, |m: f64, d| if d.is_finite() { m.max(d.abs()) } else { f64::INFINITY })
 }
 
 /// Nudges every corner a little.
-fn nudge(rods: &mut Rods) {
+fn nudge(rods: &mut RodSystem) {
     let mut draw = Rng::at(9, &["nudge".into()]);
     for v in rods.v.iter_mut().skip(1) {
         *v = std::array::from_fn(|_| 1e-4 * draw.range(-1.0, 1.0));
@@ -175,42 +175,42 @@ fn nudge(rods: &mut Rods) {
 
 #[test]
 fn eulers_steps_have_their_limits() {
-    let make = || weightless(Rods::new(&[straight(9, 3.0, 0.002, STUFF)], &[(0, 0.0, Hold::Fixed)]));
-    let w = fastest(&mut make());
-    let bound = make().fastest();
+    let make = || weightless(RodSystem::new(&[straight(9, 3.0, 0.002, STUFF)], &[(0, 0.0, ClampKind::Fixed)]));
+    let w = max_angular_frequency_bound(&mut make());
+    let bound = make().max_angular_frequency_bound();
     assert!(bound >= w && w > 0.6 * bound, "{w} within {bound}");
     for (factor, holds) in [(0.98, true), (1.02, false)] {
         let mut rods = make();
         nudge(&mut rods);
-        (0..4000).for_each(|_| rods.leap(factor * 2.0 / w));
+        (0..4000).for_each(|_| rods.step_symplectic_euler(factor * 2.0 / w));
         assert_eq!(loudest(&rods) < 1e-6, holds, "symplectic at {factor}: {}", loudest(&rods));
     }
     // Explicit steps grow by w^2 h^2 - a h: without damping at any length.
     for (damping, factor, holds) in [(0.3, 0.95, true), (0.3, 1.05, false), (0.0, 0.1, false)] {
         let mut rods = make();
-        rods.manners[0].mass = damping * w / 2.0;
+        rods.dampings[0].mass = damping * w / 2.0;
         nudge(&mut rods);
         let h = if damping > 0.0 { factor * damping / w } else { factor / w };
-        (0..20_000).for_each(|_| rods.plunge(h));
+        (0..20_000).for_each(|_| rods.step_explicit_euler(h));
         assert_eq!(loudest(&rods) < 1e-6, holds, "explicit, {damping} at {factor}: {}", loudest(&rods));
     }
 }
 
 /// A soft rod that was held aside by its tip and is let go: 5 MPa, below 2 Hz.
-fn released(zeta: f64) -> Rods {
-    let stuff = Stuff { young: 5e6, zeta, ..STUFF };
-    let rod = Rod {
+fn released(damping_ratio: f64) -> RodSystem {
+    let material = RodMaterial { young: 5e6, damping_ratio, ..STUFF };
+    let rod = RodDescription {
         points: vec![DVec3::ZERO, DVec3::Y * 0.25],
         radii: vec![0.005; 2],
-        stuff,
+        material,
         sections: Some(9),
         parent: None,
     };
-    let mut rods = weightless(Rods::new(&[rod], &[(0, 0.0, Hold::Fixed)]));
+    let mut rods = weightless(RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]));
     let ei = bending(0.005, 5e6);
-    rods.pull(8, DVec3::X * (0.05 * 3.0 * ei / 0.0625), DVec3::ZERO);
-    assert!(rods.hang());
-    rods.calm();
+    rods.add_wrench(8, DVec3::X * (0.05 * 3.0 * ei / 0.0625), DVec3::ZERO);
+    assert!(rods.solve_equilibrium());
+    rods.clear_forces();
     rods
 }
 
@@ -219,60 +219,60 @@ fn the_implicit_steps_are_second_order_and_agree_with_small_explicit_ones() {
     let end = |steps: u32| {
         let mut rods = released(0.05);
         let h = 0.25 / f64::from(steps);
-        rods.restart();
-        (0..steps).for_each(|_| rods.advance(h).expect("steps"));
-        rods.frame(8).p
+        rods.reset_history();
+        (0..steps).for_each(|_| rods.step_implicit(h).expect("steps"));
+        rods.section_frame(8).p
     };
     let [a, b, c] = [96, 192, 384].map(end);
     let order = ((a - b).length() / (b - c).length()).log2();
     assert!(order > 1.8, "order {order}");
     // The same second by both.
     let mut by_springs = released(0.0);
-    assert!(by_springs.hertz(0) < 2.0);
-    let h = 0.9 * 2.0 / by_springs.fastest();
+    assert!(by_springs.fundamental_hz(0) < 2.0);
+    let h = 0.9 * 2.0 / by_springs.max_angular_frequency_bound();
     let mut by_all = released(0.0);
-    by_all.restart();
+    by_all.reset_history();
     let (mut t, mut most) = (0.0, 0.0_f64);
     for k in 1..=1536_u32 {
-        by_all.advance(1.0 / 1536.0).expect("steps");
+        by_all.step_implicit(1.0 / 1536.0).expect("steps");
         while t < f64::from(k) / 1536.0 {
-            by_springs.leap(h);
+            by_springs.step_symplectic_euler(h);
             t += h;
         }
-        most = most.max((by_all.frame(8).p - by_springs.frame(8).p).length());
+        most = most.max((by_all.section_frame(8).p - by_springs.section_frame(8).p).length());
     }
-    let amplitude = released(0.0).frame(8).p.x;
+    let amplitude = released(0.0).section_frame(8).p.x;
     assert!(most < 0.02 * amplitude, "{most} of {amplitude}");
 }
 
 #[test]
 fn long_implicit_steps_do_not_blow_up() {
     let mut rods = released(0.05);
-    let start = rods.frame(8).p.x;
-    rods.restart();
+    let start = rods.section_frame(8).p.x;
+    rods.reset_history();
     for _ in 0..240 {
-        rods.advance(1.0 / 24.0).expect("steps");
-        assert!(rods.frame(8).p.x.abs() < 1.2 * start);
+        rods.step_implicit(1.0 / 24.0).expect("steps");
+        assert!(rods.section_frame(8).p.x.abs() < 1.2 * start);
     }
-    assert!(rods.frame(8).p.x.abs() < 0.1 * start);
+    assert!(rods.section_frame(8).p.x.abs() < 0.1 * start);
 }
 
 #[test]
 fn energy_falls_from_swing_to_swing_as_the_damping_says() {
-    for zeta in [0.0, 0.05, 0.2] {
-        let mut rods = released(zeta);
-        let hertz = slowest(&mut rods.clone());
+    for damping_ratio in [0.0, 0.05, 0.2] {
+        let mut rods = released(damping_ratio);
+        let hertz = estimate_fundamental_hz(&mut rods.clone());
         // w h = 0.1.
         let h = 0.1 / (TAU * hertz);
-        rods.restart();
-        let start = rods.stored();
+        rods.reset_history();
+        let start = rods.elastic_energy();
         let (mut last, mut peaks, mut before) = (start, Vec::new(), [0.0; 2]);
         for _ in 0..260 {
-            rods.advance(h).expect("steps");
-            let energy = rods.stored() + rods.moving();
+            rods.step_implicit(h).expect("steps");
+            let energy = rods.elastic_energy() + rods.kinetic_energy();
             assert!(energy - last < 1e-3 * start, "rises by {} of {start}", energy - last);
             last = energy;
-            let x = rods.frame(8).p.x;
+            let x = rods.section_frame(8).p.x;
             if before[1] > before[0] && before[1] > x && x > 0.0 {
                 peaks.push(before[1]);
             }
@@ -280,36 +280,36 @@ fn energy_falls_from_swing_to_swing_as_the_damping_says() {
         }
         assert!(peaks.len() > 2 && peaks.windows(2).all(|p| p[1] < p[0]), "{peaks:?}");
         let decrement = osier_base::math::ln(peaks[0] / peaks[2]) / (2.0 * TAU);
-        let wanted = zeta / (1.0 - zeta * zeta).sqrt() + 0.1_f64.powi_(3) / 5.0;
-        assert!((decrement - wanted).abs() < 0.1 * wanted + 0.005, "zeta {zeta}: {decrement}");
+        let wanted = damping_ratio / (1.0 - damping_ratio * damping_ratio).sqrt() + 0.1_f64.powi_(3) / 5.0;
+        assert!((decrement - wanted).abs() < 0.1 * wanted + 0.005, "damping ratio {damping_ratio}: {decrement}");
     }
 }
 
 /// A twig with a bend and a leaf's weight at its tip, sticking out sideways.
-fn twig() -> Rods {
-    let rod = Rod {
+fn twig() -> RodSystem {
+    let rod = RodDescription {
         points: vec![DVec3::ZERO, DVec3::new(0.15, 0.1, 0.0), DVec3::new(0.3, 0.12, 0.1)],
         radii: vec![0.003, 0.0025, 0.002],
-        stuff: Stuff { zeta: 0.2, recovery: 0.25, ..STUFF },
+        material: RodMaterial { damping_ratio: 0.2, recovery: 0.25, ..STUFF },
         sections: Some(9),
         parent: None,
     };
-    let body = Body { section: 8, at: DVec3::Z * 0.03, mass: 0.002, inertia: glam::DMat3::ZERO, own: true, reach: 0.0 };
-    Rods::new(&[rod], &[(0, 0.0, Hold::Fixed)]).with(vec![body])
+    let body = AttachedBody { section: 8, at: DVec3::Z * 0.03, mass: 0.002, inertia: glam::DMat3::ZERO, own: true, reach: 0.0 };
+    RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]).with_bodies(vec![body])
 }
 
 #[test]
 fn a_prestressed_twig_stays_as_it_is_drawn() {
     let mut loose = twig();
-    assert!(loose.hang());
+    assert!(loose.solve_equilibrium());
     assert!(loudest(&loose) > 1e-3, "without it the twig droops by {}", loudest(&loose));
     let mut rods = twig();
-    assert!(rods.prestress());
-    let h = 1.0 / (24.0 * f64::from(rods.steps(24.0)));
-    rods.restart();
+    assert!(rods.find_rest_shape_by_equilibrium());
+    let h = 1.0 / (24.0 * f64::from(rods.steps_per_frame(24.0)));
+    rods.reset_history();
     let mut t = 0.0;
     while t < 2.0 {
-        rods.advance(h).expect("steps");
+        rods.step_implicit(h).expect("steps");
         t += h;
     }
     assert!(loudest(&rods) < 1e-4, "{}", loudest(&rods));
@@ -320,21 +320,21 @@ fn a_prestressed_twig_stays_as_it_is_drawn() {
 fn pressed(share: f64) -> f64 {
     let (length, radius, ei) = (4.6, 0.018, 2000.0);
     let young = 4.0 * ei / (PI * f64::powi_(radius, 4));
-    let stuff = Stuff { young, density: 490.0, zeta: 0.5, ..STUFF };
+    let material = RodMaterial { young, density: 490.0, damping_ratio: 0.5, ..STUFF };
     let points = vec![DVec3::ZERO, DVec3::new(0.002, 2.3, 0.0), DVec3::Y * length];
-    let rod = Rod { points, radii: vec![radius; 3], stuff, sections: Some(17), parent: None };
-    let holds = [(0, 0.0, Hold::Pinned), (0, length, Hold::Guided(DVec3::Y))];
-    let mut rods = weightless(Rods::new(&[rod], &holds));
+    let rod = RodDescription { points, radii: vec![radius; 3], material, sections: Some(17), parent: None };
+    let holds = [(0, 0.0, ClampKind::Pinned), (0, length, ClampKind::Guided(DVec3::Y))];
+    let mut rods = weightless(RodSystem::new(&[rod], &holds));
     let load = share * PI * PI * ei / (length * length);
     assert!((load / share - 933.0).abs() < 1.0);
     let h = 1.0 / 240.0;
-    rods.restart();
+    rods.reset_history();
     for _ in 0..1200 {
-        rods.calm();
-        rods.pull(16, DVec3::Y * -load, DVec3::ZERO);
-        rods.advance(h).expect("steps");
+        rods.clear_forces();
+        rods.add_wrench(16, DVec3::Y * -load, DVec3::ZERO);
+        rods.step_implicit(h).expect("steps");
     }
-    let p = rods.frame(8).p;
+    let p = rods.section_frame(8).p;
     (p.x * p.x + p.z * p.z).sqrt() / length
 }
 
@@ -346,25 +346,25 @@ fn a_pole_buckles_at_eulers_load() {
 }
 
 /// A rod with a side rod, nowhere held, in no gravity.
-fn afloat() -> Rods {
+fn afloat() -> RodSystem {
     let parent = straight(6, 4.0, 0.01, STUFF);
-    let child = Rod {
+    let child = RodDescription {
         points: vec![DVec3::X * 0.1, DVec3::new(0.15, 0.2, 0.03)],
         radii: vec![0.004, 0.003],
         parent: Some((0, 0.1)),
         sections: Some(6),
         ..parent.clone()
     };
-    let body = Body { section: 10, at: DVec3::Z * 0.02, mass: 0.01, inertia: glam::DMat3::ZERO, own: true, reach: 0.0 };
-    weightless(Rods::new(&[parent, child], &[])).with(vec![body])
+    let body = AttachedBody { section: 10, at: DVec3::Z * 0.02, mass: 0.01, inertia: glam::DMat3::ZERO, own: true, reach: 0.0 };
+    weightless(RodSystem::new(&[parent, child], &[])).with_bodies(vec![body])
 }
 
 /// Momentum, kg m/s, and its moment about the origin.
-fn momentum(rods: &mut Rods) -> (DVec3, DVec3) {
-    rods.weigh();
+fn momentum(rods: &mut RodSystem) -> (DVec3, DVec3) {
+    rods.update_section_masses();
     let (mut sum, mut moment) = (DVec3::ZERO, DVec3::ZERO);
     for i in 0..rods.len() {
-        let p = rods.massed(i, &rods.v[i], false);
+        let p = rods.apply_mass(i, &rods.v[i], false);
         for c in 0..3 {
             sum += corner(&p, c);
             moment += corner(&rods.x[i], c).cross(corner(&p, c));
@@ -375,11 +375,11 @@ fn momentum(rods: &mut Rods) -> (DVec3, DVec3) {
 
 /// How fast a place of a section would move for a blow of 1 N s along the unit vector `n` if nothing else were attached:
 /// 1/mass, 1/kg.
-fn lightness(rods: &mut Rods, section: usize, place: DVec3, n: DVec3) -> f64 {
-    rods.weigh();
-    let grip = Grip::of(&rods.x[section]);
-    let b = grip.wrench(n, (place - grip.p).cross(n));
-    dot(&b, &rods.accelerated(section, &b))
+fn lightness(rods: &mut RodSystem, section: usize, place: DVec3, n: DVec3) -> f64 {
+    rods.update_section_masses();
+    let grip = RigidSectionMap::from_corners(&rods.x[section]);
+    let b = grip.corner_forces(n, (place - grip.p).cross(n));
+    dot(&b, &rods.solve_mass(section, &b))
 }
 
 #[test]
@@ -387,14 +387,14 @@ fn a_blow_gives_its_momentum_and_joints_keep_it() {
     let mut rods = afloat();
     assert_eq!(rods.len(), 6 + 5, "the base of the side rod rides");
     let (blow, h) = (DVec3::new(1e-4, -2e-4, 1e-4), 1e-4);
-    let place = rods.frame(10).p + rods.frame(10).matrix() * (DVec3::Z * 0.02);
+    let place = rods.section_frame(10).p + rods.section_frame(10).matrix() * (DVec3::Z * 0.02);
     let light = lightness(&mut rods, 10, place, blow.normalize());
-    rods.restart();
-    rods.strike(10, place, blow, h);
-    rods.advance(h).expect("steps");
-    rods.calm();
+    rods.reset_history();
+    rods.add_impulse(10, place, blow, h);
+    rods.step_implicit(h).expect("steps");
+    rods.clear_forces();
     for _ in 0..2000 {
-        rods.advance(h).expect("steps");
+        rods.step_implicit(h).expect("steps");
     }
     let (sum, moment) = momentum(&mut rods);
     assert!((sum - blow).length() < 3e-3 * blow.length(), "{sum}");
@@ -408,13 +408,13 @@ fn a_blow_gives_its_momentum_and_joints_keep_it() {
 fn a_rod_of_two_parts_bends_as_one() {
     let whole = straight(17, 3.0, 0.01, STUFF);
     let half = straight(9, 3.0, 0.01, STUFF);
-    let rest = Rod { points: vec![DVec3::X * 0.24, DVec3::X * 0.48], parent: Some((0, 0.24)), ..half.clone() };
-    let bent = |rods: &[Rod]| {
-        let mut rods = weightless(Rods::new(rods, &[(0, 0.0, Hold::Fixed)]));
+    let rest = RodDescription { points: vec![DVec3::X * 0.24, DVec3::X * 0.48], parent: Some((0, 0.24)), ..half.clone() };
+    let bent = |rods: &[RodDescription]| {
+        let mut rods = weightless(RodSystem::new(rods, &[(0, 0.0, ClampKind::Fixed)]));
         assert_eq!(rods.len(), 17);
-        rods.pull(16, DVec3::Y * 5.0, DVec3::ZERO);
-        assert!(rods.hang());
-        rods.frame(16).p.y
+        rods.add_wrench(16, DVec3::Y * 5.0, DVec3::ZERO);
+        assert!(rods.solve_equilibrium());
+        rods.section_frame(16).p.y
     };
     let (one, two) = (bent(&[whole]), bent(&[half, rest]));
     assert!((two / one - 1.0).abs() < 0.02, "{two} {one}");
@@ -422,20 +422,20 @@ fn a_rod_of_two_parts_bends_as_one() {
 
 #[test]
 fn single_passes_over_the_springs_let_a_stiff_twig_sag() {
-    let rod = Rod {
+    let rod = RodDescription {
         points: vec![DVec3::ZERO, DVec3::X * 0.4],
         radii: vec![0.003; 2],
-        stuff: Stuff { zeta: 0.2, ..STUFF },
+        material: RodMaterial { damping_ratio: 0.2, ..STUFF },
         sections: Some(16),
         parent: None,
     };
-    let mut rods = Rods::new(&[rod], &[(0, 0.0, Hold::Fixed)]);
+    let mut rods = RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]);
     let mut right = rods.clone();
-    assert!(right.hang());
+    assert!(right.solve_equilibrium());
     let h = 1.0 / (24.0 * 16.0);
-    assert!(rods.stiffness_per_step(h) > super::LIMP);
-    (0..768).for_each(|_| rods.relax(h).expect("steps"));
-    let drop = |rods: &Rods| -rods.frame(15).p.y / 0.4;
+    assert!(rods.stiffness_per_step(h) > super::MAX_GAUSS_SEIDEL_STIFFNESS);
+    (0..768).for_each(|_| rods.step_gauss_seidel(h).expect("steps"));
+    let drop = |rods: &RodSystem| -rods.section_frame(15).p.y / 0.4;
     assert!(drop(&rods) > 2.0 * drop(&right) && drop(&right) < 0.01, "{} {}", drop(&rods), drop(&right));
 }
 
@@ -443,7 +443,7 @@ fn single_passes_over_the_springs_let_a_stiff_twig_sag() {
 fn frames_of_a_bent_rod_do_not_twist() {
     let rods = twig();
     for i in 1..rods.len() {
-        let (a, b): (Frame, Frame) = (rods.frame(i - 1), rods.frame(i));
+        let (a, b): (SectionFrame, SectionFrame) = (rods.section_frame(i - 1), rods.section_frame(i));
         let carried = a.u - b.w * b.w.dot(a.u);
         assert!(carried.normalize().dot(b.u) > 0.999_99);
     }
@@ -451,17 +451,17 @@ fn frames_of_a_bent_rod_do_not_twist() {
 
 #[test]
 fn a_forked_twig_with_berries_stays_as_it_is_drawn() {
-    let stuff = Stuff { young: 3e9, zeta: 0.06, recovery: 0.25, ..STUFF };
-    let main = Rod {
+    let material = RodMaterial { young: 3e9, damping_ratio: 0.06, recovery: 0.25, ..STUFF };
+    let main = RodDescription {
         points: [[0.0, 1.0, 0.0], [0.12, 1.07, 0.01], [0.26, 1.09, 0.0], [0.4, 1.06, -0.03]]
             .map(DVec3::from_array)
             .to_vec(),
         radii: vec![0.0032, 0.0026, 0.002, 0.0014],
-        stuff,
+        material,
         sections: Some(48),
         parent: None,
     };
-    let side = Rod {
+    let side = RodDescription {
         points: [[0.27, 1.089, 0.0], [0.31, 1.11, -0.06], [0.36, 1.09, -0.11]].map(DVec3::from_array).to_vec(),
         radii: vec![0.0011, 0.0009, 0.0007],
         sections: Some(16),
@@ -469,12 +469,12 @@ fn a_forked_twig_with_berries_stays_as_it_is_drawn() {
         ..main.clone()
     };
     let berry =
-        |section| Body { section, at: DVec3::ZERO, mass: 0.001, inertia: glam::DMat3::ZERO, own: false, reach: 0.005 };
-    let mut rods = Rods::new(&[main, side], &[(0, 0.0, Hold::Fixed)]).with(vec![berry(47), berry(62)]);
-    assert!(rods.prestress());
+        |section| AttachedBody { section, at: DVec3::ZERO, mass: 0.001, inertia: glam::DMat3::ZERO, own: false, reach: 0.005 };
+    let mut rods = RodSystem::new(&[main, side], &[(0, 0.0, ClampKind::Fixed)]).with_bodies(vec![berry(47), berry(62)]);
+    assert!(rods.find_rest_shape_by_equilibrium());
     let h = 1.0 / 480.0;
     for _ in 0..960 {
-        rods.advance(h).expect("steps");
+        rods.step_implicit(h).expect("steps");
     }
     assert!(loudest(&rods) < 1e-4, "{}", loudest(&rods));
 }

@@ -2,22 +2,22 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::rods::layout::{Rod, Stuff};
-use crate::rods::system::Hold;
+use crate::rods::layout::{RodDescription, RodMaterial};
+use crate::rods::system::ClampKind;
 use crate::sway::{Wood, damping_of};
 use osier_scene::Trs;
 use osier_scene::plant::{Axis, AxisKind, NONE, Organ, Plant};
 
 /// Shorter axes ride on their parents, m and base radii.
-const SHORT: [f64; 2] = [4e-3, 4.0];
+const MIN_AXIS_LENGTH: [f64; 2] = [4e-3, 4.0];
 /// Least length of a stalk, m.
-const STUB: f64 = 2e-3;
+const MIN_STALK_LENGTH: f64 = 2e-3;
 /// Share of all sections that wood may take.
-const WOODEN: f64 = 0.6;
+const WOOD_SECTION_SHARE: f64 = 0.6;
 
 /// What a plant's rods are like.
 #[derive(Debug, Clone)]
-pub struct Grain {
+pub struct RodPlantParams {
     /// Stems: stiffness, weight, drag of leaves and wood, factor on damping.
     pub wood: Wood,
     /// Gravity, m/s^2.
@@ -48,7 +48,7 @@ pub struct Grain {
 
 /// How an axis moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Carried {
+pub(crate) enum AxisMotion {
     /// Not at all.
     Still,
     /// As a rod from an arc length on, m in the plant; not at all before.
@@ -59,7 +59,7 @@ pub(crate) enum Carried {
 
 /// Where a leaf hangs: its foot on the wood, its pivot, its turn in the world, m.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Hung {
+pub(crate) struct LeafAttachment {
     /// Its own rod.
     pub stalk: Option<usize>,
     /// Rod that carries it or its stalk, and where, m.
@@ -71,69 +71,69 @@ pub(crate) struct Hung {
 
 /// The rods of a plant in the world.
 #[derive(Debug, Default)]
-pub(crate) struct Plan {
-    pub rods: Vec<Rod>,
-    pub holds: Vec<(usize, f64, Hold)>,
-    pub axes: Vec<Carried>,
-    pub leaves: Vec<Hung>,
+pub(crate) struct RodPlantLayout {
+    pub rods: Vec<RodDescription>,
+    pub holds: Vec<(usize, f64, ClampKind)>,
+    pub axes: Vec<AxisMotion>,
+    pub leaves: Vec<LeafAttachment>,
     /// Stems, and leaves, for which there was no room.
-    pub left: [usize; 2],
+    pub omitted: [usize; 2],
     scale: f64,
 }
 
-impl Plan {
-    pub(crate) fn new(plant: &Plant, stand: &Trs, grain: &Grain) -> Self {
-        let mut plan = Self { scale: f64::from(stand.s.x), ..Self::default() };
-        let rods = plan.stems(plant, stand, grain);
-        let room = plan.chosen(plant, &rods, grain);
+impl RodPlantLayout {
+    pub(crate) fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams) -> Self {
+        let mut layout = Self { scale: f64::from(stand.s.x), ..Self::default() };
+        let rods = layout.stem_rods(plant, stand, params);
+        let room = layout.stems_within_budget(plant, &rods, params);
         for (axis, rod) in plant.axes.iter().zip(rods) {
-            let host = (axis.parent != NONE).then(|| plan.host(axis.parent, f64::from(axis.parent_s))).flatten();
-            let index = plan.axes.len();
+            let host = (axis.parent != NONE).then(|| layout.host_rod(axis.parent, f64::from(axis.parent_s))).flatten();
+            let index = layout.axes.len();
             let carried = match (rod.filter(|_| room[index]), host) {
-                (Some((from, rod)), host) => plan.stem((from, rod), host),
-                (None, Some((rod, at))) => Carried::Rider(rod, at),
-                (None, None) => Carried::Still,
+                (Some((from, rod)), host) => layout.push_rod((from, rod), host),
+                (None, Some((rod, at))) => AxisMotion::Rider(rod, at),
+                (None, None) => AxisMotion::Still,
             };
-            plan.axes.push(carried);
+            layout.axes.push(carried);
         }
-        plan.hang(plant, stand, grain);
-        plan
+        layout.attach_leaves(plant, stand, params);
+        layout
     }
 
     /// The rod that carries a place of an axis, and where on it, m.
-    fn host(&self, axis: u32, s: f64) -> Option<(usize, f64)> {
-        match self.axes.get(axis as usize).copied().unwrap_or(Carried::Still) {
-            Carried::Still => None,
-            Carried::Rod(_, from) if s < from => None,
-            Carried::Rod(rod, from) => Some((rod, (s - from) * self.scale)),
-            Carried::Rider(rod, at) => Some((rod, at)),
+    fn host_rod(&self, axis: u32, s: f64) -> Option<(usize, f64)> {
+        match self.axes.get(axis as usize).copied().unwrap_or(AxisMotion::Still) {
+            AxisMotion::Still => None,
+            AxisMotion::Rod(_, from) if s < from => None,
+            AxisMotion::Rod(rod, from) => Some((rod, (s - from) * self.scale)),
+            AxisMotion::Rider(rod, at) => Some((rod, at)),
         }
     }
 
     /// A rod for each axis that may move, without its place among the others, and the arc length from which on it is one.
-    fn stems(&self, plant: &Plant, stand: &Trs, grain: &Grain) -> Vec<Option<(f64, Rod)>> {
+    fn stem_rods(&self, plant: &Plant, stand: &Trs, params: &RodPlantParams) -> Vec<Option<(f64, RodDescription)>> {
         let one = |axis: &Axis| {
             if axis.kind == AxisKind::Root {
                 return None;
             }
             let nodes = plant.nodes_of(axis);
             let radius = |k: usize| f64::from(plant.nodes.r[k]) * self.scale;
-            let first = nodes.clone().find(|k| radius(*k) <= grain.thickest)?;
+            let first = nodes.clone().find(|k| radius(*k) <= params.thickest)?;
             let from = f64::from(plant.nodes.s[first]);
             let length = (f64::from(axis.length) - from) * self.scale;
-            if length < SHORT[0].max(SHORT[1] * radius(first)) || first + 1 >= nodes.end {
+            if length < MIN_AXIS_LENGTH[0].max(MIN_AXIS_LENGTH[1] * radius(first)) || first + 1 >= nodes.end {
                 return None;
             }
             let part = first..nodes.end;
             let radii: Vec<f64> = part.clone().map(radius).collect();
             let mean = radii.iter().fold(0.0, |s, r| s + r) / radii.len() as f64;
             let petiole = axis.kind == AxisKind::Petiole;
-            let young = if petiole { grain.stalk_young } else { grain.wood.elasticity_at(mean) };
-            let rod = Rod {
+            let young = if petiole { params.stalk_young } else { params.wood.elasticity_at(mean) };
+            let rod = RodDescription {
                 points: part.map(|k| stand.apply(plant.nodes.p[k]).as_dvec3()).collect(),
                 radii,
-                stuff: stuff(grain, young, damping_of(axis.order, petiole)),
-                sections: if petiole { Some(grain.stalk_sections) } else { grain.sections },
+                material: rod_material(params, young, damping_of(axis.order, petiole)),
+                sections: if petiole { Some(params.stalk_sections) } else { params.sections },
                 parent: None,
             };
             Some((from, rod))
@@ -142,7 +142,7 @@ impl Plan {
     }
 
     /// Which of the stems there is room for: lower orders first, then long ones.
-    fn chosen(&mut self, plant: &Plant, rods: &[Option<(f64, Rod)>], grain: &Grain) -> Vec<bool> {
+    fn stems_within_budget(&mut self, plant: &Plant, rods: &[Option<(f64, RodDescription)>], params: &RodPlantParams) -> Vec<bool> {
         let mut order: Vec<usize> = (0..rods.len()).filter(|i| rods[*i].is_some()).collect();
         let length = |i: &usize| plant.axes[*i].length;
         order.sort_by(|a, b| {
@@ -150,83 +150,83 @@ impl Plan {
             by_order.then(length(b).total_cmp(&length(a))).then(a.cmp(b))
         });
         let mut room = vec![false; rods.len()];
-        let most = if plant.organs.is_empty() { 1.0 } else { WOODEN } * grain.most_sections as f64;
+        let most = if plant.organs.is_empty() { 1.0 } else { WOOD_SECTION_SHARE } * params.most_sections as f64;
         let mut used = 0;
         for i in order {
-            let count = rods[i].as_ref().map_or(0, |r| r.1.count());
+            let count = rods[i].as_ref().map_or(0, |r| r.1.section_count());
             if (used + count) as f64 <= most {
                 used += count;
                 room[i] = true;
             } else {
-                self.left[0] += 1;
+                self.omitted[0] += 1;
             }
         }
         room
     }
 
-    fn stem(&mut self, (from, rod): (f64, Rod), host: Option<(usize, f64)>) -> Carried {
+    fn push_rod(&mut self, (from, rod): (f64, RodDescription), host: Option<(usize, f64)>) -> AxisMotion {
         let index = self.rods.len();
         if host.is_none() {
-            self.holds.push((index, 0.0, Hold::Fixed));
+            self.holds.push((index, 0.0, ClampKind::Fixed));
         }
-        self.rods.push(Rod { parent: host, ..rod });
-        Carried::Rod(index, from)
+        self.rods.push(RodDescription { parent: host, ..rod });
+        AxisMotion::Rod(index, from)
     }
 
     /// Leaves, on stalks as far as there is room.
-    fn hang(&mut self, plant: &Plant, stand: &Trs, grain: &Grain) {
-        let used = self.rods.iter().fold(0, |s, r| s + r.count());
-        let room = grain.most_sections.saturating_sub(used) / grain.stalk_sections.max(1);
-        let (all, room) = (plant.organs.len(), room.min(grain.most_leaves));
+    fn attach_leaves(&mut self, plant: &Plant, stand: &Trs, params: &RodPlantParams) {
+        let used = self.rods.iter().fold(0, |s, r| s + r.section_count());
+        let room = params.most_sections.saturating_sub(used) / params.stalk_sections.max(1);
+        let (all, room) = (plant.organs.len(), room.min(params.most_leaves));
         let own = all.min(room);
-        self.left[1] = all - own;
+        self.omitted[1] = all - own;
         for (i, organ) in plant.organs.iter().enumerate() {
             // Spread evenly over the plant.
             let chosen = (i + 1) * own / all > i * own / all;
-            let hung = self.leaf(plant, organ, (stand, grain), chosen);
+            let hung = self.attach_leaf(plant, organ, (stand, params), chosen);
             self.leaves.push(hung);
         }
     }
 
-    fn leaf(&mut self, plant: &Plant, organ: &Organ, (stand, grain): (&Trs, &Grain), own: bool) -> Hung {
+    fn attach_leaf(&mut self, plant: &Plant, organ: &Organ, (stand, params): (&Trs, &RodPlantParams), own: bool) -> LeafAttachment {
         let (pivot, q) = plant.organ_site(organ);
         let site = plant.frame(&plant.axes[organ.axis as usize], organ.s);
         let (pivot, q) = (stand.apply(pivot).as_dvec3(), (stand.r * q).normalize().as_dquat().normalize());
         let scale = f64::from(organ.scale) * self.scale;
-        let host = self.host(organ.axis, f64::from(organ.s));
+        let host = self.host_rod(organ.axis, f64::from(organ.s));
         let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
-        let mut hung = Hung { stalk: None, host, pivot, q, scale };
+        let mut hung = LeafAttachment { stalk: None, host, pivot, q, scale };
         if !own || on_petiole {
             return hung;
         }
-        let length = (f64::from(organ.petiole) * self.scale).max(STUB);
+        let length = (f64::from(organ.petiole) * self.scale).max(MIN_STALK_LENGTH);
         let along = q * DVec3::Y;
         let foot = pivot - along * (f64::from(organ.petiole) * self.scale);
         // What lies within the wood does not bend.
         let inside = (f64::from(site.r) * self.scale).min(0.5 * length);
         let points = [inside, 0.5 * (inside + length), length].map(|s| foot + along * s);
-        let drawn = grain.stalk_radii.get(usize::from(organ.proto)).copied().unwrap_or(8e-4) * scale;
-        let radius = grain.stalk_radius.unwrap_or(drawn).max(1e-4);
+        let drawn = params.stalk_radii.get(usize::from(organ.proto)).copied().unwrap_or(8e-4) * scale;
+        let radius = params.stalk_radius.unwrap_or(drawn).max(1e-4);
         hung.stalk = Some(self.rods.len());
-        let rod = Rod {
+        let rod = RodDescription {
             points: points.to_vec(),
             radii: vec![radius; 3],
-            stuff: stuff(grain, grain.stalk_young, damping_of(0, true)),
-            sections: Some(grain.stalk_sections),
+            material: rod_material(params, params.stalk_young, damping_of(0, true)),
+            sections: Some(params.stalk_sections),
             parent: None,
         };
-        self.stem((0.0, rod), host);
+        self.push_rod((0.0, rod), host);
         hung
     }
 }
 
-fn stuff(grain: &Grain, young: f64, zeta: f64) -> Stuff {
-    Stuff {
-        young: young / grain.gain,
-        shear: grain.shear,
-        density: grain.wood.density,
-        zeta: (zeta * grain.wood.damping).min(1.0),
-        recovery: grain.recovery,
-        stout: true,
+fn rod_material(params: &RodPlantParams, young: f64, damping_ratio: f64) -> RodMaterial {
+    RodMaterial {
+        young: young / params.gain,
+        shear: params.shear,
+        density: params.wood.density,
+        damping_ratio: (damping_ratio * params.wood.damping).min(1.0),
+        recovery: params.recovery,
+        spread_for_torsion: true,
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::rods::record::AIR;
+use crate::rods::record::AIR_DENSITY;
 use osier_base::math;
 use osier_base::rng;
 use osier_scene::Mesh;
@@ -10,24 +10,24 @@ use osier_wind::TimeNoise;
 
 /// Share of the blade's extent by which the middle of pressure stands before the blade's where the wind comes along it.
 /// Source: a thin plate at a small angle is pressed on a quarter behind its leading edge (thin airfoils).
-const FORE: f64 = 0.25;
+const PRESSURE_OFFSET: f64 = 0.25;
 /// Friction along the blade, as a coefficient of its area on one side.
-const SKIN: f64 = 0.06;
+const SKIN_FRICTION: f64 = 0.06;
 /// Eddies that leave a blade: how many pass while the air goes its width (Strouhal's number), how far they shift the middle
 /// of pressure, in extents, and how much they press across, as a coefficient.
-const SHED: f64 = 0.2;
-const WANDER: f64 = 0.12;
-const BUFFET: f64 = 0.25;
+const STROUHAL_NUMBER: f64 = 0.2;
+const PRESSURE_WANDER: f64 = 0.12;
+const BUFFET_COEFFICIENT: f64 = 0.25;
 /// Sheets whose triangles face so evenly all ways, of their area, are taken as closed: half of it faces the wind.
-const CLOSED: f64 = 0.2;
+const CLOSED_MESH_SHARE: f64 = 0.2;
 
 /// The mesh of a leaf as a uniform sheet, in the leaf's space and size 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sheet {
+pub struct LeafSheet {
     /// m^2, one side.
     pub area: f64,
     /// Middle, m.
-    pub middle: DVec3,
+    pub centroid: DVec3,
     /// Inertia about the middle by mass per area, m^4.
     inertia: DMat3,
     /// Across it, unit.
@@ -38,7 +38,7 @@ pub struct Sheet {
     extent: [f64; 2],
 }
 
-impl Sheet {
+impl LeafSheet {
     /// Of a mesh whose stalk is not part of it.
     pub fn of(mesh: &Mesh) -> Self {
         let (mut area, mut first, mut all, mut faces) = (0.0, DVec3::ZERO, DMat3::ZERO, DVec3::ZERO);
@@ -53,13 +53,13 @@ impl Sheet {
             all += (outer(a) + outer(b) + outer(c) + outer(sum)) * (size / 12.0);
         }
         let area = area.max(1e-12);
-        let middle = first / area;
-        let spread = all - outer(middle) * area;
+        let centroid = first / area;
+        let spread = all - outer(centroid) * area;
         let trace = spread.x_axis.x + spread.y_axis.y + spread.z_axis.z;
-        let open = faces.length() > CLOSED * area;
+        let open = faces.length() > CLOSED_MESH_SHARE * area;
         Self {
             area,
-            middle,
+            centroid,
             inertia: DMat3::from_diagonal(DVec3::splat(trace)) - spread,
             normal: if open { faces.normalize() } else { DVec3::Z },
             facing: if open { faces.length() } else { 0.5 * area },
@@ -80,13 +80,13 @@ fn outer(a: DVec3) -> DMat3 {
 
 /// The air around a blade, and its eddies so far.
 #[derive(Debug, Clone, Copy)]
-pub struct Eddies {
+pub struct VortexShedding {
     noise: TimeNoise,
     /// How many have left.
     passed: f64,
 }
 
-impl Eddies {
+impl VortexShedding {
     /// Those of an organ.
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
     pub fn new(id: u64) -> Self {
@@ -100,7 +100,7 @@ impl Eddies {
     /// Own: a plate whose force across grows with the sine of the angle and saturates.
     pub fn press(
         &mut self,
-        sheet: &Sheet,
+        sheet: &LeafSheet,
         (q, scale): (DQuat, f64),
         wind: DVec3,
         (drag, h): (f64, f64),
@@ -111,17 +111,17 @@ impl Eddies {
         }
         let normal = q * sheet.normal;
         let [wide, long] = sheet.extent.map(|e| e * scale);
-        self.passed += h * SHED * speed / wide.max(1e-4);
+        self.passed += h * STROUHAL_NUMBER * speed / wide.max(1e-4);
         let noise = |k: u32| f64::from(self.noise.with_seed_offset(k).at(2.0 * self.passed));
         let sine = normal.dot(wind) / speed;
-        let across = 2.0 * sine / (1.0 + sine * sine) + BUFFET * noise(0);
-        let pressure = 0.5 * AIR * sheet.facing * scale * scale * speed * speed;
+        let across = 2.0 * sine / (1.0 + sine * sine) + BUFFET_COEFFICIENT * noise(0);
+        let pressure = 0.5 * AIR_DENSITY * sheet.facing * scale * scale * speed * speed;
         let along = wind - normal * (sine * speed);
-        let force = pressure * (drag * across * normal + SKIN * along / speed);
+        let force = pressure * (drag * across * normal + SKIN_FRICTION * along / speed);
         let local = (q.conjugate() * along).normalize_or_zero();
         let chord = math::sqrt(wide * wide * local.x * local.x + long * long * local.y * local.y);
-        let fore = -along.normalize_or_zero() * (FORE * chord * (1.0 - sine.abs()));
-        let wander = q * DVec3::new(wide * noise(1), long * noise(2), 0.0) * WANDER;
+        let fore = -along.normalize_or_zero() * (PRESSURE_OFFSET * chord * (1.0 - sine.abs()));
+        let wander = q * DVec3::new(wide * noise(1), long * noise(2), 0.0) * PRESSURE_WANDER;
         (force, fore + wander)
     }
 }
@@ -139,8 +139,8 @@ mod tests {
 
     #[test]
     fn a_plate_weighs_and_turns_as_one() {
-        let sheet = Sheet::of(&plate());
-        assert!((sheet.area - 0.004).abs() < 1e-9 && (sheet.middle - DVec3::Y * 0.05).length() < 1e-8);
+        let sheet = LeafSheet::of(&plate());
+        assert!((sheet.area - 0.004).abs() < 1e-9 && (sheet.centroid - DVec3::Y * 0.05).length() < 1e-8);
         let m = 0.2 * sheet.area * 4.0;
         let i = sheet.inertia(0.2, 2.0);
         let [w2, l2] = [0.08 * 0.08, 0.2 * 0.2];
@@ -154,14 +154,14 @@ mod tests {
 
     #[test]
     fn wind_presses_a_plate_across_and_leaves_it_alone_edge_on() {
-        let sheet = Sheet::of(&plate());
+        let sheet = LeafSheet::of(&plate());
         let mean = |wind: DVec3| {
-            let mut eddies = Eddies::new(5);
+            let mut eddies = VortexShedding::new(5);
             let all = (0..4000).map(|_| eddies.press(&sheet, (DQuat::IDENTITY, 1.0), wind, (1.1, 0.02)));
             all.fold((DVec3::ZERO, DVec3::ZERO), |s, f| (s.0 + f.0 / 4000.0, s.1 + f.1 / 4000.0))
         };
         let (broad, at) = mean(DVec3::Z * 3.0);
-        let wanted = 0.5 * AIR * 1.1 * 0.004 * 9.0;
+        let wanted = 0.5 * AIR_DENSITY * 1.1 * 0.004 * 9.0;
         assert!((broad.z / wanted - 1.0).abs() < 0.05 && broad.x.abs() < 1e-9, "{broad} {wanted}");
         assert!(at.length() < 0.004, "the middle, on average: {at}");
         let (edge, at) = mean(DVec3::Y * 3.0);

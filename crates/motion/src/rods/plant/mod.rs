@@ -9,25 +9,25 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3, Vec3};
 
-pub use self::layout::Grain;
-use self::layout::{Carried, Plan};
-use self::leaf_sheet::{Eddies, Sheet};
+pub use self::layout::RodPlantParams;
+use self::layout::{AxisMotion, RodPlantLayout};
+use self::leaf_sheet::{VortexShedding, LeafSheet};
 use crate::rain::{Bearer, Blade, Bough};
-use crate::rods::Lost;
-use crate::rods::prism::{Block, Corners, Frame, Grip, dot};
-use crate::rods::record::HALVINGS;
-use crate::rods::system::{Body, Rods, solved};
+use crate::rods::StepFailure;
+use crate::rods::prism::{Matrix9, SectionCorners, SectionFrame, RigidSectionMap, dot};
+use crate::rods::record::MAX_STEP_HALVINGS;
+use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
 use osier_base::{Error, Result};
 use osier_scene::Trs;
 use osier_scene::plant::{AxisKind, Plant};
 use osier_wind::Wind;
 
 /// Most of how far a step's length may stray before the steps before it count no more.
-const SAME: f64 = 1e-9;
+const SAME_STEP_TOLERANCE: f64 = 1e-9;
 
 /// A leaf on its section.
 #[derive(Debug, Clone)]
-struct Leaf {
+struct RodPlantLeaf {
     /// What carries it; none for wood that stands still.
     section: Option<usize>,
     /// Its own stalk.
@@ -36,14 +36,14 @@ struct Leaf {
     p: DVec3,
     q: DQuat,
     scale: f64,
-    sheet: Sheet,
-    eddies: Eddies,
+    sheet: LeafSheet,
+    eddies: VortexShedding,
     now: Blade,
 }
 
 /// An end of a piece of wood: what carries it, and where on that, or in the world.
 #[derive(Debug, Clone, Copy)]
-struct End {
+struct WoodEnd {
     section: Option<usize>,
     p: DVec3,
     r: f64,
@@ -51,7 +51,7 @@ struct End {
 
 /// The two sections that a place on an axis lies between, and the second one's share; none for what stands still.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Between {
+pub struct SectionBlend {
     /// Sections.
     pub sections: [Option<usize>; 2],
     /// Of the second, 0 to 1.
@@ -60,12 +60,12 @@ pub struct Between {
 
 /// A plant on rods, in the world.
 #[derive(Debug, Clone)]
-pub struct Boughs {
-    rods: Rods,
-    axes: Vec<Carried>,
+pub struct RodPlant {
+    rods: RodSystem,
+    axes: Vec<AxisMotion>,
     scale: f64,
-    leaves: Vec<Leaf>,
-    wood: Vec<[End; 2]>,
+    leaves: Vec<RodPlantLeaf>,
+    wood: Vec<[WoodEnd; 2]>,
     /// Bodies on each section.
     on: Vec<Vec<usize>>,
     /// Sections that are held.
@@ -74,43 +74,43 @@ pub struct Boughs {
     leaf_drag: f64,
     wind: Option<Arc<dyn Wind>>,
     /// Blows, N s, and forces, N, of the next step: section, place, what.
-    blows: Vec<(usize, DVec3, DVec3)>,
+    impulse_forces: Vec<(usize, DVec3, DVec3)>,
     presses: Vec<(usize, DVec3, DVec3)>,
     /// Length of the last step, s.
     last: f64,
-    left: [usize; 2],
+    omitted: [usize; 2],
     posed: bool,
     name: String,
     /// Frames per second, and the number of the first.
     clock: (f64, u32),
 }
 
-impl Boughs {
+impl RodPlant {
     /// A plant that stands at `stand` (of even scale) and hangs as it grew. `sheets`: of its prototypes.
     /// Own: which axes and leaves move, and their stalks; springs and blades by [yang-wu] section 2.
-    pub fn new(plant: &Plant, stand: &Trs, grain: &Grain, name: &str) -> Self {
-        let plan = Plan::new(plant, stand, grain);
-        let rods = Rods::new(&plan.rods, &plan.holds);
-        let sheets: Vec<Sheet> = plant.protos.iter().map(|p| Sheet::of(&p.mesh)).collect();
-        let mut leaves = Vec::with_capacity(plan.leaves.len());
+    pub fn new(plant: &Plant, stand: &Trs, params: &RodPlantParams, name: &str) -> Self {
+        let layout = RodPlantLayout::new(plant, stand, params);
+        let rods = RodSystem::new(&layout.rods, &layout.holds);
+        let sheets: Vec<LeafSheet> = plant.protos.iter().map(|p| LeafSheet::of(&p.mesh)).collect();
+        let mut leaves = Vec::with_capacity(layout.leaves.len());
         let (mut own, mut water) = (Vec::new(), Vec::new());
-        for (organ, hung) in plant.organs.iter().zip(&plan.leaves) {
+        for (organ, hung) in plant.organs.iter().zip(&layout.leaves) {
             let section = match (hung.stalk, hung.host) {
                 (Some(stalk), _) => rods.sections(stalk).last(),
-                (None, host) => host.map(|(rod, at)| rods.nearest(rod, at)),
+                (None, host) => host.map(|(rod, at)| rods.nearest_section(rod, at)),
             };
-            let frame = section.map_or(STILL, |s| rods.frame(s));
+            let frame = section.map_or(WORLD_FRAME, |s| rods.section_frame(s));
             let (turn, sheet) = (turn(&frame), sheets[usize::from(organ.proto)]);
             let (p, q) = (turn.conjugate() * (hung.pivot - frame.p), (turn.conjugate() * hung.q).normalize());
             if let Some(section) = section {
                 let r = glam::DMat3::from_quat(q);
-                let inertia = r * sheet.inertia(grain.wood.leaf_mass, hung.scale) * r.transpose();
-                let at = p + q * (sheet.middle * hung.scale);
-                let mass = grain.wood.leaf_mass * sheet.area * hung.scale * hung.scale;
-                own.push(Body { section, at, mass, inertia, own: true, reach: 0.0 });
+                let inertia = r * sheet.inertia(params.wood.leaf_mass, hung.scale) * r.transpose();
+                let at = p + q * (sheet.centroid * hung.scale);
+                let mass = params.wood.leaf_mass * sheet.area * hung.scale * hung.scale;
+                own.push(AttachedBody { section, at, mass, inertia, own: true, reach: 0.0 });
             }
             let none = glam::DMat3::ZERO;
-            water.push(Body {
+            water.push(AttachedBody {
                 section: section.unwrap_or(0),
                 at: DVec3::ZERO,
                 mass: 0.0,
@@ -119,22 +119,22 @@ impl Boughs {
                 reach: 0.0,
             });
             let now = Blade::still(hung.pivot, hung.q);
-            let (scale, eddies) = (hung.scale, Eddies::new(organ.id));
-            leaves.push(Leaf { section, stalk: hung.stalk, p, q, scale, sheet, eddies, now });
+            let (scale, eddies) = (hung.scale, VortexShedding::new(organ.id));
+            leaves.push(RodPlantLeaf { section, stalk: hung.stalk, p, q, scale, sheet, eddies, now });
         }
         // Water comes first: body k is that of leaf k.
-        let mut rods = if rods.is_empty() { rods } else { rods.with(water).with(own) };
-        rods.gravity = -DVec3::Y * grain.g;
-        let posed = rods.is_empty() || rods.balance();
+        let mut rods = if rods.is_empty() { rods } else { rods.with_bodies(water).with_bodies(own) };
+        rods.gravity = -DVec3::Y * params.g;
+        let posed = rods.is_empty() || rods.find_rest_shape_by_residual();
         rods.weightless = !posed;
         let mut on = vec![Vec::new(); rods.len()];
         rods.bodies().iter().enumerate().for_each(|(k, b)| on[b.section].push(k));
         let mut fixed = vec![false; rods.len()];
         rods.clamps.iter().for_each(|c| fixed[c.section] = true);
         let mut all = Self {
-            drags: vec![grain.wood.drag; plan.rods.len()],
-            leaf_drag: grain.wood.leaf_drag,
-            axes: plan.axes,
+            drags: vec![params.wood.drag; layout.rods.len()],
+            leaf_drag: params.wood.leaf_drag,
+            axes: layout.axes,
             scale: f64::from(stand.s.x),
             leaves,
             wood: Vec::new(),
@@ -142,104 +142,104 @@ impl Boughs {
             fixed,
             rods,
             wind: None,
-            blows: Vec::new(),
+            impulse_forces: Vec::new(),
             presses: Vec::new(),
             last: 0.0,
-            left: plan.left,
+            omitted: layout.omitted,
             posed,
             name: name.into(),
             clock: (24.0, 1),
         };
-        all.wood = all.pieces(plant, stand);
+        all.wood = all.wood_ends(plant, stand);
         all
     }
 
     /// The same in a wind.
     #[must_use]
-    pub fn in_wind(self, wind: Option<Arc<dyn Wind>>) -> Self {
+    pub fn with_wind(self, wind: Option<Arc<dyn Wind>>) -> Self {
         Self { wind, ..self }
     }
 
     /// The same with frames to be named by: frames per second, and the first one's number at time 0.
     #[must_use]
-    pub fn by_clock(self, fps: f64, first: u32) -> Self {
+    pub fn with_frame_clock(self, fps: f64, first: u32) -> Self {
         Self { clock: (fps, first), ..self }
     }
 
     /// Its rods.
-    pub fn rods(&self) -> &Rods {
+    pub fn rods(&self) -> &RodSystem {
         &self.rods
     }
 
     /// Stems and leaves that were left to ride, as there was no room for rods of their own.
-    pub fn left(&self) -> [usize; 2] {
-        self.left
+    pub fn omitted_stems_and_leaves(&self) -> [usize; 2] {
+        self.omitted
     }
 
     /// Whether it hangs as it grew; else its own weight is left out.
-    pub fn is_posed(&self) -> bool {
+    pub fn has_rest_shape(&self) -> bool {
         self.posed
     }
 
     /// Steps of a frame. `fps`: frames per second.
-    pub fn substeps(&self, fps: f64) -> u32 {
-        if self.rods.is_empty() { 1 } else { self.rods.steps(fps) }
+    pub fn steps_per_frame(&self, fps: f64) -> u32 {
+        if self.rods.is_empty() { 1 } else { self.rods.steps_per_frame(fps) }
     }
 
     /// Section that a leaf is rigid with; none for wood that stands still.
-    pub fn carrier(&self, leaf: usize) -> Option<usize> {
+    pub fn leaf_section(&self, leaf: usize) -> Option<usize> {
         self.leaves[leaf].section
     }
 
     /// Rod of a leaf's stalk.
-    pub fn stalk(&self, leaf: usize) -> Option<usize> {
+    pub fn leaf_stalk(&self, leaf: usize) -> Option<usize> {
         self.leaves[leaf].stalk
     }
 
     /// Sections around a place of an axis. `s`: arc length in the plant, m.
-    pub fn between(&self, axis: u32, s: f64) -> Between {
-        let still = Between { sections: [None; 2], share: 0.0 };
-        let (rod, at) = match self.axes.get(axis as usize).copied().unwrap_or(Carried::Still) {
-            Carried::Still => return still,
-            Carried::Rider(rod, at) => {
-                return Between { sections: [Some(self.rods.nearest(rod, at)); 2], share: 0.0 };
+    pub fn axis_sections(&self, axis: u32, s: f64) -> SectionBlend {
+        let still = SectionBlend { sections: [None; 2], share: 0.0 };
+        let (rod, at) = match self.axes.get(axis as usize).copied().unwrap_or(AxisMotion::Still) {
+            AxisMotion::Still => return still,
+            AxisMotion::Rider(rod, at) => {
+                return SectionBlend { sections: [Some(self.rods.nearest_section(rod, at)); 2], share: 0.0 };
             }
-            Carried::Rod(_, from) if s < from => return still,
-            Carried::Rod(rod, from) => (rod, (s - from) * self.scale),
+            AxisMotion::Rod(_, from) if s < from => return still,
+            AxisMotion::Rod(rod, from) => (rod, (s - from) * self.scale),
         };
-        let mut before = self.rods.base(rod).map_or((None, 0.0), |(on, _)| (Some(on), 0.0));
+        let mut before = self.rods.base_attachment(rod).map_or((None, 0.0), |(on, _)| (Some(on), 0.0));
         for i in self.rods.sections(rod) {
-            let place = self.rods.place(i);
+            let place = self.rods.arc_length(i);
             if place >= at && before.0.is_some() {
                 let share = (at - before.1) / (place - before.1).max(1e-12);
-                return Between { sections: [before.0, Some(i)], share };
+                return SectionBlend { sections: [before.0, Some(i)], share };
             }
             before = (Some(i), place);
         }
-        Between { sections: [before.0; 2], share: 0.0 }
+        SectionBlend { sections: [before.0; 2], share: 0.0 }
     }
 
     /// Pieces of wood between sections, or between nodes of what does not bend.
-    fn pieces(&self, plant: &Plant, stand: &Trs) -> Vec<[End; 2]> {
+    fn wood_ends(&self, plant: &Plant, stand: &Trs) -> Vec<[WoodEnd; 2]> {
         let mut out = Vec::new();
         let stems = plant.axes.iter().enumerate().filter(|(_, a)| a.kind == AxisKind::Stem);
         for (index, axis) in stems {
             let nodes = plant.nodes_of(axis);
             let place = |k: usize| (stand.apply(plant.nodes.p[k]).as_dvec3(), f64::from(plant.nodes.r[k]) * self.scale);
             let carried = self.axes[index];
-            let carrier = if let Carried::Rider(rod, at) = carried { Some(self.rods.nearest(rod, at)) } else { None };
-            let until = if let Carried::Rod(_, from) = carried { from } else { f64::MAX };
+            let carrier = if let AxisMotion::Rider(rod, at) = carried { Some(self.rods.nearest_section(rod, at)) } else { None };
+            let until = if let AxisMotion::Rod(_, from) = carried { from } else { f64::MAX };
             for k in nodes.clone().skip(1).filter(|k| f64::from(plant.nodes.s[*k]) <= until) {
-                let ends = [k - 1, k].map(|k| self.end(carrier, place(k)));
+                let ends = [k - 1, k].map(|k| self.attach_wood_end(carrier, place(k)));
                 out.push(ends);
             }
-            let Carried::Rod(rod, _) = carried else { continue };
-            let mut last = self.rods.base(rod).map(|(on, f)| self.end(Some(on), (f.p, self.rods.radius(on))));
+            let AxisMotion::Rod(rod, _) = carried else { continue };
+            let mut last = self.rods.base_attachment(rod).map(|(on, f)| self.attach_wood_end(Some(on), (f.p, self.rods.radius(on))));
             for i in self.rods.sections(rod) {
-                let end = self.end(Some(i), (self.rods.drawn(i).p, self.rods.radius(i)));
+                let end = self.attach_wood_end(Some(i), (self.rods.rest_frame(i).p, self.rods.radius(i)));
                 if let Some(last) = last {
                     let r = last.r.min(1.5 * end.r);
-                    out.push([End { r, ..last }, end]);
+                    out.push([WoodEnd { r, ..last }, end]);
                 }
                 last = Some(end);
             }
@@ -247,55 +247,55 @@ impl Boughs {
         out
     }
 
-    fn end(&self, section: Option<usize>, (p, r): (DVec3, f64)) -> End {
-        let frame = section.map_or(STILL, |s| self.rods.drawn(s));
-        End { section, p: turn(&frame).conjugate() * (p - frame.p), r }
+    fn attach_wood_end(&self, section: Option<usize>, (p, r): (DVec3, f64)) -> WoodEnd {
+        let frame = section.map_or(WORLD_FRAME, |s| self.rods.rest_frame(s));
+        WoodEnd { section, p: turn(&frame).conjugate() * (p - frame.p), r }
     }
 
-    fn place(&self, end: &End) -> DVec3 {
+    fn end_position(&self, end: &WoodEnd) -> DVec3 {
         end.section.map_or(end.p, |s| {
-            let f = self.rods.frame(s);
+            let f = self.rods.section_frame(s);
             f.p + f.matrix() * end.p
         })
     }
 
     /// Velocity of a place that is rigid with a section.
-    fn speed(&self, section: usize, place: DVec3) -> DVec3 {
-        let (v, spin) = self.rods.motion(section);
-        v + spin.cross(place - self.rods.frame(section).p)
+    fn point_velocity(&self, section: usize, place: DVec3) -> DVec3 {
+        let (v, spin) = self.rods.section_velocity(section);
+        v + spin.cross(place - self.rods.section_frame(section).p)
     }
 
     /// b^T M^-1 b of a unit blow at a place that is rigid with a section, 1/kg.
-    fn gives(&self, section: usize, place: DVec3, along: DVec3) -> f64 {
+    fn inverse_effective_mass(&self, section: usize, place: DVec3, along: DVec3) -> f64 {
         if self.fixed[section] {
             return 0.0;
         }
-        let grip = Grip::of(&self.rods.x[section]);
-        let f = grip.wrench(along, (place - grip.p).cross(along));
-        dot(&f, &self.answer(section, &f))
+        let grip = RigidSectionMap::from_corners(&self.rods.x[section]);
+        let f = grip.corner_forces(along, (place - grip.p).cross(along));
+        dot(&f, &self.solve_section_mass(section, &f))
     }
 
     /// M^-1 f of a section with what it carries now.
-    fn answer(&self, section: usize, f: &Corners) -> Corners {
-        let mut m: Block = [[0.0; 9]; 9];
+    fn solve_section_mass(&self, section: usize, f: &SectionCorners) -> SectionCorners {
+        let mut m: Matrix9 = [[0.0; 9]; 9];
         (0..9).for_each(|k| m[k][k] = self.rods.tree.sections[section].mass);
-        let (grip, frame) = (Grip::of(&self.rods.x[section]), self.rods.frame(section).matrix());
+        let (grip, frame) = (RigidSectionMap::from_corners(&self.rods.x[section]), self.rods.section_frame(section).matrix());
         for body in self.on[section].iter().map(|k| &self.rods.bodies[*k]).filter(|b| b.mass > 0.0) {
-            let block = grip.mass(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
+            let block = grip.mass_matrix(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
             m.as_flattened_mut().iter_mut().zip(block.as_flattened()).for_each(|(m, b)| *m += b);
         }
-        solved(&m, f)
+        solve_matrix9(&m, f)
     }
 
     /// Blades where they are after a step of `h` seconds from `before`, or at rest.
-    fn look(&mut self, h: Option<f64>) {
+    fn update_leaf_motion(&mut self, h: Option<f64>) {
         let Self { rods, leaves, .. } = self;
         for leaf in leaves {
             let Some(section) = leaf.section else { continue };
-            let frame = rods.frame(section);
+            let frame = rods.section_frame(section);
             let turn = turn(&frame);
             let arm = turn * leaf.p;
-            let (v, spin) = rods.motion(section);
+            let (v, spin) = rods.section_velocity(section);
             let (v, was) = (v + spin.cross(arm), leaf.now);
             let rate = |now: DVec3, before: DVec3| h.map_or(DVec3::ZERO, |h| (now - before) / h);
             let (a, whirl) = (rate(v, was.v), rate(spin, was.spin));
@@ -303,64 +303,64 @@ impl Boughs {
         }
     }
 
-    /// Everything from outside in a step that begins at `t`; `blows`: those of the whole step, too.
-    fn act(&mut self, (t, h): (f64, f64), blows: bool) {
-        let Self { rods, blows: struck, presses, wind, drags, .. } = self;
-        rods.calm();
+    /// Everything from outside in a step that begins at `t`; `impulse_forces`: those of the whole step, too.
+    fn apply_external_forces(&mut self, (t, h): (f64, f64), impulse_forces: bool) {
+        let Self { rods, impulse_forces: struck, presses, wind, drags, .. } = self;
+        rods.clear_forces();
         for (section, place, force) in presses.iter() {
-            let arm = *place - rods.frame(*section).p;
-            rods.pull(*section, *force, arm.cross(*force));
+            let arm = *place - rods.section_frame(*section).p;
+            rods.add_wrench(*section, *force, arm.cross(*force));
         }
-        if blows {
-            struck.iter().for_each(|(section, place, blow)| rods.strike(*section, *place, *blow, h));
+        if impulse_forces {
+            struck.iter().for_each(|(section, place, blow)| rods.add_impulse(*section, *place, *blow, h));
         }
         let Some(wind) = wind.clone() else { return };
-        rods.blow(drags, &*wind, t + h);
-        self.blow_leaves(&*wind, (t, h));
+        rods.add_wind_drag(drags, &*wind, t + h);
+        self.add_leaf_drag(&*wind, (t, h));
     }
 
-    fn blow_leaves(&mut self, wind: &dyn Wind, (t, h): (f64, f64)) {
+    fn add_leaf_drag(&mut self, wind: &dyn Wind, (t, h): (f64, f64)) {
         let Self { rods, leaves, leaf_drag, .. } = self;
-        let middle = |leaf: &Leaf, section: usize| {
-            let frame = rods.frame(section);
+        let centroid = |leaf: &RodPlantLeaf, section: usize| {
+            let frame = rods.section_frame(section);
             let turn = turn(&frame);
             let q = turn * leaf.q;
-            (frame.p + turn * leaf.p + q * (leaf.sheet.middle * leaf.scale), q)
+            (frame.p + turn * leaf.p + q * (leaf.sheet.centroid * leaf.scale), q)
         };
         let held: Vec<(usize, (DVec3, DQuat))> =
-            leaves.iter().filter_map(|l| l.section.map(|s| (s, middle(l, s)))).collect();
+            leaves.iter().filter_map(|l| l.section.map(|s| (s, centroid(l, s)))).collect();
         let places: Vec<Vec3> = held.iter().map(|(_, (p, _))| p.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         wind.sample(&places, t + h, &mut air);
         let hung = leaves.iter_mut().filter(|l| l.section.is_some());
         for ((leaf, (section, (p, q))), air) in hung.zip(&held).zip(&air) {
-            let (v, spin) = rods.motion(*section);
-            let arm = *p - rods.frame(*section).p;
+            let (v, spin) = rods.section_velocity(*section);
+            let arm = *p - rods.section_frame(*section).p;
             let relative = air.as_dvec3() - v - spin.cross(arm);
             let (force, at) = leaf.eddies.press(&leaf.sheet, (*q, leaf.scale), relative, (*leaf_drag, h));
-            rods.pull(*section, force, (arm + at).cross(force));
+            rods.add_wrench(*section, force, (arm + at).cross(force));
         }
     }
 
-    fn run(&mut self, (t, h): (f64, f64), n: u32) -> std::result::Result<(), Lost> {
+    fn run_substeps(&mut self, (t, h): (f64, f64), n: u32) -> std::result::Result<(), StepFailure> {
         let h = h / f64::from(n);
         for k in 0..n {
-            self.act((t + f64::from(k) * h, h), k == 0);
-            self.rods.advance(h)?;
+            self.apply_external_forces((t + f64::from(k) * h, h), k == 0);
+            self.rods.step_implicit(h)?;
         }
         Ok(())
     }
 }
 
 /// The frame of what stands still: the world's.
-const STILL: Frame = Frame { p: DVec3::ZERO, u: DVec3::X, v: DVec3::Y, w: DVec3::Z };
+const WORLD_FRAME: SectionFrame = SectionFrame { p: DVec3::ZERO, u: DVec3::X, v: DVec3::Y, w: DVec3::Z };
 
 /// World from a frame's coordinates.
-fn turn(frame: &Frame) -> DQuat {
+fn turn(frame: &SectionFrame) -> DQuat {
     DQuat::from_mat3(&frame.matrix()).normalize()
 }
 
-impl Bearer for Boughs {
+impl Bearer for RodPlant {
     fn leaves(&self) -> usize {
         self.leaves.len()
     }
@@ -370,12 +370,12 @@ impl Bearer for Boughs {
     }
 
     fn lightness(&self, leaf: usize, place: DVec3, along: DVec3) -> f64 {
-        self.leaves[leaf].section.map_or(0.0, |section| self.gives(section, place, along))
+        self.leaves[leaf].section.map_or(0.0, |section| self.inverse_effective_mass(section, place, along))
     }
 
     fn strike(&mut self, leaf: usize, place: DVec3, blow: DVec3) {
         if let Some(section) = self.leaves[leaf].section {
-            self.blows.push((section, place, blow));
+            self.impulse_forces.push((section, place, blow));
         }
     }
 
@@ -385,21 +385,21 @@ impl Bearer for Boughs {
         }
     }
 
-    fn load(&mut self, leaf: usize, mass: f64, middle: DVec3) {
+    fn load(&mut self, leaf: usize, mass: f64, centroid: DVec3) {
         if let (Some(section), Some(water)) = (self.leaves[leaf].section, self.rods.bodies.get_mut(leaf)) {
-            let frame = Frame::of(&self.rods.x[section]);
-            (water.mass, water.at) = (mass.max(0.0), frame.matrix().transpose() * (middle - frame.p));
+            let frame = SectionFrame::from_corners(&self.rods.x[section]);
+            (water.mass, water.at) = (mass.max(0.0), frame.matrix().transpose() * (centroid - frame.p));
         }
     }
 
     fn boughs(&self, out: &mut Vec<Bough>) {
         out.clear();
-        out.extend(self.wood.iter().map(|[a, b]| Bough { ends: [self.place(a), self.place(b)], radii: [a.r, b.r] }));
+        out.extend(self.wood.iter().map(|[a, b]| Bough { ends: [self.end_position(a), self.end_position(b)], radii: [a.r, b.r] }));
     }
 
     fn bough_lightness(&self, bough: usize, share: f64, along: DVec3) -> f64 {
-        let part = |end: &End, share: f64| {
-            end.section.map_or(0.0, |section| share * share * self.gives(section, self.place(end), along))
+        let part = |end: &WoodEnd, share: f64| {
+            end.section.map_or(0.0, |section| share * share * self.inverse_effective_mass(section, self.end_position(end), along))
         };
         let [a, b] = &self.wood[bough];
         part(a, 1.0 - share) + part(b, share)
@@ -408,13 +408,13 @@ impl Bearer for Boughs {
     fn strike_bough(&mut self, bough: usize, share: f64, blow: DVec3) {
         for (end, share) in self.wood[bough].into_iter().zip([1.0 - share, share]) {
             if let Some(section) = end.section {
-                self.blows.push((section, self.place(&end), blow * share));
+                self.impulse_forces.push((section, self.end_position(&end), blow * share));
             }
         }
     }
 
     fn bough_speed(&self, bough: usize, share: f64) -> DVec3 {
-        let of = |end: &End| end.section.map_or(DVec3::ZERO, |section| self.speed(section, self.place(end)));
+        let of = |end: &WoodEnd| end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.end_position(end)));
         of(&self.wood[bough][0]).lerp(of(&self.wood[bough][1]), share)
     }
 
@@ -427,23 +427,23 @@ impl Bearer for Boughs {
         if self.rods.is_empty() {
             return Ok(());
         }
-        if (h - self.last).abs() > SAME * h {
-            self.rods.restart();
+        if (h - self.last).abs() > SAME_STEP_TOLERANCE * h {
+            self.rods.reset_history();
             self.last = h;
         }
         let saved = (self.rods.x.clone(), self.rods.v.clone());
-        for halving in 0..=HALVINGS {
+        for halving in 0..=MAX_STEP_HALVINGS {
             if halving > 0 {
                 (self.rods.x, self.rods.v) = saved.clone();
-                self.rods.restart();
+                self.rods.reset_history();
             }
-            if self.run((t, h), 1 << halving).is_ok() {
+            if self.run_substeps((t, h), 1 << halving).is_ok() {
                 if halving > 0 {
-                    self.rods.restart();
+                    self.rods.reset_history();
                 }
-                self.blows.clear();
+                self.impulse_forces.clear();
                 self.presses.clear();
-                self.look(Some(h));
+                self.update_leaf_motion(Some(h));
                 return Ok(());
             }
         }

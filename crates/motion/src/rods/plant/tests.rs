@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::{DVec3, Quat, Vec3};
 
-use super::Boughs;
+use super::RodPlant;
 use crate::rain::Bearer;
-use crate::rods::plant::layout::Grain;
+use crate::rods::plant::layout::RodPlantParams;
 use crate::sway::Wood;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
 use osier_scene::{Mesh, Trs};
@@ -65,8 +65,8 @@ pub(crate) fn twig() -> Plant {
     }
 }
 
-pub(crate) fn grain() -> Grain {
-    Grain {
+pub(crate) fn grain() -> RodPlantParams {
+    RodPlantParams {
         g: 9.81,
         wood: Wood::default(),
         shear: 1.0 / 15.0,
@@ -86,11 +86,11 @@ pub(crate) fn grain() -> Grain {
 /// A step in which springs do nothing, s.
 const SHORT: f64 = 5e-10;
 
-fn sprung(stand: &Trs) -> Boughs {
-    Boughs::new(&twig(), stand, &grain(), "twig")
+fn sprung(stand: &Trs) -> RodPlant {
+    RodPlant::new(&twig(), stand, &grain(), "twig")
 }
 
-fn steps(boughs: &mut Boughs, seconds: f64, h: f64, mut each: impl FnMut(&Boughs)) {
+fn steps(boughs: &mut RodPlant, seconds: f64, h: f64, mut each: impl FnMut(&RodPlant)) {
     let mut t = 0.0;
     while t < seconds {
         boughs.step(t, h).expect("steps");
@@ -109,7 +109,7 @@ fn a_twig_hangs_as_it_grew_wherever_it_stands() {
     for stand in [Trs::IDENTITY, turned] {
         let plant = twig();
         let mut boughs = sprung(&stand);
-        assert!(boughs.is_posed() && boughs.left() == [0, 0]);
+        assert!(boughs.has_rest_shape() && boughs.omitted_stems_and_leaves() == [0, 0]);
         assert_eq!(boughs.leaves(), 6);
         for (i, organ) in plant.organs.iter().enumerate() {
             let (p, q) = plant.organ_site(organ);
@@ -139,8 +139,8 @@ fn a_blow_changes_a_leaf_as_its_lightness_says() {
     free.wood.damping = 0.0;
     // Near the origin, where places are known to the last digits.
     let near = Trs::translation(Vec3::new(-0.2, -1.04, 0.0));
-    let made = || Boughs::new(&twig(), &near, &free, "twig");
-    let twice = |strike: &dyn Fn(&mut Boughs, f64), look: &dyn Fn(&Boughs) -> f64| {
+    let made = || RodPlant::new(&twig(), &near, &free, "twig");
+    let twice = |strike: &dyn Fn(&mut RodPlant, f64), look: &dyn Fn(&RodPlant) -> f64| {
         // There and back: what grows with the square of the blow falls out.
         let [forth, back] = [1e-3, -1e-3].map(|blow| {
             let mut boughs = made();
@@ -158,7 +158,7 @@ fn a_blow_changes_a_leaf_as_its_lightness_says() {
         // A blade of 0.56 g, struck off its middle, gives way more than its weight says.
         let light = boughs.lightness(leaf, place, along);
         assert!(light > 1.0 / 6e-4 && light < 1e5, "{light}");
-        let strike = |b: &mut Boughs, blow: f64| {
+        let strike = |b: &mut RodPlant, blow: f64| {
             b.load(leaf, 2e-5, wet);
             b.strike(leaf, place, along * blow);
         };
@@ -174,8 +174,8 @@ fn a_blow_changes_a_leaf_as_its_lightness_says() {
 fn what_was_loaded_and_let_go_swings_through_and_settles() {
     let mut free = grain();
     free.wood.damping = 0.3;
-    let mut boughs = Boughs::new(&twig(), &Trs::IDENTITY, &free, "twig");
-    let tip = |b: &Boughs| b.blade(3).world(DVec3::Y * 0.07, 1.0).y;
+    let mut boughs = RodPlant::new(&twig(), &Trs::IDENTITY, &free, "twig");
+    let tip = |b: &RodPlant| b.blade(3).world(DVec3::Y * 0.07, 1.0).y;
     let rest = tip(&boughs);
     let place = boughs.blade(3).world(DVec3::Y * 0.05, 1.0);
     boughs.load(3, 2e-4, place);
@@ -196,7 +196,7 @@ fn what_was_loaded_and_let_go_swings_through_and_settles() {
 #[test]
 fn leaves_shiver_each_for_itself_and_turn_over_never() {
     let wind = Arc::new(UniformWind(Vec3::new(2.5, 0.0, 1.0)));
-    let mut boughs = sprung(&Trs::IDENTITY).in_wind(Some(wind));
+    let mut boughs = sprung(&Trs::IDENTITY).with_wind(Some(wind));
     let start: Vec<_> = (0..6).map(|i| boughs.blade(i).q).collect();
     let (mut most, mut swings) = (0.0_f64, vec![Vec::new(); 6]);
     steps(&mut boughs, 6.0, 1.0 / 384.0, |b| {
@@ -220,12 +220,12 @@ fn leaves_shiver_each_for_itself_and_turn_over_never() {
 fn what_has_no_room_is_rigid_and_counted() {
     let mut small = grain();
     small.most_leaves = 2;
-    let boughs = Boughs::new(&twig(), &Trs::IDENTITY, &small, "twig");
-    assert_eq!(boughs.left(), [0, 4]);
-    assert_eq!((0..6).filter(|i| boughs.stalk(*i).is_some()).count(), 2);
-    assert!((0..6).all(|i| boughs.carrier(i).is_some()));
+    let boughs = RodPlant::new(&twig(), &Trs::IDENTITY, &small, "twig");
+    assert_eq!(boughs.omitted_stems_and_leaves(), [0, 4]);
+    assert_eq!((0..6).filter(|i| boughs.leaf_stalk(*i).is_some()).count(), 2);
+    assert!((0..6).all(|i| boughs.leaf_section(i).is_some()));
     small.thickest = 1e-4;
-    let still = Boughs::new(&twig(), &Trs::IDENTITY, &small, "twig");
-    assert!((0..6).filter(|i| still.carrier(*i).is_none()).count() == 4 && still.is_posed());
+    let still = RodPlant::new(&twig(), &Trs::IDENTITY, &small, "twig");
+    assert!((0..6).filter(|i| still.leaf_section(*i).is_none()).count() == 4 && still.has_rest_shape());
     assert!(still.lightness(1, DVec3::ZERO, DVec3::Y) >= 0.0);
 }

@@ -2,113 +2,113 @@
 
 use pulp::{Arch, NullaryFnOnce};
 
-use crate::rods::layout::Tree;
-use crate::rods::prism::{Block, Corners, Frame, Grip, times, transposed_times};
-use crate::rods::solver::block::{OVER, Rows, UP};
-use crate::rods::springs::{BEND, LANES, LINK, Strain, pulls, scatter, spans, strain};
+use crate::rods::layout::RodTree;
+use crate::rods::prism::{Matrix9, SectionCorners, SectionFrame, RigidSectionMap, matrix_vector, transposed_matrix_vector};
+use crate::rods::solver::block::{SECOND_PREDECESSOR, BlockRow, PREDECESSOR};
+use crate::rods::springs::{FIRST_BEND_SPRING, SPRINGS_PER_SECTION, FIRST_LINK_SPRING, SpringState, spring_forces, scatter_forces, spring_vectors, spring_state};
 use osier_scene::plant::NONE;
 
 /// A base that rides on a section of another rod, at one moment.
 #[derive(Debug, Clone)]
-pub(crate) struct Rider {
-    x: Corners,
-    v: Corners,
+pub(crate) struct AttachedBase {
+    x: SectionCorners,
+    v: SectionCorners,
     /// How it moves with that section.
-    j: Block,
+    j: Matrix9,
 }
 
-impl Default for Rider {
+impl Default for AttachedBase {
     fn default() -> Self {
         Self { x: [0.0; 9], v: [0.0; 9], j: [[0.0; 9]; 9] }
     }
 }
 
 /// What the springs of a tree do in a place and motion.
-pub(crate) struct Assembly<'a> {
-    pub tree: &'a Tree,
-    pub x: &'a [Corners],
-    pub v: &'a [Corners],
+pub(crate) struct SpringAssembly<'a> {
+    pub tree: &'a RodTree,
+    pub x: &'a [SectionCorners],
+    pub v: &'a [SectionCorners],
     /// Damping by stiffness of each rod, s.
     pub damping: &'a [f64],
-    pub riders: &'a mut [Rider],
+    pub attached_bases: &'a mut [AttachedBase],
     /// Forces on the sections, N.
-    pub force: &'a mut [Corners],
+    pub force: &'a mut [SectionCorners],
     /// Where stiffness goes, and its factor for each rod.
-    pub rows: Option<(&'a mut [Rows], &'a [f64])>,
+    pub rows: Option<(&'a mut [BlockRow], &'a [f64])>,
 }
 
-impl Assembly<'_> {
+impl SpringAssembly<'_> {
     /// Fills forces, and rows if they are wanted. Allocates nothing.
     pub(crate) fn run(self) {
         Arch::new().dispatch(self);
     }
 }
 
-impl NullaryFnOnce for Assembly<'_> {
+impl NullaryFnOnce for SpringAssembly<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { tree, x, v, damping, riders, force, mut rows } = self;
-        ride(tree, (x, v), riders);
+        let Self { tree, x, v, damping, attached_bases, force, mut rows } = self;
+        update_attached_bases(tree, (x, v), attached_bases);
         force.fill([0.0; 9]);
         if let Some((rows, _)) = &mut rows {
-            rows.fill(Rows::default());
+            rows.fill(BlockRow::default());
         }
         for (i, section) in tree.sections.iter().enumerate() {
             let ends = [0, 1].map(|k| match (section.base[k], tree.above[i][k]) {
                 (NONE, NONE) => (&x[i], &v[i]),
                 (NONE, on) => (&x[on as usize], &v[on as usize]),
-                (base, _) => (&riders[base as usize].x, &riders[base as usize].v),
+                (base, _) => (&attached_bases[base as usize].x, &attached_bases[base as usize].v),
             });
-            let state = strain(&spans(&x[i], ends[0].0, ends[1].0), &section.k, &section.l);
-            let dv = spans(&v[i], ends[0].1, ends[1].1);
-            let f = pulls(&state, &section.k, &dv, damping[section.rod]);
+            let state = spring_state(&spring_vectors(&x[i], ends[0].0, ends[1].0), &section.k, &section.l);
+            let dv = spring_vectors(&v[i], ends[0].1, ends[1].1);
+            let f = spring_forces(&state, &section.k, &dv, damping[section.rod]);
             let (mut own, mut others) = ([0.0; 9], [[0.0; 9]; 2]);
             let [up, over] = &mut others;
-            scatter(&f, &mut own, up, over);
-            gain(&mut force[i], &own);
+            scatter_forces(&f, &mut own, up, over);
+            accumulate(&mut force[i], &own);
             for k in 0..2 {
                 match (section.base[k], tree.above[i][k]) {
                     (NONE, NONE) => {}
-                    (NONE, on) => gain(&mut force[on as usize], &others[k]),
+                    (NONE, on) => accumulate(&mut force[on as usize], &others[k]),
                     (base, on) => {
-                        gain(&mut force[on as usize], &transposed_times(&riders[base as usize].j, &others[k]))
+                        accumulate(&mut force[on as usize], &transposed_matrix_vector(&attached_bases[base as usize].j, &others[k]))
                     }
                 }
             }
             if let Some((rows, factors)) = &mut rows {
-                let parts = parts(&state, &section.k, factors[section.rod]);
-                stiffen(&parts, (tree, i), riders, rows);
+                let spring_stiffness = spring_stiffness(&state, &section.k, factors[section.rod]);
+                add_stiffness(&spring_stiffness, (tree, i), attached_bases, rows);
             }
         }
     }
 }
 
 #[inline(always)]
-fn gain(to: &mut Corners, by: &Corners) {
+fn accumulate(to: &mut SectionCorners, by: &SectionCorners) {
     for k in 0..9 {
         to[k] += by[k];
     }
 }
 
-fn ride(tree: &Tree, (x, v): (&[Corners], &[Corners]), riders: &mut [Rider]) {
-    for (rider, base) in riders.iter_mut().zip(&tree.bases) {
+fn update_attached_bases(tree: &RodTree, (x, v): (&[SectionCorners], &[SectionCorners]), attached_bases: &mut [AttachedBase]) {
+    for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
-        rider.x = Frame::of(&x[on]).carry(&base.local);
-        rider.j = Grip::of(&x[on]).carried(&rider.x);
-        rider.v = times(&rider.j, &v[on]);
+        rider.x = SectionFrame::from_corners(&x[on]).to_world(&base.local);
+        rider.j = RigidSectionMap::from_corners(&x[on]).attachment_jacobian(&rider.x);
+        rider.v = matrix_vector(&rider.j, &v[on]);
     }
 }
 
 /// xx, yy, zz, xy, xz, yz of each spring's stiffness.
-type Parts = [[f64; LANES]; 6];
+type SpringStiffness = [[f64; SPRINGS_PER_SECTION]; 6];
 
 /// K = k [e e^T + max(0, 1 - L0/|d|) (1 - e e^T)].
 #[inline(always)]
-fn parts(s: &Strain, k: &[f64; LANES], factor: f64) -> Parts {
-    let mut out = [[0.0; LANES]; 6];
-    for i in 0..LANES {
+fn spring_stiffness(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], factor: f64) -> SpringStiffness {
+    let mut out = [[0.0; SPRINGS_PER_SECTION]; 6];
+    for i in 0..SPRINGS_PER_SECTION {
         let across = factor * s.across[i];
         let along = factor * k[i] - across;
         let e = [s.e[0][i], s.e[1][i], s.e[2][i]];
@@ -123,19 +123,19 @@ fn parts(s: &Strain, k: &[f64; LANES], factor: f64) -> Parts {
 }
 
 #[inline(always)]
-fn part(p: &Parts, lane: usize) -> [[f64; 3]; 3] {
+fn spring_block(p: &SpringStiffness, lane: usize) -> [[f64; 3]; 3] {
     let [xx, yy, zz, xy, xz, yz] = [p[0][lane], p[1][lane], p[2][lane], p[3][lane], p[4][lane], p[5][lane]];
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
 
 /// Adds the stiffness of one section's springs to the rows.
 #[inline(always)]
-fn stiffen(p: &Parts, (tree, i): (&Tree, usize), riders: &[Rider], rows: &mut [Rows]) {
-    let mut own: Block = [[0.0; 9]; 9];
+fn add_stiffness(p: &SpringStiffness, (tree, i): (&RodTree, usize), attached_bases: &[AttachedBase], rows: &mut [BlockRow]) {
+    let mut own: Matrix9 = [[0.0; 9]; 9];
     let mut cross = [[[0.0; 9]; 9]; 2];
     let mut other = [[[[0.0; 3]; 3]; 3]; 2];
     for c in 0..3 {
-        let (n, b) = ((c + 1) % 3, part(p, c));
+        let (n, b) = ((c + 1) % 3, spring_block(p, c));
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];
@@ -146,7 +146,7 @@ fn stiffen(p: &Parts, (tree, i): (&Tree, usize), riders: &[Rider], rows: &mut [R
         }
     }
     let mut tie = |lane: usize, which: usize, (c, o): (usize, usize)| {
-        let b = part(p, lane);
+        let b = spring_block(p, lane);
         for r in 0..3 {
             for q in 0..3 {
                 own[3 * c + r][3 * c + q] += b[r][q];
@@ -157,9 +157,9 @@ fn stiffen(p: &Parts, (tree, i): (&Tree, usize), riders: &[Rider], rows: &mut [R
     };
     for c in 0..3 {
         for o in 0..3 {
-            tie(LINK + 3 * c + o, 0, (c, o));
+            tie(FIRST_LINK_SPRING + 3 * c + o, 0, (c, o));
         }
-        tie(BEND + c, 1, (c, c));
+        tie(FIRST_BEND_SPRING + c, 1, (c, c));
     }
     for r in 0..9 {
         for q in 0..9 {
@@ -167,23 +167,23 @@ fn stiffen(p: &Parts, (tree, i): (&Tree, usize), riders: &[Rider], rows: &mut [R
         }
     }
     let section = &tree.sections[i];
-    for (which, at) in [UP, OVER].into_iter().enumerate() {
+    for (which, at) in [PREDECESSOR, SECOND_PREDECESSOR].into_iter().enumerate() {
         let on = tree.above[i][which];
         if on == NONE {
             continue;
         }
-        let j = (section.base[which] != NONE).then(|| &riders[section.base[which] as usize].j);
-        tie_to(&cross[which], &other[which], j, (rows, i, on as usize, at));
+        let j = (section.base[which] != NONE).then(|| &attached_bases[section.base[which] as usize].j);
+        add_coupling(&cross[which], &other[which], j, (rows, i, on as usize, at));
     }
 }
 
 /// Adds what couples section `i` to another, and that one's own share; `j`: if the springs end on a base that rides on it.
 #[inline(always)]
-fn tie_to(
-    cross: &Block,
+fn add_coupling(
+    cross: &Matrix9,
     other: &[[[f64; 3]; 3]; 3],
-    j: Option<&Block>,
-    (rows, i, on, at): (&mut [Rows], usize, usize, usize),
+    j: Option<&Matrix9>,
+    (rows, i, on, at): (&mut [BlockRow], usize, usize, usize),
 ) {
     let Some(j) = j else {
         for r in 0..9 {

@@ -1,65 +1,65 @@
 //! Integrators for comparison: Euler's, and springs one by one.
 
-use crate::rods::Lost;
-use crate::rods::prism::{Corners, Frame, Grip, add, corner, dot, transposed_times};
-use crate::rods::springs::{BEND, LANES, LINK};
-use crate::rods::system::Rods;
+use crate::rods::StepFailure;
+use crate::rods::prism::{SectionCorners, SectionFrame, RigidSectionMap, add, corner, dot, transposed_matrix_vector};
+use crate::rods::springs::{FIRST_BEND_SPRING, SPRINGS_PER_SECTION, FIRST_LINK_SPRING};
+use crate::rods::system::RodSystem;
 use osier_base::math;
 use osier_scene::plant::NONE;
 
 /// Largest k h^2 / m for which single passes over the springs still hold a rod up.
-pub const LIMP: f64 = 10.0;
+pub const MAX_GAUSS_SEIDEL_STIFFNESS: f64 = 10.0;
 
-impl Rods {
+impl RodSystem {
     /// Acceleration, m/s^2, by springs and loads at the present places, without damping.
-    fn accelerations(&mut self, h: f64) {
+    fn compute_accelerations(&mut self, h: f64) {
         self.share = 1.0;
-        self.prepare(h);
+        self.prepare_step(h);
         let Self { x, v, step, .. } = self;
         step.next.copy_from_slice(x);
         step.speed.copy_from_slice(v);
         step.damping.fill(0.0);
-        self.assemble(false);
+        self.assemble_springs(false);
         for i in 0..self.x.len() {
-            let back = self.manners[self.tree.sections[i].rod].recovery;
-            let drawn = self.drawn_back(i);
+            let back = self.dampings[self.tree.sections[i].rod].recovery;
+            let drawn = self.restoring_displacement_force(i);
             let f = std::array::from_fn(|k| self.step.force[i][k] + self.step.load[i][k] - back * drawn[k]);
-            self.step.change[i] = self.accelerated(i, &f);
+            self.step.change[i] = self.solve_mass(i, &f);
         }
     }
 
     /// Damping by mass alone, 1/s: twice the implicit one's, which leaves half to stiffness.
-    pub(crate) fn braked(&self, i: usize) -> f64 {
-        2.0 * self.manners[self.tree.sections[i].rod].mass
+    pub(crate) fn explicit_mass_damping(&self, i: usize) -> f64 {
+        2.0 * self.dampings[self.tree.sections[i].rod].mass
     }
 
     /// v = (v + h F/m) / (1 + a h), x = x + h v: stable for h < 2 / w_max.
-    pub fn leap(&mut self, h: f64) {
-        self.accelerations(h);
+    pub fn step_symplectic_euler(&mut self, h: f64) {
+        self.compute_accelerations(h);
         for i in 0..self.x.len() {
-            let a = self.braked(i);
+            let a = self.explicit_mass_damping(i);
             for k in 0..9 {
                 self.v[i][k] = (self.v[i][k] + h * self.step.change[i][k]) / (1.0 + a * h);
             }
         }
-        self.clamp_speeds(h);
+        self.project_clamp_velocities(h);
         for i in 0..self.x.len() {
             (0..9).for_each(|k| self.x[i][k] += h * self.v[i][k]);
         }
     }
 
     /// [yang-wu]'s own: x = x + h v with the velocity before; stable only for h <= a / w_max^2, never without damping.
-    pub fn plunge(&mut self, h: f64) {
-        self.accelerations(h);
-        let mut to: Vec<Corners> = self.x.clone();
+    pub fn step_explicit_euler(&mut self, h: f64) {
+        self.compute_accelerations(h);
+        let mut to: Vec<SectionCorners> = self.x.clone();
         for i in 0..self.x.len() {
-            let a = self.braked(i);
+            let a = self.explicit_mass_damping(i);
             for k in 0..9 {
                 to[i][k] += h * self.v[i][k];
                 self.v[i][k] += h * (self.step.change[i][k] - a * self.v[i][k]);
             }
         }
-        self.clamp_speeds(h);
+        self.project_clamp_velocities(h);
         for clamp in 0..self.clamps.len() {
             let i = self.clamps[clamp].section;
             to[i] = std::array::from_fn(|k| self.x[i][k] + h * self.v[i][k]);
@@ -69,27 +69,27 @@ impl Rods {
 
     /// Bound of the fastest swing of all, rad/s: w^2 <= max 2 sum(k) / m.
     /// Source: Gershgorin's circles.
-    pub fn fastest(&mut self) -> f64 {
-        self.weigh();
+    pub fn max_angular_frequency_bound(&mut self) -> f64 {
+        self.update_section_masses();
         let mut sums = vec![[0.0; 3]; self.x.len()];
         for (i, s) in self.tree.sections.iter().enumerate() {
             let [up, over] = self.tree.above[i];
             for c in 0..3 {
-                sums[i][c] += s.k[c] + s.k[BEND + c];
+                sums[i][c] += s.k[c] + s.k[FIRST_BEND_SPRING + c];
                 sums[i][(c + 1) % 3] += s.k[c];
                 if over != NONE {
-                    sums[over as usize][c] += s.k[BEND + c];
+                    sums[over as usize][c] += s.k[FIRST_BEND_SPRING + c];
                 }
                 for o in 0..3 {
-                    sums[i][c] += s.k[LINK + 3 * c + o];
+                    sums[i][c] += s.k[FIRST_LINK_SPRING + 3 * c + o];
                     if up != NONE {
-                        sums[up as usize][o] += s.k[LINK + 3 * c + o];
+                        sums[up as usize][o] += s.k[FIRST_LINK_SPRING + 3 * c + o];
                     }
                 }
             }
         }
         let bound = |(i, k): (usize, &[f64; 3])| {
-            let back = self.manners[self.tree.sections[i].rod].recovery;
+            let back = self.dampings[self.tree.sections[i].rod].recovery;
             2.0 * k.iter().fold(0.0_f64, |m, k| m.max(*k)) / self.tree.sections[i].mass + back
         };
         math::sqrt(sums.iter().enumerate().map(bound).fold(0.0, f64::max))
@@ -98,38 +98,38 @@ impl Rods {
     /// Springs one after another, once: for soft ropes only.
     /// Source: M. Macklin et al., "XPBD", 2016, with the springs of [yang-wu] as constraints.
     /// # Errors
-    /// [`Lost`] for what is not finite.
-    pub fn relax(&mut self, h: f64) -> Result<(), Lost> {
+    /// [`StepFailure`] for what is not finite.
+    pub fn step_gauss_seidel(&mut self, h: f64) -> Result<(), StepFailure> {
         self.share = 1.0;
-        self.prepare(h);
+        self.prepare_step(h);
         for i in 0..self.x.len() {
-            let m = self.manners[self.tree.sections[i].rod];
-            let push = self.accelerated(i, &self.step.load[i]);
+            let m = self.dampings[self.tree.sections[i].rod];
+            let push = self.solve_mass(i, &self.step.load[i]);
             for k in 0..9 {
                 self.v[i][k] = (self.v[i][k] + h * push[k]) / (1.0 + 2.0 * m.mass * h);
             }
         }
-        self.clamp_speeds(h);
+        self.project_clamp_velocities(h);
         for i in 0..self.x.len() {
             self.step.next[i] = std::array::from_fn(|k| self.x[i][k] + h * self.v[i][k]);
         }
         for i in 0..self.x.len() {
-            for lane in 0..LANES - 1 {
-                self.shorten((i, lane), h);
+            for lane in 0..SPRINGS_PER_SECTION - 1 {
+                self.project_spring((i, lane), h);
             }
-            self.recall(i, h);
+            self.project_to_rest_position(i, h);
         }
         for i in 0..self.x.len() {
             for k in 0..9 {
                 self.v[i][k] = (self.step.next[i][k] - self.x[i][k]) / h;
             }
         }
-        self.clamp_speeds(h);
+        self.project_clamp_velocities(h);
         for i in 0..self.x.len() {
             for k in 0..9 {
                 self.x[i][k] += h * self.v[i][k];
                 if !self.x[i][k].is_finite() {
-                    return Err(Lost);
+                    return Err(StepFailure);
                 }
             }
         }
@@ -137,33 +137,33 @@ impl Rods {
     }
 
     /// Corners that a spring ties: this section's and the other end's section (0 up, 1 over), or its own.
-    fn ends(lane: usize) -> (usize, Option<usize>, usize) {
+    fn spring_ends(lane: usize) -> (usize, Option<usize>, usize) {
         match lane {
-            0..LINK => (lane, None, (lane + 1) % 3),
-            LINK..BEND => ((lane - LINK) / 3, Some(0), (lane - LINK) % 3),
-            _ => ((lane - BEND) % 3, Some(1), (lane - BEND) % 3),
+            0..FIRST_LINK_SPRING => (lane, None, (lane + 1) % 3),
+            FIRST_LINK_SPRING..FIRST_BEND_SPRING => ((lane - FIRST_LINK_SPRING) / 3, Some(0), (lane - FIRST_LINK_SPRING) % 3),
+            _ => ((lane - FIRST_BEND_SPRING) % 3, Some(1), (lane - FIRST_BEND_SPRING) % 3),
         }
     }
 
     /// Moves the ends of one spring to where its force would.
-    fn shorten(&mut self, (i, lane): (usize, usize), h: f64) {
+    fn project_spring(&mut self, (i, lane): (usize, usize), h: f64) {
         let section = &self.tree.sections[i];
         let (k, rest) = (section.k[lane], section.l[lane]);
         if k <= 0.0 {
             return;
         }
-        let (c, other, o) = Self::ends(lane);
+        let (c, other, o) = Self::spring_ends(lane);
         let (on, base) = match other {
             None => (i, NONE),
             Some(which) => (self.tree.above[i][which] as usize, section.base[which]),
         };
-        let held = |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::Hold::Fixed);
+        let held = |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::ClampKind::Fixed);
         let light = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
         let here = corner(&self.step.next[i], c);
         let rider = (base != NONE).then(|| {
             let b = &self.tree.bases[base as usize];
-            let x = Frame::of(&self.step.next[on]).carry(&b.local);
-            (Grip::of(&self.step.next[on]).carried(&x), x)
+            let x = SectionFrame::from_corners(&self.step.next[on]).to_world(&b.local);
+            (RigidSectionMap::from_corners(&self.step.next[on]).attachment_jacobian(&x), x)
         });
         let there = rider.as_ref().map_or_else(|| corner(&self.step.next[on], o), |(_, x)| corner(x, o));
         let d = there - here;
@@ -174,7 +174,7 @@ impl Rods {
         let e = d / length;
         let mut pull = [0.0; 9];
         add(&mut pull, o, e);
-        let pull = rider.map_or(pull, |(j, _)| transposed_times(&j, &pull));
+        let pull = rider.map_or(pull, |(j, _)| transposed_matrix_vector(&j, &pull));
         let (a, b) = (light(i), light(on) * dot(&pull, &pull));
         let f = (length - rest) / (a + b + 1.0 / (k * h * h));
         add(&mut self.step.next[i], c, e * (f * a));
@@ -183,17 +183,17 @@ impl Rods {
     }
 
     /// The springs back to the rest place of a section.
-    fn recall(&mut self, i: usize, h: f64) {
-        let back = self.manners[self.tree.sections[i].rod].recovery * h * h;
+    fn project_to_rest_position(&mut self, i: usize, h: f64) {
+        let back = self.dampings[self.tree.sections[i].rod].recovery * h * h;
         let share = back / (1.0 + back);
         for k in 0..9 {
             self.step.next[i][k] += share * (self.step.places[i][k] - self.step.next[i][k]);
         }
     }
 
-    /// Largest k h^2 / m of all springs: above [`LIMP`] single passes let a rod hang limp.
+    /// Largest k h^2 / m of all springs: above [`MAX_GAUSS_SEIDEL_STIFFNESS`] single passes let a rod hang limp.
     pub fn stiffness_per_step(&self, h: f64) -> f64 {
-        let one = |s: &crate::rods::layout::Section| s.k.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass;
+        let one = |s: &crate::rods::layout::RodSection| s.k.iter().fold(0.0_f64, |m, k| m.max(*k)) * h * h / s.mass;
         self.tree.sections.iter().map(one).fold(0.0, f64::max)
     }
 }

@@ -1,41 +1,41 @@
 //! The default integrator: all springs of a plant solved together, second order in time.
 
-use crate::rods::system::{Rods, minus};
+use crate::rods::system::{RodSystem, difference};
 
 /// Most rounds of Newton's method in a step.
-const ROUNDS: usize = 4;
+const MAX_NEWTON_ITERATIONS: usize = 4;
 /// A step is found when nothing moves by more than this share of the shortest spring along the rods.
-const FOUND: f64 = 1e-5;
+const NEWTON_TOLERANCE: f64 = 1e-5;
 /// Beyond so many lengths of everything a step has failed.
-const FAR: f64 = 100.0;
+const DIVERGENCE_LENGTHS: f64 = 100.0;
 /// Share of a blow that a first step gives, so that with what the next ones make of it the whole is just the blow.
-const FIRST: f64 = 2.0 / 3.0;
+const FIRST_STEP_IMPULSE_SHARE: f64 = 2.0 / 3.0;
 
 /// Why a step was not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Lost;
+pub struct StepFailure;
 
-impl Rods {
+impl RodSystem {
     /// One step of `h` seconds, if it succeeds; else everything is as before.
     /// Source: springs as constraints of compliance 1/k of [yang-wu]'s network, solved directly; Own: BDF2 in time, damping
     /// a M + b K, Newton's method with a stiffness that is never indefinite.
     /// # Errors
-    /// [`Lost`] for what is not finite, flies apart, or grows in three rounds running.
-    pub fn advance(&mut self, h: f64) -> Result<(), Lost> {
-        let ht = if self.fresh { h } else { 2.0 * h / 3.0 };
-        self.share = if self.fresh { FIRST } else { 1.0 };
-        self.prepare(h);
-        for (rod, m) in self.manners.iter().enumerate() {
+    /// [`StepFailure`] for what is not finite, flies apart, or grows in three rounds running.
+    pub fn step_implicit(&mut self, h: f64) -> Result<(), StepFailure> {
+        let ht = if self.history_reset { h } else { 2.0 * h / 3.0 };
+        self.share = if self.history_reset { FIRST_STEP_IMPULSE_SHARE } else { 1.0 };
+        self.prepare_step(h);
+        for (rod, m) in self.dampings.iter().enumerate() {
             self.step.damping[rod] = m.stiffness;
             self.step.factors[rod] = 1.0 + m.stiffness / ht;
         }
         self.step.next.copy_from_slice(&self.x);
-        let found = FOUND * self.shortest();
-        let (mut last, mut grown) = (f64::MAX, 0);
-        for _ in 0..ROUNDS {
-            self.equations(ht);
-            if !self.solve() {
-                return Err(Lost);
+        let tolerance = NEWTON_TOLERANCE * self.shortest_interval();
+        let (mut previous, mut growing) = (f64::MAX, 0);
+        for _ in 0..MAX_NEWTON_ITERATIONS {
+            self.assemble_newton_system(ht);
+            if !self.solve_newton_update() {
+                return Err(StepFailure);
             }
             let mut most = 0.0_f64;
             for (x, d) in self.step.next.iter_mut().zip(&self.step.change) {
@@ -44,33 +44,33 @@ impl Rods {
                     most = most.max(d[k].abs());
                 }
             }
-            grown = if most > last { grown + 1 } else { 0 };
+            growing = if most > previous { growing + 1 } else { 0 };
             let far = self.step.next.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
-            if !most.is_finite() || grown >= 3 || far > self.horizon {
-                return Err(Lost);
+            if !most.is_finite() || growing >= 3 || far > self.divergence_limit {
+                return Err(StepFailure);
             }
-            last = most;
-            if most < found {
+            previous = most;
+            if most < tolerance {
                 break;
             }
         }
-        self.commit(ht);
+        self.accept_step(ht);
         Ok(())
     }
 
     /// [M (1/ht^2 + a/ht) + (1 + b/ht) K] dx = -M (x - xhat)/ht^2 + S(x) - (a M + b K) v(x), at `step.next`.
-    fn equations(&mut self, ht: f64) {
+    fn assemble_newton_system(&mut self, ht: f64) {
         let inverse = 1.0 / ht;
-        let [now, then] = self.memory();
+        let [now, then] = self.bdf_coefficients();
         for i in 0..self.x.len() {
             for k in 0..9 {
                 let from = now * self.x[i][k] - then * self.before[0][i][k];
                 self.step.speed[i][k] = (self.step.next[i][k] - from) * inverse;
             }
         }
-        self.assemble(true);
+        self.assemble_springs(true);
         for i in 0..self.x.len() {
-            let m = self.manners[self.tree.sections[i].rod];
+            let m = self.dampings[self.tree.sections[i].rod];
             let back = m.recovery;
             // Inertia: the change of velocity since what two steps foretell.
             let mut all = [0.0; 9];
@@ -78,25 +78,25 @@ impl Rods {
                 let foretold = now * self.v[i][k] - then * self.before[1][i][k];
                 all[k] = (foretold - self.step.speed[i][k]) * inverse;
             }
-            let away = minus(&self.step.next[i], &self.step.places[i]);
+            let away = difference(&self.step.next[i], &self.step.places[i]);
             let own: [f64; 9] =
                 std::array::from_fn(|k| -back * away[k] - (m.mass + m.stiffness * back) * self.step.speed[i][k]);
-            let (all, own) = (self.massed(i, &all, false), self.massed(i, &own, true));
+            let (all, own) = (self.apply_mass(i, &all, false), self.apply_mass(i, &own, true));
             let right = std::array::from_fn(|k| all[k] + own[k] + self.step.force[i][k] + self.step.load[i][k]);
-            self.add_mass(i, inverse * inverse, m.mass * inverse + back * (1.0 + m.stiffness * inverse));
+            self.add_mass_to_block(i, inverse * inverse, m.mass * inverse + back * (1.0 + m.stiffness * inverse));
             self.step.rows[i].set_right(&right);
         }
-        self.clamp();
+        self.add_clamp_penalties();
     }
 
     /// What the next step starts from: shares of now and of the step before. A first step is Euler's implicit one, whose
     /// error is that of a single step: with a made-up step before, velocities would be late by a third of a step for ever.
-    fn memory(&self) -> [f64; 2] {
-        if self.fresh { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
+    fn bdf_coefficients(&self) -> [f64; 2] {
+        if self.history_reset { [1.0, 0.0] } else { [4.0 / 3.0, 1.0 / 3.0] }
     }
 
-    fn commit(&mut self, ht: f64) {
-        let [share, then] = self.memory();
+    fn accept_step(&mut self, ht: f64) {
+        let [share, then] = self.bdf_coefficients();
         for i in 0..self.x.len() {
             for k in 0..9 {
                 let (next, now) = (self.step.next[i][k], self.x[i][k]);
@@ -105,23 +105,23 @@ impl Rods {
                 (self.before[1][i][k], self.v[i][k]) = (self.v[i][k], v);
             }
         }
-        self.fresh = false;
+        self.history_reset = false;
     }
 
     /// Forgets the step before, as at the start and where steps change their length.
-    pub fn restart(&mut self) {
-        self.fresh = true;
+    pub fn reset_history(&mut self) {
+        self.history_reset = true;
     }
 
     /// Shortest interval, m.
-    fn shortest(&self) -> f64 {
+    fn shortest_interval(&self) -> f64 {
         self.tree.spans.iter().flat_map(|s| &s.intervals).fold(f64::MAX, |m, l| m.min(l.length))
     }
 
     /// How far from the origin nothing ever goes, m.
-    pub(crate) fn reach(&self) -> f64 {
+    pub(crate) fn divergence_radius(&self) -> f64 {
         let length = self.tree.spans.iter().fold(0.0, |s, r| s + r.length);
         let far = self.x.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs()));
-        far + FAR * length
+        far + DIVERGENCE_LENGTHS * length
     }
 }

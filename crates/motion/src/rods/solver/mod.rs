@@ -6,5 +6,5 @@ mod explicit;
 mod implicit;
 mod statics;
 
-pub use explicit::LIMP;
-pub use implicit::Lost;
+pub use explicit::MAX_GAUSS_SEIDEL_STIFFNESS;
+pub use implicit::StepFailure;
