@@ -18,7 +18,7 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{narrow, smoothstep};
 use osier_base::{Result, math};
 use osier_motion::rain::Bearer as _;
-use osier_motion::rods::{RodPlant, SectionFrame, RodPlantParams};
+use osier_motion::rods::{RodPlant, RodPlantParams, SectionFrame};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, InstanceState, InstancerFrame, InstancerMotion, Joint, Mesh, MeshFrame, MeshMotion,

@@ -13,7 +13,10 @@ use crate::recipe::{Recipe, RodRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math;
-use osier_motion::rods::{Actuation, AttachedBody, RodClip, ClampKind, Integrator, Keys, MAX_GAUSS_SEIDEL_STIFFNESS, RodDescription, RodSystem, RodPose, RodMaterial};
+use osier_motion::rods::{
+    Actuation, AttachedBody, ClampKind, Integrator, Keys, MAX_GAUSS_SEIDEL_STIFFNESS, RodClip, RodDescription,
+    RodMaterial, RodPose, RodSystem,
+};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Joint, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton, SkinWeights,
     Trs,
@@ -232,7 +235,8 @@ impl<'a> Group<'a> {
     fn limp(&self, fps: f64) -> bool {
         let keys = &self.members[0].keys;
         let steps = keys.substeps.unwrap_or_else(|| self.rods.steps_per_frame(fps));
-        keys.integrator == RodIntegrator::XpbdGs && self.rods.stiffness_per_step(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
+        keys.integrator == RodIntegrator::XpbdGs
+            && self.rods.stiffness_per_step(1.0 / (fps * f64::from(steps))) > MAX_GAUSS_SEIDEL_STIFFNESS
     }
 
     /// Materials, and the asset with tubes and balls.

@@ -5,7 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::rods::prism::{SectionCorners, SectionFrame};
-use crate::rods::springs::{CORNER_RADIUS_RATIO, RodInterval, SPRINGS_PER_SECTION, spring_lengths, spring_stiffnesses, spring_vectors};
+use crate::rods::springs::{
+    CORNER_RADIUS_RATIO, RodInterval, SPRINGS_PER_SECTION, spring_lengths, spring_stiffnesses, spring_vectors,
+};
 use osier_base::math;
 use osier_scene::plant::NONE;
 

@@ -16,8 +16,8 @@ mod system;
 mod tests;
 
 pub use layout::{RodDescription, RodMaterial};
-pub use plant::{SectionBlend, RodPlant, RodPlantParams};
+pub use plant::{RodPlant, RodPlantParams, SectionBlend};
 pub use prism::SectionFrame;
-pub use record::{Actuation, RodClip, Integrator, Keys, MAX_SUBSTEPS, RodPose};
+pub use record::{Actuation, Integrator, Keys, MAX_SUBSTEPS, RodClip, RodPose};
 pub use solver::{MAX_GAUSS_SEIDEL_STIFFNESS, StepFailure};
-pub use system::{AttachedBody, RodClamp, ClampKind, RodSystem};
+pub use system::{AttachedBody, ClampKind, RodClamp, RodSystem};

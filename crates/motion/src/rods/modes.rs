@@ -24,8 +24,11 @@ impl RodSystem {
             let swing = std::f64::consts::TAU * hertz;
             let w = swing * math::sqrt(1.0 + recovery);
             // Without anything to hang on only bending is damped, not flight.
-            let (mass, stiffness) =
-                if anchored { (material.damping_ratio * w, material.damping_ratio / w) } else { (0.0, 2.0 * material.damping_ratio / w) };
+            let (mass, stiffness) = if anchored {
+                (material.damping_ratio * w, material.damping_ratio / w)
+            } else {
+                (0.0, 2.0 * material.damping_ratio / w)
+            };
             self.dampings[rod] = RodDamping { hertz, recovery: recovery * swing * swing, mass, stiffness };
         }
         self.divergence_limit = self.divergence_radius();

@@ -227,7 +227,8 @@ mod tests {
 
     fn some() -> (SectionFrame, SectionCorners) {
         let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 0.7);
-        let frame = SectionFrame { p: DVec3::new(1.0, 2.0, -3.0), u: turn * DVec3::X, v: turn * DVec3::Y, w: turn * DVec3::Z };
+        let frame =
+            SectionFrame { p: DVec3::new(1.0, 2.0, -3.0), u: turn * DVec3::X, v: turn * DVec3::Y, w: turn * DVec3::Z };
         (frame, frame.corners(0.02))
     }
 

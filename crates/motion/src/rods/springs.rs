@@ -128,7 +128,11 @@ pub(crate) struct SpringState {
 
 /// Lengths become tensions. `k`: N/m; `l`: lengths at rest, m.
 #[inline(always)]
-pub(crate) fn spring_state(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l: &[f64; SPRINGS_PER_SECTION]) -> SpringState {
+pub(crate) fn spring_state(
+    d: &SpringVectors,
+    k: &[f64; SPRINGS_PER_SECTION],
+    l: &[f64; SPRINGS_PER_SECTION],
+) -> SpringState {
     let mut s = SpringState { e: *d, tension: [0.0; SPRINGS_PER_SECTION], across: [0.0; SPRINGS_PER_SECTION] };
     for i in 0..SPRINGS_PER_SECTION {
         let length = (d[0][i] * d[0][i] + d[1][i] * d[1][i] + d[2][i] * d[2][i]).sqrt().max(1e-30);
@@ -144,7 +148,12 @@ pub(crate) fn spring_state(d: &SpringVectors, k: &[f64; SPRINGS_PER_SECTION], l:
 
 /// Forces on this section's corner of each spring, N, with damping `b` K_t v. `v`: from corner to other end, m/s.
 #[inline(always)]
-pub(crate) fn spring_forces(s: &SpringState, k: &[f64; SPRINGS_PER_SECTION], v: &SpringVectors, b: f64) -> SpringVectors {
+pub(crate) fn spring_forces(
+    s: &SpringState,
+    k: &[f64; SPRINGS_PER_SECTION],
+    v: &SpringVectors,
+    b: f64,
+) -> SpringVectors {
     let mut f = [[0.0; SPRINGS_PER_SECTION]; 3];
     for i in 0..SPRINGS_PER_SECTION {
         let along = v[0][i] * s.e[0][i] + v[1][i] * s.e[1][i] + v[2][i] * s.e[2][i];
@@ -171,7 +180,12 @@ pub(crate) fn spring_lengths(d: &SpringVectors) -> [f64; SPRINGS_PER_SECTION] {
 
 /// Adds forces on springs' corners to the sections', with the opposite on their other ends.
 #[inline(always)]
-pub(crate) fn scatter_forces(f: &SpringVectors, own: &mut SectionCorners, up: &mut SectionCorners, over: &mut SectionCorners) {
+pub(crate) fn scatter_forces(
+    f: &SpringVectors,
+    own: &mut SectionCorners,
+    up: &mut SectionCorners,
+    over: &mut SectionCorners,
+) {
     for axis in 0..3 {
         let row = &f[axis];
         for c in 0..3 {

@@ -3,9 +3,11 @@
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::rods::layout::{RodDescription, RodTree, index};
-use crate::rods::prism::{Matrix9, SectionCorners, SectionFrame, RigidSectionMap, add, corner, corners, dot, centroid, matrix_vector};
-use crate::rods::solver::assemble::{SpringAssembly, AttachedBase};
-use crate::rods::solver::block::{Predecessors, BlockRow, solve};
+use crate::rods::prism::{
+    Matrix9, RigidSectionMap, SectionCorners, SectionFrame, add, centroid, corner, corners, dot, matrix_vector,
+};
+use crate::rods::solver::assemble::{AttachedBase, SpringAssembly};
+use crate::rods::solver::block::{BlockRow, Predecessors, solve};
 use osier_base::math;
 use osier_scene::plant::NONE;
 
@@ -341,7 +343,8 @@ impl RodSystem {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     pub fn steps_per_frame(&self, fps: f64) -> u32 {
         let fastest = self.dampings.iter().fold(0.0, |m: f64, k| m.max(k.hertz)).min(MAX_VISIBLE_HZ);
-        (std::f64::consts::TAU * fastest / (STEP_PHASE * fps)).ceil().clamp(STEP_COUNT_RANGE[0], STEP_COUNT_RANGE[1]) as u32
+        (std::f64::consts::TAU * fastest / (STEP_PHASE * fps)).ceil().clamp(STEP_COUNT_RANGE[0], STEP_COUNT_RANGE[1])
+            as u32
     }
 
     /// How many times softer in torsion than its material a rod is: 1 unless its intervals are long.
@@ -425,7 +428,11 @@ impl RodSystem {
                 continue;
             }
             let m = SectionFrame::from_corners(&x[i]).matrix();
-            let block = RigidSectionMap::from_corners(&x[i]).mass_matrix(m * body.at, body.mass, m * body.inertia * m.transpose());
+            let block = RigidSectionMap::from_corners(&x[i]).mass_matrix(
+                m * body.at,
+                body.mass,
+                m * body.inertia * m.transpose(),
+            );
             let section_masses = &mut step.section_masses[step.mass_index[i] as usize];
             for k in 0..9 {
                 for c in 0..9 {

@@ -4,17 +4,30 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3};
 
-use super::{AttachedBody, ClampKind, RodDescription, RodSystem, RodMaterial};
-use crate::rods::prism::{SectionCorners, SectionFrame, RigidSectionMap, corner, corners, dot};
+use super::{AttachedBody, ClampKind, RodDescription, RodMaterial, RodSystem};
+use crate::rods::prism::{RigidSectionMap, SectionCorners, SectionFrame, corner, corners, dot};
 use crate::rods::system::difference;
 use osier_base::rng::Rng;
 
-const STUFF: RodMaterial = RodMaterial { young: 5e9, shear: 1.0 / 15.0, density: 900.0, damping_ratio: 0.0, recovery: 0.0, spread_for_torsion: false };
+const STUFF: RodMaterial = RodMaterial {
+    young: 5e9,
+    shear: 1.0 / 15.0,
+    density: 900.0,
+    damping_ratio: 0.0,
+    recovery: 0.0,
+    spread_for_torsion: false,
+};
 
 /// A straight rod of `n` sections along X whose intervals are `slender` radii long.
 fn straight(n: usize, slender: f64, radius: f64, material: RodMaterial) -> RodDescription {
     let length = (n - 1) as f64 * slender * radius;
-    RodDescription { points: vec![DVec3::ZERO, DVec3::X * length], radii: vec![radius; 2], material, sections: Some(n), parent: None }
+    RodDescription {
+        points: vec![DVec3::ZERO, DVec3::X * length],
+        radii: vec![radius; 2],
+        material,
+        sections: Some(n),
+        parent: None,
+    }
 }
 
 /// The same, held at its base, without weight.
@@ -61,7 +74,9 @@ fn estimate_fundamental_hz(rods: &mut RodSystem) -> f64 {
         rods.add_clamp_penalties();
         assert!(rods.solve_newton_update());
         let next = rods.step.change.clone();
-        let of = |a: &[SectionCorners], b: &[SectionCorners]| (0..n).fold(0.0, |s, i| s + dot(&a[i], &rods.apply_mass(i, &b[i], false)));
+        let of = |a: &[SectionCorners], b: &[SectionCorners]| {
+            (0..n).fold(0.0, |s, i| s + dot(&a[i], &rods.apply_mass(i, &b[i], false)))
+        };
         w2 = of(&next, &y) / of(&next, &next);
         let size = of(&next, &next).sqrt();
         y = next.iter().map(|x| x.map(|v| v / size)).collect();
@@ -294,7 +309,14 @@ fn twig() -> RodSystem {
         sections: Some(9),
         parent: None,
     };
-    let body = AttachedBody { section: 8, at: DVec3::Z * 0.03, mass: 0.002, inertia: glam::DMat3::ZERO, own: true, reach: 0.0 };
+    let body = AttachedBody {
+        section: 8,
+        at: DVec3::Z * 0.03,
+        mass: 0.002,
+        inertia: glam::DMat3::ZERO,
+        own: true,
+        reach: 0.0,
+    };
     RodSystem::new(&[rod], &[(0, 0.0, ClampKind::Fixed)]).with_bodies(vec![body])
 }
 
@@ -355,7 +377,14 @@ fn afloat() -> RodSystem {
         sections: Some(6),
         ..parent.clone()
     };
-    let body = AttachedBody { section: 10, at: DVec3::Z * 0.02, mass: 0.01, inertia: glam::DMat3::ZERO, own: true, reach: 0.0 };
+    let body = AttachedBody {
+        section: 10,
+        at: DVec3::Z * 0.02,
+        mass: 0.01,
+        inertia: glam::DMat3::ZERO,
+        own: true,
+        reach: 0.0,
+    };
     weightless(RodSystem::new(&[parent, child], &[])).with_bodies(vec![body])
 }
 
@@ -408,7 +437,8 @@ fn a_blow_gives_its_momentum_and_joints_keep_it() {
 fn a_rod_of_two_parts_bends_as_one() {
     let whole = straight(17, 3.0, 0.01, STUFF);
     let half = straight(9, 3.0, 0.01, STUFF);
-    let rest = RodDescription { points: vec![DVec3::X * 0.24, DVec3::X * 0.48], parent: Some((0, 0.24)), ..half.clone() };
+    let rest =
+        RodDescription { points: vec![DVec3::X * 0.24, DVec3::X * 0.48], parent: Some((0, 0.24)), ..half.clone() };
     let bent = |rods: &[RodDescription]| {
         let mut rods = weightless(RodSystem::new(rods, &[(0, 0.0, ClampKind::Fixed)]));
         assert_eq!(rods.len(), 17);
@@ -468,8 +498,14 @@ fn a_forked_twig_with_berries_stays_as_it_is_drawn() {
         parent: Some((0, 0.28)),
         ..main.clone()
     };
-    let berry =
-        |section| AttachedBody { section, at: DVec3::ZERO, mass: 0.001, inertia: glam::DMat3::ZERO, own: false, reach: 0.005 };
+    let berry = |section| AttachedBody {
+        section,
+        at: DVec3::ZERO,
+        mass: 0.001,
+        inertia: glam::DMat3::ZERO,
+        own: false,
+        reach: 0.005,
+    };
     let mut rods = RodSystem::new(&[main, side], &[(0, 0.0, ClampKind::Fixed)]).with_bodies(vec![berry(47), berry(62)]);
     assert!(rods.find_rest_shape_by_equilibrium());
     let h = 1.0 / 480.0;

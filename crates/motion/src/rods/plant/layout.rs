@@ -142,7 +142,12 @@ impl RodPlantLayout {
     }
 
     /// Which of the stems there is room for: lower orders first, then long ones.
-    fn stems_within_budget(&mut self, plant: &Plant, rods: &[Option<(f64, RodDescription)>], params: &RodPlantParams) -> Vec<bool> {
+    fn stems_within_budget(
+        &mut self,
+        plant: &Plant,
+        rods: &[Option<(f64, RodDescription)>],
+        params: &RodPlantParams,
+    ) -> Vec<bool> {
         let mut order: Vec<usize> = (0..rods.len()).filter(|i| rods[*i].is_some()).collect();
         let length = |i: &usize| plant.axes[*i].length;
         order.sort_by(|a, b| {
@@ -188,7 +193,13 @@ impl RodPlantLayout {
         }
     }
 
-    fn attach_leaf(&mut self, plant: &Plant, organ: &Organ, (stand, params): (&Trs, &RodPlantParams), own: bool) -> LeafAttachment {
+    fn attach_leaf(
+        &mut self,
+        plant: &Plant,
+        organ: &Organ,
+        (stand, params): (&Trs, &RodPlantParams),
+        own: bool,
+    ) -> LeafAttachment {
         let (pivot, q) = plant.organ_site(organ);
         let site = plant.frame(&plant.axes[organ.axis as usize], organ.s);
         let (pivot, q) = (stand.apply(pivot).as_dvec3(), (stand.r * q).normalize().as_dquat().normalize());

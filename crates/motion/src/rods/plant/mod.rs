@@ -11,10 +11,10 @@ use glam::{DQuat, DVec3, Vec3};
 
 pub use self::layout::RodPlantParams;
 use self::layout::{AxisMotion, RodPlantLayout};
-use self::leaf_sheet::{VortexShedding, LeafSheet};
+use self::leaf_sheet::{LeafSheet, VortexShedding};
 use crate::rain::{Bearer, Blade, Bough};
 use crate::rods::StepFailure;
-use crate::rods::prism::{Matrix9, SectionCorners, SectionFrame, RigidSectionMap, dot};
+use crate::rods::prism::{Matrix9, RigidSectionMap, SectionCorners, SectionFrame, dot};
 use crate::rods::record::MAX_STEP_HALVINGS;
 use crate::rods::system::{AttachedBody, RodSystem, solve_matrix9};
 use osier_base::{Error, Result};
@@ -227,14 +227,18 @@ impl RodPlant {
             let nodes = plant.nodes_of(axis);
             let place = |k: usize| (stand.apply(plant.nodes.p[k]).as_dvec3(), f64::from(plant.nodes.r[k]) * self.scale);
             let carried = self.axes[index];
-            let carrier = if let AxisMotion::Rider(rod, at) = carried { Some(self.rods.nearest_section(rod, at)) } else { None };
+            let carrier =
+                if let AxisMotion::Rider(rod, at) = carried { Some(self.rods.nearest_section(rod, at)) } else { None };
             let until = if let AxisMotion::Rod(_, from) = carried { from } else { f64::MAX };
             for k in nodes.clone().skip(1).filter(|k| f64::from(plant.nodes.s[*k]) <= until) {
                 let ends = [k - 1, k].map(|k| self.attach_wood_end(carrier, place(k)));
                 out.push(ends);
             }
             let AxisMotion::Rod(rod, _) = carried else { continue };
-            let mut last = self.rods.base_attachment(rod).map(|(on, f)| self.attach_wood_end(Some(on), (f.p, self.rods.radius(on))));
+            let mut last = self
+                .rods
+                .base_attachment(rod)
+                .map(|(on, f)| self.attach_wood_end(Some(on), (f.p, self.rods.radius(on))));
             for i in self.rods.sections(rod) {
                 let end = self.attach_wood_end(Some(i), (self.rods.rest_frame(i).p, self.rods.radius(i)));
                 if let Some(last) = last {
@@ -279,7 +283,8 @@ impl RodPlant {
     fn solve_section_mass(&self, section: usize, f: &SectionCorners) -> SectionCorners {
         let mut m: Matrix9 = [[0.0; 9]; 9];
         (0..9).for_each(|k| m[k][k] = self.rods.tree.sections[section].mass);
-        let (grip, frame) = (RigidSectionMap::from_corners(&self.rods.x[section]), self.rods.section_frame(section).matrix());
+        let (grip, frame) =
+            (RigidSectionMap::from_corners(&self.rods.x[section]), self.rods.section_frame(section).matrix());
         for body in self.on[section].iter().map(|k| &self.rods.bodies[*k]).filter(|b| b.mass > 0.0) {
             let block = grip.mass_matrix(frame * body.at, body.mass, frame * body.inertia * frame.transpose());
             m.as_flattened_mut().iter_mut().zip(block.as_flattened()).for_each(|(m, b)| *m += b);
@@ -394,12 +399,18 @@ impl Bearer for RodPlant {
 
     fn boughs(&self, out: &mut Vec<Bough>) {
         out.clear();
-        out.extend(self.wood.iter().map(|[a, b]| Bough { ends: [self.end_position(a), self.end_position(b)], radii: [a.r, b.r] }));
+        out.extend(
+            self.wood
+                .iter()
+                .map(|[a, b]| Bough { ends: [self.end_position(a), self.end_position(b)], radii: [a.r, b.r] }),
+        );
     }
 
     fn bough_lightness(&self, bough: usize, share: f64, along: DVec3) -> f64 {
         let part = |end: &WoodEnd, share: f64| {
-            end.section.map_or(0.0, |section| share * share * self.inverse_effective_mass(section, self.end_position(end), along))
+            end.section.map_or(0.0, |section| {
+                share * share * self.inverse_effective_mass(section, self.end_position(end), along)
+            })
         };
         let [a, b] = &self.wood[bough];
         part(a, 1.0 - share) + part(b, share)
@@ -414,7 +425,9 @@ impl Bearer for RodPlant {
     }
 
     fn bough_speed(&self, bough: usize, share: f64) -> DVec3 {
-        let of = |end: &WoodEnd| end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.end_position(end)));
+        let of = |end: &WoodEnd| {
+            end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.end_position(end)))
+        };
         of(&self.wood[bough][0]).lerp(of(&self.wood[bough][1]), share)
     }
 

@@ -3,9 +3,14 @@
 use pulp::{Arch, NullaryFnOnce};
 
 use crate::rods::layout::RodTree;
-use crate::rods::prism::{Matrix9, SectionCorners, SectionFrame, RigidSectionMap, matrix_vector, transposed_matrix_vector};
-use crate::rods::solver::block::{SECOND_PREDECESSOR, BlockRow, PREDECESSOR};
-use crate::rods::springs::{FIRST_BEND_SPRING, SPRINGS_PER_SECTION, FIRST_LINK_SPRING, SpringState, spring_forces, scatter_forces, spring_vectors, spring_state};
+use crate::rods::prism::{
+    Matrix9, RigidSectionMap, SectionCorners, SectionFrame, matrix_vector, transposed_matrix_vector,
+};
+use crate::rods::solver::block::{BlockRow, PREDECESSOR, SECOND_PREDECESSOR};
+use crate::rods::springs::{
+    FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION, SpringState, scatter_forces, spring_forces,
+    spring_state, spring_vectors,
+};
 use osier_scene::plant::NONE;
 
 /// A base that rides on a section of another rod, at one moment.
@@ -72,9 +77,10 @@ impl NullaryFnOnce for SpringAssembly<'_> {
                 match (section.base[k], tree.above[i][k]) {
                     (NONE, NONE) => {}
                     (NONE, on) => accumulate(&mut force[on as usize], &others[k]),
-                    (base, on) => {
-                        accumulate(&mut force[on as usize], &transposed_matrix_vector(&attached_bases[base as usize].j, &others[k]))
-                    }
+                    (base, on) => accumulate(
+                        &mut force[on as usize],
+                        &transposed_matrix_vector(&attached_bases[base as usize].j, &others[k]),
+                    ),
                 }
             }
             if let Some((rows, factors)) = &mut rows {
@@ -92,7 +98,11 @@ fn accumulate(to: &mut SectionCorners, by: &SectionCorners) {
     }
 }
 
-fn update_attached_bases(tree: &RodTree, (x, v): (&[SectionCorners], &[SectionCorners]), attached_bases: &mut [AttachedBase]) {
+fn update_attached_bases(
+    tree: &RodTree,
+    (x, v): (&[SectionCorners], &[SectionCorners]),
+    attached_bases: &mut [AttachedBase],
+) {
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
         let on = base.on as usize;
         rider.x = SectionFrame::from_corners(&x[on]).to_world(&base.local);
@@ -130,7 +140,12 @@ fn spring_block(p: &SpringStiffness, lane: usize) -> [[f64; 3]; 3] {
 
 /// Adds the stiffness of one section's springs to the rows.
 #[inline(always)]
-fn add_stiffness(p: &SpringStiffness, (tree, i): (&RodTree, usize), attached_bases: &[AttachedBase], rows: &mut [BlockRow]) {
+fn add_stiffness(
+    p: &SpringStiffness,
+    (tree, i): (&RodTree, usize),
+    attached_bases: &[AttachedBase],
+    rows: &mut [BlockRow],
+) {
     let mut own: Matrix9 = [[0.0; 9]; 9];
     let mut cross = [[[0.0; 9]; 9]; 2];
     let mut other = [[[[0.0; 3]; 3]; 3]; 2];

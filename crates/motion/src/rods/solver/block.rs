@@ -165,7 +165,8 @@ mod tests {
     /// A chain of five with a branch of three at its third: A = B^T B + 1 with the pattern of rods.
     #[test]
     fn a_branched_system_is_solved_and_the_rest_of_it_is_what_was_asked() {
-        let predecessors: Vec<Predecessors> = vec![[NONE, NONE], [0, NONE], [1, 0], [2, 1], [3, 2], [2, NONE], [5, 2], [6, 5]];
+        let predecessors: Vec<Predecessors> =
+            vec![[NONE, NONE], [0, NONE], [1, 0], [2, 1], [3, 2], [2, NONE], [5, 2], [6, 5]];
         let n = predecessors.len();
         let mut draw = osier_base::rng::Rng::at(3, &["blocks".into()]);
         let mut rows = vec![BlockRow::default(); n];

@@ -1,8 +1,8 @@
 //! Integrators for comparison: Euler's, and springs one by one.
 
 use crate::rods::StepFailure;
-use crate::rods::prism::{SectionCorners, SectionFrame, RigidSectionMap, add, corner, dot, transposed_matrix_vector};
-use crate::rods::springs::{FIRST_BEND_SPRING, SPRINGS_PER_SECTION, FIRST_LINK_SPRING};
+use crate::rods::prism::{RigidSectionMap, SectionCorners, SectionFrame, add, corner, dot, transposed_matrix_vector};
+use crate::rods::springs::{FIRST_BEND_SPRING, FIRST_LINK_SPRING, SPRINGS_PER_SECTION};
 use crate::rods::system::RodSystem;
 use osier_base::math;
 use osier_scene::plant::NONE;
@@ -140,7 +140,9 @@ impl RodSystem {
     fn spring_ends(lane: usize) -> (usize, Option<usize>, usize) {
         match lane {
             0..FIRST_LINK_SPRING => (lane, None, (lane + 1) % 3),
-            FIRST_LINK_SPRING..FIRST_BEND_SPRING => ((lane - FIRST_LINK_SPRING) / 3, Some(0), (lane - FIRST_LINK_SPRING) % 3),
+            FIRST_LINK_SPRING..FIRST_BEND_SPRING => {
+                ((lane - FIRST_LINK_SPRING) / 3, Some(0), (lane - FIRST_LINK_SPRING) % 3)
+            }
             _ => ((lane - FIRST_BEND_SPRING) % 3, Some(1), (lane - FIRST_BEND_SPRING) % 3),
         }
     }
@@ -157,7 +159,8 @@ impl RodSystem {
             None => (i, NONE),
             Some(which) => (self.tree.above[i][which] as usize, section.base[which]),
         };
-        let held = |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::ClampKind::Fixed);
+        let held =
+            |i: usize| self.clamps.iter().any(|k| k.section == i && k.hold == crate::rods::system::ClampKind::Fixed);
         let light = |i: usize| if held(i) { 0.0 } else { 1.0 / self.tree.sections[i].mass };
         let here = corner(&self.step.next[i], c);
         let rider = (base != NONE).then(|| {
