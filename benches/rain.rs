@@ -15,8 +15,9 @@ use osier::bake::stage::{self, Built};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
 use osier::motion::rain::{
-    Blob, Chart, Envelope, Hung, Leaf, Manner, Moment, Parts, Print, Rainfall, Sheet, Shower, Size, Soak, Stiff, Storm,
-    Target, Wetness,
+    CapOnLeaf, DropParams, DropSizes, Footprint, IntensityEnvelope, LeafAttachment, LeafCollider, LeafSurface,
+    LeafWaterMaps, RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainfallParams, StaticPlant, UvRaster,
+    WetSpot,
 };
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Request, resolve};
@@ -55,7 +56,7 @@ struct Slider {
     volume: f64,
 }
 
-fn sliders(count: usize, leaf: usize, manner: &Manner) -> Vec<Slider> {
+fn sliders(count: usize, leaf: usize, manner: &DropParams) -> Vec<Slider> {
     let mut draw = Rng::at(11, &["bench".into(), leaf.into()]);
     let slider = |_| Slider {
         uv: DVec2::new(draw.range(0.05, 0.95), draw.range(0.0, 1.0)),
@@ -65,7 +66,7 @@ fn sliders(count: usize, leaf: usize, manner: &Manner) -> Vec<Slider> {
 }
 
 /// A frame's caps, and where they were since the last frame.
-fn slid(drops: &[Slider], k: u32, manner: &Manner) -> (Vec<Blob>, Vec<Soak>) {
+fn slid(drops: &[Slider], k: u32, manner: &DropParams) -> (Vec<CapOnLeaf>, Vec<WetSpot>) {
     let t = f64::from(k) / 24.0;
     let (mut blobs, mut soaks) = (Vec::new(), Vec::new());
     for d in drops {
@@ -74,9 +75,9 @@ fn slid(drops: &[Slider], k: u32, manner: &Manner) -> (Vec<Blob>, Vec<Soak>) {
         for i in 0..=TAIL {
             let cap = manner.wetting.cap(volume, 1.0);
             let uv = DVec2::new(d.uv.x, (y + back / 0.08).rem_euclid(1.0));
-            let print = Print { q: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
-            blobs.push(Blob { uv, cap, print, axis: DVec3::NEG_Y });
-            soaks.push(Soak { uv, a: cap.a, t });
+            let print = Footprint { q: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
+            blobs.push(CapOnLeaf { uv, cap, print, axis: DVec3::NEG_Y });
+            soaks.push(WetSpot { uv, a: cap.a, t });
             volume *= 0.8_f64 * 0.8 * 0.8;
             back += 0.9 * manner.wetting.cap(volume, 1.0).a;
         }
@@ -96,7 +97,12 @@ struct Cell {
 }
 
 /// Time of a frame, ms.
-fn timed(wet: &mut [Wetness], (sheet, manner): (&Sheet, &Manner), drops: &[Vec<Slider>], (k, all): (u32, bool)) -> f64 {
+fn timed(
+    wet: &mut [LeafWaterMaps],
+    (sheet, manner): (&LeafSurface, &DropParams),
+    drops: &[Vec<Slider>],
+    (k, all): (u32, bool),
+) -> f64 {
     let work: Vec<_> = drops.iter().map(|d| slid(d, k, manner)).collect();
     let t = f64::from(k) / 24.0;
     let start = Instant::now();
@@ -117,10 +123,10 @@ fn middle(times: &mut [f64]) -> f64 {
 }
 
 /// Both ways in turn, so that both meet the same machine.
-fn cell(side: usize, count: usize, with: (&Sheet, &Manner)) -> Cell {
-    let chart = Arc::new(Chart::new(with.0, side));
+fn cell(side: usize, count: usize, with: (&LeafSurface, &DropParams)) -> Cell {
+    let chart = Arc::new(UvRaster::new(with.0, side));
     let drops: Vec<Vec<Slider>> = (0..LEAVES).map(|i| sliders(count / LEAVES, i, with.1)).collect();
-    let fresh = || (0..LEAVES).map(|_| Wetness::new(Arc::clone(&chart), 1.0)).collect::<Vec<_>>();
+    let fresh = || (0..LEAVES).map(|_| LeafWaterMaps::new(Arc::clone(&chart), 1.0)).collect::<Vec<_>>();
     let (mut slow, mut wet) = (fresh(), fresh());
     let (mut whole, mut quick) = (Vec::new(), Vec::new());
     for k in 0..FRAMES {
@@ -136,8 +142,8 @@ fn cell(side: usize, count: usize, with: (&Sheet, &Manner)) -> Cell {
 }
 
 fn main() {
-    let manner = Manner::default();
-    let sheet = Sheet::new(&flat(8)).expect("a blade");
+    let manner = DropParams::default();
+    let sheet = LeafSurface::new(&flat(8)).expect("a blade");
     println!("| texels | drops | ms a frame | for the drops alone | ns a texel touched | all texels, ms | ratio |");
     println!("|---|---|---|---|---|---|---|");
     let (mut cells, mut ns) = (Vec::new(), Vec::new());
@@ -216,10 +222,10 @@ fn table_one() {
 }
 
 /// The whole of it: five leaves of 900 triangles, 200 drops on them that lie, run, merge and hang, rain, maps of 512 x 512.
-fn whole_frames(manner: &Manner) {
-    let sheet = Arc::new(Sheet::new(&flat(21)).expect("a blade"));
-    let chart = Arc::new(Chart::new(&sheet, 512));
-    let target = Arc::new(Target::new(&sheet));
+fn whole_frames(manner: &DropParams) {
+    let sheet = Arc::new(LeafSurface::new(&flat(21)).expect("a blade"));
+    let chart = Arc::new(UvRaster::new(&sheet, 512));
+    let target = Arc::new(LeafCollider::new(&sheet));
     let mut draw = Rng::at(5, &["frames".into()]);
     let poses: Vec<(DVec3, DQuat)> = (0..LEAVES)
         .map(|i| {
@@ -230,30 +236,30 @@ fn whole_frames(manner: &Manner) {
         })
         .collect();
     let leaves = (0..LEAVES as u64).map(|i| {
-        let hung = Hung { on: (0, usize::try_from(i).unwrap_or(0)), target: Arc::clone(&target) };
-        (Leaf::new(Arc::clone(&sheet), 1.0, i), hung)
+        let hung = LeafAttachment { on: (0, usize::try_from(i).unwrap_or(0)), target: Arc::clone(&target) };
+        (RainLeaf::new(Arc::clone(&sheet), 1.0, i), hung)
     });
-    let rain = Rainfall {
+    let rain = RainfallParams {
         seed: 5,
         strength: 40.0 / 3.6e6,
-        size: Size::Natural,
+        size: DropSizes::Natural,
         total: None,
-        envelope: Envelope::Constant,
+        envelope: IntensityEnvelope::Constant,
         jitter: 0.2,
         duration: 10.0,
         g: 9.81,
     };
     let over = Bounds { min: Vec3::new(-0.05, 0.9, -0.1), max: Vec3::new(0.35, 1.1, 0.1) };
-    let parts = Parts {
+    let parts = RainConfig {
         manner: manner.clone(),
-        shower: Some(Shower::new(rain, over, None)),
-        bearers: vec![Box::new(Stiff::new(&poses, Vec::new()))],
+        shower: Some(RainEmitter::new(rain, over, None)),
+        bearers: vec![Box::new(StaticPlant::new(&poses, Vec::new()))],
         leaves: leaves.collect(),
         wind: None,
         floor: Box::new(0.8),
     };
-    let mut storm = Storm::new(parts);
-    let mut wet: Vec<Wetness> = (0..LEAVES).map(|_| Wetness::new(Arc::clone(&chart), 1.0)).collect();
+    let mut storm = RainSimulation::new(parts);
+    let mut wet: Vec<LeafWaterMaps> = (0..LEAVES).map(|_| LeafWaterMaps::new(Arc::clone(&chart), 1.0)).collect();
     let (mut steps, mut maps, mut drops) = (Vec::new(), Vec::new(), 0);
     for _ in 0..FRAMES {
         // What has run off comes again.
@@ -264,7 +270,7 @@ fn whole_frames(manner: &Manner) {
         }
         let start = Instant::now();
         (0..8).for_each(|_| storm.step(1.0 / (24.0 * 8.0)).expect("a step"));
-        let moment = Moment::of(&mut storm);
+        let moment = RainFrame::of(&mut storm);
         steps.push(start.elapsed().as_secs_f64() * 1e3);
         let start = Instant::now();
         for (i, wet) in wet.iter_mut().enumerate() {

@@ -17,8 +17,8 @@ use crate::recipe::{PlantRecipe, Section as _};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{narrow, smoothstep};
 use osier_base::{Result, math};
-use osier_motion::rain::Bearer as _;
-use osier_motion::rods::{RodPlant, RodPlantParams, SectionFrame};
+use osier_motion::rain::RainTarget;
+use osier_motion::rods::{RodPlant, RodPlantParams, RodSystem, SectionFrame};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, InstanceState, InstancerFrame, InstancerMotion, Joint, Mesh, MeshFrame, MeshMotion,
@@ -308,38 +308,37 @@ impl Dressing {
         skin
     }
 
-    /// What is seen of rods as they are now.
-    pub fn frame(&self, asset: &Asset, boughs: &RodPlant) -> AssetFrame {
-        let rods = boughs.rods();
+    /// The plant's mesh and leaves in the current pose of `rods`, which are those of `plant`.
+    pub fn frame(&self, asset: &Asset, rods: &RodSystem, plant: &dyn RainTarget) -> AssetFrame {
         let now: Vec<(Vec3, Quat)> = (0..rods.len()).map(|i| self.local(&rods.section_frame(i))).collect();
         let joint = |i: &usize| Trs { t: now[*i].0, r: now[*i].1, s: Vec3::ONE };
         let meshes = asset.meshes.iter().zip(&self.bound);
         AssetFrame {
             pose: [Trs::IDENTITY].into_iter().chain(self.jointed.iter().map(joint)).collect(),
-            meshes: meshes.map(|(m, bound)| self.points(&m.mesh, bound, (&now, boughs))).collect(),
-            instancers: self.groups.iter().map(|leaves| InstancerFrame::State(self.leaves(leaves, boughs))).collect(),
+            meshes: meshes.map(|(m, bound)| self.points(&m.mesh, bound, (&now, rods))).collect(),
+            instancers: self.groups.iter().map(|leaves| InstancerFrame::State(self.leaves(leaves, plant))).collect(),
             ..AssetFrame::default()
         }
     }
 
-    fn leaves(&self, leaves: &[usize], boughs: &RodPlant) -> InstanceState {
-        let blades: Vec<_> = leaves.iter().map(|i| boughs.blade(*i)).collect();
+    fn leaves(&self, leaves: &[usize], plant: &dyn RainTarget) -> InstanceState {
+        let blades: Vec<_> = leaves.iter().map(|i| plant.leaf_pose(*i)).collect();
         let back = self.stand.r.as_dquat().normalize().conjugate();
         let scale = f64::from(self.stand.s.x);
         InstanceState {
-            positions: blades.iter().map(|b| self.place(b.p)).collect(),
-            orientations: blades.iter().map(|b| self.turned(b.q)).collect(),
-            velocities: blades.iter().map(|b| (back * b.v / scale).as_vec3()).collect(),
-            angular_velocities: blades.iter().map(|b| (back * b.spin).as_vec3()).collect(),
+            positions: blades.iter().map(|b| self.place(b.position)).collect(),
+            orientations: blades.iter().map(|b| self.turned(b.orientation)).collect(),
+            velocities: blades.iter().map(|b| (back * b.velocity / scale).as_vec3()).collect(),
+            angular_velocities: blades.iter().map(|b| (back * b.angular_velocity).as_vec3()).collect(),
             ..InstanceState::default()
         }
     }
 
-    fn points(&self, mesh: &Mesh, bound: &[Bound], (now, boughs): (&[(Vec3, Quat)], &RodPlant)) -> MeshFrame {
+    fn points(&self, mesh: &Mesh, bound: &[Bound], (now, rods): (&[(Vec3, Quat)], &RodSystem)) -> MeshFrame {
         if bound.is_empty() {
             return MeshFrame::Same;
         }
-        let (rods, back) = (boughs.rods(), self.stand.r.conjugate());
+        let back = self.stand.r.conjugate();
         let motions: Vec<(Vec3, Vec3)> = (0..rods.len())
             .map(|i| {
                 let (v, spin) = rods.section_velocity(i);
@@ -413,7 +412,7 @@ impl Shiver {
             }
             frames += 1;
         }
-        let frame = self.dressing.frame(asset, &boughs);
+        let frame = self.dressing.frame(asset, boughs.rods(), &boughs);
         *now = Some((boughs, frames));
         Ok(frame)
     }

@@ -9,7 +9,7 @@ use super::rain::Found;
 use crate::recipe::Recipe;
 use osier_base::math::{self, narrow};
 use osier_base::{Error, Result};
-use osier_motion::rain::{Chart, Sheet};
+use osier_motion::rain::{LeafSurface, UvRaster};
 use osier_scene::{
     Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh, MeshMotion,
     MeshObject, SkinWeights, Subset, Trs, Wet,
@@ -19,15 +19,15 @@ use osier_scene::{
 pub type Kept = Vec<Vec<Vec<bool>>>;
 
 /// One chart per form of leaf.
-pub fn charts(found: &[Found], heroes: &[usize], side: usize) -> Vec<Arc<Chart>> {
-    let mut made: Vec<(Arc<Sheet>, Arc<Chart>)> = Vec::new();
+pub fn charts(found: &[Found], heroes: &[usize], side: usize) -> Vec<Arc<UvRaster>> {
+    let mut made: Vec<(Arc<LeafSurface>, Arc<UvRaster>)> = Vec::new();
     heroes
         .iter()
         .map(|i| {
             let sheet = &found[*i].sheet;
             let known = made.iter().find(|(s, _)| Arc::ptr_eq(s, sheet)).map(|(_, c)| Arc::clone(c));
             known.unwrap_or_else(|| {
-                let chart = Arc::new(Chart::new(sheet, side));
+                let chart = Arc::new(UvRaster::new(sheet, side));
                 made.push((Arc::clone(sheet), Arc::clone(&chart)));
                 chart
             })

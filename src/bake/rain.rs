@@ -21,8 +21,9 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
-    Bearer, Blade, Bough, Chart, Cover, Grooves, Hung, Leaf, Manner, Moment, Parts, Shapes, Sheet, Shower, Soak, Stiff,
-    Storm, Target, Water, Wetness, across,
+    AlphaMask, DropMesh, DropParams, LeafAttachment, LeafCollider, LeafPose, LeafSurface, LeafWaterMaps, PendantShapes,
+    RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, VeinMap, WetSpot,
+    WoodSegment, across,
 };
 use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
@@ -45,8 +46,8 @@ pub struct Found {
     /// Asset, instancer and instance.
     pub at: (usize, usize, usize),
     /// Its blade.
-    pub sheet: Arc<Sheet>,
-    target: Arc<Target>,
+    pub sheet: Arc<LeafSurface>,
+    target: Arc<LeafCollider>,
     /// Number by which its plant knows it, and the joint that it rides on.
     number: usize,
     /// See `number`.
@@ -61,26 +62,26 @@ pub struct Found {
 #[derive(Debug)]
 struct Hero {
     leaf: usize,
-    chart: Arc<Chart>,
+    chart: Arc<UvRaster>,
 }
 
 /// Rain through a clip.
 #[derive(Debug)]
 pub struct Rain {
-    moments: Vec<Moment>,
+    moments: Vec<RainFrame>,
     /// Leaves as they were before the first drop: their blades and sizes.
-    leaves: Vec<Leaf>,
+    leaves: Vec<RainLeaf>,
     heroes: Vec<Hero>,
     /// Frames of the plants that move; none of those that do not.
     plants: Vec<Vec<AssetFrame>>,
-    manner: Manner,
+    manner: DropParams,
     /// Small numbers of the drops, by their ids.
     numbers: BTreeMap<u64, u32>,
     /// Slots of the points that show what falls, frame by frame.
     slots: Vec<Vec<u32>>,
     capacity: usize,
     /// Shapes of what hangs, by the bits of the radius.
-    shapes: BTreeMap<u64, Shapes>,
+    shapes: BTreeMap<u64, PendantShapes>,
     material: u32,
     maps: Mutex<Maps>,
 }
@@ -89,7 +90,7 @@ pub struct Rain {
 struct Maps {
     /// Frames done.
     done: u64,
-    wet: Vec<Wetness>,
+    wet: Vec<LeafWaterMaps>,
 }
 
 /// What rain adds to a scene.
@@ -136,7 +137,7 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let steps = steps(rain, recipe, &sprung);
     let (boughs, dressings): (Vec<Option<RodPlant>>, Vec<Option<Dressing>>) =
         sprung.into_iter().map(Option::unzip).unzip();
-    let mut bearers: Vec<Box<dyn Bearer>> = Vec::new();
+    let mut bearers: Vec<Box<dyn RainTarget>> = Vec::new();
     for (k, boughs) in boughs.into_iter().enumerate() {
         bearers.push(match boughs {
             Some(boughs) => Box::new(boughs.with_wind(wind.clone())),
@@ -148,16 +149,16 @@ pub fn fall(under: Under<'_>, rain: &RainRecipe, work: &Work<'_>) -> Result<Fall
     let clip = recipe.clip;
     let frames = clip.len() as u64;
     let rainfall = keys::rainfall(rain, recipe);
-    let shower = rain.keys.falls.then(|| Shower::new(rainfall, over, wind.clone()));
-    let area = shower.as_ref().map(Shower::area);
+    let shower = rain.keys.falls.then(|| RainEmitter::new(rainfall, over, wind.clone()));
+    let area = shower.as_ref().map(RainEmitter::area);
     afford(&shower, over, (frames, found.len()), work)?;
     let hung = found.iter().enumerate().map(|(i, f)| {
-        let leaf = Leaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
-        (leaf, Hung { on: (f.at.0, f.number), target: Arc::clone(&f.target) })
+        let leaf = RainLeaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
+        (leaf, LeafAttachment { on: (f.at.0, f.number), target: Arc::clone(&f.target) })
     });
     let floor = soil.floor(over.min.y);
-    let parts = Parts { manner: manner.clone(), shower, bearers, leaves: hung.collect(), wind, floor };
-    let mut storm = Storm::new(parts);
+    let parts = RainConfig { manner: manner.clone(), shower, bearers, leaves: hung.collect(), wind, floor };
+    let mut storm = RainSimulation::new(parts);
     let dry = storm.leaves().to_vec();
     lying::check(&rain.lying, &dry)?;
     let (moments, mut plants) = record(&mut storm, (rain, recipe, steps), (assets, &dressings, &found), work)?;
@@ -213,14 +214,14 @@ fn leaves(
         let rods = sprung.get(a).and_then(Option::as_ref);
         let mut count = 0;
         for (i, instancer) in asset.instancers.iter().enumerate() {
-            let sheets: Vec<Option<(Arc<Sheet>, Arc<Target>)>> = instancer
+            let sheets: Vec<Option<(Arc<LeafSurface>, Arc<LeafCollider>)>> = instancer
                 .prototypes
                 .iter()
                 .map(|p| {
-                    let cover = Cover::of(&p.mesh, materials, images);
-                    let grooves = Grooves::of(&p.mesh, materials, images);
-                    let sheet = Arc::new(Sheet::new(&p.mesh)?.with(cover, grooves));
-                    let target = Arc::new(Target::new(&sheet));
+                    let cover = AlphaMask::of(&p.mesh, materials, images);
+                    let grooves = VeinMap::of(&p.mesh, materials, images);
+                    let sheet = Arc::new(LeafSurface::new(&p.mesh)?.with(cover, grooves));
+                    let target = Arc::new(LeafCollider::new(&sheet));
                     Some((sheet, target))
                 })
                 .collect();
@@ -261,7 +262,7 @@ fn nearest(recipe: &Recipe, found: &[Found]) -> Vec<usize> {
 }
 
 /// A plant that nothing moves.
-fn stiff(k: usize, found: &[Found], plants: &[&Plant], stands: &[Trs]) -> Box<dyn Bearer> {
+fn stiff(k: usize, found: &[Found], plants: &[&Plant], stands: &[Trs]) -> Box<dyn RainTarget> {
     let leaves: Vec<(DVec3, DQuat)> = found.iter().filter(|f| f.at.0 == k).map(|f| (f.p, f.q)).collect();
     let mut boughs = Vec::new();
     if let Some((plant, stand)) = plants.get(k).zip(stands.get(k)) {
@@ -270,11 +271,11 @@ fn stiff(k: usize, found: &[Found], plants: &[&Plant], stands: &[Trs]) -> Box<dy
             for i in range.start..range.end.saturating_sub(1) {
                 let end = |i: usize| stand.apply(plant.nodes.p[i]).as_dvec3();
                 let radius = |i: usize| f64::from(plant.nodes.r[i] * stand.s.x);
-                boughs.push(Bough { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
+                boughs.push(WoodSegment { ends: [end(i), end(i + 1)], radii: [radius(i), radius(i + 1)] });
             }
         }
     }
-    Box::new(Stiff::new(&leaves, boughs))
+    Box::new(StaticPlant::new(&leaves, boughs))
 }
 
 fn bounds(assets: &[Asset], stands: &[Trs]) -> Bounds {
@@ -287,11 +288,11 @@ fn bounds(assets: &[Asset], stands: &[Trs]) -> Bounds {
 }
 
 /// Leaves and drops that are in the air at once, times frames, must fit. Drops on leaves are counted as they come ([`record`]).
-fn afford(shower: &Option<Shower>, over: Bounds, (frames, leaves): (u64, usize), work: &Work<'_>) -> Result<()> {
+fn afford(shower: &Option<RainEmitter>, over: Bounds, (frames, leaves): (u64, usize), work: &Work<'_>) -> Result<()> {
     // The slowest fall at 2 m/s.
     let seconds = (f64::from(over.size().y) + 1.0) / 2.0;
-    let falling = shower.as_ref().map_or(0.0, Shower::rate) * seconds * 96.0;
-    let drops = (falling + (leaves * size_of::<Blade>()) as f64) * frames as f64 / KEY as f64;
+    let falling = shower.as_ref().map_or(0.0, RainEmitter::rate) * seconds * 96.0;
+    let drops = (falling + (leaves * size_of::<LeafPose>()) as f64) * frames as f64 / KEY as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "compared, saturating")]
     work.limits.check("motion-keys", drops as u64, HELD)
 }
@@ -304,11 +305,11 @@ fn steps(rain: &RainRecipe, recipe: &Recipe, sprung: &[Option<(RodPlant, Dressin
 }
 
 /// Rain frame by frame, and the frames of each plant that moves.
-type Recorded = (Vec<Moment>, Vec<Vec<AssetFrame>>);
+type Recorded = (Vec<RainFrame>, Vec<Vec<AssetFrame>>);
 
 /// Steps through the clip.
 fn record(
-    storm: &mut Storm,
+    storm: &mut RainSimulation,
     (rain, recipe, steps): (&RainRecipe, &Recipe, u32),
     (assets, dressings, found): (&[Asset], &[Option<Dressing>], &[Found]),
     work: &Work<'_>,
@@ -336,13 +337,12 @@ fn record(
     for frame in 0..frames {
         work.cancel.check()?;
         storm.audit(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
-        let moment = Moment::of(storm);
+        let moment = RainFrame::of(storm);
         held += moment.bytes();
         work.limits.check("motion-keys", held / KEY, HELD)?;
         for (k, (bearer, dressing)) in storm.bearers().iter().zip(dressings).enumerate() {
-            let boughs = bearer.as_any().downcast_ref::<RodPlant>();
-            let shown = boughs.zip(dressing.as_ref()).zip(assets.get(k));
-            plants[k].extend(shown.map(|((boughs, dressing), asset)| dressing.frame(asset, boughs)));
+            let shown = bearer.posed_rods().zip(dressing.as_ref()).zip(assets.get(k));
+            plants[k].extend(shown.map(|((rods, dressing), asset)| dressing.frame(asset, rods, &**bearer)));
         }
         moisten(&mut plants, found, &moment.wetness);
         moments.push(moment);
@@ -366,23 +366,23 @@ fn moisten(plants: &mut [Vec<AssetFrame>], found: &[Found], wetness: &[f64]) {
     }
 }
 
-fn shapes(moments: &[Moment], g: f64) -> BTreeMap<u64, Shapes> {
+fn shapes(moments: &[RainFrame], g: f64) -> BTreeMap<u64, PendantShapes> {
     let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.hanging).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
-    let made = par_map(&radii, |bits| Shapes::new(f64::from_bits(*bits), g));
+    let made = par_map(&radii, |bits| PendantShapes::new(f64::from_bits(*bits), g));
     radii.into_iter().zip(made).collect()
 }
 
 impl Rain {
-    fn moment(&self, nth: u64) -> &Moment {
+    fn moment(&self, nth: u64) -> &RainFrame {
         let last = self.moments.len().saturating_sub(1);
         &self.moments[usize::try_from(nth).unwrap_or(usize::MAX).min(last)]
     }
 
     /// Water on leaves and at their margins at a frame from the first.
-    fn water(&self, nth: u64) -> Water {
+    fn water(&self, nth: u64) -> DropMesh {
         let moment = self.moment(nth);
-        let mut water = Water::default();
+        let mut water = DropMesh::default();
         for drop in &moment.lying {
             water.lay((&self.leaves[drop.leaf], &moment.blades[drop.leaf]), drop);
             self.mark(&mut water, drop.id);
@@ -398,7 +398,7 @@ impl Rain {
     }
 
     /// The last points of water are those of a drop.
-    fn mark(&self, water: &mut Water, id: u64) {
+    fn mark(&self, water: &mut DropMesh, id: u64) {
         let number = self.numbers.get(&id).and_then(|n| i32::try_from(*n).ok()).unwrap_or(-1);
         water.mesh.drops.resize(water.mesh.points.len(), number);
     }
@@ -446,7 +446,7 @@ impl Rain {
 
     /// The drops' asset at a frame from the first.
     pub fn frame(&self, nth: u64) -> AssetFrame {
-        let Water { mesh, velocities } = self.water(nth);
+        let DropMesh { mesh, velocities } = self.water(nth);
         let (positions, widths, velocity) = self.air(nth);
         let points = PointsFrame::State { positions, widths, velocities: velocity, colors: Vec::new() };
         AssetFrame {
@@ -482,14 +482,14 @@ impl Rain {
     pub fn maps(&self, nth: u64) -> Vec<Arc<WetMaps>> {
         let mut now = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
         if now.done > nth + 1 || now.wet.is_empty() {
-            let dry = |h: &Hero| Wetness::new(Arc::clone(&h.chart), self.leaves[h.leaf].scale);
+            let dry = |h: &Hero| LeafWaterMaps::new(Arc::clone(&h.chart), self.leaves[h.leaf].scale);
             *now = Maps { done: 0, wet: self.heroes.iter().map(dry).collect() };
         }
         while now.done <= nth {
             let moment = self.moment(now.done);
-            let mut jobs: Vec<(&mut Wetness, &Hero)> = now.wet.iter_mut().zip(&self.heroes).collect();
+            let mut jobs: Vec<(&mut LeafWaterMaps, &Hero)> = now.wet.iter_mut().zip(&self.heroes).collect();
             par_map_mut(&mut jobs, |(wet, hero)| {
-                let (blobs, soaks): (_, Vec<Soak>) = moment.on(hero.leaf);
+                let (blobs, soaks): (_, Vec<WetSpot>) = moment.on(hero.leaf);
                 wet.advance(&self.leaves[hero.leaf].sheet, (&blobs, &soaks), moment.t, &self.manner);
             });
             now.done += 1;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use osier_base::math::narrow;
-use osier_motion::rain::Floor;
+use osier_motion::rain::GroundHeight;
 use osier_plants::surface::ground::Ground;
 use osier_plants::surface::terrain::Land;
 
@@ -23,7 +23,7 @@ pub enum Soil {
 
 impl Soil {
     /// Where drops end. `lowest`: height of the lowest point of all plants, m.
-    pub fn floor(self, lowest: f32) -> Box<dyn Floor> {
+    pub fn floor(self, lowest: f32) -> Box<dyn GroundHeight> {
         let below = f64::from(lowest) - BELOW;
         match self {
             Self::Level(shown) => Box::new(if shown { below.max(0.0) } else { below }),
@@ -32,7 +32,7 @@ impl Soil {
     }
 }
 
-impl Floor for Soil {
+impl GroundHeight for Soil {
     fn height(&self, x: f64, z: f64) -> f64 {
         let [x, z] = [x, z].map(narrow);
         f64::from(match self {

@@ -4,36 +4,39 @@ use crate::recipe::Recipe;
 use crate::recipe::rain_keys::{
     DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
 };
-use osier_motion::rain::{Envelope, Friction, Impact, Lever, Manner, Merge, Rainfall, Shape, Size, Wetting, capillary};
+use osier_motion::rain::{
+    CapShape, DropParams, DropSizes, FrictionModel, ImpactLaw, IntensityEnvelope, LeverArm, MergeRule, RainfallParams,
+    WettingParams, capillary,
+};
 
-pub(super) fn manner(rain: &RainRecipe, seed: u64) -> Manner {
+pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
     let (drop, impact, wet) = (&rain.drop, &rain.impact, &rain.wet);
-    Manner {
+    DropParams {
         seed,
-        wetting: Wetting {
+        wetting: WettingParams {
             theta: drop.theta,
             receding: drop.receding,
             advancing: drop.advancing,
             omega: drop.omega,
             shape: match drop.shape {
-                DropShape::Flattened => Shape::Flattened,
-                DropShape::Paper => Shape::Paper,
-                DropShape::PaperWedge => Shape::Wedge,
+                DropShape::Flattened => CapShape::Flattened,
+                DropShape::Paper => CapShape::Paper,
+                DropShape::PaperWedge => CapShape::Wedge,
             },
             lambda: drop.lambda,
             capillary: capillary(rain.keys.g),
         },
         g: rain.keys.g,
         impact: match impact.model {
-            ImpactModel::Momentum => Impact::Momentum { restitution: impact.restitution },
-            ImpactModel::PaperEnergy => Impact::PaperEnergy { eps: impact.eps },
+            ImpactModel::Momentum => ImpactLaw::Momentum { restitution: impact.restitution },
+            ImpactModel::PaperEnergy => ImpactLaw::PaperEnergy { eps: impact.eps },
         },
         gain: impact.gain,
         splash: impact.splash,
         tangent_keep: impact.tangent_keep,
         friction: match drop.friction {
-            DropFriction::Retention => Friction::Retention,
-            DropFriction::Paper => Friction::Paper,
+            DropFriction::Retention => FrictionModel::Retention,
+            DropFriction::Paper => FrictionModel::Paper,
         },
         mu: drop.mu,
         h: drop.h,
@@ -41,13 +44,13 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> Manner {
         tau_v: drop.tau_v,
         pin_noise: drop.pin_noise,
         merge: match drop.merge {
-            DropMerge::Touch => Merge::Touch,
-            DropMerge::Paper => Merge::Paper,
+            DropMerge::Touch => MergeRule::Touch,
+            DropMerge::Paper => MergeRule::Paper,
         },
         k_h: drop.k_h,
         lever: match drop.lever {
-            DropLever::Physical => Lever::Physical,
-            DropLever::Paper => Lever::Paper(drop.phi_c),
+            DropLever::Physical => LeverArm::Physical,
+            DropLever::Paper => LeverArm::Paper(drop.phi_c),
         },
         tail_beta: drop.tail_beta,
         tail_n: drop.tail_n,
@@ -60,26 +63,26 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> Manner {
     }
 }
 
-pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> Rainfall {
+pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
     let keys = &rain.keys;
     let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
-    Rainfall {
+    RainfallParams {
         seed: recipe.seed,
         strength: keys.rate / 3.6e6,
         size: match keys.size {
-            RainSize::Natural => Size::Natural,
-            RainSize::Fixed => Size::Fixed(keys.diameter),
-            RainSize::LogNormal => Size::LogNormal(keys.diameter, keys.spread),
+            RainSize::Natural => DropSizes::Natural,
+            RainSize::Fixed => DropSizes::Fixed(keys.diameter),
+            RainSize::LogNormal => DropSizes::LogNormal(keys.diameter, keys.spread),
         },
         total: keys.total.map(f64::from),
         envelope: match keys.envelope {
-            RainEnvelope::Constant => Envelope::Constant,
+            RainEnvelope::Constant => IntensityEnvelope::Constant,
             RainEnvelope::Bell => {
                 let half = keys.before + (duration - keys.before) / 2.0;
                 let middle = keys.middle.map_or(half, |t| t + keys.before);
-                Envelope::Bell(middle, keys.width.unwrap_or((duration - keys.before) / 4.0))
+                IntensityEnvelope::Bell(middle, keys.width.unwrap_or((duration - keys.before) / 4.0))
             }
-            RainEnvelope::Keys => Envelope::Keys(
+            RainEnvelope::Keys => IntensityEnvelope::Keys(
                 keys.keys.iter().map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)]).collect(),
             ),
         },

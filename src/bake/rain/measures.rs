@@ -1,7 +1,7 @@
 //! What rain is measured by: the columns of its table and their numbers at a frame.
 
 use super::tracks::RUNS;
-use osier_motion::rain::{Manner, Moment};
+use osier_motion::rain::{DropParams, RainFrame};
 use osier_scene::Table;
 
 /// Cubic millimetres in a cubic metre.
@@ -25,7 +25,7 @@ const NOW: [(&str, &str); 10] = [
 const TOTAL: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
 
 /// The table of rain; `falls`: its strength, mm/h, and the area that it starts from, m^2.
-pub fn table(manner: &Manner, falls: Option<(f64, f64)>) -> Table {
+pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
     let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
     columns.extend(TOTAL.iter().map(|name| ((*name).to_owned(), "")));
     columns.push(("hardest_blow".to_owned(), "mg m/s"));
@@ -48,7 +48,7 @@ pub fn table(manner: &Manner, falls: Option<(f64, f64)>) -> Table {
 }
 
 /// A row of [`table`].
-pub fn row(m: &Moment) -> Vec<f64> {
+pub fn row(m: &RainFrame) -> Vec<f64> {
     let running = m.lying.iter().filter(|d| d.v.length() > RUNS).count();
     let (l, t) = (&m.ledger, &m.tally);
     let mut row: Vec<f64> =

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{DVec3, Vec3};
 
 use osier_base::math::narrow;
-use osier_motion::rain::{Event, Leaf, Lying, Moment, across};
+use osier_motion::rain::{RainEvent, RainFrame, RainLeaf, SessileDrop, across};
 use osier_scene::{DropEvent, DropNow, DropState, Drops, LeafNow};
 
 /// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
@@ -14,7 +14,7 @@ const PAUSE: u64 = 2;
 pub(super) const RUNS: f64 = 1e-3;
 
 /// Small numbers for the drops of a clip, in the order in which its frames show them and tell of them.
-pub(super) fn numbers(moments: &[Moment]) -> BTreeMap<u64, u32> {
+pub(super) fn numbers(moments: &[RainFrame]) -> BTreeMap<u64, u32> {
     let mut known = BTreeMap::new();
     for m in moments {
         let seen = m.lying.iter().map(|d| d.id).chain(m.hanging.iter().map(|d| d.id)).chain(m.air.iter().map(|d| d.id));
@@ -28,7 +28,7 @@ pub(super) fn numbers(moments: &[Moment]) -> BTreeMap<u64, u32> {
 }
 
 /// What a frame says of drops. `start`: time of the clip's first frame, s.
-pub(super) fn drops(moment: &Moment, leaves: &[Leaf], numbers: &BTreeMap<u64, u32>, start: f64) -> Drops {
+pub(super) fn drops(moment: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<u64, u32>, start: f64) -> Drops {
     let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
     let mut now = Vec::new();
     for d in &moment.lying {
@@ -36,13 +36,13 @@ pub(super) fn drops(moment: &Moment, leaves: &[Leaf], numbers: &BTreeMap<u64, u3
     }
     now.extend(moment.hanging.iter().map(|d| {
         let blade = &moment.blades[d.leaf];
-        let p = blade.p + blade.q * d.p;
+        let p = blade.position + blade.orientation * d.p;
         DropNow {
             leaf: u32::try_from(d.leaf).ok(),
             place: p.as_vec3(),
-            velocity: blade.speed_at(p).as_vec3(),
+            velocity: blade.velocity_at(p).as_vec3(),
             a: narrow(d.radius),
-            axis: (blade.q * d.axis).as_vec3(),
+            axis: (blade.orientation * d.axis).as_vec3(),
             thin: narrow(d.thin),
             ..plain(number(&d.id), DropState::Hangs, d.volume)
         }
@@ -58,8 +58,8 @@ pub(super) fn drops(moment: &Moment, leaves: &[Leaf], numbers: &BTreeMap<u64, u3
         drops: 0,
         volume: 0.0,
         wetness: narrow(*wetness),
-        place: blade.p.as_vec3(),
-        turn: blade.q.as_quat(),
+        place: blade.position.as_vec3(),
+        turn: blade.orientation.as_quat(),
     });
     let mut leaves: Vec<LeafNow> = leaves.collect();
     let lying = moment.lying.iter().map(|d| (d.leaf, d.volume));
@@ -92,12 +92,12 @@ fn plain(id: u32, state: DropState, volume: f64) -> DropNow {
 }
 
 /// A drop on a leaf, and its tail.
-fn lies(moment: &Moment, (d, leaf): (&Lying, &Leaf), id: u32, out: &mut Vec<DropNow>) {
+fn lies(moment: &RainFrame, (d, leaf): (&SessileDrop, &RainLeaf), id: u32, out: &mut Vec<DropNow>) {
     let blade = &moment.blades[d.leaf];
     let running = d.v.length() > RUNS;
     let head = if running { DropState::Runs } else { DropState::Rests };
     for (k, bead) in d.beads.iter().enumerate() {
-        let p = blade.p + blade.q * leaf.at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
+        let p = blade.position + blade.orientation * leaf.at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
         let tail = u32::try_from(d.beads.len() - 1).unwrap_or(u32::MAX);
         let (q, s) = if k == 0 { (d.print.q, d.print.skew) } else { (1.0, 0.0) };
         out.push(DropNow {
@@ -106,18 +106,18 @@ fn lies(moment: &Moment, (d, leaf): (&Lying, &Leaf), id: u32, out: &mut Vec<Drop
             uv: bead.uv.as_vec2().to_array(),
             side: narrow(d.side),
             place: p.as_vec3(),
-            velocity: (blade.speed_at(p) + blade.q * d.v).as_vec3(),
+            velocity: (blade.velocity_at(p) + blade.orientation * d.v).as_vec3(),
             a: narrow(bead.cap.a),
             height: narrow(bead.cap.top()),
             q: narrow(q),
             s: narrow(s),
-            axis: (blade.q * d.axis).as_vec3(),
+            axis: (blade.orientation * d.axis).as_vec3(),
             ..plain(id, if k == 0 { head } else { DropState::Tail }, bead.volume)
         });
     }
 }
 
-fn event(e: &Event, id: u32, other: Option<u32>, start: f64) -> DropEvent {
+fn event(e: &RainEvent, id: u32, other: Option<u32>, start: f64) -> DropEvent {
     DropEvent {
         what: e.what,
         t: e.t - start,
@@ -131,7 +131,7 @@ fn event(e: &Event, id: u32, other: Option<u32>, start: f64) -> DropEvent {
 }
 
 /// Slots of what is in the air, and how many are needed: a slot rests before it shows another drop.
-pub(super) fn slots(moments: &[Moment]) -> (Vec<Vec<u32>>, usize) {
+pub(super) fn slots(moments: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
     let mut held: BTreeMap<u64, (u32, u64)> = BTreeMap::new();
     let mut free: BTreeSet<u32> = BTreeSet::new();
     let mut resting: Vec<(u64, u32)> = Vec::new();

@@ -12,14 +12,14 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 
-use super::bearer::{Blade, Bough};
-use super::sheet::Sheet;
+use crate::rain::leaf::surface::LeafSurface;
+use crate::rain::target::{LeafPose, WoodSegment};
 
 /// Hits nearer to each other than this share of the way are one; the lower number counts.
 const TIE: f32 = 1e-7;
 
 /// A blade's triangles with a tree of boxes, in its own space; shared by all leaves that show it.
-pub struct Target {
+pub struct LeafCollider {
     tree: CwBvh,
     /// In the order of the tree: a corner, both edges from it, number of the triangle.
     faces: Vec<([Vec3; 3], u32)>,
@@ -28,7 +28,7 @@ pub struct Target {
     radius: f64,
 }
 
-impl fmt::Debug for Target {
+impl fmt::Debug for LeafCollider {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Target of {} triangles", self.faces.len())
     }
@@ -36,7 +36,7 @@ impl fmt::Debug for Target {
 
 /// Where a way meets a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Met {
+pub struct LeafHit {
     /// Share of the way, 0 to 1.
     pub t: f64,
     /// Triangle of the sheet.
@@ -45,9 +45,9 @@ pub struct Met {
     pub weights: [f64; 2],
 }
 
-impl Target {
+impl LeafCollider {
     /// Sorts a blade.
-    pub fn new(sheet: &Sheet) -> Self {
+    pub fn new(sheet: &LeafSurface) -> Self {
         let corner = |i: u32| sheet.points()[i as usize].as_vec3();
         let boxes: Vec<Aabb> = sheet
             .triangles()
@@ -70,7 +70,7 @@ impl Target {
     }
 
     /// The first place where a way between two places of the blade's own space meets it, from either side.
-    pub fn meets(&self, from: DVec3, to: DVec3) -> Option<Met> {
+    pub fn meets(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
         let d = (to - from).as_vec3();
         let length = d.length();
         if length <= 0.0 || self.faces.is_empty() {
@@ -90,7 +90,7 @@ impl Target {
             // A little beyond what was found, so that equals are seen too.
             (t + 2.0 * TIE) * length
         });
-        best.map(|(t, i, w)| Met { t: f64::from(t), triangle: i as usize, weights: w.map(f64::from) })
+        best.map(|(t, i, w)| LeafHit { t: f64::from(t), triangle: i as usize, weights: w.map(f64::from) })
     }
 
     /// Every triangle, one after the other.
@@ -118,45 +118,45 @@ fn crossing(o: Vec3, d: Vec3, [a, e, f]: [Vec3; 3]) -> Option<(f32, [f32; 2])> {
 
 /// A leaf as drops meet it during a step: its blade, and where it was and is.
 #[derive(Debug, Clone, Copy)]
-pub struct Moved<'a> {
+pub struct MovingLeaf<'a> {
     /// Its blade.
-    pub target: &'a Target,
+    pub target: &'a LeafCollider,
     /// Factor on it.
     pub scale: f64,
     /// Where it was at the beginning of the step, and where it is at its end.
-    pub poses: [Blade; 2],
+    pub poses: [LeafPose; 2],
 }
 
-impl Moved<'_> {
+impl MovingLeaf<'_> {
     /// Where a drop of diameter `d`, m, that goes from one place to another during the step meets it; the leaf's own motion
     /// is in the way, as both ends are seen from where the leaf then is.
-    pub fn meets(&self, [from, to]: [DVec3; 2], d: f64) -> Option<Met> {
-        let seen = |p: DVec3, pose: &Blade| (pose.q.inverse() * (p - pose.p)) / self.scale;
+    pub fn meets(&self, [from, to]: [DVec3; 2], d: f64) -> Option<LeafHit> {
+        let seen = |p: DVec3, pose: &LeafPose| (pose.orientation.inverse() * (p - pose.position)) / self.scale;
         let (a, b) = (seen(from, &self.poses[0]), seen(to, &self.poses[1]));
         let way = b - a;
         let ahead = way.normalize_or_zero() * (0.5 * d / self.scale);
         let met = self.target.meets(a, b + ahead)?;
         let t = met.t * (way.length() + ahead.length()) / way.length().max(f64::MIN_POSITIVE);
-        Some(Met { t: t.min(1.0), ..met })
+        Some(LeafHit { t: t.min(1.0), ..met })
     }
 
     fn ball(&self) -> [DVec3; 2] {
         let r = DVec3::splat(self.target.radius * self.scale * 1.001);
-        let at = self.poses.map(|pose| pose.world(self.target.middle, self.scale));
+        let at = self.poses.map(|pose| pose.to_world(self.target.middle, self.scale));
         [at[0].min(at[1]) - r, at[0].max(at[1]) + r]
     }
 }
 
 /// What a drop strikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Struck {
+pub enum DropHit {
     /// A leaf, by number.
-    Leaf(usize, Met),
+    Leaf(usize, LeafHit),
     /// A piece of wood, by number: share of the drop's way, share of the wood's length.
     Wood(usize, f64, f64),
 }
 
-impl Struck {
+impl DropHit {
     /// Share of the drop's way.
     pub fn t(&self) -> f64 {
         match self {
@@ -167,28 +167,28 @@ impl Struck {
 }
 
 /// Boxes over all leaves and wood during a step.
-pub struct Field<'a> {
-    leaves: &'a [Moved<'a>],
-    wood: &'a [Bough],
+pub struct RainCollider<'a> {
+    leaves: &'a [MovingLeaf<'a>],
+    wood: &'a [WoodSegment],
     tree: Option<Bvh2>,
 }
 
-impl<'a> Field<'a> {
+impl<'a> RainCollider<'a> {
     /// Sorts them.
-    pub fn new(leaves: &'a [Moved<'a>], wood: &'a [Bough]) -> Self {
+    pub fn new(leaves: &'a [MovingLeaf<'a>], wood: &'a [WoodSegment]) -> Self {
         let bounds = |[lo, hi]: [DVec3; 2]| Aabb::new(lo.as_vec3().into(), hi.as_vec3().into());
-        let around = |b: &Bough| {
+        let around = |b: &WoodSegment| {
             let r = DVec3::splat(b.radii[0].max(b.radii[1]));
             [b.ends[0].min(b.ends[1]) - r, b.ends[0].max(b.ends[1]) + r]
         };
-        let boxes: Vec<Aabb> = leaves.iter().map(Moved::ball).chain(wood.iter().map(around)).map(bounds).collect();
+        let boxes: Vec<Aabb> = leaves.iter().map(MovingLeaf::ball).chain(wood.iter().map(around)).map(bounds).collect();
         let tree = (!boxes.is_empty())
             .then(|| build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Duration::default()));
         Self { leaves, wood, tree }
     }
 
     /// What a drop of diameter `d`, m, strikes first on its way; `without`: a leaf that it does not see.
-    pub fn first(&self, way: [DVec3; 2], d: f64, without: Option<usize>) -> Option<Struck> {
+    pub fn first(&self, way: [DVec3; 2], d: f64, without: Option<usize>) -> Option<DropHit> {
         let tree = self.tree.as_ref()?;
         let r = Vec3::splat(osier_base::math::narrow(d));
         let [a, b] = way.map(|p| p.as_vec3());
@@ -201,15 +201,15 @@ impl<'a> Field<'a> {
             true
         });
         near.sort_unstable();
-        let mut best: Option<Struck> = None;
+        let mut best: Option<DropHit> = None;
         for i in near {
             let i = i as usize;
             let struck = match self.leaves.get(i) {
                 Some(_) if without == Some(i) => None,
-                Some(leaf) => leaf.meets(way, d).map(|met| Struck::Leaf(i, met)),
+                Some(leaf) => leaf.meets(way, d).map(|met| DropHit::Leaf(i, met)),
                 None => {
                     let k = i - self.leaves.len();
-                    touches(&self.wood[k], way, d).map(|(t, share)| Struck::Wood(k, t, share))
+                    touches(&self.wood[k], way, d).map(|(t, share)| DropHit::Wood(k, t, share))
                 }
             };
             if let Some(s) = struck.filter(|s| best.is_none_or(|b| s.t() < b.t() - f64::from(TIE))) {
@@ -221,7 +221,7 @@ impl<'a> Field<'a> {
 }
 
 /// Where a drop on its way comes nearest to a piece of wood, if it touches it: shares of both.
-fn touches(wood: &Bough, [from, to]: [DVec3; 2], d: f64) -> Option<(f64, f64)> {
+fn touches(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<(f64, f64)> {
     let (u, v, w) = (to - from, wood.ends[1] - wood.ends[0], from - wood.ends[0]);
     let (a, b, c) = (u.dot(u), u.dot(v), v.dot(v));
     let (e, f) = (u.dot(w), v.dot(w));
@@ -240,21 +240,21 @@ fn touches(wood: &Bough, [from, to]: [DVec3; 2], d: f64) -> Option<(f64, f64)> {
 mod tests {
     use glam::DQuat;
 
-    use super::super::sheet::tests::flat;
     use super::*;
+    use crate::rain::leaf::surface::tests::flat;
     use osier_base::rng::Rng;
 
-    fn bumpy() -> Sheet {
+    fn bumpy() -> LeafSurface {
         let mut mesh = flat(0.08, 0.04, 12);
         for p in &mut mesh.points {
             p.z = 0.004 * osier_base::math::sin_f32(90.0 * p.x) * osier_base::math::cos_f32(70.0 * p.y);
         }
-        Sheet::new(&mesh).expect("a blade")
+        LeafSurface::new(&mesh).expect("a blade")
     }
 
     #[test]
     fn the_tree_finds_what_all_triangles_say() {
-        let target = Target::new(&bumpy());
+        let target = LeafCollider::new(&bumpy());
         let mut draw = Rng::at(9, &["ways".into()]);
         let mut any = |r: f64| DVec3::new(draw.range(-r, r), draw.range(-r, r) + 0.04, draw.range(-r, r));
         let mut hits = 0;
@@ -275,10 +275,10 @@ mod tests {
 
     #[test]
     fn a_fast_drop_never_passes_a_moving_leaf() {
-        let sheet = Sheet::new(&flat(0.08, 0.04, 4)).expect("a blade");
-        let target = Target::new(&sheet);
+        let sheet = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let target = LeafCollider::new(&sheet);
         let flat = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
-        let pose = |y: f64| Blade::still(DVec3::new(0.0, y, 0.0), flat);
+        let pose = |y: f64| LeafPose::at_rest(DVec3::new(0.0, y, 0.0), flat);
         let h = 1.0 / 24.0;
         // The leaf swings up by 30 mm a step while the drop comes down at 10 m/s, from any height.
         for k in 0..50 {
@@ -287,11 +287,11 @@ mod tests {
             let mut met = None;
             for _ in 0..10 {
                 let next = p - DVec3::Y * (10.0 * h);
-                let moved = Moved { target: &target, scale: 1.0, poses: [pose(y), pose(y + 0.03)] };
-                met = met.or_else(|| Field::new(&[moved], &[]).first([p, next], 1e-3, None));
+                let moved = MovingLeaf { target: &target, scale: 1.0, poses: [pose(y), pose(y + 0.03)] };
+                met = met.or_else(|| RainCollider::new(&[moved], &[]).first([p, next], 1e-3, None));
                 (p, y) = (next, y + 0.03);
             }
-            let Some(Struck::Leaf(0, m)) = met else { panic!("{k}: {met:?}") };
+            let Some(DropHit::Leaf(0, m)) = met else { panic!("{k}: {met:?}") };
             let uv = sheet.uv_of(m.triangle, m.weights);
             assert!((uv.x - 0.575).abs() < 1e-4 && (uv.y - 0.375).abs() < 1e-4, "{uv}");
         }
@@ -299,11 +299,11 @@ mod tests {
 
     #[test]
     fn wood_is_met_where_it_is_thick() {
-        let wood = Bough { ends: [DVec3::ZERO, DVec3::X], radii: [0.02, 0.01] };
+        let wood = WoodSegment { ends: [DVec3::ZERO, DVec3::X], radii: [0.02, 0.01] };
         let field = [wood];
-        let field = Field::new(&[], &field);
+        let field = RainCollider::new(&[], &field);
         let drop = |z: f64| field.first([DVec3::new(0.5, 0.1, z), DVec3::new(0.5, -0.1, z)], 1e-3, None);
-        assert!(matches!(drop(0.0), Some(Struck::Wood(0, t, s)) if (t - 0.5).abs() < 1e-9 && (s - 0.5).abs() < 1e-9));
+        assert!(matches!(drop(0.0), Some(DropHit::Wood(0, t, s)) if (t - 0.5).abs() < 1e-9 && (s - 0.5).abs() < 1e-9));
         assert!(drop(0.0154).is_some() && drop(0.0157).is_none());
     }
 }

@@ -6,7 +6,7 @@ use osier_scene::DropEventKind;
 
 /// Something that happened to a drop.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Event {
+pub struct RainEvent {
     /// What; `blow` tells how hard it struck.
     pub what: DropEventKind,
     /// When, s.
@@ -25,7 +25,7 @@ pub struct Event {
     pub blow: f64,
 }
 
-impl Event {
+impl RainEvent {
     /// One with neither other drop, leaf nor blow.
     pub fn of(what: DropEventKind, id: u64, (t, p): (f64, DVec3), volume: f64) -> Self {
         Self { what, t, id, other: None, leaf: None, p, volume, blow: 0.0 }

@@ -1,44 +1,36 @@
-//! Rain: drops that fall, strike leaves and wood, lie, run, hang and drip, and the maps of water that they leave.
+//! Rain: drops that fall, strike leaves and wood, rest, run, hang and drip, and the maps of water that they leave.
 //!
-//! A [`Storm`] lets it rain on [`Leaf`]s that hang on [`Bearer`]s, so that stiff plants and springy ones are rained on
-//! alike; a [`Moment`] is what a frame shows of it, [`Wetness`] makes maps of that and [`Water`] meshes.
-//! Source: [yang-wu], sections 3 and 4; docs/rain.md says what is ours.
+//! A [`RainSimulation`] advances all drops and the plants they fall on, which implement [`RainTarget`]; a [`RainFrame`] is its state
+//! at one frame. [`LeafWaterMaps`] turns frames into texture maps of a leaf, [`DropMesh`] into meshes of drops.
+//! Source: [yang-wu], sections 3 and 4; docs/rain.md lists the differences.
 
-mod bearer;
-mod body;
-mod cap;
 mod collide;
-mod cover;
-mod dew;
-mod drop;
+mod drops;
+mod emitter;
 mod event;
-mod grooves;
+mod frame;
 mod impact;
 mod leaf;
-mod line;
-mod manner;
 mod maps;
-mod merge;
-mod moment;
-mod pendant;
-mod reach;
-mod sheet;
-mod shower;
-mod storm;
+mod mesh;
+mod params;
+mod simulation;
+mod source_region;
+mod target;
 
-pub use bearer::{Bearer, Blade, Bough, Stiff};
-pub use body::Water;
-pub use cap::{Cap, Print, Shape, Wetting};
-pub use collide::Target;
-pub use cover::Cover;
-pub use drop::Bead;
-pub use event::Event;
-pub use grooves::Grooves;
-pub use leaf::{Leaf, Stamp, Tally};
-pub use manner::{Friction, Impact, Lever, Manner, Merge, capillary};
-pub use maps::{Blob, Chart, Soak, Touched, Wetness};
-pub use moment::{Hanging, InAir, Lying, Moment};
-pub use pendant::Shapes;
-pub use sheet::Sheet;
-pub use shower::{Envelope, Rainfall, Shower, Size, across, ball};
-pub use storm::{Floor, Hung, Ledger, Parts, Storm};
+pub use collide::LeafCollider;
+pub use drops::drop::DropCap;
+pub use drops::pendant::PendantShapes;
+pub use drops::rain_leaf::{DropCounters, RainLeaf, WetSpot};
+pub use drops::shape::{CapShape, Footprint, SphericalCap, WettingParams};
+pub use emitter::{DropSizes, IntensityEnvelope, RainEmitter, RainfallParams, across, ball};
+pub use event::RainEvent;
+pub use frame::{AirborneDrop, PendantDrop, RainFrame, SessileDrop};
+pub use leaf::mask::AlphaMask;
+pub use leaf::surface::LeafSurface;
+pub use leaf::veins::VeinMap;
+pub use maps::{CapOnLeaf, LeafWaterMaps, TexelCounters, UvRaster};
+pub use mesh::DropMesh;
+pub use params::{DropParams, FrictionModel, ImpactLaw, LeverArm, MergeRule, capillary};
+pub use simulation::{GroundHeight, LeafAttachment, RainConfig, RainSimulation, WaterBudget};
+pub use target::{LeafPose, RainTarget, StaticPlant, WoodSegment};

@@ -5,11 +5,11 @@ use std::ops::Range;
 use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
-use super::super::cap::{Cap, Print};
-use super::changed::Runs;
-use super::chart::{Chart, Row, Window};
+use super::dirty::RowSpans;
+use super::uv_raster::{RasterRow, TexelWindow, UvRaster};
 use super::wide::Wide;
 use super::{DRY, TILE};
+use crate::rain::drops::shape::{Footprint, SphericalCap};
 use osier_base::math::narrow;
 
 /// Texels that are worked on together: caps are narrow, and the widest vectors would mostly work beside them.
@@ -26,13 +26,13 @@ pub(super) fn arch() -> Arch {
 
 /// Where something stands on the leaf, as its texels are asked. `scale`: of the leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Stand {
+pub(super) struct KernelOrigin {
     pub p: [f32; 3],
     pub n: [f32; 3],
     pub scale: f32,
 }
 
-impl Stand {
+impl KernelOrigin {
     /// Ways from it to texels, m.
     #[inline(always)]
     fn way<S: Simd>(&self, p: [Wide<S>; 3]) -> [Wide<S>; 3] {
@@ -49,10 +49,10 @@ fn along<S: Simd>(d: [Wide<S>; 3], way: [f32; 3]) -> Wide<S> {
     d[0].times(way[0]) + d[1].times(way[1]) + d[2].times(way[2])
 }
 
-/// A cap as texels ask for it, in the precision of maps. Source: as [`Cap::height`] and [`Print::at`].
+/// A cap as texels ask for it, in the precision of maps. Source: as [`SphericalCap::height`] and [`Footprint::at`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Dome {
-    stand: Stand,
+pub(super) struct CapKernel {
+    stand: KernelOrigin,
     /// Ways over the leaf, in base radii.
     along: [f32; 3],
     across: [f32; 3],
@@ -65,8 +65,8 @@ pub(super) struct Dome {
     ends: f32,
 }
 
-impl Dome {
-    pub fn new((cap, print): (&Cap, &Print), stand: Stand, along: Vec3) -> Self {
+impl CapKernel {
+    pub fn new((cap, print): (&SphericalCap, &Footprint), stand: KernelOrigin, along: Vec3) -> Self {
         let across = Vec3::from_array(stand.n).cross(along);
         Self {
             stand,
@@ -82,9 +82,9 @@ impl Dome {
     }
 }
 
-impl Stamped for Dome {
+impl TexelKernel for CapKernel {
     #[inline(always)]
-    fn stand(&self) -> &Stand {
+    fn stand(&self) -> &KernelOrigin {
         &self.stand
     }
 
@@ -102,8 +102,8 @@ impl Stamped for Dome {
 
 /// A wet place as texels ask for it. Source: [yang-wu] eq. 11.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Patch {
-    pub stand: Stand,
+pub(super) struct WetSpotKernel {
+    pub stand: KernelOrigin,
     /// How far, m, and 1 / width of its soft edge, 1/m.
     pub reach: f32,
     pub edge: f32,
@@ -113,9 +113,9 @@ pub(super) struct Patch {
     pub peak: f32,
 }
 
-impl Stamped for Patch {
+impl TexelKernel for WetSpotKernel {
     #[inline(always)]
-    fn stand(&self) -> &Stand {
+    fn stand(&self) -> &KernelOrigin {
         &self.stand
     }
 
@@ -129,9 +129,9 @@ impl Stamped for Patch {
 }
 
 /// Something that raises texels around it.
-pub(super) trait Stamped {
+pub(super) trait TexelKernel {
     /// Where it stands.
-    fn stand(&self) -> &Stand;
+    fn stand(&self) -> &KernelOrigin;
 
     /// How high it is at ways from there, m.
     fn at<S: Simd>(&self, d: [Wide<S>; 3]) -> Wide<S>;
@@ -139,7 +139,7 @@ pub(super) trait Stamped {
 
 /// Raises texels of a row. Of a folded blade only those on the same side.
 #[inline(always)]
-fn press<S: Simd, const FOLDED: bool>(simd: S, stamp: &impl Stamped, row: &Row<'_>, made: &mut [f32]) {
+fn press<S: Simd, const FOLDED: bool>(simd: S, stamp: &impl TexelKernel, row: &RasterRow<'_>, made: &mut [f32]) {
     let stand = *stamp.stand();
     let ([px, py, pz], [nx, ny, nz]) = (row.p, row.n);
     let ((px, x), (py, y), (pz, z)) = (S::as_simd_f32s(px), S::as_simd_f32s(py), S::as_simd_f32s(pz));
@@ -166,16 +166,16 @@ fn press<S: Simd, const FOLDED: bool>(simd: S, stamp: &impl Stamped, row: &Row<'
 
 /// What a stamp does to some rows of a map, within its window and runs of columns. Dispatched, it tells how many texels that
 /// were.
-pub(super) struct Pressed<'a, T> {
+pub(super) struct MaxPass<'a, T> {
     pub stamp: &'a T,
-    pub window: &'a Window,
-    pub chart: &'a Chart,
+    pub window: &'a TexelWindow,
+    pub chart: &'a UvRaster,
     pub rows: &'a Range<usize>,
-    pub runs: &'a Runs,
+    pub runs: &'a RowSpans,
     pub made: &'a mut [f32],
 }
 
-impl<T: Stamped> WithSimd for Pressed<'_, T> {
+impl<T: TexelKernel> WithSimd for MaxPass<'_, T> {
     type Output = u64;
 
     #[inline(always)]
@@ -210,7 +210,7 @@ impl<T: Stamped> WithSimd for Pressed<'_, T> {
 }
 
 /// Heights around the texels of a row, and what slopes are made of.
-pub(super) struct Around<'a> {
+pub(super) struct NormalInputs<'a> {
     /// The row's own heights, with one more at either end.
     pub own: &'a [f32],
     pub above: &'a [f32],
@@ -221,17 +221,17 @@ pub(super) struct Around<'a> {
 }
 
 /// Normals of the water's surface in tangent space. Source: -G^-1 (H_u, H_v) along the surface.
-pub(super) struct Turned<'a>(pub &'a Around<'a>, pub &'a mut [[f32; 3]]);
+pub(super) struct NormalPass<'a>(pub &'a NormalInputs<'a>, pub &'a mut [[f32; 3]]);
 
 /// Most numbers that a processor takes at once.
 const MOST: usize = 16;
 
-impl WithSimd for Turned<'_> {
+impl WithSimd for NormalPass<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self(Around { own, above, below, slopes: [s, t, u], per }, out) = self;
+        let Self(NormalInputs { own, above, below, slopes: [s, t, u], per }, out) = self;
         let n = out.len();
         let (left, right) = (&own[..n], &own[2..n + 2]);
         let (above, below, s, t, u) = (&above[..n], &below[..n], &s[..n], &t[..n], &u[..n]);
@@ -264,7 +264,7 @@ impl WithSimd for Turned<'_> {
     }
 }
 
-/// A normal by the changes of height per u and per v. `slopes`: as in [`super::Chart`], over the leaf's scale.
+/// A normal by the changes of height per u and per v. `slopes`: as in [`super::UvRaster`], over the leaf's scale.
 #[inline(always)]
 pub(super) fn normal([du, dv]: [f32; 2], slopes: [f32; 3]) -> [f32; 3] {
     let (x, y) = (du * slopes[0], du * slopes[1] + dv * slopes[2]);
@@ -273,12 +273,12 @@ pub(super) fn normal([du, dv]: [f32; 2], slopes: [f32; 3]) -> [f32; 3] {
 }
 
 /// Dries a row; dispatched, it tells whether any wetness is left. `left`: share of what was.
-pub(super) struct Dried<'a> {
+pub(super) struct DryingPass<'a> {
     pub left: f32,
     pub wetness: &'a mut [f32],
 }
 
-impl NullaryFnOnce for Dried<'_> {
+impl NullaryFnOnce for DryingPass<'_> {
     type Output = bool;
 
     #[inline(always)]

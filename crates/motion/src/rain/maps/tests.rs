@@ -1,28 +1,28 @@
-use super::super::cap::Wetting;
-use super::super::sheet::tests::flat;
 use super::*;
+use crate::rain::drops::shape::WettingParams;
+use crate::rain::leaf::surface::tests::flat;
 use osier_base::rng::Rng;
 
-fn sheet() -> Sheet {
-    Sheet::new(&flat(0.08, 0.04, 8)).expect("a blade")
+fn sheet() -> LeafSurface {
+    LeafSurface::new(&flat(0.08, 0.04, 8)).expect("a blade")
 }
 
-fn blob(uv: DVec2, volume: f64, (q, skew): (f64, f64)) -> Blob {
-    let manner = Manner::default();
-    Blob { uv, cap: manner.wetting.cap(volume, 1.0), print: Print { q, skew }, axis: DVec3::Y }
+fn blob(uv: DVec2, volume: f64, (q, skew): (f64, f64)) -> CapOnLeaf {
+    let manner = DropParams::default();
+    CapOnLeaf { uv, cap: manner.wetting.cap(volume, 1.0), print: Footprint { q, skew }, axis: DVec3::Y }
 }
 
 #[test]
 fn maps_hold_the_volume_of_a_drop() {
     let sheet = sheet();
-    let manner = Manner::default();
-    let chart = Arc::new(Chart::new(&sheet, 512));
+    let manner = DropParams::default();
+    let chart = Arc::new(UvRaster::new(&sheet, 512));
     let volume = 4.2e-8;
     for theta in [30.0_f64, 45.0, 60.0, 75.0, 90.0] {
         for (q, skew, omega) in [(1.0, 0.0, None), (1.4, 0.26, None), (1.2, 0.1, Some(0.7))] {
-            let wetting = Wetting { theta: theta.to_radians(), omega, ..manner.wetting };
-            let blob = Blob { cap: wetting.cap(volume, 1.0), ..blob(DVec2::splat(0.5), volume, (q, skew)) };
-            let mut wet = Wetness::new(Arc::clone(&chart), 1.0);
+            let wetting = WettingParams { theta: theta.to_radians(), omega, ..manner.wetting };
+            let blob = CapOnLeaf { cap: wetting.cap(volume, 1.0), ..blob(DVec2::splat(0.5), volume, (q, skew)) };
+            let mut wet = LeafWaterMaps::new(Arc::clone(&chart), 1.0);
             wet.advance(&sheet, (&[blob], &[]), 0.0, &manner);
             let texel = 0.0032 / (512.0 * 512.0);
             let sum: f64 = wet.maps().water().iter().map(|h| f64::from(*h) * texel).sum();
@@ -32,7 +32,7 @@ fn maps_hold_the_volume_of_a_drop() {
 }
 
 /// Normal of a cap's own formula at a way from its middle along the leaf's x and y, m.
-fn meant(b: &Blob, x: f64, y: f64) -> DVec3 {
+fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
     let height = |x: f64, y: f64| {
         let (along, across) = (x * b.axis.x + y * b.axis.y, x * b.axis.y - y * b.axis.x);
         let (rho, lean) = b.print.at(b.cap.a, along, across);
@@ -46,18 +46,18 @@ fn meant(b: &Blob, x: f64, y: f64) -> DVec3 {
 #[test]
 fn normals_are_those_of_the_cap() {
     const N: u32 = 1024;
-    let (sheet, manner) = (sheet(), Manner::default());
-    let chart = Arc::new(Chart::new(&sheet, N as usize));
+    let (sheet, manner) = (sheet(), DropParams::default());
+    let chart = Arc::new(UvRaster::new(&sheet, N as usize));
     let place = |k: u32, size: f64| (f64::from(k) + 0.5 - 0.5 * f64::from(N)) / f64::from(N) * size;
     for (theta, q, skew, omega) in
         [(60.0, 1.0, 0.0, None), (60.0, 1.4, 0.26, None), (30.0, 1.2, 0.2, None), (90.0, 1.1, 0.1, Some(0.7))]
     {
         for turn in [0.0_f64, 30.0, 45.0, 90.0, 135.0] {
             let (sin, cos) = (math::sin(turn.to_radians()), math::cos(turn.to_radians()));
-            let wetting = Wetting { theta: f64::to_radians(theta), omega, ..manner.wetting };
+            let wetting = WettingParams { theta: f64::to_radians(theta), omega, ..manner.wetting };
             let cap = wetting.cap(20e-9, 1.0);
-            let b = Blob { cap, axis: DVec3::new(cos, sin, 0.0), ..blob(DVec2::splat(0.5), 20e-9, (q, skew)) };
-            let mut wet = Wetness::new(Arc::clone(&chart), 1.0);
+            let b = CapOnLeaf { cap, axis: DVec3::new(cos, sin, 0.0), ..blob(DVec2::splat(0.5), 20e-9, (q, skew)) };
+            let mut wet = LeafWaterMaps::new(Arc::clone(&chart), 1.0);
             wet.advance(&sheet, (&[b], &[]), 0.0, &manner);
             let (mut seen, mut worst) = (0, 0.0_f64);
             for (row, column) in (400..624).flat_map(|row| (400..624).map(move |column| (row, column))) {
@@ -77,12 +77,12 @@ fn normals_are_those_of_the_cap() {
 #[test]
 fn changed_tiles_give_the_same_bits_as_all_of_them() {
     let sheet = sheet();
-    let manner = Manner { half_life: 0.8, ..Manner::default() };
-    let chart = Arc::new(Chart::new(&sheet, 64));
-    let (mut few, mut all) = (Wetness::new(Arc::clone(&chart), 1.3), Wetness::new(chart, 1.3));
+    let manner = DropParams { half_life: 0.8, ..DropParams::default() };
+    let chart = Arc::new(UvRaster::new(&sheet, 64));
+    let (mut few, mut all) = (LeafWaterMaps::new(Arc::clone(&chart), 1.3), LeafWaterMaps::new(chart, 1.3));
     let mut draw = Rng::at(7, &["blobs".into()]);
     let mut any = |a: f64, b: f64| draw.range(a, b);
-    let mut blobs: Vec<Blob> =
+    let mut blobs: Vec<CapOnLeaf> =
         (0..200).map(|_| blob(DVec2::new(any(0.0, 1.0), any(0.0, 1.0)), any(1e-10, 8e-9), (1.0, 0.0))).collect();
     for frame in 0..300 {
         let t = f64::from(frame) / 24.0;
@@ -94,8 +94,8 @@ fn changed_tiles_give_the_same_bits_as_all_of_them() {
                 if b.uv.y < 0.0 {
                     b.uv.y = 0.98;
                 }
-                b.print = Print { q: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
-                soaks.push(Soak { uv: b.uv, a: b.cap.a, t });
+                b.print = Footprint { q: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
+                soaks.push(WetSpot { uv: b.uv, a: b.cap.a, t });
             }
         }
         few.advance(&sheet, (&blobs, &soaks), t, &manner);
@@ -111,17 +111,17 @@ fn changed_tiles_give_the_same_bits_as_all_of_them() {
 #[test]
 fn wetness_halves_and_keeps_the_larger() {
     let sheet = sheet();
-    let manner = Manner::default();
-    let mut wet = Wetness::new(Arc::new(Chart::new(&sheet, 128)), 1.0);
+    let manner = DropParams::default();
+    let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&sheet, 128)), 1.0);
     let middle = 64 * 128 + 64;
-    let soak = |a: f64, t: f64| Soak { uv: DVec2::new(0.5 + 0.5 / 128.0, 0.5 - 0.5 / 128.0), a, t };
+    let soak = |a: f64, t: f64| WetSpot { uv: DVec2::new(0.5 + 0.5 / 128.0, 0.5 - 0.5 / 128.0), a, t };
     wet.advance(&sheet, (&[], &[soak(2e-3, 0.0)]), 0.0, &manner);
     let first = wet.maps().wetness[middle];
     assert!((first - 1.0).abs() < 1e-4);
     wet.advance(&sheet, (&[], &[]), 20.0, &manner);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 1e-4);
     // Wetted again from beside: where that would be less, the old one stays.
-    let beside = Soak { uv: DVec2::new(0.57, 0.5), a: 3e-3, t: 20.0 };
+    let beside = WetSpot { uv: DVec2::new(0.57, 0.5), a: 3e-3, t: 20.0 };
     wet.advance(&sheet, (&[], &[beside]), 20.0, &manner);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 0.02);
     wet.advance(&sheet, (&[], &[]), 400.0, &manner);
@@ -131,10 +131,10 @@ fn wetness_halves_and_keeps_the_larger() {
 #[test]
 fn the_wet_area_does_not_hang_on_the_resolution() {
     let sheet = sheet();
-    let manner = Manner::default();
+    let manner = DropParams::default();
     let area = |n: usize| {
-        let mut wet = Wetness::new(Arc::new(Chart::new(&sheet, n)), 1.0);
-        wet.advance(&sheet, (&[], &[Soak { uv: DVec2::new(0.5, 0.5), a: 4e-3, t: 0.0 }]), 0.0, &manner);
+        let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&sheet, n)), 1.0);
+        wet.advance(&sheet, (&[], &[WetSpot { uv: DVec2::new(0.5, 0.5), a: 4e-3, t: 0.0 }]), 0.0, &manner);
         wet.maps().wetness.iter().filter(|w| **w > 0.05).count() as f64 / (n * n) as f64
     };
     let (coarse, fine) = (area(128), area(512));
@@ -150,17 +150,17 @@ fn vectors_of_any_width_give_the_same_bits() {
         (p.y, p.z) = (0.08 - p.y, 0.001);
         *n = -*n;
     }
-    for (sheet, meant) in [(sheet(), false), (Sheet::new(&folded).expect("a blade"), true)] {
-        let chart = Chart::new(&sheet, 61);
+    for (sheet, meant) in [(sheet(), false), (LeafSurface::new(&folded).expect("a blade"), true)] {
+        let chart = UvRaster::new(&sheet, 61);
         assert_eq!(chart.is_folded(), meant);
-        let wet = Wetness::new(Arc::new(chart), 1.0);
+        let wet = LeafWaterMaps::new(Arc::new(chart), 1.0);
         let stamps = wet.stamps(&sheet, &[blob(DVec2::new(0.5, 0.4), 3e-8, (1.2, 0.2))]);
         let press = |arch: Arch| {
             let mut made = vec![0.0; 61 * 61];
-            let (chart, whole) = (&*wet.chart, Window::whole(61));
-            let (rows, runs) = (0..61, Runs::all(61));
+            let (chart, whole) = (&*wet.chart, TexelWindow::whole(61));
+            let (rows, runs) = (0..61, RowSpans::all(61));
             let stamp = &stamps[0].dome;
-            arch.dispatch(Pressed { stamp, window: &whole, chart, rows: &rows, runs: &runs, made: &mut made });
+            arch.dispatch(MaxPass { stamp, window: &whole, chart, rows: &rows, runs: &runs, made: &mut made });
             made
         };
         let made = press(rows::arch());

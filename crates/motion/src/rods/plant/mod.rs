@@ -12,7 +12,7 @@ use glam::{DQuat, DVec3, Vec3};
 pub use self::layout::RodPlantParams;
 use self::layout::{AxisMotion, RodPlantLayout};
 use self::leaf_sheet::{LeafSheet, VortexShedding};
-use crate::rain::{Bearer, Blade, Bough};
+use crate::rain::{LeafPose, RainTarget, WoodSegment};
 use crate::rods::StepFailure;
 use crate::rods::prism::{Matrix9, RigidSectionMap, SectionCorners, SectionFrame, dot};
 use crate::rods::record::MAX_STEP_HALVINGS;
@@ -38,7 +38,7 @@ struct RodPlantLeaf {
     scale: f64,
     sheet: LeafSheet,
     eddies: VortexShedding,
-    now: Blade,
+    now: LeafPose,
 }
 
 /// An end of a piece of wood: what carries it, and where on that, or in the world.
@@ -118,7 +118,7 @@ impl RodPlant {
                 own: false,
                 reach: 0.0,
             });
-            let now = Blade::still(hung.pivot, hung.q);
+            let now = LeafPose::at_rest(hung.pivot, hung.q);
             let (scale, eddies) = (hung.scale, VortexShedding::new(organ.id));
             leaves.push(RodPlantLeaf { section, stalk: hung.stalk, p, q, scale, sheet, eddies, now });
         }
@@ -270,7 +270,7 @@ impl RodPlant {
     }
 
     /// b^T M^-1 b of a unit blow at a place that is rigid with a section, 1/kg.
-    fn inverse_effective_mass(&self, section: usize, place: DVec3, along: DVec3) -> f64 {
+    fn section_inverse_effective_mass(&self, section: usize, place: DVec3, along: DVec3) -> f64 {
         if self.fixed[section] {
             return 0.0;
         }
@@ -303,8 +303,14 @@ impl RodPlant {
             let (v, spin) = rods.section_velocity(section);
             let (v, was) = (v + spin.cross(arm), leaf.now);
             let rate = |now: DVec3, before: DVec3| h.map_or(DVec3::ZERO, |h| (now - before) / h);
-            let (a, whirl) = (rate(v, was.v), rate(spin, was.spin));
-            leaf.now = Blade { p: frame.p + arm, q: (turn * leaf.q).normalize(), v, spin, a, whirl };
+            leaf.now = LeafPose {
+                position: frame.p + arm,
+                orientation: (turn * leaf.q).normalize(),
+                velocity: v,
+                angular_velocity: spin,
+                acceleration: rate(v, was.velocity),
+                angular_acceleration: rate(spin, was.angular_velocity),
+            };
         }
     }
 
@@ -365,58 +371,58 @@ fn turn(frame: &SectionFrame) -> DQuat {
     DQuat::from_mat3(&frame.matrix()).normalize()
 }
 
-impl Bearer for RodPlant {
-    fn leaves(&self) -> usize {
+impl RainTarget for RodPlant {
+    fn leaf_count(&self) -> usize {
         self.leaves.len()
     }
 
-    fn blade(&self, leaf: usize) -> Blade {
+    fn leaf_pose(&self, leaf: usize) -> LeafPose {
         self.leaves[leaf].now
     }
 
-    fn lightness(&self, leaf: usize, place: DVec3, along: DVec3) -> f64 {
-        self.leaves[leaf].section.map_or(0.0, |section| self.inverse_effective_mass(section, place, along))
+    fn inverse_effective_mass(&self, leaf: usize, place: DVec3, along: DVec3) -> f64 {
+        self.leaves[leaf].section.map_or(0.0, |section| self.section_inverse_effective_mass(section, place, along))
     }
 
-    fn strike(&mut self, leaf: usize, place: DVec3, blow: DVec3) {
+    fn apply_impulse(&mut self, leaf: usize, place: DVec3, blow: DVec3) {
         if let Some(section) = self.leaves[leaf].section {
             self.impulse_forces.push((section, place, blow));
         }
     }
 
-    fn press(&mut self, leaf: usize, place: DVec3, force: DVec3) {
+    fn apply_force(&mut self, leaf: usize, place: DVec3, force: DVec3) {
         if let Some(section) = self.leaves[leaf].section {
             self.presses.push((section, place, force));
         }
     }
 
-    fn load(&mut self, leaf: usize, mass: f64, centroid: DVec3) {
+    fn set_attached_mass(&mut self, leaf: usize, mass: f64, centroid: DVec3) {
         if let (Some(section), Some(water)) = (self.leaves[leaf].section, self.rods.bodies.get_mut(leaf)) {
             let frame = SectionFrame::from_corners(&self.rods.x[section]);
             (water.mass, water.at) = (mass.max(0.0), frame.matrix().transpose() * (centroid - frame.p));
         }
     }
 
-    fn boughs(&self, out: &mut Vec<Bough>) {
+    fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
         out.clear();
         out.extend(
             self.wood
                 .iter()
-                .map(|[a, b]| Bough { ends: [self.end_position(a), self.end_position(b)], radii: [a.r, b.r] }),
+                .map(|[a, b]| WoodSegment { ends: [self.end_position(a), self.end_position(b)], radii: [a.r, b.r] }),
         );
     }
 
-    fn bough_lightness(&self, bough: usize, share: f64, along: DVec3) -> f64 {
+    fn wood_inverse_effective_mass(&self, bough: usize, share: f64, along: DVec3) -> f64 {
         let part = |end: &WoodEnd, share: f64| {
             end.section.map_or(0.0, |section| {
-                share * share * self.inverse_effective_mass(section, self.end_position(end), along)
+                share * share * self.section_inverse_effective_mass(section, self.end_position(end), along)
             })
         };
         let [a, b] = &self.wood[bough];
         part(a, 1.0 - share) + part(b, share)
     }
 
-    fn strike_bough(&mut self, bough: usize, share: f64, blow: DVec3) {
+    fn apply_wood_impulse(&mut self, bough: usize, share: f64, blow: DVec3) {
         for (end, share) in self.wood[bough].into_iter().zip([1.0 - share, share]) {
             if let Some(section) = end.section {
                 self.impulse_forces.push((section, self.end_position(&end), blow * share));
@@ -424,15 +430,15 @@ impl Bearer for RodPlant {
         }
     }
 
-    fn bough_speed(&self, bough: usize, share: f64) -> DVec3 {
+    fn wood_velocity(&self, bough: usize, share: f64) -> DVec3 {
         let of = |end: &WoodEnd| {
             end.section.map_or(DVec3::ZERO, |section| self.point_velocity(section, self.end_position(end)))
         };
         of(&self.wood[bough][0]).lerp(of(&self.wood[bough][1]), share)
     }
 
-    fn as_any(&self) -> &dyn std::any::Any {
-        self
+    fn posed_rods(&self) -> Option<&RodSystem> {
+        Some(&self.rods)
     }
 
     /// A step that fails is taken again in halves, up to sixteenths.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Quat, Vec3};
 
 use super::RodPlant;
-use crate::rain::Bearer;
+use crate::rain::RainTarget;
 use crate::rods::plant::layout::RodPlantParams;
 use crate::sway::Wood;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
@@ -110,21 +110,21 @@ fn a_twig_hangs_as_it_grew_wherever_it_stands() {
         let plant = twig();
         let mut boughs = sprung(&stand);
         assert!(boughs.has_rest_shape() && boughs.omitted_stems_and_leaves() == [0, 0]);
-        assert_eq!(boughs.leaves(), 6);
+        assert_eq!(boughs.leaf_count(), 6);
         for (i, organ) in plant.organs.iter().enumerate() {
             let (p, q) = plant.organ_site(organ);
-            let blade = boughs.blade(i);
-            assert!((blade.p - stand.apply(p).as_dvec3()).length() < 1e-6);
-            assert!(blade.q.dot((stand.r * q).as_dquat()).abs() > 1.0 - 1e-9);
+            let blade = boughs.leaf_pose(i);
+            assert!((blade.position - stand.apply(p).as_dvec3()).length() < 1e-6);
+            assert!(blade.orientation.dot((stand.r * q).as_dquat()).abs() > 1.0 - 1e-9);
         }
-        let start: Vec<DVec3> = (0..6).map(|i| boughs.blade(i).world(DVec3::Y * 0.07, 1.4)).collect();
+        let start: Vec<DVec3> = (0..6).map(|i| boughs.leaf_pose(i).to_world(DVec3::Y * 0.07, 1.4)).collect();
         let mut most = 0.0_f64;
         steps(&mut boughs, 2.0, 1.0 / 384.0, |b| {
-            (0..6).for_each(|i| most = most.max((b.blade(i).world(DVec3::Y * 0.07, 1.4) - start[i]).length()));
+            (0..6).for_each(|i| most = most.max((b.leaf_pose(i).to_world(DVec3::Y * 0.07, 1.4) - start[i]).length()));
         });
         assert!(most < 1e-4, "{most}");
         let mut pieces = Vec::new();
-        boughs.boughs(&mut pieces);
+        boughs.wood_segments(&mut pieces);
         assert!(pieces.len() >= 4);
         let (first, last) = (pieces[0].ends[0], pieces[pieces.len() - 1].ends[1]);
         assert!((first - stand.apply(plant.nodes.p[0]).as_dvec3()).length() < 1e-3);
@@ -151,22 +151,22 @@ fn a_blow_changes_a_leaf_as_its_lightness_says() {
         (forth - back) / 2e-3
     };
     for (leaf, along) in [(1, DVec3::NEG_Y), (4, DVec3::new(0.6, 0.0, 0.8))] {
-        let blade = made().blade(leaf);
-        let [place, wet] = [DVec3::new(0.01, 0.05, 0.0), DVec3::Y * 0.03].map(|p| blade.world(p, 1.0));
+        let blade = made().leaf_pose(leaf);
+        let [place, wet] = [DVec3::new(0.01, 0.05, 0.0), DVec3::Y * 0.03].map(|p| blade.to_world(p, 1.0));
         let mut boughs = made();
-        boughs.load(leaf, 2e-5, wet);
+        boughs.set_attached_mass(leaf, 2e-5, wet);
         // A blade of 0.56 g, struck off its middle, gives way more than its weight says.
-        let light = boughs.lightness(leaf, place, along);
+        let light = boughs.inverse_effective_mass(leaf, place, along);
         assert!(light > 1.0 / 6e-4 && light < 1e5, "{light}");
         let strike = |b: &mut RodPlant, blow: f64| {
-            b.load(leaf, 2e-5, wet);
-            b.strike(leaf, place, along * blow);
+            b.set_attached_mass(leaf, 2e-5, wet);
+            b.apply_impulse(leaf, place, along * blow);
         };
-        let got = twice(&strike, &|b| b.blade(leaf).speed_at(place).dot(along));
+        let got = twice(&strike, &|b| b.leaf_pose(leaf).velocity_at(place).dot(along));
         assert!((got / light - 1.0).abs() < 1e-6, "{got} {light}");
     }
-    let light = made().bough_lightness(6, 0.3, DVec3::Y);
-    let got = twice(&|b, blow| b.strike_bough(6, 0.3, DVec3::Y * blow), &|b| b.bough_speed(6, 0.3).y);
+    let light = made().wood_inverse_effective_mass(6, 0.3, DVec3::Y);
+    let got = twice(&|b, blow| b.apply_wood_impulse(6, 0.3, DVec3::Y * blow), &|b| b.wood_velocity(6, 0.3).y);
     assert!(light > 0.0 && (got / light - 1.0).abs() < 1e-6, "{got} {light}");
 }
 
@@ -175,14 +175,14 @@ fn what_was_loaded_and_let_go_swings_through_and_settles() {
     let mut free = grain();
     free.wood.damping = 0.3;
     let mut boughs = RodPlant::new(&twig(), &Trs::IDENTITY, &free, "twig");
-    let tip = |b: &RodPlant| b.blade(3).world(DVec3::Y * 0.07, 1.0).y;
+    let tip = |b: &RodPlant| b.leaf_pose(3).to_world(DVec3::Y * 0.07, 1.0).y;
     let rest = tip(&boughs);
-    let place = boughs.blade(3).world(DVec3::Y * 0.05, 1.0);
-    boughs.load(3, 2e-4, place);
+    let place = boughs.leaf_pose(3).to_world(DVec3::Y * 0.05, 1.0);
+    boughs.set_attached_mass(3, 2e-4, place);
     steps(&mut boughs, 3.0, 1.0 / 384.0, |_| ());
     let sunk = rest - tip(&boughs);
     assert!(sunk > 5e-4, "{sunk}");
-    boughs.load(3, 0.0, place);
+    boughs.set_attached_mass(3, 0.0, place);
     let (mut crossings, mut above) = (0, false);
     steps(&mut boughs, 4.0, 1.0 / 384.0, |b| {
         let now = tip(b) > rest;
@@ -197,12 +197,12 @@ fn what_was_loaded_and_let_go_swings_through_and_settles() {
 fn leaves_shiver_each_for_itself_and_turn_over_never() {
     let wind = Arc::new(UniformWind(Vec3::new(2.5, 0.0, 1.0)));
     let mut boughs = sprung(&Trs::IDENTITY).with_wind(Some(wind));
-    let start: Vec<_> = (0..6).map(|i| boughs.blade(i).q).collect();
+    let start: Vec<_> = (0..6).map(|i| boughs.leaf_pose(i).orientation).collect();
     let (mut most, mut swings) = (0.0_f64, vec![Vec::new(); 6]);
     steps(&mut boughs, 6.0, 1.0 / 384.0, |b| {
         for i in 0..6 {
-            most = most.max(b.blade(i).q.angle_between(start[i]));
-            swings[i].push(b.blade(i).spin.length());
+            most = most.max(b.leaf_pose(i).orientation.angle_between(start[i]));
+            swings[i].push(b.leaf_pose(i).angular_velocity.length());
         }
     });
     let mean = |s: &[f64]| s.iter().fold(0.0, |a, b| a + b) / s.len() as f64;
@@ -227,5 +227,5 @@ fn what_has_no_room_is_rigid_and_counted() {
     small.thickest = 1e-4;
     let still = RodPlant::new(&twig(), &Trs::IDENTITY, &small, "twig");
     assert!((0..6).filter(|i| still.leaf_section(*i).is_none()).count() == 4 && still.has_rest_shape());
-    assert!(still.lightness(1, DVec3::ZERO, DVec3::Y) >= 0.0);
+    assert!(still.inverse_effective_mass(1, DVec3::ZERO, DVec3::Y) >= 0.0);
 }

@@ -2,20 +2,20 @@
 
 use glam::DVec3;
 
-use super::cap::WATER;
-use super::drop::Drop;
-use super::event::Event;
-use super::leaf::{Law, Leaf, Told};
-use super::manner::{Manner, Merge};
+use crate::rain::drops::drop::SurfaceDrop;
+use crate::rain::drops::rain_leaf::{LeafStepResult, RainLeaf, StepLaw};
+use crate::rain::drops::shape::WATER;
+use crate::rain::event::RainEvent;
+use crate::rain::params::{DropParams, MergeRule};
 use osier_base::math;
 use osier_scene::DropEventKind;
 
 /// Where a drop is, m of leaf space, and the radius of its base, m; none beyond the blade.
 type Place = Option<(DVec3, f64)>;
 
-impl Leaf {
+impl RainLeaf {
     /// Drops that touch become one, until none do. Source: [yang-wu] eq. 13; eq. 12 in its own mode.
-    pub(super) fn merge(&self, drops: &mut Vec<Drop>, (now, manner): Law<'_>, told: &mut Told) {
+    pub(super) fn merge(&self, drops: &mut Vec<SurfaceDrop>, (now, manner): StepLaw<'_>, told: &mut LeafStepResult) {
         drops.sort_by_key(|d| d.id);
         if drops.iter().all(|d| d.quiet) {
             return;
@@ -27,17 +27,17 @@ impl Leaf {
             told.tally.merged += 1;
             self.swallow(&mut drops[heavy], &gone);
             places[heavy] = self.place(&drops[heavy], manner);
-            let p = places[heavy].map_or(now.blade.p, |(p, _)| now.blade.p + now.blade.q * p);
+            let p = places[heavy].map_or(now.blade.position, |(p, _)| now.blade.position + now.blade.orientation * p);
             let kept = &drops[heavy];
-            let event = Event::of(DropEventKind::Merged, kept.id, (now.t, p), kept.volume);
-            told.events.push(Event { other: Some(gone.id), ..event });
+            let event = RainEvent::of(DropEventKind::Merged, kept.id, (now.t, p), kept.volume);
+            told.events.push(RainEvent { other: Some(gone.id), ..event });
             drops.remove(light);
             places.remove(light);
         }
         drops.iter_mut().for_each(|d| d.quiet = true);
     }
 
-    fn place(&self, drop: &Drop, manner: &Manner) -> Place {
+    fn place(&self, drop: &SurfaceDrop, manner: &DropParams) -> Place {
         match drop.hang {
             Some(hang) => Some((hang.rim.p, hang.radius)),
             None => self.at(drop.uv).map(|s| (s.p, drop.head(manner, 1.0).a)),
@@ -45,7 +45,7 @@ impl Leaf {
     }
 
     /// Volumes add, momentum is kept, the place is the middle of both.
-    fn swallow(&self, heavy: &mut Drop, light: &Drop) {
+    fn swallow(&self, heavy: &mut SurfaceDrop, light: &SurfaceDrop) {
         let whole = heavy.volume + light.volume;
         let share = light.volume / whole;
         if heavy.hang.is_none() {
@@ -72,7 +72,7 @@ impl Leaf {
 
 /// The first two drops that touch, in the order of their numbers. Only those near ones that moved are compared: drops
 /// stand in a row along the leaf, and the widest tells how far to look.
-fn touching(drops: &[Drop], places: &[Place], manner: &Manner) -> Option<(usize, usize)> {
+fn touching(drops: &[SurfaceDrop], places: &[Place], manner: &DropParams) -> Option<(usize, usize)> {
     let mut row: Vec<(f64, usize)> = (0..).zip(places).filter_map(|(i, p)| Some((p.as_ref()?.0.y, i))).collect();
     row.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let widest = places.iter().flatten().fold(0.0, |m: f64, p| m.max(p.1));
@@ -91,12 +91,12 @@ fn touching(drops: &[Drop], places: &[Place], manner: &Manner) -> Option<(usize,
     first
 }
 
-fn touch(drops: &[Drop], places: &[Place], (i, k): (usize, usize), manner: &Manner) -> bool {
+fn touch(drops: &[SurfaceDrop], places: &[Place], (i, k): (usize, usize), manner: &DropParams) -> bool {
     let (Some(a), Some(b)) = (places[i], places[k]) else { return false };
     let hangs = drops[i].hang.is_some() || drops[k].hang.is_some();
     let reach = match manner.merge {
-        Merge::Touch => a.1 + b.1,
-        Merge::Paper => {
+        MergeRule::Touch => a.1 + b.1,
+        MergeRule::Paper => {
             let lighter = WATER * drops[i].volume.min(drops[k].volume) * manner.g;
             (a.1 + b.1) * math::exp(-manner.mu * lighter / manner.k_h)
         }
@@ -110,22 +110,22 @@ mod tests {
 
     use glam::DVec2;
 
-    use super::super::sheet::{Sheet, tests::flat};
     use super::*;
+    use crate::rain::leaf::surface::{LeafSurface, tests::flat};
     use osier_base::rng::Rng;
 
     #[test]
     fn the_row_finds_the_pair_that_all_pairs_have_first() {
         let mut draw = Rng::at(3, &["row".into()]);
         let mut found = 0;
-        for merge in [Merge::Touch, Merge::Paper] {
-            let manner = Manner { merge, mu: 0.3, ..Manner::default() };
+        for merge in [MergeRule::Touch, MergeRule::Paper] {
+            let manner = DropParams { merge, mu: 0.3, ..DropParams::default() };
             for _ in 0..60 {
                 let mut drops = Vec::new();
                 let mut places = Vec::new();
                 for id in 0..40 {
                     let side = if draw.chance(0.8) { 1.0 } else { -1.0 };
-                    let mut drop = Drop::new(id, side, DVec2::ZERO, DVec3::ZERO, draw.range(1e-9, 3e-8));
+                    let mut drop = SurfaceDrop::new(id, side, DVec2::ZERO, DVec3::ZERO, draw.range(1e-9, 3e-8));
                     drop.quiet = draw.chance(0.6);
                     drops.push(drop);
                     let p = DVec3::new(draw.range(-0.02, 0.02), draw.range(0.0, 0.08), draw.range(0.0, 0.001));
@@ -143,14 +143,14 @@ mod tests {
 
     #[test]
     fn one_drop_has_all_the_water_and_momentum_of_both() {
-        let sheet = Sheet::new(&flat(0.08, 0.04, 4)).expect("a blade");
-        let leaf = Leaf::new(Arc::new(sheet), 1.0, 0);
+        let sheet = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let leaf = RainLeaf::new(Arc::new(sheet), 1.0, 0);
         let mut draw = Rng::at(8, &["merge".into()]);
         for id in 0..500 {
             let mut one = |most: f64| {
                 let uv = DVec2::new(draw.range(0.1, 0.9), draw.range(0.1, 0.9));
                 let v = DVec3::new(draw.range(-0.5, 0.5), draw.range(-0.5, 0.5), 0.0);
-                Drop::new(id, 1.0, uv, v, draw.range(1e-11, most))
+                SurfaceDrop::new(id, 1.0, uv, v, draw.range(1e-11, most))
             };
             let (mut kept, gone) = (one(1e-7), one(1e-8));
             let (water, push) = (kept.volume + gone.volume, kept.v * kept.volume + gone.v * gone.volume);

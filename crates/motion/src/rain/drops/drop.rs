@@ -2,9 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::cap::{Cap, Print};
-use super::manner::Manner;
-use super::sheet::Rim;
+use crate::rain::drops::shape::{Footprint, SphericalCap};
+use crate::rain::leaf::surface::MarginPoint;
+use crate::rain::params::DropParams;
 use osier_base::math;
 
 /// Speed at which a drop is stretched and its tail is as long as it gets, m/s.
@@ -20,9 +20,9 @@ pub const BEAD: f64 = 3e-4;
 
 /// How a drop hangs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hang {
+pub struct PendantAnchor {
     /// Where on the margin.
-    pub rim: Rim,
+    pub rim: MarginPoint,
     /// Radius of the circle that it hangs from, m.
     pub radius: f64,
     /// Over the margin, unit, along the blade.
@@ -33,7 +33,7 @@ pub struct Hang {
 
 /// A drop on a leaf; places and directions in metres of leaf space.
 #[derive(Debug, Clone)]
-pub struct Drop {
+pub struct SurfaceDrop {
     /// By birth.
     pub id: u64,
     /// 1 on the upper side, -1 below.
@@ -45,7 +45,7 @@ pub struct Drop {
     /// m^3.
     pub volume: f64,
     /// Present while it hangs at the margin.
-    pub hang: Option<Hang>,
+    pub hang: Option<PendantAnchor>,
     /// Direction of its footprint's long axis and of its lean, unit, along the blade.
     pub axis: DVec3,
     /// Share of the greatest lean.
@@ -70,16 +70,16 @@ pub struct Drop {
 
 /// One of the caps that a drop with its tail is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bead {
+pub struct DropCap {
     /// Where.
     pub uv: DVec2,
     /// Its shape.
-    pub cap: Cap,
+    pub cap: SphericalCap,
     /// m^3.
     pub volume: f64,
 }
 
-impl Drop {
+impl SurfaceDrop {
     /// A drop that has just come to lie.
     pub fn new(id: u64, side: f64, uv: DVec2, v: DVec3, volume: f64) -> Self {
         Self {
@@ -109,12 +109,12 @@ impl Drop {
     }
 
     /// Its footprint.
-    pub fn print(&self, manner: &Manner) -> Print {
-        Print { q: self.stretch(), skew: self.lean * manner.wetting.lean() }
+    pub fn print(&self, manner: &DropParams) -> Footprint {
+        Footprint { q: self.stretch(), skew: self.lean * manner.wetting.lean() }
     }
 
     /// Its volume as shares of the drops of its tail, the head first. Source: [yang-wu] eq. 9, radii as a geometric series.
-    pub fn shares(&self, manner: &Manner) -> Vec<f64> {
+    pub fn shares(&self, manner: &DropParams) -> Vec<f64> {
         let cube = manner.tail_beta * manner.tail_beta * manner.tail_beta;
         let whole = self.active.floor().max(1.0);
         let mut shares = Vec::new();
@@ -134,16 +134,16 @@ impl Drop {
     }
 
     /// The cap of its head.
-    pub fn head(&self, manner: &Manner, facing: f64) -> Cap {
+    pub fn head(&self, manner: &DropParams, facing: f64) -> SphericalCap {
         let share = self.shares(manner).first().copied().unwrap_or(1.0);
         manner.wetting.cap(self.volume * share, facing)
     }
 
     /// Its head and the drops of its tail along the way that it came.
-    pub fn beads(&self, manner: &Manner, facing: f64) -> Vec<Bead> {
+    pub fn beads(&self, manner: &DropParams, facing: f64) -> Vec<DropCap> {
         let shares = self.shares(manner);
-        let mut out: Vec<Bead> = Vec::with_capacity(shares.len());
-        let mut walk = Walk { path: &self.path, at: self.uv, left: self.path.len(), used: 0.0 };
+        let mut out: Vec<DropCap> = Vec::with_capacity(shares.len());
+        let mut walk = PathWalker { path: &self.path, at: self.uv, left: self.path.len(), used: 0.0 };
         for share in shares {
             let volume = self.volume * share;
             let cap = manner.wetting.cap(volume, facing);
@@ -151,13 +151,13 @@ impl Drop {
                 // The last of a tail may be small for being half gone, not for standing far back.
                 walk.back(SPACING * cap.a.max(1e-5));
             }
-            out.push(Bead { uv: walk.at, cap, volume });
+            out.push(DropCap { uv: walk.at, cap, volume });
         }
         out
     }
 
     /// Goes on by a way: remembers it, and forgets what is too far back for the tail.
-    pub fn pass(&mut self, from: DVec2, way: f64, a: f64, manner: &Manner) {
+    pub fn pass(&mut self, from: DVec2, way: f64, a: f64, manner: &DropParams) {
         self.path.push((from, way));
         self.straight += way;
         let needed = SPACING * a * f64::from(manner.tail_n) * 2.0;
@@ -172,7 +172,7 @@ impl Drop {
 
     /// Lets its tail grow or draw in for `h` seconds, and returns the shares of what it leaves behind: number of the drop of
     /// the tail that lets go, if one does.
-    pub fn tail(&mut self, a: f64, h: f64, manner: &Manner) -> Option<usize> {
+    pub fn tail(&mut self, a: f64, h: f64, manner: &DropParams) -> Option<usize> {
         let length: f64 = self.path.iter().map(|(_, w)| w).sum();
         let most = 1.0 + length / (SPACING * a.max(1e-5));
         let speed = (self.v.length() / BRISK).min(1.0);
@@ -196,7 +196,7 @@ impl Drop {
     }
 }
 
-struct Walk<'a> {
+struct PathWalker<'a> {
     path: &'a [(DVec2, f64)],
     at: DVec2,
     left: usize,
@@ -204,7 +204,7 @@ struct Walk<'a> {
     used: f64,
 }
 
-impl Walk<'_> {
+impl PathWalker<'_> {
     /// Goes back along a path.
     fn back(&mut self, mut way: f64) {
         while let Some((from, length)) = self.left.checked_sub(1).and_then(|k| self.path.get(k)) {
@@ -229,8 +229,8 @@ mod tests {
 
     #[test]
     fn a_full_tail_keeps_the_volume_and_the_papers_ratio() {
-        let manner = Manner::default();
-        let mut drop = Drop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y, 1e-8);
+        let manner = DropParams::default();
+        let mut drop = SurfaceDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y, 1e-8);
         drop.active = 8.0;
         drop.path = (0..100).map(|k| (DVec2::new(0.5, 0.1 + 0.004 * f64::from(k)), 4e-4)).collect();
         let beads = drop.beads(&manner, 1.0);
@@ -248,8 +248,8 @@ mod tests {
 
     #[test]
     fn a_drop_that_stops_draws_its_tail_in_and_names_what_it_loses() {
-        let manner = Manner::default();
-        let mut drop = Drop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y * 0.3, 1e-8);
+        let manner = DropParams::default();
+        let mut drop = SurfaceDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y * 0.3, 1e-8);
         drop.path = (0..100).map(|k| (DVec2::new(0.5, 0.1 + 0.004 * f64::from(k)), 4e-4)).collect();
         (0..200).for_each(|_| assert_eq!(drop.tail(1e-3, 0.01, &manner), None));
         assert!(drop.active > 7.9, "{}", drop.active);

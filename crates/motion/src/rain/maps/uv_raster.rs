@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::super::sheet::{Sheet, Spot};
 use super::TILE;
+use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use osier_base::math::narrow;
 
 /// Windows are larger than what they hold by a factor: the least, and the most for blades whose texture is stretched here
@@ -19,7 +19,7 @@ const ONE_SIDE: f32 = 0.8;
 
 /// What a leaf's texture knows of its blade: made once, shared by all leaves of one form.
 #[derive(Debug)]
-pub struct Chart {
+pub struct UvRaster {
     pub(super) side: usize,
     /// Places of the texels, m of the blade's own space, component by component; [`FAR`] away beyond the blade.
     pub(super) p: [Vec<f32>; 3],
@@ -32,21 +32,21 @@ pub struct Chart {
 }
 
 /// A row's texels of a chart.
-pub(super) struct Row<'a> {
+pub(super) struct RasterRow<'a> {
     pub p: [&'a [f32]; 3],
     /// Empty where the blade is not folded.
     pub n: [&'a [f32]; 3],
 }
 
 /// A texel that is on the blade.
-struct Texel {
+struct SurfaceTexel {
     p: [f32; 3],
     n: [f32; 3],
     slopes: [f32; 3],
 }
 
-impl Texel {
-    fn of(spot: &Spot) -> Self {
+impl SurfaceTexel {
+    fn of(spot: &SurfacePoint) -> Self {
         let (a, b, c) = (spot.ju.dot(spot.ju), spot.ju.dot(spot.jv), spot.jv.dot(spot.jv));
         // H_u is the slope along u times |J_u|; what is left of H_v goes along the part of J_v across it.
         let across = ((a * c - b * b).max(0.0) / a).sqrt();
@@ -57,7 +57,7 @@ impl Texel {
 
 /// Rows and columns of texels, ends excluded, and the ellipse within them that a distance on the blade is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Window {
+pub(super) struct TexelWindow {
     pub lo: [usize; 2],
     pub hi: [usize; 2],
     middle: DVec2,
@@ -66,7 +66,7 @@ pub(super) struct Window {
     half: [f64; 2],
 }
 
-impl Window {
+impl TexelWindow {
     /// All texels.
     pub fn whole(side: usize) -> Self {
         Self { lo: [0; 2], hi: [side; 2], middle: DVec2::ZERO, lean: 0.0, half: [f64::INFINITY, 0.0] }
@@ -116,18 +116,18 @@ impl Window {
     }
 }
 
-impl Chart {
+impl UvRaster {
     /// Looks up each of `side` by `side` texels.
-    pub fn new(sheet: &Sheet, side: usize) -> Self {
+    pub fn new(sheet: &LeafSurface, side: usize) -> Self {
         let rows: Vec<usize> = (0..side).collect();
         let n = side as f64;
-        let row = |y: &usize| -> Vec<Option<Texel>> {
+        let row = |y: &usize| -> Vec<Option<SurfaceTexel>> {
             let v = 1.0 - (*y as f64 + 0.5) / n;
-            let texel = |x: usize| Some(Texel::of(&sheet.at(DVec2::new((x as f64 + 0.5) / n, v), 1.0)?));
+            let texel = |x: usize| Some(SurfaceTexel::of(&sheet.at(DVec2::new((x as f64 + 0.5) / n, v), 1.0)?));
             (0..side).map(texel).collect()
         };
-        let texels: Vec<Option<Texel>> = osier_base::par::par_map(&rows, row).into_iter().flatten().collect();
-        let list = |beyond: f32, f: &dyn Fn(&Texel) -> f32| -> Vec<f32> {
+        let texels: Vec<Option<SurfaceTexel>> = osier_base::par::par_map(&rows, row).into_iter().flatten().collect();
+        let list = |beyond: f32, f: &dyn Fn(&SurfaceTexel) -> f32| -> Vec<f32> {
             texels.iter().map(|t| t.as_ref().map_or(beyond, f)).collect()
         };
         let normals = || texels.iter().flatten().map(|t| Vec3::from_array(t.n));
@@ -150,19 +150,19 @@ impl Chart {
     }
 
     /// Texels within a distance, m, of a place.
-    pub(super) fn window(&self, uv: DVec2, spot: &Spot, reach: f64) -> Window {
+    pub(super) fn window(&self, uv: DVec2, spot: &SurfacePoint, reach: f64) -> TexelWindow {
         self.ellipse(uv, [spot.ju, spot.jv], reach)
     }
 
     /// Texels under a footprint of a radius, m, stretched by `q` along a unit vector of the blade's plane.
-    pub(super) fn footprint(&self, uv: DVec2, spot: &Spot, (reach, q, axis): (f64, f64, DVec3)) -> Window {
+    pub(super) fn footprint(&self, uv: DVec2, spot: &SurfacePoint, (reach, q, axis): (f64, f64, DVec3)) -> TexelWindow {
         let across = spot.n.cross(axis);
         let shrunk = |j: DVec3| DVec3::new(j.dot(axis) / q, j.dot(across) * q, j.dot(spot.n));
         self.ellipse(uv, [spot.ju, spot.jv].map(shrunk), reach)
     }
 
     /// Texels within a distance of a place. `ju`, `jv`: ways that u and v go there.
-    fn ellipse(&self, uv: DVec2, [ju, jv]: [DVec3; 2], reach: f64) -> Window {
+    fn ellipse(&self, uv: DVec2, [ju, jv]: [DVec3; 2], reach: f64) -> TexelWindow {
         let n = self.side as f64;
         let reach = self.margin * reach;
         // Rows count against v, whence the sign of b.
@@ -175,7 +175,7 @@ impl Chart {
             k
         };
         let least = a.max(f64::MIN_POSITIVE);
-        Window {
+        TexelWindow {
             lo: [clamp(((uv.x - r.x) * n).floor()), clamp(((1.0 - uv.y - r.y) * n).floor())],
             hi: [clamp(((uv.x + r.x) * n).ceil() + 1.0), clamp(((1.0 - uv.y + r.y) * n).ceil() + 1.0)],
             middle: DVec2::new(uv.x, 1.0 - uv.y) * n,
@@ -191,12 +191,12 @@ impl Chart {
 
     /// Texels of a row, the end excluded.
     #[inline(always)]
-    pub(super) fn row(&self, from: usize, to: usize) -> Row<'_> {
+    pub(super) fn row(&self, from: usize, to: usize) -> RasterRow<'_> {
         let [x, y, z] = &self.p;
         let p = [&x[from..to], &y[from..to], &z[from..to]];
         match &self.n {
-            Some([x, y, z]) => Row { p, n: [&x[from..to], &y[from..to], &z[from..to]] },
-            None => Row { p, n: [&[]; 3] },
+            Some([x, y, z]) => RasterRow { p, n: [&x[from..to], &y[from..to], &z[from..to]] },
+            None => RasterRow { p, n: [&[]; 3] },
         }
     }
 }

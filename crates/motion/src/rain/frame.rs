@@ -2,18 +2,18 @@
 
 use glam::DVec3;
 
-use super::bearer::Blade;
-use super::cap::Print;
-use super::drop::Bead;
-use super::event::Event;
-use super::leaf::{Stamp, Tally};
-use super::maps::{Blob, Soak};
-use super::pendant::THINS;
-use super::storm::{Ledger, Storm};
+use crate::rain::drops::drop::DropCap;
+use crate::rain::drops::pendant::THINS;
+use crate::rain::drops::rain_leaf::{DropCounters, WetSpot};
+use crate::rain::drops::shape::Footprint;
+use crate::rain::event::RainEvent;
+use crate::rain::maps::CapOnLeaf;
+use crate::rain::simulation::{RainSimulation, WaterBudget};
+use crate::rain::target::LeafPose;
 
 /// A drop that lies or runs, with its tail.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Lying {
+pub struct SessileDrop {
     /// By birth.
     pub id: u64,
     /// Its leaf.
@@ -21,9 +21,9 @@ pub struct Lying {
     /// 1 on the upper side, -1 below.
     pub side: f64,
     /// The head first.
-    pub beads: Vec<Bead>,
+    pub beads: Vec<DropCap>,
     /// Footprint of its head.
-    pub print: Print,
+    pub print: Footprint,
     /// Long axis of that, of leaf space.
     pub axis: DVec3,
     /// Of leaf space, m/s.
@@ -34,7 +34,7 @@ pub struct Lying {
 
 /// A drop that hangs.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hanging {
+pub struct PendantDrop {
     /// By birth.
     pub id: u64,
     /// Its leaf.
@@ -53,7 +53,7 @@ pub struct Hanging {
 
 /// A drop in the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct InAir {
+pub struct AirborneDrop {
     /// By birth.
     pub id: u64,
     /// m.
@@ -66,32 +66,32 @@ pub struct InAir {
 
 /// Rain at one frame.
 #[derive(Debug, Clone, Default)]
-pub struct Moment {
+pub struct RainFrame {
     /// s.
     pub t: f64,
     /// Where the leaves are.
-    pub blades: Vec<Blade>,
+    pub blades: Vec<LeafPose>,
     /// How wet each of them is as a whole, 0 to 1.
     pub wetness: Vec<f64>,
     /// On leaves.
-    pub lying: Vec<Lying>,
+    pub lying: Vec<SessileDrop>,
     /// At their margins.
-    pub hanging: Vec<Hanging>,
+    pub hanging: Vec<PendantDrop>,
     /// In the air.
-    pub air: Vec<InAir>,
+    pub air: Vec<AirborneDrop>,
     /// Places that came under water since the last frame, by leaf.
-    pub soaked: Vec<(usize, Stamp)>,
+    pub soaked: Vec<(usize, WetSpot)>,
     /// What has happened since the last frame, or since the rain began.
-    pub events: Vec<Event>,
+    pub events: Vec<RainEvent>,
     /// What has happened so far, in numbers.
-    pub tally: Tally,
+    pub tally: DropCounters,
     /// Where all water is.
-    pub ledger: Ledger,
+    pub ledger: WaterBudget,
 }
 
-impl Moment {
+impl RainFrame {
     /// A storm as it is.
-    pub fn of(storm: &mut Storm) -> Self {
+    pub fn of(storm: &mut RainSimulation) -> Self {
         let mut soaked = storm.take();
         let manner = &storm.manner;
         let (mut lying, mut hanging) = (Vec::new(), Vec::new());
@@ -101,18 +101,19 @@ impl Moment {
                     let p = hang.rim.p;
                     let (id, axis, volume) = (d.id, d.axis, d.volume);
                     let thin = hang.thin.map_or(0.0, |t| (t / THINS).min(1.0));
-                    hanging.push(Hanging { id, leaf: i, p, radius: hang.radius, axis, volume, thin });
+                    hanging.push(PendantDrop { id, leaf: i, p, radius: hang.radius, axis, volume, thin });
                     continue;
                 }
-                let facing = leaf.at(d.uv).map_or(1.0, |s| (storm.blades()[i].q * s.n).y.abs());
+                let facing = leaf.at(d.uv).map_or(1.0, |s| (storm.blades()[i].orientation * s.n).y.abs());
                 let beads = d.beads(manner, facing);
-                soaked.extend(beads.iter().map(|b| (i, Stamp { uv: b.uv, a: b.cap.a, t: storm.time() })));
+                soaked.extend(beads.iter().map(|b| (i, WetSpot { uv: b.uv, a: b.cap.a, t: storm.time() })));
                 let print = d.print(manner);
                 let (id, axis, v, volume) = (d.id, d.axis, d.v, d.volume);
-                lying.push(Lying { id, leaf: i, side: d.side, beads, print, axis, v, volume });
+                lying.push(SessileDrop { id, leaf: i, side: d.side, beads, print, axis, v, volume });
             }
         }
-        let air = |d: &super::storm::Falling| InAir { id: d.id, p: d.p, v: d.v, volume: d.volume };
+        let air =
+            |d: &crate::rain::simulation::FallingDrop| AirborneDrop { id: d.id, p: d.p, v: d.v, volume: d.volume };
         Self {
             t: storm.time(),
             blades: storm.blades().to_vec(),
@@ -131,28 +132,27 @@ impl Moment {
     pub fn bytes(&self) -> u64 {
         let beads: usize = self.lying.iter().map(|d| d.beads.len()).sum();
         let parts = [
-            self.blades.len() * (size_of::<Blade>() + size_of::<f64>()),
-            self.lying.len() * size_of::<Lying>(),
-            beads * size_of::<Bead>(),
-            self.hanging.len() * size_of::<Hanging>(),
-            self.air.len() * size_of::<InAir>(),
-            self.soaked.len() * size_of::<(usize, Stamp)>(),
-            self.events.len() * size_of::<Event>(),
+            self.blades.len() * (size_of::<LeafPose>() + size_of::<f64>()),
+            self.lying.len() * size_of::<SessileDrop>(),
+            beads * size_of::<DropCap>(),
+            self.hanging.len() * size_of::<PendantDrop>(),
+            self.air.len() * size_of::<AirborneDrop>(),
+            self.soaked.len() * size_of::<(usize, WetSpot)>(),
+            self.events.len() * size_of::<RainEvent>(),
         ];
         parts.iter().sum::<usize>() as u64
     }
 
     /// What the maps of a leaf need: its caps, and where it was soaked. Only what lies on its upper side.
-    pub fn on(&self, leaf: usize) -> (Vec<Blob>, Vec<Soak>) {
+    pub fn on(&self, leaf: usize) -> (Vec<CapOnLeaf>, Vec<WetSpot>) {
         let mut blobs = Vec::new();
         for d in self.lying.iter().filter(|d| d.leaf == leaf && d.side > 0.0) {
             for (k, bead) in d.beads.iter().enumerate() {
-                let print = if k == 0 { d.print } else { Print { q: 1.0, skew: 0.0 } };
-                blobs.push(Blob { uv: bead.uv, cap: bead.cap, print, axis: d.axis });
+                let print = if k == 0 { d.print } else { Footprint { q: 1.0, skew: 0.0 } };
+                blobs.push(CapOnLeaf { uv: bead.uv, cap: bead.cap, print, axis: d.axis });
             }
         }
-        let soak = |s: &Stamp| Soak { uv: s.uv, a: s.a, t: s.t };
-        let soaks = self.soaked.iter().filter(|(i, _)| *i == leaf).map(|(_, s)| soak(s)).collect();
+        let soaks = self.soaked.iter().filter(|(i, _)| *i == leaf).map(|(_, s)| *s).collect();
         (blobs, soaks)
     }
 }

@@ -4,9 +4,9 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::body::Base;
-use super::cap::Cap;
-use super::moment::Lying;
+use crate::rain::drops::shape::SphericalCap;
+use crate::rain::frame::SessileDrop;
+use crate::rain::mesh::DropPlacement;
 use osier_base::math;
 
 /// Rows per base radius, and most rows.
@@ -19,14 +19,14 @@ const STEPS: u32 = 24;
 const FACTOR: [f64; 2] = [0.4, 1.6];
 
 /// The way that a drop with a tail came, from its head back, and its shape along it.
-pub(super) struct Line {
+pub(super) struct TailBody {
     /// Places, of leaf space from the head, and the way to each, m.
     points: Vec<(DVec3, f64)>,
     /// Way to the middle of each cap, m, half of its width there and its height, with their slopes.
-    nodes: Vec<Node>,
+    nodes: Vec<TailNode>,
     /// The caps at its ends and their stretch.
-    head: (Cap, f64),
-    end: (Cap, f64),
+    head: (SphericalCap, f64),
+    end: (SphericalCap, f64),
     normal: DVec3,
     skew: f64,
     /// Where it begins and ends.
@@ -38,14 +38,14 @@ pub(super) struct Line {
 
 /// Half width and height at a way, m, and how they change with it.
 #[derive(Debug, Clone, Copy)]
-struct Node {
+struct TailNode {
     way: f64,
     size: [f64; 2],
     slope: [f64; 2],
 }
 
-impl Line {
-    pub(super) fn new(base: &Base<'_>, drop: &Lying) -> Option<Self> {
+impl TailBody {
+    pub(super) fn new(base: &DropPlacement<'_>, drop: &SessileDrop) -> Option<Self> {
         let places: Vec<DVec3> = drop.beads.iter().filter_map(|b| base.leaf.at(b.uv)).map(|s| s.p).collect();
         if places.len() != drop.beads.len() {
             return None;
@@ -57,7 +57,7 @@ impl Line {
             points.push((*p - base.spot.p, way));
         }
         let q = |i: usize| if i == 0 { drop.print.q } else { 1.0 };
-        let caps: Vec<(f64, f64, Cap)> =
+        let caps: Vec<(f64, f64, SphericalCap)> =
             drop.beads.iter().enumerate().map(|(i, b)| (points[i].1, q(i), b.cap)).collect();
         let (head, last) = (caps.first()?, caps.last()?);
         let (from, to) = (-head.2.reach() * head.1, last.0 + last.2.reach() * last.1);
@@ -93,7 +93,7 @@ impl Line {
     /// the caps, between them a curve without bumps runs through those of all caps. Source: own.
     fn section(&self, s: f64) -> [f64; 2] {
         let (first, last) = (self.nodes[0], self.nodes[self.nodes.len() - 1]);
-        let rounded = |(cap, q): (Cap, f64), x: f64| {
+        let rounded = |(cap, q): (SphericalCap, f64), x: f64| {
             let x = x / q;
             let wide = cap.reach() / q * math::sqrt((1.0 - (x / cap.reach()).min(1.0) * (x / cap.reach())).max(0.0));
             [wide, cap.height((x / cap.a).abs())]
@@ -138,7 +138,7 @@ impl Line {
     }
 
     /// A point of the drop: a way back, aside, and up.
-    pub(super) fn point(&self, base: &Base<'_>, s: f64, x: f64, h: f64) -> DVec3 {
+    pub(super) fn point(&self, base: &DropPlacement<'_>, s: f64, x: f64, h: f64) -> DVec3 {
         let last = self.points.len() - 1;
         let k = self.points.partition_point(|(_, way)| *way <= s).clamp(1, last);
         let ((a, s0), (b, s1)) = (self.points[k - 1], self.points[k]);
@@ -153,19 +153,19 @@ impl Line {
 }
 
 /// Height of a cap at a share of its width, as a share of its top.
-fn across(cap: &Cap, rho: f64) -> f64 {
+fn across(cap: &SphericalCap, rho: f64) -> f64 {
     let top = cap.top();
     if top > 0.0 { cap.height(rho * cap.reach() / cap.a) / top } else { 0.0 }
 }
 
 /// Sizes at the middles of the caps. Slopes are those of a curve that rises and falls only where its points do.
 /// Source: Fritsch and Butland's harmonic mean.
-fn nodes(caps: &[(f64, f64, Cap)], skew: f64) -> Vec<Node> {
-    let mut nodes: Vec<Node> = Vec::new();
+fn nodes(caps: &[(f64, f64, SphericalCap)], skew: f64) -> Vec<TailNode> {
+    let mut nodes: Vec<TailNode> = Vec::new();
     for (way, q, cap) in caps {
         // Caps on one place are one.
         if nodes.last().is_none_or(|n| way - n.way > 1e-7) {
-            nodes.push(Node { way: *way, size: [cap.reach() / q, cap.top()], slope: [0.0; 2] });
+            nodes.push(TailNode { way: *way, size: [cap.reach() / q, cap.top()], slope: [0.0; 2] });
         }
     }
     for k in 1..nodes.len().saturating_sub(1) {

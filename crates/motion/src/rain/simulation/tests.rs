@@ -1,12 +1,12 @@
 use glam::{DQuat, DVec2};
 
-use super::super::bearer::Stiff;
-use super::super::cap::TENSION;
-use super::super::grooves::{Grooves, tests::vein};
-use super::super::manner::Manner;
-use super::super::sheet::{Sheet, tests::flat};
-use super::super::shower::{Envelope, Rainfall, Size};
 use super::*;
+use crate::rain::drops::shape::TENSION;
+use crate::rain::emitter::{DropSizes, IntensityEnvelope, RainfallParams};
+use crate::rain::leaf::surface::{LeafSurface, tests::flat};
+use crate::rain::leaf::veins::{VeinMap, tests::vein};
+use crate::rain::params::DropParams;
+use crate::rain::target::StaticPlant;
 use osier_base::geometry::Bounds;
 use osier_base::math;
 
@@ -16,9 +16,9 @@ fn hung(tilt: f64) -> (DVec3, DQuat) {
     (DVec3::new(0.0, 1.0, 0.0), turn)
 }
 
-fn storm(tilts: &[f64], manner: Manner, shower: Option<Shower>) -> Storm {
-    let sheet = Arc::new(Sheet::new(&flat(0.08, 0.04, 6)).expect("a blade"));
-    let target = Arc::new(Target::new(&sheet));
+fn storm(tilts: &[f64], manner: DropParams, shower: Option<RainEmitter>) -> RainSimulation {
+    let sheet = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade"));
+    let target = Arc::new(LeafCollider::new(&sheet));
     let place = |(i, tilt): (usize, &f64)| {
         let (p, q) = hung(*tilt);
         (p - DVec3::Y * (0.06 * i as f64) - DVec3::Z * (0.02 * i as f64), q)
@@ -26,23 +26,23 @@ fn storm(tilts: &[f64], manner: Manner, shower: Option<Shower>) -> Storm {
     let places: Vec<(DVec3, DQuat)> = tilts.iter().enumerate().map(place).collect();
     let leaves = (0..tilts.len())
         .map(|i| {
-            let leaf = Leaf::new(Arc::clone(&sheet), 1.0, i as u64);
-            (leaf, Hung { on: (0, i), target: Arc::clone(&target) })
+            let leaf = RainLeaf::new(Arc::clone(&sheet), 1.0, i as u64);
+            (leaf, LeafAttachment { on: (0, i), target: Arc::clone(&target) })
         })
         .collect();
-    let stem = Bough { ends: [DVec3::ZERO, DVec3::Y], radii: [0.005, 0.003] };
-    Storm::new(Parts {
+    let stem = WoodSegment { ends: [DVec3::ZERO, DVec3::Y], radii: [0.005, 0.003] };
+    RainSimulation::new(RainConfig {
         manner,
         shower,
-        bearers: vec![Box::new(Stiff::new(&places, vec![stem]))],
+        bearers: vec![Box::new(StaticPlant::new(&places, vec![stem]))],
         leaves,
         wind: None,
         floor: Box::new(0.0),
     })
 }
 
-fn even() -> Manner {
-    Manner { pin_noise: 0.0, ..Manner::default() }
+fn even() -> DropParams {
+    DropParams { pin_noise: 0.0, ..DropParams::default() }
 }
 
 /// Slope, degrees, at which a drop of a volume begins to run, by steps of 0.1 degrees.
@@ -87,17 +87,17 @@ fn a_running_drop_reaches_the_tip_hangs_and_falls() {
     }
     assert!(hung);
     assert!(fell > 10e-9, "{:?}", storm.ledger());
-    let Tally { hung, fell, struck, .. } = storm.tally();
+    let DropCounters { hung, fell, struck, .. } = storm.tally();
     assert!(hung >= 1 && fell >= 1 && struck == 0, "{hung} {fell} {struck}");
 }
 
 #[test]
 fn a_splash_keeps_all_water() {
-    let mut storm = storm(&[0.2], Manner { splash: 0.3, ..even() }, None);
-    let (volume, air) = (super::super::shower::ball(4e-3), storm.next());
+    let mut storm = storm(&[0.2], DropParams { splash: 0.3, ..even() }, None);
+    let (volume, air) = (crate::rain::emitter::ball(4e-3), storm.next());
     storm.emitted += volume;
-    let p = storm.blades[0].p + DVec3::new(0.0, 0.05, -0.03);
-    storm.air.push(Falling { id: air, p, v: DVec3::NEG_Y * 8.0, volume, blind: None, late: 0.0 });
+    let p = storm.blades[0].position + DVec3::new(0.0, 0.05, -0.03);
+    storm.air.push(FallingDrop { id: air, p, v: DVec3::NEG_Y * 8.0, volume, blind: None, late: 0.0 });
     while storm.leaves()[0].drops.is_empty() {
         storm.step(0.001).expect("stiff");
         assert!(storm.time() < 0.1, "it missed the leaf");
@@ -110,7 +110,7 @@ fn a_splash_keeps_all_water() {
 
 #[test]
 fn beads_that_a_tail_leaves_have_its_water() {
-    let mut storm = storm(&[0.25], Manner { bead: 1.0, ..even() }, None);
+    let mut storm = storm(&[0.25], DropParams { bead: 1.0, ..even() }, None);
     for u in [0.2, 0.5, 0.8] {
         storm.place(0, DVec2::new(u, 0.2), DVec3::Y * 0.6, 30e-9);
     }
@@ -118,7 +118,7 @@ fn beads_that_a_tail_leaves_have_its_water() {
         storm.step(0.002).expect("stiff");
         assert!(storm.ledger().error() < 1e-12, "{:?}", storm.ledger());
     }
-    let beads: Vec<Event> = storm.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
+    let beads: Vec<RainEvent> = storm.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
     assert!(beads.len() >= 3 && storm.tally().beads == beads.len() as u64, "{beads:?}");
     assert!(beads.iter().all(|b| b.volume > 0.0 && b.other.is_some_and(|of| of <= 3)));
 }
@@ -126,10 +126,10 @@ fn beads_that_a_tail_leaves_have_its_water() {
 #[test]
 fn running_drops_follow_veins() {
     // A vein that leads aside takes a drop along for a part of its way.
-    let ends = |grooves: Option<Grooves>| {
-        let sheet = Arc::new(Sheet::new(&flat(0.08, 0.04, 6)).expect("a blade").with(None, grooves));
+    let ends = |grooves: Option<VeinMap>| {
+        let sheet = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade").with(None, grooves));
         let mut storm = storm(&[1.0], even(), None);
-        storm.leaves[0] = Leaf::new(sheet, 1.0, 0);
+        storm.leaves[0] = RainLeaf::new(sheet, 1.0, 0);
         storm.place(0, DVec2::new(0.35, 0.1), DVec3::ZERO, 25e-9);
         while storm.leaves()[0].drops.first().is_some_and(|d| d.uv.y < 0.6) {
             storm.step(0.001).expect("stiff");
@@ -151,7 +151,7 @@ fn drops_that_touch_are_one_with_all_their_water_and_momentum() {
         storm.step(0.002).expect("stiff");
         let now = &storm.leaves()[0];
         if now.drops.len() < before.drops.len() {
-            let m = |drops: &[Drop]| drops.iter().fold(DVec3::ZERO, |s, d| s + d.v * d.volume);
+            let m = |drops: &[SurfaceDrop]| drops.iter().fold(DVec3::ZERO, |s, d| s + d.v * d.volume);
             assert!((now.volume() / 12e-9 - 1.0).abs() < 1e-12);
             // Momentum right after merging is that of both, less the friction of one step.
             assert!(m(&now.drops).length() <= m(&before.drops).length());
@@ -162,13 +162,13 @@ fn drops_that_touch_are_one_with_all_their_water_and_momentum() {
     panic!("they never met");
 }
 
-fn heavy_rain(seed: u64) -> Rainfall {
-    Rainfall {
+fn heavy_rain(seed: u64) -> RainfallParams {
+    RainfallParams {
         seed,
         strength: 100.0 / 3.6e6,
-        size: Size::Natural,
+        size: DropSizes::Natural,
         total: None,
-        envelope: Envelope::Constant,
+        envelope: IntensityEnvelope::Constant,
         jitter: 0.2,
         duration: 10.0,
         g: 9.81,
@@ -181,8 +181,8 @@ fn over() -> Bounds {
 
 #[test]
 fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
-    let manner = Manner { splash: 0.3, ..Manner::default() };
-    let shower = Shower::new(heavy_rain(3), over(), None);
+    let manner = DropParams { splash: 0.3, ..DropParams::default() };
+    let shower = RainEmitter::new(heavy_rain(3), over(), None);
     let mut storm = storm(&[0.3, 0.6, 1.0, -0.4], manner, Some(shower));
     for k in 0..2400 {
         storm.step(1.0 / 240.0).expect("stiff");
@@ -197,8 +197,8 @@ fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
 #[test]
 fn any_number_of_threads_gives_the_same_rain() {
     let run = || {
-        let shower = Shower::new(heavy_rain(4), over(), None);
-        let mut storm = storm(&[0.3, 0.6, 1.0], Manner::default(), Some(shower));
+        let shower = RainEmitter::new(heavy_rain(4), over(), None);
+        let mut storm = storm(&[0.3, 0.6, 1.0], DropParams::default(), Some(shower));
         (0..400).for_each(|_| storm.step(1.0 / 200.0).expect("stiff"));
         let drops = storm.leaves().iter().flat_map(|l| &l.drops);
         let bits: Vec<u64> =
@@ -227,7 +227,7 @@ fn a_drop_that_comes_to_the_margin_tells_so_once_before_it_hangs() {
     let mut storm = storm(&[0.5], even(), None);
     storm.place(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
     let mut told = Vec::new();
-    while told.iter().all(|e: &Event| e.what != DropEventKind::Hung) {
+    while told.iter().all(|e: &RainEvent| e.what != DropEventKind::Hung) {
         storm.step(0.002).expect("stiff");
         told.extend(storm.take_events());
         assert!(told.len() < 20 && storm.leaves()[0].volume() > 0.0, "{told:?}");

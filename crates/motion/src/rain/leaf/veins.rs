@@ -13,12 +13,12 @@ const AROUND: usize = 5;
 /// How deep in a vein places of a leaf lie.
 /// Source: own; [yang-wu] lets drops flow along veins and gives no rule.
 #[derive(Debug, Clone)]
-pub struct Grooves {
+pub struct VeinMap {
     /// From 0 to 1, rows from the top.
     depth: Vec<f32>,
 }
 
-impl Grooves {
+impl VeinMap {
     /// Of the materials that a mesh shows, the first with a map of heights; none if there is none or it is flat.
     pub fn of(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
         mesh.subsets.iter().find_map(|s| {
@@ -75,18 +75,18 @@ fn around(cells: &[f64], (x, y): (usize, usize)) -> f64 {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// One vein, some thirtieths of the texture wide, whose place along u is a function of v.
-    pub fn vein(u: impl Fn(f64) -> f64) -> Grooves {
+    pub fn vein(u: impl Fn(f64) -> f64) -> VeinMap {
         let n = 256;
         let height = |k: usize| {
             let (x, y) = ((k % n) as f64 / n as f64, 1.0 - (k / n) as f64 / n as f64);
             1.0 - osier_base::math::exp(-((x - u(y)) / 0.03) * ((x - u(y)) / 0.03))
         };
         let heights: Vec<f64> = (0..n * n).map(height).collect();
-        Grooves::from_heights(&heights, [n, n]).expect("not flat")
+        VeinMap::from_heights(&heights, [n, n]).expect("not flat")
     }
 
     #[test]
@@ -100,6 +100,6 @@ pub(super) mod tests {
             }
         }
         assert!(grooves.at(DVec2::new(1.2, 0.5)) < 1e-9);
-        assert!(Grooves::from_heights(&[3.0; 64], [8, 8]).is_none());
+        assert!(VeinMap::from_heights(&[3.0; 64], [8, 8]).is_none());
     }
 }

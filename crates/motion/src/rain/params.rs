@@ -1,10 +1,10 @@
 //! The numbers that rule rain.
 
-use super::cap::{Shape, Wetting};
+use crate::rain::drops::shape::{CapShape, WettingParams};
 
 /// How a drop's blow moves what it strikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Impact {
+pub enum ImpactLaw {
     /// Momentum is kept.
     Momentum {
         /// Share of the speed of approach that it leaves with.
@@ -19,7 +19,7 @@ pub enum Impact {
 
 /// What holds a drop back on a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Friction {
+pub enum FrictionModel {
     /// Hysteresis of its contact angles.
     Retention,
     /// [yang-wu] eq. 7: mu times its weight on the leaf, and a constant.
@@ -28,7 +28,7 @@ pub enum Friction {
 
 /// When two drops become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Merge {
+pub enum MergeRule {
     /// When they touch.
     Touch,
     /// They draw each other by [yang-wu] eq. 12 from touching on.
@@ -37,7 +37,7 @@ pub enum Merge {
 
 /// With what arm a drop's weight turns its leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Lever {
+pub enum LeverArm {
     /// Its own.
     Physical,
     /// Its own, times its distance from the stalk as a share of the midrib, at most this.
@@ -46,15 +46,15 @@ pub enum Lever {
 
 /// How drops behave on leaves.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Manner {
+pub struct DropParams {
     /// Seed of all draws.
     pub seed: u64,
     /// Contact angles and shape.
-    pub wetting: Wetting,
+    pub wetting: WettingParams,
     /// Gravity, m/s^2, downwards.
     pub g: f64,
     /// What a blow does.
-    pub impact: Impact,
+    pub impact: ImpactLaw,
     /// Factor on blows, for looks.
     pub gain: f64,
     /// Share of a hard-striking drop that leaves as droplets.
@@ -62,7 +62,7 @@ pub struct Manner {
     /// Share of the speed along the leaf that a striking drop keeps.
     pub tangent_keep: f64,
     /// What holds it back.
-    pub friction: Friction,
+    pub friction: FrictionModel,
     /// Of the paper's friction: mu, and H, N.
     pub mu: f64,
     /// See `mu`.
@@ -74,11 +74,11 @@ pub struct Manner {
     /// How unevenly a leaf holds drops.
     pub pin_noise: f64,
     /// When drops become one.
-    pub merge: Merge,
+    pub merge: MergeRule,
     /// Strength of the paper's attraction, N.
     pub k_h: f64,
     /// With what arm weight acts.
-    pub lever: Lever,
+    pub lever: LeverArm,
     /// Ratio of radii along a tail, its most drops, and how much of it there is.
     pub tail_beta: f64,
     /// See `tail_beta`.
@@ -97,34 +97,34 @@ pub struct Manner {
     pub wet_length: f64,
 }
 
-impl Default for Manner {
+impl Default for DropParams {
     fn default() -> Self {
         let rad = f64::to_radians;
         Self {
             seed: 1,
-            wetting: Wetting {
+            wetting: WettingParams {
                 theta: rad(60.0),
                 receding: rad(52.0),
                 advancing: rad(68.0),
                 omega: None,
-                shape: Shape::Flattened,
+                shape: CapShape::Flattened,
                 lambda: 1.05,
                 capillary: capillary(9.81),
             },
             g: 9.81,
-            impact: Impact::Momentum { restitution: 0.0 },
+            impact: ImpactLaw::Momentum { restitution: 0.0 },
             gain: 1.0,
             splash: 0.0,
             tangent_keep: 0.3,
-            friction: Friction::Retention,
+            friction: FrictionModel::Retention,
             mu: 0.0,
             h: 2e-5,
             k_f: 1.0,
             tau_v: 0.05,
             pin_noise: 0.3,
-            merge: Merge::Touch,
+            merge: MergeRule::Touch,
             k_h: 1e-4,
-            lever: Lever::Physical,
+            lever: LeverArm::Physical,
             tail_beta: 0.8,
             tail_n: 8,
             rough: 1.0,
@@ -139,5 +139,5 @@ impl Default for Manner {
 
 /// Capillary length of water, m, at a gravity, m/s^2.
 pub fn capillary(g: f64) -> f64 {
-    osier_base::math::sqrt(super::cap::TENSION / (super::cap::WATER * g.max(1e-3)))
+    osier_base::math::sqrt(crate::rain::drops::shape::TENSION / (crate::rain::drops::shape::WATER * g.max(1e-3)))
 }

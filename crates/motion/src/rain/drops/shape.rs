@@ -11,7 +11,7 @@ pub const TENSION: f64 = 0.0728;
 
 /// How drops are shaped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Shape {
+pub enum CapShape {
     /// Flattened by weight, its volume kept.
     Flattened,
     /// The height of a half-high cap as the paper prints it: volume is not kept.
@@ -22,7 +22,7 @@ pub enum Shape {
 
 /// Contact angles and the factor on heights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wetting {
+pub struct WettingParams {
     /// Contact angle at rest, where it gives way at the back and where it moves on at the front, rad.
     pub theta: f64,
     /// See `theta`.
@@ -32,7 +32,7 @@ pub struct Wetting {
     /// Height factor; none for the one that weight gives.
     pub omega: Option<f64>,
     /// How it is shaped.
-    pub shape: Shape,
+    pub shape: CapShape,
     /// The paper's lambda.
     pub lambda: f64,
     /// Capillary length, m.
@@ -41,7 +41,7 @@ pub struct Wetting {
 
 /// A cap.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cap {
+pub struct SphericalCap {
     /// Radius of its sphere, m.
     pub r: f64,
     /// Radius of its base, m.
@@ -58,19 +58,19 @@ pub fn unit_volume(theta: f64) -> f64 {
     PI / 3.0 * (2.0 - 3.0 * c + c * c * c)
 }
 
-impl Wetting {
+impl WettingParams {
     /// The cap of a volume, m^3. `facing`: cosine between the leaf's normal and the cap's, for the paper's wedge.
     /// Source: [yang-wu] eq. 6 and 19.
-    pub fn cap(&self, volume: f64, facing: f64) -> Cap {
+    pub fn cap(&self, volume: f64, facing: f64) -> SphericalCap {
         let c = math::cos(self.theta);
         let r = math::cbrt(volume.max(0.0) / unit_volume(self.theta));
         let omega = match self.shape {
-            Shape::Flattened => self.omega.unwrap_or_else(|| self.flatness(r * (1.0 - c))),
-            Shape::Paper => self.omega.unwrap_or(0.5),
-            Shape::Wedge => math::pow(self.lambda, facing.clamp(0.0, 1.0)),
+            CapShape::Flattened => self.omega.unwrap_or_else(|| self.flatness(r * (1.0 - c))),
+            CapShape::Paper => self.omega.unwrap_or(0.5),
+            CapShape::Wedge => math::pow(self.lambda, facing.clamp(0.0, 1.0)),
         };
-        let r = if self.shape == Shape::Flattened { r / math::cbrt(omega) } else { r };
-        Cap { r, a: r * math::sin(self.theta), omega, c }
+        let r = if self.shape == CapShape::Flattened { r / math::cbrt(omega) } else { r };
+        SphericalCap { r, a: r * math::sin(self.theta), omega, c }
     }
 
     /// How much lower a cap of a height is for its weight: none can be higher than a puddle.
@@ -96,7 +96,7 @@ impl Wetting {
     }
 }
 
-impl Cap {
+impl SphericalCap {
     /// Height above the leaf at a distance from its axis, as a share of the base radius; 0 outside.
     pub fn height(&self, rho: f64) -> f64 {
         let r1 = self.a * rho;
@@ -120,14 +120,14 @@ impl Cap {
 
 /// How far a drop's own footprint lets it be seen from a place: the ellipse of its base.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Print {
+pub struct Footprint {
     /// Stretch along its axis; across it is 1 / q.
     pub q: f64,
     /// How much higher its front is than its middle, and lower its back.
     pub skew: f64,
 }
 
-impl Print {
+impl Footprint {
     /// Distance from the axis as a share of the base radius, and the factor by which a leaning drop is higher there.
     /// `along`, `across`: m.
     pub fn at(&self, a: f64, along: f64, across: f64) -> (f64, f64) {
@@ -141,13 +141,13 @@ impl Print {
 mod tests {
     use super::*;
 
-    fn wetting(theta: f64, omega: Option<f64>, shape: Shape) -> Wetting {
+    fn wetting(theta: f64, omega: Option<f64>, shape: CapShape) -> WettingParams {
         let theta = theta.to_radians();
-        Wetting { theta, receding: theta, advancing: theta, omega, shape, lambda: 1.05, capillary: 2.727e-3 }
+        WettingParams { theta, receding: theta, advancing: theta, omega, shape, lambda: 1.05, capillary: 2.727e-3 }
     }
 
     /// By rings from the middle out.
-    fn volume(cap: &Cap, print: Print) -> f64 {
+    fn volume(cap: &SphericalCap, print: Footprint) -> f64 {
         let (n, m) = (2000, 64);
         let reach = cap.reach() / cap.a;
         let mut sum = 0.0;
@@ -167,8 +167,8 @@ mod tests {
     fn caps_hold_their_volume() {
         for theta in [30.0, 45.0, 60.0, 75.0, 90.0] {
             for (omega, q, skew) in [(None, 1.0, 0.0), (Some(0.7), 1.4, 0.2), (None, 1.1, 0.26)] {
-                let cap = wetting(theta, omega, Shape::Flattened).cap(2e-8, 1.0);
-                let found = volume(&cap, Print { q, skew });
+                let cap = wetting(theta, omega, CapShape::Flattened).cap(2e-8, 1.0);
+                let found = volume(&cap, Footprint { q, skew });
                 assert!((found / 2e-8 - 1.0).abs() < 0.01, "{theta} {omega:?}: {found}");
             }
         }
@@ -176,15 +176,15 @@ mod tests {
 
     #[test]
     fn the_papers_shape_loses_water_at_sixty_degrees() {
-        let cap = wetting(60.0, None, Shape::Paper).cap(1e-8, 1.0);
+        let cap = wetting(60.0, None, CapShape::Paper).cap(1e-8, 1.0);
         // As printed r sin(theta) is taken from the height, which leaves 0.0539 r^3 of a true 0.6545 r^3.
         assert!((unit_volume(60.0_f64.to_radians()) - 0.6545).abs() < 1e-4);
-        assert!((volume(&cap, Print { q: 1.0, skew: 0.0 }) / 0.5e-8 - 1.0).abs() < 0.01);
+        assert!((volume(&cap, Footprint { q: 1.0, skew: 0.0 }) / 0.5e-8 - 1.0).abs() < 0.01);
     }
 
     #[test]
     fn big_drops_are_no_higher_than_puddles() {
-        let w = wetting(60.0, None, Shape::Flattened);
+        let w = wetting(60.0, None, CapShape::Flattened);
         assert!(w.cap(1e-6, 1.0).top() < 2.0 * 2.727e-3 * math::sin(30.0_f64.to_radians()));
         assert!((w.cap(1e-10, 1.0).omega - 1.0).abs() < 0.01);
     }

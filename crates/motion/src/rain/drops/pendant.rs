@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::cap::{TENSION, WATER};
+use crate::rain::drops::shape::{TENSION, WATER};
 use osier_base::math;
 
 /// Radii of attachment, mm, of water on Earth, and the largest volume that hangs there as a share of 2 pi R gamma / (rho g).
@@ -43,19 +43,19 @@ pub fn holds(radius: f64, g: f64) -> f64 {
 }
 
 /// Points of a profile, from the lowest point up: distance from the axis and height, m.
-pub type Profile = Vec<[f64; 2]>;
+pub type PendantProfile = Vec<[f64; 2]>;
 
 /// Where a profile of curvature ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum End {
+enum ProfileBranch {
     /// Before its widest place.
-    Rising,
+    Widening,
     /// After it.
-    Falling,
+    Narrowing,
 }
 
 /// A profile in capillary lengths with its volume; none if it never is so wide.
-fn trace(b: f64, radius: f64, end: End) -> Option<(Profile, f64)> {
+fn trace(b: f64, radius: f64, end: ProfileBranch) -> Option<(PendantProfile, f64)> {
     let slope = |[x, z, f]: [f64; 3]| {
         let bend = if x < 1e-9 { 1.0 / b } else { 2.0 / b - z - math::sin(f) / x };
         [math::cos(f), math::sin(f), bend]
@@ -74,8 +74,8 @@ fn trace(b: f64, radius: f64, end: End) -> Option<(Profile, f64)> {
         (0..3).for_each(|i| next[i] += STEP / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
         let slice = |a: [f64; 3], b: [f64; 3]| PI * (b[1] - a[1]) * (a[0] * a[0] + a[0] * b[0] + b[0] * b[0]) / 3.0;
         let crossed = match end {
-            End::Rising => next[0] >= radius,
-            End::Falling => wide && next[0] <= radius,
+            ProfileBranch::Widening => next[0] >= radius,
+            ProfileBranch::Narrowing => wide && next[0] <= radius,
         };
         if crossed {
             let t = (radius - s[0]) / (next[0] - s[0]);
@@ -85,7 +85,7 @@ fn trace(b: f64, radius: f64, end: End) -> Option<(Profile, f64)> {
             return Some((out, volume));
         }
         if next[0] < s[0] {
-            if end == End::Rising {
+            if end == ProfileBranch::Widening {
                 return None;
             }
             wide = true;
@@ -102,7 +102,7 @@ fn trace(b: f64, radius: f64, end: End) -> Option<(Profile, f64)> {
 
 /// Shapes of what hangs from circles of one radius; finding its limits costs more than any one shape.
 #[derive(Debug, Clone, Copy)]
-pub struct Shapes {
+pub struct PendantShapes {
     /// Capillary length and radius of the circle, m.
     length: f64,
     radius: f64,
@@ -113,7 +113,7 @@ pub struct Shapes {
     last: f64,
 }
 
-impl Shapes {
+impl PendantShapes {
     /// From a circle of radius `radius`, m, under `g`, m/s^2.
     pub fn new(radius: f64, g: f64) -> Self {
         let length = math::sqrt(TENSION / (WATER * g.max(0.05)));
@@ -125,7 +125,7 @@ impl Shapes {
     /// The shape of a volume, m^3: from its lowest point to the circle. What is too much for the circle is shown as the
     /// largest that hangs, drawn out.
     /// Source: Young and Laplace, dx/ds = cos f, dz/ds = sin f, df/ds = 2/b - z/l^2 - sin(f)/x.
-    pub fn profile(&self, volume: f64) -> Profile {
+    pub fn profile(&self, volume: f64) -> PendantProfile {
         let l = self.length;
         let wanted = volume / (l * l * l);
         let (points, reached) = self.found(wanted);
@@ -136,14 +136,17 @@ impl Shapes {
 
     /// Volume grows along the path: first ends before the widest place with a falling radius of curvature, then after it
     /// with a rising one.
-    fn found(&self, wanted: f64) -> (Profile, f64) {
+    fn found(&self, wanted: f64) -> (PendantProfile, f64) {
         let r = self.r;
-        let rising = trace(self.turn, r, End::Rising).filter(|(_, v)| wanted <= *v).is_some();
-        let (mut lo, mut hi, end) =
-            if rising { (60.0 * r, self.turn, End::Rising) } else { (self.turn, self.last, End::Falling) };
+        let rising = trace(self.turn, r, ProfileBranch::Widening).filter(|(_, v)| wanted <= *v).is_some();
+        let (mut lo, mut hi, end) = if rising {
+            (60.0 * r, self.turn, ProfileBranch::Widening)
+        } else {
+            (self.turn, self.last, ProfileBranch::Narrowing)
+        };
         let half = (vec![[0.0, 0.0], [r, r]], 2.0 / 3.0 * PI * r * r * r);
         let mut best = trace(hi, r, end).or_else(|| trace(lo, r, end)).unwrap_or(half);
-        if end == End::Falling && best.1 <= wanted {
+        if end == ProfileBranch::Narrowing && best.1 <= wanted {
             return best;
         }
         for _ in 0..32 {
@@ -167,12 +170,12 @@ impl Shapes {
 /// The smallest radius of curvature at the lowest point with which a profile still widens to `r`.
 fn tightest(r: f64) -> f64 {
     let (mut lo, mut hi) = (0.5 * r, 4.0 * r);
-    while trace(hi, r, End::Rising).is_none() && hi < 100.0 * r {
+    while trace(hi, r, ProfileBranch::Widening).is_none() && hi < 100.0 * r {
         hi *= 1.5;
     }
     for _ in 0..48 {
         let b = 0.5 * (lo + hi);
-        if trace(b, r, End::Rising).is_some() {
+        if trace(b, r, ProfileBranch::Widening).is_some() {
             hi = b;
         } else {
             lo = b;
@@ -188,7 +191,7 @@ fn loosest(tight: f64, r: f64) -> f64 {
     let mut b = tight;
     for _ in 0..400 {
         b *= 1.01;
-        match trace(b, r, End::Falling) {
+        match trace(b, r, ProfileBranch::Narrowing) {
             Some((_, v)) if v > most => (best, most) = (b, v),
             _ => break,
         }
@@ -196,7 +199,7 @@ fn loosest(tight: f64, r: f64) -> f64 {
     let (mut lo, mut hi) = (best, best * 1.02);
     for _ in 0..30 {
         let b = 0.5 * (lo + hi);
-        match trace(b, r, End::Falling) {
+        match trace(b, r, ProfileBranch::Narrowing) {
             Some((_, v)) if v >= most => (lo, most) = (b, v),
             _ => hi = b,
         }
@@ -213,7 +216,7 @@ const NECK: [f64; 2] = [0.82, 0.5];
 
 /// A profile that has thinned by a share, 0 to 1: its neck narrows and lengthens, what hangs below takes up the water.
 /// Source: own.
-pub fn drawn(profile: &[[f64; 2]], share: f64) -> Profile {
+pub fn drawn(profile: &[[f64; 2]], share: f64) -> PendantProfile {
     let Some([_, length]) = profile.last().copied().filter(|_| share > 0.0) else { return profile.to_vec() };
     let [neck, waist] = NECK;
     let rise = |from: f64, to: f64, s: f64| {
@@ -254,7 +257,7 @@ mod tests {
         for (mm, c) in HOLDS {
             let r = mm / TABLE;
             let tight = tightest(r);
-            let (_, most) = trace(loosest(tight, r), r, End::Falling).expect("a shape");
+            let (_, most) = trace(loosest(tight, r), r, ProfileBranch::Narrowing).expect("a shape");
             // In capillary lengths 2 pi R gamma / (rho g) is 2 pi r.
             let found = most / (2.0 * PI * r);
             assert!((found / c - 1.0).abs() < 0.01, "{mm}: {found} {c}");
@@ -267,7 +270,7 @@ mod tests {
         let most = holds(1e-3, 9.81);
         for k in 1..40 {
             let v = most * f64::from(k) / 40.0;
-            let shape = Shapes::new(1e-3, 9.81).profile(v);
+            let shape = PendantShapes::new(1e-3, 9.81).profile(v);
             let found = volume(&shape);
             assert!((found / v - 1.0).abs() < 1e-3, "{k}: {v} {found}");
             let length = shape.last().expect("points")[1];
@@ -279,7 +282,7 @@ mod tests {
 
     #[test]
     fn what_thins_keeps_its_water_and_its_seat() {
-        let shape = Shapes::new(1.5e-3, 9.81).profile(holds(1.5e-3, 9.81));
+        let shape = PendantShapes::new(1.5e-3, 9.81).profile(holds(1.5e-3, 9.81));
         let (whole, [seat, mut length]) = (volume(&shape), shape.last().copied().expect("points"));
         let neck = |p: &[[f64; 2]]| {
             let high = p.last().expect("points")[1];

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::bearer::Blade;
-use super::cap::{Cap, TENSION, WATER};
-use super::dew::Dew;
-use super::drop::{BEAD, Drop, Hang};
-use super::event::Event;
-use super::manner::{Friction, Lever, Manner};
 use super::pendant;
-use super::sheet::{Sheet, Spot};
+use crate::rain::drops::drop::{BEAD, PendantAnchor, SurfaceDrop};
+use crate::rain::drops::shape::{SphericalCap, TENSION, WATER};
+use crate::rain::event::RainEvent;
+use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
+use crate::rain::leaf::wetness::WetnessGrid;
+use crate::rain::params::{DropParams, FrictionModel, LeverArm};
+use crate::rain::target::LeafPose;
 use osier_base::math;
 use osier_base::noise::gradient2;
 use osier_base::rng::Rng;
@@ -38,24 +38,24 @@ const PIECES: u32 = 64;
 
 /// A leaf with what lies on it.
 #[derive(Debug, Clone)]
-pub struct Leaf {
+pub struct RainLeaf {
     /// Its blade.
-    pub sheet: Arc<Sheet>,
+    pub sheet: Arc<LeafSurface>,
     /// How much larger it is than that.
     pub scale: f64,
     /// In order of their ids.
-    pub drops: Vec<Drop>,
+    pub drops: Vec<SurfaceDrop>,
     /// Where it is wet.
-    pub dew: Dew,
+    pub dew: WetnessGrid,
     /// Addresses its draws.
     pub number: u64,
 }
 
 /// What acts on a leaf during a step.
 #[derive(Debug, Clone, Copy)]
-pub struct Now {
+pub struct LeafStep {
     /// Where the leaf is.
-    pub blade: Blade,
+    pub blade: LeafPose,
     /// Time at the end of the step, s.
     pub t: f64,
     /// Its length, s.
@@ -64,7 +64,7 @@ pub struct Now {
 
 /// Water that leaves a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drip {
+pub struct DetachedDrop {
     /// The drop it was, or was part of.
     pub id: u64,
     /// Where, in the world, m.
@@ -79,7 +79,7 @@ pub struct Drip {
 
 /// A place that has just been under water.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stamp {
+pub struct WetSpot {
     /// Where.
     pub uv: DVec2,
     /// Radius of the base, m.
@@ -90,7 +90,7 @@ pub struct Stamp {
 
 /// What happened to drops, by number.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Tally {
+pub struct DropCounters {
     /// Came down on a leaf.
     pub struck: u64,
     /// Were swallowed by others.
@@ -105,7 +105,7 @@ pub struct Tally {
     pub hardest: f64,
 }
 
-impl Tally {
+impl DropCounters {
     /// Both.
     pub fn and(self, o: Self) -> Self {
         Self {
@@ -121,40 +121,40 @@ impl Tally {
 
 /// What a leaf tells after a step.
 #[derive(Debug, Clone, Default)]
-pub struct Told {
+pub struct LeafStepResult {
     /// What left it.
-    pub drips: Vec<Drip>,
+    pub drips: Vec<DetachedDrop>,
     /// Where it became wet.
-    pub stamps: Vec<Stamp>,
+    pub stamps: Vec<WetSpot>,
     /// What happened, in numbers.
-    pub tally: Tally,
+    pub tally: DropCounters,
     /// What happened, one by one, in its order.
-    pub events: Vec<Event>,
+    pub events: Vec<RainEvent>,
     /// Forces on it beyond the water's weight, N, with their places in the world.
     pub forces: Vec<(DVec3, DVec3)>,
     /// Mass of the water on it, kg, and its middle in the world.
     pub load: (f64, DVec3),
 }
 
-impl Told {
+impl LeafStepResult {
     /// A drop at a place of leaf space goes along the margin; told when it comes there.
-    fn at_edge(&mut self, now: &Now, drop: &mut Drop, p: DVec3) {
+    fn at_edge(&mut self, now: &LeafStep, drop: &mut SurfaceDrop, p: DVec3) {
         if !std::mem::replace(&mut drop.edge, true) {
-            let p = now.blade.p + now.blade.q * p;
-            self.events.push(Event::of(DropEventKind::Edge, drop.id, (now.t, p), drop.volume));
+            let p = now.blade.position + now.blade.orientation * p;
+            self.events.push(RainEvent::of(DropEventKind::Edge, drop.id, (now.t, p), drop.volume));
         }
     }
 
     /// A drop has come to hang at a place of leaf space.
-    fn hung(&mut self, now: &Now, drop: &Drop, p: DVec3) {
+    fn hung(&mut self, now: &LeafStep, drop: &SurfaceDrop, p: DVec3) {
         self.tally.hung += 1;
-        let p = now.blade.p + now.blade.q * p;
-        self.events.push(Event::of(DropEventKind::Hung, drop.id, (now.t, p), drop.volume));
+        let p = now.blade.position + now.blade.orientation * p;
+        self.events.push(RainEvent::of(DropEventKind::Hung, drop.id, (now.t, p), drop.volume));
     }
 }
 
 /// What pulls at a drop, in leaf space.
-struct Pull {
+struct EffectiveGravity {
     /// Unit normal on its side.
     n: DVec3,
     /// Along the blade, m/s^2.
@@ -165,16 +165,16 @@ struct Pull {
 }
 
 /// What acts, and how drops answer.
-pub(super) type Law<'a> = (&'a Now, &'a Manner);
+pub(super) type StepLaw<'a> = (&'a LeafStep, &'a DropParams);
 
-impl Leaf {
+impl RainLeaf {
     /// An empty leaf.
-    pub fn new(sheet: Arc<Sheet>, scale: f64, number: u64) -> Self {
-        Self { sheet, scale, drops: Vec::new(), dew: Dew::default(), number }
+    pub fn new(sheet: Arc<LeafSurface>, scale: f64, number: u64) -> Self {
+        Self { sheet, scale, drops: Vec::new(), dew: WetnessGrid::default(), number }
     }
 
     /// The place at texture coordinates, m of leaf space.
-    pub fn at(&self, uv: DVec2) -> Option<Spot> {
+    pub fn at(&self, uv: DVec2) -> Option<SurfacePoint> {
         self.sheet.at(uv, self.scale)
     }
 
@@ -184,9 +184,9 @@ impl Leaf {
     }
 
     /// Share of it that is wet, by how much: ways of drops as they dry, and what drops cover. `t`: s.
-    pub fn wetness(&self, t: f64, manner: &Manner) -> f64 {
+    pub fn wetness(&self, t: f64, manner: &DropParams) -> f64 {
         let ways = self.dew.mean(self.sheet.cells(), t, (manner.zeta, manner.half_life));
-        let base = |d: &Drop| {
+        let base = |d: &SurfaceDrop| {
             let a = d.head(manner, 1.0).a;
             std::f64::consts::PI * a * a
         };
@@ -196,11 +196,11 @@ impl Leaf {
     }
 
     /// One step of all drops.
-    pub fn advance(&mut self, now: &Now, manner: &Manner) -> Told {
-        let mut told = Told::default();
+    pub fn advance(&mut self, now: &LeafStep, manner: &DropParams) -> LeafStepResult {
+        let mut told = LeafStepResult::default();
         let mut drops = std::mem::take(&mut self.drops);
         drops.sort_by_key(|d| d.id);
-        let mut beads: Vec<Drop> = Vec::new();
+        let mut beads: Vec<SurfaceDrop> = Vec::new();
         for drop in &mut drops {
             if drop.hang.is_some() {
                 self.dangle(drop, now, manner, &mut told);
@@ -218,21 +218,27 @@ impl Leaf {
         told
     }
 
-    fn pull(&self, spot: &Spot, side: f64, now: &Now, manner: &Manner) -> Pull {
-        let place = now.blade.p + now.blade.q * spot.p;
+    fn pull(&self, spot: &SurfacePoint, side: f64, now: &LeafStep, manner: &DropParams) -> EffectiveGravity {
+        let place = now.blade.position + now.blade.orientation * spot.p;
         let shake = now.blade.acceleration_at(place).clamp_length_max(SHAKES);
-        let g = now.blade.q.inverse() * (DVec3::NEG_Y * manner.g - shake);
+        let g = now.blade.orientation.inverse() * (DVec3::NEG_Y * manner.g - shake);
         let n = spot.n * side;
-        Pull { n, along: g - n * g.dot(n), onto: -g.dot(n), g }
+        EffectiveGravity { n, along: g - n * g.dot(n), onto: -g.dot(n), g }
     }
 
     /// The paper's wedge asks how far the leaf's normal and the drop's agree.
-    fn facing(now: &Now, pull: &Pull) -> f64 {
-        (now.blade.q * pull.n).y.abs()
+    fn facing(now: &LeafStep, pull: &EffectiveGravity) -> f64 {
+        (now.blade.orientation * pull.n).y.abs()
     }
 
     /// Force that holds a drop back, N.
-    fn retention(&self, drop: &Drop, (cap, spot): (&Cap, &Spot), way: DVec3, (now, manner): Law<'_>) -> f64 {
+    fn retention(
+        &self,
+        drop: &SurfaceDrop,
+        (cap, spot): (&SphericalCap, &SurfacePoint),
+        way: DVec3,
+        (now, manner): StepLaw<'_>,
+    ) -> f64 {
         let w = manner.wetting;
         let width = 2.0 * cap.a / drop.stretch();
         let grain = self.grain(drop.uv, manner);
@@ -243,13 +249,13 @@ impl Leaf {
     }
 
     /// Unevenness of the leaf at a place, about -1 to 1.
-    fn grain(&self, uv: DVec2, manner: &Manner) -> f64 {
+    fn grain(&self, uv: DVec2, manner: &DropParams) -> f64 {
         let p = [math::narrow(uv.x * GRAIN), math::narrow(uv.y * GRAIN)];
         f64::from(gradient2(Rng::key(manner.seed, &["pin".into(), self.number.into()]), p, [4096, 4096]))
     }
 
     /// A drop that lies or runs.
-    fn run(&self, drop: &mut Drop, now: &Now, manner: &Manner, told: &mut Told) {
+    fn run(&self, drop: &mut SurfaceDrop, now: &LeafStep, manner: &DropParams, told: &mut LeafStepResult) {
         let Some(spot) = self.at(drop.uv) else {
             return self.release(drop, now, (self.tip_of(drop), DVec3::ZERO), told);
         };
@@ -267,7 +273,7 @@ impl Leaf {
         let vhat = if drop.v.length() > REST { drop.v.normalize() } else { ghat };
         let held = self.retention(drop, (&cap, &spot), vhat, (now, manner));
         drop.lean = match manner.friction {
-            Friction::Retention if held > 0.0 => (force / held).min(1.0),
+            FrictionModel::Retention if held > 0.0 => (force / held).min(1.0),
             _ => 1.0,
         };
         let lies = drop.v.length() <= REST;
@@ -279,8 +285,8 @@ impl Leaf {
             drop.axis = vhat;
         }
         let still = match manner.friction {
-            Friction::Retention => force <= held,
-            Friction::Paper => force <= manner.mu * m * pull.onto.abs() + manner.h,
+            FrictionModel::Retention => force <= held,
+            FrictionModel::Paper => force <= manner.mu * m * pull.onto.abs() + manner.h,
         };
         if lies && still {
             drop.tail(cap.a, now.h, manner);
@@ -291,13 +297,19 @@ impl Leaf {
     }
 
     /// Forces change its speed.
-    fn drive(&self, drop: &mut Drop, pull: &Pull, (m, held, cap): (f64, f64, &Cap), (now, manner): Law<'_>) {
+    fn drive(
+        &self,
+        drop: &mut SurfaceDrop,
+        pull: &EffectiveGravity,
+        (m, held, cap): (f64, f64, &SphericalCap),
+        (now, manner): StepLaw<'_>,
+    ) {
         let h = now.h;
         drop.quiet = false;
         drop.v += pull.along * h;
         let brake = match manner.friction {
-            Friction::Retention => 0.7 * held + manner.mu * m * pull.onto.abs(),
-            Friction::Paper => manner.mu * m * pull.onto.abs() + manner.h,
+            FrictionModel::Retention => 0.7 * held + manner.mu * m * pull.onto.abs(),
+            FrictionModel::Paper => manner.mu * m * pull.onto.abs() + manner.h,
         };
         let speed = drop.v.length();
         let slower = (speed - h * brake / m).max(0.0) / (1.0 + h / manner.tau_v);
@@ -311,7 +323,12 @@ impl Leaf {
     }
 
     /// Turns to where it is steep, wet and along a vein. Source: own.
-    fn choose(&self, drop: &mut Drop, (pull, cap): (&Pull, &Cap), (now, manner): Law<'_>) {
+    fn choose(
+        &self,
+        drop: &mut SurfaceDrop,
+        (pull, cap): (&EffectiveGravity, &SphericalCap),
+        (now, manner): StepLaw<'_>,
+    ) {
         let Some(spot) = self.at(drop.uv) else { return };
         let (vhat, ghat) = (drop.v.normalize_or_zero(), pull.along.normalize_or_zero());
         let across = pull.n.cross(vhat);
@@ -333,7 +350,13 @@ impl Leaf {
     }
 
     /// Moves along the blade; the margin turns it, holds it or lets it go.
-    fn go(&self, drop: &mut Drop, (pull, cap): (&Pull, &Cap), (now, manner): Law<'_>, told: &mut Told) {
+    fn go(
+        &self,
+        drop: &mut SurfaceDrop,
+        (pull, cap): (&EffectiveGravity, &SphericalCap),
+        (now, manner): StepLaw<'_>,
+        told: &mut LeafStepResult,
+    ) {
         let way = drop.v.length() * now.h;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let pieces = (way / (0.5 * cap.a.max(1e-5))).ceil().clamp(1.0, f64::from(PIECES)) as u32;
@@ -391,10 +414,10 @@ impl Leaf {
     /// it along.
     fn hang(
         &self,
-        drop: &mut Drop,
-        (pull, cap): (&Pull, &Cap),
-        (rim, out): (&super::sheet::Rim, DVec3),
-        manner: &Manner,
+        drop: &mut SurfaceDrop,
+        (pull, cap): (&EffectiveGravity, &SphericalCap),
+        (rim, out): (&crate::rain::leaf::surface::MarginPoint, DVec3),
+        manner: &DropParams,
     ) -> bool {
         let m = WATER * drop.volume;
         let held = manner.k_f
@@ -415,7 +438,7 @@ impl Leaf {
         }
         let radius = if tip { manner.tip_radius } else { cap.a.min(WIDE) };
         let bounds = pendant::RADII.map(|r| r * manner.wetting.capillary);
-        let hang = Hang { rim: *rim, radius: radius.clamp(bounds[0], bounds[1]), out, thin: None };
+        let hang = PendantAnchor { rim: *rim, radius: radius.clamp(bounds[0], bounds[1]), out, thin: None };
         drop.loosen();
         drop.hang = Some(hang);
         drop.v = DVec3::ZERO;
@@ -425,11 +448,11 @@ impl Leaf {
     }
 
     /// A drop that hangs at the margin.
-    fn dangle(&self, drop: &mut Drop, now: &Now, manner: &Manner, told: &mut Told) {
+    fn dangle(&self, drop: &mut SurfaceDrop, now: &LeafStep, manner: &DropParams, told: &mut LeafStepResult) {
         let Some(mut hang) = drop.hang else { return };
-        let place = now.blade.p + now.blade.q * hang.rim.p;
+        let place = now.blade.position + now.blade.orientation * hang.rim.p;
         let shake = now.blade.acceleration_at(place).clamp_length_max(SHAKES);
-        let g = now.blade.q.inverse() * (DVec3::NEG_Y * manner.g - shake);
+        let g = now.blade.orientation.inverse() * (DVec3::NEG_Y * manner.g - shake);
         drop.axis = g.normalize_or(drop.axis);
         if g.dot(hang.out) < -0.2 * g.length() {
             // The leaf has tipped over: it runs back.
@@ -455,31 +478,37 @@ impl Leaf {
                 drop.volume -= falls;
                 hang.thin = None;
                 let length = most / (std::f64::consts::PI * hang.radius * hang.radius);
-                let p = place + (now.blade.q * drop.axis) * length.min(5e-3);
-                let v = now.blade.speed_at(place);
-                told.drips.push(Drip { id: drop.id, p, v, volume: falls, whole: drop.volume <= 0.0 });
+                let p = place + (now.blade.orientation * drop.axis) * length.min(5e-3);
+                let v = now.blade.velocity_at(place);
+                told.drips.push(DetachedDrop { id: drop.id, p, v, volume: falls, whole: drop.volume <= 0.0 });
                 told.tally.fell += 1;
             }
         }
         drop.hang = Some(hang);
     }
 
-    fn tip_of(&self, drop: &Drop) -> DVec3 {
+    fn tip_of(&self, drop: &SurfaceDrop) -> DVec3 {
         let near = drop.uv.clamp(DVec2::splat(0.01), DVec2::splat(0.99));
         self.at(near).map_or(DVec3::ZERO, |s| s.p)
     }
 
     /// Lets a whole drop go from a place with a velocity, both of leaf space.
-    fn release(&self, drop: &mut Drop, now: &Now, (p, v): (DVec3, DVec3), told: &mut Told) {
-        let p = now.blade.p + now.blade.q * p;
-        let v = now.blade.speed_at(p) + now.blade.q * v;
-        told.drips.push(Drip { id: drop.id, p, v, volume: drop.volume, whole: true });
+    fn release(&self, drop: &mut SurfaceDrop, now: &LeafStep, (p, v): (DVec3, DVec3), told: &mut LeafStepResult) {
+        let p = now.blade.position + now.blade.orientation * p;
+        let v = now.blade.velocity_at(p) + now.blade.orientation * v;
+        told.drips.push(DetachedDrop { id: drop.id, p, v, volume: drop.volume, whole: true });
         told.tally.fell += 1;
         drop.volume = 0.0;
     }
 
     /// A tail that draws in may leave a bead behind.
-    fn shed(&self, drop: &mut Drop, now: &Now, manner: &Manner, (beads, told): (&mut Vec<Drop>, &mut Told)) {
+    fn shed(
+        &self,
+        drop: &mut SurfaceDrop,
+        now: &LeafStep,
+        manner: &DropParams,
+        (beads, told): (&mut Vec<SurfaceDrop>, &mut LeafStepResult),
+    ) {
         if drop.volume <= 0.0 || drop.hang.is_some() {
             return;
         }
@@ -494,16 +523,19 @@ impl Leaf {
         }
         drop.volume -= bead.volume;
         let id = draw.next_u64() | (1 << 63);
-        let mut left = Drop::new(id, drop.side, bead.uv, DVec3::ZERO, bead.volume);
+        let mut left = SurfaceDrop::new(id, drop.side, bead.uv, DVec3::ZERO, bead.volume);
         left.axis = drop.axis;
         told.tally.beads += 1;
-        let p = self.at(bead.uv).map_or(now.blade.p, |s| now.blade.p + now.blade.q * s.p);
-        told.events.push(Event { other: Some(drop.id), ..Event::of(DropEventKind::Bead, id, (now.t, p), bead.volume) });
+        let p = self.at(bead.uv).map_or(now.blade.position, |s| now.blade.position + now.blade.orientation * s.p);
+        told.events.push(RainEvent {
+            other: Some(drop.id),
+            ..RainEvent::of(DropEventKind::Bead, id, (now.t, p), bead.volume)
+        });
         beads.push(left);
     }
 
     /// What the water presses on the leaf with. Source: [yang-wu] eq. 14 and 15, as forces.
-    fn press(&self, now: &Now, manner: &Manner, told: &mut Told) {
+    fn press(&self, now: &LeafStep, manner: &DropParams, told: &mut LeafStepResult) {
         let mut sum = (0.0, DVec3::ZERO);
         for drop in &self.drops {
             let local = match drop.hang {
@@ -511,18 +543,18 @@ impl Leaf {
                 None => self.at(drop.uv).map(|s| s.p),
             };
             let Some(local) = local else { continue };
-            let place = now.blade.p + now.blade.q * local;
+            let place = now.blade.position + now.blade.orientation * local;
             let m = WATER * drop.volume;
             let weight = DVec3::NEG_Y * (m * manner.g);
             let lever = match manner.lever {
-                Lever::Physical => 1.0,
-                Lever::Paper(most) => (local.length() / self.reach()).min(most),
+                LeverArm::Physical => 1.0,
+                LeverArm::Paper(most) => (local.length() / self.reach()).min(most),
             };
             let force = match self.at(drop.uv).filter(|_| drop.hang.is_none() && drop.v.length() > REST) {
                 None => weight,
                 Some(spot) => {
                     // What runs presses with the part onto the leaf and drags with what holds it.
-                    let n = now.blade.q * spot.n * drop.side;
+                    let n = now.blade.orientation * spot.n * drop.side;
                     let along = weight - n * weight.dot(n);
                     let held = (along.length() * 0.7).min(m * drop.v.length() / manner.tau_v);
                     n * weight.dot(n) + along.normalize_or_zero() * held
@@ -535,7 +567,7 @@ impl Leaf {
             }
             sum = (sum.0 + m, sum.1 + place * m);
         }
-        told.load = (sum.0, if sum.0 > 0.0 { sum.1 / sum.0 } else { now.blade.p });
+        told.load = (sum.0, if sum.0 > 0.0 { sum.1 / sum.0 } else { now.blade.position });
     }
 
     fn reach(&self) -> f64 {
@@ -543,7 +575,7 @@ impl Leaf {
     }
 
     /// Remembers what is under water.
-    fn wet(&mut self, now: &Now, manner: &Manner, told: &mut Told) {
+    fn wet(&mut self, now: &LeafStep, manner: &DropParams, told: &mut LeafStepResult) {
         for k in 0..self.drops.len() {
             let drop = &self.drops[k];
             if drop.hang.is_some() {
@@ -553,7 +585,7 @@ impl Leaf {
             let (Some(spot), uv) = (self.at(drop.uv), drop.uv) else { continue };
             let moved = drop.wetted.and_then(|w| self.at(w)).map_or(f64::INFINITY, |w| w.p.distance(spot.p));
             if moved > 0.25 * a {
-                told.stamps.push(Stamp { uv, a, t: now.t });
+                told.stamps.push(WetSpot { uv, a, t: now.t });
                 // What it lies on does not ease its own way: only what it has left is wet to those that come.
                 if let Some(left) = drop.wetted {
                     self.dew.cover(left, spot.fastest() * a, now.t);

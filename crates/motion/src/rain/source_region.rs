@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::shower::{air_at, ball, fall, terminal};
+use crate::rain::emitter::{air_at, ball, fall, terminal};
 use osier_base::geometry::Bounds;
 use osier_wind::Wind;
 
@@ -33,12 +33,12 @@ const TIMES: u32 = 16;
 
 /// A level rectangle: x and z, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Patch {
+struct LevelRect {
     min: DVec2,
     max: DVec2,
 }
 
-impl Patch {
+impl LevelRect {
     const EMPTY: Self = Self { min: DVec2::INFINITY, max: DVec2::NEG_INFINITY };
 
     fn is_empty(&self) -> bool {
@@ -67,24 +67,24 @@ impl Patch {
 }
 
 /// How far drops of a size drift until they are in each part of the region's height.
-type Drift = [Patch; BANDS];
+type DriftByBand = [LevelRect; BANDS];
 
 /// Where drops of similar size start.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Source {
-    whole: Patch,
-    parts: Vec<Patch>,
+pub struct SourceRegion {
+    whole: LevelRect,
+    parts: Vec<LevelRect>,
 }
 
-impl Source {
-    fn new(over: &Patch, drift: &Drift) -> Self {
-        let part = |drift: &Patch| {
+impl SourceRegion {
+    fn new(over: &LevelRect, drift: &DriftByBand) -> Self {
+        let part = |drift: &LevelRect| {
             let spare = DVec2::splat(BESIDE) + drift.sides() * SPARE;
-            Patch { min: over.min - drift.max - spare, max: over.max - drift.min + spare }
+            LevelRect { min: over.min - drift.max - spare, max: over.max - drift.min + spare }
         };
-        let mut parts: Vec<Patch> = drift.iter().filter(|d| !d.is_empty()).map(part).collect();
+        let mut parts: Vec<LevelRect> = drift.iter().filter(|d| !d.is_empty()).map(part).collect();
         parts.dedup();
-        let whole = parts.iter().fold(Patch::EMPTY, |all, part| all.and(*part));
+        let whole = parts.iter().fold(LevelRect::EMPTY, |all, part| all.and(*part));
         Self { whole, parts }
     }
 
@@ -116,17 +116,17 @@ impl Source {
 
 /// Finds where drops start.
 #[derive(Debug)]
-pub struct Reach {
+pub struct SourceTracer {
     over: Bounds,
     wind: Option<Arc<dyn Wind>>,
     g: f64,
     /// Diameters that are traced, smallest first, m.
     sizes: Vec<f64>,
     /// Drifts at the last times that were asked for, by the number of their epoch.
-    known: Vec<(u64, Vec<Drift>)>,
+    known: Vec<(u64, Vec<DriftByBand>)>,
 }
 
-impl Reach {
+impl SourceTracer {
     /// For drops between two diameters, m, that are to fall on a box.
     pub fn new(over: Bounds, wind: Option<Arc<dyn Wind>>, [least, most]: [f64; 2], g: f64) -> Self {
         let pieces = if wind.is_none() || most - least < 1e-9 { 1 } else { SIZES - 1 };
@@ -165,12 +165,12 @@ impl Reach {
     }
 
     /// Where drops start in an epoch, for each class of sizes.
-    pub fn sources(&mut self, epoch: u64) -> Vec<Source> {
+    pub fn sources(&mut self, epoch: u64) -> Vec<SourceRegion> {
         let over = self.floor_plan();
         let (a, b) = (self.drifts(epoch), self.drifts(epoch + 1));
-        let both: Vec<Drift> = a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|k| a[k].and(b[k]))).collect();
+        let both: Vec<DriftByBand> = a.iter().zip(&b).map(|(a, b)| std::array::from_fn(|k| a[k].and(b[k]))).collect();
         let pairs = both.windows(2);
-        pairs.map(|d| Source::new(&over, &std::array::from_fn(|k| d[0][k].and(d[1][k])))).collect()
+        pairs.map(|d| SourceRegion::new(&over, &std::array::from_fn(|k| d[0][k].and(d[1][k])))).collect()
     }
 
     /// Mean area that rain of each class starts from between two times, m^2. Times are weighted by `share`.
@@ -186,27 +186,27 @@ impl Reach {
         areas.iter().map(|area| area / sum).collect()
     }
 
-    fn floor_plan(&self) -> Patch {
+    fn floor_plan(&self) -> LevelRect {
         let flat = |p: Vec3| DVec2::new(f64::from(p.x), f64::from(p.z));
-        Patch { min: flat(self.over.min), max: flat(self.over.max) }
+        LevelRect { min: flat(self.over.min), max: flat(self.over.max) }
     }
 
-    fn drifts(&mut self, epoch: u64) -> Vec<Drift> {
+    fn drifts(&mut self, epoch: u64) -> Vec<DriftByBand> {
         if let Some((_, known)) = self.known.iter().find(|k| k.0 == epoch) {
             return known.clone();
         }
         let t = epoch as f64 * EPOCH;
-        let found: Vec<Drift> = self.sizes.iter().map(|d| self.drift(*d, t)).collect();
+        let found: Vec<DriftByBand> = self.sizes.iter().map(|d| self.drift(*d, t)).collect();
         self.known.insert(0, (epoch, found.clone()));
         self.known.truncate(2);
         found
     }
 
     /// Drift of a size from a time on, of drops that come to all sides of the region at its top, middle and bottom.
-    fn drift(&self, d: f64, t: f64) -> Drift {
+    fn drift(&self, d: f64, t: f64) -> DriftByBand {
         let over = self.floor_plan();
         if self.wind.is_none() {
-            return [Patch { min: DVec2::ZERO, max: DVec2::ZERO }; BANDS];
+            return [LevelRect { min: DVec2::ZERO, max: DVec2::ZERO }; BANDS];
         }
         let middle = over.middle();
         let first = self.trace(d, t, &[middle]);
@@ -220,8 +220,8 @@ impl Reach {
     }
 
     /// How far drops that start at some places drift.
-    fn trace(&self, d: f64, t: f64, starts: &[DVec2]) -> Drift {
-        let mut drift = [Patch::EMPTY; BANDS];
+    fn trace(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByBand {
+        let mut drift = [LevelRect::EMPTY; BANDS];
         let (low, high) = (f64::from(self.over.min.y) - BESIDE, f64::from(self.over.max.y) + BESIDE);
         let h = (self.height() - low) / terminal(d) / f64::from(STEPS);
         let wind = self.wind.as_deref();
@@ -254,9 +254,9 @@ impl Reach {
 }
 
 /// From where a drop comes to a place in a part of the region, by a known drift.
-fn start(drift: &Drift, part: usize, place: DVec2) -> DVec2 {
+fn start(drift: &DriftByBand, part: usize, place: DVec2) -> DVec2 {
     let known = drift[part..].iter().chain(drift[..part].iter().rev()).find(|d| !d.is_empty());
-    place - known.map_or(DVec2::ZERO, Patch::middle)
+    place - known.map_or(DVec2::ZERO, LevelRect::middle)
 }
 
 /// Diameter between two at which drops fall at a speed, m/s, by bisection.
@@ -279,7 +279,7 @@ mod tests {
 
     #[test]
     fn calm_rain_starts_right_above() {
-        let mut reach = Reach::new(tree(), None, [5e-4, 6e-3], 9.81);
+        let mut reach = SourceTracer::new(tree(), None, [5e-4, 6e-3], 9.81);
         let sources = reach.sources(0);
         assert_eq!(sources.len(), 1);
         assert!((sources[0].area() - 4.1 * 4.1).abs() < 1e-9 && (reach.height() - 9.5).abs() < 1e-9);
@@ -287,7 +287,7 @@ mod tests {
 
     #[test]
     fn steady_wind_shifts_each_size_by_its_own_drift() {
-        let mut reach = Reach::new(tree(), Some(Arc::new(UniformWind(Vec3::X * 5.0))), [5e-4, 6e-3], 9.81);
+        let mut reach = SourceTracer::new(tree(), Some(Arc::new(UniformWind(Vec3::X * 5.0))), [5e-4, 6e-3], 9.81);
         for d in [5e-4, 1e-3, 3e-3, 5.9e-3] {
             let sources = reach.sources(0);
             let source = &sources[reach.class(d)];
@@ -308,7 +308,7 @@ mod tests {
     fn nearly_all_that_crosses_the_region_in_gusts_is_let_go() {
         let gust = GustWind::new(GustWindOptions { speed: 8.0, seed: 3, ..GustWindOptions::default() });
         for over in [tree(), Bounds { min: Vec3::new(-0.1, 0.3, -0.1), max: Vec3::new(0.1, 0.6, 0.1) }] {
-            let mut reach = Reach::new(over, Some(Arc::new(gust.clone())), [5e-4, 6e-3], 9.81);
+            let mut reach = SourceTracer::new(over, Some(Arc::new(gust.clone())), [5e-4, 6e-3], 9.81);
             let (mut met, mut started) = (0, 0);
             for k in 0..40_u32 {
                 let t = 0.33 * f64::from(k);
@@ -331,7 +331,7 @@ mod tests {
         }
     }
 
-    fn crosses(reach: &Reach, d: f64, (t, from): (f64, DVec2), tall: f64) -> bool {
+    fn crosses(reach: &SourceTracer, d: f64, (t, from): (f64, DVec2), tall: f64) -> bool {
         let h = (tall / terminal(d) / 30.0).min(0.01);
         let mut p = DVec3::new(from.x, reach.height(), from.y);
         let air = |p: DVec3, t: f64| air_at(reach.wind(), &[p.as_vec3()], t)[0].as_dvec3();

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use super::cover::Cover;
-use super::dew::CELLS;
-use super::grooves::Grooves;
+use crate::rain::leaf::mask::AlphaMask;
+use crate::rain::leaf::veins::VeinMap;
+use crate::rain::leaf::wetness::CELLS;
 use osier_scene::Mesh;
 
 /// Triangles with less of the texture than this are not blade: petioles are drawn on a line of it.
@@ -14,7 +14,7 @@ const LEAST: f64 = 1e-9;
 
 /// A place on a blade, in metres of leaf space.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spot {
+pub struct SurfacePoint {
     /// Where, m.
     pub p: DVec3,
     /// Unit normal of the upper side, smooth.
@@ -25,7 +25,7 @@ pub struct Spot {
     pub jv: DVec3,
 }
 
-impl Spot {
+impl SurfacePoint {
     /// Change of texture coordinates for a way over the surface, m. Source: G^-1 J^T d.
     pub fn uv(&self, d: DVec3) -> DVec2 {
         let (a, b, c) = (self.ju.dot(self.ju), self.ju.dot(self.jv), self.jv.dot(self.jv));
@@ -44,7 +44,7 @@ impl Spot {
 
 /// A place on the margin.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rim {
+pub struct MarginPoint {
     /// Where, m.
     pub p: DVec3,
     /// How far, m.
@@ -59,7 +59,7 @@ pub struct Rim {
 
 /// A blade, in its own metres; leaves that show it are larger or smaller by a factor.
 #[derive(Debug, Clone)]
-pub struct Sheet {
+pub struct LeafSurface {
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
     uvs: Vec<DVec2>,
@@ -75,12 +75,12 @@ pub struct Sheet {
     /// The point of the margin farthest from the stalk.
     tip: DVec3,
     /// What of it is leaf, if its picture cuts holes.
-    cover: Option<Cover>,
+    cover: Option<AlphaMask>,
     /// Its veins, if it has a relief.
-    grooves: Option<Grooves>,
+    grooves: Option<VeinMap>,
 }
 
-impl Sheet {
+impl LeafSurface {
     /// The blade of a mesh with texture coordinates; none where it has no blade. Petioles, which stand on a line of the texture, are left out.
     pub fn new(mesh: &Mesh) -> Option<Self> {
         if mesh.uvs.len() != mesh.points.len() {
@@ -125,7 +125,7 @@ impl Sheet {
     }
 
     /// The same blade with the holes that its picture cuts, and the veins of its relief.
-    pub fn with(self, cover: Option<Cover>, grooves: Option<Grooves>) -> Self {
+    pub fn with(self, cover: Option<AlphaMask>, grooves: Option<VeinMap>) -> Self {
         Self { cover, grooves, ..self }
     }
 
@@ -185,7 +185,7 @@ impl Sheet {
     }
 
     /// The place at texture coordinates, `scale` times as large; none outside of the blade.
-    pub fn at(&self, uv: DVec2, scale: f64) -> Option<Spot> {
+    pub fn at(&self, uv: DVec2, scale: f64) -> Option<SurfacePoint> {
         if !uv.is_finite() {
             return None;
         }
@@ -199,10 +199,10 @@ impl Sheet {
     }
 
     /// The place at texture coordinates, beyond the margin on the plane of the last triangle that `near` is in.
-    pub fn beyond(&self, uv: DVec2, near: &Spot, at: DVec2, scale: f64) -> Spot {
+    pub fn beyond(&self, uv: DVec2, near: &SurfacePoint, at: DVec2, scale: f64) -> SurfacePoint {
         self.at(uv, scale).unwrap_or_else(|| {
             let d = uv - at;
-            Spot { p: near.p + near.ju * d.x + near.jv * d.y, ..*near }
+            SurfacePoint { p: near.p + near.ju * d.x + near.jv * d.y, ..*near }
         })
     }
 
@@ -215,19 +215,19 @@ impl Sheet {
         w.iter().all(|w| *w >= -1e-9).then_some(w)
     }
 
-    fn spot(&self, i: usize, w: [f64; 3], scale: f64) -> Spot {
+    fn spot(&self, i: usize, w: [f64; 3], scale: f64) -> SurfacePoint {
         let t = self.triangles[i].map(|k| k as usize);
         let sum = |list: &[DVec3]| (0..3).fold(DVec3::ZERO, |s, k| s + list[t[k]] * w[k]);
         let [ju, jv] = self.jacobians[i].map(|j| j * scale);
         let flat = ju.cross(jv);
         let n = sum(&self.normals).normalize_or(flat.normalize_or(DVec3::Z));
-        Spot { p: sum(&self.points) * scale, n, ju, jv }
+        SurfacePoint { p: sum(&self.points) * scale, n, ju, jv }
     }
 
     /// The nearest place of the margin to a place, both `scale` times as large.
-    pub fn rim(&self, p: DVec3, scale: f64) -> Option<Rim> {
+    pub fn rim(&self, p: DVec3, scale: f64) -> Option<MarginPoint> {
         let q = p / scale;
-        let mut best: Option<Rim> = None;
+        let mut best: Option<MarginPoint> = None;
         for (piece, [a, b]) in self.rim.iter().enumerate() {
             let (a, b) = (self.points[*a as usize], self.points[*b as usize]);
             let way = b - a;
@@ -236,14 +236,14 @@ impl Sheet {
             let distance = near.distance(q);
             if best.is_none_or(|r| distance < r.distance) {
                 let along = way.normalize_or(DVec3::X);
-                best = Some(Rim { p: near, distance, along, piece, share });
+                best = Some(MarginPoint { p: near, distance, along, piece, share });
             }
         }
-        best.map(|r| Rim { p: r.p * scale, distance: r.distance * scale, ..r })
+        best.map(|r| MarginPoint { p: r.p * scale, distance: r.distance * scale, ..r })
     }
 
     /// The place on the margin a way further along it (back for less than 0), m.
-    pub fn along_rim(&self, rim: &Rim, way: f64, scale: f64) -> DVec3 {
+    pub fn along_rim(&self, rim: &MarginPoint, way: f64, scale: f64) -> DVec3 {
         let (mut piece, mut left) = (rim.piece, way.abs() / scale);
         let side = usize::from(way >= 0.0);
         let ends = |piece: usize| {
@@ -270,7 +270,7 @@ impl Sheet {
     }
 
     /// Texture coordinates just inside of a place of the margin.
-    pub fn uv_at_rim(&self, rim: &Rim) -> DVec2 {
+    pub fn uv_at_rim(&self, rim: &MarginPoint) -> DVec2 {
         let [a, b] = self.rim[rim.piece].map(|k| self.uvs[k as usize]);
         a + (b - a) * rim.share
     }
@@ -315,7 +315,7 @@ fn margin(triangles: &[[u32; 3]], points: &[DVec3]) -> (Vec<[u32; 2]>, Vec<[usiz
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use glam::{Vec2, Vec3};
 
     use super::*;
@@ -342,7 +342,7 @@ pub(super) mod tests {
 
     #[test]
     fn places_and_ways_agree() {
-        let sheet = Sheet::new(&flat(0.08, 0.04, 6)).expect("a blade");
+        let sheet = LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade");
         let spot = sheet.at(DVec2::new(0.3, 0.7), 2.0).expect("inside");
         assert!(spot.p.distance(DVec3::new(-0.016, 0.112, 0.0)) < 1e-8, "{:?}", spot.p);
         let d = spot.uv(DVec3::new(0.008, 0.016, 0.0));
@@ -353,7 +353,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_margin_goes_round() {
-        let sheet = Sheet::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let sheet = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
         let rim = sheet.rim(DVec3::new(0.018, 0.04, 0.0), 1.0).expect("a margin");
         assert!((rim.distance - 0.002).abs() < 1e-8);
         let there = sheet.along_rim(&rim, 0.05, 1.0);

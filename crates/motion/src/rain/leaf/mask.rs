@@ -7,13 +7,13 @@ use osier_scene::{Image, Material, Mesh, Pixels, pixel_at};
 /// Which pixels of a leaf's picture are leaf.
 /// Source: [yang-wu] 4, whose leaves have an alpha map; a pixel is a hole where the material's `alpha_cutoff` cuts it away.
 #[derive(Debug, Clone)]
-pub struct Cover {
+pub struct AlphaMask {
     size: [u32; 2],
     /// Rows from the top.
     whole: Vec<bool>,
 }
 
-impl Cover {
+impl AlphaMask {
     /// Of the materials that a mesh shows, the first whose picture cuts holes; none if no drop would fall through one.
     pub fn of(mesh: &Mesh, materials: &[Material], images: &[Image]) -> Option<Self> {
         mesh.subsets.iter().find_map(|s| Self::cut(materials.get(s.material as usize)?, images))

@@ -1,16 +1,18 @@
 //! Drops as closed meshes that fit the leaf under them.
 
+mod tail_body;
+
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::bearer::Blade;
-use super::cap::Cap;
-use super::leaf::Leaf;
-use super::line::Line;
-use super::moment::{Hanging, Lying};
-use super::pendant::{Shapes, drawn};
-use super::sheet::Spot;
+use crate::rain::drops::pendant::{PendantShapes, drawn};
+use crate::rain::drops::rain_leaf::RainLeaf;
+use crate::rain::drops::shape::SphericalCap;
+use crate::rain::frame::{PendantDrop, SessileDrop};
+use crate::rain::leaf::surface::SurfacePoint;
+use crate::rain::mesh::tail_body::TailBody;
+use crate::rain::target::LeafPose;
 use osier_base::math;
 use osier_scene::Mesh;
 
@@ -30,7 +32,7 @@ const ALONG: usize = 40;
 
 /// Water of a frame: one mesh, with the velocity of each point, m/s.
 #[derive(Debug, Default)]
-pub struct Water {
+pub struct DropMesh {
     /// It; the world's metres.
     pub mesh: Mesh,
     /// One per point.
@@ -38,17 +40,17 @@ pub struct Water {
 }
 
 /// Where points of a drop are put.
-pub(super) struct Base<'a> {
-    pub(super) leaf: &'a Leaf,
-    blade: &'a Blade,
+pub(super) struct DropPlacement<'a> {
+    pub(super) leaf: &'a RainLeaf,
+    blade: &'a LeafPose,
     uv: DVec2,
-    pub(super) spot: Spot,
+    pub(super) spot: SurfacePoint,
     side: f64,
     v: DVec3,
 }
 
-impl<'a> Base<'a> {
-    fn new((leaf, blade): (&'a Leaf, &'a Blade), uv: DVec2, (side, v): (f64, DVec3)) -> Option<Self> {
+impl<'a> DropPlacement<'a> {
+    fn new((leaf, blade): (&'a RainLeaf, &'a LeafPose), uv: DVec2, (side, v): (f64, DVec3)) -> Option<Self> {
         Some(Self { leaf, blade, uv, spot: leaf.at(uv)?, side, v })
     }
 
@@ -56,15 +58,15 @@ impl<'a> Base<'a> {
     pub(super) fn point(&self, way: DVec3, height: f64) -> DVec3 {
         let there = self.uv + self.spot.uv(way);
         let s = self.leaf.sheet.beyond(there, &self.spot, self.uv, self.leaf.scale);
-        self.blade.p + self.blade.q * (s.p + s.n * (self.side * height))
+        self.blade.position + self.blade.orientation * (s.p + s.n * (self.side * height))
     }
 }
 
-impl Water {
-    fn push(&mut self, p: DVec3, (blade, v): (&Blade, DVec3)) -> u32 {
+impl DropMesh {
+    fn push(&mut self, p: DVec3, (blade, v): (&LeafPose, DVec3)) -> u32 {
         let index = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
         self.mesh.points.push(p.as_vec3());
-        self.velocities.push((blade.speed_at(p) + blade.q * v).as_vec3());
+        self.velocities.push((blade.velocity_at(p) + blade.orientation * v).as_vec3());
         index
     }
 
@@ -87,9 +89,9 @@ impl Water {
     }
 
     /// Adds a drop that lies on a leaf.
-    pub fn lay(&mut self, on: (&Leaf, &Blade), drop: &Lying) {
+    pub fn lay(&mut self, on: (&RainLeaf, &LeafPose), drop: &SessileDrop) {
         let Some(head) = drop.beads.first() else { return };
-        let Some(base) = Base::new(on, head.uv, (drop.side, drop.v)) else { return };
+        let Some(base) = DropPlacement::new(on, head.uv, (drop.side, drop.v)) else { return };
         if drop.beads.len() > 1 {
             self.strip(&base, drop);
         } else {
@@ -98,7 +100,7 @@ impl Water {
     }
 
     /// Rings around the middle, dense at the rim. Source: own.
-    fn cap(&mut self, base: &Base<'_>, cap: &Cap, drop: &Lying) {
+    fn cap(&mut self, base: &DropPlacement<'_>, cap: &SphericalCap, drop: &SessileDrop) {
         let theta = math::acos(cap.c.clamp(-1.0, 1.0));
         let [rings, sides] = if cap.reach() < LARGE { FEW } else { MANY };
         // What overhangs has more to show.
@@ -146,7 +148,7 @@ impl Water {
 
     /// Closes a drop under the leaf: a skirt, and rings that follow what is under it, as air that a flat bottom left in a fold
     /// would mirror. `rim`: counter-clockwise seen from above; `place`: by share of the way to it, and angle.
-    fn seat(&mut self, base: &Base<'_>, (rim, rings): (&[u32], u32), place: impl Fn(f64, f64) -> DVec3) {
+    fn seat(&mut self, base: &DropPlacement<'_>, (rim, rings): (&[u32], u32), place: impl Fn(f64, f64) -> DVec3) {
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let (carrier, flip) = ((base.blade, base.v), base.side < 0.0);
         let sides = rim.len();
@@ -178,8 +180,8 @@ impl Water {
     }
 
     /// A drop with its tail as one body: rows across its way, that narrow from its head to its end. Source: own.
-    fn strip(&mut self, base: &Base<'_>, drop: &Lying) {
-        let Some(line) = Line::new(base, drop) else { return };
+    fn strip(&mut self, base: &DropPlacement<'_>, drop: &SessileDrop) {
+        let Some(line) = TailBody::new(base, drop) else { return };
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let carrier = (base.blade, base.v);
         let rows = line.rows();
@@ -208,7 +210,7 @@ impl Water {
     }
 
     /// Closes a strip under the leaf, whose folds it follows.
-    fn keel(&mut self, base: &Base<'_>, line: &Line, (grid, ends): (&[Vec<u32>], [u32; 2])) {
+    fn keel(&mut self, base: &DropPlacement<'_>, line: &TailBody, (grid, ends): (&[Vec<u32>], [u32; 2])) {
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let (carrier, flip) = ((base.blade, base.v), base.side < 0.0);
         let (n, rows) = (COLUMNS as usize, line.rows());
@@ -247,12 +249,12 @@ impl Water {
     }
 
     /// Adds a drop that hangs at a margin. `shapes`: of its circle.
-    pub fn hang(&mut self, blade: &Blade, drop: &Hanging, shapes: &Shapes) {
+    pub fn hang(&mut self, blade: &LeafPose, drop: &PendantDrop, shapes: &PendantShapes) {
         let profile = drawn(&shapes.profile(drop.volume), drop.thin);
         let Some([_, length]) = profile.last().copied() else { return };
-        let down = (blade.q * drop.axis).normalize_or(DVec3::NEG_Y);
+        let down = (blade.orientation * drop.axis).normalize_or(DVec3::NEG_Y);
         let (x, y) = down.any_orthonormal_pair();
-        let middle = blade.p + blade.q * drop.p;
+        let middle = blade.position + blade.orientation * drop.p;
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let carrier = (blade, DVec3::ZERO);
         let mut outline: Vec<[f64; 2]> = thinned(&profile);
@@ -334,30 +336,39 @@ mod tests {
 
     use glam::DQuat;
 
-    use super::super::cap::Print;
-    use super::super::drop::Bead;
-    use super::super::manner::Manner;
-    use super::super::sheet::{Sheet, tests::flat};
     use super::*;
+    use crate::rain::drops::drop::DropCap;
+    use crate::rain::drops::shape::Footprint;
+    use crate::rain::leaf::surface::{LeafSurface, tests::flat};
+    use crate::rain::params::DropParams;
 
-    fn leaf() -> Leaf {
-        Leaf::new(Arc::new(Sheet::new(&flat(0.08, 0.04, 8)).expect("a blade")), 1.0, 0)
+    fn leaf() -> RainLeaf {
+        RainLeaf::new(Arc::new(LeafSurface::new(&flat(0.08, 0.04, 8)).expect("a blade")), 1.0, 0)
     }
 
-    fn blade() -> Blade {
-        Blade::still(DVec3::new(1.0, 2.0, 3.0), DQuat::from_rotation_x(-1.0))
+    fn pose() -> LeafPose {
+        LeafPose::at_rest(DVec3::new(1.0, 2.0, 3.0), DQuat::from_rotation_x(-1.0))
     }
 
-    fn lying(theta: f64, volumes: &[f64], print: Print) -> Lying {
+    fn lying(theta: f64, volumes: &[f64], print: Footprint) -> SessileDrop {
         let theta = theta.to_radians();
-        let own = Manner::default().wetting;
-        let wetting = super::super::cap::Wetting { theta, receding: theta, advancing: theta, ..own };
+        let own = DropParams::default().wetting;
+        let wetting = crate::rain::drops::shape::WettingParams { theta, receding: theta, advancing: theta, ..own };
         let bead = |(i, v): (usize, &f64)| {
             let uv = DVec2::new(0.5, 0.5 - 0.02 * i as f64);
-            Bead { uv, cap: wetting.cap(*v, 1.0), volume: *v }
+            DropCap { uv, cap: wetting.cap(*v, 1.0), volume: *v }
         };
         let beads = volumes.iter().enumerate().map(bead).collect();
-        Lying { id: 1, leaf: 0, side: 1.0, beads, print, axis: DVec3::Y, v: DVec3::ZERO, volume: volumes.iter().sum() }
+        SessileDrop {
+            id: 1,
+            leaf: 0,
+            side: 1.0,
+            beads,
+            print,
+            axis: DVec3::Y,
+            v: DVec3::ZERO,
+            volume: volumes.iter().sum(),
+        }
     }
 
     /// Volume inside, m^3, once every edge is known to have a triangle on either side.
@@ -380,15 +391,16 @@ mod tests {
 
     #[test]
     fn drops_are_closed_and_hold_their_volume() {
-        let (leaf, blade) = (leaf(), blade());
+        let (leaf, blade) = (leaf(), pose());
         let prints = [(1.0, 0.0, None), (1.4, 0.2, None), (1.2, 0.26, Some(0.7))];
         for theta in [30.0, 45.0, 60.0, 75.0, 90.0, 110.0, 130.0, 150.0] {
             for ((q, skew, omega), volume) in prints.into_iter().flat_map(|p| [(p, 2e-8), (p, 4e-10)]) {
-                let mut drop = lying(theta, &[volume], Print { q, skew });
-                let own = Manner::default().wetting;
-                let cap = super::super::cap::Wetting { theta: theta.to_radians(), omega, ..own }.cap(volume, 1.0);
+                let mut drop = lying(theta, &[volume], Footprint { q, skew });
+                let own = DropParams::default().wetting;
+                let cap = crate::rain::drops::shape::WettingParams { theta: theta.to_radians(), omega, ..own }
+                    .cap(volume, 1.0);
                 drop.beads[0].cap = cap;
-                let mut water = Water::default();
+                let mut water = DropMesh::default();
                 water.lay((&leaf, &blade), &drop);
                 let sides = f64::from(if cap.reach() < LARGE { FEW } else { MANY }[1]);
                 let under = 0.5 * sides * math::sin(TAU / sides) * cap.a * cap.a * UNDER;
@@ -402,12 +414,12 @@ mod tests {
 
     #[test]
     fn a_drop_with_a_tail_is_one_closed_body() {
-        let (leaf, blade) = (leaf(), blade());
-        let drop = lying(60.0, &[1e-8, 5e-9, 2.5e-9, 1.2e-9], Print { q: 1.3, skew: 0.2 });
-        let mut water = Water::default();
+        let (leaf, blade) = (leaf(), pose());
+        let drop = lying(60.0, &[1e-8, 5e-9, 2.5e-9, 1.2e-9], Footprint { q: 1.3, skew: 0.2 });
+        let mut water = DropMesh::default();
         water.lay((&leaf, &blade), &drop);
-        let base = Base::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
-        let line = Line::new(&base, &drop).expect("a line");
+        let base = DropPlacement::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
+        let line = TailBody::new(&base, &drop).expect("a line");
         let area: f64 = (0..line.rows())
             .map(|k| {
                 let [a, b] = [k, k + 1].map(|k| line.at(k, line.rows()));
@@ -422,11 +434,11 @@ mod tests {
     fn no_air_is_left_between_a_drop_and_the_fold_it_lies_in() {
         let mut mesh = flat(0.08, 0.04, 32);
         mesh.points.iter_mut().for_each(|p| p.z += 0.6 * p.x.abs());
-        let leaf = Leaf::new(Arc::new(Sheet::new(&mesh).expect("a blade")), 1.0, 0);
-        let blade = Blade::still(DVec3::ZERO, DQuat::IDENTITY);
+        let leaf = RainLeaf::new(Arc::new(LeafSurface::new(&mesh).expect("a blade")), 1.0, 0);
+        let blade = LeafPose::at_rest(DVec3::ZERO, DQuat::IDENTITY);
         for volumes in [&[2e-8][..], &[1e-8, 5e-9, 2.5e-9]] {
-            let mut water = Water::default();
-            water.lay((&leaf, &blade), &lying(60.0, volumes, Print { q: 1.0, skew: 0.0 }));
+            let mut water = DropMesh::default();
+            water.lay((&leaf, &blade), &lying(60.0, volumes, Footprint { q: 1.0, skew: 0.0 }));
             let Mesh { points, triangles, .. } = &water.mesh;
             let middles = triangles.iter().map(|t| t.map(|i| points[i as usize].as_dvec3())).filter_map(|[a, b, c]| {
                 let (n, m) = ((b - a).cross(c - a).normalize_or_zero(), (a + b + c) / 3.0);
@@ -440,11 +452,11 @@ mod tests {
 
     #[test]
     fn a_tail_has_no_creases() {
-        let (leaf, blade) = (leaf(), blade());
+        let (leaf, blade) = (leaf(), pose());
         for theta in [40.0, 70.0, 110.0] {
-            let drop = lying(theta, &[1e-8, 5e-9, 2.5e-9, 1.2e-9, 6e-10], Print { q: 1.4, skew: 0.2 });
-            let base = Base::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
-            let line = Line::new(&base, &drop).expect("a line");
+            let drop = lying(theta, &[1e-8, 5e-9, 2.5e-9, 1.2e-9, 6e-10], Footprint { q: 1.4, skew: 0.2 });
+            let base = DropPlacement::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
+            let line = TailBody::new(&base, &drop).expect("a line");
             let sizes: Vec<[f64; 2]> =
                 (0..=400).map(|k| line.at(k, 400)).map(|s| [line.width(s), line.height(s, 0.0)]).collect();
             for i in 0..2 {
@@ -459,16 +471,17 @@ mod tests {
 
     #[test]
     fn a_hanging_drop_is_closed_and_hangs_down() {
-        let blade = Blade::still(DVec3::new(0.2, 1.0, 0.3), DQuat::from_rotation_z(0.4));
-        let axis = blade.q.inverse() * DVec3::NEG_Y;
+        let blade = LeafPose::at_rest(DVec3::new(0.2, 1.0, 0.3), DQuat::from_rotation_z(0.4));
+        let axis = blade.orientation.inverse() * DVec3::NEG_Y;
         for volume in [2e-9, 15e-9, 33e-9] {
-            let drop = Hanging { id: 1, leaf: 0, p: DVec3::new(0.0, 0.08, 0.0), radius: 1e-3, axis, volume, thin: 0.0 };
-            let mut water = Water::default();
-            water.hang(&blade, &drop, &Shapes::new(1e-3, 9.81));
+            let drop =
+                PendantDrop { id: 1, leaf: 0, p: DVec3::new(0.0, 0.08, 0.0), radius: 1e-3, axis, volume, thin: 0.0 };
+            let mut water = DropMesh::default();
+            water.hang(&blade, &drop, &PendantShapes::new(1e-3, 9.81));
             let found = closed(&water.mesh);
             let seat = PI * 1e-9 * SEAT * 2.0 / 3.0;
             assert!(((found - seat) / volume - 1.0).abs() < 0.03, "{volume} {found}");
-            let top = blade.world(drop.p, 1.0).y;
+            let top = blade.to_world(drop.p, 1.0).y;
             let lowest = water.mesh.points.iter().fold(f32::MAX, |m, p| m.min(p.y));
             assert!(f64::from(lowest) < top - 1e-4);
         }

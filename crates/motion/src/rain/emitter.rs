@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::reach::{Reach, Source};
+use crate::rain::source_region::{SourceRegion, SourceTracer};
 use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_base::noise::gradient1;
@@ -38,7 +38,7 @@ pub fn across(volume: f64) -> f64 {
 
 /// How large drops are.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Size {
+pub enum DropSizes {
     /// As in rain of its strength. Source: Marshall and Palmer 1948.
     Natural,
     /// All alike, m.
@@ -49,7 +49,7 @@ pub enum Size {
 
 /// How rain's strength changes over a clip.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Envelope {
+pub enum IntensityEnvelope {
     /// Always the same.
     Constant,
     /// A bell around a time, s, with a width, s. Source: [yang-wu] section 3.
@@ -60,17 +60,17 @@ pub enum Envelope {
 
 /// Rain.
 #[derive(Debug, Clone)]
-pub struct Rainfall {
+pub struct RainfallParams {
     /// Seed of its draws.
     pub seed: u64,
     /// Water over time, m/s (10 mm/h are 2.8e-6).
     pub strength: f64,
     /// How large drops are.
-    pub size: Size,
+    pub size: DropSizes,
     /// Drops that a clip of `duration` seconds has in all, instead of `strength`.
     pub total: Option<f64>,
     /// How strength changes.
-    pub envelope: Envelope,
+    pub envelope: IntensityEnvelope,
     /// How much it changes by chance, 0 to 1.
     pub jitter: f64,
     /// s.
@@ -81,9 +81,9 @@ pub struct Rainfall {
 
 /// Rain over a place.
 #[derive(Debug)]
-pub struct Shower {
-    fall: Rainfall,
-    reach: Reach,
+pub struct RainEmitter {
+    fall: RainfallParams,
+    reach: SourceTracer,
     /// Diameters of equal chance, m, each with the class of sizes that it belongs to.
     sizes: Vec<f64>,
     classes: Vec<usize>,
@@ -92,19 +92,19 @@ pub struct Shower {
     /// Area that rain starts from, in the mean over sizes and the clip, m^2.
     area: f64,
     /// Where drops of each class start now, the number of the epoch, and the rectangles of all sizes so far, m^2.
-    now: Option<Now>,
+    now: Option<EmissionEpoch>,
 }
 
 #[derive(Debug)]
-struct Now {
+struct EmissionEpoch {
     epoch: u64,
-    sources: Vec<Source>,
+    sources: Vec<SourceRegion>,
     sums: Vec<f64>,
 }
 
 /// A drop that is let go.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Born {
+pub struct EmittedDrop {
     /// When, s.
     pub t: f64,
     /// Where, m.
@@ -115,13 +115,13 @@ pub struct Born {
     pub volume: f64,
 }
 
-impl Shower {
+impl RainEmitter {
     /// Rain that falls on everything in a box, m, through a wind.
-    pub fn new(fall: Rainfall, over: Bounds, wind: Option<Arc<dyn Wind>>) -> Self {
+    pub fn new(fall: RainfallParams, over: Bounds, wind: Option<Arc<dyn Wind>>) -> Self {
         let sizes = sizes(&fall);
         let mean = sizes.iter().map(|d| ball(*d)).sum::<f64>() / sizes.len().max(1) as f64;
         let end = |d: Option<&f64>| d.copied().unwrap_or(1e-3);
-        let reach = Reach::new(over, wind, [end(sizes.first()), end(sizes.last())], fall.g);
+        let reach = SourceTracer::new(over, wind, [end(sizes.first()), end(sizes.last())], fall.g);
         let classes: Vec<usize> = sizes.iter().map(|d| reach.class(*d)).collect();
         let mut shower = Self { reach, classes, sizes, flux: 1.0, area: 0.0, now: None, fall };
         let fall = &shower.fall;
@@ -158,7 +158,7 @@ impl Shower {
     }
 
     /// Drops of step `number`, which begins at `t` and lasts `h` seconds.
-    pub fn drops(&mut self, number: u64, (t, h): (f64, f64)) -> Vec<Born> {
+    pub fn drops(&mut self, number: u64, (t, h): (f64, f64)) -> Vec<EmittedDrop> {
         let mut draw = Rng::at(self.fall.seed, &["rain".into(), 0_u64.into(), number.into()]);
         let key = Rng::key(self.fall.seed, &["rain".into(), "gusts".into()]);
         let gust = 1.0 + self.fall.jitter * f64::from(gradient1(key, math::narrow(t / PERIOD), 1 << 20));
@@ -166,7 +166,7 @@ impl Shower {
         let around = now.sums.last().copied().unwrap_or(0.0) / self.sizes.len().max(1) as f64;
         let mean = self.flux * around * share(&self.fall, t) * h * gust.max(0.0);
         let count = poisson(mean, &mut draw);
-        let mut born: Vec<Born> = Vec::new();
+        let mut born: Vec<EmittedDrop> = Vec::new();
         for _ in 0..count {
             let at = draw.range(0.0, h);
             let (class, d) = self.size(&now.sums, draw.unit_f64());
@@ -174,7 +174,7 @@ impl Shower {
             // From elsewhere in the rectangle around it nothing comes that matters.
             let Some(p) = now.sources.get(class).and_then(|s| s.place(shares)) else { continue };
             let p = DVec3::new(p.x, self.reach.height(), p.y);
-            born.push(Born { t: t + at, p, v: -DVec3::Y * terminal(d), volume: ball(d) });
+            born.push(EmittedDrop { t: t + at, p, v: -DVec3::Y * terminal(d), volume: ball(d) });
         }
         self.now = Some(now);
         let places: Vec<Vec3> = born.iter().map(|b| b.p.as_vec3()).collect();
@@ -185,20 +185,20 @@ impl Shower {
     }
 
     /// Where drops start at a time.
-    fn at(&mut self, t: f64) -> Now {
+    fn at(&mut self, t: f64) -> EmissionEpoch {
         let epoch = self.reach.epoch(t);
         if let Some(now) = self.now.take().filter(|now| now.epoch == epoch) {
             return now;
         }
         let sources = self.reach.sources(epoch);
-        let around: Vec<f64> = sources.iter().map(Source::around).collect();
+        let around: Vec<f64> = sources.iter().map(SourceRegion::around).collect();
         let mut sum = 0.0;
         let add = |class: &usize| {
             sum += around.get(*class).copied().unwrap_or(0.0);
             sum
         };
         let sums = self.classes.iter().map(add).collect();
-        Now { epoch, sources, sums }
+        EmissionEpoch { epoch, sources, sums }
     }
 
     /// A size by its chance to start now: the larger the area that a size starts from, the more drops of it there are.
@@ -215,14 +215,14 @@ impl Shower {
 }
 
 /// Share of its full strength that rain has at a time, s.
-fn share(fall: &Rainfall, t: f64) -> f64 {
+fn share(fall: &RainfallParams, t: f64) -> f64 {
     match &fall.envelope {
-        Envelope::Constant => 1.0,
-        Envelope::Bell(middle, width) => {
+        IntensityEnvelope::Constant => 1.0,
+        IntensityEnvelope::Bell(middle, width) => {
             let k = (t - middle) / width;
             math::exp(-0.5 * k * k)
         }
-        Envelope::Keys(keys) => {
+        IntensityEnvelope::Keys(keys) => {
             let k = keys.partition_point(|key| key[0] <= t);
             match (k.checked_sub(1).map(|k| keys[k]), keys.get(k)) {
                 (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (t - a[0]) / (b[0] - a[0]),
@@ -235,16 +235,16 @@ fn share(fall: &Rainfall, t: f64) -> f64 {
 }
 
 /// Middles of pieces of equal chance.
-fn sizes(fall: &Rainfall) -> Vec<f64> {
+fn sizes(fall: &RainfallParams) -> Vec<f64> {
     let n = TABLE as f64;
     let [least, most] = SIZES;
     let density: Box<dyn Fn(f64) -> f64> = match fall.size {
-        Size::Fixed(d) => return vec![d],
-        Size::LogNormal(median, sigma) => Box::new(move |mm: f64| {
+        DropSizes::Fixed(d) => return vec![d],
+        DropSizes::LogNormal(median, sigma) => Box::new(move |mm: f64| {
             let k = math::ln(mm * 1e-3 / median) / sigma;
             math::exp(-0.5 * k * k) / mm
         }),
-        Size::Natural => {
+        DropSizes::Natural => {
             let slope = 4.1 * math::pow((fall.strength * 3.6e6).max(0.01), -0.21);
             Box::new(move |mm: f64| math::exp(-slope * mm) * terminal(mm * 1e-3))
         }
@@ -304,13 +304,13 @@ pub fn air_at(wind: Option<&dyn Wind>, places: &[Vec3], t: f64) -> Vec<Vec3> {
 mod tests {
     use super::*;
 
-    fn rainfall() -> Rainfall {
-        Rainfall {
+    fn rainfall() -> RainfallParams {
+        RainfallParams {
             seed: 5,
             strength: 10.0 / 3.6e6,
-            size: Size::Natural,
+            size: DropSizes::Natural,
             total: None,
-            envelope: Envelope::Constant,
+            envelope: IntensityEnvelope::Constant,
             jitter: 0.0,
             duration: 10.0,
             g: 9.81,
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn ten_millimetres_an_hour_are_ten_millimetres_an_hour() {
-        let mut shower = Shower::new(rainfall(), over(), None);
+        let mut shower = RainEmitter::new(rainfall(), over(), None);
         assert!((2300.0..3100.0).contains(&shower.flux()), "{}", shower.flux());
         let (mut water, mut counts, h) = (0.0, Vec::new(), 0.005);
         for k in 0..8000_u64 {
@@ -362,7 +362,7 @@ mod tests {
 
     #[test]
     fn sizes_are_marshall_and_palmers() {
-        let mut shower = Shower::new(rainfall(), over(), None);
+        let mut shower = RainEmitter::new(rainfall(), over(), None);
         let mut found: Vec<f64> = Vec::new();
         let mut k = 0_u64;
         while found.len() < 20_000 {
@@ -400,9 +400,9 @@ mod tests {
 
     #[test]
     fn a_clip_has_as_many_drops_as_it_is_told() {
-        let bell = Envelope::Bell(5.0, 2.5);
-        let fall = Rainfall { total: Some(2000.0), envelope: bell, jitter: 0.2, ..rainfall() };
-        let mut shower = Shower::new(fall, over(), Some(Arc::new(osier_wind::UniformWind(Vec3::X))));
+        let bell = IntensityEnvelope::Bell(5.0, 2.5);
+        let fall = RainfallParams { total: Some(2000.0), envelope: bell, jitter: 0.2, ..rainfall() };
+        let mut shower = RainEmitter::new(fall, over(), Some(Arc::new(osier_wind::UniformWind(Vec3::X))));
         let count: usize = (0..2000_u64).map(|k| shower.drops(k, (k as f64 * 0.005, 0.005)).len()).sum();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt() + 60.0, "{count}");
     }

@@ -11,12 +11,12 @@ const DRY: f64 = 1.0 / 1024.0;
 
 /// When each cell was last covered by water, s.
 #[derive(Debug, Clone, Default)]
-pub struct Dew {
+pub struct WetnessGrid {
     /// Empty while all of it is dry.
     seen: Vec<f32>,
 }
 
-impl Dew {
+impl WetnessGrid {
     /// Water covers a place with a reach, both in texture coordinates, at time `t`, s.
     pub fn cover(&mut self, uv: DVec2, reach: DVec2, t: f64) {
         if self.seen.is_empty() {

@@ -1,37 +1,37 @@
 //! Which texels of a map are done again: runs of columns, row by row.
 
 use super::TILE;
-use super::chart::Window;
+use super::uv_raster::TexelWindow;
 
 /// Bits of a word of marks.
 const WORD: usize = 64;
 
 /// Columns of texels, the end excluded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Run(pub usize, pub usize);
+pub(super) struct ColumnSpan(pub usize, pub usize);
 
 /// Runs of each row of a map.
 #[derive(Debug, Clone)]
-pub(super) struct Runs {
-    all: Vec<Run>,
+pub(super) struct RowSpans {
+    all: Vec<ColumnSpan>,
     /// Where each row's begin, and where the last one's end.
     starts: Vec<usize>,
 }
 
-impl Runs {
+impl RowSpans {
     /// All texels.
     pub fn all(side: usize) -> Self {
-        Self { all: vec![Run(0, side); side], starts: (0..=side).collect() }
+        Self { all: vec![ColumnSpan(0, side); side], starts: (0..=side).collect() }
     }
 
     /// Those of a row.
     #[inline(always)]
-    pub fn of(&self, y: usize) -> &[Run] {
+    pub fn of(&self, y: usize) -> &[ColumnSpan] {
         &self.all[self.starts[y]..self.starts[y + 1]]
     }
 
     /// One row's after the other's.
-    fn by_row(side: usize, mut row: impl FnMut(usize, &mut Vec<Run>)) -> Self {
+    fn by_row(side: usize, mut row: impl FnMut(usize, &mut Vec<ColumnSpan>)) -> Self {
         let (mut all, mut starts) = (Vec::new(), vec![0]);
         for y in 0..side {
             row(y, &mut all);
@@ -42,29 +42,29 @@ impl Runs {
 }
 
 /// What changed of a leaf's water.
-pub(super) struct Changed {
+pub(super) struct DirtySpans {
     /// Texels whose heights may.
-    pub poured: Runs,
+    pub poured: RowSpans,
     /// And those whose normals may with them.
-    pub turned: Runs,
+    pub turned: RowSpans,
 }
 
-impl Changed {
+impl DirtySpans {
     /// All texels.
     pub fn all(side: usize) -> Self {
-        Self { poured: Runs::all(side), turned: Runs::all(side) }
+        Self { poured: RowSpans::all(side), turned: RowSpans::all(side) }
     }
 
-    pub fn new(marks: &Marks) -> Self {
+    pub fn new(marks: &DirtyTiles) -> Self {
         let n = marks.side;
-        let poured = Runs::by_row(n, |y, all| all.extend(runs(marks.row(y), n)));
+        let poured = RowSpans::by_row(n, |y, all| all.extend(runs(marks.row(y), n)));
         let mut around = Vec::new();
-        let turned = Runs::by_row(n, |y, all| {
+        let turned = RowSpans::by_row(n, |y, all| {
             // A normal is made of the heights of its neighbours.
             let [above, below] = [y.saturating_sub(1), (y + 1).min(n - 1)].map(|y| marks.row(y));
             around.clear();
             around.extend(marks.row(y).iter().zip(above).zip(below).map(|((own, above), below)| own | above | below));
-            all.extend(runs(&around, n).map(|r| Run(r.0.saturating_sub(1), (r.1 + 1).min(n))));
+            all.extend(runs(&around, n).map(|r| ColumnSpan(r.0.saturating_sub(1), (r.1 + 1).min(n))));
         });
         Self { poured, turned }
     }
@@ -77,13 +77,13 @@ impl Changed {
 
 /// Pieces of rows, [`TILE`] texels long, that are marked: a bit for each, the first in a word's lowest.
 #[derive(Debug, Clone)]
-pub(super) struct Marks {
+pub(super) struct DirtyTiles {
     side: usize,
     words: usize,
     all: Vec<u64>,
 }
 
-impl Marks {
+impl DirtyTiles {
     pub fn none(side: usize) -> Self {
         let words = side.div_ceil(TILE * WORD);
         Self { side, words, all: vec![0; side * words] }
@@ -94,7 +94,7 @@ impl Marks {
     }
 
     /// Marks what has texels of a window.
-    pub fn add(&mut self, window: &Window) {
+    pub fn add(&mut self, window: &TexelWindow) {
         for first in (window.lo[1]..window.hi[1]).step_by(TILE) {
             for (y, ends) in (first..window.hi[1]).zip(window.columns(first)) {
                 let (from, to) = window.whole_columns(ends);
@@ -117,7 +117,7 @@ fn set(words: &mut [u64], (first, last): (usize, usize)) {
 }
 
 /// Runs of pieces whose bits are set, as columns of texels of a row of `n`.
-fn runs(words: &[u64], n: usize) -> impl Iterator<Item = Run> + '_ {
+fn runs(words: &[u64], n: usize) -> impl Iterator<Item = ColumnSpan> + '_ {
     let end = n.div_ceil(TILE);
     let next = move |from: usize, flip: u64| {
         let mut k = from;
@@ -134,7 +134,7 @@ fn runs(words: &[u64], n: usize) -> impl Iterator<Item = Run> + '_ {
     std::iter::from_fn(move || {
         let from = next(k, 0);
         k = next(from, u64::MAX);
-        (from < end).then(|| Run(from * TILE, (k * TILE).min(n)))
+        (from < end).then(|| ColumnSpan(from * TILE, (k * TILE).min(n)))
     })
 }
 
@@ -150,10 +150,10 @@ mod tests {
         for ends in [(3, 3), (10, 70), (64, 72), (80, 80)] {
             set(&mut words, ends);
         }
-        let meant = [Run(3 * TILE, 4 * TILE), Run(10 * TILE, 73 * TILE), Run(80 * TILE, n)];
+        let meant = [ColumnSpan(3 * TILE, 4 * TILE), ColumnSpan(10 * TILE, 73 * TILE), ColumnSpan(80 * TILE, n)];
         assert_eq!(runs(&words, n).collect::<Vec<_>>(), meant);
         set(&mut words, (0, 80));
-        assert_eq!(runs(&words, n).collect::<Vec<_>>(), [Run(0, n)]);
+        assert_eq!(runs(&words, n).collect::<Vec<_>>(), [ColumnSpan(0, n)]);
         assert_eq!(runs(&[0, 0], n).count(), 0);
     }
 }

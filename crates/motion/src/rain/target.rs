@@ -1,0 +1,163 @@
+//! Plants as rain meets them: leaves and wood that drops strike, load and move.
+
+use glam::{DQuat, DVec3};
+
+use crate::rods::RodSystem;
+use osier_base::Result;
+
+/// Pose and motion of a leaf in the world. Its blade is rigid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafPose {
+    /// Origin of leaf space (the end of the stalk), m.
+    pub position: DVec3,
+    /// Rotation from leaf space to the world.
+    pub orientation: DQuat,
+    /// Velocity of the origin, m/s.
+    pub velocity: DVec3,
+    /// Angular velocity, rad/s.
+    pub angular_velocity: DVec3,
+    /// Acceleration of the origin, averaged over the last step, m/s^2.
+    pub acceleration: DVec3,
+    /// Angular acceleration, averaged over the last step, rad/s^2.
+    pub angular_acceleration: DVec3,
+}
+
+impl LeafPose {
+    /// A leaf that does not move.
+    pub fn at_rest(position: DVec3, orientation: DQuat) -> Self {
+        Self {
+            position,
+            orientation,
+            velocity: DVec3::ZERO,
+            angular_velocity: DVec3::ZERO,
+            acceleration: DVec3::ZERO,
+            angular_acceleration: DVec3::ZERO,
+        }
+    }
+
+    /// World position, m, of a point of the unscaled leaf, m. `scale`: factor on the leaf's size.
+    pub fn to_world(&self, local: DVec3, scale: f64) -> DVec3 {
+        self.position + self.orientation * (local * scale)
+    }
+
+    /// Velocity of the leaf's material point at a world position, m/s.
+    pub fn velocity_at(&self, point: DVec3) -> DVec3 {
+        self.velocity + self.angular_velocity.cross(point - self.position)
+    }
+
+    /// Acceleration of the leaf's material point at a world position, m/s^2.
+    pub fn acceleration_at(&self, point: DVec3) -> DVec3 {
+        let arm = point - self.position;
+        // Rigid body: linear + Euler (tangential) + centripetal acceleration.
+        self.acceleration
+            + self.angular_acceleration.cross(arm)
+            + self.angular_velocity.cross(self.angular_velocity.cross(arm))
+    }
+}
+
+/// A straight piece of a branch: a tapered capsule between two points of the world.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WoodSegment {
+    /// End points, m.
+    pub ends: [DVec3; 2],
+    /// Radii at the end points, m.
+    pub radii: [f64; 2],
+}
+
+/// A plant that rain falls on: it takes impulses, forces and attached water, and moves. All in world space and SI units.
+pub trait RainTarget: Send + std::fmt::Debug {
+    /// Number of leaves; their order never changes.
+    fn leaf_count(&self) -> usize;
+
+    /// Current pose of a leaf.
+    fn leaf_pose(&self, leaf: usize) -> LeafPose;
+
+    /// Inverse effective mass of a leaf at `point` along the unit vector `direction`, 1/kg: the change of that point's velocity
+    /// along `direction` for an impulse of 1 N s, b^T M^-1 b. 0 for a leaf that does not move.
+    fn inverse_effective_mass(&self, leaf: usize, point: DVec3, direction: DVec3) -> f64;
+
+    /// Applies an impulse, N s, at a point of a leaf; it acts during the next step.
+    fn apply_impulse(&mut self, leaf: usize, point: DVec3, impulse: DVec3);
+
+    /// Applies a force, N, at a point of a leaf, constant over the next step.
+    fn apply_force(&mut self, leaf: usize, point: DVec3, force: DVec3);
+
+    /// Attaches water of `mass`, kg, with its center of mass at the world position `center`, to a leaf. The water has weight and
+    /// inertia and follows the leaf until the next call; [`RainTarget::apply_force`] is for forces beyond its weight.
+    fn set_attached_mass(&mut self, leaf: usize, mass: f64, center: DVec3);
+
+    /// Replaces the content of `out` by the current wood segments; their number and order never change.
+    fn wood_segments(&self, out: &mut Vec<WoodSegment>);
+
+    /// Inverse effective mass of a wood segment at `fraction` (0 to 1) of its length along a unit vector, 1/kg.
+    fn wood_inverse_effective_mass(&self, segment: usize, fraction: f64, direction: DVec3) -> f64;
+
+    /// Applies an impulse, N s, to a wood segment; it acts during the next step.
+    fn apply_wood_impulse(&mut self, segment: usize, fraction: f64, impulse: DVec3);
+
+    /// Velocity of a wood segment at `fraction` of its length, m/s.
+    fn wood_velocity(&self, segment: usize, fraction: f64) -> DVec3;
+
+    /// Advances the plant from time `t` by `h`, s.
+    /// # Errors
+    /// `Simulation` if the plant's integration diverges.
+    fn step(&mut self, t: f64, h: f64) -> Result<()>;
+
+    /// The rods that pose the plant's skeleton, for animating its mesh; none for a plant that does not move.
+    fn posed_rods(&self) -> Option<&RodSystem> {
+        None
+    }
+}
+
+/// A plant that nothing moves.
+#[derive(Debug, Clone)]
+pub struct StaticPlant {
+    poses: Vec<LeafPose>,
+    wood: Vec<WoodSegment>,
+}
+
+impl StaticPlant {
+    /// Leaves at positions, m, and orientations in the world, and the wood that carries them.
+    pub fn new(leaves: &[(DVec3, DQuat)], wood: Vec<WoodSegment>) -> Self {
+        Self { poses: leaves.iter().map(|(p, q)| LeafPose::at_rest(*p, *q)).collect(), wood }
+    }
+}
+
+impl RainTarget for StaticPlant {
+    fn leaf_count(&self) -> usize {
+        self.poses.len()
+    }
+
+    fn leaf_pose(&self, leaf: usize) -> LeafPose {
+        self.poses[leaf]
+    }
+
+    fn inverse_effective_mass(&self, _: usize, _: DVec3, _: DVec3) -> f64 {
+        0.0
+    }
+
+    fn apply_impulse(&mut self, _: usize, _: DVec3, _: DVec3) {}
+
+    fn apply_force(&mut self, _: usize, _: DVec3, _: DVec3) {}
+
+    fn set_attached_mass(&mut self, _: usize, _: f64, _: DVec3) {}
+
+    fn wood_segments(&self, out: &mut Vec<WoodSegment>) {
+        out.clear();
+        out.extend_from_slice(&self.wood);
+    }
+
+    fn wood_inverse_effective_mass(&self, _: usize, _: f64, _: DVec3) -> f64 {
+        0.0
+    }
+
+    fn apply_wood_impulse(&mut self, _: usize, _: f64, _: DVec3) {}
+
+    fn wood_velocity(&self, _: usize, _: f64) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    fn step(&mut self, _: f64, _: f64) -> Result<()> {
+        Ok(())
+    }
+}
