@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 
 use super::radii;
-use super::turtle::{OrganSpec, expose};
+use super::turtle::{OrganSpec, set_exposed_lengths};
 use axes::{Raw, Skeleton};
 pub use cards::{Cards, Class, classes};
 use osier_base::diagnostic::Report;
@@ -115,7 +115,7 @@ fn built(
         radii::pipe(&mut out, &radii::Pipe { base: Some(radius), ..radii::Pipe::default() });
     }
     osier_scene::plant::validate(&mut out)?;
-    expose(&mut out);
+    set_exposed_lengths(&mut out);
     let (thick, thin, below) = options.bark;
     for axis in &mut out.axes {
         let base = out.nodes.r.get(axis.first as usize).copied().unwrap_or(0.0);

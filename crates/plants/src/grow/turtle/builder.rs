@@ -1,8 +1,8 @@
-//! Collects segments and organs as the turtle draws them and puts them into the plant's canonical order.
+//! Collects segments and organs in the order of drawing and builds the plant in its canonical order.
 
-use glam::{DQuat, DVec3, Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
-use super::frame::{narrow, narrow_quat};
+use super::frame::{TurtlePose, narrow, narrow_quat};
 use super::options::TurtleOptions;
 use osier_base::math;
 use osier_base::rng::{child, mix64, word};
@@ -31,58 +31,103 @@ pub(super) struct RawNode {
     next: u32,
 }
 
-/// One axis as drawn.
+/// An axis in the order of drawing.
 #[derive(Debug, Clone, Copy)]
 struct RawAxis {
+    /// Indices of the parent axis and of its node that carries this axis, or [`NONE`].
     parent: u32,
     parent_node: u32,
+    /// Lineage of the module that opened the axis; orders siblings at one place.
     ordinal: u64,
+    /// Indices of the first and the last node.
     first: u32,
     last: u32,
+    /// Number of nodes.
     count: u32,
+}
+
+/// A node of an axis as drawn.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NodeSite {
+    pub axis: u32,
+    pub node: u32,
+}
+
+/// Consecutive prototypes, one of which is picked per organ.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ProtoRange {
+    pub first: u16,
+    pub count: u16,
+}
+
+impl ProtoRange {
+    /// One prototype.
+    pub fn single(proto: u16) -> Self {
+        Self { first: proto, count: 1 }
+    }
+
+    /// The prototype that a hash picks.
+    #[allow(clippy::cast_possible_truncation, reason = "a remainder by a 16-bit number")]
+    pub fn pick(self, hash: u64) -> u16 {
+        self.first.saturating_add((hash % u64::from(self.count.max(1))) as u16)
+    }
+}
+
+/// Size of an organ.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OrganSize {
+    /// Scale of the prototype.
+    pub scale: f64,
+    /// Distance from the centreline to the pivot, m.
+    pub petiole: f64,
 }
 
 /// One organ as drawn.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RawOrgan {
-    /// Axis and node that carry it; `None`: the first axis.
-    pub site: Option<(u32, u32)>,
-    pub p: DVec3,
-    pub q: DQuat,
-    pub scale: f64,
-    pub petiole: f64,
-    /// First of its prototypes, and how many there are to pick from.
-    pub protos: (u16, u16),
+    /// The node that carries it; `None`: the base of the first axis.
+    pub site: Option<NodeSite>,
+    pub pose: TurtlePose,
+    pub size: OrganSize,
+    pub protos: ProtoRange,
     pub lineage: u64,
     pub birth: u32,
 }
 
 /// Everything drawn so far.
 #[derive(Debug, Default)]
-pub(super) struct Builder {
+pub(super) struct PlantBuilder {
     axes: Vec<RawAxis>,
     nodes: Vec<RawNode>,
     organs: Vec<RawOrgan>,
     pub protos: Vec<Proto>,
 }
 
-fn short(i: usize) -> u32 {
-    u32::try_from(i).unwrap_or(NONE)
+/// An index in 32 bits. The limits of nodes and organs are checked before anything is added, and lie far below.
+#[allow(clippy::cast_possible_truncation, reason = "the limits keep counts below 2^32")]
+fn number(i: usize) -> u32 {
+    debug_assert!(i < NONE as usize, "a count beyond its limit");
+    i as u32
 }
 
-impl Builder {
-    /// Nodes and organs so far.
-    pub fn counts(&self) -> (u64, u64) {
-        (self.nodes.len() as u64, self.organs.len() as u64)
+impl PlantBuilder {
+    /// Number of nodes so far.
+    pub fn node_count(&self) -> u64 {
+        self.nodes.len() as u64
     }
 
-    /// Begins an axis at a node.
-    pub fn begin(&mut self, parent: Option<(u32, u32)>, ordinal: u64, node: RawNode) -> u32 {
-        let i = short(self.nodes.len());
+    /// Number of organs so far.
+    pub fn organ_count(&self) -> u64 {
+        self.organs.len() as u64
+    }
+
+    /// Begins an axis with its first node; returns its index.
+    pub fn begin_axis(&mut self, parent: Option<NodeSite>, ordinal: u64, node: RawNode) -> u32 {
+        let i = number(self.nodes.len());
         self.nodes.push(node);
-        let (parent, parent_node) = parent.unwrap_or((NONE, NONE));
+        let NodeSite { axis: parent, node: parent_node } = parent.unwrap_or(NodeSite { axis: NONE, node: NONE });
         self.axes.push(RawAxis { parent, parent_node, ordinal, first: i, last: i, count: 1 });
-        short(self.axes.len() - 1)
+        number(self.axes.len() - 1)
     }
 
     /// A node that is not linked yet.
@@ -91,18 +136,18 @@ impl Builder {
     }
 
     /// Last node of an axis.
-    pub fn last(&self, axis: u32) -> u32 {
+    pub fn last_node(&self, axis: u32) -> u32 {
         self.axes.get(axis as usize).map_or(NONE, |a| a.last)
     }
 
-    /// The node of a number.
-    pub fn at(&mut self, node: u32) -> Option<&mut RawNode> {
+    /// A node by its index.
+    pub fn node_mut(&mut self, node: u32) -> Option<&mut RawNode> {
         self.nodes.get_mut(node as usize)
     }
 
-    /// Adds a node at the end of an axis, or moves on without one if it would lie on the last.
+    /// Adds a node at the end of an axis, unless it would lie within [`MIN_SEGMENT`] of the last one.
     pub fn extend(&mut self, axis: u32, mut node: RawNode) {
-        let i = short(self.nodes.len());
+        let i = number(self.nodes.len());
         let Some(a) = self.axes.get_mut(axis as usize) else { return };
         let Some(last) = self.nodes.get_mut(a.last as usize) else { return };
         let length = (node.p - last.p).length();
@@ -115,11 +160,12 @@ impl Builder {
         self.nodes.push(node);
     }
 
-    pub fn organ(&mut self, organ: RawOrgan) {
+    /// Adds an organ.
+    pub fn add_organ(&mut self, organ: RawOrgan) {
         self.organs.push(organ);
     }
 
-    /// Puts everything into canonical order.
+    /// Builds the plant: axes depth first, organs by axis and arc length. `steps`: derivation steps, which become growth time 0..1.
     pub fn finish(mut self, plant_id: u32, seed: u64, steps: u32, options: &TurtleOptions) -> Plant {
         self.add_stub();
         let order = self.canonical_order();
@@ -130,14 +176,15 @@ impl Builder {
             source: options.source.clone(),
             ..Plant::default()
         };
-        let growth = Growth { last: f64::from(steps.max(1)) };
-        let mut place = vec![NONE; self.axes.len()];
+        let growth = GrowthClock { last: f64::from(steps.max(1)) };
+        // Index in the plant of each axis as drawn.
+        let mut placed_at = vec![NONE; self.axes.len()];
         let mut roots = 0_u64;
         for &raw in &order {
-            place[raw] = short(plant.axes.len());
-            self.add_axis(&mut plant, raw, &place, (&mut roots, growth));
+            placed_at[raw] = number(plant.axes.len());
+            self.add_axis(&mut plant, &self.axes[raw], &placed_at, &mut roots, growth);
         }
-        self.add_organs(&mut plant, &place, growth);
+        self.add_organs(&mut plant, &placed_at, growth);
         plant.protos = self.protos;
         plant
     }
@@ -146,10 +193,10 @@ impl Builder {
     fn add_stub(&mut self) {
         let has_axis = self.axes.iter().any(|a| a.count > 1);
         let Some(first) = self.organs.first().copied().filter(|_| !has_axis) else { return };
-        let h = first.q * DVec3::Y;
-        let node = Self::node(first.p, first.q * DVec3::NEG_X, first.birth, 0);
-        let axis = self.begin(None, first.lineage, RawNode { width_out: Some(STUB), ..node });
-        self.extend(axis, RawNode { p: first.p + h * STUB, width_in: Some(STUB), ..node });
+        let h = first.pose.q * DVec3::Y;
+        let node = Self::node(first.pose.p, first.pose.q * DVec3::NEG_X, first.birth, 0);
+        let axis = self.begin_axis(None, first.lineage, RawNode { width_out: Some(STUB), ..node });
+        self.extend(axis, RawNode { p: first.pose.p + h * STUB, width_in: Some(STUB), ..node });
     }
 
     /// Axes depth first, siblings by place on the parent, then ordinal. Axes of one node are left out; their children
@@ -188,9 +235,9 @@ impl Builder {
         order
     }
 
-    fn add_axis(&self, plant: &mut Plant, raw: usize, place: &[u32], (roots, growth): (&mut u64, Growth)) {
-        let a = &self.axes[raw];
-        let parent = place.get(a.parent as usize).copied().unwrap_or(NONE);
+    /// Appends an axis and its nodes to the plant. `roots`: number of root axes so far, which gives roots their ids.
+    fn add_axis(&self, plant: &mut Plant, a: &RawAxis, placed_at: &[u32], roots: &mut u64, growth: GrowthClock) {
+        let parent = placed_at.get(a.parent as usize).copied().unwrap_or(NONE);
         let (id, order, parent_s) = match plant.axes.get(parent as usize) {
             Some(p) => {
                 let s = self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
@@ -211,8 +258,8 @@ impl Builder {
             parent_s,
             order,
             kind: AxisKind::Stem,
-            first: short(first),
-            count: short(last + 1 - first),
+            first: number(first),
+            count: number(last + 1 - first),
             length: plant.nodes.s[last],
             s_exposed: 0.0,
             material: 0,
@@ -222,20 +269,21 @@ impl Builder {
         });
     }
 
-    fn add_nodes(&self, plant: &mut Plant, a: &RawAxis, growth: Growth) {
+    /// Appends the nodes of an axis: tangents are the mean directions of both segments, radii the mean of both widths.
+    fn add_nodes(&self, plant: &mut Plant, a: &RawAxis, growth: GrowthClock) {
         let mut i = a.first;
-        let mut came: Option<DVec3> = None;
-        let mut p0 = None;
+        let mut incoming: Option<DVec3> = None;
+        let mut previous = None;
         while let Some(n) = self.nodes.get(i as usize) {
-            let goes = self.nodes.get(n.next as usize).and_then(|m| (m.p - n.p).try_normalize());
-            let tangent = match (came, goes) {
+            let outgoing = self.nodes.get(n.next as usize).and_then(|m| (m.p - n.p).try_normalize());
+            let tangent = match (incoming, outgoing) {
                 (Some(c), Some(g)) => (c + g).try_normalize().unwrap_or(c),
                 (Some(c), None) => c,
                 (None, g) => g.unwrap_or(DVec3::Y),
             };
             let p = narrow(n.p);
             // Arc lengths are those of the stored, rounded positions.
-            let s = match p0 {
+            let s = match previous {
                 Some(q) => plant.nodes.s.last().copied().unwrap_or(0.0) + p.distance(q),
                 None => 0.0,
             };
@@ -250,23 +298,25 @@ impl Builder {
             plant.nodes.s.push(s);
             plant.nodes.birth.push(growth.time(n.birth));
             plant.nodes.color.push(n.color);
-            (came, p0, i) = (goes, Some(p), n.next);
+            (incoming, previous, i) = (outgoing, Some(p), n.next);
         }
     }
 
-    fn add_organs(&self, plant: &mut Plant, place: &[u32], growth: Growth) {
+    /// Appends the organs in their canonical order, in the frame of their node and with the prototype that their id picks.
+    fn add_organs(&self, plant: &mut Plant, placed_at: &[u32], growth: GrowthClock) {
         let mut placed: Vec<(u32, f32, usize)> = Vec::with_capacity(self.organs.len());
         for (i, o) in self.organs.iter().enumerate() {
-            // An axis of one node hands its organs to its parent.
+            // An axis of one node is not in the plant: its organs belong to the node that carries it.
             let mut site = o.site;
-            while let Some((a, _)) = site
-                && place.get(a as usize).is_none_or(|p| *p == NONE)
+            while let Some(NodeSite { axis, .. }) = site
+                && placed_at.get(axis as usize).is_none_or(|p| *p == NONE)
             {
-                site = self.axes.get(a as usize).filter(|x| x.parent != NONE).map(|x| (x.parent, x.parent_node));
+                let raw = self.axes.get(axis as usize).filter(|raw| raw.parent != NONE);
+                site = raw.map(|raw| NodeSite { axis: raw.parent, node: raw.parent_node });
             }
-            let axis = site.map_or(0, |(a, _)| place[a as usize]);
+            let axis = site.map_or(0, |site| placed_at[site.axis as usize]);
             let Some(on) = plant.axes.get(axis as usize) else { continue };
-            let s = site.and_then(|(_, n)| self.nodes.get(n as usize)).map_or(0.0, |n| n.s);
+            let s = site.and_then(|site| self.nodes.get(site.node as usize)).map_or(0.0, |n| n.s);
             placed.push((axis, math::narrow(s).clamp(0.0, on.length), i));
         }
         placed.sort_unstable_by(|a, b| {
@@ -280,16 +330,15 @@ impl Builder {
             let site = plant.frame(on, s);
             let id = mix64(&[on.id, word("organ"), o.lineage]);
             let back = site.q.inverse();
-            let pick = child(id, word("proto")) % u64::from(o.protos.1.max(1));
             let organ = Organ {
                 id,
                 axis,
                 s,
-                offset: back * (narrow(o.p) - site.p),
-                q: (back * narrow_quat(o.q)).normalize(),
-                scale: math::narrow(o.scale),
-                proto: o.protos.0.saturating_add(u16::try_from(pick).unwrap_or(0)),
-                petiole: math::narrow(o.petiole),
+                offset: back * (narrow(o.pose.p) - site.p),
+                q: (back * narrow_quat(o.pose.q)).normalize(),
+                scale: math::narrow(o.size.scale),
+                proto: o.protos.pick(child(id, word("proto"))),
+                petiole: math::narrow(o.size.petiole),
                 tint: osier_base::rng::Rng::from_key(child(id, word("tint"))).unit_f32(),
                 birth: growth.time(o.birth),
             };
@@ -298,13 +347,14 @@ impl Builder {
     }
 }
 
-/// Steps as growth time.
+/// Converts derivation steps to growth time.
 #[derive(Debug, Clone, Copy)]
-struct Growth {
+struct GrowthClock {
+    /// Number of derivation steps, at least 1.
     last: f64,
 }
 
-impl Growth {
+impl GrowthClock {
     fn time(self, birth: u32) -> f32 {
         math::narrow((f64::from(birth) / self.last).clamp(0.0, 1.0))
     }
@@ -312,15 +362,14 @@ impl Growth {
 
 /// Frame of a node: Y along the tangent, X nearest to the turtle's right.
 fn node_frame(tangent: DVec3, left: DVec3) -> Quat {
-    let frame = super::frame::Frame { h: tangent, l: left, u: DVec3::ZERO };
-    let mut frame = frame;
+    let mut frame = super::frame::TurtleFrame { h: tangent, l: left, u: DVec3::ZERO };
     frame.orthonormalize();
     narrow_quat(frame.quat())
 }
 
-/// Sets where each axis leaves its parent's bark: where its centreline is farther from the parent's than the parent's
-/// radius. `Own:` the parent is taken as a cylinder around its tangent at the site.
-pub(in crate::grow) fn expose(plant: &mut Plant) {
+/// Sets `s_exposed` of each axis, the arc length where it leaves its parent's surface: where the distance of both centrelines
+/// exceeds the parent's radius. `Own:` the parent is taken as a cylinder around its tangent at the site.
+pub(in crate::grow) fn set_exposed_lengths(plant: &mut Plant) {
     for i in 0..plant.axes.len() {
         let axis = &plant.axes[i];
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };

@@ -1,48 +1,57 @@
-//! Which symbols the turtle obeys.
+//! Commands of the turtle by symbol, as cpfg and "The Algorithmic Beauty of Plants" have them.
 
 /// A command of one symbol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Command {
-    /// Draws nothing.
+    /// A symbol that the turtle ignores.
     Nothing,
-    /// `F`: draws, adds a vertex.
+    /// `F`: draws a segment and adds a vertex to the open polygon.
     Draw,
-    /// `G`: draws.
+    /// `G`: draws a segment.
     DrawOnly,
-    /// `f`: moves, adds a vertex.
+    /// `f`: moves and adds a vertex to the open polygon.
     Move,
-    /// `g`: moves.
+    /// `g`: moves without drawing.
     MoveOnly,
-    /// Turns about up, left, heading; the sign.
+    /// `+`, `-`: turns about up; true for `+`.
     Yaw(bool),
+    /// `&`, `^`: turns about left; true for `&`.
     Pitch(bool),
+    /// `\`, `/`: turns about the heading; true for `\`.
     Roll(bool),
-    /// The bar.
+    /// `|`: turns by 180 degrees about up.
     TurnAround,
-    /// `$` of the textbook.
+    /// `$`: rolls until left is horizontal.
     Level,
+    /// `[`: saves the state; a branch begins.
     Push,
+    /// `]`: restores the state.
     Pop,
-    /// `#`, `!`: up, down.
+    /// `#`, `!`: widens, narrows; or sets the width.
     Width(bool),
-    /// `;` and `,`.
+    /// `;`, `,`: next, previous colour; or sets the colour.
     Color(bool),
+    /// `{`, which begins a polygon.
     OpenPolygon,
+    /// `.` adds the position to the open polygon.
     Vertex,
+    /// `}` fills the polygon.
     ClosePolygon,
-    /// `_`.
+    /// `_` sets the elasticity of the old tropism.
     OldElasticity,
-    /// Begin commands of several symbols.
+    /// `@`: the next symbols are its command.
     At,
+    /// `~`: the next symbol names an organ.
     Organ,
+    /// `?`: the next symbol is the query.
     Query,
-    /// What the grammar binds the symbol to.
+    /// A symbol that the grammar itself binds to an action.
     Bound,
 }
 
 impl Command {
     /// The command of a symbol.
-    pub fn of(c: char) -> Self {
+    pub fn from_symbol(c: char) -> Self {
         match c {
             'F' => Self::Draw,
             'G' => Self::DrawOnly,
@@ -73,7 +82,7 @@ impl Command {
         }
     }
 
-    /// Ends the present segment, which takes its end width from here.
+    /// Whether the command ends the current segment, which then takes its end width from the current width.
     pub fn closes_segment(self) -> bool {
         matches!(
             self,

@@ -1,4 +1,4 @@
-//! The turtle's heading, left and up.
+//! The turtle's frame: heading, left and up.
 
 use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
 
@@ -6,13 +6,14 @@ use osier_base::math;
 
 /// An orthonormal right-handed frame, U = H x L.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Frame {
+pub(super) struct TurtleFrame {
+    // Heading, left and up, as in the literature on L-systems.
     pub h: DVec3,
     pub l: DVec3,
     pub u: DVec3,
 }
 
-impl Frame {
+impl TurtleFrame {
     /// Heading up, up to the viewer.
     pub const START: Self = Self { h: DVec3::Y, l: DVec3::NEG_X, u: DVec3::Z };
 
@@ -21,12 +22,12 @@ impl Frame {
         (self.h, self.l) = (self.h * c + self.l * s, self.l * c - self.h * s);
     }
 
-    /// Pitches down.
+    /// Pitches the heading down, away from up, by the angle of cosine `c` and sine `s`.
     pub fn pitch(&mut self, c: f64, s: f64) {
         (self.h, self.u) = (self.h * c - self.u * s, self.u * c + self.h * s);
     }
 
-    /// Rolls as `\` does.
+    /// Rolls about the heading by the angle of cosine `c` and sine `s`, in the sense of the command `\`.
     pub fn roll(&mut self, c: f64, s: f64) {
         (self.l, self.u) = (self.l * c + self.u * s, self.u * c - self.l * s);
     }
@@ -91,12 +92,21 @@ impl Frame {
     }
 }
 
-/// Single precision, rounded once.
+/// The vector in single precision, each component rounded once.
 pub(super) fn narrow(v: DVec3) -> Vec3 {
     Vec3::new(math::narrow(v.x), math::narrow(v.y), math::narrow(v.z))
 }
 
-/// Single precision unit quaternion.
+/// Position and orientation of the turtle, or of what it places.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TurtlePose {
+    /// Position, m.
+    pub p: DVec3,
+    /// Rotation from prototype space: X to the right, Y ahead, Z up.
+    pub q: DQuat,
+}
+
+/// A rotation in single precision, normalized again.
 pub(super) fn narrow_quat(q: DQuat) -> Quat {
     Quat::from_xyzw(math::narrow(q.x), math::narrow(q.y), math::narrow(q.z), math::narrow(q.w)).normalize()
 }
@@ -116,7 +126,7 @@ mod tests {
 
     #[test]
     fn turns_agree_with_the_reference_program() {
-        let mut f = Frame::START;
+        let mut f = TurtleFrame::START;
         let (c, s) = sincos(30.0);
         f.yaw(c, s);
         near(f.h, [-0.5, 0.866_025, 0.0], 1e-6);
@@ -129,7 +139,7 @@ mod tests {
 
     #[test]
     fn frames_stay_orthonormal() {
-        let mut f = Frame::START;
+        let mut f = TurtleFrame::START;
         for i in 0..1_000_000_u32 {
             let (c, s) = if i % 2 == 0 { (0.6, 0.8) } else { (0.8, 0.6) };
             match i % 3 {
@@ -148,20 +158,20 @@ mod tests {
 
     #[test]
     fn levelling_and_setting() {
-        let mut f = Frame::START;
+        let mut f = TurtleFrame::START;
         f.level();
-        assert_eq!(f, Frame::START);
+        assert_eq!(f, TurtleFrame::START);
         f.yaw(0.0, 1.0);
         f.roll(0.6, 0.8);
         f.level();
         near(f.u, [0.0, 1.0, 0.0], 1e-12);
         near(f.l, [0.0, 0.0, 1.0], 1e-12);
-        f.set(DVec3::Z, Some(DVec3::new(0.0, -1.0, 5.0)), &Frame::START);
+        f.set(DVec3::Z, Some(DVec3::new(0.0, -1.0, 5.0)), &TurtleFrame::START);
         near(f.u, [0.0, -1.0, 0.0], 1e-12);
         near(f.h.cross(f.l), f.u.to_array(), 1e-12);
         assert!((f.quat() * DVec3::Y - f.h).length() < 1e-12);
         assert!((f.quat() * DVec3::X + f.l).length() < 1e-12);
-        let back = Frame::START.swung_to(DVec3::NEG_Y);
+        let back = TurtleFrame::START.swung_to(DVec3::NEG_Y);
         near(back.h, [0.0, -1.0, 0.0], 1e-12);
     }
 }

@@ -1,13 +1,13 @@
-//! Walks the string and obeys its commands.
+//! Interprets a string of modules as commands of the turtle.
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
-use super::builder::{Builder, RawOrgan};
+use super::builder::{NodeSite, OrganSize, PlantBuilder, ProtoRange, RawOrgan};
 use super::commands::Command;
-use super::frame::Frame;
+use super::frame::{TurtleFrame, TurtlePose};
 use super::options::TurtleOptions;
-use super::pull;
-use super::shapes::Shapes;
+use super::prototypes::{PolygonPrototype, PrototypeCache, TooManyPrototypes};
+use super::tropism;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
@@ -15,47 +15,49 @@ use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{Action, Dialect, Drawing, Grammar, Module};
 
-/// Turns after which rounding is removed from the frame.
-const TURNS: u32 = 64;
+/// Turns after which the frame is made orthonormal again, to remove accumulated rounding.
+const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
 /// Thinnest width, turtle units.
 const MIN_WIDTH: f64 = 1e-7;
 
-/// Where the next segment goes.
+/// Where the next segment is attached.
 #[derive(Debug, Clone, Copy)]
 struct Attachment {
-    /// The axis that goes on here.
+    /// The axis that the next segment extends; `None`: it opens one.
     axis: Option<u32>,
-    /// The axis and node that carry a new axis.
-    parent: Option<(u32, u32)>,
+    /// The node that carries a new axis; `None`: it is a root.
+    parent: Option<NodeSite>,
     /// Lineage of the module that would open the next axis.
     ordinal: u64,
 }
 
-/// What brackets save.
+/// The part of the state that brackets save and restore.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct State {
+pub(super) struct TurtleState {
+    /// Position, m.
     pub(super) p: DVec3,
-    pub(super) frame: Frame,
+    pub(super) frame: TurtleFrame,
     /// Frame of the last drawn segment.
-    last: Frame,
+    last: TurtleFrame,
+    /// Diameter, turtle units.
     pub(super) width: f64,
     pub(super) scale: f64,
     pub(super) color: u8,
-    elasticity: [f64; pull::MAX],
+    elasticity: [f64; tropism::MAX_TROPISMS],
     old_elasticity: f64,
     keep_roll: bool,
     turns: u32,
     attachment: Attachment,
 }
 
-/// An open polygon.
+/// A polygon between `{` and `}`.
 #[derive(Debug)]
 struct Polygon {
-    frame: Frame,
+    frame: TurtleFrame,
     corners: Vec<DVec3>,
 }
 
-/// A command of several symbols under way.
+/// The first symbols of a command of several symbols.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Prefix {
     None,
@@ -66,9 +68,9 @@ enum Prefix {
     Query,
 }
 
-/// Something odd, with how often it came.
+/// A warning, with the number of its occurrences.
 #[derive(Debug)]
-struct Remark {
+struct TurtleWarning {
     code: &'static str,
     /// Prefix and symbol concerned, for its place in the grammar.
     symbol: (Option<char>, char),
@@ -77,47 +79,54 @@ struct Remark {
     count: u64,
 }
 
-/// The turtle.
+/// Prototypes of an organ symbol.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OrganPrototypes {
+    pub range: ProtoRange,
+    /// Scale that gives the longest prototype its size at parameter 1.
+    pub scale: f64,
+}
+
+/// The interpreter: its state, the stack of brackets, and what it has drawn.
 pub(super) struct Turtle<'a> {
     grammar: &'a Grammar,
     pub(super) drawing: Drawing<'a>,
     pub(super) options: &'a TurtleOptions,
     commands: Vec<Command>,
     pub(super) symbols: Vec<char>,
-    pub(super) s: State,
-    stack: Vec<State>,
+    pub(super) s: TurtleState,
+    stack: Vec<TurtleState>,
     polygons: Vec<Polygon>,
     prefix: Prefix,
     /// End node of the segment that still waits for its end width.
     open: Option<u32>,
     /// Turn without parameter: sine and cosine.
     default_turn: (f64, f64),
-    pub builder: Builder,
-    pub(super) shapes: Shapes,
+    pub builder: PlantBuilder,
+    pub(super) shapes: PrototypeCache,
     /// Prototypes of organs once they are used.
-    pub(super) organs: std::collections::BTreeMap<char, (u16, u16, f64)>,
-    remarks: Vec<Remark>,
+    pub(super) organs: std::collections::BTreeMap<char, OrganPrototypes>,
+    warnings: Vec<TurtleWarning>,
     max_stack: u64,
     max_nodes: u64,
     max_organs: u64,
-    /// A limit was passed or a command refused: nothing more is drawn.
+    /// A limit was exceeded or a command is forbidden: nothing more is drawn.
     halted: bool,
     pub sets_widths: bool,
 }
 
 impl<'a> Turtle<'a> {
     pub fn new(grammar: &'a Grammar, drawing: Drawing<'a>, options: &'a TurtleOptions, limits: &Limits) -> Self {
-        let id = |i: usize| u16::try_from(i).unwrap_or(u16::MAX);
-        let symbols: Vec<char> = (0..grammar.symbols().len()).map(|i| grammar.symbols().get(id(i))).collect();
+        let symbols: Vec<char> = (0_u16..).take(grammar.symbols().len()).map(|i| grammar.symbols().get(i)).collect();
         let angle = options.angle.unwrap_or(radians(45.0));
-        let mut elasticity = [0.0; pull::MAX];
+        let mut elasticity = [0.0; tropism::MAX_TROPISMS];
         for (e, t) in elasticity.iter_mut().zip(&options.tropisms) {
             *e = t.elasticity;
         }
-        let s = State {
+        let s = TurtleState {
             p: DVec3::ZERO,
-            frame: Frame::START,
-            last: Frame::START,
+            frame: TurtleFrame::START,
+            last: TurtleFrame::START,
             width: options.width.max(MIN_WIDTH),
             scale: options.scale,
             color: options.color,
@@ -127,16 +136,16 @@ impl<'a> Turtle<'a> {
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
         };
-        let command = |i: usize, c: char| match drawing.action(id(i)) {
-            Some(Action::As(other)) => Command::of(*other),
+        let command = |i: u16, c: char| match drawing.action(i) {
+            Some(Action::As(other)) => Command::from_symbol(*other),
             Some(_) => Command::Bound,
-            None if drawing.dialect() == Dialect::Cpfg || matches!(c, '[' | ']') => Command::of(c),
+            None if drawing.dialect() == Dialect::Cpfg || matches!(c, '[' | ']') => Command::from_symbol(c),
             None => Command::Nothing,
         };
         Self {
             grammar,
             options,
-            commands: symbols.iter().enumerate().map(|(i, c)| command(i, *c)).collect(),
+            commands: (0_u16..).zip(&symbols).map(|(i, c)| command(i, *c)).collect(),
             drawing,
             symbols,
             s,
@@ -145,10 +154,10 @@ impl<'a> Turtle<'a> {
             prefix: Prefix::None,
             open: None,
             default_turn: (math::cos(angle), math::sin(angle)),
-            builder: Builder::default(),
-            shapes: Shapes::default(),
+            builder: PlantBuilder::default(),
+            shapes: PrototypeCache::default(),
             organs: std::collections::BTreeMap::new(),
-            remarks: Vec::new(),
+            warnings: Vec::new(),
             max_stack: limits.get("turtle-stack"),
             max_nodes: limits.get("nodes"),
             max_organs: limits.get("organs"),
@@ -157,22 +166,22 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    pub(super) fn remark(&mut self, code: &'static str, symbol: (Option<char>, char), message: String, help: &str) {
-        match self.remarks.iter_mut().find(|r| r.code == code && r.symbol == symbol) {
+    pub(super) fn warn(&mut self, code: &'static str, symbol: (Option<char>, char), message: String, help: &str) {
+        match self.warnings.iter_mut().find(|r| r.code == code && r.symbol == symbol) {
             Some(r) => r.count += 1,
-            None => self.remarks.push(Remark { code, symbol, message, help: help.to_owned(), count: 1 }),
+            None => self.warnings.push(TurtleWarning { code, symbol, message, help: help.to_owned(), count: 1 }),
         }
     }
 
     fn halt(&mut self, code: &'static str, c: char, message: String, help: &str) {
         self.halted = true;
-        self.remark(code, (None, c), message, help);
+        self.warn(code, (None, c), message, help);
     }
 
-    /// What was odd; an error if the drawing had to stop.
+    /// All warnings; an error if the interpretation was halted.
     pub fn diagnostics(&self) -> Result<Vec<Diagnostic>> {
         let list: Vec<Diagnostic> = self
-            .remarks
+            .warnings
             .iter()
             .map(|r| {
                 let times = if r.count > 1 { format!(", {} times", r.count) } else { String::new() };
@@ -188,7 +197,7 @@ impl<'a> Turtle<'a> {
         if self.halted { Err(self.grammar.report(list)) } else { Ok(list) }
     }
 
-    /// Obeys one module.
+    /// Interprets one module.
     pub fn module(&mut self, m: Module<'_>) {
         if self.halted {
             return;
@@ -219,7 +228,7 @@ impl<'a> Turtle<'a> {
             Some(_) => {
                 let c = self.grammar.symbols().get(m.symbol);
                 let message = format!("parameter {} of {c} is not finite and counts as 0", i + 1);
-                self.remark("L041", (None, c), message, "look for a division or logarithm of 0");
+                self.warn("L041", (None, c), message, "look for a division or logarithm of 0");
                 0.0
             }
         }
@@ -238,9 +247,9 @@ impl<'a> Turtle<'a> {
                 let length = self.param(m, 0, 1.0);
                 self.step(length, m, draws, matches!(command, Command::Draw | Command::Move));
             }
-            Command::Yaw(p) => self.turn(m, p, c, Frame::yaw),
-            Command::Pitch(p) => self.turn(m, p, c, Frame::pitch),
-            Command::Roll(p) => self.turn(m, p, c, Frame::roll),
+            Command::Yaw(p) => self.turn(m, p, c, TurtleFrame::yaw),
+            Command::Pitch(p) => self.turn(m, p, c, TurtleFrame::pitch),
+            Command::Roll(p) => self.turn(m, p, c, TurtleFrame::roll),
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
             Command::Level => self.s.frame.level(),
             Command::Push => self.push(m),
@@ -252,58 +261,58 @@ impl<'a> Turtle<'a> {
                     Some(_) => self.param(m, 0, 0.0) * scale,
                     None => self.s.width + step * scale,
                 };
-                self.widen(width);
+                self.set_width(width);
             }
             Command::Color(up) => {
                 let step = self.options.color_increment;
                 let next = if up { self.s.color.wrapping_add(step) } else { self.s.color.wrapping_sub(step) };
                 let value = self.param(m, 0, f64::from(next));
-                self.s.color = wrapped(value);
+                self.s.color = color_index(value);
             }
             Command::OpenPolygon => {
                 if !m.params.is_empty() {
-                    self.remark("L008", (None, c), "splines are not supported, read as a polygon".into(), "");
+                    self.warn("L008", (None, c), "splines are not supported, read as a polygon".into(), "");
                 }
                 self.open_polygon();
             }
             Command::Vertex => self.vertex(),
-            Command::ClosePolygon => self.fill(m),
+            Command::ClosePolygon => self.fill_polygon(m),
             Command::OldElasticity => self.s.old_elasticity = self.param(m, 0, 0.0),
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
             Command::Bound => self.bound(m),
             Command::Query => {
                 self.prefix = Prefix::Query;
-                self.remark("L008", (None, c), "queries are not supported".into(), "the module keeps its parameters");
+                self.warn("L008", (None, c), "queries are not supported".into(), "the module keeps its parameters");
             }
             Command::Nothing => {}
         }
     }
 
-    /// The present segment ends with the width now in force.
+    /// Gives the current segment the current width at its end.
     pub(super) fn close_segment(&mut self) {
         let Some(node) = self.open.take() else { return };
         let width = self.s.width * self.options.unit_m;
         if self.options.tapered
-            && let Some(n) = self.builder.at(node)
+            && let Some(n) = self.builder.node_mut(node)
         {
             n.width_in = Some(width);
         }
     }
 
-    /// The string is over.
+    /// Completes what the end of the string leaves open.
     pub fn end(&mut self) {
         if let Prefix::Letter(first) = std::mem::replace(&mut self.prefix, Prefix::None) {
-            self.letter_default(first, 0, &[]);
+            self.letter_default(first, &[]);
         }
         self.close_segment();
     }
 
-    fn turn(&mut self, m: Module<'_>, positive: bool, c: char, f: fn(&mut Frame, f64, f64)) {
+    fn turn(&mut self, m: Module<'_>, positive: bool, c: char, f: fn(&mut TurtleFrame, f64, f64)) {
         let (cos, sin) = if m.params.is_empty() {
             if self.options.angle.is_none() {
                 let help = "give the turn a parameter, or set angle_deg";
-                self.remark("L045", (None, c), "no angle given, 45 degrees assumed".into(), help);
+                self.warn("L045", (None, c), "no angle given, 45 degrees assumed".into(), help);
             }
             self.default_turn
         } else {
@@ -311,13 +320,13 @@ impl<'a> Turtle<'a> {
             (math::cos(a), math::sin(a))
         };
         f(&mut self.s.frame, cos, if positive { sin } else { -sin });
-        self.turned();
+        self.count_turn();
     }
 
-    /// Counts a turn, and removes what rounding many of them have left.
-    pub(super) fn turned(&mut self) {
+    /// Counts a turn; makes the frame orthonormal after many of them.
+    pub(super) fn count_turn(&mut self) {
         self.s.turns += 1;
-        if self.s.turns >= TURNS {
+        if self.s.turns >= TURNS_PER_ORTHONORMALIZATION {
             self.s.turns = 0;
             self.s.frame.orthonormalize();
         }
@@ -337,18 +346,18 @@ impl<'a> Turtle<'a> {
             Some(s) => self.s = s,
             None => {
                 let help = "every ']' needs a '[' before it";
-                self.remark("L053", (None, ']'), "unmatched ']' in the string".into(), help);
+                self.warn("L053", (None, ']'), "unmatched ']' in the string".into(), help);
             }
         }
     }
 
-    /// The axis and node where the turtle stands.
-    fn site(&self) -> Option<(u32, u32)> {
+    /// The node at the turtle's position.
+    fn site(&self) -> Option<NodeSite> {
         let a = &self.s.attachment;
-        a.axis.map(|axis| (axis, self.builder.last(axis))).or(a.parent)
+        a.axis.map(|axis| NodeSite { axis, node: self.builder.last_node(axis) }).or(a.parent)
     }
 
-    pub(super) fn widen(&mut self, width: f64) {
+    pub(super) fn set_width(&mut self, width: f64) {
         self.s.width = width.max(MIN_WIDTH);
         self.sets_widths = true;
     }
@@ -364,12 +373,13 @@ impl<'a> Turtle<'a> {
         }
     }
 
+    /// Moves ahead by `length` (turtle units), bent by the tropisms before the step and by the old tropism after it.
     pub(super) fn step(&mut self, length: f64, m: Module<'_>, draws: bool, adds_vertex: bool) {
         let length = length * self.s.scale * self.options.unit_m;
         let tropisms = &self.options.tropisms;
         if !tropisms.is_empty() {
             let s = &mut self.s;
-            pull::bend(&mut s.frame, &s.last, tropisms, &s.elasticity, s.keep_roll);
+            tropism::bend(&mut s.frame, &s.last, tropisms, &s.elasticity, s.keep_roll);
         }
         let from = self.s.p;
         self.s.p += self.s.frame.h * length;
@@ -380,17 +390,16 @@ impl<'a> Turtle<'a> {
             self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
         }
         if self.s.old_elasticity.abs() > 0.0 {
-            pull::bend_old(&mut self.s.frame, self.options.old_tropism, self.s.old_elasticity);
+            tropism::bend_by_old_tropism(&mut self.s.frame, self.options.old_tropism, self.s.old_elasticity);
         }
         if adds_vertex {
             self.vertex();
         }
     }
 
-    /// Draws from `from` to the present position.
+    /// Draws a segment from `from` to the current position: extends the current axis or opens one.
     fn segment(&mut self, from: DVec3, m: Module<'_>) {
-        let (nodes, _) = self.builder.counts();
-        if nodes + 2 > self.max_nodes {
+        if self.builder.node_count() + 2 > self.max_nodes {
             let message = format!("more than {} nodes", self.max_nodes);
             return self.halt("L051", 'F', message, "raise it with --max-nodes, or shorten the derivation");
         }
@@ -401,49 +410,55 @@ impl<'a> Turtle<'a> {
             Some(axis) => axis,
             None => {
                 let a = self.s.attachment;
-                let axis = self.builder.begin(a.parent, a.ordinal, Builder::node(from, left, m.birth, color));
+                let axis = self.builder.begin_axis(a.parent, a.ordinal, PlantBuilder::node(from, left, m.birth, color));
                 self.s.attachment.axis = Some(axis);
                 axis
             }
         };
-        let start = self.builder.last(axis);
-        if let Some(n) = self.builder.at(start) {
+        let start = self.builder.last_node(axis);
+        if let Some(n) = self.builder.node_mut(start) {
             n.width_out = Some(width);
         }
-        let mut node = Builder::node(self.s.p, left, m.birth, color);
+        let mut node = PlantBuilder::node(self.s.p, left, m.birth, color);
         node.width_in = Some(width);
         self.builder.extend(axis, node);
-        self.open = Some(self.builder.last(axis)).filter(|n| *n != start);
+        self.open = Some(self.builder.last_node(axis)).filter(|n| *n != start);
     }
 
-    /// Puts an organ at `pose`; `protos`: first and number, `size`: scale and petiole (m).
-    pub(super) fn place(&mut self, pose: (DVec3, DQuat), protos: (u16, u16), size: (f64, f64), m: Module<'_>) {
-        let (_, organs) = self.builder.counts();
-        if organs >= self.max_organs {
+    /// The turtle's position and orientation.
+    pub(super) fn pose(&self) -> TurtlePose {
+        TurtlePose { p: self.s.p, q: self.s.frame.quat() }
+    }
+
+    /// Adds an organ at `pose`, carried by the current node.
+    pub(super) fn place_organ(&mut self, pose: TurtlePose, protos: ProtoRange, size: OrganSize, m: Module<'_>) {
+        if self.builder.organ_count() >= self.max_organs {
             let message = format!("more than {} organs", self.max_organs);
             return self.halt("L051", '~', message, "raise it with --max-organs, or shorten the derivation");
         }
-        let ((p, q), (scale, petiole), site) = (pose, size, self.site());
-        self.builder.organ(RawOrgan { site, p, q, scale, petiole, protos, lineage: m.lineage, birth: m.birth });
+        let site = self.site();
+        self.builder.add_organ(RawOrgan { site, pose, size, protos, lineage: m.lineage, birth: m.birth });
     }
 
-    pub(super) fn no_room(&mut self, c: char) {
+    pub(super) fn too_many_prototypes(&mut self, c: char) {
         self.halt("L051", c, "more than 65,535 different shapes".into(), "draw shapes that differ less");
     }
 
-    pub(super) fn fill(&mut self, m: Module<'_>) {
+    pub(super) fn fill_polygon(&mut self, m: Module<'_>) {
         let Some(polygon) = self.polygons.pop() else { return };
         let Some(&p) = polygon.corners.first() else { return };
-        let q = polygon.frame.quat();
+        let pose = TurtlePose { p, q: polygon.frame.quat() };
         let material = self.options.shape_material;
-        match self.shapes.polygon(&mut self.builder.protos, material, &polygon.corners, (p, q)) {
-            Ok(Some((proto, size))) => self.place((p, q), (proto, 1), (size, 0.0), m),
+        match self.shapes.polygon(&mut self.builder.protos, material, &polygon.corners, pose) {
+            Ok(Some(PolygonPrototype { proto, size })) => {
+                self.place_organ(pose, ProtoRange::single(proto), OrganSize { scale: size, petiole: 0.0 }, m);
+            }
             Ok(None) => {}
-            Err(()) => self.no_room('}'),
+            Err(TooManyPrototypes) => self.too_many_prototypes('}'),
         }
     }
 
-    /// The symbol after `@`.
+    /// Interprets the symbol after `@`.
     fn at(&mut self, c: char, m: Module<'_>) {
         match c {
             'v' => self.s.frame.level(),
@@ -459,22 +474,23 @@ impl<'a> Turtle<'a> {
                 let last = self.s.last;
                 self.s.frame.set(DVec3::new(v[0], v[1], v[2]), up, &last);
             }
-            'o' | 'c' | 'O' => self.round(c, m),
+            'o' | 'c' | 'O' => self.draw_round(c, m),
             ';' | ',' | '#' | '!' => {}
-            'D' | 'T' if !m.params.is_empty() => self.letter_default(c, m.params.len(), m.params),
+            'D' | 'T' if !m.params.is_empty() => self.letter_default(c, m.params),
             'D' | 'T' | 'b' | 'G' | 'P' => self.prefix = Prefix::Letter(c),
-            'L' => self.remark("L008", (Some('@'), c), "labels are not supported".into(), "nothing is drawn"),
+            'L' => self.warn("L008", (Some('@'), c), "labels are not supported".into(), "nothing is drawn"),
             'S' | 'I' | 'J' | 'm' => {
                 let message = format!("command '@{c}' is not available in grammars");
                 self.halted = true;
-                self.remark("L043", (Some('@'), c), message, "remove it: grammars start no programs");
+                self.warn("L043", (Some('@'), c), message, "remove it: grammars start no programs");
             }
-            _ => self.remark("L008", (Some('@'), c), format!("command '@{c}' is not supported"), "nothing is drawn"),
+            _ => self.warn("L008", (Some('@'), c), format!("command '@{c}' is not supported"), "nothing is drawn"),
         }
     }
 
-    /// `@D`, `@T` and others without a further letter.
-    fn letter_default(&mut self, first: char, given: usize, params: &[f32]) {
+    /// Interprets `@D` or `@T` without a further letter; other commands of two letters are ignored then.
+    fn letter_default(&mut self, first: char, params: &[f32]) {
+        let given = params.len();
         let value = |i: usize| params.get(i).map(|v| f64::from(*v)).filter(|v| v.is_finite()).unwrap_or(0.0);
         match first {
             'D' if given > 0 => self.s.scale = value(0),
@@ -495,15 +511,15 @@ impl<'a> Turtle<'a> {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates; the range is checked next")]
     fn tropism(&mut self, i: f64) -> Option<usize> {
         let k = (i as usize).wrapping_sub(1);
-        if k < self.options.tropisms.len().min(pull::MAX) {
+        if k < self.options.tropisms.len().min(tropism::MAX_TROPISMS) {
             return Some(k);
         }
         let message = format!("tropism {i} is unknown, {} defined", self.options.tropisms.len());
-        self.remark("L048", (Some('@'), 'T'), message, "add it to `tropisms` of the scene's turtle");
+        self.warn("L048", (Some('@'), 'T'), message, "add it to `tropisms` of the scene's turtle");
         None
     }
 
-    /// The second letter after `@`; false if the symbol does not belong to the command.
+    /// Interprets the second letter after `@`; false if the symbol does not belong to the command.
     fn at_second(&mut self, first: char, c: char, m: Module<'_>) -> bool {
         let factor = self.param(m, 0, self.options.scale_multiplier);
         match (first, c) {
@@ -524,13 +540,13 @@ impl<'a> Turtle<'a> {
             ('T', 'p') => self.s.frame = self.s.last.swung_to(self.s.frame.h),
             ('T', 'f') => self.s.keep_roll = true,
             ('D' | 'T', _) => {
-                self.letter_default(first, 0, &[]);
+                self.letter_default(first, &[]);
                 return false;
             }
             _ => {
                 let what = if first == 'G' { "generalised cylinders are" } else { "this command is" };
                 let message = format!("'@{first}{c}': {what} not supported");
-                self.remark("L008", (Some('@'), first), message, "nothing is drawn");
+                self.warn("L008", (Some('@'), first), message, "nothing is drawn");
             }
         }
         true
@@ -539,6 +555,6 @@ impl<'a> Turtle<'a> {
 
 /// A colour index, modulo 256.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "reduced to 0..256 before the cast")]
-pub(super) fn wrapped(value: f64) -> u8 {
+pub(super) fn color_index(value: f64) -> u8 {
     value.trunc().rem_euclid(256.0) as u8
 }

@@ -3,17 +3,17 @@
 //! Drawn steps of one bracket level are one axis, `[` opens a child at the current node, `~c` and filled shapes become
 //! organs. World: metres, +Y up; the turtle starts at the origin heading up.
 
-mod bound;
 mod builder;
 mod commands;
 mod frame;
 mod interpreter;
 mod options;
 mod organs;
-mod pull;
-mod shapes;
+mod prototypes;
+mod rebound;
+mod tropism;
 
-pub(super) use builder::expose;
+pub(super) use builder::set_exposed_lengths;
 pub use options::{OrganSpec, RadiusModel, STALK, Tropism, TurtleOptions};
 
 use super::radii;
@@ -24,8 +24,8 @@ use osier_base::limits::Limits;
 use osier_grammar::{Derived, Drawing, Grammar, interpret};
 use osier_scene::plant::Plant;
 
-/// Draws a derived string.
-/// Returns the plant, validated, and warnings of the drawing and of the homomorphism.
+/// Interprets a derived string.
+/// Returns the plant, validated, and the warnings of the interpretation and of the homomorphism.
 /// # Errors
 /// `Input` with L043 for a command that is not available, L051 beyond a limit; what `plant::validate` refuses.
 /// Source: cpfg's turtle; frame, turns, taper and tropisms as in the lines of each command.
@@ -50,9 +50,9 @@ pub fn grow(
         RadiusModel::Hairs(t) if !sets_widths => radii::taper(&mut plant, &t),
         RadiusModel::Auto | RadiusModel::Widths | RadiusModel::Hairs(_) => {}
     }
-    // Thin children are what a grammar that halves its widths means; repairs need no word here.
+    // Validation may thin children; a grammar that halves its widths intends that, so its report is not a warning.
     osier_scene::plant::validate(&mut plant)?;
-    expose(&mut plant);
+    set_exposed_lengths(&mut plant);
     for axis in &mut plant.axes {
         let base = plant.nodes.r.get(axis.first as usize).copied().unwrap_or(0.0);
         let thin = f64::from(base) < options.shoot_radius;

@@ -1,4 +1,4 @@
-//! What the turtle is told besides the string.
+//! Options of the turtle, and the tropisms and organs of its symbols.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,20 +11,20 @@ use osier_scene::{MaterialId, Mesh};
 /// Key of the organ `stalk` among those of a plant: no letter that a scene could name.
 pub const STALK: char = '\u{e000}';
 
-/// A pull on the turtle before each step.
+/// A tropism: a turn of the heading towards a direction before each step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tropism {
-    /// Where it pulls; made a unit vector.
+    /// Direction of the stimulus; normalized.
     pub dir: DVec3,
-    /// Angle to the direction that it seeks, rad.
+    /// Angle to `dir` at which growth is at rest, rad: 0 along it, pi / 2 across it.
     pub angle: f64,
     /// Sign and strength, -1..1.
     pub intensity: f64,
-    /// Elasticity at the start.
+    /// Susceptibility to bending at the start.
     pub elasticity: f64,
     /// What `@Ti` without parameter adds.
     pub step: f64,
-    /// Turns the turtle about its heading instead.
+    /// Rolls the turtle about its heading instead.
     pub torque: bool,
 }
 
@@ -52,17 +52,17 @@ pub struct OrganSpec {
 pub enum RadiusModel {
     /// Turtle widths if the string sets any, else the pipe model.
     Auto,
-    /// Turtle widths.
+    /// The widths that the string sets, linear along a segment.
     Widths,
-    /// Pipe model.
+    /// The pipe model, whatever the string sets.
     Pipe(Pipe),
-    /// Taper along each axis.
+    /// A taper along each axis, whatever the string sets.
     Taper(Taper),
     /// Turtle widths if the string sets any, else this taper.
     Hairs(Taper),
 }
 
-/// How a string is drawn.
+/// How a string is interpreted.
 #[derive(Debug, Clone)]
 pub struct TurtleOptions {
     /// Turn without parameter, rad; `None`: 45 degrees, with a warning where it is used.
@@ -89,21 +89,21 @@ pub struct TurtleOptions {
     pub old_tropism: DVec3,
     /// Whether a roll made since the last segment survives a tropism.
     pub tropism_keep_roll: bool,
-    /// Organs by symbol.
+    /// Organs by the symbol after `~`.
     pub organs: BTreeMap<char, OrganSpec>,
     /// Names of materials; goes into the plant.
     pub materials: Vec<String>,
-    /// Material of axes.
+    /// Material of axes, index into `materials`.
     pub axis_material: u16,
     /// Material of axes thinner than `shoot_radius` at their base, if it differs.
     pub shoot_material: Option<u16>,
-    /// m.
+    /// Radius below which an axis takes `shoot_material`, m.
     pub shoot_radius: f64,
     /// Material of polygons, discs and spheres.
     pub shape_material: MaterialId,
     /// Where radii come from.
     pub radii: RadiusModel,
-    /// What made the plant, for people.
+    /// Description of the plant's origin, for manifests.
     pub source: String,
 }
 

@@ -1,17 +1,17 @@
-//! Obeys symbols that the grammar itself has bound.
+//! Actions of symbols that the grammar itself binds.
 
-use super::frame::Frame;
-use super::interpreter::{Turtle, wrapped};
+use super::frame::TurtleFrame;
+use super::interpreter::{Turtle, color_index};
 use super::options::STALK;
 use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{Action, Module, Own};
 
 /// World axes by number.
-const AXES: [glam::DVec3; 3] = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z];
+const WORLD_AXES: [glam::DVec3; 3] = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z];
 
 impl Turtle<'_> {
-    /// Does what a module's symbol is bound to; its first parameter takes the place of the action's own number.
+    /// Performs the action that a module's symbol is bound to. The module's first parameter replaces the action's own number.
     pub(super) fn bound(&mut self, m: Module<'_>) {
         let Some(action) = self.drawing.action(m.symbol) else { return };
         let own = if m.params.is_empty() { self.drawing.value(m) } else { None };
@@ -31,32 +31,32 @@ impl Turtle<'_> {
             Action::Move => self.step(number, m, false, true),
             Action::World(axis) => {
                 let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
-                let axis = AXES.get(*axis).copied().unwrap_or(glam::DVec3::Y);
+                let axis = WORLD_AXES.get(*axis).copied().unwrap_or(glam::DVec3::Y);
                 self.s.frame = self.s.frame.rotated(axis, c, s);
-                self.turned();
+                self.count_turn();
             }
             Action::Turtle(own) => {
                 let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
                 let turn = match own {
-                    Own::Heading => Frame::roll,
-                    Own::Left => Frame::pitch,
-                    Own::Up => Frame::yaw,
+                    Own::Heading => TurtleFrame::roll,
+                    Own::Left => TurtleFrame::pitch,
+                    Own::Up => TurtleFrame::yaw,
                 };
                 turn(&mut self.s.frame, c, s);
-                self.turned();
+                self.count_turn();
             }
-            Action::Width => self.widen(number * self.s.scale),
-            Action::Widen => self.widen(self.s.width + number * self.s.scale),
-            Action::Colour => self.s.color = wrapped(number),
+            Action::Width => self.set_width(number * self.s.scale),
+            Action::Widen => self.set_width(self.s.width + number * self.s.scale),
+            Action::Colour => self.s.color = color_index(number),
             Action::Polygon => self.open_polygon(),
             Action::Vertex => self.vertex(),
-            Action::Fill => self.fill(m),
+            Action::Fill => self.fill_polygon(m),
             Action::Organ(name) => {
                 let letter = if name == "stalk" { STALK } else { name.chars().next().unwrap_or(STALK) };
                 self.organ(letter, number, m);
             }
-            Action::Sphere => self.ball('O', number, m),
-            // Obeyed as the symbol that they stand for.
+            Action::Sphere => self.draw_ball('O', number, m),
+            // `As` was resolved to the command of the other symbol when the turtle was set up.
             Action::As(_) | Action::Nothing => {}
         }
     }

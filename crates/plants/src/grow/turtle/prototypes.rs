@@ -1,84 +1,99 @@
-//! Prototypes that the turtle makes itself: filled polygons, discs, spheres, stretched organs.
+//! Prototypes that the turtle creates: filled polygons, discs, spheres, stretched organs. Equal ones are shared.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3, Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
-use super::frame::narrow;
+use super::frame::{TurtlePose, narrow};
 use osier_base::geometry::{newell, triangulate};
 use osier_base::math;
 use osier_scene::plant::Proto;
 use osier_scene::{MaterialId, Mesh};
 
 /// Polygons whose corners agree to this share of their size are one prototype.
-const SAME: f64 = 1e-4;
+const POLYGON_TOLERANCE: f64 = 1e-4;
 /// Corners of a disc, and of a sphere around its equator.
 const SIDES: u32 = 16;
 /// Rings of a sphere between its poles.
 const RINGS: u32 = 7;
 
-/// Prototypes made so far.
+/// Indices of the prototypes created so far.
 #[derive(Debug, Default)]
-pub(super) struct Shapes {
+pub(super) struct PrototypeCache {
     polygons: BTreeMap<Vec<i32>, Option<u16>>,
     stretched: BTreeMap<(u16, [i32; 2]), u16>,
     disc: Option<u16>,
     sphere: Option<u16>,
 }
 
+/// More prototypes than 16 bits can index.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct TooManyPrototypes;
+
+/// A polygon as a scaled prototype.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PolygonPrototype {
+    /// Index of the prototype.
+    pub proto: u16,
+    /// Scale that gives it its size.
+    pub size: f64,
+}
+
 /// Appends a prototype; `None` if there are 65,535 already.
-fn add(protos: &mut Vec<Proto>, name: String, mesh: Mesh) -> Option<u16> {
+fn add_prototype(protos: &mut Vec<Proto>, name: String, mesh: Mesh) -> Option<u16> {
     let i = u16::try_from(protos.len()).ok().filter(|i| *i < u16::MAX)?;
     protos.push(Proto { name, mesh: Arc::new(mesh) });
     Some(i)
 }
 
-impl Shapes {
-    /// Prototype of a polygon and the size to show it at; `Ok(None)` if it has no area, `Err` without room.
-    /// `corners`: in the frame `q` at `p`, m.
+impl PrototypeCache {
+    /// Prototype of a planar polygon; `Ok(None)` if it has no area. `corners`: in plant space, m; `pose`: of the prototype.
     pub fn polygon(
         &mut self,
         protos: &mut Vec<Proto>,
         material: MaterialId,
         corners: &[DVec3],
-        (p, q): (DVec3, DQuat),
-    ) -> Result<Option<(u16, f64)>, ()> {
+        pose: TurtlePose,
+    ) -> Result<Option<PolygonPrototype>, TooManyPrototypes> {
+        let TurtlePose { p, q } = pose;
         let back = q.inverse();
         let mut local: Vec<DVec3> = corners.iter().map(|c| back * (*c - p)).collect();
         local.dedup_by(|a, b| (*a - *b).length() < 1e-9);
         if local.len() > 1 && (local[0] - local[local.len() - 1]).length() < 1e-9 {
             local.pop();
         }
+        // Polygons of any size share a prototype: corners are divided by the largest coordinate and compared on a grid.
         let size = local.iter().fold(0.0_f64, |m, c| m.max(c.abs().max_element()));
         if local.len() < 3 || !size.is_finite() || size < 1e-7 {
             return Ok(None);
         }
-        let key: Vec<i32> = local.iter().flat_map(|c| (*c / (size * SAME)).to_array()).map(rounded).collect();
+        let key: Vec<i32> =
+            local.iter().flat_map(|c| (*c / (size * POLYGON_TOLERANCE)).to_array()).map(round_to_i32).collect();
         if let Some(known) = self.polygons.get(&key) {
-            return Ok(known.map(|i| (i, size)));
+            return Ok(known.map(|proto| PolygonPrototype { proto, size }));
         }
         let corners: Vec<Vec3> = local.iter().map(|c| narrow(*c / size)).collect();
-        let Some(mesh) = flat(&corners) else {
+        let Some(mesh) = polygon_mesh(&corners) else {
             self.polygons.insert(key, None);
             return Ok(None);
         };
         let name = format!("polygon_{}", protos.len());
-        let i = add(protos, name, mesh.with_material(material)).ok_or(())?;
+        let i = add_prototype(protos, name, mesh.with_material(material)).ok_or(TooManyPrototypes)?;
         self.polygons.insert(key, Some(i));
-        Ok(Some((i, size)))
+        Ok(Some(PolygonPrototype { proto: i, size }))
     }
 
     /// Disc of diameter 1 facing +Z.
     pub fn disc(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
         if self.disc.is_none() {
             let corner = |i: u32| {
-                let a = math_angle(i, SIDES);
+                let a = corner_angle(i, SIDES);
                 Vec3::new(0.5 * math::cos_f32(a), 0.5 * math::sin_f32(a), 0.0)
             };
             let corners: Vec<Vec3> = (0..SIDES).map(corner).collect();
-            let mesh = flat(&corners).unwrap_or_default().with_material(material);
-            self.disc = add(protos, "disc".into(), mesh);
+            let mesh = polygon_mesh(&corners).unwrap_or_default().with_material(material);
+            self.disc = add_prototype(protos, "disc".into(), mesh);
         }
         self.disc
     }
@@ -86,19 +101,19 @@ impl Shapes {
     /// Sphere of diameter 1.
     pub fn sphere(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
         if self.sphere.is_none() {
-            self.sphere = add(protos, "sphere".into(), ball().with_material(material));
+            self.sphere = add_prototype(protos, "sphere".into(), sphere_mesh().with_material(material));
         }
         self.sphere
     }
 
-    /// Prototype `of` stretched by `ratio` across and along the normal, relative to its length.
-    pub fn stretched(&mut self, protos: &mut Vec<Proto>, of: u16, ratio: [f64; 2]) -> Option<u16> {
+    /// Prototype `source` stretched by `ratio` across and along the normal, relative to its length.
+    pub fn stretched(&mut self, protos: &mut Vec<Proto>, source: u16, ratio: [f64; 2]) -> Option<u16> {
         // Ratios within a percent share a prototype.
-        let key = (of, ratio.map(|r| rounded(math::ln(r.max(1e-6)) * 100.0)));
+        let key = (source, ratio.map(|r| round_to_i32(math::ln(r.max(1e-6)) * 100.0)));
         if let Some(&i) = self.stretched.get(&key) {
             return Some(i);
         }
-        let source = protos.get(usize::from(of))?;
+        let source = protos.get(usize::from(source))?;
         let factor = Vec3::new(math::narrow(ratio[0]), 1.0, math::narrow(ratio[1]));
         let mut mesh = Mesh::clone(&source.mesh);
         for p in &mut mesh.points {
@@ -108,23 +123,24 @@ impl Shapes {
             *n = math::normalize_or(*n / factor, *n);
         }
         let name = format!("{}_{}", source.name, protos.len());
-        let i = add(protos, name, mesh)?;
+        let i = add_prototype(protos, name, mesh)?;
         self.stretched.insert(key, i);
         Some(i)
     }
 }
 
 #[allow(clippy::cast_possible_truncation, reason = "saturates; only compared for equality")]
-fn rounded(x: f64) -> i32 {
+fn round_to_i32(x: f64) -> i32 {
     x.round() as i32
 }
 
-fn math_angle(i: u32, of: u32) -> f32 {
-    std::f32::consts::TAU * i as f32 / of as f32
+/// Angle of corner `i` of a regular polygon, rad.
+fn corner_angle(i: u32, corners: u32) -> f32 {
+    std::f32::consts::TAU * i as f32 / corners as f32
 }
 
-/// A flat polygon, its upper side towards +Z where it has one; `None` without area.
-fn flat(corners: &[Vec3]) -> Option<Mesh> {
+/// A planar polygon, triangulated, its upper side towards +Z where it has one; `None` without area.
+fn polygon_mesh(corners: &[Vec3]) -> Option<Mesh> {
     let mut corners = corners.to_vec();
     let mut normal = newell(&corners);
     if normal.z < 0.0 {
@@ -139,13 +155,14 @@ fn flat(corners: &[Vec3]) -> Option<Mesh> {
     if triangles.is_empty() {
         return None;
     }
+    // Polygons that roughly face +Z, as leaves do, keep their own axes as texture coordinates.
     let in_blade = |c: &Vec3| if n.z > 0.3 { c.truncate() } else { Vec2::new(c.dot(e1), c.dot(e2)) };
-    let flat: Vec<Vec2> = corners.iter().map(in_blade).collect();
-    let low = flat.iter().fold(Vec2::INFINITY, |m, c| m.min(*c));
-    let high = flat.iter().fold(Vec2::NEG_INFINITY, |m, c| m.max(*c));
+    let polygon_mesh: Vec<Vec2> = corners.iter().map(in_blade).collect();
+    let low = polygon_mesh.iter().fold(Vec2::INFINITY, |m, c| m.min(*c));
+    let high = polygon_mesh.iter().fold(Vec2::NEG_INFINITY, |m, c| m.max(*c));
     let size = (high - low).max(Vec2::splat(1e-9));
     Some(Mesh {
-        uvs: flat.iter().map(|c| (*c - low) / size).collect(),
+        uvs: polygon_mesh.iter().map(|c| (*c - low) / size).collect(),
         normals: vec![n; corners.len()],
         points: corners,
         triangles,
@@ -153,14 +170,14 @@ fn flat(corners: &[Vec3]) -> Option<Mesh> {
     })
 }
 
-/// Rings of latitude around Y.
-fn ball() -> Mesh {
+/// A sphere of diameter 1 as rings of latitude around Y, with a texture seam.
+fn sphere_mesh() -> Mesh {
     let mut mesh = Mesh::default();
     for ring in 0..=RINGS + 1 {
         let v = ring as f32 / (RINGS + 1) as f32;
         let (y, r) = (-math::cos_f32(std::f32::consts::PI * v), math::sin_f32(std::f32::consts::PI * v));
         for i in 0..=SIDES {
-            let a = math_angle(i % SIDES, SIDES);
+            let a = corner_angle(i % SIDES, SIDES);
             let n = Vec3::new(r * math::cos_f32(a), y, -r * math::sin_f32(a));
             mesh.points.push(n * 0.5);
             mesh.normals.push(math::normalize_or(n, Vec3::Y));
@@ -188,14 +205,14 @@ mod tests {
 
     #[test]
     fn shapes_face_outwards() {
-        let mesh = ball();
+        let mesh = sphere_mesh();
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|i| mesh.points[i as usize]);
             let n = (b - a).cross(c - a);
             assert!(n.length() > 1e-6 && n.dot(a + b + c) > 0.0, "{t:?}");
         }
         let mut protos = Vec::new();
-        let disc = Shapes::default().disc(&mut protos, 0).expect("room");
+        let disc = PrototypeCache::default().disc(&mut protos, 0).expect("room");
         let mesh = &protos[usize::from(disc)].mesh;
         assert_eq!(mesh.triangles.len(), 14);
         assert!(mesh.normals.iter().all(|n| n.z > 0.999));
@@ -203,14 +220,14 @@ mod tests {
 
     #[test]
     fn equal_polygons_of_any_size_share_a_prototype() {
-        let mut shapes = Shapes::default();
+        let mut shapes = PrototypeCache::default();
         let mut protos = Vec::new();
         let square = |k: f64| [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]].map(|c| DVec3::new(c[0], c[1], 0.0) * k);
-        let at = (DVec3::ZERO, DQuat::IDENTITY);
+        let at = TurtlePose { p: DVec3::ZERO, q: glam::DQuat::IDENTITY };
         let a = shapes.polygon(&mut protos, 0, &square(1.0), at).expect("room").expect("area");
         let b = shapes.polygon(&mut protos, 0, &square(3.0), at).expect("room").expect("area");
-        assert_eq!((a.0, b.0), (0, 0));
-        assert!((b.1 / a.1 - 3.0).abs() < 1e-12);
+        assert_eq!((a.proto, b.proto), (0, 0));
+        assert!((b.size / a.size - 3.0).abs() < 1e-12);
         let line = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0];
         assert_eq!(shapes.polygon(&mut protos, 0, &line, at), Ok(None));
         assert_eq!(shapes.polygon(&mut protos, 0, &line[..2], at), Ok(None));

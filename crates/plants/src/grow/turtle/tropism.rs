@@ -1,47 +1,56 @@
-//! Tropisms: how heading and up give way before and after a step.
+//! Tropisms: how directional growth responses (to gravity, to light) turn the heading before and after a step.
 
 use glam::DVec3;
 
-use super::frame::Frame;
+use super::frame::TurtleFrame;
 use super::options::Tropism;
 use osier_base::math;
 
-/// Most tropisms.
-pub(super) const MAX: usize = 8;
+/// Largest number of tropisms of a scene; each has an elasticity in the turtle's state.
+pub(super) const MAX_TROPISMS: usize = 8;
 
-/// Angle by which one step may turn at most, rad.
-const MOST: f64 = 1.0;
+/// Greatest turn of one step, rad; larger torques are clamped, as cpfg does.
+const MAX_TURN: f64 = 1.0;
 
 /// Turns the frame by all tropisms with their present elasticities.
 /// `last`: the last drawn segment's frame, from which left and up follow unless `keep_roll`.
 /// Source: V = sum I E [cos A T + sin A T x (H x T)/|H x T|], H turned about H x V by min(|H x V|, 1) rad; torque turns
 /// U about H towards T by min(I E |U x T'|, 1).
-pub(super) fn bend(frame: &mut Frame, last: &Frame, tropisms: &[Tropism], elasticity: &[f64], keep_roll: bool) {
+pub(super) fn bend(
+    frame: &mut TurtleFrame,
+    last: &TurtleFrame,
+    tropisms: &[Tropism],
+    elasticity: &[f64],
+    keep_roll: bool,
+) {
+    // The sum of all directional tropisms acts as a force at the tip: it turns the heading about H x V.
     let mut pull = DVec3::ZERO;
     for (t, e) in tropisms.iter().zip(elasticity).filter(|(t, _)| !t.torque) {
-        pull += direction(frame, t) * (t.intensity * e);
+        pull += sought_direction(frame, t) * (t.intensity * e);
     }
     let axis = frame.h.cross(pull);
     let strength = axis.length();
     if strength > 1e-12 {
-        let angle = strength.min(MOST);
+        let angle = strength.min(MAX_TURN);
         let turned = frame.rotated(axis / strength, math::cos(angle), math::sin(angle));
         *frame = if keep_roll { turned } else { last.swung_to(turned.h) };
         frame.orthonormalize();
     }
+    // A torque rolls the frame about its heading, until up points along the tropism's projection.
     for (t, e) in tropisms.iter().zip(elasticity).filter(|(t, _)| t.torque) {
         let across = t.dir - frame.h * t.dir.dot(frame.h);
         let Some(aim) = across.try_normalize() else { continue };
         let turn = frame.u.cross(aim);
-        let angle = (t.intensity * e * turn.length()).clamp(-MOST, MOST);
+        let angle = (t.intensity * e * turn.length()).clamp(-MAX_TURN, MAX_TURN);
         let side = if turn.dot(frame.h) < 0.0 { -1.0 } else { 1.0 };
         *frame = frame.rotated(frame.h, math::cos(angle), side * math::sin(angle));
         frame.orthonormalize();
     }
 }
 
-/// The direction that a tropism seeks at this heading.
-fn direction(frame: &Frame, t: &Tropism) -> DVec3 {
+/// The unit direction that a tropism seeks at this heading: on the cone of half angle `t.angle` around `t.dir`, nearest to the
+/// heading.
+fn sought_direction(frame: &TurtleFrame, t: &Tropism) -> DVec3 {
     let dir = t.dir.normalize_or(DVec3::Y);
     let n = frame.h.cross(dir);
     let n = if n.length_squared() > 1e-24 { n.normalize() } else { frame.l };
@@ -49,7 +58,7 @@ fn direction(frame: &Frame, t: &Tropism) -> DVec3 {
 }
 
 /// Old tropism after a step: pitch towards `dir` by asin(e T.U), then yaw by asin(e T.L).
-pub(super) fn bend_old(frame: &mut Frame, dir: DVec3, e: f64) {
+pub(super) fn bend_by_old_tropism(frame: &mut TurtleFrame, dir: DVec3, e: f64) {
     let dir = dir.normalize_or(DVec3::Y);
     let sine = |x: f64| x.clamp(-1.0, 1.0);
     let s = sine(e * dir.dot(frame.u));
@@ -64,9 +73,9 @@ mod tests {
     use osier_base::units::radians;
 
     fn angle_from_y(t: Tropism) -> f64 {
-        let mut f = Frame::START;
+        let mut f = TurtleFrame::START;
         f.yaw(math::cos(radians(60.0)), math::sin(radians(60.0)));
-        bend(&mut f, &Frame::START, &[t], &[t.elasticity], false);
+        bend(&mut f, &TurtleFrame::START, &[t], &[t.elasticity], false);
         assert!((f.h.length() - 1.0).abs() < 1e-12);
         math::acos(f.h.y) * 180.0 / std::f64::consts::PI
     }
@@ -83,11 +92,11 @@ mod tests {
     fn roll_is_lost_unless_kept() {
         let t = Tropism { elasticity: 0.1, ..Tropism::default() };
         for keep in [false, true] {
-            let mut f = Frame::START;
+            let mut f = TurtleFrame::START;
             f.yaw(0.6, 0.8);
             let before = f.u;
             f.roll(0.0, 1.0);
-            bend(&mut f, &Frame::START, &[t], &[0.1], keep);
+            bend(&mut f, &TurtleFrame::START, &[t], &[0.1], keep);
             assert_eq!(f.u.dot(before).abs() > 0.9, !keep);
         }
     }
@@ -95,12 +104,12 @@ mod tests {
     #[test]
     fn torque_turns_up_towards_its_direction_and_old_tropism_lifts() {
         let t = Tropism { dir: DVec3::NEG_X, elasticity: 0.3, torque: true, ..Tropism::default() };
-        let mut f = Frame::START;
-        bend(&mut f, &Frame::START, &[t], &[0.3], false);
+        let mut f = TurtleFrame::START;
+        bend(&mut f, &TurtleFrame::START, &[t], &[0.3], false);
         assert!((f.u.dot(DVec3::NEG_X) - math::sin(0.3)).abs() < 1e-12, "{:?}", f.u);
-        let mut f = Frame::START;
+        let mut f = TurtleFrame::START;
         f.yaw(0.0, 1.0);
-        bend_old(&mut f, DVec3::Y, 0.2);
+        bend_by_old_tropism(&mut f, DVec3::Y, 0.2);
         assert!((f.h.y - 0.2).abs() < 1e-12, "{:?}", f.h);
     }
 }
