@@ -31,7 +31,7 @@ fn maps(c: &mut Criterion) {
     }
     let leaf = || leaf_material(&BladeSpec::oak(), &LeafColors::OAK, "leaf", 512, false).expect("leaf");
     sets.push(("leaf 512".into(), Box::new(leaf)));
-    let ground = || ground_material(&GroundColors::default(), "ground", 1024, (2.0, 1)).expect("ground");
+    let ground = || ground_material(&GroundColors::default(), "ground", 1024, 2.0, 1).expect("ground");
     sets.push(("ground 1024".into(), Box::new(ground)));
     let mut group = c.benchmark_group("maps");
     group.sample_size(10);

@@ -16,7 +16,7 @@ use osier_ifs::stems::Stems;
 use osier_ifs::words;
 use osier_plants::grow::ifs::{self, Cards, Class, TreeOptions};
 use osier_plants::grow::turtle::OrganSpec;
-use osier_plants::surface::cards::{Worn, cards};
+use osier_plants::surface::crossed_billboards::{SourceMaterials, crossed_billboards};
 use osier_scene::Mesh;
 
 /// Pictures of subtrees of one size, where individuals differ.
@@ -61,7 +61,12 @@ pub fn make(
     .into_iter()
     .collect::<Result<_>>()?;
     let material = format!("{}_{name}", plant.id);
-    let (quads, surface) = cards(&meshes, Worn { materials: &look.materials, images: &look.images }, (&material, SIDE));
+    let (quads, surface) = crossed_billboards(
+        &meshes,
+        SourceMaterials { materials: &look.materials, images: &look.images },
+        &material,
+        SIDE,
+    );
     let id = look.add(surface.material, surface.images);
     let meshes = quads.into_iter().map(|q| Arc::new(q.with_material(id))).collect();
     Ok(Cards {

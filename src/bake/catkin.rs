@@ -12,7 +12,7 @@ use osier_base::units::degrees;
 use osier_grammar::{DeriveOptions, Grammar, Source, derive, parse};
 use osier_plants::grow::turtle::{self, TurtleOptions};
 use osier_plants::surface::SurfaceMaterial;
-use osier_plants::surface::catkin::{Detail, Tuft, TuftSpec, VARIANTS, hair_material, stalk_material, tuft};
+use osier_plants::surface::catkin::{Tuft, TuftDetail, TuftSpec, VARIANTS, hair_material, stalk_material, tuft};
 use osier_scene::plant::Plant;
 use osier_scene::{Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
 
@@ -74,12 +74,15 @@ impl CatkinModel {
     fn at(&self, lod: u32, (levels, first): (&Levels, u32)) -> Prototype {
         let mut proto = match lod {
             0 => self.tuft.hero(&self.name),
-            1 => Prototype::new(&self.name, self.tuft.mesh(Detail::Tubes)),
-            2 => Prototype::new(&self.name, self.tuft.mesh(Detail::Ribbons)),
-            3 => Prototype::new(&self.name, self.tuft.mesh(Detail::Thinned)),
+            1 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Tubes)),
+            2 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Ribbons)),
+            3 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Thinned)),
             _ => {
                 let before = (0..).zip(levels.pictured()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
-                Prototype::new(&self.name, self.cards(lod).0.with_material(FLAT + before * self.count + self.index))
+                Prototype::new(
+                    &self.name,
+                    self.cards(lod).0.with_material(FLAT + before * self.count + self.index),
+                )
             }
         };
         proto.mesh.subsets.iter_mut().for_each(|s| s.material += first);
@@ -91,7 +94,7 @@ impl CatkinModel {
     }
 
     fn cards(&self, lod: u32) -> (Mesh, SurfaceMaterial) {
-        self.tuft.cards(&format!("catkin_{}", self.name), lod == 4)
+        self.tuft.billboards(&format!("catkin_{}", self.name), lod == 4)
     }
 
     /// The tuft itself.

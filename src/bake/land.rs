@@ -5,7 +5,7 @@ use crate::recipe::land_keys::TerrainKeys;
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_base::rng::{mix64, word};
-use osier_plants::surface::terrain::{Land, LandColors, Relief, land_material};
+use osier_plants::surface::terrain::{Land, LandColors, TerrainParams, land_material};
 use osier_scene::{Asset, AssetKind, Camera, HeightField, MeshMotion, MeshObject};
 
 /// Name of the land's asset, placement and material.
@@ -17,7 +17,7 @@ const EYE: f32 = 1.6;
 /// # Errors
 /// `Range` for a value outside its range.
 pub fn shape(keys: &TerrainKeys, seed: u64) -> Result<Land> {
-    Land::raise(&Relief {
+    Land::generate(&TerrainParams {
         n: keys.n,
         size: keys.size,
         amplitude: keys.amplitude,
@@ -95,7 +95,7 @@ mod tests {
     fn no_seed_buries_the_camera_and_others_stay() {
         let view = |eye| Camera { eye, target: eye + Vec3::new(3.0, -1.0, 2.0), vfov: 0.7, roll: 0.0 };
         for seed in 0..16 {
-            let land = Land::raise(&Relief { seed, ..Relief::default() }).expect("land");
+            let land = Land::generate(&TerrainParams { seed, ..TerrainParams::default() }).expect("land");
             let (x, z) = (land.size * 0.1, land.size * -0.3);
             let ground = land.height_at(x, z);
             let mut camera = view(Vec3::new(x, ground - 7.0, z));

@@ -22,7 +22,7 @@ use osier_plants::grow::turtle::{OrganSpec, STALK};
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
 use osier_plants::surface::ground::{Ground, GroundColors, ground_material};
-use osier_plants::surface::leaf::{self, BladeSpec, Form, LeafColors, Teeth};
+use osier_plants::surface::leaf::{self, BladeSpec, LeafColors, LeafForm, Teeth};
 use osier_scene::{Image, Maps, Material, MaterialClass, Mesh};
 
 /// Light let through by imported leaves.
@@ -199,10 +199,10 @@ fn blades(
     surface.material.translucency = narrow(keys.translucency);
     let id = look.add(surface.material, surface.images);
     let detail = match keys.detail {
-        Detail::Close => leaf::Detail::Close,
-        Detail::Hero => leaf::Detail::Hero,
-        Detail::Light => leaf::Detail::Light,
-        Detail::Crown => leaf::Detail::Crown,
+        Detail::Close => leaf::BladeDetail::Close,
+        Detail::Hero => leaf::BladeDetail::Hero,
+        Detail::Light => leaf::BladeDetail::Light,
+        Detail::Crown => leaf::BladeDetail::Crown,
     };
     let shape = BladeSpec { petiole_length: if bare { 0.0 } else { spec.petiole_length }, ..spec.clone() };
     let meshes = (0..u64::from(keys.variants))
@@ -229,7 +229,7 @@ fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         Blade::Toothed => BladeSpec::birch(),
         Blade::Deltoid => BladeSpec::poplar(),
         Blade::Elliptic => BladeSpec {
-            form: Form::Elliptic,
+            form: LeafForm::Elliptic,
             teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
             length: 0.08,
             width: 0.045,
@@ -248,8 +248,8 @@ fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         minor: keys.minor_teeth.unwrap_or(base.teeth.minor),
     };
     let form = match base.form {
-        Form::Lobed { lobes, depth } => {
-            Form::Lobed { lobes: keys.lobes.unwrap_or(lobes).clamp(1, 8), depth: or(keys.depth, depth) }
+        LeafForm::Lobed { lobes, depth } => {
+            LeafForm::Lobed { lobes: keys.lobes.unwrap_or(lobes).clamp(1, 8), depth: or(keys.depth, depth) }
         }
         other => other,
     };
@@ -360,7 +360,7 @@ pub fn of_ground(shape: &Ground, keys: &GroundKeys, air: [f32; 3]) -> Result<Loo
         ..own
     };
     let mut look = Look::default();
-    let surface = ground_material(&colors, "ground", keys.side, (shape.tile, shape.seed))?;
+    let surface = ground_material(&colors, "ground", keys.side, shape.tile, shape.seed)?;
     look.add(surface.material, surface.images);
     Ok(look)
 }

@@ -10,7 +10,9 @@ use osier_base::Result;
 use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
 use osier_base::rng::Rng;
 use osier_plants::surface::terrain::Land;
-use osier_plants::surface::terrain::scatter::{Disc, Mask, Sowing, Taken, address, scatter};
+use osier_plants::surface::terrain::scatter::{
+    DensityMask, ScatterDisc, ScatterObstacle, ScatterParams, scatter, scatter_key,
+};
 use osier_scene::Trs;
 use osier_scene::plant::{NONE, Plant};
 
@@ -29,11 +31,12 @@ pub(super) fn add(recipe: &Recipe, land: &Land, layout: &mut Layout, work: &Work
         }
     }
     let place = |s: &Standing| [s.transform.t.x, s.transform.t.z];
-    let mut taken: Vec<Taken> = layout.standings.iter().map(|s| Taken { at: place(s), spacing: 0.0 }).collect();
+    let mut taken: Vec<ScatterObstacle> =
+        layout.standings.iter().map(|s| ScatterObstacle { at: place(s), spacing: 0.0 }).collect();
     for (entry, sown) in recipe.scatters.iter().enumerate() {
         work.cancel.check()?;
         let sowing = sowing(sown);
-        let spots = scatter(land, &sowing, &taken, address(recipe.seed, entry), work.limits)?;
+        let spots = scatter(land, &sowing, &taken, scatter_key(recipe.seed, entry), work.limits)?;
         let standing = layout.standings.len().saturating_add(spots.len());
         work.limits.check("instances", standing as u64, "the number of placements")?;
         // Individuals of each plant, as indices into the layout's.
@@ -58,22 +61,24 @@ pub(super) fn add(recipe: &Recipe, land: &Land, layout: &mut Layout, work: &Work
             let (transform, slope) = stand(land, sown, (spot.at, facing), &mut rng);
             layout.standings.push(Standing { individual, transform, slope: Some(slope) });
         }
-        taken.extend(layout.standings[taken.len()..].iter().map(|s| Taken { at: place(s), spacing: sowing.spacing }));
+        taken.extend(
+            layout.standings[taken.len()..].iter().map(|s| ScatterObstacle { at: place(s), spacing: sowing.spacing }),
+        );
     }
     Ok(())
 }
 
-fn sowing(sown: &ScatterRecipe) -> Sowing {
+fn sowing(sown: &ScatterRecipe) -> ScatterParams {
     let keys = &sown.keys;
-    Sowing {
+    ScatterParams {
         spacing: narrow(keys.spacing),
         clear: keys.clear.map(narrow),
         slope_max: narrow(keys.slope_max),
         altitude: keys.altitude.map(narrow),
         density: narrow(keys.density),
-        mask: sown.mask.clone().map(|(width, height, values)| Mask { width, height, values }),
+        mask: sown.mask.clone().map(|(width, height, values)| DensityMask { width, height, values }),
         clump: narrow(keys.clump),
-        disc: keys.radius.map(|radius| Disc {
+        disc: keys.radius.map(|radius| ScatterDisc {
             at: keys.at.map(narrow),
             radius: narrow(radius),
             inner: narrow(keys.inner),

@@ -13,7 +13,7 @@ use osier_ifs::Ifs;
 use osier_ifs::leaf::{self, Colors, Drawn, Pose, Spec, bent};
 use osier_ifs::tile::tile;
 use osier_plants::grow::turtle::OrganSpec;
-use osier_plants::surface::bark::Grain;
+use osier_plants::surface::bark::BarkGrain;
 use osier_scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
 
 /// Relief of a leaf over its length.
@@ -93,9 +93,9 @@ fn parameters(keys: &OrganKeys) -> (Spec, Colors) {
 /// The density of a table as the grain of a bark whose maps have `side` pixels.
 /// # Errors
 /// `Input` for a system without attractor (I023).
-pub fn grain(table: &Ifs, side: u32) -> Result<Grain> {
+pub fn grain(table: &Ifs, side: u32) -> Result<BarkGrain> {
     let side = (side as usize).min(CELLS);
-    Ok(Grain { side, values: tile(table, side).map_err(|d| told(*d))? })
+    Ok(BarkGrain { side, values: tile(table, side).map_err(|d| told(*d))? })
 }
 
 /// The table was read and judged before; what is left to say names it.

@@ -2,15 +2,14 @@
 
 use glam::{Vec2, Vec3};
 
-use super::lattice::{Cells, Fractal, middles};
-use super::material::map;
+use super::periodic_noise::{CellularNoise, FractalNoise, middles};
+use super::pixels::SurfaceTexel;
 use super::{SurfaceMaterial, pixels};
 use osier_base::math::{self, smoothstep};
 use osier_base::noise;
 use osier_base::par::par_map;
-use osier_base::units::byte;
 use osier_base::{Error, Result};
-use osier_scene::{ImageKind, Maps, Material, MaterialClass, Mesh, Pixels};
+use osier_scene::{Maps, Material, MaterialClass, Mesh};
 
 /// A disc of ground around the origin.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +26,7 @@ pub struct Ground {
     pub sectors: u32,
     /// Size of one repeat of the maps, m, 0.01..1000.
     pub tile: f32,
-    /// Seed.
+    /// Seed of the waves and of the bend of the texture coordinates.
     pub seed: u64,
 }
 
@@ -84,8 +83,8 @@ impl Ground {
         mesh.uvs.push(self.uv(x, z));
     }
 
-    /// Texture coordinates, in tiles: u along +X, v along -Z. Where the maps repeat they are bent a little, lest the
-    /// repeats stand in rows.
+    /// Texture coordinates, in tiles: u along +X, v along -Z. Where the maps repeat, the coordinates are warped a little, which
+    /// hides the regular rows of repeats.
     /// Own: two waves of noise of 0.16 tiles, 3 tiles long.
     fn uv(&self, x: f32, z: f32) -> Vec2 {
         let plain = Vec2::new(x, -z) / self.tile;
@@ -151,20 +150,15 @@ impl Default for GroundColors {
     }
 }
 
-struct Sample {
-    color: Vec3,
-    height: f32,
-    rough: f32,
-}
-
-struct Tables {
+/// The noises of the ground's pattern.
+struct GroundNoise {
     /// Lush and dry parts of a meadow.
-    meadow: Fractal,
-    cover: Fractal,
-    tint: Fractal,
-    clod: Fractal,
-    blades: [Fractal; 3],
-    litter: Cells,
+    meadow: FractalNoise,
+    cover: FractalNoise,
+    tint: FractalNoise,
+    clod: FractalNoise,
+    blades: [FractalNoise; 3],
+    litter: CellularNoise,
     /// Sines and cosines of the ways in which litter lies.
     turns: Vec<(f32, f32)>,
 }
@@ -177,36 +171,24 @@ const RELIEF: f32 = 0.03;
 /// # Errors
 /// `Range` for a side outside its range.
 /// Own: patches of short grass (streaks in three directions) on cloddy soil, strewn with litter.
-pub fn ground_material(
-    colors: &GroundColors,
-    name: &str,
-    side: u32,
-    (tile, seed): (f32, u64),
-) -> Result<SurfaceMaterial> {
+pub fn ground_material(colors: &GroundColors, name: &str, side: u32, tile: f32, seed: u64) -> Result<SurfaceMaterial> {
     if !(16..=4096).contains(&side) {
         let name = "ground: side of the maps".to_owned();
         return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
     }
-    let tables = Tables::new(tile, side, seed);
+    let tables = GroundNoise::new(tile, side, seed);
     let rows: Vec<u32> = (0..side).collect();
     let n = side as f32;
     let xs = middles(side);
-    let samples = pixels::joined(par_map(&rows, |&y| {
+    let texels = pixels::joined(par_map(&rows, |&y| {
         let y = 1.0 - (y as f32 + 0.5) / n;
         let [meadow, tint, clod, cover] =
             [&tables.meadow, &tables.tint, &tables.clod, &tables.cover].map(|noise| noise.row(&xs, y));
-        let straight = |i: usize| Straight { meadow: meadow[i], tint: tint[i], clod: clod[i], cover: cover[i] };
+        let straight = |i: usize| UnwarpedNoise { meadow: meadow[i], tint: tint[i], clod: clod[i], cover: cover[i] };
         xs.iter().enumerate().map(|(i, x)| sample(colors, &tables, [*x, y], &straight(i))).collect()
     }));
-    let heights: Vec<f32> = samples.iter().map(|s| s.height).collect();
     let step = RELIEF / (tile.max(0.01) / n);
-    let image = |kind, what, pixels| map(name, what, kind, side, pixels);
-    let images = vec![
-        image(ImageKind::Color, "color", Pixels::U8(pixels::colors(samples.iter().map(|s| s.color)))),
-        image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, side as usize, [step, step]))),
-        image(ImageKind::Data, "rough", Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
-        image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())),
-    ];
+    let images = pixels::surface_images(name, side, &texels, [step, step], true);
     let material = Material {
         name: name.to_owned(),
         class: MaterialClass::Ground,
@@ -224,7 +206,7 @@ pub fn ground_material(
     Ok(SurfaceMaterial { material, images })
 }
 
-impl Tables {
+impl GroundNoise {
     /// Patterns of the same size on the ground whatever the repeat: lengths are in metres. What is finer than two pixels
     /// is drawn as coarse as the map can show.
     fn new(tile: f32, side: u32, seed: u64) -> Self {
@@ -235,7 +217,7 @@ impl Tables {
         let fractal = |k: u64, lengths: [f32; 2], octaves: u32| {
             let cells = lengths.map(times);
             let room = most / cells[0].max(cells[1]);
-            Fractal::new(s(k), cells, octaves.min(room.ilog2() + 1))
+            FractalNoise::new(s(k), cells, octaves.min(room.ilog2() + 1))
         };
         Self {
             meadow: fractal(7, [9.0; 2], 4),
@@ -243,7 +225,7 @@ impl Tables {
             tint: fractal(1, [1.0; 2], 4),
             clod: fractal(2, [0.125; 2], 5),
             blades: [fractal(3, [0.0125, 0.0714], 2), fractal(4, [0.0182, 0.0455], 2), fractal(5, [0.0208; 2], 2)],
-            litter: Cells::new(s(6), [times(0.059), times(0.067)], 0.9),
+            litter: CellularNoise::new(s(6), [times(0.059), times(0.067)], 0.9),
             turns: (0..=u8::MAX)
                 .map(|i| f32::from(i) * (std::f32::consts::PI / 256.0))
                 .map(|a| (math::sin_f32(a), math::cos_f32(a)))
@@ -252,8 +234,8 @@ impl Tables {
     }
 }
 
-/// Goes over to the colour of the air from a third of the way to the rim on. `x`, `y`: in a map whose corners meet in
-/// the middle of the ground.
+/// Blends a colour into the haze, from a third of the radius on. `x`, `y`: in a map whose corners meet in the middle of the
+/// ground.
 fn hazed(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
     let (air, most) = colors.haze;
     let (dx, dy) = (x.min(1.0 - x), y.min(1.0 - y));
@@ -261,19 +243,21 @@ fn hazed(colors: &GroundColors, color: Vec3, x: f32, y: f32) -> Vec3 {
     color.lerp(Vec3::from_array(air), share)
 }
 
-/// The noises that are looked up where the pixel is, not where the clods send it.
-struct Straight {
+/// Values of the noises that are evaluated at the texel itself, without the warp of the clods.
+struct UnwarpedNoise {
     meadow: f32,
     tint: f32,
     clod: f32,
     cover: f32,
 }
 
-fn sample(colors: &GroundColors, t: &Tables, [x, y]: [f32; 2], straight: &Straight) -> Sample {
-    let Straight { meadow, tint, clod, .. } = *straight;
+/// Colour, height and roughness of the texel at (x, y) of the unit square.
+fn sample(colors: &GroundColors, t: &GroundNoise, [x, y]: [f32; 2], straight: &UnwarpedNoise) -> SurfaceTexel {
+    let UnwarpedNoise { meadow, tint, clod, .. } = *straight;
+    // Grass grows where the cover noise exceeds a threshold, with a soft, uneven border.
     let bare = straight.cover + 0.25 * clod + 0.3 * meadow;
     let cover = smoothstep(-0.18, 0.18, bare + (colors.cover - 0.5));
-    // Bent by the clods, lest the streaks form a weave.
+    // Three layers of streaks are the grass blades; the clods warp them, otherwise they would look woven.
     let (bx, by) = (x + 0.03 * clod, y + 0.03 * tint - 0.02 * clod);
     let [a, b, c] = [t.blades[0].at(bx, by), t.blades[1].at(by, bx), t.blades[2].at(bx, by)];
     let blade = (0.5 + 0.55 * a.max(b).max(0.7 * c)).clamp(0.0, 1.0);
@@ -285,6 +269,7 @@ fn sample(colors: &GroundColors, t: &Tables, [x, y]: [f32; 2], straight: &Straig
     let mut color = earth.lerp(grass, cover * (0.55 + 0.45 * blade));
     let mut height = 0.35 + 0.22 * clod + cover * (0.30 * blade - 0.05);
 
+    // Litter: in every fourth cell an ellipse at a random angle with a darker rib, a fallen leaf.
     let near = t.litter.at(x, y);
     let (sin, cos) = t.turns[usize::from((near.id >> 20).to_le_bytes()[0])];
     let [fx, fy] = near.from;
@@ -298,7 +283,7 @@ fn sample(colors: &GroundColors, t: &Tables, [x, y]: [f32; 2], straight: &Straig
     }
     let rough = 0.93 - 0.08 * cover * blade - 0.10 * leaf;
     let color = color * (1.0 + 0.14 * tint + 0.3 * meadow);
-    Sample { color: hazed(colors, color, x, y), height: height.clamp(0.0, 1.0), rough }
+    SurfaceTexel { color: hazed(colors, color, x, y), height: height.clamp(0.0, 1.0), rough }
 }
 
 #[cfg(test)]
@@ -321,8 +306,8 @@ mod tests {
 
     #[test]
     fn maps_tile() {
-        let set = ground_material(&GroundColors::default(), "ground", 128, (2.0, 1)).expect("maps");
-        let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
+        let set = ground_material(&GroundColors::default(), "ground", 128, 2.0, 1).expect("maps");
+        let osier_scene::Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
         let (mut border, mut inside) = (0_u64, 0_u64);
         for y in 0..128 {
             let row = &h[y * 128..(y + 1) * 128];

@@ -1,29 +1,34 @@
-//! A material with its pictures, before it has a place in a scene.
+//! A material with its images, before it is registered in a scene.
 
 use osier_scene::{Image, ImageKind, Material, MaterialId, Pixels};
 
 /// A surface: the material's maps are indices into `images`.
 #[derive(Debug, Clone)]
 pub struct SurfaceMaterial {
-    /// What it looks like.
+    /// The material; its maps index `images`.
     pub material: Material,
-    /// Its own pictures.
+    /// The images of its maps.
     pub images: Vec<Image>,
 }
 
 impl SurfaceMaterial {
     /// Appends pictures and material to a scene's lists; returns the material's id there.
     pub fn register(mut self, images: &mut Vec<Image>, materials: &mut Vec<Material>) -> MaterialId {
-        let small = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-        let first = small(images.len());
+        let first = count(images);
         let maps = &mut self.material.maps;
         for map in [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height] {
             *map = map.map(|i| i + first);
         }
         images.append(&mut self.images);
         materials.push(self.material);
-        small(materials.len() - 1)
+        count(materials) - 1
     }
+}
+
+/// Length of a scene's list of images or materials, which memory keeps far below 2^32.
+#[allow(clippy::cast_possible_truncation, reason = "each entry is an image or a material")]
+fn count<T>(list: &[T]) -> u32 {
+    list.len() as u32
 }
 
 /// A square map named `<name>_<what>`, `side` pixels, as many channels as the samples allow.
@@ -32,6 +37,6 @@ pub(super) fn map(name: &str, what: &str, kind: ImageKind, side: u32, pixels: Pi
         Pixels::U8(v) => v.len(),
         Pixels::U16(v) => v.len(),
     };
-    let channels = u8::try_from(samples / (side as usize).pow(2).max(1)).unwrap_or(u8::MAX);
+    let channels = if samples >= 3 * (side as usize).pow(2) { 3 } else { 1 };
     Image { name: format!("{name}_{what}"), kind, width: side, height: side, channels, pixels }
 }

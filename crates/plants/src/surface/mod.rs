@@ -1,15 +1,15 @@
-//! What a plant looks like: tubes around its axes, leaf blades, bark, and the ground it stands on.
+//! Surfaces: lofted branches, leaf blades, bark, catkins, billboards, ground and terrain.
 
 pub mod bark;
-pub mod cards;
+mod billboard;
 pub mod catkin;
+pub mod crossed_billboards;
 pub mod ground;
-mod lattice;
 pub mod leaf;
 pub mod loft;
 pub mod masonry;
 mod material;
-mod pictured;
+mod periodic_noise;
 mod pixels;
 pub mod terrain;
 

@@ -1,9 +1,44 @@
-//! From heights and colours to samples of a picture.
+//! From heights and colours to the images of a material.
 
 use glam::Vec3;
 
+use super::material::map;
 use osier_base::par::par_map;
 use osier_base::units::{byte, srgb_byte};
+use osier_scene::{Image, ImageKind, Mesh, Pixels};
+
+/// A texel of a procedural surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SurfaceTexel {
+    /// Linear colour.
+    pub color: Vec3,
+    /// Height, 0..1 of the material's height range.
+    pub height: f32,
+    /// Roughness, 0..1.
+    pub rough: f32,
+}
+
+/// The images `<name>_color` (sRGB), `_normal`, `_rough` and, with `height`, `_height` (16 bit) of a square of texels, `side`
+/// along an edge, rows from the top. `slopes`: height range over the size of a texel, across and up.
+pub(super) fn surface_images(
+    name: &str,
+    side: u32,
+    texels: &[SurfaceTexel],
+    slopes: [f32; 2],
+    height: bool,
+) -> Vec<Image> {
+    let heights: Vec<f32> = texels.iter().map(|t| t.height).collect();
+    let image = |kind, what, pixels| map(name, what, kind, side, pixels);
+    let mut images = vec![
+        image(ImageKind::Color, "color", Pixels::U8(colors(texels.iter().map(|t| t.color)))),
+        image(ImageKind::Data, "normal", Pixels::U8(normals8(&heights, side as usize, slopes))),
+        image(ImageKind::Data, "rough", Pixels::U8(texels.iter().map(|t| byte(t.rough)).collect())),
+    ];
+    if height {
+        images.push(image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| word(*h)).collect())));
+    }
+    images
+}
 
 /// A linear colour as three sRGB bytes.
 pub(super) fn srgb(color: Vec3) -> [u8; 3] {
@@ -53,4 +88,16 @@ pub(super) fn joined<T>(rows: Vec<Vec<T>>) -> Vec<T> {
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 0..=65535 before the cast")]
 pub(super) fn word(c: f32) -> u16 {
     (c.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16
+}
+
+/// Index of the next point of a mesh. The meshes of this module are leaves and quads, far below 2^32 points.
+#[allow(clippy::cast_possible_truncation, reason = "leaves and quads have at most some thousand points")]
+pub(super) fn first_index(mesh: &Mesh) -> u32 {
+    mesh.points.len() as u32
+}
+
+/// Index of the last of some points; see [`first_index`].
+#[allow(clippy::cast_possible_truncation, reason = "leaves have at most some thousand points")]
+pub(super) fn last_index<T>(points: &[T]) -> u32 {
+    (points.len() - 1) as u32
 }

@@ -1,12 +1,12 @@
 //! What stands out on a bark: cross cracks, dashes and scars, diamonds, pores.
 
-use crate::surface::lattice::{Cells, Fractal, Near};
+use crate::surface::periodic_noise::{CellularNoise, FractalNoise, NearestFeature};
 use osier_base::math::smoothstep;
 
-/// Marks of a bark.
+/// Kinds of marks of a bark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Marks {
-    /// None.
+pub enum BarkMarks {
+    /// No marks.
     None,
     /// Fine cracks across the ridges.
     Cracks,
@@ -14,7 +14,7 @@ pub enum Marks {
     Dashes,
     /// Dark diamonds, large and small.
     Diamonds,
-    /// Small pale dots.
+    /// Small pale dots (lenticels).
     Pores,
 }
 
@@ -26,42 +26,42 @@ pub(super) struct Mark {
 }
 
 /// The tables behind the marks.
-pub(super) struct Marker {
-    kind: Marks,
-    small: Cells,
-    large: Cells,
-    rough: Fractal,
+pub(super) struct MarkPattern {
+    kind: BarkMarks,
+    small: CellularNoise,
+    large: CellularNoise,
+    rough: FractalNoise,
 }
 
-impl Marker {
-    pub fn new(kind: Marks, seed: u64) -> Self {
+impl MarkPattern {
+    pub fn new(kind: BarkMarks, seed: u64) -> Self {
         let (small, large) = match kind {
-            Marks::Cracks => ([22, 12], [4, 4]),
-            Marks::Dashes => ([7, 44], [2, 3]),
-            Marks::Diamonds => ([16, 14], [4, 3]),
-            Marks::Pores | Marks::None => ([10, 8], [4, 4]),
+            BarkMarks::Cracks => ([22, 12], [4, 4]),
+            BarkMarks::Dashes => ([7, 44], [2, 3]),
+            BarkMarks::Diamonds => ([16, 14], [4, 3]),
+            BarkMarks::Pores | BarkMarks::None => ([10, 8], [4, 4]),
         };
         Self {
             kind,
-            small: Cells::new(seed ^ 0xA1, small, 0.85),
-            large: Cells::new(seed ^ 0xA2, large, 0.7),
-            rough: Fractal::new(seed ^ 0xA3, [24, 24], 3),
+            small: CellularNoise::new(seed ^ 0xA1, small, 0.85),
+            large: CellularNoise::new(seed ^ 0xA2, large, 0.7),
+            rough: FractalNoise::new(seed ^ 0xA3, [24, 24], 3),
         }
     }
 
     /// The mark at (x, y) of the unit square.
     pub fn at(&self, x: f32, y: f32) -> Mark {
         match self.kind {
-            Marks::None => Mark::default(),
-            Marks::Cracks => {
+            BarkMarks::None => Mark::default(),
+            BarkMarks::Cracks => {
                 let wobble = self.rough.at(x, y);
                 let near = self.small.at(x + 0.012 * wobble, y + 0.02 * self.rough.at(y, x));
                 let line = (1.0 - smoothstep(0.0, 0.16, near.f2 - near.f1)) * smoothstep(-0.25, 0.35, wobble);
                 Mark { color: 0.30 * line, height: -0.35 * line }
             }
-            Marks::Dashes => self.dashes(x, y),
-            Marks::Diamonds => self.diamonds(x, y),
-            Marks::Pores => {
+            BarkMarks::Dashes => self.dashes(x, y),
+            BarkMarks::Diamonds => self.diamonds(x, y),
+            BarkMarks::Pores => {
                 let near = self.small.at(x, y);
                 let size = 0.05 + 0.05 * share(near.id, 8);
                 let dot = 1.0 - smoothstep(size * 0.5, size, length(near.from, [1.0, 0.5]));
@@ -107,7 +107,7 @@ impl Marker {
 }
 
 /// 0 in the middle of a diamond, 1 on its border.
-fn diamond(near: &Near, size: [f32; 2], rough: f32) -> f32 {
+fn diamond(near: &NearestFeature, size: [f32; 2], rough: f32) -> f32 {
     near.from[0].abs() / size[0] + near.from[1].abs() / size[1] + rough
 }
 

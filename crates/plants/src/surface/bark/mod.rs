@@ -3,12 +3,12 @@
 mod marks;
 mod paint;
 
-pub use marks::Marks;
+pub use marks::BarkMarks;
 pub use paint::bark;
 
 use osier_base::{Error, Result};
 
-/// Everything that makes a bark. Colours are linear.
+/// Parameters of a bark. Colours are linear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarkSpec {
     /// Plates around and up a tile, 1..=64.
@@ -23,8 +23,8 @@ pub struct BarkSpec {
     pub ridge: [f32; 3],
     /// Colour of large patches (lichen, weathering) and how much of it, 0..1.
     pub patch: ([f32; 3], f32),
-    /// Marks on the bark.
-    pub marks: Marks,
+    /// Kind of marks on the bark.
+    pub marks: BarkMarks,
     /// Colour of the marks.
     pub mark: [f32; 3],
     /// Height from the deepest crack to the highest ridge, m, 0..0.1.
@@ -35,20 +35,20 @@ pub struct BarkSpec {
     pub roughness: [f32; 2],
     /// Pixels along a side of the maps, a power of two, 16..=4096.
     pub side: u32,
-    /// Seed.
+    /// Seed of all noises.
     pub seed: u64,
 }
 
 /// A pattern that is laid over a bark, in relief and tint.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Grain {
+pub struct BarkGrain {
     /// Cells along a side.
     pub side: usize,
     /// Values 0..1, rows from the top, `side` x `side`.
     pub values: Vec<f32>,
 }
 
-impl Grain {
+impl BarkGrain {
     /// The value at (x, y) of the unit square, y up; repeats beyond it, straight between cells.
     pub fn at(&self, x: f32, y: f32) -> f32 {
         let n = self.side.max(1);
@@ -75,7 +75,7 @@ impl BarkSpec {
             crack: [0.030, 0.022, 0.015],
             ridge: [0.205, 0.165, 0.122],
             patch: ([0.150, 0.165, 0.095], 0.30),
-            marks: Marks::Cracks,
+            marks: BarkMarks::Cracks,
             mark: [0.045, 0.034, 0.024],
             depth: 0.012,
             tile: 0.5,
@@ -107,7 +107,7 @@ impl BarkSpec {
             gap: 0.5,
             crack: [0.120, 0.115, 0.100],
             ridge: [0.235, 0.230, 0.205],
-            marks: Marks::None,
+            marks: BarkMarks::None,
             depth: 0.001,
             seed: 13,
             ..Self::furrowed()
@@ -123,7 +123,7 @@ impl BarkSpec {
             crack: [0.520, 0.490, 0.440],
             ridge: [0.720, 0.700, 0.655],
             patch: ([0.560, 0.450, 0.350], 0.35),
-            marks: Marks::Dashes,
+            marks: BarkMarks::Dashes,
             mark: [0.040, 0.034, 0.030],
             depth: 0.0015,
             roughness: [0.80, 0.55],
@@ -141,7 +141,7 @@ impl BarkSpec {
             crack: [0.165, 0.160, 0.115],
             ridge: [0.365, 0.370, 0.290],
             patch: ([0.270, 0.310, 0.190], 0.55),
-            marks: Marks::Diamonds,
+            marks: BarkMarks::Diamonds,
             mark: [0.052, 0.046, 0.036],
             depth: 0.003,
             roughness: [0.85, 0.62],
@@ -159,7 +159,7 @@ impl BarkSpec {
             crack: [0.078, 0.066, 0.034],
             ridge: [0.150, 0.140, 0.066],
             patch: ([0.105, 0.125, 0.046], 0.6),
-            marks: Marks::Pores,
+            marks: BarkMarks::Pores,
             mark: [0.310, 0.270, 0.190],
             depth: 0.0006,
             roughness: [0.75, 0.60],
@@ -177,7 +177,7 @@ impl BarkSpec {
             crack: [0.085, 0.130, 0.030],
             ridge: [0.215, 0.275, 0.075],
             patch: ([0.330, 0.320, 0.130], 0.45),
-            marks: Marks::None,
+            marks: BarkMarks::None,
             depth: 0.0003,
             tile: 0.18,
             roughness: [0.46, 0.34],
@@ -186,6 +186,7 @@ impl BarkSpec {
         }
     }
 
+    /// Checks all ranges.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {

@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 
-use super::marks::Marker;
-use super::{BarkSpec, Grain};
-use crate::surface::lattice::{Cells, Fractal, middles};
+use super::marks::MarkPattern;
+use super::{BarkGrain, BarkSpec};
 use crate::surface::material::map;
+use crate::surface::periodic_noise::{CellularNoise, FractalNoise, middles};
 use crate::surface::{SurfaceMaterial, pixels};
 use osier_base::Result;
 use osier_base::math::{self, smoothstep};
@@ -14,34 +14,34 @@ use osier_base::units::byte;
 use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
 
 /// Tables of all noises of a bark.
-struct Tables {
-    warp: [Fractal; 2],
-    plates: Cells,
-    fibre: Fractal,
-    coarse: Fractal,
-    tint: Fractal,
-    patch: Fractal,
-    marker: Marker,
+struct BarkNoise {
+    warp: [FractalNoise; 2],
+    plates: CellularNoise,
+    fibre: FractalNoise,
+    coarse: FractalNoise,
+    tint: FractalNoise,
+    patch: FractalNoise,
+    marker: MarkPattern,
 }
 
-impl Tables {
+impl BarkNoise {
     fn new(spec: &BarkSpec) -> Self {
         let s = |k: u64| spec.seed.wrapping_mul(64).wrapping_add(k << 3);
         let [nx, ny] = spec.plates;
         Self {
-            warp: [Fractal::new(s(0), [4, 2], 6), Fractal::new(s(1), [4, 2], 6)],
-            plates: Cells::new(s(2), spec.plates, 0.9),
-            fibre: Fractal::new(s(3), [8 * nx, ny], 4),
-            coarse: Fractal::new(s(4), [6, 6], 5),
-            tint: Fractal::new(s(5), [3, 3], 4),
-            patch: Fractal::new(s(6), [2, 2], 5),
-            marker: Marker::new(spec.marks, spec.seed),
+            warp: [FractalNoise::new(s(0), [4, 2], 6), FractalNoise::new(s(1), [4, 2], 6)],
+            plates: CellularNoise::new(s(2), spec.plates, 0.9),
+            fibre: FractalNoise::new(s(3), [8 * nx, ny], 4),
+            coarse: FractalNoise::new(s(4), [6, 6], 5),
+            tint: FractalNoise::new(s(5), [3, 3], 4),
+            patch: FractalNoise::new(s(6), [2, 2], 5),
+            marker: MarkPattern::new(spec.marks, spec.seed),
         }
     }
 }
 
 /// One pixel before the heights are stretched.
-struct Sample {
+struct BarkTexel {
     height: f32,
     /// Brightness of the tint, share of patches, share of marks.
     tint: f32,
@@ -49,16 +49,17 @@ struct Sample {
     mark: f32,
 }
 
-/// Share of a grain in the height, and how far it lightens and darkens.
-const RELIEF: f32 = 0.25;
-const TINT: f32 = 0.24;
+/// Share of a grain in the height.
+const GRAIN_RELIEF: f32 = 0.25;
+/// Greatest change of brightness by a grain, twice.
+const GRAIN_TINT: f32 = 0.24;
 /// Repeats of a grain around a tile: it is drawn out along the axis, as fibres are.
-const AROUND: f32 = 5.0;
+const GRAIN_REPEATS: f32 = 5.0;
 
-impl Sample {
+impl BarkTexel {
     fn grained(self, value: f32) -> Self {
-        let height = math::lerp(self.height, value, RELIEF);
-        Self { height, tint: self.tint * (1.0 + TINT * (value - 0.5)), ..self }
+        let height = math::lerp(self.height, value, GRAIN_RELIEF);
+        Self { height, tint: self.tint * (1.0 + GRAIN_TINT * (value - 0.5)), ..self }
     }
 }
 
@@ -67,12 +68,12 @@ impl Sample {
 /// `Range` for a value outside its range.
 /// Own: warp, plates, fibre, height, cracks, colour, roughness, normal, in this order; heights are stretched to fill
 /// [0, 1]; patches and marks are added on top. A grain takes a quarter of the height and tints.
-pub fn bark(spec: &BarkSpec, grain: Option<&Grain>, name: &str) -> Result<SurfaceMaterial> {
+pub fn bark(spec: &BarkSpec, grain: Option<&BarkGrain>, name: &str) -> Result<SurfaceMaterial> {
     spec.check()?;
-    let tables = Tables::new(spec);
+    let tables = BarkNoise::new(spec);
     let side = spec.side as usize;
     let rows: Vec<usize> = (0..side).collect();
-    let samples = par_map(&rows, |&row| sample_row(spec, (&tables, grain), row));
+    let samples = par_map(&rows, |&row| sample_row(spec, &tables, grain, row));
     let heights = stretched(&samples);
     let step = spec.depth / (spec.tile / spec.side as f32);
     let normals = pixels::normals8(&heights, side, [step, step]);
@@ -103,15 +104,16 @@ pub fn bark(spec: &BarkSpec, grain: Option<&Grain>, name: &str) -> Result<Surfac
     Ok(SurfaceMaterial { material, images })
 }
 
-fn sample_row(spec: &BarkSpec, (t, grain): (&Tables, Option<&Grain>), row: usize) -> Vec<Sample> {
+/// The texels of a row, with the grain laid over them.
+fn sample_row(spec: &BarkSpec, t: &BarkNoise, grain: Option<&BarkGrain>, row: usize) -> Vec<BarkTexel> {
     let xs = middles(spec.side);
     let y = 1.0 - (row as f32 + 0.5) / spec.side as f32;
     let [a, b] = [&t.warp[0], &t.warp[1]].map(|noise| noise.row(&xs, y));
     let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.row(&xs, y));
-    let straight = |i: usize| Straight { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
+    let straight = |i: usize| UnwarpedNoise { warp: [a[i], b[i]], coarse: coarse[i], tint: tint[i], patch: patch[i] };
     let one = |(i, x): (usize, &f32)| {
         let bare = sample(spec, t, [*x, y], &straight(i));
-        let at = |g: &Grain| g.at(AROUND * x + 0.05 * straight(i).warp[0], y + 0.12 * straight(i).warp[1]);
+        let at = |g: &BarkGrain| g.at(GRAIN_REPEATS * x + 0.05 * straight(i).warp[0], y + 0.12 * straight(i).warp[1]);
         match grain {
             Some(g) => bare.grained(at(g)),
             None => bare,
@@ -120,27 +122,29 @@ fn sample_row(spec: &BarkSpec, (t, grain): (&Tables, Option<&Grain>), row: usize
     xs.iter().enumerate().map(one).collect()
 }
 
-/// The noises that are looked up where the pixel is, not where the warp sends it.
-struct Straight {
+/// Values of the noises that are evaluated at the texel itself, without the warp.
+struct UnwarpedNoise {
     warp: [f32; 2],
     coarse: f32,
     tint: f32,
     patch: f32,
 }
 
-fn sample(spec: &BarkSpec, t: &Tables, [x, y]: [f32; 2], straight: &Straight) -> Sample {
+/// Height, tint, patch and mark of the texel at (x, y) of the unit square.
+fn sample(spec: &BarkSpec, t: &BarkNoise, [x, y]: [f32; 2], straight: &UnwarpedNoise) -> BarkTexel {
+    // Domain warping: plates, fibres and marks are looked up at displaced coordinates.
     let (wx, wy) = (x + 0.035 * straight.warp[0], y + 0.07 * straight.warp[1]);
     let near = t.plates.at(wx, wy);
     let plate = smoothstep(0.02, 0.02 + spec.gap, near.f2 - near.f1);
     let fibre = t.fibre.at(wx, wy);
     let coarse = straight.coarse;
     let [k1, k2, k3] = spec.weights;
-    let height = k1 * root(plate) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
+    let height = k1 * power_06(plate) + k2 * (0.5 + 0.5 * fibre) + k3 * (0.5 + 0.5 * coarse);
     // Without plates there is nothing to crack.
     let cracked = if k1 > 0.0 { math::lerp(1.0, 0.25 + 0.75 * plate, (k1 * 4.0).min(1.0)) } else { 1.0 };
     let mark = t.marker.at(wx, wy);
     let patch = smoothstep(0.05, 0.45, straight.patch) * spec.patch.1;
-    Sample {
+    BarkTexel {
         height: height * cracked + 0.4 * mark.height,
         tint: 1.0 + 0.25 * straight.tint + 0.10 * fibre,
         patch,
@@ -149,20 +153,21 @@ fn sample(spec: &BarkSpec, t: &Tables, [x, y]: [f32; 2], straight: &Straight) ->
 }
 
 /// x^0.6 on [0, 1], within 0.02.
-fn root(x: f32) -> f32 {
+fn power_06(x: f32) -> f32 {
     let r = x.sqrt();
     r * (0.8 + 0.2 * r)
 }
 
 /// Heights row by row, scaled to [0, 1].
-fn stretched(samples: &[Vec<Sample>]) -> Vec<f32> {
+fn stretched(samples: &[Vec<BarkTexel>]) -> Vec<f32> {
     let all = || samples.iter().flatten().map(|s| s.height);
     let (low, high) = all().fold((f32::MAX, f32::MIN), |(a, b), h| (a.min(h), b.max(h)));
     let scale = 1.0 / (high - low).max(1e-9);
     all().map(|h| ((h - low) * scale).clamp(0.0, 1.0)).collect()
 }
 
-fn paint_row(spec: &BarkSpec, samples: &[Sample], heights: &[f32]) -> (Vec<u8>, Vec<u8>) {
+/// Colours and roughness of a row from its texels and stretched heights.
+fn paint_row(spec: &BarkSpec, samples: &[BarkTexel], heights: &[f32]) -> (Vec<u8>, Vec<u8>) {
     let [crack, ridge, patch, mark] = [spec.crack, spec.ridge, spec.patch.0, spec.mark].map(Vec3::from_array);
     let mut color = Vec::with_capacity(samples.len() * 3);
     let mut rough = Vec::with_capacity(samples.len());
@@ -192,16 +197,16 @@ mod tests {
     }
 
     /// A sample anywhere, all noises point by point.
-    fn point(spec: &BarkSpec, t: &Tables, x: f32, y: f32) -> Sample {
+    fn point(spec: &BarkSpec, t: &BarkNoise, x: f32, y: f32) -> BarkTexel {
         let [coarse, tint, patch] = [&t.coarse, &t.tint, &t.patch].map(|noise| noise.at(x, y));
         let warp = [t.warp[0].at(x, y), t.warp[1].at(x, y)];
-        sample(spec, t, [x, y], &Straight { warp, coarse, tint, patch })
+        sample(spec, t, [x, y], &UnwarpedNoise { warp, coarse, tint, patch })
     }
 
     #[test]
     fn maps_tile_and_heights_fill_their_range() {
         for (name, spec) in all() {
-            let t = Tables::new(&spec);
+            let t = BarkNoise::new(&spec);
             for i in 0..64 {
                 let v = i as f32 / 64.0;
                 for ((x0, y0), (x1, y1)) in [((0.0, v), (1.0, v)), ((v, 0.0), (v, 1.0))] {
@@ -224,12 +229,12 @@ mod tests {
 
     #[test]
     fn a_grain_repeats_and_shows_in_height_and_tint() {
-        let grain = Grain { side: 2, values: vec![0.0, 1.0, 1.0, 0.0] };
+        let grain = BarkGrain { side: 2, values: vec![0.0, 1.0, 1.0, 0.0] };
         assert!((grain.at(0.25, 0.75) - 0.0).abs() < 1e-6 && (grain.at(0.75, 0.75) - 1.0).abs() < 1e-6);
         assert!((grain.at(0.1, 0.3) - grain.at(1.1, -0.7)).abs() < 1e-5);
-        let grain = Grain { side: 2, values: vec![0.0, 0.0, 1.0, 1.0] };
+        let grain = BarkGrain { side: 2, values: vec![0.0, 0.0, 1.0, 1.0] };
         let spec = BarkSpec { side: 64, ..BarkSpec::culm() };
-        let lower_half = |grain: Option<&Grain>| {
+        let lower_half = |grain: Option<&BarkGrain>| {
             let set = bark(&spec, grain, "x").expect("maps");
             let Pixels::U16(h) = &set.images[3].pixels else { panic!("16 bit") };
             let sum = |half: &[u16]| half.iter().map(|h| f64::from(*h)).sum::<f64>();

@@ -1,6 +1,6 @@
 //! The tuft of hairs that carries the seed of a willow or poplar: curves of its plant, and meshes for every distance.
 
-mod cards;
+mod billboard;
 mod stalk;
 mod tuning;
 
@@ -34,14 +34,14 @@ pub struct TuftSpec {
     pub materials: [MaterialId; 2],
 }
 
-/// How far away a tuft is seen.
+/// Level of detail of a tuft, from near to far.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Detail {
-    /// Three-sided tubes.
+pub enum TuftDetail {
+    /// All hairs as three-sided tubes.
     Tubes,
-    /// Two-sided ribbons.
+    /// All hairs as two-sided ribbons.
     Ribbons,
-    /// A third of them, wider.
+    /// A third of the hairs as wider ribbons that cover the same area.
     Thinned,
 }
 
@@ -75,7 +75,7 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
         let scale = narrow(1.0 + spec.jitter * stream.range(-1.0, 1.0));
         let line: Vec<Vec3> = plant.nodes.p[plant.nodes_of(axis)].iter().map(|p| *p * scale).collect();
         let line = if spec.smooth == 0 { line } else { smoothed(&line, spec.smooth as usize) };
-        hairs.counts.push(u32::try_from(line.len()).unwrap_or(u32::MAX));
+        hairs.counts.push(point_count(&line));
         hairs.widths.extend(widths(&line, spec));
         hairs.points.extend(line);
     }
@@ -83,6 +83,12 @@ pub fn tuft(plant: &Plant, spec: &TuftSpec, key: u64) -> Tuft {
     let far = hairs.points.iter().map(|p| p.length()).fold(4.0 * r, f32::max);
     let lowest = hairs.points.iter().map(|p| p.y).fold(-4.0 * r, f32::min);
     Tuft { hairs, radius: far, lowest: lowest.min(0.0), spec: *spec, key }
+}
+
+/// Number of points of a hair. Hairs have at most some hundred points.
+#[allow(clippy::cast_possible_truncation, reason = "hairs have at most some hundred points")]
+fn point_count(line: &[Vec3]) -> u32 {
+    line.len() as u32
 }
 
 /// Diameters along a hair, linear in its length.
@@ -104,16 +110,16 @@ fn smoothed(line: &[Vec3], count: usize) -> Vec<Vec3> {
     if n < 2 || count < 2 {
         return line.to_vec();
     }
-    let at = |i: isize| match usize::try_from(i) {
-        Err(_) => line[0] * 2.0 - line[1],
-        Ok(i) if i >= n => line[n - 1] * 2.0 - line[n - 2],
-        Ok(i) => line[i],
+    // Control point i - 1: mirrored beyond both ends.
+    let at = |i: usize| match i.checked_sub(1) {
+        None => line[0] * 2.0 - line[1],
+        Some(i) if i >= n => line[n - 1] * 2.0 - line[n - 2],
+        Some(i) => line[i],
     };
     let place = |k: usize| {
         let x = (n - 1) as f32 * k as f32 / (count - 1) as f32;
         let i = (0..n - 1).rev().find(|i| *i as f32 <= x).unwrap_or(0);
-        let first = isize::try_from(i).unwrap_or(0);
-        spline([at(first - 1), at(first), at(first + 1), at(first + 2)], x - i as f32)
+        spline([at(i), at(i + 1), at(i + 2), at(i + 3)], x - i as f32)
     };
     (0..count).map(place).collect()
 }
@@ -133,15 +139,15 @@ fn spline(p: [Vec3; 4], t: f32) -> Vec3 {
 
 impl Tuft {
     /// The tuft as a mesh, hairs first.
-    pub fn mesh(&self, detail: Detail) -> Mesh {
+    pub fn mesh(&self, detail: TuftDetail) -> Mesh {
         let turn = |i: usize| {
             let key = child(child(self.key, word("turn")), i as u64);
             Rng::from_key(key).unit_f32() * std::f32::consts::PI
         };
         let (mut mesh, cut) = match detail {
-            Detail::Tubes => (tubes(&self.hairs), (12, 8)),
-            Detail::Ribbons => (turned_ribbons(&self.hairs, turn), (6, 5)),
-            Detail::Thinned => (turned_ribbons(&self.thinned(), turn), (3, 3)),
+            TuftDetail::Tubes => (tubes(&self.hairs), (12, 8)),
+            TuftDetail::Ribbons => (turned_ribbons(&self.hairs, turn), (6, 5)),
+            TuftDetail::Thinned => (turned_ribbons(&self.thinned(), turn), (3, 3)),
         };
         mesh.append(&self.stalk(cut));
         mesh
@@ -180,7 +186,7 @@ impl Tuft {
     /// The tuft as curves and stalk, with ribbons for programs that have no curves.
     pub fn hero(&self, name: &str) -> Prototype {
         let fine = Fine { mesh: self.stalk((12, 8)), curves: self.hairs.clone() };
-        Prototype { fine: Some(fine), ..Prototype::new(name, self.mesh(Detail::Ribbons)) }
+        Prototype { fine: Some(fine), ..Prototype::new(name, self.mesh(TuftDetail::Ribbons)) }
     }
 }
 

@@ -55,9 +55,11 @@ fn numbers_of_every_level() {
     assert_eq!((t.hairs.counts.len(), t.hairs.points.len(), t.hairs.widths.len()), (100, 400, 400));
     let hero = t.hero("p000").fine.expect("curves");
     assert_eq!(hero.mesh.triangles.len(), 168);
-    for (detail, points, triangles) in
-        [(Detail::Tubes, 1200, 1800 + 168), (Detail::Ribbons, 800, 600 + 48), (Detail::Thinned, 240, 180 + 12)]
-    {
+    for (detail, points, triangles) in [
+        (TuftDetail::Tubes, 1200, 1800 + 168),
+        (TuftDetail::Ribbons, 800, 600 + 48),
+        (TuftDetail::Thinned, 240, 180 + 12),
+    ] {
         let mesh = t.mesh(detail);
         let hair: usize = mesh.subsets.iter().filter(|s| s.material == 0).map(|s| s.count as usize).sum();
         let used: std::collections::BTreeSet<u32> = mesh.triangles[..hair].iter().flatten().copied().collect();
@@ -96,7 +98,7 @@ fn thinned_hairs_cover_what_all_of_them_did() {
         });
         all.sum::<f64>()
     };
-    let ratio = mean(Detail::Thinned) / mean(Detail::Ribbons);
+    let ratio = mean(TuftDetail::Thinned) / mean(TuftDetail::Ribbons);
     assert!((ratio - 1.0).abs() < 0.02, "{ratio}");
 }
 
@@ -119,7 +121,7 @@ fn cards_cover_what_the_hairs_do() {
     use osier_scene::Pixels;
     let t = tuft(&plant(100), &TuftSpec { stalk: 0.0, ..SPEC }, 2);
     for (crossed, quads) in [(false, 1.0), (true, 3.0)] {
-        let (mesh, surface) = t.cards("card", crossed);
+        let (mesh, surface) = t.billboards("card", crossed);
         assert_eq!((mesh.triangles.len(), mesh.points.len()), if crossed { (6, 12) } else { (2, 4) });
         for tri in &mesh.triangles {
             let [a, b, c] = tri.map(|i| mesh.points[i as usize]);

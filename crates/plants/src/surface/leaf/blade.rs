@@ -1,21 +1,22 @@
-//! The blade as a mesh: cells between veins, folded, curled and waved, on a petiole that goes on as the midrib below.
+//! The lamina (blade) as a mesh: cells between veins, folded, curled and waved, on a petiole that continues as the midrib below.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{Vec2, Vec3};
 
 use super::BladeSpec;
-use super::flips::{edge, improve};
-use super::outline::{Half, Outline};
+use super::edge_flips::{edge, flip_edges};
+use super::outline::{BladeHalf, BladeOutline};
+use crate::surface::pixels::{first_index, last_index};
 use osier_base::Result;
 use osier_base::geometry::triangulate;
 use osier_base::math;
 use osier_base::rng::Rng;
 use osier_scene::Mesh;
 
-/// How finely a blade is cut.
+/// Level of detail of a blade.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Detail {
+pub enum BladeDetail {
     /// For a picture of a few leaves: a smooth margin, some thousand triangles that follow every bend.
     Close,
     /// For close-ups: every tooth, 100 to 250 points.
@@ -26,13 +27,13 @@ pub enum Detail {
     Crown,
 }
 
-/// Most points of one side's margin of a [`Detail::Crown`] blade.
+/// Most points of one side's margin of a [`BladeDetail::Crown`] blade.
 const CROWN_MARGIN: usize = 12;
 
-/// How often each triangle of a [`Detail::Close`] blade is cut into four.
+/// How often each triangle of a [`BladeDetail::Close`] blade is cut into four.
 const HALVINGS: u32 = 2;
 
-impl Detail {
+impl BladeDetail {
     /// Points along each piece of the margin, and whether its teeth are cut.
     fn margin(self) -> (u32, bool) {
         match self {
@@ -62,18 +63,23 @@ impl Detail {
     }
 }
 
-/// How one leaf differs from the next of its kind.
-struct Pose {
+/// The variation of one leaf against others of its species.
+struct BladePose {
+    /// Angle of either half against the plane, bend of the midrib, rad.
     fold: f32,
     curl: f32,
+    /// Amplitude of the margin's waves, share of the width, and their phases on both sides, rad.
     wave: f32,
     phase: [f32; 2],
+    /// Sideways bend of the tip, share of the length.
     sideways: f32,
+    /// Twist from base to tip, rad.
     twist: f32,
+    /// Factors of width and length.
     stretch: [f32; 2],
 }
 
-impl Pose {
+impl BladePose {
     fn new(spec: &BladeSpec, variant: u64) -> Self {
         let mut draw = Rng::at(spec.seed, &["leaf".into(), variant.into()]);
         let mut vary = |base: f32, by: f64| base * math::narrow(1.0 + draw.range(-by, by));
@@ -90,38 +96,39 @@ impl Pose {
 /// # Errors
 /// `Range` for a value outside its range.
 /// Own: cells between veins, so that creases follow the veins.
-pub fn blade(spec: &BladeSpec, variant: u64, detail: Detail) -> Result<Mesh> {
+pub fn blade(spec: &BladeSpec, variant: u64, detail: BladeDetail) -> Result<Mesh> {
     spec.check()?;
     let (smooth, teeth) = detail.margin();
-    let mut outline = Outline::new(spec, smooth, teeth);
-    if detail == Detail::Crown {
+    let mut outline = BladeOutline::new(spec, smooth, teeth);
+    if detail == BladeDetail::Crown {
         outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
     }
-    let pose = Pose::new(spec, variant);
-    let flat = flat(&outline, detail);
+    let pose = BladePose::new(spec, variant);
+    let flat = triangulate_blade(&outline, detail);
     let mut mesh = Mesh {
-        points: flat.points.iter().map(|p| bent(spec, &pose, *p)).collect(),
+        points: flat.points.iter().map(|p| bend_blade(spec, &pose, *p)).collect(),
         uvs: flat.points.iter().map(|p| outline.uv(*p)).collect(),
         triangles: flat.triangles,
         ..Mesh::default()
     };
     mesh.normals = smooth_normals(&mesh);
     petiole(spec, &pose, &outline, detail, &mut mesh);
-    lean_to_triangles(&mut mesh);
+    tilt_normals_to_faces(&mut mesh);
     Ok(mesh.with_material(0))
 }
 
-struct Flat {
+/// The triangulated blade before it is bent, in the plane of the outline, m.
+struct FlatBlade {
     points: Vec<Vec2>,
     triangles: Vec<[u32; 3]>,
-    /// Edges along veins.
+    /// Edges along veins, which must stay edges of the mesh.
     creases: BTreeSet<(u32, u32)>,
 }
 
-impl Flat {
+impl FlatBlade {
     fn push(&mut self, p: Vec2) -> u32 {
         self.points.push(p);
-        u32::try_from(self.points.len() - 1).unwrap_or(u32::MAX)
+        last_index(&self.points)
     }
 
     /// Cuts each triangle into four at the middles of its edges.
@@ -136,8 +143,8 @@ impl Flat {
         }
     }
 
-    /// A cell; `reversed` if its corners run clockwise seen from above.
-    fn cell(&mut self, corners: &[u32], reversed: bool) {
+    /// Adds a cell between veins, triangulated; `reversed` if its corners run clockwise seen from above.
+    fn add_cell(&mut self, corners: &[u32], reversed: bool) {
         let mut corners = corners.to_vec();
         if reversed {
             corners.reverse();
@@ -147,23 +154,31 @@ impl Flat {
     }
 }
 
-fn flat(outline: &Outline, detail: Detail) -> Flat {
-    let mut flat = Flat { points: Vec::new(), triangles: Vec::new(), creases: BTreeSet::new() };
+/// Triangulates an outline along its veins.
+fn triangulate_blade(outline: &BladeOutline, detail: BladeDetail) -> FlatBlade {
+    let mut flat = FlatBlade { points: Vec::new(), triangles: Vec::new(), creases: BTreeSet::new() };
     let midrib: Vec<u32> = outline.midrib.iter().map(|y| flat.push(Vec2::new(0.0, *y))).collect();
     for (half, reversed) in outline.halves.iter().zip([true, false]) {
-        cells(&mut flat, outline, half, &midrib, (detail, reversed));
+        add_half(&mut flat, outline, half, &midrib, detail, reversed);
     }
     flat.creases.extend(midrib.windows(2).map(|w| edge(w[0], w[1])));
-    let Flat { points, triangles, creases } = &mut flat;
-    improve(points, triangles, creases);
-    for _ in 0..if detail == Detail::Close { HALVINGS } else { 0 } {
+    let FlatBlade { points, triangles, creases } = &mut flat;
+    flip_edges(points, triangles, creases);
+    for _ in 0..if detail == BladeDetail::Close { HALVINGS } else { 0 } {
         flat.halve();
     }
     flat
 }
 
 /// The cells of one half: up the midrib, out along the upper vein, back along the margin, in along the lower vein.
-fn cells(flat: &mut Flat, outline: &Outline, half: &Half, midrib: &[u32], (detail, reversed): (Detail, bool)) {
+fn add_half(
+    flat: &mut FlatBlade,
+    outline: &BladeOutline,
+    half: &BladeHalf,
+    midrib: &[u32],
+    detail: BladeDetail,
+    reversed: bool,
+) {
     let last = half.margin.len() - 1;
     let (base, tip) = (midrib[0], midrib[midrib.len() - 1]);
     let inner = detail.inner();
@@ -191,35 +206,37 @@ fn cells(flat: &mut Flat, outline: &Outline, half: &Half, midrib: &[u32], (detai
             .chain(below.iter().rev())
             .copied()
             .collect();
-        flat.cell(&corners, reversed);
+        flat.add_cell(&corners, reversed);
         (from, along, below) = (root, vein.at, above);
     }
     let corners: Vec<u32> =
         midrib[from..].iter().chain(margin[along..last].iter().rev()).chain(below.iter().rev()).copied().collect();
-    flat.cell(&corners, reversed);
+    flat.add_cell(&corners, reversed);
 }
 
-/// The flat blade's point in space. The midrib is an arc of `curl`; both halves are folded up along it, their margins
+/// Bends a point of the flat blade into space. The midrib is an arc of `curl`; both halves are folded up along it, their margins
 /// wave and droop.
-fn bent(spec: &BladeSpec, pose: &Pose, p: Vec2) -> Vec3 {
+fn bend_blade(spec: &BladeSpec, pose: &BladePose, p: Vec2) -> Vec3 {
     let half = spec.width * 0.5;
     let u = p.y / spec.length;
     let side = usize::from(p.x < 0.0);
     let x = p.x * pose.stretch[0];
     let share = (x / half).abs();
+    // Fold both halves up along the midrib, less towards the tip; add waves that grow towards the margin, and droop.
     let fold = pose.fold * (1.0 - 0.35 * u);
     let wave = pose.wave * spec.width * math::sin_f32(9.0 * u + pose.phase[side]) * share * share.sqrt();
     let rise = x.abs() * math::sin_f32(fold) - 0.1 * half * share * share + wave;
     let across = x * math::cos_f32(fold);
+    // Twist the cross-section about the midrib, then place it on the midrib's arc.
     let twist = pose.twist * u;
     let (ct, st) = (math::cos_f32(twist), math::sin_f32(twist));
     let (across, rise) = (across * ct - rise * st, across * st + rise * ct);
-    let (mid, normal) = arc(spec, pose, u);
+    let (mid, normal) = midrib_frame(spec, pose, u);
     Vec3::new(across + pose.sideways * spec.length * u * u, mid.x + normal.x * rise, mid.y + normal.y * rise)
 }
 
-/// The midrib at `u`: point and normal in the plane of y and z.
-fn arc(spec: &BladeSpec, pose: &Pose, u: f32) -> (Vec2, Vec2) {
+/// Point and normal of the midrib at `u` (0..1 along it), in the plane of y and z: a circular arc of angle `curl`.
+fn midrib_frame(spec: &BladeSpec, pose: &BladePose, u: f32) -> (Vec2, Vec2) {
     let length = spec.length * pose.stretch[1];
     let k = if pose.curl.abs() < 1e-3 { 1e-3 } else { pose.curl };
     let a = k * u;
@@ -228,6 +245,7 @@ fn arc(spec: &BladeSpec, pose: &Pose, u: f32) -> (Vec2, Vec2) {
     (start + Vec2::new(sin, cos - 1.0) * (length / k), Vec2::new(sin, cos))
 }
 
+/// Area-weighted vertex normals.
 fn smooth_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; mesh.points.len()];
     for t in &mesh.triangles {
@@ -240,8 +258,8 @@ fn smooth_normals(mesh: &Mesh) -> Vec<Vec3> {
     normals.iter().map(|n| if n.length() > 1e-20 { n.normalize() } else { Vec3::Z }).collect()
 }
 
-/// Where a sharp wave leaves a triangle facing against its normals, these lean over to it. At most 8 sweeps.
-fn lean_to_triangles(mesh: &mut Mesh) {
+/// Tilts the normals of triangles that a sharp wave turned against them until they agree. At most 8 sweeps.
+fn tilt_normals_to_faces(mesh: &mut Mesh) {
     for _ in 0..8 {
         let mut turned = false;
         for t in &mesh.triangles {
@@ -263,19 +281,19 @@ fn lean_to_triangles(mesh: &mut Mesh) {
 }
 
 /// A tube from the pivot to the blade and on below the midrib, thinning out; closed at both ends.
-fn petiole(spec: &BladeSpec, pose: &Pose, outline: &Outline, detail: Detail, mesh: &mut Mesh) {
+fn petiole(spec: &BladeSpec, pose: &BladePose, outline: &BladeOutline, detail: BladeDetail, mesh: &mut Mesh) {
     let (sides, steps, under) = detail.petiole();
     let r = spec.petiole_radius;
+    // Centreline with radii: the sagging petiole, thicker at its base, then along the underside of the midrib.
     let mut path: Vec<(Vec3, f32)> = Vec::new();
     for k in 0..steps {
         let t = k as f32 / steps as f32;
         let sag = 0.06 * spec.petiole_length * math::sin_f32(std::f32::consts::PI * t);
-        // A thick foot where it sat on the twig.
         path.push((Vec3::new(0.0, spec.petiole_length * t, -sag), r * (1.0 + 0.6 * (1.0 - t) * (1.0 - t))));
     }
     for k in 0..=under {
         let u = 0.62 * k as f32 / under as f32;
-        let (mid, normal) = arc(spec, pose, u);
+        let (mid, normal) = midrib_frame(spec, pose, u);
         let thin = r * (1.0 - 0.85 * u / 0.62);
         let p = mid - normal * (thin * 0.75);
         path.push((Vec3::new(pose.sideways * spec.length * u * u, p.x, p.y), thin));
@@ -283,7 +301,8 @@ fn petiole(spec: &BladeSpec, pose: &Pose, outline: &Outline, detail: Detail, mes
     if spec.petiole_length < 1e-6 {
         path.drain(..steps as usize);
     }
-    let first = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+    let first = first_index(mesh);
+    // An elliptic ring at every point. All texture coordinates lie on the midrib near the base of the blade.
     let base_v = outline.uv(Vec2::ZERO).y;
     for (i, (c, r)) in path.iter().enumerate() {
         let (a, b) = (path[i.saturating_sub(1)].0, path[(i + 1).min(path.len() - 1)].0);
@@ -306,7 +325,7 @@ fn petiole(spec: &BladeSpec, pose: &Pose, outline: &Outline, detail: Detail, mes
             mesh.uvs.push(Vec2::new(outline.uv(Vec2::ZERO).x + 0.004 * cos, v));
         }
     }
-    let rings = u32::try_from(path.len()).unwrap_or(0);
+    let rings = if spec.petiole_length < 1e-6 { under + 1 } else { steps + under + 1 };
     for i in 0..rings.saturating_sub(1) {
         for j in 0..sides {
             let (a, b) = (first + i * sides + j, first + i * sides + (j + 1) % sides);
@@ -325,25 +344,25 @@ fn petiole(spec: &BladeSpec, pose: &Pose, outline: &Outline, detail: Detail, mes
 mod tests {
     use super::*;
 
-    fn area(spec: &BladeSpec, detail: Detail) -> (f32, f32) {
+    fn area(spec: &BladeSpec, detail: BladeDetail) -> (f32, f32) {
         let (smooth, teeth) = detail.margin();
-        let outline = Outline::new(spec, smooth, teeth);
-        let f = flat(&outline, detail);
+        let outline = BladeOutline::new(spec, smooth, teeth);
+        let f = triangulate_blade(&outline, detail);
         let signed = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|i| f.points[i as usize]);
             (b - a).perp_dot(c - a) * 0.5
         };
         assert!(f.triangles.iter().all(|t| signed(t) > 0.0), "{:?}: every cell faces up", spec.form);
-        let polygon = |h: &Half| h.margin.windows(2).fold(0.0, |s, w| s + w[0].perp_dot(w[1]) * 0.5);
+        let polygon = |h: &BladeHalf| h.margin.windows(2).fold(0.0, |s, w| s + w[0].perp_dot(w[1]) * 0.5);
         (f.triangles.iter().fold(0.0, |s, t| s + signed(t)), polygon(&outline.halves[0]) - polygon(&outline.halves[1]))
     }
 
     #[test]
     fn cells_cover_the_outline_once() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
-            for detail in [Detail::Close, Detail::Hero, Detail::Light] {
-                let (cells, outline) = area(&spec, detail);
-                assert!((cells / outline - 1.0).abs() < 1e-3, "{:?}: {cells} of {outline}", spec.form);
+            for detail in [BladeDetail::Close, BladeDetail::Hero, BladeDetail::Light] {
+                let (add_half, outline) = area(&spec, detail);
+                assert!((add_half / outline - 1.0).abs() < 1e-3, "{:?}: {add_half} of {outline}", spec.form);
             }
         }
     }
@@ -351,15 +370,15 @@ mod tests {
     #[test]
     fn a_crown_blade_covers_what_a_light_one_does() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
-            let mut outline = Outline::new(&spec, 1, false);
+            let mut outline = BladeOutline::new(&spec, 1, false);
             let all: Vec<Vec2> = outline.halves[0].margin.clone();
-            let (light, _) = area(&spec, Detail::Light);
+            let (light, _) = area(&spec, BladeDetail::Light);
             outline.halves.iter_mut().for_each(|half| half.simplify(CROWN_MARGIN));
             let half = &outline.halves[0];
             assert!(half.margin.len() <= CROWN_MARGIN.max(half.veins.len() + 2));
             assert!(half.veins.iter().all(|v| half.margin[v.at].distance(v.tip) < 1e-6), "veins end on the margin");
             assert!(half.margin.iter().all(|p| all.contains(p)));
-            let flat = flat(&outline, Detail::Crown);
+            let flat = triangulate_blade(&outline, BladeDetail::Crown);
             let twice = |t: &[u32; 3]| {
                 let [a, b, c] = t.map(|i| flat.points[i as usize]);
                 (b - a).perp_dot(c - a)
@@ -373,10 +392,10 @@ mod tests {
     fn blades_are_sound_and_variants_differ() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
             let all = [
-                (Detail::Close, 1000..=6000),
-                (Detail::Hero, 60..=280),
-                (Detail::Light, 20..=100),
-                (Detail::Crown, 20..=50),
+                (BladeDetail::Close, 1000..=6000),
+                (BladeDetail::Hero, 60..=280),
+                (BladeDetail::Light, 20..=100),
+                (BladeDetail::Crown, 20..=50),
             ];
             for (detail, counts) in all {
                 let (a, b) = (blade(&spec, 0, detail).expect("a"), blade(&spec, 1, detail).expect("b"));
@@ -393,6 +412,6 @@ mod tests {
                 assert_eq!(bad.count(), 0, "{:?} {detail:?}", spec.form);
             }
         }
-        assert!(blade(&BladeSpec { length: -1.0, ..BladeSpec::oak() }, 0, Detail::Hero).is_err());
+        assert!(blade(&BladeSpec { length: -1.0, ..BladeSpec::oak() }, 0, BladeDetail::Hero).is_err());
     }
 }

@@ -3,15 +3,15 @@
 use glam::{Vec2, Vec3};
 
 use super::BladeSpec;
-use super::outline::{Half, Outline, Vein};
-use crate::surface::lattice::{Cells, Fractal};
-use crate::surface::material::map;
+use super::outline::{BladeHalf, BladeOutline, Vein};
+use crate::surface::periodic_noise::{CellularNoise, FractalNoise};
+use crate::surface::pixels::SurfaceTexel;
 use crate::surface::{SurfaceMaterial, pixels};
 use osier_base::math;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 use osier_base::{Error, Result};
-use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
+use osier_scene::{Maps, Material, MaterialClass};
 
 /// Linear colours of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,7 +34,7 @@ impl LeafColors {
         edge: [0.150, 0.150, 0.035],
         roughness: 0.42,
     };
-    /// Fresh green.
+    /// Fresh light green, less glossy.
     pub const BIRCH: Self = Self {
         blade: [[0.066, 0.140, 0.018], [0.120, 0.215, 0.028]],
         vein: [0.290, 0.360, 0.100],
@@ -56,14 +56,14 @@ const SHOULDER: f32 = 0.05;
 const RELIEF: f32 = 0.004;
 
 /// Distances on the flat blade, one per pixel, m.
-struct Fields {
+struct VeinDistances {
     /// To the edge of the midrib and side veins, negative within.
     main: Vec<f32>,
     /// To the branches of the side veins.
     branch: Vec<f32>,
     /// To the veins between the side veins.
     fine: Vec<f32>,
-    /// To the margin.
+    /// To the margin of the blade.
     margin: Vec<f32>,
 }
 
@@ -84,26 +84,15 @@ pub fn leaf_material(
         let name = "leaf: side of the maps".to_owned();
         return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
     }
-    let outline = Outline::new(spec, 6, true);
-    let grid = Grid { outline: &outline, side: side as usize };
-    let (fields, tables) = (fields(spec, &outline, &grid), Tables::new(spec.seed));
+    let outline = BladeOutline::new(spec, 6, true);
+    let grid = BladeRaster { outline: &outline, side: side as usize };
+    let (distances, noise) = (vein_distances(spec, &outline, &grid), LeafNoise::new(spec.seed));
+    let painter = LeafPainter { spec, colors, grid: &grid, distances: &distances, noise: &noise };
     let rows: Vec<usize> = (0..grid.side).collect();
-    let painted = pixels::joined(par_map(&rows, |&y| paint_row((spec, colors), (&grid, &fields, &tables), y)));
-    let heights: Vec<f32> = painted.iter().map(|p| p.height).collect();
+    let texels = pixels::joined(par_map(&rows, |&y| painter.row(y)));
     let pixel = [outline.frame.1.x / side as f32, outline.frame.1.y / side as f32];
     let scale = RELIEF * spec.length;
-    let slopes = [scale / pixel[0], scale / pixel[1]];
-    let color = pixels::colors(painted.iter().map(|p| p.color));
-    let rough = painted.iter().map(|p| osier_base::units::byte(p.rough)).collect();
-    let image = |kind, what, pixels| map(name, what, kind, side, pixels);
-    let mut images = vec![
-        image(ImageKind::Color, "color", Pixels::U8(color)),
-        image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, grid.side, slopes))),
-        image(ImageKind::Data, "rough", Pixels::U8(rough)),
-    ];
-    if relief {
-        images.push(image(ImageKind::Data, "height", Pixels::U16(heights.iter().map(|h| pixels::word(*h)).collect())));
-    }
+    let images = pixels::surface_images(name, side, &texels, [scale / pixel[0], scale / pixel[1]], relief);
     let material = Material {
         name: name.to_owned(),
         class: MaterialClass::Leaf,
@@ -122,21 +111,22 @@ pub fn leaf_material(
 }
 
 /// Pixels over the frame of an outline; row 0 is the top.
-struct Grid<'a> {
-    outline: &'a Outline,
+struct BladeRaster<'a> {
+    outline: &'a BladeOutline,
     side: usize,
 }
 
-impl Grid<'_> {
+impl BladeRaster<'_> {
     fn place(&self, x: usize, y: usize) -> Vec2 {
         let n = self.side as f32;
         let uv = Vec2::new((x as f32 + 0.5) / n, 1.0 - (y as f32 + 0.5) / n);
         self.outline.frame.0 + uv * self.outline.frame.1
     }
 
-    /// Lowers `field` to the distance from the segment, less `half` (width at both ends), within `reach`.
+    /// Lowers `field` to the distance from the segment from `a` to `b`, less `half` (half widths at both ends), within `reach`, all
+    /// in m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
-    fn stroke(&self, field: &mut [f32], (a, b): (Vec2, Vec2), half: [f32; 2], reach: f32) {
+    fn stroke(&self, field: &mut [f32], a: Vec2, b: Vec2, half: [f32; 2], reach: f32) {
         let n = self.side as f32;
         let pad = Vec2::splat(reach + half[0].max(half[1]));
         let low = (a.min(b) - pad - self.outline.frame.0) / self.outline.frame.1 * n;
@@ -156,40 +146,42 @@ impl Grid<'_> {
     }
 }
 
-fn fields(spec: &BladeSpec, outline: &Outline, grid: &Grid<'_>) -> Fields {
+/// Rasterizes the distances to all veins and to the margin.
+fn vein_distances(spec: &BladeSpec, outline: &BladeOutline, grid: &BladeRaster<'_>) -> VeinDistances {
     let far = spec.length * SHOULDER;
     let blank = || vec![far; grid.side * grid.side];
-    let mut f = Fields { main: blank(), branch: blank(), fine: blank(), margin: blank() };
+    let mut f = VeinDistances { main: blank(), branch: blank(), fine: blank(), margin: blank() };
     let unit = spec.length * 0.0075;
     let steps = 16_u32;
     for k in 0..steps {
         let y = |k: u32| Vec2::new(0.0, spec.length * k as f32 / steps as f32);
         let half = |k: u32| unit * (1.0 - 0.9 * k as f32 / steps as f32);
-        grid.stroke(&mut f.main, (y(k), y(k + 1)), [half(k), half(k + 1)], far);
+        grid.stroke(&mut f.main, y(k), y(k + 1), [half(k), half(k + 1)], far);
     }
     for half in &outline.halves {
         for vein in &half.veins {
-            curve(grid, &mut f.main, |t| vein.point(t), [unit * 0.42, unit * 0.1], far);
+            stroke_curve(grid, &mut f.main, |t| vein.point(t), [unit * 0.42, unit * 0.1], far);
         }
-        between(spec, grid, &mut f, half, unit);
+        stroke_fine_veins(spec, grid, &mut f, half, unit);
         for w in half.margin.windows(2) {
-            grid.stroke(&mut f.margin, (w[0], w[1]), [0.0; 2], spec.length * 0.03);
+            grid.stroke(&mut f.margin, w[0], w[1], [0.0; 2], spec.length * 0.03);
         }
     }
     f
 }
 
-fn curve(grid: &Grid<'_>, field: &mut [f32], at: impl Fn(f32) -> Vec2, width: [f32; 2], reach: f32) {
+/// Rasterizes the distance to the curve `at(0..1)` as ten segments; `width`: half widths at its ends, m.
+fn stroke_curve(grid: &BladeRaster<'_>, field: &mut [f32], at: impl Fn(f32) -> Vec2, width: [f32; 2], reach: f32) {
     let n = 10_u8;
     for k in 0..n {
         let (t, u) = (f32::from(k) / f32::from(n), f32::from(k + 1) / f32::from(n));
         let width = [math::lerp(width[0], width[1], t), math::lerp(width[0], width[1], u)];
-        grid.stroke(field, (at(t), at(u)), width, reach);
+        grid.stroke(field, at(t), at(u), width, reach);
     }
 }
 
 /// Branches of the side veins towards the margin, and bridges from each side vein to the next.
-fn between(spec: &BladeSpec, grid: &Grid<'_>, f: &mut Fields, half: &Half, unit: f32) {
+fn stroke_fine_veins(spec: &BladeSpec, grid: &BladeRaster<'_>, f: &mut VeinDistances, half: &BladeHalf, unit: f32) {
     let mut draw = Rng::at(spec.seed, &["veins".into(), half.veins.len().into()]);
     let reach = spec.length * 0.012;
     let last = half.margin.len() - 1;
@@ -201,10 +193,10 @@ fn between(spec: &BladeSpec, grid: &Grid<'_>, f: &mut Fields, half: &Half, unit:
         for (from, share) in [(0.45, 0.46), (0.68_f32, 0.26_f32)] {
             let a = vein.point(from);
             for goal in [after, before] {
-                let end = a.lerp(along(&half.margin, vein.at, goal, share), 0.9);
+                let end = a.lerp(margin_point(&half.margin, vein.at, goal, share), 0.9);
                 let bend = a.lerp(end, 0.5).lerp(vein.point(0.9), 0.35);
                 let q = |t: f32| a * ((1.0 - t) * (1.0 - t)) + bend * (2.0 * t * (1.0 - t)) + end * (t * t);
-                curve(grid, &mut f.branch, q, [unit * 0.16, unit * 0.03], reach);
+                stroke_curve(grid, &mut f.branch, q, [unit * 0.16, unit * 0.03], reach);
             }
         }
         let bridges = 7_u8;
@@ -215,91 +207,98 @@ fn between(spec: &BladeSpec, grid: &Grid<'_>, f: &mut Fields, half: &Half, unit:
                 next.map_or(Vec2::new(0.0, math::lerp(vein.root.y, spec.length, 0.5 + 0.4 * t)), |n| n.point(t * 0.92));
             let middle = a.lerp(b, 0.5) + (vein.tip - vein.root) * math::narrow(draw.range(-0.02, 0.06));
             let q = |t: f32| a * ((1.0 - t) * (1.0 - t)) + middle * (2.0 * t * (1.0 - t)) + b * (t * t);
-            curve(grid, &mut f.fine, q, [unit * 0.06, unit * 0.06], reach);
+            stroke_curve(grid, &mut f.fine, q, [unit * 0.06, unit * 0.06], reach);
         }
     }
 }
 
 /// The point a share of the way from one of a margin's points to another, counted in points.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the margin")]
-fn along(margin: &[Vec2], from: usize, to: usize, share: f32) -> Vec2 {
+fn margin_point(margin: &[Vec2], from: usize, to: usize, share: f32) -> Vec2 {
     let at = math::lerp(from as f32, to as f32, share);
     let k = (at as usize).min(margin.len().saturating_sub(2));
     margin[k].lerp(margin[k + 1], at - k as f32)
 }
 
-struct Painted {
-    color: Vec3,
-    height: f32,
-    rough: f32,
-}
-
 /// Noise on the square of a blade's length, from a tenth of it below the base.
-struct Tables {
-    patch: Fractal,
-    grain: Fractal,
-    net: Cells,
-    spots: Cells,
+struct LeafNoise {
+    patch: FractalNoise,
+    grain: FractalNoise,
+    net: CellularNoise,
+    spots: CellularNoise,
 }
 
-impl Tables {
+impl LeafNoise {
     fn new(seed: u64) -> Self {
         Self {
-            patch: Fractal::new(seed ^ 0x5EAF00, [7, 7], 3),
-            grain: Fractal::new(seed ^ 0x6EA100, [150, 150], 1),
-            net: Cells::new(seed ^ 0x7E700, [55, 55], 0.9),
-            spots: Cells::new(seed ^ 0x590700, [16, 16], 0.9),
+            patch: FractalNoise::new(seed ^ 0x5EAF00, [7, 7], 3),
+            grain: FractalNoise::new(seed ^ 0x6EA100, [150, 150], 1),
+            net: CellularNoise::new(seed ^ 0x7E700, [55, 55], 0.9),
+            spots: CellularNoise::new(seed ^ 0x590700, [16, 16], 0.9),
         }
     }
 }
 
-type Look<'a> = (&'a BladeSpec, &'a LeafColors);
-
-fn paint_row(look: Look<'_>, (grid, fields, tables): (&Grid<'_>, &Fields, &Tables), y: usize) -> Vec<Painted> {
-    let places: Vec<Vec2> = (0..grid.side).map(|x| grid.place(x, y) / look.0.length).collect();
-    let xs: Vec<f32> = places.iter().map(|q| q.x).collect();
-    let v = places.first().map_or(0.0, |q| q.y);
-    let (patch, grain) = (tables.patch.row(&xs, v), tables.grain.row(&xs, v));
-    let pixel = |x: usize| paint(look, places[x], [patch[x], grain[x]], (fields, tables, y * grid.side + x));
-    (0..grid.side).map(pixel).collect()
+/// What the texels of a leaf are computed from.
+struct LeafPainter<'a> {
+    spec: &'a BladeSpec,
+    colors: &'a LeafColors,
+    grid: &'a BladeRaster<'a>,
+    distances: &'a VeinDistances,
+    noise: &'a LeafNoise,
 }
 
-/// One pixel at `q`, in lengths of the blade; `noise`: patches and grain.
-fn paint((spec, colors): Look<'_>, q: Vec2, noise: [f32; 2], at: (&Fields, &Tables, usize)) -> Painted {
-    let (l, [patch, grain], (fields, tables, i)) = (spec.length, noise, at);
-    let net = tables.net.at(q.x, q.y);
-    let mesh = 1.0 - math::smoothstep(0.0, 0.16, net.f2 - net.f1);
-    let (main, fine, margin) = (fields.main[i], fields.fine[i], fields.margin[i]);
-    let branch = 1.0 - math::smoothstep(-0.0006 * l, 0.0012 * l, fields.branch[i]);
-    let vein = 1.0 - math::smoothstep(-0.0006 * l, 0.0015 * l, main);
-    let bridge = 1.0 - math::smoothstep(0.0, 0.0028 * l, fine);
-    let glow = 1.0 - math::smoothstep(0.0, 0.03 * l, main.max(0.0));
-    let edge = 1.0 - math::smoothstep(0.0, 0.012 * l, margin);
-
-    let [dark, light] = colors.blade.map(Vec3::from_array);
-    let (vein_color, edge_color) = (Vec3::from_array(colors.vein), Vec3::from_array(colors.edge));
-    let tone = (0.42 + 0.5 * patch + 0.10 * grain + 0.32 * glow * glow).clamp(0.0, 1.0);
-    let mut color = dark.lerp(light, tone);
-    color = color.lerp(vein_color, 0.10 * mesh + 0.20 * bridge * (1.0 - 0.5 * mesh));
-    color = color.lerp(edge_color, 0.40 * edge * edge);
-    // A few brown pinpricks, as any leaf past spring has.
-    let spot = tables.spots.at(q.x, q.y);
-    if spot.id.is_multiple_of(23) {
-        color = color.lerp(edge_color * 0.7, 0.75 * (1.0 - math::smoothstep(0.05, 0.13, spot.f1)));
+impl LeafPainter<'_> {
+    /// The texels of row `y`.
+    fn row(&self, y: usize) -> Vec<SurfaceTexel> {
+        let places: Vec<Vec2> = (0..self.grid.side).map(|x| self.grid.place(x, y) / self.spec.length).collect();
+        let xs: Vec<f32> = places.iter().map(|q| q.x).collect();
+        let v = places.first().map_or(0.0, |q| q.y);
+        let (patch, grain) = (self.noise.patch.row(&xs, v), self.noise.grain.row(&xs, v));
+        (0..self.grid.side).map(|x| self.texel(places[x], patch[x], grain[x], y * self.grid.side + x)).collect()
     }
-    color = color.lerp(vein_color, (0.85 * vein).max(0.45 * branch));
 
-    // Between veins the blade swells; veins lie in grooves, the midrib itself is a ridge in its groove.
-    let swell = math::smoothstep(0.0, SHOULDER, main.max(0.0) / l).sqrt();
-    let (groove, fold) = (math::smoothstep(0.0, 0.012, fields.branch[i] / l), math::smoothstep(0.0, 0.010, fine / l));
-    let height = 0.58 * swell + 0.08 * groove + 0.12 * fold + 0.06 * (1.0 - mesh) + 0.03 * grain + 0.16 * vein;
-    let rough = colors.roughness + 0.14 * vein + 0.06 * mesh + 0.06 * patch + 0.05 * grain;
-    Painted { color, height, rough: rough.clamp(0.05, 1.0) }
+    /// The texel with index `i`, at `q` in lengths of the blade; `patch`, `grain`: values of these noises there.
+    fn texel(&self, q: Vec2, patch: f32, grain: f32, i: usize) -> SurfaceTexel {
+        let (colors, l) = (self.colors, self.spec.length);
+        // Masks, 1 on the feature: the network of cells, branches, midrib and side veins, fine veins, margin.
+        let net = self.noise.net.at(q.x, q.y);
+        let mesh = 1.0 - math::smoothstep(0.0, 0.16, net.f2 - net.f1);
+        let (main, fine, margin) = (self.distances.main[i], self.distances.fine[i], self.distances.margin[i]);
+        let branch = 1.0 - math::smoothstep(-0.0006 * l, 0.0012 * l, self.distances.branch[i]);
+        let vein = 1.0 - math::smoothstep(-0.0006 * l, 0.0015 * l, main);
+        let bridge = 1.0 - math::smoothstep(0.0, 0.0028 * l, fine);
+        let glow = 1.0 - math::smoothstep(0.0, 0.03 * l, main.max(0.0));
+        let edge = 1.0 - math::smoothstep(0.0, 0.012 * l, margin);
+
+        // Colour: patches of two greens, lighter near the veins, then network, margin, blemishes and veins on top.
+        let [dark, light] = colors.blade.map(Vec3::from_array);
+        let (vein_color, edge_color) = (Vec3::from_array(colors.vein), Vec3::from_array(colors.edge));
+        let tone = (0.42 + 0.5 * patch + 0.10 * grain + 0.32 * glow * glow).clamp(0.0, 1.0);
+        let mut color = dark.lerp(light, tone);
+        color = color.lerp(vein_color, 0.10 * mesh + 0.20 * bridge * (1.0 - 0.5 * mesh));
+        color = color.lerp(edge_color, 0.40 * edge * edge);
+        // A few brown pinpricks, as any leaf past spring has.
+        let spot = self.noise.spots.at(q.x, q.y);
+        if spot.id.is_multiple_of(23) {
+            color = color.lerp(edge_color * 0.7, 0.75 * (1.0 - math::smoothstep(0.05, 0.13, spot.f1)));
+        }
+        color = color.lerp(vein_color, (0.85 * vein).max(0.45 * branch));
+
+        // Between veins the blade swells; veins lie in grooves, the midrib itself is a ridge in its groove.
+        let swell = math::smoothstep(0.0, SHOULDER, main.max(0.0) / l).sqrt();
+        let (groove, fold) =
+            (math::smoothstep(0.0, 0.012, self.distances.branch[i] / l), math::smoothstep(0.0, 0.010, fine / l));
+        let height = 0.58 * swell + 0.08 * groove + 0.12 * fold + 0.06 * (1.0 - mesh) + 0.03 * grain + 0.16 * vein;
+        let rough = colors.roughness + 0.14 * vein + 0.06 * mesh + 0.06 * patch + 0.05 * grain;
+        SurfaceTexel { color, height, rough: rough.clamp(0.05, 1.0) }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use osier_scene::Pixels;
 
     #[test]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels within the picture")]
@@ -322,7 +321,7 @@ mod tests {
             [s[0] + a * a, s[1] + b * b, s[2] + a * b]
         });
         assert!(mix / (up * slope).sqrt() > 0.95, "{}", mix / (up * slope).sqrt());
-        let outline = Outline::new(&spec, 6, true);
+        let outline = BladeOutline::new(&spec, 6, true);
         let green = |p: Vec2| {
             let uv = outline.uv(p);
             let (x, y) = ((uv.x * 512.0) as usize, ((1.0 - uv.y) * 512.0) as usize);

@@ -1,18 +1,18 @@
 //! Leaf blades from a few botanical numbers: outline, veins, mesh and maps all come from one [`BladeSpec`].
 
 mod blade;
-mod flips;
+mod edge_flips;
 mod maps;
 mod outline;
 
-pub use blade::{Detail, blade};
+pub use blade::{BladeDetail, blade};
 pub use maps::{LeafColors, leaf_material};
 
 use osier_base::{Error, Result};
 
 /// Shape of the margin before teeth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Form {
+pub enum LeafForm {
     /// Widest beyond the middle, with rounded lobes: oaks.
     Lobed {
         /// Lobes on each side besides the one at the tip, 1..=8.
@@ -39,11 +39,11 @@ pub struct Teeth {
     pub minor: u32,
 }
 
-/// Everything that makes a leaf blade. Lengths in m, angles in rad.
+/// Parameters of a leaf blade. Lengths in m, angles in rad.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BladeSpec {
-    /// Outline.
-    pub form: Form,
+    /// Shape of the margin before teeth.
+    pub form: LeafForm,
     /// Teeth on the outline.
     pub teeth: Teeth,
     /// Length of the blade without the petiole, 0.001..2 m.
@@ -74,7 +74,7 @@ impl BladeSpec {
     /// Pedunculate oak: five rounded lobes a side, hardly a petiole, 11 cm.
     pub fn oak() -> Self {
         Self {
-            form: Form::Lobed { lobes: 5, depth: 0.42 },
+            form: LeafForm::Lobed { lobes: 5, depth: 0.42 },
             teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
             length: 0.11,
             width: 0.066,
@@ -93,7 +93,7 @@ impl BladeSpec {
     /// Silver birch: rhombic, doubly toothed, 5 cm, petiole 1.5 cm.
     pub fn birch() -> Self {
         Self {
-            form: Form::Rhombic,
+            form: LeafForm::Rhombic,
             teeth: Teeth { count: 7, depth: 0.055, minor: 2 },
             length: 0.05,
             width: 0.038,
@@ -112,7 +112,7 @@ impl BladeSpec {
     /// Black poplar: deltoid with a drip tip and fine teeth, 7 cm, on a long flattened petiole.
     pub fn poplar() -> Self {
         Self {
-            form: Form::Deltoid,
+            form: LeafForm::Deltoid,
             teeth: Teeth { count: 16, depth: 0.016, minor: 0 },
             length: 0.07,
             width: 0.066,
@@ -128,11 +128,12 @@ impl BladeSpec {
         }
     }
 
+    /// Checks all ranges.
     /// # Errors
     /// `Range` naming the first value outside its range.
     pub fn check(&self) -> Result<()> {
         let (lobes, depth) = match self.form {
-            Form::Lobed { lobes, depth } => (lobes, depth),
+            LeafForm::Lobed { lobes, depth } => (lobes, depth),
             _ => (1, 0.0),
         };
         let rows = [

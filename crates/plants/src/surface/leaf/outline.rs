@@ -1,8 +1,8 @@
-//! The flat blade: margin, midrib and side veins, in metres; base at the origin, tip at (0, length).
+//! The outline of the flat blade: margin, midrib and side veins, in metres; base at the origin, tip at (0, length).
 
 use glam::Vec2;
 
-use super::{BladeSpec, Form};
+use super::{BladeSpec, LeafForm};
 use osier_base::math;
 use osier_base::rng::Rng;
 
@@ -26,24 +26,24 @@ impl Vein {
 
 /// One side of the blade.
 #[derive(Debug, Clone)]
-pub(super) struct Half {
+pub(super) struct BladeHalf {
     /// From the base to the tip of the blade, both included.
     pub margin: Vec<Vec2>,
     /// From the base to the tip, roots and tips increasing.
     pub veins: Vec<Vein>,
 }
 
-impl Half {
-    /// Takes away the margin's points that change its shape least, but none where a vein ends, until `most` are left.
+impl BladeHalf {
+    /// Removes the points of the margin that change its shape least, except those where a vein ends, until `most` are left.
     /// Source: Visvalingam and Whyatt 1993, "Line generalisation by repeated elimination of points".
     pub fn simplify(&mut self, most: usize) {
         while self.margin.len() > most {
-            let held = |i: usize| self.veins.iter().any(|v| v.at == i);
+            let fixed = |i: usize| self.veins.iter().any(|v| v.at == i);
             let area = |i: usize| {
                 let [a, b, c] = [i - 1, i, i + 1].map(|k| self.margin[k]);
                 (b - a).perp_dot(c - a).abs()
             };
-            let free = (1..self.margin.len().saturating_sub(1)).filter(|i| !held(*i));
+            let free = (1..self.margin.len().saturating_sub(1)).filter(|i| !fixed(*i));
             let Some(least) = free.min_by(|i, j| area(*i).total_cmp(&area(*j))) else { return };
             self.margin.remove(least);
             self.veins.iter_mut().filter(|v| v.at > least).for_each(|v| v.at -= 1);
@@ -51,18 +51,18 @@ impl Half {
     }
 }
 
-/// A flat blade.
+/// Margin and veins of a flat blade.
 #[derive(Debug, Clone)]
-pub(super) struct Outline {
+pub(super) struct BladeOutline {
     /// Right (x > 0), then left.
-    pub halves: [Half; 2],
+    pub halves: [BladeHalf; 2],
     /// Heights on the midrib: base, all vein roots, tip, increasing.
     pub midrib: Vec<f32>,
     /// Box of the margins with 2 % around: smallest corner and size.
     pub frame: (Vec2, Vec2),
 }
 
-impl Outline {
+impl BladeOutline {
     /// The outline of a blade; `smooth`: points along each piece of the margin, `teeth`: drawn or left out.
     pub fn new(spec: &BladeSpec, smooth: u32, teeth: bool) -> Self {
         let halves = [half(spec, 1.0, smooth, teeth), half(spec, -1.0, smooth, teeth)];
@@ -84,8 +84,8 @@ impl Outline {
 /// Control points of one side in shares of (half width, length), base and tip included.
 fn controls(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
     let table: &[[f32; 2]] = match spec.form {
-        Form::Lobed { lobes, depth } => return lobed(lobes, depth, draw),
-        Form::Rhombic => &[
+        LeafForm::Lobed { lobes, depth } => return lobed(lobes, depth, draw),
+        LeafForm::Rhombic => &[
             [0.0, 0.0],
             [0.28, 0.012],
             [0.62, 0.095],
@@ -97,7 +97,7 @@ fn controls(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
             [0.12, 0.92],
             [0.0, 1.0],
         ],
-        Form::Deltoid => &[
+        LeafForm::Deltoid => &[
             [0.0, 0.0],
             [0.3, -0.028],
             [0.66, -0.012],
@@ -110,7 +110,9 @@ fn controls(spec: &BladeSpec, draw: &mut Rng) -> Vec<Vec2> {
             [0.06, 0.92],
             [0.0, 1.0],
         ],
-        Form::Elliptic => &[[0.0, 0.0], [0.35, 0.07], [0.8, 0.28], [1.0, 0.5], [0.8, 0.74], [0.35, 0.93], [0.0, 1.0]],
+        LeafForm::Elliptic => {
+            &[[0.0, 0.0], [0.35, 0.07], [0.8, 0.28], [1.0, 0.5], [0.8, 0.74], [0.35, 0.93], [0.0, 1.0]]
+        }
     };
     table.iter().map(|&[x, y]| Vec2::new(x, y)).collect()
 }
@@ -144,12 +146,12 @@ fn lobed(lobes: u32, depth: f32, draw: &mut Rng) -> Vec<Vec2> {
     out
 }
 
-fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> Half {
+fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> BladeHalf {
     let word = if side > 0.0 { "right" } else { "left" };
     let mut draw = Rng::at(spec.seed, &["blade".into(), word.into()]);
     let scale = Vec2::new(spec.width * 0.5, spec.length);
     let points: Vec<Vec2> = controls(spec, &mut draw).iter().map(|p| *p * scale).collect();
-    let lobed = matches!(spec.form, Form::Lobed { .. });
+    let lobed = matches!(spec.form, LeafForm::Lobed { .. });
     let curve = spline(&points, smooth);
     let (mut margin, tips) = match (teeth && spec.teeth.count > 0, lobed) {
         (true, _) => toothed(spec, &spline(&points, 12), &mut draw),
@@ -169,12 +171,12 @@ fn half(spec: &BladeSpec, side: f32, smooth: u32, teeth: bool) -> Half {
             p.x *= side;
         }
     }
-    Half { margin, veins }
+    BladeHalf { margin, veins }
 }
 
 fn vein_count(spec: &BladeSpec) -> usize {
     match spec.form {
-        Form::Lobed { lobes, .. } => lobes as usize,
+        LeafForm::Lobed { lobes, .. } => lobes as usize,
         _ => spec.veins as usize,
     }
 }
@@ -227,8 +229,8 @@ fn along(line: &[Vec2], arcs: &[f32], a: f32) -> (Vec2, Vec2) {
 /// Share of the margin, from the base, where teeth begin and end.
 fn toothed_range(spec: &BladeSpec) -> (f32, f32) {
     match spec.form {
-        Form::Deltoid => (0.26, 0.93),
-        Form::Rhombic => (0.2, 0.97),
+        LeafForm::Deltoid => (0.26, 0.93),
+        LeafForm::Rhombic => (0.2, 0.97),
         _ => (0.1, 0.96),
     }
 }
@@ -297,7 +299,7 @@ fn veins(spec: &BladeSpec, margin: &[Vec2], tips: &[usize], side: f32) -> Vec<Ve
     // The two sides alternate a little.
     let shift = if side > 0.0 { 0.0 } else { 0.012 * spec.length };
     let gap = 0.018 * spec.length;
-    let rise = if matches!(spec.form, Form::Lobed { .. }) { 0.6 } else { 0.42 };
+    let rise = if matches!(spec.form, LeafForm::Lobed { .. }) { 0.6 } else { 0.42 };
     let mut lowest = gap;
     let mut out = Vec::with_capacity(tips.len());
     for (i, &at) in tips.iter().enumerate() {
@@ -345,7 +347,7 @@ mod tests {
     #[test]
     fn margins_are_simple_and_veins_end_on_them() {
         for spec in [BladeSpec::oak(), BladeSpec::birch(), BladeSpec::poplar()] {
-            let o = Outline::new(&spec, 4, true);
+            let o = BladeOutline::new(&spec, 4, true);
             for half in &o.halves {
                 assert!(half.veins.len() >= 5);
                 assert!(half.veins.windows(2).all(|v| v[0].root.y < v[1].root.y && v[0].at < v[1].at));

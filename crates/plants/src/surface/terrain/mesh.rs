@@ -7,14 +7,14 @@ use osier_base::par::par_map;
 use osier_scene::Mesh;
 
 /// Most cells along a side of a tile: its points are numbered in 16 bits.
-const TILE: usize = 255;
+const MAX_TILE_CELLS: usize = 255;
 
 impl Land {
     /// Meshes of one material (0) that cover the land, named by row and column; edges of neighbours share every bit.
     /// u runs 0..1 along +x, v along -z. Cells are split as [`Land::height_at`] has them.
     pub fn tiles(&self) -> Vec<(String, Mesh)> {
         let cells = (self.side - 1) / self.stride;
-        let count = cells.div_ceil(TILE);
+        let count = cells.div_ceil(MAX_TILE_CELLS);
         let cut = |t: usize| t * cells / count;
         let all: Vec<[usize; 2]> = (0..count).flat_map(|r| (0..count).map(move |c| [r, c])).collect();
         par_map(&all, |&[r, c]| {
@@ -36,9 +36,10 @@ impl Land {
         }
         for j in along[0]..along[1] {
             for i in across[0]..across[1] {
-                let first = (j - along[0]) * width + (i - across[0]);
-                let [a, b, c, d] =
-                    [first, first + 1, first + width, first + width + 1].map(|k| u32::try_from(k).unwrap_or(u32::MAX));
+                // A tile has at most 256 x 256 points.
+                #[allow(clippy::cast_possible_truncation, reason = "at most 65,535")]
+                let [first, width] = [(j - along[0]) * width + (i - across[0]), width].map(|k| k as u32);
+                let [a, b, c, d] = [first, first + 1, first + width, first + width + 1];
                 let [ha, hb, hc, hd] = self.corners(i * s, j * s);
                 let halves = if falling(ha, hb, hc, hd) { [[a, d, b], [a, c, d]] } else { [[a, c, b], [b, c, d]] };
                 mesh.triangles.extend(halves);

@@ -1,8 +1,8 @@
-//! Land: heights by midpoint displacement, its mesh in tiles, its grass, earth and rock, and where plants stand on it.
+//! Terrain: a heightfield by midpoint displacement, its mesh in tiles, its material, and the scattering of plants on it.
 
-mod look;
+mod material;
 mod mesh;
-mod raise;
+mod midpoint;
 pub mod scatter;
 #[cfg(test)]
 mod tests;
@@ -11,12 +11,12 @@ use glam::Vec3;
 
 use osier_base::{Error, Result};
 
-pub use look::{LandColors, land_material};
+pub use material::{LandColors, land_material};
 
-/// What land is made from.
+/// Parameters of a heightfield.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Relief {
-    /// Doublings: 2^n + 1 heights along a side, 1..=13.
+pub struct TerrainParams {
+    /// Number of subdivisions: 2^n + 1 heights along a side, 1..=13.
     pub n: u32,
     /// Length of a side, m, 1..1e6.
     pub size: f64,
@@ -30,17 +30,17 @@ pub struct Relief {
     pub tileable: bool,
     /// Both half steps displace alike, as the paper has it.
     pub paper: bool,
-    /// Nothing is lower, m.
+    /// Lowest height, m; lower ones are raised to it.
     pub floor: Option<f64>,
     /// Binomial passes over the finished heights, 0..=8.
     pub smooth: u32,
-    /// Cells of the shown mesh are so many cells of the heights long: a power of two, up to 2^n.
+    /// Length of a cell of the mesh in cells of the heights: a power of two, up to 2^n.
     pub stride: u32,
-    /// Seed.
+    /// Seed of the displacements.
     pub seed: u64,
 }
 
-impl Default for Relief {
+impl Default for TerrainParams {
     fn default() -> Self {
         Self {
             n: 9,
@@ -58,7 +58,7 @@ impl Default for Relief {
     }
 }
 
-impl Relief {
+impl TerrainParams {
     /// Refuses what is outside its range.
     /// # Errors
     /// `Range`.
@@ -95,7 +95,7 @@ pub struct Land {
     pub side: usize,
     /// Length of a side, m.
     pub size: f32,
-    /// Cells of the shown mesh are so many cells long.
+    /// Length of a cell of the mesh in cells of the heights.
     pub stride: usize,
     /// Opposite edges are equal.
     pub tileable: bool,
@@ -125,20 +125,20 @@ impl Land {
         self.heights.iter().fold([f32::MAX, f32::MIN], |[lo, hi], h| [lo.min(*h), hi.max(*h)])
     }
 
-    /// Height of the shown mesh at (x, z), m; beyond the land its border's.
+    /// Height of the mesh at (x, z), m; beyond the land its border's.
     pub fn height_at(&self, x: f32, z: f32) -> f32 {
-        self.spot(x, z).0
+        self.triangle_at(x, z).0
     }
 
-    /// Slope of the shown mesh at (x, z) as the unit normal of the triangle there.
+    /// Slope of the mesh at (x, z) as the unit normal of the triangle there.
     pub fn normal_at(&self, x: f32, z: f32) -> Vec3 {
-        let [dx, dz] = self.spot(x, z).1;
+        let [dx, dz] = self.triangle_at(x, z).1;
         Vec3::new(-dx, 1.0, -dz).normalize()
     }
 
     /// Height and its change along x and z on the triangle under (x, z).
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the cells of the land")]
-    fn spot(&self, x: f32, z: f32) -> (f32, [f32; 2]) {
+    fn triangle_at(&self, x: f32, z: f32) -> (f32, [f32; 2]) {
         let cells = (self.side - 1) / self.stride;
         let across = |v: f32| {
             let u = ((v / self.size + 0.5) * cells as f32).clamp(0.0, cells as f32);

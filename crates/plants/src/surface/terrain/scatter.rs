@@ -1,7 +1,8 @@
-//! Plants strewn over land: dart throwing in rounds, every candidate drawn at an address of its own.
+//! Scattering of plants over land: dart throwing in rounds; every candidate draws its random numbers at an address of its own.
 
 use super::Land;
 use osier_base::Result;
+use osier_base::convert::narrow;
 use osier_base::limits::Limits;
 use osier_base::math::{self, smoothstep};
 use osier_base::noise;
@@ -9,17 +10,17 @@ use osier_base::rng::{Key, Rng, child, mix64};
 
 /// Candidates of a cell.
 const ROUNDS: u32 = 4;
-/// Marks a cell without a plant.
+/// A cell without a point.
 const EMPTY: u32 = u32::MAX;
 
-/// A disc in which an entry is strewn.
+/// A disc or ring in which points are scattered.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Disc {
+pub struct ScatterDisc {
     /// Middle, x and z, m.
     pub at: [f32; 2],
-    /// Nothing stands farther away, m, or nearer.
+    /// Outer radius, m.
     pub radius: f32,
-    /// Nothing stands nearer, m.
+    /// Inner radius, m.
     pub inner: f32,
     /// Share of the radius over which it thins out towards the rim, 0..1.
     pub fade: f32,
@@ -27,16 +28,16 @@ pub struct Disc {
 
 /// Grey picture over the whole land, row 0 at -z: black bears nothing, white everything.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Mask {
-    /// Pixels in a row.
+pub struct DensityMask {
+    /// Width of the image, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height of the image, pixels.
     pub height: usize,
-    /// 0..1.
+    /// Density of each pixel, 0..1, row by row.
     pub values: Vec<f32>,
 }
 
-impl Mask {
+impl DensityMask {
     /// The pixel at shares of the way from -x and -z.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     fn at(&self, x: f32, y: f32) -> f32 {
@@ -45,9 +46,9 @@ impl Mask {
     }
 }
 
-/// What is strewn, and where it may stand.
+/// Spacing, density and region of a scatter.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sowing {
+pub struct ScatterParams {
     /// Least distance between two, m, > 0.
     pub spacing: f32,
     /// Least distance to what earlier sowings put up; half of both spacings without.
@@ -59,16 +60,16 @@ pub struct Sowing {
     /// Chance of a place, 0..1.
     pub density: f32,
     /// Chances over the land.
-    pub mask: Option<Mask>,
+    pub mask: Option<DensityMask>,
     /// Length of the patches in which they gather, m; 0 is evenly.
     pub clump: f32,
-    /// Where.
-    pub disc: Option<Disc>,
-    /// Most of them.
+    /// Region; `None`: the whole land.
+    pub disc: Option<ScatterDisc>,
+    /// Greatest number of points.
     pub max_count: usize,
 }
 
-impl Default for Sowing {
+impl Default for ScatterParams {
     /// Evenly, a metre apart, wherever it is not too steep.
     fn default() -> Self {
         Self {
@@ -85,43 +86,43 @@ impl Default for Sowing {
     }
 }
 
-/// What stands already.
+/// A plant that was placed before.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Taken {
-    /// x and z, m.
+pub struct ScatterObstacle {
+    /// Position, x and z, m.
     pub at: [f32; 2],
-    /// Spacing of its sowing, m.
+    /// Spacing of the scatter that placed it, m.
     pub spacing: f32,
 }
 
-/// A place that was found.
+/// An accepted point.
 #[derive(Debug, Clone)]
-pub struct Spot {
-    /// x and z, m.
+pub struct ScatterPoint {
+    /// Position, x and z, m.
     pub at: [f32; 2],
     /// Its own draws: which plant, turn, size.
     pub rng: Rng,
 }
 
 /// Cells of edge spacing / sqrt 2 over the land: none holds two plants.
-struct Cells {
+struct ScatterGrid {
     edge: f32,
     /// First and last cell along x and along z that is looked at.
     x: [usize; 2],
     z: [usize; 2],
 }
 
-impl Cells {
+impl ScatterGrid {
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "places on the land, counted from its edge"
     )]
-    fn new(land: &Land, sowing: &Sowing) -> Self {
-        let edge = sowing.spacing * std::f32::consts::FRAC_1_SQRT_2;
+    fn new(land: &Land, params: &ScatterParams) -> Self {
+        let edge = params.spacing * std::f32::consts::FRAC_1_SQRT_2;
         let half = land.size * 0.5;
         let last = ((land.size / edge).ceil() as usize).max(1) - 1;
-        let span = |axis: usize| match sowing.disc {
+        let span = |axis: usize| match params.disc {
             None => [0, last],
             Some(d) => {
                 let cell = |v: f32| (((v + half) / edge).max(0.0) as usize).min(last);
@@ -143,51 +144,61 @@ impl Cells {
 /// Candidate: its priority and its cell among those looked at.
 type Candidate = (u64, u32);
 
-/// Places for one sowing. Four rounds over the cells; each draws a candidate per cell, and in the order of (round,
+/// Points of one scatter. Four rounds over the cells; each draws a candidate per cell, and in the order of (round,
 /// priority, cell) it is taken if it lies within the limits, its chance is met, and none of the same sowing is nearer
 /// than its spacing and none of `taken` nearer than allowed. Distances are level. `key`: the address of the sowing;
 /// what is strewn later moves nothing.
 /// # Errors
 /// `Limit` beyond the candidates allowed.
 /// Own: dart throwing with a grid; a cell that holds a plant is drawn no more, as no other fits in.
-pub fn scatter(land: &Land, sowing: &Sowing, taken: &[Taken], key: u64, limits: &Limits) -> Result<Vec<Spot>> {
-    let cells = Cells::new(land, sowing);
+pub fn scatter(
+    land: &Land,
+    params: &ScatterParams,
+    taken: &[ScatterObstacle],
+    key: u64,
+    limits: &Limits,
+) -> Result<Vec<ScatterPoint>> {
+    let cells = ScatterGrid::new(land, params);
     limits.check("candidates", cells.len().saturating_mul(ROUNDS.into()), "the number of candidates of a scatter")?;
-    let near = Near::new(taken, sowing, land.size);
-    let mut grid = vec![EMPTY; usize::try_from(cells.len()).unwrap_or(usize::MAX)];
-    let mut spots: Vec<Spot> = Vec::new();
+    let near = ObstacleGrid::new(taken, params, land.size);
+    let mut grid = vec![EMPTY; narrow::<u32, u64>(cells.len(), "cells of a scatter")? as usize];
+    let mut points: Vec<ScatterPoint> = Vec::new();
     let mut candidates: Vec<Candidate> = Vec::new();
     for round in 0..ROUNDS {
         let key = child(key, u64::from(round));
         candidates.clear();
-        let free = grid.iter().enumerate().filter(|(_, g)| **g == EMPTY);
-        candidates.extend(free.map(|(c, _)| (draw(&cells, key, c).next_u64(), u32::try_from(c).unwrap_or(EMPTY))));
+        let free = (0_u32..).zip(&grid).filter(|(_, g)| **g == EMPTY);
+        candidates.extend(free.map(|(c, _)| (draw(&cells, key, c as usize).next_u64(), c)));
         candidates.sort_unstable();
         for (_, cell) in &candidates {
-            if spots.len() >= sowing.max_count {
-                return Ok(spots);
+            if points.len() >= params.max_count {
+                return Ok(points);
             }
             let cell = *cell as usize;
             let mut rng = draw(&cells, key, cell);
             rng.next_u64();
             let at = place(&cells, land, cell, &mut rng);
-            let chance = chance(land, sowing, at);
-            if rng.unit_f32() < chance && near.is_clear(at) && fits((&cells, &grid, &spots), cell, at, sowing.spacing) {
-                grid[cell] = u32::try_from(spots.len()).unwrap_or(EMPTY);
-                spots.push(Spot { at, rng });
+            let chance = chance(land, params, at);
+            if rng.unit_f32() < chance
+                && near.is_clear(at)
+                && keeps_spacing(&cells, &grid, &points, cell, at, params.spacing)
+            {
+                grid[cell] = narrow(points.len(), "plants of a scatter")?;
+                points.push(ScatterPoint { at, rng });
             }
         }
     }
-    Ok(spots)
+    Ok(points)
 }
 
 /// The draws of a cell's candidate, at (row, column) of the whole land's cells.
-fn draw(cells: &Cells, key: u64, cell: usize) -> Rng {
+fn draw(cells: &ScatterGrid, key: u64, cell: usize) -> Rng {
     let (row, column) = (cells.z[0] + cell / cells.width(), cells.x[0] + cell % cells.width());
     Rng::from_key(child(child(key, row as u64), column as u64))
 }
 
-fn place(cells: &Cells, land: &Land, cell: usize, rng: &mut Rng) -> [f32; 2] {
+/// The candidate position of a cell: uniform within it.
+fn place(cells: &ScatterGrid, land: &Land, cell: usize, rng: &mut Rng) -> [f32; 2] {
     let (row, column) = (cells.z[0] + cell / cells.width(), cells.x[0] + cell % cells.width());
     let at = |i: usize, u: f32| (i as f32 + u) * cells.edge - 0.5 * land.size;
     let (u, v) = (rng.unit_f32(), rng.unit_f32());
@@ -195,13 +206,13 @@ fn place(cells: &Cells, land: &Land, cell: usize, rng: &mut Rng) -> [f32; 2] {
 }
 
 /// Chance that a place bears a plant; 0 outside of the limits.
-fn chance(land: &Land, sowing: &Sowing, at: [f32; 2]) -> f32 {
+fn chance(land: &Land, params: &ScatterParams, at: [f32; 2]) -> f32 {
     let half = land.size * 0.5;
     if at.iter().any(|v| v.abs() > half) {
         return 0.0;
     }
-    let mut chance = sowing.density;
-    if let Some(d) = sowing.disc {
+    let mut chance = params.density;
+    if let Some(d) = params.disc {
         let away = math::sqrt_f32((at[0] - d.at[0]) * (at[0] - d.at[0]) + (at[1] - d.at[1]) * (at[1] - d.at[1]));
         if away > d.radius || away < d.inner {
             return 0.0;
@@ -209,31 +220,39 @@ fn chance(land: &Land, sowing: &Sowing, at: [f32; 2]) -> f32 {
         chance *= 1.0 - smoothstep(1.0 - d.fade, 1.0 + 1e-6, away / d.radius.max(1e-6));
     }
     let h = land.height_at(at[0], at[1]);
-    if h < sowing.altitude[0] || h > sowing.altitude[1] {
+    if h < params.altitude[0] || h > params.altitude[1] {
         return 0.0;
     }
-    if land.normal_at(at[0], at[1]).y < math::cos_f32(sowing.slope_max) {
+    if land.normal_at(at[0], at[1]).y < math::cos_f32(params.slope_max) {
         return 0.0;
     }
-    if sowing.clump > 0.0 {
-        let p = at.map(|v| v / sowing.clump);
+    if params.clump > 0.0 {
+        let p = at.map(|v| v / params.clump);
         chance *= smoothstep(-0.12, 0.16, noise::fractal2(mix64(&[0xC1_0D]), p, [1 << 20, 1 << 20], 3));
     }
-    if let Some(mask) = &sowing.mask {
+    if let Some(mask) = &params.mask {
         chance *= mask.at(at[0] / land.size + 0.5, at[1] / land.size + 0.5);
     }
     chance
 }
 
-/// True if none of the same sowing is nearer than `spacing`.
-fn fits((cells, grid, spots): (&Cells, &[u32], &[Spot]), cell: usize, at: [f32; 2], spacing: f32) -> bool {
+/// True if no point of the same scatter is nearer than `spacing` (m): cells are spacing / sqrt 2 wide, so two rings of
+/// neighbours suffice.
+fn keeps_spacing(
+    cells: &ScatterGrid,
+    grid: &[u32],
+    points: &[ScatterPoint],
+    cell: usize,
+    at: [f32; 2],
+    spacing: f32,
+) -> bool {
     let width = cells.width();
     let (row, column) = (cell / width, cell % width);
     let rows = grid.len() / width;
     for r in row.saturating_sub(2)..=(row + 2).min(rows - 1) {
         for c in column.saturating_sub(2)..=(column + 2).min(width - 1) {
-            if let Some(other) = grid.get(r * width + c).and_then(|g| spots.get(*g as usize))
-                && apart(other.at, at) < spacing * spacing
+            if let Some(other) = grid.get(r * width + c).and_then(|g| points.get(*g as usize))
+                && distance_squared(other.at, at) < spacing * spacing
             {
                 return false;
             }
@@ -242,12 +261,13 @@ fn fits((cells, grid, spots): (&Cells, &[u32], &[Spot]), cell: usize, at: [f32; 
     true
 }
 
-fn apart(a: [f32; 2], b: [f32; 2]) -> f32 {
+/// Squared distance in the ground plane, m^2.
+fn distance_squared(a: [f32; 2], b: [f32; 2]) -> f32 {
     (a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1])
 }
 
-/// What stands already, sorted into square cells as large as the largest distance to keep.
-struct Near {
+/// The obstacles in a uniform grid (counting sort) whose cells are as large as the largest distance to keep.
+struct ObstacleGrid {
     edge: f32,
     half: f32,
     side: usize,
@@ -257,15 +277,15 @@ struct Near {
     points: Vec<([f32; 2], f32)>,
 }
 
-impl Near {
-    fn new(taken: &[Taken], sowing: &Sowing, size: f32) -> Self {
-        let keep = |t: &Taken| sowing.clear.unwrap_or(0.5 * (t.spacing + sowing.spacing));
+impl ObstacleGrid {
+    fn new(taken: &[ScatterObstacle], params: &ScatterParams, size: f32) -> Self {
+        let keep = |t: &ScatterObstacle| params.clear.unwrap_or(0.5 * (t.spacing + params.spacing));
         let most = taken.iter().map(keep).fold(0.0, f32::max);
-        // No more cells than are worth their memory.
+        // At most 2048 cells along a side, to bound the memory.
         let edge = most.max(size / 2048.0).max(1e-3);
         let mut near = Self { edge, half: size * 0.5, side: 0, starts: Vec::new(), points: Vec::new() };
         near.side = near.cell(near.half) + 1;
-        let index = |t: &Taken| near.cell(t.at[1]) * near.side + near.cell(t.at[0]);
+        let index = |t: &ScatterObstacle| near.cell(t.at[1]) * near.side + near.cell(t.at[0]);
         let mut sorted: Vec<(usize, usize)> = taken.iter().enumerate().map(|(i, t)| (index(t), i)).collect();
         sorted.sort_unstable();
         let mut starts = vec![0; near.side * near.side + 1];
@@ -296,85 +316,85 @@ impl Near {
         (z.saturating_sub(1)..=(z + 1).min(last)).all(|r| {
             let (first, end) = (r * self.side + x.saturating_sub(1), r * self.side + (x + 1).min(last) + 1);
             let row = self.starts.get(first).zip(self.starts.get(end)).and_then(|(a, b)| self.points.get(*a..*b));
-            row.unwrap_or_default().iter().all(|(p, keep)| apart(*p, at) >= *keep)
+            row.unwrap_or_default().iter().all(|(p, keep)| distance_squared(*p, at) >= *keep)
         })
     }
 }
 
-/// The address of a scene's sowing number `entry`.
-pub fn address(seed: u64, entry: usize) -> u64 {
+/// The random key of scatter number `entry` of a scene.
+pub fn scatter_key(seed: u64, entry: usize) -> u64 {
     Rng::key(seed, &[Key::from("scatter"), entry.into()])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::terrain::Relief;
+    use crate::surface::terrain::TerrainParams;
 
     fn land() -> Land {
-        Land::raise(&Relief { n: 7, size: 120.0, amplitude: 14.0, ..Relief::default() }).expect("land")
+        Land::generate(&TerrainParams { n: 7, size: 120.0, amplitude: 14.0, ..TerrainParams::default() }).expect("land")
     }
 
-    fn sowing(spacing: f32) -> Sowing {
-        Sowing { spacing, ..Sowing::default() }
+    fn params(spacing: f32) -> ScatterParams {
+        ScatterParams { spacing, ..ScatterParams::default() }
     }
 
-    fn sown(land: &Land, sowing: &Sowing, taken: &[Taken], entry: usize) -> Vec<[f32; 2]> {
-        let spots = scatter(land, sowing, taken, address(3, entry), &Limits::default()).expect("spots");
-        spots.into_iter().map(|s| s.at).collect()
+    fn sown(land: &Land, params: &ScatterParams, taken: &[ScatterObstacle], entry: usize) -> Vec<[f32; 2]> {
+        let points = scatter(land, params, taken, scatter_key(3, entry), &Limits::default()).expect("points");
+        points.into_iter().map(|s| s.at).collect()
     }
 
     fn nearest(a: &[[f32; 2]], b: &[[f32; 2]]) -> f32 {
-        let all = a.iter().flat_map(|p| b.iter().map(move |q| apart(*p, *q)).filter(|d| *d > 0.0));
+        let all = a.iter().flat_map(|p| b.iter().map(move |q| distance_squared(*p, *q)).filter(|d| *d > 0.0));
         math::sqrt_f32(all.fold(f32::MAX, f32::min))
     }
 
     #[test]
     fn limits_are_exact() {
         let land = land();
-        let all = sown(&land, &sowing(3.0), &[], 0);
+        let all = sown(&land, &params(3.0), &[], 0);
         let nearby = nearest(&all, &all);
         assert!((3.0..3.1).contains(&nearby) && all.len() > 600, "{nearby} m, {} plants", all.len());
-        let disc = Disc { at: [10.0, -20.0], radius: 30.0, inner: 8.0, fade: 0.0 };
-        let narrow = Sowing { slope_max: 0.3, altitude: [-3.0, 6.0], disc: Some(disc), ..sowing(1.5) };
+        let disc = ScatterDisc { at: [10.0, -20.0], radius: 30.0, inner: 8.0, fade: 0.0 };
+        let narrow = ScatterParams { slope_max: 0.3, altitude: [-3.0, 6.0], disc: Some(disc), ..params(1.5) };
         let some = sown(&land, &narrow, &[], 0);
         assert!(some.len() > 50);
         for p in &some {
             let h = land.height_at(p[0], p[1]);
             let slope = math::acos_f32(land.normal_at(p[0], p[1]).y);
-            let away = math::sqrt_f32(apart(*p, disc.at));
+            let away = math::sqrt_f32(distance_squared(*p, disc.at));
             assert!((-3.0..=6.0).contains(&h) && slope <= 0.3001 && (8.0..=30.0).contains(&away), "{p:?}");
         }
         assert!(all.iter().any(|p| land.height_at(p[0], p[1]) > 6.0), "there is land beyond the limit");
-        assert_eq!(sown(&land, &Sowing { max_count: 17, ..sowing(3.0) }, &[], 0)[..], all[..17]);
+        assert_eq!(sown(&land, &ScatterParams { max_count: 17, ..params(3.0) }, &[], 0)[..], all[..17]);
         let mut tight = Limits::default();
         tight.set("candidates", "100").expect("limit");
-        assert!(scatter(&land, &sowing(3.0), &[], 1, &tight).is_err());
+        assert!(scatter(&land, &params(3.0), &[], 1, &tight).is_err());
     }
 
     #[test]
     fn masks_and_density_thin_out() {
         let land = land();
-        let left = Mask { width: 2, height: 1, values: vec![1.0, 0.0] };
-        let half = sown(&land, &Sowing { mask: Some(left), ..sowing(2.0) }, &[], 0);
+        let left = DensityMask { width: 2, height: 1, values: vec![1.0, 0.0] };
+        let half = sown(&land, &ScatterParams { mask: Some(left), ..params(2.0) }, &[], 0);
         assert!(half.len() > 300 && half.iter().all(|p| p[0] <= 0.0));
-        let all = sown(&land, &sowing(2.0), &[], 0).len();
-        let thin = sown(&land, &Sowing { density: 0.03, ..sowing(2.0) }, &[], 0).len();
+        let all = sown(&land, &params(2.0), &[], 0).len();
+        let thin = sown(&land, &ScatterParams { density: 0.03, ..params(2.0) }, &[], 0).len();
         assert!(thin * 2 < all && thin * 10 > all, "{thin} of {all}");
-        assert!(sown(&land, &Sowing { density: 0.0, ..sowing(2.0) }, &[], 0).is_empty());
-        let clumps = sown(&land, &Sowing { clump: 25.0, ..sowing(2.0) }, &[], 0).len();
+        assert!(sown(&land, &ScatterParams { density: 0.0, ..params(2.0) }, &[], 0).is_empty());
+        let clumps = sown(&land, &ScatterParams { clump: 25.0, ..params(2.0) }, &[], 0).len();
         assert!(clumps < all * 8 / 10 && clumps > all / 10, "{clumps} of {all}");
     }
 
     #[test]
     fn new_entries_move_none() {
         let land = land();
-        let trees = sown(&land, &sowing(6.0), &[], 0);
-        let taken: Vec<Taken> = trees.iter().map(|at| Taken { at: *at, spacing: 6.0 }).collect();
-        let shrubs = sown(&land, &sowing(2.0), &taken, 1);
-        assert_eq!(trees, sown(&land, &sowing(6.0), &[], 0));
+        let trees = sown(&land, &params(6.0), &[], 0);
+        let taken: Vec<ScatterObstacle> = trees.iter().map(|at| ScatterObstacle { at: *at, spacing: 6.0 }).collect();
+        let shrubs = sown(&land, &params(2.0), &taken, 1);
+        assert_eq!(trees, sown(&land, &params(6.0), &[], 0));
         assert!(!shrubs.is_empty() && nearest(&shrubs, &trees) >= 4.0);
-        let close = sown(&land, &Sowing { clear: Some(0.5), ..sowing(2.0) }, &taken, 1);
+        let close = sown(&land, &ScatterParams { clear: Some(0.5), ..params(2.0) }, &taken, 1);
         let gap = nearest(&close, &trees);
         assert!((0.5..1.0).contains(&gap), "{gap}");
     }
@@ -384,9 +404,9 @@ mod tests {
         // What stands inside does not depend on how far the disc reaches, away from its rim.
         let land = land();
         let of = |radius| {
-            let disc = Disc { at: [0.0; 2], radius, inner: 0.0, fade: 0.0 };
-            let mut all = sown(&land, &Sowing { disc: Some(disc), ..sowing(3.0) }, &[], 0);
-            all.retain(|p| apart(*p, [0.0; 2]) < 100.0);
+            let disc = ScatterDisc { at: [0.0; 2], radius, inner: 0.0, fade: 0.0 };
+            let mut all = sown(&land, &ScatterParams { disc: Some(disc), ..params(3.0) }, &[], 0);
+            all.retain(|p| distance_squared(*p, [0.0; 2]) < 100.0);
             all.len()
         };
         assert!(of(25.0).abs_diff(of(40.0)) <= 3);

@@ -1,14 +1,14 @@
-use super::{Land, Relief};
+use super::{Land, TerrainParams};
 use osier_base::math::{ln, pow};
 
-fn raised(relief: &Relief) -> Land {
-    Land::raise(relief).expect("land")
+fn raised(relief: &TerrainParams) -> Land {
+    Land::generate(relief).expect("land")
 }
 
 #[test]
 fn a_larger_land_keeps_the_heights_of_a_smaller_one() {
     for tileable in [false, true] {
-        let of = |n| raised(&Relief { n, tileable, seed: 5, ..Relief::default() });
+        let of = |n| raised(&TerrainParams { n, tileable, seed: 5, ..TerrainParams::default() });
         let (small, large) = (of(8), of(9));
         for j in 0..small.side {
             for i in 0..small.side {
@@ -25,7 +25,8 @@ fn heights_stay_within_their_bound() {
         let bound = (0..7).fold(10.0, |sum, l| sum + 10.0 * pow(2.0, -exponent * f64::from(l)) * (1.0 + half));
         let most = (0..20).fold(0.0_f32, |most, seed| {
             let [lo, hi] =
-                raised(&Relief { n: 7, amplitude: 10.0, exponent, paper, seed, ..Relief::default() }).range();
+                raised(&TerrainParams { n: 7, amplitude: 10.0, exponent, paper, seed, ..TerrainParams::default() })
+                    .range();
             most.max(hi).max(-lo)
         });
         assert!(f64::from(most) <= bound && f64::from(most) > 0.15 * bound, "H {exponent}: {most} of {bound}");
@@ -37,7 +38,7 @@ fn roughness(exponent: f64) -> f64 {
     let lags = [1_usize, 2, 4, 8, 16, 32];
     let mut sums = [0.0; 6];
     for seed in 0..8 {
-        let land = raised(&Relief { exponent, seed, ..Relief::default() });
+        let land = raised(&TerrainParams { exponent, seed, ..TerrainParams::default() });
         for (sum, lag) in sums.iter_mut().zip(lags) {
             let n = land.side - lag;
             let pairs = (0..land.side).flat_map(|j| (0..n).map(move |i| (i, j)));
@@ -68,7 +69,7 @@ fn roughness_follows_the_exponent() {
 #[test]
 fn tiles_meet_exactly_and_cover_the_land() {
     for stride in [1, 2] {
-        let land = raised(&Relief { n: 9, stride, ..Relief::default() });
+        let land = raised(&TerrainParams { n: 9, stride, ..TerrainParams::default() });
         let tiles = land.tiles();
         assert_eq!(tiles.len(), if stride == 1 { 9 } else { 4 });
         assert!(tiles.iter().all(|(_, m)| m.points.len() <= 65_536));
@@ -96,7 +97,14 @@ fn tiles_meet_exactly_and_cover_the_land() {
 
 #[test]
 fn heights_are_those_of_the_triangles() {
-    let land = raised(&Relief { n: 6, size: 50.0, amplitude: 9.0, exponent: 0.6, stride: 2, ..Relief::default() });
+    let land = raised(&TerrainParams {
+        n: 6,
+        size: 50.0,
+        amplitude: 9.0,
+        exponent: 0.6,
+        stride: 2,
+        ..TerrainParams::default()
+    });
     let (mut worst, mut seen) = (0.0_f32, 0);
     for (_, m) in land.tiles() {
         for t in &m.triangles {
@@ -116,55 +124,56 @@ fn heights_are_those_of_the_triangles() {
 
 #[test]
 fn a_tileable_land_repeats() {
-    let land = raised(&Relief { n: 7, tileable: true, smooth: 2, ..Relief::default() });
+    let land = raised(&TerrainParams { n: 7, tileable: true, smooth: 2, ..TerrainParams::default() });
     for k in 0..land.side {
         assert_eq!(land.height(0, k).to_bits(), land.height(128, k).to_bits());
         assert_eq!(land.height(k, 0).to_bits(), land.height(k, 128).to_bits());
         assert!(land.normal(0, k, 1).distance(land.normal(128, k, 1)) < 1e-6);
     }
-    let open = raised(&Relief { n: 7, ..Relief::default() });
+    let open = raised(&TerrainParams { n: 7, ..TerrainParams::default() });
     assert!((0..129).any(|k| (open.height(0, k) - open.height(128, k)).abs() > 1.0));
 }
 
 #[test]
 fn corners_floor_and_smoothing_are_heeded() {
-    let flat = Relief { n: 6, amplitude: 0.0, corners: Some([1.0, 2.0, 3.0, 4.0]), ..Relief::default() };
+    let flat = TerrainParams { n: 6, amplitude: 0.0, corners: Some([1.0, 2.0, 3.0, 4.0]), ..TerrainParams::default() };
     let land = raised(&flat);
     let want = [land.height(0, 0), land.height(64, 0), land.height(0, 64), land.height(64, 64)];
     assert!(want.iter().zip([1.0, 2.0, 3.0, 4.0_f32]).all(|(h, c)| h.to_bits() == c.to_bits()), "{want:?}");
     assert!((land.height(32, 32) - 2.5).abs() < 1e-6);
-    let rough = Relief { n: 7, exponent: 0.3, ..Relief::default() };
+    let rough = TerrainParams { n: 7, exponent: 0.3, ..TerrainParams::default() };
     let steep = |smooth| {
-        let land = raised(&Relief { smooth, ..rough.clone() });
+        let land = raised(&TerrainParams { smooth, ..rough.clone() });
         land.heights.windows(2).fold(0.0, |s, w| s + f64::from((w[0] - w[1]).abs()))
     };
     assert!(steep(4) < 0.6 * steep(0));
-    let low = raised(&Relief { floor: Some(-2.0), ..rough });
+    let low = raised(&TerrainParams { floor: Some(-2.0), ..rough });
     let at_floor = low.heights.iter().filter(|h| h.to_bits() == (-2.0_f32).to_bits()).count();
     assert!(low.range()[0] >= -2.0 && at_floor > 100);
 }
 
 #[test]
 fn values_outside_their_ranges_are_refused() {
-    let own = Relief::default;
+    let own = TerrainParams::default;
     let wrong = [
-        Relief { n: 0, ..own() },
-        Relief { n: 14, ..own() },
-        Relief { exponent: 1.01, ..own() },
-        Relief { exponent: f64::NAN, ..own() },
-        Relief { size: 0.0, ..own() },
-        Relief { stride: 3, ..own() },
-        Relief { n: 2, stride: 8, ..own() },
-        Relief { smooth: 9, ..own() },
-        Relief { floor: Some(f64::INFINITY), ..own() },
+        TerrainParams { n: 0, ..own() },
+        TerrainParams { n: 14, ..own() },
+        TerrainParams { exponent: 1.01, ..own() },
+        TerrainParams { exponent: f64::NAN, ..own() },
+        TerrainParams { size: 0.0, ..own() },
+        TerrainParams { stride: 3, ..own() },
+        TerrainParams { n: 2, stride: 8, ..own() },
+        TerrainParams { smooth: 9, ..own() },
+        TerrainParams { floor: Some(f64::INFINITY), ..own() },
     ];
-    assert!(wrong.iter().all(|r| Land::raise(r).is_err()));
+    assert!(wrong.iter().all(|r| Land::generate(r).is_err()));
 }
 
 #[test]
 fn heights_do_not_depend_on_threads() {
     let of = |threads: usize| {
-        osier_base::par::on_threads(threads, || raised(&Relief { smooth: 1, ..Relief::default() })).heights
+        osier_base::par::on_threads(threads, || raised(&TerrainParams { smooth: 1, ..TerrainParams::default() }))
+            .heights
     };
     let one = of(1);
     assert!([2, 8].into_iter().all(|n| of(n) == one));

@@ -3,7 +3,10 @@
 use glam::{Vec2, Vec3};
 
 use super::SurfaceMaterial;
-use super::pictured::{Sample, Texel, VIEWS, View, cutoff, pictures, texels};
+use super::billboard::{
+    BillboardSample, BillboardTexel, BillboardView, VIEWS, billboard_images, coverage_cutoff, texels,
+};
+use super::pixels::first_index;
 use osier_base::geometry::Bounds;
 use osier_base::math::{self, narrow};
 use osier_base::par::par_map;
@@ -12,37 +15,38 @@ use osier_scene::{Image, Material, MaterialClass, Mesh, Pixels, pixel_at};
 
 /// Samples along a side of a pixel.
 const SAMPLES: usize = 4;
-/// How much darker a picture is than what stands in front of it: layers to the power of minus this.
-const SHADE: f32 = 0.52;
-/// Empty pixels around what a picture shows, so that neighbours do not bleed into it.
+/// A billboard is darkened by (mean number of layers)^-this, for the shadows that its leaves would cast on each other. Larger
+/// values darken dense branches more; chosen by comparing trees with their billboards from afar.
+const SHADE_EXPONENT: f32 = 0.52;
+/// Empty pixels around a view, so that filtering does not mix neighbouring views.
 const MARGIN: usize = 2;
 
-/// What meshes wear; their subsets index `materials`, whose maps index `images`.
+/// The materials of meshes: their subsets index `materials`, whose maps index `images`.
 #[derive(Debug, Clone, Copy)]
-pub struct Worn<'a> {
-    /// Materials.
+pub struct SourceMaterials<'a> {
+    /// Materials by id.
     pub materials: &'a [Material],
-    /// Pictures.
+    /// Images by index.
     pub images: &'a [Image],
 }
 
-/// One view of a mesh, fitted to it.
-struct Tile {
-    view: View,
-    /// Corners of what it shows, m along right and up.
+/// An orthographic view of a mesh, rasterized with a depth buffer.
+struct MeshRaster {
+    view: BillboardView,
+    /// Corners of the view, m along right and up.
     low: Vec2,
     high: Vec2,
-    /// Where its quad stands along the line of sight, m.
+    /// Position of its quad along the line of sight, m.
     depth: f32,
     /// Samples along a side.
     side: usize,
-    samples: Vec<Option<Sample>>,
-    /// Surfaces that were drawn, one above the other, in all samples.
+    samples: Vec<Option<BillboardSample>>,
+    /// Number of surfaces hit, hidden ones too, over all samples.
     hits: u64,
 }
 
-impl Tile {
-    fn new(mesh: &Mesh, view: View, pixels: usize) -> Self {
+impl MeshRaster {
+    fn new(mesh: &Mesh, view: BillboardView, pixels: usize) -> Self {
         let [right, up, out] = view;
         let seen = Bounds::of(mesh.points.iter().map(|p| Vec3::new(p.dot(right), p.dot(up), p.dot(out))));
         let (low, high) = (seen.min.truncate(), seen.max.truncate());
@@ -50,24 +54,26 @@ impl Tile {
         let inner = narrow((pixels - 2 * MARGIN) as f64);
         let margin = (high - low).max(Vec2::splat(1e-4)) * (narrow(MARGIN as f64) / inner);
         // What is seen from above stands where most of it is, everything else through the stem.
-        let depth = if out == Vec3::Y { mean(mesh, out) } else { 0.0 };
+        let depth = if out == Vec3::Y { area_mean(mesh, out) } else { 0.0 };
         let side = pixels * SAMPLES;
         let (low, high) = (low - margin, high.max(low + 1e-4) + margin);
         Self { view, low, high, depth, side, samples: vec![None; side * side], hits: 0 }
     }
 
-    fn draw(&mut self, mesh: &Mesh, worn: Worn<'_>) {
+    /// Rasterizes all triangles of a mesh.
+    fn draw(&mut self, mesh: &Mesh, source: SourceMaterials<'_>) {
         for subset in &mesh.subsets {
-            let Some(material) = worn.materials.get(subset.material as usize) else { continue };
-            let ink = Ink::new(material, worn.images);
+            let Some(material) = source.materials.get(subset.material as usize) else { continue };
+            let colors = ColorSampler::new(material, source.images);
             for t in mesh.subset_triangles(subset) {
-                self.triangle(mesh, *t, &ink);
+                self.draw_triangle(mesh, *t, &colors);
             }
         }
     }
 
+    /// Rasterizes a triangle: barycentric weights by edge functions, nearest surface per sample.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
-    fn triangle(&mut self, mesh: &Mesh, t: [u32; 3], ink: &Ink<'_>) {
+    fn draw_triangle(&mut self, mesh: &Mesh, t: [u32; 3], colors: &ColorSampler<'_>) {
         let [right, up, out] = self.view;
         let scale = Vec2::splat(self.side as f32) / (self.high - self.low);
         let corners = t.map(|i| mesh.points[i as usize]);
@@ -90,7 +96,7 @@ impl Tile {
                 let mix = |f: &dyn Fn(usize) -> Vec3| f(0) * w[0] + f(1) * w[1] + f(2) * w[2];
                 let depth = mix(&|i| corners[i]).dot(out);
                 let uv = mix(&|i| mesh.uvs.get(t[i] as usize).map_or(Vec3::ZERO, |uv| uv.extend(0.0))).truncate();
-                let Some(color) = ink.at(uv) else { continue };
+                let Some(color) = colors.at(uv) else { continue };
                 self.hits += 1;
                 let slot = &mut self.samples[(self.side - 1 - row) * self.side + column];
                 if slot.is_some_and(|s| s.depth >= depth) {
@@ -100,29 +106,30 @@ impl Tile {
                 let n = math::normalize_or(Vec3::new(n.dot(right), n.dot(up), n.dot(out)), Vec3::Z);
                 // The far side of a leaf is lit as seen from here.
                 let normal = if n.z < 0.0 { -n } else { n };
-                *slot = Some(Sample { depth, color, normal });
+                *slot = Some(BillboardSample { depth, color, normal });
             }
         }
     }
 
-    /// What a picture must be dimmed by: its leaves would shade each other, which a quad does not.
-    /// Own: mean number of layers to a small power, found by comparing trees with their cards from afar.
+    /// Factor that darkens the view: leaves of a mesh shade each other, those of a quad do not.
+    /// Own: mean number of layers to a small power.
     fn shade(&self) -> f32 {
         let covered = self.samples.iter().flatten().count().max(1);
-        #[allow(clippy::cast_precision_loss, reason = "a mean")]
+        #[allow(clippy::cast_precision_loss, reason = "a area_mean")]
         let layers = self.hits as f64 / covered as f64;
-        math::pow_f32(narrow(layers.max(1.0)), -SHADE)
+        math::pow_f32(narrow(layers.max(1.0)), -SHADE_EXPONENT)
     }
 
-    fn texels(&self) -> Vec<Texel> {
+    fn texels(&self) -> Vec<BillboardTexel> {
         let shade = self.shade();
-        texels(&self.samples, (self.side, SAMPLES), |sum, count| sum * (shade / count))
+        texels(&self.samples, self.side, SAMPLES, |sum, count| sum * (shade / count))
     }
 
-    /// Its quad; `place`: the upper left corner of its texels and their number along a side, shares of the picture.
-    fn quad(&self, mesh: &mut Mesh, (corner, part): (Vec2, f32)) {
+    /// Appends the quad that shows this view. `corner`, `part`: upper left corner and side of its texels, as shares of the
+    /// texture.
+    fn push_quad(&self, mesh: &mut Mesh, corner: Vec2, part: f32) {
         let [right, up, out] = self.view;
-        let base = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+        let base = first_index(mesh);
         for (x, y) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
             let p = self.low + (self.high - self.low) * Vec2::new(x, y);
             mesh.points.push(right * p.x + up * p.y + out * self.depth);
@@ -133,8 +140,8 @@ impl Tile {
     }
 }
 
-/// Mean place of a mesh along a direction, by area.
-fn mean(mesh: &Mesh, along: Vec3) -> f32 {
+/// Area-weighted mean position of a mesh along a direction, m.
+fn area_mean(mesh: &Mesh, along: Vec3) -> f32 {
     let (mut sum, mut area) = (0.0_f64, 0.0_f64);
     for t in &mesh.triangles {
         let [a, b, c] = t.map(|i| mesh.points[i as usize]);
@@ -144,49 +151,54 @@ fn mean(mesh: &Mesh, along: Vec3) -> f32 {
     if area > 0.0 { narrow(sum / area) } else { 0.0 }
 }
 
-/// Colour of a material by place.
-struct Ink<'a> {
+/// The colour of a material by texture coordinates.
+struct ColorSampler<'a> {
     base: Vec3,
     map: Option<(&'a Image, &'a [u8])>,
-    cutoff: f32,
+    coverage_cutoff: f32,
 }
 
-impl<'a> Ink<'a> {
+impl<'a> ColorSampler<'a> {
     fn new(material: &Material, images: &'a [Image]) -> Self {
         let image = material.maps.color.and_then(|i| images.get(i as usize));
         let map = image.and_then(|i| match &i.pixels {
             Pixels::U8(bytes) if i.channels >= 3 && i.width > 0 && i.height > 0 => Some((i, bytes.as_slice())),
             _ => None,
         });
-        Self { base: Vec3::from_array(material.base_color), map, cutoff: material.alpha_cutoff.unwrap_or(0.0) }
+        Self { base: Vec3::from_array(material.base_color), map, coverage_cutoff: material.alpha_cutoff.unwrap_or(0.0) }
     }
 
-    /// Linear colour; `None` where the picture is cut away.
+    /// Linear colour (nearest texel); `None` where the alpha is below the cutoff.
     fn at(&self, uv: Vec2) -> Option<Vec3> {
         let Some((image, bytes)) = self.map else { return Some(self.base) };
         let channels = usize::from(image.channels);
         let p = bytes.get(pixel_at(uv, [image.width, image.height]) * channels..)?.get(..channels)?;
-        let clear = p.get(3).is_some_and(|a| f32::from(*a) / 255.0 < self.cutoff);
+        let clear = p.get(3).is_some_and(|a| f32::from(*a) / 255.0 < self.coverage_cutoff);
         (!clear).then(|| Vec3::from_array([p[0], p[1], p[2]].map(|v| linear_from_srgb(f32::from(v) / 255.0))))
     }
 }
 
-/// Each mesh as three quads that cross: two through +Y, one across it. All share one picture of `side` pixels, straight in
-/// alpha, and the returned material; subsets are 0.
-/// Own: views along the axes, 4 x 4 samples to a pixel; the cut-off keeps as much as is covered. `name`: of the material.
-pub fn cards(meshes: &[Mesh], worn: Worn<'_>, (name, side): (&str, u32)) -> (Vec<Mesh>, SurfaceMaterial) {
+/// Replaces each mesh by three crossed billboards: two quads through +Y, one across it. All share one texture of `side` pixels,
+/// straight in alpha, and the returned material `name`; subsets are 0.
+/// Own: views along the axes, 4 x 4 samples to a pixel; the alpha cutoff preserves the covered area.
+pub fn crossed_billboards(
+    meshes: &[Mesh],
+    source: SourceMaterials<'_>,
+    name: &str,
+    side: u32,
+) -> (Vec<Mesh>, SurfaceMaterial) {
     let across = (1_usize..).find(|n| n * n >= meshes.len() * VIEWS.len()).unwrap_or(1);
     let n = side as usize;
     let pixels = (n / across).max(4 * MARGIN);
-    let todo: Vec<(&Mesh, View)> = meshes.iter().flat_map(|m| VIEWS.map(|v| (m, v))).collect();
-    let drawn: Vec<(Tile, Vec<Texel>)> = par_map(&todo, |(mesh, view)| {
-        let mut tile = Tile::new(mesh, *view, pixels);
-        tile.draw(mesh, worn);
+    let views: Vec<(&Mesh, BillboardView)> = meshes.iter().flat_map(|m| VIEWS.map(|v| (m, v))).collect();
+    let drawn: Vec<(MeshRaster, Vec<BillboardTexel>)> = par_map(&views, |(mesh, view)| {
+        let mut tile = MeshRaster::new(mesh, *view, pixels);
+        tile.draw(mesh, source);
         let texels = tile.texels();
         tile.samples = Vec::new();
         (tile, texels)
     });
-    let mut all = vec![Texel::default(); n * n];
+    let mut all = vec![BillboardTexel::default(); n * n];
     let mut quads = vec![Mesh::default(); meshes.len()];
     let share = |k: usize| narrow(k as f64 / n as f64);
     for (k, (tile, texels)) in drawn.iter().enumerate() {
@@ -196,29 +208,35 @@ pub fn cards(meshes: &[Mesh], worn: Worn<'_>, (name, side): (&str, u32)) -> (Vec
                 *slot = *t;
             }
         }
-        let place = (Vec2::new(share(corner.0), share(corner.1)), share(pixels));
-        tile.quad(&mut quads[k / VIEWS.len()], place);
+        let corner = Vec2::new(share(corner.0), share(corner.1));
+        tile.push_quad(&mut quads[k / VIEWS.len()], corner, share(pixels));
     }
-    let surface = surface(all, worn, (name, side));
+    let surface = billboard_material(all, source, name, side);
     (quads.into_iter().map(|q| q.with_material(0)).collect(), surface)
 }
 
-fn surface(mut texels: Vec<Texel>, worn: Worn<'_>, (name, side): (&str, u32)) -> SurfaceMaterial {
-    let cut = cutoff(&texels, SAMPLES);
+/// The material of all billboards from their texels.
+fn billboard_material(
+    mut texels: Vec<BillboardTexel>,
+    source: SourceMaterials<'_>,
+    name: &str,
+    side: u32,
+) -> SurfaceMaterial {
+    let cut = coverage_cutoff(&texels, SAMPLES);
     let sum = texels.iter().fold((Vec3::ZERO, 0.0), |s, t| (s.0 + t.color * t.alpha, s.1 + t.alpha));
-    let mean = sum.0 / sum.1.max(1e-6);
-    // Pictures far away are seen as means of many pixels, which black ones would darken.
+    let area_mean = sum.0 / sum.1.max(1e-6);
+    // Mipmaps average many texels: transparent ones take the mean colour, since black ones would darken the edges.
     for t in texels.iter_mut().filter(|t| t.alpha <= 0.0) {
-        (t.color, t.normal) = (mean, Vec3::Z);
+        (t.color, t.normal) = (area_mean, Vec3::Z);
     }
-    let (images, maps) = pictures(&texels, (name, side));
-    let leaf = worn.materials.iter().find(|m| m.class == MaterialClass::Leaf);
+    let (images, maps) = billboard_images(&texels, name, side);
+    let leaf = source.materials.iter().find(|m| m.class == MaterialClass::Leaf);
     let material = Material {
         double_sided: true,
         translucency: leaf.map_or(0.0, |l| l.translucency),
         alpha_cutoff: Some(cut),
         maps,
-        ..Material::plain(name.to_owned(), MaterialClass::Leaf, mean.to_array(), leaf.map_or(0.6, |l| l.roughness))
+        ..Material::plain(name.to_owned(), MaterialClass::Leaf, area_mean.to_array(), leaf.map_or(0.6, |l| l.roughness))
     };
     SurfaceMaterial { material, images }
 }
@@ -248,7 +266,7 @@ mod tests {
     }
 
     fn drawn(mesh: &Mesh, materials: &[Material], images: &[Image]) -> (Vec<Mesh>, SurfaceMaterial) {
-        cards(std::slice::from_ref(mesh), Worn { materials, images }, ("card", 64))
+        crossed_billboards(std::slice::from_ref(mesh), SourceMaterials { materials, images }, "card", 64)
     }
 
     fn bytes(image: &Image) -> &[u8] {
@@ -285,7 +303,7 @@ mod tests {
             linear_from_srgb(f32::from(bytes(&made.images[0])[4 * (16 * 64 + 16) + 1]) / 255.0)
         };
         assert!((green(1) - 0.5).abs() < 0.01);
-        assert!((green(8) - 0.5 * math::pow_f32(8.0, -SHADE)).abs() < 0.01);
+        assert!((green(8) - 0.5 * math::pow_f32(8.0, -SHADE_EXPONENT)).abs() < 0.01);
     }
 
     #[test]

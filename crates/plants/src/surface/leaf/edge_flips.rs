@@ -1,13 +1,13 @@
-//! Fewer slivers: diagonals of a triangulation turned until no turn helps.
+//! Edge flips: improves the worst triangles of a triangulation until no flip helps.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec2;
 
-/// Turns the diagonals of `triangles` (counter-clockwise in the plane) while that raises the smaller of the two
-/// thinnesses beside them; edges in `kept` (smaller index first) stay. At most 12 sweeps.
+/// Flips the diagonals of `triangles` (counter-clockwise in the plane) while that raises the lower quality of the two triangles
+/// beside them; edges in `kept` (smaller index first) stay. At most 12 sweeps.
 /// Source: C. Lawson, "Software for C1 surface interpolation", 1977: swaps for better shape.
-pub(super) fn improve(points: &[Vec2], triangles: &mut [[u32; 3]], kept: &BTreeSet<(u32, u32)>) {
+pub(super) fn flip_edges(points: &[Vec2], triangles: &mut [[u32; 3]], kept: &BTreeSet<(u32, u32)>) {
     for _ in 0..12 {
         let mut beside: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
         for (i, t) in triangles.iter().enumerate() {
@@ -21,8 +21,8 @@ pub(super) fn improve(points: &[Vec2], triangles: &mut [[u32; 3]], kept: &BTreeS
             if kept.contains(key) || touched.contains(&i) || touched.contains(&j) {
                 continue;
             }
-            if let Some(turned) = turn(points, (triangles[i], triangles[j]), *key) {
-                [triangles[i], triangles[j]] = turned;
+            if let Some(replaced) = flipped(points, triangles[i], triangles[j], *key) {
+                [triangles[i], triangles[j]] = replaced;
                 touched.extend([i, j]);
             }
         }
@@ -32,24 +32,26 @@ pub(super) fn improve(points: &[Vec2], triangles: &mut [[u32; 3]], kept: &BTreeS
     }
 }
 
-/// An edge's key.
+/// An edge as a key, smaller index first.
 pub(super) fn edge(a: u32, b: u32) -> (u32, u32) {
     (a.min(b), a.max(b))
 }
 
-fn turn(points: &[Vec2], (s, t): ([u32; 3], [u32; 3]), (a, b): (u32, u32)) -> Option<[[u32; 3]; 2]> {
+/// Triangles `s` and `t` with their shared edge replaced by the other diagonal, if that is better by 1 %.
+fn flipped(points: &[Vec2], s: [u32; 3], t: [u32; 3], shared: (u32, u32)) -> Option<[[u32; 3]; 2]> {
+    let (a, b) = shared;
     let apex = |t: [u32; 3]| t.into_iter().find(|v| *v != a && *v != b);
     let (c, d) = (apex(s)?, apex(t)?);
     // The order of the shared edge in s tells on which side c lies.
     let k = s.iter().position(|v| *v == c)?;
     let (from, to) = (s[(k + 1) % 3], s[(k + 2) % 3]);
     let new = [[c, from, d], [c, d, to]];
-    let worst = |pair: [[u32; 3]; 2]| pair.into_iter().map(|t| shape(points, t)).fold(f32::MAX, f32::min);
+    let worst = |pair: [[u32; 3]; 2]| pair.into_iter().map(|t| triangle_quality(points, t)).fold(f32::MAX, f32::min);
     (worst(new) > worst([s, t]) * 1.01 + 1e-6).then_some(new)
 }
 
-/// Area over the square of the longest side, negative if clockwise.
-fn shape(points: &[Vec2], t: [u32; 3]) -> f32 {
+/// Twice the area over the square of the longest side, negative if clockwise: 0 for slivers, 0.87 at most.
+fn triangle_quality(points: &[Vec2], t: [u32; 3]) -> f32 {
     let [a, b, c] = t.map(|i| points[i as usize]);
     let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
     (b - a).perp_dot(c - a) / longest.max(1e-18)
@@ -64,10 +66,10 @@ mod tests {
         let points = [Vec2::ZERO, Vec2::new(1.0, -0.1), Vec2::new(2.0, 0.0), Vec2::new(1.0, 0.1)];
         let long = [[0, 1, 2], [0, 2, 3]];
         let mut triangles = long;
-        improve(&points, &mut triangles, &BTreeSet::from([(0, 2)]));
+        flip_edges(&points, &mut triangles, &BTreeSet::from([(0, 2)]));
         assert_eq!(triangles, long);
-        improve(&points, &mut triangles, &BTreeSet::new());
+        flip_edges(&points, &mut triangles, &BTreeSet::new());
         assert!(triangles.iter().all(|t| t.contains(&1) && t.contains(&3)), "{triangles:?}");
-        assert!(triangles.iter().all(|t| shape(&points, *t) > 0.0));
+        assert!(triangles.iter().all(|t| triangle_quality(&points, *t) > 0.0));
     }
 }

@@ -1,13 +1,13 @@
 //! Heights by the diamond-square scheme.
 
-use super::{Land, Relief};
+use super::{Land, TerrainParams};
 use osier_base::Result;
 use osier_base::math::{narrow, pow};
 use osier_base::par::par_map;
 use osier_base::rng::{Key, Rng, child};
 
 impl Land {
-    /// Raises land.
+    /// Generates a heightfield.
     /// Corners are A u. Level l = 0, 1 .. n - 1 has squares of 2^(n - l) cells and displaces by a_l u, a_l = A 2^(-H l):
     /// first each square's middle, from the mean of its corners (diamond), then each edge's middle, from the mean of
     /// the four heights half a square away (square), by a_l 2^(-H / 2) u. u is uniform in [-1, 1] and drawn at the
@@ -18,47 +18,47 @@ impl Land {
     /// Source: [zhao-zhang] 4.
     /// Differs: the paper displaces by "similar" amounts in both half steps; that is `paper`. At an open border the
     /// mean is of three heights, at a tileable one of four, wrapped.
-    pub fn raise(relief: &Relief) -> Result<Self> {
-        relief.check()?;
-        let side = (1_usize << relief.n) + 1;
+    pub fn generate(params: &TerrainParams) -> Result<Self> {
+        params.check()?;
+        let side = (1_usize << params.n) + 1;
         let mut land = Self {
             side,
-            size: narrow(relief.size),
-            stride: relief.stride as usize,
-            tileable: relief.tileable,
+            size: narrow(params.size),
+            stride: params.stride as usize,
+            tileable: params.tileable,
             heights: vec![0.0; side * side],
         };
-        let key = Rng::key(relief.seed, &["terrain".into()]);
-        land.set_corners(relief, key);
-        for level in 0..relief.n {
-            let by = relief.amplitude * pow(2.0, -relief.exponent * f64::from(level));
-            let half = if relief.paper { 1.0 } else { pow(2.0, -relief.exponent * 0.5) };
+        let key = Rng::key(params.seed, &["terrain".into()]);
+        land.set_corners(params, key);
+        for level in 0..params.n {
+            let by = params.amplitude * pow(2.0, -params.exponent * f64::from(level));
+            let half = if params.paper { 1.0 } else { pow(2.0, -params.exponent * 0.5) };
             let key = child(key, u64::from(level));
             land.diamond(level, by, child(key, Key::from("diamond").0));
             land.square(level, by * half, child(key, Key::from("square").0));
         }
-        for _ in 0..relief.smooth {
+        for _ in 0..params.smooth {
             land.soften();
         }
-        if let Some(floor) = relief.floor.map(narrow) {
+        if let Some(floor) = params.floor.map(narrow) {
             land.heights.iter_mut().for_each(|h| *h = h.max(floor));
         }
         Ok(land)
     }
 
-    fn set_corners(&mut self, relief: &Relief, key: u64) {
+    fn set_corners(&mut self, params: &TerrainParams, key: u64) {
         let last = self.side - 1;
         let key = child(key, Key::from("corner").0);
         for (c, (i, j)) in [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().enumerate() {
             let drawn = if self.tileable { (0, 0) } else { (j, i) };
-            let given = relief.corners.and_then(|g| g.get(if self.tileable { 0 } else { c }).copied());
-            let h = given.unwrap_or_else(|| relief.amplitude * uniform(child(child(key, drawn.0), drawn.1)));
+            let given = params.corners.and_then(|g| g.get(if self.tileable { 0 } else { c }).copied());
+            let h = given.unwrap_or_else(|| params.amplitude * uniform(child(child(key, drawn.0), drawn.1)));
             let at = usize::from(j == 1) * last * self.side + usize::from(i == 1) * last;
             self.heights[at] = narrow(h);
         }
     }
 
-    /// Middles of squares.
+    /// The diamond step: sets the middles of squares.
     fn diamond(&mut self, level: u32, by: f64, key: u64) {
         let squares = 1_usize << level;
         let step = (self.side - 1) >> level;
@@ -79,7 +79,7 @@ impl Land {
         }
     }
 
-    /// Middles of edges.
+    /// The square step: sets the middles of edges.
     fn square(&mut self, level: u32, by: f64, key: u64) {
         let m = 2_usize << level;
         let k = (self.side - 1) / m;

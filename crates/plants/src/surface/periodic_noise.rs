@@ -4,12 +4,12 @@ use osier_base::math;
 use osier_base::rng::mix64;
 
 /// Gradient noise on a periodic lattice; values of [`osier_base::noise::gradient2`].
-struct Gradients {
+struct GradientNoise {
     table: Vec<[f32; 2]>,
     period: [usize; 2],
 }
 
-impl Gradients {
+impl GradientNoise {
     fn new(seed: u64, period: [u32; 2]) -> Self {
         let [nx, ny] = period.map(|p| p.max(1));
         let corner = |i: u32| {
@@ -20,7 +20,7 @@ impl Gradients {
         Self { table: (0..nx * ny).map(corner).collect(), period: [nx as usize, ny as usize] }
     }
 
-    /// `p` in cells.
+    /// Value at `p`, in cells of the lattice.
     fn at(&self, p: [f32; 2]) -> f32 {
         let ([x0, x1], fx) = cell(p[0], self.period[0]);
         let ([y0, y1], fy) = cell(p[1], self.period[1]);
@@ -105,14 +105,14 @@ fn fade(t: f32) -> f32 {
 }
 
 /// Octaves of gradient noise on the unit square, each of doubled frequency and half the weight; about [-1, 1].
-pub(super) struct Fractal {
-    octaves: Vec<Gradients>,
+pub(super) struct FractalNoise {
+    octaves: Vec<GradientNoise>,
 }
 
-impl Fractal {
+impl FractalNoise {
     /// `cells`: lattice cells across and up of the first octave.
     pub fn new(seed: u64, cells: [u32; 2], octaves: u32) -> Self {
-        let octave = |o: u32| Gradients::new(seed.wrapping_add(u64::from(o)), cells.map(|c| c << o));
+        let octave = |o: u32| GradientNoise::new(seed.wrapping_add(u64::from(o)), cells.map(|c| c << o));
         Self { octaves: (0..octaves).map(octave).collect() }
     }
 
@@ -127,7 +127,7 @@ impl Fractal {
         sum / total
     }
 
-    /// Values at (x, y) for all x of `xs`, which ascend: [`Fractal::at`] but for rounding, several times faster.
+    /// Values at (x, y) for all x of `xs`, which ascend: [`FractalNoise::at`] but for rounding, several times faster.
     pub fn row(&self, xs: &[f32], y: f32) -> Vec<f32> {
         let mut out = vec![0.0; xs.len()];
         let octaves = || self.octaves.iter().zip(std::iter::successors(Some(1.0_f32), |w| Some(w * 0.5)));
@@ -144,9 +144,9 @@ pub(super) fn middles(side: u32) -> Vec<f32> {
     (0..side).map(|x| (x as f32 + 0.5) / side as f32).collect()
 }
 
-/// What [`Cells`] find: distances in cells to the two nearest feature points, the way to the nearest, its hash.
+/// What [`CellularNoise`] find: distances in cells to the two nearest feature points, the way to the nearest, its hash.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Near {
+pub(super) struct NearestFeature {
     pub f1: f32,
     pub f2: f32,
     /// From the feature point, cells.
@@ -155,12 +155,12 @@ pub(super) struct Near {
 }
 
 /// Cellular noise on the unit square; values of [`osier_base::noise::cellular2`].
-pub(super) struct Cells {
+pub(super) struct CellularNoise {
     table: Vec<([f32; 2], u64)>,
     period: [usize; 2],
 }
 
-impl Cells {
+impl CellularNoise {
     pub fn new(seed: u64, cells: [u32; 2], jitter: f32) -> Self {
         let [nx, ny] = cells.map(|p| p.max(1));
         let feature = |i: u32| {
@@ -172,7 +172,7 @@ impl Cells {
     }
 
     /// The nearest feature points to (x, y); one period is the unit square.
-    pub fn at(&self, x: f32, y: f32) -> Near {
+    pub fn at(&self, x: f32, y: f32) -> NearestFeature {
         let ([x0, x1], fx) = cell(x * self.period[0] as f32, self.period[0]);
         let ([y0, y1], fy) = cell(y * self.period[1] as f32, self.period[1]);
         let before = |i: usize, n: usize| if i == 0 { n - 1 } else { i - 1 };
@@ -192,7 +192,7 @@ impl Cells {
                 nearest = if closer { ([-ox, -oy], id) } else { nearest };
             }
         }
-        Near { f1: first.sqrt(), f2: second.sqrt(), from: nearest.0, id: nearest.1 }
+        NearestFeature { f1: first.sqrt(), f2: second.sqrt(), from: nearest.0, id: nearest.1 }
     }
 }
 
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn tables_give_the_values_of_the_reference() {
-        let (fractal, cells) = (Fractal::new(7, [6, 3], 3), Cells::new(9, [5, 4], 0.9));
+        let (fractal, cells) = (FractalNoise::new(7, [6, 3], 3), CellularNoise::new(9, [5, 4], 0.9));
         for i in 0..200 {
             let (x, y) = (i as f32 * 0.0137 - 0.4, i as f32 * 0.0071 - 0.2);
             let want = noise::fractal2(7, [x * 6.0, y * 3.0], [6, 3], 3);
@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn rows_give_the_values_of_their_points() {
         for (cells, octaves) in [([6, 3], 5), ([1, 1], 1), ([150, 7], 2)] {
-            let fractal = Fractal::new(3, cells, octaves);
+            let fractal = FractalNoise::new(3, cells, octaves);
             // Beyond the unit line too, densely, sparsely and with gaps.
             for step in [0.0004_f32, 0.013, 0.31] {
                 let xs: Vec<f32> = (0..400_u16).map(|i| f32::from(i) * step - 1.3).collect();
@@ -228,6 +228,6 @@ mod tests {
                 }
             }
         }
-        assert!(Fractal::new(3, [4, 4], 2).row(&[f32::NAN, f32::INFINITY], 0.5).len() == 2);
+        assert!(FractalNoise::new(3, [4, 4], 2).row(&[f32::NAN, f32::INFINITY], 0.5).len() == 2);
     }
 }

@@ -1,16 +1,19 @@
-//! Tufts far away: pictures on one quad, or on three that cross.
+//! Billboards of tufts: one quad, or three crossed ones.
 
 use glam::{Vec2, Vec3};
 
 use super::{Tuft, hair_material, tuning};
 use crate::surface::SurfaceMaterial;
-use crate::surface::pictured::{self, Sample, Texel, VIEWS, View, cutoff, pictures};
+use crate::surface::billboard::{
+    self, BillboardSample, BillboardTexel, BillboardView, VIEWS, billboard_images, coverage_cutoff,
+};
+use crate::surface::pixels::first_index;
 use osier_base::math::{self, narrow};
 use osier_scene::{Material, Mesh};
 
 /// Pixels along a side of the picture.
 const SIDE: usize = SIDE_U32 as usize;
-/// The same in a picture's own words.
+/// [`SIDE`] as images count.
 const SIDE_U32: u32 = 256;
 /// Samples along a side of a pixel.
 const SAMPLES: usize = 8;
@@ -18,28 +21,28 @@ const SAMPLES: usize = 8;
 const SPREAD: usize = 4;
 
 /// A square picture of one view, rows from the top.
-struct Tile {
-    view: View,
+struct TuftRaster {
+    view: BillboardView,
     /// Half of what a side shows, m.
     reach: f32,
     /// Samples along a side.
     side: usize,
-    samples: Vec<Option<Sample>>,
+    samples: Vec<Option<BillboardSample>>,
 }
 
-impl Tile {
-    fn new(view: View, reach: f32, pixels: usize) -> Self {
+impl TuftRaster {
+    fn new(view: BillboardView, reach: f32, pixels: usize) -> Self {
         let side = pixels * SAMPLES;
         Self { view, reach, side, samples: vec![None; side * side] }
     }
 
-    /// Samples per metre.
+    /// Scale, samples per metre.
     fn scale(&self) -> f32 {
         self.side as f32 * 0.5 / self.reach
     }
 
-    /// Place of a point in samples, and how near it is.
-    fn place(&self, p: Vec3) -> (Vec2, f32) {
+    /// Position of a point in samples, and its depth towards the viewer, m.
+    fn project(&self, p: Vec3) -> (Vec2, f32) {
         let [right, up, out] = self.view;
         let half = self.side as f32 * 0.5;
         (Vec2::new(half + p.dot(right) * self.scale(), half - p.dot(up) * self.scale()), p.dot(out))
@@ -47,7 +50,7 @@ impl Tile {
 
     /// Draws the samples of a box for which `f` has something to show.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
-    fn draw(&mut self, [low, high]: [Vec2; 2], f: impl Fn(Vec2) -> Option<Sample>) {
+    fn draw(&mut self, [low, high]: [Vec2; 2], f: impl Fn(Vec2) -> Option<BillboardSample>) {
         let clamp = |v: f32| v.clamp(0.0, self.side as f32) as usize;
         let (x, y) = (clamp(low.x.floor())..clamp(high.x.ceil()), clamp(low.y.floor())..clamp(high.y.ceil()));
         for row in y {
@@ -61,9 +64,9 @@ impl Tile {
         }
     }
 
-    /// A stretch of a hair, round.
-    fn hair(&mut self, ends: [Vec3; 2], widths: [f32; 2]) {
-        let [(a, near), (b, far)] = ends.map(|p| self.place(p));
+    /// Draws a segment of a hair as a round cone. `widths`: diameters at its ends, m.
+    fn draw_hair(&mut self, ends: [Vec3; 2], widths: [f32; 2]) {
+        let [(a, near), (b, far)] = ends.map(|p| self.project(p));
         let (along, half) = (b - a, widths.map(|w| w * 0.5 * self.scale()));
         let length2 = along.length_squared().max(1e-12);
         let reach = Vec2::splat(half[0].max(half[1]));
@@ -73,16 +76,16 @@ impl Tile {
             let out = 1.0 - off.length_squared();
             let normal = Vec3::new(off.x, -off.y, math::sqrt_f32(out.max(0.0)));
             let depth = math::lerp(near, far, t);
-            (out >= 0.0).then_some(Sample { depth, color: Vec3::from_array(tuning::HAIR), normal })
+            (out >= 0.0).then_some(BillboardSample { depth, color: Vec3::from_array(tuning::HAIR), normal })
         });
     }
 
-    /// The stalk of small semi-axis `r`.
-    fn stalk(&mut self, r: f32) {
+    /// Draws the ellipsoid of the stalk; `r`: its small semi-axis, m.
+    fn draw_stalk(&mut self, r: f32) {
         let shape = Vec3::new(r, 2.0 * r, r);
         let middle = Vec3::NEG_Y * (2.0 * r);
         let [right, up, out] = self.view;
-        let (at, _) = self.place(middle);
+        let (at, _) = self.project(middle);
         let reach = Vec2::new(shape.dot(right.abs()), shape.dot(up.abs()));
         let depth = shape.dot(out.abs());
         let scale = self.scale();
@@ -92,13 +95,14 @@ impl Tile {
             let z = math::sqrt_f32(z2.max(0.0));
             let normal = math::normalize_or(Vec3::new(off.x / reach.x, -off.y / reach.y, z / depth), Vec3::Z);
             let depth = middle.dot(out) + z * depth;
-            (z2 >= 0.0).then_some(Sample { depth, color: Vec3::from_array(tuning::STALK), normal })
+            (z2 >= 0.0).then_some(BillboardSample { depth, color: Vec3::from_array(tuning::STALK), normal })
         });
     }
 }
 
-/// Gives what is empty the mean colour and normal of its neighbours, ring after ring, and the colour of hair beyond.
-fn spread(texels: &mut [Texel], side: usize) {
+/// Dilates colours and normals into empty texels, ring after ring, and fills the rest with the colour of hair, so that
+/// filtering does not mix in black.
+fn dilate(texels: &mut [BillboardTexel], side: usize) {
     let mut known: Vec<bool> = texels.iter().map(|t| t.alpha > 0.0).collect();
     for _ in 0..SPREAD {
         let before = (texels.to_vec(), known.clone());
@@ -118,66 +122,63 @@ fn spread(texels: &mut [Texel], side: usize) {
             }
         }
     }
-    // From far away pictures are seen as means of many pixels, which black ones would darken.
     for (t, _) in texels.iter_mut().zip(&known).filter(|(_, known)| !**known) {
         (t.color, t.normal) = (Vec3::from_array(tuning::HAIR), Vec3::Z);
     }
 }
 
 impl Tuft {
-    /// The tuft as pictures on quads through its middle: `crossed`: three, each with a quarter of the picture, else one that
+    /// The tuft as billboards through its middle. `crossed`: three quads, each with a quarter of the texture, else one that
     /// faces +Z with all of it. The mesh has one material, the returned one, whose pictures are straight in alpha.
-    /// Own: hairs are drawn round and whole, 8 x 8 samples to a pixel; the cut-off keeps as much as is covered.
-    pub fn cards(&self, name: &str, crossed: bool) -> (Mesh, SurfaceMaterial) {
+    /// Own: hairs are drawn round and whole, 8 x 8 samples to a pixel; the alpha cutoff preserves the covered area.
+    pub fn billboards(&self, name: &str, crossed: bool) -> (Mesh, SurfaceMaterial) {
         let (views, pixels) = if crossed { (&VIEWS[..], SIDE / 2) } else { (&VIEWS[..1], SIDE) };
-        let mut texels = vec![Texel::default(); SIDE * SIDE];
+        let mut texels = vec![BillboardTexel::default(); SIDE * SIDE];
         let mut mesh = Mesh::default();
         let height =
             self.hairs.points.iter().fold(0.0, |s, p| s + f64::from(p.y)) / self.hairs.points.len().max(1) as f64;
         for (k, view) in views.iter().enumerate() {
             let corner = (k % 2 * pixels, k / 2 * pixels);
-            let tile = self.tile(*view, pixels);
-            let seen = pictured::texels(&tile.samples, (tile.side, SAMPLES), |sum, count| sum / count);
+            let raster = self.rasterize(*view, pixels);
+            let seen = billboard::texels(&raster.samples, raster.side, SAMPLES, |sum, count| sum / count);
             for (i, t) in seen.into_iter().enumerate() {
                 texels[(corner.1 + i / pixels) * SIDE + corner.0 + i % pixels] = t;
             }
             // What lies flat is seen from above, at the height of most of the hair.
             let middle = if view[2] == Vec3::Y { Vec3::Y * narrow(height) } else { Vec3::ZERO };
-            quad(&mut mesh, *view, (middle, self.radius), (corner, pixels));
+            push_quad(&mut mesh, *view, middle, self.radius, corner, pixels);
         }
-        let cut = cutoff(&texels, SAMPLES);
-        spread(&mut texels, SIDE);
-        let (images, maps) = pictures(&texels, (name, SIDE_U32));
+        let cut = coverage_cutoff(&texels, SAMPLES);
+        dilate(&mut texels, SIDE);
+        let (images, maps) = billboard_images(&texels, name, SIDE_U32);
         let material = Material { maps, alpha_cutoff: Some(cut), ..hair_material(name) };
         (mesh.with_material(0), SurfaceMaterial { material, images })
     }
 
-    fn tile(&self, view: View, pixels: usize) -> Tile {
-        let mut tile = Tile::new(view, self.radius.max(1e-6), pixels);
+    /// Rasterizes the tuft in one view.
+    fn rasterize(&self, view: BillboardView, pixels: usize) -> TuftRaster {
+        let mut raster = TuftRaster::new(view, self.radius.max(1e-6), pixels);
         let mut first = 0;
         for count in &self.hairs.counts {
             let end = first + *count as usize;
             for k in first + 1..end {
                 let (p, w) = (&self.hairs.points, &self.hairs.widths);
-                tile.hair([p[k - 1], p[k]], [w[k - 1], w[k]]);
+                raster.draw_hair([p[k - 1], p[k]], [w[k - 1], w[k]]);
             }
             first = end;
         }
         if self.spec.stalk > 0.0 {
-            tile.stalk(narrow(self.spec.stalk));
+            raster.draw_stalk(narrow(self.spec.stalk));
         }
-        tile
+        raster
     }
 }
 
-/// A quad that shows the tile of `pixels` whose upper left corner is `corner`.
-fn quad(
-    mesh: &mut Mesh,
-    [right, up, out]: View,
-    (middle, reach): (Vec3, f32),
-    (corner, pixels): ((usize, usize), usize),
-) {
-    let base = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+/// Appends a quad of half side `reach` (m) around `middle` that shows the texels of the square of `pixels` whose upper left
+/// corner is `corner`.
+fn push_quad(mesh: &mut Mesh, view: BillboardView, middle: Vec3, reach: f32, corner: (usize, usize), pixels: usize) {
+    let [right, up, out] = view;
+    let base = first_index(mesh);
     let part = |n: usize| n as f32 / SIDE as f32;
     for (x, y) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
         let (u, v) = (2.0 * x as f32 - 1.0, 2.0 * y as f32 - 1.0);

@@ -1,4 +1,4 @@
-//! Pictures of things that are seen along an axis, for the quads that stand for them far away.
+//! Images of objects seen along an axis, for the textured quads (billboards) that replace them at a distance.
 
 use glam::Vec3;
 
@@ -7,39 +7,43 @@ use osier_base::units::{byte, srgb_byte};
 use osier_scene::{Image, ImageKind, Maps, Pixels};
 
 /// A view along the normal of a quad: right, up, towards the viewer.
-pub(super) type View = [Vec3; 3];
+pub(super) type BillboardView = [Vec3; 3];
 
 /// From the front, from the side, from above.
-pub(super) const VIEWS: [View; 3] =
+pub(super) const VIEWS: [BillboardView; 3] =
     [[Vec3::X, Vec3::Y, Vec3::Z], [Vec3::NEG_Z, Vec3::Y, Vec3::X], [Vec3::X, Vec3::NEG_Z, Vec3::Y]];
 
-/// What a sample shows: how near to the viewer, m; colour; which way it faces in the view.
+/// The surface that a sample of a view hits.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sample {
+pub(super) struct BillboardSample {
+    /// Position along the direction to the viewer, m; larger is nearer.
     pub(super) depth: f32,
+    /// Linear colour.
     pub(super) color: Vec3,
+    /// Unit normal in the view: right, up, towards the viewer.
     pub(super) normal: Vec3,
 }
 
-/// What a pixel shows: the share that is covered, colour and normal of that.
+/// A pixel: the share of its samples that are covered, and their mean colour and normal.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Texel {
+pub(super) struct BillboardTexel {
     pub(super) alpha: f32,
     pub(super) color: Vec3,
     pub(super) normal: Vec3,
 }
 
 /// Pixels of a square of samples, rows from the top. `side`: samples along a side, `part` of them to a pixel; `color`: of a
-/// pixel, from the sum of its samples' and their number.
+/// pixel, from the sum of its samples' colours and their number.
 pub(super) fn texels(
-    samples: &[Option<Sample>],
-    (side, part): (usize, usize),
+    samples: &[Option<BillboardSample>],
+    side: usize,
+    part: usize,
     color: impl Fn(Vec3, f32) -> Vec3,
-) -> Vec<Texel> {
+) -> Vec<BillboardTexel> {
     let pixels = side / part;
     let one = |i: usize| {
         let (x, y) = (i % pixels * part, i / pixels * part);
-        let (mut t, mut count) = (Texel::default(), 0.0_f32);
+        let (mut t, mut count) = (BillboardTexel::default(), 0.0_f32);
         for s in (y..y + part).flat_map(|row| &samples[row * side + x..][..part]).flatten() {
             (t.color, t.normal, count) = (t.color + s.color, t.normal + s.normal, count + 1.0);
         }
@@ -53,8 +57,9 @@ pub(super) fn texels(
     (0..pixels * pixels).map(one).collect()
 }
 
-/// The alpha above which as many pixels are kept as all of them cover. `part`: samples along a side of a pixel.
-pub(super) fn cutoff(texels: &[Texel], part: usize) -> f32 {
+/// The alpha cutoff that keeps as many pixels as all of them cover together, so that the silhouette keeps its area. `part`: samples along a side of a pixel.
+pub(super) fn coverage_cutoff(texels: &[BillboardTexel], part: usize) -> f32 {
+    // The k-th largest alpha, where k is the sum of all alphas, less half a sample.
     let mut alphas: Vec<f32> = texels.iter().map(|t| t.alpha).filter(|a| *a > 0.0).collect();
     alphas.sort_unstable_by(|a, b| b.total_cmp(a));
     let covered: f64 = alphas.iter().fold(0.0, |s, a| s + f64::from(*a));
@@ -63,8 +68,9 @@ pub(super) fn cutoff(texels: &[Texel], part: usize) -> f32 {
     alphas.get(kept.saturating_sub(1)).map_or(0.5, |a| a - 0.5 / narrow((part * part) as f64))
 }
 
-/// Pixels as pictures of colour, straight in alpha, and of normals, and where a material finds them.
-pub(super) fn pictures(texels: &[Texel], (name, side): (&str, u32)) -> (Vec<Image>, Maps) {
+/// The colour image (straight alpha) and the normal image of a square of pixels, with the maps of a material that has these
+/// two images.
+pub(super) fn billboard_images(texels: &[BillboardTexel], name: &str, side: u32) -> (Vec<Image>, Maps) {
     let color = texels.iter().flat_map(|t| {
         let [r, g, b] = t.color.to_array().map(srgb_byte);
         [r, g, b, byte(t.alpha)]

@@ -1,25 +1,24 @@
-//! What land looks like from afar: grass where it is gentle, earth where it is worn, rock where it is steep.
+//! The material of a terrain: grass on gentle slopes, earth where it is worn, rock where it is steep.
 
 use glam::Vec3;
 
-use super::super::lattice::{Fractal, middles};
-use super::super::material::map;
+use super::super::periodic_noise::{FractalNoise, middles};
+use super::super::pixels::SurfaceTexel;
 use super::super::{SurfaceMaterial, pixels};
 use super::Land;
 use osier_base::math::smoothstep;
 use osier_base::par::par_map;
-use osier_base::units::byte;
 use osier_base::{Error, Result};
-use osier_scene::{ImageKind, Maps, Material, MaterialClass, Pixels};
+use osier_scene::{Maps, Material, MaterialClass};
 
 /// Linear colours of land.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LandColors {
-    /// Bare earth.
+    /// Colour of bare earth.
     pub earth: [f32; 3],
-    /// Grass.
+    /// Colour of grass between its dry and lush parts.
     pub grass: [f32; 3],
-    /// Rock.
+    /// Colour of rock.
     pub rock: [f32; 3],
     /// Share of grass on gentle land, 0..1.
     pub cover: f32,
@@ -46,20 +45,15 @@ const TUFTS: (f32, u32) = (2.2, 4);
 const STRATA: (f32, u32) = (6.0, 5);
 /// Height of the painted relief, m.
 const RELIEF: f32 = 0.35;
-/// Softenings between the land and what its hollows and crests are measured from.
-const BROAD: u32 = 24;
+/// Binomial passes that give the smoothed land, from which crests and hollows are measured; more passes find broader ones.
+const SMOOTHING_PASSES: u32 = 24;
 
-struct Sample {
-    color: Vec3,
-    height: f32,
-    rough: f32,
-}
-
-struct Patterns {
-    meadow: Fractal,
-    worn: Fractal,
-    tufts: Fractal,
-    strata: Fractal,
+/// The noises of the land's pattern.
+struct LandNoise {
+    meadow: FractalNoise,
+    worn: FractalNoise,
+    tufts: FractalNoise,
+    strata: FractalNoise,
 }
 
 /// The land's material with `<name>_color`, `_normal` and `_rough`: one map over all of it, `side` pixels
@@ -73,25 +67,19 @@ pub fn land_material(land: &Land, colors: &LandColors, name: &str, side: u32, se
         let name = "terrain: side of the map".to_owned();
         return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
     }
-    let patterns = Patterns::new(land.size, side, seed);
-    let ground = Ground::new(land);
+    let patterns = LandNoise::new(land.size, side, seed);
+    let ground = LandShape::new(land);
     let (xs, n) = (middles(side), side as f32);
     let rows: Vec<u32> = (0..side).collect();
-    let samples = pixels::joined(par_map(&rows, |&y| {
+    let texels = pixels::joined(par_map(&rows, |&y| {
         let down = (y as f32 + 0.5) / n;
         let all = [&patterns.meadow, &patterns.worn, &patterns.tufts, &patterns.strata];
         let [meadow, worn, tufts, strata] = all.map(|p| p.row(&xs, down));
         let one = |i: usize| sample(colors, ground.at(xs[i], down), [meadow[i], worn[i], tufts[i], strata[i]]);
         (0..xs.len()).map(one).collect()
     }));
-    let heights: Vec<f32> = samples.iter().map(|s| s.height).collect();
     let step = RELIEF / (land.size / n);
-    let image = |kind, what, pixels| map(name, what, kind, side, pixels);
-    let images = vec![
-        image(ImageKind::Color, "color", Pixels::U8(pixels::colors(samples.iter().map(|s| s.color)))),
-        image(ImageKind::Data, "normal", Pixels::U8(pixels::normals8(&heights, side as usize, [step, step]))),
-        image(ImageKind::Data, "rough", Pixels::U8(samples.iter().map(|s| byte(s.rough)).collect())),
-    ];
+    let images = pixels::surface_images(name, side, &texels, [step, step], false);
     let material = Material {
         name: name.to_owned(),
         class: MaterialClass::Ground,
@@ -109,14 +97,14 @@ pub fn land_material(land: &Land, colors: &LandColors, name: &str, side: u32, se
     Ok(SurfaceMaterial { material, images })
 }
 
-impl Patterns {
+impl LandNoise {
     /// Lengths are in metres whatever the land's size; what is finer than two pixels is drawn as coarse as the map shows.
     fn new(size: f32, side: u32, seed: u64) -> Self {
         let most = (side / 2).max(1);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the side of a map")]
         let fractal = |k: u64, (length, octaves): (f32, u32)| {
             let cells = (size / length).round().clamp(1.0, most as f32) as u32;
-            Fractal::new(
+            FractalNoise::new(
                 seed.wrapping_mul(64).wrapping_add(k << 3),
                 [cells; 2],
                 octaves.min((most / cells).ilog2() + 1),
@@ -131,17 +119,17 @@ impl Patterns {
     }
 }
 
-/// Slope and bulge of the land, looked up between its heights.
-struct Ground {
+/// Slope and relative height of the land, bilinear between its heights.
+struct LandShape {
     side: usize,
-    /// Slope, rad, and height over the broad land, m.
+    /// Slope, rad, and height above the smoothed land, m, at each height.
     cells: Vec<[f32; 2]>,
 }
 
-impl Ground {
+impl LandShape {
     fn new(land: &Land) -> Self {
         let mut broad = land.clone();
-        (0..BROAD).for_each(|_| broad.soften());
+        (0..SMOOTHING_PASSES).for_each(|_| broad.soften());
         let rows: Vec<usize> = (0..land.side).collect();
         let row = |&j: &usize| {
             let one = |i: usize| {
@@ -172,9 +160,11 @@ impl Ground {
     }
 }
 
-fn sample(colors: &LandColors, [slope, bulge]: [f32; 2], [meadow, worn, tufts, strata]: [f32; 4]) -> Sample {
+/// Colour, height and roughness of a texel. `shape`: slope (rad) and relative height (m); `noise`: values of [`LandNoise`].
+fn sample(colors: &LandColors, shape: [f32; 2], noise: [f32; 4]) -> SurfaceTexel {
+    let ([slope, bulge], [meadow, worn, tufts, strata]) = (shape, noise);
     let [earth, grass, rock] = [colors.earth, colors.grass, colors.rock].map(Vec3::from_array);
-    // Crests are dry, hollows hold water.
+    // Colours of the three layers. Crests are dry, hollows hold water: grass is straw-coloured on crests, lush in hollows.
     let dry = (0.5 + 0.9 * meadow + 0.35 * bulge).clamp(0.0, 1.0);
     let lush = grass * Vec3::new(0.62, 0.80, 0.70);
     let straw = Vec3::new(grass.y * 1.55, grass.y * 1.32, grass.z * 1.9);
@@ -183,10 +173,11 @@ fn sample(colors: &LandColors, [slope, bulge]: [f32; 2], [meadow, worn, tufts, s
     let bare = earth * (1.0 + 0.5 * tufts + 0.25 * strata);
     let stone = rock * (0.9 + 0.55 * strata + 0.25 * tufts);
 
+    // Soil shows where the grass is worn (in patches, on crests, on steeper ground), rock from the steep slope on.
     let worn_away = worn + 0.30 * tufts + 0.12 * bulge.clamp(-2.0, 2.0) + 1.2 * (slope - 0.6 * colors.steep).max(0.0);
     let soil = smoothstep(-0.12, 0.16, worn_away - (colors.cover - 0.5) * 1.1);
     let crag = smoothstep(-0.09, 0.09, slope - colors.steep + 0.16 * strata + 0.08 * worn);
     let color = green.lerp(bare, soil).lerp(stone.max(Vec3::splat(0.01)), crag);
     let height = 0.45 + (0.30 * tufts) * (1.0 - 0.5 * soil) + 0.28 * crag * strata - 0.1 * soil;
-    Sample { color: color.max(Vec3::splat(0.004)), height: height.clamp(0.0, 1.0), rough: 0.96 - 0.12 * crag }
+    SurfaceTexel { color: color.max(Vec3::splat(0.004)), height: height.clamp(0.0, 1.0), rough: 0.96 - 0.12 * crag }
 }
