@@ -79,10 +79,7 @@ impl CatkinModel {
             3 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Thinned)),
             _ => {
                 let before = (0..).zip(levels.pictured()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
-                Prototype::new(
-                    &self.name,
-                    self.cards(lod).0.with_material(FLAT + before * self.count + self.index),
-                )
+                Prototype::new(&self.name, self.cards(lod).0.with_material(FLAT + before * self.count + self.index))
             }
         };
         proto.mesh.subsets.iter_mut().for_each(|s| s.material += first);
