@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use osier::bake::Work;
-use osier::bake::catkin::{Levels, catkin_models};
+use osier::bake::BakeContext;
+use osier::bake::assets::catkin::{CatkinLods, catkin_models};
 use osier::diagnostic::Sources;
 use osier::grammar::{DeriveOptions, Grammar, Source, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
@@ -58,12 +58,12 @@ fn drawing(c: &mut Criterion) {
 /// Five tufts of hair from text to curves: at most 5 ms (table 4 of [catkin]: 15 s).
 fn catkins(c: &mut Criterion) {
     let (limits, cancel) = (Limits::default(), Cancel::default());
-    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent, shelf: None };
+    let work = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
     let keys = CatkinKeys::defaults();
     c.bench_function("catkins/five", |b| {
         b.iter(|| {
             let models = catkin_models(&keys, 1, &work).expect("grows");
-            models.iter().map(|m| m.prototype(&Levels::of(&keys), 0)).collect::<Vec<_>>()
+            models.iter().map(|m| m.prototype(&CatkinLods::of(&keys), 0)).collect::<Vec<_>>()
         });
     });
 }

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::Vec3;
-use osier::bake::Work;
-use osier::bake::catkin::{CatkinModel, catkin_models};
+use osier::bake::BakeContext;
+use osier::bake::assets::catkin::{CatkinModel, catkin_models};
 use osier::limits::Limits;
 use osier::motion::flight::{Edge, Flights, Kind, Options, Sky, sky};
 use osier::par::par_each;
@@ -123,7 +123,7 @@ fn many(models: &[CatkinModel]) {
 
 fn main() {
     let (limits, cancel) = (Limits::default(), Cancel::default());
-    let work = Work { limits: &limits, cancel: &cancel, progress: &Silent, shelf: None };
+    let work = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
     let mut models = Vec::new();
     let keys = CatkinKeys::defaults();
     let made = ms(|| models = catkin_models(&keys, 1, &work).expect("models"));

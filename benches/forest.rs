@@ -7,8 +7,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use osier::bake::stage::{Parts, build};
-use osier::bake::{Work, exporters, write};
+use osier::bake::BakeContext;
+use osier::bake::output::{exporters, frame_loop};
+use osier::bake::scene::{SceneParts, assemble_scene};
 use osier::export::textures::Textures;
 use osier::fence::Folder;
 use osier::limits::Limits;
@@ -32,14 +33,14 @@ fn forest(count: u32, individuals: u32) -> (f64, u64) {
     let start = Instant::now();
     let request = Request { name: "forest".into(), text: text.into(), set: set.into(), ..Request::default() };
     let recipe = resolve(&request).expect("scene").0;
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
-    let built = build(&recipe, Parts::default(), &work).expect("stage");
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    let built = assemble_scene(&recipe, SceneParts::default(), &work).expect("stage");
     let dir = tempfile::tempdir().expect("dir");
     let folder = Folder::open(dir.path()).expect("folder");
-    let textures = Arc::new(Textures::encode(&built.stage.scene).expect("pictures"));
-    textures.write(&built.stage.scene, &folder, "textures/").expect("pictures");
-    let mut writers = exporters::of_bake(&folder, &textures, &recipe, &[]);
-    write::write(&built.stage, &mut writers, &[], &work).expect("files");
+    let textures = Arc::new(Textures::encode(&built.animated.scene).expect("pictures"));
+    textures.write(&built.animated.scene, &folder, "textures/").expect("pictures");
+    let mut writers = exporters::bake_exporters(&folder, &textures, &recipe, &[]);
+    frame_loop::write_frames(&built.animated, &mut writers, &[], &work).expect("files");
     folder.finish().expect("files");
     (start.elapsed().as_secs_f64(), folder.files().iter().map(|f| f.bytes).sum())
 }

@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
-use osier::bake::Work;
-use osier::bake::mover::frame;
-use osier::bake::stage::{self, Built};
+use osier::bake::BakeContext;
+use osier::bake::motion::frame;
+use osier::bake::scene::{self, AssembledScene};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
 use osier::motion::rain::{
@@ -172,13 +172,13 @@ fn main() {
 }
 
 /// A preset scene with other keys, and the seconds that it takes to build: to grow it and to let it rain through its clip.
-fn staged(name: &str, set: &[String]) -> (Built, f64) {
+fn staged(name: &str, set: &[String]) -> (AssembledScene, f64) {
     let text = osier::presets::find(name).expect("a preset").text.to_owned();
     let request = Request { name: "rain".into(), text, set: set.to_vec(), ..Request::default() };
     let (recipe, _) = resolve(&request).expect("a recipe");
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
     let start = Instant::now();
-    let built = stage::build(&recipe, stage::Parts::default(), &work).expect("a scene");
+    let built = scene::assemble_scene(&recipe, scene::SceneParts::default(), &work).expect("a scene");
     (built, start.elapsed().as_secs_f64())
 }
 
@@ -203,7 +203,7 @@ fn table_one() {
             let (mut times, mut drops) = (Vec::new(), [0.0; 2]);
             for number in 1..=CLIP {
                 let start = Instant::now();
-                let frame = frame(&built.stage.scene, &built.stage.movers, number, false).expect("a frame");
+                let frame = frame(&built.animated.scene, &built.animated.movers, number, false).expect("a frame");
                 times.push(start.elapsed().as_secs_f64());
                 let row = &frame.rows[0];
                 drops = [drops[0] + row[0], drops[1] + row[1] + row[2] + row[3]];

@@ -4,11 +4,11 @@
 use std::time::Instant;
 
 use glam::Vec3;
-use osier::bake::layout::lay_out_all;
-use osier::bake::looks::of_plant;
-use osier::bake::plants::grow;
-use osier::bake::stage::{Parts, build};
-use osier::bake::{Work, mover};
+use osier::bake::assets::plant_growth::grow_plant;
+use osier::bake::assets::plant_materials::plant_materials;
+use osier::bake::scene::layout::lay_out_scene;
+use osier::bake::scene::{SceneParts, assemble_scene};
+use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
 use osier::motion::sway::{Budget, Elements, Manner, Rig, Simulation, Wood};
 use osier::plant::Plant;
@@ -37,11 +37,11 @@ fn recipe(name: &str, set: &[&str]) -> Recipe {
     resolve(&Request { name: name.into(), text: text.into(), set, ..Request::default() }).expect("scene").0
 }
 
-fn grown(name: &str, work: &Work<'_>) -> Plant {
+fn grown(name: &str, work: &BakeContext<'_>) -> Plant {
     let recipe = recipe(name, &[]);
-    let look = of_plant(&recipe.plants[0], recipe.seed, work).expect("look");
-    let (layout, _) = lay_out_all(&recipe, work).expect("layout");
-    grow(&recipe.plants[0], &layout.individuals[0], &look, work).expect("plant").plant
+    let look = plant_materials(&recipe.plants[0], recipe.seed, work).expect("look");
+    let (layout, _) = lay_out_scene(&recipe, work).expect("layout");
+    grow_plant(&recipe.plants[0], &layout.individuals[0], &look, work).expect("plant").plant
 }
 
 /// Simulates 240 frames of up to 2,000 branches.
@@ -61,7 +61,7 @@ fn stepped(plant: &Plant, wind: &GustWind, manner: Manner) {
 }
 
 fn main() {
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
     let plant = grown("birch", &work);
     let wind = GustWind::new(GustWindOptions { speed: 8.0, period: Some(10.0), ..GustWindOptions::default() });
     let manner =
@@ -95,11 +95,11 @@ fn main() {
         let set: Vec<&str> = set.iter().map(String::as_str).collect();
         let moving = recipe("birch", &set);
         let still = recipe("birch", &[]);
-        let before = best(|| drop(build(&still, Parts::default(), &work).expect("stage")));
+        let before = best(|| drop(assemble_scene(&still, SceneParts::default(), &work).expect("stage")));
         let start = Instant::now();
-        let stage = build(&moving, Parts::default(), &work).expect("stage").stage;
+        let stage = assemble_scene(&moving, SceneParts::default(), &work).expect("stage").animated;
         let recorded = start.elapsed().as_secs_f64() - before;
-        let frames = best(|| drop(mover::frame(&stage.scene, &stage.movers, 100, false)));
+        let frames = best(|| drop(motion::frame(&stage.scene, &stage.movers, 100, false)));
         println!(
             "{motion}: {recorded:.2} s to simulate 240 frames and what leads to them, {:.1} ms a frame",
             frames * 1e3

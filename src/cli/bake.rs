@@ -8,7 +8,10 @@ use super::Context;
 use super::args::Bake;
 use super::progress::{Show, Timed};
 use super::{numbers, report, source, sweep};
-use crate::bake::{self, Work, kept, single, stage, write};
+use crate::bake::cache::ifs_leaves;
+use crate::bake::output::single_file::refuse_invisible;
+use crate::bake::scene::{self, AnimatedScene};
+use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
 use osier_base::fence::{Folder, Shelf, WriteOptions, is_settled};
@@ -51,28 +54,33 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     let show = Show::new(&context.console);
     let timed = Timed::new(&show);
-    let memory = bake::lattice(&recipe);
+    let memory = bake::lattice_memory(&recipe);
     if context.common.dry_run && !memory.is_empty() {
         // Before any of it is spent.
         context.console.note(&report::lattice(&memory));
     }
-    kept::recall(&recipe, &root, &context.limits);
+    ifs_leaves::load(&recipe, &root, &context.limits);
     let keeps = !context.common.dry_run && keeps_air(&recipe);
     let shelf = if keeps { Some(Shelf::new(open(context, args, &recipe, &root)?)) } else { None };
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &timed, shelf: shelf.as_ref() };
-    let parts = stage::Parts::default();
+    let work =
+        BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timed, cache: shelf.as_ref() };
+    let parts = scene::SceneParts::default();
     let dry = context.common.dry_run;
-    let built = if dry { stage::plan(&recipe, parts, &work)? } else { stage::build(&recipe, parts, &work)? };
+    let built = if dry {
+        scene::assemble_for_estimate(&recipe, parts, &work)?
+    } else {
+        scene::assemble_scene(&recipe, parts, &work)?
+    };
     show.done();
     let said = shelf.iter().flat_map(Shelf::said);
     said.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
-    if let Some(why) = lacking(&recipe, &built.stage, &frames) {
+    if let Some(why) = lacking(&recipe, &built.animated, &frames) {
         context.console.complain(&why);
         return Ok(2);
     }
-    single::refuse_bare(&built.stage.scene)?;
+    refuse_invisible(&built.animated.scene)?;
     let counts = built.counts(&recipe, &frames);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
     context.limits.check("memory", counts.peak(), "the predicted peak of memory, in bytes,")?;
@@ -93,7 +101,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         Some(shelf) => shelf.folder().clone(),
         None => open(context, args, &recipe, &root)?,
     };
-    let told = bake::save(&recipe, &built.stage, &frames, &folder, &work);
+    let told = bake::save(&recipe, &built.animated, &frames, &folder, &work);
     show.done();
     let (manifest, told) = told?;
     for w in &told {
@@ -124,7 +132,7 @@ fn selection(context: &Context, args: &Bake, recipe: &mut Recipe) -> std::result
 }
 
 /// Why a part of a clip cannot be written: copies, or a still file, show times of it that are left out.
-fn lacking(recipe: &Recipe, stage: &write::Stage, frames: &[u32]) -> Option<String> {
+fn lacking(recipe: &Recipe, stage: &AnimatedScene, frames: &[u32]) -> Option<String> {
     let wanted = recipe.output.gltf.frame.filter(|_| recipe.output.writes(&osier_export::gltf::FORMAT));
     if let Some(frame) = wanted.filter(|f| !frames.is_empty() && !frames.contains(f)) {
         return Some(format!("--frames: frame {frame}, which output.gltf.frame shows, is not among them"));
@@ -154,7 +162,7 @@ fn key(recipe: &Recipe) -> String {
 
 /// Whether the air of a lattice is kept after its run-up.
 fn keeps_air(recipe: &Recipe) -> bool {
-    recipe.lattice.keep && !bake::lattice(recipe).is_empty()
+    recipe.lattice.keep && !bake::lattice_memory(recipe).is_empty()
 }
 
 fn open(context: &Context, args: &Bake, recipe: &Recipe, root: &Path) -> Result<Folder> {

@@ -6,7 +6,8 @@ use super::args::Check;
 use super::knobs::Knob;
 use super::progress::Show;
 use super::{Context, knobs, report, source};
-use crate::bake::{Counts, Work, single, stage};
+use crate::bake::output::single_file::refuse_invisible;
+use crate::bake::{BakeContext, BakeEstimate, scene};
 use crate::recipe::{Growth, resolve};
 use osier_base::diagnostic::{Report, Severity, render_json};
 use osier_base::{Error, Result};
@@ -14,7 +15,7 @@ use osier_base::{Error, Result};
 /// What is known about one file.
 struct Found {
     report: Report,
-    counts: Option<Counts>,
+    counts: Option<BakeEstimate>,
     /// What its grammars leave to be set.
     knobs: Vec<Knob>,
     /// Why it could not be looked at.
@@ -94,11 +95,11 @@ fn look_into(context: &Context, file: &str, found: &mut Found) -> Result<()> {
         return Ok(());
     }
     let show = Show::Nothing;
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
-    let built = stage::plan(&recipe, stage::Parts::default(), &work)?;
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let built = scene::assemble_for_estimate(&recipe, scene::SceneParts::default(), &work)?;
     found.report.extend(built.report.clone());
     let frames: Vec<u32> =
         if recipe.clip.len() > 1 { (recipe.clip.start..=recipe.clip.end).collect() } else { Vec::new() };
     found.counts = Some(built.counts(&recipe, &frames));
-    single::refuse_bare(&built.stage.scene)
+    refuse_invisible(&built.animated.scene)
 }

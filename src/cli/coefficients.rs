@@ -3,7 +3,7 @@
 use super::Context;
 use super::args::Grow;
 use super::grow::{beside, file_name, result};
-use crate::bake::systems::systems;
+use crate::bake::output::ifs_tables::systems;
 use crate::recipe::Recipe;
 use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};

@@ -11,7 +11,8 @@ use super::bake::LARGE;
 use super::list::endings;
 use super::progress::Show;
 use super::{Context, report, source};
-use crate::bake::{Work, exporters, single, stage, write};
+use crate::bake::output::{exporters, frame_loop, single_file};
+use crate::bake::{BakeContext, scene};
 use crate::recipe::resolve;
 use osier_base::Result;
 use osier_base::fence::{Folder, WriteOptions};
@@ -44,22 +45,26 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         return super::coefficients::run(context, args, &recipe, &warnings);
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
     let mut warned = !warnings.diagnostics.is_empty();
     if picture {
         return super::picture::run(context, args, &recipe, warned);
     }
-    let parts = stage::Parts { ground: false };
+    let parts = scene::SceneParts { ground: false };
     let dry = context.common.dry_run;
-    let built = if dry { stage::plan(&recipe, parts, &work) } else { stage::build(&recipe, parts, &work) };
+    let built = if dry {
+        scene::assemble_for_estimate(&recipe, parts, &work)
+    } else {
+        scene::assemble_scene(&recipe, parts, &work)
+    };
     show.done();
     let built = built?;
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
     let web = args.profile == ProfileArg::Web;
     let Some(format) = format::by_ending(&ending) else { return Ok(2) };
-    single::refuse_empty(&built.stage, &ending)?;
-    let counts = single::counts(&built, &recipe, format, web);
+    single_file::refuse_empty(&built.animated, &ending)?;
+    let counts = single_file::estimate_file(&built, &recipe, format, web);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;
     context.limits.check("memory", counts.peak(), "the predicted peak of memory, in bytes,")?;
     if context.common.dry_run {
@@ -73,9 +78,9 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
         return Ok(2);
     }
     let (folder, parent) = if to_pipe { (Folder::memory(), Path::new(".")) } else { beside(context, args)? };
-    let textures = Arc::new(Textures::encode(&built.stage.scene)?);
-    let Some(writer) = exporters::of_file(folder.clone(), &name, &textures, &recipe, web) else { return Ok(2) };
-    let told = write::write(&built.stage, &mut [writer], &[], &work);
+    let textures = Arc::new(Textures::encode(&built.animated.scene)?);
+    let Some(writer) = exporters::file_exporter(folder.clone(), &name, &textures, &recipe, web) else { return Ok(2) };
+    let told = frame_loop::write_frames(&built.animated, &mut [writer], &[], &work);
     show.done();
     let told = told?;
     folder.finish()?;

@@ -6,7 +6,8 @@ use super::Context;
 use super::args::Grow;
 use super::grow::{beside, file_name, result};
 use super::progress::Show;
-use crate::bake::{Work, clouds, layers};
+use crate::bake::BakeContext;
+use crate::bake::assets::{attractor, layered_picture};
 use crate::recipe::Recipe;
 use osier_base::units::byte;
 use osier_base::{Error, Result};
@@ -31,8 +32,8 @@ pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
         return Ok(context.strict(warned));
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
-    let (density, tone, flat) = clouds::picture(cloud, recipe, &work)?;
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let (density, tone, flat) = attractor::render_attractor(cloud, recipe, &work)?;
     show.done();
     let name = file_name(&args.output);
     let is_exr = name.to_ascii_lowercase().ends_with(".exr");
@@ -68,8 +69,8 @@ fn layered(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
         return Ok(context.strict(warned));
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
-    let canvas = layers::compose(recipe, &work)?;
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let canvas = layered_picture::compose(recipe, &work)?;
     show.done();
     let (folder, parent) = beside(context, args)?;
     folder.write(&name, "png", &textures::png(&of_canvas(&canvas, recipe)?)?)?;
@@ -79,7 +80,7 @@ fn layered(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
 }
 
 /// The canvas as 8 or 16 bits a channel, without alpha where nothing shines through.
-pub(super) fn of_canvas(canvas: &layers::Canvas, recipe: &Recipe) -> Result<Image> {
+pub(super) fn of_canvas(canvas: &layered_picture::LayerCanvas, recipe: &Recipe) -> Result<Image> {
     let channels = if recipe.picture.background.is_some() || canvas.is_opaque() { 3 } else { 4 };
     let samples: Vec<f32> = canvas.pixels.iter().flat_map(|p| p.iter().take(channels).copied()).collect();
     picture((canvas.width, canvas.height), channels, &samples, recipe.picture.bits)

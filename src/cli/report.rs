@@ -1,16 +1,16 @@
-//! Counts and diagnostics as text and as JSON.
+//! Estimates and diagnostics as text and as JSON.
 
 use serde_json::{Value, json};
 
 use super::Context;
-use crate::bake::Counts;
+use crate::bake::BakeEstimate;
 use osier_base::Result;
 use osier_base::limits::grouped;
 
 /// Prints what a run would make.
 /// # Errors
 /// As standard output.
-pub fn counts(context: &Context, what: &str, counts: &Counts) -> Result<()> {
+pub fn counts(context: &Context, what: &str, counts: &BakeEstimate) -> Result<()> {
     if context.console.json {
         let value = json!({ "target": what, "would_make": as_json(counts) });
         return context.console.result(&format!("{value:#}\n"));
@@ -18,8 +18,8 @@ pub fn counts(context: &Context, what: &str, counts: &Counts) -> Result<()> {
     context.console.result(&format!("{what}\n{}", as_text(counts)))
 }
 
-/// Counts as indented lines.
-pub fn as_text(c: &Counts) -> String {
+/// The estimate as indented lines.
+pub fn as_text(c: &BakeEstimate) -> String {
     let row = |name: &str, n: u64| format!("  {name:12} {}\n", grouped(n));
     [
         row("assets", c.assets),
@@ -55,8 +55,8 @@ fn by_name(parts: &[(&'static str, u64)]) -> Value {
     Value::Object(parts.iter().map(|(what, bytes)| ((*what).to_owned(), Value::from(*bytes))).collect())
 }
 
-/// Counts as an object.
-pub fn as_json(c: &Counts) -> Value {
+/// The estimate as an object.
+pub fn as_json(c: &BakeEstimate) -> Value {
     json!({
         "assets": c.assets, "placements": c.placements, "modules": c.modules, "vertices": c.vertices,
         "triangles": c.triangles, "instances": c.instances, "points": c.points, "joints": c.joints, "frames": c.frames,

@@ -9,8 +9,8 @@ use super::args::Bake;
 use super::numbers::{self, Sweep as Choice, sweep};
 use super::progress::Show;
 use super::{Context, source};
-use crate::bake::mover::rows;
-use crate::bake::{Work, stage};
+use crate::bake::motion::rows;
+use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
 use osier_base::fence::{Folder, WriteOptions};
@@ -110,8 +110,8 @@ fn plan(args: &Bake) -> std::result::Result<(Vec<String>, Vec<Wanted>), String> 
 
 /// A run over its clip, and what it came to.
 fn one(context: &Context, recipe: &Recipe, show: &Show) -> Result<(Arc<Scene>, Whole)> {
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &Silent, shelf: None };
-    let stage = stage::build(recipe, stage::Parts::default(), &work)?.stage;
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &Silent, cache: None };
+    let stage = scene::assemble_scene(recipe, scene::SceneParts::default(), &work)?.animated;
     let mut all = Vec::new();
     for number in recipe.clip.start..=recipe.clip.end {
         context.cancel.check()?;

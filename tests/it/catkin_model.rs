@@ -9,8 +9,8 @@
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
-use osier::bake::Work;
-use osier::bake::catkin::{Levels, catkin_models, skeleton};
+use osier::bake::BakeContext;
+use osier::bake::assets::catkin::{CatkinLods, catkin_models, skeleton};
 use osier::diagnostic::Sources;
 use osier::grammar::{DeriveOptions, Derived, Grammar, Source, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
@@ -75,8 +75,8 @@ fn binned(values: impl Iterator<Item = f64>, [low, high]: [f64; 2]) -> Vec<u64> 
 const LIMIT_19: f64 = 43.82;
 const LIMIT_2: f64 = 13.82;
 
-fn work<'a>(limits: &'a Limits, cancel: &'a Cancel) -> Work<'a> {
-    Work { limits, cancel, progress: &Silent, shelf: None }
+fn work<'a>(limits: &'a Limits, cancel: &'a Cancel) -> BakeContext<'a> {
+    BakeContext { limits, cancel, progress: &Silent, cache: None }
 }
 
 #[test]
@@ -169,7 +169,7 @@ fn five_models_have_the_papers_numbers_and_true_balls() {
     let keys = CatkinKeys::defaults();
     let models = catkin_models(&keys, 1, &work(&limits, &cancel)).expect("grows");
     assert_eq!(models.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["p000", "p001", "p002", "p003", "p004"]);
-    let level = |lod| Levels::of(&CatkinKeys { lod, ..keys.clone() });
+    let level = |lod| CatkinLods::of(&CatkinKeys { lod, ..keys.clone() });
     for m in &models {
         let hero = m.prototype(&level(0), 7);
         let fine = hero.fine.as_ref().expect("curves");

@@ -9,9 +9,9 @@ use std::path::Path;
 use std::process::Command;
 
 use crate::common::gltf_objects::{alone, objects};
-use osier::bake::stage::{Parts, build};
-use osier::bake::write::Stage;
-use osier::bake::{Work, mover};
+use osier::bake::scene::AnimatedScene;
+use osier::bake::scene::{SceneParts, assemble_scene};
+use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Request, resolve};
@@ -49,15 +49,15 @@ turn_tolerance_deg = 0
 const NUMBERS: [u32; 3] = [1, 60, 120];
 
 /// The stage as the library has it.
-fn stage(text: &str, motion: &str) -> Stage {
+fn stage(text: &str, motion: &str) -> AnimatedScene {
     let set = vec![format!("plants.tree.motion=\"{motion}\"")];
     let request = Request { name: "tree".into(), text: text.into(), set, ..Request::default() };
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
-    build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage").animated
 }
 
-fn frames(stage: &Stage) -> Vec<Frame> {
-    NUMBERS.map(|n| mover::frame(&stage.scene, &stage.movers, n, true).expect("a frame")).to_vec()
+fn frames(stage: &AnimatedScene) -> Vec<Frame> {
+    NUMBERS.map(|n| motion::frame(&stage.scene, &stage.movers, n, true).expect("a frame")).to_vec()
 }
 
 /// The same from the program.
@@ -69,7 +69,7 @@ fn bake(folder: &Path, text: &str, motion: &str, formats: &str) {
 }
 
 /// What `showcase.py` looks for: every vertex.
-fn wanted(stage: &Stage) -> Value {
+fn wanted(stage: &AnimatedScene) -> Value {
     let scene = &stage.scene;
     let all = expect::expect(scene, &frames(stage), &NUMBERS);
     let mut at = all["frames"].clone();
@@ -87,13 +87,13 @@ fn wanted(stage: &Stage) -> Value {
 }
 
 /// Of a tree that moves through 120 frames: the first frame must not pass for all.
-fn moves(stage: &Stage) {
+fn moves(stage: &AnimatedScene) {
     let [a, b] = [1, 60].map(|n| expect::expect(&stage.scene, &frames(stage), &[n]));
     assert_ne!(a["frames"]["1"]["meshes"], b["frames"]["60"]["meshes"]);
 }
 
 /// Bakes a scene to USD and has Blender 5 compare every vertex; the wrapper's text.
-fn judged(python: &Path, text: &str, (motion, stage): (&str, &Stage)) -> String {
+fn judged(python: &Path, text: &str, (motion, stage): (&str, &AnimatedScene)) -> String {
     let dir = tempfile::tempdir().expect("dir");
     bake(dir.path(), text, motion, "usd");
     let file = dir.path().join("expected.json");

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use glam::Vec3;
-use osier::bake::stage::Parts;
+use osier::bake::scene::SceneParts;
 use osier::presets;
 use osier::scene::Scene;
 use serde_json::{Value, json};
@@ -29,8 +29,8 @@ fn baked(name: &str, preset: &str, more: &[&str]) -> PathBuf {
 /// The same scene through the library, at rest.
 fn scene(preset: &str) -> Scene {
     let preset = presets::find(&format!("{preset}.toml")).expect("preset");
-    let built = grown::stage(&grown::recipe(preset, None, false), Parts::default());
-    Scene::clone(&built.stage.scene)
+    let built = grown::stage(&grown::recipe(preset, None, false), SceneParts::default());
+    Scene::clone(&built.animated.scene)
 }
 
 /// Directions of the sky that are looked at, as places in an equirectangular picture: up, down, three on the horizon.

@@ -8,7 +8,7 @@
 use crate::common::synthetic;
 use std::path::{Path, PathBuf};
 
-use osier::bake::{Work, mover, stage};
+use osier::bake::{BakeContext, motion, scene};
 use osier::limits::Limits;
 use osier::preview::{Backdrop, Cell, Light, Looks, Picture, Quality, Shot, Subject, View, World, expose, sheet};
 use osier::progress::{Cancel, Silent};
@@ -38,7 +38,7 @@ fn draw(scene: &Scene, frame: Option<&Frame>, own_camera: bool, size: [u32; 2]) 
     expose(&world, &shot, &Cancel::default(), &Silent).expect("picture")
 }
 
-fn built(name: &str) -> stage::Built {
+fn built(name: &str) -> scene::AssembledScene {
     let path = folder().join(name);
     let request = Request {
         name: name.trim_end_matches(".toml").into(),
@@ -48,8 +48,8 @@ fn built(name: &str) -> stage::Built {
         ..Request::default()
     };
     let recipe = resolve(&request).unwrap_or_else(|e| panic!("{name}: {e}")).0;
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
-    stage::build(&recipe, stage::Parts::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"))
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    scene::assemble_scene(&recipe, scene::SceneParts::default(), &work).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// All numbers of some frames as one, and the counts of every twelfth.
@@ -139,7 +139,7 @@ fn golden_pictures_are_what_they_were() {
     let mut wrong = Vec::new();
     for (name, own_camera) in [("snowflake", false), ("seedling", false), ("meadow", true)] {
         let built = built(&format!("{name}.toml"));
-        wrong.extend(judge(name, &draw(&built.stage.scene, None, own_camera, [160, 160])));
+        wrong.extend(judge(name, &draw(&built.animated.scene, None, own_camera, [160, 160])));
     }
     let (scene, frames) = synthetic::scene();
     for number in [1, 6] {
@@ -152,9 +152,9 @@ fn golden_pictures_are_what_they_were() {
 /// [catkin] in small: wind on a lattice, a wall, flight, sticking, deposits, to the last bit.
 #[test]
 fn the_golden_flight_is_what_it_was() {
-    let stage = built("flight.toml").stage;
+    let stage = built("flight.toml").animated;
     let frames: Vec<Frame> =
-        (1..=48).map(|n| mover::frame(&stage.scene, &stage.movers, n, false).expect("a frame")).collect();
+        (1..=48).map(|n| motion::frame(&stage.scene, &stage.movers, n, false).expect("a frame")).collect();
     let mut wrong = Vec::from_iter(judge_text("flight.txt", &measured(&stage.scene, &frames)));
     wrong.extend(judge("flight", &draw(&stage.scene, frames.last(), true, [192, 144])));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

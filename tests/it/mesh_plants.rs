@@ -12,13 +12,13 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::Vec3;
-use osier::bake::mover::frame;
-use osier::bake::stage::{Built, Parts};
+use osier::bake::motion::frame;
+use osier::bake::scene::{AssembledScene, SceneParts};
 use osier::plant::Plant;
 use osier::recipe::{Library, Recipe, Request, resolve};
 use osier::scene::{Mesh, mesh_points};
 
-const STILL: Parts = Parts { ground: false };
+const STILL: SceneParts = SceneParts { ground: false };
 
 fn scene(folder: &Path, text: &str) -> osier::Result<(Recipe, osier::diagnostic::Report)> {
     let library = Library::new(&folder.join("scene.toml"), &[]).expect("folder");
@@ -31,7 +31,7 @@ fn scene(folder: &Path, text: &str) -> osier::Result<(Recipe, osier::diagnostic:
     })
 }
 
-fn built(folder: &Path, text: &str) -> Built {
+fn built(folder: &Path, text: &str) -> AssembledScene {
     grown::stage(&scene(folder, text).expect("scene").0, STILL)
 }
 
@@ -100,7 +100,7 @@ fn in_the_wind_the_foot_stays_the_tips_move_and_nothing_tears() {
         let text = format!(
             "[frames]\nend = 24\n[plants.tree]\nmesh = \"young-tree.obj\"\nmotion = \"{motion}\"\n[plants.tree.wood]\nstiffness = 0.3\n[wind]\nspeed = 9\n"
         );
-        let stage = built(folder.path(), &text).stage;
+        let stage = built(folder.path(), &text).animated;
         let asset = &stage.scene.assets[0];
         let (rest, mut most) = (&asset.meshes[0].mesh, 0.0_f32);
         let (low, high) = (rest.bounds().min.y, rest.bounds().max.y);
@@ -125,7 +125,7 @@ fn at_rest_the_wood_is_the_files_own_and_the_leaves_lie_where_they_lay() {
     let folder = tempfile::tempdir().expect("folder");
     let recipe = scene(folder.path(), "[plants.tree]\nmesh = \"young-tree.obj\"\n").expect("scene").0;
     let osier::recipe::Growth::Mesh(file, _) = &recipe.plants[0].growth else { panic!("a mesh") };
-    let stage = grown::stage(&recipe, STILL).stage;
+    let stage = grown::stage(&recipe, STILL).animated;
     let asset = &stage.scene.assets[0];
     let bits = |p: &Vec3| p.to_array().map(f32::to_bits);
     let all: std::collections::BTreeSet<[u32; 3]> = file.mesh.points.iter().map(bits).collect();
@@ -153,7 +153,7 @@ fn the_same_bits_at_any_number_of_threads() {
     let made = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
         pool.install(|| {
-            let stage = built(folder.path(), text).stage;
+            let stage = built(folder.path(), text).animated;
             let now = frame(&stage.scene, &stage.movers, 5, false).expect("a frame");
             let moved = mesh_points(&stage.scene.assets[0], &stage.scene.assets[0].meshes[0], 0, &now.assets[0]);
             moved.iter().flat_map(|p| p.to_array()).map(f32::to_bits).collect::<Vec<u32>>()
@@ -174,13 +174,13 @@ fn what_is_wrong_is_told_with_its_place() {
         };
         match scene(folder.path(), text) {
             Ok((recipe, report)) if report.diagnostics.is_empty() => {
-                let work = osier::bake::Work {
+                let work = osier::bake::BakeContext {
                     limits: &osier::limits::Limits::default(),
                     cancel: &osier::progress::Cancel::default(),
                     progress: &osier::progress::Silent,
-                    shelf: None,
+                    cache: None,
                 };
-                match osier::bake::stage::build(&recipe, STILL, &work) {
+                match osier::bake::scene::assemble_scene(&recipe, STILL, &work) {
                     Err(osier::Error::Input(report)) => of(*report),
                     Err(other) => panic!("{other}"),
                     Ok(built) => of(built.report),
@@ -213,7 +213,7 @@ fn what_is_wrong_is_told_with_its_place() {
 fn colors_at_vertices_have_a_mean_where_they_are_not_shown() {
     let folder = tempfile::tempdir().expect("folder");
     let built = built(folder.path(), "[plants.tree]\nmesh = \"young-tree.obj\"\n[[place]]\nplant = \"tree\"\n");
-    let scene = &built.stage.scene;
+    let scene = &built.animated.scene;
     let of = |leaf: bool| {
         let i = scene.materials.iter().position(|m| m.name.ends_with("_leaf") == leaf).expect("material");
         (scene.materials[i].base_color, scene.flat_color(u32::try_from(i).expect("few")))

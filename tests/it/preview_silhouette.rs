@@ -12,8 +12,8 @@ use crate::common::pov;
 use crate::common::synthetic;
 use std::path::Path;
 
-use osier::bake::mover;
-use osier::bake::stage::Parts;
+use osier::bake::motion;
+use osier::bake::scene::SceneParts;
 use osier::export::pov::PovOptions;
 use osier::presets;
 use osier::preview::{Backdrop, Light, Looks, Quality, Shot, World, expose};
@@ -76,8 +76,8 @@ fn outlines_agree_with_povray_on_five_scenes() {
         [("oak.toml", 1, None), ("birch.toml", 3, None), ("poplar-twig.toml", 2, Some(40)), ("oak.toml", 8, Some(10))]
     {
         let preset = presets::find(name).expect("preset");
-        let stage = grown::stage(&grown::recipe(preset, Some(seed), false), Parts { ground: false }).stage;
-        let frame: Option<Frame> = frame.map(|n| mover::frame(&stage.scene, &stage.movers, n, true).expect("a frame"));
+        let stage = grown::stage(&grown::recipe(preset, Some(seed), false), SceneParts { ground: false }).animated;
+        let frame: Option<Frame> = frame.map(|n| motion::frame(&stage.scene, &stage.movers, n, true).expect("a frame"));
         scenes.push((format!("{name} {seed}"), (*stage.scene).clone(), frame));
     }
     for (name, scene, frame) in &scenes {

@@ -13,9 +13,9 @@ use std::sync::OnceLock;
 
 use crate::common::picture::{Picture, Rect, luma, project};
 use glam::Vec3;
-use osier::bake::mover;
-use osier::bake::stage::Parts;
-use osier::bake::write::Stage;
+use osier::bake::motion;
+use osier::bake::scene::AnimatedScene;
+use osier::bake::scene::SceneParts;
 use osier::export::manifest::{self, Manifest};
 use osier::geometry::Bounds;
 use osier::par::par_map;
@@ -56,11 +56,11 @@ fn osier(arguments: &[&str]) -> Output {
 }
 
 /// The same scene through the library.
-fn stage() -> &'static Stage {
-    static STAGE: OnceLock<Stage> = OnceLock::new();
+fn stage() -> &'static AnimatedScene {
+    static STAGE: OnceLock<AnimatedScene> = OnceLock::new();
     STAGE.get_or_init(|| {
         let preset = presets::find("showcase.toml").expect("preset");
-        grown::stage(&grown::recipe(preset, None, false), Parts::default()).stage
+        grown::stage(&grown::recipe(preset, None, false), SceneParts::default()).animated
     })
 }
 
@@ -184,7 +184,7 @@ fn frames() -> Vec<Frame> {
     let stage = stage();
     expect::three(&stage.scene)
         .iter()
-        .map(|n| mover::frame(&stage.scene, &stage.movers, *n, true).expect("a frame"))
+        .map(|n| motion::frame(&stage.scene, &stage.movers, *n, true).expect("a frame"))
         .collect()
 }
 
@@ -374,7 +374,7 @@ fn povray_renders_the_trees_where_they_stand() {
 
 /// Above the horizon, what geometry covers is not sky, and what is far from all geometry is.
 fn silhouette(scene: &Scene, picture: &Picture) {
-    let frame = mover::frame(scene, &stage().movers, scene.clip.start, true).expect("a frame");
+    let frame = motion::frame(scene, &stage().movers, scene.clip.start, true).expect("a frame");
     let hits = projected(scene, &frame);
     let camera = &scene.camera;
     let level = (camera.target - camera.eye) * Vec3::new(1.0, 0.0, 1.0);

@@ -5,8 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
-use osier::bake::stage::{Parts, build};
-use osier::bake::{Work, mover};
+use osier::bake::scene::{SceneParts, assemble_scene};
+use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Request, resolve};
@@ -57,11 +57,11 @@ fn same_bytes_at_any_number_of_threads() {
     assert_eq!(one, bake(dir.path(), "five", "5"));
 }
 
-fn stage(set: &[&str]) -> osier::bake::write::Stage {
+fn stage(set: &[&str]) -> osier::bake::scene::AnimatedScene {
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
-    build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage").animated
 }
 
 #[test]
@@ -76,9 +76,9 @@ fn copies_downwind_show_what_copies_upwind_showed_before() {
         let apart = (wanted - *phase as f32).abs();
         assert!(apart.min(60.0 - apart) <= 2.51, "{x} m: {phase}, wanted {wanted}");
     }
-    let frame = mover::frame(&stage.scene, &stage.movers, 5, true).expect("a frame");
+    let frame = motion::frame(&stage.scene, &stage.movers, 5, true).expect("a frame");
     let late = stage.scene.placements.iter().find(|p| p.phase > 0).expect("a later copy");
-    let later = mover::frame(&stage.scene, &stage.movers, 5 + late.phase, false).expect("a frame");
+    let later = motion::frame(&stage.scene, &stage.movers, 5 + late.phase, false).expect("a frame");
     let points = |f: &osier::scene::AssetFrame| match f.mesh(0) {
         osier::scene::MeshFrame::Points { points, .. } => points.clone(),
         _ => panic!("a cache"),
@@ -96,7 +96,7 @@ fn one_phase_is_for_all_and_clips_that_run_on_have_none() {
 #[test]
 fn a_clip_from_rest_begins_at_rest_and_then_moves() {
     let stage = stage(&["sway.repeat=false", "sway.start=\"rest\""]);
-    let points = |n: u32| match mover::frame(&stage.scene, &stage.movers, n, false).expect("a frame").assets[0].mesh(0)
+    let points = |n: u32| match motion::frame(&stage.scene, &stage.movers, n, false).expect("a frame").assets[0].mesh(0)
     {
         osier::scene::MeshFrame::Points { points, .. } => points.clone(),
         _ => panic!("a cache"),
@@ -111,7 +111,7 @@ fn the_papers_equations_move_once_they_are_mended() {
     let far = |set: &[&str]| {
         let stage = stage(set);
         let rest = &stage.scene.assets[0].meshes[0].mesh.points;
-        let of = |n: u32| match mover::frame(&stage.scene, &stage.movers, n, false).expect("a frame").assets[0].mesh(0)
+        let of = |n: u32| match motion::frame(&stage.scene, &stage.movers, n, false).expect("a frame").assets[0].mesh(0)
         {
             osier::scene::MeshFrame::Points { points, .. } => points.clone(),
             _ => panic!("a cache"),
@@ -173,8 +173,8 @@ fn a_bake_says_what_blender_does_not_read() {
     assert!(!said("24").contains("Frame Rate"));
 }
 
-fn points(stage: &osier::bake::write::Stage, number: u32) -> Vec<glam::Vec3> {
-    match mover::frame(&stage.scene, &stage.movers, number, false).expect("a frame").assets[0].mesh(0) {
+fn points(stage: &osier::bake::scene::AnimatedScene, number: u32) -> Vec<glam::Vec3> {
+    match motion::frame(&stage.scene, &stage.movers, number, false).expect("a frame").assets[0].mesh(0) {
         osier::scene::MeshFrame::Points { points, .. } => points.clone(),
         _ => panic!("a cache"),
     }
@@ -198,8 +198,9 @@ fn winds_of_a_scene_add_up() {
     let of = |text: &str, set: &[&str]| {
         let set = set.iter().map(|s| (*s).to_owned()).collect();
         let request = Request { name: "t".into(), text: text.into(), set, ..Request::default() };
-        let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
-        build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage").stage
+        let work =
+            BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+        assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage").animated
     };
     let one = of(&still, &["wind.speed=12"]);
     let two = of(&format!("{still}[[wind.add]]\nmodel = \"uniform\"\nspeed = 6\n"), &[]);
@@ -241,8 +242,8 @@ fn internodes_that_the_paper_bends_too_far_are_counted() {
     ];
     let set = set.iter().map(|s| (*s).to_owned()).collect();
     let request = Request { name: "t".into(), text: TREE.into(), set, ..Request::default() };
-    let work = Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None };
-    let built = build(&resolve(&request).expect("scene").0, Parts::default(), &work).expect("stage");
+    let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+    let built = assemble_scene(&resolve(&request).expect("scene").0, SceneParts::default(), &work).expect("stage");
     let said: Vec<&str> = built.report.diagnostics.iter().map(|d| d.code).collect();
     assert_eq!(said, ["X020"]);
 }

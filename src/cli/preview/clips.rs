@@ -6,7 +6,7 @@ use super::load::{Change, load};
 use super::sheets::subject;
 use super::shots::{Background, Wish, ending};
 use super::{Done, Target};
-use crate::bake::Work;
+use crate::bake::BakeContext;
 use osier_base::Result;
 use osier_preview::{ClipFormat, ClipWriter, Looks, Shot, Subject, World, expose, tiles};
 use osier_scene::Camera;
@@ -15,7 +15,7 @@ use osier_scene::Camera;
 const TURNS: (u32, u32) = (16, 1);
 
 /// Runs it.
-pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> Result<Done> {
+pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_>) -> Result<Done> {
     let format = match args.output.as_deref().map(ending).as_deref() {
         None | Some("gif") => ClipFormat::Gif,
         Some("png" | "apng") => ClipFormat::Apng,

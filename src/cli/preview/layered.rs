@@ -6,7 +6,8 @@ use super::super::args::Preview;
 use super::super::progress::Show;
 use super::super::{Context, picture, source};
 use super::{Target, shots};
-use crate::bake::{Work, layers};
+use crate::bake::BakeContext;
+use crate::bake::assets::layered_picture;
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
 use osier_base::diagnostic::Report;
@@ -34,8 +35,8 @@ pub fn run(context: &Context, args: &Preview, mut recipe: Recipe, wish: &shots::
         [recipe.picture.width, recipe.picture.height] = wish.size;
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
-    let canvas = layers::compose(&recipe, &work)?;
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
+    let canvas = layered_picture::compose(&recipe, &work)?;
     show.done();
     let target = Target::new(context, args, &recipe.name, "png")?;
     target.folder.write(&target.name, "preview", &textures::png(&picture::of_canvas(&canvas, &recipe)?)?)?;

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::super::args::Preview;
 use super::super::{Context, source};
 use super::shots::ending;
-use crate::bake::mover::{Moving, frame};
-use crate::bake::write::Stage;
-use crate::bake::{Work, stage};
+use crate::bake::motion::sway::{AssetMotion, frame};
+use crate::bake::scene::AnimatedScene;
+use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::fence::{self, Roots};
@@ -25,7 +25,7 @@ const MESHES: [&str; 3] = ["glb", "gltf", "obj"];
 
 /// Something to take pictures of.
 pub struct Loaded {
-    stage: Stage,
+    stage: AnimatedScene,
     /// The scene places its own camera.
     pub has_camera: bool,
     /// Short name.
@@ -48,7 +48,7 @@ impl Loaded {
 
     /// True with catkins in flight.
     pub fn flies(&self) -> bool {
-        self.stage.movers.iter().flatten().any(|m| matches!(m, Moving::Flight(_)))
+        self.stage.movers.iter().flatten().any(|m| matches!(m, AssetMotion::Flight(_)))
     }
 
     /// True if something moves.
@@ -73,7 +73,7 @@ pub fn load(
     args: &Preview,
     (name, quality, moving): (&str, Quality, bool),
     change: &Change,
-    work: &Work<'_>,
+    work: &BakeContext<'_>,
 ) -> Result<Loaded> {
     let path = Path::new(name);
     if path.is_dir() {
@@ -97,11 +97,11 @@ pub fn load(
         recipe.clip.end = recipe.clip.start;
     }
     cap_maps(&mut recipe, quality);
-    let built = stage::build(&recipe, stage::Parts::default(), work)?;
+    let built = scene::assemble_scene(&recipe, scene::SceneParts::default(), work)?;
     report.extend(built.report);
     let keys = &recipe.camera;
     let has_camera = keys.eye.is_some() || keys.target.is_some();
-    Ok(Loaded { stage: built.stage, has_camera, name: recipe.name, report })
+    Ok(Loaded { stage: built.animated, has_camera, name: recipe.name, report })
 }
 
 /// Maps larger than the picture can show are not painted.
@@ -184,6 +184,6 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         air: Vec::new(),
         wet: Vec::new(),
     };
-    let stage = Stage { scene: Arc::new(scene), movers: vec![None], air: None };
+    let stage = AnimatedScene { scene: Arc::new(scene), movers: vec![None], air: None };
     Ok(Loaded { stage, has_camera: false, name, report: read.warnings })
 }

@@ -13,7 +13,7 @@ use serde_json::json;
 use super::Context;
 use super::args::Preview;
 use super::progress::Show;
-use crate::bake::Work;
+use crate::bake::BakeContext;
 use osier_base::Result;
 use osier_base::fence::{Folder, WriteOptions};
 use osier_export::GENERATOR;
@@ -34,7 +34,7 @@ pub fn run(context: &Context, args: &Preview) -> Result<u8> {
         return layered::run(context, args, recipe, &wish, !report.diagnostics.is_empty());
     }
     let show = Show::new(&context.console);
-    let work = Work { limits: &context.limits, cancel: &context.cancel, progress: &show, shelf: None };
+    let work = BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &show, cache: None };
     let done = if wish.is_sheet() {
         sheets::run(context, args, &wish, &work)
     } else if !wish.frames.is_empty() || args.turntable.is_some() {

@@ -5,7 +5,7 @@ use super::super::args::Preview;
 use super::load::{Change, Loaded, load};
 use super::shots::{self, Wish};
 use super::{Done, Target};
-use crate::bake::Work;
+use crate::bake::BakeContext;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
 use osier_preview::{Cell, Looks, Picture, Quality, Shot, Subject, World, columns, expose, sheet, sheet_size, tiles};
@@ -16,7 +16,7 @@ pub fn take(
     loaded: &Loaded,
     (frame, quality): (Option<&Frame>, Quality),
     shot: &Shot,
-    work: &Work<'_>,
+    work: &BakeContext<'_>,
 ) -> Result<Picture> {
     let looks = Looks::new(loaded.scene(), quality);
     let world = World::seen_by(loaded.scene(), frame, &looks, &[*shot]);
@@ -36,7 +36,7 @@ pub fn subject(loaded: &Loaded, frame: Option<&Frame>) -> Result<Subject> {
 }
 
 /// One picture, or two with `--compare`.
-pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> Result<Done> {
+pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_>) -> Result<Done> {
     let sources: Vec<&str> =
         [Some(&args.source), args.compare.as_ref()].into_iter().flatten().map(String::as_str).collect();
     let moving = args.frame.is_some();
@@ -73,7 +73,7 @@ pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -
 }
 
 /// Pictures of several seeds, or of several values of one or two keys.
-pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> Result<Done> {
+pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_>) -> Result<Done> {
     let (changes, across) = plan(wish);
     let across = args.columns.map_or(across, |c| c.max(1) as usize);
     if changes.len() as u64 > shots::CELLS {
@@ -84,7 +84,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &Work<'_>) -> R
     }
     let grow = |change: &(Change, String)| {
         work.cancel.check()?;
-        let quiet = Work { progress: &osier_base::progress::Silent, ..*work };
+        let quiet = BakeContext { progress: &osier_base::progress::Silent, ..*work };
         let loaded = load(context, args, (&args.source, wish.quality, args.frame.is_some()), &change.0, &quiet)?;
         work.progress.advance(1);
         Ok(loaded)

@@ -2,12 +2,12 @@
 #![allow(dead_code, reason = "each test file uses its own share")]
 #![allow(clippy::expect_used, reason = "a test fails by panicking")]
 
-use osier::bake::Work;
-use osier::bake::dress::{Kind, dress, skin_options};
-use osier::bake::layout::lay_out_all;
-use osier::bake::looks::of_plant;
-use osier::bake::plants::grow;
-use osier::bake::stage::{Built, Parts, build};
+use osier::bake::BakeContext;
+use osier::bake::assets::plant_growth::grow_plant;
+use osier::bake::assets::plant_materials::plant_materials;
+use osier::bake::assets::plant_mesh::{PlantMaterials, build_plant_asset, skin_options};
+use osier::bake::scene::layout::lay_out_scene;
+use osier::bake::scene::{AssembledScene, SceneParts, assemble_scene};
 use osier::limits::Limits;
 use osier::plant::Plant;
 use osier::presets::Preset;
@@ -49,13 +49,13 @@ fn small_maps(plant: &mut PlantRecipe) {
 }
 
 /// Scene and movers of a recipe.
-pub fn stage(recipe: &Recipe, parts: Parts) -> Built {
-    with_work(|work| build(recipe, parts, work)).unwrap_or_else(|e| panic!("{}: {e}", recipe.name))
+pub fn stage(recipe: &Recipe, parts: SceneParts) -> AssembledScene {
+    with_work(|work| assemble_scene(recipe, parts, work)).unwrap_or_else(|e| panic!("{}: {e}", recipe.name))
 }
 
 /// Calls `f` with what work needs, nobody listening.
-fn with_work<T>(f: impl FnOnce(&Work<'_>) -> T) -> T {
-    f(&Work { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, shelf: None })
+fn with_work<T>(f: impl FnOnce(&BakeContext<'_>) -> T) -> T {
+    f(&BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None })
 }
 
 /// One individual of a still scene, with what its asset was made from.
@@ -67,16 +67,20 @@ pub struct Grown {
     pub bury: f32,
 }
 
-/// All individuals of a recipe at rest, one after the other as [`build`] makes them.
+/// All individuals of a recipe at rest, one after the other as [`assemble_scene`] makes them.
 pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
-    let layout = with_work(|w| lay_out_all(recipe, w)).expect("layout").0;
-    let one = |individual: &osier::bake::layout::Individual| {
+    let layout = with_work(|w| lay_out_scene(recipe, w)).expect("layout").0;
+    let one = |individual: &osier::bake::scene::layout::Individual| {
         let keys = &recipe.plants[individual.plant];
-        let look = with_work(|w| of_plant(keys, recipe.seed, w)).expect("look");
-        let grown = with_work(|w| grow(keys, individual, &look, w)).expect("plant");
-        let kind = Kind { tile: look.materials[0].tile, organ_names: look.names.clone(), ..Kind::default() };
+        let look = with_work(|w| plant_materials(keys, recipe.seed, w)).expect("look");
+        let grown = with_work(|w| grow_plant(keys, individual, &look, w)).expect("plant");
+        let kind = PlantMaterials {
+            tile: look.materials[0].tile,
+            organ_names: look.names.clone(),
+            ..PlantMaterials::default()
+        };
         let skin = with_work(|w| skin(&grown.plant, &skin_options(&keys.skin, kind.tile, w))).expect("skin");
-        let asset = with_work(|w| dress(&grown, keys, (&kind, individual), None, w)).expect("asset").0;
+        let asset = with_work(|w| build_plant_asset(&grown, keys, (&kind, individual), None, w)).expect("asset").0;
         Grown { plant: grown.plant, skin, asset, bury: osier::math::narrow(keys.skin.bury) }
     };
     layout.individuals.iter().map(one).collect()

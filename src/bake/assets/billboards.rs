@@ -1,0 +1,89 @@
+//! Trees of tables seen from afar: their small branches as cards.
+
+use std::sync::Arc;
+
+use crate::bake::BakeContext;
+use crate::bake::assets::branchlets::{branch_skin_options, branchlet_mesh};
+use crate::bake::assets::plant_growth::tree_options;
+use crate::bake::assets::plant_materials::MaterialSet;
+use crate::recipe::PlantRecipe;
+use crate::recipe::cloud_keys::TreeKeys;
+use osier_base::diagnostic::Report;
+use osier_base::par::par_map;
+use osier_base::rng::{mix64, word};
+use osier_base::{Error, Result};
+use osier_ifs::stems::Stems;
+use osier_ifs::words;
+use osier_plants::grow::ifs::{self, Cards, Class, TreeOptions};
+use osier_plants::grow::turtle::OrganSpec;
+use osier_plants::surface::crossed_billboards::{SourceMaterials, crossed_billboards};
+use osier_scene::Mesh;
+
+/// Pictures of subtrees of one size, where individuals differ.
+const VARIANTS: u32 = 3;
+/// Pixels along a side of the picture that all of them share.
+const SIDE: u32 = 1024;
+
+/// Makes the cards of a plant whose look is complete; `name`: of their organ.
+/// # Errors
+/// What growth and skin refuse.
+pub fn build_billboards(
+    look: &mut MaterialSet,
+    (plant, name): (&PlantRecipe, &str),
+    (stems, keys): (&Stems, &TreeKeys),
+    seed: u64,
+    context: &BakeContext<'_>,
+) -> Result<Cards> {
+    let base = tree_options(plant, (stems, keys), look);
+    let eps = (keys.eps * f64::from(1_u32 << keys.lod.min(16))).min(1.0);
+    let limits = ifs::cut(&base, context.limits);
+    let told = |d: Box<osier_base::diagnostic::Diagnostic>| {
+        Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() }))
+    };
+    let classes = ifs::classes(stems, &limits, eps, keys.lod + 1).map_err(told)?;
+    let variants = if keys.variation > 0.0 { VARIANTS } else { 1 };
+    let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
+    let radius = keys.radius.unwrap_or(stems.radius * scale);
+    let todo: Vec<(Class, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
+    let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
+    let meshes: Vec<Mesh> = par_map(&todo, |(class, variant)| {
+        context.cancel.check()?;
+        let options = TreeOptions {
+            height: keys.height * class.size,
+            eps: keys.eps / class.size,
+            radius: Some(radius * class.radius),
+            max_order: base.max_order.saturating_sub(class.order),
+            ..base.clone()
+        };
+        let key = mix64(&[seed, word(&plant.name), word("card"), u64::from(*variant)]);
+        subtree((stems, plant), &options, (*variant, key), (tile, context))
+    })
+    .into_iter()
+    .collect::<Result<_>>()?;
+    let material = format!("{}_{name}", plant.id);
+    let (quads, surface) = crossed_billboards(
+        &meshes,
+        SourceMaterials { materials: &look.materials, images: &look.images },
+        &material,
+        SIDE,
+    );
+    let id = look.add(surface.material, surface.images);
+    let meshes = quads.into_iter().map(|q| Arc::new(q.with_material(id))).collect();
+    Ok(Cards {
+        spec: OrganSpec { name: name.to_owned(), meshes, size: 1.0, petiole: 0.0 },
+        sizes: classes.iter().map(|c| c.size).collect(),
+        variants: variants as usize,
+        eps,
+    })
+}
+
+/// Bark and leaves of one subtree, m, on materials of the plant.
+fn subtree(
+    (stems, plant): (&Stems, &PlantRecipe),
+    options: &TreeOptions,
+    individual: (u32, u64),
+    (tile, context): (f32, &BakeContext<'_>),
+) -> Result<Mesh> {
+    let grown = ifs::grow(stems, individual, options, context.limits)?;
+    branchlet_mesh(&grown, &branch_skin_options(plant, tile, context))
+}

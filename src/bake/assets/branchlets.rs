@@ -1,0 +1,83 @@
+//! Twigs of table trees as meshes: their wood and leaves in one, ready to be copied.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bake::BakeContext;
+use crate::bake::assets::plant_mesh::skin_options;
+use crate::recipe::PlantRecipe;
+use osier_base::Result;
+use osier_base::par::par_map;
+use osier_plants::grow::ifs::twigs::Twig;
+use osier_plants::surface::{SkinOptions, skin};
+use osier_scene::plant::Plant;
+use osier_scene::{Mesh, Trs};
+
+/// Gives the prototypes of twigs their meshes. `tile`: size of one repeat of the bark, m.
+/// # Errors
+/// What the skin refuses, `Cancelled`.
+pub fn add_branchlet_meshes(
+    tree: &mut Plant,
+    twigs: &[Twig],
+    (recipe, tile): (&PlantRecipe, f32),
+    context: &BakeContext<'_>,
+) -> Result<()> {
+    let options = branch_skin_options(recipe, tile, context);
+    let meshes = par_map(twigs, |twig| {
+        context.cancel.check()?;
+        mesh(twig, &options)
+    });
+    let first = tree.protos.len() - twigs.len().min(tree.protos.len());
+    for (proto, mesh) in tree.protos.iter_mut().skip(first).zip(meshes) {
+        proto.mesh = Arc::new(mesh?);
+    }
+    let points = tree.protos.iter().map(|p| p.mesh.points.len() as u64).sum();
+    context.limits.check("vertices", points, "the number of vertices of the twigs of a tree")
+}
+
+/// Skin of what stands on a branch, which has no roots.
+pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
+    SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tile, context) }
+}
+
+fn mesh(twig: &Twig, options: &SkinOptions) -> Result<Mesh> {
+    let mut all = branchlet_mesh(&twig.plant, options)?;
+    if twig.mirrored {
+        all.points.iter_mut().chain(&mut all.normals).for_each(|p| p.z = -p.z);
+        all.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+    }
+    Ok(all)
+}
+
+/// Wood, then leaves prototype after prototype, so that each material is one run.
+pub(crate) fn branchlet_mesh(plant: &Plant, options: &SkinOptions) -> Result<Mesh> {
+    let mut all = skin(plant, options)?.mesh;
+    for (k, proto) in plant.protos.iter().enumerate() {
+        for organ in plant.organs.iter().filter(|o| usize::from(o.proto) == k) {
+            let (t, r) = plant.organ_site(organ);
+            let stand = Trs { t, r, s: Vec3::splat(organ.scale) };
+            let mut leaf = (*proto.mesh).clone();
+            leaf.points.iter_mut().for_each(|p| *p = stand.apply(*p));
+            leaf.normals.iter_mut().for_each(|n| *n = r * *n);
+            add(&mut all, leaf);
+        }
+    }
+    Ok(all)
+}
+
+/// Appends a mesh; where only one of both has coordinates or colours, the other gets plain ones.
+fn add(all: &mut Mesh, mut other: Mesh) {
+    let texts = !(all.uvs.is_empty() && other.uvs.is_empty());
+    let colors = !(all.colors.is_empty() && other.colors.is_empty());
+    for mesh in [&mut *all, &mut other] {
+        let n = mesh.points.len();
+        if texts {
+            mesh.uvs.resize(n, glam::Vec2::ZERO);
+        }
+        if colors {
+            mesh.colors.resize(n, [1.0; 4]);
+        }
+    }
+    all.append(&other);
+}

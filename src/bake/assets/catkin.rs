@@ -1,0 +1,226 @@
+//! Catkins: grown as any plant, dressed as tufts of hair.
+
+use crate::bake::BakeContext;
+use crate::bake::assets::plant_materials::MaterialSet;
+use crate::recipe::catkin_keys::{Angles, CatkinKeys, Polar};
+use glam::{Quat, Vec3};
+use osier_base::Result;
+use osier_base::diagnostic::Sources;
+use osier_base::par::par_map;
+use osier_base::rng::Rng;
+use osier_base::units::degrees;
+use osier_grammar::{DeriveOptions, Grammar, Source, derive, parse};
+use osier_plants::grow::turtle::{self, TurtleOptions};
+use osier_plants::surface::SurfaceMaterial;
+use osier_plants::surface::catkin::{Tuft, TuftDetail, TuftSpec, VARIANTS, hair_material, stalk_material, tuft};
+use osier_scene::plant::Plant;
+use osier_scene::{Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, Prototype};
+
+/// Distance of tufts side by side, in radii of the largest.
+const APART: f32 = 2.1;
+
+/// Index among [`materials`] of the first picture.
+const FLAT: u32 = 2;
+
+/// The first level that shows pictures instead of hairs.
+const PICTURED: u32 = 4;
+
+/// Levels of detail that catkins are made in.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CatkinLods {
+    shown: u32,
+    others: Vec<u32>,
+}
+
+impl CatkinLods {
+    /// Those of a scene.
+    pub fn of(keys: &CatkinKeys) -> Self {
+        Self { shown: keys.lod, others: keys.lods.iter().copied().filter(|l| *l != keys.lod).collect() }
+    }
+
+    /// Those with pictures, in the order of their materials.
+    fn pictured(&self) -> impl Iterator<Item = u32> {
+        std::iter::once(&self.shown).chain(&self.others).copied().filter(|l| *l >= PICTURED)
+    }
+}
+
+/// One kind of catkin. The hairs begin at the origin and the tuft opens towards +Y.
+#[derive(Debug, Clone)]
+pub struct CatkinModel {
+    /// `p000`, `p001`, ...
+    pub name: String,
+    /// Radius of its bounding ball about the origin, m.
+    pub radius: f32,
+    /// Lowest point, m, at most 0.
+    pub lowest: f32,
+    index: u32,
+    /// How many models there are.
+    count: u32,
+    tuft: Tuft,
+}
+
+impl CatkinModel {
+    /// What instances show: the level shown, and those beside it. `first`: index in the scene of the first of [`materials`].
+    pub fn prototype(&self, levels: &CatkinLods, first: u32) -> Prototype {
+        let mut proto = self.at(levels.shown, (levels, first));
+        if !levels.others.is_empty() {
+            let named = |lod: u32| Prototype { level: format!("lod{lod}"), ..self.at(lod, (levels, first)) };
+            proto = Prototype { others: levels.others.iter().map(|l| named(*l)).collect(), ..named(levels.shown) };
+        }
+        proto
+    }
+
+    /// One level: 0 curves, 1 tubes, 2 ribbons, 3 fewer ribbons, 4 three crossed pictures, 5 one.
+    fn at(&self, lod: u32, (levels, first): (&CatkinLods, u32)) -> Prototype {
+        let mut proto = match lod {
+            0 => self.tuft.hero(&self.name),
+            1 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Tubes)),
+            2 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Ribbons)),
+            3 => Prototype::new(&self.name, self.tuft.mesh(TuftDetail::Thinned)),
+            _ => {
+                let before = (0..).zip(levels.pictured()).find(|(_, l)| *l == lod).map_or(0, |(i, _)| i);
+                Prototype::new(&self.name, self.cards(lod).0.with_material(FLAT + before * self.count + self.index))
+            }
+        };
+        proto.mesh.subsets.iter_mut().for_each(|s| s.material += first);
+        if let Some(fine) = &mut proto.fine {
+            fine.mesh.subsets.iter_mut().for_each(|s| s.material += first);
+            fine.curves.material += first;
+        }
+        proto
+    }
+
+    fn cards(&self, lod: u32) -> (Mesh, SurfaceMaterial) {
+        self.tuft.billboards(&format!("catkin_{}", self.name), lod == 4)
+    }
+
+    /// The tuft itself.
+    pub fn tuft(&self) -> &Tuft {
+        &self.tuft
+    }
+}
+
+/// What all catkins of a scene wear: hair, stalk, and a picture for each model at each level that has them.
+pub fn materials(models: &[CatkinModel], levels: &CatkinLods) -> MaterialSet {
+    let mut look = MaterialSet::default();
+    look.add(hair_material("catkin_hair"), Vec::new());
+    look.add(stalk_material("catkin_stalk"), Vec::new());
+    for lod in levels.pictured() {
+        for mut surface in par_map(models, |m| m.cards(lod).1) {
+            // Two levels of one model would have one name.
+            if lod != levels.shown {
+                surface.material.name += &format!("_lod{lod}");
+                surface
+                    .images
+                    .iter_mut()
+                    .for_each(|i| i.name = i.name.replacen("catkin_", &format!("catkin_lod{lod}_"), 1));
+            }
+            look.add(surface.material, surface.images);
+        }
+    }
+    look
+}
+
+/// The grammar of one variant: eq. 1 and 2 of \[catkin\] with its angles.
+fn text(keys: &CatkinKeys, variant: usize) -> String {
+    let (tilt, turn) = VARIANTS[variant % VARIANTS.len()];
+    let (tilt, turn) = (keys.fluffiness.map_or(tilt, degrees), keys.bend.map_or(turn, degrees));
+    let delta = match keys.polar {
+        Polar::Tilt => format!("uniform(0,{tilt})"),
+        // The cosine of the tilt is even between 1 and that of the largest.
+        Polar::SolidAngle => format!("acos(1-ran(1-cos({tilt})))"),
+    };
+    let (spin, gamma) = match keys.angles {
+        Angles::Signed => (format!("uniform(0,{})", degrees(keys.spin)), format!("uniform({},{turn})", -turn)),
+        Angles::Paper => ("delta".to_owned(), format!("uniform(0,{turn})")),
+    };
+    let (p, q) = (keys.hairs.div_ceil(2), keys.hairs / 2);
+    let rules: String = ["P", "Q"].map(|s| format!("{s} --> F@F'F\n{s} --> F@F-F\n{s} --> F-F#F\n")).concat();
+    format!(
+        "lsystem: catkin\nderivation length: 1\nturtle: catkin\ndefine-angle: delta = {delta} spin = {spin} gamma = {gamma}\n\
+         bind F : forward {}\naxiom: repeat {p} {{ [*$P] }} repeat {q} {{ [*%Q] }}\n{rules}endlsystem\n",
+        keys.section
+    )
+}
+
+/// The skeleton of one variant: an axis of four nodes for each hair.
+/// # Errors
+/// `Input` beyond a limit.
+pub fn skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeContext<'_>) -> Result<Plant> {
+    context.cancel.check()?;
+    let text = text(keys, variant);
+    let mut none =
+        |reference: &str, _: &str| Err(osier_base::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
+    let source = Source {
+        name: "catkin",
+        bytes: text.as_bytes(),
+        includes: &mut none,
+        defines: &std::collections::BTreeMap::new(),
+    };
+    let (grammar, _): (Grammar, _) = parse(&mut Sources::default(), source, context.limits)?;
+    let key = key(seed, variant);
+    let derived = derive(&grammar, &DeriveOptions { seed: key, ..DeriveOptions::default() }, context.limits)?;
+    let options =
+        TurtleOptions { width: 2.0 * keys.hair_radius, radii: turtle::RadiusModel::Widths, ..TurtleOptions::default() };
+    Ok(turtle::grow(&grammar, &derived, &options, context.limits)?.0)
+}
+
+/// Root of all draws of a variant.
+fn key(seed: u64, variant: usize) -> u64 {
+    Rng::key(seed, &["catkin".into(), (variant as u64).into()])
+}
+
+/// All variants of a scene's catkins.
+/// # Errors
+/// `Input` beyond a limit, `Cancelled`.
+pub fn catkin_models(keys: &CatkinKeys, seed: u64, context: &BakeContext<'_>) -> Result<Vec<CatkinModel>> {
+    let spec = TuftSpec {
+        jitter: keys.jitter,
+        radius: keys.hair_radius,
+        tip: keys.tip,
+        smooth: keys.smooth,
+        stalk: keys.stalk_radius,
+        materials: [0, 1],
+    };
+    let variants: Vec<usize> = (0..keys.variants as usize).collect();
+    let models = par_map(&variants, |v| {
+        let tuft = tuft(&skeleton(keys, *v, seed, context)?, &spec, key(seed, *v));
+        let index = u32::try_from(*v).unwrap_or(u32::MAX);
+        let (name, count) = (format!("p{v:03}"), keys.variants);
+        Ok(CatkinModel { name, radius: tuft.radius, lowest: tuft.lowest, index, count, tuft })
+    });
+    models.into_iter().collect()
+}
+
+/// All kinds side by side along +X around the origin, each standing on y = 0. `first`: as in [`CatkinModel::prototype`].
+pub fn row(models: &[CatkinModel], levels: &CatkinLods, first: u32) -> Asset {
+    let gap = APART * models.iter().map(|m| m.radius).fold(0.0, f32::max);
+    let middle = (models.len().saturating_sub(1)) as f32 * 0.5;
+    let place = |(i, m): (usize, &CatkinModel)| Vec3::new((i as f32 - middle) * gap, -m.lowest, 0.0);
+    let n = u32::try_from(models.len()).unwrap_or(u32::MAX);
+    let instancer = Instancer {
+        name: "catkins".into(),
+        prototypes: models.iter().map(|m| m.prototype(levels, first)).collect(),
+        ids: (0..u64::from(n)).collect(),
+        protos: (0..n).collect(),
+        scales: vec![Vec3::ONE; models.len()],
+        rest: InstanceState {
+            positions: models.iter().enumerate().map(place).collect(),
+            orientations: vec![Quat::IDENTITY; models.len()],
+            ..InstanceState::default()
+        },
+        motion: InstancerMotion::Still,
+        tracked: false,
+        marks: Vec::new(),
+    };
+    Asset {
+        id: "catkins".into(),
+        kind: AssetKind::Tracks,
+        group: String::new(),
+        skeleton: None,
+        meshes: Vec::new(),
+        instancers: vec![instancer],
+        points: Vec::new(),
+        curves: Vec::new(),
+    }
+}

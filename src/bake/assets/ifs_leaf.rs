@@ -1,0 +1,138 @@
+//! Leaves that coefficient tables draw.
+
+use std::sync::Arc;
+
+use crate::bake::assets::plant_materials::MaterialSet;
+use crate::recipe::OrganRecipe;
+use crate::recipe::sections::{Detail, OrganKeys};
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::math::narrow;
+use osier_base::rng::{Rng, mix64, word};
+use osier_base::{Error, Result};
+use osier_ifs::Ifs;
+use osier_ifs::leaf::{self, Colors, Drawn, Pose, Spec, bent};
+use osier_ifs::tile::tile;
+use osier_plants::grow::turtle::OrganSpec;
+use osier_plants::surface::bark::BarkGrain;
+use osier_scene::{Image, ImageKind, Maps, Material, MaterialClass, Pixels};
+
+/// Relief of a leaf over its length.
+const RELIEF: f32 = 0.012;
+/// Length of a leaf without the key, m.
+const SIZE: f64 = 0.08;
+/// Tolerance of outlines for crowns and for close-ups, pixels of a map of 1024.
+const LIGHT: f64 = 8.0;
+const HERO: f64 = 2.0;
+/// Most cells along a side of a grain: finer ones would only be noise.
+const CELLS: usize = 128;
+
+/// The leaf of a table: maps, and meshes that differ in fold, curl and twist.
+/// # Errors
+/// `Input` with what the table leaves undone (I023, I060).
+pub fn build_ifs_leaf(
+    look: &mut MaterialSet,
+    recipe: &OrganRecipe,
+    table: &Ifs,
+    (plant, name, seed): (&str, &str, u64),
+) -> Result<OrganSpec> {
+    let keys = &recipe.keys;
+    let (spec, colors) = parameters(keys);
+    let made = recipe.drawn.get_or_init(|| leaf::mapped(table, &spec, &colors));
+    let made = made.as_ref().map_err(|d| told((**d).clone()))?;
+    let size = keys.size.unwrap_or(SIZE);
+    let (material, images) = surface(made, &colors, keys, (&format!("{plant}_{name}"), size));
+    let id = look.add(material, images);
+    let mut draw = Rng::at(mix64(&[seed, word(plant), word(name)]), &["ifs-blade".into()]);
+    let petiole = keys.petiole.unwrap_or(0.18 * size);
+    let meshes: Vec<_> = (0..keys.variants)
+        .map(|_| {
+            let mut vary = |base: f64, by: f64| base * (1.0 + draw.range(-by, by));
+            let pose = Pose {
+                size,
+                width: keys.width,
+                curl: vary(keys.curl.unwrap_or(0.45), 0.6),
+                fold: vary(keys.fold.unwrap_or(0.22), 0.5),
+                twist: vary(0.18, 2.0),
+                petiole: (petiole, keys.petiole_radius.unwrap_or(0.009 * size)),
+            };
+            Arc::new(bent(&made.flat, &made.place, &pose).with_material(id))
+        })
+        .collect();
+    Ok(OrganSpec { name: name.to_owned(), meshes, size: size + petiole, petiole: 0.0 })
+}
+
+/// What decides the leaf that a table draws for an organ, as a hash; `None` for an organ of another kind.
+pub fn hash(recipe: &OrganRecipe) -> Option<String> {
+    let table = recipe.ifs.as_deref().filter(|_| recipe.mesh.is_none())?;
+    let (spec, colors) = parameters(&recipe.keys);
+    Some(leaf::hash(table, &spec, &colors))
+}
+
+fn parameters(keys: &OrganKeys) -> (Spec, Colors) {
+    let spec = Spec {
+        side: (keys.side as usize).max(64),
+        close: keys.close,
+        fill: keys.fill,
+        anchor: keys.anchor,
+        detail: if matches!(keys.detail, Detail::Hero | Detail::Close) { HERO } else { LIGHT },
+        holes: keys.holes,
+        ..Spec::default()
+    };
+    let own = Colors::default();
+    let colors = match (keys.color, keys.color2) {
+        (None, None) => own,
+        (centre, second) => {
+            let centre = centre.unwrap_or(own.centre);
+            let lighter = |k: f32| centre.map(|v| (v * k).min(1.0));
+            Colors { centre, edge: lighter(1.5), tip: lighter(1.7), vein: second.unwrap_or(lighter(2.6)) }
+        }
+    };
+    (spec, colors)
+}
+
+/// The density of a table as the grain of a bark whose maps have `side` pixels.
+/// # Errors
+/// `Input` for a system without attractor (I023).
+pub fn bark_grain(table: &Ifs, side: u32) -> Result<BarkGrain> {
+    let side = (side as usize).min(CELLS);
+    Ok(BarkGrain { side, values: tile(table, side).map_err(|d| told(*d))? })
+}
+
+/// The table was read and judged before; what is left to say names it.
+fn told(d: Diagnostic) -> Error {
+    let mut report = Report::default();
+    report.push(Diagnostic { labels: Vec::new(), ..d });
+    Error::Input(Box::new(report))
+}
+
+fn surface(made: &Drawn, colors: &Colors, keys: &OrganKeys, (name, size): (&str, f64)) -> (Material, Vec<Image>) {
+    let image = |kind, suffix: &str, channels, pixels| Image {
+        name: format!("{name}_{suffix}"),
+        kind,
+        width: made.side,
+        height: made.side,
+        channels,
+        pixels,
+    };
+    let images = vec![
+        image(ImageKind::Color, "color", 4, Pixels::U8(made.color.clone())),
+        image(ImageKind::Data, "normal", 3, Pixels::U8(made.normal.clone())),
+        image(ImageKind::Data, "rough", 1, Pixels::U8(made.rough.clone())),
+        image(ImageKind::Data, "height", 1, Pixels::U16(made.height.clone())),
+    ];
+    let material = Material {
+        name: name.to_owned(),
+        class: MaterialClass::Leaf,
+        base_color: colors.centre,
+        roughness: keys.roughness.map_or(0.45, narrow),
+        ior: 1.5,
+        translucency: narrow(keys.translucency),
+        double_sided: true,
+        alpha_cutoff: Some(0.5),
+        height_range: RELIEF * narrow(size),
+        tile: narrow(size),
+        maps: Maps { color: Some(0), normal: Some(1), roughness: Some(2), height: Some(3) },
+        wet: None,
+    };
+    (material, images)
+}

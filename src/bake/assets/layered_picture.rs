@@ -1,0 +1,187 @@
+//! Pictures laid together from several attractors.
+
+use glam::DVec3;
+
+use crate::bake::BakeContext;
+use crate::bake::assets::attractor::{MEMORY, PER_PIXEL, bounds, check_escapes, labels};
+use crate::recipe::cloud_keys::ColorBy;
+use crate::recipe::{CloudRecipe, LayerRecipe, Recipe};
+use osier_base::math::{lerp, narrow};
+use osier_base::rng::{mix64, word};
+use osier_base::units::srgb_from_linear;
+use osier_base::{Error, Result};
+use osier_ifs::cloud::Request;
+use osier_ifs::color::Labels;
+use osier_ifs::game::Tier;
+use osier_ifs::histogram::{Window, histogram};
+use osier_ifs::picture::{Tone, density, opacity};
+
+/// Bytes per pixel of a layer at most: counts, colours, densities.
+const CELL: u64 = 96;
+
+/// sRGB with alpha, 0..1, rows from the top.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerCanvas {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Straight alpha.
+    pub pixels: Vec<[f32; 4]>,
+}
+
+/// A box on the canvas, pixels from the upper left corner; it may reach beyond.
+#[derive(Debug, Clone, Copy)]
+struct PixelRect {
+    left: i64,
+    top: i64,
+    width: usize,
+    height: usize,
+}
+
+/// What a layer covers: colour and opacity of each pixel of its rect.
+struct LayerBitmap {
+    rect: PixelRect,
+    color: Vec<[f32; 3]>,
+    alpha: Vec<f32>,
+}
+
+/// Lays a recipe's layers over each other, from the first.
+/// # Errors
+/// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
+/// Source: [wang-hao] Fig. 9, a scene of the paper's tables; the order and places are the recipe's.
+pub fn compose(scene: &Recipe, context: &BakeContext<'_>) -> Result<LayerCanvas> {
+    let keys = &scene.picture;
+    let side = u64::from(keys.width.max(keys.height));
+    context.limits.check("image-side", side, "a side of the picture in pixels")?;
+    let (width, height) = (keys.width as usize, keys.height as usize);
+    let ground = keys.background.map_or([0.0; 4], |c| {
+        let [r, g, b] = c.map(srgb_from_linear);
+        [r, g, b, 1.0]
+    });
+    let mut canvas = LayerCanvas { width, height, pixels: vec![ground; width * height] };
+    context.progress.stage("drawing layers", scene.layers.len() as u64);
+    for (i, layer) in scene.layers.iter().enumerate() {
+        context.cancel.check()?;
+        let bitmap = match &layer.cloud {
+            Some(cloud) => attractor_layer(layer, cloud, scene, i, context)?,
+            None => gradient_layer(layer, &canvas),
+        };
+        canvas.lay(&bitmap, narrow(layer.keys.opacity));
+        context.progress.advance(1);
+    }
+    Ok(canvas)
+}
+
+impl LayerCanvas {
+    /// True if nothing shines through.
+    pub fn is_opaque(&self) -> bool {
+        self.pixels.iter().all(|p| p[3] >= 1.0)
+    }
+
+    fn lay(&mut self, bitmap: &LayerBitmap, opacity: f32) {
+        let p = bitmap.rect;
+        for v in 0..p.height {
+            for u in 0..p.width {
+                let (Ok(x), Ok(y)) = (usize::try_from(p.left + u as i64), usize::try_from(p.top + v as i64)) else {
+                    continue;
+                };
+                let i = v * p.width + u;
+                let (Some(color), Some(alpha)) = (bitmap.color.get(i), bitmap.alpha.get(i)) else { continue };
+                if x < self.width
+                    && let Some(under) = self.pixels.get_mut(y * self.width + x)
+                {
+                    *under = over(*under, *color, alpha * opacity);
+                }
+            }
+        }
+    }
+}
+
+/// One colour over another, in sRGB as programs lay pictures over a page.
+fn over(under: [f32; 4], color: [f32; 3], alpha: f32) -> [f32; 4] {
+    let whole = alpha + under[3] * (1.0 - alpha);
+    if whole <= 0.0 {
+        return [0.0; 4];
+    }
+    let t = alpha / whole;
+    let mix = |k: usize| lerp(under[k], color[k], t);
+    [mix(0), mix(1), mix(2), whole]
+}
+
+/// The box of a layer `wide` by `high` pixels.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "shares of a picture, at most ten times it")]
+fn rect(layer: &LayerRecipe, canvas: (usize, usize), [wide, high]: [f64; 2]) -> PixelRect {
+    let (w, h) = (canvas.0 as f64, canvas.1 as f64);
+    let left = (layer.keys.at[0] * w - 0.5 * wide).round();
+    let bottom = (h - layer.keys.at[1] * h).round();
+    let (width, height) = (wide.round().max(1.0), high.round().max(1.0));
+    PixelRect { left: left as i64, top: (bottom - height) as i64, width: width as usize, height: height as usize }
+}
+
+fn gradient_layer(layer: &LayerRecipe, canvas: &LayerCanvas) -> LayerBitmap {
+    let keys = &layer.keys;
+    let size = [keys.width.unwrap_or(1.0) * canvas.width as f64, keys.height.unwrap_or(1.0) * canvas.height as f64];
+    let rect = rect(layer, (canvas.width, canvas.height), size);
+    let foot = keys.color.unwrap_or_default().map(srgb_from_linear);
+    let top = keys.color2.map_or(foot, |c| c.map(srgb_from_linear));
+    let row = |v: usize| {
+        let t = (v as f32 + 0.5) / rect.height as f32;
+        [0, 1, 2].map(|k| lerp(top[k], foot[k], t))
+    };
+    let color = (0..rect.height).flat_map(|v| std::iter::repeat_n(row(v), rect.width)).collect();
+    LayerBitmap { rect, color, alpha: vec![1.0; rect.width * rect.height] }
+}
+
+fn attractor_layer(
+    layer: &LayerRecipe,
+    cloud: &CloudRecipe,
+    scene: &Recipe,
+    index: usize,
+    context: &BakeContext<'_>,
+) -> Result<LayerBitmap> {
+    let keys = &layer.keys;
+    let canvas = (scene.picture.width as usize, scene.picture.height as usize);
+    let (low, high) = bounds(cloud);
+    let natural = (high - low).max(DVec3::splat(1e-12));
+    let (w, h) = (canvas.0 as f64, canvas.1 as f64);
+    let size = match (keys.width, keys.height) {
+        (Some(x), Some(y)) => [x * w, y * h],
+        (Some(x), None) => [x * w, x * w * natural.y / natural.x],
+        (None, y) => [y.unwrap_or(1.0) * h * natural.x / natural.y, y.unwrap_or(1.0) * h],
+    };
+    let most = 10.0 * w.max(h);
+    let rect = rect(layer, canvas, size.map(|v| v.min(most)));
+    let pixels = rect.width as u64 * rect.height as u64;
+    if pixels.saturating_mul(CELL) > MEMORY {
+        let reason =
+            format!("layer {index} of {pixels} pixels would take {} MB; make it smaller", pixels * CELL / 1_000_000);
+        return Err(Error::export("I050", reason));
+    }
+    let count = keys.points.map_or(PER_PIXEL * pixels, u64::from);
+    context.limits.check("points", count, "the number of points of a layer")?;
+    // Stretched until a unit is as many pixels across as up.
+    let pixel = natural.y / rect.height as f64;
+    let stretch = DVec3::new(pixel * rect.width as f64 / natural.x, 1.0, 1.0);
+    let mut system = cloud.system.clone();
+    for map in &mut system.maps {
+        map.affine = map.affine.conjugated(stretch, DVec3::ZERO);
+    }
+    system.last = system.last.map(|a| a.conjugated(stretch, DVec3::ZERO));
+    let middle = (low + high) * 0.5 * stretch;
+    let window = Window { width: rect.width, height: rect.height, center: [middle.x, middle.y], pixel };
+    let seed = mix64(&[scene.seed, word("layer"), index as u64]);
+    let request = Request { system: &system, study: &cloud.study, seed, points: count, tier: Tier::Best };
+    let colors: Option<Labels> = (cloud.keys.color_by != ColorBy::Density).then(|| labels(cloud));
+    let counts = histogram(&request, colors.as_ref(), &window);
+    check_escapes(cloud, counts.escapes)?;
+    let drawn = density(&counts, 1, None);
+    let tone = Tone {
+        exposure: keys.exposure.unwrap_or(scene.picture.exposure),
+        gamma: keys.gamma.unwrap_or(scene.picture.gamma),
+        background: None,
+    };
+    let flat = keys.color.unwrap_or([0.05, 0.15, 0.03]);
+    let color = |i: usize| drawn.color.get(i).copied().unwrap_or(flat).map(srgb_from_linear);
+    Ok(LayerBitmap { rect, color: (0..drawn.value.len()).map(color).collect(), alpha: opacity(&drawn, &tone) })
+}

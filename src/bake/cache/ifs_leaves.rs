@@ -1,0 +1,177 @@
+//! Leaves of tables that a bake keeps in its folder, so that the next one need not make them again.
+//!
+//! `leaves/NAME/leaf.toml` holds the blade and the hashes of table, parameters and maps; the maps are the leaf's textures.
+//! What does not fit in every byte is made again.
+
+use std::path::Path;
+
+use glam::DVec2;
+use serde::Deserialize;
+
+use crate::bake::assets::ifs_leaf;
+use crate::bake::assets::plant_materials;
+use crate::recipe::Recipe;
+use osier_base::Result;
+use osier_base::fence::{Folder, read_below};
+use osier_base::limits::Limits;
+use osier_base::par::par_map;
+use osier_export::{GENERATOR, textures};
+use osier_ifs::leaf::{Drawn, Flat, Once, Place};
+use osier_scene::Pixels;
+
+/// Maps of a leaf by their endings, with their channels.
+const MAPS: [(&str, u8); 4] = [("color", 4), ("normal", 3), ("rough", 1), ("height", 1)];
+
+/// What stands in the file below its check.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LeafFile {
+    hash: String,
+    anchor: [f64; 2],
+    tip: [f64; 2],
+    /// For people: anchor and tip say it as well.
+    #[serde(rename = "length")]
+    _length: f64,
+    side: u32,
+    maps: MapHashes,
+    blade: BladeOutline,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MapHashes {
+    color: String,
+    normal: String,
+    rough: String,
+    height: String,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BladeOutline {
+    anchor: [f64; 2],
+    solid: [f64; 2],
+    start: f64,
+    midrib: Vec<[f64; 2]>,
+    points: Vec<[f64; 2]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// A leaf of a recipe that a table draws.
+struct CachedLeaf<'a> {
+    /// Of its material and maps.
+    name: String,
+    hash: String,
+    once: &'a Once,
+}
+
+fn cached_leaves(recipe: &Recipe) -> Vec<CachedLeaf<'_>> {
+    let mut all = Vec::new();
+    for plant in &recipe.plants {
+        for (organ, name) in plant.organs.iter().zip(plant_materials::organ_names(plant)) {
+            if let Some(hash) = ifs_leaf::hash(organ) {
+                all.push(CachedLeaf { name: format!("{}_{name}", plant.id), hash, once: &organ.drawn });
+            }
+        }
+    }
+    all
+}
+
+/// Fetches the leaves that an earlier bake left in a folder; those that are not there, or not whole, stay to be made.
+pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
+    let cached_leaves = cached_leaves(recipe);
+    par_map(&cached_leaves, |leaf| {
+        if let Some(drawn) = load_leaf(leaf, root, limits) {
+            // Another leaf may have the same table and keys: then it is here already, and the same.
+            let _ = leaf.once.set(Ok(drawn));
+        }
+    });
+}
+
+fn load_leaf(leaf: &CachedLeaf<'_>, root: &Path, limits: &Limits) -> Option<Drawn> {
+    let bytes = read_below(root, &leaf_path(&leaf.name), limits.get("text-bytes")).ok()??;
+    let page = parse_leaf_file(&bytes).filter(|p| p.hash == leaf.hash)?;
+    let listed = [&page.maps.color, &page.maps.normal, &page.maps.rough, &page.maps.height];
+    let mut pixels = MAPS.iter().zip(listed).map(|((map, channels), hash)| {
+        let png = read_below(root, &map_path(&leaf.name, map), limits.get("image-bytes")).ok()??;
+        let whole = blake3::hash(&png).to_hex().as_str() == hash.as_str();
+        if whole { textures::unpng(&png, page.side, *channels) } else { None }
+    });
+    let mut bytes = || match pixels.next()? {
+        Some(Pixels::U8(v)) => Some(v),
+        _ => None,
+    };
+    let (color, normal, rough) = (bytes()?, bytes()?, bytes()?);
+    let Some(Pixels::U16(height)) = pixels.next()? else { return None };
+    let BladeOutline { anchor, solid, start, midrib, points, triangles } = page.blade;
+    let (at, all) = (DVec2::from_array, |l: Vec<[f64; 2]>| l.into_iter().map(DVec2::from_array).collect());
+    let flat = Flat { points: all(points), triangles };
+    let place = Place { side: f64::from(page.side), anchor: at(anchor), midrib: all(midrib), solid: at(solid), start };
+    let ends = [page.anchor, page.tip].map(at);
+    Some(Drawn { side: page.side, color, normal, rough, height, flat, place, ends })
+}
+
+/// The page of a file, if nothing below its check was changed and its triangles name points of it.
+fn parse_leaf_file(bytes: &[u8]) -> Option<LeafFile> {
+    let text = std::str::from_utf8(bytes).ok()?;
+    let (check, rest) = text.split_once("check = \"")?.1.split_once("\"\n")?;
+    if blake3::hash(rest.as_bytes()).to_hex().as_str() != check {
+        return None;
+    }
+    let page: LeafFile = toml::from_str(rest).ok()?;
+    let points = page.blade.points.len();
+    let inside = page.blade.triangles.iter().flatten().all(|i| (*i as usize) < points);
+    inside.then_some(page)
+}
+
+/// Keeps the leaves that were made or fetched, beside their textures, which are written already.
+/// # Errors
+/// Whatever cannot be written.
+pub fn store(recipe: &Recipe, folder: &Folder) -> Result<()> {
+    let files = folder.files();
+    let listed = |path: &str| files.iter().find(|f| f.path == path).map(|f| f.blake3.as_str());
+    for leaf in cached_leaves(recipe) {
+        let Some(Ok(drawn)) = leaf.once.get() else { continue };
+        let hashes: Option<Vec<&str>> = MAPS.iter().map(|(map, _)| listed(&map_path(&leaf.name, map))).collect();
+        let Some(hashes) = hashes else { continue };
+        folder.write(&leaf_path(&leaf.name), "toml.leaf", leaf_file_text(&leaf, drawn, &hashes).as_bytes())?;
+    }
+    Ok(())
+}
+
+fn leaf_path(name: &str) -> String {
+    format!("leaves/{name}/leaf.toml")
+}
+
+fn map_path(name: &str, map: &str) -> String {
+    format!("textures/{name}_{map}.png")
+}
+
+fn leaf_file_text(leaf: &CachedLeaf<'_>, drawn: &Drawn, hashes: &[&str]) -> String {
+    // Rust prints the shortest decimals that read back to the same bits.
+    let pair = |p: &DVec2| format!("[{:?}, {:?}]", p.x, p.y);
+    let list = |l: &[DVec2]| l.iter().map(pair).collect::<Vec<_>>().join(", ");
+    let Drawn { side, flat, place, ends, .. } = drawn;
+    let triangles: Vec<String> = flat.triangles.iter().map(|t| format!("{t:?}")).collect();
+    let maps: String = MAPS.iter().zip(hashes).map(|((map, _), hash)| format!("{map} = \"{hash}\"\n")).collect();
+    let rest = format!(
+        "hash = \"{}\"\nanchor = {}\ntip = {}\nlength = {:?}\nside = {side}\n\n\
+         # Of ../../textures/{}_MAP.png.\n[maps]\n{maps}\n\
+         # Pixels, y up.\n[blade]\nanchor = {}\nsolid = {}\nstart = {:?}\nmidrib = [{}]\npoints = [{}]\ntriangles = [{}]\n",
+        leaf.hash,
+        pair(&ends[0]),
+        pair(&ends[1]),
+        ends[0].distance(ends[1]),
+        leaf.name,
+        pair(&place.anchor),
+        pair(&place.solid),
+        place.start,
+        list(&place.midrib),
+        list(&flat.points),
+        triangles.join(", "),
+    );
+    let check = blake3::hash(rest.as_bytes()).to_hex();
+    format!(
+        "# {GENERATOR}: a leaf of a table, kept for the next bake; one that was changed is made again.\ncheck = \"{check}\"\n{rest}"
+    )
+}

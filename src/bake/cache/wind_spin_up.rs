@@ -1,0 +1,72 @@
+//! Air that a bake keeps after its run-up, so that a stopped bake, or the next of the same wind, need not run up again.
+//!
+//! `wind/air_KEY.state` holds a line that says what it is, the hash of what follows, and the lattice's state; KEY is of its
+//! options, seed and solid cells. What does not fit in every byte is made again, and said.
+
+use osier_base::Result;
+use osier_base::fence::{Folder, Shelf, read_below};
+use osier_base::limits::Limits;
+use osier_base::progress::{Cancel, Progress};
+use osier_export::GENERATOR;
+use osier_scene::solid::Solid;
+use osier_wind::{LatticeOptions, LatticeSolver};
+
+/// A lattice that stands before its run-up or, where a folder keeps it, after it: as it was found there, or run up and kept.
+/// # Errors
+/// Those of [`LatticeSolver::new`] and [`LatticeSolver::spin_up`]; what cannot be written.
+pub fn load_or_spin_up(
+    (options, solids): (&LatticeOptions, &[Solid]),
+    shelf: Option<&Shelf>,
+    limits: &Limits,
+    (progress, cancel): (&dyn Progress, &Cancel),
+) -> Result<LatticeSolver> {
+    let mut lattice = LatticeSolver::new(options, solids, limits)?;
+    let Some(shelf) = shelf else { return Ok(lattice) };
+    let folder = shelf.folder();
+    let path = format!("wind/air_{:016x}.state", lattice.fingerprint());
+    match load(&mut lattice, folder, (&path, limits)) {
+        Ok(true) => {}
+        Ok(false) => lattice.spin_up(progress, cancel)?,
+        Err(why) => {
+            shelf.say(format!("\"{path}\" {why}: the air runs up again"));
+            lattice.spin_up(progress, cancel)?;
+        }
+    }
+    folder.write(&path, "state.wind", &file_bytes(&lattice.save_state()))?;
+    Ok(lattice)
+}
+
+/// False if there is no such file, or why it cannot be used.
+fn load(
+    lattice: &mut LatticeSolver,
+    folder: &Folder,
+    (path, limits): (&str, &Limits),
+) -> std::result::Result<bool, &'static str> {
+    // Beside the air there are a few lines.
+    let most = lattice.bytes().saturating_add(limits.get("text-bytes"));
+    let Some(bytes) = read_below(folder.root(), path, most).map_err(|_| "cannot be read")? else { return Ok(false) };
+    let state = checked_state(&bytes).ok_or("is damaged, or of another version")?;
+    lattice.restore_state(state).map_err(|_| "is of another lattice wind")?;
+    Ok(true)
+}
+
+fn header() -> String {
+    format!("{GENERATOR}: air of a lattice wind after its run-up; a file that was changed is not used\n")
+}
+
+fn file_bytes(state: &[u8]) -> Vec<u8> {
+    let mut file_bytes = header().into_bytes();
+    file_bytes.reserve(state.len() + 65);
+    file_bytes.extend(blake3::hash(state).to_hex().as_bytes());
+    file_bytes.push(b'\n');
+    file_bytes.extend(state);
+    file_bytes
+}
+
+/// The state in a file of this version, if it is whole.
+fn checked_state(bytes: &[u8]) -> Option<&[u8]> {
+    let rest = bytes.strip_prefix(header().as_bytes())?;
+    let (hash, rest) = rest.split_first_chunk::<64>()?;
+    let state = rest.strip_prefix(b"\n")?;
+    (blake3::hash(state).to_hex().as_bytes() == hash).then_some(state)
+}

@@ -1,0 +1,109 @@
+//! Clouds whose coefficients change with time.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use crate::bake::assets::attractor::mode;
+use crate::recipe::{CloudRecipe, MorphRecipe};
+use osier_base::geometry::Bounds;
+use osier_base::math::{lerp, narrow};
+use osier_ifs::cloud::{Cloud, Request, cloud};
+use osier_ifs::color::{Labels, Mode};
+use osier_ifs::game::{Extent, Tier};
+use osier_ifs::morph::Morph;
+use osier_scene::{Asset, AssetFrame, PointsFrame};
+
+/// Points and times that tell how far a cloud reaches.
+const SAMPLE: u64 = 4096;
+const LOOKS: u32 = 32;
+
+/// Draws an attractor at any time.
+#[derive(Debug, Clone)]
+pub struct AttractorMorph {
+    morph: Arc<Morph>,
+    mode: Mode,
+    /// Colours by label at every key.
+    colors: Arc<Vec<Vec<[f32; 3]>>>,
+    seed: u64,
+    points: u64,
+    extent: Extent,
+    /// Foot and scale.
+    stand: (DVec3, f64),
+}
+
+impl AttractorMorph {
+    /// `stand`: point of the table that comes to the origin, and metres per unit.
+    pub fn new(recipe: &CloudRecipe, morph: &MorphRecipe, seed: u64, stand: (DVec3, f64)) -> Self {
+        let keys = &recipe.keys;
+        let mode = mode(keys.color_by, keys.prefix);
+        let rows = morph.rows.iter().zip(morph.morph.keys());
+        let colors = rows.map(|(row, key)| {
+            let own = if row.colors.is_empty() { &keys.colors } else { &row.colors };
+            Labels::new(&key.system, mode, own).colors
+        });
+        Self {
+            mode,
+            colors: Arc::new(colors.collect()),
+            morph: Arc::clone(&morph.morph),
+            seed,
+            points: u64::from(keys.points),
+            extent: recipe.extent,
+            stand,
+        }
+    }
+
+    /// The points at a time, s from the first frame.
+    pub fn cloud(&self, seconds: f64) -> Cloud {
+        let system = self.morph.system(seconds);
+        let mut labels = Labels::new(&system, self.mode, &[]);
+        labels.colors = self.colors_at(seconds);
+        let study = self.morph.study(seconds);
+        let request =
+            Request { system: &system, study: &study, seed: self.seed, points: self.points, tier: Tier::Best };
+        cloud(&request, &labels, &self.extent, self.stand)
+    }
+
+    /// Colours go straight from key to key.
+    fn colors_at(&self, seconds: f64) -> Vec<[f32; 3]> {
+        let (k, t) = self.morph.place(seconds);
+        let t = narrow(t);
+        let (Some(a), b) = (self.colors.get(k), self.colors.get(k + 1)) else { return Vec::new() };
+        let mixed = |(a, b): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|i| lerp(a[i], b[i], t));
+        b.map_or_else(|| a.clone(), |b| a.iter().zip(b).map(mixed).collect())
+    }
+
+    /// Where the points that have their words at `seconds` are at another time.
+    fn positions(&self, seconds: f64, words: f64) -> Vec<Vec3> {
+        let system = self.morph.system(seconds);
+        let study = self.morph.study(words);
+        let labels = Labels::new(&system, Mode::Map, &[]);
+        let request =
+            Request { system: &system, study: &study, seed: self.seed, points: self.points, tier: Tier::Best };
+        cloud(&request, &labels, &self.extent, self.stand).positions
+    }
+
+    /// Where some of the points go from the first key to the last.
+    pub fn reach(&self) -> Bounds {
+        let (first, last) = (self.morph.keys().first(), self.morph.keys().last());
+        let (Some(a), Some(b)) = (first.map(|k| k.at), last.map(|k| k.at)) else { return Bounds::default() };
+        let some = Self { points: self.points.min(SAMPLE), ..self.clone() };
+        let at = |i: u32| a + (b - a) * f64::from(i) / f64::from(LOOKS);
+        (0..=LOOKS).fold(Bounds::default(), |reach, i| reach.union(Bounds::of(some.positions(at(i), at(i)))))
+    }
+
+    /// The asset at a time; `step`: seconds between frames.
+    /// Own: a point's velocity is that of its word's image, the mean over the frame around it.
+    pub fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+        let Some(rest) = asset.points.first() else { return AssetFrame::default() };
+        let now = self.cloud(seconds);
+        let half = 0.5 * step;
+        let (before, after) = (self.positions(seconds - half, seconds), self.positions(seconds + half, seconds));
+        let rate = narrow(step.recip());
+        let velocities = after.iter().zip(&before).map(|(a, b)| (*a - *b) * rate).collect();
+        let recolored = self.colors.windows(2).any(|w| w[0] != w[1]) || self.mode == Mode::Coord;
+        let colors = if recolored { now.colors } else { Vec::new() };
+        let state = PointsFrame::State { positions: now.positions, widths: rest.widths.clone(), velocities, colors };
+        AssetFrame { points: vec![state], ..AssetFrame::default() }
+    }
+}

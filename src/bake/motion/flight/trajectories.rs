@@ -1,0 +1,111 @@
+//! Lines behind what flies: the last places of each, newest last.
+
+use glam::Vec3;
+
+use osier_scene::{Curves, InstanceState};
+
+/// Points of all lines. A line is cut where its catkin came back elsewhere or was wrapped to the other side: nothing streaks
+/// across the box. What is not seen, or has not moved for the whole time, has a line without length.
+#[derive(Debug, Clone)]
+pub struct Trajectories {
+    /// Points of each line.
+    length: usize,
+    /// A way longer than this in a frame is no flight, m.
+    leap: f32,
+    points: Vec<Vec3>,
+    generations: Vec<i32>,
+}
+
+impl Trajectories {
+    /// Lines of `length` points, two at least, that have not begun. `leap`: what no catkin flies in a frame, m.
+    pub fn new(length: usize, leap: f32) -> Self {
+        Self { length: length.max(2), leap, points: Vec::new(), generations: Vec::new() }
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.points.clear();
+    }
+
+    /// Goes on to where all are now. `generations`: how often each has come back.
+    pub fn push(&mut self, state: &InstanceState, generations: &[i32]) {
+        let begun = !self.points.is_empty();
+        if !begun {
+            self.points = state.positions.iter().flat_map(|p| std::iter::repeat_n(*p, self.length)).collect();
+            self.generations = generations.to_vec();
+        }
+        let lines = self.points.chunks_exact_mut(self.length).zip(&mut self.generations);
+        for (i, ((line, generation), (p, now))) in lines.zip(state.positions.iter().zip(generations)).enumerate() {
+            let last = line.last().copied().unwrap_or(*p);
+            if *generation != *now || !state.is_alive(i) || last.distance(*p) > self.leap {
+                line.fill(*p);
+                *generation = *now;
+            } else {
+                line.rotate_left(1);
+                line[self.length - 1] = *p;
+            }
+        }
+    }
+
+    /// The points of all lines.
+    pub fn points(&self) -> &[Vec3] {
+        &self.points
+    }
+
+    /// The lines as curves of a material, `width` m thick at the catkin and tapering to nothing.
+    pub fn curves(&self, width: f32, material: u32, moving: bool) -> Curves {
+        let count = self.points.len() / self.length;
+        let share = |k: usize| width * k as f32 / (self.length - 1) as f32;
+        let widths: Vec<f32> = (0..self.length).map(share).collect();
+        Curves {
+            name: "trails".into(),
+            material,
+            counts: vec![u32::try_from(self.length).unwrap_or(u32::MAX); count],
+            points: self.points.clone(),
+            widths: widths.repeat(count),
+            moving,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f32, alive: bool) -> InstanceState {
+        InstanceState { positions: vec![Vec3::X * x], alive: vec![alive], ..InstanceState::default() }
+    }
+
+    fn xs(t: &Trajectories) -> Vec<f32> {
+        t.points().iter().map(|p| p.x).collect()
+    }
+
+    #[test]
+    fn a_line_follows_and_is_cut_where_nobody_flew() {
+        let mut t = Trajectories::new(3, 5.0);
+        t.push(&at(0.0, true), &[0]);
+        assert_eq!(xs(&t), [0.0, 0.0, 0.0]);
+        t.push(&at(1.0, true), &[0]);
+        t.push(&at(2.0, true), &[0]);
+        assert_eq!(xs(&t), [0.0, 1.0, 2.0]);
+        // Come back near by, wrapped to the other side, not seen: no line leads there.
+        t.push(&at(3.0, true), &[1]);
+        assert_eq!(xs(&t), [3.0, 3.0, 3.0]);
+        t.push(&at(4.0, true), &[1]);
+        t.push(&at(-9.0, true), &[1]);
+        assert_eq!(xs(&t), [-9.0, -9.0, -9.0]);
+        t.push(&at(-8.0, false), &[1]);
+        assert_eq!(xs(&t), [-8.0, -8.0, -8.0]);
+    }
+
+    #[test]
+    fn lines_taper_to_nothing() {
+        let mut t = Trajectories::new(3, 5.0);
+        t.push(&InstanceState { positions: vec![Vec3::ZERO, Vec3::Y], ..InstanceState::default() }, &[0, 0]);
+        let curves = t.curves(0.5, 7, true);
+        assert_eq!((curves.counts, curves.material), (vec![3, 3], 7));
+        assert_eq!(curves.widths, [0.0, 0.25, 0.5, 0.0, 0.25, 0.5]);
+        t.clear();
+        assert!(t.points().is_empty());
+    }
+}

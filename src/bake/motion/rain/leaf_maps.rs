@@ -1,0 +1,152 @@
+//! Leaves that have maps of their own water: each a mesh with a material of its own.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bake::motion::rain::SceneLeaf;
+use crate::recipe::Recipe;
+use osier_base::math::{self, narrow};
+use osier_base::{Error, Result};
+use osier_motion::rain::{LeafSurface, UvRaster};
+use osier_scene::{
+    Asset, AssetFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Material, Mesh, MeshMotion,
+    MeshObject, SkinWeights, Subset, Trs, Wet,
+};
+
+/// Per asset, per instancer, per instance: whether it is still one.
+pub type InstanceMasks = Vec<Vec<Vec<bool>>>;
+
+/// One chart per form of leaf.
+pub fn charts(found: &[SceneLeaf], mapped_leaves: &[usize], side: usize) -> Vec<Arc<UvRaster>> {
+    let mut made: Vec<(Arc<LeafSurface>, Arc<UvRaster>)> = Vec::new();
+    mapped_leaves
+        .iter()
+        .map(|i| {
+            let sheet = &found[*i].sheet;
+            let known = made.iter().find(|(s, _)| Arc::ptr_eq(s, sheet)).map(|(_, c)| Arc::clone(c));
+            known.unwrap_or_else(|| {
+                let chart = Arc::new(UvRaster::new(sheet, side));
+                made.push((Arc::clone(sheet), Arc::clone(&chart)));
+                chart
+            })
+        })
+        .collect()
+}
+
+/// Takes leaves with maps out of their instancers and shows each as a mesh with a material of its own.
+pub fn show(
+    (assets, materials): (&mut [Asset], &mut Vec<Material>),
+    found: &[SceneLeaf],
+    (mapped_leaves, stands): (&[usize], &[Trs]),
+    recipe: &Recipe,
+) -> Result<(Vec<Wet>, InstanceMasks)> {
+    let mut numbers = vec![0_usize; stands.len()];
+    let mut number = vec![0_usize; found.len()];
+    for (i, f) in found.iter().enumerate() {
+        number[i] = numbers[f.at.0];
+        numbers[f.at.0] += 1;
+    }
+    let mut wet = Vec::new();
+    let mut gone: BTreeSet<(usize, usize, usize)> = BTreeSet::new();
+    for i in mapped_leaves {
+        let f = &found[*i];
+        let (a, n, k) = f.at;
+        let asset = &mut assets[a];
+        let instancer = &asset.instancers[n];
+        let prototype = &instancer.prototypes[instancer.protos[k] as usize];
+        let id = format!("l{:04}", number[*i]);
+        let name = format!("{}_{id}", asset.id);
+        let trs = instancer.transform(&instancer.rest, k);
+        let mut mesh = moved(&prototype.mesh, &trs);
+        let index = u32::try_from(wet.len()).map_err(|_| Error::export("S004", "too many leaves with maps"))?;
+        dress(&mut mesh, materials, (&name, index));
+        let skin = f.joint.map(|j| SkinWeights {
+            joints: vec![[j, 0, 0, 0]; mesh.points.len()],
+            weights: vec![[1.0, 0.0, 0.0, 0.0]; mesh.points.len()],
+        });
+        let motion = if skin.is_some() { MeshMotion::Skinned } else { MeshMotion::Still };
+        asset.meshes.push(MeshObject { name: format!("leaf_{id}"), mesh, motion, skin });
+        wet.push(Wet {
+            name,
+            side: recipe.maps.resolution as usize,
+            height_range: narrow(recipe.maps.height_range),
+            rest: None,
+        });
+        gone.insert(f.at);
+    }
+    let mut kept = InstanceMasks::new();
+    for (a, asset) in assets.iter_mut().enumerate() {
+        let mask = |(n, i): (usize, &Instancer)| (0..i.len()).map(|k| !gone.contains(&(a, n, k))).collect();
+        let masks: Vec<Vec<bool>> = asset.instancers.iter().enumerate().map(mask).collect();
+        asset.instancers.iter_mut().zip(&masks).for_each(|(i, keep)| thin(i, keep));
+        asset.instancers.retain(|i| !i.is_empty());
+        kept.push(masks);
+    }
+    Ok((wet, kept))
+}
+
+/// Each material that a leaf wears as one of its own, with water.
+fn dress(mesh: &mut Mesh, materials: &mut Vec<Material>, (name, index): (&str, u32)) {
+    let mut own: BTreeMap<u32, u32> = BTreeMap::new();
+    for Subset { material, .. } in &mut mesh.subsets {
+        let next = u32::try_from(materials.len()).unwrap_or(u32::MAX);
+        let id = *own.entry(*material).or_insert(next);
+        if id == next
+            && let Some(plain) = materials.get(*material as usize).cloned()
+        {
+            let suffix = if own.len() > 1 { format!("_{}", own.len()) } else { String::new() };
+            materials.push(Material { name: format!("{name}{suffix}"), wet: Some(index), ..plain });
+        }
+        *material = id;
+    }
+}
+
+fn moved(mesh: &Mesh, trs: &Trs) -> Mesh {
+    Mesh {
+        points: mesh.points.iter().map(|p| trs.apply(*p)).collect(),
+        normals: mesh.normals.iter().map(|n| math::normalize_or(trs.r * *n, Vec3::Y)).collect(),
+        ..mesh.clone()
+    }
+}
+
+fn retain_masked<T>(list: &mut Vec<T>, keep: &[bool]) {
+    let mut k = 0;
+    list.retain(|_| {
+        k += 1;
+        keep.get(k - 1).copied().unwrap_or(true)
+    });
+}
+
+/// Leaves some instances out.
+fn thin(instancer: &mut Instancer, keep: &[bool]) {
+    retain_masked(&mut instancer.ids, keep);
+    retain_masked(&mut instancer.protos, keep);
+    retain_masked(&mut instancer.scales, keep);
+    thin_state(&mut instancer.rest, keep);
+    if let InstancerMotion::Joints(joints) = &mut instancer.motion {
+        retain_masked(joints, keep);
+    }
+}
+
+fn thin_state(state: &mut InstanceState, keep: &[bool]) {
+    retain_masked(&mut state.positions, keep);
+    retain_masked(&mut state.orientations, keep);
+    retain_masked(&mut state.alive, keep);
+    retain_masked(&mut state.velocities, keep);
+    retain_masked(&mut state.angular_velocities, keep);
+    state.marks.iter_mut().for_each(|m| retain_masked(m, keep));
+    retain_masked(&mut state.wetness, keep);
+}
+
+/// Leaves the same instances out of a frame.
+pub fn thin_frame(frame: &mut AssetFrame, masks: &[Vec<bool>]) {
+    for (state, keep) in frame.instancers.iter_mut().zip(masks) {
+        if let InstancerFrame::State(state) = state {
+            thin_state(state, keep);
+        }
+    }
+    let mut masks = masks.iter();
+    frame.instancers.retain(|_| masks.next().is_none_or(|keep| keep.contains(&true)));
+}

@@ -1,0 +1,60 @@
+//! What rain is measured by: the columns of its table and their numbers at a frame.
+
+use super::drop_records::RUNS;
+use osier_motion::rain::{DropParams, RainFrame};
+use osier_scene::Table;
+
+/// Cubic millimetres in a cubic metre.
+const MM3: f64 = 1e9;
+
+/// Columns that count drops at a frame, or tell where the water is.
+const NOW: [(&str, &str); 10] = [
+    ("in_air", ""),
+    ("at_rest", ""),
+    ("running", ""),
+    ("hanging", ""),
+    ("water_air", "mm3"),
+    ("water_leaves", "mm3"),
+    ("water_hanging", "mm3"),
+    ("water_ground", "mm3"),
+    ("water_wood", "mm3"),
+    ("rained", "mm3"),
+];
+
+/// Columns that count what happened until a frame.
+const TOTAL: [&str; 5] = ["struck", "merged", "beads", "hung", "fell"];
+
+/// The table of rain; `falls`: its strength, mm/h, and the area that it starts from, m^2.
+pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
+    let mut columns: Vec<(String, &'static str)> = NOW.iter().map(|(name, unit)| ((*name).to_owned(), *unit)).collect();
+    columns.extend(TOTAL.iter().map(|name| ((*name).to_owned(), "")));
+    columns.push(("hardest_blow".to_owned(), "mg m/s"));
+    let find = |names: &[&str]| names.iter().filter_map(|n| columns.iter().position(|c| c.0 == *n)).collect::<Vec<_>>();
+    let plots = vec![
+        ("Drops by what they do", find(&["in_air", "at_rest", "running", "hanging"])),
+        ("Water", find(&["water_air", "water_leaves", "water_hanging"])),
+        ("What has happened", find(&TOTAL)),
+    ];
+    let degrees = |x: f64| (x.to_degrees() * 1e6).round() / 1e6;
+    let wetting = &manner.wetting;
+    let (rate, area) = falls.map(|(rate, area)| (rate, (area * 1e4).round() / 1e4)).unzip();
+    let parameters = serde_json::json!({
+        "rate_mm_per_h": rate, "rained_on_m2": area, "theta_deg": degrees(wetting.theta), "receding_deg": degrees(wetting.receding),
+        "advancing_deg": degrees(wetting.advancing), "tau_v_s": manner.tau_v, "tangent_keep": manner.tangent_keep,
+        "tip_radius_m": manner.tip_radius, "half_life_s": manner.half_life,
+    });
+    let (totals, outcome) = (find(&TOTAL), find(&["water_leaves", "water_hanging", "fell"]));
+    Table { name: "rain".into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
+}
+
+/// A row of [`table`].
+pub fn row(m: &RainFrame) -> Vec<f64> {
+    let running = m.lying.iter().filter(|d| d.v.length() > RUNS).count();
+    let (l, t) = (&m.ledger, &m.tally);
+    let mut row: Vec<f64> =
+        [m.air.len(), m.lying.len() - running, running, m.hanging.len()].iter().map(|n| *n as f64).collect();
+    row.extend([l.air, l.leaves, l.pendants, l.ground, l.wood, l.emitted].map(|v| v * MM3));
+    row.extend([t.struck, t.merged, t.beads, t.hung, t.fell].map(|n| n as f64));
+    row.push(t.hardest * 1e6);
+    row
+}

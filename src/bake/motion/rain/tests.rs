@@ -1,0 +1,113 @@
+use crate::bake::BakeContext;
+use crate::bake::motion::sway::frame;
+use crate::bake::scene::assembly::{AssembledScene, SceneParts, assemble_scene};
+use crate::recipe::{Request, resolve};
+use osier_base::limits::Limits;
+use osier_base::progress::{Cancel, Silent};
+use osier_scene::{Frame, MeshFrame, MeshMotion, PointsFrame, check_frame, check_scene};
+
+const SCENE: &str = "
+    [frames]\nend = 8
+    [plants.twig]\ngrammar = \"rain-twig.l\"\nset = { LEAVES = 3 }
+    [plants.twig.leaf]\nblade = \"elliptic\"\nside = 32\n
+    [[place]]\nplant = \"twig\"\ncount = 2\nradius = 0.3
+    [ground]\nshow = false
+    [maps]\nresolution = 32
+    [rain]\nrate_mm_per_h = 150\nbefore_s = 1.5\n";
+
+fn built(more: &str) -> AssembledScene {
+    within(&Limits::default(), more).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn within(limits: &Limits, more: &str) -> osier_base::Result<AssembledScene> {
+    let request = Request { name: "test".into(), text: format!("{SCENE}{more}"), ..Request::default() };
+    let (recipe, _) = resolve(&request).unwrap_or_else(|e| panic!("{e}"));
+    let cancel = Cancel::default();
+    let context = BakeContext { limits, cancel: &cancel, progress: &Silent, cache: None };
+    assemble_scene(&recipe, SceneParts::default(), &context)
+}
+
+fn at(built: &AssembledScene, number: u32) -> Frame {
+    frame(&built.animated.scene, &built.animated.movers, number, false).expect("a frame")
+}
+
+#[test]
+fn what_a_clip_of_drops_keeps_is_held_to_the_limit() {
+    let mut drops = "falls = false\n".to_owned();
+    for k in 0..18 {
+        let (leaf, v) = (k % 6, 0.3 + 0.2 * f64::from(k / 6));
+        drops += &format!("[[rain.lying]]\nleaf = {leaf}\nat = [0.5, {v}]\nvolume_mm3 = 1\n");
+    }
+    let refused = |keys: &str, more: &str| {
+        let mut limits = Limits::default();
+        limits.set("motion-keys", keys).expect("a limit");
+        within(&limits, more).err().map(|e| e.to_string())
+    };
+    // The leaves alone are counted before the first step, drops that lie on them as they come.
+    assert_eq!(refused("300", "falls = false\n"), None);
+    for (keys, more) in [("50", "falls = false\n"), ("300", drops.as_str())] {
+        let said = refused(keys, more).expect("too much");
+        assert!(said.contains("leaves and raindrops times frames") && said.contains("--max-motion-keys"), "{said}");
+    }
+}
+
+#[test]
+fn leaves_get_maps_and_drops_show() {
+    let built = built("[rain.impact]\ntangent_keep = 0.05\n");
+    let scene = &built.animated.scene;
+    check_scene(scene).expect("sound");
+    assert_eq!(scene.wet.len(), 6);
+    let worn = scene.materials.iter().filter(|m| m.wet.is_some()).count();
+    assert_eq!(worn, 6);
+    let rain = scene.assets.iter().position(|a| a.id == "rain").expect("rain");
+    for number in [1, 5, 8] {
+        let frame = at(&built, number);
+        check_frame(scene, &frame).expect("sound");
+        assert_eq!(frame.wet.len(), 6);
+        assert!(frame.wet.iter().any(|m| m.water().iter().any(|h| *h > 0.0)));
+        let MeshFrame::Whole { mesh, velocities } = frame.assets[rain].mesh(0) else { panic!("no drops") };
+        assert!(!mesh.triangles.is_empty() && velocities.len() == mesh.points.len());
+        let PointsFrame::State { widths, .. } = frame.assets[rain].points(0) else { panic!("nothing falls") };
+        assert!(widths.iter().any(|w| *w > 0.0));
+    }
+}
+
+#[test]
+fn the_table_tells_where_all_water_is() {
+    let built = built("");
+    let [table] = &built.animated.scene.tables[..] else { panic!("one table") };
+    let mut struck = 0.0;
+    for number in 1..=8 {
+        let frame = at(&built, number);
+        let of = |name: &str| frame.rows[0][table.columns.iter().position(|c| c.0 == name).expect("a column")];
+        assert_eq!(frame.rows[0].len(), table.columns.len());
+        let parts = ["water_air", "water_leaves", "water_hanging", "water_ground", "water_wood"];
+        let sum: f64 = parts.iter().map(|name| of(name)).sum();
+        assert!((sum / of("rained") - 1.0).abs() < 1e-9 && sum > 0.0, "{sum}");
+        assert!(of("struck") >= struck && of("hardest_blow") > 0.0 && of("in_air") > 0.0);
+        struck = of("struck");
+    }
+    assert!(struck > 5.0, "{struck}");
+}
+
+#[test]
+fn frames_do_not_depend_on_the_order_in_which_they_are_asked_for() {
+    let built = built("");
+    let first: Vec<_> = (1..=8).map(|n| at(&built, n).wet).collect();
+    for number in [8_u32, 2, 5] {
+        assert!(at(&built, number).wet == first[number as usize - 1], "frame {number}");
+    }
+}
+
+#[test]
+fn leaves_on_rods_give_way() {
+    let built = built("[plants.twig.rods]\n");
+    let scene = &built.animated.scene;
+    check_scene(scene).expect("sound");
+    let leaf = scene.assets[0].meshes.iter().find(|m| m.name.starts_with("leaf_l")).expect("a leaf with maps");
+    assert_eq!(leaf.motion, MeshMotion::Skinned);
+    let [a, b] = [1, 8].map(|n| at(&built, n));
+    check_frame(scene, &b).expect("sound");
+    let moved = a.assets[0].pose.iter().zip(&b.assets[0].pose).any(|(a, b)| a.t.distance(b.t) > 1e-6);
+    assert!(moved);
+}

@@ -1,0 +1,326 @@
+//! From time to frames.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use glam::{Quat, Vec3};
+
+use crate::bake::motion::attractor_morph::AttractorMorph;
+use crate::bake::motion::flight::FlightPlayback;
+use crate::bake::motion::rain::RainPlayback;
+use crate::bake::motion::rod::RodMotion;
+use crate::bake::motion::rod_plant::RodPlantMotion;
+use crate::bake::wind::plant_wind::PlantWind;
+use crate::recipe::sections::{Motion, PlantKeys};
+use crate::recipe::{Growth, PlantRecipe};
+use osier_base::Result;
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::limits::Limits;
+use osier_base::math::narrow;
+use osier_base::progress::Cancel;
+use osier_motion::sway::{Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
+use osier_scene::plant::{Organ, Plant};
+use osier_scene::{
+    Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
+};
+use osier_wind::Wind;
+
+/// Most joints for engines.
+const MAX_GAME_JOINTS: u32 = 64;
+
+/// What moves an asset.
+#[derive(Debug, Clone)]
+pub enum AssetMotion {
+    /// Wind, joints and leaves.
+    Plant(Box<SwayMotion>),
+    /// Coefficients that change.
+    Cloud(AttractorMorph),
+    /// Wind, gravity, contacts.
+    Flight(Arc<FlightPlayback>),
+    /// Springs and loads.
+    Rod(RodMotion),
+    /// Drops.
+    Rain(Arc<RainPlayback>),
+    /// A plant, by number, that rain moves.
+    Rained(Arc<RainPlayback>, usize),
+    /// Wind, twigs and stalks as rods.
+    Boughs(Arc<RodPlantMotion>),
+}
+
+/// Moves one plant.
+#[derive(Debug, Clone)]
+pub struct SwayMotion {
+    /// Its joints.
+    pub rig: Rig,
+    elements: Elements,
+    track: Track,
+    /// All of it, where every point is wanted.
+    body: Option<Body>,
+    /// One per instancer, in the instancer's order of organs.
+    leaves: Vec<LeafMotion>,
+    wind: Arc<dyn Wind>,
+    manner: Manner,
+}
+
+/// Leaves of one instancer.
+#[derive(Debug, Clone)]
+struct LeafMotion {
+    flutter: Flutter,
+    hangers: Hangers,
+    spots: Vec<Spot>,
+}
+
+/// The organs of one instancer, with what the recipe says of their flutter.
+pub struct FlutterGroup<'a> {
+    /// In the instancer's order.
+    pub organs: &'a [&'a Organ],
+    /// Factor on their flutter.
+    pub flutter: f32,
+}
+
+impl<'a> FlutterGroup<'a> {
+    /// Of an organ of the recipe.
+    pub fn of(recipe: &PlantRecipe, organ: usize, organs: &'a [&'a Organ]) -> Self {
+        // Twigs, which come after the organs of a table's tree, ride on their branch.
+        let other = if matches!(recipe.growth, Growth::Ifs(..)) { 0.0 } else { 1.0 };
+        let flutter = recipe.organs.get(organ).map_or(other, |o| narrow(o.keys.flutter));
+        Self { organs, flutter }
+    }
+}
+
+/// What is seen of a plant at rest.
+pub struct SwaySurface<'a> {
+    /// The bark's points, m.
+    pub points: &'a [Vec3],
+    /// Axis and arc length, m, of each.
+    pub bindings: &'a [(u32, f32)],
+    /// One per instancer.
+    pub leaves: &'a [FlutterGroup<'a>],
+}
+
+/// Bends half a frame before, now, and half a frame later.
+struct SwaySample {
+    bends: [Vec<[f32; 2]>; 3],
+    seconds: f64,
+    step: f32,
+}
+
+impl SwayMotion {
+    /// Measures a plant and lets the wind move it.
+    /// # Errors
+    /// `Limit`, `Cancelled`.
+    pub fn new(
+        plant: &Plant,
+        keys: &PlantKeys,
+        (air, manner): (&PlantWind, Manner),
+        shown: &SwaySurface<'_>,
+        (limits, cancel): (&Limits, &Cancel),
+    ) -> Result<Self> {
+        let cached = keys.motion == Motion::Cache;
+        let most = if keys.motion == Motion::Game { MAX_GAME_JOINTS } else { u32::MAX };
+        let joints = keys.max_joints.min(most) as usize;
+        let budget = match keys.motion {
+            Motion::Cache => Budget::Elements(keys.max_branches as usize),
+            Motion::Game => Budget::Coarse(joints),
+            Motion::Skin | Motion::Static | Motion::Still => Budget::Joints(joints),
+        };
+        let elements = Elements::build(plant, &manner.wood, budget);
+        osier_motion::sway::afford(&elements, air.take, limits)?;
+        let take = if air.draft {
+            osier_motion::sway::Take { frames: 1, repeats: false, from_rest: true, ..air.take }
+        } else {
+            air.take
+        };
+        let track = match air.paper {
+            Some(paper) => {
+                let both = (plant, &elements);
+                Track::record_as_printed(both, &*air.wind, (manner, paper), take, (limits, cancel))?
+            }
+            None => Track::record(&elements, &*air.wind, manner, take, (limits, cancel))?,
+        };
+        let foliage = |l: &FlutterGroup<'_>| {
+            let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
+            let speed = air.wind.mean_at(manner.stand.apply(Vec3::Y * middle).y).length();
+            let flutter = Flutter::new(l.organs, speed, air.wind.period(), l.flutter);
+            LeafMotion {
+                flutter: if air.paper.is_some() { flutter.as_printed() } else { flutter },
+                hangers: Hangers::new(plant, l.organs),
+                spots: l.organs.iter().map(|o| elements.spot(o.axis, o.s)).collect(),
+            }
+        };
+        Ok(Self {
+            rig: Rig::build(plant, &elements, joints),
+            body: cached.then(|| Body::new(plant, &elements, shown.points, shown.bindings)),
+            leaves: shown.leaves.iter().map(foliage).collect(),
+            wind: Arc::clone(&air.wind),
+            elements,
+            track,
+            manner,
+        })
+    }
+
+    /// Angles that the paper's equations would take beyond a right one.
+    pub fn clamped(&self) -> u64 {
+        self.track.clamped()
+    }
+
+    /// The asset at `seconds`; `step`: seconds between frames, for velocities.
+    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+        let (number, step) = (seconds / step, narrow(step));
+        let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
+        let moment = SwaySample { bends, seconds, step };
+        let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &moment.bends[1]), ..AssetFrame::default() };
+        let posture = self.body.as_ref().map(|body| body.posture(&self.elements, &moment.bends[1]));
+        if let Some((body, posture)) = self.body.as_ref().zip(posture.as_ref()) {
+            frame.meshes = self.meshes(asset, (body, posture), &moment);
+        }
+        let around = [&moment.bends[0], &moment.bends[2]].map(|b| self.elements.bases(b));
+        frame.instancers = (0..asset.instancers.len())
+            .map(|i| self.instancer(asset, i, (&frame, posture.as_ref()), (&moment, &around)))
+            .collect();
+        frame
+    }
+
+    fn meshes(&self, asset: &Asset, (body, posture): (&Body, &Posture), moment: &SwaySample) -> Vec<MeshFrame> {
+        let one = |m: &osier_scene::MeshObject| {
+            if m.motion != MeshMotion::Deforming {
+                return MeshFrame::Same;
+            }
+            let [before, after] = [0, 2].map(|k| body.bark(&body.posture(&self.elements, &moment.bends[k])));
+            MeshFrame::Points {
+                points: body.bark(posture),
+                normals: body.normals(posture, &m.mesh.normals),
+                velocities: before.iter().zip(&after).map(|(a, b)| (*b - *a) / moment.step).collect(),
+            }
+        };
+        asset.meshes.iter().map(one).collect()
+    }
+
+    fn instancer(
+        &self,
+        asset: &Asset,
+        i: usize,
+        (frame, posture): (&AssetFrame, Option<&Posture>),
+        (moment, around): (&SwaySample, &[Vec<Quat>; 2]),
+    ) -> InstancerFrame {
+        let (Some(instancer), Some(leaves)) = (asset.instancers.get(i), self.leaves.get(i)) else {
+            return InstancerFrame::Same;
+        };
+        let mut state = match posture {
+            Some(posture) => {
+                let (positions, orientations) = leaves.hangers.at(posture);
+                InstanceState { positions, orientations, ..InstanceState::default() }
+            }
+            None => instance_states(asset, instancer, i, frame).into_owned(),
+        };
+        self.flutter(leaves, &mut state, (moment, around));
+        InstancerFrame::State(state)
+    }
+
+    /// Lets leaves flutter about where their twigs hold them.
+    fn flutter(
+        &self,
+        leaves: &LeafMotion,
+        state: &mut InstanceState,
+        (moment, around): (&SwaySample, &[Vec<Quat>; 2]),
+    ) {
+        let stand = self.manner.stand;
+        let places: Vec<Vec3> = state.positions.iter().map(|p| stand.apply(*p)).collect();
+        let mut air = vec![Vec3::ZERO; places.len()];
+        self.wind.sample(&places, moment.seconds, &mut air);
+        for (k, q) in state.orientations.iter_mut().enumerate() {
+            let spot = leaves.spots[k];
+            let wind = stand.r.conjugate() * air[k] * self.elements.open(spot);
+            let [before, after] = [0, 1].map(|n| self.elements.turn(&around[n], &moment.bends[2 * n], spot));
+            let turned = after * before.conjugate();
+            let spin = turned.xyz() * (2.0 * turned.w.signum() / moment.step);
+            *q = leaves.flutter.turned(k, *q, moment.seconds, osier_motion::sway::Air { wind, spin }).normalize();
+        }
+    }
+}
+
+impl AssetMotion {
+    /// The asset at `seconds`; `step`: seconds between frames.
+    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> Result<AssetFrame> {
+        match self {
+            Self::Plant(m) => Ok(m.frame(asset, seconds, step)),
+            Self::Cloud(m) => Ok(m.frame(asset, seconds, step)),
+            Self::Flight(m) => m.frame(nth(seconds, step)),
+            Self::Rod(m) => Ok(m.frame(nth(seconds, step))),
+            Self::Rain(m) => Ok(m.frame(nth(seconds, step))),
+            Self::Rained(m, k) => Ok(m.plant(*k, nth(seconds, step))),
+            Self::Boughs(m) => m.frame(asset, nth(seconds, step)),
+        }
+    }
+}
+
+/// X020 where the paper's equations have no answer.
+pub fn report_clamped_angles(movers: &[Option<AssetMotion>], report: &mut Report) {
+    let of = |m: &Option<AssetMotion>| if let Some(AssetMotion::Plant(m)) = m { m.clamped() } else { 0 };
+    let clamped: u64 = movers.iter().map(of).sum();
+    if clamped > 0 {
+        let text = format!(
+            "{clamped} times an internode would be deflected by more than its length; its angle is taken as 90 degrees"
+        );
+        report.push(
+            Diagnostic::about("X020", text).help("raise plants.NAME.wood.stiffness, or take sway.model = \"beam\""),
+        );
+    }
+}
+
+/// Which frame from the first a time is.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
+fn nth(seconds: f64, step: f64) -> u64 {
+    (seconds / step).round().max(0.0) as u64
+}
+
+/// A whole frame; `movers` runs parallel to the scene's assets. `shifted`: with the states that placements show at phases
+/// of their own.
+/// # Errors
+/// Those of a wind that is stepped.
+pub fn frame(scene: &Scene, movers: &[Option<AssetMotion>], number: u32, shifted: bool) -> Result<Frame> {
+    let seconds = scene.clip.seconds(number);
+    let step = scene.clip.fps().recip();
+    let pairs: Vec<(&Asset, Option<&AssetMotion>)> =
+        scene.assets.iter().zip(movers.iter().map(Option::as_ref).chain(std::iter::repeat(None))).collect();
+    let assets = osier_base::par::par_map(&pairs, |(asset, mover)| {
+        mover.map_or_else(|| Ok(AssetFrame::default()), |m| m.frame(asset, seconds, step))
+    });
+    let assets = assets.into_iter().collect::<Result<Vec<_>>>()?;
+    let phases: BTreeSet<(usize, u32)> =
+        scene.placements.iter().filter(|p| shifted && p.phase > 0).map(|p| (p.asset, p.phase)).collect();
+    let phases: Vec<(usize, u32)> = phases.into_iter().collect();
+    let states = osier_base::par::par_map(&phases, |(i, phase)| {
+        let later = seconds + f64::from(*phase) / scene.clip.fps();
+        let (asset, mover) = pairs.get(*i)?;
+        mover.map(|m| m.frame(asset, later, step))
+    });
+    let states = states.into_iter().map(Option::transpose).collect::<Result<Vec<_>>>()?;
+    let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
+    let measured = flights(movers).map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
+    let (mut rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
+    let rain = rain(movers);
+    let wet = rain.map_or_else(Vec::new, |m| m.maps(nth(seconds, step)));
+    rows.extend(rain.map(|m| m.row(nth(seconds, step))));
+    let drops = rain.map(|m| m.drops(nth(seconds, step)));
+    let fields = fields.into_iter().flatten().collect();
+    Ok(Frame { number, assets, shifted, rows, fields, wet, drops, ..Frame::default() })
+}
+
+/// Rows of all tables at a frame, and nothing else of it.
+/// # Errors
+/// Those of a wind that is stepped.
+pub fn rows(scene: &Scene, movers: &[Option<AssetMotion>], number: u32) -> Result<Vec<Vec<f64>>> {
+    let nth = nth(scene.clip.seconds(number), scene.clip.fps().recip());
+    flights(movers).map(|m| m.row(nth)).chain(rain(movers).map(|m| Ok(m.row(nth)))).collect()
+}
+
+/// What falls from plants, in the order of its tables.
+fn flights(movers: &[Option<AssetMotion>]) -> impl Iterator<Item = &Arc<FlightPlayback>> {
+    movers.iter().flatten().filter_map(|m| if let AssetMotion::Flight(m) = m { Some(m) } else { None })
+}
+
+/// The rain: a scene has one, whose table comes last.
+fn rain(movers: &[Option<AssetMotion>]) -> Option<&Arc<RainPlayback>> {
+    movers.iter().flatten().find_map(|m| if let AssetMotion::Rain(m) = m { Some(m) } else { None })
+}

@@ -1,0 +1,131 @@
+//! What a run will make, told before it is written.
+
+use crate::bake::output::exporters::export_options;
+use crate::bake::output::frame_loop::AnimatedScene;
+use crate::bake::output::memory::{decoded_bytes, predict_memory};
+use crate::bake::wind::lattice::lattice_options;
+use crate::recipe::Recipe;
+use crate::recipe::wind_keys::{Solver, WindModel};
+use osier_export::estimate::{AssetSize, EstimateInput};
+use osier_export::format::{ExportOptions, FormatInfo};
+use osier_scene::Scene;
+use osier_wind::LatticeMemory;
+
+/// Numbers of things, over all assets.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct BakeEstimate {
+    /// Assets with files of their own.
+    pub assets: u64,
+    /// Showings of assets.
+    pub placements: u64,
+    /// Modules of all final strings.
+    pub modules: u64,
+    /// Vertices of meshes, prototypes counted once.
+    pub vertices: u64,
+    /// Triangles of meshes, prototypes counted once.
+    pub triangles: u64,
+    /// Instances of prototypes.
+    pub instances: u64,
+    /// Points of clouds.
+    pub points: u64,
+    /// Joints.
+    pub joints: u64,
+    /// Frames that are written; 0 for a still scene.
+    pub frames: u64,
+    /// Bytes written, estimated.
+    pub bytes: u64,
+    /// Of these, what each format takes, by its word, and pictures.
+    pub sizes: Vec<(&'static str, u64)>,
+    /// Bytes of memory at the peak of the run, by what they are for.
+    pub memory: Vec<(&'static str, u64)>,
+}
+
+impl BakeEstimate {
+    /// Bytes of memory at the peak of the run.
+    pub fn peak(&self) -> u64 {
+        self.memory.iter().map(|p| p.1).sum()
+    }
+}
+
+/// Estimates a scene of which `frames` frames will be written as a bake.
+/// `weights`: how many assets each of the first stands for, itself included.
+pub fn estimate(stage: &AnimatedScene, recipe: &Recipe, frames: u64, weights: &[u64]) -> BakeEstimate {
+    let formats: Vec<&FormatInfo> = recipe.output.formats.iter().map(|f| f.0).collect();
+    count_formats(
+        stage,
+        recipe,
+        &export_options(recipe),
+        &CountJob { formats: &formats, frames, weights, single: false },
+    )
+}
+
+/// What is counted.
+pub(crate) struct CountJob<'a> {
+    /// Formats that are written.
+    pub(crate) formats: &'a [&'static FormatInfo],
+    /// Frames that are written; 0 for a still scene.
+    pub(crate) frames: u64,
+    /// How many assets each of the first stands for, itself included.
+    pub(crate) weights: &'a [u64],
+    /// One file for the whole scene instead of a bake.
+    pub(crate) single: bool,
+}
+
+/// Estimates a scene written in some formats.
+pub(crate) fn count_formats(
+    stage: &AnimatedScene,
+    recipe: &Recipe,
+    options: &ExportOptions,
+    job: &CountJob,
+) -> BakeEstimate {
+    let scene = &stage.scene;
+    let assets = AssetSize::of_scene(scene, job.frames, job.weights);
+    let pictures: u64 = scene.images.iter().map(packed_bytes).sum();
+    let input = EstimateInput { scene, assets: &assets, frames: job.frames, pictures, options, single: job.single };
+    let mut c = BakeEstimate {
+        assets: assets.iter().map(|a| a.weight).sum(),
+        placements: scene.placements.len() as u64,
+        vertices: input.per_asset(|a| a.vertices + a.prototype_vertices),
+        triangles: input.per_asset(|a| a.triangles + a.prototype_triangles),
+        instances: input.per_asset(|a| a.instances),
+        points: input.per_asset(|a| a.points),
+        joints: input.per_asset(|a| a.joints),
+        frames: job.frames,
+        ..BakeEstimate::default()
+    };
+    c.sizes = job.formats.iter().map(|f| (f.word, (f.estimate)(&input))).collect();
+    // A bake has the pictures once for all formats; of single files, some hold them inside or have none.
+    if !job.single || (pictures > 0 && job.formats.iter().any(|f| f.pictures_beside)) {
+        c.sizes.push(("pictures", pictures));
+    }
+    let wind = wind_bytes(scene, job.frames);
+    c.sizes.extend((wind > 0).then_some(("wind", wind)));
+    c.bytes = c.sizes.iter().map(|s| s.1).sum();
+    c.memory = predict_memory(scene, job.formats, recipe, &c);
+    c
+}
+
+/// Bytes of memory of a recipe's lattice wind, by what they are for; none without.
+pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
+    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
+    if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
+        return Vec::new();
+    }
+    let m = LatticeMemory::estimate(&lattice_options(recipe));
+    vec![
+        ("air", m.populations),
+        ("snapshots", m.snapshots),
+        ("solid cells", m.solid_cells),
+        ("open faces", m.open_faces),
+    ]
+}
+
+/// What planes and boxes of wind take.
+fn wind_bytes(scene: &Scene, frames: u64) -> u64 {
+    scene.air.iter().map(|g| frames.div_ceil(u64::from(g.every.max(1))).saturating_mul(12 * g.count())).sum()
+}
+
+/// PNG takes about half of noise-like pictures' bytes.
+fn packed_bytes(image: &osier_scene::Image) -> u64 {
+    decoded_bytes(image) / 2
+}

@@ -1,0 +1,145 @@
+//! Which exporters write what a recipe asks for.
+
+use std::sync::Arc;
+
+use crate::bake::output::frame_loop::NamedExporter;
+use crate::recipe::sections::{CopyStyle, Profile, Up};
+use crate::recipe::{OutputRecipe, Recipe};
+use osier_base::fence::Folder;
+use osier_export::format::{self, ExportJob, ExportOptions, FormatInfo};
+use osier_export::textures::Textures;
+use osier_export::{air, exr, gltf, manifest, pov, usd};
+
+/// Writers of a bake's folder, which will be given these frames.
+pub fn bake_exporters(
+    folder: &Folder,
+    textures: &Arc<Textures>,
+    recipe: &Recipe,
+    frames: &[u32],
+) -> Vec<NamedExporter> {
+    let mut options = export_options(recipe);
+    options.usd.first = frames.first().copied();
+    let job = ExportJob { folder: folder.clone(), textures: Arc::clone(textures), options: &options, file: None };
+    let mut writers: Vec<NamedExporter> = recipe.output.formats.iter().flat_map(|f| open(f.0, &job)).collect();
+    if !recipe.output.air.grids.is_empty() {
+        writers.push(NamedExporter { name: "wind", exporter: Box::new(air::Air::new(folder.clone())) });
+    }
+    writers
+}
+
+/// The writer of a single file in a folder of the user's; `None` for an unknown ending. `web`: glTF for browsers.
+pub fn file_exporter(
+    folder: Folder,
+    name: &str,
+    textures: &Arc<Textures>,
+    recipe: &Recipe,
+    web: bool,
+) -> Option<NamedExporter> {
+    let (_, ending) = name.rsplit_once('.')?;
+    let format = format::by_ending(&ending.to_ascii_lowercase())?;
+    let mut options = export_options(recipe);
+    options.gltf_profiles = vec![if web { gltf::Profile::Web } else { gltf::Profile::Blender }];
+    let job = ExportJob { folder, textures: Arc::clone(textures), options: &options, file: Some(name) };
+    open(format, &job).into_iter().next()
+}
+
+/// Opens the writers of a format under its word.
+fn open(format: &FormatInfo, job: &ExportJob) -> Vec<NamedExporter> {
+    (format.open)(job).into_iter().map(|exporter| NamedExporter { name: format.word, exporter }).collect()
+}
+
+/// What a recipe chooses for all formats.
+pub fn export_options(recipe: &Recipe) -> ExportOptions {
+    let output = &recipe.output;
+    ExportOptions {
+        usd: usd::UsdOptions {
+            up: up(output),
+            maps: output.writes(&exr::FORMAT),
+            copies: copies(output),
+            tolerance: tolerance(output),
+            ..usd::UsdOptions::default()
+        },
+        gltf: gltf::GltfOptions {
+            frame: output.gltf.frame,
+            nodes: output.gltf.nodes as usize,
+            skins: output.gltf.skins as usize,
+            assets: output.gltf.assets,
+            ..gltf::GltfOptions::default()
+        },
+        gltf_profiles: output.gltf.profiles.iter().map(|p| profile(*p)).collect(),
+        pov: pov_options(output),
+        exr: exr::ExrOptions { water: recipe.maps.water, atlas: recipe.maps.atlas },
+    }
+}
+
+/// What the manifest says about the choices, for a bake of these frames in rising order.
+pub fn settings(output: &OutputRecipe, frames: &[u32]) -> manifest::Settings {
+    manifest::Settings {
+        up_axis: if output.usd.up == Up::Z { "Z".into() } else { "Y".into() },
+        substeps: 1,
+        step: stride(frames),
+        pov_units_per_m: osier_base::math::narrow(output.pov.units),
+    }
+}
+
+/// Largest step that meets every one of the rising `frames` from the first; 1 if there is no second.
+fn stride(frames: &[u32]) -> u32 {
+    let gcd = |a: u32, b: u32| {
+        let (mut a, mut b) = (a, b);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a
+    };
+    frames.windows(2).fold(0, |step, pair| gcd(step, pair[1].abs_diff(pair[0]))).max(1)
+}
+
+fn up(output: &OutputRecipe) -> usd::UpAxis {
+    if output.usd.up == Up::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
+}
+
+/// Angles and lengths of the recipe are in radians and metres.
+fn tolerance(output: &OutputRecipe) -> usd::Tolerance {
+    let keys = &output.usd;
+    usd::Tolerance {
+        metres: osier_base::math::narrow(keys.tolerance),
+        radians: osier_base::math::narrow(keys.turn_tolerance),
+    }
+}
+
+fn copies(output: &OutputRecipe) -> usd::CopyStyle {
+    match output.usd.copies {
+        CopyStyle::Instancer => usd::CopyStyle::Instancer,
+        CopyStyle::References => usd::CopyStyle::References,
+    }
+}
+
+fn profile(profile: Profile) -> gltf::Profile {
+    match profile {
+        Profile::Blender => gltf::Profile::Blender,
+        Profile::Web => gltf::Profile::Web,
+    }
+}
+
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pictures are 8 to 16384 pixels wide")]
+fn pov_options(output: &OutputRecipe) -> pov::PovOptions {
+    pov::PovOptions {
+        step: output.pov.step,
+        units_per_m: osier_base::math::narrow(output.pov.units),
+        shutter: osier_base::math::narrow(output.pov.shutter),
+        photons: output.photons.as_ref().map(|p| osier_base::math::narrow(p.smallest)),
+        size: (output.pov.size[0] as u32, output.pov.size[1] as u32),
+        ..pov::PovOptions::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stride;
+
+    #[test]
+    fn the_step_of_a_selection_meets_all_of_it() {
+        assert_eq!((stride(&[]), stride(&[5]), stride(&[1, 2, 3])), (1, 1, 1));
+        assert_eq!((stride(&[1, 11, 21]), stride(&[1, 5, 11]), stride(&[0, 9, 15])), (10, 2, 3));
+    }
+}

@@ -1,0 +1,59 @@
+//! How much memory a run takes at its peak, told before it is spent.
+//!
+//! The terms are what a run holds: pictures as they are drawn and packed, geometry as it is grown and written, a binary glTF
+//! file, which is put together in memory, the maps of two frames of rain, air.
+//!
+//! Own: the factors were fitted to the resident peaks of all presets on two threads, and hold them within a quarter; an imported tree,
+//! whose skeleton is found in its mesh, takes a little more.
+
+use crate::bake::output::estimate::{BakeEstimate, lattice_memory};
+use crate::recipe::Recipe;
+use osier_export::format::FormatInfo;
+use osier_export::usd;
+use osier_scene::{Image, Pixels, Scene};
+
+/// The program itself, and what each thread has on its stack and in its buffers, bytes.
+const PROGRAM: u64 = 16_000_000;
+const THREAD: u64 = 4_000_000;
+/// Tenths of a byte for each byte of a picture, which is held as it is and packed.
+const PICTURE: u64 = 22;
+/// Bytes for each vertex and each triangle.
+const VERTEX: u64 = 42;
+/// Bytes for each instance: its transform, its place on the plant, its motion.
+const INSTANCE: u64 = 130;
+/// Bytes for each point of a cloud, and how many more as USD lays it out.
+const POINT: u64 = 50;
+const USD_POINT: u64 = 26;
+/// Bytes for each texel of the maps of rain.
+const TEXEL: u64 = 150;
+
+/// Bytes of memory at the peak of a run, by what they are for. `counts`: of the run, with its sizes.
+pub fn predict_memory(
+    scene: &Scene,
+    formats: &[&FormatInfo],
+    recipe: &Recipe,
+    counts: &BakeEstimate,
+) -> Vec<(&'static str, u64)> {
+    let texels: u64 = scene.wet.iter().map(|w| (w.side * w.side) as u64).sum();
+    let size = |format: &str| counts.sizes.iter().find(|s| s.0 == format).map_or(0, |s| s.1);
+    let writers = formats.iter().map(|f| size(f.word) / 100 * f.memory_percent).sum();
+    let point = if formats.iter().any(|f| f.word == usd::FORMAT.word) { POINT + USD_POINT } else { POINT };
+    let mut parts = vec![
+        ("program", PROGRAM + THREAD * osier_base::par::threads() as u64),
+        ("pictures", scene.images.iter().map(decoded_bytes).sum::<u64>() / 10 * PICTURE),
+        ("meshes", VERTEX.saturating_mul(counts.vertices + counts.triangles)),
+        ("instances", INSTANCE.saturating_mul(counts.instances)),
+        ("points", point.saturating_mul(counts.points)),
+        ("writers", writers),
+        ("maps of rain", TEXEL * texels),
+    ];
+    parts.extend(lattice_memory(recipe));
+    parts.retain(|p| p.1 > 0);
+    parts
+}
+
+/// Bytes of a picture, not packed.
+pub(crate) fn decoded_bytes(image: &Image) -> u64 {
+    let deep = if matches!(image.pixels, Pixels::U16(_)) { 2 } else { 1 };
+    u64::from(image.width) * u64::from(image.height) * u64::from(image.channels) * deep
+}

@@ -1,0 +1,8 @@
+//! From an assembled scene to files, and what they will cost in bytes.
+
+pub mod estimate;
+pub mod exporters;
+pub mod frame_loop;
+pub mod ifs_tables;
+pub(crate) mod memory;
+pub mod single_file;

@@ -1,0 +1,57 @@
+//! How large a file of its own a still scene becomes.
+
+use crate::bake::output::estimate::{BakeEstimate, CountJob, count_formats};
+use crate::bake::output::exporters::export_options;
+use crate::bake::output::frame_loop::AnimatedScene;
+use crate::bake::scene::assembly::AssembledScene;
+use crate::recipe::Recipe;
+use osier_base::{Error, Result};
+use osier_export::estimate::MergedSize;
+use osier_export::format::FormatInfo;
+use osier_export::gltf::Profile;
+use osier_scene::{Asset, AssetKind, Scene};
+
+/// What `osier grow` will write into a file of a format; `web`: glTF for browsers.
+pub fn estimate_file(built: &AssembledScene, recipe: &Recipe, format: &'static FormatInfo, web: bool) -> BakeEstimate {
+    let mut options = export_options(recipe);
+    options.gltf_profiles = vec![if web { Profile::Web } else { Profile::Blender }];
+    let job = CountJob { formats: &[format], frames: 0, weights: &built.weights, single: true };
+    BakeEstimate { modules: built.modules, ..count_formats(&built.animated, recipe, &options, &job) }
+}
+
+/// Refuses a file that would hold nothing.
+/// # Errors
+/// X030.
+pub fn refuse_empty(stage: &AnimatedScene, ending: &str) -> Result<()> {
+    let merged = MergedSize::of(&stage.scene);
+    let lines = stage.scene.assets.iter().any(|a| !a.curves.is_empty());
+    let (shown, what) = match ending {
+        "obj" => (merged.triangles > 0, "no triangle; points and lines are not part of an OBJ file"),
+        _ => (merged.triangles > 0 || merged.points > 0 || lines, "no triangle and no point"),
+    };
+    if shown {
+        return Ok(());
+    }
+    let reason = format!("\"{}\" makes {what}: nothing is written", stage.scene.name);
+    Err(Error::export("X030", reason))
+}
+
+/// Refuses a scene whose plants all come out without anything to see, and in which nothing else is seen but ground.
+/// # Errors
+/// X030.
+pub fn refuse_invisible(scene: &Scene) -> Result<()> {
+    let is_plant = |a: &&Asset| a.kind == AssetKind::Plant;
+    let is_bare = |a: &Asset| {
+        let one = MergedSize::of_asset(a);
+        one.triangles == 0 && one.points == 0 && a.curves.is_empty()
+    };
+    let grown = scene.assets.iter().filter(|a| a.kind != AssetKind::Terrain);
+    if scene.assets.iter().any(|a| is_plant(&a)) && grown.clone().all(is_bare) {
+        let reason = format!(
+            "\"{}\" grows nothing that can be seen: no segment, leaf or polygon is drawn at the end of the derivation",
+            scene.name
+        );
+        return Err(Error::export("X030", reason));
+    }
+    Ok(())
+}

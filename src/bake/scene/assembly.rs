@@ -1,0 +1,631 @@
+//! From a recipe to a scene with what moves in it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use crate::bake::BakeContext;
+use crate::bake::assets::catkin;
+use crate::bake::assets::obstacles::{self, GroundSurface, Obstacles};
+use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
+use crate::bake::assets::plant_materials::{MaterialSet, ground_materials, ground_shape, plant_materials};
+use crate::bake::assets::plant_mesh::{PlantMaterials, build_plant_asset};
+use crate::bake::assets::terrain;
+use crate::bake::motion::flight::{self, FlightContext, FlightPlayback};
+use crate::bake::motion::rain;
+use crate::bake::motion::rod;
+use crate::bake::motion::rod_plant::{RodPlantMotion, SkinBinding, build_rod_plant};
+use crate::bake::motion::sway::AssetMotion;
+use crate::bake::output::estimate::{BakeEstimate, estimate};
+use crate::bake::output::frame_loop::AnimatedScene;
+use crate::bake::scene::camera_light::{camera, sky, sun};
+use crate::bake::scene::dry_run;
+use crate::bake::scene::layout::{Individual, PlantInstance, PlantLayout, lay_out_scene};
+use crate::bake::scene::scatter;
+use crate::bake::wind::lattice::{LatticeRequest, check_lattice, lattice_solids, plant_bounds};
+use crate::bake::wind::output::{WindOutput, WindUsers};
+use crate::bake::wind::plant_wind::PlantWind;
+use crate::bake::wind::playback::WindPlayback;
+use crate::recipe::catkin_keys::CatkinKeys;
+use crate::recipe::land_keys::TerrainKeys;
+use crate::recipe::sections::Motion;
+use crate::recipe::wind_keys::WindModel;
+use crate::recipe::{Recipe, Section as _};
+use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::fence::Names;
+use osier_base::geometry::Bounds;
+use osier_base::math::narrow;
+use osier_base::par::{join, par_map};
+use osier_base::{Error, Result};
+use osier_motion::rods::RodPlant;
+use osier_plants::surface::ground::Ground;
+use osier_plants::surface::terrain::Land;
+use osier_scene::plant::AxisKind;
+use osier_scene::{
+    Asset, AssetKind, Field, Image, Material, Mesh, MeshMotion, MeshObject, Placement, Scene, Table, Trs, Wet,
+};
+
+/// Which parts of a recipe are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SceneParts {
+    /// The ground.
+    pub ground: bool,
+}
+
+impl Default for SceneParts {
+    fn default() -> Self {
+        Self { ground: true }
+    }
+}
+
+/// A stage with what was said while it was made.
+#[derive(Debug)]
+pub struct AssembledScene {
+    /// Scene and movers.
+    pub animated: AnimatedScene,
+    /// Warnings of grammars and turtles.
+    pub report: Report,
+    /// Modules of all final strings.
+    pub modules: u64,
+    /// In a plan: how many individuals each of the first assets stands for. Empty in what was built.
+    pub weights: Vec<u64>,
+}
+
+impl AssembledScene {
+    /// What writing `frames` (none: still) will make.
+    pub fn counts(&self, recipe: &Recipe, frames: &[u32]) -> BakeEstimate {
+        BakeEstimate { modules: self.modules, ..estimate(&self.animated, recipe, frames.len() as u64, &self.weights) }
+    }
+}
+
+/// Grows and dresses everything that a recipe names.
+/// # Errors
+/// `Input` with the faults of grammars, `Limit`, `Cancelled`.
+pub fn assemble_scene(recipe: &Recipe, parts: SceneParts, context: &BakeContext<'_>) -> Result<AssembledScene> {
+    assemble(recipe, None, parts, context)
+}
+
+/// As [`build`] for a look at what would be made: no map is drawn, no air, rain or motion is simulated. The stage can be
+/// counted, not written.
+/// # Errors
+/// As [`build`].
+pub fn assemble_for_estimate(recipe: &Recipe, parts: SceneParts, context: &BakeContext<'_>) -> Result<AssembledScene> {
+    assemble(&dry_run::reduced_recipe(recipe), Some(recipe), parts, context)
+}
+
+/// `meant`: what the recipe is a draft of.
+#[allow(clippy::too_many_lines, reason = "the kinds of things in a scene, one after the other")]
+fn assemble(
+    recipe: &Recipe,
+    meant: Option<&Recipe>,
+    parts: SceneParts,
+    context: &BakeContext<'_>,
+) -> Result<AssembledScene> {
+    if !recipe.layers.is_empty() && recipe.plants.is_empty() && recipe.clouds.is_empty() && recipe.terrain.is_none() {
+        let reason = format!("\"{}\" is a picture, not a scene in space: osier grow {0} -o {0}.png", recipe.name);
+        return Err(Error::export("S006", reason));
+    }
+    let (mut layout, land) = lay_out_scene(recipe, context)?;
+    let weights =
+        if meant.is_some() { dry_run::sample_individuals(&mut layout, recipe.plants.len()) } else { Vec::new() };
+    context.limits.check("instances", layout.standings.len() as u64, "the number of placements")?;
+    context.progress.stage("drawing ground, bark and leaves", recipe.plants.len() as u64);
+    let shown = parts.ground && recipe.ground.show && land.is_none();
+    let soil = shown.then(|| place_on_ground(recipe, &mut layout));
+    // The ground is made where growing leaves threads idle.
+    let (plants, ground) = join(
+        || {
+            let mut looks = build_materials(recipe, &layout, context)?;
+            let plants = meant.iter().flat_map(|m| &m.plants);
+            looks.iter_mut().zip(plants).for_each(|(look, plant)| dry_run::restore_image_sizes(look, plant));
+            context.progress.stage("growing", layout.individuals.len() as u64);
+            let grown = grow_all(recipe, &layout, &looks, context)?;
+            Ok::<_, Error>((looks, grown))
+        },
+        || {
+            soil.as_ref()
+                .map(|(shape, _)| {
+                    let mut look = ground_materials(shape, &recipe.ground, recipe.sky.horizon)?;
+                    meant.iter().for_each(|m| dry_run::restore_ground_sizes(&mut look, m.ground.side));
+                    Ok::<_, Error>((look, shape.mesh()?))
+                })
+                .transpose()
+        },
+    );
+    let ((looks, (grown, mut report)), ground) = (plants?, ground?);
+    looks.iter().filter_map(|l| l.tree.as_ref()).for_each(|tree| report.extend(tree.report.clone()));
+    if let Some(land) = &land {
+        let feet = foot_radii(recipe, &layout, &grown);
+        scatter::snap_to_terrain(&mut layout, &feet, land);
+    }
+    let mut made = SceneBuilder::default();
+    let mut kinds: Vec<PlantMaterials> = looks.into_iter().map(|look| made.take(look)).collect();
+    crate::bake::assets::plant_mesh::mark_shader_wind(recipe, &layout, &mut kinds);
+    context.progress.stage("skinning", layout.individuals.len() as u64);
+    let weight = |i: usize| weights.get(i).copied().unwrap_or(1);
+    let modules = grown.iter().enumerate().map(|(i, g)| g.modules * weight(i)).sum();
+    let footing = match (&land, &soil) {
+        (Some(land), _) => GroundSurface::Land(land),
+        (None, Some((shape, middle))) => GroundSurface::Ground(shape, *middle),
+        _ => GroundSurface::Level,
+    };
+    let obstacles = Obstacles::of(recipe, footing)?;
+    let solids = lattice_solids(meant.unwrap_or(recipe), &obstacles);
+    meant.map_or(Ok(()), |m| check_lattice(m, &solids, context, &mut report))?;
+    // Who tells the wind tells all of it, if no flight has one of its own.
+    let all = !recipe.output.air.grids.is_empty() && recipe.flight.is_none();
+    let bounds = if all { Bounds::of([]) } else { plant_bounds(&layout, &grown) };
+    let wanted = LatticeRequest { bounds, solids: &solids, repeats: None };
+    // A wind that nothing sways in is not kept.
+    let sways = !layout.individuals.is_empty();
+    let air = if sways { PlantWind::of(recipe, &wanted, context, &mut report)? } else { None };
+    let air = if meant.is_some() { air.map(PlantWind::for_estimate) } else { air };
+    // Leaves that rain falls on are moved by rods or not at all.
+    let swaying = air.as_ref().filter(|_| recipe.rain.is_none());
+    add_plants((recipe, swaying), (&layout, &kinds, &grown), &mut made, (context, &mut report))?;
+    crate::bake::motion::sway::report_clamped_angles(&made.movers, &mut report);
+    let mut placements = placements(swaying, &made, &layout);
+    let short = meant.map(dry_run::first_rain_frame);
+    let raining = short.as_ref().unwrap_or(recipe);
+    let under =
+        (air.as_ref(), rain_ground(recipe, land.as_ref(), soil.as_ref().map(|(shape, middle)| (shape, *middle))));
+    let (wet, rained) =
+        add_rain((raining, meant.is_some()), (&layout, &grown), under, (&mut made, &mut placements), context)?;
+    add_attractors(recipe, &mut made, &mut placements, context)?;
+    let twigs = twig_tips(recipe, &layout, &grown);
+    let flown = add_catkins(recipe, (&obstacles, &twigs), (&mut made, &mut placements), (context, &mut report))?;
+    let measures: Vec<RecordedTable> = flown.into_iter().chain(rained.map(|table| (table, Vec::new()))).collect();
+    add_rods((recipe, meant.is_some()), (&mut made, &mut placements), (context, &mut report))?;
+    add_obstacles(recipe, &mut made, &mut placements)?;
+    let others = WindUsers { movers: &made.movers, air: air.as_ref(), solids: &solids };
+    let breeze = WindOutput::of(recipe, &others, context, &mut report)?;
+    let bare = placements.is_empty();
+    let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
+    if let Some(((_, middle), ground)) = soil.as_ref().zip(ground) {
+        add_ground(ground, *middle, &mut made, &mut placements);
+    }
+    let land = land.filter(|_| parts.ground);
+    if let Some((land, keys)) = land.as_ref().zip(recipe.terrain.as_ref()) {
+        add_terrain(land, keys, recipe.seed, &mut made, &mut placements)?;
+    }
+    let mut camera = plants.unwrap_or_else(|| camera(recipe, &made.assets, &placements));
+    if let Some(land) = &land {
+        terrain::lift_camera(&mut camera, land);
+    }
+    let scene = Scene {
+        name: recipe.name.clone(),
+        title: recipe.title.clone(),
+        seed: recipe.seed,
+        hash: recipe.hash.clone(),
+        clip: recipe.clip,
+        camera,
+        sun: sun(recipe),
+        sky: sky(recipe),
+        images: made.images,
+        materials: made.materials,
+        assets: made.assets,
+        placements,
+        land: land.map(terrain::field),
+        tables: measures.iter().map(|m| m.0.clone()).collect(),
+        fields: measures.into_iter().flat_map(|m| m.1).collect(),
+        air: if breeze.is_some() { recipe.output.air.grids.clone() } else { Vec::new() },
+        wet,
+    };
+    Ok(AssembledScene {
+        animated: AnimatedScene { scene: Arc::new(scene), movers: made.movers, air: breeze },
+        report,
+        modules,
+        weights,
+    })
+}
+
+/// What is collected for the scene.
+#[derive(Default)]
+struct SceneBuilder {
+    images: Vec<Image>,
+    materials: Vec<Material>,
+    assets: Vec<Asset>,
+    movers: Vec<Option<AssetMotion>>,
+    /// Plants on rods that rain falls on, by asset.
+    rod_plants: Vec<Option<(RodPlant, SkinBinding)>>,
+}
+
+impl SceneBuilder {
+    /// Adds a look's materials and pictures and returns where they start.
+    fn take(&mut self, look: MaterialSet) -> PlantMaterials {
+        let index = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+        let organ_names = look.names;
+        let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
+        let (first_material, first_image) = (index(self.materials.len()), index(self.images.len()));
+        self.images.extend(look.images);
+        self.materials.extend(look.materials.into_iter().map(|mut m| {
+            for map in [&mut m.maps.color, &mut m.maps.normal, &mut m.maps.roughness, &mut m.maps.height] {
+                *map = map.map(|i| i + first_image);
+            }
+            m
+        }));
+        PlantMaterials { first_material, tile, organ_names, shader_wind: false }
+    }
+}
+
+/// The first failure in order, or all results.
+fn in_order<T>(results: Vec<Result<T>>) -> Result<Vec<T>> {
+    results.into_iter().collect()
+}
+
+/// Bark, leaves and what else plants wear; nothing for those that stand nowhere.
+fn build_materials(recipe: &Recipe, layout: &PlantLayout, context: &BakeContext<'_>) -> Result<Vec<MaterialSet>> {
+    let indexed: Vec<_> = recipe.plants.iter().enumerate().collect();
+    in_order(par_map(&indexed, |(i, plant)| {
+        context.cancel.check()?;
+        let used = layout.individuals.iter().any(|n| n.plant == *i);
+        let look = if used { plant_materials(plant, recipe.seed, context) } else { Ok(MaterialSet::default()) };
+        context.progress.advance(1);
+        look
+    }))
+}
+
+fn grow_all(
+    recipe: &Recipe,
+    layout: &PlantLayout,
+    looks: &[MaterialSet],
+    context: &BakeContext<'_>,
+) -> Result<(Vec<GrownPlant>, Report)> {
+    let grown = par_map(&layout.individuals, |individual| {
+        context.cancel.check()?;
+        let (plant, look) = pair(recipe, looks, individual)?;
+        let grown = grow_plant(plant, individual, look, context);
+        context.progress.advance(1);
+        grown
+    });
+    let mut report = Report::default();
+    let mut plants = Vec::new();
+    for result in grown {
+        match result {
+            Ok(mut g) => {
+                report.extend(std::mem::take(&mut g.report));
+                plants.push(g);
+            }
+            Err(Error::Input(faults)) => report.extend(*faults),
+            Err(other) => return Err(other),
+        }
+    }
+    report.into_result(plants)
+}
+
+fn pair<'a, T>(
+    recipe: &'a Recipe,
+    list: &'a [T],
+    individual: &Individual,
+) -> Result<(&'a crate::recipe::PlantRecipe, &'a T)> {
+    let both = recipe.plants.get(individual.plant).zip(list.get(individual.plant));
+    both.ok_or_else(|| Error::export("S005", "a place names a plant that is not there"))
+}
+
+/// A plant as it is shown.
+struct BuiltPlant {
+    asset: Asset,
+    mover: Option<AssetMotion>,
+    /// Rods that rain moves.
+    rod_plants: Option<(RodPlant, SkinBinding)>,
+    told: Vec<Diagnostic>,
+}
+
+impl BuiltPlant {
+    fn new(asset: Asset, told: Vec<Diagnostic>) -> Self {
+        Self { asset, mover: None, rod_plants: None, told }
+    }
+}
+
+fn add_plants(
+    (recipe, air): (&Recipe, Option<&PlantWind>),
+    (layout, kinds, grown): (&PlantLayout, &[PlantMaterials], &[GrownPlant]),
+    made: &mut SceneBuilder,
+    (context, report): (&BakeContext<'_>, &mut Report),
+) -> Result<()> {
+    let jobs: Vec<(usize, &Individual, &GrownPlant)> =
+        layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
+    let stands = layout.first_stands();
+    let dressed = par_map(&jobs, |(i, individual, grown)| {
+        let (plant, kind) = pair(recipe, kinds, individual)?;
+        let stand = stands.get(*i).copied().unwrap_or(Trs::IDENTITY);
+        let still = matches!(plant.keys.motion, Motion::Still | Motion::Static);
+        let clock = (recipe.clip.fps(), recipe.clip.start);
+        let rods = || build_rod_plant(grown, plant, (kind, individual), (stand, clock), recipe.gravity(), context);
+        let springs = plant.rods.is_some() && !still;
+        let dressed = if springs && recipe.rain.is_some() && recipe.clip.len() > 1 {
+            let rod_plants = rods()?;
+            BuiltPlant {
+                rod_plants: Some((rod_plants.boughs, rod_plants.dressing)),
+                ..BuiltPlant::new(rod_plants.asset, rod_plants.told)
+            }
+        } else if let Some(air) = air.filter(|_| springs) {
+            let rod_plants = rods()?;
+            let shiver = RodPlantMotion::new((rod_plants.boughs, rod_plants.dressing), plant, air, clock.0);
+            let mover = Some(AssetMotion::Boughs(Arc::new(shiver)));
+            BuiltPlant { mover, ..BuiltPlant::new(rod_plants.asset, rod_plants.told) }
+        } else if plant.rods.is_some() {
+            BuiltPlant::new(rods()?.stilled(), Vec::new())
+        } else {
+            let (asset, mover) = build_plant_asset(grown, plant, (kind, individual), air.map(|a| (a, stand)), context)?;
+            BuiltPlant { mover: mover.map(|m| AssetMotion::Plant(Box::new(m))), ..BuiltPlant::new(asset, Vec::new()) }
+        };
+        context.progress.advance(1);
+        Ok(dressed)
+    });
+    for (dressed, individual) in in_order(dressed)?.into_iter().zip(&layout.individuals) {
+        let group = recipe.plants.get(individual.plant).map(|p| p.id.clone()).unwrap_or_default();
+        made.assets.push(Asset { group, ..dressed.asset });
+        made.movers.push(dressed.mover);
+        made.rod_plants.push(dressed.rod_plants);
+        dressed.told.into_iter().for_each(|d| report.push(d));
+    }
+    Ok(())
+}
+
+fn placements(air: Option<&PlantWind>, made: &SceneBuilder, layout: &PlantLayout) -> Vec<Placement> {
+    let SceneBuilder { assets, movers, .. } = made;
+    let mut names = Names::default();
+    let mut first: BTreeMap<usize, Vec3> = BTreeMap::new();
+    let mut of = |s: &PlantInstance| {
+        let id = assets.get(s.individual).map_or("plant", |a| &a.id);
+        let first = *first.entry(s.individual).or_insert(s.transform.t);
+        // Rods swing on and on: their frames come one after another.
+        let moves = matches!(movers.get(s.individual), Some(Some(AssetMotion::Plant(_))));
+        let phase = air.filter(|_| moves).map_or(0, |air| air.phase(first, s.transform.t));
+        Placement { name: names.unique(id), asset: s.individual, transform: s.transform, phase }
+    };
+    layout.standings.iter().map(&mut of).collect()
+}
+
+/// Sets the plants on the ground, whose middle is theirs, and returns it with its place.
+fn place_on_ground(recipe: &Recipe, layout: &mut PlantLayout) -> (Ground, Vec3) {
+    let shape = ground_shape(&recipe.ground, recipe.seed);
+    let feet = Bounds::of(layout.standings.iter().map(|s| s.transform.t));
+    let middle = feet.center() * Vec3::new(1.0, 0.0, 1.0);
+    for s in &mut layout.standings {
+        let at = s.transform.t - middle;
+        s.transform.t.y += shape.height(at.x, at.z);
+    }
+    (shape, middle)
+}
+
+/// How far the feet of the individuals reach.
+fn foot_radii(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec<f32> {
+    let one = |(individual, grown): (&Individual, &GrownPlant)| {
+        recipe.plants.get(individual.plant).map_or(0.0, |plant| scatter::foot_radius(&grown.plant, &plant.skin))
+    };
+    layout.individuals.iter().zip(grown).map(one).collect()
+}
+
+fn add_terrain(
+    shape: &Land,
+    keys: &TerrainKeys,
+    seed: u64,
+    made: &mut SceneBuilder,
+    placements: &mut Vec<Placement>,
+) -> Result<()> {
+    let kind = made.take(terrain::look(shape, keys, seed)?);
+    placements.push(Placement {
+        name: terrain::NAME.into(),
+        asset: made.assets.len(),
+        transform: Trs::IDENTITY,
+        phase: 0,
+    });
+    made.movers.push(None);
+    made.assets.push(terrain::asset(shape, kind.first_material));
+    Ok(())
+}
+
+fn add_ground(
+    (look, mut mesh): (MaterialSet, Mesh),
+    middle: Vec3,
+    made: &mut SceneBuilder,
+    placements: &mut Vec<Placement>,
+) {
+    let kind = made.take(look);
+    for s in &mut mesh.subsets {
+        s.material += kind.first_material;
+    }
+    let transform = Trs::translation(middle);
+    placements.push(Placement { name: "ground".into(), asset: made.assets.len(), transform, phase: 0 });
+    made.movers.push(None);
+    made.assets.push(Asset {
+        id: "ground".into(),
+        kind: AssetKind::Terrain,
+        group: String::new(),
+        skeleton: None,
+        meshes: vec![MeshObject { name: "ground".into(), mesh, motion: MeshMotion::Still, skin: None }],
+        instancers: Vec::new(),
+        points: Vec::new(),
+        curves: Vec::new(),
+    });
+}
+
+/// Adds the points of attractors where the scene wants them.
+fn add_attractors(
+    recipe: &Recipe,
+    made: &mut SceneBuilder,
+    placements: &mut Vec<Placement>,
+    context: &BakeContext<'_>,
+) -> Result<()> {
+    for cloud in &recipe.clouds {
+        let material = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
+        let new = crate::bake::assets::attractor::build_attractor(
+            cloud,
+            (recipe.seed, recipe.clip.len() > 1),
+            material,
+            context,
+        )?;
+        let name = new.asset.id.clone();
+        placements.push(Placement { name, asset: made.assets.len(), transform: new.stand, phase: 0 });
+        made.materials.push(new.surface);
+        made.assets.push(new.asset);
+        made.movers.push(new.morphing.map(AssetMotion::Cloud));
+    }
+    Ok(())
+}
+
+/// The box of air that catkins fly in: a lattice's own, or one around the origin.
+fn flight_bounds(recipe: &Recipe, size: [f64; 3]) -> Bounds {
+    let lattice = recipe.wind.model == WindModel::Lattice;
+    let [w, h, d] = if lattice { recipe.lattice.cells.map(|n| n * recipe.lattice.dx) } else { size }.map(narrow);
+    let at = if lattice { Vec3::from_array(recipe.lattice.at.map(narrow)) } else { Vec3::ZERO };
+    Bounds { min: at - Vec3::new(w / 2.0, 0.0, d / 2.0), max: at + Vec3::new(w / 2.0, h, d / 2.0) }
+}
+
+/// What a flight or rain measures.
+type RecordedTable = (Table, Vec<Field>);
+
+/// Lets catkins fly, or shows their kinds side by side.
+fn add_catkins(
+    recipe: &Recipe,
+    (obstacles, twigs): (&Obstacles<'_>, &[(Vec3, f64)]),
+    (made, placements): (&mut SceneBuilder, &mut Vec<Placement>),
+    (context, report): (&BakeContext<'_>, &mut Report),
+) -> Result<Option<RecordedTable>> {
+    if recipe.catkin.is_none() && recipe.flight.is_none() {
+        return Ok(None);
+    }
+    let own = CatkinKeys::defaults();
+    let keys = recipe.catkin.as_ref().unwrap_or(&own);
+    let models = catkin::catkin_models(keys, recipe.seed, context)?;
+    let levels = catkin::CatkinLods::of(keys);
+    let kind = made.take(catkin::materials(&models, &levels));
+    let (asset, mover, measures) = match &recipe.flight {
+        None => (catkin::row(&models, &levels, kind.first_material), None, None),
+        Some(flight) => {
+            let inside = flight_bounds(recipe, flight.keys.size);
+            let points = f64::from(flight.keys.count) * (flight.keys.trails * recipe.clip.fps()).round();
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "far below 2^53")]
+            context.limits.check("vertices", points as u64, "the number of points of flight.trails")?;
+            let solids = Arc::new(obstacles.within(inside.size().max_element()));
+            let early = flight::before(flight, recipe) as f64 / recipe.clip.fps();
+            let mut stream = WindPlayback::new(recipe, solids.list(), early, context);
+            let before = report.diagnostics.len();
+            stream.spin_up(context.progress, report)?;
+            let (known_height, cell) = (stream.known_height(), stream.cell());
+            let setting = FlightContext { recipe, flight, inside, solids, known_height, cell, twigs };
+            let course = FlightPlayback::new(&setting, stream, &models);
+            if course.buried() > 0 {
+                let text = format!("{} catkins found no place to start outside of solids", course.buried());
+                let help = "raise flight.band, or make room between the solids";
+                report.push(Diagnostic::about("S026", text).help(help));
+            }
+            let prototypes = models.iter().map(|m| m.prototype(&levels, kind.first_material)).collect();
+            let said = report.diagnostics.iter().skip(before).map(|d| (d.code, d.message.clone())).collect();
+            let (table, fields) = course.measures(&flight.keys, said);
+            let measures = (table, fields.to_vec());
+            (
+                course.asset(prototypes, kind.first_material, recipe.clip.len() < 2)?,
+                Some(AssetMotion::Flight(Arc::new(course))),
+                Some(measures),
+            )
+        }
+    };
+    let name = asset.id.clone();
+    placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+    made.assets.push(asset);
+    made.movers.push(mover);
+    Ok(measures)
+}
+
+/// Ends of the twigs that let catkins go, m, with the weights of their plants.
+fn twig_tips(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Vec<(Vec3, f64)> {
+    let Some(flight) = &recipe.flight else { return Vec::new() };
+    let mut out = Vec::new();
+    for standing in &layout.standings {
+        let Some((individual, grown)) = layout.individuals.get(standing.individual).zip(grown.get(standing.individual))
+        else {
+            continue;
+        };
+        let Some((_, weight)) = flight.canopy.iter().find(|(plant, _)| *plant == individual.plant) else { continue };
+        let plant = &grown.plant;
+        let stems = plant.axes.iter().filter(|a| a.kind == AxisKind::Stem && a.order > 0);
+        let ends = stems.filter_map(|a| plant.nodes.p.get(plant.nodes_of(a)).and_then(<[Vec3]>::last));
+        out.extend(ends.map(|p| (standing.transform.apply(*p), *weight)));
+    }
+    out
+}
+
+/// The ground that rain ends on.
+fn rain_ground(recipe: &Recipe, land: Option<&Land>, soil: Option<(&Ground, Vec3)>) -> rain::RainGround {
+    match (land, soil) {
+        (Some(land), _) if recipe.rain.is_some() => rain::RainGround::Hills(land.clone()),
+        (_, Some((shape, middle))) => rain::RainGround::Waves(shape.clone(), middle),
+        _ => rain::RainGround::Level(recipe.ground.show),
+    }
+}
+
+/// Lets it rain on the plants; `draft`: their pictures hold no pixels.
+fn add_rain(
+    (recipe, draft): (&Recipe, bool),
+    (layout, grown): (&PlantLayout, &[GrownPlant]),
+    (air, soil): (Option<&PlantWind>, rain::RainGround),
+    (made, placements): (&mut SceneBuilder, &mut Vec<Placement>),
+    context: &BakeContext<'_>,
+) -> Result<(Vec<Wet>, Option<Table>)> {
+    let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
+    let stands = layout.first_stands();
+    let plants: Vec<&osier_scene::plant::Plant> = grown.iter().map(|g| &g.plant).collect();
+    let under = rain::RainScene {
+        recipe,
+        assets: &mut made.assets,
+        materials: &mut made.materials,
+        images: if draft { &[] } else { &made.images },
+        stands: &stands,
+        plants: &plants,
+        rod_plants: std::mem::take(&mut made.rod_plants),
+        wind: air.map(|a| Arc::clone(&a.wind)),
+        soil,
+    };
+    let fallen = rain::simulate_rain(under, rain, context)?;
+    placements.push(Placement { name: "rain".into(), asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+    made.assets.push(fallen.asset);
+    for (k, mover) in made.movers.iter_mut().enumerate() {
+        if fallen.rain.moves(k) {
+            *mover = Some(AssetMotion::Rained(Arc::clone(&fallen.rain), k));
+        }
+    }
+    let moves = recipe.clip.len() > 1;
+    made.movers.push(moves.then_some(AssetMotion::Rain(fallen.rain)));
+    Ok((fallen.wet, moves.then_some(fallen.table)))
+}
+
+/// Adds rods; `draft`: without their motion.
+fn add_rods(
+    (recipe, draft): (&Recipe, bool),
+    (made, placements): (&mut SceneBuilder, &mut Vec<Placement>),
+    (context, report): (&BakeContext<'_>, &mut Report),
+) -> Result<()> {
+    let first = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
+    for mut new in rod::build_rod_assets((recipe, draft), first, context, report)? {
+        while made.assets.iter().any(|a| a.id == new.asset.id) {
+            new.asset.id = format!("{}_rod", new.asset.id);
+        }
+        let name = new.asset.id.clone();
+        placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+        made.materials.extend(new.materials);
+        made.assets.push(new.asset);
+        made.movers.push(new.motion.map(AssetMotion::Rod));
+    }
+    Ok(())
+}
+
+/// Shows what stands in the way.
+fn add_obstacles(recipe: &Recipe, made: &mut SceneBuilder, placements: &mut Vec<Placement>) -> Result<()> {
+    for solid in recipe.solids.iter().filter(|s| s.keys.show) {
+        let (look, build) = obstacles::build_obstacle(solid);
+        let kind = made.take(look);
+        let mut asset = build(kind.first_material)?;
+        while made.assets.iter().any(|a| a.id == asset.id) {
+            asset.id = format!("{}_solid", asset.id);
+        }
+        let name = asset.id.clone();
+        placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
+        made.assets.push(asset);
+        made.movers.push(None);
+    }
+    Ok(())
+}

@@ -1,0 +1,296 @@
+//! Who grows and where they stand.
+
+use std::collections::BTreeMap;
+
+use glam::{Quat, Vec2, Vec3};
+
+use crate::bake::BakeContext;
+use crate::bake::assets::terrain;
+use crate::bake::scene::scatter;
+use crate::recipe::{Growth, PlaceRecipe, Recipe};
+use osier_base::Result;
+use osier_base::fence::Names;
+use osier_base::math;
+use osier_base::rng::{Rng, child, mix64, word};
+use osier_plants::surface::terrain::Land;
+use osier_scene::Trs;
+
+/// One plant to grow.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Individual {
+    /// Index into the recipe's plants.
+    pub plant: usize,
+    /// Asset id, `[a-z0-9_]+`.
+    pub asset: String,
+    /// Names it in ids: of its plant's name and its ordinal, never of a seed.
+    pub id: u32,
+    /// Seed of its draws.
+    pub seed: u64,
+}
+
+/// One showing of an individual.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlantInstance {
+    /// Index into [`PlantLayout::individuals`].
+    pub individual: usize,
+    /// World from plant space.
+    pub transform: Trs,
+    /// Tangent of the land's slope there, by which a thick foot is sunk; `None` where there is no land.
+    pub slope: Option<f32>,
+}
+
+/// Individuals and their places.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PlantLayout {
+    /// In the order of the places.
+    pub individuals: Vec<Individual>,
+    /// In the order of the places.
+    pub standings: Vec<PlantInstance>,
+}
+
+impl PlantLayout {
+    /// Where the first copy of each individual stands.
+    pub fn first_stands(&self) -> Vec<Trs> {
+        let mut stands = vec![None; self.individuals.len()];
+        for s in &self.standings {
+            if let Some(stand) = stands.get_mut(s.individual) {
+                stand.get_or_insert(s.transform);
+            }
+        }
+        stands.into_iter().map(|s| s.unwrap_or(Trs::IDENTITY)).collect()
+    }
+}
+
+/// Lays out all of a recipe: its places, and what is strewn over its land, which comes back too.
+/// # Errors
+/// `Range` for land outside its ranges, `Limit`, `Cancelled`.
+pub fn lay_out_scene(recipe: &Recipe, context: &BakeContext<'_>) -> Result<(PlantLayout, Option<Land>)> {
+    let mut layout = lay_out(recipe);
+    let Some(keys) = &recipe.terrain else { return Ok((layout, None)) };
+    let land = terrain::shape(keys, recipe.seed)?;
+    for s in &mut layout.standings {
+        let at = &mut s.transform.t;
+        at.y += land.height_at(at.x, at.z);
+        s.slope = Some(tangent(land.normal_at(at.x, at.z)));
+    }
+    scatter::scatter_plants(recipe, &land, &mut layout, context)?;
+    name(recipe, &mut layout);
+    Ok((layout, Some(land)))
+}
+
+/// Tangent of the slope of a surface with this unit normal.
+pub(crate) fn tangent(normal: Vec3) -> f32 {
+    math::sqrt_f32((1.0 - normal.y * normal.y).max(0.0)) / normal.y.max(1e-3)
+}
+
+/// Lays out a recipe's places. Copies of a group are spread evenly over a disc; each draw has the address
+/// ("place", place, copy), so one more copy moves no other.
+pub fn lay_out(recipe: &Recipe) -> PlantLayout {
+    let mut layout = PlantLayout::default();
+    let mut ordinals = vec![0_u32; recipe.plants.len()];
+    for (index, place) in recipe.places.iter().enumerate() {
+        let first = layout.individuals.len();
+        // All that grows from a mesh looks the same.
+        let modelled = recipe.plants.get(place.plant).is_some_and(|p| matches!(p.growth, Growth::Mesh(..)));
+        let alike = if modelled { 1 } else { place.keys.count };
+        // What rains on one does not on another.
+        let alone = recipe.rain.is_some();
+        let kinds =
+            if alone { place.keys.count } else { place.keys.individuals.unwrap_or(alike).min(place.keys.count) };
+        for _ in 0..kinds {
+            layout.individuals.extend(individual(recipe, place.plant, place.keys.seed, &mut ordinals));
+        }
+        let mut clear = PlacementGrid::new(math::narrow(place.keys.clear));
+        let middle = Vec3::from_array(place.keys.at.map(math::narrow));
+        layout.standings.iter().map(|s| s.transform.t - middle).for_each(|p| clear.add(Vec2::new(p.x, p.z)));
+        let spots = spread(recipe.seed, index, place, &clear);
+        for (copy, spot) in spots.iter().enumerate() {
+            let kind = copy % kinds.max(1) as usize;
+            // Copies that share a motion lean one way: they face the wind alike.
+            let transform = stand(recipe.seed, index, (copy, if recipe.moves { kind } else { copy }), place, *spot);
+            let individual = first + kind;
+            layout.standings.push(PlantInstance { individual, transform, slope: None });
+        }
+    }
+    name(recipe, &mut layout);
+    layout
+}
+
+/// The next individual of a plant. `seed`: of its place, 0 for none.
+pub(crate) fn individual(recipe: &Recipe, index: usize, seed: u64, ordinals: &mut [u32]) -> Option<Individual> {
+    let plant = recipe.plants.get(index)?;
+    let ordinal = ordinals.get_mut(index)?;
+    let id = child(word(&plant.name), u64::from(*ordinal));
+    *ordinal += 1;
+    let seed = match (plant.keys.seed, seed) {
+        (0, 0) => recipe.seed,
+        (a, b) => mix64(&[recipe.seed, a, b]),
+    };
+    #[allow(clippy::cast_possible_truncation, reason = "the low half of a hash")]
+    Some(Individual { plant: index, asset: String::new(), id: id as u32, seed })
+}
+
+/// `oak` if there is one oak, else `oak_1`, `oak_2`, ...; `oak_1` as well where the whole scene is called `oak`, so that
+/// both have files of their own.
+fn name(recipe: &Recipe, layout: &mut PlantLayout) {
+    let mut totals = vec![0_u32; recipe.plants.len()];
+    for i in &layout.individuals {
+        if let Some(t) = totals.get_mut(i.plant) {
+            *t += 1;
+        }
+    }
+    let mut names = Names::default();
+    names.unique("ground");
+    names.unique(terrain::NAME);
+    let mut seen = vec![0_u32; recipe.plants.len()];
+    for i in &mut layout.individuals {
+        let (Some(total), Some(n)) = (totals.get(i.plant), seen.get_mut(i.plant)) else { continue };
+        *n += 1;
+        let id = recipe.plants.get(i.plant).map_or("plant", |p| &p.id);
+        i.asset = names.unique(&if *total == 1 && id != recipe.name { id.to_owned() } else { format!("{id}_{n}") });
+    }
+}
+
+/// Where the copies of a group stand, relative to its middle. `clear`: what they keep away from, likewise.
+fn spread(seed: u64, index: usize, place: &PlaceRecipe, clear: &PlacementGrid) -> Vec<Vec2> {
+    let count = place.keys.count;
+    if count == 1 {
+        return vec![Vec2::ZERO];
+    }
+    let (radius, spacing) = (math::narrow(place.keys.radius), math::narrow(place.keys.spacing));
+    let mut near = PlacementGrid::new(spacing);
+    (0..u64::from(count))
+        .map(|copy| {
+            let mut rng = Rng::at(seed, &["place".into(), index.into(), copy.into(), "spot".into()]);
+            let mut best = (f32::NEG_INFINITY, Vec2::ZERO);
+            for _ in 0..24 {
+                let r = radius * math::sqrt_f32(rng.unit_f32());
+                let a = std::f32::consts::TAU * rng.unit_f32();
+                let spot = Vec2::new(r * math::cos_f32(a), r * math::sin_f32(a));
+                let room = near.distance(spot);
+                // What stands in the way of another place counts more than crowding within this one.
+                let lacking = clear.side - clear.distance(spot);
+                let worth = room - 1e3 * lacking;
+                if worth > best.0 {
+                    best = (worth, spot);
+                }
+                if room >= spacing && lacking <= 0.0 {
+                    break;
+                }
+            }
+            near.add(best.1);
+            best.1
+        })
+        .collect()
+}
+
+/// Points in square cells of the spacing's side, for the distance to the nearest one.
+struct PlacementGrid {
+    side: f32,
+    cells: BTreeMap<(i64, i64), Vec<Vec2>>,
+}
+
+impl PlacementGrid {
+    fn new(side: f32) -> Self {
+        Self { side, cells: BTreeMap::new() }
+    }
+
+    #[allow(clippy::cast_possible_truncation, reason = "a saturated cell is still a cell")]
+    fn cell(&self, p: Vec2) -> (i64, i64) {
+        ((p.x / self.side).floor() as i64, (p.y / self.side).floor() as i64)
+    }
+
+    fn add(&mut self, p: Vec2) {
+        if self.side > 0.0 {
+            self.cells.entry(self.cell(p)).or_default().push(p);
+        }
+    }
+
+    /// Distance to the nearest point, exact below the side of a cell; the side if there is none nearer.
+    fn distance(&self, p: Vec2) -> f32 {
+        if self.side <= 0.0 {
+            return 0.0;
+        }
+        let (x, y) = self.cell(p);
+        let around = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (x + dx, y + dy)));
+        let points = around.filter_map(|c| self.cells.get(&c)).flatten();
+        points.fold(self.side, |d, q| d.min(p.distance(*q)))
+    }
+}
+
+/// `facing`: the copy whose turn this one shares.
+fn stand(seed: u64, index: usize, (copy, facing): (usize, usize), place: &PlaceRecipe, spot: Vec2) -> Trs {
+    let keys = &place.keys;
+    let stream = |copy: usize| Rng::at(seed, &["place".into(), index.into(), copy.into(), "stand".into()]);
+    let drawn_turn = stream(facing).range(0.0, std::f64::consts::TAU);
+    let mut rng = stream(copy);
+    rng.next_u64();
+    let drawn_scale = rng.range(-1.0, 1.0);
+    let turn = keys.turn.unwrap_or(if keys.count > 1 { drawn_turn } else { 0.0 });
+    let lean_to = rotation(Vec3::Y, keys.lean_to) * Vec3::X;
+    let lean = rotation(Vec3::Y.cross(lean_to).normalize_or_zero(), keys.lean);
+    let at = Vec3::from_array(keys.at.map(math::narrow));
+    Trs {
+        t: at + Vec3::new(spot.x, 0.0, spot.y),
+        r: (lean * rotation(Vec3::Y, turn)).normalize(),
+        s: Vec3::splat(math::narrow(keys.scale * (1.0 + keys.vary * drawn_scale))),
+    }
+}
+
+pub(crate) fn rotation(axis: Vec3, angle: f64) -> Quat {
+    let v = axis * math::narrow(math::sin(angle * 0.5));
+    Quat::from_xyzw(v.x, v.y, v.z, math::narrow(math::cos(angle * 0.5)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::{Request, resolve};
+
+    fn laid(places: &str) -> PlantLayout {
+        let text = format!("[plants.a]\ngrammar = \"oak.l\"\n[plants.b]\ngrammar = \"birch.l\"\n{places}");
+        lay_out(&resolve(&Request { text, ..Request::default() }).expect("scene").0)
+    }
+
+    #[test]
+    fn groups_keep_their_distance_and_their_places() {
+        let group = |n| {
+            laid(&format!(
+                "[[place]]\nplant = \"a\"\ncount = {n}\nradius = 10\nspacing = 2\nindividuals = 3\nvary = 0.2\nat = [5, 0, 0]"
+            ))
+        };
+        let (few, many) = (group(10), group(30));
+        assert_eq!((many.individuals.len(), many.standings.len()), (3, 30));
+        assert_eq!(few.standings[..], many.standings[..10]);
+        let p: Vec<Vec3> = many.standings.iter().map(|s| s.transform.t).collect();
+        assert!(p.iter().all(|p| p.distance(Vec3::new(5.0, 0.0, 0.0)) <= 10.0));
+        assert!((0..30).all(|i| (0..i).all(|j| p[i].distance(p[j]) >= 2.0)));
+    }
+
+    #[test]
+    fn groups_keep_clear_of_what_stands() {
+        let l = laid(
+            "[[place]]\nplant = \"b\"\nat = [1, 0, 2]\n[[place]]\nplant = \"a\"\ncount = 400\nradius = 3\nclear = 1\nindividuals = 1\nat = [0, 0, 2]",
+        );
+        let p: Vec<Vec3> = l.standings.iter().map(|s| s.transform.t).collect();
+        assert!(p[1..].iter().all(|q| q.distance(p[0]) >= 1.0));
+        assert!(p[1..].iter().any(|q| q.distance(p[0]) < 1.3));
+    }
+
+    #[test]
+    fn ids_come_from_names_and_ordinals_alone() {
+        let one = laid("[[place]]\nplant = \"a\"\n[[place]]\nplant = \"b\"\nseed = 9");
+        let two = laid("[[place]]\nplant = \"b\"\n[[place]]\nplant = \"a\"\n[[place]]\nplant = \"a\"");
+        assert_eq!(one.individuals[1].id, two.individuals[0].id);
+        assert_ne!(one.individuals[1].seed, two.individuals[0].seed);
+        let names: Vec<&str> = two.individuals.iter().map(|i| i.asset.as_str()).collect();
+        assert_eq!(names, ["b", "a_1", "a_2"]);
+    }
+
+    #[test]
+    fn a_lean_of_90_degrees_lies_down() {
+        let l = laid("[[place]]\nplant = \"a\"\nlean_deg = 90\nlean_to_deg = 90\nturn_deg = 30");
+        let up = l.standings[0].transform.r * Vec3::Y;
+        assert!((up - Vec3::NEG_Z).length() < 1e-6, "{up}");
+    }
+}

@@ -1,0 +1,232 @@
+//! Plants strewn over the land.
+
+use glam::Vec3;
+
+use crate::bake::BakeContext;
+use crate::bake::scene::layout::{PlantInstance, PlantLayout, individual, rotation, tangent};
+use crate::recipe::sections::SkinKeys;
+use crate::recipe::{Recipe, ScatterRecipe};
+use osier_base::Result;
+use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};
+use osier_base::rng::Rng;
+use osier_plants::surface::terrain::Land;
+use osier_plants::surface::terrain::scatter::{
+    DensityMask, ScatterDisc, ScatterObstacle, ScatterParams, scatter, scatter_key,
+};
+use osier_scene::Trs;
+use osier_scene::plant::{NONE, Plant};
+
+/// How far every foot goes into the land, m.
+const FOOT_DEPTH: f32 = 0.02;
+
+/// Strews what a recipe wants over its land. Every plant of a `[[scatter]]` is grown a few times, and each of its copies
+/// shows one of these.
+/// # Errors
+/// `Limit` beyond the candidates or instances allowed, `Cancelled`.
+pub(crate) fn scatter_plants(
+    recipe: &Recipe,
+    land: &Land,
+    layout: &mut PlantLayout,
+    context: &BakeContext<'_>,
+) -> Result<()> {
+    let mut ordinals = vec![0_u32; recipe.plants.len()];
+    for i in &layout.individuals {
+        if let Some(n) = ordinals.get_mut(i.plant) {
+            *n += 1;
+        }
+    }
+    let place = |s: &PlantInstance| [s.transform.t.x, s.transform.t.z];
+    let mut taken: Vec<ScatterObstacle> =
+        layout.standings.iter().map(|s| ScatterObstacle { at: place(s), spacing: 0.0 }).collect();
+    for (entry, sown) in recipe.scatters.iter().enumerate() {
+        context.cancel.check()?;
+        let sowing = sowing(sown);
+        let spots = scatter(land, &sowing, &taken, scatter_key(recipe.seed, entry), context.limits)?;
+        let standing = layout.standings.len().saturating_add(spots.len());
+        context.limits.check("instances", standing as u64, "the number of placements")?;
+        // Individuals of each plant, as indices into the layout's.
+        let mut grown: Vec<Vec<usize>> = Vec::new();
+        for (plant, _) in &sown.plants {
+            let first = layout.individuals.len();
+            let many = (0..sown.keys.individuals).filter_map(|_| individual(recipe, *plant, 0, &mut ordinals));
+            layout.individuals.extend(many);
+            grown.push((first..layout.individuals.len()).collect());
+        }
+        let weights: Vec<f64> = sown.plants.iter().map(|p| p.1).collect();
+        for spot in spots {
+            let mut rng = spot.rng;
+            let Some(mine) = grown.get(rng.pick(&weights)) else { continue };
+            let pick = rng.below(u32::try_from(mine.len()).unwrap_or(u32::MAX)) as usize;
+            let Some(&individual) = mine.get(pick) else { continue };
+            // Copies that share a motion lean one way: they face the wind alike.
+            let facing = recipe.moves.then(|| {
+                let seed = layout.individuals.get(individual).map_or(0, |i| u64::from(i.id));
+                Rng::at(recipe.seed, &["facing".into(), seed.into()]).range(0.0, std::f64::consts::TAU)
+            });
+            let (transform, slope) = stand(land, sown, (spot.at, facing), &mut rng);
+            layout.standings.push(PlantInstance { individual, transform, slope: Some(slope) });
+        }
+        taken.extend(
+            layout.standings[taken.len()..].iter().map(|s| ScatterObstacle { at: place(s), spacing: sowing.spacing }),
+        );
+    }
+    Ok(())
+}
+
+fn sowing(sown: &ScatterRecipe) -> ScatterParams {
+    let keys = &sown.keys;
+    ScatterParams {
+        spacing: narrow(keys.spacing),
+        clear: keys.clear.map(narrow),
+        slope_max: narrow(keys.slope_max),
+        altitude: keys.altitude.map(narrow),
+        density: narrow(keys.density),
+        mask: sown.mask.clone().map(|(width, height, values)| DensityMask { width, height, values }),
+        clump: narrow(keys.clump),
+        disc: keys.radius.map(|radius| ScatterDisc {
+            at: keys.at.map(narrow),
+            radius: narrow(radius),
+            inner: narrow(keys.inner),
+            fade: narrow(keys.fade),
+        }),
+        max_count: keys.max_count as usize,
+    }
+}
+
+/// `facing`: a turn that is given instead of drawn.
+fn stand(land: &Land, sown: &ScatterRecipe, ([x, z], facing): ([f32; 2], Option<f64>), rng: &mut Rng) -> (Trs, f32) {
+    let keys = &sown.keys;
+    let normal = land.normal_at(x, z);
+    let drawn = rng.range(0.0, std::f64::consts::TAU);
+    let turn = facing.unwrap_or(drawn);
+    let scale = narrow(rng.range(keys.scale[0], keys.scale[1]));
+    let up = Vec3::Y.lerp(normal, narrow(keys.align)).normalize();
+    let r = (rotation_between(Vec3::Y, up) * rotation(Vec3::Y, turn)).normalize();
+    (Trs { t: Vec3::new(x, land.height_at(x, z), z), r, s: Vec3::splat(scale) }, tangent(normal))
+}
+
+/// Largest distance from the foot's middle to the outside of what stands on the land, m.
+pub(crate) fn foot_radius(plant: &Plant, skin: &SkinKeys) -> f32 {
+    let flare = 1.0 + narrow(skin.flare);
+    let roots = plant.axes.iter().filter(|a| a.parent == NONE).map(|a| a.first as usize);
+    roots.fold(0.0, |most, i| {
+        let (p, r) = (plant.nodes.p.get(i), plant.nodes.r.get(i));
+        let out = p.map_or(0.0, |p| Vec3::new(p.x, 0.0, p.z).length());
+        most.max(out + r.copied().unwrap_or(0.0) * flare)
+    })
+}
+
+/// Sinks what stands on land until its foot is covered all round: by the foot's radius times the slope, or by as much as
+/// the land falls off around it. `foot_radii`: as [`foot_radius`] has them, by individual.
+pub(crate) fn snap_to_terrain(layout: &mut PlantLayout, foot_radii: &[f32], land: &Land) {
+    for s in &mut layout.standings {
+        if let (Some(slope), Some(foot)) = (s.slope, foot_radii.get(s.individual)) {
+            let (at, r) = (&mut s.transform.t, foot * s.transform.s.x);
+            let around = (0..16_u8).map(|k| f32::from(k) * (std::f32::consts::TAU / 16.0));
+            let lowest =
+                around.fold(f32::MAX, |low, a| low.min(land.height_at(at.x + r * cos_f32(a), at.z + r * sin_f32(a))));
+            at.y -= (r * slope).max(land.height_at(at.x, at.z) - lowest) + FOOT_DEPTH;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bake::scene::assembly::{SceneParts, assemble_scene};
+    use crate::recipe::{Request, resolve};
+    use osier_base::limits::Limits;
+    use osier_base::progress::{Cancel, Silent};
+    use osier_scene::AssetKind;
+
+    const SCENE: &str = "seed = 4
+[terrain]
+n = 7
+size = 120
+amplitude = 22
+side = 64
+[plants.tree]
+ifs = \"pseudodichotomous.ifs.toml\"
+[plants.tree.tree]
+height = 5
+eps = 0.4
+leaf_density = 0
+[plants.tree.skin]
+bury = 0.3
+[plants.tree.bark]
+side = 16
+[plants.tree.shoot]
+side = 16
+[[place]]
+plant = \"tree\"
+at = [20, 0, 5]
+[[scatter]]
+plants = { tree = 1 }
+spacing = 7
+slope_max_deg = 40
+individuals = 2
+";
+
+    fn built(text: &str) -> crate::bake::scene::AnimatedScene {
+        let request = Request { text: text.into(), ..Request::default() };
+        let recipe = resolve(&request).expect("scene").0;
+        let context =
+            BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
+        assemble_scene(&recipe, SceneParts::default(), &context).expect("stage").animated
+    }
+
+    #[test]
+    fn no_plant_floats_or_sinks() {
+        let stage = built(SCENE);
+        let scene = &stage.scene;
+        let field = scene.land.as_ref().expect("land");
+        let land =
+            Land { side: field.side, size: field.size, stride: 1, tileable: false, heights: field.heights.clone() };
+        let plants: Vec<_> =
+            scene.placements.iter().filter(|p| scene.assets[p.asset].kind == AssetKind::Plant).collect();
+        assert!(plants.len() > 80, "{}", plants.len());
+        assert_eq!(scene.assets.iter().filter(|a| a.kind == AssetKind::Plant).count(), 3, "individuals are shared");
+        let (mut highest, mut deepest) = (f32::MIN, 0.0_f32);
+        for p in plants {
+            let points = &scene.assets[p.asset].meshes[0].mesh.points;
+            let low = points.iter().fold(f32::MAX, |m, q| m.min(q.y));
+            // The lowest ring, 0.3 m below the foot, and the same ring where the foot is.
+            for q in points.iter().filter(|q| q.y < low + 0.02) {
+                let w = p.transform.apply(Vec3::new(q.x, 0.0, q.z));
+                highest = highest.max(w.y - land.height_at(w.x, w.z));
+            }
+            let foot = p.transform.t;
+            deepest = deepest.max(land.height_at(foot.x, foot.z) - foot.y);
+        }
+        assert!(highest < 0.01, "a foot stands {highest} m above the land");
+        assert!((0.02..0.35).contains(&deepest), "a foot is {deepest} m deep");
+    }
+
+    #[test]
+    fn copies_that_share_a_motion_face_one_way() {
+        let facing = |text: &str| {
+            let stage = built(text);
+            let mut seen: std::collections::BTreeMap<usize, Vec<glam::Quat>> = std::collections::BTreeMap::new();
+            let plants = stage.scene.placements.iter().filter(|p| stage.scene.assets[p.asset].kind == AssetKind::Plant);
+            plants.for_each(|p| seen.entry(p.asset).or_default().push(p.transform.r));
+            seen.into_values().all(|list| list.iter().all(|r| list[0].angle_between(*r) < 1e-3))
+        };
+        let upright = format!("{SCENE}align = 0\n");
+        assert!(!facing(&upright), "still copies are turned at random");
+        assert!(facing(&format!("{upright}[frames]\nend = 2\n[wind]\nspeed = 4\n")));
+    }
+
+    #[test]
+    fn a_later_scatter_moves_nothing_and_heeds_what_stands() {
+        let one = built(SCENE);
+        let more = "[[scatter]]\nplants = { tree = 2 }\nspacing = 3\nclear = 2\nmax_count = 30\nindividuals = 1\n";
+        let two = built(&format!("{SCENE}{more}"));
+        let of = |s: &crate::bake::scene::AnimatedScene| -> Vec<[u32; 3]> {
+            let plants = s.scene.placements.iter().filter(|p| s.scene.assets[p.asset].kind == AssetKind::Plant);
+            plants.map(|p| p.transform.t.to_array().map(f32::to_bits)).collect()
+        };
+        let (a, b) = (of(&one), of(&two));
+        assert_eq!(b.len(), a.len() + 30);
+        assert_eq!(a[..], b[..a.len()]);
+    }
+}
