@@ -65,7 +65,8 @@ impl Document {
     pub(super) fn read(job: &mut Job<'_>, json: &[u8]) -> Outcome<Option<Self>> {
         let limit = job.options.limits.get("json-bytes");
         if json.len() as u64 > limit {
-            let message = format_args!("holds more than {} bytes of JSON", grouped(limit));
+            let limit = grouped(limit);
+            let message = format_args!("holds more than {} bytes of JSON", limit);
             return Err(Box::new(job.fault("X010", message).help("raise the limit with --max-json-bytes")));
         }
         let name = job.name();

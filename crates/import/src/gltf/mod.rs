@@ -22,7 +22,8 @@ const NODES: usize = 1_000_000;
 pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
     let limit = job.options.limits.get("mesh-bytes");
     if bytes.len() as u64 > limit {
-        let message = format_args!("is longer than {} bytes", grouped(limit));
+        let limit = grouped(limit);
+        let message = format_args!("is longer than {} bytes", limit);
         return Err(Box::new(job.fault("X010", message).help("raise the limit with --max-mesh-bytes")));
     }
     let parts = container::split(job, bytes)?;

@@ -23,7 +23,8 @@ use osier_base::limits::grouped;
 pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
     let limit = job.options.limits.get("mesh-bytes");
     if bytes.len() as u64 > limit {
-        let message = format_args!("is longer than {} bytes", grouped(limit));
+        let limit = grouped(limit);
+        let message = format_args!("is longer than {} bytes", limit);
         return Err(Box::new(job.fault("X010", message).help("raise the limit with --max-mesh-bytes")));
     }
     let Some(text) = text(job, &job.name(), bytes) else { return Ok(Made::default()) };
