@@ -14,7 +14,7 @@ use osier_base::rng::{mix64, word};
 use osier_base::{Error, Result};
 use osier_ifs::stems::Stems;
 use osier_ifs::words;
-use osier_plants::grow::ifs::{self, Cards, Class, TreeOptions};
+use osier_plants::grow::ifs::{self, SubtreeBillboards, SubtreeClass, TreeOptions};
 use osier_plants::grow::turtle::OrganSpec;
 use osier_plants::surface::crossed_billboards::{SourceMaterials, crossed_billboards};
 use osier_scene::Mesh;
@@ -33,18 +33,18 @@ pub fn build_billboards(
     (stems, keys): (&Stems, &TreeKeys),
     seed: u64,
     context: &BakeContext<'_>,
-) -> Result<Cards> {
+) -> Result<SubtreeBillboards> {
     let base = tree_options(plant, (stems, keys), look);
     let eps = (keys.eps * f64::from(1_u32 << keys.lod.min(16))).min(1.0);
-    let limits = ifs::cut(&base, context.limits);
+    let limits = ifs::word_limits(&base, context.limits);
     let told = |d: Box<osier_base::diagnostic::Diagnostic>| {
         Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() }))
     };
-    let classes = ifs::classes(stems, &limits, eps, keys.lod + 1).map_err(told)?;
+    let classes = ifs::subtree_classes(stems, &limits, eps, keys.lod + 1).map_err(told)?;
     let variants = if keys.variation > 0.0 { VARIANTS } else { 1 };
     let scale = keys.height / words::height(&stems.system, &stems.letters, stems.trunk);
     let radius = keys.radius.unwrap_or(stems.radius * scale);
-    let todo: Vec<(Class, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
+    let todo: Vec<(SubtreeClass, u32)> = classes.iter().flat_map(|c| (0..variants).map(|v| (*c, v))).collect();
     let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
     let meshes: Vec<Mesh> = par_map(&todo, |(class, variant)| {
         context.cancel.check()?;
@@ -69,7 +69,7 @@ pub fn build_billboards(
     );
     let id = look.add(surface.material, surface.images);
     let meshes = quads.into_iter().map(|q| Arc::new(q.with_material(id))).collect();
-    Ok(Cards {
+    Ok(SubtreeBillboards {
         spec: OrganSpec { name: name.to_owned(), meshes, size: 1.0, petiole: 0.0 },
         sizes: classes.iter().map(|c| c.size).collect(),
         variants: variants as usize,

@@ -9,7 +9,7 @@ use crate::bake::assets::plant_mesh::skin_options;
 use crate::recipe::PlantRecipe;
 use osier_base::Result;
 use osier_base::par::par_map;
-use osier_plants::grow::ifs::twigs::Twig;
+use osier_plants::grow::ifs::branchlets::Branchlet;
 use osier_plants::surface::{SkinOptions, skin};
 use osier_scene::plant::Plant;
 use osier_scene::{Mesh, Trs};
@@ -19,7 +19,7 @@ use osier_scene::{Mesh, Trs};
 /// What the skin refuses, `Cancelled`.
 pub fn add_branchlet_meshes(
     tree: &mut Plant,
-    twigs: &[Twig],
+    twigs: &[Branchlet],
     (recipe, tile): (&PlantRecipe, f32),
     context: &BakeContext<'_>,
 ) -> Result<()> {
@@ -41,7 +41,7 @@ pub(crate) fn branch_skin_options(recipe: &PlantRecipe, tile: f32, context: &Bak
     SkinOptions { flare: 0.0, bury: 0.0, ..skin_options(&recipe.skin, tile, context) }
 }
 
-fn mesh(twig: &Twig, options: &SkinOptions) -> Result<Mesh> {
+fn mesh(twig: &Branchlet, options: &SkinOptions) -> Result<Mesh> {
     let mut all = branchlet_mesh(&twig.plant, options)?;
     if twig.mirrored {
         all.points.iter_mut().chain(&mut all.normals).for_each(|p| p.z = -p.z);

@@ -20,7 +20,7 @@ use osier_base::{Error, Result};
 use osier_grammar::{DeriveOptions, derive};
 use osier_ifs::stems::Stems;
 use osier_plants::grow::ifs;
-use osier_plants::grow::mesh::Tree;
+use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
 use osier_plants::grow::turtle::{self, RadiusModel, Tropism, TurtleOptions};
 use osier_scene::plant::Plant;
@@ -35,7 +35,7 @@ pub struct GrownPlant {
     /// Modules of its final string.
     pub modules: u64,
     /// The mesh that it was found in, and wears.
-    pub own: Option<Arc<Tree>>,
+    pub own: Option<Arc<MeshPlant>>,
 }
 
 /// Derives and draws one individual.
@@ -53,7 +53,7 @@ pub fn grow_plant(
             let options = tree_options(recipe, (stems, keys), look);
             let of = (individual.id, individual.seed);
             let plant = if keys.twigs {
-                let (mut tree, twigs) = ifs::twigs::grow(stems, of, &options, context.limits)?;
+                let (mut tree, twigs) = ifs::branchlets::grow(stems, of, &options, context.limits)?;
                 let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
                 branchlets::add_branchlet_meshes(&mut tree, &twigs, (recipe, tile), context)?;
                 tree

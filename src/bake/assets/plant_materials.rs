@@ -17,9 +17,9 @@ use osier_base::math::narrow;
 use osier_base::progress::Cancel;
 use osier_base::rng::{mix64, word};
 use osier_import::Imported;
-use osier_plants::grow::ifs::Cards;
-use osier_plants::grow::ifs::twigs::NAME as TWIG;
-use osier_plants::grow::mesh::{self, Tree};
+use osier_plants::grow::ifs::SubtreeBillboards;
+use osier_plants::grow::ifs::branchlets::NAME as BRANCHLET;
+use osier_plants::grow::mesh::{self, MeshPlant};
 use osier_plants::grow::turtle::{OrganSpec, STALK};
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
@@ -41,10 +41,10 @@ pub struct MaterialSet {
     pub organs: BTreeMap<char, OrganSpec>,
     /// Their names, parallel to the recipe's organs.
     pub names: Vec<String>,
-    /// Cards for the small branches of a tree seen from afar.
-    pub cards: Option<Cards>,
+    /// Billboards for the small branches of a tree seen from afar.
+    pub cards: Option<SubtreeBillboards>,
     /// What was found in the mesh of a whole plant.
-    pub tree: Option<Arc<Tree>>,
+    pub tree: Option<Arc<MeshPlant>>,
 }
 
 impl MaterialSet {
@@ -107,7 +107,7 @@ pub fn plant_materials(plant: &PlantRecipe, seed: u64, context: &BakeContext<'_>
         look.names.push(name);
     }
     if matches!(&plant.growth, Growth::Ifs(_, keys) if keys.twigs) {
-        look.names.push(TWIG.into());
+        look.names.push(BRANCHLET.into());
     }
     Ok(look)
 }
@@ -140,14 +140,14 @@ fn mesh_plant_materials(
     seed: u64,
     cancel: &Cancel,
 ) -> Result<MaterialSet> {
-    let options = mesh::Options {
+    let options = mesh::SkeletonOptions {
         name: plant.source.clone(),
         leaf_words: words(&keys.leaf_pattern),
         spacing: keys.spacing.map(narrow),
         root: keys.root.map(|p| Vec3::from_array(p.map(narrow))),
         seed: mix64(&[seed, plant.keys.seed, word(&plant.name)]),
     };
-    let mut tree = mesh::skeleton(import, &options, cancel)?;
+    let mut tree = mesh::extract_skeleton(import, &options, cancel)?;
     let mut look = MaterialSet { names: vec!["leaf".into()], ..MaterialSet::default() };
     add_imported(&mut look, import, &plant.id);
     let mut leafy: BTreeMap<u32, u32> = BTreeMap::new();

@@ -1,13 +1,53 @@
-//! Centrelines as nodes of a plant.
+//! Polylines as axes of a plant.
 
 use glam::{Mat3, Quat, Vec3};
 
 use osier_base::math;
-use osier_scene::plant::Plant;
+use osier_scene::plant::{Axis, AxisEnd, AxisKind, Plant};
 
-/// Adds the nodes of an axis that is about to be added; its length, m. `radius`: at each point, m; `parent`: index of the
-/// axis that it leaves.
-pub(super) fn lay(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) -> f32 {
+/// An axis to be added to a plant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NewAxis {
+    pub id: u64,
+    /// Index of the parent axis, or `plant::NONE`.
+    pub parent: u32,
+    /// Arc length of the attachment on the parent, m.
+    pub parent_s: f32,
+    /// Branching order, 0 for roots.
+    pub order: u8,
+    /// Number of the fork that it belongs to, or `plant::NONE`.
+    pub fork: u32,
+}
+
+/// Appends an axis along a polyline. `radius`: at each point, m.
+pub(super) fn push_axis(plant: &mut Plant, axis: NewAxis, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) {
+    let first = node_index(plant.nodes.len());
+    let length = push_nodes(plant, axis.parent, points, radius, color);
+    plant.axes.push(Axis {
+        id: axis.id,
+        parent: axis.parent,
+        parent_s: axis.parent_s,
+        order: axis.order,
+        kind: AxisKind::Stem,
+        first,
+        count: node_index(points.len()),
+        length,
+        s_exposed: 0.0,
+        material: 0,
+        fork: axis.fork,
+        end: AxisEnd::Tip,
+        birth: 0.0,
+    });
+}
+
+/// Number of nodes in 32 bits. Words and clusters, from which nodes come, are limited to some millions.
+#[allow(clippy::cast_possible_truncation, reason = "words and clusters are limited to some millions")]
+fn node_index(n: usize) -> u32 {
+    n as u32
+}
+
+/// Appends the nodes of an axis; returns its length, m. `radius`: at each point, m; `parent`: index of the axis that it leaves.
+fn push_nodes(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) -> f32 {
     let up = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
     let mut s = 0.0;
     for (i, (p, q)) in points.iter().zip(frames(points, up)).enumerate() {

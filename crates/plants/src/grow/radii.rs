@@ -1,23 +1,23 @@
-//! Laws of thickness: radii of a plant's nodes from its branching alone.
+//! Radii of a plant's nodes from its branching alone: the pipe model and tapers.
 
 use osier_base::math::{narrow, pow};
 use osier_scene::plant::{NONE, Plant};
 
 /// A leaf counts as a pipe of this radius, m.
-const LEAF: f64 = 0.0005;
+const LEAF_RADIUS: f64 = 0.0005;
 /// Radii grow towards the base by at least this per metre.
 const MIN_TAPER: f64 = 0.002;
 /// Half width of the smoothing window, in radii.
-const WINDOW: f64 = 1.5;
+const SMOOTHING_RADII: f64 = 1.5;
 /// A child starts with this share of its parent's radius.
-const CHILD: f64 = 0.6;
+const CHILD_RADIUS: f64 = 0.6;
 
 /// Pipe model: what goes into a fork comes out of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pipe {
-    /// Exponent, 2..3.
+    /// Exponent of r^n, 2 (equal areas) to 3.
     pub exponent: f64,
-    /// Radius at tips, m.
+    /// Radius at the tips of axes, m.
     pub tip: f64,
     /// Radius at the base, m; `None`: what the tips add up to.
     pub base: Option<f64>,
@@ -34,9 +34,9 @@ impl Default for Pipe {
 pub struct Taper {
     /// Radius of root axes at their base, m.
     pub base: f64,
-    /// Radius at tips, m.
+    /// Radius at the tips of axes, m.
     pub tip: f64,
-    /// Exponent, 0.3..3.
+    /// Exponent of the taper, 0.3..3; 1 is linear.
     pub exponent: f64,
 }
 
@@ -53,11 +53,12 @@ impl Default for Taper {
 pub fn pipe(plant: &mut Plant, options: &Pipe) {
     let n = if options.exponent.is_finite() { options.exponent.clamp(1.0, 6.0) } else { 2.3 };
     let tip = options.tip.max(1e-6);
-    let thickest = sums(plant, tip, n);
-    let mut room = Smoothing::default();
+    let thickest = accumulate_all(plant, tip, n);
+    let mut smoothing = Smoothing::default();
     for i in 0..plant.axes.len() {
-        room.smooth(plant, i);
+        smoothing.smooth(plant, i);
     }
+    // Map radii linearly, tip to tip, so that the thickest root gets the base radius asked for.
     match options.base {
         Some(base) if thickest > tip * 1.000_001 => {
             let factor = (base - tip) / (thickest - tip);
@@ -70,18 +71,18 @@ pub fn pipe(plant: &mut Plant, options: &Pipe) {
     }
 }
 
-/// Powers of one exponent; neighbours on an axis often ask for the same.
-struct Power {
+/// Powers of one exponent, with the last result kept: neighbouring nodes of an axis often have the same base.
+struct CachedPower {
     exponent: f64,
     last: (f64, f64),
 }
 
-impl Power {
+impl CachedPower {
     fn new(exponent: f64) -> Self {
         Self { exponent, last: (1.0, 1.0) }
     }
 
-    fn of(&mut self, base: f64) -> f64 {
+    fn pow(&mut self, base: f64) -> f64 {
         if base.to_bits() != self.last.0.to_bits() {
             self.last = (base, pow(base, self.exponent));
         }
@@ -90,8 +91,8 @@ impl Power {
 }
 
 /// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the thickest root's.
-fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
-    let (leaf, pow_tip) = (pow(LEAF, n), pow(tip, n));
+fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
+    let (leaf, pow_tip) = (pow(LEAF_RADIUS, n), pow(tip, n));
     let mut loads: Vec<Vec<(f32, f64)>> = vec![Vec::new(); plant.axes.len()];
     for o in &plant.organs {
         if let Some(list) = loads.get_mut(o.axis as usize) {
@@ -99,27 +100,33 @@ fn sums(plant: &mut Plant, tip: f64, n: f64) -> f64 {
         }
     }
     let mut thickest = 0.0_f64;
-    let (mut area, mut radius) = (Power::new(n), Power::new(1.0 / n));
+    let (mut area, mut radius) = (CachedPower::new(n), CachedPower::new(1.0 / n));
     for i in (0..plant.axes.len()).rev() {
         let mut list = std::mem::take(&mut loads[i]);
         list.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
-        let base = accumulate(plant, i, &list, (pow_tip, &mut radius)).unwrap_or(tip);
+        let base = accumulate(plant, i, &list, pow_tip, &mut radius).unwrap_or(tip);
         let axis = &plant.axes[i];
         if axis.parent == NONE {
             thickest = thickest.max(base);
         } else if let Some(list) = loads.get_mut(axis.parent as usize) {
-            list.push((axis.parent_s, area.of(base)));
+            list.push((axis.parent_s, area.pow(base)));
         }
     }
     thickest
 }
 
-/// Radii of one axis before smoothing, from its tip down; `loads` sorted from the tip, `tip`: the tip's own, and what
-/// turns loads into radii. Returns the base's.
-fn accumulate(plant: &mut Plant, axis: usize, loads: &[(f32, f64)], tip: (f64, &mut Power)) -> Option<f64> {
+/// Radii of one axis before smoothing, from its tip down; returns that of its base. `loads`: arc lengths and n-th powers of what
+/// the axis carries, sorted from the tip; `pow_tip`: n-th power of the tip's radius; `root`: the n-th root.
+fn accumulate(
+    plant: &mut Plant,
+    axis: usize,
+    loads: &[(f32, f64)],
+    pow_tip: f64,
+    root: &mut CachedPower,
+) -> Option<f64> {
     let range = plant.nodes_of(&plant.axes[axis]);
     let (s, r) = (&plant.nodes.s, &mut plant.nodes.r);
-    let (mut acc, root) = tip;
+    let mut acc = pow_tip;
     let mut loads = loads.iter().peekable();
     let mut above: Option<(f64, f32)> = None;
     // Half a millionth of the length: attachments and nodes were rounded separately.
@@ -128,7 +135,7 @@ fn accumulate(plant: &mut Plant, axis: usize, loads: &[(f32, f64)], tip: (f64, &
         while let Some((_, amount)) = loads.next_if(|l| l.0 >= s[k] - slack) {
             acc += amount;
         }
-        let mut radius = root.of(acc);
+        let mut radius = root.pow(acc);
         if let Some((r_next, s_next)) = above {
             radius = radius.max(r_next + MIN_TAPER * f64::from(s_next - s[k]));
         }
@@ -138,7 +145,7 @@ fn accumulate(plant: &mut Plant, axis: usize, loads: &[(f32, f64)], tip: (f64, &
     above.map(|a| a.0)
 }
 
-/// Room for arc lengths, radii and their integrals from the base on, one axis at a time.
+/// Buffers for arc lengths, radii and their integrals from the base on, one axis at a time.
 #[derive(Default)]
 struct Smoothing {
     s: Vec<f64>,
@@ -162,7 +169,7 @@ impl Smoothing {
         for k in 1..count {
             sums[k] = sums[k - 1] + 0.5 * (r[k] + r[k - 1]) * (s[k] - s[k - 1]);
         }
-        // Integral of r from the base to `x`.
+        // Integral of r from the base to `x`; box filtering is a difference of two of its values over the window.
         let integral = |x: f64| {
             let k = s.partition_point(|v| *v <= x).clamp(1, count - 1);
             let (a, b) = (s[k - 1], s[k]);
@@ -173,7 +180,7 @@ impl Smoothing {
         let last = s[count - 1];
         let mut least = 0.0_f64;
         for k in (0..count).rev() {
-            let w = (WINDOW * r[k]).min(s[k]).min(last - s[k]);
+            let w = (SMOOTHING_RADII * r[k]).min(s[k]).min(last - s[k]);
             let mean = if w > 1e-9 { (integral(s[k] + w) - integral(s[k] - w)) / (2.0 * w) } else { r[k] };
             least = least.max(mean);
             plant.nodes.r[range.start + k] = narrow(least);
@@ -188,7 +195,7 @@ pub fn taper(plant: &mut Plant, options: &Taper) {
     for i in 0..plant.axes.len() {
         let axis = plant.axes[i].clone();
         let base = match plant.axes.get(axis.parent as usize).filter(|_| axis.parent != NONE) {
-            Some(parent) => CHILD * f64::from(plant.frame(parent, axis.parent_s).r),
+            Some(parent) => CHILD_RADIUS * f64::from(plant.frame(parent, axis.parent_s).r),
             None => options.base,
         };
         let (base, tip) = (base.max(1e-6), tip.min(base.max(1e-6)));

@@ -2,51 +2,64 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::grow::polyline;
+use super::{TreeSize, WordSite};
+use crate::grow::polyline::{self, NewAxis};
 use osier_base::math::{self, narrow};
 use osier_base::rng::{mix64, word};
 use osier_ifs::stems::Stems;
 use osier_ifs::words::{Expansion, NONE as ROOT, Word};
-use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
+use osier_scene::plant::{NONE, Plant};
 
 /// Thinnest radius, m.
 const MIN_RADIUS: f64 = 1e-6;
 
 /// A node: position and radius, m, and arc length in table units.
 #[derive(Debug, Clone, Copy)]
-struct Node {
+struct AxisNode {
     p: DVec3,
     r: f64,
     s: f64,
 }
 
-/// An axis before it has its place.
+/// An axis before it is in the plant.
 #[derive(Debug, Clone)]
-pub(super) struct Raw {
+pub(super) struct RawAxis {
     parent: usize,
     /// Arc length on the parent, table units.
     parent_s: f64,
     order: u8,
     ordinal: u64,
     fork: u32,
-    nodes: Vec<Node>,
-    /// Index in the plant.
+    nodes: Vec<AxisNode>,
+    /// Index in the plant, once it is known.
     pub place: u32,
+}
+
+/// The part of an axis that a word became.
+#[derive(Debug, Clone, Copy)]
+struct WordSegment {
+    /// Index into the raw axes.
+    axis: usize,
+    /// Arc lengths of its ends, table units.
+    start: f64,
+    end: f64,
 }
 
 /// All axes, and where each word lies on its axis.
 #[derive(Debug)]
 pub(super) struct Skeleton {
-    raw: Vec<Raw>,
-    /// By word: axis, and arc lengths of its segment's ends, table units.
-    sites: Vec<(usize, f64, f64)>,
+    raw: Vec<RawAxis>,
+    /// The segment of each word.
+    segments: Vec<WordSegment>,
 }
 
-/// Builds the axes. `scale`: metres per table unit; `radius`: of the trunk's foot, m.
+/// Builds the axes of all words.
 /// Own: a word's segment ends as thick as the word that leads on begins; without one, as thick as its children's
 /// cross-sections together, at most as its foot.
-pub(super) fn skeleton(stems: &Stems, expanded: &Expansion, (scale, radius): (f64, f64)) -> Skeleton {
+pub(super) fn build_skeleton(stems: &Stems, expanded: &Expansion, size: TreeSize) -> Skeleton {
+    let TreeSize { scale, radius } = size;
     let maps = &stems.system.maps;
+    // Ratio of the radii at both ends of a segment, from the maps' own radius ratios.
     let (mut lead, mut sum) = (None, 0.0);
     for m in maps.iter().filter(|m| !m.stem) {
         let rho = m.radius.unwrap_or_else(|| m.branch.map_or_else(|| m.affine.norm(), |b| b.scale));
@@ -56,18 +69,18 @@ pub(super) fn skeleton(stems: &Stems, expanded: &Expansion, (scale, radius): (f6
         }
     }
     let end = lead.unwrap_or_else(|| math::sqrt(sum).min(1.0));
-    let mut out = Skeleton { raw: Vec::new(), sites: Vec::with_capacity(expanded.words.len()) };
+    let mut out = Skeleton { raw: Vec::new(), segments: Vec::with_capacity(expanded.words.len()) };
     let mut forks = 0;
     let mut fork_of = vec![NONE; expanded.words.len()];
     for w in &expanded.words {
         let foot = w.map.apply(stems.trunk.0) * scale;
         let tip = w.map.apply(stems.trunk.1) * scale;
         let (r0, r1) = (radius * w.radius, radius * w.radius * end);
-        let parent = out.sites.get(w.parent as usize).copied();
+        let parent = out.segments.get(w.parent as usize).copied();
         let axis = match parent {
-            Some((axis, _, last)) if maps[usize::from(w.letter)].axis => {
+            Some(WordSegment { axis, end: last, .. }) if maps[usize::from(w.letter)].axis => {
                 // What leads on begins where the parent ends, or cuts the parent short.
-                let at = out.height(stems, expanded, w).min(last);
+                let at = out.attachment_s(stems, expanded, w).min(last);
                 let nodes = &mut out.raw[axis].nodes;
                 if at < last - 1e-9
                     && let Some(n) = nodes.last_mut()
@@ -78,7 +91,7 @@ pub(super) fn skeleton(stems: &Stems, expanded: &Expansion, (scale, radius): (f6
             }
             _ => {
                 let (parent_axis, parent_s) = match parent {
-                    Some((axis, ..)) => (axis, out.height(stems, expanded, w)),
+                    Some(segment) => (segment.axis, out.attachment_s(stems, expanded, w)),
                     None => (usize::MAX, 0.0),
                 };
                 let fork = if lead.is_none() && w.parent != ROOT {
@@ -91,26 +104,27 @@ pub(super) fn skeleton(stems: &Stems, expanded: &Expansion, (scale, radius): (f6
                 } else {
                     NONE
                 };
+                // Orders beyond 255 count as 255, as in every plant.
                 let order = u8::try_from(w.order).unwrap_or(u8::MAX);
-                let nodes = vec![Node { p: foot, r: r0, s: 0.0 }];
-                out.raw.push(Raw { parent: parent_axis, parent_s, order, ordinal: w.id, fork, nodes, place: NONE });
+                let nodes = vec![AxisNode { p: foot, r: r0, s: 0.0 }];
+                out.raw.push(RawAxis { parent: parent_axis, parent_s, order, ordinal: w.id, fork, nodes, place: NONE });
                 out.raw.len() - 1
             }
         };
         let start = out.raw[axis].nodes.last().map_or(0.0, |n| n.s);
         let stop = start + (tip - foot).length() / scale;
-        out.raw[axis].nodes.push(Node { p: tip, r: r1, s: stop });
-        out.sites.push((axis, start, stop));
+        out.raw[axis].nodes.push(AxisNode { p: tip, r: r1, s: stop });
+        out.segments.push(WordSegment { axis, start, end: stop });
     }
-    out.order();
+    out.set_places();
     out
 }
 
 impl Skeleton {
     /// Arc length on the parent's axis where a word's foot lies, table units.
-    fn height(&self, stems: &Stems, expanded: &Expansion, w: &Word) -> f64 {
-        let (Some(parent), Some((_, a, b))) =
-            (expanded.words.get(w.parent as usize), self.sites.get(w.parent as usize).copied())
+    fn attachment_s(&self, stems: &Stems, expanded: &Expansion, w: &Word) -> f64 {
+        let (Some(parent), Some(&WordSegment { start: a, end: b, .. })) =
+            (expanded.words.get(w.parent as usize), self.segments.get(w.parent as usize))
         else {
             return 0.0;
         };
@@ -120,19 +134,19 @@ impl Skeleton {
         a + (b - a) * h.clamp(0.0, 1.0)
     }
 
-    /// Axis of the plant and arc length (table units) where a word begins.
-    pub fn foot(&self, word: usize) -> Option<(u32, f64)> {
-        self.sites.get(word).map(|(axis, start, _)| (super::place(&self.raw, *axis), *start))
+    /// Where a word begins.
+    pub fn foot(&self, word: usize) -> Option<WordSite> {
+        self.segments.get(word).map(|w| WordSite { axis: self.raw[w.axis].place, s: w.start })
     }
 
-    /// Axis of the plant and arc length (table units) where a cut word would have grown.
-    pub fn site(&self, stems: &Stems, expanded: &Expansion, cut: &Word) -> Option<(u32, f64)> {
-        let (axis, ..) = self.sites.get(cut.parent as usize)?;
-        Some((super::place(&self.raw, *axis), self.height(stems, expanded, cut)))
+    /// Where a cut word would have grown.
+    pub fn site(&self, stems: &Stems, expanded: &Expansion, cut: &Word) -> Option<WordSite> {
+        let parent = self.segments.get(cut.parent as usize)?;
+        Some(WordSite { axis: self.raw[parent.axis].place, s: self.attachment_s(stems, expanded, cut) })
     }
 
-    /// Depth first, siblings by place on the parent, then ordinal.
-    fn order(&mut self) {
+    /// Orders the axes depth first, siblings by place on the parent, then ordinal.
+    fn set_places(&mut self) {
         let mut children: Vec<Vec<usize>> = vec![Vec::new(); self.raw.len()];
         for (i, r) in self.raw.iter().enumerate() {
             if let Some(list) = children.get_mut(r.parent) {
@@ -152,43 +166,29 @@ impl Skeleton {
         }
     }
 
-    /// Puts all axes and nodes into a plant.
-    pub fn lay(&self, plant: &mut Plant) {
-        let mut by_place: Vec<&Raw> = self.raw.iter().collect();
+    /// Appends all axes and nodes to a plant.
+    pub fn add_to_plant(&self, plant: &mut Plant) {
+        let mut by_place: Vec<&RawAxis> = self.raw.iter().collect();
         by_place.sort_by_key(|r| r.place);
         for raw in by_place {
-            lay(plant, raw, &self.raw);
+            add_axis(plant, raw, &self.raw);
         }
     }
 }
 
-fn lay(plant: &mut Plant, raw: &Raw, all: &[Raw]) {
+/// Appends one axis.
+fn add_axis(plant: &mut Plant, raw: &RawAxis, all: &[RawAxis]) {
     let parent = all.get(raw.parent).map_or(NONE, |r| r.place);
-    let first = plant.nodes.len();
     let points: Vec<Vec3> = raw.nodes.iter().map(|n| Vec3::from_array(n.p.to_array().map(narrow))).collect();
-    let s = polyline::lay(plant, parent, &points, |i| narrow(raw.nodes[i].r.max(MIN_RADIUS)), 128);
     let (id, parent_s) = match plant.axes.get(parent as usize) {
         Some(p) => {
+            // Lengths in the plant are those of rounded positions, so the site keeps its share of the parent's length.
             let whole = all.get(raw.parent).and_then(|r| r.nodes.last()).map_or(1.0, |n| n.s);
             let share = if whole > 0.0 { raw.parent_s / whole } else { 0.0 };
             (mix64(&[p.id, word("axis"), raw.ordinal]), narrow(share) * p.length)
         }
         None => (mix64(&[u64::from(plant.id), 0]), 0.0),
     };
-    let short = |n: usize| u32::try_from(n).unwrap_or(NONE);
-    plant.axes.push(Axis {
-        id,
-        parent,
-        parent_s,
-        order: raw.order,
-        kind: AxisKind::Stem,
-        first: short(first),
-        count: short(points.len()),
-        length: s,
-        s_exposed: 0.0,
-        material: 0,
-        fork: raw.fork,
-        end: AxisEnd::Tip,
-        birth: 0.0,
-    });
+    let axis = NewAxis { id, parent, parent_s, order: raw.order, fork: raw.fork };
+    polyline::push_axis(plant, axis, &points, |i| narrow(raw.nodes[i].r.max(MIN_RADIUS)), 128);
 }

@@ -1,8 +1,8 @@
 //! Trees of iterated function systems: words become axes, nodes and organs of a [`Plant`].
 
 mod axes;
-mod cards;
-pub mod twigs;
+mod billboards;
+pub mod branchlets;
 
 use std::collections::BTreeMap;
 
@@ -10,8 +10,8 @@ use glam::{DVec3, Vec3};
 
 use super::radii;
 use super::turtle::{OrganSpec, set_exposed_lengths};
-use axes::{Raw, Skeleton};
-pub use cards::{Cards, Class, classes};
+use axes::Skeleton;
+pub use billboards::{SubtreeBillboards, SubtreeClass, subtree_classes};
 use osier_base::diagnostic::Report;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
@@ -20,19 +20,19 @@ use osier_base::{Error, Result};
 use osier_ifs::affine::Affine;
 use osier_ifs::stems::Stems;
 use osier_ifs::words::{self, Expansion, Variation, Word};
-use osier_scene::plant::{NONE, Organ, Plant, Proto};
+use osier_scene::plant::{Organ, Plant, Proto};
 
-/// Most words of a tree.
+/// Greatest number of words of a tree, whatever the limits.
 const MAX_SEGMENTS: u64 = 5_000_000;
 
-/// How a system becomes a tree.
+/// Options of a tree of an iterated function system.
 #[derive(Debug, Clone)]
 pub struct TreeOptions {
     /// Height at full growth, m.
     pub height: f64,
     /// Words smaller than this are cut; the trunk has size 1.
     pub eps: f64,
-    /// Longest word.
+    /// Greatest number of letters of a word.
     pub max_depth: u16,
     /// Highest order of branches.
     pub max_order: u16,
@@ -44,19 +44,19 @@ pub struct TreeOptions {
     pub pipe: bool,
     /// Share of the leaf sites that bear a leaf.
     pub leaf_density: f64,
-    /// Leaves at a site.
+    /// Number of leaves at a site.
     pub leaves_per_site: u32,
-    /// The leaf.
+    /// The leaf; `None`: the tree is bare.
     pub leaf: Option<OrganSpec>,
     /// The meshes of the table's condensation sets, in table units: each stands on every word.
     pub sets: Vec<OrganSpec>,
-    /// Stand for what is shorter than their cut, if the tree is seen from afar.
-    pub cards: Option<Cards>,
+    /// Billboards for branches below their cut, for a tree seen from afar.
+    pub cards: Option<SubtreeBillboards>,
     /// Names of materials.
     pub materials: Vec<String>,
     /// Material of axes, of thin ones, and the radius below which they are thin.
     pub bark: (u16, u16, f64),
-    /// What made the plant, for people.
+    /// Description of the plant's origin, for manifests.
     pub source: String,
     /// Unit vector that leaves turn their upper sides to: +Y, or elsewhere for what will be turned as a whole.
     pub up: Vec3,
@@ -69,36 +69,46 @@ pub struct TreeOptions {
 /// # Errors
 /// `Input` with I040 beyond the words allowed; what `plant::validate` refuses.
 pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
-    let fine = cut(options, limits);
+    let fine = word_limits(options, limits);
     let cut = words::Limits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
-    let expanded = expanded(stems, plant, options, &cut)?;
-    let scale = scale(stems, options);
-    let radius = options.radius.unwrap_or(stems.radius * scale);
-    built(stems, &expanded, (plant, scale, radius), options, |_, _, _| {})
+    let expanded = expand_words(stems, plant, options, &cut)?;
+    build_plant(stems, &expanded, plant, TreeSize::new(stems, options), options, |_, _, _| {})
 }
 
-/// Metres per table unit.
-fn scale(stems: &Stems, options: &TreeOptions) -> f64 {
-    options.height / words::height(&stems.system, &stems.letters, stems.trunk)
+/// Lengths of a tree in the plant.
+#[derive(Debug, Clone, Copy)]
+struct TreeSize {
+    /// Metres per table unit.
+    scale: f64,
+    /// Radius of the trunk's foot, m.
+    radius: f64,
 }
 
-fn expanded(stems: &Stems, plant: (u32, u64), options: &TreeOptions, cut: &words::Limits) -> Result<Expansion> {
+impl TreeSize {
+    fn new(stems: &Stems, options: &TreeOptions) -> Self {
+        let scale = options.height / words::height(&stems.system, &stems.letters, stems.trunk);
+        Self { scale, radius: options.radius.unwrap_or(stems.radius * scale) }
+    }
+}
+
+/// The words of a plant, varied by its seed.
+fn expand_words(stems: &Stems, plant: (u32, u64), options: &TreeOptions, cut: &words::Limits) -> Result<Expansion> {
     let vary = Variation::new(plant.1, plant.0.into(), options.variation);
     let vary = (options.variation > 0.0).then_some(vary);
     words::expand(&stems.system, &stems.letters, cut, vary)
         .map_err(|d| Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() })))
 }
 
-/// The plant of some words, with what `more` adds to its organs. `scale`: metres per table unit; `radius`: of the
-/// foot, m.
-fn built(
+/// Builds the plant of some words: axes, organs and what `more` adds to them, radii, materials. `plant`: its id and seed.
+fn build_plant(
     stems: &Stems,
     expanded: &Expansion,
-    (plant, scale, radius): ((u32, u64), f64, f64),
+    plant: (u32, u64),
+    size: TreeSize,
     options: &TreeOptions,
-    more: impl FnOnce(&mut Plant, Grown<'_>, &mut Placed),
+    more: impl FnOnce(&mut Plant, GrownTree<'_>, &mut PlacedOrgans),
 ) -> Result<Plant> {
-    let skeleton = axes::skeleton(stems, expanded, (scale, radius));
+    let skeleton = axes::build_skeleton(stems, expanded, size);
     let mut out = Plant {
         id: plant.0,
         seed: plant.1,
@@ -106,13 +116,13 @@ fn built(
         source: options.source.clone(),
         ..Plant::default()
     };
-    skeleton.lay(&mut out);
-    let grown = (stems, expanded, &skeleton, scale);
-    let mut placed = bear(&mut out, grown, options);
+    skeleton.add_to_plant(&mut out);
+    let grown = GrownTree { stems, expanded, skeleton: &skeleton, scale: size.scale };
+    let mut placed = place_organs(&mut out, grown, options);
     more(&mut out, grown, &mut placed);
     out.organs = placed.into_values().collect();
     if options.pipe {
-        radii::pipe(&mut out, &radii::Pipe { base: Some(radius), ..radii::Pipe::default() });
+        radii::pipe(&mut out, &radii::Pipe { base: Some(size.radius), ..radii::Pipe::default() });
     }
     osier_scene::plant::validate(&mut out)?;
     set_exposed_lengths(&mut out);
@@ -124,77 +134,91 @@ fn built(
     Ok(out)
 }
 
-/// What becomes a word of the fine tree.
-pub fn cut(options: &TreeOptions, limits: &Limits) -> words::Limits {
+/// The limits of the words of the tree at full detail.
+pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::Limits {
     let max_words = limits.get("nodes").min(MAX_SEGMENTS);
     words::Limits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words }
 }
 
-/// A plant's organs by axis, arc length and id.
-type Placed = BTreeMap<(u32, u32, u64), Organ>;
+/// A plant's organs in canonical order: by axis, arc length (as bits) and id.
+type PlacedOrgans = BTreeMap<(u32, u32, u64), Organ>;
 
-/// What a tree bears: leaves, and the sets of its table.
-fn bear(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions) -> Placed {
-    let mut placed = Placed::new();
-    leaves(plant, grown, options, &mut placed);
-    sets(plant, grown, options, &mut placed);
-    cards::stand(plant, grown, options, &mut placed);
+/// Places leaves, condensation sets and billboards.
+fn place_organs(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions) -> PlacedOrgans {
+    let mut placed = PlacedOrgans::new();
+    place_leaves(plant, grown, options, &mut placed);
+    place_condensation_sets(plant, grown, options, &mut placed);
+    billboards::place_billboards(plant, grown, options, &mut placed);
     placed
 }
 
 /// Meshes at every word, as its map moves and turns them.
 /// Own: K = C u w_1(K) u ..., word by word; a map's reflection and shear are left out, its scale is that of its volume.
-fn sets(plant: &mut Plant, (_, expanded, skeleton, scale): Grown<'_>, options: &TreeOptions, placed: &mut Placed) {
+fn place_condensation_sets(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, placed: &mut PlacedOrgans) {
+    let GrownTree { expanded, skeleton, scale, .. } = grown;
     for set in &options.sets {
         let Some(mesh) = set.meshes.first() else { continue };
-        let proto = u16::try_from(plant.protos.len()).unwrap_or(u16::MAX);
+        let proto = proto_index(plant.protos.len());
         plant.protos.push(Proto { name: set.name.clone(), mesh: std::sync::Arc::clone(mesh) });
         for (i, word) in expanded.words.iter().enumerate() {
-            let Some((axis, s)) = skeleton.foot(i) else { continue };
-            let id = mix64(&[plant.axes[axis as usize].id, self::word("set"), proto.into(), word.id]);
+            let Some(site) = skeleton.foot(i) else { continue };
+            let id = mix64(&[plant.axes[site.axis as usize].id, self::word("set"), proto.into(), word.id]);
             let tint = Rng::at(plant.seed, &[plant.id.into(), "ifs-set".into(), id.into()]).unit_f32();
-            let size = narrow(scale * growth(&word.map));
-            let organ = Organ { id, scale: size, proto, tint, ..stood(plant, (axis, s), &word.map, scale) };
-            placed.insert((axis, organ.s.to_bits(), id), organ);
+            let size = narrow(scale * volume_scale(&word.map));
+            let organ = Organ { id, scale: size, proto, tint, ..organ_at_word(plant, site, &word.map, scale) };
+            placed.insert((site.axis, organ.s.to_bits(), id), organ);
         }
     }
 }
 
-/// An organ, still without a name and in its own size, with its foot where a map moves the origin, turned as the map turns. `s`:
-/// where it stands on its axis, table units; `scale`: metres per table unit.
-fn stood(plant: &Plant, (axis, s): (u32, f64), map: &Affine, scale: f64) -> Organ {
-    let on = &plant.axes[axis as usize];
-    let s = narrow(s * scale).clamp(0.0, on.length);
+/// An organ at scale 1 and without an id, with its origin where a map moves the origin, rotated as the map rotates. `at`: its
+/// place on the skeleton; `scale`: metres per table unit.
+fn organ_at_word(plant: &Plant, at: WordSite, map: &Affine, scale: f64) -> Organ {
+    let on = &plant.axes[at.axis as usize];
+    let s = narrow(at.s * scale).clamp(0.0, on.length);
     let site = plant.frame(on, s);
     let back = site.q.inverse();
-    let at = Vec3::from_array((map.b * scale).to_array().map(narrow));
-    let (offset, q) = (back * (at - site.p), (back * turn(map)).normalize());
-    Organ { id: 0, axis, s, offset, q, scale: 1.0, proto: 0, petiole: 0.0, tint: 0.5, birth: 0.0 }
+    let foot = Vec3::from_array((map.b * scale).to_array().map(narrow));
+    let (offset, q) = (back * (foot - site.p), (back * map_rotation(map)).normalize());
+    Organ { id: 0, axis: at.axis, s, offset, q, scale: 1.0, proto: 0, petiole: 0.0, tint: 0.5, birth: 0.0 }
 }
 
-/// What a map makes of lengths, on the mean: the cube root of what it makes of a volume.
-fn growth(map: &Affine) -> f64 {
+/// Mean scale of a map: the cube root of its volume ratio.
+fn volume_scale(map: &Affine) -> f64 {
     osier_base::math::pow(map.a.determinant().abs(), 1.0 / 3.0)
 }
 
-/// The turn of a map: its axes made orthonormal, y first.
-fn turn(map: &Affine) -> glam::Quat {
+/// The rotation of a map: its axes orthonormalized, y first.
+fn map_rotation(map: &Affine) -> glam::Quat {
     let y = map.a.y_axis.try_normalize().unwrap_or(DVec3::Y);
     let x = (map.a.x_axis - y * y.dot(map.a.x_axis)).try_normalize().unwrap_or_else(|| y.any_orthonormal_vector());
     let column = |v: DVec3| Vec3::from_array(v.to_array().map(narrow));
     glam::Quat::from_mat3(&glam::Mat3::from_cols(column(x), column(y), column(x.cross(y)))).normalize()
 }
 
-/// A tree's system, its words, the axes that they became, and metres per table unit.
-type Grown<'a> = (&'a Stems, &'a Expansion, &'a Skeleton, f64);
+/// A tree whose axes are in the plant.
+#[derive(Debug, Clone, Copy)]
+struct GrownTree<'a> {
+    stems: &'a Stems,
+    expanded: &'a Expansion,
+    /// The axes that the words became.
+    skeleton: &'a Skeleton,
+    /// Metres per table unit.
+    scale: f64,
+}
+
+/// A position on an axis.
+#[derive(Debug, Clone, Copy)]
+struct WordSite {
+    /// Index of the axis in the plant.
+    axis: u32,
+    /// Arc length, table units.
+    s: f64,
+}
 
 /// Leaves at the cut words of maps that bear them.
-fn leaves(
-    plant: &mut Plant,
-    (stems, expanded, skeleton, scale): Grown<'_>,
-    options: &TreeOptions,
-    placed: &mut Placed,
-) {
+fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, placed: &mut PlacedOrgans) {
+    let GrownTree { stems, expanded, skeleton, scale } = grown;
     let Some(leaf) = options.leaf.as_ref().filter(|l| !l.meshes.is_empty()) else { return };
     let many = leaf.meshes.len() > 1;
     plant.protos = (leaf.meshes.iter().enumerate())
@@ -206,29 +230,49 @@ fn leaves(
     let first = f64::from(leaf.meshes[0].bounds().max.y).max(1e-9);
     let size = leaf.size / first;
     let bears = |c: &&Word| stems.system.maps.get(usize::from(c.letter)).is_some_and(|m| m.leaf);
-    for cut in expanded.cuts.iter().filter(bears).filter(|c| !cards::stands_for(c, options)) {
-        let Some((axis, s)) = skeleton.site(stems, expanded, cut) else { continue };
+    for cut in expanded.cuts.iter().filter(bears).filter(|c| !billboards::is_replaced(c, options)) {
+        let Some(site) = skeleton.site(stems, expanded, cut) else { continue };
         for copy in 0..options.leaves_per_site.max(1) {
             let mut draw = Rng::at(plant.seed, &[plant.id.into(), "ifs-leaf".into(), cut.id.into(), copy.into()]);
             if !draw.chance(options.leaf_density) {
                 continue;
             }
-            let organ = organ(plant, (axis, narrow(s * scale)), (stems, cut, copy), (&mut draw, size), options.up);
+            let on = AxisSite { axis: site.axis, s: narrow(site.s * scale) };
+            let organ = leaf_organ(plant, on, LeafCopy { stems, cut, copy, size, up: options.up }, &mut draw);
             // Bits of a positive float order as the float does.
-            placed.insert((axis, organ.s.to_bits(), organ.id), organ);
+            placed.insert((site.axis, organ.s.to_bits(), organ.id), organ);
         }
     }
 }
 
-fn organ(
-    plant: &Plant,
-    (axis, s): (u32, f32),
-    (stems, cut, copy): (&Stems, &Word, u32),
-    (draw, size): (&mut Rng, f64),
-    sky: Vec3,
-) -> Organ {
+/// A position on an axis of the plant.
+#[derive(Debug, Clone, Copy)]
+struct AxisSite {
+    /// Index of the axis.
+    axis: u32,
+    /// Arc length, m.
+    s: f32,
+}
+
+/// One leaf of a site.
+struct LeafCopy<'a> {
+    stems: &'a Stems,
+    /// The word whose growth was cut here.
+    cut: &'a Word,
+    /// Number of the leaf at its site.
+    copy: u32,
+    /// Scale of the prototypes at mean size.
+    size: f64,
+    /// Unit vector that the upper side turns to.
+    up: Vec3,
+}
+
+/// A leaf along the direction that its word would have grown in, its upper side turned up; size and spread are random.
+fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -> Organ {
+    let LeafCopy { stems, cut, copy, size, up: sky } = leaf;
+    let axis = at.axis;
     let on = &plant.axes[axis as usize];
-    let s = s.clamp(0.0, on.length);
+    let s = at.s.clamp(0.0, on.length);
     let site = plant.frame(on, s);
     let along = (cut.map.a * (stems.trunk.1 - stems.trunk.0)).try_normalize().unwrap_or(DVec3::Y);
     let mut dir = Vec3::from_array(along.to_array().map(narrow));
@@ -240,7 +284,7 @@ fn organ(
     let up = osier_base::math::normalize_or(sky - dir * dir.dot(sky), osier_base::math::perpendicular(dir));
     let q = glam::Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
     let id = mix64(&[on.id, word("organ"), cut.id, u64::from(copy)]);
-    let count = u64::try_from(plant.protos.len()).unwrap_or(1).max(1);
+    let count = (plant.protos.len() as u64).max(1);
     let vary = 1.0 + 0.12 * draw.normal().clamp(-2.0, 2.0);
     Organ {
         id,
@@ -249,16 +293,22 @@ fn organ(
         offset: Vec3::ZERO,
         q: (site.q.inverse() * q).normalize(),
         scale: narrow(size * vary),
-        proto: u16::try_from(child(id, word("proto")) % count).unwrap_or(0),
+        proto: pick(child(id, word("proto")), count),
         petiole: site.r,
         tint: draw.unit_f32(),
         birth: 0.0,
     }
 }
 
-/// The axis of a raw index, for tests and for sites.
-fn place(raw: &[Raw], axis: usize) -> u32 {
-    raw.get(axis).map_or(NONE, |r| r.place)
+/// Index of a prototype; `plant::validate` refuses a plant with more prototypes than 16 bits number.
+fn proto_index(i: usize) -> u16 {
+    u16::try_from(i).unwrap_or(u16::MAX)
+}
+
+/// A hash as an index below `count`, at most the number of prototypes.
+#[allow(clippy::cast_possible_truncation, reason = "below the number of prototypes, which 16 bits hold")]
+fn pick(hash: u64, count: u64) -> u16 {
+    (hash % count) as u16
 }
 
 #[cfg(test)]

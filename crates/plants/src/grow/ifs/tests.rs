@@ -1,6 +1,7 @@
 use super::*;
 use osier_base::limits::Limits;
 use osier_ifs::read;
+use osier_scene::plant::NONE;
 
 fn stems_of(name: &str) -> Stems {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../ifs-tables").join(name);
@@ -138,8 +139,8 @@ fn meshes_stand_on_every_word_as_its_map_has_them() {
         for word in &words {
             let want = Vec3::from_array((word.map.apply(corner.as_dvec3()) * scale).to_array().map(narrow));
             let there = |o: &&Organ| {
-                let (at, turn) = plant.organ_site(o);
-                (at + turn * (corner * o.scale)).distance(want) < 2e-4
+                let (at, map_rotation) = plant.organ_site(o);
+                (at + map_rotation * (corner * o.scale)).distance(want) < 2e-4
             };
             assert!(sets.iter().any(there), "{want}");
         }
@@ -153,17 +154,18 @@ fn cards_stand_where_the_fine_tree_grows_on() {
     for (name, variation) in MODES.iter().flat_map(|m| [(m, 0.0), (m, 1.0)]) {
         let stems = stems_of(name);
         let fine = grow(&stems, (7, 4), &options(0.08, variation), &Limits::default()).expect("grows");
-        let classes = classes(&stems, &cut(&options(0.08, variation), &Limits::default()), 0.32, 3).expect("classes");
+        let classes = subtree_classes(&stems, &word_limits(&options(0.08, variation), &Limits::default()), 0.32, 3)
+            .expect("classes");
         let sizes: Vec<f64> = classes.iter().map(|c| c.size).collect();
         assert!(sizes.iter().all(|s| (0.08..0.32).contains(s)) && sizes.is_sorted(), "{name}: {sizes:?}");
         let meshes = (0..2 * sizes.len()).map(|_| std::sync::Arc::default()).collect();
         let spec = OrganSpec { name: "card".into(), meshes, size: 1.0, petiole: 0.0 };
-        let cards = Cards { spec, sizes, variants: 2, eps: 0.32 };
+        let cards = SubtreeBillboards { spec, sizes, variants: 2, eps: 0.32 };
         let seen = TreeOptions { cards: Some(cards.clone()), ..options(0.08, variation) };
         let coarse = grow(&stems, (7, 4), &seen, &Limits::default()).expect("grows");
         let is_card = |o: &&Organ| coarse.protos[usize::from(o.proto)].name.starts_with("card");
         let stand: Vec<&Organ> = coarse.organs.iter().filter(is_card).collect();
-        let plain = words::Limits { eps: 0.32, ..cut(&seen, &Limits::default()) };
+        let plain = words::Limits { eps: 0.32, ..word_limits(&seen, &Limits::default()) };
         let cuts = words::expand(&stems.system, &stems.letters, &plain, None).expect("expands").cuts;
         let grows = cuts.iter().filter(|c| c.size >= 0.08).count();
         assert_eq!((stand.len(), coarse.organs.len() - stand.len()), (grows, cuts.len() - grows), "{name}");
@@ -180,7 +182,7 @@ fn cards_stand_where_the_fine_tree_grows_on() {
 }
 
 /// Positions of all leaves of a tree, those of its twigs where their copies stand.
-fn leaves_of(tree: &Plant, twigs: &[twigs::Twig]) -> Vec<Vec3> {
+fn leaves_of(tree: &Plant, twigs: &[branchlets::Branchlet]) -> Vec<Vec3> {
     let first = tree.protos.len() - twigs.len();
     let mut all = Vec::new();
     for o in &tree.organs {
@@ -207,7 +209,7 @@ fn without_variation_copies_of_twigs_are_the_tree_itself() {
     let stems = osier_ifs::stems::stems(&systems[0]).expect("a tree");
     let options = options(0.01, 0.0);
     let whole = grow(&stems, (7, 1), &options, &Limits::default()).expect("grows");
-    let (tree, twigs) = twigs::grow(&stems, (7, 1), &options, &Limits::default()).expect("grows");
+    let (tree, twigs) = branchlets::grow(&stems, (7, 1), &options, &Limits::default()).expect("grows");
     let images = twigs.iter().filter(|t| t.mirrored).count();
     assert!(
         images > 0 && images < twigs.len() && twigs.len() <= 12,
@@ -228,7 +230,7 @@ fn copies_have_the_leaves_of_the_whole_tree() {
     for name in MODES {
         let stems = stems_of(name);
         let whole = grow(&stems, (7, 1), &options(0.04, 1.0), &Limits::default()).expect("grows");
-        let (tree, twigs) = twigs::grow(&stems, (7, 1), &options(0.04, 1.0), &Limits::default()).expect("grows");
+        let (tree, twigs) = branchlets::grow(&stems, (7, 1), &options(0.04, 1.0), &Limits::default()).expect("grows");
         let (own, copied) = (leaves_of(&whole, &[]), leaves_of(&tree, &twigs));
         let ratio = copied.len() as f64 / own.len() as f64;
         assert!((0.9..1.1).contains(&ratio), "{name}: {ratio} of {}", own.len());

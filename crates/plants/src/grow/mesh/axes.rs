@@ -2,36 +2,37 @@
 
 use glam::{DVec3, Vec3};
 
-use super::chains::{Chain, curve};
-use super::graph::Graph;
-use crate::grow::polyline;
+use super::chains::{Chain, catmull_rom_curve};
+use super::graph::SkeletonGraph;
+use super::parts::index;
+use crate::grow::polyline::{self, NewAxis};
 use osier_base::math::{self, narrow};
-use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Plant};
+use osier_scene::plant::{NONE, Plant};
 
 /// Nodes of an axis per cluster.
-pub(super) const STEPS: usize = 2;
+pub(super) const NODES_PER_CLUSTER: usize = 2;
 /// Thinnest radius, m.
 const MIN_RADIUS: f64 = 2e-4;
 /// A surface that faces along the axis by more than this closes an end.
-const END: f32 = 0.7;
+const END_FACE_COSINE: f32 = 0.7;
 /// The outer part of an end cluster, by which the radius of the end is measured.
-const OUTER: f64 = 0.6;
+const END_RADIUS_SHARE: f64 = 0.6;
 /// Thickest child, as a share of its parent.
 const MAX_CHILD: f32 = 0.95;
 /// Sharpest angle at which a child leaves its parent, as a sine.
-const SHARP: f32 = 0.3;
+const MIN_LEAVING_SINE: f32 = 0.3;
 /// Places looked at per stretch of the parent.
-const LOOKS: u8 = 4;
+const SAMPLES_PER_SEGMENT: u8 = 4;
 
-/// Points of a cluster.
+/// The surface points of a cluster: positions and normals.
 #[derive(Debug, Default, Clone)]
-pub(super) struct Skin {
+pub(super) struct ClusterSurface {
     pub points: Vec<(Vec3, Vec3)>,
-    /// m^2.
+    /// Area around each point, m^2.
     pub areas: Vec<f64>,
 }
 
-impl Skin {
+impl ClusterSurface {
     /// How far it reaches beyond `p` along `t`, m.
     fn reach(&self, p: DVec3, t: DVec3) -> f64 {
         self.points.iter().fold(0.0, |m, (q, _)| (q.as_dvec3() - p).dot(t).max(m))
@@ -43,7 +44,7 @@ impl Skin {
             .points
             .iter()
             .zip(&self.areas)
-            .filter(|((q, n), _)| n.dot(t.as_vec3()).abs() < END && (q.as_dvec3() - p).dot(t) >= along);
+            .filter(|((q, n), _)| n.dot(t.as_vec3()).abs() < END_FACE_COSINE && (q.as_dvec3() - p).dot(t) >= along);
         side.map(|((q, _), area)| {
             let d = q.as_dvec3() - p;
             ((d - t * d.dot(t)).length(), *area)
@@ -74,15 +75,15 @@ impl Skin {
 
 /// Where a cluster lies on the plant.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Seat {
+pub(super) struct ClusterSite {
     pub axis: u32,
     /// Node of the axis nearest to it, counted from the axis' first.
     pub node: u32,
 }
 
-/// A centreline.
+/// The centreline of an axis: a smooth curve through the clusters of a chain.
 #[derive(Debug, Default)]
-struct Line {
+struct Centerline {
     p: Vec<DVec3>,
     r: Vec<f32>,
     /// Index of each of the chain's nodes.
@@ -91,11 +92,16 @@ struct Line {
     stem: (usize, f32),
 }
 
-/// Lays the chains into a plant; where each node of the graph lies.
-pub(super) fn lay(plant: &mut Plant, graph: &Graph, chains: &[Chain], skins: &[Skin]) -> Vec<Seat> {
-    let mut lines: Vec<Line> = Vec::with_capacity(chains.len());
+/// Appends the chains to a plant as axes; returns where each node of the graph lies.
+pub(super) fn add_axes(
+    plant: &mut Plant,
+    graph: &SkeletonGraph,
+    chains: &[Chain],
+    cluster_surfaces: &[ClusterSurface],
+) -> Vec<ClusterSite> {
+    let mut lines: Vec<Centerline> = Vec::with_capacity(chains.len());
     for chain in chains {
-        let line = line(graph, chain, skins, &lines);
+        let line = chain_centerline(graph, chain, cluster_surfaces, &lines);
         lines.push(line);
     }
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); chains.len()];
@@ -112,42 +118,48 @@ pub(super) fn lay(plant: &mut Plant, graph: &Graph, chains: &[Chain], skins: &[S
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
     };
     children.iter_mut().for_each(|list| list.sort_by(by_stem));
-    let mut seats = vec![Seat::default(); graph.nodes.len()];
+    let mut seats = vec![ClusterSite::default(); graph.nodes.len()];
     while let Some((i, parent)) = stack.pop() {
-        let axis = u32::try_from(plant.axes.len()).unwrap_or(NONE);
-        push(plant, &lines[i], parent);
+        let axis = index(plant.axes.len());
+        push_axis(plant, &lines[i], parent);
         for (node, at) in chains[i].nodes.iter().zip(&lines[i].of) {
-            seats[*node as usize] = Seat { axis, node: u32::try_from(*at).unwrap_or(0) };
+            seats[*node as usize] = ClusterSite { axis, node: index(*at) };
         }
         stack.extend(children[i].iter().rev().map(|c| (*c, axis)));
     }
     seats
 }
 
-fn line(graph: &Graph, chain: &Chain, skins: &[Skin], lines: &[Line]) -> Line {
+/// The centreline of a chain with radii, from its parent's surface to the end of its wood.
+fn chain_centerline(
+    graph: &SkeletonGraph,
+    chain: &Chain,
+    cluster_surfaces: &[ClusterSurface],
+    lines: &[Centerline],
+) -> Centerline {
     let mut points: Vec<DVec3> = chain.nodes.iter().map(|n| graph.nodes[*n as usize].p).collect();
-    let stem = chain.parent.map(|(parent, at)| Stem::find(&lines[parent], at, &points));
+    let stem = chain.parent.map(|(parent, at)| ParentAttachment::find(&lines[parent], at, &points));
     // What lies within the parent's wood is no part of the centreline.
     let inside = |p: &DVec3| stem.is_some_and(|s| s.p.distance(*p) < f64::from(s.r));
     let hidden = points.iter().take_while(|p| inside(p)).count().min(points.len() - 1);
     points.drain(..hidden);
-    let radii = radii(graph, chain, skins, hidden, &points);
-    let (base, tip) = ends(chain, skins, (hidden, &points), stem.as_ref(), &radii);
+    let radii = node_radii(graph, chain, cluster_surfaces, hidden, &points);
+    let (base, tip) = end_points(chain, cluster_surfaces, hidden, &points, stem.as_ref(), &radii);
     let mut r = radii;
     r.insert(0, base.1);
     r.push(tip.1);
     points.insert(0, base.0);
     points.push(tip.0);
-    let smooth = smooth(&r);
+    let smooth = smooth_radii(&r);
     let most = stem.map_or(f64::INFINITY, |s| f64::from(s.r * MAX_CHILD));
-    let p = curve(&points, STEPS);
+    let p = catmull_rom_curve(&points, NODES_PER_CLUSTER);
     let radius = |k: usize| {
-        let (i, t) = (k / STEPS, (k % STEPS) as f64 / STEPS as f64);
+        let (i, t) = (k / NODES_PER_CLUSTER, (k % NODES_PER_CLUSTER) as f64 / NODES_PER_CLUSTER as f64);
         let next = smooth[(i + 1).min(smooth.len() - 1)];
         narrow((smooth[i] + (next - smooth[i]) * t).min(most).max(MIN_RADIUS))
     };
-    let of = (0..chain.nodes.len()).map(|k| (k + 1).saturating_sub(hidden) * STEPS).collect();
-    Line { r: (0..p.len()).map(radius).collect(), p, of, stem: stem.map_or((0, 0.0), |s| s.at) }
+    let of = (0..chain.nodes.len()).map(|k| (k + 1).saturating_sub(hidden) * NODES_PER_CLUSTER).collect();
+    Centerline { r: (0..p.len()).map(radius).collect(), p, of, stem: stem.map_or((0, 0.0), |s| s.at) }
 }
 
 fn direction(points: &[DVec3], k: usize) -> Option<DVec3> {
@@ -155,26 +167,35 @@ fn direction(points: &[DVec3], k: usize) -> Option<DVec3> {
     (after - before).try_normalize()
 }
 
-fn radii(graph: &Graph, chain: &Chain, skins: &[Skin], hidden: usize, points: &[DVec3]) -> Vec<f64> {
+/// Radius at each node of a chain: the mean distance of its cluster's points from the centreline.
+fn node_radii(
+    graph: &SkeletonGraph,
+    chain: &Chain,
+    cluster_surfaces: &[ClusterSurface],
+    hidden: usize,
+    points: &[DVec3],
+) -> Vec<f64> {
     let one = |(k, node): (usize, &u32)| {
         let own = &graph.nodes[*node as usize];
         let rough = f64::from(own.r);
         let Some(t) = direction(points, k) else { return rough };
-        skins[*node as usize].radius(points[k], t, f64::NEG_INFINITY, own.beside.len() > 2).unwrap_or(rough)
+        cluster_surfaces[*node as usize].radius(points[k], t, f64::NEG_INFINITY, own.beside.len() > 2).unwrap_or(rough)
     };
     chain.nodes[hidden..].iter().enumerate().map(one).collect()
 }
 
-/// Base and tip with their radii.
-fn ends(
+/// Positions and radii of base and tip: the wood reaches beyond the middles of the end clusters; a branch begins on its parent's
+/// surface.
+fn end_points(
     chain: &Chain,
-    skins: &[Skin],
-    (hidden, points): (usize, &[DVec3]),
-    stem: Option<&Stem>,
+    cluster_surfaces: &[ClusterSurface],
+    hidden: usize,
+    points: &[DVec3],
+    stem: Option<&ParentAttachment>,
     radii: &[f64],
 ) -> ((DVec3, f64), (DVec3, f64)) {
     let (first, last) = (points[0], points[points.len() - 1]);
-    let skin = |k: usize| &skins[chain.nodes[hidden + k] as usize];
+    let skin = |k: usize| &cluster_surfaces[chain.nodes[hidden + k] as usize];
     let lone = || {
         // One cluster: along its farthest point.
         let far = |q: &&(Vec3, Vec3)| q.0.as_dvec3().distance_squared(first);
@@ -187,7 +208,7 @@ fn ends(
     let out = direction(points, points.len() - 1).or(from_stem).unwrap_or_else(lone);
     let end = |k: usize, p: DVec3, t: DVec3, own: f64| {
         let reach = skin(k).reach(p, t);
-        let r = skin(k).radius(p, t, OUTER * reach, false).unwrap_or(own);
+        let r = skin(k).radius(p, t, END_RADIUS_SHARE * reach, false).unwrap_or(own);
         (p + t * reach.max(own * 0.5), r)
     };
     let tip = end(points.len() - 1, last, out, radii[radii.len() - 1]);
@@ -205,7 +226,8 @@ fn ends(
     (base, tip)
 }
 
-fn smooth(r: &[f64]) -> Vec<f64> {
+/// Radii after one binomial pass (1 2 1) along the axis; the ends stay.
+fn smooth_radii(r: &[f64]) -> Vec<f64> {
     let at = |k: usize| {
         let (a, b) = (r[k.saturating_sub(1)], r[(k + 1).min(r.len() - 1)]);
         if k == 0 || k + 1 == r.len() { r[k] } else { 0.25 * (a + 2.0 * r[k] + b) }
@@ -215,7 +237,7 @@ fn smooth(r: &[f64]) -> Vec<f64> {
 
 /// Where a chain leaves its parent.
 #[derive(Debug, Clone, Copy)]
-struct Stem {
+struct ParentAttachment {
     /// On the parent's centreline.
     p: DVec3,
     /// Direction of the parent.
@@ -225,9 +247,9 @@ struct Stem {
     at: (usize, f32),
 }
 
-impl Stem {
+impl ParentAttachment {
     /// Where the chain's own direction, led back, comes closest to the parent.
-    fn find(parent: &Line, at: usize, points: &[DVec3]) -> Self {
+    fn find(parent: &Centerline, at: usize, points: &[DVec3]) -> Self {
         let around = parent.of[at.min(parent.of.len() - 1)];
         let back = match points {
             [a, b, ..] => (*a - *b).normalize_or_zero(),
@@ -239,11 +261,11 @@ impl Stem {
             (d - back * d.dot(back).max(0.0)).length()
         };
         let last = parent.p.len() - 1;
-        let (from, to) = (around.saturating_sub(2 * STEPS), (around + 2 * STEPS).min(last));
+        let (from, to) = (around.saturating_sub(2 * NODES_PER_CLUSTER), (around + 2 * NODES_PER_CLUSTER).min(last));
         let mut best = (f64::INFINITY, (from.min(last - 1), 0.0));
         for k in from..to {
-            for j in 0..=LOOKS {
-                let t = f64::from(j) / f64::from(LOOKS);
+            for j in 0..=SAMPLES_PER_SEGMENT {
+                let t = f64::from(j) / f64::from(SAMPLES_PER_SEGMENT);
                 let d = far(parent.p[k].lerp(parent.p[k + 1], t));
                 if d < best.0 {
                     best = (d, (k, narrow(t)));
@@ -265,35 +287,19 @@ impl Stem {
         let way = p - self.p;
         let length = way.length();
         let Some(out) = way.try_normalize() else { return p };
-        let sine = out.cross(self.t).length().max(f64::from(SHARP));
+        let sine = out.cross(self.t).length().max(f64::from(MIN_LEAVING_SINE));
         self.p + out * (f64::from(self.r) / sine).min(0.8 * length)
     }
 }
 
-fn push(plant: &mut Plant, line: &Line, parent: u32) {
-    let first = plant.nodes.len();
+/// Appends a centreline to the plant. Its first node lies on the parent's surface, so its exposed length is 0.
+fn push_axis(plant: &mut Plant, line: &Centerline, parent: u32) {
     let points: Vec<Vec3> = line.p.iter().map(|p| p.as_vec3()).collect();
-    let s = polyline::lay(plant, parent, &points, |i| line.r[i], 0);
     let (parent_s, order) = plant.axes.get(parent as usize).map_or((0.0, 0), |a| {
         let k = a.first as usize + line.stem.0;
         let s = &plant.nodes.s;
         (math::lerp(s[k], s[k + 1], line.stem.1), a.order.saturating_add(1))
     });
-    let short = |n: usize| u32::try_from(n).unwrap_or(NONE);
-    plant.axes.push(Axis {
-        id: 0,
-        parent,
-        parent_s,
-        order,
-        kind: AxisKind::Stem,
-        first: short(first),
-        count: short(points.len()),
-        length: s,
-        // Its first node stands on the parent's bark.
-        s_exposed: 0.0,
-        material: 0,
-        fork: NONE,
-        end: AxisEnd::Tip,
-        birth: 0.0,
-    });
+    let axis = NewAxis { id: 0, parent, parent_s, order, fork: NONE };
+    polyline::push_axis(plant, axis, &points, |i| line.r[i], 0);
 }

@@ -2,25 +2,25 @@
 
 use glam::Vec3;
 
-use super::axes::{STEPS, Seat};
-use super::near::{Near, Place};
+use super::axes::{ClusterSite, NODES_PER_CLUSTER};
+use super::wood_search::{WoodSample, WoodSearch};
 use osier_scene::plant::Plant;
 
 /// A vertex is sought so many clusters up and down its axis.
 const WINDOW: usize = 2;
 /// Places per radius along an axis.
-const FINE: f32 = 0.5;
+const SAMPLES_PER_RADIUS: f32 = 0.5;
 
 /// Axis and arc length, m.
 pub(super) type Site = (u32, f32);
 
 /// Where on its cluster's axis a vertex is.
-pub(super) fn site(plant: &Plant, seat: Seat, p: Vec3) -> Site {
+pub(super) fn vertex_site(plant: &Plant, seat: ClusterSite, p: Vec3) -> Site {
     let axis = &plant.axes[seat.axis as usize];
     let nodes = plant.nodes_of(axis);
     let own = nodes.start + seat.node as usize;
-    let from = own.saturating_sub(WINDOW * STEPS).clamp(nodes.start, nodes.end - 2);
-    let to = (own + WINDOW * STEPS).clamp(from + 1, nodes.end - 1);
+    let from = own.saturating_sub(WINDOW * NODES_PER_CLUSTER).clamp(nodes.start, nodes.end - 2);
+    let to = (own + WINDOW * NODES_PER_CLUSTER).clamp(from + 1, nodes.end - 1);
     let mut best = (f32::INFINITY, 0.0);
     for k in from..to {
         let (a, b) = (plant.nodes.p[k], plant.nodes.p[k + 1]);
@@ -35,26 +35,28 @@ pub(super) fn site(plant: &Plant, seat: Seat, p: Vec3) -> Site {
 }
 
 /// Places along all axes.
-pub(super) fn bark(plant: &Plant) -> Near<Site> {
+pub(super) fn wood_search(plant: &Plant) -> WoodSearch<Site> {
     let mut places = Vec::new();
     for (i, axis) in (0..).zip(&plant.axes) {
         for k in plant.nodes_of(axis).skip(1) {
             let (s0, s1) = (plant.nodes.s[k - 1], plant.nodes.s[k]);
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 64")]
-            let steps = ((s1 - s0) / (FINE * plant.nodes.r[k]).max(f32::MIN_POSITIVE)).ceil().clamp(1.0, 64.0) as u16;
+            let steps = ((s1 - s0) / (SAMPLES_PER_RADIUS * plant.nodes.r[k]).max(f32::MIN_POSITIVE))
+                .ceil()
+                .clamp(1.0, 64.0) as u16;
             places.extend((0..=steps).map(|j| {
                 let s = osier_base::math::lerp(s0, s1, f32::from(j) / f32::from(steps));
                 let at = plant.frame(axis, s);
-                Place { p: at.p, r: at.r, what: (i, s) }
+                WoodSample { p: at.p, r: at.r, what: (i, s) }
             }));
         }
     }
-    Near::new(places)
+    WoodSearch::new(places)
 }
 
 /// Where a loose part hangs: on the bark that any of its points is nearest to. That point, the way there, m, and the
 /// place.
-pub(super) fn hold(near: &Near<Site>, points: &[Vec3]) -> Option<(usize, f32, Site)> {
+pub(super) fn nearest_wood(near: &WoodSearch<Site>, points: &[Vec3]) -> Option<(usize, f32, Site)> {
     let found = points.iter().enumerate().filter_map(|(i, p)| {
         let (gap, site) = near.nearest(*p)?;
         Some((i, gap, site))

@@ -2,13 +2,13 @@
 
 use glam::{DVec3, Vec3};
 
-use super::graph::{Graph, Node};
+use super::graph::{SkeletonGraph, SkeletonNode};
 use osier_base::math;
 
 /// Nodes no higher than this share of the height may be the root,
-const LOW: f64 = 0.05;
+const ROOT_HEIGHT_SHARE: f64 = 0.05;
 /// the thickest of them; one with wood on both sides counts as so much thinner.
-const INNER: f32 = 0.8;
+const INNER_NODE_FACTOR: f32 = 0.8;
 
 /// A chain of nodes from where it leaves its parent to its tip.
 #[derive(Debug)]
@@ -22,17 +22,17 @@ pub(super) struct Chain {
 }
 
 /// All chains, parents first. `root`: where the trunk begins, if told.
-pub(super) fn chains(graph: &Graph, root: Option<Vec3>) -> Vec<Chain> {
+pub(super) fn find_chains(graph: &SkeletonGraph, root: Option<Vec3>) -> Vec<Chain> {
     let nodes = &graph.nodes;
     let mut order: Vec<(u32, u32)> = Vec::with_capacity(nodes.len());
     let mut seen: Vec<bool> = nodes.iter().map(|n| !n.live).collect();
     let mut out = Vec::new();
-    let groups = groups(nodes);
+    let groups = connected_components(nodes);
     // Where a root is told, the group nearest to it takes it; the others stand on what is lowest.
     let told = root.and_then(|p| nearest(nodes, p.as_dvec3()));
     for group in groups {
         let own = told.filter(|n| group.contains(n));
-        let Some(start) = own.or_else(|| foot(nodes, &group)) else { continue };
+        let Some(start) = own.or_else(|| root_node(nodes, &group)) else { continue };
         order.clear();
         order.push((start, u32::MAX));
         seen[start as usize] = true;
@@ -45,13 +45,13 @@ pub(super) fn chains(graph: &Graph, root: Option<Vec3>) -> Vec<Chain> {
                 }
             }
         }
-        follow(nodes, &order, start, &mut out);
+        split_into_chains(nodes, &order, start, &mut out);
     }
     out
 }
 
 /// Nodes that hang together, each group in rising order.
-fn groups(nodes: &[Node]) -> Vec<Vec<u32>> {
+fn connected_components(nodes: &[SkeletonNode]) -> Vec<Vec<u32>> {
     let mut seen: Vec<bool> = nodes.iter().map(|n| !n.live).collect();
     let mut groups = Vec::new();
     for start in (0..).take(nodes.len()) {
@@ -74,27 +74,27 @@ fn groups(nodes: &[Node]) -> Vec<Vec<u32>> {
     groups
 }
 
-fn nearest(nodes: &[Node], p: DVec3) -> Option<u32> {
-    let far = |n: &Node| n.p.distance_squared(p);
+fn nearest(nodes: &[SkeletonNode], p: DVec3) -> Option<u32> {
+    let far = |n: &SkeletonNode| n.p.distance_squared(p);
     let live = (0..).zip(nodes).filter(|(_, n)| n.live);
     live.min_by(|a, b| far(a.1).total_cmp(&far(b.1))).map(|(i, _)| i)
 }
 
 /// The thickest of the lowest nodes.
-fn foot(nodes: &[Node], group: &[u32]) -> Option<u32> {
+fn root_node(nodes: &[SkeletonNode], group: &[u32]) -> Option<u32> {
     let height = |i: &u32| nodes[*i as usize].p.y;
     let low = group.iter().map(height).fold(f64::INFINITY, f64::min);
     let high = group.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
     let girth = |i: &u32| {
         let n = &nodes[*i as usize];
-        if n.beside.len() > 1 { n.r * INNER } else { n.r }
+        if n.beside.len() > 1 { n.r * INNER_NODE_FACTOR } else { n.r }
     };
-    let lowest = group.iter().filter(|i| height(i) <= low + LOW * (high - low));
+    let lowest = group.iter().filter(|i| height(i) <= low + ROOT_HEIGHT_SHARE * (high - low));
     lowest.max_by(|a, b| girth(a).total_cmp(&girth(b)).then(height(b).total_cmp(&height(a)))).copied()
 }
 
 /// Chains of one tree. `order`: nodes with their parents, parents first.
-fn follow(nodes: &[Node], order: &[(u32, u32)], start: u32, out: &mut Vec<Chain>) {
+fn split_into_chains(nodes: &[SkeletonNode], order: &[(u32, u32)], start: u32, out: &mut Vec<Chain>) {
     // Length times radius of all that a node carries.
     let mut weight = std::collections::BTreeMap::new();
     let mut children: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
@@ -130,7 +130,7 @@ fn follow(nodes: &[Node], order: &[(u32, u32)], start: u32, out: &mut Vec<Chain>
 
 /// Smooth places through `points`, `steps` per stretch: the same count times the stretches, and the last point.
 /// Source: E. Catmull, R. Rom, 1974, with the square roots of the chords as knots.
-pub(super) fn curve(points: &[DVec3], steps: usize) -> Vec<DVec3> {
+pub(super) fn catmull_rom_curve(points: &[DVec3], steps: usize) -> Vec<DVec3> {
     let n = points.len();
     if n < 3 {
         let whole = |k: usize| points[0].lerp(points[n - 1], k as f64 / steps as f64);

@@ -1,26 +1,26 @@
-//! Clusters of a surface: k-means whose clusters hang together, so that twigs that nearly touch stay apart.
+//! Connected k-means clusters of a surface: clusters grow over the surface, so twigs that nearly touch stay separate.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
 use glam::{DMat3, DVec3};
 
-use super::parts::least_axis;
-use super::refine::Fine;
+use super::parts::{index, least_axis};
+use super::refine::RefinedSurface;
 use osier_base::math;
 use osier_base::rng::Rng;
 
 /// Fewest and most clusters of a piece.
-const COUNT: (usize, usize) = (2, 16_384);
+const CLUSTER_COUNT: (usize, usize) = (2, 16_384);
 /// Rounds of Lloyd at the most, and the shift, in clusters, at which they end.
-const ROUNDS: usize = 40;
-const STILL: f64 = 5e-3;
+const LLOYD_ROUNDS: usize = 40;
+const CONVERGED_SHIFT: f64 = 5e-3;
 /// Neighbours no farther apart than this along the wood, in clusters,
-const LEVEL: f64 = 0.6;
+const RING_DISTANCE_ALONG: f64 = 0.6;
 /// and than this across it, in radii, are parts of one ring: the middles of patches on a tube lie within it.
-const WITHIN: f64 = 1.9;
+const RING_DISTANCE_ACROSS: f64 = 1.9;
 /// Passes of joining parts of rings.
-const PASSES: usize = 8;
+const JOIN_PASSES: usize = 8;
 
 /// Clusters of one piece.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ pub(super) struct Clusters {
     pub of: Vec<u32>,
     /// Mean place of each, m.
     pub middles: Vec<DVec3>,
-    /// Size of each, m.
+    /// Target size of each cluster, m.
     sizes: Vec<f64>,
 }
 
@@ -37,35 +37,35 @@ pub(super) struct Clusters {
 /// Source: [yang-wu] 3.1, k-means over the vertices.
 /// Differs: seeds drawn by squared distance (D. Arthur, S. Vassilvitskii, "k-means++", SODA 2007); sizes follow the radius;
 /// a cluster grows over the surface from its middle, so it hangs together; parts of one ring are joined.
-pub(super) fn find(fine: &Fine, rng: &mut Rng) -> Clusters {
+pub(super) fn find_clusters(fine: &RefinedSurface, rng: &mut Rng) -> Clusters {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped next")]
-    let wanted = (fine.room().ceil() as usize).clamp(COUNT.0, COUNT.1.min(fine.points.len()));
-    let seeds = seeds(fine, wanted, rng);
+    let wanted = (fine.room().ceil() as usize).clamp(CLUSTER_COUNT.0, CLUSTER_COUNT.1.min(fine.points.len()));
+    let seeds = draw_seeds(fine, wanted, rng);
     let middles = seeds.iter().map(|i| fine.points[*i as usize].as_dvec3()).collect();
     let sizes = seeds.iter().map(|i| f64::from(fine.sizes[*i as usize])).collect();
     let mut clusters = Clusters { of: Vec::new(), middles, sizes };
-    clusters.grow(fine, &seeds);
-    clusters.settle(fine);
-    for _ in 0..PASSES {
+    clusters.assign_points(fine, &seeds);
+    clusters.iterate_lloyd(fine);
+    for _ in 0..JOIN_PASSES {
         if !clusters.join_patches(fine) {
             break;
         }
-        clusters.settle(fine);
+        clusters.iterate_lloyd(fine);
     }
     clusters
 }
 
 /// Draws points, each the likelier the farther it lies from those drawn before.
-fn seeds(fine: &Fine, wanted: usize, rng: &mut Rng) -> Vec<u32> {
+fn draw_seeds(fine: &RefinedSurface, wanted: usize, rng: &mut Rng) -> Vec<u32> {
     let n = fine.points.len();
     let weight = |i: usize| fine.areas[i] / f64::from(fine.radii[i] * fine.sizes[i]).max(1e-30);
     let mut nearest = vec![f64::INFINITY; n];
-    let mut chances = Sums::new((0..n).map(weight).collect());
+    let mut chances = FenwickTree::new((0..n).map(weight).collect());
     let mut out = Vec::with_capacity(wanted);
     let mut stack: Vec<u32> = Vec::new();
     while out.len() < wanted {
         let Some(drawn) = chances.draw(rng) else { break };
-        let seed = u32::try_from(drawn).unwrap_or(u32::MAX);
+        let seed = index(drawn);
         out.push(seed);
         let middle = fine.points[drawn];
         let distance = |i: usize| f64::from(fine.points[i].distance(middle) / fine.sizes[i]);
@@ -89,7 +89,7 @@ fn seeds(fine: &Fine, wanted: usize, rng: &mut Rng) -> Vec<u32> {
 
 impl Clusters {
     /// Gives every point to a cluster: clusters grow from their seeds, the nearest point first.
-    fn grow(&mut self, fine: &Fine, seeds: &[u32]) {
+    fn assign_points(&mut self, fine: &RefinedSurface, seeds: &[u32]) {
         self.of = vec![u32::MAX; fine.points.len()];
         let mut heap = BinaryHeap::with_capacity(fine.points.len());
         // The nearest that has asked for each point so far: farther ones need not ask.
@@ -117,7 +117,7 @@ impl Clusters {
     }
 
     /// Means of the clusters' points; the largest shift, in clusters.
-    fn center(&mut self, fine: &Fine) -> f64 {
+    fn update_means(&mut self, fine: &RefinedSurface) -> f64 {
         let mut sums = vec![(DVec3::ZERO, 0.0, 0.0); self.middles.len()];
         for (i, c) in self.of.iter().enumerate() {
             let Some(sum) = sums.get_mut(*c as usize) else { continue };
@@ -134,20 +134,20 @@ impl Clusters {
         most
     }
 
-    /// Rounds of Lloyd.
-    fn settle(&mut self, fine: &Fine) {
-        for _ in 0..ROUNDS {
-            if self.center(fine) < STILL {
+    /// Lloyd iterations: means, then reassignment, until the means hardly move.
+    fn iterate_lloyd(&mut self, fine: &RefinedSurface) {
+        for _ in 0..LLOYD_ROUNDS {
+            if self.update_means(fine) < CONVERGED_SHIFT {
                 break;
             }
-            let seeds = self.nearest(fine);
-            self.grow(fine, &seeds);
+            let seeds = self.nearest_points(fine);
+            self.assign_points(fine, &seeds);
         }
-        self.center(fine);
+        self.update_means(fine);
     }
 
     /// Of each cluster's points the one nearest to its middle; clusters without points are given up.
-    fn nearest(&mut self, fine: &Fine) -> Vec<u32> {
+    fn nearest_points(&mut self, fine: &RefinedSurface) -> Vec<u32> {
         let mut best = vec![(f64::INFINITY, u32::MAX); self.middles.len()];
         for (i, c) in (0..).zip(&self.of) {
             let Some(best) = best.get_mut(*c as usize) else { continue };
@@ -171,7 +171,7 @@ impl Clusters {
     }
 
     /// Pairs of clusters that share an edge, lower index first.
-    pub fn pairs(&self, fine: &Fine) -> Vec<[u32; 2]> {
+    pub fn pairs(&self, fine: &RefinedSurface) -> Vec<[u32; 2]> {
         let mut pairs = BTreeSet::new();
         for (i, a) in (0..).zip(&self.of) {
             let beside = fine.around(i).iter().map(|k| self.of[*k as usize]);
@@ -181,7 +181,7 @@ impl Clusters {
     }
 
     /// Per cluster the sum of its normals' squares, by area, and its mean radius.
-    fn rings(&self, fine: &Fine) -> Vec<(DMat3, f64)> {
+    fn rings(&self, fine: &RefinedSurface) -> Vec<(DMat3, f64)> {
         let mut sums = vec![(DMat3::ZERO, 0.0, 1e-30); self.middles.len()];
         for (i, c) in self.of.iter().enumerate() {
             let Some(sum) = sums.get_mut(*c as usize) else { continue };
@@ -193,15 +193,15 @@ impl Clusters {
     }
 
     /// Joins neighbours that lie side by side around the wood; false if there are none. Each joins one other at the most.
-    fn join_patches(&mut self, fine: &Fine) -> bool {
+    fn join_patches(&mut self, fine: &RefinedSurface) -> bool {
         let rings = self.rings(fine);
         let apart = |[a, b]: [u32; 2]| {
             let (a, b) = (a as usize, b as usize);
             let d = self.middles[b] - self.middles[a];
             let along = d.dot(least_axis(&(rings[a].0 + rings[b].0))).abs();
             let across = math::sqrt((d.length_squared() - along * along).max(0.0));
-            let beside = along < LEVEL * 0.5 * (self.sizes[a] + self.sizes[b]);
-            (beside && across < WITHIN * 0.5 * (rings[a].1 + rings[b].1)).then_some(d.length())
+            let beside = along < RING_DISTANCE_ALONG * 0.5 * (self.sizes[a] + self.sizes[b]);
+            (beside && across < RING_DISTANCE_ACROSS * 0.5 * (rings[a].1 + rings[b].1)).then_some(d.length())
         };
         let pairs = self.pairs(fine).into_iter();
         let mut close: Vec<(f64, [u32; 2])> = pairs.filter_map(|p| Some((apart(p)?, p))).collect();
@@ -220,21 +220,21 @@ impl Clusters {
             return false;
         }
         self.of.iter_mut().for_each(|c| *c = into.get(*c as usize).copied().unwrap_or(*c));
-        self.center(fine);
-        let seeds = self.nearest(fine);
-        self.grow(fine, &seeds);
+        self.update_means(fine);
+        let seeds = self.nearest_points(fine);
+        self.assign_points(fine, &seeds);
         true
     }
 }
 
 /// Weights with their running sums, for draws that change as they go.
 /// Source: P. Fenwick, "A new data structure for cumulative frequency tables", 1994.
-struct Sums {
+struct FenwickTree {
     weights: Vec<f64>,
     tree: Vec<f64>,
 }
 
-impl Sums {
+impl FenwickTree {
     fn new(weights: Vec<f64>) -> Self {
         let mut tree = vec![0.0; weights.len() + 1];
         tree[1..].copy_from_slice(&weights);

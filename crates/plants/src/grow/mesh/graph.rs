@@ -5,25 +5,25 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 
 use super::clusters::Clusters;
-use super::near::{Near, Place};
-use super::parts::Sets;
-use super::refine::Fine;
+use super::parts::{DisjointSets, index};
+use super::refine::RefinedSurface;
+use super::wood_search::{WoodSample, WoodSearch};
 use osier_base::math;
 
 /// Pieces farther apart than so many radii of the joint, and than this share of the whole, stay apart.
-const REACH: (f32, f32) = (10.0, 0.02);
+const JOIN_REACH: (f32, f32) = (10.0, 0.02);
 /// What a thin end costs against a thick one, as a share of its piece's length.
-const THIN: f32 = 0.05;
+const THIN_END_COST: f32 = 0.05;
 /// Places per radius along a centreline.
-const FINE: f32 = 0.5;
+const SAMPLES_PER_RADIUS: f32 = 0.5;
 
-/// A middle of a cluster.
+/// The mean of a cluster.
 #[derive(Debug, Clone)]
-pub(super) struct Node {
+pub(super) struct SkeletonNode {
     pub p: DVec3,
-    /// m.
+    /// Mean radius of the wood, m.
     pub r: f32,
-    /// Piece of wood.
+    /// Index of the piece of wood.
     pub piece: u32,
     /// Neighbours in the tree, of its own piece first.
     pub beside: Vec<u32>,
@@ -33,17 +33,17 @@ pub(super) struct Node {
 
 /// Nodes with the tree between them.
 #[derive(Debug, Default)]
-pub(super) struct Graph {
-    pub nodes: Vec<Node>,
+pub(super) struct SkeletonGraph {
+    pub nodes: Vec<SkeletonNode>,
     /// Where each piece's nodes begin, and its clusters' nodes.
     pub of: Vec<Vec<u32>>,
 }
 
-impl Graph {
+impl SkeletonGraph {
     /// Adds the clusters of a piece: the minimum spanning tree of those that touch, without the bumps.
-    pub fn add(&mut self, fine: &Fine, clusters: &Clusters) {
-        let first = u32::try_from(self.nodes.len()).unwrap_or(u32::MAX);
-        let piece = u32::try_from(self.of.len()).unwrap_or(u32::MAX);
+    pub fn add(&mut self, fine: &RefinedSurface, clusters: &Clusters) {
+        let first = index(self.nodes.len());
+        let piece = index(self.of.len());
         let mut radii = vec![(0.0, 0.0); clusters.middles.len()];
         for (i, c) in clusters.of.iter().enumerate() {
             let Some(sum) = radii.get_mut(*c as usize) else { continue };
@@ -52,14 +52,14 @@ impl Graph {
         let nodes = clusters.middles.iter().zip(&radii);
         let node = |(p, (sum, area)): (&DVec3, &(f64, f64))| {
             let r = if *area > 0.0 { math::narrow(sum / area) } else { fine.radii[0] };
-            Node { p: *p, r, piece, beside: Vec::new(), live: true }
+            SkeletonNode { p: *p, r, piece, beside: Vec::new(), live: true }
         };
         self.nodes.extend(nodes.map(node));
         let length = |[a, b]: [u32; 2]| clusters.middles[a as usize].distance(clusters.middles[b as usize]);
         let mut edges: Vec<(f64, [u32; 2])> =
             clusters.pairs(fine).into_iter().map(|pair| (length(pair), pair)).collect();
         edges.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let mut sets = Sets::new(clusters.middles.len());
+        let mut sets = DisjointSets::new(clusters.middles.len());
         for (_, [a, b]) in edges {
             if sets.join(a, b) {
                 self.link(first + a, first + b);
@@ -103,10 +103,10 @@ impl Graph {
     /// Joins pieces where the end of one comes close to the bark of another, the closest first.
     /// Own: [yang-wu] has one mesh in one piece; artists' branches are tubes that stick in each other.
     pub fn join(&mut self, diagonal: f32) {
-        let near = Near::new(self.places());
+        let near = WoodSearch::new(self.places());
         let ends: Vec<Vec<u32>> = self.of.iter().map(|of| self.ends(of)).collect();
         let costs: Vec<(f32, f32)> = self.of.iter().map(|of| self.girth(of)).collect();
-        let mut sets = Sets::new(self.of.len());
+        let mut sets = DisjointSets::new(self.of.len());
         loop {
             let group: Vec<u32> = (0..).take(self.of.len()).map(|i| sets.find(i)).collect();
             let mut best: BTreeMap<u32, (f32, u32, u32)> = BTreeMap::new();
@@ -115,11 +115,11 @@ impl Graph {
                 for end in ends {
                     let node = &self.nodes[*end as usize];
                     let at = self.tip(*end);
-                    let reach = (REACH.0 * node.r).max(REACH.1 * diagonal);
+                    let reach = (JOIN_REACH.0 * node.r).max(JOIN_REACH.1 * diagonal);
                     let foreign = |n: &u32| group[self.nodes[*n as usize].piece as usize] != own;
                     let Some((gap, to)) = near.within(at, reach, foreign) else { continue };
                     let (thickest, length) = costs[piece];
-                    let cost = gap.max(0.0) + THIN * length * (1.0 - node.r / thickest).max(0.0);
+                    let cost = gap.max(0.0) + THIN_END_COST * length * (1.0 - node.r / thickest).max(0.0);
                     let known = best.get(&own);
                     if known.is_none_or(|k| cost < k.0) {
                         best.insert(own, (cost, *end, to));
@@ -168,17 +168,17 @@ impl Graph {
     }
 
     /// Places along all links, each of the nearer node.
-    fn places(&self) -> Vec<Place<u32>> {
+    fn places(&self) -> Vec<WoodSample<u32>> {
         let mut places = Vec::new();
         for (i, node) in (0..).zip(&self.nodes).filter(|(_, n)| n.live) {
-            places.push(Place { p: node.p.as_vec3(), r: node.r, what: i });
+            places.push(WoodSample { p: node.p.as_vec3(), r: node.r, what: i });
             for other in node.beside.iter().map(|n| &self.nodes[*n as usize]) {
                 let half = (other.p - node.p) * 0.5;
-                let steps = steps(math::narrow(half.length()), FINE * node.r.max(other.r));
+                let steps = steps(math::narrow(half.length()), SAMPLES_PER_RADIUS * node.r.max(other.r));
                 places.extend((1..=steps).map(|k| {
                     let t = f64::from(k) / f64::from(steps);
                     let r = math::lerp(node.r, (node.r + other.r) * 0.5, math::narrow(t));
-                    Place { p: (node.p + half * t).as_vec3(), r, what: i }
+                    WoodSample { p: (node.p + half * t).as_vec3(), r, what: i }
                 }));
             }
         }

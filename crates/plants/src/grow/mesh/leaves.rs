@@ -6,8 +6,8 @@ use std::sync::Arc;
 use glam::{Mat3, Quat, Vec3};
 
 use super::bind::{self, Site};
-use super::near::Near;
-use super::parts::Patch;
+use super::parts::{TrianglePatch, index};
+use super::wood_search::WoodSearch;
 use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_base::par::par_map;
@@ -16,23 +16,23 @@ use osier_scene::plant::{Organ, Plant, Proto};
 use osier_scene::{Mesh, Subset};
 
 /// Blades are of one shape if no point is farther off than this share of their size.
-const ALIKE: f32 = 1e-3;
-/// Most shapes.
-const SHAPES: usize = 4096;
+const SHAPE_TOLERANCE: f32 = 1e-3;
+/// Largest number of distinct shapes; each further one stays part of the wood.
+const MAX_SHAPES: usize = 4096;
 /// A blade larger than this share of the plant is no leaf.
-const LARGE: f32 = 0.25;
+const MAX_LEAF_SIZE: f32 = 0.25;
 
 /// A blade cut out of the mesh.
-struct Blade {
+struct LeafBlade {
     mesh: Mesh,
-    /// Box's diagonal, m.
+    /// Diagonal of the bounding box, m.
     size: f32,
     /// Its point by which it hangs, and where.
     hold: (usize, Site),
 }
 
 /// A shape that blades share, as the first of them has it.
-struct Shape {
+struct LeafShape {
     proto: u16,
     points: Vec<Vec3>,
     /// Three points that lie far apart.
@@ -41,8 +41,8 @@ struct Shape {
     q: Quat,
 }
 
-/// A blade where it hangs.
-struct Hung {
+/// A blade as an instance of a shape.
+struct PlacedLeaf {
     site: Site,
     pivot: Vec3,
     q: Quat,
@@ -50,32 +50,37 @@ struct Hung {
     proto: u16,
 }
 
-/// What became of the blades.
+/// Blades that could not become organs.
 #[derive(Debug, Default)]
-pub(super) struct Leaves {
+pub(super) struct UnplacedLeaves {
     /// Indices of the blades that stay part of the wood: too large, or of too many shapes.
     pub large: Vec<usize>,
     pub strange: Vec<usize>,
 }
 
 /// Hangs blades on a plant as organs.
-pub(super) fn hang(plant: &mut Plant, mesh: &Mesh, blades: &[Patch], near: &Near<Site>) -> Leaves {
+pub(super) fn place_leaves(
+    plant: &mut Plant,
+    mesh: &Mesh,
+    blades: &[TrianglePatch],
+    near: &WoodSearch<Site>,
+) -> UnplacedLeaves {
     let whole = mesh.bounds().size().length();
     let material = materials(mesh);
-    let cut = par_map(blades, |patch| cut(mesh, &material, patch, near));
-    let mut left = Leaves::default();
-    let mut shapes: BTreeMap<u64, Vec<Shape>> = BTreeMap::new();
-    let mut hung: Vec<Hung> = Vec::new();
+    let cut = par_map(blades, |patch| cut_out_blade(mesh, &material, patch, near));
+    let mut left = UnplacedLeaves::default();
+    let mut shapes: BTreeMap<u64, Vec<LeafShape>> = BTreeMap::new();
+    let mut hung: Vec<PlacedLeaf> = Vec::new();
     for (i, blade) in cut.into_iter().enumerate() {
-        match blade.filter(|b| b.size <= LARGE * whole) {
+        match blade.filter(|b| b.size <= MAX_LEAF_SIZE * whole) {
             None => left.large.push(i),
             Some(blade) => {
-                let alike = shapes.entry(kind(&blade.mesh)).or_default();
-                match alike.iter().find_map(|s| fit(s, &blade, near)) {
+                let alike = shapes.entry(topology_hash(&blade.mesh)).or_default();
+                match alike.iter().find_map(|s| match_shape(s, &blade, near)) {
                     Some(h) => hung.push(h),
-                    None if plant.protos.len() >= SHAPES => left.strange.push(i),
+                    None if plant.protos.len() >= MAX_SHAPES => left.strange.push(i),
                     None => {
-                        let (shape, h) = first(plant, blade);
+                        let (shape, h) = new_shape(plant, blade);
                         alike.push(shape);
                         hung.push(h);
                     }
@@ -89,7 +94,7 @@ pub(super) fn hang(plant: &mut Plant, mesh: &Mesh, blades: &[Patch], near: &Near
 }
 
 /// Ids of the organs; those of the axes are known.
-pub(super) fn name(plant: &mut Plant) {
+pub(super) fn assign_ids(plant: &mut Plant) {
     let mut rank = (u32::MAX, 0_u64);
     for organ in &mut plant.organs {
         rank = if organ.axis == rank.0 { (rank.0, rank.1 + 1) } else { (organ.axis, 0) };
@@ -110,11 +115,11 @@ fn materials(mesh: &Mesh) -> Vec<u32> {
 }
 
 /// Some triangles of a mesh as a mesh of their own, points in the mesh's order.
-pub(super) fn part(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32]) -> (Mesh, Vec<u32>) {
+pub(super) fn submesh(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32]) -> (Mesh, Vec<u32>) {
     let mut used: Vec<u32> = patch.iter().flat_map(|t| mesh.triangles[*t as usize]).collect();
     used.sort_unstable();
     used.dedup();
-    let local = |i: u32| u32::try_from(used.partition_point(|u| *u < i)).unwrap_or(0);
+    let local = |i: u32| index(used.partition_point(|u| *u < i));
     let mut out = Mesh {
         points: used.iter().map(|i| mesh.points[*i as usize]).collect(),
         normals: used.iter().map(|i| mesh.normals[*i as usize]).collect(),
@@ -135,23 +140,23 @@ pub(super) fn part(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32]) ->
 }
 
 /// The wood: all triangles but some, which are few runs of the rest.
-pub(super) fn rest(mesh: &Mesh, gone: &[bool]) -> (Mesh, Vec<u32>) {
+pub(super) fn remaining_mesh(mesh: &Mesh, gone: &[bool]) -> (Mesh, Vec<u32>) {
     let material = materials(mesh);
     let kept: Vec<u32> = (0..).take(mesh.triangles.len()).filter(|t| !gone[*t as usize]).collect();
-    part(mesh, |t| material[t as usize], &kept)
+    submesh(mesh, |t| material[t as usize], &kept)
 }
 
-fn cut(mesh: &Mesh, material: &[u32], patch: &Patch, near: &Near<Site>) -> Option<Blade> {
+fn cut_out_blade(mesh: &Mesh, material: &[u32], patch: &TrianglePatch, near: &WoodSearch<Site>) -> Option<LeafBlade> {
     let mut patch = patch.clone();
     patch.sort_by_key(|t| (material[*t as usize], *t));
-    let (mesh, _) = part(mesh, |t| material[t as usize], &patch);
+    let (mesh, _) = submesh(mesh, |t| material[t as usize], &patch);
     let size = mesh.bounds().size().length();
-    let (i, _, site) = bind::hold(near, &mesh.points)?;
-    Some(Blade { mesh, size, hold: (i, site) })
+    let (i, _, site) = bind::nearest_wood(near, &mesh.points)?;
+    Some(LeafBlade { mesh, size, hold: (i, site) })
 }
 
 /// A number that blades of one shape share: triangles, materials, texture coordinates.
-fn kind(mesh: &Mesh) -> u64 {
+fn topology_hash(mesh: &Mesh) -> u64 {
     let corners = mesh.triangles.iter().flatten().map(|i| u64::from(*i));
     let runs = mesh.subsets.iter().flat_map(|s| [u64::from(s.material), u64::from(s.count)]);
     let uvs = mesh.uvs.iter().flat_map(|uv| uv.to_array()).map(|v| u64::from(v.to_bits()));
@@ -162,7 +167,7 @@ fn kind(mesh: &Mesh) -> u64 {
 }
 
 /// Two far points and the one that spans most with them.
-fn corners(points: &[Vec3]) -> [usize; 3] {
+fn far_corners(points: &[Vec3]) -> [usize; 3] {
     let most = |value: &dyn Fn(Vec3) -> f32| {
         let all = points.iter().enumerate();
         all.max_by(|a, b| value(*a.1).total_cmp(&value(*b.1)).then(b.0.cmp(&a.0))).map_or(0, |(i, _)| i)
@@ -181,7 +186,7 @@ fn frame(points: &[Vec3], [a, b, c]: [usize; 3]) -> Mat3 {
 }
 
 /// The blade as a copy of a shape, if it is one.
-fn fit(shape: &Shape, blade: &Blade, near: &Near<Site>) -> Option<Hung> {
+fn match_shape(shape: &LeafShape, blade: &LeafBlade, near: &WoodSearch<Site>) -> Option<PlacedLeaf> {
     let (own, points) = (&shape.points, &blade.mesh.points);
     let [a, b, _] = shape.corners;
     let length = own[b].distance(own[a]);
@@ -189,19 +194,19 @@ fn fit(shape: &Shape, blade: &Blade, near: &Near<Site>) -> Option<Hung> {
     let turn = frame(points, shape.corners) * frame(own, shape.corners).transpose();
     let placed = |p: Vec3| turn * ((p - own[a]) * scale) + points[a];
     let off = own.iter().zip(points).fold(0.0_f32, |m, (p, q)| m.max(placed(*p).distance_squared(*q)));
-    if math::sqrt_f32(off) > ALIKE * blade.size || scale <= 0.0 {
+    if math::sqrt_f32(off) > SHAPE_TOLERANCE * blade.size || scale <= 0.0 {
         return None;
     }
     let pivot = placed(own[shape.hold]);
     // The shape's own point holds it, even if another lies a little nearer to the bark here.
     let site = near.nearest(pivot).map_or(blade.hold.1, |(_, site)| site);
     let q = (Quat::from_mat3(&turn) * shape.q).normalize();
-    Some(Hung { site, pivot, q, scale, proto: shape.proto })
+    Some(PlacedLeaf { site, pivot, q, scale, proto: shape.proto })
 }
 
 /// A new shape: the pivot at its origin, +Y to the middle of the blade, +Z its upper side.
-fn first(plant: &mut Plant, blade: Blade) -> (Shape, Hung) {
-    let Blade { mut mesh, hold: (hold, site), .. } = blade;
+fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
+    let LeafBlade { mut mesh, hold: (hold, site), .. } = blade;
     let points = mesh.points.clone();
     let pivot = points[hold];
     let middle = points.iter().fold(Vec3::ZERO, |s, p| s + (*p - pivot)) / points.len() as f32;
@@ -217,13 +222,14 @@ fn first(plant: &mut Plant, blade: Blade) -> (Shape, Hung) {
     let back = q.conjugate();
     mesh.points.iter_mut().for_each(|p| *p = back * (*p - pivot));
     mesh.normals.iter_mut().for_each(|n| *n = back * *n);
-    let proto = u16::try_from(plant.protos.len()).unwrap_or(u16::MAX);
+    #[allow(clippy::cast_possible_truncation, reason = "at most MAX_SHAPES prototypes")]
+    let proto = plant.protos.len() as u16;
     plant.protos.push(Proto { name: format!("leaf_{proto}"), mesh: Arc::new(mesh) });
-    let shape = Shape { proto, corners: corners(&points), points, hold, q };
-    (shape, Hung { site, pivot, q, scale: 1.0, proto })
+    let shape = LeafShape { proto, corners: far_corners(&points), points, hold, q };
+    (shape, PlacedLeaf { site, pivot, q, scale: 1.0, proto })
 }
 
-fn organ(plant: &Plant, h: Hung) -> Organ {
+fn organ(plant: &Plant, h: PlacedLeaf) -> Organ {
     let at = plant.frame(&plant.axes[h.site.0 as usize], h.site.1);
     let back = at.q.conjugate();
     Organ {
@@ -241,6 +247,6 @@ fn organ(plant: &Plant, h: Hung) -> Organ {
 }
 
 /// Box of a few triangles, m.
-pub(super) fn bounds(mesh: &Mesh, patch: &Patch) -> Bounds {
+pub(super) fn bounds(mesh: &Mesh, patch: &TrianglePatch) -> Bounds {
     Bounds::of(patch.iter().flat_map(|t| mesh.triangles[*t as usize]).map(|i| mesh.points[i as usize]))
 }

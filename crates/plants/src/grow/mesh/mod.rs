@@ -1,6 +1,6 @@
-//! Artists' meshes: a skeleton is found in the wood, and the mesh is bound to it as it is.
+//! Skeletons of artists' meshes: the axes of the wood are extracted, and the unchanged mesh is bound to them.
 //!
-//! Blades are told from wood (`parts`); the wood's thickness is measured (`thick`) and its surface cut into clusters
+//! Blades are told from wood (`parts`); the wood's thickness is measured (`thickness`) and its surface cut into clusters
 //! (`refine`, `clusters`), whose middles become a tree (`graph`), chains (`chains`) and axes (`axes`); every vertex is bound
 //! to its axis (`bind`), and the blades become organs (`leaves`).
 
@@ -10,19 +10,19 @@ mod chains;
 mod clusters;
 mod graph;
 mod leaves;
-mod near;
 mod parts;
 mod refine;
-mod thick;
+mod thickness;
+mod wood_search;
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use axes::{Seat, Skin};
+use axes::{ClusterSite, ClusterSurface};
 use bind::Site;
 use clusters::Clusters;
-use graph::Graph;
+use graph::SkeletonGraph;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::narrow;
 use osier_base::par::par_map;
@@ -32,17 +32,17 @@ use osier_base::{Error, Result};
 use osier_import::Imported;
 use osier_scene::Mesh;
 use osier_scene::plant::{self, NONE, Plant};
-use parts::{Parts, Piece};
-use refine::{Fine, Sizes};
+use parts::{MeshParts, WoodPiece};
+use refine::{ClusterSizes, RefinedSurface};
 
 /// Smallest cluster where sizes follow the radius: a share of the plant's diagonal, and of the length of all its wood.
-const LEAST: (f32, f64) = (1.0 / 1500.0, 1.0 / 12_000.0);
+const MIN_CLUSTER_SIZE: (f32, f64) = (1.0 / 1500.0, 1.0 / 12_000.0);
 /// A piece that stands on nothing and begins above this share of the height floats.
-const FLOATS: f32 = 0.1;
+const FLOATING_HEIGHT: f32 = 0.1;
 
-/// How a skeleton is found.
+/// Options of the extraction of a skeleton.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct SkeletonOptions {
     /// Name of the file, for complaints.
     pub name: String,
     /// In lower case: objects and materials whose name holds one of these are blades.
@@ -55,25 +55,25 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// A plant found in a mesh, with the mesh.
+/// A plant extracted from a mesh, with that mesh.
 #[derive(Debug, Clone, Default)]
-pub struct Tree {
+pub struct MeshPlant {
     /// Axes and organs, with ids of a plant of id 0.
     pub plant: Plant,
     /// The artist's mesh but for the blades that are organs: points, normals, coordinates as they are.
     pub wood: Arc<Mesh>,
     /// Axis and arc length, m, of each of its points.
     pub bindings: Vec<(u32, f32)>,
-    /// What was odd.
+    /// Warnings: floating pieces, leaves that stay rigid.
     pub report: Report,
 }
 
-impl Tree {
+impl MeshPlant {
     /// The plant of an individual: all of one mesh are alike but for their names.
     pub fn individual(&self, id: u32, seed: u64, source: &str) -> Plant {
         let mut plant = self.plant.clone();
         (plant.id, plant.seed, plant.source) = (id, seed, source.into());
-        name(&mut plant);
+        assign_ids(&mut plant);
         plant
     }
 }
@@ -84,43 +84,43 @@ impl Tree {
 /// a branch's first node stands on its parent's bark, so that the mesh bends there without a tear.
 /// # Errors
 /// `Input` with X018 for a mesh without wood or without volume; what `plant::validate` refuses; `Cancelled`.
-pub fn skeleton(imported: &Imported, options: &Options, cancel: &Cancel) -> Result<Tree> {
-    let parts = parts::sort(imported, &options.leaf_words);
-    let solid: Vec<&Piece> = parts.wood.iter().filter(|p| p.is_solid()).collect();
+pub fn extract_skeleton(imported: &Imported, options: &SkeletonOptions, cancel: &Cancel) -> Result<MeshPlant> {
+    let parts = parts::classify_triangles(imported, &options.leaf_words);
+    let solid: Vec<&WoodPiece> = parts.wood.iter().filter(|p| p.is_solid()).collect();
     if solid.is_empty() {
-        return Err(refused(&parts, options));
+        return Err(no_skeleton_error(&parts, options));
     }
     let diagonal = imported.mesh.bounds().size().length();
     // A tube of these areas and volumes is so long.
-    let length = |p: &&Piece| p.area * p.area / (4.0 * std::f64::consts::PI * p.volume.abs());
-    let least = narrow(solid.iter().map(length).sum::<f64>() * LEAST.1).max(diagonal * LEAST.0);
-    let sizes = Sizes { fixed: options.spacing, least };
-    let numbered: Vec<(u64, &Piece)> = (0..).zip(solid.iter().copied()).collect();
-    let found = par_map(&numbered, |(i, piece)| -> Result<(Fine, Clusters)> {
+    let length = |p: &&WoodPiece| p.area * p.area / (4.0 * std::f64::consts::PI * p.volume.abs());
+    let least = narrow(solid.iter().map(length).sum::<f64>() * MIN_CLUSTER_SIZE.1).max(diagonal * MIN_CLUSTER_SIZE.0);
+    let sizes = ClusterSizes { fixed: options.spacing, least };
+    let numbered: Vec<(u64, &WoodPiece)> = (0..).zip(solid.iter().copied()).collect();
+    let found = par_map(&numbered, |(i, piece)| -> Result<(RefinedSurface, Clusters)> {
         cancel.check()?;
-        let fine = Fine::new(piece, sizes);
-        let clusters = clusters::find(&fine, &mut Rng::at(options.seed, &["kmeans".into(), (*i).into()]));
+        let fine = RefinedSurface::new(piece, sizes);
+        let clusters = clusters::find_clusters(&fine, &mut Rng::at(options.seed, &["kmeans".into(), (*i).into()]));
         Ok((fine, clusters))
     });
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;
-    let mut graph = Graph::default();
+    let mut graph = SkeletonGraph::default();
     found.iter().for_each(|(fine, clusters)| graph.add(fine, clusters));
     graph.join(diagonal);
-    let skins = skins(&graph, &found);
-    let chains = chains::chains(&graph, options.root);
+    let cluster_surfaces = cluster_surfaces(&graph, &found);
+    let chains = chains::find_chains(&graph, options.root);
     let mut plant = Plant::default();
-    let seats = axes::lay(&mut plant, &graph, &chains, &skins);
+    let seats = axes::add_axes(&mut plant, &graph, &chains, &cluster_surfaces);
     plant::validate(&mut plant)?;
-    let mut tree = Tree { plant, ..Tree::default() };
-    floating(&mut tree, options);
-    tree.bind(imported, &parts, (&graph, &found, &seats), options);
-    name(&mut tree.plant);
+    let mut tree = MeshPlant { plant, ..MeshPlant::default() };
+    warn_floating_pieces(&mut tree, options);
+    tree.bind_mesh(imported, &parts, &ClusterSites { graph: &graph, found: &found, seats: &seats }, options);
+    assign_ids(&mut tree.plant);
     plant::validate(&mut tree.plant)?;
     Ok(tree)
 }
 
 /// X018: why there is no skeleton.
-fn refused(parts: &Parts, options: &Options) -> Error {
+fn no_skeleton_error(parts: &MeshParts, options: &SkeletonOptions) -> Error {
     let file = &options.name;
     let (message, help) = if parts.wood.is_empty() {
         (
@@ -139,26 +139,26 @@ fn refused(parts: &Parts, options: &Options) -> Error {
 }
 
 /// The points of each node's clusters.
-fn skins(graph: &Graph, found: &[(Fine, Clusters)]) -> Vec<Skin> {
-    let mut skins = vec![Skin::default(); graph.nodes.len()];
+fn cluster_surfaces(graph: &SkeletonGraph, found: &[(RefinedSurface, Clusters)]) -> Vec<ClusterSurface> {
+    let mut cluster_surfaces = vec![ClusterSurface::default(); graph.nodes.len()];
     for ((fine, clusters), of) in found.iter().zip(&graph.of) {
         for (i, c) in clusters.of.iter().enumerate() {
-            let Some(skin) = of.get(*c as usize).and_then(|n| skins.get_mut(*n as usize)) else { continue };
+            let Some(skin) = of.get(*c as usize).and_then(|n| cluster_surfaces.get_mut(*n as usize)) else { continue };
             skin.points.push((fine.points[i], fine.normals[i]));
             skin.areas.push(fine.areas[i]);
         }
     }
-    skins
+    cluster_surfaces
 }
 
 /// X019 for trees of pieces that neither meet the rest nor stand low.
-fn floating(tree: &mut Tree, options: &Options) {
+fn warn_floating_pieces(tree: &mut MeshPlant, options: &SkeletonOptions) {
     let plant = &tree.plant;
     let low = plant.nodes.p.iter().fold(f32::INFINITY, |m, p| m.min(p.y));
     let high = plant.nodes.p.iter().fold(f32::NEG_INFINITY, |m, p| m.max(p.y));
     let base = |a: &plant::Axis| plant.nodes.p[a.first as usize];
     let roots = plant.axes.iter().filter(|a| a.parent == NONE).skip(1);
-    let high_up: Vec<Vec3> = roots.map(base).filter(|p| p.y > low + FLOATS * (high - low)).collect();
+    let high_up: Vec<Vec3> = roots.map(base).filter(|p| p.y > low + FLOATING_HEIGHT * (high - low)).collect();
     if let Some(p) = high_up.first() {
         let (file, n) = (&options.name, high_up.len());
         let message = format!(
@@ -169,21 +169,32 @@ fn floating(tree: &mut Tree, options: &Options) {
     }
 }
 
-impl Tree {
-    /// Hangs the blades and binds what is left of the mesh.
-    fn bind(
+/// Where the clusters of all pieces lie on the plant.
+struct ClusterSites<'a> {
+    graph: &'a SkeletonGraph,
+    /// Surface and clusters of each solid piece.
+    found: &'a [(RefinedSurface, Clusters)],
+    /// Of each node of the graph.
+    seats: &'a [ClusterSite],
+}
+
+impl MeshPlant {
+    /// Turns blades into organs and binds every vertex of the rest of the mesh to an axis.
+    fn bind_mesh(
         &mut self,
         imported: &Imported,
-        parts: &Parts,
-        (graph, found, seats): (&Graph, &[(Fine, Clusters)], &[Seat]),
-        options: &Options,
+        parts: &MeshParts,
+        sites_of: &ClusterSites<'_>,
+        options: &SkeletonOptions,
     ) {
-        let near = bind::bark(&self.plant);
-        let left = leaves::hang(&mut self.plant, &imported.mesh, &parts.blades, &near);
-        self.complain(imported, parts, &left, options);
+        // Blades first: those that become organs leave the mesh.
+        let near = bind::wood_search(&self.plant);
+        let left = leaves::place_leaves(&mut self.plant, &imported.mesh, &parts.blades, &near);
+        self.warn_rigid_leaves(imported, parts, &left, options);
+        // Vertices of solid wood lie near the node of their own cluster.
         let mut sites: Vec<Option<Site>> = vec![None; parts.welded.points.len()];
         let mut loose: Vec<Vec<u32>> = Vec::new();
-        let mut solid = found.iter().zip(&graph.of);
+        let mut solid = sites_of.found.iter().zip(&sites_of.graph.of);
         for piece in &parts.wood {
             if !piece.is_solid() {
                 loose.push(piece.welded.clone());
@@ -191,24 +202,26 @@ impl Tree {
             }
             let Some(((_, clusters), of)) = solid.next() else { continue };
             for ((w, p), c) in piece.welded.iter().zip(&piece.points).zip(&clusters.of) {
-                let Some(seat) = of.get(*c as usize).and_then(|n| seats.get(*n as usize)) else { continue };
-                sites[*w as usize] = Some(bind::site(&self.plant, *seat, *p));
+                let Some(seat) = of.get(*c as usize).and_then(|n| sites_of.seats.get(*n as usize)) else { continue };
+                sites[*w as usize] = Some(bind::vertex_site(&self.plant, *seat, *p));
             }
         }
+        // Loose parts and rigid leaves are bound as a whole, to the nearest wood.
         let stays = left.large.iter().chain(&left.strange);
         let welded = |t: &u32| imported.mesh.triangles[*t as usize].map(|i| parts.welded.of[i as usize]);
         loose.extend(stays.clone().map(|i| parts.blades[*i].iter().flat_map(welded).collect()));
         let held = par_map(&loose, |part| {
             let points: Vec<Vec3> = part.iter().map(|i| parts.welded.points[*i as usize]).collect();
-            bind::hold(&near, &points).map(|h| h.2)
+            bind::nearest_wood(&near, &points).map(|h| h.2)
         });
         for (part, site) in loose.iter().zip(held) {
             part.iter().for_each(|i| sites[*i as usize] = sites[*i as usize].or(site));
         }
+        // What remains is the mesh without the organs' triangles.
         let mut gone = vec![false; imported.mesh.triangles.len()];
         parts.blades.iter().flatten().for_each(|t| gone[*t as usize] = true);
         stays.flat_map(|i| &parts.blades[*i]).for_each(|t| gone[*t as usize] = false);
-        let (wood, used) = leaves::rest(&imported.mesh, &gone);
+        let (wood, used) = leaves::remaining_mesh(&imported.mesh, &gone);
         let site = |i: &u32| {
             let place = parts.welded.of[*i as usize] as usize;
             // Corners of triangles without area hang on what is near.
@@ -220,7 +233,13 @@ impl Tree {
     }
 
     /// X019 for blades that do not flutter.
-    fn complain(&mut self, imported: &Imported, parts: &Parts, left: &leaves::Leaves, options: &Options) {
+    fn warn_rigid_leaves(
+        &mut self,
+        imported: &Imported,
+        parts: &MeshParts,
+        left: &leaves::UnplacedLeaves,
+        options: &SkeletonOptions,
+    ) {
         let file = &options.name;
         if let Some(i) = left.large.first() {
             let size = leaves::bounds(&imported.mesh, &parts.blades[*i]).size().max_element();
@@ -242,7 +261,7 @@ impl Tree {
 }
 
 /// Ids of axes and organs from the plant's.
-fn name(plant: &mut Plant) {
+fn assign_ids(plant: &mut Plant) {
     let mut roots = 0_u64;
     let mut ranks = vec![0_u64; plant.axes.len()];
     for i in 0..plant.axes.len() {
@@ -258,7 +277,7 @@ fn name(plant: &mut Plant) {
             }
         };
     }
-    leaves::name(plant);
+    leaves::assign_ids(plant);
 }
 
 #[cfg(test)]

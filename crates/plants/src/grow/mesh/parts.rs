@@ -1,4 +1,4 @@
-//! An artist's triangles sorted: which are blades, which are wood, and what hangs together.
+//! Classifies the triangles of a mesh into leaf blades and pieces of wood, by connectivity, names and shape.
 
 use std::ops::Range;
 
@@ -10,50 +10,57 @@ use osier_base::par::LookupMap;
 use osier_import::Imported;
 
 /// Points nearer than this share of the box's diagonal are one.
-const WELD: f32 = 1e-5;
+const WELD_DISTANCE: f32 = 1e-5;
 /// A part is a blade by its shape if it is so much flatter than it is wide,
-const FLAT: f64 = 0.02;
+const MAX_FLATNESS: f64 = 0.02;
 /// or if what would close it is so large a share of its area,
-const OPEN: f64 = 0.3;
+const MAX_OPEN_SHARE: f64 = 0.3;
 /// and if it has no more than this share of all area.
-const SMALL: f64 = 0.05;
+const MAX_BLADE_AREA: f64 = 0.05;
 /// A stalk has less than this share of its blade's area, and lies no farther from it than this share of the blade's size.
 const STALK: (f64, f32) = (0.25, 0.03);
 /// Fewest points of a piece of wood that gets axes of its own.
-const FEWEST: usize = 12;
+const MIN_WOOD_POINTS: usize = 12;
 /// Volume below this share of area^1.5 is none.
-const HOLLOW: f64 = 1e-4;
+const MIN_VOLUME_RATIO: f64 = 1e-4;
 
-/// Points that lie in one place made one.
+/// Points welded by position.
 #[derive(Debug)]
-pub(super) struct Welded {
-    /// Per point of the mesh.
+pub(super) struct WeldedPoints {
+    /// Index into `points` of each point of the mesh.
     pub of: Vec<u32>,
-    /// Places.
+    /// Distinct positions, m.
     pub points: Vec<Vec3>,
 }
 
-/// Triangles that hang together, by index into the mesh.
-pub(super) type Patch = Vec<u32>;
+/// A number of points, triangles, patches or nodes as an index. All are at most the numbers of points and triangles of an imported
+/// mesh, whose indices have 32 bits.
+#[allow(clippy::cast_possible_truncation, reason = "indices of an imported mesh have 32 bits")]
+pub(super) fn index(n: usize) -> u32 {
+    n as u32
+}
 
-/// Which triangles are what.
+/// Connected triangles, by index into the mesh.
+pub(super) type TrianglePatch = Vec<u32>;
+
+/// The triangles of a mesh by what they are.
 #[derive(Debug)]
-pub(super) struct Parts {
-    pub welded: Welded,
-    /// One per leaf.
-    pub blades: Vec<Patch>,
+pub(super) struct MeshParts {
+    pub welded: WeldedPoints,
+    /// Triangles of each leaf.
+    pub blades: Vec<TrianglePatch>,
     /// Pieces of wood, largest volume of work first as the file has them.
-    pub wood: Vec<Piece>,
+    pub wood: Vec<WoodPiece>,
 }
 
 /// A piece of wood: one surface.
 #[derive(Debug)]
-pub(super) struct Piece {
+pub(super) struct WoodPiece {
     pub points: Vec<Vec3>,
     pub triangles: Vec<[u32; 3]>,
     /// Index of each point among the welded.
     pub welded: Vec<u32>,
-    /// m^2.
+    /// Area of the surface, m^2.
     pub area: f64,
     /// Holes closed, m^3; the surface may face inwards.
     pub volume: f64,
@@ -61,7 +68,7 @@ pub(super) struct Piece {
     caps: f64,
 }
 
-impl Piece {
+impl WoodPiece {
     /// Radius of the tube of this area and volume, m.
     pub fn radius(&self) -> f64 {
         2.0 * self.volume.abs() / self.area
@@ -70,17 +77,19 @@ impl Piece {
     /// True if it can have axes.
     pub fn is_solid(&self) -> bool {
         let root = math::sqrt(self.area);
-        self.points.len() >= FEWEST && self.volume.abs() > HOLLOW * root * self.area && self.caps < OPEN * self.area
+        self.points.len() >= MIN_WOOD_POINTS
+            && self.volume.abs() > MIN_VOLUME_RATIO * root * self.area
+            && self.caps < MAX_OPEN_SHARE * self.area
     }
 }
 
 /// Sorts the triangles of a mesh. `words`: in lower case; an object or a material whose name holds one is a blade.
-pub(super) fn sort(imported: &Imported, words: &[String]) -> Parts {
+pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshParts {
     let mesh = &imported.mesh;
     let welded = weld(&mesh.points);
     let triangles: Vec<[u32; 3]> =
         mesh.triangles.iter().map(|t| t.map(|i| welded.of.get(i as usize).copied().unwrap_or(0))).collect();
-    let mut is_blade = named(imported, words);
+    let mut is_blade = blades_by_name(imported, words);
     let whole: Vec<u32> = (0..).take(triangles.len()).collect();
     let sound = |t: &&u32| {
         let [a, b, c] = triangles[**t as usize];
@@ -88,24 +97,25 @@ pub(super) fn sort(imported: &Imported, words: &[String]) -> Parts {
     };
     if !is_blade.contains(&true) {
         let sound: Vec<u32> = whole.iter().filter(sound).copied().collect();
-        let patches = patches(&triangles, &sound, true);
+        let patches = connected_patches(&triangles, &sound, true);
         let areas: Vec<f64> = patches.iter().map(|p| area(&welded.points, &triangles, p)).collect();
         let all = areas.iter().fold(0.0, |sum, a| sum + a);
         for (patch, area) in patches.iter().zip(areas) {
-            if area < SMALL * all && is_sheet(&welded.points, &triangles, patch) {
+            if area < MAX_BLADE_AREA * all && is_sheet(&welded.points, &triangles, patch) {
                 patch.iter().for_each(|t| is_blade[*t as usize] = true);
             }
         }
     }
     let of = |blade: bool| -> Vec<u32> { whole.iter().filter(|t| is_blade[**t as usize] == blade).copied().collect() };
-    let blades = with_stalks(&welded.points, &triangles, patches(&triangles, &of(true), false));
+    let blades = merge_stalks(&welded.points, &triangles, connected_patches(&triangles, &of(true), false));
     let solid: Vec<u32> = of(false).iter().filter(sound).copied().collect();
-    let wood = patches(&triangles, &solid, true).iter().map(|p| piece(&welded.points, &triangles, p)).collect();
-    Parts { welded, blades, wood }
+    let wood =
+        connected_patches(&triangles, &solid, true).iter().map(|p| wood_piece(&welded.points, &triangles, p)).collect();
+    MeshParts { welded, blades, wood }
 }
 
 /// Per triangle whether its object's or its material's name says that it is a blade.
-fn named(imported: &Imported, words: &[String]) -> Vec<bool> {
+fn blades_by_name(imported: &Imported, words: &[String]) -> Vec<bool> {
     let mut is_blade = vec![false; imported.mesh.triangles.len()];
     let says = |name: &str| {
         let name = name.to_lowercase();
@@ -121,9 +131,10 @@ fn named(imported: &Imported, words: &[String]) -> Vec<bool> {
     is_blade
 }
 
-fn weld(points: &[Vec3]) -> Welded {
+/// Welds points nearer than [`WELD_DISTANCE`], by a hash grid of cells twice as wide: eight cells hold all candidates.
+fn weld(points: &[Vec3]) -> WeldedPoints {
     let bounds = Bounds::of(points.iter().copied());
-    let near = (bounds.size().length() * WELD).max(f32::MIN_POSITIVE);
+    let near = (bounds.size().length() * WELD_DISTANCE).max(f32::MIN_POSITIVE);
     let cell = 2.0 * near;
     #[allow(clippy::cast_possible_truncation, reason = "at most 1e5 cells along a side")]
     let low = |p: Vec3| ((p - bounds.min) / cell - 0.5).floor().to_array().map(|v| v as i32);
@@ -138,22 +149,22 @@ fn weld(points: &[Vec3]) -> Welded {
                 .find(|i| places[*i as usize].distance(*p) <= near)
         });
         of.push(found.unwrap_or_else(|| {
-            let index = u32::try_from(places.len()).unwrap_or(u32::MAX);
+            let own_index = index(places.len());
             places.push(*p);
             #[allow(clippy::cast_possible_truncation, reason = "at most 1e5 cells along a side")]
             let own = ((*p - bounds.min) / cell).floor().to_array().map(|v| v as i32);
-            before.push(last.insert(own, index).unwrap_or(u32::MAX));
-            index
+            before.push(last.insert(own, own_index).unwrap_or(u32::MAX));
+            own_index
         }));
     }
-    Welded { of, points: places }
+    WeldedPoints { of, points: places }
 }
 
-/// Sets that are joined pair by pair; the lowest member names a set.
+/// Disjoint sets (union-find with path halving); the lowest member represents a set.
 #[derive(Debug)]
-pub(super) struct Sets(Vec<u32>);
+pub(super) struct DisjointSets(Vec<u32>);
 
-impl Sets {
+impl DisjointSets {
     pub fn new(n: usize) -> Self {
         Self((0..).take(n).collect())
     }
@@ -168,7 +179,7 @@ impl Sets {
         i
     }
 
-    /// True if they were apart.
+    /// Joins two sets; true if they were distinct.
     pub fn join(&mut self, a: u32, b: u32) -> bool {
         let (a, b) = (self.find(a), self.find(b));
         self.0[a.max(b) as usize] = a.min(b);
@@ -177,7 +188,7 @@ impl Sets {
 }
 
 /// Some of the triangles, in runs that share edges (or only points), each in the order of the file.
-fn patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Vec<Patch> {
+fn connected_patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Vec<TrianglePatch> {
     let mut links: Vec<([u32; 2], u32)> = Vec::with_capacity(some.len() * 3);
     for (k, t) in (0..).zip(some) {
         let [a, b, c] = triangles[*t as usize];
@@ -188,18 +199,18 @@ fn patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Vec<Patch> {
         }
     }
     links.sort_unstable();
-    let mut sets = Sets::new(some.len());
+    let mut sets = DisjointSets::new(some.len());
     for w in links.windows(2) {
         if w[0].0 == w[1].0 {
             sets.join(w[0].1, w[1].1);
         }
     }
     let mut place = vec![u32::MAX; some.len()];
-    let mut out: Vec<Patch> = Vec::new();
+    let mut out: Vec<TrianglePatch> = Vec::new();
     for (k, t) in (0..).zip(some) {
         let root = sets.find(k) as usize;
         if place[root] == u32::MAX {
-            place[root] = u32::try_from(out.len()).unwrap_or(u32::MAX);
+            place[root] = index(out.len());
             out.push(Vec::new());
         }
         out[place[root] as usize].push(*t);
@@ -211,7 +222,7 @@ fn corners(points: &[Vec3], t: [u32; 3]) -> [DVec3; 3] {
     t.map(|i| points[i as usize].as_dvec3())
 }
 
-fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> f64 {
+fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> f64 {
     let one = |t: &u32| {
         let [a, b, c] = corners(points, triangles[*t as usize]);
         (b - a).cross(c - a).length() * 0.5
@@ -220,9 +231,9 @@ fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> f64 {
 }
 
 /// True for what is flat, and for what is so open that it encloses nothing.
-fn is_sheet(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> bool {
-    let piece = piece(points, triangles, patch);
-    if piece.caps > OPEN * piece.area {
+fn is_sheet(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> bool {
+    let piece = wood_piece(points, triangles, patch);
+    if piece.caps > MAX_OPEN_SHARE * piece.area {
         return true;
     }
     let n = piece.points.len() as f64;
@@ -232,7 +243,7 @@ fn is_sheet(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> bool {
         m + DMat3::from_cols(d * d.x, d * d.y, d * d.z)
     });
     let [least, mid, _] = eigenvalues(&spread);
-    least < FLAT * mid
+    least < MAX_FLATNESS * mid
 }
 
 /// Of a symmetric matrix, rising.
@@ -262,10 +273,10 @@ pub(super) fn least_axis(m: &DMat3) -> DVec3 {
     longest.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y)
 }
 
-/// Blades with the stalks that stand beside them in the file as surfaces of their own.
-fn with_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<Patch>) -> Vec<Patch> {
+/// Merges stalks, which files often hold as surfaces of their own next to the blade, with their blades.
+fn merge_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<TrianglePatch>) -> Vec<TrianglePatch> {
     let areas: Vec<f64> = patches.iter().map(|p| area(points, triangles, p)).collect();
-    let places = |p: &Patch| -> Vec<Vec3> {
+    let places = |p: &TrianglePatch| -> Vec<Vec3> {
         let mut seen: Vec<u32> = p.iter().flat_map(|t| triangles[*t as usize]).collect();
         seen.sort_unstable();
         seen.dedup();
@@ -277,16 +288,16 @@ fn with_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<Patch>) -> 
         let apart = |a: &Vec3| places[large].iter().fold(f32::MAX, |m, b| m.min(a.distance(*b)));
         places[small].iter().fold(f32::MAX, |m, a| m.min(apart(a))) / size.max(f32::MIN_POSITIVE)
     };
-    let mut joined = Sets::new(patches.len());
+    let mut joined = DisjointSets::new(patches.len());
     for i in 0..patches.len() {
         let beside = [i.checked_sub(1), Some(i + 1).filter(|n| *n < patches.len())];
         let blades = beside.into_iter().flatten().filter(|n| areas[i] < STALK.0 * areas[*n]);
         let nearest = blades.map(|n| (gap(i, n), n)).min_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((_, n)) = nearest.filter(|(gap, _)| *gap < STALK.1) {
-            joined.join(u32::try_from(i).unwrap_or(0), u32::try_from(n).unwrap_or(0));
+            joined.join(index(i), index(n));
         }
     }
-    let mut out: Vec<Patch> = Vec::new();
+    let mut out: Vec<TrianglePatch> = Vec::new();
     let mut slot = vec![usize::MAX; patches.len()];
     for (i, patch) in (0..).zip(patches) {
         let root = joined.find(i) as usize;
@@ -299,15 +310,15 @@ fn with_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<Patch>) -> 
     out
 }
 
-fn piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &Patch) -> Piece {
+fn wood_piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> WoodPiece {
     let mut welded: Vec<u32> = patch.iter().flat_map(|t| triangles[*t as usize]).collect();
     welded.sort_unstable();
     welded.dedup();
-    let local = |i: u32| u32::try_from(welded.partition_point(|w| *w < i)).unwrap_or(0);
+    let local = |i: u32| index(welded.partition_point(|w| *w < i));
     let own: Vec<[u32; 3]> = patch.iter().map(|t| triangles[*t as usize].map(local)).collect();
     let own_points: Vec<Vec3> = welded.iter().map(|i| points[*i as usize]).collect();
     let (area, volume, caps) = measure(&own_points, &own);
-    Piece { points: own_points, triangles: own, welded, area, volume, caps }
+    WoodPiece { points: own_points, triangles: own, welded, area, volume, caps }
 }
 
 /// Area, volume with fans over the holes, and the area of these fans.
@@ -326,7 +337,7 @@ fn measure(points: &[Vec3], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
     edges.sort_unstable();
     let free: Vec<[u32; 2]> =
         edges.chunk_by(|a, b| a.0 == b.0).filter_map(|run| if let [e] = run { Some(e.1) } else { None }).collect();
-    let mut loops = Sets::new(points.len());
+    let mut loops = DisjointSets::new(points.len());
     free.iter().for_each(|[a, b]| _ = loops.join(*a, *b));
     let mut hubs: Vec<(DVec3, f64)> = vec![(DVec3::ZERO, 0.0); points.len()];
     for [a, _] in &free {
@@ -366,10 +377,10 @@ mod tests {
         let points: Vec<Vec3> = ring(0.0).chain(ring(2.0)).collect();
         let tube: Vec<[u32; 3]> =
             (0..n).flat_map(|k| [[k, k + n, (k + 1) % n], [(k + 1) % n, k + n, (k + 1) % n + n]]).collect();
-        let patch: Patch = (0..).take(tube.len()).collect();
-        let tube = piece(&points, &tube, &patch);
+        let patch: TrianglePatch = (0..).take(tube.len()).collect();
+        let tube = wood_piece(&points, &tube, &patch);
         assert!((tube.radius() / 0.1 - 1.0).abs() < 2e-3 && tube.is_solid(), "{}", tube.radius());
         let sheet = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.3, 1.0), Vec3::Z];
-        assert!(!piece(&sheet, &[[0, 1, 2], [0, 2, 3]], &vec![0, 1]).is_solid());
+        assert!(!wood_piece(&sheet, &[[0, 1, 2], [0, 2, 3]], &vec![0, 1]).is_solid());
     }
 }

@@ -2,21 +2,21 @@
 
 use glam::Vec3;
 
-use super::parts::Piece;
-use super::thick;
+use super::parts::{WoodPiece, index};
+use super::thickness;
 use osier_base::math;
 use osier_base::par::LookupMap;
 
 /// Longest edge, in clusters.
-const EDGE: f32 = 0.25;
+const MAX_EDGE: f32 = 0.25;
 /// Most points of a piece; beyond it edges stay long.
-const MOST: usize = 2_000_000;
+const MAX_POINTS: usize = 2_000_000;
 
 /// A piece's surface as clusters see it. The piece's own points come first.
 #[derive(Debug)]
-pub(super) struct Fine {
+pub(super) struct RefinedSurface {
     pub points: Vec<Vec3>,
-    /// Outwards.
+    /// Unit normals, outwards.
     pub normals: Vec<Vec3>,
     /// Radius of the wood below, m.
     pub radii: Vec<f32>,
@@ -31,7 +31,7 @@ pub(super) struct Fine {
 
 /// How large clusters are.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sizes {
+pub(super) struct ClusterSizes {
     /// The same everywhere, m; else so many radii,
     pub fixed: Option<f32>,
     /// and no smaller than this, m.
@@ -39,33 +39,32 @@ pub(super) struct Sizes {
 }
 
 /// Length of a cluster in radii.
-const RADII: f32 = 3.0;
+const CLUSTER_RADII: f32 = 3.0;
 
-impl Sizes {
+impl ClusterSizes {
     fn at(&self, radius: f32) -> f32 {
-        self.fixed.unwrap_or((RADII * radius).max(self.least))
+        self.fixed.unwrap_or((CLUSTER_RADII * radius).max(self.least))
     }
 }
 
-impl Fine {
+impl RefinedSurface {
     /// Measures and refines a piece.
-    pub fn new(piece: &Piece, sizes: Sizes) -> Self {
-        let mut normals = thick::normals(piece);
-        let mut radii = thick::radii(piece, &normals);
+    pub fn new(piece: &WoodPiece, sizes: ClusterSizes) -> Self {
+        let mut normals = thickness::normals(piece);
+        let mut radii = thickness::radii(piece, &normals);
         let mut points = piece.points.clone();
         let mut triangles = piece.triangles.clone();
-        let mut cuts: LookupMap<[u32; 2], Cut> = LookupMap::default();
+        let mut cuts: LookupMap<[u32; 2], EdgeSplit> = LookupMap::default();
         for e in triangles.iter().flat_map(|t| edges(*t)) {
             if cuts.get(&e).is_some() {
                 continue;
             }
             let [a, b] = e.map(|i| i as usize);
-            let longest = EDGE * sizes.at(radii[a].min(radii[b]));
+            let longest = MAX_EDGE * sizes.at(radii[a].min(radii[b]));
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 4096")]
             let parts = (points[a].distance(points[b]) / longest).ceil().clamp(1.0, 4096.0) as u16;
-            let room = points.len() + usize::from(parts) < MOST;
-            let cut =
-                Cut { first: u32::try_from(points.len()).unwrap_or(u32::MAX), count: if room { parts - 1 } else { 0 } };
+            let room = points.len() + usize::from(parts) < MAX_POINTS;
+            let cut = EdgeSplit { first: index(points.len()), count: if room { parts - 1 } else { 0 } };
             for k in 1..=cut.count {
                 let t = f32::from(k) / f32::from(parts);
                 points.push(points[a].lerp(points[b], t));
@@ -104,13 +103,13 @@ fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
 
 /// Points on an edge, from its lower end to its higher one.
 #[derive(Debug, Clone, Copy)]
-struct Cut {
+struct EdgeSplit {
     first: u32,
     count: u16,
 }
 
 /// All points from `a` to `b`.
-fn chain(a: u32, b: u32, cuts: &LookupMap<[u32; 2], Cut>) -> Vec<u32> {
+fn chain(a: u32, b: u32, cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<u32> {
     let between = cuts.get(&[a.min(b), a.max(b)]).map_or(0..0, |c| c.first..c.first + u32::from(c.count));
     let mut all = vec![a.min(b)];
     all.extend(between);
@@ -123,7 +122,7 @@ fn chain(a: u32, b: u32, cuts: &LookupMap<[u32; 2], Cut>) -> Vec<u32> {
 
 /// A triangle whose edges hold points, as a strip between the two that hold most: no points within, so that needles stay
 /// as few as their edges need.
-fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], Cut>) -> Vec<[u32; 3]> {
+fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<[u32; 3]> {
     let chains = [0, 1, 2].map(|k| chain(t[k], t[(k + 1) % 3], cuts));
     // The corner across from the edge that holds least.
     let base = (0..3).min_by_key(|k| chains[*k].len()).unwrap_or(0);
@@ -191,7 +190,7 @@ mod tests {
             let mut points = corners.to_vec();
             let mut cuts = LookupMap::default();
             for (e, count) in edges([0, 1, 2]).into_iter().zip(counts) {
-                cuts.insert(e, Cut { first: u32::try_from(points.len()).expect("small"), count });
+                cuts.insert(e, EdgeSplit { first: u32::try_from(points.len()).expect("small"), count });
                 let [a, b] = e.map(|i| corners[i as usize]);
                 points.extend((1..=count).map(|k| a.lerp(b, f32::from(k) / f32::from(count + 1))));
             }

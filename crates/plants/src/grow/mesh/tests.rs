@@ -89,12 +89,12 @@ fn imported(mesh: Mesh) -> Imported {
     }
 }
 
-fn options() -> Options {
-    Options { name: "x.obj".into(), leaf_words: vec!["leaf".into()], seed: 3, ..Options::default() }
+fn options() -> SkeletonOptions {
+    SkeletonOptions { name: "x.obj".into(), leaf_words: vec!["leaf".into()], seed: 3, ..SkeletonOptions::default() }
 }
 
-fn found(mesh: Mesh) -> Tree {
-    skeleton(&imported(mesh), &options(), &Cancel::default()).expect("a skeleton")
+fn found(mesh: Mesh) -> MeshPlant {
+    extract_skeleton(&imported(mesh), &options(), &Cancel::default()).expect("a skeleton")
 }
 
 /// A tube of rings with flat ends through points, `sides` around.
@@ -132,7 +132,7 @@ fn straight(from: Vec3, to: Vec3, r: f32, rings: usize) -> Mesh {
     tube(&points, 12)
 }
 
-fn axis_nodes(tree: &Tree, i: usize) -> Vec<(Vec3, f32)> {
+fn axis_nodes(tree: &MeshPlant, i: usize) -> Vec<(Vec3, f32)> {
     let axis = &tree.plant.axes[i];
     tree.plant.nodes_of(axis).map(|k| (tree.plant.nodes.p[k], tree.plant.nodes.r[k])).collect()
 }
@@ -266,7 +266,8 @@ fn leafy() -> Mesh {
 fn blades_by_name_and_by_shape_become_organs_that_share_a_mesh() {
     for words in [vec!["leaf".to_owned()], vec!["no such word".to_owned()]] {
         let whole = imported(leafy());
-        let tree = skeleton(&whole, &Options { leaf_words: words, ..options() }, &Cancel::default()).expect("skeleton");
+        let tree = extract_skeleton(&whole, &SkeletonOptions { leaf_words: words, ..options() }, &Cancel::default())
+            .expect("skeleton");
         let plant = &tree.plant;
         assert_eq!((plant.organs.len(), plant.protos.len()), (30, 1));
         assert_eq!(tree.wood.triangles.len() + 60, whole.mesh.triangles.len());
@@ -291,7 +292,7 @@ fn blades_by_name_and_by_shape_become_organs_that_share_a_mesh() {
 #[test]
 fn the_mesh_is_the_files_own() {
     let whole = imported(straight(Vec3::ZERO, Vec3::Y, 0.03, 20));
-    let tree = skeleton(&whole, &options(), &Cancel::default()).expect("skeleton");
+    let tree = extract_skeleton(&whole, &options(), &Cancel::default()).expect("skeleton");
     assert_eq!(tree.wood.points, whole.mesh.points);
     assert_eq!(tree.wood.triangles, whole.mesh.triangles);
     assert_eq!(tree.bindings.len(), whole.mesh.points.len());
@@ -301,18 +302,19 @@ fn the_mesh_is_the_files_own() {
 #[test]
 fn a_told_root_and_a_told_spacing_are_kept() {
     let whole = imported(straight(Vec3::ZERO, Vec3::Y, 0.01, 50));
-    let options = Options { root: Some(Vec3::Y), spacing: Some(0.1), ..options() };
-    let tree = skeleton(&whole, &options, &Cancel::default()).expect("skeleton");
+    let options = SkeletonOptions { root: Some(Vec3::Y), spacing: Some(0.1), ..options() };
+    let tree = extract_skeleton(&whole, &options, &Cancel::default()).expect("skeleton");
     let nodes = axis_nodes(&tree, 0);
     assert!(nodes[0].0.y > 0.99 && nodes[nodes.len() - 1].0.y < 0.01, "it stands on its head");
-    assert!((9..=12).contains(&((nodes.len() - 1) / axes::STEPS - 1)), "{} nodes", nodes.len());
+    assert!((9..=12).contains(&((nodes.len() - 1) / axes::NODES_PER_CLUSTER - 1)), "{} nodes", nodes.len());
 }
 
 #[test]
 fn what_has_no_skeleton_is_refused_with_a_reason() {
     let refusal = |mesh: Mesh, words: &[&str]| {
         let words = words.iter().map(|w| (*w).to_owned()).collect();
-        match skeleton(&imported(mesh), &Options { leaf_words: words, ..options() }, &Cancel::default()) {
+        match extract_skeleton(&imported(mesh), &SkeletonOptions { leaf_words: words, ..options() }, &Cancel::default())
+        {
             Err(Error::Input(report)) => report.diagnostics[0].clone(),
             other => panic!("{other:?}"),
         }
@@ -337,7 +339,7 @@ fn pieces_in_the_air_are_told() {
 fn the_same_bits_on_any_number_of_threads() {
     let whole = imported(leafy());
     let made = |threads: usize| {
-        let tree = osier_base::par::on_threads(threads, || skeleton(&whole, &options(), &Cancel::default()))
+        let tree = osier_base::par::on_threads(threads, || extract_skeleton(&whole, &options(), &Cancel::default()))
             .expect("skeleton");
         let plant = tree.plant;
         let bits: Vec<u32> = plant.nodes.p.iter().flat_map(|p| p.to_array()).map(f32::to_bits).collect();

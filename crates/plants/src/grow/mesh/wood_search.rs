@@ -5,11 +5,11 @@ use glam::Vec3;
 use osier_base::geometry::Bounds;
 
 /// Places in a leaf of the tree.
-const FEW: usize = 8;
+const LEAF_SAMPLES: usize = 8;
 
 /// A place on a centreline.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place<T> {
+pub(super) struct WoodSample<T> {
     pub p: Vec3,
     /// Radius of the wood there, m.
     pub r: f32,
@@ -19,13 +19,13 @@ pub(super) struct Place<T> {
 
 /// Places in halves of halves.
 #[derive(Debug)]
-pub(super) struct Near<T> {
-    places: Vec<Place<T>>,
+pub(super) struct WoodSearch<T> {
+    places: Vec<WoodSample<T>>,
     boxes: Vec<(Bounds, f32)>,
 }
 
-impl<T: Copy> Near<T> {
-    pub fn new(mut places: Vec<Place<T>>) -> Self {
+impl<T: Copy> WoodSearch<T> {
+    pub fn new(mut places: Vec<WoodSample<T>>) -> Self {
         let mut boxes = Vec::new();
         split(&mut places, &mut boxes, 0);
         Self { places, boxes }
@@ -44,7 +44,7 @@ impl<T: Copy> Near<T> {
             if gap >= best.map_or(reach, |(d, _)| d) {
                 continue;
             }
-            if to - from <= FEW {
+            if to - from <= LEAF_SAMPLES {
                 for place in self.places[from..to].iter().filter(|q| wanted(&q.what)) {
                     let d = place.p.distance(p) - place.r;
                     if d < best.map_or(reach, |(b, _)| b) {
@@ -68,14 +68,14 @@ impl<T: Copy> Near<T> {
     }
 }
 
-fn split<T: Copy>(places: &mut [Place<T>], boxes: &mut Vec<(Bounds, f32)>, node: usize) {
+fn split<T: Copy>(places: &mut [WoodSample<T>], boxes: &mut Vec<(Bounds, f32)>, node: usize) {
     let bounds = Bounds::of(places.iter().map(|q| q.p));
     let thickest = places.iter().fold(0.0_f32, |m, q| m.max(q.r));
     if boxes.len() <= node {
         boxes.resize(node + 1, (Bounds::default(), 0.0));
     }
     boxes[node] = (bounds, thickest);
-    if places.len() <= FEW {
+    if places.len() <= LEAF_SAMPLES {
         return;
     }
     let size = bounds.size();
@@ -95,9 +95,10 @@ mod tests {
     fn the_search_finds_what_a_look_at_all_of_them_finds() {
         let mut rng = Rng::at(7, &["near".into()]);
         let mut draw = || osier_base::math::narrow(rng.range(-1.0, 1.0));
-        let places: Vec<Place<usize>> =
-            (0..500).map(|what| Place { p: Vec3::new(draw(), draw(), draw()), r: 0.1 * draw().abs(), what }).collect();
-        let near = Near::new(places.clone());
+        let places: Vec<WoodSample<usize>> = (0..500)
+            .map(|what| WoodSample { p: Vec3::new(draw(), draw(), draw()), r: 0.1 * draw().abs(), what })
+            .collect();
+        let near = WoodSearch::new(places.clone());
         for _ in 0..200 {
             let p = Vec3::new(draw(), draw(), draw()) * 1.5;
             let odd = |w: &usize| w % 2 == 1;

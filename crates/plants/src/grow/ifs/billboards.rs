@@ -1,6 +1,6 @@
-//! Coarse trees: cards stand where branches are cut that would have grown on.
+//! Trees at low detail: billboards (impostors) replace the branches below a size.
 
-use super::{Grown, Placed, TreeOptions, growth, stood};
+use super::{GrownTree, PlacedOrgans, TreeOptions, organ_at_word, pick, proto_index, volume_scale};
 use crate::grow::turtle::OrganSpec;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{self, narrow};
@@ -9,22 +9,22 @@ use osier_ifs::stems::Stems;
 use osier_ifs::words::{self, Word};
 use osier_scene::plant::{Organ, Plant, Proto};
 
-/// Cards for subtrees.
+/// Billboards of subtrees.
 #[derive(Debug, Clone)]
-pub struct Cards {
-    /// Pictures of subtrees, in metres: all variants of the first class, then those of the next.
+pub struct SubtreeBillboards {
+    /// Meshes of billboards, in metres: all variants of the first class, then those of the next.
     pub spec: OrganSpec,
-    /// Sizes of the subtrees that were pictured, shares of the trunk.
+    /// Size of the subtrees of each class, share of the trunk.
     pub sizes: Vec<f64>,
-    /// Variants of each.
+    /// Number of variants of each class.
     pub variants: usize,
-    /// Branches shorter than this share of the trunk are cards.
+    /// Branches shorter than this share of the trunk are replaced.
     pub eps: f64,
 }
 
 /// Subtrees of about one size.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Class {
+pub struct SubtreeClass {
     /// Share of the trunk.
     pub size: f64,
     /// Mean thickness over the trunk's.
@@ -37,34 +37,44 @@ pub struct Class {
 /// those without subtrees are left out.
 /// # Errors
 /// I040 beyond the words allowed.
-pub fn classes(stems: &Stems, limits: &words::Limits, coarse: f64, count: u32) -> Result<Vec<Class>, Box<Diagnostic>> {
+pub fn subtree_classes(
+    stems: &Stems,
+    limits: &words::Limits,
+    coarse: f64,
+    count: u32,
+) -> Result<Vec<SubtreeClass>, Box<Diagnostic>> {
     let cut = words::Limits { eps: coarse, ..*limits };
     let cuts = words::expand(&stems.system, &stems.letters, &cut, None)?.cuts;
     let mut sums = vec![(0.0, 0.0, u16::MAX); count.max(1) as usize];
     let ratio = coarse / limits.eps;
     let steps = f64::from(count.max(1));
     for w in cuts.iter().filter(|w| w.size >= limits.eps) {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "one of a few classes")]
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "one of a few subtree_classes")]
         let class = (math::ln(w.size / limits.eps) / math::ln(ratio) * steps).clamp(0.0, steps - 1.0) as usize;
         let sum = &mut sums[class];
         *sum = (sum.0 + 1.0, sum.1 + w.radius, sum.2.min(w.order));
     }
     let class = |(k, (n, radius, order)): (u32, (f64, f64, u16))| {
         let size = limits.eps * math::pow(ratio, (f64::from(k) + 0.5) / steps);
-        (n > 0.0).then_some(Class { size, radius: radius / n, order })
+        (n > 0.0).then_some(SubtreeClass { size, radius: radius / n, order })
     };
     Ok((0..).zip(sums).filter_map(class).collect())
 }
 
-/// Whether a cut word grows on in the fine tree, so that a card stands for it.
-pub(super) fn stands_for(cut: &Word, options: &TreeOptions) -> bool {
+/// Whether a cut word grows on at full detail, so that a billboard replaces it.
+pub(super) fn is_replaced(cut: &Word, options: &TreeOptions) -> bool {
     let grows = cut.size >= options.eps && cut.depth <= options.max_depth && cut.order <= options.max_order;
     grows && options.cards.is_some()
 }
 
-/// Cards at the cut words that would have grown on, as their maps turn them, in the size that the fine tree has there.
-pub(super) fn stand(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions, placed: &mut Placed) {
-    let (stems, expanded, skeleton, scale) = grown;
+/// Places billboards at the cut words that would have grown on, rotated by their maps, in the size of the branch they replace.
+pub(super) fn place_billboards(
+    plant: &mut Plant,
+    grown: GrownTree<'_>,
+    options: &TreeOptions,
+    placed: &mut PlacedOrgans,
+) {
+    let GrownTree { stems, expanded, skeleton, scale } = grown;
     let Some(cards) = options.cards.as_ref().filter(|c| !c.spec.meshes.is_empty()) else { return };
     let first = plant.protos.len();
     let named = |(i, mesh): (usize, &std::sync::Arc<osier_scene::Mesh>)| Proto {
@@ -72,20 +82,20 @@ pub(super) fn stand(plant: &mut Plant, grown: Grown<'_>, options: &TreeOptions, 
         mesh: std::sync::Arc::clone(mesh),
     };
     plant.protos.extend(cards.spec.meshes.iter().enumerate().map(named));
-    for cut in expanded.cuts.iter().filter(|c| stands_for(c, options)) {
-        let Some((axis, s)) = skeleton.site(stems, expanded, cut) else { continue };
+    for cut in expanded.cuts.iter().filter(|c| is_replaced(c, options)) {
+        let Some(site) = skeleton.site(stems, expanded, cut) else { continue };
         let apart = |size: &f64| math::ln(cut.size / size).abs();
         let near = (0..cards.sizes.len()).min_by(|a, b| apart(&cards.sizes[*a]).total_cmp(&apart(&cards.sizes[*b])));
         let Some(class) = near else { continue };
-        let id = mix64(&[plant.axes[axis as usize].id, word("card"), cut.id]);
+        let id = mix64(&[plant.axes[site.axis as usize].id, word("card"), cut.id]);
         let variants = cards.variants.max(1);
-        let variant = usize::try_from(child(id, word("proto")) % variants as u64).unwrap_or(0);
+        let variant = usize::from(pick(child(id, word("proto")), variants as u64));
         let organ = Organ {
             id,
-            scale: narrow(growth(&cut.map) / cards.sizes[class]),
-            proto: u16::try_from(first + class * variants + variant).unwrap_or(u16::MAX),
-            ..stood(plant, (axis, s), &cut.map, scale)
+            scale: narrow(volume_scale(&cut.map) / cards.sizes[class]),
+            proto: proto_index(first + class * variants + variant),
+            ..organ_at_word(plant, site, &cut.map, scale)
         };
-        placed.insert((axis, organ.s.to_bits(), id), organ);
+        placed.insert((site.axis, organ.s.to_bits(), id), organ);
     }
 }

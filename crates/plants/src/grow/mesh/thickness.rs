@@ -9,7 +9,7 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit};
 
-use super::parts::Piece;
+use super::parts::WoodPiece;
 use osier_base::math;
 use osier_base::par::par_chunks;
 
@@ -19,12 +19,12 @@ const CHUNK: usize = 1024;
 const RAYS: u8 = 6;
 const TILT: f32 = 0.6;
 /// Rounds in which a point takes the mean of its neighbours.
-const SMOOTH: usize = 2;
+const SMOOTHING_PASSES: usize = 2;
 /// A radius lies between these shares of the piece's own.
-const RANGE: [f32; 2] = [0.02, 50.0];
+const RADIUS_RANGE: [f32; 2] = [0.02, 50.0];
 
 /// Sum of the normals around each point times area: outwards, whichever way the surface faces.
-pub(super) fn normals(piece: &Piece) -> Vec<Vec3> {
+pub(super) fn normals(piece: &WoodPiece) -> Vec<Vec3> {
     let side = if piece.volume < 0.0 { -1.0 } else { 1.0 };
     let mut sums = vec![Vec3::ZERO; piece.points.len()];
     for t in &piece.triangles {
@@ -39,9 +39,9 @@ pub(super) fn normals(piece: &Piece) -> Vec<Vec3> {
 
 /// Radius of the wood under each point, m: half the median way to the opposite side.
 /// Own: after the shape diameter of L. Shapira et al., "Consistent mesh partitioning", The Visual Computer 24, 2008.
-pub(super) fn radii(piece: &Piece, normals: &[Vec3]) -> Vec<f32> {
+pub(super) fn radii(piece: &WoodPiece, normals: &[Vec3]) -> Vec<f32> {
     let whole = math::narrow(piece.radius());
-    let walls = Walls::new(piece);
+    let walls = ThicknessRays::new(piece);
     let points: Vec<(Vec3, Vec3)> = piece.points.iter().copied().zip(normals.iter().copied()).collect();
     let measured =
         par_chunks(&points, CHUNK, |_, part| part.iter().map(|(p, n)| walls.radius(*p, *n, whole)).collect::<Vec<_>>())
@@ -49,9 +49,9 @@ pub(super) fn radii(piece: &Piece, normals: &[Vec3]) -> Vec<f32> {
     smooth(piece, measured)
 }
 
-fn smooth(piece: &Piece, radii: Vec<f32>) -> Vec<f32> {
+fn smooth(piece: &WoodPiece, radii: Vec<f32>) -> Vec<f32> {
     let mut radii = radii;
-    for _ in 0..SMOOTH {
+    for _ in 0..SMOOTHING_PASSES {
         let mut sums: Vec<(f32, f32)> = radii.iter().map(|r| (*r, 1.0)).collect();
         for t in &piece.triangles {
             for k in 0..3 {
@@ -66,14 +66,14 @@ fn smooth(piece: &Piece, radii: Vec<f32>) -> Vec<f32> {
 }
 
 /// The triangles of a piece with their tree of boxes.
-struct Walls {
+struct ThicknessRays {
     tree: CwBvh,
     /// In the order of the tree: a corner and both edges from it.
     faces: Vec<[Vec3; 3]>,
 }
 
-impl Walls {
-    fn new(piece: &Piece) -> Self {
+impl ThicknessRays {
+    fn new(piece: &WoodPiece) -> Self {
         let corner = |i: u32| piece.points[i as usize];
         let boxes: Vec<Aabb> = piece
             .triangles
@@ -100,19 +100,19 @@ impl Walls {
             n * -cos + (x * math::cos_f32(a) + y * math::sin_f32(a)) * sin
         });
         let start = p - n * (whole * 1e-3);
-        let mut ways: Vec<f32> = std::iter::once(-n).chain(tilted).filter_map(|d| self.way(start, d)).collect();
+        let mut ways: Vec<f32> = std::iter::once(-n).chain(tilted).filter_map(|d| self.ray_length(start, d)).collect();
         ways.sort_by(f32::total_cmp);
         let median = ways.get(ways.len() / 2).map_or(whole, |d| d * 0.5);
-        median.clamp(whole * RANGE[0], whole * RANGE[1])
+        median.clamp(whole * RADIUS_RANGE[0], whole * RADIUS_RANGE[1])
     }
 
     /// How far a ray goes until it meets a wall.
-    fn way(&self, from: Vec3, along: Vec3) -> Option<f32> {
+    fn ray_length(&self, from: Vec3, along: Vec3) -> Option<f32> {
         let ray = Ray::new_inf(from.into(), along.into());
         let mut hit = RayHit::none();
         let mut nearest = f32::INFINITY;
         self.tree.ray_traverse(ray, &mut hit, |ray, i| {
-            let t = self.faces.get(i).and_then(|f| meet(f, from, along)).unwrap_or(f32::INFINITY);
+            let t = self.faces.get(i).and_then(|f| ray_triangle(f, from, along)).unwrap_or(f32::INFINITY);
             if t < ray.tmax {
                 nearest = nearest.min(t);
             }
@@ -123,7 +123,7 @@ impl Walls {
 }
 
 /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
-fn meet([a, ab, ac]: &[Vec3; 3], from: Vec3, along: Vec3) -> Option<f32> {
+fn ray_triangle([a, ab, ac]: &[Vec3; 3], from: Vec3, along: Vec3) -> Option<f32> {
     let across = along.cross(*ac);
     let det = ab.dot(across);
     if det.abs() < f32::MIN_POSITIVE {
