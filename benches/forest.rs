@@ -11,7 +11,7 @@ use osier::bake::BakeContext;
 use osier::bake::output::{exporters, frame_loop};
 use osier::bake::scene::{SceneParts, assemble_scene};
 use osier::export::textures::Textures;
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::limits::Limits;
 use osier::presets::find;
 use osier::progress::{Cancel, Silent};

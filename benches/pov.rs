@@ -9,7 +9,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Vec2, Vec3};
 use osier::export::Exporter as _;
 use osier::export::pov::{Pov, PovOptions};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{Mesh, MeshMotion};
 
 #[path = "../tests/it/common/bare.rs"]

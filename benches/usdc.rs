@@ -12,7 +12,7 @@ use glam::{Quat, Vec3};
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
 use osier::export::usd::{Usd, UsdOptions};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{
     Asset, AssetFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Mesh, Prototype, Scene,
 };
@@ -52,7 +52,7 @@ fn cloth(points: u32, frames: u32) -> (Scene, Vec<Frame>) {
 
 /// Writes a clip and returns the bytes of its payload.
 fn write(dir: &Path, scene: &Arc<Scene>, frames: &[Frame]) -> u64 {
-    let folder = Folder::plain(dir, osier::fence::WriteOptions::default()).expect("folder");
+    let folder = Folder::plain(dir, osier::files::WriteOptions::default()).expect("folder");
     let mut usd = Usd::new(folder.clone(), Arc::new(Textures::default()), UsdOptions::default());
     usd.begin(scene).expect("begin");
     for frame in frames {

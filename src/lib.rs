@@ -8,7 +8,7 @@
 //!
 //! ```
 //! use osier::bake::{Work, bake};
-//! use osier::fence::Folder;
+//! use osier::files::Folder;
 //! use osier::limits::Limits;
 //! use osier::progress::Cancel;
 //! use osier::recipe::{Request, resolve};
@@ -33,7 +33,7 @@ pub mod cli;
 pub mod presets;
 pub mod recipe;
 
-pub use osier_base::{Error, Result, diagnostic, fence, geometry, limits, math, noise, par, progress, rng, units};
+pub use osier_base::{Error, Result, diagnostic, files, geometry, limits, math, noise, par, progress, rng, units};
 pub use osier_export as export;
 pub use osier_grammar as grammar;
 pub use osier_ifs as ifs;

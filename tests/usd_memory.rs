@@ -8,7 +8,7 @@ use std::sync::Arc;
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
 use osier::export::usd::{Usd, UsdOptions};
-use osier::fence::Folder;
+use osier::files::Folder;
 
 #[path = "it/common/bare.rs"]
 mod bare;

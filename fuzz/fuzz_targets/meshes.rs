@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use osier::fence::Roots;
+use osier::files::SearchPaths;
 use osier::import::{Options, Up, read};
 use osier::limits::Limits;
 use osier::scene::MaterialClass;
@@ -12,7 +12,7 @@ use osier::scene::MaterialClass;
 fuzz_target!(|bytes: &[u8]| {
     let Some((form, text)) = bytes.split_first() else { return };
     let name = ["a.obj", "a.gltf", "a.glb"][usize::from(*form) % 3];
-    let (roots, limits) = (Roots::none(), Limits::default());
+    let (roots, limits) = (SearchPaths::none(), Limits::default());
     let options = Options { roots: &roots, limits: &limits, up: Up::Y, scale: 1.0, class: MaterialClass::Leaf };
     let _ = read(Path::new(name), text, &options);
 });

@@ -1,6 +1,6 @@
 //! What every part of a bake needs beside the recipe.
 
-use osier_base::fence::Shelf;
+use osier_base::files::BakeCache;
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Progress, Silent};
 
@@ -14,7 +14,7 @@ pub struct BakeContext<'a> {
     /// Receives the stages of the bake and how far each has come.
     pub progress: &'a dyn Progress,
     /// Folder that stores the lattice wind after its spin-up; `None`: each bake spins up again.
-    pub cache: Option<&'a Shelf>,
+    pub cache: Option<&'a BakeCache>,
 }
 
 impl<'a> BakeContext<'a> {

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use osier_base::Result;
 use osier_base::diagnostic::Report;
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_export::Warning;
 use osier_export::manifest::{self, Manifest};
 use osier_export::textures::Textures;

@@ -344,7 +344,7 @@ impl clap::FromArgMatches for MaxFlags {
 
 /// A short file of the system; empty if there is none.
 fn system_text(file: &str) -> String {
-    let bytes = osier_base::fence::read_input(std::path::Path::new(file), 1 << 16).unwrap_or_default();
+    let bytes = osier_base::files::read_input(std::path::Path::new(file), 1 << 16).unwrap_or_default();
     String::from_utf8_lossy(&bytes).into_owned()
 }
 

@@ -14,7 +14,7 @@ use crate::bake::scene::{self, AnimatedScene};
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
-use osier_base::fence::{Folder, Shelf, WriteOptions, is_settled};
+use osier_base::files::{Folder, BakeCache, WriteOptions, is_settled};
 use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
 
@@ -61,7 +61,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
     }
     ifs_leaves::load(&recipe, &root, &context.limits);
     let keeps = !context.common.dry_run && keeps_air(&recipe);
-    let shelf = if keeps { Some(Shelf::new(open(context, args, &recipe, &root)?)) } else { None };
+    let shelf = if keeps { Some(BakeCache::new(open(context, args, &recipe, &root)?)) } else { None };
     let work =
         BakeContext { limits: &context.limits, cancel: &context.cancel, progress: &timed, cache: shelf.as_ref() };
     let parts = scene::SceneParts::default();
@@ -72,7 +72,7 @@ pub fn run(context: &Context, args: &Bake) -> Result<u8> {
         scene::assemble_scene(&recipe, parts, &work)?
     };
     show.done();
-    let said = shelf.iter().flat_map(Shelf::said);
+    let said = shelf.iter().flat_map(BakeCache::said);
     said.for_each(|text| context.console.note(&format!("note: {text}")));
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();

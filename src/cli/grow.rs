@@ -15,7 +15,7 @@ use crate::bake::output::{exporters, frame_loop, single_file};
 use crate::bake::{BakeContext, scene};
 use crate::recipe::resolve;
 use osier_base::Result;
-use osier_base::fence::{Folder, WriteOptions};
+use osier_base::files::{Folder, WriteOptions};
 use osier_export::format;
 use osier_export::textures::Textures;
 
@@ -111,7 +111,7 @@ pub(super) fn result(context: &Context, parent: &Path, folder: &Folder) -> Resul
     let path = |p: &str| if here { p.to_owned() } else { parent.join(p).display().to_string() };
     let files = folder.files();
     if context.console.json {
-        let row = |f: &osier_base::fence::FileRecord| json!({ "path": path(&f.path), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+        let row = |f: &osier_base::files::FileRecord| json!({ "path": path(&f.path), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
         let value: Vec<serde_json::Value> = files.iter().map(row).collect();
         return context.console.result(&format!("{:#}\n", json!({ "files": value })));
     }

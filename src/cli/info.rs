@@ -7,7 +7,7 @@ use serde_json::json;
 use super::args::Info;
 use super::{Context, report};
 use osier_base::diagnostic::visible;
-use osier_base::fence::{MANIFEST, Roots, read_input};
+use osier_base::files::{MANIFEST, SearchPaths, read_input};
 use osier_base::limits::grouped;
 use osier_base::{Error, Result};
 use osier_export::manifest::{Manifest, Verification, verify};
@@ -134,7 +134,7 @@ fn single(context: &Context, path: &Path) -> Result<u8> {
     let hash = blake3::hash(&bytes).to_hex().to_string();
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let mesh = if matches!(ending.as_str(), "glb" | "gltf" | "obj") {
-        let roots = Roots::new(path, &context.common.search)?;
+        let roots = SearchPaths::new(path, &context.common.search)?;
         let options = import::Options {
             roots: &roots,
             limits: &context.limits,

@@ -9,7 +9,7 @@ use super::args::New;
 use crate::presets::{self, Preset};
 use osier_base::Result;
 use osier_base::diagnostic::nearest;
-use osier_base::fence::{Folder, WriteOptions, safe_name};
+use osier_base::files::{Folder, WriteOptions, safe_name};
 
 /// Makes the folder: the scene, and the grammars that it names, all free to be changed.
 pub fn run(context: &Context, args: &New) -> Result<u8> {

@@ -7,7 +7,7 @@ use super::Context;
 use crate::presets;
 use crate::recipe::{Library, Request};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
-use osier_base::{Error, Result, fence};
+use osier_base::{Error, Result, files};
 use osier_ifs::read;
 
 /// A request for the recipe of a source, with the common flags laid in.
@@ -44,7 +44,7 @@ fn find(context: &Context, source: &str, picture: bool) -> Result<Request> {
         return Err(folder(source));
     }
     // A path that is not there is best reported before anything that is said about its folder.
-    let bytes = fence::read_input(path, context.limits.get("text-bytes"))?;
+    let bytes = files::read_input(path, context.limits.get("text-bytes"))?;
     if path.extension() == Some(OsStr::new("l")) {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         return Ok(Request { library: Library::new(path, search)?, ..Request::bare(&stem(path), &name) });
@@ -62,7 +62,7 @@ fn find(context: &Context, source: &str, picture: bool) -> Result<Request> {
         report.push(Diagnostic::about("S001", message).help("name it in a scene: mesh = \"FILE\" below an organ"));
         return Err(Error::Input(Box::new(report)));
     }
-    let text = fence::decode(&bytes, fence::Encoding::Utf8).map_err(|bad| {
+    let text = files::decode(&bytes, files::Encoding::Utf8).map_err(|bad| {
         let mut report = Report::default();
         bad.report("S001", source, &bytes, &mut report);
         Error::Input(Box::new(report))

@@ -13,7 +13,7 @@ use crate::bake::motion::rows;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
-use osier_base::fence::{Folder, WriteOptions};
+use osier_base::files::{Folder, WriteOptions};
 use osier_base::progress::{Progress as _, Silent};
 use osier_export::VERSION;
 use osier_export::stats::{Run, Sweep, Whole};

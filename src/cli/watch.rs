@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use osier_base::Error;
-use osier_base::fence::{drop_parts, read_input};
+use osier_base::files::{drop_parts, read_input};
 use osier_base::limits::{Limits, grouped};
 use osier_base::progress::Cancel;
 

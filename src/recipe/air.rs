@@ -11,7 +11,7 @@ use super::wind_keys::{
 };
 use super::{AirRecipe, word_of};
 use osier_base::diagnostic::Diagnostic;
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_scene::{AirGrid, Clip};
 use osier_wind::{CALM_SPEED, beaufort_speed, fit_gust_length};
 

@@ -10,7 +10,7 @@ use super::tree::{Table, Value};
 use super::{CloudRecipe, Found, OrganRecipe, condensed};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Span};
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_ifs::dynamics::{self, Study};
 use osier_ifs::game::extent;
 use osier_ifs::stems::{Stems, is_tree, stems};

@@ -10,7 +10,7 @@ use super::sections::Up;
 use super::tree::{Node, Table, Value};
 use super::{FlightRecipe, PlantRecipe, SolidRecipe};
 use osier_base::diagnostic::{Diagnostic, Span};
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_scene::MaterialClass;
 
 /// Bytes of memory of a catkin that flies, as measured.

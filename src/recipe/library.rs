@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Bytes;
 use crate::presets;
 use osier_base::Result;
-use osier_base::fence::{Refusal, Roots};
+use osier_base::files::{ReadError, SearchPaths};
 
 /// A file that a reference led to.
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ pub struct Found {
 /// Where to look.
 #[derive(Debug, Clone, Default)]
 pub struct Library {
-    roots: Roots,
+    roots: SearchPaths,
     opened: PathBuf,
 }
 
@@ -30,7 +30,7 @@ impl Library {
     /// # Errors
     /// `Io` if a folder is not there.
     pub fn new(opened: &Path, search: &[PathBuf]) -> Result<Self> {
-        Ok(Self { roots: Roots::new(opened, search)?, opened: opened.into() })
+        Ok(Self { roots: SearchPaths::new(opened, search)?, opened: opened.into() })
     }
 
     /// The search folders, then the presets: for a scene that is itself a preset.
@@ -44,7 +44,7 @@ impl Library {
     }
 
     /// The folders that files may name files in.
-    pub fn roots(&self) -> &Roots {
+    pub fn roots(&self) -> &SearchPaths {
         &self.roots
     }
 
@@ -52,20 +52,20 @@ impl Library {
     /// the scene's folder or a search folder. `limit`: most bytes.
     /// # Errors
     /// Why nothing could be read.
-    pub fn find(&self, reference: &str, limit: u64) -> std::result::Result<Found, Refusal> {
+    pub fn find(&self, reference: &str, limit: u64) -> std::result::Result<Found, ReadError> {
         self.find_beside(&self.opened, reference, limit)
     }
 
     /// As [`Library::find`] for a reference inside another file.
     /// # Errors
     /// Why nothing could be read.
-    pub fn find_beside(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<Found, Refusal> {
+    pub fn find_beside(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<Found, ReadError> {
         match self.roots.read(from, reference, limit) {
             Ok(file) => {
                 let beside = from.parent().unwrap_or(Path::new("")).join(reference);
                 Ok(Found { shown: beside.display().to_string(), bytes: file.bytes.into(), path: file.path })
             }
-            Err(refusal @ (Refusal::Missing { .. } | Refusal::Outside { .. })) => preset(reference).ok_or(refusal),
+            Err(refusal @ (ReadError::Missing { .. } | ReadError::Outside { .. })) => preset(reference).ok_or(refusal),
             Err(refusal) => Err(refusal),
         }
     }

@@ -11,7 +11,7 @@ use super::tree::{Table, Value};
 use super::{CARD, Digest as _, Found, Growth, OrganRecipe, PlantRecipe};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_grammar::Grammar;
 use osier_ifs::stems::{Stems, sheared};
 use osier_ifs::{Ifs, leaf};

@@ -7,7 +7,7 @@ use super::tree::{self, Node, Table, Value};
 use super::wind_keys::WindModel;
 use super::{AirRecipe, Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
-use osier_base::fence::{Names, safe_name};
+use osier_base::files::{Names, safe_name};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::Clip;

@@ -6,7 +6,7 @@ use super::resolve::Resolver;
 use super::rod_keys::{RodClamp, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
 use super::tree::{Node, Table, Value};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_base::math;
 
 impl Resolver<'_> {

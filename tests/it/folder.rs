@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use osier::fence::{Disk, Folder, MANIFEST, System, WriteOptions};
+use osier::files::{Disk, Folder, MANIFEST, System, WriteOptions};
 use osier::progress::Cancel;
 use osier::{Error, Result};
 

@@ -14,7 +14,7 @@ use crate::common::gltf_player::Player;
 use osier::export::gltf::{Gltf, GltfOptions, GltfTarget, Profile};
 use osier::export::textures::Textures;
 use osier::export::{Exporter as _, Warning};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{Frame, Scene};
 use serde_json::Value;
 

@@ -13,7 +13,7 @@ use osier::export::Exporter;
 use osier::export::gltf::{Gltf, GltfOptions};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{Frame, InstancerMotion, MeshFrame, MeshMotion, Scene};
 use serde_json::{Value, json};
 

@@ -14,7 +14,7 @@ use osier::export::gltf::{Gltf, GltfOptions, GltfTarget, Profile, write};
 use osier::export::pc2::Pc2;
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Warning};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::rng::mix64;
 use osier::scene::*;
 use osier::{Error, Result};

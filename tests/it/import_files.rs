@@ -10,7 +10,7 @@ use std::sync::Arc;
 use glam::{Quat, Vec2, Vec3};
 use osier::Error;
 use osier::export::{Exporter as _, gltf, textures::Textures};
-use osier::fence::{Folder, Roots};
+use osier::files::{Folder, SearchPaths};
 use osier::import::{Imported, Options, Up, read};
 use osier::limits::Limits;
 use osier::scene::{MaterialClass, Mesh, check_scene};
@@ -35,7 +35,7 @@ impl Shop {
 
     fn read(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<Imported, Error> {
         let path = self.dir.path().join(name);
-        let roots = Roots::new(&path, &[]).expect("roots");
+        let roots = SearchPaths::new(&path, &[]).expect("roots");
         let (up, scale) = (self.up, self.scale);
         let options = Options { roots: &roots, limits: &self.limits, up, scale, class: MaterialClass::Leaf };
         read(&path, bytes.as_ref(), &options)

@@ -42,7 +42,7 @@ fn recalled(scene: &Path, out: &Path) -> [Option<Drawn>; 2] {
 }
 
 fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
-    let list = osier::fence::list_files(root).expect("files");
+    let list = osier::files::list_files(root).expect("files");
     list.into_iter().map(|f| (f.clone(), std::fs::read(root.join(f)).expect("bytes"))).collect()
 }
 

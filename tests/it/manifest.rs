@@ -10,7 +10,7 @@ use osier::export::format::FileTarget;
 use osier::export::manifest::{self, FileEntry, Settings};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, exr, obj, ply, pov};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{Image, ImageKind, Pixels};
 
 /// Bakes the synthetic scene, its bark with a height map, with every exporter of this group.
@@ -48,7 +48,7 @@ fn two_runs_are_equal_and_nothing_personal_is_inside() {
     assert_eq!(text, bake(b.path()));
     for dir in [a.path(), Path::new(env!("CARGO_MANIFEST_DIR"))] {
         let named = dir.to_string_lossy().into_owned();
-        for path in osier::fence::list_files(a.path()).expect("files") {
+        for path in osier::files::list_files(a.path()).expect("files") {
             let bytes = fs::read(a.path().join(&path)).expect("bytes");
             assert!(!bytes.windows(named.len()).any(|w| w == named.as_bytes()), "{path} names {named}");
         }

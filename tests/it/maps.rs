@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use osier::export::Exporter;
 use osier::export::exr::{Exr, ExrOptions};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::*;
 
 const WIDTH: u32 = 37;
@@ -230,7 +230,7 @@ fn maps_of_wet_leaves_do_not_depend_on_threads() {
         let dir = tempfile::tempdir().expect("dir");
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
         pool.install(|| wet(dir.path(), WATER, |_, _| ())).expect("written");
-        let names = osier::fence::list_files(dir.path()).expect("files");
+        let names = osier::files::list_files(dir.path()).expect("files");
         let maps: Vec<PathBuf> =
             names.iter().filter(|n| n.starts_with("maps/cache")).map(|n| dir.path().join(n)).collect();
         assert_eq!(maps.len(), 4 * 9);

@@ -13,7 +13,7 @@ use osier::export::format::FileTarget;
 use osier::export::obj::Obj;
 use osier::export::ply::Ply;
 use osier::export::textures::Textures;
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::*;
 
 /// A lone triangle with a picture, turned a quarter about Y by its placement.

@@ -65,7 +65,7 @@ fn with_a_step_pictures_are_those_of_the_written_frames_in_order() {
     let (scene, frames) = synthetic::scene();
     bake(dir.path(), &scene, &frames, PovOptions { step: 3, ..PovOptions::default() });
     let pov = dir.path().join("pov");
-    let written: Vec<_> = osier::fence::list_files(&pov.join("frames")).expect("files");
+    let written: Vec<_> = osier::files::list_files(&pov.join("frames")).expect("files");
     assert_eq!(written, ["frame.0001.inc", "frame.0004.inc", "frame.0007.inc"]);
     let Some(povray) = clients::povray() else { return };
     let shown: Vec<String> = [1, 2, 3].iter().map(|f| included(&povray, &pov, *f)).collect();
@@ -80,7 +80,7 @@ fn a_single_frame_is_written_and_rendered_whatever_the_step() {
     let (scene, frames) = synthetic::scene();
     bake(dir.path(), &scene, &frames[5..6], PovOptions { step: 4, ..PovOptions::default() });
     let pov = dir.path().join("pov");
-    assert_eq!(osier::fence::list_files(&pov.join("frames")).expect("files"), ["frame.0006.inc"]);
+    assert_eq!(osier::files::list_files(&pov.join("frames")).expect("files"), ["frame.0006.inc"]);
     let ini = fs::read_to_string(pov.join("render.ini")).expect("ini");
     assert!(ini.contains("Initial_Frame=6\nFinal_Frame=6\n"), "{ini}");
 }
@@ -106,7 +106,7 @@ fn a_missing_picture_stops_before_anything_is_written() {
     let (mut scene, _) = synthetic::scene();
     let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
     scene.materials[1].maps.height = Some(99);
-    let folder = osier::fence::Folder::open(dir.path()).expect("folder");
+    let folder = osier::files::Folder::open(dir.path()).expect("folder");
     let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, PovOptions::default());
     let error = pov.begin(&std::sync::Arc::new(scene)).expect_err("missing");
     assert!(error.to_string().starts_with("X012: material leaf"), "{error}");
@@ -120,7 +120,7 @@ fn a_number_that_is_not_finite_never_reaches_a_file() {
     let (mut scene, _) = synthetic::scene();
     let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
     scene.placements[0].transform.t.x = f32::NAN;
-    let folder = osier::fence::Folder::open(dir.path()).expect("folder");
+    let folder = osier::files::Folder::open(dir.path()).expect("folder");
     let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, PovOptions::default());
     pov.begin(&std::sync::Arc::new(scene)).expect("begin");
     let error = pov.finish().expect_err("placement");
@@ -144,8 +144,8 @@ fn what_is_said_of_a_frame_is_said_where_its_file_is_kept() {
     let scene = std::sync::Arc::new(scene);
     let dir = tempfile::tempdir().expect("dir");
     let run = |finish: bool| {
-        let options = osier::fence::WriteOptions { key: "k".into(), ..Default::default() };
-        let folder = osier::fence::Folder::open_with(dir.path(), options).expect("folder");
+        let options = osier::files::WriteOptions { key: "k".into(), ..Default::default() };
+        let folder = osier::files::Folder::open_with(dir.path(), options).expect("folder");
         let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
         let mut pov = osier::export::pov::Pov::new(folder, textures, PovOptions::default());
         pov.begin(&scene).expect("begins");

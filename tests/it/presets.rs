@@ -320,7 +320,7 @@ fn written(dir: &Path, preset: &Preset, jobs: &str) -> BTreeMap<String, blake3::
         .output()
         .expect("osier runs");
     assert!(run.status.success(), "{}: {}", preset.name, String::from_utf8_lossy(&run.stderr));
-    let files = osier::fence::list_files(&folder).expect("files");
+    let files = osier::files::list_files(&folder).expect("files");
     files.into_iter().map(|f| (f.clone(), blake3::hash(&std::fs::read(folder.join(f)).expect("bytes")))).collect()
 }
 

@@ -6,7 +6,7 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
-use osier::fence::{Refusal, Roots};
+use osier::files::{ReadError, SearchPaths};
 
 struct Place {
     _dir: tempfile::TempDir,
@@ -32,9 +32,9 @@ fn place() -> Place {
     Place { _dir: dir, top }
 }
 
-fn roots(place: &Place, search: &[&str]) -> Roots {
+fn roots(place: &Place, search: &[&str]) -> SearchPaths {
     let search: Vec<PathBuf> = search.iter().map(|s| place.top.join(s)).collect();
-    Roots::new(&place.top.join("scene/main.toml"), &search).expect("roots")
+    SearchPaths::new(&place.top.join("scene/main.toml"), &search).expect("roots")
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn uris_are_decoded_once_and_then_checked() {
     for uri in ["%2e%2e/secret", "..%2fsecret", "%2fetc%2fpasswd", "sub%5c..%5c..%5csecret", "%00", "%", "%ff"] {
         assert_eq!(roots.read_uri(&from, uri, 100).expect_err(uri).code(), "X009", "{uri}");
     }
-    assert!(matches!(roots.read_uri(&from, "%252e%252e/secret", 100), Err(Refusal::Missing { .. })));
+    assert!(matches!(roots.read_uri(&from, "%252e%252e/secret", 100), Err(ReadError::Missing { .. })));
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn pipes_devices_folders_and_loops_are_refused_at_once() {
         let refusal = roots.read(&p.top.join("scene/main.toml"), reference, 100).expect_err(reference);
         assert_eq!(refusal.code(), "X010", "{reference}: {refusal}");
     }
-    let dev = Roots::new(Path::new("/dev/x"), &[]).expect("roots");
+    let dev = SearchPaths::new(Path::new("/dev/x"), &[]).expect("roots");
     for reference in ["zero", "null", "tty"] {
         assert!(dev.read(Path::new("/dev/x"), reference, 100).is_err(), "{reference}");
     }
@@ -136,10 +136,10 @@ fn nested_references_and_search_folders() {
     let scene = roots(&p, &[]);
     let nested = scene.read(&p.top.join("scene/sub/b.l"), "../a.l", 100).expect("up, but inside");
     assert_eq!(nested.path, p.top.join("scene/a.l"));
-    assert!(matches!(scene.read(&p.top.join("scene/x"), "deep/c.l", 100), Err(Refusal::Missing { .. })));
+    assert!(matches!(scene.read(&p.top.join("scene/x"), "deep/c.l", 100), Err(ReadError::Missing { .. })));
     let wide = roots(&p, &["library"]);
     assert_eq!(wide.read(&p.top.join("scene/x"), "deep/c.l", 100).expect("found").bytes, b"library/deep/c.l");
-    assert!(matches!(wide.read(&p.top.join("scene/x"), "deep/c.l", 3), Err(Refusal::TooLong { limit: 3, .. })));
-    assert!(matches!(Roots::none().read(&p.top.join("scene/x"), "a.l", 100), Err(Refusal::Missing { .. })));
-    assert!(Roots::new(&p.top.join("scene/x"), &[p.top.join("absent")]).is_err());
+    assert!(matches!(wide.read(&p.top.join("scene/x"), "deep/c.l", 3), Err(ReadError::TooLong { limit: 3, .. })));
+    assert!(matches!(SearchPaths::none().read(&p.top.join("scene/x"), "a.l", 100), Err(ReadError::Missing { .. })));
+    assert!(SearchPaths::new(&p.top.join("scene/x"), &[p.top.join("absent")]).is_err());
 }

@@ -11,7 +11,7 @@ use half::f16;
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
 use osier::export::usd::{Usd, UsdOptions};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame, Scene, instance_states};
 use serde_json::{Map, Value, json};
 

@@ -11,7 +11,7 @@ use osier::export::Exporter as _;
 use osier::export::exr::{Exr, ExrOptions};
 use osier::export::textures::Textures;
 use osier::export::usd::{UpAxis, Usd, UsdOptions};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{Frame, Scene};
 
 /// A fresh folder for a test.

@@ -34,7 +34,7 @@ fn baked(folder: &Path, name: &str, text: &str, more: &[&str]) -> PathBuf {
 }
 
 fn files(out: &Path) -> BTreeMap<String, Vec<u8>> {
-    let list = osier::fence::list_files(out).expect("files");
+    let list = osier::files::list_files(out).expect("files");
     list.into_iter().map(|f| (f.clone(), std::fs::read(out.join(f)).expect("bytes"))).collect()
 }
 

@@ -7,7 +7,7 @@ use crate::diagnostic::Report;
 /// Everything that can end a run, one kind per remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Complaints about files that a person wrote; rendered with source lines by the cli.
+    /// Diagnostics about the user's files; the cli renders them with source lines.
     #[error("{0}")]
     Input(Box<Report>),
     /// The system refused a file operation.
@@ -25,7 +25,7 @@ pub enum Error {
     Range {
         /// The key or parameter.
         name: String,
-        /// What was given.
+        /// The value that was given.
         value: f64,
         /// Smallest allowed value.
         min: f64,
@@ -37,11 +37,11 @@ pub enum Error {
     /// Work that would pass a limit; refused before it starts.
     #[error("{name} would be {wanted}, the limit is {limit}; raise it with {flag}")]
     Limit {
-        /// What is counted.
+        /// Description of the counted quantity.
         name: String,
-        /// Predicted amount.
+        /// Predicted amount, with separators of thousands.
         wanted: String,
-        /// Amount allowed.
+        /// Amount in force, with separators of thousands.
         limit: String,
         /// The flag that lifts it, or the key to change.
         flag: String,
@@ -51,7 +51,7 @@ pub enum Error {
     TooMany {
         /// The things, in the plural: "points of a mesh".
         what: &'static str,
-        /// Their number.
+        /// How many there are.
         count: String,
         /// Largest number that the index type holds.
         limit: u64,
@@ -59,7 +59,7 @@ pub enum Error {
     /// A simulation left its bounds.
     #[error("frame {frame}: {quantity} is out of bounds; shorten the step or soften the input")]
     Simulation {
-        /// Frame number.
+        /// Number of the frame being simulated.
         frame: u32,
         /// What blew up.
         quantity: String,

@@ -5,9 +5,9 @@ use glam::{Vec2, Vec3};
 /// An axis-aligned box; empty until a point is added.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Smallest corner, m.
+    /// Corner with the smallest coordinates, m.
     pub min: Vec3,
-    /// Largest corner, m.
+    /// Corner with the largest coordinates, m.
     pub max: Vec3,
 }
 
@@ -51,7 +51,7 @@ impl Bounds {
         self.min.x > self.max.x
     }
 
-    /// The eight corners.
+    /// The eight corners, x changing fastest, then y, then z.
     #[inline]
     pub fn corners(&self) -> [Vec3; 8] {
         let (a, b) = (self.min, self.max);
@@ -86,7 +86,9 @@ pub fn newell(points: &[Vec3]) -> Vec3 {
 pub fn triangulate(outline: &[Vec2]) -> Vec<[u32; 3]> {
     let flat: Vec<f32> = outline.iter().flat_map(|p| [p.x, p.y]).collect();
     let Ok(indices) = earcutr::earcut(&flat, &[], 2) else { return Vec::new() };
-    let index = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
+    // Outlines have fewer than 2^32 corners: earcut would not end on more.
+    #[allow(clippy::cast_possible_truncation, reason = "indices into an outline of fewer corners")]
+    let index = |i: usize| i as u32;
     let area: f32 = (0..outline.len()).fold(0.0, |s, i| s + outline[i].perp_dot(outline[(i + 1) % outline.len()]));
     let side = |t: &[usize]| (outline[t[1]] - outline[t[0]]).perp_dot(outline[t[2]] - outline[t[0]]);
     let orient = |t: &[usize]| {

@@ -1,17 +1,24 @@
-//! What all of osier stands on: diagnostics, errors, files that appear whole, numbers, random draws, parallel loops.
+//! Foundation of the osier crates: diagnostics, errors, atomic file output, limits, random numbers, noise, SIMD, parallel
+//! loops, geometry and physical constants.
 
 pub mod convert;
 pub mod diagnostic;
 mod error;
-pub mod fence;
+pub mod files;
 pub mod geometry;
+pub mod keyframes;
 pub mod limits;
 pub mod math;
 pub mod noise;
 pub mod par;
+pub mod physics;
 pub mod progress;
 pub mod rng;
 pub mod simd;
 pub mod units;
 
 pub use error::{Error, Result};
+
+/// The former name of [`files`], until all crates have followed.
+#[doc(hidden)]
+pub use files as fence;

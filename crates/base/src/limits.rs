@@ -7,9 +7,9 @@ use crate::{Error, Result};
 pub struct Limit {
     /// Name as in `--max-NAME`.
     pub name: &'static str,
-    /// Default value.
+    /// Value in force unless the user sets another.
     pub default: u64,
-    /// What it counts.
+    /// The counted quantity, in the plural.
     pub counts: &'static str,
 }
 

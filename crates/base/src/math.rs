@@ -34,7 +34,7 @@ wrap! {
     exp / exp_f32 => exp / expf;
     /// e^x - 1, exact for small x.
     exp_m1 / exp_m1_f32 => expm1 / expm1f;
-    /// Cube root.
+    /// Real cube root, of the sign of x.
     cbrt / cbrt_f32 => cbrt / cbrtf;
     /// Natural logarithm; NaN below 0.
     ln / ln_f32 => log / logf;

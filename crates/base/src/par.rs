@@ -128,12 +128,12 @@ impl<K: std::hash::Hash + Eq, V> LookupMap<K, V> {
         self.0.insert(key, value)
     }
 
-    /// Number of keys.
+    /// Number of keys that hold a value.
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// True without keys.
+    /// True if no key holds a value.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

@@ -1,4 +1,4 @@
-//! How long work says where it stands, and how it learns that it should stop.
+//! Progress reports of long work, and requests to stop it.
 //!
 //! Library code knows no terminals and no signals: it calls a [`Progress`] and polls a [`Cancel`].
 
@@ -6,6 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::{Error, Result};
+
+/// The signal that a request stands for whose number is none of a signal's.
+const SIGINT: i32 = 2;
 
 /// A request to stop, shared by clones. Long loops poll it at least ten times a second.
 #[derive(Debug, Clone, Default)]
@@ -35,7 +38,7 @@ impl Cancel {
     pub fn check(&self) -> Result<()> {
         match self.signal.load(Ordering::Relaxed) {
             0 => Ok(()),
-            signal => Err(Error::Cancelled { signal: i32::try_from(signal).unwrap_or(2) }),
+            signal => Err(Error::Cancelled { signal: i32::try_from(signal).unwrap_or(SIGINT) }),
         }
     }
 }
@@ -52,7 +55,7 @@ pub trait Progress: Sync {
     fn message(&self, text: &str);
 }
 
-/// Nobody listens.
+/// Discards all reports.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

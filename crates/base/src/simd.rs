@@ -52,7 +52,7 @@ pub trait Lane: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     #[must_use]
     fn splat(self, value: f64) -> Self;
 
-    /// self / divisor.
+    /// self / divisor, lane by lane.
     #[must_use]
     fn div(self, divisor: Self) -> Self;
 
@@ -151,7 +151,7 @@ macro_rules! register_lanes {
         pub struct $name<S: Simd> {
             /// The instruction set that computes.
             pub simd: S,
-            /// The register.
+            /// The register with one number per lane.
             pub value: S::$register,
         }
 

@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 
 use super::{Exporter, GENERATOR, Summary, exr::floats};
 use osier_base::Result;
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_scene::{AirGrid, Frame, Scene};
 
 /// Exporter of planes and boxes of wind.

@@ -14,7 +14,7 @@
 
 use std::sync::Arc;
 
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 
 use super::estimate::EstimateInput;
 use super::textures::Textures;

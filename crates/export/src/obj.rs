@@ -11,7 +11,7 @@ use super::merge::{Flat, Piece, stream};
 use super::text::Text;
 use super::textures::Textures;
 use super::{Exporter, GENERATOR, Summary};
-use osier_base::fence::{Folder, Output};
+use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Material, Scene, Trs, check_scene};
 

@@ -11,7 +11,7 @@ use glam::Vec3;
 use super::format::FormatInfo;
 use super::gltf::pieces::pieces;
 use super::{Exporter, Summary};
-use osier_base::fence::{Folder, Output};
+use osier_base::files::{Folder, Output};
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points};
 

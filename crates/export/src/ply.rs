@@ -12,7 +12,7 @@ use super::estimate::{EstimateInput, MergedSize};
 use super::format::{FileTarget, FormatInfo};
 use super::merge::{Flat, Piece, normal, stream};
 use super::{Exporter, GENERATOR, Summary};
-use osier_base::fence::{Folder, Output};
+use osier_base::files::{Folder, Output};
 use osier_base::units::{byte, srgb_from_linear};
 use osier_base::{Error, Result};
 use osier_scene::{

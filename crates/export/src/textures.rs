@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use image::ImageEncoder as _;
 
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Image, ImageKind, Pixels, Scene};
 

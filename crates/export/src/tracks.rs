@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::format::FormatInfo;
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::Result;
-use osier_base::fence::{Folder, Output};
+use osier_base::files::{Folder, Output};
 use osier_scene::{DropEvent, DropEventKind, DropNow, DropState, Drops, Frame, LeafNow, Scene};
 
 /// A field of a record: name, type, unit. Types are little-endian: `u4` and `i4` whole numbers, `f4` and `f8` floats.

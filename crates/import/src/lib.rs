@@ -1,6 +1,6 @@
 //! Artists' meshes from bytes: OBJ with MTL, glTF, and the pictures they name.
 //!
-//! No crate opens a path: references are read through [`osier_base::fence::Roots`] and handed on as slices. Whatever a file
+//! No crate opens a path: references are read through [`osier_base::files::SearchPaths`] and handed on as slices. Whatever a file
 //! declares is held against the limits before memory is spent.
 
 mod assembly;
@@ -11,7 +11,7 @@ mod pictures;
 use std::path::{Path, PathBuf};
 
 use osier_base::diagnostic::{Diagnostic, Report};
-use osier_base::fence::{Referred, Refusal, Roots};
+use osier_base::files::{ReadError, ReferencedFile, SearchPaths};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use osier_scene::{Image, Material, MaterialClass, Mesh};
@@ -30,7 +30,7 @@ pub enum Up {
 #[derive(Debug, Clone, Copy)]
 pub struct Options<'a> {
     /// Where references may be read.
-    pub roots: &'a Roots,
+    pub roots: &'a SearchPaths,
     /// What the file may cost.
     pub limits: &'a Limits,
     /// Up axis of the file.
@@ -169,7 +169,7 @@ impl<'a> Job<'a> {
     }
 
     /// Notes a referenced file.
-    fn note(&mut self, referred: &Referred) {
+    fn note(&mut self, referred: &ReferencedFile) {
         let file = InputFile { path: referred.path.clone(), blake3: *blake3::hash(&referred.bytes).as_bytes() };
         if !self.files.contains(&file) {
             self.files.push(file);
@@ -177,13 +177,13 @@ impl<'a> Job<'a> {
     }
 
     /// Bytes of a picture; an absent one is a warning, one that leads out or cannot be read an error.
-    fn picture(&mut self, result: std::result::Result<Referred, Refusal>) -> Outcome<Option<Vec<u8>>> {
+    fn picture(&mut self, result: std::result::Result<ReferencedFile, ReadError>) -> Outcome<Option<Vec<u8>>> {
         match result {
             Ok(referred) => {
                 self.note(&referred);
                 Ok(Some(referred.bytes))
             }
-            Err(refusal @ Refusal::Missing { .. }) => {
+            Err(refusal @ ReadError::Missing { .. }) => {
                 let warning = self.inside("X014", &refusal).help(refusal.help());
                 self.report.push(warning);
                 Ok(None)

@@ -12,7 +12,7 @@ use crate::recipe::catkin_keys::CatkinKeys;
 use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, ImportKeys, OrganKeys};
 use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, Section as _, words};
 use osier_base::Result;
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_base::math::narrow;
 use osier_base::progress::Cancel;
 use osier_base::rng::{mix64, word};

@@ -12,7 +12,7 @@ use crate::bake::assets::ifs_leaf;
 use crate::bake::assets::plant_materials;
 use crate::recipe::Recipe;
 use osier_base::Result;
-use osier_base::fence::{Folder, read_below};
+use osier_base::files::{Folder, read_below};
 use osier_base::limits::Limits;
 use osier_base::par::par_map;
 use osier_export::{GENERATOR, textures};

@@ -4,7 +4,7 @@
 //! options, seed and solid cells. What does not fit in every byte is made again, and said.
 
 use osier_base::Result;
-use osier_base::fence::{Folder, Shelf, read_below};
+use osier_base::files::{Folder, BakeCache, read_below};
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Progress};
 use osier_export::GENERATOR;
@@ -16,7 +16,7 @@ use osier_wind::{LatticeOptions, LatticeSolver};
 /// Those of [`LatticeSolver::new`] and [`LatticeSolver::spin_up`]; what cannot be written.
 pub fn load_or_spin_up(
     (options, solids): (&LatticeOptions, &[Solid]),
-    shelf: Option<&Shelf>,
+    shelf: Option<&BakeCache>,
     limits: &Limits,
     (progress, cancel): (&dyn Progress, &Cancel),
 ) -> Result<LatticeSolver> {

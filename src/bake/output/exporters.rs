@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::bake::output::frame_loop::NamedExporter;
 use crate::recipe::sections::{CopyStyle, Profile, Up};
 use crate::recipe::{OutputRecipe, Recipe};
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_export::format::{self, ExportJob, ExportOptions, FormatInfo};
 use osier_export::textures::Textures;
 use osier_export::{air, exr, gltf, manifest, pov, usd};

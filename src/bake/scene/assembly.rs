@@ -33,7 +33,7 @@ use crate::recipe::sections::Motion;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
 use osier_base::diagnostic::{Diagnostic, Report};
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::{join, par_map};

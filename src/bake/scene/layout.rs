@@ -9,7 +9,7 @@ use crate::bake::assets::terrain;
 use crate::bake::scene::scatter;
 use crate::recipe::{Growth, PlaceRecipe, Recipe};
 use osier_base::Result;
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_base::math;
 use osier_base::rng::{Rng, child, mix64, word};
 use osier_plants::surface::terrain::Land;

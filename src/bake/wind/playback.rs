@@ -13,7 +13,7 @@ use crate::recipe::Recipe;
 use crate::recipe::wind_keys::{Solver, WindModel};
 use osier_base::Result;
 use osier_base::diagnostic::Report;
-use osier_base::fence::Shelf;
+use osier_base::files::BakeCache;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::{Cancel, Progress, Silent};
@@ -43,7 +43,7 @@ struct LatticeConfig {
     solids: Vec<Solid>,
     limits: Limits,
     cancel: Cancel,
-    shelf: Option<Shelf>,
+    shelf: Option<BakeCache>,
     scale: f32,
 }
 

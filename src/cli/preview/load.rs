@@ -11,7 +11,7 @@ use crate::bake::scene::AnimatedScene;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use osier_base::diagnostic::{Diagnostic, Report};
-use osier_base::fence::{self, Roots};
+use osier_base::files::{self, SearchPaths};
 use osier_base::{Error, Result};
 use osier_export::manifest;
 use osier_import::{Options, Up};
@@ -145,8 +145,8 @@ fn baked(context: &Context, folder: &Path) -> Result<PathBuf> {
 }
 
 fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
-    let bytes = fence::read_input(path, context.limits.get("mesh-bytes"))?;
-    let roots = Roots::new(path, &context.common.search)?;
+    let bytes = files::read_input(path, context.limits.get("mesh-bytes"))?;
+    let roots = SearchPaths::new(path, &context.common.search)?;
     let options = Options { roots: &roots, limits: &context.limits, up: Up::Y, scale: 1.0, class: MaterialClass::Leaf };
     let read = osier_import::read(path, &bytes, &options)?;
     let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();

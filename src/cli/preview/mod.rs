@@ -15,7 +15,7 @@ use super::args::Preview;
 use super::progress::Show;
 use crate::bake::BakeContext;
 use osier_base::Result;
-use osier_base::fence::{Folder, WriteOptions};
+use osier_base::files::{Folder, WriteOptions};
 use osier_export::GENERATOR;
 use osier_preview::{Picture, Quality};
 use osier_scene::Scene;
@@ -95,7 +95,7 @@ impl Target {
     fn tell(&self, context: &Context, [width, height]: [u32; 2], frames: usize) -> Result<()> {
         self.folder.finish()?;
         if context.console.json {
-            let row = |f: &osier_base::fence::FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
+            let row = |f: &osier_base::files::FileRecord| json!({ "path": self.path.display().to_string(), "kind": f.kind, "bytes": f.bytes, "blake3": f.blake3 });
             let files: Vec<_> = self.folder.files().iter().map(row).collect();
             let value = json!({ "files": files, "width": width, "height": height, "frames": frames });
             return context.console.result(&format!("{value:#}\n"));

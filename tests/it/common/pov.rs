@@ -9,7 +9,7 @@ use std::sync::Arc;
 use osier::export::pov::{Pov, PovOptions};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Summary};
-use osier::fence::Folder;
+use osier::files::Folder;
 use osier::scene::{Frame, Scene};
 
 /// Writes a scene and its frames.

@@ -7,7 +7,7 @@ use super::Severity::{self, Error, Warning};
 pub struct Code {
     /// `L001`, `S001`, `X001`, ...
     pub code: &'static str,
-    /// Fixed per code.
+    /// Error or warning; the same wherever the code is reported.
     pub severity: Severity,
     /// Shape of the message.
     pub summary: &'static str,
@@ -145,7 +145,7 @@ pub const CODES: &[Code] = &[
     row("X030", Error, "nothing to write: no triangle, no point"),
 ];
 
-/// The row of a code.
+/// The table row of a code; `None` for an unknown code.
 pub fn find(code: &str) -> Option<&'static Code> {
     CODES.iter().find(|c| c.code == code)
 }

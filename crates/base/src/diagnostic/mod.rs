@@ -1,4 +1,4 @@
-//! Complaints about files that an artist wrote: where, what is wrong, how to mend it.
+//! Diagnostics about the user's files: source position, message, help and fix.
 //!
 //! Readers collect [`Diagnostic`]s beside the [`Sources`] they point into; a [`Report`] carries both to the cli, which
 //! renders it once.
@@ -10,7 +10,7 @@ mod source;
 pub use render::{Style, is_hidden, render, render_json, visible};
 pub use source::{Position, SourceId, Sources, Span};
 
-/// How grave a complaint is; fixed per code.
+/// Severity of a diagnostic; fixed per code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
     /// The file can be used.
@@ -19,19 +19,19 @@ pub enum Severity {
     Error,
 }
 
-/// A change to the text that would mend the complaint.
+/// A text edit that resolves a diagnostic.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fix {
-    /// Bytes to replace.
+    /// Bytes that the replacement stands for.
     pub span: Span,
-    /// What to put there.
+    /// The new text.
     pub replacement: String,
 }
 
-/// One complaint about one place of one file.
+/// One problem at one place of one file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// Error or warning.
+    /// As the table of [`codes`] has it.
     pub severity: Severity,
     /// Stable code from [`codes`], such as `L001`.
     pub code: &'static str,
@@ -39,9 +39,9 @@ pub struct Diagnostic {
     pub message: String,
     /// Places with what to say under each; the first one is the cause.
     pub labels: Vec<(Span, String)>,
-    /// How to mend it.
+    /// What the user can do about it, as a sentence.
     pub help: Option<String>,
-    /// The mend as text, where it is certain.
+    /// A text edit that repairs the file, where one is certain.
     pub fix: Option<Fix>,
 }
 
@@ -56,7 +56,7 @@ impl Diagnostic {
         Self::new(Severity::Warning, code, message.into(), span, label.into())
     }
 
-    /// A complaint about a whole file or something without lines, which the message names; severity as the code has it.
+    /// A diagnostic about a whole file or something without lines, which the message names; severity as the code has it.
     pub fn about(code: &'static str, message: impl Into<String>) -> Self {
         let severity = codes::find(code).map_or(Severity::Error, |c| c.severity);
         Self { severity, code, message: message.into(), labels: Vec::new(), help: None, fix: None }
@@ -66,7 +66,7 @@ impl Diagnostic {
         Self { severity, code, message, labels: vec![(span, label)], help: None, fix: None }
     }
 
-    /// Adds how to mend it.
+    /// Adds a sentence on what the user can do.
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
@@ -85,13 +85,13 @@ impl Diagnostic {
     }
 }
 
-/// Most complaints that a report holds: what a damaged file of any size has to say stays short.
-const MOST: usize = 250;
+/// Largest number of diagnostics in a report, so that a damaged file of any size gives a short report.
+const MAX_DIAGNOSTICS: usize = 250;
 
 /// Diagnostics with the sources they point into.
 #[derive(Debug, Clone, Default)]
 pub struct Report {
-    /// Texts by id.
+    /// The texts that spans point into, by id.
     pub sources: Sources,
     /// In order of discovery.
     pub diagnostics: Vec<Diagnostic>,
@@ -103,16 +103,16 @@ impl Report {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// True if no further complaint is held.
+    /// True if the report takes no further diagnostic.
     pub fn is_full(&self) -> bool {
-        self.diagnostics.len() >= MOST && self.has_errors()
+        self.diagnostics.len() >= MAX_DIAGNOSTICS && self.has_errors()
     }
 
-    /// Adds one complaint; a (code, place) already present is not repeated, nor is one without a place whose words are. A
-    /// full report takes none but its first error.
+    /// Adds a diagnostic unless one with the same code and place (without a place: the same message) is there already. A full
+    /// report takes none but its first error.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         let warning = diagnostic.severity == Severity::Warning;
-        if self.diagnostics.len() >= MOST && (warning || self.has_errors()) {
+        if self.diagnostics.len() >= MAX_DIAGNOSTICS && (warning || self.has_errors()) {
             return;
         }
         let place = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));

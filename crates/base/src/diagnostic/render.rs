@@ -7,21 +7,21 @@ use serde_json::{Value, json};
 
 use super::{Diagnostic, Report, Severity, Sources, Span};
 
-/// Longest list shown; the rest is counted.
-const SHOWN: usize = 20;
+/// Number of diagnostics rendered; the rest is counted.
+const MAX_RENDERED: usize = 20;
 
 /// Lines kept around a place, so that a huge file costs no more than a small one.
-const AROUND: usize = 2;
+const CONTEXT_LINES: usize = 2;
 
 /// Longest line that is quoted; of a longer one only the place is named.
-const QUOTED: usize = 4000;
+const MAX_QUOTED_LINE: usize = 4000;
 
 /// With or without terminal colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
-    /// No escapes.
+    /// Text without escape sequences.
     Plain,
-    /// ANSI colours.
+    /// ANSI colour escape sequences for a terminal.
     Coloured,
 }
 
@@ -32,11 +32,11 @@ pub fn render(report: &Report, style: Style) -> String {
         Style::Coloured => Renderer::styled(),
     };
     let mut out = String::new();
-    for diagnostic in report.diagnostics.iter().take(SHOWN) {
+    for diagnostic in report.diagnostics.iter().take(MAX_RENDERED) {
         out.push_str(&render_one(&renderer, &report.sources, diagnostic));
         out.push_str("\n\n");
     }
-    let hidden = report.diagnostics.len().saturating_sub(SHOWN);
+    let hidden = report.diagnostics.len().saturating_sub(MAX_RENDERED);
     if hidden > 0 {
         out.push_str(&format!("... and {hidden} more\n\n"));
     }
@@ -77,14 +77,14 @@ pub fn render_json(report: &Report) -> Value {
     report.diagnostics.iter().map(one).collect()
 }
 
-/// Some lines of a source, safe to print, and where they begin in it.
-struct Window {
+/// The lines of a source around some spans, safe to print: first byte and line number of the excerpt.
+struct Excerpt {
     text: String,
     start: usize,
     line: usize,
 }
 
-impl Window {
+impl Excerpt {
     /// The lines around all of the spans.
     fn around(text: &str, spans: &[Span]) -> Self {
         let first = spans.iter().map(|s| s.start as usize).min().unwrap_or(0).min(text.len());
@@ -92,7 +92,7 @@ impl Window {
         let bytes = text.as_bytes();
         let mut start = line_start(bytes, first);
         let mut end = line_end(bytes, last);
-        for _ in 0..AROUND {
+        for _ in 0..CONTEXT_LINES {
             start = if start > 0 { line_start(bytes, start - 1) } else { start };
             end = if end < bytes.len() { line_end(bytes, end + 1) } else { end };
         }
@@ -114,7 +114,7 @@ impl Window {
     }
 
     fn is_quotable(&self) -> bool {
-        self.text.split('\n').all(|line| line.len() <= QUOTED)
+        self.text.split('\n').all(|line| line.len() <= MAX_QUOTED_LINE)
     }
 }
 
@@ -157,7 +157,7 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
         main = main.element(Level::HELP.message(help.as_str()));
     }
     let fix = diagnostic.fix.as_ref();
-    let fixed = fix.map(|f| (f, Window::around(sources.text(f.span.source), &[f.span]), visible(&f.replacement)));
+    let fixed = fix.map(|f| (f, Excerpt::around(sources.text(f.span.source), &[f.span]), visible(&f.replacement)));
     let mut groups = vec![main];
     if let Some((fix, window, replacement)) = fixed.as_ref().filter(|(_, w, _)| w.is_quotable()) {
         let patch = Patch::new(window.range(fix.span), replacement.as_str());
@@ -167,8 +167,8 @@ fn render_one(renderer: &Renderer, sources: &Sources, diagnostic: &Diagnostic) -
     renderer.render(&groups).to_string()
 }
 
-/// One window for each source that has labels, with its name and spans.
-fn windows(sources: &Sources, diagnostic: &Diagnostic) -> Vec<(String, Vec<Span>, Window)> {
+/// One excerpt for each source that has labels, with its name and spans.
+fn windows(sources: &Sources, diagnostic: &Diagnostic) -> Vec<(String, Vec<Span>, Excerpt)> {
     let mut ids = Vec::new();
     for (span, _) in &diagnostic.labels {
         if !ids.contains(&span.source) {
@@ -177,7 +177,7 @@ fn windows(sources: &Sources, diagnostic: &Diagnostic) -> Vec<(String, Vec<Span>
     }
     let window = |id| {
         let spans: Vec<Span> = diagnostic.labels.iter().map(|l| l.0).filter(|s| s.source == id).collect();
-        let window = Window::around(sources.text(id), &spans);
+        let window = Excerpt::around(sources.text(id), &spans);
         (visible(sources.name(id)), spans, window)
     };
     ids.into_iter().map(window).collect()

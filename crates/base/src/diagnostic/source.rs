@@ -1,4 +1,4 @@
-//! Texts and places in them.
+//! Source texts, and spans and positions in them.
 
 use std::sync::Arc;
 
@@ -9,9 +9,9 @@ pub struct SourceId(pub u32);
 /// Bytes `start..end` of one source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Span {
-    /// Which text.
+    /// The text that the offsets count in.
     pub source: SourceId,
-    /// First byte.
+    /// Offset of the first byte.
     pub start: u32,
     /// One past the last byte; equal to `start` for a place between bytes.
     pub end: u32,
@@ -20,6 +20,7 @@ pub struct Span {
 impl Span {
     /// Span of bytes `start..end`; offsets beyond 4 GiB saturate (texts are limited far below).
     pub fn new(source: SourceId, start: usize, end: usize) -> Self {
+        // A place beyond the text is shown at its end.
         let clip = |v: usize| u32::try_from(v).unwrap_or(u32::MAX);
         Self { source, start: clip(start), end: clip(end) }
     }
@@ -37,9 +38,9 @@ impl Span {
 /// One-based line and column (in characters).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Position {
-    /// One-based.
+    /// Line number, from 1.
     pub line: usize,
-    /// One-based, counted in characters.
+    /// Column in characters, from 1.
     pub column: usize,
 }
 
@@ -58,8 +59,15 @@ pub struct Sources {
 impl Sources {
     /// Adds a text under the name shown to the user (the path as typed, or `preset:oak.l`).
     pub fn add(&mut self, name: impl Into<String>, text: impl Into<Arc<str>>) -> SourceId {
+        let id = self.next_id();
         self.list.push(Source { name: name.into(), text: text.into() });
-        SourceId(u32::try_from(self.list.len() - 1).unwrap_or(u32::MAX))
+        id
+    }
+
+    /// A report names files that were opened, of which there are fewer than 2^32.
+    #[allow(clippy::cast_possible_truncation, reason = "the number of opened files")]
+    fn next_id(&self) -> SourceId {
+        SourceId(self.list.len() as u32)
     }
 
     /// Name of a source; empty for an unknown id.
@@ -74,12 +82,12 @@ impl Sources {
 
     /// Ids in order of addition.
     pub fn ids(&self) -> impl Iterator<Item = SourceId> + '_ {
-        (0..self.list.len()).map(|i| SourceId(u32::try_from(i).unwrap_or(u32::MAX)))
+        (0..).zip(&self.list).map(|(i, _)| SourceId(i))
     }
 
     /// Moves all of `other`'s texts in here and returns the offset to add to its ids.
     pub fn append(&mut self, other: Self) -> u32 {
-        let offset = u32::try_from(self.list.len()).unwrap_or(u32::MAX);
+        let offset = self.next_id().0;
         self.list.extend(other.list);
         offset
     }

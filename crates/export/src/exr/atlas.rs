@@ -2,7 +2,7 @@
 
 use super::wet::Stamped;
 use crate::sheets::{Kept, Map, values};
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Scene, Wet};
 

@@ -20,7 +20,7 @@ use super::estimate::EstimateInput;
 use super::format::FormatInfo;
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::Error;
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_scene::{Field, Frame, HeightField, Material, Pixels, Scene};
 
 pub use atlas::{ATLAS, BORDER};

@@ -4,7 +4,7 @@ use glam::Vec3;
 use half::f16;
 
 use super::encode;
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_base::{Result, math, noise};
 use osier_scene::{Scene, Sky};
 

@@ -6,7 +6,7 @@ use super::atlas::Atlas;
 use super::{ExrOptions, encode};
 use crate::sheets::{Keeper, Kept, Map, Values};
 use crate::{Summary, Warning};
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Scene};
 

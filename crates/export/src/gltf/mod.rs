@@ -30,7 +30,7 @@ use super::estimate::EstimateInput;
 use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Frame, Scene, check_frame, check_scene, stilled};
 

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::format::FORMATS;
 use crate::{VERSION, Warning};
-use osier_base::fence::{FileRecord, MANIFEST};
+use osier_base::files::{FileRecord, MANIFEST};
 use osier_scene::{Asset, AssetFrame, Clip, Material, MaterialClass, Scene, asset_bounds};
 
 /// Choices of the exporters that readers of the files need.

@@ -9,7 +9,7 @@ pub use verify::{Verification, verify};
 use serde::{Deserialize, Serialize};
 
 use osier_base::Result;
-use osier_base::fence::{Folder, MANIFEST};
+use osier_base::files::{Folder, MANIFEST};
 
 /// The whole manifest; field order is key order.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{FileEntry, Manifest, bake_hash};
-use osier_base::fence::{MANIFEST, hash_file, list_files, read_below};
+use osier_base::files::{MANIFEST, hash_file, list_files, read_below};
 use osier_base::{Error, Result};
 
 /// What [`verify`] found; lists are in path order.

@@ -23,7 +23,7 @@ use super::format::{FileTarget, FormatInfo};
 use super::text::Text;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_base::{Error, Result};
 use osier_scene::{Asset, AssetFrame, Frame, Instancer, Scene, check_frame, check_scene, scene_bounds};
 

@@ -6,7 +6,7 @@ use crate::sheets::{Keeper, Kept, Map, Values};
 use crate::text::Text;
 use crate::textures;
 use osier_base::Result;
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_scene::{Frame, Image, ImageKind, Pixels, Scene, Wet};
 
 /// Writes the pictures.

@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::format::FormatInfo;
 use super::{Exporter, Summary};
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 use osier_scene::{Frame, Scene, Table, largest};
 
 /// Tables of statistics in the registry.

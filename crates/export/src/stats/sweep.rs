@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 use super::plot::{Axis, Line, Panel, draw};
 use super::{Whole, named, number};
 use osier_base::Result;
-use osier_base::fence::Folder;
+use osier_base::files::Folder;
 
 /// What several runs came to.
 #[derive(Debug, Clone, Default)]

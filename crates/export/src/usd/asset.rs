@@ -3,7 +3,7 @@
 use super::layer::{AnimatedPrim, LayerBuilder, UsdContext};
 use super::{instancer, mesh, points, skel, wetness_primvar};
 use osier_base::Result;
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_scene::Asset;
 
 /// Writes an asset at rest under `root`, a prim that exists. Returns what changes with the frames.

@@ -1,7 +1,7 @@
 //! Where the bytes of a layer go: a file of its own, or a member of a package.
 
 use osier_base::Result;
-use osier_base::fence::Output;
+use osier_base::files::Output;
 
 /// A growing run of bytes with a head that can be rewritten.
 pub(super) trait ByteSink: Send {

@@ -9,7 +9,7 @@ use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMeta};
 use super::value::UsdValue;
 use crate::sheets::Map;
 use osier_base::Result;
-use osier_base::fence::safe_name;
+use osier_base::files::safe_name;
 use osier_base::geometry::Bounds;
 use osier_scene::{Asset, AssetFrame, Material, MaterialId, Scene, Trs, WetMaps};
 

@@ -9,7 +9,7 @@ use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext};
 use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
-use osier_base::fence::safe_name;
+use osier_base::files::safe_name;
 use osier_base::geometry::Bounds;
 use osier_scene::{MaterialId, Mesh, MeshFrame, MeshMotion};
 

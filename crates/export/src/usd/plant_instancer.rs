@@ -13,7 +13,7 @@ use super::layer::{LayerBuilder, UsdContext, canonical_quat};
 use super::layer_writer::{AttrSpec, PrimMeta};
 use super::value::UsdArray;
 use osier_base::Result;
-use osier_base::fence::{Names, safe_name};
+use osier_base::files::{Names, safe_name};
 use osier_base::geometry::Bounds;
 use osier_scene::{Placement, Scene, Trs};
 

@@ -9,7 +9,7 @@ use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
 use super::mesh::{MeshPrim, define_mesh};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
-use osier_base::fence::{Names, safe_name};
+use osier_base::files::{Names, safe_name};
 use osier_base::geometry::Bounds;
 use osier_scene::{Asset, AssetFrame, MeshMotion, MeshObject, Skeleton, SkinWeights, Trs, mesh_points};
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::byte_sink::ByteSink;
-use osier_base::fence::Output;
+use osier_base::files::Output;
 use osier_base::{Error, Result};
 
 const ALIGN: u64 = 64;

@@ -7,7 +7,7 @@ use super::Reader;
 use crate::affine::Affine;
 use crate::{Ifs, MAX_COEFFICIENT, Map, View};
 use osier_base::diagnostic::{Diagnostic, Span};
-use osier_base::fence::number;
+use osier_base::files::number;
 use osier_base::units;
 
 /// Attributes of a map that are read.

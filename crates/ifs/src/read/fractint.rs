@@ -4,7 +4,7 @@ use super::Reader;
 use crate::affine::Affine;
 use crate::{Ifs, MAX_COEFFICIENT, Map};
 use osier_base::diagnostic::{Diagnostic, Span};
-use osier_base::fence::{BadNumber, number};
+use osier_base::files::{NumberError, number};
 
 /// Longest number.
 const TOKEN: usize = 64;
@@ -115,8 +115,8 @@ fn value(word: &str) -> Result<f64, String> {
         return Err(format!("a number of {} characters", word.len()));
     }
     let value = number(word).map_err(|why| match why {
-        BadNumber::Malformed => format!("\"{word}\" is not a finite number"),
-        BadNumber::Comma | BadNumber::TooLarge => format!("\"{word}\": {why}"),
+        NumberError::Malformed => format!("\"{word}\" is not a finite number"),
+        NumberError::Comma | NumberError::TooLarge => format!("\"{word}\": {why}"),
     })?;
     if value.abs() > MAX_COEFFICIENT {
         return Err(format!("{word} is beyond 1e12"));

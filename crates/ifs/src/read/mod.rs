@@ -9,7 +9,7 @@ mod tests;
 
 use super::Ifs;
 use osier_base::diagnostic::{Diagnostic, Report, Severity, SourceId, Span, nearest};
-use osier_base::fence::{Encoding, decode};
+use osier_base::files::{Encoding, decode};
 use osier_base::limits::{Limits, grouped};
 use osier_base::{Error, Result};
 

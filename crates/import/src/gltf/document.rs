@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 
 use crate::{Job, Outcome};
 use osier_base::diagnostic::{Diagnostic, Span};
-use osier_base::fence::{Encoding, decode};
+use osier_base::files::{Encoding, decode};
 use osier_base::limits::grouped;
 
 /// Extensions that are read, or whose absence changes only the look.

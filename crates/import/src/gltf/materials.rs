@@ -9,7 +9,7 @@ use super::buffers::{Buffers, resource};
 use super::document::{Document, UvTransform};
 use crate::pictures::{self, Raw, Shelf, Use};
 use crate::{Job, Outcome};
-use osier_base::fence::Names;
+use osier_base::files::Names;
 use osier_base::math;
 use osier_scene::{Image, Material};
 

@@ -1,7 +1,7 @@
 //! Lines and words of OBJ and MTL with their places.
 
 use super::Complaint;
-use osier_base::fence::{BadNumber, number};
+use osier_base::files::{NumberError, number};
 
 /// A word and its first byte.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,11 +21,11 @@ impl Word<'_> {
     pub(super) fn number(&self) -> Result<f64, Complaint> {
         let value = number(self.text).map_err(|why| {
             let word = self.text.trim_start_matches(['+', '-']).to_ascii_lowercase();
-            let infinite = matches!(word.as_str(), "nan" | "inf" | "infinity") || why == BadNumber::TooLarge;
+            let infinite = matches!(word.as_str(), "nan" | "inf" | "infinity") || why == NumberError::TooLarge;
             let code = if infinite { "X001" } else { "X010" };
             let message = if infinite { "value is not finite".into() } else { why.to_string() };
             let help = match why {
-                BadNumber::Comma => "replace the comma by a point",
+                NumberError::Comma => "replace the comma by a point",
                 _ => "write a finite decimal number such as 0.25",
             };
             Complaint { code, ..self.complaint(message, help) }

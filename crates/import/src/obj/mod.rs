@@ -16,7 +16,7 @@ use self::mtl::Library;
 use super::assembly::{Piece, join};
 use super::{Job, Made, Outcome};
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
-use osier_base::fence::{Encoding, Refusal, decode};
+use osier_base::files::{Encoding, ReadError, decode};
 use osier_base::limits::grouped;
 
 /// Reads an OBJ file and its material libraries.
@@ -111,8 +111,8 @@ impl<'a> Checked<'a> {
     }
 
     /// Complains about a reference at byte `start`; one that is absent is a warning.
-    fn refuse(&mut self, job: &mut Job<'_>, word: Word<'_>, refusal: &Refusal) {
-        let code = if matches!(refusal, Refusal::Missing { .. }) { "X014" } else { refusal.code() };
+    fn refuse(&mut self, job: &mut Job<'_>, word: Word<'_>, refusal: &ReadError) {
+        let code = if matches!(refusal, ReadError::Missing { .. }) { "X014" } else { refusal.code() };
         let complaint = word.complaint(refusal.to_string(), refusal.help());
         self.complain(job, Complaint { code, label: "named here".into(), ..complaint });
     }

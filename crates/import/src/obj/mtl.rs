@@ -7,7 +7,7 @@ use super::lines::{Word, lines, plain, rest, words};
 use super::{Checked, Complaint, text};
 use crate::pictures::{self, Raw};
 use crate::{Job, Outcome};
-use osier_base::fence::{Names, Refusal, number};
+use osier_base::files::{Names, ReadError, number};
 use osier_scene::{Image, ImageKind, Material};
 
 /// Maps that are read.
@@ -34,7 +34,7 @@ impl Library {
             let read = |reference: &str| job.options.roots.read(job.path, reference, limit);
             let found = match read(name) {
                 // One line may name several libraries.
-                Err(Refusal::Missing { .. }) if name.contains(' ') => name.split_whitespace().map(read).collect(),
+                Err(ReadError::Missing { .. }) if name.contains(' ') => name.split_whitespace().map(read).collect(),
                 one => vec![one],
             };
             for result in found {

@@ -453,7 +453,7 @@ mod tests {
     use super::*;
     use crate::usd::axis::UpAxis;
     use half::f16;
-    use osier_base::fence::Folder;
+    use osier_base::files::Folder;
 
     /// Bytes of an instancer's clip; `scale` gives the scale of a frame.
     fn clip(frames: u32, n: u32, scale: impl Fn(u32) -> f32) -> usize {

@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::Duration;
 
-use super::disk::{Disk, open_regular, retry};
+use super::file_system::{Disk, open_regular, retry};
 
 /// Parts that this process is writing now: what tells them from those of a dead process with our number.
 static LIVE: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
@@ -37,15 +37,15 @@ const PATIENCE: Duration = Duration::from_secs(24 * 3600);
 
 /// A part file; removed when dropped unless it was moved to its final name.
 #[derive(Debug)]
-pub(super) struct Part {
+pub(super) struct PartFile {
     disk: Arc<dyn Disk>,
     path: PathBuf,
     moved: bool,
-    /// Holds the lock.
+    /// Open as long as this process holds the lock on the part.
     lock: Option<File>,
 }
 
-impl Part {
+impl PartFile {
     /// Makes the part file for `name` in `folder`.
     pub(super) fn create(disk: &Arc<dyn Disk>, folder: &Path, name: &str) -> io::Result<(Self, File)> {
         loop {
@@ -82,7 +82,7 @@ impl Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for PartFile {
     fn drop(&mut self) {
         if !self.moved {
             // Nothing more can be done about a part that cannot be removed; the next run sweeps it.
@@ -179,7 +179,7 @@ fn is_dead(_pid: i32) -> bool {
 
 /// Removes what dead writers left in a folder: parts that nobody holds, of this host where their process is gone, others
 /// after a day.
-pub(super) fn sweep(disk: &Arc<dyn Disk>, folder: &Path) {
+pub(super) fn remove_stale_parts(disk: &Arc<dyn Disk>, folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     let mut now = None;
     for entry in entries.flatten() {
@@ -215,7 +215,7 @@ pub(super) fn sweep(disk: &Arc<dyn Disk>, folder: &Path) {
 
 /// The disk's own idea of now: the age of a fresh file, so that no clock of ours is compared with a server's.
 fn disk_time(disk: &Arc<dyn Disk>, folder: &Path) -> Option<std::time::SystemTime> {
-    let (_part, file) = Part::create(disk, folder, "now").ok()?;
+    let (_part, file) = PartFile::create(disk, folder, "now").ok()?;
     file.metadata().ok()?.modified().ok()
 }
 
@@ -223,7 +223,7 @@ fn disk_time(disk: &Arc<dyn Disk>, folder: &Path) -> Option<std::time::SystemTim
 #[allow(clippy::disallowed_methods, reason = "tests look at the disk themselves")]
 mod tests {
     use super::*;
-    use crate::fence::disk::System;
+    use crate::files::file_system::System;
 
     #[test]
     fn only_part_names_have_an_owner() {
@@ -237,7 +237,7 @@ mod tests {
     fn the_sweep_takes_the_dead_and_spares_the_living() {
         let dir = tempfile::tempdir().expect("dir");
         let disk: Arc<dyn Disk> = Arc::new(System);
-        let (_kept, _file) = Part::create(&disk, dir.path(), "mine").expect("part");
+        let (_kept, _file) = PartFile::create(&disk, dir.path(), "mine").expect("part");
         let own = std::process::id();
         let names = [
             (format!(".a.{}-{own}-999999999.part", host()), false),
@@ -249,7 +249,7 @@ mod tests {
         for (name, _) in &names {
             fs::write(dir.path().join(name), b"x").expect("write");
         }
-        sweep(&disk, dir.path());
+        remove_stale_parts(&disk, dir.path());
         for (name, stays) in &names {
             assert_eq!(dir.path().join(name).exists(), *stays, "{name}");
         }
@@ -257,7 +257,7 @@ mod tests {
         assert_eq!(mine.filter(|e| e.file_name().to_string_lossy().starts_with(".mine")).count(), 1);
         let old = File::options().write(true).open(dir.path().join(".d.elsewhere-1-0.part")).expect("open");
         old.set_modified(std::time::UNIX_EPOCH).expect("age");
-        sweep(&disk, dir.path());
+        remove_stale_parts(&disk, dir.path());
         assert!(!dir.path().join(".d.elsewhere-1-0.part").exists());
     }
 }

@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io::{self, BufWriter, Cursor, Seek, SeekFrom, Write};
 use std::sync::Arc;
 
-use super::disk::{Disk, hash, retry};
+use super::file_system::{Disk, hash, retry};
 use super::folder::{FileRecord, Folder};
-use super::late_hash::LateHash;
-use super::parts::Part;
+use super::part_file::PartFile;
+use super::patchable_hash::PatchableHash;
 use crate::{Error, Result};
 
 const BUFFER: usize = 1 << 20;
@@ -36,9 +36,9 @@ impl Seek for DiskFile {
 }
 
 #[derive(Debug)]
-enum Sink {
+enum OutputSink {
     // The part outlives the writer: fields drop in this order.
-    Disk(BufWriter<DiskFile>, Part),
+    Disk(BufWriter<DiskFile>, PartFile),
     Memory(Cursor<Vec<u8>>),
 }
 
@@ -46,8 +46,8 @@ enum Sink {
 #[derive(Debug)]
 pub struct Output {
     folder: Folder,
-    sink: Sink,
-    hasher: LateHash,
+    sink: OutputSink,
+    hasher: PatchableHash,
     /// Bytes were overwritten that the hash has already taken in.
     stale: bool,
     record: FileRecord,
@@ -62,20 +62,20 @@ impl Output {
         // Another process may have tidied the folder away while it was empty.
         let again = |e: io::Error| {
             if e.kind() == io::ErrorKind::NotFound { disk.make_dir(parent) } else { Err(e) }?;
-            Part::create(disk, parent, name)
+            PartFile::create(disk, parent, name)
         };
         let (part, file) =
-            Part::create(disk, parent, name).or_else(again).map_err(|e| Error::io("create", &target, e))?;
+            PartFile::create(disk, parent, name).or_else(again).map_err(|e| Error::io("create", &target, e))?;
         let writer = BufWriter::with_capacity(BUFFER, DiskFile { disk: Arc::clone(folder.disk()), file });
-        Ok(Self::new(folder, Sink::Disk(writer, part), record))
+        Ok(Self::new(folder, OutputSink::Disk(writer, part), record))
     }
 
     pub(super) fn in_memory(folder: Folder, record: FileRecord) -> Self {
-        Self::new(folder, Sink::Memory(Cursor::default()), record)
+        Self::new(folder, OutputSink::Memory(Cursor::default()), record)
     }
 
-    fn new(folder: Folder, sink: Sink, record: FileRecord) -> Self {
-        Self { folder, sink, hasher: LateHash::new(), stale: false, record }
+    fn new(folder: Folder, sink: OutputSink, record: FileRecord) -> Self {
+        Self { folder, sink, hasher: PatchableHash::new(), stale: false, record }
     }
 
     fn failed(&self, action: &'static str) -> impl FnOnce(io::Error) -> Error + use<> {
@@ -105,8 +105,8 @@ impl Output {
         let end = offset.saturating_add(bytes.len() as u64);
         self.record.bytes = self.record.bytes.max(end);
         match &mut self.sink {
-            Sink::Disk(w, _) => overwrite(w, offset, bytes),
-            Sink::Memory(w) => overwrite(w, offset, bytes),
+            OutputSink::Disk(w, _) => overwrite(w, offset, bytes),
+            OutputSink::Memory(w) => overwrite(w, offset, bytes),
         }
         .map_err(|e| self.failed("write")(e))
     }
@@ -124,14 +124,14 @@ impl Output {
         let (write, read, sync) = (self.failed("write"), self.failed("read"), self.failed("sync"));
         let Self { folder, sink, hasher, stale, mut record } = self;
         match sink {
-            Sink::Memory(bytes) => {
+            OutputSink::Memory(bytes) => {
                 let bytes = bytes.into_inner();
                 let digest = if stale { blake3::hash(&bytes) } else { hasher.finalize() };
                 record.blake3 = digest.to_hex().to_string();
                 folder.admit_bytes(record, bytes);
                 Ok(())
             }
-            Sink::Disk(writer, part) => {
+            OutputSink::Disk(writer, part) => {
                 let DiskFile { disk, mut file } = writer.into_inner().map_err(|e| write(e.into_error()))?;
                 let digest = if stale {
                     file.seek(SeekFrom::Start(0)).and_then(|_| hash(&file)).map_err(read)?.0
@@ -150,8 +150,8 @@ impl Output {
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let n = match &mut self.sink {
-            Sink::Disk(w, _) => w.write(bytes)?,
-            Sink::Memory(w) => w.write(bytes)?,
+            OutputSink::Disk(w, _) => w.write(bytes)?,
+            OutputSink::Memory(w) => w.write(bytes)?,
         };
         if !self.stale {
             self.hasher.update(bytes.get(..n).unwrap_or_default());
@@ -162,8 +162,8 @@ impl Write for Output {
 
     fn flush(&mut self) -> io::Result<()> {
         match &mut self.sink {
-            Sink::Disk(w, _) => w.flush(),
-            Sink::Memory(_) => Ok(()),
+            OutputSink::Disk(w, _) => w.flush(),
+            OutputSink::Memory(_) => Ok(()),
         }
     }
 }

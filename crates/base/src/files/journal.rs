@@ -9,9 +9,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::disk::{Disk, System, open_regular, read_limited, retry};
-use super::names::is_plain_path;
-use super::parts::Part;
+use super::file_system::{Disk, System, open_regular, read_limited, retry};
+use super::part_file::PartFile;
+use super::unique_names::is_plain_path;
 
 /// Name of the journal in its folder.
 pub(super) const JOURNAL: &str = ".osier";
@@ -21,7 +21,7 @@ const LIMIT: u64 = 1 << 30;
 
 /// One line: a file that was finished for a key.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Entry {
+pub(super) struct JournalEntry {
     pub(super) key: String,
     pub(super) blake3: String,
     pub(super) bytes: u64,
@@ -33,13 +33,13 @@ pub(super) struct Journal {
     disk: Arc<dyn Disk>,
     path: PathBuf,
     text: String,
-    files: BTreeMap<String, BTreeSet<Entry>>,
+    files: BTreeMap<String, BTreeSet<JournalEntry>>,
     folders: BTreeSet<String>,
 }
 
 /// Why a journal could not be used.
 #[derive(Debug)]
-pub(super) enum Trouble {
+pub(super) enum JournalError {
     /// `.osier` is something else.
     Foreign,
     /// It could not be read.
@@ -48,7 +48,7 @@ pub(super) enum Trouble {
 
 impl Journal {
     /// Reads the journal of a folder; an absent one is empty.
-    pub(super) fn open(disk: &Arc<dyn Disk>, folder: &Path) -> Result<Self, Trouble> {
+    pub(super) fn open(disk: &Arc<dyn Disk>, folder: &Path) -> Result<Self, JournalError> {
         let mut journal = Self {
             disk: Arc::clone(disk),
             path: folder.join(JOURNAL),
@@ -69,17 +69,17 @@ impl Journal {
     }
 
     /// Adds what other processes wrote since.
-    pub(super) fn reload(&mut self) -> Result<(), Trouble> {
+    pub(super) fn reload(&mut self) -> Result<(), JournalError> {
         let file = match open_regular(&self.path, false) {
             Ok(file) => file,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
-            Err(_) if self.path.symlink_metadata().is_ok_and(|m| !m.is_file()) => return Err(Trouble::Foreign),
-            Err(e) => return Err(Trouble::Io(e)),
+            Err(_) if self.path.symlink_metadata().is_ok_and(|m| !m.is_file()) => return Err(JournalError::Foreign),
+            Err(e) => return Err(JournalError::Io(e)),
         };
-        let bytes = read_limited(file, LIMIT).map_err(Trouble::Io)?.ok_or(Trouble::Foreign)?;
+        let bytes = read_limited(file, LIMIT).map_err(JournalError::Io)?.ok_or(JournalError::Foreign)?;
         let text = String::from_utf8_lossy(&bytes).into_owned();
         if !text.starts_with(HEADER) && !HEADER.starts_with(&text) {
-            return Err(Trouble::Foreign);
+            return Err(JournalError::Foreign);
         }
         for line in text.split_inclusive('\n').filter_map(|l| l.strip_suffix('\n')) {
             if let Some((path, entry)) = parse(line) {
@@ -97,13 +97,13 @@ impl Journal {
         self.files.contains_key(path)
     }
 
-    /// Lines of a path.
-    pub(super) fn entries(&self, path: &str) -> impl Iterator<Item = &Entry> {
+    /// Journal lines about `path`, one per key it was finished for.
+    pub(super) fn entries(&self, path: &str) -> impl Iterator<Item = &JournalEntry> {
         self.files.get(path).into_iter().flatten()
     }
 
     /// All paths with their lines.
-    pub(super) fn files(&self) -> impl Iterator<Item = (&String, &BTreeSet<Entry>)> {
+    pub(super) fn files(&self) -> impl Iterator<Item = (&String, &BTreeSet<JournalEntry>)> {
         self.files.iter()
     }
 
@@ -120,7 +120,7 @@ impl Journal {
     }
 
     /// Claims a path for a file about to take its name.
-    pub(super) fn add(&mut self, path: &str, entry: Entry) -> io::Result<()> {
+    pub(super) fn add(&mut self, path: &str, entry: JournalEntry) -> io::Result<()> {
         self.append(&line(path, &entry))?;
         self.files.entry(path.to_owned()).or_default().insert(entry);
         Ok(())
@@ -149,7 +149,7 @@ impl Journal {
     }
 
     /// Rewrites the journal so that it holds these files in path order and nothing else.
-    pub(super) fn rewrite(&mut self, files: BTreeMap<String, Entry>) -> io::Result<()> {
+    pub(super) fn rewrite(&mut self, files: BTreeMap<String, JournalEntry>) -> io::Result<()> {
         let text = settled(files.iter());
         // Another process may have written since, so what counts is the file itself.
         let same = open_regular(&self.path, false)
@@ -157,7 +157,7 @@ impl Journal {
             .is_ok_and(|b| b.as_deref() == Some(text.as_bytes()));
         if !same {
             let folder = self.path.parent().unwrap_or(Path::new("."));
-            let (part, mut file) = Part::create(&self.disk, folder, "osier")?;
+            let (part, mut file) = PartFile::create(&self.disk, folder, "osier")?;
             let mut rest = text.as_bytes();
             while !rest.is_empty() {
                 let n = retry(|| self.disk.write(&mut file, rest))?;
@@ -177,7 +177,7 @@ impl Journal {
 }
 
 /// The text of a journal at rest.
-fn settled<'a>(files: impl Iterator<Item = (&'a String, &'a Entry)>) -> String {
+fn settled<'a>(files: impl Iterator<Item = (&'a String, &'a JournalEntry)>) -> String {
     files.fold(HEADER.to_owned(), |text, (path, entry)| text + &line(path, entry))
 }
 
@@ -188,21 +188,21 @@ pub fn is_settled(root: &Path, key: &str) -> bool {
     let disk: Arc<dyn Disk> = Arc::new(System);
     let Ok(journal) = Journal::open(&disk, root) else { return true };
     let files = journal.files.iter().filter_map(|(path, entries)| Some((path, entries.first()?)));
-    let key = mark(key);
-    let is_own = |e: &Entry| e.key == key;
+    let key = key_digest(key);
+    let is_own = |e: &JournalEntry| e.key == key;
     journal.text.is_empty() || (journal.text == settled(files) && journal.files.values().flatten().all(is_own))
 }
 
 /// How a key stands in a journal.
-pub(super) fn mark(key: &str) -> String {
+pub(super) fn key_digest(key: &str) -> String {
     blake3::hash(key.as_bytes()).to_hex().chars().take(32).collect()
 }
 
-fn line(path: &str, e: &Entry) -> String {
+fn line(path: &str, e: &JournalEntry) -> String {
     format!("file\t{}\t{}\t{}\t{path}\n", e.key, e.blake3, e.bytes)
 }
 
-fn parse(line: &str) -> Option<(String, Entry)> {
+fn parse(line: &str) -> Option<(String, JournalEntry)> {
     let mut fields = line.splitn(5, '\t');
     let hex = |s: &str, n: usize| s.len() == n && s.bytes().all(|b| b.is_ascii_hexdigit());
     fields.next().filter(|w| *w == "file")?;
@@ -211,7 +211,7 @@ fn parse(line: &str) -> Option<(String, Entry)> {
     let bytes = fields.next()?.parse().ok()?;
     // The folder may come from a stranger: a line must not lead out of it.
     let path = fields.next().filter(|p| is_plain_path(p))?.to_owned();
-    Some((path, Entry { key, blake3, bytes }))
+    Some((path, JournalEntry { key, blake3, bytes }))
 }
 
 #[cfg(test)]
@@ -219,8 +219,8 @@ fn parse(line: &str) -> Option<(String, Entry)> {
 mod tests {
     use super::*;
 
-    fn entry(n: u64) -> Entry {
-        Entry { key: mark("mine"), blake3: "a".repeat(64), bytes: n }
+    fn entry(n: u64) -> JournalEntry {
+        JournalEntry { key: key_digest("mine"), blake3: "a".repeat(64), bytes: n }
     }
 
     #[test]
@@ -248,6 +248,6 @@ mod tests {
         j.add("a", entry(1)).expect("add");
         assert!(!is_settled(dir.path(), "mine"), "b stands before a");
         std::fs::write(&path, "my own notes").expect("write");
-        assert!(matches!(Journal::open(&disk, dir.path()), Err(Trouble::Foreign)));
+        assert!(matches!(Journal::open(&disk, dir.path()), Err(JournalError::Foreign)));
     }
 }

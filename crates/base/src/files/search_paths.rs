@@ -3,16 +3,16 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::disk::{open_regular, read_limited};
+use super::file_system::{open_regular, read_limited};
 use crate::{Error, Result};
 
-/// Why a reference was not read. Readers show it under the reference, with a code of their own or with [`Refusal::code`].
+/// Why a reference was not read. Readers show it under the reference, with a code of their own or with [`ReadError::code`].
 #[derive(Debug, thiserror::Error)]
-pub enum Refusal {
+pub enum ReadError {
     /// The way it is written cannot be a file below the folder.
     #[error("reference {reference:?} {reason}")]
     Spelling {
-        /// As written.
+        /// The reference as the file has it.
         reference: String,
         /// What is wrong with it.
         reason: &'static str,
@@ -20,34 +20,34 @@ pub enum Refusal {
     /// It leads out, by `..` or through a link.
     #[error("reference {reference:?} leads out of the folder of the file that was opened")]
     Outside {
-        /// As written.
+        /// The reference as the file has it.
         reference: String,
     },
-    /// No such file.
+    /// No search path holds the file.
     #[error("file {reference:?} is not found")]
     Missing {
-        /// As written.
+        /// The reference as the file has it.
         reference: String,
     },
     /// Longer than the limit.
     #[error("file {reference:?} is longer than {} bytes", crate::limits::grouped(*limit))]
     TooLong {
-        /// As written.
+        /// The reference as the file has it.
         reference: String,
-        /// Bytes allowed.
+        /// Largest allowed length, bytes.
         limit: u64,
     },
     /// The system refused, or it is a folder, a pipe or a device.
     #[error("cannot read {reference:?}: {source}")]
     Io {
-        /// As written.
+        /// The reference as the file has it.
         reference: String,
         /// What the system said.
         source: io::Error,
     },
 }
 
-impl Refusal {
+impl ReadError {
     /// X009 for what leads out, X010 for the rest.
     pub fn code(&self) -> &'static str {
         match self {
@@ -56,7 +56,7 @@ impl Refusal {
         }
     }
 
-    /// How to mend it.
+    /// What the user can do about it, as a sentence.
     pub fn help(&self) -> &'static str {
         match self {
             Self::Spelling { .. } => "write a path relative to this file, with '/'",
@@ -69,23 +69,23 @@ impl Refusal {
     }
 }
 
-/// A referenced file.
+/// A file that a reference named, read whole.
 #[derive(Debug, Clone)]
-pub struct Referred {
+pub struct ReferencedFile {
     /// Where it was found; references in it are resolved from here.
     pub path: PathBuf,
-    /// Its bytes.
+    /// Its contents.
     pub bytes: Vec<u8>,
 }
 
 /// The folders from which references may be read.
 #[derive(Debug, Clone, Default)]
-pub struct Roots {
+pub struct SearchPaths {
     /// The folder of the opened file, then the search folders, all canonical.
     folders: Vec<PathBuf>,
 }
 
-impl Roots {
+impl SearchPaths {
     /// The folder of a file named on the command line (the working folder for `-`), and `--search` folders.
     /// # Errors
     /// `Io` if one of them is not there.
@@ -105,11 +105,11 @@ impl Roots {
     /// folder.
     /// # Errors
     /// Why not.
-    pub fn read(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<Referred, Refusal> {
+    pub fn read(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<ReferencedFile, ReadError> {
         let parts = spell(reference)?;
-        let outside = || Refusal::Outside { reference: reference.into() };
-        let missing = || Refusal::Missing { reference: reference.into() };
-        let failed = |source| Refusal::Io { reference: reference.into(), source };
+        let outside = || ReadError::Outside { reference: reference.into() };
+        let missing = || ReadError::Missing { reference: reference.into() };
+        let failed = |source| ReadError::Io { reference: reference.into(), source };
         let folder = from.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let beside = folder.canonicalize().ok().filter(|f| self.holds(f));
         let mut refusal = missing();
@@ -124,24 +124,24 @@ impl Roots {
                 Ok(real) if !self.holds(&real) => refusal = outside(),
                 Ok(real) => {
                     let file = open_regular(&real, false).map_err(failed)?;
-                    let too_long = || Refusal::TooLong { reference: reference.into(), limit };
+                    let too_long = || ReadError::TooLong { reference: reference.into(), limit };
                     if file.metadata().map_err(failed)?.len() > limit {
                         return Err(too_long());
                     }
                     let bytes = read_limited(file, limit).map_err(failed)?.ok_or_else(too_long)?;
-                    return Ok(Referred { path: real, bytes });
+                    return Ok(ReferencedFile { path: real, bytes });
                 }
             }
         }
         Err(refusal)
     }
 
-    /// As [`Roots::read`] for a glTF uri: decodes `%XX` once, before any check.
+    /// As [`SearchPaths::read`] for a glTF uri: decodes `%XX` once, before any check.
     /// # Errors
     /// Why not.
-    pub fn read_uri(&self, from: &Path, uri: &str, limit: u64) -> std::result::Result<Referred, Refusal> {
+    pub fn read_uri(&self, from: &Path, uri: &str, limit: u64) -> std::result::Result<ReferencedFile, ReadError> {
         let decoded = percent_decode(uri)
-            .ok_or(Refusal::Spelling { reference: uri.into(), reason: "has a malformed % escape" })?;
+            .ok_or(ReadError::Spelling { reference: uri.into(), reason: "has a malformed % escape" })?;
         self.read(from, &decoded, limit)
     }
 
@@ -151,8 +151,8 @@ impl Roots {
 }
 
 /// The components of a reference, or what is wrong with its spelling.
-fn spell(reference: &str) -> std::result::Result<Vec<String>, Refusal> {
-    let refuse = |reason| Err(Refusal::Spelling { reference: reference.into(), reason });
+fn spell(reference: &str) -> std::result::Result<Vec<String>, ReadError> {
+    let refuse = |reason| Err(ReadError::Spelling { reference: reference.into(), reason });
     let path = reference.replace('\\', "/");
     if path.is_empty() {
         return refuse("is empty");

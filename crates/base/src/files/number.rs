@@ -2,11 +2,11 @@
 
 /// Why a word is not a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum BadNumber {
+pub enum NumberError {
     /// Anything but digits, point, sign and exponent; also `nan` and `inf`.
     #[error("expected a number such as 0.25 or -1e3")]
     Malformed,
-    /// `1,5`.
+    /// A comma as decimal sign: `1,5`.
     #[error("the decimal sign is a point, not a comma")]
     Comma,
     /// Larger than the largest double.
@@ -18,7 +18,7 @@ pub enum BadNumber {
 /// Returns a finite value.
 /// # Errors
 /// Anything else; Rust's own parser would take `nan`, `inf` and `1e999`.
-pub fn number(word: &str) -> Result<f64, BadNumber> {
+pub fn number(word: &str) -> Result<f64, NumberError> {
     let bytes = word.strip_prefix(['+', '-']).unwrap_or(word).as_bytes();
     let digits = |from: usize| bytes.iter().skip(from).take_while(|b| b.is_ascii_digit()).count();
     let whole = digits(0);
@@ -29,23 +29,23 @@ pub fn number(word: &str) -> Result<f64, BadNumber> {
         end += 1 + fraction;
     }
     if whole + fraction == 0 {
-        return Err(BadNumber::Malformed);
+        return Err(NumberError::Malformed);
     }
     if matches!(bytes.get(end), Some(b'e' | b'E')) {
         let sign = usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
         let exponent = digits(end + 1 + sign);
         if exponent == 0 {
-            return Err(BadNumber::Malformed);
+            return Err(NumberError::Malformed);
         }
         end += 1 + sign + exponent;
     }
     match bytes.get(end) {
         None => {}
-        Some(b',') if bytes.get(end + 1).is_some_and(u8::is_ascii_digit) => return Err(BadNumber::Comma),
-        Some(_) => return Err(BadNumber::Malformed),
+        Some(b',') if bytes.get(end + 1).is_some_and(u8::is_ascii_digit) => return Err(NumberError::Comma),
+        Some(_) => return Err(NumberError::Malformed),
     }
-    let value: f64 = word.parse().map_err(|_| BadNumber::Malformed)?;
-    if value.is_finite() { Ok(value) } else { Err(BadNumber::TooLarge) }
+    let value: f64 = word.parse().map_err(|_| NumberError::Malformed)?;
+    if value.is_finite() { Ok(value) } else { Err(NumberError::TooLarge) }
 }
 
 #[cfg(test)]
@@ -57,7 +57,7 @@ mod tests {
         for (word, value) in [("1", 1.0), ("-0.5", -0.5), (".5", 0.5), ("5.", 5.0), ("+1e3", 1000.0), ("1E-2", 0.01)] {
             assert_eq!(number(word), Ok(value), "{word}");
         }
-        use BadNumber::{Comma, Malformed, TooLarge};
+        use NumberError::{Comma, Malformed, TooLarge};
         let cases = [
             ("nan", Malformed),
             ("inf", Malformed),

@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use super::disk::{hash, open_regular, read_limited};
+use super::file_system::{hash, open_regular, read_limited};
 use super::journal::JOURNAL;
-use super::names::is_plain_path;
 use super::read::too_long;
+use super::unique_names::is_plain_path;
 use crate::{Error, Result};
 
 /// Deepest folder that is looked into.

@@ -5,7 +5,7 @@ use crate::diagnostic::{Diagnostic, Report, Span};
 /// What to do with bytes that are not UTF-8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
-    /// An error.
+    /// Refuse them.
     Utf8,
     /// Read as Latin-1, with a warning from the reader.
     OrLatin1,
@@ -14,7 +14,7 @@ pub enum Encoding {
 /// A text with LF line ends and no byte order mark.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Text {
-    /// The text.
+    /// Decoded characters.
     pub text: String,
     /// Set if it was read as Latin-1: one-based line and byte offset of the first byte that is not UTF-8.
     pub latin1: Option<(usize, usize)>,
@@ -23,18 +23,18 @@ pub struct Text {
 /// Why bytes are not a text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what} at byte {offset}, line {line}, column {column}")]
-pub struct BadText {
-    /// Subject and fact.
+pub struct TextError {
+    /// The bytes that are not text, as the subject of the message.
     pub what: &'static str,
     /// Offset in the file.
     pub offset: usize,
-    /// One-based.
+    /// Line number, from 1.
     pub line: usize,
-    /// One-based, in characters.
+    /// Column in characters, from 1.
     pub column: usize,
 }
 
-impl BadText {
+impl TextError {
     /// As a diagnostic of the given code; the readable part of the file goes into the report's sources.
     pub fn report(&self, code: &'static str, name: &str, bytes: &[u8], report: &mut Report) {
         let start = bytes.get(..self.offset).unwrap_or(bytes);
@@ -51,15 +51,15 @@ impl BadText {
 /// Decodes a text file. Line ends become LF, a byte order mark is dropped.
 /// # Errors
 /// A NUL byte, UTF-16, or (with [`Encoding::Utf8`]) bytes that are not UTF-8.
-pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Text, BadText> {
+pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Text, TextError> {
     let skipped = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
     let body = bytes.get(skipped..).unwrap_or_default();
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
-        return Err(BadText { what: "the text is UTF-16, not UTF-8,", offset: 0, line: 1, column: 1 });
+        return Err(TextError { what: "the text is UTF-16, not UTF-8,", offset: 0, line: 1, column: 1 });
     }
     let bad = |what, at: usize| {
         let (line, column) = position(body.get(..at).unwrap_or(body));
-        BadText { what, offset: at + skipped, line, column }
+        TextError { what, offset: at + skipped, line, column }
     };
     if let Some(at) = body.iter().position(|b| *b == 0) {
         let readable = std::str::from_utf8(body.get(..at).unwrap_or(body)).map_or_else(|e| e.valid_up_to(), |_| at);

@@ -1,31 +1,31 @@
-//! The maker's mark: how a file of ours is known without a journal.
+//! The generator's name inside a file: how a file of osier's is recognised without a journal.
 
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 
-use super::disk::open_regular;
+use super::file_system::open_regular;
 
 /// Bytes searched at either end of a file.
 const WINDOW: u64 = 1 << 16;
 
 /// True if a regular file names osier as its maker near its beginning or end.
-pub(super) fn has_mark(path: &Path) -> bool {
+pub(super) fn names_osier(path: &Path) -> bool {
     let Ok(mut file) = open_regular(path, false) else { return false };
     let mut window = Vec::new();
     if file.by_ref().take(WINDOW).read_to_end(&mut window).is_err() {
         return false;
     }
-    if is_marked(&window) {
+    if names_osier_in(&window) {
         return true;
     }
     let length = file.metadata().map_or(0, |m| m.len());
     let mut tail = Vec::new();
     let from = SeekFrom::Start(length.saturating_sub(WINDOW));
-    file.seek(from).is_ok() && file.take(WINDOW).read_to_end(&mut tail).is_ok() && is_marked(&tail)
+    file.seek(from).is_ok() && file.take(WINDOW).read_to_end(&mut tail).is_ok() && names_osier_in(&tail)
 }
 
 /// True if the bytes say `osier` and a version, or are a crate file (whose texts are compressed) with our word in it.
-fn is_marked(bytes: &[u8]) -> bool {
+fn names_osier_in(bytes: &[u8]) -> bool {
     const WORD: &[u8] = b"osier";
     let is_maker = |i: usize| {
         let after = &bytes[(i + WORD.len()).min(bytes.len())..];
@@ -43,10 +43,10 @@ mod tests {
     #[test]
     fn the_mark_is_a_maker_not_a_willow() {
         for ours in ["# osier 0.1.0\n", "tEXtSoftware\0osier 0.1.0", "{\"generator\": \"osier\"", "PXR-USDC..osier.."] {
-            assert!(is_marked(ours.as_bytes()), "{ours}");
+            assert!(names_osier_in(ours.as_bytes()), "{ours}");
         }
         for other in ["", "osie", "an osier basket", "# model of an osier, 3 m", "osier"] {
-            assert!(!is_marked(other.as_bytes()), "{other}");
+            assert!(!names_osier_in(other.as_bytes()), "{other}");
         }
     }
 
@@ -56,9 +56,9 @@ mod tests {
         let path = dir.path().join("a");
         let mut bytes = vec![0; 300_000];
         std::fs::write(&path, &bytes).expect("write");
-        assert!(!has_mark(&path));
+        assert!(!names_osier(&path));
         bytes.extend_from_slice(b"osier 0.1.0");
         std::fs::write(&path, &bytes).expect("write");
-        assert!(has_mark(&path));
+        assert!(names_osier(&path));
     }
 }

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::path::Path;
 
-use super::disk::{read_limited, retry};
+use super::file_system::{read_limited, retry};
 use crate::{Error, Result};
 
 /// Bytes of a file named by the user (a file, a pipe, a link; `-` is standard input), at most `limit` of them.

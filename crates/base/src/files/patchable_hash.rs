@@ -1,7 +1,9 @@
-//! BLAKE3 of a file whose first bytes come last: headers that say how long the rest became.
+//! BLAKE3 of a file whose header is patched last: headers that hold the length of what follows.
 
 use blake3::hazmat::{ChainingValue, HasherExt as _, Mode, merge_subtrees_non_root, merge_subtrees_root};
 use blake3::{CHUNK_LEN, Hasher};
+
+use crate::convert;
 
 /// A hash that holds back the first chunk, so that it may be rewritten until the end.
 ///
@@ -10,8 +12,8 @@ use blake3::{CHUNK_LEN, Hasher};
 /// bytes arrive, and chunk 0 joins them last.
 /// Source: the BLAKE3 specification, section 2.1, tree structure.
 #[derive(Debug)]
-pub(super) struct LateHash {
-    /// The first chunk.
+pub(super) struct PatchableHash {
+    /// Bytes of chunk 0, which may still be overwritten.
     head: Vec<u8>,
     /// Finished right branches: of chunks 1, 2..4, 4..8, ...
     branches: Vec<ChainingValue>,
@@ -27,13 +29,13 @@ fn branch_at(offset: u64) -> Hasher {
     hasher
 }
 
-impl LateHash {
+impl PatchableHash {
     pub(super) fn new() -> Self {
         let span = CHUNK_LEN as u64;
         Self { head: Vec::new(), branches: Vec::new(), branch: branch_at(span), span }
     }
 
-    /// Appends bytes.
+    /// Appends bytes: to chunk 0 first, then to the right branches.
     pub(super) fn update(&mut self, bytes: &[u8]) {
         let (head, mut rest) = bytes.split_at(bytes.len().min(CHUNK_LEN - self.head.len()));
         self.head.extend_from_slice(head);
@@ -43,7 +45,7 @@ impl LateHash {
                 self.span *= 2;
                 self.branch = branch_at(self.span);
             }
-            let room = usize::try_from(self.span - self.branch.count()).unwrap_or(usize::MAX);
+            let room = convert::limit(self.span - self.branch.count());
             let (now, later) = rest.split_at(rest.len().min(room));
             self.branch.update(now);
             rest = later;
@@ -52,7 +54,7 @@ impl LateHash {
 
     /// Overwrites bytes of the first chunk. `false`, and nothing changed, if some lie elsewhere.
     pub(super) fn overwrite(&mut self, offset: u64, bytes: &[u8]) -> bool {
-        let at = usize::try_from(offset).unwrap_or(usize::MAX);
+        let at = convert::limit(offset);
         let slot = at.checked_add(bytes.len()).and_then(|end| self.head.get_mut(at..end));
         slot.map(|slot| slot.copy_from_slice(bytes)).is_some()
     }
@@ -75,7 +77,7 @@ mod tests {
     use super::*;
 
     fn bytes(n: usize) -> Vec<u8> {
-        (0..n).map(|i| u8::try_from(i * 7 % 251).unwrap_or(0)).collect()
+        (0..n).map(|i| u8::try_from(i * 7 % 251).expect("below 251")).collect()
     }
 
     #[test]
@@ -87,7 +89,7 @@ mod tests {
                 if n / step > 20_000 {
                     continue;
                 }
-                let mut late = LateHash::new();
+                let mut late = PatchableHash::new();
                 whole.chunks(step).for_each(|part| late.update(part));
                 assert_eq!(late.finalize(), blake3::hash(&whole), "{n} bytes, {step} at a time");
             }
@@ -98,7 +100,7 @@ mod tests {
     fn a_head_rewritten_last_counts_as_if_it_had_been_there() {
         for n in [100, 1024, 70_000] {
             let mut whole = bytes(n);
-            let mut late = LateHash::new();
+            let mut late = PatchableHash::new();
             late.update(&whole);
             assert!(late.overwrite(16, &[9; 80]));
             whole[16..96].fill(9);
@@ -108,13 +110,13 @@ mod tests {
 
     #[test]
     fn bytes_beyond_the_head_are_not_rewritten() {
-        let mut late = LateHash::new();
+        let mut late = PatchableHash::new();
         late.update(&bytes(3000));
         for (offset, n) in [(1020, 5), (1024, 1), (2000, 1), (u64::MAX, 2)] {
             assert!(!late.overwrite(offset, &vec![9; n]));
         }
         assert_eq!(late.finalize(), blake3::hash(&bytes(3000)));
-        let mut short = LateHash::new();
+        let mut short = PatchableHash::new();
         short.update(&[1; 10]);
         assert!(!short.overwrite(8, &[2; 3]));
     }

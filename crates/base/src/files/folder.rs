@@ -6,19 +6,19 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::disk::{Disk, System, hash, open_regular, retry};
-use super::journal::{Entry, JOURNAL, Journal, Trouble, mark};
-use super::mark::has_mark;
-use super::names::is_plain_path;
+use super::file_system::{Disk, System, hash, open_regular, retry};
+use super::generator::names_osier;
+use super::journal::{JOURNAL, Journal, JournalEntry, JournalError, key_digest};
 use super::output::Output;
-use super::parts::sweep;
+use super::part_file::remove_stale_parts;
+use super::unique_names::is_plain_path;
 use crate::progress::Cancel;
 use crate::{Error, Result};
 
 /// The file that makes a folder's files a finished set; written last, withdrawn before any of them changes.
 pub const MANIFEST: &str = "manifest.json";
 
-/// A finished file.
+/// A finished file, as the manifest lists it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileRecord {
     /// Relative to the folder, with `/`.
@@ -27,7 +27,7 @@ pub struct FileRecord {
     pub kind: &'static str,
     /// Frame number for members of a sequence.
     pub frame: Option<u32>,
-    /// Length.
+    /// Length in bytes.
     pub bytes: u64,
     /// BLAKE3, 64 hex digits.
     pub blake3: String,
@@ -40,9 +40,9 @@ pub struct WriteOptions {
     pub key: String,
     /// Overwrite files that are not ours.
     pub force: bool,
-    /// Asks to stop.
+    /// Polled while files are written; a request ends the bake.
     pub cancel: Cancel,
-    /// The disk.
+    /// The file system that is written to.
     pub disk: Arc<dyn Disk>,
 }
 
@@ -54,17 +54,17 @@ impl Default for WriteOptions {
 
 /// Where files go and what is remembered about them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum FolderKind {
     /// A folder of ours with a journal.
     Journalled,
     /// A folder of the user's in which single files of ours appear.
     Plain,
-    /// Memory.
+    /// No folder: files are kept in memory.
     Memory,
 }
 
 #[derive(Debug, Default)]
-pub(super) struct State {
+pub(super) struct FolderState {
     done: BTreeMap<String, FileRecord>,
     journal: Option<Journal>,
     /// Folders made and swept, relative.
@@ -77,10 +77,10 @@ pub(super) struct State {
 #[derive(Debug)]
 struct Shared {
     root: PathBuf,
-    place: Place,
+    place: FolderKind,
     key: String,
     options: WriteOptions,
-    state: Mutex<State>,
+    state: Mutex<FolderState>,
 }
 
 /// An output folder. Cheap to clone; clones share the journal.
@@ -101,21 +101,21 @@ impl Folder {
     /// # Errors
     /// `Io` if it cannot be made, `Foreign` if its journal or manifest is not ours and `force` is not set.
     pub fn open_with(root: impl Into<PathBuf>, options: WriteOptions) -> Result<Self> {
-        let folder = Self::new(root.into(), Place::Journalled, options);
+        let folder = Self::new(root.into(), FolderKind::Journalled, options);
         let (root, disk) = (folder.root(), folder.disk());
         retry(|| disk.make_dir(root)).map_err(|e| Error::io("create", root, e))?;
-        sweep(disk, root);
+        remove_stale_parts(disk, root);
         let journal = match Journal::open(disk, root) {
-            Err(Trouble::Foreign) if folder.shared.options.force => {
+            Err(JournalError::Foreign) if folder.shared.options.force => {
                 Journal::replacing(disk, root).map_err(|e| Error::io("replace", root.join(JOURNAL), e))?
             }
-            Err(Trouble::Foreign) => return Err(Error::Foreign { path: root.join(JOURNAL) }),
-            Err(Trouble::Io(e)) => return Err(Error::io("read", root.join(JOURNAL), e)),
+            Err(JournalError::Foreign) => return Err(Error::Foreign { path: root.join(JOURNAL) }),
+            Err(JournalError::Io(e)) => return Err(Error::io("read", root.join(JOURNAL), e)),
             Ok(journal) => journal,
         };
         for relative in journal.folders() {
             if folder.is_own_folder(&relative) {
-                sweep(disk, &root.join(relative));
+                remove_stale_parts(disk, &root.join(relative));
             }
         }
         let mut state = folder.state();
@@ -131,7 +131,7 @@ impl Folder {
     /// # Errors
     /// `Io` if it cannot be made.
     pub fn plain(root: impl Into<PathBuf>, options: WriteOptions) -> Result<Self> {
-        let folder = Self::new(root.into(), Place::Plain, options);
+        let folder = Self::new(root.into(), FolderKind::Plain, options);
         let (root, disk) = (folder.root(), folder.disk());
         retry(|| disk.make_dir(root)).map_err(|e| Error::io("create", root, e))?;
         Ok(folder)
@@ -139,11 +139,11 @@ impl Folder {
 
     /// Files kept in memory, for a result that goes to a pipe; fetch them with [`Folder::take`].
     pub fn memory() -> Self {
-        Self::new(PathBuf::new(), Place::Memory, WriteOptions::default())
+        Self::new(PathBuf::new(), FolderKind::Memory, WriteOptions::default())
     }
 
-    fn new(root: PathBuf, place: Place, options: WriteOptions) -> Self {
-        let key = mark(&options.key);
+    fn new(root: PathBuf, place: FolderKind, options: WriteOptions) -> Self {
+        let key = key_digest(&options.key);
         Self { shared: Arc::new(Shared { root, place, key, options, state: Mutex::default() }) }
     }
 
@@ -160,7 +160,7 @@ impl Folder {
         &self.shared.options.cancel
     }
 
-    pub(super) fn state(&self) -> MutexGuard<'_, State> {
+    pub(super) fn state(&self) -> MutexGuard<'_, FolderState> {
         self.shared.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -170,13 +170,13 @@ impl Folder {
     /// X009 for a path that leaves the folder, `Foreign` if something that is not ours is in the way, `Io`, `Cancelled`.
     pub fn create(&self, path: &str, kind: &'static str, frame: Option<u32>) -> Result<Option<Output>> {
         let typed =
-            self.shared.place == Place::Plain && !path.contains(['/', '\0']) && !matches!(path, "" | "." | "..");
+            self.shared.place == FolderKind::Plain && !path.contains(['/', '\0']) && !matches!(path, "" | "." | "..");
         if !(is_plain_path(path) || typed) || path == JOURNAL {
             return Err(Error::export("X009", format!("{path:?} leaves the output folder")));
         }
         self.cancel().check()?;
         let record = FileRecord { path: path.to_owned(), kind, frame, bytes: 0, blake3: String::new() };
-        if self.shared.place == Place::Memory {
+        if self.shared.place == FolderKind::Memory {
             return Ok(Some(Output::in_memory(self.clone(), record)));
         }
         self.make_ready(path.rsplit_once('/').map_or("", |(folder, _)| folder))?;
@@ -222,14 +222,14 @@ impl Folder {
     /// `Io`, `Cancelled`.
     pub fn finish(&self) -> Result<()> {
         self.cancel().check()?;
-        if self.shared.place == Place::Memory {
+        if self.shared.place == FolderKind::Memory {
             return Ok(());
         }
         self.settle()?;
         let mut guard = self.state();
-        let State { done, journal, .. } = &mut *guard;
+        let FolderState { done, journal, .. } = &mut *guard;
         let Some(journal) = journal else { return Ok(()) };
-        let mut files: BTreeMap<String, Entry> = BTreeMap::new();
+        let mut files: BTreeMap<String, JournalEntry> = BTreeMap::new();
         for (path, entries) in journal.files() {
             let length = fs::symlink_metadata(self.root().join(path)).map(|m| m.len());
             let kept =
@@ -242,8 +242,8 @@ impl Folder {
         retry(|| self.disk().sync_dir(self.root())).map_err(|e| Error::io("sync", self.root(), e))
     }
 
-    fn entry(&self, record: &FileRecord) -> Entry {
-        Entry { key: self.shared.key.clone(), blake3: record.blake3.clone(), bytes: record.bytes }
+    fn entry(&self, record: &FileRecord) -> JournalEntry {
+        JournalEntry { key: self.shared.key.clone(), blake3: record.blake3.clone(), bytes: record.bytes }
     }
 
     /// True if no part of a relative folder is a link, which could lead out.
@@ -267,14 +267,14 @@ impl Folder {
             journal.add_folder(relative).map_err(|e| Error::io("write", self.root().join(JOURNAL), e))?;
         }
         retry(|| self.disk().make_dir(&path)).map_err(|e| Error::io("create", &path, e))?;
-        sweep(self.disk(), &path);
+        remove_stale_parts(self.disk(), &path);
         state.ready.insert(relative.to_owned());
         Ok(())
     }
 
     /// Counts a file as done if the journal and the bytes on disk prove it.
     fn reuse(&self, record: &FileRecord) -> Result<bool> {
-        let of_this_key = |state: &State| -> Vec<Entry> {
+        let of_this_key = |state: &FolderState| -> Vec<JournalEntry> {
             let entries = state.journal.iter().flat_map(|j| j.entries(&record.path));
             entries.filter(|e| e.key == self.shared.key).cloned().collect()
         };
@@ -287,7 +287,7 @@ impl Folder {
     }
 
     /// The entry whose length and hash the file on disk has.
-    fn proved<'a>(&self, path: &str, entries: impl IntoIterator<Item = &'a Entry>) -> Option<&'a Entry> {
+    fn proved<'a>(&self, path: &str, entries: impl IntoIterator<Item = &'a JournalEntry>) -> Option<&'a JournalEntry> {
         let file = open_regular(&self.root().join(path), false).ok()?;
         let length = file.metadata().ok()?.len();
         let mut fitting = entries.into_iter().filter(|e| e.bytes == length).peekable();
@@ -297,7 +297,7 @@ impl Folder {
     }
 
     /// Makes sure that nothing foreign stands under a name.
-    fn clear_way(&self, state: &mut State, path: &str) -> Result<()> {
+    fn clear_way(&self, state: &mut FolderState, path: &str) -> Result<()> {
         let target = self.root().join(path);
         let found = match fs::symlink_metadata(&target) {
             Ok(found) => found,
@@ -309,25 +309,25 @@ impl Folder {
             let odd = || io::Error::new(io::ErrorKind::InvalidInput, "not a regular file");
             return if replaceable { Ok(()) } else { Err(Error::io("replace", target, odd())) };
         }
-        let ours = replaceable && (self.claims(state, path)? || (found.is_file() && has_mark(&target)));
+        let ours = replaceable && (self.claims(state, path)? || (found.is_file() && names_osier(&target)));
         if ours { Ok(()) } else { Err(Error::Foreign { path: target }) }
     }
 
     /// True if the journal claims a path, as we know it or as another process has extended it.
-    fn claims(&self, state: &mut State, path: &str) -> Result<bool> {
+    fn claims(&self, state: &mut FolderState, path: &str) -> Result<bool> {
         let Some(journal) = &mut state.journal else { return Ok(false) };
         if !journal.claims(path) {
             match journal.reload() {
-                Err(Trouble::Io(e)) => return Err(Error::io("read", self.root().join(JOURNAL), e)),
-                Err(Trouble::Foreign) | Ok(()) => {}
+                Err(JournalError::Io(e)) => return Err(Error::io("read", self.root().join(JOURNAL), e)),
+                Err(JournalError::Foreign) | Ok(()) => {}
             }
         }
         Ok(journal.claims(path))
     }
 
     /// Removes the manifest before the first change to the files that it lists.
-    fn withdraw_manifest(&self, state: &mut State) -> Result<()> {
-        if state.begun || self.shared.place != Place::Journalled {
+    fn withdraw_manifest(&self, state: &mut FolderState) -> Result<()> {
+        if state.begun || self.shared.place != FolderKind::Journalled {
             return Ok(());
         }
         self.clear_way(state, MANIFEST)?;
@@ -390,7 +390,7 @@ impl Folder {
         self.sync_folders(&state)
     }
 
-    fn sync_folders(&self, state: &State) -> Result<()> {
+    fn sync_folders(&self, state: &FolderState) -> Result<()> {
         for relative in &state.ready {
             let path = self.root().join(relative);
             match retry(|| self.disk().sync_dir(&path)) {
