@@ -14,7 +14,7 @@ use crate::bake::scene::{self, AnimatedScene};
 use crate::bake::{self, BakeContext};
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
-use osier_base::files::{Folder, BakeCache, WriteOptions, is_settled};
+use osier_base::files::{BakeCache, Folder, WriteOptions, is_settled};
 use osier_export::VERSION;
 use osier_export::manifest::{self, Manifest};
 

@@ -4,7 +4,7 @@
 //! options, seed and solid cells. What does not fit in every byte is made again, and said.
 
 use osier_base::Result;
-use osier_base::files::{Folder, BakeCache, read_below};
+use osier_base::files::{BakeCache, Folder, read_below};
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Progress};
 use osier_export::GENERATOR;
