@@ -139,7 +139,7 @@ pub fn run_lattice(
     let repeats = wanted.repeats.is_some();
     let frames = wanted.repeats.unwrap_or(recipe.clip.len());
     let take = RecordingOptions { bounds: wanted.bounds, frames, fps: recipe.clip.fps(), repeats };
-    let recorded = RecordedWind::record(&mut lattice, take, context.limits, told)?;
+    let recorded = RecordedWind::record(&mut lattice, take, context.limits, context.progress, context.cancel)?;
     report_notes(&lattice, report);
     Ok(Arc::new(recorded))
 }

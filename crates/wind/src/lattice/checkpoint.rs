@@ -1,6 +1,7 @@
 //! What a lattice wind is at some step, with what it has to say of the steps before, as bytes.
 
-use super::solver::{LatticeSolver, LatticeStats, LatticeWarning};
+use super::report::{LatticeStats, LatticeWarning};
+use super::solver::{LatticeSolver, other_checkpoint};
 use osier_base::Result;
 use osier_base::diagnostic::codes;
 
@@ -10,7 +11,7 @@ const HEALTH: usize = 40;
 impl LatticeSolver {
     /// What tells this lattice from others: options, seed and solid cells.
     pub fn fingerprint(&self) -> u64 {
-        self.plan.key()
+        self.setup.fingerprint()
     }
 
     /// All that it is, to go on from by [`LatticeSolver::restore_state`]: how it did, what it has to say, and [`LatticeSolver::checkpoint`].
@@ -29,7 +30,7 @@ impl LatticeSolver {
     /// # Errors
     /// `Simulation` if the bytes are of another lattice, which leaves this one as it is.
     pub fn restore_state(&mut self, bytes: &[u8]) -> Result<()> {
-        let Some((health, notes, rest)) = parts(bytes) else { return self.resume(&[]) };
+        let Some((health, notes, rest)) = parts(bytes) else { return Err(other_checkpoint()) };
         self.resume(rest)?;
         (self.stats, self.warnings) = (health, notes);
         Ok(())

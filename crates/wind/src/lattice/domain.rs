@@ -1,126 +1,141 @@
-//! What stands where, and from where each population of a cell at a boundary comes.
+//! The simulated box: solid cells, the boundary condition of each face, and from where each population arrives.
 
-use super::grid::Grid;
-use super::stencil::{C, mirror, opposite};
+use super::grid::LatticeGrid;
+use super::stencil::{VELOCITIES, opposite, reflect};
 
-/// What one face of the domain does. Faces: -x, +x, -y, +y, -z, +z.
+/// Boundary condition of one face of the domain. Faces are numbered -x, +x, -y, +y, -z, +z.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Face {
-    /// A wall half a cell outside, that moves along itself with a velocity, cells a step.
+pub(super) enum FaceCondition {
+    /// No slip: a wall half a cell outside, by halfway bounce-back. It moves tangentially with this velocity, cells per
+    /// step.
     Wall([f64; 3]),
-    /// Nothing passes, nothing drags.
+    /// Free slip, by specular reflection.
     Slip,
-    /// Nothing passes, and what drags is found in [`super::ground`]: rough ground.
+    /// Rough ground: free slip, with the wall stress of [`super::ground`].
     Rough,
-    /// Joined with the face across.
+    /// Periodic with the opposite face.
     Periodic,
-    /// Air comes in with a known velocity.
+    /// Inflow with a prescribed velocity.
     Inlet,
-    /// Air goes out.
+    /// Outflow at a density that lets sound waves leave.
     Outlet,
 }
 
-impl Face {
+impl FaceCondition {
     pub(super) fn is_open(self) -> bool {
         matches!(self, Self::Inlet | Self::Outlet)
     }
 }
 
-/// Cells of the domain.
+/// Cells and faces of the box.
 #[derive(Debug, Clone)]
-pub(super) struct Cells {
-    pub grid: Grid,
-    pub faces: [Face; 6],
-    /// One for every cell, x fastest.
+pub(super) struct Domain {
+    pub grid: LatticeGrid,
+    pub faces: [FaceCondition; 6],
+    /// Whether each cell is solid, x fastest.
     pub solid: Vec<bool>,
 }
 
-/// Where the population that arrives along a velocity was before.
+/// Where the population that arrives at a cell was before the streaming.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Source {
-    /// At the neighbour it comes from, as always.
+pub(super) enum PopulationSource {
+    /// At the upstream neighbour: plain streaming.
     Neighbour,
-    /// It left this cell along this velocity.
-    Left(usize, [usize; 3]),
-    /// It left this cell along this velocity and was struck by a wall that moves.
-    Struck(usize, [usize; 3], [f64; 3]),
-    /// It comes along this velocity from the place outside an open face.
-    Ghost(usize, [isize; 3]),
+    /// It left `cell` in `direction`: bounce-back, specular reflection or a periodic face.
+    Cell { direction: usize, cell: [usize; 3] },
+    /// It left `cell` in `direction` and bounced back from a wall that moves with `velocity`, cells per step.
+    MovingWall { direction: usize, cell: [usize; 3], velocity: [f64; 3] },
+    /// It comes in `direction` from the ghost node at `position`, outside an open face.
+    Ghost { direction: usize, position: [isize; 3] },
 }
 
-impl Cells {
+impl Domain {
     pub(super) fn is_solid(&self, cell: [usize; 3]) -> bool {
-        self.solid[self.grid.cell(cell)]
+        self.solid[self.grid.cell_index(cell)]
     }
 
-    /// The faces that a place is beyond, at most one to an axis.
+    /// The faces beyond which a node lies, at most one per axis.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn beyond(&self, place: [isize; 3]) -> [Option<usize>; 3] {
-        std::array::from_fn(|a| match place[a] {
+    pub(super) fn faces_beyond(&self, node: [isize; 3]) -> [Option<usize>; 3] {
+        std::array::from_fn(|a| match node[a] {
             p if p < 0 => Some(2 * a),
             p if p >= self.grid.n[a] as isize => Some(2 * a + 1),
             _ => None,
         })
     }
 
-    /// The place itself if it lies inside.
+    /// The node as a cell, if it lies in the domain.
     #[allow(clippy::cast_sign_loss, reason = "not negative inside")]
-    pub(super) fn inside(&self, place: [isize; 3]) -> Option<[usize; 3]> {
-        self.beyond(place).iter().all(Option::is_none).then(|| place.map(|p| p as usize))
+    pub(super) fn cell_at(&self, node: [isize; 3]) -> Option<[usize; 3]> {
+        self.faces_beyond(node).iter().all(Option::is_none).then(|| node.map(|p| p as usize))
     }
 
+    /// The node with its coordinates beyond periodic faces wrapped around.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn wrapped(&self, mut place: [isize; 3]) -> [isize; 3] {
-        for (a, face) in self.beyond(place).into_iter().enumerate() {
-            if face.is_some_and(|f| self.faces[f] == Face::Periodic) {
-                place[a] = place[a].rem_euclid(self.grid.n[a] as isize);
+    pub(super) fn wrap_periodic(&self, mut node: [isize; 3]) -> [isize; 3] {
+        for (a, face) in self.faces_beyond(node).into_iter().enumerate() {
+            if face.is_some_and(|f| self.faces[f] == FaceCondition::Periodic) {
+                node[a] = node[a].rem_euclid(self.grid.n[a] as isize);
             }
         }
-        place
+        node
     }
 
-    /// From where the population comes that arrives at the fluid cell `x` along `i`.
+    /// From where the population comes that arrives at the fluid cell `x` in direction `i`. Conditions take precedence in
+    /// the order wall, periodic, slip, open; what is still outside or solid then bounces back.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn source(&self, x: [usize; 3], i: usize) -> Source {
-        let straight: [isize; 3] = std::array::from_fn(|a| x[a] as isize - C[i][a] as isize);
-        let back = Source::Left(opposite(i), x);
-        let outside = self.beyond(straight);
+    pub(super) fn population_source(&self, x: [usize; 3], i: usize) -> PopulationSource {
+        let upstream: [isize; 3] = std::array::from_fn(|a| x[a] as isize - VELOCITIES[i][a] as isize);
+        let bounce_back = PopulationSource::Cell { direction: opposite(i), cell: x };
+        let outside = self.faces_beyond(upstream);
+        // Walls: halfway bounce-back, with the momentum of a moving wall.
         let mut walls = outside.iter().flatten().filter_map(|f| match self.faces[*f] {
-            Face::Wall(velocity) => Some(velocity),
+            FaceCondition::Wall(velocity) => Some(velocity),
             _ => None,
         });
         if let Some(velocity) = walls.next() {
             let moves = velocity.iter().any(|v| v.abs() > 0.0);
-            // Where a wall that moves meets one that does not, both rest: else air would leak.
-            let alone = outside.iter().flatten().filter(|f| matches!(self.faces[**f], Face::Wall(_))).count() == 1;
-            return if moves && alone { Source::Struck(opposite(i), x, velocity) } else { back };
+            // In an edge of a moving and a resting wall both count as resting: else mass would leak.
+            let is_wall = |f: &&usize| matches!(self.faces[**f], FaceCondition::Wall(_));
+            let alone = outside.iter().flatten().filter(is_wall).count() == 1;
+            return if moves && alone {
+                PopulationSource::MovingWall { direction: opposite(i), cell: x, velocity }
+            } else {
+                bounce_back
+            };
         }
-        let mut place = self.wrapped(straight);
-        let mut along = i;
-        let beyond = self.beyond(place);
-        for (a, face) in beyond.into_iter().enumerate() {
-            if face.is_some_and(|f| matches!(self.faces[f], Face::Slip | Face::Rough)) {
-                along = mirror(along, a);
-                place[a] = x[a] as isize;
+        // Periodic faces wrap the node; slip faces mirror direction and node.
+        let mut node = self.wrap_periodic(upstream);
+        let mut direction = i;
+        for (a, face) in self.faces_beyond(node).into_iter().enumerate() {
+            if face.is_some_and(|f| matches!(self.faces[f], FaceCondition::Slip | FaceCondition::Rough)) {
+                direction = reflect(direction, a);
+                node[a] = x[a] as isize;
             }
         }
-        if self.beyond(place).iter().flatten().any(|f| self.faces[*f].is_open()) {
-            return Source::Ghost(along, place);
+        if self.faces_beyond(node).iter().flatten().any(|f| self.faces[*f].is_open()) {
+            return PopulationSource::Ghost { direction, position: node };
         }
-        match self.inside(place) {
-            Some(q) if !self.is_solid(q) => {
-                if along == i && place == straight {
-                    Source::Neighbour
+        match self.cell_at(node) {
+            Some(cell) if !self.is_solid(cell) => {
+                if direction == i && node == upstream {
+                    PopulationSource::Neighbour
                 } else {
-                    Source::Left(along, q)
+                    PopulationSource::Cell { direction, cell }
                 }
             }
-            _ => back,
+            _ => bounce_back,
         }
     }
 
-    /// Whether the cell from which a population comes is solid; the cell itself must not lie at a face.
-    pub(super) fn beside(&self, x: [usize; 3], i: usize) -> bool {
-        self.is_solid(std::array::from_fn(|a| x[a].wrapping_add_signed(-(C[i][a] as isize))))
+    /// Whether the upstream neighbour of a cell is solid; the cell must not lie at a face.
+    pub(super) fn upstream_is_solid(&self, x: [usize; 3], i: usize) -> bool {
+        self.is_solid(std::array::from_fn(|a| x[a].wrapping_add_signed(-(VELOCITIES[i][a] as isize))))
+    }
+
+    /// The cell of the domain nearest to a node outside.
+    #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "clamped to the domain")]
+    pub(super) fn nearest_cell(&self, node: [isize; 3]) -> [usize; 3] {
+        std::array::from_fn(|a| node[a].clamp(0, self.grid.n[a] as isize - 1) as usize)
     }
 }

@@ -1,388 +1,411 @@
-//! What boundaries do: they fill the places from which cells beside walls, ground and open faces read.
+//! Boundary exchange: moves populations to the halo slots from which cells beside walls, ground and open faces read.
 //!
-//! A step goes through the domain plane by plane. Before a plane is computed, what arrives from boundaries is put where its
-//! cells will read, or handed over in [`super::row_halo`] for the ends of rows; afterwards, what the next step will need is
-//! taken out. Nothing comes from further than the planes beside, but for joined faces: so two steps can follow each other
-//! through the domain a plane apart ([`super::stepper`]).
+//! A step goes through the domain plane by plane. Before a plane is computed, populations that arrive at it from
+//! boundaries are scattered into the slots its cells read, or into [`RowHalo`] for the ends of rows; afterwards, those
+//! that the next step's boundaries need are gathered into a buffer:
+//!
+//! ```text
+//!   previous step's buffer ──scatter──► slots of plane z ──collide──► slots of plane z ──gather──► this step's buffer
+//!   ghost populations      ──scatter──►   (and row halo)                               └─moments─► open cells, from which
+//!                                                                                                  ghosts are computed
+//! ```
+//!
+//! A plane's data come from the planes beside it, except across periodic faces in z: therefore two steps can follow each
+//! other through the domain one plane apart ([`super::stepper`]). Which population goes where is listed once, by
+//! [`super::exchange_builder`].
 
 use std::ops::Range;
 
 use super::collide::moments;
-use super::domain::Cells;
-use super::exchange_builder::List;
-use super::grid::{Grid, Parity, Populations};
-use super::open_boundary::Mouths;
-use super::row_halo::Ends;
-use super::stencil::{Q, opposite};
-
-/// Populations in memory, at equal distances, and side by side in a buffer.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Piece {
-    /// Direction.
-    pub along: u8,
-    pub run: Run,
-    /// Place of the first in the buffer.
-    pub at: u32,
-    /// What a wall that moves adds to them.
-    pub more: f32,
-}
+use super::grid::{LatticeGrid, Populations, Slot, StepParity};
+use super::open_boundary::OpenBoundary;
+use super::row_halo::RowHalo;
+use super::stencil::Q;
+use osier_base::convert::to_usize;
 
 /// Nodes of a plane at equal distances: along a row, or across rows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Run {
-    /// First node, as its number in its plane.
-    pub node: u32,
+pub(super) struct NodeSpan {
+    /// Element of the first node within its plane.
+    pub first: u32,
     pub count: u32,
     pub stride: u32,
 }
 
-/// Populations that arrive at the ends of some rows, one after the other: places in [`Ends`], and in a buffer.
+/// Populations of a span of nodes, which lie side by side in a buffer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct SpanCopy {
+    pub direction: u32,
+    pub span: NodeSpan,
+    /// Index of the first in the buffer.
+    pub buffer_index: u32,
+    /// Added to each as it is gathered: the momentum of a moving wall, 6 w_i c_i.u.
+    pub wall_momentum: f32,
+}
+
+/// Populations that arrive at the ends of consecutive rows: from a buffer into [`RowHalo`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Handed {
-    pub to: u32,
-    pub at: u32,
+pub(super) struct RowHaloCopy {
+    pub halo_index: u32,
+    pub buffer_index: u32,
     pub count: u32,
 }
 
-/// What a plane needs.
+/// The part of one plane in each list of [`ExchangeLists`].
 #[derive(Debug, Clone, Default)]
-pub(super) struct Joint {
-    /// Its part of the pieces that arrive at it, and of those at the ends of its rows.
-    pub put: Range<usize>,
-    pub handed: Range<usize>,
-    /// Its part of what open faces send to it, and to the ends of its rows.
-    pub open: Range<usize>,
-    pub opened: Range<usize>,
-    /// Its part of the pieces that leave it for boundaries, and of their buffer.
-    pub take: Range<usize>,
-    pub taken: Range<usize>,
-    /// Its part of the runs of cells before open faces, and of these cells.
-    pub near: Range<usize>,
-    pub beside: Range<usize>,
-    /// Among these, the first of the column at each end of its rows, if the face there is open.
+pub(super) struct PlaneLinks {
+    pub scatter: Range<usize>,
+    pub halo: Range<usize>,
+    pub ghost_scatter: Range<usize>,
+    pub ghost_halo: Range<usize>,
+    pub gather: Range<usize>,
+    /// Its part of the buffer that `gather` fills.
+    pub buffer: Range<usize>,
+    pub open_spans: Range<usize>,
+    /// Its part of the open cells: first the columns at the ends of rows, then `open_spans`.
+    pub open_cells: Range<usize>,
+    /// Number of the first open cell of the column at either end of the rows, if the face there is open.
     pub columns: [Option<usize>; 2],
 }
 
-/// Where everything lies.
+/// Which populations the boundaries exchange, found once.
 #[derive(Debug)]
-pub(super) struct Plan {
-    pub grid: Grid,
-    /// One for every plane.
-    pub joints: Vec<Joint>,
-    /// What arrives: where it is put, and where it was.
-    pub put: Vec<Piece>,
-    pub handed: Vec<Handed>,
-    /// What open faces send, and where it lies among what they send.
-    pub open: Vec<Piece>,
-    pub opened: Vec<Handed>,
-    /// What leaves.
-    pub take: Vec<Piece>,
-    /// Cells before open faces that are not at the ends of rows.
-    pub near: Vec<Run>,
-    /// Outlets send what is beside the equilibrium as well.
-    pub rest: bool,
+pub(super) struct ExchangeLists {
+    pub grid: LatticeGrid,
+    pub planes: Vec<PlaneLinks>,
+    /// From the buffer of the step before to slots, and to the row halo.
+    pub scatter: Vec<SpanCopy>,
+    pub halo: Vec<RowHaloCopy>,
+    /// The same from the buffer of ghost populations.
+    pub ghost_scatter: Vec<SpanCopy>,
+    pub ghost_halo: Vec<RowHaloCopy>,
+    /// From slots to the buffer.
+    pub gather: Vec<SpanCopy>,
+    /// Open cells that are not in columns at the ends of rows.
+    pub open_spans: Vec<NodeSpan>,
+    /// Outlets pass on the non-equilibrium part, for which populations of open cells are kept.
+    pub nonequilibrium: bool,
 }
 
-/// What a step took out of the populations.
+/// What a step leaves to the boundaries of the next.
 #[derive(Debug, Clone)]
-pub(super) struct Taken {
-    pub pieces: Vec<f32>,
-    pub vents: Vents,
+pub(super) struct ExchangeBuffers {
+    pub populations: Vec<f32>,
+    pub open_cells: OpenCellMoments,
 }
 
-/// Air in the cells before open faces.
+/// Moments of the open cells, those before open faces.
 #[derive(Debug, Clone)]
-pub(super) struct Vents {
-    /// Density less 1, and velocity by component.
-    pub air: [Vec<f32>; 4],
-    /// Their populations, if they are asked for.
-    pub parts: Vec<[f32; Q]>,
+pub(super) struct OpenCellMoments {
+    /// Density less 1, and velocity by component, cells per step.
+    pub moments: [Vec<f32>; 4],
+    /// Their populations, if the outlets pass on the non-equilibrium part; else empty.
+    pub populations: Vec<[f32; Q]>,
 }
 
-/// Everything that boundaries pass on.
+/// The exchange of all boundaries: lists, open boundary and buffers.
 #[derive(Debug)]
-pub(super) struct Links {
-    pub plan: Plan,
-    pub mouths: Mouths,
-    /// What the step before has left; room for what the step in hand leaves, and for the first of two at once.
-    pub last: Taken,
-    pub next: Taken,
-    pub middle: Taken,
-    /// What open faces send in a step, and in the second of two.
-    pub sent: [Vec<f32>; 2],
-    /// Mean outward velocity before each outlet ahead of the last even step, cells a step: it serves two steps, so that
-    /// these can follow each other through the domain.
-    pub mean: [f32; 6],
-    /// Square of the largest speed in each plane in the step before, cells a step, with what solid cells hold; infinite if
-    /// nobody knows. It decides how carefully a step is done, never what comes out.
-    pub fastest: Vec<f32>,
+pub(super) struct BoundaryExchange {
+    pub lists: ExchangeLists,
+    pub open_boundary: OpenBoundary,
+    /// Filled by the step before.
+    pub previous: ExchangeBuffers,
+    /// Filled by the step in progress (by the second, of two in one pass).
+    pub next: ExchangeBuffers,
+    /// Filled by the first of two steps in one pass.
+    pub intermediate: ExchangeBuffers,
+    /// Ghost populations of a step, and of the second of two.
+    pub ghost_populations: [Vec<f32>; 2],
+    /// Mean outward velocity before each outlet, cells per step, taken ahead of the last even step. It serves two steps,
+    /// so that these can share a pass.
+    pub mean_outflow: [f32; 6],
+    /// By plane, square of the highest speed in the step before, cells per step, what solid cells hold included; infinite
+    /// if unknown. It selects the kernel with or without speed limit, which does not change results.
+    pub max_speed_squared: Vec<f32>,
 }
 
-/// What a step reads of boundaries: buffers, and what comes before them in the whole.
+/// A part of a buffer, and the index of its first element in the whole.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Arriving<'a> {
-    pub plan: &'a Plan,
-    pub pieces: (&'a [f32], usize),
-    pub sent: (&'a [f32], usize),
+pub(super) struct BufferPart<'a> {
+    pub values: &'a [f32],
+    pub start: usize,
 }
 
-/// Room for what some planes leave for boundaries, and what comes before it in the whole.
-#[derive(Debug)]
-pub(super) struct Leaving<'a> {
-    pub pieces: (&'a mut [f32], usize),
-    pub air: ([&'a mut [f32]; 4], usize),
-    pub parts: &'a mut [[f32; Q]],
+impl<'a> BufferPart<'a> {
+    pub(super) fn whole(values: &'a [f32]) -> Self {
+        Self { values, start: 0 }
+    }
+
+    #[inline(always)]
+    fn starting_at(self, index: u32) -> &'a [f32] {
+        &self.values[to_usize(index) - self.start..]
+    }
 }
 
-/// Some planes of every array, from the plane `low` of the array.
+/// What a step reads from boundaries.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ExchangeInput<'a> {
+    pub lists: &'a ExchangeLists,
+    pub populations: BufferPart<'a>,
+    pub ghosts: BufferPart<'a>,
+}
+
+/// The part of [`ExchangeBuffers`] that some planes fill.
 #[derive(Debug)]
-pub(super) struct Planes<'a> {
+pub(super) struct ExchangeOutput<'a> {
+    pub populations: &'a mut [f32],
+    /// Index of the first of `populations` in the whole buffer.
+    pub first_population: usize,
+    pub moments: [&'a mut [f32]; 4],
+    pub cell_populations: &'a mut [[f32; Q]],
+    /// Number of the first of their open cells.
+    pub first_cell: usize,
+}
+
+/// Some planes of every population array.
+#[derive(Debug)]
+pub(super) struct PlaneSlices<'a> {
     pub arrays: Vec<&'a mut [f32]>,
-    pub low: usize,
+    /// The first plane, the halo plane -1 counted as 0.
+    pub first_plane: usize,
 }
 
-/// By direction: the array, and elements from a node to its place there.
-pub(super) type Places = [(usize, isize); Q];
-
-impl Grid {
-    /// Elements of a plane from its first cell to its last.
-    pub(super) fn span(&self) -> usize {
-        self.row * (self.n[1] - 1) + self.n[0]
-    }
-
-    /// Elements by which a step reads and writes array k beside a node.
-    pub(super) fn aside(&self, parity: Parity, k: usize) -> isize {
-        if parity == Parity::Odd { self.shift(k) } else { 0 }
-    }
-
-    /// Where a step reads what arrives along each direction.
-    fn arrive(&self, parity: Parity) -> Places {
-        std::array::from_fn(|i| {
-            let k = if parity == Parity::Odd { opposite(i) } else { i };
-            (k, self.aside(parity, k))
-        })
-    }
-
-    /// Where a step writes what leaves along each direction.
-    fn leave(&self, parity: Parity) -> Places {
-        std::array::from_fn(|i| {
-            let k = if parity == Parity::Odd { i } else { opposite(i) };
-            (k, self.aside(parity, k))
-        })
+impl PlaneSlices<'_> {
+    /// Element at which the plane z begins.
+    pub(super) fn plane_start(&self, grid: &LatticeGrid, z: usize) -> usize {
+        (z + 1 - self.first_plane) * grid.plane_stride
     }
 }
 
-impl Planes<'_> {
-    /// Elements before the plane z.
-    pub(super) fn before(&self, grid: &Grid, z: usize) -> usize {
-        (z + 1 - self.low) * grid.plane
+impl NodeSpan {
+    /// Element of the first node's slot.
+    fn first_element(self, slot: Slot, plane_start: usize) -> usize {
+        (plane_start + to_usize(self.first)).wrapping_add_signed(slot.offset)
     }
 }
 
-impl Run {
-    /// The part of an array from its first node on.
-    fn place(self, (k, aside): (usize, isize), plane: usize) -> (usize, usize) {
-        (k, (plane + self.node as usize).wrapping_add_signed(aside))
-    }
-}
-
-/// Copies numbers side by side to places at equal distances.
-fn spread(to: &mut [f32], run: Run, from: &[f32]) {
-    let from = &from[..run.count as usize];
-    if run.count == 1 {
+/// Copies numbers side by side to the nodes of a span.
+fn scatter_span(to: &mut [f32], span: NodeSpan, from: &[f32]) {
+    let from = &from[..to_usize(span.count)];
+    if span.count == 1 {
         to[0] = from[0];
-    } else if run.stride == 1 {
+    } else if span.stride == 1 {
         to[..from.len()].copy_from_slice(from);
     } else {
-        to.iter_mut().step_by(run.stride as usize).zip(from).for_each(|(to, from)| *to = *from);
+        to.iter_mut().step_by(to_usize(span.stride)).zip(from).for_each(|(to, from)| *to = *from);
     }
 }
 
-/// The other way.
-fn gather(to: &mut [f32], from: &[f32], (run, more): (Run, f32)) {
-    let to = &mut to[..run.count as usize];
-    if run.count == 1 {
+/// Copies the numbers of a span's nodes side by side, and adds `wall_momentum`.
+fn gather_span(to: &mut [f32], from: &[f32], span: NodeSpan, wall_momentum: f32) {
+    let to = &mut to[..to_usize(span.count)];
+    if span.count == 1 {
         to[0] = from[0];
-    } else if run.stride == 1 {
+    } else if span.stride == 1 {
         to.copy_from_slice(&from[..to.len()]);
     } else {
-        to.iter_mut().zip(from.iter().step_by(run.stride as usize)).for_each(|(to, from)| *to = *from);
+        to.iter_mut().zip(from.iter().step_by(to_usize(span.stride))).for_each(|(to, from)| *to = *from);
     }
-    if more.abs() > 0.0 {
-        to.iter_mut().for_each(|to| *to += more);
+    if wall_momentum.abs() > 0.0 {
+        to.iter_mut().for_each(|to| *to += wall_momentum);
     }
 }
 
-impl Arriving<'_> {
-    /// Puts what arrives at the plane `z`; at the ends of its rows, into `ends`.
-    pub(super) fn put(self, planes: &mut Planes<'_>, ends: &mut Ends, (parity, z): (Parity, usize)) {
-        let Self { plan, .. } = self;
-        let (joint, places) = (&plan.joints[z], plan.grid.arrive(parity));
-        let plane = planes.before(&plan.grid, z);
-        let put = (&plan.put[joint.put.clone()], self.pieces);
-        for (pieces, (from, before)) in [put, (&plan.open[joint.open.clone()], self.sent)] {
-            for p in pieces {
-                let (k, e) = p.run.place(places[usize::from(p.along)], plane);
-                spread(&mut planes.arrays[k][e..], p.run, &from[p.at as usize - before..]);
+impl ExchangeInput<'_> {
+    /// Scatters what arrives at the plane `z` from boundaries and ghost nodes; at the ends of its rows, into `halo`.
+    pub(super) fn scatter_incoming(
+        self,
+        planes: &mut PlaneSlices<'_>,
+        halo: &mut RowHalo,
+        parity: StepParity,
+        z: usize,
+    ) {
+        let Self { lists, .. } = self;
+        let (links, slots) = (&lists.planes[z], lists.grid.incoming_slots(parity));
+        let plane = planes.plane_start(&lists.grid, z);
+        let inner = (&lists.scatter[links.scatter.clone()], self.populations);
+        for (copies, buffer) in [inner, (&lists.ghost_scatter[links.ghost_scatter.clone()], self.ghosts)] {
+            for copy in copies {
+                let slot = slots[to_usize(copy.direction)];
+                let first = copy.span.first_element(slot, plane);
+                scatter_span(&mut planes.arrays[slot.array][first..], copy.span, buffer.starting_at(copy.buffer_index));
             }
         }
-        let handed = (&plan.handed[joint.handed.clone()], self.pieces);
-        for (pieces, (from, before)) in [handed, (&plan.opened[joint.opened.clone()], self.sent)] {
-            for p in pieces {
-                ends.take(p.to as usize, &from[p.at as usize - before..][..p.count as usize]);
+        let inner = (&lists.halo[links.halo.clone()], self.populations);
+        for (copies, buffer) in [inner, (&lists.ghost_halo[links.ghost_halo.clone()], self.ghosts)] {
+            for copy in copies {
+                let from = &buffer.starting_at(copy.buffer_index)[..to_usize(copy.count)];
+                halo.store(to_usize(copy.halo_index), from);
             }
         }
     }
 
-    /// Takes what a plane leaves for boundaries, after its step.
-    pub(super) fn take(self, planes: &Planes<'_>, (parity, z): (Parity, usize), room: &mut Leaving<'_>) {
-        let Self { plan, .. } = self;
-        let places = plan.grid.leave(parity);
-        let plane = planes.before(&plan.grid, z);
-        for p in &plan.take[plan.joints[z].take.clone()] {
-            let (k, e) = p.run.place(places[usize::from(p.along)], plane);
-            gather(&mut room.pieces.0[p.at as usize - room.pieces.1..], &planes.arrays[k][e..], (p.run, p.more));
+    /// Gathers what the plane `z` leaves to boundaries, after its step.
+    pub(super) fn gather_outgoing(
+        self,
+        planes: &PlaneSlices<'_>,
+        parity: StepParity,
+        z: usize,
+        out: &mut ExchangeOutput<'_>,
+    ) {
+        let Self { lists, .. } = self;
+        let slots = lists.grid.outgoing_slots(parity);
+        let plane = planes.plane_start(&lists.grid, z);
+        for copy in &lists.gather[lists.planes[z].gather.clone()] {
+            let slot = slots[to_usize(copy.direction)];
+            let first = copy.span.first_element(slot, plane);
+            let to = &mut out.populations[to_usize(copy.buffer_index) - out.first_population..];
+            gather_span(to, &planes.arrays[slot.array][first..], copy.span, copy.wall_momentum);
         }
     }
 
-    /// Takes the populations that left some cells of a run, before open faces. `skip`: the first of these cells.
-    pub(super) fn vent<const N: usize>(
+    /// Gathers the populations that left the cells `skip..skip + N` of a span of open cells in the plane `z`.
+    pub(super) fn gather_open_cells<const N: usize>(
         &self,
-        planes: &Planes<'_>,
-        (parity, z): (Parity, usize),
-        (run, skip): (Run, usize),
+        planes: &PlaneSlices<'_>,
+        parity: StepParity,
+        z: usize,
+        span: NodeSpan,
+        skip: usize,
         out: &mut [[f32; N]; Q],
     ) {
-        let count = (run.count as usize - skip).min(N);
-        let (plane, stride) = (planes.before(&self.plan.grid, z), run.stride as usize);
-        for (place, out) in self.plan.grid.leave(parity).into_iter().zip(out) {
-            let (k, e) = run.place(place, plane);
-            let from = planes.arrays[k][e + skip * stride..].iter().step_by(stride);
+        let count = (to_usize(span.count) - skip).min(N);
+        let (plane, stride) = (planes.plane_start(&self.lists.grid, z), to_usize(span.stride));
+        for (slot, out) in self.lists.grid.outgoing_slots(parity).into_iter().zip(out) {
+            let first = span.first_element(slot, plane);
+            let from = planes.arrays[slot.array][first + skip * stride..].iter().step_by(stride);
             out[..count].iter_mut().zip(from).for_each(|(out, g)| *out = *g);
         }
     }
 }
 
-impl Links {
-    /// Lists what is passed on. `rest`: outlets send the part beside the equilibrium too.
-    pub(super) fn new(cells: &Cells, rest: bool) -> Self {
-        List::new(cells).links(rest)
-    }
-
-    /// Takes everything anew from populations that were set by hand. `parity`: of the next step.
-    pub(super) fn renew(&mut self, populations: &Populations, parity: Parity) {
+impl BoundaryExchange {
+    /// Fills the buffers of the step before from populations that were set from outside. `next`: parity of the next step.
+    pub(super) fn reload(&mut self, populations: &Populations, next: StepParity) {
         let arrays = populations.arrays();
-        self.fastest.fill(f32::INFINITY);
-        let (plan, last) = (&self.plan, &mut self.last);
-        let grid = &plan.grid;
-        for (z, joint) in plan.joints.iter().enumerate() {
-            let plane = (z + 1) * grid.plane;
-            for p in &plan.take[joint.take.clone()] {
-                let (k, e) = grid.left(parity, usize::from(p.along), plane + p.run.node as usize);
-                gather(&mut last.pieces[p.at as usize..], &arrays[k][e..], (p.run, p.more));
+        self.max_speed_squared.fill(f32::INFINITY);
+        let (lists, previous) = (&self.lists, &mut self.previous);
+        let grid = &lists.grid;
+        for (z, links) in lists.planes.iter().enumerate() {
+            let plane = (z + 1) * grid.plane_stride;
+            for copy in &lists.gather[links.gather.clone()] {
+                let first = plane + to_usize(copy.span.first);
+                let (k, e) = grid.outgoing(next, to_usize(copy.direction), first);
+                let to = &mut previous.populations[to_usize(copy.buffer_index)..];
+                gather_span(to, &arrays[k][e..], copy.span, copy.wall_momentum);
             }
-            let columns = joint.columns.into_iter().zip([0, grid.n[0] - 1]);
-            let columns = columns.filter_map(|(first, x)| Some((first?, grid.first + x)));
+            // Open cells: columns at the ends of rows, then spans.
+            let columns = links.columns.into_iter().zip([0, grid.n[0] - 1]);
+            let columns = columns.filter_map(|(first, x)| Some((first?, grid.first_cell + x)));
             let columns =
-                columns.flat_map(|(first, node)| (0..grid.n[1]).map(move |y| (first + y, node + y * grid.row)));
-            let runs = plan.near[joint.near.clone()].iter();
-            let nodes = runs.flat_map(|run| (0..run.count).map(|n| (run.node + n * run.stride) as usize));
-            let numbered = (joint.first_run(grid.n[1])..).zip(nodes);
+                columns.flat_map(|(first, node)| (0..grid.n[1]).map(move |y| (first + y, node + y * grid.row_stride)));
+            let spans = lists.open_spans[links.open_spans.clone()].iter();
+            let nodes = spans.flat_map(|span| (0..span.count).map(|n| to_usize(span.first + n * span.stride)));
+            let numbered = (links.first_span_cell(grid.n[1])..).zip(nodes);
             for (number, node) in columns.chain(numbered) {
-                let parts: [f32; Q] = std::array::from_fn(|i| {
-                    let (k, e) = grid.left(parity, i, plane + node);
+                let g: [f32; Q] = std::array::from_fn(|i| {
+                    let (k, e) = grid.outgoing(next, i, plane + node);
                     arrays[k][e]
                 });
-                let (drho, [x, y, z]) = moments(&parts);
-                last.vents.air.iter_mut().zip([drho, x, y, z]).for_each(|(air, value)| air[number] = value);
-                if plan.rest {
-                    last.vents.parts[number] = parts;
+                let (drho, [x, y, z]) = moments(&g);
+                let open_cells = &mut previous.open_cells;
+                open_cells.moments.iter_mut().zip([drho, x, y, z]).for_each(|(all, value)| all[number] = value);
+                if lists.nonequilibrium {
+                    open_cells.populations[number] = g;
                 }
             }
         }
     }
 
-    /// What populations do not tell of the step before: velocities before outlets, largest speeds, and the air before open
-    /// faces.
-    pub(super) fn kept(&self) -> impl Iterator<Item = &f32> {
-        let vents = &self.last.vents;
-        let air = vents.air.iter().flatten().chain(vents.parts.iter().flatten());
-        self.mean.iter().chain(&self.fastest).chain(air)
+    /// What populations alone do not determine: outflow means, highest speeds, and moments of the open cells.
+    pub(super) fn history(&self) -> impl Iterator<Item = &f32> {
+        let open_cells = &self.previous.open_cells;
+        let cells = open_cells.moments.iter().flatten().chain(open_cells.populations.iter().flatten());
+        self.mean_outflow.iter().chain(&self.max_speed_squared).chain(cells)
     }
 
-    /// The same, to be set.
-    pub(super) fn kept_mut(&mut self) -> impl Iterator<Item = &mut f32> {
-        let vents = &mut self.last.vents;
-        let air = vents.air.iter_mut().flatten().chain(vents.parts.iter_mut().flatten());
-        self.mean.iter_mut().chain(&mut self.fastest).chain(air)
+    /// The same, to be restored.
+    pub(super) fn history_mut(&mut self) -> impl Iterator<Item = &mut f32> {
+        let open_cells = &mut self.previous.open_cells;
+        let cells = open_cells.moments.iter_mut().flatten().chain(open_cells.populations.iter_mut().flatten());
+        self.mean_outflow.iter_mut().chain(&mut self.max_speed_squared).chain(cells)
     }
 
-    /// Bytes it holds.
+    /// Bytes of lists and buffers.
     pub(super) fn bytes(&self) -> usize {
         use std::mem::size_of_val;
-        let plan = &self.plan;
-        let pieces = size_of_val(&*plan.put) + size_of_val(&*plan.open) + size_of_val(&*plan.take);
-        let handed = size_of_val(&*plan.handed) + size_of_val(&*plan.opened);
-        let taken =
-            |t: &Taken| size_of_val(&*t.pieces) + 4 * size_of_val(&*t.vents.air[0]) + size_of_val(&*t.vents.parts);
-        pieces
-            + handed
-            + size_of_val(&*plan.near)
-            + self.mouths.bytes()
-            + 8 * self.sent[0].len()
-            + 3 * taken(&self.last)
+        let lists = &self.lists;
+        let spans = size_of_val(&*lists.scatter) + size_of_val(&*lists.ghost_scatter) + size_of_val(&*lists.gather);
+        let halo = size_of_val(&*lists.halo) + size_of_val(&*lists.ghost_halo);
+        let buffers = |b: &ExchangeBuffers| {
+            size_of_val(&*b.populations)
+                + 4 * size_of_val(&*b.open_cells.moments[0])
+                + size_of_val(&*b.open_cells.populations)
+        };
+        spans
+            + halo
+            + size_of_val(&*lists.open_spans)
+            + self.open_boundary.bytes()
+            + 8 * self.ghost_populations[0].len()
+            + 3 * buffers(&self.previous)
     }
 }
 
-impl Joint {
-    /// Number of the first cell of its runs among those before open faces; the columns come before.
-    pub(super) fn first_run(&self, rows: usize) -> usize {
-        self.beside.start + rows * self.columns.iter().flatten().count()
+impl PlaneLinks {
+    /// Number of the first open cell of `open_spans`; the columns' come before. `rows`: of the plane.
+    pub(super) fn first_span_cell(&self, rows: usize) -> usize {
+        self.open_cells.start + rows * self.columns.iter().flatten().count()
     }
 }
 
-impl Taken {
-    /// Cuts it at planes: a part for each of some ranges of them, which follow each other and may leave some out.
-    pub(super) fn cut(&mut self, plan: &Plan, ranges: &[Range<usize>]) -> Vec<Leaving<'_>> {
-        let taken: Vec<_> = ranges.iter().map(|r| across(&plan.joints[r.clone()], |j| &j.taken)).collect();
-        let beside: Vec<_> = ranges.iter().map(|r| across(&plan.joints[r.clone()], |j| &j.beside)).collect();
-        let pieces = parts(&mut self.pieces, &taken).into_iter().zip(taken);
-        let [drho, x, y, z] = &mut self.vents.air;
-        let [x, y, z] = [x, y, z].map(|u| parts(u, &beside));
-        let air = parts(drho, &beside).into_iter().zip(x).zip(y.into_iter().zip(z));
-        let air = air.map(|((drho, x), (y, z))| [drho, x, y, z]).zip(&beside);
+impl ExchangeBuffers {
+    /// Splits the buffers between ranges of planes, which ascend and may leave some out.
+    pub(super) fn split(&mut self, lists: &ExchangeLists, ranges: &[Range<usize>]) -> Vec<ExchangeOutput<'_>> {
+        let buffers: Vec<_> = ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.buffer)).collect();
+        let cells: Vec<_> =
+            ranges.iter().map(|r| covering_range(&lists.planes[r.clone()], |p| &p.open_cells)).collect();
+        let populations = split_ranges(&mut self.populations, &buffers).into_iter().zip(buffers);
+        let [drho, x, y, z] = &mut self.open_cells.moments;
+        let [x, y, z] = [x, y, z].map(|u| split_ranges(u, &cells));
+        let moments = split_ranges(drho, &cells).into_iter().zip(x).zip(y.into_iter().zip(z));
+        let moments = moments.map(|((drho, x), (y, z))| [drho, x, y, z]).zip(&cells);
         let none = vec![0..0; ranges.len()];
-        let whole = parts(&mut self.vents.parts, if plan.rest { &beside } else { &none });
-        let all = pieces.zip(air).zip(whole);
-        all.map(|(((pieces, at), (air, from)), parts)| Leaving {
-            pieces: (pieces, at.start),
-            air: (air, from.start),
-            parts,
-        })
-        .collect()
+        let with_populations = if lists.nonequilibrium { &cells } else { &none };
+        let cell_populations = split_ranges(&mut self.open_cells.populations, with_populations);
+        populations
+            .zip(moments)
+            .zip(cell_populations)
+            .map(|(((populations, buffer), (moments, cells)), cell_populations)| ExchangeOutput {
+                populations,
+                first_population: buffer.start,
+                moments,
+                cell_populations,
+                first_cell: cells.start,
+            })
+            .collect()
     }
 }
 
-/// From where the part of the first begins to where that of the last ends.
-fn across(joints: &[Joint], part: impl Fn(&Joint) -> &Range<usize>) -> Range<usize> {
-    match (joints.first(), joints.last()) {
+/// From the start of the first plane's part to the end of the last one's.
+fn covering_range(planes: &[PlaneLinks], part: impl Fn(&PlaneLinks) -> &Range<usize>) -> Range<usize> {
+    match (planes.first(), planes.last()) {
         (Some(first), Some(last)) => part(first).start..part(last).end,
         _ => 0..0,
     }
 }
 
-/// Some parts of a whole that follow each other; empty ones lie anywhere.
-pub(super) fn parts<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
-    let (mut cut, mut at) = (Vec::with_capacity(ranges.len()), 0);
+/// Disjoint parts of a slice, in ascending order; empty ranges may lie anywhere.
+pub(super) fn split_ranges<'a, T>(mut whole: &'a mut [T], ranges: &[Range<usize>]) -> Vec<&'a mut [T]> {
+    let (mut split, mut at) = (Vec::with_capacity(ranges.len()), 0);
     for range in ranges {
         if range.is_empty() {
-            cut.push(&mut [][..]);
+            split.push(&mut [][..]);
             continue;
         }
         let (_, rest) = whole.split_at_mut(range.start - at);
         let (part, rest) = rest.split_at_mut(range.len());
-        cut.push(part);
+        split.push(part);
         (whole, at) = (rest, range.end);
     }
-    cut
+    split
 }

@@ -1,318 +1,387 @@
-//! What boundaries pass on, found once: which populations go where.
+//! Builds the lists of the boundary exchange: which populations go where, joined to spans.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::domain::{Cells, Face, Source};
-use super::exchange::{Handed, Joint, Links, Piece, Plan, Run, Taken, Vents};
-use super::open_boundary::{Ghost, Mouths, Sends};
-use super::row_halo::Ends;
-use super::stencil::{C, Q, weight};
+use super::domain::{Domain, FaceCondition, PopulationSource};
+use super::exchange::{
+    BoundaryExchange, ExchangeBuffers, ExchangeLists, NodeSpan, OpenCellMoments, PlaneLinks, RowHaloCopy, SpanCopy,
+};
+use super::open_boundary::{GhostNode, GhostSlots, OpenBoundary};
+use super::row_halo::RowHalo;
+use super::stencil::{Q, VELOCITIES, weight};
+use osier_base::Result;
+use osier_base::convert::{index, to_usize};
 
-/// A cell: its plane, and its number in the plane, counted from the first cell.
-type Spot = (usize, usize);
+/// A cell by its plane, and by its element in the plane counted from the first cell.
+#[derive(Debug, Clone, Copy)]
+struct PlaneNode {
+    plane: usize,
+    element: usize,
+}
 
-/// Populations at equal distances that come from other populations at the same distances.
-struct Copied {
-    /// Directions in which they arrive, and in which they left.
-    arrive: usize,
-    leave: usize,
-    to: Spot,
-    from: Spot,
+/// Nodes of one plane at equal distances.
+#[derive(Debug, Clone, Copy)]
+struct NodeRun {
+    first: PlaneNode,
     count: usize,
     stride: usize,
-    struck: Option<f32>,
-    /// Place of the first among the ends of rows, if that is where they arrive.
-    end: Option<usize>,
 }
 
-/// Lists being made.
-pub(super) struct List<'a> {
-    cells: &'a Cells,
+/// Populations that arrive at a run of nodes from another run.
+struct RunLink {
+    /// Direction in which they arrive, and in which they left.
+    incoming: usize,
+    outgoing: usize,
+    to: NodeRun,
+    from: PlaneNode,
+    /// Momentum that a moving wall adds.
+    wall_momentum: Option<f32>,
+    /// Index of the first in [`RowHalo`], if they arrive at ends of rows.
+    halo_index: Option<usize>,
+}
+
+/// A population that arrives from a ghost node.
+struct GhostLink {
+    incoming: usize,
+    to: PlaneNode,
+    ghost: usize,
+    /// Direction in which the ghost sends it; another than `incoming` after a reflection.
+    sent: usize,
+}
+
+/// What is being listed.
+struct ExchangeBuilder<'a> {
+    domain: &'a Domain,
     /// By plane of arrival.
-    copies: Vec<Copied>,
-    ghosts: Vec<Ghost>,
-    by_place: BTreeMap<[isize; 3], usize>,
-    /// Direction of arrival, cell, ghost, direction sent; by plane of arrival.
-    sends: Vec<(usize, Spot, usize, usize)>,
-    /// Cell before each ghost.
-    near: Vec<[usize; 3]>,
+    links: Vec<RunLink>,
+    ghosts: Vec<GhostNode>,
+    ghost_at: BTreeMap<[isize; 3], usize>,
+    /// By plane of arrival.
+    ghost_links: Vec<GhostLink>,
+    /// The cell nearest to each ghost.
+    nearest: Vec<[usize; 3]>,
 }
 
-impl<'a> List<'a> {
-    pub(super) fn new(cells: &'a Cells) -> Self {
-        let grid = &cells.grid;
-        let (copies, ghosts, by_place) = (Vec::new(), Vec::new(), BTreeMap::new());
-        let mut list = Self { cells, copies, ghosts, by_place, sends: Vec::new(), near: Vec::new() };
-        for z in 0..grid.n[2] {
-            for i in 1..Q {
-                for y in 0..grid.n[1] {
-                    list.row(i, (y, z));
+/// The exchange of a domain's boundaries. `nonequilibrium`: outlets pass on the non-equilibrium part too.
+/// # Errors
+/// `Limit` for more nodes than an index of 32 bits counts.
+pub(super) fn build_exchange(domain: &Domain, nonequilibrium: bool) -> Result<BoundaryExchange> {
+    let mut builder = ExchangeBuilder {
+        domain,
+        links: Vec::new(),
+        ghosts: Vec::new(),
+        ghost_at: BTreeMap::new(),
+        ghost_links: Vec::new(),
+        nearest: Vec::new(),
+    };
+    let n = domain.grid.n;
+    for z in 0..n[2] {
+        for i in 1..Q {
+            for y in 0..n[1] {
+                let edge = y == 0 || y + 1 == n[1] || z == 0 || z + 1 == n[2];
+                for x in 0..n[0] {
+                    let cell = [x, y, z];
+                    // Only cells at faces or beside solids take part.
+                    let at_boundary = edge || x == 0 || x + 1 == n[0];
+                    if !domain.is_solid(cell) && (at_boundary || domain.upstream_is_solid(cell, i)) {
+                        builder.add_population(cell, i);
+                    }
                 }
             }
         }
-        list
+    }
+    builder.finish(nonequilibrium)
+}
+
+impl ExchangeBuilder<'_> {
+    fn plane_node(&self, [x, y, z]: [usize; 3]) -> PlaneNode {
+        PlaneNode { plane: z, element: x + y * self.domain.grid.row_stride }
     }
 
-    fn row(&mut self, i: usize, (y, z): (usize, usize)) {
-        let n = self.cells.grid.n;
-        let edge = y == 0 || y + 1 == n[1] || z == 0 || z + 1 == n[2];
-        for x in 0..n[0] {
-            if !self.cells.is_solid([x, y, z]) && (edge || x == 0 || x + 1 == n[0] || self.cells.beside([x, y, z], i)) {
-                self.add([x, y, z], i);
+    /// Lists the population that arrives at a cell in direction `i`, unless it simply streams from its neighbour.
+    fn add_population(&mut self, x: [usize; 3], i: usize) {
+        let to = self.plane_node(x);
+        let halo_index = RowHalo::index_of(&self.domain.grid, i, [x[0], x[1]]);
+        let one = NodeRun { first: to, count: 1, stride: 1 };
+        let link =
+            |outgoing, from, wall_momentum| RunLink { incoming: i, outgoing, to: one, from, wall_momentum, halo_index };
+        match self.domain.population_source(x, i) {
+            PopulationSource::Neighbour => {}
+            PopulationSource::Cell { direction, cell } => self.append(link(direction, self.plane_node(cell), None)),
+            PopulationSource::MovingWall { direction, cell, velocity } => {
+                let cu: f64 = (0..3).map(|a| f64::from(VELOCITIES[i][a]) * velocity[a]).sum();
+                let momentum = osier_base::math::narrow(6.0 * weight(i) * cu);
+                self.append(link(direction, self.plane_node(cell), Some(momentum)));
+            }
+            PopulationSource::Ghost { direction, position } => {
+                let ghost = self.ghost(position);
+                self.ghosts[ghost].directions |= 1 << direction;
+                self.ghost_links.push(GhostLink { incoming: i, to, ghost, sent: direction });
             }
         }
     }
 
-    fn spot(&self, [x, y, z]: [usize; 3]) -> Spot {
-        (z, x + y * self.cells.grid.row)
-    }
-
-    fn add(&mut self, x: [usize; 3], i: usize) {
-        let to = self.spot(x);
-        let end = Ends::place(&self.cells.grid, i, [x[0], x[1]]);
-        let copied = |leave, from, struck| Copied { arrive: i, leave, to, from, count: 1, stride: 1, struck, end };
-        match self.cells.source(x, i) {
-            Source::Neighbour => {}
-            Source::Left(leave, q) => self.copy(copied(leave, self.spot(q), None)),
-            Source::Struck(leave, q, velocity) => {
-                let along: f64 = (0..3).map(|a| f64::from(C[i][a]) * velocity[a]).sum();
-                let more = osier_base::math::narrow(6.0 * weight(i) * along);
-                self.copy(copied(leave, self.spot(q), Some(more)));
-            }
-            Source::Ghost(along, place) => {
-                let ghost = self.ghost(place);
-                self.ghosts[ghost].sends |= 1 << along;
-                self.sends.push((i, to, ghost, along));
-            }
-        }
-    }
-
-    fn copy(&mut self, one: Copied) {
-        let row = self.cells.grid.row;
-        if let Some(last) = self.copies.last_mut() {
-            let alike = (last.arrive, last.leave, last.end.is_some()) == (one.arrive, one.leave, one.end.is_some())
-                && last.struck.is_none()
-                && one.struck.is_none();
-            let step = following((last.to, last.count, last.stride), one.to, row);
-            if alike && step.is_some() && step == following((last.from, last.count, last.stride), one.from, row) {
-                (last.count, last.stride) = (last.count + 1, step.unwrap_or(1));
+    /// Adds a link, joined with the last one where both nodes follow at the same stride.
+    fn append(&mut self, one: RunLink) {
+        let row = self.domain.grid.row_stride;
+        if let Some(last) = self.links.last_mut() {
+            let alike = (last.incoming, last.outgoing, last.halo_index.is_some())
+                == (one.incoming, one.outgoing, one.halo_index.is_some())
+                && last.wall_momentum.is_none()
+                && one.wall_momentum.is_none();
+            let stride = last.to.stride_to(one.to.first, row);
+            let from = NodeRun { first: last.from, ..last.to };
+            if let Some(stride) = stride.filter(|_| alike && stride == from.stride_to(one.from, row)) {
+                (last.to.count, last.to.stride) = (last.to.count + 1, stride);
                 return;
             }
         }
-        self.copies.push(one);
+        self.links.push(one);
     }
 
-    #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit; clamped to the domain")]
-    fn ghost(&mut self, place: [isize; 3]) -> usize {
-        if let Some(known) = self.by_place.get(&place) {
+    /// Number of the ghost node at a position, new or known.
+    fn ghost(&mut self, position: [isize; 3]) -> usize {
+        if let Some(known) = self.ghost_at.get(&position) {
             return *known;
         }
-        let faces = self.cells.beyond(place).map(|f| f.map(|f| (f, self.cells.faces[f])));
-        let inlet = faces.iter().flatten().any(|(_, f)| *f == Face::Inlet);
-        let side = |f: &Option<(usize, Face)>| match f {
-            Some((f, Face::Outlet)) if f % 2 == 1 => 1,
-            Some((_, Face::Outlet)) => -1,
+        let faces = self.domain.faces_beyond(position).map(|f| f.map(|f| (f, self.domain.faces[f])));
+        let inlet = faces.iter().flatten().any(|(_, f)| *f == FaceCondition::Inlet);
+        let side = |f: &Option<(usize, FaceCondition)>| match f {
+            Some((f, FaceCondition::Outlet)) if f % 2 == 1 => 1,
+            Some((_, FaceCondition::Outlet)) => -1,
             _ => 0,
         };
-        let near: [usize; 3] = std::array::from_fn(|a| place[a].clamp(0, self.cells.grid.n[a] as isize - 1) as usize);
+        let nearest = self.domain.nearest_cell(position);
         let number = self.ghosts.len();
         let mut beyond = faces.iter().flatten().map(|f| f.0);
         let face = beyond.next().filter(|_| beyond.next().is_none());
-        let out = std::array::from_fn(|a| side(&faces[a]));
-        let solid = self.cells.is_solid(near);
-        self.ghosts.push(Ghost { place, near: 0, solid, sends: 0, inlet, out, face });
-        self.near.push(near);
-        self.by_place.insert(place, number);
+        let outward = std::array::from_fn(|a| side(&faces[a]));
+        let before_solid = self.domain.is_solid(nearest);
+        self.ghosts.push(GhostNode { position, open_cell: 0, before_solid, directions: 0, inlet, outward, face });
+        self.nearest.push(nearest);
+        self.ghost_at.insert(position, number);
         number
     }
 
-    pub(super) fn links(mut self, rest: bool) -> Links {
-        let grid = self.cells.grid;
-        let mut joints = vec![Joint::default(); grid.n[2]];
-        // Taken in the order of planes they leave, put in the order of planes they reach.
-        let mut order: Vec<usize> = (0..self.copies.len()).collect();
-        order.sort_by_key(|k| self.copies[*k].from.0);
-        let mut place = vec![0; self.copies.len()];
-        let (mut take, mut at) = (Vec::new(), 0);
+    fn finish(mut self, nonequilibrium: bool) -> Result<BoundaryExchange> {
+        let grid = self.domain.grid;
+        let mut planes = vec![PlaneLinks::default(); grid.n[2]];
+        // Gather in the order of the planes that populations leave ...
+        let mut order: Vec<usize> = (0..self.links.len()).collect();
+        order.sort_by_key(|k| self.links[*k].from.plane);
+        let mut buffer_index = vec![0; self.links.len()];
+        let (mut gather, mut at) = (Vec::new(), 0);
         for k in order {
-            let c = &self.copies[k];
-            place[k] = at;
-            let joint = &mut joints[c.from.0];
-            grow(&mut joint.take, take.len(), 1);
-            grow(&mut joint.taken, at, c.count);
-            take.push(Piece { more: c.struck.unwrap_or(0.0), ..self.piece(c.leave, (c.from, c.count, c.stride), at) });
-            at += c.count;
+            let link = &self.links[k];
+            buffer_index[k] = at;
+            let plane = &mut planes[link.from.plane];
+            extend_range(&mut plane.gather, gather.len(), 1);
+            extend_range(&mut plane.buffer, at, link.to.count);
+            let from = NodeRun { first: link.from, ..link.to };
+            let copy = self.span_copy(link.outgoing, from, at)?;
+            gather.push(SpanCopy { wall_momentum: link.wall_momentum.unwrap_or(0.0), ..copy });
+            at += link.to.count;
         }
-        let (mut put, mut handed) = (Vec::new(), Vec::new());
-        for (c, at) in self.copies.iter().zip(&place) {
-            let joint = &mut joints[c.to.0];
-            if let Some(end) = c.end {
-                grow(&mut joint.handed, handed.len(), 1);
-                handed.push(Handed { to: small(end), at: small(*at), count: small(c.count) });
+        // ... and scatter in the order of the planes they reach.
+        let (mut scatter, mut halo) = (Vec::new(), Vec::new());
+        for (link, at) in self.links.iter().zip(&buffer_index) {
+            let plane = &mut planes[link.to.first.plane];
+            if let Some(halo_index) = link.halo_index {
+                extend_range(&mut plane.halo, halo.len(), 1);
+                halo.push(RowHaloCopy {
+                    halo_index: small(halo_index)?,
+                    buffer_index: small(*at)?,
+                    count: small(link.to.count)?,
+                });
             } else {
-                grow(&mut joint.put, put.len(), 1);
-                put.push(self.piece(c.arrive, (c.to, c.count, c.stride), *at));
+                extend_range(&mut plane.scatter, scatter.len(), 1);
+                scatter.push(self.span_copy(link.incoming, link.to, *at)?);
             }
         }
-        let near = self.number_near(&mut joints);
-        let (mouths, places) = self.mouths();
-        let (open, opened) = self.open(&places, &mut joints);
-        follow(&mut joints);
-        let beside = joints.last().map_or(0, |j| j.beside.end);
-        let air = std::array::from_fn(|_| vec![0.0; beside]);
-        let vents = Vents { air, parts: vec![[0.0; Q]; if rest { beside } else { 0 }] };
-        let last = Taken { pieces: vec![0.0; at], vents };
-        let sent = [vec![0.0; mouths.len()], vec![0.0; mouths.len()]];
-        let plan = Plan { grid, joints, put, handed, open, opened, take, near, rest };
-        Links {
-            plan,
-            mouths,
-            next: last.clone(),
-            middle: last.clone(),
-            last,
-            sent,
-            mean: [0.0; 6],
-            fastest: vec![0.0; grid.n[2]],
-        }
+        let open_spans = self.number_open_cells(&mut planes)?;
+        let (open_boundary, slots) = self.open_boundary()?;
+        let (ghost_scatter, ghost_halo) = self.ghost_copies(&slots, &mut planes)?;
+        place_empty_ranges(&mut planes);
+        let open_cells = planes.last().map_or(0, |p| p.open_cells.end);
+        let moments = std::array::from_fn(|_| vec![0.0; open_cells]);
+        let populations = vec![[0.0; Q]; if nonequilibrium { open_cells } else { 0 }];
+        let open_cells = OpenCellMoments { moments, populations };
+        let previous = ExchangeBuffers { populations: vec![0.0; at], open_cells };
+        let ghost_populations = [vec![0.0; open_boundary.buffer_len()], vec![0.0; open_boundary.buffer_len()]];
+        let lists = ExchangeLists {
+            grid,
+            planes,
+            scatter,
+            halo,
+            ghost_scatter,
+            ghost_halo,
+            gather,
+            open_spans,
+            nonequilibrium,
+        };
+        Ok(BoundaryExchange {
+            lists,
+            open_boundary,
+            next: previous.clone(),
+            intermediate: previous.clone(),
+            previous,
+            ghost_populations,
+            mean_outflow: [0.0; 6],
+            max_speed_squared: vec![0.0; grid.n[2]],
+        })
     }
 
-    /// Sorts places outside by plane, so that those that are alike follow each other.
-    fn mouths(&mut self) -> (Mouths, Vec<Sends>) {
-        let planes = self.cells.grid.n[2];
+    /// Sorts ghost nodes by plane and condition, so that alike ones follow each other and form groups. Returns the slots
+    /// in the order of `ghosts`.
+    fn open_boundary(&self) -> Result<(OpenBoundary, Vec<GhostSlots>)> {
+        let planes = self.domain.grid.n[2];
         let mut order: Vec<usize> = (0..self.ghosts.len()).collect();
         order.sort_by_key(|k| {
             let g = &self.ghosts[*k];
-            (g.plane(planes), g.inlet, g.out, g.solid, g.place[2], g.place[1], g.place[0])
+            let [x, y, z] = g.position;
+            (g.plane(planes), g.inlet, g.outward, g.before_solid, z, y, x)
         });
-        let (mouths, places) = Mouths::new(order.iter().map(|k| self.ghosts[*k]).collect(), planes);
-        let mut number = vec![Sends::default(); order.len()];
-        order.iter().zip(places).for_each(|(k, place)| number[*k] = place);
-        (mouths, number)
+        let (boundary, sorted) = OpenBoundary::new(order.iter().map(|k| self.ghosts[*k]).collect(), planes)?;
+        let mut slots = vec![GhostSlots::default(); order.len()];
+        order.iter().zip(sorted).for_each(|(k, slot)| slots[*k] = slot);
+        Ok((boundary, slots))
     }
 
-    /// What open faces send, joined while it lies at equal distances: into memory, and to the ends of rows.
-    fn open(&self, places: &[Sends], joints: &mut [Joint]) -> (Vec<Piece>, Vec<Handed>) {
-        let grid = &self.cells.grid;
-        let (mut open, mut opened): (Vec<Piece>, Vec<Handed>) = (Vec::new(), Vec::new());
-        let mut last: Option<Spot> = None;
-        for (i, spot, ghost, along) in &self.sends {
-            let at = places[*ghost].place(*along);
-            if let Some(end) = Ends::place(grid, *i, [spot.1 % grid.row, spot.1 / grid.row]) {
-                let joint = &mut joints[spot.0].opened;
-                let next = |h: &&mut Handed| {
-                    joint.start < joint.end && (h.to + h.count, h.at + h.count) == (small(end), small(at))
+    /// Copies of ghost populations to slots and to the row halo, joined where nodes and buffer indices follow.
+    fn ghost_copies(
+        &self,
+        slots: &[GhostSlots],
+        planes: &mut [PlaneLinks],
+    ) -> Result<(Vec<SpanCopy>, Vec<RowHaloCopy>)> {
+        let grid = &self.domain.grid;
+        let (mut scatter, mut halo): (Vec<SpanCopy>, Vec<RowHaloCopy>) = (Vec::new(), Vec::new());
+        let mut last: Option<PlaneNode> = None;
+        for GhostLink { incoming, to, ghost, sent } in &self.ghost_links {
+            let at = slots[*ghost].index_of(*sent);
+            let cell = [to.element % grid.row_stride, to.element / grid.row_stride];
+            if let Some(halo_index) = RowHalo::index_of(grid, *incoming, cell) {
+                let range = &mut planes[to.plane].ghost_halo;
+                let (halo_index, buffer_index) = (small(halo_index)?, small(at)?);
+                let follows = |c: &&mut RowHaloCopy| {
+                    range.start < range.end
+                        && (c.halo_index + c.count, c.buffer_index + c.count) == (halo_index, buffer_index)
                 };
-                if let Some(handed) = opened.last_mut().filter(next) {
-                    handed.count += 1;
+                if let Some(copy) = halo.last_mut().filter(follows) {
+                    copy.count += 1;
                 } else {
-                    grow(joint, opened.len(), 1);
-                    opened.push(Handed { to: small(end), at: small(at), count: 1 });
+                    extend_range(range, halo.len(), 1);
+                    halo.push(RowHaloCopy { halo_index, buffer_index, count: 1 });
                 }
                 continue;
             }
-            if let (Some(piece), Some(first)) = (open.last_mut(), last) {
-                let (count, stride) = (piece.run.count as usize, piece.run.stride as usize);
-                let step = following((first, count, stride), *spot, grid.row);
-                let follows = piece.along == direction(*i) && piece.at as usize + count == at;
-                if let Some(step) = step.filter(|_| follows) {
-                    (piece.run.count, piece.run.stride) = (piece.run.count + 1, small(step));
+            if let (Some(copy), Some(first)) = (scatter.last_mut(), last) {
+                let (count, stride) = (to_usize(copy.span.count), to_usize(copy.span.stride));
+                let stride = NodeRun { first, count, stride }.stride_to(*to, grid.row_stride);
+                let follows = to_usize(copy.direction) == *incoming && to_usize(copy.buffer_index) + count == at;
+                if let Some(stride) = stride.filter(|_| follows) {
+                    (copy.span.count, copy.span.stride) = (copy.span.count + 1, small(stride)?);
                     continue;
                 }
             }
-            grow(&mut joints[spot.0].open, open.len(), 1);
-            open.push(self.piece(*i, (*spot, 1, 1), at));
-            last = Some(*spot);
+            extend_range(&mut planes[to.plane].ghost_scatter, scatter.len(), 1);
+            scatter.push(self.span_copy(*incoming, NodeRun { first: *to, count: 1, stride: 1 }, at)?);
+            last = Some(*to);
         }
-        (open, opened)
+        Ok((scatter, halo))
     }
 
-    fn piece(&self, along: usize, run: (Spot, usize, usize), at: usize) -> Piece {
-        Piece { along: direction(along), run: self.run(run), at: small(at), more: 0.0 }
+    fn span_copy(&self, direction: usize, run: NodeRun, buffer_index: usize) -> Result<SpanCopy> {
+        let (direction, span) = (small(direction)?, self.node_span(run)?);
+        Ok(SpanCopy { direction, span, buffer_index: small(buffer_index)?, wall_momentum: 0.0 })
     }
 
-    fn run(&self, ((_, k), count, stride): (Spot, usize, usize)) -> Run {
-        Run { node: small(self.cells.grid.first + k), count: small(count), stride: small(stride) }
+    fn node_span(&self, run: NodeRun) -> Result<NodeSpan> {
+        let first = small(self.domain.grid.first_cell + run.first.element)?;
+        Ok(NodeSpan { first, count: small(run.count)?, stride: small(run.stride)? })
     }
 
-    /// Which end of its row a cell is, if the face there is open: then the whole column counts as before it.
-    fn column(&self, x: usize) -> Option<usize> {
-        let ends = [0, self.cells.grid.n[0] - 1];
-        (0..2).find(|end| x == ends[*end] && self.cells.faces[*end].is_open())
+    /// The end of its row at which a cell lies, if the face there is open: then the whole column counts as open cells.
+    fn open_end(&self, x: usize) -> Option<usize> {
+        let ends = [0, self.domain.grid.n[0] - 1];
+        (0..2).find(|end| x == ends[*end] && self.domain.faces[*end].is_open())
     }
 
-    /// Numbers the cells before open faces, plane by plane, and tells each ghost its own. Returns the runs of those that
-    /// are not at the ends of rows.
-    fn number_near(&mut self, joints: &mut [Joint]) -> Vec<Run> {
-        let rows = self.cells.grid.n[1];
-        let air = self.near.iter().zip(&self.ghosts).filter(|(_, g)| !g.solid).map(|(cell, _)| *cell);
-        let mut cells: Vec<[usize; 3]> = air.filter(|c| self.column(c[0]).is_none()).collect();
+    /// Numbers the open cells plane by plane and notes each ghost's. Returns the spans of those that are not in columns
+    /// at the ends of rows.
+    fn number_open_cells(&mut self, planes: &mut [PlaneLinks]) -> Result<Vec<NodeSpan>> {
+        let [_, rows, _] = self.domain.grid.n;
+        let air = self.nearest.iter().zip(&self.ghosts).filter(|(_, g)| !g.before_solid).map(|(cell, _)| *cell);
+        let mut cells: Vec<[usize; 3]> = air.filter(|c| self.open_end(c[0]).is_none()).collect();
         cells.sort_by_key(|c| (c[2], c[1], c[0]));
         cells.dedup();
         let mut number: BTreeMap<[usize; 3], u32> = BTreeMap::new();
-        let (mut runs, mut at, mut cells): (Vec<(Spot, usize, usize)>, usize, _) =
-            (Vec::new(), 0, cells.iter().peekable());
-        for (z, joint) in joints.iter_mut().enumerate() {
+        let (mut runs, mut at): (Vec<NodeRun>, usize) = (Vec::new(), 0);
+        let mut cells = cells.iter().peekable();
+        for (z, plane) in planes.iter_mut().enumerate() {
             for end in 0..2 {
-                if self.cells.faces[end].is_open() {
-                    joint.columns[end] = Some(at);
-                    grow(&mut joint.beside, at, rows);
+                if self.domain.faces[end].is_open() {
+                    plane.columns[end] = Some(at);
+                    extend_range(&mut plane.open_cells, at, rows);
                     at += rows;
                 }
             }
             while let Some(cell) = cells.next_if(|c| c[2] == z) {
-                number.insert(*cell, small(at));
-                grow(&mut joint.beside, at, 1);
+                number.insert(*cell, small(at)?);
+                extend_range(&mut plane.open_cells, at, 1);
                 at += 1;
-                let spot = self.spot(*cell);
-                if let Some(last) = runs.last_mut().filter(|_| joint.near.start < joint.near.end)
-                    && let Some(step) = following(*last, spot, self.cells.grid.row)
+                let node = self.plane_node(*cell);
+                if let Some(last) = runs.last_mut().filter(|_| plane.open_spans.start < plane.open_spans.end)
+                    && let Some(stride) = last.stride_to(node, self.domain.grid.row_stride)
                 {
-                    (last.1, last.2) = (last.1 + 1, step);
+                    (last.count, last.stride) = (last.count + 1, stride);
                     continue;
                 }
-                grow(&mut joint.near, runs.len(), 1);
-                runs.push((spot, 1, 1));
+                extend_range(&mut plane.open_spans, runs.len(), 1);
+                runs.push(NodeRun { first: node, count: 1, stride: 1 });
             }
         }
-        let of = |cell: &[usize; 3]| match self.column(cell[0]) {
-            Some(end) => joints[cell[2]].columns[end].map_or(0, |first| small(first + cell[1])),
-            None => number.get(cell).copied().unwrap_or(0),
-        };
-        let numbers: Vec<u32> = self.near.iter().map(of).collect();
-        self.ghosts.iter_mut().zip(numbers).for_each(|(ghost, near)| ghost.near = near);
-        runs.into_iter().map(|run| self.run(run)).collect()
+        for k in 0..self.ghosts.len() {
+            let cell = self.nearest[k];
+            self.ghosts[k].open_cell = match self.open_end(cell[0]).and_then(|end| planes[cell[2]].columns[end]) {
+                Some(first) => small(first + cell[1])?,
+                None => number.get(&cell).copied().unwrap_or(0),
+            };
+        }
+        runs.into_iter().map(|run| self.node_span(run)).collect()
     }
 }
 
-/// Distance at which a cell follows some others, along the row or across rows of their plane.
-fn following(((z, first), count, stride): (Spot, usize, usize), next: Spot, row: usize) -> Option<usize> {
-    let step = next.1.checked_sub(first + (count - 1) * stride)?;
-    let good = next.0 == z && (step == 1 || step == row);
-    (good && (count == 1 || step == stride)).then_some(step)
+impl NodeRun {
+    /// The stride at which a node continues the run, along the row or across rows of its plane; none if it does not.
+    fn stride_to(self, next: PlaneNode, row_stride: usize) -> Option<usize> {
+        let step = next.element.checked_sub(self.first.element + (self.count - 1) * self.stride)?;
+        let good = next.plane == self.first.plane && (step == 1 || step == row_stride);
+        (good && (self.count == 1 || step == self.stride)).then_some(step)
+    }
 }
 
-/// Makes a range that is filled in order longer.
-fn grow(range: &mut Range<usize>, at: usize, count: usize) {
+/// Extends a plane's range by `count` elements that are appended at index `at`.
+fn extend_range(range: &mut Range<usize>, at: usize, count: usize) {
     if range.start == range.end {
         *range = at..at;
     }
     range.end += count;
 }
 
-/// Empty ranges begin where the ones before end.
-fn follow(joints: &mut [Joint]) {
+/// Lets empty ranges begin where those of the planes before end, so that ranges of planes can be split in order.
+fn place_empty_ranges(planes: &mut [PlaneLinks]) {
     let mut ends = [0; 8];
-    for j in joints {
+    for p in planes {
         let ranges = [
-            &mut j.put,
-            &mut j.handed,
-            &mut j.open,
-            &mut j.opened,
-            &mut j.take,
-            &mut j.taken,
-            &mut j.near,
-            &mut j.beside,
+            &mut p.scatter,
+            &mut p.halo,
+            &mut p.ghost_scatter,
+            &mut p.ghost_halo,
+            &mut p.gather,
+            &mut p.buffer,
+            &mut p.open_spans,
+            &mut p.open_cells,
         ];
         for (range, end) in ranges.into_iter().zip(&mut ends) {
             if range.start == range.end {
@@ -323,11 +392,6 @@ fn follow(joints: &mut [Joint]) {
     }
 }
 
-fn direction(i: usize) -> u8 {
-    u8::try_from(i).unwrap_or(0)
-}
-
-/// Numbers of nodes and links, which planning holds below 2^32.
-fn small(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
+fn small(n: usize) -> Result<u32> {
+    index(n, "boundary nodes of the lattice wind")
 }

@@ -1,102 +1,192 @@
-//! Air that flows: cells, what joins them, and their populations.
+//! The state of the flow: domain, populations and boundary exchange, advanced step by step.
+
+use pulp::{Simd, WithSimd};
 
 use super::collide::moments;
-use super::domain::{Cells, Face};
-use super::exchange::Links;
-use super::grid::{Parity, Populations};
-use super::ground::leant;
-use super::snapshot::{Pages, Reading};
-use super::stencil::{C, Q, opposite, weight};
-use super::stepper::{Asked, Sweep, Viscosity};
+use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotPlane, SnapshotTarget};
+use super::domain::{Domain, FaceCondition};
+use super::exchange::BoundaryExchange;
+use super::exchange_builder::build_exchange;
+use super::grid::{BLOCK, Populations, StepParity};
+use super::ground::shear_population;
+use super::stencil::{Q, VELOCITIES, opposite, weight};
+use super::step_tables::{FlowParams, StepTables};
+use super::stepper::{BoundaryInputs, StepContext, StepReport};
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_base::par;
+use osier_base::simd::F32Lanes;
 
-/// Air in steps of the lattice.
+/// A flow and the number of its step.
 #[derive(Debug)]
-pub(super) struct Flow {
-    pub cells: Cells,
-    pub sweep: Sweep,
-    pub links: Links,
+pub(super) struct FlowState {
+    pub domain: Domain,
+    pub tables: StepTables,
+    pub exchange: BoundaryExchange,
     pub populations: Populations,
     /// Steps done.
     pub step: u64,
 }
 
-impl Flow {
-    /// Air at rest.
+/// A velocity to add to all cells of a height: along x and z, cells per step, with its shear
+/// ([`super::ground::shear_coefficient`] times the direction).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LayerPush {
+    pub velocity: [f32; 2],
+    pub shear: [f32; 2],
+}
+
+impl FlowState {
+    /// Air at rest. `nonequilibrium`: outlets pass on the non-equilibrium part.
     /// # Errors
-    /// `Io` if the system has no memory for it.
-    pub(super) fn new(cells: Cells, viscosity: Viscosity, rest: bool) -> Result<Self> {
-        let populations = Populations::new(cells.grid)?;
-        let links = Links::new(&cells, rest);
-        let sweep = Sweep::new(&cells, viscosity);
-        Ok(Self { cells, sweep, links, populations, step: 0 })
+    /// `Io` if the system cannot provide the memory; `Limit` for more nodes than an index of 32 bits counts.
+    pub(super) fn new(domain: Domain, params: FlowParams, nonequilibrium: bool) -> Result<Self> {
+        let populations = Populations::new(domain.grid)?;
+        let exchange = build_exchange(&domain, nonequilibrium)?;
+        let tables = StepTables::new(&domain, params)?;
+        Ok(Self { domain, tables, exchange, populations, step: 0 })
     }
 
-    /// Gives the faces other roles, between two steps. `sponge`: what they make of it ([`Viscosity::sponge`]).
-    pub(super) fn open(&mut self, faces: [Face; 6], sponge: [Vec<f32>; 2]) {
-        self.cells.faces = faces;
-        let (rest, mean) = (self.links.plan.rest, self.links.mean);
-        self.links = Links::new(&self.cells, rest);
-        self.links.mean = mean;
-        self.links.renew(&self.populations, Parity::of(self.step));
-        self.sweep = Sweep::new(&self.cells, Viscosity { sponge, ..self.sweep.viscosity.clone() });
+    /// Changes the conditions of the faces between two steps. `sponge`: as [`FlowParams::sponge`], for these faces.
+    /// # Errors
+    /// As [`FlowState::new`].
+    pub(super) fn set_faces(&mut self, faces: [FaceCondition; 6], sponge: [Vec<f32>; 2]) -> Result<()> {
+        self.domain.faces = faces;
+        let (nonequilibrium, mean_outflow) = (self.exchange.lists.nonequilibrium, self.exchange.mean_outflow);
+        self.exchange = build_exchange(&self.domain, nonequilibrium)?;
+        self.exchange.mean_outflow = mean_outflow;
+        self.exchange.reload(&self.populations, self.next_parity());
+        self.tables = StepTables::new(&self.domain, FlowParams { sponge, ..self.tables.params.clone() })?;
+        Ok(())
     }
 
-    /// One step; returns how many fluid cells were too fast and clamped.
+    pub(super) fn next_parity(&self) -> StepParity {
+        StepParity::of_step(self.step)
+    }
+
+    /// One step without a snapshot; returns the number of clamped cells.
     #[cfg(test)]
-    pub(super) fn advance(&mut self, asked: Asked<'_>) -> u64 {
-        self.go((asked, None), None).0[0]
+    pub(super) fn advance_one(&mut self, inputs: BoundaryInputs<'_>) -> u64 {
+        self.advance(inputs, None, None).clamped[0]
     }
 
-    /// One step, or an even one and the next with one passage through memory, which gives the same populations; and a
-    /// snapshot of the last. Returns how many fluid cells were too fast and clamped in each, and what was seen of the
-    /// snapshot.
-    pub(super) fn go(
+    /// Advances by one step, or by an even step and the odd one after it in one pass over memory, which gives the same
+    /// populations. `second`: inputs of the odd step; `snapshot`: where the moments of the last step are written.
+    pub(super) fn advance(
         &mut self,
-        asked: (Asked<'_>, Option<Asked<'_>>),
-        pages: Option<Pages<'_>>,
-    ) -> ([u64; 2], Reading) {
-        let parity = Parity::of(self.step);
-        self.step += 1 + u64::from(asked.1.is_some());
-        self.sweep.step(&mut self.populations, &mut self.links, (parity, &self.cells), (asked, pages))
+        first: BoundaryInputs<'_>,
+        second: Option<BoundaryInputs<'_>>,
+        snapshot: Option<SnapshotTarget<'_>>,
+    ) -> StepReport {
+        let parity = self.next_parity();
+        self.step += 1 + u64::from(second.is_some());
+        let context = StepContext { tables: &self.tables, domain: &self.domain, parity, first, second };
+        context.run(&mut self.populations, &mut self.exchange, snapshot)
     }
 
-    /// Adds a level velocity to all air of a height, between two steps. `by`: by y the velocity, cells a step, and how it
-    /// leans with the height ([`super::ground::lean`]), both along x and z.
+    /// Adds a velocity to each layer of cells, `layers` by y, between two steps. Solid cells get it too, but boundary
+    /// exchange never reads them.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn push(&mut self, by: &[[[f32; 2]; 2]]) {
-        let (grid, parity) = (self.cells.grid, Parity::of(self.step));
+    pub(super) fn push_layers(&mut self, layers: &[LayerPush]) {
+        let (grid, parity) = (self.domain.grid, self.next_parity());
         let mut arrays: Vec<_> = self.populations.arrays_mut().into_iter().enumerate().collect();
-        // What solid cells are given is put aside by boundaries.
         par::par_each(&mut arrays, |(k, array)| {
-            let i = if parity == Parity::Odd { opposite(*k) } else { *k };
-            let [x, _, z] = C[i].map(|c| narrow(3.0 * weight(i) * f64::from(c)));
-            let more: Vec<f32> = by.iter().map(|[u, lean]| x * u[0] + z * u[1] + leant(i, *lean)).collect();
+            // The linear part of the equilibrium, 3 w_i c_i.u, and the non-equilibrium part of the shear.
+            let i = if parity == StepParity::Odd { opposite(*k) } else { *k };
+            let [x, _, z] = VELOCITIES[i].map(|c| narrow(3.0 * weight(i) * f64::from(c)));
+            let added = |l: &LayerPush| x * l.velocity[0] + z * l.velocity[1] + shear_population(i, l.shear);
+            let added: Vec<f32> = layers.iter().map(added).collect();
             for z in 0..grid.n[2] {
-                for (y, more) in more.iter().enumerate() {
-                    let (_, first) = grid.left(parity, i, grid.element([0, y as isize, z as isize]));
-                    array[first..first + grid.n[0]].iter_mut().for_each(|g| *g += more);
+                for (y, added) in added.iter().enumerate() {
+                    let (_, first) = grid.outgoing(parity, i, grid.element([0, y as isize, z as isize]));
+                    array[first..first + grid.n[0]].iter_mut().for_each(|g| *g += added);
                 }
             }
         });
-        self.links.renew(&self.populations, parity);
+        self.exchange.reload(&self.populations, parity);
     }
 
     /// Populations that left a cell in the last step.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn left(&self, cell: [usize; 3]) -> [f32; Q] {
-        let e = self.cells.grid.element(cell.map(|c| c as isize));
+    pub(super) fn outgoing(&self, cell: [usize; 3]) -> [f32; Q] {
+        let e = self.domain.grid.element(cell.map(|c| c as isize));
         let arrays = self.populations.arrays();
         std::array::from_fn(|i| {
-            let (k, e) = self.cells.grid.left(Parity::of(self.step), i, e);
+            let (k, e) = self.domain.grid.outgoing(self.next_parity(), i, e);
             arrays[k][e]
         })
     }
 
-    /// Density less 1 and velocity of a cell, cells a step.
-    pub(super) fn at(&self, cell: [usize; 3]) -> (f32, [f32; 3]) {
-        moments(&self.left(cell))
+    /// Density less 1, and velocity, cells per step, of a cell.
+    pub(super) fn moments_at(&self, cell: [usize; 3]) -> (f32, [f32; 3]) {
+        moments(&self.outgoing(cell))
+    }
+
+    /// Checks every cell.
+    pub(super) fn diagnose(&self) -> FlowDiagnostics {
+        let mut planes: Vec<_> = (0..self.domain.grid.n[2]).map(|z| (z, None)).collect();
+        self.read_planes(&mut planes)
+    }
+
+    /// The same, and writes a snapshot.
+    pub(super) fn write_snapshot(&self, target: SnapshotTarget<'_>) -> FlowDiagnostics {
+        let mut planes: Vec<_> = target.split_planes().into_iter().map(Some).enumerate().collect();
+        self.read_planes(&mut planes)
+    }
+
+    fn read_planes(&self, planes: &mut [(usize, Option<SnapshotPlane<'_>>)]) -> FlowDiagnostics {
+        let read = |(z, target): &mut (usize, Option<SnapshotPlane<'_>>)| {
+            self.tables.arch.dispatch(ReadPlane { flow: self, z: *z, target: target.as_mut() })
+        };
+        FlowDiagnostics { planes: par::par_map_mut(planes, read) }
+    }
+}
+
+/// Computes the moments of a plane between two steps.
+struct ReadPlane<'a, 'b> {
+    flow: &'a FlowState,
+    z: usize,
+    target: Option<&'a mut SnapshotPlane<'b>>,
+}
+
+impl WithSimd for ReadPlane<'_, '_> {
+    type Output = PlaneDiagnostics;
+
+    #[inline(always)]
+    #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
+    fn with_simd<S: Simd>(self, simd: S) -> PlaneDiagnostics {
+        let Self { flow, z, mut target } = self;
+        let (grid, domain) = (&flow.domain.grid, &flow.domain);
+        let arrays = flow.populations.arrays();
+        let parity = flow.next_parity();
+        let [nx, ny, _] = grid.n;
+        let length = nx.next_multiple_of(BLOCK);
+        let mut diagnostics = PlaneDiagnostics::default();
+        let mut row = [vec![0.0_f32; length], vec![0.0; length], vec![0.0; length], vec![0.0; length]];
+        for y in 0..ny {
+            let first = grid.element([0, y as isize, z as isize]);
+            let mut slots: [(usize, usize); Q] = [(0, 0); Q];
+            for (i, slot) in slots.iter_mut().enumerate() {
+                *slot = grid.outgoing(parity, i, first);
+            }
+            for register in 0..length / S::F32_LANES {
+                let at = register * S::F32_LANES;
+                let mut g = [F32Lanes::from_scalar(simd, 0.0); Q];
+                for (g, (k, e)) in g.iter_mut().zip(slots) {
+                    *g = F32Lanes::new(simd, S::as_simd_f32s(&arrays[k][e + at..][..S::F32_LANES]).0[0]);
+                }
+                let (drho, u) = moments(&g);
+                let all = [u[0], u[1], u[2], drho];
+                for a in 0..4 {
+                    S::as_mut_simd_f32s(&mut row[a]).0[register] = all[a].value;
+                }
+            }
+            let row = row.each_mut().map(|part| &mut part[..nx]);
+            diagnostics.add_row(domain, y, z, row, target.as_deref_mut());
+        }
+        if let Some(target) = target {
+            target.fill_halo_rows();
+        }
+        diagnostics
     }
 }

@@ -1,117 +1,167 @@
-//! Where populations lie in memory: one copy, changed in place.
+//! Memory layout of the populations: one copy, updated in place by the AA pattern (Bailey, Myre, Walsh, Lilja, Saar 2009).
 //!
-//! One array per velocity. Node (x, y, z), the layers -1 and n around the domain included, is element
-//! x + 1 + (n_x + 2)(y + 1) + s_z (z + 1) of each, and some more, so that the first cell of a plane begins a line of the
-//! cache. Slot (k, x) is array k at node x. Rows follow each other without gaps: a step runs through a plane as through one
-//! long row, and computes the nodes around the domain along with it. What these hold is nobody's: boundaries put what a
-//! cell reads there before it does, or hand it over as it is read.
+//! One array per direction. Node (x, y, z), the halo layers -1 and n around the domain included, is element
+//! x + 1 + (n_x + 2)(y + 1) + s_z (z + 1) of each array, plus a constant that puts the first cell of every plane at the
+//! start of a cache line. Slot (k, x) is element x of array k. Rows follow each other without gaps: a step runs through a
+//! plane as through one long row and computes the halo nodes between rows along with it. Their contents are meaningless;
+//! boundary exchange writes what a cell reads from there before it reads ([`super::exchange`]).
 //!
-//! Before an even step slot (i, x) holds the population that arrives at x; after it, and before an odd one, slot
-//! (opp i, x) holds what left x. An odd step gathers from slot (opp i, x - c_i) and leaves its results in slot (i, x + c_i),
-//! where they arrive. Either step writes exactly the slots it read.
+//! ```text
+//!             before the step: arriving at x        after it: leaving x
+//! even step   slot (i, x)                      ->   slot (opp i, x)          collision within the node
+//! odd step    slot (opp i, x - c_i)            ->   slot (i, x + c_i)        collision and two streamings
+//! ```
+//!
+//! The output of each is the input of the other, and either step writes exactly the slots it reads: nodes can be updated in
+//! any order, by several threads, without a second copy.
 
-use super::stencil::{C, Q, opposite};
+use super::stencil::{Q, VELOCITIES, opposite};
+use osier_base::Result;
 
-/// Nodes that are computed together.
+/// Nodes per block: the widest SIMD register, and one cache line of `f32`. Planes are computed in whole blocks.
 pub(super) const BLOCK: usize = 16;
-/// Arrays begin so many elements after a page of [`PAGE`] elements more than the one before: else the fifteen streams of a
-/// step would fall on the same lines of the cache.
-const APART: usize = 5 * BLOCK;
+/// Each array starts this many elements later within a page than the one before. Without the skew the fifteen streams of
+/// a step map to the same cache sets and evict each other.
+const ARRAY_SKEW: usize = 5 * BLOCK;
+/// Elements of a 4 KiB page.
 const PAGE: usize = 1024;
 
-/// Sizes of the arrays.
+/// Extents and strides of the population arrays, in elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Grid {
+pub(super) struct LatticeGrid {
     /// Cells along x, y, z.
     pub n: [usize; 3],
-    /// Elements of a row.
-    pub row: usize,
-    /// Elements of a plane of constant z.
-    pub plane: usize,
-    /// Element of a plane that is its first cell.
-    pub first: usize,
-    /// Elements of an array.
-    pub array: usize,
+    /// Elements from a row to the next.
+    pub row_stride: usize,
+    /// Elements from a plane of constant z to the next.
+    pub plane_stride: usize,
+    /// Offset of a plane's first cell within the plane.
+    pub first_cell: usize,
+    /// Elements from an array to the next.
+    pub array_stride: usize,
 }
 
-/// What the next step is.
+/// Which half of the AA pattern comes next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Parity {
-    /// Arriving populations lie at their node.
+pub(super) enum StepParity {
+    /// Populations lie at the node they arrive at.
     Even,
-    /// Populations lie where they left.
+    /// Populations lie at the node they left, in the slot of the opposite direction.
     Odd,
 }
 
-impl Parity {
-    pub(super) fn of(step: u64) -> Self {
+impl StepParity {
+    pub(super) fn of_step(step: u64) -> Self {
         if step.is_multiple_of(2) { Self::Even } else { Self::Odd }
     }
 }
 
-/// Elements of a row, of a plane, and to its first cell.
-fn sizes([x, y]: [usize; 2]) -> [usize; 3] {
+/// Row stride, plane stride, and offset of the first cell of a plane of `[x, y]` cells.
+fn strides([x, y]: [usize; 2]) -> [usize; 3] {
     let row = x + 2;
     let first = (row + 1).next_multiple_of(BLOCK);
-    // Boundaries of an odd step lie a row and an element further; the last block of a plane may run over.
+    // Halo slots of an odd step lie a row and an element beyond the last row; the last block of a plane may overrun it.
     let plane = (first - row - 1 + row * (y + 2) + BLOCK).next_multiple_of(BLOCK);
     [row, plane, first]
 }
 
-impl Grid {
+impl LatticeGrid {
     pub(super) fn new(n: [usize; 3]) -> Self {
-        let [row, plane, first] = sizes([n[0], n[1]]);
-        Self { n, row, plane, first, array: (plane * (n[2] + 2)).next_multiple_of(PAGE) + APART }
+        let [row, plane, first] = strides([n[0], n[1]]);
+        Self {
+            n,
+            row_stride: row,
+            plane_stride: plane,
+            first_cell: first,
+            array_stride: (plane * (n[2] + 2)).next_multiple_of(PAGE) + ARRAY_SKEW,
+        }
     }
 
-    /// Bytes of the populations of so many cells, before a grid of them is made.
-    pub(super) fn bytes(n: [usize; 3]) -> u64 {
-        let [_, plane, _] = sizes([n[0], n[1]]);
-        4 * Q as u64 * ((plane as u64 * (n[2] as u64 + 2)).next_multiple_of(PAGE as u64) + APART as u64)
+    /// Bytes of the populations of `n` cells along each axis.
+    pub(super) fn population_bytes(n: [usize; 3]) -> u64 {
+        let [_, plane, _] = strides([n[0], n[1]]);
+        4 * Q as u64 * ((plane as u64 * (n[2] as u64 + 2)).next_multiple_of(PAGE as u64) + ARRAY_SKEW as u64)
     }
 
-    pub(super) fn cells(&self) -> usize {
+    pub(super) fn cell_count(&self) -> usize {
         self.n.iter().product()
     }
 
-    /// Number of a cell inside, x fastest.
-    pub(super) fn cell(&self, [x, y, z]: [usize; 3]) -> usize {
+    /// Index of a cell of the domain, x fastest.
+    pub(super) fn cell_index(&self, [x, y, z]: [usize; 3]) -> usize {
         x + self.n[0] * (y + self.n[1] * z)
     }
 
-    /// Element of a node in its array; the layers around the domain are -1 and n.
+    /// Element of a node in every array; coordinates run from -1 to n.
     #[allow(clippy::cast_sign_loss, clippy::cast_possible_wrap, reason = "from -1 on, below the sizes")]
     pub(super) fn element(&self, [x, y, z]: [isize; 3]) -> usize {
-        let gap = self.first - self.row - 1;
-        gap + (x + 1) as usize + self.row * (y + 1) as usize + self.plane * (z + 1) as usize
+        let before_halo = self.first_cell - self.row_stride - 1;
+        before_halo + (x + 1) as usize + self.row_stride * (y + 1) as usize + self.plane_stride * (z + 1) as usize
     }
 
-    /// Elements from a node to the one a velocity leads to.
+    /// Elements from a node to its neighbour in direction `i`.
     #[allow(clippy::cast_possible_wrap, reason = "sizes fit")]
-    pub(super) fn shift(&self, i: usize) -> isize {
-        let c = C[i].map(|c| c as isize);
-        c[0] + c[1] * self.row as isize + c[2] * self.plane as isize
+    pub(super) fn velocity_offset(&self, i: usize) -> isize {
+        let c = VELOCITIES[i].map(|c| c as isize);
+        c[0] + c[1] * self.row_stride as isize + c[2] * self.plane_stride as isize
     }
 
-    /// Array and element of what left node `e` along `i` in the step before: slot (opp i, x) or slot (i, x + c_i).
-    pub(super) fn left(&self, parity: Parity, i: usize, e: usize) -> (usize, usize) {
-        match parity {
-            Parity::Odd => (opposite(i), e),
-            Parity::Even => (i, e.wrapping_add_signed(self.shift(i))),
+    /// Array and element of the population that left node `e` in direction `i` in the step before, when the next step has
+    /// parity `next`: slot (opp i, x) or slot (i, x + c_i).
+    pub(super) fn outgoing(&self, next: StepParity, i: usize, e: usize) -> (usize, usize) {
+        match next {
+            StepParity::Odd => (opposite(i), e),
+            StepParity::Even => (i, e.wrapping_add_signed(self.velocity_offset(i))),
         }
+    }
+
+    /// Elements of a plane from its first cell to its last.
+    pub(super) fn plane_span(&self) -> usize {
+        self.row_stride * (self.n[1] - 1) + self.n[0]
+    }
+
+    /// Offset from a node to the slot of array `k` that a step of this parity reads and writes for it.
+    pub(super) fn slot_offset(&self, parity: StepParity, k: usize) -> isize {
+        if parity == StepParity::Odd { self.velocity_offset(k) } else { 0 }
+    }
+
+    /// By direction: the slot from which a step of this parity reads what arrives at a node.
+    pub(super) fn incoming_slots(&self, parity: StepParity) -> DirectionSlots {
+        std::array::from_fn(|i| {
+            let array = if parity == StepParity::Odd { opposite(i) } else { i };
+            Slot { array, offset: self.slot_offset(parity, array) }
+        })
+    }
+
+    /// By direction: the slot into which a step of this parity writes what leaves a node.
+    pub(super) fn outgoing_slots(&self, parity: StepParity) -> DirectionSlots {
+        std::array::from_fn(|i| {
+            let array = if parity == StepParity::Odd { i } else { opposite(i) };
+            Slot { array, offset: self.slot_offset(parity, array) }
+        })
     }
 }
 
-/// The populations themselves, less their weights; all zero is air at rest.
+/// Where a step finds a population: the array, and the offset from the node's element.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slot {
+    pub array: usize,
+    pub offset: isize,
+}
+
+/// Slots by direction.
+pub(super) type DirectionSlots = [Slot; Q];
+
+/// The populations of all nodes, as deviations f_i - w_i from air at rest, which is all zero.
 pub(super) struct Populations {
-    grid: Grid,
-    memory: Memory,
+    grid: LatticeGrid,
+    memory: PopulationMemory,
 }
 
 #[cfg(target_os = "linux")]
-type Memory = memmap2::MmapMut;
+type PopulationMemory = memmap2::MmapMut;
 #[cfg(not(target_os = "linux"))]
-type Memory = Vec<Line>;
+type PopulationMemory = Vec<CacheLine>;
 
 impl std::fmt::Debug for Populations {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -119,44 +169,44 @@ impl std::fmt::Debug for Populations {
     }
 }
 
-/// Fresh memory from the system is zero, and on large pages, if it has them, a fifth faster.
+/// Zeroed memory of so many `f32`. Anonymous pages are zero already, and huge pages make the step a fifth faster.
 #[cfg(target_os = "linux")]
-fn zeroed(elements: usize) -> osier_base::Result<Memory> {
-    let refused = |e| osier_base::Error::io("find memory for", "the lattice wind", e);
-    let memory = memmap2::MmapMut::map_anon(elements * 4).map_err(refused)?;
-    // Advice may be refused; then pages are small.
+fn zeroed_memory(elements: usize) -> Result<PopulationMemory> {
+    let out_of_memory = |e| osier_base::Error::io("allocate memory for", "the lattice wind", e);
+    let memory = memmap2::MmapMut::map_anon(elements * 4).map_err(out_of_memory)?;
+    // Only advice: a system without huge pages refuses it.
     let _ = memory.advise(memmap2::Advice::HugePage);
     Ok(memory)
 }
 
-/// A line of the cache.
+/// A cache line.
 #[cfg(not(target_os = "linux"))]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
-struct Line([f32; BLOCK]);
+struct CacheLine([f32; BLOCK]);
 
 #[cfg(not(target_os = "linux"))]
-fn zeroed(elements: usize) -> osier_base::Result<Memory> {
+fn zeroed_memory(elements: usize) -> Result<PopulationMemory> {
     Ok(vec![bytemuck::Zeroable::zeroed(); elements.div_ceil(BLOCK)])
 }
 
 impl Populations {
     /// Air at rest.
     /// # Errors
-    /// `Io` if the system has no such memory.
-    pub(super) fn new(grid: Grid) -> osier_base::Result<Self> {
-        Ok(Self { grid, memory: zeroed(grid.array * Q)? })
+    /// `Io` if the system cannot provide the memory.
+    pub(super) fn new(grid: LatticeGrid) -> Result<Self> {
+        Ok(Self { grid, memory: zeroed_memory(grid.array_stride * Q)? })
     }
 
-    /// Every array.
+    /// The arrays, one per direction.
     pub(super) fn arrays(&self) -> [&[f32]; Q] {
         let all: &[f32] = bytemuck::cast_slice(&self.memory[..]);
-        std::array::from_fn(|k| &all[k * self.grid.array..(k + 1) * self.grid.array])
+        std::array::from_fn(|k| &all[k * self.grid.array_stride..(k + 1) * self.grid.array_stride])
     }
 
-    /// Every array, to be written.
+    /// The arrays, to be written.
     pub(super) fn arrays_mut(&mut self) -> Vec<&mut [f32]> {
         let all: &mut [f32] = bytemuck::cast_slice_mut(&mut self.memory[..]);
-        all.chunks_exact_mut(self.grid.array).take(Q).collect()
+        all.chunks_exact_mut(self.grid.array_stride).take(Q).collect()
     }
 }

@@ -6,7 +6,10 @@ use glam::{DVec3, Vec3};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::super::{CALM_SPEED, Wind};
-use super::ground::lean;
+use super::ground::shear_coefficient;
+use super::tuning::{
+    GUST_MEMORY, GUST_TICKS, MAX_GUST, RAMP_STEPS, TURBULENCE_FULL_HEIGHT, TURBULENCE_WAVELENGTHS, TURN_PER_INTERVAL,
+};
 use osier_base::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use osier_base::rng::Rng;
 use osier_base::simd::F32Lanes;
@@ -53,24 +56,12 @@ pub struct InletOptions {
     pub seed: u64,
 }
 
-/// Gusts are drawn so many times in the time after which they are forgotten, and joined by straight lines.
-const TICKS: f64 = 32.0;
-/// Gusts remember so many of their times: e^-7 is a thousandth.
-const MEMORY: f64 = 7.0;
-/// Strongest gust over its mean strength.
-const STRONGEST: f64 = 2.0;
-/// Shortest and longest waves of turbulence, and the height where it is whole, in cells.
-const WAVES: [f64; 2] = [6.0, 32.0];
-const WHOLE: f64 = 6.0;
-
-/// Places of an inlet whose waves are added up at a time, while their sums lie in the nearest cache.
-const PATCH: usize = 1024;
-/// Angle in which what a wind that turns has passed is a parabola, rad.
-const TURN: f64 = 0.1;
+/// Inlet nodes whose waves are summed at a time: their sums stay in the nearest cache.
+const NODES_AT_A_TIME: usize = 1024;
 
 /// One wave of turbulence.
 #[derive(Debug, Clone, Copy)]
-struct Mode {
+struct FourierMode {
     /// Wave vector, 1/m.
     k: DVec3,
     /// Velocity, m/s, across the wave vector: it has no divergence.
@@ -88,12 +79,12 @@ pub struct InletWind {
     /// Spacing of the lattice, m.
     spacing: f64,
     reference: f64,
-    modes: Vec<Mode>,
+    modes: Vec<FourierMode>,
 }
 
 /// What holds everywhere at a time.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Now {
+pub(super) struct InletState {
     direction: DVec3,
     /// Factor on the mean.
     gust: f64,
@@ -109,7 +100,7 @@ impl InletWind {
     pub fn new(options: InletOptions, origin: DVec3, spacing: f64, cells: [u32; 3], periodic: [bool; 3]) -> Self {
         let size = DVec3::from_array(cells.map(f64::from)) * spacing;
         let reference = options.reference_height.unwrap_or(size.y.min(10.0));
-        let modes = modes(&options, spacing, size, periodic);
+        let modes = fourier_modes(&options, spacing, size, periodic);
         Self { options, origin, spacing, reference, modes }
     }
 
@@ -120,12 +111,12 @@ impl InletWind {
             WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference + z0) / z0),
             WindProfile::Power(a) => pow(y / self.reference, *a),
             WindProfile::Uniform => 1.0,
-            WindProfile::Table(rows) => table(rows, y),
+            WindProfile::Table(rows) => interpolate_rows(rows, y),
         }
     }
 
     /// Growth of that factor with the height, 1/m.
-    fn growth(&self, height: f64) -> f64 {
+    fn profile_slope(&self, height: f64) -> f64 {
         let near = self.spacing / 8.0;
         if height < near {
             return 0.0;
@@ -134,17 +125,17 @@ impl InletWind {
     }
 
     /// How the mean wind leans at a height along its direction ([`super::ground::lean`]), m/s. `tau`: relaxation time there.
-    pub(super) fn leaning(&self, tau: f64, height: f64) -> f64 {
-        lean(tau, self.options.speed * self.growth(height) * self.spacing)
+    pub(super) fn shear_at(&self, tau: f64, height: f64) -> f64 {
+        shear_coefficient(tau, self.options.speed * self.profile_slope(height) * self.spacing)
     }
 
     /// Level unit vector that the wind blows towards at a time, s.
     pub(super) fn direction(&self, t: f64) -> DVec3 {
-        turned(&self.options, t)
+        direction_at(&self.options, t)
     }
 
     /// Mean speed, cells in a step of `dt` s, and the height at which it is that, cells.
-    pub(super) fn scale(&self, dt: f64) -> (f64, f64) {
+    pub(super) fn speed_and_height_in_cells(&self, dt: f64) -> (f64, f64) {
         (self.options.speed * dt / self.spacing, self.reference / self.spacing)
     }
 
@@ -154,36 +145,36 @@ impl InletWind {
         let fastest = (0..=steps).map(|i| self.profile(height * f64::from(i) / f64::from(steps))).fold(0.0, f64::max);
         let rows: &[[f64; 2]] = if let WindProfile::Table(rows) = &self.options.profile { rows } else { &[] };
         let fastest = rows.iter().filter(|r| r[0] <= height).map(|r| r[1]).fold(fastest, f64::max);
-        self.options.speed * fastest * (1.0 + STRONGEST * self.options.gust_strength)
+        self.options.speed * fastest * (1.0 + MAX_GUST * self.options.gust_strength)
     }
 
     /// Speed at a time over the largest.
-    pub(super) fn strength(&self, t: f64) -> f64 {
+    pub(super) fn speed_factor(&self, t: f64) -> f64 {
         if self.options.speed_curve.is_empty() {
             1.0
         } else {
-            table(&self.options.speed_curve, t) / self.options.speed.max(CALM_SPEED)
+            interpolate_rows(&self.options.speed_curve, t) / self.options.speed.max(CALM_SPEED)
         }
     }
 
     /// How far the mean wind has taken the air since 0 s, m.
-    fn way(&self, t: f64) -> DVec3 {
+    fn mean_displacement(&self, t: f64) -> DVec3 {
         let o = &self.options;
         // Between the times of both curves all is straight.
         let mut times: Vec<f64> =
             [0.0, t].into_iter().chain(o.speed_curve.iter().chain(&o.direction_curve).map(|row| row[0])).collect();
         times.retain(|at| *at * (*at - t) <= 0.0);
         times.sort_by(f64::total_cmp);
-        let all: DVec3 = times.windows(2).map(|w| self.piece(w[0], w[1])).sum();
+        let all: DVec3 = times.windows(2).map(|w| self.displacement_between(w[0], w[1])).sum();
         if t < 0.0 { -all } else { all }
     }
 
     /// The same between two times between which speed and angle are straight lines, by Simpson's rule.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred parts")]
-    fn piece(&self, from: f64, to: f64) -> DVec3 {
-        let velocity = |t: f64| self.direction(t) * (self.options.speed * self.strength(t));
+    fn displacement_between(&self, from: f64, to: f64) -> DVec3 {
+        let velocity = |t: f64| self.direction(t) * (self.options.speed * self.speed_factor(t));
         let angle = angle(&self.options, to) - angle(&self.options, from);
-        let parts = (angle.abs() / TURN).ceil().clamp(1.0, 1e4) as u32;
+        let parts = (angle.abs() / TURN_PER_INTERVAL).ceil().clamp(1.0, 1e4) as u32;
         let long = (to - from) / f64::from(parts);
         let part = |k: u32| {
             let at = from + long * f64::from(k);
@@ -193,33 +184,38 @@ impl InletWind {
     }
 
     /// What holds everywhere at a time. `gust`: factor on the mean.
-    pub(super) fn now(&self, t: f64, gust: f64) -> Now {
-        Now { direction: self.direction(t), gust, way: self.way(t), strength: self.strength(t) }
+    pub(super) fn state_at(&self, t: f64, gust: f64) -> InletState {
+        InletState {
+            direction: self.direction(t),
+            gust,
+            way: self.mean_displacement(t),
+            strength: self.speed_factor(t),
+        }
     }
 
     /// Factor on the mean: the curve of speeds, and gusts, an Ornstein-Uhlenbeck process of unit variance, cut at two, times the strength.
     pub fn gust(&self, t: f64) -> f64 {
-        self.gust_by(t, |tick| self.drawn(tick))
+        self.gust_from(t, |tick| self.ornstein_uhlenbeck(tick))
     }
 
     /// The same from draws by tick.
     #[allow(clippy::cast_possible_truncation, reason = "whole numbers of ticks")]
-    fn gust_by(&self, t: f64, mut drawn: impl FnMut(i64) -> f64) -> f64 {
+    fn gust_from(&self, t: f64, mut drawn: impl FnMut(i64) -> f64) -> f64 {
         if self.options.gust_strength <= 0.0 {
-            return self.strength(t);
+            return self.speed_factor(t);
         }
-        let ticks = t * TICKS / self.options.gust_period;
+        let ticks = t * GUST_TICKS / self.options.gust_period;
         let (tick, part) = (ticks.floor() as i64, ticks - ticks.floor());
         let (a, b) = (drawn(tick), drawn(tick + 1));
-        (1.0 + self.options.gust_strength * (a + (b - a) * part).clamp(-STRONGEST, STRONGEST)) * self.strength(t)
+        (1.0 + self.options.gust_strength * (a + (b - a) * part).clamp(-MAX_GUST, MAX_GUST)) * self.speed_factor(t)
     }
 
     /// The process at a tick: what is left of all draws before.
     #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
-    fn drawn(&self, tick: i64) -> f64 {
-        let keep = exp(-1.0 / TICKS);
+    fn ornstein_uhlenbeck(&self, tick: i64) -> f64 {
+        let keep = exp(-1.0 / GUST_TICKS);
         let (mut sum, mut share) = (0.0, sqrt(1.0 - keep * keep));
-        for late in 0..(MEMORY * TICKS) as i64 {
+        for late in 0..(GUST_MEMORY * GUST_TICKS) as i64 {
             let key = ["wind".into(), "gust".into(), (tick - late).into()];
             sum += share * Rng::at(self.options.seed, &key).normal();
             share *= keep;
@@ -229,40 +225,40 @@ impl InletWind {
 
     /// The part of turbulence that is left near the ground.
     pub(super) fn envelope(&self, height: f64) -> f64 {
-        (height / (WHOLE * self.spacing)).clamp(0.0, 1.0)
+        (height / (TURBULENCE_FULL_HEIGHT * self.spacing)).clamp(0.0, 1.0)
     }
 
     /// Speed of the mean at a height, m/s.
-    pub(super) fn steady(&self, height: f64, gust: f64) -> f64 {
+    pub(super) fn mean_speed(&self, height: f64, gust: f64) -> f64 {
         self.options.speed * gust * self.profile(height)
     }
 
     /// Mean velocity at a height, m, as it blows at a time, s.
     pub(super) fn mean_then(&self, height: f32, t: f64) -> Vec3 {
-        (self.direction(t) * self.steady(f64::from(height) - self.origin.y, 1.0)).as_vec3()
+        (self.direction(t) * self.mean_speed(f64::from(height) - self.origin.y, 1.0)).as_vec3()
     }
 
     /// Velocity at a place, m, and time, s.
     pub fn velocity(&self, place: DVec3, t: f64) -> DVec3 {
-        self.at(place, &self.now(t, self.gust(t)))
+        self.velocity_in(place, &self.state_at(t, self.gust(t)))
     }
 
-    pub(super) fn at(&self, place: DVec3, now: &Now) -> DVec3 {
+    pub(super) fn velocity_in(&self, place: DVec3, now: &InletState) -> DVec3 {
         let at = place - self.origin;
         if at.y < 0.0 {
             return DVec3::ZERO;
         }
         let came = at - now.way;
         let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(came) + m.phase)).sum();
-        now.direction * self.steady(at.y, now.gust) + eddies * (self.envelope(at.y) * now.strength)
+        now.direction * self.mean_speed(at.y, now.gust) + eddies * (self.envelope(at.y) * now.strength)
     }
 }
 
 impl Wind for InletWind {
     fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
-        let now = self.now(t, self.gust(t));
+        let now = self.state_at(t, self.gust(t));
         for (place, u) in places.iter().zip(out) {
-            *u = self.at(place.as_dvec3(), &now).as_vec3();
+            *u = self.velocity_in(place.as_dvec3(), &now).as_vec3();
         }
     }
 
@@ -281,11 +277,11 @@ impl Wind for InletWind {
 
 /// By how much a wind has turned at a time, rad.
 fn angle(options: &InletOptions, t: f64) -> f64 {
-    if options.direction_curve.is_empty() { 0.0 } else { table(&options.direction_curve, t) }
+    if options.direction_curve.is_empty() { 0.0 } else { interpolate_rows(&options.direction_curve, t) }
 }
 
 /// Level unit vector that a wind blows towards at a time, s.
-pub(super) fn turned(options: &InletOptions, t: f64) -> DVec3 {
+pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
     let d = options.direction;
     if options.direction_curve.is_empty() {
         return d;
@@ -296,7 +292,7 @@ pub(super) fn turned(options: &InletOptions, t: f64) -> DVec3 {
 }
 
 /// Straight lines between rows.
-fn table(rows: &[[f64; 2]], y: f64) -> f64 {
+fn interpolate_rows(rows: &[[f64; 2]], y: f64) -> f64 {
     let above = rows.partition_point(|r| r[0] <= y);
     match (above.checked_sub(1).and_then(|i| rows.get(i)), rows.get(above)) {
         (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (y - a[0]) / (b[0] - a[0]),
@@ -305,12 +301,12 @@ fn table(rows: &[[f64; 2]], y: f64) -> f64 {
     }
 }
 
-fn modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3]) -> Vec<Mode> {
+fn fourier_modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3]) -> Vec<FourierMode> {
     if options.turbulence <= 0.0 || options.turbulence_modes == 0 {
         return Vec::new();
     }
-    let shortest = WAVES[0] * spacing;
-    let longest = (WAVES[1] * spacing).min(size.y).max(shortest);
+    let shortest = TURBULENCE_WAVELENGTHS[0] * spacing;
+    let longest = (TURBULENCE_WAVELENGTHS[1] * spacing).min(size.y).max(shortest);
     let count = f64::from(options.turbulence_modes);
     let lengths: Vec<f64> = (0..options.turbulence_modes)
         .map(|m| {
@@ -323,7 +319,7 @@ fn modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3])
     let strength = sqrt(3.0 / power) * options.turbulence * options.speed;
     (0..options.turbulence_modes)
         .zip(&lengths)
-        .map(|(m, length)| mode(options, m, *length, (strength, size, periodic)))
+        .map(|(m, length)| fourier_mode(options, m, *length, strength, size, periodic))
         .collect()
 }
 
@@ -331,9 +327,17 @@ fn draw(seed: u64, m: u32, what: &str) -> Rng {
     Rng::at(seed, &["wind".into(), "mode".into(), m.into(), what.into()])
 }
 
-/// One wave of a length, m. `all`: strength of a wave of 1 m, size of the box, axes on which it repeats.
-fn mode(options: &InletOptions, m: u32, length: f64, (strength, size, periodic): (f64, DVec3, [bool; 3])) -> Mode {
-    let mut k = sphere(&mut draw(options.seed, m, "towards")) * (TAU / length);
+/// One wave of a length, m. `strength`: amplitude of a wave of 1 m, m/s; `size`: of the box, m; `periodic`: axes on which it
+/// repeats.
+fn fourier_mode(
+    options: &InletOptions,
+    m: u32,
+    length: f64,
+    strength: f64,
+    size: DVec3,
+    periodic: [bool; 3],
+) -> FourierMode {
+    let mut k = random_direction(&mut draw(options.seed, m, "towards")) * (TAU / length);
     for a in 0..3 {
         if periodic[a] {
             let whole = TAU / size[a];
@@ -343,17 +347,21 @@ fn mode(options: &InletOptions, m: u32, length: f64, (strength, size, periodic):
     let unit = if k.length() > 0.0 { k / k.length() } else { DVec3::Y };
     let mut across = draw(options.seed, m, "across");
     let e = loop {
-        let e = sphere(&mut across);
+        let e = random_direction(&mut across);
         let e = e - unit * e.dot(unit);
         if e.length() > 0.1 {
             break e / e.length();
         }
     };
-    Mode { k, e: e * (strength * pow(length, 1.0 / 3.0)), phase: TAU * draw(options.seed, m, "phase").unit_f64() }
+    FourierMode {
+        k,
+        e: e * (strength * pow(length, 1.0 / 3.0)),
+        phase: TAU * draw(options.seed, m, "phase").unit_f64(),
+    }
 }
 
 /// A direction, all alike.
-fn sphere(rng: &mut Rng) -> DVec3 {
+fn random_direction(rng: &mut Rng) -> DVec3 {
     let y = 2.0 * rng.unit_f64() - 1.0;
     let (turn, level) = (TAU * rng.unit_f64(), sqrt((1.0 - y * y).max(0.0)));
     DVec3::new(level * cos(turn), y, level * sin(turn))
@@ -361,19 +369,19 @@ fn sphere(rng: &mut Rng) -> DVec3 {
 
 /// The wind at every place where air comes into a lattice.
 #[derive(Debug)]
-pub(super) struct Mouth {
+pub(super) struct InletNodes {
     /// Mean speed, cells a step.
     mean: Vec<f32>,
     /// How the mean leans with the height, as [`super::ground::lean`] has it.
     lean: Vec<f32>,
     /// By wave: cosine and sine of its phase at each place, times the envelope.
     waves: Vec<[Vec<f32>; 2]>,
-    gusts: Gusts,
+    gusts: GustCache,
 }
 
 /// What is the same at every place where air comes in, in a step.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Blowing {
+pub(super) struct InletStep {
     /// Time, s, and share of the wind that blows already.
     pub at: (f64, f64),
     /// Factor on the mean wind, with that share.
@@ -382,15 +390,15 @@ pub(super) struct Blowing {
     pub toward: [f32; 3],
 }
 
-impl Mouth {
+impl InletNodes {
     /// `places`: where, m, with the height of the ground there over the bottom of the box, m. `tau`: relaxation time at a height over that bottom, m.
     /// `pace`: cells a step of 1 m/s.
     pub(super) fn new(inlet: &InletWind, places: &[(DVec3, f64)], tau: impl Fn(f64) -> f64, pace: f64) -> Self {
         let height = |(place, ground): &(DVec3, f64)| place.y - inlet.origin.y - ground;
         let mean = places.iter().map(|p| narrow(inlet.options.speed * inlet.profile(height(p)) * pace)).collect();
-        let lean = |p: &(DVec3, f64)| narrow(inlet.leaning(tau(p.0.y - inlet.origin.y), height(p)) * pace);
+        let lean = |p: &(DVec3, f64)| narrow(inlet.shear_at(tau(p.0.y - inlet.origin.y), height(p)) * pace);
         let lean = places.iter().map(lean).collect();
-        let wave = |m: &Mode| {
+        let wave = |m: &FourierMode| {
             let turn = |p: &(DVec3, f64)| m.k.dot(p.0 - inlet.origin) + m.phase;
             let strong = |p: &(DVec3, f64)| inlet.envelope(height(p)) * pace;
             [
@@ -399,83 +407,83 @@ impl Mouth {
             ]
         };
         let waves = inlet.modes.iter().map(wave).collect();
-        Self { mean, lean, waves, gusts: Gusts::default() }
+        Self { mean, lean, waves, gusts: GustCache::default() }
     }
 
     /// Velocity at every place, by component, cells a step.
-    pub(super) fn blow(&self, inlet: &InletWind, now: Blowing, arch: Arch, out: &mut [Vec<f32>; 3]) {
+    pub(super) fn velocities(&self, inlet: &InletWind, now: InletStep, arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
         let (t, ramp) = now.at;
-        let (way, ramp) = (inlet.way(t), ramp * inlet.strength(t));
-        let turn = |m: &Mode| {
+        let (way, ramp) = (inlet.mean_displacement(t), ramp * inlet.speed_factor(t));
+        let turn = |m: &FourierMode| {
             let late = m.k.dot(way);
             (m.e.to_array().map(narrow), narrow(cos(late) * ramp), narrow(sin(late) * ramp))
         };
         let waves: Vec<_> = inlet.modes.iter().map(turn).collect();
-        arch.dispatch(Blow { mouth: self, now, waves: &waves, out });
+        arch.dispatch(VelocityKernel { nodes: self, now, waves: &waves, out });
     }
 
     /// How the mean leans at every place with the height, and by how much of that along x and z.
-    pub(super) fn lean(&self, now: Blowing) -> (&[f32], [f32; 2]) {
+    pub(super) fn shear(&self, now: InletStep) -> (&[f32], [f32; 2]) {
         (&self.lean, [now.toward[0] * now.share, now.toward[2] * now.share])
     }
 
     /// What blows at a time, s. `ramp`: share of the wind that blows already.
-    pub(super) fn blowing(&mut self, inlet: &InletWind, t: f64, ramp: f64) -> Blowing {
-        let share = narrow(inlet.gust_by(t, |tick| self.gusts.of(inlet, tick)) * ramp);
-        Blowing { at: (t, ramp), share, toward: inlet.direction(t).to_array().map(narrow) }
+    pub(super) fn step_at(&mut self, inlet: &InletWind, t: f64, ramp: f64) -> InletStep {
+        let share = narrow(inlet.gust_from(t, |tick| self.gusts.draw(inlet, tick)) * ramp);
+        InletStep { at: (t, ramp), share, toward: inlet.direction(t).to_array().map(narrow) }
     }
 }
 
 /// Draws of gusts, which hold for many steps.
 #[derive(Debug, Default)]
-struct Gusts([Option<(i64, f64)>; 2]);
+struct GustCache([Option<(i64, f64)>; 2]);
 
-impl Gusts {
-    fn of(&mut self, inlet: &InletWind, tick: i64) -> f64 {
+impl GustCache {
+    fn draw(&mut self, inlet: &InletWind, tick: i64) -> f64 {
         let slot = &mut self.0[usize::from(tick.rem_euclid(2) == 1)];
         match slot {
             Some((known, drawn)) if *known == tick => *drawn,
-            _ => slot.insert((tick, inlet.drawn(tick))).1,
+            _ => slot.insert((tick, inlet.ornstein_uhlenbeck(tick))).1,
         }
     }
 }
 
-struct Blow<'a> {
-    mouth: &'a Mouth,
-    now: Blowing,
+struct VelocityKernel<'a> {
+    nodes: &'a InletNodes,
+    now: InletStep,
     /// Of every wave: velocity, cosine and sine of the phase now.
     waves: &'a [([f32; 3], f32, f32)],
     out: &'a mut [Vec<f32>; 3],
 }
 
-impl WithSimd for Blow<'_> {
+impl WithSimd for VelocityKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { mouth, now, waves, out } = self;
-        let all = mouth.mean.len();
-        for first in (0..all).step_by(PATCH) {
-            let here = first..all.min(first + PATCH);
+        let Self { nodes, now, waves, out } = self;
+        let all = nodes.mean.len();
+        for first in (0..all).step_by(NODES_AT_A_TIME) {
+            let here = first..all.min(first + NODES_AT_A_TIME);
             for (out, along) in out.iter_mut().zip(now.toward) {
-                for (u, mean) in out[here.clone()].iter_mut().zip(&mouth.mean[here.clone()]) {
+                for (u, mean) in out[here.clone()].iter_mut().zip(&nodes.mean[here.clone()]) {
                     *u = along * (mean * now.share);
                 }
             }
-            for ((e, c, s), [cosine, sine]) in waves.iter().zip(&mouth.waves) {
+            for ((e, c, s), [cosine, sine]) in waves.iter().zip(&nodes.waves) {
                 for (out, e) in out.iter_mut().zip(e) {
                     // cos(a - b) = cos a cos b + sin a sin b.
-                    add(simd, &mut out[here.clone()], (e * c, &cosine[here.clone()]), (e * s, &sine[here.clone()]));
+                    add_wave(simd, &mut out[here.clone()], e * c, &cosine[here.clone()], e * s, &sine[here.clone()]);
                 }
             }
         }
     }
 }
 
-/// Adds two rows, each times a factor.
+/// to += c cosine + s sine, element by element.
 #[inline(always)]
-fn add<S: Simd>(simd: S, to: &mut [f32], (c, cosine): (f32, &[f32]), (s, sine): (f32, &[f32])) {
+fn add_wave<S: Simd>(simd: S, to: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
     let (lanes, rest) = S::as_mut_simd_f32s(to);
     let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
     let (c_all, s_all) = (F32Lanes::from_scalar(simd, c), F32Lanes::from_scalar(simd, s));
@@ -489,6 +497,6 @@ fn add<S: Simd>(simd: S, to: &mut [f32], (c, cosine): (f32, &[f32]), (s, sine): 
 }
 
 /// How much of the wind blows after so many steps from rest: a sudden start would send a wave of pressure.
-pub(super) fn ramp(steps: u64) -> f64 {
-    f64::from(math::smoothstep(0.0, 100.0, steps.min(1000) as f32))
+pub(super) fn spin_up_ramp(steps: u64) -> f64 {
+    f64::from(math::smoothstep(0.0, RAMP_STEPS, steps.min(1000) as f32))
 }

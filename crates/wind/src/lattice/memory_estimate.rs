@@ -1,8 +1,8 @@
 //! What a lattice wind takes of the machine, known before it is made.
 
-use super::domain::Face;
-use super::grid::Grid;
-use super::setup::{LatticeOptions, most_open};
+use super::domain::FaceCondition;
+use super::grid::LatticeGrid;
+use super::setup::{LatticeOptions, most_open_faces};
 use osier_base::limits::{Limits, grouped};
 use osier_base::{Error, Result};
 
@@ -37,13 +37,13 @@ impl LatticeMemory {
         let n = options.cells.map(u64::from);
         let count: u64 = n.iter().fold(1, |all, n| all.saturating_mul(*n));
         let around: u64 = n.iter().fold(1, |all, n| all.saturating_mul(n + 2));
-        let faces = most_open(options);
+        let faces = most_open_faces(options);
         let area = |f: usize| (0..3).filter(|a| *a != f / 2).map(|a| n[a]).product::<u64>();
-        let all = |face: Face| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
-        let (coming, going) = (all(Face::Inlet), all(Face::Outlet));
+        let all = |face: FaceCondition| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
+        let (coming, going) = (all(FaceCondition::Inlet), all(FaceCondition::Outlet));
         let modes = if options.inlet.turbulence > 0.0 { u64::from(options.inlet.turbulence_modes) } else { 0 };
         Self {
-            populations: Grid::bytes(options.cells.map(|n| n as usize)),
+            populations: LatticeGrid::population_bytes(options.cells.map(|n| n as usize)),
             snapshots: SNAPSHOTS * 16 * around,
             solid_cells: MARKS * count,
             open_faces: OPEN * (coming + going) + (WAVE * modes + MOUTH) * coming,

@@ -1,233 +1,267 @@
-//! Open faces: what the places outside send inside.
+//! Inlets and outlets: the populations that ghost nodes outside open faces send into the domain.
+//!
+//! A ghost node outside an inlet sends the equilibrium at the prescribed velocity and the density of the cell before it,
+//! plus the non-equilibrium part of the wind's shear. One outside an outlet sends the equilibrium at the velocity of the
+//! cell before it and a density that lets sound leave ([`outlet_density`]).
 
 use std::ops::Range;
 
 use pulp::Simd;
 
 use super::collide::equilibrium;
-use super::ground::leant;
+use super::ground::shear_population;
 use super::stencil::Q;
+use osier_base::Result;
+use osier_base::convert::{index, to_usize};
 use osier_base::simd::{F32Lanes, Lane};
 
-/// Most places of a group.
-const PART: usize = 512;
-
-/// A place outside an open face.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Ghost {
-    pub place: [isize; 3],
-    /// Number of the nearest cell inside among those before open faces, unless that is solid.
-    pub near: u32,
-    pub solid: bool,
-    /// Directions it sends along, a bit each.
-    pub sends: u16,
-    pub inlet: bool,
-    /// Outward side of each axis on which it lies beyond an outlet: -1, 0, 1.
-    pub out: [i8; 3],
-    /// The face it lies beyond, if that is just one.
-    pub face: Option<usize>,
-}
-
-/// What an open face sends inside.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Kind<L> {
-    /// Air with this velocity, which leans by x and z with the height as [`super::ground::lean`] has it.
-    Inlet([L; 3], [L; 2]),
-    /// What comes out, at this density less 1; never inwards along these sides. `true`: with the part beside the
-    /// equilibrium.
-    Outlet([i8; 3], L, bool),
-}
-
-/// Density less 1 beyond an outlet that lets sound go: that of a wave which alone would change the mean outward velocity
-/// from what is wanted to what is. Both in cells a step.
-/// Differs: with density 1 for good a box between inlet and outlet is an organ pipe, whose note lasts for thousands of
-/// steps and is as strong as the wind.
-pub(super) fn let_go<L: Lane>(wanted: L, mean: L) -> L {
-    (mean - wanted) * mean.splat(SQRT_3)
-}
+/// Ghost nodes per group, at most: what a group sends lies in the nearest cache.
+const MAX_GROUP: usize = 512;
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
-/// Air beyond an open face.
+/// A node outside an open face.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Beyond<L> {
-    /// Density less 1, and velocity.
-    air: (L, [L; 3]),
-    /// Those of the cell before it, if what is beside its equilibrium goes along.
-    rest: Option<(L, [L; 3])>,
-    /// How it leans, if it comes in.
-    lean: Option<[L; 2]>,
+pub(super) struct GhostNode {
+    pub position: [isize; 3],
+    /// Number of the nearest cell of the domain among the open cells (those before open faces); unused if that is solid.
+    pub open_cell: u32,
+    /// The nearest cell of the domain is solid.
+    pub before_solid: bool,
+    /// Directions in which it sends, one bit each.
+    pub directions: u16,
+    pub inlet: bool,
+    /// Outward normal of the outlets beyond which it lies, -1, 0 or 1 by axis.
+    pub outward: [i8; 3],
+    /// The face beyond which it lies, if that is just one.
+    pub face: Option<usize>,
 }
 
-impl<L: Lane> Beyond<L> {
-    /// From density less 1 and velocity of the cell before it; a solid counts as air at rest.
+/// Condition at a ghost node.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum GhostCondition<L> {
+    /// Prescribed velocity, cells per step; shear along x and z as in [`shear_population`].
+    Inlet { velocity: [L; 3], shear: [L; 2] },
+    /// Velocity of the cell before it, without inward components along `outward`; density less 1. With
+    /// `nonequilibrium` that part of the cell's populations is passed on too, which damps less.
+    Outlet { outward: [i8; 3], drho: L, nonequilibrium: bool },
+}
+
+/// Density less 1 beyond an outlet that lets sound leave: that of the outgoing plane wave which alone changes the mean
+/// outward velocity from `target` to `mean`, both in cells per step: drho = (mean - target)/c_s, c_s = 1/sqrt(3).
+/// Differs: at constant density the box between inlet and outlet is a resonator, whose standing wave lasts for thousands
+/// of steps and is as strong as the wind.
+pub(super) fn outlet_density<L: Lane>(target: L, mean: L) -> L {
+    (mean - target) * mean.splat(SQRT_3)
+}
+
+/// Air at a ghost node.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GhostState<L> {
+    drho: L,
+    velocity: [L; 3],
+    /// Density less 1 and velocity of the cell before it, if its non-equilibrium part is passed on.
+    nonequilibrium: Option<(L, [L; 3])>,
+    /// Shear of an inlet.
+    shear: Option<[L; 2]>,
+}
+
+impl<L: Lane> GhostState<L> {
+    /// `drho`, `u`: density less 1 and velocity of the cell before it; 0 if that is solid.
     #[inline(always)]
-    pub(super) fn new((drho, mut u): (L, [L; 3]), kind: Kind<L>) -> Self {
-        match kind {
-            Kind::Inlet(wind, lean) => Self { air: (drho, wind), rest: None, lean: Some(lean) },
-            Kind::Outlet(out, density, rest) => {
-                let rest = if rest { Some((drho, u)) } else { None };
+    pub(super) fn new(drho: L, mut u: [L; 3], condition: GhostCondition<L>) -> Self {
+        match condition {
+            GhostCondition::Inlet { velocity, shear } => {
+                Self { drho, velocity, nonequilibrium: None, shear: Some(shear) }
+            }
+            GhostCondition::Outlet { outward, drho: outlet_drho, nonequilibrium } => {
+                let nonequilibrium = if nonequilibrium { Some((drho, u)) } else { None };
                 for a in 0..3 {
-                    if out[a] != 0 {
-                        // Kept where it goes outwards.
-                        let pace = u[a] * u[a].splat(f64::from(out[a]));
-                        u[a] = pace.select_gt(0.0, u[a], u[a].splat(0.0));
+                    if outward[a] != 0 {
+                        // No backflow: a vortex that crosses the outlet must not draw unknown air in.
+                        let outflow = u[a] * u[a].splat(f64::from(outward[a]));
+                        u[a] = outflow.select_gt(0.0, u[a], u[a].splat(0.0));
                     }
                 }
-                Self { air: (density, u), rest, lean: None }
+                Self { drho: outlet_drho, velocity: u, nonequilibrium, shear: None }
             }
         }
     }
 
-    /// What it sends along a velocity. `near`: what left the cell before it along it.
+    /// The population it sends in direction `i`. `cell_population`: what left the cell before it in that direction.
     #[inline(always)]
-    pub(super) fn sends(&self, i: usize, near: L) -> L {
-        let sent = equilibrium(i, self.air.0, self.air.1);
-        match (self.rest, self.lean) {
-            (Some((drho, u)), _) => sent + (near - equilibrium(i, drho, u)),
-            (None, Some(lean)) => sent + leant(i, lean),
+    pub(super) fn population(&self, i: usize, cell_population: L) -> L {
+        let sent = equilibrium(i, self.drho, self.velocity);
+        match (self.nonequilibrium, self.shear) {
+            (Some((drho, u)), _) => sent + (cell_population - equilibrium(i, drho, u)),
+            (None, Some(shear)) => sent + shear_population(i, shear),
             (None, None) => sent,
         }
     }
 }
 
-/// Places outside that are alike and before the same plane, one after the other.
+/// Consecutive ghost nodes before the same plane with the same condition.
 #[derive(Debug)]
-struct Group {
+struct GhostGroup {
     first: usize,
     count: usize,
-    /// Directions that any of them sends along.
-    sends: u16,
-    /// Outward sides; none for an inlet.
-    out: Option<[i8; 3]>,
-    solid: bool,
-    /// Number of the first among all inlets.
-    inlet: usize,
-    /// The cells before them are numbered one after the other, from this one.
-    near: Option<u32>,
+    /// Directions in which any of them sends.
+    directions: u16,
+    /// Outward normal; none for an inlet.
+    outward: Option<[i8; 3]>,
+    before_solid: bool,
+    /// Number of the first among all inlet nodes.
+    first_inlet: usize,
+    /// Open cell of the first, if those of the others follow one by one.
+    first_open_cell: Option<u32>,
 }
 
-/// Where a place outside sends, among all that is sent.
+/// Where the populations of a ghost node lie in the buffer of ghost populations.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sends {
-    /// Place of the first direction, and from one direction to the next.
-    at: usize,
-    apart: usize,
-    /// Directions that are sent along.
-    along: u16,
+pub(super) struct GhostSlots {
+    /// Index of the first direction, and from one direction to the next.
+    first: usize,
+    stride: usize,
+    directions: u16,
 }
 
-impl Sends {
-    /// Where what is sent along a direction stands.
-    pub(super) fn place(self, along: usize) -> usize {
-        self.at + self.apart * (self.along & ((1 << along) - 1)).count_ones() as usize
+impl GhostSlots {
+    /// Index of the population in a direction.
+    pub(super) fn index_of(self, direction: usize) -> usize {
+        self.first + self.stride * (self.directions & ((1 << direction) - 1)).count_ones() as usize
     }
 }
 
-/// All places outside open faces.
+/// Parts of a plane: its groups, and its range of the buffer of ghost populations.
+#[derive(Debug, Clone)]
+struct PlaneGhosts {
+    groups: Range<usize>,
+    buffer: Range<usize>,
+}
+
+/// All ghost nodes of open faces.
 #[derive(Debug)]
-pub(super) struct Mouths {
-    pub ghosts: Vec<Ghost>,
-    groups: Vec<Group>,
-    /// By plane: its part of the groups, and of what they send, group by group and direction by direction.
-    planes: Vec<(Range<usize>, Range<usize>)>,
-    /// By face, if it is an outlet: the cells before it.
-    outlets: [Vec<u32>; 6],
+pub(super) struct OpenBoundary {
+    ghosts: Vec<GhostNode>,
+    groups: Vec<GhostGroup>,
+    planes: Vec<PlaneGhosts>,
+    /// By face, if it is an outlet: the open cells before it.
+    outlet_cells: [Vec<u32>; 6],
 }
 
-/// What is known of the air when open faces send: the cells before them with the number of the first, the velocity at each
-/// inlet by component, and the density less 1 beyond each face that is an outlet.
+/// What ghost nodes are computed from in a step.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Before<'a> {
-    pub air: ([&'a [f32]; 4], usize),
-    /// Populations of these cells, where outlets pass on what is beside the equilibrium.
-    pub parts: Option<&'a [[f32; Q]]>,
-    pub wind: &'a [Vec<f32>; 3],
-    /// How it leans with the height, over that by x and z.
-    pub lean: (&'a [f32], [f32; 2]),
-    pub density: [f32; 6],
+pub(super) struct OpenBoundaryState<'a> {
+    /// Density less 1 and velocity by component of the open cells from `first_cell` on.
+    pub moments: [&'a [f32]; 4],
+    pub first_cell: usize,
+    /// Populations of these cells, where outlets pass on the non-equilibrium part.
+    pub populations: Option<&'a [[f32; Q]]>,
+    /// Velocity by component at each inlet node, cells per step, in the order of [`OpenBoundary::inlet_positions`].
+    pub inlet_velocity: &'a [Vec<f32>; 3],
+    /// [`super::ground::shear_coefficient`] at each inlet node, and the wind's components along x and z that scale it.
+    pub shear: &'a [f32],
+    pub shear_scale: [f32; 2],
+    /// Density less 1 beyond each face that is an outlet.
+    pub outlet_drho: [f32; 6],
 }
 
-impl Ghost {
+impl GhostNode {
     /// The plane of cells before which it lies.
     #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit; clamped to the domain")]
     pub(super) fn plane(&self, planes: usize) -> usize {
-        self.place[2].clamp(0, planes as isize - 1) as usize
+        self.position[2].clamp(0, planes as isize - 1) as usize
     }
 }
 
-impl Mouths {
-    /// `ghosts`: by plane, in an order that puts those that are alike side by side. Returns for each where it sends.
-    pub(super) fn new(ghosts: Vec<Ghost>, planes: usize) -> (Self, Vec<Sends>) {
-        let mut groups: Vec<Group> = Vec::new();
-        let mut outlets: [Vec<u32>; 6] = std::array::from_fn(|_| Vec::new());
+impl OpenBoundary {
+    /// `ghosts`: by plane, nodes with the same condition side by side. Also returns where each one's populations go.
+    /// # Errors
+    /// `Limit` for more nodes than an index of 32 bits counts.
+    pub(super) fn new(ghosts: Vec<GhostNode>, planes: usize) -> Result<(Self, Vec<GhostSlots>)> {
+        // Join alike neighbours to groups, which are evaluated in SIMD lanes where their open cells are contiguous.
+        let mut groups: Vec<GhostGroup> = Vec::new();
+        let mut outlet_cells: [Vec<u32>; 6] = std::array::from_fn(|_| Vec::new());
         let (mut inlets, mut last) = (0, None);
-        let mut parts = vec![(0..0, 0..0); planes];
         for (first, g) in ghosts.iter().enumerate() {
-            let out = (!g.inlet).then_some(g.out);
-            let key = Some((g.plane(planes), out, g.solid));
-            if let Some(group) = groups.last_mut().filter(|l| key == last && l.count < PART) {
-                group.near = group.near.filter(|near| near + small(group.count) == g.near);
-                (group.count, group.sends) = (group.count + 1, group.sends | g.sends);
+            let outward = (!g.inlet).then_some(g.outward);
+            let key = Some((g.plane(planes), outward, g.before_solid));
+            if let Some(group) = groups.last_mut().filter(|l| key == last && l.count < MAX_GROUP) {
+                let count = index(group.count, "ghost nodes of the lattice wind")?;
+                group.first_open_cell = group.first_open_cell.filter(|cell| cell + count == g.open_cell);
+                (group.count, group.directions) = (group.count + 1, group.directions | g.directions);
             } else {
-                let near = Some(g.near);
-                groups.push(Group { first, count: 1, sends: g.sends, out, solid: g.solid, inlet: inlets, near });
+                groups.push(GhostGroup {
+                    first,
+                    count: 1,
+                    directions: g.directions,
+                    outward,
+                    before_solid: g.before_solid,
+                    first_inlet: inlets,
+                    first_open_cell: Some(g.open_cell),
+                });
             }
             last = key;
             inlets += usize::from(g.inlet);
-            if let Some(face) = g.face.filter(|_| !g.inlet && !g.solid) {
-                outlets[face].push(g.near);
+            if let Some(face) = g.face.filter(|_| !g.inlet && !g.before_solid) {
+                outlet_cells[face].push(g.open_cell);
             }
         }
-        let (mut places, mut at, mut number) = (Vec::new(), 0, 0);
-        for (z, (mine, sent)) in parts.iter_mut().enumerate() {
-            let (group, from) = (number, at);
+        // Lay out the buffer plane by plane, group by group, direction by direction.
+        let mut parts = Vec::with_capacity(planes);
+        let (mut slots, mut at, mut number) = (Vec::new(), 0, 0);
+        for z in 0..planes {
+            let (first_group, first_index) = (number, at);
             while let Some(g) = groups.get(number).filter(|g| ghosts[g.first].plane(planes) == z) {
-                places.extend((0..g.count).map(|k| Sends { at: at + k, apart: g.count, along: g.sends }));
-                (at, number) = (at + g.len(), number + 1);
+                slots.extend((0..g.count).map(|k| GhostSlots {
+                    first: at + k,
+                    stride: g.count,
+                    directions: g.directions,
+                }));
+                (at, number) = (at + g.buffer_len(), number + 1);
             }
-            (*mine, *sent) = (group..number, from..at);
+            parts.push(PlaneGhosts { groups: first_group..number, buffer: first_index..at });
         }
-        (Self { ghosts, groups, planes: parts, outlets }, places)
+        Ok((Self { ghosts, groups, planes: parts, outlet_cells }, slots))
     }
 
-    /// Where air comes in, in the order of the velocities of [`Before::wind`].
-    pub(super) fn inlets(&self) -> Vec<[isize; 3]> {
-        self.ghosts.iter().filter(|g| g.inlet).map(|g| g.place).collect()
+    /// Positions of the inlet nodes, in the order of [`OpenBoundaryState::inlet_velocity`].
+    pub(super) fn inlet_positions(&self) -> Vec<[isize; 3]> {
+        self.ghosts.iter().filter(|g| g.inlet).map(|g| g.position).collect()
     }
 
-    /// Places beyond just one open face, before air: their face.
-    pub(super) fn before_air(&self) -> impl Iterator<Item = ([isize; 3], usize)> {
-        self.ghosts.iter().filter(|g| !g.solid).filter_map(|g| Some((g.place, g.face?)))
+    /// Position and face of the nodes beyond just one open face whose nearest cell is air.
+    pub(super) fn face_nodes(&self) -> impl Iterator<Item = ([isize; 3], usize)> {
+        self.ghosts.iter().filter(|g| !g.before_solid).filter_map(|g| Some((g.position, g.face?)))
     }
 
-    /// Mean outward velocity before each face that is an outlet, cells a step.
-    pub(super) fn outflow(&self, air: &[Vec<f32>; 4]) -> [f32; 6] {
+    /// Mean outward velocity of the cells before each outlet, cells per step; 0 for other faces.
+    pub(super) fn mean_outflow(&self, moments: &[Vec<f32>; 4]) -> [f32; 6] {
         std::array::from_fn(|f| {
-            let cells = &self.outlets[f];
-            let sum: f64 = cells.iter().map(|n| f64::from(air[1 + f / 2][*n as usize])).sum();
+            let cells = &self.outlet_cells[f];
+            let sum: f64 = cells.iter().map(|n| f64::from(moments[1 + f / 2][to_usize(*n)])).sum();
             let out = if f.is_multiple_of(2) { -1.0 } else { 1.0 };
             if cells.is_empty() { 0.0 } else { osier_base::math::narrow(out * sum / cells.len() as f64) }
         })
     }
 
-    /// Numbers that are sent before each plane.
-    pub(super) fn sent(&self, z: usize) -> Range<usize> {
-        self.planes[z].1.clone()
+    /// The range of the buffer that the ghost nodes before plane `z` fill.
+    pub(super) fn buffer_range(&self, z: usize) -> Range<usize> {
+        self.planes[z].buffer.clone()
     }
 
-    /// Numbers that are sent.
-    pub(super) fn len(&self) -> usize {
-        self.planes.last().map_or(0, |(_, sent)| sent.end)
+    /// Length of the buffer of ghost populations.
+    pub(super) fn buffer_len(&self) -> usize {
+        self.planes.last().map_or(0, |plane| plane.buffer.end)
     }
 
-    /// Finds what is sent from before the plane z.
+    /// Computes the populations that ghost nodes before plane `z` send, into the plane's range of the buffer.
     #[inline(always)]
-    pub(super) fn send<S: Simd>(&self, simd: S, z: usize, before: Before<'_>, mut out: &mut [f32]) {
-        for group in &self.groups[self.planes[z].0.clone()] {
-            let (mine, others) = std::mem::take(&mut out).split_at_mut(group.len());
+    pub(super) fn evaluate<S: Simd>(&self, simd: S, z: usize, state: OpenBoundaryState<'_>, mut out: &mut [f32]) {
+        for group in &self.groups[self.planes[z].groups.clone()] {
+            let (own, others) = std::mem::take(&mut out).split_at_mut(group.buffer_len());
             let ghosts = &self.ghosts[group.first..group.first + group.count];
-            group.send(simd, ghosts, before, mine);
+            group.evaluate(simd, ghosts, state, own);
             out = others;
         }
     }
@@ -237,50 +271,52 @@ impl Mouths {
     }
 }
 
-impl Group {
-    /// Numbers that it sends.
-    fn len(&self) -> usize {
-        self.count * self.sends.count_ones() as usize
+impl GhostGroup {
+    fn buffer_len(&self) -> usize {
+        self.count * self.directions.count_ones() as usize
     }
 
     #[inline(always)]
-    fn send<S: Simd>(&self, simd: S, ghosts: &[Ghost], before: Before<'_>, out: &mut [f32]) {
-        match self.near.filter(|_| self.count >= S::F32_LANES && before.parts.is_none()) {
-            Some(near) => self.send_side_by_side(simd, near as usize, before, out),
-            None => self.send_singly(ghosts, before, out),
+    fn evaluate<S: Simd>(&self, simd: S, ghosts: &[GhostNode], state: OpenBoundaryState<'_>, out: &mut [f32]) {
+        match self.first_open_cell.filter(|_| self.count >= S::F32_LANES && state.populations.is_none()) {
+            Some(first) => self.evaluate_lanes(simd, to_usize(first), state, out),
+            None => self.evaluate_scalar(ghosts, state, out),
         }
     }
 
-    /// Where the cells before these places are numbered one after the other: many at once.
+    /// In SIMD lanes, for contiguous open cells.
     #[inline(always)]
-    fn send_side_by_side<S: Simd>(&self, simd: S, near: usize, before: Before<'_>, out: &mut [f32]) {
+    fn evaluate_lanes<S: Simd>(&self, simd: S, open_cell: usize, state: OpenBoundaryState<'_>, out: &mut [f32]) {
         let load = |from: &[f32]| F32Lanes::new(simd, S::as_simd_f32s(&from[..S::F32_LANES]).0[0]);
         let mut from = 0;
         while from < self.count {
-            // The last ones, some of them again.
+            // The last register overlaps the one before, so that it is full.
             let at = from.min(self.count - S::F32_LANES);
             from += S::F32_LANES;
-            let kind = match self.out {
+            let condition = match self.outward {
                 None => {
-                    let [x, y, z] = before.wind;
-                    let inlet = self.inlet + at;
-                    let lean = load(&before.lean.0[inlet..]);
-                    let lean = before.lean.1.map(|along| lean * F32Lanes::from_scalar(simd, along));
-                    Kind::Inlet([load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])], lean)
+                    let [x, y, z] = state.inlet_velocity;
+                    let inlet = self.first_inlet + at;
+                    let shear = load(&state.shear[inlet..]);
+                    let shear = state.shear_scale.map(|scale| shear * F32Lanes::from_scalar(simd, scale));
+                    GhostCondition::Inlet { velocity: [load(&x[inlet..]), load(&y[inlet..]), load(&z[inlet..])], shear }
                 }
-                Some(out) => Kind::Outlet(out, F32Lanes::from_scalar(simd, mean_of(out, before.density)), false),
+                Some(outward) => {
+                    let drho = F32Lanes::from_scalar(simd, mean_over_faces(outward, state.outlet_drho));
+                    GhostCondition::Outlet { outward, drho, nonequilibrium: false }
+                }
             };
-            let ([drho, x, y, z], first) = (before.air.0, near - before.air.1 + at);
-            let air = if self.solid {
+            let ([drho, x, y, z], first) = (state.moments, open_cell - state.first_cell + at);
+            let cell = if self.before_solid {
                 [F32Lanes::from_scalar(simd, 0.0); 4]
             } else {
                 [load(&drho[first..]), load(&x[first..]), load(&y[first..]), load(&z[first..])]
             };
-            let beyond = Beyond::new((air[0], [air[1], air[2], air[3]]), kind);
+            let ghost = GhostState::new(cell[0], [cell[1], cell[2], cell[3]], condition);
             let mut to = at;
             for i in 1..Q {
-                if self.sends >> i & 1 == 1 {
-                    let sent = beyond.sends(i, F32Lanes::from_scalar(simd, 0.0));
+                if self.directions >> i & 1 == 1 {
+                    let sent = ghost.population(i, F32Lanes::from_scalar(simd, 0.0));
                     S::as_mut_simd_f32s(&mut out[to..to + S::F32_LANES]).0[0] = sent.value;
                     to += self.count;
                 }
@@ -288,38 +324,38 @@ impl Group {
         }
     }
 
-    fn send_singly(&self, ghosts: &[Ghost], before: Before<'_>, out: &mut [f32]) {
-        let parts = before.parts.filter(|_| !self.solid);
+    /// One node after another, for short groups, scattered open cells, and outlets with a non-equilibrium part.
+    fn evaluate_scalar(&self, ghosts: &[GhostNode], state: OpenBoundaryState<'_>, out: &mut [f32]) {
+        let populations = state.populations.filter(|_| !self.before_solid);
         for (k, ghost) in ghosts.iter().enumerate() {
-            let near = (ghost.near as usize).wrapping_sub(before.air.1);
-            let air = if self.solid { [0.0; 4] } else { before.air.0.map(|a| a[near]) };
-            let kind = match self.out {
+            let cell = to_usize(ghost.open_cell).wrapping_sub(state.first_cell);
+            let moments = if self.before_solid { [0.0; 4] } else { state.moments.map(|a| a[cell]) };
+            let condition = match self.outward {
                 None => {
-                    let inlet = self.inlet + k;
-                    let lean = before.lean.1.map(|along| along * before.lean.0[inlet]);
-                    Kind::Inlet([0, 1, 2].map(|a| before.wind[a][inlet]), lean)
+                    let inlet = self.first_inlet + k;
+                    let shear = state.shear_scale.map(|scale| scale * state.shear[inlet]);
+                    GhostCondition::Inlet { velocity: [0, 1, 2].map(|a| state.inlet_velocity[a][inlet]), shear }
                 }
-                Some(out) => Kind::Outlet(out, mean_of(out, before.density), parts.is_some()),
+                Some(outward) => GhostCondition::Outlet {
+                    outward,
+                    drho: mean_over_faces(outward, state.outlet_drho),
+                    nonequilibrium: populations.is_some(),
+                },
             };
-            let beyond = Beyond::new((air[0], [air[1], air[2], air[3]]), kind);
-            let along = (1..Q).filter(|i| self.sends >> i & 1 == 1);
-            for (nth, i) in along.enumerate() {
-                out[nth * self.count + k] = beyond.sends(i, parts.map_or(0.0, |parts| parts[near][i]));
+            let ghost = GhostState::new(moments[0], [moments[1], moments[2], moments[3]], condition);
+            let directions = (1..Q).filter(|i| self.directions >> i & 1 == 1);
+            for (nth, i) in directions.enumerate() {
+                out[nth * self.count + k] = ghost.population(i, populations.map_or(0.0, |all| all[cell][i]));
             }
         }
     }
 }
 
-/// Numbers of cells, which planning holds below 2^32.
-fn small(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
-}
-
-/// Mean of what is said of the faces beyond which a place lies; `out`: their sides.
-pub(super) fn mean_of<L: Lane>(out: [i8; 3], faces: [L; 6]) -> L {
-    let (mut sum, mut count) = (faces[0].splat(0.0), 0.0);
-    for (a, side) in out.iter().enumerate().filter(|(_, side)| **side != 0) {
-        sum = sum + faces[2 * a + usize::from(*side > 0)];
+/// Mean of a value by face over the outlets beyond which a node lies; 0 for none.
+pub(super) fn mean_over_faces<L: Lane>(outward: [i8; 3], values: [L; 6]) -> L {
+    let (mut sum, mut count) = (values[0].splat(0.0), 0.0);
+    for (a, side) in outward.iter().enumerate().filter(|(_, side)| **side != 0) {
+        sum = sum + values[2 * a + usize::from(*side > 0)];
         count += 1.0;
     }
     if count > 0.0 { sum.div(sum.splat(count)) } else { sum }

@@ -1,257 +1,290 @@
-//! A step of one plane of cells: what arrives is put, cells collide, what leaves is taken.
+//! One step of one plane of cells: scatter what arrives from boundaries, collide, gather what leaves for them.
 
 use pulp::Simd;
 
-use super::collide::{Collided, FAST, FASTEST, Relax, collide, moments};
-use super::domain::Cells;
-use super::exchange::{Arriving, Leaving, Planes};
-use super::grid::{BLOCK, Grid, Parity};
-use super::ground::hold;
-use super::row_halo::{End, Ends, NONE};
-use super::snapshot::{Field, Plane};
+use super::collide::{CollisionResult, MAX_SPEED, Relaxation, UNCHECKED_SPEED, collide, moments};
+use super::diagnostics::{PlaneDiagnostics, SnapshotPlane};
+use super::domain::Domain;
+use super::exchange::{ExchangeInput, ExchangeOutput, PlaneSlices};
+use super::grid::{BLOCK, LatticeGrid, StepParity};
+use super::ground::apply_wall_stress;
+use super::row_halo::{NO_LANE, RowEndBlock, RowHalo};
 use super::stencil::{Q, opposite};
-use super::stepper::Sweep;
+use super::step_tables::StepTables;
+use osier_base::convert::to_usize;
 use osier_base::simd::{F32Lanes, Lane as _};
 
-/// What a thread has at hand from plane to plane.
-pub(super) struct Desk<'a> {
-    ends: Ends,
-    /// Velocity by component and density less 1 of a plane, where a snapshot is made.
-    air: [Vec<f32>; 4],
-    /// Where it is written: the field, m/s of one cell a step, and planes of values.
-    snapshot: Option<(&'a Field, f32)>,
-    pages: Vec<(usize, &'a mut [[f32; 4]])>,
-    /// What was seen in each.
-    pub seen: Vec<(usize, Plane)>,
+/// Buffers that a thread reuses from plane to plane, and the planes of a snapshot that it writes.
+pub(super) struct ThreadScratch<'a> {
+    row_halo: RowHalo,
+    /// Velocity by component and density less 1 of a plane, while its snapshot is written.
+    moments: [Vec<f32>; 4],
+    /// Planes of the snapshot by number, from the last to the first; empty when none is written.
+    snapshot: Vec<(usize, SnapshotPlane<'a>)>,
+    /// Diagnostics of the planes that were written.
+    pub diagnostics: Vec<(usize, PlaneDiagnostics)>,
 }
 
-impl<'a> Desk<'a> {
-    /// `pages`: of which planes, from the last to the first.
-    pub(super) fn new(
-        grid: &Grid,
-        snapshot: Option<(&'a Field, f32)>,
-        pages: Vec<(usize, &'a mut [[f32; 4]])>,
-    ) -> Self {
-        let length = if pages.is_empty() { 0 } else { grid.span().next_multiple_of(BLOCK) };
+impl<'a> ThreadScratch<'a> {
+    /// `snapshot`: planes by number, from the last to the first.
+    pub(super) fn new(grid: &LatticeGrid, snapshot: Vec<(usize, SnapshotPlane<'a>)>) -> Self {
+        let length = if snapshot.is_empty() { 0 } else { grid.plane_span().next_multiple_of(BLOCK) };
         Self {
-            ends: Ends::new(grid),
-            air: std::array::from_fn(|_| vec![0.0; length]),
+            row_halo: RowHalo::new(grid),
+            moments: std::array::from_fn(|_| vec![0.0; length]),
             snapshot,
-            pages,
-            seen: Vec::new(),
+            diagnostics: Vec::new(),
         }
     }
 
-    /// Writes down the plane that was computed.
+    /// Whether the plane `z` is the next of the snapshot.
     #[inline(always)]
-    fn write(&mut self, cells: &Cells, z: usize) {
-        let (Some((field, speed)), Some((_, page))) = (self.snapshot, self.pages.pop_if(|(of, _)| *of == z)) else {
-            return;
-        };
-        let (row, [nx, ny, _]) = (cells.grid.row, cells.grid.n);
-        let mut plane = Plane::default();
+    fn writes(&self, z: usize) -> bool {
+        self.snapshot.last().is_some_and(|(plane, _)| *plane == z)
+    }
+
+    /// Writes the moments of the plane `z` into the snapshot, if it is of it.
+    #[inline(always)]
+    fn write_snapshot(&mut self, domain: &Domain, z: usize) {
+        let Some((_, mut target)) = self.snapshot.pop_if(|(plane, _)| *plane == z) else { return };
+        let (row, [nx, ny, _]) = (domain.grid.row_stride, domain.grid.n);
+        let mut diagnostics = PlaneDiagnostics::default();
         for y in 0..ny {
-            let part = self.air.each_mut().map(|part| &mut part[y * row..y * row + nx]);
-            plane.row(cells, (y, z), part, Some((field, speed, page)));
+            let moments = self.moments.each_mut().map(|all| &mut all[y * row..y * row + nx]);
+            diagnostics.add_row(domain, y, z, moments, Some(&mut target));
         }
-        field.edge(page);
-        self.seen.push((z, plane));
+        target.fill_halo_rows();
+        self.diagnostics.push((z, diagnostics));
     }
 }
 
-/// A plane in hand.
+/// A step of the plane `z`.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
-    pub sweep: &'a Sweep,
-    pub cells: &'a Cells,
-    pub arriving: Arriving<'a>,
+pub(super) struct PlaneStep<'a> {
+    pub tables: &'a StepTables,
+    pub domain: &'a Domain,
+    pub input: ExchangeInput<'a>,
     pub z: usize,
-    /// The step is the one that a snapshot is of.
+    /// The step is the one a snapshot is taken of, if one is.
     pub last: bool,
 }
 
-/// The fifteen arrays of a plane under names of their own, all of one length that the compiler knows to be one.
-macro_rules! bind {
+/// What the collision of a plane found.
+struct PlaneSpeed {
+    /// Square of the highest speed, cells per step.
+    max_squared: f32,
+    /// Fluid cells whose speed was clamped.
+    clamped: u64,
+}
+
+/// Binds the fifteen arrays of a plane to names, as slices of SIMD registers of one length that the compiler can prove:
+/// bounds checks then leave the loop.
+macro_rules! bind_arrays {
     ($simd:ty, $arrays:expr, $start:expr, $length:expr; $($name:ident $k:literal)*) => {
-        let [$($name),*] = $arrays else { return 0.0 };
+        let [$($name),*] = $arrays else { return PlaneSpeed { max_squared: 0.0, clamped: 0 } };
         let count = $length / <$simd>::F32_LANES;
         $(let $name = &mut <$simd>::as_mut_simd_f32s(&mut $name[$start($k)..][..$length]).0[..count];)*
     };
 }
 
-impl Place<'_> {
-    /// A step of the plane, from what arrives at it to what leaves it. `fastest`: square of the largest speed in the step
-    /// before, and then in this one.
+impl PlaneStep<'_> {
+    /// Computes the step. `max_speed_squared`: of the plane in the step before; it is replaced by that of this step.
+    /// Returns the number of clamped cells.
     #[inline(always)]
-    pub(super) fn step<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
+    pub(super) fn run<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool>(
         self,
         simd: S,
-        planes: &mut Planes<'_>,
-        desk: &mut Desk<'_>,
-        (room, fastest): (&mut Leaving<'_>, &mut f32),
+        planes: &mut PlaneSlices<'_>,
+        scratch: &mut ThreadScratch<'_>,
+        output: &mut ExchangeOutput<'_>,
+        max_speed_squared: &mut f32,
     ) -> u64 {
-        let parity = if ODD { Parity::Odd } else { Parity::Even };
-        self.arriving.put(planes, &mut desk.ends, (parity, self.z));
-        let mut clamped = 0;
-        // To look at the speed in the middle of a collision, or to ask whether air is noted, takes a tenth of its time.
-        let noted = self.last && desk.pages.last().is_some_and(|(of, _)| *of == self.z);
-        if noted || f64::from(*fastest) > FAST * FAST {
-            let counted = &mut clamped;
-            *fastest = self.collide::<S, ODD, EDDIES, FORCE, true>(simd, planes, desk, (room, counted));
+        let parity = if ODD { StepParity::Odd } else { StepParity::Even };
+        self.input.scatter_incoming(planes, &mut scratch.row_halo, parity, self.z);
+        // Limiting speeds or writing moments within the kernel costs a tenth of its time: a second kernel does both, where
+        // a snapshot is taken or a speed near the limit was seen in the step before.
+        let writes = self.last && scratch.writes(self.z);
+        let speed = if writes || f64::from(*max_speed_squared) > UNCHECKED_SPEED * UNCHECKED_SPEED {
+            self.collide_plane::<S, ODD, EDDIES, FORCE, true>(simd, planes, scratch, output)
         } else {
-            *fastest = self.collide::<S, ODD, EDDIES, FORCE, false>(simd, planes, desk, (room, &mut 0));
-        }
+            self.collide_plane::<S, ODD, EDDIES, FORCE, false>(simd, planes, scratch, output)
+        };
+        *max_speed_squared = speed.max_squared;
         if self.last {
-            desk.write(self.cells, self.z);
+            scratch.write_snapshot(self.domain, self.z);
         }
-        self.arriving.take(planes, (parity, self.z), room);
-        self.vent(simd, planes, parity, room);
-        clamped
+        self.input.gather_outgoing(planes, parity, self.z, output);
+        self.store_open_spans(simd, planes, parity, output);
+        speed.clamped
     }
 
+    /// Collides all blocks of the plane that hold air. `CHECKED`: with the speed limit, and moments for a snapshot.
     #[inline(always)]
-    fn collide<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool, const CAREFUL: bool>(
+    fn collide_plane<S: Simd, const ODD: bool, const EDDIES: bool, const FORCE: bool, const CHECKED: bool>(
         self,
         simd: S,
-        planes: &mut Planes<'_>,
-        desk: &mut Desk<'_>,
-        (room, clamped): (&mut Leaving<'_>, &mut u64),
-    ) -> f32 {
-        let Self { sweep, cells, z, .. } = self;
-        let Desk { ends, air, pages, .. } = desk;
-        let grid = &sweep.grid;
-        let length = grid.span().next_multiple_of(BLOCK);
-        let first = planes.before(grid, z) + grid.first;
-        let parity = if ODD { Parity::Odd } else { Parity::Even };
-        let start = |k: usize| first.wrapping_add_signed(grid.aside(parity, k));
-        let mut fastest = F32Lanes::from_scalar(simd, 0.0);
-        let parts = BLOCK / S::F32_LANES;
-        let v = &sweep.viscosity;
-        let deep = F32Lanes::from_scalar(simd, v.sponge[1].get(z).copied().unwrap_or(0.0));
-        let plain = Relax::new(
-            F32Lanes::from_scalar(simd, v.tau),
-            F32Lanes::from_scalar(simd, v.eddies),
+        planes: &mut PlaneSlices<'_>,
+        scratch: &mut ThreadScratch<'_>,
+        output: &mut ExchangeOutput<'_>,
+    ) -> PlaneSpeed {
+        let Self { tables, domain, z, .. } = self;
+        let writes = CHECKED && self.last && scratch.writes(z);
+        let ThreadScratch { row_halo, moments, .. } = scratch;
+        let grid = &tables.grid;
+        let length = grid.plane_span().next_multiple_of(BLOCK);
+        let first = planes.plane_start(grid, z) + grid.first_cell;
+        let parity = if ODD { StepParity::Odd } else { StepParity::Even };
+        // Shifting each array's slice by its slot offset lets one index serve for all arrays and for reading and writing.
+        let start = |k: usize| first.wrapping_add_signed(grid.slot_offset(parity, k));
+        let (mut max_squared, mut clamped) = (F32Lanes::from_scalar(simd, 0.0), 0);
+        let registers_per_block = BLOCK / S::F32_LANES;
+        let params = &tables.params;
+        let z_sponge = F32Lanes::from_scalar(simd, params.sponge[1].get(z).copied().unwrap_or(0.0));
+        let uniform = Relaxation::new(
+            F32Lanes::from_scalar(simd, params.tau),
+            F32Lanes::from_scalar(simd, params.smagorinsky_factor),
             [
-                F32Lanes::from_scalar(simd, v.force[0]),
-                F32Lanes::from_scalar(simd, v.force[1]),
-                F32Lanes::from_scalar(simd, v.force[2]),
+                F32Lanes::from_scalar(simd, params.force[0]),
+                F32Lanes::from_scalar(simd, params.force[1]),
+                F32Lanes::from_scalar(simd, params.force[2]),
             ],
         );
-        bind!(S, planes.arrays.as_mut_slice(), start, length;
+        bind_arrays!(S, planes.arrays.as_mut_slice(), start, length;
             a0 0 a1 1 a2 2 a3 3 a4 4 a5 5 a6 6 a7 7 a8 8 a9 9 a10 10 a11 11 a12 12 a13 13 a14 14);
-        let last = length / S::F32_LANES;
-        // The lowest row, if ground drags.
-        let low = sweep.drag[0].len().saturating_sub(BLOCK);
-        let mut noted = if CAREFUL && self.last && pages.last().is_some_and(|(of, _)| *of == z) {
-            let [x, y, z, drho] = air.each_mut().map(|part| &mut S::as_mut_simd_f32s(&mut part[..length]).0[..last]);
+        let registers = length / S::F32_LANES;
+        // Nodes below this one belong to the lowest row, on which rough ground drags.
+        let drag_end = tables.drag.len().saturating_sub(BLOCK);
+        let mut snapshot = if writes {
+            let [x, y, z, drho] =
+                moments.each_mut().map(|all| &mut S::as_mut_simd_f32s(&mut all[..length]).0[..registers]);
             Some((x, y, z, drho))
         } else {
             None
         };
+        // The list of row ends is sorted by block: `next` runs through it as the blocks go by.
         let mut next = 0;
-        for run in sweep.runs(z) {
-            let mut relax = plain;
-            let (from, to) = (run.from as usize * parts, (run.to as usize * parts).min(length / S::F32_LANES));
-            next += sweep.ends[next..].iter().take_while(|end| end.block < from).count();
-            let mut due = sweep.ends[next].block;
+        for range in tables.block_ranges(z) {
+            let mut relaxation = uniform;
+            let from = to_usize(range.from) * registers_per_block;
+            let to = (to_usize(range.to) * registers_per_block).min(registers);
+            next += tables.row_ends[next..].iter().take_while(|end| end.block < from).count();
+            let mut next_end = tables.row_ends[next].block;
             for b in from..to {
                 let node = b * S::F32_LANES;
-                if run.varied {
-                    let (along, sponge) = (lanes(simd, &sweep.least[0], node), lanes(simd, &sweep.least[1], node));
-                    relax = plain.with(along.max(deep.mul_add(sponge, plain.tau)));
+                // tau = max(base tau, tau + sponge in z times its tau).
+                if range.variable_tau {
+                    let base = load(simd, &tables.base_tau, node);
+                    let sponge = load(simd, &tables.sponge_tau, node);
+                    relaxation = uniform.with_tau(base.max(z_sponge.mul_add(sponge, uniform.tau)));
                 }
+                // Read: direction i is in array i of an even step, in array opp(i) of an odd one.
                 let read = [
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
                     a13[b], a14[b],
                 ];
-                let mut g = [relax.tau; Q];
+                let mut g = [relaxation.tau; Q];
                 for i in 0..Q {
                     g[i] = F32Lanes::new(simd, read[if ODD { opposite(i) } else { i }]);
                 }
-                if b == due {
-                    for end in sweep.ends[next..].iter().take_while(|end| end.block == b) {
-                        ends.hand(simd, *end, &mut g);
+                // What arrives through faces -x and +x, which is not in memory.
+                if b == next_end {
+                    for end in tables.row_ends[next..].iter().take_while(|end| end.block == b) {
+                        row_halo.insert(simd, *end, &mut g);
                     }
                 }
-                if node < low {
-                    let (drag, share) = (lanes(simd, &sweep.drag[0], node), lanes(simd, &sweep.drag[1], node));
-                    hold(&mut g, drag, share.max(deep) * F32Lanes::from_scalar(simd, v.ground.more));
+                if node < drag_end {
+                    let (drag, sponge) = (load(simd, &tables.drag, node), load(simd, &tables.drag_sponge, node));
+                    let sponge_drag = sponge.max(z_sponge) * F32Lanes::from_scalar(simd, params.ground.sponge_drag);
+                    apply_wall_stress(&mut g, drag, sponge_drag);
                 }
-                let limit = if CAREFUL { FASTEST * FASTEST } else { f64::INFINITY };
-                let after = collide::<_, EDDIES, FORCE>(&g, relax, limit);
-                fastest = fastest.max(after.square);
-                if CAREFUL && after.square.any_gt(FASTEST * FASTEST) {
-                    *clamped += too_fast(cells, &spelt(after.square)[..S::F32_LANES], node, z);
+                let limit = if CHECKED { MAX_SPEED * MAX_SPEED } else { f64::INFINITY };
+                let result = collide::<_, EDDIES, FORCE>(&g, relaxation, limit);
+                max_squared = max_squared.max(result.speed_squared);
+                if CHECKED && result.speed_squared.any_gt(MAX_SPEED * MAX_SPEED) {
+                    clamped += count_clamped(domain, &to_array(result.speed_squared)[..S::F32_LANES], node, z);
                 }
-                let mut done = [after.g[0].value; Q];
+                // Write to the slots that were read: the opposite array of an even step, the same of an odd one.
+                let mut written = [result.g[0].value; Q];
                 for i in 0..Q {
-                    done[if ODD { i } else { opposite(i) }] = after.g[i].value;
+                    written[if ODD { i } else { opposite(i) }] = result.g[i].value;
                 }
                 [
                     a0[b], a1[b], a2[b], a3[b], a4[b], a5[b], a6[b], a7[b], a8[b], a9[b], a10[b], a11[b], a12[b],
                     a13[b], a14[b],
-                ] = done;
-                if CAREFUL && let Some((x, y, z, drho)) = &mut noted {
+                ] = written;
+                if CHECKED && let Some((x, y, z, drho)) = &mut snapshot {
                     (x[b], y[b], z[b], drho[b]) =
-                        (after.u[0].value, after.u[1].value, after.u[2].value, after.drho.value);
+                        (result.u[0].value, result.u[1].value, result.u[2].value, result.drho.value);
                 }
-                if b == due {
-                    while due == b {
-                        self.vent_end(sweep.ends[next], &after, room);
+                // Moments of open cells in columns at the ends of rows.
+                if b == next_end {
+                    while next_end == b {
+                        self.store_row_end(tables.row_ends[next], &result, output);
                         next += 1;
-                        due = sweep.ends[next].block;
+                        next_end = tables.row_ends[next].block;
                     }
                 }
             }
         }
-        spelt(fastest).into_iter().fold(0.0, f32::max)
+        PlaneSpeed { max_squared: to_array(max_squared).into_iter().fold(0.0, f32::max), clamped }
     }
 
-    /// Takes the air in the cells at open ends of a row in a block.
+    /// Stores the moments of the open cells at the ends of a row, from the registers of their block.
     #[inline(always)]
-    fn vent_end<S: Simd>(self, end: End, after: &Collided<F32Lanes<S>>, room: &mut Leaving<'_>) {
-        let plan = self.arriving.plan;
-        for (column, lane) in plan.joints[self.z].columns.into_iter().zip(end.lanes) {
-            let Some(column) = column.filter(|_| lane != NONE) else { continue };
-            let (lane, number) = (lane as usize, column + end.y as usize - room.air.1);
-            let air = [after.drho, after.u[0], after.u[1], after.u[2]];
-            for (to, from) in room.air.0.iter_mut().zip(air) {
-                to[number] = spelt(from)[lane];
+    fn store_row_end<S: Simd>(
+        self,
+        end: RowEndBlock,
+        result: &CollisionResult<F32Lanes<S>>,
+        output: &mut ExchangeOutput<'_>,
+    ) {
+        let lists = self.input.lists;
+        for (column, lane) in lists.planes[self.z].columns.into_iter().zip(end.lanes) {
+            let Some(column) = column.filter(|_| lane != NO_LANE) else { continue };
+            let (lane, number) = (to_usize(lane), column + to_usize(end.y) - output.first_cell);
+            let moments = [result.drho, result.u[0], result.u[1], result.u[2]];
+            for (to, from) in output.moments.iter_mut().zip(moments) {
+                to[number] = to_array(from)[lane];
             }
-            if plan.rest {
-                for (to, from) in room.parts[number].iter_mut().zip(&after.g) {
-                    *to = spelt(*from)[lane];
+            if lists.nonequilibrium {
+                for (to, from) in output.cell_populations[number].iter_mut().zip(&result.g) {
+                    *to = to_array(*from)[lane];
                 }
             }
         }
     }
 
-    /// Takes the air in the other cells before open faces.
+    /// Stores the moments of the other open cells, from the populations that left them.
     #[inline(always)]
-    fn vent<S: Simd>(self, simd: S, planes: &Planes<'_>, parity: Parity, room: &mut Leaving<'_>) {
-        let plan = self.arriving.plan;
-        let joint = &plan.joints[self.z];
-        let mut number = joint.first_run(plan.grid.n[1]) - room.air.1;
-        for run in &plan.near[joint.near.clone()] {
-            for skip in (0..run.count as usize).step_by(BLOCK) {
-                let count = BLOCK.min(run.count as usize - skip);
+    fn store_open_spans<S: Simd>(
+        self,
+        simd: S,
+        planes: &PlaneSlices<'_>,
+        parity: StepParity,
+        output: &mut ExchangeOutput<'_>,
+    ) {
+        let lists = self.input.lists;
+        let links = &lists.planes[self.z];
+        let mut number = links.first_span_cell(lists.grid.n[1]) - output.first_cell;
+        for span in &lists.open_spans[links.open_spans.clone()] {
+            for skip in (0..to_usize(span.count)).step_by(BLOCK) {
+                let count = BLOCK.min(to_usize(span.count) - skip);
                 let mut g = [[0.0_f32; BLOCK]; Q];
-                self.arriving.vent(planes, (parity, self.z), (*run, skip), &mut g);
-                for part in 0..count.div_ceil(S::F32_LANES) {
-                    let mut all = [F32Lanes::from_scalar(simd, 0.0); Q];
+                self.input.gather_open_cells(planes, parity, self.z, *span, skip, &mut g);
+                for register in 0..count.div_ceil(S::F32_LANES) {
+                    let from = register * S::F32_LANES;
+                    let mut lanes = [F32Lanes::from_scalar(simd, 0.0); Q];
                     for i in 0..Q {
-                        all[i] = lanes(simd, &g[i], part * S::F32_LANES);
+                        lanes[i] = load(simd, &g[i], from);
                     }
-                    let (drho, u) = moments(&all);
-                    let from = part * S::F32_LANES;
-                    let some = S::F32_LANES.min(count - from);
-                    for (to, value) in room.air.0.iter_mut().zip([drho, u[0], u[1], u[2]]) {
-                        to[number + from..][..some].copy_from_slice(&spelt(value)[..some]);
+                    let (drho, u) = moments(&lanes);
+                    let used = S::F32_LANES.min(count - from);
+                    for (to, value) in output.moments.iter_mut().zip([drho, u[0], u[1], u[2]]) {
+                        to[number + from..][..used].copy_from_slice(&to_array(value)[..used]);
                     }
                 }
-                if plan.rest {
-                    for (k, parts) in room.parts[number..number + count].iter_mut().enumerate() {
-                        parts.iter_mut().zip(&g).for_each(|(to, from)| *to = from[k]);
+                if lists.nonequilibrium {
+                    for (k, to) in output.cell_populations[number..number + count].iter_mut().enumerate() {
+                        to.iter_mut().zip(&g).for_each(|(to, from)| *to = from[k]);
                     }
                 }
                 number += count;
@@ -261,27 +294,28 @@ impl Place<'_> {
 }
 
 #[inline(always)]
-fn lanes<S: Simd>(simd: S, from: &[f32], at: usize) -> F32Lanes<S> {
+fn load<S: Simd>(simd: S, from: &[f32], at: usize) -> F32Lanes<S> {
     F32Lanes::new(simd, S::as_simd_f32s(&from[at..at + S::F32_LANES]).0[0])
 }
 
-/// Lanes as numbers.
+/// The lanes of a register, in the first elements.
 #[inline(always)]
-fn spelt<S: Simd>(value: F32Lanes<S>) -> [f32; BLOCK] {
+fn to_array<S: Simd>(value: F32Lanes<S>) -> [f32; BLOCK] {
     let mut numbers = [0.0; BLOCK];
     S::as_mut_simd_f32s(&mut numbers).0[0] = value.value;
     numbers
 }
 
-/// Fluid cells among some nodes whose squared speed is over the limit. `at`: the first node's number in its plane, from the
-/// first cell.
+/// Fluid cells among consecutive nodes whose squared speed is above the limit. `first`: the first node's number in its
+/// plane, counted from the first cell.
 #[cold]
 #[inline(never)]
-fn too_fast(cells: &Cells, squares: &[f32], at: usize, z: usize) -> u64 {
-    let limit = osier_base::math::narrow(FASTEST * FASTEST);
-    let hit = |(k, uu): (usize, &f32)| {
-        let (x, y) = ((at + k) % cells.grid.row, (at + k) / cells.grid.row);
-        *uu > limit && x < cells.grid.n[0] && y < cells.grid.n[1] && !cells.is_solid([x, y, z])
+fn count_clamped(domain: &Domain, speeds_squared: &[f32], first: usize, z: usize) -> u64 {
+    let limit = osier_base::math::narrow(MAX_SPEED * MAX_SPEED);
+    let (row, [nx, ny, _]) = (domain.grid.row_stride, domain.grid.n);
+    let is_clamped = |(k, squared): (usize, &f32)| {
+        let (x, y) = ((first + k) % row, (first + k) / row);
+        *squared > limit && x < nx && y < ny && !domain.is_solid([x, y, z])
     };
-    squares.iter().enumerate().filter(|s| hit(*s)).count() as u64
+    speeds_squared.iter().enumerate().filter(|s| is_clamped(*s)).count() as u64
 }

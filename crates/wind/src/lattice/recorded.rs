@@ -7,18 +7,15 @@ use half::f16;
 
 use super::super::Wind;
 use super::inlet::InletWind;
-use super::snapshot::{Field, WindSnapshot};
+use super::snapshot::WindSnapshot;
+use super::snapshot_grid::SnapshotGrid;
 use super::solver::LatticeSolver;
+use super::tuning::{LOOP_FADE, RECORDING_MARGIN};
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::{Cancel, Progress};
-
-/// Cells kept around what the wind is recorded for.
-const MARGIN: f32 = 2.0;
-/// Time over which a repeating wind passes into what it was before its first frame, s.
-const FADE: f64 = 2.0;
 
 /// What to record.
 #[derive(Debug, Clone, Copy)]
@@ -36,7 +33,7 @@ pub struct RecordingOptions {
 /// A recorded wind: velocities in half precision at every cell near some place, for every frame of a clip.
 #[derive(Debug)]
 pub struct RecordedWind {
-    field: Field,
+    grid: SnapshotGrid,
     frames: Vec<Vec<[f16; 3]>>,
     fps: f64,
     /// Frames recorded before the first.
@@ -51,15 +48,16 @@ impl RecordedWind {
     /// `Limit` if it would keep too much; those of [`LatticeSolver::advance`].
     pub fn record(
         lattice: &mut LatticeSolver,
-        take: RecordingOptions,
+        options: RecordingOptions,
         limits: &Limits,
-        (progress, cancel): (&dyn Progress, &Cancel),
+        progress: &dyn Progress,
+        cancel: &Cancel,
     ) -> Result<Self> {
-        let (field, low) = lattice.field().cut(take.bounds, MARGIN);
+        let (grid, low) = lattice.snapshot_grid().crop(options.bounds, RECORDING_MARGIN);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "two seconds of frames")]
-        let lead = if take.repeats { ((FADE * take.fps).ceil() as usize).min(take.frames) } else { 0 };
-        let count = lead + take.frames + 1;
-        limits.check("wind-bytes", (count * field.count() * 6) as u64, "the bytes of the recorded wind")?;
+        let lead = if options.repeats { ((LOOP_FADE * options.fps).ceil() as usize).min(options.frames) } else { 0 };
+        let count = lead + options.frames + 1;
+        limits.check("wind-bytes", (count * grid.count() * 6) as u64, "the bytes of the recorded wind")?;
         let mut frames = Vec::with_capacity(count);
         for frame in 0..count {
             let snapshot = lattice.advance(progress, cancel)?;
@@ -67,16 +65,16 @@ impl RecordedWind {
                 progress.stage("recording the wind", count as u64);
             }
             progress.advance(1);
-            frames.push(kept(&snapshot, &field, low));
+            frames.push(cropped_values(&snapshot, &grid, low));
         }
-        let period = take.repeats.then_some(take.frames as f64 / take.fps);
+        let period = options.repeats.then_some(options.frames as f64 / options.fps);
         let inlet = Arc::clone(lattice.inlet());
-        Ok(Self { field, frames, fps: take.fps, lead, period, inlet })
+        Ok(Self { grid, frames, fps: options.fps, lead, period, inlet })
     }
 
     /// Bytes that it keeps.
     pub fn bytes(&self) -> u64 {
-        (self.frames.len() * self.field.count() * 6) as u64
+        (self.frames.len() * self.grid.count() * 6) as u64
     }
 
     /// Adds a share of the wind `late` frames after the first that was recorded.
@@ -88,14 +86,14 @@ impl RecordedWind {
         let part = narrow(late - frame as f64);
         let (a, b) = (&self.frames[frame], &self.frames[(frame + 1).min(last)]);
         let t = late / self.fps;
-        let now = self.inlet.now(t, self.inlet.gust(t));
+        let now = self.inlet.state_at(t, self.inlet.gust(t));
         let value = |k: usize| {
             let (a, b) = (vector(a[k]), vector(b[k]));
             a + (b - a) * part
         };
         for (place, u) in places.iter().zip(out) {
-            let outside = || self.inlet.at(place.as_dvec3(), &now).as_vec3();
-            *u += self.field.sample(*place, value, outside) * share;
+            let outside = || self.inlet.velocity_in(place.as_dvec3(), &now).as_vec3();
+            *u += self.grid.sample(*place, value, outside) * share;
         }
     }
 }
@@ -104,9 +102,9 @@ fn vector(v: [f16; 3]) -> Vec3 {
     Vec3::new(v[0].to_f32(), v[1].to_f32(), v[2].to_f32())
 }
 
-/// A snapshot's values within a part of its field.
-fn kept(snapshot: &WindSnapshot, part: &Field, low: [usize; 3]) -> Vec<[f16; 3]> {
-    let all = (0..part.count()).map(|k| snapshot.values[snapshot.field.in_whole(part, low, k)]);
+/// A snapshot's values within a part of its grid.
+fn cropped_values(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f16; 3]> {
+    let all = (0..part.count()).map(|k| snapshot.values[snapshot.grid.index_in_whole(part, low, k)]);
     all.map(|[x, y, z, _]| [x, y, z].map(f16::from_f32)).collect()
 }
 

@@ -2,10 +2,14 @@
 
 use glam::DVec3;
 
-use super::domain::Face;
-use super::ground::Surface;
-use super::inlet::{InletOptions, InletWind, WindProfile, turned};
-use super::solver::LatticeWarning;
+use super::domain::FaceCondition;
+use super::ground::GroundModel;
+use super::inlet::{InletOptions, InletWind, WindProfile, direction_at};
+use super::report::LatticeWarning;
+use super::tuning::{
+    MIN_TAU_WITHOUT_EDDIES, PARALLEL_COMPONENT, REFUSED_SPEED, SLOW_SPEED, SPIN_UP_SOUND_CROSSINGS, TARGET_SPEED,
+    WARN_SPEED,
+};
 use osier_base::math::{cos, narrow};
 use osier_base::rng;
 use osier_base::{Error, Result};
@@ -97,16 +101,9 @@ impl Default for LatticeOptions {
     }
 }
 
-/// Speed at the inlet, cells a step: wanted at most, accepted with a warning, refused; and too slow for good numbers.
-const PACE: [f64; 4] = [0.1, 0.12, 0.15, 0.005];
-/// Least relaxation time that is stable without eddy viscosity.
-const BARE: f64 = 0.505;
-/// Share of the wind across a face, below which it is along it.
-const ALONG: f64 = 0.02;
-
 /// What follows from the options.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
+pub(super) struct LatticeSetup {
     pub n: [usize; 3],
     pub origin: DVec3,
     pub spacing: f64,
@@ -115,11 +112,11 @@ pub(super) struct Plan {
     pub steps: u32,
     pub dt: f64,
     pub tau: f64,
-    pub surface: Surface,
+    pub ground: GroundModel,
     /// Axis that the wind is most along.
     pub along: usize,
     /// Steps before the first frame.
-    pub run_up: u64,
+    pub spin_up: u64,
     sponge: u32,
     key: u64,
 }
@@ -128,46 +125,47 @@ fn range(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -> Erro
     Error::Range { name: name.to_owned(), value, min, max, unit }
 }
 
-impl Plan {
-    pub(super) fn of(options: &LatticeOptions) -> Result<(Self, Vec<LatticeWarning>)> {
+impl LatticeSetup {
+    pub(super) fn new(options: &LatticeOptions) -> Result<(Self, Vec<LatticeWarning>)> {
         let direction = options.inlet.direction;
         if direction.y.abs() > 1e-9 || (direction.length() - 1.0).abs() > 1e-6 {
             return Err(range("the length of the wind's level direction", direction.length(), 1.0, 1.0, ""));
         }
-        turns(options)?;
+        check_direction_curve(options)?;
         let n = options.cells.map(|n| n as usize);
         let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
         let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
-        let faces = faces(options, 0.0);
+        let faces = face_conditions(options, 0.0);
         let along = usize::from(direction.z.abs() > direction.x.abs()) * 2;
         let mut notes = Vec::new();
-        let periodic = [0, 2, 4].map(|f| faces[f] == Face::Periodic);
+        let periodic = [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic);
         let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
         let peak = inlet.peak(size.y);
-        let steps = steps(options, peak, &mut notes)?;
+        let steps = steps_per_frame(options, peak, &mut notes)?;
         let dt = 1.0 / (options.fps * f64::from(steps));
         let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
-        if options.smagorinsky <= 0.0 && tau < BARE {
-            return Err(range("wind.lattice.tau_floor without smagorinsky", tau, BARE, 1.0, "steps"));
+        if options.smagorinsky <= 0.0 && tau < MIN_TAU_WITHOUT_EDDIES {
+            return Err(range("wind.lattice.tau_floor without smagorinsky", tau, MIN_TAU_WITHOUT_EDDIES, 1.0, "steps"));
         }
-        let surface = match options.ground {
+        let ground = match options.ground {
             GroundCondition::Rough(z0) => {
-                Surface::rough(z0 / options.spacing, (tau, options.smagorinsky), inlet.scale(dt), n[1])
+                let (speed, height) = inlet.speed_and_height_in_cells(dt);
+                GroundModel::rough(z0 / options.spacing, tau, options.smagorinsky, speed, height, n[1])
             }
-            GroundCondition::Smooth => Surface::default(),
+            GroundCondition::Smooth => GroundModel::default(),
         };
-        let run_up = run_up(options, (dt, size, n), along);
+        let spin_up = spin_up_steps(options, dt, size, n, along);
         let key = key(options);
         let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge_cells);
-        Ok((Self { n, origin, spacing, fps, steps, dt, tau, surface, along, run_up, sponge, key }, notes))
+        Ok((Self { n, origin, spacing, fps, steps, dt, tau, ground, along, spin_up, sponge, key }, notes))
     }
 
-    pub(super) fn cells(&self) -> u64 {
+    pub(super) fn cell_count(&self) -> u64 {
         self.n.iter().map(|n| *n as u64).product()
     }
 
     /// m/s of one cell a step.
-    pub(super) fn speed(&self) -> f64 {
+    pub(super) fn speed_unit(&self) -> f64 {
         self.spacing / self.dt
     }
 
@@ -175,7 +173,7 @@ impl Plan {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells, cut at both ends")]
     pub(super) fn tau_at(&self, height: f64) -> f64 {
         let y = (height / self.spacing).clamp(0.0, 1e6) as usize;
-        f64::from(self.surface.tau(y, narrow(self.tau)))
+        f64::from(self.ground.min_tau_at(y, narrow(self.tau)))
     }
 
     /// Kinematic viscosity in effect, m^2/s.
@@ -184,23 +182,23 @@ impl Plan {
     }
 
     /// What tells one lattice from another.
-    pub(super) fn key(&self) -> u64 {
+    pub(super) fn fingerprint(&self) -> u64 {
         self.key
     }
 
     /// Counts what stands in the wind among what tells lattices apart.
-    pub(super) fn tell_apart(&mut self, solid: &[bool]) {
+    pub(super) fn add_solids_to_key(&mut self, solid: &[bool]) {
         let bits = solid.chunks(64).map(|c| c.iter().fold(0, |bits, s| bits << 1 | u64::from(*s)));
         self.key = bits.fold(self.key, rng::child);
     }
 
     /// Shares of a sponge by x and by z: towards an outlet they rise to 1, where relaxation times do.
-    pub(super) fn sponge(&self, faces: [Face; 6]) -> [Vec<f32>; 2] {
+    pub(super) fn sponge(&self, faces: [FaceCondition; 6]) -> [Vec<f32>; 2] {
         let rise = |axis: usize| {
             let (n, depth) = (self.n[axis], f64::from(self.sponge));
             let at = |x: usize| {
-                let low = if faces[2 * axis] == Face::Outlet { depth - x as f64 } else { 0.0 };
-                let high = if faces[2 * axis + 1] == Face::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
+                let low = if faces[2 * axis] == FaceCondition::Outlet { depth - x as f64 } else { 0.0 };
+                let high = if faces[2 * axis + 1] == FaceCondition::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
                 let share = if depth > 0.0 { low.max(high).max(0.0) / depth } else { 0.0 };
                 narrow(share * share)
             };
@@ -211,8 +209,8 @@ impl Plan {
 }
 
 /// What the faces do at a time, s: where the wind blows in from outside, it comes in.
-pub(super) fn faces(options: &LatticeOptions, t: f64) -> [Face; 6] {
-    let d = turned(&options.inlet, t);
+pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceCondition; 6] {
+    let d = direction_at(&options.inlet, t);
     let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
     // A wind that turns does not stay along an axis; and when it turns it sounds, which sides that slip would keep for ever.
     let turns = !options.inlet.direction_curve.is_empty();
@@ -221,39 +219,40 @@ pub(super) fn faces(options: &LatticeOptions, t: f64) -> [Face; 6] {
         let axis = f / 2;
         if axis == 1 {
             return match options.ground {
-                _ if f == 3 => Face::Slip,
-                GroundCondition::Rough(_) => Face::Rough,
-                GroundCondition::Smooth => Face::Wall([0.0; 3]),
+                _ if f == 3 => FaceCondition::Slip,
+                GroundCondition::Rough(_) => FaceCondition::Rough,
+                GroundCondition::Smooth => FaceCondition::Wall([0.0; 3]),
             };
         }
         let side = axis == across;
         match options.sides {
-            SideCondition::Auto if side && straight => return Face::Periodic,
-            SideCondition::Slip if side => return Face::Slip,
+            SideCondition::Auto if side && straight => return FaceCondition::Periodic,
+            SideCondition::Slip if side => return FaceCondition::Slip,
             _ => {}
         }
         let out = d[axis] * if f.is_multiple_of(2) { -1.0 } else { 1.0 };
-        if out < -ALONG {
-            Face::Inlet
-        } else if out > ALONG || turns {
-            Face::Outlet
+        if out < -PARALLEL_COMPONENT {
+            FaceCondition::Inlet
+        } else if out > PARALLEL_COMPONENT || turns {
+            FaceCondition::Outlet
         } else {
-            Face::Slip
+            FaceCondition::Slip
         }
     })
 }
 
 /// Faces with as many open as there will be.
-pub(super) fn most_open(options: &LatticeOptions) -> [Face; 6] {
-    let mut all = faces(options, 0.0);
+pub(super) fn most_open_faces(options: &LatticeOptions) -> [FaceCondition; 6] {
+    let mut all = face_conditions(options, 0.0);
     if !options.inlet.direction_curve.is_empty() {
-        [all[0], all[1], all[4], all[5]] = [Face::Inlet, Face::Outlet, Face::Inlet, Face::Outlet];
+        [all[0], all[1], all[4], all[5]] =
+            [FaceCondition::Inlet, FaceCondition::Outlet, FaceCondition::Inlet, FaceCondition::Outlet];
     }
     all
 }
 
 /// A wind that turns does so in the clip, not while it sets in, and through all four sides.
-fn turns(options: &LatticeOptions) -> Result<()> {
+fn check_direction_curve(options: &LatticeOptions) -> Result<()> {
     let turns = &options.inlet.direction_curve;
     if let Some(first) = turns.first().filter(|row| row[0] < 0.0) {
         return Err(range("the first time of a wind that turns", first[0], 0.0, 1e9, "s"));
@@ -266,23 +265,23 @@ fn turns(options: &LatticeOptions) -> Result<()> {
 
 /// Steps a frame: the fewest at which the wind does not pass a tenth of a cell.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
-fn steps(options: &LatticeOptions, peak: f64, notes: &mut Vec<LatticeWarning>) -> Result<u32> {
+fn steps_per_frame(options: &LatticeOptions, peak: f64, notes: &mut Vec<LatticeWarning>) -> Result<u32> {
     let one = peak / (options.fps * options.spacing);
-    let wanted = options.steps_per_frame.unwrap_or((one / PACE[0] - 1e-9).ceil().clamp(1.0, 1e6) as u32).max(1);
-    let pace = one / f64::from(wanted);
-    let needed = (one / PACE[0] - 1e-9).ceil().max(1.0);
-    if pace > PACE[2] {
+    let wanted = options.steps_per_frame.unwrap_or((one / TARGET_SPEED - 1e-9).ceil().clamp(1.0, 1e6) as u32).max(1);
+    let speed = one / f64::from(wanted);
+    let needed = (one / TARGET_SPEED - 1e-9).ceil().max(1.0);
+    if speed > REFUSED_SPEED {
         return Err(range("wind.lattice.steps", f64::from(wanted), needed, 1e6, "steps a frame for this wind"));
     }
-    if pace > PACE[1] {
+    if speed > WARN_SPEED {
         let text = format!(
-            "the lattice wind passes {pace:.3} cells a step, which is coarse; {needed} steps a frame would be fine"
+            "the lattice wind passes {speed:.3} cells a step, which is coarse; {needed} steps a frame would be fine"
         );
         notes.push(LatticeWarning { code: "S020", text });
     }
-    if pace < PACE[3] {
+    if speed < SLOW_SPEED {
         let text = format!(
-            "the lattice wind passes only {pace:.4} cells a step and drowns in rounding; take fewer steps a frame or a \
+            "the lattice wind passes only {speed:.4} cells a step and drowns in rounding; take fewer steps a frame or a \
              smaller dx"
         );
         notes.push(LatticeWarning { code: "S020", text });
@@ -292,13 +291,13 @@ fn steps(options: &LatticeOptions, peak: f64, notes: &mut Vec<LatticeWarning>) -
 
 /// Steps before the first frame: one flow through the box, at least three passages of sound.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are limited")]
-fn run_up(options: &LatticeOptions, (dt, size, n): (f64, DVec3, [usize; 3]), along: usize) -> u64 {
+fn spin_up_steps(options: &LatticeOptions, dt: f64, size: DVec3, n: [usize; 3], along: usize) -> u64 {
     if let Some(seconds) = options.spin_up {
         return (seconds / dt).ceil() as u64;
     }
     let through = size[along] / options.inlet.speed.max(0.01) / dt;
     let longest = n.iter().copied().max().unwrap_or(0) as f64;
-    through.max(3.0 * longest * osier_base::math::sqrt(3.0)).ceil() as u64
+    through.max(SPIN_UP_SOUND_CROSSINGS * longest * osier_base::math::sqrt(3.0)).ceil() as u64
 }
 
 fn key(options: &LatticeOptions) -> u64 {

@@ -1,21 +1,26 @@
-//! The wind of a clip, frame by frame.
+//! The solver: from options and solids to a wind snapshot per frame.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::collide::{self, FASTEST};
-use super::domain::{Cells, Face};
-use super::flow::Flow;
-use super::grid::{Grid, Parity};
-use super::inlet::{Blowing, InletWind, Mouth, ramp};
+use super::collide::{MAX_SPEED, smagorinsky_factor};
+use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotTarget};
+use super::domain::{Domain, FaceCondition};
+use super::flow::{FlowState, LayerPush};
+use super::grid::{LatticeGrid, StepParity};
+use super::inlet::{InletNodes, InletStep, InletWind, spin_up_ramp};
 use super::memory_estimate::LatticeMemory;
-use super::outlet_targets::{Doors, mouth, uneven};
-use super::setup::{LatticeOptions, Plan, faces, most_open};
-use super::snapshot::{DENSITY, Field, Pages, Reading, WindSnapshot};
-use super::stepper::{Asked, Viscosity};
-use super::voxelize::{judge, mark, middle};
+use super::outlet_targets::{OutletTargets, inlet_nodes, profile_deviation};
+use super::report::{LatticeStats, LatticeWarning};
+use super::setup::{LatticeOptions, LatticeSetup, face_conditions, most_open_faces};
+use super::snapshot::WindSnapshot;
+use super::snapshot_grid::SnapshotGrid;
+use super::step_tables::FlowParams;
+use super::stepper::BoundaryInputs;
+use super::tuning::{CHECK_INTERVAL, CHECKERBOARD_WARNING, DENSITY_RANGE, MAX_CLAMPED_SHARE};
+use super::voxelize::{cell_center, fill_and_check, voxelize};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::par;
@@ -23,179 +28,155 @@ use osier_base::progress::{Cancel, Progress};
 use osier_base::{Error, Result};
 use osier_scene::solid::Solid;
 
-/// Steps between two looks at every cell.
-const LOOK: u64 = 64;
-/// Snapshots whose memory is waited for: the two between which others are, and the next.
-const PAST: usize = 3;
-/// Share of cells that may be clamped in a step.
-const CLAMPED: f64 = 0.01;
+/// Snapshots whose memory is reused: the two that a wind is interpolated between, and the next.
+const REUSED_SNAPSHOTS: usize = 3;
 /// Bytes of a checkpoint before its numbers.
-const HEAD: usize = 24;
-/// Checkered density, beyond which the two sublattices have come apart.
-const CHECKERED: f64 = 1e-3;
+const CHECKPOINT_HEADER: usize = 24;
 
-/// Something that is not wrong but should be known; `code` is one of the table of codes.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LatticeWarning {
-    /// Stable code.
-    pub code: &'static str,
-    /// Subject, fact, next step.
-    pub text: String,
-}
-
-/// How a lattice wind did, for reports.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LatticeStats {
-    /// Steps done.
-    pub steps: u64,
-    /// Fluid cells that were clamped, over all steps.
-    pub clamped_cells: u64,
-    /// Strongest checkered density seen.
-    pub peak_checkerboard: f64,
-    /// Checkered density at the last look.
-    pub checkerboard: f64,
-    /// Mean of the density less 1, in the last snapshot.
-    pub density_error: f64,
-}
-
-/// Wind on a lattice: air flows through the box, round what stands there, and gives a snapshot for every frame.
+/// Lattice Boltzmann solver of the wind in a box: spins up, then yields a snapshot per frame.
 ///
-/// The run-up before the first frame begins from rest; it happens in the first call of [`LatticeSolver::advance`].
+/// The spin-up starts from air at rest; it happens in [`LatticeSolver::spin_up`], or in the first call of
+/// [`LatticeSolver::advance`].
 #[derive(Debug)]
 pub struct LatticeSolver {
-    pub(super) plan: Plan,
-    pub(super) flow: Flow,
+    pub(super) setup: LatticeSetup,
+    pub(super) flow: FlowState,
     inlet: Arc<InletWind>,
-    mouth: Mouth,
-    pub(super) field: Arc<Field>,
-    /// What comes in in the next step, and in the one after.
-    wind: [[Vec<f32>; 3]; 2],
-    doors: Doors,
-    /// What faces follow from, if they change.
+    inlet_nodes: InletNodes,
+    pub(super) grid: Arc<SnapshotGrid>,
+    /// Velocity at the inlet nodes in the next step, and in the one after, by component, cells per step.
+    inlet_velocity: [[Vec<f32>; 3]; 2],
+    outlet_targets: OutletTargets,
+    /// The options, if the wind turns and faces change their conditions.
     turning: Option<LatticeOptions>,
     pub(super) warnings: Vec<LatticeWarning>,
-    /// By height: what the profile has more than its mean, cells a step, and how it leans, both along the wind.
-    uneven: Vec<[f64; 2]>,
-    fluid: usize,
+    /// By y, along the wind, cells per step: how much the profile exceeds its mean, and its shear coefficient.
+    profile_deviation: Vec<[f64; 2]>,
+    fluid_cells: usize,
     pub(super) stats: LatticeStats,
-    frames: u64,
-    /// The last snapshots, whose memory is taken again.
+    /// Frames done.
+    frames: u32,
+    /// The last snapshots, whose memory is reused.
     past: VecDeque<Arc<WindSnapshot>>,
 }
 
 impl LatticeSolver {
-    /// What [`LatticeSolver::new`] says of options, without the cells.
+    /// The warnings and errors of [`LatticeSolver::new`] that follow from the options alone, without making the cells.
     /// # Errors
     /// As [`LatticeSolver::new`].
     pub fn check_options(options: &LatticeOptions, limits: &Limits) -> Result<Vec<LatticeWarning>> {
-        let (plan, notes) = Plan::of(options)?;
-        limits.check("cells", plan.cells(), "the cells of the wind's lattice")?;
+        let (setup, warnings) = LatticeSetup::new(options)?;
+        limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
         LatticeMemory::estimate(options).check(options, limits)?;
-        Ok(notes)
+        Ok(warnings)
     }
 
-    /// Plans everything and makes the cells; nothing flows yet. `solids`: what stands in the wind.
+    /// Voxelizes the solids and allocates the flow; no step is done. `solids`: obstacles in the wind.
     /// # Errors
-    /// `Range` for options that do not go together; `Limit` for too many cells; `Io` if the system has no memory.
+    /// `Range` for options that contradict each other; `Limit` for too many cells; `Io` if the system cannot provide the
+    /// memory; `Simulation` if all cells are solid.
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
-        let (mut plan, mut notes) = Plan::of(options)?;
-        limits.check("cells", plan.cells(), "the cells of the wind's lattice")?;
+        let (mut setup, mut warnings) = LatticeSetup::new(options)?;
+        limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
         LatticeMemory::estimate(options).check(options, limits)?;
-        let n = plan.n;
-        if Grid::bytes(n) / 60 > u64::from(u32::MAX) {
+        let n = setup.n;
+        if LatticeGrid::population_bytes(n) / 60 > u64::from(u32::MAX) {
             let (wanted, limit) = ("more than 4,294,967,295 places".into(), "that".into());
             let flag = "a larger dx".into();
             return Err(Error::Limit { name: "an array of the wind's lattice".into(), wanted, limit, flag });
         }
-        let grid = Grid::new(n);
-        let space = (plan.origin, options.spacing);
-        let roles = faces(options, 0.0);
-        let mut cells = Cells { grid, faces: most_open(options), solid: mark(&grid, space, solids) };
-        let found = judge(&mut cells, solids, space, plan.along);
-        cells.faces = roles;
-        notes.extend(found.notes());
-        plan.tell_apart(&cells.solid);
-        let fluid = grid.cells() - found.solid;
-        if fluid == 0 {
-            return Err(still_box());
+        // Solid cells. Air is enclosed if it touches no face that is open at any time.
+        let grid = LatticeGrid::new(n);
+        let (origin, spacing) = (setup.origin, options.spacing);
+        let faces = face_conditions(options, 0.0);
+        let solid = voxelize(&grid, origin, spacing, solids);
+        let mut domain = Domain { grid, faces: most_open_faces(options), solid };
+        let report = fill_and_check(&mut domain, solids, origin, spacing, setup.along);
+        domain.faces = faces;
+        warnings.extend(report.warnings());
+        setup.add_solids_to_key(&domain.solid);
+        let fluid_cells = grid.cell_count() - report.solid;
+        if fluid_cells == 0 {
+            return Err(all_solid());
         }
-        let tau = narrow(plan.tau);
-        let (sponge, surface) = (plan.sponge(roles), plan.surface.clone());
-        let viscosity = Viscosity {
-            tau,
-            eddies: narrow(collide::eddies(options.smagorinsky)),
-            sponge,
-            ground: surface,
+        let params = FlowParams {
+            tau: narrow(setup.tau),
+            smagorinsky_factor: narrow(smagorinsky_factor(options.smagorinsky)),
+            sponge: setup.sponge(faces),
+            ground: setup.ground.clone(),
             force: [0.0; 3],
         };
-        let periodic = [0, 2, 4].map(|f| roles[f] == Face::Periodic);
-        let inlet = InletWind::new(options.inlet.clone(), plan.origin, options.spacing, options.cells, periodic);
+        // Inflow, and what outlets have to let out in return.
+        let periodic = [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic);
+        let inlet = InletWind::new(options.inlet.clone(), origin, spacing, options.cells, periodic);
         let inlet = Arc::new(inlet);
-        let field = Arc::new(Field::new(&cells, space, Arc::clone(&inlet)));
-        let flow = Flow::new(cells, viscosity, options.outlet_nonequilibrium)?;
-        let (mouth, doors) = (mouth(&flow, &inlet, &plan), Doors::of(&flow, &inlet, &plan));
-        let uneven = uneven(&inlet, &plan);
+        let snapshot_grid = Arc::new(SnapshotGrid::new(&domain, origin, spacing, Arc::clone(&inlet)));
+        let flow = FlowState::new(domain, params, options.outlet_nonequilibrium)?;
+        let inlet_nodes = inlet_nodes(&flow, &inlet, &setup);
+        let outlet_targets = OutletTargets::new(&flow, &inlet, &setup);
+        let profile_deviation = profile_deviation(&inlet, &setup);
         let stats =
             LatticeStats { steps: 0, clamped_cells: 0, peak_checkerboard: 0.0, checkerboard: 0.0, density_error: 0.0 };
         Ok(Self {
-            plan,
+            setup,
             flow,
             inlet,
-            mouth,
-            field,
-            wind: [const { [const { Vec::new() }; 3] }; 2],
-            doors,
+            inlet_nodes,
+            grid: snapshot_grid,
+            inlet_velocity: [const { [const { Vec::new() }; 3] }; 2],
+            outlet_targets,
             turning: (!options.inlet.direction_curve.is_empty()).then(|| options.clone()),
-            warnings: notes,
-            uneven,
-            fluid,
+            warnings,
+            profile_deviation,
+            fluid_cells,
             stats,
             frames: 0,
             past: VecDeque::new(),
         })
     }
 
-    /// The wind that comes in.
+    /// The undisturbed inflow.
     pub fn inlet(&self) -> &Arc<InletWind> {
         &self.inlet
     }
 
-    pub(super) fn field(&self) -> &Field {
-        &self.field
+    pub(super) fn snapshot_grid(&self) -> &SnapshotGrid {
+        &self.grid
     }
 
-    /// What should be known so far.
+    /// Warnings so far.
     pub fn warnings(&self) -> &[LatticeWarning] {
         &self.warnings
     }
 
-    /// How it did so far.
+    /// Statistics so far.
     pub fn stats(&self) -> LatticeStats {
         self.stats
     }
 
-    /// Steps before the first frame.
+    /// Time steps before the first frame.
     pub fn spin_up_steps(&self) -> u64 {
-        self.plan.run_up
+        self.setup.spin_up
     }
 
-    /// Steps a frame.
+    /// Time steps per frame.
     pub fn steps_per_frame(&self) -> u32 {
-        self.plan.steps
+        self.setup.steps
     }
 
-    /// Kinematic viscosity the air has in effect, m^2/s.
+    /// Kinematic viscosity without eddies that the least relaxation time allows, m^2/s.
     pub fn effective_viscosity(&self) -> f64 {
-        self.plan.viscosity()
+        self.setup.viscosity()
     }
 
-    /// Runs up until just before the first frame, whose last steps write it down; nothing to do if it is there already.
+    /// Does the spin-up except for its last steps, which [`LatticeSolver::advance`] does with the first snapshot; nothing
+    /// to do if it is done already.
     /// # Errors
     /// As [`LatticeSolver::advance`].
     pub fn spin_up(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
-        let until = self.plan.run_up.saturating_sub(1) & !1;
+        let until = self.setup.spin_up.saturating_sub(1) & !1;
         if self.flow.step < until {
-            progress.stage("wind", self.plan.run_up);
+            progress.stage("wind", self.setup.spin_up);
         }
         par::among(|| {
             while self.flow.step < until {
@@ -207,232 +188,244 @@ impl LatticeSolver {
         })
     }
 
-    /// The next frame's wind. The first call runs up first, telling `progress`; times are counted from the first frame.
+    /// The wind of the next frame. The first call completes the spin-up, with `progress`; time counts from the first
+    /// frame.
     /// # Errors
-    /// `Simulation` when the flow leaves its bounds, `Cancelled` when asked to stop.
+    /// `Simulation` when the flow diverges, `Cancelled` when asked to stop.
     pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<WindSnapshot>> {
-        let mut values = self.room();
-        // Among the threads all the time: else every step would call them anew.
-        par::among(|| self.run(&mut values, progress, cancel))?;
-        let time = self.frames as f64 / self.plan.fps;
+        let mut values = self.snapshot_buffer();
+        // Inside the thread pool for the whole frame: entering it anew for every step costs more than small steps do.
+        par::among(|| self.run_to_frame(&mut values, progress, cancel))?;
+        let time = f64::from(self.frames) / self.setup.fps;
         self.frames += 1;
-        let snapshot = Arc::new(WindSnapshot { field: Arc::clone(&self.field), values, time });
+        let snapshot = Arc::new(WindSnapshot { grid: Arc::clone(&self.grid), values, time });
         self.past.push_back(Arc::clone(&snapshot));
         Ok(snapshot)
     }
 
-    /// Memory for a snapshot: that of one before which nobody has any more, for fresh memory takes as long as a step.
-    fn room(&mut self) -> Vec<[f32; 4]> {
+    /// Memory for a snapshot: that of an earlier one which nobody holds any more, since touching fresh memory takes as
+    /// long as a step.
+    fn snapshot_buffer(&mut self) -> Vec<[f32; 4]> {
         let free = self.past.iter().position(|old| Arc::strong_count(old) == 1);
         if let Some(old) = free.and_then(|k| self.past.remove(k)).and_then(|old| Arc::try_unwrap(old).ok()) {
             return old.values;
         }
-        // Who holds more than that keeps them.
-        while self.past.len() >= PAST {
+        // A caller who holds more snapshots keeps them.
+        while self.past.len() >= REUSED_SNAPSHOTS {
             self.past.pop_front();
         }
-        vec![[0.0; 4]; self.field.count()]
+        vec![[0.0; 4]; self.grid.count()]
     }
 
     /// Runs to the next frame and writes its snapshot.
-    fn run(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
-        let until = self.plan.run_up + self.frames * u64::from(self.plan.steps);
+    fn run_to_frame(&mut self, values: &mut [[f32; 4]], progress: &dyn Progress, cancel: &Cancel) -> Result<()> {
+        let until = self.setup.spin_up + u64::from(self.frames) * u64::from(self.setup.steps);
         if self.frames == 0 && self.flow.step == 0 {
             progress.stage("wind", until);
         }
-        self.turn(self.frames);
-        let field = Arc::clone(&self.field);
-        let speed = narrow(self.plan.speed());
+        self.update_faces(u64::from(self.frames))?;
+        let grid = Arc::clone(&self.grid);
+        let speed_unit = narrow(self.setup.speed_unit());
         if self.flow.step == until {
-            let reading = self.flow.write(Pages { field: &field, speed, values });
-            self.judge(&reading)?;
+            let diagnostics = self.flow.write_snapshot(SnapshotTarget { grid: &grid, speed_unit, values });
+            self.check_flow(&diagnostics)?;
         }
         while self.flow.step < until {
             cancel.check()?;
             let left = until - self.flow.step;
-            let last = left == 1 || left == 2 && Parity::of(self.flow.step) == Parity::Even;
-            let pages = last.then(|| Pages { field: &field, speed, values: &mut *values });
-            let steps = self.step(left, pages)?;
+            let last = left == 1 || left == 2 && self.flow.next_parity() == StepParity::Even;
+            let target = last.then(|| SnapshotTarget { grid: &grid, speed_unit, values: &mut *values });
+            let steps = self.step(left, target)?;
             if self.frames == 0 {
                 progress.advance(steps);
             }
         }
-        field.surround(values);
+        grid.fill_halo_planes(values);
         Ok(())
     }
 
-    /// One step, or two at once if as many are left and the first is even. Returns how many.
-    fn step(&mut self, left: u64, pages: Option<Pages<'_>>) -> Result<u64> {
-        let two = left >= 2 && Parity::of(self.flow.step) == Parity::Even;
-        let now = self.blow(0);
-        let now = [now, if two { self.blow(1) } else { now }];
-        let [first, second] = [0, 1].map(|k| Asked {
-            wind: &self.wind[k],
-            lean: self.mouth.lean(now[k]),
-            wanted: self.doors.wanted(self.flow.cells.faces, now[k]),
+    /// One step, or two in one pass if as many are left and the first is even. Returns how many.
+    fn step(&mut self, left: u64, target: Option<SnapshotTarget<'_>>) -> Result<u64> {
+        let two = left >= 2 && self.flow.next_parity() == StepParity::Even;
+        let now = self.update_inlet(0);
+        let inflow = [now, if two { self.update_inlet(1) } else { now }];
+        let [first, second] = [0, 1].map(|k| {
+            let (shear, shear_scale) = self.inlet_nodes.shear(inflow[k]);
+            let outlet_velocity = self.outlet_targets.outlet_velocity(self.flow.domain.faces, inflow[k]);
+            BoundaryInputs { inlet_velocity: &self.inlet_velocity[k], shear, shear_scale, outlet_velocity }
         });
-        let (before, written) = (self.flow.step, pages.is_some());
-        let (clamped, reading) = self.flow.go((first, two.then_some(second)), pages);
+        let (before, written) = (self.flow.step, target.is_some());
+        let report = self.flow.advance(first, two.then_some(second), target);
         self.stats.steps = self.flow.step;
-        self.raise(before);
-        for (step, count) in (before + 1..).zip(clamped) {
+        self.raise_profile(before);
+        for (step, count) in (before + 1..).zip(report.clamped) {
             if count > 0 {
-                self.clamped(step, count)?;
+                self.record_clamped(step, count)?;
             }
         }
+        // A written snapshot comes with diagnostics; without one they are taken now and then.
         if written {
-            self.judge(&reading)?;
-        } else if before / LOOK < self.flow.step / LOOK {
-            let reading = self.flow.read();
-            self.judge(&reading)?;
+            self.check_flow(&report.diagnostics)?;
+        } else if before / CHECK_INTERVAL < self.flow.step / CHECK_INTERVAL {
+            let diagnostics = self.flow.diagnose();
+            self.check_flow(&diagnostics)?;
         }
         Ok(self.flow.step - before)
     }
 
-    /// While the wind sets in, gives the air its profile. Pressure alone would make all heights equally fast, and the lowest
-    /// air would take as long as it needs from end to end to be as slow as it should.
-    fn raise(&mut self, before: u64) {
-        let risen = ramp(self.flow.step) - ramp(before);
-        if risen > 0.0 {
+    /// While the inflow ramps up, gives the air inside its profile. The pressure that drives the start-up accelerates all
+    /// heights alike, and the slow air near the ground would only come in from the inlet at its own speed.
+    fn raise_profile(&mut self, before: u64) {
+        let rise = spin_up_ramp(self.flow.step) - spin_up_ramp(before);
+        if rise > 0.0 {
             let t = self.time_of(before);
-            let (d, strength) = (self.inlet.direction(t), self.inlet.strength(t) * risen);
-            let level = |u: f64| [d.x, d.z].map(|d| narrow(u * d * strength));
-            let by: Vec<_> = self.uneven.iter().map(|by| by.map(level)).collect();
-            self.flow.push(&by);
+            let (d, factor) = (self.inlet.direction(t), self.inlet.speed_factor(t) * rise);
+            let along = |u: f64| [d.x, d.z].map(|d| narrow(u * d * factor));
+            let layer = |[velocity, shear]: &[f64; 2]| LayerPush { velocity: along(*velocity), shear: along(*shear) };
+            let layers: Vec<_> = self.profile_deviation.iter().map(layer).collect();
+            self.flow.push_layers(&layers);
         }
     }
 
-    /// Time of a step, s: steps are counted from rest, times from the first frame.
+    /// Time of a step since the first frame, s; steps count from rest.
     fn time_of(&self, step: u64) -> f64 {
-        (step as f64 - self.plan.run_up as f64) * self.plan.dt
+        (step as f64 - self.setup.spin_up as f64) * self.setup.dt
     }
 
-    /// Finds what comes in some steps from now.
-    fn blow(&mut self, ahead: usize) -> Blowing {
+    /// Computes the inflow of the step `ahead` steps from now.
+    fn update_inlet(&mut self, ahead: usize) -> InletStep {
         let step = self.flow.step + ahead as u64;
-        let now = self.mouth.blowing(&self.inlet, self.time_of(step), ramp(step));
-        self.mouth.blow(&self.inlet, now, self.flow.sweep.arch, &mut self.wind[ahead]);
+        let now = self.inlet_nodes.step_at(&self.inlet, self.time_of(step), spin_up_ramp(step));
+        self.inlet_nodes.velocities(&self.inlet, now, self.flow.tables.arch, &mut self.inlet_velocity[ahead]);
         now
     }
 
-    /// Gives the faces the roles they have on the way to a frame.
-    fn turn(&mut self, frame: u64) {
-        let Some(options) = &self.turning else { return };
-        let roles = faces(options, ((frame as f64 - 0.5) / self.plan.fps).max(0.0));
-        if roles != self.flow.cells.faces {
-            self.flow.open(roles, self.plan.sponge(roles));
-            self.mouth = mouth(&self.flow, &self.inlet, &self.plan);
-            self.doors = Doors::of(&self.flow, &self.inlet, &self.plan);
-        }
-    }
-
-    #[cold]
-    fn clamped(&mut self, step: u64, count: u64) -> Result<()> {
-        let speed = FASTEST * self.plan.speed();
-        if self.stats.clamped_cells == 0 {
-            let text = format!(
-                "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {step} and was held there; \
-                 lower wind.speed, or set wind.lattice.steps to more than {}",
-                self.plan.steps
-            );
-            self.warnings.push(LatticeWarning { code: "S022", text });
-        }
-        self.stats.clamped_cells += count;
-        if count as f64 > CLAMPED * self.fluid as f64 {
-            return Err(self.blown(format!("more than {speed:.1} m/s in {count} cells")));
+    /// Sets the conditions that the faces have on the way to a frame, if the wind turns.
+    fn update_faces(&mut self, frame: u64) -> Result<()> {
+        let Some(options) = &self.turning else { return Ok(()) };
+        let faces = face_conditions(options, ((frame as f64 - 0.5) / self.setup.fps).max(0.0));
+        if faces != self.flow.domain.faces {
+            self.flow.set_faces(faces, self.setup.sponge(faces))?;
+            self.inlet_nodes = inlet_nodes(&self.flow, &self.inlet, &self.setup);
+            self.outlet_targets = OutletTargets::new(&self.flow, &self.inlet, &self.setup);
         }
         Ok(())
     }
 
-    /// Judges what a look at every cell has found.
-    fn judge(&mut self, reading: &Reading) -> Result<()> {
-        let wild = reading.planes.iter().enumerate().find_map(|(z, p)| p.wild.map(|[x, y]| [x, y, z]));
-        if let Some(cell) = wild {
-            let (drho, u) = self.flow.at(cell);
-            let at = middle(self.plan.origin, self.plan.spacing, cell);
-            let u = Vec3::from_array(u) * narrow(self.plan.speed());
-            return Err(self.blown(format!(
+    #[cold]
+    fn record_clamped(&mut self, step: u64, count: u64) -> Result<()> {
+        let speed = MAX_SPEED * self.setup.speed_unit();
+        if self.stats.clamped_cells == 0 {
+            let text = format!(
+                "the lattice wind was faster than {speed:.1} m/s in {count} cells at step {step} and was clamped; lower \
+                 wind.speed, or set wind.lattice.steps to more than {}",
+                self.setup.steps
+            );
+            self.warnings.push(LatticeWarning { code: "S022", text });
+        }
+        self.stats.clamped_cells += count;
+        if count as f64 > MAX_CLAMPED_SHARE * self.fluid_cells as f64 {
+            return Err(self.diverged(format!("more than {speed:.1} m/s in {count} cells")));
+        }
+        Ok(())
+    }
+
+    /// Fails if a density is out of range; warns of a checkerboard.
+    fn check_flow(&mut self, diagnostics: &FlowDiagnostics) -> Result<()> {
+        let planes = &diagnostics.planes;
+        let bad = planes.iter().enumerate().find_map(|(z, p)| p.out_of_range.map(|[x, y]| [x, y, z]));
+        if let Some(cell) = bad {
+            let (drho, u) = self.flow.moments_at(cell);
+            let at = cell_center(self.setup.origin, self.setup.spacing, cell);
+            let u = Vec3::from_array(u) * narrow(self.setup.speed_unit());
+            return Err(self.diverged(format!(
                 "density {:.3} (allowed {} to {}) and velocity ({:.2}, {:.2}, {:.2}) m/s in cell ({}, {}, {}) at ({:.2}, \
                  {:.2}, {:.2}) m",
-                1.0 + drho, DENSITY[0], DENSITY[1], u.x, u.y, u.z, cell[0], cell[1], cell[2], at.x, at.y, at.z
+                1.0 + drho, DENSITY_RANGE[0], DENSITY_RANGE[1], u.x, u.y, u.z, cell[0], cell[1], cell[2], at.x, at.y, at.z
             )));
         }
-        let sum = |f: &dyn Fn(&super::snapshot::Plane) -> f64| reading.planes.iter().map(f).sum::<f64>();
-        self.stats.density_error = sum(&|p| p.mass) / self.fluid as f64;
-        let checkered = (sum(&|p| p.checkered) / self.fluid as f64).abs();
-        if checkered > CHECKERED && self.stats.peak_checkerboard <= CHECKERED {
+        let sum = |f: &dyn Fn(&PlaneDiagnostics) -> f64| planes.iter().map(f).sum::<f64>();
+        self.stats.density_error = sum(&|p| p.mass) / self.fluid_cells as f64;
+        let checkerboard = (sum(&|p| p.checkerboard) / self.fluid_cells as f64).abs();
+        if checkerboard > CHECKERBOARD_WARNING && self.stats.peak_checkerboard <= CHECKERBOARD_WARNING {
             let text = format!(
-                "the lattice wind has come apart into a checkerboard of density {checkered:.1e} at step {}; raise \
+                "the density of the lattice wind has a checkerboard pattern of {checkerboard:.1e} at step {}; raise \
                  wind.lattice.tau_floor",
                 self.flow.step
             );
             self.warnings.push(LatticeWarning { code: "S023", text });
         }
-        self.stats.peak_checkerboard = self.stats.peak_checkerboard.max(checkered);
-        self.stats.checkerboard = checkered;
+        self.stats.peak_checkerboard = self.stats.peak_checkerboard.max(checkerboard);
+        self.stats.checkerboard = checkerboard;
         Ok(())
     }
 
-    fn blown(&self, what: String) -> Error {
+    fn diverged(&self, what: String) -> Error {
         let quantity = format!(
             "S024: the lattice wind at step {}, {what}; raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or \
              lower wind.speed: it",
-            self.flow.step, self.plan.steps
+            self.flow.step, self.setup.steps
         );
-        Error::Simulation { frame: u32::try_from(self.frames).unwrap_or(u32::MAX), quantity }
+        Error::Simulation { frame: self.frames, quantity }
     }
 
-    /// All that the flow is, to go on from later: steps, frames, the air before open faces, then every population.
+    /// The flow as bytes, to continue from with [`LatticeSolver::resume`]: step and frame, exchange history, populations.
     pub fn checkpoint(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
-        bytes.extend(self.plan.key().to_le_bytes());
+        bytes.extend(self.setup.fingerprint().to_le_bytes());
         bytes.extend(self.flow.step.to_le_bytes());
-        bytes.extend(self.frames.to_le_bytes());
-        self.flow.links.kept().for_each(|value| bytes.extend(value.to_le_bytes()));
+        bytes.extend(u64::from(self.frames).to_le_bytes());
+        self.flow.exchange.history().for_each(|value| bytes.extend(value.to_le_bytes()));
         for array in self.flow.populations.arrays() {
             array.iter().for_each(|g| bytes.extend(g.to_le_bytes()));
         }
         bytes
     }
 
-    /// Goes on from a checkpoint of a lattice with the same options, seed and solids, with the bytes of one that never
-    /// stopped.
+    /// Continues from the checkpoint of a solver with the same options, seed and solids; all later results have the bytes
+    /// of a run that never stopped.
     /// # Errors
-    /// `Simulation` if the bytes are of another lattice.
+    /// `Simulation` if the checkpoint is of another lattice wind.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<()> {
-        let other = || {
-            let quantity = "S025: the checkpoint is of another lattice wind; run it from the start: it".into();
-            Error::Simulation { frame: 0, quantity }
-        };
-        let (head, body) = bytes.split_at_checked(HEAD).ok_or_else(other)?;
+        let (head, body) = bytes.split_at_checked(CHECKPOINT_HEADER).ok_or_else(other_checkpoint)?;
         let word = |k: usize| head[8 * k..].first_chunk::<8>().map_or(0, |b| u64::from_le_bytes(*b));
-        self.turn(word(2).saturating_sub(1));
+        let frames = u32::try_from(word(2)).map_err(|_| other_checkpoint())?;
+        self.update_faces(word(2).saturating_sub(1))?;
         let elements: usize = self.flow.populations.arrays().iter().map(|a| a.len()).sum();
-        let kept = self.flow.links.kept().count();
-        if word(0) != self.plan.key() || body.len() != 4 * (elements + kept) {
-            return Err(other());
+        let history = self.flow.exchange.history().count();
+        if word(0) != self.setup.fingerprint() || body.len() != 4 * (elements + history) {
+            return Err(other_checkpoint());
         }
-        (self.flow.step, self.frames) = (word(1), word(2));
-        let (kept, numbers) = body.split_at(4 * kept);
-        let mut numbers = numbers.as_chunks::<4>().0.iter();
+        (self.flow.step, self.frames) = (word(1), frames);
+        let (history, populations) = body.split_at(4 * history);
+        let mut populations = populations.as_chunks::<4>().0.iter();
         for array in self.flow.populations.arrays_mut() {
-            array.iter_mut().zip(&mut numbers).for_each(|(g, b)| *g = f32::from_le_bytes(*b));
+            array.iter_mut().zip(&mut populations).for_each(|(g, b)| *g = f32::from_le_bytes(*b));
         }
-        self.flow.links.renew(&self.flow.populations, Parity::of(self.flow.step));
-        let kept = kept.as_chunks::<4>().0;
-        self.flow.links.kept_mut().zip(kept).for_each(|(value, b)| *value = f32::from_le_bytes(*b));
+        // Buffers follow from the populations, except for what the history tells.
+        self.flow.exchange.reload(&self.flow.populations, self.flow.next_parity());
+        let history = history.as_chunks::<4>().0;
+        self.flow.exchange.history_mut().zip(history).for_each(|(value, b)| *value = f32::from_le_bytes(*b));
         Ok(())
     }
 
-    /// Bytes that it holds.
+    /// Bytes of memory that it holds, without snapshots.
     pub fn bytes(&self) -> u64 {
-        Grid::bytes(self.plan.n) + self.flow.links.bytes() as u64 + 3 * self.flow.cells.solid.len() as u64
+        LatticeGrid::population_bytes(self.setup.n)
+            + self.flow.exchange.bytes() as u64
+            + 3 * self.flow.domain.solid.len() as u64
     }
 }
 
-fn still_box() -> Error {
+fn all_solid() -> Error {
     Error::Simulation {
         frame: 0,
         quantity: "S024: the lattice wind, whose cells are all solid; move or widen it: it".into(),
     }
+}
+
+/// A checkpoint that does not fit.
+pub(super) fn other_checkpoint() -> Error {
+    let quantity = "S025: the checkpoint is of another lattice wind; run it from the start: it".into();
+    Error::Simulation { frame: 0, quantity }
 }

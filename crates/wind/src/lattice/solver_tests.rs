@@ -18,7 +18,7 @@ use glam::{DVec3, Vec3};
 use pulp::Arch;
 
 use super::super::Wind;
-use super::domain::Face;
+use super::domain::FaceCondition;
 use super::*;
 use osier_base::limits::Limits;
 use osier_base::progress::{Cancel, Silent};
@@ -133,13 +133,16 @@ fn turning(turbulence: f64) -> LatticeSolver {
 fn a_wind_that_turns_goes_out_where_it_came_in() {
     let mut l = turning(0.0);
     let before = frames(&mut l, 48).pop().expect("frame");
-    let roles = |l: &LatticeSolver| [0, 1, 4, 5].map(|f| l.flow.cells.faces[f]);
-    assert_eq!(roles(&l), [Face::Inlet, Face::Outlet, Face::Outlet, Face::Outlet]);
+    let roles = |l: &LatticeSolver| [0, 1, 4, 5].map(|f| l.flow.domain.faces[f]);
+    assert_eq!(roles(&l), [FaceCondition::Inlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Outlet]);
     let part = frames(&mut l, 6).len();
-    assert_eq!((part, roles(&l)), (6, [Face::Inlet, Face::Outlet, Face::Outlet, Face::Inlet]));
+    assert_eq!(
+        (part, roles(&l)),
+        (6, [FaceCondition::Inlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Inlet])
+    );
     // Then so long that the air of the old wind has left.
     let after = frames(&mut l, 480).pop().expect("frame");
-    assert_eq!(roles(&l), [Face::Outlet, Face::Outlet, Face::Outlet, Face::Inlet]);
+    assert_eq!(roles(&l), [FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Outlet, FaceCondition::Inlet]);
     for (s, d) in [(&before, DVec3::X), (&after, -DVec3::Z)] {
         // Above the block, where nothing is in the way.
         let places = (2..30).flat_map(|x| (2..30).map(move |z| [x, 13, z]));
@@ -165,7 +168,7 @@ fn a_wind_that_turns_goes_on_from_where_it_was_broken_off() {
     let _ = frames(&mut whole, 54);
     let mut again = turning(0.05);
     again.resume(&whole.checkpoint()).expect("resumed");
-    assert_eq!(again.flow.cells.faces, whole.flow.cells.faces);
+    assert_eq!(again.flow.domain.faces, whole.flow.domain.faces);
     for _ in 0..20 {
         let (a, b) = (next(&mut whole).expect("frame"), next(&mut again).expect("frame"));
         assert!(a.values == b.values);
@@ -187,8 +190,8 @@ fn eddies_go_the_way_of_a_wind_that_turns() {
     // A quarter of a circle of 3 s has a radius of 3 s 1.92 m/s / (pi/2), and ends that far ahead and to the left.
     let radius = 3.0 * 1.92 / quarter;
     let (place, passed) = (DVec3::new(3.1, 5.3, -1.2), DVec3::new(radius, 0.0, -radius));
-    let eddies = bent.velocity(place + passed, 3.0) + DVec3::Z * bent.steady(5.3, 1.0);
-    let before = straight.velocity(place, 0.0) - DVec3::X * straight.steady(5.3, 1.0);
+    let eddies = bent.velocity(place + passed, 3.0) + DVec3::Z * bent.mean_speed(5.3, 1.0);
+    let before = straight.velocity(place, 0.0) - DVec3::X * straight.mean_speed(5.3, 1.0);
     println!("eddies {eddies}, before the turn {before}");
     assert!(before.length() > 0.05 && (eddies - before).length() < 1e-6, "{eddies} {before}");
 }
@@ -381,12 +384,12 @@ fn bytes(arch: Arch, threads: usize, stop: bool) -> Vec<u8> {
         (o.cells, o.spin_up) = ([64; 3], Some(1.0 / 48.0));
         (o.inlet.turbulence, o.inlet.gust_strength, o.steps_per_frame) = (0.1, 0.2, Some(3));
         let mut l = lattice(&o, &wall());
-        l.flow.sweep.compute_by(arch);
+        l.flow.tables.use_arch(arch);
         let mut at = frames(&mut l, 9);
         if stop {
             let saved = l.checkpoint();
             l = lattice(&o, &wall());
-            l.flow.sweep.compute_by(arch);
+            l.flow.tables.use_arch(arch);
             l.resume(&saved).expect("resumed");
         }
         at.extend(frames(&mut l, 9));
@@ -446,19 +449,19 @@ fn between_snapshots_the_wind_is_straight_and_falls_to_nothing_at_walls() {
 #[test]
 fn linear_fields_are_sampled_as_they_are() {
     let l = lattice(&LatticeOptions { sides: SideCondition::Open, ..channel() }, &[]);
-    let field = Arc::clone(&l.field);
+    let grid = Arc::clone(&l.grid);
     // Velocity at a place and a time, up to 1 m/s.
     let wind = |p: DVec3, t: f64| {
         DVec3::new(0.02 * p.x + 0.01 * p.y - 0.5 * t, 0.04 * p.y - 0.01 * p.z, 0.03 * p.z - 0.02 * p.x + t)
     };
-    let (nx, ny) = (field.n[0] + 2, field.n[1] + 2);
+    let (nx, ny) = (grid.n[0] + 2, grid.n[1] + 2);
     let snapshot = |time: f64| {
         let value = |k: usize| {
             let at = DVec3::new((k % nx) as f64 - 0.5, (k / nx % ny) as f64 - 0.5, (k / nx / ny) as f64 - 0.5);
-            let u = wind(field.origin + at * field.spacing, time).as_vec3();
+            let u = wind(grid.origin + at * grid.spacing, time).as_vec3();
             [u.x, u.y, u.z, 0.0]
         };
-        Arc::new(WindSnapshot { field: Arc::clone(&field), values: (0..field.count()).map(value).collect(), time })
+        Arc::new(WindSnapshot { grid: Arc::clone(&grid), values: (0..grid.count()).map(value).collect(), time })
     };
     let between = InterpolatedWind { before: snapshot(0.0), after: snapshot(0.25), t0: 0.0, t1: 0.25 };
     let mut rng = osier_base::rng::Rng::at(7, &["places".into()]);
@@ -494,7 +497,7 @@ fn thin_walls_claim_one_layer_and_pockets_fill() {
     for (shift, thick) in [(0.0, 0.1), (0.13, 0.1), (0.25, 0.2), (0.37, 0.02)] {
         let prism = Prism::block(Vec3::new(shift, 0.0, 0.0), Vec3::new(thick, 5.0, 40.0), 0.0);
         let l = lattice(&o, &[Solid { name: "fence".into(), form: Form::Prism(prism), humidity: 0.5 }]);
-        let solid = l.flow.cells.solid.iter().filter(|s| **s).count();
+        let solid = l.flow.domain.solid.iter().filter(|s| **s).count();
         assert_eq!(solid, 10 * 16, "{shift} {thick}");
     }
     let wall = |at: Vec3, size: Vec3| Solid {
@@ -511,7 +514,7 @@ fn thin_walls_claim_one_layer_and_pockets_fill() {
     ];
     let l = lattice(&o, &room);
     assert!(l.warnings().iter().any(|n| n.text.contains("still")), "{:?}", l.warnings());
-    assert!(l.flow.cells.is_solid([40, 2, 8]));
+    assert!(l.flow.domain.is_solid([40, 2, 8]));
 }
 
 #[test]
@@ -520,10 +523,9 @@ fn a_recorded_wind_is_the_one_that_blew_and_repeats() {
     let mut o = channel();
     (o.inlet.turbulence, o.spin_up) = (0.1, Some(2.0));
     let bounds = Bounds { min: Vec3::new(-3.0, 0.0, -1.0), max: Vec3::new(2.0, 5.0, 1.5) };
-    let quiet: (&dyn osier_base::progress::Progress, &Cancel) = (&Silent, &Cancel::default());
     let record = |repeats: bool, limits: &Limits| {
         let take = RecordingOptions { bounds, frames: 60, fps: 24.0, repeats };
-        RecordedWind::record(&mut lattice(&o, &wall()), take, limits, quiet)
+        RecordedWind::record(&mut lattice(&o, &wall()), take, limits, &Silent, &Cancel::default())
     };
     let once = record(false, &Limits::default()).expect("recorded");
     let mut l = lattice(&o, &wall());

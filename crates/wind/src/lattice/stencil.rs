@@ -1,12 +1,12 @@
-//! The fifteen velocities of the lattice.
+//! The D3Q15 stencil: fifteen discrete velocities and their weights.
 
-/// Velocities: rest, six along the axes, eight along the diagonals.
+/// Number of discrete velocities: rest, six along the axes, eight along the space diagonals.
 pub(super) const Q: usize = 15;
 
-/// Velocities in cells a step, opposites side by side.
+/// Discrete velocities c_i, cells per step; opposite directions follow each other.
 /// Source: \[catkin\] eq. 3.
 /// Differs: it counts "six diagonal lines"; a cube has eight corners.
-pub(super) const C: [[i32; 3]; Q] = [
+pub(super) const VELOCITIES: [[i32; 3]; Q] = [
     [0, 0, 0],
     [1, 0, 0],
     [-1, 0, 0],
@@ -24,19 +24,19 @@ pub(super) const C: [[i32; 3]; Q] = [
     [1, -1, -1],
 ];
 
-/// Weights: rest, axes, diagonals.
-pub(super) const W: [f64; 3] = [2.0 / 9.0, 1.0 / 9.0, 1.0 / 72.0];
+/// Weights w_i of rest, axes and diagonals.
+pub(super) const WEIGHTS: [f64; 3] = [2.0 / 9.0, 1.0 / 9.0, 1.0 / 72.0];
 
-/// Weight of a velocity.
+/// Weight of direction `i`.
 pub(super) const fn weight(i: usize) -> f64 {
     match i {
-        0 => W[0],
-        1..=6 => W[1],
-        _ => W[2],
+        0 => WEIGHTS[0],
+        1..=6 => WEIGHTS[1],
+        _ => WEIGHTS[2],
     }
 }
 
-/// The velocity the other way.
+/// The direction opposite to `i`.
 pub(super) const fn opposite(i: usize) -> usize {
     match i {
         0 => 0,
@@ -45,11 +45,11 @@ pub(super) const fn opposite(i: usize) -> usize {
     }
 }
 
-/// The velocity with its part along an axis turned round.
-pub(super) fn mirror(i: usize, axis: usize) -> usize {
-    let mut c = C[i];
+/// Direction `i` with its component along an axis reversed: where a population goes by specular reflection.
+pub(super) fn reflect(i: usize, axis: usize) -> usize {
+    let mut c = VELOCITIES[i];
     c[axis] = -c[axis];
-    C.iter().position(|d| *d == c).unwrap_or(i)
+    VELOCITIES.iter().position(|d| *d == c).unwrap_or(i)
 }
 
 #[cfg(test)]
@@ -58,7 +58,8 @@ mod tests {
 
     #[test]
     fn velocities_are_isotropic_to_fourth_order() {
-        let sum = |f: &dyn Fn([f64; 3]) -> f64| (0..Q).map(|i| weight(i) * f(C[i].map(f64::from))).sum::<f64>();
+        let sum =
+            |f: &dyn Fn([f64; 3]) -> f64| (0..Q).map(|i| weight(i) * f(VELOCITIES[i].map(f64::from))).sum::<f64>();
         assert!((sum(&|_| 1.0) - 1.0).abs() < 1e-15);
         for a in 0..3 {
             assert!(sum(&|c| c[a]).abs() < 1e-15);
@@ -76,14 +77,14 @@ mod tests {
     #[test]
     fn opposites_and_mirrors_are_what_they_say() {
         for i in 0..Q {
-            assert_eq!(C[opposite(i)], C[i].map(|c| -c));
+            assert_eq!(VELOCITIES[opposite(i)], VELOCITIES[i].map(|c| -c));
             for axis in 0..3 {
-                let mut c = C[i];
+                let mut c = VELOCITIES[i];
                 c[axis] = -c[axis];
-                assert_eq!(C[mirror(i, axis)], c);
+                assert_eq!(VELOCITIES[reflect(i, axis)], c);
             }
         }
         let pairs = [(3, 4), (7, 11), (8, 12), (9, 14), (10, 13)];
-        assert!(pairs.iter().all(|&(a, b)| mirror(a, 1) == b && mirror(b, 1) == a));
+        assert!(pairs.iter().all(|&(a, b)| reflect(a, 1) == b && reflect(b, 1) == a));
     }
 }

@@ -1,434 +1,444 @@
-//! Steps of the whole domain: collision and streaming in place, many nodes at once.
+//! Steps of the whole domain: two time steps per pass over memory, several threads.
 //!
-//! An even step and the odd one after it go through the domain together, the odd one a plane behind: it finds what it reads
-//! in the cache, and memory is passed through once for both. Each thread has some planes of its own; the odd step leaves
-//! out those at the seams, which follow when all threads are done.
+//! An even step and the odd one after it go through the domain together, the odd one a plane behind, where it finds its
+//! populations in the cache: memory is read and written once for two steps. A plane's odd step needs the even step of the
+//! planes beside it, and so of the next plane, which has just been done. Each thread has a chunk of planes; the odd steps of
+//! the two planes at each seam between chunks need planes of both, and follow when all threads are done.
+//!
+//! ```text
+//!  plane     0   1   2   3   4   5 │ 6   7   8   9  10  11        chunks of two threads, one seam
+//!
+//!  even      a   b   c   d   e   f │ a   b   c   d   e   f        a: first, b: second, ... in each thread
+//!  odd       ·   c'  d'  e'  f'  · │ ·   c'  d'  e'  f'  ·        c': right after c, from even steps a, b, c
+//!  seams     s                   s   s                   s        s: odd steps, after all threads have met
+//!
+//!  of one plane z, either step:
+//!    buffer of the step before ──scatter──►┐
+//!    ghosts from open cells    ──scatter──►├─► halo slots of z ──collide──► slots of z ──gather──► buffer for the next step
+//!                                          └─► row halo
+//!                                                          open cells: moments ──► ghosts of the odd step of z
+//! ```
+//!
+//! The even step of a plane fills the buffers (`intermediate`) that its odd step and its neighbours' read: this halo
+//! exchange is what lets walls, solids, inlets and outlets take part in the shared pass.
 
 use std::ops::Range;
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
 
-use super::domain::Cells;
-use super::exchange::{Arriving, Leaving, Links, Plan, Planes, Taken, parts};
-use super::grid::{BLOCK, Grid, Parity, Populations};
-use super::ground::Surface;
-use super::open_boundary::{Before, Mouths, let_go};
-use super::plane_step::{Desk, Place};
-use super::row_halo::End;
-use super::snapshot::{Field, Pages, Plane, Reading};
+use super::diagnostics::{FlowDiagnostics, PlaneDiagnostics, SnapshotPlane, SnapshotTarget};
+use super::domain::Domain;
+use super::exchange::{
+    BoundaryExchange, BufferPart, ExchangeBuffers, ExchangeInput, ExchangeLists, ExchangeOutput, PlaneSlices,
+    split_ranges,
+};
+use super::grid::{Populations, StepParity};
+use super::open_boundary::{OpenBoundary, OpenBoundaryState, outlet_density};
+use super::plane_step::{PlaneStep, ThreadScratch};
 use super::stencil::Q;
+use super::step_tables::StepTables;
 use osier_base::par;
 
-/// Fewest planes of a part of the domain: two at each seam.
-const FEWEST: usize = 4;
+/// Fewest planes of a chunk: two at each seam.
+const MIN_CHUNK: usize = 4;
 
-/// Blocks of a plane that are computed, from the first to before the last.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Run {
-    pub from: u32,
-    pub to: u32,
-    /// Relaxation times are those of the tables.
-    pub varied: bool,
-}
-
-/// How air relaxes.
-#[derive(Debug, Clone)]
-pub(super) struct Viscosity {
-    /// Relaxation time without eddies, steps.
-    pub tau: f32,
-    /// As [`super::collide::eddies`].
-    pub eddies: f32,
-    /// Shares of a sponge by x and by z, from 0 to 1 before an outlet.
-    pub sponge: [Vec<f32>; 2],
-    /// What the ground does.
-    pub ground: Surface,
-    /// Body force, cells a step squared; 0 in every wind.
-    pub force: [f32; 3],
-}
-
-/// What is asked of open faces in a step.
+/// What the open faces of one step follow.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Asked<'a> {
-    /// Velocity at each inlet, by component, cells a step, in the order of [`super::open_boundary::Mouths::inlets`].
-    pub wind: &'a [Vec<f32>; 3],
-    /// How it leans with the height there, and by how much of that along x and z.
-    pub lean: (&'a [f32], [f32; 2]),
-    /// Mean outward velocity at each face that is an outlet, cells a step.
-    pub wanted: [f32; 6],
+pub(super) struct BoundaryInputs<'a> {
+    /// Velocity by component at each inlet node, cells per step, in the order of [`OpenBoundary::inlet_positions`].
+    pub inlet_velocity: &'a [Vec<f32>; 3],
+    /// As in [`OpenBoundaryState`].
+    pub shear: &'a [f32],
+    pub shear_scale: [f32; 2],
+    /// Mean outward velocity wanted at each face that is an outlet, cells per step.
+    pub outlet_velocity: [f32; 6],
 }
 
-/// What is computed, and how.
+/// One step, or two, of a flow.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct StepContext<'a> {
+    pub tables: &'a StepTables,
+    pub domain: &'a Domain,
+    /// Of the first step.
+    pub parity: StepParity,
+    pub first: BoundaryInputs<'a>,
+    /// With an even `parity`: do the odd step in the same pass, with these inputs.
+    pub second: Option<BoundaryInputs<'a>>,
+}
+
+/// What one step, or two, did.
 #[derive(Debug)]
-pub(super) struct Sweep {
-    pub(super) grid: Grid,
-    pub(super) viscosity: Viscosity,
-    /// Those of every plane.
-    runs: Vec<Vec<Run>>,
-    /// Least relaxation times in a plane where no sponge is by z, from its first cell on, and what a whole sponge adds.
-    pub(super) least: [Vec<f32>; 2],
-    /// Drag of the ground on the lowest row of a plane and the block where it ends, and shares of the sponge there; empty
-    /// if there is none.
-    pub(super) drag: [Vec<f32>; 2],
-    /// Blocks of a plane with ends of rows.
-    pub(super) ends: Vec<End>,
-    pub(super) arch: Arch,
+pub(super) struct StepReport {
+    /// Clamped cells of the first step and of the second.
+    pub clamped: [u64; 2],
+    /// Of the planes, if a snapshot was written; else empty.
+    pub diagnostics: FlowDiagnostics,
 }
 
-/// One or two steps.
+/// Which steps a pass does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Pace {
+enum PassKind {
     Even,
     Odd,
-    Both,
+    EvenAndOdd,
 }
 
-impl Sweep {
-    pub(super) fn new(cells: &Cells, viscosity: Viscosity) -> Self {
-        let grid = cells.grid;
-        let nodes = 0..grid.span() + BLOCK;
-        let all = nodes.clone().map(|k| least(&viscosity, [k % grid.row, k / grid.row])).collect();
-        let least = [all, nodes.map(|k| viscosity.ground.sponge(k / grid.row, viscosity.tau)).collect()];
-        let drag = |k: usize| if k < grid.n[0] { viscosity.ground.drag } else { 0.0 };
-        let dragged = if viscosity.ground.drag > 0.0 { grid.n[0] + BLOCK } else { 0 };
-        let share = |k: usize| viscosity.sponge[0].get(k).copied().unwrap_or(0.0);
-        let drag = [(0..dragged).map(drag).collect(), (0..dragged).map(share).collect()];
-        let arch = Arch::new();
-        let runs = (0..grid.n[2]).map(|z| runs(cells, &viscosity, z)).collect();
-        let ends = End::list(&grid, arch.dispatch(Together));
-        Self { grid, viscosity, runs, least, drag, ends, arch }
+/// Planes of the snapshot that are not yet given to a thread, by number.
+type SnapshotPlanes<'a> = Vec<(usize, SnapshotPlane<'a>)>;
+
+impl StepContext<'_> {
+    fn kind(&self) -> PassKind {
+        match (self.parity, self.second) {
+            (StepParity::Odd, _) => PassKind::Odd,
+            (StepParity::Even, None) => PassKind::Even,
+            (StepParity::Even, Some(_)) => PassKind::EvenAndOdd,
+        }
     }
 
-    /// Has it computed with other instructions than the machine's best.
-    #[cfg(test)]
-    pub(super) fn compute_by(&mut self, arch: Arch) {
-        (self.ends, self.arch) = (End::list(&self.grid, arch.dispatch(Together)), arch);
-    }
-
-    /// Blocks of a plane that hold air.
-    pub(super) fn runs(&self, z: usize) -> &[Run] {
-        &self.runs[z]
-    }
-
-    /// Computes every fluid cell once, or an even step and the odd one after it if `second` asks for that. Returns for
-    /// each how many cells were too fast and clamped, and what was seen of the planes if a snapshot is written.
-    pub(super) fn step(
+    /// Does the step or steps. `snapshot`: where the moments of the last step are written.
+    pub(super) fn run(
         &self,
         populations: &mut Populations,
-        links: &mut Links,
-        (parity, cells): (Parity, &Cells),
-        ((first, second), pages): ((Asked<'_>, Option<Asked<'_>>), Option<Pages<'_>>),
-    ) -> ([u64; 2], Reading) {
-        let pace = match (parity, second) {
-            (Parity::Odd, _) => Pace::Odd,
-            (Parity::Even, None) => Pace::Even,
-            (Parity::Even, Some(_)) => Pace::Both,
-        };
-        if parity == Parity::Even {
-            links.mean = links.mouths.outflow(&links.last.vents.air);
+        exchange: &mut BoundaryExchange,
+        snapshot: Option<SnapshotTarget<'_>>,
+    ) -> StepReport {
+        let kind = self.kind();
+        // Outlet densities follow the mean outflow, taken anew before every even step.
+        if self.parity == StepParity::Even {
+            exchange.mean_outflow = exchange.open_boundary.mean_outflow(&exchange.previous.open_cells.moments);
         }
-        self.send(links, first);
-        let cuts = self.cuts();
-        let snapshot = pages.as_ref().map(|p| (p.field, p.speed));
-        let mut pages: Vec<_> = pages.map_or_else(Vec::new, Pages::planes).into_iter().enumerate().collect();
-        let mut done = self.inner(populations, links, (pace, &cuts, cells), (second, &mut (snapshot, &mut pages)));
-        if pace != Pace::Even {
-            done.extend(self.seams(populations, links, (pace, &cuts, cells), &mut (snapshot, &mut pages)));
+        self.evaluate_ghosts(exchange);
+        let bounds = self.chunk_bounds();
+        let mut snapshot: SnapshotPlanes<'_> =
+            snapshot.map_or_else(Vec::new, SnapshotTarget::split_planes).into_iter().enumerate().collect();
+        let mut results = self.run_chunks(populations, exchange, &bounds, &mut snapshot);
+        if kind != PassKind::Even {
+            results.extend(self.run_seams(populations, exchange, &bounds, &mut snapshot));
         }
-        std::mem::swap(&mut links.last, &mut links.next);
-        let clamped = [0, 1].map(|k| done.iter().map(|d| d.clamped[k]).sum());
-        let mut planes: Vec<_> = done.into_iter().flat_map(|d| d.seen).collect();
+        std::mem::swap(&mut exchange.previous, &mut exchange.next);
+        // Chunks count even and odd steps; a single odd step is the first.
+        let clamped = [0, 1].map(|k| results.iter().map(|r| r.clamped[k]).sum());
+        let clamped = if kind == PassKind::Odd { [clamped[1], 0] } else { clamped };
+        let mut planes: Vec<_> = results.into_iter().flat_map(|r| r.diagnostics).collect();
         planes.sort_by_key(|(z, _)| *z);
-        let reading = Reading { planes: planes.into_iter().map(|(_, plane)| plane).collect() };
-        (if pace == Pace::Odd { [clamped[1], 0] } else { clamped }, reading)
+        let diagnostics = FlowDiagnostics { planes: planes.into_iter().map(|(_, plane)| plane).collect() };
+        StepReport { clamped, diagnostics }
     }
 
-    /// Finds what open faces send in the first step.
-    fn send(&self, links: &mut Links, asked: Asked<'_>) {
-        let (mouths, air) = (&links.mouths, &links.last.vents);
-        let before = Before {
-            air: (air.air.each_ref().map(|a| &a[..]), 0),
-            parts: links.plan.rest.then_some(&air.parts[..]),
-            wind: asked.wind,
-            lean: asked.lean,
-            density: density(asked, links.mean),
+    /// Computes the ghost populations of the first step.
+    fn evaluate_ghosts(&self, exchange: &mut BoundaryExchange) {
+        let (open_boundary, open_cells) = (&exchange.open_boundary, &exchange.previous.open_cells);
+        let state = OpenBoundaryState {
+            moments: open_cells.moments.each_ref().map(|a| &a[..]),
+            first_cell: 0,
+            populations: exchange.lists.nonequilibrium.then_some(&open_cells.populations[..]),
+            inlet_velocity: self.first.inlet_velocity,
+            shear: self.first.shear,
+            shear_scale: self.first.shear_scale,
+            outlet_drho: self.first.outlet_densities(exchange.mean_outflow),
         };
-        let ranges: Vec<_> = (0..self.grid.n[2]).map(|z| mouths.sent(z)).collect();
-        let mut parts: Vec<_> = parts(&mut links.sent[0], &ranges).into_iter().enumerate().collect();
-        parts.retain(|(_, out)| !out.is_empty());
-        par::par_each(&mut parts, |(z, out)| {
-            self.arch.dispatch(SendPlane { mouths, z: *z, before, out });
+        let ranges: Vec<_> = (0..self.tables.grid.n[2]).map(|z| open_boundary.buffer_range(z)).collect();
+        let mut planes: Vec<_> =
+            split_ranges(&mut exchange.ghost_populations[0], &ranges).into_iter().enumerate().collect();
+        planes.retain(|(_, out)| !out.is_empty());
+        par::par_each(&mut planes, |(z, out)| {
+            self.tables.arch.dispatch(EvaluateGhosts { open_boundary, z: *z, state, out });
         });
     }
 
-    /// Where the planes are cut into parts, from 0 to their number.
-    fn cuts(&self) -> Vec<usize> {
-        let n = self.grid.n[2];
-        let count = par::threads().min(n / FEWEST).max(1);
+    /// First planes of the chunks, and the number of planes.
+    fn chunk_bounds(&self) -> Vec<usize> {
+        let n = self.tables.grid.n[2];
+        let count = par::threads().min(n / MIN_CHUNK).max(1);
         (0..=count).map(|k| k * n / count).collect()
     }
 
-    /// The arrays cut at planes: those from one before the first to one after the last of each range.
-    fn planes<'a>(&self, populations: &'a mut Populations, ranges: &[Range<usize>], margin: usize) -> Vec<Planes<'a>> {
-        let plane = self.grid.plane;
-        let whole: Vec<_> = ranges.iter().map(|r| r.start + 1 - margin..r.end + 1 + margin).collect();
-        let elements: Vec<_> = whole.iter().map(|r| r.start * plane..r.end * plane).collect();
-        let mut planes: Vec<_> = whole.iter().map(|r| Planes { arrays: Vec::with_capacity(Q), low: r.start }).collect();
+    /// Slices of all arrays for ranges of planes, each with `margin` planes more on both sides.
+    fn plane_slices<'a>(
+        &self,
+        populations: &'a mut Populations,
+        ranges: &[Range<usize>],
+        margin: usize,
+    ) -> Vec<PlaneSlices<'a>> {
+        let stride = self.tables.grid.plane_stride;
+        // The halo plane -1 is the first of an array.
+        let ranges: Vec<_> = ranges.iter().map(|r| r.start + 1 - margin..r.end + 1 + margin).collect();
+        let elements: Vec<_> = ranges.iter().map(|r| r.start * stride..r.end * stride).collect();
+        let slices = |r: &Range<usize>| PlaneSlices { arrays: Vec::with_capacity(Q), first_plane: r.start };
+        let mut planes: Vec<_> = ranges.iter().map(slices).collect();
         for array in populations.arrays_mut() {
-            let cut = parts(array, &elements);
-            planes.iter_mut().zip(cut).for_each(|(planes, part)| planes.arrays.push(part));
+            let parts = split_ranges(array, &elements);
+            planes.iter_mut().zip(parts).for_each(|(planes, part)| planes.arrays.push(part));
         }
         planes
     }
 
-    /// The first step of every plane, and the second of those that no other part touches.
-    fn inner(
+    /// In every chunk: the even step of all planes, and the odd step of those that no other chunk touches.
+    fn run_chunks(
         &self,
         populations: &mut Populations,
-        links: &mut Links,
-        (pace, cuts, cells): (Pace, &[usize], &Cells),
-        (second, book): (Option<Asked<'_>>, &mut Book<'_, '_>),
-    ) -> Vec<Done> {
-        let Links { plan, mouths, last, next, middle, sent, mean, fastest } = links;
-        let all: Vec<_> = cuts.windows(2).map(|w| w[0]..w[1]).collect();
-        let inside: Vec<_> =
-            all.iter().map(|r| if r.len() < FEWEST { r.start..r.start } else { r.start + 1..r.end - 1 }).collect();
-        let [first_sent, second_sent] = sent;
-        let ranges: Vec<_> = all.iter().map(|r| mouths.sent(r.start).start..mouths.sent(r.end - 1).end).collect();
-        let sends = parts(second_sent, &ranges).into_iter().zip(&ranges);
-        let (first, later) = match pace {
-            Pace::Even => (Some(next), None),
-            Pace::Odd => (None, Some(next)),
-            Pace::Both => (Some(middle), Some(next)),
+        exchange: &mut BoundaryExchange,
+        bounds: &[usize],
+        snapshot: &mut SnapshotPlanes<'_>,
+    ) -> Vec<ChunkResult> {
+        let kind = self.kind();
+        let BoundaryExchange {
+            lists,
+            open_boundary,
+            previous,
+            next,
+            intermediate,
+            ghost_populations,
+            mean_outflow,
+            max_speed_squared,
+        } = exchange;
+        let chunks: Vec<_> = bounds.windows(2).map(|w| w[0]..w[1]).collect();
+        // Away from the seams; empty in a domain of a single short chunk.
+        let inner = |r: &Range<usize>| if r.len() < MIN_CHUNK { r.start..r.start } else { r.start + 1..r.end - 1 };
+        let inner: Vec<_> = chunks.iter().map(inner).collect();
+        let [ghosts, second_ghosts] = ghost_populations;
+        let ghost_range =
+            |r: &Range<usize>| open_boundary.buffer_range(r.start).start..open_boundary.buffer_range(r.end - 1).end;
+        let ghost_ranges: Vec<_> = chunks.iter().map(ghost_range).collect();
+        let ghost_parts = split_ranges(second_ghosts, &ghost_ranges).into_iter().zip(&ghost_ranges);
+        // Where the even and the odd step leave what boundaries exchange.
+        let (even_buffers, odd_buffers) = match kind {
+            PassKind::Even => (Some(next), None),
+            PassKind::Odd => (None, Some(next)),
+            PassKind::EvenAndOdd => (Some(intermediate), Some(next)),
         };
-        let rooms = rooms(plan, first, &all).into_iter().zip(rooms(plan, later, &inside));
-        let arriving = Arriving { plan, pieces: (&last.pieces, 0), sent: (first_sent, 0) };
-        let planes = self.planes(populations, &all, 0);
-        let fastest = parts(fastest, &all).into_iter();
-        let jobs = planes.into_iter().zip(fastest).zip(rooms).zip(sends).zip(all.iter().zip(&inside));
-        let mut jobs: Vec<_> = jobs
-            .map(|((((planes, fastest), (first, second)), sent), (all, inside))| Job {
+        let outputs =
+            split_outputs(lists, even_buffers, &chunks).into_iter().zip(split_outputs(lists, odd_buffers, &inner));
+        let input = ExchangeInput {
+            lists,
+            populations: BufferPart::whole(&previous.populations),
+            ghosts: BufferPart::whole(ghosts),
+        };
+        let planes = self.plane_slices(populations, &chunks, 0);
+        let speeds = split_ranges(max_speed_squared, &chunks);
+        let parts = planes.into_iter().zip(speeds).zip(outputs).zip(ghost_parts).zip(chunks.iter().zip(&inner));
+        let mut jobs: Vec<_> = parts
+            .map(|((((planes, max_speed_squared), (even_output, odd_output)), ghosts), (chunk, inner))| Chunk {
                 planes,
-                fastest,
-                first,
-                second,
-                sent: (sent.0, sent.1.start),
-                desk: desk(&self.grid, book, if pace == Pace::Even { all } else { inside }),
-                all: all.clone(),
-                inside: inside.clone(),
+                max_speed_squared,
+                even_output,
+                odd_output,
+                ghosts: ghosts.0,
+                first_ghost: ghosts.1.start,
+                scratch: self.scratch(snapshot, if kind == PassKind::Even { chunk } else { inner }),
+                even_planes: chunk.clone(),
+                odd_planes: inner.clone(),
             })
             .collect();
-        let later = second.map(|asked| (asked, density(asked, *mean)));
-        let mouths = &*mouths;
-        par::par_map_mut(&mut jobs, |job| {
-            self.dispatch(Turn { sweep: self, job, cells, arriving, later: later.map(|l| (mouths, l)) })
-        })
+        let second = self.second.map(|inputs| SecondStep {
+            open_boundary,
+            inputs,
+            outlet_drho: inputs.outlet_densities(*mean_outflow),
+        });
+        par::par_map_mut(&mut jobs, |chunk| self.dispatch(ChunkTask { context: self, chunk, input, second }))
     }
 
-    /// The second step of the planes at seams.
-    fn seams(
+    /// The odd step of the planes at seams.
+    fn run_seams(
         &self,
         populations: &mut Populations,
-        links: &mut Links,
-        (pace, cuts, cells): (Pace, &[usize], &Cells),
-        book: &mut Book<'_, '_>,
-    ) -> Vec<Done> {
-        let Links { plan, last, next, middle, sent, fastest, .. } = links;
-        let n = self.grid.n[2];
-        let seams = cuts.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
-        // Too few planes for two seams are one.
-        let seams: Vec<_> = if n < FEWEST { std::iter::once(0..n).collect() } else { seams.collect() };
-        let (left, sent) = if pace == Pace::Both { (middle, &sent[1]) } else { (last, &sent[0]) };
-        let arriving = Arriving { plan, pieces: (&left.pieces, 0), sent: (sent, 0) };
-        let fastest = parts(fastest, &seams);
-        let planes = self.planes(populations, &seams, 1).into_iter().zip(fastest);
-        let jobs = planes.zip(next.cut(plan, &seams)).zip(&seams);
-        let mut jobs: Vec<_> = jobs
-            .map(|(((planes, fastest), room), seam)| Job {
+        exchange: &mut BoundaryExchange,
+        bounds: &[usize],
+        snapshot: &mut SnapshotPlanes<'_>,
+    ) -> Vec<ChunkResult> {
+        let BoundaryExchange { lists, previous, next, intermediate, ghost_populations, max_speed_squared, .. } =
+            exchange;
+        let n = self.tables.grid.n[2];
+        let seams = bounds.iter().map(|c| c.saturating_sub(1)..(c + 1).min(n));
+        // In a domain with too few planes for two seams, they are one.
+        let seams: Vec<_> = if n < MIN_CHUNK { std::iter::once(0..n).collect() } else { seams.collect() };
+        let (before, ghosts) = if self.kind() == PassKind::EvenAndOdd {
+            (intermediate, &ghost_populations[1])
+        } else {
+            (previous, &ghost_populations[0])
+        };
+        let input = ExchangeInput {
+            lists,
+            populations: BufferPart::whole(&before.populations),
+            ghosts: BufferPart::whole(ghosts),
+        };
+        let speeds = split_ranges(max_speed_squared, &seams);
+        let planes = self.plane_slices(populations, &seams, 1).into_iter().zip(speeds);
+        let parts = planes.zip(next.split(lists, &seams)).zip(&seams);
+        let mut jobs: Vec<_> = parts
+            .map(|(((planes, max_speed_squared), output), seam)| Chunk {
                 planes,
-                fastest,
-                first: None,
-                second: Some(room),
-                sent: (&mut [][..], 0),
-                desk: desk(&self.grid, book, seam),
-                all: seam.clone(),
-                inside: seam.clone(),
+                max_speed_squared,
+                even_output: None,
+                odd_output: Some(output),
+                ghosts: &mut [][..],
+                first_ghost: 0,
+                scratch: self.scratch(snapshot, seam),
+                even_planes: seam.clone(),
+                odd_planes: seam.clone(),
             })
             .collect();
-        par::par_map_mut(&mut jobs, |job| self.dispatch(Turn { sweep: self, job, cells, arriving, later: None }))
+        par::par_map_mut(&mut jobs, |chunk| self.dispatch(ChunkTask { context: self, chunk, input, second: None }))
     }
 
-    fn dispatch(&self, turn: Turn<'_, '_>) -> Done {
-        let forced = self.viscosity.force.iter().any(|f| f.abs() > 0.0);
-        match (self.viscosity.eddies > 0.0, forced) {
-            (true, false) => self.arch.dispatch(With::<true, false>(turn)),
-            (false, false) => self.arch.dispatch(With::<false, false>(turn)),
-            (_, true) => self.arch.dispatch(With::<false, true>(turn)),
+    /// Scratch of a thread, with those planes of the snapshot that are in a range.
+    fn scratch<'a>(&self, snapshot: &mut SnapshotPlanes<'a>, planes: &Range<usize>) -> ThreadScratch<'a> {
+        let mut own: Vec<_> = snapshot.extract_if(.., |(z, _)| planes.contains(z)).collect();
+        own.reverse();
+        ThreadScratch::new(&self.tables.grid, own)
+    }
+
+    /// Runs a chunk with the machine's instructions, by the kernel that its flow needs.
+    fn dispatch(&self, task: ChunkTask<'_, '_>) -> ChunkResult {
+        let (arch, params) = (&self.tables.arch, &self.tables.params);
+        let forced = params.force.iter().any(|f| f.abs() > 0.0);
+        match (params.smagorinsky_factor > 0.0, forced) {
+            (true, false) => arch.dispatch(ChunkKernel::<true, false>(task)),
+            (false, false) => arch.dispatch(ChunkKernel::<false, false>(task)),
+            (_, true) => arch.dispatch(ChunkKernel::<false, true>(task)),
         }
     }
 }
 
-/// Rooms at some ranges of planes, where any are asked for.
-fn rooms<'a>(plan: &Plan, taken: Option<&'a mut Taken>, ranges: &[Range<usize>]) -> Vec<Option<Leaving<'a>>> {
-    match taken {
-        Some(taken) => taken.cut(plan, ranges).into_iter().map(Some).collect(),
+impl BoundaryInputs<'_> {
+    /// Density less 1 beyond each outlet.
+    fn outlet_densities(&self, mean_outflow: [f32; 6]) -> [f32; 6] {
+        std::array::from_fn(|f| outlet_density(self.outlet_velocity[f], mean_outflow[f]))
+    }
+}
+
+/// The parts of some buffers for ranges of planes; none where no buffers are filled.
+fn split_outputs<'a>(
+    lists: &ExchangeLists,
+    buffers: Option<&'a mut ExchangeBuffers>,
+    ranges: &[Range<usize>],
+) -> Vec<Option<ExchangeOutput<'a>>> {
+    match buffers {
+        Some(buffers) => buffers.split(lists, ranges).into_iter().map(Some).collect(),
         None => ranges.iter().map(|_| None).collect(),
     }
 }
 
-/// Density less 1 beyond each outlet.
-fn density(asked: Asked<'_>, mean: [f32; 6]) -> [f32; 6] {
-    std::array::from_fn(|f| let_go(asked.wanted[f], mean[f]))
-}
-
-/// Least relaxation time at a cell of any plane.
-fn least(viscosity: &Viscosity, [x, y]: [usize; 2]) -> f32 {
-    let (tau, ground) = (viscosity.tau, &viscosity.ground);
-    let share = viscosity.sponge[0].get(x).copied().unwrap_or(0.0);
-    (tau + share * ground.sponge(y, tau)).max(ground.tau(y, tau))
-}
-
-/// Blocks of a plane that hold air, joined while they are of one kind.
-fn runs(cells: &Cells, viscosity: &Viscosity, z: usize) -> Vec<Run> {
-    let grid = cells.grid;
-    let deep = viscosity.sponge[1].get(z).is_some_and(|share| *share > 0.0);
-    let mut runs: Vec<Run> = Vec::new();
-    for block in 0..grid.span().div_ceil(BLOCK) {
-        let from = block * BLOCK;
-        let air = |k: usize| {
-            let (x, y) = (k % grid.row, k / grid.row);
-            (x < grid.n[0] && y < grid.n[1] && !cells.is_solid([x, y, z])).then_some([x, y])
-        };
-        if !(from..from + BLOCK).any(|k| air(k).is_some()) {
-            continue;
-        }
-        let at = u32::try_from(block).unwrap_or(u32::MAX);
-        let varied = deep || (from..from + BLOCK).filter_map(air).any(|at| least(viscosity, at) > viscosity.tau);
-        match runs.last_mut() {
-            Some(last) if last.to == at && last.varied == varied => last.to += 1,
-            _ => runs.push(Run { from: at, to: at + 1, varied }),
-        }
-    }
-    runs
-}
-
-/// How many nodes are computed together.
-struct Together;
-
-impl WithSimd for Together {
-    type Output = usize;
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> usize {
-        S::F32_LANES
-    }
-}
-
-struct SendPlane<'a> {
-    mouths: &'a Mouths,
+/// Ghost populations of one plane in SIMD lanes.
+struct EvaluateGhosts<'a> {
+    open_boundary: &'a OpenBoundary,
     z: usize,
-    before: Before<'a>,
+    state: OpenBoundaryState<'a>,
     out: &'a mut [f32],
 }
 
-impl WithSimd for SendPlane<'_> {
+impl WithSimd for EvaluateGhosts<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.mouths.send(simd, self.z, self.before, self.out);
+        self.open_boundary.evaluate(simd, self.z, self.state, self.out);
     }
 }
 
-/// A part of the domain: planes of its own, and rooms for what they leave.
-struct Job<'a> {
-    planes: Planes<'a>,
-    /// Squares of the largest speeds in the planes of `all`.
-    fastest: &'a mut [f32],
-    /// Rooms for what the first step leaves, and the second.
-    first: Option<Leaving<'a>>,
-    second: Option<Leaving<'a>>,
-    /// Room for what open faces send in the second step, and what comes before it in the whole.
-    sent: (&'a mut [f32], usize),
-    desk: Desk<'a>,
-    /// Planes of the first step, and of the second.
-    all: Range<usize>,
-    inside: Range<usize>,
+/// Planes of a thread with the buffers they fill.
+struct Chunk<'a> {
+    planes: PlaneSlices<'a>,
+    /// By plane of `even_planes`.
+    max_speed_squared: &'a mut [f32],
+    /// None where the pass does no such step.
+    even_output: Option<ExchangeOutput<'a>>,
+    odd_output: Option<ExchangeOutput<'a>>,
+    /// Ghost populations of the odd step after an even one, and the index of the first in the whole buffer.
+    ghosts: &'a mut [f32],
+    first_ghost: usize,
+    scratch: ThreadScratch<'a>,
+    even_planes: Range<usize>,
+    odd_planes: Range<usize>,
 }
 
-/// What a part has done: cells that were too fast and clamped in the first step and the second, and what was seen of
-/// planes.
-struct Done {
+/// What a chunk did: clamped cells of even and odd steps, and diagnostics of the snapshot's planes.
+struct ChunkResult {
     clamped: [u64; 2],
-    seen: Vec<(usize, Plane)>,
+    diagnostics: Vec<(usize, PlaneDiagnostics)>,
 }
 
-/// Where a snapshot is written, if one is: its field with m/s of one cell a step, and planes by number.
-type Book<'a, 'b> = (Option<(&'a Field, f32)>, &'b mut Vec<(usize, &'a mut [[f32; 4]])>);
-
-/// What a thread has at hand for some planes.
-fn desk<'a>(grid: &Grid, (snapshot, pages): &mut Book<'a, '_>, planes: &Range<usize>) -> Desk<'a> {
-    let mut mine: Vec<_> = pages.extract_if(.., |(z, _)| planes.contains(z)).collect();
-    mine.reverse();
-    Desk::new(grid, *snapshot, mine)
+/// What the ghosts of the odd step after an even one are computed from, beside open cells.
+#[derive(Clone, Copy)]
+struct SecondStep<'a> {
+    open_boundary: &'a OpenBoundary,
+    inputs: BoundaryInputs<'a>,
+    outlet_drho: [f32; 6],
 }
 
-type Later<'a> = (&'a Mouths, (Asked<'a>, [f32; 6]));
-
-struct Turn<'a, 'b> {
-    sweep: &'a Sweep,
-    job: &'a mut Job<'b>,
-    cells: &'a Cells,
-    arriving: Arriving<'a>,
-    /// What open faces are asked in the second of two steps.
-    later: Option<Later<'a>>,
+struct ChunkTask<'a, 'b> {
+    context: &'a StepContext<'a>,
+    chunk: &'a mut Chunk<'b>,
+    /// What the first step of the pass reads from boundaries.
+    input: ExchangeInput<'a>,
+    second: Option<SecondStep<'a>>,
 }
 
-struct With<'a, 'b, const EDDIES: bool, const FORCE: bool>(Turn<'a, 'b>);
+struct ChunkKernel<'a, 'b, const EDDIES: bool, const FORCE: bool>(ChunkTask<'a, 'b>);
 
-impl<const EDDIES: bool, const FORCE: bool> WithSimd for With<'_, '_, EDDIES, FORCE> {
-    type Output = Done;
+impl<const EDDIES: bool, const FORCE: bool> WithSimd for ChunkKernel<'_, '_, EDDIES, FORCE> {
+    type Output = ChunkResult;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> Done {
+    fn with_simd<S: Simd>(self, simd: S) -> ChunkResult {
         self.0.run::<S, EDDIES, FORCE>(simd)
     }
 }
 
-impl Turn<'_, '_> {
+impl ChunkTask<'_, '_> {
     #[inline(always)]
-    fn run<S: Simd, const EDDIES: bool, const FORCE: bool>(self, simd: S) -> Done {
-        let Self { sweep, job, cells, arriving, later } = self;
-        let Job { planes, fastest, first, second, sent: (sent, before), desk, all, inside } = job;
+    fn run<S: Simd, const EDDIES: bool, const FORCE: bool>(self, simd: S) -> ChunkResult {
+        let Self { context, chunk, input, second } = self;
+        let StepContext { tables, domain, .. } = *context;
+        let Chunk {
+            planes,
+            max_speed_squared,
+            even_output,
+            odd_output,
+            ghosts,
+            first_ghost,
+            scratch,
+            even_planes,
+            odd_planes,
+        } = chunk;
         let mut clamped = [0; 2];
-        // The odd step is a plane behind.
-        for z in all.start..all.end + 1 {
-            if let Some(room) = first.as_mut().filter(|_| z < all.end) {
-                let place = Place { sweep, cells, arriving, z, last: second.is_none() };
-                let fastest = &mut fastest[z - all.start];
-                clamped[0] += place.step::<S, false, EDDIES, FORCE>(simd, planes, desk, (&mut *room, fastest));
-                if let Some((mouths, (asked, density))) = later {
-                    let parts = arriving.plan.rest.then_some(&room.parts[..]);
-                    let air = (room.air.0.each_ref().map(|a| &a[..]), room.air.1);
-                    let Asked { wind, lean, .. } = asked;
-                    let before_faces = Before { air, parts, wind, lean, density };
-                    let range = mouths.sent(z);
-                    mouths.send(simd, z, before_faces, &mut sent[range.start - *before..range.end - *before]);
+        for z in even_planes.start..even_planes.end + 1 {
+            // Even step of plane z, then the ghosts that the odd step of the same plane will read.
+            if let Some(output) = even_output.as_mut().filter(|_| z < even_planes.end) {
+                let step = PlaneStep { tables, domain, input, z, last: odd_output.is_none() };
+                let speed = &mut max_speed_squared[z - even_planes.start];
+                clamped[0] += step.run::<S, false, EDDIES, FORCE>(simd, planes, scratch, output, speed);
+                if let Some(SecondStep { open_boundary, inputs, outlet_drho }) = second {
+                    let state = OpenBoundaryState {
+                        moments: output.moments.each_ref().map(|a| &a[..]),
+                        first_cell: output.first_cell,
+                        populations: input.lists.nonequilibrium.then_some(&output.cell_populations[..]),
+                        inlet_velocity: inputs.inlet_velocity,
+                        shear: inputs.shear,
+                        shear_scale: inputs.shear_scale,
+                        outlet_drho,
+                    };
+                    let range = open_boundary.buffer_range(z);
+                    let out = &mut ghosts[range.start - *first_ghost..range.end - *first_ghost];
+                    open_boundary.evaluate(simd, z, state, out);
                 }
             }
+            // Odd step of the plane behind, which reads what the even step has just left.
             let behind = z.wrapping_sub(1);
-            if let Some(room) = second.as_mut().filter(|_| inside.contains(&behind)) {
-                let arriving = match first {
-                    Some(left) => {
-                        let pieces = (&left.pieces.0[..], left.pieces.1);
-                        Arriving { plan: arriving.plan, pieces, sent: (&sent[..], *before) }
-                    }
-                    None => arriving,
+            if let Some(output) = odd_output.as_mut().filter(|_| odd_planes.contains(&behind)) {
+                let input = match even_output {
+                    Some(left) => ExchangeInput {
+                        lists: input.lists,
+                        populations: BufferPart { values: &left.populations[..], start: left.first_population },
+                        ghosts: BufferPart { values: &ghosts[..], start: *first_ghost },
+                    },
+                    None => input,
                 };
-                let place = Place { sweep, cells, arriving, z: behind, last: true };
-                let fastest = &mut fastest[behind - all.start];
-                clamped[1] += place.step::<S, true, EDDIES, FORCE>(simd, planes, desk, (&mut *room, fastest));
+                let step = PlaneStep { tables, domain, input, z: behind, last: true };
+                let speed = &mut max_speed_squared[behind - even_planes.start];
+                clamped[1] += step.run::<S, true, EDDIES, FORCE>(simd, planes, scratch, output, speed);
             }
         }
-        Done { clamped, seen: std::mem::take(&mut desk.seen) }
+        ChunkResult { clamped, diagnostics: std::mem::take(&mut scratch.diagnostics) }
     }
 }

@@ -4,24 +4,20 @@ use std::collections::VecDeque;
 
 use glam::{DVec3, Vec3};
 
-use super::domain::Cells;
-use super::grid::Grid;
-use super::solver::LatticeWarning;
+use super::domain::Domain;
+use super::grid::LatticeGrid;
+use super::report::LatticeWarning;
+use super::tuning::{MAX_BLOCKAGE, OPEN_FACE_CLEARANCE};
 use osier_base::geometry::Bounds;
 use osier_base::par;
 use osier_scene::solid::{Form, Slab, Solid};
 
-/// Cells between a solid and an open face, fewer of which disturb the flow there.
-const CLEAR: usize = 4;
-/// Share of the inflow that solids may block.
-const BLOCKED: f64 = 0.3;
-
 /// What marking has found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Found {
+pub(super) struct VoxelReport {
     /// Solid cells.
     pub solid: usize,
-    /// Cells of pockets that were filled.
+    /// Domain of pockets that were filled.
     pub filled: usize,
     /// Something other than land stands too near an open face.
     pub crowded: bool,
@@ -29,9 +25,9 @@ pub(super) struct Found {
     pub blocked: Option<f64>,
 }
 
-impl Found {
+impl VoxelReport {
     /// What should be known.
-    pub(super) fn notes(&self) -> Vec<LatticeWarning> {
+    pub(super) fn warnings(&self) -> Vec<LatticeWarning> {
         let mut notes = Vec::new();
         let mut note = |text: String| notes.push(LatticeWarning { code: "S021", text });
         if self.crowded {
@@ -54,23 +50,24 @@ impl Found {
 }
 
 /// Middle of a cell, m.
-pub(super) fn middle(origin: DVec3, spacing: f64, cell: [usize; 3]) -> Vec3 {
+pub(super) fn cell_center(origin: DVec3, spacing: f64, cell: [usize; 3]) -> Vec3 {
     let at = DVec3::new(cell[0] as f64 + 0.5, cell[1] as f64 + 0.5, cell[2] as f64 + 0.5);
     (origin + at * spacing).as_vec3()
 }
 
-/// Cells of solids: those whose middle is inside, and of a part thinner than a cell the layer that holds its middle.
-pub(super) fn mark(grid: &Grid, (origin, spacing): (DVec3, f64), solids: &[Solid]) -> Vec<bool> {
+/// Domain of solids: those whose middle is inside, and of a part thinner than a cell the layer that holds its middle.
+pub(super) fn voxelize(grid: &LatticeGrid, origin: DVec3, spacing: f64, solids: &[Solid]) -> Vec<bool> {
     let planes: Vec<usize> = (0..grid.n[2]).collect();
     let half = osier_base::math::narrow(spacing / 2.0);
-    let reach: Vec<_> = solids.iter().map(|s| (s, room(s, half), thin(s, half))).collect();
+    let reach: Vec<_> = solids.iter().map(|s| (s, claim_bounds(s, half), thin_slab(s, half))).collect();
     let planes = par::par_map(&planes, |z| {
         let mut plane = vec![false; grid.n[0] * grid.n[1]];
         for (solid, bounds, thin) in &reach {
             for (i, cell) in plane.iter_mut().enumerate() {
-                let at = middle(origin, spacing, [i % grid.n[0], i / grid.n[0], *z]);
+                let at = cell_center(origin, spacing, [i % grid.n[0], i / grid.n[0], *z]);
                 let inside = at.cmpge(bounds.min).all() && at.cmple(bounds.max).all();
-                *cell = *cell || inside && (solid.contains(at) || thin.is_some_and(|t| in_layer(solid, t, half, at)));
+                *cell =
+                    *cell || inside && (solid.contains(at) || thin.is_some_and(|t| in_thin_layer(solid, t, half, at)));
             }
         }
         plane
@@ -79,7 +76,7 @@ pub(super) fn mark(grid: &Grid, (origin, spacing): (DVec3, f64), solids: &[Solid
 }
 
 /// The box in which a solid may claim cells; land goes on for ever, and down.
-fn room(solid: &Solid, half: f32) -> Bounds {
+fn claim_bounds(solid: &Solid, half: f32) -> Bounds {
     let bounds = solid.bounds().grown(2.0 * half);
     match solid.form {
         Form::Land(_) => {
@@ -90,13 +87,13 @@ fn room(solid: &Solid, half: f32) -> Bounds {
 }
 
 /// Its thinnest direction, if cells may miss it.
-fn thin(solid: &Solid, half: f32) -> Option<Slab> {
+fn thin_slab(solid: &Solid, half: f32) -> Option<Slab> {
     solid.slab().filter(|s| s.thickness <= 2.001 * half)
 }
 
 /// Whether a place is in the layer of cells that holds the middle of a solid thinner than a cell. Measured along the nearest
 /// axis, just one cell of a row is.
-fn in_layer(solid: &Solid, slab: Slab, half: f32, at: Vec3) -> bool {
+fn in_thin_layer(solid: &Solid, slab: Slab, half: f32, at: Vec3) -> bool {
     let axis = slab.across.abs().max_position();
     let away = (at - slab.center).dot(slab.across) / slab.across[axis];
     let mut on = at;
@@ -105,12 +102,18 @@ fn in_layer(solid: &Solid, slab: Slab, half: f32, at: Vec3) -> bool {
 }
 
 /// Fills pockets that no open face reaches and judges what stands where.
-pub(super) fn judge(cells: &mut Cells, solids: &[Solid], (origin, spacing): (DVec3, f64), along: usize) -> Found {
-    let filled = fill(cells);
+pub(super) fn fill_and_check(
+    domain: &mut Domain,
+    solids: &[Solid],
+    origin: DVec3,
+    spacing: f64,
+    along: usize,
+) -> VoxelReport {
+    let filled = fill_enclosed_air(domain);
     let standing: Vec<Solid> = solids.iter().filter(|s| !matches!(s.form, Form::Land(_))).cloned().collect();
-    let open = |f: usize| cells.faces[f].is_open();
-    let n = cells.grid.n;
-    let reach = osier_base::math::narrow(CLEAR as f64 * spacing);
+    let open = |f: usize| domain.faces[f].is_open();
+    let n = domain.grid.n;
+    let reach = osier_base::math::narrow(OPEN_FACE_CLEARANCE as f64 * spacing);
     let (low, high) =
         (origin.as_vec3(), (origin + DVec3::new(n[0] as f64, n[1] as f64, n[2] as f64) * spacing).as_vec3());
     let crowded = standing.iter().any(|s| {
@@ -128,25 +131,25 @@ pub(super) fn judge(cells: &mut Cells, solids: &[Solid], (origin, spacing): (DVe
             (cell[across[0]], cell[across[1]]) = (i, j);
             hidden += usize::from((0..n[along]).any(|k| {
                 cell[along] = k;
-                cells.is_solid(cell)
+                domain.is_solid(cell)
             }));
         }
     }
     let share = hidden as f64 / (n[across[0]] * n[across[1]]) as f64;
-    let solid = cells.solid.iter().filter(|s| **s).count();
-    Found { solid, filled, crowded, blocked: (share > BLOCKED).then_some(share) }
+    let solid = domain.solid.iter().filter(|s| **s).count();
+    VoxelReport { solid, filled, crowded, blocked: (share > MAX_BLOCKAGE).then_some(share) }
 }
 
 /// Makes solid what no path of cells joins with an open face.
 #[allow(clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "sizes fit")]
-fn fill(cells: &mut Cells) -> usize {
-    let n = cells.grid.n;
-    let mut reached = vec![false; cells.solid.len()];
+fn fill_enclosed_air(domain: &mut Domain) -> usize {
+    let n = domain.grid.n;
+    let mut reached = vec![false; domain.solid.len()];
     let mut queue = VecDeque::new();
     for (c, reached) in reached.iter_mut().enumerate() {
         let cell = [c % n[0], c / n[0] % n[1], c / n[0] / n[1]];
         let at_face = |f: usize| cell[f / 2] == if f.is_multiple_of(2) { 0 } else { n[f / 2] - 1 };
-        if !cells.solid[c] && (0..6).any(|f| cells.faces[f].is_open() && at_face(f)) {
+        if !domain.solid[c] && (0..6).any(|f| domain.faces[f].is_open() && at_face(f)) {
             *reached = true;
             queue.push_back(cell);
         }
@@ -155,16 +158,16 @@ fn fill(cells: &mut Cells) -> usize {
         for f in 0..6 {
             let mut next = cell.map(|c| c as isize);
             next[f / 2] += if f.is_multiple_of(2) { -1 } else { 1 };
-            let Some(next) = cells.inside(cells.wrapped(next)) else { continue };
-            let c = cells.grid.cell(next);
-            if !cells.solid[c] && !reached[c] {
+            let Some(next) = domain.cell_at(domain.wrap_periodic(next)) else { continue };
+            let c = domain.grid.cell_index(next);
+            if !domain.solid[c] && !reached[c] {
                 reached[c] = true;
                 queue.push_back(next);
             }
         }
     }
     let mut filled = 0;
-    for (solid, reached) in cells.solid.iter_mut().zip(&reached) {
+    for (solid, reached) in domain.solid.iter_mut().zip(&reached) {
         if !*solid && !*reached {
             *solid = true;
             filled += 1;

@@ -1,0 +1,127 @@
+//! Tables of a step that hold while the faces keep their conditions: blocks with air, relaxation times, ground drag.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::domain::Domain;
+use super::grid::{BLOCK, LatticeGrid};
+use super::ground::GroundModel;
+use super::row_halo::RowEndBlock;
+use osier_base::Result;
+use osier_base::convert::index;
+
+/// Viscosity of the flow, and what changes it by place.
+#[derive(Debug, Clone)]
+pub(super) struct FlowParams {
+    /// Relaxation time of the molecular viscosity, steps.
+    pub tau: f32,
+    /// As [`super::collide::smagorinsky_factor`]; 0 without an eddy viscosity.
+    pub smagorinsky_factor: f32,
+    /// Strength of the outlet sponges by x and by z, rising from 0 to 1 towards an outlet.
+    pub sponge: [Vec<f32>; 2],
+    pub ground: GroundModel,
+    /// Body force, cells per step squared; 0 in every wind.
+    pub force: [f32; 3],
+}
+
+/// Consecutive blocks of a plane that hold air, end exclusive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct BlockRange {
+    pub from: u32,
+    pub to: u32,
+    /// Relaxation times differ from [`FlowParams::tau`] and are read from the tables.
+    pub variable_tau: bool,
+}
+
+/// What the kernels of a step read, laid out as a plane is: element k is the k-th node from the plane's first cell.
+#[derive(Debug)]
+pub(super) struct StepTables {
+    pub(super) grid: LatticeGrid,
+    pub(super) params: FlowParams,
+    /// By plane.
+    block_ranges: Vec<Vec<BlockRange>>,
+    /// Relaxation time where no sponge is in z.
+    pub(super) base_tau: Vec<f32>,
+    /// What the full sponge adds to the relaxation time.
+    pub(super) sponge_tau: Vec<f32>,
+    /// Drag coefficient of the ground on the lowest row and the rest of its last block; empty without drag.
+    pub(super) drag: Vec<f32>,
+    /// Strength of the sponge in x there.
+    pub(super) drag_sponge: Vec<f32>,
+    /// Blocks with ends of rows, the same in every plane.
+    pub(super) row_ends: Vec<RowEndBlock>,
+    /// Instruction set of the kernels.
+    pub(super) arch: Arch,
+}
+
+impl StepTables {
+    /// # Errors
+    /// `Limit` for more nodes than an index of 32 bits counts.
+    pub(super) fn new(domain: &Domain, params: FlowParams) -> Result<Self> {
+        let grid = domain.grid;
+        let nodes = 0..grid.plane_span() + BLOCK;
+        let row = grid.row_stride;
+        let base_tau = nodes.clone().map(|k| base_tau(&params, [k % row, k / row])).collect();
+        let sponge_tau = nodes.map(|k| params.ground.sponge_tau(k / row, params.tau)).collect();
+        let drag_nodes = if params.ground.drag > 0.0 { grid.n[0] + BLOCK } else { 0 };
+        let drag = (0..drag_nodes).map(|k| if k < grid.n[0] { params.ground.drag } else { 0.0 }).collect();
+        let drag_sponge = (0..drag_nodes).map(|k| params.sponge[0].get(k).copied().unwrap_or(0.0)).collect();
+        let arch = Arch::new();
+        let block_ranges = (0..grid.n[2]).map(|z| block_ranges(domain, &params, z)).collect::<Result<_>>()?;
+        let row_ends = RowEndBlock::list(&grid, arch.dispatch(LaneCount))?;
+        Ok(Self { grid, params, block_ranges, base_tau, sponge_tau, drag, drag_sponge, row_ends, arch })
+    }
+
+    /// Computes with another instruction set than the machine's best.
+    #[cfg(test)]
+    pub(super) fn use_arch(&mut self, arch: Arch) {
+        (self.row_ends, self.arch) = (RowEndBlock::list(&self.grid, arch.dispatch(LaneCount)).expect("rows"), arch);
+    }
+
+    /// Blocks of the plane `z` that hold air.
+    pub(super) fn block_ranges(&self, z: usize) -> &[BlockRange] {
+        &self.block_ranges[z]
+    }
+}
+
+/// Relaxation time at a cell of any plane without a sponge in z: that of the sponge in x, at least that of the ground.
+fn base_tau(params: &FlowParams, [x, y]: [usize; 2]) -> f32 {
+    let (tau, ground) = (params.tau, &params.ground);
+    let sponge = params.sponge[0].get(x).copied().unwrap_or(0.0);
+    (tau + sponge * ground.sponge_tau(y, tau)).max(ground.min_tau_at(y, tau))
+}
+
+/// Blocks of the plane `z` that hold air, joined while they are of one kind.
+fn block_ranges(domain: &Domain, params: &FlowParams, z: usize) -> Result<Vec<BlockRange>> {
+    let grid = domain.grid;
+    let in_sponge = params.sponge[1].get(z).is_some_and(|strength| *strength > 0.0);
+    let mut ranges: Vec<BlockRange> = Vec::new();
+    for block in 0..grid.plane_span().div_ceil(BLOCK) {
+        let nodes = block * BLOCK..(block + 1) * BLOCK;
+        let air = |k: usize| {
+            let (x, y) = (k % grid.row_stride, k / grid.row_stride);
+            (x < grid.n[0] && y < grid.n[1] && !domain.is_solid([x, y, z])).then_some([x, y])
+        };
+        if !nodes.clone().any(|k| air(k).is_some()) {
+            continue;
+        }
+        let at = index(block, "blocks of a plane of the lattice")?;
+        let variable_tau = in_sponge || nodes.filter_map(air).any(|at| base_tau(params, at) > params.tau);
+        match ranges.last_mut() {
+            Some(last) if last.to == at && last.variable_tau == variable_tau => last.to += 1,
+            _ => ranges.push(BlockRange { from: at, to: at + 1, variable_tau }),
+        }
+    }
+    Ok(ranges)
+}
+
+/// Number of `f32` lanes of an instruction set.
+struct LaneCount;
+
+impl WithSimd for LaneCount {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        S::F32_LANES
+    }
+}

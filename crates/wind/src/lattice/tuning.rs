@@ -1,0 +1,65 @@
+//! Numbers of the lattice wind that were chosen by judgement or by trial, with what changes when they move.
+
+/// Cells above rough ground in which the mixing length stands in for unresolved eddies. Eddies at a height are about as
+/// large as the height, and the lattice resolves those of some eight cells. Fewer: waves of a few cells above the ground;
+/// more: the wind is damped where it could be resolved.
+pub(super) const MIXING_LENGTH_CELLS: u32 = 8;
+
+/// Speed of the inflow, cells per step, that the number of steps per frame is chosen for. Errors of compressibility grow
+/// with its square; the cost falls in proportion.
+pub(super) const TARGET_SPEED: f64 = 0.1;
+/// Speed of the inflow, cells per step, above which a warning is given: about 1.5 times the target's error.
+pub(super) const WARN_SPEED: f64 = 0.12;
+/// Speed of the inflow, cells per step, that is refused: gusts round obstacles are twice as fast and meet the clamp.
+pub(super) const REFUSED_SPEED: f64 = 0.15;
+/// Speed of the inflow, cells per step, below which f32 rounding is no longer small against the flow.
+pub(super) const SLOW_SPEED: f64 = 0.005;
+/// Least relaxation time, steps, that stays stable without an eddy viscosity, by trial in turbulent wakes.
+pub(super) const MIN_TAU_WITHOUT_EDDIES: f64 = 0.505;
+/// Component of the wind's unit direction across a face, below which the wind counts as parallel to the face: about a
+/// degree. Larger: faces stay closed at more oblique winds; smaller: rounding opens faces that should slip.
+pub(super) const PARALLEL_COMPONENT: f64 = 0.02;
+/// Times that sound crosses the box's longest side before the first frame, at least: the start-up pressure waves have
+/// left by then.
+pub(super) const SPIN_UP_SOUND_CROSSINGS: f64 = 3.0;
+/// Steps over which the inflow rises from 0 to its full speed. Fewer: a stronger pressure wave at the start.
+pub(super) const RAMP_STEPS: f32 = 100.0;
+
+/// Steps between two checks of every cell. A check costs about one step; a diverging flow is reported at most this late.
+pub(super) const CHECK_INTERVAL: u64 = 64;
+/// Share of fluid cells that may be clamped in one step before the run counts as diverged.
+pub(super) const MAX_CLAMPED_SHARE: f64 = 0.01;
+/// Allowed density; outside, the flow has diverged: dynamic pressure at the clamped speed
+/// of 0.3 cells per step moves it by 0.15 only.
+pub(super) const DENSITY_RANGE: [f32; 2] = [0.5, 1.5];
+/// Mean checkerboard density (the difference of the two sublattices) that is warned of: a fifteenth of the
+/// dynamic pressure at the target speed.
+pub(super) const CHECKERBOARD_WARNING: f64 = 1e-3;
+
+/// Cells between a solid and an open face, fewer of which disturb the face's flow enough for a warning.
+pub(super) const OPEN_FACE_CLEARANCE: usize = 4;
+/// Share of the inflow's cross-section that solids may block before a warning: the wind squeezed past them is then some
+/// 40 % too fast.
+pub(super) const MAX_BLOCKAGE: f64 = 0.3;
+
+/// Linear interpolations of a gust per correlation time. Fewer: visible kinks; more: nothing but time.
+pub(super) const GUST_TICKS: f64 = 32.0;
+/// Correlation times of draws that a gust remembers: e^-7 is a thousandth.
+pub(super) const GUST_MEMORY: f64 = 7.0;
+/// Largest gust over its standard deviation; bounds the speed that steps per frame are planned for.
+pub(super) const MAX_GUST: f64 = 2.0;
+/// Shortest and longest wavelength of inflow turbulence, cells. Shorter waves are damped within a few cells of the inlet;
+/// longer ones act like gusts.
+pub(super) const TURBULENCE_WAVELENGTHS: [f64; 2] = [6.0, 32.0];
+/// Height, cells, from which on inflow turbulence has its full strength; it falls linearly to 0 at the ground, through
+/// which no eddy may blow.
+pub(super) const TURBULENCE_FULL_HEIGHT: f64 = 6.0;
+/// Turn of the wind, rad, per interval of Simpson's rule for the distance that the mean wind has travelled.
+pub(super) const TURN_PER_INTERVAL: f64 = 0.1;
+
+/// Cells outside the box over which the wind passes into the undisturbed inflow.
+pub(super) const OUTSIDE_BLEND_CELLS: f32 = 4.0;
+/// Cells recorded around the bounds that were asked for, so that interpolation at their edge has all eight neighbours.
+pub(super) const RECORDING_MARGIN: f32 = 2.0;
+/// Cross-fade at the end of a repeating recording, s: as long as an eddy of a few metres lives.
+pub(super) const LOOP_FADE: f64 = 2.0;
