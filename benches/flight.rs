@@ -12,7 +12,7 @@ use glam::Vec3;
 use osier::bake::BakeContext;
 use osier::bake::assets::catkin::{CatkinModel, catkin_models};
 use osier::limits::Limits;
-use osier::motion::flight::{Edge, Flights, Kind, Options, Sky, sky};
+use osier::motion::flight::{SideBoundary, FlightSimulation, CatkinKind, FlightParams, SkyRelease, sky_starts};
 use osier::par::par_each;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::Section as _;
@@ -35,23 +35,23 @@ fn median(mut all: Vec<f64>) -> f64 {
     all[all.len() / 2]
 }
 
-fn flights(n: u32, models: &[CatkinModel], stick_radius: f64) -> Flights {
-    let options = Options {
-        kinds: models.iter().map(|m| Kind { radius: m.radius, weight: 1.0 }).collect(),
+fn flights(n: u32, models: &[CatkinModel], stick_radius: f64) -> FlightSimulation {
+    let options = FlightParams {
+        kinds: models.iter().map(|m| CatkinKind { radius: m.radius, weight: 1.0 }).collect(),
         check_every: 1,
         stick_radius,
-        edges: [Edge::Periodic; 2],
-        ..Options::default()
+        edges: [SideBoundary::Periodic; 2],
+        ..FlightParams::default()
     };
-    let sky_box = Sky { seed: 1, count: n, inside: options.inside, band: [0.3, 0.95], duration: 0.0 };
+    let sky_box = SkyRelease { seed: 1, count: n, inside: options.inside, band: [0.3, 0.95], duration: 0.0 };
     let solids = Arc::new(Solids::new(Vec::new(), true));
-    let starts = sky(&sky_box, &solids);
-    Flights::new(options, solids, &starts)
+    let starts = sky_starts(&sky_box, &solids);
+    FlightSimulation::new(options, solids, &starts)
 }
 
 /// All points of all hairs in world space.
-fn drawn(flights: &Flights, models: &[CatkinModel], out: &mut [Vec3]) {
-    let catkins: Vec<_> = flights.by_number().collect();
+fn drawn(flights: &FlightSimulation, models: &[CatkinModel], out: &mut [Vec3]) {
+    let catkins: Vec<_> = flights.by_id().collect();
     let mut chunks: Vec<_> = catkins.chunks(64).zip(out.chunks_mut(64 * 400)).collect();
     par_each(&mut chunks, |(catkins, out)| {
         for (c, out) in catkins.iter().zip(out.chunks_mut(400)) {

@@ -10,7 +10,7 @@ use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{SceneParts, assemble_scene};
 use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
-use osier::motion::sway::{Budget, Elements, Manner, Rig, Simulation, Wood};
+use osier::motion::sway::{ElementBudget, BeamElements, SwayParams, JointRig, SwaySimulation, WoodParams};
 use osier::plant::Plant;
 use osier::presets::find;
 use osier::progress::{Cancel, Silent};
@@ -45,11 +45,11 @@ fn grown(name: &str, work: &BakeContext<'_>) -> Plant {
 }
 
 /// Simulates 240 frames of up to 2,000 branches.
-fn stepped(plant: &Plant, wind: &GustWind, manner: Manner) {
-    let elements = Elements::build(plant, &manner.wood, Budget::Elements(2000));
+fn stepped(plant: &Plant, wind: &GustWind, manner: SwayParams) {
+    let elements = BeamElements::build(plant, &manner.wood, ElementBudget::Elements(2000));
     let (branches, stations) = (elements.list.len(), elements.stations.len());
     let seconds = best(|| {
-        let mut run = Simulation::new(&elements, wind, manner);
+        let mut run = SwaySimulation::new(&elements, wind, manner);
         for k in 0..240 * run.steps() {
             run.advance(f64::from(k) / (24.0 * f64::from(run.steps())));
         }
@@ -65,7 +65,7 @@ fn main() {
     let plant = grown("birch", &work);
     let wind = GustWind::new(GustWindOptions { speed: 8.0, period: Some(10.0), ..GustWindOptions::default() });
     let manner =
-        Manner { wood: Wood::default(), flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: 24.0 };
+        SwayParams { wood: WoodParams::default(), flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: 24.0 };
 
     stepped(&plant, &wind, manner);
     stepped(&grown("oak", &work), &wind, manner);
@@ -76,8 +76,8 @@ fn main() {
     let seconds = best(|| wind.sample(&places, 3.0, &mut air));
     println!("wind: {:.0} ns a sample", seconds / places.len() as f64 * 1e9);
 
-    let few = Elements::build(&plant, &manner.wood, Budget::Joints(256));
-    let rig = Rig::build(&plant, &few, 256);
+    let few = BeamElements::build(&plant, &manner.wood, ElementBudget::Joints(256));
+    let rig = JointRig::build(&plant, &few, 256);
     let bends = vec![[0.1_f32, 0.05]; few.list.len()];
     let bindings: Vec<(u32, f32)> = (0..plant.axes.len())
         .flat_map(|a| plant.nodes_of(&plant.axes[a]).map(move |k| (a, k)))

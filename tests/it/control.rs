@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
-use osier::motion::flight::{Catkin, Edge, Flights, Humidity, Options, Start, Wait};
+use osier::motion::flight::{Catkin, SideBoundary, FlightSimulation, GroundHumidity, FlightParams, CatkinStart, ReleaseCondition};
 use osier::progress::{Cancel, Silent};
 use osier::rng::Rng;
 use osier::solid::{Form, Prism, Solid, Solids};
@@ -43,44 +43,44 @@ fn blown(speed: f64, steps: u32, solids: &[Solid], frames: usize) -> Vec<Arc<Win
     (0..=frames).map(|_| lattice.advance(&Silent, &Cancel::default()).expect("air")).collect()
 }
 
-fn options(seed: u64, humidity: f64, edges: [Edge; 2]) -> Options {
+fn options(seed: u64, humidity: f64, edges: [SideBoundary; 2]) -> FlightParams {
     let inside = Bounds { min: Vec3::new(-16.0, 0.0, -4.0), max: Vec3::new(16.0, 20.0, 4.0) };
-    Options {
+    FlightParams {
         seed,
-        humidity: Humidity::Even(humidity),
+        humidity: GroundHumidity::Even(humidity),
         edges,
         inside,
         stick_radius: 0.0,
         substeps: 2,
-        ..Options::default()
+        ..FlightParams::default()
     }
 }
 
 /// Some that start between `low` and `high` and fly as long as the wind is known, and for how many frames one or another lay.
 fn flown(
-    options: Options,
+    options: FlightParams,
     (low, high): (DVec3, DVec3),
     solids: &[Solid],
     air: &[Arc<WindSnapshot>],
-) -> (Flights, usize) {
+) -> (FlightSimulation, usize) {
     let mut draw = Rng::at(options.seed, &["control".into()]);
     let mut place = || low + (high - low) * DVec3::new(draw.unit_f64(), draw.unit_f64(), draw.unit_f64());
-    let starts: Vec<Start> = (0..500).map(|_| Start { at: place(), wait: Wait::Until(0.0) }).collect();
-    let mut all = Flights::new(options, Arc::new(Solids::new(solids.to_vec(), true)), &starts);
+    let starts: Vec<CatkinStart> = (0..500).map(|_| CatkinStart { at: place(), wait: ReleaseCondition::Until(0.0) }).collect();
+    let mut all = FlightSimulation::new(options, Arc::new(Solids::new(solids.to_vec(), true)), &starts);
     let mut lay = 0;
     for (pair, t0) in air.windows(2).zip((0_u32..).map(|k| f64::from(k) / FPS)) {
         let (before, after) = (Arc::clone(&pair[0]), Arc::clone(&pair[1]));
         all.advance_frame(&InterpolatedWind { before, after, t0, t1: t0 + 1.0 / FPS });
-        lay += all.by_number().filter(|c| c.state().is_deposited()).count();
+        lay += all.by_id().filter(|c| c.state().is_deposited()).count();
     }
     (all, lay)
 }
 
 /// How many lie in each stretch of `length`, m, before the wall's face, the nearest first, and behind the wall.
-fn lying(all: &Flights, length: f64) -> (Vec<usize>, usize) {
+fn lying(all: &FlightSimulation, length: f64) -> (Vec<usize>, usize) {
     let rests = |c: &&Catkin| c.state().is_deposited();
     let before: Vec<f64> =
-        all.by_number().filter(rests).map(|c| f64::from(WALL - THICK / 2.0) - c.position().x).collect();
+        all.by_id().filter(rests).map(|c| f64::from(WALL - THICK / 2.0) - c.position().x).collect();
     let within = |k: u32| {
         let from = f64::from(k) * length;
         before.iter().filter(|x| (from..from + length).contains(*x)).count()
@@ -92,7 +92,7 @@ fn lying(all: &Flights, length: f64) -> (Vec<usize>, usize) {
 #[test]
 fn a_higher_wall_lets_fewer_pass_and_gathers_them_at_its_foot() {
     let upwind = (DVec3::new(-14.0, 0.2, -4.0), DVec3::new(0.0, 7.0, 4.0));
-    let edges = [Edge::Exit, Edge::Periodic];
+    let edges = [SideBoundary::Exit, SideBoundary::Periodic];
     let winds = [0.0, 2.0, 4.0, 8.0].map(|height| {
         let solids = solids(height);
         let air = blown(3.0, 4, &solids, 340);
@@ -103,7 +103,7 @@ fn a_higher_wall_lets_fewer_pass_and_gathers_them_at_its_foot() {
             flown(options(seed, wet, edges), upwind, &wind.0, &wind.1).0
         };
         let beyond = |c: &&Catkin| c.position().x > f64::from(WALL);
-        let passed = winds.each_ref().map(|wind| fly(wind, 0.9).by_number().filter(beyond).count());
+        let passed = winds.each_ref().map(|wind| fly(wind, 0.9).by_id().filter(beyond).count());
         assert!(passed.windows(2).all(|p| p[0] > p[1]), "seed {seed}: {passed:?}");
         for (wind, height) in winds.iter().zip([0_u32, 2, 4, 8]).skip(1) {
             let all = fly(wind, 0.1);
@@ -111,7 +111,7 @@ fn a_higher_wall_lets_fewer_pass_and_gathers_them_at_its_foot() {
             let (before, behind) = lying(&all, f64::from(height));
             let most = before.iter().skip(1).max().expect("stretches");
             assert!(before[0] > *most && before[0] > behind, "seed {seed}, {height} m: {before:?}, {behind}");
-            assert_eq!(all.tally().penetrations, 0);
+            assert_eq!(all.stats().penetrations, 0);
         }
     }
 }
@@ -124,8 +124,8 @@ fn wetter_ground_lets_fewer_go() {
     let low = (DVec3::new(-16.0, 0.1, -4.0), DVec3::new(16.0, 1.5, 4.0));
     for seed in 1..=2 {
         let lifted = [0.0, 0.25, 0.5, 0.75, 1.0].map(|humidity| {
-            let (all, lay) = flown(options(seed, humidity, [Edge::Periodic; 2]), low, &[], &air);
-            let tally = all.tally();
+            let (all, lay) = flown(options(seed, humidity, [SideBoundary::Periodic; 2]), low, &[], &air);
+            let tally = all.stats();
             assert!(tally.deposits > 50, "seed {seed}, {humidity}: {tally:?}");
             tally.lift_offs as f64 * FPS / (lay as f64).max(1.0)
         });

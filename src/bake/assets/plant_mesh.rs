@@ -12,7 +12,7 @@ use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::sections::{Motion, SkinKeys, Uv};
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::Result;
-use osier_motion::sway::{Rig, Weights};
+use osier_motion::sway::{JointRig, WindWeights};
 use osier_plants::surface::{SkinOptions, UvMode, skin};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
@@ -91,10 +91,10 @@ pub fn build_plant_asset(
     let instancers = separate.map(|(o, organs)| instancer(plant, kind, (*o, organs), joint_motion(organs, rig)));
     let mut merged = Vec::new();
     if shaded || kind.shader_wind {
-        mesh.wind = Weights::new(plant).bark(&bindings);
+        mesh.wind = WindWeights::new(plant).bark(&bindings);
     }
     if shaded {
-        let attributes = Weights::new(plant);
+        let attributes = WindWeights::new(plant);
         merged =
             groups.iter().map(|(o, organs)| merged_leaves(&attributes, kind, (*o, organs), (rig, motion))).collect();
     }
@@ -178,10 +178,10 @@ pub fn group_organs<'a>(plant: &'a Plant, kind: &PlantMaterials) -> BTreeMap<usi
 
 /// Leaves of one kind as one mesh that rides rigidly on the joints.
 fn merged_leaves(
-    attributes: &Weights<'_>,
+    attributes: &WindWeights<'_>,
     kind: &PlantMaterials,
     (organ, organs): (usize, &[&Organ]),
-    (rig, motion): (Option<&Rig>, MeshMotion),
+    (rig, motion): (Option<&JointRig>, MeshMotion),
 ) -> MeshObject {
     let (mesh, sizes) = attributes.leaves(organs, kind.first_material);
     let skin = rig.map(|rig| {
@@ -199,7 +199,7 @@ pub fn instancer_name(kind: &PlantMaterials, organ: usize) -> String {
 }
 
 /// How organs move with the joints.
-fn joint_motion(organs: &[&Organ], rig: Option<&Rig>) -> InstancerMotion {
+fn joint_motion(organs: &[&Organ], rig: Option<&JointRig>) -> InstancerMotion {
     rig.map_or(InstancerMotion::Still, |rig| {
         InstancerMotion::Joints(organs.iter().map(|o| rig.organ_joint(o)).collect())
     })

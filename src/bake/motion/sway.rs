@@ -18,7 +18,7 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::Cancel;
-use osier_motion::sway::{Body, Budget, Elements, Flutter, Hangers, Manner, Posture, Rig, Spot, Track};
+use osier_motion::sway::{PointBinding, ElementBudget, BeamElements, LeafFlutter, OrganBindings, SwayParams, PosedSkeleton, JointRig, ElementLocation, BendTrack};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
@@ -51,23 +51,23 @@ pub enum AssetMotion {
 #[derive(Debug, Clone)]
 pub struct SwayMotion {
     /// Its joints.
-    pub rig: Rig,
-    elements: Elements,
-    track: Track,
+    pub rig: JointRig,
+    elements: BeamElements,
+    track: BendTrack,
     /// All of it, where every point is wanted.
-    body: Option<Body>,
+    body: Option<PointBinding>,
     /// One per instancer, in the instancer's order of organs.
     leaves: Vec<LeafMotion>,
     wind: Arc<dyn Wind>,
-    manner: Manner,
+    manner: SwayParams,
 }
 
 /// Leaves of one instancer.
 #[derive(Debug, Clone)]
 struct LeafMotion {
-    flutter: Flutter,
-    hangers: Hangers,
-    spots: Vec<Spot>,
+    flutter: LeafFlutter,
+    hangers: OrganBindings,
+    spots: Vec<ElementLocation>,
 }
 
 /// The organs of one instancer, with what the recipe says of their flutter.
@@ -112,7 +112,7 @@ impl SwayMotion {
     pub fn new(
         plant: &Plant,
         keys: &PlantKeys,
-        (air, manner): (&PlantWind, Manner),
+        (air, manner): (&PlantWind, SwayParams),
         shown: &SwaySurface<'_>,
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
@@ -120,37 +120,37 @@ impl SwayMotion {
         let most = if keys.motion == Motion::Game { MAX_GAME_JOINTS } else { u32::MAX };
         let joints = keys.max_joints.min(most) as usize;
         let budget = match keys.motion {
-            Motion::Cache => Budget::Elements(keys.max_branches as usize),
-            Motion::Game => Budget::Coarse(joints),
-            Motion::Skin | Motion::Static | Motion::Still => Budget::Joints(joints),
+            Motion::Cache => ElementBudget::Elements(keys.max_branches as usize),
+            Motion::Game => ElementBudget::Coarse(joints),
+            Motion::Skin | Motion::Static | Motion::Still => ElementBudget::Joints(joints),
         };
-        let elements = Elements::build(plant, &manner.wood, budget);
-        osier_motion::sway::afford(&elements, air.take, limits)?;
+        let elements = BeamElements::build(plant, &manner.wood, budget);
+        osier_motion::sway::check_key_limit(&elements, air.take, limits)?;
         let take = if air.draft {
-            osier_motion::sway::Take { frames: 1, repeats: false, from_rest: true, ..air.take }
+            osier_motion::sway::ClipOptions { frames: 1, repeats: false, from_rest: true, ..air.take }
         } else {
             air.take
         };
         let track = match air.paper {
             Some(paper) => {
                 let both = (plant, &elements);
-                Track::record_as_printed(both, &*air.wind, (manner, paper), take, (limits, cancel))?
+                BendTrack::record_as_printed(both, &*air.wind, (manner, paper), take, (limits, cancel))?
             }
-            None => Track::record(&elements, &*air.wind, manner, take, (limits, cancel))?,
+            None => BendTrack::record(&elements, &*air.wind, manner, take, (limits, cancel))?,
         };
         let foliage = |l: &FlutterGroup<'_>| {
             let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;
             let speed = air.wind.mean_at(manner.stand.apply(Vec3::Y * middle).y).length();
-            let flutter = Flutter::new(l.organs, speed, air.wind.period(), l.flutter);
+            let flutter = LeafFlutter::new(l.organs, speed, air.wind.period(), l.flutter);
             LeafMotion {
                 flutter: if air.paper.is_some() { flutter.as_printed() } else { flutter },
-                hangers: Hangers::new(plant, l.organs),
-                spots: l.organs.iter().map(|o| elements.spot(o.axis, o.s)).collect(),
+                hangers: OrganBindings::new(plant, l.organs),
+                spots: l.organs.iter().map(|o| elements.locate(o.axis, o.s)).collect(),
             }
         };
         Ok(Self {
-            rig: Rig::build(plant, &elements, joints),
-            body: cached.then(|| Body::new(plant, &elements, shown.points, shown.bindings)),
+            rig: JointRig::build(plant, &elements, joints),
+            body: cached.then(|| PointBinding::new(plant, &elements, shown.points, shown.bindings)),
             leaves: shown.leaves.iter().map(foliage).collect(),
             wind: Arc::clone(&air.wind),
             elements,
@@ -170,23 +170,23 @@ impl SwayMotion {
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
         let moment = SwaySample { bends, seconds, step };
         let mut frame = AssetFrame { pose: self.rig.pose(&self.elements, &moment.bends[1]), ..AssetFrame::default() };
-        let posture = self.body.as_ref().map(|body| body.posture(&self.elements, &moment.bends[1]));
+        let posture = self.body.as_ref().map(|body| body.pose(&self.elements, &moment.bends[1]));
         if let Some((body, posture)) = self.body.as_ref().zip(posture.as_ref()) {
             frame.meshes = self.meshes(asset, (body, posture), &moment);
         }
-        let around = [&moment.bends[0], &moment.bends[2]].map(|b| self.elements.bases(b));
+        let around = [&moment.bends[0], &moment.bends[2]].map(|b| self.elements.base_rotations(b));
         frame.instancers = (0..asset.instancers.len())
             .map(|i| self.instancer(asset, i, (&frame, posture.as_ref()), (&moment, &around)))
             .collect();
         frame
     }
 
-    fn meshes(&self, asset: &Asset, (body, posture): (&Body, &Posture), moment: &SwaySample) -> Vec<MeshFrame> {
+    fn meshes(&self, asset: &Asset, (body, posture): (&PointBinding, &PosedSkeleton), moment: &SwaySample) -> Vec<MeshFrame> {
         let one = |m: &osier_scene::MeshObject| {
             if m.motion != MeshMotion::Deforming {
                 return MeshFrame::Same;
             }
-            let [before, after] = [0, 2].map(|k| body.bark(&body.posture(&self.elements, &moment.bends[k])));
+            let [before, after] = [0, 2].map(|k| body.bark(&body.pose(&self.elements, &moment.bends[k])));
             MeshFrame::Points {
                 points: body.bark(posture),
                 normals: body.normals(posture, &m.mesh.normals),
@@ -200,7 +200,7 @@ impl SwayMotion {
         &self,
         asset: &Asset,
         i: usize,
-        (frame, posture): (&AssetFrame, Option<&Posture>),
+        (frame, posture): (&AssetFrame, Option<&PosedSkeleton>),
         (moment, around): (&SwaySample, &[Vec<Quat>; 2]),
     ) -> InstancerFrame {
         let (Some(instancer), Some(leaves)) = (asset.instancers.get(i), self.leaves.get(i)) else {
@@ -230,11 +230,11 @@ impl SwayMotion {
         self.wind.sample(&places, moment.seconds, &mut air);
         for (k, q) in state.orientations.iter_mut().enumerate() {
             let spot = leaves.spots[k];
-            let wind = stand.r.conjugate() * air[k] * self.elements.open(spot);
-            let [before, after] = [0, 1].map(|n| self.elements.turn(&around[n], &moment.bends[2 * n], spot));
+            let wind = stand.r.conjugate() * air[k] * self.elements.wind_exposure(spot);
+            let [before, after] = [0, 1].map(|n| self.elements.rotation_at(&around[n], &moment.bends[2 * n], spot));
             let turned = after * before.conjugate();
             let spin = turned.xyz() * (2.0 * turned.w.signum() / moment.step);
-            *q = leaves.flutter.turned(k, *q, moment.seconds, osier_motion::sway::Air { wind, spin }).normalize();
+            *q = leaves.flutter.turned(k, *q, moment.seconds, osier_motion::sway::LeafAir { wind, spin }).normalize();
         }
     }
 }

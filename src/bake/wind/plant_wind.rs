@@ -11,7 +11,7 @@ use crate::recipe::wind_keys::{PaperFix, Profile, Solver, Start, SwayKeys, SwayM
 use osier_base::math::{cos, narrow, sin};
 use osier_base::rng;
 use osier_base::{Result, diagnostic::Report};
-use osier_motion::sway::{Fixes, Manner, PaperManner, Take, Wood};
+use osier_motion::sway::{PaperCorrections, SwayParams, PaperParams, ClipOptions, WoodParams};
 use osier_scene::Trs;
 use osier_wind::{
     CALM_SPEED, GustWind, GustWindOptions, ScaledWind, SineWind, SineWindOptions, UniformWind, Wind, WindSum,
@@ -23,7 +23,7 @@ pub struct PlantWind {
     /// The wind.
     pub wind: Arc<dyn Wind>,
     /// What is kept of the motion.
-    pub take: Take,
+    pub take: ClipOptions,
     flicker: f64,
     whip: f64,
     fps: f64,
@@ -33,7 +33,7 @@ pub struct PlantWind {
     overtones: bool,
     gravity: bool,
     /// The paper's equations, if they are asked for.
-    pub paper: Option<PaperManner>,
+    pub paper: Option<PaperParams>,
     /// Of the motion only its size is asked for.
     pub draft: bool,
 }
@@ -69,7 +69,7 @@ impl PlantWind {
         }
         let round = sway.loop_frames(&recipe.clip);
         let (frames, repeats) = (round.unwrap_or(recipe.clip.len()), round.is_some());
-        let take = Take {
+        let take = ClipOptions {
             frames,
             repeats,
             from_rest: !repeats && sway.start == Start::Rest,
@@ -134,16 +134,16 @@ impl PlantWind {
     }
 
     /// How a plant that stands at `stand` takes it.
-    pub fn manner(&self, keys: &WoodKeys, stand: Trs) -> Manner {
-        let wood = Wood { measured: self.measured, overtones: self.overtones, ..wood(keys) };
-        Manner { wood, flicker: self.flicker, whip: self.whip, stand, gravity: self.gravity, fps: self.fps }
+    pub fn manner(&self, keys: &WoodKeys, stand: Trs) -> SwayParams {
+        let wood = WoodParams { measured: self.measured, second_modes: self.overtones, ..wood(keys) };
+        SwayParams { wood, flicker: self.flicker, whip: self.whip, stand, gravity: self.gravity, fps: self.fps }
     }
 }
 
-fn paper(sway: &SwayKeys) -> Option<PaperManner> {
+fn paper(sway: &SwayKeys) -> Option<PaperParams> {
     let has = |fix: PaperFix| sway.fixes.contains(&fix);
-    (sway.model == SwayModel::Paper).then(|| PaperManner {
-        fixes: Fixes { radius: has(PaperFix::Radius), air: has(PaperFix::Air), damping: has(PaperFix::Damping) },
+    (sway.model == SwayModel::Paper).then(|| PaperParams {
+        fixes: PaperCorrections { radius: has(PaperFix::Radius), air: has(PaperFix::Air), damping: has(PaperFix::Damping) },
         recoil: sway.recoil,
         damping: sway.paper_damping,
     })
@@ -187,8 +187,8 @@ fn analytic_wind(keys: &WindKeys, period: Option<f64>, seed: u64) -> Arc<dyn Win
 }
 
 /// What a plant is made of.
-pub fn wood(keys: &WoodKeys) -> Wood {
-    Wood {
+pub fn wood(keys: &WoodKeys) -> WoodParams {
+    WoodParams {
         elasticity: keys.elasticity.map(|e| e * 1e9).or(keys.timber.map(|t| t.elasticity())),
         density: keys.density,
         leaf_mass: keys.leaf_mass,
@@ -198,6 +198,6 @@ pub fn wood(keys: &WoodKeys) -> Wood {
         trunk_hertz: keys.trunk,
         hertz: keys.hertz,
         damping: keys.damping,
-        ..Wood::default()
+        ..WoodParams::default()
     }
 }

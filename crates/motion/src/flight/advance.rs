@@ -2,39 +2,39 @@
 
 use glam::{DVec3, Vec3};
 
-use super::clusters::Cluster;
-use super::deposit::{Landing, Path};
-use super::particles::{Catkin, Lag, State};
-use super::present_states::About;
-use super::release::Leaving;
-use super::{CHUNK, Flights, Wait};
+use super::clusters::CatkinCluster;
+use super::deposit::{SweepResult, SweptBall};
+use super::particles::{Catkin, VelocityDecay, CatkinState};
+use super::present_states::PresentStates;
+use super::release::WindRelease;
+use super::{CATKINS_PER_TASK, FlightSimulation, ReleaseCondition};
 use osier_wind::Wind;
 
 /// Most members of a cluster that the wind is asked at.
-const ASKED: usize = 64;
+const MAX_WIND_SAMPLES: usize = 64;
 
 /// Clusters a task takes at once.
-const CLUSTERS: usize = 64;
+const CLUSTERS_PER_TASK: usize = 64;
 
 /// Most that a cluster turns, rad/s, and how long it takes to take up a turn, s.
-const FASTEST_TURN: f32 = 6.0;
-const TURN_TIME: f32 = 0.3;
+const MAX_CLUSTER_SPIN: f32 = 6.0;
+const CLUSTER_SPIN_TIME: f32 = 0.3;
 
 /// What the air does at a point for one that falls through it.
-fn carried(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) -> DVec3 {
+fn carrying_velocity(air: Vec3, tuft: Vec3, fall: f64, glide: f64, lift: f64) -> DVec3 {
     let level = Vec3::new(tuft.x, 0.0, tuft.z).as_dvec3();
     air.as_dvec3() + DVec3::Y * (lift - fall) + level * (glide * fall)
 }
 
 /// Half a step and a whole one for one body.
 #[derive(Debug, Clone, Copy)]
-struct Midpoint {
-    lag: Lag,
+struct MidpointStep {
+    lag: VelocityDecay,
     tau: f64,
     dt: f64,
 }
 
-impl Midpoint {
+impl MidpointStep {
     fn half(self, x: DVec3, v: DVec3, u: DVec3) -> DVec3 {
         x + u * (self.dt / 2.0) + (v - u) * (self.tau * (1.0 - self.lag.half))
     }
@@ -47,16 +47,16 @@ impl Midpoint {
 
 /// Members of a cluster that the wind is asked at; one after another, so that room for them is made but once.
 #[derive(Debug, Default)]
-struct Asked {
+struct WindProbe {
     /// Their places among the members.
     which: Vec<usize>,
     places: Vec<Vec3>,
     air: Vec<Vec3>,
 }
 
-impl Asked {
+impl WindProbe {
     /// Asks the wind around `middle`.
-    fn ask(&mut self, cluster: &Cluster, middle: DVec3, (wind, t): (&dyn Wind, f64)) {
+    fn ask(&mut self, cluster: &CatkinCluster, middle: DVec3, (wind, t): (&dyn Wind, f64)) {
         self.places.clear();
         self.places.extend(self.which.iter().map(|i| (middle + cluster.offsets[*i]).as_vec3()));
         self.air.resize(self.places.len(), Vec3::ZERO);
@@ -64,112 +64,112 @@ impl Asked {
     }
 }
 
-impl Flights {
+impl FlightSimulation {
     /// Lets go of those whose time has come.
-    pub(super) fn release(&mut self, wind: &dyn Wind, t: f64) {
-        if !self.about.pending {
+    pub(super) fn release_pending(&mut self, wind: &dyn Wind, t: f64) {
+        if !self.present.pending {
             return;
         }
-        let leaving = Leaving { rate: self.options.release_rate, speed: self.options.release_speed };
-        let dt = self.options.step();
-        let mut pending: Vec<&mut Catkin> = self.catkins.iter_mut().filter(|c| c.state == State::Pending).collect();
+        let leaving = WindRelease { rate: self.options.release_rate, speed: self.options.release_speed };
+        let dt = self.options.time_step();
+        let mut pending: Vec<&mut Catkin> = self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending).collect();
         let places: Vec<Vec3> = pending.iter().map(|c| c.x.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
-        if pending.iter().any(|c| matches!(c.wait, Wait::Wind(_))) {
+        if pending.iter().any(|c| matches!(c.wait, ReleaseCondition::Wind(_))) {
             wind.sample(&places, t, &mut air);
         }
         for (c, air) in pending.iter_mut().zip(air) {
             if leaving.goes(&mut c.wait, air, (t, dt)) {
-                c.state = State::Airborne;
+                c.state = CatkinState::Airborne;
                 c.since = t;
             }
         }
     }
 
     /// Singles in the air.
-    pub(super) fn fly(&mut self, wind: &dyn Wind, t: f64) {
+    pub(super) fn advance_singles(&mut self, wind: &dyn Wind, t: f64) {
         let (options, solids) = (&self.options, &*self.solids);
-        let dt = options.step();
-        let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CHUNK).collect();
+        let dt = options.time_step();
+        let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CATKINS_PER_TASK).collect();
         let landed = osier_base::par::par_map_mut(&mut chunks, |chunk| {
-            let flying = |c: &Catkin| c.state == State::Airborne && !c.clustered;
+            let flying = |c: &Catkin| c.state == CatkinState::Airborne && !c.clustered;
             let mut those: Vec<&mut Catkin> = chunk.iter_mut().filter(|c| flying(c)).collect();
             let mut places: Vec<Vec3> = those.iter().map(|c| c.x.as_vec3()).collect();
             let mut air = vec![Vec3::ZERO; places.len()];
-            let step = |c: &Catkin| Midpoint { lag: c.lag, tau: options.tau(c.fall), dt };
-            let pull = |c: &Catkin, air: Vec3, t: f64| carried(air, c.tuft(), c.fall, options.glide, c.lift_at(t));
+            let step = |c: &Catkin| MidpointStep { lag: c.lag, tau: options.relaxation_time(c.fall), dt };
+            let pull = |c: &Catkin, air: Vec3, t: f64| carrying_velocity(air, c.tuft(), c.fall, options.glide, c.lift_at(t));
             wind.sample(&places, t, &mut air);
             for ((c, place), air) in those.iter().zip(&mut places).zip(&air) {
                 *place = step(c).half(c.x, c.v, pull(c, *air, t)).as_vec3();
             }
             wind.sample(&places, t + dt / 2.0, &mut air);
-            let (mut landed, mut strays) = (0_u64, Vec::new());
+            let (mut landed, mut escaped) = (0_u64, Vec::new());
             for (c, air) in those.iter_mut().zip(&air) {
                 let (way, v) = step(c).whole(c.v, pull(c, *air, t + dt / 2.0));
-                let path = Path { from: c.x, way, radius: c.radius };
+                let path = SweptBall { from: c.x, way, radius: c.radius };
                 c.flow = *air - v.as_vec3();
-                let landing = path.follow(solids);
+                let landing = path.sweep_cluster(solids);
                 c.travel += landing.at - c.x;
                 (c.x, c.v) = (landing.at, v);
-                landed += u64::from(c.land(&landing));
+                landed += u64::from(c.land_on(&landing));
                 if options.is_outside(c.x) {
-                    strays.push(c.id);
+                    escaped.push(c.id);
                 }
             }
-            (landed, About::of(chunk), strays)
+            (landed, PresentStates::of(chunk), escaped)
         });
-        self.events.deposits += landed.iter().map(|l| l.0).sum::<u64>();
-        self.about = landed.iter().fold(About::default(), |about, l| about.and(l.1));
-        self.strays = landed.into_iter().flat_map(|l| l.2).collect();
+        self.counters.deposits += landed.iter().map(|l| l.0).sum::<u64>();
+        self.present = landed.iter().fold(PresentStates::default(), |present, l| present.and(l.1));
+        self.escaped = landed.into_iter().flat_map(|l| l.2).collect();
     }
 
     /// Clusters in the air, each as one body.
-    pub(super) fn fly_clusters(&mut self, wind: &dyn Wind, t: f64) {
+    pub(super) fn advance_clusters(&mut self, wind: &dyn Wind, t: f64) {
         let mut clusters = std::mem::take(&mut self.clusters);
-        let mut flying: Vec<&mut Cluster> = clusters.values_mut().filter(|c| c.state == State::Airborne).collect();
-        let mut chunks: Vec<&mut [&mut Cluster]> = flying.chunks_mut(CLUSTERS).collect();
+        let mut flying: Vec<&mut CatkinCluster> = clusters.values_mut().filter(|c| c.state == CatkinState::Airborne).collect();
+        let mut chunks: Vec<&mut [&mut CatkinCluster]> = flying.chunks_mut(CLUSTERS_PER_TASK).collect();
         let landings = osier_base::par::par_map_mut(&mut chunks, |chunk| {
-            let mut asked = Asked::default();
-            chunk.iter_mut().map(|cluster| self.moved(cluster, &mut asked, (wind, t))).collect::<Vec<_>>()
+            let mut probe = WindProbe::default();
+            chunk.iter_mut().map(|cluster| self.advance_cluster(cluster, &mut probe, (wind, t))).collect::<Vec<_>>()
         });
         for (cluster, landing) in flying.into_iter().zip(landings.into_iter().flatten()) {
             if landing.touches() {
-                self.events.deposits += cluster.members.len() as u64;
+                self.counters.deposits += cluster.members.len() as u64;
             }
-            self.follow_on(cluster, &landing);
+            self.follow_cluster(cluster, &landing);
         }
-        self.about = clusters.values().fold(self.about, |about, c| about.with(c.state));
+        self.present = clusters.values().fold(self.present, |present, c| present.with(c.state));
         self.clusters = clusters;
     }
 
     /// Moves a cluster by a step, its members not yet, and tells what it came upon.
-    fn moved(&self, cluster: &mut Cluster, asked: &mut Asked, (wind, t): (&dyn Wind, f64)) -> Landing {
-        let dt = self.options.step();
-        cluster.draw_in(dt, |id| self.at(id).mass);
-        asked.which.clear();
-        asked.which.extend(cluster.evenly(ASKED));
-        let step = Midpoint { lag: cluster.lag, tau: self.options.tau(cluster.fall), dt };
-        asked.ask(cluster, cluster.x, (wind, t));
-        let middle = step.half(cluster.x, cluster.v, self.borne_by(cluster, asked, t));
-        asked.ask(cluster, middle, (wind, t + dt / 2.0));
-        let (way, v) = step.whole(cluster.v, self.borne_by(cluster, asked, t + dt / 2.0));
+    fn advance_cluster(&self, cluster: &mut CatkinCluster, probe: &mut WindProbe, (wind, t): (&dyn Wind, f64)) -> SweepResult {
+        let dt = self.options.time_step();
+        cluster.contract(dt, |id| self.catkin(id).mass);
+        probe.which.clear();
+        probe.which.extend(cluster.evenly_spaced_members(MAX_WIND_SAMPLES));
+        let step = MidpointStep { lag: cluster.lag, tau: self.options.relaxation_time(cluster.fall), dt };
+        probe.ask(cluster, cluster.x, (wind, t));
+        let middle = step.half(cluster.x, cluster.v, self.mean_carrying_velocity(cluster, probe, t));
+        probe.ask(cluster, middle, (wind, t + dt / 2.0));
+        let (way, v) = step.whole(cluster.v, self.mean_carrying_velocity(cluster, probe, t + dt / 2.0));
         if self.options.cluster_rotation {
-            let spun = self.spun(cluster, &asked.which, &asked.air);
+            let spun = self.angular_velocity_from_wind(cluster, &probe.which, &probe.air);
             cluster.turn_by(spun, dt);
         }
-        let landing = self.follow(cluster, way);
+        let landing = self.sweep_cluster(cluster, way);
         cluster.x = landing.at;
         cluster.v = v;
         landing
     }
 
     /// What the air at its members does to a cluster, by their masses.
-    fn borne_by(&self, cluster: &Cluster, asked: &Asked, t: f64) -> DVec3 {
+    fn mean_carrying_velocity(&self, cluster: &CatkinCluster, probe: &WindProbe, t: f64) -> DVec3 {
         let lift = cluster.lift_at(t);
         let (mut sum, mut mass) = (DVec3::ZERO, 0.0);
-        for (i, air) in asked.which.iter().zip(&asked.air) {
-            let c = self.at(cluster.members[*i]);
-            sum += carried(*air, c.tuft(), cluster.fall, self.options.glide, lift) * c.mass;
+        for (i, air) in probe.which.iter().zip(&probe.air) {
+            let c = self.catkin(cluster.members[*i]);
+            sum += carrying_velocity(*air, c.tuft(), cluster.fall, self.options.glide, lift) * c.mass;
             mass += c.mass;
         }
         sum / mass
@@ -177,11 +177,11 @@ impl Flights {
 
     /// How fast a cluster turns after this step: towards how the air around it turns.
     /// omega = I^-1 sum m r x (u - mean u); a line of two has no inertia about itself and is not turned about it.
-    fn spun(&self, cluster: &Cluster, asked: &[usize], air: &[Vec3]) -> Vec3 {
+    fn angular_velocity_from_wind(&self, cluster: &CatkinCluster, probe: &[usize], air: &[Vec3]) -> Vec3 {
         let mean = air.iter().copied().sum::<Vec3>() / air.len().max(1) as f32;
         let (mut momentum, mut inertia) = (Vec3::ZERO, glam::Mat3::ZERO);
-        for (i, u) in asked.iter().zip(air) {
-            let m = osier_base::math::narrow(self.at(cluster.members[*i]).mass / cluster.mass);
+        for (i, u) in probe.iter().zip(air) {
+            let m = osier_base::math::narrow(self.catkin(cluster.members[*i]).mass / cluster.mass);
             let r = cluster.offsets[*i].as_vec3();
             momentum += r.cross(*u - mean) * m;
             let outer = glam::Mat3::from_cols(r * r.x, r * r.y, r * r.z);
@@ -192,8 +192,8 @@ impl Flights {
             return cluster.omega;
         }
         let whole = inertia + glam::Mat3::IDENTITY * (trace * 1e-3);
-        let wanted = (whole.inverse() * momentum).clamp_length_max(FASTEST_TURN);
-        let share = 1.0 - osier_base::math::exp_f32(-osier_base::math::narrow(self.options.step()) / TURN_TIME);
+        let wanted = (whole.inverse() * momentum).clamp_length_max(MAX_CLUSTER_SPIN);
+        let share = 1.0 - osier_base::math::exp_f32(-osier_base::math::narrow(self.options.time_step()) / CLUSTER_SPIN_TIME);
         cluster.omega + (wanted - cluster.omega) * share
     }
 }
@@ -202,7 +202,7 @@ impl Flights {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{Options, Start};
+    use super::super::{FlightParams, CatkinStart};
     use super::*;
     use osier_base::math::{exp, sqrt};
     use osier_scene::solid::Solids;
@@ -231,13 +231,13 @@ mod tests {
         }
     }
 
-    fn one(options: Options, at: DVec3) -> Flights {
-        let start = Start { at, wait: Wait::Until(0.0) };
-        Flights::new(options, Arc::new(Solids::default()), &[start])
+    fn one(options: FlightParams, at: DVec3) -> FlightSimulation {
+        let start = CatkinStart { at, wait: ReleaseCondition::Until(0.0) };
+        FlightSimulation::new(options, Arc::new(Solids::default()), &[start])
     }
 
-    fn plain() -> Options {
-        Options { glide: 0.0, fall_spread: 0.0, check_every: 64, ..Options::default() }
+    fn plain() -> FlightParams {
+        FlightParams { glide: 0.0, fall_spread: 0.0, check_every: 64, ..FlightParams::default() }
     }
 
     /// Falling from rest in still air: v = -u_g (1 - e^(-t/tau)), y = -u_g (t - tau (1 - e^(-t/tau))).
@@ -261,11 +261,11 @@ mod tests {
     #[test]
     fn without_a_lag_it_is_the_papers_equation() {
         let breeze = Field(|_, _| Vec3::new(1.5, 0.1, -0.4));
-        let mut flight = one(Options { inertia: false, ..plain() }, DVec3::new(0.0, 20.0, 0.0));
+        let mut flight = one(FlightParams { inertia: false, ..plain() }, DVec3::new(0.0, 20.0, 0.0));
         (0..24).for_each(|_| flight.advance(&breeze));
         let wanted = DVec3::new(1.5, 20.0 + f64::from(0.1_f32) - 0.24, -f64::from(0.4_f32));
         assert!(flight.catkins[0].x.distance(wanted) < 1e-9, "{}", flight.catkins[0].x);
-        let mut quick = one(Options { fall: 1e-9, ..plain() }, DVec3::new(0.0, 20.0, 0.0));
+        let mut quick = one(FlightParams { fall: 1e-9, ..plain() }, DVec3::new(0.0, 20.0, 0.0));
         (0..24).for_each(|_| quick.advance(&breeze));
         assert!(quick.catkins[0].x.distance(wanted + DVec3::Y * 0.24) < 1e-5);
     }
@@ -276,7 +276,7 @@ mod tests {
         #[allow(clippy::cast_possible_truncation)]
         let turning = Field(move |p: Vec3, _| Vec3::new(-p.z, 0.0, p.x) * omega as f32);
         let options =
-            Options { inertia: false, fall: 0.0, fps: f64::from(steps), inside: Options::default().inside, ..plain() };
+            FlightParams { inertia: false, fall: 0.0, fps: f64::from(steps), inside: FlightParams::default().inside, ..plain() };
         let mut flight = one(options, DVec3::new(5.0, 10.0, 0.0));
         (0..steps * turns).for_each(|_| flight.advance(&turning));
         let x = flight.catkins[0].x;
@@ -289,7 +289,7 @@ mod tests {
         assert!(ten.abs() / 5.0 / 10.0 < 1e-4, "{ten}");
         // Of second order in place: the phase error falls with the square of the step.
         let phase = |steps: u32| {
-            let options = Options { inertia: false, fall: 0.0, fps: f64::from(steps), ..plain() };
+            let options = FlightParams { inertia: false, fall: 0.0, fps: f64::from(steps), ..plain() };
             #[allow(clippy::cast_possible_truncation)]
             let turning = Field(|p: Vec3, _| Vec3::new(-p.z, 0.0, p.x) * std::f64::consts::TAU as f32);
             let mut flight = one(options, DVec3::new(5.0, 10.0, 0.0));
@@ -302,8 +302,8 @@ mod tests {
 
     #[test]
     fn the_tilt_of_the_tuft_makes_it_glide() {
-        let level = carried(Vec3::ZERO, Vec3::X, 0.24, 0.5, 0.0);
+        let level = carrying_velocity(Vec3::ZERO, Vec3::X, 0.24, 0.5, 0.0);
         assert!(level.distance(DVec3::new(0.12, -0.24, 0.0)) < 1e-12);
-        assert!(carried(Vec3::ZERO, Vec3::Y, 0.24, 0.5, 0.1).distance(DVec3::new(0.0, -0.14, 0.0)) < 1e-12);
+        assert!(carrying_velocity(Vec3::ZERO, Vec3::Y, 0.24, 0.5, 0.1).distance(DVec3::new(0.0, -0.14, 0.0)) < 1e-12);
     }
 }

@@ -5,30 +5,30 @@ use glam::DVec3;
 use osier_base::math::exp;
 
 /// Time in which what sticks together draws closer, s.
-const DRAW_TIME: f64 = 0.6;
+const CONTRACTION_TIME: f64 = 0.6;
 
 /// Ways shorter than this are gone at once, squared, m^2.
-const SHORT: f64 = 1e-10;
+const NEGLIGIBLE_SQUARED: f64 = 1e-10;
 
 /// Two members that touched.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Bond {
+pub(super) struct ClusterBond {
     pub ends: [u32; 2],
     /// What is left of the way of the first, and all that hangs on it, towards the second, m.
     pub left: DVec3,
 }
 
-impl Bond {
+impl ClusterBond {
     /// Goes a part of what is left of the way.
     fn close(&mut self, gone: f64) -> DVec3 {
-        let way = if self.left.length_squared() < SHORT { self.left } else { self.left * gone };
+        let way = if self.left.length_squared() < NEGLIGIBLE_SQUARED { self.left } else { self.left * gone };
         self.left -= way;
         way
     }
 }
 
 /// Numbers in `members`, ascending, that bonds hold together; each group ascending.
-pub(super) fn groups(bonds: &[Bond], members: &[u32]) -> Vec<Vec<u32>> {
+pub(super) fn bonded_groups(bonds: &[ClusterBond], members: &[u32]) -> Vec<Vec<u32>> {
     let mut group: Vec<usize> = (0..members.len()).collect();
     let top = |group: &[usize], mut i: usize| {
         while group[i] != i {
@@ -50,11 +50,11 @@ pub(super) fn groups(bonds: &[Bond], members: &[u32]) -> Vec<Vec<u32>> {
 
 /// How far each member is moved in a step by bonds that draw in, the first of them not at all; none if no bond does.
 /// `members`: ascending.
-pub(super) fn drawn(bonds: &mut [Bond], members: &[u32], dt: f64) -> Option<Vec<DVec3>> {
+pub(super) fn contract_bonds(bonds: &mut [ClusterBond], members: &[u32], dt: f64) -> Option<Vec<DVec3>> {
     if bonds.iter().all(|b| b.left == DVec3::ZERO) {
         return None;
     }
-    let gone = 1.0 - exp(-dt / DRAW_TIME);
+    let gone = 1.0 - exp(-dt / CONTRACTION_TIME);
     let n = members.len();
     if let ([bond], 2) = (&mut *bonds, n) {
         // Most clusters are pairs.

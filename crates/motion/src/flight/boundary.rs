@@ -2,44 +2,44 @@
 
 use glam::{DVec3, Vec3};
 
-use super::particles::{Catkin, Lag, NOBODY, State};
+use super::particles::{Catkin, VelocityDecay, NO_TARGET, CatkinState};
 use super::release::entry;
-use super::{Edge, Flights, Wait};
+use super::{SideBoundary, FlightSimulation, ReleaseCondition};
 use osier_base::rng::Rng;
 
 /// Frames that one is not seen between leaving and coming back: one at the old place, one at the new, so that nothing
 /// that interpolates draws a streak between them.
-const HIDDEN: f64 = 2.0;
+const HIDDEN_FRAMES: f64 = 2.0;
 
-impl Flights {
+impl FlightSimulation {
     /// Wraps, lets go or brings back what is past a side, and keeps what flies below the top.
-    pub(super) fn leave(&mut self, t: f64) {
+    pub(super) fn apply_side_boundaries(&mut self, t: f64) {
         self.count_long_steps();
         let top = f64::from(self.options.inside.max.y);
-        for root in self.outside() {
+        for root in self.leaders_outside() {
             self.wrap(root);
-            let x = self.clusters.get(&root).map_or_else(|| self.at(root).x, |k| k.x);
+            let x = self.clusters.get(&root).map_or_else(|| self.catkin(root).x, |k| k.x);
             if self.options.is_past_a_side(x) {
-                self.go(root, t);
+                self.exit_box(root, t);
             } else if x.y > top {
                 self.push(root, DVec3::Y * (top - x.y));
             }
         }
-        if self.about.exited {
-            self.come_back(t);
+        if self.present.exited {
+            self.reenter_recycled(t);
         }
     }
 
     /// Numbers of singles, and of those that stand for their clusters, that are outside of the box, ascending.
-    fn outside(&mut self) -> Vec<u32> {
-        let strays = std::mem::take(&mut self.strays);
+    fn leaders_outside(&mut self) -> Vec<u32> {
+        let escaped = std::mem::take(&mut self.escaped);
         let single = |c: &Catkin| !c.clustered && c.state.is_seen() && self.options.is_outside(c.x);
         let clusters = self.clusters.iter().filter(|(_, c)| self.options.is_outside(c.x)).map(|(root, _)| *root);
-        let mut all: Vec<u32> = if self.about.deposited {
-            self.leaders(single)
+        let mut all: Vec<u32> = if self.present.deposited {
+            self.leader_ids(single)
         } else {
             // Singles in the air are where they flew to.
-            strays.into_iter().filter(|id| single(self.at(*id))).collect()
+            escaped.into_iter().filter(|id| single(self.catkin(*id))).collect()
         };
         all.extend(clusters);
         all.sort_unstable();
@@ -48,10 +48,10 @@ impl Flights {
 
     /// Counts those in the air that are so fast that a step takes them further than they should go.
     fn count_long_steps(&mut self) {
-        let (dt, longest) = (self.options.step(), self.options.longest_step);
+        let (dt, longest) = (self.options.time_step(), self.options.longest_step);
         if longest.is_finite() {
-            let long = |c: &&Catkin| c.state == State::Airborne && c.v.length() * dt > longest;
-            self.events.long_steps += self.catkins.iter().filter(long).count() as u64;
+            let long = |c: &&Catkin| c.state == CatkinState::Airborne && c.v.length() * dt > longest;
+            self.counters.long_steps += self.catkins.iter().filter(long).count() as u64;
         }
     }
 
@@ -60,9 +60,9 @@ impl Flights {
         if let Some(c) = self.clusters.get_mut(&root) {
             c.x += by;
             let members = c.members.clone();
-            members.iter().for_each(|id| self.at_mut(*id).x += by);
+            members.iter().for_each(|id| self.catkin_mut(*id).x += by);
         } else {
-            self.at_mut(root).x += by;
+            self.catkin_mut(root).x += by;
         }
     }
 
@@ -70,9 +70,9 @@ impl Flights {
     fn wrap(&mut self, root: u32) {
         let inside = self.options.inside;
         let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
-        let x = self.clusters.get(&root).map_or_else(|| self.at(root).x, |k| k.x);
-        let by = |edge: Edge, x: f64, low: f64, size: f64| {
-            if edge == Edge::Periodic { -((x - low) / size).floor() * size } else { 0.0 }
+        let x = self.clusters.get(&root).map_or_else(|| self.catkin(root).x, |k| k.x);
+        let by = |edge: SideBoundary, x: f64, low: f64, size: f64| {
+            if edge == SideBoundary::Periodic { -((x - low) / size).floor() * size } else { 0.0 }
         };
         let [ex, ez] = self.options.edges;
         let by = DVec3::new(by(ex, x.x, low.x, size.x), 0.0, by(ez, x.z, low.z, size.z));
@@ -82,35 +82,35 @@ impl Flights {
     }
 
     /// Leaves by an open side, all members of a cluster each for itself.
-    fn go(&mut self, root: u32, t: f64) {
+    fn exit_box(&mut self, root: u32, t: f64) {
         let members = self.clusters.remove(&root).map_or_else(|| vec![root], |c| c.members);
-        let dt = self.options.step();
-        let back = ((t + dt) * self.options.fps).ceil() / self.options.fps + (HIDDEN - 1.0) / self.options.fps;
+        let dt = self.options.time_step();
+        let back = ((t + dt) * self.options.fps).ceil() / self.options.fps + (HIDDEN_FRAMES - 1.0) / self.options.fps;
         let edges = self.options.edges;
         let inside = self.options.inside;
         for id in members {
-            let deposited = self.at(id).state.is_deposited();
-            let c = self.at_mut(id);
+            let deposited = self.catkin(id).state.is_deposited();
+            let c = self.catkin_mut(id);
             let x_side = c.x.x < f64::from(inside.min.x) || c.x.x > f64::from(inside.max.x);
-            let recycles = edges[usize::from(!x_side)] == Edge::Recycle && !deposited;
-            (c.state, c.root, c.free, c.target, c.face) = (State::Exited, id, false, NOBODY, None);
+            let recycles = edges[usize::from(!x_side)] == SideBoundary::Recycle && !deposited;
+            (c.state, c.root, c.free, c.target, c.face) = (CatkinState::Exited, id, false, NO_TARGET, None);
             c.clustered = false;
-            c.wait = Wait::Until(if recycles { back } else { f64::INFINITY });
-            self.events.left += 1;
+            c.wait = ReleaseCondition::Until(if recycles { back } else { f64::INFINITY });
+            self.counters.left += 1;
         }
     }
 
     /// Those whose time is over: at the first hidden frame they are moved, at the next they fly.
-    fn come_back(&mut self, t: f64) {
-        let now = t + self.options.step();
+    fn reenter_recycled(&mut self, t: f64) {
+        let now = t + self.options.time_step();
         let frame = 1.0 / self.options.fps;
-        let wind = self.entering;
+        let wind = self.mean_wind;
         let (inside, band, seed) = (self.options.inside, self.options.band, self.options.seed);
         let solids = std::sync::Arc::clone(&self.solids);
         let options = self.options.clone();
         let mut back = 0;
-        for c in self.catkins.iter_mut().filter(|c| c.state == State::Exited) {
-            let Wait::Until(when) = c.wait else { continue };
+        for c in self.catkins.iter_mut().filter(|c| c.state == CatkinState::Exited) {
+            let ReleaseCondition::Until(when) = c.wait else { continue };
             if when.is_finite() && !c.moved && now + frame * 1e-6 >= when {
                 let mut draw =
                     Rng::at(seed, &["flight".into(), c.id.into(), (c.generation + 1).into(), "entry".into()]);
@@ -123,24 +123,24 @@ impl Flights {
                 }
                 c.moved = true;
             } else if c.moved && now + frame * 1e-6 >= when + frame {
-                c.again(wind, now, &options);
+                c.restart_flight(wind, now, &options);
                 back += 1;
             }
         }
-        self.events.recycled += back;
+        self.counters.recycled += back;
     }
 }
 
 impl Catkin {
     /// Flies again from where it was put.
-    fn again(&mut self, wind: Vec3, t: f64, options: &super::Options) {
+    fn restart_flight(&mut self, wind: Vec3, t: f64, options: &super::FlightParams) {
         self.generation += 1;
-        self.state = State::Airborne;
+        self.state = CatkinState::Airborne;
         self.v = wind.as_dvec3() - DVec3::Y * self.fall;
         self.travel = DVec3::ZERO;
         self.moved = false;
         self.rested = -1.0;
-        self.lag = Lag::of(self.fall, options);
+        self.lag = VelocityDecay::of(self.fall, options);
         (self.lift, self.from, self.since) = (0.0, self.x, t);
     }
 }

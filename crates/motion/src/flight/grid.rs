@@ -4,7 +4,7 @@ use glam::{IVec3, Vec3};
 
 /// Numbers of places by the cube that they are in.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Grid {
+pub(super) struct CellGrid {
     size: f32,
     /// Cube and number, sorted.
     all: Vec<(u64, u32)>,
@@ -18,7 +18,7 @@ fn key(cube: IVec3) -> u64 {
     (part(cube.x) << 42) | (part(cube.y) << 21) | part(cube.z)
 }
 
-impl Grid {
+impl CellGrid {
     /// `size`: side of a cube, m, > 0. `places`: where each number is.
     pub fn new(size: f32, places: impl Iterator<Item = (u32, Vec3)>) -> Self {
         let mut grid = Self { size, all: Vec::new() };
@@ -61,7 +61,7 @@ mod tests {
                 Vec3::new((f * 0.37) % 5.0 - 2.5, (f * 0.71) % 4.0, (f * 0.13) % 6.0 - 3.0)
             })
             .collect();
-        let grid = Grid::new(0.5, (0..).zip(places.iter().copied()));
+        let grid = CellGrid::new(0.5, (0..).zip(places.iter().copied()));
         let (low, high) = (Vec3::new(-1.0, 0.7, -2.0), Vec3::new(0.6, 1.9, 1.1));
         let mut found = Vec::new();
         grid.each(low, high, |i| found.push(i));

@@ -1,7 +1,7 @@
 //! Catkins in the air and on the ground: carried by a wind, sinking, tumbling, sticking to each other, coming to rest on
 //! ground and walls, drawn to heaps, lifted again.
 //!
-//! [`Flights`] holds all of them and goes forward in steps; the wind is asked at every step, so that it need not be known
+//! [`FlightSimulation`] holds all of them and goes forward in steps; the wind is asked at every step, so that it need not be known
 //! beforehand. Results do not depend on threads or on the order in memory: what concerns one catkin is computed for each
 //! by itself, what concerns two is collected, sorted by number and done in that order.
 //! Source: \[catkin\] sections 4.1 to 4.3, with an exact drag relaxation, masses and a swept test where it has none.
@@ -33,48 +33,48 @@ use glam::{Quat, Vec3};
 use osier_scene::solid::Solids;
 use osier_wind::Wind;
 
-pub use params::{Edge, Humidity, Kind, Options, Start, Wait};
-pub use particles::{Catkin, State};
-pub use release::{Sky, sky};
-pub use stats::Tally;
+pub use params::{SideBoundary, GroundHumidity, CatkinKind, FlightParams, CatkinStart, ReleaseCondition};
+pub use particles::{Catkin, CatkinState};
+pub use release::{SkyRelease, sky_starts};
+pub use stats::FlightStats;
 
-use clusters::Clusters;
-use contacts::Crowd;
-use present_states::About;
+use clusters::CatkinClusters;
+use contacts::ContactGrid;
+use present_states::PresentStates;
 
 /// Records a task takes at once.
-const CHUNK: usize = 512;
+const CATKINS_PER_TASK: usize = 512;
 
 /// Steps after which neighbours are brought together in memory.
-const SORT_EVERY: u64 = 64;
+const SORT_INTERVAL_STEPS: u64 = 64;
 
 /// All catkins of a clip.
 #[derive(Debug, Clone)]
-pub struct Flights {
-    options: Options,
+pub struct FlightSimulation {
+    options: FlightParams,
     solids: Arc<Solids>,
     /// In an order of their own.
     catkins: Vec<Catkin>,
     /// Where each number is in `catkins`.
     slot: Vec<u32>,
-    clusters: Clusters,
+    clusters: CatkinClusters,
     step: u64,
     /// Mean wind, m/s: by which sides it enters.
-    entering: Vec3,
+    mean_wind: Vec3,
     /// What there is, as of the last flight of singles and clusters.
-    about: About,
+    present: PresentStates,
     /// Some single is drawn to a cluster.
     drawn: bool,
     /// Singles that this step took out of the box.
-    strays: Vec<u32>,
+    escaped: Vec<u32>,
     /// Room for the search for contacts.
-    crowd: Crowd,
-    events: stats::Events,
+    contact_grid: ContactGrid,
+    counters: stats::EventCounters,
 }
 
 /// What is seen at one time, by number.
 #[derive(Debug, Clone, Default)]
-pub struct Sample {
+pub struct FlightFrame {
     /// m; those not seen stay where they were last.
     pub positions: Vec<Vec3>,
     /// Tufts point along +Y.
@@ -84,30 +84,30 @@ pub struct Sample {
     /// Axis times rad/s.
     pub angular_velocities: Vec<Vec3>,
     /// What each is doing.
-    pub states: Vec<State>,
+    pub states: Vec<CatkinState>,
     /// Smallest number of its cluster.
     pub clusters: Vec<u32>,
     /// How often it has come back.
     pub generations: Vec<u32>,
 }
 
-impl Flights {
-    /// Catkins numbered in the order of `starts`. Those that start in a solid never fly; see [`Tally::buried`].
-    pub fn new(options: Options, solids: Arc<Solids>, starts: &[Start]) -> Self {
+impl FlightSimulation {
+    /// Catkins numbered in the order of `starts`. Those that start in a solid never fly; see [`FlightStats::buried`].
+    pub fn new(options: FlightParams, solids: Arc<Solids>, starts: &[CatkinStart]) -> Self {
         let mut catkins: Vec<Catkin> = (0..).zip(starts).map(|(id, start)| Catkin::new(id, *start, &options)).collect();
-        let mut events = stats::Events::default();
+        let mut counters = stats::EventCounters::default();
         for c in &mut catkins {
             if solids.contains(c.x.as_vec3()) {
-                c.state = State::Exited;
-                c.wait = Wait::Until(f64::INFINITY);
-                events.buried += 1;
+                c.state = CatkinState::Exited;
+                c.wait = ReleaseCondition::Until(f64::INFINITY);
+                counters.buried += 1;
             }
         }
         let slot = (0..u32::try_from(catkins.len()).unwrap_or(u32::MAX)).collect();
-        let (clusters, about) = (Clusters::new(), About::UNKNOWN);
-        let (strays, crowd) = (Vec::new(), Crowd::default());
-        let (step, entering, drawn) = (0, Vec3::X, false);
-        Self { options, solids, catkins, slot, clusters, step, entering, about, drawn, strays, crowd, events }
+        let (clusters, present) = (CatkinClusters::new(), PresentStates::UNKNOWN);
+        let (escaped, contact_grid) = (Vec::new(), ContactGrid::default());
+        let (step, mean_wind, drawn) = (0, Vec3::X, false);
+        Self { options, solids, catkins, slot, clusters, step, mean_wind, present, drawn, escaped, contact_grid, counters }
     }
 
     /// Number of catkins, flying or not.
@@ -122,16 +122,16 @@ impl Flights {
 
     /// Time since the start, s.
     pub fn seconds(&self) -> f64 {
-        self.step as f64 * self.options.step()
+        self.step as f64 * self.options.time_step()
     }
 
     /// What rules them.
-    pub fn options(&self) -> &Options {
+    pub fn options(&self) -> &FlightParams {
         &self.options
     }
 
     /// All of them by number.
-    pub fn by_number(&self) -> impl Iterator<Item = &Catkin> {
+    pub fn by_id(&self) -> impl Iterator<Item = &Catkin> {
         self.slot.iter().filter_map(|s| self.catkins.get(*s as usize))
     }
 
@@ -145,22 +145,22 @@ impl Flights {
     /// Goes on by one step.
     pub fn advance(&mut self, wind: &dyn Wind) {
         let t = self.seconds();
-        self.entering = wind.mean();
-        if self.options.sorted && self.step.is_multiple_of(SORT_EVERY) {
+        self.mean_wind = wind.mean();
+        if self.options.sorted && self.step.is_multiple_of(SORT_INTERVAL_STEPS) {
             self.sort();
         }
-        self.release(wind, t);
-        self.fly(wind, t);
-        self.fly_clusters(wind, t);
+        self.release_pending(wind, t);
+        self.advance_singles(wind, t);
+        self.advance_clusters(wind, t);
         self.gather();
-        self.slump();
-        self.sink(wind, t);
+        self.relax_heaps();
+        self.slide_down_walls(wind, t);
         if (self.step + 1).is_multiple_of(u64::from(self.options.check_every.max(1))) {
-            self.meet(t);
+            self.join_contacts(t);
         }
-        self.attract(t);
+        self.attract_singles(t);
         self.lift_off(wind, t);
-        self.leave(t);
+        self.apply_side_boundaries(t);
         self.turn();
         self.step += 1;
     }
@@ -179,25 +179,25 @@ impl Flights {
     }
 
     /// Numbers of singles, and of those that stand for their clusters, that answer to `want`, ascending.
-    fn leaders(&self, want: impl Fn(&Catkin) -> bool) -> Vec<u32> {
+    fn leader_ids(&self, want: impl Fn(&Catkin) -> bool) -> Vec<u32> {
         // In the order of memory, which is far faster than by number.
         let mut found: Vec<u32> = self.catkins.iter().filter(|c| c.leads() && want(c)).map(|c| c.id).collect();
         found.sort_unstable();
         found
     }
 
-    fn at(&self, id: u32) -> &Catkin {
+    fn catkin(&self, id: u32) -> &Catkin {
         &self.catkins[self.slot[id as usize] as usize]
     }
 
-    fn at_mut(&mut self, id: u32) -> &mut Catkin {
+    fn catkin_mut(&mut self, id: u32) -> &mut Catkin {
         &mut self.catkins[self.slot[id as usize] as usize]
     }
 
     /// What is seen now.
-    pub fn sample(&self) -> Sample {
-        let mut out = Sample::default();
-        for c in self.by_number() {
+    pub fn frame(&self) -> FlightFrame {
+        let mut out = FlightFrame::default();
+        for c in self.by_id() {
             out.positions.push(c.x.as_vec3());
             out.orientations.push(c.q);
             out.velocities.push(if c.state.is_seen() { c.v.as_vec3() } else { Vec3::ZERO });
@@ -210,7 +210,7 @@ impl Flights {
     }
 
     /// Counts of now and of all that happened so far.
-    pub fn tally(&self) -> Tally {
-        stats::of(self)
+    pub fn stats(&self) -> FlightStats {
+        stats::count(self)
     }
 }

@@ -9,7 +9,7 @@ const GRAVITY: f64 = 9.81;
 
 /// A kind of catkin that flies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Kind {
+pub struct CatkinKind {
     /// Of the ball around all its hairs, about the point that they start from, m, > 0.
     pub radius: f32,
     /// How often it is met, >= 0.
@@ -18,7 +18,7 @@ pub struct Kind {
 
 /// What happens at an open side of the box.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Edge {
+pub enum SideBoundary {
     /// Out at one side is in at the other.
     Periodic,
     /// It is gone.
@@ -29,26 +29,26 @@ pub enum Edge {
 
 /// When a catkin starts, and from where.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Start {
+pub struct CatkinStart {
     /// Where, m.
     pub at: DVec3,
     /// What it waits for.
-    pub wait: Wait,
+    pub wait: ReleaseCondition,
 }
 
 /// What a start waits for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Wait {
+pub enum ReleaseCondition {
     /// A time, s.
     Until(f64),
-    /// Wind at its place: it leaves when the integral of [`Options::release_rate`] times what the air is faster than
-    /// [`Options::release_speed`], as a share of that, reaches this.
+    /// Wind at its place: it leaves when the integral of [`FlightParams::release_rate`] times what the air is faster than
+    /// [`FlightParams::release_speed`], as a share of that, reaches this.
     Wind(f64),
 }
 
 /// How wet the ground is, 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Humidity {
+pub enum GroundHumidity {
     /// Everywhere alike.
     Even(f64),
     /// A picture over the box, its top at -z.
@@ -60,7 +60,7 @@ pub enum Humidity {
     },
 }
 
-impl Humidity {
+impl GroundHumidity {
     /// At (x, z) of a box, m.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the picture")]
     pub fn at(&self, place: Vec3, inside: Bounds) -> f64 {
@@ -78,7 +78,7 @@ impl Humidity {
 
 /// All that rules a flight. Lengths in m, times in s, speeds in m/s.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Options {
+pub struct FlightParams {
     /// Of all draws.
     pub seed: u64,
     /// Frames a second, > 0.
@@ -88,11 +88,11 @@ pub struct Options {
     /// The box of air.
     pub inside: Bounds,
     /// Sides in x and in z.
-    pub edges: [Edge; 2],
+    pub edges: [SideBoundary; 2],
     /// Part of the height that recycled ones come back in.
     pub band: [f64; 2],
     /// Which ones there are; at least one.
-    pub kinds: Vec<Kind>,
+    pub kinds: Vec<CatkinKind>,
     /// Smallest and largest factor on a kind's size.
     pub scales: [f64; 2],
     /// Mass of one of scale 1, kg.
@@ -126,7 +126,7 @@ pub struct Options {
     /// Time between two looks for something to be drawn to.
     pub tick: f64,
     /// Of the ground.
-    pub humidity: Humidity,
+    pub humidity: GroundHumidity,
     /// Wind at 0.1 m that lifts a dry one.
     pub lift_speed: f64,
     /// How much wet ground adds to it.
@@ -143,16 +143,16 @@ pub struct Options {
     pub sorted: bool,
 }
 
-impl Default for Options {
+impl Default for FlightParams {
     fn default() -> Self {
         Self {
             seed: 0,
             fps: 24.0,
             substeps: 1,
             inside: Bounds { min: Vec3::new(-17.5, 0.0, -17.5), max: Vec3::new(17.5, 35.0, 17.5) },
-            edges: [Edge::Recycle; 2],
+            edges: [SideBoundary::Recycle; 2],
             band: [0.3, 0.95],
-            kinds: vec![Kind { radius: 0.02, weight: 1.0 }],
+            kinds: vec![CatkinKind { radius: 0.02, weight: 1.0 }],
             scales: [0.8, 1.2],
             mass: 1e-6,
             fall: 0.24,
@@ -169,7 +169,7 @@ impl Default for Options {
             check_every: 4,
             gamma: 4.605,
             tick: 0.3,
-            humidity: Humidity::Even(0.3),
+            humidity: GroundHumidity::Even(0.3),
             lift_speed: 0.25,
             lift_wet: 3.0,
             known_height: 0.25,
@@ -181,14 +181,14 @@ impl Default for Options {
     }
 }
 
-impl Options {
+impl FlightParams {
     /// Length of a step, s.
-    pub fn step(&self) -> f64 {
+    pub fn time_step(&self) -> f64 {
         1.0 / (self.fps * f64::from(self.substeps.max(1)))
     }
 
     /// Time in which the difference between the velocity of what settles at `fall`, m/s, and the air's falls to 1/e, s.
-    pub(super) fn tau(&self, fall: f64) -> f64 {
+    pub(super) fn relaxation_time(&self, fall: f64) -> f64 {
         if self.inertia { fall / GRAVITY } else { 0.0 }
     }
 
@@ -204,7 +204,7 @@ impl Options {
     }
 
     /// How far a single is drawn to a cluster, m: where the attraction has fallen to a hundredth.
-    pub fn reach(&self) -> f64 {
+    pub fn attraction_radius(&self) -> f64 {
         osier_base::math::sqrt(osier_base::math::ln(100.0) / self.gamma)
     }
 }

@@ -2,13 +2,13 @@
 
 use glam::{DVec3, Quat, Vec3};
 
-use super::params::{Options, Start, Wait};
+use super::params::{FlightParams, CatkinStart, ReleaseCondition};
 use osier_base::math::{exp, narrow};
 use osier_base::rng::{self, Rng};
 
 /// What it is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum State {
+pub enum CatkinState {
     /// Not yet released; not seen.
     Pending,
     /// In the air.
@@ -23,7 +23,7 @@ pub enum State {
     Exited,
 }
 
-impl State {
+impl CatkinState {
     /// On something.
     pub fn is_deposited(self) -> bool {
         matches!(self, Self::Grounded | Self::OnWall | Self::Corner)
@@ -36,7 +36,7 @@ impl State {
 }
 
 /// No other catkin.
-pub(super) const NOBODY: u32 = u32::MAX;
+pub(super) const NO_TARGET: u32 = u32::MAX;
 
 /// One catkin. Its number is its place in the order of starts.
 ///
@@ -49,20 +49,20 @@ pub struct Catkin {
     /// Smallest number of the cluster that it belongs to; its own if it is alone.
     pub(super) root: u32,
     pub(super) radius: f32,
-    pub(super) state: State,
+    pub(super) state: CatkinState,
     /// Member of a cluster.
     pub(super) clustered: bool,
     /// In the air at all times since the last check for contacts.
     pub(super) free: bool,
     /// Came to rest or moved along since that check.
-    pub(super) stirred: bool,
+    pub(super) moved_since_check: bool,
     pub(super) x: DVec3,
     /// Way since that check, never wrapped.
     pub(super) travel: DVec3,
 
     pub(super) v: DVec3,
     pub(super) mass: f64,
-    pub(super) lag: Lag,
+    pub(super) lag: VelocityDecay,
     /// Upward air that took it off, m/s, and when.
     pub(super) lift: f64,
     pub(super) lifted: f64,
@@ -70,7 +70,7 @@ pub struct Catkin {
     pub(super) q: Quat,
     pub(super) omega: Vec3,
     /// Torque that nobody can foresee, rad/s^2.
-    pub(super) unrest: Vec3,
+    pub(super) random_torque: Vec3,
     /// Speed of the air that it is moved by, relative to it.
     pub(super) flow: Vec3,
     /// How often it has come back.
@@ -92,39 +92,39 @@ pub struct Catkin {
     pub(super) since: f64,
     /// When it came to rest, s; below 0 while it flies.
     pub(super) rested: f64,
-    pub(super) wait: Wait,
+    pub(super) wait: ReleaseCondition,
 }
 
 /// What a step leaves of the difference between a body's velocity and that of the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Lag {
+pub(super) struct VelocityDecay {
     /// Left after a step, and after half of one.
     pub whole: f64,
     pub half: f64,
 }
 
-impl Lag {
+impl VelocityDecay {
     /// Of something that settles at `fall`, m/s.
-    pub fn of(fall: f64, options: &Options) -> Self {
+    pub fn of(fall: f64, options: &FlightParams) -> Self {
         if !options.inertia {
             return Self { whole: 0.0, half: 0.0 };
         }
-        let (tau, dt) = (options.tau(fall), options.step());
+        let (tau, dt) = (options.relaxation_time(fall), options.time_step());
         Self { whole: exp(-dt / tau), half: exp(-dt / (2.0 * tau)) }
     }
 }
 
 impl Catkin {
     /// A catkin as it is drawn for number `id`.
-    pub(super) fn new(id: u32, start: Start, options: &Options) -> Self {
+    pub(super) fn new(id: u32, start: CatkinStart, options: &FlightParams) -> Self {
         let mut draw = Rng::at(options.seed, &["flight".into(), id.into(), 0_u64.into(), "what".into()]);
         let weights: Vec<f64> = options.kinds.iter().map(|k| k.weight).collect();
         let kind = draw.pick(&weights).min(options.kinds.len().saturating_sub(1));
         let scale = draw.range(options.scales[0], options.scales[1]);
         let fall = options.fall * (1.0 + options.fall_spread * draw.normal().clamp(-2.0, 2.0));
         let base = options.kinds.get(kind).map_or(0.02, |k| k.radius);
-        let waits = !matches!(start.wait, Wait::Until(t) if t <= 0.0);
-        let state = if waits { State::Pending } else { State::Airborne };
+        let waits = !matches!(start.wait, ReleaseCondition::Until(t) if t <= 0.0);
+        let state = if waits { CatkinState::Pending } else { CatkinState::Airborne };
         Self {
             id,
             root: id,
@@ -135,21 +135,21 @@ impl Catkin {
             x: start.at,
             v: DVec3::ZERO,
             travel: DVec3::ZERO,
-            free: state == State::Airborne,
-            stirred: false,
+            free: state == CatkinState::Airborne,
+            moved_since_check: false,
             q: any_turn(&mut draw),
             omega: Vec3::ZERO,
-            unrest: Vec3::ZERO,
+            random_torque: Vec3::ZERO,
             scale: narrow(scale),
             radius: base * narrow(scale),
             mass: options.mass * scale * scale,
             fall,
-            lag: Lag::of(fall, options),
+            lag: VelocityDecay::of(fall, options),
             lift: 0.0,
             lifted: 0.0,
             normal: Vec3::Y,
             face: None,
-            target: NOBODY,
+            target: NO_TARGET,
             pull: 0.0,
             from: start.at,
             since: 0.0,
@@ -166,7 +166,7 @@ impl Catkin {
     }
 
     /// What it is doing.
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> CatkinState {
         self.state
     }
 
@@ -175,7 +175,7 @@ impl Catkin {
         self.x
     }
 
-    /// Its place among [`Options::kinds`].
+    /// Its place among [`FlightParams::kinds`].
     pub fn kind(&self) -> u16 {
         self.kind
     }
@@ -227,11 +227,11 @@ impl Catkin {
 }
 
 /// How long the air that lifts something keeps rising with it, s.
-const LIFT_TIME: f64 = 0.6;
+const UPDRAFT_TIME: f64 = 0.6;
 
 /// What is left after a time, s, of air that rose at `speed`, m/s.
 pub(super) fn rising(speed: f64, after: f64) -> f64 {
-    if speed > 0.0 { speed * exp(-after / LIFT_TIME) } else { 0.0 }
+    if speed > 0.0 { speed * exp(-after / UPDRAFT_TIME) } else { 0.0 }
 }
 
 /// A rotation, all alike.

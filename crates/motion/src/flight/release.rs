@@ -2,14 +2,14 @@
 
 use glam::{DVec3, Vec3};
 
-use super::params::{Start, Wait};
+use super::params::{CatkinStart, ReleaseCondition};
 use osier_base::geometry::Bounds;
 use osier_base::rng::Rng;
 use osier_scene::solid::Solids;
 
 /// A box of sky that catkins start in.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sky {
+pub struct SkyRelease {
     /// Of all draws.
     pub seed: u64,
     /// How many.
@@ -23,11 +23,11 @@ pub struct Sky {
 }
 
 /// Draws for a place that is not in a solid.
-const TRIES: u32 = 64;
+const MAX_DRAWS: u32 = 64;
 
 /// Starts all over a box of sky. One that finds no place in 64 draws stays in the solid where it was drawn last, and is
 /// then told of.
-pub fn sky(sky: &Sky, solids: &Solids) -> Vec<Start> {
+pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
     let (low, size) = (sky.inside.min.as_dvec3(), sky.inside.size().as_dvec3());
     let share = |draw: &mut Rng| {
         let [a, b] = sky.band;
@@ -38,13 +38,13 @@ pub fn sky(sky: &Sky, solids: &Solids) -> Vec<Start> {
             let mut draw = Rng::at(sky.seed, &["flight".into(), id.into(), 0_u64.into(), "start".into()]);
             let when = sky.duration * draw.unit_f64();
             let mut at = low + size * share(&mut draw);
-            for _ in 1..TRIES {
+            for _ in 1..MAX_DRAWS {
                 if !solids.contains(at.as_vec3()) {
                     break;
                 }
                 at = low + size * share(&mut draw);
             }
-            Start { at, wait: Wait::Until(when) }
+            CatkinStart { at, wait: ReleaseCondition::Until(when) }
         })
         .collect()
 }
@@ -66,19 +66,19 @@ pub(super) fn entry(wind: Vec3, (inside, band): (Bounds, [f64; 2]), draw: &mut R
 
 /// Wind that tears seeds off.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Leaving {
+pub(super) struct WindRelease {
     /// Chance a second where the air is twice as fast as `speed`.
     pub rate: f64,
     /// m/s.
     pub speed: f64,
 }
 
-impl Leaving {
+impl WindRelease {
     /// Whether what waits leaves now.
-    pub fn goes(self, wait: &mut Wait, air: Vec3, (t, dt): (f64, f64)) -> bool {
+    pub fn goes(self, wait: &mut ReleaseCondition, air: Vec3, (t, dt): (f64, f64)) -> bool {
         match wait {
-            Wait::Until(when) => t >= *when,
-            Wait::Wind(left) => {
+            ReleaseCondition::Until(when) => t >= *when,
+            ReleaseCondition::Wind(left) => {
                 *left -= self.rate * (f64::from(air.length()) / self.speed - 1.0).max(0.0) * dt;
                 *left <= 0.0
             }
@@ -94,8 +94,8 @@ mod tests {
     #[test]
     fn seeds_leave_after_the_same_wind_at_any_step() {
         for dt in [0.1, 0.01, 0.001] {
-            let leaving = Leaving { rate: 0.2, speed: 0.6 };
-            let (mut wait, mut t) = (Wait::Wind(0.5), 0.0);
+            let leaving = WindRelease { rate: 0.2, speed: 0.6 };
+            let (mut wait, mut t) = (ReleaseCondition::Wind(0.5), 0.0);
             while !leaving.goes(&mut wait, Vec3::X * 1.2, (t, dt)) {
                 t += dt;
             }
@@ -109,7 +109,7 @@ mod tests {
         let prism = Prism::block(Vec3::ZERO, Vec3::new(20.0, 30.0, 30.0), 0.0);
         let solids = Solids::new(vec![Solid { name: "hall".into(), form: Form::Prism(prism), humidity: 0.5 }], true);
         let inside = Bounds { min: Vec3::new(-17.5, 0.0, -17.5), max: Vec3::new(17.5, 35.0, 17.5) };
-        let all = sky(&Sky { seed: 3, count: 500, inside, band: [0.3, 0.95], duration: 0.0 }, &solids);
+        let all = sky_starts(&SkyRelease { seed: 3, count: 500, inside, band: [0.3, 0.95], duration: 0.0 }, &solids);
         assert!(all.iter().all(|s| !solids.contains(s.at.as_vec3())));
         assert!(all.iter().any(|s| s.at.y > 30.0) && all.iter().any(|s| s.at.y < 12.0));
     }

@@ -1,12 +1,12 @@
 //! Counts.
 
-use super::{Flights, State};
+use super::{FlightSimulation, CatkinState};
 use osier_base::math::sqrt;
 use osier_scene::solid::Solids;
 
 /// What happened so far.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Events {
+pub(super) struct EventCounters {
     pub merges: u64,
     pub deposits: u64,
     pub lift_offs: u64,
@@ -20,7 +20,7 @@ pub(super) struct Events {
 
 /// Counts of one moment, and of all that happened until then.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Tally {
+pub struct FlightStats {
     /// Not yet released.
     pub pending: u64,
     /// In the air.
@@ -63,27 +63,27 @@ pub struct Tally {
     pub penetrations: u64,
     /// Those that found no place to start outside of solids.
     pub buried: u64,
-    /// Times so far that one moved further in a step than [`super::Options::longest_step`].
+    /// Times so far that one moved further in a step than [`super::FlightParams::longest_step`].
     pub long_steps: u64,
 }
 
-impl Tally {
+impl FlightStats {
     /// On anything.
     pub fn deposited(&self) -> u64 {
         self.grounded + self.on_wall + self.corner
     }
 }
 
-impl Flights {
+impl FlightSimulation {
     /// What is in their way.
     pub fn solids(&self) -> &Solids {
         &self.solids
     }
 
     /// How many of those at rest touch each solid, in the order of the solids: its walls, its roof, or its foot.
-    pub fn at_solids(&self) -> Vec<u64> {
+    pub fn deposits_per_solid(&self) -> Vec<u64> {
         let mut out = vec![0; self.solids.list().len()];
-        for c in self.by_number().filter(|c| c.state.is_deposited()) {
+        for c in self.by_id().filter(|c| c.state.is_deposited()) {
             if let Some(n) = c.face.and_then(|i| out.get_mut(i as usize)) {
                 *n += 1;
             }
@@ -92,19 +92,19 @@ impl Flights {
     }
 }
 
-pub(super) fn of(flights: &Flights) -> Tally {
-    let mut t = Tally::default();
+pub(super) fn count(flights: &FlightSimulation) -> FlightStats {
+    let mut t = FlightStats::default();
     let (mut speeds, mut time, mut way) = (0.0, 0.0, 0.0);
-    for c in flights.by_number() {
+    for c in flights.by_id() {
         *match c.state {
-            State::Pending => &mut t.pending,
-            State::Airborne => &mut t.airborne,
-            State::Grounded => &mut t.grounded,
-            State::OnWall => &mut t.on_wall,
-            State::Corner => &mut t.corner,
-            State::Exited => &mut t.exited,
+            CatkinState::Pending => &mut t.pending,
+            CatkinState::Airborne => &mut t.airborne,
+            CatkinState::Grounded => &mut t.grounded,
+            CatkinState::OnWall => &mut t.on_wall,
+            CatkinState::Corner => &mut t.corner,
+            CatkinState::Exited => &mut t.exited,
         } += 1;
-        if c.state == State::Airborne {
+        if c.state == CatkinState::Airborne {
             let speed = c.v.length();
             speeds += speed;
             t.max_speed = t.max_speed.max(speed);
@@ -121,8 +121,8 @@ pub(super) fn of(flights: &Flights) -> Tally {
     t.largest = flights.clusters.values().map(|c| c.members.len() as u64).max().unwrap_or(0);
     t.mean_speed = mean(speeds, t.airborne);
     (t.flight_time, t.flight_distance) = (mean(time, t.deposited()), mean(way, t.deposited()));
-    t.penetrations = flights.buried();
-    let e = &flights.events;
+    t.penetrations = flights.count_penetrations();
+    let e = &flights.counters;
     (t.merges, t.deposits, t.lift_offs) = (e.merges, e.deposits, e.lift_offs);
     (t.recycled, t.left, t.buried, t.ground_wind) = (e.recycled, e.left, e.buried, e.ground_wind);
     t.long_steps = e.long_steps;

@@ -20,11 +20,11 @@ fn gusts(speed: f64) -> GustWind {
     GustWind::new(GustWindOptions { direction: Vec3::X, speed, seed: 4, ..GustWindOptions::default() })
 }
 
-fn flights(n: u32, options: Options, solids: &Arc<Solids>) -> Flights {
+fn flights(n: u32, options: FlightParams, solids: &Arc<Solids>) -> FlightSimulation {
     let band = [0.02, 0.5];
-    let sky_box = Sky { seed: options.seed, count: n, inside: options.inside, band, duration: 0.0 };
-    let starts = sky(&sky_box, solids);
-    Flights::new(options, Arc::clone(solids), &starts)
+    let sky_box = SkyRelease { seed: options.seed, count: n, inside: options.inside, band, duration: 0.0 };
+    let starts = sky_starts(&sky_box, solids);
+    FlightSimulation::new(options, Arc::clone(solids), &starts)
 }
 
 /// Nobody is in anything at any frame, and everybody is somewhere, at several lengths of a step.
@@ -33,56 +33,56 @@ fn nobody_is_in_ground_or_walls_and_nobody_is_lost() {
     let solids = wall_and_house();
     let wind = gusts(3.0);
     for substeps in [1, 2, 5] {
-        let humidity = Humidity::Even(0.7);
-        let mut all = flights(2000, Options { substeps, humidity, ..Options::default() }, &solids);
+        let humidity = GroundHumidity::Even(0.7);
+        let mut all = flights(2000, FlightParams { substeps, humidity, ..FlightParams::default() }, &solids);
         let frames = if substeps == 1 { 240 } else { 96 };
         for frame in 0..frames {
             all.advance_frame(&wind);
-            let t = all.tally();
+            let t = all.stats();
             assert_eq!(t.pending + t.airborne + t.deposited() + t.exited, 2000);
             assert_eq!(t.penetrations, 0, "frame {frame} at {substeps} substeps");
-            let inside = |c: &&Catkin| c.state == State::Airborne && solids.contains(c.x.as_vec3());
-            assert_eq!(all.by_number().filter(inside).count(), 0, "frame {frame} at {substeps} substeps");
+            let inside = |c: &&Catkin| c.state == CatkinState::Airborne && solids.contains(c.x.as_vec3());
+            assert_eq!(all.by_id().filter(inside).count(), 0, "frame {frame} at {substeps} substeps");
         }
-        let t = all.tally();
+        let t = all.stats();
         assert!(t.deposited() > 150 && t.merges > 20 && t.grounded > 0, "{t:?}");
-        assert!(all.by_number().any(|c| c.face == Some(0)) && all.by_number().any(|c| c.face == Some(1)));
+        assert!(all.by_id().any(|c| c.face == Some(0)) && all.by_id().any(|c| c.face == Some(1)));
     }
 }
 
 #[test]
 fn merging_keeps_momentum() {
-    let mut all = flights(10_001, Options { cluster_rotation: false, ..Options::default() }, &wall_and_house());
+    let mut all = flights(10_001, FlightParams { cluster_rotation: false, ..FlightParams::default() }, &wall_and_house());
     let mut draw = Rng::at(1, &["merge".into()]);
     for c in &mut all.catkins {
         c.v = DVec3::new(draw.normal(), draw.normal(), draw.normal()) + DVec3::X * 2.0;
-        c.state = State::Airborne;
+        c.state = CatkinState::Airborne;
     }
-    let momentum = |all: &Flights| {
-        let single = all.by_number().filter(|c| !c.clustered).map(|c| c.v * c.mass).sum::<DVec3>();
+    let momentum = |all: &FlightSimulation| {
+        let single = all.by_id().filter(|c| !c.clustered).map(|c| c.v * c.mass).sum::<DVec3>();
         single + all.clusters.values().map(|k| k.v * k.mass).sum::<DVec3>()
     };
     let before = momentum(&all);
-    while all.events.merges < 10_000 {
+    while all.counters.merges < 10_000 {
         let pick = |draw: &mut Rng| draw.below(10_001);
         // Later most are in one heap already: those who are not are found by going through the numbers.
         let (i, j) = (pick(&mut draw), pick(&mut draw));
-        let other = (0..10_001).map(|k| (j + k) % 10_001).find(|k| all.at(*k).root != all.at(i).root);
+        let other = (0..10_001).map(|k| (j + k) % 10_001).find(|k| all.catkin(*k).root != all.catkin(i).root);
         all.join(i, other.expect("not yet all one"), 0.0);
     }
     assert!((momentum(&all) - before).length() < 1e-6 * before.length());
-    assert_eq!((all.clusters.len(), all.tally().largest), (1, 10_001));
-    assert!(all.by_number().all(|c| c.root == 0));
+    assert_eq!((all.clusters.len(), all.stats().largest), (1, 10_001));
+    assert!(all.by_id().all(|c| c.root == 0));
 }
 
 #[test]
 fn drawing_in_leaves_the_centre_and_comes_close() {
-    let mut all = flights(2, Options { cluster_rotation: false, ..Options::default() }, &wall_and_house());
+    let mut all = flights(2, FlightParams { cluster_rotation: false, ..FlightParams::default() }, &wall_and_house());
     let places = [DVec3::new(0.0, 20.0, 0.0), DVec3::new(0.3, 20.0, 0.1)];
-    places.iter().zip(0..).for_each(|(p, i)| all.at_mut(i).x = *p);
-    let centre = |all: &Flights| {
-        let sum = all.by_number().map(|c| c.x * c.mass).sum::<DVec3>();
-        sum / all.by_number().map(|c| c.mass).sum::<f64>()
+    places.iter().zip(0..).for_each(|(p, i)| all.catkin_mut(i).x = *p);
+    let centre = |all: &FlightSimulation| {
+        let sum = all.by_id().map(|c| c.x * c.mass).sum::<DVec3>();
+        sum / all.by_id().map(|c| c.mass).sum::<f64>()
     };
     let before = centre(&all);
     all.join(0, 1, 0.0);
@@ -93,7 +93,7 @@ fn drawing_in_leaves_the_centre_and_comes_close() {
         let moved = centre(&all) - all.clusters[&0].x;
         assert!(moved.length() < 1e-9, "{moved}");
     }
-    let (a, b) = (all.at(0), all.at(1));
+    let (a, b) = (all.catkin(0), all.catkin(1));
     let close = 0.8 * f64::from(a.radius + b.radius);
     assert!((a.x.distance(b.x) - close).abs() < 1e-4, "{} {close}", a.x.distance(b.x));
 }
@@ -104,18 +104,18 @@ fn clusters_are_stiff() {
     for (cluster_rotation, within) in [(false, 1e-6), (true, 1e-5)] {
         let inside =
             osier_base::geometry::Bounds { min: Vec3::new(-500.0, 0.0, -500.0), max: Vec3::new(500.0, 500.0, 500.0) };
-        let options = Options { cluster_rotation, inside, ..Options::default() };
+        let options = FlightParams { cluster_rotation, inside, ..FlightParams::default() };
         let mut all = flights(10, options, &Arc::new(Solids::default()));
         let mut draw = Rng::at(2, &["ten".into()]);
         for id in 0..10 {
-            all.at_mut(id).x = DVec3::new(draw.unit_f64(), 400.0 + draw.unit_f64(), draw.unit_f64());
+            all.catkin_mut(id).x = DVec3::new(draw.unit_f64(), 400.0 + draw.unit_f64(), draw.unit_f64());
         }
         (1..10).for_each(|id| all.join(id - 1, id, 0.0));
         let wind = gusts(2.0);
         (0..400).for_each(|_| all.advance(&wind));
-        let shape = |all: &Flights| -> Vec<DVec3> {
-            let first = all.at(0).x;
-            all.by_number().map(|c| c.x - first).collect()
+        let shape = |all: &FlightSimulation| -> Vec<DVec3> {
+            let first = all.catkin(0).x;
+            all.by_id().map(|c| c.x - first).collect()
         };
         let before = shape(&all);
         (0..1000).for_each(|_| all.advance(&wind));
@@ -123,11 +123,11 @@ fn clusters_are_stiff() {
             let error = if cluster_rotation { (a.length() - b.length()).abs() } else { a.distance(b) };
             assert!(error < within, "{error}");
         }
-        assert!(all.tally().airborne == 10 && (!cluster_rotation || before[9].distance(shape(&all)[9]) > 1e-3));
+        assert!(all.stats().airborne == 10 && (!cluster_rotation || before[9].distance(shape(&all)[9]) > 1e-3));
     }
 }
 
-fn fingerprint(sample: &Sample) -> u64 {
+fn fingerprint(sample: &FlightFrame) -> u64 {
     let bits =
         sample.positions.iter().flat_map(|p| p.to_array()).chain(sample.orientations.iter().flat_map(|q| q.to_array()));
     let all = bits.map(|v| u64::from(v.to_bits())).chain(sample.clusters.iter().map(|c| u64::from(*c)));
@@ -140,10 +140,10 @@ fn the_same_flight_at_any_order_and_number_of_threads() {
     let solids = wall_and_house();
     let run = |threads: usize, check_every: u32, sorted: bool| {
         osier_base::par::on_threads(threads, || {
-            let mut all = flights(6000, Options { check_every, sorted, ..Options::default() }, &solids);
+            let mut all = flights(6000, FlightParams { check_every, sorted, ..FlightParams::default() }, &solids);
             let wind = gusts(3.0);
             (0..72).for_each(|_| all.advance_frame(&wind));
-            (fingerprint(&all.sample()), all.tally())
+            (fingerprint(&all.frame()), all.stats())
         })
     };
     for check_every in [1, 4] {
@@ -160,15 +160,15 @@ fn the_same_flight_at_any_order_and_number_of_threads() {
 fn wet_ground_holds_more() {
     for seed in 0..8 {
         let runs = [0.0, 0.1, 0.2, 0.4, 1.0].map(|h| {
-            let options = Options { seed, humidity: Humidity::Even(h), ..Options::default() };
+            let options = FlightParams { seed, humidity: GroundHumidity::Even(h), ..FlightParams::default() };
             let mut all = flights(300, options, &Arc::new(Solids::new(Vec::new(), true)));
             let wind = gusts(1.5);
             let mut held = 0;
             for _ in 0..360 {
                 all.advance_frame(&wind);
-                held += all.by_number().filter(|c| c.state.is_deposited()).count();
+                held += all.by_id().filter(|c| c.state.is_deposited()).count();
             }
-            (held as f64 + 1.0, all.tally().lift_offs as f64)
+            (held as f64 + 1.0, all.stats().lift_offs as f64)
         });
         let rates = runs.map(|(held, lifted)| lifted / held);
         assert!(runs.windows(2).all(|p| p[0].0 < p[1].0), "seed {seed}: {runs:?}");
@@ -179,13 +179,13 @@ fn wet_ground_holds_more() {
 /// Who leaves comes back, not seen in between, and is then another generation.
 #[test]
 fn those_that_leave_come_back_unseen() {
-    let mut all = flights(300, Options::default(), &wall_and_house());
+    let mut all = flights(300, FlightParams::default(), &wall_and_house());
     let wind = gusts(5.0);
-    let mut before = all.sample();
+    let mut before = all.frame();
     let mut hidden_for = vec![0_u32; 300];
     for _ in 0..200 {
         all.advance_frame(&wind);
-        let now = all.sample();
+        let now = all.frame();
         for (i, hidden) in hidden_for.iter_mut().enumerate() {
             let seen = now.states[i].is_seen();
             if seen && *hidden > 0 {
@@ -199,48 +199,48 @@ fn those_that_leave_come_back_unseen() {
         }
         before = now;
     }
-    assert!(all.tally().recycled > 30);
+    assert!(all.stats().recycled > 30);
 }
 
 #[test]
 fn a_step_at_a_wall_sinks_to_its_foot() {
     let solids = wall_and_house();
-    let mut all = flights(1, Options { humidity: Humidity::Even(1.0), ..Options::default() }, &solids);
-    let c = all.at_mut(0);
+    let mut all = flights(1, FlightParams { humidity: GroundHumidity::Even(1.0), ..FlightParams::default() }, &solids);
+    let c = all.catkin_mut(0);
     (c.x, c.from) = (DVec3::new(3.0, 2.0, 0.0), DVec3::new(3.0, 2.0, 0.0));
     let wind = UniformWind(Vec3::X);
     let mut seen = Vec::new();
     for _ in 0..24 * 60 {
         all.advance(&wind);
-        let state = all.at(0).state;
+        let state = all.catkin(0).state;
         if seen.last() != Some(&state) {
             seen.push(state);
         }
     }
-    assert_eq!(seen, [State::Airborne, State::OnWall, State::Corner]);
-    let (c, r) = (all.at(0), f64::from(all.at(0).radius));
+    assert_eq!(seen, [CatkinState::Airborne, CatkinState::OnWall, CatkinState::Corner]);
+    let (c, r) = (all.catkin(0), f64::from(all.catkin(0).radius));
     assert!((c.x.x - (3.8 - r)).abs() < 1e-4 && (c.x.y - r).abs() < 2e-3, "{} {r}", c.x);
-    assert!(all.tally().flight_time > 0.5 && all.tally().flight_distance > 0.5);
+    assert!(all.stats().flight_time > 0.5 && all.stats().flight_distance > 0.5);
 }
 
 /// What clings to something that comes to rest comes down to it, however far it was when both met.
 #[test]
 fn nothing_stays_hanging_above_what_it_clings_to() {
-    let options = Options { humidity: Humidity::Even(1.0), ..Options::default() };
+    let options = FlightParams { humidity: GroundHumidity::Even(1.0), ..FlightParams::default() };
     let places = [0.08, 0.38, 0.68].map(|y| DVec3::new(0.1 * y, y, 0.0));
-    let starts = places.map(|at| Start { at, wait: Wait::Until(0.0) });
-    let mut all = Flights::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts);
+    let starts = places.map(|at| CatkinStart { at, wait: ReleaseCondition::Until(0.0) });
+    let mut all = FlightSimulation::new(options, Arc::new(Solids::new(Vec::new(), true)), &starts);
     let still = UniformWind(Vec3::ZERO);
     (0..5).for_each(|_| all.advance(&still));
     assert_eq!(all.clusters.len(), 1);
-    while all.tally().airborne > 0 {
+    while all.stats().airborne > 0 {
         all.advance(&still);
     }
-    let height = |all: &Flights| all.by_number().map(|c| c.x.y).fold(0.0, f64::max);
+    let height = |all: &FlightSimulation| all.by_id().map(|c| c.x.y).fold(0.0, f64::max);
     let landed = height(&all);
     (0..24 * 6).for_each(|_| all.advance(&still));
     assert!(landed > 0.12 && height(&all) < 0.09, "{landed} {}", height(&all));
-    assert_eq!(all.tally().penetrations, 0);
+    assert_eq!(all.stats().penetrations, 0);
 }
 
 /// A pole of ten tufts sags to a heap, at the foot of a wall or from its top; nobody is left hanging.
@@ -248,25 +248,25 @@ fn nothing_stays_hanging_above_what_it_clings_to() {
 fn a_pole_at_a_wall_sags_to_a_heap() {
     let (foot, top) = (DVec3::new(3.78, 0.02, 0.0), DVec3::new(4.0, 4.02, 0.0));
     for (first, up) in [(foot, 0.034), (top, 0.034), (DVec3::new(3.78, 4.02, 0.0), -0.034)] {
-        let options = Options { humidity: Humidity::Even(1.0), scales: [1.0, 1.0], ..Options::default() };
+        let options = FlightParams { humidity: GroundHumidity::Even(1.0), scales: [1.0, 1.0], ..FlightParams::default() };
         let place = |i: u32| {
             // The one from which the others hang lies on the top.
             let x = if up < 0.0 && i == 0 { 0.03 } else { 0.0 };
             first + DVec3::new(x, up * f64::from(i), 0.002 * f64::from(i % 3))
         };
-        let starts: Vec<Start> = (0..10).map(|i| Start { at: place(i), wait: Wait::Until(0.0) }).collect();
-        let mut all = Flights::new(Options { stick_radius: 0.0, ..options }, wall_and_house(), &starts);
+        let starts: Vec<CatkinStart> = (0..10).map(|i| CatkinStart { at: place(i), wait: ReleaseCondition::Until(0.0) }).collect();
+        let mut all = FlightSimulation::new(FlightParams { stick_radius: 0.0, ..options }, wall_and_house(), &starts);
         for c in &mut all.catkins {
-            (c.x, c.wait) = (place(c.id), Wait::Until(0.0));
-            (c.state, c.face, c.normal) = (State::Corner, Some(0), Vec3::NEG_X);
+            (c.x, c.wait) = (place(c.id), ReleaseCondition::Until(0.0));
+            (c.state, c.face, c.normal) = (CatkinState::Corner, Some(0), Vec3::NEG_X);
         }
         (1..10).for_each(|id| all.join(id - 1, id, 0.0));
         let still = UniformWind(Vec3::ZERO);
         (0..24 * 40).for_each(|_| all.advance(&still));
-        let tops: Vec<f64> = all.by_number().map(|c| c.x.y).collect();
+        let tops: Vec<f64> = all.by_id().map(|c| c.x.y).collect();
         // On the top or on the ground, nowhere between.
         assert!(tops.iter().all(|y| *y < 0.1 || (*y > 4.0 && *y < 4.1)), "{tops:?}");
-        assert_eq!((all.tally().deposited(), all.tally().penetrations), (10, 0));
+        assert_eq!((all.stats().deposited(), all.stats().penetrations), (10, 0));
         assert!(all.clusters.values().all(|c| !c.loose));
     }
 }
@@ -274,12 +274,12 @@ fn a_pole_at_a_wall_sags_to_a_heap() {
 /// Of half metres before a wall the one at its foot holds the most.
 #[test]
 fn most_lie_at_the_foot_of_a_wall() {
-    let options = Options { humidity: Humidity::Even(1.0), stick_radius: 0.0, ..Options::default() };
+    let options = FlightParams { humidity: GroundHumidity::Even(1.0), stick_radius: 0.0, ..FlightParams::default() };
     let mut all = flights(1500, options, &wall_and_house());
     let wind = gusts(2.0);
     (0..600).for_each(|_| all.advance_frame(&wind));
     let mut bins = [0_u32; 12];
-    for c in all.by_number().filter(|c| c.state.is_deposited() && c.x.y < 0.2 && c.x.z.abs() < 14.0) {
+    for c in all.by_id().filter(|c| c.state.is_deposited() && c.x.y < 0.2 && c.x.z.abs() < 14.0) {
         let away = (3.8 - c.x.x) * 2.0;
         (0..12).filter(|i| away >= f64::from(*i) && away < f64::from(*i + 1)).for_each(|i| bins[i as usize] += 1);
     }

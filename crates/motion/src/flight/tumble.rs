@@ -2,31 +2,31 @@
 
 use glam::{Quat, Vec3};
 
-use super::particles::{Catkin, State, flutter_key, flutter_root};
-use super::{CHUNK, Flights};
+use super::particles::{Catkin, CatkinState, flutter_key, flutter_root};
+use super::{CATKINS_PER_TASK, FlightSimulation};
 use osier_base::math::narrow;
 use osier_base::rng;
 
 // Chosen by eye; none of it is in the paper.
 /// Swings a second in a fall at settling speed.
-const SWINGS: f32 = 0.8;
+const SWING_HZ: f32 = 0.8;
 /// Part of critical damping.
-const DAMPING: f32 = 0.35;
+const DAMPING_RATIO: f32 = 0.35;
 /// Strength of unrest, rad/s^2, and how long it lasts, s.
-const UNREST: f32 = 6.0;
-const UNREST_TIME: f32 = 0.4;
+const RANDOM_TORQUE: f32 = 6.0;
+const RANDOM_TORQUE_TIME: f32 = 0.4;
 /// Turning about the tuft's own axis: strength, rad/s, and how long it lasts, s.
-const SPIN: f32 = 0.6;
-const SPIN_TIME: f32 = 1.5;
+const AXIAL_SPIN: f32 = 0.6;
+const AXIAL_SPIN_TIME: f32 = 1.5;
 /// Fastest turn, rad/s.
-const FASTEST: f32 = 12.0;
+const MAX_SPIN: f32 = 12.0;
 /// In which turning dies away on the ground, s.
-const REST_TIME: f32 = 0.1;
+const REST_DAMPING_TIME: f32 = 0.1;
 
 /// Numbers of a step that are the same for all.
-struct Beat {
+struct TumbleStep {
     dt: f32,
-    unrest: [f32; 2],
+    random_torque: [f32; 2],
     spin: [f32; 2],
     rest: f32,
     flutter: f32,
@@ -37,9 +37,9 @@ struct Beat {
     now: f64,
 }
 
-impl Beat {
-    fn of(flights: &Flights) -> Self {
-        let dt = narrow(flights.options.step());
+impl TumbleStep {
+    fn of(flights: &FlightSimulation) -> Self {
+        let dt = narrow(flights.options.time_step());
         let keeps = |time: f32| osier_base::math::exp_f32(-dt / time);
         let pair = |time: f32, strength: f32| {
             let keep = keeps(time);
@@ -47,13 +47,13 @@ impl Beat {
         };
         Self {
             dt,
-            unrest: pair(UNREST_TIME, UNREST),
-            spin: pair(SPIN_TIME, SPIN),
-            rest: keeps(REST_TIME),
+            random_torque: pair(RANDOM_TORQUE_TIME, RANDOM_TORQUE),
+            spin: pair(AXIAL_SPIN_TIME, AXIAL_SPIN),
+            rest: keeps(REST_DAMPING_TIME),
             flutter: narrow(flights.options.flutter),
             key: flutter_root(flights.options.seed),
             step: flights.step,
-            now: flights.seconds() + flights.options.step(),
+            now: flights.seconds() + flights.options.time_step(),
         }
     }
 
@@ -62,34 +62,34 @@ impl Beat {
         let speed = c.flow.length();
         let along = if speed < 0.05 { Vec3::Y } else { c.flow / speed };
         let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, 3.0);
-        let omega_n = std::f32::consts::TAU * SWINGS * pace * self.flutter;
+        let omega_n = std::f32::consts::TAU * SWING_HZ * pace * self.flutter;
         let (a, b) = noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
-        c.unrest = c.unrest * self.unrest[0] + a * self.unrest[1];
+        c.random_torque = c.random_torque * self.random_torque[0] + a * self.random_torque[1];
         // About the axis of the tuft it turns freely, and slowly; across it swings.
         let spin = c.omega.dot(tuft) * self.spin[0] + b * self.spin[1];
         let across = c.omega - tuft * c.omega.dot(tuft);
-        let torque = tuft.cross(along) * (omega_n * omega_n) + c.unrest;
+        let torque = tuft.cross(along) * (omega_n * omega_n) + c.random_torque;
         let damped = (across + (torque - tuft * torque.dot(tuft)) * self.dt)
-            * osier_base::math::exp_f32(-2.0 * DAMPING * omega_n * self.dt);
-        c.omega = (damped + tuft * spin).clamp_length_max(FASTEST);
+            * osier_base::math::exp_f32(-2.0 * DAMPING_RATIO * omega_n * self.dt);
+        c.omega = (damped + tuft * spin).clamp_length_max(MAX_SPIN);
     }
 }
 
-impl Flights {
+impl FlightSimulation {
     pub(super) fn turn(&mut self) {
-        let beat = Beat::of(self);
+        let beat = TumbleStep::of(self);
         let clusters = std::mem::take(&mut self.clusters);
-        for cluster in clusters.values().filter(|c| c.state == State::Airborne) {
-            cluster.members.iter().for_each(|id| self.at_mut(*id).omega = cluster.omega);
+        for cluster in clusters.values().filter(|c| c.state == CatkinState::Airborne) {
+            cluster.members.iter().for_each(|id| self.catkin_mut(*id).omega = cluster.omega);
         }
         self.clusters = clusters;
-        let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CHUNK).collect();
+        let mut chunks: Vec<&mut [Catkin]> = self.catkins.chunks_mut(CATKINS_PER_TASK).collect();
         osier_base::par::par_each(&mut chunks, |chunk| {
             for c in chunk.iter_mut() {
                 match c.state {
                     // As their cluster turns: see above.
-                    State::Airborne if c.clustered => {}
-                    State::Airborne => beat.turn(c),
+                    CatkinState::Airborne if c.clustered => {}
+                    CatkinState::Airborne => beat.turn(c),
                     _ => {
                         c.omega *= beat.rest;
                         if c.state.is_deposited() && c.rested < 0.0 {

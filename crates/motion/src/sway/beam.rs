@@ -11,14 +11,14 @@ const SMALL: f64 = 0.05;
 
 /// Share of the tip's slope at a place of an evenly loaded cantilever, 0 at its base, 1 at its tip:
 /// P = 3 x - 3 x^2 + x^3.
-pub fn profile(x: f64) -> f64 {
+pub fn uniform_load_slope(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * (3.0 - x * (3.0 - x))
 }
 
 /// How the slope of a bent branch grows from 0 at its base to 1 at its tip.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub enum Shape {
+pub enum SlopeProfile {
     /// As of an even rod under an even load.
     #[default]
     Even,
@@ -26,28 +26,28 @@ pub enum Shape {
     Table(Vec<f64>),
 }
 
-impl Shape {
+impl SlopeProfile {
     /// Share of the tip's slope at a place, 0 to 1.
     pub fn at(&self, x: f64) -> f64 {
-        let Self::Table(table) = self else { return profile(x) };
+        let Self::Table(table) = self else { return uniform_load_slope(x) };
         let last = table.len().saturating_sub(1);
         let place = x.clamp(0.0, 1.0) * last as f64;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few dozen")]
         let k = (place as usize).min(last.saturating_sub(1));
         match (table.get(k), table.get(k + 1)) {
             (Some(a), Some(b)) => a + (b - a) * (place - k as f64),
-            _ => profile(x),
+            _ => uniform_load_slope(x),
         }
     }
 }
 
 /// Second over first frequency of an even rod.
-pub const OVERTONE: f64 = 6.27;
+pub const SECOND_MODE_FREQUENCY_RATIO: f64 = 6.27;
 
 /// Share of the tip's slope along an even rod that swings in its second mode: one node of the swing at 0.783, the
 /// slope is none at 0.471.
 /// Source: Euler's beam, clamped and free; b L = 4.694 solves cos(b L) cosh(b L) = -1.
-pub fn overtone(x: f64) -> f64 {
+pub fn second_mode_slope(x: f64) -> f64 {
     const BETA: f64 = 4.694_091_132_974_175;
     let x = x.clamp(0.0, 1.0) * BETA;
     let slope = |x: f64| {
@@ -62,9 +62,9 @@ pub fn overtone(x: f64) -> f64 {
 /// Slope of the tip over the slope that small deflections would give, from the square of that: atan(x) / x keeps the tip
 /// below a right angle. Own: it meets the elastica within 1 % up to a load of F L^2 / (E I) = 2 at the tip.
 #[inline(always)]
-pub(crate) fn share_of_slope<S: Simd>(square: Lane<S>) -> Lane<S> {
+pub(crate) fn large_deflection_factor<S: Simd>(square: Lane<S>) -> Lane<S> {
     let one = Lane::all(square.simd(), 1.0);
-    let near = arc_series(square);
+    let near = atan_series(square);
     if square.all_below(SMALL) {
         return near;
     }
@@ -75,12 +75,12 @@ pub(crate) fn share_of_slope<S: Simd>(square: Lane<S>) -> Lane<S> {
         k = (k + k).over(down);
         s = s.over(down * down);
     }
-    square.below(SMALL, near, arc_series(s) * k)
+    square.below(SMALL, near, atan_series(s) * k)
 }
 
 /// The series of atan(x) / x in x^2, exact to 1e-10 below [`SMALL`].
 #[inline(always)]
-fn arc_series<S: Simd>(s: Lane<S>) -> Lane<S> {
+fn atan_series<S: Simd>(s: Lane<S>) -> Lane<S> {
     let mut sum = Lane::all(s.simd(), 1.0 / 13.0);
     for c in [1.0 / 11.0, 1.0 / 9.0, 1.0 / 7.0, 0.2, 1.0 / 3.0, 1.0] {
         sum = Lane::all(s.simd(), c) - s * sum;
@@ -98,7 +98,7 @@ fn powers<S: Simd>(c: &[f64; 7], h: Lane<S>) -> Lane<S> {
 
 /// The turn about vectors by their lengths, rad, as (x, y, z, w). Exact to 1e-12 up to 1.6 rad: no branch bends farther.
 #[inline(always)]
-pub(crate) fn turn_lanes<S: Simd>(v: Arrow<S>) -> [Lane<S>; 4] {
+pub(crate) fn rotation_lanes<S: Simd>(v: Arrow<S>) -> [Lane<S>; 4] {
     // sin(a/2)/a and cos(a/2) as series of (a/2)^2: products only, this is called millions of times.
     const SIN: [f64; 7] =
         [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0, 1.0 / 6_227_020_800.0];
@@ -111,18 +111,18 @@ pub(crate) fn turn_lanes<S: Simd>(v: Arrow<S>) -> [Lane<S>; 4] {
 
 /// The turn about `v` by its length, rad.
 pub fn turn(v: DVec3) -> DQuat {
-    let [x, y, z, w] = turn_lanes(Arrow(v.to_array().map(|c| Lane::all(Scalar, c)))).map(Lane::value);
+    let [x, y, z, w] = rotation_lanes(Arrow(v.to_array().map(|c| Lane::all(Scalar, c)))).map(Lane::value);
     DQuat::from_xyzw(x, y, z, w)
 }
 
 /// The same for what is written.
-pub fn turn_f32(v: Vec3) -> Quat {
+pub fn rotation_f32(v: Vec3) -> Quat {
     turn(v.as_dvec3()).as_quat()
 }
 
 /// A straight beam clamped at its base: stations along it with stiffness and load.
 #[derive(Debug, Clone, Default)]
-pub struct Beam {
+pub struct CantileverBeam {
     /// Distance from the base, m, rising from 0.
     pub x: Vec<f64>,
     /// E I at the stations, N m^2.
@@ -133,7 +133,7 @@ pub struct Beam {
     pub mass: Vec<f64>,
 }
 
-impl Beam {
+impl CantileverBeam {
     /// Slope of the tip for a unit force across at each station, 1/N: c(s) = integral of (s - x) / (E I) over 0..s.
     pub fn compliance(&self) -> Vec<f64> {
         let (mut c, mut slope) = (0.0, 0.0);
@@ -210,7 +210,7 @@ fn inverse(rigidity: f64) -> f64 {
 
 /// One step of a damped oscillator, exact for a load that stays: y' = a y + b v, v' = c y + d v.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Swing {
+pub struct OscillatorStep {
     /// Of the place to the place.
     a: f64,
     /// Of the rate to the place.
@@ -221,7 +221,7 @@ pub struct Swing {
     d: f64,
 }
 
-impl Swing {
+impl OscillatorStep {
     /// `w`: circular frequency, rad/s; `zeta`: share of critical damping; `h`: step, s.
     /// Source: the solution of b'' + 2 zeta w b' + w^2 b = 0.
     pub fn new(w: f64, zeta: f64, h: f64) -> Self {
@@ -267,7 +267,7 @@ mod tests {
     }
 
     /// A rod of length `l` from radius `r0` to `r1`.
-    fn rod(l: f64, r0: f64, r1: f64, (e, density): (f64, f64), n: usize) -> Beam {
+    fn rod(l: f64, r0: f64, r1: f64, (e, density): (f64, f64), n: usize) -> CantileverBeam {
         let h = l / n as f64;
         let r = |x: f64| r0 + (r1 - r0) * x / l;
         let stiff = |x: f64| e * PI / 4.0 * quad(r(x));
@@ -277,7 +277,7 @@ mod tests {
             // Simpson over the stretch that the station stands for: exact, as r^2 is a square.
             density * PI * (b - a) / 6.0 * (square(r(a)) + 4.0 * square(r((a + b) / 2.0)) + square(r(b)))
         };
-        Beam {
+        CantileverBeam {
             rigidity: x.iter().map(|x| stiff(*x)).collect(),
             between: x.iter().map(|x| stiff((x + h / 2.0).min(l))).collect(),
             mass: x.iter().map(mass).collect(),
@@ -318,9 +318,9 @@ mod tests {
     #[test]
     fn measured_shapes_are_the_closed_forms() {
         let even = |n: usize| -> Vec<f64> { (0..=n).map(|i| if i == 0 || i == n { 0.5 } else { 1.0 }).collect() };
-        let table = Shape::Table(rod(1.2, 0.01, 0.01, (8e9, 900.0), 32).shape(&even(32)).expect("bends"));
+        let table = SlopeProfile::Table(rod(1.2, 0.01, 0.01, (8e9, 900.0), 32).shape(&even(32)).expect("bends"));
         for x in [0.0, 0.1, 0.35, 0.5, 0.8, 1.0] {
-            assert!((table.at(x) - profile(x)).abs() < 2e-3, "{x}: {} for {}", table.at(x), profile(x));
+            assert!((table.at(x) - uniform_load_slope(x)).abs() < 2e-3, "{x}: {} for {}", table.at(x), uniform_load_slope(x));
         }
         // A cone whose load grows with its radius, cut at half of it: slopes by quadrature.
         let r = |x: f64| 1.0 - 0.5 * x;
@@ -329,22 +329,22 @@ mod tests {
         };
         let curve = |x: f64| sum(&|s| (s - x) * r(s), x, 1.0) / quad(r(x));
         let load: Vec<f64> = even(32).iter().enumerate().map(|(i, w)| w * r(i as f64 / 32.0)).collect();
-        let table = Shape::Table(rod(1.2, 0.01, 0.005, (8e9, 900.0), 32).shape(&load).expect("bends"));
+        let table = SlopeProfile::Table(rod(1.2, 0.01, 0.005, (8e9, 900.0), 32).shape(&load).expect("bends"));
         for x in [0.2, 0.5, 0.8] {
             let expected = sum(&curve, 0.0, x) / sum(&curve, 0.0, 1.0);
             assert!((table.at(x) - expected).abs() < 5e-3, "{x}: {} for {expected}", table.at(x));
-            assert!(expected < profile(x) - 0.02, "thin ends bend more");
+            assert!(expected < uniform_load_slope(x) - 0.02, "thin ends bend more");
         }
     }
 
     #[test]
     fn the_second_mode_is_the_books() {
-        assert!(overtone(0.0).abs() < 1e-12 && (overtone(1.0) - 1.0).abs() < 1e-12);
-        assert!(overtone(0.4709).abs() < 2e-3 && overtone(0.3) < -0.2 && overtone(0.6) > 0.2);
+        assert!(second_mode_slope(0.0).abs() < 1e-12 && (second_mode_slope(1.0) - 1.0).abs() < 1e-12);
+        assert!(second_mode_slope(0.4709).abs() < 2e-3 && second_mode_slope(0.3) < -0.2 && second_mode_slope(0.6) > 0.2);
         // Where it stays in place: the sum of the slopes is none.
-        let place = |end: f64| (0..1000).map(|i| overtone(end * (f64::from(i) + 0.5) / 1000.0)).sum::<f64>() * end;
+        let place = |end: f64| (0..1000).map(|i| second_mode_slope(end * (f64::from(i) + 0.5) / 1000.0)).sum::<f64>() * end;
         assert!(place(0.77) < 0.0 && place(0.80) > 0.0, "{} {}", place(0.77), place(0.80));
-        assert!((OVERTONE / (22.034 / 3.516) - 1.0).abs() < 1e-3);
+        assert!((SECOND_MODE_FREQUENCY_RATIO / (22.034 / 3.516) - 1.0).abs() < 1e-3);
     }
 
     #[test]
@@ -372,11 +372,11 @@ mod tests {
 
     /// Bend of the tip for the slope that small deflections would give.
     fn large(slope: f64) -> DVec3 {
-        DVec3::NEG_Z * slope * share_of_slope(Lane::all(Scalar, slope * slope)).value()
+        DVec3::NEG_Z * slope * large_deflection_factor(Lane::all(Scalar, slope * slope)).value()
     }
 
     /// Place and rate after a step. `rest`: where it would stand still.
-    fn step(swing: &Swing, [place, rate]: [f64; 2], rest: f64) -> [f64; 2] {
+    fn step(swing: &OscillatorStep, [place, rate]: [f64; 2], rest: f64) -> [f64; 2] {
         let ([a, b, c, d], y) = (swing.coefficients(), place - rest);
         [rest + a * y + b * rate, c * y + d * rate]
     }
@@ -384,7 +384,7 @@ mod tests {
     #[test]
     fn slopes_are_arc_tangents() {
         for x in [1e-9, 0.01, 0.1, 0.2235, 0.2237, 1.0, 3.0, 100.0, 1e6] {
-            let found = share_of_slope(Lane::all(Scalar, x * x)).value() * x;
+            let found = large_deflection_factor(Lane::all(Scalar, x * x)).value() * x;
             assert!((found - math::atan(x)).abs() < 1e-10 * math::atan(x), "{x}: {found}");
         }
     }
@@ -394,7 +394,7 @@ mod tests {
         let n = 2000;
         let (mut p, mut length) = (DVec3::ZERO, 0.0);
         for i in 0..n {
-            let step = turn(bend * profile((f64::from(i) + 0.5) / f64::from(n))) * DVec3::Y / f64::from(n);
+            let step = turn(bend * uniform_load_slope((f64::from(i) + 0.5) / f64::from(n))) * DVec3::Y / f64::from(n);
             length += step.length();
             p += step;
         }
@@ -414,7 +414,7 @@ mod tests {
     fn ringing_dies_as_the_logarithmic_decrement_says() {
         for (zeta, decrement) in [(0.05, 0.3146), (0.08, 0.5043), (0.12, 0.7595), (0.2, 1.2826)] {
             let (f, h) = (1.7, 1e-3);
-            let swing = Swing::new(2.0 * PI * f, zeta, h);
+            let swing = OscillatorStep::new(2.0 * PI * f, zeta, h);
             let (mut state, mut crossings, mut peaks) = ([1.0, 0.0], Vec::new(), Vec::new());
             for k in 0..6000_u32 {
                 let next = step(&swing, state, 0.0);
@@ -438,19 +438,19 @@ mod tests {
     fn the_step_is_exact_at_any_length_and_keeps_energy() {
         for zeta in [0.0, 0.1, 0.99995, 1.0, 1.5, 3.0] {
             let w = 5.0;
-            let ring = |h: f64, n: u32| (0..n).fold([1.0, 0.5], |s, _| step(&Swing::new(w, zeta, h), s, 0.2));
+            let ring = |h: f64, n: u32| (0..n).fold([1.0, 0.5], |s, _| step(&OscillatorStep::new(w, zeta, h), s, 0.2));
             let (coarse, fine) = (ring(1.0 / 30.0, 30), ring(1.0 / 1000.0, 1000));
             assert!((coarse[0] - fine[0]).abs() < 1e-6 && (coarse[1] - fine[1]).abs() < 1e-5, "{zeta}");
         }
         for zeta in [1.0, 1.7, 3.0] {
-            let swing = Swing::new(7.0, zeta, 0.01);
+            let swing = OscillatorStep::new(7.0, zeta, 0.01);
             let mut state = [1.0, 0.0];
             for _ in 0..2000 {
                 state = step(&swing, state, 0.0);
                 assert!(state[0] >= -1e-12, "overshoot at {zeta}");
             }
         }
-        let (w, swing) = (6.0, Swing::new(6.0, 0.0, 0.01));
+        let (w, swing) = (6.0, OscillatorStep::new(6.0, 0.0, 0.01));
         let energy = |s: [f64; 2]| s[1] * s[1] + w * w * s[0] * s[0];
         let end = (0..100_000).fold([1.0, 0.0], |s, _| step(&swing, s, 0.0));
         assert!((energy(end) / energy([1.0, 0.0]) - 1.0).abs() < 1e-6);

@@ -4,24 +4,24 @@ use std::ops::Range;
 
 use glam::{DVec3, Quat};
 
-use super::beam::{Beam, Shape, overtone, turn_f32};
-use super::segments::{Budget, Load, Piece, Pieces};
-use super::wood::{Wood, damping_of};
+use super::beam::{CantileverBeam, SlopeProfile, second_mode_slope, rotation_f32};
+use super::segments::{ElementBudget, BranchLoad, AxisSegment, AxisSegments};
+use super::wood::{WoodParams, damping_ratio};
 use osier_base::math;
 use osier_base::rng;
 use osier_scene::plant::{Axis, AxisKind, NONE, Plant};
 
 /// Slowest swing, Hz.
-const SLOWEST: f64 = 0.1;
+const MIN_HZ: f64 = 0.1;
 /// Spread of frequencies between branches alike, and between the two ways a branch swings.
-const JITTER: f64 = 0.18;
-const SIDES: f64 = 0.03;
+const FREQUENCY_SPREAD: f64 = 0.18;
+const MODE_SPLIT: f64 = 0.03;
 /// Wind that the depth of a crown keeps off.
-const SHELTER: f64 = 0.6;
+const CROWN_SHELTER: f64 = 0.6;
 
 /// A stretch of an axis that bends as one.
 #[derive(Debug, Clone)]
-pub struct Element {
+pub struct BeamElement {
     /// Axis that it is part of.
     pub axis: u32,
     /// Where on the axis, m.
@@ -39,26 +39,26 @@ pub struct Element {
     /// Direction of growth at its base, at rest.
     pub up: DVec3,
     /// The two ways that it bends: axes of turning, at rest, across `up`.
-    pub ways: [DVec3; 2],
+    pub bend_axes: [DVec3; 2],
     /// m.
     pub length: f64,
     /// Its stations.
     pub stations: Range<usize>,
     /// Slope of the carrier's tip for a unit force at this element's base, 1/N.
-    pub lever: f64,
+    pub carrier_compliance: f64,
     /// Circular frequency of both ways, rad/s.
     pub w: [f64; 2],
     /// Share of critical damping.
-    pub zeta: f64,
+    pub damping_ratio: f64,
     /// How its slope grows along it.
-    pub shape: Shape,
+    pub shape: SlopeProfile,
     /// Where the bends of its second mode stand in a list of bends: behind those of all elements.
-    pub overtone: Option<usize>,
+    pub second_mode: Option<usize>,
 }
 
 /// Where air presses on an element, for one stretch of it.
 #[derive(Debug, Clone, Copy)]
-pub struct Station {
+pub struct LoadStation {
     /// Middle of its stretch along the element, 0 to 1.
     pub middle: f64,
     /// Place at rest, m.
@@ -70,16 +70,16 @@ pub struct Station {
     /// From there to its end.
     pub chord: DVec3,
     /// Area of wood and of leaves, m^2, and mass, kg, of the stretch.
-    pub load: Load,
+    pub load: BranchLoad,
     /// Slope of the tip for a unit of drag, and of inertia, spread as area and mass are, 1/N.
-    pub levers: [f64; 2],
+    pub tip_compliances: [f64; 2],
     /// Share of the wind that reaches it.
     pub open: f32,
 }
 
 /// A place on a plant as motion sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Spot {
+pub struct ElementLocation {
     /// Element, or [`NONE`] for what stands still.
     pub element: u32,
     /// Where on it.
@@ -88,11 +88,11 @@ pub struct Spot {
 
 /// All elements of a plant, parents first.
 #[derive(Debug, Clone, Default)]
-pub struct Elements {
+pub struct BeamElements {
     /// Elements.
-    pub list: Vec<Element>,
+    pub list: Vec<BeamElement>,
     /// Stations of all.
-    pub stations: Vec<Station>,
+    pub stations: Vec<LoadStation>,
     /// Fewer joints to each.
     pub(crate) coarse: bool,
     /// From the one that counts most to the one that counts least.
@@ -100,21 +100,21 @@ pub struct Elements {
     /// Per axis: where each part ends, m, and its element or [`NONE`].
     parts: Vec<Vec<(f32, u32)>>,
     /// Per axis: where its base stands.
-    carriers: Vec<Spot>,
+    carriers: Vec<ElementLocation>,
 }
 
-impl Elements {
+impl BeamElements {
     /// Chooses and measures the elements of a plant. What is not chosen rides on what carries it and adds to its load.
     /// Source: the hierarchy of [zhao-zhang] 3.2, one element for a branch instead of for an internode.
-    pub fn build(plant: &Plant, wood: &Wood, budget: Budget) -> Self {
-        let pieces = Pieces::of(plant, wood);
-        let ranked = pieces.ranked();
-        let kept = pieces.accept(&ranked, budget);
-        let source = Source { plant, wood, pieces: &pieces, kept: &kept, crown: Crown::of(plant) };
+    pub fn build(plant: &Plant, wood: &WoodParams, budget: ElementBudget) -> Self {
+        let pieces = AxisSegments::of(plant, wood);
+        let ranked = pieces.ranked_by_motion();
+        let kept = pieces.select(&ranked, budget);
+        let source = ElementContext { plant, wood, pieces: &pieces, kept: &kept, crown: CrownEllipsoid::of(plant) };
         let mut all = Self {
             parts: vec![Vec::new(); plant.axes.len()],
-            carriers: vec![Spot { element: NONE, at: 0.0 }; plant.axes.len()],
-            coarse: matches!(budget, Budget::Coarse(_)),
+            carriers: vec![ElementLocation { element: NONE, at: 0.0 }; plant.axes.len()],
+            coarse: matches!(budget, ElementBudget::Coarse(_)),
             ..Self::default()
         };
         let mut index = vec![NONE; pieces.list.len()];
@@ -124,7 +124,7 @@ impl Elements {
                 index[i] = u32::try_from(all.list.len()).unwrap_or(NONE);
                 let parent = piece.parent.map_or(NONE, |p| index[p]);
                 let carrier = piece.parent.and_then(|p| slopes[p].as_ref());
-                slopes[i] = Some(all.push(&source, i, (parent, carrier)));
+                slopes[i] = Some(all.add_element(&source, i, (parent, carrier)));
             }
             all.parts[piece.axis as usize].push((piece.span[1], index[i]));
         }
@@ -135,18 +135,18 @@ impl Elements {
     }
 
     /// Adds a piece on a carrier whose slopes are given; returns its own.
-    fn push(&mut self, source: &Source<'_>, i: usize, (parent, carrier): (u32, Option<&Slopes>)) -> Slopes {
+    fn add_element(&mut self, source: &ElementContext<'_>, i: usize, (parent, carrier): (u32, Option<&TipCompliance>)) -> TipCompliance {
         let piece = &source.pieces.list[i];
         let axis = source.axis(piece);
-        let measured = Measured::new(source, i);
+        let measured = ElementBeam::new(source, i);
         let site = source.plant.frame(axis, piece.span[0]);
         let frame = site.q.as_dquat();
         let id = rng::child(axis.id, u64::from(piece.number));
-        let (at, lever) = self.attachment(piece, parent, carrier);
+        let (at, carrier_compliance) = self.attachment(piece, parent, carrier);
         let first = self.stations.len();
-        self.stations.extend(measured.stations(source, piece));
+        self.stations.extend(measured.load_stations(source, piece));
         let bare = if source.crown.bare { 0.5 } else { 1.0 };
-        self.list.push(Element {
+        self.list.push(BeamElement {
             axis: piece.axis,
             span: piece.span,
             parent,
@@ -155,55 +155,55 @@ impl Elements {
             id,
             base: site.p.as_dvec3(),
             up: frame * DVec3::Y,
-            ways: [frame * DVec3::X, frame * DVec3::Z],
+            bend_axes: [frame * DVec3::X, frame * DVec3::Z],
             length: f64::from(piece.span[1] - piece.span[0]),
             stations: first..self.stations.len(),
-            lever,
-            w: measured.frequency(source, piece, id),
-            zeta: source.wood.damping * damping_of(axis.order, axis.kind == AxisKind::Petiole) * bare,
+            carrier_compliance,
+            w: measured.mode_frequencies(source, piece, id),
+            damping_ratio: source.wood.damping * damping_ratio(axis.order, axis.kind == AxisKind::Petiole) * bare,
             shape: measured.shape,
-            overtone: None,
+            second_mode: None,
         });
-        Slopes { x: measured.beam.x, compliance: measured.compliance }
+        TipCompliance { x: measured.beam.x, compliance: measured.compliance }
     }
 
     /// Where a piece stands on its carrier, and how far its pull bends that.
-    fn attachment(&self, piece: &Piece, parent: u32, carrier: Option<&Slopes>) -> (f64, f64) {
+    fn attachment(&self, piece: &AxisSegment, parent: u32, carrier: Option<&TipCompliance>) -> (f64, f64) {
         let Some((element, slopes)) = self.list.get(parent as usize).zip(carrier) else { return (0.0, 0.0) };
         let s = f64::from(piece.parent_s - element.span[0]);
         let at = if element.length > 0.0 { (s / element.length).clamp(0.0, 1.0) } else { 0.0 };
-        (at, value(&slopes.x, &slopes.compliance, s))
+        (at, interpolate(&slopes.x, &slopes.compliance, s))
     }
 
     /// The second modes of trunks and limbs.
-    fn add_overtones(&mut self, wood: &Wood) {
+    fn add_overtones(&mut self, wood: &WoodParams) {
         let behind = self.list.len()..;
-        for (place, element) in behind.zip(self.list.iter_mut().filter(|e| wood.overtones && e.order <= 1)) {
-            element.overtone = Some(place);
+        for (place, element) in behind.zip(self.list.iter_mut().filter(|e| wood.second_modes && e.order <= 1)) {
+            element.second_mode = Some(place);
         }
     }
 
     /// Bends of all elements and of their second modes.
-    pub fn swings(&self) -> usize {
-        self.list.len() + self.list.iter().filter(|e| e.overtone.is_some()).count()
+    pub fn bend_count(&self) -> usize {
+        self.list.len() + self.list.iter().filter(|e| e.second_mode.is_some()).count()
     }
 
     fn find_carriers(&mut self, plant: &Plant) {
         for (i, axis) in plant.axes.iter().enumerate() {
             if axis.parent != NONE {
-                self.carriers[i] = self.spot(axis.parent, axis.parent_s);
+                self.carriers[i] = self.locate(axis.parent, axis.parent_s);
             }
         }
     }
 
     /// What moves a place of an axis. `s`: arc length, m.
-    pub fn spot(&self, axis: u32, s: f32) -> Spot {
-        let Some(parts) = self.parts.get(axis as usize) else { return Spot { element: NONE, at: 0.0 } };
+    pub fn locate(&self, axis: u32, s: f32) -> ElementLocation {
+        let Some(parts) = self.parts.get(axis as usize) else { return ElementLocation { element: NONE, at: 0.0 } };
         let mut last = self.carriers[axis as usize];
         for (end, element) in parts {
             let Some(e) = self.list.get(*element as usize) else { break };
             let at = f64::from(s - e.span[0]) / e.length.max(1e-9);
-            last = Spot { element: *element, at: at.clamp(0.0, 1.0) };
+            last = ElementLocation { element: *element, at: at.clamp(0.0, 1.0) };
             if s < *end {
                 break;
             }
@@ -212,43 +212,43 @@ impl Elements {
     }
 
     /// Turns of all elements' bases from rest. `bends`: per element, both ways, rad.
-    pub fn bases(&self, bends: &[[f32; 2]]) -> Vec<Quat> {
+    pub fn base_rotations(&self, bends: &[[f32; 2]]) -> Vec<Quat> {
         let mut bases: Vec<Quat> = Vec::with_capacity(self.list.len());
         for e in &self.list {
-            let base = self.turn(&bases, bends, Spot { element: e.parent, at: e.at });
+            let base = self.rotation_at(&bases, bends, ElementLocation { element: e.parent, at: e.at });
             bases.push(base);
         }
         bases
     }
 
-    /// Turn of a place from rest. `bases`: from [`Elements::bases`] for the same bends.
-    pub fn turn(&self, bases: &[Quat], bends: &[[f32; 2]], spot: Spot) -> Quat {
+    /// Turn of a place from rest. `bases`: from [`BeamElements::bases`] for the same bends.
+    pub fn rotation_at(&self, bases: &[Quat], bends: &[[f32; 2]], spot: ElementLocation) -> Quat {
         let k = spot.element as usize;
         let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
         let Some(b) = bends.get(k) else { return *base };
-        let along = |b: &[f32; 2], share: f64| (e.ways[0] * f64::from(b[0]) + e.ways[1] * f64::from(b[1])) * share;
+        let along = |b: &[f32; 2], share: f64| (e.bend_axes[0] * f64::from(b[0]) + e.bend_axes[1] * f64::from(b[1])) * share;
         let mut bend = along(b, e.shape.at(spot.at));
-        if let Some(b) = e.overtone.and_then(|k| bends.get(k)) {
-            bend += along(b, overtone(spot.at));
+        if let Some(b) = e.second_mode.and_then(|k| bends.get(k)) {
+            bend += along(b, second_mode_slope(spot.at));
         }
-        *base * turn_f32(bend.as_vec3())
+        *base * rotation_f32(bend.as_vec3())
     }
 
     /// Share of the wind that reaches a place.
-    pub fn open(&self, spot: Spot) -> f32 {
+    pub fn wind_exposure(&self, spot: ElementLocation) -> f32 {
         let stations = self.list.get(spot.element as usize).and_then(|e| self.stations.get(e.stations.clone()));
         stations.map_or(1.0, |list| list.iter().map(|s| s.open).sum::<f32>() / list.len().max(1) as f32)
     }
 }
 
 /// The leaves of a plant as one egg-shaped crown.
-struct Crown {
+struct CrownEllipsoid {
     middle: DVec3,
     radii: DVec3,
     bare: bool,
 }
 
-impl Crown {
+impl CrownEllipsoid {
     fn of(plant: &Plant) -> Self {
         let places = plant.organs.iter().map(|o| plant.organ_site(o).0);
         let b = osier_base::geometry::Bounds::of(places);
@@ -259,82 +259,82 @@ impl Crown {
     }
 
     /// Share of the wind that reaches a place.
-    fn open(&self, p: DVec3) -> f32 {
+    fn wind_exposure(&self, p: DVec3) -> f32 {
         if self.radii.min_element() <= 0.0 {
             return 1.0;
         }
         let depth = (1.0 - ((p - self.middle) / self.radii).length()).clamp(0.0, 1.0);
-        math::narrow(1.0 - SHELTER * depth)
+        math::narrow(1.0 - CROWN_SHELTER * depth)
     }
 }
 
 /// What elements are made from.
-struct Source<'a> {
+struct ElementContext<'a> {
     plant: &'a Plant,
-    wood: &'a Wood,
-    pieces: &'a Pieces,
+    wood: &'a WoodParams,
+    pieces: &'a AxisSegments,
     kept: &'a [bool],
-    crown: Crown,
+    crown: CrownEllipsoid,
 }
 
-impl Source<'_> {
-    fn axis(&self, piece: &Piece) -> &Axis {
+impl ElementContext<'_> {
+    fn axis(&self, piece: &AxisSegment) -> &Axis {
         &self.plant.axes[piece.axis as usize]
     }
 }
 
 /// Slope of the tip for a unit force at places along a piece.
 #[derive(Debug, Clone)]
-struct Slopes {
+struct TipCompliance {
     x: Vec<f64>,
     compliance: Vec<f64>,
 }
 
 /// A piece with everything on it, station by station of its beam.
-struct Measured {
-    beam: Beam,
+struct ElementBeam {
+    beam: CantileverBeam,
     /// Own wood, leaves and what rides along, per station.
-    own: Vec<Load>,
+    own: Vec<BranchLoad>,
     /// Slope of the tip for a unit force.
     compliance: Vec<f64>,
-    shape: Shape,
+    shape: SlopeProfile,
 }
 
-impl Measured {
-    fn new(&Source { plant, wood, pieces, kept, .. }: &Source<'_>, i: usize) -> Self {
+impl ElementBeam {
+    fn new(&ElementContext { plant, wood, pieces, kept, .. }: &ElementContext<'_>, i: usize) -> Self {
         let piece = &pieces.list[i];
         let mut beam = pieces.beam(plant, wood, i);
-        let mut own: Vec<Load> = pieces.wood_along(plant, wood, i, beam.x.len());
+        let mut own: Vec<BranchLoad> = pieces.wood_along(plant, wood, i, beam.x.len());
         for (s, load) in &piece.leaves {
-            spread(&beam.x, &mut own, f64::from(s - piece.span[0]), *load);
+            add_load(&beam.x, &mut own, f64::from(s - piece.span[0]), *load);
         }
-        let mut hung = vec![Load::default(); beam.x.len()];
+        let mut hung = vec![BranchLoad::default(); beam.x.len()];
         for child in &piece.children {
             let (s, load) = (f64::from(pieces.list[*child].parent_s - piece.span[0]), pieces.list[*child].total);
             // What is kept catches the wind by itself, but its mass hangs here.
-            spread(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
+            add_load(&beam.x, if kept[*child] { &mut hung } else { &mut own }, s, load);
         }
         beam.mass = own.iter().zip(&hung).map(|(o, h)| o.mass + h.mass).collect();
-        let drag = |l: &Load| wood.drag * l.wood + wood.leaf_drag * l.leaf;
+        let drag = |l: &BranchLoad| wood.drag * l.wood + wood.leaf_drag * l.leaf;
         let wind: Vec<f64> = own.iter().zip(&hung).map(|(o, h)| drag(o) + drag(h)).collect();
-        let shape = wood.measured.then(|| beam.shape(&wind)).flatten().map_or(Shape::Even, Shape::Table);
+        let shape = wood.measured.then(|| beam.shape(&wind)).flatten().map_or(SlopeProfile::Even, SlopeProfile::Table);
         let compliance = beam.compliance();
         Self { beam, own, compliance, shape }
     }
 
-    fn frequency(&self, source: &Source<'_>, piece: &Piece, id: u64) -> [f64; 2] {
+    fn mode_frequencies(&self, source: &ElementContext<'_>, piece: &AxisSegment, id: u64) -> [f64; 2] {
         const TAU: f64 = std::f64::consts::TAU;
         let (axis, wood) = (source.axis(piece), source.wood);
         let trunk = wood.trunk_hertz.filter(|_| axis.parent == NONE && piece.number == 0);
         let free = trunk.map_or_else(|| self.beam.frequency(), |f| f * TAU);
         let mut draw = rng::Rng::from_key(rng::child(id, rng::word("frequency")));
-        let w = free * wood.hertz * (1.0 + JITTER * draw.range(-1.0, 1.0));
-        let apart = SIDES * draw.range(-1.0, 1.0);
-        [w * (1.0 + apart), w * (1.0 - apart)].map(|w| w.max(SLOWEST * TAU))
+        let w = free * wood.hertz * (1.0 + FREQUENCY_SPREAD * draw.range(-1.0, 1.0));
+        let apart = MODE_SPLIT * draw.range(-1.0, 1.0);
+        [w * (1.0 + apart), w * (1.0 - apart)].map(|w| w.max(MIN_HZ * TAU))
     }
 
     /// Three stretches for what is thick, one for the rest.
-    fn stations(&self, source: &Source<'_>, piece: &Piece) -> Vec<Station> {
+    fn load_stations(&self, source: &ElementContext<'_>, piece: &AxisSegment) -> Vec<LoadStation> {
         let (axis, wood) = (source.axis(piece), source.wood);
         let places: &[f64] = if axis.order <= 1 { &[0.2, 0.5, 0.85] } else { &[0.75] };
         let n = places.len() as f64;
@@ -342,42 +342,42 @@ impl Measured {
         let site = |at: f64| source.plant.frame(axis, piece.span[0] + length * math::narrow(at));
         let one = |(k, at): (usize, &f64)| {
             let (low, high) = (k as f64 / n, (k + 1) as f64 / n);
-            let (mut load, mut levers, mut weight) = (Load::default(), [0.0; 2], 0.0);
+            let (mut load, mut tip_compliances, mut weight) = (BranchLoad::default(), [0.0; 2], 0.0);
             let last = self.own.len() - 1;
             for (j, own) in self.own.iter().enumerate() {
                 let x = j as f64 / last as f64;
                 if x >= low && (x < high || (k + 1 == places.len() && j == last)) {
                     let drag = wood.drag * own.wood + wood.leaf_drag * own.leaf;
                     load = load + *own;
-                    levers[0] += drag * self.compliance[j];
-                    levers[1] += own.mass * self.compliance[j];
+                    tip_compliances[0] += drag * self.compliance[j];
+                    tip_compliances[1] += own.mass * self.compliance[j];
                     weight += drag;
                 }
             }
             let s = site(*at);
             let from = site(low).p.as_dvec3();
-            Station {
+            LoadStation {
                 middle: (low + high) * 0.5,
                 p: s.p.as_dvec3(),
                 along: (s.q * glam::Vec3::Y).as_dvec3(),
                 from,
                 chord: site(high).p.as_dvec3() - from,
                 load,
-                levers: [ratio(levers[0], weight), ratio(levers[1], load.mass)],
-                open: source.crown.open(s.p.as_dvec3()),
+                tip_compliances: [ratio_or_zero(tip_compliances[0], weight), ratio_or_zero(tip_compliances[1], load.mass)],
+                open: source.crown.wind_exposure(s.p.as_dvec3()),
             }
         };
         places.iter().enumerate().map(one).collect()
     }
 }
 
-fn ratio(a: f64, b: f64) -> f64 {
+fn ratio_or_zero(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }
 
 /// Shares a load between the two stations around a place.
-fn spread(x: &[f64], loads: &mut [Load], s: f64, load: Load) {
-    let (k, t) = between(x, s);
+fn add_load(x: &[f64], loads: &mut [BranchLoad], s: f64, load: BranchLoad) {
+    let (k, t) = bracket(x, s);
     loads[k] = loads[k] + load.times(1.0 - t);
     if let Some(next) = loads.get_mut(k + 1) {
         *next = *next + load.times(t);
@@ -385,12 +385,12 @@ fn spread(x: &[f64], loads: &mut [Load], s: f64, load: Load) {
 }
 
 /// Linear between stations.
-fn value(x: &[f64], y: &[f64], s: f64) -> f64 {
-    let (k, t) = between(x, s);
+fn interpolate(x: &[f64], y: &[f64], s: f64) -> f64 {
+    let (k, t) = bracket(x, s);
     y.get(k + 1).map_or(y[k], |next| y[k] + (next - y[k]) * t)
 }
 
-fn between(x: &[f64], s: f64) -> (usize, f64) {
+fn bracket(x: &[f64], s: f64) -> (usize, f64) {
     let k = x.partition_point(|v| *v <= s).clamp(1, x.len().max(2) - 1) - 1;
     let span = x.get(k + 1).map_or(0.0, |b| b - x[k]);
     (k, if span > 0.0 { ((s - x[k]) / span).clamp(0.0, 1.0) } else { 0.0 })
@@ -404,8 +404,8 @@ mod tests {
     #[test]
     fn a_rod_is_one_element_with_the_frequency_of_the_books() {
         let plant = rod(3.5, 0.035, 0.035);
-        let wood = Wood { elasticity: Some(8e9), ..Wood::default() };
-        let all = Elements::build(&plant, &wood, Budget::Elements(10));
+        let wood = WoodParams { elasticity: Some(8e9), ..WoodParams::default() };
+        let all = BeamElements::build(&plant, &wood, ElementBudget::Elements(10));
         assert_eq!(all.list.len(), 1);
         let e = &all.list[0];
         let hertz = (e.w[0] + e.w[1]) * 0.5 / std::f64::consts::TAU;
@@ -417,14 +417,14 @@ mod tests {
                 && (mass - 900.0 * std::f64::consts::PI * 0.035 * 0.035 * 3.5).abs() < 1e-3
         );
         // A uniform wind bends it by F L^2 / (6 E I).
-        let bend: f64 = all.stations.iter().map(|s| s.load.wood / area * s.levers[0]).sum();
+        let bend: f64 = all.stations.iter().map(|s| s.load.wood / area * s.tip_compliances[0]).sum();
         let expected = 3.5 * 3.5 / (6.0 * wood.rigidity(0.035));
         assert!((bend / expected - 1.0).abs() < 5e-3, "{bend} {expected}");
     }
 
     #[test]
     fn thin_ends_swing_by_themselves() {
-        let all = Elements::build(&rod(4.0, 0.04, 0.002), &Wood::default(), Budget::Elements(10));
+        let all = BeamElements::build(&rod(4.0, 0.04, 0.002), &WoodParams::default(), ElementBudget::Elements(10));
         assert!(all.list.len() == 2 && all.list[1].parent == 0 && (all.list[1].at - 1.0).abs() < 1e-9);
         assert!(all.list[1].w[0] > all.list[0].w[0]);
     }
@@ -432,9 +432,9 @@ mod tests {
     #[test]
     fn parents_stand_first_and_what_does_not_fit_rides() {
         let plant = tree(40);
-        let wood = Wood::default();
-        let full = Elements::build(&plant, &wood, Budget::Elements(1000));
-        let few = Elements::build(&plant, &wood, Budget::Elements(20));
+        let wood = WoodParams::default();
+        let full = BeamElements::build(&plant, &wood, ElementBudget::Elements(1000));
+        let few = BeamElements::build(&plant, &wood, ElementBudget::Elements(20));
         assert!(full.list.len() >= 81 && few.list.len() == 20);
         for all in [&full, &few] {
             assert!(all.list.iter().enumerate().all(|(i, e)| e.parent == NONE || (e.parent as usize) < i));
@@ -443,7 +443,7 @@ mod tests {
             assert!((mass / whole - 1.0).abs() < 1e-6, "no mass is lost");
         }
         let rider = (0..100_u32).find(|a| few.parts[*a as usize].iter().all(|p| p.1 == NONE)).expect("some ride");
-        let spot = few.spot(rider, plant.axes[rider as usize].length);
+        let spot = few.locate(rider, plant.axes[rider as usize].length);
         assert_eq!(spot, few.carriers[rider as usize]);
         assert_ne!(spot.element, NONE);
     }
@@ -451,19 +451,19 @@ mod tests {
     #[test]
     fn leaves_press_and_weigh_on_their_twigs() {
         let (bare, leafy) = (tree(5), leafy(5));
-        let wood = Wood::default();
-        let build = |p: &Plant| Elements::build(p, &wood, Budget::Elements(100));
+        let wood = WoodParams::default();
+        let build = |p: &Plant| BeamElements::build(p, &wood, ElementBudget::Elements(100));
         let (a, b) = (build(&bare), build(&leafy));
         let leaf: f64 = b.stations.iter().map(|s| s.load.leaf).sum();
         assert!((leaf - leafy.organs.len() as f64 * 0.01).abs() < 1e-6, "{leaf} m2");
         assert!(a.stations.iter().all(|s| s.load.leaf <= 0.0));
-        assert!(b.list[1].w[0] < a.list[1].w[0] && a.list[1].zeta < b.list[1].zeta);
+        assert!(b.list[1].w[0] < a.list[1].w[0] && a.list[1].damping_ratio < b.list[1].damping_ratio);
     }
 
     #[test]
     fn a_trunk_swings_as_asked() {
-        let wood = Wood { trunk_hertz: Some(0.51), ..Wood::default() };
-        let all = Elements::build(&tree(5), &wood, Budget::Elements(100));
+        let wood = WoodParams { trunk_hertz: Some(0.51), ..WoodParams::default() };
+        let all = BeamElements::build(&tree(5), &wood, ElementBudget::Elements(100));
         let hertz = all.list[0].w[0] / std::f64::consts::TAU;
         assert!((hertz / 0.51 - 1.0).abs() < 0.22, "{hertz}");
     }

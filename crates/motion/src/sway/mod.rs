@@ -1,7 +1,7 @@
 //! Branches that sway: from a plant in a wind to joints, poses and points over time.
 //!
-//! [`Elements`] are the stretches of branches that bend, chosen and measured once; [`Track`] holds what the wind does to
-//! them, frame by frame. [`Rig`] shows that with a few joints, [`Body`] with every point, [`Flutter`] moves the leaves.
+//! [`BeamElements`] are the stretches of branches that bend, chosen and measured once; [`BendTrack`] holds what the wind does to
+//! them, frame by frame. [`JointRig`] shows that with a few joints, [`PointBinding`] with every point, [`LeafFlutter`] moves the leaves.
 
 mod beam;
 mod elements;
@@ -19,14 +19,14 @@ mod wind_weights;
 mod wood;
 mod zhao_zhang;
 
-pub use elements::{Element, Elements, Spot, Station};
-pub use flutter::{Air, Flutter};
-pub use pose::{Body, Hangers, Posture};
-pub use rig::Rig;
-pub use segments::{Budget, Load};
-pub use simulation::{Manner, Simulation};
-pub use track::{Take, Track, afford};
-pub use wind_weights::Weights;
-pub(crate) use wood::damping_of;
-pub use wood::{AIR, FOLD, Wood};
-pub use zhao_zhang::{Fixes, PaperManner};
+pub use elements::{BeamElement, BeamElements, ElementLocation, LoadStation};
+pub use flutter::{LeafAir, LeafFlutter};
+pub use pose::{PointBinding, OrganBindings, PosedSkeleton};
+pub use rig::JointRig;
+pub use segments::{ElementBudget, BranchLoad};
+pub use simulation::{SwayParams, SwaySimulation};
+pub use track::{ClipOptions, BendTrack, check_key_limit};
+pub use wind_weights::WindWeights;
+pub(crate) use wood::damping_ratio;
+pub use wood::{AIR_DENSITY, LEAF_FOLD_SPEED, WoodParams};
+pub use zhao_zhang::{PaperCorrections, PaperParams};

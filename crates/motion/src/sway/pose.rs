@@ -2,26 +2,26 @@
 
 use glam::{Quat, Vec3};
 
-use super::elements::{Elements, Spot};
+use super::elements::{BeamElements, ElementLocation};
 use osier_base::math;
 use osier_base::par::par_chunks;
 use osier_scene::plant::{NONE, Organ, Plant};
 
 /// Rings within this many radii of the place where an axis leaves its parent follow the parent.
-pub(crate) const COLLAR: f32 = 1.5;
+pub(crate) const COLLAR_RADII: f32 = 1.5;
 /// Points that one thread moves at a time.
-const CHUNK: usize = 4096;
+const POINTS_PER_TASK: usize = 4096;
 
 /// Moved centrelines: per node its place, m, and its turn from rest.
 #[derive(Debug, Clone, Default)]
-pub struct Posture {
+pub struct PosedSkeleton {
     p: Vec<Vec3>,
     q: Vec<Quat>,
 }
 
 /// A place between two nodes.
 #[derive(Debug, Clone, Copy)]
-struct Held {
+struct SegmentAttachment {
     node: u32,
     t: f32,
     /// From the centreline to the point, at rest.
@@ -30,28 +30,28 @@ struct Held {
 
 /// A point that hangs on one or two centrelines.
 #[derive(Debug, Clone, Copy)]
-struct Bound {
-    own: Held,
-    parent: Held,
+struct BoundPoint {
+    own: SegmentAttachment,
+    parent: SegmentAttachment,
     /// Share of its own axis.
     share: f32,
 }
 
 /// The plant with what moves each of its nodes.
 #[derive(Debug, Clone)]
-pub struct Body {
+pub struct PointBinding {
     /// Per node: what moves it, and what moves the middle of the segment that begins there.
-    nodes: Vec<[Spot; 2]>,
+    nodes: Vec<[ElementLocation; 2]>,
     /// Per axis: nodes, and the place on the parent where it stands.
-    axes: Vec<(std::ops::Range<usize>, Option<Held>)>,
+    axes: Vec<(std::ops::Range<usize>, Option<SegmentAttachment>)>,
     rest: Vec<Vec3>,
-    bark: Vec<Bound>,
+    bark: Vec<BoundPoint>,
 }
 
-impl Body {
+impl PointBinding {
     /// `bark`: axis and arc length, m, of each of `points`, the bark at rest.
-    pub fn new(plant: &Plant, elements: &Elements, points: &[Vec3], bark: &[(u32, f32)]) -> Self {
-        let mut nodes = vec![[Spot { element: NONE, at: 0.0 }; 2]; plant.nodes.len()];
+    pub fn new(plant: &Plant, elements: &BeamElements, points: &[Vec3], bark: &[(u32, f32)]) -> Self {
+        let mut nodes = vec![[ElementLocation { element: NONE, at: 0.0 }; 2]; plant.nodes.len()];
         let mut axes = Vec::with_capacity(plant.axes.len());
         for (i, axis) in plant.axes.iter().enumerate() {
             let range = plant.nodes_of(axis);
@@ -59,24 +59,24 @@ impl Body {
             for k in range.clone() {
                 let s = plant.nodes.s[k];
                 let next = if k + 1 < range.end { plant.nodes.s[k + 1] } else { s };
-                nodes[k] = [s, (s + next) * 0.5].map(|s| elements.spot(index, s));
+                nodes[k] = [s, (s + next) * 0.5].map(|s| elements.locate(index, s));
             }
             let stem =
-                (axis.parent != NONE).then(|| held(plant, axis.parent, axis.parent_s, plant.nodes.p[range.start]));
+                (axis.parent != NONE).then(|| attach(plant, axis.parent, axis.parent_s, plant.nodes.p[range.start]));
             axes.push((range, stem));
         }
-        let bind = |((axis, s), p): (&(u32, f32), &Vec3)| bound(plant, *axis, *s, *p);
+        let bind = |((axis, s), p): (&(u32, f32), &Vec3)| bind(plant, *axis, *s, *p);
         Self { nodes, axes, rest: plant.nodes.p.clone(), bark: bark.iter().zip(points).map(bind).collect() }
     }
 
     /// Where the centrelines are for bends of the elements.
-    pub fn posture(&self, elements: &Elements, bends: &[[f32; 2]]) -> Posture {
-        let bases = elements.bases(bends);
-        let turned = |s: Spot| elements.turn(&bases, bends, s);
-        let mut posture = Posture { p: self.rest.clone(), q: vec![Quat::IDENTITY; self.rest.len()] };
+    pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> PosedSkeleton {
+        let bases = elements.base_rotations(bends);
+        let turned = |s: ElementLocation| elements.rotation_at(&bases, bends, s);
+        let mut posture = PosedSkeleton { p: self.rest.clone(), q: vec![Quat::IDENTITY; self.rest.len()] };
         for (range, stem) in &self.axes {
             if let Some(stem) = stem {
-                posture.p[range.start] = posture.point(stem);
+                posture.p[range.start] = posture.position(stem);
             }
             for k in range.clone() {
                 let [at, middle] = self.nodes[k];
@@ -92,15 +92,15 @@ impl Body {
     }
 
     /// The bark's points, m.
-    pub fn bark(&self, posture: &Posture) -> Vec<Vec3> {
-        par_chunks(&self.bark, CHUNK, |_, part| part.iter().map(|b| posture.bound(b)).collect::<Vec<_>>()).concat()
+    pub fn bark(&self, posture: &PosedSkeleton) -> Vec<Vec3> {
+        par_chunks(&self.bark, POINTS_PER_TASK, |_, part| part.iter().map(|b| posture.bound_position(b)).collect::<Vec<_>>()).concat()
     }
 
     /// The bark's normals. `normals`: at rest, one per point.
-    pub fn normals(&self, posture: &Posture, normals: &[Vec3]) -> Vec<Vec3> {
-        let one = |(b, n): (&Bound, &Vec3)| {
-            let own = posture.turn(&b.own);
-            let q = if b.share >= 1.0 { own } else { math::nlerp(posture.turn(&b.parent), own, b.share) };
+    pub fn normals(&self, posture: &PosedSkeleton, normals: &[Vec3]) -> Vec<Vec3> {
+        let one = |(b, n): (&BoundPoint, &Vec3)| {
+            let own = posture.rotation(&b.own);
+            let q = if b.share >= 1.0 { own } else { math::nlerp(posture.rotation(&b.parent), own, b.share) };
             q * *n
         };
         self.bark.iter().zip(normals).map(one).collect()
@@ -109,51 +109,51 @@ impl Body {
 
 /// Organs of a plant and where they hang.
 #[derive(Debug, Clone)]
-pub struct Hangers(Vec<(Held, Quat)>);
+pub struct OrganBindings(Vec<(SegmentAttachment, Quat)>);
 
-impl Hangers {
+impl OrganBindings {
     /// Of some organs.
     pub fn new(plant: &Plant, organs: &[&Organ]) -> Self {
         let hang = |o: &&Organ| {
             let (p, q) = plant.organ_site(o);
-            (held(plant, o.axis, o.s, p), q)
+            (attach(plant, o.axis, o.s, p), q)
         };
         Self(organs.iter().map(hang).collect())
     }
 
     /// Places, m, and rotations in a posture.
-    pub fn at(&self, posture: &Posture) -> (Vec<Vec3>, Vec<Quat>) {
-        self.0.iter().map(|(h, q)| (posture.point(h), (posture.turn(h) * *q).normalize())).unzip()
+    pub fn at(&self, posture: &PosedSkeleton) -> (Vec<Vec3>, Vec<Quat>) {
+        self.0.iter().map(|(h, q)| (posture.position(h), (posture.rotation(h) * *q).normalize())).unzip()
     }
 }
 
-impl Posture {
+impl PosedSkeleton {
     /// Places of the nodes, m.
     #[cfg(test)]
     pub(crate) fn places(&self) -> &[Vec3] {
         &self.p
     }
 
-    fn turn(&self, h: &Held) -> Quat {
+    fn rotation(&self, h: &SegmentAttachment) -> Quat {
         let k = h.node as usize;
         math::nlerp(self.q[k], self.q[k + 1], h.t)
     }
 
-    fn point(&self, h: &Held) -> Vec3 {
+    fn position(&self, h: &SegmentAttachment) -> Vec3 {
         let k = h.node as usize;
-        self.p[k].lerp(self.p[k + 1], h.t) + self.turn(h) * h.arm
+        self.p[k].lerp(self.p[k + 1], h.t) + self.rotation(h) * h.arm
     }
 
-    fn bound(&self, b: &Bound) -> Vec3 {
-        let own = self.point(&b.own);
-        if b.share >= 1.0 { own } else { self.point(&b.parent).lerp(own, b.share) }
+    fn bound_position(&self, b: &BoundPoint) -> Vec3 {
+        let own = self.position(&b.own);
+        if b.share >= 1.0 { own } else { self.position(&b.parent).lerp(own, b.share) }
     }
 }
 
-fn held(plant: &Plant, axis: u32, s: f32, point: Vec3) -> Held {
+fn attach(plant: &Plant, axis: u32, s: f32, point: Vec3) -> SegmentAttachment {
     let (k, t) = plant.segment(&plant.axes[axis as usize], s);
     let center = plant.nodes.p[k].lerp(plant.nodes.p[k + 1], t);
-    Held { node: u32::try_from(k).unwrap_or(NONE), t, arm: point - center }
+    SegmentAttachment { node: u32::try_from(k).unwrap_or(NONE), t, arm: point - center }
 }
 
 /// How much a point at arc length `s` follows its own axis; the rest of it follows the parent.
@@ -162,14 +162,14 @@ pub(crate) fn own_share(plant: &Plant, axis: u32, s: f32) -> f32 {
     if a.parent == NONE {
         return 1.0;
     }
-    let collar = a.s_exposed + COLLAR * plant.nodes.r[a.first as usize];
+    let collar = a.s_exposed + COLLAR_RADII * plant.nodes.r[a.first as usize];
     math::smoothstep(a.s_exposed * 0.5, collar, s)
 }
 
-fn bound(plant: &Plant, axis: u32, s: f32, point: Vec3) -> Bound {
-    let own = held(plant, axis, s, point);
+fn bind(plant: &Plant, axis: u32, s: f32, point: Vec3) -> BoundPoint {
+    let own = attach(plant, axis, s, point);
     let a = &plant.axes[axis as usize];
     let share = own_share(plant, axis, s);
-    let parent = if share < 1.0 { held(plant, a.parent, a.parent_s, point) } else { own };
-    Bound { own, parent, share }
+    let parent = if share < 1.0 { attach(plant, a.parent, a.parent_s, point) } else { own };
+    BoundPoint { own, parent, share }
 }

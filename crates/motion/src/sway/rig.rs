@@ -5,19 +5,19 @@
 
 use glam::Quat;
 
-use super::elements::{Element, Elements, Spot};
+use super::elements::{BeamElement, BeamElements, ElementLocation};
 use super::pose::own_share;
-use super::segments::joints_of;
+use super::segments::joints_per_order;
 use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Joint, Skeleton, SkinWeights, Trs};
 
 /// One joint's place in the plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Bone {
+struct RigJoint {
     /// Axis that it is on, or [`NONE`] for the root joint.
     axis: u32,
     /// What turns it.
-    spot: Spot,
+    spot: ElementLocation,
     /// Arc length on the axis of the middle of its stretch, m.
     middle: f32,
     /// The same of its pivot.
@@ -27,25 +27,25 @@ struct Bone {
 /// A skeleton with the elements that turn it. All rest rotations are the identity, so a joint's rotation is a turn about
 /// axes of the plant's own space.
 #[derive(Debug, Clone)]
-pub struct Rig {
+pub struct JointRig {
     /// Joints; joint 0 stands still at the origin.
     pub skeleton: Skeleton,
     /// Parallel to the joints.
-    bones: Vec<Bone>,
+    bones: Vec<RigJoint>,
     /// Per axis its joints from base to tip; empty for an axis that rides on another.
     chains: Vec<Vec<u16>>,
     /// Per axis the joint that its base rides on.
     carriers: Vec<u16>,
 }
 
-impl Rig {
+impl JointRig {
     /// Gives joints to the elements that count most. `budget`: most joints, at least 1 and at most 65,535.
-    pub fn build(plant: &Plant, elements: &Elements, budget: usize) -> Self {
+    pub fn build(plant: &Plant, elements: &BeamElements, budget: usize) -> Self {
         let counts = joints_per_element(elements, budget.clamp(1, 65_535));
-        let still = Spot { element: NONE, at: 0.0 };
+        let still = ElementLocation { element: NONE, at: 0.0 };
         let mut rig = Self {
             skeleton: Skeleton { joints: vec![Joint { name: "root".into(), parent: None, rest: Trs::IDENTITY }] },
-            bones: vec![Bone { axis: NONE, spot: still, middle: 0.0, pivot: 0.0 }],
+            bones: vec![RigJoint { axis: NONE, spot: still, middle: 0.0, pivot: 0.0 }],
             chains: vec![Vec::new(); plant.axes.len()],
             carriers: vec![0; plant.axes.len()],
         };
@@ -56,7 +56,7 @@ impl Rig {
 
     /// Walks joints depth first, as skeleton files want them: the children carried by a joint come before the joint that
     /// continues its element.
-    fn add_in_depth_first_order(&mut self, plant: &Plant, elements: &Elements, counts: &[usize]) {
+    fn add_in_depth_first_order(&mut self, plant: &Plant, elements: &BeamElements, counts: &[usize]) {
         let mut children: Vec<Vec<u32>> = vec![Vec::new(); elements.list.len()];
         let mut roots = Vec::new();
         for (i, e) in elements.list.iter().enumerate().filter(|(i, _)| counts[*i] > 0) {
@@ -83,7 +83,7 @@ impl Rig {
     }
 
     /// Adds joint `k` of `n` of an element and returns its index.
-    fn push(&mut self, plant: &Plant, (element, e): (&Element, u32), (k, n): (usize, usize), parent: u16) -> u16 {
+    fn push(&mut self, plant: &Plant, (element, e): (&BeamElement, u32), (k, n): (usize, usize), parent: u16) -> u16 {
         let axis = &plant.axes[element.axis as usize];
         let place = |x: f32| element.span[0] + (element.span[1] - element.span[0]) * x / n as f32;
         let (pivot, middle) = (place(k as f32), place(k as f32 + 0.5));
@@ -94,7 +94,7 @@ impl Rig {
         let t = plant.frame(axis, pivot).p - self.origin(plant, parent);
         self.skeleton.joints.push(Joint { name, parent: Some(u32::from(parent)), rest: Trs::translation(t) });
         let at = (k as f64 + 0.5) / n as f64;
-        self.bones.push(Bone { axis: element.axis, spot: Spot { element: e, at }, middle, pivot });
+        self.bones.push(RigJoint { axis: element.axis, spot: ElementLocation { element: e, at }, middle, pivot });
         joint
     }
 
@@ -136,7 +136,7 @@ impl Rig {
 
     /// Up to four joints of one point, heaviest first, sum 1.
     fn weights(&self, plant: &Plant, a: u32, s: f32) -> ([u16; 4], [f32; 4]) {
-        let mut mix = Mix::default();
+        let mut mix = JointWeights::default();
         let own = own_share(plant, a, s);
         if own > 0.0 {
             self.along(a as usize, s, own, &mut mix);
@@ -149,7 +149,7 @@ impl Rig {
     }
 
     /// Weights along an axis: 1 at the middle of a joint's stretch, linear between the middles.
-    fn along(&self, a: usize, s: f32, share: f32, mix: &mut Mix) {
+    fn along(&self, a: usize, s: f32, share: f32, mix: &mut JointWeights) {
         let chain = &self.chains[a];
         let middle = |k: usize| self.bones[usize::from(chain[k])].middle;
         let after = chain.partition_point(|j| self.bones[usize::from(*j)].middle <= s);
@@ -166,9 +166,9 @@ impl Rig {
     }
 
     /// Parent-from-joint transforms for bends of the elements, one per joint.
-    pub fn pose(&self, elements: &Elements, bends: &[[f32; 2]]) -> Vec<Trs> {
-        let bases = elements.bases(bends);
-        let turns: Vec<Quat> = self.bones.iter().map(|b| elements.turn(&bases, bends, b.spot)).collect();
+    pub fn pose(&self, elements: &BeamElements, bends: &[[f32; 2]]) -> Vec<Trs> {
+        let bases = elements.base_rotations(bends);
+        let turns: Vec<Quat> = self.bones.iter().map(|b| elements.rotation_at(&bases, bends, b.spot)).collect();
         let local = |(joint, q): (&Joint, &Quat)| {
             let parent = joint.parent.and_then(|p| turns.get(p as usize)).copied().unwrap_or(Quat::IDENTITY);
             Trs { r: (parent.conjugate() * *q).normalize(), ..joint.rest }
@@ -178,12 +178,12 @@ impl Rig {
 }
 
 /// Joints of each element under the budget (joint 0 is the root's).
-fn joints_per_element(elements: &Elements, budget: usize) -> Vec<usize> {
+fn joints_per_element(elements: &BeamElements, budget: usize) -> Vec<usize> {
     let mut counts = vec![0; elements.list.len()];
     let mut left = budget.saturating_sub(1);
     for &e in &elements.ranked {
         let element = &elements.list[e as usize];
-        let wanted = joints_of(element.order, elements.coarse);
+        let wanted = joints_per_order(element.order, elements.coarse);
         let carried = element.parent == NONE || counts[element.parent as usize] > 0;
         if carried && wanted <= left {
             counts[e as usize] = wanted;
@@ -195,12 +195,12 @@ fn joints_per_element(elements: &Elements, budget: usize) -> Vec<usize> {
 
 /// A few joints with weights, summed per joint.
 #[derive(Default)]
-struct Mix {
+struct JointWeights {
     items: [(u16, f32); 6],
     count: usize,
 }
 
-impl Mix {
+impl JointWeights {
     fn add(&mut self, joint: u16, weight: f32) {
         // A point follows at most two joints of its axis and two of the parent's, so six places suffice.
         if let Some((_, w)) = self.items[..self.count].iter_mut().find(|(j, _)| *j == joint) {
@@ -229,13 +229,13 @@ impl Mix {
 #[allow(clippy::cast_possible_truncation, reason = "small plants")]
 mod tests {
     use super::*;
-    use crate::sway::segments::Budget;
+    use crate::sway::segments::ElementBudget;
     use crate::sway::testing::tree;
-    use crate::sway::wood::Wood;
+    use crate::sway::wood::WoodParams;
 
-    fn rig(plant: &Plant, joints: usize) -> (Elements, Rig) {
-        let elements = Elements::build(plant, &Wood::default(), Budget::Joints(joints));
-        let rig = Rig::build(plant, &elements, joints);
+    fn rig(plant: &Plant, joints: usize) -> (BeamElements, JointRig) {
+        let elements = BeamElements::build(plant, &WoodParams::default(), ElementBudget::Joints(joints));
+        let rig = JointRig::build(plant, &elements, joints);
         (elements, rig)
     }
 

@@ -13,24 +13,24 @@ use osier_wind::{GustWind, GustWindOptions, UniformWind, Wind};
 
 const FPS: f64 = 24.0;
 
-fn manner(wood: Wood) -> Manner {
-    Manner { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: FPS }
+fn manner(wood: WoodParams) -> SwayParams {
+    SwayParams { wood, flicker: 0.0, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: FPS }
 }
 
-fn elements(plant: &Plant, wood: &Wood) -> Elements {
-    Elements::build(plant, wood, Budget::Elements(1000))
+fn elements(plant: &Plant, wood: &WoodParams) -> BeamElements {
+    BeamElements::build(plant, wood, ElementBudget::Elements(1000))
 }
 
-fn take(frames: usize, repeats: bool) -> Take {
-    Take { frames, repeats, from_rest: false, lean: 1.0, gain: 1.0 }
+fn take(frames: usize, repeats: bool) -> ClipOptions {
+    ClipOptions { frames, repeats, from_rest: false, lean: 1.0, gain: 1.0 }
 }
 
-fn record(elements: &Elements, wind: &dyn Wind, manner: Manner, take: Take) -> Track {
-    Track::record(elements, wind, manner, take, (&Limits::default(), &Cancel::default())).expect("track")
+fn record(elements: &BeamElements, wind: &dyn Wind, manner: SwayParams, take: ClipOptions) -> BendTrack {
+    BendTrack::record(elements, wind, manner, take, (&Limits::default(), &Cancel::default())).expect("track")
 }
 
 /// Goes on for `seconds`, and returns the bends of element 0 after each step with the length of a step.
-fn run(sim: &mut Simulation<'_>, from: f64, seconds: f64) -> Vec<[f64; 2]> {
+fn run(sim: &mut SwaySimulation<'_>, from: f64, seconds: f64) -> Vec<[f64; 2]> {
     let h = 1.0 / (FPS * f64::from(sim.steps()));
     let mut list = Vec::new();
     let mut t = from;
@@ -81,7 +81,7 @@ fn decay(series: &[f64], h: f64) -> f64 {
 #[test]
 fn air_damps_along_the_wind_and_half_as_much_across() {
     let plant = rod(3.5, 0.02, 0.02);
-    let wood = Wood { elasticity: Some(8e9), damping: 0.0, density: 500.0, ..Wood::default() };
+    let wood = WoodParams { elasticity: Some(8e9), damping: 0.0, density: 500.0, ..WoodParams::default() };
     let all = elements(&plant, &wood);
     let speed = 6.0;
     let mass = 500.0 * std::f64::consts::PI * 0.02 * 0.02;
@@ -90,7 +90,7 @@ fn air_damps_along_the_wind_and_half_as_much_across() {
     let heavier = |way: usize| free * free / (all.list[0].w[way] * all.list[0].w[way]);
     let expected = |way: usize| 1.225 * 1.1 * 0.04 * speed / (2.0 * mass * heavier(way));
     let wind = UniformWind(Vec3::X * math::narrow(speed));
-    let mut sim = Simulation::new(&all, &wind, manner(wood));
+    let mut sim = SwaySimulation::new(&all, &wind, manner(wood));
     let h = 1.0 / (FPS * f64::from(sim.steps()));
     // Starts from rest: the swing about the lean is along the wind.
     let along: Vec<f64> = run(&mut sim, 0.0, 60.0).iter().map(|b| b[1]).collect();
@@ -98,7 +98,7 @@ fn air_damps_along_the_wind_and_half_as_much_across() {
     assert!((found / expected(1) - 1.0).abs() < 0.10, "along {found}, expected {}", expected(1));
     // A push from the side, then the same wind: the swing is across.
     let turning = Turning { first: Vec3::new(math::narrow(speed), 0.0, 2.0), then: wind.0, at: 90.0 };
-    let mut sim = Simulation::new(&all, &turning, manner(wood));
+    let mut sim = SwaySimulation::new(&all, &turning, manner(wood));
     run(&mut sim, 0.0, 90.0);
     let across: Vec<f64> = run(&mut sim, 90.0, 80.0).iter().map(|b| b[0]).collect();
     let found = decay(&across, h);
@@ -107,21 +107,21 @@ fn air_damps_along_the_wind_and_half_as_much_across() {
 
 #[test]
 fn a_steady_wind_ends_in_balance_and_the_stem_leans_with_it() {
-    let (plant, wood) = (rod(6.0, 0.03, 0.015), Wood::default());
+    let (plant, wood) = (rod(6.0, 0.03, 0.015), WoodParams::default());
     let all = elements(&plant, &wood);
     let mut bends = Vec::new();
     for wind in [Vec3::X * 8.0, Vec3::NEG_Z * 8.0] {
         let wind = UniformWind(wind);
-        let mut sim = Simulation::new(&all, &wind, manner(wood));
+        let mut sim = SwaySimulation::new(&all, &wind, manner(wood));
         let path = run(&mut sim, 0.0, 80.0);
         let (end, before) = (path[path.len() - 1], path[path.len() - 200]);
         assert!((end[0] - before[0]).abs() + (end[1] - before[1]).abs() < 1e-4);
-        let mut still = Simulation::new(&all, &wind, manner(wood));
-        still.settle();
+        let mut still = SwaySimulation::new(&all, &wind, manner(wood));
+        still.relax_to_mean_wind();
         let b = still.bends()[0];
         assert!((b[0] - end[0]).abs() + (b[1] - end[1]).abs() < 1e-4, "{b:?} {end:?}");
         let element = &all.list[0];
-        let tip = beam::turn(element.ways[0] * end[0] + element.ways[1] * end[1]) * DVec3::Y;
+        let tip = beam::turn(element.bend_axes[0] * end[0] + element.bend_axes[1] * end[1]) * DVec3::Y;
         assert!(tip.dot(wind.0.as_dvec3()) > 1e-3, "leans with the wind: {tip}");
         bends.push(tip);
     }
@@ -134,10 +134,10 @@ fn gusts(period: Option<f64>) -> GustWind {
 
 #[test]
 fn a_loop_closes_in_place_and_in_rate() {
-    let (plant, wood) = (leafy(12), Wood::default());
+    let (plant, wood) = (leafy(12), WoodParams::default());
     let all = elements(&plant, &wood);
     let wind = gusts(Some(5.0));
-    let shaken = Manner { flicker: 0.15, ..manner(wood) };
+    let shaken = SwayParams { flicker: 0.15, ..manner(wood) };
     let track = record(&all, &wind, shaken, take(120, true));
     assert_eq!(track.len(), 120);
     assert_eq!(track.at(0.0), track.at(120.0));
@@ -160,10 +160,10 @@ fn a_loop_closes_in_place_and_in_rate() {
 
 #[test]
 fn nothing_moves_in_a_calm() {
-    let (plant, wood) = (leafy(8), Wood::default());
+    let (plant, wood) = (leafy(8), WoodParams::default());
     let all = elements(&plant, &wood);
     let track = record(&all, &UniformWind(Vec3::ZERO), manner(wood), take(60, true));
-    let rig = Rig::build(&plant, &all, 256);
+    let rig = JointRig::build(&plant, &all, 256);
     for k in 0..60_u16 {
         let pose = rig.pose(&all, &track.at(f64::from(k)));
         assert!(pose.iter().all(|t| t.r == Quat::IDENTITY));
@@ -172,9 +172,9 @@ fn nothing_moves_in_a_calm() {
 
 #[test]
 fn twigs_are_quick_trunks_are_slow_and_neighbours_do_not_swing_in_unison() {
-    let (plant, wood) = (leafy(24), Wood::default());
+    let (plant, wood) = (leafy(24), WoodParams::default());
     let all = elements(&plant, &wood);
-    let shaken = Manner { flicker: 0.15, ..manner(wood) };
+    let shaken = SwayParams { flicker: 0.15, ..manner(wood) };
     let track = record(&all, &gusts(Some(10.0)), shaken, take(240, true));
     let series = |e: usize| -> Vec<f32> { (0..240_u16).map(|k| track.at(f64::from(k))[e][0]).collect() };
     let swings = |b: &[f32]| {
@@ -199,9 +199,9 @@ fn correlation(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn a_skin_follows_the_full_motion_of_thick_wood() {
-    let (plant, wood) = (leafy(40), Wood::default());
-    let all = Elements::build(&plant, &wood, Budget::Joints(300));
-    let rig = Rig::build(&plant, &all, 300);
+    let (plant, wood) = (leafy(40), WoodParams::default());
+    let all = BeamElements::build(&plant, &wood, ElementBudget::Joints(300));
+    let rig = JointRig::build(&plant, &all, 300);
     let mut bark = Vec::new();
     for (a, axis) in plant.axes.iter().enumerate().filter(|(_, axis)| axis.order <= 1) {
         for k in plant.nodes_of(axis) {
@@ -210,13 +210,13 @@ fn a_skin_follows_the_full_motion_of_thick_wood() {
         }
     }
     let (points, bindings): (Vec<Vec3>, Vec<(u32, f32)>) = bark.into_iter().unzip();
-    let body = Body::new(&plant, &all, &points, &bindings);
+    let body = PointBinding::new(&plant, &all, &points, &bindings);
     let skin = rig.skin(&plant, bindings.iter().copied());
     let track = record(&all, &gusts(Some(5.0)), manner(wood), take(120, true));
     let (mut wrong, mut moved) = (0.0_f64, 0.0_f64);
     for k in (0..120_u16).step_by(10) {
         let bends = track.at(f64::from(k));
-        let full = body.bark(&body.posture(&all, &bends));
+        let full = body.bark(&body.pose(&all, &bends));
         let joints = osier_scene::world_from_joint(&rig.skeleton, &rig.pose(&all, &bends));
         for ((f, s), rest) in full.iter().zip(osier_scene::skinned_points(&points, &skin, &joints)).zip(&points) {
             wrong += f64::from((*f - s).length_squared());
@@ -229,11 +229,11 @@ fn a_skin_follows_the_full_motion_of_thick_wood() {
 
 #[test]
 fn bends_keep_lengths_and_joints_of_branches() {
-    let (plant, wood) = (tree(12), Wood::default());
+    let (plant, wood) = (tree(12), WoodParams::default());
     let all = elements(&plant, &wood);
-    let body = Body::new(&plant, &all, &plant.nodes.p, &[]);
+    let body = PointBinding::new(&plant, &all, &plant.nodes.p, &[]);
     let bends: Vec<[f32; 2]> = (0..all.list.len()).map(|k| [0.4 - 0.03 * k as f32, 0.2]).collect();
-    let posture = body.posture(&all, &bends);
+    let posture = body.pose(&all, &bends);
     let p = posture.places();
     for axis in &plant.axes {
         for k in plant.nodes_of(axis).skip(1) {
@@ -246,9 +246,9 @@ fn bends_keep_lengths_and_joints_of_branches() {
 
 #[test]
 fn same_bends_whatever_else_is_there() {
-    let (plant, wood) = (leafy(12), Wood::default());
+    let (plant, wood) = (leafy(12), WoodParams::default());
     let all = elements(&plant, &wood);
-    let shaken = Manner { flicker: 0.15, ..manner(wood) };
+    let shaken = SwayParams { flicker: 0.15, ..manner(wood) };
     let (a, b) = (
         record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
         record(&all, &gusts(Some(3.0)), shaken, take(72, true)),
@@ -258,13 +258,13 @@ fn same_bends_whatever_else_is_there() {
 
 #[test]
 fn exaggeration_scales_swings_and_not_the_lean() {
-    let (plant, wood) = (leafy(8), Wood::default());
+    let (plant, wood) = (leafy(8), WoodParams::default());
     let all = elements(&plant, &wood);
     let wind = gusts(Some(5.0));
-    let of = |gain: f64, lean: f64| record(&all, &wind, manner(wood), Take { gain, lean, ..take(120, true) });
+    let of = |gain: f64, lean: f64| record(&all, &wind, manner(wood), ClipOptions { gain, lean, ..take(120, true) });
     let (one, still) = (of(1.0, 1.0), of(0.0, 1.0));
     let (three, upright) = (of(3.0, 1.0), of(1.0, 0.0));
-    let at = |t: &Track, k: u16| t.at(f64::from(k))[0][1];
+    let at = |t: &BendTrack, k: u16| t.at(f64::from(k))[0][1];
     for k in [0, 30, 77] {
         let swing = at(&one, k) - at(&still, k);
         assert!((at(&three, k) - at(&still, k) - 3.0 * swing).abs() < 0.02 * swing.abs() + 1e-4);
@@ -277,12 +277,12 @@ fn gravity_presses_on_what_leans_away_from_how_it_grew() {
     // A stick that stands upright on the tip of a soft stem which a wind bends by an angle feels m g sin(angle) across.
     let mut plant = rod(3.0, 0.02, 0.02);
     testing::axis(&mut plant, (0, 3.0), (Vec3::Y * 3.0, Vec3::Y), (0.01, 0.01));
-    let wood = Wood { elasticity: Some(2e9), ..Wood::default() };
+    let wood = WoodParams { elasticity: Some(2e9), ..WoodParams::default() };
     let all = elements(&plant, &wood);
     let wind = UniformWind(Vec3::X * 5.0);
     let bends = |gravity: bool| {
-        let mut sim = Simulation::new(&all, &wind, Manner { gravity, ..manner(wood) });
-        sim.settle();
+        let mut sim = SwaySimulation::new(&all, &wind, SwayParams { gravity, ..manner(wood) });
+        sim.relax_to_mean_wind();
         sim.bends()
     };
     let (without, with) = (bends(false), bends(true));
@@ -298,14 +298,14 @@ fn gravity_presses_on_what_leans_away_from_how_it_grew() {
 #[test]
 fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
     let plant = rod(6.0, 0.05, 0.05);
-    let wood = Wood { overtones: true, ..Wood::default() };
+    let wood = WoodParams { second_modes: true, ..WoodParams::default() };
     let all = elements(&plant, &wood);
-    assert_eq!((all.list.len(), all.swings(), all.list[0].overtone), (1, 2, Some(1)));
+    assert_eq!((all.list.len(), all.bend_count(), all.list[0].second_mode), (1, 2, Some(1)));
     let steady = UniformWind(Vec3::X * 8.0);
-    let mut sim = Simulation::new(&all, &steady, manner(wood));
-    sim.settle();
+    let mut sim = SwaySimulation::new(&all, &steady, manner(wood));
+    sim.relax_to_mean_wind();
     let rest = sim.bends()[0][1].abs();
-    let most = |sim: &mut Simulation<'_>, steps: u32| {
+    let most = |sim: &mut SwaySimulation<'_>, steps: u32| {
         (0..steps).fold(0.0_f64, |m, k| {
             sim.advance(f64::from(k) / 120.0);
             m.max(sim.bends()[1][1].abs())
@@ -314,8 +314,8 @@ fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
     assert!(most(&mut sim, 600) < 1e-3 * rest, "a steady wind");
     // A wind that sets in: the second mode rings at 6.27 times the frequency.
     let gust = Turning { first: Vec3::ZERO, then: Vec3::X * 8.0, at: 0.25 };
-    let mut sim = Simulation::new(&all, &gust, manner(wood));
-    sim.settle();
+    let mut sim = SwaySimulation::new(&all, &gust, manner(wood));
+    sim.relax_to_mean_wind();
     let mut signs = Vec::new();
     let mut last = 0.0;
     for k in 0..240_u32 {
@@ -329,18 +329,18 @@ fn second_modes_ring_with_the_gusts_and_not_with_the_mean() {
     let half = (turns[turns.len() - 1] - turns[2]) as f64 / (turns.len() - 3) as f64 / 120.0;
     let hertz = all.list[0].w[1] / std::f64::consts::TAU
         * 6.27
-        * math::sqrt(1.0 - (1.5 * all.list[0].zeta) * (1.5 * all.list[0].zeta));
+        * math::sqrt(1.0 - (1.5 * all.list[0].damping_ratio) * (1.5 * all.list[0].damping_ratio));
     assert!((0.5 / half / hertz - 1.0).abs() < 0.1, "{} Hz for {hertz}", 0.5 / half);
 }
 
 #[test]
 fn measured_branches_turn_more_of_their_thin_ends() {
     let plant = rod(4.0, 0.05, 0.02);
-    let build = |measured: bool| elements(&plant, &Wood { measured, ..Wood::default() });
+    let build = |measured: bool| elements(&plant, &WoodParams { measured, ..WoodParams::default() });
     let (even, measured) = (build(false), build(true));
     let bend = [[0.2_f32, 0.0]];
-    let angle = |all: &Elements, at: f64| {
-        all.turn(&all.bases(&bend), &bend, Spot { element: 0, at }).angle_between(Quat::IDENTITY)
+    let angle = |all: &BeamElements, at: f64| {
+        all.rotation_at(&all.base_rotations(&bend), &bend, ElementLocation { element: 0, at }).angle_between(Quat::IDENTITY)
     };
     assert!((angle(&even, 1.0) - 0.2).abs() < 1e-4 && (angle(&measured, 1.0) - 0.2).abs() < 1e-4);
     assert!((angle(&even, 0.5) - 0.2 * 0.875).abs() < 1e-4);

@@ -1,8 +1,8 @@
 //! What the wind did to a plant: the bends of its elements, frame by frame.
 
-use super::elements::Elements;
-use super::simulation::{Manner, Simulation};
-use super::zhao_zhang::{Paper, PaperManner, RATE};
+use super::elements::BeamElements;
+use super::simulation::{SwayParams, SwaySimulation};
+use super::zhao_zhang::{PaperSimulation, PaperParams, STEPS_PER_SECOND};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;
@@ -11,17 +11,17 @@ use osier_scene::plant::Plant;
 use osier_wind::Wind;
 
 /// Most clips that are simulated before the one that is kept.
-const PRELUDES: f64 = 8.0;
+const MAX_SPIN_UP_CLIPS: f64 = 8.0;
 /// A swing is forgotten when it is this power of e smaller: what is left of it, 0.2 %, is taken out over the clip.
-const DYING: f64 = 6.0;
+const SPIN_UP_DECAY: f64 = 6.0;
 /// Time before the first frame of a clip that does not repeat, s.
-const PRELUDE: f64 = 5.0;
+const SPIN_UP_SECONDS: f64 = 5.0;
 /// Largest bend that is shown, rad.
-const MOST: f32 = 1.4;
+const MAX_BEND: f32 = 1.4;
 
 /// Which time is kept, and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Take {
+pub struct ClipOptions {
     /// Frames.
     pub frames: usize,
     /// The frame after the last is the first: the wind must repeat, too.
@@ -35,11 +35,11 @@ pub struct Take {
 }
 
 /// Both ways of each element, rad.
-type Bends = Vec<[f64; 2]>;
+type ElementBends = Vec<[f64; 2]>;
 
 /// Bends over time.
 #[derive(Debug, Clone, Default)]
-pub struct Track {
+pub struct BendTrack {
     /// Per frame, per element: both ways, rad.
     frames: Vec<Vec<[f32; 2]>>,
     repeats: bool,
@@ -47,34 +47,34 @@ pub struct Track {
     clamped: u64,
 }
 
-impl Track {
+impl BendTrack {
     /// Simulates a take.
     /// # Errors
     /// `Limit` for too many elements times frames, `Cancelled`.
     pub fn record(
-        elements: &Elements,
+        elements: &BeamElements,
         wind: &dyn Wind,
-        manner: Manner,
-        take: Take,
+        manner: SwayParams,
+        take: ClipOptions,
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
-        afford(elements, take, limits)?;
-        let (frames, still) = Self::simulate(elements, wind, manner, take, cancel)?;
-        Self::kept(frames, &still, take)
+        check_key_limit(elements, take, limits)?;
+        let (frames, mean_bends) = Self::simulate(elements, wind, manner, take, cancel)?;
+        Self::from_frames(frames, &mean_bends, take)
     }
 
     /// The same by the equations of [zhao-zhang].
     /// # Errors
-    /// As [`Track::record`].
+    /// As [`BendTrack::record`].
     pub fn record_as_printed(
-        (plant, elements): (&Plant, &Elements),
+        (plant, elements): (&Plant, &BeamElements),
         wind: &dyn Wind,
-        (manner, paper): (Manner, PaperManner),
-        take: Take,
+        (manner, paper): (SwayParams, PaperParams),
+        take: ClipOptions,
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
-        afford(elements, take, limits)?;
-        let mut run = Paper::new(plant, elements, wind, (manner, paper));
+        check_key_limit(elements, take, limits)?;
+        let mut run = PaperSimulation::new(plant, elements, wind, (manner, paper));
         let rest = vec![[0.0; 2]; elements.list.len()];
         // A second is long enough to forget the first force, of which a share k is left in every frame.
         let lead = if take.from_rest { 0 } else { 60_i64 };
@@ -83,15 +83,15 @@ impl Track {
         let mut number = -lead;
         for frame in 0..=take.frames {
             cancel.check()?;
-            let t = frame as f64 / manner.fps * RATE;
+            let t = frame as f64 / manner.fps * STEPS_PER_SECOND;
             #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
             while (number as f64) <= t {
-                before = run.advance(number as f64 / RATE);
+                before = run.advance(number as f64 / STEPS_PER_SECOND);
                 number += 1;
             }
             frames.push(if take.from_rest && frame == 0 { rest.clone() } else { before.clone() });
         }
-        Ok(Self { clamped: run.clamped, ..Self::kept(frames, &rest, take)? })
+        Ok(Self { clamped: run.clamped, ..Self::from_frames(frames, &rest, take)? })
     }
 
     /// Angles of the paper's equations that had to be clamped, over all internodes and frames.
@@ -100,27 +100,27 @@ impl Track {
     }
 
     fn simulate(
-        elements: &Elements,
+        elements: &BeamElements,
         wind: &dyn Wind,
-        manner: Manner,
-        take: Take,
+        manner: SwayParams,
+        take: ClipOptions,
         cancel: &Cancel,
-    ) -> Result<(Vec<Bends>, Bends)> {
-        let mut run = Simulation::new(elements, wind, manner);
+    ) -> Result<(Vec<ElementBends>, ElementBends)> {
+        let mut run = SwaySimulation::new(elements, wind, manner);
         let length = take.frames as f64 / manner.fps;
-        let mut still = vec![[0.0; 2]; elements.swings()];
-        run.settle();
+        let mut mean_bends = vec![[0.0; 2]; elements.bend_count()];
+        run.relax_to_mean_wind();
         let lead = if take.from_rest {
-            run.rest();
+            run.reset_to_rest();
             0.0
         } else {
-            still = run.bends();
-            if take.repeats { length * preludes(elements, length) } else { PRELUDE }
+            mean_bends = run.bends();
+            if take.repeats { length * spin_up_clips(elements, length) } else { SPIN_UP_SECONDS }
         };
         let steps = run.steps();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few thousand frames")]
         let lead = (lead * manner.fps).round() as i64;
-        let mut frames: Vec<Bends> = Vec::with_capacity(take.frames + 1);
+        let mut frames: Vec<ElementBends> = Vec::with_capacity(take.frames + 1);
         for frame in -lead..=i64::try_from(take.frames).unwrap_or(i64::MAX) {
             cancel.check()?;
             if frame >= 0 {
@@ -131,17 +131,17 @@ impl Track {
                 run.advance((frame as f64 + f64::from(k) / f64::from(steps)) / manner.fps);
             }
         }
-        Ok((frames, still))
+        Ok((frames, mean_bends))
     }
 
     /// What is shown of bends. The last of `frames` comes after the clip.
-    fn kept(mut frames: Vec<Bends>, still: &[[f64; 2]], take: Take) -> Result<Self> {
+    fn from_frames(mut frames: Vec<ElementBends>, mean_bends: &[[f64; 2]], take: ClipOptions) -> Result<Self> {
         let after = frames.pop();
         if let Some(after) = after.filter(|_| take.repeats) {
-            close(&mut frames, &after);
+            close_loop(&mut frames, &after);
         }
-        let shown = |b: &Bends| b.iter().zip(still).map(|(b, m)| shown(*b, *m, &take)).collect();
-        let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(shown).collect();
+        let scaled = |b: &ElementBends| b.iter().zip(mean_bends).map(|(b, m)| scaled_bend(*b, *m, &take)).collect();
+        let frames: Vec<Vec<[f32; 2]>> = frames.iter().map(scaled).collect();
         if frames.iter().flatten().flatten().all(|v| v.is_finite()) {
             return Ok(Self { frames, repeats: take.repeats, clamped: 0 });
         }
@@ -180,19 +180,19 @@ impl Track {
 /// Refuses a motion of more numbers than the limit allows.
 /// # Errors
 /// `Limit`.
-pub fn afford(elements: &Elements, take: Take, limits: &Limits) -> Result<()> {
-    let keys = (elements.swings() as u64).saturating_mul(take.frames as u64);
+pub fn check_key_limit(elements: &BeamElements, take: ClipOptions, limits: &Limits) -> Result<()> {
+    let keys = (elements.bend_count() as u64).saturating_mul(take.frames as u64);
     limits.check("motion-keys", keys, "the number of bending branches times the number of frames")
 }
 
 /// Clips until the start is forgotten.
-fn preludes(elements: &Elements, length: f64) -> f64 {
-    let slowest = elements.list.iter().map(|e| e.zeta * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
-    (DYING / (slowest * length)).ceil().clamp(1.0, PRELUDES)
+fn spin_up_clips(elements: &BeamElements, length: f64) -> f64 {
+    let slowest = elements.list.iter().map(|e| e.damping_ratio * e.w[0].min(e.w[1])).fold(f64::MAX, f64::min);
+    (SPIN_UP_DECAY / (slowest * length)).ceil().clamp(1.0, MAX_SPIN_UP_CLIPS)
 }
 
 /// Takes out what the frame after the clip, which is the first again, differs by: a little in every frame.
-fn close(frames: &mut [Bends], after: &Bends) {
+fn close_loop(frames: &mut [ElementBends], after: &ElementBends) {
     let Some(first) = frames.first().cloned() else { return };
     let n = frames.len() as f64;
     for (k, frame) in frames.iter_mut().enumerate() {
@@ -205,12 +205,12 @@ fn close(frames: &mut [Bends], after: &Bends) {
 }
 
 /// The bend as it is shown: lean and swing scaled, and no farther than a branch goes.
-fn shown(bend: [f64; 2], still: [f64; 2], take: &Take) -> [f32; 2] {
-    let [a, b] = [0, 1].map(|k| math::narrow(take.lean * still[k] + take.gain * (bend[k] - still[k])));
+fn scaled_bend(bend: [f64; 2], mean_bends: [f64; 2], take: &ClipOptions) -> [f32; 2] {
+    let [a, b] = [0, 1].map(|k| math::narrow(take.lean * mean_bends[k] + take.gain * (bend[k] - mean_bends[k])));
     let size = math::sqrt_f32(a * a + b * b);
     if size < 1e-9 {
         return [a, b];
     }
-    let scale = MOST * math::tanh_f32(size / MOST) / size;
+    let scale = MAX_BEND * math::tanh_f32(size / MAX_BEND) / size;
     [a * scale, b * scale]
 }

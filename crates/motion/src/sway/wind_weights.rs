@@ -5,12 +5,12 @@ use osier_scene::plant::{NONE, Organ, Plant};
 use osier_scene::{Mesh, Trs, WindPoint};
 
 /// Share of its own sway that an axis has at its tip.
-const OWN: f32 = 0.5;
+const TIP_SWAY_SHARE: f32 = 0.5;
 
 /// Weights along the axes of a plant: w(s) = 1 - (1 - w(carrier)) (1 - (s / L)^2 / 2), none at the root, so that nothing
 /// tears where branches stand on each other.
 #[derive(Debug)]
-pub struct Weights<'a> {
+pub struct WindWeights<'a> {
     plant: &'a Plant,
     /// Per axis, at its base: weight from the root on, and from the trunk on.
     bases: Vec<[f32; 2]>,
@@ -18,7 +18,7 @@ pub struct Weights<'a> {
     phases: Vec<f32>,
 }
 
-impl<'a> Weights<'a> {
+impl<'a> WindWeights<'a> {
     /// Of all axes.
     pub fn new(plant: &'a Plant) -> Self {
         let mut all = Self { plant, bases: Vec::new(), phases: Vec::new() };
@@ -41,7 +41,7 @@ impl<'a> Weights<'a> {
         let a = &self.plant.axes[axis as usize];
         let x = (s / a.length.max(1e-9)).clamp(0.0, 1.0);
         let [whole, branch] = self.bases[axis as usize];
-        let grown = |w: f32| 1.0 - (1.0 - w) * (1.0 - OWN * x * x);
+        let grown = |w: f32| 1.0 - (1.0 - w) * (1.0 - TIP_SWAY_SHARE * x * x);
         [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
     }
 
@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn weights_begin_at_nothing_and_do_not_jump_where_branches_stand() {
         let plant = leafy(6);
-        let weights = Weights::new(&plant);
+        let weights = WindWeights::new(&plant);
         assert!(near(weights.at(0, 0.0), [0.0, 0.0]));
         assert!(near(weights.at(0, 4.0), [0.5, 0.0]), "half at the tip of the trunk, which is no branch");
         for (i, axis) in (0_u32..).zip(&plant.axes).skip(1) {
@@ -109,7 +109,7 @@ mod tests {
     #[test]
     fn leaves_flutter_at_their_tips_and_sway_as_their_twigs() {
         let plant = leafy(2);
-        let weights = Weights::new(&plant);
+        let weights = WindWeights::new(&plant);
         let organs: Vec<&Organ> = plant.organs.iter().collect();
         let (mesh, sizes) = weights.leaves(&organs, 3);
         assert!(sizes.iter().all(|n| *n == 4));

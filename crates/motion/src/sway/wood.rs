@@ -1,17 +1,17 @@
 //! What wood and leaves are made of, as far as wind can tell.
 
 /// Density of air, kg/m^3.
-pub const AIR: f64 = 1.225;
+pub const AIR_DENSITY: f64 = 1.225;
 /// Wind at which leaves begin to fold away, m/s.
-pub const FOLD: f64 = 8.0;
+pub const LEAF_FOLD_SPEED: f64 = 8.0;
 
 /// Stiffness of thick and of thin wood, Pa, and the radii between which it falls, m.
-const THICK: (f64, f64) = (8.0e9, 0.05);
-const THIN: (f64, f64) = (5.0e9, 0.005);
+const THICK_WOOD: (f64, f64) = (8.0e9, 0.05);
+const THIN_WOOD: (f64, f64) = (5.0e9, 0.005);
 
 /// Material of a plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wood {
+pub struct WoodParams {
     /// Young's modulus of its wood, Pa; none for 8 GPa in thick wood falling to 5 GPa in twigs.
     pub elasticity: Option<f64>,
     /// kg/m^3.
@@ -33,10 +33,10 @@ pub struct Wood {
     /// Bends as its own taper and load have it, instead of as an even rod under an even load.
     pub measured: bool,
     /// Trunks and limbs swing in their second mode, too.
-    pub overtones: bool,
+    pub second_modes: bool,
 }
 
-impl Default for Wood {
+impl Default for WoodParams {
     fn default() -> Self {
         Self {
             elasticity: None,
@@ -49,12 +49,12 @@ impl Default for Wood {
             hertz: 1.0,
             damping: 1.0,
             measured: false,
-            overtones: false,
+            second_modes: false,
         }
     }
 }
 
-impl Wood {
+impl WoodParams {
     /// Bending stiffness E I of a round section, N m^2: I = pi r^4 / 4.
     pub fn rigidity(&self, r: f64) -> f64 {
         self.elasticity_at(r) * std::f64::consts::FRAC_PI_4 * r * r * r * r
@@ -63,15 +63,15 @@ impl Wood {
     /// Young's modulus of wood of a radius, Pa.
     pub fn elasticity_at(&self, r: f64) -> f64 {
         let own = || {
-            let x = ((r - THIN.1) / (THICK.1 - THIN.1)).clamp(0.0, 1.0);
-            THIN.0 + (THICK.0 - THIN.0) * x * x * (3.0 - 2.0 * x)
+            let x = ((r - THIN_WOOD.1) / (THICK_WOOD.1 - THIN_WOOD.1)).clamp(0.0, 1.0);
+            THIN_WOOD.0 + (THICK_WOOD.0 - THIN_WOOD.0) * x * x * (3.0 - 2.0 * x)
         };
         self.stiffness * self.elasticity.unwrap_or_else(own)
     }
 }
 
 /// Share of critical damping by order: trunk and limbs with their crowns, branches, twigs.
-pub fn damping_of(order: u8, petiole: bool) -> f64 {
+pub fn damping_ratio(order: u8, petiole: bool) -> f64 {
     match order {
         _ if petiole => 0.30,
         0 | 1 => 0.08,
@@ -86,11 +86,11 @@ mod tests {
 
     #[test]
     fn thick_wood_is_stiffer_than_twigs() {
-        let wood = Wood::default();
+        let wood = WoodParams::default();
         let e = |r: f64| wood.rigidity(r) / (std::f64::consts::FRAC_PI_4 * r * r * r * r);
         assert!((e(0.2) - 8e9).abs() < 1.0 && (e(0.001) - 5e9).abs() < 1.0);
         assert!(e(0.02) > 5e9 && e(0.02) < 8e9);
-        let soft = Wood { elasticity: Some(1e9), stiffness: 0.5, ..wood };
+        let soft = WoodParams { elasticity: Some(1e9), stiffness: 0.5, ..wood };
         assert!((soft.rigidity(0.1) - 0.5e9 * std::f64::consts::FRAC_PI_4 * 1e-4).abs() < 1.0);
     }
 }

@@ -2,18 +2,18 @@
 //!
 //! Sixty times a second: F = F_1 + F_2 + F_w, the drag of the wind, a share of the last force taken back, and a damping by
 //! the square of the turning rate; then deflection and angle of the internode. Angles add up along a branch and along what
-//! carries it. What the paper misprints can be mended one by one ([`Fixes`]).
+//! carries it. What the paper misprints can be mended one by one ([`PaperCorrections`]).
 
 use glam::{DVec3, Vec3};
 
-use super::elements::Elements;
-use super::simulation::Manner;
+use super::elements::BeamElements;
+use super::simulation::SwayParams;
 use osier_base::math;
 use osier_scene::plant::{NONE, Plant};
 use osier_wind::Wind;
 
 /// Frames of the formula a second.
-pub(crate) const RATE: f64 = 60.0;
+pub(crate) const STEPS_PER_SECOND: f64 = 60.0;
 /// Coefficients of drag and lift, as printed.
 const DRAG: f64 = 0.013;
 const LIFT: f64 = 0.75;
@@ -22,7 +22,7 @@ const PRINTED_AIR: f64 = 2.37e-6;
 
 /// What is mended in the printed equations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Fixes {
+pub struct PaperCorrections {
     /// delta = 4 F L^3 / (3 pi E R^4) instead of R^3.
     pub radius: bool,
     /// 1.225 kg/m^3 instead of the density of almost nothing.
@@ -33,9 +33,9 @@ pub struct Fixes {
 
 /// Numbers that the paper leaves open.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PaperManner {
+pub struct PaperParams {
     /// What is mended.
-    pub fixes: Fixes,
+    pub fixes: PaperCorrections,
     /// Share of the last force that is taken back, k in F_2 = -k F(t-1), 0 to below 1.
     pub recoil: f64,
     /// k in F_w = k w^2, N s^2.
@@ -43,7 +43,7 @@ pub struct PaperManner {
 }
 
 /// One internode.
-struct Internode {
+struct CantileverInternode {
     element: usize,
     middle: Vec3,
     along: DVec3,
@@ -57,12 +57,12 @@ struct Internode {
 }
 
 /// A plant that sways as printed.
-pub(crate) struct Paper<'a> {
-    elements: &'a Elements,
+pub(crate) struct PaperSimulation<'a> {
+    elements: &'a BeamElements,
     wind: &'a dyn Wind,
-    manner: Manner,
-    paper: PaperManner,
-    internodes: Vec<Internode>,
+    manner: SwayParams,
+    paper: PaperParams,
+    internodes: Vec<CantileverInternode>,
     /// Angles that had to be clamped: deflections of more than the internode's length.
     pub(crate) clamped: u64,
 }
@@ -74,12 +74,12 @@ fn deflection(force: f64, (length, radius): (f64, f64), elasticity: f64, fixed: 
     4.0 * force * length * length * length / (3.0 * std::f64::consts::PI * elasticity * power)
 }
 
-impl<'a> Paper<'a> {
+impl<'a> PaperSimulation<'a> {
     pub(crate) fn new(
         plant: &Plant,
-        elements: &'a Elements,
+        elements: &'a BeamElements,
         wind: &'a dyn Wind,
-        (manner, paper): (Manner, PaperManner),
+        (manner, paper): (SwayParams, PaperParams),
     ) -> Self {
         let mut internodes = Vec::new();
         for (a, axis) in plant.axes.iter().enumerate() {
@@ -87,14 +87,14 @@ impl<'a> Paper<'a> {
             let nodes: Vec<usize> = plant.nodes_of(axis).collect();
             for pair in nodes.windows(2) {
                 let (i, j) = (pair[0], pair[1]);
-                let spot = elements.spot(index, (plant.nodes.s[i] + plant.nodes.s[j]) * 0.5);
+                let spot = elements.locate(index, (plant.nodes.s[i] + plant.nodes.s[j]) * 0.5);
                 let own = elements.list.get(spot.element as usize).is_some_and(|e| e.axis == index);
                 let span = plant.nodes.p[j] - plant.nodes.p[i];
                 if !own || span.length() <= 0.0 {
                     continue;
                 }
                 let radius = f64::from(plant.nodes.r[i] + plant.nodes.r[j]) * 0.5;
-                internodes.push(Internode {
+                internodes.push(CantileverInternode {
                     element: spot.element as usize,
                     middle: (plant.nodes.p[i] + plant.nodes.p[j]) * 0.5,
                     along: span.as_dvec3().normalize(),
@@ -119,7 +119,7 @@ impl<'a> Paper<'a> {
         for (internode, air) in self.internodes.iter_mut().zip(&air) {
             let (bend, clamped) = internode.step((stand.r.conjugate() * *air).as_dvec3(), &self.paper);
             self.clamped += u64::from(clamped);
-            for (sum, way) in bends[internode.element].iter_mut().zip(&self.elements.list[internode.element].ways) {
+            for (sum, way) in bends[internode.element].iter_mut().zip(&self.elements.list[internode.element].bend_axes) {
                 *sum += way.dot(bend);
             }
         }
@@ -127,13 +127,13 @@ impl<'a> Paper<'a> {
     }
 }
 
-impl Internode {
+impl CantileverInternode {
     /// The turn of this internode in wind `v`, as a vector, and whether its arcsine had to be clamped.
-    fn step(&mut self, v: DVec3, paper: &PaperManner) -> (DVec3, bool) {
-        let air = if paper.fixes.air { super::wood::AIR } else { PRINTED_AIR };
+    fn step(&mut self, v: DVec3, paper: &PaperParams) -> (DVec3, bool) {
+        let air = if paper.fixes.air { super::wood::AIR_DENSITY } else { PRINTED_AIR };
         let area = 2.0 * self.radius * self.length;
         let wind = v * (0.5 * (DRAG + LIFT) * air * area * v.length());
-        let rate = (self.angles[0] - self.angles[1]) * RATE;
+        let rate = (self.angles[0] - self.angles[1]) * STEPS_PER_SECOND;
         let against = if paper.fixes.damping { rate.signum() } else { 1.0 };
         let force =
             wind - self.force * paper.recoil - wind.normalize_or_zero() * (against * paper.damping * rate * rate);
@@ -164,8 +164,8 @@ mod tests {
         );
     }
 
-    fn internode() -> Internode {
-        Internode {
+    fn internode() -> CantileverInternode {
+        CantileverInternode {
             element: 0,
             middle: Vec3::ZERO,
             along: DVec3::Y,
@@ -179,9 +179,9 @@ mod tests {
 
     #[test]
     fn a_share_of_the_last_force_is_taken_back() {
-        let fixes = Fixes { radius: true, air: true, damping: true };
+        let fixes = PaperCorrections { radius: true, air: true, damping: true };
         let mut one = internode();
-        let paper = PaperManner { fixes, recoil: 0.3, damping: 0.0 };
+        let paper = PaperParams { fixes, recoil: 0.3, damping: 0.0 };
         let first = one.step(DVec3::X * 10.0, &paper).0.length();
         let second = one.step(DVec3::X * 10.0, &paper).0.length();
         assert!((second / first - 0.7).abs() < 1e-3, "{first} {second}");
@@ -191,9 +191,9 @@ mod tests {
 
     #[test]
     fn angles_beyond_a_right_one_are_clamped_and_told() {
-        let fixes = Fixes { radius: true, air: true, damping: true };
-        let paper = PaperManner { fixes, recoil: 0.0, damping: 0.0 };
-        let mut soft = Internode { elasticity: 1e3, ..internode() };
+        let fixes = PaperCorrections { radius: true, air: true, damping: true };
+        let paper = PaperParams { fixes, recoil: 0.0, damping: 0.0 };
+        let mut soft = CantileverInternode { elasticity: 1e3, ..internode() };
         let (bend, clamped) = soft.step(DVec3::X * 30.0, &paper);
         assert!(clamped && (bend.length() - std::f64::consts::FRAC_PI_2).abs() < 1e-12, "{bend}");
         assert!(!internode().step(DVec3::X * 30.0, &paper).1);
@@ -201,8 +201,8 @@ mod tests {
 
     #[test]
     fn as_printed_nothing_is_seen_to_move() {
-        let fixes = Fixes { radius: false, air: false, damping: false };
-        let (bend, _) = internode().step(DVec3::X * 10.0, &PaperManner { fixes, recoil: 0.3, damping: 0.01 });
+        let fixes = PaperCorrections { radius: false, air: false, damping: false };
+        let (bend, _) = internode().step(DVec3::X * 10.0, &PaperParams { fixes, recoil: 0.3, damping: 0.01 });
         assert!(bend.length() < 1e-6 && bend.length() > 0.0, "{bend}");
         let leaf = 0.5 * (DRAG + LIFT) * PRINTED_AIR * 0.0002 * 100.0;
         assert!(leaf < 1e-7, "a leaf of 2 cm^2 feels {leaf} N");

@@ -5,7 +5,7 @@ use glam::Vec3;
 use crate::recipe::flight_keys::{FlightKeys, MapOf};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
-use osier_motion::flight::{Catkin, Flights, State};
+use osier_motion::flight::{Catkin, FlightSimulation, CatkinState};
 use osier_scene::Field;
 use osier_scene::solid::{Form, Side, Solids};
 
@@ -59,9 +59,9 @@ impl DepositionMaps {
     }
 
     /// Values of all maps now; the sum of value times texel area is what lies there.
-    pub fn values(&self, flights: &Flights) -> Vec<Vec<f32>> {
+    pub fn values(&self, flights: &FlightSimulation) -> Vec<Vec<f32>> {
         let mut sums: Vec<Vec<f64>> = self.fields.iter().map(|f| vec![0.0; f.width * f.height]).collect();
-        for c in flights.by_number().filter(|c| c.state().is_deposited()) {
+        for c in flights.by_id().filter(|c| c.state().is_deposited()) {
             let map = self.map_of(c);
             if let (Some(field), Some(sum)) = (self.fields.get(map), sums.get_mut(map)) {
                 let weight = if self.mass { c.mass() * 1e6 } else { 1.0 };
@@ -75,7 +75,7 @@ impl DepositionMaps {
     /// What is at a wall belongs to the side that looks its way; all else to the ground below.
     fn map_of(&self, c: &Catkin) -> usize {
         let (face, normal) = c.rests_on();
-        let side = face.filter(|_| c.state() == State::OnWall).and_then(|i| self.sides.get(i as usize)?.as_ref());
+        let side = face.filter(|_| c.state() == CatkinState::OnWall).and_then(|i| self.sides.get(i as usize)?.as_ref());
         side.map_or(0, |(first, four)| {
             let facing = |k: &usize| four[*k].normal.dot(normal);
             first + (0..4).max_by(|a, b| facing(a).total_cmp(&facing(b))).unwrap_or(0)

@@ -18,7 +18,7 @@ use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::math::{ln, narrow};
 use osier_base::rng::Rng;
-use osier_motion::flight::{Catkin, Edge, Flights, Humidity, Kind, Options, Sky, Start, State, Wait, sky};
+use osier_motion::flight::{Catkin, SideBoundary, FlightSimulation, GroundHumidity, CatkinKind, FlightParams, SkyRelease, CatkinStart, CatkinState, ReleaseCondition, sky_starts};
 use osier_scene::solid::Solids;
 use osier_scene::{
     Asset, AssetFrame, AssetKind, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Prototype,
@@ -36,7 +36,7 @@ const SETTLE_TIME: f32 = 0.12;
 /// A flight that can be asked for any frame; asked in order it goes on from the last.
 #[derive(Debug)]
 pub struct FlightPlayback {
-    start: Flights,
+    start: FlightSimulation,
     /// Frames flown before the first of the clip.
     before: u64,
     deposits: DepositionMaps,
@@ -50,7 +50,7 @@ pub struct FlightPlayback {
 
 #[derive(Debug)]
 struct FlightState {
-    flights: Flights,
+    flights: FlightSimulation,
     frames: u64,
     stream: WindPlayback,
     /// How far each is sunk towards what it lies on, m.
@@ -82,7 +82,7 @@ impl FlightPlayback {
         let keys = &setting.flight.keys;
         let options = options(setting, models);
         let starts = starts(setting, &options);
-        let start = Flights::new(options, Arc::clone(&setting.solids), &starts);
+        let start = FlightSimulation::new(options, Arc::clone(&setting.solids), &starts);
         let trails = lines(setting, start.options());
         let mut now =
             FlightState { flights: start.clone(), frames: 0, stream, sunk: vec![Vec3::ZERO; start.len()], trails };
@@ -101,7 +101,7 @@ impl FlightPlayback {
 
     /// Number of those that found no place to start outside of solids.
     pub fn buried(&self) -> u64 {
-        self.start.tally().buried
+        self.start.stats().buried
     }
 
     /// The table that frames fill, and the maps. `said`: warnings so far.
@@ -115,7 +115,7 @@ impl FlightPlayback {
     /// # Errors
     /// Those of [`WindPlayback::during`].
     pub fn asset(&self, prototypes: Vec<Prototype>, material: u32, still: bool) -> Result<Asset> {
-        let all: Vec<&Catkin> = self.start.by_number().collect();
+        let all: Vec<&Catkin> = self.start.by_id().collect();
         let instancer = Instancer {
             name: "catkins".into(),
             prototypes,
@@ -209,7 +209,7 @@ impl FlightPlayback {
         }
         let share = 1.0 - osier_base::math::exp_f32(-narrow(1.0 / now.flights.options().fps) / SETTLE_TIME);
         let FlightState { flights, sunk, .. } = now;
-        for (c, sunk) in flights.by_number().zip(sunk) {
+        for (c, sunk) in flights.by_id().zip(sunk) {
             let wanted = if c.state().is_deposited() { self.gap(c) } else { Vec3::ZERO };
             *sunk += (wanted - *sunk) * share;
         }
@@ -218,7 +218,7 @@ impl FlightPlayback {
     /// From the lowest hair, seen from what it lies on, to the ball's lowest point, m. At the foot of a wall it lies on
     /// the ground.
     fn gap(&self, c: &Catkin) -> Vec3 {
-        let normal = if c.state() == State::Corner { Vec3::Y } else { c.rests_on().1 };
+        let normal = if c.state() == CatkinState::Corner { Vec3::Y } else { c.rests_on().1 };
         let out = c.turn().conjugate() * normal;
         let hairs = self.hairs.get(usize::from(c.kind())).map_or(&[][..], Vec::as_slice);
         let lowest = hairs.iter().map(|p| p.dot(out)).fold(0.0, f32::min);
@@ -239,7 +239,7 @@ impl FlightPlayback {
 impl FlightState {
     /// Row of the table.
     fn row(&self) -> Vec<f64> {
-        stats::row(&self.flights.tally(), &self.flights.at_solids(), self.stream.health())
+        stats::row(&self.flights.stats(), &self.flights.deposits_per_solid(), self.stream.health())
     }
 
     /// Draws the lines on to where all are.
@@ -254,14 +254,14 @@ impl FlightState {
 
 /// The lines of a scene whose catkins draw any.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most ten minutes of frames")]
-fn lines(setting: &FlightContext<'_>, options: &Options) -> Option<Trajectories> {
+fn lines(setting: &FlightContext<'_>, options: &FlightParams) -> Option<Trajectories> {
     let frames = (setting.flight.keys.trails * options.fps).round() as usize;
     let size = setting.inside.size();
     (frames > 0).then(|| Trajectories::new(frames + 1, size.x.min(size.z) / 2.0))
 }
 
 fn shown(now: &FlightState) -> InstanceState {
-    let s = now.flights.sample();
+    let s = now.flights.frame();
     let number = |v: &u32| i32::try_from(*v).unwrap_or(i32::MAX);
     InstanceState {
         positions: s.positions.iter().zip(&now.sunk).map(|(p, sunk)| *p + *sunk).collect(),
@@ -284,18 +284,18 @@ pub fn before(flight: &FlightRecipe, recipe: &Recipe) -> u64 {
     (flight.keys.preroll * recipe.clip.fps()).round() as u64
 }
 
-fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> Options {
+fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams {
     let (recipe, keys) = (setting.recipe, &setting.flight.keys);
     let forms = &setting.flight.forms;
-    let kind = |(i, m): (usize, &CatkinModel)| Kind { radius: m.radius, weight: forms[i % forms.len().max(1)] };
+    let kind = |(i, m): (usize, &CatkinModel)| CatkinKind { radius: m.radius, weight: forms[i % forms.len().max(1)] };
     let own = if keys.release == Release::Sky { Sides::Recycle } else { Sides::Exit };
     let edge = match keys.sides.unwrap_or(own) {
-        Sides::Exit => Edge::Exit,
-        Sides::Recycle => Edge::Recycle,
-        Sides::Periodic => Edge::Periodic,
+        Sides::Exit => SideBoundary::Exit,
+        Sides::Recycle => SideBoundary::Recycle,
+        Sides::Periodic => SideBoundary::Periodic,
     };
-    let map = |(width, _, values): &(usize, usize, Vec<f32>)| Humidity::Map { width: *width, values: values.clone() };
-    Options {
+    let map = |(width, _, values): &(usize, usize, Vec<f32>)| GroundHumidity::Map { width: *width, values: values.clone() };
+    FlightParams {
         seed: recipe.seed,
         fps: recipe.clip.fps(),
         substeps: keys.substeps,
@@ -318,28 +318,28 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> Options {
         stick_close: keys.stick_close,
         check_every: keys.check_every,
         gamma: keys.gamma,
-        humidity: setting.flight.wet.as_ref().map_or(Humidity::Even(keys.humidity), map),
+        humidity: setting.flight.wet.as_ref().map_or(GroundHumidity::Even(keys.humidity), map),
         lift_speed: keys.lift_speed,
         lift_wet: keys.lift_wet,
         known_height: setting.known_height,
         longest_step: setting.cell.unwrap_or(f64::INFINITY),
         flutter: keys.flutter,
-        ..Options::default()
+        ..FlightParams::default()
     }
 }
 
-fn starts(setting: &FlightContext<'_>, options: &Options) -> Vec<Start> {
+fn starts(setting: &FlightContext<'_>, options: &FlightParams) -> Vec<CatkinStart> {
     let (flight, keys) = (setting.flight, &setting.flight.keys);
     let seed = setting.recipe.seed;
     let all_over = |duration| {
-        let sky_box = Sky { seed, count: keys.count, inside: options.inside, band: keys.band, duration };
-        sky(&sky_box, &setting.solids)
+        let sky_box = SkyRelease { seed, count: keys.count, inside: options.inside, band: keys.band, duration };
+        sky_starts(&sky_box, &setting.solids)
     };
     match keys.release {
         Release::Sky => all_over(0.0),
         Release::Rain => all_over(keys.duration),
         Release::Points => {
-            let start = |p: &[f64; 3]| Start { at: DVec3::from_array(*p), wait: Wait::Until(0.0) };
+            let start = |p: &[f64; 3]| CatkinStart { at: DVec3::from_array(*p), wait: ReleaseCondition::Until(0.0) };
             flight.starts.iter().map(start).collect()
         }
         Release::Canopy => canopy(setting.twigs, (keys.count, seed)),
@@ -347,7 +347,7 @@ fn starts(setting: &FlightContext<'_>, options: &Options) -> Vec<Start> {
 }
 
 /// Twigs drawn by weight, each seed with a patience of its own.
-fn canopy(twigs: &[(Vec3, f64)], (count, seed): (u32, u64)) -> Vec<Start> {
+fn canopy(twigs: &[(Vec3, f64)], (count, seed): (u32, u64)) -> Vec<CatkinStart> {
     let mut sums = Vec::with_capacity(twigs.len());
     let mut sum = 0.0;
     for (_, weight) in twigs {
@@ -364,7 +364,7 @@ fn canopy(twigs: &[(Vec3, f64)], (count, seed): (u32, u64)) -> Vec<Start> {
             let twig = sums.partition_point(|s| *s <= at).min(twigs.len() - 1);
             // Some way about the very end, else those of one twig would start as one.
             let about = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * 0.05;
-            Start { at: twigs[twig].0.as_dvec3() + about, wait: Wait::Wind(-ln(1.0 - draw.unit_f64())) }
+            CatkinStart { at: twigs[twig].0.as_dvec3() + about, wait: ReleaseCondition::Wind(-ln(1.0 - draw.unit_f64())) }
         })
         .collect()
 }

@@ -2,7 +2,7 @@
 
 use crate::recipe::flight_keys::FlightKeys;
 use crate::recipe::word_of;
-use osier_motion::flight::Tally;
+use osier_motion::flight::FlightStats;
 use osier_scene::{Table, Watch};
 use osier_wind::LatticeStats;
 
@@ -100,7 +100,7 @@ fn parameters(keys: &FlightKeys, count: usize) -> serde_json::Value {
 }
 
 /// A row of [`table`].
-pub fn row(t: &Tally, at_solids: &[u64], lattice: Option<LatticeStats>) -> Vec<f64> {
+pub fn row(t: &FlightStats, at_solids: &[u64], lattice: Option<LatticeStats>) -> Vec<f64> {
     let counts = [
         t.pending,
         t.airborne,
@@ -133,13 +133,13 @@ mod tests {
     #[test]
     fn every_column_has_its_number() {
         let keys = FlightKeys::defaults();
-        let tally = Tally {
+        let tally = FlightStats {
             pending: 1,
             penetrations: 10,
             flight_distance: 15.0,
             merges: 16,
             long_steps: 21,
-            ..Tally::default()
+            ..FlightStats::default()
         };
         for lattice in [None, Some(HEALTH)] {
             let (table, row) = (table(&keys, (5, &["wall"]), lattice, Vec::new()), row(&tally, &[7], lattice));
@@ -155,14 +155,14 @@ mod tests {
     #[test]
     fn what_went_wrong_is_told_once() {
         let table = table(&FlightKeys::defaults(), (5, &[]), Some(HEALTH), Vec::new());
-        let told = |t: &Tally, h: LatticeStats| -> Vec<&str> {
+        let told = |t: &FlightStats, h: LatticeStats| -> Vec<&str> {
             table.warnings(&row(t, &[], Some(h))).iter().map(|w| w.0).collect()
         };
         let calm = LatticeStats { checkerboard: 0.0, ..HEALTH };
-        assert!(told(&Tally::default(), calm).is_empty());
-        assert_eq!(told(&Tally { long_steps: 3, ..Tally::default() }, HEALTH), ["S027", "S023"]);
-        assert_eq!(told(&Tally::default(), LatticeStats { clamped_cells: 6, ..calm }), ["S022"]);
-        let text = &table.warnings(&row(&Tally { long_steps: 3, ..Tally::default() }, &[], Some(calm)))[0].1;
+        assert!(told(&FlightStats::default(), calm).is_empty());
+        assert_eq!(told(&FlightStats { long_steps: 3, ..FlightStats::default() }, HEALTH), ["S027", "S023"]);
+        assert_eq!(told(&FlightStats::default(), LatticeStats { clamped_cells: 6, ..calm }), ["S022"]);
+        let text = &table.warnings(&row(&FlightStats { long_steps: 3, ..FlightStats::default() }, &[], Some(calm)))[0].1;
         assert!(text.starts_with("3 times a catkin"), "{text}");
     }
 }

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use crate::rods::layout::{RodDescription, RodMaterial};
 use crate::rods::system::ClampKind;
-use crate::sway::{Wood, damping_of};
+use crate::sway::{WoodParams, damping_ratio};
 use osier_scene::Trs;
 use osier_scene::plant::{Axis, AxisKind, NONE, Organ, Plant};
 
@@ -19,7 +19,7 @@ const WOOD_SECTION_SHARE: f64 = 0.6;
 #[derive(Debug, Clone)]
 pub struct RodPlantParams {
     /// Stems: stiffness, weight, drag of leaves and wood, factor on damping.
-    pub wood: Wood,
+    pub wood: WoodParams,
     /// Gravity, m/s^2.
     pub g: f64,
     /// Shear modulus over Young's, 0.02..0.5.
@@ -132,7 +132,7 @@ impl RodPlantLayout {
             let rod = RodDescription {
                 points: part.map(|k| stand.apply(plant.nodes.p[k]).as_dvec3()).collect(),
                 radii,
-                material: rod_material(params, young, damping_of(axis.order, petiole)),
+                material: rod_material(params, young, damping_ratio(axis.order, petiole)),
                 sections: if petiole { Some(params.stalk_sections) } else { params.sections },
                 parent: None,
             };
@@ -222,7 +222,7 @@ impl RodPlantLayout {
         let rod = RodDescription {
             points: points.to_vec(),
             radii: vec![radius; 3],
-            material: rod_material(params, params.stalk_young, damping_of(0, true)),
+            material: rod_material(params, params.stalk_young, damping_ratio(0, true)),
             sections: Some(params.stalk_sections),
             parent: None,
         };

@@ -7,7 +7,7 @@ use glam::{DVec3, Quat, Vec3};
 use super::RodPlant;
 use crate::rain::RainTarget;
 use crate::rods::plant::layout::RodPlantParams;
-use crate::sway::Wood;
+use crate::sway::WoodParams;
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Nodes, Organ, Plant, Proto};
 use osier_scene::{Mesh, Trs};
 use osier_wind::UniformWind;
@@ -68,7 +68,7 @@ pub(crate) fn twig() -> Plant {
 pub(crate) fn grain() -> RodPlantParams {
     RodPlantParams {
         g: 9.81,
-        wood: Wood::default(),
+        wood: WoodParams::default(),
         shear: 1.0 / 15.0,
         recovery: 0.25,
         gain: 1.0,

@@ -2,20 +2,20 @@
 
 use glam::DVec3;
 
-use super::Manner;
+use super::SwayParams;
 use crate::lanes::{Columns, padded};
-use crate::sway::beam::{OVERTONE, Swing, overtone};
-use crate::sway::elements::{Element, Elements, Station};
-use crate::sway::wood::{AIR, Wood};
+use crate::sway::beam::{SECOND_MODE_FREQUENCY_RATIO, OscillatorStep, second_mode_slope};
+use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
+use crate::sway::wood::{AIR_DENSITY, WoodParams};
 
 /// m/s^2.
 const GRAVITY: f64 = 9.81;
 /// Damping of a second mode over the first's.
-const DAMPED: f64 = 1.5;
+const SECOND_MODE_DAMPING: f64 = 1.5;
 
 /// How an element hangs on its carrier.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Hung {
+pub(crate) struct CarrierLink {
     /// Its row.
     pub(crate) row: usize,
     /// Carrier's row; none for what stands on the ground.
@@ -23,23 +23,23 @@ pub(crate) struct Hung {
     /// Row of the carrier's station that it stands on.
     pub(crate) stand: usize,
     /// Slope of the carrier's tip for a unit force here, 1/N.
-    pub(crate) lever: f64,
+    pub(crate) carrier_compliance: f64,
     /// Share of the carrier's bend here, and of its second mode's.
     pub(crate) shares: [f64; 2],
 }
 
 /// Elements and stations as rows: first those of more stations, station after station.
 #[derive(Debug)]
-pub(crate) struct Fixed {
+pub(crate) struct SimulationConstants {
     /// Row of each element, and of each station.
     pub(crate) rows: Vec<usize>,
     pub(crate) stations: Vec<usize>,
     /// Elements, carriers first.
-    pub(crate) order: Vec<Hung>,
+    pub(crate) order: Vec<CarrierLink>,
     /// Rows of the first, second, ... stations: where they begin, and how many.
     pub(crate) slots: Vec<(usize, usize)>,
     /// Both ways to bend.
-    pub(crate) ways: Columns<6>,
+    pub(crate) bend_axes: Columns<6>,
     /// Both ways' next place and rate from place and rate: a, b, c, d.
     pub(crate) swing: Columns<8>,
     /// Place at rest from where the carrier's stretch begins.
@@ -49,7 +49,7 @@ pub(crate) struct Fixed {
     /// Gravity in the plant's space, where its change counts.
     pub(crate) gravity: Option<[f64; 3]>,
     /// Second modes of the elements that have one, which stand first, if any do.
-    pub(crate) overtones: Option<Overtones>,
+    pub(crate) second_modes: Option<SecondModes>,
     /// Per station: place from where the stretch begins, the stretch, share of the bend.
     pub(crate) shape: Columns<7>,
     /// Per station: place at rest from the element's base, direction of growth.
@@ -59,9 +59,9 @@ pub(crate) struct Fixed {
     pub(crate) press: Columns<5>,
 }
 
-/// Second modes, as [`Fixed`] has the first.
+/// Second modes, as [`SimulationConstants`] has the first.
 #[derive(Debug)]
-pub(crate) struct Overtones {
+pub(crate) struct SecondModes {
     pub(crate) swing: Columns<8>,
     /// Per station: share of the bend.
     pub(crate) shape: Columns<1>,
@@ -69,20 +69,20 @@ pub(crate) struct Overtones {
     pub(crate) rows: Vec<usize>,
 }
 
-impl Fixed {
-    pub(crate) fn new(elements: &Elements, manner: &Manner, step: f64) -> Self {
-        let places = Places::new(elements);
+impl SimulationConstants {
+    pub(crate) fn new(elements: &BeamElements, manner: &SwayParams, step: f64) -> Self {
+        let places = RowLayout::new(elements);
         let (n, m) = (places.slots.first().map_or(0, |s| s.1), places.slots.iter().map(|s| s.1).sum());
-        let mut fixed = Self {
+        let mut constants = Self {
             order: Vec::with_capacity(elements.list.len()),
-            ways: Columns::new(n),
+            bend_axes: Columns::new(n),
             swing: Columns::new(n),
             hold: Columns::new(n),
             weight: Columns::new(n),
             gravity: manner
                 .gravity
                 .then(|| (manner.stand.r.conjugate().as_dquat() * (DVec3::NEG_Y * GRAVITY)).to_array()),
-            overtones: None,
+            second_modes: None,
             shape: Columns::new(m),
             rest: Columns::new(m),
             press: Columns::new(m),
@@ -91,25 +91,25 @@ impl Fixed {
             slots: places.slots,
         };
         for (e, element) in elements.list.iter().enumerate() {
-            let row = fixed.rows[e];
-            let [a, b] = element.ways;
-            fixed.ways.set(row, [a.x, a.y, a.z, b.x, b.y, b.z]);
-            let [a, b] = element.w.map(|w| swing(w, element.zeta, manner.fps, step).coefficients());
-            fixed.swing.set(row, [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
-            fixed.hang(elements, element, row);
+            let row = constants.rows[e];
+            let [a, b] = element.bend_axes;
+            constants.bend_axes.set(row, [a.x, a.y, a.z, b.x, b.y, b.z]);
+            let [a, b] = element.w.map(|w| oscillator_step(w, element.damping_ratio, manner.fps, step).coefficients());
+            constants.swing.set(row, [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+            constants.link_to_carrier(elements, element, row);
             for i in element.stations.clone() {
-                fixed.station(i, &elements.stations[i], element, &manner.wood);
+                constants.set_station(i, &elements.stations[i], element, &manner.wood);
             }
         }
-        fixed.weigh(elements);
-        fixed.overtones = Overtones::new(&fixed, elements, (manner.fps, step));
-        fixed
+        constants.set_gravity_levers(elements);
+        constants.second_modes = SecondModes::new(&constants, elements, (manner.fps, step));
+        constants
     }
 
-    fn hang(&mut self, elements: &Elements, element: &Element, row: usize) {
+    fn link_to_carrier(&mut self, elements: &BeamElements, element: &BeamElement, row: usize) {
         let Some(carrier) = elements.list.get(element.parent as usize) else {
             self.hold.set(row, element.base.to_array());
-            self.order.push(Hung { row, carrier: None, stand: 0, lever: 0.0, shares: [0.0; 2] });
+            self.order.push(CarrierLink { row, carrier: None, stand: 0, carrier_compliance: 0.0, shares: [0.0; 2] });
             return;
         };
         let n = carrier.stations.len();
@@ -117,52 +117,52 @@ impl Fixed {
         let i = carrier.stations.start + ((element.at * n as f64) as usize).min(n - 1);
         let arm = element.base - elements.stations[i].from;
         self.hold.set(row, arm.to_array());
-        let second = if carrier.overtone.is_some() { overtone(element.at) } else { 0.0 };
+        let second = if carrier.second_mode.is_some() { second_mode_slope(element.at) } else { 0.0 };
         let shares = [carrier.shape.at(element.at), second];
         let (carrier, stand) = (Some(self.rows[element.parent as usize]), self.stations[i]);
-        self.order.push(Hung { row, carrier, stand, lever: element.lever, shares });
+        self.order.push(CarrierLink { row, carrier, stand, carrier_compliance: element.carrier_compliance, shares });
     }
 
     /// What a change of gravity presses on: own stations, and whole children where they stand.
-    fn weigh(&mut self, elements: &Elements) {
+    fn set_gravity_levers(&mut self, elements: &BeamElements) {
         let mut masses = vec![0.0; elements.list.len()];
         for (e, element) in elements.list.iter().enumerate().rev() {
             let own = elements.stations.get(element.stations.clone()).unwrap_or_default();
             masses[e] += own.iter().map(|s| s.load.mass).sum::<f64>();
-            self.weight.add(self.rows[e], [own.iter().map(|s| s.load.mass * s.levers[1]).sum()]);
+            self.weight.add(self.rows[e], [own.iter().map(|s| s.load.mass * s.tip_compliances[1]).sum()]);
             if let Some(carrier) = self.rows.get(element.parent as usize) {
-                self.weight.add(*carrier, [masses[e] * element.lever]);
+                self.weight.add(*carrier, [masses[e] * element.carrier_compliance]);
                 masses[element.parent as usize] += masses[e];
             }
         }
     }
 
-    fn station(&mut self, i: usize, s: &Station, element: &Element, wood: &Wood) {
+    fn set_station(&mut self, i: usize, s: &LoadStation, element: &BeamElement, wood: &WoodParams) {
         let row = self.stations[i];
         let (arm, rest) = (s.p - s.from, s.p - element.base);
         self.shape.set(row, [arm.x, arm.y, arm.z, s.chord.x, s.chord.y, s.chord.z, element.shape.at(s.middle)]);
         self.rest.set(row, [rest.x, rest.y, rest.z, s.along.x, s.along.y, s.along.z]);
-        let (bark, leaf) = (AIR * wood.drag * s.load.wood, AIR * wood.leaf_drag * s.load.leaf);
+        let (bark, leaf) = (AIR_DENSITY * wood.drag * s.load.wood, AIR_DENSITY * wood.leaf_drag * s.load.leaf);
         let stops = (bark + leaf) / s.load.mass.max(1e-12);
-        self.press.set(row, [0.5 * bark, 0.5 * leaf, s.levers[0], s.load.mass * s.levers[1], stops]);
+        self.press.set(row, [0.5 * bark, 0.5 * leaf, s.tip_compliances[0], s.load.mass * s.tip_compliances[1], stops]);
     }
 }
 
-impl Overtones {
-    fn new(fixed: &Fixed, elements: &Elements, (fps, step): (f64, f64)) -> Option<Self> {
-        let with: Vec<usize> = (0..elements.list.len()).filter(|e| elements.list[*e].overtone.is_some()).collect();
-        let last = with.iter().map(|e| fixed.rows[*e] + 1).max()?;
-        let stations = fixed.slots.iter().map(|s| s.1).sum();
+impl SecondModes {
+    fn new(constants: &SimulationConstants, elements: &BeamElements, (fps, step): (f64, f64)) -> Option<Self> {
+        let with: Vec<usize> = (0..elements.list.len()).filter(|e| elements.list[*e].second_mode.is_some()).collect();
+        let last = with.iter().map(|e| constants.rows[*e] + 1).max()?;
+        let stations = constants.slots.iter().map(|s| s.1).sum();
         let (mut swing_columns, mut shape) = (Columns::new(last), Columns::new(stations));
         for e in &with {
             let element = &elements.list[*e];
-            let [a, b] = element.w.map(|w| swing(w * OVERTONE, element.zeta * DAMPED, fps, step).coefficients());
-            swing_columns.set(fixed.rows[*e], [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
+            let [a, b] = element.w.map(|w| oscillator_step(w * SECOND_MODE_FREQUENCY_RATIO, element.damping_ratio * SECOND_MODE_DAMPING, fps, step).coefficients());
+            swing_columns.set(constants.rows[*e], [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
             for i in element.stations.clone() {
-                shape.set(fixed.stations[i], [overtone(elements.stations[i].middle)]);
+                shape.set(constants.stations[i], [second_mode_slope(elements.stations[i].middle)]);
             }
         }
-        Some(Self { swing: swing_columns, shape, rows: with.iter().map(|e| fixed.rows[*e]).collect() })
+        Some(Self { swing: swing_columns, shape, rows: with.iter().map(|e| constants.rows[*e]).collect() })
     }
 
     /// Rows up to the last that has one.
@@ -172,20 +172,20 @@ impl Overtones {
 }
 
 /// How one way of an element swings in steps of `step` s.
-fn swing(w: f64, zeta: f64, fps: f64, step: f64) -> Swing {
+fn oscillator_step(w: f64, zeta: f64, fps: f64, step: f64) -> OscillatorStep {
     let fast = w > std::f64::consts::PI * fps;
-    if fast { Swing::follow(w, step) } else { Swing::new(w, zeta, step) }
+    if fast { OscillatorStep::follow(w, step) } else { OscillatorStep::new(w, zeta, step) }
 }
 
 /// Who gets which row.
-struct Places {
+struct RowLayout {
     rows: Vec<usize>,
     stations: Vec<usize>,
     slots: Vec<(usize, usize)>,
 }
 
-impl Places {
-    fn new(elements: &Elements) -> Self {
+impl RowLayout {
+    fn new(elements: &BeamElements) -> Self {
         let list = &elements.list;
         let most = list.iter().map(|e| e.stations.len()).max().unwrap_or(0);
         let (mut rows, mut next) = (vec![0; list.len()], 0);

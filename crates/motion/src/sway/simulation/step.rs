@@ -3,25 +3,25 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::constants::{Fixed, Overtones};
+use super::constants::{SimulationConstants, SecondModes};
 use crate::lanes::{Arrow, Columns, Lane, Turned};
-use crate::sway::beam::{share_of_slope, turn_lanes};
-use crate::sway::wood::FOLD;
+use crate::sway::beam::{large_deflection_factor, rotation_lanes};
+use crate::sway::wood::LEAF_FOLD_SPEED;
 
 /// Strongest inertia, m/s^2.
-const JERK: f64 = 50.0;
+const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
 /// Air across a branch of less than this sheds no eddies, m/s: it divides.
-const STILL: f64 = 1e-30;
+const MIN_CROSS_SPEED: f64 = 1e-30;
 /// Part of the changing load that makes second modes swing.
-const RINGING: f64 = 0.15;
+const SECOND_MODE_FORCING: f64 = 0.15;
 
-/// What changes from step to step, in rows of [`Fixed`].
+/// What changes from step to step, in rows of [`SimulationConstants`].
 #[derive(Debug)]
-pub(crate) struct Moving {
+pub(crate) struct SimulationState {
     /// Place and rate of both ways, rad and rad/s.
-    pub(crate) swung: Columns<4>,
+    pub(crate) first_mode: Columns<4>,
     /// The same of second modes, and where the mean wind holds the first.
-    pub(crate) rung: Columns<4>,
+    pub(crate) second_mode: Columns<4>,
     pub(crate) mean: Columns<2>,
     /// The bend as a turn about an axis of the plant's space, and the second mode's.
     bend: Columns<3>,
@@ -32,7 +32,7 @@ pub(crate) struct Moving {
     own: Columns<3>,
     /// Bend at the place on the carrier, where the stretch begins and its turn; then turn and place of the base in its frame.
     carrier: Columns<10>,
-    hung: Columns<7>,
+    link: Columns<7>,
     /// Turn from rest and place of each element's base, in the plant's space; once more row by row.
     carried: Columns<7>,
     bases: Vec<[f64; 7]>,
@@ -49,17 +49,17 @@ pub(crate) struct Moving {
     pub(crate) shed: [Columns<1>; 2],
 }
 
-impl Moving {
-    pub(crate) fn new(fixed: &Fixed) -> Self {
-        let (n, m) = (fixed.slots.first().map_or(0, |s| s.1), fixed.slots.iter().map(|s| s.1).sum());
+impl SimulationState {
+    pub(crate) fn new(constants: &SimulationConstants) -> Self {
+        let (n, m) = (constants.slots.first().map_or(0, |s| s.1), constants.slots.iter().map(|s| s.1).sum());
         let unturned = |rows: usize| {
             let mut carrier = Columns::<10>::new(rows);
             (0..rows).for_each(|i| carrier.set(i, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]));
             carrier
         };
         Self {
-            swung: Columns::new(n),
-            rung: Columns::new(n),
+            first_mode: Columns::new(n),
+            second_mode: Columns::new(n),
             mean: Columns::new(n),
             bend: Columns::new(n),
             ring: Columns::new(n),
@@ -67,7 +67,7 @@ impl Moving {
             from: Columns::new(m),
             own: Columns::new(m),
             carrier: unturned(n),
-            hung: Columns::new(n),
+            link: Columns::new(n),
             carried: Columns::new(n),
             bases: vec![[0.0; 7]; n],
             places: Columns::new(m),
@@ -83,15 +83,15 @@ impl Moving {
 
 /// Number of groups of elements as wide as the lanes.
 #[inline(always)]
-fn groups<S: Simd>(fixed: &Fixed) -> usize {
-    fixed.slots.first().map_or(0, |s| s.1) / S::F64_LANES
+fn element_groups<S: Simd>(constants: &SimulationConstants) -> usize {
+    constants.slots.first().map_or(0, |s| s.1) / S::F64_LANES
 }
 
 /// Stations of each element of a group.
 #[inline(always)]
-fn count<S: Simd>(fixed: &Fixed, group: usize) -> usize {
+fn station_count<S: Simd>(constants: &SimulationConstants, group: usize) -> usize {
     let mut count = 0;
-    while count < fixed.slots.len() && group * S::F64_LANES < fixed.slots[count].1 {
+    while count < constants.slots.len() && group * S::F64_LANES < constants.slots[count].1 {
         count += 1;
     }
     count
@@ -99,12 +99,12 @@ fn count<S: Simd>(fixed: &Fixed, group: usize) -> usize {
 
 /// Group of the `k`-th stations of a group of elements.
 #[inline(always)]
-fn station<S: Simd>(fixed: &Fixed, k: usize, group: usize) -> usize {
-    fixed.slots[k].0 / S::F64_LANES + group
+fn station_group<S: Simd>(constants: &SimulationConstants, k: usize, group: usize) -> usize {
+    constants.slots[k].0 / S::F64_LANES + group
 }
 
 #[inline(always)]
-fn both<S: Simd>([a, b, c, d, e, f]: [Lane<S>; 6]) -> [Arrow<S>; 2] {
+fn vector_pair<S: Simd>([a, b, c, d, e, f]: [Lane<S>; 6]) -> [Arrow<S>; 2] {
     [Arrow([a, b, c]), Arrow([d, e, f])]
 }
 
@@ -115,60 +115,60 @@ pub(crate) fn drag<S: Simd>([wood, leaf]: [Lane<S>; 2], along: Arrow<S>, wind: A
     let across = wind - along * wind.dot(along);
     let (slow, speed) = (across.length(), wind.length());
     let one = Lane::all(speed.simd(), 1.0);
-    (across * (wood * slow) + wind * (leaf * speed).over(one + speed * (1.0 / FOLD)), slow)
+    (across * (wood * slow) + wind * (leaf * speed).over(one + speed * (1.0 / LEAF_FOLD_SPEED)), slow)
 }
 
 /// Finds where everything is. `fresh`: nothing is known of the step before.
-pub(crate) struct Place<'a> {
-    pub(crate) fixed: &'a Fixed,
-    pub(crate) now: &'a mut Moving,
+pub(crate) struct UpdatePositions<'a> {
+    pub(crate) constants: &'a SimulationConstants,
+    pub(crate) state: &'a mut SimulationState,
     pub(crate) fresh: bool,
 }
 
-impl WithSimd for Place<'_> {
+impl WithSimd for UpdatePositions<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { fixed, now, fresh } = self;
-        shapes(fixed, now, simd);
-        hang(fixed, now, simd);
-        carry(fixed, now);
-        stand(fixed, now, fresh, simd);
+        let Self { constants, state, fresh } = self;
+        bend_elements(constants, state, simd);
+        place_on_carriers(constants, state, simd);
+        accumulate_base_transforms(constants, state);
+        place_stations(constants, state, fresh, simd);
     }
 }
 
 /// Each element in the frame of its own base.
 #[inline(always)]
-fn shapes<S: Simd>(fixed: &Fixed, now: &mut Moving, simd: S) {
+fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, simd: S) {
     let zero = Lane::all(simd, 0.0);
-    for g in 0..groups::<S>(fixed) {
-        let count = count::<S>(fixed, g);
-        let [x, z] = both(fixed.ways.get(simd, g));
-        let [a, _, b, _] = now.swung.get(simd, g);
+    for g in 0..element_groups::<S>(constants) {
+        let count = station_count::<S>(constants, g);
+        let [x, z] = vector_pair(constants.bend_axes.get(simd, g));
+        let [a, _, b, _] = state.first_mode.get(simd, g);
         let bend = x * a + z * b;
-        now.bend.put(g, bend.0);
-        let over = fixed.overtones.as_ref().filter(|o| g * S::F64_LANES < o.count());
+        state.bend.put(g, bend.0);
+        let over = constants.second_modes.as_ref().filter(|o| g * S::F64_LANES < o.count());
         let mut ring = Arrow([zero; 3]);
         if over.is_some() {
-            let [a, _, b, _] = now.rung.get(simd, g);
+            let [a, _, b, _] = state.second_mode.get(simd, g);
             ring = x * a + z * b;
-            now.ring.put(g, ring.0);
+            state.ring.put(g, ring.0);
         }
         let mut from = Arrow([zero; 3]);
         for k in 0..count {
-            let s = station::<S>(fixed, k, g);
-            let [ax, ay, az, cx, cy, cz, share] = fixed.shape.get(simd, s);
+            let s = station_group::<S>(constants, k, g);
+            let [ax, ay, az, cx, cy, cz, share] = constants.shape.get(simd, s);
             let mut here = bend * share;
             if let Some(over) = over {
                 let [share] = over.shape.get(simd, s);
                 here = here + ring * share;
             }
-            let q = turn_lanes(here);
+            let q = rotation_lanes(here);
             let turned = Turned::of(q);
-            now.turns.put(s, q);
-            now.from.put(s, from.0);
-            now.own.put(s, (from + turned.apply(Arrow([ax, ay, az]))).0);
+            state.turns.put(s, q);
+            state.from.put(s, from.0);
+            state.own.put(s, (from + turned.apply(Arrow([ax, ay, az]))).0);
             if k + 1 < count {
                 from = from + turned.apply(Arrow([cx, cy, cz]));
             }
@@ -178,33 +178,33 @@ fn shapes<S: Simd>(fixed: &Fixed, now: &mut Moving, simd: S) {
 
 /// Each element's base in the frame of its carrier's.
 #[inline(always)]
-fn hang<S: Simd>(fixed: &Fixed, now: &mut Moving, simd: S) {
-    for hung in &fixed.order {
-        let Some(carrier) = hung.carrier else { continue };
-        let [first, second] = hung.shares;
-        let ([a, b, c], [u, v, w]) = (now.bend.row(carrier), now.ring.row(carrier));
+fn place_on_carriers<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, simd: S) {
+    for link in &constants.order {
+        let Some(carrier) = link.carrier else { continue };
+        let [first, second] = link.shares;
+        let ([a, b, c], [u, v, w]) = (state.bend.row(carrier), state.ring.row(carrier));
         let [a, b, c] = [a * first + u * second, b * first + v * second, c * first + w * second];
-        let [d, e, f] = now.from.row(hung.stand);
-        let [x, y, z, w] = now.turns.row(hung.stand);
-        now.carrier.set(hung.row, [a, b, c, d, e, f, x, y, z, w]);
+        let [d, e, f] = state.from.row(link.stand);
+        let [x, y, z, w] = state.turns.row(link.stand);
+        state.carrier.set(link.row, [a, b, c, d, e, f, x, y, z, w]);
     }
-    for g in 0..groups::<S>(fixed) {
-        let [a, b, c, d, e, f, x, y, z, w] = now.carrier.get(simd, g);
-        let place = Arrow([d, e, f]) + Turned::of([x, y, z, w]).apply(Arrow(fixed.hold.get(simd, g)));
-        let [x, y, z, w] = turn_lanes(Arrow([a, b, c]));
-        now.hung.put(g, [x, y, z, w, place.0[0], place.0[1], place.0[2]]);
+    for g in 0..element_groups::<S>(constants) {
+        let [a, b, c, d, e, f, x, y, z, w] = state.carrier.get(simd, g);
+        let place = Arrow([d, e, f]) + Turned::of([x, y, z, w]).apply(Arrow(constants.hold.get(simd, g)));
+        let [x, y, z, w] = rotation_lanes(Arrow([a, b, c]));
+        state.link.put(g, [x, y, z, w, place.0[0], place.0[1], place.0[2]]);
     }
 }
 
 /// From the ground up: each base in the plant's space.
 #[inline(always)]
-fn carry(fixed: &Fixed, now: &mut Moving) {
-    for hung in &fixed.order {
-        let [x, y, z, w, px, py, pz] = now.hung.row(hung.row);
-        let base = match hung.carrier {
+fn accumulate_base_transforms(constants: &SimulationConstants, state: &mut SimulationState) {
+    for link in &constants.order {
+        let [x, y, z, w, px, py, pz] = state.link.row(link.row);
+        let base = match link.carrier {
             None => [x, y, z, w, px, py, pz],
             Some(carrier) => {
-                let [a, b, c, d, ox, oy, oz] = now.bases[carrier];
+                let [a, b, c, d, ox, oy, oz] = state.bases[carrier];
                 // The vector turned by a quaternion: v + 2 w (u x v) + 2 u x (u x v).
                 let (tx, ty, tz) = (2.0 * (b * pz - c * py), 2.0 * (c * px - a * pz), 2.0 * (a * py - b * px));
                 [
@@ -218,32 +218,32 @@ fn carry(fixed: &Fixed, now: &mut Moving) {
                 ]
             }
         };
-        now.bases[hung.row] = base;
-        now.carried.set(hung.row, base);
+        state.bases[link.row] = base;
+        state.carried.set(link.row, base);
     }
 }
 
 /// All stations in the plant's space.
 #[inline(always)]
-fn stand<S: Simd>(fixed: &Fixed, now: &mut Moving, fresh: bool, simd: S) {
-    for g in 0..groups::<S>(fixed) {
-        let count = count::<S>(fixed, g);
-        let [x, y, z, w, px, py, pz] = now.carried.get(simd, g);
+fn place_stations<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, fresh: bool, simd: S) {
+    for g in 0..element_groups::<S>(constants) {
+        let count = station_count::<S>(constants, g);
+        let [x, y, z, w, px, py, pz] = state.carried.get(simd, g);
         let (turned, base) = (Turned::of([x, y, z, w]), Arrow([px, py, pz]));
         for k in 0..count {
-            let s = station::<S>(fixed, k, g);
-            let place = base + turned.apply(Arrow(now.own.get(simd, s)));
-            let before = if fresh { place } else { Arrow(now.places.get(simd, s)) };
-            now.before.put(s, before.0);
-            now.places.put(s, place.0);
+            let s = station_group::<S>(constants, k, g);
+            let place = base + turned.apply(Arrow(state.own.get(simd, s)));
+            let before = if fresh { place } else { Arrow(state.places.get(simd, s)) };
+            state.before.put(s, before.0);
+            state.places.put(s, place.0);
         }
     }
 }
 
 /// Presses on everything and goes on by a step.
-pub(crate) struct Press<'a> {
-    pub(crate) fixed: &'a Fixed,
-    pub(crate) now: &'a mut Moving,
+pub(crate) struct IntegrateStep<'a> {
+    pub(crate) constants: &'a SimulationConstants,
+    pub(crate) state: &'a mut SimulationState,
     /// Length of a step, s.
     pub(crate) step: f64,
     /// Nothing is known of the step before.
@@ -256,114 +256,114 @@ pub(crate) struct Press<'a> {
     pub(crate) settle: bool,
 }
 
-impl WithSimd for Press<'_> {
+impl WithSimd for IntegrateStep<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        self.blow(simd);
-        self.sum();
-        self.swing(simd);
+        self.apply_station_loads(simd);
+        self.sum_subtree_forces();
+        self.advance_oscillators(simd);
     }
 }
 
-impl Press<'_> {
+impl IntegrateStep<'_> {
     /// Air and inertia at every station.
     #[inline(always)]
-    fn blow<S: Simd>(&mut self, simd: S) {
-        let (fixed, now) = (self.fixed, &mut *self.now);
+    fn apply_station_loads<S: Simd>(&mut self, simd: S) {
+        let (constants, state) = (self.constants, &mut *self.state);
         let zero = Arrow([Lane::all(simd, 0.0); 3]);
         let between = Lane::all(simd, self.between);
         let (rate, square, whip) = (1.0 / self.step, 1.0 / (self.step * self.step), -self.whip);
-        for g in 0..groups::<S>(fixed) {
-            let count = count::<S>(fixed, g);
-            let [x, y, z, w, px, py, pz] = now.carried.get(simd, g);
+        for g in 0..element_groups::<S>(constants) {
+            let count = station_count::<S>(constants, g);
+            let [x, y, z, w, px, py, pz] = state.carried.get(simd, g);
             let (turned, base) = (Turned::of([x, y, z, w]), Arrow([px, py, pz]));
-            let ([last], [next]) = (now.shed[0].get(simd, g), now.shed[1].get(simd, g));
+            let ([last], [next]) = (state.shed[0].get(simd, g), state.shed[1].get(simd, g));
             let shed = last + (next - last) * between;
             let (mut total, mut load, mut thrown) = (zero, zero, zero);
             for k in 0..count {
-                let s = station::<S>(fixed, k, g);
-                let [wood, leaf, lever, inertia, stops] = fixed.press.get(simd, s);
-                let [rest, along] = both(fixed.rest.get(simd, s));
-                let (last, next) = (Arrow(now.air[0].get(simd, s)), Arrow(now.air[1].get(simd, s)));
+                let s = station_group::<S>(constants, k, g);
+                let [wood, leaf, lever, inertia, stops] = constants.press.get(simd, s);
+                let [rest, along] = vector_pair(constants.rest.get(simd, s));
+                let (last, next) = (Arrow(state.air[0].get(simd, s)), Arrow(state.air[1].get(simd, s)));
                 let air = last + (next - last) * between;
                 // Drag feels less of a speed that the air would stop within a step.
                 let slowed = Lane::all(simd, 0.5).over((stops * air.length() * self.step).at_least(0.5));
-                let speed = (Arrow(now.places.get(simd, s)) - Arrow(now.before.get(simd, s))) * (slowed * rate);
+                let speed = (Arrow(state.places.get(simd, s)) - Arrow(state.before.get(simd, s))) * (slowed * rate);
                 let relative = turned.back(air - speed);
-                let along = Turned::of(now.turns.get(simd, s)).apply(along);
+                let along = Turned::of(state.turns.get(simd, s)).apply(along);
                 let (drag, slow) = drag([wood, leaf], along, relative);
-                let sideways = (shed * drag.length()).over(slow.at_least(STILL));
+                let sideways = (shed * drag.length()).over(slow.at_least(MIN_CROSS_SPEED));
                 let force = drag + relative.cross(along) * sideways;
                 total = total + force;
                 load = load + force * lever;
                 let rigid = base + turned.apply(rest);
-                let [one, two] = if self.fresh { [rigid; 2] } else { both(now.rigid.get(simd, s)) };
+                let [one, two] = if self.fresh { [rigid; 2] } else { vector_pair(state.rigid.get(simd, s)) };
                 let thrust = (rigid - one - (one - two)) * Lane::all(simd, square);
-                let most = Lane::all(simd, JERK).over(thrust.length().at_least(JERK));
+                let most = Lane::all(simd, MAX_INERTIAL_ACCELERATION).over(thrust.length().at_least(MAX_INERTIAL_ACCELERATION));
                 thrown = thrown + thrust * (most * inertia * whip);
                 let ([a, b, c], [d, e, f]) = (rigid.0, one.0);
-                now.rigid.put(s, [a, b, c, d, e, f]);
+                state.rigid.put(s, [a, b, c, d, e, f]);
             }
             let [a, b, c] = turned.apply(total).0;
             let [d, e, f] = thrown.0;
-            now.forces.put(g, [a, b, c, d, e, f]);
-            now.loads.put(g, load.0);
+            state.forces.put(g, [a, b, c, d, e, f]);
+            state.loads.put(g, load.0);
         }
     }
 
     /// From the tips down: what is carried pulls on what carries it.
     #[inline(always)]
-    fn sum(&mut self) {
-        for hung in self.fixed.order.iter().rev() {
-            let Some(carrier) = hung.carrier else { continue };
-            let [x, y, z, ..] = self.now.forces.row(hung.row);
-            self.now.forces.add(carrier, [x, y, z, x * hung.lever, y * hung.lever, z * hung.lever]);
+    fn sum_subtree_forces(&mut self) {
+        for link in self.constants.order.iter().rev() {
+            let Some(carrier) = link.carrier else { continue };
+            let [x, y, z, ..] = self.state.forces.row(link.row);
+            self.state.forces.add(carrier, [x, y, z, x * link.carrier_compliance, y * link.carrier_compliance, z * link.carrier_compliance]);
         }
     }
 
     /// Every element towards where the load of the moment would hold it.
     #[inline(always)]
-    fn swing<S: Simd>(&mut self, simd: S) {
-        let (fixed, now) = (self.fixed, &mut *self.now);
+    fn advance_oscillators<S: Simd>(&mut self, simd: S) {
+        let (constants, state) = (self.constants, &mut *self.state);
         let (none, left) = (Lane::all(simd, 0.0), Lane::all(simd, 0.4));
-        for g in 0..groups::<S>(fixed) {
-            let [x, y, z, w, ..] = now.carried.get(simd, g);
-            let [_, pulled] = both(now.forces.get(simd, g));
+        for g in 0..element_groups::<S>(constants) {
+            let [x, y, z, w, ..] = state.carried.get(simd, g);
+            let [_, pulled] = vector_pair(state.forces.get(simd, g));
             let turned = Turned::of([x, y, z, w]);
-            let mut load = Arrow(now.loads.get(simd, g)) + turned.back(pulled);
-            if let Some([gx, gy, gz]) = fixed.gravity {
+            let mut load = Arrow(state.loads.get(simd, g)) + turned.back(pulled);
+            if let Some([gx, gy, gz]) = constants.gravity {
                 let down = Arrow([Lane::all(simd, gx), Lane::all(simd, gy), Lane::all(simd, gz)]);
-                let [weight] = fixed.weight.get(simd, g);
+                let [weight] = constants.weight.get(simd, g);
                 load = load + (turned.back(down) - down) * weight;
             }
-            let ways = both(fixed.ways.get(simd, g));
+            let bend_axes = vector_pair(constants.bend_axes.get(simd, g));
             // The turn that a force makes, growth x force, seen along both ways across the growth.
-            let (a, b) = (ways[1].dot(load), -ways[0].dot(load));
-            let share = share_of_slope(a * a + b * b);
+            let (a, b) = (bend_axes[1].dot(load), -bend_axes[0].dot(load));
+            let share = large_deflection_factor(a * a + b * b);
             let [c0, c1, c2, c3, d0, d1, d2, d3] =
-                if self.settle { [left, none, none, none, left, none, none, none] } else { fixed.swing.get(simd, g) };
-            let [p, v, q, u] = now.swung.get(simd, g);
+                if self.settle { [left, none, none, none, left, none, none, none] } else { constants.swing.get(simd, g) };
+            let [p, v, q, u] = state.first_mode.get(simd, g);
             let (a, b) = (a * share, b * share);
-            if let Some(over) = fixed.overtones.as_ref().filter(|o| !self.settle && g * S::F64_LANES < o.count()) {
-                ring(over, now, g, [a, b]);
+            if let Some(over) = constants.second_modes.as_ref().filter(|o| !self.settle && g * S::F64_LANES < o.count()) {
+                advance_second_modes(over, state, g, [a, b]);
             }
             let (y, z) = (p - a, q - b);
-            now.swung.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
+            state.first_mode.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
         }
     }
 }
 
 /// Second modes towards a share of what the wind adds to its mean. `goal`: of the first modes.
 #[inline(always)]
-fn ring<S: Simd>(over: &Overtones, now: &mut Moving, g: usize, goal: [Lane<S>; 2]) {
+fn advance_second_modes<S: Simd>(over: &SecondModes, state: &mut SimulationState, g: usize, goal: [Lane<S>; 2]) {
     let simd = goal[0].simd();
     let [c0, c1, c2, c3, d0, d1, d2, d3] = over.swing.get(simd, g);
-    let ([still, level], [p, v, q, u]) = (now.mean.get(simd, g), now.rung.get(simd, g));
-    let (a, b) = ((goal[0] - still) * RINGING, (goal[1] - level) * RINGING);
+    let ([still, level], [p, v, q, u]) = (state.mean.get(simd, g), state.second_mode.get(simd, g));
+    let (a, b) = ((goal[0] - still) * SECOND_MODE_FORCING, (goal[1] - level) * SECOND_MODE_FORCING);
     let (y, z) = (p - a, q - b);
-    now.rung.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
+    state.second_mode.put(g, [a + c0 * y + c1 * v, c2 * y + c3 * v, b + d0 * z + d1 * u, d2 * z + d3 * u]);
 }
 
 #[cfg(test)]
@@ -371,12 +371,12 @@ mod tests {
     use pulp::Scalar;
 
     use super::*;
-    use crate::sway::wood::AIR;
+    use crate::sway::wood::AIR_DENSITY;
 
     /// Drag along the wind, N, of areas in m^2, in wind of `u` m/s that meets wood at a slant.
     fn along_wind([wood, leaf]: [f64; 2], growth: [f64; 3], u: f64) -> f64 {
         let lane = |v: f64| Lane::all(Scalar, v);
-        let areas = [wood * 1.1, leaf * 0.4].map(|a| lane(0.5 * AIR * a));
+        let areas = [wood * 1.1, leaf * 0.4].map(|a| lane(0.5 * AIR_DENSITY * a));
         drag(areas, Arrow(growth.map(lane)), Arrow([u, 0.0, 0.0].map(lane))).0.0[0].value()
     }
 
