@@ -12,7 +12,7 @@ use glam::Vec3;
 use osier::bake::BakeContext;
 use osier::bake::assets::catkin::{CatkinModel, catkin_models};
 use osier::limits::Limits;
-use osier::motion::flight::{SideBoundary, FlightSimulation, CatkinKind, FlightParams, SkyRelease, sky_starts};
+use osier::motion::flight::{CatkinKind, FlightParams, FlightSimulation, SideBoundary, SkyRelease, sky_starts};
 use osier::par::par_each;
 use osier::progress::{Cancel, Silent};
 use osier::recipe::Section as _;

@@ -10,7 +10,7 @@ use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{SceneParts, assemble_scene};
 use osier::bake::{BakeContext, motion};
 use osier::limits::Limits;
-use osier::motion::sway::{ElementBudget, BeamElements, SwayParams, JointRig, SwaySimulation, WoodParams};
+use osier::motion::sway::{BeamElements, ElementBudget, JointRig, SwayParams, SwaySimulation, WoodParams};
 use osier::plant::Plant;
 use osier::presets::find;
 use osier::progress::{Cancel, Silent};
@@ -64,8 +64,14 @@ fn main() {
     let work = BakeContext { limits: &Limits::default(), cancel: &Cancel::default(), progress: &Silent, cache: None };
     let plant = grown("birch", &work);
     let wind = GustWind::new(GustWindOptions { speed: 8.0, period: Some(10.0), ..GustWindOptions::default() });
-    let manner =
-        SwayParams { wood: WoodParams::default(), flicker: 0.15, whip: 1.0, stand: Trs::IDENTITY, gravity: false, fps: 24.0 };
+    let manner = SwayParams {
+        wood: WoodParams::default(),
+        flicker: 0.15,
+        whip: 1.0,
+        stand: Trs::IDENTITY,
+        gravity: false,
+        fps: 24.0,
+    };
 
     stepped(&plant, &wind, manner);
     stepped(&grown("oak", &work), &wind, manner);

@@ -7,7 +7,9 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
-use osier::motion::flight::{Catkin, SideBoundary, FlightSimulation, GroundHumidity, FlightParams, CatkinStart, ReleaseCondition};
+use osier::motion::flight::{
+    Catkin, CatkinStart, FlightParams, FlightSimulation, GroundHumidity, ReleaseCondition, SideBoundary,
+};
 use osier::progress::{Cancel, Silent};
 use osier::rng::Rng;
 use osier::solid::{Form, Prism, Solid, Solids};
@@ -65,7 +67,8 @@ fn flown(
 ) -> (FlightSimulation, usize) {
     let mut draw = Rng::at(options.seed, &["control".into()]);
     let mut place = || low + (high - low) * DVec3::new(draw.unit_f64(), draw.unit_f64(), draw.unit_f64());
-    let starts: Vec<CatkinStart> = (0..500).map(|_| CatkinStart { at: place(), wait: ReleaseCondition::Until(0.0) }).collect();
+    let starts: Vec<CatkinStart> =
+        (0..500).map(|_| CatkinStart { at: place(), wait: ReleaseCondition::Until(0.0) }).collect();
     let mut all = FlightSimulation::new(options, Arc::new(Solids::new(solids.to_vec(), true)), &starts);
     let mut lay = 0;
     for (pair, t0) in air.windows(2).zip((0_u32..).map(|k| f64::from(k) / FPS)) {
@@ -79,8 +82,7 @@ fn flown(
 /// How many lie in each stretch of `length`, m, before the wall's face, the nearest first, and behind the wall.
 fn lying(all: &FlightSimulation, length: f64) -> (Vec<usize>, usize) {
     let rests = |c: &&Catkin| c.state().is_deposited();
-    let before: Vec<f64> =
-        all.by_id().filter(rests).map(|c| f64::from(WALL - THICK / 2.0) - c.position().x).collect();
+    let before: Vec<f64> = all.by_id().filter(rests).map(|c| f64::from(WALL - THICK / 2.0) - c.position().x).collect();
     let within = |k: u32| {
         let from = f64::from(k) * length;
         before.iter().filter(|x| (from..from + length).contains(*x)).count()

@@ -18,7 +18,10 @@ use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::Cancel;
-use osier_motion::sway::{PointBinding, ElementBudget, BeamElements, LeafFlutter, OrganBindings, SwayParams, PosedSkeleton, JointRig, ElementLocation, BendTrack};
+use osier_motion::sway::{
+    BeamElements, BendTrack, ElementBudget, ElementLocation, JointRig, LeafFlutter, OrganBindings, PointBinding,
+    PosedSkeleton, SwayParams,
+};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
@@ -181,7 +184,12 @@ impl SwayMotion {
         frame
     }
 
-    fn meshes(&self, asset: &Asset, (body, posture): (&PointBinding, &PosedSkeleton), moment: &SwaySample) -> Vec<MeshFrame> {
+    fn meshes(
+        &self,
+        asset: &Asset,
+        (body, posture): (&PointBinding, &PosedSkeleton),
+        moment: &SwaySample,
+    ) -> Vec<MeshFrame> {
         let one = |m: &osier_scene::MeshObject| {
             if m.motion != MeshMotion::Deforming {
                 return MeshFrame::Same;

@@ -11,7 +11,7 @@ use crate::recipe::wind_keys::{PaperFix, Profile, Solver, Start, SwayKeys, SwayM
 use osier_base::math::{cos, narrow, sin};
 use osier_base::rng;
 use osier_base::{Result, diagnostic::Report};
-use osier_motion::sway::{PaperCorrections, SwayParams, PaperParams, ClipOptions, WoodParams};
+use osier_motion::sway::{ClipOptions, PaperCorrections, PaperParams, SwayParams, WoodParams};
 use osier_scene::Trs;
 use osier_wind::{
     CALM_SPEED, GustWind, GustWindOptions, ScaledWind, SineWind, SineWindOptions, UniformWind, Wind, WindSum,
@@ -143,7 +143,11 @@ impl PlantWind {
 fn paper(sway: &SwayKeys) -> Option<PaperParams> {
     let has = |fix: PaperFix| sway.fixes.contains(&fix);
     (sway.model == SwayModel::Paper).then(|| PaperParams {
-        fixes: PaperCorrections { radius: has(PaperFix::Radius), air: has(PaperFix::Air), damping: has(PaperFix::Damping) },
+        fixes: PaperCorrections {
+            radius: has(PaperFix::Radius),
+            air: has(PaperFix::Air),
+            damping: has(PaperFix::Damping),
+        },
         recoil: sway.recoil,
         damping: sway.paper_damping,
     })

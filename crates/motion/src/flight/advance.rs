@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 
 use super::clusters::CatkinCluster;
 use super::deposit::{SweepResult, SweptBall};
-use super::particles::{Catkin, VelocityDecay, CatkinState};
+use super::particles::{Catkin, CatkinState, VelocityDecay};
 use super::present_states::PresentStates;
 use super::release::WindRelease;
 use super::{CATKINS_PER_TASK, FlightSimulation, ReleaseCondition};
@@ -72,7 +72,8 @@ impl FlightSimulation {
         }
         let leaving = WindRelease { rate: self.options.release_rate, speed: self.options.release_speed };
         let dt = self.options.time_step();
-        let mut pending: Vec<&mut Catkin> = self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending).collect();
+        let mut pending: Vec<&mut Catkin> =
+            self.catkins.iter_mut().filter(|c| c.state == CatkinState::Pending).collect();
         let places: Vec<Vec3> = pending.iter().map(|c| c.x.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         if pending.iter().any(|c| matches!(c.wait, ReleaseCondition::Wind(_))) {
@@ -97,7 +98,8 @@ impl FlightSimulation {
             let mut places: Vec<Vec3> = those.iter().map(|c| c.x.as_vec3()).collect();
             let mut air = vec![Vec3::ZERO; places.len()];
             let step = |c: &Catkin| MidpointStep { lag: c.lag, tau: options.relaxation_time(c.fall), dt };
-            let pull = |c: &Catkin, air: Vec3, t: f64| carrying_velocity(air, c.tuft(), c.fall, options.glide, c.lift_at(t));
+            let pull =
+                |c: &Catkin, air: Vec3, t: f64| carrying_velocity(air, c.tuft(), c.fall, options.glide, c.lift_at(t));
             wind.sample(&places, t, &mut air);
             for ((c, place), air) in those.iter().zip(&mut places).zip(&air) {
                 *place = step(c).half(c.x, c.v, pull(c, *air, t)).as_vec3();
@@ -126,7 +128,8 @@ impl FlightSimulation {
     /// Clusters in the air, each as one body.
     pub(super) fn advance_clusters(&mut self, wind: &dyn Wind, t: f64) {
         let mut clusters = std::mem::take(&mut self.clusters);
-        let mut flying: Vec<&mut CatkinCluster> = clusters.values_mut().filter(|c| c.state == CatkinState::Airborne).collect();
+        let mut flying: Vec<&mut CatkinCluster> =
+            clusters.values_mut().filter(|c| c.state == CatkinState::Airborne).collect();
         let mut chunks: Vec<&mut [&mut CatkinCluster]> = flying.chunks_mut(CLUSTERS_PER_TASK).collect();
         let landings = osier_base::par::par_map_mut(&mut chunks, |chunk| {
             let mut probe = WindProbe::default();
@@ -143,7 +146,12 @@ impl FlightSimulation {
     }
 
     /// Moves a cluster by a step, its members not yet, and tells what it came upon.
-    fn advance_cluster(&self, cluster: &mut CatkinCluster, probe: &mut WindProbe, (wind, t): (&dyn Wind, f64)) -> SweepResult {
+    fn advance_cluster(
+        &self,
+        cluster: &mut CatkinCluster,
+        probe: &mut WindProbe,
+        (wind, t): (&dyn Wind, f64),
+    ) -> SweepResult {
         let dt = self.options.time_step();
         cluster.contract(dt, |id| self.catkin(id).mass);
         probe.which.clear();
@@ -193,7 +201,8 @@ impl FlightSimulation {
         }
         let whole = inertia + glam::Mat3::IDENTITY * (trace * 1e-3);
         let wanted = (whole.inverse() * momentum).clamp_length_max(MAX_CLUSTER_SPIN);
-        let share = 1.0 - osier_base::math::exp_f32(-osier_base::math::narrow(self.options.time_step()) / CLUSTER_SPIN_TIME);
+        let share =
+            1.0 - osier_base::math::exp_f32(-osier_base::math::narrow(self.options.time_step()) / CLUSTER_SPIN_TIME);
         cluster.omega + (wanted - cluster.omega) * share
     }
 }
@@ -202,7 +211,7 @@ impl FlightSimulation {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{FlightParams, CatkinStart};
+    use super::super::{CatkinStart, FlightParams};
     use super::*;
     use osier_base::math::{exp, sqrt};
     use osier_scene::solid::Solids;
@@ -275,8 +284,13 @@ mod tests {
         let omega = std::f64::consts::TAU;
         #[allow(clippy::cast_possible_truncation)]
         let turning = Field(move |p: Vec3, _| Vec3::new(-p.z, 0.0, p.x) * omega as f32);
-        let options =
-            FlightParams { inertia: false, fall: 0.0, fps: f64::from(steps), inside: FlightParams::default().inside, ..plain() };
+        let options = FlightParams {
+            inertia: false,
+            fall: 0.0,
+            fps: f64::from(steps),
+            inside: FlightParams::default().inside,
+            ..plain()
+        };
         let mut flight = one(options, DVec3::new(5.0, 10.0, 0.0));
         (0..steps * turns).for_each(|_| flight.advance(&turning));
         let x = flight.catkins[0].x;

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 
 use super::deposit::{SweptBall, hold, out_of};
 use super::grid::CellGrid;
-use super::particles::{Catkin, NO_TARGET, CatkinState};
+use super::particles::{Catkin, CatkinState, NO_TARGET};
 use super::{CATKINS_PER_TASK, FlightSimulation};
 use osier_base::math::{exp, ln, narrow};
 use osier_base::par::par_map;
@@ -173,7 +173,7 @@ impl FlightSimulation {
 mod tests {
     use std::sync::Arc;
 
-    use super::super::{FlightParams, CatkinStart, ReleaseCondition};
+    use super::super::{CatkinStart, FlightParams, ReleaseCondition};
     use super::*;
     use osier_scene::solid::Solids;
     use osier_wind::UniformWind;

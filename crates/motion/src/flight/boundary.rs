@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::particles::{Catkin, VelocityDecay, NO_TARGET, CatkinState};
+use super::particles::{Catkin, CatkinState, NO_TARGET, VelocityDecay};
 use super::release::entry;
-use super::{SideBoundary, FlightSimulation, ReleaseCondition};
+use super::{FlightSimulation, ReleaseCondition, SideBoundary};
 use osier_base::rng::Rng;
 
 /// Frames that one is not seen between leaving and coming back: one at the old place, one at the new, so that nothing

@@ -8,7 +8,7 @@ use super::FlightSimulation;
 use super::bonds::{ClusterBond, bonded_groups, contract_bonds};
 use super::deposit::SweepResult;
 use super::params::FlightParams;
-use super::particles::{Catkin, VelocityDecay, CatkinState, rising};
+use super::particles::{Catkin, CatkinState, VelocityDecay, rising};
 use osier_base::math::pow;
 
 /// Clusters by the smallest number of their members.
@@ -263,7 +263,8 @@ impl FlightSimulation {
             c.state = state;
             c.target = super::particles::NO_TARGET;
             if state != CatkinState::Airborne {
-                (c.normal, c.face, c.free, c.moved_since_check, c.v, c.lift) = (normal, face, false, true, DVec3::ZERO, 0.0);
+                (c.normal, c.face, c.free, c.moved_since_check, c.v, c.lift) =
+                    (normal, face, false, true, DVec3::ZERO, 0.0);
             }
         }
         self.clusters.insert(root, whole);

@@ -4,7 +4,7 @@ use glam::{DVec3, IVec3, Vec3};
 
 use super::grid::CellGrid;
 use super::particles::{Catkin, CatkinState};
-use super::{SideBoundary, FlightSimulation, FlightParams};
+use super::{FlightParams, FlightSimulation, SideBoundary};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::par::par_map;
@@ -288,7 +288,10 @@ impl FlightSimulation {
         let chunks: Vec<&[Catkin]> = self.catkins.chunks(super::CATKINS_PER_TASK).collect();
         let found = par_map(&chunks, |chunk| {
             let mut pairs = Vec::new();
-            for c in chunk.iter().filter(|c| c.state == CatkinState::Airborne || (c.state.is_deposited() && c.moved_since_check)) {
+            for c in chunk
+                .iter()
+                .filter(|c| c.state == CatkinState::Airborne || (c.state.is_deposited() && c.moved_since_check))
+            {
                 self.pairs_with_resting(c, (&grid, widest, bounds), &mut pairs);
             }
             pairs
@@ -299,7 +302,12 @@ impl FlightSimulation {
         pairs
     }
 
-    fn pairs_with_resting(&self, c: &Catkin, (grid, widest, bounds): (&CellGrid, f32, Bounds), pairs: &mut Vec<(u32, u32)>) {
+    fn pairs_with_resting(
+        &self,
+        c: &Catkin,
+        (grid, widest, bounds): (&CellGrid, f32, Bounds),
+        pairs: &mut Vec<(u32, u32)>,
+    ) {
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
         // What lies has no way to look back on: where it was before is not where it rests.
         let start = if c.state == CatkinState::Airborne { (c.x - c.travel).as_vec3() } else { end };
@@ -358,7 +366,9 @@ mod tests {
 
     #[test]
     fn the_grid_finds_what_trying_all_finds() {
-        for edges in [[SideBoundary::Recycle; 2], [SideBoundary::Periodic; 2], [SideBoundary::Periodic, SideBoundary::Exit]] {
+        for edges in
+            [[SideBoundary::Recycle; 2], [SideBoundary::Periodic; 2], [SideBoundary::Periodic, SideBoundary::Exit]]
+        {
             let mut flights = some(2000, FlightParams { edges, ..FlightParams::default() });
             for (i, c) in (0..).zip(&mut flights.catkins) {
                 let f = f64::from(i);

@@ -82,7 +82,9 @@ impl SweptBall {
                 break;
             }
             let place = self.from + self.way * (gone / length);
-            let Some(near) = solids.near(place.as_vec3(), self.radius + left + MIN_TRACE_STEP) else { return (1.0, None) };
+            let Some(near) = solids.near(place.as_vec3(), self.radius + left + MIN_TRACE_STEP) else {
+                return (1.0, None);
+            };
             let gap = near.nearest.distance - self.radius;
             let closing = direction.dot(near.nearest.normal) < -1e-4;
             if gap <= MIN_TRACE_STEP && closing {
@@ -126,9 +128,13 @@ pub(super) fn hold(solids: &Solids, at: DVec3, radius: f32) -> Option<SurfaceCon
     let wall = near.iter().find(|n| n.nearest.normal.y <= GROUND_NORMAL_Y);
     match (ground, wall) {
         (None, None) => None,
-        (Some(g), None) => Some(SurfaceContact { state: CatkinState::Grounded, normal: g.nearest.normal, face: g.which }),
+        (Some(g), None) => {
+            Some(SurfaceContact { state: CatkinState::Grounded, normal: g.nearest.normal, face: g.which })
+        }
         (None, Some(w)) => Some(SurfaceContact { state: CatkinState::OnWall, normal: w.nearest.normal, face: w.which }),
-        (Some(_), Some(w)) => Some(SurfaceContact { state: CatkinState::Corner, normal: w.nearest.normal, face: w.which }),
+        (Some(_), Some(w)) => {
+            Some(SurfaceContact { state: CatkinState::Corner, normal: w.nearest.normal, face: w.which })
+        }
     }
 }
 
@@ -177,7 +183,8 @@ impl FlightSimulation {
                 let near = deepest(self.solids.all_near((at + *offset).as_vec3(), radius - PENETRATION_TOLERANCE))?;
                 Some((near.nearest.normal, radius - near.nearest.distance))
             });
-            let worst = each.max_by(|a, b| (a.0.y > GROUND_NORMAL_Y).cmp(&(b.0.y > GROUND_NORMAL_Y)).then(a.1.total_cmp(&b.1)));
+            let worst =
+                each.max_by(|a, b| (a.0.y > GROUND_NORMAL_Y).cmp(&(b.0.y > GROUND_NORMAL_Y)).then(a.1.total_cmp(&b.1)));
             let Some((normal, deep)) = worst else { break };
             at += normal.as_dvec3() * f64::from(deep);
         }
@@ -192,7 +199,8 @@ impl FlightSimulation {
 
     /// What is at a wall slides down it, the slower the wetter the wall, and up if the air does; [`SurfaceContact`] is found anew.
     pub(super) fn slide_down_walls(&mut self, wind: &dyn Wind, t: f64) {
-        let sliding = if self.present.on_wall { self.leader_ids(|c| c.state == CatkinState::OnWall) } else { Vec::new() };
+        let sliding =
+            if self.present.on_wall { self.leader_ids(|c| c.state == CatkinState::OnWall) } else { Vec::new() };
         if sliding.is_empty() {
             return;
         }

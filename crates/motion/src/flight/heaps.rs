@@ -147,7 +147,8 @@ impl<'a> HeapRelaxation<'a> {
         order.sort_by(|a, b| self.all[*a].at.y.total_cmp(&self.all[*b].at.y).then(a.cmp(b)));
         let mut sank = vec![false; self.all.len()];
         for _ in 0..2 {
-            let tried: Vec<(usize, SinkOutcome)> = order.iter().map(|i| (*i, self.slide_down_walls(*i, ways[*i]))).collect();
+            let tried: Vec<(usize, SinkOutcome)> =
+                order.iter().map(|i| (*i, self.slide_down_walls(*i, ways[*i]))).collect();
             tried.iter().for_each(|(i, s)| sank[*i] |= *s == SinkOutcome::Down);
             order = tried.into_iter().filter(|(_, s)| *s == SinkOutcome::Hangs).map(|(i, _)| i).collect();
         }

@@ -72,7 +72,15 @@ impl FlightSimulation {
                     _ => ground(),
                 };
                 let count = self.clusters.get(&c.id).map_or(1, |k| k.members.len());
-                RestingDeposit { root: c.id, count, at: c.x, radius: f64::from(c.radius), normal: c.normal, humidity, wall }
+                RestingDeposit {
+                    root: c.id,
+                    count,
+                    at: c.x,
+                    radius: f64::from(c.radius),
+                    normal: c.normal,
+                    humidity,
+                    wall,
+                }
             })
             .collect()
     }

@@ -33,7 +33,7 @@ use glam::{Quat, Vec3};
 use osier_scene::solid::Solids;
 use osier_wind::Wind;
 
-pub use params::{SideBoundary, GroundHumidity, CatkinKind, FlightParams, CatkinStart, ReleaseCondition};
+pub use params::{CatkinKind, CatkinStart, FlightParams, GroundHumidity, ReleaseCondition, SideBoundary};
 pub use particles::{Catkin, CatkinState};
 pub use release::{SkyRelease, sky_starts};
 pub use stats::FlightStats;
@@ -107,7 +107,20 @@ impl FlightSimulation {
         let (clusters, present) = (CatkinClusters::new(), PresentStates::UNKNOWN);
         let (escaped, contact_grid) = (Vec::new(), ContactGrid::default());
         let (step, mean_wind, drawn) = (0, Vec3::X, false);
-        Self { options, solids, catkins, slot, clusters, step, mean_wind, present, drawn, escaped, contact_grid, counters }
+        Self {
+            options,
+            solids,
+            catkins,
+            slot,
+            clusters,
+            step,
+            mean_wind,
+            present,
+            drawn,
+            escaped,
+            contact_grid,
+            counters,
+        }
     }
 
     /// Number of catkins, flying or not.

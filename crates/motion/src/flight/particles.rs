@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Quat, Vec3};
 
-use super::params::{FlightParams, CatkinStart, ReleaseCondition};
+use super::params::{CatkinStart, FlightParams, ReleaseCondition};
 use osier_base::math::{exp, narrow};
 use osier_base::rng::{self, Rng};
 

@@ -1,6 +1,6 @@
 //! Counts.
 
-use super::{FlightSimulation, CatkinState};
+use super::{CatkinState, FlightSimulation};
 use osier_base::math::sqrt;
 use osier_scene::solid::Solids;
 

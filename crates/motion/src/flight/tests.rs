@@ -52,7 +52,8 @@ fn nobody_is_in_ground_or_walls_and_nobody_is_lost() {
 
 #[test]
 fn merging_keeps_momentum() {
-    let mut all = flights(10_001, FlightParams { cluster_rotation: false, ..FlightParams::default() }, &wall_and_house());
+    let mut all =
+        flights(10_001, FlightParams { cluster_rotation: false, ..FlightParams::default() }, &wall_and_house());
     let mut draw = Rng::at(1, &["merge".into()]);
     for c in &mut all.catkins {
         c.v = DVec3::new(draw.normal(), draw.normal(), draw.normal()) + DVec3::X * 2.0;
@@ -248,13 +249,15 @@ fn nothing_stays_hanging_above_what_it_clings_to() {
 fn a_pole_at_a_wall_sags_to_a_heap() {
     let (foot, top) = (DVec3::new(3.78, 0.02, 0.0), DVec3::new(4.0, 4.02, 0.0));
     for (first, up) in [(foot, 0.034), (top, 0.034), (DVec3::new(3.78, 4.02, 0.0), -0.034)] {
-        let options = FlightParams { humidity: GroundHumidity::Even(1.0), scales: [1.0, 1.0], ..FlightParams::default() };
+        let options =
+            FlightParams { humidity: GroundHumidity::Even(1.0), scales: [1.0, 1.0], ..FlightParams::default() };
         let place = |i: u32| {
             // The one from which the others hang lies on the top.
             let x = if up < 0.0 && i == 0 { 0.03 } else { 0.0 };
             first + DVec3::new(x, up * f64::from(i), 0.002 * f64::from(i % 3))
         };
-        let starts: Vec<CatkinStart> = (0..10).map(|i| CatkinStart { at: place(i), wait: ReleaseCondition::Until(0.0) }).collect();
+        let starts: Vec<CatkinStart> =
+            (0..10).map(|i| CatkinStart { at: place(i), wait: ReleaseCondition::Until(0.0) }).collect();
         let mut all = FlightSimulation::new(FlightParams { stick_radius: 0.0, ..options }, wall_and_house(), &starts);
         for c in &mut all.catkins {
             (c.x, c.wait) = (place(c.id), ReleaseCondition::Until(0.0));

@@ -320,7 +320,12 @@ mod tests {
         let even = |n: usize| -> Vec<f64> { (0..=n).map(|i| if i == 0 || i == n { 0.5 } else { 1.0 }).collect() };
         let table = SlopeProfile::Table(rod(1.2, 0.01, 0.01, (8e9, 900.0), 32).shape(&even(32)).expect("bends"));
         for x in [0.0, 0.1, 0.35, 0.5, 0.8, 1.0] {
-            assert!((table.at(x) - uniform_load_slope(x)).abs() < 2e-3, "{x}: {} for {}", table.at(x), uniform_load_slope(x));
+            assert!(
+                (table.at(x) - uniform_load_slope(x)).abs() < 2e-3,
+                "{x}: {} for {}",
+                table.at(x),
+                uniform_load_slope(x)
+            );
         }
         // A cone whose load grows with its radius, cut at half of it: slopes by quadrature.
         let r = |x: f64| 1.0 - 0.5 * x;
@@ -340,9 +345,12 @@ mod tests {
     #[test]
     fn the_second_mode_is_the_books() {
         assert!(second_mode_slope(0.0).abs() < 1e-12 && (second_mode_slope(1.0) - 1.0).abs() < 1e-12);
-        assert!(second_mode_slope(0.4709).abs() < 2e-3 && second_mode_slope(0.3) < -0.2 && second_mode_slope(0.6) > 0.2);
+        assert!(
+            second_mode_slope(0.4709).abs() < 2e-3 && second_mode_slope(0.3) < -0.2 && second_mode_slope(0.6) > 0.2
+        );
         // Where it stays in place: the sum of the slopes is none.
-        let place = |end: f64| (0..1000).map(|i| second_mode_slope(end * (f64::from(i) + 0.5) / 1000.0)).sum::<f64>() * end;
+        let place =
+            |end: f64| (0..1000).map(|i| second_mode_slope(end * (f64::from(i) + 0.5) / 1000.0)).sum::<f64>() * end;
         assert!(place(0.77) < 0.0 && place(0.80) > 0.0, "{} {}", place(0.77), place(0.80));
         assert!((SECOND_MODE_FREQUENCY_RATIO / (22.034 / 3.516) - 1.0).abs() < 1e-3);
     }

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::{DVec3, Quat};
 
-use super::beam::{CantileverBeam, SlopeProfile, second_mode_slope, rotation_f32};
-use super::segments::{ElementBudget, BranchLoad, AxisSegment, AxisSegments};
+use super::beam::{CantileverBeam, SlopeProfile, rotation_f32, second_mode_slope};
+use super::segments::{AxisSegment, AxisSegments, BranchLoad, ElementBudget};
 use super::wood::{WoodParams, damping_ratio};
 use osier_base::math;
 use osier_base::rng;
@@ -135,7 +135,12 @@ impl BeamElements {
     }
 
     /// Adds a piece on a carrier whose slopes are given; returns its own.
-    fn add_element(&mut self, source: &ElementContext<'_>, i: usize, (parent, carrier): (u32, Option<&TipCompliance>)) -> TipCompliance {
+    fn add_element(
+        &mut self,
+        source: &ElementContext<'_>,
+        i: usize,
+        (parent, carrier): (u32, Option<&TipCompliance>),
+    ) -> TipCompliance {
         let piece = &source.pieces.list[i];
         let axis = source.axis(piece);
         let measured = ElementBeam::new(source, i);
@@ -226,7 +231,8 @@ impl BeamElements {
         let k = spot.element as usize;
         let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
         let Some(b) = bends.get(k) else { return *base };
-        let along = |b: &[f32; 2], share: f64| (e.bend_axes[0] * f64::from(b[0]) + e.bend_axes[1] * f64::from(b[1])) * share;
+        let along =
+            |b: &[f32; 2], share: f64| (e.bend_axes[0] * f64::from(b[0]) + e.bend_axes[1] * f64::from(b[1])) * share;
         let mut bend = along(b, e.shape.at(spot.at));
         if let Some(b) = e.second_mode.and_then(|k| bends.get(k)) {
             bend += along(b, second_mode_slope(spot.at));
@@ -363,7 +369,10 @@ impl ElementBeam {
                 from,
                 chord: site(high).p.as_dvec3() - from,
                 load,
-                tip_compliances: [ratio_or_zero(tip_compliances[0], weight), ratio_or_zero(tip_compliances[1], load.mass)],
+                tip_compliances: [
+                    ratio_or_zero(tip_compliances[0], weight),
+                    ratio_or_zero(tip_compliances[1], load.mass),
+                ],
                 open: source.crown.wind_exposure(s.p.as_dvec3()),
             }
         };

@@ -21,11 +21,11 @@ mod zhao_zhang;
 
 pub use elements::{BeamElement, BeamElements, ElementLocation, LoadStation};
 pub use flutter::{LeafAir, LeafFlutter};
-pub use pose::{PointBinding, OrganBindings, PosedSkeleton};
+pub use pose::{OrganBindings, PointBinding, PosedSkeleton};
 pub use rig::JointRig;
-pub use segments::{ElementBudget, BranchLoad};
+pub use segments::{BranchLoad, ElementBudget};
 pub use simulation::{SwayParams, SwaySimulation};
-pub use track::{ClipOptions, BendTrack, check_key_limit};
+pub use track::{BendTrack, ClipOptions, check_key_limit};
 pub use wind_weights::WindWeights;
 pub(crate) use wood::damping_ratio;
 pub use wood::{AIR_DENSITY, LEAF_FOLD_SPEED, WoodParams};

@@ -93,7 +93,10 @@ impl PointBinding {
 
     /// The bark's points, m.
     pub fn bark(&self, posture: &PosedSkeleton) -> Vec<Vec3> {
-        par_chunks(&self.bark, POINTS_PER_TASK, |_, part| part.iter().map(|b| posture.bound_position(b)).collect::<Vec<_>>()).concat()
+        par_chunks(&self.bark, POINTS_PER_TASK, |_, part| {
+            part.iter().map(|b| posture.bound_position(b)).collect::<Vec<_>>()
+        })
+        .concat()
     }
 
     /// The bark's normals. `normals`: at rest, one per point.

@@ -86,7 +86,8 @@ impl AxisSegments {
         let mut first: Vec<usize> = Vec::with_capacity(plant.axes.len());
         for (i, axis) in plant.axes.iter().enumerate() {
             first.push(all.list.len());
-            let stem = (axis.parent != NONE).then(|| all.segment_at(first[axis.parent as usize], axis.parent, axis.parent_s));
+            let stem =
+                (axis.parent != NONE).then(|| all.segment_at(first[axis.parent as usize], axis.parent, axis.parent_s));
             all.split_axis(plant, i, stem);
         }
         for organ in &plant.organs {
@@ -220,7 +221,11 @@ impl AxisSegments {
             let [ra, rm, rb] = [a, (a + b) * 0.5, b].map(|x| radius(plant, axis, piece, x));
             let ds = (b - a) * length;
             let mean = |f: fn(f64) -> f64| (f(ra) + 4.0 * f(rm) + f(rb)) / 6.0 * ds;
-            BranchLoad { wood: mean(|r| 2.0 * r), leaf: 0.0, mass: wood.density * std::f64::consts::PI * mean(|r| r * r) }
+            BranchLoad {
+                wood: mean(|r| 2.0 * r),
+                leaf: 0.0,
+                mass: wood.density * std::f64::consts::PI * mean(|r| r * r),
+            }
         };
         (0..n).map(one).collect()
     }

@@ -340,7 +340,8 @@ fn measured_branches_turn_more_of_their_thin_ends() {
     let (even, measured) = (build(false), build(true));
     let bend = [[0.2_f32, 0.0]];
     let angle = |all: &BeamElements, at: f64| {
-        all.rotation_at(&all.base_rotations(&bend), &bend, ElementLocation { element: 0, at }).angle_between(Quat::IDENTITY)
+        all.rotation_at(&all.base_rotations(&bend), &bend, ElementLocation { element: 0, at })
+            .angle_between(Quat::IDENTITY)
     };
     assert!((angle(&even, 1.0) - 0.2).abs() < 1e-4 && (angle(&measured, 1.0) - 0.2).abs() < 1e-4);
     assert!((angle(&even, 0.5) - 0.2 * 0.875).abs() < 1e-4);

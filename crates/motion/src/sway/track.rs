@@ -2,7 +2,7 @@
 
 use super::elements::BeamElements;
 use super::simulation::{SwayParams, SwaySimulation};
-use super::zhao_zhang::{PaperSimulation, PaperParams, STEPS_PER_SECOND};
+use super::zhao_zhang::{PaperParams, PaperSimulation, STEPS_PER_SECOND};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;

@@ -119,7 +119,8 @@ impl<'a> PaperSimulation<'a> {
         for (internode, air) in self.internodes.iter_mut().zip(&air) {
             let (bend, clamped) = internode.step((stand.r.conjugate() * *air).as_dvec3(), &self.paper);
             self.clamped += u64::from(clamped);
-            for (sum, way) in bends[internode.element].iter_mut().zip(&self.elements.list[internode.element].bend_axes) {
+            for (sum, way) in bends[internode.element].iter_mut().zip(&self.elements.list[internode.element].bend_axes)
+            {
                 *sum += way.dot(bend);
             }
         }

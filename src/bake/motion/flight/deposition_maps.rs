@@ -5,7 +5,7 @@ use glam::Vec3;
 use crate::recipe::flight_keys::{FlightKeys, MapOf};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
-use osier_motion::flight::{Catkin, FlightSimulation, CatkinState};
+use osier_motion::flight::{Catkin, CatkinState, FlightSimulation};
 use osier_scene::Field;
 use osier_scene::solid::{Form, Side, Solids};
 

@@ -18,7 +18,10 @@ use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::math::{ln, narrow};
 use osier_base::rng::Rng;
-use osier_motion::flight::{Catkin, SideBoundary, FlightSimulation, GroundHumidity, CatkinKind, FlightParams, SkyRelease, CatkinStart, CatkinState, ReleaseCondition, sky_starts};
+use osier_motion::flight::{
+    Catkin, CatkinKind, CatkinStart, CatkinState, FlightParams, FlightSimulation, GroundHumidity, ReleaseCondition,
+    SideBoundary, SkyRelease, sky_starts,
+};
 use osier_scene::solid::Solids;
 use osier_scene::{
     Asset, AssetFrame, AssetKind, CurvesFrame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Prototype,
@@ -294,7 +297,8 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
         Sides::Recycle => SideBoundary::Recycle,
         Sides::Periodic => SideBoundary::Periodic,
     };
-    let map = |(width, _, values): &(usize, usize, Vec<f32>)| GroundHumidity::Map { width: *width, values: values.clone() };
+    let map =
+        |(width, _, values): &(usize, usize, Vec<f32>)| GroundHumidity::Map { width: *width, values: values.clone() };
     FlightParams {
         seed: recipe.seed,
         fps: recipe.clip.fps(),
@@ -364,7 +368,10 @@ fn canopy(twigs: &[(Vec3, f64)], (count, seed): (u32, u64)) -> Vec<CatkinStart> 
             let twig = sums.partition_point(|s| *s <= at).min(twigs.len() - 1);
             // Some way about the very end, else those of one twig would start as one.
             let about = DVec3::new(draw.normal(), draw.normal(), draw.normal()) * 0.05;
-            CatkinStart { at: twigs[twig].0.as_dvec3() + about, wait: ReleaseCondition::Wind(-ln(1.0 - draw.unit_f64())) }
+            CatkinStart {
+                at: twigs[twig].0.as_dvec3() + about,
+                wait: ReleaseCondition::Wind(-ln(1.0 - draw.unit_f64())),
+            }
         })
         .collect()
 }

@@ -162,7 +162,8 @@ mod tests {
         assert!(told(&FlightStats::default(), calm).is_empty());
         assert_eq!(told(&FlightStats { long_steps: 3, ..FlightStats::default() }, HEALTH), ["S027", "S023"]);
         assert_eq!(told(&FlightStats::default(), LatticeStats { clamped_cells: 6, ..calm }), ["S022"]);
-        let text = &table.warnings(&row(&FlightStats { long_steps: 3, ..FlightStats::default() }, &[], Some(calm)))[0].1;
+        let text =
+            &table.warnings(&row(&FlightStats { long_steps: 3, ..FlightStats::default() }, &[], Some(calm)))[0].1;
         assert!(text.starts_with("3 times a catkin"), "{text}");
     }
 }

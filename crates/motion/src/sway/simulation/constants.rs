@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::SwayParams;
 use crate::lanes::{Columns, padded};
-use crate::sway::beam::{SECOND_MODE_FREQUENCY_RATIO, OscillatorStep, second_mode_slope};
+use crate::sway::beam::{OscillatorStep, SECOND_MODE_FREQUENCY_RATIO, second_mode_slope};
 use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
 use crate::sway::wood::{AIR_DENSITY, WoodParams};
 
@@ -156,7 +156,10 @@ impl SecondModes {
         let (mut swing_columns, mut shape) = (Columns::new(last), Columns::new(stations));
         for e in &with {
             let element = &elements.list[*e];
-            let [a, b] = element.w.map(|w| oscillator_step(w * SECOND_MODE_FREQUENCY_RATIO, element.damping_ratio * SECOND_MODE_DAMPING, fps, step).coefficients());
+            let [a, b] = element.w.map(|w| {
+                oscillator_step(w * SECOND_MODE_FREQUENCY_RATIO, element.damping_ratio * SECOND_MODE_DAMPING, fps, step)
+                    .coefficients()
+            });
             swing_columns.set(constants.rows[*e], [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]);
             for i in element.stations.clone() {
                 shape.set(constants.stations[i], [second_mode_slope(elements.stations[i].middle)]);

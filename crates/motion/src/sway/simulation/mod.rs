@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use pulp::Arch;
 
 use self::constants::SimulationConstants;
-use self::step::{SimulationState, UpdatePositions, IntegrateStep};
+use self::step::{IntegrateStep, SimulationState, UpdatePositions};
 use crate::sway::elements::{BeamElement, BeamElements};
 use crate::sway::wood::WoodParams;
 use osier_base::rng;

@@ -3,7 +3,7 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::constants::{SimulationConstants, SecondModes};
+use super::constants::{SecondModes, SimulationConstants};
 use crate::lanes::{Arrow, Columns, Lane, Turned};
 use crate::sway::beam::{large_deflection_factor, rotation_lanes};
 use crate::sway::wood::LEAF_FOLD_SPEED;
@@ -301,7 +301,8 @@ impl IntegrateStep<'_> {
                 let rigid = base + turned.apply(rest);
                 let [one, two] = if self.fresh { [rigid; 2] } else { vector_pair(state.rigid.get(simd, s)) };
                 let thrust = (rigid - one - (one - two)) * Lane::all(simd, square);
-                let most = Lane::all(simd, MAX_INERTIAL_ACCELERATION).over(thrust.length().at_least(MAX_INERTIAL_ACCELERATION));
+                let most = Lane::all(simd, MAX_INERTIAL_ACCELERATION)
+                    .over(thrust.length().at_least(MAX_INERTIAL_ACCELERATION));
                 thrown = thrown + thrust * (most * inertia * whip);
                 let ([a, b, c], [d, e, f]) = (rigid.0, one.0);
                 state.rigid.put(s, [a, b, c, d, e, f]);
@@ -319,7 +320,10 @@ impl IntegrateStep<'_> {
         for link in self.constants.order.iter().rev() {
             let Some(carrier) = link.carrier else { continue };
             let [x, y, z, ..] = self.state.forces.row(link.row);
-            self.state.forces.add(carrier, [x, y, z, x * link.carrier_compliance, y * link.carrier_compliance, z * link.carrier_compliance]);
+            self.state.forces.add(
+                carrier,
+                [x, y, z, x * link.carrier_compliance, y * link.carrier_compliance, z * link.carrier_compliance],
+            );
         }
     }
 
@@ -342,11 +346,15 @@ impl IntegrateStep<'_> {
             // The turn that a force makes, growth x force, seen along both ways across the growth.
             let (a, b) = (bend_axes[1].dot(load), -bend_axes[0].dot(load));
             let share = large_deflection_factor(a * a + b * b);
-            let [c0, c1, c2, c3, d0, d1, d2, d3] =
-                if self.settle { [left, none, none, none, left, none, none, none] } else { constants.swing.get(simd, g) };
+            let [c0, c1, c2, c3, d0, d1, d2, d3] = if self.settle {
+                [left, none, none, none, left, none, none, none]
+            } else {
+                constants.swing.get(simd, g)
+            };
             let [p, v, q, u] = state.first_mode.get(simd, g);
             let (a, b) = (a * share, b * share);
-            if let Some(over) = constants.second_modes.as_ref().filter(|o| !self.settle && g * S::F64_LANES < o.count()) {
+            if let Some(over) = constants.second_modes.as_ref().filter(|o| !self.settle && g * S::F64_LANES < o.count())
+            {
                 advance_second_modes(over, state, g, [a, b]);
             }
             let (y, z) = (p - a, q - b);
