@@ -10,7 +10,7 @@
 use std::time::Instant;
 
 use glam::{Quat, Vec3};
-use osier::preview::{Backdrop, Light, Looks, Quality, Shot, Subject, View, World, expose};
+use osier::preview::{Backdrop, Light, Looks, Quality, RenderRequest, Subject, View, World, render};
 use osier::progress::{Cancel, Silent};
 use osier::scene::{
     Asset, AssetKind, Camera, Clip, InstanceState, Instancer, InstancerMotion, Maps, Material, MaterialClass, Mesh,
@@ -118,7 +118,7 @@ fn row(what: &str, scene: &Scene, side: u32, quality: Quality) {
     let world = World::new(scene, None, &looks);
     let built = start.elapsed().as_secs_f64();
     let subject = Subject::of(scene, None);
-    let shot = Shot {
+    let shot = RenderRequest {
         camera: subject.camera(View::Portrait, 1.0, 0.6),
         size: [side, side],
         light: Light::new(&scene.sun, &scene.sky),
@@ -126,7 +126,7 @@ fn row(what: &str, scene: &Scene, side: u32, quality: Quality) {
         seed: 0,
     };
     let start = Instant::now();
-    let picture = expose(&world, &shot, &Cancel::default(), &Silent);
+    let picture = render(&world, &shot, &Cancel::default(), &Silent);
     let drawn = start.elapsed().as_secs_f64();
     assert!(picture.is_ok_and(|p| p.is_opaque()));
     println!("| {what} | {} | {side} x {side} | {quality:?} | {built:.2} | {drawn:.2} |", world.primitives());

@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 
 use osier::bake::{BakeContext, motion, scene};
 use osier::limits::Limits;
-use osier::preview::{Backdrop, Cell, Light, Looks, Picture, Quality, Shot, Subject, View, World, expose, sheet};
+use osier::preview::{
+    Backdrop, ContactSheetCell, Light, Looks, Picture, Quality, RenderRequest, Subject, View, World, render, sheet,
+};
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Library, Request, resolve};
 use osier::scene::{Frame, InstancerFrame, Scene};
@@ -28,14 +30,14 @@ fn draw(scene: &Scene, frame: Option<&Frame>, own_camera: bool, size: [u32; 2]) 
     let subject = Subject::of(scene, frame);
     #[allow(clippy::cast_precision_loss, reason = "small pictures")]
     let aspect = size[0] as f32 / size[1] as f32;
-    let shot = Shot {
+    let shot = RenderRequest {
         camera: if own_camera { scene.camera } else { subject.camera(View::Portrait, aspect, scene.camera.vfov) },
         size,
         light: Light::new(&scene.sun, &scene.sky),
         backdrop: if own_camera { Backdrop::Sky } else { Backdrop::Studio { floor: Some(subject.bounds.min.y) } },
         seed: 0,
     };
-    expose(&world, &shot, &Cancel::default(), &Silent).expect("picture")
+    render(&world, &shot, &Cancel::default(), &Silent).expect("picture")
 }
 
 fn built(name: &str) -> scene::AssembledScene {
@@ -124,7 +126,7 @@ fn judge(name: &str, actual: &Picture) -> Option<String> {
     if worst <= TOLERANCE {
         return None;
     }
-    let cell = |picture: Picture, caption: &str| Cell { picture, caption: caption.into() };
+    let cell = |picture: Picture, caption: &str| ContactSheetCell { picture, caption: caption.into() };
     let middle = difference(&expected, actual);
     let cells = [cell(expected, "expected"), cell(middle, "difference x 16"), cell(actual.clone(), "actual")];
     let strip = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/golden-diff");

@@ -16,7 +16,7 @@ use osier::bake::motion;
 use osier::bake::scene::SceneParts;
 use osier::export::pov::PovOptions;
 use osier::presets;
-use osier::preview::{Backdrop, Light, Looks, Quality, Shot, World, expose};
+use osier::preview::{Backdrop, Light, Looks, Quality, RenderRequest, World, render};
 use osier::progress::{Cancel, Silent};
 use osier::scene::{Frame, Scene};
 
@@ -26,14 +26,14 @@ const SIZE: [u32; 2] = [640, 480];
 fn ours(scene: &Scene, frame: Option<&Frame>) -> Vec<bool> {
     let looks = Looks::new(scene, Quality::Draft);
     let world = World::new(scene, frame, &looks);
-    let shot = Shot {
+    let shot = RenderRequest {
         camera: scene.camera,
         size: SIZE,
         light: Light::new(&scene.sun, &scene.sky),
         backdrop: Backdrop::Clear { floor: None },
         seed: 0,
     };
-    let picture = expose(&world, &shot, &Cancel::default(), &Silent).expect("picture");
+    let picture = render(&world, &shot, &Cancel::default(), &Silent).expect("picture");
     picture.pixels.iter().map(|p| p[3] > 127).collect()
 }
 

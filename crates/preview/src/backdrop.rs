@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::light::{Draw, Light};
+use super::light::{Light, SampleContext};
 use super::tone::film;
 use super::world::World;
 
@@ -62,7 +62,7 @@ fn studio([x, y]: [f32; 2]) -> Vec3 {
 
 impl World<'_> {
     /// Light on a place just above the floor over the light there if nothing stood around.
-    pub(super) fn floor_light(&self, light: &Light, p: Vec3, draw: &Draw<'_>) -> f32 {
+    pub(super) fn floor_light(&self, light: &Light, p: Vec3, draw: &SampleContext<'_>) -> f32 {
         let grey = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
         let (sun, sky) = self.open_light(light, p, draw);
         let full = grey(light.open_sun() + light.mean_sky());

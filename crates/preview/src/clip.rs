@@ -19,11 +19,11 @@ pub enum ClipFormat {
 
 /// A clip being written.
 pub struct ClipWriter<W: Write> {
-    kind: Kind<W>,
+    kind: ClipEncoder<W>,
     size: [u32; 2],
 }
 
-enum Kind<W: Write> {
+enum ClipEncoder<W: Write> {
     Gif { encoder: Box<gif::Encoder<W>>, palette: Option<Palette>, delay: u16 },
     Apng { writer: Box<png::Writer<W>>, opaque: bool },
 }
@@ -59,7 +59,7 @@ impl<W: Write> ClipWriter<W> {
                 let delay =
                     u16::try_from((100 * u64::from(base) + u64::from(rate) / 2) / u64::from(rate)).unwrap_or(u16::MAX);
                 encoder.write_raw_extension(gif::AnyExtension(0xFE), &[GENERATOR.as_bytes()]).map_err(failed)?;
-                Kind::Gif { encoder: Box::new(encoder), palette: None, delay: delay.max(2) }
+                ClipEncoder::Gif { encoder: Box::new(encoder), palette: None, delay: delay.max(2) }
             }
             ClipFormat::Apng => {
                 let mut encoder = png::Encoder::new(sink, width, height);
@@ -71,7 +71,7 @@ impl<W: Write> ClipWriter<W> {
                 let (rate, base) = if rate > 65_535 || base > 65_535 { (rate / base, 1) } else { (rate, base) };
                 let short = |n: u32| u16::try_from(n).unwrap_or(u16::MAX);
                 encoder.set_frame_delay(short(base), short(rate)).map_err(failed)?;
-                Kind::Apng { writer: Box::new(encoder.write_header().map_err(failed)?), opaque }
+                ClipEncoder::Apng { writer: Box::new(encoder.write_header().map_err(failed)?), opaque }
             }
         };
         Ok(Self { kind, size: [width, height] })
@@ -85,8 +85,8 @@ impl<W: Write> ClipWriter<W> {
             return Err(failed("a frame has another size than the first"));
         }
         match &mut self.kind {
-            Kind::Apng { writer, opaque } => writer.write_image_data(&picture.samples(*opaque)).map_err(failed),
-            Kind::Gif { encoder, palette, delay } => {
+            ClipEncoder::Apng { writer, opaque } => writer.write_image_data(&picture.samples(*opaque)).map_err(failed),
+            ClipEncoder::Gif { encoder, palette, delay } => {
                 let palette = palette.get_or_insert_with(|| Palette::of(picture));
                 let frame = gif::Frame {
                     width: u16::try_from(picture.width).unwrap_or(0),
@@ -108,8 +108,8 @@ impl<W: Write> ClipWriter<W> {
     /// `Export` P003 if frames are missing or the sink fails.
     pub fn finish(self) -> Result<()> {
         match self.kind {
-            Kind::Apng { writer, .. } => writer.finish().map_err(failed),
-            Kind::Gif { encoder, .. } => encoder.into_inner().map_err(failed)?.flush().map_err(failed),
+            ClipEncoder::Apng { writer, .. } => writer.finish().map_err(failed),
+            ClipEncoder::Gif { encoder, .. } => encoder.into_inner().map_err(failed)?.flush().map_err(failed),
         }
     }
 }

@@ -28,7 +28,7 @@ impl RoundCone {
         Self { ends: [center, center], radii: [radius, radius], color, share: 1.0 }
     }
 
-    /// Share of the rays on their way through it that meet it.
+    /// PrimitiveRange of the rays on their way through it that meet it.
     pub(super) fn share(&self) -> f32 {
         self.share
     }

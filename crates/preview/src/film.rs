@@ -1,11 +1,11 @@
-//! From rays to pixels: tiles in parallel, more samples where they still disagree.
+//! Adaptive sampling: tiles in parallel, more samples for pixels whose half sums still disagree.
 
 use glam::Vec3;
 
 use super::backdrop::Backdrop;
 use super::draft;
 use super::lens::Lens;
-use super::light::{Draw, Light, Sent};
+use super::light::{Light, SampleContext, Scattered};
 use super::picture::Picture;
 use super::quality::Quality;
 use super::sampler::Sampler;
@@ -19,17 +19,17 @@ use osier_scene::Camera;
 /// Pixels along the side of a tile.
 pub(super) const TILE: u32 = 16;
 
-/// Pictures whose pixels may have no more looks than this are crowds.
-const CROWD: u32 = 8;
+/// Pictures with at most this many samples per pixel are treated as dense foliage, whose pixels share their ambient light.
+const DENSE_FOLIAGE_SAMPLES: u32 = 8;
 
-/// One picture to take.
+/// What to render: camera, resolution, light, backdrop and seed of one picture.
 #[derive(Debug, Clone, Copy)]
-pub struct Shot {
-    /// Where from.
+pub struct RenderRequest {
+    /// Position and direction of view, vertical field of view in radians.
     pub camera: Camera,
     /// Width and height, pixels.
     pub size: [u32; 2],
-    /// Light.
+    /// Sun and sky of the scene.
     pub light: Light,
     /// What lies behind and below.
     pub backdrop: Backdrop,
@@ -39,9 +39,9 @@ pub struct Shot {
 
 /// Sums of one pixel's samples.
 #[derive(Debug, Clone, Copy, Default)]
-struct Pixel {
+struct PixelSamples {
     /// Of even and of odd samples.
-    halves: [Half; 2],
+    halves: [SampleSums; 2],
     samples: u32,
     /// What all samples saw, or [`MIXED`].
     thing: u32,
@@ -53,7 +53,7 @@ const MIXED: u32 = u32::MAX - 1;
 
 /// Sums of half of a pixel's samples.
 #[derive(Debug, Clone, Copy, Default)]
-struct Half {
+struct SampleSums {
     /// Radiance of what was met.
     whole: Vec3,
     /// The same in parts, for a pixel that shares what it sees around: what is no light from around, and the share that is
@@ -69,9 +69,9 @@ struct Half {
     floor: f32,
 }
 
-impl Half {
-    fn of(sent: &Sent) -> Self {
-        let Sent { direct, matt, around, looks, .. } = *sent;
+impl SampleSums {
+    fn of(sent: &Scattered) -> Self {
+        let Scattered { direct, matt, around, looks, .. } = *sent;
         Self { whole: sent.whole(), direct, matt, around, looks, met: 1.0, floor: 0.0 }
     }
 
@@ -95,20 +95,20 @@ impl Half {
     }
 }
 
-impl Pixel {
-    fn take(&mut self, seen: Seen) {
-        let thing = if let Seen::Thing(sent) = &seen { sent.showing } else { NOTHING };
+impl PixelSamples {
+    fn take(&mut self, seen: SampleHit) {
+        let thing = if let SampleHit::Thing(sent) = &seen { sent.showing } else { NOTHING };
         self.thing = if self.samples == 0 || self.thing == thing { thing } else { MIXED };
         let half = &mut self.halves[usize::from(self.samples % 2 == 1)];
         match seen {
-            Seen::Thing(sent) => *half = half.and(Half::of(&sent)),
-            Seen::Floor(share) => half.floor += share,
-            Seen::Nothing => half.floor += 1.0,
+            SampleHit::Thing(sent) => *half = half.and(SampleSums::of(&sent)),
+            SampleHit::Floor(share) => half.floor += share,
+            SampleHit::Nothing => half.floor += 1.0,
         }
         self.samples += 1;
     }
 
-    fn whole(&self) -> Half {
+    fn whole(&self) -> SampleSums {
         self.halves[0].and(self.halves[1])
     }
 
@@ -130,17 +130,17 @@ impl Pixel {
     }
 }
 
-enum Seen {
-    Thing(Sent),
+enum SampleHit {
+    Thing(Scattered),
     Floor(f32),
     Nothing,
 }
 
-/// Takes a picture.
+/// Renders a picture.
 /// # Errors
 /// `Cancelled`; `Range` for a size of zero; P002 for a camera that is not finite.
-pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Progress) -> Result<Picture> {
-    let [width, height] = shot.size;
+pub fn render(world: &World<'_>, request: &RenderRequest, cancel: &Cancel, progress: &dyn Progress) -> Result<Picture> {
+    let [width, height] = request.size;
     if width == 0 || height == 0 {
         return Err(Error::Range {
             name: "size of a picture".into(),
@@ -150,24 +150,24 @@ pub fn expose(world: &World<'_>, shot: &Shot, cancel: &Cancel, progress: &dyn Pr
             unit: "pixels",
         });
     }
-    let lens = Lens::new(&shot.camera, shot.size);
+    let lens = Lens::new(&request.camera, request.size);
     if !lens.is_finite() {
         return Err(Error::export("P002", "the camera has no finite place or direction"));
     }
     if !world.boxed {
-        return draft::expose(world, shot, &lens, cancel, progress);
+        return draft::render(world, request, &lens, cancel, progress);
     }
     let mut tiles = Vec::new();
     for y in (0..height).step_by(TILE as usize) {
         tiles.extend((0..width).step_by(TILE as usize).map(|x| [x, y]));
     }
-    let floor = shot.backdrop.floor(world);
-    let most = most_samples(world, shot, &lens);
-    let crowded = world.looks.quality.smooths() && most <= CROWD;
+    let floor = request.backdrop.floor(world);
+    let most = most_samples(world, request, &lens);
+    let dense_foliage = world.looks.quality.smooths() && most <= DENSE_FOLIAGE_SAMPLES;
     let develop = |corner: &[u32; 2]| {
         cancel.check()?;
-        let [w, h] = [0, 1].map(|k| TILE.min(shot.size[k] - corner[k]) as usize);
-        let tile = Tile { world, shot, lens: &lens, floor, crowded, corner: *corner, grid: Grid { w, h } };
+        let [w, h] = [0, 1].map(|k| TILE.min(request.size[k] - corner[k]) as usize);
+        let tile = Tile { world, request, lens: &lens, floor, dense_foliage, corner: *corner, grid: TileGrid { w, h } };
         let pixels = tile.developed(most);
         progress.advance(1);
         Ok(pixels)
@@ -188,7 +188,7 @@ pub fn tiles([width, height]: [u32; 2]) -> u64 {
 /// Samples that a pixel in doubt may have: the more, the fewer things are in the picture and the larger they are in it.
 /// What is seen from afar hides its grain among its leaves; a leaf that fills the picture shows it.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between two small numbers")]
-fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
+fn most_samples(world: &World<'_>, request: &RenderRequest, lens: &Lens) -> u32 {
     const STEP: u32 = 12;
     /// Pixels between two looks that may meet the same thing.
     const APART: u32 = 8;
@@ -203,8 +203,8 @@ fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
         world.nearest(look).map(|hit| hit.showing)
     };
     let (mut looks, mut things, mut same) = (0.0_f32, 0.0_f32, 0.0_f32);
-    for y in (0..shot.size[1]).step_by(STEP as usize) {
-        for x in (0..shot.size[0]).step_by(STEP as usize) {
+    for y in (0..request.size[1]).step_by(STEP as usize) {
+        for x in (0..request.size[0]).step_by(STEP as usize) {
             looks += 1.0;
             if let Some(thing) = met(x, y) {
                 things += 1.0;
@@ -212,7 +212,7 @@ fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
             }
         }
     }
-    // Half of a crowd's looks may fall on its boughs and on the ground.
+    // SampleSums of a crowd's looks may fall on its boughs and on the ground.
     let large = (2.0 * same / things.max(1.0) - 1.0).max(0.0);
     let budget = world.looks.quality.budget() * math::lerp(1.0, SMOOTH, large * large);
     (budget * looks / things.max(1.0)).clamp(fewest as f32, most as f32) as u32
@@ -222,15 +222,15 @@ fn most_samples(world: &World<'_>, shot: &Shot, lens: &Lens) -> u32 {
 #[derive(Clone, Copy)]
 struct Tile<'t, 'w> {
     world: &'t World<'w>,
-    shot: &'t Shot,
+    request: &'t RenderRequest,
     lens: &'t Lens,
     /// Height of the floor.
     floor: Option<f32>,
     /// Looks are few and what is seen is small.
-    crowded: bool,
+    dense_foliage: bool,
     /// Upper left pixel.
     corner: [u32; 2],
-    grid: Grid,
+    grid: TileGrid,
 }
 
 impl Tile<'_, '_> {
@@ -241,42 +241,51 @@ impl Tile<'_, '_> {
     }
 
     /// Adds looks through a pixel until it has `goal`.
-    fn expose(&self, pixel: &mut Pixel, i: usize, goal: u32) {
+    fn render(&self, pixel: &mut PixelSamples, i: usize, goal: u32) {
         let place = self.place(i);
-        let number = place[1].wrapping_mul(self.shot.size[0]).wrapping_add(place[0]);
-        let sampler = Sampler::new(number, self.shot.seed);
+        let number = place[1].wrapping_mul(self.request.size[0]).wrapping_add(place[0]);
+        let sampler = Sampler::new(number, self.request.seed);
         while pixel.samples < goal {
             // Three looks will do in a crowd, as its pixels share them.
-            let around = !self.crowded || pixel.whole().looks < 3.0;
-            pixel.take(self.look((&sampler, place, pixel.samples), around));
+            let around = !self.dense_foliage || pixel.whole().looks < 3.0;
+            pixel.take(self.look(&sampler, place, pixel.samples, around));
         }
     }
 
     /// What one sample sees. `around`: looks for the light around it, too.
-    fn look(&self, (sampler, place, index): (&Sampler, [u32; 2], u32), around: bool) -> Seen {
-        let (world, light, lens) = (self.world, &self.shot.light, self.lens);
+    fn look(&self, sampler: &Sampler, place: [u32; 2], index: u32, around: bool) -> SampleHit {
+        let (world, light, lens) = (self.world, &self.request.light, self.lens);
         let inside = if world.looks.quality == Quality::Draft { [0.5, 0.5] } else { sampler.point(index, 0) };
         let (direction, sheet) = lens.aim(self.floor, place, inside);
-        let draw = Draw { sampler, index, spread: lens.spread, care: world.looks.quality.care(), around, known: None };
+        let draw = SampleContext {
+            sampler,
+            index,
+            spread: lens.spread,
+            light_depth: world.looks.quality.light_depth(),
+            around,
+            known: None,
+        };
         // What goes on below the paper is hidden by it.
-        if let Some(sent) = world.radiance(light, (lens.eye, direction), sheet.unwrap_or(f32::INFINITY), &draw) {
-            return Seen::Thing(sent);
+        if let Some(sent) = world.radiance(light, lens.eye, direction, sheet.unwrap_or(f32::INFINITY), &draw) {
+            return SampleHit::Thing(sent);
         }
         match sheet {
-            Some(t) => Seen::Floor(world.floor_light(light, lens.eye + direction * t + Vec3::Y * world.gap, &draw)),
-            None => Seen::Nothing,
+            Some(t) => {
+                SampleHit::Floor(world.floor_light(light, lens.eye + direction * t + Vec3::Y * world.gap, &draw))
+            }
+            None => SampleHit::Nothing,
         }
     }
 
     /// Looks until no pixel is in doubt, at most `most` times through each.
-    fn looked(&self, most: u32) -> Vec<Pixel> {
-        let mut pixels = vec![Pixel::default(); self.grid.len()];
+    fn looked(&self, most: u32) -> Vec<PixelSamples> {
+        let mut pixels = vec![PixelSamples::default(); self.grid.len()];
         let (fewest, _, limit) = self.world.looks.quality.samples();
         let mut wanted = vec![true; pixels.len()];
         let mut goal = fewest;
         loop {
             for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| wanted[*i]) {
-                self.expose(pixel, i, goal);
+                self.render(pixel, i, goal);
             }
             if goal >= most {
                 return pixels;
@@ -289,12 +298,12 @@ impl Tile<'_, '_> {
     /// Light around what each pixel shows in a crowd, from what it and those about it saw: few looks into the sky are noise, and
     /// what a leaf among leaves sees of it changes little from one to the next. Where one thing fills the surroundings only the
     /// nearest are asked: there noise spread wide would show as stains.
-    fn around(&self, pixels: &[Pixel]) -> Vec<Option<Vec3>> {
-        if !self.crowded {
+    fn around(&self, pixels: &[PixelSamples]) -> Vec<Option<Vec3>> {
+        if !self.dense_foliage {
             return vec![None; pixels.len()];
         }
         let grid = self.grid;
-        let own: Vec<(Vec3, f32)> = pixels.iter().map(Pixel::whole).map(|p| (p.around, p.looks)).collect();
+        let own: Vec<(Vec3, f32)> = pixels.iter().map(PixelSamples::whole).map(|p| (p.around, p.looks)).collect();
         let summed = |from: &[(Vec3, f32)]| -> Vec<(Vec3, f32)> {
             let sum = |i| grid.around(i).fold((Vec3::ZERO, 0.0), |(light, n), k| (light + from[k].0, n + from[k].1));
             (0..from.len()).map(sum).collect()
@@ -315,20 +324,25 @@ impl Tile<'_, '_> {
         let pixels = self.looked(most);
         let around = self.around(&pixels);
         let mut developed: Vec<_> = pixels.iter().zip(around).map(|(p, a)| p.develop(a)).collect();
-        calm(&mut developed, self.grid);
-        developed.into_iter().enumerate().map(|(i, d)| finish(self.shot, self.lens, self.place(i), d)).collect()
+        despeckle(&mut developed, self.grid);
+        developed.into_iter().enumerate().map(|(i, d)| finish(self.request, self.lens, self.place(i), d)).collect()
     }
 }
 
 /// A pixel before its background. `color`: as it is shown; `share`: of the pixel that it covers; `open`: light on what is
 /// seen of the floor, 1 for all.
-pub(super) fn finish(shot: &Shot, lens: &Lens, place: [u32; 2], (color, share, open): (Vec3, f32, f32)) -> [u8; 4] {
+pub(super) fn finish(
+    request: &RenderRequest,
+    lens: &Lens,
+    place: [u32; 2],
+    (color, share, open): (Vec3, f32, f32),
+) -> [u8; 4] {
     let hidden = 1.0 - share;
     if hidden <= 0.0 {
         return encode(color, 1.0);
     }
     let direction = lens.direction(place, [0.5, 0.5]);
-    let (behind, covered) = shot.backdrop.behind(direction, lens.place(place), &shot.light);
+    let (behind, covered) = request.backdrop.behind(direction, lens.place(place), &request.light);
     if covered {
         return encode(color * share + behind * open.min(1.0) * hidden, 1.0);
     }
@@ -339,12 +353,12 @@ pub(super) fn finish(shot: &Shot, lens: &Lens, place: [u32; 2], (color, share, o
 
 /// Width and height of a tile, pixels.
 #[derive(Debug, Clone, Copy)]
-struct Grid {
+struct TileGrid {
     w: usize,
     h: usize,
 }
 
-impl Grid {
+impl TileGrid {
     fn len(self) -> usize {
         self.w * self.h
     }
@@ -360,7 +374,7 @@ impl Grid {
 
 /// Takes back single specks: where a pixel and all its neighbours are wholly covered or wholly open, it stays within their
 /// range. Few samples cannot tell a rare shadow from noise, the neighbours can.
-fn calm(pixels: &mut [(Vec3, f32, f32)], grid: Grid) {
+fn despeckle(pixels: &mut [(Vec3, f32, f32)], grid: TileGrid) {
     let before = pixels.to_vec();
     for (i, pixel) in pixels.iter_mut().enumerate() {
         let own = pixel.1;
@@ -381,7 +395,7 @@ fn calm(pixels: &mut [(Vec3, f32, f32)], grid: Grid) {
 }
 
 /// Which pixels want more samples: those that are in doubt, or whose neighbours are.
-fn doubtful(pixels: &[Pixel], around: &[Option<Vec3>], grid: Grid, limit: f32) -> Vec<bool> {
+fn doubtful(pixels: &[PixelSamples], around: &[Option<Vec3>], grid: TileGrid, limit: f32) -> Vec<bool> {
     let doubts: Vec<f32> = pixels.iter().zip(around).map(|(p, a)| p.doubt(*a)).collect();
     let mean = |i: usize| {
         let (sum, n) = grid.around(i).fold((0.0, 0.0), |(sum, n), k| (sum + doubts[k], n + 1.0));
@@ -422,26 +436,27 @@ mod tests {
         let scene = thicket();
         let looks = Looks::new(&scene, Quality::Normal);
         let world = World::new(&scene, None, &looks);
-        let shot = Shot {
+        let request = RenderRequest {
             camera: scene.camera,
             size: [64, 64],
             light: Light::new(&scene.sun, &scene.sky),
             backdrop: Backdrop::Sky,
             seed: 1,
         };
-        let lens = Lens::new(&shot.camera, shot.size);
+        let lens = Lens::new(&request.camera, request.size);
         let (mut sums, mut errors, mut sky) = ([Vec3::ZERO; 2], [0.0_f32; 2], Vec3::ZERO);
         for corner in [[16, 16], [32, 16], [16, 32], [32, 32]] {
-            let grid = Grid { w: 16, h: 16 };
-            let tile = Tile { world: &world, shot: &shot, lens: &lens, floor: None, crowded: true, corner, grid };
+            let grid = TileGrid { w: 16, h: 16 };
+            let tile =
+                Tile { world: &world, request: &request, lens: &lens, floor: None, dense_foliage: true, corner, grid };
             let pixels = tile.looked(3);
             for (i, (pixel, around)) in pixels.iter().zip(tile.around(&pixels)).enumerate() {
                 let Some(around) = around.filter(|_| pixel.whole().met > 0.0) else { continue };
                 let own = pixel.whole();
                 let shared = own.direct + own.matt * around;
                 // What many looks of one's own would show, with the same light of the sun.
-                let mut fine = Pixel::default();
-                Tile { crowded: false, ..tile }.expose(&mut fine, i, 96);
+                let mut fine = PixelSamples::default();
+                Tile { dense_foliage: false, ..tile }.render(&mut fine, i, 96);
                 let fine = fine.whole();
                 let meant = own.direct + own.matt * (fine.around / fine.looks.max(1.0));
                 for (k, light) in [own.whole, shared].into_iter().enumerate() {

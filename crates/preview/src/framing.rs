@@ -9,7 +9,7 @@ use osier_scene::{AssetFrame, AssetKind, Camera, Frame, Prototype, Scene, instan
 
 /// Points that stand for a scene's shape, at most about this many.
 const POINTS: usize = 60_000;
-/// Share of the picture's half width and height that the subject may fill.
+/// PrimitiveRange of the picture's half width and height that the subject may fill.
 const FILL: f32 = 0.90;
 
 /// From which side.

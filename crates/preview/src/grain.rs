@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::{Affine3A, Vec3};
 
-use super::film::Shot;
+use super::film::RenderRequest;
 use super::lens::Lens;
 use super::quality::Quality;
 use osier_base::math;
@@ -32,10 +32,11 @@ pub(super) struct Detail {
 }
 
 impl Grain {
-    pub(super) fn new(shots: &[Shot], quality: Quality) -> Self {
+    pub(super) fn new(requests: &[RenderRequest], quality: Quality) -> Self {
         let share = quality.grain();
-        let eye = |shot: &Shot| (shot.camera.eye, Lens::new(&shot.camera, shot.size).spread * share);
-        Self { eyes: if share > 0.0 { shots.iter().map(eye).collect() } else { Vec::new() } }
+        let eye =
+            |request: &RenderRequest| (request.camera.eye, Lens::new(&request.camera, request.size).spread * share);
+        Self { eyes: if share > 0.0 { requests.iter().map(eye).collect() } else { Vec::new() } }
     }
 
     /// The smallest detail of a mesh that is seen in some places. Widths are of few steps, so that they stay from frame to
@@ -122,8 +123,8 @@ mod tests {
         (left.len(), left.iter().sum())
     }
 
-    fn shot(distance: f32) -> Shot {
-        Shot {
+    fn request(distance: f32) -> RenderRequest {
+        RenderRequest {
             camera: Camera { eye: Vec3::Z * distance, target: Vec3::ZERO, vfov: 0.6, roll: 0.0 },
             size: [100, 100],
             light: Light::new(&Sun::default(), &Sky::default()),
@@ -145,8 +146,8 @@ mod tests {
     fn the_nearest_place_and_eye_decide_and_small_moves_change_nothing() {
         let (mesh, at) = (disc(4, 24), |z: f32| Affine3A::from_translation(Vec3::Z * z));
         let grain = |far: &[f32], places: &[f32]| {
-            let shots: Vec<Shot> = far.iter().map(|d| shot(*d)).collect();
-            Grain::new(&shots, Quality::Normal).of(&mesh, places.iter().map(|z| at(*z))).merged
+            let requests: Vec<RenderRequest> = far.iter().map(|d| request(*d)).collect();
+            Grain::new(&requests, Quality::Normal).of(&mesh, places.iter().map(|z| at(*z))).merged
         };
         let one = grain(&[100.0], &[0.0]);
         // 0.75 of a pixel 99 m away, less up to a quarter of an octave.
@@ -157,6 +158,6 @@ mod tests {
         assert!(grain(&[100.0], &[0.0, 80.0]) < 0.3 * one);
         assert_eq!(one.to_bits(), grain(&[100.5], &[0.0]).to_bits());
         assert!(grain(&[100.0], &[100.0]) <= 0.0 && grain(&[], &[0.0]) <= 0.0);
-        assert!(Grain::new(&[shot(100.0)], Quality::Fine).of(&mesh, std::iter::once(at(0.0))).seen <= 0.0);
+        assert!(Grain::new(&[request(100.0)], Quality::Fine).of(&mesh, std::iter::once(at(0.0))).seen <= 0.0);
     }
 }

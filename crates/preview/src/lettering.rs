@@ -3,6 +3,7 @@
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::picture::Picture;
+use osier_base::convert::saturating_byte;
 
 /// A height of letters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +65,7 @@ impl Picture {
     fn blend(&mut self, x: u32, y: u32, ink: [u8; 3], strength: u8) {
         let old = self.at(x, y);
         let s = u32::from(strength);
-        let mix = |a: u8, b: u8| u8::try_from((u32::from(a) * (255 - s) + u32::from(b) * s + 127) / 255).unwrap_or(255);
+        let mix = |a: u8, b: u8| saturating_byte((u32::from(a) * (255 - s) + u32::from(b) * s + 127) / 255);
         let alpha = mix(old[3], 255);
         self.set(x, y, [mix(old[0], ink[0]), mix(old[1], ink[1]), mix(old[2], ink[2]), alpha]);
     }

@@ -1,8 +1,8 @@
-//! Pictures with no other program: rays through a [`Scene`](osier_scene::Scene) at any frame.
+//! A small ray tracer that renders a [`Scene`](osier_scene::Scene) at any frame.
 //!
 //! [`Looks`] holds materials and their pictures, [`World`] the shapes of one frame with a tree of boxes over them,
-//! [`expose`] turns both into a [`Picture`]. Light comes from the sun, whose size softens shadows, and from the sky, what
-//! stands around seen in its mean colour; leaves glow where light comes through, water bends it.
+//! [`render`] turns both into a [`Picture`]. Light comes from the sun, whose size softens shadows, and from the sky, what
+//! occludes it seen in its mean colour; leaves glow where light comes through, water bends it.
 
 mod backdrop;
 mod clip;
@@ -30,12 +30,12 @@ mod world;
 
 pub use backdrop::Backdrop;
 pub use clip::{ClipFormat, ClipWriter};
-pub use film::{Shot, expose, tiles};
+pub use film::{RenderRequest, render, tiles};
 pub use framing::{Subject, View};
 pub use lettering::Letters;
 pub use light::Light;
 pub use looks::Looks;
 pub use picture::Picture;
 pub use quality::Quality;
-pub use sheet::{Cell, columns, sheet, size as sheet_size};
+pub use sheet::{ContactSheetCell, columns, sheet, size as sheet_size};
 pub use world::World;

@@ -19,14 +19,14 @@ pub struct Looks {
 
 /// What light meets at a place.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Finish {
+pub(super) struct ShadingParams {
     /// Linear colour: share of light that is scattered.
     pub(super) albedo: Vec3,
     /// 0 mirror .. 1 matt.
     pub(super) roughness: f32,
     /// Reflected share at normal incidence.
     pub(super) f0: f32,
-    /// Share of the scattered light that leaves on the other side.
+    /// PrimitiveRange of the scattered light that leaves on the other side.
     pub(super) translucency: f32,
     /// Refracts.
     pub(super) water: bool,
@@ -41,7 +41,7 @@ impl Looks {
             |i: u32| scene.materials.iter().any(|m| [m.maps.color, m.maps.normal, m.maps.roughness].contains(&Some(i)));
         let cutoff = |i: u32| scene.materials.iter().filter(|m| m.maps.color == Some(i)).find_map(|m| m.alpha_cutoff);
         let wanted: Vec<_> = (0_u32..).zip(&scene.images).map(|(i, m)| used(i).then_some((m, cutoff(i)))).collect();
-        let made = |(image, cutoff): (&Image, Option<f32>)| Texture::new(image, (side, cutoff), &decoder);
+        let made = |(image, cutoff): (&Image, Option<f32>)| Texture::new(image, side, cutoff, &decoder);
         let textures = par_map(&wanted, |wanted| wanted.map(made));
         Self { materials: scene.materials.clone(), textures, decoder, quality }
     }
@@ -90,14 +90,20 @@ impl Looks {
     }
 
     /// The finish at a place. `footprint`: width of the sample in texture coordinates.
-    pub(super) fn finish(&self, id: MaterialId, uv: Vec2, footprint: f32) -> Finish {
+    pub(super) fn finish(&self, id: MaterialId, uv: Vec2, footprint: f32) -> ShadingParams {
         let Some(m) = self.material(id) else {
-            return Finish { albedo: Vec3::splat(0.5), roughness: 1.0, f0: 0.0, translucency: 0.0, water: false };
+            return ShadingParams {
+                albedo: Vec3::splat(0.5),
+                roughness: 1.0,
+                f0: 0.0,
+                translucency: 0.0,
+                water: false,
+            };
         };
         let fine = self.shows_detail(footprint);
         let look = |map| self.texture(map).map(|t| t.at(uv, footprint, &self.decoder));
         let f = (m.ior - 1.0) / (m.ior + 1.0);
-        Finish {
+        ShadingParams {
             albedo: look(m.maps.color).map_or(Vec3::from_array(m.base_color), glam::Vec4::truncate),
             roughness: look(m.maps.roughness.filter(|_| fine)).map_or(m.roughness, |t| t.x),
             f0: f * f,
@@ -119,7 +125,7 @@ impl Looks {
         Some(osier_base::math::normalize_or(n, Vec3::Z))
     }
 
-    /// Share of the sun's light that goes on past a hair that it meets: what a translucent hair lets through, and half of
+    /// PrimitiveRange of the sun's light that goes on past a hair that it meets: what a translucent hair lets through, and half of
     /// what it sends back, which its neighbours send on. Without this a white tuft is dark inside.
     pub(super) fn passes(&self, id: MaterialId) -> f32 {
         let Some(m) = self.material(id).filter(|m| m.translucency > 0.0) else { return 0.0 };

@@ -1,20 +1,20 @@
 //! How much work goes into a picture: every choice between speed and looks in one place.
 
-use super::light::Care;
+use super::light::LightDepth;
 
 /// How much work goes into a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quality {
-    /// One look a pixel: to see the shape.
+    /// One sample a pixel, projected instead of traced: to judge the shape.
     Draft,
     /// For contact sheets and everyday use.
     Normal,
-    /// For keeping.
+    /// For final pictures: up to 192 samples a pixel.
     Fine,
 }
 
 impl Quality {
-    /// Samples for every pixel of a crowded picture on average: what covers little may have more.
+    /// Samples for every pixel of a dense_foliage picture on average: what covers little may have more.
     pub(super) fn budget(self) -> f32 {
         match self {
             Self::Draft => 1.0,
@@ -37,11 +37,11 @@ impl Quality {
         self == Self::Normal
     }
 
-    pub(super) fn care(self) -> Care {
+    pub(super) fn light_depth(self) -> LightDepth {
         match self {
-            Self::Draft => Care::Sun,
-            Self::Normal => Care::Sky,
-            Self::Fine => Care::Around,
+            Self::Draft => LightDepth::Sun,
+            Self::Normal => LightDepth::Sky,
+            Self::Fine => LightDepth::Around,
         }
     }
 

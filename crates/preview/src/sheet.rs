@@ -2,6 +2,7 @@
 
 use super::lettering::Letters;
 use super::picture::Picture;
+use osier_base::convert::saturating_byte;
 
 const GAP: u32 = 10;
 const PAPER: [u8; 4] = [246, 245, 241, 255];
@@ -10,7 +11,7 @@ const FAINT: [u8; 3] = [120, 122, 116];
 
 /// A picture with its caption.
 #[derive(Debug, Clone)]
-pub struct Cell {
+pub struct ContactSheetCell {
     /// The picture.
     pub picture: Picture,
     /// One line below it.
@@ -33,7 +34,7 @@ pub fn size(n: usize, columns: usize, size: [u32; 2]) -> [u64; 2] {
 }
 
 /// Lays cells out row by row. `note`: fainter text beside the title.
-pub fn sheet(title: &str, note: &str, cells: &[Cell], columns: usize) -> Picture {
+pub fn sheet(title: &str, note: &str, cells: &[ContactSheetCell], columns: usize) -> Picture {
     let columns = columns.clamp(1, cells.len().max(1));
     let [w, h] = cells.first().map_or([1, 1], |c| [c.picture.width, c.picture.height]);
     let [width, height] = size(cells.len(), columns, [w, h]).map(|v| u32::try_from(v).unwrap_or(u32::MAX));
@@ -64,9 +65,7 @@ impl Picture {
             for u in 0..other.width {
                 let (over, under) = (other.at(u, v), self.at(x + u, y + v));
                 let a = u32::from(over[3]);
-                let mix = |o: u8, b: u8| {
-                    u8::try_from((u32::from(o) * a + u32::from(b) * (255 - a) + 127) / 255).unwrap_or(255)
-                };
+                let mix = |o: u8, b: u8| saturating_byte((u32::from(o) * a + u32::from(b) * (255 - a) + 127) / 255);
                 let alpha = over[3].max(under[3]);
                 self.set(x + u, y + v, [mix(over[0], under[0]), mix(over[1], under[1]), mix(over[2], under[2]), alpha]);
             }
@@ -81,9 +80,11 @@ mod tests {
     #[test]
     fn cells_stand_in_rows_and_nothing_is_cut() {
         assert_eq!((columns(1), columns(4), columns(5), columns(16)), (1, 2, 3, 4));
-        let cell =
-            |shade: u8| Cell { picture: Picture::filled(40, 30, [shade, 0, 0, 255]), caption: format!("seed {shade}") };
-        let cells: Vec<Cell> = (1..=5).map(cell).collect();
+        let cell = |shade: u8| ContactSheetCell {
+            picture: Picture::filled(40, 30, [shade, 0, 0, 255]),
+            caption: format!("seed {shade}"),
+        };
+        let cells: Vec<ContactSheetCell> = (1..=5).map(cell).collect();
         let out = sheet("oak", "", &cells, 3);
         assert_eq!([u64::from(out.width), u64::from(out.height)], size(5, 3, [40, 30]));
         for shade in 1..=5_u8 {

@@ -41,7 +41,7 @@ pub(super) struct Face {
 
 /// Where in a primitive a ray meets it.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Spot {
+pub(super) struct PrimitiveHit {
     /// Along the ray, in lengths of its direction.
     pub(super) t: f32,
     /// Primitive in the order of the tree.
@@ -52,14 +52,14 @@ pub(super) struct Spot {
 
 /// Primitives of one kind.
 #[derive(Debug)]
-pub(super) enum Kind<'a> {
-    Faces { faces: Vec<Face>, mesh: Skin<'a> },
+pub(super) enum Primitives<'a> {
+    Faces { faces: Vec<Face>, mesh: CornerData<'a> },
     Cones { cones: Vec<RoundCone>, material: MaterialId },
 }
 
 /// What triangles look up at their corners.
 #[derive(Debug)]
-pub(super) struct Skin<'a> {
+pub(super) struct CornerData<'a> {
     pub(super) triangles: &'a [[u32; 3]],
     /// The point that stands for each; empty where each stands for itself.
     stand_ins: Vec<u32>,
@@ -73,7 +73,7 @@ pub(super) struct Skin<'a> {
 /// Primitives with their tree.
 #[derive(Debug)]
 pub(super) struct Solid<'a> {
-    pub(super) kind: Kind<'a>,
+    pub(super) kind: Primitives<'a>,
     /// Empty where no rays are cast.
     tree: CwBvh,
     /// Box of everything.
@@ -93,7 +93,9 @@ impl<'a> Solid<'a> {
         mesh: &'a Mesh,
         points: &[Vec3],
         normals: Cow<'a, [Vec3]>,
-        (looks, boxed, detail): (&Looks, bool, Detail),
+        looks: &Looks,
+        boxed: bool,
+        detail: Detail,
     ) -> Self {
         let stand_ins = merged(points, detail.merged);
         let faces = faces_of(mesh, points, &stand_ins);
@@ -102,11 +104,17 @@ impl<'a> Solid<'a> {
         let cut = mesh.subsets.iter().any(|s| looks.is_cut(s.material));
         let cut = cut.then(|| detail.seen * math::sqrt_f32(uv_area(mesh) / f32::max(area, f32::MIN_POSITIVE)));
         let kept = if boxed { Vec::new() } else { points.to_vec() };
-        let skin =
-            Skin { triangles: &mesh.triangles, stand_ins, points: kept, normals, uvs: &mesh.uvs, colors: &mesh.colors };
+        let skin = CornerData {
+            triangles: &mesh.triangles,
+            stand_ins,
+            points: kept,
+            normals,
+            uvs: &mesh.uvs,
+            colors: &mesh.colors,
+        };
         let hull =
             if boxed && faces.len() <= HULL { faces.iter().flat_map(Face::corners).collect() } else { Vec::new() };
-        Self { kind: Kind::Faces { faces, mesh: skin }, tree, bounds, cut, area, hull }
+        Self { kind: Primitives::Faces { faces, mesh: skin }, tree, bounds, cut, area, hull }
     }
 
     /// Points as balls; those of no width are not there.
@@ -150,7 +158,7 @@ impl<'a> Solid<'a> {
 
     fn of_cones(cones: Vec<RoundCone>, material: MaterialId, boxed: bool) -> Self {
         let (cones, tree, bounds) = sorted(cones, boxed, RoundCone::bounds);
-        Self { kind: Kind::Cones { cones, material }, tree, bounds, cut: None, area: 0.0, hull: Vec::new() }
+        Self { kind: Primitives::Cones { cones, material }, tree, bounds, cut: None, area: 0.0, hull: Vec::new() }
     }
 
     /// Box of everything, or none if there is nothing.
@@ -173,13 +181,13 @@ impl<'a> Solid<'a> {
     /// Number of primitives.
     pub(super) fn len(&self) -> usize {
         match &self.kind {
-            Kind::Faces { faces, .. } => faces.len(),
-            Kind::Cones { cones, .. } => cones.len(),
+            Primitives::Faces { faces, .. } => faces.len(),
+            Primitives::Cones { cones, .. } => cones.len(),
         }
     }
 
     /// The nearest meeting within the ray's range.
-    pub(super) fn nearest(&self, ray: Ray, looks: &Looks) -> Option<Spot> {
+    pub(super) fn nearest(&self, ray: Ray, looks: &Looks) -> Option<PrimitiveHit> {
         let mut best = None;
         let mut hit = obvhs::ray::RayHit::none();
         self.tree.ray_traverse(ray, &mut hit, |ray, i| match self.meet(ray, i, looks) {
@@ -193,7 +201,7 @@ impl<'a> Solid<'a> {
     }
 
     /// Any meeting within the ray's range, the first that is found.
-    pub(super) fn any(&self, ray: Ray, looks: &Looks) -> Option<Spot> {
+    pub(super) fn any(&self, ray: Ray, looks: &Looks) -> Option<PrimitiveHit> {
         let mut found = None;
         let mut hit = obvhs::ray::RayHit::none();
         self.tree.ray_traverse(ray, &mut hit, |ray, i| match (&found, self.meet(ray, i, looks)) {
@@ -210,8 +218,8 @@ impl<'a> Solid<'a> {
     /// True if nothing lies within the ray's range.
     pub(super) fn lets_by(&self, ray: Ray, looks: &Looks) -> bool {
         let share = match &self.kind {
-            Kind::Cones { material, .. } => looks.passes(*material),
-            Kind::Faces { .. } => 0.0,
+            Primitives::Cones { material, .. } => looks.passes(*material),
+            Primitives::Faces { .. } => 0.0,
         };
         self.tree.ray_traverse_miss(ray, |ray, i| match self.meet(ray, i, looks) {
             // Water gathers light in one place and misses it in another: on the whole it passes.
@@ -223,39 +231,45 @@ impl<'a> Solid<'a> {
 
     fn is_water(&self, i: usize, looks: &Looks) -> bool {
         match &self.kind {
-            Kind::Faces { faces, .. } => faces.get(i).is_some_and(|f| looks.is_water(f.material)),
-            Kind::Cones { material, .. } => looks.is_water(*material),
+            Primitives::Faces { faces, .. } => faces.get(i).is_some_and(|f| looks.is_water(f.material)),
+            Primitives::Cones { material, .. } => looks.is_water(*material),
         }
     }
 
     /// The meeting with primitive `i` in the order of the tree.
     #[inline]
-    pub(super) fn meet(&self, ray: &Ray, i: usize, looks: &Looks) -> Option<Spot> {
+    pub(super) fn meet(&self, ray: &Ray, i: usize, looks: &Looks) -> Option<PrimitiveHit> {
         let primitive = u32::try_from(i).ok()?;
         match &self.kind {
-            Kind::Faces { faces, mesh } => {
+            Primitives::Faces { faces, mesh } => {
                 let face = faces.get(i)?;
                 let (t, at) = face.meet(ray)?;
                 let there = self.cut.is_none_or(|width| looks.is_kept(face.material, width, || mesh.uv(face, at)));
-                there.then_some(Spot { t, primitive, at })
+                there.then_some(PrimitiveHit { t, primitive, at })
             }
-            Kind::Cones { cones, .. } => {
+            Primitives::Cones { cones, .. } => {
                 let cone = cones.get(i)?;
                 let t = cone.meet(ray)?;
-                (cone.share() >= 1.0 || chance(ray, i) < cone.share()).then_some(Spot { t, primitive, at: Vec2::ZERO })
+                (cone.share() >= 1.0 || chance(ray, i) < cone.share()).then_some(PrimitiveHit {
+                    t,
+                    primitive,
+                    at: Vec2::ZERO,
+                })
             }
         }
     }
 
     /// Where a ray meets primitive `i`, known to be met but for rounding.
-    pub(super) fn spot(&self, ray: &Ray, i: usize) -> Option<Spot> {
+    pub(super) fn spot(&self, ray: &Ray, i: usize) -> Option<PrimitiveHit> {
         let primitive = u32::try_from(i).ok()?;
         match &self.kind {
-            Kind::Faces { faces, .. } => {
+            Primitives::Faces { faces, .. } => {
                 let (t, at) = faces.get(i)?.plane(ray);
-                (t.is_finite() && at.is_finite()).then_some(Spot { t, primitive, at })
+                (t.is_finite() && at.is_finite()).then_some(PrimitiveHit { t, primitive, at })
             }
-            Kind::Cones { cones, .. } => Some(Spot { t: cones.get(i)?.meet(ray)?, primitive, at: Vec2::ZERO }),
+            Primitives::Cones { cones, .. } => {
+                Some(PrimitiveHit { t: cones.get(i)?.meet(ray)?, primitive, at: Vec2::ZERO })
+            }
         }
     }
 }
@@ -311,7 +325,7 @@ impl Face {
     }
 }
 
-impl Skin<'_> {
+impl CornerData<'_> {
     pub(super) fn corners(&self, face: &Face) -> [usize; 3] {
         let own = self.triangles.get(face.triangle as usize).copied().unwrap_or_default();
         own.map(|i| self.stand_ins.get(i as usize).copied().unwrap_or(i) as usize)

@@ -2,11 +2,11 @@
 
 use glam::{Vec2, Vec3};
 
-use super::looks::Finish;
-use super::solid::{Kind, Skin};
+use super::looks::ShadingParams;
+use super::solid::{CornerData, Primitives};
 use super::texture::footprint;
-use super::wet::Sheet;
-use super::world::{Hit, Showing, World};
+use super::wet::WetMap;
+use super::world::{Hit, SolidInstance, World};
 use osier_base::math::normalize_or;
 use osier_scene::MaterialId;
 
@@ -23,12 +23,12 @@ pub(super) struct Surface {
     pub(super) outside: bool,
     /// How far light goes through it to its other side, m: hairs are thick, sheets are not.
     pub(super) thick: f32,
-    pub(super) finish: Finish,
+    pub(super) finish: ShadingParams,
     pub(super) material: MaterialId,
 }
 
 /// A place on its triangle, before anything is looked up there.
-struct Flat {
+struct TrianglePoint {
     face: Vec3,
     n: Vec3,
     uv: Vec2,
@@ -46,15 +46,15 @@ impl World<'_> {
         let p = origin + direction * hit.spot.t;
         let mut thick = 0.0;
         let flat = match &solid.kind {
-            Kind::Faces { faces, mesh } => {
+            Primitives::Faces { faces, mesh } => {
                 triangle(showing, faces.get(hit.spot.primitive as usize)?, mesh, hit.spot.at)
             }
-            Kind::Cones { cones, material } => {
+            Primitives::Cones { cones, material } => {
                 let cone = cones.get(hit.spot.primitive as usize)?;
                 thick = cone.width() * showing.world().0.x_axis.length();
                 let n = showing.normal(cone.normal(showing.to_local(p)));
                 let color = cone.color.map(Vec3::from_array);
-                Flat {
+                TrianglePoint {
                     face: n,
                     n,
                     uv: Vec2::ZERO,
@@ -88,13 +88,13 @@ impl World<'_> {
     }
 
     /// Water on a material.
-    fn sheet(&self, material: MaterialId) -> Option<&Sheet> {
+    fn sheet(&self, material: MaterialId) -> Option<&WetMap> {
         self.sheets.get(material as usize)?.as_ref()
     }
 
     /// The smooth normal, turned by the normal map.
     /// The map's x runs along growing u, its y along growing v.
-    fn relief(&self, flat: &Flat, width: f32) -> Vec3 {
+    fn relief(&self, flat: &TrianglePoint, width: f32) -> Vec3 {
         let own = || self.looks.relief(flat.material, flat.uv, width);
         let Some(m) = self.sheet(flat.material).map(|s| s.relief(flat.uv, width)).or_else(own) else { return flat.n };
         let ([e1, e2], [d1, d2]) = (flat.edges, flat.uv_edges);
@@ -114,8 +114,8 @@ impl World<'_> {
         let Some((showing, solid)) = self.met(hit) else { return Vec3::Y };
         let i = hit.spot.primitive as usize;
         let n = match &solid.kind {
-            Kind::Faces { faces, .. } => faces.get(i).map(super::solid::Face::normal),
-            Kind::Cones { cones, .. } => cones.get(i).map(|cone| cone.normal(showing.to_local(p))),
+            Primitives::Faces { faces, .. } => faces.get(i).map(super::solid::Face::normal),
+            Primitives::Cones { cones, .. } => cones.get(i).map(|cone| cone.normal(showing.to_local(p))),
         };
         showing.normal(n.unwrap_or(Vec3::Y))
     }
@@ -124,14 +124,14 @@ impl World<'_> {
     pub(super) fn glimpse(&self, hit: &Hit, direction: Vec3) -> (Vec3, Vec3) {
         let Some((showing, solid)) = self.met(hit) else { return (Vec3::ZERO, Vec3::Y) };
         let (n, color) = match &solid.kind {
-            Kind::Faces { faces, mesh } => match faces.get(hit.spot.primitive as usize) {
+            Primitives::Faces { faces, mesh } => match faces.get(hit.spot.primitive as usize) {
                 Some(face) => {
                     let color = vertex_color(mesh, mesh.corners(face), hit.spot.at);
                     (face.normal(), color.unwrap_or_else(|| self.looks.mean(face.material)))
                 }
                 None => (Vec3::Y, Vec3::ZERO),
             },
-            Kind::Cones { cones, material } => {
+            Primitives::Cones { cones, material } => {
                 let own = cones.get(hit.spot.primitive as usize).and_then(|c| c.color);
                 (-direction, own.map_or_else(|| self.looks.mean(*material), Vec3::from_array))
             }
@@ -141,7 +141,7 @@ impl World<'_> {
     }
 }
 
-fn triangle(showing: &Showing, face: &super::solid::Face, mesh: &Skin<'_>, at: Vec2) -> Flat {
+fn triangle(showing: &SolidInstance, face: &super::solid::Face, mesh: &CornerData<'_>, at: Vec2) -> TrianglePoint {
     let corners = mesh.corners(face);
     let flat = showing.normal(face.normal());
     let world = showing.world().0;
@@ -149,7 +149,7 @@ fn triangle(showing: &Showing, face: &super::solid::Face, mesh: &Skin<'_>, at: V
     let smooth = na * (1.0 - at.x - at.y) + nb * at.x + nc * at.y;
     let n = if smooth.length_squared() > 1e-12 { showing.normal(smooth) } else { flat };
     let [ua, ub, uc] = corners.map(|i| mesh.uvs.get(i).copied().unwrap_or_default());
-    Flat {
+    TrianglePoint {
         face: flat,
         n,
         uv: mesh.uv(face, at),
@@ -160,7 +160,7 @@ fn triangle(showing: &Showing, face: &super::solid::Face, mesh: &Skin<'_>, at: V
     }
 }
 
-fn vertex_color(mesh: &Skin<'_>, corners: [usize; 3], at: Vec2) -> Option<Vec3> {
+fn vertex_color(mesh: &CornerData<'_>, corners: [usize; 3], at: Vec2) -> Option<Vec3> {
     if mesh.colors.is_empty() {
         return None;
     }

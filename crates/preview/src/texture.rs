@@ -8,7 +8,7 @@ use osier_scene::{Image, ImageKind, Pixels};
 
 /// One size of a picture, RGBA bytes, row 0 at the top.
 #[derive(Debug)]
-struct Level {
+struct MipLevel {
     width: u32,
     height: u32,
     texels: Vec<[u8; 4]>,
@@ -17,7 +17,7 @@ struct Level {
 /// A picture in all its sizes.
 #[derive(Debug)]
 pub(super) struct Texture {
-    levels: Vec<Level>,
+    levels: Vec<MipLevel>,
     color: bool,
     /// Mean over the picture: linear colour and alpha.
     pub(super) mean: Vec4,
@@ -48,9 +48,9 @@ impl Decoder {
 
 impl Texture {
     /// Sizes larger than `side` are left out. `cutoff`: alpha from which a texel is there, for pictures that cut things out.
-    pub(super) fn new(image: &Image, (side, cutoff): (u32, Option<f32>), decoder: &Decoder) -> Self {
+    pub(super) fn new(image: &Image, side: u32, cutoff: Option<f32>, decoder: &Decoder) -> Self {
         let color = image.kind == ImageKind::Color;
-        let mut level = Level { width: image.width.max(1), height: image.height.max(1), texels: bytes(image) };
+        let mut level = MipLevel { width: image.width.max(1), height: image.height.max(1), texels: bytes(image) };
         let wanted = level.width as usize * level.height as usize;
         level.texels.resize(wanted, [0, 0, 0, 255]);
         let mut levels = Vec::new();
@@ -75,12 +75,12 @@ impl Texture {
     }
 
     /// The size whose texels are about as wide as a sample.
-    fn level(&self, footprint: f32) -> Option<&Level> {
+    fn level(&self, footprint: f32) -> Option<&MipLevel> {
         let finest = self.levels.first()?;
         #[allow(clippy::cast_precision_loss, reason = "widths are far below 2^24")]
         let mut texels = footprint * finest.width.max(finest.height) as f32;
         let mut i = 0;
-        // Several samples meet in one pixel of the picture, so a finer size than one texel a pixel stays calm.
+        // Several samples meet in one pixel of the picture, so a finer size than one texel a pixel stays despeckle.
         while texels > 1.5 && i + 1 < self.levels.len() {
             texels *= 0.5;
             i += 1;
@@ -89,8 +89,8 @@ impl Texture {
     }
 }
 
-impl Level {
-    /// Share of the texels whose alpha, `scale` times as large, is not below `cutoff`.
+impl MipLevel {
+    /// PrimitiveRange of the texels whose alpha, `scale` times as large, is not below `cutoff`.
     fn share(&self, cutoff: f32, scale: f32) -> f32 {
         let there = self.texels.iter().filter(|t| f32::from(t[3]) * (1.0 / 255.0) * scale >= cutoff).count();
         #[allow(clippy::cast_precision_loss, reason = "a share")]
@@ -162,7 +162,7 @@ fn bytes(image: &Image) -> Vec<[u8; 4]> {
 }
 
 /// Means of two by two texels; a colour counts as much as it covers.
-fn halved(level: &Level, color: bool, decoder: &Decoder) -> Level {
+fn halved(level: &MipLevel, color: bool, decoder: &Decoder) -> MipLevel {
     let (width, height) = (level.width.div_ceil(2), level.height.div_ceil(2));
     let texel = |x: u32, y: u32| {
         let (x, y) = (x.min(level.width - 1) as usize, y.min(level.height - 1) as usize);
@@ -180,7 +180,7 @@ fn halved(level: &Level, color: bool, decoder: &Decoder) -> Level {
             texels.push([encode(sum.x), encode(sum.y), encode(sum.z), byte(alpha * 0.25)]);
         }
     }
-    Level { width, height, texels }
+    MipLevel { width, height, texels }
 }
 
 /// Width of a sample in texture coordinates. `spread`: width of the sample on the surface, m; `edges`: edges of the
@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn far_samples_see_the_mean_light_not_the_mean_byte() {
         let decoder = Decoder::default();
-        let texture = Texture::new(&checker(), (4096, None), &decoder);
+        let texture = Texture::new(&checker(), 4096, None, &decoder);
         let far = texture.at(Vec2::new(0.3, 0.7), 1.0, &decoder);
         assert!((far.x - 0.5).abs() < 0.01, "{far}");
         assert!((texture.mean.x - 0.5).abs() < 0.01);
@@ -213,7 +213,7 @@ mod tests {
     #[test]
     fn near_samples_see_the_texel_and_repeat() {
         let decoder = Decoder::default();
-        let texture = Texture::new(&checker(), (4096, None), &decoder);
+        let texture = Texture::new(&checker(), 4096, None, &decoder);
         // The upper left texel, v = 1 at the top, is white.
         for shift in [Vec2::ZERO, Vec2::new(3.0, -2.0)] {
             let near = texture.at(Vec2::new(0.5 / 16.0, 15.5 / 16.0) + shift, 0.0, &decoder);
@@ -235,8 +235,8 @@ mod tests {
         let image = Image { name, kind, width: side, height: side, channels: 4, pixels: Pixels::U8(pixels) };
         let decoder = Decoder::default();
         for cutoff in [0.5, 0.3] {
-            let cut = Texture::new(&image, (side, Some(cutoff)), &decoder);
-            let plain = Texture::new(&image, (side, None), &decoder);
+            let cut = Texture::new(&image, side, Some(cutoff), &decoder);
+            let plain = Texture::new(&image, side, None, &decoder);
             let share = |t: &Texture, i: usize| t.levels[i].share(cutoff, 1.0);
             let wanted = share(&cut, 0);
             for i in 1..=4 {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::looks::Finish;
+use super::looks::ShadingParams;
 use osier_base::math::{lerp, normalize_or};
 use osier_scene::{Frame, Scene, WET_ALBEDO, WetMaps};
 
@@ -13,12 +13,12 @@ const SMOOTH: f32 = 0.08;
 
 /// The maps of one sheet at the moment.
 #[derive(Debug)]
-pub(super) struct Sheet {
+pub(super) struct WetMap {
     maps: Arc<WetMaps>,
     side: usize,
 }
 
-impl Sheet {
+impl WetMap {
     /// Of each material, the sheet that it wears.
     pub(super) fn of_materials(scene: &Scene, frame: Option<&Frame>) -> Vec<Option<Self>> {
         let now = scene.wet_now(frame);
@@ -32,7 +32,7 @@ impl Sheet {
     }
 
     /// Makes a surface as wet as it is at a place. `footprint`: width of the sample in texture coordinates.
-    pub(super) fn wet(&self, finish: &mut Finish, uv: Vec2, footprint: f32) {
+    pub(super) fn wet(&self, finish: &mut ShadingParams, uv: Vec2, footprint: f32) {
         let w = self.mean(uv, footprint, |i| Vec3::splat(self.maps.wetness[i])).x.clamp(0.0, 1.0);
         finish.albedo *= lerp(1.0, WET_ALBEDO, w);
         finish.roughness = lerp(finish.roughness, finish.roughness.min(SMOOTH), w);
@@ -76,10 +76,10 @@ impl Sheet {
 mod tests {
     use super::*;
 
-    fn sheet() -> Sheet {
+    fn sheet() -> WetMap {
         let normal = vec![[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]];
         let maps = WetMaps { wetness: vec![0.0, 1.0, 0.5, 0.0], normal, ..WetMaps::default() };
-        Sheet { maps: Arc::new(maps), side: 2 }
+        WetMap { maps: Arc::new(maps), side: 2 }
     }
 
     #[test]
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn what_is_wet_is_darker_and_smoother() {
-        let dry = Finish { albedo: Vec3::splat(0.5), roughness: 0.6, f0: 0.04, translucency: 0.3, water: false };
+        let dry = ShadingParams { albedo: Vec3::splat(0.5), roughness: 0.6, f0: 0.04, translucency: 0.3, water: false };
         let mut wet = dry;
         sheet().wet(&mut wet, Vec2::new(0.75, 0.75), 0.0);
         assert!((wet.albedo.x - 0.5 * WET_ALBEDO).abs() < 1e-6 && (wet.roughness - 0.08).abs() < 1e-6);

@@ -7,11 +7,11 @@ use glam::{Affine3A, Mat3, Vec3, Vec3A};
 use obvhs::cwbvh::CwBvh;
 use obvhs::ray::{Ray, RayHit};
 
-use super::film::Shot;
+use super::film::RenderRequest;
 use super::grain::{Detail, Grain};
 use super::looks::Looks;
-use super::solid::{Solid, Spot, sorted};
-use super::wet::Sheet;
+use super::solid::{PrimitiveHit, Solid, sorted};
+use super::wet::WetMap;
 use osier_base::geometry::Bounds;
 use osier_base::par::par_map;
 use osier_scene::{
@@ -21,7 +21,7 @@ use osier_scene::{
 
 /// One showing of a solid: small, as rays visit thousands of them.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Showing {
+pub(super) struct SolidInstance {
     solid: u32,
     /// Columns of the local-from-world matrix and its shift.
     turn: [Vec3; 3],
@@ -32,7 +32,7 @@ pub(super) struct Showing {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Hit {
     pub(super) showing: u32,
-    pub(super) spot: Spot,
+    pub(super) spot: PrimitiveHit,
 }
 
 /// Everything that can be met.
@@ -42,9 +42,9 @@ pub struct World<'a> {
     /// False for drafts, which are projected.
     pub(super) boxed: bool,
     solids: Vec<Solid<'a>>,
-    showings: Vec<Showing>,
+    showings: Vec<SolidInstance>,
     /// Water on each material.
-    pub(super) sheets: Vec<Option<Sheet>>,
+    pub(super) sheets: Vec<Option<WetMap>>,
     /// Empty where no rays are cast.
     tree: CwBvh,
     /// Box of everything, m.
@@ -54,7 +54,7 @@ pub struct World<'a> {
 }
 
 /// Something to be made into a solid.
-enum Job<'s> {
+enum SolidSource<'s> {
     Mesh(&'s Asset, &'s MeshObject, usize, &'s AssetFrame),
     Prototype(&'s Mesh),
     Points(&'s osier_scene::Points, &'s PointsFrame),
@@ -66,7 +66,7 @@ const SHUTTER: f32 = 0.5 / 24.0;
 /// Primitives that a draft tells apart.
 const COUNTED: u64 = u32::MAX as u64;
 
-impl Job<'_> {
+impl SolidSource<'_> {
     /// Primitives, about.
     fn len(&self) -> u64 {
         let len = match self {
@@ -89,21 +89,21 @@ impl<'a> World<'a> {
     }
 
     /// As some pictures show it: leaves whose parts are less than a pixel apart have them merged. `frame`: `None` for rest.
-    pub fn seen_by(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks, shots: &[Shot]) -> Self {
+    pub fn seen_by(scene: &'a Scene, frame: Option<&'a Frame>, looks: &'a Looks, requests: &[RenderRequest]) -> Self {
         let (jobs, places) = plan(scene, frame);
         let boxed =
             looks.casts_rays() || places.iter().map(|(job, _)| jobs[*job as usize].len()).sum::<u64>() > COUNTED;
-        let details = details(&jobs, &places, &Grain::new(shots, looks.quality));
+        let details = details(&jobs, &places, &Grain::new(requests, looks.quality));
         let both: Vec<_> = jobs.iter().zip(details).collect();
-        let solids = par_map(&both, |(job, detail)| solid(job, looks, (boxed, *detail)));
+        let solids = par_map(&both, |(job, detail)| solid(job, looks, boxed, *detail));
         let there = |job: u32| solids.get(job as usize).is_some_and(|s| s.bounds().is_some());
         let shown = places.iter().filter(|(job, _)| there(*job));
-        let showings: Vec<Showing> = shown.filter_map(|(job, m)| Showing::new(*job, *m)).collect();
-        let around = |s: &Showing| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid));
+        let showings: Vec<SolidInstance> = shown.filter_map(|(job, m)| SolidInstance::new(*job, *m)).collect();
+        let around = |s: &SolidInstance| solids.get(s.solid as usize).map_or([Vec3::ZERO; 2], |solid| s.bounds(solid));
         let (showings, tree, all) = sorted(showings, boxed, around);
         let bounds = all.map_or_else(Bounds::default, Bounds::of);
         let reach = bounds.corners().iter().fold(0.0_f32, |m, c| m.max(c.abs().max_element()));
-        let (sheets, gap) = (Sheet::of_materials(scene, frame), if bounds.is_empty() { 1e-6 } else { reach * 1e-5 });
+        let (sheets, gap) = (WetMap::of_materials(scene, frame), if bounds.is_empty() { 1e-6 } else { reach * 1e-5 });
         Self { looks, boxed, solids, showings, sheets, tree, bounds, gap }
     }
 
@@ -168,17 +168,17 @@ impl<'a> World<'a> {
     }
 
     #[inline]
-    pub(super) fn of(&self, i: usize) -> Option<(&Showing, &Solid<'a>)> {
+    pub(super) fn of(&self, i: usize) -> Option<(&SolidInstance, &Solid<'a>)> {
         let showing = self.showings.get(i)?;
         Some((showing, self.solids.get(showing.solid as usize)?))
     }
 
-    pub(super) fn met(&self, hit: &Hit) -> Option<(&Showing, &Solid<'a>)> {
+    pub(super) fn met(&self, hit: &Hit) -> Option<(&SolidInstance, &Solid<'a>)> {
         self.of(hit.showing as usize)
     }
 }
 
-impl Showing {
+impl SolidInstance {
     /// None if it is flattened to nothing.
     fn new(solid: u32, world_from_local: Affine3A) -> Option<Self> {
         let det = world_from_local.matrix3.determinant();
@@ -233,7 +233,7 @@ fn affine(trs: &Trs) -> Affine3A {
 }
 
 /// Solids to make, and where each is shown.
-fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<Job<'s>>, Vec<(u32, Affine3A)>) {
+fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<SolidSource<'s>>, Vec<(u32, Affine3A)>) {
     static REST: AssetFrame = AssetFrame {
         pose: Vec::new(),
         meshes: Vec::new(),
@@ -260,15 +260,15 @@ fn stand<'s>(
     asset: &'s Asset,
     state: &'s AssetFrame,
     stands: &[Affine3A],
-    (jobs, places): (&mut Vec<Job<'s>>, &mut Vec<(u32, Affine3A)>),
+    (jobs, places): (&mut Vec<SolidSource<'s>>, &mut Vec<(u32, Affine3A)>),
 ) {
-    let add = |jobs: &mut Vec<Job<'s>>, job| {
+    let add = |jobs: &mut Vec<SolidSource<'s>>, job| {
         let index = u32::try_from(jobs.len()).unwrap_or(u32::MAX);
         jobs.push(job);
         index
     };
     for (k, object) in asset.meshes.iter().enumerate() {
-        let index = add(jobs, Job::Mesh(asset, object, k, state));
+        let index = add(jobs, SolidSource::Mesh(asset, object, k, state));
         places.extend(stands.iter().map(|m| (index, *m)));
     }
     for (k, instancer) in asset.instancers.iter().enumerate() {
@@ -278,10 +278,10 @@ fn stand<'s>(
             .iter()
             .map(|p| match &p.fine {
                 Some(fine) => {
-                    let body = (!fine.mesh.triangles.is_empty()).then(|| add(jobs, Job::Prototype(&fine.mesh)));
-                    body.into_iter().chain([add(jobs, Job::Curves(&fine.curves, &CurvesFrame::Same))]).collect()
+                    let body = (!fine.mesh.triangles.is_empty()).then(|| add(jobs, SolidSource::Prototype(&fine.mesh)));
+                    body.into_iter().chain([add(jobs, SolidSource::Curves(&fine.curves, &CurvesFrame::Same))]).collect()
                 }
-                None => vec![add(jobs, Job::Prototype(&p.mesh))],
+                None => vec![add(jobs, SolidSource::Prototype(&p.mesh))],
             })
             .collect();
         let now = instance_states(asset, instancer, k, state);
@@ -295,38 +295,38 @@ fn stand<'s>(
         }
     }
     for (k, cloud) in asset.points.iter().enumerate() {
-        let index = add(jobs, Job::Points(cloud, state.points(k)));
+        let index = add(jobs, SolidSource::Points(cloud, state.points(k)));
         places.extend(stands.iter().map(|m| (index, *m)));
     }
     for (k, curves) in asset.curves.iter().enumerate() {
-        let index = add(jobs, Job::Curves(curves, state.curves(k)));
+        let index = add(jobs, SolidSource::Curves(curves, state.curves(k)));
         places.extend(stands.iter().map(|m| (index, *m)));
     }
 }
 
 /// The smallest detail of each job: of instances only something is left out.
-fn details(jobs: &[Job<'_>], places: &[(u32, Affine3A)], grain: &Grain) -> Vec<Detail> {
-    let own = |(number, job): (u32, &Job<'_>)| match job {
-        Job::Prototype(mesh) => grain.of(mesh, places.iter().filter(|p| p.0 == number).map(|p| p.1)),
+fn details(jobs: &[SolidSource<'_>], places: &[(u32, Affine3A)], grain: &Grain) -> Vec<Detail> {
+    let own = |(number, job): (u32, &SolidSource<'_>)| match job {
+        SolidSource::Prototype(mesh) => grain.of(mesh, places.iter().filter(|p| p.0 == number).map(|p| p.1)),
         _ => Detail::default(),
     };
     (0..).zip(jobs).map(own).collect()
 }
 
-fn solid<'s>(job: &Job<'s>, looks: &Looks, (boxed, detail): (bool, Detail)) -> Solid<'s> {
+fn solid<'s>(job: &SolidSource<'s>, looks: &Looks, boxed: bool, detail: Detail) -> Solid<'s> {
     match job {
-        Job::Mesh(asset, object, i, state) => {
+        SolidSource::Mesh(asset, object, i, state) => {
             let mesh = match state.mesh(*i) {
                 MeshFrame::Whole { mesh, .. } => mesh,
                 _ => &object.mesh,
             };
             let points = mesh_points(asset, object, *i, state);
-            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), (looks, boxed, Detail::default()))
+            Solid::of_mesh(mesh, &points, normals(asset, object, mesh, *i, state), looks, boxed, Detail::default())
         }
-        Job::Prototype(mesh) => {
-            Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), (looks, boxed, detail))
+        SolidSource::Prototype(mesh) => {
+            Solid::of_mesh(mesh, &mesh.points, Cow::Borrowed(&mesh.normals), looks, boxed, detail)
         }
-        Job::Points(cloud, state) => {
+        SolidSource::Points(cloud, state) => {
             let now = cloud.at(state);
             if looks.is_water(cloud.material) && !now.velocities.is_empty() {
                 Solid::of_drops(cloud.material, now, SHUTTER, boxed)
@@ -334,8 +334,8 @@ fn solid<'s>(job: &Job<'s>, looks: &Looks, (boxed, detail): (bool, Detail)) -> S
                 Solid::of_points(cloud.material, now, boxed)
             }
         }
-        Job::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, boxed),
-        Job::Curves(curves, CurvesFrame::Points(points)) => {
+        SolidSource::Curves(curves, CurvesFrame::Same) => Solid::of_curves(curves, &curves.points, boxed),
+        SolidSource::Curves(curves, CurvesFrame::Points(points)) => {
             let drawn = curves.drawn(points);
             Solid::of_curves(&drawn, &drawn.points, boxed)
         }

@@ -8,7 +8,7 @@ use super::shots::{Background, Wish, ending};
 use super::{Done, Target};
 use crate::bake::BakeContext;
 use osier_base::Result;
-use osier_preview::{ClipFormat, ClipWriter, Looks, Shot, Subject, World, expose, tiles};
+use osier_preview::{ClipFormat, ClipWriter, Looks, RenderRequest, Subject, World, render, tiles};
 use osier_scene::Camera;
 
 /// Frames per second of a turntable.
@@ -52,17 +52,18 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_
     let mut writer = ClipWriter::new(&mut output, format, wish.size, (length, fps, opaque))?;
     work.progress.stage("drawing frames", tiles(wish.size) * count as u64);
     if args.turntable.is_some() {
-        let shots: Vec<Shot> = (0..length).map(|i| wish.shot(&loaded, &own, turned(camera, i, length, &own))).collect();
+        let shots: Vec<RenderRequest> =
+            (0..length).map(|i| wish.shot(&loaded, &own, turned(camera, i, length, &own))).collect();
         let world = World::seen_by(loaded.scene(), first.as_ref(), &looks, &shots);
         for shot in &shots {
-            writer.frame(&expose(&world, shot, work.cancel, work.progress)?)?;
+            writer.frame(&render(&world, shot, work.cancel, work.progress)?)?;
         }
     } else {
         let shot = wish.shot(&loaded, &own, camera);
         for n in numbers.iter().flatten() {
             let now = loaded.frame(*n)?;
             let world = World::seen_by(loaded.scene(), Some(&now), &looks, &[shot]);
-            writer.frame(&expose(&world, &shot, work.cancel, work.progress)?)?;
+            writer.frame(&render(&world, &shot, work.cancel, work.progress)?)?;
         }
     }
     writer.finish()?;

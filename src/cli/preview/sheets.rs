@@ -8,19 +8,21 @@ use super::{Done, Target};
 use crate::bake::BakeContext;
 use osier_base::par::par_map;
 use osier_base::{Error, Result};
-use osier_preview::{Cell, Looks, Picture, Quality, Shot, Subject, World, columns, expose, sheet, sheet_size, tiles};
+use osier_preview::{
+    ContactSheetCell, Looks, Picture, Quality, RenderRequest, Subject, World, columns, render, sheet, sheet_size, tiles,
+};
 use osier_scene::Frame;
 
 /// Takes a picture of what is loaded.
 pub fn take(
     loaded: &Loaded,
     (frame, quality): (Option<&Frame>, Quality),
-    shot: &Shot,
+    shot: &RenderRequest,
     work: &BakeContext<'_>,
 ) -> Result<Picture> {
     let looks = Looks::new(loaded.scene(), quality);
     let world = World::seen_by(loaded.scene(), frame, &looks, &[*shot]);
-    expose(&world, shot, work.cancel, work.progress)
+    render(&world, shot, work.cancel, work.progress)
 }
 
 /// What stands in the picture.
@@ -58,7 +60,7 @@ pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext
     let mut cells = Vec::new();
     for (loaded, frame, own) in &all {
         let shot = wish.shot(loaded, own, wish.camera(loaded, &both));
-        cells.push(Cell {
+        cells.push(ContactSheetCell {
             picture: take(loaded, (frame.as_ref(), wish.quality), &shot, work)?,
             caption: loaded.name.clone(),
         });
@@ -108,7 +110,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_
     let mut cells = Vec::new();
     for (((loaded, frame), own), (_, caption)) in list.iter().zip(&frames).zip(&subjects).zip(&changes) {
         let shot = wish.shot(loaded, own, wish.camera(loaded, &union));
-        cells.push(Cell {
+        cells.push(ContactSheetCell {
             picture: take(loaded, (frame.as_ref(), wish.quality), &shot, work)?,
             caption: caption.clone(),
         });

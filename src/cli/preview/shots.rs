@@ -7,7 +7,7 @@ use super::super::args::{Preview, QualityArg};
 use super::super::numbers::{self, Sweep, sweep};
 use super::load::Loaded;
 use osier_base::units::{linear_from_srgb, radians_f32};
-use osier_preview::{Backdrop, Light, Quality, Shot, Subject, View};
+use osier_preview::{Backdrop, Light, Quality, RenderRequest, Subject, View};
 use osier_scene::{Camera, Frame};
 
 /// Flags, read.
@@ -107,7 +107,7 @@ impl Wish {
     }
 
     /// The picture to take.
-    pub fn shot(&self, loaded: &Loaded, subject: &Subject, camera: Camera) -> Shot {
+    pub fn shot(&self, loaded: &Loaded, subject: &Subject, camera: Camera) -> RenderRequest {
         let scene = loaded.scene();
         let mut sun = scene.sun;
         if let Some([elevation, azimuth]) = self.sun {
@@ -124,7 +124,7 @@ impl Wish {
             Background::Clear => Backdrop::Clear { floor },
             Background::Color(c) => Backdrop::Plain { color: c.map(linear_from_srgb), floor },
         };
-        Shot { camera, size: self.size, light: Light::new(&sun, &scene.sky), backdrop, seed: 0 }
+        RenderRequest { camera, size: self.size, light: Light::new(&sun, &scene.sky), backdrop, seed: 0 }
     }
 }
 

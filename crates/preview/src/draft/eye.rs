@@ -6,8 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::super::lens::Lens;
 use super::super::world::{Hit, World, ray};
-use super::project::{Seen, Sight, View, float, span};
-use super::tasks::{Screen, Tasks, Window};
+use super::project::{InstanceProjection, Projected, Projection, float, span};
+use super::tasks::{RasterTarget, ScreenRect, Tasks};
 
 /// Rows of a picture.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +45,7 @@ impl<'l> Eye<'l> {
     pub(super) fn new(world: &World<'_>, lens: &'l Lens, band: Band, tasks: &Tasks) -> Self {
         let nearest = std::iter::repeat_with(|| AtomicU64::new(FAR)).take(band.pixels()).collect();
         let eye = Self { lens, nearest, band };
-        tasks.draw(world, &View::of_lens(lens, band.top), &eye);
+        tasks.draw(world, &Projection::of_lens(lens, band.top), &eye);
         eye
     }
 
@@ -60,7 +60,7 @@ impl<'l> Eye<'l> {
     }
 
     /// What pixel `i` of the band shows, with the direction of its look.
-    pub(super) fn hit(&self, world: &World<'_>, i: usize, (o, d): (Vec3, Vec3), starts: &[u64]) -> Option<Hit> {
+    pub(super) fn hit(&self, world: &World<'_>, i: usize, o: Vec3, d: Vec3, starts: &[u64]) -> Option<Hit> {
         let key = self.nearest.get(i)?.load(Ordering::Relaxed);
         if key == FAR {
             return None;
@@ -74,14 +74,14 @@ impl<'l> Eye<'l> {
     }
 }
 
-impl Screen for Eye<'_> {
+impl RasterTarget for Eye<'_> {
     #[inline]
-    fn window<const N: usize>(&self, sight: &Sight, places: &[Seen; N]) -> Option<Window> {
+    fn window<const N: usize>(&self, sight: &InstanceProjection, places: &[Projected; N]) -> Option<ScreenRect> {
         sight.window(places, self.band.size, span)
     }
 
     #[inline]
-    fn face(&self, sight: &Sight, corners: &[Seen; 3], number: u64, there: impl Fn(Vec2) -> bool) {
+    fn face(&self, sight: &InstanceProjection, corners: &[Projected; 3], number: u64, there: impl Fn(Vec2) -> bool) {
         let Some([columns, rows]) = self.window(sight, corners) else { return };
         let zero = [columns.start, rows.start];
         let Some(patch) = sight.patch(corners, Vec2::new(float(zero[0]), float(zero[1]))) else { return };
@@ -96,7 +96,7 @@ impl Screen for Eye<'_> {
         }
     }
 
-    fn cone(&self, [columns, rows]: Window, number: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>) {
+    fn cone(&self, [columns, rows]: ScreenRect, number: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>) {
         for [x, y] in rows.flat_map(|y| columns.clone().map(move |x| [x, y])) {
             if let Some(depth) = meets(self.lens.eye, self.lens.span([x, y + self.band.top])) {
                 self.keep([x, y], depth, number, || true);

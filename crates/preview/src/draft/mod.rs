@@ -14,9 +14,9 @@ use glam::Vec3;
 use self::eye::{Band, Eye};
 use self::openness::Openness;
 use self::tasks::Tasks;
-use super::film::{Shot, TILE, finish};
+use super::film::{RenderRequest, TILE, finish};
 use super::lens::Lens;
-use super::light::{Care, Draw, Known};
+use super::light::{LightDepth, PrecomputedLight, SampleContext};
 use super::picture::Picture;
 use super::sampler::Sampler;
 use super::tone::film;
@@ -31,15 +31,15 @@ const HELD: u32 = 1 << 22;
 /// Takes a draft. The world has no more primitives than 32 bits count.
 /// # Errors
 /// `Cancelled`.
-pub(super) fn expose(
+pub(super) fn render(
     world: &World<'_>,
-    shot: &Shot,
+    request: &RenderRequest,
     lens: &Lens,
     cancel: &Cancel,
     progress: &dyn Progress,
 ) -> Result<Picture> {
-    let [width, height] = shot.size;
-    let draft = Draft::new(world, shot, lens);
+    let [width, height] = request.size;
+    let draft = Draft::new(world, request, lens);
     let rows = (HELD / width.max(1) / TILE).max(1) * TILE;
     let bands: Vec<Band> =
         (0..height).step_by(rows as usize).map(|top| Band { top, size: [width, rows.min(height - top)] }).collect();
@@ -64,7 +64,7 @@ pub(super) fn expose(
 /// A draft at work.
 struct Draft<'d, 'w> {
     world: &'d World<'w>,
-    shot: &'d Shot,
+    request: &'d RenderRequest,
     lens: &'d Lens,
     /// Height of the floor.
     floor: Option<f32>,
@@ -73,7 +73,7 @@ struct Draft<'d, 'w> {
 
 /// What some rows show.
 struct Rows {
-    seen: Vec<Vec<Seen>>,
+    seen: Vec<Vec<PixelHit>>,
     places: Vec<Vec<Vec3>>,
     /// True where the sun is seen.
     lit: Vec<bool>,
@@ -81,15 +81,15 @@ struct Rows {
 
 /// What a pixel shows.
 #[derive(Clone, Copy)]
-enum Seen {
+enum PixelHit {
     Thing(Hit),
     Floor,
     Nothing,
 }
 
 impl<'d, 'w> Draft<'d, 'w> {
-    fn new(world: &'d World<'w>, shot: &'d Shot, lens: &'d Lens) -> Self {
-        Self { world, shot, lens, floor: shot.backdrop.floor(world), tasks: Tasks::new(world) }
+    fn new(world: &'d World<'w>, request: &'d RenderRequest, lens: &'d Lens) -> Self {
+        Self { world, request, lens, floor: request.backdrop.floor(world), tasks: Tasks::new(world) }
     }
 
     /// What some rows show, and whether the sun reaches it.
@@ -100,8 +100,8 @@ impl<'d, 'w> Draft<'d, 'w> {
         let width = band.size[0] as usize;
         let rows: Vec<usize> = (0..band.size[1] as usize).collect();
         let row = |y: &usize| (y * width..(y + 1) * width).map(|i| self.seen(&eye, band, i)).unzip();
-        let (seen, places): (Vec<Vec<Seen>>, Vec<Vec<Vec3>>) = par_map(&rows, row).into_iter().unzip();
-        let lit = sunlit::sunlit(self.world, self.shot.light.direction(), &places, &self.tasks);
+        let (seen, places): (Vec<Vec<PixelHit>>, Vec<Vec<Vec3>>) = par_map(&rows, row).into_iter().unzip();
+        let lit = sunlit::sunlit(self.world, self.request.light.direction(), &places, &self.tasks);
         cancel.check()?;
         Ok(Rows { seen, places, lit })
     }
@@ -111,8 +111,8 @@ impl<'d, 'w> Draft<'d, 'w> {
         let width = band.size[0] as usize;
         let shaded = |y: &usize| -> Vec<[u8; 4]> {
             let things = rows.seen[*y].iter().zip(&rows.places[*y]).zip(y * width..);
-            let one = |((seen, p), i): ((&Seen, &Vec3), usize)| {
-                self.shaded(band.place(i), (seen, *p), Known { sun: rows.lit[i], sky: openness.at(*p) })
+            let one = |((seen, p), i): ((&PixelHit, &Vec3), usize)| {
+                self.shaded(band.place(i), (seen, *p), PrecomputedLight { sun: rows.lit[i], sky: openness.at(*p) })
             };
             things.map(one).collect()
         };
@@ -121,43 +121,43 @@ impl<'d, 'w> Draft<'d, 'w> {
     }
 
     /// What pixel `i` of a band shows, and from where it looks for light.
-    fn seen(&self, eye: &Eye<'_>, band: Band, i: usize) -> (Seen, Vec3) {
+    fn seen(&self, eye: &Eye<'_>, band: Band, i: usize) -> (PixelHit, Vec3) {
         let (d, sheet) = self.lens.aim(self.floor, band.place(i), [0.5, 0.5]);
         let o = self.lens.eye;
         let far = sheet.unwrap_or(f32::INFINITY);
         // What goes on below the paper is hidden by it.
-        match (eye.hit(self.world, i, (o, d), &self.tasks.starts), sheet) {
+        match (eye.hit(self.world, i, o, d, &self.tasks.starts), sheet) {
             (Some(hit), _) if hit.spot.t <= far => {
                 let n = self.world.facing(&hit, o + d * hit.spot.t);
-                let side = if n.dot(self.shot.light.direction()) > 0.0 { self.world.gap } else { -self.world.gap };
-                (Seen::Thing(hit), o + d * hit.spot.t + n * side)
+                let side = if n.dot(self.request.light.direction()) > 0.0 { self.world.gap } else { -self.world.gap };
+                (PixelHit::Thing(hit), o + d * hit.spot.t + n * side)
             }
-            (_, Some(t)) => (Seen::Floor, o + d * t + Vec3::Y * self.world.gap),
-            _ => (Seen::Nothing, Vec3::NAN),
+            (_, Some(t)) => (PixelHit::Floor, o + d * t + Vec3::Y * self.world.gap),
+            _ => (PixelHit::Nothing, Vec3::NAN),
         }
     }
 
-    fn shaded(&self, place: [u32; 2], (seen, p): (&Seen, Vec3), known: Known) -> [u8; 4] {
-        let sampler = Sampler::new(0, self.shot.seed);
-        let draw = Draw {
+    fn shaded(&self, place: [u32; 2], (seen, p): (&PixelHit, Vec3), known: PrecomputedLight) -> [u8; 4] {
+        let sampler = Sampler::new(0, self.request.seed);
+        let draw = SampleContext {
             sampler: &sampler,
             index: 0,
             spread: self.lens.spread,
-            care: Care::Sun,
+            light_depth: LightDepth::Sun,
             around: true,
             known: Some(known),
         };
         let (d, _) = self.lens.aim(None, place, [0.5, 0.5]);
-        let light = &self.shot.light;
+        let light = &self.request.light;
         let developed = match seen {
-            Seen::Thing(hit) => match self.world.sent(light, (self.lens.eye, d), hit, &draw) {
+            PixelHit::Thing(hit) => match self.world.sent(light, self.lens.eye, d, hit, &draw) {
                 Some(sent) => (film(sent.whole()), 1.0, 1.0),
                 None => (Vec3::ZERO, 0.0, 1.0),
             },
-            Seen::Floor => (Vec3::ZERO, 0.0, self.world.floor_light(light, p, &draw)),
-            Seen::Nothing => (Vec3::ZERO, 0.0, 1.0),
+            PixelHit::Floor => (Vec3::ZERO, 0.0, self.world.floor_light(light, p, &draw)),
+            PixelHit::Nothing => (Vec3::ZERO, 0.0, 1.0),
         };
-        finish(self.shot, self.lens, place, developed)
+        finish(self.request, self.lens, place, developed)
     }
 }
 

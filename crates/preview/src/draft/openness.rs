@@ -2,12 +2,12 @@
 
 use glam::Vec3;
 
-use super::super::solid::Kind;
+use super::super::solid::Primitives;
 use super::super::world::World;
 use osier_base::math;
 use osier_base::par::par_chunks;
 
-/// Cells along the longest side.
+/// ShadowCells along the longest side.
 const CELLS: f32 = 40.0;
 /// How far the cells reach beyond everything, in heights: as far as the lowest look down its shade.
 const MARGIN: f32 = 0.8;
@@ -26,7 +26,7 @@ pub(super) struct Openness {
     size: [usize; 3],
     /// Depth of a cell for light that crosses it: 1 lets by a share of 1/e.
     depth: Vec<f32>,
-    /// Share of the sky that is seen from the middle of each cell.
+    /// PrimitiveRange of the sky that is seen from the middle of each cell.
     open: Vec<f32>,
 }
 
@@ -55,14 +55,14 @@ impl Openness {
             let (turn, shift) = showing.world();
             let scale = math::pow_f32(turn.determinant().abs(), 2.0 / 3.0);
             match (&solid.kind, solid.bounds()) {
-                (Kind::Faces { faces, .. }, _) if faces.len() > SMALL => {
+                (Primitives::Faces { faces, .. }, _) if faces.len() > SMALL => {
                     for face in faces {
                         let [ab, ac] = face.edges();
                         let area = 0.5 * face.normal().length() * scale;
                         self.add(turn * (face.a + (ab + ac) * (1.0 / 3.0)) + shift, area * share);
                     }
                 }
-                (Kind::Cones { cones, .. }, _) => {
+                (Primitives::Cones { cones, .. }, _) => {
                     for cone in cones {
                         let [min, max] = cone.bounds();
                         // Twice what is seen of it: balls and tubes have a far side.
@@ -90,7 +90,7 @@ impl Openness {
         (inside && i < x && j < y && k < z).then(|| (k * y + j) * x + i)
     }
 
-    /// Share of the sky that is seen from the middle of cell `i`.
+    /// PrimitiveRange of the sky that is seen from the middle of cell `i`.
     #[allow(clippy::cast_precision_loss, reason = "at most CELLS")]
     fn seen(&self, i: usize) -> f32 {
         let [x, y, _] = self.size;
@@ -103,7 +103,7 @@ impl Openness {
         (around.sum::<f32>() + self.clear(from, Vec3::Y)) / f32::from(AROUND + 1)
     }
 
-    /// Share of light that comes to a place against a unit direction.
+    /// PrimitiveRange of light that comes to a place against a unit direction.
     fn clear(&self, from: Vec3, direction: Vec3) -> f32 {
         let (mut depth, mut p) = (0.0, from + direction * self.cell);
         while let Some(i) = self.number(p) {
@@ -113,7 +113,7 @@ impl Openness {
         math::exp_f32(-depth)
     }
 
-    /// Share of the sky that a place sees, smooth between cells; beyond them as at their edge, which is all but open.
+    /// PrimitiveRange of the sky that a place sees, smooth between cells; beyond them as at their edge, which is all but open.
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,

@@ -5,9 +5,9 @@ use std::ops::Range;
 use glam::{Mat3, Vec2, Vec3};
 
 use super::super::lens::Lens;
-use super::super::solid::{Face, Skin};
-use super::super::world::Showing;
-use super::tasks::Window;
+use super::super::solid::{CornerData, Face};
+use super::super::world::SolidInstance;
+use super::tasks::ScreenRect;
 use osier_base::math;
 
 /// Nearer to an eye than this nothing is projected, m.
@@ -15,7 +15,7 @@ const NEAR: f32 = 1e-4;
 
 /// Straight lines of sight onto a plane of pixels: from an eye, or all along one direction.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
+pub(super) struct Projection {
     /// A place p is seen at q = turn (p - origin). From an eye, pixel coordinates are q.xy / q.z and q.z is the depth;
     /// along one direction they are q.xy, and depth grows with q.z.
     turn: Mat3,
@@ -27,7 +27,7 @@ pub(super) struct View {
 
 /// A view of a solid's own space.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sight {
+pub(super) struct InstanceProjection {
     turn: Mat3,
     shift: Vec3,
     parallel: bool,
@@ -35,9 +35,9 @@ pub(super) struct Sight {
 
 /// A place in a view.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Seen {
+pub(super) struct Projected {
     q: Vec3,
-    /// Pixel coordinates; not a number behind the eye.
+    /// PixelSamples coordinates; not a number behind the eye.
     at: Vec2,
 }
 
@@ -50,7 +50,7 @@ pub(super) struct Patch {
     depth: Vec3,
 }
 
-impl View {
+impl Projection {
     /// What a lens sees; whole pixel coordinates are the middles of pixels. `top`: row of the picture that becomes row 0.
     #[allow(clippy::cast_precision_loss, reason = "sides are below 2^17")]
     pub(super) fn of_lens(lens: &Lens, top: u32) -> Self {
@@ -77,27 +77,27 @@ impl View {
     }
 
     /// The view of a showing's own space.
-    pub(super) fn onto(&self, showing: &Showing) -> Sight {
+    pub(super) fn onto(&self, showing: &SolidInstance) -> InstanceProjection {
         let (world, origin) = showing.world();
-        Sight { turn: self.turn * world, shift: self.project(origin), parallel: self.parallel }
+        InstanceProjection { turn: self.turn * world, shift: self.project(origin), parallel: self.parallel }
     }
 }
 
-impl Sight {
+impl InstanceProjection {
     #[inline]
-    pub(super) fn see(&self, p: Vec3) -> Seen {
+    pub(super) fn see(&self, p: Vec3) -> Projected {
         let q = self.turn * p + self.shift;
         let share = match () {
             () if self.parallel => 1.0,
             () if q.z > NEAR => 1.0 / q.z,
             () => f32::NAN,
         };
-        Seen { q, at: q.truncate() * share }
+        Projected { q, at: q.truncate() * share }
     }
 
     /// Box of pixels around places; all of the plane if some lie behind the eye, none if all do.
     #[inline]
-    fn frame<const N: usize>(&self, places: &[Seen; N]) -> Option<[Vec2; 2]> {
+    fn frame<const N: usize>(&self, places: &[Projected; N]) -> Option<[Vec2; 2]> {
         let [mut lo, mut hi] = [places.first()?.at; 2];
         for p in places {
             lo = Vec2::new(lesser(lo.x, p.at.x), lesser(lo.y, p.at.y));
@@ -114,10 +114,10 @@ impl Sight {
     #[inline]
     pub(super) fn window<const N: usize>(
         &self,
-        places: &[Seen; N],
+        places: &[Projected; N],
         size: [u32; 2],
         held: impl Fn(f32, f32, u32) -> Range<u32>,
-    ) -> Option<Window> {
+    ) -> Option<ScreenRect> {
         let [lo, hi] = self.frame(places)?;
         let columns = held(lo.x, hi.x, size[0]);
         if columns.is_empty() {
@@ -131,7 +131,7 @@ impl Sight {
     /// it is seen edge-on.
     /// Source: M. Olano, T. Greer, "Triangle scan conversion using 2D homogeneous coordinates", Graphics Hardware 1997.
     #[inline]
-    pub(super) fn patch(&self, corners: &[Seen; 3], zero: Vec2) -> Option<Patch> {
+    pub(super) fn patch(&self, corners: &[Projected; 3], zero: Vec2) -> Option<Patch> {
         let [a, b, c] = corners.map(|p| {
             let w = if self.parallel { 1.0 } else { p.q.z };
             Vec3::new(p.q.x - zero.x * w, p.q.y - zero.y * w, w)
@@ -199,12 +199,12 @@ impl Patch {
 #[derive(Debug, Default)]
 pub(super) struct Vertices {
     first: usize,
-    seen: Vec<Seen>,
+    seen: Vec<Projected>,
 }
 
 impl Vertices {
     /// Sees the vertices of some faces.
-    pub(super) fn see(&mut self, sight: &Sight, faces: &[Face], mesh: &Skin<'_>) {
+    pub(super) fn see(&mut self, sight: &InstanceProjection, faces: &[Face], mesh: &CornerData<'_>) {
         let used = faces.iter().flat_map(|f| mesh.corners(f));
         let (first, last) = used.fold((usize::MAX, 0), |(lo, hi), i| (lo.min(i), hi.max(i)));
         self.first = first;
@@ -214,7 +214,7 @@ impl Vertices {
 
     /// Corners of a triangle of those seen.
     #[inline]
-    pub(super) fn corners(&self, corners: [usize; 3]) -> [Seen; 3] {
+    pub(super) fn corners(&self, corners: [usize; 3]) -> [Projected; 3] {
         corners.map(|i| self.seen.get(i - self.first).copied().unwrap_or_default())
     }
 }

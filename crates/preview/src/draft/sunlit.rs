@@ -11,21 +11,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::{Vec2, Vec3};
 
 use super::super::world::World;
-use super::project::{Seen, Sight, View, cells, float, lesser};
-use super::tasks::{Screen, Tasks, Window};
+use super::project::{InstanceProjection, Projected, Projection, cells, float, lesser};
+use super::tasks::{RasterTarget, ScreenRect, Tasks};
 use osier_base::geometry::Bounds;
 use osier_base::math;
 use osier_base::par::par_map;
 
 /// Places of a cell, on average.
-const CROWD: f32 = 0.2;
-/// Cells along a side at most.
+const PLACES_PER_CELL: f32 = 0.2;
+/// ShadowCells along a side at most.
 const SIDE: f32 = 2048.0;
 
 /// Which places a light reaches, as their rows are given.
 /// `toward`: unit vector to the light. `rows`: places just off their surfaces, m; those not finite are not asked for.
 pub(super) fn sunlit(world: &World<'_>, toward: Vec3, rows: &[Vec<Vec3>], tasks: &Tasks) -> Vec<bool> {
-    let cells = Cells::new(world, toward, rows);
+    let cells = ShadowCells::new(world, toward, rows);
     tasks.draw(world, &cells.view, &cells);
     let mut lit = vec![true; rows.iter().map(Vec::len).sum()];
     for (place, shaded) in cells.numbers.iter().zip(&cells.shaded) {
@@ -37,9 +37,9 @@ pub(super) fn sunlit(world: &World<'_>, toward: Vec3, rows: &[Vec<Vec3>], tasks:
 }
 
 /// Places as the light sees them.
-struct Cells {
+struct ShadowCells {
     toward: Vec3,
-    view: View,
+    view: Projection,
     size: [u32; 2],
     /// First place of each cell, row by row, and the number of all.
     starts: Vec<u32>,
@@ -51,13 +51,13 @@ struct Cells {
 }
 
 /// Places on a plane that faces the light, with their numbers.
-type Asked = Vec<(u32, Vec3)>;
+type ShadowQueries = Vec<(u32, Vec3)>;
 
-impl Cells {
+impl ShadowCells {
     fn new(world: &World<'_>, toward: Vec3, rows: &[Vec<Vec3>]) -> Self {
         // Whatever lies beside the shadow of the box around everything is lit.
         let middle = world.bounds.center();
-        let plane = View::of_light(toward, middle, 1.0);
+        let plane = Projection::of_light(toward, middle, 1.0);
         let shadow = Bounds::of(world.bounds.corners().map(|p| plane.project(p)));
         let within = |q: Vec3| [0, 1].iter().all(|k| q[*k] >= shadow.min[*k] && q[*k] <= shadow.max[*k]);
         let firsts = rows.iter().scan(0_u32, |next, row| {
@@ -66,7 +66,7 @@ impl Cells {
             Some((first, row))
         });
         let numbered: Vec<(u32, &Vec<Vec3>)> = firsts.collect();
-        let seen = |(first, row): &(u32, &Vec<Vec3>)| -> Asked {
+        let seen = |(first, row): &(u32, &Vec<Vec3>)| -> ShadowQueries {
             (*first..).zip(row.iter().map(|p| plane.project(*p))).filter(|(_, q)| within(*q)).collect()
         };
         let asked = par_map(&numbered, seen);
@@ -74,19 +74,24 @@ impl Cells {
         let sides = held.size().truncate();
         let count: usize = asked.iter().map(Vec::len).sum();
         #[allow(clippy::cast_precision_loss, reason = "about as many")]
-        let each = math::sqrt_f32(sides.x * sides.y * CROWD / (count as f32).max(1.0));
+        let each = math::sqrt_f32(sides.x * sides.y * PLACES_PER_CELL / (count as f32).max(1.0));
         let cell = each.max(sides.max_element() / SIDE).max(f32::MIN_POSITIVE);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most SIDE, and rounding")]
         let size = [sides.x, sides.y].map(|side| (side / cell).min(SIDE) as u32 + 1);
         let corner = plane.back(Vec3::new(held.min.x, held.min.y, 0.0));
-        let view = View::of_light(toward, if count == 0 { middle } else { corner }, cell);
+        let view = Projection::of_light(toward, if count == 0 { middle } else { corner }, cell);
         Self::sorted((toward, view), size, &asked, |q| {
             Vec3::new((q.x - held.min.x) / cell, (q.y - held.min.y) / cell, q.z)
         })
     }
 
     /// Places in order of their cells, each cell's as they were given. `scaled`: cell coordinates of a place on the plane.
-    fn sorted((toward, view): (Vec3, View), size: [u32; 2], asked: &[Asked], scaled: impl Fn(Vec3) -> Vec3) -> Self {
+    fn sorted(
+        (toward, view): (Vec3, Projection),
+        size: [u32; 2],
+        asked: &[ShadowQueries],
+        scaled: impl Fn(Vec3) -> Vec3,
+    ) -> Self {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held to the cells")]
         let cell = |q: Vec3| {
             let [x, y] = [0, 1].map(|k| (q[k] as u32).min(size[k] - 1));
@@ -128,14 +133,14 @@ impl Cells {
     }
 }
 
-impl Screen for Cells {
+impl RasterTarget for ShadowCells {
     #[inline]
-    fn window<const N: usize>(&self, sight: &Sight, places: &[Seen; N]) -> Option<Window> {
+    fn window<const N: usize>(&self, sight: &InstanceProjection, places: &[Projected; N]) -> Option<ScreenRect> {
         sight.window(places, self.size, cells)
     }
 
     #[inline]
-    fn face(&self, sight: &Sight, corners: &[Seen; 3], _: u64, there: impl Fn(Vec2) -> bool) {
+    fn face(&self, sight: &InstanceProjection, corners: &[Projected; 3], _: u64, there: impl Fn(Vec2) -> bool) {
         let Some([columns, rows]) = self.window(sight, corners) else { return };
         let (left, top) = (columns.start, rows.start);
         let zero = Vec2::new(float(left), float(top));
@@ -151,7 +156,7 @@ impl Screen for Cells {
         }
     }
 
-    fn cone(&self, [columns, rows]: Window, _: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>) {
+    fn cone(&self, [columns, rows]: ScreenRect, _: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>) {
         let covers = |q| meets(self.view.back(q), self.toward).is_some();
         rows.for_each(|row| self.each(row, columns.clone(), covers, |_| true));
     }

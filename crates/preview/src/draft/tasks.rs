@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
-use super::super::solid::{Kind, Solid};
-use super::super::world::{Showing, World, ray};
-use super::project::{Seen, Sight, Vertices, View};
+use super::super::solid::{Primitives, Solid};
+use super::super::world::{SolidInstance, World, ray};
+use super::project::{InstanceProjection, Projected, Projection, Vertices};
 use osier_base::geometry::Bounds;
 use osier_base::par::par_map;
 
@@ -15,7 +15,7 @@ const LOT: usize = 1 << 14;
 
 /// Some primitives of one showing.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Share {
+pub(super) struct PrimitiveRange {
     pub(super) showing: usize,
     pub(super) first: usize,
     pub(super) end: usize,
@@ -26,7 +26,7 @@ pub(super) struct Share {
 /// Everything to be drawn.
 #[derive(Debug)]
 pub(super) struct Tasks {
-    pub(super) lots: Vec<Vec<Share>>,
+    pub(super) lots: Vec<Vec<PrimitiveRange>>,
     /// Number of the first primitive of each showing among all primitives of all showings.
     pub(super) starts: Vec<u64>,
 }
@@ -40,7 +40,7 @@ impl Tasks {
             let mut first = 0;
             while first < len {
                 let end = len.min(first + LOT - held);
-                lot.push(Share { showing, first, end, number });
+                lot.push(PrimitiveRange { showing, first, end, number });
                 number += (end - first) as u64;
                 (held, first) = (held + end - first, end);
                 if held >= LOT {
@@ -54,7 +54,7 @@ impl Tasks {
     }
 
     /// Draws everything, in any order.
-    pub(super) fn draw(&self, world: &World<'_>, view: &View, screen: &(impl Screen + Sync)) {
+    pub(super) fn draw(&self, world: &World<'_>, view: &Projection, screen: &(impl RasterTarget + Sync)) {
         par_map(&self.lots, |lot| {
             let mut vertices = Vertices::default();
             lot.iter().for_each(|share| share.draw(world, view, screen, &mut vertices));
@@ -63,22 +63,22 @@ impl Tasks {
 }
 
 /// Columns and rows.
-pub(super) type Window = [Range<u32>; 2];
+pub(super) type ScreenRect = [Range<u32>; 2];
 
 /// Where primitives are drawn.
-pub(super) trait Screen {
+pub(super) trait RasterTarget {
     /// What of the screen the box around places touches.
-    fn window<const N: usize>(&self, sight: &Sight, places: &[Seen; N]) -> Option<Window>;
+    fn window<const N: usize>(&self, sight: &InstanceProjection, places: &[Projected; N]) -> Option<ScreenRect>;
 
     /// `there`: false where the triangle is cut out, by the weights of its corners.
-    fn face(&self, sight: &Sight, corners: &[Seen; 3], number: u64, there: impl Fn(Vec2) -> bool);
+    fn face(&self, sight: &InstanceProjection, corners: &[Projected; 3], number: u64, there: impl Fn(Vec2) -> bool);
 
     /// `meets`: where a ray of the world meets the cone, in lengths of its direction.
-    fn cone(&self, window: Window, number: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>);
+    fn cone(&self, window: ScreenRect, number: u64, meets: impl Fn(Vec3, Vec3) -> Option<f32>);
 }
 
-impl Share {
-    fn draw(&self, world: &World<'_>, view: &View, screen: &impl Screen, vertices: &mut Vertices) {
+impl PrimitiveRange {
+    fn draw(&self, world: &World<'_>, view: &Projection, screen: &impl RasterTarget, vertices: &mut Vertices) {
         let Some((showing, solid)) = world.of(self.showing) else { return };
         let sight = view.onto(showing);
         if solid.bounds().and_then(|b| screen.window(&sight, &around(&sight, b))).is_none() {
@@ -86,7 +86,7 @@ impl Share {
         }
         let primitives = self.first..self.end;
         match &solid.kind {
-            Kind::Faces { faces, mesh } => {
+            Primitives::Faces { faces, mesh } => {
                 let faces = &faces[primitives];
                 vertices.see(&sight, faces, mesh);
                 for (number, face) in (self.number..).zip(faces) {
@@ -95,7 +95,7 @@ impl Share {
                     screen.face(&sight, &vertices.corners(mesh.corners(face)), number, there);
                 }
             }
-            Kind::Cones { cones, .. } => {
+            Primitives::Cones { cones, .. } => {
                 for ((i, number), cone) in primitives.clone().zip(self.number..).zip(&cones[primitives]) {
                     let Some(window) = screen.window(&sight, &around(&sight, cone.bounds())) else { continue };
                     screen.cone(window, number, |from, along| meets(world, (showing, solid), i, [from, along]));
@@ -105,13 +105,13 @@ impl Share {
     }
 }
 
-fn around(sight: &Sight, [min, max]: [Vec3; 2]) -> [Seen; 8] {
+fn around(sight: &InstanceProjection, [min, max]: [Vec3; 2]) -> [Projected; 8] {
     Bounds { min, max }.corners().map(|p| sight.see(p))
 }
 
 fn meets(
     world: &World<'_>,
-    (showing, solid): (&Showing, &Solid<'_>),
+    (showing, solid): (&SolidInstance, &Solid<'_>),
     i: usize,
     [from, along]: [Vec3; 2],
 ) -> Option<f32> {

@@ -57,19 +57,25 @@ fn scene() -> Scene {
     scene
 }
 
-fn shot(scene: &Scene, size: [u32; 2]) -> Shot {
-    Shot { camera: scene.camera, size, light: Light::new(&scene.sun, &scene.sky), backdrop: Backdrop::Sky, seed: 0 }
+fn request(scene: &Scene, size: [u32; 2]) -> RenderRequest {
+    RenderRequest {
+        camera: scene.camera,
+        size,
+        light: Light::new(&scene.sun, &scene.sky),
+        backdrop: Backdrop::Sky,
+        seed: 0,
+    }
 }
 
 /// Hands a scene as a draft sees it and as rays do.
 fn both(test: impl Fn(&Draft<'_, '_>, &World<'_>)) {
     let scene = scene();
-    let shot = shot(&scene, SIZE);
-    let lens = Lens::new(&shot.camera, shot.size);
+    let request = request(&scene, SIZE);
+    let lens = Lens::new(&request.camera, request.size);
     let [plain, fine] = [Quality::Draft, Quality::Fine].map(|quality| Looks::new(&scene, quality));
     let (world, boxed) = (World::new(&scene, None, &plain), World::new(&scene, None, &fine));
     assert!(!world.boxed && boxed.boxed);
-    test(&Draft::new(&world, &shot, &lens), &boxed);
+    test(&Draft::new(&world, &request, &lens), &boxed);
 }
 
 const SIZE: [u32; 2] = [600, 480];
@@ -83,7 +89,7 @@ fn pixels_show_what_rays_meet() {
         for i in 0..BAND.pixels() {
             let (d, _) = draft.lens.aim(None, BAND.place(i), [0.5, 0.5]);
             let theirs = boxed.nearest(ray(draft.lens.eye, d, [0.0, f32::INFINITY])).map(|h| h.spot.t);
-            let ours = eye.hit(draft.world, i, (draft.lens.eye, d), &draft.tasks.starts).map(|h| h.spot.t);
+            let ours = eye.hit(draft.world, i, draft.lens.eye, d, &draft.tasks.starts).map(|h| h.spot.t);
             met += usize::from(theirs.is_some());
             wrong += usize::from(match (ours, theirs) {
                 (Some(a), Some(b)) => (a - b).abs() > 1e-3 * b,
@@ -100,7 +106,7 @@ fn shadows_lie_where_rays_find_them() {
     both(|draft, boxed| {
         let eye = Eye::new(draft.world, draft.lens, BAND, &draft.tasks);
         let places: Vec<Vec3> = (0..BAND.pixels()).map(|i| draft.seen(&eye, BAND, i).1).collect();
-        let toward = draft.shot.light.direction();
+        let toward = draft.request.light.direction();
         let lit = sunlit::sunlit(draft.world, toward, std::slice::from_ref(&places), &draft.tasks);
         let (mut asked, mut shaded, mut wrong) = (0, 0, 0);
         for (p, lit) in places.iter().zip(lit).filter(|(p, _)| p.is_finite()) {
@@ -122,7 +128,7 @@ fn bands_join_without_a_seam() {
         let parts = [0, 96].map(|top| Band { top, size: [SIZE[0], if top == 0 { 96 } else { SIZE[1] - 96 }] });
         let joined = parts.map(of).concat();
         let differing = whole.iter().zip(&joined).filter(|(a, b)| a != b).count();
-        // Cells that shadows are looked up in are not the same, so places on the very edge may differ.
+        // ShadowCells that shadows are looked up in are not the same, so places on the very edge may differ.
         assert!(differing * 1000 < whole.len(), "{differing}");
     });
 }

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::looks::Finish;
+use super::looks::ShadingParams;
 use super::sampler::Sampler;
 use super::surface::Surface;
 use super::world::{Hit, World, ray};
@@ -13,9 +13,9 @@ use osier_scene::{Fog, Sky, Sun};
 const DEPTH: u32 = 6;
 /// Radiance of one sample at most: a glint on water is bright, not a speck of noise.
 const BRIGHTEST: f32 = 6.0;
-/// Share of the surfaces around that see the sky and the sun, where it is not looked up.
+/// PrimitiveRange of the surfaces around that see the sky and the sun, where it is not looked up.
 const OPENNESS: f32 = 0.3;
-/// Share of the sky that things see, where it is not looked up.
+/// PrimitiveRange of the sky that things see, where it is not looked up.
 const OPEN_SKY: f32 = 0.8;
 /// Looks at the sky for each sample of the floor.
 const FLOOR_LOOKS: u32 = 4;
@@ -43,31 +43,31 @@ pub struct Light {
 
 /// One sample of a pixel.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Draw<'a> {
+pub(super) struct SampleContext<'a> {
     pub(super) sampler: &'a Sampler,
     pub(super) index: u32,
     /// Width of the sample at unit distance.
     pub(super) spread: f32,
     /// How far light is followed.
-    pub(super) care: Care,
+    pub(super) light_depth: LightDepth,
     /// False if the light around is known well enough from other samples.
     pub(super) around: bool,
     /// What was found out beforehand.
-    pub(super) known: Option<Known>,
+    pub(super) known: Option<PrecomputedLight>,
 }
 
 /// Light that reaches a place, looked up without rays.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Known {
+pub(super) struct PrecomputedLight {
     /// True if the middle of the sun is seen.
     pub(super) sun: bool,
-    /// Share of the sky that is seen.
+    /// PrimitiveRange of the sky that is seen.
     pub(super) sky: f32,
 }
 
 /// How far light is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Care {
+pub(super) enum LightDepth {
     /// The sun and its shadows; the sky as an open place has it.
     Sun,
     /// What hides the sky, too.
@@ -105,13 +105,13 @@ impl Light {
     /// Radiance of the sky in a unit direction, seen from the ground through the haze.
     pub(super) fn sky(&self, direction: Vec3) -> Vec3 {
         let clear = self.sky.toward(direction, self.toward, self.glow);
-        let (share, added) = self.haze((Vec3::ZERO, direction), FAR);
+        let (share, added) = self.haze(Vec3::ZERO, direction, FAR);
         clear * share + added
     }
 
     /// What the haze makes of light that comes to `eye` from `length` m along `direction`: the share that arrives, and
     /// what is added to it.
-    fn haze(&self, (eye, direction): (Vec3, Vec3), length: f32) -> (f32, Vec3) {
+    fn haze(&self, eye: Vec3, direction: Vec3, length: f32) -> (f32, Vec3) {
         self.fog.map_or((1.0, Vec3::ZERO), |fog| {
             let clear = fog.clear(eye, direction, length);
             (clear, Vec3::from_array(fog.color) * (1.0 - clear))
@@ -154,10 +154,10 @@ const ABOUT: f32 = 0.4;
 
 /// Radiance in two parts: one is noisy from few looks but smooth over a surface, so a picture may smooth it.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sent {
+pub(super) struct Scattered {
     /// Of the sun, of what is mirrored and of haze.
     pub(super) direct: Vec3,
-    /// Share of `around` that is sent on.
+    /// PrimitiveRange of `around` that is sent on.
     pub(super) matt: Vec3,
     /// Light of the sky and of what stands before it, from one direction drawn at random.
     pub(super) around: Vec3,
@@ -167,7 +167,7 @@ pub(super) struct Sent {
     pub(super) showing: u32,
 }
 
-impl Sent {
+impl Scattered {
     pub(super) fn whole(self) -> Vec3 {
         self.direct + self.matt * self.around
     }
@@ -175,17 +175,31 @@ impl Sent {
 
 impl World<'_> {
     /// Radiance towards the viewer along a ray, if it meets anything before `far`, in lengths of the direction.
-    pub(super) fn radiance(&self, light: &Light, (o, d): (Vec3, Vec3), far: f32, draw: &Draw<'_>) -> Option<Sent> {
+    pub(super) fn radiance(
+        &self,
+        light: &Light,
+        o: Vec3,
+        d: Vec3,
+        far: f32,
+        draw: &SampleContext<'_>,
+    ) -> Option<Scattered> {
         Path { world: self, light, draw, depth: 0 }.followed(o, d, far)
     }
 
     /// Radiance that a hit of a ray sends back along it.
-    pub(super) fn sent(&self, light: &Light, (o, d): (Vec3, Vec3), hit: &Hit, draw: &Draw<'_>) -> Option<Sent> {
+    pub(super) fn sent(
+        &self,
+        light: &Light,
+        o: Vec3,
+        d: Vec3,
+        hit: &Hit,
+        draw: &SampleContext<'_>,
+    ) -> Option<Scattered> {
         Path { world: self, light, draw, depth: 0 }.sent(o, d, hit)
     }
 
     /// Light of sun and sky that reaches a white, level floor.
-    pub(super) fn open_light(&self, light: &Light, p: Vec3, draw: &Draw<'_>) -> (Vec3, Vec3) {
+    pub(super) fn open_light(&self, light: &Light, p: Vec3, draw: &SampleContext<'_>) -> (Vec3, Vec3) {
         if let Some(known) = draw.known {
             return (light.open_sun() * f32::from(u8::from(known.sun)), light.mean_sky() * known.sky);
         }
@@ -193,7 +207,7 @@ impl World<'_> {
         let l = light.sunward(draw.sampler.point(draw.index, 1));
         let sun = if l.y > 0.0 && light.sun != Vec3::ZERO && seen(l) { light.open_sun() } else { Vec3::ZERO };
         // Paper is smooth, so its few samples must agree: four looks at the sky for one at the sun.
-        let looks = if draw.care == Care::Sun { 1 } else { FLOOR_LOOKS };
+        let looks = if draw.light_depth == LightDepth::Sun { 1 } else { FLOOR_LOOKS };
         let sky = (0..looks).fold(Vec3::ZERO, |sum, i| {
             let d = cosine(Vec3::Y, draw.sampler.point(draw.index * looks + i, 2));
             sum + if seen(d) { light.sky(d) } else { Vec3::ZERO }
@@ -208,7 +222,7 @@ impl World<'_> {
 struct Path<'p, 'w> {
     world: &'p World<'w>,
     light: &'p Light,
-    draw: &'p Draw<'p>,
+    draw: &'p SampleContext<'p>,
     /// Refractions and reflections so far.
     depth: u32,
 }
@@ -233,21 +247,21 @@ impl Path<'_, '_> {
         self.draw.known.map_or_else(|| self.is_open(self.off(s, l), l), |known| known.sun)
     }
 
-    fn followed(&self, o: Vec3, d: Vec3, far: f32) -> Option<Sent> {
+    fn followed(&self, o: Vec3, d: Vec3, far: f32) -> Option<Scattered> {
         self.sent(o, d, &self.world.nearest(ray(o, d, [0.0, far]))?)
     }
 
     /// Light that what a ray met sends back.
-    fn sent(&self, o: Vec3, d: Vec3, hit: &Hit) -> Option<Sent> {
+    fn sent(&self, o: Vec3, d: Vec3, hit: &Hit) -> Option<Scattered> {
         let surface = self.world.surface(hit, o, d, self.draw.spread)?;
         let mut seen = if surface.finish.water {
-            Sent { direct: self.water(d, &surface), ..Sent::default() }
+            Scattered { direct: self.water(d, &surface), ..Scattered::default() }
         } else {
             self.lit(d, &surface)
         };
         seen.direct = seen.direct.min(Vec3::splat(BRIGHTEST));
         if self.depth == 0 {
-            let (share, added) = self.light.haze((o, d), hit.spot.t);
+            let (share, added) = self.light.haze(o, d, hit.spot.t);
             seen.direct = seen.direct * share + added;
             seen.matt *= share;
         }
@@ -258,16 +272,16 @@ impl Path<'_, '_> {
     /// Light that an opaque or thin surface sends back along `d`.
     /// Matt light falls off with the cosine; a share `translucency` of it leaves on the other side. The gloss is that of
     /// a rough dielectric: what it takes, the matt part lacks.
-    fn lit(&self, d: Vec3, s: &Surface) -> Sent {
+    fn lit(&self, d: Vec3, s: &Surface) -> Scattered {
         let f = &s.finish;
         let toward = -math::normalize_or(d, Vec3::Z);
         let smooth = 1.0 - f.roughness;
         let gloss = fresnel(f.f0, s.n.dot(toward).max(0.0)) * smooth * smooth;
         let matt = f.albedo * (1.0 - gloss);
         let sun = self.sunlight(s, toward, matt);
-        if self.draw.care == Care::Sun {
+        if self.draw.light_depth == LightDepth::Sun {
             let sky = self.open_sky(s) * (matt + Vec3::splat(gloss));
-            return Sent { direct: sun + sky, ..Sent::default() };
+            return Scattered { direct: sun + sky, ..Scattered::default() };
         }
         let at = self.point(2);
         // One draw serves both sides: its first number also says which.
@@ -280,13 +294,13 @@ impl Path<'_, '_> {
         let around = if looks { self.arriving(s, d).min(Vec3::splat(BRIGHTEST)) } else { Vec3::ZERO };
         let looks = f32::from(u8::from(looks));
         // What a rough gloss mirrors is as blurred as the light around, unless there is time to look.
-        let clear = gloss > 0.0 && self.draw.care == Care::Around && f.roughness < 0.5;
+        let clear = gloss > 0.0 && self.draw.light_depth == LightDepth::Around && f.roughness < 0.5;
         if !clear {
-            return Sent { direct: sun, matt: matt + Vec3::splat(gloss), around, looks, ..Sent::default() };
+            return Scattered { direct: sun, matt: matt + Vec3::splat(gloss), around, looks, ..Scattered::default() };
         }
         let mirrored = math::normalize_or(s.n * (2.0 * s.n.dot(toward)) - toward, s.n);
         let r = if mirrored.dot(s.face) > 0.0 { mirrored } else { s.n };
-        Sent { direct: sun + self.arriving(s, r) * gloss, matt, around, looks, ..Sent::default() }
+        Scattered { direct: sun + self.arriving(s, r) * gloss, matt, around, looks, ..Scattered::default() }
     }
 
     /// Light of the sky by rule of thumb: half of it to the side, and the more the higher a surface faces, on the side that
@@ -323,19 +337,19 @@ impl Path<'_, '_> {
     fn arriving(&self, s: &Surface, d: Vec3) -> Vec3 {
         let (light, from) = (self.light, self.off(s, d));
         let look = ray(from, d, [0.0, f32::INFINITY]);
-        let met = match self.draw.care {
-            Care::Sun | Care::Sky => self.world.any(look),
-            Care::Around => self.world.nearest(look),
+        let met = match self.draw.light_depth {
+            LightDepth::Sun | LightDepth::Sky => self.world.any(look),
+            LightDepth::Around => self.world.nearest(look),
         };
         let Some(hit) = met else { return light.sky(d) };
         let (color, n) = self.world.glimpse(&hit, d);
         let l = light.sunward(self.point(3));
         let cos = n.dot(l).max(0.0) * std::f32::consts::FRAC_1_PI;
-        let share = match self.draw.care {
+        let share = match self.draw.light_depth {
             _ if cos <= 0.0 || light.sun == Vec3::ZERO => 0.0,
-            Care::Sun | Care::Sky => OPENNESS,
-            Care::Around if self.is_open(from + d * hit.spot.t + n * self.world.gap, l) => 1.0,
-            Care::Around => 0.0,
+            LightDepth::Sun | LightDepth::Sky => OPENNESS,
+            LightDepth::Around if self.is_open(from + d * hit.spot.t + n * self.world.gap, l) => 1.0,
+            LightDepth::Around => 0.0,
         };
         gathered(color, light.mean_sky()) + color * light.sun * (cos * share)
     }
@@ -366,7 +380,7 @@ impl Path<'_, '_> {
         if s.outside {
             seen += beyond(back) * share;
             let l = light.toward;
-            let bright = glint(&Finish { roughness: 0.08, ..s.finish }, n, -d, l) * n.dot(l).max(0.0);
+            let bright = glint(&ShadingParams { roughness: 0.08, ..s.finish }, n, -d, l) * n.dot(l).max(0.0);
             if bright > 1e-3 && self.is_open(self.off(s, s.face), l) {
                 seen += light.sun * bright;
             }
@@ -392,7 +406,7 @@ fn fresnel(f0: f32, cos: f32) -> f32 {
 /// Scattering of a rough mirror per cosine, 1/sr.
 /// Source: B. Walter et al., "Microfacet models for refraction", EGSR 2007: GGX with the joint Smith term in Hammon's
 /// approximation.
-fn glint(f: &Finish, n: Vec3, v: Vec3, l: Vec3) -> f32 {
+fn glint(f: &ShadingParams, n: Vec3, v: Vec3, l: Vec3) -> f32 {
     let (nv, nl) = (n.dot(v), n.dot(l));
     if nv <= 0.0 || nl <= 0.0 || f.f0 <= 0.0 {
         return 0.0;

@@ -25,23 +25,24 @@ fn scene(meshes: Vec<Mesh>, materials: Vec<Material>, sun: f32, sky: f32) -> Sce
 
 /// Mean radiance along one ray, grey.
 fn mean(scene: &Scene, origin: Vec3, direction: Vec3, samples: u32) -> Option<f32> {
-    [Care::Sky, Care::Around].map(|care| seen_with(scene, (origin, direction), samples, care)).into_iter().reduce(
-        |a, b| {
+    [LightDepth::Sky, LightDepth::Around]
+        .map(|light_depth| seen_with(scene, (origin, direction), samples, light_depth))
+        .into_iter()
+        .reduce(|a, b| {
             let (a, b) = (a?, b?);
-            assert!((a - b).abs() < 1e-3 * b.max(0.1), "{a} and {b}: less care, the same light");
+            assert!((a - b).abs() < 1e-3 * b.max(0.1), "{a} and {b}: less light_depth, the same light");
             Some(b)
-        },
-    )?
+        })?
 }
 
-fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, care: Care) -> Option<f32> {
+fn seen_with(scene: &Scene, (origin, direction): (Vec3, Vec3), samples: u32, light_depth: LightDepth) -> Option<f32> {
     let looks = Looks::new(scene, Quality::Normal);
     let world = World::new(scene, None, &looks);
     let light = Light::new(&scene.sun, &scene.sky);
     let sampler = Sampler::new(7, 0);
     let one = |index| {
-        let draw = Draw { sampler: &sampler, index, spread: 1e-3, care, around: true, known: None };
-        world.radiance(&light, (origin, direction), f32::INFINITY, &draw).map(|c| c.whole().y)
+        let draw = SampleContext { sampler: &sampler, index, spread: 1e-3, light_depth, around: true, known: None };
+        world.radiance(&light, origin, direction, f32::INFINITY, &draw).map(|c| c.whole().y)
     };
     let sum = (0..samples).map(one).try_fold(0.0_f32, |s, v| v.map(|v| s + v));
     #[allow(clippy::cast_precision_loss, reason = "few samples")]
@@ -106,7 +107,7 @@ fn the_sun_lights_by_the_cosine_and_shadows_lie_where_they_must() {
         let (ox, oz) = (dx / 0.9 * 1.1, dz / 0.9 * 1.1);
         assert!(below(ox, oz) > 0.98 * full, "outside at {ox} {oz}");
     }
-    // Half of the sun stands over the edge.
+    // SampleSums of the sun stands over the edge.
     let edge = below(1.0, 0.0) / full;
     assert!((edge - 0.5).abs() < 0.06, "{edge}");
 }
