@@ -108,9 +108,9 @@ fn timed(
     let start = Instant::now();
     for (wet, (blobs, soaks)) in wet.iter_mut().zip(&work) {
         if all {
-            wet.all_over(sheet, (blobs, soaks), t, manner);
+            wet.all_over(sheet, blobs, soaks, t, manner);
         } else {
-            wet.advance(sheet, (blobs, soaks), t, manner);
+            wet.advance(sheet, blobs, soaks, t, manner);
         }
     }
     start.elapsed().as_secs_f64() * 1e3
@@ -236,12 +236,12 @@ fn whole_frames(manner: &DropParams) {
         })
         .collect();
     let leaves = (0..LEAVES as u64).map(|i| {
-        let hung = LeafAttachment { on: (0, usize::try_from(i).unwrap_or(0)), target: Arc::clone(&target) };
+        let hung = LeafAttachment { plant: 0, leaf: usize::try_from(i).unwrap_or(0), collider: Arc::clone(&target) };
         (RainLeaf::new(Arc::clone(&sheet), 1.0, i), hung)
     });
     let rain = RainfallParams {
         seed: 5,
-        strength: 40.0 / 3.6e6,
+        intensity: 40.0 / 3.6e6,
         size: DropSizes::Natural,
         total: None,
         envelope: IntensityEnvelope::Constant,
@@ -251,12 +251,12 @@ fn whole_frames(manner: &DropParams) {
     };
     let over = Bounds { min: Vec3::new(-0.05, 0.9, -0.1), max: Vec3::new(0.35, 1.1, 0.1) };
     let parts = RainConfig {
-        manner: manner.clone(),
-        shower: Some(RainEmitter::new(rain, over, None)),
-        bearers: vec![Box::new(StaticPlant::new(&poses, Vec::new()))],
+        params: manner.clone(),
+        emitter: Some(RainEmitter::new(rain, over, None)),
+        plants: vec![Box::new(StaticPlant::new(&poses, Vec::new()))],
         leaves: leaves.collect(),
         wind: None,
-        floor: Box::new(0.8),
+        ground: Box::new(0.8),
     };
     let mut storm = RainSimulation::new(parts);
     let mut wet: Vec<LeafWaterMaps> = (0..LEAVES).map(|_| LeafWaterMaps::new(Arc::clone(&chart), 1.0)).collect();
@@ -266,7 +266,12 @@ fn whole_frames(manner: &DropParams) {
         let lying = storm.leaves().iter().map(|l| l.drops.len()).sum::<usize>();
         for k in lying..200 {
             let volume = manner.wetting.volume_of_base(draw.range(7e-4, 2e-3));
-            storm.place(k % LEAVES, DVec2::new(draw.range(0.05, 0.95), draw.range(0.05, 0.95)), DVec3::ZERO, volume);
+            storm.deposit_drop(
+                k % LEAVES,
+                DVec2::new(draw.range(0.05, 0.95), draw.range(0.05, 0.95)),
+                DVec3::ZERO,
+                volume,
+            );
         }
         let start = Instant::now();
         (0..8).for_each(|_| storm.step(1.0 / (24.0 * 8.0)).expect("a step"));
@@ -275,7 +280,7 @@ fn whole_frames(manner: &DropParams) {
         let start = Instant::now();
         for (i, wet) in wet.iter_mut().enumerate() {
             let (blobs, soaks) = moment.on(i);
-            wet.advance(&sheet, (&blobs, &soaks), moment.t, manner);
+            wet.advance(&sheet, &blobs, &soaks, moment.t, manner);
         }
         maps.push(start.elapsed().as_secs_f64() * 1e3);
         drops += storm.leaves().iter().map(|l| l.drops.len()).sum::<usize>();

@@ -82,7 +82,7 @@ impl LeafCollider {
         let mut hit = RayHit::none();
         self.tree.ray_traverse(ray, &mut hit, |_, i| {
             let ([a, e, f], number) = self.faces[i];
-            let Some((t, w)) = crossing(o, d, [a, e, f]) else { return f32::INFINITY };
+            let Some((t, w)) = intersect_triangle(o, d, [a, e, f]) else { return f32::INFINITY };
             let nearer = best.is_none_or(|b| t < b.0 - TIE || (t <= b.0 + TIE && number < b.1));
             if nearer {
                 best = Some((t, number, w));
@@ -95,15 +95,15 @@ impl LeafCollider {
 
     /// Every triangle, one after the other.
     #[cfg(test)]
-    fn meets_slowly(&self, from: DVec3, to: DVec3) -> Option<(f32, u32)> {
+    fn intersect_all(&self, from: DVec3, to: DVec3) -> Option<(f32, u32)> {
         let (o, d) = (from.as_vec3(), (to - from).as_vec3());
-        let hits = self.faces.iter().filter_map(|(f, i)| crossing(o, d, *f).map(|(t, _)| (t, *i)));
+        let hits = self.faces.iter().filter_map(|(f, i)| intersect_triangle(o, d, *f).map(|(t, _)| (t, *i)));
         hits.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
     }
 }
 
 /// Share of the way `d` from `o` at which it crosses a triangle, and where. Source: Möller and Trumbore.
-fn crossing(o: Vec3, d: Vec3, [a, e, f]: [Vec3; 3]) -> Option<(f32, [f32; 2])> {
+fn intersect_triangle(o: Vec3, d: Vec3, [a, e, f]: [Vec3; 3]) -> Option<(f32, [f32; 2])> {
     let p = d.cross(f);
     let det = e.dot(p);
     if det.abs() < f32::MIN_POSITIVE {
@@ -140,7 +140,7 @@ impl MovingLeaf<'_> {
         Some(LeafHit { t: t.min(1.0), ..met })
     }
 
-    fn ball(&self) -> [DVec3; 2] {
+    fn swept_bounds(&self) -> [DVec3; 2] {
         let r = DVec3::splat(self.target.radius * self.scale * 1.001);
         let at = self.poses.map(|pose| pose.to_world(self.target.middle, self.scale));
         [at[0].min(at[1]) - r, at[0].max(at[1]) + r]
@@ -181,7 +181,8 @@ impl<'a> RainCollider<'a> {
             let r = DVec3::splat(b.radii[0].max(b.radii[1]));
             [b.ends[0].min(b.ends[1]) - r, b.ends[0].max(b.ends[1]) + r]
         };
-        let boxes: Vec<Aabb> = leaves.iter().map(MovingLeaf::ball).chain(wood.iter().map(around)).map(bounds).collect();
+        let boxes: Vec<Aabb> =
+            leaves.iter().map(MovingLeaf::swept_bounds).chain(wood.iter().map(around)).map(bounds).collect();
         let tree = (!boxes.is_empty())
             .then(|| build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Duration::default()));
         Self { leaves, wood, tree }
@@ -209,7 +210,7 @@ impl<'a> RainCollider<'a> {
                 Some(leaf) => leaf.meets(way, d).map(|met| DropHit::Leaf(i, met)),
                 None => {
                     let k = i - self.leaves.len();
-                    touches(&self.wood[k], way, d).map(|(t, share)| DropHit::Wood(k, t, share))
+                    intersect_wood(&self.wood[k], way, d).map(|(t, share)| DropHit::Wood(k, t, share))
                 }
             };
             if let Some(s) = struck.filter(|s| best.is_none_or(|b| s.t() < b.t() - f64::from(TIE))) {
@@ -221,7 +222,7 @@ impl<'a> RainCollider<'a> {
 }
 
 /// Where a drop on its way comes nearest to a piece of wood, if it touches it: shares of both.
-fn touches(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<(f64, f64)> {
+fn intersect_wood(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<(f64, f64)> {
     let (u, v, w) = (to - from, wood.ends[1] - wood.ends[0], from - wood.ends[0]);
     let (a, b, c) = (u.dot(u), u.dot(v), v.dot(v));
     let (e, f) = (u.dot(w), v.dot(w));
@@ -260,7 +261,7 @@ mod tests {
         let mut hits = 0;
         for _ in 0..100_000 {
             let (a, b) = (any(0.05), any(0.05));
-            let slow = target.meets_slowly(a, b);
+            let slow = target.intersect_all(a, b);
             let fast = target.meets(a, b);
             hits += usize::from(slow.is_some());
             match (slow, fast) {

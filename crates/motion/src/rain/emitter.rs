@@ -22,17 +22,17 @@ const CHUNK: f64 = 30.0;
 const PERIOD: f64 = 0.5;
 
 /// Velocity at which a raindrop of a diameter, m, falls in still air, m/s. Source: Atlas et al. 1973.
-pub fn terminal(d: f64) -> f64 {
+pub fn terminal_speed(d: f64) -> f64 {
     (9.65 - 10.3 * math::exp(-600.0 * d)).max(0.3)
 }
 
 /// Volume of a ball of a diameter.
-pub fn ball(d: f64) -> f64 {
+pub fn sphere_volume(d: f64) -> f64 {
     PI / 6.0 * d * d * d
 }
 
 /// Diameter of a ball of a volume.
-pub fn across(volume: f64) -> f64 {
+pub fn sphere_diameter(volume: f64) -> f64 {
     math::cbrt(volume * 6.0 / PI)
 }
 
@@ -64,7 +64,7 @@ pub struct RainfallParams {
     /// Seed of its draws.
     pub seed: u64,
     /// Water over time, m/s (10 mm/h are 2.8e-6).
-    pub strength: f64,
+    pub intensity: f64,
     /// How large drops are.
     pub size: DropSizes,
     /// Drops that a clip of `duration` seconds has in all, instead of `strength`.
@@ -118,19 +118,19 @@ pub struct EmittedDrop {
 impl RainEmitter {
     /// Rain that falls on everything in a box, m, through a wind.
     pub fn new(fall: RainfallParams, over: Bounds, wind: Option<Arc<dyn Wind>>) -> Self {
-        let sizes = sizes(&fall);
-        let mean = sizes.iter().map(|d| ball(*d)).sum::<f64>() / sizes.len().max(1) as f64;
+        let sizes = diameters_of_equal_chance(&fall);
+        let mean = sizes.iter().map(|d| sphere_volume(*d)).sum::<f64>() / sizes.len().max(1) as f64;
         let end = |d: Option<&f64>| d.copied().unwrap_or(1e-3);
         let reach = SourceTracer::new(over, wind, [end(sizes.first()), end(sizes.last())], fall.g);
         let classes: Vec<usize> = sizes.iter().map(|d| reach.class(*d)).collect();
         let mut shower = Self { reach, classes, sizes, flux: 1.0, area: 0.0, now: None, fall };
         let fall = &shower.fall;
-        let areas = shower.reach.areas(fall.duration, |t| share(fall, t));
+        let areas = shower.reach.areas(fall.duration, |t| envelope_factor(fall, t));
         let of = |class: &usize| areas.get(*class).copied().unwrap_or(0.0);
         shower.area = shower.classes.iter().map(of).sum::<f64>() / shower.classes.len().max(1) as f64;
         shower.flux = match shower.fall.total {
-            Some(total) => total / (shower.area * shower.whole()).max(f64::MIN_POSITIVE),
-            None => shower.fall.strength / mean,
+            Some(total) => total / (shower.area * shower.envelope_integral()).max(f64::MIN_POSITIVE),
+            None => shower.fall.intensity / mean,
         };
         shower
     }
@@ -151,41 +151,41 @@ impl RainEmitter {
     }
 
     /// Strength over the clip, s.
-    fn whole(&self) -> f64 {
+    fn envelope_integral(&self) -> f64 {
         let n = 2000;
         let h = self.fall.duration / f64::from(n);
-        (0..n).map(|k| share(&self.fall, (f64::from(k) + 0.5) * h) * h).sum()
+        (0..n).map(|k| envelope_factor(&self.fall, (f64::from(k) + 0.5) * h) * h).sum()
     }
 
-    /// Drops of step `number`, which begins at `t` and lasts `h` seconds.
-    pub fn drops(&mut self, number: u64, (t, h): (f64, f64)) -> Vec<EmittedDrop> {
+    /// Emits the drops of step `number`, which begins at time `t` and lasts `h`, s, ordered by time.
+    pub fn emit(&mut self, number: u64, t: f64, h: f64) -> Vec<EmittedDrop> {
         let mut draw = Rng::at(self.fall.seed, &["rain".into(), 0_u64.into(), number.into()]);
         let key = Rng::key(self.fall.seed, &["rain".into(), "gusts".into()]);
         let gust = 1.0 + self.fall.jitter * f64::from(gradient1(key, math::narrow(t / PERIOD), 1 << 20));
-        let now = self.at(t);
+        let now = self.epoch_at(t);
         let around = now.sums.last().copied().unwrap_or(0.0) / self.sizes.len().max(1) as f64;
-        let mean = self.flux * around * share(&self.fall, t) * h * gust.max(0.0);
-        let count = poisson(mean, &mut draw);
+        let mean = self.flux * around * envelope_factor(&self.fall, t) * h * gust.max(0.0);
+        let count = sample_poisson(mean, &mut draw);
         let mut born: Vec<EmittedDrop> = Vec::new();
         for _ in 0..count {
             let at = draw.range(0.0, h);
-            let (class, d) = self.size(&now.sums, draw.unit_f64());
+            let (class, d) = self.sample_diameter(&now.sums, draw.unit_f64());
             let shares = DVec2::new(draw.unit_f64(), draw.unit_f64());
-            // From elsewhere in the rectangle around it nothing comes that matters.
+            // Candidates are uniform over the bounding rectangle; those outside of the source region would miss everything.
             let Some(p) = now.sources.get(class).and_then(|s| s.place(shares)) else { continue };
             let p = DVec3::new(p.x, self.reach.height(), p.y);
-            born.push(EmittedDrop { t: t + at, p, v: -DVec3::Y * terminal(d), volume: ball(d) });
+            born.push(EmittedDrop { t: t + at, p, v: -DVec3::Y * terminal_speed(d), volume: sphere_volume(d) });
         }
         self.now = Some(now);
         let places: Vec<Vec3> = born.iter().map(|b| b.p.as_vec3()).collect();
-        let airs = air_at(self.reach.wind(), &places, t);
+        let airs = wind_at(self.reach.wind(), &places, t);
         born.iter_mut().zip(airs).for_each(|(b, air)| b.v += air.as_dvec3());
         born.sort_by(|a, b| a.t.total_cmp(&b.t));
         born
     }
 
     /// Where drops start at a time.
-    fn at(&mut self, t: f64) -> EmissionEpoch {
+    fn epoch_at(&mut self, t: f64) -> EmissionEpoch {
         let epoch = self.reach.epoch(t);
         if let Some(now) = self.now.take().filter(|now| now.epoch == epoch) {
             return now;
@@ -202,7 +202,7 @@ impl RainEmitter {
     }
 
     /// A size by its chance to start now: the larger the area that a size starts from, the more drops of it there are.
-    fn size(&self, sums: &[f64], u: f64) -> (usize, f64) {
+    fn sample_diameter(&self, sums: &[f64], u: f64) -> (usize, f64) {
         let last = self.sizes.len().saturating_sub(1);
         let wanted = u * sums.last().copied().unwrap_or(0.0);
         let k = sums.partition_point(|s| *s <= wanted).min(last);
@@ -215,7 +215,7 @@ impl RainEmitter {
 }
 
 /// Share of its full strength that rain has at a time, s.
-fn share(fall: &RainfallParams, t: f64) -> f64 {
+fn envelope_factor(fall: &RainfallParams, t: f64) -> f64 {
     match &fall.envelope {
         IntensityEnvelope::Constant => 1.0,
         IntensityEnvelope::Bell(middle, width) => {
@@ -235,7 +235,7 @@ fn share(fall: &RainfallParams, t: f64) -> f64 {
 }
 
 /// Middles of pieces of equal chance.
-fn sizes(fall: &RainfallParams) -> Vec<f64> {
+fn diameters_of_equal_chance(fall: &RainfallParams) -> Vec<f64> {
     let n = TABLE as f64;
     let [least, most] = SIZES;
     let density: Box<dyn Fn(f64) -> f64> = match fall.size {
@@ -245,8 +245,8 @@ fn sizes(fall: &RainfallParams) -> Vec<f64> {
             math::exp(-0.5 * k * k) / mm
         }),
         DropSizes::Natural => {
-            let slope = 4.1 * math::pow((fall.strength * 3.6e6).max(0.01), -0.21);
-            Box::new(move |mm: f64| math::exp(-slope * mm) * terminal(mm * 1e-3))
+            let slope = 4.1 * math::pow((fall.intensity * 3.6e6).max(0.01), -0.21);
+            Box::new(move |mm: f64| math::exp(-slope * mm) * terminal_speed(mm * 1e-3))
         }
     };
     let (mut sum, mut sums) = (0.0, vec![(0.0, least)]);
@@ -267,7 +267,7 @@ fn sizes(fall: &RainfallParams) -> Vec<f64> {
 }
 
 /// A count whose mean is `mean`. Source: Knuth's multiplication, in parts of at most 30.
-pub fn poisson(mean: f64, draw: &mut Rng) -> u32 {
+pub fn sample_poisson(mean: f64, draw: &mut Rng) -> u32 {
     let (mut left, mut count) = (mean.max(0.0), 0);
     while left > 0.0 {
         let part = left.min(CHUNK);
@@ -282,17 +282,18 @@ pub fn poisson(mean: f64, draw: &mut Rng) -> u32 {
     count
 }
 
-/// A falling drop after `h` seconds in air that moves with `air`, m/s. Source: drag that balances gravity at terminal speed;
-/// semi-implicit.
-pub fn fall(v: DVec3, (volume, g): (f64, f64), air: DVec3, h: f64) -> DVec3 {
+/// Velocity of a falling drop of `volume`, m^3, after `h`, s, under gravity `g`, m/s^2, in air of velocity `air`, m/s.
+/// Source: quadratic drag that balances gravity at terminal speed, a = -g |v| v / vt^2.
+pub fn fall(v: DVec3, volume: f64, g: f64, air: DVec3, h: f64) -> DVec3 {
     let rel = v - air;
-    let vt = terminal(across(volume));
+    // Gravity explicit, drag implicit in the velocity with its coefficient g |v| / vt^2 of the old one: stable for any h.
+    let vt = terminal_speed(sphere_diameter(volume));
     let rel = (rel - DVec3::Y * (g * h)) / (1.0 + h * g * rel.length() / (vt * vt));
     air + rel
 }
 
 /// The wind at some places.
-pub fn air_at(wind: Option<&dyn Wind>, places: &[Vec3], t: f64) -> Vec<Vec3> {
+pub fn wind_at(wind: Option<&dyn Wind>, places: &[Vec3], t: f64) -> Vec<Vec3> {
     let mut out = vec![Vec3::ZERO; places.len()];
     if let Some(wind) = wind {
         wind.sample(places, t, &mut out);
@@ -307,7 +308,7 @@ mod tests {
     fn rainfall() -> RainfallParams {
         RainfallParams {
             seed: 5,
-            strength: 10.0 / 3.6e6,
+            intensity: 10.0 / 3.6e6,
             size: DropSizes::Natural,
             total: None,
             envelope: IntensityEnvelope::Constant,
@@ -327,13 +328,13 @@ mod tests {
         assert!((2300.0..3100.0).contains(&shower.flux()), "{}", shower.flux());
         let (mut water, mut counts, h) = (0.0, Vec::new(), 0.005);
         for k in 0..8000_u64 {
-            let born = shower.drops(k, (k as f64 * h, h));
+            let born = shower.emit(k, k as f64 * h, h);
             water += born.iter().map(|b| b.volume).sum::<f64>();
             counts.push(born.len());
         }
         assert!(counts.iter().sum::<usize>() > 100_000);
         let area = 1.0;
-        assert!((water / (area * 8000.0 * h) / rainfall().strength - 1.0).abs() < 0.03);
+        assert!((water / (area * 8000.0 * h) / rainfall().intensity - 1.0).abs() < 0.03);
         let (mean, n) = (shower.rate() * h, counts.len() as f64);
         // Counts scatter as Poisson's do, neither more nor less.
         let scatter: f64 = counts.iter().map(|c| (*c as f64 - mean) * (*c as f64 - mean) / mean).sum();
@@ -366,12 +367,12 @@ mod tests {
         let mut found: Vec<f64> = Vec::new();
         let mut k = 0_u64;
         while found.len() < 20_000 {
-            found.extend(shower.drops(k, (0.0, 0.01)).iter().map(|b| across(b.volume) * 1e3));
+            found.extend(shower.emit(k, 0.0, 0.01).iter().map(|b| sphere_diameter(b.volume) * 1e3));
             k += 1;
         }
         found.sort_by(f64::total_cmp);
         let slope = 4.1 * math::pow(10.0, -0.21);
-        let density = |mm: f64| math::exp(-slope * mm) * terminal(mm * 1e-3);
+        let density = |mm: f64| math::exp(-slope * mm) * terminal_speed(mm * 1e-3);
         let (n, step) = (20_000, 5.5 / 20_000.0);
         let at = |k: usize| 0.5 + (k as f64 + 0.5) * step;
         let whole: f64 = (0..n).map(|k| density(at(k))).sum();
@@ -392,8 +393,8 @@ mod tests {
         for mm in [0.5, 1.0, 2.0, 5.0] {
             let d = mm * 1e-3;
             let mut v = DVec3::ZERO;
-            (0..12_000).for_each(|_| v = fall(v, (ball(d), 9.81), DVec3::X * 2.0, 1e-3));
-            assert!((v.y / -terminal(d) - 1.0).abs() < 0.01, "{mm}: {v}");
+            (0..12_000).for_each(|_| v = fall(v, sphere_volume(d), 9.81, DVec3::X * 2.0, 1e-3));
+            assert!((v.y / -terminal_speed(d) - 1.0).abs() < 0.01, "{mm}: {v}");
             assert!((v.x - 2.0).abs() < 0.01);
         }
     }
@@ -403,7 +404,7 @@ mod tests {
         let bell = IntensityEnvelope::Bell(5.0, 2.5);
         let fall = RainfallParams { total: Some(2000.0), envelope: bell, jitter: 0.2, ..rainfall() };
         let mut shower = RainEmitter::new(fall, over(), Some(Arc::new(osier_wind::UniformWind(Vec3::X))));
-        let count: usize = (0..2000_u64).map(|k| shower.drops(k, (k as f64 * 0.005, 0.005)).len()).sum();
+        let count: usize = (0..2000_u64).map(|k| shower.emit(k, k as f64 * 0.005, 0.005).len()).sum();
         assert!((count as f64 - 2000.0).abs() < 5.0 * 2000.0_f64.sqrt() + 60.0, "{count}");
     }
 }

@@ -1,33 +1,34 @@
-//! What happens to drops, one by one.
+//! Events: what happened to single drops, in the order in which it happened.
 
 use glam::DVec3;
 
 use osier_scene::DropEventKind;
 
-/// Something that happened to a drop.
+/// Something that happened to a drop, in the simulation's own identifiers and precision; `osier_scene::DropEvent` is its form in
+/// a frame, with drops renumbered over the clip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RainEvent {
-    /// What; `blow` tells how hard it struck.
+    /// What happened.
     pub what: DropEventKind,
-    /// When, s.
+    /// Time since the simulation began, s.
     pub t: f64,
-    /// The drop, by birth.
+    /// Identifier of the drop; stable over frames, threads and time steps.
     pub id: u64,
-    /// The other one, if there is one.
+    /// Identifier of the second drop of a merge, splash, bead or partial detachment.
     pub other: Option<u64>,
-    /// The leaf, if it is on one.
+    /// Index of the leaf that the drop is on.
     pub leaf: Option<usize>,
-    /// Where, in the world, m.
+    /// World position, m.
     pub p: DVec3,
-    /// Its volume from then on, m^3.
+    /// Volume of the drop after the event, m^3.
     pub volume: f64,
-    /// The blow on the leaf, N s.
+    /// Magnitude of the impulse on the leaf, N s; 0 except for impacts.
     pub blow: f64,
 }
 
 impl RainEvent {
-    /// One with neither other drop, leaf nor blow.
-    pub fn of(what: DropEventKind, id: u64, (t, p): (f64, DVec3), volume: f64) -> Self {
+    /// An event at time `t`, s, and world position `p`, m, with neither second drop, leaf nor impulse.
+    pub fn new(what: DropEventKind, id: u64, t: f64, p: DVec3, volume: f64) -> Self {
         Self { what, t, id, other: None, leaf: None, p, volume, blow: 0.0 }
     }
 }

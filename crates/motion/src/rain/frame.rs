@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::rain::drops::drop::DropCap;
-use crate::rain::drops::pendant::THINS;
+use crate::rain::drops::pendant::NECKING_TIME;
 use crate::rain::drops::rain_leaf::{DropCounters, WetSpot};
 use crate::rain::drops::shape::Footprint;
 use crate::rain::event::RainEvent;
@@ -86,28 +86,28 @@ pub struct RainFrame {
     /// What has happened so far, in numbers.
     pub tally: DropCounters,
     /// Where all water is.
-    pub ledger: WaterBudget,
+    pub water_budget: WaterBudget,
 }
 
 impl RainFrame {
-    /// A storm as it is.
-    pub fn of(storm: &mut RainSimulation) -> Self {
-        let mut soaked = storm.take();
-        let manner = &storm.manner;
+    /// A simulation as it is.
+    pub fn of(simulation: &mut RainSimulation) -> Self {
+        let mut soaked = simulation.take_wet_spots();
+        let params = &simulation.params;
         let (mut lying, mut hanging) = (Vec::new(), Vec::new());
-        for (i, leaf) in storm.leaves().iter().enumerate() {
+        for (i, leaf) in simulation.leaves().iter().enumerate() {
             for d in &leaf.drops {
-                if let Some(hang) = d.hang {
-                    let p = hang.rim.p;
+                if let Some(hang) = d.pendant {
+                    let p = hang.margin.p;
                     let (id, axis, volume) = (d.id, d.axis, d.volume);
-                    let thin = hang.thin.map_or(0.0, |t| (t / THINS).min(1.0));
+                    let thin = hang.necking.map_or(0.0, |t| (t / NECKING_TIME).min(1.0));
                     hanging.push(PendantDrop { id, leaf: i, p, radius: hang.radius, axis, volume, thin });
                     continue;
                 }
-                let facing = leaf.at(d.uv).map_or(1.0, |s| (storm.blades()[i].orientation * s.n).y.abs());
-                let beads = d.beads(manner, facing);
-                soaked.extend(beads.iter().map(|b| (i, WetSpot { uv: b.uv, a: b.cap.a, t: storm.time() })));
-                let print = d.print(manner);
+                let facing = leaf.at(d.uv).map_or(1.0, |s| (simulation.poses()[i].orientation * s.n).y.abs());
+                let beads = d.caps(params, facing);
+                soaked.extend(beads.iter().map(|b| (i, WetSpot { uv: b.uv, a: b.cap.a, t: simulation.time() })));
+                let print = d.footprint(params);
                 let (id, axis, v, volume) = (d.id, d.axis, d.v, d.volume);
                 lying.push(SessileDrop { id, leaf: i, side: d.side, beads, print, axis, v, volume });
             }
@@ -115,16 +115,16 @@ impl RainFrame {
         let air =
             |d: &crate::rain::simulation::FallingDrop| AirborneDrop { id: d.id, p: d.p, v: d.v, volume: d.volume };
         Self {
-            t: storm.time(),
-            blades: storm.blades().to_vec(),
-            wetness: storm.leaves().iter().map(|l| l.wetness(storm.time(), &storm.manner)).collect(),
+            t: simulation.time(),
+            blades: simulation.poses().to_vec(),
+            wetness: simulation.leaves().iter().map(|l| l.wetness(simulation.time(), &simulation.params)).collect(),
             lying,
             hanging,
-            air: storm.air().iter().map(air).collect(),
+            air: simulation.air().iter().map(air).collect(),
             soaked,
-            events: storm.take_events(),
-            tally: storm.tally(),
-            ledger: storm.ledger(),
+            events: simulation.take_events(),
+            tally: simulation.counters(),
+            water_budget: simulation.water_budget(),
         }
     }
 

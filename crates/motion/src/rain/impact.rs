@@ -1,19 +1,24 @@
-//! What a blow of a drop does.
+//! The impulse of an impact between a drop and what it strikes.
 
 use crate::rain::params::ImpactLaw;
 
-/// The blow between a drop and what it strikes, N s, along the normal. `mass`: of the drop, kg; `u`: speed of approach, m/s;
-/// `lightness`: what 1 N s changes in the speed of what is struck, 1/kg; `energy`: of the drop's motion relative to it, J;
-/// `speed`: of what is struck along the blow, m/s.
-/// Source: momentum; or [yang-wu] eq. 2 with M_e = 1 / lightness.
-pub fn blow(model: ImpactLaw, (mass, u): (f64, f64), lightness: f64, (energy, speed): (f64, f64)) -> f64 {
-    match model {
-        ImpactLaw::Momentum { restitution } => (1.0 + restitution) * u / (1.0 / mass + lightness),
-        // What does not give way takes no energy.
-        ImpactLaw::PaperEnergy { .. } if lightness <= 0.0 => mass * u,
+/// Impulse of an impact, N s, along the contact normal.
+///
+/// `mass`: of the drop, kg. `approach`: closing speed along the normal, m/s. `inverse_mass`: inverse effective mass of what is
+/// struck, 1/kg; 0 if it does not move. `energy`: kinetic energy of the drop relative to it, J. `speed`: of what is struck, along
+/// the impulse, m/s.
+/// Source: conservation of momentum; or [yang-wu] eq. 2 with M_e = 1 / `inverse_mass`.
+pub fn impact_impulse(law: ImpactLaw, mass: f64, approach: f64, inverse_mass: f64, energy: f64, speed: f64) -> f64 {
+    match law {
+        // j = (1 + e) u / (1/m + 1/M): relative speed after the impact is -e u.
+        ImpactLaw::Momentum { restitution } => (1.0 + restitution) * approach / (1.0 / mass + inverse_mass),
+        // What does not move takes no energy.
+        ImpactLaw::PaperEnergy { .. } if inverse_mass <= 0.0 => mass * approach,
+        // M v'^2 / 2 = M v^2 / 2 + (1 - eps) E, solved for M (v' - v).
         ImpactLaw::PaperEnergy { eps } => {
-            let heavy = 1.0 / lightness;
-            heavy * (osier_base::math::sqrt(speed * speed + 2.0 * (1.0 - eps) * energy / heavy) - speed)
+            let effective_mass = 1.0 / inverse_mass;
+            effective_mass
+                * (osier_base::math::sqrt(speed * speed + 2.0 * (1.0 - eps) * energy / effective_mass) - speed)
         }
     }
 }
@@ -28,21 +33,21 @@ mod tests {
     #[test]
     fn momentum_is_kept_and_energy_never_grows() {
         for e in [0.0, 0.3, 0.9] {
-            let j = blow(ImpactLaw::Momentum { restitution: e }, (DROP, 6.5), 1.0 / LEAF, (0.0, 0.0));
+            let j = impact_impulse(ImpactLaw::Momentum { restitution: e }, DROP, 6.5, 1.0 / LEAF, 0.0, 0.0);
             let (leaf, drop) = (j / LEAF, 6.5 - j / DROP);
             assert!((DROP * drop + LEAF * leaf - DROP * 6.5).abs() < 1e-6 * DROP * 6.5);
             let after = DROP * drop * drop + LEAF * leaf * leaf;
             assert!(after <= DROP * 6.5 * 6.5 * (1.0 + 1e-12));
             assert!((leaf - drop - e * 6.5).abs() < 1e-9);
         }
-        let j = blow(ImpactLaw::Momentum { restitution: 0.0 }, (DROP, 6.5), 1.0 / LEAF, (0.0, 0.0));
+        let j = impact_impulse(ImpactLaw::Momentum { restitution: 0.0 }, DROP, 6.5, 1.0 / LEAF, 0.0, 0.0);
         assert!((j / LEAF - 0.09).abs() < 0.001);
     }
 
     #[test]
     fn the_papers_energy_throws_a_leaf_eight_times_as_fast() {
         let energy = 0.5 * DROP * 6.5 * 6.5;
-        let j = blow(ImpactLaw::PaperEnergy { eps: 0.1 }, (DROP, 6.5), 1.0 / LEAF, (energy, 0.0));
+        let j = impact_impulse(ImpactLaw::PaperEnergy { eps: 0.1 }, DROP, 6.5, 1.0 / LEAF, energy, 0.0);
         let leaf = j / LEAF;
         assert!((0.5 * LEAF * leaf * leaf / (0.9 * energy) - 1.0).abs() < 1e-6);
         assert!((leaf - 0.73).abs() < 0.005, "{leaf}");

@@ -17,13 +17,14 @@ mod params;
 mod simulation;
 mod source_region;
 mod target;
+mod tuning;
 
 pub use collide::LeafCollider;
 pub use drops::drop::DropCap;
 pub use drops::pendant::PendantShapes;
 pub use drops::rain_leaf::{DropCounters, RainLeaf, WetSpot};
 pub use drops::shape::{CapShape, Footprint, SphericalCap, WettingParams};
-pub use emitter::{DropSizes, IntensityEnvelope, RainEmitter, RainfallParams, across, ball};
+pub use emitter::{DropSizes, IntensityEnvelope, RainEmitter, RainfallParams, sphere_diameter, sphere_volume};
 pub use event::RainEvent;
 pub use frame::{AirborneDrop, PendantDrop, RainFrame, SessileDrop};
 pub use leaf::mask::AlphaMask;

@@ -1,6 +1,7 @@
 //! The numbers that rule rain.
 
 use crate::rain::drops::shape::{CapShape, WettingParams};
+use crate::rain::leaf::wetness::DryingLaw;
 
 /// How a drop's blow moves what it strikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -95,6 +96,13 @@ pub struct DropParams {
     pub half_life: f64,
     /// Length on which wetness falls from a drop's middle, m.
     pub wet_length: f64,
+}
+
+impl DropParams {
+    /// How wet surfaces dry.
+    pub fn drying(&self) -> DryingLaw {
+        DryingLaw { zeta: self.zeta, half_life: self.half_life }
+    }
 }
 
 impl Default for DropParams {

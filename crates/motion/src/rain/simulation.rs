@@ -1,213 +1,213 @@
-//! The whole of it, step by step: rain falls, strikes, lies, runs, hangs and drips, and the plants give way.
+//! The time step of rain: drops fall, strike leaves and wood, move over leaves, and the plants respond.
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::collide::{DropHit, LeafCollider, MovingLeaf, RainCollider};
-use crate::rain::drops::drop::SurfaceDrop;
-use crate::rain::drops::rain_leaf::{DetachedDrop, DropCounters, LeafStep, LeafStepResult, RainLeaf};
-use crate::rain::drops::shape::WATER;
-use crate::rain::emitter::{EmittedDrop, RainEmitter, across, air_at, fall};
-use crate::rain::event::RainEvent;
-use crate::rain::impact::blow;
-use crate::rain::params::{DropParams, ImpactLaw};
-use crate::rain::target::{LeafPose, RainTarget, WoodSegment};
+use super::collide::{DropHit, LeafCollider, LeafHit, MovingLeaf, RainCollider};
+use super::drops::drop::SurfaceDrop;
+use super::drops::rain_leaf::{AttachedWater, DropCounters, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
+use super::drops::shape::{TENSION, WATER};
+use super::emitter::{EmittedDrop, RainEmitter, fall, sphere_diameter, sphere_volume, wind_at};
+use super::event::RainEvent;
+use super::impact::impact_impulse;
+use super::params::{DropParams, ImpactLaw};
+use super::target::{LeafPose, RainTarget, WoodSegment};
+use super::tuning::{
+    BUDGET_TOLERANCE, DROPS_PER_TASK, IGNORE_LEAF_TIME, SPLASH_ANGLES, SPLASH_DIAMETERS, SPLASH_DROPLETS,
+    SPLASH_OFFSET, SPLASH_SPEEDS, SPLASH_WEBER_NUMBER,
+};
+use osier_base::math;
 use osier_base::par::{par_chunks, par_map_mut};
 use osier_base::rng::Rng;
 use osier_base::{Error, Result};
 use osier_scene::DropEventKind;
 use osier_wind::Wind;
 
-/// Drops that one thread moves at a time.
-const CHUNK: usize = 256;
-/// A drop that leaves a leaf does not meet it for so long, s.
-const BLIND: f64 = 0.005;
-/// Weber number from which drops splash.
-const SPLASHES: f64 = 100.0;
-/// Water may be lost to rounding by this share.
-const LOST: f64 = 1e-9;
-/// Marks the ids of droplets that splash.
-const NEW: u64 = 1 << 62;
+/// Bit that is set in the identifiers of splash droplets.
+const SPLASH_ID: u64 = 1 << 62;
 
-/// A drop in the air.
+/// A drop in the air, as the simulation advances it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FallingDrop {
-    /// By birth.
+    /// Identifier; stable over frames, threads and time steps.
     pub id: u64,
-    /// m.
+    /// Position, m.
     pub p: DVec3,
-    /// m/s.
+    /// Velocity, m/s.
     pub v: DVec3,
-    /// m^3.
+    /// Volume, m^3.
     pub volume: f64,
-    /// A leaf that it does not meet until a time, s.
-    blind: Option<(usize, f64)>,
-    /// Time within this step at which it comes to be, s.
-    late: f64,
+    /// A leaf that it passes through, and the time until which it does, s.
+    ignore_leaf: Option<(usize, f64)>,
+    /// Time within the present step at which it is emitted, s; 0 for older drops.
+    spawn_offset: f64,
 }
 
-/// Where a leaf hangs, and its blade.
+/// Which plant carries a leaf, and the leaf's collision shape.
 #[derive(Debug)]
 pub struct LeafAttachment {
-    /// Plant, and number of the leaf on it.
-    pub on: (usize, usize),
-    /// Its blade.
-    pub target: Arc<LeafCollider>,
+    /// Index of the plant.
+    pub plant: usize,
+    /// Index of the leaf on that plant.
+    pub leaf: usize,
+    /// Triangles of the blade.
+    pub collider: Arc<LeafCollider>,
 }
 
-/// Where all water is, m^3.
+/// Where all water is, m^3. Water is conserved: `emitted` equals the sum of the others.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct WaterBudget {
-    /// Fallen from the sky.
+    /// Emitted so far, or deposited on leaves by the scene.
     pub emitted: f64,
     /// In the air.
     pub air: f64,
-    /// Lying or running on leaves.
+    /// In sessile drops.
     pub leaves: f64,
-    /// Hanging.
+    /// In pendant drops.
     pub pendants: f64,
-    /// On the ground or beyond.
+    /// Fallen to the ground or beyond the scene.
     pub ground: f64,
-    /// On wood.
+    /// Absorbed by wood.
     pub wood: f64,
 }
 
 impl WaterBudget {
-    /// What is missing, as a share of all.
+    /// Water that is missing or too much, as a fraction of what was emitted.
     pub fn error(&self) -> f64 {
         let there = self.air + self.leaves + self.pendants + self.ground + self.wood;
         (there - self.emitted).abs() / self.emitted.max(1e-18)
     }
 }
 
-/// Places that came under water, with their leaves.
-pub type LeafWetSpots = Vec<(usize, crate::rain::drops::rain_leaf::WetSpot)>;
+/// A wet spot and the index of its leaf.
+pub type LeafWetSpots = Vec<(usize, WetSpot)>;
 
-/// Where drops end that strike nothing.
+/// The ground, where drops end that strike nothing.
 pub trait GroundHeight: std::fmt::Debug + Send + Sync {
     /// Height at x and z, m.
     fn height(&self, x: f64, z: f64) -> f64;
 }
 
-/// The same height everywhere.
+/// Level ground.
 impl GroundHeight for f64 {
     fn height(&self, _: f64, _: f64) -> f64 {
         *self
     }
 }
 
-/// What a storm is made of.
+/// What a [`RainSimulation`] starts from.
 pub struct RainConfig {
     /// How drops behave.
-    pub manner: DropParams,
-    /// Rain; none for scenes with drops of their own.
-    pub shower: Option<RainEmitter>,
+    pub params: DropParams,
+    /// Source of drops; none for scenes that deposit their own.
+    pub emitter: Option<RainEmitter>,
     /// Plants.
-    pub bearers: Vec<Box<dyn RainTarget>>,
-    /// Leaves of all plants.
+    pub plants: Vec<Box<dyn RainTarget>>,
+    /// Leaves of all plants, with the plants that carry them.
     pub leaves: Vec<(RainLeaf, LeafAttachment)>,
-    /// Moving air.
+    /// Wind that carries falling drops.
     pub wind: Option<Arc<dyn Wind>>,
-    /// Where drops end that strike nothing.
-    pub floor: Box<dyn GroundHeight>,
+    /// Ground.
+    pub ground: Box<dyn GroundHeight>,
 }
 
-/// Rain over some plants.
+/// Rain on plants, advanced step by step.
 #[derive(Debug)]
 pub struct RainSimulation {
     /// How drops behave.
-    pub manner: DropParams,
-    shower: Option<RainEmitter>,
-    bearers: Vec<Box<dyn RainTarget>>,
+    pub params: DropParams,
+    emitter: Option<RainEmitter>,
+    plants: Vec<Box<dyn RainTarget>>,
     leaves: Vec<RainLeaf>,
-    hung: Vec<LeafAttachment>,
+    attachments: Vec<LeafAttachment>,
     air: Vec<FallingDrop>,
-    blades: Vec<LeafPose>,
+    poses: Vec<LeafPose>,
+    /// Wood of each plant.
     wood: Vec<Vec<WoodSegment>>,
     wind: Option<Arc<dyn Wind>>,
-    floor: Box<dyn GroundHeight>,
+    ground: Box<dyn GroundHeight>,
     t: f64,
     steps: u64,
-    born: u64,
+    last_id: u64,
     emitted: f64,
-    ground: f64,
-    wooded: f64,
-    told: Vec<LeafStepResult>,
-    tally: DropCounters,
+    water_on_ground: f64,
+    water_on_wood: f64,
+    wet_spots: LeafWetSpots,
+    counters: DropCounters,
     events: Vec<RainEvent>,
 }
 
-/// How a drop's step ended.
+/// How a falling drop's step ended.
 #[derive(Clone, Copy)]
 enum FlightOutcome {
-    Flies,
+    Airborne,
     Ground,
     Hit(DropHit),
 }
 
 impl RainSimulation {
-    /// Everything as it hangs before the first drop.
-    pub fn new(parts: RainConfig) -> Self {
-        let (leaves, hung): (Vec<RainLeaf>, Vec<LeafAttachment>) = parts.leaves.into_iter().unzip();
-        let mut storm = Self {
-            manner: parts.manner,
-            shower: parts.shower,
-            bearers: parts.bearers,
-            told: Vec::new(),
-            blades: Vec::new(),
+    /// The state before the first drop.
+    pub fn new(config: RainConfig) -> Self {
+        let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafAttachment>) = config.leaves.into_iter().unzip();
+        let mut simulation = Self {
+            params: config.params,
+            emitter: config.emitter,
+            plants: config.plants,
+            wet_spots: Vec::new(),
+            poses: Vec::new(),
             wood: Vec::new(),
             leaves,
-            hung,
+            attachments,
             air: Vec::new(),
-            wind: parts.wind,
-            floor: parts.floor,
+            wind: config.wind,
+            ground: config.ground,
             t: 0.0,
             steps: 0,
-            born: 0,
+            last_id: 0,
             emitted: 0.0,
-            ground: 0.0,
-            wooded: 0.0,
-            tally: DropCounters::default(),
+            water_on_ground: 0.0,
+            water_on_wood: 0.0,
+            counters: DropCounters::default(),
             events: Vec::new(),
         };
-        storm.blades = storm.poses();
-        storm.wood = storm.boughs();
-        storm
+        simulation.poses = simulation.leaf_poses();
+        simulation.wood = simulation.wood_segments();
+        simulation
     }
 
-    /// Puts a drop on a leaf, as if it had just fallen there. `v`: along the leaf, in its own space, m/s.
-    pub fn place(&mut self, leaf: usize, uv: glam::DVec2, v: DVec3, volume: f64) {
-        let id = self.next();
+    /// Deposits a drop of `volume`, m^3, on a leaf at texture coordinates. `v`: velocity along the leaf, in leaf space, m/s.
+    pub fn deposit_drop(&mut self, leaf: usize, uv: DVec2, v: DVec3, volume: f64) {
+        let id = self.next_id();
         self.emitted += volume;
-        let blade = self.blades.get(leaf).copied();
-        if let Some((on, blade)) = self.leaves.get_mut(leaf).zip(blade) {
+        let pose = self.poses.get(leaf).copied();
+        if let Some((on, pose)) = self.leaves.get_mut(leaf).zip(pose) {
             on.drops.push(SurfaceDrop::new(id, 1.0, uv, v, volume));
-            let p = on.at(uv).map_or(blade.position, |s| blade.position + blade.orientation * s.p);
-            let born = RainEvent::of(DropEventKind::Born, id, (self.t, p), volume);
+            let p = on.at(uv).map_or(pose.position, |s| pose.position + pose.orientation * s.p);
+            let born = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
             self.events.push(RainEvent { leaf: Some(leaf), ..born });
         }
     }
 
-    fn next(&mut self) -> u64 {
-        self.born += 1;
-        self.born
+    fn next_id(&mut self) -> u64 {
+        self.last_id += 1;
+        self.last_id
     }
 
-    fn poses(&self) -> Vec<LeafPose> {
-        self.hung.iter().map(|h| self.bearers[h.on.0].leaf_pose(h.on.1)).collect()
+    fn leaf_poses(&self) -> Vec<LeafPose> {
+        self.attachments.iter().map(|a| self.plants[a.plant].leaf_pose(a.leaf)).collect()
     }
 
-    fn boughs(&self) -> Vec<Vec<WoodSegment>> {
-        let one = |b: &dyn RainTarget| {
+    fn wood_segments(&self) -> Vec<Vec<WoodSegment>> {
+        let of_plant = |plant: &dyn RainTarget| {
             let mut out = Vec::new();
-            b.wood_segments(&mut out);
+            plant.wood_segments(&mut out);
             out
         };
-        self.bearers.iter().map(|b| one(&**b)).collect()
+        self.plants.iter().map(|plant| of_plant(&**plant)).collect()
     }
 
-    /// Seconds passed.
+    /// Time since the beginning, s.
     pub fn time(&self) -> f64 {
         self.t
     }
@@ -217,9 +217,9 @@ impl RainSimulation {
         &self.leaves
     }
 
-    /// Where the leaves are.
-    pub fn blades(&self) -> &[LeafPose] {
-        &self.blades
+    /// Poses of the leaves, in the same order.
+    pub fn poses(&self) -> &[LeafPose] {
+        &self.poses
     }
 
     /// Drops in the air.
@@ -228,256 +228,265 @@ impl RainSimulation {
     }
 
     /// The plants.
-    pub fn bearers(&self) -> &[Box<dyn RainTarget>] {
-        &self.bearers
+    pub fn plants(&self) -> &[Box<dyn RainTarget>] {
+        &self.plants
     }
 
-    /// What has happened so far.
-    pub fn tally(&self) -> DropCounters {
-        self.tally
+    /// Numbers of events since the beginning.
+    pub fn counters(&self) -> DropCounters {
+        self.counters
     }
 
-    /// Places that came under water since they were last taken, with their leaves.
-    pub fn take(&mut self) -> LeafWetSpots {
-        let stamps = self.told.iter_mut().enumerate().flat_map(|(i, told)| {
-            let leaf = i % self.leaves.len().max(1);
-            std::mem::take(&mut told.stamps).into_iter().map(move |s| (leaf, s))
-        });
-        let stamps = stamps.collect();
-        self.told.clear();
-        stamps
+    /// Removes and returns the spots that became wet since the last call.
+    pub fn take_wet_spots(&mut self) -> LeafWetSpots {
+        std::mem::take(&mut self.wet_spots)
     }
 
-    /// What has happened since they were last taken, in the order of steps.
+    /// Removes and returns the events since the last call, in the order of steps.
     pub fn take_events(&mut self) -> Vec<RainEvent> {
         std::mem::take(&mut self.events)
     }
 
-    /// Where all water is.
-    pub fn ledger(&self) -> WaterBudget {
-        let mut l =
-            WaterBudget { emitted: self.emitted, ground: self.ground, wood: self.wooded, ..WaterBudget::default() };
-        l.air = self.air.iter().map(|d| d.volume).sum();
+    /// Where all water is now.
+    pub fn water_budget(&self) -> WaterBudget {
+        let mut budget = WaterBudget {
+            emitted: self.emitted,
+            ground: self.water_on_ground,
+            wood: self.water_on_wood,
+            ..WaterBudget::default()
+        };
+        budget.air = self.air.iter().map(|d| d.volume).sum();
         for d in self.leaves.iter().flat_map(|l| &l.drops) {
-            *if d.hang.is_some() { &mut l.pendants } else { &mut l.leaves } += d.volume;
+            *if d.pendant.is_some() { &mut budget.pendants } else { &mut budget.leaves } += d.volume;
         }
-        l
+        budget
     }
 
-    /// One step of `h` seconds.
+    /// Advances rain and plants by `h`, s. Drops that are emitted within the step fall for its remainder.
     /// # Errors
-    /// `Simulation` where plants fly apart or water is lost.
+    /// `Simulation` if the motion of a plant diverges.
     pub fn step(&mut self, h: f64) -> Result<()> {
         self.emit(h);
-        for bearer in &mut self.bearers {
-            bearer.step(self.t, h)?;
+        for plant in &mut self.plants {
+            plant.step(self.t, h)?;
         }
-        let before = std::mem::take(&mut self.blades);
-        self.blades = self.poses();
-        self.wood = self.boughs();
-        let struck = self.fly(&before, h);
+        // Leaves move from `before` to `self.poses` while drops fall; collisions need both ends.
+        let before = std::mem::take(&mut self.poses);
+        self.poses = self.leaf_poses();
+        self.wood = self.wood_segments();
+        let hits = self.advance_airborne(&before, h);
         self.t += h;
         self.steps += 1;
-        self.strike(struck);
-        self.lie(h);
+        for (drop, hit) in hits {
+            match hit {
+                DropHit::Leaf(leaf, hit) => self.hit_leaf(&drop, leaf, &hit),
+                DropHit::Wood(segment, _, fraction) => self.hit_wood(&drop, segment, fraction),
+            }
+        }
+        self.step_leaves(h);
         Ok(())
     }
 
-    /// An error if water was lost or made.
+    /// Checks that water is conserved.
     /// # Errors
-    /// `Simulation`.
-    pub fn audit(&self, frame: u32) -> Result<()> {
-        if self.ledger().error() > LOST {
+    /// `Simulation` if more than [`BUDGET_TOLERANCE`] is missing or too much.
+    pub fn check_water_budget(&self, frame: u32) -> Result<()> {
+        if self.water_budget().error() > BUDGET_TOLERANCE {
             return Err(Error::Simulation { frame, quantity: "the volume of water".into() });
         }
         Ok(())
     }
 
     fn emit(&mut self, h: f64) {
-        let Some(shower) = &mut self.shower else { return };
-        let born: Vec<EmittedDrop> = shower.drops(self.steps, (self.t, h));
-        for b in born {
-            let id = self.next();
-            self.emitted += b.volume;
-            self.events.push(RainEvent::of(DropEventKind::Born, id, (b.t, b.p), b.volume));
-            self.air.push(FallingDrop { id, p: b.p, v: b.v, volume: b.volume, blind: None, late: b.t - self.t });
+        let Some(emitter) = &mut self.emitter else { return };
+        let emitted: Vec<EmittedDrop> = emitter.emit(self.steps, self.t, h);
+        for d in emitted {
+            let id = self.next_id();
+            self.emitted += d.volume;
+            self.events.push(RainEvent::new(DropEventKind::Born, id, d.t, d.p, d.volume));
+            let spawn_offset = d.t - self.t;
+            self.air.push(FallingDrop { id, p: d.p, v: d.v, volume: d.volume, ignore_leaf: None, spawn_offset });
         }
     }
 
-    /// Moves what is in the air, and returns what struck something.
-    fn fly(&mut self, before: &[LeafPose], h: f64) -> Vec<(FallingDrop, DropHit)> {
+    /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
+    fn advance_airborne(&mut self, before: &[LeafPose], h: f64) -> Vec<(FallingDrop, DropHit)> {
+        // Bounding boxes of everything that moves or stands, over the whole step.
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();
-        let moved: Vec<MovingLeaf> = (0..self.leaves.len())
+        let moving: Vec<MovingLeaf> = (0..self.leaves.len())
             .map(|i| MovingLeaf {
-                target: &self.hung[i].target,
+                target: &self.attachments[i].collider,
                 scale: self.leaves[i].scale,
-                poses: [before[i], self.blades[i]],
+                poses: [before[i], self.poses[i]],
             })
             .collect();
-        let field = RainCollider::new(&moved, &wood);
+        let collider = RainCollider::new(&moving, &wood);
+        // The wind is sampled for all drops at once, which recorded and lattice winds do much faster than one by one.
         let places: Vec<Vec3> = self.air.iter().map(|d| d.p.as_vec3()).collect();
-        let winds = air_at(self.wind.as_deref(), &places, self.t);
+        let winds = wind_at(self.wind.as_deref(), &places, self.t);
         let both: Vec<(FallingDrop, Vec3)> = self.air.iter().copied().zip(winds).collect();
-        let (t, floor, g) = (self.t, &self.floor, self.manner.g);
-        let one = |(drop, wind): &(FallingDrop, Vec3)| {
+        let (t, ground, g) = (self.t, &self.ground, self.params.g);
+        let advance = |(drop, wind): &(FallingDrop, Vec3)| {
             let mut drop = *drop;
-            let h = h - std::mem::replace(&mut drop.late, 0.0);
-            drop.v = fall(drop.v, (drop.volume, g), wind.as_dvec3(), h);
+            let h = h - std::mem::replace(&mut drop.spawn_offset, 0.0);
+            drop.v = fall(drop.v, drop.volume, g, wind.as_dvec3(), h);
             let to = drop.p + drop.v * h;
-            let without = drop.blind.filter(|(_, until)| t < *until).map(|(leaf, _)| leaf);
-            let end = match field.first([drop.p, to], across(drop.volume), without) {
-                Some(struck) => FlightOutcome::Hit(struck),
-                None if to.y < floor.height(to.x, to.z) => FlightOutcome::Ground,
-                None => FlightOutcome::Flies,
+            let ignored = drop.ignore_leaf.filter(|(_, until)| t < *until).map(|(leaf, _)| leaf);
+            let outcome = match collider.first([drop.p, to], sphere_diameter(drop.volume), ignored) {
+                Some(hit) => FlightOutcome::Hit(hit),
+                None if to.y < ground.height(to.x, to.z) => FlightOutcome::Ground,
+                None => FlightOutcome::Airborne,
             };
-            let reach = if let FlightOutcome::Hit(s) = &end { s.t() } else { 1.0 };
-            drop.p = drop.p.lerp(to, reach);
-            (drop, end)
+            let fraction = if let FlightOutcome::Hit(hit) = &outcome { hit.t() } else { 1.0 };
+            drop.p = drop.p.lerp(to, fraction);
+            (drop, outcome)
         };
-        let ended = par_chunks(&both, CHUNK, |_, part| part.iter().map(one).collect::<Vec<_>>()).concat();
-        let mut struck = Vec::new();
+        let task = |_: usize, part: &[(FallingDrop, Vec3)]| part.iter().map(advance).collect::<Vec<_>>();
+        let outcomes = par_chunks(&both, DROPS_PER_TASK, task).concat();
+        let mut hits = Vec::new();
         self.air.clear();
-        for (drop, end) in ended {
-            match end {
-                FlightOutcome::Flies => self.air.push(drop),
+        for (drop, outcome) in outcomes {
+            match outcome {
+                FlightOutcome::Airborne => self.air.push(drop),
                 FlightOutcome::Ground => {
-                    self.events.push(RainEvent::of(DropEventKind::Ground, drop.id, (t + h, drop.p), drop.volume));
-                    self.ground += drop.volume;
+                    self.events.push(RainEvent::new(DropEventKind::Ground, drop.id, t + h, drop.p, drop.volume));
+                    self.water_on_ground += drop.volume;
                 }
-                FlightOutcome::Hit(s) => struck.push((drop, s)),
+                FlightOutcome::Hit(hit) => hits.push((drop, hit)),
             }
         }
-        struck.sort_by(|a, b| a.1.t().total_cmp(&b.1.t()).then(a.0.id.cmp(&b.0.id)));
-        struck
+        hits.sort_by(|a, b| a.1.t().total_cmp(&b.1.t()).then(a.0.id.cmp(&b.0.id)));
+        hits
     }
 
-    fn strike(&mut self, struck: Vec<(FallingDrop, DropHit)>) {
-        for (drop, what) in struck {
-            match what {
-                DropHit::Leaf(leaf, met) => self.strike_leaf(&drop, leaf, &met),
-                DropHit::Wood(k, _, share) => self.strike_wood(&drop, k, share),
-            }
-        }
-    }
-
-    fn strike_wood(&mut self, drop: &FallingDrop, mut k: usize, share: f64) {
+    /// A drop strikes wood: the impulse moves it, the water stays on it. `segment`: index over the wood of all plants.
+    fn hit_wood(&mut self, drop: &FallingDrop, mut segment: usize, fraction: f64) {
         for (plant, wood) in self.wood.iter().enumerate() {
-            if k >= wood.len() {
-                k -= wood.len();
+            if segment >= wood.len() {
+                segment -= wood.len();
                 continue;
             }
-            let bearer = &mut self.bearers[plant];
-            let rel = drop.v - bearer.wood_velocity(k, share);
-            let along = rel.normalize_or_zero();
+            let plant = &mut self.plants[plant];
+            let relative = drop.v - plant.wood_velocity(segment, fraction);
+            let direction = relative.normalize_or_zero();
             let m = WATER * drop.volume;
-            let light = bearer.wood_inverse_effective_mass(k, share, along);
-            let energy = 0.5 * m * rel.length_squared();
-            let j = blow(self.manner.impact, (m, rel.length()), light, (energy, 0.0));
-            bearer.apply_wood_impulse(k, share, along * (j * self.manner.gain));
+            let inverse_mass = plant.wood_inverse_effective_mass(segment, fraction, direction);
+            let energy = 0.5 * m * relative.length_squared();
+            let j = impact_impulse(self.params.impact, m, relative.length(), inverse_mass, energy, 0.0);
+            plant.apply_wood_impulse(segment, fraction, direction * (j * self.params.gain));
             break;
         }
-        self.events.push(RainEvent::of(DropEventKind::Wood, drop.id, (self.t, drop.p), drop.volume));
-        self.wooded += drop.volume;
+        self.events.push(RainEvent::new(DropEventKind::Wood, drop.id, self.t, drop.p, drop.volume));
+        self.water_on_wood += drop.volume;
     }
 
-    fn strike_leaf(&mut self, drop: &FallingDrop, i: usize, met: &crate::rain::collide::LeafHit) {
-        let (blade, leaf) = (self.blades[i], &self.leaves[i]);
-        let uv = leaf.sheet.uv_of(met.triangle, met.weights);
-        let Some(spot) = leaf.at(uv).filter(|_| leaf.sheet.stops(uv)) else {
-            // Through a hole, or on the very edge of a triangle at the margin: it passes.
-            self.air.push(FallingDrop { blind: Some((i, self.t + BLIND)), ..*drop });
+    /// A drop strikes a leaf: it passes through a hole, or transfers an impulse, splashes, and stays as a sessile drop.
+    fn hit_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &LeafHit) {
+        let (pose, leaf) = (self.poses[i], &self.leaves[i]);
+        let uv = leaf.sheet.uv_of(hit.triangle, hit.weights);
+        let Some(surface) = leaf.at(uv).filter(|_| leaf.sheet.stops(uv)) else {
+            // A hole of the alpha mask, or the very edge of a triangle at the margin, where no surface is found.
+            self.air.push(FallingDrop { ignore_leaf: Some((i, self.t + IGNORE_LEAF_TIME)), ..*drop });
             return;
         };
-        let place = blade.position + blade.orientation * spot.p;
-        let mut rel = drop.v - blade.velocity_at(place);
-        let up = blade.orientation * spot.n;
-        let side = if rel.dot(up) <= 0.0 { 1.0 } else { -1.0 };
+        let point = pose.position + pose.orientation * surface.p;
+        let mut relative = drop.v - pose.velocity_at(point);
+        let up = pose.orientation * surface.n;
+        let side = if relative.dot(up) <= 0.0 { 1.0 } else { -1.0 };
         let n = up * side;
-        let u = (-rel.dot(n)).max(0.0);
+        let approach = (-relative.dot(n)).max(0.0);
         let m = WATER * drop.volume;
-        let (plant, k) = self.hung[i].on;
-        let along = match self.manner.impact {
+        let LeafAttachment { plant, leaf: leaf_on_plant, .. } = self.attachments[i];
+        // Momentum acts along the normal; the paper's energy model pushes the leaf along the drop's flight.
+        let direction = match self.params.impact {
             ImpactLaw::Momentum { .. } => n,
-            ImpactLaw::PaperEnergy { .. } => -rel.normalize_or(-n),
+            ImpactLaw::PaperEnergy { .. } => -relative.normalize_or(-n),
         };
-        let light = self.bearers[plant].inverse_effective_mass(k, place, along);
-        let energy = 0.5 * m * rel.length_squared();
-        let speed = -blade.velocity_at(place).dot(along);
-        let j = blow(self.manner.impact, (m, u), light, (energy, speed));
-        self.bearers[plant].apply_impulse(k, place, along * (-j * self.manner.gain));
-        self.tally = self.tally.and(DropCounters { struck: 1, hardest: j, ..DropCounters::default() });
+        let inverse_mass = self.plants[plant].inverse_effective_mass(leaf_on_plant, point, direction);
+        let energy = 0.5 * m * relative.length_squared();
+        let leaf_speed = -pose.velocity_at(point).dot(direction);
+        let j = impact_impulse(self.params.impact, m, approach, inverse_mass, energy, leaf_speed);
+        self.plants[plant].apply_impulse(leaf_on_plant, point, direction * (-j * self.params.gain));
+        self.counters = self.counters.combine(DropCounters { struck: 1, hardest: j, ..DropCounters::default() });
+        // We = rho u^2 d / gamma compares inertia with surface tension.
         let mut volume = drop.volume;
-        let we = WATER * u * u * across(volume) / crate::rain::drops::shape::TENSION;
-        if we > SPLASHES && self.manner.splash > 0.0 {
-            volume -= self.splash(drop, (i, place), (n, rel));
+        let weber = WATER * approach * approach * sphere_diameter(volume) / TENSION;
+        if weber > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
+            volume -= self.splash(drop, i, point, n, relative);
         }
-        let event = RainEvent::of(DropEventKind::Struck, drop.id, (self.t, place), volume);
-        self.events.push(RainEvent { leaf: Some(i), blow: j * self.manner.gain, ..event });
-        rel -= n * rel.dot(n);
-        let v = blade.orientation.inverse() * rel * self.manner.tangent_keep;
+        let event = RainEvent::new(DropEventKind::Struck, drop.id, self.t, point, volume);
+        self.events.push(RainEvent { leaf: Some(i), blow: j * self.params.gain, ..event });
+        // The drop keeps a part of its tangential velocity relative to the leaf.
+        relative -= n * relative.dot(n);
+        let v = pose.orientation.inverse() * relative * self.params.tangent_keep;
         self.leaves[i].drops.push(SurfaceDrop::new(drop.id, side, uv, v, volume));
     }
 
-    /// Lets a share of a drop leave as droplets, and returns its volume.
-    fn splash(&mut self, drop: &FallingDrop, (leaf, place): (usize, DVec3), (n, rel): (DVec3, DVec3)) -> f64 {
-        let mut draw = Rng::at(self.manner.seed, &["drop".into(), drop.id.into(), "splash".into()]);
-        let wanted = self.manner.splash * drop.volume;
-        let count = 6 + draw.below(15);
-        let sizes: Vec<f64> = (0..count).map(|_| crate::rain::emitter::ball(draw.range(2e-4, 5e-4))).collect();
+    /// Ejects the splashed part of a drop as droplets in a crown around the normal `n`, and returns its volume, m^3.
+    fn splash(&mut self, drop: &FallingDrop, leaf: usize, point: DVec3, n: DVec3, relative: DVec3) -> f64 {
+        let mut draw = Rng::at(self.params.seed, &["drop".into(), drop.id.into(), "splash".into()]);
+        let splashed = self.params.splash * drop.volume;
+        let count = SPLASH_DROPLETS[0] + draw.below(SPLASH_DROPLETS[1]);
+        let [least, most] = SPLASH_DIAMETERS;
+        let sizes: Vec<f64> = (0..count).map(|_| sphere_volume(draw.range(least, most))).collect();
         let whole: f64 = sizes.iter().sum();
         let (x, y) = n.any_orthonormal_pair();
-        let mut gone = 0.0;
+        let mut ejected = 0.0;
         for size in sizes {
-            let volume = wanted * size / whole;
-            let (turn, lean) = (draw.range(0.0, std::f64::consts::TAU), draw.range(50.0, 70.0).to_radians());
-            let flat = x * osier_base::math::cos(turn) + y * osier_base::math::sin(turn);
-            let way = n * osier_base::math::cos(lean) + flat * osier_base::math::sin(lean);
-            let v = way * (draw.range(0.2, 0.4) * rel.length()) + self.blades[leaf].velocity_at(place);
-            let id = self.next() | NEW;
-            let blind = Some((leaf, self.t + BLIND));
-            let p = place + n * 1e-4;
-            let event = RainEvent::of(DropEventKind::Born, id, (self.t, p), volume);
+            // Sizes give the shares of the splashed volume, so that it is met exactly.
+            let volume = splashed * size / whole;
+            let azimuth = draw.range(0.0, std::f64::consts::TAU);
+            let polar = draw.range(SPLASH_ANGLES[0], SPLASH_ANGLES[1]).to_radians();
+            let level = x * math::cos(azimuth) + y * math::sin(azimuth);
+            let direction = n * math::cos(polar) + level * math::sin(polar);
+            let speed = draw.range(SPLASH_SPEEDS[0], SPLASH_SPEEDS[1]) * relative.length();
+            let v = direction * speed + self.poses[leaf].velocity_at(point);
+            let id = self.next_id() | SPLASH_ID;
+            let ignore_leaf = Some((leaf, self.t + IGNORE_LEAF_TIME));
+            let p = point + n * SPLASH_OFFSET;
+            let event = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
             self.events.push(RainEvent { other: Some(drop.id), ..event });
-            self.air.push(FallingDrop { id, p, v, volume, blind, late: 0.0 });
-            gone += volume;
+            self.air.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
+            ejected += volume;
         }
-        gone
+        ejected
     }
 
-    /// Drops on leaves, and what they do to these.
-    fn lie(&mut self, h: f64) {
-        let (t, blades, manner) = (self.t, &self.blades, &self.manner);
-        let mut jobs: Vec<(&mut RainLeaf, LeafPose)> = self.leaves.iter_mut().zip(blades.iter().copied()).collect();
-        let told = par_map_mut(&mut jobs, |(leaf, blade)| {
+    /// Advances the drops on all leaves in parallel, then applies their loads and collects what they produced leaf by leaf, so
+    /// that identifiers and sums do not depend on threads.
+    fn step_leaves(&mut self, h: f64) {
+        let (t, params) = (self.t, &self.params);
+        let mut jobs: Vec<(&mut RainLeaf, LeafPose)> = self.leaves.iter_mut().zip(self.poses.iter().copied()).collect();
+        let mut results = par_map_mut(&mut jobs, |(leaf, pose)| {
             if leaf.drops.is_empty() {
-                return LeafStepResult { load: (0.0, blade.position), ..LeafStepResult::default() };
+                let attached = AttachedWater { mass: 0.0, center: pose.position };
+                return LeafStepResult { attached, ..LeafStepResult::default() };
             }
-            leaf.advance(&LeafStep { blade: *blade, t, h }, manner)
+            leaf.step_drops(&LeafStep { pose: *pose, t, h, params })
         });
-        for (i, told) in told.iter().enumerate() {
-            let (plant, k) = self.hung[i].on;
-            let bearer = &mut self.bearers[plant];
-            for (place, force) in &told.forces {
-                bearer.apply_force(k, *place, *force);
+        for (i, result) in results.iter_mut().enumerate() {
+            let LeafAttachment { plant, leaf, .. } = self.attachments[i];
+            let plant = &mut self.plants[plant];
+            for PointForce { point, force } in &result.forces {
+                plant.apply_force(leaf, *point, *force);
             }
-            bearer.set_attached_mass(k, told.load.0, told.load.1);
-            self.tally = self.tally.and(told.tally);
-            self.events.extend(told.events.iter().map(|e| RainEvent { leaf: Some(i), ..*e }));
+            plant.set_attached_mass(leaf, result.attached.mass, result.attached.center);
+            self.counters = self.counters.combine(result.counters);
+            self.events.extend(result.events.iter().map(|e| RainEvent { leaf: Some(i), ..*e }));
+            self.wet_spots.extend(result.wet_spots.drain(..).map(|spot| (i, spot)));
         }
-        for (i, told) in told.iter().enumerate() {
-            for DetachedDrop { id: of, p, v, volume, whole } in &told.drips {
-                let id = if *whole { *of } else { self.next() };
-                let blind = Some((i, t + BLIND));
-                let other = (!*whole).then_some(*of);
-                self.events.push(RainEvent {
-                    leaf: Some(i),
-                    other,
-                    ..RainEvent::of(DropEventKind::Fell, id, (t, *p), *volume)
-                });
-                self.air.push(FallingDrop { id, p: *p, v: *v, volume: *volume, blind, late: 0.0 });
+        // A whole drop keeps its identifier; a part of one gets a new one and names the drop it came from.
+        for (i, result) in results.iter().enumerate() {
+            for drop in &result.detached {
+                let id = if drop.is_whole { drop.id } else { self.next_id() };
+                let ignore_leaf = Some((i, t + IGNORE_LEAF_TIME));
+                let other = (!drop.is_whole).then_some(drop.id);
+                let event = RainEvent::new(DropEventKind::Fell, id, t, drop.p, drop.volume);
+                self.events.push(RainEvent { leaf: Some(i), other, ..event });
+                let (p, v, volume) = (drop.p, drop.v, drop.volume);
+                self.air.push(FallingDrop { id, p, v, volume, ignore_leaf, spawn_offset: 0.0 });
             }
         }
-        self.told.extend(told);
     }
 }
 

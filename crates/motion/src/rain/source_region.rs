@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::emitter::{air_at, ball, fall, terminal};
+use crate::rain::emitter::{fall, sphere_volume, terminal_speed, wind_at};
 use osier_base::geometry::Bounds;
 use osier_wind::Wind;
 
@@ -61,7 +61,7 @@ impl LevelRect {
         self.max - self.min
     }
 
-    fn holds(&self, p: DVec2) -> bool {
+    fn max_pendant_volume(&self, p: DVec2) -> bool {
         p.cmpge(self.min).all() && p.cmple(self.max).all()
     }
 }
@@ -100,7 +100,7 @@ impl SourceRegion {
     /// A place of the rectangle around it by shares of its sides; none if drops from there pass the region.
     pub fn place(&self, shares: DVec2) -> Option<DVec2> {
         let p = self.whole.min + self.whole.sides() * shares;
-        self.parts.iter().any(|part| part.holds(p)).then_some(p)
+        self.parts.iter().any(|part| part.max_pendant_volume(p)).then_some(p)
     }
 
     /// Its area, m^2.
@@ -132,7 +132,7 @@ impl SourceTracer {
         let pieces = if wind.is_none() || most - least < 1e-9 { 1 } else { SIZES - 1 };
         // Drift is as long as the fall: sizes are spaced evenly by the time that they take.
         let slow = |k: usize| {
-            let [a, b] = [least, most].map(|d| terminal(d).recip());
+            let [a, b] = [least, most].map(|d| terminal_speed(d).recip());
             a + (b - a) * k as f64 / pieces as f64
         };
         let mut sizes = vec![least];
@@ -223,19 +223,19 @@ impl SourceTracer {
     fn trace(&self, d: f64, t: f64, starts: &[DVec2]) -> DriftByBand {
         let mut drift = [LevelRect::EMPTY; BANDS];
         let (low, high) = (f64::from(self.over.min.y) - BESIDE, f64::from(self.over.max.y) + BESIDE);
-        let h = (self.height() - low) / terminal(d) / f64::from(STEPS);
+        let h = (self.height() - low) / terminal_speed(d) / f64::from(STEPS);
         let wind = self.wind.as_deref();
         let mut places: Vec<DVec3> = starts.iter().map(|p| DVec3::new(p.x, self.height(), p.y)).collect();
         let mut speeds: Vec<DVec3> = Vec::new();
         for k in 0..MOST {
             let at: Vec<Vec3> = places.iter().map(|p| p.as_vec3()).collect();
-            let air = air_at(wind, &at, t + f64::from(k) * h);
+            let air = wind_at(wind, &at, t + f64::from(k) * h);
             if speeds.is_empty() {
-                speeds = air.iter().map(|a| a.as_dvec3() - DVec3::Y * terminal(d)).collect();
+                speeds = air.iter().map(|a| a.as_dvec3() - DVec3::Y * terminal_speed(d)).collect();
             }
             for (i, (p, v)) in places.iter_mut().zip(&mut speeds).enumerate() {
                 let before = *p;
-                *v = fall(*v, (ball(d), self.g), air[i].as_dvec3(), h);
+                *v = fall(*v, sphere_volume(d), self.g, air[i].as_dvec3(), h);
                 *p += *v * h;
                 let band = |y: f64| ((high - y) / (high - low) * BANDS as f64).floor();
                 let (first, last) = (band(before.y.max(p.y)).max(0.0), band(before.y.min(p.y)).min(BANDS as f64 - 1.0));
@@ -263,7 +263,7 @@ fn start(drift: &DriftByBand, part: usize, place: DVec2) -> DVec2 {
 fn of_speed(speed: f64, [mut low, mut high]: [f64; 2]) -> f64 {
     for _ in 0..50 {
         let middle = 0.5 * (low + high);
-        *(if terminal(middle) < speed { &mut low } else { &mut high }) = middle;
+        *(if terminal_speed(middle) < speed { &mut low } else { &mut high }) = middle;
     }
     0.5 * (low + high)
 }
@@ -291,13 +291,13 @@ mod tests {
         for d in [5e-4, 1e-3, 3e-3, 5.9e-3] {
             let sources = reach.sources(0);
             let source = &sources[reach.class(d)];
-            let vt = terminal(d);
+            let vt = terminal_speed(d);
             // Seen from the middle of the region at its top and bottom.
             for (fall, z) in [(0.5, 1.9), (4.5, 0.0), (8.5, -1.9)] {
                 let from = DVec2::new(-5.0 * fall / vt, z);
-                assert!(source.parts.iter().any(|p| p.holds(from)), "{d} {fall}");
+                assert!(source.parts.iter().any(|p| p.max_pendant_volume(from)), "{d} {fall}");
             }
-            assert!(!source.whole.holds(DVec2::new(3.0, 0.0)));
+            assert!(!source.whole.max_pendant_volume(DVec2::new(3.0, 0.0)));
             let needed = 4.0 * (4.0 + 5.0 * 8.0 / vt);
             assert!(source.area() < 1.6 * needed && source.area() > needed, "{d}: {} of {needed}", source.area());
         }
@@ -323,7 +323,7 @@ mod tests {
                     let from = source.whole.middle() + wide * share;
                     if crosses(&reach, d, (t, from), side.y) {
                         met += 1;
-                        started += u32::from(source.parts.iter().any(|p| p.holds(from)));
+                        started += u32::from(source.parts.iter().any(|p| p.max_pendant_volume(from)));
                     }
                 }
             }
@@ -332,17 +332,17 @@ mod tests {
     }
 
     fn crosses(reach: &SourceTracer, d: f64, (t, from): (f64, DVec2), tall: f64) -> bool {
-        let h = (tall / terminal(d) / 30.0).min(0.01);
+        let h = (tall / terminal_speed(d) / 30.0).min(0.01);
         let mut p = DVec3::new(from.x, reach.height(), from.y);
-        let air = |p: DVec3, t: f64| air_at(reach.wind(), &[p.as_vec3()], t)[0].as_dvec3();
-        let mut v = air(p, t) - DVec3::Y * terminal(d);
+        let air = |p: DVec3, t: f64| wind_at(reach.wind(), &[p.as_vec3()], t)[0].as_dvec3();
+        let mut v = air(p, t) - DVec3::Y * terminal_speed(d);
         let (min, max) = (reach.over.min.as_dvec3(), reach.over.max.as_dvec3());
         let mut k = 0.0;
         while p.y > min.y {
             if p.cmpge(min).all() && p.cmple(max).all() {
                 return true;
             }
-            v = fall(v, (ball(d), 9.81), air(p, t + k * h), h);
+            v = fall(v, sphere_volume(d), 9.81, air(p, t + k * h), h);
             p += v * h;
             k += 1.0;
         }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use glam::{DVec3, Vec3};
 
 use osier_base::math::narrow;
-use osier_motion::rain::{RainEvent, RainFrame, RainLeaf, SessileDrop, across};
+use osier_motion::rain::{RainEvent, RainFrame, RainLeaf, SessileDrop, sphere_diameter};
 use osier_scene::{DropEvent, DropNow, DropState, Drops, LeafNow};
 
 /// Frames for which a point's slot stays empty after its drop is gone, so that no blur joins two drops.
@@ -50,7 +50,7 @@ pub(super) fn drops(moment: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<
     now.extend(moment.air.iter().map(|d| DropNow {
         place: d.p.as_vec3(),
         velocity: d.v.as_vec3(),
-        a: narrow(across(d.volume) / 2.0),
+        a: narrow(sphere_diameter(d.volume) / 2.0),
         ..plain(number(&d.id), DropState::Falls, d.volume)
     }));
     let events = moment.events.iter().map(|e| event(e, number(&e.id), e.other.map(|id| number(&id)), start));

@@ -24,7 +24,7 @@ use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
     AlphaMask, DropMesh, DropParams, LeafAttachment, LeafCollider, LeafPose, LeafSurface, LeafWaterMaps, PendantShapes,
     RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, VeinMap, WetSpot,
-    WoodSegment, across,
+    WoodSegment, sphere_diameter,
 };
 use osier_motion::rods::RodPlant;
 use osier_scene::plant::{AxisKind, Plant};
@@ -155,10 +155,17 @@ pub fn simulate_rain(under: RainScene<'_>, rain: &RainRecipe, context: &BakeCont
     afford(&shower, over, (frames, found.len()), context)?;
     let hung = found.iter().enumerate().map(|(i, f)| {
         let leaf = RainLeaf::new(Arc::clone(&f.sheet), f.scale, i as u64);
-        (leaf, LeafAttachment { on: (f.at.0, f.number), target: Arc::clone(&f.target) })
+        (leaf, LeafAttachment { plant: f.at.0, leaf: f.number, collider: Arc::clone(&f.target) })
     });
     let floor = soil.floor(over.min.y);
-    let parts = RainConfig { manner: manner.clone(), shower, bearers, leaves: hung.collect(), wind, floor };
+    let parts = RainConfig {
+        params: manner.clone(),
+        emitter: shower,
+        plants: bearers,
+        leaves: hung.collect(),
+        wind,
+        ground: floor,
+    };
     let mut storm = RainSimulation::new(parts);
     let dry = storm.leaves().to_vec();
     initial_drops::check(&rain.lying, &dry)?;
@@ -343,11 +350,11 @@ fn record(
     let mut plants: Vec<Vec<AssetFrame>> = vec![Vec::new(); dressings.len()];
     for frame in 0..frames {
         context.cancel.check()?;
-        storm.audit(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
+        storm.check_water_budget(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
         let moment = RainFrame::of(storm);
         held += moment.bytes();
         context.limits.check("motion-keys", held / KEY, HELD)?;
-        for (k, (bearer, dressing)) in storm.bearers().iter().zip(dressings).enumerate() {
+        for (k, (bearer, dressing)) in storm.plants().iter().zip(dressings).enumerate() {
             let shown = bearer.posed_rods().zip(dressing.as_ref()).zip(assets.get(k));
             plants[k].extend(shown.map(|((rods, dressing), asset)| dressing.frame(asset, rods, &**bearer)));
         }
@@ -391,12 +398,12 @@ impl RainPlayback {
         let moment = self.moment(nth);
         let mut water = DropMesh::default();
         for drop in &moment.lying {
-            water.lay((&self.leaves[drop.leaf], &moment.blades[drop.leaf]), drop);
+            water.add_sessile(&self.leaves[drop.leaf], &moment.blades[drop.leaf], drop);
             self.mark(&mut water, drop.id);
         }
         for drop in &moment.hanging {
             if let Some(shapes) = self.shapes.get(&drop.radius.to_bits()) {
-                water.hang(&moment.blades[drop.leaf], drop, shapes);
+                water.add_pendant(&moment.blades[drop.leaf], drop, shapes);
                 self.mark(&mut water, drop.id);
             }
         }
@@ -418,7 +425,7 @@ impl RainPlayback {
         let (mut p, mut w, mut v) = (vec![Vec3::ZERO; n], vec![0.0; n], vec![Vec3::ZERO; n]);
         for (drop, slot) in moment.air.iter().zip(slots) {
             let k = *slot as usize;
-            (p[k], w[k], v[k]) = (drop.p.as_vec3(), narrow(across(drop.volume)), drop.v.as_vec3());
+            (p[k], w[k], v[k]) = (drop.p.as_vec3(), narrow(sphere_diameter(drop.volume)), drop.v.as_vec3());
         }
         (p, w, v)
     }
@@ -498,7 +505,7 @@ impl RainPlayback {
                 now.wet.iter_mut().zip(&self.mapped_leaves).collect();
             par_map_mut(&mut jobs, |(wet, mapped)| {
                 let (blobs, soaks): (_, Vec<WetSpot>) = moment.on(mapped.leaf);
-                wet.advance(&self.leaves[mapped.leaf].sheet, (&blobs, &soaks), moment.t, &self.manner);
+                wet.advance(&self.leaves[mapped.leaf].sheet, &blobs, &soaks, moment.t, &self.manner);
             });
             now.done += 1;
         }

@@ -68,7 +68,7 @@ pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
     let duration = recipe.clip.len() as f64 / recipe.clip.fps() + keys.before;
     RainfallParams {
         seed: recipe.seed,
-        strength: keys.rate / 3.6e6,
+        intensity: keys.rate / 3.6e6,
         size: match keys.size {
             RainSize::Natural => DropSizes::Natural,
             RainSize::Fixed => DropSizes::Fixed(keys.diameter),

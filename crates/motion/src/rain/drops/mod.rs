@@ -1,7 +1,11 @@
-//! Drops on leaves: their shape, and how they rest, run, draw tails, merge, hang and fall.
+//! Drops on leaves: their shape, and how they rest, run, draw tails, merge, hang and detach.
 
 pub(crate) mod drop;
-pub(crate) mod merge;
+mod hang;
+mod merge;
 pub(crate) mod pendant;
 pub(crate) mod rain_leaf;
+mod retention;
+mod run;
 pub(crate) mod shape;
+mod step;

@@ -7,7 +7,7 @@ use osier_base::math;
 
 /// Radii of attachment, mm, of water on Earth, and the largest volume that hangs there as a share of 2 pi R gamma / (rho g).
 /// Source: Young and Laplace, shapes at the limit.
-const HOLDS: [(f64, f64); 11] = [
+const MAX_VOLUME_TABLE: [(f64, f64); 11] = [
     (0.3, 0.838),
     (0.4, 0.815),
     (0.5, 0.797),
@@ -25,19 +25,19 @@ const TABLE: f64 = 2.727;
 /// Step along a profile, as a share of the capillary length.
 const STEP: f64 = 0.02 / TABLE;
 /// Share of the largest volume that falls. Source: Tate, with Harkins and Brown's 0.61 to 0.78.
-pub const FALLS: f64 = 0.93;
+pub const DETACHED_FRACTION: f64 = 0.93;
 /// Time in which a drop that is too heavy thins until it falls, s.
-pub const THINS: f64 = 0.04;
+pub const NECKING_TIME: f64 = 0.04;
 
 /// Smallest and largest radius of attachment, as shares of the capillary length.
 pub const RADII: [f64; 2] = [0.3 / TABLE, 2.25 / TABLE];
 
 /// Largest volume that hangs from a circle of radius `radius`, m, under `g`, m/s^2; m^3.
-pub fn holds(radius: f64, g: f64) -> f64 {
+pub fn max_pendant_volume(radius: f64, g: f64) -> f64 {
     let length = math::sqrt(TENSION / (WATER * g.max(0.05)));
-    let x = (radius / length * TABLE).clamp(HOLDS[0].0, HOLDS[10].0);
-    let k = HOLDS.partition_point(|(r, _)| *r <= x).clamp(1, 10);
-    let ((r0, c0), (r1, c1)) = (HOLDS[k - 1], HOLDS[k]);
+    let x = (radius / length * TABLE).clamp(MAX_VOLUME_TABLE[0].0, MAX_VOLUME_TABLE[10].0);
+    let k = MAX_VOLUME_TABLE.partition_point(|(r, _)| *r <= x).clamp(1, 10);
+    let ((r0, c0), (r1, c1)) = (MAX_VOLUME_TABLE[k - 1], MAX_VOLUME_TABLE[k]);
     let c = c0 + (c1 - c0) * (x - r0) / (r1 - r0);
     c * 2.0 * PI * radius * TENSION / (WATER * g.max(0.05))
 }
@@ -55,7 +55,7 @@ enum ProfileBranch {
 }
 
 /// A profile in capillary lengths with its volume; none if it never is so wide.
-fn trace(b: f64, radius: f64, end: ProfileBranch) -> Option<(PendantProfile, f64)> {
+fn integrate_profile(b: f64, radius: f64, end: ProfileBranch) -> Option<(PendantProfile, f64)> {
     let slope = |[x, z, f]: [f64; 3]| {
         let bend = if x < 1e-9 { 1.0 / b } else { 2.0 / b - z - math::sin(f) / x };
         [math::cos(f), math::sin(f), bend]
@@ -118,8 +118,8 @@ impl PendantShapes {
     pub fn new(radius: f64, g: f64) -> Self {
         let length = math::sqrt(TENSION / (WATER * g.max(0.05)));
         let r = (radius / length).clamp(RADII[0], RADII[1]);
-        let turn = tightest(r);
-        Self { length, radius, r, turn, last: loosest(turn, r) }
+        let turn = min_apex_radius(r);
+        Self { length, radius, r, turn, last: apex_radius_of_max_volume(turn, r) }
     }
 
     /// The shape of a volume, m^3: from its lowest point to the circle. What is too much for the circle is shown as the
@@ -138,20 +138,20 @@ impl PendantShapes {
     /// with a rising one.
     fn found(&self, wanted: f64) -> (PendantProfile, f64) {
         let r = self.r;
-        let rising = trace(self.turn, r, ProfileBranch::Widening).filter(|(_, v)| wanted <= *v).is_some();
+        let rising = integrate_profile(self.turn, r, ProfileBranch::Widening).filter(|(_, v)| wanted <= *v).is_some();
         let (mut lo, mut hi, end) = if rising {
             (60.0 * r, self.turn, ProfileBranch::Widening)
         } else {
             (self.turn, self.last, ProfileBranch::Narrowing)
         };
         let half = (vec![[0.0, 0.0], [r, r]], 2.0 / 3.0 * PI * r * r * r);
-        let mut best = trace(hi, r, end).or_else(|| trace(lo, r, end)).unwrap_or(half);
+        let mut best = integrate_profile(hi, r, end).or_else(|| integrate_profile(lo, r, end)).unwrap_or(half);
         if end == ProfileBranch::Narrowing && best.1 <= wanted {
             return best;
         }
         for _ in 0..32 {
             let b = 0.5 * (lo + hi);
-            match trace(b, r, end) {
+            match integrate_profile(b, r, end) {
                 Some((p, v)) if v < wanted => {
                     lo = b;
                     best = (p, v);
@@ -168,14 +168,14 @@ impl PendantShapes {
 }
 
 /// The smallest radius of curvature at the lowest point with which a profile still widens to `r`.
-fn tightest(r: f64) -> f64 {
+fn min_apex_radius(r: f64) -> f64 {
     let (mut lo, mut hi) = (0.5 * r, 4.0 * r);
-    while trace(hi, r, ProfileBranch::Widening).is_none() && hi < 100.0 * r {
+    while integrate_profile(hi, r, ProfileBranch::Widening).is_none() && hi < 100.0 * r {
         hi *= 1.5;
     }
     for _ in 0..48 {
         let b = 0.5 * (lo + hi);
-        if trace(b, r, ProfileBranch::Widening).is_some() {
+        if integrate_profile(b, r, ProfileBranch::Widening).is_some() {
             hi = b;
         } else {
             lo = b;
@@ -185,13 +185,13 @@ fn tightest(r: f64) -> f64 {
 }
 
 /// The radius of curvature with which most hangs: the largest whose profile comes back to `r` below its neck.
-fn loosest(tight: f64, r: f64) -> f64 {
+fn apex_radius_of_max_volume(tight: f64, r: f64) -> f64 {
     let mut best = tight;
     let mut most = 0.0;
     let mut b = tight;
     for _ in 0..400 {
         b *= 1.01;
-        match trace(b, r, ProfileBranch::Narrowing) {
+        match integrate_profile(b, r, ProfileBranch::Narrowing) {
             Some((_, v)) if v > most => (best, most) = (b, v),
             _ => break,
         }
@@ -199,7 +199,7 @@ fn loosest(tight: f64, r: f64) -> f64 {
     let (mut lo, mut hi) = (best, best * 1.02);
     for _ in 0..30 {
         let b = 0.5 * (lo + hi);
-        match trace(b, r, ProfileBranch::Narrowing) {
+        match integrate_profile(b, r, ProfileBranch::Narrowing) {
             Some((_, v)) if v >= most => (lo, most) = (b, v),
             _ => hi = b,
         }
@@ -216,7 +216,7 @@ const NECK: [f64; 2] = [0.82, 0.5];
 
 /// A profile that has thinned by a share, 0 to 1: its neck narrows and lengthens, what hangs below takes up the water.
 /// Source: own.
-pub fn drawn(profile: &[[f64; 2]], share: f64) -> PendantProfile {
+pub fn necked_profile(profile: &[[f64; 2]], share: f64) -> PendantProfile {
     let Some([_, length]) = profile.last().copied().filter(|_| share > 0.0) else { return profile.to_vec() };
     let [neck, waist] = NECK;
     let rise = |from: f64, to: f64, s: f64| {
@@ -254,10 +254,11 @@ mod tests {
 
     #[test]
     fn the_table_is_what_the_shapes_give() {
-        for (mm, c) in HOLDS {
+        for (mm, c) in MAX_VOLUME_TABLE {
             let r = mm / TABLE;
-            let tight = tightest(r);
-            let (_, most) = trace(loosest(tight, r), r, ProfileBranch::Narrowing).expect("a shape");
+            let tight = min_apex_radius(r);
+            let (_, most) =
+                integrate_profile(apex_radius_of_max_volume(tight, r), r, ProfileBranch::Narrowing).expect("a shape");
             // In capillary lengths 2 pi R gamma / (rho g) is 2 pi r.
             let found = most / (2.0 * PI * r);
             assert!((found / c - 1.0).abs() < 0.01, "{mm}: {found} {c}");
@@ -267,7 +268,7 @@ mod tests {
     #[test]
     fn profiles_hold_their_volume_and_grow() {
         let mut last = 0.0;
-        let most = holds(1e-3, 9.81);
+        let most = max_pendant_volume(1e-3, 9.81);
         for k in 1..40 {
             let v = most * f64::from(k) / 40.0;
             let shape = PendantShapes::new(1e-3, 9.81).profile(v);
@@ -282,16 +283,16 @@ mod tests {
 
     #[test]
     fn what_thins_keeps_its_water_and_its_seat() {
-        let shape = PendantShapes::new(1.5e-3, 9.81).profile(holds(1.5e-3, 9.81));
+        let shape = PendantShapes::new(1.5e-3, 9.81).profile(max_pendant_volume(1.5e-3, 9.81));
         let (whole, [seat, mut length]) = (volume(&shape), shape.last().copied().expect("points"));
         let neck = |p: &[[f64; 2]]| {
             let high = p.last().expect("points")[1];
             p.iter().filter(|q| q[1] > 0.6 * high).fold(f64::MAX, |m, q| m.min(q[0]))
         };
-        assert_eq!(drawn(&shape, 0.0), shape);
+        assert_eq!(necked_profile(&shape, 0.0), shape);
         let mut narrow = neck(&shape);
         for share in [0.25, 0.5, 0.75, 1.0] {
-            let thin = drawn(&shape, share);
+            let thin = necked_profile(&shape, share);
             assert!((volume(&thin) / whole - 1.0).abs() < 1e-3, "{share}: {}", volume(&thin) / whole);
             let [x, z] = thin.last().copied().expect("points");
             assert!((x / seat - 1.0).abs() < 1e-9 && z > length && neck(&thin) < narrow, "{share}");
@@ -304,7 +305,7 @@ mod tests {
     fn what_falls_is_tates_share() {
         for mm in [0.5, 1.0, 1.5] {
             let r = mm * 1e-3;
-            let share = FALLS * holds(r, 9.81) / (2.0 * PI * r * TENSION / (WATER * 9.81));
+            let share = DETACHED_FRACTION * max_pendant_volume(r, 9.81) / (2.0 * PI * r * TENSION / (WATER * 9.81));
             assert!((0.60..0.80).contains(&share), "{mm}: {share}");
         }
     }

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 
 use crate::rain::leaf::mask::AlphaMask;
 use crate::rain::leaf::veins::VeinMap;
-use crate::rain::leaf::wetness::CELLS;
+use crate::rain::leaf::wetness::GRID_CELLS;
 use osier_scene::Mesh;
 
 /// Triangles with less of the texture than this are not blade: petioles are drawn on a line of it.
@@ -35,7 +35,7 @@ impl SurfacePoint {
     }
 
     /// Largest change of a texture coordinate on a way of 1 m.
-    pub fn fastest(&self) -> DVec2 {
+    pub fn max_uv_rate(&self) -> DVec2 {
         let (a, b, c) = (self.ju.dot(self.ju), self.ju.dot(self.jv), self.jv.dot(self.jv));
         let det = (a * c - b * b).max(f64::MIN_POSITIVE);
         DVec2::new((c / det).max(0.0).sqrt(), (a / det).max(0.0).sqrt())
@@ -130,7 +130,7 @@ impl LeafSurface {
     }
 
     /// How deep in a vein texture coordinates lie, 0 to 1.
-    pub fn vein(&self, uv: DVec2) -> f64 {
+    pub fn vein_depth(&self, uv: DVec2) -> f64 {
         self.grooves.as_ref().map_or(0.0, |grooves| grooves.at(uv))
     }
 
@@ -140,14 +140,14 @@ impl LeafSurface {
     }
 
     fn sort(&mut self) {
-        self.cells = vec![Vec::new(); CELLS * CELLS];
+        self.cells = vec![Vec::new(); GRID_CELLS * GRID_CELLS];
         for (i, t) in self.triangles.iter().enumerate() {
             let corners = t.map(|k| self.uvs[k as usize]);
             let lo = cell(corners[0].min(corners[1]).min(corners[2]));
             let hi = cell(corners[0].max(corners[1]).max(corners[2]));
             for y in lo.1..=hi.1 {
                 for x in lo.0..=hi.0 {
-                    self.cells[y * CELLS + x].push(u32::try_from(i).unwrap_or(u32::MAX));
+                    self.cells[y * GRID_CELLS + x].push(u32::try_from(i).unwrap_or(u32::MAX));
                 }
             }
         }
@@ -173,8 +173,8 @@ impl LeafSurface {
         self.area
     }
 
-    /// Cells of the texture that have some of the blade, of `CELLS` each way.
-    pub fn cells(&self) -> usize {
+    /// Cells of the texture that have some of the blade, of `GRID_CELLS` each way.
+    pub fn occupied_cells(&self) -> usize {
         self.cells.iter().filter(|c| !c.is_empty()).count()
     }
 
@@ -190,7 +190,7 @@ impl LeafSurface {
             return None;
         }
         let (x, y) = cell(uv);
-        for i in &self.cells[y * CELLS + x] {
+        for i in &self.cells[y * GRID_CELLS + x] {
             if let Some(w) = self.weights(*i as usize, uv) {
                 return Some(self.spot(*i as usize, w, scale));
             }
@@ -199,7 +199,7 @@ impl LeafSurface {
     }
 
     /// The place at texture coordinates, beyond the margin on the plane of the last triangle that `near` is in.
-    pub fn beyond(&self, uv: DVec2, near: &SurfacePoint, at: DVec2, scale: f64) -> SurfacePoint {
+    pub fn extrapolate(&self, uv: DVec2, near: &SurfacePoint, at: DVec2, scale: f64) -> SurfacePoint {
         self.at(uv, scale).unwrap_or_else(|| {
             let d = uv - at;
             SurfacePoint { p: near.p + near.ju * d.x + near.jv * d.y, ..*near }
@@ -225,7 +225,7 @@ impl LeafSurface {
     }
 
     /// The nearest place of the margin to a place, both `scale` times as large.
-    pub fn rim(&self, p: DVec3, scale: f64) -> Option<MarginPoint> {
+    pub fn nearest_margin(&self, p: DVec3, scale: f64) -> Option<MarginPoint> {
         let q = p / scale;
         let mut best: Option<MarginPoint> = None;
         for (piece, [a, b]) in self.rim.iter().enumerate() {
@@ -243,7 +243,7 @@ impl LeafSurface {
     }
 
     /// The place on the margin a way further along it (back for less than 0), m.
-    pub fn along_rim(&self, rim: &MarginPoint, way: f64, scale: f64) -> DVec3 {
+    pub fn along_margin(&self, rim: &MarginPoint, way: f64, scale: f64) -> DVec3 {
         let (mut piece, mut left) = (rim.piece, way.abs() / scale);
         let side = usize::from(way >= 0.0);
         let ends = |piece: usize| {
@@ -270,14 +270,14 @@ impl LeafSurface {
     }
 
     /// Texture coordinates just inside of a place of the margin.
-    pub fn uv_at_rim(&self, rim: &MarginPoint) -> DVec2 {
+    pub fn margin_uv(&self, rim: &MarginPoint) -> DVec2 {
         let [a, b] = self.rim[rim.piece].map(|k| self.uvs[k as usize]);
         a + (b - a) * rim.share
     }
 }
 
 fn cell(uv: DVec2) -> (usize, usize) {
-    let n = CELLS as f64;
+    let n = GRID_CELLS as f64;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let one = |x: f64| (x * n).clamp(0.0, n - 1.0) as usize;
     (one(uv.x), one(uv.y))
@@ -354,10 +354,10 @@ pub(crate) mod tests {
     #[test]
     fn the_margin_goes_round() {
         let sheet = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
-        let rim = sheet.rim(DVec3::new(0.018, 0.04, 0.0), 1.0).expect("a margin");
+        let rim = sheet.nearest_margin(DVec3::new(0.018, 0.04, 0.0), 1.0).expect("a margin");
         assert!((rim.distance - 0.002).abs() < 1e-8);
-        let there = sheet.along_rim(&rim, 0.05, 1.0);
-        let back = sheet.along_rim(&rim, -0.05, 1.0);
+        let there = sheet.along_margin(&rim, 0.05, 1.0);
+        let back = sheet.along_margin(&rim, -0.05, 1.0);
         // 40 mm to a corner, then 10 mm along the short side; one way up, the other down.
         let mut ends = [there, back].map(|p| (p.y * 1000.0).round());
         ends.sort_by(f64::total_cmp);

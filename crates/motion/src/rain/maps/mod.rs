@@ -123,18 +123,19 @@ impl LeafWaterMaps {
     pub fn advance(
         &mut self,
         sheet: &LeafSurface,
-        (blobs, soaks): (&[CapOnLeaf], &[WetSpot]),
+        blobs: &[CapOnLeaf],
+        soaks: &[WetSpot],
         t: f64,
-        manner: &DropParams,
+        params: &DropParams,
     ) {
         let stamps = self.stamps(sheet, blobs);
         let changed = self.changed(&stamps);
         self.stamps = stamps;
-        let left = self.left(t, manner);
+        let left = self.left(t, params);
         if soaks.is_empty() && !changed.any() && !self.damp.contains(&true) {
             return;
         }
-        let patches = self.patches(sheet, soaks, t, manner);
+        let patches = self.patches(sheet, soaks, t, params);
         self.work(&changed, &patches, left);
     }
 
@@ -142,15 +143,16 @@ impl LeafWaterMaps {
     pub fn all_over(
         &mut self,
         sheet: &LeafSurface,
-        (blobs, soaks): (&[CapOnLeaf], &[WetSpot]),
+        blobs: &[CapOnLeaf],
+        soaks: &[WetSpot],
         t: f64,
-        manner: &DropParams,
+        params: &DropParams,
     ) {
         let whole = TexelWindow::whole(self.chart.side);
         self.stamps = self.stamps(sheet, blobs);
         self.stamps.iter_mut().for_each(|s| s.window = whole);
-        let left = self.left(t, manner);
-        let mut patches = self.patches(sheet, soaks, t, manner);
+        let left = self.left(t, params);
+        let mut patches = self.patches(sheet, soaks, t, params);
         patches.iter_mut().for_each(|(_, window)| *window = whole);
         self.damp.fill(true);
         self.work(&DirtySpans::all(self.chart.side), &patches, left);
@@ -178,8 +180,8 @@ impl LeafWaterMaps {
     }
 
     /// Share of wetness that is left at time `t`, s, of that at the last time.
-    fn left(&mut self, t: f64, manner: &DropParams) -> f32 {
-        let age = halvings(t, manner);
+    fn left(&mut self, t: f64, params: &DropParams) -> f32 {
+        let age = halvings(t, params);
         let meant = math::pow(2.0, self.age - age) * self.behind;
         let left = narrow(meant);
         self.behind = if left > 0.0 { meant / f64::from(left) } else { 1.0 };
@@ -295,15 +297,15 @@ impl LeafWaterMaps {
         sheet: &LeafSurface,
         soaks: &[WetSpot],
         t: f64,
-        manner: &DropParams,
+        params: &DropParams,
     ) -> Vec<(WetSpotKernel, TexelWindow)> {
         let n = self.chart.side as f64;
         // Drops of the past may be told late, and count for less. Most are told at the same few times.
-        let now = halvings(t, manner);
+        let now = halvings(t, params);
         let mut known: Option<(f64, f32)> = None;
         let mut peak = |t: f64| match known {
             Some((told, peak)) if told.to_bits() == t.to_bits() => peak,
-            _ => known.insert((t, narrow(math::pow(2.0, (halvings(t, manner) - now).min(0.0))))).1,
+            _ => known.insert((t, narrow(math::pow(2.0, (halvings(t, params) - now).min(0.0))))).1,
         };
         let patch = |soak: &WetSpot| {
             let spot = sheet.at(soak.uv, f64::from(self.scale))?;
@@ -313,7 +315,7 @@ impl LeafWaterMaps {
                 stand: self.stand(&spot),
                 reach: narrow(reach),
                 edge: narrow(1.0 / texel),
-                fall: narrow(-1.0 / manner.wet_length),
+                fall: narrow(-1.0 / params.wet_length),
                 peak: peak(soak.t),
             };
             Some((patch, self.chart.window(soak.uv, &spot, reach + texel)))
@@ -355,8 +357,8 @@ impl LeafWaterMaps {
 }
 
 /// How often wetness has halved at time `t`, s. Source: zeta^(t / half life) = 2^-halvings.
-fn halvings(t: f64, manner: &DropParams) -> f64 {
-    -t / manner.half_life * (math::ln(manner.zeta) / std::f64::consts::LN_2)
+fn halvings(t: f64, params: &DropParams) -> f64 {
+    -t / params.half_life * (math::ln(params.zeta) / std::f64::consts::LN_2)
 }
 
 /// Runs of tiles that are damp, as columns of texels.

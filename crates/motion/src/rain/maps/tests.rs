@@ -8,22 +8,22 @@ fn sheet() -> LeafSurface {
 }
 
 fn blob(uv: DVec2, volume: f64, (q, skew): (f64, f64)) -> CapOnLeaf {
-    let manner = DropParams::default();
-    CapOnLeaf { uv, cap: manner.wetting.cap(volume, 1.0), print: Footprint { q, skew }, axis: DVec3::Y }
+    let params = DropParams::default();
+    CapOnLeaf { uv, cap: params.wetting.cap(volume, 1.0), print: Footprint { q, skew }, axis: DVec3::Y }
 }
 
 #[test]
 fn maps_hold_the_volume_of_a_drop() {
     let sheet = sheet();
-    let manner = DropParams::default();
+    let params = DropParams::default();
     let chart = Arc::new(UvRaster::new(&sheet, 512));
     let volume = 4.2e-8;
     for theta in [30.0_f64, 45.0, 60.0, 75.0, 90.0] {
         for (q, skew, omega) in [(1.0, 0.0, None), (1.4, 0.26, None), (1.2, 0.1, Some(0.7))] {
-            let wetting = WettingParams { theta: theta.to_radians(), omega, ..manner.wetting };
+            let wetting = WettingParams { theta: theta.to_radians(), omega, ..params.wetting };
             let blob = CapOnLeaf { cap: wetting.cap(volume, 1.0), ..blob(DVec2::splat(0.5), volume, (q, skew)) };
             let mut wet = LeafWaterMaps::new(Arc::clone(&chart), 1.0);
-            wet.advance(&sheet, (&[blob], &[]), 0.0, &manner);
+            wet.advance(&sheet, &[blob], &[], 0.0, &params);
             let texel = 0.0032 / (512.0 * 512.0);
             let sum: f64 = wet.maps().water().iter().map(|h| f64::from(*h) * texel).sum();
             assert!((sum / volume - 1.0).abs() < 0.01, "{theta} {q}: {sum}");
@@ -46,7 +46,7 @@ fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
 #[test]
 fn normals_are_those_of_the_cap() {
     const N: u32 = 1024;
-    let (sheet, manner) = (sheet(), DropParams::default());
+    let (sheet, params) = (sheet(), DropParams::default());
     let chart = Arc::new(UvRaster::new(&sheet, N as usize));
     let place = |k: u32, size: f64| (f64::from(k) + 0.5 - 0.5 * f64::from(N)) / f64::from(N) * size;
     for (theta, q, skew, omega) in
@@ -54,11 +54,11 @@ fn normals_are_those_of_the_cap() {
     {
         for turn in [0.0_f64, 30.0, 45.0, 90.0, 135.0] {
             let (sin, cos) = (math::sin(turn.to_radians()), math::cos(turn.to_radians()));
-            let wetting = WettingParams { theta: f64::to_radians(theta), omega, ..manner.wetting };
+            let wetting = WettingParams { theta: f64::to_radians(theta), omega, ..params.wetting };
             let cap = wetting.cap(20e-9, 1.0);
             let b = CapOnLeaf { cap, axis: DVec3::new(cos, sin, 0.0), ..blob(DVec2::splat(0.5), 20e-9, (q, skew)) };
             let mut wet = LeafWaterMaps::new(Arc::clone(&chart), 1.0);
-            wet.advance(&sheet, (&[b], &[]), 0.0, &manner);
+            wet.advance(&sheet, &[b], &[], 0.0, &params);
             let (mut seen, mut worst) = (0, 0.0_f64);
             for (row, column) in (400..624).flat_map(|row| (400..624).map(move |column| (row, column))) {
                 let (x, y) = (place(column, 0.04), -place(row, 0.08));
@@ -77,7 +77,7 @@ fn normals_are_those_of_the_cap() {
 #[test]
 fn changed_tiles_give_the_same_bits_as_all_of_them() {
     let sheet = sheet();
-    let manner = DropParams { half_life: 0.8, ..DropParams::default() };
+    let params = DropParams { half_life: 0.8, ..DropParams::default() };
     let chart = Arc::new(UvRaster::new(&sheet, 64));
     let (mut few, mut all) = (LeafWaterMaps::new(Arc::clone(&chart), 1.3), LeafWaterMaps::new(chart, 1.3));
     let mut draw = Rng::at(7, &["blobs".into()]);
@@ -98,8 +98,8 @@ fn changed_tiles_give_the_same_bits_as_all_of_them() {
                 soaks.push(WetSpot { uv: b.uv, a: b.cap.a, t });
             }
         }
-        few.advance(&sheet, (&blobs, &soaks), t, &manner);
-        all.all_over(&sheet, (&blobs, &soaks), t, &manner);
+        few.advance(&sheet, &blobs, &soaks, t, &params);
+        all.all_over(&sheet, &blobs, &soaks, t, &params);
         let bits = |m: &[f32]| m.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert!(bits(&few.maps().height) == bits(&all.maps().height), "heights of frame {frame}");
         assert!(bits(&few.maps().wetness) == bits(&all.maps().wetness), "wetness of frame {frame}");
@@ -111,30 +111,30 @@ fn changed_tiles_give_the_same_bits_as_all_of_them() {
 #[test]
 fn wetness_halves_and_keeps_the_larger() {
     let sheet = sheet();
-    let manner = DropParams::default();
+    let params = DropParams::default();
     let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&sheet, 128)), 1.0);
     let middle = 64 * 128 + 64;
     let soak = |a: f64, t: f64| WetSpot { uv: DVec2::new(0.5 + 0.5 / 128.0, 0.5 - 0.5 / 128.0), a, t };
-    wet.advance(&sheet, (&[], &[soak(2e-3, 0.0)]), 0.0, &manner);
+    wet.advance(&sheet, &[], &[soak(2e-3, 0.0)], 0.0, &params);
     let first = wet.maps().wetness[middle];
     assert!((first - 1.0).abs() < 1e-4);
-    wet.advance(&sheet, (&[], &[]), 20.0, &manner);
+    wet.advance(&sheet, &[], &[], 20.0, &params);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 1e-4);
     // Wetted again from beside: where that would be less, the old one stays.
     let beside = WetSpot { uv: DVec2::new(0.57, 0.5), a: 3e-3, t: 20.0 };
-    wet.advance(&sheet, (&[], &[beside]), 20.0, &manner);
+    wet.advance(&sheet, &[], &[beside], 20.0, &params);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 0.02);
-    wet.advance(&sheet, (&[], &[]), 400.0, &manner);
+    wet.advance(&sheet, &[], &[], 400.0, &params);
     assert!(wet.maps().wetness.iter().all(|w| *w == 0.0));
 }
 
 #[test]
 fn the_wet_area_does_not_hang_on_the_resolution() {
     let sheet = sheet();
-    let manner = DropParams::default();
+    let params = DropParams::default();
     let area = |n: usize| {
         let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&sheet, n)), 1.0);
-        wet.advance(&sheet, (&[], &[WetSpot { uv: DVec2::new(0.5, 0.5), a: 4e-3, t: 0.0 }]), 0.0, &manner);
+        wet.advance(&sheet, &[], &[WetSpot { uv: DVec2::new(0.5, 0.5), a: 4e-3, t: 0.0 }], 0.0, &params);
         wet.maps().wetness.iter().filter(|w| **w > 0.05).count() as f64 / (n * n) as f64
     };
     let (coarse, fine) = (area(128), area(512));

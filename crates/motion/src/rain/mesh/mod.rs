@@ -6,7 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3, Vec3};
 
-use crate::rain::drops::pendant::{PendantShapes, drawn};
+use crate::rain::drops::pendant::{PendantShapes, necked_profile};
 use crate::rain::drops::rain_leaf::RainLeaf;
 use crate::rain::drops::shape::SphericalCap;
 use crate::rain::frame::{PendantDrop, SessileDrop};
@@ -17,18 +17,18 @@ use osier_base::math;
 use osier_scene::Mesh;
 
 /// Rings and sides of a small drop, of a larger one, and the base radius from which it is large, m.
-const FEW: [u32; 2] = [6, 24];
-const MANY: [u32; 2] = [12, 48];
-const LARGE: f64 = 1e-3;
+const SMALL_DROP_GRID: [u32; 2] = [6, 24];
+const LARGE_DROP_GRID: [u32; 2] = [12, 48];
+const LARGE_DROP_RADIUS: f64 = 1e-3;
 /// Columns of a drop with a tail.
-const COLUMNS: u32 = 14;
+const TAIL_COLUMNS: u32 = 14;
 /// How far water reaches under the leaf's surface, so that no air is left between, m.
-const UNDER: f64 = 1e-4;
+const UNDERSIDE_DEPTH: f64 = 1e-4;
 /// Sides of a drop that hangs, and the height of its upper end over the circle it hangs from, in radii.
-const SIDES: u32 = 32;
-const SEAT: f64 = 0.35;
+const PENDANT_SIDES: u32 = 32;
+const SEAT_HEIGHT: f64 = 0.35;
 /// Points along a hanging drop.
-const ALONG: usize = 40;
+const PROFILE_POINTS: usize = 40;
 
 /// Water of a frame: one mesh, with the velocity of each point, m/s.
 #[derive(Debug, Default)]
@@ -50,20 +50,21 @@ pub(super) struct DropPlacement<'a> {
 }
 
 impl<'a> DropPlacement<'a> {
-    fn new((leaf, blade): (&'a RainLeaf, &'a LeafPose), uv: DVec2, (side, v): (f64, DVec3)) -> Option<Self> {
+    fn new(leaf: &'a RainLeaf, blade: &'a LeafPose, uv: DVec2, side: f64, v: DVec3) -> Option<Self> {
         Some(Self { leaf, blade, uv, spot: leaf.at(uv)?, side, v })
     }
 
     /// A way along the leaf from the middle, and a height over it, m: in the world.
     pub(super) fn point(&self, way: DVec3, height: f64) -> DVec3 {
         let there = self.uv + self.spot.uv(way);
-        let s = self.leaf.sheet.beyond(there, &self.spot, self.uv, self.leaf.scale);
+        let s = self.leaf.sheet.extrapolate(there, &self.spot, self.uv, self.leaf.scale);
         self.blade.position + self.blade.orientation * (s.p + s.n * (self.side * height))
     }
 }
 
 impl DropMesh {
-    fn push(&mut self, p: DVec3, (blade, v): (&LeafPose, DVec3)) -> u32 {
+    fn add_point(&mut self, p: DVec3, carrier: (&LeafPose, DVec3)) -> u32 {
+        let (blade, v) = carrier;
         let index = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
         self.mesh.points.push(p.as_vec3());
         self.velocities.push((blade.velocity_at(p) + blade.orientation * v).as_vec3());
@@ -75,7 +76,7 @@ impl DropMesh {
     }
 
     /// Normals of everything from a triangle on; points that only those share.
-    fn smooth(&mut self, first_point: usize, first: usize) {
+    fn compute_normals(&mut self, first_point: usize, first: usize) {
         let Mesh { points, normals, triangles, .. } = &mut self.mesh;
         normals.resize(points.len(), Vec3::ZERO);
         for t in &triangles[first..] {
@@ -89,27 +90,27 @@ impl DropMesh {
     }
 
     /// Adds a drop that lies on a leaf.
-    pub fn lay(&mut self, on: (&RainLeaf, &LeafPose), drop: &SessileDrop) {
+    pub fn add_sessile(&mut self, leaf: &RainLeaf, pose: &LeafPose, drop: &SessileDrop) {
         let Some(head) = drop.beads.first() else { return };
-        let Some(base) = DropPlacement::new(on, head.uv, (drop.side, drop.v)) else { return };
+        let Some(base) = DropPlacement::new(leaf, pose, head.uv, drop.side, drop.v) else { return };
         if drop.beads.len() > 1 {
-            self.strip(&base, drop);
+            self.add_tail_body(&base, drop);
         } else {
-            self.cap(&base, &head.cap, drop);
+            self.add_cap(&base, &head.cap, drop);
         }
     }
 
     /// Rings around the middle, dense at the rim. Source: own.
-    fn cap(&mut self, base: &DropPlacement<'_>, cap: &SphericalCap, drop: &SessileDrop) {
+    fn add_cap(&mut self, base: &DropPlacement<'_>, cap: &SphericalCap, drop: &SessileDrop) {
         let theta = math::acos(cap.c.clamp(-1.0, 1.0));
-        let [rings, sides] = if cap.reach() < LARGE { FEW } else { MANY };
+        let [rings, sides] = if cap.reach() < LARGE_DROP_RADIUS { SMALL_DROP_GRID } else { LARGE_DROP_GRID };
         // What overhangs has more to show.
         let rings = if theta > FRAC_PI_2 { rings * 2 } else { rings };
         let n = base.spot.n;
         let along = (drop.axis - n * drop.axis.dot(n)).normalize_or(n.any_orthonormal_vector());
         let across = n.cross(along);
         let ring = |k: u32| theta * (1.0 - math::pow(1.0 - f64::from(k) / f64::from(rings), 1.6));
-        let fuller = fuller(&(0..=rings).map(ring).collect::<Vec<_>>(), sides);
+        let fuller = facet_volume_factor(&(0..=rings).map(ring).collect::<Vec<_>>(), sides);
         let at = |r1: f64, phi: f64, h: f64| {
             let (x, y) = (r1 * math::cos(phi) * drop.print.q, r1 * math::sin(phi) / drop.print.q);
             base.point(along * x + across * y, h)
@@ -123,12 +124,12 @@ impl DropMesh {
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let carrier = (base.blade, base.v);
         let flip = base.side < 0.0;
-        let top = self.push(place(0.0, 0.0), carrier);
+        let top = self.add_point(place(0.0, 0.0), carrier);
         let mut rim = Vec::new();
         for k in 1..=rings {
             let q = ring(k);
             let ring: Vec<u32> =
-                (0..sides).map(|i| self.push(place(q, TAU * f64::from(i) / f64::from(sides)), carrier)).collect();
+                (0..sides).map(|i| self.add_point(place(q, TAU * f64::from(i) / f64::from(sides)), carrier)).collect();
             for i in 0..sides as usize {
                 let j = (i + 1) % sides as usize;
                 if k == 1 {
@@ -141,23 +142,29 @@ impl DropMesh {
             }
             rim = ring;
         }
-        self.smooth(start, first);
+        self.compute_normals(start, first);
         let foot = cap.r * math::sin(theta);
-        self.seat(base, (&rim, rings / 2), |share, phi| at(foot * share, phi, -UNDER));
+        self.close_cap_underside(base, &rim, rings / 2, |share, phi| at(foot * share, phi, -UNDERSIDE_DEPTH));
     }
 
     /// Closes a drop under the leaf: a skirt, and rings that follow what is under it, as air that a flat bottom left in a fold
     /// would mirror. `rim`: counter-clockwise seen from above; `place`: by share of the way to it, and angle.
-    fn seat(&mut self, base: &DropPlacement<'_>, (rim, rings): (&[u32], u32), place: impl Fn(f64, f64) -> DVec3) {
+    fn close_cap_underside(
+        &mut self,
+        base: &DropPlacement<'_>,
+        rim: &[u32],
+        rings: u32,
+        place: impl Fn(f64, f64) -> DVec3,
+    ) {
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let (carrier, flip) = ((base.blade, base.v), base.side < 0.0);
         let sides = rim.len();
         let count = u32::try_from(sides).unwrap_or(u32::MAX);
-        let mut before: Vec<u32> = rim.iter().map(|i| self.again(*i)).collect();
+        let mut before: Vec<u32> = rim.iter().map(|i| self.duplicate_point(*i)).collect();
         for k in (1..=rings).rev() {
             let share = f64::from(k) / f64::from(rings);
             let angles = (0_u32..).map(|i| TAU * f64::from(i) / f64::from(count)).take(sides);
-            let ring: Vec<u32> = angles.map(|phi| self.push(place(share, phi), carrier)).collect();
+            let ring: Vec<u32> = angles.map(|phi| self.add_point(place(share, phi), carrier)).collect();
             for i in 0..sides {
                 let j = (i + 1) % sides;
                 self.triangle([before[i], ring[i], ring[j]], flip);
@@ -165,14 +172,14 @@ impl DropMesh {
             }
             before = ring;
         }
-        let middle = self.push(place(0.0, 0.0), carrier);
+        let middle = self.add_point(place(0.0, 0.0), carrier);
         for i in 0..sides {
             self.triangle([middle, before[(i + 1) % sides], before[i]], flip);
         }
-        self.smooth(start, first);
+        self.compute_normals(start, first);
     }
 
-    fn again(&mut self, i: u32) -> u32 {
+    fn duplicate_point(&mut self, i: u32) -> u32 {
         let index = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
         self.mesh.points.push(self.mesh.points[i as usize]);
         self.velocities.push(self.velocities[i as usize]);
@@ -180,64 +187,66 @@ impl DropMesh {
     }
 
     /// A drop with its tail as one body: rows across its way, that narrow from its head to its end. Source: own.
-    fn strip(&mut self, base: &DropPlacement<'_>, drop: &SessileDrop) {
+    fn add_tail_body(&mut self, base: &DropPlacement<'_>, drop: &SessileDrop) {
         let Some(line) = TailBody::new(base, drop) else { return };
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let carrier = (base.blade, base.v);
         let rows = line.rows();
         let ends = [0, rows].map(|k| {
             let p = line.point(base, line.at(k, rows), 0.0, 0.0);
-            self.push(p, carrier)
+            self.add_point(p, carrier)
         });
         let mut grid: Vec<Vec<u32>> = Vec::new();
         for k in 1..rows {
             let s = line.at(k, rows);
             let wide = line.width(s);
-            let row = (0..=COLUMNS)
+            let row = (0..=TAIL_COLUMNS)
                 .map(|i| {
                     let x = wide * column(i);
-                    let rim = i == 0 || i == COLUMNS;
+                    let rim = i == 0 || i == TAIL_COLUMNS;
                     let h = if rim { 0.0 } else { line.height(s, x) };
                     let p = line.point(base, s, x, h);
-                    self.push(p, carrier)
+                    self.add_point(p, carrier)
                 })
                 .collect();
             grid.push(row);
         }
-        self.web((&grid, ends), base.side < 0.0);
-        self.smooth(start, first);
-        self.keel(base, &line, (&grid, ends));
+        self.triangulate_rows(&grid, ends, base.side < 0.0);
+        self.compute_normals(start, first);
+        self.close_tail_underside(base, &line, &grid, ends);
     }
 
     /// Closes a strip under the leaf, whose folds it follows.
-    fn keel(&mut self, base: &DropPlacement<'_>, line: &TailBody, (grid, ends): (&[Vec<u32>], [u32; 2])) {
+    fn close_tail_underside(&mut self, base: &DropPlacement<'_>, line: &TailBody, grid: &[Vec<u32>], ends: [u32; 2]) {
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let (carrier, flip) = ((base.blade, base.v), base.side < 0.0);
-        let (n, rows) = (COLUMNS as usize, line.rows());
-        let mut under = |k: u32, x: f64| self.push(line.point(base, line.at(k, rows), x, -UNDER), carrier);
+        let (n, rows) = (TAIL_COLUMNS as usize, line.rows());
+        let mut under =
+            |k: u32, x: f64| self.add_point(line.point(base, line.at(k, rows), x, -UNDERSIDE_DEPTH), carrier);
         let lower_ends = [0, rows].map(|k| under(k, 0.0));
         let across = |k: u32, i: u32| line.width(line.at(k, rows)) * column(i);
-        let lower: Vec<Vec<u32>> = (1..rows).map(|k| (0..=COLUMNS).map(|i| under(k, across(k, i))).collect()).collect();
+        let lower: Vec<Vec<u32>> =
+            (1..rows).map(|k| (0..=TAIL_COLUMNS).map(|i| under(k, across(k, i))).collect()).collect();
         // Around: the front end, the left side back, the hind end, the right side forth.
         let around = |rows: &[Vec<u32>], ends: [u32; 2]| -> Vec<u32> {
             let (left, right) = (rows.iter().map(|r| r[0]), rows.iter().rev().map(|r| r[n]));
             [ends[0]].into_iter().chain(left).chain([ends[1]]).chain(right).collect()
         };
-        let upper: Vec<u32> = around(grid, ends).iter().map(|i| self.again(*i)).collect();
+        let upper: Vec<u32> = around(grid, ends).iter().map(|i| self.duplicate_point(*i)).collect();
         let rim = around(&lower, lower_ends);
         for i in 0..rim.len() {
             let j = (i + 1) % rim.len();
             self.triangle([upper[i], rim[i], rim[j]], flip);
             self.triangle([upper[i], rim[j], upper[j]], flip);
         }
-        self.web((&lower, lower_ends), !flip);
-        self.smooth(start, first);
+        self.triangulate_rows(&lower, lower_ends, !flip);
+        self.compute_normals(start, first);
     }
 
     /// Rows of a strip, joined, with a point at both ends.
-    fn web(&mut self, (grid, ends): (&[Vec<u32>], [u32; 2]), flip: bool) {
+    fn triangulate_rows(&mut self, grid: &[Vec<u32>], ends: [u32; 2], flip: bool) {
         let last = grid.len() - 1;
-        for i in 0..COLUMNS as usize {
+        for i in 0..TAIL_COLUMNS as usize {
             self.triangle([ends[0], grid[0][i], grid[0][i + 1]], flip);
             self.triangle([ends[1], grid[last][i + 1], grid[last][i]], flip);
             for k in 1..=last {
@@ -249,43 +258,43 @@ impl DropMesh {
     }
 
     /// Adds a drop that hangs at a margin. `shapes`: of its circle.
-    pub fn hang(&mut self, blade: &LeafPose, drop: &PendantDrop, shapes: &PendantShapes) {
-        let profile = drawn(&shapes.profile(drop.volume), drop.thin);
+    pub fn add_pendant(&mut self, blade: &LeafPose, drop: &PendantDrop, shapes: &PendantShapes) {
+        let profile = necked_profile(&shapes.profile(drop.volume), drop.thin);
         let Some([_, length]) = profile.last().copied() else { return };
         let down = (blade.orientation * drop.axis).normalize_or(DVec3::NEG_Y);
         let (x, y) = down.any_orthonormal_pair();
         let middle = blade.position + blade.orientation * drop.p;
         let (start, first) = (self.mesh.points.len(), self.mesh.triangles.len());
         let carrier = (blade, DVec3::ZERO);
-        let mut outline: Vec<[f64; 2]> = thinned(&profile);
+        let mut outline: Vec<[f64; 2]> = resample_profile(&profile);
         // Its upper end closes over the leaf's edge.
         let rim = outline.last().map_or(drop.radius, |p| p[0]);
         outline.extend((1..8).map(|k| {
             let turn = FRAC_PI_2 * f64::from(k) / 8.0;
-            [rim * math::cos(turn), length + SEAT * rim * math::sin(turn)]
+            [rim * math::cos(turn), length + SEAT_HEIGHT * rim * math::sin(turn)]
         }));
-        let low = self.push(middle + down * length, carrier);
+        let low = self.add_point(middle + down * length, carrier);
         let mut before: Vec<u32> = Vec::new();
         for [r, z] in outline.iter().skip(1) {
             let at = middle + down * (length - z);
-            let ring: Vec<u32> = (0..SIDES)
+            let ring: Vec<u32> = (0..PENDANT_SIDES)
                 .map(|i| {
-                    let turn = TAU * f64::from(i) / f64::from(SIDES);
-                    self.push(at + (x * math::cos(turn) + y * math::sin(turn)) * *r, carrier)
+                    let turn = TAU * f64::from(i) / f64::from(PENDANT_SIDES);
+                    self.add_point(at + (x * math::cos(turn) + y * math::sin(turn)) * *r, carrier)
                 })
                 .collect();
-            self.band(&before, &ring, low);
+            self.add_ring(&before, &ring, low);
             before = ring;
         }
-        let high = self.push(middle - down * (SEAT * rim), carrier);
-        for i in 0..SIDES as usize {
-            let j = (i + 1) % SIDES as usize;
+        let high = self.add_point(middle - down * (SEAT_HEIGHT * rim), carrier);
+        for i in 0..PENDANT_SIDES as usize {
+            let j = (i + 1) % PENDANT_SIDES as usize;
             self.triangle([high, before[j], before[i]], false);
         }
-        self.smooth(start, first);
+        self.compute_normals(start, first);
     }
 
-    fn band(&mut self, before: &[u32], ring: &[u32], low: u32) {
+    fn add_ring(&mut self, before: &[u32], ring: &[u32], low: u32) {
         for i in 0..ring.len() {
             let j = (i + 1) % ring.len();
             if before.is_empty() {
@@ -300,12 +309,12 @@ impl DropMesh {
 
 /// Place of a column of a strip, as a share of the way from its middle to its rim; they stand closer there.
 fn column(i: u32) -> f64 {
-    math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(COLUMNS) - 1.0))
+    math::sin(FRAC_PI_2 * (2.0 * f64::from(i) / f64::from(TAIL_COLUMNS) - 1.0))
 }
 
 /// How much higher a cap of flat facets must be to hold as much as the round one. `rings`: angles from its top to its rim.
 /// Source: frusta of polygons with `sides`, against pi (2 - 3 c + c^3) / 3.
-fn fuller(rings: &[f64], sides: u32) -> f64 {
+fn facet_volume_factor(rings: &[f64], sides: u32) -> f64 {
     let turn = TAU / f64::from(sides);
     let polygon = 0.5 * f64::from(sides) * math::sin(turn);
     let mut facets = 0.0;
@@ -318,10 +327,10 @@ fn fuller(rings: &[f64], sides: u32) -> f64 {
     if facets > 0.0 { round / facets } else { 1.0 }
 }
 
-/// About [`ALONG`] points of a profile, evenly along it.
-fn thinned(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
+/// About [`PROFILE_POINTS`] points of a profile, evenly along it.
+fn resample_profile(profile: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let last = profile.len() - 1;
-    let step = (last / ALONG).max(1);
+    let step = (last / PROFILE_POINTS).max(1);
     let mut out: Vec<[f64; 2]> = profile.iter().step_by(step).copied().collect();
     if !last.is_multiple_of(step) {
         out.push(profile[last]);
@@ -401,9 +410,10 @@ mod tests {
                     .cap(volume, 1.0);
                 drop.beads[0].cap = cap;
                 let mut water = DropMesh::default();
-                water.lay((&leaf, &blade), &drop);
-                let sides = f64::from(if cap.reach() < LARGE { FEW } else { MANY }[1]);
-                let under = 0.5 * sides * math::sin(TAU / sides) * cap.a * cap.a * UNDER;
+                water.add_sessile(&leaf, &blade, &drop);
+                let sides =
+                    f64::from(if cap.reach() < LARGE_DROP_RADIUS { SMALL_DROP_GRID } else { LARGE_DROP_GRID }[1]);
+                let under = 0.5 * sides * math::sin(TAU / sides) * cap.a * cap.a * UNDERSIDE_DEPTH;
                 let found = closed(&water.mesh) - under;
                 assert!((found / volume - 1.0).abs() < 0.01, "{theta} {q} {omega:?}: {found} of {volume}");
                 assert_eq!(water.velocities.len(), water.mesh.points.len());
@@ -417,8 +427,8 @@ mod tests {
         let (leaf, blade) = (leaf(), pose());
         let drop = lying(60.0, &[1e-8, 5e-9, 2.5e-9, 1.2e-9], Footprint { q: 1.3, skew: 0.2 });
         let mut water = DropMesh::default();
-        water.lay((&leaf, &blade), &drop);
-        let base = DropPlacement::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
+        water.add_sessile(&leaf, &blade, &drop);
+        let base = DropPlacement::new(&leaf, &blade, drop.beads[0].uv, 1.0, DVec3::ZERO).expect("on the leaf");
         let line = TailBody::new(&base, &drop).expect("a line");
         let area: f64 = (0..line.rows())
             .map(|k| {
@@ -426,7 +436,7 @@ mod tests {
                 (b - a) * (line.width(a) + line.width(b))
             })
             .sum();
-        let found = closed(&water.mesh) - area * UNDER;
+        let found = closed(&water.mesh) - area * UNDERSIDE_DEPTH;
         assert!((found / drop.volume - 1.0).abs() < 0.03, "{found} of {}", drop.volume);
     }
 
@@ -438,7 +448,7 @@ mod tests {
         let blade = LeafPose::at_rest(DVec3::ZERO, DQuat::IDENTITY);
         for volumes in [&[2e-8][..], &[1e-8, 5e-9, 2.5e-9]] {
             let mut water = DropMesh::default();
-            water.lay((&leaf, &blade), &lying(60.0, volumes, Footprint { q: 1.0, skew: 0.0 }));
+            water.add_sessile(&leaf, &blade, &lying(60.0, volumes, Footprint { q: 1.0, skew: 0.0 }));
             let Mesh { points, triangles, .. } = &water.mesh;
             let middles = triangles.iter().map(|t| t.map(|i| points[i as usize].as_dvec3())).filter_map(|[a, b, c]| {
                 let (n, m) = ((b - a).cross(c - a).normalize_or_zero(), (a + b + c) / 3.0);
@@ -446,7 +456,11 @@ mod tests {
             });
             let heights: Vec<f64> = middles.collect();
             let highest = heights.iter().copied().fold(f64::MIN, f64::max);
-            assert!(heights.len() > 20 && highest < 0.3 * UNDER, "{highest} m over the leaf, of {}", heights.len());
+            assert!(
+                heights.len() > 20 && highest < 0.3 * UNDERSIDE_DEPTH,
+                "{highest} m over the leaf, of {}",
+                heights.len()
+            );
         }
     }
 
@@ -455,7 +469,7 @@ mod tests {
         let (leaf, blade) = (leaf(), pose());
         for theta in [40.0, 70.0, 110.0] {
             let drop = lying(theta, &[1e-8, 5e-9, 2.5e-9, 1.2e-9, 6e-10], Footprint { q: 1.4, skew: 0.2 });
-            let base = DropPlacement::new((&leaf, &blade), drop.beads[0].uv, (1.0, DVec3::ZERO)).expect("on the leaf");
+            let base = DropPlacement::new(&leaf, &blade, drop.beads[0].uv, 1.0, DVec3::ZERO).expect("on the leaf");
             let line = TailBody::new(&base, &drop).expect("a line");
             let sizes: Vec<[f64; 2]> =
                 (0..=400).map(|k| line.at(k, 400)).map(|s| [line.width(s), line.height(s, 0.0)]).collect();
@@ -477,9 +491,9 @@ mod tests {
             let drop =
                 PendantDrop { id: 1, leaf: 0, p: DVec3::new(0.0, 0.08, 0.0), radius: 1e-3, axis, volume, thin: 0.0 };
             let mut water = DropMesh::default();
-            water.hang(&blade, &drop, &PendantShapes::new(1e-3, 9.81));
+            water.add_pendant(&blade, &drop, &PendantShapes::new(1e-3, 9.81));
             let found = closed(&water.mesh);
-            let seat = PI * 1e-9 * SEAT * 2.0 / 3.0;
+            let seat = PI * 1e-9 * SEAT_HEIGHT * 2.0 / 3.0;
             assert!(((found - seat) / volume - 1.0).abs() < 0.03, "{volume} {found}");
             let top = blade.to_world(drop.p, 1.0).y;
             let lowest = water.mesh.points.iter().fold(f32::MAX, |m, p| m.min(p.y));

@@ -16,7 +16,7 @@ fn hung(tilt: f64) -> (DVec3, DQuat) {
     (DVec3::new(0.0, 1.0, 0.0), turn)
 }
 
-fn storm(tilts: &[f64], manner: DropParams, shower: Option<RainEmitter>) -> RainSimulation {
+fn simulation(tilts: &[f64], params: DropParams, shower: Option<RainEmitter>) -> RainSimulation {
     let sheet = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade"));
     let target = Arc::new(LeafCollider::new(&sheet));
     let place = |(i, tilt): (usize, &f64)| {
@@ -27,17 +27,17 @@ fn storm(tilts: &[f64], manner: DropParams, shower: Option<RainEmitter>) -> Rain
     let leaves = (0..tilts.len())
         .map(|i| {
             let leaf = RainLeaf::new(Arc::clone(&sheet), 1.0, i as u64);
-            (leaf, LeafAttachment { on: (0, i), target: Arc::clone(&target) })
+            (leaf, LeafAttachment { plant: 0, leaf: i, collider: Arc::clone(&target) })
         })
         .collect();
     let stem = WoodSegment { ends: [DVec3::ZERO, DVec3::Y], radii: [0.005, 0.003] };
     RainSimulation::new(RainConfig {
-        manner,
-        shower,
-        bearers: vec![Box::new(StaticPlant::new(&places, vec![stem]))],
+        params,
+        emitter: shower,
+        plants: vec![Box::new(StaticPlant::new(&places, vec![stem]))],
         leaves,
         wind: None,
-        floor: Box::new(0.0),
+        ground: Box::new(0.0),
     })
 }
 
@@ -49,10 +49,10 @@ fn even() -> DropParams {
 fn slips(volume: f64) -> f64 {
     for k in 10..900 {
         let tilt = f64::from(k) * 0.1;
-        let mut storm = storm(&[tilt.to_radians()], even(), None);
-        storm.place(0, DVec2::new(0.5, 0.5), DVec3::ZERO, volume);
-        (0..6).for_each(|_| storm.step(0.004).expect("stiff"));
-        if storm.leaves()[0].drops[0].v.length() > 0.0 {
+        let mut simulation = simulation(&[tilt.to_radians()], even(), None);
+        simulation.deposit_drop(0, DVec2::new(0.5, 0.5), DVec3::ZERO, volume);
+        (0..6).for_each(|_| simulation.step(0.004).expect("stiff"));
+        if simulation.leaves()[0].drops[0].v.length() > 0.0 {
             return tilt;
         }
     }
@@ -61,8 +61,8 @@ fn slips(volume: f64) -> f64 {
 
 #[test]
 fn drops_slip_where_furmidge_says() {
-    let manner = even();
-    let w = manner.wetting;
+    let params = even();
+    let w = params.wetting;
     for volume in [8e-9, 15e-9, 30e-9] {
         let a = w.cap(volume, 1.0).a;
         // The drop runs as soon as its weight along the slope exceeds what both rims hold.
@@ -76,50 +76,58 @@ fn drops_slip_where_furmidge_says() {
 
 #[test]
 fn a_running_drop_reaches_the_tip_hangs_and_falls() {
-    let mut storm = storm(&[0.7], even(), None);
-    storm.place(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
+    let mut simulation = simulation(&[0.7], even(), None);
+    simulation.deposit_drop(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
     let (mut fell, mut hung) = (0.0_f64, false);
     for _ in 0..4000 {
-        storm.step(0.002).expect("stiff");
-        hung |= storm.leaves()[0].drops.iter().any(|d| d.hang.is_some());
-        fell = fell.max(storm.ledger().ground);
-        assert!(storm.ledger().error() < 1e-12, "{:?}", storm.ledger());
+        simulation.step(0.002).expect("stiff");
+        hung |= simulation.leaves()[0].drops.iter().any(|d| d.pendant.is_some());
+        fell = fell.max(simulation.water_budget().ground);
+        assert!(simulation.water_budget().error() < 1e-12, "{:?}", simulation.water_budget());
     }
     assert!(hung);
-    assert!(fell > 10e-9, "{:?}", storm.ledger());
-    let DropCounters { hung, fell, struck, .. } = storm.tally();
+    assert!(fell > 10e-9, "{:?}", simulation.water_budget());
+    let DropCounters { hung, fell, struck, .. } = simulation.counters();
     assert!(hung >= 1 && fell >= 1 && struck == 0, "{hung} {fell} {struck}");
 }
 
 #[test]
 fn a_splash_keeps_all_water() {
-    let mut storm = storm(&[0.2], DropParams { splash: 0.3, ..even() }, None);
-    let (volume, air) = (crate::rain::emitter::ball(4e-3), storm.next());
-    storm.emitted += volume;
-    let p = storm.blades[0].position + DVec3::new(0.0, 0.05, -0.03);
-    storm.air.push(FallingDrop { id: air, p, v: DVec3::NEG_Y * 8.0, volume, blind: None, late: 0.0 });
-    while storm.leaves()[0].drops.is_empty() {
-        storm.step(0.001).expect("stiff");
-        assert!(storm.time() < 0.1, "it missed the leaf");
+    let mut simulation = simulation(&[0.2], DropParams { splash: 0.3, ..even() }, None);
+    let (volume, air) = (crate::rain::emitter::sphere_volume(4e-3), simulation.next_id());
+    simulation.emitted += volume;
+    let p = simulation.poses[0].position + DVec3::new(0.0, 0.05, -0.03);
+    simulation.air.push(FallingDrop {
+        id: air,
+        p,
+        v: DVec3::NEG_Y * 8.0,
+        volume,
+        ignore_leaf: None,
+        spawn_offset: 0.0,
+    });
+    while simulation.leaves()[0].drops.is_empty() {
+        simulation.step(0.001).expect("stiff");
+        assert!(simulation.time() < 0.1, "it missed the leaf");
     }
-    let flew: f64 = storm.air().iter().map(|d| d.volume).sum();
-    assert!((6..=20).contains(&storm.air().len()));
+    let flew: f64 = simulation.air().iter().map(|d| d.volume).sum();
+    assert!((6..=20).contains(&simulation.air().len()));
     assert!((flew / (0.3 * volume) - 1.0).abs() < 1e-12);
-    assert!(((flew + storm.leaves()[0].volume()) / volume - 1.0).abs() < 1e-12);
+    assert!(((flew + simulation.leaves()[0].volume()) / volume - 1.0).abs() < 1e-12);
 }
 
 #[test]
 fn beads_that_a_tail_leaves_have_its_water() {
-    let mut storm = storm(&[0.25], DropParams { bead: 1.0, ..even() }, None);
+    let mut simulation = simulation(&[0.25], DropParams { bead: 1.0, ..even() }, None);
     for u in [0.2, 0.5, 0.8] {
-        storm.place(0, DVec2::new(u, 0.2), DVec3::Y * 0.6, 30e-9);
+        simulation.deposit_drop(0, DVec2::new(u, 0.2), DVec3::Y * 0.6, 30e-9);
     }
     for _ in 0..1500 {
-        storm.step(0.002).expect("stiff");
-        assert!(storm.ledger().error() < 1e-12, "{:?}", storm.ledger());
+        simulation.step(0.002).expect("stiff");
+        assert!(simulation.water_budget().error() < 1e-12, "{:?}", simulation.water_budget());
     }
-    let beads: Vec<RainEvent> = storm.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
-    assert!(beads.len() >= 3 && storm.tally().beads == beads.len() as u64, "{beads:?}");
+    let beads: Vec<RainEvent> =
+        simulation.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
+    assert!(beads.len() >= 3 && simulation.counters().beads == beads.len() as u64, "{beads:?}");
     assert!(beads.iter().all(|b| b.volume > 0.0 && b.other.is_some_and(|of| of <= 3)));
 }
 
@@ -128,14 +136,14 @@ fn running_drops_follow_veins() {
     // A vein that leads aside takes a drop along for a part of its way.
     let ends = |grooves: Option<VeinMap>| {
         let sheet = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade").with(None, grooves));
-        let mut storm = storm(&[1.0], even(), None);
-        storm.leaves[0] = RainLeaf::new(sheet, 1.0, 0);
-        storm.place(0, DVec2::new(0.35, 0.1), DVec3::ZERO, 25e-9);
-        while storm.leaves()[0].drops.first().is_some_and(|d| d.uv.y < 0.6) {
-            storm.step(0.001).expect("stiff");
-            assert!(storm.time() < 5.0, "it lies");
+        let mut simulation = simulation(&[1.0], even(), None);
+        simulation.leaves[0] = RainLeaf::new(sheet, 1.0, 0);
+        simulation.deposit_drop(0, DVec2::new(0.35, 0.1), DVec3::ZERO, 25e-9);
+        while simulation.leaves()[0].drops.first().is_some_and(|d| d.uv.y < 0.6) {
+            simulation.step(0.001).expect("stiff");
+            assert!(simulation.time() < 5.0, "it lies");
         }
-        storm.leaves()[0].drops.first().expect("still on the leaf").uv.x
+        simulation.leaves()[0].drops.first().expect("still on the leaf").uv.x
     };
     let (with, without) = (ends(Some(vein(|v| 0.32 + 0.35 * v))), ends(None));
     assert!(without - 0.35 < 1e-6 && with > 0.37, "{with} {without}");
@@ -143,13 +151,13 @@ fn running_drops_follow_veins() {
 
 #[test]
 fn drops_that_touch_are_one_with_all_their_water_and_momentum() {
-    let mut storm = storm(&[0.0], even(), None);
-    storm.place(0, DVec2::new(0.5, 0.5), DVec3::new(0.0, 0.25, 0.0), 9e-9);
-    storm.place(0, DVec2::new(0.5, 0.56), DVec3::ZERO, 3e-9);
+    let mut simulation = simulation(&[0.0], even(), None);
+    simulation.deposit_drop(0, DVec2::new(0.5, 0.5), DVec3::new(0.0, 0.25, 0.0), 9e-9);
+    simulation.deposit_drop(0, DVec2::new(0.5, 0.56), DVec3::ZERO, 3e-9);
     for _ in 0..400 {
-        let before = storm.leaves()[0].clone();
-        storm.step(0.002).expect("stiff");
-        let now = &storm.leaves()[0];
+        let before = simulation.leaves()[0].clone();
+        simulation.step(0.002).expect("stiff");
+        let now = &simulation.leaves()[0];
         if now.drops.len() < before.drops.len() {
             let m = |drops: &[SurfaceDrop]| drops.iter().fold(DVec3::ZERO, |s, d| s + d.v * d.volume);
             assert!((now.volume() / 12e-9 - 1.0).abs() < 1e-12);
@@ -165,7 +173,7 @@ fn drops_that_touch_are_one_with_all_their_water_and_momentum() {
 fn heavy_rain(seed: u64) -> RainfallParams {
     RainfallParams {
         seed,
-        strength: 100.0 / 3.6e6,
+        intensity: 100.0 / 3.6e6,
         size: DropSizes::Natural,
         total: None,
         envelope: IntensityEnvelope::Constant,
@@ -181,16 +189,16 @@ fn over() -> Bounds {
 
 #[test]
 fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
-    let manner = DropParams { splash: 0.3, ..DropParams::default() };
+    let params = DropParams { splash: 0.3, ..DropParams::default() };
     let shower = RainEmitter::new(heavy_rain(3), over(), None);
-    let mut storm = storm(&[0.3, 0.6, 1.0, -0.4], manner, Some(shower));
+    let mut simulation = simulation(&[0.3, 0.6, 1.0, -0.4], params, Some(shower));
     for k in 0..2400 {
-        storm.step(1.0 / 240.0).expect("stiff");
+        simulation.step(1.0 / 240.0).expect("stiff");
         if k % 10 == 0 {
-            assert!(storm.ledger().error() < 1e-9, "{k}: {:?}", storm.ledger());
+            assert!(simulation.water_budget().error() < 1e-9, "{k}: {:?}", simulation.water_budget());
         }
     }
-    let l = storm.ledger();
+    let l = simulation.water_budget();
     assert!(l.ground > 0.0 && l.wood > 0.0 && l.leaves > 0.0 && l.pendants > 0.0, "{l:?}");
 }
 
@@ -198,12 +206,12 @@ fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
 fn any_number_of_threads_gives_the_same_rain() {
     let run = || {
         let shower = RainEmitter::new(heavy_rain(4), over(), None);
-        let mut storm = storm(&[0.3, 0.6, 1.0], DropParams::default(), Some(shower));
-        (0..400).for_each(|_| storm.step(1.0 / 200.0).expect("stiff"));
-        let drops = storm.leaves().iter().flat_map(|l| &l.drops);
+        let mut simulation = simulation(&[0.3, 0.6, 1.0], DropParams::default(), Some(shower));
+        (0..400).for_each(|_| simulation.step(1.0 / 200.0).expect("stiff"));
+        let drops = simulation.leaves().iter().flat_map(|l| &l.drops);
         let bits: Vec<u64> =
             drops.flat_map(|d| [d.id, d.uv.x.to_bits(), d.uv.y.to_bits(), d.volume.to_bits()]).collect();
-        (bits, storm.air().len())
+        (bits, simulation.air().len())
     };
     let on = |n: usize| osier_base::par::on_threads(n, run);
     let one = on(1);
@@ -216,21 +224,21 @@ fn any_number_of_threads_gives_the_same_rain() {
 #[test]
 fn what_is_too_heavy_falls_from_below_a_leaf() {
     // Upside down by more than a drop's weight can hang: it falls.
-    let mut storm = storm(&[3.0], even(), None);
-    storm.place(0, DVec2::new(0.5, 0.5), DVec3::ZERO, 400e-9);
-    (0..20).for_each(|_| storm.step(0.002).expect("stiff"));
-    assert!(storm.leaves()[0].drops.is_empty());
+    let mut simulation = simulation(&[3.0], even(), None);
+    simulation.deposit_drop(0, DVec2::new(0.5, 0.5), DVec3::ZERO, 400e-9);
+    (0..20).for_each(|_| simulation.step(0.002).expect("stiff"));
+    assert!(simulation.leaves()[0].drops.is_empty());
 }
 
 #[test]
 fn a_drop_that_comes_to_the_margin_tells_so_once_before_it_hangs() {
-    let mut storm = storm(&[0.5], even(), None);
-    storm.place(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
+    let mut simulation = simulation(&[0.5], even(), None);
+    simulation.deposit_drop(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
     let mut told = Vec::new();
     while told.iter().all(|e: &RainEvent| e.what != DropEventKind::Hung) {
-        storm.step(0.002).expect("stiff");
-        told.extend(storm.take_events());
-        assert!(told.len() < 20 && storm.leaves()[0].volume() > 0.0, "{told:?}");
+        simulation.step(0.002).expect("stiff");
+        told.extend(simulation.take_events());
+        assert!(told.len() < 20 && simulation.leaves()[0].volume() > 0.0, "{told:?}");
     }
     let edges: Vec<usize> = (0..told.len()).filter(|i| told[*i].what == DropEventKind::Edge).collect();
     assert_eq!(edges.len(), 1, "{told:?}");
