@@ -50,7 +50,7 @@ pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
 /// A row of [`table`].
 pub fn row(m: &RainFrame) -> Vec<f64> {
     let running = m.lying.iter().filter(|d| d.v.length() > RUNS).count();
-    let (l, t) = (&m.ledger, &m.tally);
+    let (l, t) = (&m.water_budget, &m.tally);
     let mut row: Vec<f64> =
         [m.air.len(), m.lying.len() - running, running, m.hanging.len()].iter().map(|n| *n as f64).collect();
     row.extend([l.air, l.leaves, l.pendants, l.ground, l.wood, l.emitted].map(|v| v * MM3));
