@@ -77,6 +77,8 @@ impl FlightSimulation {
         let places: Vec<Vec3> = pending.iter().map(|c| c.x.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         if pending.iter().any(|c| matches!(c.wait, ReleaseCondition::Wind(_))) {
+            // Midpoint rule with exact relaxation: half a step with the wind here, then a whole step with the wind there.
+            // The difference v - u to the carrying velocity u decays as exp(-dt / tau), tau = settling speed / g.
             wind.sample(&places, t, &mut air);
         }
         for (c, air) in pending.iter_mut().zip(air) {
@@ -195,6 +197,8 @@ impl FlightSimulation {
             let outer = glam::Mat3::from_cols(r * r.x, r * r.y, r * r.z);
             inertia += (glam::Mat3::IDENTITY * r.length_squared() - outer) * m;
         }
+        // omega = I^-1 L of masses at the sampled members; a little of the trace on the diagonal keeps a line of two,
+        // which has no inertia about itself, invertible.
         let trace = inertia.x_axis.x + inertia.y_axis.y + inertia.z_axis.z;
         if trace < 1e-12 {
             return cluster.omega;

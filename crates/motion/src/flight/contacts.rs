@@ -32,6 +32,7 @@ struct SweptCatkin {
 impl SweptCatkin {
     /// Whether the two came within reach of each other. `between`: from half of this one's way to half of the other's.
     fn meets(&self, other: &Self, between: Vec3) -> bool {
+        // Swept spheres: the closest approach of two linear motions over the interval, in relative coordinates.
         let way = other.way - self.way;
         let start = between - way * 0.5;
         let square = way.length_squared();
@@ -97,6 +98,7 @@ impl ContactGrid {
 
     /// Brings those of one cube together.
     fn sort(&mut self) {
+        // Remove the mean drift: what remains of the displacements is small, so bounding spheres and cells are too.
         let ways = Bounds::of(self.flyers.iter().map(|f| f.way));
         let (drift, stray) = (ways.center(), 0.5 * ways.size().length());
         let mut reach = 0.0_f32;
@@ -104,6 +106,8 @@ impl ContactGrid {
             ball.radius = (f.reach + 0.5 * (f.way - drift).length()) * ROUNDING_MARGIN;
             reach = reach.max(f.reach);
         }
+        // Cells about as wide as the mean spacing, but never narrower than two spheres reach: then only neighbouring
+        // cells can hold contacts.
         let n = self.flyers.len().max(1) as f32;
         let volume = (self.size.x * self.size.y * self.size.z).max(f32::MIN_POSITIVE);
         let side = (2.0 * reach + stray).max(osier_base::math::pow_f32(volume / n, 1.0 / 3.0)).max(1e-3);

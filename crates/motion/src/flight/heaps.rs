@@ -85,6 +85,8 @@ impl<'a> HeapRelaxation<'a> {
         if way <= 0.0 || borne(solids, from, narrow(radius)) {
             return SinkOutcome::Borne;
         }
+        // Move down and sideways off the support, then out of neighbours and solids; refuse a move that gains no
+        // depth, squeezes a neighbour or stretches a bond.
         let others = self.around(i, 2.0 * way);
         let at = self.out_of_overlaps(from + (self.roll_direction(i, &others) - DVec3::Y) * way, radius, &others);
         let gap = |k: &usize, at: DVec3| at.distance(self.all[*k].at);
@@ -146,6 +148,8 @@ impl<'a> HeapRelaxation<'a> {
         let mut order: Vec<usize> = (0..self.all.len()).collect();
         order.sort_by(|a, b| self.all[*a].at.y.total_cmp(&self.all[*b].at.y).then(a.cmp(b)));
         let mut sank = vec![false; self.all.len()];
+        // Lowest first, so that a support has settled before what rests on it; once more for those whose bonds held
+        // them up in the first pass.
         for _ in 0..2 {
             let tried: Vec<(usize, SinkOutcome)> =
                 order.iter().map(|i| (*i, self.slide_down_walls(*i, ways[*i]))).collect();

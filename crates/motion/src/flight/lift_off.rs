@@ -90,6 +90,7 @@ impl FlightSimulation {
         if d.humidity >= 1.0 {
             return f64::INFINITY;
         }
+        // Threshold u_t = u_t0 (1 + k h / (1 - h)) min(3, n^(1/3)): moisture h binds, larger deposits shelter themselves.
         let wet = 1.0 + self.options.lift_wet * d.humidity / (1.0 - d.humidity);
         self.options.lift_speed * wet * cbrt(d.count as f64).min(3.0)
     }

@@ -61,9 +61,11 @@ impl TumbleStep {
         let tuft = c.tuft();
         let speed = c.flow.length();
         let along = if speed < 0.05 { Vec3::Y } else { c.flow / speed };
+        // Torsional pendulum about the direction of the relative wind; its frequency grows with the wind speed.
         let pace = (speed / narrow(c.fall).max(1e-6)).clamp(0.3, 3.0);
         let omega_n = std::f32::consts::TAU * SWING_HZ * pace * self.flutter;
         let (a, b) = noise(rng::child(flutter_key(self.key, c.id, c.generation), self.step));
+        // Ornstein-Uhlenbeck noise: an exact step with correlation time and variance that do not depend on the step.
         c.random_torque = c.random_torque * self.random_torque[0] + a * self.random_torque[1];
         // About the axis of the tuft it turns freely, and slowly; across it swings.
         let spin = c.omega.dot(tuft) * self.spin[0] + b * self.spin[1];

@@ -21,6 +21,8 @@ impl RodSystem {
             let hertz = self.estimate_fundamental_hz(rod, &lumps);
             let anchored = self.is_anchored(rod);
             let recovery = if anchored { material.recovery } else { 0.0 };
+            // Rayleigh damping with equal mass and stiffness parts at the fundamental w: a = zeta w, b = zeta / w, so that
+            // (a / w + b w) / 2 = zeta.
             let swing = std::f64::consts::TAU * hertz;
             let w = swing * math::sqrt(1.0 + recovery);
             // Without anything to hang on only bending is damped, not flight.
@@ -63,6 +65,7 @@ impl RodSystem {
         if !self.is_anchored(rod) {
             let total = span.sections.clone().fold(0.0, |s, i| s + lumps[i].mass);
             let mean = span.intervals.iter().fold(0.0, |s, l| s + l.bending()) / n as f64;
+            // Pinned at both ends: w = (pi / L)^2 sqrt(EI L / m).
             let k = std::f64::consts::PI / span.length;
             return k * k * math::sqrt(mean * span.length / total) / std::f64::consts::TAU;
         }
@@ -86,6 +89,8 @@ impl RodSystem {
                 moment = outer + shear * interval(k).length;
                 moments[k] = [moment, outer];
             }
+            // Integrate the curvature M / (E I), linear over each interval, twice: slope and deflection y under its own
+            // weight, and with them the numerator and denominator of Rayleigh's quotient.
             let (mut slope, mut y) = (0.0, 0.0);
             for k in 0..count {
                 let (l, ei, [inner, outer]) = (interval(k).length, interval(k).bending(), moments[k]);

@@ -1,4 +1,4 @@
-//! Rods through a clip: what acts on them when, and where they are in every frame.
+//! Recording of a clip: actuations over time, substeps, and the pose of every frame.
 
 use glam::{DQuat, DVec3, Quat, Vec3};
 
@@ -18,7 +18,7 @@ pub const MAX_SUBSTEPS: u32 = 200_000;
 /// Explicit steps are this share of the longest stable one.
 const STABILITY_MARGIN: f64 = 0.9;
 
-/// How steps are taken.
+/// Time integration scheme.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Integrator {
     /// All springs together, [`RodSystem::step_implicit`].
@@ -51,7 +51,7 @@ impl<const N: usize> Keys<N> {
     }
 }
 
-/// What acts on rods, or moves what holds them.
+/// A load on a section or a motion of a clamp, keyed over time.
 #[derive(Debug, Clone)]
 pub enum Actuation {
     /// Force, N, and torque, N m, on a section.
@@ -86,7 +86,7 @@ pub struct RodClip<'a> {
     pub name: String,
 }
 
-/// Where everything is in one frame.
+/// Poses of all sections and bodies in one frame.
 #[derive(Debug, Clone, Default)]
 pub struct RodPose {
     /// Per section: place, m, and turn: +Y along the rod, +X to its corner 0.
@@ -95,7 +95,7 @@ pub struct RodPose {
     pub bodies: Vec<Vec3>,
 }
 
-/// A weight that was let go.
+/// A weight after its release, in free fall.
 #[derive(Debug, Clone, Copy)]
 struct ReleasedWeight {
     p: DVec3,

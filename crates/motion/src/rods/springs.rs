@@ -76,14 +76,19 @@ pub(crate) fn spring_stiffnesses(intervals: &[RodInterval]) -> Vec<[f64; SPRINGS
     for (i, k) in all.iter_mut().enumerate() {
         let near = &intervals[i.saturating_sub(1)..(i + 1).min(intervals.len())];
         let mean = near.iter().fold(0.0, |s, l| s + l.axial()) / near.len() as f64;
+        // Springs around a section only keep its shape; they are stiff enough not to matter for bending.
         k[..FIRST_LINK_SPRING].fill(4.0 * mean);
         if i > 0 {
             let l = &intervals[i - 1];
             let (k0, f) = (l.axial(), l.sheared());
             // Springs over two intervals that pass this one: that ending in the next section, and that ending here.
             let across = if i < intervals.len() { bend(i - 1) } else { 0.0 } + if i > 1 { bend(i - 2) } else { 0.0 };
+            // Longitudinal springs carry the share of bending that the diagonals (f) and the springs over two intervals
+            // leave; never less than a tenth of k0, so that the section stays stable.
             let along = (k0 * (1.0 - f) - 2.0 * across).max(0.1 * k0);
             let rho = CORNER_RADIUS_RATIO * l.radius * l.spread;
+            // Diagonals join different corners, sqrt(3) rho apart, so cos^2 = l^2 / (l^2 + 3 rho^2). In bending a diagonal
+            // stretches by half of what the third corner does; six of them with 2 f k0 / cos^2 take the share f.
             let diagonal = 2.0 * f * k0 * (l.length * l.length + 3.0 * rho * rho) / (l.length * l.length);
             for c in 0..9 {
                 k[FIRST_LINK_SPRING + c] = if c / 3 == c % 3 { along } else { diagonal };
@@ -140,6 +145,8 @@ pub(crate) fn spring_state(
         for axis in 0..3 {
             s.e[axis][i] = d[axis][i] * inverse;
         }
+        // Transverse (geometric) stiffness k (1 - L0/|d|), only in tension: compressed springs would make the
+        // tangent indefinite.
         s.tension[i] = k[i] * (length - l[i]);
         s.across[i] = k[i] * (1.0 - l[i] * inverse).max(0.0);
     }

@@ -1,4 +1,4 @@
-//! Rods that hang together, and how they move.
+//! The system of connected rods: state, loads, clamps and attached bodies.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -19,14 +19,14 @@ const MAX_VISIBLE_HZ: f64 = 25.0;
 /// Fewest and most steps of a frame, if nothing is said.
 const STEP_COUNT_RANGE: [f64; 2] = [8.0, 64.0];
 
-/// How a section is held.
+/// Boundary condition of a clamped section.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ClampKind {
-    /// It neither moves nor turns.
+    /// Position and rotation are prescribed (all nine degrees of freedom).
     Fixed,
-    /// Its centre stays where it is.
+    /// The position of the centre is prescribed; the section turns freely.
     Pinned,
-    /// Its centre stays on a line along this direction.
+    /// The centre slides along a line of this direction; the section turns freely.
     Guided(DVec3),
 }
 
@@ -35,7 +35,7 @@ pub enum ClampKind {
 pub struct RodClamp {
     /// Section.
     pub section: usize,
-    /// How.
+    /// Boundary condition.
     pub hold: ClampKind,
     /// From where it was drawn, m.
     pub shift: DVec3,
@@ -88,7 +88,7 @@ pub struct AttachedBody {
     pub reach: f64,
 }
 
-/// What a rod does against its motion.
+/// Rayleigh damping and restoring springs of a rod, from its fundamental frequency.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct RodDamping {
     /// Slowest swing, Hz, without springs back.
@@ -107,7 +107,7 @@ struct SectionMass {
     own: Matrix9,
 }
 
-/// Rods that hang together: their state, and everything that acts on them.
+/// Connected rods: topology, state (positions, velocities, BDF2 history), clamps, attached bodies and loads.
 #[derive(Debug, Clone)]
 pub struct RodSystem {
     pub(crate) tree: RodTree,
@@ -138,7 +138,7 @@ pub struct RodSystem {
     pub(crate) divergence_limit: f64,
 }
 
-/// Where the rest places of a rod hang.
+/// The frame that the rest positions of a rod live in.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum RestAnchor {
     None,
@@ -146,7 +146,7 @@ enum RestAnchor {
     Section(usize),
 }
 
-/// Numbers of one step: made once, filled anew.
+/// Work arrays of the solver, allocated once.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SolverBuffers {
     pub rows: Vec<BlockRow>,
@@ -475,7 +475,7 @@ impl RodSystem {
             let arm = m * body.at;
             let (_, spin) = grip.rigid_velocity(&v[i]);
             let inertia = m * body.inertia * m.transpose();
-            // What turns keeps to its circle, and what tumbles keeps its moment of momentum.
+            // Off-centre bodies: centripetal force -m w x (w x r) and gyroscopic torque -w x I w.
             let mut force = -body.mass * spin.cross(spin.cross(arm));
             if !(*weightless && body.own) {
                 force += body.mass * *gravity;
@@ -526,6 +526,8 @@ impl RodSystem {
         let Self { clamps, step, .. } = self;
         for clamp in clamps.iter() {
             let rows = &mut step.rows[clamp.section];
+            // Penalty: a stiff spring along each held direction w adds s w w^T to the block and s w (w . gap) to the
+            // right-hand side, s a large multiple of the largest diagonal entry.
             let grip = CLAMP_STIFFNESS_FACTOR * rows.peak();
             let away = difference(&clamp.target(), &step.next[clamp.section]);
             let (ways, count) = clamp.ways();

@@ -1,4 +1,4 @@
-//! A plant on rods: its twigs bend, its leaves hang on stalks, the wind and the rain press on them.
+//! A plant on rods: twigs bend, leaves hang on stalks, wind drag and the impulses of raindrops act on them.
 
 mod layout;
 mod leaf_sheet;

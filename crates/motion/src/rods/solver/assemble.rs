@@ -55,20 +55,25 @@ impl NullaryFnOnce for SpringAssembly<'_> {
     #[inline(always)]
     fn call(self) {
         let Self { tree, x, v, damping, attached_bases, force, mut rows } = self;
+        // Bases that ride on a section of another rod follow it rigidly: x = p + R x_local, v = J v_section.
         update_attached_bases(tree, (x, v), attached_bases);
         force.fill([0.0; 9]);
         if let Some((rows, _)) = &mut rows {
             rows.fill(BlockRow::default());
         }
         for (i, section) in tree.sections.iter().enumerate() {
+            // Corners at the far ends of the springs: the previous section and the one before it, each a free section or
+            // the attached base of the rod. Where there is none the springs have zero stiffness and may end anywhere.
             let ends = [0, 1].map(|k| match (section.base[k], tree.above[i][k]) {
                 (NONE, NONE) => (&x[i], &v[i]),
                 (NONE, on) => (&x[on as usize], &v[on as usize]),
                 (base, _) => (&attached_bases[base as usize].x, &attached_bases[base as usize].v),
             });
+            // Tension k (|d| - L0) along e = d/|d|; damping acts as b K v with the same tangent stiffness K.
             let state = spring_state(&spring_vectors(&x[i], ends[0].0, ends[1].0), &section.k, &section.l);
             let dv = spring_vectors(&v[i], ends[0].1, ends[1].1);
             let f = spring_forces(&state, &section.k, &dv, damping[section.rod]);
+            // Newton's third law: each spring pulls with +f at this section and -f at its far end.
             let (mut own, mut others) = ([0.0; 9], [[0.0; 9]; 2]);
             let [up, over] = &mut others;
             scatter_forces(&f, &mut own, up, over);
@@ -83,6 +88,7 @@ impl NullaryFnOnce for SpringAssembly<'_> {
                     ),
                 }
             }
+            // Tangent stiffness blocks, scaled per rod by 1 + b/ht for the implicit damping.
             if let Some((rows, factors)) = &mut rows {
                 let spring_stiffness = spring_stiffness(&state, &section.k, factors[section.rod]);
                 add_stiffness(&spring_stiffness, (tree, i), attached_bases, rows);
@@ -146,6 +152,8 @@ fn add_stiffness(
     attached_bases: &[AttachedBase],
     rows: &mut [BlockRow],
 ) {
+    // A spring between corners c and o adds its 3x3 block B to (c, c) and (o, o) and -B to (c, o) and (o, c); only
+    // the blocks of a section with itself and with its predecessors are stored, as the matrix is symmetric.
     let mut own: Matrix9 = [[0.0; 9]; 9];
     let mut cross = [[[0.0; 9]; 9]; 2];
     let mut other = [[[[0.0; 3]; 3]; 3]; 2];

@@ -59,6 +59,8 @@ impl NullaryFnOnce for BlockCholesky<'_> {
     #[inline(always)]
     fn call(self) -> bool {
         let Self { rows, predecessors, out } = self;
+        // Forward elimination from the tips to the roots. A section couples only to its two predecessors, which couple
+        // to each other, so eliminating it changes blocks that exist already: no fill-in, cost linear in the sections.
         for i in (0..rows.len()).rev() {
             let (before, rest) = rows.split_at_mut(i);
             let own = &mut rest[0];
@@ -73,6 +75,7 @@ impl NullaryFnOnce for BlockCholesky<'_> {
                 eliminate_into_second_predecessor(own, &mut before[over as usize]);
             }
         }
+        // Back substitution from the roots to the tips: U x = y - U_up x_up - U_over x_over.
         for i in 0..rows.len() {
             let [up, over] = predecessors[i].map(|k| if k == NONE { [0.0; 9] } else { out[k as usize] });
             out[i] = back_substitute(&rows[i], &up, &over);
@@ -85,6 +88,8 @@ impl NullaryFnOnce for BlockCholesky<'_> {
 #[inline(always)]
 fn factorize_block(own: &mut BlockRow) -> bool {
     for k in 0..9 {
+        // Row k of U is row k of A over the root of its pivot; a pivot that is not positive means that A is not
+        // positive definite (or holds NaN) and the step has failed.
         let pivot = own.0[k][k];
         if pivot <= 0.0 || pivot.is_nan() {
             return false;
@@ -93,6 +98,7 @@ fn factorize_block(own: &mut BlockRow) -> bool {
         for v in &mut own.0[k] {
             *v *= scale;
         }
+        // Schur update of the rows below, off-diagonal blocks and right-hand side included.
         let row = own.0[k];
         for j in k + 1..9 {
             let f = row[j];
@@ -108,6 +114,7 @@ fn factorize_block(own: &mut BlockRow) -> bool {
 #[inline(always)]
 fn eliminate_into_predecessor(own: &BlockRow, up: &mut BlockRow) {
     for a in 0..9 {
+        // Columns of the blocks (up, over), the right-hand side and one of padding: padded for SIMD.
         let mut sum = [0.0; 20];
         for k in 0..9 {
             let f = own.0[k][PREDECESSOR + a];
@@ -126,6 +133,7 @@ fn eliminate_into_predecessor(own: &BlockRow, up: &mut BlockRow) {
 #[inline(always)]
 fn eliminate_into_second_predecessor(own: &BlockRow, over: &mut BlockRow) {
     for a in 0..9 {
+        // Nine columns of the block (over), the right-hand side and two of padding.
         let mut sum = [0.0; 12];
         for k in 0..9 {
             let f = own.0[k][SECOND_PREDECESSOR + a];

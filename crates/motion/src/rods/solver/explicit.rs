@@ -88,6 +88,7 @@ impl RodSystem {
                 }
             }
         }
+        // Gershgorin: each row of M^-1 K sums to at most 2 sum(k)/m, plus the restoring springs.
         let bound = |(i, k): (usize, &[f64; 3])| {
             let back = self.dampings[self.tree.sections[i].rod].recovery;
             2.0 * k.iter().fold(0.0_f64, |m, k| m.max(*k)) / self.tree.sections[i].mass + back
@@ -175,6 +176,8 @@ impl RodSystem {
             return;
         }
         let e = d / length;
+        // XPBD correction: lambda = (|d| - L0) / (w_a + w_b + alpha), compliance alpha = 1/(k h^2); an attached base
+        // maps its share onto its section by J^T.
         let mut pull = [0.0; 9];
         add(&mut pull, o, e);
         let pull = rider.map_or(pull, |(j, _)| transposed_matrix_vector(&j, &pull));

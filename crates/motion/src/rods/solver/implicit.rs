@@ -23,8 +23,12 @@ impl RodSystem {
     /// [`StepFailure`] for what is not finite, flies apart, or grows in three rounds running.
     pub fn step_implicit(&mut self, h: f64) -> Result<(), StepFailure> {
         let ht = if self.history_reset { h } else { 2.0 * h / 3.0 };
+        // An impulse J enters a first (Euler) step as 2/3 J/h: the BDF2 steps that follow carry the rest of it, so that
+        // the momentum gained in the end is J.
         self.share = if self.history_reset { FIRST_STEP_IMPULSE_SHARE } else { 1.0 };
         self.prepare_step(h);
+        // Rayleigh damping D = a M + b K. Its stiffness part scales the tangent stiffness by 1 + b/ht, since
+        // v = dx/ht + const within the step.
         for (rod, m) in self.dampings.iter().enumerate() {
             self.step.damping[rod] = m.stiffness;
             self.step.factors[rod] = 1.0 + m.stiffness / ht;
@@ -32,6 +36,8 @@ impl RodSystem {
         self.step.next.copy_from_slice(&self.x);
         let tolerance = NEWTON_TOLERANCE * self.shortest_interval();
         let (mut previous, mut growing) = (f64::MAX, 0);
+        // Newton: solve J dx = r at the current iterate, update, and stop once no corner moves by more than the
+        // tolerance. Updates that grow three times running, or corners beyond the divergence limit, fail the step.
         for _ in 0..MAX_NEWTON_ITERATIONS {
             self.assemble_newton_system(ht);
             if !self.solve_newton_update() {
@@ -62,12 +68,15 @@ impl RodSystem {
     fn assemble_newton_system(&mut self, ht: f64) {
         let inverse = 1.0 / ht;
         let [now, then] = self.bdf_coefficients();
+        // BDF2 velocity of the iterate: v = (x - 4/3 x_n + 1/3 x_(n-1)) / ht with ht = 2h/3; implicit Euler in a
+        // first step.
         for i in 0..self.x.len() {
             for k in 0..9 {
                 let from = now * self.x[i][k] - then * self.before[0][i][k];
                 self.step.speed[i][k] = (self.step.next[i][k] - from) * inverse;
             }
         }
+        // Spring forces S(x) with stiffness damping, and the blocks (1 + b/ht) K of the tangent stiffness.
         self.assemble_springs(true);
         for i in 0..self.x.len() {
             let m = self.dampings[self.tree.sections[i].rod];
@@ -78,11 +87,14 @@ impl RodSystem {
                 let foretold = now * self.v[i][k] - then * self.before[1][i][k];
                 all[k] = (foretold - self.step.speed[i][k]) * inverse;
             }
+            // Restoring force and damping of the plant's own mass: -M_own [k (x - x_rest) + (a + b k) v], k the recovery
+            // per mass; bodies that are only attached take part in inertia alone.
             let away = difference(&self.step.next[i], &self.step.places[i]);
             let own: [f64; 9] =
                 std::array::from_fn(|k| -back * away[k] - (m.mass + m.stiffness * back) * self.step.speed[i][k]);
             let (all, own) = (self.apply_mass(i, &all, false), self.apply_mass(i, &own, true));
             let right = std::array::from_fn(|k| all[k] + own[k] + self.step.force[i][k] + self.step.load[i][k]);
+            // Diagonal block: M / ht^2 + M_own [a / ht + k (1 + b / ht)], the derivative of the right-hand side above.
             self.add_mass_to_block(i, inverse * inverse, m.mass * inverse + back * (1.0 + m.stiffness * inverse));
             self.step.rows[i].set_right(&right);
         }

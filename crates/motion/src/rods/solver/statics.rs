@@ -28,6 +28,8 @@ impl RodSystem {
         self.step.damping.fill(0.0);
         let mut still = false;
         for _ in 0..MAX_NEWTON_ITERATIONS {
+            // Newton step on the equilibrium K dx = f(x), cut to a share of the total length so that large rotations stay
+            // within reach of the linearisation, then shortened until the energy does not rise.
             let Some(most) = self.newton_displacement() else { return false };
             self.line_search((MAX_NEWTON_STEP * length / most.max(1e-300)).min(1.0));
             still = most < EQUILIBRIUM_TOLERANCE * length;
@@ -64,6 +66,7 @@ impl RodSystem {
 
     /// Goes along the change, half as far until the energy does not rise.
     fn line_search(&mut self, most: f64) {
+        // Backtracking: halve the step, at most 12 times, until the potential energy does not rise.
         let from = self.x.clone();
         let start = self.potential_energy();
         let mut share = most;
@@ -80,6 +83,7 @@ impl RodSystem {
 
     /// Energy of springs and of loads as they were prepared, J.
     fn potential_energy(&self) -> f64 {
+        // Potential energy = elastic energy - f . x for loads that do not depend on the position.
         let loads = self.x.iter().zip(&self.step.load).fold(0.0, |s, (x, f)| s + dot(x, f));
         self.elastic_energy() - loads
     }
@@ -106,6 +110,8 @@ impl RodSystem {
     pub fn find_rest_shape_by_equilibrium(&mut self) -> bool {
         let drawn = self.tree.drawn.clone();
         let mut shape = drawn.clone();
+        // Fixed point for the rest shape X: with springs relaxed at X the rods sag to x_eq(X); moving X against the
+        // error x_eq - drawn by a damped share converges where the sagged shape is the drawn one.
         for _ in 0..MAX_EQUILIBRIUM_SOLVES {
             self.set_rest_shape(&shape);
             self.x.copy_from_slice(&drawn);
@@ -143,6 +149,7 @@ impl RodSystem {
                 self.reset_history();
                 return true;
             }
+            // The residual grows again: this plant cannot hold its own weight in the drawn pose.
             if most > 100.0 * least {
                 break;
             }

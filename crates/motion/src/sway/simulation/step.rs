@@ -146,6 +146,7 @@ fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut Simulatio
         let count = station_count::<S>(constants, g);
         let [x, z] = vector_pair(constants.bend_axes.get(simd, g));
         let [a, _, b, _] = state.first_mode.get(simd, g);
+        // Rotation vector of the tip: both bend axes times their angles.
         let bend = x * a + z * b;
         state.bend.put(g, bend.0);
         let over = constants.second_modes.as_ref().filter(|o| g * S::F64_LANES < o.count());
@@ -164,6 +165,8 @@ fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut Simulatio
                 let [share] = over.shape.get(simd, s);
                 here = here + ring * share;
             }
+            // The rotation at a station is the tip's times the slope profile there; stretches are chained, each turned by
+            // the rotation of its own station, so that a branch keeps its length at any bend.
             let q = rotation_lanes(here);
             let turned = Turned::of(q);
             state.turns.put(s, q);
@@ -182,6 +185,7 @@ fn place_on_carriers<S: Simd>(constants: &SimulationConstants, state: &mut Simul
     for link in &constants.order {
         let Some(carrier) = link.carrier else { continue };
         let [first, second] = link.shares;
+        // Rotation of the carrier at the place where this element stands, and the station from which it is offset.
         let ([a, b, c], [u, v, w]) = (state.bend.row(carrier), state.ring.row(carrier));
         let [a, b, c] = [a * first + u * second, b * first + v * second, c * first + w * second];
         let [d, e, f] = state.from.row(link.stand);
@@ -233,6 +237,7 @@ fn place_stations<S: Simd>(constants: &SimulationConstants, state: &mut Simulati
         for k in 0..count {
             let s = station_group::<S>(constants, k, g);
             let place = base + turned.apply(Arrow(state.own.get(simd, s)));
+            // Positions of the step before give the velocities of stations by a backward difference.
             let before = if fresh { place } else { Arrow(state.places.get(simd, s)) };
             state.before.put(s, before.0);
             state.places.put(s, place.0);
@@ -291,13 +296,17 @@ impl IntegrateStep<'_> {
                 // Drag feels less of a speed that the air would stop within a step.
                 let slowed = Lane::all(simd, 0.5).over((stops * air.length() * self.step).at_least(0.5));
                 let speed = (Arrow(state.places.get(simd, s)) - Arrow(state.before.get(simd, s))) * (slowed * rate);
+                // Wind relative to the station, in the frame of the element's base.
                 let relative = turned.back(air - speed);
                 let along = Turned::of(state.turns.get(simd, s)).apply(along);
                 let (drag, slow) = drag([wood, leaf], along, relative);
+                // Vortex shedding pushes across wind and branch with the strength of the drag.
                 let sideways = (shed * drag.length()).over(slow.at_least(MIN_CROSS_SPEED));
                 let force = drag + relative.cross(along) * sideways;
                 total = total + force;
                 load = load + force * lever;
+                // Inertia of being carried: the second difference of the position that the station would have on a rigid
+                // element, capped so that a jolt cannot throw twigs.
                 let rigid = base + turned.apply(rest);
                 let [one, two] = if self.fresh { [rigid; 2] } else { vector_pair(state.rigid.get(simd, s)) };
                 let thrust = (rigid - one - (one - two)) * Lane::all(simd, square);
