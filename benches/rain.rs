@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
 use osier::bake::BakeContext;
-use osier::bake::motion::frame;
+use osier::bake::motion::evaluate_frame;
 use osier::bake::scene::{self, AssembledScene};
 use osier::geometry::Bounds;
 use osier::limits::Limits;
@@ -203,7 +203,8 @@ fn table_one() {
             let (mut times, mut drops) = (Vec::new(), [0.0; 2]);
             for number in 1..=CLIP {
                 let start = Instant::now();
-                let frame = frame(&built.animated.scene, &built.animated.movers, number, false).expect("a frame");
+                let frame =
+                    evaluate_frame(&built.animated.scene, &built.animated.motions, number, false).expect("a frame");
                 times.push(start.elapsed().as_secs_f64());
                 let row = &frame.rows[0];
                 drops = [drops[0] + row[0], drops[1] + row[1] + row[2] + row[3]];

@@ -105,7 +105,7 @@ fn main() {
         let start = Instant::now();
         let stage = assemble_scene(&moving, SceneParts::default(), &work).expect("stage").animated;
         let recorded = start.elapsed().as_secs_f64() - before;
-        let frames = best(|| drop(motion::frame(&stage.scene, &stage.movers, 100, false)));
+        let frames = best(|| drop(motion::evaluate_frame(&stage.scene, &stage.motions, 100, false)));
         println!(
             "{motion}: {recorded:.2} s to simulate 240 frames and what leads to them, {:.1} ms a frame",
             frames * 1e3

@@ -22,8 +22,9 @@ use osier_export::textures::Textures;
 
 use crate::recipe::Recipe;
 use output::exporters;
-use output::frame_loop::{AnimatedScene, write_frames};
+use output::frame_loop::write_frames;
 use output::single_file::refuse_invisible;
+use scene::animated::AnimatedScene;
 use scene::assembly::SceneParts;
 
 /// What a bake made.

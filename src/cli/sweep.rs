@@ -9,7 +9,7 @@ use super::args::Bake;
 use super::numbers::{self, Sweep as Choice, sweep};
 use super::progress::Show;
 use super::{Context, source};
-use crate::bake::motion::rows;
+use crate::bake::motion::table_rows;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
 use osier_base::Result;
@@ -115,7 +115,7 @@ fn one(context: &Context, recipe: &Recipe, show: &Show) -> Result<(Arc<Scene>, W
     let mut all = Vec::new();
     for number in recipe.clip.start..=recipe.clip.end {
         context.cancel.check()?;
-        let row = rows(&stage.scene, &stage.movers, number)?.into_iter().next().unwrap_or_default();
+        let row = table_rows(&stage.scene, &stage.motions, number)?.into_iter().next().unwrap_or_default();
         all.push((number, row));
         show.advance(1);
     }

@@ -57,7 +57,7 @@ fn stage(text: &str, motion: &str) -> AnimatedScene {
 }
 
 fn frames(stage: &AnimatedScene) -> Vec<Frame> {
-    NUMBERS.map(|n| motion::frame(&stage.scene, &stage.movers, n, true).expect("a frame")).to_vec()
+    NUMBERS.map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, n, true).expect("a frame")).to_vec()
 }
 
 /// The same from the program.

@@ -156,7 +156,7 @@ fn golden_pictures_are_what_they_were() {
 fn the_golden_flight_is_what_it_was() {
     let stage = built("flight.toml").animated;
     let frames: Vec<Frame> =
-        (1..=48).map(|n| motion::frame(&stage.scene, &stage.movers, n, false).expect("a frame")).collect();
+        (1..=48).map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, n, false).expect("a frame")).collect();
     let mut wrong = Vec::from_iter(judge_text("flight.txt", &measured(&stage.scene, &frames)));
     wrong.extend(judge("flight", &draw(&stage.scene, frames.last(), true, [192, 144])));
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

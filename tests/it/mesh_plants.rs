@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::Vec3;
-use osier::bake::motion::frame;
+use osier::bake::motion::evaluate_frame;
 use osier::bake::scene::{AssembledScene, SceneParts};
 use osier::plant::Plant;
 use osier::recipe::{Library, Recipe, Request, resolve};
@@ -106,7 +106,7 @@ fn in_the_wind_the_foot_stays_the_tips_move_and_nothing_tears() {
         let (low, high) = (rest.bounds().min.y, rest.bounds().max.y);
         let mut tips = 0.0_f32;
         for number in [1, 9, 17, 24] {
-            let now = frame(&stage.scene, &stage.movers, number, false).expect("a frame");
+            let now = evaluate_frame(&stage.scene, &stage.motions, number, false).expect("a frame");
             let moved = mesh_points(asset, &asset.meshes[0], 0, &now.assets[0]).into_owned();
             most = most.max(strain(rest, &moved));
             for (p, q) in rest.points.iter().zip(&moved) {
@@ -154,7 +154,7 @@ fn the_same_bits_at_any_number_of_threads() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
         pool.install(|| {
             let stage = built(folder.path(), text).animated;
-            let now = frame(&stage.scene, &stage.movers, 5, false).expect("a frame");
+            let now = evaluate_frame(&stage.scene, &stage.motions, 5, false).expect("a frame");
             let moved = mesh_points(&stage.scene.assets[0], &stage.scene.assets[0].meshes[0], 0, &now.assets[0]);
             moved.iter().flat_map(|p| p.to_array()).map(f32::to_bits).collect::<Vec<u32>>()
         })

@@ -77,7 +77,8 @@ fn outlines_agree_with_povray_on_five_scenes() {
     {
         let preset = presets::find(name).expect("preset");
         let stage = grown::stage(&grown::recipe(preset, Some(seed), false), SceneParts { ground: false }).animated;
-        let frame: Option<Frame> = frame.map(|n| motion::frame(&stage.scene, &stage.movers, n, true).expect("a frame"));
+        let frame: Option<Frame> =
+            frame.map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, n, true).expect("a frame"));
         scenes.push((format!("{name} {seed}"), (*stage.scene).clone(), frame));
     }
     for (name, scene, frame) in &scenes {

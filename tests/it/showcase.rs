@@ -184,7 +184,7 @@ fn frames() -> Vec<Frame> {
     let stage = stage();
     expect::three(&stage.scene)
         .iter()
-        .map(|n| motion::frame(&stage.scene, &stage.movers, *n, true).expect("a frame"))
+        .map(|n| motion::evaluate_frame(&stage.scene, &stage.motions, *n, true).expect("a frame"))
         .collect()
 }
 
@@ -252,7 +252,7 @@ fn the_manifest_says_what_the_library_makes() {
 fn everything_moves_and_stays_in_place() {
     let at: Value = serde_json::from_slice(&std::fs::read(expected()).expect("file")).expect("JSON");
     let [first, middle, last] = expect::three(&stage().scene).map(|n| &at["usd"]["frames"][n.to_string()]["meshes"]);
-    for p in stage().scene.placements.iter().filter(|p| stage().movers[p.asset].is_some()) {
+    for p in stage().scene.placements.iter().filter(|p| stage().motions[p.asset].is_some()) {
         let mean = |frame: &Value| -> Vec3 {
             let list = frame[format!("{}/bark", p.name)]["mean"].as_array().expect("mean").clone();
             Vec3::from_array([0, 1, 2].map(|i| osier::math::narrow(list[i].as_f64().expect("number"))))
@@ -328,7 +328,7 @@ fn projected(scene: &Scene, frame: &Frame) -> Vec<u32> {
             hits[y as usize * SIZE.0 + x as usize] += 1;
         }
     };
-    for placement in scene.placements.iter().filter(|p| stage().movers[p.asset].is_some()) {
+    for placement in scene.placements.iter().filter(|p| stage().motions[p.asset].is_some()) {
         let (asset, state) = (&scene.assets[placement.asset], &frame.assets[placement.asset]);
         let shown = Shown { placement, asset, frame: state };
         asset.meshes.iter().enumerate().flat_map(|(i, o)| shown.mesh(i, o)).for_each(&mut put);
@@ -374,7 +374,7 @@ fn povray_renders_the_trees_where_they_stand() {
 
 /// Above the horizon, what geometry covers is not sky, and what is far from all geometry is.
 fn silhouette(scene: &Scene, picture: &Picture) {
-    let frame = motion::frame(scene, &stage().movers, scene.clip.start, true).expect("a frame");
+    let frame = motion::evaluate_frame(scene, &stage().motions, scene.clip.start, true).expect("a frame");
     let hits = projected(scene, &frame);
     let camera = &scene.camera;
     let level = (camera.target - camera.eye) * Vec3::new(1.0, 0.0, 1.0);

@@ -76,9 +76,9 @@ fn copies_downwind_show_what_copies_upwind_showed_before() {
         let apart = (wanted - *phase as f32).abs();
         assert!(apart.min(60.0 - apart) <= 2.51, "{x} m: {phase}, wanted {wanted}");
     }
-    let frame = motion::frame(&stage.scene, &stage.movers, 5, true).expect("a frame");
+    let frame = motion::evaluate_frame(&stage.scene, &stage.motions, 5, true).expect("a frame");
     let late = stage.scene.placements.iter().find(|p| p.phase > 0).expect("a later copy");
-    let later = motion::frame(&stage.scene, &stage.movers, 5 + late.phase, false).expect("a frame");
+    let later = motion::evaluate_frame(&stage.scene, &stage.motions, 5 + late.phase, false).expect("a frame");
     let points = |f: &osier::scene::AssetFrame| match f.mesh(0) {
         osier::scene::MeshFrame::Points { points, .. } => points.clone(),
         _ => panic!("a cache"),
@@ -96,7 +96,9 @@ fn one_phase_is_for_all_and_clips_that_run_on_have_none() {
 #[test]
 fn a_clip_from_rest_begins_at_rest_and_then_moves() {
     let stage = stage(&["sway.repeat=false", "sway.start=\"rest\""]);
-    let points = |n: u32| match motion::frame(&stage.scene, &stage.movers, n, false).expect("a frame").assets[0].mesh(0)
+    let points = |n: u32| match motion::evaluate_frame(&stage.scene, &stage.motions, n, false).expect("a frame").assets
+        [0]
+    .mesh(0)
     {
         osier::scene::MeshFrame::Points { points, .. } => points.clone(),
         _ => panic!("a cache"),
@@ -111,7 +113,9 @@ fn the_papers_equations_move_once_they_are_mended() {
     let far = |set: &[&str]| {
         let stage = stage(set);
         let rest = &stage.scene.assets[0].meshes[0].mesh.points;
-        let of = |n: u32| match motion::frame(&stage.scene, &stage.movers, n, false).expect("a frame").assets[0].mesh(0)
+        let of = |n: u32| match motion::evaluate_frame(&stage.scene, &stage.motions, n, false).expect("a frame").assets
+            [0]
+        .mesh(0)
         {
             osier::scene::MeshFrame::Points { points, .. } => points.clone(),
             _ => panic!("a cache"),
@@ -174,7 +178,7 @@ fn a_bake_says_what_blender_does_not_read() {
 }
 
 fn points(stage: &osier::bake::scene::AnimatedScene, number: u32) -> Vec<glam::Vec3> {
-    match motion::frame(&stage.scene, &stage.movers, number, false).expect("a frame").assets[0].mesh(0) {
+    match motion::evaluate_frame(&stage.scene, &stage.motions, number, false).expect("a frame").assets[0].mesh(0) {
         osier::scene::MeshFrame::Points { points, .. } => points.clone(),
         _ => panic!("a cache"),
     }

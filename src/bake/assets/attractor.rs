@@ -48,7 +48,8 @@ pub struct AttractorAsset {
 /// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
 pub fn build_attractor(
     recipe: &CloudRecipe,
-    (seed, moving): (u64, bool),
+    seed: u64,
+    moving: bool,
     material: u32,
     context: &BakeContext<'_>,
 ) -> Result<AttractorAsset> {

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use crate::bake::assets::attractor::mode;
+use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::recipe::{CloudRecipe, MorphRecipe};
+use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::math::{lerp, narrow};
 use osier_ifs::cloud::{Cloud, Request, cloud};
@@ -94,7 +96,7 @@ impl AttractorMorph {
 
     /// The asset at a time; `step`: seconds between frames.
     /// Own: a point's velocity is that of its word's image, the mean over the frame around it.
-    pub fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+    fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         let Some(rest) = asset.points.first() else { return AssetFrame::default() };
         let now = self.cloud(seconds);
         let half = 0.5 * step;
@@ -105,5 +107,11 @@ impl AttractorMorph {
         let colors = if recolored { now.colors } else { Vec::new() };
         let state = PointsFrame::State { positions: now.positions, widths: rest.widths.clone(), velocities, colors };
         AssetFrame { points: vec![state], ..AssetFrame::default() }
+    }
+}
+
+impl AssetMotion for AttractorMorph {
+    fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        Ok(self.evaluate(asset, time.seconds, time.step))
     }
 }

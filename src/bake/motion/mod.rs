@@ -1,4 +1,15 @@
 //! What moves the assets of a scene, frame by frame.
+//!
+//! ```text
+//! sway            recorded bends of elements ┐
+//! rod             recorded poses             │
+//! rod_plant       steps from frame to frame  ├─ AssetMotion::frame ─► AssetFrame ┐
+//! flight          steps from frame to frame  │                                   ├─ evaluate_frame ─► Frame ─► exporters
+//! rain            recorded drops and plants  ├─ row, fields, wet_maps, drops ────┘
+//! attractor_morph coefficients at a time     ┘
+//! ```
+//!
+//! A new motion is a type that implements [`AssetMotion`] and is given to the scene together with its asset.
 
 pub mod attractor_morph;
 pub mod flight;
@@ -8,4 +19,127 @@ pub mod rod_mesh;
 pub mod rod_plant;
 pub mod sway;
 
-pub use sway::{frame, rows};
+use std::collections::BTreeSet;
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use osier_base::Result;
+use osier_base::par::par_map;
+use osier_scene::{Asset, AssetFrame, Drops, Frame, Scene, WetMaps};
+
+/// A time of the clip at which an asset is evaluated.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameTime {
+    /// Time since the first frame, s.
+    pub seconds: f64,
+    /// Time between two frames, s.
+    pub step: f64,
+}
+
+impl FrameTime {
+    /// The time of frame `number` of a scene's clip.
+    pub fn of_frame(scene: &Scene, number: u32) -> Self {
+        Self { seconds: scene.clip.seconds(number), step: scene.clip.fps().recip() }
+    }
+
+    /// Index of the nearest frame, counted from the first of the clip.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
+    pub fn index(self) -> u64 {
+        (self.seconds / self.step).round().max(0.0) as u64
+    }
+}
+
+/// A row of one of the scene's tables.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableRow {
+    /// Name of the table.
+    pub table: &'static str,
+    /// One value for each of its columns.
+    pub values: Vec<f64>,
+}
+
+/// Moves one asset of a scene. Frames may be asked for in any order and from several threads; those that are asked for in
+/// rising order cost one step each. `frame` numbers count from the first frame of the clip.
+pub trait AssetMotion: Debug + Send + Sync {
+    /// The state of `asset` at a time.
+    /// # Errors
+    /// `Simulation` where a solver diverges, `Cancelled`.
+    fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame>;
+
+    /// Statistics of the simulation at a frame, if it keeps a table.
+    /// # Errors
+    /// As [`AssetMotion::frame`].
+    fn row(&self, _frame: u64) -> Result<Option<TableRow>> {
+        Ok(None)
+    }
+
+    /// Values of the scene's fields that this motion fills, such as deposition maps.
+    /// # Errors
+    /// As [`AssetMotion::frame`].
+    fn fields(&self, _frame: u64) -> Result<Vec<Vec<f32>>> {
+        Ok(Vec::new())
+    }
+
+    /// Maps of the wet leaves, parallel to the scene's wet map targets; empty if the motion wets none.
+    fn wet_maps(&self, _frame: u64) -> Vec<Arc<WetMaps>> {
+        Vec::new()
+    }
+
+    /// Records of all raindrops, if the motion is rain.
+    fn drops(&self, _frame: u64) -> Option<Drops> {
+        None
+    }
+
+    /// Whether copies of the asset may show it at phases of the clip that differ.
+    fn supports_phases(&self) -> bool {
+        false
+    }
+}
+
+/// Evaluates a whole frame. `motions` runs parallel to the scene's assets. `phased`: with the states that placements show
+/// at phases of their own.
+/// # Errors
+/// The first error of a motion, in the order of the assets.
+pub fn evaluate_frame(
+    scene: &Scene,
+    motions: &[Option<Arc<dyn AssetMotion>>],
+    number: u32,
+    phased: bool,
+) -> Result<Frame> {
+    let time = FrameTime::of_frame(scene, number);
+    let pairs: Vec<(&Asset, Option<&Arc<dyn AssetMotion>>)> =
+        scene.assets.iter().zip(motions.iter().map(Option::as_ref).chain(std::iter::repeat(None))).collect();
+    let assets =
+        par_map(&pairs, |(asset, motion)| motion.map_or_else(|| Ok(AssetFrame::default()), |m| m.frame(asset, time)));
+    let assets = assets.into_iter().collect::<Result<Vec<_>>>()?;
+    // Placements with one asset and one phase share a state: each pair is evaluated once.
+    let phases: BTreeSet<(usize, u32)> =
+        scene.placements.iter().filter(|p| phased && p.phase > 0).map(|p| (p.asset, p.phase)).collect();
+    let phases: Vec<(usize, u32)> = phases.into_iter().collect();
+    let states = par_map(&phases, |(i, phase)| {
+        let later = FrameTime { seconds: time.seconds + f64::from(*phase) / scene.clip.fps(), ..time };
+        let (asset, motion) = pairs.get(*i)?;
+        motion.map(|m| m.frame(asset, later))
+    });
+    let states = states.into_iter().map(Option::transpose).collect::<Result<Vec<_>>>()?;
+    let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
+    let index = time.index();
+    let rows = table_rows(scene, motions, number)?;
+    let moving = || motions.iter().flatten();
+    let fields = moving().map(|m| m.fields(index)).collect::<Result<Vec<_>>>()?.concat();
+    let wet = moving().map(|m| m.wet_maps(index)).find(|maps| !maps.is_empty()).unwrap_or_default();
+    let drops = moving().find_map(|m| m.drops(index));
+    Ok(Frame { number, assets, shifted, rows, fields, wet, drops, ..Frame::default() })
+}
+
+/// The rows of all tables of a scene at a frame, in the order of the tables.
+/// # Errors
+/// The first error of a motion, in the order of the assets.
+pub fn table_rows(scene: &Scene, motions: &[Option<Arc<dyn AssetMotion>>], number: u32) -> Result<Vec<Vec<f64>>> {
+    let index = FrameTime::of_frame(scene, number).index();
+    let rows = motions.iter().flatten().map(|m| m.row(index)).collect::<Result<Vec<_>>>()?;
+    let mut rows: Vec<TableRow> = rows.into_iter().flatten().collect();
+    // The stable sort keeps the order of the assets among rows of one table.
+    rows.sort_by_key(|row| scene.tables.iter().position(|table| table.name == row.table));
+    Ok(rows.into_iter().map(|row| row.values).collect())
+}

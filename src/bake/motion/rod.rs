@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3, Quat, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::motion::rod_mesh::{CLOSE_UP, TubeSection, ball, tube};
+use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::wind::plant_wind::analytic_winds;
 use crate::recipe::rod_keys::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
 use crate::recipe::{Recipe, RodRecipe};
@@ -42,9 +43,15 @@ pub struct RodMotion(Arc<Vec<RodPose>>);
 
 impl RodMotion {
     /// The pose of frame `k` from the first.
-    pub fn frame(&self, k: u64) -> AssetFrame {
+    pub fn pose_at(&self, k: u64) -> AssetFrame {
         let k = usize::try_from(k).unwrap_or(usize::MAX).min(self.0.len().saturating_sub(1));
         AssetFrame { pose: self.0.get(k).map(pose).unwrap_or_default(), ..AssetFrame::default() }
+    }
+}
+
+impl AssetMotion for RodMotion {
+    fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        Ok(self.pose_at(time.index()))
     }
 }
 
@@ -75,7 +82,8 @@ struct RodAssembly<'a> {
 /// # Errors
 /// `Simulation` for rods that fly apart, `Limit`, `Cancelled`.
 pub fn build_rod_assets(
-    (recipe, draft): (&Recipe, bool),
+    recipe: &Recipe,
+    draft: bool,
     first: u32,
     context: &BakeContext<'_>,
     report: &mut Report,
@@ -350,7 +358,7 @@ mod tests {
         let (recipe, mut report) = resolve(&request).expect("a good scene");
         let (limits, cancel) = (Limits::default(), Cancel::default());
         let context = BakeContext { limits: &limits, cancel: &cancel, progress: &Silent, cache: None };
-        let made = build_rod_assets((&recipe, false), 3, &context, &mut report).expect("moves");
+        let made = build_rod_assets(&recipe, false, 3, &context, &mut report).expect("moves");
         (made, report.diagnostics.iter().map(|d| d.code).collect())
     }
 
@@ -366,7 +374,7 @@ mod tests {
         let joints = &new.asset.skeleton.as_ref().expect("moves").joints;
         assert_eq!((joints.len(), new.asset.meshes.len(), new.materials.len()), (1 + 17 + 1, 2, 2));
         let motion = new.motion.as_ref().expect("a clip");
-        let poses: Vec<Vec<Trs>> = (0..72).map(|k| motion.frame(k).pose).collect();
+        let poses: Vec<Vec<Trs>> = (0..72).map(|k| motion.pose_at(k).pose).collect();
         let chord = |p: &[Trs]| (p[17].t - p[1].t).length();
         let (drawn, least) = (chord(&poses[0]), poses.iter().map(|p| chord(p)).fold(f32::MAX, f32::min));
         assert!(least < 0.95 * drawn, "it bends: {least} of {drawn}");
@@ -384,7 +392,7 @@ mod tests {
         assert!(made.len() == 1 && told.is_empty(), "side twigs are part of it: {told:?}");
         let motion = made[0].motion.as_ref().expect("a clip");
         let away = |k: u64| {
-            let (now, drawn) = (motion.frame(k).pose, motion.frame(0).pose);
+            let (now, drawn) = (motion.pose_at(k).pose, motion.pose_at(0).pose);
             now.iter().zip(&drawn).fold(0.0, |m: f32, (a, b)| m.max((a.t - b.t).length()))
         };
         assert!(away(4) < 5e-4, "it hangs: {}", away(4));

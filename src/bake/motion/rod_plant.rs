@@ -9,6 +9,7 @@ use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::stalk_radius;
 use crate::bake::assets::plant_mesh::{PlantMaterials, bark, group_organs, instancer, instancer_name};
 use crate::bake::motion::rod_mesh::{TubeResolution, TubeSection, tube};
+use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::scene::layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood};
 use crate::recipe::rod_keys::TwigKeys;
@@ -402,7 +403,7 @@ impl RodPlantMotion {
     /// Frame `number` from the first.
     /// # Errors
     /// `Simulation` for rods that fly apart.
-    pub fn frame(&self, asset: &Asset, number: u64) -> Result<AssetFrame> {
+    fn evaluate(&self, asset: &Asset, number: u64) -> Result<AssetFrame> {
         let mut now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
         let h = 1.0 / (self.fps * f64::from(self.steps));
         let (mut boughs, mut frames) = match now.take().filter(|n| n.1 <= number) {
@@ -424,5 +425,11 @@ impl RodPlantMotion {
         let frame = self.dressing.frame(asset, boughs.rods(), &boughs);
         *now = Some((boughs, frames));
         Ok(frame)
+    }
+}
+
+impl AssetMotion for RodPlantMotion {
+    fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        self.evaluate(asset, time.index())
     }
 }

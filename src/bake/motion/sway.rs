@@ -1,15 +1,10 @@
-//! From time to frames.
+//! Plants that sway in the wind: joints, bark and fluttering leaves at any time of the clip.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 
-use crate::bake::motion::attractor_morph::AttractorMorph;
-use crate::bake::motion::flight::FlightPlayback;
-use crate::bake::motion::rain::RainPlayback;
-use crate::bake::motion::rod::RodMotion;
-use crate::bake::motion::rod_plant::RodPlantMotion;
+use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::recipe::sections::{Motion, PlantKeys};
 use crate::recipe::{Growth, PlantRecipe};
@@ -23,32 +18,11 @@ use osier_motion::sway::{
     PosedSkeleton, SwayParams,
 };
 use osier_scene::plant::{Organ, Plant};
-use osier_scene::{
-    Asset, AssetFrame, Frame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, Scene, instance_states,
-};
+use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, instance_states};
 use osier_wind::Wind;
 
 /// Most joints for engines.
 const MAX_GAME_JOINTS: u32 = 64;
-
-/// What moves an asset.
-#[derive(Debug, Clone)]
-pub enum AssetMotion {
-    /// Wind, joints and leaves.
-    Plant(Box<SwayMotion>),
-    /// Coefficients that change.
-    Cloud(AttractorMorph),
-    /// Wind, gravity, contacts.
-    Flight(Arc<FlightPlayback>),
-    /// Springs and loads.
-    Rod(RodMotion),
-    /// Drops.
-    Rain(Arc<RainPlayback>),
-    /// A plant, by number, that rain moves.
-    Rained(Arc<RainPlayback>, usize),
-    /// Wind, twigs and stalks as rods.
-    Boughs(Arc<RodPlantMotion>),
-}
 
 /// Moves one plant.
 #[derive(Debug, Clone)]
@@ -168,7 +142,7 @@ impl SwayMotion {
     }
 
     /// The asset at `seconds`; `step`: seconds between frames, for velocities.
-    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
+    fn evaluate(&self, asset: &Asset, seconds: f64, step: f64) -> AssetFrame {
         let (number, step) = (seconds / step, narrow(step));
         let bends = [-0.5, 0.0, 0.5].map(|d| self.track.at(number + d));
         let moment = SwaySample { bends, seconds, step };
@@ -247,25 +221,18 @@ impl SwayMotion {
     }
 }
 
-impl AssetMotion {
-    /// The asset at `seconds`; `step`: seconds between frames.
-    fn frame(&self, asset: &Asset, seconds: f64, step: f64) -> Result<AssetFrame> {
-        match self {
-            Self::Plant(m) => Ok(m.frame(asset, seconds, step)),
-            Self::Cloud(m) => Ok(m.frame(asset, seconds, step)),
-            Self::Flight(m) => m.frame(nth(seconds, step)),
-            Self::Rod(m) => Ok(m.frame(nth(seconds, step))),
-            Self::Rain(m) => Ok(m.frame(nth(seconds, step))),
-            Self::Rained(m, k) => Ok(m.plant(*k, nth(seconds, step))),
-            Self::Boughs(m) => m.frame(asset, nth(seconds, step)),
-        }
+impl AssetMotion for SwayMotion {
+    fn frame(&self, asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        Ok(self.evaluate(asset, time.seconds, time.step))
+    }
+
+    fn supports_phases(&self) -> bool {
+        true
     }
 }
 
-/// X020 where the paper's equations have no answer.
-pub fn report_clamped_angles(movers: &[Option<AssetMotion>], report: &mut Report) {
-    let of = |m: &Option<AssetMotion>| if let Some(AssetMotion::Plant(m)) = m { m.clamped() } else { 0 };
-    let clamped: u64 = movers.iter().map(of).sum();
+/// X020 where the paper's equations have no answer. `clamped`: angles that were clamped, over all plants and frames.
+pub fn report_clamped_angles(clamped: u64, report: &mut Report) {
     if clamped > 0 {
         let text = format!(
             "{clamped} times an internode would be deflected by more than its length; its angle is taken as 90 degrees"
@@ -274,61 +241,4 @@ pub fn report_clamped_angles(movers: &[Option<AssetMotion>], report: &mut Report
             Diagnostic::about("X020", text).help("raise plants.NAME.wood.stiffness, or take sway.model = \"beam\""),
         );
     }
-}
-
-/// Which frame from the first a time is.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "frames of a clip")]
-fn nth(seconds: f64, step: f64) -> u64 {
-    (seconds / step).round().max(0.0) as u64
-}
-
-/// A whole frame; `movers` runs parallel to the scene's assets. `shifted`: with the states that placements show at phases
-/// of their own.
-/// # Errors
-/// Those of a wind that is stepped.
-pub fn frame(scene: &Scene, movers: &[Option<AssetMotion>], number: u32, shifted: bool) -> Result<Frame> {
-    let seconds = scene.clip.seconds(number);
-    let step = scene.clip.fps().recip();
-    let pairs: Vec<(&Asset, Option<&AssetMotion>)> =
-        scene.assets.iter().zip(movers.iter().map(Option::as_ref).chain(std::iter::repeat(None))).collect();
-    let assets = osier_base::par::par_map(&pairs, |(asset, mover)| {
-        mover.map_or_else(|| Ok(AssetFrame::default()), |m| m.frame(asset, seconds, step))
-    });
-    let assets = assets.into_iter().collect::<Result<Vec<_>>>()?;
-    let phases: BTreeSet<(usize, u32)> =
-        scene.placements.iter().filter(|p| shifted && p.phase > 0).map(|p| (p.asset, p.phase)).collect();
-    let phases: Vec<(usize, u32)> = phases.into_iter().collect();
-    let states = osier_base::par::par_map(&phases, |(i, phase)| {
-        let later = seconds + f64::from(*phase) / scene.clip.fps();
-        let (asset, mover) = pairs.get(*i)?;
-        mover.map(|m| m.frame(asset, later, step))
-    });
-    let states = states.into_iter().map(Option::transpose).collect::<Result<Vec<_>>>()?;
-    let shifted = phases.into_iter().zip(states).filter_map(|(key, state)| Some((key, state?))).collect();
-    let measured = flights(movers).map(|m| m.measured(nth(seconds, step))).collect::<Result<Vec<_>>>()?;
-    let (mut rows, fields): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
-    let rain = rain(movers);
-    let wet = rain.map_or_else(Vec::new, |m| m.maps(nth(seconds, step)));
-    rows.extend(rain.map(|m| m.row(nth(seconds, step))));
-    let drops = rain.map(|m| m.drops(nth(seconds, step)));
-    let fields = fields.into_iter().flatten().collect();
-    Ok(Frame { number, assets, shifted, rows, fields, wet, drops, ..Frame::default() })
-}
-
-/// Rows of all tables at a frame, and nothing else of it.
-/// # Errors
-/// Those of a wind that is stepped.
-pub fn rows(scene: &Scene, movers: &[Option<AssetMotion>], number: u32) -> Result<Vec<Vec<f64>>> {
-    let nth = nth(scene.clip.seconds(number), scene.clip.fps().recip());
-    flights(movers).map(|m| m.row(nth)).chain(rain(movers).map(|m| Ok(m.row(nth)))).collect()
-}
-
-/// What falls from plants, in the order of its tables.
-fn flights(movers: &[Option<AssetMotion>]) -> impl Iterator<Item = &Arc<FlightPlayback>> {
-    movers.iter().flatten().filter_map(|m| if let AssetMotion::Flight(m) = m { Some(m) } else { None })
-}
-
-/// The rain: a scene has one, whose table comes last.
-fn rain(movers: &[Option<AssetMotion>]) -> Option<&Arc<RainPlayback>> {
-    movers.iter().flatten().find_map(|m| if let AssetMotion::Rain(m) = m { Some(m) } else { None })
 }

@@ -1,8 +1,8 @@
 //! What a run will make, told before it is written.
 
 use crate::bake::output::exporters::export_options;
-use crate::bake::output::frame_loop::AnimatedScene;
 use crate::bake::output::memory::{decoded_bytes, predict_memory};
+use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::wind::lattice::lattice_options;
 use crate::recipe::Recipe;
 use crate::recipe::wind_keys::{Solver, WindModel};

@@ -1,24 +1,11 @@
 //! Frames to exporters.
 
-use std::sync::Arc;
-
 use crate::bake::BakeContext;
-use crate::bake::motion::sway::{AssetMotion, frame};
-use crate::bake::wind::output::WindOutput;
+use crate::bake::motion::evaluate_frame;
+use crate::bake::scene::animated::AnimatedScene;
 use osier_base::{Error, Result};
 use osier_export::{Exporter, Warning};
-use osier_scene::{Frame, Scene, check_frame, check_scene, largest};
-
-/// A scene with what moves in it.
-#[derive(Debug, Clone)]
-pub struct AnimatedScene {
-    /// What exists.
-    pub scene: Arc<Scene>,
-    /// What moves it, parallel to the assets.
-    pub movers: Vec<Option<AssetMotion>>,
-    /// What tells the wind, if files shall.
-    pub air: Option<Arc<WindOutput>>,
-}
+use osier_scene::{Frame, check_frame, check_scene, largest};
 
 /// An exporter with the name shown for it.
 pub struct NamedExporter {
@@ -33,20 +20,20 @@ pub struct NamedExporter {
 /// # Errors
 /// The first failure in the order of the writers; `Cancelled`.
 pub fn write_frames(
-    stage: &AnimatedScene,
+    animated: &AnimatedScene,
     writers: &mut [NamedExporter],
     numbers: &[u32],
     context: &BakeContext<'_>,
 ) -> Result<Vec<Warning>> {
-    check_scene(&stage.scene)?;
+    check_scene(&animated.scene)?;
     context.progress.stage("writing", writers.len() as u64);
-    for_each_exporter(writers, |w| w.begin(&stage.scene))?;
-    let mut most: Vec<Vec<f64>> = vec![Vec::new(); stage.scene.tables.len()];
+    for_each_exporter(writers, |w| w.begin(&animated.scene))?;
+    let mut most: Vec<Vec<f64>> = vec![Vec::new(); animated.scene.tables.len()];
     let phased: Vec<u32> =
         numbers.iter().copied().filter(|n| writers.iter().any(|w| w.exporter.wants_phases(*n))).collect();
     let make = |n: u32| {
-        let made = frame(&stage.scene, &stage.movers, n, phased.contains(&n))?;
-        let air = stage.air.as_ref().map(|air| air.at(&stage.scene, n)).transpose()?;
+        let made = evaluate_frame(&animated.scene, &animated.motions, n, phased.contains(&n))?;
+        let air = animated.wind.as_ref().map(|air| air.at(&animated.scene, n)).transpose()?;
         Ok::<_, Error>(Frame { air: air.unwrap_or_default(), ..made })
     };
     if let Some((first, rest)) = numbers.split_first() {
@@ -54,7 +41,7 @@ pub fn write_frames(
         let mut current: Frame = make(*first)?;
         for next in rest.iter().map(Some).chain([None]) {
             context.cancel.check()?;
-            check_frame(&stage.scene, &current)?;
+            check_frame(&animated.scene, &current)?;
             for (most, row) in most.iter_mut().zip(&current.rows) {
                 *most = largest([&**most, row]);
             }
@@ -70,7 +57,7 @@ pub fn write_frames(
     context.cancel.check()?;
     context.progress.stage("finishing", writers.len() as u64);
     let summaries = for_each_exporter(writers, Exporter::finish)?;
-    let measured = stage.scene.tables.iter().zip(&most).flat_map(|(table, most)| table.warnings(most));
+    let measured = animated.scene.tables.iter().zip(&most).flat_map(|(table, most)| table.warnings(most));
     let measured = measured.map(|(code, message)| Warning { code, message });
     Ok(measured.chain(summaries.into_iter().flat_map(|s| s.warnings)).collect())
 }

@@ -2,7 +2,7 @@
 
 use crate::bake::output::estimate::{BakeEstimate, CountJob, count_formats};
 use crate::bake::output::exporters::export_options;
-use crate::bake::output::frame_loop::AnimatedScene;
+use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::scene::assembly::AssembledScene;
 use crate::recipe::Recipe;
 use osier_base::{Error, Result};

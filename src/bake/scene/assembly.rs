@@ -6,19 +6,22 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::BakeContext;
+use crate::bake::assets::attractor;
 use crate::bake::assets::catkin;
 use crate::bake::assets::obstacles::{self, GroundSurface, Obstacles};
 use crate::bake::assets::plant_growth::{GrownPlant, grow_plant};
 use crate::bake::assets::plant_materials::{MaterialSet, ground_materials, ground_shape, plant_materials};
 use crate::bake::assets::plant_mesh::{PlantMaterials, build_plant_asset};
 use crate::bake::assets::terrain;
-use crate::bake::motion::flight::{self, FlightContext, FlightPlayback};
-use crate::bake::motion::rain;
+use crate::bake::motion::AssetMotion;
+use crate::bake::motion::flight::FlightPlayback;
+use crate::bake::motion::flight::{self, FlightContext};
+use crate::bake::motion::rain::{self, RainedPlantMotion};
 use crate::bake::motion::rod;
 use crate::bake::motion::rod_plant::{RodPlantMotion, SkinBinding, build_rod_plant};
-use crate::bake::motion::sway::AssetMotion;
+use crate::bake::motion::sway::SwayMotion;
 use crate::bake::output::estimate::{BakeEstimate, estimate};
-use crate::bake::output::frame_loop::AnimatedScene;
+use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::scene::camera_light::{camera, sky, sun};
 use crate::bake::scene::dry_run;
 use crate::bake::scene::layout::{Individual, PlantInstance, PlantLayout, lay_out_scene};
@@ -32,6 +35,7 @@ use crate::recipe::land_keys::TerrainKeys;
 use crate::recipe::sections::Motion;
 use crate::recipe::wind_keys::WindModel;
 use crate::recipe::{Recipe, Section as _};
+use osier_base::convert::index;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
 use osier_base::geometry::Bounds;
@@ -140,7 +144,7 @@ fn assemble(
         scatter::snap_to_terrain(&mut layout, &feet, land);
     }
     let mut made = SceneBuilder::default();
-    let mut kinds: Vec<PlantMaterials> = looks.into_iter().map(|look| made.take(look)).collect();
+    let mut kinds: Vec<PlantMaterials> = looks.into_iter().map(|look| made.add_materials(look)).collect();
     crate::bake::assets::plant_mesh::mark_shader_wind(recipe, &layout, &mut kinds);
     context.progress.stage("skinning", layout.individuals.len() as u64);
     let weight = |i: usize| weights.get(i).copied().unwrap_or(1);
@@ -163,33 +167,32 @@ fn assemble(
     let air = if meant.is_some() { air.map(PlantWind::for_estimate) } else { air };
     // Leaves that rain falls on are moved by rods or not at all.
     let swaying = air.as_ref().filter(|_| recipe.rain.is_none());
-    add_plants((recipe, swaying), (&layout, &kinds, &grown), &mut made, (context, &mut report))?;
-    crate::bake::motion::sway::report_clamped_angles(&made.movers, &mut report);
-    let mut placements = placements(swaying, &made, &layout);
+    add_plants(recipe, swaying, &layout, &kinds, &grown, &mut made, context, &mut report)?;
+    crate::bake::motion::sway::report_clamped_angles(made.clamped_angles, &mut report);
+    made.placements = place_plants(swaying, &made, &layout);
     let short = meant.map(dry_run::first_rain_frame);
     let raining = short.as_ref().unwrap_or(recipe);
-    let under =
-        (air.as_ref(), rain_ground(recipe, land.as_ref(), soil.as_ref().map(|(shape, middle)| (shape, *middle))));
+    let rain_ground = rain_ground(recipe, land.as_ref(), soil.as_ref().map(|(shape, middle)| (shape, *middle)));
     let (wet, rained) =
-        add_rain((raining, meant.is_some()), (&layout, &grown), under, (&mut made, &mut placements), context)?;
-    add_attractors(recipe, &mut made, &mut placements, context)?;
+        add_rain(raining, meant.is_some(), &layout, &grown, air.as_ref(), rain_ground, &mut made, context)?;
+    add_attractors(recipe, &mut made, context)?;
     let twigs = twig_tips(recipe, &layout, &grown);
-    let flown = add_catkins(recipe, (&obstacles, &twigs), (&mut made, &mut placements), (context, &mut report))?;
+    let flown = add_catkins(recipe, &obstacles, &twigs, &mut made, context, &mut report)?;
     let measures: Vec<RecordedTable> = flown.into_iter().chain(rained.map(|table| (table, Vec::new()))).collect();
-    add_rods((recipe, meant.is_some()), (&mut made, &mut placements), (context, &mut report))?;
-    add_obstacles(recipe, &mut made, &mut placements)?;
-    let others = WindUsers { movers: &made.movers, air: air.as_ref(), solids: &solids };
+    add_rods(recipe, meant.is_some(), &mut made, context, &mut report)?;
+    add_obstacles(recipe, &mut made)?;
+    let others = WindUsers { flight: made.flight.clone(), air: air.as_ref(), solids: &solids };
     let breeze = WindOutput::of(recipe, &others, context, &mut report)?;
-    let bare = placements.is_empty();
-    let plants = if bare { None } else { Some(camera(recipe, &made.assets, &placements)) };
+    let bare = made.placements.is_empty();
+    let plants = if bare { None } else { Some(camera(recipe, &made.assets, &made.placements)) };
     if let Some(((_, middle), ground)) = soil.as_ref().zip(ground) {
-        add_ground(ground, *middle, &mut made, &mut placements);
+        add_ground(ground.0, ground.1, *middle, &mut made);
     }
     let land = land.filter(|_| parts.ground);
     if let Some((land, keys)) = land.as_ref().zip(recipe.terrain.as_ref()) {
-        add_terrain(land, keys, recipe.seed, &mut made, &mut placements)?;
+        add_terrain(land, keys, recipe.seed, &mut made)?;
     }
-    let mut camera = plants.unwrap_or_else(|| camera(recipe, &made.assets, &placements));
+    let mut camera = plants.unwrap_or_else(|| camera(recipe, &made.assets, &made.placements));
     if let Some(land) = &land {
         terrain::lift_camera(&mut camera, land);
     }
@@ -205,7 +208,7 @@ fn assemble(
         images: made.images,
         materials: made.materials,
         assets: made.assets,
-        placements,
+        placements: made.placements,
         land: land.map(terrain::field),
         tables: measures.iter().map(|m| m.0.clone()).collect(),
         fields: measures.into_iter().flat_map(|m| m.1).collect(),
@@ -213,7 +216,7 @@ fn assemble(
         wet,
     };
     Ok(AssembledScene {
-        animated: AnimatedScene { scene: Arc::new(scene), movers: made.movers, air: breeze },
+        animated: AnimatedScene { scene: Arc::new(scene), motions: made.motions, wind: breeze },
         report,
         modules,
         weights,
@@ -226,14 +229,40 @@ struct SceneBuilder {
     images: Vec<Image>,
     materials: Vec<Material>,
     assets: Vec<Asset>,
-    movers: Vec<Option<AssetMotion>>,
+    /// Parallel to the assets.
+    motions: Vec<Option<Arc<dyn AssetMotion>>>,
+    placements: Vec<Placement>,
+    flight: Option<Arc<FlightPlayback>>,
+    /// Angles that the paper's sway model clamped, over all plants.
+    clamped_angles: u64,
     /// Plants on rods that rain falls on, by asset.
     rod_plants: Vec<Option<(RodPlant, SkinBinding)>>,
 }
 
 impl SceneBuilder {
-    /// Adds a look's materials and pictures and returns where they start.
-    fn take(&mut self, look: MaterialSet) -> PlantMaterials {
+    /// Adds an asset with what moves it; returns its index.
+    fn add_asset(&mut self, asset: Asset, motion: Option<Arc<dyn AssetMotion>>) -> usize {
+        self.assets.push(asset);
+        self.motions.push(motion);
+        self.assets.len() - 1
+    }
+
+    /// Adds an asset that is shown once, under its own id.
+    fn add_placed(&mut self, asset: Asset, transform: Trs, motion: Option<Arc<dyn AssetMotion>>) {
+        let name = asset.id.clone();
+        let asset = self.add_asset(asset, motion);
+        self.placements.push(Placement { name, asset, transform, phase: 0 });
+    }
+
+    /// Makes an id that no asset has yet, by appending `suffix`.
+    fn make_unique(&self, id: &mut String, suffix: &str) {
+        while self.assets.iter().any(|a| a.id == *id) {
+            id.push_str(suffix);
+        }
+    }
+
+    /// Adds materials and pictures; returns where they start.
+    fn add_materials(&mut self, look: MaterialSet) -> PlantMaterials {
         let index = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
         let organ_names = look.names;
         let tile = look.materials.first().map_or(0.5, |bark| bark.tile);
@@ -306,7 +335,8 @@ fn pair<'a, T>(
 /// A plant as it is shown.
 struct BuiltPlant {
     asset: Asset,
-    mover: Option<AssetMotion>,
+    motion: Option<Arc<dyn AssetMotion>>,
+    clamped_angles: u64,
     /// Rods that rain moves.
     rod_plants: Option<(RodPlant, SkinBinding)>,
     told: Vec<Diagnostic>,
@@ -314,15 +344,19 @@ struct BuiltPlant {
 
 impl BuiltPlant {
     fn new(asset: Asset, told: Vec<Diagnostic>) -> Self {
-        Self { asset, mover: None, rod_plants: None, told }
+        Self { asset, motion: None, clamped_angles: 0, rod_plants: None, told }
     }
 }
 
 fn add_plants(
-    (recipe, air): (&Recipe, Option<&PlantWind>),
-    (layout, kinds, grown): (&PlantLayout, &[PlantMaterials], &[GrownPlant]),
+    recipe: &Recipe,
+    air: Option<&PlantWind>,
+    layout: &PlantLayout,
+    kinds: &[PlantMaterials],
+    grown: &[GrownPlant],
     made: &mut SceneBuilder,
-    (context, report): (&BakeContext<'_>, &mut Report),
+    context: &BakeContext<'_>,
+    report: &mut Report,
 ) -> Result<()> {
     let jobs: Vec<(usize, &Individual, &GrownPlant)> =
         layout.individuals.iter().zip(grown).enumerate().map(|(i, (n, g))| (i, n, g)).collect();
@@ -343,36 +377,40 @@ fn add_plants(
         } else if let Some(air) = air.filter(|_| springs) {
             let rod_plants = rods()?;
             let shiver = RodPlantMotion::new((rod_plants.boughs, rod_plants.dressing), plant, air, clock.0);
-            let mover = Some(AssetMotion::Boughs(Arc::new(shiver)));
-            BuiltPlant { mover, ..BuiltPlant::new(rod_plants.asset, rod_plants.told) }
+            let motion: Option<Arc<dyn AssetMotion>> = Some(Arc::new(shiver));
+            BuiltPlant { motion, ..BuiltPlant::new(rod_plants.asset, rod_plants.told) }
         } else if plant.rods.is_some() {
             BuiltPlant::new(rods()?.stilled(), Vec::new())
         } else {
             let (asset, mover) = build_plant_asset(grown, plant, (kind, individual), air.map(|a| (a, stand)), context)?;
-            BuiltPlant { mover: mover.map(|m| AssetMotion::Plant(Box::new(m))), ..BuiltPlant::new(asset, Vec::new()) }
+            BuiltPlant {
+                clamped_angles: mover.as_ref().map_or(0, SwayMotion::clamped),
+                motion: mover.map(|m| Arc::new(m) as Arc<dyn AssetMotion>),
+                ..BuiltPlant::new(asset, Vec::new())
+            }
         };
         context.progress.advance(1);
         Ok(dressed)
     });
     for (dressed, individual) in in_order(dressed)?.into_iter().zip(&layout.individuals) {
         let group = recipe.plants.get(individual.plant).map(|p| p.id.clone()).unwrap_or_default();
-        made.assets.push(Asset { group, ..dressed.asset });
-        made.movers.push(dressed.mover);
+        made.add_asset(Asset { group, ..dressed.asset }, dressed.motion);
+        made.clamped_angles += dressed.clamped_angles;
         made.rod_plants.push(dressed.rod_plants);
         dressed.told.into_iter().for_each(|d| report.push(d));
     }
     Ok(())
 }
 
-fn placements(air: Option<&PlantWind>, made: &SceneBuilder, layout: &PlantLayout) -> Vec<Placement> {
-    let SceneBuilder { assets, movers, .. } = made;
+fn place_plants(air: Option<&PlantWind>, made: &SceneBuilder, layout: &PlantLayout) -> Vec<Placement> {
+    let SceneBuilder { assets, motions, .. } = made;
     let mut names = Names::default();
     let mut first: BTreeMap<usize, Vec3> = BTreeMap::new();
     let mut of = |s: &PlantInstance| {
         let id = assets.get(s.individual).map_or("plant", |a| &a.id);
         let first = *first.entry(s.individual).or_insert(s.transform.t);
         // Rods swing on and on: their frames come one after another.
-        let moves = matches!(movers.get(s.individual), Some(Some(AssetMotion::Plant(_))));
+        let moves = motions.get(s.individual).and_then(Option::as_ref).is_some_and(|m| m.supports_phases());
         let phase = air.filter(|_| moves).map_or(0, |air| air.phase(first, s.transform.t));
         Placement { name: names.unique(id), asset: s.individual, transform: s.transform, phase }
     };
@@ -399,39 +437,18 @@ fn foot_radii(recipe: &Recipe, layout: &PlantLayout, grown: &[GrownPlant]) -> Ve
     layout.individuals.iter().zip(grown).map(one).collect()
 }
 
-fn add_terrain(
-    shape: &Land,
-    keys: &TerrainKeys,
-    seed: u64,
-    made: &mut SceneBuilder,
-    placements: &mut Vec<Placement>,
-) -> Result<()> {
-    let kind = made.take(terrain::look(shape, keys, seed)?);
-    placements.push(Placement {
-        name: terrain::NAME.into(),
-        asset: made.assets.len(),
-        transform: Trs::IDENTITY,
-        phase: 0,
-    });
-    made.movers.push(None);
-    made.assets.push(terrain::asset(shape, kind.first_material));
+fn add_terrain(shape: &Land, keys: &TerrainKeys, seed: u64, builder: &mut SceneBuilder) -> Result<()> {
+    let materials = builder.add_materials(terrain::look(shape, keys, seed)?);
+    builder.add_placed(terrain::asset(shape, materials.first_material), Trs::IDENTITY, None);
     Ok(())
 }
 
-fn add_ground(
-    (look, mut mesh): (MaterialSet, Mesh),
-    middle: Vec3,
-    made: &mut SceneBuilder,
-    placements: &mut Vec<Placement>,
-) {
-    let kind = made.take(look);
+fn add_ground(materials: MaterialSet, mut mesh: Mesh, middle: Vec3, builder: &mut SceneBuilder) {
+    let materials = builder.add_materials(materials);
     for s in &mut mesh.subsets {
-        s.material += kind.first_material;
+        s.material += materials.first_material;
     }
-    let transform = Trs::translation(middle);
-    placements.push(Placement { name: "ground".into(), asset: made.assets.len(), transform, phase: 0 });
-    made.movers.push(None);
-    made.assets.push(Asset {
+    let asset = Asset {
         id: "ground".into(),
         kind: AssetKind::Terrain,
         group: String::new(),
@@ -440,29 +457,19 @@ fn add_ground(
         instancers: Vec::new(),
         points: Vec::new(),
         curves: Vec::new(),
-    });
+    };
+    builder.add_placed(asset, Trs::translation(middle), None);
 }
 
 /// Adds the points of attractors where the scene wants them.
-fn add_attractors(
-    recipe: &Recipe,
-    made: &mut SceneBuilder,
-    placements: &mut Vec<Placement>,
-    context: &BakeContext<'_>,
-) -> Result<()> {
+fn add_attractors(recipe: &Recipe, builder: &mut SceneBuilder, context: &BakeContext<'_>) -> Result<()> {
     for cloud in &recipe.clouds {
-        let material = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
-        let new = crate::bake::assets::attractor::build_attractor(
-            cloud,
-            (recipe.seed, recipe.clip.len() > 1),
-            material,
-            context,
-        )?;
-        let name = new.asset.id.clone();
-        placements.push(Placement { name, asset: made.assets.len(), transform: new.stand, phase: 0 });
-        made.materials.push(new.surface);
-        made.assets.push(new.asset);
-        made.movers.push(new.morphing.map(AssetMotion::Cloud));
+        let material = index(builder.materials.len(), "materials of a scene")?;
+        let moving = recipe.clip.len() > 1;
+        let new = attractor::build_attractor(cloud, recipe.seed, moving, material, context)?;
+        builder.materials.push(new.surface);
+        let motion = new.morphing.map(|morph| Arc::new(morph) as Arc<dyn AssetMotion>);
+        builder.add_placed(new.asset, new.stand, motion);
     }
     Ok(())
 }
@@ -481,9 +488,11 @@ type RecordedTable = (Table, Vec<Field>);
 /// Lets catkins fly, or shows their kinds side by side.
 fn add_catkins(
     recipe: &Recipe,
-    (obstacles, twigs): (&Obstacles<'_>, &[(Vec3, f64)]),
-    (made, placements): (&mut SceneBuilder, &mut Vec<Placement>),
-    (context, report): (&BakeContext<'_>, &mut Report),
+    obstacles: &Obstacles<'_>,
+    twigs: &[(Vec3, f64)],
+    made: &mut SceneBuilder,
+    context: &BakeContext<'_>,
+    report: &mut Report,
 ) -> Result<Option<RecordedTable>> {
     if recipe.catkin.is_none() && recipe.flight.is_none() {
         return Ok(None);
@@ -492,7 +501,7 @@ fn add_catkins(
     let keys = recipe.catkin.as_ref().unwrap_or(&own);
     let models = catkin::catkin_models(keys, recipe.seed, context)?;
     let levels = catkin::CatkinLods::of(keys);
-    let kind = made.take(catkin::materials(&models, &levels));
+    let kind = made.add_materials(catkin::materials(&models, &levels));
     let (asset, mover, measures) = match &recipe.flight {
         None => (catkin::row(&models, &levels, kind.first_material), None, None),
         Some(flight) => {
@@ -517,17 +526,13 @@ fn add_catkins(
             let said = report.diagnostics.iter().skip(before).map(|d| (d.code, d.message.clone())).collect();
             let (table, fields) = course.measures(&flight.keys, said);
             let measures = (table, fields.to_vec());
-            (
-                course.asset(prototypes, kind.first_material, recipe.clip.len() < 2)?,
-                Some(AssetMotion::Flight(Arc::new(course))),
-                Some(measures),
-            )
+            let asset = course.asset(prototypes, kind.first_material, recipe.clip.len() < 2)?;
+            let course = Arc::new(course);
+            made.flight = Some(Arc::clone(&course));
+            (asset, Some(course as Arc<dyn AssetMotion>), Some(measures))
         }
     };
-    let name = asset.id.clone();
-    placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
-    made.assets.push(asset);
-    made.movers.push(mover);
+    made.add_placed(asset, Trs::IDENTITY, mover);
     Ok(measures)
 }
 
@@ -560,10 +565,13 @@ fn rain_ground(recipe: &Recipe, land: Option<&Land>, soil: Option<(&Ground, Vec3
 
 /// Lets it rain on the plants; `draft`: their pictures hold no pixels.
 fn add_rain(
-    (recipe, draft): (&Recipe, bool),
-    (layout, grown): (&PlantLayout, &[GrownPlant]),
-    (air, soil): (Option<&PlantWind>, rain::RainGround),
-    (made, placements): (&mut SceneBuilder, &mut Vec<Placement>),
+    recipe: &Recipe,
+    draft: bool,
+    layout: &PlantLayout,
+    grown: &[GrownPlant],
+    air: Option<&PlantWind>,
+    soil: rain::RainGround,
+    made: &mut SceneBuilder,
     context: &BakeContext<'_>,
 ) -> Result<(Vec<Wet>, Option<Table>)> {
     let Some(rain) = &recipe.rain else { return Ok((Vec::new(), None)) };
@@ -581,51 +589,43 @@ fn add_rain(
         soil,
     };
     let fallen = rain::simulate_rain(under, rain, context)?;
-    placements.push(Placement { name: "rain".into(), asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
-    made.assets.push(fallen.asset);
-    for (k, mover) in made.movers.iter_mut().enumerate() {
-        if fallen.rain.moves(k) {
-            *mover = Some(AssetMotion::Rained(Arc::clone(&fallen.rain), k));
+    // Plants that rain moves take their motion from its record.
+    for (plant, motion) in made.motions.iter_mut().enumerate() {
+        if fallen.rain.moves(plant) {
+            *motion = Some(Arc::new(RainedPlantMotion { rain: Arc::clone(&fallen.rain), plant }));
         }
     }
     let moves = recipe.clip.len() > 1;
-    made.movers.push(moves.then_some(AssetMotion::Rain(fallen.rain)));
+    made.add_placed(fallen.asset, Trs::IDENTITY, moves.then_some(fallen.rain as Arc<dyn AssetMotion>));
     Ok((fallen.wet, moves.then_some(fallen.table)))
 }
 
 /// Adds rods; `draft`: without their motion.
 fn add_rods(
-    (recipe, draft): (&Recipe, bool),
-    (made, placements): (&mut SceneBuilder, &mut Vec<Placement>),
-    (context, report): (&BakeContext<'_>, &mut Report),
+    recipe: &Recipe,
+    draft: bool,
+    builder: &mut SceneBuilder,
+    context: &BakeContext<'_>,
+    report: &mut Report,
 ) -> Result<()> {
-    let first = u32::try_from(made.materials.len()).unwrap_or(u32::MAX);
-    for mut new in rod::build_rod_assets((recipe, draft), first, context, report)? {
-        while made.assets.iter().any(|a| a.id == new.asset.id) {
-            new.asset.id = format!("{}_rod", new.asset.id);
-        }
-        let name = new.asset.id.clone();
-        placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
-        made.materials.extend(new.materials);
-        made.assets.push(new.asset);
-        made.movers.push(new.motion.map(AssetMotion::Rod));
+    let first = index(builder.materials.len(), "materials of a scene")?;
+    for mut new in rod::build_rod_assets(recipe, draft, first, context, report)? {
+        builder.make_unique(&mut new.asset.id, "_rod");
+        builder.materials.extend(new.materials);
+        let motion = new.motion.map(|motion| Arc::new(motion) as Arc<dyn AssetMotion>);
+        builder.add_placed(new.asset, Trs::IDENTITY, motion);
     }
     Ok(())
 }
 
-/// Shows what stands in the way.
-fn add_obstacles(recipe: &Recipe, made: &mut SceneBuilder, placements: &mut Vec<Placement>) -> Result<()> {
+/// Adds the meshes of the obstacles that are shown.
+fn add_obstacles(recipe: &Recipe, builder: &mut SceneBuilder) -> Result<()> {
     for solid in recipe.solids.iter().filter(|s| s.keys.show) {
-        let (look, build) = obstacles::build_obstacle(solid);
-        let kind = made.take(look);
-        let mut asset = build(kind.first_material)?;
-        while made.assets.iter().any(|a| a.id == asset.id) {
-            asset.id = format!("{}_solid", asset.id);
-        }
-        let name = asset.id.clone();
-        placements.push(Placement { name, asset: made.assets.len(), transform: Trs::IDENTITY, phase: 0 });
-        made.assets.push(asset);
-        made.movers.push(None);
+        let (materials, build) = obstacles::build_obstacle(solid);
+        let materials = builder.add_materials(materials);
+        let mut asset = build(materials.first_material)?;
+        builder.make_unique(&mut asset.id, "_solid");
+        builder.add_placed(asset, Trs::IDENTITY, None);
     }
     Ok(())
 }

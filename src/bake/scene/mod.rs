@@ -1,10 +1,11 @@
 //! Assembly of a scene: placement of plants, assets with their motions, camera and light.
 
+pub mod animated;
 pub mod assembly;
 pub mod camera_light;
 pub(crate) mod dry_run;
 pub mod layout;
 pub(crate) mod scatter;
 
-pub use super::output::frame_loop::AnimatedScene;
+pub use animated::AnimatedScene;
 pub use assembly::{AssembledScene, SceneParts, assemble_for_estimate, assemble_scene};

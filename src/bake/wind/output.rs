@@ -6,7 +6,6 @@ use glam::Vec3;
 
 use crate::bake::BakeContext;
 use crate::bake::motion::flight::FlightPlayback;
-use crate::bake::motion::sway::AssetMotion;
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::bake::wind::playback::WindPlayback;
 use crate::recipe::Recipe;
@@ -40,8 +39,8 @@ enum WindOutputSource {
 
 /// What else in the scene has wind.
 pub struct WindUsers<'a> {
-    /// Movers of the scene's assets.
-    pub movers: &'a [Option<AssetMotion>],
+    /// The flight, which steps a wind of its own.
+    pub flight: Option<Arc<FlightPlayback>>,
     /// What plants sway in.
     pub air: Option<&'a PlantWind>,
     /// What stands in a lattice wind.
@@ -69,11 +68,7 @@ impl WindOutput {
         // Two frames are held: one that is written, one that is made.
         let held = grids.iter().map(AirGrid::count).fold(0, u64::saturating_add).saturating_mul(2 * BYTES);
         context.limits.check("wind-bytes", held, "the bytes of output.wind in two frames")?;
-        let flight = others.movers.iter().flatten().find_map(|m| match m {
-            AssetMotion::Flight(course) => Some(Arc::clone(course)),
-            _ => None,
-        });
-        let source = match (flight, others.air) {
+        let source = match (others.flight.clone(), others.air) {
             (Some(course), _) => WindOutputSource::Flight(course),
             (None, Some(air)) => WindOutputSource::Known(Arc::clone(&air.wind)),
             (None, None) => {

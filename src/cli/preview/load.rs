@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::super::args::Preview;
 use super::super::{Context, source};
 use super::shots::ending;
-use crate::bake::motion::sway::{AssetMotion, frame};
+use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::AnimatedScene;
 use crate::bake::{BakeContext, scene};
 use crate::recipe::{Recipe, resolve};
@@ -43,17 +43,17 @@ impl Loaded {
     /// # Errors
     /// Those of a wind that is stepped.
     pub fn frame(&self, number: u32) -> Result<Frame> {
-        frame(&self.stage.scene, &self.stage.movers, number, true)
+        evaluate_frame(&self.stage.scene, &self.stage.motions, number, true)
     }
 
     /// True with catkins in flight.
     pub fn flies(&self) -> bool {
-        self.stage.movers.iter().flatten().any(|m| matches!(m, AssetMotion::Flight(_)))
+        self.stage.scene.tables.iter().any(|table| table.name == "flight")
     }
 
     /// True if something moves.
     pub fn moves(&self) -> bool {
-        self.stage.movers.iter().any(Option::is_some)
+        self.stage.motions.iter().any(Option::is_some)
     }
 }
 
@@ -184,6 +184,6 @@ fn mesh_file(context: &Context, path: &Path) -> Result<Loaded> {
         air: Vec::new(),
         wet: Vec::new(),
     };
-    let stage = AnimatedScene { scene: Arc::new(scene), movers: vec![None], air: None };
+    let stage = AnimatedScene { scene: Arc::new(scene), motions: vec![None], wind: None };
     Ok(Loaded { stage, has_camera: false, name, report: read.warnings })
 }

@@ -11,6 +11,7 @@ use glam::{DVec3, Vec3};
 use crate::bake::assets::catkin::CatkinModel;
 use crate::bake::motion::flight::deposition_maps::DepositionMaps;
 use crate::bake::motion::flight::trajectories::Trajectories;
+use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::bake::wind::playback::WindPlayback;
 use crate::recipe::flight_keys::{FlightKeys, Release, Sides};
 use crate::recipe::{FlightRecipe, Recipe};
@@ -148,31 +149,6 @@ impl FlightPlayback {
         })
     }
 
-    /// The asset at a frame, counted from the first.
-    /// # Errors
-    /// Those of [`WindPlayback::during`].
-    pub fn frame(&self, number: u64) -> Result<AssetFrame> {
-        self.at(number, |now| AssetFrame {
-            instancers: vec![InstancerFrame::State(shown(now))],
-            curves: now.trails.iter().map(|t| CurvesFrame::Points(t.points().to_vec())).collect(),
-            ..AssetFrame::default()
-        })
-    }
-
-    /// Row of the table at a frame.
-    /// # Errors
-    /// Those of [`WindPlayback::during`].
-    pub fn row(&self, number: u64) -> Result<Vec<f64>> {
-        self.at(number, |now| now.row())
-    }
-
-    /// Row of the table and values of the maps at a frame.
-    /// # Errors
-    /// Those of [`WindPlayback::during`].
-    pub fn measured(&self, number: u64) -> Result<(Vec<f64>, Vec<Vec<f32>>)> {
-        self.at(number, |now| (now.row(), self.deposits.values(&now.flights)))
-    }
-
     /// The wind at a frame, and the time to ask it at, s.
     /// # Errors
     /// Those of [`WindPlayback::during`].
@@ -236,6 +212,24 @@ impl FlightPlayback {
     fn rest(&self) -> InstanceState {
         let now = self.now.lock().unwrap_or_else(PoisonError::into_inner);
         shown(&now)
+    }
+}
+
+impl AssetMotion for FlightPlayback {
+    fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        self.at(time.index(), |now| AssetFrame {
+            instancers: vec![InstancerFrame::State(shown(now))],
+            curves: now.trails.iter().map(|t| CurvesFrame::Points(t.points().to_vec())).collect(),
+            ..AssetFrame::default()
+        })
+    }
+
+    fn row(&self, frame: u64) -> Result<Option<TableRow>> {
+        self.at(frame, |now| Some(TableRow { table: stats::TABLE, values: now.row() }))
+    }
+
+    fn fields(&self, frame: u64) -> Result<Vec<Vec<f32>>> {
+        self.at(frame, |now| self.deposits.values(&now.flights))
     }
 }
 

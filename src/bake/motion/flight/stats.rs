@@ -6,6 +6,9 @@ use osier_motion::flight::FlightStats;
 use osier_scene::{Table, Watch};
 use osier_wind::LatticeStats;
 
+/// Name of the table of a flight.
+pub const TABLE: &str = "flight";
+
 /// Columns that count what is so at a frame, or measure it.
 const NOW: [(&str, &str); 15] = [
     ("pending", ""),
@@ -83,7 +86,7 @@ pub fn table(
         Some(Watch { column: find(name)?, above: *above, code, text })
     };
     let watches = watched.iter().filter_map(watch).collect();
-    Table { name: "flight".into(), totals, outcome, plots, parameters: parameters(keys, count), said, watches, columns }
+    Table { name: TABLE.into(), totals, outcome, plots, parameters: parameters(keys, count), said, watches, columns }
 }
 
 /// What rules a flight, as it was resolved.

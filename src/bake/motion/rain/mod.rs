@@ -15,6 +15,7 @@ use glam::{DQuat, DVec3, Vec3};
 pub use self::ground::RainGround;
 use crate::bake::BakeContext;
 use crate::bake::motion::rod_plant::SkinBinding;
+use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::recipe::Recipe;
 use crate::recipe::rain_keys::RainRecipe;
 use osier_base::Result;
@@ -459,7 +460,7 @@ impl RainPlayback {
     }
 
     /// The drops' asset at a frame from the first.
-    pub fn frame(&self, nth: u64) -> AssetFrame {
+    fn water_frame(&self, nth: u64) -> AssetFrame {
         let DropMesh { mesh, velocities } = self.water(nth);
         let (positions, widths, velocity) = self.air(nth);
         let points = PointsFrame::State { positions, widths, velocities: velocity, colors: Vec::new() };
@@ -482,16 +483,6 @@ impl RainPlayback {
         frames.get(nth).cloned().unwrap_or_default()
     }
 
-    /// Its row of the table at a frame from the first.
-    pub fn row(&self, nth: u64) -> Vec<f64> {
-        stats::row(self.moment(nth))
-    }
-
-    /// All drops at a frame from the first.
-    pub fn drops(&self, nth: u64) -> Drops {
-        drop_records::drops(self.moment(nth), &self.leaves, &self.numbers, self.moment(0).t)
-    }
-
     /// Maps of the leaves that have some, at a frame from the first. Asked in order they go on from the last.
     pub fn maps(&self, nth: u64) -> Vec<Arc<WetMaps>> {
         let mut now = self.maps.lock().unwrap_or_else(PoisonError::into_inner);
@@ -510,6 +501,39 @@ impl RainPlayback {
             now.done += 1;
         }
         now.wet.iter().map(|w| Arc::clone(w.maps())).collect()
+    }
+}
+
+impl AssetMotion for RainPlayback {
+    fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        Ok(self.water_frame(time.index()))
+    }
+
+    fn row(&self, frame: u64) -> Result<Option<TableRow>> {
+        Ok(Some(TableRow { table: stats::TABLE, values: stats::row(self.moment(frame)) }))
+    }
+
+    fn wet_maps(&self, frame: u64) -> Vec<Arc<WetMaps>> {
+        self.maps(frame)
+    }
+
+    fn drops(&self, frame: u64) -> Option<Drops> {
+        Some(drop_records::drops(self.moment(frame), &self.leaves, &self.numbers, self.moment(0).t))
+    }
+}
+
+/// Motion of a plant that rain moves.
+#[derive(Debug, Clone)]
+pub struct RainedPlantMotion {
+    /// The recorded rain.
+    pub rain: Arc<RainPlayback>,
+    /// Index of the plant's asset.
+    pub plant: usize,
+}
+
+impl AssetMotion for RainedPlantMotion {
+    fn frame(&self, _asset: &Asset, time: FrameTime) -> Result<AssetFrame> {
+        Ok(self.rain.plant(self.plant, time.index()))
     }
 }
 

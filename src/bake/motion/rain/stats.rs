@@ -4,6 +4,9 @@ use super::drop_records::RUNS;
 use osier_motion::rain::{DropParams, RainFrame};
 use osier_scene::Table;
 
+/// Name of the table of rain.
+pub const TABLE: &str = "rain";
+
 /// Cubic millimetres in a cubic metre.
 const MM3: f64 = 1e9;
 
@@ -44,7 +47,7 @@ pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
         "tip_radius_m": manner.tip_radius, "half_life_s": manner.half_life,
     });
     let (totals, outcome) = (find(&TOTAL), find(&["water_leaves", "water_hanging", "fell"]));
-    Table { name: "rain".into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
+    Table { name: TABLE.into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
 }
 
 /// A row of [`table`].

@@ -1,5 +1,5 @@
 use crate::bake::BakeContext;
-use crate::bake::motion::sway::frame;
+use crate::bake::motion::evaluate_frame;
 use crate::bake::scene::assembly::{AssembledScene, SceneParts, assemble_scene};
 use crate::recipe::{Request, resolve};
 use osier_base::limits::Limits;
@@ -28,7 +28,7 @@ fn within(limits: &Limits, more: &str) -> osier_base::Result<AssembledScene> {
 }
 
 fn at(built: &AssembledScene, number: u32) -> Frame {
-    frame(&built.animated.scene, &built.animated.movers, number, false).expect("a frame")
+    evaluate_frame(&built.animated.scene, &built.animated.motions, number, false).expect("a frame")
 }
 
 #[test]
