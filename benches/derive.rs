@@ -11,8 +11,8 @@ use osier::grammar::{DeriveOptions, Grammar, Source, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
 use osier::limits::Limits;
 use osier::progress::{Cancel, Silent};
-use osier::recipe::Section as _;
-use osier::recipe::catkin_keys::CatkinKeys;
+use osier::recipe::KeyTable as _;
+use osier::recipe::scene::CatkinKeys;
 
 fn read(text: &str) -> Grammar {
     let defines = BTreeMap::new();

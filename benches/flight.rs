@@ -15,8 +15,8 @@ use osier::limits::Limits;
 use osier::motion::flight::{CatkinKind, FlightParams, FlightSimulation, SideBoundary, SkyRelease, sky_starts};
 use osier::par::par_each;
 use osier::progress::{Cancel, Silent};
-use osier::recipe::Section as _;
-use osier::recipe::catkin_keys::CatkinKeys;
+use osier::recipe::KeyTable as _;
+use osier::recipe::scene::CatkinKeys;
 use osier::solid::Solids;
 use osier::wind::{InletOptions, InterpolatedWind, LatticeOptions, LatticeSolver, UniformWind, Wind};
 

@@ -84,7 +84,7 @@ fn matching(words: &[String]) -> Vec<TableInfo> {
     for table in &mut tables {
         let place = format!("{} {}", table.path, table.about).to_lowercase();
         table.keys.retain(|key| {
-            let text = format!("{place} {} {} {}", key.name, key.help, key.shown.accepts).to_lowercase();
+            let text = format!("{place} {} {} {}", key.name, key.help, key.listing.accepts).to_lowercase();
             words.iter().all(|w| text.contains(w.as_str()))
         });
     }
@@ -99,9 +99,9 @@ fn options_text(tables: &[TableInfo]) -> String {
         let header = if table.path.is_empty() { String::new() } else { format!("[{}]  ", heading(table)) };
         out += &format!("\n{header}{}\n", table.about);
         for key in &table.keys {
-            let default = &key.shown.default;
+            let default = &key.listing.default;
             let default = if default.is_empty() { String::new() } else { format!(" [{default}]") };
-            out += &format!("  {:18} {}{default}\n  {:18}   {}\n", key.name, key.help, "", key.shown.accepts);
+            out += &format!("  {:18} {}{default}\n  {:18}   {}\n", key.name, key.help, "", key.listing.accepts);
         }
     }
     out
@@ -145,8 +145,8 @@ fn shown(limit: u64) -> String {
 fn options_json(tables: &[TableInfo]) -> serde_json::Value {
     let row = |(t, k): (&TableInfo, &KeyInfo)| {
         json!({
-            "table": t.path, "key": k.name, "help": k.help, "accepts": k.shown.accepts,
-            "default": k.shown.default, "unit": k.shown.unit,
+            "table": t.path, "key": k.name, "help": k.help, "accepts": k.listing.accepts,
+            "default": k.listing.default, "unit": k.listing.unit,
         })
     };
     tables.iter().flat_map(|t| t.keys.iter().map(move |k| (t, k))).map(row).collect()

@@ -9,7 +9,7 @@ use osier_base::files::{ReadError, SearchPaths};
 
 /// A file that a reference led to.
 #[derive(Debug, Clone)]
-pub struct Found {
+pub struct ReferencedFile {
     /// Name for messages: the path, or `preset:oak.l`.
     pub shown: String,
     /// What it holds.
@@ -52,18 +52,23 @@ impl Library {
     /// the scene's folder or a search folder. `limit`: most bytes.
     /// # Errors
     /// Why nothing could be read.
-    pub fn find(&self, reference: &str, limit: u64) -> std::result::Result<Found, ReadError> {
+    pub fn find(&self, reference: &str, limit: u64) -> std::result::Result<ReferencedFile, ReadError> {
         self.find_beside(&self.opened, reference, limit)
     }
 
     /// As [`Library::find`] for a reference inside another file.
     /// # Errors
     /// Why nothing could be read.
-    pub fn find_beside(&self, from: &Path, reference: &str, limit: u64) -> std::result::Result<Found, ReadError> {
+    pub fn find_beside(
+        &self,
+        from: &Path,
+        reference: &str,
+        limit: u64,
+    ) -> std::result::Result<ReferencedFile, ReadError> {
         match self.roots.read(from, reference, limit) {
             Ok(file) => {
                 let beside = from.parent().unwrap_or(Path::new("")).join(reference);
-                Ok(Found { shown: beside.display().to_string(), bytes: file.bytes.into(), path: file.path })
+                Ok(ReferencedFile { shown: beside.display().to_string(), bytes: file.bytes.into(), path: file.path })
             }
             Err(refusal @ (ReadError::Missing { .. } | ReadError::Outside { .. })) => preset(reference).ok_or(refusal),
             Err(refusal) => Err(refusal),
@@ -71,7 +76,7 @@ impl Library {
     }
 }
 
-fn preset(name: &str) -> Option<Found> {
+fn preset(name: &str) -> Option<ReferencedFile> {
     let p = presets::find(name)?;
-    Some(Found { shown: format!("preset:{}", p.name), bytes: p.text.as_bytes().into(), path: p.name.into() })
+    Some(ReferencedFile { shown: format!("preset:{}", p.name), bytes: p.text.as_bytes().into(), path: p.name.into() })
 }

@@ -1,44 +1,16 @@
 //! Scene files: notation, defaults, references. Text ends here.
 //!
 //! [`resolve`] turns a scene's text into a [`Recipe`]: every key typed, in SI units and radians, every default filled in,
-//! every reference read. All faults are collected with their places. [`sections`] declares the keys.
+//! every reference read. All faults are collected with their places. [`scene`] declares the keys.
 
-pub mod air;
-pub mod catkin_keys;
-pub mod cloud_keys;
-mod clouds;
-mod condensed;
-mod digest;
-pub mod flight_keys;
-mod flights;
-mod key;
-mod kinds;
-mod land;
-pub mod land_keys;
-pub mod layer_keys;
-mod layers;
 mod library;
-pub mod map_keys;
-pub mod morph_keys;
-mod morphs;
-mod plants;
-pub mod rain_keys;
 mod resolve;
-pub mod rod_keys;
-mod rods;
-pub mod sections;
-mod tree;
-pub mod wind_keys;
+pub mod scene;
+mod syntax;
 
 use std::sync::Arc;
 
-pub use condensed::set_letters;
-pub use digest::Digest;
-pub use flights::FORMS;
-pub use key::{KeyInfo, Section, Shown};
-pub use kinds::{Word, word_of};
-pub use library::{Found, Library};
-pub use morphs::MorphRecipe;
+pub use library::{Library, ReferencedFile};
 use osier_grammar::Grammar;
 use osier_ifs::Ifs;
 use osier_ifs::dynamics::Study;
@@ -48,8 +20,8 @@ use osier_ifs::stems::Stems;
 use osier_ifs::weights::Rule;
 use osier_import::{Grey, Imported};
 use osier_scene::{AirGrid, Clip};
-pub use plants::words;
 pub use resolve::{Request, resolve};
+pub use syntax::{Choice, Digest, KeyInfo, KeyListing, KeyTable, Reference, ValueType, word_of};
 
 /// Letter of the organ that cards of a tree's small branches are; it comes last.
 pub const CARD: char = '\u{e000}';
@@ -68,19 +40,19 @@ pub struct Recipe {
     /// Kinds of plants, in the order of the file.
     pub plants: Vec<PlantRecipe>,
     /// Attractors as points.
-    pub clouds: Vec<CloudRecipe>,
+    pub clouds: Vec<AttractorRecipe>,
     /// Catkins, if the scene has a `[catkin]`.
-    pub catkin: Option<catkin_keys::CatkinKeys>,
+    pub catkin: Option<scene::CatkinKeys>,
     /// Layers of a composed picture, from the lowest.
     pub layers: Vec<LayerRecipe>,
     /// How an attractor becomes a picture.
-    pub picture: cloud_keys::PictureKeys,
+    pub picture: scene::PictureKeys,
     /// Where the plants stand.
     pub places: Vec<PlaceRecipe>,
     /// Ground.
-    pub ground: sections::GroundKeys,
+    pub ground: scene::GroundKeys,
     /// Land that takes the ground's place.
-    pub terrain: Option<land_keys::TerrainKeys>,
+    pub terrain: Option<scene::TerrainKeys>,
     /// What is strewn over the land.
     pub scatters: Vec<ScatterRecipe>,
     /// Catkins that fly.
@@ -90,27 +62,27 @@ pub struct Recipe {
     /// What stands in the way of wind and catkins.
     pub solids: Vec<SolidRecipe>,
     /// Rain.
-    pub rain: Option<rain_keys::RainRecipe>,
+    pub rain: Option<scene::RainRecipe>,
     /// Maps of wet leaves.
-    pub maps: map_keys::MapKeys,
+    pub maps: scene::LeafMapKeys,
     /// Haze.
-    pub fog: land_keys::FogKeys,
+    pub fog: scene::FogKeys,
     /// View.
-    pub camera: sections::CameraKeys,
+    pub camera: scene::CameraKeys,
     /// Sunlight.
-    pub sun: sections::SunKeys,
+    pub sun: scene::SunKeys,
     /// Sky.
-    pub sky: sections::SkyKeys,
+    pub sky: scene::SkyKeys,
     /// Wind; its speed already accounts for Beaufort numbers.
-    pub wind: wind_keys::WindKeys,
+    pub wind: scene::WindKeys,
     /// The lattice, if the wind is on one.
-    pub lattice: wind_keys::LatticeKeys,
+    pub lattice: scene::LatticeKeys,
     /// Winds whose velocities are added to it.
-    pub added: Vec<wind_keys::WindKeys>,
+    pub added: Vec<scene::WindKeys>,
     /// True if the scene has a clip with wind in it, whichever frame is drawn.
     pub moves: bool,
     /// Answer to the wind.
-    pub sway: wind_keys::SwayKeys,
+    pub sway: scene::SwayKeys,
     /// What is written.
     pub output: OutputRecipe,
     /// Hash of everything above and of the bytes of all files read, 64 hex digits.
@@ -123,7 +95,7 @@ const EARTH: f64 = 9.81;
 impl Recipe {
     /// False in a calm.
     pub fn blows(&self) -> bool {
-        self.wind.blows() || self.added.iter().any(wind_keys::WindKeys::blows)
+        self.wind.blows() || self.added.iter().any(scene::WindKeys::blows)
     }
 
     /// Gravity that rods hang in, m/s^2: that of the scene's rain.
@@ -138,9 +110,9 @@ pub enum Growth {
     /// A string of modules, drawn by the turtle.
     Grammar(Box<Grammar>),
     /// The words of an iterated function system.
-    Ifs(Box<Stems>, cloud_keys::TreeKeys),
+    Ifs(Box<Stems>, scene::IfsTreeKeys),
     /// An artist's mesh, in which a skeleton is found.
-    Mesh(Box<Imported>, sections::ImportKeys),
+    Mesh(Box<Imported>, scene::ImportedMeshKeys),
 }
 
 /// One kind of plant.
@@ -151,27 +123,27 @@ pub struct PlantRecipe {
     /// `[a-z0-9_]+`, unique among the plants.
     pub id: String,
     /// Keys of its own table.
-    pub keys: sections::PlantKeys,
+    pub keys: scene::PlantKeys,
     /// What grows it.
     pub growth: Growth,
     /// Name of the file that grows it, for people.
     pub source: String,
     /// How it is drawn.
-    pub turtle: sections::TurtleKeys,
+    pub turtle: scene::TurtleKeys,
     /// Organs by letter.
     pub organs: Vec<OrganRecipe>,
     /// Bark of thick axes.
-    pub bark: sections::BarkKeys,
+    pub bark: scene::BarkKeys,
     /// Bark of thin ones.
-    pub shoot: sections::BarkKeys,
+    pub shoot: scene::BarkKeys,
     /// Tables whose density tiles bark and shoot.
     pub grains: [Option<Arc<Ifs>>; 2],
     /// How bark becomes a mesh.
-    pub skin: sections::SkinKeys,
+    pub skin: scene::SkinKeys,
     /// What it is made of.
-    pub wood: wind_keys::WoodKeys,
+    pub wood: scene::WoodKeys,
     /// How it moves as rods, if it does.
-    pub rods: Option<rod_keys::TwigKeys>,
+    pub rods: Option<scene::RodPlantKeys>,
 }
 
 /// What one organ looks like.
@@ -180,7 +152,7 @@ pub struct OrganRecipe {
     /// The letter after `~` in the grammar.
     pub letter: char,
     /// Shape and colours.
-    pub keys: sections::OrganKeys,
+    pub keys: scene::OrganKeys,
     /// The table that draws it, if one replaces the made blade.
     pub ifs: Option<Arc<Ifs>>,
     /// What that table draws, once it has been asked for; organs of the same table and keys share it.
@@ -191,7 +163,7 @@ pub struct OrganRecipe {
 
 /// An attractor.
 #[derive(Debug, Clone)]
-pub struct CloudRecipe {
+pub struct AttractorRecipe {
     /// As written in the scene.
     pub name: String,
     /// `[a-z0-9_]+`, unique among plants and clouds.
@@ -207,18 +179,18 @@ pub struct CloudRecipe {
     /// Where it lies.
     pub extent: Extent,
     /// Keys of its table.
-    pub keys: cloud_keys::CloudKeys,
+    pub keys: scene::AttractorKeys,
     /// How it changes; the system is then the first one.
-    pub morph: Option<MorphRecipe>,
+    pub morph: Option<scene::MorphRecipe>,
 }
 
 /// One layer of a composed picture.
 #[derive(Debug, Clone)]
 pub struct LayerRecipe {
     /// What draws it; `None`: a plain box.
-    pub cloud: Option<CloudRecipe>,
+    pub cloud: Option<AttractorRecipe>,
     /// Where and how.
-    pub keys: layer_keys::LayerKeys,
+    pub keys: scene::LayerKeys,
 }
 
 /// A group of copies of one plant.
@@ -227,7 +199,7 @@ pub struct PlaceRecipe {
     /// Index into [`Recipe::plants`].
     pub plant: usize,
     /// Where and how.
-    pub keys: sections::PlaceKeys,
+    pub keys: scene::PlaceKeys,
 }
 
 /// Plants strewn over the land.
@@ -238,14 +210,14 @@ pub struct ScatterRecipe {
     /// Where they may stand.
     pub mask: Option<Grey>,
     /// How.
-    pub keys: land_keys::ScatterKeys,
+    pub keys: scene::ScatterKeys,
 }
 
 /// Catkins that fly.
 #[derive(Debug, Clone)]
 pub struct FlightRecipe {
     /// How.
-    pub keys: flight_keys::FlightKeys,
+    pub keys: scene::FlightKeys,
     /// With release from plants: indices into [`Recipe::plants`], with their weights.
     pub canopy: Vec<(usize, f64)>,
     /// How often each form is met.
@@ -262,7 +234,7 @@ pub struct SolidRecipe {
     /// `[a-z0-9_]+`, unique among the solids.
     pub id: String,
     /// Where and what.
-    pub keys: flight_keys::SolidKeys,
+    pub keys: scene::SolidKeys,
     /// The artist's mesh, if it is one.
     pub mesh: Option<Arc<Imported>>,
 }
@@ -275,28 +247,28 @@ pub struct RodRecipe {
     /// Rod that its base is fixed in: index into [`Recipe::rods`], below its own.
     pub on: Option<usize>,
     /// What it is.
-    pub keys: rod_keys::RodKeys,
+    pub keys: scene::RodKeys,
     /// Where it is held.
-    pub clamps: Vec<rod_keys::RodClamp>,
+    pub clamps: Vec<scene::RodClampKeys>,
     /// What acts on it.
-    pub loads: Vec<rod_keys::RodLoad>,
+    pub loads: Vec<scene::RodLoadKeys>,
 }
 
 /// What is written.
 #[derive(Debug, Clone)]
 pub struct OutputRecipe {
     /// Formats.
-    pub formats: Vec<sections::Format>,
+    pub formats: Vec<scene::OutputFormat>,
     /// POV-Ray.
-    pub pov: sections::PovKeys,
+    pub pov: scene::PovKeys,
     /// POV-Ray's photons, if they are wanted.
-    pub photons: Option<sections::PhotonKeys>,
+    pub photons: Option<scene::PhotonKeys>,
     /// USD.
-    pub usd: sections::UsdKeys,
+    pub usd: scene::UsdKeys,
     /// glTF.
-    pub gltf: sections::GltfKeys,
+    pub gltf: scene::GltfKeys,
     /// Files of the wind itself.
-    pub air: AirRecipe,
+    pub air: WindOutputRecipe,
 }
 
 impl OutputRecipe {
@@ -308,11 +280,11 @@ impl OutputRecipe {
 
 /// Which files of the wind itself are written.
 #[derive(Debug, Clone)]
-pub struct AirRecipe {
+pub struct WindOutputRecipe {
     /// Keys of its table.
-    pub keys: wind_keys::AirKeys,
+    pub keys: scene::WindOutputKeys,
     /// Planes, as written.
-    pub slices: Vec<wind_keys::SliceKeys>,
+    pub slices: Vec<scene::WindSliceKeys>,
     /// Where the wind is told: each plane, then the box.
     pub grids: Vec<AirGrid>,
 }
@@ -330,58 +302,57 @@ pub struct TableInfo {
 
 /// Every table and key that a scene may hold.
 pub fn options() -> Vec<TableInfo> {
-    fn info<S: Section>() -> TableInfo {
+    fn info<S: KeyTable>() -> TableInfo {
         TableInfo { path: S::PATH, about: S::about(), keys: S::keys() }
     }
-    use sections as s;
     vec![
-        info::<s::SceneKeys>(),
-        info::<s::FramesKeys>(),
-        info::<s::PlantKeys>(),
-        info::<cloud_keys::TreeKeys>(),
-        info::<s::ImportKeys>(),
-        info::<s::TurtleKeys>(),
-        info::<s::TropismKeys>(),
-        info::<s::OrganKeys>(),
-        info::<s::BarkKeys>(),
-        info::<s::SkinKeys>(),
-        info::<wind_keys::WoodKeys>(),
-        info::<rod_keys::TwigKeys>(),
-        info::<cloud_keys::CloudKeys>(),
-        info::<morph_keys::MorphKeys>(),
-        info::<morph_keys::MorphKey>(),
-        info::<catkin_keys::CatkinKeys>(),
-        info::<cloud_keys::PictureKeys>(),
-        info::<layer_keys::LayerKeys>(),
-        info::<s::PlaceKeys>(),
-        info::<s::GroundKeys>(),
-        info::<land_keys::TerrainKeys>(),
-        info::<land_keys::ScatterKeys>(),
-        info::<flight_keys::FlightKeys>(),
-        info::<flight_keys::SolidKeys>(),
-        info::<rod_keys::RodKeys>(),
-        info::<rod_keys::RodClamp>(),
-        info::<rod_keys::RodLoad>(),
-        info::<rain_keys::RainKeys>(),
-        info::<rain_keys::ImpactKeys>(),
-        info::<rain_keys::DropKeys>(),
-        info::<rain_keys::WetKeys>(),
-        info::<rain_keys::LyingKeys>(),
-        info::<map_keys::MapKeys>(),
-        info::<land_keys::FogKeys>(),
-        info::<s::CameraKeys>(),
-        info::<s::SunKeys>(),
-        info::<s::SkyKeys>(),
-        info::<wind_keys::WindKeys>(),
-        info::<wind_keys::LatticeKeys>(),
-        info::<wind_keys::SwayKeys>(),
-        info::<s::OutputKeys>(),
-        info::<s::PovKeys>(),
-        info::<s::PhotonKeys>(),
-        info::<s::UsdKeys>(),
-        info::<s::GltfKeys>(),
-        info::<wind_keys::AirKeys>(),
-        info::<wind_keys::SliceKeys>(),
+        info::<scene::SceneKeys>(),
+        info::<scene::FramesKeys>(),
+        info::<scene::PlantKeys>(),
+        info::<scene::IfsTreeKeys>(),
+        info::<scene::ImportedMeshKeys>(),
+        info::<scene::TurtleKeys>(),
+        info::<scene::TropismKeys>(),
+        info::<scene::OrganKeys>(),
+        info::<scene::BarkKeys>(),
+        info::<scene::SkinKeys>(),
+        info::<scene::WoodKeys>(),
+        info::<scene::RodPlantKeys>(),
+        info::<scene::AttractorKeys>(),
+        info::<scene::MorphKeys>(),
+        info::<scene::MorphKeyframe>(),
+        info::<scene::CatkinKeys>(),
+        info::<scene::PictureKeys>(),
+        info::<scene::LayerKeys>(),
+        info::<scene::PlaceKeys>(),
+        info::<scene::GroundKeys>(),
+        info::<scene::TerrainKeys>(),
+        info::<scene::ScatterKeys>(),
+        info::<scene::FlightKeys>(),
+        info::<scene::SolidKeys>(),
+        info::<scene::RodKeys>(),
+        info::<scene::RodClampKeys>(),
+        info::<scene::RodLoadKeys>(),
+        info::<scene::RainKeys>(),
+        info::<scene::ImpactKeys>(),
+        info::<scene::DropKeys>(),
+        info::<scene::WettingKeys>(),
+        info::<scene::SessileDropKeys>(),
+        info::<scene::LeafMapKeys>(),
+        info::<scene::FogKeys>(),
+        info::<scene::CameraKeys>(),
+        info::<scene::SunKeys>(),
+        info::<scene::SkyKeys>(),
+        info::<scene::WindKeys>(),
+        info::<scene::LatticeKeys>(),
+        info::<scene::SwayKeys>(),
+        info::<scene::OutputKeys>(),
+        info::<scene::PovKeys>(),
+        info::<scene::PhotonKeys>(),
+        info::<scene::UsdKeys>(),
+        info::<scene::GltfKeys>(),
+        info::<scene::WindOutputKeys>(),
+        info::<scene::WindSliceKeys>(),
     ]
 }
 

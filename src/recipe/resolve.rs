@@ -1,11 +1,8 @@
 //! From text to [`Recipe`].
 
-use super::digest::Digest;
-use super::key::{Section, join, wrong};
-use super::sections::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys};
-use super::tree::{self, Node, Table, Value};
-use super::wind_keys::WindModel;
-use super::{AirRecipe, Found, Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe};
+use super::scene::{FramesKeys, GltfKeys, OutputKeys, PhotonKeys, PlaceKeys, PlantKeys, SceneKeys, WindModel};
+use super::syntax::{Digest, KeyTable, TomlNode, TomlTable, TomlValue, apply_override, join, parse, wrong};
+use super::{Growth, Library, OutputRecipe, PlaceRecipe, PlantRecipe, Recipe, ReferencedFile, WindOutputRecipe};
 use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
 use osier_base::files::{Names, safe_name};
 use osier_base::limits::Limits;
@@ -26,7 +23,7 @@ pub struct Request {
     /// Overrides, `path=value`.
     pub set: Vec<String>,
     /// What overrides without a known table belong to: set for a bare grammar or table.
-    pub bare: Option<Bare>,
+    pub bare: Option<SingleSource>,
     /// Judge every system of a bare coefficient table, not only the one that is drawn.
     pub thorough: bool,
     /// Replaces the scene's seed.
@@ -39,7 +36,7 @@ pub struct Request {
 
 /// The only thing in a scene that was made of a bare file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Bare {
+pub enum SingleSource {
     /// A plant of this name.
     Plant(String),
     /// A cloud of this name.
@@ -56,7 +53,7 @@ impl Request {
             name: name.into(),
             shown: reference.into(),
             text,
-            bare: Some(Bare::Plant(name.into())),
+            bare: Some(SingleSource::Plant(name.into())),
             ..Self::default()
         }
     }
@@ -66,7 +63,7 @@ impl Request {
         let cloud = toml::Value::String(name.to_owned()).to_string();
         let file = toml::Value::String(reference.to_owned()).to_string();
         let text = format!("[clouds.{cloud}]\nifs = {file}\n[ground]\nshow = false\n");
-        let bare = Some(Bare::Cloud(name.into()));
+        let bare = Some(SingleSource::Cloud(name.into()));
         Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
     }
 
@@ -75,7 +72,7 @@ impl Request {
         let plant = toml::Value::String(name.to_owned()).to_string();
         let file = toml::Value::String(reference.to_owned()).to_string();
         let text = format!("[plants.{plant}]\nifs = {file}\n[ground]\nshow = false\n");
-        let bare = Some(Bare::Plant(name.into()));
+        let bare = Some(SingleSource::Plant(name.into()));
         Self { name: name.into(), shown: reference.into(), text, bare, ..Self::default() }
     }
 }
@@ -86,9 +83,9 @@ impl Request {
 pub fn resolve(request: &Request) -> Result<(Recipe, Report)> {
     let mut report = Report::default();
     let source = report.sources.add(request.shown.clone(), request.text.as_str());
-    let mut root = tree::parse(&request.text, source, &mut report);
+    let mut root = parse(&request.text, source, &mut report);
     for set in &request.set {
-        tree::set(&mut root, &reach(set, request.bare.as_ref()), &mut report);
+        apply_override(&mut root, &qualify_override(set, request.bare.as_ref()), &mut report);
     }
     if report.has_errors() {
         return Err(Error::Input(Box::new(report)));
@@ -107,8 +104,8 @@ fn name_knobs(recipe: &Recipe, report: &mut Report) {
         let Some(name) = d.message.strip_prefix("a scene has no key \"").and_then(|m| m.strip_suffix('"')) else {
             continue;
         };
-        let has = |p: &&super::PlantRecipe| match &p.growth {
-            super::Growth::Grammar(grammar) => grammar.defines().iter().any(|define| define.name == name),
+        let has = |p: &&PlantRecipe| match &p.growth {
+            Growth::Grammar(grammar) => grammar.defines().iter().any(|define| define.name == name),
             _ => false,
         };
         let keys: Vec<String> =
@@ -121,15 +118,15 @@ fn name_knobs(recipe: &Recipe, report: &mut Report) {
 }
 
 /// For a bare grammar, `angle=30` reaches its #define and `leaf.size=0.1` its plant.
-fn reach(set: &str, bare: Option<&Bare>) -> String {
+fn qualify_override(set: &str, bare: Option<&SingleSource>) -> String {
     let Some(bare) = bare else { return set.to_owned() };
     let path = set.split('=').next().unwrap_or_default().trim();
     let first = path.split('.').next().unwrap_or_default();
     let top = SceneKeys::keys().iter().any(|k| k.name == first) || SceneKeys::TABLES.contains(&first);
     let plant = match bare {
-        Bare::Plant(name) => name,
-        Bare::Cloud(_) if top => return set.to_owned(),
-        Bare::Cloud(name) => return format!("clouds.{name}.{set}"),
+        SingleSource::Plant(name) => name,
+        SingleSource::Cloud(_) if top => return set.to_owned(),
+        SingleSource::Cloud(name) => return format!("clouds.{name}.{set}"),
     };
     let own = PlantKeys::keys().iter().any(|k| k.name == path) || PlantKeys::TABLES.contains(&first);
     if top {
@@ -142,18 +139,18 @@ fn reach(set: &str, bare: Option<&Bare>) -> String {
 }
 
 pub(super) struct Resolver<'a> {
-    pub(super) request: &'a Request,
-    pub(super) report: Report,
-    pub(super) whole: Span,
-    pub(super) inputs: Vec<blake3::Hash>,
+    pub(in crate::recipe) request: &'a Request,
+    pub(in crate::recipe) report: Report,
+    pub(in crate::recipe) whole: Span,
+    pub(in crate::recipe) inputs: Vec<blake3::Hash>,
     /// Frames of the clip.
-    pub(super) frames: u64,
+    pub(in crate::recipe) frames: u64,
     /// The scene has rain.
-    pub(super) raining: bool,
+    pub(in crate::recipe) raining: bool,
 }
 
 impl Resolver<'_> {
-    fn recipe(&mut self, root: &Table) -> Recipe {
+    fn recipe(&mut self, root: &TomlTable) -> Recipe {
         let mut scene = SceneKeys::read(Some(root), "", &mut self.report);
         scene.seed = self.request.seed.unwrap_or(scene.seed);
         let clip = self.clip(root);
@@ -211,27 +208,32 @@ impl Resolver<'_> {
     }
 
     /// A section of the top level.
-    pub(super) fn section<S: Section>(&mut self, parent: &Table, name: &str) -> S {
+    pub(in crate::recipe) fn section<S: KeyTable>(&mut self, parent: &TomlTable, name: &str) -> S {
         self.section_at(parent, "", name)
     }
 
-    pub(super) fn section_at<S: Section>(&mut self, parent: &Table, path: &str, name: &str) -> S {
+    pub(in crate::recipe) fn section_at<S: KeyTable>(&mut self, parent: &TomlTable, path: &str, name: &str) -> S {
         let full = join(path, name);
         let table = self.table(parent, path, name);
         S::read(table, &full, &mut self.report)
     }
 
     /// A table below another one; S003 if the key holds something else.
-    pub(super) fn table<'t>(&mut self, parent: &'t Table, path: &str, name: &str) -> Option<&'t Table> {
+    pub(in crate::recipe) fn table<'t>(
+        &mut self,
+        parent: &'t TomlTable,
+        path: &str,
+        name: &str,
+    ) -> Option<&'t TomlTable> {
         let entry = parent.get(name)?;
-        if let Value::Table(t) = &entry.node.value {
+        if let TomlValue::Table(t) = &entry.node.value {
             return Some(t);
         }
         self.report.push(*wrong(&join(path, name), &entry.node, "a table"));
         None
     }
 
-    fn clip(&mut self, root: &Table) -> Clip {
+    fn clip(&mut self, root: &TomlTable) -> Clip {
         let keys: FramesKeys = self.section(root, "frames");
         let end = keys.end.unwrap_or(keys.start);
         if end < keys.start {
@@ -244,14 +246,14 @@ impl Resolver<'_> {
         clip
     }
 
-    pub(super) fn limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
+    pub(in crate::recipe) fn limit(&mut self, name: &str, wanted: u64, span: Option<Span>) {
         if let Err(e) = self.request.limits.check(name, wanted, &format!("the number of {name}")) {
             self.report.push(Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit"));
         }
     }
 
     /// Refuses a number of things that would take more memory than there may be. `each`: bytes of one.
-    pub(super) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
+    pub(in crate::recipe) fn memory(&mut self, key: &str, count: u64, each: u64, span: Option<Span>) {
         let what = format!("memory of {key} = {count}, in bytes,");
         if let Err(e) = self.request.limits.check("memory", count.saturating_mul(each), &what) {
             let d = Diagnostic::error("S004", e.to_string(), span.unwrap_or(self.whole), "over the limit");
@@ -260,7 +262,7 @@ impl Resolver<'_> {
     }
 
     /// What a file holds, or nothing once its faults are told.
-    pub(super) fn told<T>(&mut self, read: Result<T>, file: &Found) -> Option<T> {
+    pub(in crate::recipe) fn load_or_report<T>(&mut self, read: Result<T>, file: &ReferencedFile) -> Option<T> {
         match read {
             Ok(held) => Some(held),
             Err(Error::Input(faults)) => {
@@ -274,7 +276,13 @@ impl Resolver<'_> {
         }
     }
 
-    pub(super) fn read(&mut self, reference: &str, span: Span, limit: &str, endings: &[&str]) -> Option<Found> {
+    pub(in crate::recipe) fn read(
+        &mut self,
+        reference: &str,
+        span: Span,
+        limit: &str,
+        endings: &[&str],
+    ) -> Option<ReferencedFile> {
         let mut fail = |message: String, help: String| {
             self.report.push(Diagnostic::error("S005", message, span, "this reference").help(help));
         };
@@ -299,25 +307,30 @@ impl Resolver<'_> {
         }
     }
 
-    fn places(&mut self, root: &Table, plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
+    fn places(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
         let Some(entry) = root.get("place") else {
             return if root.get("scatter").is_none() { default_places(plants) } else { Vec::new() };
         };
-        let Value::List(list) = &entry.node.value else {
+        let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("place", &entry.node, "a list: write [[place]]"));
             return Vec::new();
         };
         // Plants with faults of their own are declared all the same: a place that names one is right.
         let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
+            Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),
         };
         list.iter().enumerate().filter_map(|(i, node)| self.place((i, node), plants, &declared)).collect()
     }
 
-    fn place(&mut self, (i, node): (usize, &Node), plants: &[PlantRecipe], declared: &[&str]) -> Option<PlaceRecipe> {
+    fn place(
+        &mut self,
+        (i, node): (usize, &TomlNode),
+        plants: &[PlantRecipe],
+        declared: &[&str],
+    ) -> Option<PlaceRecipe> {
         let path = format!("place.{i}");
-        let Value::Table(table) = &node.value else {
+        let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
@@ -345,9 +358,9 @@ impl Resolver<'_> {
         None
     }
 
-    fn output(&mut self, root: &Table, clip: Clip, air: AirRecipe) -> OutputRecipe {
+    fn output(&mut self, root: &TomlTable, clip: Clip, air: WindOutputRecipe) -> OutputRecipe {
         let keys: OutputKeys = self.section(root, "output");
-        let empty = Table::default();
+        let empty = TomlTable::default();
         let table = self.table(root, "", "output").unwrap_or(&empty);
         OutputRecipe {
             formats: keys.formats,
@@ -363,13 +376,13 @@ impl Resolver<'_> {
     }
 
     /// `[output.pov.photons]`, if it is there.
-    fn photons(&mut self, output: &Table) -> Option<PhotonKeys> {
-        let Some(Value::Table(pov)) = output.get("pov").map(|e| &e.node.value) else { return None };
+    fn photons(&mut self, output: &TomlTable) -> Option<PhotonKeys> {
+        let Some(TomlValue::Table(pov)) = output.get("pov").map(|e| &e.node.value) else { return None };
         pov.get("photons").map(|_| self.section_at(pov, "output.pov", "photons"))
     }
 
     /// The one frame that a glTF shows is one of the clip's.
-    fn shown_frame(&mut self, root: &Table, keys: GltfKeys, clip: Clip) -> GltfKeys {
+    fn shown_frame(&mut self, root: &TomlTable, keys: GltfKeys, clip: Clip) -> GltfKeys {
         if let Some(frame) = keys.frame.filter(|f| !(clip.start..=clip.end).contains(f)) {
             let span = span_of(root, &["output", "gltf", "frame"]).unwrap_or(self.whole);
             let text = format!("output.gltf.frame is {frame}, but must be {} to {}", clip.start, clip.end);
@@ -388,11 +401,11 @@ fn default_places(plants: &[PlantRecipe]) -> Vec<PlaceRecipe> {
         .collect()
 }
 
-pub(super) fn span_of(root: &Table, path: &[&str]) -> Option<Span> {
+pub(super) fn span_of(root: &TomlTable, path: &[&str]) -> Option<Span> {
     let (name, rest) = path.split_first()?;
     let entry = root.get(name)?;
     match &entry.node.value {
-        Value::Table(t) if !rest.is_empty() => span_of(t, rest),
+        TomlValue::Table(t) if !rest.is_empty() => span_of(t, rest),
         _ => Some(entry.node.span),
     }
 }
@@ -477,7 +490,7 @@ fn hash(recipe: &Recipe, inputs: &[blake3::Hash]) -> String {
     recipe.sun.digest(&mut h);
     recipe.sky.digest(&mut h);
     recipe.wind.digest(&mut h);
-    if recipe.wind.model == super::wind_keys::WindModel::Lattice {
+    if recipe.wind.model == WindModel::Lattice {
         recipe.lattice.digest(&mut h);
     }
     recipe.added.iter().for_each(|wind| wind.digest(&mut h));

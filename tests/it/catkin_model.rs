@@ -18,8 +18,8 @@ use osier::limits::Limits;
 use osier::par::par_map;
 use osier::plant::Plant;
 use osier::progress::{Cancel, Silent};
-use osier::recipe::Section as _;
-use osier::recipe::catkin_keys::{Angles, CatkinKeys, Polar};
+use osier::recipe::KeyTable as _;
+use osier::recipe::scene::{CatkinKeys, HairAngles, HairDistribution};
 use osier::scene::Prototype;
 
 fn read(text: &str) -> Grammar {
@@ -150,12 +150,13 @@ fn tilts(keys: &CatkinKeys) -> Vec<f64> {
 #[test]
 fn solid_angles_and_the_papers_angles_are_what_they_say() {
     let base = CatkinKeys { fluffiness: Some(60_f64.to_radians()), bend: Some(0.2), ..CatkinKeys::defaults() };
-    let even = tilts(&CatkinKeys { polar: Polar::SolidAngle, ..base.clone() });
+    let even = tilts(&CatkinKeys { polar: HairDistribution::SolidAngle, ..base.clone() });
     let bins = binned(even.iter().map(|t| t.cos()), [0.5, 1.0]);
     assert!(chi_square(&bins) < LIMIT_19, "{bins:?}");
     // With one angle for both turns no hair is swung further round than it could be tilted.
     let (limits, cancel) = (Limits::default(), Cancel::default());
-    let plant = skeleton(&CatkinKeys { angles: Angles::Paper, ..base }, 0, 5, &work(&limits, &cancel)).expect("grows");
+    let plant =
+        skeleton(&CatkinKeys { angles: HairAngles::Paper, ..base }, 0, 5, &work(&limits, &cancel)).expect("grows");
     let rounds = plant.axes.iter().map(|a| {
         let d = plant.nodes.p[a.first as usize + 1];
         d.z.atan2(d.x).to_degrees().abs()

@@ -149,7 +149,7 @@ fn hostile_references_are_refused() {
 fn every_default_is_listed_with_its_meaning() {
     for table in options() {
         for key in &table.keys {
-            assert!(!key.help.is_empty() && !key.shown.accepts.is_empty(), "{}.{}", table.path, key.name);
+            assert!(!key.help.is_empty() && !key.listing.accepts.is_empty(), "{}.{}", table.path, key.name);
         }
     }
 }

@@ -6,8 +6,8 @@ use glam::{DVec3, Quat, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::motion::attractor_morph::AttractorMorph;
-use crate::recipe::cloud_keys::{ColorBy, Fit, Foot, PictureKeys};
-use crate::recipe::{CloudRecipe, Recipe};
+use crate::recipe::scene::{AttractorOrigin, ColorBy, PictureFit, PictureKeys};
+use crate::recipe::{AttractorRecipe, Recipe};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
@@ -47,7 +47,7 @@ pub struct AttractorAsset {
 /// # Errors
 /// I023 if points escape, `Limit` beyond the points allowed, `Cancelled`.
 pub fn build_attractor(
-    recipe: &CloudRecipe,
+    recipe: &AttractorRecipe,
     seed: u64,
     moving: bool,
     material: u32,
@@ -64,8 +64,8 @@ pub fn build_attractor(
         None => 1.0,
     };
     let foot = match keys.foot {
-        Foot::Box => DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z)),
-        Foot::Origin => DVec3::ZERO,
+        AttractorOrigin::Box => DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z)),
+        AttractorOrigin::Origin => DVec3::ZERO,
     };
     let morphing = recipe.morph.as_ref().map(|m| AttractorMorph::new(recipe, m, seed, (foot, scale)));
     let mut cloud = match &morphing {
@@ -153,12 +153,12 @@ pub(crate) fn mode(by: ColorBy, prefix: u32) -> Mode {
 }
 
 /// The part of an attractor that is shown.
-pub(crate) fn bounds(recipe: &CloudRecipe) -> (DVec3, DVec3) {
+pub(crate) fn bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
     if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
 }
 
 /// I023 if too many lanes ran away.
-pub(crate) fn check_escapes(recipe: &CloudRecipe, escapes: Escapes) -> Result<()> {
+pub(crate) fn check_escapes(recipe: &AttractorRecipe, escapes: Escapes) -> Result<()> {
     #[allow(clippy::cast_precision_loss, reason = "a share")]
     let share = escapes.found as f64 / escapes.tests.max(1) as f64;
     if share <= MAX_ESCAPES {
@@ -173,7 +173,7 @@ pub(crate) fn check_escapes(recipe: &CloudRecipe, escapes: Escapes) -> Result<()
 /// # Errors
 /// I050 beyond the memory allowed, I023 if points escape, `Limit`, `Cancelled`.
 pub fn render_attractor(
-    recipe: &CloudRecipe,
+    recipe: &AttractorRecipe,
     scene: &Recipe,
     context: &BakeContext<'_>,
 ) -> Result<(Density, Tone, [f32; 3])> {
@@ -192,7 +192,7 @@ pub fn render_attractor(
     context.limits.check("points", count, "the number of points")?;
     let colors = if keys_by_density(recipe) { None } else { Some(labels(recipe)) };
     let cloud_keys = &recipe.keys;
-    let view = recipe.system.view.filter(|_| keys.fit == Fit::View);
+    let view = recipe.system.view.filter(|_| keys.fit == PictureFit::View);
     let system = turned(&recipe.system, view.as_ref());
     let request = Request { system: &system, study: &recipe.study, seed: scene.seed, points: count, tier: Tier::Best };
     let counts = histogram(&request, colors.as_ref(), &window(recipe, keys, view.as_ref()));
@@ -205,11 +205,11 @@ pub fn render_attractor(
     Ok((drawn, tone, flat))
 }
 
-fn keys_by_density(recipe: &CloudRecipe) -> bool {
+fn keys_by_density(recipe: &AttractorRecipe) -> bool {
     recipe.keys.color_by == ColorBy::Density
 }
 
-pub(crate) fn labels(recipe: &CloudRecipe) -> Labels {
+pub(crate) fn labels(recipe: &AttractorRecipe) -> Labels {
     Labels::new(&recipe.system, mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
 }
 
@@ -225,10 +225,10 @@ fn turned<'a>(system: &'a Ifs, view: Option<&View>) -> Cow<'a, Ifs> {
 }
 
 /// What a picture shows: the whole view of a flame, or the attractor, or what the keys say.
-fn window(recipe: &CloudRecipe, keys: &PictureKeys, view: Option<&View>) -> Window {
+fn window(recipe: &AttractorRecipe, keys: &PictureKeys, view: Option<&View>) -> Window {
     let k = keys.oversample.max(1);
     let (width, height) = ((keys.width * k) as usize, (keys.height * k) as usize);
-    let shown = if keys.fit == Fit::Quantile { recipe.extent.quantile } else { bounds(recipe) };
+    let shown = if keys.fit == PictureFit::Quantile { recipe.extent.quantile } else { bounds(recipe) };
     let mut fitted = Window::fitted(shown, width, height);
     if let Some(v) = view {
         let (across, down) = (v.width / f64::from(keys.width * k), v.width / v.aspect / f64::from(keys.height * k));

@@ -7,7 +7,7 @@ use crate::bake::assets::branchlets::{branch_skin_options, branchlet_mesh};
 use crate::bake::assets::plant_growth::tree_options;
 use crate::bake::assets::plant_materials::MaterialSet;
 use crate::recipe::PlantRecipe;
-use crate::recipe::cloud_keys::TreeKeys;
+use crate::recipe::scene::IfsTreeKeys;
 use osier_base::diagnostic::Report;
 use osier_base::par::par_map;
 use osier_base::rng::{mix64, word};
@@ -30,7 +30,7 @@ const SIDE: u32 = 1024;
 pub fn build_billboards(
     look: &mut MaterialSet,
     (plant, name): (&PlantRecipe, &str),
-    (stems, keys): (&Stems, &TreeKeys),
+    (stems, keys): (&Stems, &IfsTreeKeys),
     seed: u64,
     context: &BakeContext<'_>,
 ) -> Result<SubtreeBillboards> {

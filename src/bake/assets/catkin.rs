@@ -2,7 +2,7 @@
 
 use crate::bake::BakeContext;
 use crate::bake::assets::plant_materials::MaterialSet;
-use crate::recipe::catkin_keys::{Angles, CatkinKeys, Polar};
+use crate::recipe::scene::{CatkinKeys, HairAngles, HairDistribution};
 use glam::{Quat, Vec3};
 use osier_base::Result;
 use osier_base::diagnostic::Sources;
@@ -126,13 +126,13 @@ fn text(keys: &CatkinKeys, variant: usize) -> String {
     let (tilt, turn) = VARIANTS[variant % VARIANTS.len()];
     let (tilt, turn) = (keys.fluffiness.map_or(tilt, degrees), keys.bend.map_or(turn, degrees));
     let delta = match keys.polar {
-        Polar::Tilt => format!("uniform(0,{tilt})"),
+        HairDistribution::Tilt => format!("uniform(0,{tilt})"),
         // The cosine of the tilt is even between 1 and that of the largest.
-        Polar::SolidAngle => format!("acos(1-ran(1-cos({tilt})))"),
+        HairDistribution::SolidAngle => format!("acos(1-ran(1-cos({tilt})))"),
     };
     let (spin, gamma) = match keys.angles {
-        Angles::Signed => (format!("uniform(0,{})", degrees(keys.spin)), format!("uniform({},{turn})", -turn)),
-        Angles::Paper => ("delta".to_owned(), format!("uniform(0,{turn})")),
+        HairAngles::Signed => (format!("uniform(0,{})", degrees(keys.spin)), format!("uniform({},{turn})", -turn)),
+        HairAngles::Paper => ("delta".to_owned(), format!("uniform(0,{turn})")),
     };
     let (p, q) = (keys.hairs.div_ceil(2), keys.hairs / 2);
     let rules: String = ["P", "Q"].map(|s| format!("{s} --> F@F'F\n{s} --> F@F-F\n{s} --> F-F#F\n")).concat();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::bake::assets::plant_materials::MaterialSet;
 use crate::recipe::OrganRecipe;
-use crate::recipe::sections::{Detail, OrganKeys};
+use crate::recipe::scene::{BladeDetail, OrganKeys};
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, mix64, word};
@@ -74,7 +74,7 @@ fn parameters(keys: &OrganKeys) -> (Spec, Colors) {
         close: keys.close,
         fill: keys.fill,
         anchor: keys.anchor,
-        detail: if matches!(keys.detail, Detail::Hero | Detail::Close) { HERO } else { LIGHT },
+        detail: if matches!(keys.detail, BladeDetail::Hero | BladeDetail::Close) { HERO } else { LIGHT },
         holes: keys.holes,
         ..Spec::default()
     };

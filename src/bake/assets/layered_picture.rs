@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::attractor::{MEMORY, PER_PIXEL, bounds, check_escapes, labels};
-use crate::recipe::cloud_keys::ColorBy;
-use crate::recipe::{CloudRecipe, LayerRecipe, Recipe};
+use crate::recipe::scene::ColorBy;
+use crate::recipe::{AttractorRecipe, LayerRecipe, Recipe};
 use osier_base::math::{lerp, narrow};
 use osier_base::rng::{mix64, word};
 use osier_base::units::srgb_from_linear;
@@ -135,7 +135,7 @@ fn gradient_layer(layer: &LayerRecipe, canvas: &LayerCanvas) -> LayerBitmap {
 
 fn attractor_layer(
     layer: &LayerRecipe,
-    cloud: &CloudRecipe,
+    cloud: &AttractorRecipe,
     scene: &Recipe,
     index: usize,
     context: &BakeContext<'_>,

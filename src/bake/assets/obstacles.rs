@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::assets::plant_materials::MaterialSet;
-use crate::recipe::flight_keys::Shape;
-use crate::recipe::wind_keys::WindModel;
+use crate::recipe::scene::SolidShape;
+use crate::recipe::scene::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
@@ -100,7 +100,7 @@ fn prism(solid: &SolidRecipe) -> Prism {
     let (at, size) = (Vec3::from_array(keys.at.map(narrow)), Vec3::from_array(keys.size.map(narrow)));
     let turn = narrow(keys.turn);
     match keys.shape {
-        Shape::House => Prism::house(at, size, narrow(keys.roof), turn),
+        SolidShape::House => Prism::house(at, size, narrow(keys.roof), turn),
         _ => Prism::block(at, size, turn),
     }
 }
@@ -117,7 +117,7 @@ pub fn build_obstacle(solid: &SolidRecipe) -> (MaterialSet, impl FnOnce(Material
         None => {
             let keys = &solid.keys;
             let (wall, roof) = (keys.color.unwrap_or(PLASTER), keys.roof_color.unwrap_or(TILES));
-            let count = if keys.shape == Shape::House { masonry::SLOTS as usize } else { 1 };
+            let count = if keys.shape == SolidShape::House { masonry::SLOTS as usize } else { 1 };
             look.materials.extend(masonry::materials(&solid.id, wall, roof).into_iter().take(count));
         }
     }

@@ -10,11 +10,12 @@ use crate::bake::assets::branchlets;
 use crate::bake::assets::plant_materials::MaterialSet;
 use crate::bake::assets::plant_mesh::{BARK, SHOOT, SHOOT_RADIUS};
 use crate::bake::scene::layout::Individual;
-use crate::recipe::Section as _;
-use crate::recipe::catkin_keys::CatkinKeys;
-use crate::recipe::cloud_keys::{Radii, TreeKeys};
-use crate::recipe::sections::{Line, TropismKeys};
-use crate::recipe::{Growth, PlantRecipe, set_letters};
+use crate::recipe::KeyTable as _;
+use crate::recipe::scene::CatkinKeys;
+use crate::recipe::scene::set_letters;
+use crate::recipe::scene::{BranchRadii, IfsTreeKeys};
+use crate::recipe::scene::{LineStyle, TropismKeys};
+use crate::recipe::{Growth, PlantRecipe};
 use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};
 use osier_grammar::{DeriveOptions, derive};
@@ -87,7 +88,7 @@ pub fn grow_plant(
 
 pub(crate) fn tree_options(
     recipe: &PlantRecipe,
-    (stems, keys): (&Stems, &TreeKeys),
+    (stems, keys): (&Stems, &IfsTreeKeys),
     look: &MaterialSet,
 ) -> ifs::TreeOptions {
     let short = |v: u32| u16::try_from(v).unwrap_or(u16::MAX);
@@ -98,7 +99,7 @@ pub(crate) fn tree_options(
         max_order: short(keys.max_order),
         variation: keys.variation,
         radius: keys.radius,
-        pipe: keys.radii == Radii::Pipe,
+        pipe: keys.radii == BranchRadii::Pipe,
         leaf_density: keys.leaf_density,
         leaves_per_site: keys.leaves,
         leaf: look.organs.get(&'l').cloned(),
@@ -126,7 +127,7 @@ fn turtle_options(recipe: &PlantRecipe, look: &MaterialSet) -> Result<TurtleOpti
     Ok(TurtleOptions {
         angle: keys.angle,
         unit_m: keys.unit,
-        width: keys.width.unwrap_or(if keys.line == Some(Line::Pixel) { 0.02 } else { own.width }),
+        width: keys.width.unwrap_or(if keys.line == Some(LineStyle::Pixel) { 0.02 } else { own.width }),
         radii: radii(recipe),
         width_increment: keys.width_increment.unwrap_or(own.width_increment),
         color: byte(keys.color, own.color),

@@ -8,9 +8,10 @@ use glam::Vec3;
 use crate::bake::BakeContext;
 use crate::bake::assets::billboards;
 use crate::bake::assets::ifs_leaf;
-use crate::recipe::catkin_keys::CatkinKeys;
-use crate::recipe::sections::{BarkKeys, BarkKind, Blade, Detail, GroundKeys, ImportKeys, OrganKeys};
-use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, Section as _, words};
+use crate::recipe::scene::CatkinKeys;
+use crate::recipe::scene::words;
+use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, GroundKeys, ImportedMeshKeys, OrganKeys};
+use crate::recipe::{CARD, Growth, KeyTable as _, OrganRecipe, PlantRecipe};
 use osier_base::Result;
 use osier_base::files::Names;
 use osier_base::math::narrow;
@@ -136,7 +137,7 @@ fn add_stalk(look: &mut MaterialSet, plant: &str) {
 /// An artist's plant with its own materials, and the skeleton that is found in it.
 fn mesh_plant_materials(
     plant: &PlantRecipe,
-    (import, keys): (&Imported, &ImportKeys),
+    (import, keys): (&Imported, &ImportedMeshKeys),
     seed: u64,
     cancel: &Cancel,
 ) -> Result<MaterialSet> {
@@ -202,14 +203,15 @@ fn build_leaf(
     let spec = blade_spec(keys, mix64(&[seed, word(plant), word(name)]));
     let colors = leaf_colors(keys);
     let material_name = format!("{plant}_{name}");
-    let mut surface = leaf::leaf_material(&spec, &colors, &material_name, keys.side, keys.detail == Detail::Close)?;
+    let mut surface =
+        leaf::leaf_material(&spec, &colors, &material_name, keys.side, keys.detail == BladeDetail::Close)?;
     surface.material.translucency = narrow(keys.translucency);
     let id = look.add(surface.material, surface.images);
     let detail = match keys.detail {
-        Detail::Close => leaf::BladeDetail::Close,
-        Detail::Hero => leaf::BladeDetail::Hero,
-        Detail::Light => leaf::BladeDetail::Light,
-        Detail::Crown => leaf::BladeDetail::Crown,
+        BladeDetail::Close => leaf::BladeDetail::Close,
+        BladeDetail::Hero => leaf::BladeDetail::Hero,
+        BladeDetail::Light => leaf::BladeDetail::Light,
+        BladeDetail::Crown => leaf::BladeDetail::Crown,
     };
     let shape = BladeSpec { petiole_length: if bare { 0.0 } else { spec.petiole_length }, ..spec.clone() };
     let meshes = (0..u64::from(keys.variants))
@@ -232,10 +234,10 @@ pub fn stalk_radius(recipe: &OrganRecipe) -> Option<f64> {
 /// The blade's own numbers, changed by the keys that were given.
 fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let base = match keys.blade {
-        Blade::Lobed => BladeSpec::oak(),
-        Blade::Toothed => BladeSpec::birch(),
-        Blade::Deltoid => BladeSpec::poplar(),
-        Blade::Elliptic => BladeSpec {
+        BladeOutline::Lobed => BladeSpec::oak(),
+        BladeOutline::Toothed => BladeSpec::birch(),
+        BladeOutline::Deltoid => BladeSpec::poplar(),
+        BladeOutline::Elliptic => BladeSpec {
             form: LeafForm::Elliptic,
             teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
             length: 0.08,
@@ -246,11 +248,11 @@ fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
     let or = |key: Option<f64>, own: f32| key.map_or(own, narrow);
     let length = or(keys.size, base.length);
     let teeth = Teeth {
-        count: keys.lobes.filter(|_| keys.blade != Blade::Lobed).unwrap_or(base.teeth.count),
+        count: keys.lobes.filter(|_| keys.blade != BladeOutline::Lobed).unwrap_or(base.teeth.count),
         // A share of the half width in scenes, of the width in the blade.
         depth: keys
             .depth
-            .filter(|_| keys.blade != Blade::Lobed)
+            .filter(|_| keys.blade != BladeOutline::Lobed)
             .map_or(base.teeth.depth, |d| (narrow(d) * 0.5).min(0.3)),
         minor: keys.minor_teeth.unwrap_or(base.teeth.minor),
     };
@@ -280,8 +282,8 @@ fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
 /// The blade's own colours, changed by the keys that were given.
 fn leaf_colors(keys: &OrganKeys) -> LeafColors {
     let own = match keys.blade {
-        Blade::Lobed => LeafColors::OAK,
-        Blade::Deltoid => LeafColors::POPLAR,
+        BladeOutline::Lobed => LeafColors::OAK,
+        BladeOutline::Deltoid => LeafColors::POPLAR,
         _ => LeafColors::BIRCH,
     };
     let scaled = |c: [f32; 3], k: f32| c.map(|v| (v * k).min(1.0));

@@ -9,7 +9,7 @@ use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
 use crate::bake::scene::layout::{Individual, PlantLayout};
 use crate::bake::wind::plant_wind::PlantWind;
-use crate::recipe::sections::{Motion, SkinKeys, Uv};
+use crate::recipe::scene::{BarkMotion, BarkUv, SkinKeys};
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::Result;
 use osier_motion::sway::{JointRig, WindWeights};
@@ -67,8 +67,8 @@ pub fn build_plant_asset(
     let plant = &grown.plant;
     let (mut mesh, bindings) = bark(grown, recipe, kind, context)?;
     let groups = group_organs(plant, kind);
-    let shaded = matches!(recipe.keys.motion, Motion::Game | Motion::Static);
-    let moving = moving.filter(|_| !matches!(recipe.keys.motion, Motion::Still | Motion::Static));
+    let shaded = matches!(recipe.keys.motion, BarkMotion::Game | BarkMotion::Static);
+    let moving = moving.filter(|_| !matches!(recipe.keys.motion, BarkMotion::Still | BarkMotion::Static));
     let mover = match moving {
         Some((air, stand)) => {
             let manner = air.manner(&recipe.wood, stand);
@@ -82,9 +82,9 @@ pub fn build_plant_asset(
     };
     let rig = mover.as_ref().map(|m| &m.rig);
     let motion = match (rig, recipe.keys.motion) {
-        (None, _) | (_, Motion::Still | Motion::Static) => MeshMotion::Still,
-        (Some(_), Motion::Skin | Motion::Game) => MeshMotion::Skinned,
-        (Some(_), Motion::Cache) => MeshMotion::Deforming,
+        (None, _) | (_, BarkMotion::Still | BarkMotion::Static) => MeshMotion::Still,
+        (Some(_), BarkMotion::Skin | BarkMotion::Game) => MeshMotion::Skinned,
+        (Some(_), BarkMotion::Cache) => MeshMotion::Deforming,
     };
     let weights = rig.map(|r| r.skin(plant, bindings.iter().copied()));
     let separate = groups.iter().filter(|_| !shaded);
@@ -138,7 +138,7 @@ pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> Sk
         turn: osier_base::math::narrow(keys.turn),
         edge: osier_base::math::narrow(keys.edge),
         tile: [tile, tile],
-        uv: if keys.uv == Uv::Metric { UvMode::Metric } else { UvMode::Conformal },
+        uv: if keys.uv == BarkUv::Metric { UvMode::Metric } else { UvMode::Conformal },
         flare: osier_base::math::narrow(keys.flare),
         bury: osier_base::math::narrow(keys.bury),
         shoot: Some((SHOOT_RADIUS, SHOOT)),

@@ -1,7 +1,7 @@
 //! The land of a scene: shape, look, and how it enters the stage.
 
 use crate::bake::assets::plant_materials::MaterialSet;
-use crate::recipe::land_keys::TerrainKeys;
+use crate::recipe::scene::TerrainKeys;
 use osier_base::Result;
 use osier_base::math::narrow;
 use osier_base::rng::{mix64, word};

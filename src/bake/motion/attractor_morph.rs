@@ -6,7 +6,8 @@ use glam::{DVec3, Vec3};
 
 use crate::bake::assets::attractor::mode;
 use crate::bake::motion::{AssetMotion, FrameTime};
-use crate::recipe::{CloudRecipe, MorphRecipe};
+use crate::recipe::AttractorRecipe;
+use crate::recipe::scene::MorphRecipe;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::math::{lerp, narrow};
@@ -36,7 +37,7 @@ pub struct AttractorMorph {
 
 impl AttractorMorph {
     /// `stand`: point of the table that comes to the origin, and metres per unit.
-    pub fn new(recipe: &CloudRecipe, morph: &MorphRecipe, seed: u64, stand: (DVec3, f64)) -> Self {
+    pub fn new(recipe: &AttractorRecipe, morph: &MorphRecipe, seed: u64, stand: (DVec3, f64)) -> Self {
         let keys = &recipe.keys;
         let mode = mode(keys.color_by, keys.prefix);
         let rows = morph.rows.iter().zip(morph.morph.keys());

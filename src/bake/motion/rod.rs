@@ -9,7 +9,7 @@ use crate::bake::BakeContext;
 use crate::bake::motion::rod_mesh::{CLOSE_UP, TubeSection, ball, tube};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::wind::plant_wind::analytic_winds;
-use crate::recipe::rod_keys::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
+use crate::recipe::scene::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoadKeys, RodLoadKind};
 use crate::recipe::{Recipe, RodRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -210,7 +210,7 @@ impl<'a> RodAssembly<'a> {
         for (k, rod) in self.members.iter().enumerate() {
             let lost = self.rods.torsion_softening(k);
             // Of interest only where somebody twists it.
-            let turns = |l: &RodLoad| l.kind == RodLoadKind::Wrench && l.keys.iter().any(|k| k[4..] != [0.0; 3]);
+            let turns = |l: &RodLoadKeys| l.kind == RodLoadKind::Wrench && l.keys.iter().any(|k| k[4..] != [0.0; 3]);
             let twisted = rod.keys.torsion.is_some() || rod.loads.iter().any(turns);
             if twisted && lost > 1.05 {
                 let text = format!("rod \"{}\" is {lost:.1} times softer against twisting than its material", rod.id);

@@ -12,9 +12,9 @@ use crate::bake::motion::rod_mesh::{TubeResolution, TubeSection, tube};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::scene::layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood};
-use crate::recipe::rod_keys::TwigKeys;
-use crate::recipe::sections::Motion;
-use crate::recipe::{PlantRecipe, Section as _};
+use crate::recipe::scene::BarkMotion;
+use crate::recipe::scene::RodPlantKeys;
+use crate::recipe::{KeyTable as _, PlantRecipe};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{narrow, smoothstep};
 use osier_base::{Result, math};
@@ -96,13 +96,13 @@ pub fn build_rod_plant(
     context: &BakeContext<'_>,
 ) -> Result<RodPlantAsset> {
     context.cancel.check()?;
-    let own = TwigKeys::defaults();
+    let own = RodPlantKeys::defaults();
     let keys = recipe.rods.as_ref().unwrap_or(&own);
     let plant = &grown.plant;
     let grain = discretisation(plant, recipe, (kind, keys), g);
     let boughs = RodPlant::new(plant, &stand, &grain, &individual.asset).with_frame_clock(clock.0, clock.1);
     let (mesh, bindings) = bark(grown, recipe, kind, context)?;
-    let most = if recipe.keys.motion == Motion::Game {
+    let most = if recipe.keys.motion == BarkMotion::Game {
         recipe.keys.max_joints.min(MAX_GAME_JOINTS)
     } else {
         recipe.keys.max_joints
@@ -113,7 +113,7 @@ pub fn build_rod_plant(
     let place = |o: &&Organ| places.get(&o.id).copied().unwrap_or(0);
     let mut dressing = SkinBinding::new(&boughs, stand, most as usize);
     dressing.groups = groups.values().map(|organs| organs.iter().map(place).collect()).collect();
-    let whole = dressing.jointed.len() == boughs.rods().len() && recipe.keys.motion != Motion::Cache;
+    let whole = dressing.jointed.len() == boughs.rods().len() && recipe.keys.motion != BarkMotion::Cache;
     let around = |(axis, s): &(u32, f32)| {
         let at = boughs.axis_sections(*axis, f64::from(*s));
         // Where a share does not change the bark runs along its section: no kinks.
@@ -156,7 +156,7 @@ pub fn build_rod_plant(
 fn discretisation(
     plant: &Plant,
     recipe: &PlantRecipe,
-    (kind, keys): (&PlantMaterials, &TwigKeys),
+    (kind, keys): (&PlantMaterials, &RodPlantKeys),
     g: f64,
 ) -> RodPlantParams {
     let radius = |proto: usize| {
@@ -182,7 +182,7 @@ fn discretisation(
     }
 }
 
-fn diagnostics(boughs: &RodPlant, name: &str, keys: &TwigKeys) -> Vec<Diagnostic> {
+fn diagnostics(boughs: &RodPlant, name: &str, keys: &RodPlantKeys) -> Vec<Diagnostic> {
     let mut told = Vec::new();
     if !boughs.has_rest_shape() {
         let text = format!("no shape was found from which the twigs of \"{name}\" hang as they grew");

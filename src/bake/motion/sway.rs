@@ -6,7 +6,7 @@ use glam::{Quat, Vec3};
 
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::wind::plant_wind::PlantWind;
-use crate::recipe::sections::{Motion, PlantKeys};
+use crate::recipe::scene::{BarkMotion, PlantKeys};
 use crate::recipe::{Growth, PlantRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -93,13 +93,13 @@ impl SwayMotion {
         shown: &SwaySurface<'_>,
         (limits, cancel): (&Limits, &Cancel),
     ) -> Result<Self> {
-        let cached = keys.motion == Motion::Cache;
-        let most = if keys.motion == Motion::Game { MAX_GAME_JOINTS } else { u32::MAX };
+        let cached = keys.motion == BarkMotion::Cache;
+        let most = if keys.motion == BarkMotion::Game { MAX_GAME_JOINTS } else { u32::MAX };
         let joints = keys.max_joints.min(most) as usize;
         let budget = match keys.motion {
-            Motion::Cache => ElementBudget::Elements(keys.max_branches as usize),
-            Motion::Game => ElementBudget::Coarse(joints),
-            Motion::Skin | Motion::Static | Motion::Still => ElementBudget::Joints(joints),
+            BarkMotion::Cache => ElementBudget::Elements(keys.max_branches as usize),
+            BarkMotion::Game => ElementBudget::Coarse(joints),
+            BarkMotion::Skin | BarkMotion::Static | BarkMotion::Still => ElementBudget::Joints(joints),
         };
         let elements = BeamElements::build(plant, &manner.wood, budget);
         osier_motion::sway::check_key_limit(&elements, air.take, limits)?;

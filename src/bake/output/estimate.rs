@@ -5,7 +5,7 @@ use crate::bake::output::memory::{decoded_bytes, predict_memory};
 use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::wind::lattice::lattice_options;
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{Solver, WindModel};
+use crate::recipe::scene::{WindModel, WindSolver};
 use osier_export::estimate::{AssetSize, EstimateInput};
 use osier_export::format::{ExportOptions, FormatInfo};
 use osier_scene::Scene;
@@ -107,7 +107,7 @@ pub(crate) fn count_formats(
 
 /// Bytes of memory of a recipe's lattice wind, by what they are for; none without.
 pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
-    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
+    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
     if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
         return Vec::new();
     }

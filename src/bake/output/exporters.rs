@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::bake::output::frame_loop::NamedExporter;
-use crate::recipe::sections::{CopyStyle, Profile, Up};
+use crate::recipe::scene::{CopyStyle, GltfProfile, UpAxis};
 use crate::recipe::{OutputRecipe, Recipe};
 use osier_base::files::Folder;
 use osier_export::format::{self, ExportJob, ExportOptions, FormatInfo};
@@ -75,7 +75,7 @@ pub fn export_options(recipe: &Recipe) -> ExportOptions {
 /// What the manifest says about the choices, for a bake of these frames in rising order.
 pub fn settings(output: &OutputRecipe, frames: &[u32]) -> manifest::Settings {
     manifest::Settings {
-        up_axis: if output.usd.up == Up::Z { "Z".into() } else { "Y".into() },
+        up_axis: if output.usd.up == UpAxis::Z { "Z".into() } else { "Y".into() },
         substeps: 1,
         step: stride(frames),
         pov_units_per_m: osier_base::math::narrow(output.pov.units),
@@ -95,7 +95,7 @@ fn stride(frames: &[u32]) -> u32 {
 }
 
 fn up(output: &OutputRecipe) -> usd::UpAxis {
-    if output.usd.up == Up::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
+    if output.usd.up == UpAxis::Z { usd::UpAxis::Z } else { usd::UpAxis::Y }
 }
 
 /// Angles and lengths of the recipe are in radians and metres.
@@ -114,10 +114,10 @@ fn copies(output: &OutputRecipe) -> usd::CopyStyle {
     }
 }
 
-fn profile(profile: Profile) -> gltf::Profile {
+fn profile(profile: GltfProfile) -> gltf::Profile {
     match profile {
-        Profile::Blender => gltf::Profile::Blender,
-        Profile::Web => gltf::Profile::Web,
+        GltfProfile::Blender => gltf::Profile::Blender,
+        GltfProfile::Web => gltf::Profile::Web,
     }
 }
 

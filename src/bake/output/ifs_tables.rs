@@ -1,6 +1,6 @@
 //! The coefficient tables of a recipe, to be written again.
 
-use crate::recipe::{CloudRecipe, Growth, Recipe};
+use crate::recipe::{AttractorRecipe, Growth, Recipe};
 use osier_ifs::View;
 use osier_ifs::weights::probabilities;
 use osier_ifs::write::{Item, squashed};
@@ -14,7 +14,7 @@ pub fn systems(recipe: &Recipe) -> Vec<Item> {
     recipe.clouds.iter().map(cloud).chain(trees).collect()
 }
 
-fn cloud(recipe: &CloudRecipe) -> Item {
+fn cloud(recipe: &AttractorRecipe) -> Item {
     let system = &recipe.system;
     let (low, high) = if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds };
     let (size, middle) = (high - low, (low + high) * 0.5);

@@ -30,11 +30,11 @@ use crate::bake::wind::lattice::{LatticeRequest, check_lattice, lattice_solids, 
 use crate::bake::wind::output::{WindOutput, WindUsers};
 use crate::bake::wind::plant_wind::PlantWind;
 use crate::bake::wind::playback::WindPlayback;
-use crate::recipe::catkin_keys::CatkinKeys;
-use crate::recipe::land_keys::TerrainKeys;
-use crate::recipe::sections::Motion;
-use crate::recipe::wind_keys::WindModel;
-use crate::recipe::{Recipe, Section as _};
+use crate::recipe::scene::BarkMotion;
+use crate::recipe::scene::CatkinKeys;
+use crate::recipe::scene::TerrainKeys;
+use crate::recipe::scene::WindModel;
+use crate::recipe::{KeyTable as _, Recipe};
 use osier_base::convert::index;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::files::Names;
@@ -364,7 +364,7 @@ fn add_plants(
     let dressed = par_map(&jobs, |(i, individual, grown)| {
         let (plant, kind) = pair(recipe, kinds, individual)?;
         let stand = stands.get(*i).copied().unwrap_or(Trs::IDENTITY);
-        let still = matches!(plant.keys.motion, Motion::Still | Motion::Static);
+        let still = matches!(plant.keys.motion, BarkMotion::Still | BarkMotion::Static);
         let clock = (recipe.clip.fps(), recipe.clip.start);
         let rods = || build_rod_plant(grown, plant, (kind, individual), (stand, clock), recipe.gravity(), context);
         let springs = plant.rods.is_some() && !still;

@@ -2,7 +2,7 @@
 
 use crate::bake::assets::plant_materials::{MaterialSet, organ_names};
 use crate::bake::scene::layout::PlantLayout;
-use crate::recipe::wind_keys::Solver;
+use crate::recipe::scene::WindSolver;
 use crate::recipe::{Growth, PlantRecipe, Recipe};
 use osier_scene::{Clip, Image, Pixels};
 
@@ -16,8 +16,8 @@ const CLUSTERS: f32 = 300.0;
 /// The recipe with small maps, and with air that needs no lattice and no time to run up.
 pub fn reduced_recipe(recipe: &Recipe) -> Recipe {
     let mut draft = recipe.clone();
-    if draft.lattice.solver == Solver::Lbm {
-        draft.lattice.solver = Solver::Analytic;
+    if draft.lattice.solver == WindSolver::Lbm {
+        draft.lattice.solver = WindSolver::Analytic;
     }
     draft.flight.iter_mut().for_each(|flight| flight.keys.preroll = 0.0);
     draft.ground.side = draft.ground.side.min(SIDE);

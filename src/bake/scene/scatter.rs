@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::bake::BakeContext;
 use crate::bake::scene::layout::{PlantInstance, PlantLayout, individual, rotation, tangent};
-use crate::recipe::sections::SkinKeys;
+use crate::recipe::scene::SkinKeys;
 use crate::recipe::{Recipe, ScatterRecipe};
 use osier_base::Result;
 use osier_base::math::{cos_f32, narrow, rotation_between, sin_f32};

@@ -10,7 +10,7 @@ use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::cache::wind_spin_up;
 use crate::bake::scene::layout::PlantLayout;
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, Solver};
+use crate::recipe::scene::{LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, WindSolver};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report, codes};
 use osier_base::geometry::Bounds;
@@ -130,9 +130,9 @@ pub fn run_lattice(
 ) -> Result<Arc<dyn Wind>> {
     let options = lattice_options(recipe);
     match recipe.lattice.solver {
-        Solver::Still => return Ok(Arc::new(UniformWind(Vec3::ZERO))),
-        Solver::Analytic => return Ok(Arc::new(analytic_inlet(&options))),
-        Solver::Lbm => {}
+        WindSolver::Still => return Ok(Arc::new(UniformWind(Vec3::ZERO))),
+        WindSolver::Analytic => return Ok(Arc::new(analytic_inlet(&options))),
+        WindSolver::Lbm => {}
     }
     let told = (context.progress, context.cancel);
     let mut lattice = wind_spin_up::load_or_spin_up((&options, wanted.solids), context.cache, context.limits, told)?;

@@ -7,7 +7,9 @@ use glam::Vec3;
 use crate::bake::BakeContext;
 use crate::bake::wind::lattice::{LatticeRequest, analytic_inlet, lattice_options, run_lattice};
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{PaperFix, Profile, Solver, Start, SwayKeys, SwayModel, WindKeys, WindModel, WoodKeys};
+use crate::recipe::scene::{
+    BendProfile, PaperFix, SwayKeys, SwayModel, SwayStart, WindKeys, WindModel, WindSolver, WoodKeys,
+};
 use osier_base::math::{cos, narrow, sin};
 use osier_base::rng;
 use osier_base::{Result, diagnostic::Report};
@@ -45,7 +47,7 @@ pub fn analytic_winds(recipe: &Recipe) -> Option<Arc<dyn Wind>> {
     for (i, keys) in all {
         if keys.model != WindModel::Lattice {
             winds.push(scaled_wind(keys, None, recipe.seed, i));
-        } else if recipe.lattice.solver == Solver::Analytic {
+        } else if recipe.lattice.solver == WindSolver::Analytic {
             let wind = Arc::new(analytic_inlet(&lattice_options(recipe)));
             winds.push(Arc::new(ScaledWind { wind, factor: narrow(keys.scale) }));
         }
@@ -72,7 +74,7 @@ impl PlantWind {
         let take = ClipOptions {
             frames,
             repeats,
-            from_rest: !repeats && sway.start == Start::Rest,
+            from_rest: !repeats && sway.start == SwayStart::Rest,
             lean: sway.lean,
             gain: sway.exaggerate,
         };
@@ -102,7 +104,7 @@ impl PlantWind {
             fps: recipe.clip.fps(),
             // A loop of its own does not come round with the clip, whose frames copies would have to borrow.
             phases: if frames == recipe.clip.len() { sway.phases } else { 1 },
-            measured: sway.profile == Profile::Measured,
+            measured: sway.profile == BendProfile::Measured,
             overtones: sway.modes > 1,
             gravity: sway.gravity,
             paper: paper(sway),

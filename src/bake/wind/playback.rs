@@ -10,7 +10,7 @@ use crate::bake::cache::wind_spin_up;
 use crate::bake::wind::lattice::{lattice_options, report_notes};
 use crate::bake::wind::plant_wind;
 use crate::recipe::Recipe;
-use crate::recipe::wind_keys::{Solver, WindModel};
+use crate::recipe::scene::{WindModel, WindSolver};
 use osier_base::Result;
 use osier_base::diagnostic::Report;
 use osier_base::files::BakeCache;
@@ -89,7 +89,7 @@ impl LatticeConfig {
 impl WindPlayback {
     /// The wind of a recipe's flight, which starts `before` s before the clip. `solids`: what a lattice flows around.
     pub fn new(recipe: &Recipe, solids: &[Solid], before: f64, context: &BakeContext<'_>) -> Self {
-        let lattice = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == Solver::Lbm;
+        let lattice = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
         let mut options = lattice_options(recipe);
         // Curves count from the clip's start, a lattice from its own.
         let inlet = &mut options.inlet;

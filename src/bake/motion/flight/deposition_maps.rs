@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::recipe::flight_keys::{FlightKeys, MapOf};
+use crate::recipe::scene::{DepositQuantity, FlightKeys};
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_motion::flight::{Catkin, CatkinState, FlightSimulation};
@@ -23,7 +23,7 @@ pub struct DepositionMaps {
 impl DepositionMaps {
     /// Maps over the box `inside` and over `solids`.
     pub fn new(keys: &FlightKeys, inside: Bounds, solids: &Solids) -> Self {
-        let mass = keys.map_of == MapOf::Mass;
+        let mass = keys.map_of == DepositQuantity::Mass;
         let mut fields = Vec::new();
         let mut add = |name: String, (corner, along, down): (Vec3, Vec3, Vec3)| {
             let texels = |length: f32| texels(length, keys.map_texel);

@@ -13,7 +13,7 @@ use crate::bake::motion::flight::deposition_maps::DepositionMaps;
 use crate::bake::motion::flight::trajectories::Trajectories;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::bake::wind::playback::WindPlayback;
-use crate::recipe::flight_keys::{FlightKeys, Release, Sides};
+use crate::recipe::scene::{FlightBoundary, FlightKeys, FlightRelease};
 use crate::recipe::{FlightRecipe, Recipe};
 use osier_base::Result;
 use osier_base::geometry::Bounds;
@@ -285,11 +285,11 @@ fn options(setting: &FlightContext<'_>, models: &[CatkinModel]) -> FlightParams 
     let (recipe, keys) = (setting.recipe, &setting.flight.keys);
     let forms = &setting.flight.forms;
     let kind = |(i, m): (usize, &CatkinModel)| CatkinKind { radius: m.radius, weight: forms[i % forms.len().max(1)] };
-    let own = if keys.release == Release::Sky { Sides::Recycle } else { Sides::Exit };
+    let own = if keys.release == FlightRelease::Sky { FlightBoundary::Recycle } else { FlightBoundary::Exit };
     let edge = match keys.sides.unwrap_or(own) {
-        Sides::Exit => SideBoundary::Exit,
-        Sides::Recycle => SideBoundary::Recycle,
-        Sides::Periodic => SideBoundary::Periodic,
+        FlightBoundary::Exit => SideBoundary::Exit,
+        FlightBoundary::Recycle => SideBoundary::Recycle,
+        FlightBoundary::Periodic => SideBoundary::Periodic,
     };
     let map =
         |(width, _, values): &(usize, usize, Vec<f32>)| GroundHumidity::Map { width: *width, values: values.clone() };
@@ -334,13 +334,13 @@ fn starts(setting: &FlightContext<'_>, options: &FlightParams) -> Vec<CatkinStar
         sky_starts(&sky_box, &setting.solids)
     };
     match keys.release {
-        Release::Sky => all_over(0.0),
-        Release::Rain => all_over(keys.duration),
-        Release::Points => {
+        FlightRelease::Sky => all_over(0.0),
+        FlightRelease::Rain => all_over(keys.duration),
+        FlightRelease::Points => {
             let start = |p: &[f64; 3]| CatkinStart { at: DVec3::from_array(*p), wait: ReleaseCondition::Until(0.0) };
             flight.starts.iter().map(start).collect()
         }
-        Release::Canopy => canopy(setting.twigs, (keys.count, seed)),
+        FlightRelease::Canopy => canopy(setting.twigs, (keys.count, seed)),
     }
 }
 

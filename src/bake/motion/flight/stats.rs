@@ -1,6 +1,6 @@
 //! What a flight is measured by: columns of its table, what is said once, and what is worth a warning.
 
-use crate::recipe::flight_keys::FlightKeys;
+use crate::recipe::scene::FlightKeys;
 use crate::recipe::word_of;
 use osier_motion::flight::FlightStats;
 use osier_scene::{Table, Watch};
@@ -128,7 +128,7 @@ pub fn row(t: &FlightStats, at_solids: &[u64], lattice: Option<LatticeStats>) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::Section as _;
+    use crate::recipe::KeyTable as _;
 
     const HEALTH: LatticeStats =
         LatticeStats { steps: 9, clamped_cells: 4, peak_checkerboard: 0.5, checkerboard: 0.25, density_error: -0.125 };

@@ -2,14 +2,14 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::recipe::rain_keys::LyingKeys;
+use crate::recipe::scene::SessileDropKeys;
 use osier_base::{Error, Result};
 use osier_motion::rain::{RainLeaf, RainSimulation};
 
 /// Whether all of them lie on leaves.
 /// # Errors
 /// S004, with the key that is wrong.
-pub fn check(lying: &[LyingKeys], leaves: &[RainLeaf]) -> Result<()> {
+pub fn check(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
     for (i, drop) in lying.iter().enumerate() {
         let Some(leaf) = leaves.get(drop.leaf as usize) else {
             let text = format!(
@@ -33,7 +33,7 @@ pub fn check(lying: &[LyingKeys], leaves: &[RainLeaf]) -> Result<()> {
 }
 
 /// Lays them down.
-pub fn place(storm: &mut RainSimulation, lying: &[LyingKeys]) {
+pub fn place(storm: &mut RainSimulation, lying: &[SessileDropKeys]) {
     for drop in lying {
         let v = DVec3::new(drop.speed[1], drop.speed[0], 0.0);
         storm.deposit_drop(drop.leaf as usize, DVec2::from_array(drop.at), v, drop.volume * 1e-9);

@@ -17,7 +17,7 @@ use crate::bake::BakeContext;
 use crate::bake::motion::rod_plant::SkinBinding;
 use crate::bake::motion::{AssetMotion, FrameTime, TableRow};
 use crate::recipe::Recipe;
-use crate::recipe::rain_keys::RainRecipe;
+use crate::recipe::scene::RainRecipe;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::math::narrow;

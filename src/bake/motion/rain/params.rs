@@ -1,7 +1,7 @@
 //! From keys of a recipe to how drops behave and how rain falls.
 
 use crate::recipe::Recipe;
-use crate::recipe::rain_keys::{
+use crate::recipe::scene::{
     DropFriction, DropLever, DropMerge, DropShape, ImpactModel, RainEnvelope, RainRecipe, RainSize,
 };
 use osier_motion::rain::{

@@ -7,16 +7,16 @@ use osier_base::diagnostic::{Diagnostic, Report, SourceId, Span};
 
 /// A value with its place.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Node {
+pub struct TomlNode {
     /// Where it stands.
     pub span: Span,
     /// What it is.
-    pub value: Value,
+    pub value: TomlValue,
 }
 
 /// What TOML can hold, as far as scenes use it.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub enum TomlValue {
     /// `"..."`.
     Text(String),
     /// A whole number; those beyond 64 bits are refused while reading.
@@ -26,14 +26,14 @@ pub enum Value {
     /// `true`, `false`.
     Flag(bool),
     /// `[...]` or repeated `[[...]]`.
-    List(Vec<Node>),
+    List(Vec<TomlNode>),
     /// `{...}` or `[...]` header.
-    Table(Table),
+    Table(TomlTable),
     /// A date or a damaged value.
     Other,
 }
 
-impl Value {
+impl TomlValue {
     /// The word for it in messages.
     pub fn word(&self) -> &'static str {
         match self {
@@ -50,31 +50,31 @@ impl Value {
 
 /// Keys in the order of the file.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Table {
+pub struct TomlTable {
     /// Keys with their values.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<TomlEntry>,
 }
 
 /// One key of a table.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Entry {
+pub struct TomlEntry {
     /// The key.
     pub key: String,
     /// Where the key stands.
     pub key_span: Span,
     /// Its value.
-    pub node: Node,
+    pub node: TomlNode,
 }
 
-impl Table {
+impl TomlTable {
     /// The entry of a key.
-    pub fn get(&self, key: &str) -> Option<&Entry> {
+    pub fn get(&self, key: &str) -> Option<&TomlEntry> {
         self.entries.iter().find(|e| e.key == key)
     }
 }
 
 /// Parses a scene file; every fault of the notation becomes an S001, and what could be read is returned.
-pub fn parse(text: &str, source: SourceId, report: &mut Report) -> Table {
+pub fn parse(text: &str, source: SourceId, report: &mut Report) -> TomlTable {
     let (document, errors) = DeTable::parse_recoverable(text);
     for e in errors {
         if report.is_full() {
@@ -90,12 +90,12 @@ pub fn parse(text: &str, source: SourceId, report: &mut Report) -> Table {
     table(document.get_ref(), source, report)
 }
 
-fn table(map: &DeTable<'_>, source: SourceId, report: &mut Report) -> Table {
-    let mut entries: Vec<Entry> = map
+fn table(map: &DeTable<'_>, source: SourceId, report: &mut Report) -> TomlTable {
+    let mut entries: Vec<TomlEntry> = map
         .iter()
         .map(|(key, value)| {
             let at = key.span();
-            Entry {
+            TomlEntry {
                 key: key.get_ref().to_string(),
                 key_span: Span::new(source, at.start, at.end),
                 node: node(value, source, report),
@@ -103,36 +103,36 @@ fn table(map: &DeTable<'_>, source: SourceId, report: &mut Report) -> Table {
         })
         .collect();
     entries.sort_by_key(|e| e.key_span.start);
-    Table { entries }
+    TomlTable { entries }
 }
 
-fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> Node {
+fn node(value: &Spanned<DeValue<'_>>, source: SourceId, report: &mut Report) -> TomlNode {
     let at = value.span();
     let span = Span::new(source, at.start, at.end);
     let bad = |report: &mut Report, message: &str, help: &str| {
         report.push(Diagnostic::error("S003", message, span, "this value").help(help));
-        Value::Other
+        TomlValue::Other
     };
     let value = match value.get_ref() {
-        DeValue::String(s) => Value::Text(s.to_string()),
+        DeValue::String(s) => TomlValue::Text(s.to_string()),
         DeValue::Integer(i) => match i64::from_str_radix(&i.as_str().replace('_', ""), i.radix()) {
-            Ok(v) => Value::Integer(v),
+            Ok(v) => TomlValue::Integer(v),
             Err(_) => bad(report, "whole number beyond 64 bits", "seeds this large are written as \"text\""),
         },
         DeValue::Float(f) => match f.as_str().replace('_', "").parse::<f64>() {
-            Ok(v) if v.is_finite() => Value::Number(v),
+            Ok(v) if v.is_finite() => TomlValue::Number(v),
             _ => bad(report, "number is not finite", "write a finite decimal such as 0.5 or 1e-3"),
         },
-        DeValue::Boolean(b) => Value::Flag(*b),
-        DeValue::Datetime(_) => Value::Other,
-        DeValue::Array(list) => Value::List(list.iter().map(|v| node(v, source, report)).collect()),
-        DeValue::Table(t) => Value::Table(table(t, source, report)),
+        DeValue::Boolean(b) => TomlValue::Flag(*b),
+        DeValue::Datetime(_) => TomlValue::Other,
+        DeValue::Array(list) => TomlValue::List(list.iter().map(|v| node(v, source, report)).collect()),
+        DeValue::Table(t) => TomlValue::Table(table(t, source, report)),
     };
-    Node { span, value }
+    TomlNode { span, value }
 }
 
 /// Lays `path = value` (one `--set`) over a tree. Path elements are table keys or, in lists, numbers from 0.
-pub fn set(root: &mut Table, assignment: &str, report: &mut Report) {
+pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Report) {
     let source = report.sources.add("--set", assignment);
     let whole = Span::new(source, 0, assignment.len());
     let Some((path, text)) = assignment.split_once('=') else {
@@ -143,15 +143,15 @@ pub fn set(root: &mut Table, assignment: &str, report: &mut Report) {
     let offset = path.len() + 1;
     let value = override_value(text.trim(), Span::new(source, offset, assignment.len()), report);
     let names: Vec<&str> = path.trim().split('.').map(str::trim).collect();
-    let node = Node { span: Span::new(source, offset, assignment.len()), value };
-    if !place(root, &names, node, Span::new(source, 0, path.len())) {
+    let node = TomlNode { span: Span::new(source, offset, assignment.len()), value };
+    if !put(root, &names, node, Span::new(source, 0, path.len())) {
         let d = Diagnostic::error("S002", format!("\"{}\" leads nowhere", path.trim()), whole, "this path");
         report.push(d.help("elements are separated by '.', members of a list are numbered from 0"));
     }
 }
 
 /// The value of an override: TOML if it parses as such, else the text itself.
-fn override_value(text: &str, span: Span, report: &mut Report) -> Value {
+fn override_value(text: &str, span: Span, report: &mut Report) -> TomlValue {
     let line = format!("v = {text}");
     let (document, errors) = DeTable::parse_recoverable(&line);
     match document.get_ref().iter().next() {
@@ -160,16 +160,16 @@ fn override_value(text: &str, span: Span, report: &mut Report) -> Value {
             move_to(&mut node, span);
             node.value
         }
-        _ => Value::Text(text.to_owned()),
+        _ => TomlValue::Text(text.to_owned()),
     }
 }
 
 /// Gives a node and all in it one place.
-fn move_to(node: &mut Node, span: Span) {
+fn move_to(node: &mut TomlNode, span: Span) {
     node.span = span;
     match &mut node.value {
-        Value::List(list) => list.iter_mut().for_each(|n| move_to(n, span)),
-        Value::Table(t) => {
+        TomlValue::List(list) => list.iter_mut().for_each(|n| move_to(n, span)),
+        TomlValue::Table(t) => {
             for e in &mut t.entries {
                 e.key_span = span;
                 move_to(&mut e.node, span);
@@ -179,30 +179,30 @@ fn move_to(node: &mut Node, span: Span) {
     }
 }
 
-fn place(table: &mut Table, names: &[&str], node: Node, span: Span) -> bool {
+fn put(table: &mut TomlTable, names: &[&str], node: TomlNode, span: Span) -> bool {
     let Some((name, rest)) = names.split_first() else { return false };
     if name.is_empty() {
         return false;
     }
     let index = table.entries.iter().position(|e| e.key == *name).unwrap_or_else(|| {
-        let value = Value::Table(Table::default());
-        table.entries.push(Entry { key: (*name).to_owned(), key_span: span, node: Node { span, value } });
+        let value = TomlValue::Table(TomlTable::default());
+        table.entries.push(TomlEntry { key: (*name).to_owned(), key_span: span, node: TomlNode { span, value } });
         table.entries.len() - 1
     });
     let Some(entry) = table.entries.get_mut(index) else { return false };
-    place_in(&mut entry.node, rest, node, span)
+    put_in(&mut entry.node, rest, node, span)
 }
 
-fn place_in(target: &mut Node, rest: &[&str], node: Node, span: Span) -> bool {
+fn put_in(target: &mut TomlNode, rest: &[&str], node: TomlNode, span: Span) -> bool {
     if rest.is_empty() {
         *target = node;
         return true;
     }
     match &mut target.value {
-        Value::Table(inner) => place(inner, rest, node, span),
-        Value::List(list) => {
+        TomlValue::Table(inner) => put(inner, rest, node, span),
+        TomlValue::List(list) => {
             let item = rest.first().and_then(|n| n.parse::<usize>().ok()).and_then(|i| list.get_mut(i));
-            item.is_some_and(|item| place_in(item, &rest[1..], node, span))
+            item.is_some_and(|item| put_in(item, &rest[1..], node, span))
         }
         _ => false,
     }
@@ -212,23 +212,23 @@ fn place_in(target: &mut Node, rest: &[&str], node: Node, span: Span) -> bool {
 mod tests {
     use super::*;
 
-    fn read(text: &str, sets: &[&str]) -> (Table, Report) {
+    fn read(text: &str, sets: &[&str]) -> (TomlTable, Report) {
         let mut report = Report::default();
         let source = report.sources.add("a.toml", text);
         let mut t = parse(text, source, &mut report);
         for s in sets {
-            set(&mut t, s, &mut report);
+            apply_override(&mut t, s, &mut report);
         }
         (t, report)
     }
 
-    fn value<'a>(t: &'a Table, path: &str) -> Option<&'a Value> {
+    fn value<'a>(t: &'a TomlTable, path: &str) -> Option<&'a TomlValue> {
         let mut names = path.split('.');
         let mut v = &t.get(names.next()?)?.node.value;
         for n in names {
             v = match v {
-                Value::Table(t) => &t.get(n)?.node.value,
-                Value::List(l) => &l.get(n.parse::<usize>().ok()?)?.value,
+                TomlValue::Table(t) => &t.get(n)?.node.value,
+                TomlValue::List(l) => &l.get(n.parse::<usize>().ok()?)?.value,
                 _ => return None,
             };
         }
@@ -240,9 +240,9 @@ mod tests {
         let (t, r) = read("b = 1_000\na = 0x1F\n[c]\nd = [1.5, \"x\"]\n", &[]);
         assert!(!r.has_errors(), "{r}");
         assert_eq!(t.entries.iter().map(|e| e.key.as_str()).collect::<Vec<_>>(), ["b", "a", "c"]);
-        assert_eq!(value(&t, "b"), Some(&Value::Integer(1000)));
-        assert_eq!(value(&t, "a"), Some(&Value::Integer(31)));
-        assert_eq!(value(&t, "c.d.0"), Some(&Value::Number(1.5)));
+        assert_eq!(value(&t, "b"), Some(&TomlValue::Integer(1000)));
+        assert_eq!(value(&t, "a"), Some(&TomlValue::Integer(31)));
+        assert_eq!(value(&t, "c.d.0"), Some(&TomlValue::Number(1.5)));
         assert_eq!(r.sources.position(t.entries[1].key_span).line, 2);
     }
 
@@ -253,10 +253,10 @@ mod tests {
             &["wind.speed=6", "place.0.at=[1,2,3]", "title=Two words", "sun.color=#fff"],
         );
         assert!(!r.has_errors(), "{r}");
-        assert_eq!(value(&t, "wind.speed"), Some(&Value::Integer(6)));
-        assert_eq!(value(&t, "place.0.at.2"), Some(&Value::Integer(3)));
-        assert_eq!(value(&t, "title"), Some(&Value::Text("Two words".into())));
-        assert_eq!(value(&t, "sun.color"), Some(&Value::Text("#fff".into())));
+        assert_eq!(value(&t, "wind.speed"), Some(&TomlValue::Integer(6)));
+        assert_eq!(value(&t, "place.0.at.2"), Some(&TomlValue::Integer(3)));
+        assert_eq!(value(&t, "title"), Some(&TomlValue::Text("Two words".into())));
+        assert_eq!(value(&t, "sun.color"), Some(&TomlValue::Text("#fff".into())));
     }
 
     #[test]

@@ -1,13 +1,15 @@
-//! Keys of rain: how it falls, what drops do on leaves, and drops that lie there from the start.
+//! `[rain]`: rainfall, impacts, drops on leaves, wetness.
 
-use super::key::{Section as _, keys, words, wrong};
-use super::kinds::{Flag, Maybe, OneOf, Tuple, deg, mm, num, whole};
-use super::resolve::Resolver;
-use super::rod_keys::Times;
-use super::tree::{Table, Value};
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::KeyTable;
+use crate::recipe::syntax::{
+    BooleanType, NumberArray, OneOf, OptionalKey, TimedRows, TomlTable, TomlValue, degrees, integer, millimetres,
+    number, wrong,
+};
+use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::Diagnostic;
 
-words! {
+choices! {
     /// How large raindrops are.
     RainSize {
         /// As in rain of its strength, by Marshall and Palmer.
@@ -79,113 +81,113 @@ keys! {
         /// Where defaults come from.
         preset: RainPreset = "preset" OneOf(RainPreset::Measured);
         /// Whether rain falls; without it only drops of `[[rain.lying]]` are there.
-        falls: bool = "falls" Flag(true);
+        falls: bool = "falls" BooleanType(true);
         /// How much.
-        rate: f64 = "rate_mm_per_h" num(10.0, 0.1, 200.0, "mm/h");
+        rate: f64 = "rate_mm_per_h" number(10.0, 0.1, 200.0, "mm/h");
         /// How large its drops are.
         size: RainSize = "size" OneOf(RainSize::Natural);
         /// Diameter of drops that are not natural.
-        diameter: f64 = "size_mm" mm(2.0, 0.5, 6.0);
+        diameter: f64 = "size_mm" millimetres(2.0, 0.5, 6.0);
         /// How much they differ: deviation of the logarithm.
-        spread: f64 = "size_spread" num(0.3, 0.01, 1.5, "");
+        spread: f64 = "size_spread" number(0.3, 0.01, 1.5, "");
         /// Drops of the whole clip, instead of a rate.
-        total: Option<u32> = "total" Maybe(whole(1000, 1, 100_000_000), "by rate_mm_per_h");
+        total: Option<u32> = "total" OptionalKey(integer(1000, 1, 100_000_000), "by rate_mm_per_h");
         /// How its strength changes.
         envelope: RainEnvelope = "envelope" OneOf(RainEnvelope::Constant);
         /// With "bell": when it is strongest.
-        middle: Option<f64> = "middle_s" Maybe(num(5.0, -1e4, 1e5, "s"), "half the clip");
+        middle: Option<f64> = "middle_s" OptionalKey(number(5.0, -1e4, 1e5, "s"), "half the clip");
         /// With "bell": its width.
-        width: Option<f64> = "width_s" Maybe(num(2.5, 0.01, 1e5, "s"), "a quarter of the clip");
+        width: Option<f64> = "width_s" OptionalKey(number(2.5, 0.01, 1e5, "s"), "a quarter of the clip");
         /// With "keys": [s, factor], times rising.
-        keys: Vec<Vec<f64>> = "keys" Times;
+        keys: Vec<Vec<f64>> = "keys" TimedRows;
         /// How much its strength changes by chance.
-        jitter: f64 = "jitter" num(0.2, 0.0, 1.0, "");
+        jitter: f64 = "jitter" number(0.2, 0.0, 1.0, "");
         /// Time for which it has rained before the first frame.
-        before: f64 = "before_s" num(0.0, 0.0, 600.0, "s");
+        before: f64 = "before_s" number(0.0, 0.0, 600.0, "s");
         /// Steps a frame.
-        substeps: Option<u32> = "substeps" Maybe(whole(8, 1, 256), "8, or as many as the plants' rods need");
+        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the plants' rods need");
         /// Gravity, of drops and of all rods of the scene.
-        g: f64 = "g" num(9.81, 0.01, 30.0, "m/s^2");
+        g: f64 = "g" number(9.81, 0.01, 30.0, "m/s^2");
     }
     /// What drops do when they strike.
     ImpactKeys at "rain.impact" {
         /// What a blow does.
         model: ImpactModel = "model" OneOf(ImpactModel::Momentum);
         /// With "paper_energy": share of energy that is lost.
-        eps: f64 = "eps" num(0.1, 0.0, 1.0, "");
+        eps: f64 = "eps" number(0.1, 0.0, 1.0, "");
         /// With "momentum": share of the speed of approach that is given back.
-        restitution: f64 = "restitution" num(0.0, 0.0, 0.9, "");
+        restitution: f64 = "restitution" number(0.0, 0.0, 0.9, "");
         /// Factor on blows, for looks.
-        gain: f64 = "gain" num(1.0, 1.0, 10.0, "");
+        gain: f64 = "gain" number(1.0, 1.0, 10.0, "");
         /// Share of a hard-striking drop that leaves as droplets.
-        splash: f64 = "splash" num(0.0, 0.0, 0.8, "");
+        splash: f64 = "splash" number(0.0, 0.0, 0.8, "");
         /// Share of its speed along the leaf that a drop keeps.
-        tangent_keep: f64 = "tangent_keep" num(0.3, 0.0, 1.0, "");
+        tangent_keep: f64 = "tangent_keep" number(0.3, 0.0, 1.0, "");
     }
     /// Drops on leaves.
     DropKeys at "rain.drop" {
         /// Contact angle: 40 where leaves are wettable, 110 where they are waxy, 150 on lotus.
-        theta: f64 = "theta_deg" deg(60.0, 1.0, 175.0);
+        theta: f64 = "theta_deg" degrees(60.0, 1.0, 175.0);
         /// Angle at which the rim behind gives way.
-        receding: f64 = "receding_deg" deg(52.0, 0.0, 180.0);
+        receding: f64 = "receding_deg" degrees(52.0, 0.0, 180.0);
         /// Angle at which the rim in front moves on.
-        advancing: f64 = "advancing_deg" deg(68.0, 0.0, 180.0);
+        advancing: f64 = "advancing_deg" degrees(68.0, 0.0, 180.0);
         /// How drops are shaped.
         shape: DropShape = "shape" OneOf(DropShape::Flattened);
         /// Height of a drop as a share of a cap's.
-        omega: Option<f64> = "omega" Maybe(num(0.5, 0.01, 1.0, ""), "by its weight");
+        omega: Option<f64> = "omega" OptionalKey(number(0.5, 0.01, 1.0, ""), "by its weight");
         /// With "paper_wedge": base of the factor.
-        lambda: f64 = "lambda" num(1.05, 1.0, 1.5, "");
+        lambda: f64 = "lambda" number(1.05, 1.0, 1.5, "");
         /// What holds a drop back.
         friction: DropFriction = "friction" OneOf(DropFriction::Retention);
         /// Friction by its weight on the leaf.
-        mu: f64 = "mu" num(0.0, 0.0, 2.0, "");
+        mu: f64 = "mu" number(0.0, 0.0, 2.0, "");
         /// With friction "paper": the constant H.
-        h: f64 = "H_N" num(2e-5, 0.0, 1e-2, "N");
+        h: f64 = "H_N" number(2e-5, 0.0, 1e-2, "N");
         /// Factor on what contact angles hold.
-        k_f: f64 = "k_f" num(1.0, 0.0, 2.0, "");
+        k_f: f64 = "k_f" number(1.0, 0.0, 2.0, "");
         /// Time in which running water loses its speed.
-        tau_v: f64 = "tau_v_s" num(0.05, 0.005, 1.0, "s");
+        tau_v: f64 = "tau_v_s" number(0.05, 0.005, 1.0, "s");
         /// How unevenly a leaf holds drops.
-        pin_noise: f64 = "pin_noise" num(0.3, 0.0, 0.9, "");
+        pin_noise: f64 = "pin_noise" number(0.3, 0.0, 0.9, "");
         /// When drops become one.
         merge: DropMerge = "merge" OneOf(DropMerge::Touch);
         /// With merge "paper": strength of the attraction.
-        k_h: f64 = "k_H_N" num(1e-4, 1e-7, 1.0, "N");
+        k_h: f64 = "k_H_N" number(1e-4, 1e-7, 1.0, "N");
         /// With what arm weight turns a leaf.
         lever: DropLever = "lever" OneOf(DropLever::Physical);
         /// With lever "paper": its most.
-        phi_c: f64 = "phi_c" num(0.8, 0.0, 1.0, "");
+        phi_c: f64 = "phi_c" number(0.8, 0.0, 1.0, "");
         /// Radii along a tail, each as a share of the one before.
-        tail_beta: f64 = "tail_beta" num(0.8, 0.3, 0.95, "");
+        tail_beta: f64 = "tail_beta" number(0.8, 0.3, 0.95, "");
         /// Most drops of a tail.
-        tail_n: u32 = "tail_n" whole(8, 1, 16);
+        tail_n: u32 = "tail_n" integer(8, 1, 16);
         /// How much of a tail there is: roughness of the leaf.
-        rough: f64 = "rough" num(1.0, 0.0, 1.0, "");
+        rough: f64 = "rough" number(1.0, 0.0, 1.0, "");
         /// Chance that a drop of a tail stays behind.
-        bead: f64 = "bead" num(0.25, 0.0, 1.0, "");
+        bead: f64 = "bead" number(0.25, 0.0, 1.0, "");
         /// Radius at which a drop hangs at a tip.
-        tip_radius: f64 = "tip_radius_mm" mm(1.0, 0.3, 2.25);
+        tip_radius: f64 = "tip_radius_mm" millimetres(1.0, 0.3, 2.25);
     }
     /// How leaves become wet and dry again.
-    WetKeys at "rain.wet" {
+    WettingKeys at "rain.wet" {
         /// What wetness becomes in `half_life_s`.
-        zeta: f64 = "zeta" num(0.5, 0.01, 0.99, "");
+        zeta: f64 = "zeta" number(0.5, 0.01, 0.99, "");
         /// See `zeta`.
-        half_life: f64 = "half_life_s" num(20.0, 0.05, 1e5, "s");
+        half_life: f64 = "half_life_s" number(20.0, 0.05, 1e5, "s");
         /// Length on which wetness falls from a drop's middle.
-        length: f64 = "length_mm" mm(3.0, 0.1, 100.0);
+        length: f64 = "length_mm" millimetres(3.0, 0.1, 100.0);
     }
     /// A drop that lies on a leaf when the clip begins.
-    LyingKeys at "rain.lying" {
+    SessileDropKeys at "rain.lying" {
         /// Leaf, counted from 0 over all plants in the order of their places.
-        leaf: u32 = "leaf" whole(0, 0, 1_000_000);
+        leaf: u32 = "leaf" integer(0, 0, 1_000_000);
         /// Where: u across the leaf, v from its base to its tip.
-        at: [f64; 2] = "at" Tuple([0.5, 0.5], num(0.5, 0.0, 1.0, ""));
+        at: [f64; 2] = "at" NumberArray([0.5, 0.5], number(0.5, 0.0, 1.0, ""));
         /// How much water.
-        volume: f64 = "volume_mm3" num(10.0, 0.01, 1000.0, "mm^3");
+        volume: f64 = "volume_mm3" number(10.0, 0.01, 1000.0, "mm^3");
         /// Speed along the leaf, towards its tip and to its right.
-        speed: [f64; 2] = "speed" Tuple([0.0; 2], num(0.0, -5.0, 5.0, "m/s"));
+        speed: [f64; 2] = "speed" NumberArray([0.0; 2], number(0.0, -5.0, 5.0, "m/s"));
     }
 }
 
@@ -199,14 +201,14 @@ pub struct RainRecipe {
     /// What it does on leaves.
     pub drop: DropKeys,
     /// How these become wet.
-    pub wet: WetKeys,
+    pub wet: WettingKeys,
     /// Drops that lie there from the start.
-    pub lying: Vec<LyingKeys>,
+    pub lying: Vec<SessileDropKeys>,
 }
 
 impl Resolver<'_> {
     /// `[rain]`, if there is one.
-    pub(super) fn rain(&mut self, root: &Table) -> Option<RainRecipe> {
+    pub(in crate::recipe) fn rain(&mut self, root: &TomlTable) -> Option<RainRecipe> {
         let entry = root.get("rain")?;
         let table = self.table(root, "", "rain")?;
         if root.get("plants").is_none() {
@@ -233,9 +235,9 @@ impl Resolver<'_> {
         Some(rain)
     }
 
-    fn lying(&mut self, table: &Table) -> Vec<LyingKeys> {
+    fn lying(&mut self, table: &TomlTable) -> Vec<SessileDropKeys> {
         let Some(entry) = table.get("lying") else { return Vec::new() };
-        let Value::List(list) = &entry.node.value else {
+        let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("rain.lying", &entry.node, "a list: write [[rain.lying]]"));
             return Vec::new();
         };
@@ -243,7 +245,7 @@ impl Resolver<'_> {
         for (i, node) in list.iter().enumerate() {
             let path = format!("rain.lying.{i}");
             match &node.value {
-                Value::Table(t) => all.push(LyingKeys::read(Some(t), &path, &mut self.report)),
+                TomlValue::Table(t) => all.push(SessileDropKeys::read(Some(t), &path, &mut self.report)),
                 _ => self.report.push(*wrong(&path, node, "a table")),
             }
         }
@@ -251,13 +253,11 @@ impl Resolver<'_> {
     }
 
     /// The angle at rest lies between those at which rims move.
-    fn angles(&mut self, drop: &DropKeys, table: &Table) {
+    fn angles(&mut self, drop: &DropKeys, table: &TomlTable) {
         if drop.receding <= drop.theta && drop.theta <= drop.advancing {
             return;
         }
-        let span = super::resolve::span_of(table, &["drop", "theta_deg"])
-            .or_else(|| super::resolve::span_of(table, &["drop"]))
-            .unwrap_or(self.whole);
+        let span = span_of(table, &["drop", "theta_deg"]).or_else(|| span_of(table, &["drop"])).unwrap_or(self.whole);
         let deg = f64::to_degrees;
         let text = format!(
             "contact angles must rise from receding over theta to advancing, but are {:.0}, {:.0}, {:.0} degrees",
@@ -271,7 +271,7 @@ impl Resolver<'_> {
 }
 
 /// What the paper prints, where the scene says nothing else.
-fn as_printed(rain: &mut RainRecipe, table: &Table) {
+fn as_printed(rain: &mut RainRecipe, table: &TomlTable) {
     if rain.keys.preset != RainPreset::Paper {
         return;
     }
@@ -297,9 +297,9 @@ fn as_printed(rain: &mut RainRecipe, table: &Table) {
     }
 }
 
-fn below<'t>(table: &'t Table, name: &str) -> Option<&'t Table> {
+fn below<'t>(table: &'t TomlTable, name: &str) -> Option<&'t TomlTable> {
     match &table.get(name)?.node.value {
-        Value::Table(t) => Some(t),
+        TomlValue::Table(t) => Some(t),
         _ => None,
     }
 }

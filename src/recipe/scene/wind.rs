@@ -1,43 +1,93 @@
-//! The wind that a scene describes.
+//! `[wind]` and `[[wind.add]]`.
 
-use glam::DVec3;
-
-use super::key::{Section as _, wrong};
-use super::resolve::{Resolver, span_of};
-use super::tree::{Node, Table, Value};
-use super::wind_keys::{
-    AirKeys, LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SliceKeys, SwayKeys, WindKeys,
-    WindModel,
+use super::{
+    LatticeGround, LatticeKeys, LatticePreset, LatticeProfile, LatticeSides, SwayKeys, WindOutputKeys, WindSliceKeys,
 };
-use super::{AirRecipe, word_of};
+use crate::recipe::WindOutputRecipe;
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::KeyTable;
+use crate::recipe::syntax::{
+    BooleanType, OneOf, OptionalKey, TomlNode, TomlTable, TomlValue, degrees, number, word_of, wrong,
+};
+use crate::recipe::syntax::{choices, keys};
+use glam::DVec3;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::files::Names;
 use osier_scene::{AirGrid, Clip};
 use osier_wind::{CALM_SPEED, beaufort_speed, fit_gust_length};
+
+choices! {
+    /// What wind there is.
+    WindModel {
+        /// None.
+        Calm = "calm",
+        /// The same everywhere and always.
+        Uniform = "uniform",
+        /// Gusts that travel downwind, with eddies in them.
+        Gust = "gust",
+        /// A sine with noise on it, as in the paper by Zhao and Zhang.
+        Perlin = "perlin",
+        /// Air that flows round what stands in it, on a lattice; `[wind.lattice]` says how.
+        Lattice = "lattice",
+    }
+}
+
+keys! {
+    /// Wind. Speeds are those at 10 m above the ground. Each [[wind.add]] is one more wind, with the same keys: their
+    /// velocities add up.
+    WindKeys at "wind" with ["add", "lattice"] {
+        /// What kind.
+        model: WindModel = "model" OneOf(WindModel::Gust);
+        /// Mean speed.
+        speed: f64 = "speed" number(4.5, 0.0, 60.0, "m/s");
+        /// Mean speed as a number of Beaufort's scale, instead of `speed`.
+        beaufort: Option<f64> = "beaufort" OptionalKey(number(3.0, 0.0, 12.0, "Bft"), "none");
+        /// Factor on all of its velocities; what travels in it keeps its pace.
+        scale: f64 = "scale" number(1.0, 0.0, 10.0, "");
+        /// Where it blows to: 0 towards +X, 90 towards -Z.
+        direction: f64 = "direction_deg" degrees(0.0, -360.0, 360.0);
+        /// Share of the mean that gusts add and take; 0.3 to 0.5 is natural.
+        gust: f64 = "gust" number(0.4, 0.0, 1.0, "");
+        /// Length of gusts.
+        gust_length: f64 = "gust_length" number(40.0, 2.0, 200.0, "m");
+        /// Strength of eddies over the mean; 0.15 to 0.25 is natural.
+        turbulence: f64 = "turbulence" number(0.2, 0.0, 1.0, "");
+        /// Size of eddies.
+        eddy_size: f64 = "eddy_size" number(4.0, 0.5, 20.0, "m");
+        /// Strength of the flicker that each branch has for itself, over the mean.
+        flicker: f64 = "flicker" number(0.15, 0.0, 1.0, "");
+        /// How far the direction wanders.
+        wander: f64 = "wander_deg" degrees(15.0, 0.0, 90.0);
+        /// Power of the height with which the mean grows; 0 for the same at all heights.
+        power: f64 = "height_power" number(0.2, 0.0, 1.0, "");
+        /// With "perlin": exactly as printed, the same everywhere, down to nothing in every period.
+        literal: bool = "literal" BooleanType(false);
+    }
+}
 
 /// Shortest clip that can repeat, s.
 pub const SHORTEST_LOOP: f64 = 2.0;
 
 impl Resolver<'_> {
     /// Wind, and those that are added to it.
-    pub(super) fn wind(&mut self, root: &Table) -> (WindKeys, Vec<WindKeys>) {
+    pub(in crate::recipe) fn wind(&mut self, root: &TomlTable) -> (WindKeys, Vec<WindKeys>) {
         let keys = self.section(root, "wind");
         let table = match root.get("wind").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => Some(t),
+            Some(TomlValue::Table(t)) => Some(t),
             _ => None,
         };
         let keys = self.one_wind(keys, "wind", table);
         let Some(entry) = table.and_then(|t| t.get("add")) else { return (keys, Vec::new()) };
-        let Value::List(list) = &entry.node.value else {
+        let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("wind.add", &entry.node, "a list: write [[wind.add]]"));
             return (keys, Vec::new());
         };
         (keys, list.iter().enumerate().filter_map(|(i, node)| self.added(i, node)).collect())
     }
 
-    fn added(&mut self, i: usize, node: &Node) -> Option<WindKeys> {
+    fn added(&mut self, i: usize, node: &TomlNode) -> Option<WindKeys> {
         let path = format!("wind.add.{i}");
-        let Value::Table(table) = &node.value else {
+        let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
@@ -57,7 +107,7 @@ impl Resolver<'_> {
     }
 
     /// A given speed wins over a number of Beaufort's scale.
-    fn one_wind(&mut self, mut keys: WindKeys, path: &str, table: Option<&Table>) -> WindKeys {
+    fn one_wind(&mut self, mut keys: WindKeys, path: &str, table: Option<&TomlTable>) -> WindKeys {
         let span = |key: &str| table.and_then(|t| span_of(t, &[key]));
         if let Some((number, at)) = keys.beaufort.zip(span("beaufort")) {
             if span("speed").is_some() {
@@ -77,15 +127,15 @@ impl Resolver<'_> {
     }
 
     /// The lattice of the scene's wind. A preset also sets the speed.
-    pub(super) fn lattice(&mut self, root: &Table, wind: &mut WindKeys) -> LatticeKeys {
-        let empty = Table::default();
+    pub(in crate::recipe) fn lattice(&mut self, root: &TomlTable, wind: &mut WindKeys) -> LatticeKeys {
+        let empty = TomlTable::default();
         let parent = match root.get("wind").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => t,
+            Some(TomlValue::Table(t)) => t,
             _ => &empty,
         };
         let mut keys: LatticeKeys = self.section_at(parent, "wind", "lattice");
         let table = match parent.get("lattice").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => t,
+            Some(TomlValue::Table(t)) => t,
             _ => &empty,
         };
         if wind.model != WindModel::Lattice {
@@ -127,7 +177,7 @@ impl Resolver<'_> {
     }
 
     /// The largest speed of a curve is the wind's.
-    fn speed_curve(&mut self, (parent, table): (&Table, &Table), keys: &LatticeKeys, wind: &mut WindKeys) {
+    fn speed_curve(&mut self, (parent, table): (&TomlTable, &TomlTable), keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("speed_curve").filter(|_| !keys.speed_curve.is_empty()) else { return };
         let most = keys.speed_curve.iter().map(|row| row[1]).fold(0.0, f64::max);
         if !(FASTEST[0]..=FASTEST[1]).contains(&most) {
@@ -147,7 +197,7 @@ impl Resolver<'_> {
     }
 
     /// The first direction of a curve is the wind's.
-    fn direction_curve(&mut self, (parent, table): (&Table, &Table), keys: &LatticeKeys, wind: &mut WindKeys) {
+    fn direction_curve(&mut self, (parent, table): (&TomlTable, &TomlTable), keys: &LatticeKeys, wind: &mut WindKeys) {
         let Some(entry) = table.get("direction_curve") else { return };
         let Some([early, first]) = keys.direction_curve.first().copied() else { return };
         if early < 0.0 {
@@ -170,7 +220,12 @@ impl Resolver<'_> {
     }
 
     /// What a curve moves does not repeat. `curve`: its key.
-    pub(super) fn unrepeated(&mut self, root: &Table, mut sway: SwayKeys, curve: Option<&str>) -> SwayKeys {
+    pub(in crate::recipe) fn unrepeated(
+        &mut self,
+        root: &TomlTable,
+        mut sway: SwayKeys,
+        curve: Option<&str>,
+    ) -> SwayKeys {
         let Some(curve) = curve else { return sway };
         for (key, asked) in [("repeat", sway.repeat == Some(true)), ("loop", sway.round.is_some())] {
             if asked {
@@ -186,21 +241,21 @@ impl Resolver<'_> {
     }
 
     /// Files of the wind itself. `own`: size of the box of a flight, m.
-    pub(super) fn told_air(
+    pub(in crate::recipe) fn told_air(
         &mut self,
-        root: &Table,
+        root: &TomlTable,
         (wind, lattice, own): (&WindKeys, &LatticeKeys, Option<[f64; 3]>),
         clip: Clip,
-    ) -> AirRecipe {
-        let empty = Table::default();
+    ) -> WindOutputRecipe {
+        let empty = TomlTable::default();
         let parent = match root.get("output").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => t,
+            Some(TomlValue::Table(t)) => t,
             _ => &empty,
         };
-        let keys: AirKeys = self.section_at(parent, "output", "wind");
+        let keys: WindOutputKeys = self.section_at(parent, "output", "wind");
         let table = match parent.get("wind").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => t,
-            _ => return AirRecipe { keys, slices: Vec::new(), grids: Vec::new() },
+            Some(TomlValue::Table(t)) => t,
+            _ => return WindOutputRecipe { keys, slices: Vec::new(), grids: Vec::new() },
         };
         let on_lattice = wind.model == WindModel::Lattice;
         let size = if on_lattice { lattice.cells.map(|n| n * lattice.dx) } else { own.unwrap_or(keys.size) };
@@ -227,12 +282,12 @@ impl Resolver<'_> {
             let d = Diagnostic::warning("S007", "a still scene has no wind to tell", at, "has no effect");
             self.report.push(d.help("make it a clip: [frames] end = 48"));
         }
-        AirRecipe { keys, slices, grids }
+        WindOutputRecipe { keys, slices, grids }
     }
 
-    fn slices<'t>(&mut self, table: &'t Table) -> &'t [Node] {
+    fn slices<'t>(&mut self, table: &'t TomlTable) -> &'t [TomlNode] {
         match table.get("slice").map(|e| &e.node) {
-            Some(Node { value: Value::List(list), .. }) => list,
+            Some(TomlNode { value: TomlValue::List(list), .. }) => list,
             Some(other) => {
                 self.report.push(*wrong("output.wind.slice", other, "a list: write [[output.wind.slice]]"));
                 &[]
@@ -241,13 +296,13 @@ impl Resolver<'_> {
         }
     }
 
-    fn slice(&mut self, i: usize, node: &Node, space: &Told) -> Option<SliceKeys> {
+    fn slice(&mut self, i: usize, node: &TomlNode, space: &Told) -> Option<WindSliceKeys> {
         let path = format!("output.wind.slice.{i}");
-        let Value::Table(table) = &node.value else {
+        let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
-        let keys = SliceKeys::read(Some(table), &path, &mut self.report);
+        let keys = WindSliceKeys::read(Some(table), &path, &mut self.report);
         let axis = keys.across as usize;
         let (low, high) = (space.low[axis], space.low[axis] + space.size[axis]);
         if !(low..=high).contains(&keys.at) {
@@ -261,7 +316,7 @@ impl Resolver<'_> {
     }
 
     /// Answer to the wind.
-    pub(super) fn sway(&mut self, root: &Table, clip: Clip) -> SwayKeys {
+    pub(in crate::recipe) fn sway(&mut self, root: &TomlTable, clip: Clip) -> SwayKeys {
         let keys: SwayKeys = self.section(root, "sway");
         let span = |key: &str| span_of(root, &["sway", key]);
         if keys.repeat == Some(true) && keys.round.is_none() && seconds(&clip) < SHORTEST_LOOP {
@@ -285,7 +340,7 @@ impl Resolver<'_> {
     }
 
     /// Tells where lengths in the wind that an artist gave had to give way to a loop.
-    pub(super) fn fit(&mut self, root: &Table, (wind, sway): (&WindKeys, &SwayKeys), clip: &Clip) {
+    pub(in crate::recipe) fn fit(&mut self, root: &TomlTable, (wind, sway): (&WindKeys, &SwayKeys), clip: &Clip) {
         let Some(frames) = sway.loop_frames(clip).filter(|_| wind.model == WindModel::Gust) else { return };
         let period = frames as f64 / clip.fps();
         for (key, length) in [("gust_length", wind.gust_length), ("eddy_size", wind.eddy_size)] {
@@ -317,7 +372,7 @@ impl Told {
         self.size.to_array().map(|length| ((length / self.side - 1e-9).ceil()).max(1.0) as usize)
     }
 
-    fn plane(&self, keys: &SliceKeys, names: &mut Names) -> AirGrid {
+    fn plane(&self, keys: &WindSliceKeys, names: &mut Names) -> AirGrid {
         let axis = keys.across as usize;
         let (mut cells, mut corner) = (self.cells(), self.low);
         cells[axis] = 1;
@@ -337,7 +392,7 @@ impl Told {
 const PAPER_SPEED: f64 = 2.0;
 
 /// What \[catkin\] Table 2 and its figures say, where a scene says nothing.
-fn as_printed(keys: &mut LatticeKeys, table: &Table) {
+fn as_printed(keys: &mut LatticeKeys, table: &TomlTable) {
     if keys.preset != LatticePreset::Paper {
         return;
     }
@@ -365,7 +420,7 @@ impl WindKeys {
 
 impl LatticeKeys {
     /// Name of a key that makes the wind another one from time to time.
-    pub(super) fn curve(&self) -> Option<&'static str> {
+    pub(in crate::recipe) fn curve(&self) -> Option<&'static str> {
         let all = [("speed_curve", &self.speed_curve), ("direction_curve", &self.direction_curve)];
         all.into_iter().find_map(|(key, rows)| (!rows.is_empty()).then_some(key))
     }

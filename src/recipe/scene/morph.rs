@@ -1,18 +1,68 @@
-//! Attractors that change with time: their tables, in order.
+//! `[clouds.NAME.morph]`: attractors that change with time.
 
-use std::sync::Arc;
-
-use super::CloudRecipe;
-use super::cloud_keys::CloudKeys;
-use super::digest::Digest;
-use super::key::{Section as _, join, wrong};
-use super::morph_keys::{Ease, MorphKey, MorphKeys, MorphWeights, Shift};
-use super::resolve::Resolver;
-use super::tree::{Node, Table, Value};
+use super::AttractorKeys;
+use crate::recipe::AttractorRecipe;
+use crate::recipe::resolve::Resolver;
+use crate::recipe::syntax::KeyTable;
+use crate::recipe::syntax::{
+    ColorList, Digest, FileReference, OneOf, Reference, StringType, TomlNode, TomlTable, TomlValue, TurnList, join,
+    number, wrong,
+};
+use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::{Diagnostic, Span};
 use osier_ifs::dynamics;
 use osier_ifs::game::Extent;
 use osier_ifs::morph::{Key, Morph, Options};
+use std::sync::Arc;
+
+choices! {
+    /// How time passes between two tables.
+    MorphEase {
+        /// Evenly.
+        Linear = "linear",
+        /// Slow at the tables, fast between.
+        Smooth = "smooth",
+    }
+    /// What of a map's place goes straight.
+    MorphShift {
+        /// Its shift b.
+        Straight = "straight",
+        /// Its fixed point.
+        FixedPoint = "fixed-point",
+    }
+    /// What becomes of the maps' weights.
+    MorphWeights {
+        /// They change with the tables.
+        Follow = "follow",
+        /// Those of the first table stay, and every point keeps its word.
+        Hold = "hold",
+    }
+}
+
+keys! {
+    /// An attractor that changes with time, from table to table: turns go the shortest way, all else goes straight.
+    MorphKeys at "clouds.NAME.morph" with ["key"] {
+        /// How time passes between two tables.
+        ease: MorphEase = "ease" OneOf(MorphEase::Linear);
+        /// What of a map's place goes straight.
+        shift: MorphShift = "shift" OneOf(MorphShift::Straight);
+        /// What becomes of the maps' weights.
+        weights: MorphWeights = "weights" OneOf(MorphWeights::Follow);
+    }
+    /// One table at one time, in the order of time; all tables have the same number of maps.
+    MorphKeyframe at "clouds.NAME.morph.key" {
+        /// The coefficient table.
+        ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
+        /// Which system of the table; the first without a name.
+        system: String = "system" StringType("");
+        /// When, from the first frame.
+        at: f64 = "at" number(0.0, 0.0, 1e6, "s");
+        /// Full turns that maps make on their way here, besides the shortest turn.
+        turns: Vec<f64> = "turns" TurnList;
+        /// Colours by map, or along the palette, at this time; without them the cloud's or the table's.
+        colors: Vec<[f32; 3]> = "colors" ColorList;
+    }
+}
 
 /// Places between two tables where a system is judged.
 const LOOKS: u32 = 8;
@@ -23,7 +73,7 @@ pub struct MorphRecipe {
     /// How.
     pub keys: MorphKeys,
     /// Its tables as the scene names them.
-    pub rows: Vec<MorphKey>,
+    pub rows: Vec<MorphKeyframe>,
     /// The tables, led over.
     pub morph: Arc<Morph>,
 }
@@ -38,8 +88,8 @@ impl Digest for MorphRecipe {
 
 /// A table that has been read, with where the scene names it.
 struct Row {
-    key: MorphKey,
-    cloud: CloudRecipe,
+    key: MorphKeyframe,
+    cloud: AttractorRecipe,
     span: Span,
     /// Where its time, its table and its turns stand.
     at: Span,
@@ -49,15 +99,15 @@ struct Row {
 
 impl Resolver<'_> {
     /// A cloud that changes. `name`, `path`, `id`, `cloud`: of the cloud; `table`, `span`: of its morph.
-    pub(super) fn morph(
+    pub(in crate::recipe) fn morph(
         &mut self,
         (name, path, id): (&str, &str, String),
-        (cloud, table, span): (&Table, &Table, Span),
-        keys: CloudKeys,
-    ) -> Option<CloudRecipe> {
+        (cloud, table, span): (&TomlTable, &TomlTable, Span),
+        keys: AttractorKeys,
+    ) -> Option<AttractorRecipe> {
         let path = join(path, "morph");
         self.limit("cloud-points", u64::from(keys.points).saturating_mul(self.frames), Some(span));
-        self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::clouds::POINT, Some(span));
+        self.memory(&format!("clouds.{name}.points"), u64::from(keys.points), super::attractor::POINT, Some(span));
         let told = self.report.diagnostics.len();
         let morph = MorphKeys::read(Some(table), &path, &mut self.report);
         self.idle(cloud, &path);
@@ -80,11 +130,11 @@ impl Resolver<'_> {
         let extent = all.fold(first.extent, |e, r| union(e, r.cloud.extent));
         let rows = rows.into_iter().map(|r| r.key).collect();
         let recipe = MorphRecipe { keys: morph, rows, morph: Arc::new(made) };
-        Some(CloudRecipe { name: name.into(), id, extent, keys, morph: Some(recipe), ..first })
+        Some(AttractorRecipe { name: name.into(), id, extent, keys, morph: Some(recipe), ..first })
     }
 
     /// S007 for keys that a morph does not heed.
-    fn idle(&mut self, cloud: &Table, path: &str) {
+    fn idle(&mut self, cloud: &TomlTable, path: &str) {
         let others = [("ifs", "name it in the first key instead"), ("system", "name it in the first key instead")];
         for (name, help) in others.into_iter().chain([("voxel_mm", "cubes that hold a point would change with time")]) {
             if let Some(entry) = cloud.get(name) {
@@ -97,12 +147,12 @@ impl Resolver<'_> {
     fn rows(
         &mut self,
         (name, path): (&str, &str),
-        (table, span): (&Table, Span),
-        keys: &CloudKeys,
+        (table, span): (&TomlTable, Span),
+        keys: &AttractorKeys,
     ) -> Option<Vec<Row>> {
         let path = join(path, "key");
         let list = match table.get("key").map(|e| &e.node) {
-            Some(Node { value: Value::List(list), .. }) => list.as_slice(),
+            Some(TomlNode { value: TomlValue::List(list), .. }) => list.as_slice(),
             Some(node) => {
                 self.report.push(*wrong(&path, node, &format!("a list: write [[{path}]]")));
                 return None;
@@ -126,12 +176,12 @@ impl Resolver<'_> {
         whole.then_some(rows)
     }
 
-    fn row(&mut self, (name, path): (&str, &str), node: &Node, keys: &CloudKeys, known: &[Row]) -> Option<Row> {
-        let Value::Table(table) = &node.value else {
+    fn row(&mut self, (name, path): (&str, &str), node: &TomlNode, keys: &AttractorKeys, known: &[Row]) -> Option<Row> {
+        let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(path, node, "a table"));
             return None;
         };
-        let key = MorphKey::read(Some(table), path, &mut self.report);
+        let key = MorphKeyframe::read(Some(table), path, &mut self.report);
         let of = |name: &str| table.get(name).map_or(node.span, |e| e.node.span);
         let (at, ifs, turns) = (of("at"), of("ifs"), of("turns"));
         let same = |r: &&Row| r.key.ifs.as_ref().map(|r| &r.text) == key.ifs.as_ref().map(|r| &r.text);
@@ -140,7 +190,7 @@ impl Resolver<'_> {
             // A table that comes back was judged before.
             Some(row) => row.cloud.clone(),
             None => {
-                let keys = CloudKeys { ifs: key.ifs.clone(), system: key.system.clone(), ..keys.clone() };
+                let keys = AttractorKeys { ifs: key.ifs.clone(), system: key.system.clone(), ..keys.clone() };
                 self.attractor((name, path, String::new()), node.span, keys)?
             }
         };
@@ -168,8 +218,8 @@ impl Resolver<'_> {
 
     fn led(&mut self, rows: &[Row], keys: &MorphKeys) -> Option<Morph> {
         let options = Options {
-            smooth: keys.ease == Ease::Smooth,
-            fixed_points: keys.shift == Shift::FixedPoint,
+            smooth: keys.ease == MorphEase::Smooth,
+            fixed_points: keys.shift == MorphShift::FixedPoint,
             hold_weights: keys.weights == MorphWeights::Hold,
         };
         let key = |r: &Row| {

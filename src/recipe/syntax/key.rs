@@ -1,14 +1,14 @@
 //! One declaration per key: it feeds reading, `osier list options`, defaults and the scene hash.
 
 use super::digest::Digest;
-use super::tree::{Node, Table, Value};
+use super::tree::{TomlNode, TomlTable, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
 
 /// A complaint about one value.
 pub type Fault = Box<Diagnostic>;
 
 /// What a key accepts: how it is read, what it is without the key, how it is listed.
-pub trait Kind {
+pub trait ValueType {
     /// The value behind it, in SI units.
     type Value;
     /// Value without the key.
@@ -16,14 +16,14 @@ pub trait Kind {
     /// Reads a value; `name` is the full path of the key, for messages.
     /// # Errors
     /// S003 for another type, S004 for a value outside its range.
-    fn read(&self, name: &str, node: &Node) -> Result<Self::Value, Fault>;
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault>;
     /// For listings.
-    fn shown(&self) -> Shown;
+    fn listing(&self) -> KeyListing;
 }
 
 /// How a kind is listed.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Shown {
+pub struct KeyListing {
     /// "number", "text", "one of ...".
     pub accepts: String,
     /// Value without the key; empty if it comes from elsewhere.
@@ -40,11 +40,11 @@ pub struct KeyInfo {
     /// What it means.
     pub help: String,
     /// What it accepts.
-    pub shown: Shown,
+    pub listing: KeyListing,
 }
 
 /// A table of a scene file.
-pub trait Section: Sized + Digest {
+pub trait KeyTable: Sized + Digest {
     /// Path in the scene, `NAME` standing for the artist's names.
     const PATH: &'static str;
     /// Tables in it that are sections of their own.
@@ -54,11 +54,11 @@ pub trait Section: Sized + Digest {
     /// Its keys.
     fn keys() -> Vec<KeyInfo>;
     /// Reads its keys; faults go into the reader's report, and the default stands in.
-    fn read_keys(reader: &mut Reader<'_>) -> Self;
+    fn read_keys(reader: &mut TableReader<'_>) -> Self;
 
     /// Reads a table (`None`: all defaults) and refuses what it does not know.
-    fn read(table: Option<&Table>, path: &str, report: &mut Report) -> Self {
-        let mut reader = Reader { table, path: path.to_owned(), report };
+    fn read(table: Option<&TomlTable>, path: &str, report: &mut Report) -> Self {
+        let mut reader = TableReader { table, path: path.to_owned(), report };
         let section = Self::read_keys(&mut reader);
         reader.refuse_unknown(&Self::keys(), Self::TABLES);
         section
@@ -71,15 +71,15 @@ pub trait Section: Sized + Digest {
 }
 
 /// One table being read.
-pub struct Reader<'a> {
-    table: Option<&'a Table>,
+pub struct TableReader<'a> {
+    table: Option<&'a TomlTable>,
     path: String,
     report: &'a mut Report,
 }
 
-impl Reader<'_> {
+impl TableReader<'_> {
     /// The value of a key, or its default if it is absent or faulty.
-    pub fn key<K: Kind>(&mut self, name: &str, kind: &K) -> K::Value {
+    pub fn key<K: ValueType>(&mut self, name: &str, kind: &K) -> K::Value {
         let Some(entry) = self.table.and_then(|t| t.get(name)) else { return kind.fallback() };
         let full = join(&self.path, name);
         kind.read(&full, &entry.node).unwrap_or_else(|fault| {
@@ -102,7 +102,7 @@ impl Reader<'_> {
 }
 
 /// S002 with the nearest known name.
-pub fn unknown(entry: &super::tree::Entry, path: &str, known: &[&str]) -> Diagnostic {
+pub fn unknown(entry: &super::tree::TomlEntry, path: &str, known: &[&str]) -> Diagnostic {
     let place = if path.is_empty() { "a scene".to_owned() } else { format!("[{path}]") };
     let d = Diagnostic::error("S002", format!("{place} has no key \"{}\"", entry.key), entry.key_span, "unknown key");
     match nearest(&entry.key, known.iter().copied()) {
@@ -117,7 +117,7 @@ pub fn join(path: &str, name: &str) -> String {
 }
 
 /// S003: another type.
-pub fn wrong(name: &str, node: &Node, wanted: &str) -> Fault {
+pub fn wrong(name: &str, node: &TomlNode, wanted: &str) -> Fault {
     let d = Diagnostic::error(
         "S003",
         format!("{name} is {}, but must be {wanted}", node.value.word()),
@@ -125,7 +125,7 @@ pub fn wrong(name: &str, node: &Node, wanted: &str) -> Fault {
         format!("must be {wanted}"),
     );
     Box::new(match &node.value {
-        Value::Text(t) if t.trim().replace(',', ".").parse::<f64>().is_ok() && wanted.contains("number") => {
+        TomlValue::Text(t) if t.trim().replace(',', ".").parse::<f64>().is_ok() && wanted.contains("number") => {
             d.help(format!("write it without quotes: {}", t.trim().replace(',', ".")))
         }
         _ => d.help("`osier list options` shows every key with type and default"),
@@ -133,17 +133,17 @@ pub fn wrong(name: &str, node: &Node, wanted: &str) -> Fault {
 }
 
 /// S004: outside the range.
-pub fn outside(name: &str, node: &Node, value: &str, range: &str) -> Fault {
+pub fn outside(name: &str, node: &TomlNode, value: &str, range: &str) -> Fault {
     let d = Diagnostic::error("S004", format!("{name} is {value}, but must be {range}"), node.span, range);
     Box::new(d.help(format!("give {name} a value of {range}")))
 }
 
 /// A finite number of either notation.
-pub fn number(name: &str, node: &Node) -> Result<f64, Fault> {
+pub fn finite_number(name: &str, node: &TomlNode) -> Result<f64, Fault> {
     match &node.value {
         #[allow(clippy::cast_precision_loss, reason = "whole numbers of scenes are small")]
-        Value::Integer(i) => Ok(*i as f64),
-        Value::Number(v) => Ok(*v),
+        TomlValue::Integer(i) => Ok(*i as f64),
+        TomlValue::Number(v) => Ok(*v),
         _ => Err(wrong(name, node, "a number")),
     }
 }
@@ -159,44 +159,44 @@ macro_rules! keys {
             $($(#[doc = $help])+ pub $field: $type,)*
         }
 
-        impl $crate::recipe::key::Section for $name {
+        impl $crate::recipe::syntax::KeyTable for $name {
             const PATH: &'static str = $path;
             const TABLES: &'static [&'static str] = &[$($($table),*)?];
             fn about() -> String {
                 concat!($($about),+).trim().to_owned()
             }
-            fn keys() -> Vec<$crate::recipe::key::KeyInfo> {
-                vec![$($crate::recipe::key::KeyInfo {
+            fn keys() -> Vec<$crate::recipe::syntax::KeyInfo> {
+                vec![$($crate::recipe::syntax::KeyInfo {
                     name: $key,
                     help: concat!($($help),+).trim().to_owned(),
-                    shown: $crate::recipe::key::Kind::shown(&$kind),
+                    listing: $crate::recipe::syntax::ValueType::listing(&$kind),
                 }),*]
             }
-            fn read_keys(reader: &mut $crate::recipe::key::Reader<'_>) -> Self {
+            fn read_keys(reader: &mut $crate::recipe::syntax::TableReader<'_>) -> Self {
                 Self { $($field: reader.key($key, &$kind)),* }
             }
         }
 
-        impl $crate::recipe::digest::Digest for $name {
+        impl $crate::recipe::syntax::Digest for $name {
             fn digest(&self, hasher: &mut blake3::Hasher) {
-                $($crate::recipe::digest::Digest::digest(&self.$field, hasher);)*
+                $($crate::recipe::syntax::Digest::digest(&self.$field, hasher);)*
             }
         }
     )+};
 }
 
 /// Declares an enum whose members are words in scenes.
-macro_rules! words {
+macro_rules! choices {
     ($($(#[doc = $about:literal])+ $name:ident { $($(#[doc = $help:literal])+ $member:ident = $word:literal,)* })+) => {$(
         $(#[doc = $about])+
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
         pub enum $name { $($(#[doc = $help])+ $member),* }
 
-        impl $crate::recipe::kinds::Word for $name {
+        impl $crate::recipe::syntax::Choice for $name {
             const ALL: &'static [(&'static str, Self)] = &[$(($word, Self::$member)),*];
         }
 
-        impl $crate::recipe::digest::Digest for $name {
+        impl $crate::recipe::syntax::Digest for $name {
             fn digest(&self, hasher: &mut blake3::Hasher) {
                 let word = match self { $(Self::$member => $word),* };
                 word.digest(hasher);
@@ -205,4 +205,4 @@ macro_rules! words {
     )+};
 }
 
-pub(super) use {keys, words};
+pub(in crate::recipe) use {choices, keys};

@@ -1,17 +1,17 @@
 //! Mesh files that coefficient tables name as condensation sets.
 
-use std::sync::Arc;
-
-use super::clouds::Read;
-use super::resolve::Resolver;
-use super::sections::{OrganKeys, Up};
-use super::{Found, OrganRecipe, Section as _};
+use super::attractor::SystemFile;
+use super::{OrganKeys, UpAxis};
+use crate::recipe::resolve::Resolver;
+use crate::recipe::syntax::KeyTable;
+use crate::recipe::{OrganRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report};
 use osier_ifs::faces::{Faces, Model};
 use osier_ifs::{Ifs, Shape};
 use osier_import::Imported;
 use osier_scene::MaterialClass;
+use std::sync::Arc;
 
 /// The first letter of the organs that stand for the meshes of a tree's table; further ones follow it.
 const FIRST: u32 = 'A' as u32;
@@ -19,7 +19,12 @@ const FIRST: u32 = 'A' as u32;
 impl Resolver<'_> {
     /// Reads the meshes that a system names, beside its file. `sources`: of the texts that its spans point into.
     /// Complaints point at the name in the table.
-    pub(super) fn meshes(&mut self, system: &mut Ifs, file: &Found, sources: &Report) -> Option<Vec<Arc<Imported>>> {
+    pub(in crate::recipe) fn meshes(
+        &mut self,
+        system: &mut Ifs,
+        file: &ReferencedFile,
+        sources: &Report,
+    ) -> Option<Vec<Arc<Imported>>> {
         let mut all = Vec::new();
         for set in &mut system.condensation {
             let Shape::Mesh(model) = &mut set.shape else { continue };
@@ -39,7 +44,7 @@ impl Resolver<'_> {
         Some(all)
     }
 
-    fn model(&mut self, model: &mut Model, file: &Found) -> Result<Imported, Box<Report>> {
+    fn model(&mut self, model: &mut Model, file: &ReferencedFile) -> Result<Imported, Box<Report>> {
         let limit = self.request.limits.get("mesh-bytes");
         let about = |d: Diagnostic| Box::new(Report { diagnostics: vec![d], ..Report::default() });
         let library = &self.request.library;
@@ -47,7 +52,7 @@ impl Resolver<'_> {
             .find_beside(&file.path, &model.file, limit)
             .map_err(|why| about(Diagnostic::about("S005", why.to_string()).help(why.help())))?;
         self.inputs.push(blake3::hash(&found.bytes));
-        let up = if model.up_z { Up::Z } else { Up::Y };
+        let up = if model.up_z { UpAxis::Z } else { UpAxis::Y };
         let imported = self.imported(&found, (up, model.scale, MaterialClass::Leaf)).map_err(|e| match e {
             Error::Input(faults) => faults,
             other => about(Diagnostic::about("S005", other.to_string())),
@@ -66,7 +71,7 @@ pub fn set_letters(system: &Ifs) -> impl Iterator<Item = char> {
 }
 
 /// The meshes of a tree's table as organs, in the order of the table; they keep still on what bears them.
-pub(super) fn organs(read: &Read) -> Vec<OrganRecipe> {
+pub(super) fn organs(read: &SystemFile) -> Vec<OrganRecipe> {
     let keys = OrganKeys { flutter: 0.0, ..OrganKeys::defaults() };
     let organ = |(letter, mesh): (char, &Arc<Imported>)| OrganRecipe {
         letter,

@@ -1,33 +1,33 @@
-//! Keys of the maps of wet leaves.
+//! `[maps]`: maps of wet leaves.
 
-use super::Recipe;
-use super::key::{Section, keys};
-use super::kinds::{Flag, num, whole};
-use super::resolve::{Resolver, span_of};
-use super::tree::Table;
+use crate::recipe::Recipe;
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::KeyTable;
+use crate::recipe::syntax::keys;
+use crate::recipe::syntax::{BooleanType, TomlTable, integer, number};
 use osier_base::diagnostic::Diagnostic;
 use osier_export::exr::{ATLAS, BORDER};
 
 keys! {
     /// Maps of the leaves that rain falls on: relief, wetness and normals, a file of each per leaf and frame.
-    MapKeys at "maps" {
+    LeafMapKeys at "maps" {
         /// Texels along a side of a map.
-        resolution: u32 = "resolution" whole(512, 32, 8192);
+        resolution: u32 = "resolution" integer(512, 32, 8192);
         /// Height that 1 in a height map stands for; what is higher is cut off.
-        height_range: f64 = "height_range_m" num(0.004, 1e-4, 0.1, "m");
+        height_range: f64 = "height_range_m" number(0.004, 1e-4, 0.1, "m");
         /// Most leaves that have maps: those nearest to the camera. The others carry drops only.
-        hero_max: u32 = "hero_max" whole(32, 0, 512);
+        hero_max: u32 = "hero_max" integer(32, 0, 512);
         /// Whether all leaves' maps are also laid together on sheets of 4096 texels a side.
-        atlas: bool = "atlas" Flag(false);
+        atlas: bool = "atlas" BooleanType(false);
         /// Whether the height of water alone has maps too.
-        water: bool = "water" Flag(false);
+        water: bool = "water" BooleanType(false);
     }
 }
 
 impl Resolver<'_> {
     /// `[maps]`; a tile must fit its atlas.
-    pub(super) fn maps(&mut self, root: &Table) -> MapKeys {
-        let keys: MapKeys = self.section(root, "maps");
+    pub(in crate::recipe) fn maps(&mut self, root: &TomlTable) -> LeafMapKeys {
+        let keys: LeafMapKeys = self.section(root, "maps");
         let most = ATLAS - 2 * BORDER;
         if keys.atlas && keys.resolution as usize > most {
             let span = span_of(root, &["maps", "resolution"]).unwrap_or(self.whole);
@@ -41,8 +41,8 @@ impl Resolver<'_> {
 
 impl Recipe {
     /// True if the scene says something about maps: one that does not keeps the hash it had before there were any.
-    pub(super) fn asks_for_maps(&self) -> bool {
-        self.maps != MapKeys::defaults()
+    pub(in crate::recipe) fn asks_for_maps(&self) -> bool {
+        self.maps != LeafMapKeys::defaults()
     }
 }
 

@@ -1,17 +1,62 @@
-//! Landscapes that a scene describes.
+//! `[terrain]`: land with hills.
 
-use super::key::{Section as _, wrong};
-use super::land_keys::{ScatterKeys, TerrainKeys};
-use super::resolve::Resolver;
-use super::tree::{Node, Table, Value};
-use super::{PlantRecipe, ScatterRecipe};
+use super::ScatterKeys;
+use crate::recipe::resolve::Resolver;
+use crate::recipe::syntax::KeyTable;
+use crate::recipe::syntax::keys;
+use crate::recipe::syntax::{
+    BooleanType, ColorType, NumberArray, OptionalKey, PowerOfTwo, SeedType, TomlNode, TomlTable, TomlValue, degrees,
+    integer, number, wrong,
+};
+use crate::recipe::{PlantRecipe, ScatterRecipe};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_import::Grey;
 use osier_scene::MaterialClass;
 
+keys! {
+    /// Land with hills, raised by midpoint displacement around the origin; it takes the place of the ground, and what
+    /// `[[place]]` puts up stands on it.
+    TerrainKeys at "terrain" {
+        /// Another land of the same kind.
+        seed: u64 = "seed" SeedType(0);
+        /// Doublings: 2^n + 1 heights along a side.
+        n: u32 = "n" integer(9, 1, 13);
+        /// Length of a side.
+        size: f64 = "size" number(200.0, 1.0, 1e5, "m");
+        /// Height of the largest hills.
+        amplitude: f64 = "amplitude" number(25.0, 0.0, 1e4, "m");
+        /// How fast smaller hills are lower: 0 jagged, 1 gentle.
+        exponent: f64 = "exponent" number(0.8, 0.0, 1.0, "");
+        /// Heights of the corners: -x -z, +x -z, -x +z, +x +z.
+        corners: Option<[f64; 4]> = "corners" OptionalKey(NumberArray([0.0; 4], number(0.0, -1e5, 1e5, "m")), "drawn");
+        /// Opposite edges are equal, so that copies join; of `corners` the first counts.
+        tileable: bool = "tileable" BooleanType(false);
+        /// Both half steps displace alike, as in the paper: a little rougher.
+        paper: bool = "paper" BooleanType(false);
+        /// Nothing is lower: a plain, a lake's bed.
+        floor: Option<f64> = "floor" OptionalKey(number(0.0, -1e5, 1e5, "m"), "none");
+        /// Smoothing passes over the finished heights.
+        smooth: u32 = "smooth" integer(0, 0, 8);
+        /// The mesh takes every so many heights: 1, 2, 4 ...
+        stride: u32 = "stride" integer(1, 1, 8192);
+        /// Bare earth.
+        color: Option<[f32; 3]> = "color" OptionalKey(ColorType("#5c4d3d"), "brown");
+        /// Grass.
+        color2: Option<[f32; 3]> = "color2" OptionalKey(ColorType("#4d5d2c"), "green");
+        /// Rock.
+        rock: Option<[f32; 3]> = "rock" OptionalKey(ColorType("#77726c"), "grey");
+        /// Share of grass on gentle land.
+        cover: f64 = "cover" number(0.9, 0.0, 1.0, "");
+        /// Slope at which grass gives way to rock.
+        steep: f64 = "steep_deg" degrees(37.0, 1.0, 90.0);
+        /// Pixels along a side of the map that covers all of it.
+        side: u32 = "side" PowerOfTwo(2048);
+    }
+}
+
 impl Resolver<'_> {
     /// The land, if the scene has a `[terrain]`.
-    pub(super) fn terrain(&mut self, root: &Table) -> Option<TerrainKeys> {
+    pub(in crate::recipe) fn terrain(&mut self, root: &TomlTable) -> Option<TerrainKeys> {
         let table = self.table(root, "", "terrain")?;
         let keys = TerrainKeys::read(Some(table), "terrain", &mut self.report);
         let most = 1_u32 << keys.n;
@@ -27,9 +72,9 @@ impl Resolver<'_> {
     }
 
     /// What is strewn over the land.
-    pub(super) fn scatters(&mut self, root: &Table, plants: &[PlantRecipe]) -> Vec<ScatterRecipe> {
+    pub(in crate::recipe) fn scatters(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<ScatterRecipe> {
         let Some(entry) = root.get("scatter") else { return Vec::new() };
-        let Value::List(list) = &entry.node.value else {
+        let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("scatter", &entry.node, "a list: write [[scatter]]"));
             return Vec::new();
         };
@@ -40,9 +85,15 @@ impl Resolver<'_> {
         list.iter().enumerate().filter_map(|(i, node)| self.scatter(i, node, root, plants)).collect()
     }
 
-    fn scatter(&mut self, i: usize, node: &Node, root: &Table, plants: &[PlantRecipe]) -> Option<ScatterRecipe> {
+    fn scatter(
+        &mut self,
+        i: usize,
+        node: &TomlNode,
+        root: &TomlTable,
+        plants: &[PlantRecipe],
+    ) -> Option<ScatterRecipe> {
         let path = format!("scatter.{i}");
-        let Value::Table(table) = &node.value else {
+        let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
@@ -68,7 +119,7 @@ impl Resolver<'_> {
     }
 
     /// S004 if the second of a pair is smaller than the first.
-    pub(super) fn in_order(&mut self, table: &Table, (path, name): (&str, &str), [low, high]: [f64; 2]) {
+    pub(in crate::recipe) fn in_order(&mut self, table: &TomlTable, (path, name): (&str, &str), [low, high]: [f64; 2]) {
         if let Some(entry) = table.get(name).filter(|_| low > high) {
             let text = format!("{path}.{name} begins above its end");
             let d = Diagnostic::error("S004", text, entry.node.span, "the smaller number comes first");
@@ -77,7 +128,7 @@ impl Resolver<'_> {
     }
 
     /// S004 for a weight that is none.
-    pub(super) fn weight(&mut self, (path, name): (&str, &str), weight: f64, span: Span) {
+    pub(in crate::recipe) fn weight(&mut self, (path, name): (&str, &str), weight: f64, span: Span) {
         if !(0.0..=1e9).contains(&weight) {
             let text = format!("{path}.{name} is {weight}, but must be 0 to 1e9");
             self.report.push(Diagnostic::error("S004", text, span, "0 to 1e9").help("weights are shares"));
@@ -85,15 +136,15 @@ impl Resolver<'_> {
     }
 
     /// Plants (indices into the recipe's) with their weights. `path`, `span`: where they are named.
-    pub(super) fn weights(
+    pub(in crate::recipe) fn weights(
         &mut self,
         (path, span): (&str, Span),
         named: &[(String, f64)],
-        root: &Table,
+        root: &TomlTable,
         plants: &[PlantRecipe],
     ) -> Option<Vec<(usize, f64)>> {
         let declared: Vec<&str> = match root.get("plants").map(|e| &e.node.value) {
-            Some(Value::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
+            Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),
         };
         let mut out = Vec::new();
@@ -116,7 +167,7 @@ impl Resolver<'_> {
         Some(out)
     }
 
-    pub(super) fn grey(&mut self, file: &super::Found) -> Option<Grey> {
+    pub(in crate::recipe) fn grey(&mut self, file: &crate::recipe::ReferencedFile) -> Option<Grey> {
         let request = self.request;
         let options = osier_import::Options {
             roots: request.library.roots(),
@@ -126,6 +177,6 @@ impl Resolver<'_> {
             class: MaterialClass::Ground,
         };
         let grey = osier_import::grey(&file.path, &file.bytes, &options);
-        self.told(grey, file)
+        self.load_or_report(grey, file)
     }
 }

@@ -1,19 +1,139 @@
-//! Rods of a scene: how they hang together, where they are held, what acts on them.
+//! `[[rod]]`: elastic rods, their clamps and loads.
 
-use super::RodRecipe;
-use super::key::{Section as _, wrong};
-use super::resolve::Resolver;
-use super::rod_keys::{RodClamp, RodHold, RodIntegrator, RodKeys, RodLoad, RodLoadKind};
-use super::tree::{Node, Table, Value};
+use crate::recipe::RodRecipe;
+use crate::recipe::resolve::Resolver;
+use crate::recipe::syntax::{
+    BooleanType, ColorType, NumberArray, OneOf, OptionalKey, PointList, StringType, TimedRows, TomlNode, TomlTable,
+    TomlValue, integer, millimetres, number, wrong,
+};
+use crate::recipe::syntax::{KeyTable, word_of};
+use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::{Diagnostic, Span, nearest};
 use osier_base::files::Names;
 use osier_base::math;
 
+choices! {
+    /// How rods are stepped through time.
+    RodIntegrator {
+        /// All springs solved together, second order in time: stable and true at any stiffness.
+        Xpbd = "xpbd",
+        /// Springs one by one, once a step: for soft ropes; what is stiff hangs limp.
+        XpbdGs = "xpbd_gs",
+        /// Small steps, springs as forces: the reference, slow for stiff rods.
+        EulerSymplectic = "euler_symplectic",
+        /// As the paper by Yang and Wu has it: needs damping and tiny steps.
+        EulerExplicit = "euler_explicit",
+    }
+    /// What weight does to the shape that the points draw.
+    RodGravity {
+        /// The rod is drawn as it hangs: its shape without weight is found first.
+        Posed = "posed",
+        /// The rod's own weight is left out.
+        Compensated = "compensated",
+        /// The rod is drawn as it would be without weight, and droops.
+        Droop = "droop",
+    }
+    /// How a place of a rod is held.
+    RodHold {
+        /// It neither moves nor turns.
+        Fixed = "fixed",
+        /// It turns about where it is.
+        Pinned = "pinned",
+        /// It turns, and slides along a line.
+        Guided = "guided",
+    }
+    /// What acts on a place of a rod.
+    RodLoadKind {
+        /// A force: keys of [s, x, y, z], N.
+        Force = "force",
+        /// A force and a torque: keys of [s, x, y, z, x, y, z], N and N m.
+        Wrench = "wrench",
+        /// A weight that rides on it: keys of [s, kg]; where it becomes 0 it is let go.
+        Mass = "mass",
+        /// Blows: each key is one, [s, x, y, z], N s.
+        Blow = "blow",
+    }
+}
+
+keys! {
+    /// A rod that bends, twists and swings: a pole, a twig, a stalk. Its base is fixed if no `[[rod.clamp]]` says otherwise.
+    RodKeys at "rod" with ["clamp", "load"] {
+        /// Its name; others stand on it by it.
+        name: String = "name" StringType("");
+        /// From base to tip; a smooth curve goes through them.
+        points: Vec<[f64; 3]> = "points" PointList;
+        /// Radius at its base and at its tip.
+        radius: [f64; 2] = "radius_mm" NumberArray([3.0, 2.0], millimetres(3.0, 0.05, 2000.0));
+        /// Rod in which its base is fixed.
+        on: String = "on" StringType("");
+        /// Where on that, 0 at its base to 1 at its tip.
+        on_at: f64 = "on_at" number(1.0, 0.0, 1.0, "");
+        /// Young's modulus.
+        young: f64 = "E_GPa" number(5.0, 1e-5, 1000.0, "GPa");
+        /// Stiffness against bending at its base, instead of the modulus.
+        bending: Option<f64> = "EI" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from E_GPa and radius");
+        /// Shear modulus over Young's.
+        shear: f64 = "shear_ratio" number(1.0 / 15.0, 0.02, 0.5, "");
+        /// Stiffness against twisting at its base, instead of the shear modulus.
+        torsion: Option<f64> = "GJ" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from shear_ratio");
+        /// Density.
+        density: f64 = "density" number(900.0, 1.0, 20_000.0, "kg/m^3");
+        /// Damping of its slowest swing, as a share of critical.
+        zeta: f64 = "zeta" number(0.2, 0.0, 1.0, "");
+        /// Strength of the springs back to where it was drawn.
+        recovery: f64 = "recovery" number(0.25, 0.0, 4.0, "");
+        /// Divides its stiffness, for looks.
+        gain: f64 = "gain" number(1.0, 1.0, 20.0, "");
+        /// Drag of the wind on it; 0 for none.
+        drag: f64 = "drag" number(1.1, 0.0, 3.0, "");
+        /// Cross-sections that it is made of.
+        sections: Option<u32> = "sections" OptionalKey(integer(9, 2, 64), "an interval of 3 radii, 5 to 16");
+        /// How it is stepped through time; that of the lowest rod counts.
+        integrator: RodIntegrator = "integrator" OneOf(RodIntegrator::Xpbd);
+        /// Steps a frame; those of the lowest rod count.
+        substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 200_000), "8 to 64, by its slowest swing");
+        /// What weight does to its shape; that of the lowest rod counts.
+        gravity: RodGravity = "gravity" OneOf(RodGravity::Posed);
+        /// Velocity of its tip at the start, falling to none at its base.
+        launch: [f64; 3] = "launch" NumberArray([0.0; 3], number(0.0, -1000.0, 1000.0, "m/s"));
+        /// Its colour.
+        color: [f32; 3] = "color" ColorType("#8a6f4d");
+    }
+    /// Where a rod is held.
+    RodClampKeys at "rod.clamp" {
+        /// Where, 0 at its base to 1 at its tip.
+        at: f64 = "at" number(0.0, 0.0, 1.0, "");
+        /// How.
+        hold: RodHold = "hold" OneOf(RodHold::Fixed);
+        /// With "guided": the line's direction.
+        line: [f64; 3] = "line" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
+        /// How the held place is moved: keys of [s, x, y, z], m from where it is drawn.
+        keys: Vec<Vec<f64>> = "keys" TimedRows;
+        /// With "fixed": axis about which it is turned.
+        axis: [f64; 3] = "axis" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
+        /// With "fixed": how far it is turned: keys of [s, degrees].
+        turns: Vec<Vec<f64>> = "turn_keys" TimedRows;
+    }
+    /// What acts on a rod.
+    RodLoadKeys at "rod.load" {
+        /// Where, 0 at its base to 1 at its tip.
+        at: f64 = "at" number(1.0, 0.0, 1.0, "");
+        /// What.
+        kind: RodLoadKind = "kind" OneOf(RodLoadKind::Force);
+        /// When and how much, linear between keys, as the first before them and as the last after them.
+        keys: Vec<Vec<f64>> = "keys" TimedRows;
+        /// With "mass": whether it is seen, as a ball as heavy as water.
+        show: bool = "show" BooleanType(true);
+        /// With "mass": its colour.
+        color: [f32; 3] = "color" ColorType("#a83a2c");
+    }
+}
+
 impl Resolver<'_> {
     /// All rods of a scene, each after the one that it stands on.
-    pub(super) fn rods(&mut self, root: &Table) -> Vec<RodRecipe> {
+    pub(in crate::recipe) fn rods(&mut self, root: &TomlTable) -> Vec<RodRecipe> {
         let Some(entry) = root.get("rod") else { return Vec::new() };
-        let Value::List(list) = &entry.node.value else {
+        let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong("rod", &entry.node, "a list: write [[rod]]"));
             return Vec::new();
         };
@@ -32,9 +152,9 @@ impl Resolver<'_> {
         rods
     }
 
-    fn rod(&mut self, (i, node): (usize, &Node), names: &mut Names, before: &[RodRecipe]) -> Option<RodRecipe> {
+    fn rod(&mut self, (i, node): (usize, &TomlNode), names: &mut Names, before: &[RodRecipe]) -> Option<RodRecipe> {
         let path = format!("rod.{i}");
-        let Value::Table(table) = &node.value else {
+        let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));
             return None;
         };
@@ -75,7 +195,7 @@ impl Resolver<'_> {
         found
     }
 
-    fn check_rod(&mut self, keys: &RodKeys, (table, span): (&Table, Span), carried: bool) {
+    fn check_rod(&mut self, keys: &RodKeys, (table, span): (&TomlTable, Span), carried: bool) {
         let of = |name: &str| table.get(name).map_or(span, |e| e.node.span);
         for name in ["integrator", "substeps", "gravity"].into_iter().filter(|_| carried) {
             if let Some(entry) = table.get(name) {
@@ -108,13 +228,13 @@ impl Resolver<'_> {
     /// A list of tables below a rod.
     fn parts<T>(
         &mut self,
-        table: &Table,
+        table: &TomlTable,
         path: &str,
         name: &str,
-        read: impl Fn(&mut Self, &Table, &str) -> Option<T>,
+        read: impl Fn(&mut Self, &TomlTable, &str) -> Option<T>,
     ) -> Option<Vec<T>> {
         let Some(entry) = table.get(name) else { return Some(Vec::new()) };
-        let Value::List(list) = &entry.node.value else {
+        let TomlValue::List(list) = &entry.node.value else {
             self.report.push(*wrong(&format!("{path}.{name}"), &entry.node, &format!("a list: write [[rod.{name}]]")));
             return None;
         };
@@ -122,7 +242,7 @@ impl Resolver<'_> {
         for (i, node) in list.iter().enumerate() {
             let path = format!("{path}.{name}.{i}");
             let made = match &node.value {
-                Value::Table(t) => read(self, t, &path),
+                TomlValue::Table(t) => read(self, t, &path),
                 _ => {
                     self.report.push(*wrong(&path, node, "a table"));
                     None
@@ -136,14 +256,14 @@ impl Resolver<'_> {
         all
     }
 
-    fn rod_clamp(&mut self, table: &Table, path: &str) -> Option<RodClamp> {
-        let keys = RodClamp::read(Some(table), path, &mut self.report);
+    fn rod_clamp(&mut self, table: &TomlTable, path: &str) -> Option<RodClampKeys> {
+        let keys = RodClampKeys::read(Some(table), path, &mut self.report);
         let good = self.rod_times(table, (path, "keys"), &keys.keys, 4)
             & self.rod_times(table, (path, "turn_keys"), &keys.turns, 2);
         let only = [("turn_keys", RodHold::Fixed), ("axis", RodHold::Fixed), ("line", RodHold::Guided)];
         for (name, hold) in only {
             if let Some(entry) = table.get(name).filter(|_| keys.hold != hold) {
-                let word = super::word_of(hold);
+                let word = word_of(hold);
                 let d = Diagnostic::warning(
                     "S007",
                     format!("{path}.{name} belongs to hold = \"{word}\""),
@@ -164,8 +284,8 @@ impl Resolver<'_> {
         good.then_some(keys)
     }
 
-    fn rod_load(&mut self, table: &Table, path: &str) -> Option<RodLoad> {
-        let keys = RodLoad::read(Some(table), path, &mut self.report);
+    fn rod_load(&mut self, table: &TomlTable, path: &str) -> Option<RodLoadKeys> {
+        let keys = RodLoadKeys::read(Some(table), path, &mut self.report);
         let count = match keys.kind {
             RodLoadKind::Force | RodLoadKind::Blow => 4,
             RodLoadKind::Wrench => 7,
@@ -188,7 +308,7 @@ impl Resolver<'_> {
     }
 
     /// Whether keys have as many numbers as they need and rise in time; told if not.
-    fn rod_times(&mut self, table: &Table, (path, name): (&str, &str), keys: &[Vec<f64>], count: usize) -> bool {
+    fn rod_times(&mut self, table: &TomlTable, (path, name): (&str, &str), keys: &[Vec<f64>], count: usize) -> bool {
         let span = table.get(name).map_or(self.whole, |e| e.node.span);
         if let Some(key) = keys.iter().find(|k| k.len() != count) {
             let text = format!("a key of {path}.{name} has {} numbers, but must have {count}", key.len());

@@ -1,14 +1,14 @@
-//! Plants of a scene: what grows them, what they wear, what they are made of.
+//! `[plants.NAME]`: what grows a plant and what it looks like.
 
-use std::collections::BTreeMap;
-use std::sync::Arc;
-
-use super::cloud_keys::{Radii, TreeKeys};
-use super::key::{Section, join, wrong};
-use super::resolve::{Resolver, span_of};
-use super::sections::{BarkKeys, BarkKind, ImportKeys, OrganKeys, PlantKeys, SkinKeys, TurtleKeys, Up};
-use super::tree::{Table, Value};
-use super::{CARD, Digest as _, Found, Growth, OrganRecipe, PlantRecipe};
+use super::{BarkKeys, BarkKind, BranchRadii, IfsTreeKeys, ImportedMeshKeys, OrganKeys, SkinKeys, TurtleKeys, UpAxis};
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::{
+    BooleanType, FileReference, NamedNumbers, OneOf, OptionalKey, Reference, SeedType, TomlTable, TomlValue, integer,
+    join, wrong,
+};
+use crate::recipe::syntax::{Digest as _, KeyTable};
+use crate::recipe::syntax::{choices, keys};
+use crate::recipe::{CARD, Growth, OrganRecipe, PlantRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use osier_base::files::Names;
@@ -17,6 +17,50 @@ use osier_ifs::stems::{Stems, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
 use osier_scene::MaterialClass;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+choices! {
+    /// How a plant's bark moves.
+    BarkMotion {
+        /// Joints and weights: small files, plays everywhere.
+        Skin = "skin",
+        /// Points of every frame: exact, large files; a skin beside it for formats without caches.
+        Cache = "cache",
+        /// At most 64 joints, leaves merged with the wood's joints; their flutter and all sway also as attributes for shaders.
+        Game = "game",
+        /// Nothing but attributes for shaders.
+        Static = "static",
+        /// Not at all.
+        Still = "still",
+    }
+}
+
+keys! {
+    /// One kind of plant; NAME is yours.
+    PlantKeys at "plants.NAME" with ["turtle", "tree", "leaf", "import", "organs", "bark", "shoot", "skin", "wood", "rods"] {
+        /// The grammar that grows it.
+        grammar: Option<Reference> = "grammar" FileReference(".l");
+        /// The coefficient table of a tree, instead of a grammar.
+        ifs: Option<Reference> = "ifs" FileReference(".ifs, .ifs.toml");
+        /// A mesh of a whole plant, instead of a grammar: it gets a skeleton and sways as it is.
+        mesh: Option<Reference> = "mesh" FileReference(".obj, .glb, .gltf");
+        /// Derivation length.
+        steps: Option<u32> = "steps" OptionalKey(integer(1, 0, 1_000_000), "the grammar's");
+        /// Values for the grammar's #defines.
+        set: Vec<(String, f64)> = "set" NamedNumbers;
+        /// Added to the scene's seed for this plant.
+        seed: u64 = "seed" SeedType(0);
+        /// Whether weights of productions count.
+        stochastic: Option<bool> = "stochastic" OptionalKey(BooleanType(true), "true if the grammar has a Seed");
+        /// How the bark moves.
+        motion: BarkMotion = "motion" OneOf(BarkMotion::Skin);
+        /// Most joints of its skeleton.
+        max_joints: u32 = "max_joints" integer(256, 1, 300);
+        /// Most branches that bend by themselves with `motion = "cache"`.
+        max_branches: u32 = "max_branches" integer(2000, 1, 100_000);
+    }
+}
 
 /// Keys and tables that say how a plant grows or what it wears.
 const GROWN: &[&str] =
@@ -28,9 +72,8 @@ pub fn words(pattern: &str) -> Vec<String> {
 }
 
 /// Hairs have no roots: they neither widen at their foot nor reach into the ground, unless the scene says so.
-fn tuft_defaults(plant: &Table, skin: &mut SkinKeys) {
-    let given =
-        |key: &str| matches!(plant.get("skin").map(|e| &e.node.value), Some(Value::Table(t)) if t.get(key).is_some());
+fn tuft_defaults(plant: &TomlTable, skin: &mut SkinKeys) {
+    let given = |key: &str| matches!(plant.get("skin").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
     for (key, value) in [("bury", &mut skin.bury), ("flare", &mut skin.flare)] {
         if !given(key) {
             *value = 0.0;
@@ -57,7 +100,7 @@ fn share_leaves(plants: &mut [PlantRecipe]) {
 }
 
 impl Resolver<'_> {
-    pub(super) fn plants(&mut self, root: &Table, names: &mut Names) -> Vec<PlantRecipe> {
+    pub(in crate::recipe) fn plants(&mut self, root: &TomlTable, names: &mut Names) -> Vec<PlantRecipe> {
         let Some(table) = self.table(root, "", "plants") else {
             if !self.report.has_errors()
                 && ["clouds", "terrain", "layer", "catkin", "rod"].iter().all(|t| root.get(t).is_none())
@@ -70,7 +113,7 @@ impl Resolver<'_> {
         };
         let mut plants = Vec::new();
         for entry in &table.entries {
-            let Value::Table(plant) = &entry.node.value else {
+            let TomlValue::Table(plant) = &entry.node.value else {
                 self.report.push(*wrong(&format!("plants.{}", entry.key), &entry.node, "a table"));
                 continue;
             };
@@ -81,7 +124,7 @@ impl Resolver<'_> {
         plants
     }
 
-    fn plant(&mut self, name: &str, id: String, span: Span, table: &Table) -> Option<PlantRecipe> {
+    fn plant(&mut self, name: &str, id: String, span: Span, table: &TomlTable) -> Option<PlantRecipe> {
         let path = format!("plants.{name}");
         let told = self.report.diagnostics.len();
         let mut keys = PlantKeys::read(Some(table), &path, &mut self.report);
@@ -118,7 +161,7 @@ impl Resolver<'_> {
                 (Growth::Grammar(Box::new(grammar)), file.shown, letters)
             }
             (None, Some(reference)) => {
-                let mut tree: TreeKeys = self.section_at(table, &path, "tree");
+                let mut tree: IfsTreeKeys = self.section_at(table, &path, "tree");
                 let (stems, source, sets) = self.stems(reference, &tree)?;
                 tree.twigs &= self.copies((table, &path), (&stems, &tree), rods.is_some());
                 organs.retain(|o| sets.iter().all(|s| s.letter != o.letter));
@@ -168,13 +211,13 @@ impl Resolver<'_> {
     }
 
     /// Whether the ends of a table's tree may be copies; S007 where they are asked for in vain.
-    fn copies(&mut self, (plant, path): (&Table, &str), (stems, tree): (&Stems, &TreeKeys), rods: bool) -> bool {
+    fn copies(&mut self, (plant, path): (&TomlTable, &str), (stems, tree): (&Stems, &IfsTreeKeys), rods: bool) -> bool {
         let sheared = sheared(stems);
         let why = match sheared {
             _ if rods => "they bend as rods, each in its own way".to_owned(),
             _ if tree.lod > 0 => "cards stand there at this lod".to_owned(),
             _ if self.raining => "rain falls on each leaf".to_owned(),
-            _ if tree.radii == Radii::Pipe => "radii = \"pipe\" asks for every tip".to_owned(),
+            _ if tree.radii == BranchRadii::Pipe => "radii = \"pipe\" asks for every tip".to_owned(),
             Some(i) => format!("map {} does more than turn and scale", i + 1),
             None => return true,
         };
@@ -187,14 +230,19 @@ impl Resolver<'_> {
     }
 
     /// Reads the mesh of a whole plant: its name for people, and what it holds.
-    fn modelled(&mut self, keys: &PlantKeys, path: &str, table: &Table) -> Option<((String, Imported), ImportKeys)> {
+    fn modelled(
+        &mut self,
+        keys: &PlantKeys,
+        path: &str,
+        table: &TomlTable,
+    ) -> Option<((String, Imported), ImportedMeshKeys)> {
         for entry in table.entries.iter().filter(|e| GROWN.contains(&e.key.as_str())) {
             let text = format!("{path}.{} has no effect on a mesh", entry.key);
             let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
             self.report
                 .push(d.help("a mesh keeps its own shape, leaves and materials; how it is read stands in import"));
         }
-        let import: ImportKeys = self.section_at(table, path, "import");
+        let import: ImportedMeshKeys = self.section_at(table, path, "import");
         if words(&import.leaf_pattern).is_empty() {
             let span = span_of(table, &["import", "leaf_pattern"]).unwrap_or(self.whole);
             let text = format!("{path}.import.leaf_pattern names no word");
@@ -221,8 +269,8 @@ impl Resolver<'_> {
     }
 
     /// Thin axes are smooth and greenish unless the scene says otherwise.
-    fn shoot_defaults(&self, plant: &Table, shoot: &mut BarkKeys) {
-        let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(Value::Table(t)) if t.get(key).is_some());
+    fn shoot_defaults(&self, plant: &TomlTable, shoot: &mut BarkKeys) {
+        let given = |key: &str| matches!(plant.get("shoot").map(|e| &e.node.value), Some(TomlValue::Table(t)) if t.get(key).is_some());
         if !given("kind") {
             shoot.kind = BarkKind::Shoot;
         }
@@ -231,7 +279,7 @@ impl Resolver<'_> {
         }
     }
 
-    fn organs(&mut self, plant: &Table, path: &str) -> Vec<OrganRecipe> {
+    fn organs(&mut self, plant: &TomlTable, path: &str) -> Vec<OrganRecipe> {
         let mut organs = Vec::new();
         if let Some(table) = self.table(plant, path, "leaf") {
             organs.extend(self.organ('l', &join(path, "leaf"), table));
@@ -241,8 +289,8 @@ impl Resolver<'_> {
                 let full = format!("{path}.organs.{}", e.key);
                 let mut letters = e.key.chars();
                 match (&e.node.value, letters.next(), letters.next()) {
-                    (Value::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
-                    (Value::Table(_), ..) => {
+                    (TomlValue::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
+                    (TomlValue::Table(_), ..) => {
                         let d = Diagnostic::error("S003", format!("organ \"{}\" is no letter", e.key), e.key_span, "");
                         self.report.push(d.help("organs are named by the one letter that follows '~' in the grammar"));
                     }
@@ -253,7 +301,7 @@ impl Resolver<'_> {
         organs
     }
 
-    fn organ(&mut self, letter: char, path: &str, table: &Table) -> Option<OrganRecipe> {
+    fn organ(&mut self, letter: char, path: &str, table: &TomlTable) -> Option<OrganRecipe> {
         let keys = OrganKeys::read(Some(table), path, &mut self.report);
         let mesh = match &keys.mesh {
             Some(r) => {
@@ -271,7 +319,7 @@ impl Resolver<'_> {
     }
 
     /// Parses a grammar; the files that it includes take part in the scene's hash.
-    fn grammar(&mut self, file: &Found, keys: &PlantKeys) -> Option<Grammar> {
+    fn grammar(&mut self, file: &ReferencedFile, keys: &PlantKeys) -> Option<Grammar> {
         let library = &self.request.library;
         let limit = self.request.limits.get("text-bytes");
         let mut paths = BTreeMap::from([(file.shown.clone(), file.path.clone())]);
@@ -291,7 +339,7 @@ impl Resolver<'_> {
             osier_grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
         let mut sources = Sources::default();
         let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);
-        let (grammar, diagnostics) = self.told(parsed, file)?;
+        let (grammar, diagnostics) = self.load_or_report(parsed, file)?;
         self.report.extend(Report { sources, diagnostics });
         self.unused(&grammar, keys);
         Some(grammar)
@@ -312,10 +360,10 @@ impl Resolver<'_> {
     }
 
     /// Reads an artist's mesh; the files that it names take part in the scene's hash.
-    pub(super) fn import(
+    pub(in crate::recipe) fn import(
         &mut self,
-        file: &Found,
-        (up, scale, class): (Up, f64, MaterialClass),
+        file: &ReferencedFile,
+        (up, scale, class): (UpAxis, f64, MaterialClass),
         span: Span,
     ) -> Option<Imported> {
         match self.imported(file, (up, scale, class)) {
@@ -332,16 +380,16 @@ impl Resolver<'_> {
     }
 
     /// As [`Resolver::import`], with the faults left to the caller.
-    pub(super) fn imported(
+    pub(in crate::recipe) fn imported(
         &mut self,
-        file: &Found,
-        (up, scale, class): (Up, f64, MaterialClass),
+        file: &ReferencedFile,
+        (up, scale, class): (UpAxis, f64, MaterialClass),
     ) -> osier_base::Result<Imported> {
         let request = self.request;
         let options = osier_import::Options {
             roots: request.library.roots(),
             limits: &request.limits,
-            up: if up == Up::Z { osier_import::Up::Z } else { osier_import::Up::Y },
+            up: if up == UpAxis::Z { osier_import::Up::Z } else { osier_import::Up::Y },
             scale: osier_base::math::narrow(scale),
             class,
         };

@@ -1,13 +1,14 @@
-//! Coefficient tables that a scene names.
+//! `[clouds.NAME]`: attractors of coefficient tables, as points.
 
-use std::sync::Arc;
-
-use super::cloud_keys::{CloudKeys, TreeKeys, WeightsFrom};
-use super::key::{Section, wrong};
-use super::kinds::Reference;
-use super::resolve::Resolver;
-use super::tree::{Table, Value};
-use super::{CloudRecipe, Found, OrganRecipe, condensed};
+use super::IfsTreeKeys;
+use crate::recipe::resolve::Resolver;
+use crate::recipe::syntax::KeyTable;
+use crate::recipe::syntax::{
+    ColorList, FileReference, OneOf, OptionalKey, Reference, StringType, TomlTable, TomlValue, degrees, integer,
+    millimetres, number, point, wrong,
+};
+use crate::recipe::syntax::{choices, keys};
+use crate::recipe::{AttractorRecipe, OrganRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Span};
 use osier_base::files::Names;
@@ -17,6 +18,79 @@ use osier_ifs::stems::{Stems, is_tree, stems};
 use osier_ifs::weights::Rule;
 use osier_ifs::{Ifs, read};
 use osier_import::Imported;
+use std::sync::Arc;
+
+choices! {
+    /// What the colour of a point stands for.
+    ColorBy {
+        /// The map that made it.
+        Map = "map",
+        /// The last maps that made it.
+        Word = "word",
+        /// Its place in the palette.
+        Palette = "palette",
+        /// Steps since the start or the last jump.
+        Depth = "depth",
+        /// Branchings since the last stem, along the palette: trunk, branches, twigs.
+        Order = "order",
+        /// One colour; pictures show density alone.
+        Density = "density",
+    }
+    /// Where the probabilities of maps come from.
+    WeightsFrom {
+        /// The file's column, running sums taken apart.
+        File = "file",
+        /// The file's column as it is.
+        FileRaw = "file-raw",
+        /// The maps' areas.
+        Det = "det",
+        /// The maps' shares of the similarity dimension.
+        Moran = "moran",
+        /// All the same.
+        Equal = "equal",
+        /// As Fractint draws.
+        Fractint = "fractint",
+    }
+    /// What of an attractor stands where the scene puts it.
+    AttractorOrigin {
+        /// The middle of the underside of its box.
+        Box = "box",
+        /// The origin of its table.
+        Origin = "origin",
+    }
+}
+
+keys! {
+    /// The points of an attractor; NAME is yours.
+    AttractorKeys at "clouds.NAME" with ["morph"] {
+        /// The coefficient table that makes it.
+        ifs: Option<Reference> = "ifs" FileReference(".ifs, .flame, .ifs.toml");
+        /// Which system of the table; the first without a name.
+        system: String = "system" StringType("");
+        /// Where the probabilities of maps come from.
+        weights: Option<WeightsFrom> = "weights" OptionalKey(OneOf(WeightsFrom::File), "the file's");
+        /// Number of points.
+        points: u32 = "points" integer(1_000_000, 1, 1_000_000_000);
+        /// What the colour of a point stands for.
+        color_by: ColorBy = "color_by" OneOf(ColorBy::Map);
+        /// Maps that count for the colour by word.
+        prefix: u32 = "prefix" integer(2, 1, 4);
+        /// Colours by map, or along the palette.
+        colors: Vec<[f32; 3]> = "colors" ColorList;
+        /// Height of the attractor; without it a unit of the table is a metre.
+        height: Option<f64> = "height" OptionalKey(number(1.0, 1e-4, 1e5, "m"), "1 m per unit");
+        /// Diameter of a point.
+        point: Option<f64> = "point_mm" OptionalKey(millimetres(2.0, 1e-4, 1e5), "the size over 800");
+        /// One point per cube of this size, the first that falls in; 0 keeps all.
+        voxel: f64 = "voxel_mm" millimetres(0.0, 0.0, 1e6);
+        /// Where its foot stands.
+        at: [f64; 3] = "at" point([0.0; 3]);
+        /// What of it stands there.
+        foot: AttractorOrigin = "foot" OneOf(AttractorOrigin::Box);
+        /// Turn about the vertical.
+        turn: f64 = "turn_deg" degrees(0.0, -360.0, 360.0);
+    }
+}
 
 /// Endings of coefficient tables.
 pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];
@@ -25,7 +99,7 @@ pub(super) const ENDINGS: &[&str] = &[".ifs", ".flame", ".toml", ".xml"];
 pub(super) const POINT: u64 = 40;
 
 /// A system with all that its file names.
-pub(super) struct Read {
+pub(in crate::recipe) struct SystemFile {
     pub system: Ifs,
     /// Holds the texts that its spans point into.
     pub report: Report,
@@ -35,11 +109,11 @@ pub(super) struct Read {
 
 impl Resolver<'_> {
     /// All clouds of a scene; `names`: those already taken by plants.
-    pub(super) fn clouds(&mut self, root: &Table, names: &mut Names) -> Vec<CloudRecipe> {
+    pub(in crate::recipe) fn clouds(&mut self, root: &TomlTable, names: &mut Names) -> Vec<AttractorRecipe> {
         let Some(table) = self.table(root, "", "clouds") else { return Vec::new() };
         let mut clouds = Vec::new();
         for entry in &table.entries {
-            let Value::Table(cloud) = &entry.node.value else {
+            let TomlValue::Table(cloud) = &entry.node.value else {
                 self.report.push(*wrong(&format!("clouds.{}", entry.key), &entry.node, "a table"));
                 continue;
             };
@@ -49,10 +123,10 @@ impl Resolver<'_> {
         clouds
     }
 
-    fn cloud(&mut self, name: &str, id: String, span: Span, table: &Table) -> Option<CloudRecipe> {
+    fn cloud(&mut self, name: &str, id: String, span: Span, table: &TomlTable) -> Option<AttractorRecipe> {
         let path = format!("clouds.{name}");
         let told = self.report.diagnostics.len();
-        let keys = CloudKeys::read(Some(table), &path, &mut self.report);
+        let keys = AttractorKeys::read(Some(table), &path, &mut self.report);
         if keys.ifs.is_none() && self.report.diagnostics.len() > told {
             return None;
         }
@@ -65,12 +139,12 @@ impl Resolver<'_> {
     }
 
     /// Reads and studies the table that keys name. `name`, `path`, `id`: of the cloud or layer.
-    pub(super) fn attractor(
+    pub(in crate::recipe) fn attractor(
         &mut self,
         (name, path, id): (&str, &str, String),
         span: Span,
-        keys: CloudKeys,
-    ) -> Option<CloudRecipe> {
+        keys: AttractorKeys,
+    ) -> Option<AttractorRecipe> {
         self.limit("points", u64::from(keys.points), Some(span));
         self.memory(&format!("{path}.points"), u64::from(keys.points), POINT, Some(span));
         let Some(reference) = &keys.ifs else {
@@ -79,7 +153,7 @@ impl Resolver<'_> {
             return None;
         };
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let Read { system, report, .. } = self.system(&file, &keys.system)?;
+        let SystemFile { system, report, .. } = self.system(&file, &keys.system)?;
         if self.request.thorough && self.request.bare.is_some() && keys.system.is_empty() {
             self.others(&file, &system);
         }
@@ -88,7 +162,7 @@ impl Resolver<'_> {
         match extent(&system, &study) {
             Ok(extent) => {
                 let source = file.shown;
-                Some(CloudRecipe { name: name.into(), id, source, system, rule, study, extent, keys, morph: None })
+                Some(AttractorRecipe { name: name.into(), id, source, system, rule, study, extent, keys, morph: None })
             }
             Err(escaped) => {
                 self.report.extend(Report { sources: report.sources, diagnostics: vec![*escaped] });
@@ -98,9 +172,9 @@ impl Resolver<'_> {
     }
 
     /// Reads the table of a leaf or a bark; `what` it is for, for people.
-    pub(super) fn plane_table(&mut self, reference: &Reference, name: &str, what: &str) -> Option<Ifs> {
+    pub(in crate::recipe) fn plane_table(&mut self, reference: &Reference, name: &str, what: &str) -> Option<Ifs> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
-        let Read { system, report: sources, .. } = self.system(&file, name)?;
+        let SystemFile { system, report: sources, .. } = self.system(&file, name)?;
         if system.dim != 2 {
             let text = format!("\"{}\" lies in space; {what} by a table of the plane", system.name);
             self.report
@@ -112,7 +186,7 @@ impl Resolver<'_> {
     }
 
     /// What is odd about the other systems of a file.
-    fn others(&mut self, file: &Found, drawn: &Ifs) {
+    fn others(&mut self, file: &ReferencedFile, drawn: &Ifs) {
         let Ok((mut systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
         for system in systems.iter_mut().filter(|s| s.name != drawn.name) {
             if self.meshes(system, file, &sources).is_some()
@@ -125,10 +199,10 @@ impl Resolver<'_> {
     }
 
     /// Reads the table of a tree: it, its name for people, and the meshes that stand on its words.
-    pub(super) fn stems(
+    pub(in crate::recipe) fn stems(
         &mut self,
         reference: &Reference,
-        keys: &TreeKeys,
+        keys: &IfsTreeKeys,
     ) -> Option<(Stems, String, Vec<OrganRecipe>)> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
         let read = self.system(&file, &keys.system)?;
@@ -141,7 +215,7 @@ impl Resolver<'_> {
             return None;
         }
         match stems(system) {
-            Ok(stems) => Some((stems, file.shown, condensed::organs(&read))),
+            Ok(stems) => Some((stems, file.shown, super::condensation::organs(&read))),
             Err(fault) => {
                 self.report.extend(Report { sources: read.report.sources, diagnostics: vec![*fault] });
                 None
@@ -150,21 +224,21 @@ impl Resolver<'_> {
     }
 
     /// Reads a file and picks a system (the first for an empty name).
-    pub(super) fn system(&mut self, file: &Found, name: &str) -> Option<Read> {
+    pub(in crate::recipe) fn system(&mut self, file: &ReferencedFile, name: &str) -> Option<SystemFile> {
         let wanted = Some(name).filter(|n| !n.is_empty());
         let found = read::read(&file.shown, &file.bytes, &self.request.limits);
         let picked = found.and_then(|(systems, report)| {
             let system = read::pick(&systems, wanted, &file.shown)?.clone();
             Ok((system, report))
         });
-        let (mut system, report) = self.told(picked, file)?;
+        let (mut system, report) = self.load_or_report(picked, file)?;
         self.report.extend(report.clone());
         let meshes = self.meshes(&mut system, file, &report)?;
-        Some(Read { system, report, meshes })
+        Some(SystemFile { system, report, meshes })
     }
 
     /// Studies a system and tells what is odd; `None` if it has no attractor.
-    pub(super) fn study(&mut self, system: &Ifs, rule: Rule, sources: &Report) -> Option<Study> {
+    pub(in crate::recipe) fn study(&mut self, system: &Ifs, rule: Rule, sources: &Report) -> Option<Study> {
         match dynamics::study(system, rule).into_result(sources) {
             Ok((study, told)) => {
                 self.report.extend(told);

@@ -1,0 +1,302 @@
+//! `[flight]`: catkins in flight.
+
+use super::{SolidKeys, SolidShape, UpAxis};
+use crate::recipe::resolve::{Resolver, span_of};
+use crate::recipe::syntax::{
+    BooleanType, FileReference, NamedNumbers, NumberArray, OneOf, OptionalKey, Reference, TomlNode, TomlTable,
+    TomlValue, integer, number, wrong,
+};
+use crate::recipe::syntax::{KeyTable, word_of};
+use crate::recipe::syntax::{choices, keys};
+use crate::recipe::{FlightRecipe, PlantRecipe, SolidRecipe};
+use osier_base::diagnostic::{Diagnostic, Span};
+use osier_base::files::Names;
+use osier_scene::MaterialClass;
+use std::sync::Arc;
+
+choices! {
+    /// Where catkins start.
+    FlightRelease {
+        /// All over the sky, all at once.
+        Sky = "sky",
+        /// All over the sky, one after another.
+        Rain = "rain",
+        /// From the twigs of plants, torn off by gusts.
+        Canopy = "canopy",
+        /// At places of a file.
+        Points = "points",
+    }
+    /// What becomes of one that leaves the box of air.
+    FlightBoundary {
+        /// It is gone.
+        Exit = "exit",
+        /// It comes back where the wind enters.
+        Recycle = "recycle",
+        /// It comes in at the other side.
+        Periodic = "periodic",
+    }
+    /// Sets of defaults.
+    FlightPreset {
+        /// With masses, lag, glide and turning clusters.
+        Full = "full",
+        /// As the paper by Wang and others has it: carried by the wind and falling.
+        Paper = "paper",
+    }
+    /// What a map of deposits counts.
+    DepositQuantity {
+        /// Catkins.
+        Count = "count",
+        /// Their mass, mg.
+        Mass = "mass",
+    }
+}
+
+keys! {
+    /// Catkins that fly: how many, where from, how they move, stick, and come to rest. What they look like stands in
+    /// `[catkin]`, the wind in `[wind]`.
+    FlightKeys at "flight" {
+        /// How many.
+        count: u32 = "count" integer(1000, 1, 100_000_000);
+        /// Where defaults come from.
+        preset: FlightPreset = "preset" OneOf(FlightPreset::Full);
+        /// Where they start.
+        release: FlightRelease = "release" OneOf(FlightRelease::Sky);
+        /// With "rain": they start within so much time.
+        duration: f64 = "duration" number(10.0, 0.0, 86_400.0, "s");
+        /// With "sky" and "rain": part of the height that they start in.
+        band: [f64; 2] = "band" NumberArray([0.3, 0.95], number(0.0, 0.0, 1.0, ""));
+        /// With "canopy": plants with their weights, as in { poplar = 1 }; without it all plants.
+        canopy: Vec<(String, f64)> = "canopy" NamedNumbers;
+        /// With "points": a text file with x, y, z in metres on each line.
+        points: Option<Reference> = "points" FileReference(".csv, .txt");
+        /// They have been flying for so long at the first frame.
+        preroll: f64 = "preroll" number(0.0, 0.0, 3600.0, "s");
+        /// Box of air around the origin: width, height, depth. A lattice wind brings its own.
+        size: [f64; 3] = "size" NumberArray([35.0, 35.0, 35.0], number(35.0, 0.5, 1e4, "m"));
+        /// What becomes of those that leave it.
+        sides: Option<FlightBoundary> = "sides" OptionalKey(OneOf(FlightBoundary::Recycle), "recycle from the sky, exit else");
+        /// Smallest and largest factor on a catkin's size.
+        scale: [f64; 2] = "scale" NumberArray([0.8, 1.2], number(1.0, 0.05, 20.0, ""));
+        /// Weights of the catkins' forms (v0 sleek to v4 fluffy and bent); without it all alike.
+        forms: Vec<(String, f64)> = "forms" NamedNumbers;
+        /// Mass of one.
+        mass: f64 = "mass_mg" number(1.0, 0.001, 1000.0, "mg");
+        /// Settling speed.
+        fall: f64 = "fall_speed" number(0.24, 0.02, 3.0, "m/s");
+        /// Its spread: standard deviation over the mean.
+        fall_spread: f64 = "fall_spread" number(0.125, 0.0, 0.4, "");
+        /// How far tilted ones glide.
+        glide: f64 = "glide" number(0.5, 0.0, 1.0, "");
+        /// Whether they lag behind changes of the wind.
+        inertia: bool = "inertia" BooleanType(true);
+        /// How much they tumble.
+        flutter: f64 = "flutter" number(1.0, 0.0, 3.0, "");
+        /// Reach of hairs and charge: those that come so near stick together; 0 for their own radius.
+        stick_radius: f64 = "stick_radius" number(0.2, 0.0, 1.0, "m");
+        /// Chance that they do.
+        stick_probability: f64 = "stick_probability" number(1.0, 0.0, 1.0, "");
+        /// How close they draw then, as a share of both radii.
+        stick_close: f64 = "stick_close" number(0.8, 0.2, 1.0, "");
+        /// Steps between two looks for contacts.
+        check_every: u32 = "check_every" integer(4, 1, 64);
+        /// Whether clusters turn in the air.
+        cluster_rotation: bool = "cluster_rotation" BooleanType(true);
+        /// Clusters of n sink n^beta times as fast.
+        beta: f64 = "cluster_fall_power" number(0.0, 0.0, 0.5, "");
+        /// How fast the attraction of heaps fades with distance; 4.605 ends it at 1 m.
+        gamma: f64 = "gamma" number(4.605, 0.1, 1e4, "1/m^2");
+        /// Steps a frame.
+        substeps: u32 = "substeps" integer(1, 1, 16);
+        /// How wet the ground is: 0 lets go at once, 1 never.
+        humidity: f64 = "humidity" number(0.3, 0.0, 1.0, "");
+        /// A picture of it over the box of air, its top at -z, white wet; instead of `humidity`.
+        humidity_map: Option<Reference> = "humidity_map" FileReference(".png, .jpg");
+        /// Wind at 0.1 m that takes a dry one up again.
+        lift_speed: f64 = "lift_speed" number(0.25, 0.01, 20.0, "m/s");
+        /// How much wet ground adds to it.
+        lift_wet: f64 = "lift_wet" number(3.0, 0.0, 100.0, "");
+        /// With "canopy": chance a second that one lets go where the air is twice as fast as `release_speed`.
+        release_rate: f64 = "release_rate" number(0.2, 0.0, 100.0, "1/s");
+        /// With "canopy": no slower air tears any off.
+        release_speed: f64 = "release_speed" number(0.6, 0.01, 60.0, "m/s");
+        /// Each draws a line behind it, of the places it was in for so long: curves in USD; 0 for none.
+        trails: f64 = "trails" number(0.0, 0.0, 600.0, "s");
+        /// How thick that line is at the catkin; it tapers to nothing.
+        trail_width: f64 = "trail_width" number(0.01, 1e-4, 1.0, "m");
+        /// Resting ones are shown lowered until their lowest hair touches.
+        settle: bool = "settle" BooleanType(true);
+        /// Side of a texel of the maps of what came to rest.
+        map_texel: f64 = "map_texel" number(0.25, 0.01, 10.0, "m");
+        /// Frames between two maps; without it only the last frame's are written.
+        map_every: Option<u32> = "map_every" OptionalKey(integer(24, 1, 1_000_000), "the last frame only");
+        /// What the maps count.
+        map_of: DepositQuantity = "map_of" OneOf(DepositQuantity::Count);
+        /// Radius over which each catkin is spread in the maps; the sum stays.
+        map_blur: f64 = "map_blur" number(0.0, 0.0, 10.0, "m");
+    }
+}
+
+/// Bytes of memory of a catkin that flies, as measured.
+const CATKIN: u64 = 1000;
+
+/// Names of the forms that catkins have.
+pub const FORMS: [&str; 5] = ["v0", "v1", "v2", "v3", "v4"];
+
+impl Resolver<'_> {
+    /// The flight of a scene, if it has one.
+    pub(in crate::recipe) fn flight(&mut self, root: &TomlTable, plants: &[PlantRecipe]) -> Option<FlightRecipe> {
+        let entry = root.get("flight")?;
+        let table = self.table(root, "", "flight")?;
+        let mut keys = FlightKeys::read(Some(table), "flight", &mut self.report);
+        as_printed(&mut keys, table);
+        self.limit("catkins", u64::from(keys.count), span_of(root, &["flight", "count"]));
+        self.memory("flight.count", u64::from(keys.count), CATKIN, span_of(root, &["flight", "count"]));
+        for (name, pair) in [("band", keys.band), ("scale", keys.scale)] {
+            self.in_order(table, ("flight", name), pair);
+        }
+        let span = |key: &str| table.get(key).map_or(entry.key_span, |e| e.node.span);
+        let canopy = self.canopy(&keys, span("canopy"), root, plants);
+        let forms = self.forms(&keys, span("forms"));
+        let starts = match (keys.release, &keys.points) {
+            (FlightRelease::Points, Some(reference)) => self.starts(reference).unwrap_or_default(),
+            (FlightRelease::Points, None) => {
+                let d = Diagnostic::error("S006", "[flight] names no points", span("release"), "points of a file");
+                self.report.push(d.help("add points = \"FILE.csv\", or take another release"));
+                Vec::new()
+            }
+            _ => Vec::new(),
+        };
+        let wet = keys.humidity_map.as_ref().and_then(|reference| {
+            let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".png", ".jpg", ".jpeg"])?;
+            self.grey(&file)
+        });
+        Some(FlightRecipe { keys, canopy, forms, starts, wet })
+    }
+
+    /// Plants (indices into the recipe's) that let catkins go, with their weights.
+    fn canopy(&mut self, keys: &FlightKeys, span: Span, root: &TomlTable, plants: &[PlantRecipe]) -> Vec<(usize, f64)> {
+        if keys.release != FlightRelease::Canopy {
+            return Vec::new();
+        }
+        if root.get("plants").is_none() {
+            let d = Diagnostic::error("S006", "release = \"canopy\" needs a plant", span, "no plant in this scene");
+            self.report.push(d.help("add [plants.NAME], or take another release"));
+        }
+        if keys.canopy.is_empty() {
+            return (0..plants.len()).map(|i| (i, 1.0)).collect();
+        }
+        self.weights(("flight.canopy", span), &keys.canopy, root, plants).unwrap_or_default()
+    }
+
+    /// Weights of the forms, by their order.
+    fn forms(&mut self, keys: &FlightKeys, span: Span) -> Vec<f64> {
+        if keys.forms.is_empty() {
+            return vec![1.0; FORMS.len()];
+        }
+        let mut weights = vec![0.0; FORMS.len()];
+        for (name, weight) in &keys.forms {
+            self.weight(("flight.forms", name), *weight, span);
+            match FORMS.iter().position(|f| f == name) {
+                Some(i) => weights[i] = *weight,
+                None => {
+                    let d = Diagnostic::error("S005", format!("there is no form \"{name}\""), span, "unknown form");
+                    self.report.push(d.help(format!("forms: {}", FORMS.join(", "))));
+                }
+            }
+        }
+        weights
+    }
+
+    /// Places of a text file, x, y, z on each line; empty lines and those after # are left out.
+    fn starts(&mut self, reference: &Reference) -> Option<Vec<[f64; 3]>> {
+        let file = self.read(&reference.text, reference.span, "text-bytes", &[".csv", ".txt"])?;
+        let text = String::from_utf8_lossy(&file.bytes).into_owned();
+        let source = self.report.sources.add(file.shown.clone(), text.as_str());
+        let (mut starts, mut at) = (Vec::new(), 0_usize);
+        for line in text.split_inclusive('\n') {
+            let own = line.split('#').next().unwrap_or_default();
+            let parts = own.split([',', ';', ' ', '\t']).map(str::trim).filter(|p| !p.is_empty());
+            let numbers: Vec<Option<f64>> = parts.map(|p| p.parse().ok().filter(|v: &f64| v.is_finite())).collect();
+            match numbers[..] {
+                [] => {}
+                [Some(x), Some(y), Some(z)] => starts.push([x, y, z]),
+                // A first line of names is usual.
+                _ if starts.is_empty() && numbers.iter().all(Option::is_none) => {}
+                _ => {
+                    let end = at + own.trim_end().len();
+                    let span = Span::new(source, at, end);
+                    let d = Diagnostic::error("S003", "this line holds no place", span, "not three numbers");
+                    self.report.push(d.help("write x, y, z in metres"));
+                    return None;
+                }
+            }
+            at += line.len();
+        }
+        self.limit("catkins", starts.len() as u64, Some(reference.span));
+        Some(starts)
+    }
+
+    /// All solids of a scene.
+    pub(in crate::recipe) fn solids(&mut self, root: &TomlTable) -> Vec<SolidRecipe> {
+        let Some(entry) = root.get("solid") else { return Vec::new() };
+        let TomlValue::List(list) = &entry.node.value else {
+            self.report.push(*wrong("solid", &entry.node, "a list: write [[solid]]"));
+            return Vec::new();
+        };
+        let mut names = Names::default();
+        list.iter().enumerate().filter_map(|(i, node)| self.solid(i, node, &mut names)).collect()
+    }
+
+    fn solid(&mut self, i: usize, node: &TomlNode, names: &mut Names) -> Option<SolidRecipe> {
+        let path = format!("solid.{i}");
+        let TomlValue::Table(table) = &node.value else {
+            self.report.push(*wrong(&path, node, "a table"));
+            return None;
+        };
+        let keys = SolidKeys::read(Some(table), &path, &mut self.report);
+        for (key, shape) in [("roof", SolidShape::House), ("roof_color", SolidShape::House), ("mesh", SolidShape::Mesh)]
+        {
+            if let Some(entry) = table.get(key).filter(|_| keys.shape != shape) {
+                let word = word_of(shape);
+                let text = format!("{path}.{key} belongs to shape = \"{word}\"");
+                let d = Diagnostic::warning("S007", text, entry.node.span, "has no effect");
+                self.report.push(d.help(format!("write shape = \"{word}\"")));
+            }
+        }
+        let mesh = match (keys.shape, &keys.mesh) {
+            (SolidShape::Mesh, Some(reference)) => {
+                let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
+                let wanted = (UpAxis::Y, keys.mesh_scale, MaterialClass::Ground);
+                Some(Arc::new(self.import(&file, wanted, reference.span)?))
+            }
+            (SolidShape::Mesh, None) => {
+                let d = Diagnostic::error("S006", format!("[{path}] names no mesh"), node.span, "no mesh here");
+                self.report.push(d.help("add mesh = \"FILE.obj\""));
+                return None;
+            }
+            _ => None,
+        };
+        let wanted = if keys.name.is_empty() { word_of(keys.shape) } else { &keys.name };
+        Some(SolidRecipe { id: names.unique(wanted), keys, mesh })
+    }
+}
+
+/// With preset = "paper" what the scene does not say is as the paper has it.
+fn as_printed(keys: &mut FlightKeys, table: &TomlTable) {
+    if keys.preset != FlightPreset::Paper {
+        return;
+    }
+    let free = |name: &str| table.get(name).is_none();
+    if free("inertia") {
+        keys.inertia = false;
+    }
+    if free("glide") {
+        keys.glide = 0.0;
+    }
+    if free("fall_spread") {
+        keys.fall_spread = 0.0;
+    }
+    if free("cluster_rotation") {
+        keys.cluster_rotation = false;
+    }
+}

@@ -1,0 +1,79 @@
+//! `[plants.NAME.wood]`: mechanical properties of a plant.
+
+use crate::recipe::syntax::{OneOf, OptionalKey, number};
+use crate::recipe::syntax::{choices, keys};
+
+choices! {
+    /// Kinds of green wood.
+    WoodSpecies {
+        /// Quaking aspen, 5.9 GPa.
+        Aspen = "aspen",
+        /// Bald cypress, 8.2 GPa.
+        BaldCypress = "bald_cypress",
+        /// Eastern cottonwood, 7.5 GPa.
+        Cottonwood = "cottonwood",
+        /// Eastern hemlock, 7.4 GPa.
+        EasternHemlock = "eastern_hemlock",
+        /// Lodgepole pine, 7.4 GPa.
+        LodgepolePine = "lodgepole_pine",
+        /// Paper birch, 8.1 GPa.
+        PaperBirch = "paper_birch",
+        /// Sugar maple, 10.7 GPa.
+        SugarMaple = "sugar_maple",
+        /// Western hemlock, 9 GPa.
+        WesternHemlock = "western_hemlock",
+        /// White ash, 9.9 GPa.
+        WhiteAsh = "white_ash",
+        /// White fir, 8.1 GPa.
+        WhiteFir = "white_fir",
+        /// White oak, 8.6 GPa.
+        WhiteOak = "white_oak",
+        /// Black willow, 5.4 GPa.
+        Willow = "willow",
+    }
+}
+
+keys! {
+    /// What a plant is made of, as far as wind can tell.
+    WoodKeys at "plants.NAME.wood" {
+        /// Kind of wood.
+        timber: Option<WoodSpecies> = "timber" OptionalKey(OneOf(WoodSpecies::WhiteOak), "8 GPa in thick wood, 5 GPa in twigs");
+        /// Young's modulus, instead of `timber`.
+        elasticity: Option<f64> = "elasticity_gpa" OptionalKey(number(8.0, 0.1, 30.0, "GPa"), "the timber's");
+        /// Factor on it.
+        stiffness: f64 = "stiffness" number(1.0, 0.05, 20.0, "");
+        /// Of green wood.
+        density: f64 = "density" number(900.0, 100.0, 1500.0, "kg/m^3");
+        /// Of leaves, for each m^2 of one side.
+        leaf_mass: f64 = "leaf_mass" number(0.2, 0.0, 2.0, "kg/m^2");
+        /// Drag coefficient of wood.
+        drag: f64 = "drag" number(1.1, 0.0, 3.0, "");
+        /// Drag coefficient of leaves.
+        leaf_drag: f64 = "leaf_drag" number(0.4, 0.0, 3.0, "");
+        /// First frequency of the trunk.
+        trunk: Option<f64> = "trunk_hz" OptionalKey(number(0.5, 0.05, 20.0, "Hz"), "what its shape and load say");
+        /// Factor on all frequencies.
+        hertz: f64 = "hz_scale" number(1.0, 0.1, 10.0, "");
+        /// Factor on all damping.
+        damping: f64 = "damping" number(1.0, 0.0, 10.0, "");
+    }
+}
+
+impl WoodSpecies {
+    /// Young's modulus of the green wood, Pa.
+    /// Source: Forest Products Laboratory, "Wood handbook", table of green clear wood.
+    pub fn elasticity(self) -> f64 {
+        1e9 * match self {
+            Self::Aspen => 5.9,
+            Self::BaldCypress => 8.2,
+            Self::Cottonwood => 7.5,
+            Self::EasternHemlock | Self::LodgepolePine => 7.4,
+            Self::PaperBirch | Self::WhiteFir => 8.1,
+            Self::SugarMaple => 10.7,
+            Self::WesternHemlock => 9.0,
+            Self::WhiteAsh => 9.9,
+            Self::WhiteOak => 8.6,
+            Self::Willow => 5.4,
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! The notation of scene files: the TOML tree with places, keys, value types and the hash of values.
+
+mod digest;
+mod key;
+mod tree;
+mod value_types;
+
+pub use digest::Digest;
+pub use key::{KeyInfo, KeyListing, KeyTable, TableReader, ValueType};
+pub(super) use key::{choices, join, keys, wrong};
+pub(super) use tree::{TomlNode, TomlTable, TomlValue, apply_override, parse};
+pub(super) use value_types::*;
+pub use value_types::{Choice, Reference, word_of};

@@ -1,0 +1,629 @@
+//! What keys accept.
+
+use super::digest::Digest;
+use super::key::{Fault, KeyListing, KeyTable, ValueType, finite_number, outside, wrong};
+use super::tree::{TomlNode, TomlValue};
+use osier_base::diagnostic::{Diagnostic, Report, Span, nearest};
+use osier_base::units;
+
+/// A number in a range, scaled into SI.
+#[derive(Debug, Clone, Copy)]
+pub struct NumberType {
+    default: f64,
+    min: f64,
+    max: f64,
+    unit: &'static str,
+    scale: f64,
+}
+
+/// A number; `unit` is for people.
+pub const fn number(default: f64, min: f64, max: f64, unit: &'static str) -> NumberType {
+    NumberType { default, min, max, unit, scale: 1.0 }
+}
+
+/// Degrees outside, radians inside.
+pub const fn degrees(default: f64, min: f64, max: f64) -> NumberType {
+    NumberType { default, min, max, unit: "deg", scale: std::f64::consts::PI / 180.0 }
+}
+
+/// Millimetres outside, metres inside.
+pub const fn millimetres(default: f64, min: f64, max: f64) -> NumberType {
+    NumberType { default, min, max, unit: "mm", scale: 1e-3 }
+}
+
+impl NumberType {
+    fn checked(&self, name: &str, node: &TomlNode) -> Result<f64, Fault> {
+        let v = finite_number(name, node)?;
+        if v < self.min || v > self.max {
+            return Err(outside(name, node, &v.to_string(), &self.range()));
+        }
+        Ok(v * self.scale)
+    }
+
+    fn range(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+        match (self.min > -1e9, self.max < 1e9) {
+            (true, true) => format!("{} to {}{unit}", self.min, self.max),
+            (true, false) => format!("at least {}{unit}", self.min),
+            (false, true) => format!("at most {}{unit}", self.max),
+            (false, false) => "any number".into(),
+        }
+    }
+}
+
+impl ValueType for NumberType {
+    type Value = f64;
+    fn fallback(&self) -> f64 {
+        self.default * self.scale
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<f64, Fault> {
+        self.checked(name, node)
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: format!("number, {}", self.range()), default: self.default.to_string(), unit: self.unit }
+    }
+}
+
+/// A whole number in a range.
+#[derive(Debug, Clone, Copy)]
+pub struct IntegerType {
+    default: u32,
+    min: u32,
+    max: u32,
+}
+
+/// A whole number.
+pub const fn integer(default: u32, min: u32, max: u32) -> IntegerType {
+    IntegerType { default, min, max }
+}
+
+impl ValueType for IntegerType {
+    type Value = u32;
+    fn fallback(&self) -> u32 {
+        self.default
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<u32, Fault> {
+        let TomlValue::Integer(i) = node.value else { return Err(wrong(name, node, "a whole number")) };
+        match u32::try_from(i) {
+            Ok(v) if v >= self.min && v <= self.max => Ok(v),
+            _ => Err(outside(name, node, &i.to_string(), &format!("{} to {}", self.min, self.max))),
+        }
+    }
+    fn listing(&self) -> KeyListing {
+        let accepts = format!("whole number, {} to {}", self.min, self.max);
+        KeyListing { accepts, default: self.default.to_string(), unit: "" }
+    }
+}
+
+/// A list of whole numbers in a range, sorted, each once.
+#[derive(Debug, Clone, Copy)]
+pub struct IntegerList(pub u32, pub u32);
+
+impl ValueType for IntegerList {
+    type Value = Vec<u32>;
+    fn fallback(&self) -> Vec<u32> {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<u32>, Fault> {
+        let one = integer(self.0, self.0, self.1);
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of whole numbers")) };
+        let mut out: Vec<u32> = list.iter().map(|n| one.read(name, n)).collect::<Result<_, _>>()?;
+        out.sort_unstable();
+        out.dedup();
+        Ok(out)
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing {
+            accepts: format!("list of whole numbers, {} to {}", self.0, self.1),
+            default: "[]".into(),
+            unit: "",
+        }
+    }
+}
+
+/// A side of tiling maps in pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct PowerOfTwo(pub u32);
+
+impl ValueType for PowerOfTwo {
+    type Value = u32;
+    fn fallback(&self) -> u32 {
+        self.0
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<u32, Fault> {
+        let v = integer(self.0, 16, 4096).read(name, node)?;
+        if v.is_power_of_two() { Ok(v) } else { Err(outside(name, node, &v.to_string(), "a power of two")) }
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "16, 32, 64 ... 4096".into(), default: self.0.to_string(), unit: "pixels" }
+    }
+}
+
+/// A seed: a whole number, or text of digits where it exceeds 63 bits.
+#[derive(Debug, Clone, Copy)]
+pub struct SeedType(pub u64);
+
+impl ValueType for SeedType {
+    type Value = u64;
+    fn fallback(&self) -> u64 {
+        self.0
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<u64, Fault> {
+        match &node.value {
+            TomlValue::Integer(i) => {
+                u64::try_from(*i).map_err(|_| outside(name, node, &i.to_string(), "0 to 18446744073709551615"))
+            }
+            TomlValue::Text(t) => t.parse().map_err(|_| wrong(name, node, "a whole number")),
+            _ => Err(wrong(name, node, "a whole number")),
+        }
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "whole number, 0 to 2^64 - 1".into(), default: self.0.to_string(), unit: "" }
+    }
+}
+
+/// `true` or `false`.
+#[derive(Debug, Clone, Copy)]
+pub struct BooleanType(pub bool);
+
+impl ValueType for BooleanType {
+    type Value = bool;
+    fn fallback(&self) -> bool {
+        self.0
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<bool, Fault> {
+        if let TomlValue::Flag(b) = node.value { Ok(b) } else { Err(wrong(name, node, "true or false")) }
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "true or false".into(), default: self.0.to_string(), unit: "" }
+    }
+}
+
+/// Any text.
+#[derive(Debug, Clone, Copy)]
+pub struct StringType(pub &'static str);
+
+impl ValueType for StringType {
+    type Value = String;
+    fn fallback(&self) -> String {
+        self.0.to_owned()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<String, Fault> {
+        if let TomlValue::Text(t) = &node.value { Ok(t.clone()) } else { Err(wrong(name, node, "a text")) }
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "text".into(), default: format!("\"{}\"", self.0), unit: "" }
+    }
+}
+
+/// An enum whose members are words in scenes.
+pub trait Choice: Copy + 'static {
+    /// Words and members.
+    const ALL: &'static [(&'static str, Self)];
+}
+
+/// The word of a member.
+pub fn word_of<W: Choice + PartialEq>(member: W) -> &'static str {
+    W::ALL.iter().find(|(_, m)| *m == member).map_or("", |(w, _)| w)
+}
+
+fn choices<W: Choice>() -> String {
+    W::ALL.iter().map(|(w, _)| format!("\"{w}\"")).collect::<Vec<_>>().join(", ")
+}
+
+/// One of some words.
+#[derive(Debug, Clone, Copy)]
+pub struct OneOf<W>(pub W);
+
+impl<W: Choice + PartialEq> ValueType for OneOf<W> {
+    type Value = W;
+    fn fallback(&self) -> W {
+        self.0
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<W, Fault> {
+        let TomlValue::Text(t) = &node.value else {
+            return Err(wrong(name, node, &format!("one of {}", choices::<W>())));
+        };
+        if let Some((_, member)) = W::ALL.iter().find(|(w, _)| w == t) {
+            return Ok(*member);
+        }
+        let d = Diagnostic::error("S003", format!("{name} knows no \"{t}\""), node.span, "unknown word");
+        Err(Box::new(match nearest(t, W::ALL.iter().map(|(w, _)| *w)) {
+            Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(node.span, format!("\"{near}\"")),
+            None => d.help(format!("one of {}", choices::<W>())),
+        }))
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing {
+            accepts: format!("one of {}", choices::<W>()),
+            default: format!("\"{}\"", word_of(self.0)),
+            unit: "",
+        }
+    }
+}
+
+/// A list of words without repetition, or one word alone.
+#[derive(Debug, Clone, Copy)]
+pub struct ListOf<W: 'static>(pub &'static [W]);
+
+impl<W: Choice + PartialEq> ValueType for ListOf<W> {
+    type Value = Vec<W>;
+    fn fallback(&self) -> Vec<W> {
+        self.0.to_vec()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<W>, Fault> {
+        let one = OneOf(self.0[0]);
+        let TomlValue::List(list) = &node.value else { return Ok(vec![one.read(name, node)?]) };
+        let mut out = Vec::new();
+        for n in list {
+            let w = one.read(name, n)?;
+            if !out.contains(&w) {
+                out.push(w);
+            }
+        }
+        Ok(out)
+    }
+    fn listing(&self) -> KeyListing {
+        let default = self.0.iter().map(|w| format!("\"{}\"", word_of(*w))).collect::<Vec<_>>().join(", ");
+        KeyListing { accepts: format!("list of {}", choices::<W>()), default: format!("[{default}]"), unit: "" }
+    }
+}
+
+/// N numbers, each in a range.
+#[derive(Debug, Clone, Copy)]
+pub struct NumberArray<const N: usize>(pub [f64; N], pub NumberType);
+
+/// Three metres along x, y, z.
+pub const fn point(default: [f64; 3]) -> NumberArray<3> {
+    NumberArray(default, number(0.0, -1e6, 1e6, "m"))
+}
+
+impl<const N: usize> ValueType for NumberArray<N> {
+    type Value = [f64; N];
+    fn fallback(&self) -> [f64; N] {
+        self.0.map(|v| v * self.1.scale)
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<[f64; N], Fault> {
+        let wanted = format!("a list of {N} numbers");
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, &wanted)) };
+        let values: Vec<f64> = list.iter().map(|n| self.1.checked(name, n)).collect::<Result<_, _>>()?;
+        values.try_into().map_err(|v: Vec<f64>| {
+            let message = format!("{name} has {} numbers, but must have {N}", v.len());
+            Box::new(Diagnostic::error("S003", message, node.span, wanted.clone()).help(format!("write {N} numbers")))
+        })
+    }
+    fn listing(&self) -> KeyListing {
+        let default = self.0.map(|v| v.to_string()).join(", ");
+        KeyListing {
+            accepts: format!("{N} numbers, {}", self.1.range()),
+            default: format!("[{default}]"),
+            unit: self.1.unit,
+        }
+    }
+}
+
+/// A list of pairs of numbers, the first of each greater than the one before.
+#[derive(Debug, Clone, Copy)]
+pub struct RisingPairs(pub NumberType);
+
+impl ValueType for RisingPairs {
+    type Value = Vec<[f64; 2]>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of pairs of numbers")) };
+        let pair = NumberArray([0.0; 2], self.0);
+        let rows: Vec<[f64; 2]> = list.iter().map(|n| pair.read(name, n)).collect::<Result<_, _>>()?;
+        if let Some((late, _)) = list.iter().skip(1).zip(rows.windows(2)).find(|(_, w)| w[0][0] >= w[1][0]) {
+            return Err(outside(name, late, "not above the pair before", "pairs that rise"));
+        }
+        Ok(rows)
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: format!("list of [number, number], {}", self.0.range()), default: "[]".into(), unit: "" }
+    }
+}
+
+/// A colour: `"#rrggbb"` as a picture program shows it, or three linear numbers 0 to 1. Linear inside.
+#[derive(Debug, Clone, Copy)]
+pub struct ColorType(pub &'static str);
+
+impl ValueType for ColorType {
+    type Value = [f32; 3];
+    fn fallback(&self) -> [f32; 3] {
+        hex(self.0).unwrap_or_default()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<[f32; 3], Fault> {
+        if let TomlValue::List(_) = node.value {
+            return Ok(NumberArray([0.0; 3], number(0.0, 0.0, 1.0, ""))
+                .read(name, node)?
+                .map(osier_base::math::narrow));
+        }
+        let wanted = "a color, \"#rrggbb\" or three numbers";
+        let TomlValue::Text(t) = &node.value else { return Err(wrong(name, node, wanted)) };
+        hex(t).ok_or_else(|| {
+            let d = Diagnostic::error("S003", format!("{name} is no color"), node.span, "unreadable color");
+            Box::new(d.help("write \"#rrggbb\" as picture programs show it, or [r, g, b] in linear light, 0 to 1"))
+        })
+    }
+    fn listing(&self) -> KeyListing {
+        let accepts = "color, \"#rrggbb\" (sRGB) or [r, g, b] (linear)".into();
+        KeyListing { accepts, default: format!("\"{}\"", self.0), unit: "" }
+    }
+}
+
+/// A list of colours.
+#[derive(Debug, Clone, Copy)]
+pub struct ColorList;
+
+impl ValueType for ColorList {
+    type Value = Vec<[f32; 3]>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of colors")) };
+        list.iter().map(|n| ColorType("#000000").read(name, n)).collect()
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "list of colors".into(), default: "its own".into(), unit: "" }
+    }
+}
+
+/// `#rgb` or `#rrggbb` as linear light.
+fn hex(text: &str) -> Option<[f32; 3]> {
+    let digits = text.strip_prefix('#')?;
+    if !digits.is_ascii() || !digits.bytes().all(|b| b.is_ascii_hexdigit()) {
+        return None;
+    }
+    let part = |i: usize| match digits.len() {
+        6 => u8::from_str_radix(digits.get(2 * i..2 * i + 2)?, 16).ok(),
+        3 => u8::from_str_radix(digits.get(i..=i)?, 16).ok().map(|v| v * 17),
+        _ => None,
+    };
+    let linear = |i| part(i).map(|v| units::linear_from_srgb(f32::from(v) / 255.0));
+    Some([linear(0)?, linear(1)?, linear(2)?])
+}
+
+/// A key that may be absent; `1` says where the value comes from then.
+#[derive(Debug, Clone, Copy)]
+pub struct OptionalKey<K>(pub K, pub &'static str);
+
+impl<K: ValueType> ValueType for OptionalKey<K> {
+    type Value = Option<K::Value>;
+    fn fallback(&self) -> Self::Value {
+        None
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        self.0.read(name, node).map(Some)
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { default: self.1.to_owned(), ..self.0.listing() }
+    }
+}
+
+/// Frames per second as a fraction: 24, 23.976 (24000/1001), or `[num, den]`.
+#[derive(Debug, Clone, Copy)]
+pub struct FrameRate;
+
+impl ValueType for FrameRate {
+    type Value = (u32, u32);
+    fn fallback(&self) -> (u32, u32) {
+        (24, 1)
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to lie in 0..=1e6 before")]
+    fn read(&self, name: &str, node: &TomlNode) -> Result<(u32, u32), Fault> {
+        if let TomlValue::List(_) = node.value {
+            let pair = NumberArray([24.0, 1.0], number(1.0, 1.0, 1e6, "")).read(name, node)?;
+            return Ok((pair[0] as u32, pair[1] as u32));
+        }
+        let v = number(24.0, 0.1, 1000.0, "frames/s").read(name, node)?;
+        let ntsc = (v * 1.001).round();
+        Ok(if (v - v.round()).abs() < 1e-9 {
+            (v as u32, 1)
+        } else if (ntsc / 1.001 - v).abs() < 5e-3 {
+            (ntsc as u32 * 1000, 1001)
+        } else {
+            ((v * 1000.0).round() as u32, 1000)
+        })
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing {
+            accepts: "number, 0.1 to 1000, or [numerator, denominator]".into(),
+            default: "24".into(),
+            unit: "1/s",
+        }
+    }
+}
+
+/// Names with numbers, as in `set = { branch_angle = 38 }`.
+#[derive(Debug, Clone, Copy)]
+pub struct NamedNumbers;
+
+impl ValueType for NamedNumbers {
+    type Value = Vec<(String, f64)>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        let TomlValue::Table(t) = &node.value else { return Err(wrong(name, node, "a table of numbers")) };
+        t.entries.iter().map(|e| Ok((e.key.clone(), finite_number(&format!("{name}.{}", e.key), &e.node)?))).collect()
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "table of name = number".into(), default: "{}".into(), unit: "" }
+    }
+}
+
+/// A reference to a file, with its place for messages.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reference {
+    /// As written.
+    pub text: String,
+    /// Where.
+    pub span: Span,
+}
+
+impl Digest for Reference {
+    fn digest(&self, hasher: &mut blake3::Hasher) {
+        self.text.digest(hasher);
+    }
+}
+
+/// A file beside the scene, or a preset.
+#[derive(Debug, Clone, Copy)]
+pub struct FileReference(pub &'static str);
+
+impl ValueType for FileReference {
+    type Value = Option<Reference>;
+    fn fallback(&self) -> Self::Value {
+        None
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        match &node.value {
+            TomlValue::Text(t) => Ok(Some(Reference { text: t.clone(), span: node.span })),
+            _ => Err(wrong(name, node, "a file name")),
+        }
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: format!("file name ({})", self.0), default: String::new(), unit: "" }
+    }
+}
+
+/// A list of inline tables of one shape.
+#[derive(Debug, Clone, Copy)]
+pub struct InlineTables<S>(pub std::marker::PhantomData<S>);
+
+impl<S: KeyTable> ValueType for InlineTables<S> {
+    type Value = Vec<S>;
+    fn fallback(&self) -> Vec<S> {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Vec<S>, Fault> {
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of tables")) };
+        let mut out = Vec::new();
+        for n in list {
+            let TomlValue::Table(t) = &n.value else { return Err(wrong(name, n, "a table")) };
+            let mut report = Report::default();
+            out.push(S::read(Some(t), name, &mut report));
+            if let Some(d) = report.diagnostics.into_iter().next() {
+                return Err(Box::new(d));
+            }
+        }
+        Ok(out)
+    }
+    fn listing(&self) -> KeyListing {
+        let names: Vec<&str> = S::keys().iter().map(|k| k.name).collect();
+        KeyListing { accepts: format!("list of {{ {} }}", names.join(", ")), default: "[]".into(), unit: "" }
+    }
+}
+
+/// Points, m.
+#[derive(Debug, Clone, Copy)]
+pub struct PointList;
+
+impl ValueType for PointList {
+    type Value = Vec<[f64; 3]>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, "a list of points [x, y, z]")) };
+        list.iter().map(|n| point([0.0; 3]).read(name, n)).collect()
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "list of [x, y, z]".into(), default: "[]".into(), unit: "m" }
+    }
+}
+
+/// Keys over time: lists of numbers that begin with seconds.
+#[derive(Debug, Clone, Copy)]
+pub struct TimedRows;
+
+impl ValueType for TimedRows {
+    type Value = Vec<Vec<f64>>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        let wanted = "a list of keys [s, ...]";
+        let TomlValue::List(list) = &node.value else { return Err(wrong(name, node, wanted)) };
+        let key = |n: &TomlNode| match &n.value {
+            TomlValue::List(row) => row.iter().map(|n| number(0.0, -1e9, 1e9, "").read(name, n)).collect(),
+            _ => Err(wrong(name, n, wanted)),
+        };
+        list.iter().map(key).collect()
+    }
+    fn listing(&self) -> KeyListing {
+        KeyListing { accepts: "list of [s, ...], times rising".into(), default: "[]".into(), unit: "" }
+    }
+}
+
+/// Most full turns between two tables.
+const TURNS: f64 = 100.0;
+
+/// Full turns: one number for all maps, or one per map.
+#[derive(Debug, Clone, Copy)]
+pub struct TurnList;
+
+impl TurnList {
+    fn whole(name: &str, node: &TomlNode) -> Result<f64, Fault> {
+        let v = finite_number(name, node)?;
+        if v.abs() > TURNS || v.fract() != 0.0 {
+            return Err(outside(name, node, &v.to_string(), "a whole number, -100 to 100"));
+        }
+        Ok(v)
+    }
+}
+
+impl ValueType for TurnList {
+    type Value = Vec<f64>;
+    fn fallback(&self) -> Self::Value {
+        Vec::new()
+    }
+    fn read(&self, name: &str, node: &TomlNode) -> Result<Self::Value, Fault> {
+        match &node.value {
+            TomlValue::List(list) => list.iter().map(|n| Self::whole(name, n)).collect(),
+            TomlValue::Integer(_) | TomlValue::Number(_) => Ok(vec![Self::whole(name, node)?]),
+            _ => Err(wrong(name, node, "a whole number, or a list of them, one per map")),
+        }
+    }
+    fn listing(&self) -> KeyListing {
+        let accepts = "whole number, -100 to 100, or a list of them, one per map".into();
+        KeyListing { accepts, default: "0".into(), unit: "" }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use osier_base::diagnostic::SourceId;
+
+    fn node(value: TomlValue) -> TomlNode {
+        TomlNode { span: Span::new(SourceId(0), 0, 1), value }
+    }
+
+    #[test]
+    fn units_are_converted_once() {
+        assert!((degrees(90.0, 0.0, 90.0).fallback() - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
+        assert!((millimetres(12.0, 0.0, 50.0).fallback() - 0.012).abs() < 1e-15);
+        let e = degrees(0.0, 0.0, 90.0).read("a", &node(TomlValue::Integer(91))).expect_err("range");
+        assert_eq!((e.code, e.message.as_str()), ("S004", "a is 91, but must be 0 to 90 deg"));
+    }
+
+    #[test]
+    fn fps_are_fractions() {
+        let fps = |v| FrameRate.read("fps", &node(TomlValue::Number(v))).expect("fps");
+        assert_eq!(fps(24.0), (24, 1));
+        assert_eq!(fps(23.976), (24_000, 1001));
+        assert_eq!(fps(29.97), (30_000, 1001));
+        assert_eq!(fps(12.5), (12_500, 1000));
+    }
+
+    #[test]
+    fn colors_are_linear() {
+        let c = ColorType("#000").read("c", &node(TomlValue::Text("#ff8000".into()))).expect("color");
+        assert!((c[0] - 1.0).abs() < 1e-6 && (c[1] - 0.2159).abs() < 1e-3 && c[2] < 1e-6);
+        assert!(ColorType("#000").read("c", &node(TomlValue::Text("#fé".into()))).is_err());
+    }
+}
