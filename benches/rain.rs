@@ -193,7 +193,7 @@ fn table_one() {
     for (scene, rate) in [(1, 10), (1, 100), (2, 10), (2, 100), (3, 10), (3, 100)] {
         let name = format!("rain-table-{scene}.toml");
         let keys = |end: u32, side: u32| {
-            let fixed = ["frames.fps=24", "rain.size=\"natural\""].map(String::from);
+            let fixed = ["frames.fps=24", "rain.size_distribution=\"natural\""].map(String::from);
             let more = [("frames.end", end), ("maps.resolution", side), ("rain.rate_mm_per_h", rate)];
             fixed.into_iter().chain(more.map(|(key, value)| format!("{key}={value}"))).collect::<Vec<_>>()
         };

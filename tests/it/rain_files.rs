@@ -101,7 +101,7 @@ fn leaves_without_maps_tell_their_wetness() {
     let dir = tempfile::tempdir().expect("dir");
     let (scene, out) = (dir.path().join("wet.toml"), dir.path().join("out"));
     fs::write(&scene, SCENE).expect("scene");
-    let set = ["--set", "maps.hero_max=0", "--formats", "usd"];
+    let set = ["--set", "maps.max_mapped_leaves=0", "--formats", "usd"];
     ends(0, &[&["-q", "bake", arg(&scene), "-o", arg(&out)], &set[..]].concat());
     let said = clients::python_script(&python, "instance_wetness.py", &[arg(&out.join("wet.usda"))]);
     let told: Vec<f32> = serde_json::from_slice(&said.stdout).expect("a list");

@@ -102,7 +102,7 @@ fn each_code_names_its_place_and_the_mend() {
         ("S006", "[plants.oak]\nsteps = 3\n"),
         (
             "S004",
-            "[terrain]\nn = 8\nstride = 3\nexponent = 1.5\n[plants.oak]\ngrammar = \"oak.l\"\n[[scatter]]\nplants = { oak = -1 }\nscale = [2, 1]\n",
+            "[terrain]\nsubdivisions = 8\nstride = 3\nexponent = 1.5\n[plants.oak]\ngrammar = \"oak.l\"\n[[scatter]]\nplants = { oak = -1 }\nscale = [2, 1]\n",
         ),
         (
             "S005",
@@ -157,16 +157,17 @@ fn every_default_is_listed_with_its_meaning() {
 #[test]
 fn rain_is_read_and_its_faults_told() {
     let plant = "[plants.a]\ngrammar = \"rain-twig.l\"\n[[place]]\nplant = \"a\"\n";
-    let good = format!("{plant}[rain]\nrate_mm_per_h = 30\n[rain.drop]\ntheta_deg = 62\n");
+    let good = format!("{plant}[rain]\nrate_mm_per_h = 30\n[rain.drop]\ncontact_angle_deg = 62\n");
     let r = read(&good, &[]).expect("rain");
     let rain = r.rain.expect("rain");
     assert!((rain.drop.theta.to_degrees() - 62.0).abs() < 1e-9 && (rain.keys.rate - 30.0).abs() < 1e-9);
-    let paper = read(&format!("{plant}[rain]\npreset = \"paper\"\n[rain.drop]\nmu = 0.1\n"), &[]).expect("paper");
+    let paper = read(&format!("{plant}[rain]\npreset = \"paper\"\n[rain.drop]\nfriction_coefficient = 0.1\n"), &[])
+        .expect("paper");
     let paper = paper.rain.expect("rain");
     assert!((paper.keys.g - 9.8).abs() < 1e-9 && (paper.drop.mu - 0.1).abs() < 1e-9 && paper.drop.omega.is_some());
     for (set, code, said) in [
-        ("rain.drop.theta_deg=20", "S004", "must rise from receding over theta to advancing"),
-        ("rain.drop.theta_deg=nan", "S003", "theta_deg"),
+        ("rain.drop.contact_angle_deg=20", "S004", "must rise from receding over theta to advancing"),
+        ("rain.drop.contact_angle_deg=nan", "S003", "contact_angle_deg"),
         ("rain.rate_mm_per_h=1e999", "S003", "not finite"),
         ("rain.envelope=keys", "S006", "times that rise"),
         ("rain.lying=3", "S003", "[[rain.lying]]"),
@@ -189,17 +190,30 @@ fn rods_are_read_and_their_faults_told() {
     let faults = [
         ("rod.0.points=[[0,0,0]]", "S006", "two points or more"),
         ("rod.1.on=b", "S005", "there is no rod \"b\" above this one"),
-        ("rod.0.GJ=1e6", "S004", "GJ makes the shear modulus"),
+        ("rod.0.torsional_stiffness=1e6", "S004", "GJ makes the shear modulus"),
         ("rod.0.radius=2", "S002", "has no key \"radius\""),
         ("rod.0.clamp=[{at=2}]", "S004", "must be 0 to 1"),
         ("rod.0.clamp=[{hold=\"guided\",line=[0,0,0]}]", "S004", "has no direction"),
         ("rod.0.load=[{kind=\"force\"}]", "S006", "has no keys"),
-        ("rod.0.load=[{kind=\"force\",keys=[[0,1]]}]", "S003", "must have 4"),
-        ("rod.0.load=[{kind=\"mass\",keys=[[0,1],[0,2]]}]", "S004", "do not rise"),
-        ("rod.0.load=[{kind=\"mass\",keys=[[0,-1]]}]", "S004", "a mass below 0"),
+        ("rod.0.load=[{kind=\"force\",keyframes=[[0,1]]}]", "S003", "must have 4"),
+        ("rod.0.load=[{kind=\"mass\",keyframes=[[0,1],[0,2]]}]", "S004", "do not rise"),
+        ("rod.0.load=[{kind=\"mass\",keyframes=[[0,-1]]}]", "S004", "a mass below 0"),
     ];
     for (set, code, words) in faults {
         let told = read(good, &[set]).expect_err(set);
         assert!(told.contains(code) && told.contains(words), "{set}: {told}");
+    }
+}
+
+#[test]
+fn a_key_of_an_earlier_version_is_named_by_its_present_name() {
+    let rod = "[[rod]]\npoints = [[0, 0, 0], [0, 1, 0]]\n";
+    for (lines, help) in [
+        ("zeta = 0.1\n", "`zeta` is now `damping_ratio`"),
+        ("E_GPa = 3\n", "`E_GPa` is now `elasticity_gpa`"),
+        ("[maps]\nhero_max = 2\n", "`hero_max` is now `max_mapped_leaves`"),
+    ] {
+        let Err(said) = read(&format!("{rod}{lines}"), &[]) else { panic!("{lines} is accepted") };
+        assert!(said.contains("error[S002]") && said.contains(help), "{said}");
     }
 }

@@ -100,9 +100,9 @@ fn twigs_that_cannot_be_are_told() {
     for (table, tree, more, said) in [
         ("monopodial", "eps = 0.5", "[plants.tree.rods]", "bend as rods"),
         ("monopodial", "eps = 0.5", "[rain]\n[frames]\nend = 2", "rain falls"),
-        ("monopodial", "radii = \"pipe\"", "", "asks for every tip"),
+        ("monopodial", "radii = \"pipe\"", "", "needs every branch tip"),
         ("monopodial", "lod = 1", "", "cards stand there"),
-        ("sheared", "eps = 0.5", "", "map 2 does more than turn and scale"),
+        ("sheared", "eps = 0.5", "", "map 2 is not a rotation with uniform scale"),
     ] {
         let scene = dir.path().join("s.toml");
         let text =

@@ -180,7 +180,10 @@ fn a_curve_of_directions_turns_the_wind() {
     assert!(after[2] < -1.2 && after[0].abs() < 0.2, "{after:?}");
     for (wrong, said) in [
         ("direction_curve = [[-1, 0], [2, 90]]", "direction_curve begins at -1 s"),
-        ("sides = \"slip\"\ndirection_curve = [[0.5, 0], [2, 90]]", "lets nothing through, but the wind turns"),
+        (
+            "sides = \"slip\"\ndirection_curve = [[0.5, 0], [2, 90]]",
+            "blocks the sides, but the wind turns through them",
+        ),
     ] {
         let scene = turning.replace("direction_curve = [[0.5, 0], [2, 90]]", wrong);
         let (_, run) = run(dir.path(), "wrong", &scene, &[]);

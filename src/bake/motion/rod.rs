@@ -388,7 +388,7 @@ mod tests {
 
     #[test]
     fn a_struck_twig_hangs_as_drawn_swings_and_comes_back() {
-        let (made, told) = built(preset("struck-twig.toml"), &["rod.0.load.0.keys=[[0.2,0,-0.022,0.012]]"]);
+        let (made, told) = built(preset("struck-twig.toml"), &["rod.0.load.0.keyframes=[[0.2,0,-0.022,0.012]]"]);
         assert!(made.len() == 1 && told.is_empty(), "side twigs are part of it: {told:?}");
         let motion = made[0].motion.as_ref().expect("a clip");
         let away = |k: u64| {
@@ -409,9 +409,9 @@ mod tests {
     fn what_numbers_cannot_hold_is_told() {
         let rod = "[frames]\nend = 3\n[[rod]]\npoints = [[0, 1, 0], [0.4, 1, 0]]\nzeta = 0.1\n";
         assert_eq!(built(rod, &["rod.0.integrator=xpbd_gs"]).1, ["S041"]);
-        let wrench = "[[rod.load]]\nkind = \"wrench\"\nkeys = [[0, 0, 0, 0, 0.01, 0, 0]]\n";
+        let wrench = "[[rod.load]]\nkind = \"wrench\"\nkeyframes = [[0, 0, 0, 0, 0.01, 0, 0]]\n";
         assert_eq!(built(&format!("{rod}{wrench}"), &[]).1, ["S040"]);
-        let heavy = "[[rod.load]]\nkind = \"mass\"\nkeys = [[0, 500]]\n";
+        let heavy = "[[rod.load]]\nkind = \"mass\"\nkeyframes = [[0, 500]]\n";
         assert_eq!(built(&format!("{rod}{heavy}"), &[]).1, ["S042"]);
         assert!(built(rod, &["frames.end=1"]).0[0].asset.skeleton.is_none(), "a still scene has no joints");
     }

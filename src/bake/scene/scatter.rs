@@ -141,7 +141,7 @@ mod tests {
 
     const SCENE: &str = "seed = 4
 [terrain]
-n = 7
+subdivisions = 7
 size = 120
 amplitude = 22
 side = 64

@@ -176,7 +176,7 @@ impl Resolver<'_> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
         let SystemFile { system, report: sources, .. } = self.system(&file, name)?;
         if system.dim != 2 {
-            let text = format!("\"{}\" lies in space; {what} by a table of the plane", system.name);
+            let text = format!("\"{}\" is a 3D table; {what} from a 2D one", system.name);
             self.report
                 .push(Diagnostic::error("S005", text, reference.span, "this table").help("take one with 7 columns"));
             return None;
@@ -208,10 +208,10 @@ impl Resolver<'_> {
         let read = self.system(&file, &keys.system)?;
         let system = &read.system;
         if !is_tree(system) {
-            let text = format!("\"{}\" is no tree: it has no trunk in space", system.name);
+            let text = format!("\"{}\" is not a tree: it has no trunk in 3D", system.name);
             let d = Diagnostic::error("S005", text, reference.span, "this table");
             self.report
-                .push(d.help("a tree has dim = 3 and branch maps, or a map that squashes the whole into a stem"));
+                .push(d.help("a tree has dim = 3 and branch maps, or a map that flattens the attractor into a stem"));
             return None;
         }
         match stems(system) {

@@ -161,7 +161,7 @@ impl Resolver<'_> {
             (FlightRelease::Points, Some(reference)) => self.starts(reference).unwrap_or_default(),
             (FlightRelease::Points, None) => {
                 let d = Diagnostic::error("S006", "[flight] names no points", span("release"), "points of a file");
-                self.report.push(d.help("add points = \"FILE.csv\", or take another release"));
+                self.report.push(d.help("add points = \"FILE.csv\", or choose another release"));
                 Vec::new()
             }
             _ => Vec::new(),
@@ -180,7 +180,7 @@ impl Resolver<'_> {
         }
         if root.get("plants").is_none() {
             let d = Diagnostic::error("S006", "release = \"canopy\" needs a plant", span, "no plant in this scene");
-            self.report.push(d.help("add [plants.NAME], or take another release"));
+            self.report.push(d.help("add [plants.NAME], or choose another release"));
         }
         if keys.canopy.is_empty() {
             return (0..plants.len()).map(|i| (i, 1.0)).collect();
@@ -225,7 +225,7 @@ impl Resolver<'_> {
                 _ => {
                     let end = at + own.trim_end().len();
                     let span = Span::new(source, at, end);
-                    let d = Diagnostic::error("S003", "this line holds no place", span, "not three numbers");
+                    let d = Diagnostic::error("S003", "this line is not a position", span, "not three numbers");
                     self.report.push(d.help("write x, y, z in metres"));
                     return None;
                 }
@@ -258,7 +258,7 @@ impl Resolver<'_> {
         {
             if let Some(entry) = table.get(key).filter(|_| keys.shape != shape) {
                 let word = word_of(shape);
-                let text = format!("{path}.{key} belongs to shape = \"{word}\"");
+                let text = format!("{path}.{key} needs shape = \"{word}\"");
                 let d = Diagnostic::warning("S007", text, entry.node.span, "has no effect");
                 self.report.push(d.help(format!("write shape = \"{word}\"")));
             }

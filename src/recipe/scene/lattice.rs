@@ -101,7 +101,7 @@ keys! {
         /// beyond 360 for whole turns: a wind that turns. It does not repeat.
         direction_curve: Vec<[f64; 2]> = "direction_curve" RisingPairs(number(0.0, -1e4, 1e4, ""));
         /// Height at which the wind has its speed.
-        reference: Option<f64> = "reference" OptionalKey(number(10.0, 0.1, 1e4, "m"), "10 m, or the height of the box");
+        reference: Option<f64> = "reference_height" OptionalKey(number(10.0, 0.1, 1e4, "m"), "10 m, or the height of the box");
         /// Strength of gusts over the mean.
         gust: f64 = "gust" number(0.2, 0.0, 0.5, "");
         /// Time after which a gust is forgotten.

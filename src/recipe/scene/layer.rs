@@ -86,7 +86,7 @@ impl Resolver<'_> {
         };
         let cloud = self.attractor((&path, &path, format!("layer_{i}")), node.span, cloud)?;
         if cloud.system.dim != 2 {
-            let text = format!("\"{}\" lies in space; a layer is drawn by a table of the plane", cloud.system.name);
+            let text = format!("\"{}\" is a 3D table; a layer needs a 2D one", cloud.system.name);
             let d = Diagnostic::error("S005", text, node.span, "this layer");
             self.report.push(d.help("take a table with 7 columns"));
             return None;

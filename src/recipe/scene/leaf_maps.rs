@@ -15,8 +15,8 @@ keys! {
         resolution: u32 = "resolution" integer(512, 32, 8192);
         /// Height that 1 in a height map stands for; what is higher is cut off.
         height_range: f64 = "height_range_m" number(0.004, 1e-4, 0.1, "m");
-        /// Most leaves that have maps: those nearest to the camera. The others carry drops only.
-        hero_max: u32 = "hero_max" integer(32, 0, 512);
+        /// Largest number of leaves with maps: those nearest to the camera. The others show drops only.
+        hero_max: u32 = "max_mapped_leaves" integer(32, 0, 512);
         /// Whether all leaves' maps are also laid together on sheets of 4096 texels a side.
         atlas: bool = "atlas" BooleanType(false);
         /// Whether the height of water alone has maps too.

@@ -121,7 +121,7 @@ impl Resolver<'_> {
         if let Some(k) = made.reweighted().filter(|_| morph.weights == MorphWeights::Follow)
             && let Some(row) = rows.get(k)
         {
-            let text = "the weights change on the way to this table, so that some points jump";
+            let text = "the weights change towards this table, so some points jump";
             let d = Diagnostic::warning("I072", text, row.ifs, "other weights than before");
             self.report.push(d.help("weights = \"hold\" keeps the first table's: then every point keeps its word"));
         }
@@ -136,9 +136,11 @@ impl Resolver<'_> {
     /// S007 for keys that a morph does not heed.
     fn idle(&mut self, cloud: &TomlTable, path: &str) {
         let others = [("ifs", "name it in the first key instead"), ("system", "name it in the first key instead")];
-        for (name, help) in others.into_iter().chain([("voxel_mm", "cubes that hold a point would change with time")]) {
+        for (name, help) in
+            others.into_iter().chain([("voxel_mm", "voxels that contain a point would change with time")])
+        {
             if let Some(entry) = cloud.get(name) {
-                let text = format!("{name} does not go with [{path}]");
+                let text = format!("{name} has no effect with [{path}]");
                 self.report.push(Diagnostic::warning("S007", text, entry.key_span, "has no effect").help(help));
             }
         }

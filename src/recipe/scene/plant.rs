@@ -142,7 +142,7 @@ impl Resolver<'_> {
         if let Some(entry) = table.get("import").filter(|_| keys.mesh.is_none()) {
             let d =
                 Diagnostic::warning("S007", format!("{path}.import has no effect"), entry.key_span, "has no effect");
-            self.report.push(d.help("it says how a mesh is read: name one with mesh = \"FILE\""));
+            self.report.push(d.help("it sets how a mesh is read: name one with mesh = \"FILE\""));
         }
         let (growth, source, letters) = match (&keys.grammar, &keys.ifs) {
             _ if keys.mesh.is_some() => {
@@ -214,17 +214,17 @@ impl Resolver<'_> {
     fn copies(&mut self, (plant, path): (&TomlTable, &str), (stems, tree): (&Stems, &IfsTreeKeys), rods: bool) -> bool {
         let sheared = sheared(stems);
         let why = match sheared {
-            _ if rods => "they bend as rods, each in its own way".to_owned(),
-            _ if tree.lod > 0 => "cards stand there at this lod".to_owned(),
-            _ if self.raining => "rain falls on each leaf".to_owned(),
-            _ if tree.radii == BranchRadii::Pipe => "radii = \"pipe\" asks for every tip".to_owned(),
-            Some(i) => format!("map {} does more than turn and scale", i + 1),
+            _ if rods => "each branch bends on its own as a rod".to_owned(),
+            _ if tree.lod > 0 => "this lod replaces them by billboards".to_owned(),
+            _ if self.raining => "rain needs each leaf on its own".to_owned(),
+            _ if tree.radii == BranchRadii::Pipe => "radii = \"pipe\" needs every branch tip".to_owned(),
+            Some(i) => format!("map {} is not a rotation with uniform scale", i + 1),
             None => return true,
         };
         if tree.twigs {
             let span = span_of(plant, &["tree", "twigs"]).unwrap_or(self.whole);
             let d = Diagnostic::warning("S007", format!("{path}.tree.twigs has no effect"), span, "has no effect");
-            self.report.push(d.help(format!("the tree has no copies, for {why}")));
+            self.report.push(d.help(format!("the tree has no instanced twigs, because {why}")));
         }
         false
     }
@@ -239,17 +239,18 @@ impl Resolver<'_> {
         for entry in table.entries.iter().filter(|e| GROWN.contains(&e.key.as_str())) {
             let text = format!("{path}.{} has no effect on a mesh", entry.key);
             let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
-            self.report
-                .push(d.help("a mesh keeps its own shape, leaves and materials; how it is read stands in import"));
+            self.report.push(
+                d.help("a mesh keeps its own shape, leaves and materials; set how it is read in [plants.NAME.import]"),
+            );
         }
         let import: ImportedMeshKeys = self.section_at(table, path, "import");
         if words(&import.leaf_pattern).is_empty() {
             let span = span_of(table, &["import", "leaf_pattern"]).unwrap_or(self.whole);
             let text = format!("{path}.import.leaf_pattern names no word");
             let d = Diagnostic::error("S003", text, span, "no word");
-            self.report.push(
-                d.help("words stand between bars: \"leaf|needle\"; one that no name holds leaves shape to decide"),
-            );
+            self.report.push(d.help(
+                "separate words by bars: \"leaf|needle\"; if no name contains any of them, leaves are found by shape",
+            ));
             return None;
         }
         let reference = keys.mesh.as_ref()?;
@@ -263,7 +264,7 @@ impl Resolver<'_> {
     #[allow(clippy::option_option, reason = "a table that fails is not the same as no table")]
     fn grain(&mut self, bark: &BarkKeys) -> Option<Option<Arc<Ifs>>> {
         match &bark.ifs {
-            Some(r) => Some(Some(Arc::new(self.plane_table(r, &bark.system, "a bark is tiled")?))),
+            Some(r) => Some(Some(Arc::new(self.plane_table(r, &bark.system, "bark is tiled")?))),
             None => Some(None),
         }
     }
@@ -291,7 +292,12 @@ impl Resolver<'_> {
                 match (&e.node.value, letters.next(), letters.next()) {
                     (TomlValue::Table(t), Some(letter), None) => organs.extend(self.organ(letter, &full, t)),
                     (TomlValue::Table(_), ..) => {
-                        let d = Diagnostic::error("S003", format!("organ \"{}\" is no letter", e.key), e.key_span, "");
+                        let d = Diagnostic::error(
+                            "S003",
+                            format!("organ \"{}\" is not a single letter", e.key),
+                            e.key_span,
+                            "",
+                        );
                         self.report.push(d.help("organs are named by the one letter that follows '~' in the grammar"));
                     }
                     _ => self.report.push(*wrong(&full, &e.node, "a table")),

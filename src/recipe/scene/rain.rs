@@ -25,7 +25,7 @@ choices! {
         Constant = "constant",
         /// A bell around `middle_s`, as the paper by Yang and Wu has it.
         Bell = "bell",
-        /// As `keys` say.
+        /// As `envelope_keyframes` say.
         Keys = "keys",
     }
     /// Sets of defaults.
@@ -84,8 +84,8 @@ keys! {
         falls: bool = "falls" BooleanType(true);
         /// How much.
         rate: f64 = "rate_mm_per_h" number(10.0, 0.1, 200.0, "mm/h");
-        /// How large its drops are.
-        size: RainSize = "size" OneOf(RainSize::Natural);
+        /// Distribution of drop sizes.
+        size: RainSize = "size_distribution" OneOf(RainSize::Natural);
         /// Diameter of drops that are not natural.
         diameter: f64 = "size_mm" millimetres(2.0, 0.5, 6.0);
         /// How much they differ: deviation of the logarithm.
@@ -98,27 +98,27 @@ keys! {
         middle: Option<f64> = "middle_s" OptionalKey(number(5.0, -1e4, 1e5, "s"), "half the clip");
         /// With "bell": its width.
         width: Option<f64> = "width_s" OptionalKey(number(2.5, 0.01, 1e5, "s"), "a quarter of the clip");
-        /// With "keys": [s, factor], times rising.
-        keys: Vec<Vec<f64>> = "keys" TimedRows;
+        /// With envelope "keys": [s, factor], times rising.
+        keys: Vec<Vec<f64>> = "envelope_keyframes" TimedRows;
         /// How much its strength changes by chance.
         jitter: f64 = "jitter" number(0.2, 0.0, 1.0, "");
         /// Time for which it has rained before the first frame.
         before: f64 = "before_s" number(0.0, 0.0, 600.0, "s");
         /// Steps a frame.
         substeps: Option<u32> = "substeps" OptionalKey(integer(8, 1, 256), "8, or as many as the plants' rods need");
-        /// Gravity, of drops and of all rods of the scene.
-        g: f64 = "g" number(9.81, 0.01, 30.0, "m/s^2");
+        /// Acceleration of gravity, of drops and of all rods of the scene.
+        g: f64 = "gravity" number(9.81, 0.01, 30.0, "m/s^2");
     }
     /// What drops do when they strike.
     ImpactKeys at "rain.impact" {
         /// What a blow does.
         model: ImpactModel = "model" OneOf(ImpactModel::Momentum);
         /// With "paper_energy": share of energy that is lost.
-        eps: f64 = "eps" number(0.1, 0.0, 1.0, "");
+        eps: f64 = "energy_loss" number(0.1, 0.0, 1.0, "");
         /// With "momentum": share of the speed of approach that is given back.
         restitution: f64 = "restitution" number(0.0, 0.0, 0.9, "");
-        /// Factor on blows, for looks.
-        gain: f64 = "gain" number(1.0, 1.0, 10.0, "");
+        /// Factor on impulses of impacts, for exaggerated motion.
+        gain: f64 = "impulse_factor" number(1.0, 1.0, 10.0, "");
         /// Share of a hard-striking drop that leaves as droplets.
         splash: f64 = "splash" number(0.0, 0.0, 0.8, "");
         /// Share of its speed along the leaf that a drop keeps.
@@ -127,7 +127,7 @@ keys! {
     /// Drops on leaves.
     DropKeys at "rain.drop" {
         /// Contact angle: 40 where leaves are wettable, 110 where they are waxy, 150 on lotus.
-        theta: f64 = "theta_deg" degrees(60.0, 1.0, 175.0);
+        theta: f64 = "contact_angle_deg" degrees(60.0, 1.0, 175.0);
         /// Angle at which the rim behind gives way.
         receding: f64 = "receding_deg" degrees(52.0, 0.0, 180.0);
         /// Angle at which the rim in front moves on.
@@ -140,28 +140,28 @@ keys! {
         lambda: f64 = "lambda" number(1.05, 1.0, 1.5, "");
         /// What holds a drop back.
         friction: DropFriction = "friction" OneOf(DropFriction::Retention);
-        /// Friction by its weight on the leaf.
-        mu: f64 = "mu" number(0.0, 0.0, 2.0, "");
-        /// With friction "paper": the constant H.
-        h: f64 = "H_N" number(2e-5, 0.0, 1e-2, "N");
-        /// Factor on what contact angles hold.
-        k_f: f64 = "k_f" number(1.0, 0.0, 2.0, "");
-        /// Time in which running water loses its speed.
-        tau_v: f64 = "tau_v_s" number(0.05, 0.005, 1.0, "s");
+        /// Coefficient of sliding friction of a drop on the leaf.
+        mu: f64 = "friction_coefficient" number(0.0, 0.0, 2.0, "");
+        /// With friction "paper": the constant H of its resisting force.
+        h: f64 = "paper_friction_n" number(2e-5, 0.0, 1e-2, "N");
+        /// Factor on the retention force of contact-angle hysteresis.
+        k_f: f64 = "retention_factor" number(1.0, 0.0, 2.0, "");
+        /// Time constant with which viscosity slows running water.
+        tau_v: f64 = "velocity_decay_s" number(0.05, 0.005, 1.0, "s");
         /// How unevenly a leaf holds drops.
         pin_noise: f64 = "pin_noise" number(0.3, 0.0, 0.9, "");
         /// When drops become one.
         merge: DropMerge = "merge" OneOf(DropMerge::Touch);
-        /// With merge "paper": strength of the attraction.
-        k_h: f64 = "k_H_N" number(1e-4, 1e-7, 1.0, "N");
+        /// With merge "paper": strength of the attraction between drops.
+        k_h: f64 = "paper_attraction_n" number(1e-4, 1e-7, 1.0, "N");
         /// With what arm weight turns a leaf.
         lever: DropLever = "lever" OneOf(DropLever::Physical);
-        /// With lever "paper": its most.
-        phi_c: f64 = "phi_c" number(0.8, 0.0, 1.0, "");
-        /// Radii along a tail, each as a share of the one before.
-        tail_beta: f64 = "tail_beta" number(0.8, 0.3, 0.95, "");
-        /// Most drops of a tail.
-        tail_n: u32 = "tail_n" integer(8, 1, 16);
+        /// With lever "paper": largest lever arm, as a share.
+        phi_c: f64 = "paper_lever_max" number(0.8, 0.0, 1.0, "");
+        /// Ratio of the radii of successive drops of a tail.
+        tail_beta: f64 = "tail_ratio" number(0.8, 0.3, 0.95, "");
+        /// Largest number of drops of a tail.
+        tail_n: u32 = "tail_drops" integer(8, 1, 16);
         /// How much of a tail there is: roughness of the leaf.
         rough: f64 = "rough" number(1.0, 0.0, 1.0, "");
         /// Chance that a drop of a tail stays behind.
@@ -171,10 +171,10 @@ keys! {
     }
     /// How leaves become wet and dry again.
     WettingKeys at "rain.wet" {
-        /// What wetness becomes in `half_life_s`.
-        zeta: f64 = "zeta" number(0.5, 0.01, 0.99, "");
-        /// See `zeta`.
-        half_life: f64 = "half_life_s" number(20.0, 0.05, 1e5, "s");
+        /// Share of its wetness that a leaf keeps after `decay_time_s`; 0.5 makes that time a half-life.
+        zeta: f64 = "decay_fraction" number(0.5, 0.01, 0.99, "");
+        /// Time in which wetness falls to `decay_fraction` of itself.
+        half_life: f64 = "decay_time_s" number(20.0, 0.05, 1e5, "s");
         /// Length on which wetness falls from a drop's middle.
         length: f64 = "length_mm" millimetres(3.0, 0.1, 100.0);
     }
@@ -228,9 +228,14 @@ impl Resolver<'_> {
         if rain.keys.envelope == RainEnvelope::Keys
             && (rain.keys.keys.is_empty() || rain.keys.keys.windows(2).any(|k| k[1][0] <= k[0][0]))
         {
-            let span = table.get("keys").map_or(entry.key_span, |e| e.node.span);
-            let d = Diagnostic::error("S006", "rain.keys are times that rise, with factors", span, "these do not");
-            self.report.push(d.help("write keys = [[0, 0], [2, 1], [5, 0]]"));
+            let span = table.get("envelope_keyframes").map_or(entry.key_span, |e| e.node.span);
+            let d = Diagnostic::error(
+                "S006",
+                "`envelope = \"keys\"` needs rising times with factors",
+                span,
+                "these do not",
+            );
+            self.report.push(d.help("write envelope_keyframes = [[0, 0], [2, 1], [5, 0]]"));
         }
         Some(rain)
     }
@@ -257,7 +262,8 @@ impl Resolver<'_> {
         if drop.receding <= drop.theta && drop.theta <= drop.advancing {
             return;
         }
-        let span = span_of(table, &["drop", "theta_deg"]).or_else(|| span_of(table, &["drop"])).unwrap_or(self.whole);
+        let span =
+            span_of(table, &["drop", "contact_angle_deg"]).or_else(|| span_of(table, &["drop"])).unwrap_or(self.whole);
         let deg = f64::to_degrees;
         let text = format!(
             "contact angles must rise from receding over theta to advancing, but are {:.0}, {:.0}, {:.0} degrees",
@@ -266,7 +272,7 @@ impl Resolver<'_> {
             deg(drop.advancing)
         );
         let d = Diagnostic::error("S004", text, span, "out of order");
-        self.report.push(d.help("waxy leaves: theta_deg = 110, receding_deg = 100, advancing_deg = 118"));
+        self.report.push(d.help("waxy leaves: contact_angle_deg = 110, receding_deg = 100, advancing_deg = 118"));
     }
 }
 
@@ -285,13 +291,13 @@ fn as_printed(rain: &mut RainRecipe, table: &TomlTable) {
         };
     }
     unless! {
-        "" "g": rain.keys.g => 9.8;
+        "" "gravity": rain.keys.g => 9.8;
         "" "envelope": rain.keys.envelope => RainEnvelope::Bell;
         "impact" "model": rain.impact.model => ImpactModel::PaperEnergy;
         "drop" "shape": rain.drop.shape => DropShape::Paper;
         "drop" "omega": rain.drop.omega => Some(0.5);
         "drop" "friction": rain.drop.friction => DropFriction::Paper;
-        "drop" "mu": rain.drop.mu => 0.3;
+        "drop" "friction_coefficient": rain.drop.mu => 0.3;
         "drop" "merge": rain.drop.merge => DropMerge::Paper;
         "drop" "lever": rain.drop.lever => DropLever::Paper;
     }

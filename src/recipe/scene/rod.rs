@@ -69,21 +69,21 @@ keys! {
         /// Where on that, 0 at its base to 1 at its tip.
         on_at: f64 = "on_at" number(1.0, 0.0, 1.0, "");
         /// Young's modulus.
-        young: f64 = "E_GPa" number(5.0, 1e-5, 1000.0, "GPa");
+        young: f64 = "elasticity_gpa" number(5.0, 1e-5, 1000.0, "GPa");
         /// Stiffness against bending at its base, instead of the modulus.
-        bending: Option<f64> = "EI" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from E_GPa and radius");
+        bending: Option<f64> = "bending_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from elasticity_gpa and radius");
         /// Shear modulus over Young's.
         shear: f64 = "shear_ratio" number(1.0 / 15.0, 0.02, 0.5, "");
         /// Stiffness against twisting at its base, instead of the shear modulus.
-        torsion: Option<f64> = "GJ" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from shear_ratio");
+        torsion: Option<f64> = "torsional_stiffness" OptionalKey(number(1.0, 1e-9, 1e9, "N m^2"), "from shear_ratio");
         /// Density.
         density: f64 = "density" number(900.0, 1.0, 20_000.0, "kg/m^3");
-        /// Damping of its slowest swing, as a share of critical.
-        zeta: f64 = "zeta" number(0.2, 0.0, 1.0, "");
+        /// Damping ratio of the slowest mode: 1 is critical.
+        zeta: f64 = "damping_ratio" number(0.2, 0.0, 1.0, "");
         /// Strength of the springs back to where it was drawn.
         recovery: f64 = "recovery" number(0.25, 0.0, 4.0, "");
-        /// Divides its stiffness, for looks.
-        gain: f64 = "gain" number(1.0, 1.0, 20.0, "");
+        /// Divides the stiffness, for exaggerated bending.
+        gain: f64 = "compliance" number(1.0, 1.0, 20.0, "");
         /// Drag of the wind on it; 0 for none.
         drag: f64 = "drag" number(1.1, 0.0, 3.0, "");
         /// Cross-sections that it is made of.
@@ -108,11 +108,11 @@ keys! {
         /// With "guided": the line's direction.
         line: [f64; 3] = "line" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
         /// How the held place is moved: keys of [s, x, y, z], m from where it is drawn.
-        keys: Vec<Vec<f64>> = "keys" TimedRows;
+        keys: Vec<Vec<f64>> = "keyframes" TimedRows;
         /// With "fixed": axis about which it is turned.
         axis: [f64; 3] = "axis" NumberArray([0.0, 1.0, 0.0], number(0.0, -1e6, 1e6, ""));
         /// With "fixed": how far it is turned: keys of [s, degrees].
-        turns: Vec<Vec<f64>> = "turn_keys" TimedRows;
+        turns: Vec<Vec<f64>> = "turn_keyframes" TimedRows;
     }
     /// What acts on a rod.
     RodLoadKeys at "rod.load" {
@@ -121,7 +121,7 @@ keys! {
         /// What.
         kind: RodLoadKind = "kind" OneOf(RodLoadKind::Force);
         /// When and how much, linear between keys, as the first before them and as the last after them.
-        keys: Vec<Vec<f64>> = "keys" TimedRows;
+        keys: Vec<Vec<f64>> = "keyframes" TimedRows;
         /// With "mass": whether it is seen, as a ball as heavy as water.
         show: bool = "show" BooleanType(true);
         /// With "mass": its colour.
@@ -163,7 +163,7 @@ impl Resolver<'_> {
         let apart = |p: &[[f64; 3]]| (0..3).map(|k| (p[1][k] - p[0][k]) * (p[1][k] - p[0][k])).sum::<f64>();
         if keys.points.len() < 2 || keys.points.windows(2).any(|p| apart(p) < 1e-10) {
             let text = format!("[[rod]] {} needs two points or more, none twice in a row", i + 1);
-            let d = Diagnostic::error("S006", text, of("points"), "no rod goes through these");
+            let d = Diagnostic::error("S006", text, of("points"), "needs two distinct points");
             self.report.push(d.help("write points = [[0, 0, 0], [0, 1, 0]], in metres from base to tip"));
             return None;
         }
@@ -172,9 +172,9 @@ impl Resolver<'_> {
         let clamps = self.parts(table, &path, "clamp", |r, t, p| r.rod_clamp(t, p));
         let loads = self.parts(table, &path, "load", |r, t, p| r.rod_load(t, p));
         if let (Some(_), Some(entry)) = (on, table.get("clamp")) {
-            let text = format!("[[rod]] {} is fixed in \"{}\" and held besides", i + 1, keys.on);
-            let d = Diagnostic::warning("S007", text, entry.key_span, "both hold it");
-            self.report.push(d.help("take one of both away unless that is meant"));
+            let text = format!("[[rod]] {} is fixed to \"{}\" and has clamps of its own", i + 1, keys.on);
+            let d = Diagnostic::warning("S007", text, entry.key_span, "both constrain the rod");
+            self.report.push(d.help("remove one of them unless both are intended"));
         }
         let wanted = if keys.name.is_empty() { "rod" } else { &keys.name };
         Some(RodRecipe { id: names.unique(wanted), on, clamps: clamps?, loads: loads?, keys })
@@ -189,7 +189,7 @@ impl Resolver<'_> {
             let names = before.iter().map(|r| r.keys.name.as_str()).filter(|n| !n.is_empty());
             self.report.push(match nearest(name, names) {
                 Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(span, format!("\"{near}\"")),
-                None => d.help("a rod stands below the one that carries it, and that one has a name"),
+                None => d.help("list a rod after the rod that carries it, and give that one a name"),
             });
         }
         found
@@ -199,13 +199,18 @@ impl Resolver<'_> {
         let of = |name: &str| table.get(name).map_or(span, |e| e.node.span);
         for name in ["integrator", "substeps", "gravity"].into_iter().filter(|_| carried) {
             if let Some(entry) = table.get(name) {
-                let text = format!("{name} of a rod that another one carries has no effect");
+                let text = format!("{name} has no effect on a rod fixed to another rod");
                 let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
-                self.report.push(d.help("give it to the lowest rod"));
+                self.report.push(d.help("set it on the rod at the base"));
             }
         }
-        if keys.bending.is_some() && table.get("E_GPa").is_some() {
-            let d = Diagnostic::warning("S007", "EI takes the place of E_GPa", of("E_GPa"), "has no effect");
+        if keys.bending.is_some() && table.get("elasticity_gpa").is_some() {
+            let d = Diagnostic::warning(
+                "S007",
+                "bending_stiffness replaces elasticity_gpa",
+                of("elasticity_gpa"),
+                "has no effect",
+            );
             self.report.push(d.help("leave one of both out"));
         }
         // Material: G/E of the given stiffnesses must be one.
@@ -214,8 +219,10 @@ impl Resolver<'_> {
         let young = keys.bending.map_or(keys.young * 1e9, |ei| 4.0 * ei / unit);
         if let Some(ratio) = keys.torsion.map(|gj| 2.0 * gj / unit / young).filter(|q| !(0.02..=0.5).contains(q)) {
             let text = format!("GJ makes the shear modulus {ratio:.3} of Young's, but it must be 0.02 to 0.5");
-            let d = Diagnostic::error("S004", text, of("GJ"), "outside its range");
-            self.report.push(d.help("for a round rod GJ is 2 EI times that ratio: about EI / 7 for wood"));
+            let d = Diagnostic::error("S004", text, of("torsional_stiffness"), "outside its range");
+            self.report.push(d.help(
+                "for a round rod torsional_stiffness is 2 bending_stiffness times that ratio: about 1/7 of it for wood",
+            ));
         }
         if matches!(keys.integrator, RodIntegrator::EulerExplicit) {
             let text =
@@ -258,15 +265,15 @@ impl Resolver<'_> {
 
     fn rod_clamp(&mut self, table: &TomlTable, path: &str) -> Option<RodClampKeys> {
         let keys = RodClampKeys::read(Some(table), path, &mut self.report);
-        let good = self.rod_times(table, (path, "keys"), &keys.keys, 4)
-            & self.rod_times(table, (path, "turn_keys"), &keys.turns, 2);
-        let only = [("turn_keys", RodHold::Fixed), ("axis", RodHold::Fixed), ("line", RodHold::Guided)];
+        let good = self.rod_times(table, (path, "keyframes"), &keys.keys, 4)
+            & self.rod_times(table, (path, "turn_keyframes"), &keys.turns, 2);
+        let only = [("turn_keyframes", RodHold::Fixed), ("axis", RodHold::Fixed), ("line", RodHold::Guided)];
         for (name, hold) in only {
             if let Some(entry) = table.get(name).filter(|_| keys.hold != hold) {
                 let word = word_of(hold);
                 let d = Diagnostic::warning(
                     "S007",
-                    format!("{path}.{name} belongs to hold = \"{word}\""),
+                    format!("{path}.{name} needs hold = \"{word}\""),
                     entry.node.span,
                     "has no effect",
                 );
@@ -292,15 +299,15 @@ impl Resolver<'_> {
             RodLoadKind::Mass => 2,
         };
         if keys.keys.is_empty() {
-            let text = format!("[[{path}]] has no keys");
+            let text = format!("[[{path}]] has no keyframes");
             let span = table.get("kind").map_or(self.whole, |e| e.node.span);
             let d = Diagnostic::error("S006", text, span, "acts at no time");
-            self.report.push(d.help("write keys = [[0, ...]]: seconds, then what acts"));
+            self.report.push(d.help("write keyframes = [[0, ...]]: seconds, then what acts"));
             return None;
         }
-        let good = self.rod_times(table, (path, "keys"), &keys.keys, count);
+        let good = self.rod_times(table, (path, "keyframes"), &keys.keys, count);
         let light = keys.kind == RodLoadKind::Mass && keys.keys.iter().any(|k| k.get(1).is_some_and(|m| *m < 0.0));
-        if let Some(entry) = table.get("keys").filter(|_| light) {
+        if let Some(entry) = table.get("keyframes").filter(|_| light) {
             let d = Diagnostic::error("S004", format!("{path}: a mass below 0"), entry.node.span, "at least 0 kg");
             self.report.push(d.help("a force that lifts is kind = \"force\""));
         }
@@ -311,7 +318,7 @@ impl Resolver<'_> {
     fn rod_times(&mut self, table: &TomlTable, (path, name): (&str, &str), keys: &[Vec<f64>], count: usize) -> bool {
         let span = table.get(name).map_or(self.whole, |e| e.node.span);
         if let Some(key) = keys.iter().find(|k| k.len() != count) {
-            let text = format!("a key of {path}.{name} has {} numbers, but must have {count}", key.len());
+            let text = format!("a keyframe of {path}.{name} has {} numbers, but must have {count}", key.len());
             let d = Diagnostic::error("S003", text, span, format!("keys of {count} numbers"));
             self.report.push(d.help("first seconds from the first frame, then what they hold"));
             return false;

@@ -19,8 +19,8 @@ keys! {
     TerrainKeys at "terrain" {
         /// Another land of the same kind.
         seed: u64 = "seed" SeedType(0);
-        /// Doublings: 2^n + 1 heights along a side.
-        n: u32 = "n" integer(9, 1, 13);
+        /// Subdivisions of midpoint displacement: 2^n + 1 heights along a side.
+        n: u32 = "subdivisions" integer(9, 1, 13);
         /// Length of a side.
         size: f64 = "size" number(200.0, 1.0, 1e5, "m");
         /// Height of the largest hills.
@@ -66,7 +66,7 @@ impl Resolver<'_> {
             self.report.push(d.help("1 shows every height, 2 every second one, 4 every fourth"));
         }
         let side = u64::from(most / keys.stride.max(1));
-        let span = table.get("n").map(|e| e.node.span);
+        let span = table.get("subdivisions").map(|e| e.node.span);
         self.limit("triangles", 2 * side * side, span);
         Some(keys)
     }
@@ -121,7 +121,7 @@ impl Resolver<'_> {
     /// S004 if the second of a pair is smaller than the first.
     pub(in crate::recipe) fn in_order(&mut self, table: &TomlTable, (path, name): (&str, &str), [low, high]: [f64; 2]) {
         if let Some(entry) = table.get(name).filter(|_| low > high) {
-            let text = format!("{path}.{name} begins above its end");
+            let text = format!("{path}.{name} has its minimum above its maximum");
             let d = Diagnostic::error("S004", text, entry.node.span, "the smaller number comes first");
             self.report.push(d.help(format!("write [{high}, {low}]")));
         }

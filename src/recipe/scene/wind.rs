@@ -93,14 +93,14 @@ impl Resolver<'_> {
         };
         if let Some(entry) = table.get("add") {
             let text = format!("[{path}] has no key \"add\"");
-            let d = Diagnostic::error("S002", text, entry.key_span, "a wind in a wind that is added");
+            let d = Diagnostic::error("S002", text, entry.key_span, "an added wind cannot contain another");
             self.report.push(d.help("write one more [[wind.add]]"));
         }
         let keys = WindKeys::read(Some(table), &path, &mut self.report);
         let own = table.get("lattice").map(|e| e.key_span);
         let model = table.get("model").filter(|_| keys.model == WindModel::Lattice).map(|e| e.node.span);
         if let Some(at) = own.or(model) {
-            let d = Diagnostic::error("S004", format!("{path} is on a lattice"), at, "only [wind] can be");
+            let d = Diagnostic::error("S004", format!("{path} uses a lattice"), at, "only [wind] can be");
             self.report.push(d.help("write it as the scene's [wind], and add the others to it"));
         }
         Some(self.one_wind(keys, &path, Some(table)))
@@ -120,7 +120,12 @@ impl Resolver<'_> {
         }
         if keys.literal && keys.model != WindModel::Perlin {
             let at = span("literal").unwrap_or(self.whole);
-            let d = Diagnostic::warning("S007", format!("{path}.literal belongs to another wind"), at, "has no effect");
+            let d = Diagnostic::warning(
+                "S007",
+                format!("`{path}.literal` needs `model = \"perlin\"`"),
+                at,
+                "has no effect",
+            );
             self.report.push(d.help("write model = \"perlin\""));
         }
         keys
@@ -140,7 +145,7 @@ impl Resolver<'_> {
         };
         if wind.model != WindModel::Lattice {
             if let Some(entry) = parent.get("lattice") {
-                let text = "[wind.lattice] belongs to another wind";
+                let text = "`[wind.lattice]` needs `model = \"lattice\"` in `[wind]`";
                 let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
                 self.report.push(d.help("write model = \"lattice\" in [wind]"));
             }
@@ -148,15 +153,20 @@ impl Resolver<'_> {
         }
         for key in ["gust", "gust_length", "turbulence", "eddy_size", "wander_deg", "height_power"] {
             if let Some(entry) = parent.get(key) {
-                let text = format!("wind.{key} belongs to another wind");
+                let text = format!("`wind.{key}` has no effect with `model = \"lattice\"`");
                 let d = Diagnostic::warning("S007", text, entry.key_span, "has no effect");
-                self.report.push(d.help("what a lattice wind has of it stands in [wind.lattice]"));
+                self.report.push(d.help("set the gusts and turbulence of a lattice wind in [wind.lattice]"));
             }
         }
         let span = |key: &str| table.get(key).map(|e| e.node.span);
         if keys.cells.iter().any(|n| n.fract().abs() > 0.0) {
             let at = span("cells").unwrap_or(self.whole);
-            self.report.push(Diagnostic::error("S004", "wind.lattice.cells are not whole", at, "whole numbers"));
+            self.report.push(Diagnostic::error(
+                "S004",
+                "wind.lattice.cells must be whole numbers",
+                at,
+                "whole numbers",
+            ));
         }
         if keys.profile == LatticeProfile::Table && keys.profile_table.is_empty() {
             let at = span("profile").unwrap_or(self.whole);
@@ -203,13 +213,13 @@ impl Resolver<'_> {
         if early < 0.0 {
             let text = format!("wind.lattice.direction_curve begins at {early} s, before the clip");
             let d = Diagnostic::error("S004", text, entry.node.span, "must be 0 or more");
-            self.report.push(d.help("while the wind sets in it blows as in the first pair"));
+            self.report.push(d.help("during spin-up the wind blows in the direction of the first pair"));
         }
         if keys.sides == LatticeSides::Slip {
-            let text = "wind.lattice.sides = \"slip\" lets nothing through, but the wind turns";
+            let text = "wind.lattice.sides = \"slip\" blocks the sides, but the wind turns through them";
             let at = table.get("sides").map_or(self.whole, |e| e.node.span);
             let d = Diagnostic::error("S004", text, at, "not with a direction_curve");
-            self.report.push(d.help("leave sides out: all four are open to a wind that turns"));
+            self.report.push(d.help("leave sides out: all four sides are open when the wind turns"));
         }
         if let Some(entry) = parent.get("direction_deg") {
             let text = "wind.direction_deg is given, but wind.lattice.direction_curve, too";
@@ -230,7 +240,7 @@ impl Resolver<'_> {
         for (key, asked) in [("repeat", sway.repeat == Some(true)), ("loop", sway.round.is_some())] {
             if asked {
                 let at = span_of(root, &["sway", key]).unwrap_or(self.whole);
-                let text = format!("sway.{key} asks for a loop, but wind.lattice.{curve} does not repeat");
+                let text = format!("sway.{key} requests a loop, but a wind with wind.lattice.{curve} does not repeat");
                 let d = Diagnostic::error("S004", text, at, "not with a curve");
                 self.report.push(d.help("leave one of them out"));
             }
@@ -279,7 +289,12 @@ impl Resolver<'_> {
         grids.extend(keys.vti_every.map(|every| space.whole(every, &mut names)));
         if clip.len() < 2 && !grids.is_empty() {
             let at = parent.get("wind").map_or(self.whole, |e| e.key_span);
-            let d = Diagnostic::warning("S007", "a still scene has no wind to tell", at, "has no effect");
+            let d = Diagnostic::warning(
+                "S007",
+                "`[output.wind]` needs a clip, but the scene has one frame",
+                at,
+                "has no effect",
+            );
             self.report.push(d.help("make it a clip: [frames] end = 48"));
         }
         WindOutputRecipe { keys, slices, grids }
@@ -307,9 +322,9 @@ impl Resolver<'_> {
         let (low, high) = (space.low[axis], space.low[axis] + space.size[axis]);
         if !(low..=high).contains(&keys.at) {
             let at = table.get("at").map_or(node.span, |e| e.node.span);
-            let text = format!("{path}.at is {} m, outside the box of air", keys.at);
+            let text = format!("{path}.at is {} m, outside the wind domain", keys.at);
             let d = Diagnostic::error("S004", text, at, format!("must be {low} to {high}"));
-            self.report.push(d.help("move the plane, or make the box larger"));
+            self.report.push(d.help("move the plane, or enlarge the domain"));
             return None;
         }
         Some(keys)
@@ -347,7 +362,7 @@ impl Resolver<'_> {
             let Some(at) = span_of(root, &["wind", key]) else { continue };
             let fitted = fit_gust_length(length, wind.speed, period);
             if (fitted / length - 1.0).abs() > 0.02 {
-                let text = format!("wind.{key} is {length} m, but in a loop of {period} s whole gusts must pass");
+                let text = format!("wind.{key} is {length} m, but a loop of {period} s needs a whole number of gusts");
                 let d = Diagnostic::warning("S008", text, at, format!("taken as {fitted:.2} m"));
                 self.report.push(d.help("a longer clip, or sway.repeat = false, keeps it"));
             }
@@ -406,7 +421,7 @@ fn as_printed(keys: &mut LatticeKeys, table: &TomlTable) {
     if free("ground") {
         keys.ground = LatticeGround::Smooth;
     }
-    if free("reference") {
+    if free("reference_height") {
         keys.reference = Some(keys.cells[1] * keys.dx);
     }
 }

@@ -1,6 +1,7 @@
 //! One declaration per key: it feeds reading, `osier list options`, defaults and the scene hash.
 
 use super::digest::Digest;
+use super::renamed::present_name;
 use super::tree::{TomlNode, TomlTable, TomlValue};
 use osier_base::diagnostic::{Diagnostic, Report, nearest};
 
@@ -60,7 +61,7 @@ pub trait KeyTable: Sized + Digest {
     fn read(table: Option<&TomlTable>, path: &str, report: &mut Report) -> Self {
         let mut reader = TableReader { table, path: path.to_owned(), report };
         let section = Self::read_keys(&mut reader);
-        reader.refuse_unknown(&Self::keys(), Self::TABLES);
+        reader.refuse_unknown(Self::PATH, &Self::keys(), Self::TABLES);
         section
     }
 
@@ -88,17 +89,29 @@ impl TableReader<'_> {
         })
     }
 
-    fn refuse_unknown(&mut self, keys: &[KeyInfo], tables: &[&str]) {
+    fn refuse_unknown(&mut self, declared: &str, keys: &[KeyInfo], tables: &[&str]) {
         let known: Vec<&str> = keys.iter().map(|k| k.name).chain(tables.iter().copied()).collect();
         for entry in self.table.iter().flat_map(|t| &t.entries) {
             if self.report.is_full() {
                 return;
             }
-            if !known.contains(&entry.key.as_str()) {
-                self.report.push(unknown(entry, &self.path, &known));
+            if known.contains(&entry.key.as_str()) {
+                continue;
             }
+            self.report.push(match present_name(declared, &entry.key) {
+                Some(new) => renamed(entry, &self.path, new),
+                None => unknown(entry, &self.path, &known),
+            });
         }
     }
+}
+
+/// S002 for a key of an earlier version, with its present name.
+fn renamed(entry: &super::tree::TomlEntry, path: &str, new: &str) -> Diagnostic {
+    let text = format!("[{path}] has no key \"{}\"", entry.key);
+    Diagnostic::error("S002", text, entry.key_span, "renamed key")
+        .help(format!("`{}` is now `{new}`", entry.key))
+        .fix(entry.key_span, new)
 }
 
 /// S002 with the nearest known name.

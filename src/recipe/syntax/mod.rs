@@ -2,6 +2,7 @@
 
 mod digest;
 mod key;
+mod renamed;
 mod tree;
 mod value_types;
 

@@ -145,8 +145,13 @@ pub fn apply_override(root: &mut TomlTable, assignment: &str, report: &mut Repor
     let names: Vec<&str> = path.trim().split('.').map(str::trim).collect();
     let node = TomlNode { span: Span::new(source, offset, assignment.len()), value };
     if !put(root, &names, node, Span::new(source, 0, path.len())) {
-        let d = Diagnostic::error("S002", format!("\"{}\" leads nowhere", path.trim()), whole, "this path");
-        report.push(d.help("elements are separated by '.', members of a list are numbered from 0"));
+        let d = Diagnostic::error(
+            "S002",
+            format!("\"{}\" is not a key or a list element", path.trim()),
+            whole,
+            "this path",
+        );
+        report.push(d.help("separate path elements by '.'; list elements are numbered from 0"));
     }
 }
 

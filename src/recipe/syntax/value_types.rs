@@ -227,7 +227,7 @@ impl<W: Choice + PartialEq> ValueType for OneOf<W> {
         if let Some((_, member)) = W::ALL.iter().find(|(w, _)| w == t) {
             return Ok(*member);
         }
-        let d = Diagnostic::error("S003", format!("{name} knows no \"{t}\""), node.span, "unknown word");
+        let d = Diagnostic::error("S003", format!("{name} has no choice \"{t}\""), node.span, "unknown word");
         Err(Box::new(match nearest(t, W::ALL.iter().map(|(w, _)| *w)) {
             Some(near) => d.help(format!("did you mean \"{near}\"?")).fix(node.span, format!("\"{near}\"")),
             None => d.help(format!("one of {}", choices::<W>())),
@@ -343,8 +343,8 @@ impl ValueType for ColorType {
         let wanted = "a color, \"#rrggbb\" or three numbers";
         let TomlValue::Text(t) = &node.value else { return Err(wrong(name, node, wanted)) };
         hex(t).ok_or_else(|| {
-            let d = Diagnostic::error("S003", format!("{name} is no color"), node.span, "unreadable color");
-            Box::new(d.help("write \"#rrggbb\" as picture programs show it, or [r, g, b] in linear light, 0 to 1"))
+            let d = Diagnostic::error("S003", format!("{name} is not a color"), node.span, "unreadable color");
+            Box::new(d.help("write \"#rrggbb\" (sRGB), or [r, g, b] in linear light, 0 to 1"))
         })
     }
     fn listing(&self) -> KeyListing {
