@@ -5,13 +5,14 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
-use osier::ifs::cloud::{Request, cloud};
-use osier::ifs::color::{Labels, Mode};
+use osier::ifs::affine::AxisScaling;
+use osier::ifs::cloud::{DrawRequest, cloud};
+use osier::ifs::color::{ColorLabels, ColorMode};
 use osier::ifs::dynamics::study;
-use osier::ifs::game::{Chunk, Game, Sink, Tier, extent};
-use osier::ifs::histogram::{Window, histogram};
-use osier::ifs::leaf::{Colors, Spec, fields, leaf, normals};
-use osier::ifs::weights::Rule;
+use osier::ifs::game::{ChaosGame, Chunk, InstructionSet, PointSink, extent};
+use osier::ifs::histogram::{PictureWindow, histogram};
+use osier::ifs::leaf::{LeafColors, LeafSpec, fields, leaf, normals};
+use osier::ifs::weights::WeightRule;
 use osier::ifs::{Ifs, read};
 use osier::limits::Limits;
 
@@ -24,7 +25,7 @@ fn table(name: &str) -> Ifs {
 #[derive(Default)]
 struct Blind(f32);
 
-impl Sink for Blind {
+impl PointSink for Blind {
     fn take(&mut self, chunk: &Chunk) {
         self.0 += chunk.x[0][0];
     }
@@ -36,14 +37,14 @@ fn one_thread<R: Send>(f: impl FnOnce() -> R + Send) -> R {
 
 fn drawing(c: &mut Criterion) {
     let fern = table("fern_leaf.ifs");
-    let s = study(&fern, Rule::File);
+    let s = study(&fern, WeightRule::File);
     let mut group = c.benchmark_group("fern");
     group.sample_size(10);
     let points = 1 << 24;
     group.throughput(Throughput::Elements(points));
-    for (name, tier) in [("generate", Tier::Best), ("generate_plain", Tier::Plain)] {
-        let game = Game::new(&fern, &s, 1, (DVec3::ONE, DVec3::ZERO), 1e15).with_tier(tier);
-        let (blocks, steps) = Game::plan(points);
+    for (name, tier) in [("generate", InstructionSet::Best), ("generate_plain", InstructionSet::Plain)] {
+        let game = ChaosGame::new(&fern, &s, 1, AxisScaling::IDENTITY, 1e15).with_tier(tier);
+        let (blocks, steps) = ChaosGame::plan(points);
         group.bench_function(name, |b| {
             b.iter(|| {
                 let mut sink = Blind::default();
@@ -52,13 +53,14 @@ fn drawing(c: &mut Criterion) {
             });
         });
     }
-    let window = Window::fitted(extent(&fern, &s).expect("one").bounds, 2048, 2048);
-    let request = Request { system: &fern, study: &s, seed: 1, points: 100_000_000, tier: Tier::Best };
+    let wide = extent(&fern, &s).expect("one").bounds;
+    let window = PictureWindow::fitted(wide.0, wide.1, 2048, 2048);
+    let request = DrawRequest { system: &fern, study: &s, seed: 1, points: 100_000_000, tier: InstructionSet::Best };
     group.throughput(Throughput::Elements(request.points));
     group.bench_function("hits_2048", |b| {
         b.iter(|| one_thread(|| histogram(&request, None, &window).points));
     });
-    let labels = Labels::new(&fern, Mode::Coord, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let labels = ColorLabels::new(&fern, ColorMode::Coord, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     group.bench_function("colour_2048", |b| {
         b.iter(|| one_thread(|| histogram(&request, Some(&labels), &window).points));
     });
@@ -67,15 +69,15 @@ fn drawing(c: &mut Criterion) {
 
 fn clouds(c: &mut Criterion) {
     let fern = table("fern_leaf.ifs");
-    let s = study(&fern, Rule::File);
+    let s = study(&fern, WeightRule::File);
     let e = extent(&fern, &s).expect("one");
-    let labels = Labels::new(&fern, Mode::Map, &[]);
-    let request = Request { system: &fern, study: &s, seed: 1, points: 10_000_000, tier: Tier::Best };
+    let labels = ColorLabels::new(&fern, ColorMode::Map, &[]);
+    let request = DrawRequest { system: &fern, study: &s, seed: 1, points: 10_000_000, tier: InstructionSet::Best };
     let mut group = c.benchmark_group("cloud");
     group.sample_size(10);
     group.throughput(Throughput::Elements(request.points));
     group.bench_function("ten_million", |b| {
-        b.iter(|| cloud(&request, &labels, &e, (DVec3::ZERO, 1.0)).positions.len());
+        b.iter(|| cloud(&request, &labels, &e, DVec3::ZERO, 1.0).positions.len());
     });
     group.finish();
 }
@@ -87,8 +89,8 @@ fn leaves(c: &mut Criterion) {
     group.bench_function("maps_1024", |b| {
         b.iter(|| {
             one_thread(|| {
-                let made = leaf(&table, &Spec::default()).expect("a leaf");
-                let f = fields(&made.raster, &Colors::default(), 1.0);
+                let made = leaf(&table, &LeafSpec::default()).expect("a leaf");
+                let f = fields(&made.raster, &LeafColors::default(), 1.0);
                 normals(&f.height, &made.raster.mask.set, 1024).len()
             })
         });

@@ -4,7 +4,7 @@
 use libfuzzer_sys::fuzz_target;
 use osier::ifs::dynamics::study;
 use osier::ifs::read::read;
-use osier::ifs::weights::Rule;
+use osier::ifs::weights::WeightRule;
 use osier::limits::Limits;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -12,7 +12,7 @@ fuzz_target!(|bytes: &[u8]| {
     let name = ["a.ifs", "a.flame", "a.ifs.toml"][usize::from(*form) % 3];
     if let Ok((systems, _)) = read(name, text, &Limits::default()) {
         for system in systems.iter().take(4).filter(|s| s.maps.len() <= 64) {
-            let _ = study(system, system.weights.unwrap_or(Rule::File));
+            let _ = study(system, system.weights.unwrap_or(WeightRule::File));
         }
     }
 });

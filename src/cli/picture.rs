@@ -12,7 +12,7 @@ use crate::recipe::Recipe;
 use osier_base::units::byte;
 use osier_base::{Error, Result};
 use osier_export::{exr, textures};
-use osier_ifs::picture::{Density, Tone, tone_mapped};
+use osier_ifs::picture::{Density, ToneMapping, tone_mapped};
 use osier_scene::{Image, ImageKind, Pixels};
 
 /// Draws the first attractor of a recipe into the file asked for.
@@ -86,7 +86,7 @@ pub(super) fn of_canvas(canvas: &layered_picture::LayerCanvas, recipe: &Recipe) 
     picture((canvas.width, canvas.height), channels, &samples, recipe.picture.bits)
 }
 
-fn image(density: &Density, tone: &Tone, flat: [f32; 3], bits: u32) -> Result<Image> {
+fn image(density: &Density, tone: &ToneMapping, flat: [f32; 3], bits: u32) -> Result<Image> {
     let samples = tone_mapped(density, tone, flat);
     let channels = if tone.background.is_some() { 3 } else { 4 };
     picture((density.width, density.height), channels, &samples, bits)

@@ -13,11 +13,11 @@ use std::sync::Arc;
 pub use library::{Library, ReferencedFile};
 use osier_grammar::Grammar;
 use osier_ifs::Ifs;
-use osier_ifs::dynamics::Study;
+use osier_ifs::dynamics::SystemAnalysis;
 use osier_ifs::game::Extent;
 use osier_ifs::leaf;
-use osier_ifs::stems::Stems;
-use osier_ifs::weights::Rule;
+use osier_ifs::stems::TreeSystem;
+use osier_ifs::weights::WeightRule;
 use osier_import::{Grey, Imported};
 use osier_scene::{AirGrid, Clip};
 pub use resolve::{Request, resolve};
@@ -110,7 +110,7 @@ pub enum Growth {
     /// A string of modules, drawn by the turtle.
     Grammar(Box<Grammar>),
     /// The words of an iterated function system.
-    Ifs(Box<Stems>, scene::IfsTreeKeys),
+    Ifs(Box<TreeSystem>, scene::IfsTreeKeys),
     /// An artist's mesh, in which a skeleton is found.
     Mesh(Box<Imported>, scene::ImportedMeshKeys),
 }
@@ -156,7 +156,7 @@ pub struct OrganRecipe {
     /// The table that draws it, if one replaces the made blade.
     pub ifs: Option<Arc<Ifs>>,
     /// What that table draws, once it has been asked for; organs of the same table and keys share it.
-    pub drawn: Arc<leaf::Once>,
+    pub drawn: Arc<leaf::LazyLeaf>,
     /// The artist's mesh, if one replaces the made blade.
     pub mesh: Option<Arc<Imported>>,
 }
@@ -173,9 +173,9 @@ pub struct AttractorRecipe {
     /// The system.
     pub system: Ifs,
     /// Where its probabilities come from.
-    pub rule: Rule,
+    pub rule: WeightRule,
     /// What is known about it.
-    pub study: Study,
+    pub study: SystemAnalysis,
     /// Where it lies.
     pub extent: Extent,
     /// Keys of its table.

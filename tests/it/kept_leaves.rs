@@ -7,7 +7,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use osier::bake::cache::ifs_leaves::load;
-use osier::ifs::leaf::Drawn;
+use osier::ifs::leaf::DrawnLeaf;
 use osier::limits::Limits;
 use osier::recipe::{Library, Recipe, Request, resolve};
 
@@ -35,7 +35,7 @@ fn recipe(scene: &Path) -> Recipe {
 }
 
 /// What a folder gives back for the leaves of a and b.
-fn recalled(scene: &Path, out: &Path) -> [Option<Drawn>; 2] {
+fn recalled(scene: &Path, out: &Path) -> [Option<DrawnLeaf>; 2] {
     let recipe = recipe(scene);
     load(&recipe, out, &Limits::default());
     [0, 1].map(|i| recipe.plants[i].organs[0].drawn.get().map(|d| d.clone().expect("a leaf")))

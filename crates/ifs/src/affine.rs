@@ -4,17 +4,31 @@ use glam::{DMat3, DVec3};
 
 use osier_base::math::{self, narrow};
 
+/// Axis-aligned change of coordinates u = scale x + shift, as from table units to pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisScaling {
+    /// Factor for each axis, none 0.
+    pub scale: DVec3,
+    /// Added after scaling, in the units of u.
+    pub shift: DVec3,
+}
+
+impl AxisScaling {
+    /// Leaves coordinates in table units.
+    pub const IDENTITY: Self = Self { scale: DVec3::ONE, shift: DVec3::ZERO };
+}
+
 /// w(x) = A x + b. A map of the plane has zeros in the third row and column of A and in b.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Affine {
-    /// Linear part.
+    /// Linear part A, table units per table unit.
     pub a: DMat3,
-    /// Shift, table units.
+    /// Translation b, table units.
     pub b: DVec3,
 }
 
 impl Affine {
-    /// Leaves everything where it is.
+    /// The identity map.
     pub const IDENTITY: Self = Self { a: DMat3::IDENTITY, b: DVec3::ZERO };
 
     /// The map of the plane x' = a x + b y + e, y' = c x + d y + f of `[a, b, c, d, e, f]`.
@@ -73,7 +87,7 @@ impl Affine {
         std::array::from_fn(|i| c.get(i).map_or(0.0, |v| narrow(*v)))
     }
 
-    /// Image of a point.
+    /// A p + b, table units.
     pub fn apply(&self, p: DVec3) -> DVec3 {
         self.a * p + self.b
     }
@@ -100,6 +114,7 @@ impl Affine {
         if scale <= 0.0 || !scale.is_finite() {
             return [scale; 3];
         }
+        // Scaled so that the squares in A^T A neither overflow nor vanish.
         let a = self.a * (1.0 / scale);
         let eigen = eigenvalues((a.transpose() * a).to_cols_array_2d());
         let mut values = eigen.map(|v| scale * math::sqrt(v.max(0.0)));
@@ -116,6 +131,7 @@ impl Affine {
     /// Source: Gelfand's formula, lim |A^k|^(1/k) with k = 2^40 by squaring.
     pub fn spectral_radius(&self) -> f64 {
         let (mut m, mut log, mut share) = (self.a, 0.0, 1.0);
+        // Each pass squares the normalized power A^(2^i) and adds its logarithm with weight 2^-i.
         for _ in 0..40 {
             let size = m.to_cols_array().iter().fold(0.0_f64, |s, v| s.max(v.abs()));
             if size < 1e-150 || !size.is_finite() {
@@ -161,6 +177,7 @@ pub fn turn_z(t: f64) -> DMat3 {
     DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::Z)
 }
 
+/// Eigenvalues of a symmetric matrix by cyclic Jacobi rotations; unsorted. Sixteen sweeps converge to rounding error.
 fn eigenvalues(mut m: [[f64; 3]; 3]) -> [f64; 3] {
     for _ in 0..16 {
         let off = m[0][1].abs() + m[0][2].abs() + m[1][2].abs();
@@ -174,10 +191,12 @@ fn eigenvalues(mut m: [[f64; 3]; 3]) -> [f64; 3] {
     [m[0][0], m[1][1], m[2][2]]
 }
 
+/// One Jacobi rotation that makes the entries (p, q) and (q, p) of a symmetric matrix zero.
 fn rotate(m: &mut [[f64; 3]; 3], p: usize, q: usize) {
     if m[p][q].abs() < 1e-300 {
         return;
     }
+    // The smaller root t of t^2 + 2 theta t - 1 = 0 gives the rotation by less than 45 degrees.
     let theta = (m[q][q] - m[p][p]) / (2.0 * m[p][q]);
     let t = theta.signum() / (theta.abs() + math::sqrt(theta * theta + 1.0));
     let c = 1.0 / math::sqrt(t * t + 1.0);

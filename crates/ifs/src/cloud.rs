@@ -3,9 +3,10 @@
 use glam::{DVec3, Vec3};
 
 use super::Ifs;
-use super::color::Labels;
-use super::dynamics::Study;
-use super::game::{CHUNK, Chunk, Escapes, Extent, Game, LANES, Sink, Tier};
+use super::affine::AxisScaling;
+use super::color::ColorLabels;
+use super::dynamics::SystemAnalysis;
+use super::game::{CHUNK, ChaosGame, Chunk, Escapes, Extent, InstructionSet, LANES, PointSink};
 use osier_base::math::narrow;
 use osier_base::par::par_each;
 
@@ -14,38 +15,38 @@ const GUARD: f64 = 1e4;
 
 /// Points as structure of arrays, in the order block, step, lane.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Cloud {
+pub struct AttractorPoints {
     /// Positions, table units times the scale asked for.
     pub positions: Vec<Vec3>,
-    /// Linear RGB.
+    /// Linear RGB by point.
     pub colors: Vec<[f32; 3]>,
     /// The map that made each point, 255 and above as 255.
     pub maps: Vec<u8>,
     /// Steps since the start or the last jump, at most 255.
     pub depths: Vec<u8>,
-    /// What the guard found.
+    /// How many tests found a lane beyond the guard, and of how many.
     pub escapes: Escapes,
 }
 
-/// What to draw.
+/// An attractor to draw, with how many points and which seed.
 #[derive(Debug, Clone, Copy)]
-pub struct Request<'a> {
-    /// The system.
+pub struct DrawRequest<'a> {
+    /// System whose attractor is drawn.
     pub system: &'a Ifs,
-    /// Its study.
-    pub study: &'a Study,
-    /// Seed of all draws.
+    /// Analysis of `system`: probabilities and warm-up.
+    pub study: &'a SystemAnalysis,
+    /// Seed of all random draws.
     pub seed: u64,
-    /// Number of points.
+    /// Number of points over all blocks.
     pub points: u64,
-    /// Instructions.
-    pub tier: Tier,
+    /// Instruction set; results do not depend on it.
+    pub tier: InstructionSet,
 }
 
-struct Block<'a> {
+struct PointBlock<'a> {
     index: u64,
     at: usize,
-    labels: Labels,
+    labels: ColorLabels,
     label: Box<[[u32; LANES]; CHUNK]>,
     positions: &'a mut [Vec3],
     colors: &'a mut [[f32; 3]],
@@ -58,10 +59,12 @@ struct Block<'a> {
     last: Option<super::affine::Affine>,
 }
 
-impl Sink for Block<'_> {
+impl PointSink for PointBlock<'_> {
     #[allow(clippy::cast_possible_truncation, reason = "clamped to 255 before the cast")]
     fn take(&mut self, chunk: &Chunk) {
+        // Colours come from the words of the points, which the labels keep from chunk to chunk.
         self.labels.label(chunk, &mut self.label);
+        // The last chunk of a cloud may hold more points than are asked for.
         let left = self.positions.len() - self.at;
         let count = left.min(chunk.steps * LANES);
         let range = self.at..self.at + count;
@@ -80,6 +83,7 @@ impl Sink for Block<'_> {
             *depth = if chunk.map[step][lane] >= self.count { 0 } else { depth.saturating_add(1) };
             *d = *depth;
         }
+        // The final map is applied to what is shown and never fed back.
         if let Some(last) = &self.last {
             for p in &mut self.positions[self.at..self.at + count] {
                 let q = last.apply(p.as_dvec3());
@@ -96,22 +100,29 @@ impl Sink for Block<'_> {
 }
 
 /// Draws points: u = scale (x - origin), the same at any thread count.
-pub fn cloud(request: &Request<'_>, labels: &Labels, extent: &Extent, (origin, scale): (DVec3, f64)) -> Cloud {
+pub fn cloud(
+    request: &DrawRequest<'_>,
+    labels: &ColorLabels,
+    extent: &Extent,
+    origin: DVec3,
+    scale: f64,
+) -> AttractorPoints {
     let n = usize::try_from(request.points).unwrap_or(usize::MAX);
     let diagonal = (extent.bounds.1 - extent.bounds.0).length().max(1e-30) * scale;
-    let frame = (DVec3::splat(scale), -origin * scale);
-    let game = Game::new(request.system, request.study, request.seed, frame, narrow((diagonal * GUARD).min(1e15)));
+    let frame = AxisScaling { scale: DVec3::splat(scale), shift: -origin * scale };
+    let game = ChaosGame::new(request.system, request.study, request.seed, frame, narrow((diagonal * GUARD).min(1e15)));
     let game = game.with_tier(request.tier);
-    let (_, steps) = Game::plan(request.points);
+    let (_, steps) = ChaosGame::plan(request.points);
     let size = usize::try_from(steps).unwrap_or(usize::MAX).saturating_mul(LANES).max(1);
-    let last = request.system.last.map(|l| l.conjugated(frame.0, frame.1));
-    let mut out = Cloud {
+    let last = request.system.last.map(|l| l.conjugated(frame.scale, frame.shift));
+    let mut out = AttractorPoints {
         positions: vec![Vec3::ZERO; n],
         colors: vec![[0.0; 3]; n],
         maps: vec![0; n],
         depths: vec![0; n],
         escapes: Escapes::default(),
     };
+    // Every block writes its own slice of the arrays, so that blocks can be drawn by any thread.
     let parts = out
         .positions
         .chunks_mut(size)
@@ -119,7 +130,7 @@ pub fn cloud(request: &Request<'_>, labels: &Labels, extent: &Extent, (origin, s
         .zip(out.maps.chunks_mut(size))
         .zip(out.depths.chunks_mut(size));
     let count = u32::try_from(game.maps()).unwrap_or(u32::MAX);
-    let block = |(index, (((positions, colors), maps), depths))| Block {
+    let block = |(index, (((positions, colors), maps), depths))| PointBlock {
         index,
         at: 0,
         labels: labels.clone(),
@@ -133,16 +144,17 @@ pub fn cloud(request: &Request<'_>, labels: &Labels, extent: &Extent, (origin, s
         escapes: Escapes::default(),
         last,
     };
-    let mut blocks: Vec<Block<'_>> = (0_u64..).zip(parts).map(block).collect();
+    let mut blocks: Vec<PointBlock<'_>> = (0_u64..).zip(parts).map(block).collect();
     par_each(&mut blocks, |b| b.escapes = game.play(b.index, steps, b));
     let escapes = blocks.iter().fold(Escapes::default(), |s, b| s.plus(b.escapes));
-    Cloud { escapes, ..out }
+    AttractorPoints { escapes, ..out }
 }
 
 /// Keeps the first point of every cube of the given size; returns how many points each one stands for.
-pub fn voxels(cloud: &mut Cloud, size: f32) -> Vec<u32> {
+pub fn voxels(cloud: &mut AttractorPoints, size: f32) -> Vec<u32> {
     #[allow(clippy::cast_possible_truncation, reason = "saturates far beyond any scene")]
     let cell = |p: &Vec3| (*p / size).floor().to_array().map(|v| v as i64);
+    // Sorted by cell, then by index: the first of each group is the first point drawn in that cell.
     let mut order: Vec<usize> = (0..cloud.positions.len()).collect();
     let cells: Vec<[i64; 3]> = cloud.positions.iter().map(cell).collect();
     order.sort_unstable_by(|a, b| cells[*a].cmp(&cells[*b]).then(a.cmp(b)));

@@ -6,8 +6,8 @@ use osier_base::math;
 
 /// What a point's colour stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
-    /// The last map.
+pub enum ColorMode {
+    /// The map applied last.
     Map,
     /// The last so many maps, 1 to 4, newest first.
     Prefix(u32),
@@ -17,7 +17,7 @@ pub enum Mode {
     Depth,
     /// Branchings since the last stem: 0 on the trunk, 1 on its branches.
     Order,
-    /// Density alone.
+    /// One colour; only the density of points shows.
     Density,
 }
 
@@ -47,18 +47,18 @@ pub fn is_squash(map: &Map) -> bool {
 
 /// Linear colours by label, with the labels of a lane's points.
 #[derive(Debug, Clone)]
-pub struct Labels {
-    mode: Mode,
+pub struct ColorLabels {
+    mode: ColorMode,
     /// Linear RGB by label.
     pub colors: Vec<[f32; 3]>,
     maps: u32,
-    /// m^(k-1).
+    /// m^(k-1): place value of the newest of k letters of m maps.
     top: u32,
     /// By map: what is kept of the coordinate and what is added; the last row is for jumps.
     pull: Vec<(f32, f32)>,
     /// By map: what it makes of an order.
     orders: Vec<Branching>,
-    lanes: Lane,
+    lanes: LaneHistory,
 }
 
 /// What a map does to the order of a point.
@@ -66,38 +66,38 @@ pub struct Labels {
 enum Branching {
     /// A stem: the point is on a trunk.
     Begins,
-    /// An axis goes on.
+    /// The order stays: the map continues an axis.
     Keeps,
-    /// A branch.
+    /// The order rises by one: the map is a branch.
     Adds,
 }
 
 #[derive(Debug, Clone)]
-struct Lane {
+struct LaneHistory {
     word: [u32; LANES],
     coord: [f32; LANES],
     depth: [u32; LANES],
 }
 
-impl Labels {
+impl ColorLabels {
     /// Labels of a system; `own`: linear colours that replace the system's, by map or along the palette, or empty.
-    pub fn new(ifs: &Ifs, mode: Mode, own: &[[f32; 3]]) -> Self {
+    pub fn new(ifs: &Ifs, mode: ColorMode, own: &[[f32; 3]]) -> Self {
         let maps = ifs.maps.len();
         let mode = match mode {
-            Mode::Prefix(k) => Mode::Prefix(longest(maps, k.clamp(1, 4))),
+            ColorMode::Prefix(k) => ColorMode::Prefix(longest(maps, k.clamp(1, 4))),
             other => other,
         };
         let by_map = map_colors(ifs, own);
         let palette = if own.is_empty() { &ifs.palette } else { own };
         let colors = match mode {
-            Mode::Map => by_map,
-            Mode::Prefix(k) => prefixes(&by_map, maps, k),
-            Mode::Coord | Mode::Depth | Mode::Order | Mode::Density => {
+            ColorMode::Map => by_map,
+            ColorMode::Prefix(k) => prefixes(&by_map, maps, k),
+            ColorMode::Coord | ColorMode::Depth | ColorMode::Order | ColorMode::Density => {
                 (0..STEPS).map(|i| along(palette, &by_map, i)).collect()
             }
         };
         let base = u32::try_from(maps).unwrap_or(1).max(1);
-        let top = if let Mode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
+        let top = if let ColorMode::Prefix(k) = mode { base.saturating_pow(k - 1) } else { 1 };
         let pull = ifs.maps.iter().map(|m| (math::narrow(1.0 - m.speed), math::narrow(m.speed * m.coord)));
         // Jumps leave the coordinate.
         let pull = pull.chain([(1.0, 0.0)]).collect();
@@ -106,44 +106,44 @@ impl Labels {
             () if m.axis => Branching::Keeps,
             () => Branching::Adds,
         });
-        let lanes = Lane { word: [0; LANES], coord: [0.5; LANES], depth: [0; LANES] };
+        let lanes = LaneHistory { word: [0; LANES], coord: [0.5; LANES], depth: [0; LANES] };
         Self { mode, colors, maps: base, top, pull, orders: orders.collect(), lanes }
     }
 
     /// True if labels are steps of a palette at a point's own coordinate.
     pub fn is_by_coord(&self) -> bool {
-        self.mode == Mode::Coord
+        self.mode == ColorMode::Coord
     }
 
     /// True if labels count branchings.
     pub fn is_by_order(&self) -> bool {
-        self.mode == Mode::Order
+        self.mode == ColorMode::Order
     }
 
     /// How many of the last maps a label that is not [by coordinate](Self::is_by_coord) depends on, at least 1.
     pub fn letters(&self) -> usize {
-        if let Mode::Prefix(k) = self.mode { k as usize } else { 1 }
+        if let ColorMode::Prefix(k) = self.mode { k as usize } else { 1 }
     }
 
     /// Label of points whose last maps, newest first, are these [`Self::letters`].
     pub fn of_word(&self, letters: &[usize]) -> u32 {
         let word = letters.iter().fold(0, |word, i| word * self.maps as usize + i);
         match self.mode {
-            Mode::Map | Mode::Prefix(_) => u32::try_from(word).unwrap_or(0),
+            ColorMode::Map | ColorMode::Prefix(_) => u32::try_from(word).unwrap_or(0),
             // Endless words; coordinates are a point's own.
-            Mode::Depth => 255,
-            Mode::Coord | Mode::Order | Mode::Density => 0,
+            ColorMode::Depth => 255,
+            ColorMode::Coord | ColorMode::Order | ColorMode::Density => 0,
         }
     }
 
     /// Labels of a chunk's points.
     pub fn label(&mut self, chunk: &Chunk, out: &mut [[u32; LANES]; CHUNK]) {
-        if self.mode == Mode::Map {
+        if self.mode == ColorMode::Map {
             *out = chunk.map;
             return;
         }
         for step in 0..chunk.steps.min(CHUNK) {
-            if self.mode == Mode::Coord {
+            if self.mode == ColorMode::Coord {
                 out[step] = self.pulled(&chunk.map[step]).map(of_coord);
                 continue;
             }
@@ -167,16 +167,16 @@ impl Labels {
         let l = &mut self.lanes;
         let jumped = map >= self.maps;
         match self.mode {
-            Mode::Map | Mode::Coord => map,
-            Mode::Prefix(_) => {
+            ColorMode::Map | ColorMode::Coord => map,
+            ColorMode::Prefix(_) => {
                 l.word[lane] = map.min(self.maps - 1) * self.top + l.word[lane] / self.maps;
                 l.word[lane]
             }
-            Mode::Depth => {
+            ColorMode::Depth => {
                 l.depth[lane] = if jumped { 0 } else { (l.depth[lane] + 1).min(255) };
                 l.depth[lane]
             }
-            Mode::Order => {
+            ColorMode::Order => {
                 let order = &mut l.depth[lane];
                 *order = match self.orders.get(map as usize) {
                     // Jumps into the condensation set are stems as well.
@@ -186,7 +186,7 @@ impl Labels {
                 };
                 *order * (255 / ORDERS)
             }
-            Mode::Density => 0,
+            ColorMode::Density => 0,
         }
     }
 

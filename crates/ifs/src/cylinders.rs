@@ -8,46 +8,46 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::affine::Affine;
-use super::cloud::Request;
-use super::color::Labels;
-use super::dynamics::Study;
-use super::game::{CHUNK, Chunk, Escapes, Game, LANES, Sink};
+use super::affine::{Affine, AxisScaling};
+use super::cloud::DrawRequest;
+use super::color::ColorLabels;
+use super::dynamics::SystemAnalysis;
+use super::game::{CHUNK, ChaosGame, Chunk, Escapes, LANES, PointSink};
 use super::{Ifs, Map};
 use osier_base::math::narrow;
 
-/// Points of a batch: at most, and at least where there are fewer.
-const BATCH: u64 = 1 << 24;
-const LEAST: u64 = 1 << 16;
-/// Batches that are aimed at, so that threads have something to share.
-const BATCHES: u64 = 8;
-/// A pool holds one point for so many of its batch, and at least so many points.
-const REUSE: u64 = 64;
-const SMALL: u64 = 1 << 16;
+/// Most and fewest points of a batch. Larger batches reuse the pool more, smaller ones share work among threads.
+const MAX_BATCH: u64 = 1 << 24;
+const MIN_BATCH: u64 = 1 << 16;
+/// Number of batches aimed at, so that every thread has work. More of them cost a pass over the words each.
+const TARGET_BATCHES: u64 = 8;
+/// Points of a batch for each point of the pool, and the fewest points of a pool. A smaller pool repeats itself visibly.
+const POOL_SHARE: u64 = 64;
+const MIN_POOL: u64 = 1 << 16;
 /// Pixels of a cylinder's box that need no further cut: their cells stay in the nearest caches.
-const AREA: f64 = 16_384.0;
-/// A cylinder with fewer points in a batch is not cut for being wide.
-const FEW: f64 = 512.0;
-/// Longest word.
-const LONGEST: usize = 4096;
+const MAX_CYLINDER_PIXELS: f64 = 16_384.0;
+/// A cylinder with fewer points in a batch than this is not split for its size: the word would cost more than its points.
+const MIN_POINTS_TO_SPLIT: f64 = 512.0;
+/// Most letters of a word: maps that hardly shrink would be cut without end.
+const MAX_WORD_LENGTH: usize = 4096;
 /// Words beyond which none is cut further unless labels ask: systems of hundreds of maps would fill the memory.
-const MOST: usize = 1 << 17;
+const MAX_WORDS: usize = 1 << 17;
 /// Magnitude beyond which a point is lost, table units.
-const FAR: f32 = 1e15;
+const ESCAPE_RADIUS: f32 = 1e15;
 /// Share of the pool outside its box, on each side of each axis.
-const TAIL: f64 = 0.02;
+const TAIL_QUANTILE: f64 = 0.02;
 
 /// Points of an attractor, each coordinate in a row of its own, with their colour coordinates.
 #[derive(Debug, Default)]
-pub(super) struct Pool {
-    /// x, y, z.
+pub(super) struct PointPool {
+    /// x, y and z of every point, in the units of [`unit_frame`].
     pub place: [Vec<f32>; 3],
     /// Colour coordinates, 0 to 1, or empty.
     pub coord: Vec<f32>,
-    labels: Option<Labels>,
+    labels: Option<ColorLabels>,
 }
 
-impl Sink for Pool {
+impl PointSink for PointPool {
     fn take(&mut self, chunk: &Chunk) {
         for step in 0..chunk.steps.min(CHUNK) {
             for (list, row) in self.place.iter_mut().zip([&chunk.x, &chunk.y, &chunk.z]) {
@@ -72,9 +72,9 @@ impl Sink for Pool {
     }
 }
 
-impl Pool {
+impl PointPool {
     /// An empty pool; with labels that ask for it, one that keeps colour coordinates.
-    pub fn new(labels: Option<&Labels>) -> Self {
+    pub fn new(labels: Option<&ColorLabels>) -> Self {
         Self { labels: labels.filter(|l| l.is_by_coord()).cloned(), ..Self::default() }
     }
 
@@ -89,7 +89,7 @@ impl Pool {
         self.place.each_ref().map(|row| {
             let mut sorted: Vec<f32> = row.iter().copied().filter(|v| v.is_finite()).collect();
             let Some(end) = sorted.len().checked_sub(1) else { return [0.0; 2] };
-            let tail = (TAIL * end as f64) as usize;
+            let tail = (TAIL_QUANTILE * end as f64) as usize;
             let mut at = |k: usize| f64::from(*sorted.select_nth_unstable_by(k, f32::total_cmp).1);
             [at(tail), at(end - tail)]
         })
@@ -114,34 +114,34 @@ pub(super) struct Cylinder {
 /// How many points are drawn, and how many at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Batches {
-    /// Batches.
+    /// Number of batches.
     pub count: u64,
-    /// Points of each.
+    /// Points of each batch.
     pub points: u64,
 }
 
 impl Batches {
     /// Batches for at least `points` points.
     pub fn of(points: u64) -> Self {
-        let count = points.div_ceil((points / BATCHES).clamp(LEAST, BATCH)).max(1);
+        let count = points.div_ceil((points / TARGET_BATCHES).clamp(MIN_BATCH, MAX_BATCH)).max(1);
         Self { count, points: points.div_ceil(count).max(1) }
     }
 
     /// Points of a pool, a whole number of steps of all lanes.
     fn pool(self) -> u64 {
-        (self.points / REUSE).max(SMALL).next_multiple_of(LANES as u64)
+        (self.points / POOL_SHARE).max(MIN_POOL).next_multiple_of(LANES as u64)
     }
 }
 
 /// The cylinders of an attractor in the order of their words.
 #[derive(Debug)]
-pub(super) struct Cut {
+pub(super) struct CylinderCut {
     cylinders: Vec<Cylinder>,
     batches: Batches,
 }
 
 /// A word while the cut is made.
-struct Word {
+struct OpenWord {
     affine: Affine,
     share: f64,
     newest: usize,
@@ -153,36 +153,38 @@ struct Word {
 
 /// True if an attractor can be cut: maps follow each other freely, nothing is condensed, and labels need not know a
 /// whole word.
-pub(super) fn suits(ifs: &Ifs, study: &Study, labels: Option<&Labels>) -> bool {
-    study.next.is_none() && ifs.condensation.is_empty() && !labels.is_some_and(Labels::is_by_order)
+pub(super) fn suits(ifs: &Ifs, study: &SystemAnalysis, labels: Option<&ColorLabels>) -> bool {
+    study.next.is_none() && ifs.condensation.is_empty() && !labels.is_some_and(ColorLabels::is_by_order)
 }
 
-impl Cut {
+impl CylinderCut {
     /// Cuts until a cylinder is small in the picture, or holds few points, and no pool runs out. `game`: in units of
     /// [`unit_frame`]; `window`: scale and shift from table units to pixels.
     /// Source: J. Hutchinson, "Fractals and self similarity", 1981: A is the union of w(A) over any full set of words.
-    pub fn new(request: &Request<'_>, game: &Game, window: (DVec3, DVec3), labels: Option<&Labels>) -> Self {
-        let Request { system, study, .. } = *request;
+    pub fn new(request: &DrawRequest<'_>, game: &ChaosGame, window: AxisScaling, labels: Option<&ColorLabels>) -> Self {
+        let DrawRequest { system, study, .. } = *request;
         let batches = Batches::of(request.points);
-        let mut pool = Pool::default();
+        let mut pool = PointPool::default();
         game.play(0, batches.pool() / LANES as u64, &mut pool);
         let bounds = pool.bounds();
-        let window = Affine::scaling(window.0, window.1);
+        let window = Affine::scaling(window.scale, window.shift);
         let shown = system.last.map_or(window, |l| window.after(&l));
-        let (scale, shift) = game.frame();
+        let AxisScaling { scale, shift } = game.frame();
         let table = Affine::scaling(scale.recip(), -shift / scale);
         #[allow(clippy::cast_precision_loss, reason = "some million points")]
         let (all, most) = (batches.points as f64, batches.pool() as f64 / batches.points as f64);
-        let letters = labels.map_or(1, Labels::letters);
+        let letters = labels.map_or(1, ColorLabels::letters);
         let mut cut = Self { cylinders: Vec::new(), batches };
-        let mut open = vec![Word::empty()];
+        let mut open = vec![OpenWord::empty()];
         let mut end = 0.0;
         while let Some(word) = open.pop() {
+            // A word is split while its cylinder covers many pixels and holds enough points, while its share is larger than
+            // the pool, or while labels need more letters.
             // In double precision from unit to pixels, so that a deep look into a part is as sharp as one at the whole.
             let map = shown.after(&word.affine).after(&table);
-            let wide = area(&map, &bounds) > AREA && word.share * all >= FEW;
+            let wide = area(&map, &bounds) > MAX_CYLINDER_PIXELS && word.share * all >= MIN_POINTS_TO_SPLIT;
             let short = word.letters.len() < letters;
-            let room = word.length < LONGEST && cut.cylinders.len() + open.len() < MOST;
+            let room = word.length < MAX_WORD_LENGTH && cut.cylinders.len() + open.len() < MAX_WORDS;
             if short || ((wide || word.share > most) && room) {
                 let drawn = |i: &usize| study.probabilities.get(*i).is_some_and(|p| *p > 0.0);
                 open.extend((0..system.maps.len()).rev().filter(drawn).map(|i| {
@@ -197,7 +199,7 @@ impl Cut {
         cut
     }
 
-    /// The batches.
+    /// How the points are divided into batches.
     pub fn batches(&self) -> Batches {
         self.batches
     }
@@ -207,9 +209,9 @@ impl Cut {
     pub fn draw(
         &self,
         batch: u64,
-        game: &Game,
-        pool: &mut Pool,
-        mut lay: impl FnMut(&Cylinder, &Pool, Range<usize>),
+        game: &ChaosGame,
+        pool: &mut PointPool,
+        mut lay: impl FnMut(&Cylinder, &PointPool, Range<usize>),
     ) -> Escapes {
         let steps = self.batches.pool() / LANES as u64;
         let escapes = game.play(batch, steps, pool);
@@ -244,7 +246,7 @@ impl Cut {
     }
 }
 
-impl Word {
+impl OpenWord {
     fn empty() -> Self {
         Self { affine: Affine::IDENTITY, share: 1.0, newest: 0, letters: Vec::new(), length: 0, pull: (1.0, 0.0) }
     }
@@ -265,7 +267,7 @@ impl Word {
         }
     }
 
-    fn close(&self, map: &Affine, labels: Option<&Labels>, end: f64) -> Cylinder {
+    fn close(&self, map: &Affine, labels: Option<&ColorLabels>, end: f64) -> Cylinder {
         Cylinder {
             map: map.single(),
             newest: self.newest,
@@ -277,14 +279,14 @@ impl Word {
 }
 
 /// Scale and shift from table units to those of a pool: all but the outermost points lie between -1 and 1.
-pub(super) fn unit_frame(system: &Ifs, study: &Study) -> (DVec3, DVec3) {
-    let game = Game::new(system, study, 0, (DVec3::ONE, DVec3::ZERO), FAR);
-    let mut pool = Pool::default();
-    game.play(0, SMALL / LANES as u64, &mut pool);
+pub(super) fn unit_frame(system: &Ifs, study: &SystemAnalysis) -> AxisScaling {
+    let game = ChaosGame::new(system, study, 0, AxisScaling::IDENTITY, ESCAPE_RADIUS);
+    let mut pool = PointPool::default();
+    game.play(0, MIN_POOL / LANES as u64, &mut pool);
     let bounds = pool.bounds().map(|[low, high]| [(low + high) * 0.5, (high - low) * 0.5]);
     let half = bounds.iter().fold(0.0, |h: f64, b| h.max(b[1]));
     let scale = if half > 1e-300 { 1.0 / half } else { 1.0 };
-    (DVec3::splat(scale), DVec3::from_array(bounds.map(|b| -b[0] * scale)))
+    AxisScaling { scale: DVec3::splat(scale), shift: DVec3::from_array(bounds.map(|b| -b[0] * scale)) }
 }
 
 /// Pixels of the box around the image of a box.
@@ -298,22 +300,23 @@ fn area(map: &Affine, bounds: &[[f64; 2]; 3]) -> f64 {
 #[allow(clippy::cast_precision_loss, reason = "counts")]
 mod tests {
     use super::*;
-    use crate::color::Mode;
+    use crate::color::ColorMode;
     use crate::dynamics::study;
-    use crate::game::{Tier, extent};
-    use crate::histogram::{Histogram, Window, histogram};
+    use crate::game::{InstructionSet, extent};
+    use crate::histogram::{Histogram, PictureWindow, histogram};
     use crate::read;
     use crate::tests::system;
-    use crate::weights::Rule;
+    use crate::weights::WeightRule;
     use osier_base::limits::Limits;
 
     const POINTS: u64 = 1 << 21;
 
-    fn drawn(ifs: &Ifs, mode: Mode, side: usize) -> Histogram {
-        let s = study(ifs, Rule::File);
-        let window = Window::fitted(extent(ifs, &s).expect("one").bounds, side, side);
-        let request = Request { system: ifs, study: &s, seed: 5, points: POINTS, tier: Tier::Best };
-        histogram(&request, Some(&Labels::new(ifs, mode, &[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])), &window)
+    fn drawn(ifs: &Ifs, mode: ColorMode, side: usize) -> Histogram {
+        let s = study(ifs, WeightRule::File);
+        let (low, high) = extent(ifs, &s).expect("one").bounds;
+        let window = PictureWindow::fitted(low, high, side, side);
+        let request = DrawRequest { system: ifs, study: &s, seed: 5, points: POINTS, tier: InstructionSet::Best };
+        histogram(&request, Some(&ColorLabels::new(ifs, mode, &[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])), &window)
     }
 
     /// The same system with a chaos matrix that changes nothing, so that it is drawn step by step.
@@ -325,7 +328,7 @@ mod tests {
     fn cylinders_hold_what_the_chaos_game_draws() {
         for name in ["fern_leaf", "bamboo_leaf", "green_tree", "monopodial"] {
             let ifs = system(name);
-            for mode in [Mode::Map, Mode::Prefix(3), Mode::Coord] {
+            for mode in [ColorMode::Map, ColorMode::Prefix(3), ColorMode::Coord] {
                 let (a, b) = (drawn(&ifs, mode, 24), drawn(&stepped(&ifs), mode, 24));
                 let scale = a.points as f64 / b.points as f64;
                 for i in 0..a.hits.len() {
@@ -344,11 +347,16 @@ mod tests {
     fn every_batch_takes_all_of_its_points() {
         for points in [1, 1000, 300_000, 5_000_001] {
             let ifs = system("hill");
-            let s = study(&ifs, Rule::File);
-            let game = Game::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
-            let request = Request { system: &ifs, study: &s, seed: 2, points, tier: Tier::Best };
-            let cut = Cut::new(&request, &game, (DVec3::splat(10.0), DVec3::splat(50.0)), None);
-            let mut pool = Pool::new(None);
+            let s = study(&ifs, WeightRule::File);
+            let game = ChaosGame::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
+            let request = DrawRequest { system: &ifs, study: &s, seed: 2, points, tier: InstructionSet::Best };
+            let cut = CylinderCut::new(
+                &request,
+                &game,
+                AxisScaling { scale: DVec3::splat(10.0), shift: DVec3::splat(50.0) },
+                None,
+            );
+            let mut pool = PointPool::new(None);
             let mut laid = 0;
             for batch in 0..cut.batches().count {
                 cut.draw(batch, &game, &mut pool, |_, _, range| laid += range.len() as u64);
@@ -362,11 +370,11 @@ mod tests {
     fn a_deep_look_is_as_sharp_as_one_at_the_whole() {
         let text = "g {\n.5 0 0 .5 0 0 .9\n.5 0 0 .5 .5 0 .05\n.5 0 0 .5 0 .5 .05\n}";
         let ifs = read::read("g.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
-        let s = study(&ifs, Rule::File);
-        let request = Request { system: &ifs, study: &s, seed: 5, points: POINTS, tier: Tier::Best };
+        let s = study(&ifs, WeightRule::File);
+        let request = DrawRequest { system: &ifs, study: &s, seed: 5, points: POINTS, tier: InstructionSet::Best };
         let looked = |side: f64| {
             // Beyond the side the next part begins.
-            let window = Window { width: 32, height: 32, center: [side * 0.49; 2], pixel: side * 0.98 / 32.0 };
+            let window = PictureWindow { width: 32, height: 32, center: [side * 0.49; 2], pixel: side * 0.98 / 32.0 };
             histogram(&request, None, &window)
         };
         // The first map 24 times over: the corner 2^-24 wide is the whole again, with .9^24 of the points.
@@ -383,11 +391,16 @@ mod tests {
         let row = |k: u32| format!("0 .9 -.9 0 {} {} .005", k % 20, k / 20);
         let text = format!("m {{\n{}\n}}", (0..200).map(row).collect::<Vec<_>>().join("\n"));
         let ifs = read::read("m.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
-        let s = study(&ifs, Rule::File);
-        let game = Game::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
-        let request = Request { system: &ifs, study: &s, seed: 2, points: 1 << 30, tier: Tier::Best };
-        let cut = Cut::new(&request, &game, (DVec3::splat(400.0), DVec3::splat(9000.0)), None);
-        assert!(cut.cylinders.len() < MOST + ifs.maps.len(), "{}", cut.cylinders.len());
+        let s = study(&ifs, WeightRule::File);
+        let game = ChaosGame::new(&ifs, &s, 2, unit_frame(&ifs, &s), 1e9);
+        let request = DrawRequest { system: &ifs, study: &s, seed: 2, points: 1 << 30, tier: InstructionSet::Best };
+        let cut = CylinderCut::new(
+            &request,
+            &game,
+            AxisScaling { scale: DVec3::splat(400.0), shift: DVec3::splat(9000.0) },
+            None,
+        );
+        assert!(cut.cylinders.len() < MAX_WORDS + ifs.maps.len(), "{}", cut.cylinders.len());
         let end = cut.cylinders.last().map_or(0.0, |c| c.end);
         assert!((end - 1.0).abs() < 1e-9, "all of it is there: {end}");
     }
@@ -397,7 +410,7 @@ mod tests {
         // One map alone, and one that nearly always follows itself and hardly shrinks: no cut makes these small.
         for text in ["a {\n.5 0 0 .5 1 1 1\n}", "b {\n.9999 0 0 .9999 1 0 .9999\n.5 0 0 .5 0 0 .0001\n}"] {
             let ifs = read::read("x.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
-            let h = drawn(&ifs, Mode::Map, 64);
+            let h = drawn(&ifs, ColorMode::Map, 64);
             assert_eq!(h.hits.iter().sum::<u64>() + h.outside, h.points);
         }
     }
@@ -407,7 +420,7 @@ mod tests {
         let turned = |last| Ifs { last: Some(last), ..system("fern_leaf") };
         let upside_down = turned(Affine::plane([-1.0, 0.0, 0.0, -1.0, 3.0, 4.0]));
         for ifs in [upside_down.clone(), stepped(&upside_down)] {
-            let (h, plain) = (drawn(&ifs, Mode::Map, 16), drawn(&system("fern_leaf"), Mode::Map, 16));
+            let (h, plain) = (drawn(&ifs, ColorMode::Map, 16), drawn(&system("fern_leaf"), ColorMode::Map, 16));
             let scale = plain.points as f64 / h.points as f64;
             for (a, b) in h.hits.iter().rev().zip(&plain.hits) {
                 let (a, b) = (*a as f64 * scale, *b as f64);

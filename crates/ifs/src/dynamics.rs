@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::weights::{Rule, probabilities};
+use super::weights::{WeightRule, probabilities};
 use super::{Ifs, Map};
 use osier_base::diagnostic::{Diagnostic, Report, Severity};
 use osier_base::math;
@@ -15,11 +15,11 @@ const NEUTRAL: f64 = 1e-3;
 const CHAINS: u64 = 64;
 const STEPS: u32 = 4096;
 /// Singular values below this share of the largest coefficient are 0.
-const FLAT: f64 = 1e-9;
+const SINGULAR_RATIO: f64 = 1e-9;
 
 /// What is known about a system before it is drawn.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Study {
+pub struct SystemAnalysis {
     /// Share of each map in long runs.
     pub probabilities: Vec<f64>,
     /// Probability of the next map (column) after the last one (row), where the file has a chaos matrix.
@@ -34,11 +34,11 @@ pub struct Study {
     pub unbounded: bool,
     /// The map whose fixed point chains start from.
     pub first: usize,
-    /// What is odd.
+    /// Warnings and errors found by the analysis.
     pub told: Vec<Diagnostic>,
 }
 
-impl Study {
+impl SystemAnalysis {
     /// `Err` with a report over `sources` if the system has no attractor.
     /// # Errors
     /// `Input` with all that is odd.
@@ -59,7 +59,7 @@ impl Study {
 /// Source: [zhao-zhang] definition 2, of which a contractive system asks max norm < 1.
 /// Differs: contraction on average is enough (E1 <= -1e-3, or a negative exponent): a quarter of the tables in
 /// circulation holds a map that stretches and has an attractor all the same.
-pub fn study(ifs: &Ifs, rule: Rule) -> Study {
+pub fn study(ifs: &Ifs, rule: WeightRule) -> SystemAnalysis {
     let (mut shares, mut told) = probabilities(ifs, rule);
     let next = ifs.chaos.as_ref().and_then(|c| transitions(ifs, c, &shares, &mut told));
     if let Some(next) = &next {
@@ -86,17 +86,18 @@ pub fn study(ifs: &Ifs, rule: Rule) -> Study {
     }
     let mean_log = shares.iter().zip(&norms).fold(0.0, |s, (p, n)| s + p * math::ln(n.max(1e-12)));
     let (exponent, error) = exponent(ifs, &shares, next.as_deref());
-    verdict(ifs, (mean_log, exponent), &mut told);
+    judge_contraction(ifs, mean_log, exponent, &mut told);
     let first = likeliest(&shares);
-    Study { probabilities: shares, next, mean_log, exponent, error, unbounded: wild.is_some(), first, told }
+    SystemAnalysis { probabilities: shares, next, mean_log, exponent, error, unbounded: wild.is_some(), first, told }
 }
 
 fn is_flat(ifs: &Ifs, map: &Map) -> bool {
     let s = map.affine.singular_values();
-    s.get(ifs.dim - 1).is_none_or(|least| *least <= FLAT * s[0].max(1e-300))
+    s.get(ifs.dim - 1).is_none_or(|least| *least <= SINGULAR_RATIO * s[0].max(1e-300))
 }
 
-fn verdict(ifs: &Ifs, (mean_log, exponent): (f64, f64), told: &mut Vec<Diagnostic>) {
+/// Reports I021 for a system that expands on average and I022 for one that does neither.
+fn judge_contraction(ifs: &Ifs, mean_log: f64, exponent: f64, told: &mut Vec<Diagnostic>) {
     if mean_log <= -NEUTRAL || told.iter().any(|d| d.severity == Severity::Error) {
         return;
     }

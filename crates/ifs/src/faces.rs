@@ -8,7 +8,7 @@ use osier_base::diagnostic::Span;
 
 /// A mesh file that a table names, and its triangles once it has been read.
 #[derive(Debug, Clone)]
-pub struct Model {
+pub struct MeshReference {
     /// As the table names it.
     pub file: String,
     /// Table units per unit of the file, > 0.
@@ -18,11 +18,11 @@ pub struct Model {
     /// Where the table names it.
     pub span: Span,
     /// Empty until the file has been read.
-    pub faces: Arc<Faces>,
+    pub faces: Arc<WeightedTriangles>,
 }
 
 /// Places in texts do not count: the same set may be named by two tables.
-impl PartialEq for Model {
+impl PartialEq for MeshReference {
     fn eq(&self, other: &Self) -> bool {
         let key = |m: &Self| (m.file.clone(), m.scale.to_bits(), m.up_z);
         key(self) == key(other) && self.faces == other.faces
@@ -31,13 +31,13 @@ impl PartialEq for Model {
 
 /// Triangles with the running sum of their areas.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Faces {
+pub struct WeightedTriangles {
     corners: Vec<[Vec3; 3]>,
     /// Area of a triangle and of all before it, squared table units.
     sums: Vec<f64>,
 }
 
-impl Faces {
+impl WeightedTriangles {
     /// Keeps the triangles that have an area. `corners`: table units, finite.
     pub fn new(corners: impl IntoIterator<Item = [Vec3; 3]>) -> Self {
         let mut out = Self::default();
@@ -78,7 +78,7 @@ mod tests {
     fn points_are_spread_by_area() {
         // A large triangle, one without area, and a quarter of the first far away.
         let far = Vec3::new(10.0, 0.0, 0.0);
-        let faces = Faces::new([
+        let faces = WeightedTriangles::new([
             [Vec3::ZERO, Vec3::X * 2.0, Vec3::Z * 2.0],
             [Vec3::ZERO, Vec3::X, Vec3::X * 3.0],
             [far, far + Vec3::X, far + Vec3::Z],
@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn the_same_file_in_two_tables_is_the_same_set() {
         let source = osier_base::diagnostic::Sources::default().add("t", "mesh");
-        let at = |start, file: &str| Model {
+        let at = |start, file: &str| MeshReference {
             file: file.into(),
             scale: 1.0,
             up_z: false,

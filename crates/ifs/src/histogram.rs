@@ -1,17 +1,18 @@
 //! Hits and colours per pixel. All sums are of whole numbers, so their order does not matter.
 
+use crate::affine::AxisScaling;
 use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-use super::cloud::Request;
-use super::color::{Labels, of_coord};
+use super::cloud::DrawRequest;
+use super::color::{ColorLabels, of_coord};
 use super::cylinders::Cylinder;
 use super::game::Escapes;
-use super::splat::{Cells, Plan, SLICE};
+use super::splat::{CellCounter, CountingPlan, SLICE};
 
 /// A cell is emptied before its colour sums could overflow: 2^20 hits of 12 bits.
-const FULL: u32 = (1 << 20) - 1024;
+const SPILL_LIMIT: u32 = (1 << 20) - 1024;
 /// Largest linear colour.
 const COLOR: f32 = 4095.0;
 /// Units of a whole hit where maps show a share of their points.
@@ -19,10 +20,10 @@ const SHARES: f64 = 256.0;
 
 /// A rectangle of table units seen as pixels; row 0 at the top.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
-    /// Columns.
+pub struct PictureWindow {
+    /// Width, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height, pixels.
     pub height: usize,
     /// Middle, table units.
     pub center: [f64; 2],
@@ -30,18 +31,19 @@ pub struct Window {
     pub pixel: f64,
 }
 
-impl Window {
+impl PictureWindow {
     /// Scale and shift from table units to pixels.
     #[allow(clippy::cast_precision_loss, reason = "pixels")]
-    pub fn frame(&self) -> (DVec3, DVec3) {
+    pub fn frame(&self) -> AxisScaling {
         let k = 1.0 / self.pixel;
         let (w, h) = (self.width as f64 * 0.5, self.height as f64 * 0.5);
-        (DVec3::new(k, -k, k), DVec3::new(w - self.center[0] * k, h + self.center[1] * k, 0.0))
+        let shift = DVec3::new(w - self.center[0] * k, h + self.center[1] * k, 0.0);
+        AxisScaling { scale: DVec3::new(k, -k, k), shift }
     }
 
-    /// Shows a box (smallest and largest corner) whole, with a margin of 3 % of its longer side.
+    /// Shows the box from `low` to `high`, table units, whole, with a margin of 3 % of its longer side.
     #[allow(clippy::cast_precision_loss, reason = "pixels")]
-    pub fn fitted((low, high): (DVec3, DVec3), width: usize, height: usize) -> Self {
+    pub fn fitted(low: DVec3, high: DVec3, width: usize, height: usize) -> Self {
         let size = high - low;
         let margin = 0.03 * size.x.max(size.y);
         let (w, h) = (size.x + 2.0 * margin, size.y + 2.0 * margin);
@@ -52,20 +54,20 @@ impl Window {
     }
 }
 
-/// What was counted.
+/// Points counted by pixel, with the sums of their colours where they are coloured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Histogram {
-    /// Columns.
+    /// Width, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height, pixels.
     pub height: usize,
     /// Hits times `unit`, rows from the top.
     pub hits: Vec<u64>,
     /// Sums of 12-bit linear colours times hits, or empty.
     pub sums: Vec<[u64; 3]>,
-    /// Units of one hit.
+    /// Value of one point in `hits`.
     pub unit: u64,
-    /// Points drawn.
+    /// Points drawn, those outside the picture with them.
     pub points: u64,
     /// Hits outside the window, times `unit`.
     pub outside: u64,
@@ -74,10 +76,10 @@ pub struct Histogram {
 }
 
 /// Counts points alone.
-struct Hits(Vec<u32>);
+struct HitCounter(Vec<u32>);
 
-impl Cells for Hits {
-    fn labels(&self) -> Option<&Labels> {
+impl CellCounter for HitCounter {
+    fn labels(&self) -> Option<&ColorLabels> {
         None
     }
 
@@ -96,24 +98,24 @@ impl Cells for Hits {
 /// Hits and colour sums of a pixel; one cache line holds four.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(align(16))]
-struct Cell([u32; 4]);
+struct ColorCell([u32; 4]);
 
 /// Counts points and colours by pixel.
-struct Colors<'a> {
-    cells: Vec<Cell>,
+struct ColorCounter<'a> {
+    cells: Vec<ColorCell>,
     spilled: BTreeMap<u32, [u64; 4]>,
-    labels: &'a Labels,
+    labels: &'a ColorLabels,
     /// What a point of a label adds, and by map the share that is shown (empty: all of it).
     adds: &'a [[u32; 4]],
     shares: &'a [u32],
 }
 
-impl Colors<'_> {
+impl ColorCounter<'_> {
     #[inline(always)]
     fn one(&mut self, index: u32, add: [u32; 4]) {
         let cell = &mut self.cells[index as usize].0;
         *cell = std::array::from_fn(|i| cell[i] + add[i]);
-        if cell[0] >= FULL {
+        if cell[0] >= SPILL_LIMIT {
             spill(&mut self.spilled, index, cell);
         }
     }
@@ -132,8 +134,8 @@ impl Colors<'_> {
     }
 }
 
-impl Cells for Colors<'_> {
-    fn labels(&self) -> Option<&Labels> {
+impl CellCounter for ColorCounter<'_> {
+    fn labels(&self) -> Option<&ColorLabels> {
         Some(self.labels)
     }
 
@@ -173,8 +175,8 @@ fn spill(spilled: &mut BTreeMap<u32, [u64; 4]>, index: u32, cell: &mut [u32; 4])
 
 /// Draws a system into pixels.
 /// Returns the same counts at any thread count and with any instructions.
-pub fn histogram(request: &Request<'_>, labels: Option<&Labels>, window: &Window) -> Histogram {
-    let plan = Plan::new(request, labels, window);
+pub fn histogram(request: &DrawRequest<'_>, labels: Option<&ColorLabels>, window: &PictureWindow) -> Histogram {
+    let plan = CountingPlan::new(request, labels, window);
     let (width, height) = (window.width, window.height);
     let mut out = Histogram {
         width,
@@ -194,24 +196,24 @@ pub fn histogram(request: &Request<'_>, labels: Option<&Labels>, window: &Window
 }
 
 impl Histogram {
-    fn hits(&mut self, plan: &Plan) {
+    fn hits(&mut self, plan: &CountingPlan) {
         let layout = plan.layout;
-        let (parts, escapes) = plan.count(size_of::<u32>(), || Hits(vec![0; layout.cells()]));
+        let (parts, escapes) = plan.count(size_of::<u32>(), || HitCounter(vec![0; layout.cells()]));
         let sum = |i: usize| parts.iter().map(|p| u64::from(p.0[i])).sum::<u64>();
         (self.hits, self.outside, self.escapes) = (layout.rows(sum), sum(layout.outside()), escapes);
     }
 
-    fn colors(&mut self, plan: &Plan, labels: &Labels, request: &Request<'_>) {
+    fn colors(&mut self, plan: &CountingPlan, labels: &ColorLabels, request: &DrawRequest<'_>) {
         let layout = plan.layout;
         let (adds, shares) = weights(labels, request);
-        let empty = || Colors {
-            cells: vec![Cell::default(); layout.cells()],
+        let empty = || ColorCounter {
+            cells: vec![ColorCell::default(); layout.cells()],
             spilled: BTreeMap::new(),
             labels,
             adds: &adds,
             shares: &shares,
         };
-        let (parts, escapes) = plan.count(size_of::<Cell>(), empty);
+        let (parts, escapes) = plan.count(size_of::<ColorCell>(), empty);
         let sum = |i: usize, k: usize| parts.iter().map(|p| p.sum(i, k)).sum::<u64>();
         self.hits = layout.rows(|i| sum(i, 0));
         self.sums = layout.rows(|i| [sum(i, 1), sum(i, 2), sum(i, 3)]);
@@ -222,7 +224,7 @@ impl Histogram {
 
 /// What a point of a label adds, and by map the share that is shown: empty where all maps show all of their points.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped before the cast")]
-fn weights(labels: &Labels, request: &Request<'_>) -> (Vec<[u32; 4]>, Vec<u32>) {
+fn weights(labels: &ColorLabels, request: &DrawRequest<'_>) -> (Vec<[u32; 4]>, Vec<u32>) {
     let twelve = |v: f32| (v.clamp(0.0, 1.0) * COLOR + 0.5) as u32;
     let adds = labels.colors.iter().map(|c| [1, twelve(c[0]), twelve(c[1]), twelve(c[2])]).collect();
     let share = |o: f64| (o.clamp(0.0, 1.0) * SHARES + 0.5) as u32;

@@ -47,11 +47,11 @@ pub struct Ifs {
     /// Sets that every map's images are added to.
     pub condensation: Vec<Condensation>,
     /// What the file says about the picture.
-    pub view: Option<View>,
+    pub view: Option<PictureView>,
     /// Linear RGB by colour coordinate, or empty.
     pub palette: Vec<[f32; 3]>,
     /// Where the probabilities come from, if the file says so.
-    pub weights: Option<weights::Rule>,
+    pub weights: Option<weights::WeightRule>,
     /// Its name in the file.
     pub span: Span,
 }
@@ -59,11 +59,11 @@ pub struct Ifs {
 /// One map w(x) = A x + b with what belongs to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Map {
-    /// A and b.
+    /// The affine map itself.
     pub affine: Affine,
-    /// Weight as written.
+    /// Weight as written; `None` where the file gives none.
     pub weight: Option<f64>,
-    /// Linear RGB.
+    /// Linear RGB of the map's points.
     pub color: Option<[f32; 3]>,
     /// Place in the palette, 0..1.
     pub coord: f64,
@@ -81,12 +81,12 @@ pub struct Map {
     pub stem: bool,
     /// Bears a leaf where its word is cut.
     pub leaf: bool,
-    /// Where it stands.
+    /// Its place in the file.
     pub span: Span,
 }
 
 impl Map {
-    /// A plain map.
+    /// A map without colour, tree or palette data.
     pub fn new(affine: Affine, weight: Option<f64>, span: Span) -> Self {
         Self {
             affine,
@@ -121,43 +121,43 @@ pub struct Branch {
 /// A set that belongs to the attractor as it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Condensation {
-    /// Its form.
-    pub shape: Shape,
+    /// Geometry of the set.
+    pub shape: CondensationShape,
     /// Share of the points that jump into it.
     pub weight: f64,
 }
 
 /// Form of a condensation set.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Shape {
-    /// A thick line.
+pub enum CondensationShape {
+    /// A capsule in space, a thick line in the plane.
     Segment {
-        /// One end.
+        /// First end, table units.
         from: [f64; 3],
-        /// The other.
+        /// Second end, table units.
         to: [f64; 3],
         /// Half its thickness.
         radius: f64,
     },
     /// A disc in the plane z = const.
     Disc {
-        /// Its middle.
+        /// Centre, table units.
         center: [f64; 3],
-        /// Its radius.
+        /// Radius, table units.
         radius: f64,
     },
     /// A convex polygon in the plane, at least three corners.
     Polygon {
-        /// Its corners.
+        /// Corners in order, table units.
         points: Vec<[f64; 2]>,
     },
     /// The triangles of a mesh file, in space.
-    Mesh(faces::Model),
+    Mesh(faces::MeshReference),
 }
 
 /// What a file says about its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct View {
+pub struct PictureView {
     /// Middle, table units, y up.
     pub center: [f64; 2],
     /// Width of the picture, table units.
@@ -166,7 +166,7 @@ pub struct View {
     pub rotate: f64,
     /// Width over height in pixels.
     pub aspect: f64,
-    /// Linear RGB.
+    /// Linear RGB of the background.
     pub background: [f32; 3],
 }
 

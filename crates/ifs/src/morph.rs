@@ -3,31 +3,31 @@
 use glam::DVec3;
 
 use super::affine::Affine;
-use super::dynamics::Study;
+use super::dynamics::SystemAnalysis;
 use super::polar::{Turn, parts};
 use super::{Ifs, Map};
 
 /// Places along a leg where the fixed points are judged.
-const LOOKS: u32 = 32;
+const FIXED_POINT_SAMPLES: u32 = 32;
 /// |det(I - A)| below which a fixed point runs away.
-const STIFF: f64 = 1e-6;
+const MIN_FIXED_POINT_DET: f64 = 1e-6;
 
 /// One table at one time.
 #[derive(Debug, Clone)]
-pub struct Key {
-    /// When, s.
+pub struct MorphKey {
+    /// Time of the key, s.
     pub at: f64,
-    /// The table.
+    /// System at this time.
     pub system: Ifs,
-    /// Its study.
-    pub study: Study,
+    /// Analysis of `system`.
+    pub study: SystemAnalysis,
     /// Full turns that each map makes on its way to this key besides the shortest turn; empty: none.
     pub turns: Vec<f64>,
 }
 
 /// How keys are led over.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Options {
+pub struct MorphOptions {
     /// Slow at the keys, fast between.
     pub smooth: bool,
     /// Fixed points go straight instead of the shifts.
@@ -38,12 +38,12 @@ pub struct Options {
 
 /// Keys that do not fit each other.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Misfit {
-    /// Index of the key.
+pub struct MorphMismatch {
+    /// Index of the key that does not fit.
     pub key: usize,
-    /// I070 or I071.
+    /// Diagnostic code, I070 or I071.
     pub code: &'static str,
-    /// What is wrong.
+    /// Message of the diagnostic.
     pub message: String,
     /// What would mend it.
     pub help: &'static str,
@@ -51,7 +51,7 @@ pub struct Misfit {
 
 /// One map on its way from a key to the next.
 #[derive(Debug, Clone)]
-struct Way {
+struct MapPath {
     turn: [Turn; 2],
     stretch: [glam::DMat3; 2],
     /// Shifts, or fixed points.
@@ -61,17 +61,17 @@ struct Way {
 
 /// All maps, and the final one, between two keys.
 #[derive(Debug, Clone)]
-struct Leg {
-    maps: Vec<Way>,
-    last: Option<Way>,
+struct MorphSegment {
+    maps: Vec<MapPath>,
+    last: Option<MapPath>,
 }
 
 /// A system that changes with time.
 #[derive(Debug, Clone)]
 pub struct Morph {
-    keys: Vec<Key>,
-    legs: Vec<Leg>,
-    options: Options,
+    keys: Vec<MorphKey>,
+    legs: Vec<MorphSegment>,
+    options: MorphOptions,
     /// Exponent that is nearest to 0: its warm-up does for all keys.
     exponent: f64,
 }
@@ -81,7 +81,7 @@ impl Morph {
     /// # Errors
     /// I070 for tables of unequal numbers of maps, dimension or condensation sets, I071 where a fixed point that is to be
     /// moved does not stay single.
-    pub fn new(keys: Vec<Key>, options: Options) -> Result<Self, Misfit> {
+    pub fn new(keys: Vec<MorphKey>, options: MorphOptions) -> Result<Self, MorphMismatch> {
         let Some(first) = keys.first() else {
             return Err(misfit(0, "I070", "a morph without keys".into(), "give it two keys at least"));
         };
@@ -103,7 +103,7 @@ impl Morph {
             for (m, lane) in lanes.iter().enumerate() {
                 let ends = [keys[k - 1].system.maps[m].affine, keys[k].system.maps[m].affine];
                 let more = keys[k].turns.get(m).copied().unwrap_or(0.0);
-                let mut way = Way::new([lane[k - 1], lane[k]], ends.map(|a| a.b), more);
+                let mut way = MapPath::new([lane[k - 1], lane[k]], ends.map(|a| a.b), more);
                 if options.fixed_points {
                     way.fix(ends).map_err(|message| {
                         let help = "keep this map's norm below 1, or leave shift = \"straight\"";
@@ -113,15 +113,15 @@ impl Morph {
                 maps.push(way);
             }
             let last =
-                shown.then(|| Way::new([final_parts[k - 1], final_parts[k]], [finals[k - 1].b, finals[k].b], 0.0));
-            legs.push(Leg { maps, last });
+                shown.then(|| MapPath::new([final_parts[k - 1], final_parts[k]], [finals[k - 1].b, finals[k].b], 0.0));
+            legs.push(MorphSegment { maps, last });
         }
         let exponent = keys.iter().fold(f64::NEG_INFINITY, |m, k| m.max(-k.study.exponent.abs()));
         Ok(Self { keys, legs, options, exponent })
     }
 
-    /// The keys.
-    pub fn keys(&self) -> &[Key] {
+    /// Keys in order of time.
+    pub fn keys(&self) -> &[MorphKey] {
         &self.keys
     }
 
@@ -157,7 +157,7 @@ impl Morph {
 
     /// What the chaos game needs to know of the system at a time, s: its weights, divided by their sum. Start and warm-up
     /// are the same at all times, so while weights stay, every point keeps its word.
-    pub fn study(&self, seconds: f64) -> Study {
+    pub fn study(&self, seconds: f64) -> SystemAnalysis {
         let (k, t) = if self.options.hold_weights { (0, 0.0) } else { self.place(seconds) };
         let a = &self.keys[k].study;
         let b = self.keys.get(k + 1).map_or(a, |k| &k.study);
@@ -166,7 +166,7 @@ impl Morph {
             let row = |i: usize| blended(&chances(a, i), &chances(b, i), t);
             (0..a.probabilities.len()).map(row).collect()
         });
-        Study {
+        SystemAnalysis {
             probabilities: blended(&a.probabilities, &b.probabilities, t),
             next,
             exponent: self.exponent,
@@ -179,7 +179,7 @@ impl Morph {
 
     /// The first key whose weights are not those before it.
     pub fn reweighted(&self) -> Option<usize> {
-        let same = |a: &Study, b: &Study| {
+        let same = |a: &SystemAnalysis, b: &SystemAnalysis| {
             a.probabilities.iter().zip(&b.probabilities).all(|(p, q)| (p - q).abs() < 1e-9) && a.next == b.next
         };
         (1..self.keys.len()).find(|i| !same(&self.keys[i - 1].study, &self.keys[*i].study))
@@ -187,7 +187,7 @@ impl Morph {
 }
 
 /// Probabilities of the map after map `i`.
-fn chances(study: &Study, i: usize) -> Vec<f64> {
+fn chances(study: &SystemAnalysis, i: usize) -> Vec<f64> {
     study.next.as_ref().and_then(|n| n.get(i)).unwrap_or(&study.probabilities).clone()
 }
 
@@ -205,11 +205,11 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
     a * (1.0 - t) + b * t
 }
 
-fn misfit(key: usize, code: &'static str, message: String, help: &'static str) -> Misfit {
-    Misfit { key, code, message, help }
+fn misfit(key: usize, code: &'static str, message: String, help: &'static str) -> MorphMismatch {
+    MorphMismatch { key, code, message, help }
 }
 
-fn fits(first: &Ifs, key: &Key, i: usize) -> Result<(), Misfit> {
+fn fits(first: &Ifs, key: &MorphKey, i: usize) -> Result<(), MorphMismatch> {
     let system = &key.system;
     if system.dim != first.dim {
         let text = format!("\"{}\" has {} dimensions, \"{}\" has {}", system.name, system.dim, first.name, first.dim);
@@ -241,7 +241,7 @@ fn blend(map: &mut Map, to: &Map, t: f64) {
     map.branch = None;
 }
 
-impl Way {
+impl MapPath {
     fn new(ends: [(Turn, glam::DMat3); 2], shift: [DVec3; 2], more: f64) -> Self {
         Self { turn: ends.map(|e| e.0), stretch: ends.map(|e| e.1), shift, more }
     }
@@ -260,11 +260,11 @@ impl Way {
     /// Leads the fixed points instead of the shifts.
     fn fix(&mut self, ends: [Affine; 2]) -> Result<(), String> {
         let det = |i: u32| {
-            let t = f64::from(i) / f64::from(LOOKS);
+            let t = f64::from(i) / f64::from(FIXED_POINT_SAMPLES);
             (t, (glam::DMat3::IDENTITY - self.linear(t)).determinant())
         };
         let sign = det(0).1.signum();
-        if let Some((t, d)) = (0..=LOOKS).map(det).find(|(_, d)| *d * sign <= STIFF) {
+        if let Some((t, d)) = (0..=FIXED_POINT_SAMPLES).map(det).find(|(_, d)| *d * sign <= MIN_FIXED_POINT_DET) {
             return Err(format!("it has no single fixed point {:.0} % of the way, det(I - A) = {d:.2e}", t * 100.0));
         }
         for (shift, end) in self.shift.iter_mut().zip(ends) {
@@ -279,16 +279,16 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::cloud::{Request, cloud};
-    use crate::color::{Labels, Mode};
+    use crate::cloud::{DrawRequest, cloud};
+    use crate::color::{ColorLabels, ColorMode};
     use crate::dynamics::study;
-    use crate::game::{Tier, extent};
+    use crate::game::{InstructionSet, extent};
     use crate::tests::system as table;
-    use crate::weights::Rule;
+    use crate::weights::WeightRule;
 
-    fn key(at: f64, system: Ifs) -> Key {
-        let study = study(&system, Rule::File);
-        Key { at, system, study, turns: Vec::new() }
+    fn key(at: f64, system: Ifs) -> MorphKey {
+        let study = study(&system, WeightRule::File);
+        MorphKey { at, system, study, turns: Vec::new() }
     }
 
     fn fern() -> Ifs {
@@ -311,14 +311,14 @@ mod tests {
         ])
     }
 
-    fn morph(keys: Vec<Key>, options: Options) -> Morph {
+    fn morph(keys: Vec<MorphKey>, options: MorphOptions) -> Morph {
         Morph::new(keys, options).expect("keys that fit")
     }
 
     #[test]
     fn at_the_keys_times_the_system_is_exactly_the_keys() {
         for fixed_points in [false, true] {
-            let options = Options { fixed_points, ..Options::default() };
+            let options = MorphOptions { fixed_points, ..MorphOptions::default() };
             let m = morph(vec![key(0.5, curled()), key(2.0, fern()), key(3.0, curled())], options);
             for (at, want) in [(0.0, curled()), (0.5, curled()), (2.0, fern()), (3.0, curled()), (9.0, curled())] {
                 assert_eq!(m.system(at), Ifs { name: "rows".into(), ..want }, "{at} s");
@@ -339,7 +339,8 @@ mod tests {
             let (s, c) = (osier_base::math::sin(p), osier_base::math::cos(p));
             system(&[[0.5 * c, -0.5 * s, 0.5 * s, 0.5 * c, 0.0, 0.0, 0.5], [0.0, 0.0, 0.0, 0.16, 0.0, 0.0, 0.5]])
         };
-        let m = morph(vec![key(0.0, turned(0.0)), key(1.0, turned(std::f64::consts::FRAC_PI_2))], Options::default());
+        let m =
+            morph(vec![key(0.0, turned(0.0)), key(1.0, turned(std::f64::consts::FRAC_PI_2))], MorphOptions::default());
         let h = 0.5 * std::f64::consts::FRAC_1_SQRT_2;
         let half = m.system(0.5).maps[0].affine.coefficients(2);
         assert!(half.iter().zip([h, -h, h, h, 0.0, 0.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{half:?}");
@@ -348,14 +349,14 @@ mod tests {
             assert!(row.is_finite() && (row.norm() - 0.16).abs() < 1e-12);
         }
         // Smooth: the same middle, slow ends.
-        let options = Options { smooth: true, ..Options::default() };
+        let options = MorphOptions { smooth: true, ..MorphOptions::default() };
         let m = morph(vec![key(0.0, turned(0.0)), key(1.0, turned(1.0))], options);
         assert!((m.place(0.5).1 - 0.5).abs() < 1e-12 && m.place(0.01).1 < 4e-4);
     }
 
     #[test]
     fn fixed_points_go_straight_where_that_is_asked_for() {
-        let options = Options { fixed_points: true, ..Options::default() };
+        let options = MorphOptions { fixed_points: true, ..MorphOptions::default() };
         let m = morph(vec![key(0.0, curled()), key(1.0, fern())], options);
         let ends = [curled(), fern()].map(|s| s.maps[1].affine.fixed_point().expect("one"));
         for i in 1..10 {
@@ -363,7 +364,7 @@ mod tests {
             let p = m.system(t).maps[1].affine.fixed_point().expect("one");
             assert!((p - ends[0].lerp(ends[1], t)).length() < 1e-9, "{t}: {p}");
         }
-        let straight = morph(vec![key(0.0, curled()), key(1.0, fern())], Options::default());
+        let straight = morph(vec![key(0.0, curled()), key(1.0, fern())], MorphOptions::default());
         assert!((straight.system(0.5).maps[1].affine.b - DVec3::new(0.0, 1.3, 0.0)).length() < 1e-12);
         // A map that passes the identity has no single fixed point on the way.
         let wide = |k: f64| system(&[[k, 0.0, 0.0, k, 1.0, 0.0, 0.1], [0.3, 0.0, 0.0, 0.3, 0.0, 0.0, 0.9]]);
@@ -376,22 +377,24 @@ mod tests {
         let short = system(&[[0.5, 0.0, 0.0, 0.5, 0.0, 0.0, 1.0]]);
         let solid = Ifs { dim: 3, ..fern() };
         for (other, words) in [(short, "1 maps"), (solid, "3 dimensions")] {
-            let fault = Morph::new(vec![key(0.0, fern()), key(1.0, other)], Options::default()).expect_err("misfit");
+            let fault =
+                Morph::new(vec![key(0.0, fern()), key(1.0, other)], MorphOptions::default()).expect_err("misfit");
             assert!(fault.code == "I070" && fault.key == 1 && fault.message.contains(words), "{}", fault.message);
         }
-        assert_eq!(Morph::new(Vec::new(), Options::default()).expect_err("none").code, "I070");
+        assert_eq!(Morph::new(Vec::new(), MorphOptions::default()).expect_err("none").code, "I070");
     }
 
     #[test]
     fn points_keep_their_words_while_weights_stay() {
-        let m = morph(vec![key(0.0, curled()), key(1.0, fern())], Options::default());
+        let m = morph(vec![key(0.0, curled()), key(1.0, fern())], MorphOptions::default());
         assert_eq!(m.reweighted(), None);
         let extent = extent(&fern(), &m.keys()[1].study).expect("attractor");
         let drawn = |at: f64| {
             let (system, study) = (m.system(at), m.study(at));
-            let labels = Labels::new(&system, Mode::Map, &[]);
-            let request = Request { system: &system, study: &study, seed: 3, points: 4096, tier: Tier::Best };
-            cloud(&request, &labels, &extent, (DVec3::ZERO, 0.1))
+            let labels = ColorLabels::new(&system, ColorMode::Map, &[]);
+            let request =
+                DrawRequest { system: &system, study: &study, seed: 3, points: 4096, tier: InstructionSet::Best };
+            cloud(&request, &labels, &extent, DVec3::ZERO, 0.1)
         };
         let (before, now, after) = (drawn(0.4), drawn(0.4001), drawn(0.6));
         assert!([now.maps.clone(), after.maps, drawn(0.0).maps, drawn(1.0).maps].iter().all(|m| *m == before.maps));
@@ -404,7 +407,7 @@ mod tests {
             map.weight = Some(w);
         }
         for hold_weights in [false, true] {
-            let options = Options { hold_weights, ..Options::default() };
+            let options = MorphOptions { hold_weights, ..MorphOptions::default() };
             let m = morph(vec![key(0.0, curled()), key(1.0, heavy.clone())], options);
             assert_eq!(m.reweighted(), Some(1));
             let p = m.study(0.5).probabilities;
@@ -417,7 +420,7 @@ mod tests {
     fn chains_of_maps_are_led_over_row_by_row() {
         let mut chained = fern();
         chained.chaos = Some(vec![vec![0.5, 1.0, 1.0, 1.0]; 4]);
-        let m = morph(vec![key(0.0, fern()), key(1.0, chained)], Options::default());
+        let m = morph(vec![key(0.0, fern()), key(1.0, chained)], MorphOptions::default());
         let next = m.study(0.5).next.expect("rows");
         assert!(
             next.iter()
@@ -438,7 +441,7 @@ mod tests {
                     if dim == 3 { Affine::space(c) } else { Affine::plane([c[0], c[1], c[2], c[3], c[4], c[5]]) }
                 };
                 let lane = parts(&[of(a).a, of(b).a], dim);
-                let way = Way::new([lane[0], lane[1]], [of(a).b, of(b).b], 0.0);
+                let way = MapPath::new([lane[0], lane[1]], [of(a).b, of(b).b], 0.0);
                 let most = of(a).norm().max(of(b).norm());
                 prop_assert!(way.at(t, false).norm() <= most + 1e-7, "{} {most}", way.at(t, false).norm());
                 prop_assert!((way.at(1.0, false).a - of(b).a).to_cols_array().iter().all(|v| v.abs() < 1e-12));

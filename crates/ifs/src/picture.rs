@@ -6,11 +6,11 @@ use osier_base::par::par_map;
 use osier_base::units::srgb_from_linear;
 
 /// Share of the non-empty pixels that are at most fully opaque.
-const WHITE: f64 = 0.995;
+const WHITE_QUANTILE: f64 = 0.995;
 
 /// Spreads thin hits over discs of max(minimum, radius / hits^curve) pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimator {
+pub struct DensityEstimator {
     /// Radius of the disc of a single hit, pixels; 0 is off.
     pub radius: f64,
     /// Smallest radius, pixels.
@@ -21,16 +21,16 @@ pub struct Estimator {
 
 /// How counts become a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tone {
+pub struct ToneMapping {
     /// g of alpha = ln(1 + g D) / ln(1 + g D99.5).
     pub exposure: f64,
-    /// Exponent of alpha.
+    /// Exponent of the opacity; below 1 brightens thin parts.
     pub gamma: f64,
     /// Linear RGB, or none: the picture is transparent.
     pub background: Option<[f32; 3]>,
 }
 
-impl Default for Tone {
+impl Default for ToneMapping {
     fn default() -> Self {
         Self { exposure: 16.0, gamma: 0.6, background: None }
     }
@@ -39,9 +39,9 @@ impl Default for Tone {
 /// Density and mean colour per pixel, linear, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Density {
-    /// Columns.
+    /// Width, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height, pixels.
     pub height: usize,
     /// hits W H / N: 1 on average when nothing lies outside.
     pub value: Vec<f32>,
@@ -50,25 +50,25 @@ pub struct Density {
 }
 
 /// Hits and colour sums of one pixel in floating point: hits, red, green, blue.
-type Sample = [f64; 4];
+type PixelSums = [f64; 4];
 
 /// Density of counts made at `oversample` times the size, thin places spread by the estimator.
 /// Source: S. Draves, E. Reckase, "The fractal flame algorithm", 2003: adaptive density estimation.
 /// Differs: hits are spread evenly over a disc.
 #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
-pub fn density(h: &Histogram, oversample: usize, estimator: Option<Estimator>) -> Density {
+pub fn density(h: &Histogram, oversample: usize, estimator: Option<DensityEstimator>) -> Density {
     let k = oversample.max(1);
     let (width, height) = (h.width / k, h.height / k);
     let rows: Vec<usize> = (0..height).collect();
-    let boxed = par_map(&rows, |y| (0..width).map(|x| boxed(h, k, x, *y)).collect::<Vec<Sample>>());
-    let mut samples: Vec<Sample> = boxed.into_iter().flatten().collect();
+    let boxed = par_map(&rows, |y| (0..width).map(|x| boxed(h, k, x, *y)).collect::<Vec<PixelSums>>());
+    let mut samples: Vec<PixelSums> = boxed.into_iter().flatten().collect();
     if let Some(e) = estimator.filter(|e| e.radius > 0.0) {
-        samples = spread(&samples, (width, height), &e);
+        samples = spread(&samples, width, height, &e);
     }
     let all = h.points as f64 * h.unit as f64;
     let scale = (width * height) as f64 / all.max(1.0);
     let colored = !h.sums.is_empty();
-    let color = |s: &Sample| std::array::from_fn(|c| narrow(s[c + 1] / (s[0].max(1e-300) * 4095.0)));
+    let color = |s: &PixelSums| std::array::from_fn(|c| narrow(s[c + 1] / (s[0].max(1e-300) * 4095.0)));
     Density {
         width,
         height,
@@ -78,7 +78,8 @@ pub fn density(h: &Histogram, oversample: usize, estimator: Option<Estimator>) -
 }
 
 #[allow(clippy::cast_precision_loss, reason = "counts below 2^53")]
-fn boxed(h: &Histogram, k: usize, x: usize, y: usize) -> Sample {
+/// Sums of the k x k cells of one pixel.
+fn boxed(h: &Histogram, k: usize, x: usize, y: usize) -> PixelSums {
     let mut sums = [0_u64; 4];
     for row in y * k..(y + 1) * k {
         for i in row * h.width + x * k..row * h.width + (x + 1) * k {
@@ -100,7 +101,7 @@ fn boxed(h: &Histogram, k: usize, x: usize, y: usize) -> Sample {
     clippy::cast_sign_loss,
     reason = "offsets of a few pixels inside the picture"
 )]
-fn spread(samples: &[Sample], (width, height): (usize, usize), e: &Estimator) -> Vec<Sample> {
+fn spread(samples: &[PixelSums], width: usize, height: usize, e: &DensityEstimator) -> Vec<PixelSums> {
     let radius = |hits: f64| (e.radius / math::pow(hits.max(1.0), e.curve)).max(e.minimum);
     let reach = e.radius.ceil() as isize;
     let discs: Vec<Vec<(isize, isize)>> = (0..=reach * 4)
@@ -139,12 +140,12 @@ fn spread(samples: &[Sample], (width, height): (usize, usize), e: &Estimator) ->
     clippy::cast_precision_loss,
     reason = "a place in a list"
 )]
-pub fn opacity(d: &Density, tone: &Tone) -> Vec<f32> {
+pub fn opacity(d: &Density, tone: &ToneMapping) -> Vec<f32> {
     let mut full: Vec<f32> = d.value.iter().copied().filter(|v| *v > 0.0).collect();
     if full.is_empty() {
         return vec![0.0; d.value.len()];
     }
-    let at = ((full.len() - 1) as f64 * WHITE) as usize;
+    let at = ((full.len() - 1) as f64 * WHITE_QUANTILE) as usize;
     let white = f64::from(*full.select_nth_unstable_by(at, f32::total_cmp).1);
     let top = math::ln(1.0 + tone.exposure * white).max(1e-12);
     let one = |v: &f32| {
@@ -156,7 +157,7 @@ pub fn opacity(d: &Density, tone: &Tone) -> Vec<f32> {
 }
 
 /// RGB over the background, or RGBA without one, sRGB in 0..1, rows from the top. `flat`: colour without a mean one.
-pub fn tone_mapped(d: &Density, tone: &Tone, flat: [f32; 3]) -> Vec<f32> {
+pub fn tone_mapped(d: &Density, tone: &ToneMapping, flat: [f32; 3]) -> Vec<f32> {
     let alpha = opacity(d, tone);
     let mut out = Vec::with_capacity(alpha.len() * 4);
     for (i, a) in alpha.iter().enumerate() {

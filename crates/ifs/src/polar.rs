@@ -6,19 +6,19 @@ use super::affine::turn_z;
 use osier_base::math;
 
 /// Sums or singular values below this share of the largest are 0: the turn is not determined.
-const FLAT: f64 = 1e-9;
+const SINGULAR_RATIO: f64 = 1e-9;
 
 /// The turn R of A = R S with a symmetric S.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Turn {
     /// About z, rad: maps of the plane.
     Plane(f64),
-    /// In space.
+    /// A rotation of space, unit quaternion.
     Space(DQuat),
 }
 
 impl Turn {
-    /// The rotation.
+    /// Rotation matrix.
     pub fn matrix(self) -> DMat3 {
         match self {
             Self::Plane(angle) => turn_z(angle),
@@ -121,14 +121,18 @@ fn turn(a: DMat3, dim: usize) -> Result<Turn, Option<(DVec3, DVec3)>> {
     if dim == 2 {
         let (s, c) = (a.x_axis.y - a.y_axis.x, a.x_axis.x + a.y_axis.y);
         let most = a.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        return if s.abs().max(c.abs()) > FLAT * most { Ok(Turn::Plane(math::atan2(s, c))) } else { Err(None) };
+        return if s.abs().max(c.abs()) > SINGULAR_RATIO * most {
+            Ok(Turn::Plane(math::atan2(s, c)))
+        } else {
+            Err(None)
+        };
     }
     let (u, s, v) = svd(a);
     if s.x <= 0.0 {
         return Err(None);
     }
     let third = u.x_axis.cross(u.y_axis);
-    if s.y + third.dot(u.z_axis) * s.z <= FLAT * s.x {
+    if s.y + third.dot(u.z_axis) * s.z <= SINGULAR_RATIO * s.x {
         return Err(Some((v.x_axis, u.x_axis)));
     }
     let r = DMat3::from_cols(u.x_axis, u.y_axis, third) * v.transpose();

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use super::cloud::Request;
-use super::color::Labels;
-use super::cylinders::{self, Cut, Cylinder, Pool};
-use super::game::{CHUNK, Chunk, Escapes, Game, LANES, Layout, Sink, Tier, images};
-use super::histogram::Window;
+use super::cloud::DrawRequest;
+use super::color::ColorLabels;
+use super::cylinders::{self, Cylinder, CylinderCut, PointPool};
+use super::game::{CHUNK, ChaosGame, Chunk, Escapes, InstructionSet, LANES, PointSink, TileLayout, images};
+use super::histogram::PictureWindow;
 use osier_base::math::narrow;
 use osier_base::par::{par_map, threads};
 
@@ -20,15 +20,15 @@ pub(super) const SLICE: usize = 1024;
 const STILL: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
 /// Finds the pixels of points, slice after slice.
-struct Pixels {
-    tier: Tier,
-    layout: Layout,
+struct PixelIndexer {
+    tier: InstructionSet,
+    layout: TileLayout,
     /// The attractor lies in space.
     deep: bool,
     index: Box<[u32; SLICE]>,
 }
 
-impl Pixels {
+impl PixelIndexer {
     /// Cells of the images of up to [`SLICE`] places.
     fn of(&mut self, map: &[f32; 12], [x, y, z]: [&[f32]; 3]) -> &[u32] {
         let out = &mut self.index[..x.len()];
@@ -38,9 +38,9 @@ impl Pixels {
 }
 
 /// Counts of points by cell.
-pub(super) trait Cells {
+pub(super) trait CellCounter {
     /// What tells points apart, if anything does.
-    fn labels(&self) -> Option<&Labels>;
+    fn labels(&self) -> Option<&ColorLabels>;
     /// Counts points in these cells, with the map that made each and its label.
     fn add_each(&mut self, cells: &[u32], maps: &[u32], labels: &[u32]);
     /// Counts points of a cylinder; `coord`: colour coordinates of its places, or none.
@@ -48,16 +48,16 @@ pub(super) trait Cells {
 }
 
 /// Takes points of the chaos game itself: where cylinders do not suit.
-struct Steps<C> {
+struct ChaosGameCounter<C> {
     cells: C,
-    pixels: Pixels,
+    pixels: PixelIndexer,
     /// The map that places are shown by.
     last: [f32; 12],
-    labels: Option<Labels>,
+    labels: Option<ColorLabels>,
     label: Box<[[u32; LANES]; CHUNK]>,
 }
 
-impl<C: Cells> Sink for Steps<C> {
+impl<C: CellCounter> PointSink for ChaosGameCounter<C> {
     fn take(&mut self, chunk: &Chunk) {
         let steps = ..chunk.steps.min(CHUNK);
         if let Some(labels) = &mut self.labels {
@@ -80,53 +80,53 @@ impl<C: Cells> Sink for Steps<C> {
 }
 
 /// A system made ready for counting.
-pub(super) struct Plan {
-    game: Game,
+pub(super) struct CountingPlan {
+    game: ChaosGame,
     /// The cylinders, where they suit.
-    cut: Option<Cut>,
+    cut: Option<CylinderCut>,
     /// Blocks or batches, and steps of a lane of a block.
     blocks: u64,
     steps: u64,
     /// Points that are drawn in all.
     pub points: u64,
-    /// Where cells lie.
-    pub layout: Layout,
+    /// Order of the cells in memory.
+    pub layout: TileLayout,
     deep: bool,
     last: [f32; 12],
 }
 
-impl Plan {
+impl CountingPlan {
     /// Makes a system ready for the cells of a window.
-    pub fn new(request: &Request<'_>, labels: Option<&Labels>, window: &Window) -> Self {
-        let Request { system, study, seed, points, tier } = *request;
+    pub fn new(request: &DrawRequest<'_>, labels: Option<&ColorLabels>, window: &PictureWindow) -> Self {
+        let DrawRequest { system, study, seed, points, tier } = *request;
         let frame = window.frame();
         #[allow(clippy::cast_precision_loss, reason = "pixels")]
         let diagonal = (window.width + window.height) as f64;
         let by_cylinders = cylinders::suits(system, study, labels);
         let (units, size) = if by_cylinders { (cylinders::unit_frame(system, study), 2.0) } else { (frame, diagonal) };
-        let game = Game::new(system, study, seed, units, narrow((size * GUARD).min(1e15))).with_tier(tier);
-        let cut = by_cylinders.then(|| Cut::new(request, &game, frame, labels));
-        let (blocks, steps) = Game::plan(points);
+        let game = ChaosGame::new(system, study, seed, units, narrow((size * GUARD).min(1e15))).with_tier(tier);
+        let cut = by_cylinders.then(|| CylinderCut::new(request, &game, frame, labels));
+        let (blocks, steps) = ChaosGame::plan(points);
         let (blocks, points) = match &cut {
             Some(cut) => (cut.batches().count, cut.batches().count * cut.batches().points),
             None => (blocks, blocks * steps * LANES as u64),
         };
-        let last = system.last.map(|l| l.conjugated(frame.0, frame.1).single()).unwrap_or(STILL);
+        let last = system.last.map(|l| l.conjugated(frame.scale, frame.shift).single()).unwrap_or(STILL);
         Self {
             game,
             cut,
             blocks,
             steps,
             points,
-            layout: Layout { width: window.width, height: window.height },
+            layout: TileLayout { width: window.width, height: window.height },
             deep: system.dim > 2,
             last,
         }
     }
 
     /// Counts all points. Each thread has cells of its own, of `bytes` bytes each, while they fit the memory; `make`:
-    /// empty cells for a [`Layout`].
-    pub fn count<C: Cells + Send>(&self, bytes: usize, make: impl Fn() -> C + Sync) -> (Vec<C>, Escapes) {
+    /// empty cells for a [`TileLayout`].
+    pub fn count<C: CellCounter + Send>(&self, bytes: usize, make: impl Fn() -> C + Sync) -> (Vec<C>, Escapes) {
         let blocks = usize::try_from(self.blocks).unwrap_or(usize::MAX);
         let workers = threads().min(MEMORY / (bytes * self.layout.cells())).clamp(1, blocks.max(1));
         let jobs: Vec<u64> = (0..workers as u64).collect();
@@ -136,26 +136,33 @@ impl Plan {
     }
 
     /// Counts the points of some blocks.
-    fn some<C: Cells>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
+    fn some<C: CellCounter>(&self, mut cells: C, blocks: impl Iterator<Item = u64>) -> (C, Escapes) {
         let tier = self.game.tier();
-        let mut pixels = Pixels { tier, layout: self.layout, deep: self.deep, index: Box::new([0; SLICE]) };
+        let mut pixels = PixelIndexer { tier, layout: self.layout, deep: self.deep, index: Box::new([0; SLICE]) };
         let none = Escapes::default();
         if let Some(cut) = &self.cut {
-            let mut pool = Pool::new(cells.labels());
-            let mut lay = |c: &Cylinder, pool: &Pool, range: Range<usize>| lay(&mut cells, &mut pixels, c, pool, range);
+            let mut pool = PointPool::new(cells.labels());
+            let mut lay =
+                |c: &Cylinder, pool: &PointPool, range: Range<usize>| lay(&mut cells, &mut pixels, c, pool, range);
             let escapes = blocks.fold(none, |s, b| s.plus(cut.draw(b, &self.game, &mut pool, &mut lay)));
             return (cells, escapes);
         }
         let labels = cells.labels().cloned();
         let label = Box::new([[0; LANES]; CHUNK]);
-        let mut sink = Steps { cells, pixels, last: self.last, labels, label };
+        let mut sink = ChaosGameCounter { cells, pixels, last: self.last, labels, label };
         let escapes = blocks.fold(none, |s, b| s.plus(self.game.play(b, self.steps, &mut sink)));
         (sink.cells, escapes)
     }
 }
 
 /// Counts a window of the pool laid into a cylinder.
-fn lay(cells: &mut impl Cells, pixels: &mut Pixels, cylinder: &Cylinder, pool: &Pool, range: Range<usize>) {
+fn lay(
+    cells: &mut impl CellCounter,
+    pixels: &mut PixelIndexer,
+    cylinder: &Cylinder,
+    pool: &PointPool,
+    range: Range<usize>,
+) {
     for start in range.clone().step_by(SLICE) {
         let part = start..range.end.min(start + SLICE);
         let index = pixels.of(&cylinder.map, pool.place.each_ref().map(|row| &row[part.clone()]));

@@ -4,26 +4,26 @@ use glam::DVec3;
 
 use super::color::is_squash;
 use super::game::extent;
-use super::weights::{Rule, similarity_dimension};
+use super::weights::{WeightRule, similarity_dimension};
 use super::words::Letters;
-use super::{Ifs, Shape, dynamics};
+use super::{CondensationShape, Ifs, dynamics};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math;
 
 /// Least height on the parent of a map that leads on, and most degrees off the vertical.
-const APEX: f64 = 0.9;
-const LEAN: f64 = 35.0;
+const MIN_APEX_HEIGHT: f64 = 0.9;
+const MAX_APEX_LEAN_DEG: f64 = 35.0;
 /// A trunk this near to the unit segment is it.
-const SNAP: f64 = 0.03;
+const UNIT_TRUNK_TOLERANCE: f64 = 0.03;
 /// Radius of a trunk over its length, where nothing says it.
-const RADIUS: f64 = 0.08;
+const DEFAULT_TRUNK_RADIUS: f64 = 0.08;
 
 /// A system as a tree.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Stems {
+pub struct TreeSystem {
     /// The system, its squash maps marked as stems, one of its branches marked as the axis.
     pub system: Ifs,
-    /// Scales and radii.
+    /// Scale and radius factor of each map.
     pub letters: Letters,
     /// Foot and tip of the trunk.
     pub trunk: (DVec3, DVec3),
@@ -34,7 +34,7 @@ pub struct Stems {
 /// True if a system of space has branching maps and a trunk for them.
 pub fn is_tree(ifs: &Ifs) -> bool {
     let branches = ifs.maps.iter().any(|m| m.branch.is_some());
-    let segment = ifs.condensation.iter().any(|c| matches!(c.shape, Shape::Segment { .. }));
+    let segment = ifs.condensation.iter().any(|c| matches!(c.shape, CondensationShape::Segment { .. }));
     ifs.dim == 3 && (branches || segment || ifs.maps.iter().any(is_squash))
 }
 
@@ -43,7 +43,7 @@ pub fn is_tree(ifs: &Ifs) -> bool {
 /// Source: Leonardo's rule of branch areas; [zhao-zhang] 2.2.1 names the branching modes.
 /// # Errors
 /// I041 for a branch that does not shrink, I023 if the system has no attractor.
-pub fn stems(ifs: &Ifs) -> Result<Stems, Box<Diagnostic>> {
+pub fn stems(ifs: &Ifs) -> Result<TreeSystem, Box<Diagnostic>> {
     let mut system = ifs.clone();
     for map in system.maps.iter_mut().filter(|m| m.branch.is_none()) {
         map.stem |= is_squash(map);
@@ -56,17 +56,17 @@ pub fn stems(ifs: &Ifs) -> Result<Stems, Box<Diagnostic>> {
             map.radius = Some(math::pow(map.affine.norm(), half));
         }
         if system.maps.iter().all(|m| !m.axis)
-            && let Some(apex) = apex(&system, trunk)
+            && let Some(apex) = apex(&system, trunk.0, trunk.1)
         {
             system.maps[apex].axis = true;
         }
     }
     let letters = Letters::new(&system)?;
-    Ok(Stems { system, letters, trunk, radius })
+    Ok(TreeSystem { system, letters, trunk, radius })
 }
 
 /// Which branching map is no similarity, so that its subtrees are no copies of the whole; relative tolerance 1e-6.
-pub fn sheared(stems: &Stems) -> Option<usize> {
+pub fn sheared(stems: &TreeSystem) -> Option<usize> {
     let even = |a: &super::affine::Affine| {
         let columns = [a.a.x_axis, a.a.y_axis, a.a.z_axis];
         let size = math::sqrt(a.a.y_axis.dot(a.a.y_axis)).max(1e-300);
@@ -80,13 +80,13 @@ pub fn sheared(stems: &Stems) -> Option<usize> {
 /// The trunk's ends and radius: the condensation segment, or the first stem map's image of the whole.
 fn trunk(ifs: &Ifs) -> Result<((DVec3, DVec3), f64), Box<Diagnostic>> {
     for c in &ifs.condensation {
-        if let Shape::Segment { from, to, radius } = &c.shape {
+        if let CondensationShape::Segment { from, to, radius } = &c.shape {
             return Ok(((DVec3::from_array(*from), DVec3::from_array(*to)), *radius));
         }
     }
     let unit = (DVec3::ZERO, DVec3::Y);
-    let Some(stem) = ifs.maps.iter().find(|m| m.stem) else { return Ok((unit, RADIUS)) };
-    let study = dynamics::study(ifs, Rule::File);
+    let Some(stem) = ifs.maps.iter().find(|m| m.stem) else { return Ok((unit, DEFAULT_TRUNK_RADIUS)) };
+    let study = dynamics::study(ifs, WeightRule::File);
     let (low, high) = extent(ifs, &study)?.bounds;
     let middle = (low + high) * 0.5;
     let end = |y: f64| stem.affine.apply(DVec3::new(middle.x, y, middle.z));
@@ -95,12 +95,12 @@ fn trunk(ifs: &Ifs) -> Result<((DVec3, DVec3), f64), Box<Diagnostic>> {
     let widths = stem.affine.singular_values();
     // The image of the crown is thin outside: its densest part has four fifths of the width.
     let radius = (widths[1] * half / 0.8).max(1e-6);
-    let near = |p: DVec3, q: DVec3| (p - q).length() < SNAP;
+    let near = |p: DVec3, q: DVec3| (p - q).length() < UNIT_TRUNK_TOLERANCE;
     if near(foot, unit.0) && near(tip, unit.1) { Ok((unit, radius)) } else { Ok(((foot, tip), radius)) }
 }
 
 /// The branch at the trunk's tip that leans least, if it leans less than 35 degrees.
-fn apex(ifs: &Ifs, (foot, tip): (DVec3, DVec3)) -> Option<usize> {
+fn apex(ifs: &Ifs, foot: DVec3, tip: DVec3) -> Option<usize> {
     let along = tip - foot;
     let lean = |i: &usize| {
         let map = &ifs.maps[*i].affine;
@@ -110,7 +110,7 @@ fn apex(ifs: &Ifs, (foot, tip): (DVec3, DVec3)) -> Option<usize> {
     let high = |i: &usize| {
         let map = &ifs.maps[*i];
         let h = (map.affine.apply(foot) - foot).dot(along) / along.length_squared().max(1e-30);
-        !map.stem && h >= APEX
+        !map.stem && h >= MIN_APEX_HEIGHT
     };
     let mut best: Option<(f64, usize)> = None;
     let mut ties = 0;
@@ -124,5 +124,5 @@ fn apex(ifs: &Ifs, (foot, tip): (DVec3, DVec3)) -> Option<usize> {
         }
     }
     // Equal halves of a fork: none of them leads.
-    best.filter(|(l, _)| *l < osier_base::units::radians(LEAN) && ties == 0).map(|b| b.1)
+    best.filter(|(l, _)| *l < osier_base::units::radians(MAX_APEX_LEAN_DEG) && ties == 0).map(|b| b.1)
 }

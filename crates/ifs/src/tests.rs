@@ -2,15 +2,16 @@
 #![allow(clippy::disallowed_methods, reason = "tests read the tables")]
 #![allow(clippy::approx_constant, reason = "an exponent that happens to be near 1/pi")]
 
+use crate::affine::AxisScaling;
 use glam::{DMat3, DVec3};
 
-use super::cloud::{Request, cloud};
-use super::color::{Labels, Mode};
+use super::cloud::{DrawRequest, cloud};
+use super::color::{ColorLabels, ColorMode};
 use super::dynamics::study;
-use super::game::{CHUNK, Chunk, Game, LANES, Sink, Tier, extent};
-use super::histogram::{Window, histogram};
-use super::weights::{Rule, probabilities};
-use super::words::{Expansion, Letters, Limits as Cut, Variation, expand};
+use super::game::{CHUNK, ChaosGame, Chunk, InstructionSet, LANES, PointSink, extent};
+use super::histogram::{PictureWindow, histogram};
+use super::weights::{WeightRule, probabilities};
+use super::words::{Expansion, ExpansionLimits, Letters, Variation, expand};
 use super::*;
 use osier_base::limits::Limits;
 
@@ -46,11 +47,11 @@ fn every_table_holds_what_it_should() {
     assert_eq!(printed.len(), 8);
     let told: Vec<(String, Vec<&str>)> = printed
         .iter()
-        .map(|s| (s.name.clone(), study(s, Rule::File).told.iter().map(|d| d.code).collect()))
+        .map(|s| (s.name.clone(), study(s, WeightRule::File).told.iter().map(|d| d.code).collect()))
         .filter(|(_, t): &(String, Vec<&str>)| !t.is_empty())
         .collect();
     assert_eq!(told, [("raw_bamboo_node".into(), vec!["I025"]), ("raw_hill".into(), vec!["I020"])]);
-    let hint = study(&printed[3], Rule::File).told.remove(0).help.unwrap_or_default();
+    let hint = study(&printed[3], WeightRule::File).told.remove(0).help.unwrap_or_default();
     assert!(hint.starts_with("with b = -0.105 instead of -1.105"), "{hint}");
 }
 
@@ -71,7 +72,7 @@ const KNOWN: [Row; 8] = [
 fn dynamics_and_boxes_are_the_known_ones() {
     for (name, norm, e1, lambda, mean, _, known) in KNOWN {
         let ifs = system(name);
-        let s = study(&ifs, Rule::File);
+        let s = study(&ifs, WeightRule::File);
         let largest = ifs.maps.iter().fold(0.0_f64, |m, w| m.max(w.affine.norm()));
         assert!((largest - norm).abs() < 6e-4, "{name}: norm {largest}");
         assert!((s.mean_log - e1).abs() < 1.1e-3, "{name}: E1 {}", s.mean_log);
@@ -105,7 +106,7 @@ struct Moments {
     maps: Vec<f64>,
 }
 
-impl Sink for Moments {
+impl PointSink for Moments {
     fn take(&mut self, chunk: &Chunk) {
         self.lanes.resize(LANES, [0.0; 2]);
         for step in 0..chunk.steps.min(CHUNK) {
@@ -128,9 +129,9 @@ impl Sink for Moments {
 fn moments_and_map_frequencies_are_exact_within_their_errors() {
     for (name, _, _, _, mean, variance, _) in KNOWN {
         let ifs = system(name);
-        let s = study(&ifs, Rule::File);
-        let game = Game::new(&ifs, &s, 5, (DVec3::ONE, DVec3::ZERO), 1e15);
-        let (blocks, steps) = Game::plan(1 << 24);
+        let s = study(&ifs, WeightRule::File);
+        let game = ChaosGame::new(&ifs, &s, 5, AxisScaling::IDENTITY, 1e15);
+        let (blocks, steps) = ChaosGame::plan(1 << 24);
         let (mut means, mut squares, mut count) = (Vec::new(), [0.0; 2], 0.0);
         let mut maps = vec![0.0; ifs.maps.len()];
         for b in 0..blocks {
@@ -166,11 +167,11 @@ fn doubled_fern_does_not_contract() {
     for m in &mut fern.maps {
         m.affine.a *= 2.0;
     }
-    let s = study(&fern, Rule::File);
+    let s = study(&fern, WeightRule::File);
     assert!((s.mean_log - 0.394).abs() < 1e-3, "{}", s.mean_log);
     assert!(s.told.iter().any(|d| d.code == "I021"));
     assert!(extent(&fern, &s).is_err_and(|d| d.code == "I023"));
-    let (_, told) = probabilities(&system("sun"), Rule::Det);
+    let (_, told) = probabilities(&system("sun"), WeightRule::Det);
     assert_eq!(told.iter().map(|d| d.code).collect::<Vec<_>>(), ["I027"]);
 }
 
@@ -193,16 +194,16 @@ fn green_tree_in_polar_form() {
     }
 }
 
-fn request<'a>(ifs: &'a Ifs, study: &'a super::dynamics::Study, tier: Tier) -> Request<'a> {
-    Request { system: ifs, study, seed: 9, points: 300_000, tier }
+fn request<'a>(ifs: &'a Ifs, study: &'a super::dynamics::SystemAnalysis, tier: InstructionSet) -> DrawRequest<'a> {
+    DrawRequest { system: ifs, study, seed: 9, points: 300_000, tier }
 }
 
 #[test]
 fn bamboo_node_fills_cells_in_proportion() {
     let ifs = system("bamboo_node");
-    let s = study(&ifs, Rule::File);
-    let window = Window { width: 8, height: 8, center: [50.0, 50.0], pixel: 12.5 };
-    let h = histogram(&Request { points: 1 << 21, ..request(&ifs, &s, Tier::Best) }, None, &window);
+    let s = study(&ifs, WeightRule::File);
+    let window = PictureWindow { width: 8, height: 8, center: [50.0, 50.0], pixel: 12.5 };
+    let h = histogram(&DrawRequest { points: 1 << 21, ..request(&ifs, &s, InstructionSet::Best) }, None, &window);
     let quarter = |x: usize, y: usize| [[0.15, 0.35], [0.35, 0.15]][y][x];
     let mut chi = 0.0;
     #[allow(clippy::cast_precision_loss, reason = "counts")]
@@ -225,11 +226,14 @@ fn bamboo_node_fills_cells_in_proportion() {
 
 #[test]
 fn counts_do_not_depend_on_threads_or_instructions() {
-    let window = |ifs: &Ifs, s: &super::dynamics::Study| Window::fitted(extent(ifs, s).expect("one").bounds, 200, 150);
+    let window = |ifs: &Ifs, s: &super::dynamics::SystemAnalysis| {
+        let (low, high) = extent(ifs, s).expect("one").bounds;
+        PictureWindow::fitted(low, high, 200, 150)
+    };
     for name in ["fern_leaf", "hill", "monopodial"] {
         let ifs = system(name);
-        let s = study(&ifs, Rule::File);
-        let labels = Labels::new(&ifs, Mode::Prefix(3), &[]);
+        let s = study(&ifs, WeightRule::File);
+        let labels = ColorLabels::new(&ifs, ColorMode::Prefix(3), &[]);
         let window = window(&ifs, &s);
         let run = |tier| {
             let r = request(&ifs, &s, tier);
@@ -237,18 +241,21 @@ fn counts_do_not_depend_on_threads_or_instructions() {
         };
         let points = |tier| {
             let e = extent(&ifs, &s).expect("one");
-            cloud(&request(&ifs, &s, tier), &labels, &e, (DVec3::ZERO, 1.0))
+            cloud(&request(&ifs, &s, tier), &labels, &e, DVec3::ZERO, 1.0)
         };
-        let (one, cloud_one) = (run(Tier::Best), points(Tier::Best));
-        assert!(one == run(Tier::Plain), "{name}");
-        assert!(cloud_one == points(Tier::Plain), "{name}");
-        let by_map = Labels::new(&ifs, Mode::Map, &[]);
-        let colored = histogram(&request(&ifs, &s, Tier::Plain), Some(&by_map), &window);
+        let (one, cloud_one) = (run(InstructionSet::Best), points(InstructionSet::Best));
+        assert!(one == run(InstructionSet::Plain), "{name}");
+        assert!(cloud_one == points(InstructionSet::Plain), "{name}");
+        let by_map = ColorLabels::new(&ifs, ColorMode::Map, &[]);
+        let colored = histogram(&request(&ifs, &s, InstructionSet::Plain), Some(&by_map), &window);
         assert!(one.0.hits == colored.hits, "{name}: both ways of counting agree");
         for threads in [1, 2, 3, 5, 8] {
-            assert!(one == osier_base::par::on_threads(threads, || run(Tier::Best)), "{name}, {threads} threads");
             assert!(
-                cloud_one == osier_base::par::on_threads(threads, || points(Tier::Best)),
+                one == osier_base::par::on_threads(threads, || run(InstructionSet::Best)),
+                "{name}, {threads} threads"
+            );
+            assert!(
+                cloud_one == osier_base::par::on_threads(threads, || points(InstructionSet::Best)),
                 "{name}, {threads} threads"
             );
         }
@@ -258,12 +265,12 @@ fn counts_do_not_depend_on_threads_or_instructions() {
 #[test]
 fn density_has_mean_one_when_nothing_is_clipped() {
     let ifs = system("fern_leaf");
-    let s = study(&ifs, Rule::File);
+    let s = study(&ifs, WeightRule::File);
     let (low, high) = extent(&ifs, &s).expect("one").bounds;
     let wide = (low - DVec3::splat(1.0), high + DVec3::splat(1.0));
-    let h = histogram(&request(&ifs, &s, Tier::Best), None, &Window::fitted(wide, 90, 60));
+    let h = histogram(&request(&ifs, &s, InstructionSet::Best), None, &PictureWindow::fitted(wide.0, wide.1, 90, 60));
     assert_eq!(h.outside, 0);
-    let d = picture::density(&h, 3, Some(picture::Estimator { radius: 4.0, minimum: 0.0, curve: 0.4 }));
+    let d = picture::density(&h, 3, Some(picture::DensityEstimator { radius: 4.0, minimum: 0.0, curve: 0.4 }));
     assert_eq!((d.width, d.height), (30, 20));
     let mean = d.value.iter().map(|v| f64::from(*v)).sum::<f64>() / 600.0;
     assert!((mean - 1.0).abs() < 1e-6, "{mean}");
@@ -272,10 +279,16 @@ fn density_has_mean_one_when_nothing_is_clipped() {
 #[test]
 fn orders_count_branchings_from_the_stem() {
     let ifs = system("monopodial");
-    let s = study(&ifs, Rule::File);
+    let s = study(&ifs, WeightRule::File);
     let e = extent(&ifs, &s).expect("one");
     let grays = [[0.0; 3], [1.0; 3]];
-    let c = cloud(&request(&ifs, &s, Tier::Best), &Labels::new(&ifs, Mode::Order, &grays), &e, (DVec3::ZERO, 1.0));
+    let c = cloud(
+        &request(&ifs, &s, InstructionSet::Best),
+        &ColorLabels::new(&ifs, ColorMode::Order, &grays),
+        &e,
+        DVec3::ZERO,
+        1.0,
+    );
     let order = |k: usize| c.colors[k][0] * 5.0;
     let stem = ifs.maps.iter().position(|m| m.stem || super::color::is_squash(m)).expect("a trunk");
     // Chains of a lane follow each other every 32 points.
@@ -298,9 +311,15 @@ fn nothing_lies_in_the_gap_of_a_cantor_dust() {
     let text = "dust {\n .333333 0 0 .333333 0 0 .25\n .333333 0 0 .333333 .666667 0 .25\n\
                 .333333 0 0 .333333 0 .666667 .25\n .333333 0 0 .333333 .666667 .666667 .25\n}\n";
     let ifs = read::read("dust.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
-    let s = study(&ifs, Rule::File);
+    let s = study(&ifs, WeightRule::File);
     let e = extent(&ifs, &s).expect("one");
-    let c = cloud(&request(&ifs, &s, Tier::Best), &Labels::new(&ifs, Mode::Map, &[]), &e, (DVec3::ZERO, 1.0));
+    let c = cloud(
+        &request(&ifs, &s, InstructionSet::Best),
+        &ColorLabels::new(&ifs, ColorMode::Map, &[]),
+        &e,
+        DVec3::ZERO,
+        1.0,
+    );
     assert!(c.positions.iter().all(|p| [p.x, p.y].iter().all(|v| *v < 0.3334 || *v > 0.6666)));
 }
 
@@ -308,12 +327,12 @@ fn nothing_lies_in_the_gap_of_a_cantor_dust() {
 fn sierpinski_has_its_box_dimension() {
     let text = "gasket {\n.5 0 0 .5 0 0 1\n.5 0 0 .5 .5 0 1\n.5 0 0 .5 0 .5 1\n}";
     let ifs = read::read("g.ifs", text.as_bytes(), &Limits::default()).expect("reads").0.remove(0);
-    let s = study(&ifs, Rule::File);
-    let r = Request { points: 1 << 22, ..request(&ifs, &s, Tier::Best) };
+    let s = study(&ifs, WeightRule::File);
+    let r = DrawRequest { points: 1 << 22, ..request(&ifs, &s, InstructionSet::Best) };
     let boxes = |n: usize| {
         #[allow(clippy::cast_precision_loss, reason = "pixels")]
         // Off the gasket's own grid, so that rounding at its lines opens no boxes.
-        let window = Window { width: n, height: n, center: [0.513, 0.487], pixel: 1.1 / n as f64 };
+        let window = PictureWindow { width: n, height: n, center: [0.513, 0.487], pixel: 1.1 / n as f64 };
         #[allow(clippy::cast_precision_loss, reason = "pixels")]
         let full = histogram(&r, None, &window).hits.iter().filter(|h| **h > 0).count() as f64;
         full
@@ -322,8 +341,8 @@ fn sierpinski_has_its_box_dimension() {
     assert!((slope - 1.585).abs() < 0.03, "{slope}");
 }
 
-fn cut(eps: f64) -> Cut {
-    Cut { eps, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1_000_000 }
+fn cut(eps: f64) -> ExpansionLimits {
+    ExpansionLimits { eps, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1_000_000 }
 }
 
 fn tree(name: &str) -> (Ifs, Letters) {
@@ -345,7 +364,8 @@ fn expansions_have_the_known_counts() {
         for (eps, n) in [0.2, 0.1, 0.07].iter().zip(at) {
             assert_eq!(expand(&ifs, &letters, &cut(*eps), None).expect("expands").words.len(), n, "{name} at {eps}");
         }
-        let refused = expand(&ifs, &letters, &Cut { max_words: 100, ..cut(0.01) }, None).expect_err("too many");
+        let refused =
+            expand(&ifs, &letters, &ExpansionLimits { max_words: 100, ..cut(0.01) }, None).expect_err("too many");
         assert_eq!(refused.code, "I040");
     }
 }

@@ -1,18 +1,18 @@
 //! A system's density as a square tile of a surface: the culm of [wang-hao] Fig. 7(b).
 
 use super::Ifs;
-use super::cloud::Request;
+use super::cloud::DrawRequest;
 use super::dynamics::study;
-use super::game::{Tier, extent};
-use super::histogram::{Window, histogram};
-use super::weights::Rule;
+use super::game::{InstructionSet, extent};
+use super::histogram::{PictureWindow, histogram};
+use super::weights::WeightRule;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{ln, narrow};
 
-/// Points per cell.
-const POINTS: u64 = 64;
+/// Points drawn for each cell of the tile; fewer show noise.
+const POINTS_PER_CELL: u64 = 64;
 /// The share of cells below the brightness that counts as full.
-const FULL: f64 = 0.99;
+const FULL_QUANTILE: f64 = 0.99;
 
 /// The density of a plane system on `n` x `n` cells that cover its longer side without margin, rows from the top, each
 /// 0..1: ln(1 + hits) / ln(1 + hits_99) with the 99 % quantile of the cells. The same at any thread count.
@@ -20,15 +20,15 @@ const FULL: f64 = 0.99;
 /// # Errors
 /// I023 for a system without attractor.
 pub fn tile(ifs: &Ifs, n: usize) -> Result<Vec<f32>, Box<Diagnostic>> {
-    let study = study(ifs, ifs.weights.unwrap_or(Rule::File));
+    let study = study(ifs, ifs.weights.unwrap_or(WeightRule::File));
     let extent = extent(ifs, &study)?;
     let (low, high) = if study.unbounded { extent.quantile } else { extent.bounds };
     let (size, middle) = (high - low, (low + high) * 0.5);
     #[allow(clippy::cast_precision_loss, reason = "some hundred cells")]
     let pixel = (size.x.max(size.y) / n.max(1) as f64).max(1e-12);
-    let window = Window { width: n, height: n, center: [middle.x, middle.y], pixel };
-    let points = POINTS * (n * n) as u64;
-    let request = Request { system: ifs, study: &study, seed: 0, points, tier: Tier::Best };
+    let window = PictureWindow { width: n, height: n, center: [middle.x, middle.y], pixel };
+    let points = POINTS_PER_CELL * (n * n) as u64;
+    let request = DrawRequest { system: ifs, study: &study, seed: 0, points, tier: InstructionSet::Best };
     let hits = histogram(&request, None, &window).hits;
     let mut sorted = hits.clone();
     sorted.sort_unstable();
@@ -40,7 +40,7 @@ pub fn tile(ifs: &Ifs, n: usize) -> Result<Vec<f32>, Box<Diagnostic>> {
         clippy::cast_precision_loss,
         reason = "a place in the list"
     )]
-    let full = sorted.get((FULL * sorted.len() as f64) as usize).map_or(1.0, |h| log(*h).max(1e-9));
+    let full = sorted.get((FULL_QUANTILE * sorted.len() as f64) as usize).map_or(1.0, |h| log(*h).max(1e-9));
     Ok(hits.iter().map(|h| narrow((log(*h) / full).clamp(0.0, 1.0))).collect())
 }
 

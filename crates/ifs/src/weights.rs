@@ -6,23 +6,23 @@ use osier_base::math;
 
 /// Where probabilities come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rule {
-    /// The file's column, cumulative columns taken apart, divided by its sum; without one as [`Rule::Det`] or, in space,
-    /// [`Rule::Moran`].
+pub enum WeightRule {
+    /// The file's column, cumulative columns taken apart, divided by its sum; without one as [`WeightRule::Det`] or, in space,
+    /// [`WeightRule::Moran`].
     File,
     /// The file's column as it is, divided by its sum.
     Raw,
-    /// By area or volume.
+    /// By |det A|: area or volume of each map's image.
     Det,
     /// By the share of the similarity dimension.
     Moran,
-    /// All the same.
+    /// The same for every map.
     Equal,
     /// As Fractint draws: a running sum, of which the last map takes the rest.
     Fractint,
 }
 
-/// Smallest share of the largest weight that a map gets by [`Rule::Det`] and [`Rule::Moran`].
+/// Smallest share of the largest weight that a map gets by [`WeightRule::Det`] and [`WeightRule::Moran`].
 const FLOOR: f64 = 0.01;
 /// Tolerance for sums.
 const SUM: f64 = 0.005;
@@ -32,30 +32,30 @@ const ROTATION: f64 = 0.99;
 /// Probabilities, one per map, sum 1, with what is odd about them (I012 to I017, I024, I027).
 /// Source: [wang-hao] eq. (3) for weights by area, here with a floor.
 /// Differs: eq. (3) divides by the sum of |det| and starves singular maps.
-pub fn probabilities(ifs: &Ifs, rule: Rule) -> (Vec<f64>, Vec<Diagnostic>) {
+pub fn probabilities(ifs: &Ifs, rule: WeightRule) -> (Vec<f64>, Vec<Diagnostic>) {
     let mut told = Vec::new();
     let column: Option<Vec<f64>> = ifs.maps.iter().map(|m| m.weight).collect();
     let positive = |w: &[f64]| w.iter().any(|p| *p > 0.0);
-    let fallback = if ifs.dim == 2 { Rule::Det } else { Rule::Moran };
+    let fallback = if ifs.dim == 2 { WeightRule::Det } else { WeightRule::Moran };
     let rule = match (rule, &column) {
-        (Rule::File | Rule::Raw | Rule::Fractint, None) => fallback,
-        (Rule::File, Some(w)) if !positive(w) => fallback,
+        (WeightRule::File | WeightRule::Raw | WeightRule::Fractint, None) => fallback,
+        (WeightRule::File, Some(w)) if !positive(w) => fallback,
         (rule, _) => rule,
     };
     let column = column.unwrap_or_default();
     let weights = match rule {
-        Rule::File => differences(&column).unwrap_or_else(|| column.iter().map(|p| p.max(0.0)).collect()),
-        Rule::Raw => {
+        WeightRule::File => differences(&column).unwrap_or_else(|| column.iter().map(|p| p.max(0.0)).collect()),
+        WeightRule::Raw => {
             if !positive(&column) {
                 let d = Diagnostic::error("I017", "every weight is 0", ifs.span, "in this system");
                 told.push(d.help("give a map a weight, or choose weights = \"det\""));
             }
             column.iter().map(|p| p.max(0.0)).collect()
         }
-        Rule::Det => by_area(ifs, &mut told),
-        Rule::Moran => by_dimension(ifs),
-        Rule::Equal => vec![1.0; ifs.maps.len()],
-        Rule::Fractint => scanned(&column),
+        WeightRule::Det => by_area(ifs, &mut told),
+        WeightRule::Moran => by_dimension(ifs),
+        WeightRule::Equal => vec![1.0; ifs.maps.len()],
+        WeightRule::Fractint => scanned(&column),
     };
     (normalised(weights), told)
 }
@@ -212,11 +212,11 @@ mod tests {
     fn running_sums_are_seen_and_equal_weights_are_not() {
         let fern = with_weights(&[0.01, 0.86, 0.93, 1.0]);
         assert_eq!(codes(&notes(&fern)), ["I012"]);
-        let q = probabilities(&fern, Rule::File).0;
+        let q = probabilities(&fern, WeightRule::File).0;
         for (a, b) in q.iter().zip([0.01, 0.85, 0.07, 0.07]) {
             assert!((a - b).abs() < 1e-12);
         }
-        assert!((probabilities(&fern, Rule::Raw).0[0] - 0.01 / 2.8).abs() < 1e-12);
+        assert!((probabilities(&fern, WeightRule::Raw).0[0] - 0.01 / 2.8).abs() < 1e-12);
         assert_eq!(codes(&notes(&with_weights(&[1.0, 1.0, 1.0]))), ["I014"]);
         assert_eq!(codes(&notes(&with_weights(&[0.5, 0.5]))), [] as [&str; 0]);
         assert_eq!(codes(&notes(&with_weights(&[0.5, -0.1, 0.0, 0.5]))), ["I013", "I015"]);
@@ -229,18 +229,18 @@ mod tests {
             [0.85, 0.04, -0.04, 0.85, 0.0, 1.6, 0.85],
             [0.2, -0.26, 0.23, 0.22, 0.0, 1.6, 0.07],
         ]);
-        let (q, told) = probabilities(&fern, Rule::Det);
+        let (q, told) = probabilities(&fern, WeightRule::Det);
         assert!((q[0] / q[1] - 0.01).abs() < 1e-12 && told.is_empty());
         let flat = system(&[[0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5], [0.5, 0.5, 0.0, 0.0, 50.0, 0.0, 0.5]]);
-        let (q, told) = probabilities(&flat, Rule::Det);
+        let (q, told) = probabilities(&flat, WeightRule::Det);
         assert!((q[0] - 0.5).abs() < 1e-9 && codes(&told) == ["I024"]);
         let none = with_weights(&[0.0, 0.0]);
-        assert_eq!(codes(&probabilities(&none, Rule::Raw).1), ["I017"]);
+        assert_eq!(codes(&probabilities(&none, WeightRule::Raw).1), ["I017"]);
     }
 
     #[test]
     fn fractint_starves_or_feeds_the_last_map() {
-        let q = |p: &[f64]| probabilities(&with_weights(p), Rule::Fractint).0;
+        let q = |p: &[f64]| probabilities(&with_weights(p), WeightRule::Fractint).0;
         let near = |a: Vec<f64>, b: &[f64]| a.iter().zip(b).all(|(x, y)| (x - y).abs() < 1e-12);
         assert!(near(q(&[0.2, 0.2, 0.2]), &[0.2, 0.2, 0.6]));
         assert!(near(q(&[0.7, 0.5, 0.5]), &[0.7, 0.3, 0.0]));

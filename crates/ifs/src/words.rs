@@ -8,7 +8,7 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::math;
 use osier_base::rng::{Key, Rng, child};
 
-/// No parent.
+/// Index of no word: the parent of the root.
 pub const NONE: u32 = u32::MAX;
 
 /// A word that is shown: letters outermost first.
@@ -18,7 +18,7 @@ pub struct Word {
     pub parent: u32,
     /// Its last letter; 0 for the empty word.
     pub letter: u16,
-    /// Its length.
+    /// Number of letters.
     pub depth: u16,
     /// Letters that are no axis.
     pub order: u16,
@@ -34,14 +34,14 @@ pub struct Word {
 
 /// What may become of the words.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Limits {
+pub struct ExpansionLimits {
     /// Words smaller than this are cut.
     pub eps: f64,
-    /// Longest word.
+    /// Most letters of a word.
     pub max_depth: u16,
     /// Most letters that are no axis.
     pub max_order: u16,
-    /// Most words.
+    /// Most words of an expansion.
     pub max_words: u64,
 }
 
@@ -98,7 +98,7 @@ impl Letters {
     }
 
     /// Words and cuts that an expansion will make, or `None` beyond `max_words`.
-    pub fn count(&self, ifs: &Ifs, limits: &Limits) -> Option<(u64, u64)> {
+    pub fn count(&self, ifs: &Ifs, limits: &ExpansionLimits) -> Option<(u64, u64)> {
         let (mut words, mut cuts) = (0_u64, 0_u64);
         let mut stack: Vec<(f64, u16, u16)> = vec![(1.0, 0, 0)];
         while let Some((size, depth, order)) = stack.pop() {
@@ -109,15 +109,15 @@ impl Letters {
             for (scale, map) in self.scale.iter().zip(&ifs.maps) {
                 let Some(scale) = scale else { continue };
                 let next = (size * scale, depth.saturating_add(1), order + u16::from(!map.axis));
-                if limits.admits(next) { stack.push(next) } else { cuts += 1 }
+                if limits.admits(next.0, next.1, next.2) { stack.push(next) } else { cuts += 1 }
             }
         }
         Some((words, cuts))
     }
 }
 
-impl Limits {
-    fn admits(&self, (size, depth, order): (f64, u16, u16)) -> bool {
+impl ExpansionLimits {
+    fn admits(&self, size: f64, depth: u16, order: u16) -> bool {
         size >= self.eps && depth <= self.max_depth && order <= self.max_order
     }
 }
@@ -132,7 +132,7 @@ impl Limits {
 pub fn expand(
     ifs: &Ifs,
     letters: &Letters,
-    limits: &Limits,
+    limits: &ExpansionLimits,
     vary: Option<Variation>,
 ) -> Result<Expansion, Box<Diagnostic>> {
     if letters.count(ifs, limits).is_none() {
@@ -143,7 +143,7 @@ pub fn expand(
     let mut out = Expansion::default();
     let mut stack = vec![(root, vary.map_or(0, |v| v.key))];
     while let Some((word, key)) = stack.pop() {
-        if !limits.admits((word.size, word.depth, word.order)) {
+        if !limits.admits(word.size, word.depth, word.order) {
             out.cuts.push(word);
             continue;
         }
@@ -170,9 +170,9 @@ pub fn expand(
     Ok(out)
 }
 
-fn too_many(ifs: &Ifs, letters: &Letters, limits: &Limits) -> Diagnostic {
+fn too_many(ifs: &Ifs, letters: &Letters, limits: &ExpansionLimits) -> Diagnostic {
     let mut fits = limits.eps.max(1e-6);
-    while fits < 1.0 && letters.count(ifs, &Limits { eps: fits, ..*limits }).is_none() {
+    while fits < 1.0 && letters.count(ifs, &ExpansionLimits { eps: fits, ..*limits }).is_none() {
         fits *= 1.25;
     }
     let text = format!("\"{}\" expanded down to {} makes more than {} words", ifs.name, limits.eps, limits.max_words);
@@ -200,7 +200,7 @@ fn varied(map: &Map, key: u64, amount: f64) -> Affine {
 
 /// Height of the unit segment's tree: the highest end of the words at eps 0.03 without variation.
 pub fn height(ifs: &Ifs, letters: &Letters, trunk: (DVec3, DVec3)) -> f64 {
-    let limits = Limits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
+    let limits = ExpansionLimits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
     let words = expand(ifs, letters, &limits, None).map(|e| e.words).unwrap_or_default();
     let top = words.iter().fold(0.0_f64, |h, w| h.max(w.map.apply(trunk.1).y));
     (top - trunk.0.y).max(math::sqrt((trunk.1 - trunk.0).length_squared())).max(1e-9)

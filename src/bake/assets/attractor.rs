@@ -12,12 +12,12 @@ use osier_base::geometry::Bounds;
 use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_ifs::affine::{Affine, turn_z};
-use osier_ifs::cloud::{Cloud, Request, cloud, voxels};
-use osier_ifs::color::{Labels, Mode};
-use osier_ifs::game::{Escapes, Tier};
-use osier_ifs::histogram::{Window, histogram};
-use osier_ifs::picture::{Density, Estimator, Tone, density};
-use osier_ifs::{Ifs, View};
+use osier_ifs::cloud::{AttractorPoints, DrawRequest, cloud, voxels};
+use osier_ifs::color::{ColorLabels, ColorMode};
+use osier_ifs::game::{Escapes, InstructionSet};
+use osier_ifs::histogram::{PictureWindow, histogram};
+use osier_ifs::picture::{Density, DensityEstimator, ToneMapping, density};
+use osier_ifs::{Ifs, PictureView};
 use osier_scene::{Asset, AssetKind, Attribute, Material, MaterialClass, Points, Trs};
 
 /// Points of a pixel in a picture without a number of points.
@@ -67,18 +67,18 @@ pub fn build_attractor(
         AttractorOrigin::Box => DVec3::new(0.5 * (low.x + high.x), low.y, 0.5 * (low.z + high.z)),
         AttractorOrigin::Origin => DVec3::ZERO,
     };
-    let morphing = recipe.morph.as_ref().map(|m| AttractorMorph::new(recipe, m, seed, (foot, scale)));
+    let morphing = recipe.morph.as_ref().map(|m| AttractorMorph::new(recipe, m, seed, foot, scale));
     let mut cloud = match &morphing {
         Some(morphing) => morphing.cloud(0.0),
         None => {
-            let request = Request {
+            let request = DrawRequest {
                 system: &recipe.system,
                 study: &recipe.study,
                 seed,
                 points: u64::from(keys.points),
-                tier: Tier::Best,
+                tier: InstructionSet::Best,
             };
-            cloud(&request, &labels(recipe), &recipe.extent, (foot, scale))
+            cloud(&request, &labels(recipe), &recipe.extent, foot, scale)
         }
     };
     check_escapes(recipe, cloud.escapes)?;
@@ -108,7 +108,7 @@ pub fn build_attractor(
     Ok(AttractorAsset { asset, surface, stand, morphing: morphing.filter(|_| moving) })
 }
 
-fn points(cloud: Cloud, density: Vec<u32>, width: f32, material: u32) -> Points {
+fn points(cloud: AttractorPoints, density: Vec<u32>, width: f32, material: u32) -> Points {
     let mut attributes = vec![
         Attribute { name: "map", values: cloud.maps.iter().map(|m| u32::from(*m)).collect() },
         Attribute { name: "depth", values: cloud.depths.iter().map(|d| u32::from(*d)).collect() },
@@ -133,7 +133,7 @@ fn surface(id: &str, color: [f32; 3]) -> Material {
 }
 
 /// Mean colour of the first points.
-fn average(cloud: &Cloud) -> [f32; 3] {
+fn average(cloud: &AttractorPoints) -> [f32; 3] {
     let some = cloud.colors.get(..cloud.colors.len().min(4096)).unwrap_or_default();
     let sum = some.iter().fold([0.0_f32; 3], |s, c| std::array::from_fn(|i| s[i] + c[i]));
     #[allow(clippy::cast_precision_loss, reason = "at most 4096")]
@@ -141,14 +141,14 @@ fn average(cloud: &Cloud) -> [f32; 3] {
     sum.map(|v| v / n)
 }
 
-pub(crate) fn mode(by: ColorBy, prefix: u32) -> Mode {
+pub(crate) fn mode(by: ColorBy, prefix: u32) -> ColorMode {
     match by {
-        ColorBy::Map => Mode::Map,
-        ColorBy::Word => Mode::Prefix(prefix),
-        ColorBy::Palette => Mode::Coord,
-        ColorBy::Depth => Mode::Depth,
-        ColorBy::Order => Mode::Order,
-        ColorBy::Density => Mode::Density,
+        ColorBy::Map => ColorMode::Map,
+        ColorBy::Word => ColorMode::Prefix(prefix),
+        ColorBy::Palette => ColorMode::Coord,
+        ColorBy::Depth => ColorMode::Depth,
+        ColorBy::Order => ColorMode::Order,
+        ColorBy::Density => ColorMode::Density,
     }
 }
 
@@ -176,7 +176,7 @@ pub fn render_attractor(
     recipe: &AttractorRecipe,
     scene: &Recipe,
     context: &BakeContext<'_>,
-) -> Result<(Density, Tone, [f32; 3])> {
+) -> Result<(Density, ToneMapping, [f32; 3])> {
     context.cancel.check()?;
     let keys = &scene.picture;
     let side = u64::from(keys.width.max(keys.height)) * u64::from(keys.oversample);
@@ -194,13 +194,19 @@ pub fn render_attractor(
     let cloud_keys = &recipe.keys;
     let view = recipe.system.view.filter(|_| keys.fit == PictureFit::View);
     let system = turned(&recipe.system, view.as_ref());
-    let request = Request { system: &system, study: &recipe.study, seed: scene.seed, points: count, tier: Tier::Best };
+    let request = DrawRequest {
+        system: &system,
+        study: &recipe.study,
+        seed: scene.seed,
+        points: count,
+        tier: InstructionSet::Best,
+    };
     let counts = histogram(&request, colors.as_ref(), &window(recipe, keys, view.as_ref()));
     check_escapes(recipe, counts.escapes)?;
     context.cancel.check()?;
-    let estimator = Estimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };
+    let estimator = DensityEstimator { radius: keys.spread, minimum: keys.spread_min, curve: keys.spread_curve };
     let drawn = density(&counts, keys.oversample as usize, (keys.spread > 0.0).then_some(estimator));
-    let tone = Tone { exposure: keys.exposure, gamma: keys.gamma, background: keys.background };
+    let tone = ToneMapping { exposure: keys.exposure, gamma: keys.gamma, background: keys.background };
     let flat = cloud_keys.colors.first().copied().unwrap_or([0.05, 0.15, 0.03]);
     Ok((drawn, tone, flat))
 }
@@ -209,13 +215,13 @@ fn keys_by_density(recipe: &AttractorRecipe) -> bool {
     recipe.keys.color_by == ColorBy::Density
 }
 
-pub(crate) fn labels(recipe: &AttractorRecipe) -> Labels {
-    Labels::new(&recipe.system, mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
+pub(crate) fn labels(recipe: &AttractorRecipe) -> ColorLabels {
+    ColorLabels::new(&recipe.system, mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
 }
 
 /// The system shown as a view turns it.
 /// Source: flam3 turns its points by `rotate` about the centre, with y down.
-fn turned<'a>(system: &'a Ifs, view: Option<&View>) -> Cow<'a, Ifs> {
+fn turned<'a>(system: &'a Ifs, view: Option<&PictureView>) -> Cow<'a, Ifs> {
     let Some(view) = view.filter(|v| v.rotate != 0.0) else { return Cow::Borrowed(system) };
     let center = DVec3::new(view.center[0], view.center[1], 0.0);
     let turn = turn_z(-view.rotate);
@@ -225,16 +231,16 @@ fn turned<'a>(system: &'a Ifs, view: Option<&View>) -> Cow<'a, Ifs> {
 }
 
 /// What a picture shows: the whole view of a flame, or the attractor, or what the keys say.
-fn window(recipe: &AttractorRecipe, keys: &PictureKeys, view: Option<&View>) -> Window {
+fn window(recipe: &AttractorRecipe, keys: &PictureKeys, view: Option<&PictureView>) -> PictureWindow {
     let k = keys.oversample.max(1);
     let (width, height) = ((keys.width * k) as usize, (keys.height * k) as usize);
     let shown = if keys.fit == PictureFit::Quantile { recipe.extent.quantile } else { bounds(recipe) };
-    let mut fitted = Window::fitted(shown, width, height);
+    let mut fitted = PictureWindow::fitted(shown.0, shown.1, width, height);
     if let Some(v) = view {
         let (across, down) = (v.width / f64::from(keys.width * k), v.width / v.aspect / f64::from(keys.height * k));
-        fitted = Window { center: v.center, pixel: across.max(down), ..fitted };
+        fitted = PictureWindow { center: v.center, pixel: across.max(down), ..fitted };
     }
     let center = keys.center.unwrap_or(fitted.center);
     let pixel = keys.span.map_or(fitted.pixel, |s| s / f64::from(keys.width * k));
-    Window { center, pixel, ..fitted }
+    PictureWindow { center, pixel, ..fitted }
 }

@@ -12,7 +12,7 @@ use osier_base::diagnostic::Report;
 use osier_base::par::par_map;
 use osier_base::rng::{mix64, word};
 use osier_base::{Error, Result};
-use osier_ifs::stems::Stems;
+use osier_ifs::stems::TreeSystem;
 use osier_ifs::words;
 use osier_plants::grow::ifs::{self, SubtreeBillboards, SubtreeClass, TreeOptions};
 use osier_plants::grow::turtle::OrganSpec;
@@ -30,7 +30,7 @@ const SIDE: u32 = 1024;
 pub fn build_billboards(
     look: &mut MaterialSet,
     (plant, name): (&PlantRecipe, &str),
-    (stems, keys): (&Stems, &IfsTreeKeys),
+    (stems, keys): (&TreeSystem, &IfsTreeKeys),
     seed: u64,
     context: &BakeContext<'_>,
 ) -> Result<SubtreeBillboards> {
@@ -79,7 +79,7 @@ pub fn build_billboards(
 
 /// Bark and leaves of one subtree, m, on materials of the plant.
 fn subtree(
-    (stems, plant): (&Stems, &PlantRecipe),
+    (stems, plant): (&TreeSystem, &PlantRecipe),
     options: &TreeOptions,
     individual: (u32, u64),
     (tile, context): (f32, &BakeContext<'_>),

@@ -10,7 +10,7 @@ use osier_base::math::narrow;
 use osier_base::rng::{Rng, mix64, word};
 use osier_base::{Error, Result};
 use osier_ifs::Ifs;
-use osier_ifs::leaf::{self, Colors, Drawn, Pose, Spec, bent};
+use osier_ifs::leaf::{self, BladePose, DrawnLeaf, LeafColors, LeafSpec, bent};
 use osier_ifs::tile::tile;
 use osier_plants::grow::turtle::OrganSpec;
 use osier_plants::surface::bark::BarkGrain;
@@ -47,7 +47,7 @@ pub fn build_ifs_leaf(
     let meshes: Vec<_> = (0..keys.variants)
         .map(|_| {
             let mut vary = |base: f64, by: f64| base * (1.0 + draw.range(-by, by));
-            let pose = Pose {
+            let pose = BladePose {
                 size,
                 width: keys.width,
                 curl: vary(keys.curl.unwrap_or(0.45), 0.6),
@@ -68,23 +68,23 @@ pub fn hash(recipe: &OrganRecipe) -> Option<String> {
     Some(leaf::hash(table, &spec, &colors))
 }
 
-fn parameters(keys: &OrganKeys) -> (Spec, Colors) {
-    let spec = Spec {
+fn parameters(keys: &OrganKeys) -> (LeafSpec, LeafColors) {
+    let spec = LeafSpec {
         side: (keys.side as usize).max(64),
         close: keys.close,
         fill: keys.fill,
         anchor: keys.anchor,
         detail: if matches!(keys.detail, BladeDetail::Hero | BladeDetail::Close) { HERO } else { LIGHT },
         holes: keys.holes,
-        ..Spec::default()
+        ..LeafSpec::default()
     };
-    let own = Colors::default();
+    let own = LeafColors::default();
     let colors = match (keys.color, keys.color2) {
         (None, None) => own,
         (centre, second) => {
             let centre = centre.unwrap_or(own.centre);
             let lighter = |k: f32| centre.map(|v| (v * k).min(1.0));
-            Colors { centre, edge: lighter(1.5), tip: lighter(1.7), vein: second.unwrap_or(lighter(2.6)) }
+            LeafColors { centre, edge: lighter(1.5), tip: lighter(1.7), vein: second.unwrap_or(lighter(2.6)) }
         }
     };
     (spec, colors)
@@ -105,7 +105,12 @@ fn told(d: Diagnostic) -> Error {
     Error::Input(Box::new(report))
 }
 
-fn surface(made: &Drawn, colors: &Colors, keys: &OrganKeys, (name, size): (&str, f64)) -> (Material, Vec<Image>) {
+fn surface(
+    made: &DrawnLeaf,
+    colors: &LeafColors,
+    keys: &OrganKeys,
+    (name, size): (&str, f64),
+) -> (Material, Vec<Image>) {
     let image = |kind, suffix: &str, channels, pixels| Image {
         name: format!("{name}_{suffix}"),
         kind,

@@ -10,11 +10,11 @@ use osier_base::math::{lerp, narrow};
 use osier_base::rng::{mix64, word};
 use osier_base::units::srgb_from_linear;
 use osier_base::{Error, Result};
-use osier_ifs::cloud::Request;
-use osier_ifs::color::Labels;
-use osier_ifs::game::Tier;
-use osier_ifs::histogram::{Window, histogram};
-use osier_ifs::picture::{Tone, density, opacity};
+use osier_ifs::cloud::DrawRequest;
+use osier_ifs::color::ColorLabels;
+use osier_ifs::game::InstructionSet;
+use osier_ifs::histogram::{PictureWindow, histogram};
+use osier_ifs::picture::{ToneMapping, density, opacity};
 
 /// Bytes per pixel of a layer at most: counts, colours, densities.
 const CELL: u64 = 96;
@@ -169,14 +169,14 @@ fn attractor_layer(
     }
     system.last = system.last.map(|a| a.conjugated(stretch, DVec3::ZERO));
     let middle = (low + high) * 0.5 * stretch;
-    let window = Window { width: rect.width, height: rect.height, center: [middle.x, middle.y], pixel };
+    let window = PictureWindow { width: rect.width, height: rect.height, center: [middle.x, middle.y], pixel };
     let seed = mix64(&[scene.seed, word("layer"), index as u64]);
-    let request = Request { system: &system, study: &cloud.study, seed, points: count, tier: Tier::Best };
-    let colors: Option<Labels> = (cloud.keys.color_by != ColorBy::Density).then(|| labels(cloud));
+    let request = DrawRequest { system: &system, study: &cloud.study, seed, points: count, tier: InstructionSet::Best };
+    let colors: Option<ColorLabels> = (cloud.keys.color_by != ColorBy::Density).then(|| labels(cloud));
     let counts = histogram(&request, colors.as_ref(), &window);
     check_escapes(cloud, counts.escapes)?;
     let drawn = density(&counts, 1, None);
-    let tone = Tone {
+    let tone = ToneMapping {
         exposure: keys.exposure.unwrap_or(scene.picture.exposure),
         gamma: keys.gamma.unwrap_or(scene.picture.gamma),
         background: None,

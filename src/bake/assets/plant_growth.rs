@@ -19,7 +19,7 @@ use crate::recipe::{Growth, PlantRecipe};
 use osier_base::diagnostic::Report;
 use osier_base::{Error, Result};
 use osier_grammar::{DeriveOptions, derive};
-use osier_ifs::stems::Stems;
+use osier_ifs::stems::TreeSystem;
 use osier_plants::grow::ifs;
 use osier_plants::grow::mesh::MeshPlant;
 use osier_plants::grow::radii::Taper;
@@ -88,7 +88,7 @@ pub fn grow_plant(
 
 pub(crate) fn tree_options(
     recipe: &PlantRecipe,
-    (stems, keys): (&Stems, &IfsTreeKeys),
+    (stems, keys): (&TreeSystem, &IfsTreeKeys),
     look: &MaterialSet,
 ) -> ifs::TreeOptions {
     let short = |v: u32| u16::try_from(v).unwrap_or(u16::MAX);

@@ -16,7 +16,7 @@ use osier_base::files::{Folder, read_below};
 use osier_base::limits::Limits;
 use osier_base::par::par_map;
 use osier_export::{GENERATOR, textures};
-use osier_ifs::leaf::{Drawn, Flat, Once, Place};
+use osier_ifs::leaf::{BladePlacement, DrawnLeaf, FlatBlade, LazyLeaf};
 use osier_scene::Pixels;
 
 /// Maps of a leaf by their endings, with their channels.
@@ -62,7 +62,7 @@ struct CachedLeaf<'a> {
     /// Of its material and maps.
     name: String,
     hash: String,
-    once: &'a Once,
+    once: &'a LazyLeaf,
 }
 
 fn cached_leaves(recipe: &Recipe) -> Vec<CachedLeaf<'_>> {
@@ -88,7 +88,7 @@ pub fn load(recipe: &Recipe, root: &Path, limits: &Limits) {
     });
 }
 
-fn load_leaf(leaf: &CachedLeaf<'_>, root: &Path, limits: &Limits) -> Option<Drawn> {
+fn load_leaf(leaf: &CachedLeaf<'_>, root: &Path, limits: &Limits) -> Option<DrawnLeaf> {
     let bytes = read_below(root, &leaf_path(&leaf.name), limits.get("text-bytes")).ok()??;
     let page = parse_leaf_file(&bytes).filter(|p| p.hash == leaf.hash)?;
     let listed = [&page.maps.color, &page.maps.normal, &page.maps.rough, &page.maps.height];
@@ -105,10 +105,11 @@ fn load_leaf(leaf: &CachedLeaf<'_>, root: &Path, limits: &Limits) -> Option<Draw
     let Some(Pixels::U16(height)) = pixels.next()? else { return None };
     let BladeOutline { anchor, solid, start, midrib, points, triangles } = page.blade;
     let (at, all) = (DVec2::from_array, |l: Vec<[f64; 2]>| l.into_iter().map(DVec2::from_array).collect());
-    let flat = Flat { points: all(points), triangles };
-    let place = Place { side: f64::from(page.side), anchor: at(anchor), midrib: all(midrib), solid: at(solid), start };
+    let flat = FlatBlade { points: all(points), triangles };
+    let place =
+        BladePlacement { side: f64::from(page.side), anchor: at(anchor), midrib: all(midrib), solid: at(solid), start };
     let ends = [page.anchor, page.tip].map(at);
-    Some(Drawn { side: page.side, color, normal, rough, height, flat, place, ends })
+    Some(DrawnLeaf { side: page.side, color, normal, rough, height, flat, place, ends })
 }
 
 /// The page of a file, if nothing below its check was changed and its triangles name points of it.
@@ -147,11 +148,11 @@ fn map_path(name: &str, map: &str) -> String {
     format!("textures/{name}_{map}.png")
 }
 
-fn leaf_file_text(leaf: &CachedLeaf<'_>, drawn: &Drawn, hashes: &[&str]) -> String {
+fn leaf_file_text(leaf: &CachedLeaf<'_>, drawn: &DrawnLeaf, hashes: &[&str]) -> String {
     // Rust prints the shortest decimals that read back to the same bits.
     let pair = |p: &DVec2| format!("[{:?}, {:?}]", p.x, p.y);
     let list = |l: &[DVec2]| l.iter().map(pair).collect::<Vec<_>>().join(", ");
-    let Drawn { side, flat, place, ends, .. } = drawn;
+    let DrawnLeaf { side, flat, place, ends, .. } = drawn;
     let triangles: Vec<String> = flat.triangles.iter().map(|t| format!("{t:?}")).collect();
     let maps: String = MAPS.iter().zip(hashes).map(|((map, _), hash)| format!("{map} = \"{hash}\"\n")).collect();
     let rest = format!(

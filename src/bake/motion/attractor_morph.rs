@@ -11,9 +11,9 @@ use crate::recipe::scene::MorphRecipe;
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_base::math::{lerp, narrow};
-use osier_ifs::cloud::{Cloud, Request, cloud};
-use osier_ifs::color::{Labels, Mode};
-use osier_ifs::game::{Extent, Tier};
+use osier_ifs::cloud::{AttractorPoints, DrawRequest, cloud};
+use osier_ifs::color::{ColorLabels, ColorMode};
+use osier_ifs::game::{Extent, InstructionSet};
 use osier_ifs::morph::Morph;
 use osier_scene::{Asset, AssetFrame, PointsFrame};
 
@@ -25,25 +25,27 @@ const LOOKS: u32 = 32;
 #[derive(Debug, Clone)]
 pub struct AttractorMorph {
     morph: Arc<Morph>,
-    mode: Mode,
+    mode: ColorMode,
     /// Colours by label at every key.
     colors: Arc<Vec<Vec<[f32; 3]>>>,
     seed: u64,
     points: u64,
     extent: Extent,
-    /// Foot and scale.
-    stand: (DVec3, f64),
+    /// Table point that lies at the origin of the asset.
+    origin: DVec3,
+    /// Metres per table unit.
+    scale: f64,
 }
 
 impl AttractorMorph {
-    /// `stand`: point of the table that comes to the origin, and metres per unit.
-    pub fn new(recipe: &AttractorRecipe, morph: &MorphRecipe, seed: u64, stand: (DVec3, f64)) -> Self {
+    /// `origin`: point, in table units, that comes to the asset's origin; `scale`: metres per table unit.
+    pub fn new(recipe: &AttractorRecipe, morph: &MorphRecipe, seed: u64, origin: DVec3, scale: f64) -> Self {
         let keys = &recipe.keys;
         let mode = mode(keys.color_by, keys.prefix);
         let rows = morph.rows.iter().zip(morph.morph.keys());
         let colors = rows.map(|(row, key)| {
             let own = if row.colors.is_empty() { &keys.colors } else { &row.colors };
-            Labels::new(&key.system, mode, own).colors
+            ColorLabels::new(&key.system, mode, own).colors
         });
         Self {
             mode,
@@ -52,19 +54,25 @@ impl AttractorMorph {
             seed,
             points: u64::from(keys.points),
             extent: recipe.extent,
-            stand,
+            origin,
+            scale,
         }
     }
 
     /// The points at a time, s from the first frame.
-    pub fn cloud(&self, seconds: f64) -> Cloud {
+    pub fn cloud(&self, seconds: f64) -> AttractorPoints {
         let system = self.morph.system(seconds);
-        let mut labels = Labels::new(&system, self.mode, &[]);
+        let mut labels = ColorLabels::new(&system, self.mode, &[]);
         labels.colors = self.colors_at(seconds);
         let study = self.morph.study(seconds);
-        let request =
-            Request { system: &system, study: &study, seed: self.seed, points: self.points, tier: Tier::Best };
-        cloud(&request, &labels, &self.extent, self.stand)
+        let request = DrawRequest {
+            system: &system,
+            study: &study,
+            seed: self.seed,
+            points: self.points,
+            tier: InstructionSet::Best,
+        };
+        cloud(&request, &labels, &self.extent, self.origin, self.scale)
     }
 
     /// Colours go straight from key to key.
@@ -80,10 +88,15 @@ impl AttractorMorph {
     fn positions(&self, seconds: f64, words: f64) -> Vec<Vec3> {
         let system = self.morph.system(seconds);
         let study = self.morph.study(words);
-        let labels = Labels::new(&system, Mode::Map, &[]);
-        let request =
-            Request { system: &system, study: &study, seed: self.seed, points: self.points, tier: Tier::Best };
-        cloud(&request, &labels, &self.extent, self.stand).positions
+        let labels = ColorLabels::new(&system, ColorMode::Map, &[]);
+        let request = DrawRequest {
+            system: &system,
+            study: &study,
+            seed: self.seed,
+            points: self.points,
+            tier: InstructionSet::Best,
+        };
+        cloud(&request, &labels, &self.extent, self.origin, self.scale).positions
     }
 
     /// Where some of the points go from the first key to the last.
@@ -104,7 +117,7 @@ impl AttractorMorph {
         let (before, after) = (self.positions(seconds - half, seconds), self.positions(seconds + half, seconds));
         let rate = narrow(step.recip());
         let velocities = after.iter().zip(&before).map(|(a, b)| (*a - *b) * rate).collect();
-        let recolored = self.colors.windows(2).any(|w| w[0] != w[1]) || self.mode == Mode::Coord;
+        let recolored = self.colors.windows(2).any(|w| w[0] != w[1]) || self.mode == ColorMode::Coord;
         let colors = if recolored { now.colors } else { Vec::new() };
         let state = PointsFrame::State { positions: now.positions, widths: rest.widths.clone(), velocities, colors };
         AssetFrame { points: vec![state], ..AssetFrame::default() }

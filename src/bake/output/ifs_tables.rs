@@ -1,12 +1,12 @@
 //! The coefficient tables of a recipe, to be written again.
 
 use crate::recipe::{AttractorRecipe, Growth, Recipe};
-use osier_ifs::View;
+use osier_ifs::PictureView;
 use osier_ifs::weights::probabilities;
-use osier_ifs::write::{Item, squashed};
+use osier_ifs::write::{TableItem, squashed};
 
 /// All attractors and table-grown trees of a recipe, in its order; trees with their trunk as a map.
-pub fn systems(recipe: &Recipe) -> Vec<Item> {
+pub fn systems(recipe: &Recipe) -> Vec<TableItem> {
     let trees = recipe.plants.iter().filter_map(|p| match &p.growth {
         Growth::Ifs(stems, _) => Some(squashed(stems)),
         Growth::Grammar(_) | Growth::Mesh(..) => None,
@@ -14,16 +14,16 @@ pub fn systems(recipe: &Recipe) -> Vec<Item> {
     recipe.clouds.iter().map(cloud).chain(trees).collect()
 }
 
-fn cloud(recipe: &AttractorRecipe) -> Item {
+fn cloud(recipe: &AttractorRecipe) -> TableItem {
     let system = &recipe.system;
     let (low, high) = if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds };
     let (size, middle) = (high - low, (low + high) * 0.5);
-    let view = View {
+    let view = PictureView {
         center: [middle.x, middle.y],
         width: 1.06 * size.x.max(size.y).max(1e-9),
         rotate: 0.0,
         aspect: 1.0,
         background: [0.0; 3],
     };
-    Item { system: system.clone(), weights: probabilities(system, recipe.rule).0, view: Some(view) }
+    TableItem { system: system.clone(), weights: probabilities(system, recipe.rule).0, view: Some(view) }
 }

@@ -12,10 +12,10 @@ use crate::recipe::{AttractorRecipe, OrganRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Span};
 use osier_base::files::Names;
-use osier_ifs::dynamics::{self, Study};
+use osier_ifs::dynamics::{self, SystemAnalysis};
 use osier_ifs::game::extent;
-use osier_ifs::stems::{Stems, is_tree, stems};
-use osier_ifs::weights::Rule;
+use osier_ifs::stems::{TreeSystem, is_tree, stems};
+use osier_ifs::weights::WeightRule;
 use osier_ifs::{Ifs, read};
 use osier_import::Imported;
 use std::sync::Arc;
@@ -157,7 +157,7 @@ impl Resolver<'_> {
         if self.request.thorough && self.request.bare.is_some() && keys.system.is_empty() {
             self.others(&file, &system);
         }
-        let rule = keys.weights.map_or(system.weights.unwrap_or(Rule::File), rule);
+        let rule = keys.weights.map_or(system.weights.unwrap_or(WeightRule::File), rule);
         let study = self.study(&system, rule, &report)?;
         match extent(&system, &study) {
             Ok(extent) => {
@@ -181,7 +181,7 @@ impl Resolver<'_> {
                 .push(Diagnostic::error("S005", text, reference.span, "this table").help("take one with 7 columns"));
             return None;
         }
-        self.study(&system, system.weights.unwrap_or(Rule::Det), &sources)?;
+        self.study(&system, system.weights.unwrap_or(WeightRule::Det), &sources)?;
         Some(system)
     }
 
@@ -190,7 +190,7 @@ impl Resolver<'_> {
         let Ok((mut systems, sources)) = read::read(&file.shown, &file.bytes, &self.request.limits) else { return };
         for system in systems.iter_mut().filter(|s| s.name != drawn.name) {
             if self.meshes(system, file, &sources).is_some()
-                && let Some(study) = self.study(system, system.weights.unwrap_or(Rule::File), &sources)
+                && let Some(study) = self.study(system, system.weights.unwrap_or(WeightRule::File), &sources)
                 && let Err(escaped) = extent(system, &study)
             {
                 self.report.extend(Report { sources: sources.sources.clone(), diagnostics: vec![*escaped] });
@@ -203,7 +203,7 @@ impl Resolver<'_> {
         &mut self,
         reference: &Reference,
         keys: &IfsTreeKeys,
-    ) -> Option<(Stems, String, Vec<OrganRecipe>)> {
+    ) -> Option<(TreeSystem, String, Vec<OrganRecipe>)> {
         let file = self.read(&reference.text, reference.span, "text-bytes", ENDINGS)?;
         let read = self.system(&file, &keys.system)?;
         let system = &read.system;
@@ -238,7 +238,12 @@ impl Resolver<'_> {
     }
 
     /// Studies a system and tells what is odd; `None` if it has no attractor.
-    pub(in crate::recipe) fn study(&mut self, system: &Ifs, rule: Rule, sources: &Report) -> Option<Study> {
+    pub(in crate::recipe) fn study(
+        &mut self,
+        system: &Ifs,
+        rule: WeightRule,
+        sources: &Report,
+    ) -> Option<SystemAnalysis> {
         match dynamics::study(system, rule).into_result(sources) {
             Ok((study, told)) => {
                 self.report.extend(told);
@@ -253,13 +258,13 @@ impl Resolver<'_> {
     }
 }
 
-fn rule(from: WeightsFrom) -> Rule {
+fn rule(from: WeightsFrom) -> WeightRule {
     match from {
-        WeightsFrom::File => Rule::File,
-        WeightsFrom::FileRaw => Rule::Raw,
-        WeightsFrom::Det => Rule::Det,
-        WeightsFrom::Moran => Rule::Moran,
-        WeightsFrom::Equal => Rule::Equal,
-        WeightsFrom::Fractint => Rule::Fractint,
+        WeightsFrom::File => WeightRule::File,
+        WeightsFrom::FileRaw => WeightRule::Raw,
+        WeightsFrom::Det => WeightRule::Det,
+        WeightsFrom::Moran => WeightRule::Moran,
+        WeightsFrom::Equal => WeightRule::Equal,
+        WeightsFrom::Fractint => WeightRule::Fractint,
     }
 }

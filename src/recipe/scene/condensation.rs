@@ -7,8 +7,8 @@ use crate::recipe::syntax::KeyTable;
 use crate::recipe::{OrganRecipe, ReferencedFile};
 use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report};
-use osier_ifs::faces::{Faces, Model};
-use osier_ifs::{Ifs, Shape};
+use osier_ifs::faces::{MeshReference, WeightedTriangles};
+use osier_ifs::{CondensationShape, Ifs};
 use osier_import::Imported;
 use osier_scene::MaterialClass;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ impl Resolver<'_> {
     ) -> Option<Vec<Arc<Imported>>> {
         let mut all = Vec::new();
         for set in &mut system.condensation {
-            let Shape::Mesh(model) = &mut set.shape else { continue };
+            let CondensationShape::Mesh(model) = &mut set.shape else { continue };
             match self.model(model, file) {
                 Ok(imported) => all.push(Arc::new(imported)),
                 Err(faults) => {
@@ -44,7 +44,7 @@ impl Resolver<'_> {
         Some(all)
     }
 
-    fn model(&mut self, model: &mut Model, file: &ReferencedFile) -> Result<Imported, Box<Report>> {
+    fn model(&mut self, model: &mut MeshReference, file: &ReferencedFile) -> Result<Imported, Box<Report>> {
         let limit = self.request.limits.get("mesh-bytes");
         let about = |d: Diagnostic| Box::new(Report { diagnostics: vec![d], ..Report::default() });
         let library = &self.request.library;
@@ -59,14 +59,14 @@ impl Resolver<'_> {
         })?;
         let points = &imported.mesh.points;
         let corner = |i: u32| points.get(i as usize).copied().unwrap_or_default();
-        model.faces = Arc::new(Faces::new(imported.mesh.triangles.iter().map(|t| t.map(corner))));
+        model.faces = Arc::new(WeightedTriangles::new(imported.mesh.triangles.iter().map(|t| t.map(corner))));
         Ok(imported)
     }
 }
 
 /// Letters of the organs that stand for the meshes of a table, in its order.
 pub fn set_letters(system: &Ifs) -> impl Iterator<Item = char> {
-    let meshes = system.condensation.iter().filter(|c| matches!(c.shape, Shape::Mesh(_))).count();
+    let meshes = system.condensation.iter().filter(|c| matches!(c.shape, CondensationShape::Mesh(_))).count();
     (FIRST..).filter_map(char::from_u32).take(meshes)
 }
 

@@ -12,7 +12,7 @@ use crate::recipe::syntax::{choices, keys};
 use osier_base::diagnostic::{Diagnostic, Span};
 use osier_ifs::dynamics;
 use osier_ifs::game::Extent;
-use osier_ifs::morph::{Key, Morph, Options};
+use osier_ifs::morph::{self, Morph, MorphOptions};
 use std::sync::Arc;
 
 choices! {
@@ -219,7 +219,7 @@ impl Resolver<'_> {
     }
 
     fn led(&mut self, rows: &[Row], keys: &MorphKeys) -> Option<Morph> {
-        let options = Options {
+        let options = MorphOptions {
             smooth: keys.ease == MorphEase::Smooth,
             fixed_points: keys.shift == MorphShift::FixedPoint,
             hold_weights: keys.weights == MorphWeights::Hold,
@@ -230,7 +230,7 @@ impl Resolver<'_> {
                 [all] => vec![*all; system.maps.len()],
                 each => each.to_vec(),
             };
-            Key { at: r.key.at, system, study, turns }
+            morph::MorphKey { at: r.key.at, system, study, turns }
         };
         match Morph::new(rows.iter().map(key).collect(), options) {
             Ok(morph) => Some(morph),
@@ -254,7 +254,7 @@ impl Resolver<'_> {
                 for (map, p) in system.maps.iter_mut().zip(shares) {
                     map.weight = Some(p);
                 }
-                let study = dynamics::study(&system, osier_ifs::weights::Rule::Raw);
+                let study = dynamics::study(&system, osier_ifs::weights::WeightRule::Raw);
                 if study.told.iter().any(|d| d.code == "I021") {
                     let text = format!("at {at:.2} s the system does not contract: there is no attractor between");
                     let d = Diagnostic::error("I021", text, pair[1].ifs, "on the way to this table");

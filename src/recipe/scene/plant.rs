@@ -13,7 +13,7 @@ use osier_base::Error;
 use osier_base::diagnostic::{Diagnostic, Report, Sources, Span, nearest};
 use osier_base::files::Names;
 use osier_grammar::Grammar;
-use osier_ifs::stems::{Stems, sheared};
+use osier_ifs::stems::{TreeSystem, sheared};
 use osier_ifs::{Ifs, leaf};
 use osier_import::Imported;
 use osier_scene::MaterialClass;
@@ -88,7 +88,7 @@ fn share_leaves(plants: &mut [PlantRecipe]) {
         o.keys.digest(&mut hasher);
         hasher.finalize()
     };
-    let mut known: Vec<(Arc<Ifs>, blake3::Hash, Arc<leaf::Once>)> = Vec::new();
+    let mut known: Vec<(Arc<Ifs>, blake3::Hash, Arc<leaf::LazyLeaf>)> = Vec::new();
     for organ in plants.iter_mut().flat_map(|p| &mut p.organs) {
         let Some(table) = &organ.ifs else { continue };
         let keys = digest(organ);
@@ -211,7 +211,12 @@ impl Resolver<'_> {
     }
 
     /// Whether the ends of a table's tree may be copies; S007 where they are asked for in vain.
-    fn copies(&mut self, (plant, path): (&TomlTable, &str), (stems, tree): (&Stems, &IfsTreeKeys), rods: bool) -> bool {
+    fn copies(
+        &mut self,
+        (plant, path): (&TomlTable, &str),
+        (stems, tree): (&TreeSystem, &IfsTreeKeys),
+        rods: bool,
+    ) -> bool {
         let sheared = sheared(stems);
         let why = match sheared {
             _ if rods => "each branch bends on its own as a rod".to_owned(),

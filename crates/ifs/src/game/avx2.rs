@@ -6,7 +6,7 @@ use std::arch::x86_64::{__m256, __m256i};
 use pulp::x86::V3;
 
 use super::lanes::Lanes;
-use super::{Chunk, Coefficients, Game, LANES, Layout};
+use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 
 /// Lanes of a register.
 const WIDTH: usize = 8;
@@ -14,16 +14,16 @@ const WIDTH: usize = 8;
 const PAIR: usize = 2;
 
 /// Coefficients by map: a b c d e f, each as two registers of eight maps.
-struct Table {
+struct CoefficientTable {
     low: [[f32; WIDTH]; 6],
     high: [[f32; WIDTH]; 6],
     thresholds: [i32; 15],
-    /// Thresholds in use.
+    /// Number of thresholds in use.
     count: usize,
 }
 
-impl Table {
-    fn new(game: &Game) -> Self {
+impl CoefficientTable {
+    fn new(game: &ChaosGame) -> Self {
         let mut t = Self { low: [[0.0; WIDTH]; 6], high: [[0.0; WIDTH]; 6], thresholds: [i32::MAX; 15], count: 0 };
         for (i, c) in game.maps.iter().enumerate() {
             let half = if i < WIDTH { &mut t.low } else { &mut t.high };
@@ -42,29 +42,29 @@ impl Table {
 }
 
 /// Fills a chunk; `false`, with nothing done, if the processor or the system do not suit.
-pub(super) fn advance(game: &Game, lanes: &mut Lanes, chunk: &mut Chunk) -> bool {
+pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) -> bool {
     if game.dim != 2 || game.maps.len() > 16 || game.rows.len() != 1 {
         return false;
     }
     let Some(simd) = V3::try_new() else { return false };
-    let table = Table::new(game);
+    let table = CoefficientTable::new(game);
     if game.maps.len() > WIDTH {
-        simd.vectorize(Steps::<true> { simd, table: &table, lanes, chunk });
+        simd.vectorize(AdvanceKernel::<true> { simd, table: &table, lanes, chunk });
     } else {
-        simd.vectorize(Steps::<false> { simd, table: &table, lanes, chunk });
+        simd.vectorize(AdvanceKernel::<false> { simd, table: &table, lanes, chunk });
     }
     true
 }
 
-struct Steps<'a, const WIDE: bool> {
+struct AdvanceKernel<'a, const WIDE: bool> {
     simd: V3,
-    table: &'a Table,
+    table: &'a CoefficientTable,
     lanes: &'a mut Lanes,
     chunk: &'a mut Chunk,
 }
 
 /// State of [`PAIR`] registers.
-struct Part {
+struct LaneBlock {
     s: [[__m256i; PAIR]; 4],
     x: [__m256; PAIR],
     y: [__m256; PAIR],
@@ -90,7 +90,7 @@ fn store_i(row: &mut [u32; LANES], at: usize, v: __m256i) {
     row[at..at + WIDTH].copy_from_slice(&bytemuck::cast::<_, [u32; WIDTH]>(v));
 }
 
-impl<const WIDE: bool> pulp::NullaryFnOnce for Steps<'_, WIDE> {
+impl<const WIDE: bool> pulp::NullaryFnOnce for AdvanceKernel<'_, WIDE> {
     type Output = ();
 
     #[inline(always)]
@@ -98,7 +98,7 @@ impl<const WIDE: bool> pulp::NullaryFnOnce for Steps<'_, WIDE> {
         let Self { simd, table, lanes, chunk } = self;
         for part in 0..LANES / (WIDTH * PAIR) {
             let at = |k: usize| (part * PAIR + k) * WIDTH;
-            let mut p = Part {
+            let mut p = LaneBlock {
                 s: std::array::from_fn(|w| std::array::from_fn(|k| load_i(&lanes.s[w], at(k)))),
                 x: std::array::from_fn(|k| load_f(&lanes.x, at(k))),
                 y: std::array::from_fn(|k| load_f(&lanes.y, at(k))),
@@ -107,7 +107,7 @@ impl<const WIDE: bool> pulp::NullaryFnOnce for Steps<'_, WIDE> {
             for step in 0..chunk.steps {
                 for k in 0..PAIR {
                     map[k] = pick(simd, table, draw(simd, &mut p.s, k));
-                    move_on::<WIDE>(simd, table, map[k], (&mut p.x[k], &mut p.y[k]));
+                    apply_map::<WIDE>(simd, table, map[k], &mut p.x[k], &mut p.y[k]);
                     store_f(&mut chunk.x[step], at(k), p.x[k]);
                     store_f(&mut chunk.y[step], at(k), p.y[k]);
                     store_i(&mut chunk.map[step], at(k), map[k]);
@@ -147,7 +147,7 @@ fn draw(simd: V3, s: &mut [[__m256i; PAIR]; 4], k: usize) -> __m256i {
 
 /// Eight maps: how many thresholds each draw reaches.
 #[inline(always)]
-fn pick(simd: V3, table: &Table, draw: __m256i) -> __m256i {
+fn pick(simd: V3, table: &CoefficientTable, draw: __m256i) -> __m256i {
     let mut map = simd.avx._mm256_set1_epi32(0);
     for t in table.thresholds.iter().take(table.count) {
         let reached = simd.avx2._mm256_cmpgt_epi32(draw, simd.avx._mm256_set1_epi32(*t));
@@ -158,7 +158,7 @@ fn pick(simd: V3, table: &Table, draw: __m256i) -> __m256i {
 }
 
 #[inline(always)]
-fn coefficient<const WIDE: bool>(simd: V3, table: &Table, which: usize, map: __m256i) -> __m256 {
+fn coefficient<const WIDE: bool>(simd: V3, table: &CoefficientTable, which: usize, map: __m256i) -> __m256 {
     let low = simd.avx2._mm256_permutevar8x32_ps(bytemuck::cast(table.low[which]), map);
     if !WIDE {
         return low;
@@ -170,7 +170,7 @@ fn coefficient<const WIDE: bool>(simd: V3, table: &Table, which: usize, map: __m
 }
 
 #[inline(always)]
-fn move_on<const WIDE: bool>(simd: V3, table: &Table, map: __m256i, (x, y): (&mut __m256, &mut __m256)) {
+fn apply_map<const WIDE: bool>(simd: V3, table: &CoefficientTable, map: __m256i, x: &mut __m256, y: &mut __m256) {
     let i = simd.avx;
     let c = |which: usize| coefficient::<WIDE>(simd, table, which, map);
     let sum = |a: __m256, b: __m256, e: __m256| {
@@ -181,25 +181,25 @@ fn move_on<const WIDE: bool>(simd: V3, table: &Table, map: __m256i, (x, y): (&mu
 }
 
 /// As [`super::images`]; `false`, with nothing done, without AVX2.
-pub(super) fn images(map: &Coefficients, place: [&[f32]; 3], layout: Layout, out: &mut [u32]) -> bool {
+pub(super) fn images(map: &Coefficients, place: [&[f32]; 3], layout: TileLayout, out: &mut [u32]) -> bool {
     let Some(simd) = V3::try_new() else { return false };
     if place[2].is_empty() {
-        simd.vectorize(Images::<false> { simd, map, place, layout, out });
+        simd.vectorize(ImageKernel::<false> { simd, map, place, layout, out });
     } else {
-        simd.vectorize(Images::<true> { simd, map, place, layout, out });
+        simd.vectorize(ImageKernel::<true> { simd, map, place, layout, out });
     }
     true
 }
 
-struct Images<'a, const DEEP: bool> {
+struct ImageKernel<'a, const DEEP: bool> {
     simd: V3,
     map: &'a Coefficients,
     place: [&'a [f32]; 3],
-    layout: Layout,
+    layout: TileLayout,
     out: &'a mut [u32],
 }
 
-impl<const DEEP: bool> pulp::NullaryFnOnce for Images<'_, DEEP> {
+impl<const DEEP: bool> pulp::NullaryFnOnce for ImageKernel<'_, DEEP> {
     type Output = ();
 
     #[inline(always)]

@@ -2,20 +2,20 @@
 
 use glam::DVec3;
 
-use super::{CHUNK, Chunk, Escapes, Game, LANES, Sink};
+use super::{CHUNK, ChaosGame, Chunk, Escapes, LANES, PointSink};
 use crate::Ifs;
-use crate::affine::Affine;
-use crate::dynamics::Study;
+use crate::affine::{Affine, AxisScaling};
+use crate::dynamics::SystemAnalysis;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::narrow;
 use osier_base::par::par_map;
 
 /// Points of the sample.
-const SAMPLE: u64 = 1 << 20;
+const SAMPLE_POINTS: u64 = 1 << 20;
 /// Magnitude beyond which a point of the sample has escaped.
-const FAR: f32 = 1e15;
+const ESCAPE_RADIUS: f32 = 1e15;
 /// Shares of the sample outside the quantile box, on each side of each axis.
-const TAIL: f64 = 0.0005;
+const TAIL_QUANTILE: f64 = 0.0005;
 /// Share of escapes that is still an attractor.
 const MAX_ESCAPES: f64 = 1e-3;
 
@@ -29,11 +29,11 @@ pub struct Extent {
 }
 
 #[derive(Default)]
-struct Collect {
+struct SampleCollector {
     points: [Vec<f32>; 3],
 }
 
-impl Sink for Collect {
+impl PointSink for SampleCollector {
     fn take(&mut self, chunk: &Chunk) {
         for step in 0..chunk.steps.min(CHUNK) {
             for (list, row) in self.points.iter_mut().zip([&chunk.x, &chunk.y, &chunk.z]) {
@@ -47,12 +47,12 @@ impl Sink for Collect {
 /// Own: intervals derived from the largest ratio would be useless, 4.5e5 for a figure 8.6 wide where a ratio is near 1.
 /// # Errors
 /// I023 if more than 0.001 of the tests find an escaped lane.
-pub fn extent(ifs: &Ifs, study: &Study) -> Result<Extent, Box<Diagnostic>> {
-    let game = Game::new(ifs, study, 0, (DVec3::ONE, DVec3::ZERO), FAR);
-    let (blocks, steps) = Game::plan(SAMPLE);
+pub fn extent(ifs: &Ifs, study: &SystemAnalysis) -> Result<Extent, Box<Diagnostic>> {
+    let game = ChaosGame::new(ifs, study, 0, AxisScaling::IDENTITY, ESCAPE_RADIUS);
+    let (blocks, steps) = ChaosGame::plan(SAMPLE_POINTS);
     let blocks: Vec<u64> = (0..blocks).collect();
     let parts = par_map(&blocks, |block| {
-        let mut sink = Collect::default();
+        let mut sink = SampleCollector::default();
         let escapes = game.play(*block, steps, &mut sink);
         (sink.points, escapes)
     });
@@ -84,7 +84,7 @@ pub fn extent(ifs: &Ifs, study: &Study) -> Result<Extent, Box<Diagnostic>> {
             clippy::cast_precision_loss,
             reason = "a place in the sample"
         )]
-        let tail = (TAIL * end as f64) as usize;
+        let tail = (TAIL_QUANTILE * end as f64) as usize;
         let mut at = |k: usize| f64::from(*values.select_nth_unstable_by(k, f32::total_cmp).1);
         (out.quantile.0[axis], out.quantile.1[axis]) = (at(tail), at(end - tail));
         (out.bounds.0[axis], out.bounds.1[axis]) = (at(0), at(end));
@@ -101,7 +101,7 @@ fn show(last: &Affine, [xs, ys, zs]: &mut [Vec<f32>; 3]) {
 }
 
 fn escaped(ifs: &Ifs, all: &[Vec<f32>; 3], share: f64) -> Diagnostic {
-    let near = |i: &usize| all.iter().all(|l| l[*i].abs() <= FAR);
+    let near = |i: &usize| all.iter().all(|l| l[*i].abs() <= ESCAPE_RADIUS);
     let last = (0..all[0].len())
         .rev()
         .step_by(LANES)

@@ -3,14 +3,14 @@
 use glam::DVec3;
 
 use super::lanes::Lanes;
-use super::{Chunk, Game, LANES};
-use crate::Shape;
+use super::{ChaosGame, Chunk, LANES};
+use crate::CondensationShape;
 use crate::faces::within;
 use osier_base::math::{self, narrow};
 
-/// Fills a chunk.
+/// Advances all lanes of a block by the steps of `chunk` and records every point.
 /// Source: M. Barnsley, "Fractals Everywhere", 1988: K = C u w_1(K) u ... u w_m(K).
-pub(super) fn advance(game: &Game, lanes: &mut Lanes, chunk: &mut Chunk) {
+pub(super) fn advance(game: &ChaosGame, lanes: &mut Lanes, chunk: &mut Chunk) {
     let total = game.condensation.iter().fold(0.0, |s, c| s + c.weight).clamp(0.0, 1.0);
     for step in 0..chunk.steps {
         for lane in 0..LANES {
@@ -31,12 +31,13 @@ pub(super) fn advance(game: &Game, lanes: &mut Lanes, chunk: &mut Chunk) {
     }
 }
 
-/// Uniform in [0, 1).
+/// A uniform draw in [0, 1) from 31 random bits of a lane.
 fn unit(lanes: &mut Lanes, lane: usize) -> f64 {
     f64::from(lanes.draw(lane) >> 1) / 2_147_483_648.0
 }
 
-fn jump(game: &Game, lanes: &mut Lanes, lane: usize, chance: f64) {
+/// Moves a lane to a random point of the condensation set that `chance`, uniform in [0, sum of weights), picks.
+fn jump(game: &ChaosGame, lanes: &mut Lanes, lane: usize, chance: f64) {
     let mut sum = 0.0;
     let set = game.condensation.iter().find(|c| {
         sum += c.weight;
@@ -44,31 +45,31 @@ fn jump(game: &Game, lanes: &mut Lanes, lane: usize, chance: f64) {
     });
     let Some(set) = set.or(game.condensation.last()) else { return };
     let draws = [unit(lanes, lane), unit(lanes, lane), unit(lanes, lane)];
-    let p = point(&set.shape, draws, game.dim) * game.frame.0 + game.frame.1;
+    let p = point(&set.shape, draws, game.dim) * game.frame.scale + game.frame.shift;
     [lanes.x[lane], lanes.y[lane], lanes.z[lane]] = p.to_array().map(narrow);
     lanes.map[lane] = u32::try_from(game.maps.len()).unwrap_or(u32::MAX);
 }
 
 /// A point of the set, uniform by three uniform draws.
-fn point(shape: &Shape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
+fn point(shape: &CondensationShape, [u, v, w]: [f64; 3], dim: usize) -> DVec3 {
     let around = |radius: f64| {
         let (angle, r) = (v * std::f64::consts::TAU, radius * math::sqrt(w));
         (math::cos(angle) * r, math::sin(angle) * r)
     };
     match shape {
-        Shape::Segment { from, to, radius } => {
+        CondensationShape::Segment { from, to, radius } => {
             let (a, b) = (DVec3::from_array(*from), DVec3::from_array(*to));
             let axis = (b - a).try_normalize().unwrap_or(DVec3::Y);
             let side = if dim == 2 { DVec3::new(-axis.y, axis.x, 0.0) } else { axis.any_orthonormal_vector() };
             let (s, t) = if dim == 2 { (radius * (2.0 * v - 1.0), 0.0) } else { around(*radius) };
             a.lerp(b, u) + side * s + axis.cross(side) * t
         }
-        Shape::Disc { center, radius } => {
+        CondensationShape::Disc { center, radius } => {
             let (x, y) = around(*radius);
             DVec3::from_array(*center) + DVec3::new(x, y, 0.0)
         }
-        Shape::Polygon { points } => fan(points, [u, v, w]),
-        Shape::Mesh(model) => model.faces.point([u, v, w]),
+        CondensationShape::Polygon { points } => fan(points, [u, v, w]),
+        CondensationShape::Mesh(model) => model.faces.point([u, v, w]),
     }
 }
 

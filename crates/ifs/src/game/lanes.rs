@@ -1,6 +1,6 @@
 //! 32 chains side by side, in plain loops: the reference that faster instructions are held to.
 
-use super::{Chunk, Coefficients, Game, LANES, Layout};
+use super::{ChaosGame, Chunk, Coefficients, LANES, TileLayout};
 
 /// State of all lanes of a block.
 #[derive(Debug, Clone)]
@@ -49,8 +49,8 @@ impl Lanes {
         result
     }
 
-    /// Fills a chunk.
-    pub fn advance(&mut self, game: &Game, chunk: &mut Chunk) {
+    /// Advances all lanes by the steps of a chunk and records every point.
+    pub fn advance(&mut self, game: &ChaosGame, chunk: &mut Chunk) {
         for step in 0..chunk.steps {
             for lane in 0..LANES {
                 let draw = self.draw(lane) >> 1;
@@ -63,7 +63,7 @@ impl Lanes {
 
     /// One step of one lane: products and sums in this order, never fused.
     #[inline(always)]
-    pub fn step(&mut self, game: &Game, lane: usize, draw: u32) {
+    pub fn step(&mut self, game: &ChaosGame, lane: usize, draw: u32) {
         let row = match game.rows.as_slice() {
             [only] => only,
             rows => &rows[self.map[lane] as usize],
@@ -96,7 +96,7 @@ impl Lanes {
     clippy::cast_precision_loss,
     reason = "inside by the test"
 )]
-pub(super) fn images(c: &Coefficients, place: [&[f32]; 3], layout: Layout, out: &mut [u32]) {
+pub(super) fn images(c: &Coefficients, place: [&[f32]; 3], layout: TileLayout, out: &mut [u32]) {
     let (w, h) = (layout.width as f32, layout.height as f32);
     let outside = layout.outside() as u32;
     for (i, out) in out.iter_mut().enumerate() {

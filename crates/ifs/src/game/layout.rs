@@ -9,14 +9,14 @@ const MASK: usize = (1 << SIDE) - 1;
 
 /// Cells of a picture, tile after tile, with one more for what falls outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Layout {
-    /// Columns of the picture.
+pub struct TileLayout {
+    /// Width of the picture, pixels.
     pub width: usize,
-    /// Rows.
+    /// Height of the picture, pixels.
     pub height: usize,
 }
 
-impl Layout {
+impl TileLayout {
     /// Tiles from left to right.
     pub fn across(self) -> usize {
         self.width.div_ceil(1 << SIDE)
@@ -32,7 +32,7 @@ impl Layout {
         self.outside() + 1
     }
 
-    /// Cell of a pixel.
+    /// Index of the cell of the pixel (x, y).
     #[inline]
     pub fn cell(self, x: usize, y: usize) -> usize {
         let tile = (y >> SIDE) * self.across() + (x >> SIDE);
@@ -59,7 +59,7 @@ mod tests {
     #[test]
     fn every_pixel_has_a_cell_of_its_own() {
         for (width, height) in [(1, 1), (31, 65), (64, 32), (100, 33)] {
-            let layout = Layout { width, height };
+            let layout = TileLayout { width, height };
             let mut cells = layout.rows(|c| c);
             assert_eq!(cells.len(), width * height);
             assert_eq!(cells[(height - 1) * width], layout.cell(0, height - 1));

@@ -10,17 +10,18 @@ mod condensed;
 mod lanes;
 mod layout;
 
+use crate::affine::AxisScaling;
 use glam::DVec3;
 
-use super::dynamics::Study;
+use super::dynamics::SystemAnalysis;
 use super::{Condensation, Ifs};
 pub use bounds::{Extent, extent};
 use lanes::Lanes;
-pub(super) use layout::Layout;
+pub(super) use layout::TileLayout;
 use osier_base::math::narrow;
 use osier_base::rng::{Rng, word};
 
-/// Lanes of a block.
+/// Number of lanes of a block.
 pub const LANES: usize = 32;
 /// Steps that are handed over at once.
 pub const CHUNK: usize = 32;
@@ -32,10 +33,10 @@ const GUARD: usize = 2;
 
 /// Instructions that the steps are made with; all give the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Tier {
+pub enum InstructionSet {
     /// What the processor has.
     Best,
-    /// Plain loops.
+    /// Scalar loops, the reference.
     Plain,
 }
 
@@ -44,18 +45,18 @@ pub enum Tier {
 pub struct Chunk {
     /// Steps that are filled.
     pub steps: usize,
-    /// x of every point.
+    /// x of every point, by step and lane.
     pub x: [[f32; LANES]; CHUNK],
-    /// y of every point.
+    /// y of every point, by step and lane.
     pub y: [[f32; LANES]; CHUNK],
-    /// z of every point.
+    /// z of every point, by step and lane; 0 in the plane.
     pub z: [[f32; LANES]; CHUNK],
     /// The map that made each point; the number of maps for a point of the condensation set.
     pub map: [[u32; LANES]; CHUNK],
 }
 
 impl Chunk {
-    /// An empty chunk.
+    /// A chunk of zero steps, on the heap.
     pub fn new() -> Box<Self> {
         let zero = [[0.0; LANES]; CHUNK];
         Box::new(Self { steps: 0, x: zero, y: zero, z: zero, map: [[0; LANES]; CHUNK] })
@@ -63,7 +64,7 @@ impl Chunk {
 }
 
 /// Takes the points of one block, chunk after chunk.
-pub trait Sink {
+pub trait PointSink {
     /// Steps of all lanes.
     fn take(&mut self, chunk: &Chunk);
     /// A block begins: nothing of the last one counts any more.
@@ -75,14 +76,14 @@ pub trait Sink {
 /// Tests of the guard, and how many lanes it found outside.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Escapes {
-    /// Lanes looked at.
+    /// Number of lanes tested.
     pub tests: u64,
     /// Lanes found beyond the guard or not finite.
     pub found: u64,
 }
 
 impl Escapes {
-    /// Both together.
+    /// The sums of both counts.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self { tests: self.tests + other.tests, found: self.found + other.found }
@@ -94,7 +95,7 @@ pub(super) type Coefficients = [f32; 12];
 
 /// A system made ready for drawing.
 #[derive(Debug, Clone)]
-pub struct Game {
+pub struct ChaosGame {
     maps: Vec<Coefficients>,
     dim: usize,
     /// Sums of probabilities as 31-bit numbers, one row, or with a chaos matrix one per last map.
@@ -105,16 +106,17 @@ pub struct Game {
     guard: f32,
     condensation: Vec<Condensation>,
     /// Scale and shift of the coordinates that points come in.
-    frame: (DVec3, DVec3),
+    frame: AxisScaling,
     id: u64,
     seed: u64,
-    tier: Tier,
+    tier: InstructionSet,
 }
 
-impl Game {
+impl ChaosGame {
     /// Makes a system ready. Points come as u = scale x + shift; `guard`: |u| beyond which a lane starts again.
-    /// Own: the start is the fixed point of the map [`Study::first`], moved by the warm-up of [`Study::warm_up`] steps.
-    pub fn new(ifs: &Ifs, study: &Study, seed: u64, (scale, shift): (DVec3, DVec3), guard: f32) -> Self {
+    /// Own: the start is the fixed point of the map [`SystemAnalysis::first`], moved by the warm-up of [`SystemAnalysis::warm_up`] steps.
+    pub fn new(ifs: &Ifs, study: &SystemAnalysis, seed: u64, frame: AxisScaling, guard: f32) -> Self {
+        let AxisScaling { scale, shift } = frame;
         let best = study.first;
         let stays = study.next.as_ref().is_none_or(|n| n.get(best).and_then(|r| r.get(best)).is_some_and(|p| *p > 0.0));
         let fixed = ifs.maps.get(best).filter(|m| stays && m.affine.spectral_radius() < 1.0);
@@ -133,20 +135,20 @@ impl Game {
             warm_up: study.warm_up(),
             guard,
             condensation: ifs.condensation.clone(),
-            frame: (scale, shift),
+            frame,
             id: word(&ifs.name),
             seed,
-            tier: Tier::Best,
+            tier: InstructionSet::Best,
         }
     }
 
     /// The same game with other instructions.
     #[must_use]
-    pub fn with_tier(self, tier: Tier) -> Self {
+    pub fn with_tier(self, tier: InstructionSet) -> Self {
         Self { tier, ..self }
     }
 
-    /// Number of maps.
+    /// Number of maps, without condensation sets.
     pub fn maps(&self) -> usize {
         self.maps.len()
     }
@@ -157,12 +159,12 @@ impl Game {
     }
 
     /// Scale and shift of the coordinates that points come in.
-    pub(super) fn frame(&self) -> (DVec3, DVec3) {
+    pub(super) fn frame(&self) -> AxisScaling {
         self.frame
     }
 
     /// Instructions that steps are made with.
-    pub(super) fn tier(&self) -> Tier {
+    pub(super) fn tier(&self) -> InstructionSet {
         self.tier
     }
 
@@ -174,7 +176,7 @@ impl Game {
 
     /// Plays one block of `steps` steps into a sink.
     /// Source: M. Barnsley, "Fractals Everywhere", 1988: the random iteration algorithm, 32 chains at a time.
-    pub fn play(&self, block: u64, steps: u64, sink: &mut impl Sink) -> Escapes {
+    pub fn play(&self, block: u64, steps: u64, sink: &mut impl PointSink) -> Escapes {
         let mut lanes = self.lanes(block);
         let mut chunk = Chunk::new();
         sink.begin();
@@ -214,14 +216,14 @@ impl Game {
             return steps;
         }
         #[cfg(target_arch = "x86_64")]
-        if self.tier == Tier::Best && avx2::advance(self, lanes, chunk) {
+        if self.tier == InstructionSet::Best && avx2::advance(self, lanes, chunk) {
             return steps;
         }
         lanes.advance(self, chunk);
         steps
     }
 
-    fn guard(&self, lanes: &mut Lanes, sink: &mut impl Sink) -> Escapes {
+    fn guard(&self, lanes: &mut Lanes, sink: &mut impl PointSink) -> Escapes {
         let mut found = 0;
         for lane in 0..LANES {
             let inside = |v: f32| v.abs() <= self.guard;
@@ -238,9 +240,15 @@ impl Game {
 
 /// Cell of the image of every place under a map; the one outside for images beyond the picture.
 /// `place`: as many x and y as `out` is long, and as many z or, for maps of the plane, none.
-pub(super) fn images(tier: Tier, map: &Coefficients, place: [&[f32]; 3], layout: Layout, out: &mut [u32]) {
+pub(super) fn images(
+    tier: InstructionSet,
+    map: &Coefficients,
+    place: [&[f32]; 3],
+    layout: TileLayout,
+    out: &mut [u32],
+) {
     #[cfg(target_arch = "x86_64")]
-    if tier == Tier::Best && avx2::images(map, place, layout, out) {
+    if tier == InstructionSet::Best && avx2::images(map, place, layout, out) {
         return;
     }
     lanes::images(map, place, layout, out);

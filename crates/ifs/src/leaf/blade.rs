@@ -10,17 +10,17 @@ use osier_scene::Mesh;
 
 /// A flat blade: points in pixels with y up, triangles counter-clockwise.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Flat {
+pub struct FlatBlade {
     /// Points, pixels, y up.
     pub points: Vec<DVec2>,
-    /// Counter-clockwise.
+    /// Corners, counter-clockwise seen from +Z.
     pub triangles: Vec<[u32; 3]>,
 }
 
 /// Cuts the inside of rings (outline first, then holes; y up) into triangles along a midrib, with points between on a
 /// hexagonal grid of the given spacing.
 /// Source: L. P. Chew, "Constrained Delaunay triangulations", 1989.
-pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> Flat {
+pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> FlatBlade {
     let mut cdt = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
     let mut lines: Vec<(DVec2, DVec2)> = Vec::new();
     for ring in rings {
@@ -60,7 +60,7 @@ pub fn flat(rings: &[Vec<DVec2>], midrib: &[DVec2], spacing: f64) -> Flat {
 }
 
 /// Points that no triangle uses are left out.
-fn compact(points: Vec<DVec2>, triangles: Vec<[u32; 3]>) -> Flat {
+fn compact(points: Vec<DVec2>, triangles: Vec<[u32; 3]>) -> FlatBlade {
     let mut new = vec![u32::MAX; points.len()];
     let mut kept = Vec::new();
     let triangles = triangles
@@ -76,7 +76,7 @@ fn compact(points: Vec<DVec2>, triangles: Vec<[u32; 3]>) -> Flat {
             })
         })
         .collect();
-    Flat { points: kept, triangles }
+    FlatBlade { points: kept, triangles }
 }
 
 fn apart(a: DVec2, b: DVec2, p: DVec2) -> f64 {
@@ -109,7 +109,7 @@ fn grid(rings: &[Vec<DVec2>], spacing: f64) -> Vec<DVec2> {
 
 /// How a flat blade stands in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pose {
+pub struct BladePose {
     /// Distance from anchor to tip, m.
     pub size: f64,
     /// Width over `size`; `None`: as the table has it.
@@ -126,7 +126,7 @@ pub struct Pose {
 
 /// Where a blade lies on its pixels, y up.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Place {
+pub struct BladePlacement {
     /// Pixels along a side of the maps.
     pub side: f64,
     /// Where the stalk meets the blade.
@@ -142,7 +142,7 @@ pub struct Place {
 /// The blade as a mesh in organ space: stalk base at the origin, midrib along +Y, upper side +Z; one material (0). The
 /// halves are folded about the midrib; slices across it turn about X by curl u^2.
 /// Own: texture coordinates are places on the maps.
-pub fn bent(flat: &Flat, place: &Place, pose: &Pose) -> Mesh {
+pub fn bent(flat: &FlatBlade, place: &BladePlacement, pose: &BladePose) -> Mesh {
     let length = place.midrib.last().map_or(1.0, |t| t.distance(place.anchor)).max(1e-9);
     let unit = pose.size / length;
     let wide = widening(flat, length, pose.width);
@@ -167,14 +167,14 @@ pub fn bent(flat: &Flat, place: &Place, pose: &Pose) -> Mesh {
 }
 
 /// Factor across the blade that gives it `width`, shares of its length.
-fn widening(flat: &Flat, length: f64, width: Option<f64>) -> f64 {
+fn widening(flat: &FlatBlade, length: f64, width: Option<f64>) -> f64 {
     let x = || flat.points.iter().map(|p| p.x);
     let own = (x().fold(f64::MIN, f64::max) - x().fold(f64::MAX, f64::min)) / length;
     width.filter(|_| own > 1e-9).map_or(1.0, |w| w / own)
 }
 
 /// The midrib at `v` (0 at the anchor, 1 at the tip; straight beyond both): place and normal in the plane of y and z.
-fn curled(v: f64, pose: &Pose) -> (DVec2, DVec2) {
+fn curled(v: f64, pose: &BladePose) -> (DVec2, DVec2) {
     const STEPS: u32 = 16;
     let clamped = v.clamp(0.0, 1.0);
     let angle = |t: f64| pose.curl * t * t;
@@ -202,7 +202,7 @@ fn smooth(mesh: &Mesh) -> Vec<Vec3> {
 }
 
 /// A thin tube from the origin to the blade, on the colours of the blade's foot.
-fn stalk(mesh: &mut Mesh, place: &Place, pose: &Pose) {
+fn stalk(mesh: &mut Mesh, place: &BladePlacement, pose: &BladePose) {
     const SIDES: u32 = 4;
     let (length, radius) = pose.petiole;
     if length <= 0.0 || radius <= 0.0 {

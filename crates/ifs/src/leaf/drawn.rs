@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use glam::DVec2;
 
-use super::{Colors, Flat, Place, Spec, fields, leaf, normals};
+use super::{BladePlacement, FlatBlade, LeafColors, LeafSpec, fields, leaf, normals};
 use crate::Ifs;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::units::{byte, srgb_from_linear};
@@ -14,7 +14,7 @@ const REVISION: u32 = 1;
 
 /// Maps and blade of a leaf. Maps are square, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Drawn {
+pub struct DrawnLeaf {
     /// Pixels along a side of the maps.
     pub side: u32,
     /// sRGB and coverage, 4 bytes a pixel.
@@ -25,21 +25,21 @@ pub struct Drawn {
     pub rough: Vec<u8>,
     /// Relief, 16 bits a pixel.
     pub height: Vec<u16>,
-    /// The blade.
-    pub flat: Flat,
+    /// Triangulated blade, pixels.
+    pub flat: FlatBlade,
     /// Where the blade lies on the maps.
-    pub place: Place,
+    pub place: BladePlacement,
     /// Anchor and tip, table units.
     pub ends: [DVec2; 2],
 }
 
 /// A leaf that is made when it is first asked for, or why it cannot be made.
-pub type Once = OnceLock<Result<Drawn, Box<Diagnostic>>>;
+pub type LazyLeaf = OnceLock<Result<DrawnLeaf, Box<Diagnostic>>>;
 
 /// Makes a leaf with its maps.
 /// # Errors
 /// As [`leaf`].
-pub fn mapped(table: &Ifs, spec: &Spec, colors: &Colors) -> Result<Drawn, Box<Diagnostic>> {
+pub fn mapped(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> Result<DrawnLeaf, Box<Diagnostic>> {
     let made = leaf(table, spec)?;
     let f = fields(&made.raster, colors, 1.0);
     let n = made.raster.mask.side;
@@ -48,7 +48,7 @@ pub fn mapped(table: &Ifs, spec: &Spec, colors: &Colors) -> Result<Drawn, Box<Di
     };
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
     let deep = |h: &f32| (h.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;
-    Ok(Drawn {
+    Ok(DrawnLeaf {
         side: u32::try_from(n).unwrap_or(u32::MAX),
         color: f.color.iter().flat_map(rgba).collect(),
         normal: normals(&f.height, &made.raster.mask.set, n),
@@ -62,7 +62,7 @@ pub fn mapped(table: &Ifs, spec: &Spec, colors: &Colors) -> Result<Drawn, Box<Di
 
 /// BLAKE3, 64 hex digits, of all that decides a leaf: table, parameters, colours, this program.
 /// Own: what Rust prints of a float is read back as the same bits, and what it prints of a struct leaves out no field.
-pub fn hash(table: &Ifs, spec: &Spec, colors: &Colors) -> String {
+pub fn hash(table: &Ifs, spec: &LeafSpec, colors: &LeafColors) -> String {
     let text = format!("{} {REVISION} {table:?} {spec:?} {colors:?}", env!("CARGO_PKG_VERSION"));
     blake3::hash(text.as_bytes()).to_hex().to_string()
 }

@@ -32,7 +32,7 @@ pub fn nearest(set: &[bool], width: usize, height: usize) -> (Vec<f64>, Vec<u32>
     let mut envelope = Envelope::default();
     for y in 0..height {
         let line = y * width..(y + 1) * width;
-        envelope.line(y, width, &row_of[line.clone()], (&mut squares[line.clone()], &mut index[line]));
+        envelope.line(y, width, &row_of[line.clone()], &mut squares[line.clone()], &mut index[line]);
     }
     (squares, index)
 }
@@ -50,7 +50,7 @@ struct Envelope {
 
 impl Envelope {
     #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "pixels")]
-    fn line(&mut self, y: usize, width: usize, row_of: &[u32], (squares, index): (&mut [f64], &mut [u32])) {
+    fn line(&mut self, y: usize, width: usize, row_of: &[u32], squares: &mut [f64], index: &mut [u32]) {
         self.at.clear();
         self.from.clear();
         let depth = |x: usize| {

@@ -1,23 +1,23 @@
 //! Fields of a leaf on its pixels: height, normals, colour.
 
-use super::Raster;
+use super::LeafRaster;
 use osier_base::math::{exp_f32, lerp};
 use osier_base::par::{par_chunks, par_map};
 
 /// Linear colours of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Colors {
-    /// Far from the margin.
+pub struct LeafColors {
+    /// Linear RGB far from the margin.
     pub centre: [f32; 3],
-    /// At the margin.
+    /// Linear RGB at the margin.
     pub edge: [f32; 3],
-    /// Towards the tip.
+    /// Linear RGB that the blade tends to at the tip.
     pub tip: [f32; 3],
-    /// Veins.
+    /// Linear RGB of veins.
     pub vein: [f32; 3],
 }
 
-impl Default for Colors {
+impl Default for LeafColors {
     fn default() -> Self {
         Self {
             centre: [0.050, 0.195, 0.023],
@@ -30,8 +30,8 @@ impl Default for Colors {
 
 /// A leaf's fields, rows from the top.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Fields {
-    /// Relief, 0..1.
+pub struct LeafFields {
+    /// Relief, 0 (outside, low) to 1.
     pub height: Vec<f32>,
     /// Linear RGB and coverage.
     pub color: Vec<[f32; 4]>,
@@ -43,7 +43,7 @@ pub struct Fields {
 /// Source: [wang-hao] 3.2.2: the leaf drawn by an iterated function system at the terminals of a plant.
 /// Differs: the paper paints points; here they are one asset of maps. `Own:` veins are the cheapest ways from the lobes
 /// to the anchor.
-pub fn fields(raster: &Raster, colors: &Colors, vein_share: f32) -> Fields {
+pub fn fields(raster: &LeafRaster, colors: &LeafColors, vein_share: f32) -> LeafFields {
     let n = raster.mask.side;
     let side = size(n);
     let fine = blurred(&logged(&raster.hits), n, 2.0 * side / 1024.0);
@@ -53,13 +53,16 @@ pub fn fields(raster: &Raster, colors: &Colors, vein_share: f32) -> Fields {
     let margin = blurred(&raster.sd, n, (side / 1024.0).max(0.8));
     let rows: Vec<usize> = (0..n).collect();
     let painted = par_map(&rows, |&y| {
-        let one = |i: usize| pixel(raster, colors, (i, side, margin[i]), (fine[i], wide[i], rib[i], vein_share));
+        let one = |i: usize| {
+            let f = PixelFields { side, margin: margin[i], fine: fine[i], wide: wide[i], rib: rib[i], vein_share };
+            paint(raster, colors, i, &f)
+        };
         (y * n..(y + 1) * n).map(one).collect()
     });
-    let all: Vec<([f32; 4], f32, f32)> = painted.into_iter().flat_map(|r: Vec<_>| r).collect();
+    let all: Vec<PaintedPixel> = painted.into_iter().flat_map(|r: Vec<_>| r).collect();
     // Round the relief off where hits leave single dots.
-    let height = blurred(&all.iter().map(|p| p.1).collect::<Vec<f32>>(), n, 1.5 * side / 1024.0);
-    Fields { height, color: all.iter().map(|p| p.0).collect(), rough: all.iter().map(|p| p.2).collect() }
+    let height = blurred(&all.iter().map(|p| p.height).collect::<Vec<f32>>(), n, 1.5 * side / 1024.0);
+    LeafFields { height, color: all.iter().map(|p| p.color).collect(), rough: all.iter().map(|p| p.rough).collect() }
 }
 
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
@@ -77,14 +80,31 @@ fn logged(hits: &[u32]) -> Vec<f32> {
     par_chunks(hits, osier_base::par::CHUNK, |_, c| c.iter().map(one).collect::<Vec<f32>>()).concat()
 }
 
-type Painted = ([f32; 4], f32, f32);
+/// Blurred fields at one pixel.
+struct PixelFields {
+    /// Side of the map, pixels.
+    side: f32,
+    /// Signed distance to the margin, pixels, blurred by about a pixel.
+    margin: f32,
+    /// Logarithmic density of hits, 0..1, blurred narrowly and widely: their difference shows veins.
+    fine: f32,
+    wide: f32,
+    /// Cover of traced veins, 0..1.
+    rib: f32,
+    /// Share of the veins that the density draws, 0..1.
+    vein_share: f32,
+}
 
-fn pixel(
-    r: &Raster,
-    c: &Colors,
-    (i, side, margin): (usize, f32, f32),
-    (v, wide, rib, share): (f32, f32, f32, f32),
-) -> Painted {
+/// Colour and coverage, relief and roughness of one pixel.
+struct PaintedPixel {
+    color: [f32; 4],
+    height: f32,
+    rough: f32,
+}
+
+/// Paints the pixel `i`: the edge's colour turns into the centre's away from the margin, veins are lighter and sunk.
+fn paint(r: &LeafRaster, c: &LeafColors, i: usize, f: &PixelFields) -> PaintedPixel {
+    let PixelFields { side, margin, fine, wide, rib, vein_share: share } = *f;
     // Outside, colours are those of the nearest pixel of the leaf, so that filtering finds no fringe.
     let inner = if r.mask.set[i] { i } else { r.nearest.get(i).copied().unwrap_or(0) as usize };
     let sd = r.sd[i];
@@ -94,7 +114,7 @@ fn pixel(
     let mix = |a: [f32; 3], b: [f32; 3], t: f32| -> [f32; 3] { std::array::from_fn(|k| lerp(a[k], b[k], t)) };
     let mut rgb = mix(c.edge, c.centre, rise);
     rgb = mix(rgb, c.tip, 0.35 * u * u);
-    rgb = mix(rgb, c.vein, 0.5 * ((v - wide) / 0.2).clamp(0.0, 1.0) * share.min(1.0));
+    rgb = mix(rgb, c.vein, 0.5 * ((fine - wide) / 0.2).clamp(0.0, 1.0) * share.min(1.0));
     rgb = mix(rgb, c.vein, 0.62 * rib);
     let shade = match r.letter.get(inner).copied().unwrap_or(0) % 4 {
         0 => 1.0,
@@ -108,7 +128,7 @@ fn pixel(
     // Veins are sunk on the upper side; thin hits ripple the blade between them.
     let height = if sd > 0.0 { (0.75 * dome + 0.25 * share * wide - 0.22 * rib).clamp(0.0, 1.0) } else { 0.0 };
     let rough = (0.42 + 0.12 * rib + 0.1 * (1.0 - rise)).clamp(0.0, 1.0);
-    ([rgb[0] * shade, rgb[1] * shade, rgb[2] * shade, alpha], height, rough)
+    PaintedPixel { color: [rgb[0] * shade, rgb[1] * shade, rgb[2] * shade, alpha], height, rough }
 }
 
 /// Tangent-space normals of a relief as bytes, (n + 1) / 2: normalise(-k dh/dx, -k dh/dy, 1) with y up and

@@ -20,7 +20,7 @@ pub struct Cleaned {
     pub largest: f64,
     /// Holes that were filled.
     pub filled: usize,
-    /// Holes that stay.
+    /// Number of holes that remain.
     pub holes: usize,
 }
 

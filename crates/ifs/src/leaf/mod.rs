@@ -9,23 +9,24 @@ mod outline;
 mod raster;
 mod rib;
 
+use crate::affine::AxisScaling;
 use glam::{DMat3, DVec2, DVec3};
 
-pub use blade::{Flat, Place, Pose, bent};
-pub use drawn::{Drawn, Once, hash, mapped};
-pub use maps::{Colors, Fields, fields, normals};
+pub use blade::{BladePlacement, BladePose, FlatBlade, bent};
+pub use drawn::{DrawnLeaf, LazyLeaf, hash, mapped};
+pub use maps::{LeafColors, LeafFields, fields, normals};
 pub use mask::{Cleaned, Mask};
 
 use super::Ifs;
 use super::affine::{Affine, turn_z};
-use super::cloud::Request;
+use super::cloud::DrawRequest;
 use super::color::is_squash;
-use super::dynamics::{Study, study};
-use super::game::{Tier, extent};
-use super::histogram::Window;
-use super::weights::Rule;
+use super::dynamics::{SystemAnalysis, study};
+use super::game::{InstructionSet, extent};
+use super::histogram::PictureWindow;
+use super::weights::WeightRule;
 use osier_base::diagnostic::Diagnostic;
-use rib::Ways;
+use rib::MidribPaths;
 
 /// Share of the set pixels that a leaf's largest part should hold.
 const WHOLE: f64 = 0.98;
@@ -36,10 +37,10 @@ const UNIT: f64 = 1024.0;
 
 /// How a leaf is made. Lengths in pixels are those of a picture of 1024 pixels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Spec {
+pub struct LeafSpec {
     /// Pixels along a side of the maps, 64..=4096.
     pub side: usize,
-    /// Points per pixel.
+    /// Points drawn per pixel of the map.
     pub points: u64,
     /// Hits that set a pixel.
     pub min_hits: u32,
@@ -59,7 +60,7 @@ pub struct Spec {
     pub holes: bool,
 }
 
-impl Default for Spec {
+impl Default for LeafSpec {
     fn default() -> Self {
         Self {
             side: 1024,
@@ -78,10 +79,10 @@ impl Default for Spec {
 
 /// A leaf on its pixels, turned so that its tip points up; rows from the top.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Raster {
-    /// Silhouette.
+pub struct LeafRaster {
+    /// Pixels inside the silhouette.
     pub mask: Mask,
-    /// Hits by pixel.
+    /// Number of points by pixel.
     pub hits: Vec<u32>,
     /// The commonest map by pixel, modulo 4.
     pub letter: Vec<u8>,
@@ -91,21 +92,21 @@ pub struct Raster {
     pub nearest: Vec<u32>,
     /// Place along the midrib, 0 at the anchor to 1 at the tip.
     pub along: Vec<f32>,
-    /// Veins, 0..1.
+    /// Cover of traced veins, 0..1.
     pub vein: Vec<f32>,
 }
 
 /// A leaf before it has a size.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Leaf {
-    /// Its pixels.
-    pub raster: Raster,
+pub struct TracedLeaf {
+    /// Fields of the leaf on its pixels.
+    pub raster: LeafRaster,
     /// Outline and, if asked for, holes; pixels, y up, outline counter-clockwise.
     pub rings: Vec<Vec<DVec2>>,
-    /// The blade.
-    pub flat: Flat,
+    /// Triangulated blade.
+    pub flat: FlatBlade,
     /// Where the blade lies.
-    pub place: Place,
+    pub place: BladePlacement,
     /// Anchor and tip, table units.
     pub ends: [DVec2; 2],
     /// What was done to the mask.
@@ -119,8 +120,8 @@ pub struct Leaf {
 /// Differs: the paper paints its points at every terminal; here they become one leaf that is instanced.
 /// # Errors
 /// I023 for a system without attractor, I060 for an empty picture.
-pub fn leaf(ifs: &Ifs, spec: &Spec) -> Result<Leaf, Box<Diagnostic>> {
-    let rule = ifs.weights.unwrap_or(Rule::Det);
+pub fn leaf(ifs: &Ifs, spec: &LeafSpec) -> Result<TracedLeaf, Box<Diagnostic>> {
+    let rule = ifs.weights.unwrap_or(WeightRule::Det);
     let ends = ends(ifs, rule, spec)?;
     let along = ends[1] - ends[0];
     let turn = std::f64::consts::FRAC_PI_2 - osier_base::math::atan2(along.y, along.x);
@@ -148,7 +149,7 @@ pub fn leaf(ifs: &Ifs, spec: &Spec) -> Result<Leaf, Box<Diagnostic>> {
         let d = Diagnostic::warning("I061", "the anchor lies outside the leaf", ifs.span, "in this system");
         told.push(d.help("it was moved to the nearest place of the leaf"));
     }
-    let ways = Ways::new(&mask, &sd, anchor);
+    let ways = MidribPaths::new(&mask, &sd, anchor);
     let reached = |i: &usize| mask.set[*i] && (*i == anchor || ways.back(*i).len() > 1);
     let far = |i: &usize| ways.point(*i).distance_squared(ways.point(anchor));
     let tip =
@@ -176,8 +177,8 @@ pub fn leaf(ifs: &Ifs, spec: &Spec) -> Result<Leaf, Box<Diagnostic>> {
     let solid = ways.back(tip).into_iter().rev().find(|i| f64::from(sd[*i]) > 2.5 * unit).unwrap_or(tip);
     let starts = midrib.iter().find(|p| rings.first().is_some_and(|r| outline::inside(r, **p)));
     let start = starts.map_or(0.0, |p| (p.y - flip(a).y).max(0.0));
-    let place = Place { side: side(n), anchor: flip(a), midrib, solid: flip(ways.point(solid)), start };
-    let raster = Raster {
+    let place = BladePlacement { side: side(n), anchor: flip(a), midrib, solid: flip(ways.point(solid)), start };
+    let raster = LeafRaster {
         along: (0..n * n).map(place_of).collect(),
         hits: counts.hits(),
         letter: counts.letters(),
@@ -186,7 +187,7 @@ pub fn leaf(ifs: &Ifs, spec: &Spec) -> Result<Leaf, Box<Diagnostic>> {
         nearest,
         vein,
     };
-    Ok(Leaf { raster, rings, flat, place, ends, cleaned, told })
+    Ok(TracedLeaf { raster, rings, flat, place, ends, cleaned, told })
 }
 
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
@@ -212,17 +213,22 @@ fn turned(ifs: &Ifs, angle: f64) -> Ifs {
 }
 
 /// Counts of a square picture that shows all of a system.
-fn drawn(ifs: &Ifs, study: &Study, n: usize, points: u64) -> Result<(raster::Counts, Window), Box<Diagnostic>> {
+fn drawn(
+    ifs: &Ifs,
+    study: &SystemAnalysis,
+    n: usize,
+    points: u64,
+) -> Result<(raster::LetterCounts, PictureWindow), Box<Diagnostic>> {
     let extent = extent(ifs, study)?;
     let bounds = if study.unbounded { extent.quantile } else { extent.bounds };
-    let window = Window::fitted(bounds, n, n);
+    let window = PictureWindow::fitted(bounds.0, bounds.1, n, n);
     let points = points.max(1) * (n * n) as u64;
-    let request = Request { system: ifs, study, seed: 0, points, tier: Tier::Best };
+    let request = DrawRequest { system: ifs, study, seed: 0, points, tier: InstructionSet::Best };
     Ok((raster::count(&request, &window), window))
 }
 
 /// Anchor and tip, table units, found on a picture of a quarter of the size.
-fn ends(ifs: &Ifs, rule: Rule, spec: &Spec) -> Result<[DVec2; 2], Box<Diagnostic>> {
+fn ends(ifs: &Ifs, rule: WeightRule, spec: &LeafSpec) -> Result<[DVec2; 2], Box<Diagnostic>> {
     let n = (spec.side / 4).max(64);
     let unit = side(n) / UNIT;
     let (counts, window) = drawn(ifs, &study(ifs, rule), n, spec.points)?;
@@ -260,15 +266,15 @@ fn foot(points: &[DVec2], pixel: f64) -> DVec2 {
 }
 
 #[allow(clippy::cast_precision_loss, reason = "pixels")]
-fn table(window: &Window, i: usize) -> DVec2 {
-    let (scale, shift) = window.frame();
+fn table(window: &PictureWindow, i: usize) -> DVec2 {
+    let AxisScaling { scale, shift } = window.frame();
     let p = DVec2::new((i % window.width) as f64 + 0.5, (i / window.width) as f64 + 0.5);
     (p - shift.truncate()) / scale.truncate()
 }
 
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped into the picture")]
-fn pixel(window: &Window, p: DVec2) -> usize {
-    let (scale, shift) = window.frame();
+fn pixel(window: &PictureWindow, p: DVec2) -> usize {
+    let AxisScaling { scale, shift } = window.frame();
     let q = p * scale.truncate() + shift.truncate();
     let inside = |v: f64, n: usize| v.clamp(0.0, side(n) - 1.0) as usize;
     inside(q.y, window.height) * window.width + inside(q.x, window.width)
@@ -309,7 +315,7 @@ fn lobes(rings: &[Vec<DVec2>], mask: &Mask, nearest: &[u32], unit: f64) -> Vec<u
 
 /// Veins as wide as what they serve.
 #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap, clippy::cast_sign_loss, reason = "a few pixels")]
-fn veins(ways: &Ways, tips: &[usize], unit: f64) -> Vec<f32> {
+fn veins(ways: &MidribPaths, tips: &[usize], unit: f64) -> Vec<f32> {
     let loads = ways.loads(tips);
     let most = loads.iter().copied().max().unwrap_or(0).max(1);
     let n = osier_base::math::sqrt(side(loads.len())) as isize;

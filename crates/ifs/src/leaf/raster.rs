@@ -1,23 +1,23 @@
 //! A leaf's attractor counted into pixels, by last map.
 
 use super::mask::Mask;
-use crate::cloud::Request;
-use crate::color::Labels;
+use crate::cloud::DrawRequest;
+use crate::color::ColorLabels;
 use crate::cylinders::Cylinder;
-use crate::histogram::Window;
-use crate::splat::{Cells, Plan};
+use crate::histogram::PictureWindow;
+use crate::splat::{CellCounter, CountingPlan};
 
 /// Kinds of maps told apart.
 pub(super) const KINDS: usize = 4;
 
 /// Hits by last map modulo [`KINDS`]: by cell while they are counted, then by pixel, rows from the top.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Counts {
+pub(super) struct LetterCounts {
     cells: Vec<[u32; KINDS]>,
 }
 
-impl Cells for Counts {
-    fn labels(&self) -> Option<&Labels> {
+impl CellCounter for LetterCounts {
+    fn labels(&self) -> Option<&ColorLabels> {
         None
     }
 
@@ -36,17 +36,17 @@ impl Cells for Counts {
 }
 
 /// Counts the points of a request; the same at any thread count.
-pub(super) fn count(request: &Request<'_>, window: &Window) -> Counts {
-    let plan = Plan::new(request, None, window);
+pub(super) fn count(request: &DrawRequest<'_>, window: &PictureWindow) -> LetterCounts {
+    let plan = CountingPlan::new(request, None, window);
     let layout = plan.layout;
-    let empty = || Counts { cells: vec![[0; KINDS]; layout.cells()] };
+    let empty = || LetterCounts { cells: vec![[0; KINDS]; layout.cells()] };
     let (parts, _) = plan.count(size_of::<[u32; KINDS]>(), empty);
     let sum = |i: usize| std::array::from_fn(|k| parts.iter().map(|p| p.cells[i][k]).sum());
-    Counts { cells: layout.rows(sum) }
+    LetterCounts { cells: layout.rows(sum) }
 }
 
-impl Counts {
-    /// Hits by pixel.
+impl LetterCounts {
+    /// Number of points by pixel, rows from the top.
     pub fn hits(&self) -> Vec<u32> {
         self.cells.iter().map(|c| c.iter().sum()).collect()
     }

@@ -9,13 +9,13 @@ use super::mask::{Mask, around};
 
 /// Steps of the way back from any pixel of a leaf to its anchor.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ways {
+pub struct MidribPaths {
     side: usize,
     /// The pixel before each one on its cheapest way from the anchor.
     before: Vec<u32>,
 }
 
-impl Ways {
+impl MidribPaths {
     /// Cheapest 8-connected ways from a pixel to all others of the mask; a step costs its length over (1 + sd)^2, so
     /// that ways keep to the middle.
     /// Source: E. Dijkstra, "A note on two problems in connexion with graphs", 1959.

@@ -3,6 +3,7 @@
 use super::{Reader, fractint};
 use crate::Ifs;
 use osier_base::diagnostic::{Diagnostic, Severity};
+use std::ops::Range;
 
 /// Longest name of a system.
 const NAME: usize = 40;
@@ -45,7 +46,7 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
             None => (clean.len(), clean.len()),
         };
         let closed = close.is_some_and(|c| clean.get(c) == Some(&b'}'));
-        systems.extend(entry(reader, &clean, (&header, open, end), closed));
+        systems.extend(entry(reader, &clean, &header, open + 1..end, closed));
         at = next;
         if reader.is_hopeless() {
             return systems;
@@ -121,19 +122,15 @@ fn outside(reader: &mut Reader<'_>, clean: &[u8], from: usize, to: usize) {
     reader.tell(d.help("an entry is NAME { numbers }; comments begin with ';'"));
 }
 
-fn entry(
-    reader: &mut Reader<'_>,
-    clean: &[u8],
-    (header, open, end): (&Header, usize, usize),
-    closed: bool,
-) -> Option<Ifs> {
+/// Reads one entry; `body`: the bytes between its braces. `None` for a comment or an entry with errors.
+fn entry(reader: &mut Reader<'_>, clean: &[u8], header: &Header, body: Range<usize>, closed: bool) -> Option<Ifs> {
     let title = title(reader, clean, header);
     if title.name.eq_ignore_ascii_case("comment") {
         return None;
     }
     let told = errors(reader);
     if title.name.is_empty() {
-        let span = reader.span(open, open + 1);
+        let span = reader.span(body.start - 1, body.start);
         let d = Diagnostic::warning("I003", "an entry without a name", span, "no name before this brace");
         reader.tell(d.help("write NAME { ... }"));
     }
@@ -142,9 +139,9 @@ fn entry(
             Diagnostic::error("I006", format!("\"{}\" has no closing brace", title.name), title.span, "begins here");
         reader.tell(d.help("end the entry with a line that holds only }"));
     }
-    portability(reader, clean, (header, open, end), closed);
-    let body = clean.get(open + 1..end).unwrap_or_default();
-    let system = fractint::system(reader, body, open + 1, title);
+    portability(reader, clean, header, body.clone(), closed);
+    let text = clean.get(body.clone()).unwrap_or_default();
+    let system = fractint::system(reader, text, body.start, title);
     system.filter(|_| errors(reader) == told)
 }
 
@@ -180,8 +177,9 @@ fn title(reader: &mut Reader<'_>, clean: &[u8], header: &Header) -> fractint::Ti
     fractint::Title { name, dim: Some(dim.unwrap_or(2)), span }
 }
 
-/// What Fractint or its heirs would lose.
-fn portability(reader: &mut Reader<'_>, clean: &[u8], (header, open, end): (&Header, usize, usize), closed: bool) {
+/// Reports I009 for what Fractint and programs after it would drop.
+fn portability(reader: &mut Reader<'_>, clean: &[u8], header: &Header, body: Range<usize>, closed: bool) {
+    let (open, end) = (body.start - 1, body.end);
     let note = |reader: &mut Reader<'_>, text: &str, help: &str, (a, b): (usize, usize)| {
         let span = reader.span(a, b);
         reader.tell(Diagnostic::warning("I009", text, span, "here").help(help));

@@ -5,7 +5,7 @@ use roxmltree::{Attribute, Document, Node, ParsingOptions};
 
 use super::Reader;
 use crate::affine::Affine;
-use crate::{Ifs, MAX_COEFFICIENT, Map, View};
+use crate::{Ifs, MAX_COEFFICIENT, Map, PictureView};
 use osier_base::diagnostic::{Diagnostic, Span};
 use osier_base::files::number;
 use osier_base::units;
@@ -142,7 +142,7 @@ impl Flame<'_, '_> {
             condensation: Vec::new(),
             view: self.view(node),
             palette: self.palette(node),
-            weights: Some(crate::weights::Rule::Raw),
+            weights: Some(crate::weights::WeightRule::Raw),
             span,
         };
         let mut rows: Vec<Option<Vec<f64>>> = Vec::new();
@@ -274,7 +274,7 @@ impl Flame<'_, '_> {
     }
 
     /// Size and scale of the picture: `scale` pixels per unit, doubled by each step of `zoom`.
-    fn view(&mut self, node: Node<'_, '_>) -> Option<View> {
+    fn view(&mut self, node: Node<'_, '_>) -> Option<PictureView> {
         let size = self.list(node, "size").filter(|s| s.len() == 2 && s[0] >= 1.0 && s[1] >= 1.0)?;
         let scale =
             self.one(node, "scale", 50.0) * osier_base::math::pow(2.0, self.one(node, "zoom", 0.0).clamp(-60.0, 60.0));
@@ -282,7 +282,7 @@ impl Flame<'_, '_> {
         let background = self.list(node, "background").filter(|c| c.len() == 3).unwrap_or_else(|| vec![0.0; 3]);
         let linear =
             |i: usize| units::linear_from_srgb(osier_base::math::narrow(background.get(i).copied().unwrap_or(0.0)));
-        (scale > 0.0).then(|| View {
+        (scale > 0.0).then(|| PictureView {
             center: [center[0], -center[1]],
             width: size[0] / scale,
             rotate: units::radians(self.one(node, "rotate", 0.0)),

@@ -6,7 +6,7 @@ use crate::{Ifs, MAX_COEFFICIENT, Map};
 use osier_base::diagnostic::{Diagnostic, Span};
 use osier_base::files::{NumberError, number};
 
-/// Longest number.
+/// Most characters of a number that a diagnostic points at.
 const TOKEN: usize = 64;
 
 /// What the header says.
@@ -90,7 +90,7 @@ fn tokens(reader: &mut Reader<'_>, body: &[u8], start: usize) -> Option<Vec<Toke
                 match value(reader.text.get(a..b).unwrap_or_default()) {
                     Ok(value) => out.push(Token { value, span: reader.span(a, b), line }),
                     Err(why) => {
-                        bad(reader, (a, b), out.len() + bad_ones, &why);
+                        report_number(reader, a..b, out.len() + bad_ones, &why);
                         bad_ones += 1;
                     }
                 }
@@ -124,10 +124,12 @@ fn value(word: &str) -> Result<f64, String> {
     Ok(value)
 }
 
-fn bad(reader: &mut Reader<'_>, (a, b): (usize, usize), index: usize, why: &str) {
+/// Reports I005 for the number `index` of an entry, the bytes `word` of the text.
+fn report_number(reader: &mut Reader<'_>, word: std::ops::Range<usize>, index: usize, why: &str) {
     // Long words are pointed at by their start.
-    let end = a + reader.text.get(a..b).unwrap_or_default().chars().take(TOKEN).map(char::len_utf8).sum::<usize>();
-    let span = reader.span(a, end);
+    let end = word.start
+        + reader.text.get(word.clone()).unwrap_or_default().chars().take(TOKEN).map(char::len_utf8).sum::<usize>();
+    let span = reader.span(word.start, end);
     let d = Diagnostic::error("I005", why, span, format!("number {} of the entry", index + 1));
     reader.tell(d.help("write finite decimals such as 0.85, -.04 or 1e-3, separated by blanks"));
 }

@@ -22,7 +22,7 @@ const MAX_TOLD: usize = 100;
 
 /// What a file is, by what stands in it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum TableFormat {
     /// Fractint's columns.
     Fractint,
     /// XML of flam3 and Apophysis.
@@ -31,7 +31,7 @@ pub enum Kind {
     Table,
 }
 
-impl Kind {
+impl TableFormat {
     /// By the first character that is not blank, or a line that starts `[ifs` or `[[ifs`.
     fn of(text: &str) -> Self {
         if text.trim_start().starts_with('<') {
@@ -81,14 +81,14 @@ pub fn read(name: &str, bytes: &[u8], limits: &Limits) -> Result<(Vec<Ifs>, Repo
         let d = Diagnostic::about("I003", format!("\"{name}\" is not UTF-8 from line {line} on, read as Latin-1"));
         reader.tell(d.help("save the file as UTF-8 to keep names as they are"));
     }
-    let kind = Kind::of(&text.text);
+    let kind = TableFormat::of(&text.text);
     reader.check_suffix(name, kind);
     let systems = match kind {
-        Kind::Fractint => entries::read(&mut reader),
-        Kind::Flame => flame::read(&mut reader),
-        Kind::Table => table::read(&mut reader),
+        TableFormat::Fractint => entries::read(&mut reader),
+        TableFormat::Flame => flame::read(&mut reader),
+        TableFormat::Table => table::read(&mut reader),
     };
-    if kind == Kind::Fractint && !systems.is_empty() {
+    if kind == TableFormat::Fractint && !systems.is_empty() {
         reader.leave_out();
     }
     reader.check_names(&systems);
@@ -172,9 +172,11 @@ impl Reader<'_> {
         }
     }
 
-    fn check_suffix(&mut self, name: &str, kind: Kind) {
+    fn check_suffix(&mut self, name: &str, kind: TableFormat) {
         let lower = name.to_ascii_lowercase();
-        let claims = [Kind::Table, Kind::Flame, Kind::Fractint].into_iter().find(|k| lower.ends_with(k.suffix()));
+        let claims = [TableFormat::Table, TableFormat::Flame, TableFormat::Fractint]
+            .into_iter()
+            .find(|k| lower.ends_with(k.suffix()));
         if let Some(claimed) = claims.filter(|c| *c != kind) {
             let text = format!("the name ends in {}, but this is what {} files hold", claimed.suffix(), kind.suffix());
             let span = self.span(0, self.text.chars().next().map_or(0, char::len_utf8));

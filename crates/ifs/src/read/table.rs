@@ -1,13 +1,14 @@
 //! Our own tables: TOML with everything that Fractint's columns cannot hold.
 
+use std::ops::{Bound, RangeBounds};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::Reader;
 use crate::affine::Affine;
-use crate::faces::Model;
-use crate::weights::Rule;
-use crate::{Branch, Condensation, Ifs, MAX_COEFFICIENT, Map, Shape};
+use crate::faces::MeshReference;
+use crate::weights::WeightRule;
+use crate::{Branch, Condensation, CondensationShape, Ifs, MAX_COEFFICIENT, Map};
 use osier_base::diagnostic::{Diagnostic, Severity, Span, nearest};
 use osier_base::units;
 
@@ -66,7 +67,7 @@ pub(super) fn read(reader: &mut Reader<'_>) -> Vec<Ifs> {
     }
 }
 
-type Item<'i> = Spanned<DeValue<'i>>;
+type TomlItem<'i> = Spanned<DeValue<'i>>;
 
 struct Parser<'a, 'r> {
     reader: &'a mut Reader<'r>,
@@ -77,12 +78,12 @@ impl Parser<'_, '_> {
         self.reader.span(range.start, range.end)
     }
 
-    fn wrong(&mut self, item: &Item<'_>, key: &str, wanted: &str) {
+    fn wrong(&mut self, item: &TomlItem<'_>, key: &str, wanted: &str) {
         let d = Diagnostic::error("I033", format!("{key} must be {wanted}"), self.at(item.span()), "another type");
         self.reader.tell(d.help("see the page on attractors for every key"));
     }
 
-    fn outside(&mut self, item: &Item<'_>, key: &str, range: &str) {
+    fn outside(&mut self, item: &TomlItem<'_>, key: &str, range: &str) {
         let d = Diagnostic::error("I041", format!("{key} must be {range}"), self.at(item.span()), "outside");
         self.reader.tell(d.help(format!("give {key} a value of {range}")));
     }
@@ -99,7 +100,7 @@ impl Parser<'_, '_> {
         }
     }
 
-    fn table<'t, 'i>(&mut self, item: &'t Item<'i>, key: &str) -> Option<&'t DeTable<'i>> {
+    fn table<'t, 'i>(&mut self, item: &'t TomlItem<'i>, key: &str) -> Option<&'t DeTable<'i>> {
         if let DeValue::Table(t) = item.get_ref() {
             return Some(t);
         }
@@ -107,7 +108,7 @@ impl Parser<'_, '_> {
         None
     }
 
-    fn list<'t, 'i>(&mut self, item: &'t Item<'i>, key: &str) -> Option<&'t [Item<'i>]> {
+    fn list<'t, 'i>(&mut self, item: &'t TomlItem<'i>, key: &str) -> Option<&'t [TomlItem<'i>]> {
         if let DeValue::Array(list) = item.get_ref() {
             return Some(list);
         }
@@ -115,7 +116,7 @@ impl Parser<'_, '_> {
         None
     }
 
-    fn number(&mut self, item: &Item<'_>, key: &str) -> Option<f64> {
+    fn number(&mut self, item: &TomlItem<'_>, key: &str) -> Option<f64> {
         let value = match item.get_ref() {
             DeValue::Integer(i) => i64::from_str_radix(&i.as_str().replace('_', ""), i.radix()).ok().map(whole),
             DeValue::Float(f) => f.as_str().replace('_', "").parse::<f64>().ok(),
@@ -133,18 +134,27 @@ impl Parser<'_, '_> {
         finite
     }
 
-    /// A number in a closed range (`min_open`: without its lower end).
-    fn ranged(&mut self, item: &Item<'_>, key: &str, (min, max, min_open): (f64, f64, bool)) -> Option<f64> {
+    /// A number in a range, or I-diagnostic naming the range.
+    fn ranged(&mut self, item: &TomlItem<'_>, key: &str, range: impl RangeBounds<f64>) -> Option<f64> {
         let v = self.number(item, key)?;
-        if v < min || v > max || (min_open && v <= min) {
-            let from = if min_open { format!("above {min}") } else { format!("at least {min}") };
-            self.outside(item, key, &format!("{from} and at most {max}"));
+        if !range.contains(&v) {
+            let from = match range.start_bound() {
+                Bound::Excluded(min) => format!("above {min} and "),
+                Bound::Included(min) => format!("at least {min} and "),
+                Bound::Unbounded => String::new(),
+            };
+            let to = match range.end_bound() {
+                Bound::Excluded(max) => format!("below {max}"),
+                Bound::Included(max) => format!("at most {max}"),
+                Bound::Unbounded => "finite".to_owned(),
+            };
+            self.outside(item, key, &format!("{from}{to}"));
             return None;
         }
         Some(v)
     }
 
-    fn numbers(&mut self, item: &Item<'_>, key: &str, count: usize) -> Option<Vec<f64>> {
+    fn numbers(&mut self, item: &TomlItem<'_>, key: &str, count: usize) -> Option<Vec<f64>> {
         let list = self.list(item, key)?;
         let values: Vec<f64> = list.iter().filter_map(|i| self.number(i, key)).collect();
         if values.len() < list.len() {
@@ -171,10 +181,10 @@ impl Parser<'_, '_> {
     }
 
     fn share(&mut self, table: &DeTable<'_>, key: &str, fallback: f64) -> f64 {
-        table.get(key).and_then(|i| self.ranged(i, key, (0.0, 1.0, false))).unwrap_or(fallback)
+        table.get(key).and_then(|i| self.ranged(i, key, 0.0..=1.0)).unwrap_or(fallback)
     }
 
-    fn color(&mut self, item: &Item<'_>, key: &str) -> Option<[f32; 3]> {
+    fn color(&mut self, item: &TomlItem<'_>, key: &str) -> Option<[f32; 3]> {
         let text = if let DeValue::String(s) = item.get_ref() { s.as_ref() } else { "" };
         let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
         let part = |i: usize| {
@@ -227,14 +237,14 @@ impl Parser<'_, '_> {
         list.iter().filter_map(|i| self.color(i, "palette")).collect()
     }
 
-    fn rule(&mut self, item: &Item<'_>) -> Option<Rule> {
-        const WORDS: &[(&str, Rule)] = &[
-            ("file", Rule::File),
-            ("file-raw", Rule::Raw),
-            ("det", Rule::Det),
-            ("moran", Rule::Moran),
-            ("equal", Rule::Equal),
-            ("fractint", Rule::Fractint),
+    fn rule(&mut self, item: &TomlItem<'_>) -> Option<WeightRule> {
+        const WORDS: &[(&str, WeightRule)] = &[
+            ("file", WeightRule::File),
+            ("file-raw", WeightRule::Raw),
+            ("det", WeightRule::Det),
+            ("moran", WeightRule::Moran),
+            ("equal", WeightRule::Equal),
+            ("fractint", WeightRule::Fractint),
         ];
         let word = if let DeValue::String(s) = item.get_ref() { s.as_ref() } else { "" };
         let found = WORDS.iter().find(|(w, _)| *w == word).map(|w| w.1);
@@ -245,7 +255,7 @@ impl Parser<'_, '_> {
         found
     }
 
-    fn chaos(&mut self, item: &Item<'_>) -> Option<Vec<Vec<f64>>> {
+    fn chaos(&mut self, item: &TomlItem<'_>) -> Option<Vec<Vec<f64>>> {
         let rows = self.list(item, "chaos")?;
         let mut out = Vec::with_capacity(rows.len());
         for row in rows {
@@ -276,7 +286,7 @@ impl Parser<'_, '_> {
         out
     }
 
-    fn map(&mut self, t: &DeTable<'_>, item: &Item<'_>, dim: usize) -> Option<Map> {
+    fn map(&mut self, t: &DeTable<'_>, item: &TomlItem<'_>, dim: usize) -> Option<Map> {
         self.known(t, "a map", MAP);
         let span = self.at(item.span());
         let mut branch = None;
@@ -310,20 +320,23 @@ impl Parser<'_, '_> {
         map.coord = self.share(t, "coord", 0.0);
         map.speed = self.share(t, "speed", 0.5);
         map.opacity = self.share(t, "opacity", 1.0);
-        map.radius = t.get("radius").and_then(|i| self.ranged(i, "radius", (0.0, 1.0, true)));
+        map.radius =
+            t.get("radius").and_then(|i| self.ranged(i, "radius", (Bound::Excluded(0.0), Bound::Included(1.0))));
         map.axis = self.flag(t, "axis", false);
         map.leaf = self.flag(t, "leaf", true);
         map.stem = self.flag(t, "stem", false);
         Some(map)
     }
 
-    fn branch(&mut self, item: &Item<'_>) -> Option<Branch> {
+    fn branch(&mut self, item: &TomlItem<'_>) -> Option<Branch> {
         let t = self.table(item, "branch")?;
         self.known(t, "a branch", BRANCH);
         let mut angle = |key: &str| t.get(key).map_or(Some(0.0), |i| self.number(i, key)).map(units::radians);
         let (roll, pitch) = (angle("roll")?, angle("pitch")?);
-        let h = t.get("h").map_or(Some(1.0), |i| self.ranged(i, "h", (0.0, 1.0, false)))?;
-        let scale = t.get("scale").map_or(Some(0.5), |i| self.ranged(i, "scale", (0.0, 0.999_999, true)))?;
+        let h = t.get("h").map_or(Some(1.0), |i| self.ranged(i, "h", 0.0..=1.0))?;
+        let scale = t
+            .get("scale")
+            .map_or(Some(0.5), |i| self.ranged(i, "scale", (Bound::Excluded(0.0), Bound::Included(0.999_999))))?;
         Some(Branch { h, roll, pitch, scale })
     }
 
@@ -335,7 +348,7 @@ impl Parser<'_, '_> {
             self.known(t, "a condensation set", CONDENSATION);
             let weight = self.share(t, "weight", 0.05);
             let shape = match t.get("mesh") {
-                Some(mesh) => self.mesh(mesh, dim).map(Shape::Mesh),
+                Some(mesh) => self.mesh(mesh, dim).map(CondensationShape::Mesh),
                 None => {
                     let shape = self.shape(t);
                     if shape.is_none() {
@@ -356,7 +369,7 @@ impl Parser<'_, '_> {
     }
 
     /// `mesh = "FILE"` or `mesh = { file = "FILE", scale = 1, up = "y" }`; what the file holds is read by who knows folders.
-    fn mesh(&mut self, item: &Item<'_>, dim: usize) -> Option<Model> {
+    fn mesh(&mut self, item: &TomlItem<'_>, dim: usize) -> Option<MeshReference> {
         if dim != 3 {
             let text = "a mesh lies in space, this system in the plane";
             let d = Diagnostic::error("I033", text, self.at(item.span()), "needs dim = 3");
@@ -366,7 +379,7 @@ impl Parser<'_, '_> {
         let (name, scale, up_z) = match item.get_ref() {
             DeValue::Table(t) => {
                 self.known(t, "a mesh", MESH);
-                let scale = t.get("scale").map_or(Some(1.0), |i| self.ranged(i, "scale", (1e-6, 1e6, false)))?;
+                let scale = t.get("scale").map_or(Some(1.0), |i| self.ranged(i, "scale", 1e-6..=1e6))?;
                 let up = t.get("up").map(|i| (i, i.get_ref()));
                 let up_z = match up {
                     None => false,
@@ -389,10 +402,10 @@ impl Parser<'_, '_> {
             self.wrong(name.unwrap_or(item), "mesh", "the name of a file .obj, .glb or .gltf");
             return None;
         };
-        Some(Model { file, scale, up_z, span: self.at(named.span()), faces: std::sync::Arc::default() })
+        Some(MeshReference { file, scale, up_z, span: self.at(named.span()), faces: std::sync::Arc::default() })
     }
 
-    fn shape(&mut self, t: &DeTable<'_>) -> Option<Shape> {
+    fn shape(&mut self, t: &DeTable<'_>) -> Option<CondensationShape> {
         let point = |p: &mut Self, t: &DeTable<'_>, key: &str| -> Option<[f64; 3]> {
             let item = t.get(key)?;
             let count = p.list(item, key)?.len().clamp(2, 3);
@@ -402,12 +415,16 @@ impl Parser<'_, '_> {
         if let Some(item) = t.get("segment") {
             let s = self.table(item, "segment")?;
             let radius = s.get("radius").map_or(Some(0.05), |i| self.number(i, "radius"))?.max(0.0);
-            return Some(Shape::Segment { from: point(self, s, "from")?, to: point(self, s, "to")?, radius });
+            return Some(CondensationShape::Segment {
+                from: point(self, s, "from")?,
+                to: point(self, s, "to")?,
+                radius,
+            });
         }
         if let Some(item) = t.get("disc") {
             let s = self.table(item, "disc")?;
             let radius = s.get("radius").map_or(Some(1.0), |i| self.number(i, "radius"))?.max(0.0);
-            return Some(Shape::Disc { center: point(self, s, "center")?, radius });
+            return Some(CondensationShape::Disc { center: point(self, s, "center")?, radius });
         }
         let list = self.list(t.get("polygon")?, "polygon")?;
         let mut points = Vec::new();
@@ -415,7 +432,7 @@ impl Parser<'_, '_> {
             let v = self.numbers(item, "polygon", 2)?;
             points.push([v[0], v[1]]);
         }
-        (points.len() >= 3).then_some(Shape::Polygon { points })
+        (points.len() >= 3).then_some(CondensationShape::Polygon { points })
     }
 }
 

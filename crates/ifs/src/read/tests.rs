@@ -208,7 +208,7 @@ fn tables_hold_every_form_of_map() {
     let (systems, report) = try_read("t.ifs.toml", text);
     assert!(report.diagnostics.is_empty(), "{report}");
     let s = &systems[0];
-    assert_eq!((s.maps.len(), s.weights, s.condensation.len()), (2, Some(crate::weights::Rule::Equal), 1));
+    assert_eq!((s.maps.len(), s.weights, s.condensation.len()), (2, Some(crate::weights::WeightRule::Equal), 1));
     let [r, q, alpha, _] = s.maps[0].affine.to_polar();
     assert!((r - 0.6).abs() < 1e-12 && (q - 0.5).abs() < 1e-12 && (alpha.to_degrees() - 40.0).abs() < 1e-9);
     assert!(s.maps[1].stem && !s.maps[1].leaf && s.maps[0].color.is_some());
@@ -228,9 +228,9 @@ proptest! {
 
     #[test]
     fn what_is_read_can_be_written(text in "[a-z]{1,9}( \\(3D\\))? \\{\n([ \n]*[-+]?[0-9]{0,3}\\.?[0-9]{1,9}(e-?[0-9])?[ \n]+){14,26}\\}") {
-        use crate::weights::{Rule, probabilities};
-        use crate::write::{Item, entries};
-        let item = |s: &Ifs| Item { system: s.clone(), weights: probabilities(s, Rule::File).0, view: None };
+        use crate::weights::{WeightRule, probabilities};
+        use crate::write::{TableItem, entries};
+        let item = |s: &Ifs| TableItem { system: s.clone(), weights: probabilities(s, WeightRule::File).0, view: None };
         let Ok((systems, _)) = read("a.ifs", text.as_bytes(), &Limits::default()) else { return Ok(()) };
         let (first, _) = entries(&systems.iter().map(item).collect::<Vec<_>>());
         let (again, _) = read("b.ifs", first.as_bytes(), &Limits::default()).expect("reads its own");

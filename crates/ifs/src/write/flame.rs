@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::{Item, decimal, lost, millionths, names, share};
+use super::{TableItem, decimal, lost, millionths, names, share};
 use crate::affine::Affine;
-use crate::{Ifs, View};
+use crate::{Ifs, PictureView};
 use osier_base::diagnostic::Diagnostic;
 use osier_base::units::{srgb_byte, srgb_from_linear};
 
@@ -14,7 +14,7 @@ const HEIGHT: f64 = 720.0;
 /// All systems as one document, with what it cannot hold (I011).
 /// # Errors
 /// I030 for a system of space.
-pub fn flames(items: &[Item]) -> Result<(String, Vec<Diagnostic>), Box<Diagnostic>> {
+pub fn flames(items: &[TableItem]) -> Result<(String, Vec<Diagnostic>), Box<Diagnostic>> {
     let mut out = String::from("<flames>\n");
     for (item, name) in items.iter().zip(names(items)) {
         if item.system.dim != 2 {
@@ -26,7 +26,7 @@ pub fn flames(items: &[Item]) -> Result<(String, Vec<Diagnostic>), Box<Diagnosti
     Ok((out + "</flames>\n", items.iter().filter_map(|i| told(&i.system)).collect()))
 }
 
-fn flame(item: &Item, name: &str) -> String {
+fn flame(item: &TableItem, name: &str) -> String {
     let ifs = &item.system;
     let mut out = format!("<flame name=\"{name}\" version=\"osier {}\"", env!("CARGO_PKG_VERSION"));
     out += &ifs.view.or(item.view).map(|v| view(&v)).unwrap_or_default();
@@ -70,7 +70,7 @@ fn coefs(map: &Affine) -> String {
 }
 
 /// Numbers of a view are kept to nine digits, so that writing what was read changes nothing.
-fn view(v: &View) -> String {
+fn view(v: &PictureView) -> String {
     let short = |v: f64| format!("{v:.9e}").parse::<f64>().map_or_else(|_| "0".into(), decimal);
     let width = (v.aspect * HEIGHT).round().max(1.0);
     let background = v.background.map(|c| format!("{:.4}", srgb_from_linear(c)).parse::<f64>().unwrap_or(0.0));

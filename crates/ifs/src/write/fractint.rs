@@ -1,6 +1,6 @@
 //! Fractint's `.ifs`.
 
-use super::{Item, decimal, lost, millionths, names, share};
+use super::{TableItem, decimal, lost, millionths, names, share};
 use crate::Ifs;
 use osier_base::diagnostic::Diagnostic;
 
@@ -10,7 +10,7 @@ const SPACE: &str =
     "; columns a..i j k l p :  x' = a x + b y + c z + j   y' = d x + e y + f z + k   z' = g x + h y + i z + l";
 
 /// All systems as a text, with what it cannot hold (I011).
-pub fn entries(items: &[Item]) -> (String, Vec<Diagnostic>) {
+pub fn entries(items: &[TableItem]) -> (String, Vec<Diagnostic>) {
     let mut out = format!("; osier {}\n", env!("CARGO_PKG_VERSION"));
     for (dim, columns) in [(2, PLANE), (3, SPACE)] {
         if items.iter().any(|i| i.system.dim == dim) {
@@ -25,7 +25,7 @@ pub fn entries(items: &[Item]) -> (String, Vec<Diagnostic>) {
 }
 
 /// One line per map; columns are as wide as their widest number.
-fn rows(item: &Item) -> String {
+fn rows(item: &TableItem) -> String {
     let ifs = &item.system;
     let shares = millionths(&item.weights);
     let table: Vec<Vec<String>> = ifs

@@ -11,7 +11,7 @@ pub use flame::flames;
 pub use fractint::entries;
 pub use tree::squashed;
 
-use super::{Ifs, View};
+use super::{Ifs, PictureView};
 use osier_base::diagnostic::Diagnostic;
 
 /// Shares are written in millionths.
@@ -19,15 +19,15 @@ const MILLION: u64 = 1_000_000;
 /// Longest name of a system.
 const NAME: usize = 40;
 
-/// A system to write.
+/// A system to write and its name in the file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Item {
-    /// It.
+pub struct TableItem {
+    /// The system.
     pub system: Ifs,
     /// Weight of each map, as it is drawn; sum 1.
     pub weights: Vec<f64>,
     /// What a picture of it shows, where the system does not say: flames need it.
-    pub view: Option<View>,
+    pub view: Option<PictureView>,
 }
 
 /// Shares in millionths whose sum is a million: rounded, the last takes the rest; none that was above 0 becomes 0.
@@ -73,7 +73,7 @@ fn decimal(v: f64) -> String {
 }
 
 /// Names as every reader takes them, each once: ASCII, no blanks, brackets, braces or semicolons.
-fn names(items: &[Item]) -> Vec<String> {
+fn names(items: &[TableItem]) -> Vec<String> {
     let mut taken: std::collections::BTreeSet<String> = std::collections::BTreeSet::new();
     items
         .iter()

@@ -6,19 +6,19 @@ use crate::game::extent;
 use crate::read::read;
 use crate::stems::{is_tree, stems};
 use crate::tests::table;
-use crate::weights::{Rule, probabilities};
+use crate::weights::{WeightRule, probabilities};
 use osier_base::limits::Limits;
 
 fn systems(name: &str, text: &str) -> Vec<Ifs> {
     read(name, text.as_bytes(), &Limits::default()).unwrap_or_else(|e| panic!("{name}: {e}\n{text}")).0
 }
 
-fn item(system: &Ifs) -> Item {
-    let rule = system.weights.unwrap_or(Rule::File);
-    Item { system: system.clone(), weights: probabilities(system, rule).0, view: None }
+fn item(system: &Ifs) -> TableItem {
+    let rule = system.weights.unwrap_or(WeightRule::File);
+    TableItem { system: system.clone(), weights: probabilities(system, rule).0, view: None }
 }
 
-fn items(systems: &[Ifs]) -> Vec<Item> {
+fn items(systems: &[Ifs]) -> Vec<TableItem> {
     systems.iter().map(item).collect()
 }
 
@@ -105,7 +105,7 @@ fn names_are_sound_and_used_once() {
         item(&s)
     };
     let long = "x".repeat(60);
-    let all: Vec<Item> = ["a b", "A_B", "comment", "", "IFS:q", &long, &long].map(of).into();
+    let all: Vec<TableItem> = ["a b", "A_B", "comment", "", "IFS:q", &long, &long].map(of).into();
     let found = names(&all);
     assert_eq!(found[..5], ["a_b", "A_B_2", "comment_", "system", "q"]);
     assert!(found[5].len() == 40 && found[6].len() == 40 && found[5] != found[6]);
@@ -141,10 +141,10 @@ fn trees_are_squashed_as_the_shipped_ones() {
 /// Points of the chaos game stay in the box of the words, 2 % wider.
 #[test]
 fn a_squashed_tree_fills_its_own_box() {
-    use crate::words::{Limits as Cut, expand};
+    use crate::words::{ExpansionLimits, expand};
     let tree = systems("monopodial.ifs.toml", &table("monopodial.ifs.toml"));
     let grown = stems(&tree[0]).expect("a tree");
-    let limits = Cut { eps: 0.004, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
+    let limits = ExpansionLimits { eps: 0.004, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
     let words = expand(&grown.system, &grown.letters, &limits, None).expect("expands").words;
     let ends = || words.iter().flat_map(|w| [w.map.apply(glam::DVec3::ZERO), w.map.apply(glam::DVec3::Y)]);
     let (low, high) =
@@ -152,6 +152,6 @@ fn a_squashed_tree_fills_its_own_box() {
     let slack = 0.02 * (high - low).max_element();
     let plain = squashed(&grown).system;
     let plain = Ifs { condensation: Vec::new(), ..plain };
-    let (l, h) = extent(&plain, &study(&plain, Rule::Moran)).expect("an attractor").bounds;
+    let (l, h) = extent(&plain, &study(&plain, WeightRule::Moran)).expect("an attractor").bounds;
     assert!(l.cmpge(low - slack).all() && h.cmple(high + slack).all(), "{l} {h} beyond {low} {high}");
 }

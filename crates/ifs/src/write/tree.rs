@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DVec3};
 
-use super::Item;
+use super::TableItem;
 use crate::Map;
 use crate::affine::Affine;
-use crate::stems::Stems;
-use crate::words::{Limits, expand, height};
+use crate::stems::TreeSystem;
+use crate::words::{ExpansionLimits, expand, height};
 use osier_base::math;
 
 /// A crown is thin outside: its densest part has so much of its width.
@@ -17,7 +17,7 @@ const LEAST: f64 = 0.02;
 /// The tree's branching maps after one that squashes the whole into the trunk. Systems that hold such a map stay as they
 /// are. Weights are max(|det|^(2/3), 0.02) over their sum.
 /// Own: the width of the trunk is 0.8 of its diameter over the crown's width at eps 0.03.
-pub fn squashed(stems: &Stems) -> Item {
+pub fn squashed(stems: &TreeSystem) -> TableItem {
     let mut system = stems.system.clone();
     if system.maps.iter().all(|m| !m.stem) {
         let squash = Map { stem: true, ..Map::new(squash(stems), None, system.span) };
@@ -26,13 +26,13 @@ pub fn squashed(stems: &Stems) -> Item {
     let weight = |m: &Map| math::pow(m.affine.det(3).abs(), 2.0 / 3.0).max(LEAST);
     let weights: Vec<f64> = system.maps.iter().map(weight).collect();
     let sum = weights.iter().fold(0.0, |s, w| s + w).max(1e-9);
-    Item { system, weights: weights.iter().map(|w| w / sum).collect(), view: None }
+    TableItem { system, weights: weights.iter().map(|w| w / sum).collect(), view: None }
 }
 
-fn squash(stems: &Stems) -> Affine {
+fn squash(stems: &TreeSystem) -> Affine {
     let (foot, tip) = stems.trunk;
     let high = height(&stems.system, &stems.letters, stems.trunk);
-    let limits = Limits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
+    let limits = ExpansionLimits { eps: 0.03, max_depth: u16::MAX, max_order: u16::MAX, max_words: 5_000_000 };
     let words = expand(&stems.system, &stems.letters, &limits, None).map(|e| e.words).unwrap_or_default();
     let ends = words.iter().map(|w| w.map.apply(tip) - foot);
     let wide = ends.fold(0.0_f64, |m, p| m.max(p.x.abs()).max(p.z.abs())).max(1e-9);

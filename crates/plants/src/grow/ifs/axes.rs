@@ -6,7 +6,7 @@ use super::{TreeSize, WordSite};
 use crate::grow::polyline::{self, NewAxis};
 use osier_base::math::{self, narrow};
 use osier_base::rng::{mix64, word};
-use osier_ifs::stems::Stems;
+use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{Expansion, NONE as ROOT, Word};
 use osier_scene::plant::{NONE, Plant};
 
@@ -56,7 +56,7 @@ pub(super) struct Skeleton {
 /// Builds the axes of all words.
 /// Own: a word's segment ends as thick as the word that leads on begins; without one, as thick as its children's
 /// cross-sections together, at most as its foot.
-pub(super) fn build_skeleton(stems: &Stems, expanded: &Expansion, size: TreeSize) -> Skeleton {
+pub(super) fn build_skeleton(stems: &TreeSystem, expanded: &Expansion, size: TreeSize) -> Skeleton {
     let TreeSize { scale, radius } = size;
     let maps = &stems.system.maps;
     // Ratio of the radii at both ends of a segment, from the maps' own radius ratios.
@@ -122,7 +122,7 @@ pub(super) fn build_skeleton(stems: &Stems, expanded: &Expansion, size: TreeSize
 
 impl Skeleton {
     /// Arc length on the parent's axis where a word's foot lies, table units.
-    fn attachment_s(&self, stems: &Stems, expanded: &Expansion, w: &Word) -> f64 {
+    fn attachment_s(&self, stems: &TreeSystem, expanded: &Expansion, w: &Word) -> f64 {
         let (Some(parent), Some(&WordSegment { start: a, end: b, .. })) =
             (expanded.words.get(w.parent as usize), self.segments.get(w.parent as usize))
         else {
@@ -140,7 +140,7 @@ impl Skeleton {
     }
 
     /// Where a cut word would have grown.
-    pub fn site(&self, stems: &Stems, expanded: &Expansion, cut: &Word) -> Option<WordSite> {
+    pub fn site(&self, stems: &TreeSystem, expanded: &Expansion, cut: &Word) -> Option<WordSite> {
         let parent = self.segments.get(cut.parent as usize)?;
         Some(WordSite { axis: self.raw[parent.axis].place, s: self.attachment_s(stems, expanded, cut) })
     }

@@ -5,7 +5,7 @@ use crate::grow::turtle::OrganSpec;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::math::{self, narrow};
 use osier_base::rng::{child, mix64, word};
-use osier_ifs::stems::Stems;
+use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{self, Word};
 use osier_scene::plant::{Organ, Plant, Proto};
 
@@ -38,12 +38,12 @@ pub struct SubtreeClass {
 /// # Errors
 /// I040 beyond the words allowed.
 pub fn subtree_classes(
-    stems: &Stems,
-    limits: &words::Limits,
+    stems: &TreeSystem,
+    limits: &words::ExpansionLimits,
     coarse: f64,
     count: u32,
 ) -> Result<Vec<SubtreeClass>, Box<Diagnostic>> {
-    let cut = words::Limits { eps: coarse, ..*limits };
+    let cut = words::ExpansionLimits { eps: coarse, ..*limits };
     let cuts = words::expand(&stems.system, &stems.letters, &cut, None)?.cuts;
     let mut sums = vec![(0.0, 0.0, u16::MAX); count.max(1) as usize];
     let ratio = coarse / limits.eps;

@@ -11,7 +11,7 @@ use osier_base::Result;
 use osier_base::limits::Limits;
 use osier_base::math::{self, narrow};
 use osier_base::rng::{mix64, word};
-use osier_ifs::stems::Stems;
+use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{self, Word};
 use osier_scene::Mesh;
 use osier_scene::plant::{Organ, Plant, Proto};
@@ -112,14 +112,14 @@ struct BranchletCopies {
 /// # Errors
 /// As [`super::grow`].
 pub fn grow(
-    stems: &Stems,
+    stems: &TreeSystem,
     plant: (u32, u64),
     options: &TreeOptions,
     limits: &Limits,
 ) -> Result<(Plant, Vec<Branchlet>)> {
     let tree_size = TreeSize::new(stems, options);
     let fine = super::word_limits(options, limits);
-    let whole = words::Limits { eps: (CUT_FACTOR * options.eps).min(1.0), ..fine };
+    let whole = words::ExpansionLimits { eps: (CUT_FACTOR * options.eps).min(1.0), ..fine };
     let mut expanded = super::expand_words(stems, plant, options, &whole)?;
     // Below the cut of the whole tree are leaves, and where letters are used up.
     let grows = |w: &Word| w.size >= options.eps && w.size < whole.eps;
@@ -168,7 +168,7 @@ fn branchlet_classes(words: &[Word], options: &TreeOptions) -> Vec<BranchletClas
 
 /// Grows the branchlets of all classes, each in the geometric mean size of its words.
 fn grow_branchlets(
-    stems: &Stems,
+    stems: &TreeSystem,
     plant: (u32, u64),
     tree_size: TreeSize,
     kinds: &BTreeMap<BranchletClass, ClassMean>,
@@ -181,7 +181,7 @@ fn grow_branchlets(
         let enough = kind.count >= 2.0 * MIN_CLASS_WORDS as f64;
         let variants = if options.variation > 0.0 && enough { VARIANTS } else { 1 };
         copies.insert(*class, BranchletCopies { first: branchlets.len(), size, variants, next: 0 });
-        let own = words::Limits {
+        let own = words::ExpansionLimits {
             eps: options.eps / size,
             max_depth: class.depth,
             max_order: class.order,

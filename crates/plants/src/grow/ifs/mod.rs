@@ -18,7 +18,7 @@ use osier_base::math::narrow;
 use osier_base::rng::{Rng, child, mix64, word};
 use osier_base::{Error, Result};
 use osier_ifs::affine::Affine;
-use osier_ifs::stems::Stems;
+use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{self, Expansion, Variation, Word};
 use osier_scene::plant::{Organ, Plant, Proto};
 
@@ -68,9 +68,9 @@ pub struct TreeOptions {
 /// Differs: tapered tubes that bend with their axis in place of joined cylinders; growth cut by size.
 /// # Errors
 /// `Input` with I040 beyond the words allowed; what `plant::validate` refuses.
-pub fn grow(stems: &Stems, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
+pub fn grow(stems: &TreeSystem, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
     let fine = word_limits(options, limits);
-    let cut = words::Limits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
+    let cut = words::ExpansionLimits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
     let expanded = expand_words(stems, plant, options, &cut)?;
     build_plant(stems, &expanded, plant, TreeSize::new(stems, options), options, |_, _, _| {})
 }
@@ -85,14 +85,19 @@ struct TreeSize {
 }
 
 impl TreeSize {
-    fn new(stems: &Stems, options: &TreeOptions) -> Self {
+    fn new(stems: &TreeSystem, options: &TreeOptions) -> Self {
         let scale = options.height / words::height(&stems.system, &stems.letters, stems.trunk);
         Self { scale, radius: options.radius.unwrap_or(stems.radius * scale) }
     }
 }
 
 /// The words of a plant, varied by its seed.
-fn expand_words(stems: &Stems, plant: (u32, u64), options: &TreeOptions, cut: &words::Limits) -> Result<Expansion> {
+fn expand_words(
+    stems: &TreeSystem,
+    plant: (u32, u64),
+    options: &TreeOptions,
+    cut: &words::ExpansionLimits,
+) -> Result<Expansion> {
     let vary = Variation::new(plant.1, plant.0.into(), options.variation);
     let vary = (options.variation > 0.0).then_some(vary);
     words::expand(&stems.system, &stems.letters, cut, vary)
@@ -101,7 +106,7 @@ fn expand_words(stems: &Stems, plant: (u32, u64), options: &TreeOptions, cut: &w
 
 /// Builds the plant of some words: axes, organs and what `more` adds to them, radii, materials. `plant`: its id and seed.
 fn build_plant(
-    stems: &Stems,
+    stems: &TreeSystem,
     expanded: &Expansion,
     plant: (u32, u64),
     size: TreeSize,
@@ -135,9 +140,9 @@ fn build_plant(
 }
 
 /// The limits of the words of the tree at full detail.
-pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::Limits {
+pub fn word_limits(options: &TreeOptions, limits: &Limits) -> words::ExpansionLimits {
     let max_words = limits.get("nodes").min(MAX_SEGMENTS);
-    words::Limits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words }
+    words::ExpansionLimits { eps: options.eps, max_depth: options.max_depth, max_order: options.max_order, max_words }
 }
 
 /// A plant's organs in canonical order: by axis, arc length (as bits) and id.
@@ -199,7 +204,7 @@ fn map_rotation(map: &Affine) -> glam::Quat {
 /// A tree whose axes are in the plant.
 #[derive(Debug, Clone, Copy)]
 struct GrownTree<'a> {
-    stems: &'a Stems,
+    stems: &'a TreeSystem,
     expanded: &'a Expansion,
     /// The axes that the words became.
     skeleton: &'a Skeleton,
@@ -256,7 +261,7 @@ struct AxisSite {
 
 /// One leaf of a site.
 struct LeafCopy<'a> {
-    stems: &'a Stems,
+    stems: &'a TreeSystem,
     /// The word whose growth was cut here.
     cut: &'a Word,
     /// Number of the leaf at its site.

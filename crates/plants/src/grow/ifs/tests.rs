@@ -3,7 +3,7 @@ use osier_base::limits::Limits;
 use osier_ifs::read;
 use osier_scene::plant::NONE;
 
-fn stems_of(name: &str) -> Stems {
+fn stems_of(name: &str) -> TreeSystem {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../ifs-tables").join(name);
     #[allow(clippy::disallowed_methods, reason = "tests read the tables")]
     let text = std::fs::read_to_string(path).expect("a table");
@@ -111,7 +111,7 @@ fn a_finer_cut_moves_nothing() {
 #[test]
 fn matrices_are_read_as_the_branches_they_came_from() {
     let (text, table) = (stems_of("monopodial.ifs"), stems_of("monopodial.ifs.toml"));
-    let axis = |s: &Stems| s.system.maps.iter().filter(|m| !m.stem).position(|m| m.axis);
+    let axis = |s: &TreeSystem| s.system.maps.iter().filter(|m| !m.stem).position(|m| m.axis);
     assert_eq!((axis(&text), axis(&table)), (Some(0), Some(0)));
     assert!((text.radius / table.radius - 1.0).abs() < 0.2, "{} {}", text.radius, table.radius);
     let sum: f64 = text.system.maps.iter().filter_map(|m| m.radius).map(|r| r * r).sum();
@@ -125,7 +125,7 @@ fn meshes_stand_on_every_word_as_its_map_has_them() {
     let corner = Vec3::new(0.3, 0.7, -0.2);
     let mesh = osier_scene::Mesh { points: vec![corner, Vec3::X, Vec3::Z], ..osier_scene::Mesh::default() };
     let set = OrganSpec { name: "set".into(), meshes: vec![std::sync::Arc::new(mesh)], size: 1.0, petiole: 0.0 };
-    let cut = words::Limits { eps: 0.2, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1000 };
+    let cut = words::ExpansionLimits { eps: 0.2, max_depth: u16::MAX, max_order: u16::MAX, max_words: 1000 };
     for variation in [0.0, 1.0] {
         let options = TreeOptions { sets: vec![set.clone()], ..options(0.2, variation) };
         let plant = grow(&stems, (7, 5), &options, &Limits::default()).expect("grows");
@@ -165,7 +165,7 @@ fn cards_stand_where_the_fine_tree_grows_on() {
         let coarse = grow(&stems, (7, 4), &seen, &Limits::default()).expect("grows");
         let is_card = |o: &&Organ| coarse.protos[usize::from(o.proto)].name.starts_with("card");
         let stand: Vec<&Organ> = coarse.organs.iter().filter(is_card).collect();
-        let plain = words::Limits { eps: 0.32, ..word_limits(&seen, &Limits::default()) };
+        let plain = words::ExpansionLimits { eps: 0.32, ..word_limits(&seen, &Limits::default()) };
         let cuts = words::expand(&stems.system, &stems.letters, &plain, None).expect("expands").cuts;
         let grows = cuts.iter().filter(|c| c.size >= 0.08).count();
         assert_eq!((stand.len(), coarse.organs.len() - stand.len()), (grows, cuts.len() - grows), "{name}");
