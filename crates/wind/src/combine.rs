@@ -1,4 +1,4 @@
-//! Winds made of winds.
+//! Wind fields computed from other wind fields: scaled, and summed.
 
 use std::sync::Arc;
 
@@ -6,18 +6,18 @@ use glam::Vec3;
 
 use super::Wind;
 
-/// A wind whose air is so many times as fast; what travels in it does not travel faster.
+/// A wind with its velocities multiplied by a factor. Gusts still travel at the speed of the original wind.
 #[derive(Debug, Clone)]
 pub struct ScaledWind {
-    /// The wind.
+    /// The wind that is scaled.
     pub wind: Arc<dyn Wind>,
-    /// Factor on its velocities.
+    /// Factor on the velocities.
     pub factor: f32,
 }
 
 impl Wind for ScaledWind {
-    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
-        self.wind.sample(places, t, out);
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
+        self.wind.sample(positions, t, out);
         out.iter_mut().for_each(|u| *u *= self.factor);
     }
 
@@ -34,19 +34,29 @@ impl Wind for ScaledWind {
     }
 }
 
-/// Several winds at once: their velocities add up.
+/// The sum of the velocities of several winds.
+/// ```
+/// use std::sync::Arc;
+///
+/// use glam::Vec3;
+/// use osier_wind::{ScaledWind, UniformWind, Wind, WindSum};
+///
+/// let breeze = Arc::new(UniformWind(Vec3::X));
+/// let half = ScaledWind { wind: breeze.clone(), factor: 0.5 };
+/// assert_eq!(WindSum(vec![breeze, Arc::new(half)]).mean(), Vec3::X * 1.5);
+/// ```
 #[derive(Debug, Clone)]
 pub struct WindSum(
-    /// The winds.
+    /// The winds, added in this order.
     pub Vec<Arc<dyn Wind>>,
 );
 
 impl Wind for WindSum {
-    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
         out.fill(Vec3::ZERO);
-        let mut own = vec![Vec3::ZERO; places.len()];
+        let mut own = vec![Vec3::ZERO; positions.len()];
         for wind in &self.0 {
-            wind.sample(places, t, &mut own);
+            wind.sample(positions, t, &mut own);
             out.iter_mut().zip(&own).for_each(|(u, v)| *u += *v);
         }
     }
@@ -59,7 +69,7 @@ impl Wind for WindSum {
         self.0.iter().map(|w| w.mean_at(height)).sum()
     }
 
-    /// That of all, if they agree; a wind that never changes (0 s) agrees with any.
+    /// The common period of all winds, if they have one; a wind that never changes (period 0) fits any period.
     fn period(&self) -> Option<f64> {
         self.0.iter().map(|w| w.period()).try_fold(0.0, |common, own| {
             let own = own?;

@@ -1,23 +1,30 @@
-//! Gradient noise for air, made to be drawn millions of times: gradients of whole numbers, no trigonometry.
+//! Perlin gradient noise in one dimension for winds, which call it millions of times: gradients from an integer hash, without
+//! trigonometry. [`super::noise_block`] has two and three dimensions.
 
-/// Cells of a lattice that need not repeat.
+/// Period, in cells, of noise that need not repeat.
 pub(super) const ENDLESS: i32 = 1 << 20;
 
-/// Smooth noise in time, in [-1, 1], without mean.
+/// Smooth noise of time, in [-1, 1], with a mean of 0.
+/// ```
+/// let noise = osier_wind::TimeNoise::new(7, 0.5, Some(4.0));
+/// assert!((noise.at(1.3) - noise.at(5.3)).abs() < 1e-5);
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct TimeNoise {
     seed: u32,
-    /// Cells a second.
+    /// Noise cells per second.
     rate: f64,
+    /// Cells after which it repeats.
     cells: i32,
 }
 
 impl TimeNoise {
-    /// `hertz`: wanted cells a second; with a `period`, s, it repeats after whole cells, at least one.
+    /// `hertz`: noise cells per second. With a `period`, s, the rate is rounded so that a whole number of cells, at least one,
+    /// passes in it.
     pub fn new(seed: u32, hertz: f64, period: Option<f64>) -> Self {
         match period.filter(|p| *p > 0.0) {
             Some(p) => {
-                #[allow(clippy::cast_possible_truncation, reason = "a few cells a second")]
+                #[allow(clippy::cast_possible_truncation, reason = "a few cells per second")]
                 let cells = (hertz * p).round().max(1.0) as i32;
                 Self { seed, rate: f64::from(cells) / p, cells }
             }
@@ -25,60 +32,67 @@ impl TimeNoise {
         }
     }
 
-    /// Another one of the same pace.
+    /// An independent noise of the same rate and period.
     #[must_use]
     pub fn with_seed_offset(self, number: u32) -> Self {
         Self { seed: self.seed.wrapping_add(number), ..self }
     }
 
-    /// Its value at a time, s.
+    /// Value in [-1, 1] at a time, s.
     pub fn at(self, seconds: f64) -> f32 {
-        noise1(self.seed, Place::new(seconds * self.rate, self.cells), self.cells)
+        noise1(self.seed, NoiseCoordinate::new(seconds * self.rate, self.cells), self.cells)
     }
 }
 
-/// A place on a lattice: cell and place in the cell.
+/// One coordinate of the noise lattice: cell, and position in the cell.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct NoiseCoordinate {
+    /// 0 to the period less 1.
     cell: i32,
-    inside: f32,
+    /// 0 to 1.
+    fraction: f32,
 }
 
-impl Place {
-    /// `x`: in cells, within +-2^31; `period`: cells after which the lattice repeats, >= 1.
+impl NoiseCoordinate {
+    /// `x`: coordinate in cells, within +-2^31; `period`: cells after which the lattice repeats, >= 1.
     #[allow(clippy::cast_possible_truncation, reason = "saturates far from anything that is drawn")]
     pub(super) fn new(x: f64, period: i32) -> Self {
-        // The cast rounds towards zero: one less below it.
-        let near = x as i32;
-        let whole = if f64::from(near) > x { near - 1 } else { near };
-        Self { cell: whole.rem_euclid(period), inside: (x - f64::from(whole)) as f32 }
+        // floor(x): the cast rounds towards zero, which is one too many for a negative fraction.
+        let truncated = x as i32;
+        let floor = if f64::from(truncated) > x { truncated - 1 } else { truncated };
+        Self { cell: floor.rem_euclid(period), fraction: (x - f64::from(floor)) as f32 }
     }
 
-    /// Both cells around it.
-    fn cells(self, period: i32) -> [i32; 2] {
+    /// The two lattice points around it, wrapped.
+    fn lattice_points(self, period: i32) -> [i32; 2] {
         let next = self.cell + 1;
         [self.cell, if next >= period { 0 } else { next }]
     }
 }
 
-/// Noise along a line, in [-1, 1].
-pub(super) fn noise1(seed: u32, x: Place, period: i32) -> f32 {
-    let slope =
-        |cell: i32, f: f32| (scramble(seed, [cell.cast_unsigned(), 0, 0]) >> 8) as f32 * (2.0 / 16_777_216.0) * f - f;
-    let [a, b] = x.cells(period);
-    let (low, high) = (slope(a, x.inside), slope(b, x.inside - 1.0));
-    2.0 * (low + (high - low) * fade(x.inside))
+/// Gradient noise in one dimension, in [-1, 1].
+pub(super) fn noise1(seed: u32, x: NoiseCoordinate, period: i32) -> f32 {
+    // A gradient in [-1, 1) from the upper 24 bits h of the hash, times the distance: (2 h / 2^24 - 1) d, multiplied out.
+    let ramp = |cell: i32, distance: f32| {
+        (hash_cell(seed, [cell.cast_unsigned(), 0, 0]) >> 8) as f32 * (2.0 / 16_777_216.0) * distance - distance
+    };
+    let [a, b] = x.lattice_points(period);
+    let (low, high) = (ramp(a, x.fraction), ramp(b, x.fraction - 1.0));
+    // Two opposite gradients of 1 meet at 1/2 in the middle of a cell: the factor 2 fills [-1, 1].
+    2.0 * (low + (high - low) * fade(x.fraction))
 }
 
-/// Mixes a cell into a number whose bits have nothing to do with each other.
+/// Hash of a lattice point: the bits of the result are uncorrelated. Source: own; a product with odd constants per axis, then
+/// the `lowbias32` finalizer of Wellons.
 #[inline(always)]
-pub(super) fn scramble(seed: u32, [x, y, z]: [u32; 3]) -> u32 {
+pub(super) fn hash_cell(seed: u32, [x, y, z]: [u32; 3]) -> u32 {
     let mut h = seed ^ x.wrapping_mul(0x8DA6_B343) ^ y.wrapping_mul(0xD816_3841) ^ z.wrapping_mul(0xCB1A_B31F);
     h = (h ^ (h >> 16)).wrapping_mul(0x7FEB_352D);
     h = (h ^ (h >> 15)).wrapping_mul(0x846C_A68B);
     h ^ (h >> 16)
 }
 
+/// 6 t^5 - 15 t^4 + 10 t^3 on [0, 1]: first and second derivative vanish at both ends. Source: Perlin 2002.
 #[inline(always)]
 pub(super) fn fade(t: f32) -> f32 {
     t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
@@ -92,7 +106,7 @@ mod tests {
     fn noise_has_no_mean_and_known_strength() {
         let (mut sum, mut square, n) = (0.0, 0.0, 60_000_u32);
         for i in 0..n {
-            let v = f64::from(noise1(5, Place::new(f64::from(i) * 0.317, ENDLESS), ENDLESS));
+            let v = f64::from(noise1(5, NoiseCoordinate::new(f64::from(i) * 0.317, ENDLESS), ENDLESS));
             assert!(v.abs() <= 1.0, "{v}");
             (sum, square) = (sum + v, square + v * v);
         }
@@ -104,7 +118,7 @@ mod tests {
     fn noise_repeats() {
         for i in 0..500_u32 {
             let x = f64::from(i) * 0.0371;
-            let line = |x: f64| noise1(3, Place::new(x, 4), 4);
+            let line = |x: f64| noise1(3, NoiseCoordinate::new(x, 4), 4);
             assert!((line(x) - line(x - 4.0)).abs() < 1e-5);
         }
     }

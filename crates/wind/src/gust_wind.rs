@@ -1,47 +1,40 @@
-//! Gusts that travel downwind, with eddies in them.
+//! Gusts that travel downwind, with turbulent eddies in them.
 
 use glam::Vec3;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::gradient_noise::{ENDLESS, Place, noise1};
-use super::noise_block::{BLOCK, Places, noise2, noise3};
-use super::{CALM_SPEED, Wind, with_height};
+use super::gradient_noise::{ENDLESS, NoiseCoordinate, noise1};
+use super::noise_block::{BLOCK, CoordinateBlock, NOISE3_RMS, noise2, noise3};
+use super::tuning::{GUST_WIDTH, LATERAL_EDDY, MAX_EDDY, MIN_CELLS_PER_PERIOD, VERTICAL_EDDY, WANDER_TIME};
+use super::{CALM_SPEED, Wind, power_law};
 use osier_base::math;
 use osier_base::rng::Rng;
 
-/// Root mean square of one component of the eddies' noise.
-pub(super) const EDDY_RMS: f32 = 0.219;
-/// Strongest eddy, in root mean squares.
-const EDDY_MOST: f32 = 2.5;
-/// Time in which the direction wanders, s.
-const WANDER_TIME: f64 = 12.0;
-/// Fewest cells in a period.
-const FEWEST: f64 = 4.0;
-/// Heights at which the profile is kept, four a metre.
-const PROFILE: usize = 400;
+/// Samples of the tabulated height profile, 0.25 m apart; above its 100 m the power law is evaluated.
+const PROFILE_SAMPLES: usize = 400;
 
-/// What the wind is like.
+/// Options of a [`GustWind`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GustWindOptions {
-    /// Unit vector that it blows towards, level.
+    /// Horizontal unit vector that the mean wind blows towards.
     pub direction: Vec3,
     /// Mean speed at 10 m, m/s, 0..60.
     pub speed: f64,
-    /// Share of the mean that gusts add and take, 0..1; 0.3 to 0.5 is natural.
+    /// Amplitude of gusts over the mean, 0..1; 0.3 to 0.5 is natural.
     pub gust: f32,
-    /// Root mean square of the eddies over the mean, 0..1; 0.15 to 0.25 is natural.
+    /// Turbulence intensity: root mean square of the eddy velocity over the mean, 0..1; 0.15 to 0.25 is natural.
     pub turbulence: f32,
-    /// Length of gusts, m, 2..200.
+    /// Length of gusts along the wind, m, 2..200.
     pub gust_length: f64,
     /// Size of eddies, m, 0.5..20.
     pub eddy_size: f64,
-    /// How far the direction wanders, rad, 0..pi/2.
+    /// Largest angle between the wind and its mean direction, rad, 0..pi/2.
     pub wander: f32,
-    /// Power of the height; 0 for the same wind at all heights.
+    /// Exponent of the power-law height profile; 0 for the same wind at all heights.
     pub power: f32,
-    /// Time after which everything repeats, s; none for a wind without end.
+    /// Time after which everything repeats, s; none for a wind that does not repeat.
     pub period: Option<f64>,
-    /// Seed of its noise.
+    /// Seed of the noise of gusts, eddies and direction.
     pub seed: u64,
 }
 
@@ -62,16 +55,19 @@ impl Default for GustWindOptions {
     }
 }
 
-/// Noise that a steady wind carries along: a length that fits the period, and the cells that make one.
+/// Noise that the mean wind carries downwind unchanged.
 #[derive(Debug, Clone, Copy)]
-struct Carried {
+struct AdvectedNoise {
+    /// Edge of a noise cell, m.
     length: f64,
+    /// Cells along the wind after which the noise repeats.
     cells: i32,
     seed: u32,
 }
 
-impl Carried {
-    /// `length`: wanted size of a cell, m; a period makes it such that whole cells pass.
+impl AdvectedNoise {
+    /// `length`: requested edge of a cell, m. With a period, s, it is changed so that a whole number of cells passes a point
+    /// in one period at `speed`, m/s.
     #[allow(clippy::cast_possible_truncation, reason = "speed, period and length are limited")]
     fn new(length: f64, speed: f64, period: Option<f64>, seed: u32) -> Self {
         match period {
@@ -84,118 +80,154 @@ impl Carried {
     }
 }
 
-/// Length of gusts of which whole ones, at least four, pass in a period, m: the nearest to `length`, m.
+/// The gust length, m, nearest to `length` of which a whole number, at least four, passes a point in one period.
 /// `speed`: m/s; `period`: s.
+/// ```
+/// // In 10 s at 4.5 m/s 45 m of air pass. Gusts of 40 m would not repeat; four of 11.25 m do.
+/// assert_eq!(osier_wind::fit_gust_length(40.0, 4.5, 10.0), 11.25);
+/// ```
 pub fn fit_gust_length(length: f64, speed: f64, period: f64) -> f64 {
-    let way = speed.max(CALM_SPEED) * period;
-    way / (way / length).round().max(FEWEST)
+    let travelled = speed.max(CALM_SPEED) * period;
+    travelled / (travelled / length).round().max(MIN_CELLS_PER_PERIOD)
 }
 
-/// Gusts and eddies in a mean wind that grows with height.
+/// Gusts and eddies in a mean wind that grows with height by a power law.
+/// ```
+/// use glam::Vec3;
+/// use osier_wind::{GustWind, GustWindOptions, Wind};
+///
+/// let wind = GustWind::new(GustWindOptions { speed: 6.0, period: Some(8.0), ..GustWindOptions::default() });
+/// let mut velocity = [Vec3::ZERO];
+/// wind.sample(&[Vec3::new(1.0, 2.0, 3.0)], 0.5, &mut velocity);
+/// assert!(velocity[0].x > 0.0);
+/// assert_eq!(wind.period(), Some(8.0));
+/// ```
 #[derive(Debug, Clone)]
 pub struct GustWind {
     options: GustWindOptions,
+    /// Horizontal unit vector across the mean direction.
     across: Vec3,
-    gusts: Carried,
-    eddies: Carried,
-    /// Cells of the wandering in a period, and its seed.
-    wander: (i32, u32),
-    /// Share of the mean speed at quarters of a metre.
+    gusts: AdvectedNoise,
+    eddies: AdvectedNoise,
+    /// Cells of the direction's noise in a period.
+    wander_cells: i32,
+    wander_seed: u32,
+    /// Share of the mean speed at heights 0.25 m apart, from 0 m on.
     profile: Vec<f32>,
 }
 
 impl GustWind {
-    /// Prepares it.
+    /// Fits gusts, eddies and direction to the period and tabulates the height profile.
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash")]
     pub fn new(options: GustWindOptions) -> Self {
-        let mut draw = Rng::at(options.seed, &["gustwind".into()]);
-        let mut seed = || (draw.next_u64() >> 32) as u32;
+        let mut rng = Rng::at(options.seed, &["gustwind".into()]);
+        let mut seed = || (rng.next_u64() >> 32) as u32;
         let speed = options.speed.max(CALM_SPEED);
-        let cells = options.period.map_or(f64::from(ENDLESS), |t| (t / WANDER_TIME).round().max(FEWEST));
+        let cells = options.period.map_or(f64::from(ENDLESS), |t| (t / WANDER_TIME).round().max(MIN_CELLS_PER_PERIOD));
+        // Struct fields are evaluated in the order written: each noise keeps its own draw of the seed.
         Self {
-            gusts: Carried::new(options.gust_length, speed, options.period, seed()),
-            eddies: Carried::new(options.eddy_size, speed, options.period, seed()),
-            wander: (cells as i32, seed()),
+            gusts: AdvectedNoise::new(options.gust_length, speed, options.period, seed()),
+            eddies: AdvectedNoise::new(options.eddy_size, speed, options.period, seed()),
+            wander_cells: cells as i32,
+            wander_seed: seed(),
             across: options.direction.cross(Vec3::Y),
-            profile: (0..=PROFILE).map(|i| with_height(i as f32 * 0.25, options.power)).collect(),
+            profile: (0..=PROFILE_SAMPLES).map(|i| power_law(i as f32 * 0.25, options.power)).collect(),
             options,
         }
     }
 
-    fn height(&self, y: f32) -> f32 {
+    /// Share of the mean speed at height `y`, m: the tabulated power law, linearly interpolated.
+    fn height_factor(&self, y: f32) -> f32 {
         let x = y.max(0.5) * 4.0;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 2 and PROFILE")]
-        let k = x.min(PROFILE as f32) as usize;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 2 and PROFILE_SAMPLES")]
+        let k = x.min(PROFILE_SAMPLES as f32) as usize;
         match (self.profile.get(k), self.profile.get(k + 1)) {
             (Some(a), Some(b)) => a + (b - a) * (x - k as f32),
-            _ => with_height(y, self.options.power),
+            _ => power_law(y, self.options.power),
         }
     }
 
-    /// Direction of the moment.
+    /// Horizontal unit vector that the wind blows towards at time `t`, s: the mean direction, turned about +Y by noise.
     fn direction(&self, t: f64) -> Vec3 {
-        let (cells, seed) = self.wander;
-        let rate = self.options.period.map_or(WANDER_TIME.recip(), |p| f64::from(cells) / p);
-        let turn = self.options.wander * noise1(seed, Place::new(t * rate, cells), cells);
+        // With a period, a whole number of noise cells passes in it.
+        let rate = self.options.period.map_or(WANDER_TIME.recip(), |p| f64::from(self.wander_cells) / p);
+        let coordinate = NoiseCoordinate::new(t * rate, self.wander_cells);
+        let angle = self.options.wander * noise1(self.wander_seed, coordinate, self.wander_cells);
         let o = &self.options;
-        o.direction * math::cos_f32(turn) - self.across * math::sin_f32(turn)
+        o.direction * math::cos_f32(angle) - self.across * math::sin_f32(angle)
     }
 }
 
-/// Air at many places of one moment.
-struct Sample<'a> {
+/// Horizontal axes of the wind at one time: along it and across it.
+#[derive(Debug, Clone, Copy)]
+struct WindAxes {
+    along: Vec3,
+    across: Vec3,
+}
+
+/// Samples a [`GustWind`] at many positions of one time, with the widest instructions of the machine.
+struct GustKernel<'a> {
     wind: &'a GustWind,
-    places: &'a [Vec3],
+    positions: &'a [Vec3],
     t: f64,
     out: &'a mut [Vec3],
 }
 
-impl WithSimd for Sample<'_> {
+impl WithSimd for GustKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let along = self.wind.direction(self.t);
-        let frame = (along, along.cross(Vec3::Y));
-        for (places, out) in self.places.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK)) {
-            self.wind.block(places, self.t, frame, out);
+        let axes = WindAxes { along, across: along.cross(Vec3::Y) };
+        for (positions, out) in self.positions.chunks(BLOCK).zip(self.out.chunks_mut(BLOCK)) {
+            self.wind.sample_block(positions, self.t, axes, out);
         }
     }
 }
 
 impl GustWind {
-    /// u = U0 h(y) [max(0, 1 + g n1) w + I (n2x w + n2y Y / 2 + 0.7 n2z c)]: gusts of long, eddies of short waves, both
-    /// carried along at the mean speed. At most [`BLOCK`] places.
+    /// u = U0 h(y) [max(0, 1 + g n1) w + I (n2x w + n2y Y / 2 + 0.7 n2z c)] at no more than [`BLOCK`] positions. w, c: along
+    /// and across the wind; g, I: strengths of gusts and eddies; n1: noise of long waves, n2: of short ones. Both are carried
+    /// along at the mean speed (Taylor's frozen turbulence).
     #[inline(always)]
-    fn block(&self, places: &[Vec3], t: f64, (along, across): (Vec3, Vec3), out: &mut [Vec3]) {
+    fn sample_block(&self, positions: &[Vec3], t: f64, axes: WindAxes, out: &mut [Vec3]) {
         let (o, g, e) = (&self.options, &self.gusts, &self.eddies);
+        // Coordinates in the frame that moves with the mean wind, where the noise does not change in time. The mean
+        // direction is used, not the momentary one, which would swing far-off gusts sideways.
         let [mut x, mut y, mut z] = [[0.0; BLOCK]; 3];
-        for (i, p) in places.iter().enumerate() {
+        for (i, p) in positions.iter().enumerate() {
             x[i] = f64::from(p.dot(o.direction)) - o.speed * t;
             y[i] = f64::from(p.y);
             z[i] = f64::from(p.dot(self.across));
         }
-        let mut cells = [const { Places::ORIGIN }; 3];
+        let mut coordinates = [const { CoordinateBlock::ZERO }; 3];
         let (mut gusts, mut eddies) = ([0.0; BLOCK], [[0.0; BLOCK]; 3]);
-        cells[0].set(&over(&x, g.length), g.cells);
-        cells[1].set(&over(&z, 2.0 * g.length), ENDLESS);
-        noise2(g.seed, [&cells[0], &cells[1]], &mut gusts);
-        cells[0].set(&over(&x, e.length), e.cells);
-        cells[1].set(&over(&y, e.length), ENDLESS);
-        cells[2].set(&over(&z, e.length), ENDLESS);
-        noise3(e.seed, [&cells[0], &cells[1], &cells[2]], &mut eddies);
-        for (i, (u, p)) in out.iter_mut().zip(places).enumerate() {
+        // Gusts: plane noise, periodic along the wind only, the same at all heights.
+        coordinates[0].set(&in_cells(&x, g.length), g.cells);
+        coordinates[1].set(&in_cells(&z, GUST_WIDTH * g.length), ENDLESS);
+        noise2(g.seed, [&coordinates[0], &coordinates[1]], &mut gusts);
+        // Eddies: one independent noise in space per component of the velocity.
+        coordinates[0].set(&in_cells(&x, e.length), e.cells);
+        coordinates[1].set(&in_cells(&y, e.length), ENDLESS);
+        coordinates[2].set(&in_cells(&z, e.length), ENDLESS);
+        noise3(e.seed, [&coordinates[0], &coordinates[1], &coordinates[2]], &mut eddies);
+        for (i, (u, p)) in out.iter_mut().zip(positions).enumerate() {
+            // Over its root mean square the noise has unit variance, so that `turbulence` is the turbulence intensity.
             let eddy = [eddies[0][i], eddies[1][i], eddies[2][i]]
-                .map(|n| o.turbulence * (n / EDDY_RMS).clamp(-EDDY_MOST, EDDY_MOST));
-            let flow = (1.0 + o.gust * gusts[i]).max(0.0) + eddy[0];
-            *u = (along * flow + Vec3::Y * (0.5 * eddy[1]) + across * (0.7 * eddy[2]))
-                * (math::narrow(o.speed) * self.height(p.y));
+                .map(|n| o.turbulence * (n / NOISE3_RMS).clamp(-MAX_EDDY, MAX_EDDY));
+            let streamwise = (1.0 + o.gust * gusts[i]).max(0.0) + eddy[0];
+            *u = (axes.along * streamwise
+                + Vec3::Y * (VERTICAL_EDDY * eddy[1])
+                + axes.across * (LATERAL_EDDY * eddy[2]))
+                * (math::narrow(o.speed) * self.height_factor(p.y));
         }
     }
 }
 
+/// Coordinates, m, in noise cells of an edge `length`, m.
 #[inline(always)]
-fn over(x: &[f64; BLOCK], length: f64) -> [f64; BLOCK] {
+fn in_cells(x: &[f64; BLOCK], length: f64) -> [f64; BLOCK] {
     let mut cells = [0.0; BLOCK];
     for (c, x) in cells.iter_mut().zip(x) {
         *c = x / length;
@@ -204,8 +236,8 @@ fn over(x: &[f64; BLOCK], length: f64) -> [f64; BLOCK] {
 }
 
 impl Wind for GustWind {
-    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
-        Arch::new().dispatch(Sample { wind: self, places, t, out });
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
+        Arch::new().dispatch(GustKernel { wind: self, positions, t, out });
     }
 
     fn mean(&self) -> Vec3 {
@@ -213,7 +245,7 @@ impl Wind for GustWind {
     }
 
     fn mean_at(&self, height: f32) -> Vec3 {
-        self.mean() * self.height(height)
+        self.mean() * self.height_factor(height)
     }
 
     fn period(&self) -> Option<f64> {
@@ -255,7 +287,7 @@ mod tests {
         let places: Vec<Vec3> = (0..200_u16).map(|i| Vec3::new(f32::from(i), 0.1, 2.0) * f32::from(i)).collect();
         let sample = |arch: Arch| {
             let mut out = vec![Vec3::ZERO; places.len()];
-            arch.dispatch(Sample { wind: &wind, places: &places, t: 1.3, out: &mut out });
+            arch.dispatch(GustKernel { wind: &wind, positions: &places, t: 1.3, out: &mut out });
             out.iter().flat_map(|u| u.to_array().map(f32::to_bits)).collect::<Vec<u32>>()
         };
         assert_eq!(sample(Arch::Scalar), sample(Arch::new()));

@@ -1,8 +1,21 @@
-//! Moving air: one interface for everything that it moves.
+//! Wind fields: the trait [`Wind`] gives the air velocity at any position and time.
 //!
-//! [`UniformWind`] is the same everywhere, [`GustWind`] travels and can repeat, [`SineWind`] is the periodic wind of
-//! [zhao-zhang] 3.1, [`LatticeSolver`] flows round what stands in it (\[catkin\] 3): streamed frame by frame ([`InterpolatedWind`]) or kept
-//! for a whole clip ([`RecordedWind`]). Space: world, metres, +Y up; time in seconds. Speeds are those at 10 m above the ground.
+//! - Analytic winds: [`UniformWind`]; [`GustWind`], gusts and eddies that travel downwind and may repeat; [`SineWind`], the
+//!   wind of [zhao-zhang] 3.1. [`ScaledWind`] and [`WindSum`] combine winds.
+//! - Simulated wind: [`LatticeSolver`], a lattice Boltzmann solver with solids in the flow (\[catkin\] 3), read frame by frame
+//!   ([`InterpolatedWind`]) or recorded for a whole clip ([`RecordedWind`]).
+//!
+//! Space: world, metres, +Y up; time in seconds. Speeds are those at 10 m above the ground.
+//! ```
+//! use glam::Vec3;
+//! use osier_wind::{GustWind, GustWindOptions, Wind, beaufort_speed};
+//!
+//! // A moderate breeze towards +X: sample the velocity at two heights.
+//! let wind = GustWind::new(GustWindOptions { speed: beaufort_speed(4.0), ..GustWindOptions::default() });
+//! let mut velocities = [Vec3::ZERO; 2];
+//! wind.sample(&[Vec3::Y, Vec3::Y * 10.0], 0.0, &mut velocities);
+//! assert!(wind.mean_at(1.0).x < wind.mean_at(10.0).x);
+//! ```
 
 mod combine;
 mod gradient_noise;
@@ -10,6 +23,7 @@ mod gust_wind;
 mod lattice;
 mod noise_block;
 mod sine_wind;
+mod tuning;
 
 use std::fmt::Debug;
 
@@ -24,28 +38,32 @@ pub use lattice::{
 };
 pub use sine_wind::{SineWind, SineWindOptions};
 
-/// Slower wind is none at all, m/s.
+/// Speed, m/s, below which a wind counts as calm.
 pub const CALM_SPEED: f64 = 0.01;
 
-/// Air velocity as a pure function of place and time.
+/// A wind field: air velocity as a pure function of position and time.
 pub trait Wind: Debug + Send + Sync {
-    /// Air velocity in m/s at `places` (m) and time `t` (s). `out` is as long as `places`.
-    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]);
+    /// Air velocities, m/s, at `positions`, m, and time `t`, s. `out` is as long as `positions`.
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]);
 
-    /// Mean velocity at 10 m, m/s.
+    /// Mean velocity at 10 m above the ground, m/s.
     fn mean(&self) -> Vec3;
 
     /// Mean velocity at a height above the ground, m/s.
     fn mean_at(&self, height: f32) -> Vec3;
 
-    /// Time after which it repeats everywhere, s.
+    /// Time after which the field repeats everywhere, s; 0 if it never changes, none if it never repeats.
     fn period(&self) -> Option<f64>;
 }
 
-/// The same everywhere and always.
+/// One constant velocity at all positions and times.
+/// ```
+/// use osier_wind::{UniformWind, Wind};
+/// assert_eq!(UniformWind(glam::Vec3::X).period(), Some(0.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct UniformWind(
-    /// Velocity, m/s.
+    /// Velocity of the air, m/s.
     pub Vec3,
 );
 
@@ -67,14 +85,17 @@ impl Wind for UniformWind {
     }
 }
 
-/// Mean speed of a number of Beaufort's scale, fractions allowed, m/s: v = 0.836 B^(3/2), the scale's definition.
+/// Mean speed, m/s, of a Beaufort number, which may be a fraction: v = 0.836 B^(3/2), the scale's definition.
+/// ```
+/// assert!((osier_wind::beaufort_speed(4.0) - 6.7).abs() < 0.05);
+/// ```
 pub fn beaufort_speed(number: f64) -> f64 {
     0.836 * osier_base::math::pow(number.max(0.0), 1.5)
 }
 
-/// The part of a mean speed that is left at a height above the ground: (y / 10 m)^power, y at least 0.5 m.
-fn with_height(height: f32, power: f32) -> f32 {
-    osier_base::math::pow_f32(height.max(0.5) / 10.0, power)
+/// Power-law wind profile: speed at a height above the ground, m, over the speed at 10 m.
+fn power_law(height: f32, power: f32) -> f32 {
+    osier_base::math::pow_f32(height.max(tuning::MIN_PROFILE_HEIGHT) / 10.0, power)
 }
 
 #[cfg(test)]

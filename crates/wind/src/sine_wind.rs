@@ -1,110 +1,132 @@
 //! The wind of [zhao-zhang] 3.1: a sine with noise on it.
 
+use std::f64::consts::TAU;
+
 use glam::Vec3;
 
-use super::gradient_noise::{ENDLESS, Place, noise1};
-use super::{Wind, with_height};
+use super::gradient_noise::{ENDLESS, NoiseCoordinate, noise1};
+use super::tuning::{MIN_TRAVEL_SPEED, SINE_NOISE_FREQUENCY, SINE_NOISE_OCTAVES, SINE_NOISE_STRENGTH};
+use super::{Wind, power_law};
 use osier_base::math;
 use osier_base::rng::Rng;
 
-/// Period of the sine, s: 240 frames of 60 a second, as w = 3.14/120 a frame says.
-const PERIOD: f64 = 4.0;
-/// First frequency of the noise, Hz.
-const NOISE: f64 = 2.0;
-/// Strength of the noise over the mean.
-const EPSILON: f32 = 0.4;
-/// Strength of the printed noise, m/s.
-const PRINTED_EPSILON: f64 = 4.0;
-/// Frames of the printed formula a second, and between two values of its noise.
-const PRINTED_RATE: f64 = 60.0;
-const PRINTED_LATTICE: f64 = 30.0;
-/// Octaves of the noise, each half as strong as the one before.
-const OCTAVES: u32 = 3;
+/// Period of the sine, s. Source: [zhao-zhang], omega = 3.14/120 per frame, at 60 frames per second 240 frames.
+const SINE_PERIOD: f64 = 4.0;
+/// Amplitude of the noise in the printed equation, m/s. Source: [zhao-zhang].
+const PRINTED_NOISE_AMPLITUDE: f64 = 4.0;
+/// Frames per second of the printed equation, whose time is counted in frames.
+const PRINTED_FPS: f64 = 60.0;
+/// Frames between two values of the printed noise.
+const PRINTED_NOISE_INTERVAL: f64 = 30.0;
 
-/// What the wind is like.
+/// Options of a [`SineWind`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SineWindOptions {
-    /// Unit vector that it blows towards, level.
+    /// Horizontal unit vector that it blows towards.
     pub direction: Vec3,
-    /// V0, m/s at 10 m.
+    /// Mean speed V0 at 10 m, m/s.
     pub speed: f64,
-    /// Strength of the sine over the mean.
+    /// Amplitude of the sine over the mean.
     pub gust: f32,
-    /// Power of the height.
+    /// Exponent of the power-law height profile.
     pub power: f32,
-    /// As printed: the same everywhere, down to nothing in every period, noise never negative.
+    /// Evaluate the equation as printed: the same speed everywhere, a sine of amplitude V0, noise that is never negative.
     pub literal: bool,
-    /// Time after which it repeats, s.
+    /// Time after which it repeats, s; none for a wind that does not repeat.
     pub period: Option<f64>,
-    /// Seed of its noise.
+    /// Seed of its value and gradient noise.
     pub seed: u64,
 }
 
-/// V = V0 [1 + g sin(2 pi t'/T)] + eps n(t'), t' the time at which the air now here passed the origin.
+/// V = V0 [1 + g sin(2 pi t'/T)] + eps n(t'), where t' = t - x/V0 is the time at which the air at x passed the origin.
 /// Source: [zhao-zhang] eq. (1), in seconds, with gusts that travel and noise that keeps the mean.
+/// ```
+/// use glam::Vec3;
+/// use osier_wind::{SineWind, SineWindOptions, Wind};
+///
+/// let wind = SineWind::new(SineWindOptions {
+///     direction: Vec3::X,
+///     speed: 5.0,
+///     gust: 0.5,
+///     power: 0.2,
+///     literal: false,
+///     period: Some(8.0),
+///     seed: 1,
+/// });
+/// assert!((wind.speed(1.0) - wind.speed(9.0)).abs() < 1e-4);
+/// assert_eq!(wind.mean(), Vec3::X * 5.0);
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct SineWind {
     options: SineWindOptions,
-    /// Period of the sine that fits the wind's, s.
-    sine: f64,
-    /// Cells of the first octave a second, and in a period.
-    noise: (f64, i32),
+    /// Period of the sine, s; a whole number of them makes the wind's period.
+    sine_period: f64,
+    /// Noise cells of the first octave per second.
+    noise_rate: f64,
+    /// Noise cells of the first octave per period.
+    noise_cells: i32,
     seed: u32,
 }
 
 impl SineWind {
-    /// Prepares it.
+    /// Fits sine and noise to the period, if there is one.
     #[allow(clippy::cast_possible_truncation, reason = "half of a hash is a hash; periods are limited")]
     pub fn new(options: SineWindOptions) -> Self {
-        let rate = if options.literal { PRINTED_RATE / PRINTED_LATTICE } else { NOISE };
-        let (sine, noise) = match options.period {
+        let rate = if options.literal { PRINTED_FPS / PRINTED_NOISE_INTERVAL } else { SINE_NOISE_FREQUENCY };
+        let (sine_period, noise_rate, noise_cells) = match options.period {
             Some(t) => {
                 let cells = (t * rate).round().max(1.0);
-                (t / (t / PERIOD).round().max(1.0), (cells / t, cells as i32))
+                (t / (t / SINE_PERIOD).round().max(1.0), cells / t, cells as i32)
             }
-            None => (PERIOD, (rate, ENDLESS)),
+            None => (SINE_PERIOD, rate, ENDLESS),
         };
         let seed = (Rng::at(options.seed, &["formula".into()]).next_u64() >> 32) as u32;
-        Self { options, sine, noise, seed }
+        Self { options, sine_period, noise_rate, noise_cells, seed }
     }
 
-    /// Speed at the origin and 10 m, m/s.
+    /// Speed at the origin and 10 m at time `t`, s, in m/s.
     pub fn speed(&self, t: f64) -> f64 {
         let o = &self.options;
         if o.literal {
-            return o.speed
-                + o.speed * math::sin(std::f64::consts::TAU * t / self.sine)
-                + PRINTED_EPSILON * self.printed(t);
+            return self.printed_speed(t);
         }
-        let wave = f64::from(o.gust) * math::sin(std::f64::consts::TAU * t / self.sine);
-        (o.speed * (1.0 + wave + f64::from(EPSILON * self.signed(t)))).max(0.0)
+        let wave = f64::from(o.gust) * math::sin(TAU * t / self.sine_period);
+        (o.speed * (1.0 + wave + f64::from(SINE_NOISE_STRENGTH * self.gradient_noise(t)))).max(0.0)
     }
 
-    /// Gradient noise in [-1, 1].
-    fn signed(&self, t: f64) -> f32 {
-        self.octaves(|seed, x, cells| noise1(seed, Place::new(x, cells), cells), t)
+    /// Reference implementation of [zhao-zhang] eq. (1) as printed: V = V0 + V0 sin(omega t) + eps n(t), n in [0, 1].
+    fn printed_speed(&self, t: f64) -> f64 {
+        let o = &self.options;
+        o.speed + o.speed * math::sin(TAU * t / self.sine_period) + PRINTED_NOISE_AMPLITUDE * self.value_noise(t)
     }
 
-    /// Value noise in [0, 1].
-    fn printed(&self, t: f64) -> f64 {
-        let value = |seed: u32, x: f64, cells: i32| {
-            let at = |k: f64| {
-                let place = k.rem_euclid(f64::from(cells));
-                // Half a cell from whole numbers gradient noise is at its strongest: a value for each cell.
-                (0.5 + 0.5 * noise1(seed, Place::new(place + 0.5, ENDLESS), ENDLESS)).clamp(0.0, 1.0)
+    /// Fractal gradient noise in [-1, 1].
+    fn gradient_noise(&self, t: f64) -> f32 {
+        self.sum_octaves(|seed, x, cells| noise1(seed, NoiseCoordinate::new(x, cells), cells), t)
+    }
+
+    /// Fractal value noise in [0, 1]: random values at integers, interpolated by a smoothstep.
+    fn value_noise(&self, t: f64) -> f64 {
+        let noise = |seed: u32, x: f64, cells: i32| {
+            let lattice_value = |k: f64| {
+                let cell = k.rem_euclid(f64::from(cells));
+                // In the middle of a cell gradient noise is the difference of two random gradients: one value per cell.
+                (0.5 + 0.5 * noise1(seed, NoiseCoordinate::new(cell + 0.5, ENDLESS), ENDLESS)).clamp(0.0, 1.0)
             };
             let k = x.floor();
-            math::lerp(at(k), at(k + 1.0), math::smoothstep(0.0, 1.0, math::narrow(x - k)))
+            math::lerp(lattice_value(k), lattice_value(k + 1.0), math::smoothstep(0.0, 1.0, math::narrow(x - k)))
         };
-        f64::from(self.octaves(value, t))
+        f64::from(self.sum_octaves(noise, t))
     }
 
-    fn octaves(&self, noise: impl Fn(u32, f64, i32) -> f32, t: f64) -> f32 {
-        let (rate, cells) = self.noise;
+    /// Weighted mean of octaves of a noise, each of twice the frequency and half the amplitude of the one before.
+    /// `noise`: from seed, coordinate in cells, and cells per period.
+    fn sum_octaves(&self, noise: impl Fn(u32, f64, i32) -> f32, t: f64) -> f32 {
         let (mut sum, mut weight, mut total) = (0.0, 1.0, 0.0);
-        for k in 0..OCTAVES {
-            let fine = f64::from(1_u32 << k);
-            sum += weight * noise(self.seed.wrapping_add(k), t * rate * fine, cells.saturating_mul(1 << k));
+        for k in 0..SINE_NOISE_OCTAVES {
+            let frequency = f64::from(1_u32 << k);
+            let cells = self.noise_cells.saturating_mul(1 << k);
+            sum += weight * noise(self.seed.wrapping_add(k), t * self.noise_rate * frequency, cells);
             total += weight;
             weight *= 0.5;
         }
@@ -113,15 +135,16 @@ impl SineWind {
 }
 
 impl Wind for SineWind {
-    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
         let o = &self.options;
         if o.literal {
             out.fill(o.direction * math::narrow(self.speed(t)));
             return;
         }
-        for (u, p) in out.iter_mut().zip(places) {
-            let late = f64::from(p.dot(o.direction)) / o.speed.max(0.5);
-            *u = o.direction * (math::narrow(self.speed(t - late)) * with_height(p.y, o.power));
+        for (u, p) in out.iter_mut().zip(positions) {
+            // The wave travels downwind at the mean speed.
+            let delay = f64::from(p.dot(o.direction)) / o.speed.max(MIN_TRAVEL_SPEED);
+            *u = o.direction * (math::narrow(self.speed(t - delay)) * power_law(p.y, o.power));
         }
     }
 
@@ -130,7 +153,7 @@ impl Wind for SineWind {
     }
 
     fn mean_at(&self, height: f32) -> Vec3 {
-        if self.options.literal { self.mean() } else { self.mean() * with_height(height, self.options.power) }
+        if self.options.literal { self.mean() } else { self.mean() * power_law(height, self.options.power) }
     }
 
     fn period(&self) -> Option<f64> {
