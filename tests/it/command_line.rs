@@ -369,7 +369,7 @@ fn help_and_tables_read_as_they_did() {
         let name = if command.is_empty() { "help".into() } else { format!("help_{command}") };
         insta::assert_snapshot!(name, ends(0, &args).0);
     }
-    for what in ["formats", "codes", "limits", "presets"] {
+    for what in ["formats", "codes", "limits", "options", "presets"] {
         // By itself it is a part of this machine's.
         insta::assert_snapshot!(format!("list_{what}"), ends(0, &["list", what, "--max-memory", "16G"]).0);
     }

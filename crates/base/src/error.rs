@@ -64,10 +64,10 @@ pub enum Error {
         /// What blew up.
         quantity: String,
     },
-    /// A file cannot be written as asked (codes X001 to X012).
+    /// A file cannot be written as asked (codes X001 to X030).
     #[error("{code}: {reason}")]
     Export {
-        /// Stable code, X001 to X012.
+        /// Stable code, X001 to X030.
         code: &'static str,
         /// Subject, fact, next step.
         reason: String,
