@@ -150,7 +150,7 @@ impl LayerBuilder {
         self.writer.create_relationship(&format!("{prim}.material:binding"), &[path])
     }
 
-    /// Which prims of the layer are bindings to which materials.
+    /// Which prims of the layer are bound to which materials.
     pub(super) fn bindings(&self) -> &[MaterialBinding] {
         &self.bindings
     }
