@@ -60,7 +60,7 @@ fn limits() {
 #[test]
 fn formats() {
     let mut table = String::from("| format | what a bake writes | single files |\n|---|---|---|\n");
-    for f in osier::export::format::FORMATS {
+    for f in osier::export::registry::FORMATS {
         let endings: Vec<String> = f.endings.iter().map(|(e, _)| format!("`.{e}`")).collect();
         let files = if endings.is_empty() { "-".to_owned() } else { endings.join(" ") };
         table.push_str(&format!("| `{}` | {} | {files} |\n", f.word, f.about));

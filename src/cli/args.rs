@@ -99,7 +99,7 @@ pub struct Bake {
     #[arg(id = "written-frames", long = "frames", value_name = "LIST")]
     pub frames: Option<String>,
     /// Write only these formats.
-    #[arg(long, value_name = "LIST", help = format!("Write only these formats: {}", osier_export::format::words()))]
+    #[arg(long, value_name = "LIST", help = format!("Write only these formats: {}", osier_export::registry::words()))]
     pub formats: Option<String>,
     /// Run the scene once for each value of a key, KEY=FROM:TO:COUNT or KEY=V,V, and write one table of what its [flight]
     /// came to, with a plot, into out/NAME-sweep; several for all their choices.

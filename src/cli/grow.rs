@@ -16,7 +16,7 @@ use crate::bake::{BakeContext, scene};
 use crate::recipe::resolve;
 use osier_base::Result;
 use osier_base::files::{Folder, WriteOptions};
-use osier_export::format;
+use osier_export::registry;
 use osier_export::textures::Textures;
 
 /// Runs it.
@@ -62,7 +62,7 @@ pub fn run(context: &Context, args: &Grow) -> Result<u8> {
     context.console.report(&built.report);
     warned |= !built.report.diagnostics.is_empty();
     let web = args.profile == ProfileArg::Web;
-    let Some(format) = format::by_ending(&ending) else { return Ok(2) };
+    let Some(format) = registry::by_ending(&ending) else { return Ok(2) };
     single_file::refuse_empty(&built.animated, &ending)?;
     let counts = single_file::estimate_file(&built, &recipe, format, web);
     context.limits.check("output-bytes", counts.bytes, "the predicted size of the output, in bytes,")?;

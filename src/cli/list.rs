@@ -10,7 +10,7 @@ use osier_base::Result;
 use osier_base::diagnostic::Severity;
 use osier_base::diagnostic::codes::CODES;
 use osier_base::limits::{LIMITS, grouped};
-use osier_export::format;
+use osier_export::registry;
 
 /// Endings of attractors and coefficient tables, which no format of a bake writes, with what they are.
 const COEFFICIENT_ENDINGS: [(&str, &str); 4] = [
@@ -22,7 +22,7 @@ const COEFFICIENT_ENDINGS: [(&str, &str); 4] = [
 
 /// Endings that `osier grow -o` writes, without the dot, with what they are.
 pub fn endings() -> impl Iterator<Item = (&'static str, &'static str)> {
-    format::endings().chain(COEFFICIENT_ENDINGS)
+    registry::endings().chain(COEFFICIENT_ENDINGS)
 }
 
 /// Runs it.
@@ -113,7 +113,7 @@ fn heading(table: &TableInfo) -> String {
 
 fn formats_text() -> String {
     let mut out = String::from("Formats of a bake (output.formats, --formats):\n\n");
-    for format in format::FORMATS {
+    for format in registry::FORMATS {
         out += &format!("  {:6} {}\n", format.word, format.about);
     }
     out += "\nEndings of `osier grow -o FILE`:\n\n";
@@ -159,7 +159,7 @@ fn as_json(context: &Context, what: What) -> serde_json::Value {
         }
         What::Options => options_json(&options()),
         What::Knobs => serde_json::Value::Null,
-        What::Formats => format::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
+        What::Formats => registry::FORMATS.iter().map(|f| json!({ "name": f.word, "about": f.about })).collect(),
         What::Codes => {
             let word = |s| if s == Severity::Error { "error" } else { "warning" };
             CODES

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use osier::export::format::FileTarget;
+use osier::export::file_target::FileTarget;
 use osier::export::manifest::{self, FileEntry, Settings};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, exr, obj, ply, pov};

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec2, Vec3};
 use osier::export::Exporter;
-use osier::export::format::FileTarget;
+use osier::export::file_target::FileTarget;
 use osier::export::obj::Obj;
 use osier::export::ply::Ply;
 use osier::export::textures::Textures;

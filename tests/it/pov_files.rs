@@ -6,7 +6,7 @@ use crate::common::synthetic;
 use std::fs;
 
 use crate::common::pov::{bake, render};
-use osier::export::format::FileTarget;
+use osier::export::file_target::FileTarget;
 use osier::export::pov::PovOptions;
 use osier::scene::{Clip, MeshMotion};
 

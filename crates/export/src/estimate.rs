@@ -2,7 +2,7 @@
 //!
 //! ```
 //! use osier_export::estimate::MergedSize;
-//! use osier_export::format::by_word;
+//! use osier_export::registry::by_word;
 //!
 //! let empty = MergedSize::default();
 //! assert_eq!((empty.vertices, empty.triangles), (0, 0));
@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 
 use osier_scene::{Asset, InstancerMotion, MeshMotion, Scene};
 
-use super::format::ExportOptions;
+use super::options::ExportOptions;
 
 /// What a format's size is predicted from.
 #[derive(Debug, Clone, Copy)]

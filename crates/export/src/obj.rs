@@ -6,7 +6,8 @@
 use std::sync::Arc;
 
 use super::estimate::{EstimateInput, MergedSize};
-use super::format::{FileTarget, FormatInfo};
+use super::file_target::FileTarget;
+use super::format::FormatInfo;
 use super::merge::{Flat, Piece, stream};
 use super::text::Text;
 use super::textures::Textures;

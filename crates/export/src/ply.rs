@@ -9,7 +9,8 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::estimate::{EstimateInput, MergedSize};
-use super::format::{FileTarget, FormatInfo};
+use super::file_target::FileTarget;
+use super::format::FormatInfo;
 use super::merge::{Flat, Piece, normal, stream};
 use super::{Exporter, GENERATOR, Summary};
 use osier_base::files::{Folder, Output};

@@ -7,7 +7,8 @@ use crate::bake::wind::lattice::lattice_options;
 use crate::recipe::Recipe;
 use crate::recipe::scene::{WindModel, WindSolver};
 use osier_export::estimate::{AssetSize, EstimateInput};
-use osier_export::format::{ExportOptions, FormatInfo};
+use osier_export::format::FormatInfo;
+use osier_export::options::ExportOptions;
 use osier_scene::Scene;
 use osier_wind::LatticeMemory;
 

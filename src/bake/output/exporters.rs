@@ -6,7 +6,9 @@ use crate::bake::output::frame_loop::NamedExporter;
 use crate::recipe::scene::{CopyStyle, GltfProfile, UpAxis};
 use crate::recipe::{OutputRecipe, Recipe};
 use osier_base::files::Folder;
-use osier_export::format::{self, ExportJob, ExportOptions, FormatInfo};
+use osier_export::format::{ExportJob, FormatInfo};
+use osier_export::options::ExportOptions;
+use osier_export::registry;
 use osier_export::textures::Textures;
 use osier_export::{air, exr, gltf, manifest, pov, usd};
 
@@ -36,7 +38,7 @@ pub fn file_exporter(
     web: bool,
 ) -> Option<NamedExporter> {
     let (_, ending) = name.rsplit_once('.')?;
-    let format = format::by_ending(&ending.to_ascii_lowercase())?;
+    let format = registry::by_ending(&ending.to_ascii_lowercase())?;
     let mut options = export_options(recipe);
     options.gltf_profiles = vec![if web { gltf::Profile::Web } else { gltf::Profile::Blender }];
     let job = ExportJob { folder, textures: Arc::clone(textures), options: &options, file: Some(name) };

@@ -5,7 +5,8 @@ use crate::recipe::syntax::{
     BooleanType, Choice, Digest, ListOf, NumberArray, OneOf, OptionalKey, degrees, integer, millimetres, number,
 };
 use crate::recipe::syntax::{choices, keys};
-use osier_export::format::{FORMATS, FormatInfo};
+use osier_export::format::FormatInfo;
+use osier_export::registry::FORMATS;
 use osier_export::{gltf, usd};
 
 choices! {

@@ -7,6 +7,7 @@
 //! for land metres.
 
 mod atlas;
+pub(crate) mod options;
 mod sky;
 mod wet;
 
@@ -24,16 +25,8 @@ use osier_base::files::Folder;
 use osier_scene::{Field, Frame, HeightField, Material, Pixels, Scene};
 
 pub use atlas::{ATLAS, BORDER};
+pub use options::ExrOptions;
 pub use sky::{FILE as SKY_FILE, write as write_sky};
-
-/// What is written of wet sheets beside height, wetness and normals.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct ExrOptions {
-    /// Heights of water alone.
-    pub water: bool,
-    /// All maps laid together.
-    pub atlas: bool,
-}
 
 /// EXR maps in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {

@@ -6,7 +6,7 @@ use super::{
     AssetEntry, FileEntry, ItemEntry, Manifest, MaterialEntry, ParamsEntry, SceneEntry, TimeEntry, UnitsEntry,
     WarningEntry, bake_hash,
 };
-use crate::format::FORMATS;
+use crate::registry::FORMATS;
 use crate::{VERSION, Warning};
 use osier_base::files::{FileRecord, MANIFEST};
 use osier_scene::{Asset, AssetFrame, Clip, Material, MaterialClass, Scene, asset_bounds};

@@ -7,7 +7,7 @@ use super::objects::group;
 use super::space::Space;
 use super::{PovOptions, look, scene_bounds};
 use crate::text::{Num, Text};
-use crate::{GENERATOR, format::FileTarget};
+use crate::{GENERATOR, file_target::FileTarget};
 use osier_scene::{Placement, Scene};
 
 /// The scene. `includes`: folder of the include files, with its `/`; `written`: frames that have a file, ascending.

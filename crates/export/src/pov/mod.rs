@@ -9,9 +9,12 @@ mod main_file;
 mod material;
 mod mesh;
 mod objects;
+pub(crate) mod options;
 mod photons;
 mod space;
 mod wet;
+
+pub use options::PovOptions;
 
 use std::sync::Arc;
 
@@ -19,7 +22,8 @@ use self::assets::Part;
 use self::objects::View;
 use self::space::Space;
 use super::estimate::EstimateInput;
-use super::format::{FileTarget, FormatInfo};
+use super::file_target::FileTarget;
+use super::format::FormatInfo;
 use super::text::Text;
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning};
@@ -64,30 +68,6 @@ fn estimate(input: &EstimateInput) -> u64 {
     });
     // Height and wetness of each map, a tenth of a byte a texel.
     assets + input.map_texels() * written(input.frames.max(1)).max(1) * 2 / 10
-}
-
-/// What can be chosen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PovOptions {
-    /// Every how many frames one is written, >= 1; the others show the nearest written one.
-    pub step: u32,
-    /// POV-Ray units per metre. At 100 POV-Ray's fixed tolerances leave millimetre drops whole.
-    pub units_per_m: f32,
-    /// Shoot photons through drops of at least this radius, m.
-    pub photons: Option<f32>,
-    /// Share of the time between two frames for which the shutter is open, 0..1.
-    pub shutter: f32,
-    /// Width and height of the picture in pixels.
-    pub size: (u32, u32),
-    /// Where the files go.
-    pub target: FileTarget,
-}
-
-impl Default for PovOptions {
-    fn default() -> Self {
-        let size = (800, 600);
-        Self { step: 1, units_per_m: 100.0, photons: None, shutter: 0.5, size, target: FileTarget::Bake }
-    }
 }
 
 /// Exporter for POV-Ray.
