@@ -1,4 +1,5 @@
-//! Plants: growth from grammars, tables and meshes, and the surfaces that they wear.
+//! Plants: growth from grammars, iterated function systems and meshes ([`grow`]), and their meshes and materials
+//! ([`surface`]).
 
 pub mod grow;
 pub mod surface;

@@ -237,13 +237,7 @@ fn blade_spec(keys: &OrganKeys, seed: u64) -> BladeSpec {
         BladeOutline::Lobed => BladeSpec::oak(),
         BladeOutline::Toothed => BladeSpec::birch(),
         BladeOutline::Deltoid => BladeSpec::poplar(),
-        BladeOutline::Elliptic => BladeSpec {
-            form: LeafForm::Elliptic,
-            teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
-            length: 0.08,
-            width: 0.045,
-            ..BladeSpec::birch()
-        },
+        BladeOutline::Elliptic => BladeSpec::elliptic(),
     };
     let or = |key: Option<f64>, own: f32| key.map_or(own, narrow);
     let length = or(keys.size, base.length);
@@ -321,9 +315,7 @@ fn bark_spec(keys: &BarkKeys, seed: u64) -> BarkSpec {
         BarkKind::Smooth => BarkSpec::smooth(),
         BarkKind::Lenticel => BarkSpec::birch(),
         BarkKind::Diamond => BarkSpec::poplar(),
-        BarkKind::Stringy => {
-            BarkSpec { plates: [24, 2], weights: [0.50, 0.45, 0.05], gap: 0.25, depth: 0.005, ..BarkSpec::furrowed() }
-        }
+        BarkKind::Stringy => BarkSpec::stringy(),
         BarkKind::Shoot => BarkSpec::shoot(),
         BarkKind::Culm => BarkSpec::culm(),
     };

@@ -15,7 +15,6 @@ pub mod attractor_morph;
 pub mod flight;
 pub mod rain;
 pub mod rod;
-pub mod rod_mesh;
 pub mod rod_plant;
 pub mod sway;
 

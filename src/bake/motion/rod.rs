@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3, Quat, Vec3};
 
 use crate::bake::BakeContext;
-use crate::bake::motion::rod_mesh::{CLOSE_UP, TubeSection, ball, tube};
+use osier_plants::surface::rod_tube::{CLOSE_UP, TubeSection, ball, tube};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::wind::plant_wind::analytic_winds;
 use crate::recipe::scene::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoadKeys, RodLoadKind};

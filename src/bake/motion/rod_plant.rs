@@ -8,7 +8,7 @@ use crate::bake::BakeContext;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::stalk_radius;
 use crate::bake::assets::plant_mesh::{PlantMaterials, bark, group_organs, instancer, instancer_name};
-use crate::bake::motion::rod_mesh::{TubeResolution, TubeSection, tube};
+use osier_plants::surface::rod_tube::{TubeResolution, TubeSection, tube};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::scene::layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood};

@@ -1,5 +1,7 @@
-//! What grows ends in a [`Plant`](osier_scene::plant::Plant): the turtle that draws strings of modules, the words of a table, and
-//! the laws of thickness. What an artist modelled does so, too: its skeleton is found.
+//! Growth: every source ends in a [`Plant`](osier_scene::plant::Plant) of axes, nodes and organs.
+//!
+//! [`turtle`] interprets the strings of an L-system, [`ifs`] builds trees from the words of an iterated function system, [`mesh`]
+//! extracts the skeleton of an artist's mesh, and [`radii`] sets radii by the pipe model or a taper.
 
 pub mod ifs;
 pub mod mesh;

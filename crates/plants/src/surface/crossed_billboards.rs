@@ -187,6 +187,7 @@ pub fn crossed_billboards(
     name: &str,
     side: u32,
 ) -> (Vec<Mesh>, SurfaceMaterial) {
+    // Views per row of the texture: the smallest square that holds them all.
     let across = (1_usize..).find(|n| n * n >= meshes.len() * VIEWS.len()).unwrap_or(1);
     let n = side as usize;
     let pixels = (n / across).max(4 * MARGIN);
@@ -198,6 +199,7 @@ pub fn crossed_billboards(
         tile.samples = Vec::new();
         (tile, texels)
     });
+    // Copy the views into their squares of the shared texture.
     let mut all = vec![BillboardTexel::default(); n * n];
     let mut quads = vec![Mesh::default(); meshes.len()];
     let share = |k: usize| narrow(k as f64 / n as f64);

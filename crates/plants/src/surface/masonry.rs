@@ -1,21 +1,22 @@
-//! What walls and houses look like.
+//! Meshes and materials of walls and houses.
 
 use glam::{Vec2, Vec3};
 
+use super::pixels::first_index;
 use osier_scene::solid::Prism;
 use osier_scene::{Material, MaterialClass, MaterialId, Mesh, Subset};
 
 /// How far a roof stands out over its walls, and how thick it is, m.
 const EAVES: f32 = 0.35;
-const ROOF: f32 = 0.16;
+const ROOF_THICKNESS: f32 = 0.16;
 /// Windows: width, height, distance of their middles, height of a storey, height of a sill, m.
 const WINDOW: Vec2 = Vec2::new(1.0, 1.35);
-const APART: f32 = 2.4;
-const STOREY: f32 = 2.8;
-const SILL: f32 = 0.95;
+const WINDOW_SPACING: f32 = 2.4;
+const STOREY_HEIGHT: f32 = 2.8;
+const SILL_HEIGHT: f32 = 0.95;
 /// Width of a frame; how far frame and pane stand before the wall, m.
-const FRAME: f32 = 0.09;
-const PROUD: [f32; 2] = [0.015, 0.02];
+const FRAME_WIDTH: f32 = 0.09;
+const WINDOW_OFFSETS: [f32; 2] = [0.015, 0.02];
 
 /// Materials of walls, roofs, window frames and panes, in the order of [`materials`].
 pub const SLOTS: u32 = 4;
@@ -29,7 +30,7 @@ pub fn materials(name: &str, wall: [f32; 3], roof: [f32; 3]) -> [Material; 4] {
     [of("wall", wall, 0.9), of("roof", roof, 0.75), of("trim", trim, 0.6), of("pane", [0.03, 0.045, 0.06], 0.12)]
 }
 
-/// A solid's faces; with a gable it gets a roof that stands out, and windows. `first`: of its materials.
+/// The faces of a solid; one with a gable gets an overhanging roof and windows. `first`: the first of its four materials.
 pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     let [near, far] = prism.ends();
     let mut mesh = Mesh::default();
@@ -40,23 +41,24 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
         if i == 0 || (gable && (i == 2 || i == 3)) {
             continue;
         }
-        quad(&mut mesh, [near[k], far[k], far[i], near[i]]);
+        push_quad(&mut mesh, [near[k], far[k], far[i], near[i]]);
     }
     for (end, flip) in [(&near, true), (&far, false)] {
         let mut outline = end.clone();
         if flip {
             outline.reverse();
         }
-        fan(&mut mesh, &outline);
+        push_polygon(&mut mesh, &outline);
     }
-    let walls = triangles(&mesh);
+    // A prism of five sides is a house with a gable.
+    let walls = triangle_count(&mesh);
     let mut subsets = vec![(first, walls)];
     if gable {
-        roof(&mut mesh, [&near, &far]);
-        subsets.push((first + 1, triangles(&mesh)));
-        for (slot, grow, proud) in [(2, FRAME, PROUD[0]), (3, 0.0, PROUD[1])] {
-            windows(&mut mesh, prism, grow, proud);
-            subsets.push((first + slot, triangles(&mesh)));
+        push_roof(&mut mesh, &near, &far);
+        subsets.push((first + 1, triangle_count(&mesh)));
+        for (slot, grow, proud) in [(2, FRAME_WIDTH, WINDOW_OFFSETS[0]), (3, 0.0, WINDOW_OFFSETS[1])] {
+            push_windows(&mut mesh, prism, grow, proud);
+            subsets.push((first + slot, triangle_count(&mesh)));
         }
     }
     let mut from = 0;
@@ -69,13 +71,15 @@ pub fn masonry(prism: &Prism, first: MaterialId) -> Mesh {
     mesh
 }
 
-fn triangles(mesh: &Mesh) -> u32 {
-    u32::try_from(mesh.triangles.len()).unwrap_or(u32::MAX)
+/// Number of triangles so far; a house has some thousand.
+#[allow(clippy::cast_possible_truncation, reason = "a house has some thousand triangles")]
+fn triangle_count(mesh: &Mesh) -> u32 {
+    mesh.triangles.len() as u32
 }
 
 /// A flat convex outline, counter-clockwise from outside.
-fn fan(mesh: &mut Mesh, outline: &[Vec3]) {
-    let base = u32::try_from(mesh.points.len()).unwrap_or(u32::MAX);
+fn push_polygon(mesh: &mut Mesh, outline: &[Vec3]) {
+    let base = first_index(mesh);
     let normal = osier_base::geometry::newell(outline).normalize_or(Vec3::Y);
     let along = Vec3::Y.cross(normal).normalize_or(Vec3::X);
     let up = normal.cross(along);
@@ -84,17 +88,18 @@ fn fan(mesh: &mut Mesh, outline: &[Vec3]) {
         mesh.normals.push(normal);
         mesh.uvs.push(Vec2::new(p.dot(along), p.dot(up)));
     }
-    for i in 2..u32::try_from(outline.len()).unwrap_or(0) {
+    for (i, _) in (2..).zip(outline.iter().skip(2)) {
         mesh.triangles.push([base, base + i - 1, base + i]);
     }
 }
 
-fn quad(mesh: &mut Mesh, corners: [Vec3; 4]) {
-    fan(mesh, &corners);
+/// A flat quad, counter-clockwise from outside.
+fn push_quad(mesh: &mut Mesh, corners: [Vec3; 4]) {
+    push_polygon(mesh, &corners);
 }
 
 /// Two slabs that meet at the ridge.
-fn roof(mesh: &mut Mesh, [near, far]: [&[Vec3]; 2]) {
+fn push_roof(mesh: &mut Mesh, near: &[Vec3], far: &[Vec3]) {
     let width = (near[0] - far[0]).normalize_or(Vec3::X) * EAVES;
     for (eave, flip) in [(2, false), (4, true)] {
         let ridge = [near[3] + width, far[3] - width];
@@ -102,8 +107,8 @@ fn roof(mesh: &mut Mesh, [near, far]: [&[Vec3]; 2]) {
         let out = |p: Vec3| p + down * EAVES;
         let low = [out(near[eave]) + width, out(far[eave]) - width];
         let normal = (ridge[1] - ridge[0]).cross(low[0] - ridge[0]).normalize_or(Vec3::Y);
-        let lift = normal * if normal.y < 0.0 { -ROOF } else { ROOF };
-        // A hair above the gable's own edge, lest both shimmer.
+        let lift = normal * if normal.y < 0.0 { -ROOF_THICKNESS } else { ROOF_THICKNESS };
+        // A little above the gable's own edge, to avoid coplanar faces.
         let bottom = [ridge[0], ridge[1], low[1], low[0]].map(|p| p + lift * 0.03);
         let top = bottom.map(|p| p + lift);
         let sides = [[0, 1], [1, 2], [2, 3], [3, 0]].map(|[i, k]| [bottom[i], bottom[k], top[k], top[i]]);
@@ -113,26 +118,27 @@ fn roof(mesh: &mut Mesh, [near, far]: [&[Vec3]; 2]) {
             if flip {
                 c.reverse();
             }
-            quad(mesh, c);
+            push_quad(mesh, c);
         }
     }
 }
 
 /// Panes, or frames larger by `grow`, before both long walls.
-fn windows(mesh: &mut Mesh, prism: &Prism, grow: f32, proud: f32) {
+fn push_windows(mesh: &mut Mesh, prism: &Prism, grow: f32, proud: f32) {
     for side in &prism.sides()[..2] {
         let (wide, high) = (side.along.length(), side.down.length());
         let (along, up) = (side.along / wide, -side.down / high);
-        let (columns, storeys) = (((wide - 0.6) / APART).floor(), ((high - SILL - WINDOW.y) / STOREY).floor() + 1.0);
+        let (columns, storeys) =
+            (((wide - 0.6) / WINDOW_SPACING).floor(), ((high - SILL_HEIGHT - WINDOW.y) / STOREY_HEIGHT).floor() + 1.0);
         let mut storey = 0.0;
         while storey < storeys {
             let mut column = 0.0;
             while column < columns {
-                let x = wide / 2.0 + (column - (columns - 1.0) / 2.0) * APART;
-                let y = SILL + storey * STOREY + WINDOW.y / 2.0;
+                let x = wide / 2.0 + (column - (columns - 1.0) / 2.0) * WINDOW_SPACING;
+                let y = SILL_HEIGHT + storey * STOREY_HEIGHT + WINDOW.y / 2.0;
                 let middle = side.corner + side.down + along * x + up * y + side.normal * proud;
                 let (a, b) = (along * (WINDOW.x / 2.0 + grow), up * (WINDOW.y / 2.0 + grow));
-                quad(mesh, [middle - a - b, middle + a - b, middle + a + b, middle - a + b]);
+                push_quad(mesh, [middle - a - b, middle + a - b, middle + a + b, middle - a + b]);
                 column += 1.0;
             }
             storey += 1.0;
@@ -171,7 +177,7 @@ mod tests {
                 let corner = |i: u32| mesh.points[i as usize] - foot;
                 let volume = |t: &[u32; 3]| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0;
                 let whole: f32 = mesh.subset_triangles(roof).iter().map(volume).sum();
-                let slabs = 2.0 * (9.0 + 2.0 * EAVES) * (Vec2::new(3.5, 2.5).length() + EAVES) * ROOF;
+                let slabs = 2.0 * (9.0 + 2.0 * EAVES) * (Vec2::new(3.5, 2.5).length() + EAVES) * ROOF_THICKNESS;
                 assert!((whole - slabs).abs() < 1e-2 * slabs, "{whole} {slabs}");
             }
         }

@@ -11,6 +11,7 @@ pub mod masonry;
 mod material;
 mod periodic_noise;
 mod pixels;
+pub mod rod_tube;
 pub mod terrain;
 
 pub use loft::{AxisBinding, Skin, SkinOptions, TubeRange, UvMode, skin, skin_into};

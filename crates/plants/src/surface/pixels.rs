@@ -90,8 +90,8 @@ pub(super) fn word(c: f32) -> u16 {
     (c.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16
 }
 
-/// Index of the next point of a mesh. The meshes of this module are leaves and quads, far below 2^32 points.
-#[allow(clippy::cast_possible_truncation, reason = "leaves and quads have at most some thousand points")]
+/// Index of the next point of a mesh: of a leaf, a quad, a rod or a wall, which have far less than 2^32 points.
+#[allow(clippy::cast_possible_truncation, reason = "single leaves, quads, rods and walls")]
 pub(super) fn first_index(mesh: &Mesh) -> u32 {
     mesh.points.len() as u32
 }

@@ -105,7 +105,8 @@ pub(super) fn build_skeleton(stems: &TreeSystem, expanded: &Expansion, size: Tre
                     NONE
                 };
                 // Orders beyond 255 count as 255, as in every plant.
-                let order = u8::try_from(w.order).unwrap_or(u8::MAX);
+                #[allow(clippy::cast_possible_truncation, reason = "limited to 255 before the cast")]
+                let order = w.order.min(255) as u8;
                 let nodes = vec![AxisNode { p: foot, r: r0, s: 0.0 }];
                 out.raw.push(RawAxis { parent: parent_axis, parent_s, order, ordinal: w.id, fork, nodes, place: NONE });
                 out.raw.len() - 1

@@ -129,6 +129,7 @@ fn build_plant(
     if options.pipe {
         radii::pipe(&mut out, &radii::Pipe { base: Some(size.radius), ..radii::Pipe::default() });
     }
+    // Exposed lengths depend on the validated radii, materials on the radius at the base.
     osier_scene::plant::validate(&mut out)?;
     set_exposed_lengths(&mut out);
     let (thick, thin, below) = options.bark;

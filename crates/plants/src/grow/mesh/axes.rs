@@ -118,6 +118,7 @@ pub(super) fn add_axes(
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
     };
     children.iter_mut().for_each(|list| list.sort_by(by_stem));
+    // Depth first, siblings by their place on the parent: the canonical order of a plant.
     let mut seats = vec![ClusterSite::default(); graph.nodes.len()];
     while let Some((i, parent)) = stack.pop() {
         let axis = index(plant.axes.len());
@@ -262,6 +263,7 @@ impl ParentAttachment {
         };
         let last = parent.p.len() - 1;
         let (from, to) = (around.saturating_sub(2 * NODES_PER_CLUSTER), (around + 2 * NODES_PER_CLUSTER).min(last));
+        // Sample the parent within two clusters of the node and keep the point nearest to the backward extension.
         let mut best = (f64::INFINITY, (from.min(last - 1), 0.0));
         for k in from..to {
             for j in 0..=SAMPLES_PER_SEGMENT {

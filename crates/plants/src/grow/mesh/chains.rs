@@ -143,6 +143,7 @@ pub(super) fn catmull_rom_curve(points: &[DVec3], steps: usize) -> Vec<DVec3> {
         i if i + 1 == n => slope(n - 2),
         i => slope(i - 1) + slope(i) - (points[i + 1] - points[i - 1]) / (knot(i - 1) + knot(i)),
     };
+    // Cubic Hermite segments; the tangents are those of the centripetal spline.
     let mut out = Vec::with_capacity((n - 1) * steps + 1);
     for i in 0..n - 1 {
         let (a, b) = (tangent(i) * knot(i), tangent(i + 1) * knot(i));

@@ -69,6 +69,7 @@ fn draw_seeds(fine: &RefinedSurface, wanted: usize, rng: &mut Rng) -> Vec<u32> {
         out.push(seed);
         let middle = fine.points[drawn];
         let distance = |i: usize| f64::from(fine.points[i].distance(middle) / fine.sizes[i]);
+        // Update distances outwards over the surface, as far as the new seed is nearer than all earlier ones.
         nearest[drawn] = 0.0;
         chances.set(drawn, 0.0);
         stack.push(seed);
@@ -194,6 +195,8 @@ impl Clusters {
 
     /// Joins neighbours that lie side by side around the wood; false if there are none. Each joins one other at the most.
     fn join_patches(&mut self, fine: &RefinedSurface) -> bool {
+        // The axis of the wood is the direction least present among the normals of both clusters. Patches of one ring are near
+        // along it and within the girth across it.
         let rings = self.rings(fine);
         let apart = |[a, b]: [u32; 2]| {
             let (a, b) = (a as usize, b as usize);
@@ -206,6 +209,7 @@ impl Clusters {
         let pairs = self.pairs(fine).into_iter();
         let mut close: Vec<(f64, [u32; 2])> = pairs.filter_map(|p| Some((apart(p)?, p))).collect();
         close.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        // Join the nearest pairs first, each cluster once per pass.
         let mut into: Vec<u32> = (0..).take(self.middles.len()).collect();
         let mut left = self.middles.len();
         let mut done = vec![false; self.middles.len()];

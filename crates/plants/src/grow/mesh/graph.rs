@@ -44,6 +44,7 @@ impl SkeletonGraph {
     pub fn add(&mut self, fine: &RefinedSurface, clusters: &Clusters) {
         let first = index(self.nodes.len());
         let piece = index(self.of.len());
+        // Radius of a node: area-weighted mean over its cluster.
         let mut radii = vec![(0.0, 0.0); clusters.middles.len()];
         for (i, c) in clusters.of.iter().enumerate() {
             let Some(sum) = radii.get_mut(*c as usize) else { continue };
@@ -58,6 +59,7 @@ impl SkeletonGraph {
         let length = |[a, b]: [u32; 2]| clusters.middles[a as usize].distance(clusters.middles[b as usize]);
         let mut edges: Vec<(f64, [u32; 2])> =
             clusters.pairs(fine).into_iter().map(|pair| (length(pair), pair)).collect();
+        // Kruskal's algorithm: the shortest edges first, unless they close a loop.
         edges.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut sets = DisjointSets::new(clusters.middles.len());
         for (_, [a, b]) in edges {
@@ -109,6 +111,8 @@ impl SkeletonGraph {
         let mut sets = DisjointSets::new(self.of.len());
         loop {
             let group: Vec<u32> = (0..).take(self.of.len()).map(|i| sets.find(i)).collect();
+            // Boruvka's algorithm: the cheapest link of every group to another one. An end joins the nearest wood; thin ends
+            // cost more, so that a branch is joined by its base and not by its tip.
             let mut best: BTreeMap<u32, (f32, u32, u32)> = BTreeMap::new();
             for (piece, ends) in ends.iter().enumerate() {
                 let own = group[piece];

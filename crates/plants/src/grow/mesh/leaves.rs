@@ -68,6 +68,7 @@ pub(super) fn place_leaves(
     let whole = mesh.bounds().size().length();
     let material = materials(mesh);
     let cut = par_map(blades, |patch| cut_out_blade(mesh, &material, patch, near));
+    // Blades with equal topology are compared with the shapes known so far; a new shape becomes a prototype.
     let mut left = UnplacedLeaves::default();
     let mut shapes: BTreeMap<u64, Vec<LeafShape>> = BTreeMap::new();
     let mut hung: Vec<PlacedLeaf> = Vec::new();

@@ -89,6 +89,7 @@ pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshP
     let welded = weld(&mesh.points);
     let triangles: Vec<[u32; 3]> =
         mesh.triangles.iter().map(|t| t.map(|i| welded.of.get(i as usize).copied().unwrap_or(0))).collect();
+    // Names decide if any matches; otherwise small flat or open surfaces are blades.
     let mut is_blade = blades_by_name(imported, words);
     let whole: Vec<u32> = (0..).take(triangles.len()).collect();
     let sound = |t: &&u32| {
@@ -198,6 +199,7 @@ fn connected_patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Ve
             links.extend([a, b, c].map(|a| ([a, a], k)));
         }
     }
+    // Triangles with equal keys (edges or points) are connected.
     links.sort_unstable();
     let mut sets = DisjointSets::new(some.len());
     for w in links.windows(2) {
@@ -288,6 +290,7 @@ fn merge_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<TrianglePa
         let apart = |a: &Vec3| places[large].iter().fold(f32::MAX, |m, b| m.min(a.distance(*b)));
         places[small].iter().fold(f32::MAX, |m, a| m.min(apart(a))) / size.max(f32::MIN_POSITIVE)
     };
+    // A stalk is much smaller than its blade, stands next to it in the file, and almost touches it.
     let mut joined = DisjointSets::new(patches.len());
     for i in 0..patches.len() {
         let beside = [i.checked_sub(1), Some(i + 1).filter(|n| *n < patches.len())];
@@ -334,6 +337,7 @@ fn measure(points: &[Vec3], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
         let [a, b, c] = *t;
         edges.extend([[a, b], [b, c], [c, a]].map(|e| ([e[0].min(e[1]), e[0].max(e[1])], e)));
     }
+    // Edges of one triangle bound holes. A fan from the middle of each loop closes it: the volume is that of the closed surface.
     edges.sort_unstable();
     let free: Vec<[u32; 2]> =
         edges.chunk_by(|a, b| a.0 == b.0).filter_map(|run| if let [e] = run { Some(e.1) } else { None }).collect();

@@ -55,6 +55,7 @@ impl RefinedSurface {
         let mut points = piece.points.clone();
         let mut triangles = piece.triangles.clone();
         let mut cuts: LookupMap<[u32; 2], EdgeSplit> = LookupMap::default();
+        // Divide every edge longer than a quarter of a cluster; position, normal and radius are linear along it.
         for e in triangles.iter().flat_map(|t| edges(*t)) {
             if cuts.get(&e).is_some() {
                 continue;
@@ -73,6 +74,7 @@ impl RefinedSurface {
             }
             cuts.insert(e, cut);
         }
+        // Divide the triangles between the new points of their edges, then sum a third of each area at its corners.
         triangles = triangles.iter().flat_map(|t| strip(*t, &cuts)).collect();
         let sizes = radii.iter().map(|r| sizes.at(*r)).collect();
         let (first, around) = neighbours(points.len(), &triangles);

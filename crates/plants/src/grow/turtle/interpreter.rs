@@ -136,6 +136,7 @@ impl<'a> Turtle<'a> {
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
         };
+        // In the dialects of papers only bound symbols and brackets are commands.
         let command = |i: u16, c: char| match drawing.action(i) {
             Some(Action::As(other)) => Command::from_symbol(*other),
             Some(_) => Command::Bound,

@@ -1,4 +1,15 @@
 //! Bark as tiling maps: plates between cracks, fibres, marks.
+//!
+//! ```
+//! use osier_plants::surface::bark::{BarkSpec, bark};
+//!
+//! # fn main() -> osier_base::Result<()> {
+//! let birch = bark(&BarkSpec { side: 16, ..BarkSpec::birch() }, None, "birch")?;
+//! let names: Vec<&str> = birch.images.iter().map(|i| i.name.as_str()).collect();
+//! assert_eq!(names, ["birch_color", "birch_normal", "birch_rough", "birch_height"]);
+//! # Ok(())
+//! # }
+//! ```
 
 mod marks;
 mod paint;
@@ -130,6 +141,11 @@ impl BarkSpec {
             seed: 14,
             ..Self::furrowed()
         }
+    }
+
+    /// Bark in long narrow strips, as junipers and vines have.
+    pub fn stringy() -> Self {
+        Self { plates: [24, 2], weights: [0.50, 0.45, 0.05], gap: 0.25, depth: 0.005, ..Self::furrowed() }
     }
 
     /// Poplar, aspen: pale grey-green, smooth, with rows of dark diamonds and shallow furrows.

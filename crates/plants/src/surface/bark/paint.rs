@@ -75,6 +75,7 @@ pub fn bark(spec: &BarkSpec, grain: Option<&BarkGrain>, name: &str) -> Result<Su
     let rows: Vec<usize> = (0..side).collect();
     let samples = par_map(&rows, |&row| sample_row(spec, &tables, grain, row));
     let heights = stretched(&samples);
+    // Slope of one height unit over one texel, for normals in metres.
     let step = spec.depth / (spec.tile / spec.side as f32);
     let normals = pixels::normals8(&heights, side, [step, step]);
     let painted = par_map(&rows, |&row| paint_row(spec, &samples[row], &heights[row * side..(row + 1) * side]));

@@ -84,6 +84,7 @@ pub fn leaf_material(
         let name = "leaf: side of the maps".to_owned();
         return Err(Error::Range { name, value: side.into(), min: 16.0, max: 4096.0, unit: "pixels" });
     }
+    // Distances to veins and margin on the texture's grid, then colour, height and roughness of each texel from them.
     let outline = BladeOutline::new(spec, 6, true);
     let grid = BladeRaster { outline: &outline, side: side as usize };
     let (distances, noise) = (vein_distances(spec, &outline, &grid), LeafNoise::new(spec.seed));
@@ -152,6 +153,7 @@ fn vein_distances(spec: &BladeSpec, outline: &BladeOutline, grid: &BladeRaster<'
     let blank = || vec![far; grid.side * grid.side];
     let mut f = VeinDistances { main: blank(), branch: blank(), fine: blank(), margin: blank() };
     let unit = spec.length * 0.0075;
+    // The midrib, tapering to a tenth of its width, then side veins, their branches, and the margin.
     let steps = 16_u32;
     for k in 0..steps {
         let y = |k: u32| Vec2::new(0.0, spec.length * k as f32 / steps as f32);

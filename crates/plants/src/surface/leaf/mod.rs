@@ -1,4 +1,15 @@
 //! Leaf blades from a few botanical numbers: outline, veins, mesh and maps all come from one [`BladeSpec`].
+//!
+//! ```
+//! use osier_plants::surface::leaf::{BladeDetail, BladeSpec, blade};
+//!
+//! # fn main() -> osier_base::Result<()> {
+//! let oak = blade(&BladeSpec::oak(), 0, BladeDetail::Light)?;
+//! // The petiole begins at the origin, the blade extends along +Y.
+//! assert!(oak.bounds().max.y > 0.1);
+//! # Ok(())
+//! # }
+//! ```
 
 mod blade;
 mod edge_flips;
@@ -125,6 +136,17 @@ impl BladeSpec {
             petiole_radius: 0.000_8,
             petiole_flatness: 1.8,
             seed: 3,
+        }
+    }
+
+    /// Elliptic with an entire margin, as beeches have: 8 cm, petiole as a birch's.
+    pub fn elliptic() -> Self {
+        Self {
+            form: LeafForm::Elliptic,
+            teeth: Teeth { count: 0, depth: 0.0, minor: 0 },
+            length: 0.08,
+            width: 0.045,
+            ..Self::birch()
         }
     }
 

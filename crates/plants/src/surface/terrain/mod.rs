@@ -1,4 +1,14 @@
 //! Terrain: a heightfield by midpoint displacement, its mesh in tiles, its material, and the scattering of plants on it.
+//!
+//! ```
+//! use osier_plants::surface::terrain::{Land, TerrainParams};
+//!
+//! # fn main() -> osier_base::Result<()> {
+//! let land = Land::generate(&TerrainParams { n: 4, ..TerrainParams::default() })?;
+//! assert_eq!(land.heights.len(), 17 * 17);
+//! # Ok(())
+//! # }
+//! ```
 
 mod material;
 mod mesh;

@@ -160,6 +160,7 @@ pub fn scatter(
 ) -> Result<Vec<ScatterPoint>> {
     let cells = ScatterGrid::new(land, params);
     limits.check("candidates", cells.len().saturating_mul(ROUNDS.into()), "the number of candidates of a scatter")?;
+    // `grid`: index of the accepted point in each cell. A cell is spacing / sqrt 2 wide and holds at most one.
     let near = ObstacleGrid::new(taken, params, land.size);
     let mut grid = vec![EMPTY; narrow::<u32, u64>(cells.len(), "cells of a scatter")? as usize];
     let mut points: Vec<ScatterPoint> = Vec::new();
@@ -169,6 +170,7 @@ pub fn scatter(
         candidates.clear();
         let free = (0_u32..).zip(&grid).filter(|(_, g)| **g == EMPTY);
         candidates.extend(free.map(|(c, _)| (draw(&cells, key, c as usize).next_u64(), c)));
+        // The order of acceptance is random, but the same however the cells are visited.
         candidates.sort_unstable();
         for (_, cell) in &candidates {
             if points.len() >= params.max_count {

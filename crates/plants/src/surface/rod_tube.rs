@@ -1,75 +1,88 @@
-//! Tubes around rods and balls for weights, with their joints.
+//! Skinned meshes of rods: tubes around their sections, and balls for weights.
+//!
+//! ```
+//! use glam::{Quat, Vec3};
+//! use osier_plants::surface::rod_tube::{CLOSE_UP, TubeSection, tube};
+//!
+//! let section = |joint: u16, y: f32| TubeSection { joint, p: Vec3::Y * y, q: Quat::IDENTITY, r: 0.01 };
+//! let (mesh, weights) = tube(&[section(0, 0.0), section(1, 0.5)], CLOSE_UP);
+//! assert_eq!(mesh.points.len(), weights.joints.len());
+//! ```
 
 use std::f32::consts::{PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
+use super::pixels::first_index;
 use osier_base::math;
 use osier_scene::{Mesh, SkinWeights};
 
-/// How finely a tube is cut.
+/// Tessellation of a tube.
 #[derive(Debug, Clone, Copy)]
 pub struct TubeResolution {
-    /// Sides.
+    /// Sides of its polygon.
     pub sides: u32,
     /// Rings between two sections.
     pub rings: u32,
 }
 
-/// That of rods seen close.
+/// Tessellation for rods in the foreground.
 pub const CLOSE_UP: TubeResolution = TubeResolution { sides: 16, rings: 4 };
 /// Rings and sides of a ball.
 const BALL: [u32; 2] = [12, 24];
 
-/// A section of a rod: its joint, and how it was drawn.
+/// A section of a rod in its rest pose.
 pub struct TubeSection {
-    /// Joint.
+    /// The joint that the section follows.
     pub joint: u16,
-    /// Place, m.
+    /// Position, m.
     pub p: Vec3,
-    /// Turn: +Y along the rod.
+    /// Orientation: +Y along the rod.
     pub q: Quat,
     /// Radius, m.
     pub r: f32,
 }
 
-/// A ring's place, turn, radius, and joints with the second one's share.
+/// A ring between two sections.
 struct TubeRing {
     p: Vec3,
     q: Quat,
     r: f32,
+    /// The joints of both sections.
     joints: [u16; 2],
+    /// Weight of the second joint, 0..1.
     share: f32,
 }
 
-/// A closed tube. Between two sections the joints' shares pass over smoothly, so that bent tubes have no kinks: where a
-/// share does not change, the tube runs along its section.
+/// A closed tube through sections, and the skin weights of its points. Between two sections the weights change by a smoothstep,
+/// whose slope is 0 at both: the deformed tube is tangent to its sections and has no kinks.
 pub fn tube(stations: &[TubeSection], fine: TubeResolution) -> (Mesh, SkinWeights) {
-    let mut made = SkinnedMeshBuilder::default();
+    let mut builder = SkinnedMeshBuilder::default();
     let sides = fine.sides;
     let rings = rings(stations, fine.rings);
-    let (Some(first), Some(last)) = (rings.first(), rings.last()) else { return made.finish() };
+    let (Some(first), Some(last)) = (rings.first(), rings.last()) else { return builder.finish() };
     let mut along = 0.0;
     for (k, ring) in rings.iter().enumerate() {
         along += if k > 0 { (ring.p - rings[k - 1].p).length() } else { 0.0 };
         for i in 0..=sides {
             let turn = TAU * i as f32 / sides as f32;
             let out = ring.q * Vec3::new(math::cos_f32(turn), 0.0, -math::sin_f32(turn));
-            made.point(ring.p + out * ring.r, (out, Vec2::new(i as f32 / sides as f32, along)), ring);
+            builder.point(ring.p + out * ring.r, out, Vec2::new(i as f32 / sides as f32, along), ring);
         }
     }
     let n = sides + 1;
-    for k in 1..u32::try_from(rings.len()).unwrap_or(1) {
+    for (k, _) in (1..).zip(rings.iter().skip(1)) {
         for i in 0..sides {
             let (a, b) = ((k - 1) * n + i, k * n + i);
-            made.mesh.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+            builder.mesh.triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
         }
     }
-    made.cap(first, (sides, false));
-    made.cap(last, (sides, true));
-    made.finish()
+    builder.cap(first, sides, false);
+    builder.cap(last, sides, true);
+    builder.finish()
 }
 
+/// Rings on cubic Hermite curves between the sections, `count` to a segment.
 fn rings(stations: &[TubeSection], count: u32) -> Vec<TubeRing> {
     let mut out = Vec::new();
     for pair in stations.windows(2) {
@@ -91,7 +104,7 @@ fn rings(stations: &[TubeSection], count: u32) -> Vec<TubeRing> {
 
 /// A ball that follows one joint.
 pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
-    let mut made = SkinnedMeshBuilder::default();
+    let mut builder = SkinnedMeshBuilder::default();
     let ring = TubeRing { p, q: Quat::IDENTITY, r, joints: [joint; 2], share: 0.0 };
     let [rows, sides] = BALL;
     for k in 0..=rows {
@@ -100,7 +113,7 @@ pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
         for i in 0..=sides {
             let turn = TAU * i as f32 / sides as f32;
             let out = Vec3::new(s * math::cos_f32(turn), -c, -s * math::sin_f32(turn));
-            made.point(p + out * r, (out, Vec2::new(i as f32 / sides as f32, k as f32 / rows as f32)), &ring);
+            builder.point(p + out * r, out, Vec2::new(i as f32 / sides as f32, k as f32 / rows as f32), &ring);
         }
     }
     let n = sides + 1;
@@ -108,14 +121,14 @@ pub fn ball(p: Vec3, r: f32, joint: u16) -> (Mesh, SkinWeights) {
         for i in 0..sides {
             let (a, b) = ((k - 1) * n + i, k * n + i);
             if k > 1 {
-                made.mesh.triangles.push([a, a + 1, b + 1]);
+                builder.mesh.triangles.push([a, a + 1, b + 1]);
             }
             if k < rows {
-                made.mesh.triangles.push([a, b + 1, b]);
+                builder.mesh.triangles.push([a, b + 1, b]);
             }
         }
     }
-    made.finish()
+    builder.finish()
 }
 
 #[derive(Default)]
@@ -125,7 +138,8 @@ struct SkinnedMeshBuilder {
 }
 
 impl SkinnedMeshBuilder {
-    fn point(&mut self, p: Vec3, (normal, uv): (Vec3, Vec2), ring: &TubeRing) {
+    /// Adds a point that follows a ring's joints, the one of larger weight first.
+    fn point(&mut self, p: Vec3, normal: Vec3, uv: Vec2, ring: &TubeRing) {
         self.mesh.points.push(p);
         self.mesh.normals.push(normal);
         self.mesh.uvs.push(uv);
@@ -140,16 +154,16 @@ impl SkinnedMeshBuilder {
         self.skin.weights.push([one.1, two.1, 0.0, 0.0]);
     }
 
-    /// A disc at an end.
-    fn cap(&mut self, ring: &TubeRing, (sides, outwards): (u32, bool)) {
-        let base = u32::try_from(self.mesh.points.len()).unwrap_or(u32::MAX);
+    /// A disc at an end, facing along the rod for `outwards`, else against it.
+    fn cap(&mut self, ring: &TubeRing, sides: u32, outwards: bool) {
+        let base = first_index(&self.mesh);
         let normal = ring.q * if outwards { Vec3::Y } else { -Vec3::Y };
-        self.point(ring.p, (normal, Vec2::splat(0.5)), ring);
+        self.point(ring.p, normal, Vec2::splat(0.5), ring);
         for i in 0..sides {
             let turn = TAU * i as f32 / sides as f32;
             let (s, c) = (math::sin_f32(turn), math::cos_f32(turn));
             let out = ring.q * Vec3::new(c, 0.0, -s);
-            self.point(ring.p + out * ring.r, (normal, Vec2::new(0.5 + 0.5 * c, 0.5 + 0.5 * s)), ring);
+            self.point(ring.p + out * ring.r, normal, Vec2::new(0.5 + 0.5 * c, 0.5 + 0.5 * s), ring);
         }
         for i in 0..sides {
             let (a, b) = (base + 1 + i, base + 1 + (i + 1) % sides);
