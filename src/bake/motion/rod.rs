@@ -6,7 +6,6 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3, Quat, Vec3};
 
 use crate::bake::BakeContext;
-use osier_plants::surface::rod_tube::{CLOSE_UP, TubeSection, ball, tube};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::wind::plant_wind::analytic_winds;
 use crate::recipe::scene::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoadKeys, RodLoadKind};
@@ -18,6 +17,7 @@ use osier_motion::rods::{
     Actuation, AttachedBody, ClampKind, Integrator, Keys, MAX_GAUSS_SEIDEL_STIFFNESS, RodClip, RodDescription,
     RodMaterial, RodPose, RodSystem,
 };
+use osier_plants::surface::rod_tube::{CLOSE_UP, TubeSection, ball, tube};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, Joint, Material, MaterialClass, Mesh, MeshMotion, MeshObject, Skeleton, SkinWeights,
     Trs,

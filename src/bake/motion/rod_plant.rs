@@ -8,7 +8,6 @@ use crate::bake::BakeContext;
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::stalk_radius;
 use crate::bake::assets::plant_mesh::{PlantMaterials, bark, group_organs, instancer, instancer_name};
-use osier_plants::surface::rod_tube::{TubeResolution, TubeSection, tube};
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::bake::scene::layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood};
@@ -20,6 +19,7 @@ use osier_base::math::{narrow, smoothstep};
 use osier_base::{Result, math};
 use osier_motion::rain::RainTarget;
 use osier_motion::rods::{RodPlant, RodPlantParams, RodSystem, SectionFrame};
+use osier_plants::surface::rod_tube::{TubeResolution, TubeSection, tube};
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetFrame, AssetKind, InstanceState, InstancerFrame, InstancerMotion, Joint, Mesh, MeshFrame, MeshMotion,
