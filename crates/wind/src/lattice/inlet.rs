@@ -1,4 +1,4 @@
-//! The wind that comes in, as a function of place and time: profile, gusts and turbulence.
+//! The inflow of the lattice as a function of position and time: mean profile, gusts and synthetic turbulence.
 
 use std::f64::consts::TAU;
 
@@ -14,63 +14,74 @@ use osier_base::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use osier_base::rng::Rng;
 use osier_base::simd::F32Lanes;
 
-/// How the mean grows with the height above the ground.
+/// Height profile of the mean wind.
 #[derive(Debug, Clone, PartialEq)]
 pub enum WindProfile {
-    /// ln((y + z0)/z0) over its value at the reference height; roughness z0, m.
+    /// Logarithmic law ln((y + z0)/z0), over its value at the reference height; roughness length z0, m.
     Log(f64),
-    /// A power of the height over the reference height.
+    /// Power law: height over reference height, to this exponent.
     Power(f64),
-    /// The same at all heights.
+    /// The same speed at all heights.
     Uniform,
-    /// Heights, m, rising, and factors on the speed; straight between them.
+    /// Rows of ascending height, m, and factor on the speed, linearly interpolated.
     Table(Vec<[f64; 2]>),
 }
 
-/// What comes in.
+/// Options of an [`InletWind`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct InletOptions {
-    /// Level unit vector that the wind blows towards.
+    /// Horizontal unit vector that the wind blows towards.
     pub direction: DVec3,
     /// Mean speed at the reference height, m/s.
     pub speed: f64,
-    /// Times, s, rising, and speeds there, m/s, straight between them and the same before and after; none for always `speed`, which is the largest
-    /// of them.
+    /// Rows of ascending time, s, and mean speed, m/s, linearly interpolated and constant before and after; empty for a
+    /// constant `speed`, which is the largest of them.
     pub speed_curve: Vec<[f64; 2]>,
-    /// Times, s, from 0 on and rising, and by what angles, rad, the wind has turned there from `direction` to the left as seen from above,
-    /// straight between them and the same before and after; none for never.
+    /// Rows of ascending time, s, from 0 on, and angle, rad, from `direction` counterclockwise as seen from above; linearly
+    /// interpolated and constant before and after; empty for a constant direction.
     pub direction_curve: Vec<[f64; 2]>,
-    /// How it grows with the height.
+    /// Height profile of the mean.
     pub profile: WindProfile,
-    /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is less.
+    /// Height at which the speed is `speed`, m; none for 10 m, or the height of the box if that is lower.
     pub reference_height: Option<f64>,
-    /// Strength of gusts over the mean.
+    /// Standard deviation of gusts over the mean speed.
     pub gust_strength: f64,
-    /// Time after which a gust is forgotten, s.
+    /// Correlation time of gusts, s.
     pub gust_period: f64,
-    /// Strength of each component of turbulence over the mean.
+    /// Turbulence intensity: standard deviation of each component over the mean speed.
     pub turbulence: f64,
-    /// Waves that turbulence is made of.
+    /// Number of Fourier modes that make the turbulence.
     pub turbulence_modes: u32,
     /// Seed of gusts and turbulence.
     pub seed: u64,
 }
 
-/// Inlet nodes whose waves are summed at a time: their sums stay in the nearest cache.
-const NODES_AT_A_TIME: usize = 1024;
+/// Inlet nodes for which all modes are summed before the next: their velocities stay in the L1 cache.
+const NODE_BLOCK: usize = 1024;
 
-/// One wave of turbulence.
+/// One Fourier mode of the turbulence: e cos(k . x + phase).
 #[derive(Debug, Clone, Copy)]
 struct FourierMode {
-    /// Wave vector, 1/m.
+    /// Wave vector, rad/m.
     k: DVec3,
-    /// Velocity, m/s, across the wave vector: it has no divergence.
+    /// Amplitude, m/s, perpendicular to `k`, so that the mode is free of divergence.
     e: DVec3,
+    /// Phase at the origin of the box, rad.
     phase: f64,
 }
 
-/// Air that comes in: u = gust(t) U p(y) d + u'(x - int U d dt). As a wind of its own it has no wakes.
+/// Undisturbed inflow: u = gust(t) U p(y) d + u'(x - int U d dt), with profile p, direction d and turbulence u' that the mean
+/// carries along (Taylor's frozen turbulence). As a wind field of its own it has no wakes.
 /// Source: own, after Kraichnan's random Fourier modes; \[catkin\] names no inlet.
+/// ```
+/// use glam::DVec3;
+/// use osier_wind::{InletWind, LatticeOptions, Wind};
+///
+/// let options = LatticeOptions::default();
+/// let inlet = InletWind::new(options.inlet, DVec3::ZERO, options.spacing, options.cells, [false; 3]);
+/// assert!((inlet.profile(10.0) - 1.0).abs() < 1e-12);
+/// assert!(inlet.peak(35.0) > 4.5 && inlet.mean_at(2.0).x < 4.5);
+/// ```
 #[derive(Debug, Clone)]
 pub struct InletWind {
     options: InletOptions,
@@ -78,69 +89,72 @@ pub struct InletWind {
     origin: DVec3,
     /// Spacing of the lattice, m.
     spacing: f64,
-    reference: f64,
+    /// Height at which the mean speed holds, m.
+    reference_height: f64,
     modes: Vec<FourierMode>,
 }
 
-/// What holds everywhere at a time.
+/// What all positions have in common at one time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct InletState {
     direction: DVec3,
-    /// Factor on the mean.
+    /// Factor on the mean speed, the speed curve included.
     gust: f64,
-    /// How far the mean has taken the air since 0 s, m.
-    way: DVec3,
-    /// Speed over the largest.
-    strength: f64,
+    /// Distance that the mean wind has carried the air since 0 s, m.
+    displacement: DVec3,
+    /// Mean speed of the speed curve over the largest one.
+    speed_factor: f64,
 }
 
 impl InletWind {
-    /// `origin`: lowest corner of the box, m; `spacing`: of the lattice, m; `cells`: its size. `periodic`: axes whose
-    /// faces are joined, on which turbulence repeats.
+    /// Draws the turbulence modes. `origin`: lowest corner of the box, m; `spacing`: edge of a cell, m; `cells`: cells of the box
+    /// along each axis; `periodic`: axes whose faces are periodic, along which the turbulence must repeat.
     pub fn new(options: InletOptions, origin: DVec3, spacing: f64, cells: [u32; 3], periodic: [bool; 3]) -> Self {
         let size = DVec3::from_array(cells.map(f64::from)) * spacing;
-        let reference = options.reference_height.unwrap_or(size.y.min(10.0));
+        let reference_height = options.reference_height.unwrap_or(size.y.min(10.0));
         let modes = fourier_modes(&options, spacing, size, periodic);
-        Self { options, origin, spacing, reference, modes }
+        Self { options, origin, spacing, reference_height, modes }
     }
 
-    /// Factor on the speed at a height above the ground, m.
+    /// Mean speed at a height above the ground, m, over the one at the reference height.
     pub fn profile(&self, height: f64) -> f64 {
         let y = height.max(0.0);
         match &self.options.profile {
-            WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference + z0) / z0),
-            WindProfile::Power(a) => pow(y / self.reference, *a),
+            WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference_height + z0) / z0),
+            WindProfile::Power(a) => pow(y / self.reference_height, *a),
             WindProfile::Uniform => 1.0,
             WindProfile::Table(rows) => interpolate_rows(rows, y),
         }
     }
 
-    /// Growth of that factor with the height, 1/m.
+    /// Derivative of [`InletWind::profile`], 1/m, by a central difference of a quarter cell; 0 where that would leave the air.
     fn profile_slope(&self, height: f64) -> f64 {
-        let near = self.spacing / 8.0;
-        if height < near {
+        let step = self.spacing / 8.0;
+        if height < step {
             return 0.0;
         }
-        (self.profile(height + near) - self.profile(height - near)) / (2.0 * near)
+        (self.profile(height + step) - self.profile(height - step)) / (2.0 * step)
     }
 
-    /// How the mean wind leans at a height along its direction ([`super::ground::lean`]), m/s. `tau`: relaxation time there.
+    /// Shear coefficient of the mean wind at a height above the ground, m, in m/s: [`shear_coefficient`] times spacing over time step.
+    /// `tau`: relaxation time there, steps.
     pub(super) fn shear_at(&self, tau: f64, height: f64) -> f64 {
         shear_coefficient(tau, self.options.speed * self.profile_slope(height) * self.spacing)
     }
 
-    /// Level unit vector that the wind blows towards at a time, s.
+    /// Horizontal unit vector that the wind blows towards at time `t`, s.
     pub(super) fn direction(&self, t: f64) -> DVec3 {
         direction_at(&self.options, t)
     }
 
-    /// Mean speed, cells in a step of `dt` s, and the height at which it is that, cells.
+    /// Mean speed, cells per step of `dt` s, and its reference height, cells.
     pub(super) fn speed_and_height_in_cells(&self, dt: f64) -> (f64, f64) {
-        (self.options.speed * dt / self.spacing, self.reference / self.spacing)
+        (self.options.speed * dt / self.spacing, self.reference_height / self.spacing)
     }
 
-    /// The fastest mean with gusts, up to a height, m/s.
+    /// Largest speed of mean and gusts up to a height above the ground, m, in m/s; turbulence comes on top.
     pub fn peak(&self, height: f64) -> f64 {
+        // The profile at equidistant heights, and at the rows of a table, between which it may peak.
         let steps = 64;
         let fastest = (0..=steps).map(|i| self.profile(height * f64::from(i) / f64::from(steps))).fold(0.0, f64::max);
         let rows: &[[f64; 2]] = if let WindProfile::Table(rows) = &self.options.profile { rows } else { &[] };
@@ -148,7 +162,7 @@ impl InletWind {
         self.options.speed * fastest * (1.0 + MAX_GUST * self.options.gust_strength)
     }
 
-    /// Speed at a time over the largest.
+    /// Mean speed of the speed curve at time `t`, s, over the largest one.
     pub(super) fn speed_factor(&self, t: f64) -> f64 {
         if self.options.speed_curve.is_empty() {
             1.0
@@ -157,108 +171,114 @@ impl InletWind {
         }
     }
 
-    /// How far the mean wind has taken the air since 0 s, m.
+    /// Distance that the mean wind has carried the air between 0 s and `t`, m: int U d dt.
     fn mean_displacement(&self, t: f64) -> DVec3 {
         let o = &self.options;
-        // Between the times of both curves all is straight.
+        // Between the rows of both curves speed and angle are linear: integrate from row to row, from 0 to t.
         let mut times: Vec<f64> =
             [0.0, t].into_iter().chain(o.speed_curve.iter().chain(&o.direction_curve).map(|row| row[0])).collect();
-        times.retain(|at| *at * (*at - t) <= 0.0);
+        times.retain(|time| *time * (*time - t) <= 0.0);
         times.sort_by(f64::total_cmp);
-        let all: DVec3 = times.windows(2).map(|w| self.displacement_between(w[0], w[1])).sum();
-        if t < 0.0 { -all } else { all }
+        let sum: DVec3 = times.windows(2).map(|w| self.displacement_between(w[0], w[1])).sum();
+        if t < 0.0 { -sum } else { sum }
     }
 
-    /// The same between two times between which speed and angle are straight lines, by Simpson's rule.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred parts")]
+    /// The same between two times, s, between which speed and angle are linear, by the composite Simpson's rule with at most
+    /// [`TURN_PER_INTERVAL`] of turn per interval.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "some hundred intervals")]
     fn displacement_between(&self, from: f64, to: f64) -> DVec3 {
         let velocity = |t: f64| self.direction(t) * (self.options.speed * self.speed_factor(t));
-        let angle = angle(&self.options, to) - angle(&self.options, from);
-        let parts = (angle.abs() / TURN_PER_INTERVAL).ceil().clamp(1.0, 1e4) as u32;
-        let long = (to - from) / f64::from(parts);
-        let part = |k: u32| {
-            let at = from + long * f64::from(k);
-            (velocity(at) + 4.0 * velocity(at + long / 2.0) + velocity(at + long)) * (long / 6.0)
+        let angle = turn_angle(&self.options, to) - turn_angle(&self.options, from);
+        let intervals = (angle.abs() / TURN_PER_INTERVAL).ceil().clamp(1.0, 1e4) as u32;
+        let length = (to - from) / f64::from(intervals);
+        let integral = |k: u32| {
+            let start = from + length * f64::from(k);
+            (velocity(start) + 4.0 * velocity(start + length / 2.0) + velocity(start + length)) * (length / 6.0)
         };
-        (0..parts).map(part).sum()
+        (0..intervals).map(integral).sum()
     }
 
-    /// What holds everywhere at a time. `gust`: factor on the mean.
+    /// What all positions have in common at time `t`, s. `gust`: [`InletWind::gust`] at that time.
     pub(super) fn state_at(&self, t: f64, gust: f64) -> InletState {
         InletState {
             direction: self.direction(t),
             gust,
-            way: self.mean_displacement(t),
-            strength: self.speed_factor(t),
+            displacement: self.mean_displacement(t),
+            speed_factor: self.speed_factor(t),
         }
     }
 
-    /// Factor on the mean: the curve of speeds, and gusts, an Ornstein-Uhlenbeck process of unit variance, cut at two, times the strength.
+    /// Factor on the mean speed at time `t`, s: the speed curve times 1 + s g, where g is an Ornstein-Uhlenbeck process of unit
+    /// variance, clamped to +-2, and s the gust strength.
     pub fn gust(&self, t: f64) -> f64 {
         self.gust_from(t, |tick| self.ornstein_uhlenbeck(tick))
     }
 
-    /// The same from draws by tick.
-    #[allow(clippy::cast_possible_truncation, reason = "whole numbers of ticks")]
-    fn gust_from(&self, t: f64, mut drawn: impl FnMut(i64) -> f64) -> f64 {
+    /// The same from a source of the process at integer ticks, of which there are [`GUST_TICKS`] per correlation time.
+    #[allow(clippy::cast_possible_truncation, reason = "ticks are integers")]
+    fn gust_from(&self, t: f64, mut process: impl FnMut(i64) -> f64) -> f64 {
         if self.options.gust_strength <= 0.0 {
             return self.speed_factor(t);
         }
         let ticks = t * GUST_TICKS / self.options.gust_period;
-        let (tick, part) = (ticks.floor() as i64, ticks - ticks.floor());
-        let (a, b) = (drawn(tick), drawn(tick + 1));
-        (1.0 + self.options.gust_strength * (a + (b - a) * part).clamp(-MAX_GUST, MAX_GUST)) * self.speed_factor(t)
+        let (tick, fraction) = (ticks.floor() as i64, ticks - ticks.floor());
+        let (a, b) = (process(tick), process(tick + 1));
+        (1.0 + self.options.gust_strength * (a + (b - a) * fraction).clamp(-MAX_GUST, MAX_GUST)) * self.speed_factor(t)
     }
 
-    /// The process at a tick: what is left of all draws before.
+    /// Ornstein-Uhlenbeck process of unit variance at a tick, a pure function of the tick: the moving average
+    /// sqrt(1 - r^2) sum_j r^j n(tick - j) of normal draws n, cut off after [`GUST_MEMORY`] correlation times.
     #[allow(clippy::cast_possible_truncation, reason = "a few hundred")]
     fn ornstein_uhlenbeck(&self, tick: i64) -> f64 {
-        let keep = exp(-1.0 / GUST_TICKS);
-        let (mut sum, mut share) = (0.0, sqrt(1.0 - keep * keep));
-        for late in 0..(GUST_MEMORY * GUST_TICKS) as i64 {
-            let key = ["wind".into(), "gust".into(), (tick - late).into()];
-            sum += share * Rng::at(self.options.seed, &key).normal();
-            share *= keep;
+        let decay = exp(-1.0 / GUST_TICKS);
+        let (mut sum, mut weight) = (0.0, sqrt(1.0 - decay * decay));
+        for age in 0..(GUST_MEMORY * GUST_TICKS) as i64 {
+            let key = ["wind".into(), "gust".into(), (tick - age).into()];
+            sum += weight * Rng::at(self.options.seed, &key).normal();
+            weight *= decay;
         }
         sum
     }
 
-    /// The part of turbulence that is left near the ground.
+    /// Share of the turbulence at a height above the ground, m: 0 at the ground, 1 from [`TURBULENCE_FULL_HEIGHT`] cells on.
     pub(super) fn envelope(&self, height: f64) -> f64 {
         (height / (TURBULENCE_FULL_HEIGHT * self.spacing)).clamp(0.0, 1.0)
     }
 
-    /// Speed of the mean at a height, m/s.
+    /// Mean speed at a height above the ground, m, in m/s. `gust`: factor on it.
     pub(super) fn mean_speed(&self, height: f64, gust: f64) -> f64 {
         self.options.speed * gust * self.profile(height)
     }
 
-    /// Mean velocity at a height, m, as it blows at a time, s.
-    pub(super) fn mean_then(&self, height: f32, t: f64) -> Vec3 {
+    /// Mean velocity, m/s, at the world height y, m, in the direction of time `t`, s.
+    pub(super) fn mean_velocity_at(&self, height: f32, t: f64) -> Vec3 {
         (self.direction(t) * self.mean_speed(f64::from(height) - self.origin.y, 1.0)).as_vec3()
     }
 
-    /// Velocity at a place, m, and time, s.
-    pub fn velocity(&self, place: DVec3, t: f64) -> DVec3 {
-        self.velocity_in(place, &self.state_at(t, self.gust(t)))
+    /// Velocity at a position, m, and time `t`, s, in m/s.
+    pub fn velocity(&self, position: DVec3, t: f64) -> DVec3 {
+        self.velocity_in(position, &self.state_at(t, self.gust(t)))
     }
 
-    pub(super) fn velocity_in(&self, place: DVec3, now: &InletState) -> DVec3 {
-        let at = place - self.origin;
-        if at.y < 0.0 {
+    /// Velocity at a position, m, in m/s, in a state of [`InletWind::state_at`]; 0 below the ground.
+    pub(super) fn velocity_in(&self, position: DVec3, state: &InletState) -> DVec3 {
+        let offset = position - self.origin;
+        if offset.y < 0.0 {
             return DVec3::ZERO;
         }
-        let came = at - now.way;
-        let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(came) + m.phase)).sum();
-        now.direction * self.mean_speed(at.y, now.gust) + eddies * (self.envelope(at.y) * now.strength)
+        // Frozen turbulence: evaluate the modes where the air of this position was at 0 s.
+        let upstream = offset - state.displacement;
+        let eddies: DVec3 = self.modes.iter().map(|m| m.e * cos(m.k.dot(upstream) + m.phase)).sum();
+        state.direction * self.mean_speed(offset.y, state.gust)
+            + eddies * (self.envelope(offset.y) * state.speed_factor)
     }
 }
 
 impl Wind for InletWind {
-    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
-        let now = self.state_at(t, self.gust(t));
-        for (place, u) in places.iter().zip(out) {
-            *u = self.velocity_in(place.as_dvec3(), &now).as_vec3();
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
+        let state = self.state_at(t, self.gust(t));
+        for (position, u) in positions.iter().zip(out) {
+            *u = self.velocity_in(position.as_dvec3(), &state).as_vec3();
         }
     }
 
@@ -267,7 +287,7 @@ impl Wind for InletWind {
     }
 
     fn mean_at(&self, height: f32) -> Vec3 {
-        self.mean_then(height, 0.0)
+        self.mean_velocity_at(height, 0.0)
     }
 
     fn period(&self) -> Option<f64> {
@@ -275,32 +295,33 @@ impl Wind for InletWind {
     }
 }
 
-/// By how much a wind has turned at a time, rad.
-fn angle(options: &InletOptions, t: f64) -> f64 {
+/// Angle of the wind from its first direction at time `t`, s, in rad, counterclockwise as seen from above.
+fn turn_angle(options: &InletOptions, t: f64) -> f64 {
     if options.direction_curve.is_empty() { 0.0 } else { interpolate_rows(&options.direction_curve, t) }
 }
 
-/// Level unit vector that a wind blows towards at a time, s.
+/// Horizontal unit vector that the wind blows towards at time `t`, s.
 pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
     let d = options.direction;
     if options.direction_curve.is_empty() {
         return d;
     }
-    let angle = angle(options, t);
+    let angle = turn_angle(options, t);
     let (c, s) = (cos(angle), sin(angle));
     DVec3::new(d.x * c + d.z * s, 0.0, d.z * c - d.x * s)
 }
 
-/// Straight lines between rows.
-fn interpolate_rows(rows: &[[f64; 2]], y: f64) -> f64 {
-    let above = rows.partition_point(|r| r[0] <= y);
+/// Piecewise linear function through rows of ascending argument and value, constant outside them; 1 without rows.
+fn interpolate_rows(rows: &[[f64; 2]], x: f64) -> f64 {
+    let above = rows.partition_point(|r| r[0] <= x);
     match (above.checked_sub(1).and_then(|i| rows.get(i)), rows.get(above)) {
-        (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (y - a[0]) / (b[0] - a[0]),
+        (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (x - a[0]) / (b[0] - a[0]),
         (Some(only), None) | (None, Some(only)) => only[1],
         (None, None) => 1.0,
     }
 }
 
+/// Draws the modes of isotropic turbulence whose spectrum falls as in the inertial range. `size`: of the box, m.
 fn fourier_modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [bool; 3]) -> Vec<FourierMode> {
     if options.turbulence <= 0.0 || options.turbulence_modes == 0 {
         return Vec::new();
@@ -308,43 +329,48 @@ fn fourier_modes(options: &InletOptions, spacing: f64, size: DVec3, periodic: [b
     let shortest = TURBULENCE_WAVELENGTHS[0] * spacing;
     let longest = (TURBULENCE_WAVELENGTHS[1] * spacing).min(size.y).max(shortest);
     let count = f64::from(options.turbulence_modes);
+    // One wavelength at random in each of `count` equal intervals of the logarithm, so that no scale is left out.
     let lengths: Vec<f64> = (0..options.turbulence_modes)
         .map(|m| {
-            let place = (f64::from(m) + draw(options.seed, m, "length").unit_f64()) / count;
-            shortest * pow(longest / shortest, place)
+            let exponent = (f64::from(m) + draw(options.seed, m, "length").unit_f64()) / count;
+            shortest * pow(longest / shortest, exponent)
         })
         .collect();
-    // Of half the sum of the squares of all strengths, each component has a third.
+    // Kolmogorov: at logarithmic spacing a mode of wavelength l has an amplitude proportional to l^(1/3). A cosine has half its
+    // squared amplitude as variance, shared by three components: sum a^2 / 6 = (intensity U)^2 gives the amplitude at 1 m.
     let power: f64 = lengths.iter().map(|l| pow(*l, 2.0 / 3.0) / 2.0).sum();
-    let strength = sqrt(3.0 / power) * options.turbulence * options.speed;
+    let amplitude = sqrt(3.0 / power) * options.turbulence * options.speed;
     (0..options.turbulence_modes)
         .zip(&lengths)
-        .map(|(m, length)| fourier_mode(options, m, *length, strength, size, periodic))
+        .map(|(m, length)| fourier_mode(options, m, *length, amplitude, size, periodic))
         .collect()
 }
 
-fn draw(seed: u64, m: u32, what: &str) -> Rng {
-    Rng::at(seed, &["wind".into(), "mode".into(), m.into(), what.into()])
+/// Stream of random numbers for one property of mode `m`.
+fn draw(seed: u64, m: u32, property: &str) -> Rng {
+    Rng::at(seed, &["wind".into(), "mode".into(), m.into(), property.into()])
 }
 
-/// One wave of a length, m. `strength`: amplitude of a wave of 1 m, m/s; `size`: of the box, m; `periodic`: axes on which it
-/// repeats.
+/// Draws mode `m` of a wavelength `length`, m. `amplitude`: of a mode of 1 m wavelength, m/s; `size`: of the box, m; `periodic`: axes
+/// along which it must repeat.
 fn fourier_mode(
     options: &InletOptions,
     m: u32,
     length: f64,
-    strength: f64,
+    amplitude: f64,
     size: DVec3,
     periodic: [bool; 3],
 ) -> FourierMode {
     let mut k = random_direction(&mut draw(options.seed, m, "towards")) * (TAU / length);
+    // Along a periodic axis a whole number of waves, possibly none, fits the box.
     for a in 0..3 {
         if periodic[a] {
-            let whole = TAU / size[a];
-            k[a] = whole * (k[a] / whole).round();
+            let fundamental = TAU / size[a];
+            k[a] = fundamental * (k[a] / fundamental).round();
         }
     }
     let unit = if k.length() > 0.0 { k / k.length() } else { DVec3::Y };
+    // Amplitude perpendicular to k, so that div u = 0; directions nearly parallel to k are drawn again.
     let mut across = draw(options.seed, m, "across");
     let e = loop {
         let e = random_direction(&mut across);
@@ -355,105 +381,135 @@ fn fourier_mode(
     };
     FourierMode {
         k,
-        e: e * (strength * pow(length, 1.0 / 3.0)),
+        e: e * (amplitude * pow(length, 1.0 / 3.0)),
         phase: TAU * draw(options.seed, m, "phase").unit_f64(),
     }
 }
 
-/// A direction, all alike.
+/// Unit vector, uniformly distributed on the sphere: a uniform y and a uniform azimuth (Archimedes).
 fn random_direction(rng: &mut Rng) -> DVec3 {
     let y = 2.0 * rng.unit_f64() - 1.0;
-    let (turn, level) = (TAU * rng.unit_f64(), sqrt((1.0 - y * y).max(0.0)));
-    DVec3::new(level * cos(turn), y, level * sin(turn))
+    let (azimuth, radius) = (TAU * rng.unit_f64(), sqrt((1.0 - y * y).max(0.0)));
+    DVec3::new(radius * cos(azimuth), y, radius * sin(azimuth))
 }
 
-/// The wind at every place where air comes into a lattice.
+/// Position of an inlet node, outside an inlet face.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct InletNode {
+    /// Centre, m.
+    pub position: DVec3,
+    /// Height of the ground before the face, over the bottom of the box, m.
+    pub ground: f64,
+}
+
+/// Inflow at every inlet node, prepared so that a step needs no trigonometry per node:
+/// cos(k . x + phase - k . s) = cos(k . x + phase) cos(k . s) + sin(k . x + phase) sin(k . s), where the first factors depend
+/// on the node x only and the second on the displacement s of the step only.
 #[derive(Debug)]
 pub(super) struct InletNodes {
-    /// Mean speed, cells a step.
+    /// Mean speed, cells per step.
     mean: Vec<f32>,
-    /// How the mean leans with the height, as [`super::ground::lean`] has it.
-    lean: Vec<f32>,
-    /// By wave: cosine and sine of its phase at each place, times the envelope.
-    waves: Vec<[Vec<f32>; 2]>,
-    gusts: GustCache,
+    /// Shear coefficient of the mean ([`shear_coefficient`]), cells per step.
+    shear: Vec<f32>,
+    /// By mode: cosine and sine of k . x + phase at each node, times the envelope, in cells per step over m/s.
+    modes: Vec<[Vec<f32>; 2]>,
+    gust_cache: GustCache,
 }
 
-/// What is the same at every place where air comes in, in a step.
+/// What all inlet nodes have in common in one step.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct InletStep {
-    /// Time, s, and share of the wind that blows already.
-    pub at: (f64, f64),
-    /// Factor on the mean wind, with that share.
-    pub share: f32,
-    /// Direction it blows towards.
-    pub toward: [f32; 3],
+    /// Time since the first frame, s.
+    pub time: f64,
+    /// Share of the full inflow during spin-up, 0 to 1.
+    pub ramp: f64,
+    /// Factor on the mean wind: gust times ramp.
+    pub mean_factor: f32,
+    /// Unit vector that the wind blows towards.
+    pub direction: [f32; 3],
 }
 
 impl InletNodes {
-    /// `places`: where, m, with the height of the ground there over the bottom of the box, m. `tau`: relaxation time at a height over that bottom, m.
-    /// `pace`: cells a step of 1 m/s.
-    pub(super) fn new(inlet: &InletWind, places: &[(DVec3, f64)], tau: impl Fn(f64) -> f64, pace: f64) -> Self {
-        let height = |(place, ground): &(DVec3, f64)| place.y - inlet.origin.y - ground;
-        let mean = places.iter().map(|p| narrow(inlet.options.speed * inlet.profile(height(p)) * pace)).collect();
-        let lean = |p: &(DVec3, f64)| narrow(inlet.shear_at(tau(p.0.y - inlet.origin.y), height(p)) * pace);
-        let lean = places.iter().map(lean).collect();
-        let wave = |m: &FourierMode| {
-            let turn = |p: &(DVec3, f64)| m.k.dot(p.0 - inlet.origin) + m.phase;
-            let strong = |p: &(DVec3, f64)| inlet.envelope(height(p)) * pace;
+    /// `tau`: relaxation time, steps, at a height over the bottom of the box, m; `velocity_scale`: cells per step of 1 m/s.
+    pub(super) fn new(inlet: &InletWind, nodes: &[InletNode], tau: impl Fn(f64) -> f64, velocity_scale: f64) -> Self {
+        let height = |n: &InletNode| n.position.y - inlet.origin.y - n.ground;
+        let mean = |n: &InletNode| narrow(inlet.options.speed * inlet.profile(height(n)) * velocity_scale);
+        let mean = nodes.iter().map(mean).collect();
+        let shear =
+            |n: &InletNode| narrow(inlet.shear_at(tau(n.position.y - inlet.origin.y), height(n)) * velocity_scale);
+        let shear = nodes.iter().map(shear).collect();
+        let mode = |m: &FourierMode| {
+            let phase = |n: &InletNode| m.k.dot(n.position - inlet.origin) + m.phase;
+            let envelope = |n: &InletNode| inlet.envelope(height(n)) * velocity_scale;
             [
-                places.iter().map(|p| narrow(cos(turn(p)) * strong(p))).collect(),
-                places.iter().map(|p| narrow(sin(turn(p)) * strong(p))).collect(),
+                nodes.iter().map(|n| narrow(cos(phase(n)) * envelope(n))).collect(),
+                nodes.iter().map(|n| narrow(sin(phase(n)) * envelope(n))).collect(),
             ]
         };
-        let waves = inlet.modes.iter().map(wave).collect();
-        Self { mean, lean, waves, gusts: GustCache::default() }
+        let modes = inlet.modes.iter().map(mode).collect();
+        Self { mean, shear, modes, gust_cache: GustCache::default() }
     }
 
-    /// Velocity at every place, by component, cells a step.
-    pub(super) fn velocities(&self, inlet: &InletWind, now: InletStep, arch: Arch, out: &mut [Vec<f32>; 3]) {
+    /// Velocity at every node, by component, cells per step.
+    pub(super) fn velocities(&self, inlet: &InletWind, step: InletStep, arch: Arch, out: &mut [Vec<f32>; 3]) {
         out.iter_mut().for_each(|o| o.resize(self.mean.len(), 0.0));
-        let (t, ramp) = now.at;
-        let (way, ramp) = (inlet.mean_displacement(t), ramp * inlet.speed_factor(t));
-        let turn = |m: &FourierMode| {
-            let late = m.k.dot(way);
-            (m.e.to_array().map(narrow), narrow(cos(late) * ramp), narrow(sin(late) * ramp))
+        let displacement = inlet.mean_displacement(step.time);
+        let factor = step.ramp * inlet.speed_factor(step.time);
+        let phase_shift = |m: &FourierMode| {
+            let angle = m.k.dot(displacement);
+            ModeStep {
+                amplitude: m.e.to_array().map(narrow),
+                cos: narrow(cos(angle) * factor),
+                sin: narrow(sin(angle) * factor),
+            }
         };
-        let waves: Vec<_> = inlet.modes.iter().map(turn).collect();
-        arch.dispatch(VelocityKernel { nodes: self, now, waves: &waves, out });
+        let mode_steps: Vec<_> = inlet.modes.iter().map(phase_shift).collect();
+        arch.dispatch(VelocityKernel { nodes: self, step, mode_steps: &mode_steps, out });
     }
 
-    /// How the mean leans at every place with the height, and by how much of that along x and z.
-    pub(super) fn shear(&self, now: InletStep) -> (&[f32], [f32; 2]) {
-        (&self.lean, [now.toward[0] * now.share, now.toward[2] * now.share])
+    /// Shear coefficient at every node along the wind, and the factors on it along x and z in this step.
+    pub(super) fn shear(&self, step: InletStep) -> (&[f32], [f32; 2]) {
+        (&self.shear, [step.direction[0] * step.mean_factor, step.direction[2] * step.mean_factor])
     }
 
-    /// What blows at a time, s. `ramp`: share of the wind that blows already.
+    /// What all nodes have in common at time `t`, s. `ramp`: share of the full inflow during spin-up.
     pub(super) fn step_at(&mut self, inlet: &InletWind, t: f64, ramp: f64) -> InletStep {
-        let share = narrow(inlet.gust_from(t, |tick| self.gusts.draw(inlet, tick)) * ramp);
-        InletStep { at: (t, ramp), share, toward: inlet.direction(t).to_array().map(narrow) }
+        let mean_factor = narrow(inlet.gust_from(t, |tick| self.gust_cache.get(inlet, tick)) * ramp);
+        InletStep { time: t, ramp, mean_factor, direction: inlet.direction(t).to_array().map(narrow) }
     }
 }
 
-/// Draws of gusts, which hold for many steps.
+/// The gust process at the last even and the last odd tick: a tick lasts many steps and takes some hundred draws.
 #[derive(Debug, Default)]
 struct GustCache([Option<(i64, f64)>; 2]);
 
 impl GustCache {
-    fn draw(&mut self, inlet: &InletWind, tick: i64) -> f64 {
+    /// [`InletWind::ornstein_uhlenbeck`] at a tick.
+    fn get(&mut self, inlet: &InletWind, tick: i64) -> f64 {
         let slot = &mut self.0[usize::from(tick.rem_euclid(2) == 1)];
         match slot {
-            Some((known, drawn)) if *known == tick => *drawn,
+            Some((cached, value)) if *cached == tick => *value,
             _ => slot.insert((tick, inlet.ornstein_uhlenbeck(tick))).1,
         }
     }
 }
 
+/// One turbulence mode in one step.
+#[derive(Debug, Clone, Copy)]
+struct ModeStep {
+    /// Amplitude, m/s.
+    amplitude: [f32; 3],
+    /// Cosine of k . s, times the share of the full inflow.
+    cos: f32,
+    /// Sine of k . s, times the share of the full inflow.
+    sin: f32,
+}
+
+/// Sums mean wind and turbulence modes at every inlet node.
 struct VelocityKernel<'a> {
     nodes: &'a InletNodes,
-    now: InletStep,
-    /// Of every wave: velocity, cosine and sine of the phase now.
-    waves: &'a [([f32; 3], f32, f32)],
+    step: InletStep,
+    mode_steps: &'a [ModeStep],
     out: &'a mut [Vec<f32>; 3],
 }
 
@@ -462,41 +518,41 @@ impl WithSimd for VelocityKernel<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { nodes, now, waves, out } = self;
-        let all = nodes.mean.len();
-        for first in (0..all).step_by(NODES_AT_A_TIME) {
-            let here = first..all.min(first + NODES_AT_A_TIME);
-            for (out, along) in out.iter_mut().zip(now.toward) {
-                for (u, mean) in out[here.clone()].iter_mut().zip(&nodes.mean[here.clone()]) {
-                    *u = along * (mean * now.share);
+        let Self { nodes, step, mode_steps, out } = self;
+        let count = nodes.mean.len();
+        for first in (0..count).step_by(NODE_BLOCK) {
+            let block = first..count.min(first + NODE_BLOCK);
+            for (out, direction) in out.iter_mut().zip(step.direction) {
+                for (u, mean) in out[block.clone()].iter_mut().zip(&nodes.mean[block.clone()]) {
+                    *u = direction * (mean * step.mean_factor);
                 }
             }
-            for ((e, c, s), [cosine, sine]) in waves.iter().zip(&nodes.waves) {
-                for (out, e) in out.iter_mut().zip(e) {
-                    // cos(a - b) = cos a cos b + sin a sin b.
-                    add_wave(simd, &mut out[here.clone()], e * c, &cosine[here.clone()], e * s, &sine[here.clone()]);
+            for (mode, [cosine, sine]) in mode_steps.iter().zip(&nodes.modes) {
+                for (out, e) in out.iter_mut().zip(&mode.amplitude) {
+                    let (c, s) = (e * mode.cos, e * mode.sin);
+                    add_mode(simd, &mut out[block.clone()], c, &cosine[block.clone()], s, &sine[block.clone()]);
                 }
             }
         }
     }
 }
 
-/// to += c cosine + s sine, element by element.
+/// sum += c cosine + s sine, element by element.
 #[inline(always)]
-fn add_wave<S: Simd>(simd: S, to: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
-    let (lanes, rest) = S::as_mut_simd_f32s(to);
+fn add_mode<S: Simd>(simd: S, sum: &mut [f32], c: f32, cosine: &[f32], s: f32, sine: &[f32]) {
+    let (lanes, rest) = S::as_mut_simd_f32s(sum);
     let ((a, a_rest), (b, b_rest)) = (S::as_simd_f32s(cosine), S::as_simd_f32s(sine));
     let (c_all, s_all) = (F32Lanes::from_scalar(simd, c), F32Lanes::from_scalar(simd, s));
     for ((u, a), b) in lanes.iter_mut().zip(a).zip(b) {
-        let wave = F32Lanes::new(simd, *a) * c_all + F32Lanes::new(simd, *b) * s_all;
-        *u = (F32Lanes::new(simd, *u) + wave).value;
+        let term = F32Lanes::new(simd, *a) * c_all + F32Lanes::new(simd, *b) * s_all;
+        *u = (F32Lanes::new(simd, *u) + term).value;
     }
     for ((u, a), b) in rest.iter_mut().zip(a_rest).zip(b_rest) {
         *u += *a * c + *b * s;
     }
 }
 
-/// How much of the wind blows after so many steps from rest: a sudden start would send a wave of pressure.
+/// Share of the full inflow, 0 to 1, after a number of steps from rest: a sudden start would send a pressure wave through the box.
 pub(super) fn spin_up_ramp(steps: u64) -> f64 {
     f64::from(math::smoothstep(0.0, RAMP_STEPS, steps.min(1000) as f32))
 }

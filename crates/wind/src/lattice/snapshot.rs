@@ -13,7 +13,7 @@ pub struct WindSnapshot {
     pub(super) grid: Arc<SnapshotGrid>,
     /// Velocity, m/s, and density less 1 by cell, halo included.
     pub(super) values: Vec<[f32; 4]>,
-    /// s.
+    /// Time since the first frame, s.
     pub(super) time: f64,
 }
 
@@ -85,7 +85,7 @@ impl Wind for InterpolatedWind {
     }
 
     fn mean_at(&self, height: f32) -> Vec3 {
-        self.before.grid.inlet.mean_then(height, self.t0)
+        self.before.grid.inlet.mean_velocity_at(height, self.t0)
     }
 
     fn period(&self) -> Option<f64> {

@@ -17,7 +17,7 @@ pub(super) struct SnapshotGrid {
     pub n: [usize; 3],
     /// Lowest corner of the cells, m.
     pub origin: DVec3,
-    /// m.
+    /// Edge of a cell, m.
     pub spacing: f64,
     pub periodic: [bool; 3],
     /// By cell, halo included: solid, or below the ground.
