@@ -1,65 +1,64 @@
-//! What a lattice wind takes of the machine, known before it is made.
+//! Memory that a lattice wind needs, estimated before it is allocated.
 
 use super::domain::FaceCondition;
 use super::grid::LatticeGrid;
 use super::setup::{LatticeOptions, most_open_faces};
+use super::tuning::{
+    BYTES_PER_INLET_CELL, BYTES_PER_MODE_AND_INLET_CELL, BYTES_PER_OPEN_CELL, HELD_SNAPSHOTS, SOLID_FLAG_COPIES,
+};
 use osier_base::limits::{Limits, grouped};
 use osier_base::{Error, Result};
 
-/// Snapshots that are held at a time: two that a wind is between, the next, and one that is still looked at.
-const SNAPSHOTS: u64 = 4;
-/// Marks of each cell: solid or not, in three places.
-const MARKS: u64 = 3;
-/// Of each cell before an open face: what it sends and takes, and where.
-const OPEN: u64 = 260;
-/// Of each wave of turbulence at a place where air comes in: cosine and sine.
-const WAVE: u64 = 8;
-/// Velocity, mean and place where air comes in.
-const MOUTH: u64 = 40;
-
-/// Bytes of a lattice wind, by what they are for. Boundaries of solids are left out: some hundred bytes for each cell of their surface.
-/// Source: \[catkin\] has none; own, after the layout of each part, held to what a lattice holds by a test.
+/// Estimated memory of a lattice wind, bytes by use. The boundary exchange at solids, some hundred bytes per surface cell, is left
+/// out. Source: own, from the memory layout of each part; a test compares it with the memory of a solver.
+/// ```
+/// use osier_wind::{LatticeMemory, LatticeOptions};
+///
+/// let memory = LatticeMemory::estimate(&LatticeOptions::default());
+/// assert!(memory.populations >= 70 * 70 * 70 * 15 * 4 && memory.total() < 100_000_000);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LatticeMemory {
-    /// Air: fifteen numbers of four bytes at every cell and around the box.
+    /// Populations: fifteen numbers of four bytes per cell, with a halo.
     pub populations: u64,
-    /// Velocities of a few frames, sixteen bytes a cell.
+    /// Snapshots of a few frames, sixteen bytes per cell.
     pub snapshots: u64,
-    /// What is solid.
+    /// Flags of solid cells, one byte each.
     pub solid_cells: u64,
-    /// Open faces.
+    /// Ghost nodes of inlets and outlets, and the inflow at them.
     pub open_faces: u64,
 }
 
 impl LatticeMemory {
-    /// What these options would take.
+    /// Estimate for a solver with these options.
     pub fn estimate(options: &LatticeOptions) -> Self {
         let n = options.cells.map(u64::from);
-        let count: u64 = n.iter().fold(1, |all, n| all.saturating_mul(*n));
-        let around: u64 = n.iter().fold(1, |all, n| all.saturating_mul(n + 2));
+        let count: u64 = n.iter().fold(1, |product, n| product.saturating_mul(*n));
+        let with_halo: u64 = n.iter().fold(1, |product, n| product.saturating_mul(n + 2));
         let faces = most_open_faces(options);
         let area = |f: usize| (0..3).filter(|a| *a != f / 2).map(|a| n[a]).product::<u64>();
-        let all = |face: FaceCondition| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
-        let (coming, going) = (all(FaceCondition::Inlet), all(FaceCondition::Outlet));
+        let cells_at = |face: FaceCondition| (0..6).filter(|f| faces[*f] == face).map(area).sum::<u64>();
+        let (inlet_cells, outlet_cells) = (cells_at(FaceCondition::Inlet), cells_at(FaceCondition::Outlet));
         let modes = if options.inlet.turbulence > 0.0 { u64::from(options.inlet.turbulence_modes) } else { 0 };
         Self {
             populations: LatticeGrid::population_bytes(options.cells.map(|n| n as usize)),
-            snapshots: SNAPSHOTS * 16 * around,
-            solid_cells: MARKS * count,
-            open_faces: OPEN * (coming + going) + (WAVE * modes + MOUTH) * coming,
+            snapshots: HELD_SNAPSHOTS * 16 * with_halo,
+            solid_cells: SOLID_FLAG_COPIES * count,
+            open_faces: BYTES_PER_OPEN_CELL * (inlet_cells + outlet_cells)
+                + (BYTES_PER_MODE_AND_INLET_CELL * modes + BYTES_PER_INLET_CELL) * inlet_cells,
         }
     }
 
-    /// All of it.
+    /// Sum of all uses, bytes; saturates instead of overflowing.
     pub fn total(&self) -> u64 {
         [self.populations, self.snapshots, self.solid_cells, self.open_faces]
             .iter()
             .fold(0, |sum, b| sum.saturating_add(*b))
     }
 
-    /// Refuses what passes the limit.
+    /// Refuses a lattice whose estimate exceeds the memory limit.
     /// # Errors
-    /// `Limit` that names cells and spacing.
+    /// `Limit`, which names cells and spacing.
     pub(super) fn check(&self, options: &LatticeOptions, limits: &Limits) -> Result<()> {
         let (limit, [x, y, z]) = (limits.get("memory"), options.cells);
         if self.total() <= limit {
@@ -79,19 +78,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_foretold_is_what_is_taken() {
+    fn the_estimate_is_close_to_the_memory_of_a_solver() {
         let base = LatticeOptions { cells: [64, 48, 48], ..LatticeOptions::default() };
         let mut slanted = base.clone();
         slanted.inlet.direction = glam::DVec3::new(0.6, 0.0, 0.8);
         let mut turning = base.clone();
         turning.inlet.direction_curve = vec![[0.0, 0.5]];
         for options in [base, slanted, turning] {
-            let told = LatticeMemory::estimate(&options);
+            let estimate = LatticeMemory::estimate(&options);
             let lattice = LatticeSolver::new(&options, &[], &Limits::default()).expect("lattice");
-            // Snapshots come with the frames.
-            let (told, held) = (told.total() - told.snapshots, lattice.bytes());
-            println!("lattice: told {told} bytes, holds {held}");
-            assert!(held <= told && 10 * held > 8 * told, "told {told}, holds {held}");
+            // Snapshots are allocated with the frames.
+            let (estimate, held) = (estimate.total() - estimate.snapshots, lattice.bytes());
+            println!("lattice: estimate {estimate} bytes, holds {held}");
+            assert!(held <= estimate && 10 * held > 8 * estimate, "estimate {estimate}, holds {held}");
         }
     }
 

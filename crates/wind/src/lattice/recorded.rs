@@ -1,4 +1,4 @@
-//! The wind of a whole clip, for what asks at any time and place.
+//! The simulated wind of a whole clip, which can be sampled at any time and position.
 
 use std::sync::Arc;
 
@@ -17,35 +17,35 @@ use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::{Cancel, Progress};
 
-/// What to record.
+/// Region and time span of a recording.
 #[derive(Debug, Clone, Copy)]
 pub struct RecordingOptions {
-    /// Where it is asked for, m.
+    /// Region in which the wind will be sampled, m.
     pub bounds: Bounds,
-    /// Frames.
+    /// Number of frames in the clip.
     pub frames: usize,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// The frame after the last is the first.
+    /// Whether the clip loops: the frame after the last is the first.
     pub repeats: bool,
 }
 
-/// A recorded wind: velocities in half precision at every cell near some place, for every frame of a clip.
+/// A recorded wind: velocities in half precision at every cell of a region, for every frame of a clip.
 #[derive(Debug)]
 pub struct RecordedWind {
     grid: SnapshotGrid,
     frames: Vec<Vec<[f16; 3]>>,
     fps: f64,
-    /// Frames recorded before the first.
+    /// Frames recorded before the first of a loop, for the cross-fade at its end.
     lead: usize,
     period: Option<f64>,
     inlet: Arc<InletWind>,
 }
 
 impl RecordedWind {
-    /// Runs a fresh lattice through a clip and keeps what was asked for.
+    /// Runs a solver that has done no step through a clip and keeps the velocities of a region.
     /// # Errors
-    /// `Limit` if it would keep too much; those of [`LatticeSolver::advance`].
+    /// `Limit` if the recording would take more than `wind-bytes`; those of [`LatticeSolver::advance`].
     pub fn record(
         lattice: &mut LatticeSolver,
         options: RecordingOptions,
@@ -54,8 +54,9 @@ impl RecordedWind {
         cancel: &Cancel,
     ) -> Result<Self> {
         let (grid, low) = lattice.snapshot_grid().crop(options.bounds, RECORDING_MARGIN);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "two seconds of frames")]
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the frames of two seconds")]
         let lead = if options.repeats { ((LOOP_FADE * options.fps).ceil() as usize).min(options.frames) } else { 0 };
+        // One frame more than the clip: the last one is the end of the last interval.
         let count = lead + options.frames + 1;
         limits.check("wind-bytes", (count * grid.count() * 6) as u64, "the bytes of the recorded wind")?;
         let mut frames = Vec::with_capacity(count);
@@ -72,57 +73,60 @@ impl RecordedWind {
         Ok(Self { grid, frames, fps: options.fps, lead, period, inlet })
     }
 
-    /// Bytes that it keeps.
+    /// Bytes of memory that the velocities take.
     pub fn bytes(&self) -> u64 {
         (self.frames.len() * self.grid.count() * 6) as u64
     }
 
-    /// Adds a share of the wind `late` frames after the first that was recorded.
+    /// Adds `weight` times the velocities at `frame`, a fractional index into the recorded frames: linear in time, trilinear in
+    /// space.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the frames")]
-    fn add(&self, places: &[Vec3], late: f64, share: f32, out: &mut [Vec3]) {
+    fn add_weighted(&self, positions: &[Vec3], frame: f64, weight: f32, out: &mut [Vec3]) {
         let last = self.frames.len() - 1;
-        let late = late.clamp(0.0, last as f64);
-        let frame = (late as usize).min(last.saturating_sub(1));
-        let part = narrow(late - frame as f64);
-        let (a, b) = (&self.frames[frame], &self.frames[(frame + 1).min(last)]);
-        let t = late / self.fps;
-        let now = self.inlet.state_at(t, self.inlet.gust(t));
+        let frame = frame.clamp(0.0, last as f64);
+        let before = (frame as usize).min(last.saturating_sub(1));
+        let fraction = narrow(frame - before as f64);
+        let (a, b) = (&self.frames[before], &self.frames[(before + 1).min(last)]);
+        // Outside the recorded region the undisturbed inflow blows.
+        let t = frame / self.fps;
+        let inlet_state = self.inlet.state_at(t, self.inlet.gust(t));
         let value = |k: usize| {
             let (a, b) = (vector(a[k]), vector(b[k]));
-            a + (b - a) * part
+            a + (b - a) * fraction
         };
-        for (place, u) in places.iter().zip(out) {
-            let outside = || self.inlet.velocity_in(place.as_dvec3(), &now).as_vec3();
-            *u += self.grid.sample(*place, value, outside) * share;
+        for (position, u) in positions.iter().zip(out) {
+            let outside = || self.inlet.velocity_in(position.as_dvec3(), &inlet_state).as_vec3();
+            *u += self.grid.sample(*position, value, outside) * weight;
         }
     }
 }
 
+/// From half to single precision.
 fn vector(v: [f16; 3]) -> Vec3 {
     Vec3::new(v[0].to_f32(), v[1].to_f32(), v[2].to_f32())
 }
 
-/// A snapshot's values within a part of its grid.
+/// Velocities of a snapshot at the values of a cropped grid that begins at the cell `low`.
 fn cropped_values(snapshot: &WindSnapshot, part: &SnapshotGrid, low: [usize; 3]) -> Vec<[f16; 3]> {
-    let all = (0..part.count()).map(|k| snapshot.values[snapshot.grid.index_in_whole(part, low, k)]);
-    all.map(|[x, y, z, _]| [x, y, z].map(f16::from_f32)).collect()
+    let values = (0..part.count()).map(|k| snapshot.values[snapshot.grid.index_in_whole(part, low, k)]);
+    values.map(|[x, y, z, _]| [x, y, z].map(f16::from_f32)).collect()
 }
 
 impl Wind for RecordedWind {
-    fn sample(&self, places: &[Vec3], t: f64, out: &mut [Vec3]) {
+    fn sample(&self, positions: &[Vec3], t: f64, out: &mut [Vec3]) {
         out.fill(Vec3::ZERO);
         let lead = self.lead as f64;
         let Some(period) = self.period else {
-            self.add(places, t * self.fps, 1.0, out);
+            self.add_weighted(positions, t * self.fps, 1.0, out);
             return;
         };
-        let late = t.rem_euclid(period) * self.fps;
+        let frame = t.rem_euclid(period) * self.fps;
         let frames = period * self.fps;
-        // Towards the end what follows gives way to what came before the beginning.
-        let share = narrow(((late - (frames - lead)) / lead.max(1.0)).clamp(0.0, 1.0));
-        self.add(places, late + lead, 1.0 - share, out);
-        if share > 0.0 {
-            self.add(places, late + lead - frames, share, out);
+        // Loop: in the last `lead` frames, cross-fade into the frames recorded before the first, which lead up to it.
+        let fade = narrow(((frame - (frames - lead)) / lead.max(1.0)).clamp(0.0, 1.0));
+        self.add_weighted(positions, frame + lead, 1.0 - fade, out);
+        if fade > 0.0 {
+            self.add_weighted(positions, frame + lead - frames, fade, out);
         }
     }
 

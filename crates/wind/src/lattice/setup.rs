@@ -1,4 +1,4 @@
-//! Units, faces and steps of a lattice, from what a scene says.
+//! Options of the lattice wind, and what follows from them: lattice units, boundary conditions and time steps.
 
 use glam::DVec3;
 
@@ -14,61 +14,61 @@ use osier_base::math::{cos, narrow};
 use osier_base::rng;
 use osier_base::{Error, Result};
 
-/// What the faces along the wind do.
+/// Boundary condition of the two vertical faces parallel to the wind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SideCondition {
-    /// Joined, if the wind blows along an axis; else open.
+    /// Periodic if the wind is within a degree of an axis, else open.
     Auto,
-    /// Nothing passes, nothing drags.
+    /// Free slip: no flow through the face, no friction at it.
     Slip,
-    /// Air comes in or goes out, as the wind has it.
+    /// Inlet or outlet, depending on the direction of the wind.
     Open,
 }
 
-/// What the ground does to the air.
+/// Boundary condition of the bottom face.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum GroundCondition {
-    /// It takes the stress of a logarithmic profile over a roughness, m.
+    /// Wall stress of a logarithmic profile over a roughness length, m.
     Rough(f64),
-    /// It holds the air, half a cell below the lowest middles.
+    /// No slip: a wall half a cell below the lowest cell centres, by halfway bounce-back.
     Smooth,
 }
 
-/// What a lattice wind is like.
+/// Options of a [`LatticeSolver`](super::LatticeSolver).
 #[derive(Debug, Clone, PartialEq)]
 pub struct LatticeOptions {
-    /// Cells along x, y and z.
+    /// Number of cells along x, y and z.
     pub cells: [u32; 3],
-    /// Spacing, m.
+    /// Edge of a cubic cell, m.
     pub spacing: f64,
-    /// Middle of the bottom of the box, m: the ground.
+    /// Centre of the bottom face, m, which is the ground.
     pub base_center: DVec3,
-    /// What comes in.
+    /// Profile, gusts and turbulence of the inflow.
     pub inlet: InletOptions,
     /// Kinematic viscosity, m^2/s.
     pub viscosity: f64,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// Steps a frame; none for as many as are needed.
+    /// Time steps per frame; none for the fewest at which the wind passes no more than a tenth of a cell per step.
     pub steps_per_frame: Option<u32>,
-    /// Smagorinsky's constant; 0 for no eddy viscosity.
+    /// Smagorinsky constant; 0 for no eddy viscosity.
     pub smagorinsky: f64,
-    /// Least relaxation time, steps.
+    /// Least relaxation time, steps, above 0.5.
     pub tau_floor: f64,
-    /// The bottom of the box.
+    /// Boundary condition of the bottom face.
     pub ground: GroundCondition,
-    /// Faces along the wind.
+    /// Boundary condition of the vertical faces parallel to the wind.
     pub sides: SideCondition,
-    /// Outlets also pass on what is beside the equilibrium: less damped.
+    /// Outlets extrapolate the non-equilibrium part of the populations too, which damps the flow less.
     pub outlet_nonequilibrium: bool,
-    /// Cells before an outlet in which the air thickens.
+    /// Depth of the sponge before each outlet, cells, over which the viscosity rises.
     pub sponge_cells: u32,
-    /// Time before the first frame, s; none for one flow through the box.
+    /// Spin-up time before the first frame, s; none for one flow through the box.
     pub spin_up: Option<f64>,
 }
 
 impl Default for LatticeOptions {
-    /// What a scene that says nothing gets: 70 cells of half a metre each way, 4.5 m/s towards +X, 24 frames a second.
+    /// A cube of 70 cells of 0.5 m per axis, 4.5 m/s towards +X, 24 frames per second: the defaults of a scene file.
     fn default() -> Self {
         Self {
             cells: [70; 3],
@@ -101,47 +101,54 @@ impl Default for LatticeOptions {
     }
 }
 
-/// What follows from the options.
+/// Quantities that follow from the options.
 #[derive(Debug, Clone)]
 pub(super) struct LatticeSetup {
     pub n: [usize; 3],
     pub origin: DVec3,
     pub spacing: f64,
     pub fps: f64,
-    /// Steps a frame, and the time of one, s.
+    /// Time steps per frame.
     pub steps: u32,
+    /// Duration of a time step, s.
     pub dt: f64,
+    /// Relaxation time, steps.
     pub tau: f64,
     pub ground: GroundModel,
-    /// Axis that the wind is most along.
+    /// Axis that the wind is most parallel to, 0 or 2.
     pub along: usize,
-    /// Steps before the first frame.
+    /// Time steps before the first frame.
     pub spin_up: u64,
     sponge: u32,
-    key: u64,
+    /// Hash of options and solids.
+    fingerprint: u64,
 }
 
+/// Error of a value out of range.
 fn range(name: &str, value: f64, min: f64, max: f64, unit: &'static str) -> Error {
     Error::Range { name: name.to_owned(), value, min, max, unit }
 }
 
 impl LatticeSetup {
+    /// Converts the options to lattice units. Fails with `Range` if options contradict each other.
     pub(super) fn new(options: &LatticeOptions) -> Result<(Self, Vec<LatticeWarning>)> {
         let direction = options.inlet.direction;
         if direction.y.abs() > 1e-9 || (direction.length() - 1.0).abs() > 1e-6 {
-            return Err(range("the length of the wind's level direction", direction.length(), 1.0, 1.0, ""));
+            return Err(range("the length of the wind's horizontal direction", direction.length(), 1.0, 1.0, ""));
         }
         check_direction_curve(options)?;
+        // The box, its faces and the inflow, in metres.
         let n = options.cells.map(|n| n as usize);
         let size = DVec3::from_array(options.cells.map(f64::from)) * options.spacing;
         let origin = options.base_center - DVec3::new(size.x, 0.0, size.z) / 2.0;
         let faces = face_conditions(options, 0.0);
         let along = usize::from(direction.z.abs() > direction.x.abs()) * 2;
-        let mut notes = Vec::new();
         let periodic = [0, 2, 4].map(|f| faces[f] == FaceCondition::Periodic);
         let inlet = InletWind::new(options.inlet.clone(), origin, options.spacing, options.cells, periodic);
+        // The largest inflow speed sets the time step; nu = (tau - 1/2)/3 in lattice units, the relaxation time.
         let peak = inlet.peak(size.y);
-        let steps = steps_per_frame(options, peak, &mut notes)?;
+        let mut warnings = Vec::new();
+        let steps = steps_per_frame(options, peak, &mut warnings)?;
         let dt = 1.0 / (options.fps * f64::from(steps));
         let tau = (0.5 + 3.0 * options.viscosity * dt / (options.spacing * options.spacing)).max(options.tau_floor);
         if options.smagorinsky <= 0.0 && tau < MIN_TAU_WITHOUT_EDDIES {
@@ -155,64 +162,68 @@ impl LatticeSetup {
             GroundCondition::Smooth => GroundModel::default(),
         };
         let spin_up = spin_up_steps(options, dt, size, n, along);
-        let key = key(options);
+        let fingerprint = options_hash(options);
         let (spacing, fps, sponge) = (options.spacing, options.fps, options.sponge_cells);
-        Ok((Self { n, origin, spacing, fps, steps, dt, tau, ground, along, spin_up, sponge, key }, notes))
+        Ok((Self { n, origin, spacing, fps, steps, dt, tau, ground, along, spin_up, sponge, fingerprint }, warnings))
     }
 
+    /// Number of cells of the box.
     pub(super) fn cell_count(&self) -> u64 {
         self.n.iter().map(|n| *n as u64).product()
     }
 
-    /// m/s of one cell a step.
+    /// Unit of velocity: one cell per step in m/s.
     pub(super) fn speed_unit(&self) -> f64 {
         self.spacing / self.dt
     }
 
-    /// Relaxation time at a height over the bottom, m, where no sponge is.
+    /// Relaxation time, steps, at a height over the bottom of the box, m, outside the sponge.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "cells, cut at both ends")]
     pub(super) fn tau_at(&self, height: f64) -> f64 {
         let y = (height / self.spacing).clamp(0.0, 1e6) as usize;
         f64::from(self.ground.min_tau_at(y, narrow(self.tau)))
     }
 
-    /// Kinematic viscosity in effect, m^2/s.
+    /// Kinematic viscosity of the lattice, m^2/s: with the least relaxation time far above that of air.
     pub(super) fn viscosity(&self) -> f64 {
         (self.tau - 0.5) * self.spacing * self.spacing / (3.0 * self.dt)
     }
 
-    /// What tells one lattice from another.
+    /// Hash of options and solid cells; a checkpoint fits only a lattice of the same fingerprint.
     pub(super) fn fingerprint(&self) -> u64 {
-        self.key
+        self.fingerprint
     }
 
-    /// Counts what stands in the wind among what tells lattices apart.
-    pub(super) fn add_solids_to_key(&mut self, solid: &[bool]) {
+    /// Adds the solid cells, packed into words of 64 bits, to the fingerprint.
+    pub(super) fn add_solids_to_fingerprint(&mut self, solid: &[bool]) {
         let bits = solid.chunks(64).map(|c| c.iter().fold(0, |bits, s| bits << 1 | u64::from(*s)));
-        self.key = bits.fold(self.key, rng::child);
+        self.fingerprint = bits.fold(self.fingerprint, rng::child);
     }
 
-    /// Shares of a sponge by x and by z: towards an outlet they rise to 1, where relaxation times do.
+    /// Strength of the sponge by x and by z: it rises with the square of the depth from 0 to 1 at an outlet, in proportion to
+    /// which the relaxation time rises to 1.
     pub(super) fn sponge(&self, faces: [FaceCondition; 6]) -> [Vec<f32>; 2] {
-        let rise = |axis: usize| {
+        let strength = |axis: usize| {
             let (n, depth) = (self.n[axis], f64::from(self.sponge));
-            let at = |x: usize| {
+            let at_cell = |x: usize| {
                 let low = if faces[2 * axis] == FaceCondition::Outlet { depth - x as f64 } else { 0.0 };
                 let high = if faces[2 * axis + 1] == FaceCondition::Outlet { depth - (n - 1 - x) as f64 } else { 0.0 };
                 let share = if depth > 0.0 { low.max(high).max(0.0) / depth } else { 0.0 };
                 narrow(share * share)
             };
-            (0..n).map(at).collect()
+            (0..n).map(at_cell).collect()
         };
-        [rise(0), rise(2)]
+        [strength(0), strength(2)]
     }
 }
 
-/// What the faces do at a time, s: where the wind blows in from outside, it comes in.
+/// Boundary condition of each face at time `t`, s. A vertical face is an inlet where the wind blows into the box, an outlet where
+/// it blows out, and as [`LatticeOptions::sides`] asks where it is parallel.
 pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceCondition; 6] {
     let d = direction_at(&options.inlet, t);
     let across = if d.z.abs() > d.x.abs() { 0 } else { 2 };
-    // A wind that turns does not stay along an axis; and when it turns it sounds, which sides that slip would keep for ever.
+    // A turning wind does not stay parallel to an axis, and its turning emits sound waves, which slip faces would reflect for
+    // ever: all its sides are open.
     let turns = !options.inlet.direction_curve.is_empty();
     let straight = !turns && d[across].abs() < cos(std::f64::consts::FRAC_PI_2 - 1.0_f64.to_radians());
     std::array::from_fn(|f| {
@@ -241,17 +252,17 @@ pub(super) fn face_conditions(options: &LatticeOptions, t: f64) -> [FaceConditio
     })
 }
 
-/// Faces with as many open as there will be.
+/// Boundary conditions with every face open that is open at any time.
 pub(super) fn most_open_faces(options: &LatticeOptions) -> [FaceCondition; 6] {
-    let mut all = face_conditions(options, 0.0);
+    let mut faces = face_conditions(options, 0.0);
     if !options.inlet.direction_curve.is_empty() {
-        [all[0], all[1], all[4], all[5]] =
+        [faces[0], faces[1], faces[4], faces[5]] =
             [FaceCondition::Inlet, FaceCondition::Outlet, FaceCondition::Inlet, FaceCondition::Outlet];
     }
-    all
+    faces
 }
 
-/// A wind that turns does so in the clip, not while it sets in, and through all four sides.
+/// Checks that a turning wind turns only after spin-up, in ascending times, and that its sides can be open.
 fn check_direction_curve(options: &LatticeOptions) -> Result<()> {
     let turns = &options.inlet.direction_curve;
     if let Some(first) = turns.first().filter(|row| row[0] < 0.0) {
@@ -263,55 +274,48 @@ fn check_direction_curve(options: &LatticeOptions) -> Result<()> {
     Ok(())
 }
 
-/// Steps a frame: the fewest at which the wind does not pass a tenth of a cell.
+/// Steps per frame: those asked for, or the fewest at which the wind passes no more than [`TARGET_SPEED`] cells per step.
+/// `peak`: largest speed of the inflow, m/s.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few, or refused")]
-fn steps_per_frame(options: &LatticeOptions, peak: f64, notes: &mut Vec<LatticeWarning>) -> Result<u32> {
-    let one = peak / (options.fps * options.spacing);
-    let wanted = options.steps_per_frame.unwrap_or((one / TARGET_SPEED - 1e-9).ceil().clamp(1.0, 1e6) as u32).max(1);
-    let speed = one / f64::from(wanted);
-    let needed = (one / TARGET_SPEED - 1e-9).ceil().max(1.0);
+fn steps_per_frame(options: &LatticeOptions, peak: f64, warnings: &mut Vec<LatticeWarning>) -> Result<u32> {
+    let cells_per_frame = peak / (options.fps * options.spacing);
+    // 1e-9: a quotient that is an integer but for rounding counts as that integer.
+    let needed = (cells_per_frame / TARGET_SPEED - 1e-9).ceil().max(1.0);
+    let steps = options.steps_per_frame.unwrap_or(needed.min(1e6) as u32).max(1);
+    let speed = cells_per_frame / f64::from(steps);
     if speed > REFUSED_SPEED {
-        return Err(range("wind.lattice.steps", f64::from(wanted), needed, 1e6, "steps a frame for this wind"));
+        return Err(range("wind.lattice.steps", f64::from(steps), needed, 1e6, "steps per frame for this wind"));
     }
     if speed > WARN_SPEED {
         let text = format!(
-            "the lattice wind passes {speed:.3} cells a step, which is coarse; {needed} steps a frame would be fine"
+            "the lattice wind moves {speed:.3} cells per step, at which compressibility errors are large; set \
+             wind.lattice.steps to {needed} or more"
         );
-        notes.push(LatticeWarning { code: "S020", text });
+        warnings.push(LatticeWarning { code: "S020", text });
     }
     if speed < SLOW_SPEED {
         let text = format!(
-            "the lattice wind passes only {speed:.4} cells a step and drowns in rounding; take fewer steps a frame or a \
-             smaller dx"
+            "the lattice wind moves only {speed:.4} cells per step, so that rounding errors are no longer small; lower \
+             wind.lattice.steps or wind.lattice.dx"
         );
-        notes.push(LatticeWarning { code: "S020", text });
+        warnings.push(LatticeWarning { code: "S020", text });
     }
-    Ok(wanted)
+    Ok(steps)
 }
 
-/// Steps before the first frame: one flow through the box, at least three passages of sound.
+/// Steps before the first frame: those asked for, or one flow through the box, but at least [`SPIN_UP_SOUND_CROSSINGS`] of sound,
+/// whose speed is 1/sqrt(3) cells per step.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "times are limited")]
 fn spin_up_steps(options: &LatticeOptions, dt: f64, size: DVec3, n: [usize; 3], along: usize) -> u64 {
     if let Some(seconds) = options.spin_up {
         return (seconds / dt).ceil() as u64;
     }
-    let through = size[along] / options.inlet.speed.max(0.01) / dt;
+    let flow_through = size[along] / options.inlet.speed.max(0.01) / dt;
     let longest = n.iter().copied().max().unwrap_or(0) as f64;
-    through.max(SPIN_UP_SOUND_CROSSINGS * longest * osier_base::math::sqrt(3.0)).ceil() as u64
+    flow_through.max(SPIN_UP_SOUND_CROSSINGS * longest * osier_base::math::sqrt(3.0)).ceil() as u64
 }
 
-fn key(options: &LatticeOptions) -> u64 {
+/// Hash of the options, as their debug output.
+fn options_hash(options: &LatticeOptions) -> u64 {
     rng::word(&format!("{options:?}"))
-}
-
-impl WindProfile {
-    /// Whether its rows rise and its numbers are within their ranges.
-    pub fn is_sound(&self) -> bool {
-        match self {
-            Self::Log(z0) => *z0 > 0.0,
-            Self::Power(a) => *a >= 0.0,
-            Self::Uniform => true,
-            Self::Table(rows) => !rows.is_empty() && rows.windows(2).all(|w| w[0][0] < w[1][0]),
-        }
-    }
 }

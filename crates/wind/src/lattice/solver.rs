@@ -21,6 +21,7 @@ use super::step_tables::FlowParams;
 use super::stepper::BoundaryInputs;
 use super::tuning::{CHECK_INTERVAL, CHECKERBOARD_WARNING, DENSITY_RANGE, MAX_CLAMPED_SHARE};
 use super::voxelize::{cell_center, fill_and_check, voxelize};
+use osier_base::diagnostic::{Diagnostic, Report};
 use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::par;
@@ -74,7 +75,7 @@ impl LatticeSolver {
     /// Voxelizes the solids and allocates the flow; no step is done. `solids`: obstacles in the wind.
     /// # Errors
     /// `Range` for options that contradict each other; `Limit` for too many cells; `Io` if the system cannot provide the
-    /// memory; `Simulation` if all cells are solid.
+    /// memory; `Input` with S024 if all cells are solid.
     pub fn new(options: &LatticeOptions, solids: &[Solid], limits: &Limits) -> Result<Self> {
         let (mut setup, mut warnings) = LatticeSetup::new(options)?;
         limits.check("cells", setup.cell_count(), "the cells of the wind's lattice")?;
@@ -94,7 +95,7 @@ impl LatticeSolver {
         let report = fill_and_check(&mut domain, solids, origin, spacing, setup.along);
         domain.faces = faces;
         warnings.extend(report.warnings());
-        setup.add_solids_to_key(&domain.solid);
+        setup.add_solids_to_fingerprint(&domain.solid);
         let fluid_cells = grid.cell_count() - report.solid;
         if fluid_cells == 0 {
             return Err(all_solid());
@@ -191,7 +192,7 @@ impl LatticeSolver {
     /// The wind of the next frame. The first call completes the spin-up, with `progress`; time counts from the first
     /// frame.
     /// # Errors
-    /// `Simulation` when the flow diverges, `Cancelled` when asked to stop.
+    /// `Input` with S024 when the flow diverges, `Cancelled` when asked to stop.
     pub fn advance(&mut self, progress: &dyn Progress, cancel: &Cancel) -> Result<Arc<WindSnapshot>> {
         let mut values = self.snapshot_buffer();
         // Inside the thread pool for the whole frame: entering it anew for every step costs more than small steps do.
@@ -361,12 +362,12 @@ impl LatticeSolver {
     }
 
     fn diverged(&self, what: String) -> Error {
-        let quantity = format!(
-            "S024: the lattice wind at step {}, {what}; raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or \
-             lower wind.speed: it",
-            self.flow.step, self.setup.steps
+        let message = format!("the lattice wind diverged in frame {} at step {}: {what}", self.frames, self.flow.step);
+        let help = format!(
+            "raise wind.lattice.tau_floor or wind.lattice.steps (now {}), or lower wind.speed",
+            self.setup.steps
         );
-        Error::Simulation { frame: self.frames, quantity }
+        report_error("S024", message, help)
     }
 
     /// The flow as bytes, to continue from with [`LatticeSolver::resume`]: step and frame, exchange history, populations.
@@ -385,7 +386,7 @@ impl LatticeSolver {
     /// Continues from the checkpoint of a solver with the same options, seed and solids; all later results have the bytes
     /// of a run that never stopped.
     /// # Errors
-    /// `Simulation` if the checkpoint is of another lattice wind.
+    /// `Input` if the checkpoint is of another lattice wind.
     pub fn resume(&mut self, bytes: &[u8]) -> Result<()> {
         let (head, body) = bytes.split_at_checked(CHECKPOINT_HEADER).ok_or_else(other_checkpoint)?;
         let word = |k: usize| head[8 * k..].first_chunk::<8>().map_or(0, |b| u64::from_le_bytes(*b));
@@ -417,15 +418,18 @@ impl LatticeSolver {
     }
 }
 
-fn all_solid() -> Error {
-    Error::Simulation {
-        frame: 0,
-        quantity: "S024: the lattice wind, whose cells are all solid; move or widen it: it".into(),
-    }
+/// Error of one diagnostic without a position in a file.
+fn report_error(code: &'static str, message: impl Into<String>, help: impl Into<String>) -> Error {
+    let diagnostics = vec![Diagnostic::about(code, message).help(help)];
+    Error::Input(Box::new(Report { diagnostics, ..Report::default() }))
 }
 
-/// A checkpoint that does not fit.
+/// No cell of the lattice holds air.
+fn all_solid() -> Error {
+    report_error("S024", "all cells of the lattice wind are inside solids", "move or enlarge the box of the lattice")
+}
+
+/// The checkpoint was written by a lattice with other options, seed or solids, or is damaged.
 pub(super) fn other_checkpoint() -> Error {
-    let quantity = "S025: the checkpoint is of another lattice wind; run it from the start: it".into();
-    Error::Simulation { frame: 0, quantity }
+    report_error("S025", "the checkpoint is of another lattice wind", "simulate the wind from the start")
 }

@@ -63,3 +63,15 @@ pub(super) const OUTSIDE_BLEND_CELLS: f32 = 4.0;
 pub(super) const RECORDING_MARGIN: f32 = 2.0;
 /// Cross-fade at the end of a repeating recording, s: as long as an eddy of a few metres lives.
 pub(super) const LOOP_FADE: f64 = 2.0;
+
+/// Snapshots that exist at a time, at most: the two that an interpolated wind lies between, the next, and one that a reader still
+/// holds. For the memory estimate only.
+pub(super) const HELD_SNAPSHOTS: u64 = 4;
+/// Arrays with one byte per cell that tells whether it is solid. For the memory estimate only.
+pub(super) const SOLID_FLAG_COPIES: u64 = 3;
+/// Bytes per cell at an open face: exchanged populations, ghost node and indices. For the memory estimate only, measured.
+pub(super) const BYTES_PER_OPEN_CELL: u64 = 260;
+/// Bytes per turbulence mode and inlet cell: cosine and sine of the phase. For the memory estimate only.
+pub(super) const BYTES_PER_MODE_AND_INLET_CELL: u64 = 8;
+/// Bytes per inlet cell: velocities of two steps, mean, shear and position. For the memory estimate only, measured.
+pub(super) const BYTES_PER_INLET_CELL: u64 = 40;
