@@ -1,7 +1,7 @@
 //! The common skeleton of everything that grows: axes of nodes, organs at sites, stable ids.
 //!
-//! The turtle, IFS trees, particle-shapes and imported meshes all end in a [`Plant`]; skinning, motion and export start
-//! from one. Space: metres, +Y up; angles in radians.
+//! The turtle, IFS trees and imported meshes all end in a [`Plant`]; skinning, motion and export start from one. Space:
+//! metres, +Y up; angles in radians.
 
 mod validate;
 
