@@ -55,8 +55,8 @@ struct WindProbe {
 }
 
 impl WindProbe {
-    /// Asks the wind around `middle`.
-    fn ask(&mut self, cluster: &CatkinCluster, middle: DVec3, (wind, t): (&dyn Wind, f64)) {
+    /// Samples the wind at time `t`, s, at the chosen members of a cluster whose centre is at `middle`, m.
+    fn sample(&mut self, cluster: &CatkinCluster, middle: DVec3, wind: &dyn Wind, t: f64) {
         self.places.clear();
         self.places.extend(self.which.iter().map(|i| (middle + cluster.offsets[*i]).as_vec3()));
         self.air.resize(self.places.len(), Vec3::ZERO);
@@ -77,12 +77,10 @@ impl FlightSimulation {
         let places: Vec<Vec3> = pending.iter().map(|c| c.x.as_vec3()).collect();
         let mut air = vec![Vec3::ZERO; places.len()];
         if pending.iter().any(|c| matches!(c.wait, ReleaseCondition::Wind(_))) {
-            // Midpoint rule with exact relaxation: half a step with the wind here, then a whole step with the wind there.
-            // The difference v - u to the carrying velocity u decays as exp(-dt / tau), tau = settling speed / g.
             wind.sample(&places, t, &mut air);
         }
         for (c, air) in pending.iter_mut().zip(air) {
-            if leaving.goes(&mut c.wait, air, (t, dt)) {
+            if leaving.releases(&mut c.wait, air, t, dt) {
                 c.state = CatkinState::Airborne;
                 c.since = t;
             }
@@ -102,6 +100,8 @@ impl FlightSimulation {
             let step = |c: &Catkin| MidpointStep { lag: c.lag, tau: options.relaxation_time(c.fall), dt };
             let pull =
                 |c: &Catkin, air: Vec3, t: f64| carrying_velocity(air, c.tuft(), c.fall, options.glide, c.lift_at(t));
+            // Midpoint rule with exact relaxation: half a step with the wind here, then a whole step with the wind there.
+            // The difference v - u to the carrying velocity u decays as exp(-dt / tau), tau = settling speed / g.
             wind.sample(&places, t, &mut air);
             for ((c, place), air) in those.iter().zip(&mut places).zip(&air) {
                 *place = step(c).half(c.x, c.v, pull(c, *air, t)).as_vec3();
@@ -135,7 +135,7 @@ impl FlightSimulation {
         let mut chunks: Vec<&mut [&mut CatkinCluster]> = flying.chunks_mut(CLUSTERS_PER_TASK).collect();
         let landings = osier_base::par::par_map_mut(&mut chunks, |chunk| {
             let mut probe = WindProbe::default();
-            chunk.iter_mut().map(|cluster| self.advance_cluster(cluster, &mut probe, (wind, t))).collect::<Vec<_>>()
+            chunk.iter_mut().map(|cluster| self.advance_cluster(cluster, &mut probe, wind, t)).collect::<Vec<_>>()
         });
         for (cluster, landing) in flying.into_iter().zip(landings.into_iter().flatten()) {
             if landing.touches() {
@@ -147,21 +147,22 @@ impl FlightSimulation {
         self.clusters = clusters;
     }
 
-    /// Moves a cluster by a step, its members not yet, and tells what it came upon.
+    /// Moves a cluster by a step, not yet its members, and returns the first contact of its sweep.
     fn advance_cluster(
         &self,
         cluster: &mut CatkinCluster,
         probe: &mut WindProbe,
-        (wind, t): (&dyn Wind, f64),
+        wind: &dyn Wind,
+        t: f64,
     ) -> SweepResult {
         let dt = self.options.time_step();
         cluster.contract(dt, |id| self.catkin(id).mass);
         probe.which.clear();
         probe.which.extend(cluster.evenly_spaced_members(MAX_WIND_SAMPLES));
         let step = MidpointStep { lag: cluster.lag, tau: self.options.relaxation_time(cluster.fall), dt };
-        probe.ask(cluster, cluster.x, (wind, t));
+        probe.sample(cluster, cluster.x, wind, t);
         let middle = step.half(cluster.x, cluster.v, self.mean_carrying_velocity(cluster, probe, t));
-        probe.ask(cluster, middle, (wind, t + dt / 2.0));
+        probe.sample(cluster, middle, wind, t + dt / 2.0);
         let (way, v) = step.whole(cluster.v, self.mean_carrying_velocity(cluster, probe, t + dt / 2.0));
         if self.options.cluster_rotation {
             let spun = self.angular_velocity_from_wind(cluster, &probe.which, &probe.air);

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::particles::{Catkin, CatkinState, NO_TARGET, VelocityDecay};
-use super::release::entry;
+use super::release::inflow_point;
 use super::{FlightSimulation, ReleaseCondition, SideBoundary};
 use osier_base::rng::Rng;
 
@@ -114,12 +114,12 @@ impl FlightSimulation {
             if when.is_finite() && !c.moved && now + frame * 1e-6 >= when {
                 let mut draw =
                     Rng::at(seed, &["flight".into(), c.id.into(), (c.generation + 1).into(), "entry".into()]);
-                c.x = entry(wind, (inside, band), &mut draw);
+                c.x = inflow_point(wind, inside, band, &mut draw);
                 for _ in 1..64 {
                     if !solids.contains(c.x.as_vec3()) {
                         break;
                     }
-                    c.x = entry(wind, (inside, band), &mut draw);
+                    c.x = inflow_point(wind, inside, band, &mut draw);
                 }
                 c.moved = true;
             } else if c.moved && now + frame * 1e-6 >= when + frame {

@@ -233,6 +233,15 @@ impl ContactGrid {
     }
 }
 
+/// All catkins that rest, as the contact search looks them up.
+struct RestingCatkins<'a> {
+    grid: &'a CellGrid,
+    /// Largest radius, m.
+    widest: f32,
+    /// Box around all of them with their radii, m.
+    bounds: Bounds,
+}
+
 impl Catkin {
     /// The time to the next check begins.
     fn begin(&mut self) {
@@ -292,11 +301,12 @@ impl FlightSimulation {
         let chunks: Vec<&[Catkin]> = self.catkins.chunks(super::CATKINS_PER_TASK).collect();
         let found = par_map(&chunks, |chunk| {
             let mut pairs = Vec::new();
+            let resting = RestingCatkins { grid: &grid, widest, bounds };
             for c in chunk
                 .iter()
                 .filter(|c| c.state == CatkinState::Airborne || (c.state.is_deposited() && c.moved_since_check))
             {
-                self.pairs_with_resting(c, (&grid, widest, bounds), &mut pairs);
+                self.pairs_with_resting(c, &resting, &mut pairs);
             }
             pairs
         });
@@ -306,12 +316,9 @@ impl FlightSimulation {
         pairs
     }
 
-    fn pairs_with_resting(
-        &self,
-        c: &Catkin,
-        (grid, widest, bounds): (&CellGrid, f32, Bounds),
-        pairs: &mut Vec<(u32, u32)>,
-    ) {
+    /// Adds the pairs of a catkin with the resting ones that its path since the last check touches.
+    fn pairs_with_resting(&self, c: &Catkin, resting: &RestingCatkins<'_>, pairs: &mut Vec<(u32, u32)>) {
+        let RestingCatkins { grid, widest, bounds } = *resting;
         let (end, reach) = (c.x.as_vec3(), c.radius + widest);
         // What lies has no way to look back on: where it was before is not where it rests.
         let start = if c.state == CatkinState::Airborne { (c.x - c.travel).as_vec3() } else { end };

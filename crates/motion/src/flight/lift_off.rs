@@ -53,7 +53,7 @@ impl FlightSimulation {
             let speed = if d.wall { air.dot(d.normal).max(0.0) } else { Vec3::new(air.x, 0.0, air.z).length() };
             let speed = f64::from(speed) * down;
             sum += speed;
-            self.lift_or_creep(d, (*air, speed), t);
+            self.lift_or_creep(d, *air, speed, t);
         }
         self.counters.ground_wind = sum / deposits.len() as f64;
     }
@@ -95,7 +95,9 @@ impl FlightSimulation {
         self.options.lift_speed * wet * cbrt(d.count as f64).min(3.0)
     }
 
-    fn lift_or_creep(&mut self, d: &RestingDeposit, (air, speed): (Vec3, f64), t: f64) {
+    /// Lifts a deposit off, or lets a single one creep, at time `t`, s. `air`: wind above it, m/s; `speed`: the same at 0.1 m from
+    /// its surface, m/s.
+    fn lift_or_creep(&mut self, d: &RestingDeposit, air: Vec3, speed: f64, t: f64) {
         let least = self.threshold(d);
         if speed > least {
             let fall = self.clusters.get(&d.root).map_or_else(|| self.catkin(d.root).fall, |c| c.fall);

@@ -49,8 +49,8 @@ pub fn sky_starts(sky: &SkyRelease, solids: &Solids) -> Vec<CatkinStart> {
         .collect()
 }
 
-/// A place on a side of the box that the wind enters by, for one that comes back. `wind`: its mean.
-pub(super) fn entry(wind: Vec3, (inside, band): (Bounds, [f64; 2]), draw: &mut Rng) -> DVec3 {
+/// A point on an inflow side of the box for a catkin that comes back. `wind`: its mean, m/s; `band`: share of the height.
+pub(super) fn inflow_point(wind: Vec3, inside: Bounds, band: [f64; 2], draw: &mut Rng) -> DVec3 {
     let (low, size) = (inside.min.as_dvec3(), inside.size().as_dvec3());
     let [u, w] = [draw.unit_f64(), draw.unit_f64()];
     let y = low.y + size.y * (band[0] + (band[1] - band[0]) * draw.unit_f64());
@@ -74,8 +74,8 @@ pub(super) struct WindRelease {
 }
 
 impl WindRelease {
-    /// Whether what waits leaves now.
-    pub fn goes(self, wait: &mut ReleaseCondition, air: Vec3, (t, dt): (f64, f64)) -> bool {
+    /// Whether a waiting catkin is released in the step of `dt` seconds at time `t`, s; `air`: wind at it, m/s.
+    pub fn releases(self, wait: &mut ReleaseCondition, air: Vec3, t: f64, dt: f64) -> bool {
         match wait {
             ReleaseCondition::Until(when) => t >= *when,
             ReleaseCondition::Wind(left) => {
@@ -96,7 +96,7 @@ mod tests {
         for dt in [0.1, 0.01, 0.001] {
             let leaving = WindRelease { rate: 0.2, speed: 0.6 };
             let (mut wait, mut t) = (ReleaseCondition::Wind(0.5), 0.0);
-            while !leaving.goes(&mut wait, Vec3::X * 1.2, (t, dt)) {
+            while !leaving.releases(&mut wait, Vec3::X * 1.2, t, dt) {
                 t += dt;
             }
             assert!((t - 2.5).abs() <= 2.0 * dt, "{t} at {dt}");

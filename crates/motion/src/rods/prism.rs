@@ -173,7 +173,7 @@ impl RigidSectionMap {
             for a in 0..3 {
                 // mean + omega x q, omega = I^-1 (r x dx).
                 let m = DMat3::from_diagonal(DVec3::splat(1.0 / 3.0)) - cross(q) * self.inverse * cross(self.arms[a]);
-                put(&mut j, (c, a), &m);
+                set_block(&mut j, c, a, &m);
             }
         }
         j
@@ -212,7 +212,8 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-fn put(block: &mut Matrix9, (c, a): (usize, usize), m: &DMat3) {
+/// Writes the 3x3 block that maps corner `a` to corner `c`.
+fn set_block(block: &mut Matrix9, c: usize, a: usize, m: &DMat3) {
     for k in 0..3 {
         let column = m.col(k);
         for (row, v) in column.to_array().into_iter().enumerate() {

@@ -112,13 +112,13 @@ impl RodSystem {
         let n = self.steps_for_clip(clip)?;
         let mut flying: Vec<Option<ReleasedWeight>> = vec![None; self.bodies.len()];
         let mut frames = Vec::new();
-        self.apply_actuations(clip, 0.0, (0.0, f64::MAX));
+        self.apply_actuations(clip, 0.0, f64::MAX, 0.0);
         self.reset_history();
         for frame in 0..clip.frames {
             cancel.check()?;
             frames.push(self.pose(&flying));
             let start = f64::from(frame) / clip.fps;
-            self.advance_frame(clip, (start, n), &mut flying).map_err(|StepFailure| Error::Simulation {
+            self.advance_frame(clip, start, n, &mut flying).map_err(|StepFailure| Error::Simulation {
                 frame: clip.first + frame,
                 quantity: format!("rod \"{}\"", clip.name),
             })?;
@@ -164,24 +164,24 @@ impl RodSystem {
         }
     }
 
-    /// One frame from `start`, s: in `n` steps, or in more if these fail.
+    /// Advances by one frame from time `start`, s, in `n` steps, or in twice as many again while these fail.
     fn advance_frame(
         &mut self,
         clip: &RodClip<'_>,
-        (start, n): (f64, u32),
+        start: f64,
+        n: u32,
         flying: &mut [Option<ReleasedWeight>],
     ) -> std::result::Result<(), StepFailure> {
         let saved = (self.x.clone(), self.v.clone(), flying.to_vec());
         let mut last = StepFailure;
         for halving in 0..=MAX_STEP_HALVINGS {
             let n = n << halving;
-            let h = 1.0 / (clip.fps * f64::from(n));
             if halving > 0 {
                 (self.x, self.v) = (saved.0.clone(), saved.1.clone());
                 flying.copy_from_slice(&saved.2);
                 self.reset_history();
             }
-            match self.run(clip, (start, n, h), flying) {
+            match self.run_steps(clip, start, n, flying) {
                 Ok(()) => {
                     if halving > 0 {
                         self.reset_history();
@@ -194,15 +194,18 @@ impl RodSystem {
         Err(last)
     }
 
-    fn run(
+    /// Advances by one frame from time `start`, s, in `n` equal steps; fails where a section leaves the divergence limit.
+    fn run_steps(
         &mut self,
         clip: &RodClip<'_>,
-        (start, n, h): (f64, u32, f64),
+        start: f64,
+        n: u32,
         flying: &mut [Option<ReleasedWeight>],
     ) -> std::result::Result<(), StepFailure> {
+        let h = 1.0 / (clip.fps * f64::from(n));
         for k in 0..n {
             let t = start + f64::from(k) * h;
-            self.apply_actuations(clip, t + h, (t, h));
+            self.apply_actuations(clip, t, h, t + h);
             match clip.integrator {
                 Integrator::Xpbd => self.step_implicit(h)?,
                 Integrator::XpbdGs => self.step_gauss_seidel(h)?,
@@ -219,8 +222,9 @@ impl RodSystem {
         Ok(())
     }
 
-    /// Everything from outside at time `t`, s; blows of the step that begins at `from` and lasts `h`.
-    fn apply_actuations(&mut self, clip: &RodClip<'_>, t: f64, (from, h): (f64, f64)) {
+    /// Sets loads, masses and clamps to their keys at time `t`, s, and adds the impulses of the step that begins at `from`
+    /// and lasts `h` seconds; with `h` = [`f64::MAX`] none.
+    fn apply_actuations(&mut self, clip: &RodClip<'_>, from: f64, h: f64, t: f64) {
         self.clear_forces();
         for act in &clip.acts {
             match act {

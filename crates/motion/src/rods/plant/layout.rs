@@ -90,7 +90,7 @@ impl RodPlantLayout {
             let host = (axis.parent != NONE).then(|| layout.host_rod(axis.parent, f64::from(axis.parent_s))).flatten();
             let index = layout.axes.len();
             let carried = match (rod.filter(|_| room[index]), host) {
-                (Some((from, rod)), host) => layout.push_rod((from, rod), host),
+                (Some((from, rod)), host) => layout.push_rod(rod, from, host),
                 (None, Some((rod, at))) => AxisMotion::Rider(rod, at),
                 (None, None) => AxisMotion::Still,
             };
@@ -169,7 +169,8 @@ impl RodPlantLayout {
         room
     }
 
-    fn push_rod(&mut self, (from, rod): (f64, RodDescription), host: Option<(usize, f64)>) -> AxisMotion {
+    /// Adds a rod that begins at arc length `from`, m, of its axis; without a host its base is clamped.
+    fn push_rod(&mut self, rod: RodDescription, from: f64, host: Option<(usize, f64)>) -> AxisMotion {
         let index = self.rods.len();
         if host.is_none() {
             self.holds.push((index, 0.0, ClampKind::Fixed));
@@ -188,17 +189,20 @@ impl RodPlantLayout {
         for (i, organ) in plant.organs.iter().enumerate() {
             // Spread evenly over the plant.
             let chosen = (i + 1) * own / all > i * own / all;
-            let hung = self.attach_leaf(plant, organ, (stand, params), chosen);
+            let hung = self.attach_leaf(plant, organ, stand, params, chosen);
             self.leaves.push(hung);
         }
     }
 
+    /// Where a leaf is attached. `with_stalk`: it gets a rod of its own as its stalk, unless it sits on a petiole, which
+    /// already is a rod.
     fn attach_leaf(
         &mut self,
         plant: &Plant,
         organ: &Organ,
-        (stand, params): (&Trs, &RodPlantParams),
-        own: bool,
+        stand: &Trs,
+        params: &RodPlantParams,
+        with_stalk: bool,
     ) -> LeafAttachment {
         let (pivot, q) = plant.organ_site(organ);
         let site = plant.frame(&plant.axes[organ.axis as usize], organ.s);
@@ -207,7 +211,7 @@ impl RodPlantLayout {
         let host = self.host_rod(organ.axis, f64::from(organ.s));
         let on_petiole = plant.axes[organ.axis as usize].kind == AxisKind::Petiole;
         let mut hung = LeafAttachment { stalk: None, host, pivot, q, scale };
-        if !own || on_petiole {
+        if !with_stalk || on_petiole {
             return hung;
         }
         let length = (f64::from(organ.petiole) * self.scale).max(MIN_STALK_LENGTH);
@@ -226,7 +230,7 @@ impl RodPlantLayout {
             sections: Some(params.stalk_sections),
             parent: None,
         };
-        self.push_rod((0.0, rod), host);
+        self.push_rod(rod, 0.0, host);
         hung
     }
 }

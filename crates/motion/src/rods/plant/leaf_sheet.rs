@@ -78,6 +78,19 @@ fn outer(a: DVec3) -> DMat3 {
     DMat3::from_cols(a * a.x, a * a.y, a * a.z)
 }
 
+/// A blade in the wind: its shape, and how it stands.
+#[derive(Debug, Clone, Copy)]
+pub struct BladePose<'a> {
+    /// Area, centroid and extent in leaf space.
+    pub sheet: &'a LeafSheet,
+    /// World from leaf space.
+    pub q: DQuat,
+    /// Factor on lengths of the leaf space.
+    pub scale: f64,
+    /// Drag coefficient across the wind.
+    pub drag: f64,
+}
+
 /// The air around a blade, and its eddies so far.
 #[derive(Debug, Clone, Copy)]
 pub struct VortexShedding {
@@ -95,16 +108,11 @@ impl VortexShedding {
         Self { noise: TimeNoise::new((key >> 32) as u32, 1.0, None), passed }
     }
 
-    /// Force on a blade, N, and where it acts from the blade's middle, m. `q`: world from leaf space; `wind`: air relative to
-    /// the middle, m/s; `drag`: coefficient across the wind; `h`: seconds until the next call.
+    /// Force of the wind on a blade, N, and where it acts from the blade's middle, m. `wind`: velocity of the air relative to
+    /// the middle, m/s; `h`: seconds until the next call.
     /// Own: a plate whose force across grows with the sine of the angle and saturates.
-    pub fn press(
-        &mut self,
-        sheet: &LeafSheet,
-        (q, scale): (DQuat, f64),
-        wind: DVec3,
-        (drag, h): (f64, f64),
-    ) -> (DVec3, DVec3) {
+    pub fn wind_force(&mut self, blade: &BladePose<'_>, wind: DVec3, h: f64) -> (DVec3, DVec3) {
+        let BladePose { sheet, q, scale, drag } = *blade;
         let speed = wind.length();
         if speed < 1e-6 {
             return (DVec3::ZERO, DVec3::ZERO);
@@ -157,7 +165,8 @@ mod tests {
         let sheet = LeafSheet::of(&plate());
         let mean = |wind: DVec3| {
             let mut eddies = VortexShedding::new(5);
-            let all = (0..4000).map(|_| eddies.press(&sheet, (DQuat::IDENTITY, 1.0), wind, (1.1, 0.02)));
+            let blade = BladePose { sheet: &sheet, q: DQuat::IDENTITY, scale: 1.0, drag: 1.1 };
+            let all = (0..4000).map(|_| eddies.wind_force(&blade, wind, 0.02));
             all.fold((DVec3::ZERO, DVec3::ZERO), |s, f| (s.0 + f.0 / 4000.0, s.1 + f.1 / 4000.0))
         };
         let (broad, at) = mean(DVec3::Z * 3.0);

@@ -11,7 +11,7 @@ use glam::{DQuat, DVec3, Vec3};
 
 pub use self::layout::RodPlantParams;
 use self::layout::{AxisMotion, RodPlantLayout};
-use self::leaf_sheet::{LeafSheet, VortexShedding};
+use self::leaf_sheet::{BladePose, LeafSheet, VortexShedding};
 use crate::rain::{LeafPose, RainTarget, WoodSegment};
 use crate::rods::StepFailure;
 use crate::rods::prism::{Matrix9, RigidSectionMap, SectionCorners, SectionFrame, dot};
@@ -231,16 +231,17 @@ impl RodPlant {
                 if let AxisMotion::Rider(rod, at) = carried { Some(self.rods.nearest_section(rod, at)) } else { None };
             let until = if let AxisMotion::Rod(_, from) = carried { from } else { f64::MAX };
             for k in nodes.clone().skip(1).filter(|k| f64::from(plant.nodes.s[*k]) <= until) {
-                let ends = [k - 1, k].map(|k| self.attach_wood_end(carrier, place(k)));
+                let ends = [k - 1, k].map(|k| {
+                    let (position, radius) = place(k);
+                    self.attach_wood_end(carrier, position, radius)
+                });
                 out.push(ends);
             }
             let AxisMotion::Rod(rod, _) = carried else { continue };
-            let mut last = self
-                .rods
-                .base_attachment(rod)
-                .map(|(on, f)| self.attach_wood_end(Some(on), (f.p, self.rods.radius(on))));
+            let mut last =
+                self.rods.base_attachment(rod).map(|(on, f)| self.attach_wood_end(Some(on), f.p, self.rods.radius(on)));
             for i in self.rods.sections(rod) {
-                let end = self.attach_wood_end(Some(i), (self.rods.rest_frame(i).p, self.rods.radius(i)));
+                let end = self.attach_wood_end(Some(i), self.rods.rest_frame(i).p, self.rods.radius(i));
                 if let Some(last) = last {
                     let r = last.r.min(1.5 * end.r);
                     out.push([WoodEnd { r, ..last }, end]);
@@ -251,9 +252,10 @@ impl RodPlant {
         out
     }
 
-    fn attach_wood_end(&self, section: Option<usize>, (p, r): (DVec3, f64)) -> WoodEnd {
+    /// End of a piece of wood at `position`, m, in the world at rest, with `radius`, m, made rigid with a section.
+    fn attach_wood_end(&self, section: Option<usize>, position: DVec3, radius: f64) -> WoodEnd {
         let frame = section.map_or(WORLD_FRAME, |s| self.rods.rest_frame(s));
-        WoodEnd { section, p: turn(&frame).conjugate() * (p - frame.p), r }
+        WoodEnd { section, p: turn(&frame).conjugate() * (position - frame.p), r: radius }
     }
 
     fn end_position(&self, end: &WoodEnd) -> DVec3 {
@@ -314,23 +316,25 @@ impl RodPlant {
         }
     }
 
-    /// Everything from outside in a step that begins at `t`; `impulse_forces`: those of the whole step, too.
-    fn apply_external_forces(&mut self, (t, h): (f64, f64), impulse_forces: bool) {
+    /// Sets the external forces of a step of `h` seconds that begins at time `t`, s. `with_impulses`: adds the impulses of
+    /// the frame, too, which act in its first substep only.
+    fn apply_external_forces(&mut self, t: f64, h: f64, with_impulses: bool) {
         let Self { rods, impulse_forces: struck, presses, wind, drags, .. } = self;
         rods.clear_forces();
         for (section, place, force) in presses.iter() {
             let arm = *place - rods.section_frame(*section).p;
             rods.add_wrench(*section, *force, arm.cross(*force));
         }
-        if impulse_forces {
+        if with_impulses {
             struck.iter().for_each(|(section, place, blow)| rods.add_impulse(*section, *place, *blow, h));
         }
         let Some(wind) = wind.clone() else { return };
         rods.add_wind_drag(drags, &*wind, t + h);
-        self.add_leaf_drag(&*wind, (t, h));
+        self.add_leaf_drag(&*wind, t, h);
     }
 
-    fn add_leaf_drag(&mut self, wind: &dyn Wind, (t, h): (f64, f64)) {
+    /// Adds the wind's force on each leaf at the end of a step of `h` seconds that begins at time `t`, s.
+    fn add_leaf_drag(&mut self, wind: &dyn Wind, t: f64, h: f64) {
         let Self { rods, leaves, leaf_drag, .. } = self;
         let centroid = |leaf: &RodPlantLeaf, section: usize| {
             let frame = rods.section_frame(section);
@@ -348,15 +352,17 @@ impl RodPlant {
             let (v, spin) = rods.section_velocity(*section);
             let arm = *p - rods.section_frame(*section).p;
             let relative = air.as_dvec3() - v - spin.cross(arm);
-            let (force, at) = leaf.eddies.press(&leaf.sheet, (*q, leaf.scale), relative, (*leaf_drag, h));
+            let plate = BladePose { sheet: &leaf.sheet, q: *q, scale: leaf.scale, drag: *leaf_drag };
+            let (force, at) = leaf.eddies.wind_force(&plate, relative, h);
             rods.add_wrench(*section, force, (arm + at).cross(force));
         }
     }
 
-    fn run_substeps(&mut self, (t, h): (f64, f64), n: u32) -> std::result::Result<(), StepFailure> {
+    /// Advances by `h` seconds from time `t`, s, in `n` equal substeps.
+    fn run_substeps(&mut self, t: f64, h: f64, n: u32) -> std::result::Result<(), StepFailure> {
         let h = h / f64::from(n);
         for k in 0..n {
-            self.apply_external_forces((t + f64::from(k) * h, h), k == 0);
+            self.apply_external_forces(t + f64::from(k) * h, h, k == 0);
             self.rods.step_implicit(h)?;
         }
         Ok(())
@@ -456,7 +462,7 @@ impl RainTarget for RodPlant {
                 (self.rods.x, self.rods.v) = saved.clone();
                 self.rods.reset_history();
             }
-            if self.run_substeps((t, h), 1 << halving).is_ok() {
+            if self.run_substeps(t, h, 1 << halving).is_ok() {
                 if halving > 0 {
                     self.rods.reset_history();
                 }

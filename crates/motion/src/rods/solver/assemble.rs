@@ -56,7 +56,7 @@ impl NullaryFnOnce for SpringAssembly<'_> {
     fn call(self) {
         let Self { tree, x, v, damping, attached_bases, force, mut rows } = self;
         // Bases that ride on a section of another rod follow it rigidly: x = p + R x_local, v = J v_section.
-        update_attached_bases(tree, (x, v), attached_bases);
+        update_attached_bases(tree, x, v, attached_bases);
         force.fill([0.0; 9]);
         if let Some((rows, _)) = &mut rows {
             rows.fill(BlockRow::default());
@@ -91,7 +91,7 @@ impl NullaryFnOnce for SpringAssembly<'_> {
             // Tangent stiffness blocks, scaled per rod by 1 + b/ht for the implicit damping.
             if let Some((rows, factors)) = &mut rows {
                 let spring_stiffness = spring_stiffness(&state, &section.k, factors[section.rod]);
-                add_stiffness(&spring_stiffness, (tree, i), attached_bases, rows);
+                add_stiffness(&spring_stiffness, tree, i, attached_bases, rows);
             }
         }
     }
@@ -104,9 +104,12 @@ fn accumulate(to: &mut SectionCorners, by: &SectionCorners) {
     }
 }
 
+/// Corners, velocities and Jacobians of the rod bases that are rigid with a section of another rod. `x`, m, `v`, m/s: all
+/// sections.
 fn update_attached_bases(
     tree: &RodTree,
-    (x, v): (&[SectionCorners], &[SectionCorners]),
+    x: &[SectionCorners],
+    v: &[SectionCorners],
     attached_bases: &mut [AttachedBase],
 ) {
     for (rider, base) in attached_bases.iter_mut().zip(&tree.bases) {
@@ -144,11 +147,12 @@ fn spring_block(p: &SpringStiffness, lane: usize) -> [[f64; 3]; 3] {
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 }
 
-/// Adds the stiffness of one section's springs to the rows.
+/// Adds the stiffness of the springs of section `i` to the rows.
 #[inline(always)]
 fn add_stiffness(
     p: &SpringStiffness,
-    (tree, i): (&RodTree, usize),
+    tree: &RodTree,
+    i: usize,
     attached_bases: &[AttachedBase],
     rows: &mut [BlockRow],
 ) {
@@ -168,7 +172,7 @@ fn add_stiffness(
             }
         }
     }
-    let mut tie = |lane: usize, which: usize, (c, o): (usize, usize)| {
+    let mut tie = |lane: usize, which: usize, c: usize, o: usize| {
         let b = spring_block(p, lane);
         for r in 0..3 {
             for q in 0..3 {
@@ -180,9 +184,9 @@ fn add_stiffness(
     };
     for c in 0..3 {
         for o in 0..3 {
-            tie(FIRST_LINK_SPRING + 3 * c + o, 0, (c, o));
+            tie(FIRST_LINK_SPRING + 3 * c + o, 0, c, o);
         }
-        tie(FIRST_BEND_SPRING + c, 1, (c, c));
+        tie(FIRST_BEND_SPRING + c, 1, c, c);
     }
     for r in 0..9 {
         for q in 0..9 {
@@ -196,22 +200,31 @@ fn add_stiffness(
             continue;
         }
         let j = (section.base[which] != NONE).then(|| &attached_bases[section.base[which] as usize].j);
-        add_coupling(&cross[which], &other[which], j, (rows, i, on as usize, at));
+        let coupling = CouplingBlock { cross: &cross[which], other: &other[which], column: at };
+        add_coupling(&coupling, j, rows, i, on as usize);
     }
 }
 
-/// Adds what couples section `i` to another, and that one's own share; `j`: if the springs end on a base that rides on it.
+/// Stiffness that the springs of a section share with one predecessor, before an attached base maps it.
+struct CouplingBlock<'a> {
+    /// Rows of the section, columns of the corners at the far end.
+    cross: &'a Matrix9,
+    /// Diagonal 3x3 blocks of the corners at the far end.
+    other: &'a [[[f64; 3]; 3]; 3],
+    /// First column of the predecessor in a block row.
+    column: usize,
+}
+
+/// Adds what couples section `i` to its predecessor `on`, and the predecessor's own share. `j`: Jacobian of the attached base
+/// that the springs end on, where they do not end on the predecessor's corners.
 #[inline(always)]
-fn add_coupling(
-    cross: &Matrix9,
-    other: &[[[f64; 3]; 3]; 3],
-    j: Option<&Matrix9>,
-    (rows, i, on, at): (&mut [BlockRow], usize, usize, usize),
-) {
+fn add_coupling(coupling: &CouplingBlock<'_>, j: Option<&Matrix9>, rows: &mut [BlockRow], i: usize, on: usize) {
+    let CouplingBlock { cross, other, column } = *coupling;
+    // Without an attached base the far ends are the predecessor's own corners: J = 1.
     let Some(j) = j else {
         for r in 0..9 {
             for q in 0..9 {
-                rows[i].0[r][at + q] += cross[r][q];
+                rows[i].0[r][column + q] += cross[r][q];
             }
         }
         for c in 0..3 {
@@ -223,10 +236,11 @@ fn add_coupling(
         }
         return;
     };
+    // Off-diagonal block A J: the far corners move as dX = J dx of the predecessor.
     for r in 0..9 {
         for a in 0..9 {
             for q in 0..9 {
-                rows[i].0[r][at + q] += cross[r][a] * j[a][q];
+                rows[i].0[r][column + q] += cross[r][a] * j[a][q];
             }
         }
     }

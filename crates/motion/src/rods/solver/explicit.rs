@@ -116,7 +116,7 @@ impl RodSystem {
         }
         for i in 0..self.x.len() {
             for lane in 0..SPRINGS_PER_SECTION - 1 {
-                self.project_spring((i, lane), h);
+                self.project_spring(i, lane, h);
             }
             self.project_to_rest_position(i, h);
         }
@@ -148,8 +148,8 @@ impl RodSystem {
         }
     }
 
-    /// Moves the ends of one spring to where its force would.
-    fn project_spring(&mut self, (i, lane): (usize, usize), h: f64) {
+    /// XPBD projection of one spring: moves both its ends. `i`: section; `lane`: spring of the section; `h`: step, s.
+    fn project_spring(&mut self, i: usize, lane: usize, h: f64) {
         let section = &self.tree.sections[i];
         let (k, rest) = (section.k[lane], section.l[lane]);
         if k <= 0.0 {
