@@ -14,8 +14,8 @@ use osier_base::limits::Limits;
 use osier_base::math::narrow;
 use osier_base::progress::Cancel;
 use osier_motion::sway::{
-    BeamElements, BendTrack, ElementBudget, ElementLocation, JointRig, LeafFlutter, OrganBindings, PointBinding,
-    PosedSkeleton, SwayParams,
+    BeamElements, BendTrack, ElementBudget, ElementLocation, JointRig, LeafFlutter, OrganBindings, PaperSimulation,
+    PointBinding, PosedSkeleton, SwayParams,
 };
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{Asset, AssetFrame, InstanceState, InstancerFrame, MeshFrame, MeshMotion, instance_states};
@@ -110,10 +110,10 @@ impl SwayMotion {
         };
         let track = match air.paper {
             Some(paper) => {
-                let both = (plant, &elements);
-                BendTrack::record_as_printed(both, &*air.wind, (manner, paper), take, (limits, cancel))?
+                let simulation = PaperSimulation::new(plant, &elements, &*air.wind, manner, paper);
+                BendTrack::record_as_printed(simulation, take, limits, cancel)?
             }
-            None => BendTrack::record(&elements, &*air.wind, manner, take, (limits, cancel))?,
+            None => BendTrack::record(&elements, &*air.wind, manner, take, limits, cancel)?,
         };
         let foliage = |l: &FlutterGroup<'_>| {
             let middle = l.organs.iter().map(|o| plant.organ_site(o).0.y).sum::<f32>() / l.organs.len().max(1) as f32;

@@ -95,8 +95,8 @@ impl FlightSimulation {
         self.options.lift_speed * wet * cbrt(d.count as f64).min(3.0)
     }
 
-    /// Lifts a deposit off, or lets a single one creep, at time `t`, s. `air`: wind above it, m/s; `speed`: the same at 0.1 m from
-    /// its surface, m/s.
+    /// Lifts a deposit off, or lets a single catkin creep, at time `t`, s. `air`: wind above it, m/s; `speed`: that wind at
+    /// 0.1 m from the surface, m/s.
     fn lift_or_creep(&mut self, d: &RestingDeposit, air: Vec3, speed: f64, t: f64) {
         let least = self.threshold(d);
         if speed > least {

@@ -124,7 +124,7 @@ impl BeamElements {
                 index[i] = u32::try_from(all.list.len()).unwrap_or(NONE);
                 let parent = piece.parent.map_or(NONE, |p| index[p]);
                 let carrier = piece.parent.and_then(|p| slopes[p].as_ref());
-                slopes[i] = Some(all.add_element(&source, i, (parent, carrier)));
+                slopes[i] = Some(all.add_element(&source, i, parent, carrier));
             }
             all.parts[piece.axis as usize].push((piece.span[1], index[i]));
         }
@@ -134,12 +134,14 @@ impl BeamElements {
         all
     }
 
-    /// Adds a piece on a carrier whose slopes are given; returns its own.
+    /// Adds the element of piece `i` and returns its tip compliance. `parent`: element that carries it, or [`NONE`];
+    /// `carrier`: tip compliance of that element.
     fn add_element(
         &mut self,
         source: &ElementContext<'_>,
         i: usize,
-        (parent, carrier): (u32, Option<&TipCompliance>),
+        parent: u32,
+        carrier: Option<&TipCompliance>,
     ) -> TipCompliance {
         let piece = &source.pieces.list[i];
         let axis = source.axis(piece);

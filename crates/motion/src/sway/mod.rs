@@ -29,4 +29,4 @@ pub use track::{BendTrack, ClipOptions, check_key_limit};
 pub use wind_weights::WindWeights;
 pub(crate) use wood::damping_ratio;
 pub use wood::{AIR_DENSITY, LEAF_FOLD_SPEED, WoodParams};
-pub use zhao_zhang::{PaperCorrections, PaperParams};
+pub use zhao_zhang::{PaperCorrections, PaperParams, PaperSimulation};

@@ -5,7 +5,7 @@
 
 use glam::Quat;
 
-use super::elements::{BeamElement, BeamElements, ElementLocation};
+use super::elements::{BeamElements, ElementLocation};
 use super::pose::own_share;
 use super::segments::joints_per_order;
 use osier_scene::plant::{NONE, Organ, Plant};
@@ -38,6 +38,15 @@ pub struct JointRig {
     carriers: Vec<u16>,
 }
 
+/// A joint that the depth-first walk has still to add.
+struct JointTask {
+    element: u32,
+    /// Which of the element's joints, from its base.
+    ordinal: usize,
+    /// Joint that it is a child of.
+    parent: u16,
+}
+
 impl JointRig {
     /// Gives joints to the elements that count most. `budget`: most joints, at least 1 and at most 65,535.
     pub fn build(plant: &Plant, elements: &BeamElements, budget: usize) -> Self {
@@ -66,24 +75,27 @@ impl JointRig {
                 None => roots.push(index),
             }
         }
-        // A task is one joint: element, ordinal on it, parent joint.
-        let mut tasks: Vec<(u32, usize, u16)> = roots.iter().rev().map(|e| (*e, 0, 0)).collect();
-        while let Some((e, k, parent)) = tasks.pop() {
+        let first = |element: u32, parent: u16| JointTask { element, ordinal: 0, parent };
+        let mut tasks: Vec<JointTask> = roots.iter().rev().map(|e| first(*e, 0)).collect();
+        while let Some(task) = tasks.pop() {
+            let (e, k) = (task.element, task.ordinal);
             let n = counts[e as usize];
-            let joint = self.push(plant, (&elements.list[e as usize], e), (k, n), parent);
+            let joint = self.add_joint(plant, elements, &task, n);
             if k + 1 < n {
-                tasks.push((e, k + 1, joint));
+                tasks.push(JointTask { element: e, ordinal: k + 1, parent: joint });
             }
             let carried = |c: &&u32| {
                 let place = elements.list[**c as usize].at * n as f64;
                 (k == 0 || place >= k as f64) && (k + 1 == n || place < (k + 1) as f64)
             };
-            tasks.extend(children[e as usize].iter().rev().filter(carried).map(|c| (*c, 0, joint)));
+            tasks.extend(children[e as usize].iter().rev().filter(carried).map(|c| first(*c, joint)));
         }
     }
 
-    /// Adds joint `k` of `n` of an element and returns its index.
-    fn push(&mut self, plant: &Plant, (element, e): (&BeamElement, u32), (k, n): (usize, usize), parent: u16) -> u16 {
+    /// Adds one of the `n` joints of an element and returns its index.
+    fn add_joint(&mut self, plant: &Plant, elements: &BeamElements, task: &JointTask, n: usize) -> u16 {
+        let JointTask { element: e, ordinal: k, parent } = *task;
+        let element = &elements.list[e as usize];
         let axis = &plant.axes[element.axis as usize];
         let place = |x: f32| element.span[0] + (element.span[1] - element.span[0]) * x / n as f32;
         let (pivot, middle) = (place(k as f32), place(k as f32 + 0.5));

@@ -26,7 +26,7 @@ fn take(frames: usize, repeats: bool) -> ClipOptions {
 }
 
 fn record(elements: &BeamElements, wind: &dyn Wind, manner: SwayParams, take: ClipOptions) -> BendTrack {
-    BendTrack::record(elements, wind, manner, take, (&Limits::default(), &Cancel::default())).expect("track")
+    BendTrack::record(elements, wind, manner, take, &Limits::default(), &Cancel::default()).expect("track")
 }
 
 /// Goes on for `seconds`, and returns the bends of element 0 after each step with the length of a step.

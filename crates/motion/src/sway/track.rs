@@ -2,12 +2,11 @@
 
 use super::elements::BeamElements;
 use super::simulation::{SwayParams, SwaySimulation};
-use super::zhao_zhang::{PaperParams, PaperSimulation, STEPS_PER_SECOND};
+use super::zhao_zhang::{PaperSimulation, STEPS_PER_SECOND};
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::progress::Cancel;
 use osier_base::{Error, Result};
-use osier_scene::plant::Plant;
 use osier_wind::Wind;
 
 /// Most clips that are simulated before the one that is kept.
@@ -56,7 +55,8 @@ impl BendTrack {
         wind: &dyn Wind,
         manner: SwayParams,
         take: ClipOptions,
-        (limits, cancel): (&Limits, &Cancel),
+        limits: &Limits,
+        cancel: &Cancel,
     ) -> Result<Self> {
         check_key_limit(elements, take, limits)?;
         let (frames, mean_bends) = Self::simulate(elements, wind, manner, take, cancel)?;
@@ -67,14 +67,13 @@ impl BendTrack {
     /// # Errors
     /// As [`BendTrack::record`].
     pub fn record_as_printed(
-        (plant, elements): (&Plant, &BeamElements),
-        wind: &dyn Wind,
-        (manner, paper): (SwayParams, PaperParams),
+        mut simulation: PaperSimulation<'_>,
         take: ClipOptions,
-        (limits, cancel): (&Limits, &Cancel),
+        limits: &Limits,
+        cancel: &Cancel,
     ) -> Result<Self> {
+        let (elements, fps) = (simulation.elements(), simulation.fps());
         check_key_limit(elements, take, limits)?;
-        let mut run = PaperSimulation::new(plant, elements, wind, (manner, paper));
         let rest = vec![[0.0; 2]; elements.list.len()];
         // A second is long enough to forget the first force, of which a share k is left in every frame.
         let lead = if take.from_rest { 0 } else { 60_i64 };
@@ -83,15 +82,15 @@ impl BendTrack {
         let mut number = -lead;
         for frame in 0..=take.frames {
             cancel.check()?;
-            let t = frame as f64 / manner.fps * STEPS_PER_SECOND;
+            let t = frame as f64 / fps * STEPS_PER_SECOND;
             #[allow(clippy::cast_precision_loss, reason = "a few thousand frames")]
             while (number as f64) <= t {
-                before = run.advance(number as f64 / STEPS_PER_SECOND);
+                before = simulation.advance(number as f64 / STEPS_PER_SECOND);
                 number += 1;
             }
             frames.push(if take.from_rest && frame == 0 { rest.clone() } else { before.clone() });
         }
-        Ok(Self { clamped: run.clamped, ..Self::from_frames(frames, &rest, take)? })
+        Ok(Self { clamped: simulation.clamped, ..Self::from_frames(frames, &rest, take)? })
     }
 
     /// Angles of the paper's equations that had to be clamped, over all internodes and frames.

@@ -45,7 +45,8 @@ impl<'a> WindWeights<'a> {
         [grown(whole), if a.order == 0 { 0.0 } else { grown(branch) }]
     }
 
-    fn point(&self, (axis, s): (u32, f32), id: u64, flutter: f32) -> WindPoint {
+    /// Weights of a point that moves with arc length `s`, m, of an axis. `id`: of the branch or leaf; `flutter`: 0 to 1.
+    fn point(&self, axis: u32, s: f32, id: u64, flutter: f32) -> WindPoint {
         let [whole, branch] = self.at(axis, s);
         let wind = [whole, self.phases[axis as usize], flutter, 1.0];
         WindPoint { wind, branch: [branch, hash01(id)], axis: i32::try_from(axis).unwrap_or(i32::MAX) }
@@ -53,7 +54,7 @@ impl<'a> WindWeights<'a> {
 
     /// Of bark bound to axes at arc lengths, m.
     pub fn bark(&self, bindings: &[(u32, f32)]) -> Vec<WindPoint> {
-        bindings.iter().map(|b| self.point(*b, self.plant.axes[b.0 as usize].id, 0.0)).collect()
+        bindings.iter().map(|b| self.point(b.0, b.1, self.plant.axes[b.0 as usize].id, 0.0)).collect()
     }
 
     /// Leaves as one mesh with its attributes, and how many points each has; flutter grows from the foot of the stalk to the
@@ -67,7 +68,7 @@ impl<'a> WindWeights<'a> {
             let tip = proto.mesh.points.iter().fold(1e-9_f32, |m, p| m.max(p.y));
             let mut leaf = (*proto.mesh).clone();
             let flutter = |p: &glam::Vec3| (p.y / tip).clamp(0.0, 1.0);
-            leaf.wind = leaf.points.iter().map(|p| self.point((organ.axis, organ.s), organ.id, flutter(p))).collect();
+            leaf.wind = leaf.points.iter().map(|p| self.point(organ.axis, organ.s, organ.id, flutter(p))).collect();
             leaf.points.iter_mut().for_each(|p| *p = stand.apply(*p));
             leaf.normals.iter_mut().for_each(|n| *n = r * *n);
             leaf.subsets.iter_mut().for_each(|s| s.material += worn);

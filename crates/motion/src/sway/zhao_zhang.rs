@@ -43,6 +43,7 @@ pub struct PaperParams {
 }
 
 /// One internode.
+#[derive(Debug)]
 struct CantileverInternode {
     element: usize,
     middle: Vec3,
@@ -56,8 +57,9 @@ struct CantileverInternode {
     angles: [f64; 2],
 }
 
-/// A plant that sways as printed.
-pub(crate) struct PaperSimulation<'a> {
+/// Simulation of a plant's sway by the equations of [zhao-zhang] as printed, apart from the corrections that are asked for.
+#[derive(Debug)]
+pub struct PaperSimulation<'a> {
     elements: &'a BeamElements,
     wind: &'a dyn Wind,
     manner: SwayParams,
@@ -67,19 +69,22 @@ pub(crate) struct PaperSimulation<'a> {
     pub(crate) clamped: u64,
 }
 
-/// Deflection of an internode's end, m: eq. (3). `radius_power`: 3 as printed, 4 as it should be.
-fn deflection(force: f64, (length, radius): (f64, f64), elasticity: f64, fixed: bool) -> f64 {
+/// Deflection of the end of a cantilever under a tip force, m: eq. (3). `force`, N; `length` and `radius`, m; `elasticity`,
+/// Pa; `fixed`: the fourth power of the radius, as the second moment of area has it, instead of the printed third.
+fn tip_deflection(force: f64, length: f64, radius: f64, elasticity: f64, fixed: bool) -> f64 {
     let cube = radius * radius * radius;
     let power = if fixed { cube * radius } else { cube };
     4.0 * force * length * length * length / (3.0 * std::f64::consts::PI * elasticity * power)
 }
 
 impl<'a> PaperSimulation<'a> {
-    pub(crate) fn new(
+    /// All internodes of the plant that bend, at rest.
+    pub fn new(
         plant: &Plant,
         elements: &'a BeamElements,
         wind: &'a dyn Wind,
-        (manner, paper): (SwayParams, PaperParams),
+        manner: SwayParams,
+        paper: PaperParams,
     ) -> Self {
         let mut internodes = Vec::new();
         for (a, axis) in plant.axes.iter().enumerate() {
@@ -107,6 +112,16 @@ impl<'a> PaperSimulation<'a> {
             }
         }
         Self { elements, wind, manner, paper, internodes, clamped: 0 }
+    }
+
+    /// Elements whose bends it computes.
+    pub(crate) fn elements(&self) -> &'a BeamElements {
+        self.elements
+    }
+
+    /// Frames per second of the clip.
+    pub(crate) fn fps(&self) -> f64 {
+        self.manner.fps
     }
 
     /// Bends of the elements in the formula's next frame, at `t` s.
@@ -140,7 +155,7 @@ impl CantileverInternode {
             wind - self.force * paper.recoil - wind.normalize_or_zero() * (against * paper.damping * rate * rate);
         self.force = force;
         let across = force - self.along * force.dot(self.along);
-        let delta = deflection(across.length(), (self.length, self.radius), self.elasticity, paper.fixes.radius);
+        let delta = tip_deflection(across.length(), self.length, self.radius, self.elasticity, paper.fixes.radius);
         let sine = delta / self.length;
         let angle = math::asin(sine.clamp(-1.0, 1.0));
         self.angles = [angle, self.angles[0]];
@@ -155,13 +170,13 @@ mod tests {
     #[test]
     fn the_printed_radius_is_too_small_by_the_radius() {
         for r in [0.035, 0.003] {
-            let (printed, mended) = (deflection(1.0, (0.3, r), 8e9, false), deflection(1.0, (0.3, r), 8e9, true));
+            let (printed, mended) = (tip_deflection(1.0, 0.3, r, 8e9, false), tip_deflection(1.0, 0.3, r, 8e9, true));
             assert!((mended / printed * r - 1.0).abs() < 1e-12);
         }
         // Mended, it is F L^3 / (3 E I).
         let inertia = std::f64::consts::FRAC_PI_4 * 1e-8;
         assert!(
-            (deflection(1.0, (1.2, 0.01), 8e9, true) * 3.0 * 8e9 * inertia / (1.2 * 1.2 * 1.2) - 1.0).abs() < 1e-12
+            (tip_deflection(1.0, 1.2, 0.01, 8e9, true) * 3.0 * 8e9 * inertia / (1.2 * 1.2 * 1.2) - 1.0).abs() < 1e-12
         );
     }
 

@@ -47,7 +47,8 @@ impl VeinMap {
         };
         let places = || (0..CELLS).flat_map(|y| (0..CELLS).map(move |x| (x, y)));
         let cells: Vec<f64> = places().map(mean).collect();
-        let below: Vec<f64> = places().map(|at| around(&cells, at) - cells[at.1 * CELLS + at.0]).collect();
+        let below: Vec<f64> =
+            places().map(|at| neighbourhood_mean(&cells, at.0, at.1) - cells[at.1 * CELLS + at.0]).collect();
         let deep = (below.iter().map(|b| b * b).sum::<f64>() / below.len() as f64).sqrt();
         // Twice what is usual is a vein.
         let depth = |b: &f64| narrow((0.5 * b / deep).clamp(0.0, 1.0));
@@ -66,8 +67,8 @@ impl VeinMap {
     }
 }
 
-/// Mean of the cells around one, itself included.
-fn around(cells: &[f64], (x, y): (usize, usize)) -> f64 {
+/// Mean of the cells around column `x` of row `y`, itself included.
+fn neighbourhood_mean(cells: &[f64], x: usize, y: usize) -> f64 {
     let near = |k: usize| k.saturating_sub(AROUND)..(k + AROUND + 1).min(CELLS);
     let all = near(y).flat_map(|y| near(x).map(move |x| cells[y * CELLS + x]));
     let (sum, count) = all.fold((0.0, 0.0), |s, v| (s.0 + v, s.1 + 1.0));

@@ -99,16 +99,16 @@ impl DirtyTiles {
             for (y, ends) in (first..window.hi[1]).zip(window.columns(first)) {
                 let (from, to) = window.whole_columns(ends);
                 if from < to {
-                    set(&mut self.all[y * self.words..(y + 1) * self.words], (from / TILE, (to - 1) / TILE));
+                    set_bits(&mut self.all[y * self.words..(y + 1) * self.words], from / TILE, (to - 1) / TILE);
                 }
             }
         }
     }
 }
 
-/// Sets bits from the first to the last.
+/// Sets bits from `first` to `last`, both included.
 #[inline(always)]
-fn set(words: &mut [u64], (first, last): (usize, usize)) {
+fn set_bits(words: &mut [u64], first: usize, last: usize) {
     for (k, word) in words.iter_mut().enumerate().take(last / WORD + 1).skip(first / WORD) {
         let low = first.saturating_sub(k * WORD);
         let high = (last - k * WORD).min(WORD - 1);
@@ -148,11 +148,11 @@ mod tests {
         let n = 80 * TILE + 5;
         let mut words = vec![0; n.div_ceil(TILE * WORD)];
         for ends in [(3, 3), (10, 70), (64, 72), (80, 80)] {
-            set(&mut words, ends);
+            set_bits(&mut words, ends.0, ends.1);
         }
         let meant = [ColumnSpan(3 * TILE, 4 * TILE), ColumnSpan(10 * TILE, 73 * TILE), ColumnSpan(80 * TILE, n)];
         assert_eq!(runs(&words, n).collect::<Vec<_>>(), meant);
-        set(&mut words, (0, 80));
+        set_bits(&mut words, 0, 80);
         assert_eq!(runs(&words, n).collect::<Vec<_>>(), [ColumnSpan(0, n)]);
         assert_eq!(runs(&[0, 0], n).count(), 0);
     }

@@ -203,8 +203,8 @@ impl LeafWaterMaps {
         let [x, y, z] = blob.axis.to_array();
         Some(CapStamp {
             key: [blob.uv.x, blob.uv.y, r, a, omega, c, q, skew, x, y, z].map(f64::to_bits),
-            dome: CapKernel::new((&blob.cap, &blob.print), self.stand(&spot), axis.as_vec3()),
-            window: self.chart.footprint(blob.uv, &spot, (blob.cap.reach(), q, axis)),
+            dome: CapKernel::new(&blob.cap, &blob.print, self.stand(&spot), axis.as_vec3()),
+            window: self.chart.footprint(blob.uv, &spot, blob.cap.reach(), q, axis),
         })
     }
 

@@ -66,7 +66,7 @@ pub(super) struct CapKernel {
 }
 
 impl CapKernel {
-    pub fn new((cap, print): (&SphericalCap, &Footprint), stand: KernelOrigin, along: Vec3) -> Self {
+    pub fn new(cap: &SphericalCap, print: &Footprint, stand: KernelOrigin, along: Vec3) -> Self {
         let across = Vec3::from_array(stand.n).cross(along);
         Self {
             stand,

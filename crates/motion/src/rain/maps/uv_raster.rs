@@ -154,8 +154,8 @@ impl UvRaster {
         self.ellipse(uv, [spot.ju, spot.jv], reach)
     }
 
-    /// Texels under a footprint of a radius, m, stretched by `q` along a unit vector of the blade's plane.
-    pub(super) fn footprint(&self, uv: DVec2, spot: &SurfacePoint, (reach, q, axis): (f64, f64, DVec3)) -> TexelWindow {
+    /// Texels under a footprint of radius `reach`, m, stretched by `q` along `axis`, a unit vector of the blade's plane.
+    pub(super) fn footprint(&self, uv: DVec2, spot: &SurfacePoint, reach: f64, q: f64, axis: DVec3) -> TexelWindow {
         let across = spot.n.cross(axis);
         let shrunk = |j: DVec3| DVec3::new(j.dot(axis) / q, j.dot(across) * q, j.dot(spot.n));
         self.ellipse(uv, [spot.ju, spot.jv].map(shrunk), reach)

@@ -102,7 +102,7 @@ impl SimulationConstants {
             }
         }
         constants.set_gravity_levers(elements);
-        constants.second_modes = SecondModes::new(&constants, elements, (manner.fps, step));
+        constants.second_modes = SecondModes::new(&constants, elements, manner.fps, step);
         constants
     }
 
@@ -149,7 +149,8 @@ impl SimulationConstants {
 }
 
 impl SecondModes {
-    fn new(constants: &SimulationConstants, elements: &BeamElements, (fps, step): (f64, f64)) -> Option<Self> {
+    /// Oscillators of the elements that have a second mode; none without any. `fps`: frames per second; `step`: s.
+    fn new(constants: &SimulationConstants, elements: &BeamElements, fps: f64, step: f64) -> Option<Self> {
         let with: Vec<usize> = (0..elements.list.len()).filter(|e| elements.list[*e].second_mode.is_some()).collect();
         let last = with.iter().map(|e| constants.rows[*e] + 1).max()?;
         let stations = constants.slots.iter().map(|s| s.1).sum();
