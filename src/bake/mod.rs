@@ -9,7 +9,8 @@ pub mod scene;
 pub mod wind;
 
 pub use context::BakeContext;
-pub use output::estimate::{BakeEstimate, lattice_memory};
+pub use output::bake_estimate::BakeEstimate;
+pub use wind::lattice::lattice_memory;
 
 use std::sync::Arc;
 

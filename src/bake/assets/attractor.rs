@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use glam::{DVec3, Quat, Vec3};
 
 use crate::bake::BakeContext;
+use crate::bake::assets::attractor_color::color_mode;
 use crate::bake::motion::attractor_morph::AttractorMorph;
 use crate::recipe::scene::{AttractorOrigin, ColorBy, PictureFit, PictureKeys};
 use crate::recipe::{AttractorRecipe, Recipe};
@@ -13,7 +14,7 @@ use osier_base::math::narrow;
 use osier_base::{Error, Result};
 use osier_ifs::affine::{Affine, turn_z};
 use osier_ifs::cloud::{AttractorPoints, DrawRequest, cloud, voxels};
-use osier_ifs::color::{ColorLabels, ColorMode};
+use osier_ifs::color::ColorLabels;
 use osier_ifs::game::{Escapes, InstructionSet};
 use osier_ifs::histogram::{PictureWindow, histogram};
 use osier_ifs::picture::{Density, DensityEstimator, ToneMapping, density};
@@ -141,17 +142,6 @@ fn average(cloud: &AttractorPoints) -> [f32; 3] {
     sum.map(|v| v / n)
 }
 
-pub(crate) fn mode(by: ColorBy, prefix: u32) -> ColorMode {
-    match by {
-        ColorBy::Map => ColorMode::Map,
-        ColorBy::Word => ColorMode::Prefix(prefix),
-        ColorBy::Palette => ColorMode::Coord,
-        ColorBy::Depth => ColorMode::Depth,
-        ColorBy::Order => ColorMode::Order,
-        ColorBy::Density => ColorMode::Density,
-    }
-}
-
 /// The part of an attractor that is shown.
 pub(crate) fn bounds(recipe: &AttractorRecipe) -> (DVec3, DVec3) {
     if recipe.study.unbounded { recipe.extent.quantile } else { recipe.extent.bounds }
@@ -216,7 +206,7 @@ fn keys_by_density(recipe: &AttractorRecipe) -> bool {
 }
 
 pub(crate) fn labels(recipe: &AttractorRecipe) -> ColorLabels {
-    ColorLabels::new(&recipe.system, mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
+    ColorLabels::new(&recipe.system, color_mode(recipe.keys.color_by, recipe.keys.prefix), &recipe.keys.colors)
 }
 
 /// The system shown as a view turns it.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::bake::BakeContext;
-use crate::bake::assets::plant_mesh::skin_options;
+use crate::bake::assets::skin_options::skin_options;
 use crate::recipe::PlantRecipe;
 use osier_base::Result;
 use osier_base::par::par_map;

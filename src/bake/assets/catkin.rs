@@ -1,7 +1,7 @@
 //! Catkins: grown as any plant, dressed as tufts of hair.
 
 use crate::bake::BakeContext;
-use crate::bake::assets::plant_materials::MaterialSet;
+use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::scene::{CatkinKeys, HairAngles, HairDistribution};
 use glam::{Quat, Vec3};
 use osier_base::Result;

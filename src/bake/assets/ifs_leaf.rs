@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::bake::assets::plant_materials::MaterialSet;
+use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::OrganRecipe;
 use crate::recipe::scene::{BladeDetail, OrganKeys};
 use osier_base::diagnostic::{Diagnostic, Report};

@@ -1,13 +1,16 @@
 //! Builders of assets: one file for each kind of thing that a scene may hold.
 
 pub mod attractor;
+pub(crate) mod attractor_color;
 pub(crate) mod billboards;
 pub(crate) mod branchlets;
 pub mod catkin;
 pub(crate) mod ifs_leaf;
 pub mod layered_picture;
+pub mod material_set;
 pub(crate) mod obstacles;
 pub mod plant_growth;
 pub mod plant_materials;
 pub mod plant_mesh;
+pub mod skin_options;
 pub(crate) mod terrain;

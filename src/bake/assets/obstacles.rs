@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::bake::assets::plant_materials::MaterialSet;
+use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::scene::SolidShape;
 use crate::recipe::scene::WindModel;
 use crate::recipe::{Recipe, SolidRecipe};

@@ -7,9 +7,9 @@ use glam::{DVec3, Vec3};
 
 use crate::bake::BakeContext;
 use crate::bake::assets::branchlets;
-use crate::bake::assets::plant_materials::MaterialSet;
-use crate::bake::assets::plant_mesh::{BARK, SHOOT, SHOOT_RADIUS};
-use crate::bake::scene::layout::Individual;
+use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::skin_options::{BARK, SHOOT, SHOOT_RADIUS};
+use crate::bake::scene::plant_layout::Individual;
 use crate::recipe::KeyTable as _;
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::set_letters;

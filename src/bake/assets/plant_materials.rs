@@ -8,6 +8,7 @@ use glam::Vec3;
 use crate::bake::BakeContext;
 use crate::bake::assets::billboards;
 use crate::bake::assets::ifs_leaf;
+use crate::bake::assets::material_set::{MaterialSet, index, maps};
 use crate::recipe::scene::CatkinKeys;
 use crate::recipe::scene::words;
 use crate::recipe::scene::{BarkKeys, BarkKind, BladeDetail, BladeOutline, GroundKeys, ImportedMeshKeys, OrganKeys};
@@ -18,56 +19,17 @@ use osier_base::math::narrow;
 use osier_base::progress::Cancel;
 use osier_base::rng::{mix64, word};
 use osier_import::Imported;
-use osier_plants::grow::ifs::SubtreeBillboards;
 use osier_plants::grow::ifs::branchlets::NAME as BRANCHLET;
-use osier_plants::grow::mesh::{self, MeshPlant};
+use osier_plants::grow::mesh;
 use osier_plants::grow::turtle::{OrganSpec, STALK};
 use osier_plants::surface::bark::{BarkSpec, bark};
 use osier_plants::surface::catkin;
 use osier_plants::surface::ground::{Ground, GroundColors, ground_material};
 use osier_plants::surface::leaf::{self, BladeSpec, LeafColors, LeafForm, Teeth};
-use osier_scene::{Image, Maps, Material, MaterialClass, Mesh};
+use osier_scene::{Image, Material, MaterialClass, Mesh};
 
 /// Light let through by imported leaves.
 const LEAF_LIGHT: f32 = 0.3;
-
-/// Materials, pictures and organs of one plant. Maps index `images`, prototypes' subsets index `materials`.
-#[derive(Debug, Clone, Default)]
-pub struct MaterialSet {
-    /// Bark, shoot, then those of the organs.
-    pub materials: Vec<Material>,
-    /// Pictures.
-    pub images: Vec<Image>,
-    /// Organs by letter.
-    pub organs: BTreeMap<char, OrganSpec>,
-    /// Their names, parallel to the recipe's organs.
-    pub names: Vec<String>,
-    /// Billboards for the small branches of a tree seen from afar.
-    pub cards: Option<SubtreeBillboards>,
-    /// What was found in the mesh of a whole plant.
-    pub tree: Option<Arc<MeshPlant>>,
-}
-
-impl MaterialSet {
-    pub(crate) fn add(&mut self, mut material: Material, images: Vec<Image>) -> u32 {
-        let first = index(self.images.len());
-        for map in maps(&mut material.maps) {
-            *map = map.map(|i| i + first);
-        }
-        self.images.extend(images);
-        self.materials.push(material);
-        index(self.materials.len() - 1)
-    }
-}
-
-/// The slots of a material.
-pub fn maps(maps: &mut Maps) -> [&mut Option<u32>; 4] {
-    [&mut maps.color, &mut maps.normal, &mut maps.roughness, &mut maps.height]
-}
-
-fn index(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
-}
 
 /// The look of one plant.
 /// # Errors

@@ -6,26 +6,20 @@ use glam::Vec3;
 
 use crate::bake::BakeContext;
 use crate::bake::assets::plant_growth::GrownPlant;
+use crate::bake::assets::skin_options::skin_options;
 use crate::bake::motion::sway::{FlutterGroup, SwayMotion, SwaySurface};
-use crate::bake::scene::layout::{Individual, PlantLayout};
+use crate::bake::scene::plant_layout::{Individual, PlantLayout};
 use crate::bake::wind::plant_wind::PlantWind;
-use crate::recipe::scene::{BarkMotion, BarkUv, SkinKeys};
+use crate::recipe::scene::BarkMotion;
 use crate::recipe::{PlantRecipe, Recipe};
 use osier_base::Result;
 use osier_motion::sway::{JointRig, WindWeights};
-use osier_plants::surface::{SkinOptions, UvMode, skin};
+use osier_plants::surface::skin;
 use osier_scene::plant::{Organ, Plant};
 use osier_scene::{
     Asset, AssetKind, InstanceState, Instancer, InstancerMotion, Mesh, MeshMotion, MeshObject, Prototype, SkinWeights,
     Trs,
 };
-
-/// Index of the bark in a plant's own materials.
-pub const BARK: u16 = 0;
-/// Index of the bark of thin axes.
-pub const SHOOT: u16 = 1;
-/// Axes thinner than this at their base wear the shoot material, m.
-pub const SHOOT_RADIUS: f32 = 0.008;
 
 /// What all individuals of one plant share.
 #[derive(Debug, Clone, Default)]
@@ -130,21 +124,6 @@ pub fn bark(
     };
     to_scene(&mut mesh, kind.first_material);
     Ok((mesh, bindings))
-}
-
-/// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
-pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
-    SkinOptions {
-        turn: osier_base::math::narrow(keys.turn),
-        edge: osier_base::math::narrow(keys.edge),
-        tile: [tile, tile],
-        uv: if keys.uv == BarkUv::Metric { UvMode::Metric } else { UvMode::Conformal },
-        flare: osier_base::math::narrow(keys.flare),
-        bury: osier_base::math::narrow(keys.bury),
-        shoot: Some((SHOOT_RADIUS, SHOOT)),
-        max_points: context.limits.get("vertices"),
-        ..SkinOptions::default()
-    }
 }
 
 /// From the plant's own material indices to the scene's.

@@ -1,6 +1,6 @@
 //! The land of a scene: shape, look, and how it enters the stage.
 
-use crate::bake::assets::plant_materials::MaterialSet;
+use crate::bake::assets::material_set::MaterialSet;
 use crate::recipe::scene::TerrainKeys;
 use osier_base::Result;
 use osier_base::math::narrow;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
-use crate::bake::assets::attractor::mode;
+use crate::bake::assets::attractor_color::color_mode;
 use crate::bake::motion::{AssetMotion, FrameTime};
 use crate::recipe::AttractorRecipe;
 use crate::recipe::scene::MorphRecipe;
@@ -41,7 +41,7 @@ impl AttractorMorph {
     /// `origin`: point, in table units, that comes to the asset's origin; `scale`: metres per table unit.
     pub fn new(recipe: &AttractorRecipe, morph: &MorphRecipe, seed: u64, origin: DVec3, scale: f64) -> Self {
         let keys = &recipe.keys;
-        let mode = mode(keys.color_by, keys.prefix);
+        let mode = color_mode(keys.color_by, keys.prefix);
         let rows = morph.rows.iter().zip(morph.morph.keys());
         let colors = rows.map(|(row, key)| {
             let own = if row.colors.is_empty() { &keys.colors } else { &row.colors };

@@ -9,7 +9,7 @@ use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::assets::plant_materials::stalk_radius;
 use crate::bake::assets::plant_mesh::{PlantMaterials, bark, group_organs, instancer, instancer_name};
 use crate::bake::motion::{AssetMotion, FrameTime};
-use crate::bake::scene::layout::Individual;
+use crate::bake::scene::plant_layout::Individual;
 use crate::bake::wind::plant_wind::{PlantWind, wood};
 use crate::recipe::scene::BarkMotion;
 use crate::recipe::scene::RodPlantKeys;

@@ -1,52 +1,14 @@
 //! What a run will make, told before it is written.
 
+use crate::bake::output::bake_estimate::BakeEstimate;
 use crate::bake::output::exporters::export_options;
 use crate::bake::output::memory::{decoded_bytes, predict_memory};
 use crate::bake::scene::animated::AnimatedScene;
-use crate::bake::wind::lattice::lattice_options;
 use crate::recipe::Recipe;
-use crate::recipe::scene::{WindModel, WindSolver};
 use osier_export::estimate::{AssetSize, EstimateInput};
 use osier_export::format::FormatInfo;
 use osier_export::options::ExportOptions;
 use osier_scene::Scene;
-use osier_wind::LatticeMemory;
-
-/// Numbers of things, over all assets.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct BakeEstimate {
-    /// Assets with files of their own.
-    pub assets: u64,
-    /// Showings of assets.
-    pub placements: u64,
-    /// Modules of all final strings.
-    pub modules: u64,
-    /// Vertices of meshes, prototypes counted once.
-    pub vertices: u64,
-    /// Triangles of meshes, prototypes counted once.
-    pub triangles: u64,
-    /// Instances of prototypes.
-    pub instances: u64,
-    /// Points of clouds.
-    pub points: u64,
-    /// Joints.
-    pub joints: u64,
-    /// Frames that are written; 0 for a still scene.
-    pub frames: u64,
-    /// Bytes written, estimated.
-    pub bytes: u64,
-    /// Of these, what each format takes, by its word, and pictures.
-    pub sizes: Vec<(&'static str, u64)>,
-    /// Bytes of memory at the peak of the run, by what they are for.
-    pub memory: Vec<(&'static str, u64)>,
-}
-
-impl BakeEstimate {
-    /// Bytes of memory at the peak of the run.
-    pub fn peak(&self) -> u64 {
-        self.memory.iter().map(|p| p.1).sum()
-    }
-}
 
 /// Estimates a scene of which `frames` frames will be written as a bake.
 /// `weights`: how many assets each of the first stands for, itself included.
@@ -104,21 +66,6 @@ pub(crate) fn count_formats(
     c.bytes = c.sizes.iter().map(|s| s.1).sum();
     c.memory = predict_memory(scene, job.formats, recipe, &c);
     c
-}
-
-/// Bytes of memory of a recipe's lattice wind, by what they are for; none without.
-pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
-    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
-    if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
-        return Vec::new();
-    }
-    let m = LatticeMemory::estimate(&lattice_options(recipe));
-    vec![
-        ("air", m.populations),
-        ("snapshots", m.snapshots),
-        ("solid cells", m.solid_cells),
-        ("open faces", m.open_faces),
-    ]
 }
 
 /// What planes and boxes of wind take.

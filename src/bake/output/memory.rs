@@ -6,7 +6,8 @@
 //! Own: the factors were fitted to the resident peaks of all presets on two threads, and hold them within a quarter; an imported tree,
 //! whose skeleton is found in its mesh, takes a little more.
 
-use crate::bake::output::estimate::{BakeEstimate, lattice_memory};
+use crate::bake::output::bake_estimate::BakeEstimate;
+use crate::bake::wind::lattice::lattice_memory;
 use crate::recipe::Recipe;
 use osier_export::format::FormatInfo;
 use osier_export::usd;

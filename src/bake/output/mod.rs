@@ -1,5 +1,6 @@
 //! From an assembled scene to files, and what they will cost in bytes.
 
+pub mod bake_estimate;
 pub mod estimate;
 pub mod exporters;
 pub mod frame_loop;

@@ -1,6 +1,7 @@
 //! How large a file of its own a still scene becomes.
 
-use crate::bake::output::estimate::{BakeEstimate, CountJob, count_formats};
+use crate::bake::output::bake_estimate::BakeEstimate;
+use crate::bake::output::estimate::{CountJob, count_formats};
 use crate::bake::output::exporters::export_options;
 use crate::bake::scene::animated::AnimatedScene;
 use crate::bake::scene::assembly::AssembledScene;

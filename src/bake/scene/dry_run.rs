@@ -1,7 +1,8 @@
 //! A recipe as it is looked at before it is run: what it would make is counted, nothing is drawn or simulated.
 
-use crate::bake::assets::plant_materials::{MaterialSet, organ_names};
-use crate::bake::scene::layout::PlantLayout;
+use crate::bake::assets::material_set::MaterialSet;
+use crate::bake::assets::plant_materials::organ_names;
+use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::scene::WindSolver;
 use crate::recipe::{Growth, PlantRecipe, Recipe};
 use osier_scene::{Clip, Image, Pixels};

@@ -5,6 +5,7 @@ pub mod assembly;
 pub mod camera_light;
 pub(crate) mod dry_run;
 pub mod layout;
+pub mod plant_layout;
 pub(crate) mod scatter;
 
 pub use animated::AnimatedScene;

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use crate::bake::BakeContext;
-use crate::bake::scene::layout::{PlantInstance, PlantLayout, individual, rotation, tangent};
+use crate::bake::scene::plant_layout::{PlantInstance, PlantLayout, individual, rotation, tangent};
 use crate::recipe::scene::SkinKeys;
 use crate::recipe::{Recipe, ScatterRecipe};
 use osier_base::Result;

@@ -8,9 +8,11 @@ use crate::bake::BakeContext;
 use crate::bake::assets::obstacles::{Obstacles, flows_round};
 use crate::bake::assets::plant_growth::GrownPlant;
 use crate::bake::cache::wind_spin_up;
-use crate::bake::scene::layout::PlantLayout;
+use crate::bake::scene::plant_layout::PlantLayout;
 use crate::recipe::Recipe;
-use crate::recipe::scene::{LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, WindSolver};
+use crate::recipe::scene::{
+    LatticeGround, LatticeKeys, LatticeOutlet, LatticeProfile, LatticeSides, WindModel, WindSolver,
+};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report, codes};
 use osier_base::geometry::Bounds;
@@ -144,6 +146,21 @@ pub fn run_lattice(
     Ok(Arc::new(recorded))
 }
 
+/// Bytes of memory of a recipe's lattice wind, by what they are for; none without.
+pub fn lattice_memory(recipe: &Recipe) -> Vec<(&'static str, u64)> {
+    let solved = recipe.wind.model == WindModel::Lattice && recipe.lattice.solver == WindSolver::Lbm;
+    if !solved || recipe.clip.len() < 2 || !recipe.wind.blows() {
+        return Vec::new();
+    }
+    let m = LatticeMemory::estimate(&lattice_options(recipe));
+    vec![
+        ("air", m.populations),
+        ("snapshots", m.snapshots),
+        ("solid cells", m.solid_cells),
+        ("open faces", m.open_faces),
+    ]
+}
+
 /// Memory of a lattice up to which its cells are made to be looked at, bytes.
 const MAX_CHECKED_BYTES: u64 = 200_000_000;
 
@@ -151,7 +168,7 @@ const MAX_CHECKED_BYTES: u64 = 200_000_000;
 /// # Errors
 /// Those of [`LatticeSolver::new`].
 pub fn check_lattice(recipe: &Recipe, solids: &[Solid], context: &BakeContext<'_>, report: &mut Report) -> Result<()> {
-    if crate::bake::output::estimate::lattice_memory(recipe).is_empty() {
+    if lattice_memory(recipe).is_empty() {
         return Ok(());
     }
     let options = lattice_options(recipe);

@@ -5,7 +5,8 @@
 use osier::bake::BakeContext;
 use osier::bake::assets::plant_growth::grow_plant;
 use osier::bake::assets::plant_materials::plant_materials;
-use osier::bake::assets::plant_mesh::{PlantMaterials, build_plant_asset, skin_options};
+use osier::bake::assets::plant_mesh::{PlantMaterials, build_plant_asset};
+use osier::bake::assets::skin_options::skin_options;
 use osier::bake::scene::layout::lay_out_scene;
 use osier::bake::scene::{AssembledScene, SceneParts, assemble_scene};
 use osier::limits::Limits;
@@ -70,7 +71,7 @@ pub struct Grown {
 /// All individuals of a recipe at rest, one after the other as [`assemble_scene`] makes them.
 pub fn individuals(recipe: &Recipe) -> Vec<Grown> {
     let layout = with_work(|w| lay_out_scene(recipe, w)).expect("layout").0;
-    let one = |individual: &osier::bake::scene::layout::Individual| {
+    let one = |individual: &osier::bake::scene::plant_layout::Individual| {
         let keys = &recipe.plants[individual.plant];
         let look = with_work(|w| plant_materials(keys, recipe.seed, w)).expect("look");
         let grown = with_work(|w| grow_plant(keys, individual, &look, w)).expect("plant");

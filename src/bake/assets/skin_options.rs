@@ -1,0 +1,27 @@
+//! Options of the bark's mesh, and the indices of its two materials.
+
+use crate::bake::BakeContext;
+use crate::recipe::scene::{BarkUv, SkinKeys};
+use osier_plants::surface::{SkinOptions, UvMode};
+
+/// Index of the bark in a plant's own materials.
+pub const BARK: u16 = 0;
+/// Index of the bark of thin axes.
+pub const SHOOT: u16 = 1;
+/// Axes thinner than this at their base wear the shoot material, m.
+pub const SHOOT_RADIUS: f32 = 0.008;
+
+/// How a plant of a recipe is skinned; `tile`: size of one repeat of its bark, m.
+pub fn skin_options(keys: &SkinKeys, tile: f32, context: &BakeContext<'_>) -> SkinOptions {
+    SkinOptions {
+        turn: osier_base::math::narrow(keys.turn),
+        edge: osier_base::math::narrow(keys.edge),
+        tile: [tile, tile],
+        uv: if keys.uv == BarkUv::Metric { UvMode::Metric } else { UvMode::Conformal },
+        flare: osier_base::math::narrow(keys.flare),
+        bury: osier_base::math::narrow(keys.bury),
+        shoot: Some((SHOOT_RADIUS, SHOOT)),
+        max_points: context.limits.get("vertices"),
+        ..SkinOptions::default()
+    }
+}

@@ -1,0 +1,37 @@
+//! The counts and bytes that an estimate holds.
+
+/// Numbers of things, over all assets.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct BakeEstimate {
+    /// Assets with files of their own.
+    pub assets: u64,
+    /// Showings of assets.
+    pub placements: u64,
+    /// Modules of all final strings.
+    pub modules: u64,
+    /// Vertices of meshes, prototypes counted once.
+    pub vertices: u64,
+    /// Triangles of meshes, prototypes counted once.
+    pub triangles: u64,
+    /// Instances of prototypes.
+    pub instances: u64,
+    /// Points of clouds.
+    pub points: u64,
+    /// Joints.
+    pub joints: u64,
+    /// Frames that are written; 0 for a still scene.
+    pub frames: u64,
+    /// Bytes written, estimated.
+    pub bytes: u64,
+    /// Of these, what each format takes, by its word, and pictures.
+    pub sizes: Vec<(&'static str, u64)>,
+    /// Bytes of memory at the peak of the run, by what they are for.
+    pub memory: Vec<(&'static str, u64)>,
+}
+
+impl BakeEstimate {
+    /// Bytes of memory at the peak of the run.
+    pub fn peak(&self) -> u64 {
+        self.memory.iter().map(|p| p.1).sum()
+    }
+}
