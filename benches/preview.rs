@@ -10,7 +10,7 @@
 use std::time::Instant;
 
 use glam::{Quat, Vec3};
-use osier::preview::{Backdrop, Light, Looks, Quality, RenderRequest, Subject, View, World, render};
+use osier::preview::{Backdrop, Light, Looks, Quality, RenderRequest, Subject, CameraView, World, render};
 use osier::progress::{Cancel, Silent};
 use osier::scene::{
     Asset, AssetKind, Camera, Clip, InstanceState, Instancer, InstancerMotion, Maps, Material, MaterialClass, Mesh,
@@ -119,7 +119,7 @@ fn row(what: &str, scene: &Scene, side: u32, quality: Quality) {
     let built = start.elapsed().as_secs_f64();
     let subject = Subject::of(scene, None);
     let shot = RenderRequest {
-        camera: subject.camera(View::Portrait, 1.0, 0.6),
+        camera: subject.camera(CameraView::Portrait, 1.0, 0.6),
         size: [side, side],
         light: Light::new(&scene.sun, &scene.sky),
         backdrop: Backdrop::Studio { floor: Some(-1.1) },

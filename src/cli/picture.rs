@@ -83,17 +83,18 @@ fn layered(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
 pub(super) fn of_canvas(canvas: &layered_picture::LayerCanvas, recipe: &Recipe) -> Result<Image> {
     let channels = if recipe.picture.background.is_some() || canvas.is_opaque() { 3 } else { 4 };
     let samples: Vec<f32> = canvas.pixels.iter().flat_map(|p| p.iter().take(channels).copied()).collect();
-    picture((canvas.width, canvas.height), channels, &samples, recipe.picture.bits)
+    picture(canvas.width, canvas.height, channels, &samples, recipe.picture.bits)
 }
 
 fn image(density: &Density, tone: &ToneMapping, flat: [f32; 3], bits: u32) -> Result<Image> {
     let samples = tone_mapped(density, tone, flat);
     let channels = if tone.background.is_some() { 3 } else { 4 };
-    picture((density.width, density.height), channels, &samples, bits)
+    picture(density.width, density.height, channels, &samples, bits)
 }
 
 /// Samples 0..1 as a picture of 8 or 16 bits a channel.
-fn picture((width, height): (usize, usize), channels: usize, samples: &[f32], bits: u32) -> Result<Image> {
+/// An image of samples in 0 to 1, rows from the top, quantised to `bits` per channel.
+fn picture(width: usize, height: usize, channels: usize, samples: &[f32], bits: u32) -> Result<Image> {
     let side = |n: usize| u32::try_from(n).map_err(|_| Error::export("I050", "the picture is too wide"));
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 16 bits before the cast")]
     let word = |v: &f32| (v.clamp(0.0, 1.0) * 65_535.0 + 0.5) as u16;

@@ -52,7 +52,7 @@ fn find(context: &Context, source: &str, picture: bool) -> Result<Request> {
     if is_table(path, &bytes) {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let short = name.split('.').next().unwrap_or(&name);
-        let table = table((&name, short), &bytes, context, picture);
+        let table = table(&name, short, &bytes, context, picture);
         return Ok(Request { library: Library::new(path, search)?, ..table });
     }
     if let Some(ending) = path.extension().filter(|e| ["obj", "glb", "gltf"].iter().any(|m| e.eq_ignore_ascii_case(m)))
@@ -86,7 +86,7 @@ fn folder(source: &str) -> Error {
 }
 
 /// A table of branches grows a tree, any other is drawn as points; `--set as=cloud` draws a tree's points as well.
-fn table((file, name): (&str, &str), bytes: &[u8], context: &Context, picture: bool) -> Request {
+fn table(file: &str, name: &str, bytes: &[u8], context: &Context, picture: bool) -> Request {
     let systems = read::read(file, bytes, &context.limits).map(|r| r.0).unwrap_or_default();
     let wanted = |v: &str| context.common.set.iter().any(|s| s.replace(' ', "") == format!("as={v}"));
     let branches = systems.first().is_some_and(|s| s.maps.iter().any(|m| m.branch.is_some()));
@@ -125,7 +125,7 @@ fn preset(context: &Context, name: &str, picture: bool) -> Result<Request> {
         return Ok(Request::bare(stem, p.name));
     }
     if p.name.contains(".ifs") {
-        return Ok(table((p.name, stem), p.text.as_bytes(), context, picture));
+        return Ok(table(p.name, stem, p.text.as_bytes(), context, picture));
     }
     let shown = format!("preset:{}", p.name);
     Ok(Request { name: stem.into(), shown, text: p.text.into(), ..Request::default() })

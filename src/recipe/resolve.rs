@@ -320,15 +320,10 @@ impl Resolver<'_> {
             Some(TomlValue::Table(t)) => t.entries.iter().map(|e| e.key.as_str()).collect(),
             _ => Vec::new(),
         };
-        list.iter().enumerate().filter_map(|(i, node)| self.place((i, node), plants, &declared)).collect()
+        list.iter().enumerate().filter_map(|(i, node)| self.place(i, node, plants, &declared)).collect()
     }
 
-    fn place(
-        &mut self,
-        (i, node): (usize, &TomlNode),
-        plants: &[PlantRecipe],
-        declared: &[&str],
-    ) -> Option<PlaceRecipe> {
+    fn place(&mut self, i: usize, node: &TomlNode, plants: &[PlantRecipe], declared: &[&str]) -> Option<PlaceRecipe> {
         let path = format!("place.{i}");
         let TomlValue::Table(table) = &node.value else {
             self.report.push(*wrong(&path, node, "a table"));

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Job, Outcome, Part, Up};
+use super::{Job, Outcome, TriangleGroup, Up};
 use osier_base::math;
 use osier_base::par::LookupMap;
 use osier_scene::{Mesh, Subset};
@@ -10,7 +10,7 @@ use osier_scene::{Mesh, Subset};
 /// Triangles of one material as a file gives them, in the file's axes and units. `normals`, `uvs` and `colors` hold one
 /// value per point or none.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Piece {
+pub(super) struct MeshPart {
     /// Name of the place in the file, for complaints.
     pub(super) place: String,
     /// What the file calls its object.
@@ -27,7 +27,7 @@ pub(super) struct Piece {
 /// dropped with a warning.
 /// # Errors
 /// X001 for a value that is not finite, X010 for an index beyond the points or no triangle at all.
-pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<Piece>) -> Outcome<Mesh> {
+pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<MeshPart>) -> Outcome<Mesh> {
     pieces.retain(|p| !p.triangles.is_empty());
     pieces.sort_by_key(|p| p.material);
     let with_uvs = pieces.iter().any(|p| !p.uvs.is_empty());
@@ -51,8 +51,8 @@ pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<Piece>) -> Outcome<Mesh> {
         let count = u32::try_from(piece.triangles.len()).unwrap_or(u32::MAX);
         let subsets = vec![Subset { material: piece.material, first: 0, count }];
         let start = mesh.triangles.len();
-        job.parts.push(Part { name: piece.name, triangles: start..start + piece.triangles.len() });
-        let Piece { points, normals, uvs, colors, triangles, .. } = piece;
+        job.parts.push(TriangleGroup { name: piece.name, triangles: start..start + piece.triangles.len() });
+        let MeshPart { points, normals, uvs, colors, triangles, .. } = piece;
         mesh.append(&Mesh { points, normals, uvs, colors, triangles, subsets, ..Mesh::default() });
     }
     if dropped > 0 {
@@ -64,7 +64,7 @@ pub(super) fn join(job: &mut Job<'_>, mut pieces: Vec<Piece>) -> Outcome<Mesh> {
     Ok(mesh)
 }
 
-fn check(job: &Job<'_>, piece: &Piece) -> Outcome<()> {
+fn check(job: &Job<'_>, piece: &MeshPart) -> Outcome<()> {
     let bad = |what: &str, i: usize| job.inside("X001", format_args!("{}: {what} {i} is not finite", piece.place));
     if let Some(i) = piece.points.iter().position(|p| !p.is_finite()) {
         return Err(bad("vertex", i));
@@ -89,7 +89,7 @@ fn check(job: &Job<'_>, piece: &Piece) -> Outcome<()> {
 }
 
 /// Turns a piece into osier's axes and metres.
-fn orient(job: &Job<'_>, piece: &mut Piece) -> Outcome<()> {
+fn orient(job: &Job<'_>, piece: &mut MeshPart) -> Outcome<()> {
     let (up, scale) = (job.options.up, job.options.scale);
     let turn = |v: Vec3| if up == Up::Z { Vec3::new(v.x, v.z, -v.y) } else { v };
     piece.points.iter_mut().for_each(|p| *p = turn(*p) * scale);
@@ -110,7 +110,7 @@ fn double_area(points: &[Vec3], t: [u32; 3]) -> Vec3 {
 /// Makes normals unit length, and computes those that are absent or zero from the faces around: the sum of face normals
 /// times area over all points at the same place, so that texture seams do not show.
 /// Differs: glTF asks for flat faces where normals are absent; leaves and petals are smooth.
-fn fill_normals(piece: &mut Piece) {
+fn fill_normals(piece: &mut MeshPart) {
     let given = piece.normals.len() == piece.points.len();
     let is_unit = |n: &Vec3| n.length_squared() > 1e-12;
     if given && piece.normals.iter().all(is_unit) {
@@ -155,10 +155,10 @@ mod tests {
     #[test]
     fn normals_are_smooth_across_doubled_points() {
         let corner = Vec3::new(0.0, 0.0, 1e-3);
-        let mut piece = Piece {
+        let mut piece = MeshPart {
             points: vec![Vec3::ZERO, Vec3::X * 1e-3, corner, Vec3::ZERO, corner, Vec3::Y * 1e-3],
             triangles: vec![[0, 2, 1], [3, 5, 4]],
-            ..Piece::default()
+            ..MeshPart::default()
         };
         fill_normals(&mut piece);
         let ridge = Vec3::new(1.0, 1.0, 0.0).normalize();

@@ -52,7 +52,7 @@ pub struct InputFile {
 
 /// Triangles of one object of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Part {
+pub struct TriangleGroup {
     /// What the file calls it; empty if it has no name.
     pub name: String,
     /// Its run of the mesh's triangles.
@@ -65,7 +65,7 @@ pub struct Imported {
     /// One subset per material used; subsets index `materials`.
     pub mesh: Mesh,
     /// The objects that it is made of, in the order of its triangles; an object of several materials is several parts.
-    pub parts: Vec<Part>,
+    pub parts: Vec<TriangleGroup>,
     /// Surfaces; their maps index `images`.
     pub materials: Vec<Material>,
     /// Pictures.
@@ -138,7 +138,7 @@ struct Job<'a> {
     options: &'a Options<'a>,
     report: Report,
     files: Vec<InputFile>,
-    parts: Vec<Part>,
+    parts: Vec<TriangleGroup>,
 }
 
 impl<'a> Job<'a> {

@@ -39,17 +39,22 @@ fn failed(e: impl std::fmt::Display) -> Error {
     Error::export("P003", format!("cannot encode the clip: {e}"))
 }
 
+/// Length and frame rate of a clip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ClipTiming {
+    /// Number of frames.
+    pub frames: u32,
+    /// Frames per second as a fraction.
+    pub fps: (u32, u32),
+}
+
 impl<W: Write> ClipWriter<W> {
-    /// Begins a clip of `frames` frames of `size` pixels that repeats for ever. `fps`: frames per second as a fraction.
-    /// GIF counts hundredths of a second, at least two a frame. `opaque`: no frame has transparent pixels.
+    /// Begins a clip of `size` pixels that loops. The delay of a GIF is in hundredths of a second, at least two per frame. `opaque`: no frame has transparent pixels.
     /// # Errors
     /// `Export` P003 if the format cannot hold it or the sink fails.
-    pub fn new(
-        sink: W,
-        format: ClipFormat,
-        [width, height]: [u32; 2],
-        (frames, fps, opaque): (u32, (u32, u32), bool),
-    ) -> Result<Self> {
+    pub fn new(sink: W, format: ClipFormat, size: [u32; 2], timing: ClipTiming, opaque: bool) -> Result<Self> {
+        let [width, height] = size;
+        let ClipTiming { frames, fps } = timing;
         let (rate, base) = (fps.0.max(1), fps.1.max(1));
         let kind = match format {
             ClipFormat::Gif => {

@@ -87,11 +87,15 @@ impl SampleSums {
         }
     }
 
-    /// Light of what `n` samples saw. `around`: light around it, if it is shared with other pixels.
-    fn seen(&self, n: f32, around: Option<Vec3>) -> (Vec3, f32, f32) {
+    /// The pixel that `n` samples saw. `around`: ambient light, if it is shared with other pixels.
+    fn seen(&self, n: f32, around: Option<Vec3>) -> ForegroundPixel {
         let light = around.map_or(self.whole, |around| self.direct + self.matt * around) / self.met.max(1.0);
         let open = n - self.met;
-        (film(light), (self.met / n.max(1.0)).min(1.0), if open > 0.0 { self.floor / open } else { 1.0 })
+        ForegroundPixel {
+            color: film(light),
+            coverage: (self.met / n.max(1.0)).min(1.0),
+            floor_light: if open > 0.0 { self.floor / open } else { 1.0 },
+        }
     }
 }
 
@@ -112,9 +116,9 @@ impl PixelSamples {
         self.halves[0].and(self.halves[1])
     }
 
-    /// Shown colour of what was met and how much of the pixel it covers; brightness of the floor where nothing was met.
+    /// The pixel in front of its background.
     #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
-    fn develop(&self, around: Option<Vec3>) -> (Vec3, f32, f32) {
+    fn develop(&self, around: Option<Vec3>) -> ForegroundPixel {
         self.whole().seen(self.samples as f32, around)
     }
 
@@ -122,12 +126,24 @@ impl PixelSamples {
     #[allow(clippy::cast_precision_loss, reason = "hundreds of samples")]
     fn doubt(&self, around: Option<Vec3>) -> f32 {
         let shown = |i: usize| {
-            let (color, share, floor) = self.halves[i].seen(self.samples as f32 * 0.5, around);
+            let ForegroundPixel { color, coverage: share, floor_light: floor } =
+                self.halves[i].seen(self.samples as f32 * 0.5, around);
             let c = color * share + Vec3::splat(0.6 * (1.0 - share) * floor);
             math::sqrt_f32(c.dot(Vec3::new(0.3, 0.5, 0.2)).max(0.0))
         };
         (shown(0) - shown(1)).abs()
     }
+}
+
+/// A pixel before it is composited over its background.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct ForegroundPixel {
+    /// Tone-mapped colour of the objects in it.
+    pub color: Vec3,
+    /// Fraction of the pixel that objects cover, 0 to 1.
+    pub coverage: f32,
+    /// Light on the visible part of the floor relative to a floor without shadow, 0 to 1.
+    pub floor_light: f32,
 }
 
 enum SampleHit {
@@ -329,14 +345,9 @@ impl Tile<'_, '_> {
     }
 }
 
-/// A pixel before its background. `color`: as it is shown; `share`: of the pixel that it covers; `open`: light on what is
-/// seen of the floor, 1 for all.
-pub(super) fn finish(
-    request: &RenderRequest,
-    lens: &Lens,
-    place: [u32; 2],
-    (color, share, open): (Vec3, f32, f32),
-) -> [u8; 4] {
+/// Composites a pixel over its background and encodes it as sRGB and alpha.
+pub(super) fn finish(request: &RenderRequest, lens: &Lens, place: [u32; 2], pixel: ForegroundPixel) -> [u8; 4] {
+    let ForegroundPixel { color, coverage: share, floor_light: open } = pixel;
     let hidden = 1.0 - share;
     if hidden <= 0.0 {
         return encode(color, 1.0);
@@ -374,22 +385,22 @@ impl TileGrid {
 
 /// Takes back single specks: where a pixel and all its neighbours are wholly covered or wholly open, it stays within their
 /// range. Few samples cannot tell a rare shadow from noise, the neighbours can.
-fn despeckle(pixels: &mut [(Vec3, f32, f32)], grid: TileGrid) {
+fn despeckle(pixels: &mut [ForegroundPixel], grid: TileGrid) {
     let before = pixels.to_vec();
     for (i, pixel) in pixels.iter_mut().enumerate() {
-        let own = pixel.1;
-        let whole = |k: usize| before[k].1 >= 1.0 && own >= 1.0 || before[k].1 <= 0.0 && own <= 0.0;
+        let own = pixel.coverage;
+        let whole = |k: usize| before[k].coverage >= 1.0 && own >= 1.0 || before[k].coverage <= 0.0 && own <= 0.0;
         let mut range: Option<[(Vec3, f32); 2]> = None;
         let mut alike = true;
         for k in grid.around(i).filter(|k| *k != i) {
             alike &= whole(k);
-            let (c, o) = (before[k].0, before[k].2);
+            let (c, o) = (before[k].color, before[k].floor_light);
             let [lo, hi] = range.unwrap_or([(c, o); 2]);
             range = Some([(lo.0.min(c), lo.1.min(o)), (hi.0.max(c), hi.1.max(o))]);
         }
         if let Some([lo, hi]) = range.filter(|_| alike) {
-            pixel.0 = pixel.0.clamp(lo.0, hi.0);
-            pixel.2 = pixel.2.clamp(lo.1, hi.1);
+            pixel.color = pixel.color.clamp(lo.0, hi.0);
+            pixel.floor_light = pixel.floor_light.clamp(lo.1, hi.1);
         }
     }
 }

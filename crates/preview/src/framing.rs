@@ -14,7 +14,7 @@ const FILL: f32 = 0.90;
 
 /// From which side.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum View {
+pub enum CameraView {
     /// A quarter turn off the front, from about a fifth of the subject's height: the horizon lies low.
     Portrait,
     /// Degrees: compass turn from +Z towards +X, and height over the horizon.
@@ -26,7 +26,7 @@ pub enum View {
     },
 }
 
-impl View {
+impl CameraView {
     /// Unit vector from the subject to the camera. `bounds`: of the subject.
     fn out(self, bounds: Bounds) -> Vec3 {
         let (azimuth, elevation) = match self {
@@ -129,7 +129,7 @@ impl Subject {
     /// A camera that has all of the subject in the picture, as large as it goes. `aspect`: width over height; `vfov`: rad.
     /// Own: with the direction fixed, each point asks for a distance; the middle is then moved until opposite margins
     /// are equal.
-    pub fn camera(&self, view: View, aspect: f32, vfov: f32) -> Camera {
+    pub fn camera(&self, view: CameraView, aspect: f32, vfov: f32) -> Camera {
         let out = view.out(self.bounds);
         let mut camera = Camera { eye: self.bounds.center() + out, target: self.bounds.center(), vfov, roll: 0.0 };
         let [right, up, back] = camera.axes();
@@ -174,9 +174,9 @@ mod tests {
         let points: Vec<Vec3> =
             (0..200).map(|i| Vec3::new((i % 7) as f32, (i % 13) as f32 * 0.7, (i % 5) as f32)).collect();
         for view in [
-            View::Portrait,
-            View::Angles { azimuth: 200.0, elevation: 50.0 },
-            View::Angles { azimuth: 0.0, elevation: 90.0 },
+            CameraView::Portrait,
+            CameraView::Angles { azimuth: 200.0, elevation: 50.0 },
+            CameraView::Angles { azimuth: 0.0, elevation: 90.0 },
         ] {
             let s = subject(points.clone());
             let camera = s.camera(view, 1.5, 0.6);
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn one_point_has_a_camera() {
-        let camera = subject(vec![Vec3::ONE]).camera(View::Portrait, 1.0, 0.6);
+        let camera = subject(vec![Vec3::ONE]).camera(CameraView::Portrait, 1.0, 0.6);
         assert!(camera.eye.is_finite() && camera.eye != camera.target);
     }
 }

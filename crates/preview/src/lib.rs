@@ -29,9 +29,9 @@ mod wet;
 mod world;
 
 pub use backdrop::Backdrop;
-pub use clip::{ClipFormat, ClipWriter};
+pub use clip::{ClipFormat, ClipTiming, ClipWriter};
 pub use film::{RenderRequest, render, tiles};
-pub use framing::{Subject, View};
+pub use framing::{CameraView, Subject};
 pub use lettering::Letters;
 pub use light::Light;
 pub use looks::Looks;

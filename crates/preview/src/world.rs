@@ -249,18 +249,19 @@ fn plan<'s>(scene: &'s Scene, frame: Option<&'s Frame>) -> (Vec<SolidSource<'s>>
             let same = here.iter().filter(|p| p.phase == phase);
             let stands: Vec<Affine3A> = same.clone().map(|p| affine(&p.transform)).collect();
             let state = same.take(1).find_map(|p| frame.and_then(|f| f.shown(p))).unwrap_or(&REST);
-            stand(asset, state, &stands, (&mut jobs, &mut places));
+            add_solids(asset, state, &stands, &mut jobs, &mut places);
         }
     }
     (jobs, places)
 }
 
-/// The solids of one asset in one state.
-fn stand<'s>(
+/// Adds the solids of one asset in one state, and the places of their instances.
+fn add_solids<'s>(
     asset: &'s Asset,
     state: &'s AssetFrame,
     stands: &[Affine3A],
-    (jobs, places): (&mut Vec<SolidSource<'s>>, &mut Vec<(u32, Affine3A)>),
+    jobs: &mut Vec<SolidSource<'s>>,
+    places: &mut Vec<(u32, Affine3A)>,
 ) {
     let add = |jobs: &mut Vec<SolidSource<'s>>, job| {
         let index = u32::try_from(jobs.len()).unwrap_or(u32::MAX);

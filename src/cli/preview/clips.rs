@@ -8,7 +8,7 @@ use super::shots::{Background, Wish, ending};
 use super::{Done, Target};
 use crate::bake::BakeContext;
 use osier_base::Result;
-use osier_preview::{ClipFormat, ClipWriter, Looks, RenderRequest, Subject, World, render, tiles};
+use osier_preview::{ClipFormat, ClipTiming, ClipWriter, Looks, RenderRequest, Subject, World, render, tiles};
 use osier_scene::Camera;
 
 /// Frames per second of a turntable.
@@ -22,7 +22,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_
         Some(other) => return Ok(Done::Refused(format!("a moving picture ends in .gif, .png or .apng, not .{other}"))),
     };
     let moving = args.turntable.is_none() || args.frame.is_some();
-    let loaded = load(context, args, (&args.source, wish.quality, moving), &Change::default(), work)?;
+    let loaded = load(context, args, &args.source, wish.quality, moving, &Change::default(), work)?;
     context.console.report(&loaded.report);
     let clip = loaded.scene().clip;
     let numbers: Vec<Option<u32>> = match args.turntable {
@@ -49,7 +49,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_
     let length = u32::try_from(count).unwrap_or(u32::MAX);
     let opaque = wish.background != Background::Clear;
     let mut output = output;
-    let mut writer = ClipWriter::new(&mut output, format, wish.size, (length, fps, opaque))?;
+    let mut writer = ClipWriter::new(&mut output, format, wish.size, ClipTiming { frames: length, fps }, opaque)?;
     work.progress.stage("drawing frames", tiles(wish.size) * count as u64);
     if args.turntable.is_some() {
         let shots: Vec<RenderRequest> =

@@ -65,13 +65,15 @@ pub struct Change {
     pub set: Vec<String>,
 }
 
-/// Loads a source.
+/// Loads a source and assembles its scene; `moving`: with what a clip needs (joints, weights, flutter).
 /// # Errors
 /// `Input` with its faults, `Io`, `Limit`, `Cancelled`.
 pub fn load(
     context: &Context,
     args: &Preview,
-    (name, quality, moving): (&str, Quality, bool),
+    name: &str,
+    quality: Quality,
+    moving: bool,
     change: &Change,
     work: &BakeContext<'_>,
 ) -> Result<Loaded> {

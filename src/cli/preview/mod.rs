@@ -77,11 +77,12 @@ impl Target {
         Ok(Self { folder: Folder::plain(parent, options)?, name, path })
     }
 
-    /// Writes a picture and names it.
-    fn keep(
+    /// Writes a picture and prints its path.
+    fn write_picture(
         &self,
         context: &Context,
-        (picture, quality): (&Picture, Quality),
+        picture: &Picture,
+        quality: Quality,
         scene: &Scene,
         about: &str,
     ) -> Result<()> {

@@ -13,10 +13,11 @@ use osier_preview::{
 };
 use osier_scene::Frame;
 
-/// Takes a picture of what is loaded.
-pub fn take(
+/// Renders a loaded source at a frame.
+pub fn render_source(
     loaded: &Loaded,
-    (frame, quality): (Option<&Frame>, Quality),
+    frame: Option<&Frame>,
+    quality: Quality,
     shot: &RenderRequest,
     work: &BakeContext<'_>,
 ) -> Result<Picture> {
@@ -44,7 +45,7 @@ pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext
     let moving = args.frame.is_some();
     let mut all = Vec::new();
     for source in &sources {
-        let loaded = load(context, args, (source, wish.quality, moving), &Change::default(), work)?;
+        let loaded = load(context, args, source, wish.quality, moving, &Change::default(), work)?;
         context.console.report(&loaded.report);
         let frame = match shots::frame_of(&loaded, args.frame) {
             Ok(frame) => frame,
@@ -61,7 +62,7 @@ pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext
     for (loaded, frame, own) in &all {
         let shot = wish.shot(loaded, own, wish.camera(loaded, &both));
         cells.push(ContactSheetCell {
-            picture: take(loaded, (frame.as_ref(), wish.quality), &shot, work)?,
+            picture: render_source(loaded, frame.as_ref(), wish.quality, &shot, work)?,
             caption: loaded.name.clone(),
         });
     }
@@ -70,7 +71,7 @@ pub fn single(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext
         [one] => (first.name.clone(), one.picture.clone()),
         _ => (format!("{}-compared", first.name), sheet("", "", &cells, cells.len())),
     };
-    Target::new(context, args, &name, "png")?.keep(context, (&picture, wish.quality), first.scene(), &name)?;
+    Target::new(context, args, &name, "png")?.write_picture(context, &picture, wish.quality, first.scene(), &name)?;
     Ok(Done::Kept { warned })
 }
 
@@ -87,7 +88,7 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_
     let grow = |change: &(Change, String)| {
         work.cancel.check()?;
         let quiet = BakeContext { progress: &osier_base::progress::Silent, ..*work };
-        let loaded = load(context, args, (&args.source, wish.quality, args.frame.is_some()), &change.0, &quiet)?;
+        let loaded = load(context, args, &args.source, wish.quality, args.frame.is_some(), &change.0, &quiet)?;
         work.progress.advance(1);
         Ok(loaded)
     };
@@ -111,14 +112,14 @@ pub fn run(context: &Context, args: &Preview, wish: &Wish, work: &BakeContext<'_
     for (((loaded, frame), own), (_, caption)) in list.iter().zip(&frames).zip(&subjects).zip(&changes) {
         let shot = wish.shot(loaded, own, wish.camera(loaded, &union));
         cells.push(ContactSheetCell {
-            picture: take(loaded, (frame.as_ref(), wish.quality), &shot, work)?,
+            picture: render_source(loaded, frame.as_ref(), wish.quality, &shot, work)?,
             caption: caption.clone(),
         });
     }
     let first = &list[0];
     let name = format!("{}-sheet", first.name);
     let picture = sheet(&first.name, &about(wish), &cells, across);
-    Target::new(context, args, &name, "png")?.keep(context, (&picture, wish.quality), first.scene(), &name)?;
+    Target::new(context, args, &name, "png")?.write_picture(context, &picture, wish.quality, first.scene(), &name)?;
     Ok(Done::Kept { warned })
 }
 

@@ -7,7 +7,7 @@ use super::super::args::{Preview, QualityArg};
 use super::super::numbers::{self, Sweep, sweep};
 use super::load::Loaded;
 use osier_base::units::{linear_from_srgb, radians_f32};
-use osier_preview::{Backdrop, Light, Quality, RenderRequest, Subject, View};
+use osier_preview::{Backdrop, CameraView, Light, Quality, RenderRequest, Subject};
 use osier_scene::{Camera, Frame};
 
 /// Flags, read.
@@ -15,7 +15,7 @@ use osier_scene::{Camera, Frame};
 pub struct Wish {
     pub size: [u32; 2],
     pub quality: Quality,
-    /// `None`: the scene's own camera if it has one, else [`View::Portrait`].
+    /// `None`: the scene's own camera if it has one, else [`CameraView::Portrait`].
     pub view: Option<ViewWish>,
     /// Elevation and azimuth, degrees.
     pub sun: Option<[f32; 2]>,
@@ -31,7 +31,7 @@ pub enum ViewWish {
     /// The scene's own camera.
     Scene,
     /// Fitted.
-    Fitted(View),
+    Fitted(CameraView),
 }
 
 /// What lies behind.
@@ -102,7 +102,7 @@ impl Wish {
             Some(ViewWish::Scene) => loaded.scene().camera,
             Some(ViewWish::Fitted(view)) => subject.camera(view, self.aspect(), vfov),
             None if loaded.has_camera => loaded.scene().camera,
-            None => subject.camera(View::Portrait, self.aspect(), vfov),
+            None => subject.camera(CameraView::Portrait, self.aspect(), vfov),
         }
     }
 
@@ -167,10 +167,10 @@ fn pair(text: &str, flag: &str, shape: &str) -> Result<[f32; 2], String> {
 }
 
 fn view(text: &str) -> Result<ViewWish, String> {
-    let angles = |azimuth, elevation| ViewWish::Fitted(View::Angles { azimuth, elevation });
+    let angles = |azimuth, elevation| ViewWish::Fitted(CameraView::Angles { azimuth, elevation });
     match text {
         "scene" => Ok(ViewWish::Scene),
-        "portrait" => Ok(ViewWish::Fitted(View::Portrait)),
+        "portrait" => Ok(ViewWish::Fitted(CameraView::Portrait)),
         "front" => Ok(angles(0.0, 0.0)),
         "right" => Ok(angles(90.0, 0.0)),
         "back" => Ok(angles(180.0, 0.0)),

@@ -53,10 +53,12 @@ impl Resolver<'_> {
             .map_err(|why| about(Diagnostic::about("S005", why.to_string()).help(why.help())))?;
         self.inputs.push(blake3::hash(&found.bytes));
         let up = if model.up_z { UpAxis::Z } else { UpAxis::Y };
-        let imported = self.imported(&found, (up, model.scale, MaterialClass::Leaf)).map_err(|e| match e {
-            Error::Input(faults) => faults,
-            other => about(Diagnostic::about("S005", other.to_string())),
-        })?;
+        let imported = self
+            .imported(&found, super::plant::MeshImport { up, scale: model.scale, class: MaterialClass::Leaf })
+            .map_err(|e| match e {
+                Error::Input(faults) => faults,
+                other => about(Diagnostic::about("S005", other.to_string())),
+            })?;
         let points = &imported.mesh.points;
         let corner = |i: u32| points.get(i as usize).copied().unwrap_or_default();
         model.faces = Arc::new(WeightedTriangles::new(imported.mesh.triangles.iter().map(|t| t.map(corner))));

@@ -266,8 +266,9 @@ impl Resolver<'_> {
         let mesh = match (keys.shape, &keys.mesh) {
             (SolidShape::Mesh, Some(reference)) => {
                 let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
-                let wanted = (UpAxis::Y, keys.mesh_scale, MaterialClass::Ground);
-                Some(Arc::new(self.import(&file, wanted, reference.span)?))
+                let options =
+                    super::plant::MeshImport { up: UpAxis::Y, scale: keys.mesh_scale, class: MaterialClass::Ground };
+                Some(Arc::new(self.import(&file, options, reference.span)?))
             }
             (SolidShape::Mesh, None) => {
                 let d = Diagnostic::error("S006", format!("[{path}] names no mesh"), node.span, "no mesh here");

@@ -99,6 +99,17 @@ fn share_leaves(plants: &mut [PlantRecipe]) {
     }
 }
 
+/// How an artist's mesh is read.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::recipe) struct MeshImport {
+    /// Axis that points up in the file.
+    pub up: UpAxis,
+    /// Metres per unit of the file.
+    pub scale: f64,
+    /// Class of the materials.
+    pub class: MaterialClass,
+}
+
 impl Resolver<'_> {
     pub(in crate::recipe) fn plants(&mut self, root: &TomlTable, names: &mut Names) -> Vec<PlantRecipe> {
         let Some(table) = self.table(root, "", "plants") else {
@@ -260,8 +271,8 @@ impl Resolver<'_> {
         }
         let reference = keys.mesh.as_ref()?;
         let file = self.read(&reference.text, reference.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
-        let wanted = (import.mesh_up, import.mesh_scale, MaterialClass::Bark);
-        let mesh = self.import(&file, wanted, reference.span)?;
+        let options = MeshImport { up: import.mesh_up, scale: import.mesh_scale, class: MaterialClass::Bark };
+        let mesh = self.import(&file, options, reference.span)?;
         Some(((file.shown, mesh), import))
     }
 
@@ -317,8 +328,8 @@ impl Resolver<'_> {
         let mesh = match &keys.mesh {
             Some(r) => {
                 let file = self.read(&r.text, r.span, "mesh-bytes", &[".obj", ".glb", ".gltf"])?;
-                let wanted = (keys.mesh_up, keys.mesh_scale, MaterialClass::Leaf);
-                Some(Arc::new(self.import(&file, wanted, r.span)?))
+                let options = MeshImport { up: keys.mesh_up, scale: keys.mesh_scale, class: MaterialClass::Leaf };
+                Some(Arc::new(self.import(&file, options, r.span)?))
             }
             None => None,
         };
@@ -374,10 +385,10 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn import(
         &mut self,
         file: &ReferencedFile,
-        (up, scale, class): (UpAxis, f64, MaterialClass),
+        options: MeshImport,
         span: Span,
     ) -> Option<Imported> {
-        match self.imported(file, (up, scale, class)) {
+        match self.imported(file, options) {
             Ok(imported) => Some(imported),
             Err(Error::Input(faults)) => {
                 self.report.extend(*faults);
@@ -394,9 +405,10 @@ impl Resolver<'_> {
     pub(in crate::recipe) fn imported(
         &mut self,
         file: &ReferencedFile,
-        (up, scale, class): (UpAxis, f64, MaterialClass),
+        options: MeshImport,
     ) -> osier_base::Result<Imported> {
         let request = self.request;
+        let MeshImport { up, scale, class } = options;
         let options = osier_import::Options {
             roots: request.library.roots(),
             limits: &request.limits,

@@ -81,23 +81,23 @@ impl<'a> Surfaces<'a> {
             && let Some((image, channels)) = self.picture(job, texture.index.value())?
         {
             material.alpha_cutoff = cutoff(given).filter(|_| channels == 4);
-            material.maps.color = self.keep(job, (image, Use::color([r, g, b, a])), &name)?;
+            material.maps.color = self.keep(job, image, Use::color([r, g, b, a]), &name)?;
         }
         if let Some(texture) = &pbr.metallic_roughness_texture
             && let Some((image, _)) = self.picture(job, texture.index.value())?
         {
-            material.maps.roughness = self.keep(job, (image, Use::rough(material.roughness)), &name)?;
+            material.maps.roughness = self.keep(job, image, Use::rough(material.roughness), &name)?;
         }
         if let Some(texture) = &given.normal_texture
             && let Some((image, _)) = self.picture(job, texture.index.value())?.filter(|n| n.1 >= 3)
         {
-            material.maps.normal = self.keep(job, (image, Use::Normal), &name)?;
+            material.maps.normal = self.keep(job, image, Use::Normal, &name)?;
         }
         Ok(material)
     }
 
     /// Keeps a picture for one use, named after the first material that has it.
-    fn keep(&mut self, job: &Job<'_>, (image, way): (usize, Use), name: &str) -> Outcome<Option<u32>> {
+    fn keep(&mut self, job: &Job<'_>, image: usize, way: Use, name: &str) -> Outcome<Option<u32>> {
         if let Some(known) = self.shelf.find(image, way) {
             return Ok(Some(known));
         }

@@ -13,7 +13,7 @@ use super::buffers::Buffers;
 use super::document::{Document, UvTransform};
 use super::materials::Surfaces;
 use super::nodes::Placed;
-use crate::assembly::Piece;
+use crate::assembly::MeshPart;
 use crate::{Job, Outcome};
 use osier_base::math;
 
@@ -26,9 +26,9 @@ pub(super) fn pieces(
     buffers: &Buffers<'_>,
     placed: &[Placed],
     surfaces: &mut Surfaces<'_>,
-) -> Outcome<Vec<Piece>> {
+) -> Outcome<Vec<MeshPart>> {
     let accessors = Accessors { document, buffers };
-    let mut meshes: BTreeMap<usize, Vec<Piece>> = BTreeMap::new();
+    let mut meshes: BTreeMap<usize, Vec<MeshPart>> = BTreeMap::new();
     let mut pieces = Vec::new();
     let (mut vertices, mut triangles) = (0, 0);
     for place in placed {
@@ -42,7 +42,7 @@ pub(super) fn pieces(
             triangles += piece.triangles.len() as u64 * copies;
             job.limit("vertices", vertices)?;
             job.limit("triangles", triangles)?;
-            let named = |m: &Mat4| Piece { name: place.name.clone(), ..moved(piece, *m) };
+            let named = |m: &Mat4| MeshPart { name: place.name.clone(), ..moved(piece, *m) };
             pieces.extend(place.world_from_mesh.iter().map(named));
         }
     }
@@ -50,7 +50,7 @@ pub(super) fn pieces(
 }
 
 /// A piece elsewhere; a mirroring transform turns its triangles round.
-fn moved(piece: &Piece, world_from_mesh: Mat4) -> Piece {
+fn moved(piece: &MeshPart, world_from_mesh: Mat4) -> MeshPart {
     let mut piece = piece.clone();
     let linear = Mat3::from_mat4(world_from_mesh);
     let det = linear.determinant();
@@ -72,7 +72,7 @@ fn mesh(
     accessors: &Accessors<'_>,
     index: usize,
     surfaces: &mut Surfaces<'_>,
-) -> Outcome<Vec<Piece>> {
+) -> Outcome<Vec<MeshPart>> {
     let mut pieces = Vec::new();
     let Some(mesh) = accessors.document.root.meshes.get(index) else { return Ok(pieces) };
     for (k, primitive) in mesh.primitives.iter().enumerate() {
@@ -89,7 +89,8 @@ fn mesh(
             }
         };
         let material = primitive.material.map(|m| m.value());
-        let mut piece = geometry(job, accessors, primitive, surfaces.transform(material))?;
+        let (uv_set, transform) = surfaces.transform(material);
+        let mut piece = geometry(job, accessors, primitive, uv_set, transform)?;
         let order = match primitive.indices {
             Some(indices) => accessors.corners(job, indices.value())?,
             None => (0..piece.points.len()).filter_map(|i| u32::try_from(i).ok()).collect(),
@@ -102,27 +103,31 @@ fn mesh(
     Ok(pieces)
 }
 
+/// Vertex attributes of a primitive; texture coordinates from the set `uv_set`, transformed.
+/// # Errors
+/// X010 where attributes differ in length.
 fn geometry(
     job: &Job<'_>,
     accessors: &Accessors<'_>,
     primitive: &Primitive,
-    (set, transform): (u32, Option<UvTransform>),
-) -> Outcome<Piece> {
+    uv_set: u32,
+    transform: Option<UvTransform>,
+) -> Outcome<MeshPart> {
     let attribute = |s: Semantic| primitive.attributes.get(&Checked::Valid(s)).map(|i| i.value());
     let floats = |s: Semantic, types: &[Type]| {
         attribute(s).map(|i| accessors.floats(job, i, types, "vertices")).transpose().map(Option::unwrap_or_default)
     };
     let points = floats(Semantic::Positions, &[Type::Vec3])?;
     let normals = floats(Semantic::Normals, &[Type::Vec3])?;
-    let uvs = floats(Semantic::TexCoords(set), &[Type::Vec2])?;
+    let uvs = floats(Semantic::TexCoords(uv_set), &[Type::Vec2])?;
     let colors = floats(Semantic::Colors(0), &[Type::Vec3, Type::Vec4])?;
     let width = attribute(Semantic::Colors(0)).map_or(4, |i| accessors.width(i)).max(1);
-    let piece = Piece {
+    let piece = MeshPart {
         points: points.chunks_exact(3).map(Vec3::from_slice).collect(),
         normals: normals.chunks_exact(3).map(Vec3::from_slice).collect(),
         uvs: uvs.chunks_exact(2).map(|uv| from_gltf_uv(Vec2::from_slice(uv), transform)).collect(),
         colors: colors.chunks_exact(width).map(rgba).collect(),
-        ..Piece::default()
+        ..MeshPart::default()
     };
     let n = piece.points.len();
     let lengths = [piece.normals.len(), piece.uvs.len(), piece.colors.len()];

@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 
 use self::lines::Word;
 use self::mtl::Library;
-use super::assembly::{Piece, join};
+use super::assembly::{MeshPart, join};
 use super::{Job, Made, Outcome};
 use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 use osier_base::files::{Encoding, ReadError, decode};
@@ -54,7 +54,7 @@ pub(super) fn read(job: &mut Job<'_>, bytes: &[u8]) -> Outcome<Made> {
     Ok((join(job, pieces)?, materials, images))
 }
 
-fn piece(model: &tobj::Model, material: u32) -> Piece {
+fn piece(model: &tobj::Model, material: u32) -> MeshPart {
     let mesh = &model.mesh;
     let vec3 = |v: &[f32]| match v {
         [x, y, z] => Vec3::new(*x, *y, *z),
@@ -62,7 +62,7 @@ fn piece(model: &tobj::Model, material: u32) -> Piece {
     };
     let points: Vec<Vec3> = mesh.positions.chunks_exact(3).map(vec3).collect();
     let triangles = faces::triangulate(&points, &mesh.indices, &mesh.face_arities);
-    Piece {
+    MeshPart {
         place: format!("object {:?}", model.name),
         name: model.name.clone(),
         material,

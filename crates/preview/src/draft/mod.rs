@@ -14,7 +14,7 @@ use glam::Vec3;
 use self::eye::{Band, Eye};
 use self::openness::Openness;
 use self::tasks::Tasks;
-use super::film::{RenderRequest, TILE, finish};
+use super::film::{ForegroundPixel, RenderRequest, TILE, finish};
 use super::lens::Lens;
 use super::light::{LightDepth, PrecomputedLight, SampleContext};
 use super::picture::Picture;
@@ -112,7 +112,7 @@ impl<'d, 'w> Draft<'d, 'w> {
         let shaded = |y: &usize| -> Vec<[u8; 4]> {
             let things = rows.seen[*y].iter().zip(&rows.places[*y]).zip(y * width..);
             let one = |((seen, p), i): ((&PixelHit, &Vec3), usize)| {
-                self.shaded(band.place(i), (seen, *p), PrecomputedLight { sun: rows.lit[i], sky: openness.at(*p) })
+                self.shaded(band.place(i), seen, *p, PrecomputedLight { sun: rows.lit[i], sky: openness.at(*p) })
             };
             things.map(one).collect()
         };
@@ -137,7 +137,7 @@ impl<'d, 'w> Draft<'d, 'w> {
         }
     }
 
-    fn shaded(&self, place: [u32; 2], (seen, p): (&PixelHit, Vec3), known: PrecomputedLight) -> [u8; 4] {
+    fn shaded(&self, place: [u32; 2], seen: &PixelHit, p: Vec3, known: PrecomputedLight) -> [u8; 4] {
         let sampler = Sampler::new(0, self.request.seed);
         let draw = SampleContext {
             sampler: &sampler,
@@ -149,13 +149,14 @@ impl<'d, 'w> Draft<'d, 'w> {
         };
         let (d, _) = self.lens.aim(None, place, [0.5, 0.5]);
         let light = &self.request.light;
+        let empty = ForegroundPixel { color: Vec3::ZERO, coverage: 0.0, floor_light: 1.0 };
         let developed = match seen {
             PixelHit::Thing(hit) => match self.world.sent(light, self.lens.eye, d, hit, &draw) {
-                Some(sent) => (film(sent.whole()), 1.0, 1.0),
-                None => (Vec3::ZERO, 0.0, 1.0),
+                Some(sent) => ForegroundPixel { color: film(sent.whole()), coverage: 1.0, floor_light: 1.0 },
+                None => empty,
             },
-            PixelHit::Floor => (Vec3::ZERO, 0.0, self.world.floor_light(light, p, &draw)),
-            PixelHit::Nothing => (Vec3::ZERO, 0.0, 1.0),
+            PixelHit::Floor => ForegroundPixel { floor_light: self.world.floor_light(light, p, &draw), ..empty },
+            PixelHit::Nothing => empty,
         };
         finish(self.request, self.lens, place, developed)
     }

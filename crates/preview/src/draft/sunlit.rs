@@ -80,14 +80,15 @@ impl ShadowCells {
         let size = [sides.x, sides.y].map(|side| (side / cell).min(SIDE) as u32 + 1);
         let corner = plane.back(Vec3::new(held.min.x, held.min.y, 0.0));
         let view = Projection::of_light(toward, if count == 0 { middle } else { corner }, cell);
-        Self::sorted((toward, view), size, &asked, |q| {
+        Self::sorted(toward, view, size, &asked, |q| {
             Vec3::new((q.x - held.min.x) / cell, (q.y - held.min.y) / cell, q.z)
         })
     }
 
     /// Places in order of their cells, each cell's as they were given. `scaled`: cell coordinates of a place on the plane.
     fn sorted(
-        (toward, view): (Vec3, Projection),
+        toward: Vec3,
+        view: Projection,
         size: [u32; 2],
         asked: &[ShadowQueries],
         scaled: impl Fn(Vec3) -> Vec3,

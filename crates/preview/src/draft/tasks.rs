@@ -98,7 +98,7 @@ impl PrimitiveRange {
             Primitives::Cones { cones, .. } => {
                 for ((i, number), cone) in primitives.clone().zip(self.number..).zip(&cones[primitives]) {
                     let Some(window) = screen.window(&sight, &around(&sight, cone.bounds())) else { continue };
-                    screen.cone(window, number, |from, along| meets(world, (showing, solid), i, [from, along]));
+                    screen.cone(window, number, |from, along| meets(world, showing, solid, i, [from, along]));
                 }
             }
         }
@@ -109,9 +109,11 @@ fn around(sight: &InstanceProjection, [min, max]: [Vec3; 2]) -> [Projected; 8] {
     Bounds { min, max }.corners().map(|p| sight.see(p))
 }
 
+/// Distance along a ray at which it meets primitive `i` of a solid instance.
 fn meets(
     world: &World<'_>,
-    (showing, solid): (&SolidInstance, &Solid<'_>),
+    showing: &SolidInstance,
+    solid: &Solid<'_>,
     i: usize,
     [from, along]: [Vec3; 2],
 ) -> Option<f32> {

@@ -83,7 +83,7 @@ impl LandForm {
         let sign = if gap < 0.0 { -1.0 } else { 1.0 };
         let (x, u) = self.cell(at.x);
         let (z, v) = self.cell(at.z);
-        let normal = self.normal((x, z), u >= v);
+        let normal = self.normal(x, z, u >= v);
         if gap.abs() > 3.0 * self.step() {
             return Nearest { distance: gap * self.flattest, normal };
         }
@@ -101,7 +101,7 @@ impl LandForm {
                     let p = super::shell::nearest_on(t, at);
                     let d = p.distance(at);
                     if d < best.0 {
-                        best = (d, p, self.normal((cx, cz), lower));
+                        best = (d, p, self.normal(cx, cz, lower));
                     }
                 }
             }
@@ -116,7 +116,8 @@ impl LandForm {
         [self.cell(v - reach).0, self.cell(v + reach).0]
     }
 
-    fn normal(&self, (x, z): (usize, usize), lower: bool) -> Vec3 {
+    /// Normal of the lower or upper triangle of the cell (x, z).
+    fn normal(&self, x: usize, z: usize, lower: bool) -> Vec3 {
         let c = |i, k| self.corner(x + i, z + k);
         let (along, across) =
             if lower { (c(1, 0) - c(0, 0), c(1, 1) - c(1, 0)) } else { (c(1, 1) - c(0, 1), c(0, 1) - c(0, 0)) };
