@@ -10,7 +10,7 @@
 use std::time::Instant;
 
 use glam::{Quat, Vec3};
-use osier::preview::{Backdrop, Light, Looks, Quality, RenderRequest, Subject, CameraView, World, render};
+use osier::preview::{Backdrop, CameraView, Light, Looks, Quality, RenderRequest, Subject, World, render};
 use osier::progress::{Cancel, Silent};
 use osier::scene::{
     Asset, AssetKind, Camera, Clip, InstanceState, Instancer, InstancerMotion, Maps, Material, MaterialClass, Mesh,

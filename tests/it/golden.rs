@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use osier::bake::{BakeContext, motion, scene};
 use osier::limits::Limits;
 use osier::preview::{
-    Backdrop, ContactSheetCell, Light, Looks, Picture, Quality, RenderRequest, Subject, View, World, render, sheet,
+    Backdrop, ContactSheetCell, Light, Looks, Picture, Quality, RenderRequest, Subject, CameraView, World, render, sheet,
 };
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Library, Request, resolve};
@@ -31,7 +31,7 @@ fn draw(scene: &Scene, frame: Option<&Frame>, own_camera: bool, size: [u32; 2]) 
     #[allow(clippy::cast_precision_loss, reason = "small pictures")]
     let aspect = size[0] as f32 / size[1] as f32;
     let shot = RenderRequest {
-        camera: if own_camera { scene.camera } else { subject.camera(View::Portrait, aspect, scene.camera.vfov) },
+        camera: if own_camera { scene.camera } else { subject.camera(CameraView::Portrait, aspect, scene.camera.vfov) },
         size,
         light: Light::new(&scene.sun, &scene.sky),
         backdrop: if own_camera { Backdrop::Sky } else { Backdrop::Studio { floor: Some(subject.bounds.min.y) } },
