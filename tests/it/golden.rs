@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 use osier::bake::{BakeContext, motion, scene};
 use osier::limits::Limits;
 use osier::preview::{
-    Backdrop, ContactSheetCell, Light, Looks, Picture, Quality, RenderRequest, Subject, CameraView, World, render, sheet,
+    Backdrop, CameraView, ContactSheetCell, Light, Looks, Picture, Quality, RenderRequest, Subject, World, render,
+    sheet,
 };
 use osier::progress::{Cancel, Silent};
 use osier::recipe::{Library, Request, resolve};

@@ -97,7 +97,7 @@ const WINDS: [(&str, &str); 5] = [
 fn a_level_leaf_catches_the_same_rain_in_any_wind() {
     let dir = tempfile::tempdir().expect("dir");
     for (name, wind) in WINDS {
-        let keys = format!("size = \"fixed\"\nsize_mm = 1\n{wind}");
+        let keys = format!("size_distribution = \"fixed\"\nsize_mm = 1\n{wind}");
         let (ratio, level) = caught(dir.path(), name, 90.0, [0.0; 2], &keys);
         assert!(level > 0.999 && (ratio - 1.0).abs() < 0.1, "{name}: {ratio}");
     }
@@ -107,7 +107,7 @@ fn a_level_leaf_catches_the_same_rain_in_any_wind() {
 #[test]
 fn a_steep_leaf_catches_what_slanting_rain_brings() {
     let dir = tempfile::tempdir().expect("dir");
-    let size = "size = \"fixed\"\nsize_mm = 1\n";
+    let size = "size_distribution = \"fixed\"\nsize_mm = 1\n";
     let speed = 9.65 - 10.3 * (-0.6_f64).exp();
     for (name, wind, across) in [("calm", WINDS[0].1, 0.0), ("uniform", WINDS[1].1, 4.5)] {
         for turn in [40.0, 65.0, 130.0] {
@@ -123,7 +123,7 @@ fn rain_falls_on_land_of_any_height() {
     let dir = tempfile::tempdir().expect("dir");
     for y in [-20, 0, 20] {
         let land = format!(
-            "size = \"fixed\"\nsize_mm = 1\n[terrain]\nsize = 60\namplitude = 0\ncorners = [{y}, {y}, {y}, {y}]\n"
+            "size_distribution = \"fixed\"\nsize_mm = 1\n[terrain]\nsize = 60\namplitude = 0\ncorners = [{y}, {y}, {y}, {y}]\n"
         );
         let (ratio, _) = caught(dir.path(), &format!("land{y}"), 90.0, [0.0; 2], &land);
         assert!((ratio - 1.0).abs() < 0.1, "{y} m: {ratio}");

@@ -169,7 +169,7 @@ fn rain_is_read_and_its_faults_told() {
         ("rain.drop.contact_angle_deg=20", "S004", "must rise from receding over theta to advancing"),
         ("rain.drop.contact_angle_deg=nan", "S003", "contact_angle_deg"),
         ("rain.rate_mm_per_h=1e999", "S003", "not finite"),
-        ("rain.envelope=keys", "S006", "times that rise"),
+        ("rain.envelope=keys", "S006", "rising times"),
         ("rain.lying=3", "S003", "[[rain.lying]]"),
         ("rain.splash=0.1", "S002", "has no key \"splash\""),
     ] {
@@ -194,7 +194,7 @@ fn rods_are_read_and_their_faults_told() {
         ("rod.0.radius=2", "S002", "has no key \"radius\""),
         ("rod.0.clamp=[{at=2}]", "S004", "must be 0 to 1"),
         ("rod.0.clamp=[{hold=\"guided\",line=[0,0,0]}]", "S004", "has no direction"),
-        ("rod.0.load=[{kind=\"force\"}]", "S006", "has no keys"),
+        ("rod.0.load=[{kind=\"force\"}]", "S006", "has no keyframes"),
         ("rod.0.load=[{kind=\"force\",keyframes=[[0,1]]}]", "S003", "must have 4"),
         ("rod.0.load=[{kind=\"mass\",keyframes=[[0,1],[0,2]]}]", "S004", "do not rise"),
         ("rod.0.load=[{kind=\"mass\",keyframes=[[0,-1]]}]", "S004", "a mass below 0"),

@@ -147,7 +147,7 @@ fn said(text: &str, set: &[&str]) -> String {
 fn what_has_no_effect_or_cannot_be_is_said() {
     assert_eq!(said(TREE, &[]), "");
     assert!(said(TREE, &["wind.beaufort=5"]).starts_with("S007 wind.beaufort is 5, but wind.speed is given"));
-    assert!(said(TREE, &["wind.literal=true"]).starts_with("S007 wind.literal"));
+    assert!(said(TREE, &["wind.literal=true"]).starts_with("S007 `wind.literal` needs `model = \"perlin\"`"));
     assert!(said(TREE, &["frames.end=20", "sway.repeat=true"]).starts_with("S004 a clip of 0.83 s is too short"));
     assert!(said(TREE, &["wind.speed=61"]).starts_with("S004"));
     assert!(said(TREE, &["sway.loop=2.03"]).starts_with("S008 sway.loop is 2.03 s, which is 48.72 frames"));

@@ -98,10 +98,10 @@ fn twigs_that_cannot_be_are_told() {
         { abcdefghijkl = [0.5, 0.1, 0, 0, 0.5, 0, 0, 0, 0.5, 0, 1, 0] },\n]\n";
     std::fs::write(dir.path().join("sheared.ifs.toml"), sheared).expect("table");
     for (table, tree, more, said) in [
-        ("monopodial", "eps = 0.5", "[plants.tree.rods]", "bend as rods"),
-        ("monopodial", "eps = 0.5", "[rain]\n[frames]\nend = 2", "rain falls"),
+        ("monopodial", "eps = 0.5", "[plants.tree.rods]", "bends on its own as a rod"),
+        ("monopodial", "eps = 0.5", "[rain]\n[frames]\nend = 2", "rain needs each leaf on its own"),
         ("monopodial", "radii = \"pipe\"", "", "needs every branch tip"),
-        ("monopodial", "lod = 1", "", "cards stand there"),
+        ("monopodial", "lod = 1", "", "replaces them by billboards"),
         ("sheared", "eps = 0.5", "", "map 2 is not a rotation with uniform scale"),
     ] {
         let scene = dir.path().join("s.toml");
