@@ -228,7 +228,10 @@ fn each_fault_names_its_place_and_the_mend() {
     let check = Command::new(env!("CARGO_BIN_EXE_osier")).arg("check").arg(dir.path().join("scene.toml")).output();
     let run = check.expect("osier runs");
     let said = String::from_utf8_lossy(&run.stderr);
-    assert!(run.status.success() && said.contains("S007") && said.contains("needs a clip, but the scene has one frame"), "{said}");
+    assert!(
+        run.status.success() && said.contains("S007") && said.contains("needs a clip, but the scene has one frame"),
+        "{said}"
+    );
 }
 
 /// The kept air of a folder.
