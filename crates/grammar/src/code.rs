@@ -1,6 +1,6 @@
 //! Expressions and statements as code for a small stack machine.
 
-use super::token::Place;
+use super::token::SourcePlace;
 
 /// Functions of one argument without side effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,7 +92,7 @@ pub(crate) enum Op {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Code {
     pub ops: Vec<Op>,
-    pub places: Vec<Place>,
+    pub places: Vec<SourcePlace>,
 }
 
 /// An expression, with the common cases ready.

@@ -24,7 +24,7 @@ use osier_base::diagnostic::{Diagnostic, Report, Sources, Span};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
 use program::Program;
-use token::{Place, Reading};
+use token::{Reading, SourcePlace};
 
 /// Turtle commands of two characters.
 pub(crate) const COMMANDS: [(char, char); 20] = [
@@ -60,8 +60,8 @@ pub struct Grammar {
     notes: Vec<Diagnostic>,
     /// The texts, for complaints while deriving.
     sources: Sources,
-    expansions: Vec<(String, Place)>,
-    start: Place,
+    expansions: Vec<(String, SourcePlace)>,
+    start: SourcePlace,
 }
 
 /// The file to read.
@@ -90,7 +90,7 @@ pub fn parse(sources: &mut Sources, source: Source<'_>, limits: &Limits) -> Resu
         return Err(complaints(&mut reading, sources));
     }
     let main = (first..).zip(sources.ids().skip(first)).map(|(_, id)| id).find(|id| sources.name(*id) == name);
-    let start = Place::start_of(main.unwrap_or(osier_base::diagnostic::SourceId(0)));
+    let start = SourcePlace::start_of(main.unwrap_or(osier_base::diagnostic::SourceId(0)));
     let parsed = compile::parse(&mut reading, &preprocessed.tokens, start);
     if !reading.has_errors() {
         lint::check(&mut reading, &parsed.program);
@@ -200,7 +200,7 @@ impl Grammar {
     }
 
     /// A complaint with the macros that led to its place.
-    fn with_chain(&self, mut d: Diagnostic, place: Place) -> Diagnostic {
+    fn with_chain(&self, mut d: Diagnostic, place: SourcePlace) -> Diagnostic {
         let mut at = place;
         for _ in 0..4 {
             let Some((name, used_at)) = (at.origin as usize).checked_sub(1).and_then(|i| self.expansions.get(i)) else {

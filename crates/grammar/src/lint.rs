@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::code::Code;
-use super::program::{Element, Formal, Hidden, Production, Program, Rules, SymbolId};
-use super::token::{Place, Reading};
+use super::program::{ContextElement, Formal, Hidden, Production, Program, Rules, SymbolId};
+use super::token::{Reading, SourcePlace};
 use super::vm;
 use osier_base::diagnostic::Diagnostic;
 
@@ -26,8 +26,8 @@ pub(super) fn check(reading: &mut Reading, program: &Program) {
 }
 
 /// Numbers of parameters that each symbol is made with.
-fn made(program: &Program) -> BTreeMap<SymbolId, BTreeMap<usize, Place>> {
-    let mut out: BTreeMap<SymbolId, BTreeMap<usize, Place>> = BTreeMap::new();
+fn made(program: &Program) -> BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> {
+    let mut out: BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> = BTreeMap::new();
     for t in program.productions().flat_map(|p| &p.successor).chain(&program.axiom) {
         out.entry(t.symbol).or_default().entry(t.args.len()).or_insert(t.place);
     }
@@ -43,7 +43,7 @@ fn arities(reading: &mut Reading, program: &Program) {
     let made = made(program);
     for p in program.productions() {
         let elements = p.left.iter().chain(&p.right);
-        let contexts = elements.filter_map(|e| if let Element::Module(f) = e { Some(f) } else { None });
+        let contexts = elements.filter_map(|e| if let ContextElement::Module(f) = e { Some(f) } else { None });
         let formals: Vec<&Formal> = p.predecessor.iter().chain(contexts).collect();
         for f in formals {
             let arity = usize::from(f.arity);
@@ -82,7 +82,7 @@ fn reachable(reading: &mut Reading, program: &Program) {
             }
         }
     }
-    let mut idle: BTreeMap<SymbolId, (usize, Place)> = BTreeMap::new();
+    let mut idle: BTreeMap<SymbolId, (usize, SourcePlace)> = BTreeMap::new();
     for p in program.productions() {
         for f in p.predecessor.iter().filter(|f| !seen.contains(&f.symbol)) {
             idle.entry(f.symbol).or_insert((0, f.place)).0 += 1;
@@ -98,7 +98,7 @@ fn reachable(reading: &mut Reading, program: &Program) {
 
 /// L031: without a seed the first production that applies wins.
 fn shadowed(reading: &mut Reading, rules: &Rules) {
-    let mut always: BTreeMap<(SymbolId, u8), Place> = BTreeMap::new();
+    let mut always: BTreeMap<(SymbolId, u8), SourcePlace> = BTreeMap::new();
     for p in &rules.list {
         let Some(first) = p.predecessor.first() else { continue };
         let kind = (first.symbol, first.arity);
@@ -115,7 +115,7 @@ fn shadowed(reading: &mut Reading, rules: &Rules) {
 
 /// L032: weights mean nothing without a seed.
 fn idle_weights(reading: &mut Reading, rules: &Rules) {
-    let mut first: Option<Place> = None;
+    let mut first: Option<SourcePlace> = None;
     for p in rules.list.iter().filter(|p| p.weight.is_some()) {
         first.get_or_insert(p.place);
     }
@@ -155,7 +155,7 @@ fn hidden_contexts(reading: &mut Reading, program: &Program) {
     let hidden = program.hidden.table(&program.symbols);
     let item = if matches!(program.hidden, Hidden::These(_)) { "Ignore" } else { "Consider" };
     for element in program.productions().flat_map(|p| p.left.iter().chain(&p.right)) {
-        let Element::Module(f) = element else { continue };
+        let ContextElement::Module(f) = element else { continue };
         if hidden.get(usize::from(f.symbol)) == Some(&true) {
             let c = program.symbols.get(f.symbol);
             let message = format!("this context never matches: {c} is hidden by '{item}:'");
@@ -176,7 +176,7 @@ fn prefixes(reading: &mut Reading, program: &Program) {
         program.rules.list.iter().flat_map(|p| &p.predecessor).map(|f| f.symbol).collect();
     let symbol = |id| program.symbols.get(id);
     let successors = program.productions().map(|p| &p.successor).chain([&program.axiom]);
-    let mut found: Vec<(Place, char, char)> = Vec::new();
+    let mut found: Vec<(SourcePlace, char, char)> = Vec::new();
     for s in successors {
         for w in s.windows(2) {
             let prefix = symbol(w[0].symbol);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::code::{Code, Expr};
 use super::rebind::Rebinding;
-use super::token::Place;
+use super::token::SourcePlace;
 
 /// A symbol's number: its place in [`Symbols`].
 pub type SymbolId = u16;
@@ -55,12 +55,12 @@ pub(crate) struct Formal {
     pub symbol: SymbolId,
     pub arity: u8,
     pub slot: u16,
-    pub place: Place,
+    pub place: SourcePlace,
 }
 
 /// One element of a context.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Element {
+pub(crate) enum ContextElement {
     Module(Formal),
     /// `[`
     Open,
@@ -77,15 +77,15 @@ pub(crate) struct Template {
     pub args: Vec<Expr>,
     /// Which of its symbol in the successor, from 0.
     pub occurrence: u32,
-    pub place: Place,
+    pub place: SourcePlace,
 }
 
 /// One production.
 #[derive(Debug, Clone)]
 pub(crate) struct Production {
-    pub left: Vec<Element>,
+    pub left: Vec<ContextElement>,
     pub predecessor: Vec<Formal>,
-    pub right: Vec<Element>,
+    pub right: Vec<ContextElement>,
     pub before: Option<Code>,
     pub condition: Option<Code>,
     pub after: Option<Code>,
@@ -94,7 +94,7 @@ pub(crate) struct Production {
     /// Number of local variables, formal parameters included.
     pub locals: u16,
     /// The predecessor.
-    pub place: Place,
+    pub place: SourcePlace,
 }
 
 impl Production {
@@ -130,7 +130,7 @@ pub(crate) struct Rules {
     /// `seed:` of a homomorphism.
     pub seed: Option<i64>,
     /// Place of the section's heading.
-    pub place: Option<Place>,
+    pub place: Option<SourcePlace>,
 }
 
 impl Rules {
@@ -199,7 +199,7 @@ pub(crate) struct Program {
     pub symbols: Symbols,
     pub axiom: Vec<Template>,
     pub length: u32,
-    pub length_place: Option<Place>,
+    pub length_place: Option<SourcePlace>,
     pub seed: Option<i64>,
     /// With a `turtle:`.
     pub turtle: Option<Rebinding>,

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::code::{Code, Op, Random, Unary};
 use super::derive::{Derived, Module};
 use super::program::{SymbolId, Symbols};
-use super::token::{Names, Place};
+use super::token::{Names, SourcePlace};
 use super::vm::{Purpose, Streams, Vm};
 use super::{Grammar, derive};
 use osier_base::diagnostic::Diagnostic;
@@ -70,12 +70,12 @@ pub enum Action {
 
 /// A bound symbol.
 #[derive(Debug, Clone)]
-pub(crate) struct Binding {
+pub(crate) struct SymbolBinding {
     pub action: Action,
     /// Its number without a parameter, in terms of the angles.
     pub value: Option<Code>,
     /// Where it was bound; `None`: by the dialect.
-    pub place: Option<Place>,
+    pub place: Option<SourcePlace>,
 }
 
 /// A number that every occurrence of a symbol draws anew.
@@ -86,7 +86,7 @@ pub(crate) struct Angle {
     pub word: u64,
     pub code: Code,
     /// Where it was defined; `None`: by the dialect.
-    pub place: Option<Place>,
+    pub place: Option<SourcePlace>,
 }
 
 /// Everything that a grammar says of its turtle.
@@ -95,7 +95,7 @@ pub(crate) struct Rebinding {
     pub dialect: Dialect,
     /// An angle may be made of those before it.
     pub angles: Vec<Angle>,
-    pub bindings: BTreeMap<SymbolId, Binding>,
+    pub bindings: BTreeMap<SymbolId, SymbolBinding>,
 }
 
 impl Rebinding {
@@ -122,7 +122,7 @@ impl Rebinding {
         }
         let mut bind = |c: char, action: Action, value: Option<Code>| {
             if let Some(id) = symbols.intern(c) {
-                self.bindings.insert(id, Binding { action, value, place: None });
+                self.bindings.insert(id, SymbolBinding { action, value, place: None });
             }
         };
         let step = Code { ops: vec![Op::Const(0.0058)], places: Vec::new() };

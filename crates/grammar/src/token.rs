@@ -4,14 +4,14 @@ use osier_base::diagnostic::{Diagnostic, SourceId, Span};
 
 /// Where a token was written and through which macros it came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Place {
+pub(crate) struct SourcePlace {
     /// In the file or in a macro's body.
     pub span: Span,
     /// One-based index into [`Expansions`]; 0 = written in place.
     pub origin: u32,
 }
 
-impl Place {
+impl SourcePlace {
     /// A place outside macros.
     pub const fn bare(span: Span) -> Self {
         Self { span, origin: 0 }
@@ -32,12 +32,12 @@ impl Place {
 #[derive(Debug, Clone)]
 pub(crate) struct Expansion {
     pub name: u32,
-    pub used_at: Place,
+    pub used_at: SourcePlace,
 }
 
 /// What a token is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Kind {
+pub(crate) enum TokenKind {
     /// `[A-Za-z_][A-Za-z0-9_]*`, an index into [`Names`].
     Ident(u32),
     /// A number; its spelling is an index into [`Names`].
@@ -53,8 +53,8 @@ pub(crate) enum Kind {
 /// One token.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Token {
-    pub kind: Kind,
-    pub place: Place,
+    pub kind: TokenKind,
+    pub place: SourcePlace,
     /// Follows its predecessor without a blank and from the same text, so that both may form one operator.
     pub glued: bool,
 }
@@ -62,12 +62,12 @@ pub(crate) struct Token {
 impl Token {
     /// True for this punctuation character.
     pub fn is(&self, c: char) -> bool {
-        self.kind == Kind::Char(c)
+        self.kind == TokenKind::Char(c)
     }
 
     /// True for an end of line.
     pub fn is_newline(&self) -> bool {
-        matches!(self.kind, Kind::Newline { .. })
+        matches!(self.kind, TokenKind::Newline { .. })
     }
 }
 
@@ -127,24 +127,24 @@ pub(super) fn remedy(code: &str) -> Option<&'static str> {
 
 impl Reading {
     /// Records an error whose remedy follows from its code.
-    pub fn error(&mut self, code: &'static str, message: impl Into<String>, place: Place, label: &str) {
+    pub fn error(&mut self, code: &'static str, message: impl Into<String>, place: SourcePlace, label: &str) {
         let mut d = Diagnostic::error(code, message, place.span, label);
         d.help = remedy(code).map(str::to_owned);
         self.push(d, place);
     }
 
     /// Records an error with a way out.
-    pub fn error_help(&mut self, code: &'static str, message: String, place: Place, help: impl Into<String>) {
+    pub fn error_help(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         self.push(Diagnostic::error(code, message, place.span, "here").help(help), place);
     }
 
     /// Records a warning with a way out.
-    pub fn warning(&mut self, code: &'static str, message: String, place: Place, help: impl Into<String>) {
+    pub fn warning(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         self.push(Diagnostic::warning(code, message, place.span, "here").help(help), place);
     }
 
     /// Records a remark for verbose runs.
-    pub fn note(&mut self, code: &'static str, message: String, place: Place, help: impl Into<String>) {
+    pub fn note(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         let d = Diagnostic::warning(code, message, place.span, "here").help(help);
         if self.notes.len() < KEPT {
             self.notes.push(d);
@@ -152,7 +152,7 @@ impl Reading {
     }
 
     /// Records a complaint whose first label is at `place`, with the macros it came through; each (code, place) once.
-    pub fn push(&mut self, mut diagnostic: Diagnostic, place: Place) {
+    pub fn push(&mut self, mut diagnostic: Diagnostic, place: SourcePlace) {
         let key = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));
         if self.diagnostics.len() >= KEPT || self.diagnostics.iter().any(|d| key(d) == key(&diagnostic)) {
             return;
@@ -162,7 +162,7 @@ impl Reading {
     }
 
     /// Labels of the macro uses that led to a place, innermost first.
-    pub fn chain(&self, place: Place) -> Vec<(Span, String)> {
+    pub fn chain(&self, place: SourcePlace) -> Vec<(Span, String)> {
         chain(&self.expansions, &self.names, place)
     }
 
@@ -173,7 +173,7 @@ impl Reading {
 }
 
 /// Labels of the macro uses that led to a place, innermost first.
-fn chain(expansions: &[Expansion], names: &Names, place: Place) -> Vec<(Span, String)> {
+fn chain(expansions: &[Expansion], names: &Names, place: SourcePlace) -> Vec<(Span, String)> {
     let mut out = Vec::new();
     let mut at = place;
     while at.origin != 0 && out.len() < CHAIN_SHOWN {

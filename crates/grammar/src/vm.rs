@@ -1,7 +1,7 @@
 //! The stack machine that runs expressions and statements.
 
 use super::code::{Code, Expr, Op, Random, is_zero, truth};
-use super::token::Place;
+use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
 
@@ -58,9 +58,9 @@ impl Streams {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Halt {
     /// A loop without end.
-    Loop(Place),
+    Loop(SourcePlace),
     /// The budget of statements is used up.
-    Statements(Place),
+    Statements(SourcePlace),
     /// The budget of modules is used up.
     Modules,
     /// The budget of parameters is used up.
@@ -74,7 +74,7 @@ pub(crate) enum Halt {
 pub(crate) struct Event {
     pub code: &'static str,
     pub message: String,
-    pub place: Place,
+    pub place: SourcePlace,
     pub count: u64,
 }
 
@@ -84,7 +84,7 @@ pub(crate) struct Events(pub Vec<Event>);
 
 impl Events {
     /// Counts one remark.
-    pub fn add(&mut self, code: &'static str, place: Place, message: &str) {
+    pub fn add(&mut self, code: &'static str, place: SourcePlace, message: &str) {
         match self.0.iter_mut().find(|e| e.code == code && e.place == place) {
             Some(e) => e.count += 1,
             None => self.0.push(Event { code, message: message.to_owned(), place, count: 1 }),
@@ -221,6 +221,7 @@ impl Vm {
         while let Some(op) = code.ops.get(pc) {
             pc += 1;
             match *op {
+                // Operands. Slots that code cannot have got from the compiler read as 0.
                 Op::Const(c) => self.stack.push(c),
                 Op::Local(i) => self.stack.push(locals.get(usize::from(i)).copied().unwrap_or(0.0)),
                 Op::Global(i) => {
@@ -242,6 +243,7 @@ impl Vm {
                 Op::Step => self.stack.push(f64::from(self.step)),
                 Op::Length => self.stack.push(f64::from(self.length)),
                 Op::Remaining => self.stack.push(f64::from(self.length) - f64::from(self.step)),
+                // Arithmetic: operands lie on the stack in source order, so that the right one is popped first.
                 Op::Unary(f) => {
                     let v = self.pop();
                     self.stack.push(f.apply(v));
@@ -255,6 +257,7 @@ impl Vm {
                     }
                     self.stack.push(v);
                 }
+                // Control flow. `&&` and `||` leave their result and skip the right side once the left one decides.
                 Op::Jump(t) => pc = t as usize,
                 Op::JumpIfZero(t) => {
                     if is_zero(self.pop()) {
@@ -277,6 +280,7 @@ impl Vm {
                     let v = self.pop();
                     self.stack.push(truth(!is_zero(v)));
                 }
+                // Budgets: loops without end and runaway blocks stop here rather than hang.
                 Op::Count(place) => {
                     turns += 1;
                     self.count(code, place, turns)?;

@@ -2,23 +2,23 @@
 
 use super::{Compiler, Cursor, Scope};
 use crate::code::{Binary, Code, Op, Random, Unary, is_zero};
-use crate::token::{Kind, Place, Token};
+use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::nearest;
 use osier_base::math::narrow;
 
 /// Something waiting for its right side.
 #[derive(Debug)]
-enum Pending {
+enum PendingOperator {
     Unary(Unary),
-    Binary(Binary, u8, Place),
+    Binary(Binary, u8, SourcePlace),
     /// Jump to patch, precedence.
     Short(usize, u8),
     Question(usize),
     Colon(usize),
-    Paren(Place),
+    Paren(SourcePlace),
     Call {
         name: u32,
-        place: Place,
+        place: SourcePlace,
         args: usize,
     },
 }
@@ -40,14 +40,14 @@ const DATA_FUNCTIONS: [&str; 12] = [
 const FILE_FUNCTIONS: [&str; 5] = ["fopen", "fclose", "fscan", "fprintf", "fflush"];
 
 /// An expression under construction.
-struct Builder<'c, 'r> {
+struct ExpressionCompiler<'c, 'r> {
     compiler: &'c mut Compiler<'r>,
     code: Code,
-    pending: Vec<Pending>,
+    pending: Vec<PendingOperator>,
     /// Instructions before this one must stay: a jump lands here.
     barrier: usize,
     /// The last token's place.
-    last: Place,
+    last: SourcePlace,
 }
 
 /// Compiles one expression; stops before the first token that cannot continue it. `None` after an error, which is
@@ -55,14 +55,14 @@ struct Builder<'c, 'r> {
 pub(super) fn expression(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>) -> Option<Code> {
     let last = cursor.place();
     let code = Code::default();
-    let mut b = Builder { compiler, code, pending: Vec::new(), barrier: 0, last };
+    let mut b = ExpressionCompiler { compiler, code, pending: Vec::new(), barrier: 0, last };
     b.run(cursor)?;
     Some(b.code)
 }
 
 /// Binary operator at the cursor with its precedence and number of tokens.
 fn operator(cursor: &Cursor<'_>) -> Option<(&'static str, u8, usize)> {
-    let Kind::Char(c) = cursor.peek()?.kind else { return None };
+    let TokenKind::Char(c) = cursor.peek()?.kind else { return None };
     let second = cursor.glued_char(1);
     Some(match (c, second) {
         ('|', Some('|')) => ("||", PREC_OR, 2),
@@ -85,7 +85,7 @@ fn operator(cursor: &Cursor<'_>) -> Option<(&'static str, u8, usize)> {
     })
 }
 
-impl Builder<'_, '_> {
+impl ExpressionCompiler<'_, '_> {
     fn run(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
         loop {
             while self.prefix(cursor)? {}
@@ -102,12 +102,12 @@ impl Builder<'_, '_> {
         }
     }
 
-    fn error<T>(&mut self, code: &'static str, message: String, place: Place, label: &str) -> Option<T> {
+    fn error<T>(&mut self, code: &'static str, message: String, place: SourcePlace, label: &str) -> Option<T> {
         self.compiler.reading.error(code, message, place, label);
         None
     }
 
-    fn open(&mut self, pending: Pending, place: Place) -> Option<()> {
+    fn open(&mut self, pending: PendingOperator, place: SourcePlace) -> Option<()> {
         self.pending.push(pending);
         let limit = self.compiler.max_depth;
         if self.pending.len() > limit {
@@ -120,19 +120,19 @@ impl Builder<'_, '_> {
     fn prefix(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         let pending = match t.kind {
-            Kind::Char('-') => Some(Pending::Unary(Unary::Neg)),
-            Kind::Char('!') => Some(Pending::Unary(Unary::Not)),
-            Kind::Char('+') => None,
-            Kind::Char('(') => Some(Pending::Paren(t.place)),
-            Kind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('(')) => {
+            TokenKind::Char('-') => Some(PendingOperator::Unary(Unary::Neg)),
+            TokenKind::Char('!') => Some(PendingOperator::Unary(Unary::Not)),
+            TokenKind::Char('+') => None,
+            TokenKind::Char('(') => Some(PendingOperator::Paren(t.place)),
+            TokenKind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('(')) => {
                 cursor.bump();
-                Some(Pending::Call { name, place: t.place, args: 0 })
+                Some(PendingOperator::Call { name, place: t.place, args: 0 })
             }
             _ => return Some(false),
         };
         cursor.bump();
         self.last = t.place;
-        let is_call = matches!(pending, Some(Pending::Call { .. }));
+        let is_call = matches!(pending, Some(PendingOperator::Call { .. }));
         if let Some(p) = pending {
             self.open(p, t.place)?;
         }
@@ -148,7 +148,7 @@ impl Builder<'_, '_> {
             return self.error("L001", "unexpected end, expected a value".into(), self.last, "after this");
         };
         match t.kind {
-            Kind::Number(n) => {
+            TokenKind::Number(n) => {
                 let text = self.compiler.reading.names.get(n).to_owned();
                 let value: f64 = text.parse().unwrap_or(f64::INFINITY);
                 if !value.is_finite() {
@@ -156,12 +156,14 @@ impl Builder<'_, '_> {
                 }
                 self.code.ops.push(Op::Const(value));
             }
-            Kind::Ident(name) => {
+            TokenKind::Ident(name) => {
                 let op = self.compiler.variable(name, t.place);
                 self.code.ops.push(op);
             }
             // The argument list of a call without arguments.
-            Kind::Char(')') if matches!(self.pending.last(), Some(Pending::Call { args: 0, .. })) && self.at_call() => {
+            TokenKind::Char(')')
+                if matches!(self.pending.last(), Some(PendingOperator::Call { args: 0, .. })) && self.at_call() =>
+            {
                 return Some(());
             }
             _ => {
@@ -176,21 +178,21 @@ impl Builder<'_, '_> {
 
     /// Was the last token the opening of a call?
     fn at_call(&self) -> bool {
-        matches!(self.pending.last(), Some(Pending::Call { place, .. }) if *place == self.last)
+        matches!(self.pending.last(), Some(PendingOperator::Call { place, .. }) if *place == self.last)
     }
 
     /// Takes a closing parenthesis or a comma that belongs to this expression.
     fn close(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
-        let inside = self.pending.iter().any(|p| matches!(p, Pending::Paren(_) | Pending::Call { .. }));
+        let inside = self.pending.iter().any(|p| matches!(p, PendingOperator::Paren(_) | PendingOperator::Call { .. }));
         if !inside || !t.is(')') {
             return Some(false);
         }
-        let empty = matches!(self.pending.last(), Some(Pending::Call { args: 0, .. })) && self.at_call();
+        let empty = matches!(self.pending.last(), Some(PendingOperator::Call { args: 0, .. })) && self.at_call();
         self.reduce(0);
         match self.pending.pop() {
-            Some(Pending::Paren(_)) => {}
-            Some(Pending::Call { name, place, args }) => {
+            Some(PendingOperator::Paren(_)) => {}
+            Some(PendingOperator::Call { name, place, args }) => {
                 self.call(name, place.to(t.place), args + usize::from(!empty))?;
             }
             _ => return self.error("L001", "unexpected ')', expected ':' of '?:'".into(), t.place, "here"),
@@ -213,28 +215,29 @@ impl Builder<'_, '_> {
             return Some(true);
         }
         match t.kind {
-            Kind::Char('?') => {
+            TokenKind::Char('?') => {
                 self.reduce(PREC_TERNARY + 1);
                 self.code.ops.push(Op::JumpIfZero(0));
                 let jump = self.code.ops.len() - 1;
-                self.open(Pending::Question(jump), t.place)?;
+                self.open(PendingOperator::Question(jump), t.place)?;
             }
-            Kind::Char(':') if self.innermost_question() => {
+            TokenKind::Char(':') if self.innermost_question() => {
                 self.reduce(0);
-                let Some(Pending::Question(jump)) = self.pending.pop() else { return Some(false) };
+                let Some(PendingOperator::Question(jump)) = self.pending.pop() else { return Some(false) };
                 self.code.ops.push(Op::Jump(0));
                 let end = self.code.ops.len() - 1;
                 self.patch(jump);
-                self.open(Pending::Colon(end), t.place)?;
+                self.open(PendingOperator::Colon(end), t.place)?;
             }
-            Kind::Char(',') => {
-                let inside = |p: &Pending| matches!(p, Pending::Paren(_) | Pending::Call { .. });
+            TokenKind::Char(',') => {
+                let inside =
+                    |p: &PendingOperator| matches!(p, PendingOperator::Paren(_) | PendingOperator::Call { .. });
                 if !self.pending.iter().any(inside) {
                     return Some(false);
                 }
                 self.reduce(0);
                 match self.pending.last_mut() {
-                    Some(Pending::Call { args, .. }) => *args += 1,
+                    Some(PendingOperator::Call { args, .. }) => *args += 1,
                     _ => return self.error("L001", "unexpected ',', expected ')'".into(), t.place, "here"),
                 }
             }
@@ -248,18 +251,20 @@ impl Builder<'_, '_> {
 
     /// Is a `?` still without its `:` inside the innermost parenthesis?
     fn innermost_question(&self) -> bool {
-        let stop = |p: &&Pending| matches!(p, Pending::Question(_) | Pending::Paren(_) | Pending::Call { .. });
-        matches!(self.pending.iter().rev().find(stop), Some(Pending::Question(_)))
+        let stop = |p: &&PendingOperator| {
+            matches!(p, PendingOperator::Question(_) | PendingOperator::Paren(_) | PendingOperator::Call { .. })
+        };
+        matches!(self.pending.iter().rev().find(stop), Some(PendingOperator::Question(_)))
     }
 
-    fn push_operator(&mut self, op: &str, prec: u8, place: Place) -> Option<()> {
+    fn push_operator(&mut self, op: &str, prec: u8, place: SourcePlace) -> Option<()> {
         let binary = match op {
             "&&" | "||" => {
                 let is_or = op == "||";
                 self.code.ops.push(if is_or { Op::Or(0) } else { Op::And(0) });
                 let jump = self.code.ops.len() - 1;
                 self.barrier = self.code.ops.len();
-                return self.open(Pending::Short(jump, prec), place);
+                return self.open(PendingOperator::Short(jump, prec), place);
             }
             "==" => Binary::Eq,
             "!=" => Binary::Ne,
@@ -274,29 +279,29 @@ impl Builder<'_, '_> {
             "%" => Binary::Rem,
             _ => Binary::Pow,
         };
-        self.open(Pending::Binary(binary, prec, place), place)
+        self.open(PendingOperator::Binary(binary, prec, place), place)
     }
 
     /// Emits everything pending that binds at least as tightly as `prec`; stops at parentheses and open `?`.
     fn reduce(&mut self, prec: u8) {
         loop {
             let binds = match self.pending.last() {
-                Some(Pending::Unary(_)) => PREC_UNARY,
-                Some(Pending::Binary(_, p, _) | Pending::Short(_, p)) => *p,
-                Some(Pending::Colon(_)) => PREC_TERNARY,
+                Some(PendingOperator::Unary(_)) => PREC_UNARY,
+                Some(PendingOperator::Binary(_, p, _) | PendingOperator::Short(_, p)) => *p,
+                Some(PendingOperator::Colon(_)) => PREC_TERNARY,
                 _ => return,
             };
             if binds < prec {
                 return;
             }
             match self.pending.pop() {
-                Some(Pending::Unary(op)) => self.emit_unary(op),
-                Some(Pending::Binary(op, _, place)) => self.emit_binary(op, place),
-                Some(Pending::Short(jump, _)) => {
+                Some(PendingOperator::Unary(op)) => self.emit_unary(op),
+                Some(PendingOperator::Binary(op, _, place)) => self.emit_binary(op, place),
+                Some(PendingOperator::Short(jump, _)) => {
                     self.code.ops.push(Op::Bool);
                     self.patch(jump);
                 }
-                Some(Pending::Colon(end)) => self.patch(end),
+                Some(PendingOperator::Colon(end)) => self.patch(end),
                 _ => return,
             }
         }
@@ -325,7 +330,7 @@ impl Builder<'_, '_> {
         }
     }
 
-    fn emit_binary(&mut self, op: Binary, place: Place) {
+    fn emit_binary(&mut self, op: Binary, place: SourcePlace) {
         let n = self.code.ops.len();
         if n >= self.barrier + 2
             && let [.., Op::Const(a), Op::Const(b)] = self.code.ops[..]
@@ -348,7 +353,7 @@ impl Builder<'_, '_> {
     }
 
     /// L025: a parameter held against a constant that its 32 bits cannot be.
-    fn check_equality(&mut self, op: Binary, place: Place) {
+    fn check_equality(&mut self, op: Binary, place: SourcePlace) {
         let sides = self.code.ops.get(self.barrier..).unwrap_or(&[]);
         let (slot, value) = match *sides {
             [.., Op::Local(slot), Op::Const(v)] | [.., Op::Const(v), Op::Local(slot)] => (slot, v),
@@ -366,7 +371,7 @@ impl Builder<'_, '_> {
         self.compiler.reading.warning("L025", message, place, help);
     }
 
-    fn call(&mut self, name: u32, place: Place, args: usize) -> Option<()> {
+    fn call(&mut self, name: u32, place: SourcePlace, args: usize) -> Option<()> {
         let word = self.compiler.reading.names.get(name).to_owned();
         let wrong = |wanted: &str| format!("{word} takes {wanted}, got {args}");
         let random = match word.as_str() {
@@ -398,7 +403,7 @@ impl Builder<'_, '_> {
         Some(())
     }
 
-    fn special_call(&mut self, word: &str, place: Place, args: usize) -> Option<()> {
+    fn special_call(&mut self, word: &str, place: SourcePlace, args: usize) -> Option<()> {
         match word {
             "choose" => {
                 if args == 0 || !args.is_multiple_of(2) {
@@ -444,7 +449,7 @@ impl Builder<'_, '_> {
     }
 
     /// Warns if the constant shares of a `choose` do not sum to 1.
-    fn check_shares(&mut self, place: Place, args: usize) {
+    fn check_shares(&mut self, place: SourcePlace, args: usize) {
         let n = self.code.ops.len();
         let Some(tail) = n.checked_sub(args).and_then(|first| self.code.ops.get(first..)) else { return };
         let constant = |o: &Op| if let Op::Const(c) = o { Some(*c) } else { None };
@@ -461,7 +466,7 @@ impl Builder<'_, '_> {
         let place = cursor.peek().map_or(self.last, |t| t.place);
         match self.pending.pop() {
             None => Some(()),
-            Some(Pending::Paren(open) | Pending::Call { place: open, .. }) => {
+            Some(PendingOperator::Paren(open) | PendingOperator::Call { place: open, .. }) => {
                 let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
                 self.compiler.reading.push(
                     osier_base::diagnostic::Diagnostic::error(

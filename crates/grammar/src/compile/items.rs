@@ -1,10 +1,10 @@
 //! The items of an L-system: header, values, blocks, sections.
 
-use super::lines::{self, KEYWORDS, Keyword, Line, is_block};
+use super::lines::{self, KEYWORDS, Keyword, LogicalLine, is_block};
 use super::{Compiler, Scope, describe, production, statement, successor, whole_expression};
 use crate::code::Code;
 use crate::program::{Hidden, Program};
-use crate::token::{Kind, Place, Reading, Token};
+use crate::token::{Reading, SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::{Diagnostic, nearest};
 
@@ -17,7 +17,7 @@ pub(crate) struct Parsed {
 
 /// Where productions go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Section {
+enum RuleSection {
     Productions,
     Decomposition,
     Homomorphism,
@@ -27,21 +27,21 @@ pub(super) struct Parser<'r> {
     pub(super) reading: &'r mut Reading,
     pub(super) program: Program,
     label: String,
-    section: Section,
+    section: RuleSection,
     globals: Vec<u32>,
-    header: Option<Place>,
-    axiom: Option<Place>,
+    header: Option<SourcePlace>,
+    axiom: Option<SourcePlace>,
     ended: bool,
 }
 
 /// Reads the main L-system of a file.
-pub(crate) fn parse(reading: &mut Reading, tokens: &[Token], start: Place) -> Parsed {
+pub(crate) fn parse(reading: &mut Reading, tokens: &[Token], start: SourcePlace) -> Parsed {
     let lines = lines::split(reading, tokens);
     let mut p = Parser {
         reading,
         program: Program::default(),
         label: String::new(),
-        section: Section::Productions,
+        section: RuleSection::Productions,
         globals: Vec::new(),
         header: None,
         axiom: None,
@@ -72,7 +72,7 @@ pub(crate) fn parse(reading: &mut Reading, tokens: &[Token], start: Place) -> Pa
 
 impl Parser<'_> {
     /// The lines of the first L-system; others are named and left out.
-    fn main_lines(&mut self, lines: Vec<Line>) -> Vec<Line> {
+    fn main_lines(&mut self, lines: Vec<LogicalLine>) -> Vec<LogicalLine> {
         let mut out = Vec::new();
         let mut skipping = false;
         for line in lines {
@@ -98,11 +98,11 @@ impl Parser<'_> {
     }
 
     /// Every name that a block assigns is global, wherever the block stands.
-    fn collect_globals(&mut self, lines: &[Line]) {
+    fn collect_globals(&mut self, lines: &[LogicalLine]) {
         let blocks = lines.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k) && k != Keyword::Define));
         for line in blocks {
             for (i, t) in line.tokens.iter().enumerate() {
-                let Kind::Ident(name) = t.kind else { continue };
+                let TokenKind::Ident(name) = t.kind else { continue };
                 let assigned = line.tokens.get(i + 1).is_some_and(|t| t.is('='))
                     && !line.tokens.get(i + 2).is_some_and(|t| t.is('=') && t.glued);
                 if assigned && !self.globals.contains(&name) {
@@ -120,7 +120,7 @@ impl Parser<'_> {
         c
     }
 
-    fn block_item(&mut self, line: &Line) {
+    fn block_item(&mut self, line: &LogicalLine) {
         let (Some((key, n)), Some(place)) = (line.keyword, line.place()) else { return };
         if key == Keyword::Define {
             let help = "use single variables in Start: { .. }";
@@ -150,7 +150,7 @@ impl Parser<'_> {
         *slot = Some(code);
     }
 
-    fn line(&mut self, line: &Line) {
+    fn line(&mut self, line: &LogicalLine) {
         if self.ended {
             return;
         }
@@ -171,7 +171,7 @@ impl Parser<'_> {
             Keyword::Seed => {
                 let seed = self.integer(value, head);
                 match self.section {
-                    Section::Homomorphism => self.program.homomorphism.seed = seed,
+                    RuleSection::Homomorphism => self.program.homomorphism.seed = seed,
                     _ => self.program.seed = seed,
                 }
             }
@@ -189,7 +189,7 @@ impl Parser<'_> {
             Keyword::Depth => {
                 let depth = self.integer(value, head).and_then(|n| u32::try_from(n).ok()).unwrap_or(1);
                 match self.section {
-                    Section::Homomorphism => self.program.homomorphism.depth = depth,
+                    RuleSection::Homomorphism => self.program.homomorphism.depth = depth,
                     _ => self.program.decomposition.depth = depth,
                 }
             }
@@ -201,14 +201,14 @@ impl Parser<'_> {
 
     fn warn_depth(&mut self, warn: bool) {
         match self.section {
-            Section::Homomorphism => self.program.homomorphism.warn_depth = warn,
+            RuleSection::Homomorphism => self.program.homomorphism.warn_depth = warn,
             _ => self.program.decomposition.warn_depth = warn,
         }
     }
 
-    fn begin_section(&mut self, key: Keyword, value: &[Token], place: Place) {
+    fn begin_section(&mut self, key: Keyword, value: &[Token], place: SourcePlace) {
         let is_homomorphism = key == Keyword::Homomorphism;
-        self.section = if is_homomorphism { Section::Homomorphism } else { Section::Decomposition };
+        self.section = if is_homomorphism { RuleSection::Homomorphism } else { RuleSection::Decomposition };
         let rules = if is_homomorphism { &mut self.program.homomorphism } else { &mut self.program.decomposition };
         rules.place = Some(place);
         let words = self.spelling(value).to_ascii_lowercase();
@@ -224,7 +224,7 @@ impl Parser<'_> {
     }
 
     /// A constant item value, cut to an integer.
-    fn integer(&mut self, tokens: &[Token], place: Place) -> Option<i64> {
+    fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
             self.reading.error("L001", "unexpected end of line, expected a number", place, "after this");
             return None;
@@ -241,7 +241,7 @@ impl Parser<'_> {
         }
     }
 
-    fn axiom_item(&mut self, value: &[Token], place: Place) {
+    fn axiom_item(&mut self, value: &[Token], place: SourcePlace) {
         if let Some(first) = self.axiom {
             let d = Diagnostic::error("L001", "second axiom", place.span, "here").label(first.span, "the first one");
             return self.reading.push(d.help("leave one of them, with the modules of both"), place);
@@ -259,7 +259,7 @@ impl Parser<'_> {
         }
     }
 
-    fn hide(&mut self, key: Keyword, value: &[Token], place: Place) {
+    fn hide(&mut self, key: Keyword, value: &[Token], place: SourcePlace) {
         if !matches!(self.program.hidden, Hidden::Nothing) {
             let message = "Ignore and Consider exclude each other".to_owned();
             return self.reading.error_help("L010", message, place, "remove this line or the one before");
@@ -270,7 +270,7 @@ impl Parser<'_> {
         self.program.hidden = if key == Keyword::Ignore { Hidden::These(list) } else { Hidden::AllBut(list) };
     }
 
-    fn production(&mut self, line: &Line, arrow: usize, place: Place) {
+    fn production(&mut self, line: &LogicalLine, arrow: usize, place: SourcePlace) {
         let globals = self.globals.clone();
         let mut compiler = Compiler::new(self.reading, Scope::Production);
         compiler.globals = globals;
@@ -278,11 +278,11 @@ impl Parser<'_> {
         let parsed = production::production(&mut compiler, &mut self.program.symbols, line, arrow);
         let Some(parsed) = parsed else { return };
         let rules = match self.section {
-            Section::Productions => &mut self.program.rules,
-            Section::Decomposition => &mut self.program.decomposition,
-            Section::Homomorphism => &mut self.program.homomorphism,
+            RuleSection::Productions => &mut self.program.rules,
+            RuleSection::Decomposition => &mut self.program.decomposition,
+            RuleSection::Homomorphism => &mut self.program.homomorphism,
         };
-        if self.section != Section::Productions && parsed.predecessor.len() > 1 {
+        if self.section != RuleSection::Productions && parsed.predecessor.len() > 1 {
             let message = "ill-formed production: only one predecessor is allowed in this section".to_owned();
             return self.reading.error_help("L010", message, place, "write one production for each predecessor");
         }
@@ -290,10 +290,10 @@ impl Parser<'_> {
     }
 
     /// A line that is neither an item nor a production.
-    fn unknown(&mut self, line: &Line, place: Place) {
+    fn unknown(&mut self, line: &LogicalLine, place: SourcePlace) {
         let colon = line.tokens.iter().position(|t| t.is(':') || t.is('{'));
         let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
-        let all_words = !words.is_empty() && words.iter().all(|t| matches!(t.kind, Kind::Ident(_)));
+        let all_words = !words.is_empty() && words.iter().all(|t| matches!(t.kind, TokenKind::Ident(_)));
         let first = line.tokens.first().map_or(place, |t| t.place);
         if all_words && (colon.is_some() || words.len() < 3) {
             let spelled = self.spelling(words);
@@ -317,7 +317,7 @@ impl Parser<'_> {
         self.reading.error("L001", message, first, "this line");
     }
 
-    fn check_complete(&mut self, start: Place) {
+    fn check_complete(&mut self, start: SourcePlace) {
         let at = self.header.unwrap_or(start);
         if self.axiom.is_none() {
             let help = "add a line such as 'Axiom: F(1)'";

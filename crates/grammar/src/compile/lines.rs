@@ -1,7 +1,7 @@
 //! Tokens to logical lines: one item or production each.
 
 use super::is_arrow;
-use crate::token::{Kind, Names, Place, Reading, Token};
+use crate::token::{Names, Reading, SourcePlace, Token, TokenKind};
 
 /// What a line begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,15 +56,15 @@ pub(super) const KEYWORDS: [(&str, Keyword, &str); 21] = [
 
 /// One logical line without line ends, with the arrow's position if it is a production.
 #[derive(Debug)]
-pub(super) struct Line {
+pub(super) struct LogicalLine {
     pub tokens: Vec<Token>,
     pub arrow: Option<usize>,
     pub keyword: Option<(Keyword, usize)>,
 }
 
-impl Line {
+impl LogicalLine {
     /// From the first token to the last.
-    pub fn place(&self) -> Option<Place> {
+    pub fn place(&self) -> Option<SourcePlace> {
         Some(self.tokens.first()?.place.to(self.tokens.last()?.place))
     }
 }
@@ -77,7 +77,7 @@ fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
         if t.is('-') && word == "define" && t.glued {
             continue;
         }
-        let Kind::Ident(n) = t.kind else { break };
+        let TokenKind::Ident(n) = t.kind else { break };
         word.push_str(&names.get(n).to_ascii_lowercase());
         if let Some((_, k, _)) = KEYWORDS.iter().find(|(w, _, _)| *w == word) {
             best = Some((*k, i + 1));
@@ -102,7 +102,7 @@ fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
 }
 
 /// Splits tokens into logical lines.
-pub(super) fn split(reading: &mut Reading, tokens: &[Token]) -> Vec<Line> {
+pub(super) fn split(reading: &mut Reading, tokens: &[Token]) -> Vec<LogicalLine> {
     let mut lines = Vec::new();
     let mut s =
         Splitter { reading, tokens, current: Vec::new(), arrow: None, parens: 0, braces: 0, opened: None, i: 0 };
@@ -123,7 +123,7 @@ struct Splitter<'a> {
     parens: usize,
     braces: usize,
     /// The brace that none has closed yet.
-    opened: Option<Place>,
+    opened: Option<SourcePlace>,
     i: usize,
 }
 
@@ -136,19 +136,19 @@ impl Splitter<'_> {
             self.parens = 0;
         }
         self.i += 1;
-        if let Kind::Newline { indented, tab } = t.kind {
+        if let TokenKind::Newline { indented, tab } = t.kind {
             return self.ends_here(indented, tab, t);
         }
         match t.kind {
-            Kind::Char('(') => self.parens += 1,
-            Kind::Char(')') => self.parens = self.parens.saturating_sub(1),
-            Kind::Char('{') if self.arrow.is_none() => {
+            TokenKind::Char('(') => self.parens += 1,
+            TokenKind::Char(')') => self.parens = self.parens.saturating_sub(1),
+            TokenKind::Char('{') if self.arrow.is_none() => {
                 if self.braces == 0 {
                     self.opened = Some(t.place);
                 }
                 self.braces += 1;
             }
-            Kind::Char('}') if self.arrow.is_none() => self.braces = self.braces.saturating_sub(1),
+            TokenKind::Char('}') if self.arrow.is_none() => self.braces = self.braces.saturating_sub(1),
             _ => {}
         }
         self.current.push(t);
@@ -200,7 +200,7 @@ impl Splitter<'_> {
         &rest[..n]
     }
 
-    fn finish(&mut self, lines: &mut Vec<Line>) {
+    fn finish(&mut self, lines: &mut Vec<LogicalLine>) {
         let tokens = std::mem::take(&mut self.current);
         let arrow = self.arrow.take();
         let unclosed = self.opened.take().filter(|_| self.braces > 0);
@@ -213,7 +213,7 @@ impl Splitter<'_> {
             return;
         }
         let keyword = if arrow.is_none() { keyword(&self.reading.names, &tokens) } else { None };
-        lines.push(Line { tokens, arrow, keyword });
+        lines.push(LogicalLine { tokens, arrow, keyword });
     }
 }
 

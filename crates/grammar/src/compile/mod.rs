@@ -9,7 +9,7 @@ mod statement;
 mod successor;
 
 use super::code::{Code, Op};
-use super::token::{Kind, Names, Place, Reading, Token};
+use super::token::{Names, Reading, SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::nearest;
 
 pub(super) use items::parse;
@@ -19,11 +19,11 @@ pub(super) struct Cursor<'t> {
     tokens: &'t [Token],
     pos: usize,
     /// Where complaints about a missing token point.
-    fallback: Place,
+    fallback: SourcePlace,
 }
 
 impl<'t> Cursor<'t> {
-    pub fn new(tokens: &'t [Token], fallback: Place) -> Self {
+    pub fn new(tokens: &'t [Token], fallback: SourcePlace) -> Self {
         Self { tokens, pos: 0, fallback: tokens.last().map_or(fallback, |t| t.place) }
     }
 
@@ -39,7 +39,7 @@ impl<'t> Cursor<'t> {
     pub fn glued_char(&self, ahead: usize) -> Option<char> {
         let run = self.tokens.get(self.pos + 1..=self.pos + ahead)?;
         match run.last()?.kind {
-            Kind::Char(c) if run.iter().all(|t| t.glued) => Some(c),
+            TokenKind::Char(c) if run.iter().all(|t| t.glued) => Some(c),
             _ => None,
         }
     }
@@ -55,7 +55,7 @@ impl<'t> Cursor<'t> {
         found
     }
 
-    pub fn place(&self) -> Place {
+    pub fn place(&self) -> SourcePlace {
         self.peek().map_or(self.fallback, |t| t.place)
     }
 }
@@ -105,7 +105,7 @@ impl<'r> Compiler<'r> {
     }
 
     /// Code that reads a variable.
-    pub fn variable(&mut self, name: u32, place: Place) -> Op {
+    pub fn variable(&mut self, name: u32, place: SourcePlace) -> Op {
         if let Some(slot) = Self::slot(&self.locals, name) {
             return Op::Local(slot);
         }
@@ -131,7 +131,7 @@ impl<'r> Compiler<'r> {
     }
 
     /// Code that writes a variable, which comes into being with it.
-    pub fn assign(&mut self, name: u32, place: Place) -> Option<Op> {
+    pub fn assign(&mut self, name: u32, place: SourcePlace) -> Option<Op> {
         if let Some(slot) = Self::slot(&self.locals, name) {
             self.stored.retain(|s| *s != slot);
             return Some(Op::StoreLocal(slot));
@@ -153,15 +153,15 @@ impl<'r> Compiler<'r> {
 /// How a token is called in a message.
 pub(super) fn describe(names: &Names, t: &Token) -> String {
     match t.kind {
-        Kind::Ident(n) | Kind::Number(n) => format!("'{}'", names.get(n)),
-        Kind::Text(n) => format!("\"{}\"", names.get(n)),
-        Kind::Char(c) => format!("'{c}'"),
-        Kind::Newline { .. } => "end of line".to_owned(),
+        TokenKind::Ident(n) | TokenKind::Number(n) => format!("'{}'", names.get(n)),
+        TokenKind::Text(n) => format!("\"{}\"", names.get(n)),
+        TokenKind::Char(c) => format!("'{c}'"),
+        TokenKind::Newline { .. } => "end of line".to_owned(),
     }
 }
 
 /// Truth of an `#if` expression; false after a complaint.
-pub(super) fn integer_condition(reading: &mut Reading, tokens: &[Token], place: Place) -> bool {
+pub(super) fn integer_condition(reading: &mut Reading, tokens: &[Token], place: SourcePlace) -> bool {
     let mut compiler = Compiler::new(reading, Scope::Preprocessor);
     let mut cursor = Cursor::new(tokens, place);
     let code = expression::expression(&mut compiler, &mut cursor);
@@ -182,7 +182,7 @@ pub(super) fn is_arrow(tokens: &[Token], i: usize) -> bool {
 }
 
 /// Compiles an expression that must fill the whole list of tokens.
-fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: Place) -> Option<Code> {
+fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Code> {
     let mut cursor = Cursor::new(tokens, place);
     let code = expression::expression(compiler, &mut cursor)?;
     match cursor.peek() {

@@ -1,9 +1,9 @@
 //! Productions: contexts, predecessor, blocks, condition, successor, weight.
 
-use super::lines::Line;
+use super::lines::LogicalLine;
 use super::{Compiler, statement, successor, whole_expression};
-use crate::program::{Element, Formal, Production, Symbols, Template};
-use crate::token::{Kind, Place, Token};
+use crate::program::{ContextElement, Formal, Production, Symbols, Template};
+use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::Diagnostic;
 
 /// Parameters of one module.
@@ -13,11 +13,11 @@ pub(super) const MAX_ARITY: usize = 255;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Symbol {
     pub c: char,
-    pub place: Place,
+    pub place: SourcePlace,
 }
 
 /// The parts of a production before its arrow.
-struct Head<'t> {
+struct ProductionHead<'t> {
     left: &'t [Token],
     predecessor: &'t [Token],
     right: &'t [Token],
@@ -30,7 +30,7 @@ struct Head<'t> {
 pub(super) fn production(
     compiler: &mut Compiler<'_>,
     symbols: &mut Symbols,
-    line: &Line,
+    line: &LogicalLine,
     arrow: usize,
 ) -> Option<Production> {
     let place = line.place()?;
@@ -65,25 +65,25 @@ fn braces(tokens: &[Token], i: usize) -> Option<(&[Token], usize)> {
     let mut depth = 0_usize;
     for (k, t) in tokens.iter().enumerate().skip(i) {
         match t.kind {
-            Kind::Char('{') => depth += 1,
-            Kind::Char('}') if depth == 1 => return Some((&tokens[i + 1..k], k + 1)),
-            Kind::Char('}') => depth = depth.saturating_sub(1),
+            TokenKind::Char('{') => depth += 1,
+            TokenKind::Char('}') if depth == 1 => return Some((&tokens[i + 1..k], k + 1)),
+            TokenKind::Char('}') => depth = depth.saturating_sub(1),
             _ => {}
         }
     }
     None
 }
 
-fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Place) -> Option<Head<'t>> {
+fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: SourcePlace) -> Option<ProductionHead<'t>> {
     let (mut depth, mut less, mut greater) = (0_usize, None, None);
     let mut end = tokens.len();
     for (i, t) in tokens.iter().enumerate() {
         match t.kind {
-            Kind::Char('(') => depth += 1,
-            Kind::Char(')') => depth = depth.saturating_sub(1),
-            Kind::Char('<') if depth == 0 && less.is_none() && greater.is_none() => less = Some(i),
-            Kind::Char('>') if depth == 0 && greater.is_none() => greater = Some(i),
-            Kind::Char(':' | '{') if depth == 0 => {
+            TokenKind::Char('(') => depth += 1,
+            TokenKind::Char(')') => depth = depth.saturating_sub(1),
+            TokenKind::Char('<') if depth == 0 && less.is_none() && greater.is_none() => less = Some(i),
+            TokenKind::Char('>') if depth == 0 && greater.is_none() => greater = Some(i),
+            TokenKind::Char(':' | '{') if depth == 0 => {
                 end = i;
                 break;
             }
@@ -111,10 +111,10 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Place
             return None;
         }
     }
-    Some(Head { left, predecessor, right, before: blocks[0], condition, after: blocks[1] })
+    Some(ProductionHead { left, predecessor, right, before: blocks[0], condition, after: blocks[1] })
 }
 
-fn unclosed<T>(compiler: &mut Compiler<'_>, tokens: &[Token], i: usize, place: Place) -> Option<T> {
+fn unclosed<T>(compiler: &mut Compiler<'_>, tokens: &[Token], i: usize, place: SourcePlace) -> Option<T> {
     let at = tokens.get(i).map_or(place, |t| t.place);
     compiler.reading.error("L004", "block is never closed before '-->'", at, "opened here");
     None
@@ -123,7 +123,7 @@ fn unclosed<T>(compiler: &mut Compiler<'_>, tokens: &[Token], i: usize, place: P
 /// Symbols of a token.
 pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<Symbol> {
     match t.kind {
-        Kind::Ident(n) | Kind::Number(n) => {
+        TokenKind::Ident(n) | TokenKind::Number(n) => {
             let text = compiler.reading.names.get(n);
             let at = |i: usize, c: char| {
                 let mut place = t.place;
@@ -136,23 +136,23 @@ pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<Symbol> {
             };
             text.char_indices().map(|(i, c)| at(i, c)).collect()
         }
-        Kind::Text(n) => {
+        TokenKind::Text(n) => {
             let text = compiler.reading.names.get(n);
             ['"'].into_iter().chain(text.chars()).chain(['"']).map(|c| Symbol { c, place: t.place }).collect()
         }
-        Kind::Char(c) => vec![Symbol { c, place: t.place }],
-        Kind::Newline { .. } => Vec::new(),
+        TokenKind::Char(c) => vec![Symbol { c, place: t.place }],
+        TokenKind::Newline { .. } => Vec::new(),
     }
 }
 
 struct Formals<'c, 'r, 's> {
     compiler: &'c mut Compiler<'r>,
     symbols: &'s mut Symbols,
-    place: Place,
+    place: SourcePlace,
 }
 
 impl Formals<'_, '_, '_> {
-    fn ill<T>(&mut self, reason: &str, place: Place) -> Option<T> {
+    fn ill<T>(&mut self, reason: &str, place: SourcePlace) -> Option<T> {
         self.compiler.reading.error("L010", format!("ill-formed production: {reason}"), place, "here");
         None
     }
@@ -162,7 +162,7 @@ impl Formals<'_, '_, '_> {
         let mut out = Vec::new();
         for e in elements {
             match e {
-                (Element::Module(f), _) => out.push(f),
+                (ContextElement::Module(f), _) => out.push(f),
                 (_, place) => return self.ill("brackets cannot be rewritten", place),
             }
         }
@@ -172,7 +172,7 @@ impl Formals<'_, '_, '_> {
         }
     }
 
-    fn context(&mut self, tokens: &[Token], is_left: bool) -> Option<Vec<Element>> {
+    fn context(&mut self, tokens: &[Token], is_left: bool) -> Option<Vec<ContextElement>> {
         if let [t] = tokens
             && t.is('*')
             && !self.compiler.has_turtle
@@ -180,15 +180,15 @@ impl Formals<'_, '_, '_> {
             return Some(Vec::new());
         }
         let elements = self.elements(tokens)?;
-        if is_left && let Some((_, place)) = elements.iter().find(|(e, _)| !matches!(e, Element::Module(_))) {
+        if is_left && let Some((_, place)) = elements.iter().find(|(e, _)| !matches!(e, ContextElement::Module(_))) {
             return self.ill("brackets in a left context never match", *place);
         }
         Some(elements.into_iter().map(|e| e.0).collect())
     }
 
     /// Modules with formal parameters, and brackets.
-    fn elements(&mut self, tokens: &[Token]) -> Option<Vec<(Element, Place)>> {
-        let mut out: Vec<(Element, Place)> = Vec::new();
+    fn elements(&mut self, tokens: &[Token]) -> Option<Vec<(ContextElement, SourcePlace)>> {
+        let mut out: Vec<(ContextElement, SourcePlace)> = Vec::new();
         let mut i = 0;
         while let Some(t) = tokens.get(i) {
             i += 1;
@@ -199,16 +199,16 @@ impl Formals<'_, '_, '_> {
             for s in symbols_of(self.compiler, t) {
                 let closes = s.c == '=' && tokens.get(i).is_some_and(|t| t.is(']'));
                 match s.c {
-                    '[' => out.push((Element::Open, s.place)),
-                    ']' => out.push((Element::Close, s.place)),
+                    '[' => out.push((ContextElement::Open, s.place)),
+                    ']' => out.push((ContextElement::Close, s.place)),
                     '=' if closes => {
                         i += 1;
-                        out.push((Element::CloseRest, s.place));
+                        out.push((ContextElement::CloseRest, s.place));
                     }
                     '*' if self.compiler.has_turtle => {
                         let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
                         let formal = Formal { symbol, arity: 0, slot: 0, place: s.place };
-                        out.push((Element::Module(formal), s.place));
+                        out.push((ContextElement::Module(formal), s.place));
                     }
                     ')' | '*' | '<' | '>' | ':' => {
                         return self.ill(&format!("'{}' cannot stand here", s.c), s.place);
@@ -216,7 +216,7 @@ impl Formals<'_, '_, '_> {
                     c => {
                         let symbol = intern(self.compiler, self.symbols, c, s.place)?;
                         let formal = Formal { symbol, arity: 0, slot: 0, place: s.place };
-                        out.push((Element::Module(formal), s.place));
+                        out.push((ContextElement::Module(formal), s.place));
                     }
                 }
             }
@@ -225,16 +225,21 @@ impl Formals<'_, '_, '_> {
     }
 
     /// `a, b)` after a module: names its parameters; returns the index behind the parenthesis.
-    fn parameters(&mut self, tokens: &[Token], mut i: usize, out: &mut [(Element, Place)]) -> Option<usize> {
+    fn parameters(
+        &mut self,
+        tokens: &[Token],
+        mut i: usize,
+        out: &mut [(ContextElement, SourcePlace)],
+    ) -> Option<usize> {
         let open = tokens.get(i - 1).map_or(self.place, |t| t.place);
-        let Some((Element::Module(formal), _)) = out.last_mut() else {
+        let Some((ContextElement::Module(formal), _)) = out.last_mut() else {
             return self.ill("'(' without a module before it", open);
         };
         formal.slot = u16::try_from(self.compiler.locals.len()).unwrap_or(u16::MAX);
         let mut count = 0_usize;
         loop {
             let Some(t) = tokens.get(i) else { return self.ill("parameters are never closed", open) };
-            let Kind::Ident(name) = t.kind else {
+            let TokenKind::Ident(name) = t.kind else {
                 if t.is(')') && count == 0 {
                     return Some(i + 1);
                 }
@@ -253,7 +258,7 @@ impl Formals<'_, '_, '_> {
             self.compiler.stored.extend(u16::try_from(self.compiler.locals.len()));
             self.compiler.locals.push(name);
             count += 1;
-            if let Some((Element::Module(f), _)) = out.last_mut() {
+            if let Some((ContextElement::Module(f), _)) = out.last_mut() {
                 f.arity = u8::try_from(count).unwrap_or(u8::MAX);
             }
             if count > MAX_ARITY {
@@ -271,7 +276,7 @@ impl Formals<'_, '_, '_> {
     }
 }
 
-pub(super) fn intern(compiler: &mut Compiler<'_>, symbols: &mut Symbols, c: char, place: Place) -> Option<u16> {
+pub(super) fn intern(compiler: &mut Compiler<'_>, symbols: &mut Symbols, c: char, place: SourcePlace) -> Option<u16> {
     let id = symbols.intern(c);
     if id.is_none() {
         compiler.reading.error("L004", "more than 65,535 different symbols", place, "this one is too many");
@@ -280,7 +285,7 @@ pub(super) fn intern(compiler: &mut Compiler<'_>, symbols: &mut Symbols, c: char
 }
 
 /// Warns about brackets and braces that a successor opens and leaves open.
-fn check_balance(compiler: &mut Compiler<'_>, successor: &[Template], symbols: &Symbols, place: Place) {
+fn check_balance(compiler: &mut Compiler<'_>, successor: &[Template], symbols: &Symbols, place: SourcePlace) {
     for (open, close, code) in [('[', ']', "L011"), ('{', '}', "L012")] {
         let mut stack = Vec::new();
         for m in successor {

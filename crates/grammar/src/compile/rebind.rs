@@ -1,11 +1,11 @@
 //! The items that bind symbols to what they draw: `turtle:`, `define-angle:`, `bind`.
 
 use super::items::Parser;
-use super::lines::{Keyword, Line};
+use super::lines::{Keyword, LogicalLine};
 use super::{Cursor, Scope, expression, whole_expression};
 use crate::code::Code;
-use crate::rebind::{Action, Angle, Binding, Dialect, Own, Rebinding};
-use crate::token::{Kind, Place, Token};
+use crate::rebind::{Action, Angle, Dialect, Own, Rebinding, SymbolBinding};
+use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::{Diagnostic, nearest};
 use osier_base::rng::word;
 
@@ -23,7 +23,7 @@ const ACTIONS: [&str; 13] = [
 
 impl Parser<'_> {
     /// Reads all lines that speak of the turtle; they stand before the axiom and the productions.
-    pub(super) fn rebinding(&mut self, lines: &[Line]) {
+    pub(super) fn rebinding(&mut self, lines: &[LogicalLine]) {
         let mut made = false;
         for line in lines {
             let key = line.keyword.map(|(k, _)| k);
@@ -54,7 +54,7 @@ impl Parser<'_> {
         }
     }
 
-    fn turtle(&mut self, value: &[Token], head: Place) {
+    fn turtle(&mut self, value: &[Token], head: SourcePlace) {
         let spelled = self.spelling(value);
         let place = value.first().map_or(head, |t| t.place);
         if self.program.turtle.is_some() {
@@ -86,13 +86,13 @@ impl Parser<'_> {
     }
 
     /// `name = expression` over and over.
-    fn angles(&mut self, value: &[Token], head: Place) {
+    fn angles(&mut self, value: &[Token], head: SourcePlace) {
         let mut cursor = Cursor::new(value, head);
         if cursor.peek().is_none() {
             self.reading.error("L001", "unexpected end of line, expected 'name = value'", head, "after this");
         }
         while let Some(t) = cursor.peek() {
-            let Kind::Ident(name) = t.kind else {
+            let TokenKind::Ident(name) = t.kind else {
                 let found = super::describe(&self.reading.names, t);
                 let message = format!("unexpected {found}, expected the name of an angle");
                 return self.reading.error("L001", message, t.place, "here");
@@ -109,7 +109,7 @@ impl Parser<'_> {
         }
     }
 
-    fn angle(&mut self, name: u32, code: Code, place: Place) {
+    fn angle(&mut self, name: u32, code: Code, place: SourcePlace) {
         let spelled = self.reading.names.get(name).to_owned();
         let Some(turtle) = &mut self.program.turtle else { return };
         let angle = Angle { name, word: word(&spelled), code, place: Some(place) };
@@ -127,7 +127,7 @@ impl Parser<'_> {
     }
 
     /// `SYMBOL : ACTION ; SYMBOL : ACTION ..`
-    fn bind(&mut self, value: &[Token], head: Place) {
+    fn bind(&mut self, value: &[Token], head: SourcePlace) {
         let mut rest = value;
         while let Some(symbol) = rest.first() {
             // The symbol may be a semicolon itself.
@@ -142,7 +142,7 @@ impl Parser<'_> {
         }
     }
 
-    fn binding(&mut self, symbol: Token, tokens: &[Token], head: Place) {
+    fn binding(&mut self, symbol: Token, tokens: &[Token], head: SourcePlace) {
         let Some(c) = self.one_symbol(symbol) else { return };
         let Some((_, tokens)) = tokens.split_first().filter(|(t, _)| t.is(':')) else {
             let at = tokens.first().map_or(symbol.place, |t| t.place);
@@ -152,7 +152,7 @@ impl Parser<'_> {
         let Some((action, value)) = self.action(tokens, symbol.place) else { return };
         let Some(id) = self.program.symbols.intern(c) else { return };
         let Some(turtle) = &mut self.program.turtle else { return };
-        let binding = Binding { action, value, place: Some(symbol.place) };
+        let binding = SymbolBinding { action, value, place: Some(symbol.place) };
         if let Some(Some(first)) = turtle.bindings.get(&id).map(|b| b.place) {
             let d = Diagnostic::error("L038", format!("'{c}' is bound twice"), symbol.place.span, "the second one");
             let d = d.label(first.span, "the first one").help("leave one of them");
@@ -164,9 +164,9 @@ impl Parser<'_> {
     /// The one character of a token; L038 for more, and for those that cannot be bound.
     fn one_symbol(&mut self, t: Token) -> Option<char> {
         let text = match t.kind {
-            Kind::Ident(n) | Kind::Number(n) => self.reading.names.get(n).to_owned(),
-            Kind::Char(c) => c.to_string(),
-            Kind::Text(_) | Kind::Newline { .. } => String::new(),
+            TokenKind::Ident(n) | TokenKind::Number(n) => self.reading.names.get(n).to_owned(),
+            TokenKind::Char(c) => c.to_string(),
+            TokenKind::Text(_) | TokenKind::Newline { .. } => String::new(),
         };
         let mut chars = text.chars();
         let (first, second) = (chars.next(), chars.next());
@@ -181,7 +181,7 @@ impl Parser<'_> {
     }
 
     /// An action and its number.
-    fn action(&mut self, tokens: &[Token], at: Place) -> Option<(Action, Option<Code>)> {
+    fn action(&mut self, tokens: &[Token], at: SourcePlace) -> Option<(Action, Option<Code>)> {
         let mut cursor = Cursor::new(tokens, at);
         let place = cursor.place();
         let first = self.word(&mut cursor);
@@ -231,14 +231,14 @@ impl Parser<'_> {
         Some((action, Some(whole_expression(&mut compiler, rest, place)?)))
     }
 
-    fn missing<T>(&mut self, what: &str, place: Place) -> Option<T> {
+    fn missing<T>(&mut self, what: &str, place: SourcePlace) -> Option<T> {
         self.reading.error("L001", format!("expected {what} behind this"), place, "after this");
         None
     }
 
     /// The next word, or nothing.
     fn word(&mut self, cursor: &mut Cursor<'_>) -> String {
-        let Some(Kind::Ident(n)) = cursor.peek().map(|t| t.kind) else { return String::new() };
+        let Some(TokenKind::Ident(n)) = cursor.peek().map(|t| t.kind) else { return String::new() };
         cursor.bump();
         self.reading.names.get(n).to_owned()
     }

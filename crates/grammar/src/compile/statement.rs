@@ -3,10 +3,10 @@
 use super::expression::expression;
 use super::{Compiler, Cursor, whole_expression};
 use crate::code::{Code, Op};
-use crate::token::{Kind, Place, Token};
+use crate::token::{SourcePlace, Token, TokenKind};
 
 /// An open brace and what happens when it closes.
-enum Open {
+enum OpenBrace {
     /// Jump over the block, jumps to the end of the whole chain.
     If(usize, Vec<usize>),
     Else(Vec<usize>),
@@ -16,16 +16,16 @@ enum Open {
     Do(usize),
 }
 
-struct Block<'c, 'r> {
+struct BlockCompiler<'c, 'r> {
     compiler: &'c mut Compiler<'r>,
     code: Code,
-    open: Vec<Open>,
+    open: Vec<OpenBrace>,
 }
 
 /// Compiles the statements between a block's braces. `None` after an error, which is recorded.
-pub(super) fn block(compiler: &mut Compiler<'_>, tokens: &[Token], place: Place) -> Option<Code> {
+pub(super) fn block(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Code> {
     let mut cursor = Cursor::new(tokens, place);
-    let mut block = Block { compiler, code: Code::default(), open: Vec::new() };
+    let mut block = BlockCompiler { compiler, code: Code::default(), open: Vec::new() };
     while cursor.peek().is_some() {
         block.statement(&mut cursor)?;
     }
@@ -36,8 +36,8 @@ pub(super) fn block(compiler: &mut Compiler<'_>, tokens: &[Token], place: Place)
     None
 }
 
-impl Block<'_, '_> {
-    fn error<T>(&mut self, message: String, place: Place) -> Option<T> {
+impl BlockCompiler<'_, '_> {
+    fn error<T>(&mut self, message: String, place: SourcePlace) -> Option<T> {
         self.compiler.reading.error("L001", message, place, "here");
         None
     }
@@ -54,7 +54,7 @@ impl Block<'_, '_> {
         self.error(format!("unexpected {found}, expected '{c}'"), cursor.place())
     }
 
-    fn count(&mut self, place: Place) {
+    fn count(&mut self, place: SourcePlace) {
         self.code.places.push(place);
         let index = u32::try_from(self.code.places.len() - 1).unwrap_or(0);
         self.code.ops.push(Op::Count(index));
@@ -63,15 +63,15 @@ impl Block<'_, '_> {
     fn statement(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
         let Some(&t) = cursor.peek() else { return Some(()) };
         match t.kind {
-            Kind::Char(';') => {
+            TokenKind::Char(';') => {
                 cursor.bump();
                 Some(())
             }
-            Kind::Char('}') => {
+            TokenKind::Char('}') => {
                 cursor.bump();
                 self.close(cursor, t.place)
             }
-            Kind::Ident(name) => {
+            TokenKind::Ident(name) => {
                 self.count(t.place);
                 match self.compiler.reading.names.get(name) {
                     "if" => {
@@ -82,12 +82,12 @@ impl Block<'_, '_> {
                         cursor.bump();
                         let start = self.here() - 1;
                         let jump = self.condition(cursor)?;
-                        self.begin(cursor, Open::While(start, jump))
+                        self.begin(cursor, OpenBrace::While(start, jump))
                     }
                     "do" => {
                         cursor.bump();
                         let start = self.here() - 1;
-                        self.begin(cursor, Open::Do(start))
+                        self.begin(cursor, OpenBrace::Do(start))
                     }
                     "printf" => self.printf(cursor, t.place),
                     _ => self.simple(cursor, name, t.place),
@@ -100,7 +100,7 @@ impl Block<'_, '_> {
         }
     }
 
-    fn begin(&mut self, cursor: &mut Cursor<'_>, open: Open) -> Option<()> {
+    fn begin(&mut self, cursor: &mut Cursor<'_>, open: OpenBrace) -> Option<()> {
         let place = cursor.place();
         self.expect(cursor, '{')?;
         self.open.push(open);
@@ -123,7 +123,7 @@ impl Block<'_, '_> {
 
     fn begin_if(&mut self, cursor: &mut Cursor<'_>, ends: Vec<usize>) -> Option<()> {
         let jump = self.condition(cursor)?;
-        self.begin(cursor, Open::If(jump, ends))
+        self.begin(cursor, OpenBrace::If(jump, ends))
     }
 
     /// Compiles an expression behind what is there already.
@@ -151,14 +151,14 @@ impl Block<'_, '_> {
     }
 
     fn next_is(&self, cursor: &Cursor<'_>, word: &str) -> bool {
-        matches!(cursor.peek().map(|t| t.kind), Some(Kind::Ident(n)) if self.compiler.reading.names.get(n) == word)
+        matches!(cursor.peek().map(|t| t.kind), Some(TokenKind::Ident(n)) if self.compiler.reading.names.get(n) == word)
     }
 
-    fn close(&mut self, cursor: &mut Cursor<'_>, place: Place) -> Option<()> {
+    fn close(&mut self, cursor: &mut Cursor<'_>, place: SourcePlace) -> Option<()> {
         let target = |i: usize| u32::try_from(i).unwrap_or(u32::MAX);
         match self.open.pop() {
             None => self.error("unexpected '}', no block is open".to_owned(), place),
-            Some(Open::If(jump, mut ends)) if self.next_is(cursor, "else") => {
+            Some(OpenBrace::If(jump, mut ends)) if self.next_is(cursor, "else") => {
                 cursor.bump();
                 self.code.ops.push(Op::Jump(0));
                 ends.push(self.here() - 1);
@@ -167,23 +167,23 @@ impl Block<'_, '_> {
                     cursor.bump();
                     return self.begin_if(cursor, ends);
                 }
-                self.begin(cursor, Open::Else(ends))
+                self.begin(cursor, OpenBrace::Else(ends))
             }
-            Some(Open::If(jump, ends)) => {
+            Some(OpenBrace::If(jump, ends)) => {
                 self.patch(jump);
                 ends.into_iter().for_each(|e| self.patch(e));
                 Some(())
             }
-            Some(Open::Else(ends)) => {
+            Some(OpenBrace::Else(ends)) => {
                 ends.into_iter().for_each(|e| self.patch(e));
                 Some(())
             }
-            Some(Open::While(start, jump)) => {
+            Some(OpenBrace::While(start, jump)) => {
                 self.code.ops.push(Op::Jump(target(start)));
                 self.patch(jump);
                 Some(())
             }
-            Some(Open::Do(start)) => {
+            Some(OpenBrace::Do(start)) => {
                 if !self.next_is(cursor, "while") {
                     return self.error("'do' block without 'while'".to_owned(), place);
                 }
@@ -197,7 +197,7 @@ impl Block<'_, '_> {
     }
 
     /// An assignment or a bare call.
-    fn simple(&mut self, cursor: &mut Cursor<'_>, name: u32, place: Place) -> Option<()> {
+    fn simple(&mut self, cursor: &mut Cursor<'_>, name: u32, place: SourcePlace) -> Option<()> {
         let next = cursor.peek_at(1);
         if next.is_some_and(|t| t.is('(')) {
             self.append_expression(cursor)?;
@@ -226,7 +226,7 @@ impl Block<'_, '_> {
     }
 
     /// Skips a call of `printf` to its semicolon.
-    fn printf(&mut self, cursor: &mut Cursor<'_>, place: Place) -> Option<()> {
+    fn printf(&mut self, cursor: &mut Cursor<'_>, place: SourcePlace) -> Option<()> {
         let help = "it prints nothing here; use `osier check` to see what a grammar makes";
         self.compiler.reading.warning("L008", "printf is not supported".into(), place, help);
         while cursor.peek().is_some_and(|t| !t.is(';')) {
@@ -237,7 +237,7 @@ impl Block<'_, '_> {
 }
 
 /// Compiles a condition that fills its tokens; `*` alone is true.
-pub(super) fn condition(compiler: &mut Compiler<'_>, tokens: &[Token], place: Place) -> Option<Option<Code>> {
+pub(super) fn condition(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Option<Code>> {
     match tokens {
         [] => Some(None),
         [t] if t.is('*') => Some(None),

@@ -4,7 +4,7 @@ use super::production::{MAX_ARITY, intern, symbols_of};
 use super::{Compiler, Cursor, expression};
 use crate::code::Expr;
 use crate::program::{Symbols, Template};
-use crate::token::{Kind, Place, Token};
+use crate::token::{SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::Diagnostic;
 
@@ -19,15 +19,15 @@ struct Repeat {
     times: usize,
     /// Polygons that its body has opened.
     polygons: usize,
-    place: Place,
+    place: SourcePlace,
 }
 
-struct Spelling<'c, 'r, 's> {
+struct SuccessorCompiler<'c, 'r, 's> {
     compiler: &'c mut Compiler<'r>,
     symbols: &'s mut Symbols,
     out: Vec<Template>,
     repeats: Vec<Repeat>,
-    star: Option<Place>,
+    star: Option<SourcePlace>,
     /// Whether parameters may follow.
     open: bool,
 }
@@ -37,10 +37,10 @@ pub(super) fn successor<'t>(
     compiler: &mut Compiler<'_>,
     symbols: &mut Symbols,
     tokens: &'t [Token],
-    place: Place,
+    place: SourcePlace,
 ) -> Option<(Vec<Template>, Option<&'t [Token]>)> {
     let mut cursor = Cursor::new(tokens, place);
-    let mut s = Spelling { compiler, symbols, out: Vec::new(), repeats: Vec::new(), star: None, open: false };
+    let mut s = SuccessorCompiler { compiler, symbols, out: Vec::new(), repeats: Vec::new(), star: None, open: false };
     while let Some(t) = cursor.peek() {
         if t.is(':') {
             let rest = tokens.get(cursor.pos + 1..);
@@ -52,8 +52,8 @@ pub(super) fn successor<'t>(
     s.finish().map(|o| (o, None))
 }
 
-impl Spelling<'_, '_, '_> {
-    fn error<T>(&mut self, message: impl Into<String>, place: Place) -> Option<T> {
+impl SuccessorCompiler<'_, '_, '_> {
+    fn error<T>(&mut self, message: impl Into<String>, place: SourcePlace) -> Option<T> {
         self.compiler.reading.error("L001", message, place, "here");
         None
     }
@@ -61,7 +61,7 @@ impl Spelling<'_, '_, '_> {
     fn token(&mut self, t: &Token, cursor: &mut Cursor<'_>) -> Option<()> {
         let has_turtle = self.compiler.has_turtle;
         match t.kind {
-            Kind::Char('(') => {
+            TokenKind::Char('(') => {
                 let known = self.open && self.out.last().is_some_and(|m| m.args.is_empty());
                 if !known {
                     return self.error("unexpected '(', expected a module before it", t.place);
@@ -72,16 +72,16 @@ impl Spelling<'_, '_, '_> {
                 }
                 return Some(());
             }
-            Kind::Char('*') if !has_turtle => self.star = Some(t.place),
-            Kind::Char(c @ (')' | '<' | '>')) => {
+            TokenKind::Char('*') if !has_turtle => self.star = Some(t.place),
+            TokenKind::Char(c @ (')' | '<' | '>')) => {
                 return self.error(format!("unexpected '{c}', expected a module"), t.place);
             }
-            Kind::Ident(n) if has_turtle && self.compiler.reading.names.get(n) == "repeat" => {
+            TokenKind::Ident(n) if has_turtle && self.compiler.reading.names.get(n) == "repeat" => {
                 return self.repeat(cursor, t.place);
             }
-            Kind::Char('}') if self.repeats.last().is_some_and(|r| r.polygons == 0) => return self.again(),
+            TokenKind::Char('}') if self.repeats.last().is_some_and(|r| r.polygons == 0) => return self.again(),
             _ => {
-                if let (Some(r), Kind::Char(c)) = (self.repeats.last_mut(), t.kind) {
+                if let (Some(r), TokenKind::Char(c)) = (self.repeats.last_mut(), t.kind) {
                     r.polygons = (r.polygons + usize::from(c == '{')).saturating_sub(usize::from(c == '}'));
                 }
                 for s in symbols_of(self.compiler, t) {
@@ -95,7 +95,7 @@ impl Spelling<'_, '_, '_> {
     }
 
     /// `n {` behind `repeat`.
-    fn repeat(&mut self, cursor: &mut Cursor<'_>, place: Place) -> Option<()> {
+    fn repeat(&mut self, cursor: &mut Cursor<'_>, place: SourcePlace) -> Option<()> {
         let code = expression::expression(self.compiler, cursor)?;
         let times = vm::constant(&code).filter(|n| (0.0..=1e6).contains(n));
         let Some(times) = times else {
@@ -154,7 +154,7 @@ impl Spelling<'_, '_, '_> {
 }
 
 /// Expressions up to the closing parenthesis.
-fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: Place) -> Option<Vec<Expr>> {
+fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: SourcePlace) -> Option<Vec<Expr>> {
     let mut args = Vec::new();
     if cursor.eat(')') {
         return Some(args);

@@ -1,8 +1,8 @@
 //! Decomposition and homomorphism: modules expanded depth first, with an explicit stack.
 
-use super::matching::{self, View};
+use super::matching::{self, ContextView};
 use super::modules::{Module, Modules};
-use super::rewriter::{Rewriter, Setup};
+use super::rewriter::{RewriteContext, Rewriter};
 use super::step::check_size;
 use super::{Derivation, Derived, brackets, halt_error, warnings};
 use crate::Grammar;
@@ -17,12 +17,12 @@ const DRAWN_PER_STORED: u64 = 10;
 
 /// Modules waiting to be expanded, the next one on top; parameters lie behind one another in the same order.
 #[derive(Debug, Default)]
-struct Waiting {
+struct ExpansionStack {
     modules: Modules,
     depth: Vec<u32>,
 }
 
-impl Waiting {
+impl ExpansionStack {
     /// Puts the modules of `fresh` on top, the first one uppermost.
     fn push_reversed(&mut self, fresh: &Modules, depth: u32) {
         for i in (0..fresh.len()).rev() {
@@ -35,7 +35,7 @@ impl Waiting {
 /// Expands modules one after the other; reuses its memory.
 struct Expander<'p> {
     rewriter: Rewriter<'p>,
-    waiting: Waiting,
+    waiting: ExpansionStack,
     fresh: Modules,
     top: Modules,
     /// Modules that may wait at once.
@@ -43,15 +43,15 @@ struct Expander<'p> {
 }
 
 impl<'p> Expander<'p> {
-    fn new(setup: Setup<'p>, vm: Vm, limit: usize) -> Self {
+    fn new(setup: RewriteContext<'p>, vm: Vm, limit: usize) -> Self {
         let rewriter = Rewriter::new(setup, vm);
-        Self { rewriter, waiting: Waiting::default(), fresh: Modules::default(), top: Modules::default(), limit }
+        Self { rewriter, waiting: ExpansionStack::default(), fresh: Modules::default(), top: Modules::default(), limit }
     }
 
     /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false.
     fn expand(
         &mut self,
-        view: View<'_>,
+        view: ContextView<'_>,
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<(), Halt> {
@@ -104,7 +104,7 @@ impl Derivation<'_> {
         }
         let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
         let partner = if needs_partners { matching::partners(&self.string, self.brackets) } else { Vec::new() };
-        let setup = Setup {
+        let setup = RewriteContext {
             program: self.program,
             rules,
             stochastic: self.stochastic,
@@ -117,7 +117,7 @@ impl Derivation<'_> {
         let limit = usize::try_from(self.limits.get("modules")).unwrap_or(usize::MAX);
         let mut expander = Expander::new(setup, self.vm.clone(), limit);
         self.spare.clear();
-        let view = View { modules: &self.string, partner: &partner, hidden: &self.hidden };
+        let view = ContextView { modules: &self.string, partner: &partner, hidden: &self.hidden };
         let out = &mut self.spare;
         for i in 0..self.string.len() {
             expander.expand(view, i, &mut |m| {
@@ -155,7 +155,7 @@ pub fn interpret(
     vm.globals.clone_from(&derived.globals);
     vm.step = derived.steps;
     vm.statement_limit = limits.get("statements");
-    let setup = Setup {
+    let setup = RewriteContext {
         program,
         rules,
         stochastic: derived.stochastic || rules.seed.is_some(),
@@ -168,7 +168,7 @@ pub fn interpret(
     let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
     let partner = if needs_partners { matching::partners(&derived.modules, brackets) } else { Vec::new() };
     let hidden = program.hidden.table(&program.symbols);
-    let view = View { modules: &derived.modules, partner: &partner, hidden: &hidden };
+    let view = ContextView { modules: &derived.modules, partner: &partner, hidden: &hidden };
     let waiting = usize::try_from(limits.get("modules")).unwrap_or(usize::MAX);
     let mut expander = Expander::new(setup, vm, waiting);
     let limit = limits.get("modules").saturating_mul(DRAWN_PER_STORED);

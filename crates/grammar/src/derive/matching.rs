@@ -1,14 +1,14 @@
 //! Contexts: what stands to the left and right of a module in a bracketed string.
 
 use super::modules::{Module, Modules};
-use crate::program::{Element, Formal, SymbolId};
+use crate::program::{ContextElement, Formal, SymbolId};
 
 /// No partner.
 const NONE: u32 = u32::MAX;
 
 /// A string prepared for context matching.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View<'a> {
+pub(super) struct ContextView<'a> {
     pub modules: &'a Modules,
     /// Partner of each bracket; empty if no production asks for contexts.
     pub partner: &'a [u32],
@@ -61,7 +61,7 @@ pub(super) fn accept(formal: &Formal, module: Module<'_>, locals: &mut [f64]) ->
     fits
 }
 
-impl View<'_> {
+impl ContextView<'_> {
     fn partner(&self, i: usize) -> Option<usize> {
         self.partner.get(i).filter(|p| **p != NONE).map(|p| *p as usize)
     }
@@ -72,15 +72,16 @@ impl View<'_> {
 
     /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped
     /// over, openings are stepped over: a branch sees the axis that carries it.
-    pub fn left(&self, brackets: Brackets, context: &[Element], at: usize, locals: &mut [f64]) -> bool {
+    pub fn left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
         let mut wanted = context.iter().rev();
         let mut next = wanted.next();
         while let Some(element) = next {
-            let Element::Module(formal) = element else { return false };
+            let ContextElement::Module(formal) = element else { return false };
             let Some(k) = i.checked_sub(1) else { return false };
             i = k;
             let symbol = self.modules.symbols()[i];
+            // A closed branch is a sibling: jump to its opening bracket. An unmatched bracket ends the search.
             if symbol == brackets.close {
                 match self.partner(i) {
                     Some(open) => i = open,
@@ -97,14 +98,14 @@ impl View<'_> {
     }
 
     /// Is the right context there, beginning with module `at`?
-    pub fn right(&self, brackets: Brackets, context: &[Element], at: usize, locals: &mut [f64]) -> bool {
+    pub fn right(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
         for element in context {
             let found = match element {
-                Element::Module(formal) => self.right_module(brackets, formal, i, locals),
-                Element::Open => self.skip_hidden(i).filter(|k| self.modules.symbols()[*k] == brackets.open),
-                Element::Close => self.end_of_branch(brackets, i, false),
-                Element::CloseRest => self.end_of_branch(brackets, i, true),
+                ContextElement::Module(formal) => self.right_module(brackets, formal, i, locals),
+                ContextElement::Open => self.skip_hidden(i).filter(|k| self.modules.symbols()[*k] == brackets.open),
+                ContextElement::Close => self.end_of_branch(brackets, i, false),
+                ContextElement::CloseRest => self.end_of_branch(brackets, i, true),
             };
             match found {
                 Some(k) => i = k + 1,
@@ -128,6 +129,7 @@ impl View<'_> {
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;
             } else if symbol == brackets.close {
+                // The axis ends here without the module.
                 return None;
             } else {
                 return accept(formal, self.modules.get(i), locals).then_some(i);

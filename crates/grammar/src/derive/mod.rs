@@ -1,6 +1,6 @@
 //! Derivation: from the axiom through the steps to the final string.
 
-mod apart;
+mod chunked;
 mod expand;
 mod matching;
 mod modules;
@@ -91,8 +91,8 @@ pub(super) struct Derivation<'g> {
     taken: u32,
     /// Modules rewritten so far.
     work: u64,
-    /// Pieces of the string were tried apart, and something has to be said of them.
-    held_together: bool,
+    /// A derivation in chunks was abandoned, because a warning or a limit must name its step.
+    must_stay_whole: bool,
 }
 
 impl<'g> Derivation<'g> {
@@ -123,7 +123,7 @@ impl<'g> Derivation<'g> {
             idle_from: None,
             taken: 0,
             work: 0,
-            held_together: false,
+            must_stay_whole: false,
         }
     }
 
@@ -135,15 +135,18 @@ impl<'g> Derivation<'g> {
         }
         self.axiom()?;
         for step in 1..=self.length {
+            // `Q` counts completed steps: the StartEach block still sees the step before.
             self.vm.step = step - 1;
             self.block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
+            // The axiom is decomposed before the first step; later strings are decomposed when they are made.
             if step == 1 {
                 self.decompose(step)?;
             }
             if let Some(cut) = self.cut {
                 self.cut(cut);
             }
+            // The sum of string lengths over the steps bounds the time of the derivation, as strings may shrink again.
             self.work = self.work.saturating_add(self.string.len() as u64);
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
@@ -152,12 +155,13 @@ impl<'g> Derivation<'g> {
             self.decompose(step)?;
             self.block(blocks.end_each.as_ref(), step)?;
             self.taken = step;
+            // Start of the run of steps without change that is still going on, for the warning L054.
             if !changed && self.idle_from.is_none() {
                 self.idle_from = Some(step);
             } else if changed {
                 self.idle_from = None;
             }
-            if self.vm.stopped || (!changed && self.nothing_can_change()) || self.rest_apart(step)? {
+            if self.vm.stopped || (!changed && self.nothing_can_change()) || self.derive_rest_in_chunks(step)? {
                 break;
             }
         }

@@ -21,22 +21,22 @@ pub struct Prediction {
 }
 
 /// A module's symbol and number of parameters.
-type Kind = (SymbolId, u8);
+type ModuleSignature = (SymbolId, u8);
 /// Counts by kind, sparse.
-type Row<T> = Vec<(usize, T)>;
+type SparseRow<T> = Vec<(usize, T)>;
 
 #[derive(Debug, Default)]
-struct Matrix {
-    kinds: BTreeMap<Kind, usize>,
-    lower: Vec<Row<u128>>,
-    upper: Vec<Row<u128>>,
-    expected: Vec<Row<f64>>,
+struct GrowthMatrix {
+    kinds: BTreeMap<ModuleSignature, usize>,
+    lower: Vec<SparseRow<u128>>,
+    upper: Vec<SparseRow<u128>>,
+    expected: Vec<SparseRow<f64>>,
     start: Vec<u128>,
     /// False if the string can shrink in ways that counts do not see.
     has_lower: bool,
 }
 
-fn count(kinds: &BTreeMap<Kind, usize>, p: &Production) -> BTreeMap<usize, u128> {
+fn count(kinds: &BTreeMap<ModuleSignature, usize>, p: &Production) -> BTreeMap<usize, u128> {
     let mut out = BTreeMap::new();
     for t in &p.successor {
         if let Some(&k) = kinds.get(&(t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX))) {
@@ -46,7 +46,7 @@ fn count(kinds: &BTreeMap<Kind, usize>, p: &Production) -> BTreeMap<usize, u128>
     out
 }
 
-impl Matrix {
+impl GrowthMatrix {
     fn new(grammar: &Grammar, stochastic: bool) -> Self {
         let program = &grammar.program;
         let templates = program.rules.list.iter().flat_map(|p| &p.successor).chain(&program.axiom);
@@ -121,7 +121,7 @@ impl Matrix {
         }
     }
 
-    fn step(rows: &[Row<u128>], v: &[u128]) -> Vec<u128> {
+    fn step(rows: &[SparseRow<u128>], v: &[u128]) -> Vec<u128> {
         let mut out = vec![0_u128; v.len()];
         for (row, x) in rows.iter().zip(v) {
             for (c, n) in row {
@@ -139,7 +139,7 @@ fn total(v: &[u128]) -> u128 {
 /// Number of modules after `steps` steps; exact (lower = upper) if every kind has one production without conditions.
 /// Source: the growth matrix of the textbook, length = v0 M^n 1; bounds take element-wise extremes over alternatives.
 pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
-    let m = Matrix::new(grammar, stochastic);
+    let m = GrowthMatrix::new(grammar, stochastic);
     let (mut low, mut high) = (m.start.clone(), m.start.clone());
     let mut expected: Vec<f64> = m.start.iter().map(|x| *x as f64).collect();
     for _ in 0..steps {
@@ -149,7 +149,7 @@ pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
                 next[*c] += x * n;
             }
         }
-        let (l, h) = (Matrix::step(&m.lower, &low), Matrix::step(&m.upper, &high));
+        let (l, h) = (GrowthMatrix::step(&m.lower, &low), GrowthMatrix::step(&m.upper, &high));
         if l == low && h == high && next == expected {
             break;
         }
@@ -173,7 +173,7 @@ pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, lim
         return Err(runtime_error(grammar, "L050", message, grammar.length_place(), help));
     }
     let stochastic = options.stochastic.unwrap_or(grammar.program.is_stochastic());
-    let m = Matrix::new(grammar, stochastic);
+    let m = GrowthMatrix::new(grammar, stochastic);
     if !m.has_lower {
         return Ok(());
     }
@@ -187,7 +187,7 @@ pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, lim
         }
         let busy = surely.iter().zip(&v).any(|(surely, n)| *surely && *n > 0);
         let each = if busy { total(&v) } else { 0 };
-        let next = Matrix::step(&m.lower, &v);
+        let next = GrowthMatrix::step(&m.lower, &v);
         if next == v {
             work = work.saturating_add(each.saturating_mul(u128::from(steps - step)));
             break;
@@ -205,10 +205,10 @@ pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, lim
     Ok(())
 }
 
-fn too_long(grammar: &Grammar, m: &Matrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
+fn too_long(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
     let mut v = m.start.clone();
     for _ in 0..steps.min(4096) {
-        v = Matrix::step(&m.lower, &v);
+        v = GrowthMatrix::step(&m.lower, &v);
     }
     let wanted = match u64::try_from(total(&v)) {
         Ok(n) => grouped(n),

@@ -1,6 +1,6 @@
 //! Chooses and applies productions, one module at a time.
 
-use super::matching::{self, Brackets, View};
+use super::matching::{self, Brackets, ContextView};
 use super::modules::{Module, Modules};
 use crate::program::{Production, Program, Rules};
 use crate::vm::{Halt, Purpose, Streams, Vm};
@@ -9,7 +9,7 @@ use osier_base::rng::{self, Rng};
 
 /// What a rewriter works with.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Setup<'p> {
+pub(super) struct RewriteContext<'p> {
     pub program: &'p Program,
     pub rules: &'p Rules,
     pub stochastic: bool,
@@ -27,7 +27,7 @@ pub(super) struct Setup<'p> {
 /// Applies productions of one section.
 #[derive(Debug)]
 pub(super) struct Rewriter<'p> {
-    pub setup: Setup<'p>,
+    pub setup: RewriteContext<'p>,
     pub vm: Vm,
     locals: Vec<f64>,
     /// Applicable productions of the module at hand: production, weight, offset of its variables in `saved`.
@@ -39,7 +39,7 @@ pub(super) struct Rewriter<'p> {
 }
 
 impl<'p> Rewriter<'p> {
-    pub fn new(setup: Setup<'p>, vm: Vm) -> Self {
+    pub fn new(setup: RewriteContext<'p>, vm: Vm) -> Self {
         let symbols = &setup.program.symbols;
         let code = |i: usize| u64::from(u32::from(symbols.get(u16::try_from(i).unwrap_or(u16::MAX))));
         let codes = (0..symbols.len()).map(code).collect();
@@ -52,7 +52,7 @@ impl<'p> Rewriter<'p> {
     }
 
     /// Does the production apply to `module`, which stands at `at`? Its variables are set if so.
-    fn applies(&mut self, p: &Production, module: Module<'_>, view: View<'_>, at: usize) -> Result<bool, Halt> {
+    fn applies(&mut self, p: &Production, module: Module<'_>, view: ContextView<'_>, at: usize) -> Result<bool, Halt> {
         self.locals.clear();
         self.locals.resize(usize::from(p.locals), 0.0);
         let Some((first, others)) = p.predecessor.split_first() else { return Ok(false) };
@@ -86,10 +86,16 @@ impl<'p> Rewriter<'p> {
     }
 
     /// The production for a module, with its variables set; `None` = copy.
-    pub fn find(&mut self, module: Module<'_>, view: View<'_>, at: usize) -> Result<Option<&'p Production>, Halt> {
+    pub fn find(
+        &mut self,
+        module: Module<'_>,
+        view: ContextView<'_>,
+        at: usize,
+    ) -> Result<Option<&'p Production>, Halt> {
         let arity = u8::try_from(module.params.len()).unwrap_or(u8::MAX);
         let rules = self.setup.rules;
         self.begin(0, module.lineage);
+        // Deterministic L-system: the first production in file order that applies.
         if !self.setup.stochastic {
             for p in rules.of(module.symbol, arity) {
                 if self.applies(p, module, view, at)? {
@@ -98,6 +104,7 @@ impl<'p> Rewriter<'p> {
             }
             return Ok(None);
         }
+        // Stochastic L-system: collect every production that applies, with its variables, and draw one by weight.
         self.candidates.clear();
         self.saved.clear();
         for p in rules.of(module.symbol, arity) {
@@ -119,6 +126,7 @@ impl<'p> Rewriter<'p> {
 
     /// Index of the candidate drawn by weight.
     fn choose(&mut self, h: u64) -> Result<usize, Halt> {
+        // Weights have a stream of their own, so that their draws do not shift those of the successor.
         let resume = self.vm.clone_draws();
         self.begin(1, h);
         self.vm.number_from(1 << 32);

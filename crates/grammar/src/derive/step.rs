@@ -1,17 +1,17 @@
 //! One step: all modules are rewritten at once, blocks of them in parallel.
 
-use super::matching::{self, View};
-use super::rewriter::{Rewriter, Setup};
+use super::matching::{self, ContextView};
+use super::rewriter::{RewriteContext, Rewriter};
 use super::{Derivation, MAX_PARAMS, Modules};
 use crate::program::Rules;
 use crate::vm::{Halt, Purpose};
 use osier_base::par;
 
 /// Modules a block holds.
-const BLOCK: usize = 65_536;
+const BLOCK_MODULES: usize = 65_536;
 
 /// A block while it is rewritten.
-struct Part {
+struct BlockTask {
     range: std::ops::Range<usize>,
     modules: Modules,
     changed: bool,
@@ -26,10 +26,10 @@ impl<'g> Derivation<'g> {
         let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
         let partner = if needs_partners { matching::partners(&self.string, self.brackets) } else { Vec::new() };
         let setup = self.setup(rules, step);
-        let view = View { modules: &self.string, partner: &partner, hidden: &self.hidden };
+        let view = ContextView { modules: &self.string, partner: &partner, hidden: &self.hidden };
         let limit = usize::try_from(self.limits.get("modules")).unwrap_or(usize::MAX);
         let n = self.string.len();
-        if self.program.is_serial() || n <= BLOCK {
+        if self.program.is_serial() || n <= BLOCK_MODULES {
             let mut rewriter = Rewriter::new(setup, self.vm.clone());
             self.spare.clear();
             let changed = rewrite_range(&mut rewriter, view, 0..n, &mut self.spare, limit);
@@ -42,10 +42,10 @@ impl<'g> Derivation<'g> {
         let part = |i: usize| {
             let mut modules = self.pool.pop().unwrap_or_default();
             modules.clear();
-            let range = i * BLOCK..((i + 1) * BLOCK).min(n);
-            Part { range, modules, changed: false, vm: start.clone(), halt: None }
+            let range = i * BLOCK_MODULES..((i + 1) * BLOCK_MODULES).min(n);
+            BlockTask { range, modules, changed: false, vm: start.clone(), halt: None }
         };
-        let mut parts: Vec<Part> = (0..n.div_ceil(BLOCK)).map(part).collect();
+        let mut parts: Vec<BlockTask> = (0..n.div_ceil(BLOCK_MODULES)).map(part).collect();
         par::par_each(&mut parts, |part| {
             let mut rewriter = Rewriter::new(setup, part.vm.clone());
             let result = rewrite_range(&mut rewriter, view, part.range.clone(), &mut part.modules, limit);
@@ -57,11 +57,11 @@ impl<'g> Derivation<'g> {
     }
 
     /// How modules are rewritten in a step.
-    pub(super) fn setup<'p>(&self, rules: &'p Rules, step: u32) -> Setup<'p>
+    pub(super) fn setup<'p>(&self, rules: &'p Rules, step: u32) -> RewriteContext<'p>
     where
         'g: 'p,
     {
-        Setup {
+        RewriteContext {
             program: self.program,
             rules,
             stochastic: self.stochastic,
@@ -74,7 +74,7 @@ impl<'g> Derivation<'g> {
     }
 
     /// Joins rewritten blocks in order.
-    fn join(&mut self, parts: Vec<Part>, limit: usize) -> Result<bool, Halt> {
+    fn join(&mut self, parts: Vec<BlockTask>, limit: usize) -> Result<bool, Halt> {
         let before = self.vm.statements;
         let mut changed = false;
         self.spare.clear();
@@ -108,7 +108,7 @@ pub(super) fn check_size(out: &Modules, modules: usize, params: usize, limit: us
 /// Rewrites the modules of `range` into `out`; true if any production was applied.
 pub(super) fn rewrite_range(
     rewriter: &mut Rewriter<'_>,
-    view: View<'_>,
+    view: ContextView<'_>,
     range: std::ops::Range<usize>,
     out: &mut Modules,
     limit: usize,

@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use super::{Condition, Define, FrameKind, Macro, Preprocessor};
 use crate::compile;
-use crate::token::{Kind, Place, Token};
+use crate::token::{SourcePlace, Token, TokenKind};
 
 const WORDS: [&str; 11] =
     ["define", "undef", "include", "if", "ifdef", "ifndef", "elif", "else", "endif", "pragma", "error"];
@@ -21,7 +21,7 @@ impl Preprocessor<'_> {
         let starts_line = frame.pos < 2 || frame.tokens[frame.pos - 2].is_newline();
         let is_file = matches!(frame.kind, FrameKind::File { .. });
         let word = match frame.tokens.get(frame.pos).map(|t| t.kind) {
-            Some(Kind::Ident(w)) => self.reading.names.get(w),
+            Some(TokenKind::Ident(w)) => self.reading.names.get(w),
             _ => return false,
         };
         is_file && starts_line && WORDS.contains(&word)
@@ -41,12 +41,12 @@ impl Preprocessor<'_> {
     pub(super) fn directive(&mut self) {
         let line = self.rest_of_line();
         let Some((first, rest)) = line.split_first() else { return };
-        let Kind::Ident(word) = first.kind else { return };
+        let TokenKind::Ident(word) = first.kind else { return };
         let place = first.place;
         match self.reading.names.get(word).to_owned().as_str() {
             "define" => self.define(rest, place),
             "undef" => {
-                if let Some(Kind::Ident(name)) = rest.first().map(|t| t.kind) {
+                if let Some(TokenKind::Ident(name)) = rest.first().map(|t| t.kind) {
                     self.macros.remove(&name);
                 }
             }
@@ -57,7 +57,9 @@ impl Preprocessor<'_> {
             }
             "ifdef" | "ifndef" => {
                 let defined = match rest.first().map(|t| t.kind) {
-                    Some(Kind::Ident(name)) => self.macros.contains_key(&name) || self.overrides.contains_key(&name),
+                    Some(TokenKind::Ident(name)) => {
+                        self.macros.contains_key(&name) || self.overrides.contains_key(&name)
+                    }
                     _ => false,
                 };
                 let wanted = self.reading.names.get(word) == "ifdef";
@@ -82,7 +84,7 @@ impl Preprocessor<'_> {
         }
     }
 
-    fn begin_if(&mut self, value: bool, place: Place) {
+    fn begin_if(&mut self, value: bool, place: SourcePlace) {
         self.conditions.push(Condition { active: value, taken: value, place });
         if !value {
             self.skip();
@@ -97,6 +99,7 @@ impl Preprocessor<'_> {
             let Some(frame) = self.frames.last_mut() else { return };
             frame.pos += 1;
             let Some(first) = frame.tokens.get(frame.pos).copied() else { return };
+            // `at_directive` expects the `#` to be taken already.
             if !first.is('#') {
                 continue;
             }
@@ -105,7 +108,7 @@ impl Preprocessor<'_> {
                 continue;
             }
             let line = self.rest_of_line();
-            let Some(Kind::Ident(word)) = line.first().map(|t| t.kind) else { continue };
+            let Some(TokenKind::Ident(word)) = line.first().map(|t| t.kind) else { continue };
             let place = line[0].place;
             match self.reading.names.get(word) {
                 "if" | "ifdef" | "ifndef" => nested += 1,
@@ -130,34 +133,34 @@ impl Preprocessor<'_> {
     }
 
     /// Value of an `#if` expression.
-    fn condition(&mut self, tokens: &[Token], place: Place) -> bool {
+    fn condition(&mut self, tokens: &[Token], place: SourcePlace) -> bool {
         let mut list = Vec::new();
         let mut i = 0;
         while let Some(&t) = tokens.get(i) {
             i += 1;
-            let is_defined = matches!(t.kind, Kind::Ident(w) if self.reading.names.get(w) == "defined");
+            let is_defined = matches!(t.kind, TokenKind::Ident(w) if self.reading.names.get(w) == "defined");
             if !is_defined {
                 list.push(t);
                 continue;
             }
             let open = usize::from(tokens.get(i).is_some_and(|t| t.is('(')));
             let known = match tokens.get(i + open).map(|t| t.kind) {
-                Some(Kind::Ident(n)) => self.macros.contains_key(&n) || self.overrides.contains_key(&n),
+                Some(TokenKind::Ident(n)) => self.macros.contains_key(&n) || self.overrides.contains_key(&n),
                 _ => false,
             };
             i += 1 + 2 * open;
             let digit = self.reading.names.intern(if known { "1" } else { "0" });
-            list.push(Token { kind: Kind::Number(digit), ..t });
+            list.push(Token { kind: TokenKind::Number(digit), ..t });
         }
         let list = self.expand_list(list);
         compile::integer_condition(self.reading, &list, place)
     }
 
-    fn define(&mut self, rest: &[Token], place: Place) {
+    fn define(&mut self, rest: &[Token], place: SourcePlace) {
         let Some(head) = rest.first() else {
             return self.reading.error("L001", "#define without a name", place, "expected a name after this");
         };
-        let Kind::Ident(name) = head.kind else {
+        let TokenKind::Ident(name) = head.kind else {
             return self.reading.error("L001", "unexpected token, expected a macro name", head.place, "not a name");
         };
         let is_function = rest.get(1).is_some_and(|t| t.is('(') && t.glued);
@@ -165,7 +168,7 @@ impl Preprocessor<'_> {
             let Some(close) = rest.iter().position(|t| t.is(')')) else {
                 return self.reading.error("L004", "macro parameters are never closed", head.place, "opened here");
             };
-            let ident = |t: &Token| if let Kind::Ident(n) = t.kind { Some(n) } else { None };
+            let ident = |t: &Token| if let TokenKind::Ident(n) = t.kind { Some(n) } else { None };
             let params: Rc<[u32]> = rest[2..close].iter().filter_map(ident).collect();
             (Some(params), &rest[close + 1..])
         } else {
@@ -183,7 +186,7 @@ impl Preprocessor<'_> {
     }
 
     /// Keeps a macro without arguments for `osier list options`.
-    fn record_define(&mut self, name: u32, place: Place, body: &[Token], line: &[Token]) {
+    fn record_define(&mut self, name: u32, place: SourcePlace, body: &[Token], line: &[Token]) {
         let slice = |a: u32, b: u32| self.sources.text(place.span.source).get(a as usize..b as usize).unwrap_or("");
         let value = match (body.first(), body.last()) {
             (Some(a), Some(b)) if a.place.span.source == b.place.span.source => {
@@ -202,9 +205,9 @@ impl Preprocessor<'_> {
         self.defines.push(Define { name, value, span: place.span, comment });
     }
 
-    fn include(&mut self, rest: &[Token], place: Place) {
+    fn include(&mut self, rest: &[Token], place: SourcePlace) {
         let name = match rest.first().map(|t| t.kind) {
-            Some(Kind::Text(t)) => self.reading.names.get(t).to_owned(),
+            Some(TokenKind::Text(t)) => self.reading.names.get(t).to_owned(),
             _ => {
                 return self.reading.error("L006", "#include without a file name in quotes", place, "here");
             }

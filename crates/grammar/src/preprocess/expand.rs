@@ -2,8 +2,8 @@
 
 use std::rc::Rc;
 
-use super::{Frame, FrameKind, Macro, Preprocessor};
-use crate::token::{Expansion, Kind, Place, Token};
+use super::{FrameKind, Macro, Preprocessor, TokenFrame};
+use crate::token::{Expansion, SourcePlace, Token, TokenKind};
 
 /// Macros inside macros.
 const MAX_DEPTH: u32 = 256;
@@ -35,7 +35,7 @@ impl Preprocessor<'_> {
             if self.exhausted {
                 return None;
             }
-            if let Kind::Ident(name) = token.kind
+            if let TokenKind::Ident(name) = token.kind
                 && self.try_expand(name, &mut token)
             {
                 continue;
@@ -75,6 +75,7 @@ impl Preprocessor<'_> {
             return false;
         }
         let Some(found) = self.macros.get(&name).cloned() else { return false };
+        // C11 6.10.3.4: a macro met within its own expansion is not replaced, now or later; the bit records that.
         if self.frames.iter().any(|f| f.kind == FrameKind::Macro { name }) {
             token.place.origin |= PAINT;
             return false;
@@ -119,7 +120,7 @@ impl Preprocessor<'_> {
     }
 
     /// Reads a macro call's arguments, from its parenthesis to the matching one.
-    fn arguments(&mut self, call: Place) -> Option<Vec<Vec<Token>>> {
+    fn arguments(&mut self, call: SourcePlace) -> Option<Vec<Vec<Token>>> {
         let mut args = vec![Vec::new()];
         let mut depth = 0_u32;
         loop {
@@ -132,15 +133,15 @@ impl Preprocessor<'_> {
                 continue;
             };
             match token.kind {
-                Kind::Char('(') => depth += 1,
-                Kind::Char(')') => depth -= 1,
-                Kind::Newline { .. } => continue,
+                TokenKind::Char('(') => depth += 1,
+                TokenKind::Char(')') => depth -= 1,
+                TokenKind::Newline { .. } => continue,
                 _ => {}
             }
             match token.kind {
-                Kind::Char('(') if depth == 1 => {}
-                Kind::Char(')') if depth == 0 => return Some(args),
-                Kind::Char(',') if depth == 1 => args.push(Vec::new()),
+                TokenKind::Char('(') if depth == 1 => {}
+                TokenKind::Char(')') if depth == 0 => return Some(args),
+                TokenKind::Char(',') if depth == 1 => args.push(Vec::new()),
                 _ => {
                     if let Some(last) = args.last_mut() {
                         last.push(token);
@@ -161,7 +162,7 @@ impl Preprocessor<'_> {
         }
         self.depth += 1;
         let base = self.frames.len();
-        self.frames.push(Frame { tokens: tokens.into(), pos: 0, kind: FrameKind::List });
+        self.frames.push(TokenFrame { tokens: tokens.into(), pos: 0, kind: FrameKind::List });
         let glue = std::mem::take(&mut self.break_glue);
         let mut out = Vec::new();
         while let Some(t) = self.next(base.max(1)) {
@@ -173,7 +174,7 @@ impl Preprocessor<'_> {
         out
     }
 
-    fn push_body(&mut self, name: u32, found: &Macro, used_at: Place, args: &[Vec<Token>]) {
+    fn push_body(&mut self, name: u32, found: &Macro, used_at: SourcePlace, args: &[Vec<Token>]) {
         self.reading.expansions.push(Expansion { name, used_at });
         let origin = u32::try_from(self.reading.expansions.len()).unwrap_or(0) & !PAINT;
         let params: &[u32] = found.params.as_deref().unwrap_or(&[]);
@@ -181,7 +182,7 @@ impl Preprocessor<'_> {
         let mut after_arg = false;
         for token in found.body.iter() {
             let arg = match token.kind {
-                Kind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i)),
+                TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i)),
                 _ => None,
             };
             if let Some(arg) = arg {
@@ -189,7 +190,7 @@ impl Preprocessor<'_> {
                 body.extend(arg.iter().enumerate().map(|(i, t)| Token { glued: t.glued && i > 0, ..*t }));
                 after_arg = true;
             } else {
-                let place = Place { origin, ..token.place };
+                let place = SourcePlace { origin, ..token.place };
                 body.push(Token { place, glued: token.glued && !after_arg, ..*token });
                 after_arg = false;
             }
@@ -198,7 +199,7 @@ impl Preprocessor<'_> {
             }
         }
         self.break_glue = true;
-        self.frames.push(Frame { tokens: Rc::from(body), pos: 0, kind: FrameKind::Macro { name } });
+        self.frames.push(TokenFrame { tokens: Rc::from(body), pos: 0, kind: FrameKind::Macro { name } });
     }
 }
 

@@ -1,9 +1,9 @@
 //! Files of other programs whose names end alike, known by their first telling line.
 
-use crate::token::{Kind, Names, Place, Token};
+use crate::token::{Names, SourcePlace, Token, TokenKind};
 
 /// The program that a file is written for, and the line that tells, if it is one whose language is not read.
-pub(super) fn foreign(names: &Names, tokens: &[Token]) -> Option<(&'static str, Place)> {
+pub(super) fn foreign(names: &Names, tokens: &[Token]) -> Option<(&'static str, SourcePlace)> {
     tokens.split(Token::is_newline).find_map(|line| {
         let (first, last) = (line.first()?, line.last()?);
         Some((program(names, line)?, first.place.to(last.place)))
@@ -13,7 +13,7 @@ pub(super) fn foreign(names: &Names, tokens: &[Token]) -> Option<(&'static str, 
 /// The program whose files alone have such a line.
 fn program(names: &Names, line: &[Token]) -> Option<&'static str> {
     let (first, last) = (line.first()?, line.last()?);
-    let word = |t: &Token| if let Kind::Ident(n) = t.kind { names.get(n) } else { "" };
+    let word = |t: &Token| if let TokenKind::Ident(n) = t.kind { names.get(n) } else { "" };
     match word(first) {
         "module" | "produce" if last.is(';') && line.len() > 2 => Some("L+C"),
         "def" if last.is(':') && line.len() > 3 => Some("L-Py"),

@@ -1,6 +1,6 @@
 //! Bytes to text to tokens: encodings, spliced lines, comments.
 
-use crate::token::{Kind, Place, Reading, Token};
+use crate::token::{Reading, SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::{SourceId, Span};
 
 /// Text of a file's bytes and whether they had to be read as Latin-1. A byte order mark is dropped.
@@ -88,7 +88,7 @@ impl Lexer<'_> {
                     continue;
                 }
                 '\0' => {
-                    let place = Place::bare(Span::new(self.source, start, start + 1));
+                    let place = SourcePlace::bare(Span::new(self.source, start, start + 1));
                     self.reading.error("L001", "unexpected NUL byte, expected text", place, "NUL byte");
                     self.i += 1;
                     continue;
@@ -96,7 +96,7 @@ impl Lexer<'_> {
                 _ => {}
             }
             let kind = self.token(c);
-            let place = Place::bare(Span::new(self.source, start, self.last_end()));
+            let place = SourcePlace::bare(Span::new(self.source, start, self.last_end()));
             self.out.tokens.push(Token { kind, place, glued });
             glued = true;
         }
@@ -112,8 +112,8 @@ impl Lexer<'_> {
 
     fn newline(&mut self, start: usize) {
         let tab = self.peek(0) == Some('\t');
-        let place = Place::bare(Span::new(self.source, start, (start + 1).min(self.end)));
-        let kind = Kind::Newline { indented: tab || self.peek(0) == Some(' '), tab };
+        let place = SourcePlace::bare(Span::new(self.source, start, (start + 1).min(self.end)));
+        let kind = TokenKind::Newline { indented: tab || self.peek(0) == Some(' '), tab };
         self.out.tokens.push(Token { kind, place, glued: false });
     }
 
@@ -126,19 +126,19 @@ impl Lexer<'_> {
         text
     }
 
-    fn token(&mut self, c: char) -> Kind {
+    fn token(&mut self, c: char) -> TokenKind {
         let digit_after_dot = c == '.' && self.peek(1).is_some_and(|d| d.is_ascii_digit());
         if c.is_ascii_alphabetic() || c == '_' {
             let text = self.take_while(|c| c.is_ascii_alphanumeric() || c == '_');
-            Kind::Ident(self.reading.names.intern(&text))
+            TokenKind::Ident(self.reading.names.intern(&text))
         } else if c.is_ascii_digit() || digit_after_dot {
             let text = self.number();
-            Kind::Number(self.reading.names.intern(&text))
+            TokenKind::Number(self.reading.names.intern(&text))
         } else if c == '"' {
             self.string()
         } else {
             self.i += 1;
-            Kind::Char(c)
+            TokenKind::Char(c)
         }
     }
 
@@ -164,15 +164,15 @@ impl Lexer<'_> {
     }
 
     /// A quoted text on one line; a quote without a partner is a symbol like any other.
-    fn string(&mut self) -> Kind {
+    fn string(&mut self) -> TokenKind {
         let line = self.chars[self.i + 1..].iter().take_while(|c| c.1 != '\n');
         let Some(length) = line.map(|c| c.1).position(|c| c == '"') else {
             self.i += 1;
-            return Kind::Char('"');
+            return TokenKind::Char('"');
         };
         let text: String = self.chars[self.i + 1..self.i + 1 + length].iter().map(|c| c.1).collect();
         self.i += length + 2;
-        Kind::Text(self.reading.names.intern(&text))
+        TokenKind::Text(self.reading.names.intern(&text))
     }
 
     fn comment(&mut self) {
@@ -187,7 +187,7 @@ impl Lexer<'_> {
                 self.i += 1;
             }
             if self.peek(0).is_none() {
-                let place = Place::bare(Span::new(self.source, start, start + 2));
+                let place = SourcePlace::bare(Span::new(self.source, start, start + 2));
                 self.reading.error("L004", "unterminated comment", place, "opened here, never closed by '*/'");
             }
             self.i = (self.i + 2).min(self.chars.len());

@@ -8,7 +8,7 @@ mod lexer;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use super::token::{Place, Reading, Token};
+use super::token::{Reading, SourcePlace, Token};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Sources, Span, nearest};
 use osier_base::limits::Limits;
@@ -48,7 +48,7 @@ enum FrameKind {
 }
 
 #[derive(Debug, Clone)]
-struct Frame {
+struct TokenFrame {
     tokens: Rc<[Token]>,
     pos: usize,
     kind: FrameKind,
@@ -59,7 +59,7 @@ struct Frame {
 struct Condition {
     active: bool,
     taken: bool,
-    place: Place,
+    place: SourcePlace,
 }
 
 /// The state of one run.
@@ -70,7 +70,7 @@ struct Preprocessor<'a> {
     overrides: BTreeMap<u32, Rc<[Token]>>,
     used_overrides: Vec<u32>,
     macros: BTreeMap<u32, Macro>,
-    frames: Vec<Frame>,
+    frames: Vec<TokenFrame>,
     /// Shown names of the open files, outermost first.
     files: Vec<String>,
     comments: Vec<Span>,
@@ -163,7 +163,7 @@ impl Preprocessor<'_> {
     fn open(&mut self, name: &str, bytes: &[u8]) {
         let (text, latin1) = lexer::decode(bytes);
         let source = self.sources.add(name, text.as_str());
-        let start = Place::start_of(source);
+        let start = SourcePlace::start_of(source);
         if bytes.len() as u64 > self.limits.get("text-bytes") {
             let message = format!("\"{name}\" is larger than --max-text-bytes");
             self.reading.error_help("L005", message, start, "shorten the file, or raise the limit");
@@ -183,7 +183,7 @@ impl Preprocessor<'_> {
         }
         self.comments.extend(lexed.comments);
         let kind = FrameKind::File { conditions: self.conditions.len() };
-        self.frames.push(Frame { tokens: lexed.tokens.into(), pos: 0, kind });
+        self.frames.push(TokenFrame { tokens: lexed.tokens.into(), pos: 0, kind });
         self.files.push(name.to_owned());
     }
 
@@ -217,7 +217,7 @@ impl Preprocessor<'_> {
                 None => format!("known: {}", names.join(", ")),
             };
             let place = tokens.first().map(|t| t.place);
-            let place = place.or_else(|| self.sources.ids().next().map(Place::start_of));
+            let place = place.or_else(|| self.sources.ids().next().map(SourcePlace::start_of));
             if let Some(place) = place {
                 let message = format!("no #define is named '{word}'");
                 let d = Diagnostic::error("L002", message, place.span, "this value has no place to go").help(help);

@@ -1,59 +1,84 @@
-//! Steps of modules that do not look at each other: pieces of the string are derived to the end one after the other, each
-//! while it is in the processor's cache, and several at once. The string is the one that step by step would give.
+//! Derivation in chunks, for grammars whose modules are rewritten independently of each other: each chunk of the string is
+//! derived through all remaining steps while it is in the processor's cache, several chunks in parallel. The resulting
+//! string equals that of the derivation step by step.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::matching::View;
+use super::matching::ContextView;
 use super::rewriter::Rewriter;
 use super::step::rewrite_range;
 use super::{Derivation, MAX_PARAMS, Modules};
 use crate::vm::Halt;
 use osier_base::par::par_map;
 
-/// Modules from which a string is worth being taken apart.
-const WORTH: usize = 1024;
-/// Modules of a piece at first.
-const PIECE: usize = 64;
-/// Modules at which a piece is cut up again: as many as a cache holds.
-const LARGE: usize = 8192;
-/// Modules of what it is cut into.
-const CUT: usize = 1024;
+/// Modules of the shortest string that is derived in chunks; shorter ones do not repay the set-up.
+const MIN_CHUNKED_STRING: usize = 1024;
+/// Modules of a chunk at the start; smaller chunks balance the threads better, larger ones cost less set-up.
+const INITIAL_CHUNK: usize = 64;
+/// Modules above which a chunk is split again, so that its arrays stay in the cache.
+const MAX_CHUNK: usize = 8192;
+/// Modules of the chunks that a split makes.
+const SPLIT_CHUNK: usize = 1024;
 
-/// Modules and parameters of the string after a step.
-type Size = [u64; 2];
+/// Length of a string.
+#[derive(Debug, Clone, Copy, Default)]
+struct StringLength {
+    modules: u64,
+    /// Parameters of all modules together.
+    params: u64,
+}
 
-/// What a piece became.
-struct Grown {
+impl StringLength {
+    fn plus(self, other: Self) -> Self {
+        Self { modules: self.modules + other.modules, params: self.params + other.params }
+    }
+}
+
+/// Counters that all chunks add to, so that a limit stops every one of them.
+struct SharedCounters {
+    /// Modules of finished chunks.
+    finished: AtomicU64,
+    /// Modules rewritten, over all steps.
+    rewritten: AtomicU64,
+}
+
+/// A chunk after all steps.
+struct DerivedChunk {
     modules: Modules,
-    /// By step.
-    sizes: Vec<Size>,
+    /// Length after each step.
+    lengths: Vec<StringLength>,
     statements: u64,
     /// Last step that changed anything.
     changed: u32,
 }
 
 impl Derivation<'_> {
-    /// Takes all steps that are left after `step`, if no module asks what stands beside it or what others did. False if
-    /// they must be taken one by one, as well where something has to be said of them: the words then name their step.
+    /// Derives all steps that follow `step` in chunks, if the grammar rewrites modules independently. False, with the string
+    /// unchanged, if it does not, or if a warning or a limit occurs that must name its step: the caller then goes step by
+    /// step.
     /// # Errors
     /// `Work` beyond the limit.
-    pub(super) fn rest_apart(&mut self, step: u32) -> Result<bool, Halt> {
-        if step >= self.length || self.string.len() < WORTH || self.held_together || !self.modules_keep_apart() {
+    pub(super) fn derive_rest_in_chunks(&mut self, step: u32) -> Result<bool, Halt> {
+        if step >= self.length
+            || self.string.len() < MIN_CHUNKED_STRING
+            || self.must_stay_whole
+            || !self.modules_are_independent()
+        {
             return Ok(false);
         }
-        let work = AtomicU64::new(self.work);
-        let grown = self.all_grown(step, &work);
-        if work.into_inner() > self.limits.get("work") {
+        let counters = SharedCounters { finished: AtomicU64::new(0), rewritten: AtomicU64::new(self.work) };
+        let chunks = self.derive_chunks(step, &counters);
+        if counters.rewritten.into_inner() > self.limits.get("work") {
             return Err(Halt::Work);
         }
-        let Some(grown) = grown else {
-            self.held_together = true;
+        let Some(chunks) = chunks else {
+            self.must_stay_whole = true;
             return Ok(false);
         };
-        self.vm.statements += grown.iter().map(|g| g.statements).sum::<u64>();
+        self.vm.statements += chunks.iter().map(|g| g.statements).sum::<u64>();
         self.string.clear();
-        grown.iter().for_each(|g| self.string.extend(&g.modules, 0..g.modules.len()));
-        let changed = grown.iter().map(|g| g.changed).max().unwrap_or(0);
+        chunks.iter().for_each(|g| self.string.extend(&g.modules, 0..g.modules.len()));
+        let changed = chunks.iter().map(|g| g.changed).max().unwrap_or(0);
         if changed > 0 {
             self.idle_from = (changed < self.length).then_some(changed + 1);
         } else {
@@ -64,23 +89,23 @@ impl Derivation<'_> {
         Ok(true)
     }
 
-    /// What pieces of the string become after all steps that follow `step`; `None` if they must be taken together.
-    /// `work`: modules rewritten, added to.
-    fn all_grown(&self, step: u32, work: &AtomicU64) -> Option<Vec<Grown>> {
+    /// The chunks of the string after all steps that follow `step`; `None` if the string must be derived step by step.
+    fn derive_chunks(&self, step: u32, counters: &SharedCounters) -> Option<Vec<DerivedChunk>> {
         let limit = self.limits.get("modules");
-        let kept = AtomicU64::new(0);
-        let pieces = self.string.pieces(PIECE);
-        let grown = par_map(&pieces, |piece| self.grown(piece.clone(), step, (&kept, work), limit));
-        let grown = grown.into_iter().collect::<Option<Vec<Grown>>>()?;
-        let statements = grown.iter().fold(self.vm.statements, |sum, g| sum + g.statements);
-        let fits = |[modules, params]: Size| modules <= limit && params <= MAX_PARAMS as u64;
-        let sized = |at: usize| grown.iter().fold([0, 0], |[m, p], g| [m + g.sizes[at][0], p + g.sizes[at][1]]);
-        let all_fit = (0..(self.length - step) as usize).all(|at| fits(sized(at)));
-        (statements <= self.vm.statement_limit && all_fit).then_some(grown)
+        let pieces = self.string.pieces(INITIAL_CHUNK);
+        let chunks = par_map(&pieces, |piece| self.derive_chunk(piece.clone(), step, counters));
+        let chunks = chunks.into_iter().collect::<Option<Vec<DerivedChunk>>>()?;
+        let statements = chunks.iter().fold(self.vm.statements, |sum, g| sum + g.statements);
+        // A step whose whole string would pass a limit is only visible in the sum over all chunks.
+        let length_at = |at: usize| chunks.iter().fold(StringLength::default(), |sum, g| sum.plus(g.lengths[at]));
+        let all_fit = (0..(self.length - step) as usize)
+            .map(length_at)
+            .all(|l| l.modules <= limit && l.params <= MAX_PARAMS as u64);
+        (statements <= self.vm.statement_limit && all_fit).then_some(chunks)
     }
 
     /// True if what becomes of a module depends on nothing but itself and the step.
-    fn modules_keep_apart(&self) -> bool {
+    fn modules_are_independent(&self) -> bool {
         let program = self.program;
         let blocks = &program.blocks;
         blocks.start_each.is_none()
@@ -91,63 +116,65 @@ impl Derivation<'_> {
             && program.rules.list.iter().all(|p| p.is_context_free())
     }
 
-    /// A piece after all steps that follow `step`; `None` if anything has to be said of it, or if all pieces together pass the
-    /// limit. `kept`: modules of finished pieces.
-    fn grown(&self, piece: Modules, step: u32, (kept, work): (&AtomicU64, &AtomicU64), limit: u64) -> Option<Grown> {
+    /// A chunk after all steps that follow `step`; `None` after a warning, or if all chunks together pass a limit.
+    fn derive_chunk(&self, piece: Modules, step: u32, counters: &SharedCounters) -> Option<DerivedChunk> {
+        let limit = self.limits.get("modules");
         let most = self.limits.get("work");
         let mut vm = self.vm.clone();
         (vm.events.0, vm.statements) = (Vec::new(), 0);
-        let mut worker = Worker {
+        let mut worker = ChunkDeriver {
             derivation: self,
             rewriter: Rewriter::new(self.setup(&self.program.rules, step), vm),
             settles: self.nothing_can_change(),
             from: step,
             spare: Modules::default(),
-            sizes: vec![[0; 2]; (self.length - step) as usize],
+            lengths: vec![StringLength::default(); (self.length - step) as usize],
             changed: 0,
             work: 0,
         };
+        // Depth first, leftmost chunk on top: finished chunks are appended in the order of the string.
         let mut modules = Modules::default();
         let mut waiting = vec![(piece, step)];
         while let Some((mut piece, seen)) = waiting.pop() {
             let before = worker.work;
             let seen = worker.step(&mut piece, seen, limit)?;
             let spent = worker.work - before;
-            if work.fetch_add(spent, Ordering::Relaxed).saturating_add(spent) > most {
+            if counters.rewritten.fetch_add(spent, Ordering::Relaxed).saturating_add(spent) > most {
                 return None;
             }
             if seen < self.length {
-                waiting.extend(piece.pieces(CUT).into_iter().rev().map(|p| (p, seen)));
+                waiting.extend(piece.pieces(SPLIT_CHUNK).into_iter().rev().map(|p| (p, seen)));
                 continue;
             }
             modules.extend(&piece, 0..piece.len());
             let added = piece.len() as u64;
-            if kept.fetch_add(added, Ordering::Relaxed) + added > limit {
+            if counters.finished.fetch_add(added, Ordering::Relaxed) + added > limit {
                 return None;
             }
         }
-        let Worker { rewriter, sizes, changed, .. } = worker;
-        Some(Grown { modules, sizes, statements: rewriter.vm.statements, changed })
+        let ChunkDeriver { rewriter, lengths, changed, .. } = worker;
+        Some(DerivedChunk { modules, lengths, statements: rewriter.vm.statements, changed })
     }
 }
 
-/// Takes steps of pieces.
-struct Worker<'d, 'g> {
+/// Derives chunks one after the other.
+struct ChunkDeriver<'d, 'g> {
     derivation: &'d Derivation<'g>,
     rewriter: Rewriter<'d>,
     /// True if what did not change in one step does not in the next.
     settles: bool,
-    /// The step that all pieces have seen.
+    /// Step of the string that the chunks were cut from.
     from: u32,
     spare: Modules,
-    sizes: Vec<Size>,
+    /// Length after each step, over the chunks so far.
+    lengths: Vec<StringLength>,
     changed: u32,
     /// Modules rewritten.
     work: u64,
 }
 
-impl Worker<'_, '_> {
-    /// Steps a piece on until it is large or has seen all steps; the last step that it has seen. `None` as of
+impl ChunkDeriver<'_, '_> {
+    /// Derives a chunk until it must be split or all steps are done; returns the last step done. `None` as of
     /// [`Derivation::grown`].
     fn step(&mut self, piece: &mut Modules, seen: u32, limit: u64) -> Option<u32> {
         let length = self.derivation.length;
@@ -155,7 +182,7 @@ impl Worker<'_, '_> {
             (self.rewriter.vm.step, self.rewriter.setup.step, self.rewriter.setup.birth) = (step, Some(step), step);
             self.spare.clear();
             self.work = self.work.saturating_add(piece.len() as u64);
-            let view = View { modules: piece, partner: &[], hidden: &self.derivation.hidden };
+            let view = ContextView { modules: piece, partner: &[], hidden: &self.derivation.hidden };
             let most = usize::try_from(limit).unwrap_or(usize::MAX);
             let changed = rewrite_range(&mut self.rewriter, view, 0..piece.len(), &mut self.spare, most).ok()?;
             if !self.rewriter.vm.events.0.is_empty() || self.rewriter.vm.stopped {
@@ -164,8 +191,10 @@ impl Worker<'_, '_> {
             std::mem::swap(piece, &mut self.spare);
             let done = !changed && self.settles;
             let counted = if done { length } else { step };
-            for size in &mut self.sizes[(step - self.from - 1) as usize..(counted - self.from) as usize] {
-                *size = [size[0] + piece.len() as u64, size[1] + piece.param_count() as u64];
+            // A chunk at rest keeps its length through all later steps.
+            let now = StringLength { modules: piece.len() as u64, params: piece.param_count() as u64 };
+            for length in &mut self.lengths[(step - self.from - 1) as usize..(counted - self.from) as usize] {
+                *length = length.plus(now);
             }
             if changed {
                 self.changed = self.changed.max(step);
@@ -173,7 +202,7 @@ impl Worker<'_, '_> {
             if done {
                 return Some(length);
             }
-            if piece.len() > LARGE {
+            if piece.len() > MAX_CHUNK {
                 return Some(step);
             }
         }
@@ -209,7 +238,7 @@ mod tests {
         let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
         let derived = derive(&grammar, &options, &limits).expect("derives");
         let (string, idle) = stepwise(&text);
-        assert!(string.len() > WORTH, "{} modules prove nothing", string.len());
+        assert!(string.len() > MIN_CHUNKED_STRING, "{} modules prove nothing", string.len());
         assert_eq!(derived.modules, string, "{rules}");
         let said = derived.warnings.iter().find(|d| d.code == "L054").map(|d| d.message.clone());
         let wanted = (idle < length).then(|| format!("nothing changes from step {idle} on"));
@@ -224,7 +253,7 @@ mod tests {
             14,
             "A(x) --> F(x+ran(1)) [ A(x+1) ] A(nran(0,2))\nB : Q%3==0 --> B C\nC --> \nB --> B D(1)\nD(n) : n<5 --> D(n+1)",
         );
-        assert!(string.len() > LARGE && steps == 14);
+        assert!(string.len() > MAX_CHUNK && steps == 14);
         // Alternatives by weight.
         both(13, "A(x) --> A(x) F A(x+1) :3\nA(x) --> F(x) A(x) [ A(0) ] :2");
         // Comes to rest, some pieces before others.
