@@ -47,9 +47,9 @@ impl TimeNoise {
 /// One coordinate of the noise lattice: cell, and position in the cell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NoiseCoordinate {
-    /// 0 to the period less 1.
+    /// Lattice point below, 0 to the period less 1.
     cell: i32,
-    /// 0 to 1.
+    /// Position above the lattice point, 0 to 1.
     fraction: f32,
 }
 

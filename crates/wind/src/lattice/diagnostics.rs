@@ -114,7 +114,7 @@ impl PlaneDiagnostics {
     }
 }
 
-/// False for NaN.
+/// Whether a density less 1 is within [`DENSITY_RANGE`]; false for NaN.
 #[inline(always)]
 fn in_range(drho: f32) -> bool {
     (drho > DENSITY_RANGE[0] - 1.0) & (drho < DENSITY_RANGE[1] - 1.0)

@@ -258,6 +258,7 @@ impl ExchangeBuilder<'_> {
         let (mut scatter, mut halo): (Vec<SpanCopy>, Vec<RowHaloCopy>) = (Vec::new(), Vec::new());
         let mut last: Option<PlaneNode> = None;
         for GhostLink { incoming, to, ghost, sent } in &self.ghost_links {
+            // A population that arrives at the end of a row goes to the row halo, consecutive ones in one copy.
             let at = slots[*ghost].index_of(*sent);
             let cell = [to.element % grid.row_stride, to.element / grid.row_stride];
             if let Some(halo_index) = RowHalo::index_of(grid, *incoming, cell) {
@@ -275,6 +276,7 @@ impl ExchangeBuilder<'_> {
                 }
                 continue;
             }
+            // Any other goes to its slot; nodes at one stride with consecutive buffer indices share a copy.
             if let (Some(copy), Some(first)) = (scatter.last_mut(), last) {
                 let (count, stride) = (to_usize(copy.span.count), to_usize(copy.span.stride));
                 let stride = NodeRun { first, count, stride }.stride_to(*to, grid.row_stride);
@@ -311,6 +313,7 @@ impl ExchangeBuilder<'_> {
     /// at the ends of rows.
     fn number_open_cells(&mut self, planes: &mut [PlaneLinks]) -> Result<Vec<NodeSpan>> {
         let [_, rows, _] = self.domain.grid.n;
+        // Open cells that are not in columns, once each, in the order of planes and rows.
         let air = self.nearest.iter().zip(&self.ghosts).filter(|(_, g)| !g.before_solid).map(|(cell, _)| *cell);
         let mut cells: Vec<[usize; 3]> = air.filter(|c| self.open_end(c[0]).is_none()).collect();
         cells.sort_by_key(|c| (c[2], c[1], c[0]));
@@ -318,6 +321,7 @@ impl ExchangeBuilder<'_> {
         let mut number: BTreeMap<[usize; 3], u32> = BTreeMap::new();
         let (mut runs, mut at): (Vec<NodeRun>, usize) = (Vec::new(), 0);
         let mut cells = cells.iter().peekable();
+        // Per plane: first whole columns at open ends of rows, then the other open cells, joined to runs of one stride.
         for (z, plane) in planes.iter_mut().enumerate() {
             for end in 0..2 {
                 if self.domain.faces[end].is_open() {
@@ -341,6 +345,7 @@ impl ExchangeBuilder<'_> {
                 runs.push(NodeRun { first: node, count: 1, stride: 1 });
             }
         }
+        // Each ghost node reads the moments of its nearest cell under this number.
         for k in 0..self.ghosts.len() {
             let cell = self.nearest[k];
             self.ghosts[k].open_cell = match self.open_end(cell[0]).and_then(|end| planes[cell[2]].columns[end]) {

@@ -24,7 +24,7 @@ pub(super) struct FlowState {
     pub tables: StepTables,
     pub exchange: BoundaryExchange,
     pub populations: Populations,
-    /// Steps done.
+    /// Time steps done since rest.
     pub step: u64,
 }
 
@@ -122,7 +122,7 @@ impl FlowState {
         moments(&self.outgoing(cell))
     }
 
-    /// Checks every cell.
+    /// Reads density and checkerboard of every cell without doing a step.
     pub(super) fn diagnose(&self) -> FlowDiagnostics {
         let mut planes: Vec<_> = (0..self.domain.grid.n[2]).map(|z| (z, None)).collect();
         self.read_planes(&mut planes)

@@ -55,7 +55,7 @@ pub struct LatticeSolver {
     profile_deviation: Vec<[f64; 2]>,
     fluid_cells: usize,
     pub(super) stats: LatticeStats,
-    /// Frames done.
+    /// Snapshots delivered so far.
     frames: u32,
     /// The last snapshots, whose memory is reused.
     past: VecDeque<Arc<WindSnapshot>>,
@@ -145,12 +145,12 @@ impl LatticeSolver {
         &self.grid
     }
 
-    /// Warnings so far.
+    /// Warnings of setup and of the steps done so far, each kind once.
     pub fn warnings(&self) -> &[LatticeWarning] {
         &self.warnings
     }
 
-    /// Statistics so far.
+    /// Statistics of the steps done so far.
     pub fn stats(&self) -> LatticeStats {
         self.stats
     }

@@ -59,7 +59,7 @@ pub(super) struct BoundaryInputs<'a> {
 pub(super) struct StepContext<'a> {
     pub tables: &'a StepTables,
     pub domain: &'a Domain,
-    /// Of the first step.
+    /// Parity of the first step.
     pub parity: StepParity,
     pub first: BoundaryInputs<'a>,
     /// With an even `parity`: do the odd step in the same pass, with these inputs.

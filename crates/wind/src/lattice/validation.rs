@@ -364,6 +364,7 @@ fn the_production_code_is_the_plain_one() {
     ];
     let make = || cells(n, faces, |[x, y, z]| (10..14).contains(&x) && y < 8 && (3..8).contains(&z));
     let tau = 0.5005;
+    // The reference solver, in double precision with two copies of the populations.
     let mut plain = ReferenceSolver::new(make(), tau, smagorinsky_factor(0.16));
     let sponge: Vec<f64> = (0..n[0])
         .map(|x| {
@@ -381,12 +382,14 @@ fn the_production_code_is_the_plain_one() {
         ground: ground.clone(),
         force: [0.0; 3],
     };
+    // The production solver with the same parameters, in single precision and in place.
     let mut ours = FlowState::new(make(), v, false).expect("memory");
     let inlets = ours.exchange.open_boundary.inlet_positions();
     let log = |y: isize| (((y as f64 + 0.5) / 0.1).max(0.0) + 1.0).ln() / 201.0_f64.ln();
     let growth = |y: isize| if y < 0 { 0.0 } else { 1.0 / (y as f64 + 0.6) / 201.0_f64.ln() };
     let leans = |y: isize| shear_coefficient(f64::from(ground.min_tau_at(y.max(0) as usize, tau as f32)), growth(y));
     let leaning: Vec<f32> = inlets.iter().map(|p| leans(p[1]) as f32).collect();
+    // Ramp up the inflow, then compare the velocities of all fluid cells.
     for step in 1..=600 {
         let t = (step as f64 / 100.0).min(1.0);
         let ramp = 0.08 * t * t * (3.0 - 2.0 * t);
