@@ -90,7 +90,7 @@ pub struct Recipe {
 }
 
 /// Gravity where no rain has one, m/s^2.
-const EARTH: f64 = 9.81;
+const EARTH: f64 = osier_base::physics::GRAVITY;
 
 impl Recipe {
     /// False in a calm.

@@ -141,6 +141,6 @@ impl Looks {
 
     /// Index of refraction.
     pub(super) fn ior(&self, id: MaterialId) -> f32 {
-        self.material(id).map_or(1.333, |m| m.ior)
+        self.material(id).map_or(osier_base::physics::WATER_IOR, |m| m.ior)
     }
 }

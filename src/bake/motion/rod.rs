@@ -25,7 +25,7 @@ use osier_scene::{
 use osier_wind::Wind;
 
 /// Density of the balls that weights are shown as, kg/m^3.
-const WATER: f64 = 998.0;
+const WATER: f64 = osier_base::physics::WATER_DENSITY;
 
 /// Rods that hang together, ready for the scene.
 pub struct RodAsset {

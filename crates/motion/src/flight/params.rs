@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use osier_base::geometry::Bounds;
 
 /// Acceleration of free fall, m/s^2.
-const GRAVITY: f64 = 9.81;
+const GRAVITY: f64 = osier_base::physics::GRAVITY;
 
 /// A kind of catkin that flies.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -10,7 +10,7 @@ use osier_base::{Error, Result};
 use osier_wind::Wind;
 
 /// Density of air, kg/m^3.
-pub(crate) const AIR_DENSITY: f64 = 1.225;
+pub(crate) const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
 /// How often a frame's steps are halved before it is given up.
 pub(crate) const MAX_STEP_HALVINGS: u32 = 4;
 /// Most steps of a frame that an explicit scheme may ask for.

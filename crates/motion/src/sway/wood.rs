@@ -1,7 +1,7 @@
 //! What wood and leaves are made of, as far as wind can tell.
 
 /// Density of air, kg/m^3.
-pub const AIR_DENSITY: f64 = 1.225;
+pub const AIR_DENSITY: f64 = osier_base::physics::AIR_DENSITY;
 /// Wind at which leaves begin to fold away, m/s.
 pub const LEAF_FOLD_SPEED: f64 = 8.0;
 

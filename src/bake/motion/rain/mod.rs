@@ -41,7 +41,7 @@ const DEFAULT_SUBSTEPS: u32 = 8;
 const KEY: u64 = 64;
 const HELD: &str = "the number of leaves and raindrops times frames";
 /// Index of refraction of water.
-const WATER: f32 = 1.333;
+const WATER: f32 = osier_base::physics::WATER_IOR;
 
 /// A leaf of the scene.
 pub struct SceneLeaf {

@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 use osier_base::math;
 
 /// Density of water, kg/m^3, and its surface tension, N/m.
-pub const WATER: f64 = 998.0;
+pub const WATER: f64 = osier_base::physics::WATER_DENSITY;
 /// See [`WATER`].
-pub const TENSION: f64 = 0.0728;
+pub const TENSION: f64 = osier_base::physics::WATER_SURFACE_TENSION;
 
 /// How drops are shaped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

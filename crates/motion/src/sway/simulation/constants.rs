@@ -9,7 +9,7 @@ use crate::sway::elements::{BeamElement, BeamElements, LoadStation};
 use crate::sway::wood::{AIR_DENSITY, WoodParams};
 
 /// m/s^2.
-const GRAVITY: f64 = 9.81;
+const GRAVITY: f64 = osier_base::physics::GRAVITY;
 /// Damping of a second mode over the first's.
 const SECOND_MODE_DAMPING: f64 = 1.5;
 
