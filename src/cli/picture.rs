@@ -40,12 +40,12 @@ pub fn run(context: &Context, args: &Grow, recipe: &Recipe, warned: bool) -> Res
     let (folder, parent) = beside(context, args)?;
     if is_exr {
         let comment = json!({ "map": "density", "ifs": cloud.system.name, "seed": recipe.seed.to_string(), "scene": recipe.hash });
-        let size = (density.width, density.height);
-        folder.write(&name, "exr.density", &exr::floats(size, 1, &density.value, &comment.to_string())?)?;
+        let (width, height) = (density.width, density.height);
+        folder.write(&name, "exr.density", &exr::floats(width, height, 1, &density.value, &comment.to_string())?)?;
         if !density.color.is_empty() {
             let stem = name.rsplit_once('.').map_or(name.as_str(), |(s, _)| s);
             let samples: Vec<f32> = density.color.iter().flatten().copied().collect();
-            let bytes = exr::floats(size, 3, &samples, &comment.to_string())?;
+            let bytes = exr::floats(width, height, 3, &samples, &comment.to_string())?;
             folder.write(&format!("{stem}.color.exr"), "exr.color", &bytes)?;
         }
     } else {

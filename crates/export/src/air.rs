@@ -40,7 +40,7 @@ impl Exporter for Air {
             let path = format!("wind/{}.{}.{ending}", grid.name, scene.clip.tag(frame.number));
             let Some(mut out) = self.folder.create(&path, kind, Some(frame.number))? else { continue };
             let bytes = match grid.across {
-                Some(across) => plane(scene, (grid, across), values, frame.number)?,
+                Some(across) => plane(scene, grid, across, values, frame.number)?,
                 None => vti(scene, grid, values, frame.number),
             };
             out.put(&bytes)?;
@@ -55,9 +55,9 @@ impl Exporter for Air {
 }
 
 /// A plane as a picture. `values`: m/s, x fastest, then y, then z.
-fn plane(scene: &Scene, (grid, across): (&AirGrid, usize), values: &[Vec3], frame: u32) -> Result<Vec<u8>> {
+fn plane(scene: &Scene, grid: &AirGrid, across: usize, values: &[Vec3], frame: u32) -> Result<Vec<u8>> {
     let [nx, ny, nz] = grid.cells;
-    let (size, texels): ((usize, usize), Vec<usize>) = match across {
+    let ((width, height), texels): ((usize, usize), Vec<usize>) = match across {
         0 => ((nz, ny), (0..ny).rev().flat_map(|y| (0..nz).map(move |z| z * ny + y)).collect()),
         1 => ((nx, nz), (0..nx * nz).collect()),
         _ => ((nx, ny), (0..ny).rev().flat_map(|y| (0..nx).map(move |x| y * nx + x)).collect()),
@@ -80,7 +80,7 @@ fn plane(scene: &Scene, (grid, across): (&AirGrid, usize), values: &[Vec3], fram
         "corner_m": plain(corner), "along_m": plain(along), "down_m": plain(down), "frame": frame,
         "time_s": scene.clip.seconds(frame),
     });
-    floats(size, 3, &samples, &comment.to_string())
+    floats(width, height, 3, &samples, &comment.to_string())
 }
 
 /// A box as VTK's ImageData, with velocities in its cells.

@@ -69,7 +69,8 @@ impl Obj {
     fn pair(
         &self,
         scene: &Scene,
-        (path, pictures): (&str, &str),
+        path: &str,
+        pictures: &str,
         objects: &[Object<'_>],
         finish: impl FnOnce() -> Result<()>,
     ) -> Result<()> {
@@ -138,7 +139,7 @@ impl Exporter for Obj {
                     let object = Object { name: &asset.id, flat: &Flat::of(asset), world: Trs::IDENTITY };
                     if object.flat.triangles > 0 {
                         let path = format!("obj/{}", asset.id);
-                        self.pair(scene, (&path, "../textures/"), &[object], || Ok(()))?;
+                        self.pair(scene, &path, "../textures/", &[object], || Ok(()))?;
                     }
                 }
                 Ok(())
@@ -153,7 +154,7 @@ impl Exporter for Obj {
                     .collect();
                 // Where the mesh cannot be written there is no folder of pictures for it.
                 let finish = || self.textures.write(scene, &self.folder, &pictures);
-                self.pair(scene, (stem, &pictures), &objects, finish)
+                self.pair(scene, stem, &pictures, &objects, finish)
             }
         }
     }

@@ -1,9 +1,11 @@
 //! Options of all formats.
 
-use super::exr::options::ExrOptions;
-use super::gltf::options::{GltfOptions, Profile};
-use super::pov::options::PovOptions;
-use super::usd::options::UsdOptions;
+use super::{
+    exr::options::ExrOptions,
+    gltf::options::{GltfOptions, Profile},
+    pov::options::PovOptions,
+    usd::options::UsdOptions,
+};
 
 /// Choices of all formats that have some.
 #[derive(Debug, Clone, Default)]

@@ -86,7 +86,7 @@ impl Ply {
             for (i, instancer) in asset.instancers.iter().enumerate() {
                 if (instancer.motion == InstancerMotion::Free) == moving {
                     let path = format!("cloud/{}.{}{tag}.ply", asset.id, instancer.name);
-                    self.save(&path, number, |out| out.put(&instances(scene, asset, (i, state), at)))?;
+                    self.save(&path, number, |out| out.put(&instances(scene, asset, i, state, at)))?;
                 }
             }
         }
@@ -219,7 +219,7 @@ fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown
     for shown in &clouds {
         for (i, positions) in shown.now.positions.chunks(SLICE).enumerate() {
             let rows = osier_base::par::par_chunks(positions, CHUNK, |first, positions| {
-                rows(scene, shown, &names, (i * SLICE + first, positions))
+                rows(scene, shown, &names, i * SLICE + first, positions)
             });
             rows.iter().try_for_each(|body| out.put(body))?;
         }
@@ -227,13 +227,8 @@ fn cloud<'a>(out: &mut Output, scene: &Scene, clouds: impl Iterator<Item = Shown
     Ok(())
 }
 
-/// Rows of some points of a cloud, of which the first is numbered `first`.
-fn rows(
-    scene: &Scene,
-    shown: &Shown<'_>,
-    names: &[(&'static str, bool)],
-    (first, positions): (usize, &[Vec3]),
-) -> Vec<u8> {
+/// Rows of some points of a cloud, the first of which has number `first`.
+fn rows(scene: &Scene, shown: &Shown<'_>, names: &[(&'static str, bool)], first: usize, positions: &[Vec3]) -> Vec<u8> {
     let points = shown.points;
     let flat = base_color(&scene.materials, points.material);
     let columns: Vec<(Option<&Vec<u32>>, bool)> =
@@ -284,7 +279,7 @@ impl Colors {
 }
 
 /// All live instances of an instancer: position, quaternion (w first), scale, wetness, prototype and number.
-fn instances(scene: &Scene, asset: &Asset, (i, state): (usize, &AssetFrame), frame: u32) -> Vec<u8> {
+fn instances(scene: &Scene, asset: &Asset, i: usize, state: &AssetFrame, frame: u32) -> Vec<u8> {
     let instancer = &asset.instancers[i];
     let states = instance_states(asset, instancer, i, state);
     let wet = |k: usize| states.wetness.get(k).copied().unwrap_or(0.0);

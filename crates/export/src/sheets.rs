@@ -138,7 +138,8 @@ impl<T: Send + Sync> Keeper<T> {
     pub fn frame(
         &mut self,
         sheets: &[Wet],
-        (number, now): (u32, Vec<Option<Arc<WetMaps>>>),
+        number: u32,
+        now: Vec<Option<Arc<WetMaps>>>,
         make: impl Fn(&Wet, Map, &Values) -> Result<T> + Sync + Send,
     ) -> Result<Vec<Kept<T>>> {
         self.last.resize(sheets.len(), None);
@@ -147,7 +148,7 @@ impl<T: Send + Sync> Keeper<T> {
         let jobs: Vec<(usize, usize)> =
             (0..sheets.len()).flat_map(|s| (0..self.maps.len()).map(move |m| (s, m))).collect();
         let done = osier_base::par::par_map(&jobs, |&(s, m)| -> Result<Option<Made<T>>> {
-            let Some(maps) = now[s].as_ref().filter(|maps| !self.is_kept((s, m), maps)) else { return Ok(None) };
+            let Some(maps) = now[s].as_ref().filter(|maps| !self.is_kept(s, m, maps)) else { return Ok(None) };
             let values = values(self.maps[m], &sheets[s], maps, number)?;
             Ok(Some(Made { file: Arc::new(make(&sheets[s], self.maps[m], &values)?), cut: values.cut }))
         });
@@ -170,9 +171,9 @@ impl<T: Send + Sync> Keeper<T> {
     }
 
     /// True if what was made of a map is still right.
-    fn is_kept(&self, (s, m): (usize, usize), now: &Arc<WetMaps>) -> bool {
-        let Some(last) = self.last[s].as_ref().filter(|_| self.made[s][m].is_some()) else { return false };
-        Arc::ptr_eq(last, now) || self.maps[m].raw(last) == self.maps[m].raw(now)
+    fn is_kept(&self, sheet: usize, map: usize, now: &Arc<WetMaps>) -> bool {
+        let Some(last) = self.last[sheet].as_ref().filter(|_| self.made[sheet][map].is_some()) else { return false };
+        Arc::ptr_eq(last, now) || self.maps[map].raw(last) == self.maps[map].raw(now)
     }
 
     /// X007 if anything was cut. `ending`: of the files.
@@ -238,7 +239,7 @@ mod tests {
         let mut keeper = Keeper::new(vec![Map::Height, Map::Wetness]);
         let mut fresh = |(number, maps): &(u32, WetMaps)| -> Vec<bool> {
             let now = vec![Some(Arc::new(maps.clone()))];
-            let kept = keeper.frame(&[sheet()], (*number, now), |_, map, v| Ok((map, v.samples.clone())));
+            let kept = keeper.frame(&[sheet()], *number, now, |_, map, v| Ok((map, v.samples.clone())));
             kept.expect("good").iter().map(|k| k.fresh).collect()
         };
         assert_eq!(frames.each_ref().map(&mut fresh), [vec![true; 2], vec![false; 2], vec![false, true]]);

@@ -173,7 +173,7 @@ fn event_record(e: &DropEvent, out: &mut Vec<u8>) {
     e.place.to_array().into_iter().chain([e.blow]).for_each(|f| out.extend(f.to_le_bytes()));
 }
 
-fn leaf_record((number, leaf): (u32, &LeafNow), out: &mut Vec<u8>) {
+fn leaf_record(number: u32, leaf: &LeafNow, out: &mut Vec<u8>) {
     out.extend(number.to_le_bytes());
     out.extend(leaf.drops.to_le_bytes());
     out.extend(leaf.volume.to_le_bytes());
@@ -207,7 +207,7 @@ fn drops(drops: &Drops) -> [Vec<u8>; 3] {
     let (mut now, mut events, mut leaves) = (Vec::new(), Vec::new(), Vec::new());
     drops.now.iter().for_each(|d| drop_record(d, &mut now));
     drops.events.iter().for_each(|e| event_record(e, &mut events));
-    (0..).zip(&drops.leaves).for_each(|l| leaf_record(l, &mut leaves));
+    (0..).zip(&drops.leaves).for_each(|(number, leaf)| leaf_record(number, leaf, &mut leaves));
     [now, events, leaves]
 }
 

@@ -36,7 +36,7 @@ pub fn stilled(scene: &Scene, frame: &Frame) -> Scene {
 
 fn still(asset: &mut Asset, source: &Asset, frame: &AssetFrame) {
     for (i, (object, before)) in asset.meshes.iter_mut().zip(&source.meshes).enumerate() {
-        shape(object, source, (i, before), frame);
+        shape(object, source, i, before, frame);
     }
     for (i, (instancer, before)) in asset.instancers.iter_mut().zip(&source.instancers).enumerate() {
         instancer.rest = instance_states(source, before, i, frame).into_owned();
@@ -57,7 +57,7 @@ fn still(asset: &mut Asset, source: &Asset, frame: &AssetFrame) {
     asset.skeleton = None;
 }
 
-fn shape(object: &mut MeshObject, asset: &Asset, (i, before): (usize, &MeshObject), frame: &AssetFrame) {
+fn shape(object: &mut MeshObject, asset: &Asset, i: usize, before: &MeshObject, frame: &AssetFrame) {
     match frame.mesh(i) {
         MeshFrame::Whole { mesh, .. } => object.mesh = mesh.clone(),
         MeshFrame::Points { points, normals, .. } => {

@@ -1,6 +1,6 @@
 //! The maps of all sheets laid together: `maps/atlas_00/<map>.####.exr`, and `maps/atlas.json`, which tells where each lies.
 
-use super::wet::Stamped;
+use super::wet::{MapLabel, Stamped};
 use crate::sheets::{Kept, Map, values};
 use osier_base::files::Folder;
 use osier_base::{Error, Result};
@@ -64,7 +64,8 @@ impl Atlas {
         &mut self,
         folder: &Folder,
         scene: &Scene,
-        (number, frame): (u32, Option<&Frame>),
+        number: u32,
+        frame: Option<&Frame>,
         kept: &[Kept<Stamped>],
     ) -> Result<()> {
         let mut wanted: Vec<(usize, Map, bool)> = Vec::new();
@@ -77,39 +78,34 @@ impl Atlas {
         }
         for (atlas, map, fresh) in wanted {
             if fresh {
-                let file = self.encode(scene, (number, frame), (atlas, map))?;
+                let file = self.encode(scene, number, frame, atlas, map)?;
                 self.made.retain(|(a, m, _)| (*a, *m) != (atlas, map));
                 self.made.push((atlas, map, file));
             }
             let Some((.., file)) = self.made.iter().find(|(a, m, _)| (*a, *m) == (atlas, map)) else { continue };
             let path = format!("maps/{}/{}.{}.exr", name(atlas), map.word(), scene.clip.tag(number));
-            file.write(folder, scene, (&path, map), number)?;
+            file.write(folder, scene, &path, map, number)?;
         }
         Ok(())
     }
 
-    fn encode(
-        &self,
-        scene: &Scene,
-        (number, frame): (u32, Option<&Frame>),
-        (atlas, map): (usize, Map),
-    ) -> Result<Stamped> {
+    fn encode(&self, scene: &Scene, number: u32, frame: Option<&Frame>, atlas: usize, map: Map) -> Result<Stamped> {
         let channels = map.channels();
         let mut all = vec![0.0; ATLAS * ATLAS * channels];
         for ((i, sheet), maps) in scene.wet.iter().enumerate().zip(scene.wet_now(frame)) {
             let place = self.place(i);
             if let Some(maps) = maps.filter(|_| place.atlas == atlas) {
                 let own = values(map, sheet, &maps, number)?.samples;
-                tile(&mut all, place.corner, (&own, sheet.side), channels);
+                tile(&mut all, place.corner, &own, sheet.side, channels);
             }
         }
         let range = scene.wet.first().map_or(0.0, |w| w.height_range);
-        Stamped::new(scene, (&name(atlas), range), (map, ATLAS), &all)
+        Stamped::new(scene, MapLabel { name: &name(atlas), height_range: range }, map, ATLAS, &all)
     }
 }
 
 /// Lays a tile and its border down.
-fn tile(all: &mut [f32], corner: [usize; 2], (own, side): (&[f32], usize), channels: usize) {
+fn tile(all: &mut [f32], corner: [usize; 2], own: &[f32], side: usize, channels: usize) {
     for y in 0..side + 2 * BORDER {
         let from = y.saturating_sub(BORDER).min(side - 1);
         let row = &own[from * side * channels..][..side * channels];
@@ -137,7 +133,7 @@ mod tests {
         assert_eq!(atlas.place(8), Place { atlas: 0, corner: [518, 518] });
         assert_eq!(atlas.place(49), Place { atlas: 1, corner: [2, 2] });
         let mut all = vec![0.0; ATLAS * ATLAS];
-        tile(&mut all, [518, 2], (&[1.0, 2.0, 3.0, 4.0], 2), 1);
+        tile(&mut all, [518, 2], &[1.0, 2.0, 3.0, 4.0], 2, 1);
         let row = |y: usize| &all[y * ATLAS + 515..][..8];
         assert_eq!(row(0), [0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 0.0]);
         assert_eq!(row(2), row(0));

@@ -95,7 +95,7 @@ impl Exr {
             "map": "terrain", "seed": scene.seed.to_string(), "scene": scene.hash, "unit": "m",
             "size": land.size, "min": min, "max": max,
         });
-        out.put(&floats((land.side, land.side), 1, &land.heights, &comment.to_string())?)?;
+        out.put(&floats(land.side, land.side, 1, &land.heights, &comment.to_string())?)?;
         out.commit()
     }
 }
@@ -153,7 +153,7 @@ fn put_field(
         "texel_area_m2": field.texel_area(), "corner_m": field.corner.to_array(), "along_m": field.along.to_array(),
         "down_m": field.down.to_array(), "frame": frame,
     });
-    out.put(&floats((field.width, field.height), 1, values, &comment.to_string())?)?;
+    out.put(&floats(field.width, field.height, 1, values, &comment.to_string())?)?;
     out.commit()
 }
 
@@ -162,7 +162,8 @@ fn put_field(
 /// # Errors
 /// X012 if the number of samples does not fit.
 pub fn floats(
-    (width, height): (usize, usize),
+    width: usize,
+    height: usize,
     channels: usize,
     samples: &[f32],
     comment: &str,

@@ -40,16 +40,17 @@ impl Sheets {
         }
         self.frames += 1;
         let make = |sheet: &osier_scene::Wet, map: Map, values: &Values| {
-            Stamped::new(scene, (&sheet.name, sheet.height_range), (map, sheet.side), &values.samples)
+            let label = MapLabel { name: &sheet.name, height_range: sheet.height_range };
+            Stamped::new(scene, label, map, sheet.side, &values.samples)
         };
-        let kept = self.keeper.frame(&scene.wet, (number, scene.wet_now(frame)), make)?;
+        let kept = self.keeper.frame(&scene.wet, number, scene.wet_now(frame), make)?;
         for Kept { sheet, map, file, .. } in &kept {
             let name = &scene.wet[*sheet].name;
             let path = format!("maps/{name}/{}.{}.exr", map.word(), scene.clip.tag(number));
-            file.write(folder, scene, (&path, *map), number)?;
+            file.write(folder, scene, &path, *map, number)?;
         }
         match &mut self.atlas {
-            Some(atlas) => atlas.frame(folder, scene, (number, frame), &kept),
+            Some(atlas) => atlas.frame(folder, scene, number, frame, &kept),
             None => Ok(()),
         }
     }
@@ -64,33 +65,44 @@ impl Sheets {
     }
 }
 
+/// What the header of a map says of the sheet or atlas that it shows.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct MapLabel<'a> {
+    /// Name of the sheet or atlas.
+    pub(super) name: &'a str,
+    /// Height that the value 1 stands for, m.
+    pub(super) height_range: f32,
+}
+
 /// A file in which the number of its frame can be changed: the rest is encoded once for all frames that show it.
 #[derive(Debug)]
 pub(super) struct Stamped {
     bytes: Vec<u8>,
     /// Where its comment stands.
     at: usize,
-    /// Who it is of, and the height that 1 stands for, m.
-    of: (String, f32),
+    /// Name of the sheet or atlas.
+    name: String,
+    /// Height that the value 1 stands for, m.
+    height_range: f32,
 }
 
 impl Stamped {
-    /// Encodes a square map. `of`: name of the sheet or atlas, and height that 1 stands for, m; `samples`: 0..1.
-    pub(super) fn new(scene: &Scene, of: (&str, f32), (map, side): (Map, usize), samples: &[f32]) -> Result<Self> {
+    /// Encodes a square map of `side` texels a side. `samples`: 0..1.
+    pub(super) fn new(scene: &Scene, label: MapLabel<'_>, map: Map, side: usize, samples: &[f32]) -> Result<Self> {
         let halves = samples.iter().map(|v| f16::from_f32(*v)).collect();
-        let of = (of.0.to_owned(), of.1);
-        let comment = comment(scene, (&of.0, of.1), map, scene.clip.start);
+        let comment = comment(scene, label, map, scene.clip.start);
         let bytes = encode((side, side), map.channels(), halves, (scene.clip.fps, &comment))?;
         // The header comes first, so this finds it at once.
         let found = bytes.windows(comment.len()).position(|w| w == comment.as_bytes());
         let at = found.ok_or_else(|| Error::export("X012", "a map has lost its comment"))?;
-        Ok(Self { bytes, at, of })
+        Ok(Self { bytes, at, name: label.name.to_owned(), height_range: label.height_range })
     }
 
     /// Writes it as the file of a frame.
-    pub(super) fn write(&self, folder: &Folder, scene: &Scene, (path, map): (&str, Map), number: u32) -> Result<()> {
+    pub(super) fn write(&self, folder: &Folder, scene: &Scene, path: &str, map: Map, number: u32) -> Result<()> {
         let Some(mut out) = folder.create(path, kind(map), Some(number))? else { return Ok(()) };
-        let comment = comment(scene, (&self.of.0, self.of.1), map, number);
+        let label = MapLabel { name: &self.name, height_range: self.height_range };
+        let comment = comment(scene, label, map, number);
         let (head, tail) = self.bytes.split_at(self.at);
         out.put(head)?;
         out.put(comment.as_bytes())?;
@@ -100,15 +112,15 @@ impl Stamped {
 }
 
 /// What a map's header says: of one length at all frames.
-fn comment(scene: &Scene, (leaf, range): (&str, f32), map: Map, number: u32) -> String {
+fn comment(scene: &Scene, label: MapLabel<'_>, map: Map, number: u32) -> String {
     let (unit, range) = match map {
-        Map::Height | Map::Water => ("m", serde_json::json!(range)),
+        Map::Height | Map::Water => ("m", serde_json::json!(label.height_range)),
         Map::Wetness => ("0..1", serde_json::Value::Null),
         Map::Normal => ("0.5 n + 0.5", serde_json::Value::Null),
     };
     let text = |number: u32| {
         serde_json::json!({
-            "map": map.word(), "leaf": leaf, "frame": number, "seed": scene.seed.to_string(), "scene": scene.hash,
+            "map": map.word(), "leaf": label.name, "frame": number, "seed": scene.seed.to_string(), "scene": scene.hash,
             "unit": unit, "range": range,
         })
         .to_string()

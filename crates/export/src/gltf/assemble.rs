@@ -59,7 +59,7 @@ impl Document<'_> {
                 later.insert((asset, placement.phase), self.joints_later(asset, placement.phase)?);
             }
             let joints = later.get(&(asset, placement.phase)).unwrap_or(&made.joints);
-            self.place(placement, prefixed, (made, joints), chosen.get(&i))?;
+            self.place(placement, prefixed, made, joints, chosen.get(&i))?;
         }
         // Copies come last: Blender's importer takes longer over each skeleton the more objects there are before it.
         self.copies(placements, &copies)?;
@@ -105,7 +105,8 @@ impl Document<'_> {
         &mut self,
         placement: &Placement,
         prefixed: bool,
-        (parts, joints_of_parts): (&Parts, &[Joint]),
+        parts: &Parts,
+        joints_of_parts: &[Joint],
         chosen: Option<&Chosen>,
     ) -> Result<()> {
         let asset = &self.from.scene.assets[placement.asset];

@@ -34,7 +34,7 @@ impl Buffer {
     pub(super) fn normals(&mut self, values: &[Vec3], what: &str) -> Result<Index> {
         let unit = |n: &Vec3| if (n.length_squared() - 1.0).abs() <= 1e-3 { *n } else { normalize_or(*n, Vec3::Y) };
         let values = values.iter().map(|n| if n.is_finite() { unit(n) } else { *n });
-        self.floats(values.flat_map(|v| [v.x, v.y, v.z]), ("VEC3", 3), (Some(target::VERTICES), what))
+        self.floats(values.flat_map(|v| [v.x, v.y, v.z]), "VEC3", 3, Some(target::VERTICES), what)
     }
 
     /// Unit vectors of vertices as four normalised bytes each, of which `shape` uses three or all: directions within half a degree.
@@ -57,22 +57,22 @@ impl Buffer {
 
     /// Three floats each, outside vertex data unless a target is given.
     pub(super) fn vectors(&mut self, values: &[Vec3], target: Option<u32>, what: &str) -> Result<Index> {
-        self.floats(values.iter().flat_map(|v| [v.x, v.y, v.z]), ("VEC3", 3), (target, what))
+        self.floats(values.iter().flat_map(|v| [v.x, v.y, v.z]), "VEC3", 3, target, what)
     }
 
     /// Texture coordinates; v is turned over since glTF counts it from the top.
     pub(super) fn uvs(&mut self, values: &[Vec2], what: &str) -> Result<Index> {
-        self.floats(values.iter().flat_map(|v| [v.x, 1.0 - v.y]), ("VEC2", 2), (Some(target::VERTICES), what))
+        self.floats(values.iter().flat_map(|v| [v.x, 1.0 - v.y]), "VEC2", 2, Some(target::VERTICES), what)
     }
 
     /// Four floats per vertex: joint weights or tangents.
     pub(super) fn quads(&mut self, values: &[[f32; 4]], what: &str) -> Result<Index> {
-        self.floats(values.iter().flatten().copied(), ("VEC4", 4), (Some(target::VERTICES), what))
+        self.floats(values.iter().flatten().copied(), "VEC4", 4, Some(target::VERTICES), what)
     }
 
     /// Quaternions, x y z w.
     pub(super) fn quaternions(&mut self, values: &[Quat], what: &str) -> Result<Index> {
-        self.floats(values.iter().flat_map(|q| [q.x, q.y, q.z, q.w]), ("VEC4", 4), (None, what))
+        self.floats(values.iter().flat_map(|q| [q.x, q.y, q.z, q.w]), "VEC4", 4, None, what)
     }
 
     /// Unit quaternions as normalised 16-bit numbers, within 3e-5, for instances, of which there are many.
@@ -90,17 +90,17 @@ impl Buffer {
 
     /// 4 x 4 matrices, column major.
     pub(super) fn matrices(&mut self, values: &[[f32; 16]], what: &str) -> Result<Index> {
-        self.floats(values.iter().flatten().copied(), ("MAT4", 16), (None, what))
+        self.floats(values.iter().flatten().copied(), "MAT4", 16, None, what)
     }
 
     /// Single floats.
     pub(super) fn scalars(&mut self, values: &[f32], what: &str) -> Result<Index> {
-        self.floats(values.iter().copied(), ("SCALAR", 1), (None, what))
+        self.floats(values.iter().copied(), "SCALAR", 1, None, what)
     }
 
     /// A number per vertex.
     pub(super) fn numbers(&mut self, values: &[f32], what: &str) -> Result<Index> {
-        self.floats(values.iter().copied(), ("SCALAR", 1), (Some(target::VERTICES), what))
+        self.floats(values.iter().copied(), "SCALAR", 1, Some(target::VERTICES), what)
     }
 
     /// Rising key times, s, with first and last.
@@ -165,8 +165,10 @@ impl Buffer {
     fn floats(
         &mut self,
         values: impl Iterator<Item = f32>,
-        (shape, width): (&'static str, usize),
-        (target, what): (Option<u32>, &str),
+        shape: &'static str,
+        width: usize,
+        target: Option<u32>,
+        what: &str,
     ) -> Result<Index> {
         let start = self.start();
         self.bytes.reserve(values.size_hint().0 * 4);

@@ -133,8 +133,10 @@ impl<'a> Document<'a> {
     pub(super) fn drive_vector(
         &mut self,
         keys: Keys<Vec3>,
-        (path, step): (&'static str, bool),
-        (rest, drives): (&mut Vec3, &mut Vec<Drive>),
+        path: &'static str,
+        step: bool,
+        rest: &mut Vec3,
+        drives: &mut Vec<Drive>,
     ) -> Result<()> {
         match keys {
             Keys::Constant(v) => *rest = v,

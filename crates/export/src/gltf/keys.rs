@@ -22,14 +22,14 @@ pub(super) enum Keys<T> {
 pub(super) fn positions(times: &[f32], values: &[Vec3], thin: bool) -> Keys<Vec3> {
     let near = |a: &Vec3, b: &Vec3| (*a - *b).length() <= TOLERANCE;
     let between = |a: &Vec3, b: &Vec3, t: f32| *a + (*b - *a) * t;
-    reduce(times, values, thin, (near, between))
+    reduce(times, values, thin, near, between)
 }
 
 /// Keys of rotations: unit, first w >= 0, each on the side of the one before.
 pub(super) fn rotations(times: &[f32], values: &[Quat], thin: bool) -> Keys<Quat> {
     let near = |a: &Quat, b: &Quat| angle(*a, *b) <= TOLERANCE;
     let between = |a: &Quat, b: &Quat, t: f32| slerp(*a, *b, t);
-    reduce(times, &continuous(values), thin, (near, between))
+    reduce(times, &continuous(values), thin, near, between)
 }
 
 /// Unit quaternions of which each lies on the side of its predecessor and the first has w >= 0.
@@ -63,7 +63,8 @@ fn reduce<T: Copy + PartialEq>(
     times: &[f32],
     values: &[T],
     thin: bool,
-    (near, between): (impl Fn(&T, &T) -> bool, impl Fn(&T, &T, f32) -> T),
+    near: impl Fn(&T, &T) -> bool,
+    between: impl Fn(&T, &T, f32) -> T,
 ) -> Keys<T> {
     let Some(first) = values.first() else { return Keys::At(Vec::new(), Vec::new()) };
     if values.iter().all(|v| v == first || (thin && near(v, first))) {

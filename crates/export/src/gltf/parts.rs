@@ -89,7 +89,7 @@ impl Document<'_> {
         let mut parts = Parts::default();
         let rig = if from.tracks.is_still() { None } else { self.rig(asset) };
         for (object, shapes) in source.meshes.iter().zip(&tracks.meshes) {
-            self.object(&mut parts, (source, object), rig.as_ref(), shapes)?;
+            self.object(&mut parts, source, object, rig.as_ref(), shapes)?;
         }
         for (i, instancer) in source.instancers.iter().enumerate() {
             let what = format!("asset {}, instancer {}", source.id, instancer.name);
@@ -103,7 +103,7 @@ impl Document<'_> {
                     self.moving(&mut parts, instancer, &list, &what)?;
                 }
                 (InstancerMotion::Joints(joints), Some(rig)) => {
-                    self.riding(&mut parts, instancer, (rig, joints), &what)?;
+                    self.riding(&mut parts, instancer, rig, joints, &what)?;
                 }
                 _ => self.standing(&mut parts, instancer, &what)?,
             }
@@ -147,7 +147,8 @@ impl Document<'_> {
     fn object(
         &mut self,
         parts: &mut Parts,
-        (asset, object): (&Asset, &MeshObject),
+        asset: &Asset,
+        object: &MeshObject,
         rig: Option<&Rig>,
         shapes: &Shapes,
     ) -> Result<()> {
@@ -217,7 +218,8 @@ impl Document<'_> {
         &mut self,
         parts: &mut Parts,
         instancer: &Instancer,
-        (rig, joints): (&Rig, &[u16]),
+        rig: &Rig,
+        joints: &[u16],
         what: &str,
     ) -> Result<()> {
         let carriers: Vec<u16> =
@@ -285,9 +287,9 @@ impl Document<'_> {
             motion.rest.r = orientations.first().copied().unwrap_or_default();
             motion.rest.s = if m.alive.first().copied().unwrap_or(true) { scale } else { Vec3::ZERO };
             let Motion { rest, drives } = &mut motion;
-            self.drive_vector(keys::positions(times, &positions, thin), ("translation", false), (&mut rest.t, drives))?;
+            self.drive_vector(keys::positions(times, &positions, thin), "translation", false, &mut rest.t, drives)?;
             self.drive_rotation(keys::rotations(times, &orientations, thin), &mut rest.r, drives)?;
-            self.drive_vector(keys::appearances(&m.alive, scale), ("scale", true), (&mut rest.s, drives))?;
+            self.drive_vector(keys::appearances(&m.alive, scale), "scale", true, &mut rest.s, drives)?;
             let name = format!("{}_{}", instancer.name, m.instance);
             let id = format!("{}/{}", instancer.name, instancer.ids.get(m.instance).copied().unwrap_or_default());
             let part = Part::new(&name, "instance", mesh, Hold::Placement);
@@ -325,13 +327,9 @@ impl Document<'_> {
             let Motion { rest, drives } = &mut motion;
             let of = |f: &dyn Fn(&Trs) -> Vec3| poses.iter().map(|p| f(&p[i])).collect::<Vec<Vec3>>();
             let turns: Vec<_> = poses.iter().map(|p| p[i].r).collect();
-            self.drive_vector(
-                keys::positions(times, &of(&|j| j.t), thin),
-                ("translation", false),
-                (&mut rest.t, drives),
-            )?;
+            self.drive_vector(keys::positions(times, &of(&|j| j.t), thin), "translation", false, &mut rest.t, drives)?;
             self.drive_rotation(keys::rotations(times, &turns, thin), &mut rest.r, drives)?;
-            self.drive_vector(keys::positions(times, &of(&|j| j.s), thin), ("scale", false), (&mut rest.s, drives))?;
+            self.drive_vector(keys::positions(times, &of(&|j| j.s), thin), "scale", false, &mut rest.s, drives)?;
             let parent = rig.parent(skeleton, k);
             joints.push(Joint { name: joint.name.clone(), parent, motion });
         }

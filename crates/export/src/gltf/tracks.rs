@@ -67,7 +67,7 @@ pub(super) enum Shapes {
 impl Tracks {
     /// Empty tracks for a scene, of at most so many moving instances.
     pub(super) fn new(scene: &Scene, most: usize) -> Self {
-        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, (scene.seed, most))).collect();
+        let assets = scene.assets.iter().map(|a| AssetTracks::new(a, scene.seed, most)).collect();
         Self { assets, most, ..Self::default() }
     }
 
@@ -88,7 +88,7 @@ impl Tracks {
 }
 
 impl AssetTracks {
-    fn new(asset: &Asset, (seed, most): (u64, usize)) -> Self {
+    fn new(asset: &Asset, seed: u64, most: usize) -> Self {
         let mut moving = Vec::new();
         for (instancer, source) in asset.instancers.iter().enumerate() {
             if source.motion == InstancerMotion::Free {

@@ -49,7 +49,7 @@ impl Part<'_> {
                 }
                 text.put(&format!("// {} {} {}\n", self.asset.id, instancer.name, proto.name));
                 if let Some((hairs, rest)) = unhaired(&proto.mesh, self.materials) {
-                    self.tuft(text, (i, p), &hairs, &rest);
+                    self.tuft(text, i, p, &hairs, &rest);
                     continue;
                 }
                 let faces = Faces::of(&proto.mesh, self.materials);
@@ -65,8 +65,8 @@ impl Part<'_> {
 
     /// A prototype with hairs, ribbons of a mesh whose memory all instances share. They throw no shadow: wider than life as
     /// they are, they would darken each other.
-    fn tuft(&self, text: &mut Text, (i, p): (usize, usize), hairs: &Mesh, rest: &Mesh) {
-        text.put(&format!("#declare P_{}_{i}_{p} = union {{\nobject {{ ", self.index));
+    fn tuft(&self, text: &mut Text, instancer: usize, prototype: usize, hairs: &Mesh, rest: &Mesh) {
+        text.put(&format!("#declare P_{}_{instancer}_{prototype} = union {{\nobject {{ ", self.index));
         mesh2(text, self.space, hairs, &Faces::of(hairs, self.materials));
         text.put("no_shadow }\n");
         if shows(rest) {
@@ -120,7 +120,7 @@ impl Part<'_> {
             count += match self.joints(instancer) {
                 Some(joints) => self.joint_unions(text, i, joints),
                 None if instancer.motion == InstancerMotion::Still => {
-                    self.instance_union(text, i, (instancer, &instancer.rest))
+                    self.instance_union(text, i, instancer, &instancer.rest)
                 }
                 None => 0,
             };
@@ -137,13 +137,13 @@ impl Part<'_> {
     pub fn frame(&self, text: &mut Text, frame: &AssetFrame, warnings: &mut Vec<Warning>) -> usize {
         text.put(&format!("\n// {}\n", self.asset.id));
         for (m, object) in self.asset.meshes.iter().enumerate() {
-            self.moving_mesh(text, (m, object), frame);
+            self.moving_mesh(text, m, object, frame);
         }
         let mut count = 0;
         for (i, instancer) in self.asset.instancers.iter().enumerate() {
             if instancer.motion != InstancerMotion::Still && !self.rides(instancer, i, frame) {
                 let state = instance_states(self.asset, instancer, i, frame);
-                count += self.instance_union(text, i, (instancer, &state));
+                count += self.instance_union(text, i, instancer, &state);
             }
         }
         self.points(text, frame, true, warnings);
@@ -187,7 +187,7 @@ impl Part<'_> {
         mesh.subsets.iter().any(|s| self.materials.get(s.material as usize).is_some_and(|m| m.wet.is_some()))
     }
 
-    fn moving_mesh(&self, text: &mut Text, (m, object): (usize, &MeshObject), frame: &AssetFrame) {
+    fn moving_mesh(&self, text: &mut Text, m: usize, object: &MeshObject, frame: &AssetFrame) {
         let a = self.index;
         if object.motion == MeshMotion::Still || !shows(shape(object, frame.mesh(m))) {
             return;
@@ -239,17 +239,17 @@ impl Part<'_> {
             text.put(&format!("#declare J_{}_{i}_{j} = ", self.index));
             let mut lines = Text::default();
             let shown = Self::shown(instancer);
-            let some = instances(&mut lines, self.space, (self.index, i), (&part, &part.rest), &shown);
+            let some = instances(&mut lines, self.space, (self.index, i), &part, &part.rest, &shown);
             group(text, some, &lines, "");
             count += some;
         }
         count
     }
 
-    fn instance_union(&self, text: &mut Text, i: usize, at: (&Instancer, &InstanceState)) -> usize {
+    fn instance_union(&self, text: &mut Text, i: usize, instancer: &Instancer, state: &InstanceState) -> usize {
         text.put(&format!("#declare L_{}_{i} = ", self.index));
         let mut lines = Text::default();
-        let count = instances(&mut lines, self.space, (self.index, i), at, &Self::shown(at.0));
+        let count = instances(&mut lines, self.space, (self.index, i), instancer, state, &Self::shown(instancer));
         group(text, count, &lines, "");
         count
     }

@@ -156,7 +156,7 @@ fn dapple(text: &mut Text, sky: &Sky) {
 /// the same in the open and inside a crown.
 /// Source: a horizontal surface of albedo a under a sky of radiance L shows a L; each of n directions spread evenly over
 /// the half sphere stands for 2 pi / n of it, so its light has colour L (2 / n).
-pub(super) fn sky(text: &mut Text, space: Space, (sky, sun): (&Sky, &Sun), bounds: Bounds) {
+pub(super) fn sky(text: &mut Text, space: Space, sky: &Sky, sun: &Sun, bounds: Bounds) {
     let (horizon, zenith) = (sky.horizon.map(|c| c * sky.strength), sky.zenith.map(|c| c * sky.strength));
     text.put("sky_sphere {\n  pigment {\n    gradient y\n    color_map { ");
     for (at, color) in sky.stops() {
@@ -198,7 +198,7 @@ mod tests {
 
     fn written(sky: &Sky) -> String {
         let mut text = Text::default();
-        self::sky(&mut text, Space { scale: 1.0 }, (sky, &Sun::default()), Bounds::of([Vec3::ZERO, Vec3::ONE]));
+        self::sky(&mut text, Space { scale: 1.0 }, sky, &Sun::default(), Bounds::of([Vec3::ZERO, Vec3::ONE]));
         String::from_utf8(text.bytes().to_vec()).expect("ascii")
     }
 

@@ -22,7 +22,7 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     let phases: BTreeSet<u32> = scene.placements.iter().map(|p| p.phase).filter(|p| *p > 0).collect();
     for phase in phases.iter().filter(|_| !written.is_empty()) {
         // Another time of the clip: its file declares the same names, which the shown frame then declares anew.
-        later(&mut text, scene, includes, (*phase, written));
+        later(&mut text, scene, includes, *phase, written);
         text.put(&format!("#declare OsWorld{phase} = "));
         let mut shown = Text::default();
         let count = place(&mut shown, scene, space, |p| p.phase == *phase);
@@ -44,7 +44,7 @@ pub(super) fn main_file(scene: &Scene, space: Space, includes: &str, written: &[
     let bounds = scene_bounds(scene, None);
     look::camera(&mut text, space, &scene.camera);
     look::sun(&mut text, space, &scene.sun, bounds);
-    look::sky(&mut text, space, (&scene.sky, &scene.sun), bounds);
+    look::sky(&mut text, space, &scene.sky, &scene.sun, bounds);
     text
 }
 
@@ -67,7 +67,7 @@ fn include(text: &mut Text, includes: &str, tag: &str) {
 
 /// Includes the file of the frame that comes `phase` later in the clip, repeated; where only some frames are written, of the
 /// one so much later in their list.
-fn later(text: &mut Text, scene: &Scene, includes: &str, (phase, written): (u32, &[u32])) {
+fn later(text: &mut Text, scene: &Scene, includes: &str, phase: u32, written: &[u32]) {
     let (first, count) = (written.first().copied().unwrap_or(0), written.len() as u64);
     let last = written.last().copied().unwrap_or(first);
     let step = if count > 1 { (u64::from(last - first) / (count - 1)).max(1) } else { 1 };

@@ -32,13 +32,13 @@ pub(super) fn declare(text: &mut Text, scene: &Scene, pictures: &str) -> Result<
                 text.put("#declare ").put(name).int(i).put(" = ");
                 match twin {
                     Some(j) => drop(text.put("texture { ").put(name).int(j).put(" }\n")),
-                    None => mapped(text, scene, (i, coat), material, pictures)?,
+                    None => mapped(text, scene, i, coat, material, pictures)?,
                 }
             }
             text.put("#declare M_").int(i).put(" = texture { D_").int(i).put(" }\n");
         } else {
             text.put("#declare M_").int(i).put(" = ");
-            mapped(text, scene, (i, Coat::Dry), material, pictures)?;
+            mapped(text, scene, i, Coat::Dry, material, pictures)?;
         }
         if material.class == MaterialClass::Water {
             text.put("#declare I_").int(i).put(" = interior { ior ").num(material.ior).put(" }\n");
@@ -114,7 +114,7 @@ enum Coat {
 }
 
 /// The texture with its pictures, looked up by the mesh's texture coordinates.
-fn mapped(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material, pictures: &str) -> Result<()> {
+fn mapped(text: &mut Text, scene: &Scene, i: u32, coat: Coat, m: &Material, pictures: &str) -> Result<()> {
     if m.maps.color.is_none() && m.maps.height.is_none() && coat == Coat::Dry {
         text.put("texture { C_").int(i).put(" }\n");
         return Ok(());
@@ -126,12 +126,12 @@ fn mapped(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material, 
         picture(text, scene, m, image, ("image_pattern", pictures))?;
         // The pattern rises with transparency.
         text.put(" texture_map { [").num(1.0 - cutoff).put(" ");
-        surface(text, scene, (i, coat), m, pictures)?;
+        surface(text, scene, i, coat, m, pictures)?;
         text.put("] [").num(1.0 - cutoff).put(" pigment { rgbt 1 } finish { ambient 0 diffuse 0 }] } }\n");
         return Ok(());
     }
     text.put("texture { ");
-    surface(text, scene, (i, coat), m, pictures)?;
+    surface(text, scene, i, coat, m, pictures)?;
     text.put(" }\n");
     Ok(())
 }
@@ -141,7 +141,7 @@ fn has_alpha(scene: &Scene, image: u32) -> bool {
 }
 
 /// Pigment, relief and finish.
-fn surface(text: &mut Text, scene: &Scene, (i, coat): (u32, Coat), m: &Material, pictures: &str) -> Result<()> {
+fn surface(text: &mut Text, scene: &Scene, i: u32, coat: Coat, m: &Material, pictures: &str) -> Result<()> {
     text.put("uv_mapping pigment { ");
     match (m.maps.color, coat) {
         (Some(image), Coat::Dry) => picture(text, scene, m, image, ("image_map", pictures))?,

@@ -158,7 +158,7 @@ impl Pov {
         text.put(&format!("// {}, frame {number}\n", super::GENERATOR));
         let maps = self.maps();
         // Its pictures belong to the bake even where its own file is kept from a run that was broken off.
-        self.sheets.frame(&mut text, (&self.folder, &maps), scene, (number, frame))?;
+        self.sheets.frame(&mut text, &self.folder, &maps, scene, number, frame)?;
         let file = self.folder.create(&path, "inc", Some(number))?;
         let rest = AssetFrame::default();
         let parts = self.parts(scene);

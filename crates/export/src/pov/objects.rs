@@ -31,7 +31,8 @@ pub(super) fn instances(
     text: &mut Text,
     space: Space,
     name: (usize, usize),
-    (instancer, state): (&Instancer, &InstanceState),
+    instancer: &Instancer,
+    state: &InstanceState,
     shown: &[bool],
 ) -> usize {
     let visible = |i: &usize| {

@@ -27,11 +27,13 @@ impl Sheets {
     pub(super) fn frame(
         &mut self,
         text: &mut Text,
-        (folder, maps): (&Folder, &str),
+        folder: &Folder,
+        maps: &str,
         scene: &Scene,
-        (number, frame): (u32, Option<&Frame>),
+        number: u32,
+        frame: Option<&Frame>,
     ) -> Result<()> {
-        let kept = self.keeper.frame(&scene.wet, (number, scene.wet_now(frame)), grey)?;
+        let kept = self.keeper.frame(&scene.wet, number, scene.wet_now(frame), grey)?;
         for Kept { sheet, map, file, .. } in &kept {
             let path = format!("{maps}{}/{}.{}.png", scene.wet[*sheet].name, map.word(), scene.clip.tag(number));
             if let Some(mut out) = folder.create(&path, "png", Some(number))? {
