@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn what_numbers_cannot_hold_is_told() {
-        let rod = "[frames]\nend = 3\n[[rod]]\npoints = [[0, 1, 0], [0.4, 1, 0]]\nzeta = 0.1\n";
+        let rod = "[frames]\nend = 3\n[[rod]]\npoints = [[0, 1, 0], [0.4, 1, 0]]\ndamping_ratio = 0.1\n";
         assert_eq!(built(rod, &["rod.0.integrator=xpbd_gs"]).1, ["S041"]);
         let wrench = "[[rod.load]]\nkind = \"wrench\"\nkeyframes = [[0, 0, 0, 0, 0.01, 0, 0]]\n";
         assert_eq!(built(&format!("{rod}{wrench}"), &[]).1, ["S040"]);
