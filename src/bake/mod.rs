@@ -1,4 +1,22 @@
-//! Runs a [`Recipe`]: grows, skins, steps through time, writes.
+//! Bakes a [`Recipe`]: assembles its scene, simulates its frames and writes them.
+//!
+//! ```text
+//!  Recipe
+//!    │  cache::ifs_leaves      load leaves of tables kept by an earlier bake
+//!    ▼
+//!  scene::assembly            SceneBuilder: assets + one AssetMotion for each moving asset
+//!    │    ├─ assets/           plants, leaves, terrain, obstacles, attractors, catkins
+//!    │    ├─ wind/             analytic wind, or spin-up and run of the lattice
+//!    │    └─ motion/           sway, rods, flight, rain, attractor morph
+//!    ▼
+//!  AnimatedScene              Scene (what exists) + motions (what changes)
+//!    │  output::exporters      Exporter::begin(&Scene): textures, static data
+//!    ▼
+//!  output::frame_loop         for each frame: AssetMotion::frame -> Frame -> Exporter::frame
+//!    │
+//!    ▼
+//!  manifest                   Exporter::finish, then the hash of every file
+//! ```
 
 pub mod assets;
 pub mod cache;
