@@ -93,10 +93,10 @@ pub fn assemble_scene(recipe: &Recipe, parts: SceneParts, context: &BakeContext<
     assemble(recipe, None, parts, context)
 }
 
-/// As [`build`] for a look at what would be made: no map is drawn, no air, rain or motion is simulated. The stage can be
+/// As [`assemble_scene`] for a look at what would be made: no map is drawn, no air, rain or motion is simulated. The stage can be
 /// counted, not written.
 /// # Errors
-/// As [`build`].
+/// As [`assemble_scene`].
 pub fn assemble_for_estimate(recipe: &Recipe, parts: SceneParts, context: &BakeContext<'_>) -> Result<AssembledScene> {
     assemble(&dry_run::reduced_recipe(recipe), Some(recipe), parts, context)
 }

@@ -289,7 +289,7 @@ impl RainSimulation {
 
     /// Checks that water is conserved.
     /// # Errors
-    /// `Simulation` if more than [`BUDGET_TOLERANCE`] is missing or too much.
+    /// `Simulation` if more than `BUDGET_TOLERANCE` is missing or too much.
     pub fn check_water_budget(&self, frame: u32) -> Result<()> {
         if self.water_budget().error() > BUDGET_TOLERANCE {
             return Err(Error::Simulation { frame, quantity: "the volume of water".into() });

@@ -228,7 +228,7 @@ impl BeamElements {
         bases
     }
 
-    /// Turn of a place from rest. `bases`: from [`BeamElements::bases`] for the same bends.
+    /// Turn of a place from rest. `bases`: from `BeamElements::base_rotations` for the same bends.
     pub fn rotation_at(&self, bases: &[Quat], bends: &[[f32; 2]], spot: ElementLocation) -> Quat {
         let k = spot.element as usize;
         let (Some(e), Some(base)) = (self.list.get(k), bases.get(k)) else { return Quat::IDENTITY };
