@@ -7,7 +7,7 @@
 //! A scene is text, or a preset by name. [`recipe::resolve`] reads it, [`bake::bake`] makes all of its files:
 //!
 //! ```
-//! use osier::bake::{Work, bake};
+//! use osier::bake::{BakeContext, bake};
 //! use osier::files::Folder;
 //! use osier::limits::Limits;
 //! use osier::progress::Cancel;
@@ -18,7 +18,7 @@
 //! let request = Request { name: "tuft".into(), text, ..Request::default() };
 //! let (recipe, _warnings) = resolve(&request)?;
 //! let folder = Folder::open(std::env::temp_dir().join("osier-tuft"))?;
-//! let baked = bake(&recipe, &[], &folder, &Work::quiet(&Limits::default(), &Cancel::default()))?;
+//! let baked = bake(&recipe, &[], &folder, &BakeContext::quiet(&Limits::default(), &Cancel::default()))?;
 //! assert!(baked.manifest.expanded().iter().any(|(path, ..)| path == "gltf/tuft.web.glb"));
 //! # std::fs::remove_dir_all(folder.root()).ok();
 //! # Ok(())
