@@ -18,7 +18,3 @@ pub mod simd;
 pub mod units;
 
 pub use error::{Error, Result};
-
-/// The former name of [`files`], until all crates have followed.
-#[doc(hidden)]
-pub use files as fence;

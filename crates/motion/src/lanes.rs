@@ -1,129 +1,28 @@
-//! Numbers side by side: the same sums and products for several branches at once.
+//! Vectors, rotations and columns of numbers in the SIMD lanes of `osier_base::simd`: several branches at once.
 //!
-//! Only operations that IEEE 754 rounds in one way, and no fused ones: a lane's bits do not depend on how many there are.
-//! What handles lanes is `inline(always)` and holds no closures: these would not get the instructions of the lanes.
+//! Nothing here is fused, so that the bits of a lane do not depend on the instruction set. What handles lanes is
+//! `inline(always)` and holds no closures: these would not be compiled with the instructions of the dispatch.
 
-use std::ops::{Add, Mul, Neg, RangeInclusive, Sub};
+use std::ops::{Add, Mul, RangeInclusive, Sub};
 
-use pulp::{Scalar, Simd};
+use osier_base::simd::{F64Lanes, Lane as _};
+use pulp::Simd;
 
 /// Columns are padded to so many rows: the most lanes of any processor that is told apart.
 const WIDEST: usize = 8;
 
-/// Some numbers, one to a lane.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Lane<S: Simd> {
-    simd: S,
-    value: S::f64s,
-}
-
-impl<S: Simd> Lane<S> {
-    #[inline(always)]
-    pub(crate) fn all(simd: S, value: f64) -> Self {
-        Self { simd, value: simd.splat_f64s(value) }
-    }
-
-    /// What its numbers are computed with.
-    #[inline(always)]
-    pub(crate) fn simd(self) -> S {
-        self.simd
-    }
-
-    #[inline(always)]
-    fn with(self, value: S::f64s) -> Self {
-        Self { simd: self.simd, value }
-    }
-
-    #[inline(always)]
-    pub(crate) fn sqrt(self) -> Self {
-        self.with(self.simd.sqrt_f64s(self.value))
-    }
-
-    #[inline(always)]
-    pub(crate) fn over(self, o: Self) -> Self {
-        self.with(self.simd.div_f64s(self.value, o.value))
-    }
-
-    /// The greater of both; neither may be NaN.
-    #[inline(always)]
-    pub(crate) fn at_least(self, least: f64) -> Self {
-        self.with(self.simd.max_f64s(self.value, self.simd.splat_f64s(least)))
-    }
-
-    /// `then` where a lane is below `bound`, `otherwise` elsewhere.
-    #[inline(always)]
-    pub(crate) fn below(self, bound: f64, then: Self, otherwise: Self) -> Self {
-        let mask = self.simd.less_than_f64s(self.value, self.simd.splat_f64s(bound));
-        self.with(self.simd.select_f64s(mask, then.value, otherwise.value))
-    }
-
-    /// Whether every lane is below.
-    #[inline(always)]
-    pub(crate) fn all_below(self, bound: f64) -> bool {
-        self.simd.reduce_max_f64s(self.value) < bound
-    }
-}
-
-impl Lane<Scalar> {
-    /// The one number.
-    #[inline(always)]
-    pub(crate) fn value(self) -> f64 {
-        self.value
-    }
-}
-
-impl<S: Simd> Add for Lane<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, o: Self) -> Self {
-        self.with(self.simd.add_f64s(self.value, o.value))
-    }
-}
-
-impl<S: Simd> Sub for Lane<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, o: Self) -> Self {
-        self.with(self.simd.sub_f64s(self.value, o.value))
-    }
-}
-
-impl<S: Simd> Mul for Lane<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, o: Self) -> Self {
-        self.with(self.simd.mul_f64s(self.value, o.value))
-    }
-}
-
-impl<S: Simd> Mul<f64> for Lane<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, k: f64) -> Self {
-        self.with(self.simd.mul_f64s(self.value, self.simd.splat_f64s(k)))
-    }
-}
-
-impl<S: Simd> Neg for Lane<S> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        self.with(self.simd.neg_f64s(self.value))
-    }
-}
-
 /// Vectors side by side.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Arrow<S: Simd>(pub(crate) [Lane<S>; 3]);
+pub(crate) struct Arrow<S: Simd>(pub(crate) [F64Lanes<S>; 3]);
 
 impl<S: Simd> Arrow<S> {
     #[inline(always)]
-    pub(crate) fn dot(self, o: Self) -> Lane<S> {
+    pub(crate) fn dot(self, o: Self) -> F64Lanes<S> {
         self.0[0] * o.0[0] + self.0[1] * o.0[1] + self.0[2] * o.0[2]
     }
 
     #[inline(always)]
-    pub(crate) fn length(self) -> Lane<S> {
+    pub(crate) fn length(self) -> F64Lanes<S> {
         self.dot(self).sqrt()
     }
 
@@ -150,10 +49,10 @@ impl<S: Simd> Sub for Arrow<S> {
     }
 }
 
-impl<S: Simd> Mul<Lane<S>> for Arrow<S> {
+impl<S: Simd> Mul<F64Lanes<S>> for Arrow<S> {
     type Output = Self;
     #[inline(always)]
-    fn mul(self, k: Lane<S>) -> Self {
+    fn mul(self, k: F64Lanes<S>) -> Self {
         Self([self.0[0] * k, self.0[1] * k, self.0[2] * k])
     }
 }
@@ -165,8 +64,8 @@ pub(crate) struct Turned<S: Simd>([Arrow<S>; 3]);
 impl<S: Simd> Turned<S> {
     /// Of unit quaternions (x, y, z, w).
     #[inline(always)]
-    pub(crate) fn of([x, y, z, w]: [Lane<S>; 4]) -> Self {
-        let one = Lane::all(x.simd, 1.0);
+    pub(crate) fn of([x, y, z, w]: [F64Lanes<S>; 4]) -> Self {
+        let one = F64Lanes::from_scalar(x.simd, 1.0);
         let (x2, y2, z2) = (x + x, y + y, z + z);
         let (xx, yy, zz) = (x * x2, y * y2, z * z2);
         let (xy, xz, yz) = (x * y2, x * z2, y * z2);
@@ -248,10 +147,10 @@ impl<const K: usize> Columns<K> {
 
     /// The rows of a group, as many as there are lanes.
     #[inline(always)]
-    pub(crate) fn get<S: Simd>(&self, simd: S, group: usize) -> [Lane<S>; K] {
+    pub(crate) fn get<S: Simd>(&self, simd: S, group: usize) -> [F64Lanes<S>; K] {
         let (first, apart) = Self::lanes::<S>(group);
         let all = &S::as_simd_f64s(&self.0).0[first..=first + (K - 1) * apart];
-        let mut row = [Lane { simd, value: all[0] }; K];
+        let mut row = [F64Lanes::new(simd, all[0]); K];
         for k in 1..K {
             row[k].value = all[k * apart];
         }
@@ -259,7 +158,7 @@ impl<const K: usize> Columns<K> {
     }
 
     #[inline(always)]
-    pub(crate) fn put<S: Simd>(&mut self, group: usize, row: [Lane<S>; K]) {
+    pub(crate) fn put<S: Simd>(&mut self, group: usize, row: [F64Lanes<S>; K]) {
         let (first, apart) = Self::lanes::<S>(group);
         let all = &mut S::as_mut_simd_f64s(&mut self.0).0[first..=first + (K - 1) * apart];
         for k in 0..K {

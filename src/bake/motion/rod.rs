@@ -12,10 +12,11 @@ use crate::recipe::scene::{RodGravity, RodHold, RodIntegrator, RodKeys, RodLoadK
 use crate::recipe::{Recipe, RodRecipe};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Report};
+use osier_base::keyframes::Keyframes;
 use osier_base::math;
 use osier_motion::rods::{
-    Actuation, AttachedBody, ClampKind, Integrator, Keys, MAX_GAUSS_SEIDEL_STIFFNESS, RodClip, RodDescription,
-    RodMaterial, RodPose, RodSystem,
+    Actuation, AttachedBody, ClampKind, Integrator, MAX_GAUSS_SEIDEL_STIFFNESS, RodClip, RodDescription, RodMaterial,
+    RodPose, RodSystem,
 };
 use osier_plants::surface::rod_tube::{CLOSE_UP, TubeSection, ball, tube};
 use osier_scene::{
@@ -145,7 +146,7 @@ impl<'a> RodAssembly<'a> {
                 if !clamp.turns.is_empty() {
                     let axis = DVec3::from_array(clamp.axis).normalize_or(DVec3::Y);
                     let turns = clamp.turns.iter().map(|k| (k[0], [k[1] * PI / 180.0])).collect();
-                    acts.push(Actuation::Turn(holds.len(), axis, Keys(turns)));
+                    acts.push(Actuation::Turn(holds.len(), axis, Keyframes(turns)));
                 }
                 holds.push((k, clamp.at * lines[k].length(), hold));
             }
@@ -169,7 +170,7 @@ impl<'a> RodAssembly<'a> {
                 match load.kind {
                     RodLoadKind::Force => {
                         let wide = load.keys.iter().map(|k| (k[0], [k[1], k[2], k[3], 0.0, 0.0, 0.0])).collect();
-                        self.acts.push(Actuation::Wrench(section, Keys(wide)));
+                        self.acts.push(Actuation::Wrench(section, Keyframes(wide)));
                     }
                     RodLoadKind::Wrench => self.acts.push(Actuation::Wrench(section, keys(&load.keys))),
                     RodLoadKind::Blow => self.acts.push(Actuation::Blow(section, keys(&load.keys))),
@@ -315,9 +316,9 @@ impl<'a> RodAssembly<'a> {
     }
 }
 
-fn keys<const N: usize>(rows: &[Vec<f64>]) -> Keys<N> {
+fn keys<const N: usize>(rows: &[Vec<f64>]) -> Keyframes<N> {
     let value = |k: &Vec<f64>, i: usize| k.get(i + 1).copied().unwrap_or(0.0);
-    Keys(rows.iter().map(|k| (k[0], std::array::from_fn(|i| value(k, i)))).collect())
+    Keyframes(rows.iter().map(|k| (k[0], std::array::from_fn(|i| value(k, i)))).collect())
 }
 
 /// A rod as the solver wants it.

@@ -86,7 +86,6 @@ pub struct SkinBinding {
 /// Rods and leaves of a plant that stands at `stand`, at rest. `clock`: frames per second, and the number of the first.
 /// # Errors
 /// What the skin refuses.
-#[allow(clippy::too_many_arguments, reason = "a struct for one call would only rename them")]
 pub fn build_rod_plant(
     grown: &GrownPlant,
     recipe: &PlantRecipe,

@@ -102,7 +102,6 @@ pub fn assemble_for_estimate(recipe: &Recipe, parts: SceneParts, context: &BakeC
 }
 
 /// `meant`: what the recipe is a draft of.
-#[allow(clippy::too_many_lines, reason = "the kinds of things in a scene, one after the other")]
 fn assemble(
     recipe: &Recipe,
     meant: Option<&Recipe>,

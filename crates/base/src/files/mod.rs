@@ -42,7 +42,3 @@ pub use read::read_input;
 pub use search_paths::{ReadError, ReferencedFile, SearchPaths};
 pub use text::{Encoding, Text, TextError, decode};
 pub use unique_names::{Names, safe_name};
-
-/// The former name of [`BakeCache`], until the baker has followed.
-#[doc(hidden)]
-pub type Shelf = BakeCache;

@@ -7,6 +7,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use crate::rain::source_region::{SourceRegion, SourceTracer};
 use osier_base::geometry::Bounds;
+use osier_base::keyframes::interpolate;
 use osier_base::math;
 use osier_base::noise::gradient1;
 use osier_base::rng::Rng;
@@ -222,15 +223,7 @@ fn envelope_factor(fall: &RainfallParams, t: f64) -> f64 {
             let k = (t - middle) / width;
             math::exp(-0.5 * k * k)
         }
-        IntensityEnvelope::Keys(keys) => {
-            let k = keys.partition_point(|key| key[0] <= t);
-            match (k.checked_sub(1).map(|k| keys[k]), keys.get(k)) {
-                (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (t - a[0]) / (b[0] - a[0]),
-                (Some(a), None) => a[1],
-                (None, Some(b)) => b[1],
-                (None, None) => 1.0,
-            }
-        }
+        IntensityEnvelope::Keys(rows) => interpolate(rows, t).unwrap_or(1.0),
     }
 }
 

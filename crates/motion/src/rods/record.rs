@@ -4,6 +4,7 @@ use glam::{DQuat, DVec3, Quat, Vec3};
 
 use crate::rods::StepFailure;
 use crate::rods::system::RodSystem;
+use osier_base::keyframes::Keyframes;
 use osier_base::math;
 use osier_base::progress::Cancel;
 use osier_base::{Error, Result};
@@ -31,39 +32,19 @@ pub enum Integrator {
     Explicit,
 }
 
-/// Numbers over time: seconds and values, rising; linear between, constant outside.
-#[derive(Debug, Clone, Default)]
-pub struct Keys<const N: usize>(pub Vec<(f64, [f64; N])>);
-
-impl<const N: usize> Keys<N> {
-    /// Values at a time, s; zero without keys.
-    pub fn at(&self, t: f64) -> [f64; N] {
-        let k = self.0.partition_point(|key| key.0 <= t);
-        match (k.checked_sub(1).map(|k| self.0[k]), self.0.get(k)) {
-            (Some(a), Some(b)) => {
-                let f = (t - a.0) / (b.0 - a.0);
-                std::array::from_fn(|i| a.1[i] + f * (b.1[i] - a.1[i]))
-            }
-            (Some(a), None) => a.1,
-            (None, Some(b)) => b.1,
-            (None, None) => [0.0; N],
-        }
-    }
-}
-
 /// A load on a section or a motion of a clamp, keyed over time.
 #[derive(Debug, Clone)]
 pub enum Actuation {
     /// Force, N, and torque, N m, on a section.
-    Wrench(usize, Keys<6>),
+    Wrench(usize, Keyframes<6>),
     /// Blows on a section, N s, each once.
-    Blow(usize, Keys<3>),
+    Blow(usize, Keyframes<3>),
     /// Mass of a body, kg.
-    Mass(usize, Keys<1>),
+    Mass(usize, Keyframes<1>),
     /// Shift of a clamp, m.
-    Shift(usize, Keys<3>),
+    Shift(usize, Keyframes<3>),
     /// Turn of a clamp about an axis, rad.
-    Turn(usize, DVec3, Keys<1>),
+    Turn(usize, DVec3, Keyframes<1>),
 }
 
 /// A clip to be recorded.
@@ -229,7 +210,7 @@ impl RodSystem {
         for act in &clip.acts {
             match act {
                 Actuation::Wrench(section, keys) => {
-                    let [a, b, c, d, e, f] = keys.at(t);
+                    let [a, b, c, d, e, f] = keys.at(t).unwrap_or_default();
                     self.add_wrench(*section, DVec3::new(a, b, c), DVec3::new(d, e, f));
                 }
                 Actuation::Blow(section, keys) => {
@@ -238,10 +219,12 @@ impl RodSystem {
                         self.add_impulse(*section, place, DVec3::from_array(*blow), h);
                     }
                 }
-                Actuation::Mass(body, keys) => self.bodies[*body].mass = keys.at(t)[0],
-                Actuation::Shift(clamp, keys) => self.clamps[*clamp].shift = DVec3::from_array(keys.at(t)),
+                Actuation::Mass(body, keys) => self.bodies[*body].mass = keys.at(t).unwrap_or_default()[0],
+                Actuation::Shift(clamp, keys) => {
+                    self.clamps[*clamp].shift = DVec3::from_array(keys.at(t).unwrap_or_default())
+                }
                 Actuation::Turn(clamp, axis, keys) => {
-                    let half = keys.at(t)[0] / 2.0;
+                    let half = keys.at(t).unwrap_or_default()[0] / 2.0;
                     let v = *axis * math::sin(half);
                     self.clamps[*clamp].turn = DQuat::from_xyzw(v.x, v.y, v.z, math::cos(half));
                 }

@@ -3,8 +3,9 @@
 use glam::{DQuat, DVec3, Quat, Vec3};
 use pulp::{Scalar, Simd};
 
-use crate::lanes::{Arrow, Lane};
+use crate::lanes::Arrow;
 use osier_base::math;
+use osier_base::simd::{F64Lanes, Lane as _};
 
 /// Squares of slopes below which a short series of the arc tangent is exact.
 const SMALL: f64 = 0.05;
@@ -62,43 +63,43 @@ pub fn second_mode_slope(x: f64) -> f64 {
 /// Slope of the tip over the slope that small deflections would give, from the square of that: atan(x) / x keeps the tip
 /// below a right angle. Own: it meets the elastica within 1 % up to a load of F L^2 / (E I) = 2 at the tip.
 #[inline(always)]
-pub(crate) fn large_deflection_factor<S: Simd>(square: Lane<S>) -> Lane<S> {
-    let one = Lane::all(square.simd(), 1.0);
+pub(crate) fn large_deflection_factor<S: Simd>(square: F64Lanes<S>) -> F64Lanes<S> {
+    let one = F64Lanes::from_scalar(square.simd, 1.0);
     let near = atan_series(square);
-    if square.all_below(SMALL) {
+    if square.all_lt(SMALL) {
         return near;
     }
     // Half the angle's tangent, three times: x / (1 + sqrt(1 + x^2)).
     let (mut s, mut k) = (square, one);
     for _ in 0..3 {
         let down = one + (one + s).sqrt();
-        k = (k + k).over(down);
-        s = s.over(down * down);
+        k = (k + k).div(down);
+        s = s.div(down * down);
     }
-    square.below(SMALL, near, atan_series(s) * k)
+    square.select_lt(SMALL, near, atan_series(s) * k)
 }
 
 /// The series of atan(x) / x in x^2, exact to 1e-10 below [`SMALL`].
 #[inline(always)]
-fn atan_series<S: Simd>(s: Lane<S>) -> Lane<S> {
-    let mut sum = Lane::all(s.simd(), 1.0 / 13.0);
+fn atan_series<S: Simd>(s: F64Lanes<S>) -> F64Lanes<S> {
+    let mut sum = F64Lanes::from_scalar(s.simd, 1.0 / 13.0);
     for c in [1.0 / 11.0, 1.0 / 9.0, 1.0 / 7.0, 0.2, 1.0 / 3.0, 1.0] {
-        sum = Lane::all(s.simd(), c) - s * sum;
+        sum = F64Lanes::from_scalar(s.simd, c) - s * sum;
     }
     sum
 }
 
 /// c0 + c1 h + c2 h^2 + ..., by threes and fours, which run side by side.
 #[inline(always)]
-fn powers<S: Simd>(c: &[f64; 7], h: Lane<S>) -> Lane<S> {
+fn powers<S: Simd>(c: &[f64; 7], h: F64Lanes<S>) -> F64Lanes<S> {
     let (h2, h3) = (h * h, h * h * h);
-    let low = Lane::all(h.simd(), c[0]) + h * c[1] + h2 * c[2];
-    low + h3 * ((Lane::all(h.simd(), c[3]) + h * c[4] + h2 * c[5]) + h3 * c[6])
+    let low = F64Lanes::from_scalar(h.simd, c[0]) + h * c[1] + h2 * c[2];
+    low + h3 * ((F64Lanes::from_scalar(h.simd, c[3]) + h * c[4] + h2 * c[5]) + h3 * c[6])
 }
 
 /// The turn about vectors by their lengths, rad, as (x, y, z, w). Exact to 1e-12 up to 1.6 rad: no branch bends farther.
 #[inline(always)]
-pub(crate) fn rotation_lanes<S: Simd>(v: Arrow<S>) -> [Lane<S>; 4] {
+pub(crate) fn rotation_lanes<S: Simd>(v: Arrow<S>) -> [F64Lanes<S>; 4] {
     // sin(a/2)/a and cos(a/2) as series of (a/2)^2: products only, this is called millions of times.
     const SIN: [f64; 7] =
         [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0, -1.0 / 39_916_800.0, 1.0 / 6_227_020_800.0];
@@ -111,7 +112,8 @@ pub(crate) fn rotation_lanes<S: Simd>(v: Arrow<S>) -> [Lane<S>; 4] {
 
 /// The turn about `v` by its length, rad.
 pub fn turn(v: DVec3) -> DQuat {
-    let [x, y, z, w] = rotation_lanes(Arrow(v.to_array().map(|c| Lane::all(Scalar, c)))).map(Lane::value);
+    let [x, y, z, w] =
+        rotation_lanes(Arrow(v.to_array().map(|c| F64Lanes::from_scalar(Scalar, c)))).map(F64Lanes::scalar);
     DQuat::from_xyzw(x, y, z, w)
 }
 
@@ -380,7 +382,7 @@ mod tests {
 
     /// Bend of the tip for the slope that small deflections would give.
     fn large(slope: f64) -> DVec3 {
-        DVec3::NEG_Z * slope * large_deflection_factor(Lane::all(Scalar, slope * slope)).value()
+        DVec3::NEG_Z * slope * large_deflection_factor(F64Lanes::from_scalar(Scalar, slope * slope)).scalar()
     }
 
     /// Place and rate after a step. `rest`: where it would stand still.
@@ -392,7 +394,7 @@ mod tests {
     #[test]
     fn slopes_are_arc_tangents() {
         for x in [1e-9, 0.01, 0.1, 0.2235, 0.2237, 1.0, 3.0, 100.0, 1e6] {
-            let found = large_deflection_factor(Lane::all(Scalar, x * x)).value() * x;
+            let found = large_deflection_factor(F64Lanes::from_scalar(Scalar, x * x)).scalar() * x;
             assert!((found - math::atan(x)).abs() < 1e-10 * math::atan(x), "{x}: {found}");
         }
     }

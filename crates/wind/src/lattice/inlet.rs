@@ -10,6 +10,7 @@ use super::ground::shear_coefficient;
 use super::tuning::{
     GUST_MEMORY, GUST_TICKS, MAX_GUST, RAMP_STEPS, TURBULENCE_FULL_HEIGHT, TURBULENCE_WAVELENGTHS, TURN_PER_INTERVAL,
 };
+use osier_base::keyframes::interpolate;
 use osier_base::math::{self, cos, exp, ln, narrow, pow, sin, sqrt};
 use osier_base::rng::Rng;
 use osier_base::simd::F32Lanes;
@@ -123,7 +124,7 @@ impl InletWind {
             WindProfile::Log(z0) => ln((y + z0) / z0) / ln((self.reference_height + z0) / z0),
             WindProfile::Power(a) => pow(y / self.reference_height, *a),
             WindProfile::Uniform => 1.0,
-            WindProfile::Table(rows) => interpolate_rows(rows, y),
+            WindProfile::Table(rows) => interpolate(rows, y).unwrap_or(1.0),
         }
     }
 
@@ -167,7 +168,7 @@ impl InletWind {
         if self.options.speed_curve.is_empty() {
             1.0
         } else {
-            interpolate_rows(&self.options.speed_curve, t) / self.options.speed.max(CALM_SPEED)
+            interpolate(&self.options.speed_curve, t).unwrap_or(1.0) / self.options.speed.max(CALM_SPEED)
         }
     }
 
@@ -297,7 +298,7 @@ impl Wind for InletWind {
 
 /// Angle of the wind from its first direction at time `t`, s, in rad, counterclockwise as seen from above.
 fn turn_angle(options: &InletOptions, t: f64) -> f64 {
-    if options.direction_curve.is_empty() { 0.0 } else { interpolate_rows(&options.direction_curve, t) }
+    interpolate(&options.direction_curve, t).unwrap_or(0.0)
 }
 
 /// Horizontal unit vector that the wind blows towards at time `t`, s.
@@ -309,16 +310,6 @@ pub(super) fn direction_at(options: &InletOptions, t: f64) -> DVec3 {
     let angle = turn_angle(options, t);
     let (c, s) = (cos(angle), sin(angle));
     DVec3::new(d.x * c + d.z * s, 0.0, d.z * c - d.x * s)
-}
-
-/// Piecewise linear function through rows of ascending argument and value, constant outside them; 1 without rows.
-fn interpolate_rows(rows: &[[f64; 2]], x: f64) -> f64 {
-    let above = rows.partition_point(|r| r[0] <= x);
-    match (above.checked_sub(1).and_then(|i| rows.get(i)), rows.get(above)) {
-        (Some(a), Some(b)) => a[1] + (b[1] - a[1]) * (x - a[0]) / (b[0] - a[0]),
-        (Some(only), None) | (None, Some(only)) => only[1],
-        (None, None) => 1.0,
-    }
 }
 
 /// Draws the modes of isotropic turbulence whose spectrum falls as in the inertial range. `size`: of the box, m.

@@ -14,7 +14,6 @@ use osier_scene::WetMaps;
 mod dirty;
 mod rows;
 mod uv_raster;
-mod wide;
 
 use dirty::{ColumnSpan, DirtySpans, DirtyTiles, RowSpans};
 use rows::{CapKernel, DryingPass, KernelOrigin, MaxPass, NormalInputs, NormalPass, WetSpotKernel};

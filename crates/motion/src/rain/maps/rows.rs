@@ -7,10 +7,10 @@ use pulp::{Arch, NullaryFnOnce, Simd, WithSimd};
 
 use super::dirty::RowSpans;
 use super::uv_raster::{RasterRow, TexelWindow, UvRaster};
-use super::wide::Wide;
 use super::{DRY, TILE};
 use crate::rain::drops::shape::{Footprint, SphericalCap};
 use osier_base::math::narrow;
+use osier_base::simd::{F32Lanes, Lane as _};
 
 /// Texels that are worked on together: caps are narrow, and the widest vectors would mostly work beside them.
 const GROUP: usize = 8;
@@ -35,18 +35,14 @@ pub(super) struct KernelOrigin {
 impl KernelOrigin {
     /// Ways from it to texels, m.
     #[inline(always)]
-    fn way<S: Simd>(&self, p: [Wide<S>; 3]) -> [Wide<S>; 3] {
-        [
-            p[0].times(self.scale).plus(-self.p[0]),
-            p[1].times(self.scale).plus(-self.p[1]),
-            p[2].times(self.scale).plus(-self.p[2]),
-        ]
+    fn way<S: Simd>(&self, p: [F32Lanes<S>; 3]) -> [F32Lanes<S>; 3] {
+        [p[0] * self.scale + -self.p[0], p[1] * self.scale + -self.p[1], p[2] * self.scale + -self.p[2]]
     }
 }
 
 #[inline(always)]
-fn along<S: Simd>(d: [Wide<S>; 3], way: [f32; 3]) -> Wide<S> {
-    d[0].times(way[0]) + d[1].times(way[1]) + d[2].times(way[2])
+fn along<S: Simd>(d: [F32Lanes<S>; 3], way: [f32; 3]) -> F32Lanes<S> {
+    d[0] * way[0] + d[1] * way[1] + d[2] * way[2]
 }
 
 /// A cap as texels ask for it, in the precision of maps. Source: as [`SphericalCap::height`] and [`Footprint::at`].
@@ -89,14 +85,17 @@ impl TexelKernel for CapKernel {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, d: [Wide<S>; 3]) -> Wide<S> {
-        let simd = d[0].0;
+    fn at<S: Simd>(&self, d: [F32Lanes<S>; 3]) -> F32Lanes<S> {
+        let simd = d[0].simd;
         let (x, y) = (along(d, self.along), along(d, self.across));
         let rho2 = x * x + y * y;
-        let under = Wide::all(simd, self.r2) - rho2.times(self.a2);
-        let h = under.at_least(0.0).sqrt().plus(-self.base).at_least(0.0).times(self.omega);
-        let h = h * x.at_least(-1.0).at_most(1.0).times(self.skew).plus(1.0);
-        h.where_above(under, 0.0).where_above(Wide::all(simd, self.ends) - rho2, 0.0)
+        let under = F32Lanes::from_scalar(simd, self.r2) - rho2 * self.a2;
+        let none = F32Lanes::from_scalar(simd, 0.0);
+        // omega (sqrt(r^2 - a^2 rho^2) - r cos theta), sheared along the slope; 0 outside the contact line.
+        let h = (under.max(none).sqrt() + -self.base).max(none) * self.omega;
+        let h = h * (x.max(x.splat(-1.0)).min(x.splat(1.0)) * self.skew + 1.0);
+        let h = under.select_gt(0.0, h, none);
+        (F32Lanes::from_scalar(simd, self.ends) - rho2).select_gt(0.0, h, none)
     }
 }
 
@@ -120,11 +119,12 @@ impl TexelKernel for WetSpotKernel {
     }
 
     #[inline(always)]
-    fn at<S: Simd>(&self, d: [Wide<S>; 3]) -> Wide<S> {
-        let simd = d[0].0;
+    fn at<S: Simd>(&self, d: [F32Lanes<S>; 3]) -> F32Lanes<S> {
+        let simd = d[0].simd;
         let d = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-        let edge = (Wide::all(simd, self.reach) - d).times(self.edge).plus(0.5).at_least(0.0).at_most(1.0);
-        (edge * d.times(self.fall).exp().at_most(1.0)).times(self.peak)
+        let edge =
+            ((F32Lanes::from_scalar(simd, self.reach) - d) * self.edge + 0.5).max(d.splat(0.0)).min(d.splat(1.0));
+        edge * (d * self.fall).exp().min(d.splat(1.0)) * self.peak
     }
 }
 
@@ -134,7 +134,7 @@ pub(super) trait TexelKernel {
     fn stand(&self) -> &KernelOrigin;
 
     /// How high it is at ways from there, m.
-    fn at<S: Simd>(&self, d: [Wide<S>; 3]) -> Wide<S>;
+    fn at<S: Simd>(&self, d: [F32Lanes<S>; 3]) -> F32Lanes<S>;
 }
 
 /// Raises texels of a row. Of a folded blade only those on the same side.
@@ -146,21 +146,24 @@ fn press<S: Simd, const FOLDED: bool>(simd: S, stamp: &impl TexelKernel, row: &R
     let ((nx, u), (ny, v), (nz, w)) = (S::as_simd_f32s(nx), S::as_simd_f32s(ny), S::as_simd_f32s(nz));
     let (made, rest) = S::as_mut_simd_f32s(made);
     for (g, ((made, px), (py, pz))) in made.iter_mut().zip(px).zip(py.iter().zip(pz)).enumerate() {
-        let mut h = stamp.at(stand.way([Wide(simd, *px), Wide(simd, *py), Wide(simd, *pz)]));
+        let mut h = stamp.at(stand.way([F32Lanes::new(simd, *px), F32Lanes::new(simd, *py), F32Lanes::new(simd, *pz)]));
         if FOLDED {
-            let n = [Wide(simd, nx[g]), Wide(simd, ny[g]), Wide(simd, nz[g])];
-            h = h.where_above(along(n, stand.n), 0.0);
+            let n = [F32Lanes::new(simd, nx[g]), F32Lanes::new(simd, ny[g]), F32Lanes::new(simd, nz[g])];
+            h = along(n, stand.n).select_gt(0.0, h, h.splat(0.0));
         }
-        *made = Wide(simd, *made).max(h).1;
+        *made = F32Lanes::new(simd, *made).max(h).value;
     }
     if !rest.is_empty() {
-        let mut h = stamp.at(stand.way([Wide::part(simd, x), Wide::part(simd, y), Wide::part(simd, z)]));
+        let mut h = stamp.at(stand.way([
+            F32Lanes::partial_load(simd, x),
+            F32Lanes::partial_load(simd, y),
+            F32Lanes::partial_load(simd, z),
+        ]));
         if FOLDED {
-            let n = [Wide::part(simd, u), Wide::part(simd, v), Wide::part(simd, w)];
-            h = h.where_above(along(n, stand.n), 0.0);
+            let n = [F32Lanes::partial_load(simd, u), F32Lanes::partial_load(simd, v), F32Lanes::partial_load(simd, w)];
+            h = along(n, stand.n).select_gt(0.0, h, h.splat(0.0));
         }
-        let all = Wide::part(simd, rest).max(h);
-        simd.partial_store_f32s(rest, all.1);
+        F32Lanes::partial_load(simd, rest).max(h).partial_store(rest);
     }
 }
 
@@ -238,18 +241,18 @@ impl WithSimd for NormalPass<'_> {
         let [lefts, rights] = [left, right].map(|l| S::as_simd_f32s(l).0);
         let [aboves, belows] = [above, below].map(|l| S::as_simd_f32s(l).0);
         let [ss, ts, us] = [s, t, u].map(|l| S::as_simd_f32s(l).0);
-        let none = Wide::all(simd, 0.0);
+        let none = F32Lanes::from_scalar(simd, 0.0);
         let mut parts = [[0.0_f32; MOST]; 3];
         let mut groups = out.chunks_exact_mut(S::F32_LANES);
         for (g, out) in groups.by_ref().enumerate() {
-            let du = (Wide(simd, rights[g]) - Wide(simd, lefts[g])).times(per[0]);
-            let dv = (Wide(simd, aboves[g]) - Wide(simd, belows[g])).times(per[1]);
-            let x = du * Wide(simd, ss[g]);
-            let y = du * Wide(simd, ts[g]) + dv * Wide(simd, us[g]);
-            let k = (x * x + y * y).plus(1.0).sqrt().inverse();
-            S::as_mut_simd_f32s(&mut parts[0]).0[0] = (none - x * k).1;
-            S::as_mut_simd_f32s(&mut parts[1]).0[0] = (none - y * k).1;
-            S::as_mut_simd_f32s(&mut parts[2]).0[0] = k.1;
+            let du = (F32Lanes::new(simd, rights[g]) - F32Lanes::new(simd, lefts[g])) * per[0];
+            let dv = (F32Lanes::new(simd, aboves[g]) - F32Lanes::new(simd, belows[g])) * per[1];
+            let x = du * F32Lanes::new(simd, ss[g]);
+            let y = du * F32Lanes::new(simd, ts[g]) + dv * F32Lanes::new(simd, us[g]);
+            let k = none.splat(1.0).div((x * x + y * y + 1.0).sqrt());
+            S::as_mut_simd_f32s(&mut parts[0]).0[0] = (none - x * k).value;
+            S::as_mut_simd_f32s(&mut parts[1]).0[0] = (none - y * k).value;
+            S::as_mut_simd_f32s(&mut parts[2]).0[0] = k.value;
             let [x, y, z] = &parts;
             for (((out, x), y), z) in out.iter_mut().zip(x).zip(y).zip(z) {
                 *out = [*x, *y, *z];

@@ -4,9 +4,10 @@
 use pulp::{Simd, WithSimd};
 
 use super::constants::{SecondModes, SimulationConstants};
-use crate::lanes::{Arrow, Columns, Lane, Turned};
+use crate::lanes::{Arrow, Columns, Turned};
 use crate::sway::beam::{large_deflection_factor, rotation_lanes};
 use crate::sway::wood::LEAF_FOLD_SPEED;
+use osier_base::simd::{F64Lanes, Lane as _};
 
 /// Strongest inertia, m/s^2.
 const MAX_INERTIAL_ACCELERATION: f64 = 50.0;
@@ -104,18 +105,22 @@ fn station_group<S: Simd>(constants: &SimulationConstants, k: usize, group: usiz
 }
 
 #[inline(always)]
-fn vector_pair<S: Simd>([a, b, c, d, e, f]: [Lane<S>; 6]) -> [Arrow<S>; 2] {
+fn vector_pair<S: Simd>([a, b, c, d, e, f]: [F64Lanes<S>; 6]) -> [Arrow<S>; 2] {
     [Arrow([a, b, c]), Arrow([d, e, f])]
 }
 
 /// Drag of wood and leaves in relative wind, N, and the wind's speed across the wood: wood takes the part across it,
 /// leaves fold away as it grows. `wood`, `leaf`: half of density, coefficient and area.
 #[inline(always)]
-pub(crate) fn drag<S: Simd>([wood, leaf]: [Lane<S>; 2], along: Arrow<S>, wind: Arrow<S>) -> (Arrow<S>, Lane<S>) {
+pub(crate) fn drag<S: Simd>(
+    [wood, leaf]: [F64Lanes<S>; 2],
+    along: Arrow<S>,
+    wind: Arrow<S>,
+) -> (Arrow<S>, F64Lanes<S>) {
     let across = wind - along * wind.dot(along);
     let (slow, speed) = (across.length(), wind.length());
-    let one = Lane::all(speed.simd(), 1.0);
-    (across * (wood * slow) + wind * (leaf * speed).over(one + speed * (1.0 / LEAF_FOLD_SPEED)), slow)
+    let one = F64Lanes::from_scalar(speed.simd, 1.0);
+    (across * (wood * slow) + wind * (leaf * speed).div(one + speed * (1.0 / LEAF_FOLD_SPEED)), slow)
 }
 
 /// Finds where everything is. `fresh`: nothing is known of the step before.
@@ -141,7 +146,7 @@ impl WithSimd for UpdatePositions<'_> {
 /// Each element in the frame of its own base.
 #[inline(always)]
 fn bend_elements<S: Simd>(constants: &SimulationConstants, state: &mut SimulationState, simd: S) {
-    let zero = Lane::all(simd, 0.0);
+    let zero = F64Lanes::from_scalar(simd, 0.0);
     for g in 0..element_groups::<S>(constants) {
         let count = station_count::<S>(constants, g);
         let [x, z] = vector_pair(constants.bend_axes.get(simd, g));
@@ -277,8 +282,8 @@ impl IntegrateStep<'_> {
     #[inline(always)]
     fn apply_station_loads<S: Simd>(&mut self, simd: S) {
         let (constants, state) = (self.constants, &mut *self.state);
-        let zero = Arrow([Lane::all(simd, 0.0); 3]);
-        let between = Lane::all(simd, self.between);
+        let zero = Arrow([F64Lanes::from_scalar(simd, 0.0); 3]);
+        let between = F64Lanes::from_scalar(simd, self.between);
         let (rate, square, whip) = (1.0 / self.step, 1.0 / (self.step * self.step), -self.whip);
         for g in 0..element_groups::<S>(constants) {
             let count = station_count::<S>(constants, g);
@@ -294,14 +299,15 @@ impl IntegrateStep<'_> {
                 let (last, next) = (Arrow(state.air[0].get(simd, s)), Arrow(state.air[1].get(simd, s)));
                 let air = last + (next - last) * between;
                 // Drag feels less of a speed that the air would stop within a step.
-                let slowed = Lane::all(simd, 0.5).over((stops * air.length() * self.step).at_least(0.5));
+                let slowed =
+                    F64Lanes::from_scalar(simd, 0.5).div((stops * air.length() * self.step).max(between.splat(0.5)));
                 let speed = (Arrow(state.places.get(simd, s)) - Arrow(state.before.get(simd, s))) * (slowed * rate);
                 // Wind relative to the station, in the frame of the element's base.
                 let relative = turned.back(air - speed);
                 let along = Turned::of(state.turns.get(simd, s)).apply(along);
                 let (drag, slow) = drag([wood, leaf], along, relative);
                 // Vortex shedding pushes across wind and branch with the strength of the drag.
-                let sideways = (shed * drag.length()).over(slow.at_least(MIN_CROSS_SPEED));
+                let sideways = (shed * drag.length()).div(slow.max(slow.splat(MIN_CROSS_SPEED)));
                 let force = drag + relative.cross(along) * sideways;
                 total = total + force;
                 load = load + force * lever;
@@ -309,9 +315,9 @@ impl IntegrateStep<'_> {
                 // element, capped so that a jolt cannot throw twigs.
                 let rigid = base + turned.apply(rest);
                 let [one, two] = if self.fresh { [rigid; 2] } else { vector_pair(state.rigid.get(simd, s)) };
-                let thrust = (rigid - one - (one - two)) * Lane::all(simd, square);
-                let most = Lane::all(simd, MAX_INERTIAL_ACCELERATION)
-                    .over(thrust.length().at_least(MAX_INERTIAL_ACCELERATION));
+                let thrust = (rigid - one - (one - two)) * F64Lanes::from_scalar(simd, square);
+                let most = F64Lanes::from_scalar(simd, MAX_INERTIAL_ACCELERATION)
+                    .div(thrust.length().max(between.splat(MAX_INERTIAL_ACCELERATION)));
                 thrown = thrown + thrust * (most * inertia * whip);
                 let ([a, b, c], [d, e, f]) = (rigid.0, one.0);
                 state.rigid.put(s, [a, b, c, d, e, f]);
@@ -340,14 +346,18 @@ impl IntegrateStep<'_> {
     #[inline(always)]
     fn advance_oscillators<S: Simd>(&mut self, simd: S) {
         let (constants, state) = (self.constants, &mut *self.state);
-        let (none, left) = (Lane::all(simd, 0.0), Lane::all(simd, 0.4));
+        let (none, left) = (F64Lanes::from_scalar(simd, 0.0), F64Lanes::from_scalar(simd, 0.4));
         for g in 0..element_groups::<S>(constants) {
             let [x, y, z, w, ..] = state.carried.get(simd, g);
             let [_, pulled] = vector_pair(state.forces.get(simd, g));
             let turned = Turned::of([x, y, z, w]);
             let mut load = Arrow(state.loads.get(simd, g)) + turned.back(pulled);
             if let Some([gx, gy, gz]) = constants.gravity {
-                let down = Arrow([Lane::all(simd, gx), Lane::all(simd, gy), Lane::all(simd, gz)]);
+                let down = Arrow([
+                    F64Lanes::from_scalar(simd, gx),
+                    F64Lanes::from_scalar(simd, gy),
+                    F64Lanes::from_scalar(simd, gz),
+                ]);
                 let [weight] = constants.weight.get(simd, g);
                 load = load + (turned.back(down) - down) * weight;
             }
@@ -374,8 +384,8 @@ impl IntegrateStep<'_> {
 
 /// Second modes towards a share of what the wind adds to its mean. `goal`: of the first modes.
 #[inline(always)]
-fn advance_second_modes<S: Simd>(over: &SecondModes, state: &mut SimulationState, g: usize, goal: [Lane<S>; 2]) {
-    let simd = goal[0].simd();
+fn advance_second_modes<S: Simd>(over: &SecondModes, state: &mut SimulationState, g: usize, goal: [F64Lanes<S>; 2]) {
+    let simd = goal[0].simd;
     let [c0, c1, c2, c3, d0, d1, d2, d3] = over.swing.get(simd, g);
     let ([still, level], [p, v, q, u]) = (state.mean.get(simd, g), state.second_mode.get(simd, g));
     let (a, b) = ((goal[0] - still) * SECOND_MODE_FORCING, (goal[1] - level) * SECOND_MODE_FORCING);
@@ -392,9 +402,9 @@ mod tests {
 
     /// Drag along the wind, N, of areas in m^2, in wind of `u` m/s that meets wood at a slant.
     fn along_wind([wood, leaf]: [f64; 2], growth: [f64; 3], u: f64) -> f64 {
-        let lane = |v: f64| Lane::all(Scalar, v);
+        let lane = |v: f64| F64Lanes::from_scalar(Scalar, v);
         let areas = [wood * 1.1, leaf * 0.4].map(|a| lane(0.5 * AIR_DENSITY * a));
-        drag(areas, Arrow(growth.map(lane)), Arrow([u, 0.0, 0.0].map(lane))).0.0[0].value()
+        drag(areas, Arrow(growth.map(lane)), Arrow([u, 0.0, 0.0].map(lane))).0.0[0].scalar()
     }
 
     #[test]
