@@ -27,9 +27,9 @@ fn held(name: &str, expected: &str) {
 #[test]
 fn codes() {
     let mut text = String::from(
-        "# Codes\n\nEvery complaint has a code that never changes its meaning. L: grammars, I: coefficient tables, S: scenes, \
-         X: files in and out.\nAn error ends the command with code 1 once the file is checked; warnings end it with code 3 \
-         under `--strict`.\n\n| code | kind | meaning |\n|---|---|---|\n",
+        "# Diagnostic codes\n\nEvery error and warning has a code whose meaning never changes. L: grammars, I: coefficient tables, S: scenes, \
+         P: pictures, X: files read and written.\nA command reports all errors of a file before it ends with exit code 1. With \
+         `--strict`, warnings end it with exit code 3.\n\n| code | severity | meaning |\n|---|---|---|\n",
     );
     for c in CODES {
         let kind = if c.severity == Severity::Error { "error" } else { "warning" };
@@ -46,9 +46,10 @@ fn codes_are_sorted_and_unique() {
 #[test]
 fn limits() {
     let mut text = String::from(
-        "# Limits\n\nWhat a file may cost. `--max-NAME VALUE` sets one (suffix k, M, G = 1e3, 1e6, 1e9; `none` lifts it). \
-         Scenes cannot.\nPassing one is an error that names the flag, before memory is spent.\n\n\
-         | name | default | counts |\n|---|---|---|\n",
+        "# Limits\n\nLimits bound the memory, time and disk space of one command. `--max-NAME VALUE` sets a limit (the suffixes k, M and \
+         G stand for 1e3, 1e6 and 1e9; `none` removes it),\nas does the environment variable `OSIER_MAX=NAME=VALUE,...`. \
+         Scene files cannot set limits.\nA command that would exceed a limit ends with an error that names the flag, before the \
+         memory is allocated.\n\n| name | default | what it limits |\n|---|---|---|\n",
     );
     for l in LIMITS {
         text.push_str(&format!("| {} | {} | {} |\n", l.name, grouped(l.default), l.counts));

@@ -18,7 +18,7 @@ use osier_scene::{AssetFrame, Frame, MeshMotion, Scene, check_frame, mesh_points
 /// Point caches in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pc2",
-    about: "point caches beside the blender glb, for plants with motion = \"cache\"",
+    about: "point caches for the glb of profile blender, of plants with motion = \"cache\"",
     asset_folder: Some("cache"),
     endings: &[],
     pictures_beside: false,

@@ -24,7 +24,7 @@ use osier_scene::{
 /// PLY in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "ply",
-    about: "point clouds, leaves and tracks",
+    about: "point clouds, and instances as points",
     asset_folder: Some("cloud"),
     endings: &[("ply", "points and leaves")],
     pictures_beside: false,

@@ -85,7 +85,7 @@ const RODS: [Field; 9] = [
 /// Records in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "tracks",
-    about: "raindrops, what happens to them, and joints, as records of numbers",
+    about: "binary records of drops, rain events, wet leaves and joints",
     asset_folder: None,
     endings: &[],
     pictures_beside: false,

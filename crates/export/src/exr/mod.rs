@@ -31,7 +31,7 @@ pub use sky::{FILE as SKY_FILE, write as write_sky};
 /// EXR maps in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "exr",
-    about: "height maps of barks, leaves and ground in half floats, maps of deposits and of wet leaves",
+    about: "height maps of bark, leaves, ground and terrain, deposition maps, maps of wet leaves",
     asset_folder: None,
     endings: &[],
     pictures_beside: false,

@@ -40,7 +40,7 @@ use osier_scene::{Frame, Scene, check_frame, check_scene, stilled};
 /// glTF in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "glb",
-    about: "glTF per asset and for the whole scene, per profile; animated",
+    about: "glTF: the whole scene in one file per profile, optionally one per asset; animated",
     asset_folder: Some("gltf"),
     endings: &[("glb", "glTF in one file, pictures inside"), ("gltf", "glTF as JSON, data and pictures beside it")],
     pictures_beside: false,

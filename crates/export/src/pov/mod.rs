@@ -41,7 +41,7 @@ const NEAR: f32 = 0.9;
 /// POV-Ray in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "pov",
-    about: "a POV-Ray scene with an include per frame; `povray render.ini` renders it",
+    about: "a POV-Ray scene with an include file per frame; `povray render.ini` renders it",
     asset_folder: None,
     endings: &[("pov", "POV-Ray scene")],
     pictures_beside: true,

@@ -19,7 +19,7 @@ use osier_scene::{Frame, Scene, Table, largest};
 /// Tables of statistics in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "csv",
-    about: "tables and plots of what flights and rain measure",
+    about: "statistics of flights and rain: tables, JSON and plots",
     asset_folder: None,
     endings: &[],
     pictures_beside: false,

@@ -46,7 +46,7 @@ use plant_instancer::SinglePlacement;
 /// USD in the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "usd",
-    about: "USD: a wrapper (.usda) and a payload (.usdc) per asset; animated",
+    about: "USD: a root layer (.usda) and a payload (.usdc) per asset; animated",
     asset_folder: Some("usd"),
     endings: &[("usda", "USD as text"), ("usdc", "USD, binary"), ("usdz", "USD with pictures in one file")],
     pictures_beside: true,
