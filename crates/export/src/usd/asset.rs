@@ -1,6 +1,7 @@
 //! An asset as a prim with everything beneath it.
 
-use super::layer::{AnimatedPrim, LayerBuilder, UsdContext};
+use super::context::UsdContext;
+use super::layer::{AnimatedPrim, LayerBuilder};
 use super::{instancer, mesh, points, skel, wetness_primvar};
 use osier_base::Result;
 use osier_base::files::Names;

@@ -1,4 +1,4 @@
-//! Which way is up in the files.
+//! Conversion from the scene's axes (+Y up, right-handed, metres) to those of the stage.
 
 use std::borrow::Cow;
 
@@ -7,64 +7,65 @@ use glam::{Mat4, Quat, Vec3};
 use osier_base::geometry::Bounds;
 use osier_scene::Trs;
 
-/// The up axis of the written stages.
+/// The up axis of the stage.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum UpAxis {
-    /// As inside: numbers equal those of glTF.
+    /// The scene's own axes, which are those of glTF, too: nothing is converted.
     #[default]
     Y,
-    /// (x, y, z) becomes (x, -z, y) everywhere, as in Blender.
+    /// Blender's axes: (x, y, z) of the scene becomes (x, -z, y).
     Z,
 }
 
 impl UpAxis {
-    /// The token of the layer metadata.
-    pub fn token(self) -> &'static str {
+    /// The value of `upAxis` in the layer metadata.
+    pub(super) fn token(self) -> &'static str {
         match self {
             Self::Y => "Y",
             Self::Z => "Z",
         }
     }
 
-    /// A point or direction.
-    pub fn vec(self, v: Vec3) -> Vec3 {
+    /// A point or direction of the scene in the axes of the stage.
+    pub(super) fn stage_vec(self, v: Vec3) -> Vec3 {
         match self {
             Self::Y => v,
             Self::Z => Vec3::new(v.x, -v.z, v.y),
         }
     }
 
-    /// Points or directions; nothing is copied when nothing changes.
-    pub fn vecs(self, v: &[Vec3]) -> Cow<'_, [Vec3]> {
+    /// Points or directions in the axes of the stage; borrowed if the axes are the same.
+    pub(super) fn stage_vecs(self, v: &[Vec3]) -> Cow<'_, [Vec3]> {
         match self {
             Self::Y => Cow::Borrowed(v),
-            Self::Z => Cow::Owned(v.iter().map(|p| self.vec(*p)).collect()),
+            Self::Z => Cow::Owned(v.iter().map(|p| self.stage_vec(*p)).collect()),
         }
     }
 
-    /// A rotation between two spaces that both turn.
-    pub fn quat(self, q: Quat) -> Quat {
+    /// A rotation between two spaces whose axes are both converted: C q C^-1, C the rotation [`Self::world_to_stage`].
+    pub(super) fn stage_quat(self, q: Quat) -> Quat {
         match self {
             Self::Y => q,
             Self::Z => Quat::from_xyzw(q.x, -q.z, q.y, q.w),
         }
     }
 
-    /// A scale.
-    pub fn scale(self, s: Vec3) -> Vec3 {
+    /// Scale factors along the scene's axes as factors along those of the stage: permuted, without a sign.
+    pub(super) fn stage_scale(self, s: Vec3) -> Vec3 {
         match self {
             Self::Y => s,
             Self::Z => Vec3::new(s.x, s.z, s.y),
         }
     }
 
-    /// A transform between two spaces that both turn.
-    pub fn trs(self, m: &Trs) -> Trs {
-        Trs { t: self.vec(m.t), r: self.quat(m.r), s: self.scale(m.s) }
+    /// A transform between two spaces whose axes are both converted.
+    pub(super) fn stage_trs(self, m: &Trs) -> Trs {
+        Trs { t: self.stage_vec(m.t), r: self.stage_quat(m.r), s: self.stage_scale(m.s) }
     }
 
-    /// Stage from osier's world: for things whose own axes the format fixes (cameras and lights look along -Z).
-    pub fn stage_from_world(self) -> Quat {
+    /// The rotation from the scene's axes to those of the stage. For prims whose own axes USD fixes, as cameras and lights, which
+    /// look along their -Z: they are rotated into the stage, their local axes are not converted.
+    pub(super) fn world_to_stage(self) -> Quat {
         match self {
             Self::Y => Quat::IDENTITY,
             Self::Z => Quat::from_xyzw(std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2),
@@ -72,12 +73,12 @@ impl UpAxis {
     }
 }
 
-/// A box as the two vectors of an `extent`; two zero vectors for an empty one.
+/// A box as the two corners of an `extent`; two zero vectors for an empty one.
 pub(super) fn extent(b: &Bounds) -> [[f32; 3]; 2] {
     if b.is_empty() { [[0.0; 3]; 2] } else { [b.min.to_array(), b.max.to_array()] }
 }
 
-/// A transform as a row-major matrix with the translation in the last row.
+/// A transform as `matrix4d`: row-major for row vectors, the translation in the last row.
 pub(super) fn matrix4d(m: &Trs) -> [f64; 16] {
     // Columns of the column-vector form, one after the other, are the rows of the row-vector form.
     Mat4::to_cols_array(&m.matrix()).map(f64::from)
@@ -96,7 +97,7 @@ mod tests {
         };
         let p = Vec3::new(-0.4, 0.9, 2.0);
         let z = UpAxis::Z;
-        assert!((z.trs(&m).apply(z.vec(p)) - z.vec(m.apply(p))).length() < 1e-5);
-        assert!((z.stage_from_world() * p - z.vec(p)).length() < 1e-6);
+        assert!((z.stage_trs(&m).apply(z.stage_vec(p)) - z.stage_vec(m.apply(p))).length() < 1e-5);
+        assert!((z.world_to_stage() * p - z.stage_vec(p)).length() < 1e-6);
     }
 }

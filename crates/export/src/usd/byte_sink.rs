@@ -3,19 +3,20 @@
 use osier_base::Result;
 use osier_base::files::Output;
 
-/// A growing run of bytes with a head that can be rewritten.
+/// An append-only destination of bytes; its beginning can be overwritten, for a header that is known at the end.
 pub(super) trait ByteSink: Send {
     /// Appends bytes.
     fn put(&mut self, bytes: &[u8]) -> Result<()>;
-    /// Overwrites bytes at an offset; appending goes on at the end.
+    /// Overwrites bytes that were written at `offset`; the next `put` appends at the end as before.
     fn put_at(&mut self, offset: u64, bytes: &[u8]) -> Result<()>;
-    /// Bytes so far.
+    /// Number of bytes appended, which is the offset of the next one.
     fn position(&self) -> u64;
-    /// Closes the file.
+    /// Completes the file and gives it its final name.
     fn commit(self: Box<Self>) -> Result<()>;
 }
 
-/// Counts bytes and keeps none: for a layer that is on disk already, of which others still need to know what it holds.
+/// Counts bytes and discards them: for a payload that an interrupted bake has left complete, whose extents and bindings the
+/// wrapper still needs.
 #[derive(Debug, Default)]
 pub(super) struct CountingSink {
     position: u64,

@@ -2,7 +2,8 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-use super::layer::{LayerBuilder, UsdContext};
+use super::context::UsdContext;
+use super::layer::LayerBuilder;
 use super::value::UsdValue;
 use osier_base::Result;
 use osier_base::math;
@@ -56,7 +57,7 @@ fn define_camera(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Resul
     layer.set_attr(&format!("{path}.verticalAperture"), "float", UsdValue::Float(FILM))?;
     let [right, up, back] = camera.axes();
     let r = Quat::from_mat3(&Mat3::from_cols(right, up, back));
-    let place = Trs { t: cx.up.vec(camera.eye), r: cx.up.stage_from_world() * r, s: Vec3::ONE };
+    let place = Trs { t: cx.up.stage_vec(camera.eye), r: cx.up.world_to_stage() * r, s: Vec3::ONE };
     layer.set_xform_ops(path, &place)
 }
 
@@ -72,8 +73,8 @@ fn define_sun(cx: &UsdContext, layer: &mut LayerBuilder, path: &str) -> Result<(
     // Light leaves along -Z.
     let r = math::rotation_between(Vec3::Z, sun.direction());
     // Where it stands does not matter to the light, only to whoever wants to grab it.
-    let t = cx.up.vec(cx.scene.camera.target + sun.direction() * 10.0);
-    layer.set_xform_ops(path, &Trs { t, r: cx.up.stage_from_world() * r, s: Vec3::ONE })
+    let t = cx.up.stage_vec(cx.scene.camera.target + sun.direction() * 10.0);
+    layer.set_xform_ops(path, &Trs { t, r: cx.up.world_to_stage() * r, s: Vec3::ONE })
 }
 
 fn define_sky(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, picture: Option<&str>) -> Result<()> {
@@ -84,7 +85,7 @@ fn define_sky(cx: &UsdContext, layer: &mut LayerBuilder, path: &str, picture: Op
         layer.set_attr(&format!("{path}.inputs:texture:file"), "asset", UsdValue::Asset(picture))?;
         layer.set_attr(&format!("{path}.inputs:texture:format"), "token", UsdValue::Token("latlong"))?;
         // The pole of such a picture is +Y on every stage.
-        return layer.set_xform_ops(path, &Trs { r: cx.up.stage_from_world(), ..Trs::IDENTITY });
+        return layer.set_xform_ops(path, &Trs { r: cx.up.world_to_stage(), ..Trs::IDENTITY });
     }
     let mean: [f32; 3] = std::array::from_fn(|i| (sky.horizon[i] + sky.zenith[i]) * 0.5);
     layer.set_attr(&format!("{path}.inputs:color"), "color3f", UsdValue::Float3(mean))?;

@@ -1,14 +1,16 @@
-//! Repeated meshes as PointInstancer, and their twin as Points.
+//! Instancers of an asset as `PointInstancer`, and as `Points` with primvars (the point twin).
 
 use glam::{Quat, Vec3};
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 
-use super::axis::{UpAxis, extent};
-use super::instancer_extent::PrototypeBoxes;
-use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext, canonical_quat, nearest_quat};
-use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta, VariantSet, variant_path};
-use super::mesh::{MeshPrim, VelocityAttr, define_mesh};
+use super::arrays::{as_float3, as_ints, points_extent, sequential_ids};
+use super::axis::UpAxis;
+use super::context::UsdContext;
+use super::instancer_extent::InstancerBounds;
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
+use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata, VariantSet, variant_path};
+use super::mesh::{MeshPrim, VelocitySamples, define_mesh};
 use super::sample_reduction::{SampleReducer, TimeSample};
 use super::value::UsdArray;
 use osier_base::Result;
@@ -18,62 +20,56 @@ use osier_scene::{InstanceState, Instancer, InstancerMotion, Prototype, instance
 /// Variant set of prototypes with several levels of detail.
 const LOD_VARIANT_SET: &str = "LOD";
 
-fn as_float3(v: &[Vec3]) -> &[[f32; 3]] {
-    bytemuck::cast_slice(v)
-}
-
-/// 0..n.
-pub(super) fn sequential_ids(n: usize) -> Vec<i64> {
-    (0..n).map(|i| i64::try_from(i).unwrap_or(i64::MAX)).collect()
-}
-
-/// Rotations in stage space, on the side of those of the frame before.
+/// Orientations in the axes of the stage; each on the side of that of the frame before, if there was one.
 fn stage_orientations(up: UpAxis, state: &InstanceState, before: &[Quat]) -> Vec<Quat> {
-    let (again, first) = state.orientations.split_at(before.len().min(state.orientations.len()));
-    let again = again.iter().zip(before).map(|(q, b)| nearest_quat(up.quat(*q), *b));
-    again.chain(first.iter().map(|q| canonical_quat(up.quat(*q)))).collect()
+    let (known, new) = state.orientations.split_at(before.len().min(state.orientations.len()));
+    let known = known.iter().zip(before).map(|(q, b)| nearest_quat(up.stage_quat(*q), *b));
+    known.chain(new.iter().map(|q| canonical_quat(up.stage_quat(*q)))).collect()
 }
 
 /// Quaternions rounded to half precision.
-fn to_quath(turns: &[Quat]) -> Vec<[f16; 4]> {
-    let mut out = vec![[f16::ZERO; 4]; turns.len()];
-    out.as_flattened_mut().convert_from_f32_slice(bytemuck::cast_slice(turns));
+fn to_quath(orientations: &[Quat]) -> Vec<[f16; 4]> {
+    let mut out = vec![[f16::ZERO; 4]; orientations.len()];
+    out.as_flattened_mut().convert_from_f32_slice(bytemuck::cast_slice(orientations));
     out
 }
 
-/// Angular velocities as degrees per second about an axis.
+/// Angular velocities, rad/s, in the unit and the axes of the stage: degrees per second.
 fn degrees_per_second(up: UpAxis, v: &[Vec3]) -> Vec<[f32; 3]> {
     let factor = 180.0 / std::f32::consts::PI;
-    v.iter().map(|w| (up.vec(*w) * factor).to_array()).collect()
+    v.iter().map(|w| (up.stage_vec(*w) * factor).to_array()).collect()
 }
 
-/// An instancer of an asset.
-pub(super) struct InstancerSamples {
+/// A `PointInstancer` whose instances move.
+pub(super) struct AnimatedInstancer {
+    /// Index of the instancer in its asset.
     index: usize,
     path: String,
     positions: AttrHandle,
     orientations: AttrHandle,
     extent: AttrHandle,
     invisible: Option<AttrHandle>,
-    velocities: VelocityAttr,
-    angular: VelocityAttr,
+    velocities: VelocitySamples,
+    angular: VelocitySamples,
     /// Written from the first frame that tells how wet instances are.
     wetness: Option<AttrHandle>,
+    /// Orientations of the frame before, in the axes of the stage.
     before: Vec<Quat>,
-    shapes: PrototypeBoxes,
-    /// What waits to be left out, where instances neither come and go nor have velocities.
-    thinned: Option<InstanceReducers>,
+    boxes: InstancerBounds,
+    /// Present if the instances follow joints: those neither appear and vanish nor have velocities, so that samples which
+    /// interpolation restores can be left out.
+    reducers: Option<InstanceReducers>,
     /// Box of all frames so far.
-    reach: Bounds,
+    clip_bounds: Bounds,
 }
 
-/// Places and rotations of frames that interpolation may restore.
+/// The reduction of the time samples of positions and orientations.
 struct InstanceReducers {
     positions: SampleReducer<Vec3>,
     orientations: SampleReducer<Quat>,
 }
 
-/// Writes an instancer at rest.
+/// Defines an instancer in its rest state, with its prototypes. Returns what takes its time samples, if it moves.
 pub(super) fn define_instancer(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -85,49 +81,51 @@ pub(super) fn define_instancer(
     layer.define_prim(path, "PointInstancer")?;
     let up = cx.up;
     let n = instancer.len();
-    let shapes = PrototypeBoxes::of(instancer, up);
+    let boxes = InstancerBounds::of(instancer, up);
     let before = stage_orientations(up, &instancer.rest, &[]);
     let orientations = to_quath(&before);
-    let protos: Vec<i32> = instancer.protos.iter().map(|p| i32::try_from(*p).unwrap_or(i32::MAX)).collect();
-    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.scale(*s)).collect();
-    let b = shapes.extent(&orientations, &up.vecs(&instancer.rest.positions), &instancer.rest.alive);
+    let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
+    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.stage_scale(*s)).collect();
+    let b = boxes.extent(&orientations, &up.stage_vecs(&instancer.rest.positions), &instancer.rest.alive);
     let hidden = invisible_ids(instancer, &instancer.rest);
     let set = |layer: &mut LayerBuilder, name: &str, type_name, array: UsdArray| {
         layer.set_attr(&format!("{path}.{name}"), type_name, array.into())
     };
     let extent = set(layer, "extent", "float3[]", UsdArray::Float3(&b))?;
     set(layer, "ids", "int64[]", UsdArray::Int64(&sequential_ids(n)))?;
-    let dies = instancer.motion == InstancerMotion::Free || !hidden.is_empty();
-    let invisible = dies.then(|| set(layer, "invisibleIds", "int64[]", UsdArray::Int64(&hidden))).transpose()?;
+    // An instance keeps its index for the whole clip; those that are not alive at a frame are listed as invisible.
+    let may_hide = instancer.motion == InstancerMotion::Free || !hidden.is_empty();
+    let invisible = may_hide.then(|| set(layer, "invisibleIds", "int64[]", UsdArray::Int64(&hidden))).transpose()?;
     let orientations = set(layer, "orientations", "quath[]", UsdArray::Quath(&orientations))?;
     let positions =
-        set(layer, "positions", "point3f[]", UsdArray::Float3(as_float3(&up.vecs(&instancer.rest.positions))))?;
-    set(layer, "protoIndices", "int[]", UsdArray::Int(&protos))?;
+        set(layer, "positions", "point3f[]", UsdArray::Float3(as_float3(&up.stage_vecs(&instancer.rest.positions))))?;
+    set(layer, "protoIndices", "int[]", UsdArray::Int(protos))?;
     set(layer, "scales", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
     define_prototypes(cx, layer, root, path, instancer)?;
     if instancer.motion == InstancerMotion::Still {
         return Ok(None);
     }
-    Ok(Some(Box::new(InstancerSamples {
+    Ok(Some(Box::new(AnimatedInstancer {
         index,
         path: path.to_owned(),
         positions,
         orientations,
         extent,
         invisible,
-        velocities: VelocityAttr::default(),
-        angular: VelocityAttr::default(),
+        velocities: VelocitySamples::default(),
+        angular: VelocitySamples::default(),
         wetness: None,
         before,
-        shapes,
-        thinned: matches!(instancer.motion, InstancerMotion::Joints(_)).then(|| InstanceReducers {
+        boxes,
+        reducers: matches!(instancer.motion, InstancerMotion::Joints(_)).then(|| InstanceReducers {
             positions: SampleReducer::new(cx.tolerance.metres),
             orientations: SampleReducer::new(cx.tolerance.radians),
         }),
-        reach: Bounds::default(),
+        clip_bounds: Bounds::default(),
     })))
 }
 
+/// Defines the scope of prototypes and a prim for each: a mesh, a prim with mesh and curves, or one with levels of detail.
 fn define_prototypes(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -156,7 +154,7 @@ fn define_prototypes(
     Ok(())
 }
 
-/// Levels of detail as variants of one prim, which shows the prototype's own unless a reader chooses.
+/// Defines the levels of detail of a prototype as variants of one prim; its own level is selected.
 fn define_lod_variants(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -168,12 +166,12 @@ fn define_lod_variants(
     all.sort_by(|a, b| a.level.cmp(&b.level));
     let names = all.iter().map(|p| p.level.clone()).collect();
     let variants = Some(VariantSet { set: LOD_VARIANT_SET, names, selection: proto.level.clone() });
-    layer.writer.define_prim(path, "Xform", &PrimMeta { variants, ..PrimMeta::default() })?;
+    layer.writer.define_prim(path, "Xform", &PrimMetadata { variants, ..PrimMetadata::default() })?;
     all.into_iter()
         .try_for_each(|p| define_prototype(cx, layer, root, &variant_path(path, LOD_VARIANT_SET, &p.level), p))
 }
 
-/// Contents of a prototype beneath a prim: its mesh, or curves and what is not curves.
+/// Defines the contents of a prototype below a prim: its mesh, or, if it has fine geometry, that mesh and the curves.
 fn define_prototype(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -194,60 +192,60 @@ fn define_prototype(
     }
 }
 
-/// Slots without a live instance.
+/// Ids of the instances that are not alive.
 fn invisible_ids(instancer: &Instancer, state: &InstanceState) -> Vec<i64> {
-    let slots = state.alive.iter().take(instancer.len()).zip(0..);
-    slots.filter(|(alive, _)| !**alive).map(|(_, slot)| slot).collect()
+    let ids = state.alive.iter().take(instancer.len()).zip(0..);
+    ids.filter(|(alive, _)| !**alive).map(|(_, id)| id).collect()
 }
 
-impl InstancerSamples {
-    /// Takes places and the rotations of a frame, and writes those that later frames cannot restore.
+impl AnimatedInstancer {
+    /// Takes positions, and the orientations in `before`, of a frame, and writes the samples that later frames cannot restore.
     fn push_reduced(&mut self, layer: &mut LayerBuilder, time: f64, positions: Vec<Vec3>) -> Result<()> {
-        let Some(waiting) = &mut self.thinned else { return Ok(()) };
-        let turns = waiting.orientations.push(time, self.before.clone());
-        let places = waiting.positions.push(time, positions);
-        self.write_samples(layer, turns, places)
+        let Some(reducers) = &mut self.reducers else { return Ok(()) };
+        let orientations = reducers.orientations.push(time, self.before.clone());
+        let positions = reducers.positions.push(time, positions);
+        self.write_samples(layer, orientations, positions)
     }
 
     fn write_samples(
         &self,
         layer: &mut LayerBuilder,
-        turns: Option<TimeSample<Quat>>,
-        places: Option<TimeSample<Vec3>>,
+        orientations: Option<TimeSample<Quat>>,
+        positions: Option<TimeSample<Vec3>>,
     ) -> Result<()> {
-        if let Some(TimeSample { time, values: turns }) = turns {
-            layer.writer.set_time_sample(self.orientations, time, UsdArray::Quath(&to_quath(&turns)).into())?;
+        if let Some(TimeSample { time, values }) = orientations {
+            layer.writer.set_time_sample(self.orientations, time, UsdArray::Quath(&to_quath(&values)).into())?;
         }
-        if let Some(TimeSample { time, values: places }) = places {
-            layer.writer.set_time_sample(self.positions, time, UsdArray::Float3(as_float3(&places)).into())?;
+        if let Some(TimeSample { time, values }) = positions {
+            layer.writer.set_time_sample(self.positions, time, UsdArray::Float3(as_float3(&values)).into())?;
         }
         Ok(())
     }
 }
 
-impl AnimatedPrim for InstancerSamples {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+impl AnimatedPrim for AnimatedInstancer {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let Some(instancer) = sample.asset.instancers.get(self.index) else { return Ok(()) };
         let (up, time) = (cx.up, sample.time);
         let state = instance_states(sample.asset, instancer, self.index, sample.state);
         self.before = stage_orientations(up, &state, &self.before);
         let orientations = to_quath(&self.before);
-        let positions = up.vecs(&state.positions);
-        let b = self.shapes.extent(&orientations, &positions, &state.alive);
-        self.reach = self.reach.union(Bounds::of(b.map(Vec3::from_array)));
+        let positions = up.stage_vecs(&state.positions);
+        let b = self.boxes.extent(&orientations, &positions, &state.alive);
+        self.clip_bounds = self.clip_bounds.union(Bounds::of(b.map(Vec3::from_array)));
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.extent, UsdArray::Float3(&b))?;
         if let Some(invisible) = self.invisible {
             sample(invisible, UsdArray::Int64(&invisible_ids(instancer, &state)))?;
         }
-        if self.thinned.is_some() && state.velocities.is_empty() {
+        if self.reducers.is_some() && state.velocities.is_empty() {
             self.push_reduced(layer, time, positions.into_owned())?;
         } else {
             sample(self.orientations, UsdArray::Quath(&orientations))?;
             sample(self.positions, UsdArray::Float3(as_float3(&positions)))?;
         }
         let count = instancer.len();
-        let velocities = up.vecs(&state.velocities);
+        let velocities = up.stage_vecs(&state.velocities);
         self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&velocities), count, time)?;
         let angular = degrees_per_second(up, &state.angular_velocities);
         self.angular.sample(layer, &format!("{}.angularVelocities", self.path), &angular, count, time)?;
@@ -265,26 +263,28 @@ impl AnimatedPrim for InstancerSamples {
         layer.writer.set_time_sample(attr, time, UsdArray::Float(&state.wetness).into())
     }
 
-    fn finish(&mut self, layer: &mut LayerBuilder) -> Result<()> {
-        let Some(waiting) = &mut self.thinned else { return Ok(()) };
-        let (turns, places) = (waiting.orientations.finish(), waiting.positions.finish());
-        self.write_samples(layer, turns, places)
+    fn flush_samples(&mut self, layer: &mut LayerBuilder) -> Result<()> {
+        let Some(reducers) = &mut self.reducers else { return Ok(()) };
+        let (orientations, positions) = (reducers.orientations.finish(), reducers.positions.finish());
+        self.write_samples(layer, orientations, positions)
     }
 
-    fn reach(&self) -> Bounds {
-        self.reach
+    fn clip_bounds(&self) -> Bounds {
+        self.clip_bounds
     }
 }
 
-/// The instances as plain points with everything that instancers lose on the way into Blender.
+/// The instances of an instancer as a `Points` prim with their orientation, scale, prototype and other attributes as primvars,
+/// which Blender imports; its import of a `PointInstancer` loses them.
 pub(super) struct PointTwin {
+    /// Index of the instancer in its asset.
     index: usize,
     path: String,
     extent: AttrHandle,
     points: AttrHandle,
     widths: AttrHandle,
     orient: AttrHandle,
-    velocities: VelocityAttr,
+    velocities: VelocitySamples,
     before: Vec<Quat>,
     /// One per mark of the instancer.
     marks: Vec<AttrHandle>,
@@ -299,18 +299,12 @@ fn diameters(instancer: &Instancer) -> Vec<f32> {
     instancer.scales.iter().zip(&instancer.protos).map(width).collect()
 }
 
-/// Diameters, 0 for those not alive.
-fn widths(diameters: &[f32], state: &InstanceState) -> Vec<f32> {
+/// Widths of the points: the instances' diameters, 0 for those not alive.
+fn visible_widths(diameters: &[f32], state: &InstanceState) -> Vec<f32> {
     diameters.iter().enumerate().map(|(i, d)| if state.is_alive(i) { *d } else { 0.0 }).collect()
 }
 
-/// Box of points with widths.
-pub(super) fn points_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
-    let grown = points.iter().zip(widths).map(|(p, w)| Bounds::of([*p]).grown(w * 0.5));
-    extent(&grown.fold(Bounds::default(), Bounds::union))
-}
-
-/// Writes a twin at rest.
+/// Defines the point twin of an instancer in its rest state.
 pub(super) fn define_point_twin(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -322,11 +316,11 @@ pub(super) fn define_point_twin(
     let up = cx.up;
     let diameters = diameters(instancer);
     let before = stage_orientations(up, &instancer.rest, &[]);
-    let points = up.vecs(&instancer.rest.positions);
-    let shown = widths(&diameters, &instancer.rest);
-    let protos: Vec<i32> = instancer.protos.iter().map(|p| i32::try_from(*p).unwrap_or(i32::MAX)).collect();
-    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.scale(*s)).collect();
-    let b = points_extent(&points, &shown);
+    let points = up.stage_vecs(&instancer.rest.positions);
+    let visible = visible_widths(&diameters, &instancer.rest);
+    let protos = as_ints(&instancer.protos, "prototypes of an instancer")?;
+    let scales: Vec<Vec3> = instancer.scales.iter().map(|s| up.stage_scale(*s)).collect();
+    let b = points_extent(&points, &visible);
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.set_attr(&format!("{path}.ids"), "int64[]", UsdArray::Int64(&sequential_ids(instancer.len())).into())?;
     let mut primvar = |name: &str, type_name, array: UsdArray| {
@@ -334,7 +328,7 @@ pub(super) fn define_point_twin(
         layer.writer.create_attr(&format!("{path}.{name}"), &spec, Some(array.into()))
     };
     let orient = primvar("primvars:orient", "quatf[]", UsdArray::Quatf(bytemuck::cast_slice(&before)))?;
-    primvar("primvars:proto", "int[]", UsdArray::Int(&protos))?;
+    primvar("primvars:proto", "int[]", UsdArray::Int(protos))?;
     primvar("primvars:scale", "float3[]", UsdArray::Float3(as_float3(&scales)))?;
     let none = vec![0; instancer.len()];
     let mut marks = Vec::with_capacity(instancer.marks.len());
@@ -342,9 +336,9 @@ pub(super) fn define_point_twin(
         let values = instancer.rest.marks.get(i).unwrap_or(&none);
         marks.push(primvar(&format!("primvars:{name}"), "int[]", UsdArray::Int(values))?);
     }
-    let widths = primvar("widths", "float[]", UsdArray::Float(&shown))?;
+    let widths = primvar("widths", "float[]", UsdArray::Float(&visible))?;
     let points = layer.set_attr(&format!("{path}.points"), "point3f[]", UsdArray::Float3(as_float3(&points)).into())?;
-    let velocities = VelocityAttr::default();
+    let velocities = VelocitySamples::default();
     Ok(Box::new(PointTwin {
         index,
         path: path.to_owned(),
@@ -360,23 +354,23 @@ pub(super) fn define_point_twin(
 }
 
 impl AnimatedPrim for PointTwin {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let Some(instancer) = sample.asset.instancers.get(self.index) else { return Ok(()) };
         let (up, time) = (cx.up, sample.time);
         let state = instance_states(sample.asset, instancer, self.index, sample.state);
         self.before = stage_orientations(up, &state, &self.before);
-        let points = up.vecs(&state.positions);
-        let shown = widths(&self.diameters, &state);
-        let b = points_extent(&points, &shown);
+        let points = up.stage_vecs(&state.positions);
+        let visible = visible_widths(&self.diameters, &state);
+        let b = points_extent(&points, &visible);
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.extent, UsdArray::Float3(&b))?;
         sample(self.orient, UsdArray::Quatf(bytemuck::cast_slice(&self.before)))?;
-        sample(self.widths, UsdArray::Float(&shown))?;
+        sample(self.widths, UsdArray::Float(&visible))?;
         sample(self.points, UsdArray::Float3(as_float3(&points)))?;
         for (mark, values) in self.marks.iter().zip(&state.marks) {
             sample(*mark, UsdArray::Int(values))?;
         }
-        let velocities = up.vecs(&state.velocities);
+        let velocities = up.stage_vecs(&state.velocities);
         let count = instancer.len();
         self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&velocities), count, time)
     }

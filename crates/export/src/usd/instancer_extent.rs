@@ -15,7 +15,7 @@ const LANES: usize = 4;
 type Lanes3 = [Vec4; 3];
 
 /// What some instances show, in stage space.
-struct InstanceBoxes {
+struct InstanceBoxLanes {
     scale: Lanes3,
     /// Middle and half sides of the prototype's box.
     center: Lanes3,
@@ -27,26 +27,26 @@ struct InstanceBoxes {
 }
 
 /// What the instances of an instancer show.
-pub(super) struct PrototypeBoxes {
-    blocks: Vec<InstanceBoxes>,
+pub(super) struct InstancerBounds {
+    blocks: Vec<InstanceBoxLanes>,
 }
 
-impl PrototypeBoxes {
+impl InstancerBounds {
     /// Measures the prototypes of an instancer.
     pub(super) fn of(instancer: &Instancer, up: UpAxis) -> Self {
         let boxed = |p: &Prototype| {
-            let points = Bounds::of(p.mesh.points.iter().map(|p| up.vec(*p)));
+            let points = Bounds::of(p.mesh.points.iter().map(|p| up.stage_vec(*p)));
             let fine = p.fine.as_ref().map(|_| p.bounds()).filter(|b| !b.is_empty());
-            let b = fine.map_or(points, |b| points.union(Bounds::of([up.vec(b.min), up.vec(b.max)])));
+            let b = fine.map_or(points, |b| points.union(Bounds::of([up.stage_vec(b.min), up.stage_vec(b.max)])));
             (!b.is_empty()).then(|| [b.center(), b.size() * 0.5])
         };
         let boxes: Vec<Option<[Vec3; 2]>> = instancer.prototypes.iter().map(boxed).collect();
         let shape = |(s, proto): (&Vec3, &u32)| {
             let [center, half] = boxes.get(*proto as usize).copied().flatten()?;
-            Some([up.scale(*s), center, half])
+            Some([up.stage_scale(*s), center, half])
         };
         let each: Vec<Option<[Vec3; 3]>> = instancer.scales.iter().zip(&instancer.protos).map(shape).collect();
-        Self { blocks: each.chunks(LANES).map(InstanceBoxes::of).collect() }
+        Self { blocks: each.chunks(LANES).map(InstanceBoxLanes::of).collect() }
     }
 
     /// The box of all instances that live, from their rotations in half precision and their positions.
@@ -76,7 +76,7 @@ impl PrototypeBoxes {
     }
 }
 
-impl InstanceBoxes {
+impl InstanceBoxLanes {
     /// At most `LANES` instances: scale, middle and half sides.
     fn of(each: &[Option<[Vec3; 3]>]) -> Self {
         let lane = |l: usize| each.get(l).copied().flatten();
@@ -121,7 +121,7 @@ struct ExtentLanes {
 
 impl ExtentLanes {
     /// Grows by the boxes of some instances at positions `t`, turned by `q` (x, y, z, w).
-    fn add(&mut self, shown: &InstanceBoxes, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
+    fn add(&mut self, shown: &InstanceBoxLanes, t: &[Vec3; LANES], q: &[[f32; 4]; LANES]) {
         let t = transpose_lanes(t);
         // Most instances lie well within what the others span; the second term covers all rounding.
         let within = |k: usize| {
@@ -190,12 +190,12 @@ mod tests {
     fn plainly(it: &Instancer, turns: &[[f16; 4]], up: UpAxis) -> [[f32; 3]; 2] {
         let mut b = Bounds::default();
         for (i, q) in turns.iter().enumerate().filter(|(i, _)| it.rest.alive[*i]) {
-            let shape = Bounds::of(it.prototypes[it.protos[i] as usize].mesh.points.iter().map(|p| up.vec(*p)));
+            let shape = Bounds::of(it.prototypes[it.protos[i] as usize].mesh.points.iter().map(|p| up.stage_vec(*p)));
             if !shape.is_empty() {
-                let m =
-                    Mat3::from_quat(Quat::from_array(q.map(f16::to_f32))) * Mat3::from_diagonal(up.scale(it.scales[i]));
+                let m = Mat3::from_quat(Quat::from_array(q.map(f16::to_f32)))
+                    * Mat3::from_diagonal(up.stage_scale(it.scales[i]));
                 let (center, half) =
-                    (up.vec(it.rest.positions[i]) + m * shape.center(), m.abs() * (shape.size() * 0.5));
+                    (up.stage_vec(it.rest.positions[i]) + m * shape.center(), m.abs() * (shape.size() * 0.5));
                 b = b.with(center - half).with(center + half);
             }
         }
@@ -209,8 +209,9 @@ mod tests {
             let it = instancer(n, &mut draw);
             for up in [UpAxis::Y, UpAxis::Z] {
                 let turns: Vec<[f16; 4]> =
-                    it.rest.orientations.iter().map(|q| up.quat(*q).to_array().map(f16::from_f32)).collect();
-                let got = PrototypeBoxes::of(&it, up).extent(&turns, &up.vecs(&it.rest.positions), &it.rest.alive);
+                    it.rest.orientations.iter().map(|q| up.stage_quat(*q).to_array().map(f16::from_f32)).collect();
+                let got =
+                    InstancerBounds::of(&it, up).extent(&turns, &up.stage_vecs(&it.rest.positions), &it.rest.alive);
                 let bits = |e: [[f32; 3]; 2]| e.map(|v| v.map(f32::to_bits));
                 assert_eq!(bits(got), bits(plainly(&it, &turns, up)), "{n} instances");
             }

@@ -1,68 +1,27 @@
-//! A layer under construction, and what the writers of its prims share.
+//! A layer being written, and the interface of the prims in it that have time samples.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::Tolerance;
-use super::axis::UpAxis;
-use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMeta};
+use super::context::{MapTexture, UsdContext};
+use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMetadata};
 use super::value::UsdValue;
-use crate::sheets::Map;
 use osier_base::Result;
 use osier_base::files::safe_name;
 use osier_base::geometry::Bounds;
-use osier_scene::{Asset, AssetFrame, Material, MaterialId, Scene, Trs, WetMaps};
+use osier_scene::{Asset, AssetFrame, Material, MaterialId, Trs, WetMaps};
 
-/// The scene and the choices that hold for all files.
-#[derive(Debug, Clone)]
-pub(super) struct UsdContext {
-    pub(super) scene: Arc<Scene>,
-    pub(super) up: UpAxis,
-    /// Where pictures lie, seen from the layer, with a slash at the end.
-    pub(super) pictures: String,
-    /// Where maps of wet sheets lie, likewise, if there are any.
-    pub(super) maps: Option<String>,
-    /// First frame that is written.
-    pub(super) first: u32,
-    /// How far leaves between two samples may be from where they were simulated.
-    pub(super) tolerance: Tolerance,
-}
-
-impl UsdContext {
-    /// The sheet of a material whose maps are there.
-    pub(super) fn map_sequence(&self, material: &Material) -> Option<usize> {
-        let sheet = material.wet.filter(|_| self.maps.is_some())? as usize;
-        self.scene.wet.get(sheet).map(|_| sheet)
-    }
-
-    /// The file of a sheet's map at a frame.
-    pub(super) fn map_file(&self, sheet: usize, map: Map, frame: u32) -> String {
-        let name = self.scene.wet.get(sheet).map_or("", |w| w.name.as_str());
-        let folder = self.maps.as_deref().unwrap_or_default();
-        format!("{folder}{name}/{}.{}.exr", map.word(), self.scene.clip.tag(frame))
-    }
-}
-
-/// A picture that is another one at every frame.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct MapTexture {
-    /// Index of the sheet.
-    pub(super) sheet: usize,
-    pub(super) map: Map,
-    /// The attribute that names the file.
-    pub(super) attr: AttrHandle,
-}
-
-/// A layer being written, and which shared prims it already has.
+/// A layer being written, with its materials, which are defined when a prim is first bound to them.
 pub(super) struct LayerBuilder {
     pub(super) writer: Box<dyn LayerWriter>,
+    /// Paths of the materials, and of the scopes around them, that are defined.
     defined_materials: BTreeSet<String>,
     map_textures: Vec<MapTexture>,
-    /// Prims that are bindings to a material, in order.
+    /// In the order of the calls of [`Self::bind_material`].
     bindings: Vec<MaterialBinding>,
 }
 
-/// A prim and its material.
+/// A prim that is bound to a material.
 #[derive(Debug, Clone)]
 pub(super) struct MaterialBinding {
     /// Path of a mesh, a subset or curves.
@@ -70,27 +29,29 @@ pub(super) struct MaterialBinding {
     pub(super) material: MaterialId,
 }
 
-/// One frame of one asset.
+/// The state of an asset at a frame.
 pub(super) struct AssetSample<'a> {
     pub(super) asset: &'a Asset,
     pub(super) state: &'a AssetFrame,
+    /// Time code: the number of the frame.
     pub(super) time: f64,
     /// Maps of the scene's wet sheets, or empty.
     pub(super) wet: &'a [Arc<WetMaps>],
 }
 
-/// Something in a layer that may change with every frame.
+/// A prim with time samples.
 pub(super) trait AnimatedPrim: Send {
-    /// Adds the samples of a frame.
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()>;
+    /// Adds the time samples of a frame.
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()>;
 
-    /// Adds what waited for later frames; called once, after the last one.
-    fn finish(&mut self, _target: &mut LayerBuilder) -> Result<()> {
+    /// Adds the samples that waited for later frames; called once, after the last one.
+    fn flush_samples(&mut self, _layer: &mut LayerBuilder) -> Result<()> {
         Ok(())
     }
 
-    /// The box of what its frames so far showed, in the asset's space of the stage; empty for what has no points of its own.
-    fn reach(&self) -> Bounds {
+    /// The box around the prim over all frames so far, in the asset's space with the stage's axes; empty for prims whose extent
+    /// an instancer of the asset does not need.
+    fn clip_bounds(&self) -> Bounds {
         Bounds::default()
     }
 }
@@ -100,17 +61,17 @@ impl LayerBuilder {
         Self { writer, defined_materials: BTreeSet::new(), map_textures: Vec::new(), bindings: Vec::new() }
     }
 
-    /// A prim with nothing but a type.
+    /// Defines a prim without metadata.
     pub(super) fn define_prim(&mut self, path: &str, type_name: &'static str) -> Result<()> {
-        self.writer.define_prim(path, type_name, &PrimMeta::default())
+        self.writer.define_prim(path, type_name, &PrimMetadata::default())
     }
 
-    /// An attribute with one value.
+    /// Creates an attribute with a default value.
     pub(super) fn set_attr(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
         self.writer.create_attr(path, &AttrSpec::new(type_name), Some(value))
     }
 
-    /// Names the files of wet sheets at a frame.
+    /// Adds time samples of the file names of all textures that change with the frames.
     pub(super) fn sample_map_textures(&mut self, cx: &UsdContext, frame: u32) -> Result<()> {
         for s in &self.map_textures {
             self.writer.set_time_sample(
@@ -122,12 +83,12 @@ impl LayerBuilder {
         Ok(())
     }
 
-    /// A uniform attribute.
+    /// Creates a uniform attribute.
     pub(super) fn set_uniform(&mut self, path: &str, type_name: &'static str, value: UsdValue) -> Result<AttrHandle> {
         self.writer.create_attr(path, &AttrSpec::uniform(type_name), Some(value))
     }
 
-    /// Binds a prim beneath `root` to a material of that root's own scope, which is defined_materials when first used.
+    /// Binds a prim below `root` to a material in the scope `root/mtl`; scope and material are defined on first use.
     pub(super) fn bind_material(
         &mut self,
         cx: &UsdContext,
@@ -136,26 +97,26 @@ impl LayerBuilder {
         material: MaterialId,
     ) -> Result<()> {
         let scope = format!("{root}/mtl");
-        let Some(own) = cx.scene.materials.get(material as usize) else { return Ok(()) };
-        let path = format!("{scope}/{}", safe_name(&own.name));
+        let Some(source) = cx.scene.materials.get(material as usize) else { return Ok(()) };
+        let path = format!("{scope}/{}", safe_name(&source.name));
         if self.defined_materials.insert(scope.clone()) {
             self.define_prim(&scope, "Scope")?;
         }
         if self.defined_materials.insert(path.clone()) {
-            // Blender's preview surfaces do not read colours at vertices.
-            let m = Material { base_color: cx.scene.flat_color(material), ..own.clone() };
+            // Blender's preview surfaces do not read vertex colours, so the material has their mean.
+            let m = Material { base_color: cx.scene.flat_color(material), ..source.clone() };
             self.map_textures.extend(super::material::define_material(cx, self.writer.as_mut(), &path, &m)?);
         }
         self.bindings.push(MaterialBinding { prim: prim.to_owned(), material });
         self.writer.create_relationship(&format!("{prim}.material:binding"), &[path])
     }
 
-    /// Which prims of the layer are bound to which materials.
+    /// The material bindings of the layer so far.
     pub(super) fn bindings(&self) -> &[MaterialBinding] {
         &self.bindings
     }
 
-    /// Translation, rotation and scale of a prim.
+    /// Sets the transform of a prim: translate, orient, scale, in `xformOpOrder`. `m`: in the axes of the stage.
     pub(super) fn set_xform_ops(&mut self, path: &str, m: &Trs) -> Result<()> {
         let t = m.t.to_array().map(f64::from);
         self.set_attr(&format!("{path}.xformOp:translate"), "double3", UsdValue::Double3(t))?;
@@ -167,13 +128,14 @@ impl LayerBuilder {
     }
 }
 
-/// A unit quaternion with w >= 0.
+/// The unit quaternion of the same rotation with w >= 0.
 pub(super) fn canonical_quat(q: glam::Quat) -> glam::Quat {
     let q = q.normalize();
     if q.w < 0.0 { -q } else { q }
 }
 
-/// A unit quaternion on the same side as the one before, so that blending goes the short way.
+/// The unit quaternion of the same rotation whose dot product with `before` is not negative, so that interpolation between the
+/// two samples takes the short way.
 pub(super) fn nearest_quat(q: glam::Quat, before: glam::Quat) -> glam::Quat {
     let q = q.normalize();
     if q.dot(before) < 0.0 { -q } else { q }

@@ -1,4 +1,5 @@
-//! The interface through which layers are written, as text (.usda) or as crate files (.usdc), and the metadata it takes.
+//! The trait [`LayerWriter`], through which a layer is written as text (`.usda`) or as a crate file (`.usdc`), and the metadata
+//! of layers, prims and attributes. It has the vocabulary of Sdf: specs with fields, no composition.
 
 use super::axis::UpAxis;
 use super::value::UsdValue;
@@ -7,26 +8,24 @@ use osier_scene::Scene;
 
 /// Metadata of a layer.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LayerMeta {
+pub struct LayerMetadata {
     /// Name of the root prim.
     pub default_prim: String,
-    /// Which way is up.
     pub up: UpAxis,
-    /// Frames, and so time codes, per second.
+    /// Time codes per second; a time code is a frame.
     pub fps: f64,
-    /// First frame.
+    /// Time code of the first frame.
     pub start: f64,
-    /// Last frame.
+    /// Time code of the last frame.
     pub end: f64,
     /// Seed as a decimal string.
     pub seed: String,
-    /// Hash of the scene.
+    /// Hash of the scene file, hexadecimal.
     pub scene: String,
 }
 
-impl LayerMeta {
-    /// Metadata of a layer of a scene.
-    pub fn of(scene: &Scene, default_prim: &str, up: UpAxis) -> Self {
+impl LayerMetadata {
+    pub fn for_scene(scene: &Scene, default_prim: &str, up: UpAxis) -> Self {
         Self {
             default_prim: default_prim.to_owned(),
             up,
@@ -39,149 +38,144 @@ impl LayerMeta {
     }
 
     /// The strings in `customLayerData["osier"]`, sorted by key.
-    pub(super) fn custom(&self) -> [(&'static str, &str); 3] {
+    pub(super) fn custom_layer_data(&self) -> [(&'static str, &str); 3] {
         [("scene", &self.scene), ("seed", &self.seed), ("version", crate::VERSION)]
     }
 }
 
-/// A prim in another layer, or in this one if `asset` is empty.
+/// The target of a payload or reference: a prim of another layer, or of this one if `asset` is empty.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CompositionArc {
-    /// Relative path of the layer.
+    /// Path of the layer, relative to this one.
     pub asset: String,
-    /// Path of the prim.
+    /// Path of the prim in that layer.
     pub prim: String,
-    /// Frames by which it is shown earlier: what the layer has at t + `ahead` is seen at t.
-    pub ahead: u32,
+    /// Frames by which the target is ahead of the clip: at time t it shows its time t + `phase` (a layer offset of -`phase`).
+    pub phase: u32,
 }
 
 /// Metadata of a prim.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct PrimMeta {
-    /// It and all below it are left out, though what it refers to defines them.
+pub struct PrimMetadata {
+    /// `active = false`: the prim and its descendants are not composed, though a payload or reference defines them.
     pub inactive: bool,
-    /// It only adds to a prim that a payload or a reference defines.
+    /// Specifier `over`, for a prim that a payload or reference defines; otherwise `def`.
     pub over: bool,
-    /// Model kind.
+    /// Model kind: `component`, `assembly` or `group`.
     pub kind: Option<&'static str>,
-    /// Readers may hold what it refers to once for all prims that refer to the same.
+    /// Readers may compose the target of the reference once and share it between the prims that refer to it.
     pub instanceable: bool,
-    /// Applied schemas.
+    /// Names of applied API schemas.
     pub api: Vec<&'static str>,
-    /// Layer loaded on demand.
     pub payload: Option<CompositionArc>,
-    /// Layer always loaded.
     pub reference: Option<CompositionArc>,
-    /// Contents to choose from. Prims of a variant are children of `prim path{set=name}`.
+    /// Prims of a variant are children of [`variant_path`].
     pub variants: Option<VariantSet>,
 }
 
 /// A variant set of a prim.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct VariantSet {
-    /// Its name.
     pub set: &'static str,
-    /// Names of its variants, in order.
+    /// Names of the variants, in order.
     pub names: Vec<String>,
-    /// The one that is seen unless a reader chooses.
+    /// The variant that is selected unless a stronger layer selects another.
     pub selection: String,
 }
 
-/// The path that prims of a variant are children of.
+/// The path below which the prims of a variant are defined: `/prim{set=name}`.
 pub(super) fn variant_path(prim: &str, set: &str, name: &str) -> String {
     format!("{prim}{{{set}={name}}}")
 }
 
-/// What an attribute is, apart from its values.
+/// Metadata of an attribute.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AttrSpec {
-    /// Type name, `point3f[]`.
+    /// Value type with its role, as in text: `point3f[]`.
     pub type_name: &'static str,
-    /// The same at all times.
+    /// Variability `uniform`: the attribute has no time samples.
     pub uniform: bool,
     /// Not part of any schema.
     pub custom: bool,
-    /// Of a primvar.
+    /// Interpolation of a primvar: `vertex`, `faceVarying`, `uniform`.
     pub interpolation: Option<&'static str>,
-    /// Numbers per element of a primvar.
+    /// Array elements that make one value of a primvar.
     pub element_size: Option<i32>,
-    /// The attribute that this one takes its value from.
+    /// Path of the attribute that this one takes its value from.
     pub connection: Option<String>,
 }
 
 impl AttrSpec {
-    /// A varying attribute.
+    /// An attribute that may have time samples.
     pub fn new(type_name: &'static str) -> Self {
         Self { type_name, ..Self::default() }
     }
 
-    /// A uniform attribute.
     pub fn uniform(type_name: &'static str) -> Self {
         Self { type_name, uniform: true, ..Self::default() }
     }
 
-    /// A primvar.
     pub fn primvar(type_name: &'static str, interpolation: &'static str) -> Self {
         Self { type_name, interpolation: Some(interpolation), ..Self::default() }
     }
 
-    /// A connected attribute.
+    /// An attribute connected to the one at the path `source`.
     pub fn connected(type_name: &'static str, source: String) -> Self {
         Self { type_name, connection: Some(source), ..Self::default() }
     }
 }
 
-/// An attribute of a stage being written.
+/// An attribute of the layer being written, for adding time samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct AttrHandle(pub(super) usize);
 
-/// A layer being written: specs of prims, attributes and relationships. Prims come before their children and properties; samples of an attribute come in order of
-/// time, and may come when other prims have been added.
+/// Writes the specs of a layer: prims, attributes, relationships. A prim is defined before its children and properties. Time
+/// samples of an attribute arrive in order of time, and may arrive after other prims have been defined.
 pub trait LayerWriter: Send {
-    /// Starts the layer.
+    /// Writes the layer metadata; called once, first.
     /// # Errors
     /// `Io`.
-    fn begin(&mut self, meta: &LayerMeta) -> Result<()>;
+    fn begin(&mut self, meta: &LayerMetadata) -> Result<()>;
 
-    /// Defines a prim at an absolute path; an empty type is allowed.
+    /// Defines a prim at an absolute path. `type_name`: its schema; empty for a typeless prim.
     /// # Errors
     /// `Io`.
-    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()>;
+    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMetadata) -> Result<()>;
 
-    /// Adds an attribute at `prim path.name`.
+    /// Creates the attribute at `path`, `/prim.name`, with a default value.
     /// # Errors
-    /// X001 for a number that is not finite, X004 if a text grows too large, `Io`.
+    /// X001 for a number that is not finite, X004 if a text layer grows too large, `Io`.
     fn create_attr(&mut self, path: &str, spec: &AttrSpec, default: Option<UsdValue>) -> Result<AttrHandle>;
 
-    /// Adds a value at a time.
+    /// Adds a time sample. `time`: time code.
     /// # Errors
     /// As [`LayerWriter::create_attr`].
     fn set_time_sample(&mut self, attr: AttrHandle, time: f64, value: UsdValue) -> Result<()>;
 
-    /// Says every sample again `period` later: the same values.
+    /// Repeats all samples of all attributes once, `period` time codes later, so that a layer offset into the clip finds values
+    /// to its end.
     fn repeat_samples(&mut self, period: f64);
 
-    /// Adds a relationship at `prim path.name`.
+    /// Creates the relationship at `path`, `/prim.name`. `targets`: paths.
     /// # Errors
     /// `Io`.
     fn create_relationship(&mut self, path: &str, targets: &[String]) -> Result<()>;
 
     /// Completes and closes the file.
     /// # Errors
-    /// X004 if a text is too large, `Io`.
+    /// X004 if a text layer is too large, `Io`.
     fn finish(&mut self) -> Result<()>;
 }
 
-/// Splits a property path into prim path and name.
+/// Splits a property path into the path of its prim and its name.
 pub(super) fn split_property_path(path: &str) -> (&str, &str) {
     path.rsplit_once('.').unwrap_or((path, ""))
 }
 
-/// Splits a prim path into parent path and name.
-/// A path that ends in a variant has the prim that varies as its parent.
+/// Splits a prim path into the path of its parent and its name. The parent of `/prim{set=name}` is `/prim`.
 pub(super) fn split_prim_path(path: &str) -> (&str, &str) {
-    if let Some(at) = path.rfind('{').filter(|_| path.ends_with('}')) {
-        return path.split_at(at);
+    if let Some(brace) = path.rfind('{').filter(|_| path.ends_with('}')) {
+        return path.split_at(brace);
     }
     match path.rsplit_once('/') {
         Some(("", name)) => ("/", name),

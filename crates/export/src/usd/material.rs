@@ -1,7 +1,7 @@
 //! Materials as UsdPreviewSurface networks.
 
-use super::layer::{MapTexture, UsdContext};
-use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMeta};
+use super::context::{MapTexture, UsdContext};
+use super::layer_writer::{AttrHandle, AttrSpec, LayerWriter, PrimMetadata};
 use super::value::UsdValue;
 use crate::sheets::Map;
 use osier_base::Result;
@@ -18,7 +18,7 @@ pub(super) fn define_material(
     m: &Material,
 ) -> Result<Vec<MapTexture>> {
     let sheet = cx.map_sequence(m);
-    writer.define_prim(path, "Material", &PrimMeta::default())?;
+    writer.define_prim(path, "Material", &PrimMetadata::default())?;
     let surface = format!("{path}/surface");
     writer.create_attr(
         &format!("{path}.outputs:surface"),
@@ -59,7 +59,7 @@ pub(super) fn define_material(
 }
 
 fn define_shader(writer: &mut dyn LayerWriter, path: &str, id: &str) -> Result<()> {
-    writer.define_prim(path, "Shader", &PrimMeta::default())?;
+    writer.define_prim(path, "Shader", &PrimMetadata::default())?;
     writer.create_attr(&format!("{path}.info:id"), &AttrSpec::uniform("token"), Some(UsdValue::Token(id)))?;
     Ok(())
 }

@@ -1,19 +1,22 @@
-//! Meshes: still, deforming, of varying topology.
+//! Meshes: static, deforming, and of varying topology.
 
 use std::collections::BTreeMap;
 
 use glam::Vec3;
 
+use super::arrays::{as_float3, as_ints};
 use super::axis::{UpAxis, extent};
-use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext};
-use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
+use super::context::UsdContext;
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
+use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
+use osier_base::convert::narrow;
 use osier_base::files::safe_name;
 use osier_base::geometry::Bounds;
 use osier_scene::{MaterialId, Mesh, MeshFrame, MeshMotion};
 
-/// Attributes of a mesh that may have samples.
+/// Attributes of a mesh that may get time samples.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct MeshAttrs {
     points: AttrHandle,
@@ -21,104 +24,104 @@ pub(super) struct MeshAttrs {
     counts: AttrHandle,
     indices: AttrHandle,
     extent: AttrHandle,
+    /// Values and indices of `primvars:st`.
     uvs: Option<[AttrHandle; 2]>,
 }
 
-/// Where a mesh goes and what is special about it.
+/// Where a mesh is defined, and how it will change.
 pub(super) struct MeshPrim<'a> {
-    /// Prim that holds the materials' scope.
+    /// Path of the prim below which the scope of materials is.
     pub(super) root: &'a str,
     /// Path of the mesh.
     pub(super) path: &'a str,
-    /// Follows a skeleton.
+    /// Bound to a skeleton.
     pub(super) skinned: bool,
-    /// Changes its topology, so that its subsets come with its frames.
+    /// Its topology varies, so that its material subsets get time samples, too.
     pub(super) varying: bool,
 }
 
-/// The arrays of a mesh as the format wants them.
-struct MeshArrays {
+/// The arrays of a mesh in the element types and the axes of the stage.
+struct MeshArrays<'a> {
     points: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// 3 for each triangle.
     counts: Vec<i32>,
-    indices: Vec<i32>,
+    indices: &'a [i32],
     extent: [[f32; 3]; 2],
 }
 
-fn as_float3(v: &[Vec3]) -> &[[f32; 3]] {
-    bytemuck::cast_slice(v)
-}
-
-impl MeshArrays {
-    fn of(mesh: &Mesh, up: UpAxis) -> Self {
-        let points = as_float3(&up.vecs(&mesh.points)).to_vec();
-        let flat = mesh.triangles.as_flattened();
-        Self {
+impl<'a> MeshArrays<'a> {
+    fn of(mesh: &'a Mesh, up: UpAxis) -> Result<Self> {
+        let points = as_float3(&up.stage_vecs(&mesh.points)).to_vec();
+        Ok(Self {
             extent: extent(&Bounds::of(points.iter().map(|p| Vec3::from_array(*p)))),
-            normals: as_float3(&up.vecs(&mesh.normals)).to_vec(),
+            normals: as_float3(&up.stage_vecs(&mesh.normals)).to_vec(),
             points,
             counts: vec![3; mesh.triangles.len()],
-            indices: flat.iter().map(|i| i32::try_from(*i).unwrap_or(i32::MAX)).collect(),
-        }
+            indices: as_ints(mesh.triangles.as_flattened(), "points of a mesh")?,
+        })
     }
 }
 
-/// Texture coordinates, zeros where a mesh of varying topology has none.
+/// Texture coordinates of the points; zeros for a frame of varying topology that has none.
 fn st_or_zeros(mesh: &Mesh) -> Vec<[f32; 2]> {
     if mesh.uvs.is_empty() { vec![[0.0; 2]; mesh.points.len()] } else { bytemuck::cast_slice(&mesh.uvs).to_vec() }
 }
 
-/// Faces of each material, in order of first use.
-fn material_faces(mesh: &Mesh) -> Vec<(MaterialId, Vec<i32>)> {
+/// Indices of the faces of each material, in order of first use.
+fn material_faces(mesh: &Mesh) -> Result<Vec<(MaterialId, Vec<i32>)>> {
     let mut out: Vec<(MaterialId, Vec<i32>)> = Vec::new();
     for s in &mesh.subsets {
-        let faces = (s.first..s.first.saturating_add(s.count)).map(|i| i32::try_from(i).unwrap_or(i32::MAX));
+        let end = narrow::<i32, u32>(s.first.saturating_add(s.count), "faces of a mesh")?;
+        let faces = s.first.cast_signed()..end;
         match out.iter_mut().find(|(m, _)| *m == s.material) {
             Some((_, list)) => list.extend(faces),
             None => out.push((s.material, faces.collect())),
         }
     }
-    out
+    Ok(out)
 }
 
-/// Writes a mesh at rest.
+/// Defines a mesh in its rest state.
 pub(super) fn define_mesh(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     place: &MeshPrim,
     mesh: &Mesh,
 ) -> Result<MeshAttrs> {
-    let families = material_faces(mesh);
+    let families = material_faces(mesh)?;
     let mut api = vec!["MaterialBindingAPI"];
     if place.skinned {
         api.push("SkelBindingAPI");
     }
     let path = place.path;
-    layer.writer.define_prim(path, "Mesh", &PrimMeta { api, ..PrimMeta::default() })?;
+    layer.writer.define_prim(path, "Mesh", &PrimMetadata { api, ..PrimMetadata::default() })?;
     let two_sided = |m: &MaterialId| cx.scene.materials.get(*m as usize).is_some_and(|m| m.double_sided);
     if place.varying || families.iter().any(|(m, _)| two_sided(m)) {
         layer.set_uniform(&format!("{path}.doubleSided"), "bool", UsdValue::Bool(true))?;
     }
-    let a = MeshArrays::of(mesh, cx.up);
+    let a = MeshArrays::of(mesh, cx.up)?;
     let attr = |layer: &mut LayerBuilder, name: &str, type_name, array: UsdArray| {
         layer.set_attr(&format!("{path}.{name}"), type_name, array.into())
     };
     let attrs = MeshAttrs {
         extent: attr(layer, "extent", "float3[]", UsdArray::Float3(&a.extent))?,
         counts: attr(layer, "faceVertexCounts", "int[]", UsdArray::Int(&a.counts))?,
-        indices: attr(layer, "faceVertexIndices", "int[]", UsdArray::Int(&a.indices))?,
+        indices: attr(layer, "faceVertexIndices", "int[]", UsdArray::Int(a.indices))?,
         normals: layer.writer.create_attr(
             &format!("{path}.normals"),
             &AttrSpec::primvar("normal3f[]", "vertex"),
             Some(UsdArray::Float3(&a.normals).into()),
         )?,
         points: attr(layer, "points", "point3f[]", UsdArray::Float3(&a.points))?,
-        uvs: define_st(layer, place, mesh, &a.indices)?,
+        uvs: define_st(layer, place, mesh, a.indices)?,
     };
     layer.set_uniform(&format!("{path}.orientation"), "token", UsdValue::Token("rightHanded"))?;
     layer.set_uniform(&format!("{path}.subdivisionScheme"), "token", UsdValue::Token("none"))?;
     define_display_color(layer, path, mesh)?;
     define_shader_wind(layer, path, mesh)?;
+    // One material binds the mesh, several bind subsets that partition its faces. The subsets of varying topology are defined by
+    // `VaryingMesh`, which samples them, too.
     match families.as_slice() {
         _ if place.varying => {}
         [] => {}
@@ -126,14 +129,15 @@ pub(super) fn define_mesh(
         several => {
             set_partition_family(layer, path)?;
             for (material, faces) in several {
-                define_subset(cx, layer, place.root, (path, *material), faces)?;
+                define_subset(cx, layer, place.root, path, *material, faces)?;
             }
         }
     }
     Ok(attrs)
 }
 
-/// One coordinate per point, looked up by face corner: the corners' indices are those of the faces, stored once.
+/// Defines `primvars:st`: a coordinate for each point, as an indexed face-varying primvar whose indices equal those of the
+/// faces. The crate file stores the two equal index arrays once; importers expect texture coordinates to be face-varying.
 fn define_st(
     layer: &mut LayerBuilder,
     place: &MeshPrim,
@@ -154,6 +158,7 @@ fn define_st(
     Ok(Some([st, indices]))
 }
 
+/// Defines `primvars:displayColor` from the vertex colours, if there are any.
 fn define_display_color(layer: &mut LayerBuilder, path: &str, mesh: &Mesh) -> Result<()> {
     if mesh.colors.is_empty() || mesh.colors.len() != mesh.points.len() {
         return Ok(());
@@ -184,39 +189,42 @@ fn define_shader_wind(layer: &mut LayerBuilder, path: &str, mesh: &Mesh) -> Resu
     Ok(())
 }
 
+/// Declares that the material subsets of the mesh at `path` cover each face exactly once.
 fn set_partition_family(layer: &mut LayerBuilder, path: &str) -> Result<()> {
     let name = format!("{path}.subsetFamily:materialBind:familyType");
     layer.set_uniform(&name, "token", UsdValue::Token("partition")).map(|_| ())
 }
 
-/// The faces of one material of the mesh at `of.0`.
+/// Defines the `GeomSubset` with the faces of one material, below the mesh at `mesh`. Returns the attribute `indices`.
 fn define_subset(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     root: &str,
-    of: (&str, MaterialId),
+    mesh: &str,
+    material: MaterialId,
     faces: &[i32],
 ) -> Result<AttrHandle> {
-    let name = cx.scene.materials.get(of.1 as usize).map_or("faces", |m| m.name.as_str());
-    let path = format!("{}/{}", of.0, safe_name(name));
+    let name = cx.scene.materials.get(material as usize).map_or("faces", |m| m.name.as_str());
+    let path = format!("{mesh}/{}", safe_name(name));
     layer.writer.define_prim(
         &path,
         "GeomSubset",
-        &PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() },
+        &PrimMetadata { api: vec!["MaterialBindingAPI"], ..PrimMetadata::default() },
     )?;
     layer.set_uniform(&format!("{path}.elementType"), "token", UsdValue::Token("face"))?;
     layer.set_uniform(&format!("{path}.familyName"), "token", UsdValue::Token("materialBind"))?;
     let indices = layer.set_attr(&format!("{path}.indices"), "int[]", UsdArray::Int(faces).into())?;
-    layer.bind_material(cx, root, &path, of.1)?;
+    layer.bind_material(cx, root, &path, material)?;
     Ok(indices)
 }
 
-/// VelocityAttr of a thing with a fixed number of points: written from the first frame that has any.
+/// The attribute of velocities, m/s (or angular velocities, degrees/s), of a fixed number of points: created at the first frame
+/// that has any.
 #[derive(Debug, Default)]
-pub(super) struct VelocityAttr(Option<AttrHandle>);
+pub(super) struct VelocitySamples(Option<AttrHandle>);
 
-impl VelocityAttr {
-    /// Adds a sample; `count` zeros if a later frame has none. `path`: of the attribute.
+impl VelocitySamples {
+    /// Adds a time sample; `count` zeros if a later frame has none. `path`: of the attribute.
     pub(super) fn sample(
         &mut self,
         layer: &mut LayerBuilder,
@@ -244,39 +252,39 @@ impl VelocityAttr {
     }
 }
 
-/// A mesh whose points move.
+/// A mesh whose points move while its topology stays.
 pub(super) struct DeformingMesh {
     pub(super) index: usize,
     pub(super) path: String,
     pub(super) attrs: MeshAttrs,
-    pub(super) velocities: VelocityAttr,
+    pub(super) velocities: VelocitySamples,
     /// Box of all frames so far.
-    pub(super) reach: Bounds,
+    pub(super) clip_bounds: Bounds,
 }
 
 impl AnimatedPrim for DeformingMesh {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let Some(object) = sample.asset.meshes.get(self.index) else { return Ok(()) };
         let (points, velocities): (&[Vec3], &[Vec3]) = match sample.state.mesh(self.index) {
             MeshFrame::Points { points, velocities, .. } => (points, velocities),
             _ => (&object.mesh.points, &[]),
         };
-        let points = cx.up.vecs(points);
+        let points = cx.up.stage_vecs(points);
         let b = Bounds::of(points.iter().copied());
-        self.reach = self.reach.union(b);
+        self.clip_bounds = self.clip_bounds.union(b);
         let b = extent(&b);
         layer.writer.set_time_sample(self.attrs.extent, sample.time, UsdArray::Float3(&b).into())?;
         layer.writer.set_time_sample(self.attrs.points, sample.time, UsdArray::Float3(as_float3(&points)).into())?;
-        let v = cx.up.vecs(velocities);
+        let v = cx.up.stage_vecs(velocities);
         self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&v), points.len(), sample.time)
     }
 
-    fn reach(&self) -> Bounds {
-        self.reach
+    fn clip_bounds(&self) -> Bounds {
+        self.clip_bounds
     }
 }
 
-/// A mesh that is another one at every frame.
+/// A mesh whose topology is another one at every frame.
 pub(super) struct VaryingMesh {
     pub(super) index: usize,
     pub(super) root: String,
@@ -305,20 +313,21 @@ impl VaryingMesh {
         let velocities = layer.set_attr(&path, "vector3f[]", UsdArray::Float3(&still).into())?;
         set_partition_family(layer, place.path)?;
         let mut subsets = BTreeMap::new();
-        for (material, faces) in material_faces(mesh) {
-            let attr = define_subset(cx, layer, place.root, (place.path, material), &faces)?;
+        for (material, faces) in material_faces(mesh)? {
+            let attr = define_subset(cx, layer, place.root, place.path, material, &faces)?;
             subsets.insert(material, attr);
         }
         let (root, path) = (place.root.to_owned(), place.path.to_owned());
         Ok(Self { index, root, path, attrs, velocities, subsets, drops: None, times: Vec::new() })
     }
 
-    /// Faces of every material ever seen, so that each frame's subsets are a partition of that frame's faces.
+    /// Samples the subset of every material seen so far, so that the subsets of each frame partition its faces.
     fn sample_subsets(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, mesh: &Mesh, time: f64) -> Result<()> {
-        let families = material_faces(mesh);
+        let families = material_faces(mesh)?;
         for (material, _) in &families {
+            // A material that appears late gets empty samples at the frames before.
             if !self.subsets.contains_key(material) {
-                let attr = define_subset(cx, layer, &self.root, (&self.path, *material), &[])?;
+                let attr = define_subset(cx, layer, &self.root, &self.path, *material, &[])?;
                 for t in &self.times {
                     layer.writer.set_time_sample(attr, *t, UsdArray::Int(&[]).into())?;
                 }
@@ -364,16 +373,16 @@ impl VaryingMesh {
 }
 
 impl AnimatedPrim for VaryingMesh {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let Some(object) = sample.asset.meshes.get(self.index) else { return Ok(()) };
         let (mesh, velocities): (&Mesh, &[Vec3]) = match sample.state.mesh(self.index) {
             MeshFrame::Whole { mesh, velocities } => (mesh, velocities),
             _ => (&object.mesh, &[]),
         };
-        let a = MeshArrays::of(mesh, cx.up);
+        let a = MeshArrays::of(mesh, cx.up)?;
         let time = sample.time;
         let v = if velocities.len() == mesh.points.len() {
-            as_float3(&cx.up.vecs(velocities)).to_vec()
+            as_float3(&cx.up.stage_vecs(velocities)).to_vec()
         } else {
             vec![[0.0; 3]; mesh.points.len()]
         };
@@ -381,19 +390,19 @@ impl AnimatedPrim for VaryingMesh {
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
         sample(self.attrs.extent, UsdArray::Float3(&a.extent))?;
         sample(self.attrs.counts, UsdArray::Int(&a.counts))?;
-        sample(self.attrs.indices, UsdArray::Int(&a.indices))?;
+        sample(self.attrs.indices, UsdArray::Int(a.indices))?;
         sample(self.attrs.normals, UsdArray::Float3(&a.normals))?;
         sample(self.attrs.points, UsdArray::Float3(&a.points))?;
         sample(self.velocities, UsdArray::Float3(&v))?;
         if let Some([values, corners]) = self.attrs.uvs {
             sample(values, UsdArray::Float2(&st))?;
-            sample(corners, UsdArray::Int(&a.indices))?;
+            sample(corners, UsdArray::Int(a.indices))?;
         }
         self.sample_subsets(cx, layer, mesh, time)
     }
 }
 
-/// A mesh of an asset that is not skinned.
+/// Defines a mesh that is not skinned. Returns what takes its time samples, if it deforms or varies.
 pub(super) fn define_unskinned(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -411,8 +420,8 @@ pub(super) fn define_unskinned(
             index,
             path,
             attrs,
-            velocities: VelocityAttr::default(),
-            reach: Bounds::default(),
+            velocities: VelocitySamples::default(),
+            clip_bounds: Bounds::default(),
         })));
     }
     Ok(None)

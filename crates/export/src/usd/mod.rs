@@ -1,14 +1,25 @@
-//! USD: a text wrapper, one crate file per asset, packages.
+//! USD: a text wrapper with a crate file per asset as payloads, or the whole scene in one file.
 //!
-//! Everything is written once against `layer_writer::LayerWriter`, which has a text and a crate implementation.
+//! The writers of prims (meshes, skeletons, instancers, materials, camera and lights) call the trait `LayerWriter`, which a text
+//! writer and a crate writer implement.
+//!
+//! ```
+//! use osier_export::usd::{UpAxis, UsdOptions};
+//!
+//! // One package, in Blender's axes, without camera and lights.
+//! let options = UsdOptions { up: UpAxis::Z, file: Some("oak.usdz".into()), look: false, ..UsdOptions::default() };
+//! assert_eq!(options.tolerance.metres, 0.0, "samples of every frame");
+//! ```
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+mod arrays;
 mod asset;
 mod axis;
 mod byte_sink;
 mod camera_light;
+mod context;
 mod instancer;
 mod instancer_extent;
 mod layer;
@@ -34,16 +45,17 @@ use super::format::{ExportJob, FormatInfo};
 use super::textures::Textures;
 use super::{Exporter, Summary, Warning, exr};
 use byte_sink::{ByteSink, CountingSink};
-use layer::{AnimatedPrim, AssetSample, LayerBuilder, MaterialBinding, UsdContext};
-use layer_writer::{CompositionArc, LayerMeta, LayerWriter, PrimMeta};
+use context::UsdContext;
+use layer::{AnimatedPrim, AssetSample, LayerBuilder, MaterialBinding};
+use layer_writer::{CompositionArc, LayerMetadata, LayerWriter, PrimMetadata};
 use osier_base::files::safe_name;
 use osier_base::files::{Folder, Output};
 use osier_base::geometry::Bounds;
 use osier_base::{Error, Result};
 use osier_scene::{AssetFrame, Frame, Scene, asset_bounds};
-use plant_instancer::SinglePlacement;
+use plant_instancer::{PrototypePrim, SinglePlacement};
 
-/// USD in the registry.
+/// The entry of the registry.
 pub const FORMAT: FormatInfo = FormatInfo {
     word: "usd",
     about: "USD: a root layer (.usda) and a payload (.usdc) per asset; animated",
@@ -55,17 +67,17 @@ pub const FORMAT: FormatInfo = FormatInfo {
     open,
 };
 
-/// The writer of a bake, or of a single file at rest without camera and lights.
+/// Opens the writer of a bake, or of a single file without animation, camera and lights.
 fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
     let bake = &job.options.usd;
     let options = match job.file {
         None => bake.clone(),
         Some(name) => UsdOptions { up: bake.up, file: Some(name.to_owned()), look: false, ..UsdOptions::default() },
     };
-    vec![Box::new(Usd::new(job.folder.clone(), Arc::clone(&job.textures), options))]
+    vec![Box::new(UsdExporter::new(job.folder.clone(), Arc::clone(&job.textures), options))]
 }
 
-/// Own: bytes per vertex, triangle, instance and time sample as the crate files hold them.
+/// Own estimate: bytes per vertex, triangle, instance and time sample in crate files, whose index arrays are compressed.
 fn estimate(input: &EstimateInput) -> u64 {
     let frames = input.frames;
     input.per_asset(|a| {
@@ -78,19 +90,19 @@ fn estimate(input: &EstimateInput) -> u64 {
     })
 }
 
-/// A layer and those of its parts that change.
+/// A layer that takes the time samples of its prims.
 struct OpenLayer {
     layer: LayerBuilder,
     /// Index of the asset whose payload it is.
     payload_of: Option<usize>,
-    /// Asset and part.
-    parts: Vec<(usize, Box<dyn AnimatedPrim>)>,
-    /// What went wrong in a frame.
+    /// Prims with time samples, each with the index of its asset.
+    animated: Vec<(usize, Box<dyn AnimatedPrim>)>,
+    /// The first error of a frame; layers are written in parallel.
     failed: Option<Error>,
 }
 
-/// Writes USD.
-pub struct Usd {
+/// Writes the layers of a scene.
+pub struct UsdExporter {
     folder: Folder,
     textures: Arc<Textures>,
     options: UsdOptions,
@@ -99,26 +111,32 @@ pub struct Usd {
     warnings: Vec<Warning>,
 }
 
-impl Usd {
-    /// An exporter into a folder. Pictures go into the folder's `textures/`, those of a single file into it or beside it.
+impl UsdExporter {
+    /// An exporter into a folder. Textures go into the folder's `textures/`; those of a single file into the package, or into a
+    /// folder beside the file.
     pub fn new(folder: Folder, textures: Arc<Textures>, options: UsdOptions) -> Self {
         Self { folder, textures, options, cx: None, layers: Vec::new(), warnings: Vec::new() }
     }
 
-    /// One crate file per asset, and the twins.
+    /// Begins a crate file per asset, and one with the point twins of its tracked instancers.
     fn begin_payloads(&mut self, cx: &UsdContext) -> Result<()> {
         for (i, asset) in cx.scene.assets.iter().enumerate() {
             let name = safe_name(&asset.id);
             let root = format!("/{name}");
-            // The wrapper needs the bindings and the extent of a payload that an interrupted bake has left complete, too.
+            // A payload that an interrupted bake has left complete is not written again, but the wrapper needs its bindings and
+            // bounds, so its prims go to a sink that discards them.
             let sink: Box<dyn ByteSink> = match self.folder.create(&format!("usd/{name}.usdc"), "usdc", None)? {
                 Some(out) => Box::new(out),
                 None => Box::new(CountingSink::default()),
             };
             let mut layer = new_layer(cx, Box::new(usdc::UsdcWriter::new(sink)), &name)?;
-            layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("component"), ..PrimMeta::default() })?;
-            let parts = asset::define_asset(cx, &mut layer, &root, asset)?;
-            self.push_layer(layer, Some(i), parts.into_iter().map(|p| (i, p)).collect());
+            layer.writer.define_prim(
+                &root,
+                "Xform",
+                &PrimMetadata { kind: Some("component"), ..PrimMetadata::default() },
+            )?;
+            let animated = asset::define_asset(cx, &mut layer, &root, asset)?;
+            self.push_layer(layer, Some(i), animated.into_iter().map(|p| (i, p)).collect());
             if !asset.instancers.iter().any(|x| x.tracked) {
                 continue;
             }
@@ -127,10 +145,10 @@ impl Usd {
                 layer.writer.define_prim(
                     &root,
                     "Xform",
-                    &PrimMeta { kind: Some("component"), ..PrimMeta::default() },
+                    &PrimMetadata { kind: Some("component"), ..PrimMetadata::default() },
                 )?;
-                let parts = asset::define_point_twins(cx, &mut layer, &root, asset)?;
-                self.push_layer(layer, None, parts.into_iter().map(|p| (i, p)).collect());
+                let animated = asset::define_point_twins(cx, &mut layer, &root, asset)?;
+                self.push_layer(layer, None, animated.into_iter().map(|p| (i, p)).collect());
             }
         }
         Ok(())
@@ -140,12 +158,13 @@ impl Usd {
         &mut self,
         layer: LayerBuilder,
         payload_of: Option<usize>,
-        parts: Vec<(usize, Box<dyn AnimatedPrim>)>,
+        animated: Vec<(usize, Box<dyn AnimatedPrim>)>,
     ) {
-        self.layers.push(OpenLayer { layer, payload_of, parts, failed: None });
+        self.layers.push(OpenLayer { layer, payload_of, animated, failed: None });
     }
 
-    /// The whole scene in one layer.
+    /// Begins the single file that has the whole scene in one layer: the first prim of an asset has its contents, the others
+    /// refer to that prim.
     fn begin_single(&mut self, cx: &UsdContext, file: &str) -> Result<()> {
         let kind = match file.rsplit_once('.') {
             Some((_, "usda")) => "usda",
@@ -161,34 +180,37 @@ impl Usd {
         };
         let mut layer = new_layer(cx, writer, &scene)?;
         let root = format!("/{scene}");
-        layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
-        let mut parts = Vec::new();
+        layer.writer.define_prim(
+            &root,
+            "Xform",
+            &PrimMetadata { kind: Some("assembly"), ..PrimMetadata::default() },
+        )?;
+        let mut animated = Vec::new();
         let mut first: BTreeMap<usize, String> = BTreeMap::new();
         let shared = instanceable_assets(&cx.scene);
         let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
         for single in &plan.singles {
             let SinglePlacement { path, placement } = single;
-            let shown = AssetPrim {
+            let target = AssetPrim {
                 asset: placement.asset,
-                ahead: placement.phase,
+                phase: placement.phase,
                 may_share: shared.contains(&placement.asset),
                 kind: Some("component"),
             };
-            parts.extend(define_asset_prim(cx, &mut layer, path, shown, &mut first)?);
-            layer.set_xform_ops(path, &cx.up.trs(&placement.transform))?;
+            animated.extend(define_asset_prim(cx, &mut layer, path, target, &mut first)?);
+            layer.set_xform_ops(path, &cx.up.stage_trs(&placement.transform))?;
         }
         for group in &plan.instancers {
             group.define(&mut layer)?;
-            for (individual, path) in &group.prototypes {
-                let shown =
-                    AssetPrim { asset: individual.asset, ahead: individual.phase, may_share: false, kind: None };
-                parts.extend(define_asset_prim(cx, &mut layer, path, shown, &mut first)?);
+            for PrototypePrim { prototype, path } in &group.prototypes {
+                let target = AssetPrim { asset: prototype.asset, phase: prototype.phase, may_share: false, kind: None };
+                animated.extend(define_asset_prim(cx, &mut layer, path, target, &mut first)?);
             }
         }
         if self.options.look {
             camera_light::define_camera_and_lights(cx, &mut layer, &root, None)?;
         }
-        self.push_layer(layer, None, parts);
+        self.push_layer(layer, None, animated);
         if kind != "usdz" {
             let folder = cx.pictures.strip_prefix("./").unwrap_or(&cx.pictures);
             self.textures.write(&cx.scene, &self.folder, folder)?;
@@ -196,50 +218,64 @@ impl Usd {
         Ok(())
     }
 
-    fn usdz_sink(&self, cx: &UsdContext, out: Output, root: &str) -> Result<usdz::UsdzPackage> {
-        let member = |(image, bytes): (&osier_scene::Image, &Arc<[u8]>)| usdz::PackageMember {
+    /// The sink of a package's root layer, with all textures as further members.
+    fn usdz_sink(&self, cx: &UsdContext, out: Output, root: &str) -> Result<usdz::UsdzWriter> {
+        let member = |(image, bytes): (&osier_scene::Image, &Arc<[u8]>)| usdz::UsdzMember {
             name: format!("textures/{}.png", image.name),
             bytes: Arc::clone(bytes),
         };
         let members = cx.scene.images.iter().zip(self.textures.iter()).map(member).collect();
-        usdz::UsdzPackage::new(out, root, members)
+        usdz::UsdzWriter::new(out, root, members)
     }
 
-    /// The wrapper: a payload per placement, an instancer per plant with copies, one scope of materials, camera and lights.
+    /// Writes the wrapper: payloads of the placements, instancers of the plants with copies, one scope of materials, camera and
+    /// lights.
     fn write_wrapper(&self, cx: &UsdContext, written: &LayerSummary) -> Result<()> {
         if self.options.look {
             exr::write_sky(&self.folder, &cx.scene)?;
         }
         let scene = safe_name(&cx.scene.name);
         let Some(out) = self.folder.create(&format!("{scene}.usda"), "usda.wrapper", None)? else { return Ok(()) };
-        // Seen from here, pictures lie beside the payloads, not above them.
+        // The wrapper is in the output folder itself, the payloads in a folder below: its paths of textures differ from theirs.
         let cx = &UsdContext { pictures: "./textures/".to_owned(), maps: None, ..cx.clone() };
         let mut layer = new_layer(cx, Box::new(usda::UsdaWriter::new(Box::new(out))), &scene)?;
         let root = format!("/{scene}");
-        layer.writer.define_prim(&root, "Xform", &PrimMeta { kind: Some("assembly"), ..PrimMeta::default() })?;
+        layer.writer.define_prim(
+            &root,
+            "Xform",
+            &PrimMetadata { kind: Some("assembly"), ..PrimMetadata::default() },
+        )?;
         let shared = instanceable_assets(&cx.scene);
         let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
         for single in &plan.singles {
             let SinglePlacement { path, placement } = single;
             let Some(payload) = payload_arc(cx, placement.asset, placement.phase, "./usd/") else { continue };
             let instanceable = shared.contains(&placement.asset);
-            let meta =
-                PrimMeta { kind: Some("component"), instanceable, payload: Some(payload), ..PrimMeta::default() };
+            let meta = PrimMetadata {
+                kind: Some("component"),
+                instanceable,
+                payload: Some(payload),
+                ..PrimMetadata::default()
+            };
             layer.writer.define_prim(path, "Xform", &meta)?;
-            layer.set_xform_ops(path, &cx.up.trs(&placement.transform))?;
+            layer.set_xform_ops(path, &cx.up.stage_trs(&placement.transform))?;
             if !instanceable {
                 rebind_materials(cx, &mut layer, &root, path, written.bindings(placement.asset))?;
             }
         }
         for group in &plan.instancers {
             group.define(&mut layer)?;
-            for (individual, path) in &group.prototypes {
-                let Some(payload) = payload_arc(cx, individual.asset, individual.phase, "./usd/") else { continue };
+            for PrototypePrim { prototype, path } in &group.prototypes {
+                let Some(payload) = payload_arc(cx, prototype.asset, prototype.phase, "./usd/") else { continue };
                 // A prototype takes its type from the payload.
-                layer.writer.define_prim(path, "", &PrimMeta { payload: Some(payload), ..PrimMeta::default() })?;
-                rebind_materials(cx, &mut layer, &root, path, written.bindings(individual.asset))?;
+                layer.writer.define_prim(
+                    path,
+                    "",
+                    &PrimMetadata { payload: Some(payload), ..PrimMetadata::default() },
+                )?;
+                rebind_materials(cx, &mut layer, &root, path, written.bindings(prototype.asset))?;
             }
-            group.write_instances(cx, &mut layer, &written.reach)?;
+            group.write_instances(cx, &mut layer, &written.clip_bounds)?;
         }
         if self.options.look {
             camera_light::define_camera_and_lights(cx, &mut layer, &root, Some(&format!("./{}", exr::SKY_FILE)))?;
@@ -247,7 +283,7 @@ impl Usd {
         layer.writer.finish()
     }
 
-    /// X002 for skeletons that are larger than readers like.
+    /// Warns (X002) of skeletons with more joints than readers handle well.
     fn warn_joint_count(&mut self, scene: &Scene) {
         for asset in &scene.assets {
             let joints = asset.skeleton.as_ref().map_or(0, |s| s.joints.len());
@@ -262,17 +298,17 @@ impl Usd {
 
 fn new_layer(cx: &UsdContext, writer: Box<dyn LayerWriter>, default_prim: &str) -> Result<LayerBuilder> {
     let mut layer = LayerBuilder::new(writer);
-    layer.writer.begin(&LayerMeta::of(&cx.scene, default_prim, cx.up))?;
+    layer.writer.begin(&LayerMetadata::for_scene(&cx.scene, default_prim, cx.up))?;
     Ok(layer)
 }
 
-/// True if a placement shows the asset at another time of the clip.
+/// Whether a placement shows the asset at a phase of the clip.
 fn has_phase_offset(scene: &Scene, asset: usize) -> bool {
     scene.placements.iter().any(|p| p.asset == asset && p.phase > 0)
 }
 
-/// Assets at rest that several placements show: readers then hold them once. Those that move are not shared, as Blender reads
-/// their frames by the names that USD gives to shared prims, and these are others whenever the file is opened.
+/// Static assets with several placements, whose prims become instanceable. Animated ones do not: Blender reads their frames by the
+/// names that USD generates for the prototypes of instances, and those names change whenever the file is opened.
 fn instanceable_assets(scene: &Scene) -> BTreeSet<usize> {
     let (mut seen, mut shared) = (BTreeSet::new(), BTreeSet::new());
     for p in &scene.placements {
@@ -283,83 +319,89 @@ fn instanceable_assets(scene: &Scene) -> BTreeSet<usize> {
     shared
 }
 
-/// What the layers of a scene turned out to hold.
+/// What the wrapper needs to know of the payloads when they are complete.
 #[derive(Debug, Default)]
 struct LayerSummary {
-    /// Box of each asset over all frames, in its own space of the stage.
-    reach: Vec<Bounds>,
-    /// Bindings of each asset's payload.
-    bound: Vec<Vec<MaterialBinding>>,
+    /// Box of each asset over all frames, in its own space with the stage's axes.
+    clip_bounds: Vec<Bounds>,
+    /// Material bindings of each asset's payload.
+    bindings: Vec<Vec<MaterialBinding>>,
 }
 
 impl LayerSummary {
-    /// Gathers it from the layers of all assets; with payloads, the first layer of an asset is its payload.
+    /// Gathers the bounds from the prims of all layers, and the bindings from the payloads.
     fn of(cx: &UsdContext, layers: &[OpenLayer]) -> Self {
         let rest = |asset| plant_instancer::stage_bounds(cx.up, &asset_bounds(asset, &AssetFrame::default()));
-        let mut reach: Vec<Bounds> = cx.scene.assets.iter().map(rest).collect();
-        for (asset, part) in layers.iter().flat_map(|l| &l.parts) {
-            if let Some(b) = reach.get_mut(*asset) {
-                *b = b.union(part.reach());
+        let mut clip_bounds: Vec<Bounds> = cx.scene.assets.iter().map(rest).collect();
+        for (asset, prim) in layers.iter().flat_map(|l| &l.animated) {
+            if let Some(b) = clip_bounds.get_mut(*asset) {
+                *b = b.union(prim.clip_bounds());
             }
         }
-        let mut bound = vec![Vec::new(); cx.scene.assets.len()];
+        let mut bindings = vec![Vec::new(); cx.scene.assets.len()];
         for layer in layers {
-            if let Some(list) = layer.payload_of.and_then(|asset| bound.get_mut(asset)) {
+            if let Some(list) = layer.payload_of.and_then(|asset| bindings.get_mut(asset)) {
                 *list = layer.layer.bindings().to_vec();
             }
         }
-        Self { reach, bound }
+        Self { clip_bounds, bindings }
     }
 
-    /// Bindings of the payload of an asset.
+    /// Material bindings of the payload of an asset.
     fn bindings(&self, asset: usize) -> &[MaterialBinding] {
-        self.bound.get(asset).map_or(&[], Vec::as_slice)
+        self.bindings.get(asset).map_or(&[], Vec::as_slice)
     }
 }
 
-/// An asset as a prim shows it.
+/// What a prim of a single file shows.
 struct AssetPrim {
     /// Index of the asset.
     asset: usize,
     /// Frames by which it is ahead of the clip.
-    ahead: u32,
-    /// Readers may hold it once for all prims that show it.
+    phase: u32,
+    /// A reference to it may be instanceable.
     may_share: bool,
     /// Model kind of the prim.
     kind: Option<&'static str>,
 }
 
-/// Writes an asset under a new prim of the layer: its contents the first time, a reference to those from then on.
+/// Defines the prim at `path` with the contents of an asset, or with a reference to the prim that has them. `first`: the prims
+/// with contents so far, by asset. Returns what takes time samples, with the index of the asset.
 fn define_asset_prim(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
     path: &str,
-    shown: AssetPrim,
+    target: AssetPrim,
     first: &mut BTreeMap<usize, String>,
 ) -> Result<Vec<(usize, Box<dyn AnimatedPrim>)>> {
-    let Some(asset) = cx.scene.assets.get(shown.asset) else { return Ok(Vec::new()) };
-    let known = first.get(&shown.asset).cloned();
-    let instanceable = known.is_some() && shown.may_share;
-    let reference = known.map(|prim| CompositionArc { asset: String::new(), prim, ahead: shown.ahead });
-    let new = reference.is_none();
-    let meta = PrimMeta { kind: shown.kind, instanceable, reference, ..PrimMeta::default() };
+    let Some(asset) = cx.scene.assets.get(target.asset) else { return Ok(Vec::new()) };
+    let known = first.get(&target.asset).cloned();
+    let is_defined = known.is_some();
+    let reference = known.map(|prim| CompositionArc { asset: String::new(), prim, phase: target.phase });
+    let meta = PrimMetadata {
+        kind: target.kind,
+        instanceable: is_defined && target.may_share,
+        reference,
+        ..PrimMetadata::default()
+    };
     layer.writer.define_prim(path, "Xform", &meta)?;
-    if !new {
+    if is_defined {
         return Ok(Vec::new());
     }
-    first.insert(shown.asset, path.to_owned());
-    let changing = asset::define_asset(cx, layer, path, asset)?;
-    Ok(changing.into_iter().map(|p| (shown.asset, p)).collect())
+    first.insert(target.asset, path.to_owned());
+    let animated = asset::define_asset(cx, layer, path, asset)?;
+    Ok(animated.into_iter().map(|prim| (target.asset, prim)).collect())
 }
 
-/// The payload of an asset, `ahead` frames ahead, seen from a layer that has the folder of payloads at `folder`.
-fn payload_arc(cx: &UsdContext, asset: usize, ahead: u32, folder: &str) -> Option<CompositionArc> {
+/// The arc to the payload of an asset, `phase` frames ahead. `folder`: that of the payloads, relative to the layer.
+fn payload_arc(cx: &UsdContext, asset: usize, phase: u32, folder: &str) -> Option<CompositionArc> {
     let name = safe_name(&cx.scene.assets.get(asset)?.id);
-    Some(CompositionArc { asset: format!("{folder}{name}.usdc"), prim: format!("/{name}"), ahead })
+    Some(CompositionArc { asset: format!("{folder}{name}.usdc"), prim: format!("/{name}"), phase })
 }
 
-/// Binds what a payload at `path` shows to the materials of the scene's root, so that readers that make a material for every
-/// one they find bound, as Blender does, make one for all payloads. Wet leaves keep their own, whose maps change, and so does what stands in a variant.
+/// Binds the prims of the payload at `path` to the materials of the scene's root. Readers such as Blender create a material for
+/// each one they find bound: this way one for all payloads. Wet leaves keep their own materials, whose maps change, and so do
+/// prims inside variants.
 fn rebind_materials(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -371,19 +413,20 @@ fn rebind_materials(
         b.prim.contains('{') || cx.scene.materials.get(b.material as usize).is_none_or(|m| m.wet.is_some())
     };
     if !bindings.is_empty() && !bindings.iter().any(own) {
-        // Nothing is bound to the payload's own materials any more; a reader need not look at them.
-        let meta = PrimMeta { over: true, inactive: true, ..PrimMeta::default() };
+        // No prim is bound to the payload's own materials any more, so they need not be composed.
+        let meta = PrimMetadata { over: true, inactive: true, ..PrimMetadata::default() };
         layer.writer.define_prim(&format!("{path}/mtl"), "", &meta)?;
     }
-    let mut made = BTreeSet::new();
+    let mut defined = BTreeSet::new();
     for MaterialBinding { prim, material } in bindings.iter().filter(|b| !own(b)) {
-        // The payload's root is its first name.
+        // A path of the payload begins with its root prim, which the prim at `path` replaces here; each prim on the way down
+        // needs an `over`.
         let below: Vec<&str> = prim.split('/').skip(2).collect();
         let mut over = path.to_owned();
         for name in below {
             over = format!("{over}/{name}");
-            if made.insert(over.clone()) {
-                layer.writer.define_prim(&over, "", &PrimMeta { over: true, ..PrimMeta::default() })?;
+            if defined.insert(over.clone()) {
+                layer.writer.define_prim(&over, "", &PrimMetadata { over: true, ..PrimMetadata::default() })?;
             }
         }
         layer.bind_material(cx, root, &over, *material)?;
@@ -391,7 +434,7 @@ fn rebind_materials(
     Ok(())
 }
 
-/// Folder of the pictures, as seen from the layers that show them.
+/// Folder of the textures, relative to the layers that refer to them.
 fn texture_folder(options: &UsdOptions) -> String {
     match &options.file {
         None => "../textures/".to_owned(),
@@ -403,7 +446,7 @@ fn texture_folder(options: &UsdOptions) -> String {
     }
 }
 
-impl Exporter for Usd {
+impl Exporter for UsdExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         // A single file has no maps beside it.
         let maps = (self.options.maps && self.options.file.is_none()).then(|| "../maps/".to_owned());
@@ -431,10 +474,10 @@ impl Exporter for Usd {
         let Some(cx) = &self.cx else { return Ok(()) };
         let time = f64::from(frame.number);
         osier_base::par::par_each(&mut self.layers, |layer| {
-            let OpenLayer { layer, parts, failed, .. } = layer;
-            for (i, part) in parts {
+            let OpenLayer { layer, animated, failed, .. } = layer;
+            for (i, prim) in animated {
                 let Some((asset, state)) = cx.scene.assets.get(*i).zip(frame.assets.get(*i)) else { continue };
-                if let Err(e) = part.frame(cx, layer, &AssetSample { asset, state, time, wet: &frame.wet }) {
+                if let Err(e) = prim.sample_frame(cx, layer, &AssetSample { asset, state, time, wet: &frame.wet }) {
                     *failed = Some(e);
                     return;
                 }
@@ -454,12 +497,15 @@ impl Exporter for Usd {
         {
             let root = format!("/{}", safe_name(&cx.scene.name));
             let plan = plant_instancer::plan_placements(&cx.scene, &root, self.options.copies == CopyStyle::Instancer);
-            plan.instancers.iter().try_for_each(|group| group.write_instances(&cx, &mut open.layer, &written.reach))?;
+            plan.instancers
+                .iter()
+                .try_for_each(|group| group.write_instances(&cx, &mut open.layer, &written.clip_bounds))?;
         }
-        for OpenLayer { layer, parts, .. } in &mut self.layers {
-            parts.iter_mut().try_for_each(|(_, part)| part.finish(layer))?;
+        // A layer that some placement shows at a phase is read beyond the end of the clip, so its samples repeat once.
+        for OpenLayer { layer, animated, .. } in &mut self.layers {
+            animated.iter_mut().try_for_each(|(_, prim)| prim.flush_samples(layer))?;
             if let Some(scene) = self.cx.as_ref().map(|cx| &cx.scene)
-                && parts.iter().any(|(asset, _)| has_phase_offset(scene, *asset))
+                && animated.iter().any(|(asset, _)| has_phase_offset(scene, *asset))
             {
                 layer.writer.repeat_samples(scene.clip.len() as f64);
             }

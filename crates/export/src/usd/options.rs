@@ -2,41 +2,41 @@
 
 use super::axis::UpAxis;
 
-/// What may be chosen about USD files.
+/// Options of the USD writer; the default is the full bake without wet maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UsdOptions {
-    /// Which way is up.
+    /// Up axis of the stage.
     pub up: UpAxis,
     /// Write everything into one file of this name (`.usda`, `.usdc`, `.usdz`) instead of a wrapper and payloads.
     pub file: Option<String>,
     /// Write camera and lights.
     pub look: bool,
-    /// Wet leaves show the maps that the exporter of EXR writes beside; without, they are dry.
+    /// Materials of wet leaves refer to the maps that the EXR writer writes; without, wet leaves look dry.
     pub maps: bool,
-    /// First frame that is written; without, the clip's.
+    /// First frame that is written; the clip's if none.
     pub first: Option<u32>,
-    /// How copies of a plant are shown.
+    /// How several placements of a plant are written.
     pub copies: CopyStyle,
-    /// How far leaves between two samples may be from where they were simulated.
+    /// Largest error of the leaves' interpolated transforms; see [`Tolerance`].
     pub tolerance: Tolerance,
 }
 
-/// Errors that tracks are thinned to. 0 keeps the samples of every frame.
+/// Error up to which time samples of the leaves' transforms are left out. 0 keeps the samples of every frame.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Tolerance {
-    /// Of places, m.
+    /// Distance from the simulated position, m, >= 0.
     pub metres: f32,
-    /// Of rotations, rad.
+    /// Angle from the simulated orientation, rad, >= 0.
     pub radians: f32,
 }
 
-/// How several placements of a plant are shown.
+/// How several placements of a plant are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CopyStyle {
-    /// One point instancer for each plant, its prototypes whole plants.
+    /// One `PointInstancer` for each plant; its prototypes are whole plants.
     #[default]
     Instancer,
-    /// A prim for each placement, which refers to its individual.
+    /// A prim for each placement, with a payload of, or a reference to, the individual it shows.
     References,
 }
 

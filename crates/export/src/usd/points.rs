@@ -1,37 +1,36 @@
-//! Point clouds and curves.
+//! Point clouds as `Points`, curves as `BasisCurves`.
 
 use glam::Vec3;
 
+use super::arrays::{as_float3, as_ints, points_extent, sequential_ids};
 use super::axis::extent;
-use super::instancer::{points_extent, sequential_ids};
-use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext};
-use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
-use super::mesh::VelocityAttr;
+
+use super::context::UsdContext;
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
+use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
+use super::mesh::VelocitySamples;
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
 use osier_base::geometry::Bounds;
 use osier_scene::{Curves, CurvesFrame, Points, PointsFrame};
 
-fn as_float3(v: &[Vec3]) -> &[[f32; 3]] {
-    bytemuck::cast_slice(v)
+fn material_binding_api() -> PrimMetadata {
+    PrimMetadata { api: vec!["MaterialBindingAPI"], ..PrimMetadata::default() }
 }
 
-fn material_binding_api() -> PrimMeta {
-    PrimMeta { api: vec!["MaterialBindingAPI"], ..PrimMeta::default() }
-}
-
-/// A moving cloud.
-struct PointsSamples {
+/// A point cloud with time samples.
+struct AnimatedPoints {
+    /// Index of the cloud in its asset.
     index: usize,
     path: String,
     extent: AttrHandle,
     points: AttrHandle,
     widths: AttrHandle,
-    velocities: VelocityAttr,
+    velocities: VelocitySamples,
     colors: Option<AttrHandle>,
 }
 
-/// Writes a cloud at rest.
+/// Defines a point cloud in its rest state. Returns what takes its time samples, if it moves.
 pub(super) fn define_points(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -41,7 +40,7 @@ pub(super) fn define_points(
     cloud: &Points,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
     layer.writer.define_prim(path, "Points", &material_binding_api())?;
-    let points = cx.up.vecs(&cloud.positions);
+    let points = cx.up.stage_vecs(&cloud.positions);
     let b = points_extent(&points, &cloud.widths);
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.set_attr(&format!("{path}.ids"), "int64[]", UsdArray::Int64(&sequential_ids(points.len())).into())?;
@@ -54,25 +53,25 @@ pub(super) fn define_points(
         colors = Some(attr);
     }
     for a in &cloud.attributes {
-        let values: Vec<i32> = a.values.iter().map(|v| i32::try_from(*v).unwrap_or(i32::MAX)).collect();
+        let values = as_ints(&a.values, "values of a point attribute")?;
         let spec = AttrSpec::primvar("int[]", "vertex");
-        layer.writer.create_attr(&format!("{path}.primvars:{}", a.name), &spec, Some(UsdArray::Int(&values).into()))?;
+        layer.writer.create_attr(&format!("{path}.primvars:{}", a.name), &spec, Some(UsdArray::Int(values).into()))?;
     }
     let spec = AttrSpec::primvar("float[]", "vertex");
     let widths =
         layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&cloud.widths).into()))?;
     layer.bind_material(cx, root, path, cloud.material)?;
-    let velocities = VelocityAttr::default();
-    let part = PointsSamples { index, path: path.to_owned(), extent, points, widths, velocities, colors };
+    let velocities = VelocitySamples::default();
+    let part = AnimatedPoints { index, path: path.to_owned(), extent, points, widths, velocities, colors };
     Ok(cloud.moving.then(|| Box::new(part) as Box<dyn AnimatedPrim>))
 }
 
-impl AnimatedPrim for PointsSamples {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+impl AnimatedPrim for AnimatedPoints {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let Some(cloud) = sample.asset.points.get(self.index) else { return Ok(()) };
         let state = sample.state.points(self.index);
         let now = cloud.at(state);
-        let points = cx.up.vecs(now.positions);
+        let points = cx.up.stage_vecs(now.positions);
         let b = points_extent(&points, now.widths);
         let time = sample.time;
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
@@ -84,25 +83,26 @@ impl AnimatedPrim for PointsSamples {
         {
             sample(attr, UsdArray::Float3(colors))?;
         }
-        let v = cx.up.vecs(now.velocities);
+        let v = cx.up.stage_vecs(now.velocities);
         self.velocities.sample(layer, &format!("{}.velocities", self.path), as_float3(&v), points.len(), time)
     }
 }
 
-/// Moving curves.
-struct CurvesSamples {
+/// Curves with time samples.
+struct AnimatedCurves {
+    /// Index of the curves in their asset.
     index: usize,
     extent: AttrHandle,
     points: AttrHandle,
 }
 
-/// Box of curves: that of their points, grown by half the largest width.
+/// Extent of curves: the box of their points, grown by half the largest width.
 fn curves_extent(points: &[Vec3], widths: &[f32]) -> [[f32; 3]; 2] {
     let widest = widths.iter().fold(0.0_f32, |a, b| a.max(*b));
     extent(&Bounds::of(points.iter().copied()).grown(widest * 0.5))
 }
 
-/// Writes curves at rest.
+/// Defines curves in their rest state. Returns what takes their time samples, if they move.
 pub(super) fn define_curves(
     cx: &UsdContext,
     layer: &mut LayerBuilder,
@@ -112,14 +112,14 @@ pub(super) fn define_curves(
     curves: &Curves,
 ) -> Result<Option<Box<dyn AnimatedPrim>>> {
     layer.writer.define_prim(path, "BasisCurves", &material_binding_api())?;
-    let points = cx.up.vecs(&curves.points);
+    let points = cx.up.stage_vecs(&curves.points);
     let b = curves_extent(&points, &curves.widths);
-    let counts: Vec<i32> = curves.counts.iter().map(|n| i32::try_from(*n).unwrap_or(i32::MAX)).collect();
-    layer.set_attr(&format!("{path}.curveVertexCounts"), "int[]", UsdArray::Int(&counts).into())?;
+    let counts = as_ints(&curves.counts, "points of a curve")?;
+    layer.set_attr(&format!("{path}.curveVertexCounts"), "int[]", UsdArray::Int(counts).into())?;
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     let points = layer.set_attr(&format!("{path}.points"), "point3f[]", UsdArray::Float3(as_float3(&points)).into())?;
-    // One place on the map per curve: the curves side by side along u.
-    #[allow(clippy::cast_precision_loss, reason = "a place on a map")]
+    // One texture coordinate per curve, in the middle of its share of the u axis.
+    #[allow(clippy::cast_precision_loss, reason = "a texture coordinate")]
     let st: Vec<[f32; 2]> = (0..counts.len()).map(|i| [(i as f32 + 0.5) / counts.len() as f32, 0.5]).collect();
     let spec = AttrSpec::primvar("texCoord2f[]", "uniform");
     layer.writer.create_attr(&format!("{path}.primvars:st"), &spec, Some(UsdArray::Float2(&st).into()))?;
@@ -127,17 +127,17 @@ pub(super) fn define_curves(
     let spec = AttrSpec::primvar("float[]", "vertex");
     layer.writer.create_attr(&format!("{path}.widths"), &spec, Some(UsdArray::Float(&curves.widths).into()))?;
     layer.bind_material(cx, root, path, curves.material)?;
-    Ok(curves.moving.then(|| Box::new(CurvesSamples { index, extent, points }) as Box<dyn AnimatedPrim>))
+    Ok(curves.moving.then(|| Box::new(AnimatedCurves { index, extent, points }) as Box<dyn AnimatedPrim>))
 }
 
-impl AnimatedPrim for CurvesSamples {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+impl AnimatedPrim for AnimatedCurves {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let Some(curves) = sample.asset.curves.get(self.index) else { return Ok(()) };
         let points = match sample.state.curves(self.index) {
             CurvesFrame::Points(points) => points,
             CurvesFrame::Same => &curves.points,
         };
-        let points = cx.up.vecs(points);
+        let points = cx.up.stage_vecs(points);
         let b = curves_extent(&points, &curves.widths);
         layer.writer.set_time_sample(self.extent, sample.time, UsdArray::Float3(&b).into())?;
         layer.writer.set_time_sample(self.points, sample.time, UsdArray::Float3(as_float3(&points)).into())

@@ -4,8 +4,9 @@ use glam::Quat;
 use half::f16;
 
 use super::axis::{extent, matrix4d};
-use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext, canonical_quat, nearest_quat};
-use super::layer_writer::{AttrHandle, AttrSpec, PrimMeta};
+use super::context::UsdContext;
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, canonical_quat, nearest_quat};
+use super::layer_writer::{AttrHandle, AttrSpec, PrimMetadata};
 use super::mesh::{MeshPrim, define_mesh};
 use super::value::{UsdArray, UsdValue};
 use osier_base::Result;
@@ -33,7 +34,7 @@ pub(super) struct SkelAnimation {
     /// Rotations of the frame before.
     before: Vec<Quat>,
     /// Box of all frames so far.
-    reach: Bounds,
+    clip_bounds: Bounds,
 }
 
 /// True if a mesh is_skinned the skeleton in this format.
@@ -53,7 +54,11 @@ pub(super) fn define_skel_root(
         return Ok(Vec::new());
     };
     let path = format!("{root}/{}", names.unique("skel"));
-    layer.writer.define_prim(&path, "SkelRoot", &PrimMeta { api: vec!["SkelBindingAPI"], ..PrimMeta::default() })?;
+    layer.writer.define_prim(
+        &path,
+        "SkelRoot",
+        &PrimMetadata { api: vec!["SkelBindingAPI"], ..PrimMetadata::default() },
+    )?;
     let b = extent(&skinned_bounds(cx, asset, &AssetFrame::default()));
     let extent = layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     layer.writer.create_relationship(&format!("{path}.skel:animationSource"), &[format!("{path}/anim")])?;
@@ -83,7 +88,7 @@ fn skinned_bounds(cx: &UsdContext, asset: &Asset, state: &AssetFrame) -> Bounds 
     let mut b = Bounds::default();
     for (i, object) in asset.meshes.iter().enumerate().filter(|(_, m)| is_skinned(asset, m)) {
         let points = mesh_points(asset, object, i, state);
-        b = b.union(Bounds::of(points.iter().map(|p| cx.up.vec(*p))));
+        b = b.union(Bounds::of(points.iter().map(|p| cx.up.stage_vec(*p))));
     }
     b
 }
@@ -95,8 +100,12 @@ fn define_skeleton(
     skeleton: &Skeleton,
     joints: &[String],
 ) -> Result<()> {
-    layer.writer.define_prim(path, "Skeleton", &PrimMeta { api: vec!["SkelBindingAPI"], ..PrimMeta::default() })?;
-    let matrices = |poses: &[Trs]| -> Vec<[f64; 16]> { poses.iter().map(|m| matrix4d(&cx.up.trs(m))).collect() };
+    layer.writer.define_prim(
+        path,
+        "Skeleton",
+        &PrimMetadata { api: vec!["SkelBindingAPI"], ..PrimMetadata::default() },
+    )?;
+    let matrices = |poses: &[Trs]| -> Vec<[f64; 16]> { poses.iter().map(|m| matrix4d(&cx.up.stage_trs(m))).collect() };
     let bind = matrices(&skeleton.bind());
     let rest = matrices(&skeleton.rest_pose());
     layer.set_uniform(&format!("{path}.bindTransforms"), "matrix4d[]", UsdArray::Matrix4d(&bind).into())?;
@@ -104,14 +113,14 @@ fn define_skeleton(
     layer.set_uniform(&format!("{path}.restTransforms"), "matrix4d[]", UsdArray::Matrix4d(&rest).into())?;
     // Joints have no thickness, so the skeleton's own box is that of the joints' places.
     let places = skeleton.bind();
-    let b = extent(&Bounds::of(places.iter().map(|m| cx.up.vec(m.t))));
+    let b = extent(&Bounds::of(places.iter().map(|m| cx.up.stage_vec(m.t))));
     layer.set_attr(&format!("{path}.extent"), "float3[]", UsdArray::Float3(&b).into())?;
     Ok(())
 }
 
 /// A pose as the three arrays of an animation.
 fn animation_channels(cx: &UsdContext, pose: &[Trs]) -> (Vec<[f32; 3]>, Vec<Quat>, Vec<[f16; 3]>) {
-    let pose: Vec<Trs> = pose.iter().map(|m| cx.up.trs(m)).collect();
+    let pose: Vec<Trs> = pose.iter().map(|m| cx.up.stage_trs(m)).collect();
     let translations = pose.iter().map(|m| m.t.to_array()).collect();
     let rotations = pose.iter().map(|m| canonical_quat(m.r)).collect();
     let scales = pose.iter().map(|m| m.s.to_array().map(f16::from_f32)).collect();
@@ -136,7 +145,7 @@ fn define_animation(
         translations: layer.set_attr(&format!("{path}.translations"), "float3[]", UsdArray::Float3(&t).into())?,
         extent,
         before: Vec::new(),
-        reach: Bounds::default(),
+        clip_bounds: Bounds::default(),
     })
 }
 
@@ -163,7 +172,7 @@ fn bind_skin(layer: &mut LayerBuilder, skel: &str, mesh: &str, skin: &SkinWeight
 }
 
 impl AnimatedPrim for SkelAnimation {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let Some(skeleton) = &sample.asset.skeleton else { return Ok(()) };
         let rest;
         let pose = if sample.state.pose.len() == skeleton.joints.len() {
@@ -177,7 +186,7 @@ impl AnimatedPrim for SkelAnimation {
             *q = nearest_quat(*q, *before);
         }
         let b = skinned_bounds(cx, sample.asset, sample.state);
-        self.reach = self.reach.union(b);
+        self.clip_bounds = self.clip_bounds.union(b);
         let b = extent(&b);
         let time = sample.time;
         let mut sample = |attr, array: UsdArray| layer.writer.set_time_sample(attr, time, array.into());
@@ -189,8 +198,8 @@ impl AnimatedPrim for SkelAnimation {
         Ok(())
     }
 
-    fn reach(&self) -> Bounds {
-        self.reach
+    fn clip_bounds(&self) -> Bounds {
+        self.clip_bounds
     }
 }
 

@@ -1,68 +1,48 @@
-//! Values of attributes, borrowed from whoever holds them.
+//! Values of attributes, borrowed from the scene or from the arrays that were computed for a sample.
 
 use half::f16;
 
-/// A value of an attribute. Quaternions are x, y, z, w.
+/// A value of an attribute; a variant is named after the value type of USD, and serves the roles of that type, too
+/// (`Float3`: `float3`, `point3f`, `color3f`). Quaternions are x, y, z, w.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum UsdValue<'a> {
-    /// `bool`.
+pub(super) enum UsdValue<'a> {
     Bool(bool),
-    /// `float`.
     Float(f32),
-    /// `double`.
     Double(f64),
-    /// `string`.
     String(&'a str),
-    /// `token`.
     Token(&'a str),
-    /// `asset`.
     Asset(&'a str),
-    /// `float2`.
     Float2([f32; 2]),
-    /// `float3` and its roles.
     Float3([f32; 3]),
-    /// `float4` and its roles.
     Float4([f32; 4]),
-    /// `double3`.
     Double3([f64; 3]),
-    /// `quatf`.
     Quatf([f32; 4]),
-    /// `matrix4d`, row after row, translation in the last row.
+    /// Row after row, for row vectors: the translation is the last row.
     Matrix4d([f64; 16]),
-    /// Any array.
     Array(UsdArray<'a>),
 }
 
-/// An array of an attribute.
+/// An array of an attribute; a variant is named after the type of its elements.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum UsdArray<'a> {
-    /// `int[]`.
+pub(super) enum UsdArray<'a> {
     Int(&'a [i32]),
-    /// `int64[]`.
     Int64(&'a [i64]),
-    /// `float[]`.
     Float(&'a [f32]),
-    /// `float2[]` and its roles.
     Float2(&'a [[f32; 2]]),
-    /// `float3[]` and its roles.
     Float3(&'a [[f32; 3]]),
-    /// `float4[]` and its roles.
     Float4(&'a [[f32; 4]]),
-    /// `half3[]`.
     Half3(&'a [[f16; 3]]),
-    /// `quatf[]`.
+    /// x, y, z, w.
     Quatf(&'a [[f32; 4]]),
-    /// `quath[]`.
+    /// x, y, z, w.
     Quath(&'a [[f16; 4]]),
-    /// `matrix4d[]`.
+    /// As [`UsdValue::Matrix4d`].
     Matrix4d(&'a [[f64; 16]]),
-    /// `token[]`.
     Token(&'a [String]),
 }
 
 impl UsdArray<'_> {
-    /// Number of elements.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         match self {
             Self::Int(v) => v.len(),
             Self::Int64(v) => v.len(),
@@ -78,8 +58,7 @@ impl UsdArray<'_> {
         }
     }
 
-    /// True without elements.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
@@ -91,17 +70,19 @@ impl<'a> From<UsdArray<'a>> for UsdValue<'a> {
 }
 
 /// Appends single precision numbers, little endian, -0 as 0.
-/// `Err` with the place of the first number that is not finite.
+/// Errs with the index of the first number that is not finite.
 pub(super) fn pack_f32(values: &[f32], out: &mut Vec<u8>) -> Result<(), usize> {
     const EXPONENT: u32 = 0x7f80_0000;
     let start = out.len();
     out.resize(start + values.len() * 4, 0);
-    let mut bad = false;
+    // NaN and infinity are the numbers whose exponent bits are all ones. The loop only notes that there is one, so that it
+    // vectorises; -0 + 0 is +0, every other number stays as it is.
+    let mut has_non_finite = false;
     for (slot, x) in out[start..].chunks_exact_mut(4).zip(values) {
-        bad |= x.to_bits() & EXPONENT == EXPONENT;
+        has_non_finite |= x.to_bits() & EXPONENT == EXPONENT;
         slot.copy_from_slice(&(x + 0.0).to_le_bytes());
     }
-    if bad { Err(values.iter().position(|x| !x.is_finite()).unwrap_or(0)) } else { Ok(()) }
+    if has_non_finite { Err(values.iter().position(|x| !x.is_finite()).unwrap_or(0)) } else { Ok(()) }
 }
 
 /// As [`pack_f32`], double precision.
@@ -121,13 +102,13 @@ pub(super) fn pack_f16(values: &[f16], out: &mut Vec<u8>) -> Result<(), usize> {
     const MINUS_ZERO: u16 = 0x8000;
     let start = out.len();
     out.resize(start + values.len() * 2, 0);
-    let mut bad = false;
+    let mut has_non_finite = false;
     for (slot, x) in out[start..].chunks_exact_mut(2).zip(values) {
         let bits = x.to_bits();
-        bad |= bits & EXPONENT == EXPONENT;
+        has_non_finite |= bits & EXPONENT == EXPONENT;
         slot.copy_from_slice(&(if bits == MINUS_ZERO { 0 } else { bits }).to_le_bytes());
     }
-    if bad { Err(values.iter().position(|x| !x.is_finite()).unwrap_or(0)) } else { Ok(()) }
+    if has_non_finite { Err(values.iter().position(|x| !x.is_finite()).unwrap_or(0)) } else { Ok(()) }
 }
 
 #[cfg(test)]

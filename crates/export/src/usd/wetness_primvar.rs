@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::layer::{AnimatedPrim, AssetSample, LayerBuilder, UsdContext};
+use super::context::UsdContext;
+use super::layer::{AnimatedPrim, AssetSample, LayerBuilder};
 use super::layer_writer::{AttrHandle, AttrSpec};
 use super::value::UsdArray;
 use osier_base::Result;
@@ -50,7 +51,7 @@ pub(super) fn define_wetness(
 }
 
 impl AnimatedPrim for WetnessPrimvar {
-    fn frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
+    fn sample_frame(&mut self, cx: &UsdContext, layer: &mut LayerBuilder, sample: &AssetSample) -> Result<()> {
         let both = sample.asset.meshes.get(self.index).zip(cx.scene.wet.get(self.sheet));
         let (Some((object, wet)), Some(maps)) = (both, sample.wet.get(self.sheet)) else { return Ok(()) };
         let values = sample_at_points(&object.mesh, wet.side, Some(maps));

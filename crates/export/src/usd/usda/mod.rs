@@ -1,5 +1,5 @@
-//! Text stages: wrappers, and whatever a person is meant to edit. Everything is held until the end, so the size is
-//! limited; what is sampled belongs into crate files.
+//! Text layers (`.usda`): the wrapper, and single files that a person is meant to edit. The text is held in memory until the
+//! end, so its size is limited; animation belongs into crate files.
 
 mod text;
 
@@ -7,33 +7,51 @@ use std::collections::BTreeMap;
 
 use super::byte_sink::ByteSink;
 use super::layer_writer::{
-    AttrHandle, AttrSpec, LayerMeta, LayerWriter, PrimMeta, split_prim_path, split_property_path, variant_path,
+    AttrHandle, AttrSpec, LayerMetadata, LayerWriter, PrimMetadata, split_prim_path, split_property_path, variant_path,
 };
 use super::value::UsdValue;
 use osier_base::{Error, Result};
 
-/// Largest text, bytes.
+/// Largest text layer, bytes.
 const MAX_TEXT_BYTES: usize = 10_000_000;
 
-/// A text stage being written.
+/// Writes a layer as text.
 pub struct UsdaWriter {
     sink: Option<Box<dyn ByteSink>>,
+    /// Text of the layer metadata.
     head: String,
+    /// All prims; the first is the pseudo-root.
     prims: Vec<TextPrim>,
+    /// Index of each prim by path.
     index: BTreeMap<String, usize>,
-    /// TextPrim and property of each attribute.
-    attrs: Vec<(usize, usize)>,
+    attrs: Vec<PropertyIndex>,
+    /// Estimated length of the text so far.
     bytes: usize,
 }
 
+/// Where an attribute is held: indices of the prim and of its property.
+#[derive(Debug, Clone, Copy)]
+struct PropertyIndex {
+    prim: usize,
+    property: usize,
+}
+
+/// A prim as the pieces of its text.
 #[derive(Debug)]
 struct TextPrim {
     /// `def Xform "name"` and its metadata.
     head: String,
     properties: Vec<TextProperty>,
     children: Vec<usize>,
-    /// Name of its variant set, and prims that stand for the variants, their heads the names.
-    variants: Option<(&'static str, Vec<usize>)>,
+    variants: Option<TextVariantSet>,
+}
+
+/// A variant set as the pieces of its text.
+#[derive(Debug)]
+struct TextVariantSet {
+    set: &'static str,
+    /// Indices of one entry of the prims for each variant; its head is the variant's name.
+    variants: Vec<usize>,
 }
 
 impl TextPrim {
@@ -49,22 +67,23 @@ struct TextProperty {
     /// `uniform token[] name`; empty for a relationship, whose text is all in `lines`.
     declaration: String,
     default: Option<String>,
+    /// ` (interpolation = "vertex")`, or empty.
     metadata: String,
-    /// `time: value`.
+    /// Time codes and value texts.
     samples: Vec<(f64, String)>,
-    /// Whole further lines.
+    /// Complete lines that follow: a connection, or the whole of a relationship.
     lines: Vec<String>,
 }
 
 impl UsdaWriter {
-    /// A text that goes into `sink`.
+    /// A writer into `sink`.
     pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
         let root = TextPrim::new(String::new());
         let index = [("/".to_owned(), 0)].into();
         Self { sink: Some(sink), head: String::new(), prims: vec![root], index, attrs: Vec::new(), bytes: 0 }
     }
 
-    /// Counts text before it is kept.
+    /// Adds to the length of the text; X004 if it exceeds the limit.
     fn count_bytes(&mut self, bytes: usize) -> Result<()> {
         self.bytes += bytes;
         if self.bytes <= MAX_TEXT_BYTES {
@@ -72,16 +91,16 @@ impl UsdaWriter {
         }
         Err(Error::export(
             "X004",
-            format!("usda would pass {MAX_TEXT_BYTES} bytes; write usdc, or name the file .usdc or .usdz"),
+            format!("the text layer exceeds {MAX_TEXT_BYTES} bytes; write usdc, or name the file .usdc or .usdz"),
         ))
     }
 
-    fn add_property(&mut self, path: &str, property: TextProperty) -> Result<(usize, usize)> {
+    fn add_property(&mut self, path: &str, property: TextProperty) -> Result<PropertyIndex> {
         self.count_bytes(property.declaration.len() + property.lines.iter().map(String::len).sum::<usize>() + 16)?;
         let prim = self.index.get(split_property_path(path).0).copied().unwrap_or(0);
-        let Some(p) = self.prims.get_mut(prim) else { return Ok((0, 0)) };
+        let Some(p) = self.prims.get_mut(prim) else { return Ok(PropertyIndex { prim: 0, property: 0 }) };
         p.properties.push(property);
-        Ok((prim, p.properties.len() - 1))
+        Ok(PropertyIndex { prim, property: p.properties.len() - 1 })
     }
 
     fn render(&self) -> String {
@@ -103,7 +122,7 @@ impl UsdaWriter {
         for p in &prim.properties {
             render_property(p, depth + 1, out);
         }
-        if let Some((set, variants)) = &prim.variants {
+        if let Some(TextVariantSet { set, variants }) = &prim.variants {
             text::push_indented(&format!("variantSet \"{set}\" = {{"), depth + 1, out);
             variants.iter().for_each(|v| self.render_prim(*v, depth + 2, out));
             text::push_indented("}", depth + 1, out);
@@ -137,18 +156,19 @@ fn render_property(p: &TextProperty, depth: usize, out: &mut String) {
 }
 
 impl LayerWriter for UsdaWriter {
-    fn begin(&mut self, meta: &LayerMeta) -> Result<()> {
+    fn begin(&mut self, meta: &LayerMetadata) -> Result<()> {
         self.head = text::layer_header(meta);
         Ok(())
     }
 
-    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()> {
+    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMetadata) -> Result<()> {
         let (parent, name) = split_prim_path(path);
         let head = text::prim_header(type_name, name, meta);
         self.count_bytes(head.len() + 16)?;
         let number = self.prims.len();
         self.prims.push(TextPrim::new(head));
         self.index.insert(path.to_owned(), number);
+        // Each variant is an entry of its own, found by the path below which its prims will be defined.
         if let Some(variants) = &meta.variants {
             let first = self.prims.len();
             for (name, i) in variants.names.iter().zip(first..) {
@@ -157,7 +177,7 @@ impl LayerWriter for UsdaWriter {
             }
             let all = (first..self.prims.len()).collect();
             if let Some(p) = self.prims.get_mut(number) {
-                p.variants = Some((variants.set, all));
+                p.variants = Some(TextVariantSet { set: variants.set, variants: all });
             }
         }
         let parent = self.index.get(parent).copied().unwrap_or(0);
@@ -175,16 +195,16 @@ impl LayerWriter for UsdaWriter {
         let default = default.map(|v| text::value(&v, path)).transpose()?;
         self.count_bytes(default.as_ref().map_or(0, String::len))?;
         let lines = spec.connection.iter().map(|source| format!("{declaration}.connect = <{source}>")).collect();
-        let metadata = text::attr_metadata(spec);
+        let metadata = text::attr_metadata_text(spec);
         let property =
             TextProperty { path: path.to_owned(), declaration, default, metadata, samples: Vec::new(), lines };
-        let place = self.add_property(path, property)?;
-        self.attrs.push(place);
+        let added = self.add_property(path, property)?;
+        self.attrs.push(added);
         Ok(AttrHandle(self.attrs.len() - 1))
     }
 
     fn set_time_sample(&mut self, attr: AttrHandle, time: f64, value: UsdValue) -> Result<()> {
-        let Some((prim, property)) = self.attrs.get(attr.0).copied() else { return Ok(()) };
+        let Some(PropertyIndex { prim, property }) = self.attrs.get(attr.0).copied() else { return Ok(()) };
         let Some(p) = self.prims.get_mut(prim).and_then(|p| p.properties.get_mut(property)) else { return Ok(()) };
         let sample = text::value(&value, &format!("{}, frame {time}", p.path))?;
         let bytes = sample.len() + 8;

@@ -1,12 +1,12 @@
-//! Pieces of text stages.
+//! Formatting of layer metadata, prim headers and values in the grammar of text layers.
 
 use half::f16;
 
-use crate::usd::layer_writer::{AttrSpec, CompositionArc, LayerMeta, PrimMeta};
+use crate::usd::layer_writer::{AttrSpec, CompositionArc, LayerMetadata, PrimMetadata};
 use crate::usd::value::{UsdArray, UsdValue};
 use osier_base::{Error, Result};
 
-/// A piece, line by line, indented.
+/// Appends lines of text, each indented by `depth` levels of four spaces.
 pub(super) fn push_indented(text: &str, depth: usize, out: &mut String) {
     for line in text.split('\n') {
         for _ in 0..depth {
@@ -17,7 +17,7 @@ pub(super) fn push_indented(text: &str, depth: usize, out: &mut String) {
     }
 }
 
-/// A string in quotes.
+/// A string literal with its escapes; other control characters become spaces.
 fn quoted(s: &str) -> String {
     let mut out = String::from("\"");
     for c in s.chars() {
@@ -33,10 +33,10 @@ fn quoted(s: &str) -> String {
     out
 }
 
-/// The head of a layer.
-pub(super) fn layer_header(meta: &LayerMeta) -> String {
+/// The `#usda 1.0` line and the block of layer metadata.
+pub(super) fn layer_header(meta: &LayerMetadata) -> String {
     let custom: String =
-        meta.custom().iter().map(|(k, v)| format!("            string {k} = {}\n", quoted(v))).collect();
+        meta.custom_layer_data().iter().map(|(k, v)| format!("            string {k} = {}\n", quoted(v))).collect();
     format!(
         "#usda 1.0\n# {}\n(\n    customLayerData = {{\n        dictionary osier = {{\n{custom}        }}\n    }}\n    \
          defaultPrim = {}\n    endTimeCode = {}\n    framesPerSecond = {}\n    metersPerUnit = 1\n    \
@@ -51,14 +51,15 @@ pub(super) fn layer_header(meta: &LayerMeta) -> String {
     )
 }
 
+/// The target of a payload or reference: `@layer@</prim> (offset = -3)`.
 fn composition_arc(arc: &CompositionArc) -> String {
     let asset = if arc.asset.is_empty() { String::new() } else { format!("@{}@", arc.asset) };
-    let offset = if arc.ahead > 0 { format!(" (offset = -{})", arc.ahead) } else { String::new() };
+    let offset = if arc.phase > 0 { format!(" (offset = -{})", arc.phase) } else { String::new() };
     format!("{asset}<{}>{offset}", arc.prim)
 }
 
 /// `def Xform "name" (...)`.
-pub(super) fn prim_header(type_name: &str, name: &str, meta: &PrimMeta) -> String {
+pub(super) fn prim_header(type_name: &str, name: &str, meta: &PrimMetadata) -> String {
     let mut lines = Vec::new();
     if !meta.api.is_empty() {
         let names: Vec<String> = meta.api.iter().map(|a| quoted(a)).collect();
@@ -80,9 +81,9 @@ pub(super) fn prim_header(type_name: &str, name: &str, meta: &PrimMeta) -> Strin
         lines.push(format!("prepend references = {}", composition_arc(reference)));
     }
     if let Some(variants) = &meta.variants {
-        let chosen =
+        let selection =
             format!("variants = {{\n        string {} = {}\n    }}", variants.set, quoted(&variants.selection));
-        lines.push(chosen);
+        lines.push(selection);
         lines.push(format!("prepend variantSets = {}", quoted(variants.set)));
     }
     let space = if type_name.is_empty() { "" } else { " " };
@@ -92,7 +93,7 @@ pub(super) fn prim_header(type_name: &str, name: &str, meta: &PrimMeta) -> Strin
 }
 
 /// ` (interpolation = "vertex")` or nothing.
-pub(super) fn attr_metadata(spec: &AttrSpec) -> String {
+pub(super) fn attr_metadata_text(spec: &AttrSpec) -> String {
     let mut lines = Vec::new();
     if let Some(size) = spec.element_size {
         lines.push(format!("    elementSize = {size}\n"));
@@ -103,9 +104,9 @@ pub(super) fn attr_metadata(spec: &AttrSpec) -> String {
     if lines.is_empty() { String::new() } else { format!(" (\n{})", lines.concat()) }
 }
 
-/// The shortest decimal that reads back equal, without exponent; -0 as 0.
-/// `None` if the number is not finite.
+/// Numbers that have a literal.
 trait Decimal: Copy {
+    /// The shortest decimal that reads back equal, without exponent; -0 as 0. `None` if the number is not finite.
     fn decimal(self) -> Option<String>;
 }
 
@@ -127,14 +128,15 @@ impl Decimal for f16 {
     }
 }
 
-type Text = std::result::Result<String, usize>;
+/// The text of a value, or the index of its first element that is not finite.
+type ValueText = std::result::Result<String, usize>;
 
 fn tuple<T: Decimal>(v: &[T]) -> Option<String> {
     let parts: Option<Vec<String>> = v.iter().map(|x| x.decimal()).collect();
     parts.map(|p| format!("({})", p.join(", ")))
 }
 
-/// A quaternion given as x, y, z, w; text has w first.
+/// A quaternion given as x, y, z, w; text layers have w first.
 fn quaternion<T: Decimal>(q: &[T; 4]) -> Option<String> {
     tuple(&[q[3], q[0], q[1], q[2]])
 }
@@ -144,7 +146,7 @@ fn matrix4d(m: &[f64; 16]) -> Option<String> {
     rows.map(|r| format!("( {} )", r.join(", ")))
 }
 
-fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> Text {
+fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> ValueText {
     let mut out = String::from("[");
     for (i, item) in items.iter().enumerate() {
         if i > 0 {
@@ -156,7 +158,7 @@ fn list<T>(items: &[T], f: impl Fn(&T) -> Option<String>) -> Text {
     Ok(out)
 }
 
-fn array(a: &UsdArray) -> Text {
+fn array(a: &UsdArray) -> ValueText {
     match a {
         UsdArray::Int(v) => list(v, |x| Some(x.to_string())),
         UsdArray::Int64(v) => list(v, |x| Some(x.to_string())),
@@ -172,7 +174,7 @@ fn array(a: &UsdArray) -> Text {
     }
 }
 
-/// A value as text. `place`: for complaints.
+/// The literal of a value. `place`: names the attribute in errors.
 pub(super) fn value(v: &UsdValue, place: &str) -> Result<String> {
     let text = match v {
         UsdValue::Bool(b) => Ok(u8::from(*b).to_string()),
@@ -196,7 +198,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_print_as_text_stages_want_them() {
+    fn values_print_in_the_grammar_of_text_layers() {
         let p = |v: UsdValue| value(&v, "x").expect("finite");
         assert_eq!(p(UsdValue::Quatf([0.1, 0.2, 0.3, 1.0])), "(1, 0.1, 0.2, 0.3)");
         assert_eq!(p(UsdValue::Float(1e-10)), "0.0000000001");

@@ -1,15 +1,23 @@
-//! Integers of a crate file: deltas, two-bit codes, LZ4.
+//! Compression of integer arrays in crate files: delta coding with two-bit width codes, then LZ4.
+//!
+//! A coded array is the most common delta d0 (full width), then a two-bit code for each value, four to a byte and lowest bits
+//! first, then the explicit deltas in order. Code 0: the delta is d0 and takes no bytes; codes 1, 2, 3: it follows in 1, 2 or 4
+//! bytes for 32-bit values and in 2, 4 or 8 bytes for 64-bit values, little endian and signed. The first delta is against 0.
+//! Source: `pxr/usd/sdf/integerCoding.h` of OpenUSD.
 
-/// Integers that the code packs: 32 or 64 bits wide.
+/// A delta of 32 or 64 bits.
 trait CodedInteger: Copy + Ord {
     const ZERO: Self;
-    fn minus(self, other: Self) -> Self;
-    /// Code (1, 2 or 3) and bytes of the narrowest form.
-    fn narrow(self) -> (u8, [u8; 8], usize);
-    fn put(self, out: &mut Vec<u8>);
+    /// `self` - `other` modulo 2^bits, as the decoder's running sum wraps, too.
+    fn wrapping_delta(self, other: Self) -> Self;
+    /// Width code (1, 2 or 3), little-endian bytes and their number in the narrowest width that holds the value.
+    fn narrowest(self) -> (u8, [u8; 8], usize);
+    /// Appends the value at full width.
+    fn push_le(self, out: &mut Vec<u8>);
 }
 
-fn wide<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
+/// Zero-pads to eight bytes.
+fn pad8<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
     let mut out = [0; 8];
     out[..N].copy_from_slice(&bytes);
     out
@@ -18,21 +26,21 @@ fn wide<const N: usize>(bytes: [u8; N]) -> [u8; 8] {
 impl CodedInteger for i32 {
     const ZERO: Self = 0;
 
-    fn minus(self, other: Self) -> Self {
+    fn wrapping_delta(self, other: Self) -> Self {
         self.wrapping_sub(other)
     }
 
-    fn narrow(self) -> (u8, [u8; 8], usize) {
+    fn narrowest(self) -> (u8, [u8; 8], usize) {
         if let Ok(x) = i8::try_from(self) {
-            (1, wide(x.to_le_bytes()), 1)
+            (1, pad8(x.to_le_bytes()), 1)
         } else if let Ok(x) = i16::try_from(self) {
-            (2, wide(x.to_le_bytes()), 2)
+            (2, pad8(x.to_le_bytes()), 2)
         } else {
-            (3, wide(self.to_le_bytes()), 4)
+            (3, pad8(self.to_le_bytes()), 4)
         }
     }
 
-    fn put(self, out: &mut Vec<u8>) {
+    fn push_le(self, out: &mut Vec<u8>) {
         out.extend_from_slice(&self.to_le_bytes());
     }
 }
@@ -40,26 +48,26 @@ impl CodedInteger for i32 {
 impl CodedInteger for i64 {
     const ZERO: Self = 0;
 
-    fn minus(self, other: Self) -> Self {
+    fn wrapping_delta(self, other: Self) -> Self {
         self.wrapping_sub(other)
     }
 
-    fn narrow(self) -> (u8, [u8; 8], usize) {
+    fn narrowest(self) -> (u8, [u8; 8], usize) {
         if let Ok(x) = i16::try_from(self) {
-            (1, wide(x.to_le_bytes()), 2)
+            (1, pad8(x.to_le_bytes()), 2)
         } else if let Ok(x) = i32::try_from(self) {
-            (2, wide(x.to_le_bytes()), 4)
+            (2, pad8(x.to_le_bytes()), 4)
         } else {
             (3, self.to_le_bytes(), 8)
         }
     }
 
-    fn put(self, out: &mut Vec<u8>) {
+    fn push_le(self, out: &mut Vec<u8>) {
         out.extend_from_slice(&self.to_le_bytes());
     }
 }
 
-/// The commonest delta; of equally common ones the largest.
+/// The most frequent delta; of equally frequent ones the largest, as OpenUSD chooses it.
 fn most_common_delta<W: CodedInteger>(deltas: &[W]) -> W {
     let mut sorted = deltas.to_vec();
     sorted.sort_unstable();
@@ -72,35 +80,39 @@ fn most_common_delta<W: CodedInteger>(deltas: &[W]) -> W {
     best.0
 }
 
+/// The coded form of an array before LZ4; layout as in the module's comment.
 fn delta_encode<W: CodedInteger>(values: &[W]) -> Vec<u8> {
     let mut last = W::ZERO;
-    let deltas: Vec<W> = values.iter().map(|v| v.minus(std::mem::replace(&mut last, *v))).collect();
+    let deltas: Vec<W> = values.iter().map(|v| v.wrapping_delta(std::mem::replace(&mut last, *v))).collect();
     let common = most_common_delta(&deltas);
     let mut out = Vec::with_capacity(values.len() * 2 + 8);
-    common.put(&mut out);
+    common.push_le(&mut out);
+    // The codes start as zeros, so only deltas other than the common one are written: their code into the two bits of value i,
+    // their bytes at the end.
     let codes = out.len();
     out.resize(codes + values.len().div_ceil(4), 0);
     for (i, d) in deltas.iter().enumerate().filter(|(_, d)| **d != common) {
-        let (code, bytes, n) = d.narrow();
+        let (code, bytes, n) = d.narrowest();
         out[codes + i / 4] |= code << (2 * (i % 4));
         out.extend_from_slice(&bytes[..n]);
     }
     out
 }
 
-/// One LZ4 block behind the byte that says "one block".
+/// Bytes in the framing of OpenUSD's `TfFastCompression`: the number of further chunks (0, as inputs stay below LZ4's limit of
+/// 2 GiB), then one raw LZ4 block.
 pub(super) fn lz4_block(bytes: &[u8]) -> Vec<u8> {
     let mut out = vec![0];
     out.extend_from_slice(&lz4_flex::block::compress(bytes));
     out
 }
 
-/// 32-bit integers, compressed.
+/// 32-bit integers (`int[]`, and every column of the structural sections), delta coded and LZ4 compressed.
 pub(super) fn compress_i32(values: &[i32]) -> Vec<u8> {
     lz4_block(&delta_encode(values))
 }
 
-/// 64-bit integers, compressed.
+/// 64-bit integers (`int64[]`), delta coded and LZ4 compressed.
 pub(super) fn compress_i64(values: &[i64]) -> Vec<u8> {
     lz4_block(&delta_encode(values))
 }

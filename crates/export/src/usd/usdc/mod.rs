@@ -1,18 +1,20 @@
-//! Crate files, written as a stream: arrays go to disk when they arrive, the tables follow at the end. What stays in
-//! memory is 8 bytes per sample and the tables. Stamp 0.8.0, little endian.
+//! Crate files (`.usdc`), written as a stream: arrays go to disk when they arrive, the structural sections follow at the end.
+//! In memory stay 8 bytes for each time sample, and the tables. Version 0.8.0, little endian.
 //!
-//! Source: the crate format as usd-core reads it.
+//! Layout of a file: header of 88 bytes (magic, version, offset of the table of contents, reserved), the values, the sections,
+//! the table of contents (number of sections; for each a name of 16 bytes, its offset and its length).
+//! Source: `pxr/usd/sdf/crateFile.h` and `.cpp` of OpenUSD.
 
 mod integer_coding;
 mod sections;
 mod value_heap;
 
-use sections::{Interner, PathTable, SpecEntry, SpecKind};
+use sections::{Interner, PathTable, SpecEntry, SpecType};
 use value_heap::{ValueHeap, inline_value_rep, type_code};
 
 use super::byte_sink::ByteSink;
 use super::layer_writer::{
-    AttrHandle, AttrSpec, CompositionArc, LayerMeta, LayerWriter, PrimMeta, VariantSet, split_prim_path,
+    AttrHandle, AttrSpec, CompositionArc, LayerMetadata, LayerWriter, PrimMetadata, VariantSet, split_prim_path,
     split_property_path, variant_path,
 };
 use super::value::{UsdArray, UsdValue};
@@ -22,71 +24,76 @@ const HEADER_BYTES: usize = 88;
 const MAGIC: &[u8; 8] = b"PXR-USDC";
 const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
 
-/// A crate file being written.
+/// Writes a layer as a crate file.
 pub struct UsdcWriter {
     heap: ValueHeap,
     tokens: Interner,
     strings: Interner,
     paths: PathTable,
     specs: Vec<SpecEntry>,
-    /// Children and properties of each prim, by spec number: tokens of their names.
-    members: std::collections::BTreeMap<usize, PrimMembers>,
+    /// Names of the children and properties of each prim, by the index of the prim's spec.
+    members: std::collections::BTreeMap<usize, ChildNames>,
+    /// Index of each prim's spec, by path.
     prim_specs: std::collections::BTreeMap<String, usize>,
-    attrs: Vec<AttrSamples>,
+    attrs: Vec<TimeSamples>,
     /// All times that any sample has, in order of arrival.
     times: Vec<f64>,
-    /// Frames after which all samples come again.
-    repeats: Option<f64>,
+    /// Time codes after which all samples repeat once.
+    repeat_period: Option<f64>,
 }
 
+/// Tokens of the fields `primChildren` and `properties` of a prim, in order of definition.
 #[derive(Debug, Default)]
-struct PrimMembers {
+struct ChildNames {
     children: Vec<u32>,
     properties: Vec<u32>,
 }
 
-/// AttrSamples of an attribute.
+/// The time samples of an attribute.
 #[derive(Debug)]
-struct AttrSamples {
+struct TimeSamples {
     spec: usize,
+    /// Path of the attribute, for errors.
     path: String,
+    /// `ValueRep` of each sample.
     values: Vec<u64>,
-    when: SampleTimes,
+    times: SampleTimes,
 }
 
 /// Times of samples, as indices into the common list.
 #[derive(Debug)]
 enum SampleTimes {
-    /// Neighbours from an index on.
+    /// A run of the list that begins at this index: the common case, which takes no memory per sample.
     Consecutive(usize),
-    /// Any.
+    /// One index per sample.
     Indices(Vec<usize>),
 }
 
 impl UsdcWriter {
-    /// A file that goes into `sink`.
+    /// A writer into `sink`.
     pub(super) fn new(sink: Box<dyn ByteSink>) -> Self {
         let mut tokens = Interner::default();
-        // Properties have negated token numbers, so number 0 must not be in use.
+        // PATHS marks a property by the negated number of its name, so number 0 goes to a token that names nothing; OpenUSD's
+        // own writer uses the same one.
         tokens.intern(";-)");
         let mut paths = PathTable::default();
         paths.intern("/");
-        let root = SpecEntry { path: 0, kind: SpecKind::Root, fields: Vec::new() };
+        let root = SpecEntry { path: 0, spec_type: SpecType::PseudoRoot, fields: Vec::new() };
         Self {
             heap: ValueHeap::new(sink),
             tokens,
             strings: Interner::default(),
             paths,
             specs: vec![root],
-            members: [(0, PrimMembers::default())].into(),
+            members: [(0, ChildNames::default())].into(),
             prim_specs: [("/".to_owned(), 0)].into(),
             attrs: Vec::new(),
             times: Vec::new(),
-            repeats: None,
+            repeat_period: None,
         }
     }
 
-    /// Number of a string (each is also a token).
+    /// Row of a string in STRINGS. Its text is a token, too.
     fn intern_string(&mut self, text: &str) -> u32 {
         self.tokens.intern(text);
         self.strings.intern(text)
@@ -96,6 +103,7 @@ impl UsdcWriter {
         inline_value_rep(type_code::TOKEN, self.tokens.intern(text))
     }
 
+    /// Adds a field to a spec. `value`: a `ValueRep`.
     fn set_field(&mut self, spec: usize, name: &str, value: u64) {
         let name = self.tokens.intern(name);
         if let Some(spec) = self.specs.get_mut(spec) {
@@ -103,56 +111,61 @@ impl UsdcWriter {
         }
     }
 
-    /// Reference to any value.
+    /// `ValueRep` of any value; interns the tokens and strings in it. `place`: names the attribute in errors.
     fn value_rep(&mut self, value: &UsdValue, place: &dyn Fn() -> String) -> Result<u64> {
         let index = match value {
             UsdValue::Token(t) | UsdValue::Asset(t) => self.tokens.intern(t),
             UsdValue::String(t) => self.intern_string(t),
             UsdValue::Array(array @ UsdArray::Token(list)) => {
                 let tokens: Vec<u32> = list.iter().map(|t| self.tokens.intern(t)).collect();
-                return self.heap.array_rep(array, &tokens, place);
+                return self.heap.array_value_rep(array, &tokens, place);
             }
             _ => 0,
         };
-        self.heap.scalar_rep(value, index, place)
+        self.heap.scalar_value_rep(value, index, place)
     }
 
-    /// Adds a spec for a path, and its name to its parent's list.
-    fn add_spec(&mut self, path: &str, kind: SpecKind) -> usize {
+    /// Adds a spec for a prim or property path, and its name to its parent's list. Returns the index of the spec.
+    fn add_spec(&mut self, path: &str, spec_type: SpecType) -> usize {
         let number = self.specs.len();
-        let (parent, name) = if kind == SpecKind::Prim { split_prim_path(path) } else { split_property_path(path) };
+        let is_prim = spec_type == SpecType::Prim;
+        let (parent, name) = if is_prim { split_prim_path(path) } else { split_property_path(path) };
         let token = self.tokens.intern(name);
         if let Some(members) = self.prim_specs.get(parent).and_then(|p| self.members.get_mut(p)) {
-            if kind == SpecKind::Prim { members.children.push(token) } else { members.properties.push(token) }
+            if is_prim { members.children.push(token) } else { members.properties.push(token) }
         }
         let path = self.paths.intern(path);
-        self.specs.push(SpecEntry { path, kind, fields: Vec::new() });
+        self.specs.push(SpecEntry { path, spec_type, fields: Vec::new() });
         number
     }
 
-    /// A list operation: `flags`, then the items.
-    fn list_op(&mut self, code: u8, flags: u8, items: &[Vec<u8>]) -> Result<u64> {
+    /// `SdfListOp`: a byte of flags ([`EXPLICIT`] or [`PREPENDED`]), the number of items, the encoded items.
+    fn list_op_rep(&mut self, code: u8, flags: u8, items: &[Vec<u8>]) -> Result<u64> {
         let mut bytes = vec![flags];
         bytes.extend((items.len() as u64).to_le_bytes());
         bytes.extend(items.iter().flatten());
         self.heap.append(code, &bytes)
     }
 
-    fn path_list(&mut self, targets: &[String]) -> Result<u64> {
+    /// An explicit `SdfPathListOp`: targets of a relationship, or sources of a connection.
+    fn path_list_op_rep(&mut self, targets: &[String]) -> Result<u64> {
         let items: Vec<Vec<u8>> = targets.iter().map(|t| self.paths.intern(t).to_le_bytes().to_vec()).collect();
-        self.list_op(type_code::PATH_LIST_OP, EXPLICIT, &items)
+        self.list_op_rep(type_code::PATH_LIST_OP, EXPLICIT, &items)
     }
 
-    /// Payload or reference item: layer, prim, offset, scale 1.
-    fn composition_arc(&mut self, arc: &CompositionArc) -> Vec<u8> {
+    /// `SdfPayload`, and the first part of `SdfReference`: string row of the layer, path row of the prim, layer offset (negative,
+    /// so that the layer is read `phase` frames ahead), layer scale 1.
+    fn layer_arc_bytes(&mut self, arc: &CompositionArc) -> Vec<u8> {
         let mut item = self.intern_string(&arc.asset).to_le_bytes().to_vec();
         item.extend(self.paths.intern(&arc.prim).to_le_bytes());
-        item.extend((0.0 - f64::from(arc.ahead)).to_le_bytes());
+        item.extend((0.0 - f64::from(arc.phase)).to_le_bytes());
         item.extend(1.0_f64.to_le_bytes());
         item
     }
 
-    fn dictionary(&mut self, entries: &[(&str, u64)]) -> Result<u64> {
+    /// `VtDictionary`: number of entries; for each the string row of the key, the distance to the value's `ValueRep` (8: it
+    /// follows at once), the `ValueRep`.
+    fn dictionary_rep(&mut self, entries: &[(&str, u64)]) -> Result<u64> {
         let mut bytes = (entries.len() as u64).to_le_bytes().to_vec();
         for (key, value) in entries {
             bytes.extend(self.intern_string(key).to_le_bytes());
@@ -162,58 +175,64 @@ impl UsdcWriter {
         self.heap.append(type_code::DICTIONARY, &bytes)
     }
 
-    fn token_vector(&mut self, tokens: &[u32]) -> Result<u64> {
+    /// `TfTokenVector`: number of tokens, their rows.
+    fn token_vector_rep(&mut self, tokens: &[u32]) -> Result<u64> {
         let mut bytes = (tokens.len() as u64).to_le_bytes().to_vec();
         bytes.extend(tokens.iter().flat_map(|t| t.to_le_bytes()));
         self.heap.append(type_code::TOKEN_VECTOR, &bytes)
     }
 
-    /// The variant set of a prim: which variants there are, which is seen, and a place for the contents of each.
-    fn variant_set(&mut self, path: &str, spec: usize, variants: &VariantSet) -> Result<()> {
+    /// Adds a variant set to a prim: fields with its name and selection, a spec for the set, and one for each variant, below
+    /// which prims can be defined.
+    fn add_variant_set(&mut self, path: &str, spec: usize, variants: &VariantSet) -> Result<()> {
         let set = self.intern_string(variants.set).to_le_bytes().to_vec();
-        let names = self.list_op(type_code::STRING_LIST_OP, PREPENDED, std::slice::from_ref(&set))?;
+        let names = self.list_op_rep(type_code::STRING_LIST_OP, PREPENDED, std::slice::from_ref(&set))?;
         self.set_field(spec, "variantSetNames", names);
+        // `SdfVariantSelectionMap`: number of entries, then string rows of set and selection.
         let mut map = 1_u64.to_le_bytes().to_vec();
         map.extend(set);
         map.extend(self.intern_string(&variants.selection).to_le_bytes());
-        let chosen = self.heap.append(type_code::VARIANT_SELECTION_MAP, &map)?;
-        self.set_field(spec, "variantSelection", chosen);
+        let selection = self.heap.append(type_code::VARIANT_SELECTION_MAP, &map)?;
+        self.set_field(spec, "variantSelection", selection);
         let token = self.tokens.intern(variants.set);
-        let children = self.token_vector(&[token])?;
+        let children = self.token_vector_rep(&[token])?;
         self.set_field(spec, "variantSetChildren", children);
-        let all = self.paths.intern(&variant_path(path, variants.set, ""));
+        // The set is the path `prim{set=}`, a variant `prim{set=name}`; a variant has the specifier `over`.
+        let set_path = self.paths.intern(&variant_path(path, variants.set, ""));
         let tokens: Vec<u32> = variants.names.iter().map(|n| self.tokens.intern(n)).collect();
-        let children = self.token_vector(&tokens)?;
+        let children = self.token_vector_rep(&tokens)?;
         let name = self.tokens.intern("variantChildren");
-        self.specs.push(SpecEntry { path: all, kind: SpecKind::VariantSet, fields: vec![(name, children)] });
+        self.specs.push(SpecEntry { path: set_path, spec_type: SpecType::VariantSet, fields: vec![(name, children)] });
         for name in &variants.names {
             let path = variant_path(path, variants.set, name);
             let number = self.specs.len();
             let interned = self.paths.intern(&path);
-            self.specs.push(SpecEntry { path: interned, kind: SpecKind::Variant, fields: Vec::new() });
+            self.specs.push(SpecEntry { path: interned, spec_type: SpecType::Variant, fields: Vec::new() });
             self.set_field(number, "specifier", inline_value_rep(type_code::SPECIFIER, 1));
             self.prim_specs.insert(path, number);
-            self.members.insert(number, PrimMembers::default());
+            self.members.insert(number, ChildNames::default());
         }
         Ok(())
     }
 
-    /// Appends the samples of an attribute and sets its field.
-    fn time_samples(&mut self, samples: &AttrSamples) -> Result<()> {
-        let at = |i: usize| self.times.get(i).copied().unwrap_or(0.0);
-        let mut times: Vec<f64> = match &samples.when {
-            SampleTimes::Consecutive(first) => (0..samples.values.len()).map(|i| at(first + i)).collect(),
-            SampleTimes::Indices(list) => list.iter().map(|i| at(*i)).collect(),
+    /// Appends the times and the `ValueRep`s of an attribute's samples, and sets its field `timeSamples`.
+    fn write_time_samples(&mut self, samples: &TimeSamples) -> Result<()> {
+        let time = |i: usize| self.times.get(i).copied().unwrap_or(0.0);
+        let mut times: Vec<f64> = match &samples.times {
+            SampleTimes::Consecutive(first) => (0..samples.values.len()).map(|i| time(first + i)).collect(),
+            SampleTimes::Indices(list) => list.iter().map(|i| time(*i)).collect(),
         };
         let mut values = samples.values.clone();
-        if let Some(period) = self.repeats {
-            // A repeated sample costs the eight bytes that say where its value lies.
+        if let Some(period) = self.repeat_period {
+            // A repeated sample refers to the value of the first one: it costs 8 bytes for the time and 8 for the `ValueRep`.
             times.extend(times.clone().iter().map(|t| t + period));
             values.extend_from_slice(&samples.values);
         }
         let mut bytes = (times.len() as u64).to_le_bytes().to_vec();
         bytes.extend(times.iter().flat_map(|t| t.to_le_bytes()));
         let times = self.heap.append(type_code::DOUBLE_VECTOR, &bytes)?;
+        // `TimeSamples`: distance to the `ValueRep` of the times (8: it follows at once), that `ValueRep`, distance to the
+        // values, their number, their `ValueRep`s. Attributes of equal times share one list of times.
         let mut bytes = 8_i64.to_le_bytes().to_vec();
         bytes.extend(times.to_le_bytes());
         bytes.extend(8_i64.to_le_bytes());
@@ -224,7 +243,7 @@ impl UsdcWriter {
         Ok(())
     }
 
-    /// Index of a time in the common list.
+    /// Index of a time in the common list. The search runs backwards, as most samples are of the latest time.
     fn intern_time(&mut self, time: f64) -> usize {
         match self.times.iter().rposition(|t| t.to_bits() == time.to_bits()) {
             Some(i) => i,
@@ -235,14 +254,16 @@ impl UsdcWriter {
         }
     }
 
-    /// Appends the sections and their table, and rewrites the header.
+    /// Appends the sections and the table of contents, and rewrites the header.
     fn write_sections(&mut self) -> Result<()> {
-        let mut names = std::mem::take(&mut self.tokens);
-        let paths = self.paths.section(&mut |t| names.intern(t));
-        let strings: Vec<u32> = self.strings.list().iter().map(|s| names.intern(s)).collect();
-        let [fields, sets, specs] = sections::spec_sections(&self.specs);
+        // PATHS and STRINGS may add tokens, so TOKENS is encoded after them.
+        let mut tokens = std::mem::take(&mut self.tokens);
+        let paths = self.paths.section(&mut |t| tokens.intern(t))?;
+        let strings: Vec<u32> = self.strings.list().iter().map(|s| tokens.intern(s)).collect();
+        let [fields, sets, specs] = sections::spec_sections(&self.specs)?;
+        tokens.check_size("tokens of a crate file")?;
         let sections = [
-            ("TOKENS", sections::tokens_section(names.list())),
+            ("TOKENS", sections::tokens_section(tokens.list())),
             ("STRINGS", sections::strings_section(&strings)),
             ("FIELDS", fields),
             ("FIELDSETS", sets),
@@ -259,31 +280,34 @@ impl UsdcWriter {
             table.extend((bytes.len() as u64).to_le_bytes());
             sink.put(bytes)?;
         }
-        let at = sink.position();
+        let table_offset = sink.position();
         sink.put(&table)?;
         let mut header = [0; HEADER_BYTES];
         header[..8].copy_from_slice(MAGIC);
         header[8..16].copy_from_slice(&VERSION);
-        header[16..24].copy_from_slice(&at.to_le_bytes());
+        header[16..24].copy_from_slice(&table_offset.to_le_bytes());
         sink.put_at(0, &header)
     }
 }
 
+/// `SdfListOp` flags: the list is explicit and has explicit items.
 const EXPLICIT: u8 = 0x03;
+/// `SdfListOp` flag: the list has prepended items.
 const PREPENDED: u8 = 0x20;
 
 impl LayerWriter for UsdcWriter {
-    fn begin(&mut self, meta: &LayerMeta) -> Result<()> {
+    fn begin(&mut self, meta: &LayerMetadata) -> Result<()> {
         self.heap.sink.put(&[0; HEADER_BYTES])?;
-        // Nothing refers to these bytes; they tell whose file it is without unpacking it.
+        // No section refers to these bytes: they let `strings` or a hex dump name the program that wrote the file.
         self.heap.sink.put(crate::GENERATOR.as_bytes())?;
         self.heap.sink.put(&[0])?;
         let mut strings = Vec::new();
-        for (key, text) in meta.custom() {
+        for (key, text) in meta.custom_layer_data() {
             strings.push((key, inline_value_rep(type_code::STRING, self.intern_string(text))));
         }
-        let osier = self.dictionary(&strings)?;
-        let custom = self.dictionary(&[("osier", osier)])?;
+        let osier = self.dictionary_rep(&strings)?;
+        let custom = self.dictionary_rep(&[("osier", osier)])?;
+        // Layer metadata are fields of the pseudo-root, which is spec 0.
         self.set_field(0, "customLayerData", custom);
         let tokens = [("defaultPrim", meta.default_prim.as_str()), ("upAxis", meta.up.token())];
         for (name, text) in tokens {
@@ -304,10 +328,11 @@ impl LayerWriter for UsdcWriter {
         Ok(())
     }
 
-    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMeta) -> Result<()> {
-        let spec = self.add_spec(path, SpecKind::Prim);
+    fn define_prim(&mut self, path: &str, type_name: &'static str, meta: &PrimMetadata) -> Result<()> {
+        let spec = self.add_spec(path, SpecType::Prim);
         self.prim_specs.insert(path.to_owned(), spec);
-        self.members.insert(spec, PrimMembers::default());
+        self.members.insert(spec, ChildNames::default());
+        // `SdfSpecifier`: 0 def, 1 over.
         self.set_field(spec, "specifier", inline_value_rep(type_code::SPECIFIER, u32::from(meta.over)));
         if !type_name.is_empty() {
             let value = self.token_rep(type_name);
@@ -315,7 +340,7 @@ impl LayerWriter for UsdcWriter {
         }
         if !meta.api.is_empty() {
             let items: Vec<Vec<u8>> = meta.api.iter().map(|a| self.tokens.intern(a).to_le_bytes().to_vec()).collect();
-            let value = self.list_op(type_code::TOKEN_LIST_OP, PREPENDED, &items)?;
+            let value = self.list_op_rep(type_code::TOKEN_LIST_OP, PREPENDED, &items)?;
             self.set_field(spec, "apiSchemas", value);
         }
         if meta.inactive {
@@ -329,29 +354,31 @@ impl LayerWriter for UsdcWriter {
             self.set_field(spec, "instanceable", inline_value_rep(type_code::BOOL, 1));
         }
         if let Some(payload) = &meta.payload {
-            let item = self.composition_arc(payload);
-            let value = self.list_op(type_code::PAYLOAD_LIST_OP, PREPENDED, &[item])?;
+            let item = self.layer_arc_bytes(payload);
+            let value = self.list_op_rep(type_code::PAYLOAD_LIST_OP, PREPENDED, &[item])?;
             self.set_field(spec, "payload", value);
         }
         if let Some(reference) = &meta.reference {
-            let mut item = self.composition_arc(reference);
+            // A reference ends in a dictionary of custom data, here with no entries.
+            let mut item = self.layer_arc_bytes(reference);
             item.extend([0; 8]);
-            let value = self.list_op(type_code::REFERENCE_LIST_OP, PREPENDED, &[item])?;
+            let value = self.list_op_rep(type_code::REFERENCE_LIST_OP, PREPENDED, &[item])?;
             self.set_field(spec, "references", value);
         }
         if let Some(variants) = &meta.variants {
-            self.variant_set(path, spec, variants)?;
+            self.add_variant_set(path, spec, variants)?;
         }
         Ok(())
     }
 
     fn create_attr(&mut self, path: &str, spec: &AttrSpec, default: Option<UsdValue>) -> Result<AttrHandle> {
-        let number = self.add_spec(path, SpecKind::Attribute);
+        let number = self.add_spec(path, SpecType::Attribute);
         if spec.custom {
             self.set_field(number, "custom", inline_value_rep(type_code::BOOL, 1));
         }
         let type_name = self.token_rep(spec.type_name);
         self.set_field(number, "typeName", type_name);
+        // `SdfVariability`: 0 varying, which is the default, 1 uniform.
         if spec.uniform {
             self.set_field(number, "variability", inline_value_rep(type_code::VARIABILITY, 1));
         }
@@ -367,14 +394,14 @@ impl LayerWriter for UsdcWriter {
             self.set_field(number, "default", value);
         }
         if let Some(source) = &spec.connection {
-            let value = self.path_list(std::slice::from_ref(source))?;
+            let value = self.path_list_op_rep(std::slice::from_ref(source))?;
             self.set_field(number, "connectionPaths", value);
         }
-        self.attrs.push(AttrSamples {
+        self.attrs.push(TimeSamples {
             spec: number,
             path: path.to_owned(),
             values: Vec::new(),
-            when: SampleTimes::Consecutive(0),
+            times: SampleTimes::Consecutive(0),
         });
         Ok(AttrHandle(self.attrs.len() - 1))
     }
@@ -385,11 +412,12 @@ impl LayerWriter for UsdcWriter {
         let value = self.value_rep(&value, &|| format!("{path}, frame {time}"))?;
         let Some(samples) = self.attrs.get_mut(attr.0) else { return Ok(()) };
         let n = samples.values.len();
-        match &mut samples.when {
+        // The run of consecutive times goes on, or becomes a list of indices at the first gap.
+        match &mut samples.times {
             SampleTimes::Consecutive(first) if n == 0 => *first = time_index,
             SampleTimes::Consecutive(first) if *first + n == time_index => {}
             SampleTimes::Consecutive(first) => {
-                samples.when = SampleTimes::Indices((*first..*first + n).chain([time_index]).collect())
+                samples.times = SampleTimes::Indices((*first..*first + n).chain([time_index]).collect())
             }
             SampleTimes::Indices(list) => list.push(time_index),
         }
@@ -398,26 +426,27 @@ impl LayerWriter for UsdcWriter {
     }
 
     fn repeat_samples(&mut self, period: f64) {
-        self.repeats = Some(period);
+        self.repeat_period = Some(period);
     }
 
     fn create_relationship(&mut self, path: &str, targets: &[String]) -> Result<()> {
-        let spec = self.add_spec(path, SpecKind::Relationship);
+        let spec = self.add_spec(path, SpecType::Relationship);
         self.set_field(spec, "variability", inline_value_rep(type_code::VARIABILITY, 1));
-        let value = self.path_list(targets)?;
+        let value = self.path_list_op_rep(targets)?;
         self.set_field(spec, "targetPaths", value);
         Ok(())
     }
 
     fn finish(&mut self) -> Result<()> {
+        // All values of the samples are in the file; what is missing are the sample tables and the lists of children.
         let attrs = std::mem::take(&mut self.attrs);
         for samples in attrs.iter().filter(|a| !a.values.is_empty()) {
-            self.time_samples(samples)?;
+            self.write_time_samples(samples)?;
         }
         for (spec, members) in std::mem::take(&mut self.members) {
             for (name, list) in [("properties", members.properties), ("primChildren", members.children)] {
                 if !list.is_empty() {
-                    let value = self.token_vector(&list)?;
+                    let value = self.token_vector_rep(&list)?;
                     self.set_field(spec, name, value);
                 }
             }
@@ -427,7 +456,7 @@ impl LayerWriter for UsdcWriter {
     }
 }
 
-/// What remains of a closed file.
+/// Stands in for the sink of a writer whose file is committed; discards everything.
 struct ClosedSink;
 
 impl ByteSink for ClosedSink {
@@ -460,7 +489,7 @@ mod tests {
         let folder = Folder::memory();
         let out = folder.create("a.usdc", "usdc", None).expect("create").expect("new");
         let mut writer = UsdcWriter::new(Box::new(out));
-        let meta = LayerMeta {
+        let meta = LayerMetadata {
             default_prim: "a".into(),
             up: UpAxis::Y,
             fps: 24.0,
@@ -470,7 +499,7 @@ mod tests {
             scene: String::new(),
         };
         writer.begin(&meta).expect("begin");
-        writer.define_prim("/a", "PointInstancer", &PrimMeta::default()).expect("prim");
+        writer.define_prim("/a", "PointInstancer", &PrimMetadata::default()).expect("prim");
         let types = [("positions", "point3f[]"), ("orientations", "quath[]"), ("scales", "float3[]")];
         let attrs = types
             .map(|(name, kind)| writer.create_attr(&format!("/a.{name}"), &AttrSpec::new(kind), None).expect("attr"));
@@ -503,7 +532,7 @@ mod tests {
         let folder = Folder::memory();
         let out = folder.create("a.usdc", "usdc", None).expect("create").expect("new");
         let mut writer = UsdcWriter::new(Box::new(out));
-        let meta = LayerMeta {
+        let meta = LayerMetadata {
             default_prim: "a".into(),
             up: UpAxis::Z,
             fps: 24.0,
@@ -513,7 +542,7 @@ mod tests {
             scene: "s".into(),
         };
         writer.begin(&meta).expect("begin");
-        writer.define_prim("/a", "Xform", &PrimMeta::default()).expect("prim");
+        writer.define_prim("/a", "Xform", &PrimMetadata::default()).expect("prim");
         writer.finish().expect("finish");
         let bytes = folder.take("a.usdc").expect("file");
         assert_eq!(&bytes[..16], b"PXR-USDC\0\x08\0\0\0\0\0\0");

@@ -1,4 +1,7 @@
-//! The heap of a crate file: values appended as they arrive, equal ones once.
+//! The values of a crate file: appended as they arrive, equal ones stored once.
+//!
+//! A value is referred to by a 64-bit `ValueRep`: bit 63 array, bit 62 inlined, bit 61 compressed, bits 48 to 55 the type code,
+//! and in the low 48 bits the file offset of the value, or the value itself if inlined. Source: `pxr/usd/sdf/crateFile.h`.
 
 use super::integer_coding;
 use crate::usd::byte_sink::ByteSink;
@@ -6,7 +9,7 @@ use crate::usd::value::{UsdArray, UsdValue, pack_f16, pack_f32, pack_f64};
 use osier_base::par::LookupMap;
 use osier_base::{Error, Result};
 
-/// Type codes of values.
+/// `CrateFile::TypeEnum`: codes of value types.
 pub(super) mod type_code {
     pub const BOOL: u8 = 1;
     pub const INT: u8 = 3;
@@ -38,20 +41,22 @@ pub(super) mod type_code {
     pub const PAYLOAD_LIST_OP: u8 = 55;
 }
 
-const ARRAY: u64 = 1 << 63;
-const INLINE: u64 = 1 << 62;
-const COMPRESSED: u64 = 1 << 61;
-/// Integer arrays shorter than this stay as they are.
+const IS_ARRAY: u64 = 1 << 63;
+const IS_INLINED: u64 = 1 << 62;
+const IS_COMPRESSED: u64 = 1 << 61;
+/// Integer arrays shorter than this are not compressed; readers expect the same threshold (`MinCompressedArraySize`).
 const MIN_COMPRESSED: usize = 16;
 
-/// A value reference that holds its value itself.
+/// A `ValueRep` that holds the value itself: a number of at most 32 bits, or the row of a token or string.
 pub(super) fn inline_value_rep(code: u8, bits: u32) -> u64 {
-    INLINE | u64::from(code) << 48 | u64::from(bits)
+    IS_INLINED | u64::from(code) << 48 | u64::from(bits)
 }
 
-/// Bytes of values and where equal ones lie.
+/// Appends values to the file and returns their `ValueRep`s.
 pub(super) struct ValueHeap {
     pub(super) sink: Box<dyn ByteSink>,
+    /// `ValueRep` of each value written so far, by type code (top bit: array) and BLAKE3 hash of its bytes. Two values of
+    /// equal hash are taken as equal: a collision of 256 bits does not happen.
     known: LookupMap<(u8, [u8; 32]), u64>,
     scratch: Vec<u8>,
 }
@@ -61,23 +66,24 @@ impl ValueHeap {
         Self { sink, known: LookupMap::default(), scratch: Vec::new() }
     }
 
-    /// Brings the end of the file to a multiple of 8.
+    /// Pads the file with zeros to a multiple of 8 bytes, so that readers can map arrays of doubles in place. Returns the offset.
     fn align(&mut self) -> Result<u64> {
-        let over = self.sink.position() % 8;
-        if over != 0 {
-            self.sink.put(&[0; 8][usize::try_from(over).unwrap_or(0)..])?;
+        let past_boundary = (self.sink.position() % 8) as usize;
+        if past_boundary != 0 {
+            self.sink.put(&[0; 8][past_boundary..])?;
         }
         Ok(self.sink.position())
     }
 
-    /// Appends one value's bytes, or finds them.
+    /// `ValueRep` of a single value of type `code` with this encoding; appended unless an equal one is in the file.
     pub(super) fn append(&mut self, code: u8, bytes: &[u8]) -> Result<u64> {
-        self.deduplicated(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
+        self.append_deduplicated(code, u64::from(code) << 48, bytes, |heap| heap.sink.put(bytes))
     }
 
-    /// Reference to bytes: that of equal ones if there are any, else of what `write` appends.
-    /// `kind`: what tells equal bytes of unequal meaning apart; `flags`: the reference without its offset.
-    fn deduplicated(
+    /// `ValueRep` of a value: that of an equal one in the file, else of what `write` appends.
+    /// `kind`: tells values of equal bytes and different types apart; `flags`: the `ValueRep` without its offset;
+    /// `bytes`: the uncompressed encoding, for the comparison.
+    fn append_deduplicated(
         &mut self,
         kind: u8,
         flags: u64,
@@ -94,10 +100,16 @@ impl ValueHeap {
         Ok(reference)
     }
 
-    /// Reference to an array. `tokens`: indices, if it is one of tokens. `place`: for complaints.
-    pub(super) fn array_rep(&mut self, array: &UsdArray, tokens: &[u32], place: &dyn Fn() -> String) -> Result<u64> {
+    /// `ValueRep` of an array. `tokens`: token rows, if the elements are tokens. `place`: names the attribute in errors.
+    pub(super) fn array_value_rep(
+        &mut self,
+        array: &UsdArray,
+        tokens: &[u32],
+        place: &dyn Fn() -> String,
+    ) -> Result<u64> {
         let code = array_type_code(array);
-        let flags = ARRAY | u64::from(code) << 48;
+        let flags = IS_ARRAY | u64::from(code) << 48;
+        // An empty array has no bytes in the file: offset 0 stands for it.
         if array.is_empty() {
             return Ok(flags);
         }
@@ -105,38 +117,41 @@ impl ValueHeap {
         bytes.clear();
         pack_array(array, tokens, &mut bytes).map_err(|i| not_finite(&place(), i))?;
         let count = (array.len() as u64).to_le_bytes();
-        // The top bit of the kind parts arrays from single values.
+        // The top bit of the kind tells arrays from single values.
         let kind = code | 0x80;
-        let packed = |heap: &mut Self, data: Vec<u8>| {
+        // Layout of an array: number of elements (64 bits), then the elements; of a compressed one: number of elements, length
+        // of the compressed data, the data.
+        let put_compressed = |heap: &mut Self, data: Vec<u8>| {
             heap.sink.put(&count)?;
             heap.sink.put(&(data.len() as u64).to_le_bytes())?;
             heap.sink.put(&data)
         };
-        let reference = match array {
+        let value_rep = match array {
             UsdArray::Int(v) if v.len() >= MIN_COMPRESSED => {
-                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| {
-                    packed(heap, integer_coding::compress_i32(v))
+                self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
+                    put_compressed(heap, integer_coding::compress_i32(v))
                 })
             }
             UsdArray::Int64(v) if v.len() >= MIN_COMPRESSED => {
-                self.deduplicated(kind, flags | COMPRESSED, &bytes, |heap| {
-                    packed(heap, integer_coding::compress_i64(v))
+                self.append_deduplicated(kind, flags | IS_COMPRESSED, &bytes, |heap| {
+                    put_compressed(heap, integer_coding::compress_i64(v))
                 })
             }
-            _ => self.deduplicated(kind, flags, &bytes, |heap| {
+            _ => self.append_deduplicated(kind, flags, &bytes, |heap| {
                 heap.sink.put(&count)?;
                 heap.sink.put(&bytes)
             }),
         };
         self.scratch = bytes;
-        reference
+        value_rep
     }
 
-    /// Reference to a single value; tokens, strings and paths to assets come as indices in `index`.
-    pub(super) fn scalar_rep(&mut self, value: &UsdValue, index: u32, place: &dyn Fn() -> String) -> Result<u64> {
+    /// `ValueRep` of a single value. `index`: the row of a token or asset path in TOKENS, or of a string in STRINGS.
+    pub(super) fn scalar_value_rep(&mut self, value: &UsdValue, index: u32, place: &dyn Fn() -> String) -> Result<u64> {
         let mut bytes = Vec::new();
         let bad = |i| not_finite(&place(), i);
         let code = match value {
+            // What fits into 32 bits is inlined.
             UsdValue::Bool(b) => return Ok(inline_value_rep(type_code::BOOL, u32::from(*b))),
             UsdValue::Float(x) if x.is_finite() => return Ok(inline_value_rep(type_code::FLOAT, (x + 0.0).to_bits())),
             UsdValue::Float(_) => return Err(bad(0)),
@@ -150,7 +165,7 @@ impl ValueHeap {
             UsdValue::Double3(v) => pack_f64(v, &mut bytes).map(|()| type_code::VEC3D),
             UsdValue::Quatf(v) => pack_f32(v, &mut bytes).map(|()| type_code::QUATF),
             UsdValue::Matrix4d(v) => pack_f64(v, &mut bytes).map(|()| type_code::MATRIX4D),
-            UsdValue::Array(array) => return self.array_rep(array, &[], place),
+            UsdValue::Array(array) => return self.array_value_rep(array, &[], place),
         }
         .map_err(bad)?;
         self.append(code, &bytes)
@@ -161,6 +176,7 @@ fn not_finite(place: &str, i: usize) -> Error {
     Error::export("X001", format!("{place}: number {i} is not finite"))
 }
 
+/// The type code of the array's elements.
 fn array_type_code(array: &UsdArray) -> u8 {
     match array {
         UsdArray::Int(_) => type_code::INT,
@@ -177,6 +193,7 @@ fn array_type_code(array: &UsdArray) -> u8 {
     }
 }
 
+/// Appends the elements, little endian. Errs with the position of the first number that is not finite.
 fn pack_array(array: &UsdArray, tokens: &[u32], out: &mut Vec<u8>) -> std::result::Result<(), usize> {
     match array {
         UsdArray::Int(v) => out.extend(v.iter().flat_map(|x| x.to_le_bytes())),
