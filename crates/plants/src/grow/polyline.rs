@@ -1,4 +1,4 @@
-//! Polylines as axes of a plant.
+//! Appends polylines to a plant as axes, with arc lengths and rotation-minimizing frames.
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -48,9 +48,9 @@ fn node_index(n: usize) -> u32 {
 
 /// Appends the nodes of an axis; returns its length, m. `radius`: at each point, m; `parent`: index of the axis that it leaves.
 fn push_nodes(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(usize) -> f32, color: u16) -> f32 {
-    let up = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
+    let parent_tangent = plant.axes.get(parent as usize).map_or(Vec3::Z, |a| plant.nodes.q[a.first as usize] * Vec3::Y);
     let mut s = 0.0;
-    for (i, (p, q)) in points.iter().zip(frames(points, up)).enumerate() {
+    for (i, (p, q)) in points.iter().zip(frames(points, parent_tangent)).enumerate() {
         // Arc lengths are those of the stored, rounded positions.
         s += if i > 0 { p.distance(points[i - 1]) } else { 0.0 };
         plant.nodes.p.push(*p);
@@ -63,21 +63,23 @@ fn push_nodes(plant: &mut Plant, parent: u32, points: &[Vec3], radius: impl Fn(u
     s
 }
 
-/// Frames along a polyline by parallel transport, Y along the mean of both segments. The first takes its X from `up`, the
-/// parent's tangent, so that a branch does not twist where it leaves.
-fn frames(points: &[Vec3], up: Vec3) -> Vec<Quat> {
+/// Rotation-minimizing frames along a polyline (double reflection), Y along the bisector of both segments. The first takes its X
+/// across `parent_tangent`, so that a branch does not twist where it leaves.
+fn frames(points: &[Vec3], parent_tangent: Vec3) -> Vec<Quat> {
     let last = points.len() - 1;
     let dir = |i: usize| math::normalize_or(points[i + 1] - points[i], Vec3::Y);
+    // The ends take the direction of their only segment.
     let tangent = |i: usize| match i {
         0 => dir(0),
         i if i == last => dir(last - 1),
         i => math::normalize_or(dir(i - 1) + dir(i), dir(i)),
     };
-    let mut x = math::normalize_or(tangent(0).cross(up), math::perpendicular(tangent(0)));
+    let mut x = math::normalize_or(tangent(0).cross(parent_tangent), math::perpendicular(tangent(0)));
     let mut out = Vec::with_capacity(points.len());
     for i in 0..=last {
         let t = tangent(i);
         if i > 0 {
+            // Carry X from node to node without a turn about the tangent.
             x = math::transport(points[i - 1], tangent(i - 1), x, points[i], t);
         }
         out.push(Quat::from_mat3(&Mat3::from_cols(x, t, x.cross(t))).normalize());

@@ -3,16 +3,16 @@
 use osier_base::math::{narrow, pow};
 use osier_scene::plant::{NONE, Plant};
 
-/// A leaf counts as a pipe of this radius, m.
+/// A leaf counts as a pipe of this radius, m: half the width of a petiole. Larger values thicken wood that bears many leaves.
 const LEAF_RADIUS: f64 = 0.0005;
-/// Radii grow towards the base by at least this per metre.
+/// Radii grow towards the base by at least this per metre, so that axes without branches are no cylinders.
 const MIN_TAPER: f64 = 0.002;
-/// Half width of the smoothing window, in radii.
+/// Half width of the box filter along an axis, in radii: the step of radius at a fork spreads over the girth of the wood.
 const SMOOTHING_RADII: f64 = 1.5;
-/// A child starts with this share of its parent's radius.
+/// A tapered child starts with this share of its parent's radius at the site.
 const CHILD_RADIUS: f64 = 0.6;
 
-/// Pipe model: what goes into a fork comes out of it.
+/// Pipe model (Shinozaki 1964): at a fork the parent's radius to the power n is the sum of the children's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pipe {
     /// Exponent of r^n, 2 (equal areas) to 3.
@@ -29,7 +29,7 @@ impl Default for Pipe {
     }
 }
 
-/// Taper along each axis.
+/// Taper along each axis, without regard to what it carries.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Taper {
     /// Radius of root axes at their base, m.
@@ -53,6 +53,7 @@ impl Default for Taper {
 pub fn pipe(plant: &mut Plant, options: &Pipe) {
     let n = if options.exponent.is_finite() { options.exponent.clamp(1.0, 6.0) } else { 2.3 };
     let tip = options.tip.max(1e-6);
+    // Sum the n-th powers from the tips to the base, then smooth the steps that forks leave, axis by axis.
     let thickest = accumulate_all(plant, tip, n);
     let mut smoothing = Smoothing::default();
     for i in 0..plant.axes.len() {
@@ -93,6 +94,8 @@ impl CachedPower {
 /// Radii of all axes before smoothing: sums of `n`-th powers, carried from the tips down. Returns the thickest root's.
 fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     let (leaf, pow_tip) = (pow(LEAF_RADIUS, n), pow(tip, n));
+    // What each axis carries besides its own tip: arc length and n-th power. Leaves first; branches follow once they
+    // are summed.
     let mut loads: Vec<Vec<(f32, f64)>> = vec![Vec::new(); plant.axes.len()];
     for o in &plant.organs {
         if let Some(list) = loads.get_mut(o.axis as usize) {
@@ -101,6 +104,7 @@ fn accumulate_all(plant: &mut Plant, tip: f64, n: f64) -> f64 {
     }
     let mut thickest = 0.0_f64;
     let (mut area, mut radius) = (CachedPower::new(n), CachedPower::new(1.0 / n));
+    // Axes come after their parents, so the reverse order has every child summed before its parent.
     for i in (0..plant.axes.len()).rev() {
         let mut list = std::mem::take(&mut loads[i]);
         list.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
@@ -132,6 +136,7 @@ fn accumulate(
     // Half a millionth of the length: attachments and nodes were rounded separately.
     let slack = plant.axes[axis].length * 1e-6;
     for k in range.rev() {
+        // Add all loads at or above this node, then take the n-th root of the sum.
         while let Some((_, amount)) = loads.next_if(|l| l.0 >= s[k] - slack) {
             acc += amount;
         }
@@ -166,6 +171,8 @@ impl Smoothing {
         let count = s.len();
         sums.clear();
         sums.resize(count, 0.0);
+        // sums[k]: integral of r over s from the base to node k, by the trapezium rule, exact for radii linear
+        // between nodes.
         for k in 1..count {
             sums[k] = sums[k - 1] + 0.5 * (r[k] + r[k - 1]) * (s[k] - s[k - 1]);
         }
@@ -180,6 +187,8 @@ impl Smoothing {
         let last = s[count - 1];
         let mut least = 0.0_f64;
         for k in (0..count).rev() {
+            // The window must fit the axis on both sides; from the tip down, the running maximum keeps radii from
+            // growing upwards.
             let w = (SMOOTHING_RADII * r[k]).min(s[k]).min(last - s[k]);
             let mean = if w > 1e-9 { (integral(s[k] + w) - integral(s[k] - w)) / (2.0 * w) } else { r[k] };
             least = least.max(mean);
@@ -200,6 +209,7 @@ pub fn taper(plant: &mut Plant, options: &Taper) {
         };
         let (base, tip) = (base.max(1e-6), tip.min(base.max(1e-6)));
         for k in plant.nodes_of(&axis) {
+            // r(s) = tip + (base - tip) (1 - s / L)^e
             let along = if axis.length > 0.0 { f64::from(plant.nodes.s[k] / axis.length) } else { 0.0 };
             let left = pow((1.0 - along).clamp(0.0, 1.0), options.exponent);
             plant.nodes.r[k] = narrow(tip + (base - tip) * left);

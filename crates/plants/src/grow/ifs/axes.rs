@@ -1,4 +1,4 @@
-//! Words into axes: a letter that leads on lengthens its parent's axis, any other opens one of its own.
+//! Turns words into axes: a letter whose map continues the axis extends its parent's, any other opens an axis of its own.
 
 use glam::{DVec3, Vec3};
 
@@ -10,7 +10,7 @@ use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{Expansion, NONE as ROOT, Word};
 use osier_scene::plant::{NONE, Plant};
 
-/// Thinnest radius, m.
+/// Thinnest radius, m; keeps rings of the loft from collapsing to points.
 const MIN_RADIUS: f64 = 1e-6;
 
 /// A node: position and radius, m, and arc length in table units.
@@ -23,7 +23,7 @@ struct AxisNode {
 
 /// An axis before it is in the plant.
 #[derive(Debug, Clone)]
-pub(super) struct RawAxis {
+pub(super) struct WordAxis {
     parent: usize,
     /// Arc length on the parent, table units.
     parent_s: f64,
@@ -32,10 +32,10 @@ pub(super) struct RawAxis {
     fork: u32,
     nodes: Vec<AxisNode>,
     /// Index in the plant, once it is known.
-    pub place: u32,
+    pub plant_index: u32,
 }
 
-/// The part of an axis that a word became.
+/// The segment of a word on its axis.
 #[derive(Debug, Clone, Copy)]
 struct WordSegment {
     /// Index into the raw axes.
@@ -47,19 +47,20 @@ struct WordSegment {
 
 /// All axes, and where each word lies on its axis.
 #[derive(Debug)]
-pub(super) struct Skeleton {
-    raw: Vec<RawAxis>,
+pub(super) struct WordSkeleton {
+    raw: Vec<WordAxis>,
     /// The segment of each word.
     segments: Vec<WordSegment>,
 }
 
 /// Builds the axes of all words.
-/// Own: a word's segment ends as thick as the word that leads on begins; without one, as thick as its children's
-/// cross-sections together, at most as its foot.
-pub(super) fn build_skeleton(stems: &TreeSystem, expanded: &Expansion, size: TreeSize) -> Skeleton {
+/// Own: a word's segment ends as thick as the word that continues its axis begins; without one, its end has the cross-section of
+/// its children together (Leonardo's rule), at most that of its base.
+pub(super) fn build_word_skeleton(stems: &TreeSystem, expanded: &Expansion, size: TreeSize) -> WordSkeleton {
     let TreeSize { scale, radius } = size;
     let maps = &stems.system.maps;
-    // Ratio of the radii at both ends of a segment, from the maps' own radius ratios.
+    // Ratio of the radii at the end and at the base of a segment: rho of the map that continues the axis, else
+    // sqrt(sum of rho_i^2) over all maps.
     let (mut lead, mut sum) = (None, 0.0);
     for m in maps.iter().filter(|m| !m.stem) {
         let rho = m.radius.unwrap_or_else(|| m.branch.map_or_else(|| m.affine.norm(), |b| b.scale));
@@ -69,17 +70,19 @@ pub(super) fn build_skeleton(stems: &TreeSystem, expanded: &Expansion, size: Tre
         }
     }
     let end = lead.unwrap_or_else(|| math::sqrt(sum).min(1.0));
-    let mut out = Skeleton { raw: Vec::new(), segments: Vec::with_capacity(expanded.words.len()) };
+    let mut out = WordSkeleton { raw: Vec::new(), segments: Vec::with_capacity(expanded.words.len()) };
     let mut forks = 0;
     let mut fork_of = vec![NONE; expanded.words.len()];
     for w in &expanded.words {
+        // The segment of a word is the image of the trunk under its map; radii scale by the product of the maps'
+        // ratios.
         let foot = w.map.apply(stems.trunk.0) * scale;
         let tip = w.map.apply(stems.trunk.1) * scale;
         let (r0, r1) = (radius * w.radius, radius * w.radius * end);
         let parent = out.segments.get(w.parent as usize).copied();
         let axis = match parent {
             Some(WordSegment { axis, end: last, .. }) if maps[usize::from(w.letter)].axis => {
-                // What leads on begins where the parent ends, or cuts the parent short.
+                // A continuation begins at the end of its parent's segment, or shortens it to where it begins.
                 let at = out.attachment_s(stems, expanded, w).min(last);
                 let nodes = &mut out.raw[axis].nodes;
                 if at < last - 1e-9
@@ -94,6 +97,8 @@ pub(super) fn build_skeleton(stems: &TreeSystem, expanded: &Expansion, size: Tre
                     Some(segment) => (segment.axis, out.attachment_s(stems, expanded, w)),
                     None => (usize::MAX, 0.0),
                 };
+                // Systems without a continuing map fork: all children of a word share a fork number, by which the
+                // loft joins them.
                 let fork = if lead.is_none() && w.parent != ROOT {
                     let slot = &mut fork_of[w.parent as usize];
                     if *slot == NONE {
@@ -108,7 +113,15 @@ pub(super) fn build_skeleton(stems: &TreeSystem, expanded: &Expansion, size: Tre
                 #[allow(clippy::cast_possible_truncation, reason = "limited to 255 before the cast")]
                 let order = w.order.min(255) as u8;
                 let nodes = vec![AxisNode { p: foot, r: r0, s: 0.0 }];
-                out.raw.push(RawAxis { parent: parent_axis, parent_s, order, ordinal: w.id, fork, nodes, place: NONE });
+                out.raw.push(WordAxis {
+                    parent: parent_axis,
+                    parent_s,
+                    order,
+                    ordinal: w.id,
+                    fork,
+                    nodes,
+                    plant_index: NONE,
+                });
                 out.raw.len() - 1
             }
         };
@@ -117,11 +130,11 @@ pub(super) fn build_skeleton(stems: &TreeSystem, expanded: &Expansion, size: Tre
         out.raw[axis].nodes.push(AxisNode { p: tip, r: r1, s: stop });
         out.segments.push(WordSegment { axis, start, end: stop });
     }
-    out.set_places();
+    out.order_axes();
     out
 }
 
-impl Skeleton {
+impl WordSkeleton {
     /// Arc length on the parent's axis where a word's foot lies, table units.
     fn attachment_s(&self, stems: &TreeSystem, expanded: &Expansion, w: &Word) -> f64 {
         let (Some(parent), Some(&WordSegment { start: a, end: b, .. })) =
@@ -131,23 +144,24 @@ impl Skeleton {
         };
         let (foot, tip) = (parent.map.apply(stems.trunk.0), parent.map.apply(stems.trunk.1));
         let along = tip - foot;
+        // Projection of the word's base onto its parent's segment, 0..1 along it.
         let h = (w.map.apply(stems.trunk.0) - foot).dot(along) / along.length_squared().max(1e-300);
         a + (b - a) * h.clamp(0.0, 1.0)
     }
 
-    /// Where a word begins.
+    /// The base of a word's segment.
     pub fn foot(&self, word: usize) -> Option<WordSite> {
-        self.segments.get(word).map(|w| WordSite { axis: self.raw[w.axis].place, s: w.start })
+        self.segments.get(word).map(|w| WordSite { axis: self.raw[w.axis].plant_index, s: w.start })
     }
 
-    /// Where a cut word would have grown.
+    /// The base of a word that was cut, on its parent's axis.
     pub fn site(&self, stems: &TreeSystem, expanded: &Expansion, cut: &Word) -> Option<WordSite> {
         let parent = self.segments.get(cut.parent as usize)?;
-        Some(WordSite { axis: self.raw[parent.axis].place, s: self.attachment_s(stems, expanded, cut) })
+        Some(WordSite { axis: self.raw[parent.axis].plant_index, s: self.attachment_s(stems, expanded, cut) })
     }
 
-    /// Orders the axes depth first, siblings by place on the parent, then ordinal.
-    fn set_places(&mut self) {
+    /// Numbers the axes depth first, siblings by arc length on the parent, then ordinal.
+    fn order_axes(&mut self) {
         let mut children: Vec<Vec<usize>> = vec![Vec::new(); self.raw.len()];
         for (i, r) in self.raw.iter().enumerate() {
             if let Some(list) = children.get_mut(r.parent) {
@@ -161,7 +175,7 @@ impl Skeleton {
         let mut stack: Vec<usize> = (0..self.raw.len()).filter(|i| self.raw[*i].parent == usize::MAX).rev().collect();
         let mut next = 0;
         while let Some(i) = stack.pop() {
-            self.raw[i].place = next;
+            self.raw[i].plant_index = next;
             next += 1;
             stack.extend(children[i].iter().rev());
         }
@@ -169,21 +183,21 @@ impl Skeleton {
 
     /// Appends all axes and nodes to a plant.
     pub fn add_to_plant(&self, plant: &mut Plant) {
-        let mut by_place: Vec<&RawAxis> = self.raw.iter().collect();
-        by_place.sort_by_key(|r| r.place);
-        for raw in by_place {
+        let mut in_order: Vec<&WordAxis> = self.raw.iter().collect();
+        in_order.sort_by_key(|r| r.plant_index);
+        for raw in in_order {
             add_axis(plant, raw, &self.raw);
         }
     }
 }
 
-/// Appends one axis.
-fn add_axis(plant: &mut Plant, raw: &RawAxis, all: &[RawAxis]) {
-    let parent = all.get(raw.parent).map_or(NONE, |r| r.place);
+/// Appends an axis to the plant; its parent precedes it.
+fn add_axis(plant: &mut Plant, raw: &WordAxis, all: &[WordAxis]) {
+    let parent = all.get(raw.parent).map_or(NONE, |r| r.plant_index);
     let points: Vec<Vec3> = raw.nodes.iter().map(|n| Vec3::from_array(n.p.to_array().map(narrow))).collect();
     let (id, parent_s) = match plant.axes.get(parent as usize) {
         Some(p) => {
-            // Lengths in the plant are those of rounded positions, so the site keeps its share of the parent's length.
+            // Lengths in the plant are those of rounded positions, so the attachment keeps its share of the parent's length.
             let whole = all.get(raw.parent).and_then(|r| r.nodes.last()).map_or(1.0, |n| n.s);
             let share = if whole > 0.0 { raw.parent_s / whole } else { 0.0 };
             (mix64(&[p.id, word("axis"), raw.ordinal]), narrow(share) * p.length)

@@ -44,6 +44,8 @@ pub fn subtree_classes(
     count: u32,
 ) -> Result<Vec<SubtreeClass>, Box<Diagnostic>> {
     let cut = words::ExpansionLimits { eps: coarse, ..*limits };
+    // The subtrees that a coarse cut would replace, gathered into classes of equal size ratio: number, sum of radii,
+    // lowest order.
     let cuts = words::expand(&stems.system, &stems.letters, &cut, None)?.cuts;
     let mut sums = vec![(0.0, 0.0, u16::MAX); count.max(1) as usize];
     let ratio = coarse / limits.eps;
@@ -55,6 +57,7 @@ pub fn subtree_classes(
         *sum = (sum.0 + 1.0, sum.1 + w.radius, sum.2.min(w.order));
     }
     let class = |(k, (n, radius, order)): (u32, (f64, f64, u16))| {
+        // A class is represented by the geometric middle of its range.
         let size = limits.eps * math::pow(ratio, (f64::from(k) + 0.5) / steps);
         (n > 0.0).then_some(SubtreeClass { size, radius: radius / n, order })
     };
@@ -84,9 +87,11 @@ pub(super) fn place_billboards(
     plant.protos.extend(cards.spec.meshes.iter().enumerate().map(named));
     for cut in expanded.cuts.iter().filter(|c| is_replaced(c, options)) {
         let Some(site) = skeleton.site(stems, expanded, cut) else { continue };
-        let apart = |size: &f64| math::ln(cut.size / size).abs();
-        let near = (0..cards.sizes.len()).min_by(|a, b| apart(&cards.sizes[*a]).total_cmp(&apart(&cards.sizes[*b])));
-        let Some(class) = near else { continue };
+        // Nearest class by ratio of sizes; the billboard is scaled by what remains.
+        let size_distance = |size: &f64| math::ln(cut.size / size).abs();
+        let nearest = (0..cards.sizes.len())
+            .min_by(|a, b| size_distance(&cards.sizes[*a]).total_cmp(&size_distance(&cards.sizes[*b])));
+        let Some(class) = nearest else { continue };
         let id = mix64(&[plant.axes[site.axis as usize].id, word("card"), cut.id]);
         let variants = cards.variants.max(1);
         let variant = usize::from(pick(child(id, word("proto")), variants as u64));

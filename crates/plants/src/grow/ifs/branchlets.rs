@@ -1,4 +1,4 @@
-//! Instanced branchlets: the ends of a tree as copies of a few grown ones.
+//! Instanced branchlets: the ends of a tree are instances of a few branchlets that are grown once.
 
 use std::collections::BTreeMap;
 
@@ -16,11 +16,13 @@ use osier_ifs::words::{self, Word};
 use osier_scene::Mesh;
 use osier_scene::plant::{Organ, Plant, Proto};
 
-/// Words smaller than this many times the cut size are instances; larger values share more and vary less.
+/// Words smaller than this many times the cut size are instances. Larger values share more geometry, and repeat more visibly.
 const CUT_FACTOR: f64 = 4.0;
-/// Branchlets of a class, where individuals differ; six classes that differ only by where the sky is have twelve.
+/// Variants of a branchlet per class, where individuals vary. The six classes that differ only in their up direction have twelve
+/// together, enough that repetition is not seen.
 const VARIANTS: usize = 2;
-/// A class of fewer words shares the branchlets of a similar class.
+/// A class of fewer words uses the branchlets of the largest class that differs only in its up direction: fewer instances would not
+/// pay for a mesh of their own.
 const MIN_CLASS_WORDS: usize = 12;
 /// Name of the prototypes of branchlets, in files.
 pub const NAME: &str = "twig";
@@ -30,17 +32,17 @@ pub const NAME: &str = "twig";
 pub struct Branchlet {
     /// Its axes and leaves.
     pub plant: Plant,
-    /// Its instances show the mirror image in z.
+    /// True if its instances are mirrored in z.
     pub mirrored: bool,
 }
 
-/// Words that are shown by the same twigs: a half octave of size, an octave of thickness over size, which of the six
-/// directions of their own space is nearest to the sky, the letters that are left to them, whether they are mirrored.
+/// Words that share branchlets: half an octave of size, an octave of thickness over size, the axis of their own space that is
+/// nearest to up, the letters that are left to them, whether their map mirrors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct BranchletClass {
     size: i32,
     thick: i32,
-    sky: usize,
+    up_axis: usize,
     depth: u16,
     order: u16,
     mirrored: bool,
@@ -56,7 +58,7 @@ impl BranchletClass {
         Self {
             size: octave(w.size, 2.0),
             thick: octave(w.radius / w.size, 1.0),
-            sky: sky(w),
+            up_axis: nearest_up_axis(w),
             depth: left(options.max_depth, w.depth),
             order: left(options.max_order, w.order),
             mirrored: w.map.a.determinant() < 0.0,
@@ -64,28 +66,28 @@ impl BranchletClass {
     }
 }
 
-/// Directions in which the sky may lie in the space of a branchlet.
-const SKY_DIRECTIONS: [Vec3; 6] = [Vec3::Y, Vec3::X, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y];
+/// Directions in which up may lie in the space of a branchlet.
+const UP_DIRECTIONS: [Vec3; 6] = [Vec3::Y, Vec3::X, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Z, Vec3::NEG_Y];
 
-/// The direction nearest to the sky's in the space of a word, before it is mirrored.
-fn sky(w: &Word) -> usize {
+/// Index of the direction nearest to up in the space of a word, before it is mirrored.
+fn nearest_up_axis(w: &Word) -> usize {
     let up = map_rotation(&w.map).inverse() * Vec3::Y;
     let up = if w.map.a.determinant() < 0.0 { up * Vec3::new(1.0, 1.0, -1.0) } else { up };
-    (0..SKY_DIRECTIONS.len())
+    (0..UP_DIRECTIONS.len())
         .rev()
-        .max_by(|a, b| up.dot(SKY_DIRECTIONS[*a]).total_cmp(&up.dot(SKY_DIRECTIONS[*b])))
+        .max_by(|a, b| up.dot(UP_DIRECTIONS[*a]).total_cmp(&up.dot(UP_DIRECTIONS[*b])))
         .unwrap_or(0)
 }
 
 /// Number of words of a class, and the sums of the logarithms of their sizes and radii, for geometric means.
 #[derive(Debug, Clone, Default)]
-struct ClassMean {
+struct LogMeans {
     count: f64,
     size: f64,
     radius: f64,
 }
 
-impl ClassMean {
+impl LogMeans {
     fn add(&mut self, w: &Word) {
         self.count += 1.0;
         self.size += math::ln(w.size);
@@ -101,14 +103,15 @@ struct BranchletCopies {
     next: usize,
 }
 
-/// Grows a tree whose words below four times `eps` are copies: twigs are grown once by classes of size and thickness,
-/// so that their branches and leaves are those that the whole tree would have there, and the words of a class show up
-/// to two of them in turn. The last prototypes of the plant, `twig_0`, `twig_1` ..., have no mesh yet: that of the twig
-/// with their number. Arguments and result otherwise as [`super::grow`].
+/// Grows a tree whose words smaller than four times `eps` are instances of branchlets. A branchlet is grown once per
+/// class of size, thickness and up direction, with the branches and leaves that the tree would have there; the words
+/// of a class use up to two variants in turn. The last prototypes of the plant, `twig_0`, `twig_1` ..., have empty
+/// meshes: the caller fills in that of the branchlet with their number. Arguments and result otherwise as
+/// [`super::grow`].
 /// Source: J. Hart, T. DeFanti, "Efficient antialiased rendering of 3-D linear fractals", 1991: object instancing of
 /// the attractor's own parts.
-/// Differs: a part is as deep as its size asks, so that leaves keep their size to a half octave, and is grown anew for
-/// each side that may lie up, so that leaves face the sky.
+/// Differs: a part is as deep as its size asks, so that leaves keep their size to half an octave, and is grown for
+/// each direction that may be up, so that leaves face the sky.
 /// # Errors
 /// As [`super::grow`].
 pub fn grow(
@@ -119,19 +122,19 @@ pub fn grow(
 ) -> Result<(Plant, Vec<Branchlet>)> {
     let tree_size = TreeSize::new(stems, options);
     let fine = super::word_limits(options, limits);
-    let whole = words::ExpansionLimits { eps: (CUT_FACTOR * options.eps).min(1.0), ..fine };
-    let mut expanded = super::expand_words(stems, plant, options, &whole)?;
-    // Below the cut of the whole tree are leaves, and where letters are used up.
-    let grows = |w: &Word| w.size >= options.eps && w.size < whole.eps;
+    let tree_limits = words::ExpansionLimits { eps: (CUT_FACTOR * options.eps).min(1.0), ..fine };
+    let mut expanded = super::expand_words(stems, plant, options, &tree_limits)?;
+    let grows = |w: &Word| w.size >= options.eps && w.size < tree_limits.eps;
     let allowed = |w: &Word| w.depth <= options.max_depth && w.order <= options.max_order;
+    // Cut words that grow on at full detail are replaced by instances; the others stay cut words of the tree and bear its leaves.
     let (ends, cuts): (Vec<Word>, Vec<Word>) = expanded.cuts.iter().partition(|w| grows(w) && allowed(w));
     expanded.cuts = cuts;
     let classes = branchlet_classes(&ends, options);
-    let mut kinds: BTreeMap<BranchletClass, ClassMean> = BTreeMap::new();
+    let mut class_means: BTreeMap<BranchletClass, LogMeans> = BTreeMap::new();
     for (w, class) in ends.iter().zip(&classes) {
-        kinds.entry(*class).or_default().add(w);
+        class_means.entry(*class).or_default().add(w);
     }
-    let (branchlets, mut copies) = grow_branchlets(stems, plant, tree_size, &kinds, options, limits)?;
+    let (branchlets, mut copies) = grow_branchlets(stems, plant, tree_size, &class_means, options, limits)?;
     let tree = build_plant(stems, &expanded, plant, tree_size, options, |out, grown, placed| {
         let base = out.protos.len();
         let empty = std::sync::Arc::new(Mesh::default());
@@ -149,8 +152,8 @@ pub fn grow(
     Ok((tree, branchlets))
 }
 
-/// The class of each word. Few words of a class take the twigs of their fellows that are turned another way: a twig that
-/// is hardly copied would only make files larger.
+/// The class of each word. Classes of few words are merged into the largest class that differs only in its up direction: a
+/// branchlet with few instances would only make files larger.
 fn branchlet_classes(words: &[Word], options: &TreeOptions) -> Vec<BranchletClass> {
     let own: Vec<BranchletClass> = words.iter().map(|w| BranchletClass::of(w, options)).collect();
     let mut counts: BTreeMap<BranchletClass, usize> = BTreeMap::new();
@@ -158,12 +161,12 @@ fn branchlet_classes(words: &[Word], options: &TreeOptions) -> Vec<BranchletClas
         *counts.entry(*class).or_default() += 1;
     }
     let count = |class: &BranchletClass| counts.get(class).copied().unwrap_or(0);
-    let kept = |class: &BranchletClass| {
-        let fellows = (0..SKY_DIRECTIONS.len()).rev().map(|sky| BranchletClass { sky, ..*class });
-        let most = fellows.max_by_key(count).unwrap_or(*class);
+    let merged = |class: &BranchletClass| {
+        let turned = (0..UP_DIRECTIONS.len()).rev().map(|up_axis| BranchletClass { up_axis, ..*class });
+        let most = turned.max_by_key(count).unwrap_or(*class);
         if count(class) < MIN_CLASS_WORDS { most } else { *class }
     };
-    own.iter().map(kept).collect()
+    own.iter().map(merged).collect()
 }
 
 /// Grows the branchlets of all classes, each in the geometric mean size of its words.
@@ -171,14 +174,15 @@ fn grow_branchlets(
     stems: &TreeSystem,
     plant: (u32, u64),
     tree_size: TreeSize,
-    kinds: &BTreeMap<BranchletClass, ClassMean>,
+    class_means: &BTreeMap<BranchletClass, LogMeans>,
     options: &TreeOptions,
     limits: &Limits,
 ) -> Result<(Vec<Branchlet>, BTreeMap<BranchletClass, BranchletCopies>)> {
     let (mut branchlets, mut copies) = (Vec::new(), BTreeMap::new());
-    for (number, (class, kind)) in kinds.iter().enumerate() {
-        let (size, thick) = (math::exp(kind.size / kind.count), math::exp(kind.radius / kind.count));
-        let enough = kind.count >= 2.0 * MIN_CLASS_WORDS as f64;
+    for (number, (class, mean)) in class_means.iter().enumerate() {
+        // Grow each class at the geometric mean of the sizes and radii of its words.
+        let (size, thick) = (math::exp(mean.size / mean.count), math::exp(mean.radius / mean.count));
+        let enough = mean.count >= 2.0 * MIN_CLASS_WORDS as f64;
         let variants = if options.variation > 0.0 && enough { VARIANTS } else { 1 };
         copies.insert(*class, BranchletCopies { first: branchlets.len(), size, variants, next: 0 });
         let own = words::ExpansionLimits {
@@ -187,7 +191,7 @@ fn grow_branchlets(
             max_order: class.order,
             ..super::word_limits(options, limits)
         };
-        let turned = TreeOptions { up: SKY_DIRECTIONS[class.sky], ..options.clone() };
+        let turned = TreeOptions { up: UP_DIRECTIONS[class.up_axis], ..options.clone() };
         for variant in 0..variants {
             let identity = (plant.0, mix64(&[plant.1, word(NAME), number as u64, variant as u64]));
             let words = super::expand_words(stems, identity, options, &own)?;

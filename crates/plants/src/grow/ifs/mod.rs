@@ -1,4 +1,5 @@
-//! Trees of iterated function systems: words become axes, nodes and organs of a [`Plant`].
+//! Trees of iterated function systems: the words of the system (compositions of its maps) become axes, nodes and organs of a
+//! [`Plant`].
 
 mod axes;
 mod billboards;
@@ -10,7 +11,7 @@ use glam::{DVec3, Vec3};
 
 use super::radii;
 use super::turtle::{OrganSpec, set_exposed_lengths};
-use axes::Skeleton;
+use axes::WordSkeleton;
 pub use billboards::{SubtreeBillboards, SubtreeClass, subtree_classes};
 use osier_base::diagnostic::Report;
 use osier_base::limits::Limits;
@@ -22,23 +23,27 @@ use osier_ifs::stems::TreeSystem;
 use osier_ifs::words::{self, Expansion, Variation, Word};
 use osier_scene::plant::{Organ, Plant, Proto};
 
-/// Greatest number of words of a tree, whatever the limits.
+/// Greatest number of words of a tree, whatever the limits: with their nodes about a gigabyte.
 const MAX_SEGMENTS: u64 = 5_000_000;
+/// Spread of the further leaves of a site: standard deviation of each component added to the unit direction of the first.
+const LEAF_SPREAD: f32 = 0.55;
+/// Standard deviation of the sizes of leaves, as a share of the mean.
+const LEAF_SIZE_DEVIATION: f64 = 0.12;
 
 /// Options of a tree of an iterated function system.
 #[derive(Debug, Clone)]
 pub struct TreeOptions {
-    /// Height at full growth, m.
+    /// Height of the tree at full detail, m.
     pub height: f64,
-    /// Words smaller than this are cut; the trunk has size 1.
+    /// Words whose size falls below this are not expanded further; the trunk has size 1.
     pub eps: f64,
-    /// Greatest number of letters of a word.
+    /// Greatest length of a word, in letters.
     pub max_depth: u16,
     /// Highest order of branches.
     pub max_order: u16,
     /// How much individuals differ, 0..2.
     pub variation: f64,
-    /// Radius of the trunk at its foot, m; `None`: the system's.
+    /// Radius at the base of the trunk, m; `None`: that of the system, scaled.
     pub radius: Option<f64>,
     /// Radii by the pipe model instead of the maps' factors.
     pub pipe: bool,
@@ -48,7 +53,7 @@ pub struct TreeOptions {
     pub leaves_per_site: u32,
     /// The leaf; `None`: the tree is bare.
     pub leaf: Option<OrganSpec>,
-    /// The meshes of the table's condensation sets, in table units: each stands on every word.
+    /// The meshes of the table's condensation sets, in table units: every word carries a copy of each.
     pub sets: Vec<OrganSpec>,
     /// Billboards for branches below their cut, for a tree seen from afar.
     pub cards: Option<SubtreeBillboards>,
@@ -58,7 +63,7 @@ pub struct TreeOptions {
     pub bark: (u16, u16, f64),
     /// Description of the plant's origin, for manifests.
     pub source: String,
-    /// Unit vector that leaves turn their upper sides to: +Y, or elsewhere for what will be turned as a whole.
+    /// Unit vector that leaves turn their upper sides to: +Y, or another for branchlets whose instances are rotated.
     pub up: Vec3,
 }
 
@@ -70,17 +75,18 @@ pub struct TreeOptions {
 /// `Input` with I040 beyond the words allowed; what `plant::validate` refuses.
 pub fn grow(stems: &TreeSystem, plant: (u32, u64), options: &TreeOptions, limits: &Limits) -> Result<Plant> {
     let fine = word_limits(options, limits);
+    // With billboards the expansion stops earlier, at the size that they replace.
     let cut = words::ExpansionLimits { eps: options.cards.as_ref().map_or(fine.eps, |c| c.eps), ..fine };
     let expanded = expand_words(stems, plant, options, &cut)?;
     build_plant(stems, &expanded, plant, TreeSize::new(stems, options), options, |_, _, _| {})
 }
 
-/// Lengths of a tree in the plant.
+/// Scale of a tree: metres per table unit, and its thickness.
 #[derive(Debug, Clone, Copy)]
 struct TreeSize {
     /// Metres per table unit.
     scale: f64,
-    /// Radius of the trunk's foot, m.
+    /// Radius at the base of the trunk, m.
     radius: f64,
 }
 
@@ -98,9 +104,9 @@ fn expand_words(
     options: &TreeOptions,
     cut: &words::ExpansionLimits,
 ) -> Result<Expansion> {
-    let vary = Variation::new(plant.1, plant.0.into(), options.variation);
-    let vary = (options.variation > 0.0).then_some(vary);
-    words::expand(&stems.system, &stems.letters, cut, vary)
+    let variation = Variation::new(plant.1, plant.0.into(), options.variation);
+    let variation = (options.variation > 0.0).then_some(variation);
+    words::expand(&stems.system, &stems.letters, cut, variation)
         .map_err(|d| Error::Input(Box::new(Report { diagnostics: vec![*d], ..Report::default() })))
 }
 
@@ -113,7 +119,8 @@ fn build_plant(
     options: &TreeOptions,
     more: impl FnOnce(&mut Plant, GrownTree<'_>, &mut PlacedOrgans),
 ) -> Result<Plant> {
-    let skeleton = axes::build_skeleton(stems, expanded, size);
+    // Axes first: organs are placed on them.
+    let skeleton = axes::build_word_skeleton(stems, expanded, size);
     let mut out = Plant {
         id: plant.0,
         seed: plant.1,
@@ -189,12 +196,12 @@ fn organ_at_word(plant: &Plant, at: WordSite, map: &Affine, scale: f64) -> Organ
     Organ { id: 0, axis: at.axis, s, offset, q, scale: 1.0, proto: 0, petiole: 0.0, tint: 0.5, birth: 0.0 }
 }
 
-/// Mean scale of a map: the cube root of its volume ratio.
+/// Mean scale of a map: the cube root of its volume ratio |det A|.
 fn volume_scale(map: &Affine) -> f64 {
     osier_base::math::pow(map.a.determinant().abs(), 1.0 / 3.0)
 }
 
-/// The rotation of a map: its axes orthonormalized, y first.
+/// The rotation of a map: its images of y and x, orthonormalized in this order (Gram-Schmidt); a reflection is dropped.
 fn map_rotation(map: &Affine) -> glam::Quat {
     let y = map.a.y_axis.try_normalize().unwrap_or(DVec3::Y);
     let x = (map.a.x_axis - y * y.dot(map.a.x_axis)).try_normalize().unwrap_or_else(|| y.any_orthonormal_vector());
@@ -208,7 +215,7 @@ struct GrownTree<'a> {
     stems: &'a TreeSystem,
     expanded: &'a Expansion,
     /// The axes that the words became.
-    skeleton: &'a Skeleton,
+    skeleton: &'a WordSkeleton,
     /// Metres per table unit.
     scale: f64,
 }
@@ -240,6 +247,7 @@ fn place_leaves(plant: &mut Plant, grown: GrownTree<'_>, options: &TreeOptions, 
         let Some(site) = skeleton.site(stems, expanded, cut) else { continue };
         for copy in 0..options.leaves_per_site.max(1) {
             let mut draw = Rng::at(plant.seed, &[plant.id.into(), "ifs-leaf".into(), cut.id.into(), copy.into()]);
+            // A stream per leaf, named by word and copy: a change of density adds or removes leaves and moves none.
             if !draw.chance(options.leaf_density) {
                 continue;
             }
@@ -260,7 +268,7 @@ struct AxisSite {
     s: f32,
 }
 
-/// One leaf of a site.
+/// One leaf of the leaves at a site.
 struct LeafCopy<'a> {
     stems: &'a TreeSystem,
     /// The word whose growth was cut here.
@@ -280,25 +288,27 @@ fn leaf_organ(plant: &Plant, at: AxisSite, leaf: LeafCopy<'_>, draw: &mut Rng) -
     let on = &plant.axes[axis as usize];
     let s = at.s.clamp(0.0, on.length);
     let site = plant.frame(on, s);
+    // The leaf points where the cut word's own segment would have pointed: the map of the trunk's direction.
     let along = (cut.map.a * (stems.trunk.1 - stems.trunk.0)).try_normalize().unwrap_or(DVec3::Y);
     let mut dir = Vec3::from_array(along.to_array().map(narrow));
     // Further leaves of a site spread out from the first.
     if copy > 0 {
-        let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * 0.55;
+        let mut part = || narrow(draw.normal().clamp(-2.0, 2.0)) * LEAF_SPREAD;
         dir = (dir + Vec3::new(part(), part(), part())).normalize_or(dir);
     }
+    // Frame of the leaf: +Y along the midrib, +Z the part of `up` perpendicular to it.
     let up = osier_base::math::normalize_or(sky - dir * dir.dot(sky), osier_base::math::perpendicular(dir));
     let q = glam::Quat::from_mat3(&glam::Mat3::from_cols(dir.cross(up), dir, up)).normalize();
     let id = mix64(&[on.id, word("organ"), cut.id, u64::from(copy)]);
     let count = (plant.protos.len() as u64).max(1);
-    let vary = 1.0 + 0.12 * draw.normal().clamp(-2.0, 2.0);
+    let size_factor = 1.0 + LEAF_SIZE_DEVIATION * draw.normal().clamp(-2.0, 2.0);
     Organ {
         id,
         axis,
         s,
         offset: Vec3::ZERO,
         q: (site.q.inverse() * q).normalize(),
-        scale: narrow(size * vary),
+        scale: narrow(size * size_factor),
         proto: pick(child(id, word("proto")), count),
         petiole: site.r,
         tint: draw.unit_f32(),

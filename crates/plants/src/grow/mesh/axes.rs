@@ -1,4 +1,4 @@
-//! Chains of clusters into the axes of a plant: where they begin and end, how thick they are, how they are turned.
+//! Turns chains of clusters into the axes of a plant: centrelines, radii, attachments, ends.
 
 use glam::{DVec3, Vec3};
 
@@ -11,17 +11,17 @@ use osier_scene::plant::{NONE, Plant};
 
 /// Nodes of an axis per cluster.
 pub(super) const NODES_PER_CLUSTER: usize = 2;
-/// Thinnest radius, m.
+/// Thinnest radius, m; below it tubes vanish at any viewing distance.
 const MIN_RADIUS: f64 = 2e-4;
-/// A surface that faces along the axis by more than this closes an end.
+/// Cosine between normal and axis above which a surface point belongs to an end cap and does not measure the radius.
 const END_FACE_COSINE: f32 = 0.7;
-/// The outer part of an end cluster, by which the radius of the end is measured.
+/// The radius of an end is measured on the part of its cluster beyond this share of the way to the tip.
 const END_RADIUS_SHARE: f64 = 0.6;
-/// Thickest child, as a share of its parent.
+/// Largest radius of a child, as a share of its parent's at the attachment.
 const MAX_CHILD: f32 = 0.95;
-/// Sharpest angle at which a child leaves its parent, as a sine.
+/// Least sine of the angle between child and parent: at sharper angles the point where the child leaves the bark runs away.
 const MIN_LEAVING_SINE: f32 = 0.3;
-/// Places looked at per stretch of the parent.
+/// Samples per segment of the parent when the attachment is sought.
 const SAMPLES_PER_SEGMENT: u8 = 4;
 
 /// The surface points of a cluster: positions and normals.
@@ -33,12 +33,12 @@ pub(super) struct ClusterSurface {
 }
 
 impl ClusterSurface {
-    /// How far it reaches beyond `p` along `t`, m.
+    /// Largest extent of the points beyond `p` along `t`, m; at least 0.
     fn reach(&self, p: DVec3, t: DVec3) -> f64 {
         self.points.iter().fold(0.0, |m, (q, _)| (q.as_dvec3() - p).dot(t).max(m))
     }
 
-    /// Distances from the line through `p` along `t`, with areas, of what lies at `along` or farther.
+    /// Distances from the line through `p` along `t`, with areas, of the points that lie at `along` or farther; without end caps.
     fn distances(&self, p: DVec3, t: DVec3, along: f64) -> Vec<(f64, f64)> {
         let side = self
             .points
@@ -52,7 +52,8 @@ impl ClusterSurface {
         .collect()
     }
 
-    /// Mean distance; at a `fork` no more than the median, since the feet of the children stand off.
+    /// Area-weighted mean distance of the points from the axis, m; at a `fork` at most the median, since the bases of the children
+    /// lie far from it.
     fn radius(&self, p: DVec3, t: DVec3, along: f64, fork: bool) -> Option<f64> {
         let mut list = self.distances(p, t, along);
         let all = list.iter().fold(0.0, |sum, (_, a)| sum + a);
@@ -63,6 +64,7 @@ impl ClusterSurface {
         if !fork {
             return Some(mean);
         }
+        // Weighted median: the distance at which half of the area is reached.
         list.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut sum = 0.0;
         let half = list.iter().find(|(_, a)| {
@@ -86,10 +88,10 @@ pub(super) struct ClusterSite {
 struct Centerline {
     p: Vec<DVec3>,
     r: Vec<f32>,
-    /// Index of each of the chain's nodes.
+    /// Index on this line of each of the chain's clusters.
     of: Vec<usize>,
     /// On the parent's line: stretch and place on it.
-    stem: (usize, f32),
+    attachment: (usize, f32),
 }
 
 /// Appends the chains to a plant as axes; returns where each node of the graph lies.
@@ -114,21 +116,21 @@ pub(super) fn add_axes(
     }
     stack.reverse();
     let by_stem = |a: &usize, b: &usize| {
-        let (a, b) = (lines[*a].stem, lines[*b].stem);
+        let (a, b) = (lines[*a].attachment, lines[*b].attachment);
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
     };
     children.iter_mut().for_each(|list| list.sort_by(by_stem));
     // Depth first, siblings by their place on the parent: the canonical order of a plant.
-    let mut seats = vec![ClusterSite::default(); graph.nodes.len()];
+    let mut sites = vec![ClusterSite::default(); graph.nodes.len()];
     while let Some((i, parent)) = stack.pop() {
         let axis = index(plant.axes.len());
         push_axis(plant, &lines[i], parent);
         for (node, at) in chains[i].nodes.iter().zip(&lines[i].of) {
-            seats[*node as usize] = ClusterSite { axis, node: index(*at) };
+            sites[*node as usize] = ClusterSite { axis, node: index(*at) };
         }
         stack.extend(children[i].iter().rev().map(|c| (*c, axis)));
     }
-    seats
+    sites
 }
 
 /// The centreline of a chain with radii, from its parent's surface to the end of its wood.
@@ -139,30 +141,32 @@ fn chain_centerline(
     lines: &[Centerline],
 ) -> Centerline {
     let mut points: Vec<DVec3> = chain.nodes.iter().map(|n| graph.nodes[*n as usize].p).collect();
-    let stem = chain.parent.map(|(parent, at)| ParentAttachment::find(&lines[parent], at, &points));
+    let attachment = chain.parent.map(|(parent, at)| ParentAttachment::find(&lines[parent], at, &points));
     // What lies within the parent's wood is no part of the centreline.
-    let inside = |p: &DVec3| stem.is_some_and(|s| s.p.distance(*p) < f64::from(s.r));
+    let inside = |p: &DVec3| attachment.is_some_and(|s| s.p.distance(*p) < f64::from(s.r));
     let hidden = points.iter().take_while(|p| inside(p)).count().min(points.len() - 1);
     points.drain(..hidden);
     let radii = node_radii(graph, chain, cluster_surfaces, hidden, &points);
-    let (base, tip) = end_points(chain, cluster_surfaces, hidden, &points, stem.as_ref(), &radii);
+    let (base, tip) = end_points(chain, cluster_surfaces, hidden, &points, attachment.as_ref(), &radii);
     let mut r = radii;
     r.insert(0, base.1);
     r.push(tip.1);
     points.insert(0, base.0);
     points.push(tip.0);
+    // Smooth along the axis, keep the child thinner than its parent, and interpolate linearly between clusters.
     let smooth = smooth_radii(&r);
-    let most = stem.map_or(f64::INFINITY, |s| f64::from(s.r * MAX_CHILD));
+    let max_radius = attachment.map_or(f64::INFINITY, |s| f64::from(s.r * MAX_CHILD));
     let p = catmull_rom_curve(&points, NODES_PER_CLUSTER);
     let radius = |k: usize| {
         let (i, t) = (k / NODES_PER_CLUSTER, (k % NODES_PER_CLUSTER) as f64 / NODES_PER_CLUSTER as f64);
         let next = smooth[(i + 1).min(smooth.len() - 1)];
-        narrow((smooth[i] + (next - smooth[i]) * t).min(most).max(MIN_RADIUS))
+        narrow((smooth[i] + (next - smooth[i]) * t).min(max_radius).max(MIN_RADIUS))
     };
     let of = (0..chain.nodes.len()).map(|k| (k + 1).saturating_sub(hidden) * NODES_PER_CLUSTER).collect();
-    Centerline { r: (0..p.len()).map(radius).collect(), p, of, stem: stem.map_or((0, 0.0), |s| s.at) }
+    Centerline { r: (0..p.len()).map(radius).collect(), p, of, attachment: attachment.map_or((0, 0.0), |s| s.at) }
 }
 
+/// Central difference of a polyline at point `k`, one-sided at its ends.
 fn direction(points: &[DVec3], k: usize) -> Option<DVec3> {
     let (before, after) = (points[k.saturating_sub(1)], points[(k + 1).min(points.len() - 1)]);
     (after - before).try_normalize()
@@ -180,7 +184,9 @@ fn node_radii(
         let own = &graph.nodes[*node as usize];
         let rough = f64::from(own.r);
         let Some(t) = direction(points, k) else { return rough };
-        cluster_surfaces[*node as usize].radius(points[k], t, f64::NEG_INFINITY, own.beside.len() > 2).unwrap_or(rough)
+        cluster_surfaces[*node as usize]
+            .radius(points[k], t, f64::NEG_INFINITY, own.neighbours.len() > 2)
+            .unwrap_or(rough)
     };
     chain.nodes[hidden..].iter().enumerate().map(one).collect()
 }
@@ -192,36 +198,38 @@ fn end_points(
     cluster_surfaces: &[ClusterSurface],
     hidden: usize,
     points: &[DVec3],
-    stem: Option<&ParentAttachment>,
+    attachment: Option<&ParentAttachment>,
     radii: &[f64],
 ) -> ((DVec3, f64), (DVec3, f64)) {
     let (first, last) = (points[0], points[points.len() - 1]);
-    let skin = |k: usize| &cluster_surfaces[chain.nodes[hidden + k] as usize];
-    let lone = || {
-        // One cluster: along its farthest point.
+    let surface = |k: usize| &cluster_surfaces[chain.nodes[hidden + k] as usize];
+    let single_cluster_direction = || {
+        // A chain of one cluster has no direction: take that of its farthest surface point, upwards.
         let far = |q: &&(Vec3, Vec3)| q.0.as_dvec3().distance_squared(first);
-        let farthest = skin(0).points.iter().max_by(|a, b| far(a).total_cmp(&far(b)));
+        let farthest = surface(0).points.iter().max_by(|a, b| far(a).total_cmp(&far(b)));
         let out = farthest.and_then(|q| (q.0.as_dvec3() - first).try_normalize()).unwrap_or(DVec3::Y);
         if out.y < 0.0 { -out } else { out }
     };
-    let from_stem = stem.and_then(|s| (first - s.p).try_normalize());
-    let up = direction(points, 0).or(from_stem).unwrap_or_else(lone);
-    let out = direction(points, points.len() - 1).or(from_stem).unwrap_or_else(lone);
+    let from_stem = attachment.and_then(|s| (first - s.p).try_normalize());
+    let up = direction(points, 0).or(from_stem).unwrap_or_else(single_cluster_direction);
+    let out = direction(points, points.len() - 1).or(from_stem).unwrap_or_else(single_cluster_direction);
+    // An end of the wood: the farthest extent of its cluster along the axis, at least half a radius, with the radius
+    // there.
     let end = |k: usize, p: DVec3, t: DVec3, own: f64| {
-        let reach = skin(k).reach(p, t);
-        let r = skin(k).radius(p, t, END_RADIUS_SHARE * reach, false).unwrap_or(own);
+        let reach = surface(k).reach(p, t);
+        let r = surface(k).radius(p, t, END_RADIUS_SHARE * reach, false).unwrap_or(own);
         (p + t * reach.max(own * 0.5), r)
     };
     let tip = end(points.len() - 1, last, out, radii[radii.len() - 1]);
     let tip = (tip.0, tip.1.min(radii[radii.len() - 1]));
     let own = end(0, first, -up, radii[0]);
-    let base = match stem {
+    let base = match attachment {
         None => own,
         Some(s) => {
-            let bark = s.bark(first);
+            let surface_point = s.surface_point(first);
             // A branch of its own ends where its wood ends, if that is not yet in the parent's.
-            let nearer = chain.attached && own.0.distance(first) < bark.distance(first);
-            (if nearer { own.0 } else { bark }, radii[0])
+            let nearer = chain.attached && own.0.distance(first) < surface_point.distance(first);
+            (if nearer { own.0 } else { surface_point }, radii[0])
         }
     };
     (base, tip)
@@ -249,7 +257,7 @@ struct ParentAttachment {
 }
 
 impl ParentAttachment {
-    /// Where the chain's own direction, led back, comes closest to the parent.
+    /// Finds the attachment: the point of the parent that is closest to the chain's first segment extended backwards.
     fn find(parent: &Centerline, at: usize, points: &[DVec3]) -> Self {
         let around = parent.of[at.min(parent.of.len() - 1)];
         let back = match points {
@@ -257,6 +265,7 @@ impl ParentAttachment {
             _ => DVec3::ZERO,
         };
         let first = points[0];
+        // Distance from a point to the ray from the chain's first node backwards.
         let far = |q: DVec3| {
             let d = q - first;
             (d - back * d.dot(back).max(0.0)).length()
@@ -284,11 +293,12 @@ impl ParentAttachment {
         }
     }
 
-    /// Where the way from here to `p` leaves the bark, before it comes to `p`.
-    fn bark(&self, p: DVec3) -> DVec3 {
+    /// The point where the segment from here to `p` leaves the parent's wood.
+    fn surface_point(&self, p: DVec3) -> DVec3 {
         let way = p - self.p;
         let length = way.length();
         let Some(out) = way.try_normalize() else { return p };
+        // A cylinder of radius r is left after r / sin(angle) along the way; never more than 80 % of it.
         let sine = out.cross(self.t).length().max(f64::from(MIN_LEAVING_SINE));
         self.p + out * (f64::from(self.r) / sine).min(0.8 * length)
     }
@@ -298,9 +308,9 @@ impl ParentAttachment {
 fn push_axis(plant: &mut Plant, line: &Centerline, parent: u32) {
     let points: Vec<Vec3> = line.p.iter().map(|p| p.as_vec3()).collect();
     let (parent_s, order) = plant.axes.get(parent as usize).map_or((0.0, 0), |a| {
-        let k = a.first as usize + line.stem.0;
+        let k = a.first as usize + line.attachment.0;
         let s = &plant.nodes.s;
-        (math::lerp(s[k], s[k + 1], line.stem.1), a.order.saturating_add(1))
+        (math::lerp(s[k], s[k + 1], line.attachment.1), a.order.saturating_add(1))
     });
     let axis = NewAxis { id: 0, parent, parent_s, order, fork: NONE };
     polyline::push_axis(plant, axis, &points, |i| line.r[i], 0);

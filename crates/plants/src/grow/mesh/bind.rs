@@ -1,4 +1,4 @@
-//! What of the artist's mesh hangs where on the plant.
+//! Binds vertices and loose parts of the artist's mesh to positions on the axes of the plant.
 
 use glam::Vec3;
 
@@ -6,23 +6,25 @@ use super::axes::{ClusterSite, NODES_PER_CLUSTER};
 use super::wood_search::{WoodSample, WoodSearch};
 use osier_scene::plant::Plant;
 
-/// A vertex is sought so many clusters up and down its axis.
+/// A vertex is projected onto the axis within this many clusters of its own: enough for clusters that overlap, too few to jump
+/// to another bend of the axis.
 const WINDOW: usize = 2;
-/// Places per radius along an axis.
-const SAMPLES_PER_RADIUS: f32 = 0.5;
+/// Spacing of samples along an axis, in radii.
+const SAMPLE_SPACING_RADII: f32 = 0.5;
 
 /// Axis and arc length, m.
-pub(super) type Site = (u32, f32);
+pub(super) type AxisPosition = (u32, f32);
 
-/// Where on its cluster's axis a vertex is.
-pub(super) fn vertex_site(plant: &Plant, seat: ClusterSite, p: Vec3) -> Site {
-    let axis = &plant.axes[seat.axis as usize];
+/// The point of the axis nearest to a vertex, near the vertex's own cluster.
+pub(super) fn vertex_site(plant: &Plant, site: ClusterSite, p: Vec3) -> AxisPosition {
+    let axis = &plant.axes[site.axis as usize];
     let nodes = plant.nodes_of(axis);
-    let own = nodes.start + seat.node as usize;
+    let own = nodes.start + site.node as usize;
     let from = own.saturating_sub(WINDOW * NODES_PER_CLUSTER).clamp(nodes.start, nodes.end - 2);
     let to = (own + WINDOW * NODES_PER_CLUSTER).clamp(from + 1, nodes.end - 1);
     let mut best = (f32::INFINITY, 0.0);
     for k in from..to {
+        // Orthogonal projection onto the segment, clamped to its ends.
         let (a, b) = (plant.nodes.p[k], plant.nodes.p[k + 1]);
         let along = b - a;
         let t = ((p - a).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
@@ -31,32 +33,35 @@ pub(super) fn vertex_site(plant: &Plant, seat: ClusterSite, p: Vec3) -> Site {
             best = (d, osier_base::math::lerp(plant.nodes.s[k], plant.nodes.s[k + 1], t));
         }
     }
-    (seat.axis, best.1)
+    (site.axis, best.1)
 }
 
-/// Places along all axes.
-pub(super) fn wood_search(plant: &Plant) -> WoodSearch<Site> {
+/// A search structure over samples of all axes.
+pub(super) fn wood_search(plant: &Plant) -> WoodSearch<AxisPosition> {
     let mut places = Vec::new();
     for (i, axis) in (0..).zip(&plant.axes) {
         for k in plant.nodes_of(axis).skip(1) {
             let (s0, s1) = (plant.nodes.s[k - 1], plant.nodes.s[k]);
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "1 to 64")]
-            let steps = ((s1 - s0) / (SAMPLES_PER_RADIUS * plant.nodes.r[k]).max(f32::MIN_POSITIVE))
+            let steps = ((s1 - s0) / (SAMPLE_SPACING_RADII * plant.nodes.r[k]).max(f32::MIN_POSITIVE))
                 .ceil()
                 .clamp(1.0, 64.0) as u16;
             places.extend((0..=steps).map(|j| {
                 let s = osier_base::math::lerp(s0, s1, f32::from(j) / f32::from(steps));
                 let at = plant.frame(axis, s);
-                WoodSample { p: at.p, r: at.r, what: (i, s) }
+                WoodSample { p: at.p, r: at.r, owner: (i, s) }
             }));
         }
     }
     WoodSearch::new(places)
 }
 
-/// Where a loose part hangs: on the bark that any of its points is nearest to. That point, the way there, m, and the
-/// place.
-pub(super) fn nearest_wood(near: &WoodSearch<Site>, points: &[Vec3]) -> Option<(usize, f32, Site)> {
+/// Where a loose part is attached: the closest pair of one of its points and the bark. Returns the index of the point, the
+/// distance, m, and the position on the axis.
+pub(super) fn nearest_point_of_part(
+    near: &WoodSearch<AxisPosition>,
+    points: &[Vec3],
+) -> Option<(usize, f32, AxisPosition)> {
     let found = points.iter().enumerate().filter_map(|(i, p)| {
         let (gap, site) = near.nearest(*p)?;
         Some((i, gap, site))

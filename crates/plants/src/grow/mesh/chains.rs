@@ -1,13 +1,14 @@
-//! A tree of clusters taken apart into chains: at a fork the heaviest child goes on, the others begin chains of their own.
+//! Splits the tree of clusters into chains: at a fork the heaviest child continues the chain (the leader), the others begin
+//! chains of their own (laterals).
 
 use glam::{DVec3, Vec3};
 
 use super::graph::{SkeletonGraph, SkeletonNode};
 use osier_base::math;
 
-/// Nodes no higher than this share of the height may be the root,
+/// Nodes no higher than this share of the height may be the root; the thickest of them is.
 const ROOT_HEIGHT_SHARE: f64 = 0.05;
-/// the thickest of them; one with wood on both sides counts as so much thinner.
+/// Factor of the radius of a node with wood on both sides, since a trunk begins at an end.
 const INNER_NODE_FACTOR: f32 = 0.8;
 
 /// A chain of nodes from where it leaves its parent to its tip.
@@ -21,25 +22,26 @@ pub(super) struct Chain {
     pub attached: bool,
 }
 
-/// All chains, parents first. `root`: where the trunk begins, if told.
+/// All chains, parents first. `root`: where the trunk begins, m; `None`: found by height and thickness.
 pub(super) fn find_chains(graph: &SkeletonGraph, root: Option<Vec3>) -> Vec<Chain> {
     let nodes = &graph.nodes;
     let mut order: Vec<(u32, u32)> = Vec::with_capacity(nodes.len());
     let mut seen: Vec<bool> = nodes.iter().map(|n| !n.live).collect();
     let mut out = Vec::new();
     let groups = connected_components(nodes);
-    // Where a root is told, the group nearest to it takes it; the others stand on what is lowest.
-    let told = root.and_then(|p| nearest(nodes, p.as_dvec3()));
+    // A root given in the scene belongs to the component that holds the node nearest to it; the others stand on their lowest node.
+    let root_node_given = root.and_then(|p| nearest(nodes, p.as_dvec3()));
     for group in groups {
-        let own = told.filter(|n| group.contains(n));
+        let own = root_node_given.filter(|n| group.contains(n));
         let Some(start) = own.or_else(|| root_node(nodes, &group)) else { continue };
+        // Breadth-first order from the root, each node with its parent.
         order.clear();
         order.push((start, u32::MAX));
         seen[start as usize] = true;
         let mut at = 0;
         while let Some(&(i, _)) = order.get(at) {
             at += 1;
-            for next in &nodes[i as usize].beside {
+            for next in &nodes[i as usize].neighbours {
                 if !std::mem::replace(&mut seen[*next as usize], true) {
                     order.push((*next, i));
                 }
@@ -50,7 +52,7 @@ pub(super) fn find_chains(graph: &SkeletonGraph, root: Option<Vec3>) -> Vec<Chai
     out
 }
 
-/// Nodes that hang together, each group in rising order.
+/// Connected components of the live nodes, indices rising within each.
 fn connected_components(nodes: &[SkeletonNode]) -> Vec<Vec<u32>> {
     let mut seen: Vec<bool> = nodes.iter().map(|n| !n.live).collect();
     let mut groups = Vec::new();
@@ -62,7 +64,7 @@ fn connected_components(nodes: &[SkeletonNode]) -> Vec<Vec<u32>> {
         let mut at = 0;
         while let Some(i) = group.get(at).copied() {
             at += 1;
-            for next in &nodes[i as usize].beside {
+            for next in &nodes[i as usize].neighbours {
                 if !std::mem::replace(&mut seen[*next as usize], true) {
                     group.push(*next);
                 }
@@ -74,6 +76,7 @@ fn connected_components(nodes: &[SkeletonNode]) -> Vec<Vec<u32>> {
     groups
 }
 
+/// The live node nearest to `p`.
 fn nearest(nodes: &[SkeletonNode], p: DVec3) -> Option<u32> {
     let far = |n: &SkeletonNode| n.p.distance_squared(p);
     let live = (0..).zip(nodes).filter(|(_, n)| n.live);
@@ -85,17 +88,17 @@ fn root_node(nodes: &[SkeletonNode], group: &[u32]) -> Option<u32> {
     let height = |i: &u32| nodes[*i as usize].p.y;
     let low = group.iter().map(height).fold(f64::INFINITY, f64::min);
     let high = group.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
-    let girth = |i: &u32| {
+    let thickness = |i: &u32| {
         let n = &nodes[*i as usize];
-        if n.beside.len() > 1 { n.r * INNER_NODE_FACTOR } else { n.r }
+        if n.neighbours.len() > 1 { n.r * INNER_NODE_FACTOR } else { n.r }
     };
     let lowest = group.iter().filter(|i| height(i) <= low + ROOT_HEIGHT_SHARE * (high - low));
-    lowest.max_by(|a, b| girth(a).total_cmp(&girth(b)).then(height(b).total_cmp(&height(a)))).copied()
+    lowest.max_by(|a, b| thickness(a).total_cmp(&thickness(b)).then(height(b).total_cmp(&height(a)))).copied()
 }
 
 /// Chains of one tree. `order`: nodes with their parents, parents first.
 fn split_into_chains(nodes: &[SkeletonNode], order: &[(u32, u32)], start: u32, out: &mut Vec<Chain>) {
-    // Length times radius of all that a node carries.
+    // Weight of a node: the sum of length times mean radius over all links above it, a measure of the lateral surface that it carries.
     let mut weight = std::collections::BTreeMap::new();
     let mut children: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
     for &(i, parent) in order.iter().rev().filter(|(_, p)| *p != u32::MAX) {
@@ -115,29 +118,33 @@ fn split_into_chains(nodes: &[SkeletonNode], order: &[(u32, u32)], start: u32, o
         let mut at = first;
         while let Some(list) = children.get(&at) {
             let piece = |i: &u32| nodes[*i as usize].piece == nodes[at as usize].piece;
+            // The leader is the heaviest child; a child of the same piece of wood comes before one that was joined to
+            // it.
             let any_own = list.iter().any(piece);
-            let heir = (list.iter().filter(|i| !any_own || piece(i)))
+            let leader = (list.iter().filter(|i| !any_own || piece(i)))
                 .max_by(|a, b| weight_of(at, **a).total_cmp(&weight_of(at, **b)).then(b.cmp(a)));
-            let Some(heir) = heir.copied() else { break };
-            let side = list.iter().filter(|i| **i != heir);
+            let Some(leader) = leader.copied() else { break };
+            let side = list.iter().filter(|i| **i != leader);
             starts.extend(side.map(|i| (*i, Some((chain, own.len() - 1)), !piece(i))));
-            own.push(heir);
-            at = heir;
+            own.push(leader);
+            at = leader;
         }
         out.push(Chain { parent, nodes: own, attached });
     }
 }
 
-/// Smooth places through `points`, `steps` per stretch: the same count times the stretches, and the last point.
+/// Centripetal Catmull-Rom spline through `points`, `steps` samples per segment and the last point.
 /// Source: E. Catmull, R. Rom, 1974, with the square roots of the chords as knots.
 pub(super) fn catmull_rom_curve(points: &[DVec3], steps: usize) -> Vec<DVec3> {
     let n = points.len();
     if n < 3 {
-        let whole = |k: usize| points[0].lerp(points[n - 1], k as f64 / steps as f64);
-        return if n < 2 { points.to_vec() } else { (0..=steps).map(whole).collect() };
+        let straight = |k: usize| points[0].lerp(points[n - 1], k as f64 / steps as f64);
+        return if n < 2 { points.to_vec() } else { (0..=steps).map(straight).collect() };
     }
     let knot = |i: usize| math::sqrt(points[i].distance(points[i + 1])).max(1e-9);
     let slope = |i: usize| (points[i + 1] - points[i]) / knot(i);
+    // Derivatives at the points by Barry and Goldman's three-term formula for non-uniform knots; one-sided at both
+    // ends.
     let tangent = |i: usize| match i {
         0 => slope(0),
         i if i + 1 == n => slope(n - 2),

@@ -10,9 +10,9 @@ use super::refine::RefinedSurface;
 use osier_base::math;
 use osier_base::rng::Rng;
 
-/// Fewest and most clusters of a piece.
+/// Fewest and most clusters of a piece. Two make an axis; the upper bound keeps pairs and heaps of a mesh in memory.
 const CLUSTER_COUNT: (usize, usize) = (2, 16_384);
-/// Rounds of Lloyd at the most, and the shift, in clusters, at which they end.
+/// Lloyd iterations at most, and the largest shift of a mean, in sizes of a cluster, at which they end.
 const LLOYD_ROUNDS: usize = 40;
 const CONVERGED_SHIFT: f64 = 5e-3;
 /// Neighbours no farther apart than this along the wood, in clusters,
@@ -26,8 +26,8 @@ const JOIN_PASSES: usize = 8;
 #[derive(Debug)]
 pub(super) struct Clusters {
     /// Cluster of each point of the surface.
-    pub of: Vec<u32>,
-    /// Mean place of each, m.
+    pub cluster_of: Vec<u32>,
+    /// Centroid of each cluster, m.
     pub middles: Vec<DVec3>,
     /// Target size of each cluster, m.
     sizes: Vec<f64>,
@@ -36,14 +36,15 @@ pub(super) struct Clusters {
 /// Finds the clusters of a surface.
 /// Source: [yang-wu] 3.1, k-means over the vertices.
 /// Differs: seeds drawn by squared distance (D. Arthur, S. Vassilvitskii, "k-means++", SODA 2007); sizes follow the radius;
-/// a cluster grows over the surface from its middle, so it hangs together; parts of one ring are joined.
+/// a cluster grows over the surface from its middle, so it is connected; patches of one ring are joined.
 pub(super) fn find_clusters(fine: &RefinedSurface, rng: &mut Rng) -> Clusters {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped next")]
-    let wanted = (fine.room().ceil() as usize).clamp(CLUSTER_COUNT.0, CLUSTER_COUNT.1.min(fine.points.len()));
+    let wanted =
+        (fine.estimated_clusters().ceil() as usize).clamp(CLUSTER_COUNT.0, CLUSTER_COUNT.1.min(fine.points.len()));
     let seeds = draw_seeds(fine, wanted, rng);
     let middles = seeds.iter().map(|i| fine.points[*i as usize].as_dvec3()).collect();
     let sizes = seeds.iter().map(|i| f64::from(fine.sizes[*i as usize])).collect();
-    let mut clusters = Clusters { of: Vec::new(), middles, sizes };
+    let mut clusters = Clusters { cluster_of: Vec::new(), middles, sizes };
     clusters.assign_points(fine, &seeds);
     clusters.iterate_lloyd(fine);
     for _ in 0..JOIN_PASSES {
@@ -55,9 +56,11 @@ pub(super) fn find_clusters(fine: &RefinedSurface, rng: &mut Rng) -> Clusters {
     clusters
 }
 
-/// Draws points, each the likelier the farther it lies from those drawn before.
+/// Draws seed points, each with probability proportional to its squared distance from the nearest seed so far (k-means++).
 fn draw_seeds(fine: &RefinedSurface, wanted: usize, rng: &mut Rng) -> Vec<u32> {
     let n = fine.points.len();
+    // Initial weights: the area as a share of a cluster's area r * size, so that thin twigs get as many seeds per
+    // length as the trunk.
     let weight = |i: usize| fine.areas[i] / f64::from(fine.radii[i] * fine.sizes[i]).max(1e-30);
     let mut nearest = vec![f64::INFINITY; n];
     let mut chances = FenwickTree::new((0..n).map(weight).collect());
@@ -74,7 +77,7 @@ fn draw_seeds(fine: &RefinedSurface, wanted: usize, rng: &mut Rng) -> Vec<u32> {
         chances.set(drawn, 0.0);
         stack.push(seed);
         while let Some(i) = stack.pop() {
-            for next in fine.around(i) {
+            for next in fine.neighbours(i) {
                 let k = *next as usize;
                 let d = distance(k);
                 if d < nearest[k] {
@@ -91,25 +94,27 @@ fn draw_seeds(fine: &RefinedSurface, wanted: usize, rng: &mut Rng) -> Vec<u32> {
 impl Clusters {
     /// Gives every point to a cluster: clusters grow from their seeds, the nearest point first.
     fn assign_points(&mut self, fine: &RefinedSurface, seeds: &[u32]) {
-        self.of = vec![u32::MAX; fine.points.len()];
+        // Region growing: Dijkstra's order on the edges of the surface with one heap for all clusters. The key is the
+        // straight distance from the cluster's middle over its size; a point joins the first cluster that reaches it.
+        self.cluster_of = vec![u32::MAX; fine.points.len()];
         let mut heap = BinaryHeap::with_capacity(fine.points.len());
-        // The nearest that has asked for each point so far: farther ones need not ask.
-        let mut asked = vec![f64::INFINITY; fine.points.len()];
+        // Least distance at which each point was queued; farther clusters need not queue it again.
+        let mut queued = vec![f64::INFINITY; fine.points.len()];
         for (cluster, i) in (0..).zip(seeds) {
             // A seed is its cluster's, however far the middle has moved.
             heap.push(Reverse((0, cluster, *i)));
         }
         while let Some(Reverse((_, cluster, i))) = heap.pop() {
-            if self.of[i as usize] != u32::MAX {
+            if self.cluster_of[i as usize] != u32::MAX {
                 continue;
             }
-            self.of[i as usize] = cluster;
+            self.cluster_of[i as usize] = cluster;
             let (middle, size) = (self.middles[cluster as usize], self.sizes[cluster as usize]);
-            for next in fine.around(i) {
+            for next in fine.neighbours(i) {
                 let k = *next as usize;
                 let far = fine.points[k].as_dvec3().distance(middle) / size;
-                if self.of[k] == u32::MAX && far < asked[k] {
-                    asked[k] = far;
+                if self.cluster_of[k] == u32::MAX && far < queued[k] {
+                    queued[k] = far;
                     // Bits of a positive float order as the float does.
                     heap.push(Reverse((far.to_bits(), cluster, *next)));
                 }
@@ -117,10 +122,10 @@ impl Clusters {
         }
     }
 
-    /// Means of the clusters' points; the largest shift, in clusters.
+    /// Moves the middles to the area-weighted centroids; returns the largest shift, in sizes of a cluster.
     fn update_means(&mut self, fine: &RefinedSurface) -> f64 {
         let mut sums = vec![(DVec3::ZERO, 0.0, 0.0); self.middles.len()];
-        for (i, c) in self.of.iter().enumerate() {
+        for (i, c) in self.cluster_of.iter().enumerate() {
             let Some(sum) = sums.get_mut(*c as usize) else { continue };
             let w = fine.areas[i].max(1e-30);
             *sum = (sum.0 + fine.points[i].as_dvec3() * w, sum.1 + f64::from(fine.sizes[i]) * w, sum.2 + w);
@@ -147,16 +152,17 @@ impl Clusters {
         self.update_means(fine);
     }
 
-    /// Of each cluster's points the one nearest to its middle; clusters without points are given up.
+    /// For each cluster the point nearest to its middle, its next seed; clusters without points are removed.
     fn nearest_points(&mut self, fine: &RefinedSurface) -> Vec<u32> {
         let mut best = vec![(f64::INFINITY, u32::MAX); self.middles.len()];
-        for (i, c) in (0..).zip(&self.of) {
+        for (i, c) in (0..).zip(&self.cluster_of) {
             let Some(best) = best.get_mut(*c as usize) else { continue };
             let d = fine.points[i as usize].as_dvec3().distance_squared(self.middles[*c as usize]);
             if d < best.0 {
                 *best = (d, i);
             }
         }
+        // Remove empty clusters from both parallel lists.
         let used: Vec<bool> = best.iter().map(|b| b.1 != u32::MAX).collect();
         let mut k = 0;
         self.middles.retain(|_| {
@@ -174,17 +180,17 @@ impl Clusters {
     /// Pairs of clusters that share an edge, lower index first.
     pub fn pairs(&self, fine: &RefinedSurface) -> Vec<[u32; 2]> {
         let mut pairs = BTreeSet::new();
-        for (i, a) in (0..).zip(&self.of) {
-            let beside = fine.around(i).iter().map(|k| self.of[*k as usize]);
-            pairs.extend(beside.filter(|b| b > a && *b != u32::MAX).map(|b| [*a, b]));
+        for (i, a) in (0..).zip(&self.cluster_of) {
+            let adjacent = fine.neighbours(i).iter().map(|k| self.cluster_of[*k as usize]);
+            pairs.extend(adjacent.filter(|b| b > a && *b != u32::MAX).map(|b| [*a, b]));
         }
         pairs.into_iter().collect()
     }
 
-    /// Per cluster the sum of its normals' squares, by area, and its mean radius.
+    /// Per cluster the scatter matrix of its normals, sum of w n n^T with w the area, and its mean radius, m.
     fn rings(&self, fine: &RefinedSurface) -> Vec<(DMat3, f64)> {
         let mut sums = vec![(DMat3::ZERO, 0.0, 1e-30); self.middles.len()];
-        for (i, c) in self.of.iter().enumerate() {
+        for (i, c) in self.cluster_of.iter().enumerate() {
             let Some(sum) = sums.get_mut(*c as usize) else { continue };
             let (n, w) = (fine.normals[i].as_dvec3(), fine.areas[i]);
             let square = DMat3::from_cols(n * n.x, n * n.y, n * n.z);
@@ -203,8 +209,8 @@ impl Clusters {
             let d = self.middles[b] - self.middles[a];
             let along = d.dot(least_axis(&(rings[a].0 + rings[b].0))).abs();
             let across = math::sqrt((d.length_squared() - along * along).max(0.0));
-            let beside = along < RING_DISTANCE_ALONG * 0.5 * (self.sizes[a] + self.sizes[b]);
-            (beside && across < RING_DISTANCE_ACROSS * 0.5 * (rings[a].1 + rings[b].1)).then_some(d.length())
+            let near_along = along < RING_DISTANCE_ALONG * 0.5 * (self.sizes[a] + self.sizes[b]);
+            (near_along && across < RING_DISTANCE_ACROSS * 0.5 * (rings[a].1 + rings[b].1)).then_some(d.length())
         };
         let pairs = self.pairs(fine).into_iter();
         let mut close: Vec<(f64, [u32; 2])> = pairs.filter_map(|p| Some((apart(p)?, p))).collect();
@@ -223,7 +229,7 @@ impl Clusters {
         if left == self.middles.len() {
             return false;
         }
-        self.of.iter_mut().for_each(|c| *c = into.get(*c as usize).copied().unwrap_or(*c));
+        self.cluster_of.iter_mut().for_each(|c| *c = into.get(*c as usize).copied().unwrap_or(*c));
         self.update_means(fine);
         let seeds = self.nearest_points(fine);
         self.assign_points(fine, &seeds);
@@ -231,7 +237,7 @@ impl Clusters {
     }
 }
 
-/// Weights with their running sums, for draws that change as they go.
+/// Weights with their prefix sums in a binary indexed tree: update and weighted draw in O(log n).
 /// Source: P. Fenwick, "A new data structure for cumulative frequency tables", 1994.
 struct FenwickTree {
     weights: Vec<f64>,
@@ -261,15 +267,17 @@ impl FenwickTree {
         }
     }
 
-    /// An index, as likely as its weight says; `None` once nothing weighs anything.
+    /// Draws an index with probability proportional to its weight; `None` if all weights are 0.
     fn draw(&self, rng: &mut Rng) -> Option<usize> {
         let n = self.weights.len();
+        // Total weight: the prefix sum up to n, one term per set bit.
         let (mut k, mut total) = (n, 0.0);
         while k > 0 {
             total += self.tree[k];
             k &= k - 1;
         }
         let mut left = rng.unit_f64() * total;
+        // Binary search for the largest prefix sum not above the draw, by halved steps down the implicit tree.
         let (mut at, mut step) = (0, n.next_power_of_two());
         while step > 0 {
             if at + step <= n && self.tree[at + step] <= left {

@@ -1,11 +1,11 @@
-//! Blades of an artist's mesh as organs: each turns about the vertex by which it hangs; those of one shape share a mesh.
+//! Turns the blades of an artist's mesh into organs: each pivots about its attachment vertex; congruent blades share a prototype.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat3, Quat, Vec3};
 
-use super::bind::{self, Site};
+use super::bind::{self, AxisPosition};
 use super::parts::{TrianglePatch, index};
 use super::wood_search::WoodSearch;
 use osier_base::geometry::Bounds;
@@ -15,11 +15,11 @@ use osier_base::rng::{Rng, child, mix64, word};
 use osier_scene::plant::{Organ, Plant, Proto};
 use osier_scene::{Mesh, Subset};
 
-/// Blades are of one shape if no point is farther off than this share of their size.
+/// Blades share a prototype if no point deviates by more than this share of their size.
 const SHAPE_TOLERANCE: f32 = 1e-3;
-/// Largest number of distinct shapes; each further one stays part of the wood.
+/// Largest number of prototypes; blades of further shapes stay part of the wood. Keeps files and the search for a match small.
 const MAX_SHAPES: usize = 4096;
-/// A blade larger than this share of the plant is no leaf.
+/// A blade larger than this share of the plant's diagonal is no leaf: several leaves that share vertices.
 const MAX_LEAF_SIZE: f32 = 0.25;
 
 /// A blade cut out of the mesh.
@@ -27,8 +27,8 @@ struct LeafBlade {
     mesh: Mesh,
     /// Diagonal of the bounding box, m.
     size: f32,
-    /// Its point by which it hangs, and where.
-    hold: (usize, Site),
+    /// Index of the point nearest to the bark, and the position on the axes there.
+    attachment: (usize, AxisPosition),
 }
 
 /// A shape that blades share, as the first of them has it.
@@ -37,13 +37,13 @@ struct LeafShape {
     points: Vec<Vec3>,
     /// Three points that lie far apart.
     corners: [usize; 3],
-    hold: usize,
+    attachment: usize,
     q: Quat,
 }
 
 /// A blade as an instance of a shape.
 struct PlacedLeaf {
-    site: Site,
+    site: AxisPosition,
     pivot: Vec3,
     q: Quat,
     scale: f32,
@@ -55,15 +55,15 @@ struct PlacedLeaf {
 pub(super) struct UnplacedLeaves {
     /// Indices of the blades that stay part of the wood: too large, or of too many shapes.
     pub large: Vec<usize>,
-    pub strange: Vec<usize>,
+    pub unmatched: Vec<usize>,
 }
 
-/// Hangs blades on a plant as organs.
+/// Adds blades to a plant as organs; returns the blades that cannot be organs.
 pub(super) fn place_leaves(
     plant: &mut Plant,
     mesh: &Mesh,
     blades: &[TrianglePatch],
-    near: &WoodSearch<Site>,
+    near: &WoodSearch<AxisPosition>,
 ) -> UnplacedLeaves {
     let whole = mesh.bounds().size().length();
     let material = materials(mesh);
@@ -71,30 +71,30 @@ pub(super) fn place_leaves(
     // Blades with equal topology are compared with the shapes known so far; a new shape becomes a prototype.
     let mut left = UnplacedLeaves::default();
     let mut shapes: BTreeMap<u64, Vec<LeafShape>> = BTreeMap::new();
-    let mut hung: Vec<PlacedLeaf> = Vec::new();
+    let mut placed_leaves: Vec<PlacedLeaf> = Vec::new();
     for (i, blade) in cut.into_iter().enumerate() {
         match blade.filter(|b| b.size <= MAX_LEAF_SIZE * whole) {
             None => left.large.push(i),
             Some(blade) => {
-                let alike = shapes.entry(topology_hash(&blade.mesh)).or_default();
-                match alike.iter().find_map(|s| match_shape(s, &blade, near)) {
-                    Some(h) => hung.push(h),
-                    None if plant.protos.len() >= MAX_SHAPES => left.strange.push(i),
+                let known_shapes = shapes.entry(topology_hash(&blade.mesh)).or_default();
+                match known_shapes.iter().find_map(|s| match_shape(s, &blade, near)) {
+                    Some(h) => placed_leaves.push(h),
+                    None if plant.protos.len() >= MAX_SHAPES => left.unmatched.push(i),
                     None => {
                         let (shape, h) = new_shape(plant, blade);
-                        alike.push(shape);
-                        hung.push(h);
+                        known_shapes.push(shape);
+                        placed_leaves.push(h);
                     }
                 }
             }
         }
     }
-    hung.sort_by(|a, b| (a.site.0.cmp(&b.site.0)).then(a.site.1.total_cmp(&b.site.1)));
-    plant.organs = hung.into_iter().map(|h| organ(plant, h)).collect();
+    placed_leaves.sort_by(|a, b| (a.site.0.cmp(&b.site.0)).then(a.site.1.total_cmp(&b.site.1)));
+    plant.organs = placed_leaves.into_iter().map(|h| organ(plant, h)).collect();
     left
 }
 
-/// Ids of the organs; those of the axes are known.
+/// Sets ids and tints of the organs from the ids of their axes and their rank on them.
 pub(super) fn assign_ids(plant: &mut Plant) {
     let mut rank = (u32::MAX, 0_u64);
     for organ in &mut plant.organs {
@@ -141,22 +141,28 @@ pub(super) fn submesh(mesh: &Mesh, material: impl Fn(u32) -> u32, patch: &[u32])
 }
 
 /// The wood: all triangles but some, which are few runs of the rest.
-pub(super) fn remaining_mesh(mesh: &Mesh, gone: &[bool]) -> (Mesh, Vec<u32>) {
+pub(super) fn remaining_mesh(mesh: &Mesh, removed: &[bool]) -> (Mesh, Vec<u32>) {
     let material = materials(mesh);
-    let kept: Vec<u32> = (0..).take(mesh.triangles.len()).filter(|t| !gone[*t as usize]).collect();
+    let kept: Vec<u32> = (0..).take(mesh.triangles.len()).filter(|t| !removed[*t as usize]).collect();
     submesh(mesh, |t| material[t as usize], &kept)
 }
 
-fn cut_out_blade(mesh: &Mesh, material: &[u32], patch: &TrianglePatch, near: &WoodSearch<Site>) -> Option<LeafBlade> {
+/// A blade as a mesh of its own, its triangles sorted by material; `None` on a plant without wood.
+fn cut_out_blade(
+    mesh: &Mesh,
+    material: &[u32],
+    patch: &TrianglePatch,
+    near: &WoodSearch<AxisPosition>,
+) -> Option<LeafBlade> {
     let mut patch = patch.clone();
     patch.sort_by_key(|t| (material[*t as usize], *t));
     let (mesh, _) = submesh(mesh, |t| material[t as usize], &patch);
     let size = mesh.bounds().size().length();
-    let (i, _, site) = bind::nearest_wood(near, &mesh.points)?;
-    Some(LeafBlade { mesh, size, hold: (i, site) })
+    let (i, _, site) = bind::nearest_point_of_part(near, &mesh.points)?;
+    Some(LeafBlade { mesh, size, attachment: (i, site) })
 }
 
-/// A number that blades of one shape share: triangles, materials, texture coordinates.
+/// Hash of all that congruent blades have in common: triangles, materials, texture coordinates, colours.
 fn topology_hash(mesh: &Mesh) -> u64 {
     let corners = mesh.triangles.iter().flatten().map(|i| u64::from(*i));
     let runs = mesh.subsets.iter().flat_map(|s| [u64::from(s.material), u64::from(s.count)]);
@@ -167,7 +173,7 @@ fn topology_hash(mesh: &Mesh) -> u64 {
     mix64(&all)
 }
 
-/// Two far points and the one that spans most with them.
+/// Three points that define a frame well: the first, the one farthest from it, and the one of the largest triangle with both.
 fn far_corners(points: &[Vec3]) -> [usize; 3] {
     let most = |value: &dyn Fn(Vec3) -> f32| {
         let all = points.iter().enumerate();
@@ -179,17 +185,18 @@ fn far_corners(points: &[Vec3]) -> [usize; 3] {
     [0, b, c]
 }
 
-/// Frame of three points: first along the first two, second in their plane.
+/// Orthonormal frame of three points: X along the first two, Y in their plane.
 fn frame(points: &[Vec3], [a, b, c]: [usize; 3]) -> Mat3 {
     let x = math::normalize_or(points[b] - points[a], Vec3::X);
     let z = math::normalize_or(math::normalize_or(x.cross(points[c] - points[a]), Vec3::ZERO), math::perpendicular(x));
     Mat3::from_cols(x, z.cross(x), z)
 }
 
-/// The blade as a copy of a shape, if it is one.
-fn match_shape(shape: &LeafShape, blade: &LeafBlade, near: &WoodSearch<Site>) -> Option<PlacedLeaf> {
+/// The blade as an instance of a shape, if a similarity (rotation, uniform scale, translation) maps the shape onto it.
+fn match_shape(shape: &LeafShape, blade: &LeafBlade, near: &WoodSearch<AxisPosition>) -> Option<PlacedLeaf> {
     let (own, points) = (&shape.points, &blade.mesh.points);
     let [a, b, _] = shape.corners;
+    // The similarity that the three frame points determine; then every point must agree within the tolerance.
     let length = own[b].distance(own[a]);
     let scale = points[b].distance(points[a]) / length.max(f32::MIN_POSITIVE);
     let turn = frame(points, shape.corners) * frame(own, shape.corners).transpose();
@@ -198,18 +205,18 @@ fn match_shape(shape: &LeafShape, blade: &LeafBlade, near: &WoodSearch<Site>) ->
     if math::sqrt_f32(off) > SHAPE_TOLERANCE * blade.size || scale <= 0.0 {
         return None;
     }
-    let pivot = placed(own[shape.hold]);
+    let pivot = placed(own[shape.attachment]);
     // The shape's own point holds it, even if another lies a little nearer to the bark here.
-    let site = near.nearest(pivot).map_or(blade.hold.1, |(_, site)| site);
+    let site = near.nearest(pivot).map_or(blade.attachment.1, |(_, site)| site);
     let q = (Quat::from_mat3(&turn) * shape.q).normalize();
     Some(PlacedLeaf { site, pivot, q, scale, proto: shape.proto })
 }
 
 /// A new shape: the pivot at its origin, +Y to the middle of the blade, +Z its upper side.
 fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
-    let LeafBlade { mut mesh, hold: (hold, site), .. } = blade;
+    let LeafBlade { mut mesh, attachment: (attachment, site), .. } = blade;
     let points = mesh.points.clone();
-    let pivot = points[hold];
+    let pivot = points[attachment];
     let middle = points.iter().fold(Vec3::ZERO, |s, p| s + (*p - pivot)) / points.len() as f32;
     let y = math::normalize_or(middle, Vec3::Y);
     let face = mesh.triangles.iter().fold(Vec3::ZERO, |s, t| {
@@ -226,10 +233,11 @@ fn new_shape(plant: &mut Plant, blade: LeafBlade) -> (LeafShape, PlacedLeaf) {
     #[allow(clippy::cast_possible_truncation, reason = "at most MAX_SHAPES prototypes")]
     let proto = plant.protos.len() as u16;
     plant.protos.push(Proto { name: format!("leaf_{proto}"), mesh: Arc::new(mesh) });
-    let shape = LeafShape { proto, corners: far_corners(&points), points, hold, q };
+    let shape = LeafShape { proto, corners: far_corners(&points), points, attachment, q };
     (shape, PlacedLeaf { site, pivot, q, scale: 1.0, proto })
 }
 
+/// The organ of a placed leaf, in the frame of its axis; id and tint follow.
 fn organ(plant: &Plant, h: PlacedLeaf) -> Organ {
     let at = plant.frame(&plant.axes[h.site.0 as usize], h.site.1);
     let back = at.q.conjugate();
@@ -247,7 +255,7 @@ fn organ(plant: &Plant, h: PlacedLeaf) -> Organ {
     }
 }
 
-/// Box of a few triangles, m.
+/// Bounding box of a patch, m.
 pub(super) fn bounds(mesh: &Mesh, patch: &TrianglePatch) -> Bounds {
     Bounds::of(patch.iter().flat_map(|t| mesh.triangles[*t as usize]).map(|i| mesh.points[i as usize]))
 }

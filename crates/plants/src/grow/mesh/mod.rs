@@ -1,8 +1,8 @@
 //! Skeletons of artists' meshes: the axes of the wood are extracted, and the unchanged mesh is bound to them.
 //!
-//! Blades are told from wood (`parts`); the wood's thickness is measured (`thickness`) and its surface cut into clusters
-//! (`refine`, `clusters`), whose middles become a tree (`graph`), chains (`chains`) and axes (`axes`); every vertex is bound
-//! to its axis (`bind`), and the blades become organs (`leaves`).
+//! `parts` separates blades from wood; `thickness` measures the wood, `refine` and `clusters` divide its surface into clusters.
+//! Their centroids become a tree (`graph`), chains (`chains`) and axes (`axes`). `bind` binds every vertex to an axis, and `leaves`
+//! turns the blades into organs.
 
 mod axes;
 mod bind;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use axes::{ClusterSite, ClusterSurface};
-use bind::Site;
+use bind::AxisPosition;
 use clusters::Clusters;
 use graph::SkeletonGraph;
 use osier_base::diagnostic::{Diagnostic, Report};
@@ -35,23 +35,25 @@ use osier_scene::plant::{self, NONE, Plant};
 use parts::{MeshParts, WoodPiece};
 use refine::{ClusterSizes, RefinedSurface};
 
-/// Smallest cluster where sizes follow the radius: a share of the plant's diagonal, and of the length of all its wood.
-const MIN_CLUSTER_SIZE: (f32, f64) = (1.0 / 1500.0, 1.0 / 12_000.0);
-/// A piece that stands on nothing and begins above this share of the height floats.
+/// Smallest cluster, where sizes follow the radius, as a share of the plant's diagonal. Smaller ones follow every knot of the bark.
+const MIN_CLUSTER_DIAGONAL_SHARE: f32 = 1.0 / 1500.0;
+/// And as a share of the length of all its wood: bounds the number of clusters, and so the time, of bushes of thin twigs.
+const MIN_CLUSTER_LENGTH_SHARE: f64 = 1.0 / 12_000.0;
+/// A root that begins above this share of the plant's height counts as floating (X019): lower ones may be roots or suckers.
 const FLOATING_HEIGHT: f32 = 0.1;
 
 /// Options of the extraction of a skeleton.
 #[derive(Debug, Clone, Default)]
 pub struct SkeletonOptions {
-    /// Name of the file, for complaints.
+    /// Name of the file, for messages.
     pub name: String,
     /// In lower case: objects and materials whose name holds one of these are blades.
     pub leaf_words: Vec<String>,
-    /// Distance of the clusters along the wood, m; without it three times the radius of the wood.
+    /// Distance of the clusters along the wood, m; `None`: three times the radius of the wood.
     pub spacing: Option<f32>,
-    /// Where the trunk begins, m; without it the lowest thick end.
+    /// Where the trunk begins, m; `None`: at the lowest thick end.
     pub root: Option<Vec3>,
-    /// Seed of the clusters.
+    /// Seed of the random draws of the clusters.
     pub seed: u64,
 }
 
@@ -62,7 +64,7 @@ pub struct MeshPlant {
     pub plant: Plant,
     /// The artist's mesh but for the blades that are organs: points, normals, coordinates as they are.
     pub wood: Arc<Mesh>,
-    /// Axis and arc length, m, of each of its points.
+    /// Of each point of `wood`: index of its axis and arc length on it, m.
     pub bindings: Vec<(u32, f32)>,
     /// Warnings: floating pieces, leaves that stay rigid.
     pub report: Report,
@@ -91,29 +93,33 @@ pub fn extract_skeleton(imported: &Imported, options: &SkeletonOptions, cancel: 
         return Err(no_skeleton_error(&parts, options));
     }
     let diagonal = imported.mesh.bounds().size().length();
-    // A tube of these areas and volumes is so long.
+    // Length of the tube of this area and volume: A = 2 pi r l and V = pi r^2 l give l = A^2 / (4 pi V).
     let length = |p: &&WoodPiece| p.area * p.area / (4.0 * std::f64::consts::PI * p.volume.abs());
-    let least = narrow(solid.iter().map(length).sum::<f64>() * MIN_CLUSTER_SIZE.1).max(diagonal * MIN_CLUSTER_SIZE.0);
+    let least = narrow(solid.iter().map(length).sum::<f64>() * MIN_CLUSTER_LENGTH_SHARE)
+        .max(diagonal * MIN_CLUSTER_DIAGONAL_SHARE);
     let sizes = ClusterSizes { fixed: options.spacing, least };
+    // Cluster the pieces in parallel, each with a random stream of its own number.
     let numbered: Vec<(u64, &WoodPiece)> = (0..).zip(solid.iter().copied()).collect();
-    let found = par_map(&numbered, |(i, piece)| -> Result<(RefinedSurface, Clusters)> {
+    let refined = par_map(&numbered, |(i, piece)| -> Result<(RefinedSurface, Clusters)> {
         cancel.check()?;
         let fine = RefinedSurface::new(piece, sizes);
         let clusters = clusters::find_clusters(&fine, &mut Rng::at(options.seed, &["kmeans".into(), (*i).into()]));
         Ok((fine, clusters))
     });
-    let found = found.into_iter().collect::<Result<Vec<_>>>()?;
+    let refined = refined.into_iter().collect::<Result<Vec<_>>>()?;
+    // One tree of clusters, its chains, and their axes.
     let mut graph = SkeletonGraph::default();
-    found.iter().for_each(|(fine, clusters)| graph.add(fine, clusters));
+    refined.iter().for_each(|(fine, clusters)| graph.add(fine, clusters));
     graph.join(diagonal);
-    let cluster_surfaces = cluster_surfaces(&graph, &found);
+    let cluster_surfaces = cluster_surfaces(&graph, &refined);
     let chains = chains::find_chains(&graph, options.root);
     let mut plant = Plant::default();
-    let seats = axes::add_axes(&mut plant, &graph, &chains, &cluster_surfaces);
+    let sites = axes::add_axes(&mut plant, &graph, &chains, &cluster_surfaces);
     plant::validate(&mut plant)?;
     let mut tree = MeshPlant { plant, ..MeshPlant::default() };
     warn_floating_pieces(&mut tree, options);
-    tree.bind_mesh(imported, &parts, &ClusterSites { graph: &graph, found: &found, seats: &seats }, options);
+    // Bind the mesh, then name axes and organs.
+    tree.bind_mesh(imported, &parts, &ClusterSites { graph: &graph, refined: &refined, sites: &sites }, options);
     assign_ids(&mut tree.plant);
     plant::validate(&mut tree.plant)?;
     Ok(tree)
@@ -139,10 +145,10 @@ fn no_skeleton_error(parts: &MeshParts, options: &SkeletonOptions) -> Error {
 }
 
 /// The points of each node's clusters.
-fn cluster_surfaces(graph: &SkeletonGraph, found: &[(RefinedSurface, Clusters)]) -> Vec<ClusterSurface> {
+fn cluster_surfaces(graph: &SkeletonGraph, refined: &[(RefinedSurface, Clusters)]) -> Vec<ClusterSurface> {
     let mut cluster_surfaces = vec![ClusterSurface::default(); graph.nodes.len()];
-    for ((fine, clusters), of) in found.iter().zip(&graph.of) {
-        for (i, c) in clusters.of.iter().enumerate() {
+    for ((fine, clusters), of) in refined.iter().zip(&graph.nodes_of_clusters) {
+        for (i, c) in clusters.cluster_of.iter().enumerate() {
             let Some(skin) = of.get(*c as usize).and_then(|n| cluster_surfaces.get_mut(*n as usize)) else { continue };
             skin.points.push((fine.points[i], fine.normals[i]));
             skin.areas.push(fine.areas[i]);
@@ -162,10 +168,11 @@ fn warn_floating_pieces(tree: &mut MeshPlant, options: &SkeletonOptions) {
     if let Some(p) = high_up.first() {
         let (file, n) = (&options.name, high_up.len());
         let message = format!(
-            "\"{file}\": {n} pieces of wood hang in the air, the first at ({:.2}, {:.2}, {:.2}); they stand still where they begin",
+            "\"{file}\": {n} pieces of wood float, the first at ({:.2}, {:.2}, {:.2}); their bases do not move",
             p.x, p.y, p.z
         );
-        tree.report.push(Diagnostic::about("X019", message).help("let branches begin inside what they grow on"));
+        tree.report
+            .push(Diagnostic::about("X019", message).help("let each branch begin inside the wood that it grows on"));
     }
 }
 
@@ -173,9 +180,9 @@ fn warn_floating_pieces(tree: &mut MeshPlant, options: &SkeletonOptions) {
 struct ClusterSites<'a> {
     graph: &'a SkeletonGraph,
     /// Surface and clusters of each solid piece.
-    found: &'a [(RefinedSurface, Clusters)],
+    refined: &'a [(RefinedSurface, Clusters)],
     /// Of each node of the graph.
-    seats: &'a [ClusterSite],
+    sites: &'a [ClusterSite],
 }
 
 impl MeshPlant {
@@ -184,47 +191,49 @@ impl MeshPlant {
         &mut self,
         imported: &Imported,
         parts: &MeshParts,
-        sites_of: &ClusterSites<'_>,
+        cluster_sites: &ClusterSites<'_>,
         options: &SkeletonOptions,
     ) {
-        // Blades first: those that become organs leave the mesh.
+        // Blades that become organs are removed from the mesh.
         let near = bind::wood_search(&self.plant);
         let left = leaves::place_leaves(&mut self.plant, &imported.mesh, &parts.blades, &near);
         self.warn_rigid_leaves(imported, parts, &left, options);
-        // Vertices of solid wood lie near the node of their own cluster.
-        let mut sites: Vec<Option<Site>> = vec![None; parts.welded.points.len()];
+        // A vertex of solid wood is bound near the node of its own cluster.
+        let mut sites: Vec<Option<AxisPosition>> = vec![None; parts.welded.points.len()];
         let mut loose: Vec<Vec<u32>> = Vec::new();
-        let mut solid = sites_of.found.iter().zip(&sites_of.graph.of);
+        let mut solid = cluster_sites.refined.iter().zip(&cluster_sites.graph.nodes_of_clusters);
         for piece in &parts.wood {
             if !piece.is_solid() {
                 loose.push(piece.welded.clone());
                 continue;
             }
             let Some(((_, clusters), of)) = solid.next() else { continue };
-            for ((w, p), c) in piece.welded.iter().zip(&piece.points).zip(&clusters.of) {
-                let Some(seat) = of.get(*c as usize).and_then(|n| sites_of.seats.get(*n as usize)) else { continue };
-                sites[*w as usize] = Some(bind::vertex_site(&self.plant, *seat, *p));
+            for ((w, p), c) in piece.welded.iter().zip(&piece.points).zip(&clusters.cluster_of) {
+                let Some(site) = of.get(*c as usize).and_then(|n| cluster_sites.sites.get(*n as usize)) else {
+                    continue;
+                };
+                sites[*w as usize] = Some(bind::vertex_site(&self.plant, *site, *p));
             }
         }
         // Loose parts and rigid leaves are bound as a whole, to the nearest wood.
-        let stays = left.large.iter().chain(&left.strange);
-        let welded = |t: &u32| imported.mesh.triangles[*t as usize].map(|i| parts.welded.of[i as usize]);
+        let stays = left.large.iter().chain(&left.unmatched);
+        let welded = |t: &u32| imported.mesh.triangles[*t as usize].map(|i| parts.welded.welded_index[i as usize]);
         loose.extend(stays.clone().map(|i| parts.blades[*i].iter().flat_map(welded).collect()));
         let held = par_map(&loose, |part| {
             let points: Vec<Vec3> = part.iter().map(|i| parts.welded.points[*i as usize]).collect();
-            bind::nearest_wood(&near, &points).map(|h| h.2)
+            bind::nearest_point_of_part(&near, &points).map(|h| h.2)
         });
         for (part, site) in loose.iter().zip(held) {
             part.iter().for_each(|i| sites[*i as usize] = sites[*i as usize].or(site));
         }
         // What remains is the mesh without the organs' triangles.
-        let mut gone = vec![false; imported.mesh.triangles.len()];
-        parts.blades.iter().flatten().for_each(|t| gone[*t as usize] = true);
-        stays.flat_map(|i| &parts.blades[*i]).for_each(|t| gone[*t as usize] = false);
-        let (wood, used) = leaves::remaining_mesh(&imported.mesh, &gone);
+        let mut removed = vec![false; imported.mesh.triangles.len()];
+        parts.blades.iter().flatten().for_each(|t| removed[*t as usize] = true);
+        stays.flat_map(|i| &parts.blades[*i]).for_each(|t| removed[*t as usize] = false);
+        let (wood, used) = leaves::remaining_mesh(&imported.mesh, &removed);
         let site = |i: &u32| {
-            let place = parts.welded.of[*i as usize] as usize;
-            // Corners of triangles without area hang on what is near.
+            let place = parts.welded.welded_index[*i as usize] as usize;
+            // Vertices of degenerate triangles belong to no piece: they are bound to the nearest wood.
             let near = || near.nearest(parts.welded.points[place]).map_or((0, 0.0), |n| n.1);
             sites[place].unwrap_or_else(near)
         };
@@ -250,17 +259,19 @@ impl MeshPlant {
             let help = "separate the leaves: those that share vertices are one";
             self.report.push(Diagnostic::about("X019", message).help(help));
         }
-        if !left.strange.is_empty() {
-            let n = left.strange.len();
-            let message =
-                format!("\"{file}\": {n} leaves differ from all others; they ride on their twigs and do not flutter");
-            let help = "copy a few leaves instead of shaping each: 4096 shapes are kept apart";
+        if !left.unmatched.is_empty() {
+            let n = left.unmatched.len();
+            let message = format!(
+                "\"{file}\": {n} leaves have shapes beyond the first 4096; they move with their twigs and do not flutter"
+            );
+            let help =
+                "copy a few leaf shapes instead of modelling every leaf: at most 4096 different shapes become organs";
             self.report.push(Diagnostic::about("X019", message).help(help));
         }
     }
 }
 
-/// Ids of axes and organs from the plant's.
+/// Sets the ids of axes and organs: hashes of the parent's id and the rank among its children.
 fn assign_ids(plant: &mut Plant) {
     let mut roots = 0_u64;
     let mut ranks = vec![0_u64; plant.axes.len()];

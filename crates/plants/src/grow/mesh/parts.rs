@@ -9,31 +9,34 @@ use osier_base::math;
 use osier_base::par::LookupMap;
 use osier_import::Imported;
 
-/// Points nearer than this share of the box's diagonal are one.
+/// Points nearer than this share of the bounding box's diagonal are welded: above the rounding of exported text, below the width
+/// of the thinnest twigs.
 const WELD_DISTANCE: f32 = 1e-5;
-/// A part is a blade by its shape if it is so much flatter than it is wide,
+/// A part is a blade by its shape if the variance of its points across its plane is below this share of the middle one,
 const MAX_FLATNESS: f64 = 0.02;
-/// or if what would close it is so large a share of its area,
+/// or if the area that would close its holes exceeds this share of its own area,
 const MAX_OPEN_SHARE: f64 = 0.3;
-/// and if it has no more than this share of all area.
-const MAX_BLADE_AREA: f64 = 0.05;
+/// and if its area is below this share of the whole mesh: a trunk made of one open sheet is no leaf.
+const MAX_BLADE_AREA_SHARE: f64 = 0.05;
 /// A stalk has less than this share of its blade's area, and lies no farther from it than this share of the blade's size.
-const STALK: (f64, f32) = (0.25, 0.03);
-/// Fewest points of a piece of wood that gets axes of its own.
+const STALK_AREA_SHARE: f64 = 0.25;
+/// See [`STALK_AREA_SHARE`].
+const STALK_GAP_SHARE: f32 = 0.03;
+/// Fewest points of a piece of wood that gets axes of its own; smaller ones are bound to the nearest wood.
 const MIN_WOOD_POINTS: usize = 12;
-/// Volume below this share of area^1.5 is none.
+/// A volume below this share of area^(3/2) counts as zero; a sphere has 0.094.
 const MIN_VOLUME_RATIO: f64 = 1e-4;
 
 /// Points welded by position.
 #[derive(Debug)]
 pub(super) struct WeldedPoints {
     /// Index into `points` of each point of the mesh.
-    pub of: Vec<u32>,
+    pub welded_index: Vec<u32>,
     /// Distinct positions, m.
     pub points: Vec<Vec3>,
 }
 
-/// A number of points, triangles, patches or nodes as an index. All are at most the numbers of points and triangles of an imported
+/// A number of points, triangles, patches or nodes as a 32-bit index. All are at most the numbers of points and triangles of an imported
 /// mesh, whose indices have 32 bits.
 #[allow(clippy::cast_possible_truncation, reason = "indices of an imported mesh have 32 bits")]
 pub(super) fn index(n: usize) -> u32 {
@@ -43,13 +46,13 @@ pub(super) fn index(n: usize) -> u32 {
 /// Connected triangles, by index into the mesh.
 pub(super) type TrianglePatch = Vec<u32>;
 
-/// The triangles of a mesh by what they are.
+/// The triangles of a mesh, classified.
 #[derive(Debug)]
 pub(super) struct MeshParts {
     pub welded: WeldedPoints,
     /// Triangles of each leaf.
     pub blades: Vec<TrianglePatch>,
-    /// Pieces of wood, largest volume of work first as the file has them.
+    /// Pieces of wood, in the order of the file.
     pub wood: Vec<WoodPiece>,
 }
 
@@ -62,54 +65,58 @@ pub(super) struct WoodPiece {
     pub welded: Vec<u32>,
     /// Area of the surface, m^2.
     pub area: f64,
-    /// Holes closed, m^3; the surface may face inwards.
+    /// Enclosed volume once holes are closed, m^3; negative if the surface faces inwards.
     pub volume: f64,
-    /// Of what closes its holes, m^2.
-    caps: f64,
+    /// Area of the triangle fans that close its holes, m^2.
+    cap_area: f64,
 }
 
 impl WoodPiece {
-    /// Radius of the tube of this area and volume, m.
+    /// Radius of the tube of this area and volume, m: V / A = r / 2.
     pub fn radius(&self) -> f64 {
         2.0 * self.volume.abs() / self.area
     }
 
-    /// True if it can have axes.
+    /// True if it has enough points and encloses a volume, so that it can have axes.
     pub fn is_solid(&self) -> bool {
         let root = math::sqrt(self.area);
         self.points.len() >= MIN_WOOD_POINTS
             && self.volume.abs() > MIN_VOLUME_RATIO * root * self.area
-            && self.caps < MAX_OPEN_SHARE * self.area
+            && self.cap_area < MAX_OPEN_SHARE * self.area
     }
 }
 
-/// Sorts the triangles of a mesh. `words`: in lower case; an object or a material whose name holds one is a blade.
+/// Splits the triangles of a mesh into blades and pieces of wood. `words`: in lower case; an object or a material whose name holds
+/// one is a blade.
 pub(super) fn classify_triangles(imported: &Imported, words: &[String]) -> MeshParts {
     let mesh = &imported.mesh;
     let welded = weld(&mesh.points);
     let triangles: Vec<[u32; 3]> =
-        mesh.triangles.iter().map(|t| t.map(|i| welded.of.get(i as usize).copied().unwrap_or(0))).collect();
+        mesh.triangles.iter().map(|t| t.map(|i| welded.welded_index.get(i as usize).copied().unwrap_or(0))).collect();
     // Names decide if any matches; otherwise small flat or open surfaces are blades.
     let mut is_blade = blades_by_name(imported, words);
-    let whole: Vec<u32> = (0..).take(triangles.len()).collect();
-    let sound = |t: &&u32| {
+    let all_triangles: Vec<u32> = (0..).take(triangles.len()).collect();
+    let has_area = |t: &&u32| {
         let [a, b, c] = triangles[**t as usize];
         a != b && b != c && c != a
     };
     if !is_blade.contains(&true) {
-        let sound: Vec<u32> = whole.iter().filter(sound).copied().collect();
-        let patches = connected_patches(&triangles, &sound, true);
+        let proper: Vec<u32> = all_triangles.iter().filter(has_area).copied().collect();
+        let patches = connected_patches(&triangles, &proper, true);
         let areas: Vec<f64> = patches.iter().map(|p| area(&welded.points, &triangles, p)).collect();
         let all = areas.iter().fold(0.0, |sum, a| sum + a);
         for (patch, area) in patches.iter().zip(areas) {
-            if area < MAX_BLADE_AREA * all && is_sheet(&welded.points, &triangles, patch) {
+            if area < MAX_BLADE_AREA_SHARE * all && is_sheet(&welded.points, &triangles, patch) {
                 patch.iter().for_each(|t| is_blade[*t as usize] = true);
             }
         }
     }
-    let of = |blade: bool| -> Vec<u32> { whole.iter().filter(|t| is_blade[**t as usize] == blade).copied().collect() };
+    // Leaves may touch in single vertices, wood is connected by edges.
+    let of = |blade: bool| -> Vec<u32> {
+        all_triangles.iter().filter(|t| is_blade[**t as usize] == blade).copied().collect()
+    };
     let blades = merge_stalks(&welded.points, &triangles, connected_patches(&triangles, &of(true), false));
-    let solid: Vec<u32> = of(false).iter().filter(sound).copied().collect();
+    let solid: Vec<u32> = of(false).iter().filter(has_area).copied().collect();
     let wood =
         connected_patches(&triangles, &solid, true).iter().map(|p| wood_piece(&welded.points, &triangles, p)).collect();
     MeshParts { welded, blades, wood }
@@ -144,6 +151,8 @@ fn weld(points: &[Vec3]) -> WeldedPoints {
     let mut of = Vec::with_capacity(points.len());
     for p in points {
         let [x, y, z] = low(*p);
+        // The cell of the point shifted by half a cell and its seven upper neighbours cover every point within half a
+        // cell's width.
         let cells = (0..8).map(|k| [x + (k & 1), y + (k >> 1 & 1), z + (k >> 2)]);
         let found = cells.filter_map(|c| last.get(&c).copied()).find_map(|top| {
             std::iter::successors(Some(top), |i| before.get(*i as usize).copied().filter(|b| *b != u32::MAX))
@@ -158,7 +167,7 @@ fn weld(points: &[Vec3]) -> WeldedPoints {
             own_index
         }));
     }
-    WeldedPoints { of, points: places }
+    WeldedPoints { welded_index: of, points: places }
 }
 
 /// Disjoint sets (union-find with path halving); the lowest member represents a set.
@@ -188,10 +197,10 @@ impl DisjointSets {
     }
 }
 
-/// Some of the triangles, in runs that share edges (or only points), each in the order of the file.
-fn connected_patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Vec<TrianglePatch> {
-    let mut links: Vec<([u32; 2], u32)> = Vec::with_capacity(some.len() * 3);
-    for (k, t) in (0..).zip(some) {
+/// The connected components of a subset of the triangles, by shared edges or by shared points, each in the order of the file.
+fn connected_patches(triangles: &[[u32; 3]], subset: &[u32], by_edges: bool) -> Vec<TrianglePatch> {
+    let mut links: Vec<([u32; 2], u32)> = Vec::with_capacity(subset.len() * 3);
+    for (k, t) in (0..).zip(subset) {
         let [a, b, c] = triangles[*t as usize];
         if by_edges {
             links.extend([(a, b), (b, c), (c, a)].map(|(a, b)| ([a.min(b), a.max(b)], k)));
@@ -201,15 +210,15 @@ fn connected_patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Ve
     }
     // Triangles with equal keys (edges or points) are connected.
     links.sort_unstable();
-    let mut sets = DisjointSets::new(some.len());
+    let mut sets = DisjointSets::new(subset.len());
     for w in links.windows(2) {
         if w[0].0 == w[1].0 {
             sets.join(w[0].1, w[1].1);
         }
     }
-    let mut place = vec![u32::MAX; some.len()];
+    let mut place = vec![u32::MAX; subset.len()];
     let mut out: Vec<TrianglePatch> = Vec::new();
-    for (k, t) in (0..).zip(some) {
+    for (k, t) in (0..).zip(subset) {
         let root = sets.find(k) as usize;
         if place[root] == u32::MAX {
             place[root] = index(out.len());
@@ -220,10 +229,12 @@ fn connected_patches(triangles: &[[u32; 3]], some: &[u32], by_edges: bool) -> Ve
     out
 }
 
+/// Corners of a triangle in double precision, m.
 fn corners(points: &[Vec3], t: [u32; 3]) -> [DVec3; 3] {
     t.map(|i| points[i as usize].as_dvec3())
 }
 
+/// Area of a patch, m^2.
 fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> f64 {
     let one = |t: &u32| {
         let [a, b, c] = corners(points, triangles[*t as usize]);
@@ -235,9 +246,10 @@ fn area(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> f64 {
 /// True for what is flat, and for what is so open that it encloses nothing.
 fn is_sheet(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> bool {
     let piece = wood_piece(points, triangles, patch);
-    if piece.caps > MAX_OPEN_SHARE * piece.area {
+    if piece.cap_area > MAX_OPEN_SHARE * piece.area {
         return true;
     }
+    // Covariance of the points (times their number): its eigenvalues are the variances along the principal axes.
     let n = piece.points.len() as f64;
     let middle = piece.points.iter().fold(DVec3::ZERO, |s, p| s + p.as_dvec3()) / n;
     let spread = piece.points.iter().fold(DMat3::ZERO, |m, p| {
@@ -248,9 +260,11 @@ fn is_sheet(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> b
     least < MAX_FLATNESS * mid
 }
 
-/// Of a symmetric matrix, rising.
+/// Eigenvalues of a symmetric matrix in rising order.
 /// Source: O. K. Smith, "Eigenvalues of a symmetric 3x3 matrix", CACM 4(4), 1961.
 fn eigenvalues(m: &DMat3) -> [f64; 3] {
+    // With q the mean of the diagonal and p^2 = tr((M - q I)^2) / 6, the eigenvalues are q + 2 p cos(a + 2 pi k / 3),
+    // where cos(3 a) = det((M - q I) / p) / 2.
     let q = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
     let off = m.x_axis.y * m.x_axis.y + m.x_axis.z * m.x_axis.z + m.y_axis.z * m.y_axis.z;
     let d = DVec3::new(m.x_axis.x - q, m.y_axis.y - q, m.z_axis.z - q);
@@ -265,9 +279,11 @@ fn eigenvalues(m: &DMat3) -> [f64; 3] {
     [least, 3.0 * q - most - least, most]
 }
 
-/// Direction of the least eigenvalue of a symmetric matrix.
+/// Unit eigenvector of the least eigenvalue of a symmetric matrix.
 pub(super) fn least_axis(m: &DMat3) -> DVec3 {
     let [least, ..] = eigenvalues(m);
+    // The rows of M - lambda I are perpendicular to the eigenvector: the longest cross product of two of them gives
+    // it best.
     let rest = *m - DMat3::from_diagonal(DVec3::splat(least));
     let (x, y, z) = (rest.x_axis, rest.y_axis, rest.z_axis);
     let crosses = [x.cross(y), y.cross(z), z.cross(x)];
@@ -293,10 +309,10 @@ fn merge_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<TrianglePa
     // A stalk is much smaller than its blade, stands next to it in the file, and almost touches it.
     let mut joined = DisjointSets::new(patches.len());
     for i in 0..patches.len() {
-        let beside = [i.checked_sub(1), Some(i + 1).filter(|n| *n < patches.len())];
-        let blades = beside.into_iter().flatten().filter(|n| areas[i] < STALK.0 * areas[*n]);
+        let adjacent = [i.checked_sub(1), Some(i + 1).filter(|n| *n < patches.len())];
+        let blades = adjacent.into_iter().flatten().filter(|n| areas[i] < STALK_AREA_SHARE * areas[*n]);
         let nearest = blades.map(|n| (gap(i, n), n)).min_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((_, n)) = nearest.filter(|(gap, _)| *gap < STALK.1) {
+        if let Some((_, n)) = nearest.filter(|(gap, _)| *gap < STALK_GAP_SHARE) {
             joined.join(index(i), index(n));
         }
     }
@@ -313,6 +329,7 @@ fn merge_stalks(points: &[Vec3], triangles: &[[u32; 3]], patches: Vec<TrianglePa
     out
 }
 
+/// A patch as a mesh of its own, with area and volume.
 fn wood_piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) -> WoodPiece {
     let mut welded: Vec<u32> = patch.iter().flat_map(|t| triangles[*t as usize]).collect();
     welded.sort_unstable();
@@ -320,15 +337,17 @@ fn wood_piece(points: &[Vec3], triangles: &[[u32; 3]], patch: &TrianglePatch) ->
     let local = |i: u32| index(welded.partition_point(|w| *w < i));
     let own: Vec<[u32; 3]> = patch.iter().map(|t| triangles[*t as usize].map(local)).collect();
     let own_points: Vec<Vec3> = welded.iter().map(|i| points[*i as usize]).collect();
-    let (area, volume, caps) = measure(&own_points, &own);
-    WoodPiece { points: own_points, triangles: own, welded, area, volume, caps }
+    let (area, volume, cap_area) = measure(&own_points, &own);
+    WoodPiece { points: own_points, triangles: own, welded, area, volume, cap_area }
 }
 
-/// Area, volume with fans over the holes, and the area of these fans.
+/// Area, m^2, volume, m^3, with fans over the holes, and the area of these fans, m^2.
 fn measure(points: &[Vec3], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
+    // Volume by the divergence theorem: the sum of a . (b x c) / 6 over the triangles, about the centroid for the
+    // sake of rounding.
     let middle = points.iter().fold(DVec3::ZERO, |s, p| s + p.as_dvec3()) / points.len().max(1) as f64;
     let at = |i: u32| points[i as usize].as_dvec3() - middle;
-    let (mut area, mut volume, mut caps) = (0.0, 0.0, 0.0);
+    let (mut area, mut volume, mut cap_area) = (0.0, 0.0, 0.0);
     let mut edges: Vec<([u32; 2], [u32; 2])> = Vec::with_capacity(triangles.len() * 3);
     for t in triangles {
         let [a, b, c] = t.map(at);
@@ -343,18 +362,18 @@ fn measure(points: &[Vec3], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
         edges.chunk_by(|a, b| a.0 == b.0).filter_map(|run| if let [e] = run { Some(e.1) } else { None }).collect();
     let mut loops = DisjointSets::new(points.len());
     free.iter().for_each(|[a, b]| _ = loops.join(*a, *b));
-    let mut hubs: Vec<(DVec3, f64)> = vec![(DVec3::ZERO, 0.0); points.len()];
+    let mut loop_sums: Vec<(DVec3, f64)> = vec![(DVec3::ZERO, 0.0); points.len()];
     for [a, _] in &free {
-        let hub = &mut hubs[loops.find(*a) as usize];
+        let hub = &mut loop_sums[loops.find(*a) as usize];
         *hub = (hub.0 + at(*a), hub.1 + 1.0);
     }
     for [a, b] in &free {
-        let (sum, n) = hubs[loops.find(*a) as usize];
+        let (sum, n) = loop_sums[loops.find(*a) as usize];
         let (a, b, hub) = (at(*a), at(*b), sum / n);
-        caps += (b - a).cross(hub - a).length() * 0.5;
+        cap_area += (b - a).cross(hub - a).length() * 0.5;
         volume += b.dot(a.cross(hub)) / 6.0;
     }
-    (area, volume, caps)
+    (area, volume, cap_area)
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! A piece of wood cut finely enough for its clusters: long triangles have no points where the axis needs them.
+//! Subdivides the surface of a piece of wood: clusters are sets of vertices, and long triangles have none where the axis needs
+//! them.
 
 use glam::Vec3;
 
@@ -7,9 +8,9 @@ use super::thickness;
 use osier_base::math;
 use osier_base::par::LookupMap;
 
-/// Longest edge, in clusters.
+/// Longest edge, in sizes of a cluster; finer edges give smoother centrelines and cost time in proportion to the square.
 const MAX_EDGE: f32 = 0.25;
-/// Most points of a piece; beyond it edges stay long.
+/// Most points of a piece; beyond it edges stay long, and the skeleton becomes coarser.
 const MAX_POINTS: usize = 2_000_000;
 
 /// A piece's surface as clusters see it. The piece's own points come first.
@@ -24,9 +25,9 @@ pub(super) struct RefinedSurface {
     pub sizes: Vec<f32>,
     /// A third of the area around, m^2.
     pub areas: Vec<f64>,
-    /// Neighbours of point `i`: `around[first[i]..first[i + 1]]`.
-    first: Vec<u32>,
-    around: Vec<u32>,
+    /// Neighbours of point `i`: `neighbour_list[first_neighbour[i]..first_neighbour[i + 1]]`.
+    first_neighbour: Vec<u32>,
+    neighbour_list: Vec<u32>,
 }
 
 /// How large clusters are.
@@ -38,7 +39,7 @@ pub(super) struct ClusterSizes {
     pub least: f32,
 }
 
-/// Length of a cluster in radii.
+/// Length of a cluster along the wood, in radii. Smaller clusters break rings into patches, larger ones miss bends.
 const CLUSTER_RADII: f32 = 3.0;
 
 impl ClusterSizes {
@@ -55,7 +56,8 @@ impl RefinedSurface {
         let mut points = piece.points.clone();
         let mut triangles = piece.triangles.clone();
         let mut cuts: LookupMap<[u32; 2], EdgeSplit> = LookupMap::default();
-        // Divide every edge longer than a quarter of a cluster; position, normal and radius are linear along it.
+        // Divide every edge longer than a quarter of a cluster; position, normal and radius are linear along it. Each edge is divided
+        // once, whichever of its triangles comes first, so that the surface stays closed.
         for e in triangles.iter().flat_map(|t| edges(*t)) {
             if cuts.get(&e).is_some() {
                 continue;
@@ -64,8 +66,8 @@ impl RefinedSurface {
             let longest = MAX_EDGE * sizes.at(radii[a].min(radii[b]));
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most 4096")]
             let parts = (points[a].distance(points[b]) / longest).ceil().clamp(1.0, 4096.0) as u16;
-            let room = points.len() + usize::from(parts) < MAX_POINTS;
-            let cut = EdgeSplit { first: index(points.len()), count: if room { parts - 1 } else { 0 } };
+            let fits = points.len() + usize::from(parts) < MAX_POINTS;
+            let cut = EdgeSplit { first: index(points.len()), count: if fits { parts - 1 } else { 0 } };
             for k in 1..=cut.count {
                 let t = f32::from(k) / f32::from(parts);
                 points.push(points[a].lerp(points[b], t));
@@ -74,31 +76,35 @@ impl RefinedSurface {
             }
             cuts.insert(e, cut);
         }
-        // Divide the triangles between the new points of their edges, then sum a third of each area at its corners.
+        // Divide the triangles between the new points of their edges.
         triangles = triangles.iter().flat_map(|t| strip(*t, &cuts)).collect();
         let sizes = radii.iter().map(|r| sizes.at(*r)).collect();
-        let (first, around) = neighbours(points.len(), &triangles);
+        let (first_neighbour, neighbour_list) = adjacency(points.len(), &triangles);
+        // Lumped areas: a third of each triangle at each of its corners (|cross| / 6).
         let mut areas = vec![0.0; points.len()];
         for t in &triangles {
             let [a, b, c] = t.map(|i| points[i as usize].as_dvec3());
             let third = (b - a).cross(c - a).length() / 6.0;
             t.iter().for_each(|i| areas[*i as usize] += third);
         }
-        Self { points, normals, radii, sizes, areas, first, around }
+        Self { points, normals, radii, sizes, areas, first_neighbour, neighbour_list }
     }
 
     /// Points that share an edge with point `i`.
-    pub fn around(&self, i: u32) -> &[u32] {
-        &self.around[self.first[i as usize] as usize..self.first[i as usize + 1] as usize]
+    pub fn neighbours(&self, i: u32) -> &[u32] {
+        let first = &self.first_neighbour;
+        &self.neighbour_list[first[i as usize] as usize..first[i as usize + 1] as usize]
     }
 
-    /// Clusters that the surface has room for: its length over their size, the length being its area over its girth.
-    pub fn room(&self) -> f64 {
+    /// Number of clusters that fit: the integral of dA / (2 pi r size) over the surface, the length of the wood over that of a
+    /// cluster.
+    pub fn estimated_clusters(&self) -> f64 {
         let one = |i: usize| self.areas[i] / (std::f64::consts::TAU * f64::from(self.radii[i] * self.sizes[i]));
         (0..self.points.len()).fold(0.0, |sum, i| sum + one(i))
     }
 }
 
+/// The edges of a triangle, each from its lower index to its higher one.
 fn edges([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
     [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)])
 }
@@ -135,9 +141,11 @@ fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<[u32; 3]> {
     let mut out = Vec::with_capacity(p.len() + q.len() + foot.len());
     let (mut i, mut j) = (0, 0);
     let (np, nq) = (p.len() - 1, q.len() - 1);
+    // Advance along both sides at equal shares of their length, so that the triangles of the strip are no slimmer
+    // than needed.
     while i < np || j < nq {
         let last = i + j + 1 == np + nq;
-        // The one that lags behind goes on.
+        // Compare (i + 1) / np with (j + 1) / nq: the side that lags behind advances.
         let on_p = j == nq || i < np && (i + 1) * nq <= (j + 1) * np;
         if i == 0 && j == 0 {
             (i, j) = (1, 1);
@@ -150,6 +158,7 @@ fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<[u32; 3]> {
         }
         match (last, on_p) {
             (true, _) => {
+                // The last step fans over the points of the foot.
                 let from = if on_p { p[i] } else { q[j] };
                 out.extend(foot.windows(2).map(|w| [from, w[0], w[1]]));
             }
@@ -161,10 +170,12 @@ fn strip(t: [u32; 3], cuts: &LookupMap<[u32; 2], EdgeSplit>) -> Vec<[u32; 3]> {
     out
 }
 
-fn neighbours(n: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+/// Vertices that share an edge with each vertex, as compressed rows: first index of each row, and all rows.
+fn adjacency(n: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     let mut links: Vec<[u32; 2]> = triangles.iter().flat_map(|t| edges(*t)).collect();
     links.sort_unstable();
     links.dedup();
+    // Compressed sparse rows by a counting sort: count, running sum, fill.
     let mut first = vec![0_u32; n + 1];
     links.iter().flatten().for_each(|i| first[*i as usize + 1] += 1);
     for i in 0..n {

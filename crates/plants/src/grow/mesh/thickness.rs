@@ -13,17 +13,18 @@ use super::parts::WoodPiece;
 use osier_base::math;
 use osier_base::par::par_chunks;
 
-/// Points that one thread measures at a time.
+/// Points that one task measures; results do not depend on it.
 const CHUNK: usize = 1024;
-/// Tilted rays beside the one straight in, and how far they are tilted, rad.
+/// Rays of the cone besides the one straight in, and the half angle of the cone, rad. A wider cone hits the walls of forks,
+/// a narrower one measures a single direction seven times.
 const RAYS: u8 = 6;
 const TILT: f32 = 0.6;
-/// Rounds in which a point takes the mean of its neighbours.
+/// Passes of Laplacian smoothing of the radii over the surface.
 const SMOOTHING_PASSES: usize = 2;
-/// A radius lies between these shares of the piece's own.
+/// A radius is clamped to this range, in mean radii of the piece; rays through gaps in the mesh measure nonsense.
 const RADIUS_RANGE: [f32; 2] = [0.02, 50.0];
 
-/// Sum of the normals around each point times area: outwards, whichever way the surface faces.
+/// Unit normals at the points, the area-weighted mean of the faces around: outwards, whichever way the surface faces.
 pub(super) fn normals(piece: &WoodPiece) -> Vec<Vec3> {
     let side = if piece.volume < 0.0 { -1.0 } else { 1.0 };
     let mut sums = vec![Vec3::ZERO; piece.points.len()];
@@ -49,6 +50,7 @@ pub(super) fn radii(piece: &WoodPiece, normals: &[Vec3]) -> Vec<f32> {
     smooth(piece, measured)
 }
 
+/// Each radius becomes the mean of itself and its neighbours (one count per shared triangle), [`SMOOTHING_PASSES`] times.
 fn smooth(piece: &WoodPiece, radii: Vec<f32>) -> Vec<f32> {
     let mut radii = radii;
     for _ in 0..SMOOTHING_PASSES {
@@ -65,10 +67,10 @@ fn smooth(piece: &WoodPiece, radii: Vec<f32>) -> Vec<f32> {
     radii
 }
 
-/// The triangles of a piece with their tree of boxes.
+/// The triangles of a piece in a bounding volume hierarchy, for rays that measure its thickness.
 struct ThicknessRays {
     tree: CwBvh,
-    /// In the order of the tree: a corner and both edges from it.
+    /// In the order of the hierarchy's leaves: a corner and both edges from it.
     faces: Vec<[Vec3; 3]>,
 }
 
@@ -92,21 +94,25 @@ impl ThicknessRays {
         Self { tree, faces }
     }
 
+    /// Half the median length of a cone of rays from `p` to the opposite wall, m. `n`: outward normal; `whole`: mean radius.
     fn radius(&self, p: Vec3, n: Vec3, whole: f32) -> f32 {
+        // Directions of the cone around -n, evenly spaced about it.
         let (x, y) = (math::perpendicular(n), n.cross(math::perpendicular(n)));
         let (sin, cos) = (math::sin_f32(TILT), math::cos_f32(TILT));
         let tilted = (0..RAYS).map(|k| {
             let a = f32::from(k) * (std::f32::consts::TAU / f32::from(RAYS));
             n * -cos + (x * math::cos_f32(a) + y * math::sin_f32(a)) * sin
         });
+        // Start a little below the surface, so that no ray hits the triangle that it starts from.
         let start = p - n * (whole * 1e-3);
         let mut ways: Vec<f32> = std::iter::once(-n).chain(tilted).filter_map(|d| self.ray_length(start, d)).collect();
         ways.sort_by(f32::total_cmp);
+        // The median ignores the few rays that leave through an opening or run along the branch.
         let median = ways.get(ways.len() / 2).map_or(whole, |d| d * 0.5);
         median.clamp(whole * RADIUS_RANGE[0], whole * RADIUS_RANGE[1])
     }
 
-    /// How far a ray goes until it meets a wall.
+    /// Length of a ray up to the nearest triangle; `None` if it hits none.
     fn ray_length(&self, from: Vec3, along: Vec3) -> Option<f32> {
         let ray = Ray::new_inf(from.into(), along.into());
         let mut hit = RayHit::none();
@@ -122,6 +128,7 @@ impl ThicknessRays {
     }
 }
 
+/// Ray parameter of the hit with a triangle, from either side; `None` if the ray misses.
 /// Source: T. Moeller, B. Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
 fn ray_triangle([a, ab, ac]: &[Vec3; 3], from: Vec3, along: Vec3) -> Option<f32> {
     let across = along.cross(*ac);
@@ -129,6 +136,7 @@ fn ray_triangle([a, ab, ac]: &[Vec3; 3], from: Vec3, along: Vec3) -> Option<f32>
     if det.abs() < f32::MIN_POSITIVE {
         return None;
     }
+    // Barycentric coordinates u, v and the ray parameter t by Cramer's rule.
     let away = from - *a;
     let u = away.dot(across) / det;
     let lift = away.cross(*ab);

@@ -8,9 +8,9 @@ use osier_base::math;
 use osier_base::rng::{child, mix64, word};
 use osier_scene::plant::{Axis, AxisEnd, AxisKind, NONE, Organ, Plant, Proto};
 
-/// Nodes nearer to each other than this are one, m.
+/// Nodes nearer to each other than this are merged, m. Shorter segments have no reliable direction in single precision.
 const MIN_SEGMENT: f64 = 1e-6;
-/// Thinnest radius, m.
+/// Thinnest radius, m; keeps rings of the loft from collapsing to points.
 const MIN_RADIUS: f64 = 1e-6;
 /// Length of the axis that carries the organs of a string without axes, m.
 const STUB: f64 = 1e-3;
@@ -42,7 +42,7 @@ struct RawAxis {
     /// Indices of the first and the last node.
     first: u32,
     last: u32,
-    /// Number of nodes.
+    /// Number of nodes; an axis of one node has no segment yet.
     count: u32,
 }
 
@@ -61,19 +61,19 @@ pub(super) struct ProtoRange {
 }
 
 impl ProtoRange {
-    /// One prototype.
+    /// The range of a prototype without variants.
     pub fn single(proto: u16) -> Self {
         Self { first: proto, count: 1 }
     }
 
     /// The prototype that a hash picks.
-    #[allow(clippy::cast_possible_truncation, reason = "a remainder by a 16-bit number")]
+    #[allow(clippy::cast_possible_truncation, reason = "a remainder by a 16-bit index32")]
     pub fn pick(self, hash: u64) -> u16 {
         self.first.saturating_add((hash % u64::from(self.count.max(1))) as u16)
     }
 }
 
-/// Size of an organ.
+/// How large an organ is placed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OrganSize {
     /// Scale of the prototype.
@@ -105,7 +105,7 @@ pub(super) struct PlantBuilder {
 
 /// An index in 32 bits. The limits of nodes and organs are checked before anything is added, and lie far below.
 #[allow(clippy::cast_possible_truncation, reason = "the limits keep counts below 2^32")]
-fn number(i: usize) -> u32 {
+fn index32(i: usize) -> u32 {
     debug_assert!(i < NONE as usize, "a count beyond its limit");
     i as u32
 }
@@ -123,11 +123,11 @@ impl PlantBuilder {
 
     /// Begins an axis with its first node; returns its index.
     pub fn begin_axis(&mut self, parent: Option<NodeSite>, ordinal: u64, node: RawNode) -> u32 {
-        let i = number(self.nodes.len());
+        let i = index32(self.nodes.len());
         self.nodes.push(node);
         let NodeSite { axis: parent, node: parent_node } = parent.unwrap_or(NodeSite { axis: NONE, node: NONE });
         self.axes.push(RawAxis { parent, parent_node, ordinal, first: i, last: i, count: 1 });
-        number(self.axes.len() - 1)
+        index32(self.axes.len() - 1)
     }
 
     /// A node that is not linked yet.
@@ -147,7 +147,7 @@ impl PlantBuilder {
 
     /// Adds a node at the end of an axis, unless it would lie within [`MIN_SEGMENT`] of the last one.
     pub fn extend(&mut self, axis: u32, mut node: RawNode) {
-        let i = number(self.nodes.len());
+        let i = index32(self.nodes.len());
         let Some(a) = self.axes.get_mut(axis as usize) else { return };
         let Some(last) = self.nodes.get_mut(a.last as usize) else { return };
         let length = (node.p - last.p).length();
@@ -160,14 +160,15 @@ impl PlantBuilder {
         self.nodes.push(node);
     }
 
-    /// Adds an organ.
+    /// Records an organ; its axis and arc length are settled by [`finish`](Self::finish).
     pub fn add_organ(&mut self, organ: RawOrgan) {
         self.organs.push(organ);
     }
 
     /// Builds the plant: axes depth first, organs by axis and arc length. `steps`: derivation steps, which become growth time 0..1.
     pub fn finish(mut self, plant_id: u32, seed: u64, steps: u32, options: &TurtleOptions) -> Plant {
-        self.add_stub();
+        // A string that draws organs but no segment still needs an axis to carry them.
+        self.add_stub_axis();
         let order = self.canonical_order();
         let mut plant = Plant {
             id: plant_id,
@@ -178,19 +179,20 @@ impl PlantBuilder {
         };
         let growth = GrowthClock { last: f64::from(steps.max(1)) };
         // Index in the plant of each axis as drawn.
-        let mut placed_at = vec![NONE; self.axes.len()];
+        let mut plant_axis = vec![NONE; self.axes.len()];
         let mut roots = 0_u64;
         for &raw in &order {
-            placed_at[raw] = number(plant.axes.len());
-            self.add_axis(&mut plant, &self.axes[raw], &placed_at, &mut roots, growth);
+            plant_axis[raw] = index32(plant.axes.len());
+            self.add_axis(&mut plant, &self.axes[raw], &plant_axis, &mut roots, growth);
         }
-        self.add_organs(&mut plant, &placed_at, growth);
+        // Organs last: their frames come from the nodes that are now in place.
+        self.add_organs(&mut plant, &plant_axis, growth);
         plant.protos = self.protos;
         plant
     }
 
     /// Organs need an axis; a string without one gets a stub. Axes of one node are left out.
-    fn add_stub(&mut self) {
+    fn add_stub_axis(&mut self) {
         let has_axis = self.axes.iter().any(|a| a.count > 1);
         let Some(first) = self.organs.first().copied().filter(|_| !has_axis) else { return };
         let h = first.pose.q * DVec3::Y;
@@ -204,7 +206,7 @@ impl PlantBuilder {
     fn canonical_order(&self) -> Vec<usize> {
         let s = |a: &RawAxis| self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
         let is_child = |i: &usize| self.axes[*i].parent != NONE && self.axes[*i].count > 1;
-        // Children gathered by parent, each family then by itself: families are small.
+        // A counting sort by parent: `children[first[p]..first[p + 1]]` are the children of axis p.
         let mut first = vec![0_usize; self.axes.len() + 1];
         for c in (0..self.axes.len()).filter(is_child) {
             first[self.axes[c].parent as usize + 1] += 1;
@@ -219,12 +221,15 @@ impl PlantBuilder {
             children[*slot] = c;
             *slot += 1;
         }
+        // Order the children of each axis by their place on it; equal places by lineage, which does not depend on
+        // threads.
         for family in first.windows(2) {
             children[family[0]..family[1]].sort_unstable_by(|&x, &y| {
                 let (a, b) = (&self.axes[x], &self.axes[y]);
                 s(a).total_cmp(&s(b)).then(a.ordinal.cmp(&b.ordinal)).then(x.cmp(&y))
             });
         }
+        // Depth-first traversal with an explicit stack: plants may be deeper than the call stack.
         let is_root = |i: &usize| self.axes[*i].parent == NONE && self.axes[*i].count > 1;
         let mut stack: Vec<usize> = (0..self.axes.len()).filter(is_root).rev().collect();
         let mut order = Vec::with_capacity(self.axes.len());
@@ -236,10 +241,11 @@ impl PlantBuilder {
     }
 
     /// Appends an axis and its nodes to the plant. `roots`: number of root axes so far, which gives roots their ids.
-    fn add_axis(&self, plant: &mut Plant, a: &RawAxis, placed_at: &[u32], roots: &mut u64, growth: GrowthClock) {
-        let parent = placed_at.get(a.parent as usize).copied().unwrap_or(NONE);
+    fn add_axis(&self, plant: &mut Plant, a: &RawAxis, plant_axis: &[u32], roots: &mut u64, growth: GrowthClock) {
+        let parent = plant_axis.get(a.parent as usize).copied().unwrap_or(NONE);
         let (id, order, parent_s) = match plant.axes.get(parent as usize) {
             Some(p) => {
+                // Ids hash the path from the root, so that a new branch elsewhere changes none.
                 let s = self.nodes.get(a.parent_node as usize).map_or(0.0, |n| n.s);
                 let id = mix64(&[p.id, word("axis"), a.ordinal]);
                 (id, p.order.saturating_add(1), math::narrow(s).clamp(0.0, p.length))
@@ -258,8 +264,8 @@ impl PlantBuilder {
             parent_s,
             order,
             kind: AxisKind::Stem,
-            first: number(first),
-            count: number(last + 1 - first),
+            first: index32(first),
+            count: index32(last + 1 - first),
             length: plant.nodes.s[last],
             s_exposed: 0.0,
             material: 0,
@@ -276,6 +282,7 @@ impl PlantBuilder {
         let mut previous = None;
         while let Some(n) = self.nodes.get(i as usize) {
             let outgoing = self.nodes.get(n.next as usize).and_then(|m| (m.p - n.p).try_normalize());
+            // Tangent at a node: the bisector of its two segments; at the ends the direction of the only one.
             let tangent = match (incoming, outgoing) {
                 (Some(c), Some(g)) => (c + g).try_normalize().unwrap_or(c),
                 (Some(c), None) => c,
@@ -287,6 +294,7 @@ impl PlantBuilder {
                 Some(q) => plant.nodes.s.last().copied().unwrap_or(0.0) + p.distance(q),
                 None => 0.0,
             };
+            // A node between two segments of different widths gets their mean.
             let width = match (n.width_in, n.width_out) {
                 (Some(x), Some(y)) => 0.5 * (x + y),
                 (Some(x), None) | (None, Some(x)) => x,
@@ -303,22 +311,23 @@ impl PlantBuilder {
     }
 
     /// Appends the organs in their canonical order, in the frame of their node and with the prototype that their id picks.
-    fn add_organs(&self, plant: &mut Plant, placed_at: &[u32], growth: GrowthClock) {
+    fn add_organs(&self, plant: &mut Plant, plant_axis: &[u32], growth: GrowthClock) {
         let mut placed: Vec<(u32, f32, usize)> = Vec::with_capacity(self.organs.len());
         for (i, o) in self.organs.iter().enumerate() {
             // An axis of one node is not in the plant: its organs belong to the node that carries it.
             let mut site = o.site;
             while let Some(NodeSite { axis, .. }) = site
-                && placed_at.get(axis as usize).is_none_or(|p| *p == NONE)
+                && plant_axis.get(axis as usize).is_none_or(|p| *p == NONE)
             {
                 let raw = self.axes.get(axis as usize).filter(|raw| raw.parent != NONE);
                 site = raw.map(|raw| NodeSite { axis: raw.parent, node: raw.parent_node });
             }
-            let axis = site.map_or(0, |site| placed_at[site.axis as usize]);
+            let axis = site.map_or(0, |site| plant_axis[site.axis as usize]);
             let Some(on) = plant.axes.get(axis as usize) else { continue };
             let s = site.and_then(|site| self.nodes.get(site.node as usize)).map_or(0.0, |n| n.s);
             placed.push((axis, math::narrow(s).clamp(0.0, on.length), i));
         }
+        // Canonical order: axis, arc length, lineage. The index in the order of drawing breaks the remaining ties.
         placed.sort_unstable_by(|a, b| {
             let ordinal = |k: usize| self.organs[k].lineage;
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(ordinal(a.2).cmp(&ordinal(b.2))).then(a.2.cmp(&b.2))
@@ -329,6 +338,7 @@ impl PlantBuilder {
             let on = &plant.axes[axis as usize];
             let site = plant.frame(on, s);
             let id = mix64(&[on.id, word("organ"), o.lineage]);
+            // Organs are stored relative to the frame of their axis, so that they follow when the axis moves.
             let back = site.q.inverse();
             let organ = Organ {
                 id,
@@ -360,7 +370,7 @@ impl GrowthClock {
     }
 }
 
-/// Frame of a node: Y along the tangent, X nearest to the turtle's right.
+/// Frame of a node: Y along the tangent, X as near to the turtle's right as that allows.
 fn node_frame(tangent: DVec3, left: DVec3) -> Quat {
     let mut frame = super::frame::TurtleFrame { h: tangent, l: left, u: DVec3::ZERO };
     frame.orthonormalize();
@@ -375,12 +385,15 @@ pub(in crate::grow) fn set_exposed_lengths(plant: &mut Plant) {
         let Some(parent) = plant.axes.get(axis.parent as usize) else { continue };
         let site = plant.frame(parent, axis.parent_s);
         let t = site.q * Vec3::Y;
+        // Distance of a point from the parent's surface: from the line through the site along the parent's tangent,
+        // less the parent's radius.
         let away = |p: Vec3| {
             let d = p - site.p;
             (d - t * d.dot(t)).length() - site.r
         };
         let range = plant.nodes_of(axis);
         let mut exposed = axis.length;
+        // Find the first segment that ends outside and interpolate linearly where its distance is zero.
         for k in range.start + 1..range.end {
             let (a, b) = (away(plant.nodes.p[k - 1]), away(plant.nodes.p[k]));
             if b >= 0.0 {

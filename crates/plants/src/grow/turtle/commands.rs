@@ -1,4 +1,4 @@
-//! Commands of the turtle by symbol, as cpfg and "The Algorithmic Beauty of Plants" have them.
+//! Commands of the turtle by symbol, as in cpfg and "The Algorithmic Beauty of Plants".
 
 /// A command of one symbol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,8 +37,8 @@ pub(super) enum Command {
     Vertex,
     /// `}` fills the polygon.
     ClosePolygon,
-    /// `_` sets the elasticity of the old tropism.
-    OldElasticity,
+    /// `_` sets the elasticity of the tropism that is applied after steps.
+    TropismElasticity,
     /// `@`: the next symbols are its command.
     At,
     /// `~`: the next symbol names an organ.
@@ -74,7 +74,7 @@ impl Command {
             '{' => Self::OpenPolygon,
             '.' => Self::Vertex,
             '}' => Self::ClosePolygon,
-            '_' => Self::OldElasticity,
+            '_' => Self::TropismElasticity,
             '@' => Self::At,
             '~' => Self::Organ,
             '?' => Self::Query,

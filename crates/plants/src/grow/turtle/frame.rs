@@ -4,7 +4,7 @@ use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
 
 use osier_base::math;
 
-/// An orthonormal right-handed frame, U = H x L.
+/// The turtle's orientation: an orthonormal right-handed frame of heading H, left L and up U = H x L.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct TurtleFrame {
     // Heading, left and up, as in the literature on L-systems.
@@ -38,20 +38,23 @@ impl TurtleFrame {
         self.set_left(self.l);
     }
 
-    /// Takes the left vector nearest to `l`.
+    /// Takes as left the part of `l` that is perpendicular to the heading (one Gram-Schmidt step), and up from both.
     fn set_left(&mut self, l: DVec3) {
+        // Without a perpendicular part, any direction across the heading serves.
         let across = l - self.h * l.dot(self.h);
         self.l = across.normalize_or(self.h.any_orthonormal_vector());
         self.u = self.h.cross(self.l);
     }
 
-    /// The frame with another heading, reached by the smallest turn.
-    pub fn swung_to(&self, h: DVec3) -> Self {
+    /// The frame with another heading, reached by the rotation of least angle, which adds no roll.
+    pub fn with_heading(&self, h: DVec3) -> Self {
+        // Axis and angle of that rotation: H x h is its axis times the sine, H . h the cosine.
         let axis = self.h.cross(h);
         let (s, c) = (axis.length(), self.h.dot(h));
         let mut out = if s > 1e-12 {
             self.rotated(axis / s, c, s)
         } else if c < 0.0 {
+            // The opposite heading: the axis is undefined, so turn by pi about L.
             self.rotated(self.l, -1.0, 0.0)
         } else {
             *self
@@ -61,13 +64,14 @@ impl TurtleFrame {
         out
     }
 
-    /// The frame turned about a unit axis by the angle of cosine `c` and sine `s`.
+    /// The frame turned about a unit axis by the angle of cosine `c` and sine `s` (Rodrigues' formula).
     pub fn rotated(&self, axis: DVec3, c: f64, s: f64) -> Self {
         let turn = |v: DVec3| v * c + axis.cross(v) * s + axis * (axis.dot(v) * (1.0 - c));
         Self { h: turn(self.h), l: turn(self.l), u: turn(self.u) }
     }
 
-    /// No roll: left is horizontal. Nothing happens if the heading is vertical.
+    /// Rolls until left is horizontal (ABOP: L = V x H / |V x H| with V upwards).
+    /// Nothing happens if the heading is vertical.
     pub fn level(&mut self) {
         let l = DVec3::Y.cross(self.h);
         if l.length_squared() > 1e-18 {
@@ -79,7 +83,7 @@ impl TurtleFrame {
     /// Sets heading and, if given, up; without it the smallest turn from `last`.
     pub fn set(&mut self, h: DVec3, up: Option<DVec3>, last: &Self) {
         let Some(h) = h.try_normalize() else { return };
-        *self = last.swung_to(h);
+        *self = last.with_heading(h);
         if let Some(up) = up.and_then(|u| (u - h * u.dot(h)).try_normalize()) {
             (self.h, self.u) = (h, up);
             self.l = up.cross(h);
@@ -92,15 +96,15 @@ impl TurtleFrame {
     }
 }
 
-/// The vector in single precision, each component rounded once.
+/// The vector in single precision, each component rounded to nearest.
 pub(super) fn narrow(v: DVec3) -> Vec3 {
     Vec3::new(math::narrow(v.x), math::narrow(v.y), math::narrow(v.z))
 }
 
-/// Position and orientation of the turtle, or of what it places.
+/// Position and orientation of the turtle, or of an organ that it places.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TurtlePose {
-    /// Position, m.
+    /// Position in plant space, m.
     pub p: DVec3,
     /// Rotation from prototype space: X to the right, Y ahead, Z up.
     pub q: DQuat,
@@ -171,7 +175,7 @@ mod tests {
         near(f.h.cross(f.l), f.u.to_array(), 1e-12);
         assert!((f.quat() * DVec3::Y - f.h).length() < 1e-12);
         assert!((f.quat() * DVec3::X + f.l).length() < 1e-12);
-        let back = TurtleFrame::START.swung_to(DVec3::NEG_Y);
+        let back = TurtleFrame::START.with_heading(DVec3::NEG_Y);
         near(back.h, [0.0, -1.0, 0.0], 1e-12);
     }
 }

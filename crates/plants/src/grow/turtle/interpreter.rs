@@ -15,9 +15,9 @@ use osier_base::math;
 use osier_base::units::radians;
 use osier_grammar::{Action, Dialect, Drawing, Grammar, Module};
 
-/// Turns after which the frame is made orthonormal again, to remove accumulated rounding.
+/// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
 const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
-/// Thinnest width, turtle units.
+/// Thinnest width, turtle units; `!` may count down below zero.
 const MIN_WIDTH: f64 = 1e-7;
 
 /// Where the next segment is attached.
@@ -34,7 +34,7 @@ struct Attachment {
 /// The part of the state that brackets save and restore.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TurtleState {
-    /// Position, m.
+    /// Position in plant space, m.
     pub(super) p: DVec3,
     pub(super) frame: TurtleFrame,
     /// Frame of the last drawn segment.
@@ -44,7 +44,7 @@ pub(super) struct TurtleState {
     pub(super) scale: f64,
     pub(super) color: u8,
     elasticity: [f64; tropism::MAX_TROPISMS],
-    old_elasticity: f64,
+    tropism_elasticity: f64,
     keep_roll: bool,
     turns: u32,
     attachment: Attachment,
@@ -99,11 +99,11 @@ pub(super) struct Turtle<'a> {
     polygons: Vec<Polygon>,
     prefix: Prefix,
     /// End node of the segment that still waits for its end width.
-    open: Option<u32>,
+    open_segment: Option<u32>,
     /// Turn without parameter: sine and cosine.
     default_turn: (f64, f64),
     pub builder: PlantBuilder,
-    pub(super) shapes: PrototypeCache,
+    pub(super) shape_prototypes: PrototypeCache,
     /// Prototypes of organs once they are used.
     pub(super) organs: std::collections::BTreeMap<char, OrganPrototypes>,
     warnings: Vec<TurtleWarning>,
@@ -118,6 +118,7 @@ pub(super) struct Turtle<'a> {
 impl<'a> Turtle<'a> {
     pub fn new(grammar: &'a Grammar, drawing: Drawing<'a>, options: &'a TurtleOptions, limits: &Limits) -> Self {
         let symbols: Vec<char> = (0_u16..).take(grammar.symbols().len()).map(|i| grammar.symbols().get(i)).collect();
+        // Turns without a parameter share one angle, whose sine and cosine are computed once.
         let angle = options.angle.unwrap_or(radians(45.0));
         let mut elasticity = [0.0; tropism::MAX_TROPISMS];
         for (e, t) in elasticity.iter_mut().zip(&options.tropisms) {
@@ -131,7 +132,7 @@ impl<'a> Turtle<'a> {
             scale: options.scale,
             color: options.color,
             elasticity,
-            old_elasticity: 0.0,
+            tropism_elasticity: 0.0,
             keep_roll: options.tropism_keep_roll,
             turns: 0,
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
@@ -153,10 +154,10 @@ impl<'a> Turtle<'a> {
             stack: Vec::new(),
             polygons: Vec::new(),
             prefix: Prefix::None,
-            open: None,
+            open_segment: None,
             default_turn: (math::cos(angle), math::sin(angle)),
             builder: PlantBuilder::default(),
-            shapes: PrototypeCache::default(),
+            shape_prototypes: PrototypeCache::default(),
             organs: std::collections::BTreeMap::new(),
             warnings: Vec::new(),
             max_stack: limits.get("turtle-stack"),
@@ -205,11 +206,13 @@ impl<'a> Turtle<'a> {
         }
         let i = usize::from(m.symbol);
         let (Some(&command), Some(&c)) = (self.commands.get(i), self.symbols.get(i)) else { return };
+        // Commands of several symbols are read by a small state machine: the prefix says what the symbols before this
+        // one began.
         match std::mem::replace(&mut self.prefix, Prefix::None) {
             Prefix::None => self.command(command, c, m),
-            Prefix::At => self.at(c, m),
+            Prefix::At => self.at_command(c, m),
             Prefix::Letter(first) => {
-                if !self.at_second(first, c, m) {
+                if !self.at_command_letter(first, c, m) {
                     self.command(command, c, m);
                 }
             }
@@ -235,6 +238,7 @@ impl<'a> Turtle<'a> {
         }
     }
 
+    /// Performs a command of one symbol, or begins one of several.
     fn command(&mut self, command: Command, c: char, m: Module<'_>) {
         if command == Command::Nothing {
             return;
@@ -253,8 +257,8 @@ impl<'a> Turtle<'a> {
             Command::Roll(p) => self.turn(m, p, c, TurtleFrame::roll),
             Command::TurnAround => self.s.frame.yaw(-1.0, 0.0),
             Command::Level => self.s.frame.level(),
-            Command::Push => self.push(m),
-            Command::Pop => self.pop(),
+            Command::Push => self.push_state(m),
+            Command::Pop => self.pop_state(),
             Command::Width(up) => {
                 let step = if up { self.options.width_increment } else { -self.options.width_increment };
                 let scale = self.s.scale;
@@ -278,10 +282,10 @@ impl<'a> Turtle<'a> {
             }
             Command::Vertex => self.vertex(),
             Command::ClosePolygon => self.fill_polygon(m),
-            Command::OldElasticity => self.s.old_elasticity = self.param(m, 0, 0.0),
+            Command::TropismElasticity => self.s.tropism_elasticity = self.param(m, 0, 0.0),
             Command::At => self.prefix = Prefix::At,
             Command::Organ => self.prefix = Prefix::Organ,
-            Command::Bound => self.bound(m),
+            Command::Bound => self.apply_bound_action(m),
             Command::Query => {
                 self.prefix = Prefix::Query;
                 self.warn("L008", (None, c), "queries are not supported".into(), "the module keeps its parameters");
@@ -292,7 +296,7 @@ impl<'a> Turtle<'a> {
 
     /// Gives the current segment the current width at its end.
     pub(super) fn close_segment(&mut self) {
-        let Some(node) = self.open.take() else { return };
+        let Some(node) = self.open_segment.take() else { return };
         let width = self.s.width * self.options.unit_m;
         if self.options.tapered
             && let Some(n) = self.builder.node_mut(node)
@@ -304,12 +308,13 @@ impl<'a> Turtle<'a> {
     /// Completes what the end of the string leaves open.
     pub fn end(&mut self) {
         if let Prefix::Letter(first) = std::mem::replace(&mut self.prefix, Prefix::None) {
-            self.letter_default(first, &[]);
+            self.at_command_without_letter(first, &[]);
         }
         self.close_segment();
     }
 
     fn turn(&mut self, m: Module<'_>, positive: bool, c: char, f: fn(&mut TurtleFrame, f64, f64)) {
+        // The angle of the module in degrees, or the default angle of the scene.
         let (cos, sin) = if m.params.is_empty() {
             if self.options.angle.is_none() {
                 let help = "give the turn a parameter, or set angle_deg";
@@ -333,16 +338,16 @@ impl<'a> Turtle<'a> {
         }
     }
 
-    fn push(&mut self, m: Module<'_>) {
+    fn push_state(&mut self, m: Module<'_>) {
         if self.stack.len() as u64 >= self.max_stack {
             let help = "raise it with --max-turtle-stack, or close branches";
-            return self.halt("L051", '[', format!("more than {} open branches", self.max_stack), help);
+            return self.halt("L051", '[', format!("more than {} open_segment branches", self.max_stack), help);
         }
         self.stack.push(self.s);
-        self.s.attachment = Attachment { axis: None, parent: self.site(), ordinal: m.lineage };
+        self.s.attachment = Attachment { axis: None, parent: self.current_site(), ordinal: m.lineage };
     }
 
-    fn pop(&mut self) {
+    fn pop_state(&mut self) {
         match self.stack.pop() {
             Some(s) => self.s = s,
             None => {
@@ -353,7 +358,7 @@ impl<'a> Turtle<'a> {
     }
 
     /// The node at the turtle's position.
-    fn site(&self) -> Option<NodeSite> {
+    fn current_site(&self) -> Option<NodeSite> {
         let a = &self.s.attachment;
         a.axis.map(|axis| NodeSite { axis, node: self.builder.last_node(axis) }).or(a.parent)
     }
@@ -377,21 +382,23 @@ impl<'a> Turtle<'a> {
     /// Moves ahead by `length` (turtle units), bent by the tropisms before the step and by the old tropism after it.
     pub(super) fn step(&mut self, length: f64, m: Module<'_>, draws: bool, adds_vertex: bool) {
         let length = length * self.s.scale * self.options.unit_m;
+        // Directional growth responses turn the heading before the step.
         let tropisms = &self.options.tropisms;
         if !tropisms.is_empty() {
             let s = &mut self.s;
-            tropism::bend(&mut s.frame, &s.last, tropisms, &s.elasticity, s.keep_roll);
+            tropism::apply_tropisms(&mut s.frame, &s.last, tropisms, &s.elasticity, s.keep_roll);
         }
         let from = self.s.p;
         self.s.p += self.s.frame.h * length;
+        // A drawn step extends the current axis. A jump ends it: what is drawn next opens an axis of its own.
         if draws {
             self.segment(from, m);
             self.s.last = self.s.frame;
         } else {
             self.s.attachment = Attachment { axis: None, ordinal: m.lineage, ..self.s.attachment };
         }
-        if self.s.old_elasticity.abs() > 0.0 {
-            tropism::bend_by_old_tropism(&mut self.s.frame, self.options.old_tropism, self.s.old_elasticity);
+        if self.s.tropism_elasticity.abs() > 0.0 {
+            tropism::apply_tropism_after_step(&mut self.s.frame, self.options.old_tropism, self.s.tropism_elasticity);
         }
         if adds_vertex {
             self.vertex();
@@ -407,6 +414,7 @@ impl<'a> Turtle<'a> {
         let left = self.s.frame.l;
         let width = self.s.width * self.options.unit_m;
         let color = u16::from(self.s.color);
+        // The first segment of a bracket level opens an axis at the node where the bracket began.
         let axis = match self.s.attachment.axis {
             Some(axis) => axis,
             None => {
@@ -416,6 +424,7 @@ impl<'a> Turtle<'a> {
                 axis
             }
         };
+        // Both segments at a node keep their own width there; the builder takes the mean.
         let start = self.builder.last_node(axis);
         if let Some(n) = self.builder.node_mut(start) {
             n.width_out = Some(width);
@@ -423,7 +432,7 @@ impl<'a> Turtle<'a> {
         let mut node = PlantBuilder::node(self.s.p, left, m.birth, color);
         node.width_in = Some(width);
         self.builder.extend(axis, node);
-        self.open = Some(self.builder.last_node(axis)).filter(|n| *n != start);
+        self.open_segment = Some(self.builder.last_node(axis)).filter(|n| *n != start);
     }
 
     /// The turtle's position and orientation.
@@ -437,12 +446,17 @@ impl<'a> Turtle<'a> {
             let message = format!("more than {} organs", self.max_organs);
             return self.halt("L051", '~', message, "raise it with --max-organs, or shorten the derivation");
         }
-        let site = self.site();
+        let site = self.current_site();
         self.builder.add_organ(RawOrgan { site, pose, size, protos, lineage: m.lineage, birth: m.birth });
     }
 
     pub(super) fn too_many_prototypes(&mut self, c: char) {
-        self.halt("L051", c, "more than 65,535 different shapes".into(), "draw shapes that differ less");
+        self.halt(
+            "L051",
+            c,
+            "more than 65,535 different shape_prototypes".into(),
+            "draw shape_prototypes that differ less",
+        );
     }
 
     pub(super) fn fill_polygon(&mut self, m: Module<'_>) {
@@ -450,7 +464,7 @@ impl<'a> Turtle<'a> {
         let Some(&p) = polygon.corners.first() else { return };
         let pose = TurtlePose { p, q: polygon.frame.quat() };
         let material = self.options.shape_material;
-        match self.shapes.polygon(&mut self.builder.protos, material, &polygon.corners, pose) {
+        match self.shape_prototypes.polygon(&mut self.builder.protos, material, &polygon.corners, pose) {
             Ok(Some(PolygonPrototype { proto, size })) => {
                 self.place_organ(pose, ProtoRange::single(proto), OrganSize { scale: size, petiole: 0.0 }, m);
             }
@@ -460,7 +474,7 @@ impl<'a> Turtle<'a> {
     }
 
     /// Interprets the symbol after `@`.
-    fn at(&mut self, c: char, m: Module<'_>) {
+    fn at_command(&mut self, c: char, m: Module<'_>) {
         match c {
             'v' => self.s.frame.level(),
             'M' => {
@@ -470,14 +484,14 @@ impl<'a> Turtle<'a> {
             }
             'R' => {
                 let v = [0, 1, 2, 3, 4, 5].map(|i| self.param(m, i, 0.0));
-                // Grammars state cpfg's up, which points the other way.
+                // Up in cpfg's convention, which is the opposite of U = H x L.
                 let up = (m.params.len() >= 5).then(|| -DVec3::new(v[3], v[4], v[5]));
                 let last = self.s.last;
                 self.s.frame.set(DVec3::new(v[0], v[1], v[2]), up, &last);
             }
-            'o' | 'c' | 'O' => self.draw_round(c, m),
+            'o' | 'c' | 'O' => self.disc_or_sphere(c, m),
             ';' | ',' | '#' | '!' => {}
-            'D' | 'T' if !m.params.is_empty() => self.letter_default(c, m.params),
+            'D' | 'T' if !m.params.is_empty() => self.at_command_without_letter(c, m.params),
             'D' | 'T' | 'b' | 'G' | 'P' => self.prefix = Prefix::Letter(c),
             'L' => self.warn("L008", (Some('@'), c), "labels are not supported".into(), "nothing is drawn"),
             'S' | 'I' | 'J' | 'm' => {
@@ -490,27 +504,27 @@ impl<'a> Turtle<'a> {
     }
 
     /// Interprets `@D` or `@T` without a further letter; other commands of two letters are ignored then.
-    fn letter_default(&mut self, first: char, params: &[f32]) {
+    fn at_command_without_letter(&mut self, first: char, params: &[f32]) {
         let given = params.len();
         let value = |i: usize| params.get(i).map(|v| f64::from(*v)).filter(|v| v.is_finite()).unwrap_or(0.0);
         match first {
             'D' if given > 0 => self.s.scale = value(0),
             'D' => self.s.scale = self.options.scale,
-            'T' => self.elasticity(if given > 0 { value(0) } else { 1.0 }, (given > 1).then(|| value(1)), 1.0),
+            'T' => self.add_elasticity(if given > 0 { value(0) } else { 1.0 }, (given > 1).then(|| value(1)), 1.0),
             _ => {}
         }
     }
 
-    /// Raises the elasticity of tropism `i` by `e`, or by its own step.
-    fn elasticity(&mut self, i: f64, e: Option<f64>, sign: f64) {
-        let Some(k) = self.tropism(i) else { return };
+    /// Adds `sign` times `e`, or times the step of the tropism, to the elasticity of tropism number `i`.
+    fn add_elasticity(&mut self, i: f64, e: Option<f64>, sign: f64) {
+        let Some(k) = self.tropism_index(i) else { return };
         let step = e.unwrap_or_else(|| self.options.tropisms.get(k).map_or(0.0, |t| t.step));
         self.s.elasticity[k] += sign * step;
     }
 
     /// Index of tropism number `i`, counted from 1.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates; the range is checked next")]
-    fn tropism(&mut self, i: f64) -> Option<usize> {
+    fn tropism_index(&mut self, i: f64) -> Option<usize> {
         let k = (i as usize).wrapping_sub(1);
         if k < self.options.tropisms.len().min(tropism::MAX_TROPISMS) {
             return Some(k);
@@ -521,14 +535,14 @@ impl<'a> Turtle<'a> {
     }
 
     /// Interprets the second letter after `@`; false if the symbol does not belong to the command.
-    fn at_second(&mut self, first: char, c: char, m: Module<'_>) -> bool {
+    fn at_command_letter(&mut self, first: char, c: char, m: Module<'_>) -> bool {
         let factor = self.param(m, 0, self.options.scale_multiplier);
         match (first, c) {
             ('D', 'i') => self.s.scale *= factor,
             ('D', 'd') => self.s.scale /= if factor.abs() > 0.0 { factor } else { 1.0 },
             ('T', 's') => {
                 let (i, e) = (self.param(m, 0, 1.0), self.param(m, 1, 0.0));
-                if let Some(k) = self.tropism(i) {
+                if let Some(k) = self.tropism_index(i) {
                     let own = self.options.tropisms.get(k).map_or(0.0, |t| t.elasticity);
                     self.s.elasticity[k] = if m.params.len() > 1 { e } else { own };
                 }
@@ -536,12 +550,12 @@ impl<'a> Turtle<'a> {
             ('T', 'i' | 'd') => {
                 let (i, e) = (self.param(m, 0, 1.0), self.param(m, 1, 0.0));
                 let sign = if c == 'i' { 1.0 } else { -1.0 };
-                self.elasticity(i, (m.params.len() > 1).then_some(e), sign);
+                self.add_elasticity(i, (m.params.len() > 1).then_some(e), sign);
             }
-            ('T', 'p') => self.s.frame = self.s.last.swung_to(self.s.frame.h),
+            ('T', 'p') => self.s.frame = self.s.last.with_heading(self.s.frame.h),
             ('T', 'f') => self.s.keep_roll = true,
             ('D' | 'T', _) => {
-                self.letter_default(first, &[]);
+                self.at_command_without_letter(first, &[]);
                 return false;
             }
             _ => {

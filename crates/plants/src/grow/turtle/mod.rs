@@ -3,6 +3,7 @@
 //! Drawn steps of one bracket level are one axis, `[` opens a child at the current node, `~c` and filled shapes become
 //! organs. World: metres, +Y up; the turtle starts at the origin heading up.
 
+mod bound_actions;
 mod builder;
 mod commands;
 mod frame;
@@ -10,7 +11,6 @@ mod interpreter;
 mod options;
 mod organs;
 mod prototypes;
-mod rebound;
 mod tropism;
 
 pub(super) use builder::set_exposed_lengths;
@@ -35,12 +35,15 @@ pub fn grow(
     options: &TurtleOptions,
     limits: &Limits,
 ) -> Result<(Plant, Vec<Diagnostic>)> {
+    // Interpret every module in order; limits and forbidden commands are reported after the last one.
     let drawing = Drawing::new(grammar, derived, limits);
     let mut turtle = Turtle::new(grammar, drawing, options, limits);
     let mut warnings = interpret(grammar, derived, limits, |m| turtle.module(m))?;
     turtle.end();
     warnings.extend(turtle.diagnostics()?);
     warnings.extend(turtle.drawing.warnings(grammar));
+    // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
+    // string sets, or a branching model (pipe model, taper) that overwrites them.
     let sets_widths = turtle.sets_widths;
     let mut plant = turtle.builder.finish(derived.plant_id, derived.seed, derived.steps, options);
     match options.radii {
@@ -53,6 +56,7 @@ pub fn grow(
     // Validation may thin children; a grammar that halves its widths intends that, so its report is not a warning.
     osier_scene::plant::validate(&mut plant)?;
     set_exposed_lengths(&mut plant);
+    // Axes that are thin at their base get the material of shoots, all others that of bark.
     for axis in &mut plant.axes {
         let base = plant.nodes.r.get(axis.first as usize).copied().unwrap_or(0.0);
         let thin = f64::from(base) < options.shoot_radius;

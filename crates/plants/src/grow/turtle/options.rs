@@ -11,7 +11,7 @@ use osier_scene::{MaterialId, Mesh};
 /// Key of the organ `stalk` among those of a plant: no letter that a scene could name.
 pub const STALK: char = '\u{e000}';
 
-/// A tropism: a turn of the heading towards a direction before each step.
+/// A tropism: a growth response that turns the heading towards a direction before each step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tropism {
     /// Direction of the stimulus; normalized.
@@ -37,7 +37,7 @@ impl Default for Tropism {
 /// What an organ symbol (`~c`) stands for.
 #[derive(Debug, Clone)]
 pub struct OrganSpec {
-    /// `[a-z0-9_]+`; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
+    /// Name in files, `[a-z0-9_]+`; prototypes are called `NAME` or `NAME_0`, `NAME_1`, ...
     pub name: String,
     /// Prototypes in organ space, one picked per organ by its id; their subsets index [`TurtleOptions::materials`].
     pub meshes: Vec<Arc<Mesh>>,
@@ -73,25 +73,25 @@ pub struct TurtleOptions {
     pub width: f64,
     /// What `#` and `!` without parameter add and take, turtle units.
     pub width_increment: f64,
-    /// Colour index at the start.
+    /// Colour index at the start, 0..255.
     pub color: u8,
     /// What `;` and `,` without parameter add and take.
     pub color_increment: u8,
-    /// Scale at the start.
+    /// Factor of lengths and widths at the start; commands `@D` change it.
     pub scale: f64,
     /// Factor of `@D` without parameter.
     pub scale_multiplier: f64,
     /// Whether a segment ends with the width that comes next.
     pub tapered: bool,
-    /// Pulls, numbered from 1 for `@T`; at most 8.
+    /// Tropisms, numbered from 1 for `@T`; at most 8.
     pub tropisms: Vec<Tropism>,
-    /// Pull of the old kind, steered by `_(e)`: direction.
+    /// Direction of the tropism whose elasticity the command `_(e)` sets (cpfg's older form); need not be normalized.
     pub old_tropism: DVec3,
     /// Whether a roll made since the last segment survives a tropism.
     pub tropism_keep_roll: bool,
     /// Organs by the symbol after `~`.
     pub organs: BTreeMap<char, OrganSpec>,
-    /// Names of materials; goes into the plant.
+    /// Names of the plant's materials, which the indices below refer to.
     pub materials: Vec<String>,
     /// Material of axes, index into `materials`.
     pub axis_material: u16,

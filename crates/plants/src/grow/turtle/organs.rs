@@ -17,6 +17,8 @@ impl Turtle<'_> {
         let options = self.options;
         let spec = options.organs.get(&c).filter(|s| !s.meshes.is_empty())?;
         let first = u16::try_from(self.builder.protos.len()).ok()?;
+        // Register all variants as consecutive prototypes. They share one scale, so that the longest has the size
+        // asked for and the others keep their proportions to it.
         let mut longest = 0.0_f32;
         for (i, mesh) in spec.meshes.iter().enumerate() {
             let name = if spec.meshes.len() == 1 { spec.name.clone() } else { format!("{}_{i}", spec.name) };
@@ -50,10 +52,12 @@ impl Turtle<'_> {
             }
             return;
         }
+        // Three parameters: a stretched prototype of ratios x/y and z/y, scaled by y. The lineage picks the variant,
+        // since prototypes are chosen before they are stretched.
         let [x, y, z] = [0, 1, 2].map(|i| self.param(m, i, 1.0));
         if x > 0.0 && y > 0.0 && z > 0.0 {
             let pick = range.pick(m.lineage);
-            match self.shapes.stretched(&mut self.builder.protos, pick, [x / y, z / y]) {
+            match self.shape_prototypes.stretched(&mut self.builder.protos, pick, [x / y, z / y]) {
                 Some(proto) => {
                     let size = OrganSize { scale: unit * y * scale, petiole: petiole * y * scale };
                     self.place_organ(pose, ProtoRange::single(proto), size, m);
@@ -64,17 +68,21 @@ impl Turtle<'_> {
     }
 
     /// `@o`, `@c`, `@O`: discs and spheres.
-    pub(super) fn draw_round(&mut self, c: char, m: Module<'_>) {
+    pub(super) fn disc_or_sphere(&mut self, c: char, m: Module<'_>) {
         let d = self.param(m, 0, self.s.width / self.s.scale.max(1e-300));
-        self.draw_ball(c, d, m);
+        self.place_disc_or_sphere(c, d, m);
     }
 
     /// A disc facing the viewer (`o`), a disc in the turtle's frame (`c`) or a sphere (`O`) of diameter `d`, turtle units.
-    pub(super) fn draw_ball(&mut self, c: char, d: f64, m: Module<'_>) {
+    pub(super) fn place_disc_or_sphere(&mut self, c: char, d: f64, m: Module<'_>) {
         let d = d * self.s.scale * self.options.unit_m;
         let material = self.options.shape_material;
         let protos = &mut self.builder.protos;
-        let proto = if c == 'O' { self.shapes.sphere(protos, material) } else { self.shapes.disc(protos, material) };
+        let proto = if c == 'O' {
+            self.shape_prototypes.sphere(protos, material)
+        } else {
+            self.shape_prototypes.disc(protos, material)
+        };
         let q = if c == 'o' { DQuat::IDENTITY } else { self.s.frame.quat() };
         match proto {
             Some(proto) if d > 0.0 => {

@@ -11,9 +11,10 @@ use osier_base::math;
 use osier_scene::plant::Proto;
 use osier_scene::{MaterialId, Mesh};
 
-/// Polygons whose corners agree to this share of their size are one prototype.
+/// Polygons whose corners agree to this share of their size share a prototype. Larger values merge
+/// shapes that differ visibly, smaller ones keep rotated copies apart that differ by rounding alone.
 const POLYGON_TOLERANCE: f64 = 1e-4;
-/// Corners of a disc, and of a sphere around its equator.
+/// Corners of a disc, and of a sphere around its equator: flat sides stay within 2 % of the radius.
 const SIDES: u32 = 16;
 /// Rings of a sphere between its poles.
 const RINGS: u32 = 7;
@@ -58,6 +59,7 @@ impl PrototypeCache {
     ) -> Result<Option<PolygonPrototype>, TooManyPrototypes> {
         let TurtlePose { p, q } = pose;
         let back = q.inverse();
+        // Corners in the frame of the first one, without doubled corners (the closing one included).
         let mut local: Vec<DVec3> = corners.iter().map(|c| back * (*c - p)).collect();
         local.dedup_by(|a, b| (*a - *b).length() < 1e-9);
         if local.len() > 1 && (local[0] - local[local.len() - 1]).length() < 1e-9 {
@@ -84,7 +86,7 @@ impl PrototypeCache {
         Ok(Some(PolygonPrototype { proto: i, size }))
     }
 
-    /// Disc of diameter 1 facing +Z.
+    /// The shared disc of diameter 1 facing +Z, registered on first use; `None` without a free index.
     pub fn disc(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
         if self.disc.is_none() {
             let corner = |i: u32| {
@@ -98,7 +100,7 @@ impl PrototypeCache {
         self.disc
     }
 
-    /// Sphere of diameter 1.
+    /// The shared sphere of diameter 1, registered on first use; `None` without a free index.
     pub fn sphere(&mut self, protos: &mut Vec<Proto>, material: MaterialId) -> Option<u16> {
         if self.sphere.is_none() {
             self.sphere = add_prototype(protos, "sphere".into(), sphere_mesh().with_material(material));
@@ -119,6 +121,7 @@ impl PrototypeCache {
         for p in &mut mesh.points {
             *p *= factor;
         }
+        // Normals transform by the inverse of the stretch.
         for n in &mut mesh.normals {
             *n = math::normalize_or(*n / factor, *n);
         }
@@ -150,6 +153,7 @@ fn polygon_mesh(corners: &[Vec3]) -> Option<Mesh> {
     let n = normal.try_normalize().filter(|_| normal.length() > 1e-9)?;
     let e1 = math::perpendicular(n);
     let e2 = n.cross(e1);
+    // Triangulate in the plane of the polygon, with axes e1 and e2 across its normal.
     let outline: Vec<Vec2> = corners.iter().map(|c| Vec2::new(c.dot(e1), c.dot(e2))).collect();
     let triangles = triangulate(&outline);
     if triangles.is_empty() {
@@ -157,12 +161,13 @@ fn polygon_mesh(corners: &[Vec3]) -> Option<Mesh> {
     }
     // Polygons that roughly face +Z, as leaves do, keep their own axes as texture coordinates.
     let in_blade = |c: &Vec3| if n.z > 0.3 { c.truncate() } else { Vec2::new(c.dot(e1), c.dot(e2)) };
-    let polygon_mesh: Vec<Vec2> = corners.iter().map(in_blade).collect();
-    let low = polygon_mesh.iter().fold(Vec2::INFINITY, |m, c| m.min(*c));
-    let high = polygon_mesh.iter().fold(Vec2::NEG_INFINITY, |m, c| m.max(*c));
+    let plane: Vec<Vec2> = corners.iter().map(in_blade).collect();
+    // Texture coordinates span 0..1 over the box of the corners.
+    let low = plane.iter().fold(Vec2::INFINITY, |m, c| m.min(*c));
+    let high = plane.iter().fold(Vec2::NEG_INFINITY, |m, c| m.max(*c));
     let size = (high - low).max(Vec2::splat(1e-9));
     Some(Mesh {
-        uvs: polygon_mesh.iter().map(|c| (*c - low) / size).collect(),
+        uvs: plane.iter().map(|c| (*c - low) / size).collect(),
         normals: vec![n; corners.len()],
         points: corners,
         triangles,
@@ -185,6 +190,7 @@ fn sphere_mesh() -> Mesh {
         }
     }
     let row = SIDES + 1;
+    // Quads between the rings, halved; at the poles, where one edge has no length, only one of both triangles.
     for ring in 0..=RINGS {
         for i in 0..SIDES {
             let (a, b) = (ring * row + i, (ring + 1) * row + i);

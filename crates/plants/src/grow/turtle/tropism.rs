@@ -9,39 +9,44 @@ use osier_base::math;
 /// Largest number of tropisms of a scene; each has an elasticity in the turtle's state.
 pub(super) const MAX_TROPISMS: usize = 8;
 
-/// Greatest turn of one step, rad; larger torques are clamped, as cpfg does.
-const MAX_TURN: f64 = 1.0;
+/// Greatest turn of one step, rad. cpfg clamps at the same angle; without it a long step at high elasticity would overshoot
+/// the direction sought and oscillate about it.
+const MAX_TURN_PER_STEP: f64 = 1.0;
 
 /// Turns the frame by all tropisms with their present elasticities.
 /// `last`: the last drawn segment's frame, from which left and up follow unless `keep_roll`.
 /// Source: V = sum I E [cos A T + sin A T x (H x T)/|H x T|], H turned about H x V by min(|H x V|, 1) rad; torque turns
 /// U about H towards T by min(I E |U x T'|, 1).
-pub(super) fn bend(
+pub(super) fn apply_tropisms(
     frame: &mut TurtleFrame,
     last: &TurtleFrame,
     tropisms: &[Tropism],
     elasticity: &[f64],
     keep_roll: bool,
 ) {
-    // The sum of all directional tropisms acts as a force at the tip: it turns the heading about H x V.
-    let mut pull = DVec3::ZERO;
+    // Directional tropisms act like one force at the tip, V = sum of I E D over all of them, D being the unit
+    // direction that a tropism seeks. Their torque H x V turns the heading; its length is the angle, clamped.
+    let mut stimulus = DVec3::ZERO;
     for (t, e) in tropisms.iter().zip(elasticity).filter(|(t, _)| !t.torque) {
-        pull += sought_direction(frame, t) * (t.intensity * e);
+        stimulus += sought_direction(frame, t) * (t.intensity * e);
     }
-    let axis = frame.h.cross(pull);
+    let axis = frame.h.cross(stimulus);
     let strength = axis.length();
     if strength > 1e-12 {
-        let angle = strength.min(MAX_TURN);
+        let angle = strength.min(MAX_TURN_PER_STEP);
+        // Without `keep_roll`, left and up follow from the last segment by the rotation of least angle.
         let turned = frame.rotated(axis / strength, math::cos(angle), math::sin(angle));
-        *frame = if keep_roll { turned } else { last.swung_to(turned.h) };
+        *frame = if keep_roll { turned } else { last.with_heading(turned.h) };
         frame.orthonormalize();
     }
-    // A torque rolls the frame about its heading, until up points along the tropism's projection.
+    // Torques roll the frame about its heading, until up points along the projection of their direction.
     for (t, e) in tropisms.iter().zip(elasticity).filter(|(t, _)| t.torque) {
+        // T', the direction projected onto the plane across the heading; |U x T'| is the sine of the angle that is
+        // left.
         let across = t.dir - frame.h * t.dir.dot(frame.h);
         let Some(aim) = across.try_normalize() else { continue };
         let turn = frame.u.cross(aim);
-        let angle = (t.intensity * e * turn.length()).clamp(-MAX_TURN, MAX_TURN);
+        let angle = (t.intensity * e * turn.length()).clamp(-MAX_TURN_PER_STEP, MAX_TURN_PER_STEP);
         let side = if turn.dot(frame.h) < 0.0 { -1.0 } else { 1.0 };
         *frame = frame.rotated(frame.h, math::cos(angle), side * math::sin(angle));
         frame.orthonormalize();
@@ -52,17 +57,22 @@ pub(super) fn bend(
 /// heading.
 fn sought_direction(frame: &TurtleFrame, t: &Tropism) -> DVec3 {
     let dir = t.dir.normalize_or(DVec3::Y);
+    // The point of the cone in the plane of H and T: T turned by the rest angle A about n = H x T. Along T itself
+    // every side of the cone is as near; left decides.
     let n = frame.h.cross(dir);
     let n = if n.length_squared() > 1e-24 { n.normalize() } else { frame.l };
     dir * math::cos(t.angle) + dir.cross(n) * math::sin(t.angle)
 }
 
-/// Old tropism after a step: pitch towards `dir` by asin(e T.U), then yaw by asin(e T.L).
-pub(super) fn bend_by_old_tropism(frame: &mut TurtleFrame, dir: DVec3, e: f64) {
+/// The tropism of the command `_` (cpfg's older form), applied after a step: pitch towards `dir` by asin(e T.U), then
+/// yaw by asin(e T.L).
+pub(super) fn apply_tropism_after_step(frame: &mut TurtleFrame, dir: DVec3, e: f64) {
     let dir = dir.normalize_or(DVec3::Y);
     let sine = |x: f64| x.clamp(-1.0, 1.0);
+    // Pitch: the sine of the turn is e T.U, and c = sqrt(1 - s^2) its cosine.
     let s = sine(e * dir.dot(frame.u));
     frame.pitch(math::sqrt(1.0 - s * s), -s);
+    // Yaw likewise by e T.L, in the frame that the pitch has left.
     let s = sine(e * dir.dot(frame.l));
     frame.yaw(math::sqrt(1.0 - s * s), s);
 }
@@ -75,7 +85,7 @@ mod tests {
     fn angle_from_y(t: Tropism) -> f64 {
         let mut f = TurtleFrame::START;
         f.yaw(math::cos(radians(60.0)), math::sin(radians(60.0)));
-        bend(&mut f, &TurtleFrame::START, &[t], &[t.elasticity], false);
+        apply_tropisms(&mut f, &TurtleFrame::START, &[t], &[t.elasticity], false);
         assert!((f.h.length() - 1.0).abs() < 1e-12);
         math::acos(f.h.y) * 180.0 / std::f64::consts::PI
     }
@@ -96,7 +106,7 @@ mod tests {
             f.yaw(0.6, 0.8);
             let before = f.u;
             f.roll(0.0, 1.0);
-            bend(&mut f, &TurtleFrame::START, &[t], &[0.1], keep);
+            apply_tropisms(&mut f, &TurtleFrame::START, &[t], &[0.1], keep);
             assert_eq!(f.u.dot(before).abs() > 0.9, !keep);
         }
     }
@@ -105,11 +115,11 @@ mod tests {
     fn torque_turns_up_towards_its_direction_and_old_tropism_lifts() {
         let t = Tropism { dir: DVec3::NEG_X, elasticity: 0.3, torque: true, ..Tropism::default() };
         let mut f = TurtleFrame::START;
-        bend(&mut f, &TurtleFrame::START, &[t], &[0.3], false);
+        apply_tropisms(&mut f, &TurtleFrame::START, &[t], &[0.3], false);
         assert!((f.u.dot(DVec3::NEG_X) - math::sin(0.3)).abs() < 1e-12, "{:?}", f.u);
         let mut f = TurtleFrame::START;
         f.yaw(0.0, 1.0);
-        bend_by_old_tropism(&mut f, DVec3::Y, 0.2);
+        apply_tropism_after_step(&mut f, DVec3::Y, 0.2);
         assert!((f.h.y - 0.2).abs() < 1e-12, "{:?}", f.h);
     }
 }

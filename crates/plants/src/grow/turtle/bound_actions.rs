@@ -1,4 +1,4 @@
-//! Actions of symbols that the grammar itself binds.
+//! Actions of symbols that the grammar binds itself, as the dialects of papers do.
 
 use super::frame::TurtleFrame;
 use super::interpreter::{Turtle, color_index};
@@ -11,15 +11,17 @@ use osier_grammar::{Action, Module, Own};
 const WORLD_AXES: [glam::DVec3; 3] = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z];
 
 impl Turtle<'_> {
-    /// Performs the action that a module's symbol is bound to. The module's first parameter replaces the action's own number.
-    pub(super) fn bound(&mut self, m: Module<'_>) {
+    /// Performs the action that a module's symbol is bound to, with the module's first parameter or the binding's own number.
+    pub(super) fn apply_bound_action(&mut self, m: Module<'_>) {
         let Some(action) = self.drawing.action(m.symbol) else { return };
+        // A parameter of the module takes precedence over the number that the binding computes (by the module's lineage).
         let own = if m.params.is_empty() { self.drawing.value(m) } else { None };
         let number = match own {
             Some(v) if v.is_finite() => v,
             Some(_) => 0.0,
             None => self.param(m, 0, 1.0),
         };
+        // Whatever draws or places ends the segment before it, which then takes the current width.
         if matches!(
             action,
             Action::Forward | Action::Move | Action::Polygon | Action::Fill | Action::Organ(_) | Action::Sphere
@@ -55,7 +57,7 @@ impl Turtle<'_> {
                 let letter = if name == "stalk" { STALK } else { name.chars().next().unwrap_or(STALK) };
                 self.organ(letter, number, m);
             }
-            Action::Sphere => self.draw_ball('O', number, m),
+            Action::Sphere => self.place_disc_or_sphere('O', number, m),
             // `As` was resolved to the command of the other symbol when the turtle was set up.
             Action::As(_) | Action::Nothing => {}
         }
