@@ -8,7 +8,7 @@ use std::sync::Arc;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Vec2, Vec3};
 use osier::export::Exporter as _;
-use osier::export::pov::{Pov, PovOptions};
+use osier::export::pov::{PovExporter, PovOptions};
 use osier::files::Folder;
 use osier::scene::{Mesh, MeshMotion};
 
@@ -42,7 +42,7 @@ fn mesh2(c: &mut Criterion) {
     let scene = Arc::new(bare::scene(bare::mesh(sheet(500), MeshMotion::Still), 1));
     let write = || {
         let folder = Folder::memory();
-        let mut pov = Pov::new(folder.clone(), std::sync::Arc::default(), PovOptions::default());
+        let mut pov = PovExporter::new(folder.clone(), std::sync::Arc::default(), PovOptions::default());
         pov.begin(&scene).expect("begin");
         folder.files().iter().map(|f| f.bytes).sum::<u64>()
     };

@@ -11,7 +11,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{Quat, Vec3};
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
-use osier::export::usd::{Usd, UsdOptions};
+use osier::export::usd::{UsdExporter, UsdOptions};
 use osier::files::Folder;
 use osier::scene::{
     Asset, AssetFrame, Frame, InstanceState, Instancer, InstancerFrame, InstancerMotion, Mesh, Prototype, Scene,
@@ -53,7 +53,7 @@ fn cloth(points: u32, frames: u32) -> (Scene, Vec<Frame>) {
 /// Writes a clip and returns the bytes of its payload.
 fn write(dir: &Path, scene: &Arc<Scene>, frames: &[Frame]) -> u64 {
     let folder = Folder::plain(dir, osier::files::WriteOptions::default()).expect("folder");
-    let mut usd = Usd::new(folder.clone(), Arc::new(Textures::default()), UsdOptions::default());
+    let mut usd = UsdExporter::new(folder.clone(), Arc::new(Textures::default()), UsdOptions::default());
     usd.begin(scene).expect("begin");
     for frame in frames {
         usd.frame(frame).expect("frame");

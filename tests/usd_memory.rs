@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
-use osier::export::usd::{Usd, UsdOptions};
+use osier::export::usd::{UsdExporter, UsdOptions};
 use osier::files::Folder;
 
 #[path = "it/common/bare.rs"]
@@ -31,7 +31,7 @@ fn memory_does_not_grow_with_the_clip() {
     let before = high_water();
     let folder = Folder::open(&dir).expect("folder");
     let mut usd =
-        Usd::new(folder.clone(), Arc::new(Textures::encode(&scene).expect("pictures")), UsdOptions::default());
+        UsdExporter::new(folder.clone(), Arc::new(Textures::encode(&scene).expect("pictures")), UsdOptions::default());
     usd.begin(&scene).expect("begin");
     for f in 1..=FRAMES {
         usd.frame(&bare::cloth_frame(POINTS, f)).expect("frame");

@@ -11,7 +11,7 @@ use std::process::Command;
 use std::sync::Arc;
 
 use crate::common::gltf_player::Player;
-use osier::export::gltf::{Gltf, GltfOptions, GltfTarget, Profile};
+use osier::export::gltf::{GltfExporter, GltfOptions, GltfTarget, Profile};
 use osier::export::textures::Textures;
 use osier::export::{Exporter as _, Warning};
 use osier::files::Folder;
@@ -23,7 +23,7 @@ const PROFILES: [Profile; 2] = [Profile::Web, Profile::Blender];
 /// Writes a scene with the frames given and returns what was said.
 fn export(folder: &Path, scene: &Arc<Scene>, frames: &[Frame], options: GltfOptions) -> Vec<Warning> {
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
-    let mut exporter = Gltf::new(Folder::open(folder).expect("folder"), textures, options);
+    let mut exporter = GltfExporter::new(Folder::open(folder).expect("folder"), textures, options);
     exporter.begin(scene).expect("begin");
     frames.iter().for_each(|f| exporter.frame(f).expect("frame"));
     exporter.finish().expect("finish").warnings

@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use osier::export::Exporter;
-use osier::export::gltf::{Gltf, GltfOptions};
-use osier::export::pc2::Pc2;
+use osier::export::gltf::{GltfExporter, GltfOptions};
+use osier::export::pc2::Pc2Exporter;
 use osier::export::textures::Textures;
 use osier::files::Folder;
 use osier::scene::{Frame, InstancerMotion, MeshFrame, MeshMotion, Scene};
@@ -20,8 +20,10 @@ use serde_json::{Value, json};
 fn bake(folder: &Path, scene: &Arc<Scene>, frames: &[Frame]) {
     let folder = Folder::open(folder).expect("folder");
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
-    let exporters: [Box<dyn Exporter>; 2] =
-        [Box::new(Gltf::new(folder.clone(), textures, GltfOptions::default())), Box::new(Pc2::new(folder))];
+    let exporters: [Box<dyn Exporter>; 2] = [
+        Box::new(GltfExporter::new(folder.clone(), textures, GltfOptions::default())),
+        Box::new(Pc2Exporter::new(folder)),
+    ];
     for mut exporter in exporters {
         exporter.begin(scene).expect("begin");
         frames.iter().for_each(|f| exporter.frame(f).expect("frame"));

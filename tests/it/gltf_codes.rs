@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use crate::common::gltf_player::Player;
 use glam::{Quat, Vec3};
-use osier::export::gltf::{Gltf, GltfOptions, GltfTarget, Profile, write};
-use osier::export::pc2::Pc2;
+use osier::export::gltf::{GltfExporter, GltfOptions, GltfTarget, Profile, write};
+use osier::export::pc2::Pc2Exporter;
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Warning};
 use osier::files::Folder;
@@ -24,7 +24,7 @@ fn export(folder: &Path, scene: &Scene, frames: &[Frame], profile: Profile) -> R
     let scene = Arc::new(scene.clone());
     let textures = Arc::new(Textures::encode(&scene).expect("pictures"));
     let options = GltfOptions { profile, target: GltfTarget::Bake, ..GltfOptions::default() };
-    let mut exporter = Gltf::new(Folder::open(folder).expect("folder"), textures, options);
+    let mut exporter = GltfExporter::new(Folder::open(folder).expect("folder"), textures, options);
     exporter.begin(&scene)?;
     frames.iter().try_for_each(|f| exporter.frame(f))?;
     Ok(exporter.finish()?.warnings)
@@ -264,7 +264,7 @@ fn a_still_scene_without_anything_is_still_a_valid_file() {
 
 fn cache(scene: &Scene, frames: &[Frame]) -> Vec<u8> {
     let temp = tempfile::tempdir().expect("temp");
-    let mut exporter = Pc2::new(Folder::open(temp.path()).expect("folder"));
+    let mut exporter = Pc2Exporter::new(Folder::open(temp.path()).expect("folder"));
     exporter.begin(&Arc::new(scene.clone())).expect("begin");
     frames.iter().for_each(|f| exporter.frame(f).expect("frame"));
     exporter.finish().expect("finish");
@@ -305,7 +305,7 @@ fn several_deforming_meshes_get_a_cache_each() {
     scene.assets[0].meshes.push(second);
     frames.truncate(1);
     let temp = tempfile::tempdir().expect("temp");
-    let mut exporter = Pc2::new(Folder::open(temp.path()).expect("folder"));
+    let mut exporter = Pc2Exporter::new(Folder::open(temp.path()).expect("folder"));
     exporter.begin(&Arc::new(scene)).expect("begin");
     exporter.frame(&frames[0]).expect("frame");
     exporter.finish().expect("finish");

@@ -469,7 +469,7 @@ fn our_own_glb_is_read_back() {
             target: gltf::GltfTarget::Glb("x.glb".into()),
             ..gltf::GltfOptions::default()
         };
-        let mut exporter = gltf::Gltf::new(folder.clone(), Arc::clone(&textures), options);
+        let mut exporter = gltf::GltfExporter::new(folder.clone(), Arc::clone(&textures), options);
         exporter.begin(&Arc::new(scene.clone())).expect("begin");
         exporter.finish().expect("finish");
         let shop = Shop::new();

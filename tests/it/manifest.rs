@@ -24,10 +24,10 @@ fn bake(dir: &Path) -> String {
     let textures = Arc::new(Textures::encode(&scene).expect("textures"));
     let scene = Arc::new(scene);
     let mut exporters: Vec<Box<dyn Exporter>> = vec![
-        Box::new(pov::Pov::new(folder.clone(), textures.clone(), pov::PovOptions::default())),
-        Box::new(obj::Obj::new(folder.clone(), textures, FileTarget::Bake)),
-        Box::new(ply::Ply::new(folder.clone(), FileTarget::Bake)),
-        Box::new(exr::Exr::new(folder.clone(), exr::ExrOptions::default())),
+        Box::new(pov::PovExporter::new(folder.clone(), textures.clone(), pov::PovOptions::default())),
+        Box::new(obj::ObjExporter::new(folder.clone(), textures, FileTarget::Bake)),
+        Box::new(ply::PlyExporter::new(folder.clone(), FileTarget::Bake)),
+        Box::new(exr::ExrExporter::new(folder.clone(), exr::ExrOptions::default())),
     ];
     let mut warnings = Vec::new();
     for exporter in &mut exporters {

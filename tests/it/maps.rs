@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use osier::export::Exporter;
-use osier::export::exr::{Exr, ExrOptions};
+use osier::export::exr::{ExrExporter, ExrOptions};
 use osier::files::Folder;
 use osier::scene::*;
 
@@ -34,7 +34,7 @@ fn scene() -> Scene {
 }
 
 fn write(dir: &Path, scene: Scene) -> osier::Result<Vec<u8>> {
-    let mut exporter = Exr::new(Folder::open(dir).expect("folder"), ExrOptions::default());
+    let mut exporter = ExrExporter::new(Folder::open(dir).expect("folder"), ExrOptions::default());
     exporter.begin(&Arc::new(scene))?;
     exporter.finish()?;
     Ok(fs::read(dir.join("maps/bark/height.exr")).expect("map"))
@@ -111,7 +111,7 @@ fn wet(
 ) -> osier::Result<osier::export::Summary> {
     let (mut scene, mut frames) = synthetic::scene();
     change(&mut scene, &mut frames);
-    let mut exporter = Exr::new(Folder::open(dir).expect("folder"), wanted);
+    let mut exporter = ExrExporter::new(Folder::open(dir).expect("folder"), wanted);
     exporter.begin(&Arc::new(scene))?;
     frames.iter().try_for_each(|f| exporter.frame(f))?;
     exporter.finish()

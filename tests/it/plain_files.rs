@@ -10,8 +10,8 @@ use std::sync::Arc;
 use glam::{Quat, Vec2, Vec3};
 use osier::export::Exporter;
 use osier::export::file_target::FileTarget;
-use osier::export::obj::Obj;
-use osier::export::ply::Ply;
+use osier::export::obj::ObjExporter;
+use osier::export::ply::PlyExporter;
 use osier::export::textures::Textures;
 use osier::files::Folder;
 use osier::scene::*;
@@ -54,8 +54,10 @@ fn write(dir: &Path, scene: &Scene, frames: &[Frame], single: bool) {
         (FileTarget::Bake, FileTarget::Bake)
     };
     let scene = Arc::new(scene.clone());
-    let mut exporters: [Box<dyn Exporter>; 2] =
-        [Box::new(Obj::new(folder.clone(), textures, obj_layout)), Box::new(Ply::new(folder, ply_layout))];
+    let mut exporters: [Box<dyn Exporter>; 2] = [
+        Box::new(ObjExporter::new(folder.clone(), textures, obj_layout)),
+        Box::new(PlyExporter::new(folder, ply_layout)),
+    ];
     for exporter in &mut exporters {
         exporter.begin(&scene).expect("begin");
         frames.iter().for_each(|f| exporter.frame(f).expect("frame"));

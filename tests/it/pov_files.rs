@@ -107,7 +107,7 @@ fn a_missing_picture_stops_before_anything_is_written() {
     let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
     scene.materials[1].maps.height = Some(99);
     let folder = osier::files::Folder::open(dir.path()).expect("folder");
-    let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, PovOptions::default());
+    let mut pov = osier::export::pov::PovExporter::new(folder.clone(), textures, PovOptions::default());
     let error = pov.begin(&std::sync::Arc::new(scene)).expect_err("missing");
     assert!(error.to_string().starts_with("X012: material leaf"), "{error}");
     assert!(folder.files().is_empty());
@@ -121,7 +121,7 @@ fn a_number_that_is_not_finite_never_reaches_a_file() {
     let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
     scene.placements[0].transform.t.x = f32::NAN;
     let folder = osier::files::Folder::open(dir.path()).expect("folder");
-    let mut pov = osier::export::pov::Pov::new(folder.clone(), textures, PovOptions::default());
+    let mut pov = osier::export::pov::PovExporter::new(folder.clone(), textures, PovOptions::default());
     pov.begin(&std::sync::Arc::new(scene)).expect("begin");
     let error = pov.finish().expect_err("placement");
     assert!(error.to_string().starts_with("X001"), "{error}");
@@ -147,7 +147,7 @@ fn what_is_said_of_a_frame_is_said_where_its_file_is_kept() {
         let options = osier::files::WriteOptions { key: "k".into(), ..Default::default() };
         let folder = osier::files::Folder::open_with(dir.path(), options).expect("folder");
         let textures = std::sync::Arc::new(osier::export::textures::Textures::encode(&scene).expect("textures"));
-        let mut pov = osier::export::pov::Pov::new(folder, textures, PovOptions::default());
+        let mut pov = osier::export::pov::PovExporter::new(folder, textures, PovOptions::default());
         pov.begin(&scene).expect("begins");
         frames.iter().for_each(|f| pov.frame(f).expect("a frame"));
         if finish { pov.finish().expect("ends").warnings } else { Vec::new() }

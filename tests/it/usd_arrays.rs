@@ -10,7 +10,7 @@ use glam::{Quat, Vec3};
 use half::f16;
 use osier::export::Exporter as _;
 use osier::export::textures::Textures;
-use osier::export::usd::{Usd, UsdOptions};
+use osier::export::usd::{UsdExporter, UsdOptions};
 use osier::files::Folder;
 use osier::scene::{AssetFrame, CurvesFrame, Frame, InstancerFrame, MeshFrame, PointsFrame, Scene, instance_states};
 use serde_json::{Map, Value, json};
@@ -165,7 +165,7 @@ fn bake(dir: &Path, scene: &Scene, frames: &[Frame]) -> Folder {
     let _ = std::fs::remove_dir_all(dir);
     let folder = Folder::open(dir).expect("folder");
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
-    let mut usd = Usd::new(folder.clone(), textures, UsdOptions::default());
+    let mut usd = UsdExporter::new(folder.clone(), textures, UsdOptions::default());
     usd.begin(&Arc::new(scene.clone())).expect("begin");
     for frame in frames {
         usd.frame(frame).expect("frame");
@@ -211,7 +211,8 @@ fn what_is_not_finite_is_named_and_leaves_no_file() {
     let MeshFrame::Points { points, .. } = &mut frames[3].assets[1].meshes[0] else { panic!("no cache") };
     points[5].y = f32::NAN;
     let folder = Folder::open(&dir).expect("folder");
-    let mut usd = Usd::new(folder, Arc::new(Textures::encode(&scene).expect("pictures")), UsdOptions::default());
+    let mut usd =
+        UsdExporter::new(folder, Arc::new(Textures::encode(&scene).expect("pictures")), UsdOptions::default());
     usd.begin(&Arc::new(scene)).expect("begin");
     let e = frames.iter().try_for_each(|f| usd.frame(f)).expect_err("not a number");
     assert_eq!(e.to_string(), "X001: /cache/body.points, frame 4: number 16 is not finite");
@@ -234,9 +235,11 @@ fn text_that_grows_too_large_is_refused() {
     let scene = Arc::new(scene);
     let options = |file: &str| UsdOptions { file: Some(file.into()), ..UsdOptions::default() };
     let folder = Folder::open(&dir).expect("folder");
-    let e = Usd::new(folder.clone(), Arc::clone(&textures), options("a.usda")).begin(&scene).expect_err("too large");
+    let e = UsdExporter::new(folder.clone(), Arc::clone(&textures), options("a.usda"))
+        .begin(&scene)
+        .expect_err("too large");
     assert!(e.to_string().starts_with("X004: "), "{e}");
-    let mut usdc = Usd::new(folder, textures, options("a.usdc"));
+    let mut usdc = UsdExporter::new(folder, textures, options("a.usdc"));
     usdc.begin(&scene).expect("begin");
     usdc.finish().expect("finish");
 }

@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use osier::export::Exporter as _;
-use osier::export::exr::{Exr, ExrOptions};
+use osier::export::exr::{ExrExporter, ExrOptions};
 use osier::export::textures::Textures;
-use osier::export::usd::{UpAxis, Usd, UsdOptions};
+use osier::export::usd::{UpAxis, UsdExporter, UsdOptions};
 use osier::files::Folder;
 use osier::scene::{Frame, Scene};
 
@@ -24,13 +24,13 @@ fn place(name: &str) -> PathBuf {
 /// Writes a scene with some frames, and the maps that its wet leaves show.
 fn write(dir: &Path, scene: &Scene, frames: &[Frame], options: UsdOptions) {
     let folder = Folder::open(dir).expect("folder");
-    let mut maps = Exr::new(folder.clone(), ExrOptions::default());
+    let mut maps = ExrExporter::new(folder.clone(), ExrOptions::default());
     maps.begin(&Arc::new(scene.clone())).expect("begin");
     frames.iter().for_each(|f| maps.frame(f).expect("frame"));
     maps.finish().expect("finish");
     let options = UsdOptions { maps: true, ..options };
     let textures = Arc::new(Textures::encode(scene).expect("pictures"));
-    let mut usd = Usd::new(folder, textures, options);
+    let mut usd = UsdExporter::new(folder, textures, options);
     usd.begin(&Arc::new(scene.clone())).expect("begin");
     for frame in frames {
         usd.frame(frame).expect("frame");

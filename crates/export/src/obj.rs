@@ -25,7 +25,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: true,
     memory_percent: 0,
     estimate,
-    open: |job| vec![Box::new(Obj::new(job.folder.clone(), Arc::clone(&job.textures), job.target()))],
+    open: |job| vec![Box::new(ObjExporter::new(job.folder.clone(), Arc::clone(&job.textures), job.target()))],
 };
 
 /// Bytes of the lines of a vertex, a normal and a texture coordinate, and of a face without its numbers. Own: as measured on
@@ -52,13 +52,13 @@ fn estimate(input: &EstimateInput) -> u64 {
 
 /// Exporter for OBJ.
 #[derive(Debug)]
-pub struct Obj {
+pub struct ObjExporter {
     folder: Folder,
     textures: Arc<Textures>,
     target: FileTarget,
 }
 
-impl Obj {
+impl ObjExporter {
     /// Writes into `folder`; `textures`: the scene's pictures.
     pub fn new(folder: Folder, textures: Arc<Textures>, target: FileTarget) -> Self {
         Self { folder, textures, target }
@@ -129,7 +129,7 @@ impl Lines<'_> {
     }
 }
 
-impl Exporter for Obj {
+impl Exporter for ObjExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
         match &self.target {

@@ -24,12 +24,12 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: false,
     memory_percent: 0,
     estimate: |input| input.per_asset(|a| a.posed_frames(input.frames) * a.deforming_vertices * 12),
-    open: |job| vec![Box::new(Pc2::new(job.folder.clone()))],
+    open: |job| vec![Box::new(Pc2Exporter::new(job.folder.clone()))],
 };
 
 /// The point cache exporter: a file per deforming mesh, frames written as they come.
 #[derive(Debug)]
-pub struct Pc2 {
+pub struct Pc2Exporter {
     folder: Folder,
     scene: Option<Arc<Scene>>,
     caches: Vec<Cache>,
@@ -56,7 +56,7 @@ struct Header {
     samples: usize,
 }
 
-impl Pc2 {
+impl Pc2Exporter {
     /// An exporter into `folder`. Still scenes and scenes without deforming meshes give no file.
     pub fn new(folder: Folder) -> Self {
         Self { folder, scene: None, caches: Vec::new(), numbers: Vec::new() }
@@ -124,7 +124,7 @@ impl Cache {
     }
 }
 
-impl Exporter for Pc2 {
+impl Exporter for Pc2Exporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         self.scene = Some(Arc::clone(scene));
         Ok(())

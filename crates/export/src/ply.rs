@@ -30,7 +30,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: false,
     memory_percent: 0,
     estimate,
-    open: |job| vec![Box::new(Ply::new(job.folder.clone(), job.target()))],
+    open: |job| vec![Box::new(PlyExporter::new(job.folder.clone(), job.target()))],
 };
 
 /// Own: bytes as the binary records have them. A single file holds the merged mesh, points only without one.
@@ -47,14 +47,14 @@ fn estimate(input: &EstimateInput) -> u64 {
 
 /// Exporter for PLY.
 #[derive(Debug)]
-pub struct Ply {
+pub struct PlyExporter {
     folder: Folder,
     target: FileTarget,
     scene: Option<Arc<Scene>>,
     frames: usize,
 }
 
-impl Ply {
+impl PlyExporter {
     /// Writes into `folder`.
     pub fn new(folder: Folder, target: FileTarget) -> Self {
         Self { folder, target, scene: None, frames: 0 }
@@ -111,7 +111,7 @@ impl Ply {
     }
 }
 
-impl Exporter for Ply {
+impl Exporter for PlyExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
         self.scene = Some(Arc::clone(scene));

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::Arc;
 
-use osier::export::pov::{Pov, PovOptions};
+use osier::export::pov::{PovExporter, PovOptions};
 use osier::export::textures::Textures;
 use osier::export::{Exporter, Summary};
 use osier::files::Folder;
@@ -16,7 +16,7 @@ use osier::scene::{Frame, Scene};
 pub fn bake(dir: &Path, scene: &Scene, frames: &[Frame], options: PovOptions) -> Summary {
     let folder = Folder::open(dir).expect("folder");
     let textures = Arc::new(Textures::encode(scene).expect("textures"));
-    let mut pov = Pov::new(folder, textures, options);
+    let mut pov = PovExporter::new(folder, textures, options);
     pov.begin(&Arc::new(scene.clone())).expect("begin");
     frames.iter().for_each(|f| pov.frame(f).expect("frame"));
     pov.finish().expect("finish")

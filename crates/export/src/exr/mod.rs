@@ -37,7 +37,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     pictures_beside: false,
     memory_percent: 0,
     estimate,
-    open: |job| vec![Box::new(Exr::new(job.folder.clone(), job.options.exr))],
+    open: |job| vec![Box::new(ExrExporter::new(job.folder.clone(), job.options.exr))],
 };
 
 /// Own: bytes a texel as measured on leaves in rain, in tenths; a file of each map per frame.
@@ -53,7 +53,7 @@ fn estimate(input: &EstimateInput) -> u64 {
 
 /// Exporter for EXR maps.
 #[derive(Debug)]
-pub struct Exr {
+pub struct ExrExporter {
     folder: Folder,
     scene: Option<Arc<Scene>>,
     /// The last values of each field.
@@ -61,7 +61,7 @@ pub struct Exr {
     sheets: Sheets,
 }
 
-impl Exr {
+impl ExrExporter {
     /// Writes into `folder`.
     pub fn new(folder: Folder, options: ExrOptions) -> Self {
         Self { folder, scene: None, last: Vec::new(), sheets: Sheets::new(options) }
@@ -100,7 +100,7 @@ impl Exr {
     }
 }
 
-impl Exporter for Exr {
+impl Exporter for ExrExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> osier_base::Result<()> {
         for material in &scene.materials {
             if let Some(image) = material.maps.height {

@@ -63,7 +63,7 @@ fn open(job: &ExportJob) -> Vec<Box<dyn Exporter>> {
                 GltfOptions { profile, target, skins: bake.skins, ..GltfOptions::default() }
             }
         };
-        Box::new(Gltf::new(job.folder.clone(), Arc::clone(&job.textures), options))
+        Box::new(GltfExporter::new(job.folder.clone(), Arc::clone(&job.textures), options))
     };
     job.options.gltf_profiles.iter().map(open).collect()
 }
@@ -112,7 +112,7 @@ enum Pictures {
 
 /// The glTF exporter. Tracks are gathered while frames pass, files written at the end.
 #[derive(Debug)]
-pub struct Gltf {
+pub struct GltfExporter {
     folder: Folder,
     textures: Arc<Textures>,
     options: GltfOptions,
@@ -120,7 +120,7 @@ pub struct Gltf {
     tracks: Tracks,
 }
 
-impl Gltf {
+impl GltfExporter {
     /// An exporter into `folder`; `textures` are those of the scene that will be given.
     pub fn new(folder: Folder, textures: Arc<Textures>, options: GltfOptions) -> Self {
         Self { folder, textures, options, scene: None, tracks: Tracks::default() }
@@ -196,7 +196,7 @@ impl Gltf {
     }
 }
 
-impl Exporter for Gltf {
+impl Exporter for GltfExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
         self.tracks = Tracks::new(scene, self.options.nodes);

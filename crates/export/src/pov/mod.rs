@@ -49,7 +49,7 @@ pub const FORMAT: FormatInfo = FormatInfo {
     estimate,
     open: |job| {
         let options = PovOptions { target: job.target(), ..job.options.pov.clone() };
-        vec![Box::new(Pov::new(job.folder.clone(), Arc::clone(&job.textures), options))]
+        vec![Box::new(PovExporter::new(job.folder.clone(), Arc::clone(&job.textures), options))]
     },
 };
 
@@ -72,7 +72,7 @@ fn estimate(input: &EstimateInput) -> u64 {
 
 /// Exporter for POV-Ray.
 #[derive(Debug)]
-pub struct Pov {
+pub struct PovExporter {
     folder: Folder,
     textures: Arc<Textures>,
     options: PovOptions,
@@ -85,7 +85,7 @@ pub struct Pov {
     warnings: Vec<Warning>,
 }
 
-impl Pov {
+impl PovExporter {
     /// Writes into `folder`; `textures`: the scene's pictures.
     pub fn new(folder: Folder, textures: Arc<Textures>, options: PovOptions) -> Self {
         let (written, warnings, sheets) = (Vec::new(), Vec::new(), wet::Sheets::new());
@@ -199,7 +199,7 @@ fn not_finite(path: &str) -> Error {
     Error::export("X001", format!("\"{path}\" would hold a number that is not finite"))
 }
 
-impl Exporter for Pov {
+impl Exporter for PovExporter {
     fn begin(&mut self, scene: &Arc<Scene>) -> Result<()> {
         check_scene(scene)?;
         look::check(scene)?;
