@@ -7,7 +7,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use osier::bake::BakeContext;
 use osier::bake::assets::catkin::{CatkinLods, catkin_models};
 use osier::diagnostic::Sources;
-use osier::grammar::{DeriveOptions, Grammar, Source, derive, parse};
+use osier::grammar::{DeriveOptions, Grammar, GrammarSource, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
 use osier::limits::Limits;
 use osier::progress::{Cancel, Silent};
@@ -17,7 +17,7 @@ use osier::recipe::scene::CatkinKeys;
 fn read(text: &str) -> Grammar {
     let defines = BTreeMap::new();
     let mut none = |r: &str, _: &str| Err(osier::Error::io("open", r, std::io::ErrorKind::NotFound.into()));
-    let source = Source { name: "bench.l", bytes: text.as_bytes(), includes: &mut none, defines: &defines };
+    let source = GrammarSource { name: "bench.l", bytes: text.as_bytes(), includes: &mut none, defines: &defines };
     parse(&mut Sources::default(), source, &Limits::default()).expect("reads").0
 }
 

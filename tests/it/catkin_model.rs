@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 use osier::bake::BakeContext;
 use osier::bake::assets::catkin::{CatkinLods, catkin_models, skeleton};
 use osier::diagnostic::Sources;
-use osier::grammar::{DeriveOptions, Derived, Grammar, Source, derive, parse};
+use osier::grammar::{DeriveOptions, DerivedString, Grammar, GrammarSource, derive, parse};
 use osier::grow::turtle::{TurtleOptions, grow};
 use osier::limits::Limits;
 use osier::par::par_map;
@@ -26,14 +26,15 @@ fn read(text: &str) -> Grammar {
     let mut none = |reference: &str, _: &str| {
         Err(osier::Error::io("open", reference, std::io::Error::from(std::io::ErrorKind::NotFound)))
     };
-    let source = Source { name: "test.l", bytes: text.as_bytes(), includes: &mut none, defines: &BTreeMap::default() };
+    let source =
+        GrammarSource { name: "test.l", bytes: text.as_bytes(), includes: &mut none, defines: &BTreeMap::default() };
     let (grammar, warnings) =
         parse(&mut Sources::default(), source, &Limits::default()).unwrap_or_else(|e| panic!("{e}"));
     assert!(warnings.is_empty(), "{warnings:?}");
     grammar
 }
 
-fn derived(grammar: &Grammar, seed: u64) -> Derived {
+fn derived(grammar: &Grammar, seed: u64) -> DerivedString {
     let options = DeriveOptions { seed, ..DeriveOptions::default() };
     derive(grammar, &options, &Limits::default()).unwrap_or_else(|e| panic!("{e}"))
 }

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use osier::diagnostic::{Diagnostic, Report, Sources, Style, render};
-use osier::grammar::{DeriveOptions, Grammar, Source, derive, parse, predict};
+use osier::grammar::{DeriveOptions, Grammar, GrammarSource, derive, parse, predict};
 use osier::grow::radii::Pipe;
 use osier::grow::turtle::{RadiusModel, Tropism, TurtleOptions, grow};
 use osier::limits::Limits;
@@ -25,7 +25,7 @@ fn read(sources: &mut Sources, text: &[u8], defines: &BTreeMap<String, String>) 
     let includes: &mut Includes<'_> = &mut missing;
     parse(
         sources,
-        Source { name: "test.l", bytes: text, includes: &mut |a, b| includes(a, b), defines },
+        GrammarSource { name: "test.l", bytes: text, includes: &mut |a, b| includes(a, b), defines },
         &Limits::default(),
     )
 }

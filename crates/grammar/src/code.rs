@@ -4,7 +4,7 @@ use super::token::SourcePlace;
 
 /// Functions of one argument without side effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Unary {
+pub(crate) enum UnaryOp {
     Neg,
     Not,
     Sin,
@@ -25,7 +25,7 @@ pub(crate) enum Unary {
 
 /// Operators of two arguments without side effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Binary {
+pub(crate) enum BinaryOp {
     Add,
     Sub,
     Mul,
@@ -43,7 +43,7 @@ pub(crate) enum Binary {
 
 /// Functions that draw random numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Random {
+pub(crate) enum RandomFunction {
     Ran,
     Nran,
     Bran,
@@ -66,10 +66,10 @@ pub(crate) enum Op {
     Length,
     /// `Z` - `Q`.
     Remaining,
-    Unary(Unary),
-    /// Operator and index into [`Code::places`], for division by zero.
-    Binary(Binary, u32),
-    Random(Random),
+    Unary(UnaryOp),
+    /// Operator and index into [`Bytecode::places`], for division by zero.
+    Binary(BinaryOp, u32),
+    Random(RandomFunction),
     /// Pairs of (value, share) on the stack.
     Choose(u16),
     Srand,
@@ -84,13 +84,13 @@ pub(crate) enum Op {
     Or(u32),
     /// Pops; pushes 1 or 0.
     Bool,
-    /// Counts a statement or a turn of a loop; index into [`Code::places`].
+    /// Counts a statement or a turn of a loop; index into [`Bytecode::places`].
     Count(u32),
 }
 
 /// A sequence of instructions.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Code {
+pub(crate) struct Bytecode {
     pub ops: Vec<Op>,
     pub places: Vec<SourcePlace>,
 }
@@ -100,10 +100,10 @@ pub(crate) struct Code {
 pub(crate) enum Expr {
     Const(f64),
     Local(u16),
-    Code(Code),
+    Code(Bytecode),
 }
 
-impl Code {
+impl Bytecode {
     /// As an expression, in its simplest form.
     pub fn into_expr(self) -> Expr {
         match self.ops.as_slice() {
@@ -119,7 +119,7 @@ impl Code {
     }
 }
 
-impl Unary {
+impl UnaryOp {
     /// The function of a name, where the name takes one argument.
     pub fn named(name: &str) -> Option<Self> {
         Some(match name {
@@ -181,7 +181,7 @@ pub(crate) fn is_zero(x: f64) -> bool {
     x == 0.0
 }
 
-impl Binary {
+impl BinaryOp {
     /// Value, and whether a division by zero was met (the numerator stands for x/0, 0 for x%0).
     #[allow(clippy::float_cmp, reason = "the grammar language compares exactly")]
     pub fn apply(self, a: f64, b: f64) -> (f64, bool) {
@@ -221,16 +221,16 @@ mod tests {
     #[test]
     #[allow(clippy::float_cmp, reason = "exact values of the language")]
     fn arithmetic_of_the_language() {
-        assert_eq!(Binary::Div.apply(5.0, 0.0), (5.0, true));
-        assert_eq!(Binary::Rem.apply(-7.0, 4.0), (-3.0, false));
-        assert_eq!(Binary::Rem.apply(7.9, 2.9), (1.0, false));
-        assert_eq!(Binary::Rem.apply(7.0, 0.5), (0.0, true));
-        assert_eq!(Binary::Pow.apply(0.0, 0.0).0, 1.0);
-        assert_eq!(Unary::Trunc.apply(2.5), 3.0);
-        assert_eq!(Unary::Trunc.apply(-2.5), -2.0);
-        assert!(Unary::Sqrt.apply(-1.0).is_nan());
-        assert_eq!(Unary::Log.apply(0.0), f64::NEG_INFINITY);
-        assert!((Unary::Sin.apply(30.0) - 0.5).abs() < 1e-15);
-        assert!((Binary::Atan2.apply(1.0, -1.0).0 - 135.0).abs() < 1e-12);
+        assert_eq!(BinaryOp::Div.apply(5.0, 0.0), (5.0, true));
+        assert_eq!(BinaryOp::Rem.apply(-7.0, 4.0), (-3.0, false));
+        assert_eq!(BinaryOp::Rem.apply(7.9, 2.9), (1.0, false));
+        assert_eq!(BinaryOp::Rem.apply(7.0, 0.5), (0.0, true));
+        assert_eq!(BinaryOp::Pow.apply(0.0, 0.0).0, 1.0);
+        assert_eq!(UnaryOp::Trunc.apply(2.5), 3.0);
+        assert_eq!(UnaryOp::Trunc.apply(-2.5), -2.0);
+        assert!(UnaryOp::Sqrt.apply(-1.0).is_nan());
+        assert_eq!(UnaryOp::Log.apply(0.0), f64::NEG_INFINITY);
+        assert!((UnaryOp::Sin.apply(30.0) - 0.5).abs() < 1e-15);
+        assert!((BinaryOp::Atan2.apply(1.0, -1.0).0 - 135.0).abs() < 1e-12);
     }
 }

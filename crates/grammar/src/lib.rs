@@ -3,69 +3,37 @@
 //! [`parse`] turns text into a [`Grammar`] (or into complaints, all of them at once), [`derive()`] makes its final string,
 //! [`interpret`] hands that string to whoever draws it. Text is data: nothing in a grammar opens files or runs programs.
 
+mod binding;
 mod code;
 mod compile;
 mod derive;
+mod evaluate;
+mod grammar;
 mod lint;
+mod modules;
 mod preprocess;
 mod program;
-mod rebind;
+mod symbols;
 mod token;
 mod vm;
 
 use std::collections::BTreeMap;
 
-pub use derive::{DeriveOptions, Derived, Module, Modules, Prediction, derive, interpret, predict};
+pub use binding::{Dialect, TurtleAction, TurtleAxis};
+pub use derive::{DeriveOptions, DerivedString, Prediction, derive, interpret, predict};
+pub use evaluate::BindingEvaluator;
+pub use grammar::Grammar;
+pub use modules::{Module, ModuleString};
 pub use preprocess::{Define, Includes};
-pub use program::{SymbolId, Symbols};
-pub use rebind::{Action, Dialect, Drawing, Own};
+pub use symbols::{SymbolId, Symbols};
 
-use osier_base::diagnostic::{Diagnostic, Report, Sources, Span};
+use osier_base::diagnostic::{Diagnostic, Report, Sources};
 use osier_base::limits::Limits;
 use osier_base::{Error, Result};
-use program::Program;
-use token::{Reading, SourcePlace};
-
-/// Turtle commands of two characters.
-pub(crate) const COMMANDS: [(char, char); 20] = [
-    ('@', 'v'),
-    ('@', 'M'),
-    ('@', 'R'),
-    ('@', 'D'),
-    ('@', 'o'),
-    ('@', 'c'),
-    ('@', 'O'),
-    ('@', 'b'),
-    ('@', 'T'),
-    ('@', 'G'),
-    ('@', 'P'),
-    ('@', 'L'),
-    ('@', '#'),
-    ('@', '!'),
-    ('@', ';'),
-    ('@', ','),
-    ('?', 'P'),
-    ('?', 'H'),
-    ('?', 'U'),
-    ('?', 'L'),
-];
-
-/// A grammar that was read without errors.
-#[derive(Debug, Clone)]
-pub struct Grammar {
-    pub(crate) program: Program,
-    label: String,
-    description: String,
-    defines: Vec<Define>,
-    notes: Vec<Diagnostic>,
-    /// The texts, for complaints while deriving.
-    sources: Sources,
-    expansions: Vec<(String, SourcePlace)>,
-    start: SourcePlace,
-}
+use token::{ParseSession, SourcePlace};
 
 /// The file to read.
-pub struct Source<'a> {
+pub struct GrammarSource<'a> {
     /// Name shown in complaints.
     pub name: &'a str,
     /// Its content.
@@ -80,190 +48,41 @@ pub struct Source<'a> {
 /// Returns the grammar with its warnings.
 /// # Errors
 /// `Input` with everything that is wrong with the file.
-pub fn parse(sources: &mut Sources, source: Source<'_>, limits: &Limits) -> Result<(Grammar, Vec<Diagnostic>)> {
-    let mut reading = Reading::default();
+pub fn parse(sources: &mut Sources, source: GrammarSource<'_>, limits: &Limits) -> Result<(Grammar, Vec<Diagnostic>)> {
+    let mut session = ParseSession::default();
     let first = sources.ids().count();
-    let Source { name, bytes, includes, defines } = source;
-    let input = preprocess::Input { name, bytes, includes, defines, limits };
-    let preprocessed = preprocess::run(&mut reading, sources, input);
+    let GrammarSource { name, bytes, includes, defines } = source;
+    let input = preprocess::PreprocessorInput { name, bytes, includes, defines, limits };
+    let preprocessed = preprocess::run(&mut session, sources, input);
     if preprocessed.is_foreign {
-        return Err(complaints(&mut reading, sources));
+        return Err(input_error(&mut session, sources));
     }
     let main = (first..).zip(sources.ids().skip(first)).map(|(_, id)| id).find(|id| sources.name(*id) == name);
     let start = SourcePlace::start_of(main.unwrap_or(osier_base::diagnostic::SourceId(0)));
-    let parsed = compile::parse(&mut reading, &preprocessed.tokens, start);
-    if !reading.has_errors() {
-        lint::check(&mut reading, &parsed.program);
+    let parsed = compile::parse(&mut session, &preprocessed.tokens, start);
+    if !session.has_errors() {
+        lint::check(&mut session, &parsed.program);
     }
-    if reading.has_errors() {
-        return Err(complaints(&mut reading, sources));
+    if session.has_errors() {
+        return Err(input_error(&mut session, sources));
     }
     let grammar = Grammar {
         program: parsed.program,
         label: parsed.label,
         description: preprocessed.description,
         defines: preprocessed.defines,
-        notes: std::mem::take(&mut reading.notes),
+        notes: std::mem::take(&mut session.notes),
         sources: sources.clone(),
-        expansions: reading.expansions.iter().map(|e| (reading.names.get(e.name).to_owned(), e.used_at)).collect(),
+        expansions: session.expansions.iter().map(|e| (session.names.get(e.name).to_owned(), e.used_at)).collect(),
         start,
     };
-    Ok((grammar, std::mem::take(&mut reading.diagnostics)))
+    Ok((grammar, std::mem::take(&mut session.diagnostics)))
 }
 
 /// All that was found wrong, as an error.
-fn complaints(reading: &mut Reading, sources: &Sources) -> Error {
-    let diagnostics = std::mem::take(&mut reading.diagnostics);
+fn input_error(session: &mut ParseSession, sources: &Sources) -> Error {
+    let diagnostics = std::mem::take(&mut session.diagnostics);
     Error::Input(Box::new(Report { sources: sources.clone(), diagnostics }))
-}
-
-impl Grammar {
-    /// What stands behind `Lsystem:`.
-    pub fn label(&self) -> &str {
-        &self.label
-    }
-
-    /// The comment that opens the file.
-    pub fn description(&self) -> &str {
-        &self.description
-    }
-
-    /// Its `#define`s without arguments, in file order: what `--set` can change.
-    pub fn defines(&self) -> &[Define] {
-        &self.defines
-    }
-
-    /// Remarks that only a verbose run shows.
-    pub fn notes(&self) -> &[Diagnostic] {
-        &self.notes
-    }
-
-    /// The derivation length.
-    pub fn steps(&self) -> u32 {
-        self.program.length
-    }
-
-    /// True with a `Seed:` or a `turtle:`: productions compete by weight.
-    pub fn is_stochastic(&self) -> bool {
-        self.program.is_stochastic()
-    }
-
-    /// True for a tuft of hairs: its turtle is a catkin's, or a symbol is bound to its stalk.
-    pub fn is_tuft(&self) -> bool {
-        let turtle = self.program.turtle.as_ref();
-        let stalk = |t: &rebind::Rebinding| t.bindings.values().any(|b| b.action == Action::Organ("stalk".into()));
-        turtle.is_some_and(|t| t.dialect == Dialect::Catkin || stalk(t))
-    }
-
-    /// Its symbols.
-    pub fn symbols(&self) -> &Symbols {
-        &self.program.symbols
-    }
-
-    /// Symbols that stand behind a `~` anywhere, and letters that `bind` names as organs: the organs that it draws, in order
-    /// of their characters.
-    pub fn organ_symbols(&self) -> Vec<char> {
-        let successors = self.program.productions().map(|p| &p.successor).chain([&self.program.axiom]);
-        let symbol = |id| self.program.symbols.get(id);
-        let behind = |s: &Vec<program::Template>| {
-            let pairs = s.windows(2).filter(|w| symbol(w[0].symbol) == '~').map(|w| symbol(w[1].symbol));
-            pairs.collect::<Vec<_>>()
-        };
-        let mut all = std::collections::BTreeSet::new();
-        if !self.program.strips('~') {
-            all.extend(successors.flat_map(behind));
-        }
-        let bound = self.program.turtle.iter().flat_map(|t| t.bindings.values());
-        all.extend(bound.filter_map(|b| match &b.action {
-            Action::Organ(name) => name.chars().next().filter(|_| name.chars().count() == 1),
-            _ => None,
-        }));
-        all.into_iter().collect()
-    }
-
-    /// A string of modules as text, parameters with six digits.
-    pub fn print(&self, modules: &Modules) -> String {
-        let mut out = String::new();
-        for m in modules.iter() {
-            out.push(self.program.symbols.get(m.symbol));
-            if !m.params.is_empty() {
-                let params: Vec<String> = m.params.iter().map(|p| general(f64::from(*p))).collect();
-                out.push_str(&format!("({})", params.join(",")));
-            }
-        }
-        out
-    }
-
-    /// Where the derivation length stands.
-    fn length_place(&self) -> Span {
-        self.program.length_place.unwrap_or(self.start).span
-    }
-
-    /// A complaint with the macros that led to its place.
-    fn with_chain(&self, mut d: Diagnostic, place: SourcePlace) -> Diagnostic {
-        let mut at = place;
-        for _ in 0..4 {
-            let Some((name, used_at)) = (at.origin as usize).checked_sub(1).and_then(|i| self.expansions.get(i)) else {
-                break;
-            };
-            d = d.label(used_at.span, format!("through macro {name}"));
-            at = *used_at;
-        }
-        d
-    }
-
-    /// Where a symbol (behind `prefix`, if given) is first made; the start of the file if nowhere.
-    pub fn place_of(&self, prefix: Option<char>, c: char) -> Span {
-        let symbol = |t: &program::Template| self.program.symbols.get(t.symbol);
-        let successors = || [&self.program.axiom].into_iter().chain(self.program.productions().map(|p| &p.successor));
-        let place = match prefix {
-            None => successors().flatten().find(|t| symbol(t) == c).map(|t| t.place),
-            Some(p) => {
-                let mut pairs = successors().flat_map(|s| s.windows(2));
-                let pair = pairs.find(|w| symbol(&w[0]) == p && symbol(&w[1]) == c);
-                pair.map(|w| w[0].place.to(w[1].place))
-            }
-        };
-        place.unwrap_or(self.start).span
-    }
-
-    /// Complaints about this grammar as an error.
-    pub fn report(&self, diagnostics: Vec<Diagnostic>) -> Error {
-        Error::Input(Box::new(Report { sources: self.sources.clone(), diagnostics }))
-    }
-
-    /// The texts that complaints of this grammar point into.
-    pub fn sources(&self) -> &Sources {
-        &self.sources
-    }
-}
-
-/// A number as C's `%g` prints it: six significant digits, no trailing zeros.
-fn general(x: f64) -> String {
-    if !x.is_finite() || crate::code::is_zero(x) {
-        return format!("{x}");
-    }
-    let exponent = format!("{x:.5e}");
-    let Some((digits, power)) = exponent.split_once('e') else { return exponent };
-    let power: i32 = power.parse().unwrap_or(0);
-    let trim =
-        |s: &str| if s.contains('.') { s.trim_end_matches('0').trim_end_matches('.').to_owned() } else { s.to_owned() };
-    if !(-4..6).contains(&power) {
-        let sign = if power < 0 { '-' } else { '+' };
-        return format!("{}e{sign}{:02}", trim(digits), power.abs());
-    }
-    let decimals = usize::try_from(5 - power).unwrap_or(0);
-    trim(&format!("{x:.decimals$}"))
-}
-
-/// An error met while deriving, as a report.
-fn runtime_report(grammar: &Grammar, diagnostic: Diagnostic) -> Error {
-    grammar.report(vec![diagnostic])
-}
-
-/// An error met while deriving, at one place, with a way out.
-fn runtime_error(grammar: &Grammar, code: &'static str, message: String, at: Span, help: impl Into<String>) -> Error {
-    runtime_report(grammar, Diagnostic::error(code, message, at, "here").help(help))
 }
 
 #[cfg(test)]

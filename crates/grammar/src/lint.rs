@@ -2,31 +2,32 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::code::Code;
-use super::program::{ContextElement, Formal, Hidden, Production, Program, Rules, SymbolId};
-use super::token::{Reading, SourcePlace};
+use super::code::Bytecode;
+use super::program::{ContextElement, FormalModule, IgnoredSymbols, Production, ProductionSet, Program};
+use super::symbols::{SymbolId, TWO_CHARACTER_COMMANDS};
+use super::token::{ParseSession, SourcePlace};
 use super::vm;
 use osier_base::diagnostic::Diagnostic;
 
 /// Runs all checks.
-pub(super) fn check(reading: &mut Reading, program: &Program) {
-    arities(reading, program);
-    reachable(reading, program);
+pub(super) fn check(session: &mut ParseSession, program: &Program) {
+    check_arities(session, program);
+    check_reachability(session, program);
     for rules in [&program.rules, &program.decomposition, &program.homomorphism] {
         let stochastic = program.is_stochastic() || rules.seed.is_some();
         if stochastic {
-            shares(reading, program, rules);
+            check_weight_sums(session, program, rules);
         } else {
-            shadowed(reading, rules);
-            idle_weights(reading, rules);
+            check_shadowed(session, rules);
+            check_unused_weights(session, rules);
         }
     }
-    prefixes(reading, program);
-    hidden_contexts(reading, program);
+    check_command_letters(session, program);
+    check_ignored_contexts(session, program);
 }
 
 /// Numbers of parameters that each symbol is made with.
-fn made(program: &Program) -> BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> {
+fn produced_arities(program: &Program) -> BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> {
     let mut out: BTreeMap<SymbolId, BTreeMap<usize, SourcePlace>> = BTreeMap::new();
     for t in program.productions().flat_map(|p| &p.successor).chain(&program.axiom) {
         out.entry(t.symbol).or_default().entry(t.args.len()).or_insert(t.place);
@@ -39,15 +40,15 @@ fn plural(n: usize) -> String {
 }
 
 /// L023: predecessors and contexts whose number of parameters is never made.
-fn arities(reading: &mut Reading, program: &Program) {
-    let made = made(program);
+fn check_arities(session: &mut ParseSession, program: &Program) {
+    let produced = produced_arities(program);
     for p in program.productions() {
         let elements = p.left.iter().chain(&p.right);
         let contexts = elements.filter_map(|e| if let ContextElement::Module(f) = e { Some(f) } else { None });
-        let formals: Vec<&Formal> = p.predecessor.iter().chain(contexts).collect();
+        let formals: Vec<&FormalModule> = p.predecessor.iter().chain(contexts).collect();
         for f in formals {
             let arity = usize::from(f.arity);
-            let Some(known) = made.get(&f.symbol) else { continue };
+            let Some(known) = produced.get(&f.symbol) else { continue };
             if known.contains_key(&arity) {
                 continue;
             }
@@ -60,13 +61,13 @@ fn arities(reading: &mut Reading, program: &Program) {
             let d = Diagnostic::warning("L023", message, f.place.span, "this one")
                 .label(at.span, format!("made with {} here", plural(other)))
                 .help(format!("did you mean {call}?"));
-            reading.push(d, f.place);
+            session.push(d, f.place);
         }
     }
 }
 
 /// L030: predecessors that nothing makes, directly or indirectly, from the axiom.
-fn reachable(reading: &mut Reading, program: &Program) {
+fn check_reachability(session: &mut ParseSession, program: &Program) {
     let mut seen: BTreeSet<SymbolId> = program.axiom.iter().map(|t| t.symbol).collect();
     let mut makes: BTreeMap<SymbolId, BTreeSet<SymbolId>> = BTreeMap::new();
     for p in program.productions() {
@@ -92,12 +93,12 @@ fn reachable(reading: &mut Reading, program: &Program) {
         let c = program.symbols.get(symbol);
         let idle = if count == 1 { "1 production is".to_owned() } else { format!("{count} productions are") };
         let message = format!("{c} cannot be reached from the axiom, {idle} idle");
-        reading.warning("L030", message, place, format!("put {c} into the axiom or a successor that is reached"));
+        session.warning("L030", message, place, format!("put {c} into the axiom or a successor that is reached"));
     }
 }
 
 /// L031: without a seed the first production that applies wins.
-fn shadowed(reading: &mut Reading, rules: &Rules) {
+fn check_shadowed(session: &mut ParseSession, rules: &ProductionSet) {
     let mut always: BTreeMap<(SymbolId, u8), SourcePlace> = BTreeMap::new();
     for p in &rules.list {
         let Some(first) = p.predecessor.first() else { continue };
@@ -106,7 +107,7 @@ fn shadowed(reading: &mut Reading, rules: &Rules) {
             let d = Diagnostic::warning("L031", "this production is never used", p.place.span, "this one")
                 .label(by.span, "this earlier one always applies")
                 .help("give the earlier one a condition, or add 'Seed: 1' to let them compete by weight");
-            reading.push(d, p.place);
+            session.push(d, p.place);
         } else if p.is_unconditional() && p.before.is_none() {
             always.insert(kind, p.place);
         }
@@ -114,19 +115,19 @@ fn shadowed(reading: &mut Reading, rules: &Rules) {
 }
 
 /// L032: weights mean nothing without a seed.
-fn idle_weights(reading: &mut Reading, rules: &Rules) {
+fn check_unused_weights(session: &mut ParseSession, rules: &ProductionSet) {
     let mut first: Option<SourcePlace> = None;
     for p in rules.list.iter().filter(|p| p.weight.is_some()) {
         first.get_or_insert(p.place);
     }
     if let Some(place) = first {
         let help = "add 'Seed: 1' to let productions compete by weight";
-        reading.warning("L032", "weights are ignored without a seed".into(), place, help);
+        session.warning("L032", "weights are ignored without a seed".into(), place, help);
     }
 }
 
 /// L035: constant weights of one kind that look like shares of 1 or 100.
-fn shares(reading: &mut Reading, program: &Program, rules: &Rules) {
+fn check_weight_sums(session: &mut ParseSession, program: &Program, rules: &ProductionSet) {
     let mut groups: BTreeMap<(SymbolId, u8), Vec<&Production>> = BTreeMap::new();
     for p in &rules.list {
         if let Some(f) = p.predecessor.first() {
@@ -137,7 +138,7 @@ fn shares(reading: &mut Reading, program: &Program, rules: &Rules) {
         if !list.iter().all(|p| p.is_unconditional()) {
             continue;
         }
-        let constant = |p: &&Production| p.weight.as_ref().and_then(|c: &Code| vm::constant(c));
+        let constant = |p: &&Production| p.weight.as_ref().and_then(|c: &Bytecode| vm::constant_value(c));
         let Some(weights) = list.iter().map(constant).collect::<Option<Vec<f64>>>() else { continue };
         let sum = weights.iter().fold(0.0, |s, w| s + w);
         let near = |whole: f64| (sum - whole).abs() > whole * 1e-3 && (sum - whole).abs() < whole * 0.15;
@@ -145,22 +146,22 @@ fn shares(reading: &mut Reading, program: &Program, rules: &Rules) {
             let c = program.symbols.get(symbol);
             let message = format!("weights of the productions for {c} sum to {sum}");
             let help = "they are divided by their sum";
-            reading.warning("L035", message, list[0].place, help);
+            session.warning("L035", message, list[0].place, help);
         }
     }
 }
 
 /// L055: contexts that name a symbol which contexts look past.
-fn hidden_contexts(reading: &mut Reading, program: &Program) {
-    let hidden = program.hidden.table(&program.symbols);
-    let item = if matches!(program.hidden, Hidden::These(_)) { "Ignore" } else { "Consider" };
+fn check_ignored_contexts(session: &mut ParseSession, program: &Program) {
+    let ignored = program.ignored.flags(&program.symbols);
+    let item = if matches!(program.ignored, IgnoredSymbols::Listed(_)) { "Ignore" } else { "Consider" };
     for element in program.productions().flat_map(|p| p.left.iter().chain(&p.right)) {
         let ContextElement::Module(f) = element else { continue };
-        if hidden.get(usize::from(f.symbol)) == Some(&true) {
+        if ignored.get(usize::from(f.symbol)) == Some(&true) {
             let c = program.symbols.get(f.symbol);
             let message = format!("this context never matches: {c} is hidden by '{item}:'");
             let verb = if item == "Ignore" { "take it out of" } else { "add it to" };
-            reading.warning(
+            session.warning(
                 "L055",
                 message,
                 f.place,
@@ -171,7 +172,7 @@ fn hidden_contexts(reading: &mut Reading, program: &Program) {
 }
 
 /// L036: a rule for the letter of a two-character command rewrites the command as well.
-fn prefixes(reading: &mut Reading, program: &Program) {
+fn check_command_letters(session: &mut ParseSession, program: &Program) {
     let rewritten: BTreeSet<SymbolId> =
         program.rules.list.iter().flat_map(|p| &p.predecessor).map(|f| f.symbol).collect();
     let symbol = |id| program.symbols.get(id);
@@ -180,10 +181,10 @@ fn prefixes(reading: &mut Reading, program: &Program) {
     for s in successors {
         for w in s.windows(2) {
             let prefix = symbol(w[0].symbol);
-            if program.strips(prefix) {
+            if program.overrides_cpfg(prefix) {
                 continue;
             }
-            let known = crate::COMMANDS.contains(&(prefix, symbol(w[1].symbol)));
+            let known = TWO_CHARACTER_COMMANDS.contains(&(prefix, symbol(w[1].symbol)));
             if (known || prefix == '~') && rewritten.contains(&w[1].symbol) {
                 found.push((w[0].place.to(w[1].place), prefix, symbol(w[1].symbol)));
             }
@@ -191,16 +192,16 @@ fn prefixes(reading: &mut Reading, program: &Program) {
     }
     for (place, prefix, c) in found {
         // An organ that is a growing module of its own is a common idiom.
-        if prefix == '~' && program.rules.list.iter().all(|p| keeps(p, c, program)) {
+        if prefix == '~' && program.rules.list.iter().all(|p| keeps_symbol(p, c, program)) {
             continue;
         }
         let message = format!("a production for {c} also rewrites the {c} of '{prefix}{c}'");
-        reading.warning("L036", message, place, "use another letter for the module");
+        session.warning("L036", message, place, "use another letter for the module");
     }
 }
 
 /// Does the production leave the symbol in place, only with other parameters?
-fn keeps(p: &Production, c: char, program: &Program) -> bool {
+fn keeps_symbol(p: &Production, c: char, program: &Program) -> bool {
     let symbol = |id| program.symbols.get(id);
     let concerns = p.predecessor.iter().any(|f| symbol(f.symbol) == c);
     !concerns || p.successor.first().is_some_and(|t| symbol(t.symbol) == c)

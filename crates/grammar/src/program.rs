@@ -1,57 +1,13 @@
 //! A grammar after compilation: symbols are numbers, expressions are code.
 
-use std::collections::BTreeMap;
-
-use super::code::{Code, Expr};
-use super::rebind::Rebinding;
+use super::binding::TurtleBindings;
+use super::code::{Bytecode, Expr};
+use super::symbols::{SymbolId, Symbols};
 use super::token::SourcePlace;
-
-/// A symbol's number: its place in [`Symbols`].
-pub type SymbolId = u16;
-
-/// The symbols of a grammar in order of appearance.
-#[derive(Debug, Clone, Default)]
-pub struct Symbols {
-    list: Vec<char>,
-    index: BTreeMap<char, SymbolId>,
-}
-
-impl Symbols {
-    /// Number of a symbol; `None` if the table is full (65,535 symbols).
-    pub(crate) fn intern(&mut self, c: char) -> Option<SymbolId> {
-        if let Some(&i) = self.index.get(&c) {
-            return Some(i);
-        }
-        let i = SymbolId::try_from(self.list.len()).ok().filter(|i| *i < SymbolId::MAX)?;
-        self.list.push(c);
-        self.index.insert(c, i);
-        Some(i)
-    }
-
-    /// The number of a symbol that occurs in the grammar.
-    pub fn find(&self, c: char) -> Option<SymbolId> {
-        self.index.get(&c).copied()
-    }
-
-    /// The symbol of a number; `?` for an unknown one.
-    pub fn get(&self, id: SymbolId) -> char {
-        self.list.get(usize::from(id)).copied().unwrap_or('?')
-    }
-
-    /// Number of symbols.
-    pub fn len(&self) -> usize {
-        self.list.len()
-    }
-
-    /// True without symbols.
-    pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
-    }
-}
 
 /// A module of a predecessor or context: parameters go to local variables from `slot` on.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Formal {
+pub(crate) struct FormalModule {
     pub symbol: SymbolId,
     pub arity: u8,
     pub slot: u16,
@@ -61,7 +17,7 @@ pub(crate) struct Formal {
 /// One element of a context.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum ContextElement {
-    Module(Formal),
+    Module(FormalModule),
     /// `[`
     Open,
     /// `]`: nothing but branches may be left in the branch.
@@ -72,7 +28,7 @@ pub(crate) enum ContextElement {
 
 /// A module to be made.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Template {
+pub(crate) struct SuccessorModule {
     pub symbol: SymbolId,
     pub args: Vec<Expr>,
     /// Which of its symbol in the successor, from 0.
@@ -84,13 +40,13 @@ pub(crate) struct Template {
 #[derive(Debug, Clone)]
 pub(crate) struct Production {
     pub left: Vec<ContextElement>,
-    pub predecessor: Vec<Formal>,
+    pub predecessor: Vec<FormalModule>,
     pub right: Vec<ContextElement>,
-    pub before: Option<Code>,
-    pub condition: Option<Code>,
-    pub after: Option<Code>,
-    pub successor: Vec<Template>,
-    pub weight: Option<Code>,
+    pub before: Option<Bytecode>,
+    pub condition: Option<Bytecode>,
+    pub after: Option<Bytecode>,
+    pub successor: Vec<SuccessorModule>,
+    pub weight: Option<Bytecode>,
     /// Number of local variables, formal parameters included.
     pub locals: u16,
     /// The predecessor.
@@ -109,7 +65,7 @@ impl Production {
     }
 
     /// All of its statements and expressions.
-    pub fn codes(&self) -> impl Iterator<Item = &Code> {
+    pub fn codes(&self) -> impl Iterator<Item = &Bytecode> {
         let own = [&self.before, &self.condition, &self.after, &self.weight];
         let args = self.successor.iter().flat_map(|t| &t.args);
         let args = args.filter_map(|e| if let Expr::Code(c) = e { Some(c) } else { None });
@@ -119,7 +75,7 @@ impl Production {
 
 /// Productions with an index by symbol and number of parameters.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Rules {
+pub(crate) struct ProductionSet {
     pub list: Vec<Production>,
     /// Per symbol: (arity, production) in file order.
     by_symbol: Vec<Vec<(u8, u32)>>,
@@ -133,7 +89,7 @@ pub(crate) struct Rules {
     pub place: Option<SourcePlace>,
 }
 
-impl Rules {
+impl ProductionSet {
     /// Builds the index; called once after parsing.
     pub fn index(&mut self, symbols: usize) {
         self.by_symbol = vec![Vec::new(); symbols];
@@ -146,37 +102,37 @@ impl Rules {
     }
 
     /// Productions whose (first) predecessor is this kind of module, in file order.
-    pub fn of(&self, symbol: SymbolId, arity: u8) -> impl Iterator<Item = &Production> {
+    pub fn matching(&self, symbol: SymbolId, arity: u8) -> impl Iterator<Item = &Production> {
         let row = self.by_symbol.get(usize::from(symbol)).map_or(&[][..], Vec::as_slice);
         row.iter().filter(move |(a, _)| *a == arity).filter_map(|(_, i)| self.list.get(*i as usize))
     }
 
     /// Is there any production for this symbol?
     #[inline]
-    pub fn concerns(&self, symbol: SymbolId) -> bool {
+    pub fn has_productions(&self, symbol: SymbolId) -> bool {
         self.by_symbol.get(usize::from(symbol)).is_some_and(|row| !row.is_empty())
     }
 }
 
 /// What contexts look past.
 #[derive(Debug, Clone, Default)]
-pub(crate) enum Hidden {
+pub(crate) enum IgnoredSymbols {
     #[default]
     Nothing,
     /// `Ignore:`
-    These(Vec<SymbolId>),
+    Listed(Vec<SymbolId>),
     /// `Consider:` - all but these.
-    AllBut(Vec<SymbolId>),
+    AllExcept(Vec<SymbolId>),
 }
 
-impl Hidden {
+impl IgnoredSymbols {
     /// One flag per symbol.
-    pub fn table(&self, symbols: &Symbols) -> Vec<bool> {
+    pub fn flags(&self, symbols: &Symbols) -> Vec<bool> {
         let ids = (0..symbols.len()).map(|i| SymbolId::try_from(i).unwrap_or(SymbolId::MAX));
         ids.map(|i| match self {
             Self::Nothing => false,
-            Self::These(list) => list.contains(&i),
-            Self::AllBut(list) => !list.contains(&i) && !matches!(symbols.get(i), '[' | ']'),
+            Self::Listed(list) => list.contains(&i),
+            Self::AllExcept(list) => !list.contains(&i) && !matches!(symbols.get(i), '[' | ']'),
         })
         .collect()
     }
@@ -184,11 +140,11 @@ impl Hidden {
 
 /// The blocks that run around steps.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Blocks {
-    pub start: Option<Code>,
-    pub start_each: Option<Code>,
-    pub end_each: Option<Code>,
-    pub end: Option<Code>,
+pub(crate) struct ControlBlocks {
+    pub start: Option<Bytecode>,
+    pub start_each: Option<Bytecode>,
+    pub end_each: Option<Bytecode>,
+    pub end: Option<Bytecode>,
     /// Local variables of the blocks (none: what they assign is global).
     pub globals: u16,
 }
@@ -197,17 +153,17 @@ pub(crate) struct Blocks {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Program {
     pub symbols: Symbols,
-    pub axiom: Vec<Template>,
+    pub axiom: Vec<SuccessorModule>,
     pub length: u32,
     pub length_place: Option<SourcePlace>,
     pub seed: Option<i64>,
     /// With a `turtle:`.
-    pub turtle: Option<Rebinding>,
-    pub hidden: Hidden,
-    pub blocks: Blocks,
-    pub rules: Rules,
-    pub decomposition: Rules,
-    pub homomorphism: Rules,
+    pub turtle: Option<TurtleBindings>,
+    pub ignored: IgnoredSymbols,
+    pub blocks: ControlBlocks,
+    pub rules: ProductionSet,
+    pub decomposition: ProductionSet,
+    pub homomorphism: ProductionSet,
 }
 
 impl Program {
@@ -222,13 +178,13 @@ impl Program {
     }
 
     /// Has a symbol lost what it means to cpfg?
-    pub fn strips(&self, c: char) -> bool {
-        self.turtle.as_ref().is_some_and(|t| t.strips(self.symbols.find(c)))
+    pub fn overrides_cpfg(&self, c: char) -> bool {
+        self.turtle.as_ref().is_some_and(|t| t.overrides_cpfg(self.symbols.find(c)))
     }
 
     /// Must modules be rewritten one after the other, because productions write globals or take several modules?
     pub fn is_serial(&self) -> bool {
-        let writes = |p: &Production| p.codes().any(Code::writes_globals);
+        let writes = |p: &Production| p.codes().any(Bytecode::writes_globals);
         self.rules.list.iter().any(|p| writes(p) || p.predecessor.len() > 1)
             || self.decomposition.list.iter().any(writes)
     }

@@ -16,7 +16,7 @@ pub(crate) fn try_read(text: &str) -> Result<(Grammar, Vec<Diagnostic>)> {
         "self.h" => Ok(("self.h".to_owned(), b"#include \"self.h\"\n".to_vec())),
         _ => Err(Error::io("open", r, std::io::Error::from(std::io::ErrorKind::NotFound))),
     };
-    let source = Source { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let source = GrammarSource { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
     parse(&mut sources, source, &Limits::default())
 }
 
@@ -115,12 +115,12 @@ fn defines_are_known_with_comment_and_can_be_overridden() {
     let mut sources = Sources::default();
     let mut set = BTreeMap::from([("ANGLE".to_owned(), "45".to_owned())]);
     let mut none = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!() };
-    let source = Source { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
+    let source = GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
     let (g, _) = parse(&mut sources, source, &Limits::default()).expect("reads");
     let d = derive(&g, &DeriveOptions { steps: Some(0), ..Default::default() }, &Limits::default()).expect("derives");
     assert_eq!(g.print(&d.modules), "F(45)");
     set = BTreeMap::from([("ANGEL".to_owned(), "45".to_owned()), ("ANGL".to_owned(), "45".to_owned())]);
-    let source = Source { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
+    let source = GrammarSource { name: "t.l", bytes: text.as_bytes(), includes: &mut none, defines: &set };
     let e = parse(&mut sources, source, &Limits::default()).expect_err("no such define").to_string();
     assert!(e.contains("no #define is named 'ANGL'") && e.contains("did you mean 'ANGLE'?"), "{e}");
 }

@@ -38,9 +38,9 @@ pub(crate) struct Expansion {
 /// What a token is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum TokenKind {
-    /// `[A-Za-z_][A-Za-z0-9_]*`, an index into [`Names`].
+    /// `[A-Za-z_][A-Za-z0-9_]*`, an index into [`NameTable`].
     Ident(u32),
-    /// A number; its spelling is an index into [`Names`].
+    /// A number; its spelling is an index into [`NameTable`].
     Number(u32),
     /// A quoted string.
     Text(u32),
@@ -73,12 +73,12 @@ impl Token {
 
 /// Spellings of identifiers and numbers.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Names {
+pub(crate) struct NameTable {
     list: Vec<String>,
     index: std::collections::BTreeMap<String, u32>,
 }
 
-impl Names {
+impl NameTable {
     /// The number of a spelling.
     pub fn intern(&mut self, text: &str) -> u32 {
         if let Some(&i) = self.index.get(text) {
@@ -98,8 +98,8 @@ impl Names {
 
 /// What the whole reading of a file shares: spellings, macro uses, complaints.
 #[derive(Debug, Default)]
-pub(crate) struct Reading {
-    pub names: Names,
+pub(crate) struct ParseSession {
+    pub names: NameTable,
     pub expansions: Vec<Expansion>,
     pub diagnostics: Vec<Diagnostic>,
     /// Remarks that only a verbose run shows.
@@ -107,12 +107,12 @@ pub(crate) struct Reading {
 }
 
 /// Macro uses named under a complaint.
-const CHAIN_SHOWN: usize = 4;
+const MAX_MACRO_LABELS: usize = 4;
 /// Complaints kept; a damaged file would otherwise make one per byte.
-const KEPT: usize = 200;
+const MAX_DIAGNOSTICS: usize = 200;
 
 /// What mends an error of this code, where its message alone does not tell.
-pub(super) fn remedy(code: &str) -> Option<&'static str> {
+fn help_for(code: &str) -> Option<&'static str> {
     Some(match code {
         "L001" => "mend this line; docs/grammars.md shows the form of every line, and `osier new` makes one that works",
         "L004" => "close what is open, or break it into parts",
@@ -125,11 +125,11 @@ pub(super) fn remedy(code: &str) -> Option<&'static str> {
     })
 }
 
-impl Reading {
+impl ParseSession {
     /// Records an error whose remedy follows from its code.
     pub fn error(&mut self, code: &'static str, message: impl Into<String>, place: SourcePlace, label: &str) {
         let mut d = Diagnostic::error(code, message, place.span, label);
-        d.help = remedy(code).map(str::to_owned);
+        d.help = help_for(code).map(str::to_owned);
         self.push(d, place);
     }
 
@@ -146,7 +146,7 @@ impl Reading {
     /// Records a remark for verbose runs.
     pub fn note(&mut self, code: &'static str, message: String, place: SourcePlace, help: impl Into<String>) {
         let d = Diagnostic::warning(code, message, place.span, "here").help(help);
-        if self.notes.len() < KEPT {
+        if self.notes.len() < MAX_DIAGNOSTICS {
             self.notes.push(d);
         }
     }
@@ -154,16 +154,16 @@ impl Reading {
     /// Records a complaint whose first label is at `place`, with the macros it came through; each (code, place) once.
     pub fn push(&mut self, mut diagnostic: Diagnostic, place: SourcePlace) {
         let key = |d: &Diagnostic| (d.code, d.labels.first().map(|l| l.0));
-        if self.diagnostics.len() >= KEPT || self.diagnostics.iter().any(|d| key(d) == key(&diagnostic)) {
+        if self.diagnostics.len() >= MAX_DIAGNOSTICS || self.diagnostics.iter().any(|d| key(d) == key(&diagnostic)) {
             return;
         }
-        diagnostic.labels.extend(self.chain(place));
+        diagnostic.labels.extend(self.macro_chain(place));
         self.diagnostics.push(diagnostic);
     }
 
     /// Labels of the macro uses that led to a place, innermost first.
-    pub fn chain(&self, place: SourcePlace) -> Vec<(Span, String)> {
-        chain(&self.expansions, &self.names, place)
+    pub fn macro_chain(&self, place: SourcePlace) -> Vec<(Span, String)> {
+        macro_chain(&self.expansions, &self.names, place)
     }
 
     /// True if any complaint is an error.
@@ -173,10 +173,10 @@ impl Reading {
 }
 
 /// Labels of the macro uses that led to a place, innermost first.
-fn chain(expansions: &[Expansion], names: &Names, place: SourcePlace) -> Vec<(Span, String)> {
+fn macro_chain(expansions: &[Expansion], names: &NameTable, place: SourcePlace) -> Vec<(Span, String)> {
     let mut out = Vec::new();
     let mut at = place;
-    while at.origin != 0 && out.len() < CHAIN_SHOWN {
+    while at.origin != 0 && out.len() < MAX_MACRO_LABELS {
         let Some(e) = expansions.get(at.origin as usize - 1) else { break };
         out.push((e.used_at.span, format!("through macro {}", names.get(e.name))));
         at = e.used_at;

@@ -1,6 +1,6 @@
 //! The stack machine that runs expressions and statements.
 
-use super::code::{Code, Expr, Op, Random, is_zero, truth};
+use super::code::{Bytecode, Expr, Op, RandomFunction, is_zero, truth};
 use super::token::SourcePlace;
 use osier_base::math;
 use osier_base::rng::{self, Key, Rng};
@@ -12,7 +12,7 @@ const BIRAN_LIMIT: f64 = 1e6;
 
 /// What random draws are for: the first part of their address.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Purpose {
+pub(crate) enum DrawPurpose {
     Choice,
     Statement,
     Weight,
@@ -22,8 +22,8 @@ pub(crate) enum Purpose {
     Angle,
 }
 
-impl Purpose {
-    fn word(self) -> &'static str {
+impl DrawPurpose {
+    fn label(self) -> &'static str {
         match self {
             Self::Choice => "choice",
             Self::Statement => "statement",
@@ -38,17 +38,17 @@ impl Purpose {
 
 /// Where the draws of a run live.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Streams {
+pub(crate) struct RandomStreams {
     pub seed: u64,
     pub plant_id: u32,
     pub file_seed: i64,
 }
 
-impl Streams {
+impl RandomStreams {
     /// Key of everything drawn for a purpose by module `h` (in `step`, if the purpose depends on it).
-    pub fn key(&self, purpose: Purpose, h: u64, step: Option<u32>) -> u64 {
+    pub fn key(&self, purpose: DrawPurpose, h: u64, step: Option<u32>) -> u64 {
         let path: [Key; 5] =
-            [self.plant_id.into(), "lsys".into(), self.file_seed.into(), purpose.word().into(), h.into()];
+            [self.plant_id.into(), "lsys".into(), self.file_seed.into(), purpose.label().into(), h.into()];
         let key = Rng::key(self.seed, &path);
         step.map_or(key, |s| rng::child(key, u64::from(s)))
     }
@@ -71,7 +71,7 @@ pub(crate) enum Halt {
 
 /// A remark of a run, with how often it came.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Event {
+pub(crate) struct RuntimeWarning {
     pub code: &'static str,
     pub message: String,
     pub place: SourcePlace,
@@ -80,23 +80,25 @@ pub(crate) struct Event {
 
 /// Adds remarks of the same code and place up.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Events(pub Vec<Event>);
+pub(crate) struct RuntimeWarnings {
+    pub list: Vec<RuntimeWarning>,
+}
 
-impl Events {
+impl RuntimeWarnings {
     /// Counts one remark.
     pub fn add(&mut self, code: &'static str, place: SourcePlace, message: &str) {
-        match self.0.iter_mut().find(|e| e.code == code && e.place == place) {
+        match self.list.iter_mut().find(|e| e.code == code && e.place == place) {
             Some(e) => e.count += 1,
-            None => self.0.push(Event { code, message: message.to_owned(), place, count: 1 }),
+            None => self.list.push(RuntimeWarning { code, message: message.to_owned(), place, count: 1 }),
         }
     }
 
     /// Adds another list.
     pub fn merge(&mut self, other: Self) {
-        for e in other.0 {
-            match self.0.iter_mut().find(|o| o.code == e.code && o.place == e.place) {
+        for e in other.list {
+            match self.list.iter_mut().find(|o| o.code == e.code && o.place == e.place) {
                 Some(o) => o.count += e.count,
-                None => self.0.push(e),
+                None => self.list.push(e),
             }
         }
     }
@@ -104,8 +106,8 @@ impl Events {
 
 /// Where a sequence of draws stands.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Draws {
-    purpose: Purpose,
+pub(crate) struct DrawState {
+    purpose: DrawPurpose,
     owner: u64,
     step: Option<u32>,
     number: u64,
@@ -118,17 +120,17 @@ pub(crate) struct Draws {
 pub(crate) struct Vm {
     pub globals: Vec<f64>,
     stack: Vec<f64>,
-    pub streams: Streams,
+    pub streams: RandomStreams,
     pub step: u32,
     pub length: u32,
     /// Whose draws, in which step, for what.
     owner: u64,
     owner_step: Option<u32>,
-    purpose: Purpose,
+    purpose: DrawPurpose,
     number: u64,
     key: Option<u64>,
     reseeded: Option<i64>,
-    pub events: Events,
+    pub warnings: RuntimeWarnings,
     pub statements: u64,
     pub statement_limit: u64,
     /// Set by `stop(n)`.
@@ -136,7 +138,7 @@ pub(crate) struct Vm {
 }
 
 impl Vm {
-    pub fn new(streams: Streams, globals: usize, length: u32) -> Self {
+    pub fn new(streams: RandomStreams, globals: usize, length: u32) -> Self {
         Self {
             globals: vec![0.0; globals],
             stack: Vec::new(),
@@ -145,11 +147,11 @@ impl Vm {
             length,
             owner: 0,
             owner_step: None,
-            purpose: Purpose::Block,
+            purpose: DrawPurpose::Block,
             number: 0,
             key: None,
             reseeded: None,
-            events: Events::default(),
+            warnings: RuntimeWarnings::default(),
             statements: 0,
             statement_limit: u64::MAX,
             stopped: false,
@@ -157,19 +159,19 @@ impl Vm {
     }
 
     /// From here on draws belong to `owner`.
-    pub fn begin(&mut self, purpose: Purpose, owner: u64, step: Option<u32>) {
+    pub fn begin_draws(&mut self, purpose: DrawPurpose, owner: u64, step: Option<u32>) {
         (self.purpose, self.owner, self.owner_step) = (purpose, owner, step);
         (self.number, self.key, self.reseeded) = (0, None, None);
     }
 
     /// Numbers the next draws from here, so that two uses of one purpose do not meet.
-    pub fn number_from(&mut self, number: u64) {
+    pub fn set_draw_number(&mut self, number: u64) {
         self.number = number;
     }
 
     /// What identifies the next draw.
-    pub fn clone_draws(&self) -> Draws {
-        Draws {
+    pub fn save_draws(&self) -> DrawState {
+        DrawState {
             purpose: self.purpose,
             owner: self.owner,
             step: self.owner_step,
@@ -180,19 +182,19 @@ impl Vm {
     }
 
     /// Goes on with draws left earlier.
-    pub fn resume_draws(&mut self, d: Draws) {
+    pub fn restore_draws(&mut self, d: DrawState) {
         (self.purpose, self.owner, self.owner_step) = (d.purpose, d.owner, d.step);
         (self.number, self.key, self.reseeded) = (d.number, d.key, d.reseeded);
     }
 
-    /// The seed that `srand` set since [`Vm::begin`].
+    /// The seed that `srand` set since [`Vm::begin_draws`].
     pub fn reseeded(&self) -> Option<i64> {
         self.reseeded
     }
 
     /// The next stream of the present owner.
-    fn draw(&mut self) -> Rng {
-        let streams = Streams { file_seed: self.reseeded.unwrap_or(self.streams.file_seed), ..self.streams };
+    fn next_stream(&mut self) -> Rng {
+        let streams = RandomStreams { file_seed: self.reseeded.unwrap_or(self.streams.file_seed), ..self.streams };
         let key = *self.key.get_or_insert_with(|| streams.key(self.purpose, self.owner, self.owner_step));
         let stream = Rng::from_key(rng::child(key, self.number));
         self.number += 1;
@@ -214,10 +216,10 @@ impl Vm {
     }
 
     /// Runs code; its value is what it leaves on the stack, or 0.
-    pub fn run(&mut self, code: &Code, locals: &mut [f64]) -> Result<f64, Halt> {
+    pub fn run(&mut self, code: &Bytecode, locals: &mut [f64]) -> Result<f64, Halt> {
         self.stack.clear();
         let mut pc = 0_usize;
-        let mut turns = 0_u64;
+        let mut iterations = 0_u64;
         while let Some(op) = code.ops.get(pc) {
             pc += 1;
             match *op {
@@ -253,7 +255,7 @@ impl Vm {
                     let a = self.pop();
                     let (v, by_zero) = f.apply(a, b);
                     if by_zero && let Some(place) = code.places.get(place as usize) {
-                        self.events.add("L040", *place, "division by zero");
+                        self.warnings.add("L040", *place, "division by zero");
                     }
                     self.stack.push(v);
                 }
@@ -282,13 +284,13 @@ impl Vm {
                 }
                 // Budgets: loops without end and runaway blocks stop here rather than hang.
                 Op::Count(place) => {
-                    turns += 1;
-                    self.count(code, place, turns)?;
+                    iterations += 1;
+                    self.count_statement(code, place, iterations)?;
                 }
                 Op::Pop => {
                     self.pop();
                 }
-                Op::Random(f) => self.random(f),
+                Op::Random(f) => self.push_random(f),
                 Op::Choose(n) => self.choose(usize::from(n)),
                 Op::Srand => self.srand(),
                 Op::Stop => self.stopped = true,
@@ -297,10 +299,10 @@ impl Vm {
         Ok(self.pop())
     }
 
-    fn count(&mut self, code: &Code, place: u32, turns: u64) -> Result<(), Halt> {
+    fn count_statement(&mut self, code: &Bytecode, place: u32, iterations: u64) -> Result<(), Halt> {
         self.statements += 1;
         let place = || code.places.get(place as usize).copied();
-        if turns > LOOP_LIMIT
+        if iterations > LOOP_LIMIT
             && let Some(p) = place()
         {
             return Err(Halt::Loop(p));
@@ -319,17 +321,17 @@ impl Vm {
         (self.reseeded, self.key, self.number) = (Some(seed as i64), None, 0);
     }
 
-    fn random(&mut self, f: Random) {
-        let mut stream = self.draw();
+    fn push_random(&mut self, f: RandomFunction) {
+        let mut stream = self.next_stream();
         let value = match f {
-            Random::Ran => self.pop() * stream.unit_f64(),
+            RandomFunction::Ran => self.pop() * stream.unit_f64(),
             _ => {
                 let b = self.pop();
                 let a = self.pop();
                 match f {
-                    Random::Nran => a + b * stream.normal(),
-                    Random::Uniform => a + (b - a) * stream.unit_f64(),
-                    Random::Bran => beta(&mut stream, a, b),
+                    RandomFunction::Nran => a + b * stream.normal(),
+                    RandomFunction::Uniform => a + (b - a) * stream.unit_f64(),
+                    RandomFunction::Bran => beta(&mut stream, a, b),
                     _ => binomial(&mut stream, a, b),
                 }
             }
@@ -342,7 +344,7 @@ impl Vm {
         let first = self.stack.len().saturating_sub(2 * n);
         let pairs: Vec<f64> = self.stack.split_off(first);
         let shares: Vec<f64> = pairs.iter().skip(1).step_by(2).copied().collect();
-        let i = self.draw().pick(&shares);
+        let i = self.next_stream().pick(&shares);
         self.stack.push(pairs.get(2 * i).copied().unwrap_or(0.0));
     }
 }
@@ -378,7 +380,7 @@ fn binomial(stream: &mut Rng, n: f64, p: f64) -> f64 {
 }
 
 /// Value of code that needs nothing from outside; `None` if it does.
-pub(crate) fn constant(code: &Code) -> Option<f64> {
+pub(crate) fn constant_value(code: &Bytecode) -> Option<f64> {
     let needs = |op: &Op| {
         matches!(
             op,
@@ -398,6 +400,6 @@ pub(crate) fn constant(code: &Code) -> Option<f64> {
     if code.ops.iter().any(needs) {
         return None;
     }
-    let streams = Streams { seed: 0, plant_id: 0, file_seed: 0 };
+    let streams = RandomStreams { seed: 0, plant_id: 0, file_seed: 0 };
     Vm::new(streams, 0, 0).run(code, &mut []).ok()
 }

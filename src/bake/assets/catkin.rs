@@ -9,7 +9,7 @@ use osier_base::diagnostic::Sources;
 use osier_base::par::par_map;
 use osier_base::rng::Rng;
 use osier_base::units::degrees;
-use osier_grammar::{DeriveOptions, Grammar, Source, derive, parse};
+use osier_grammar::{DeriveOptions, Grammar, GrammarSource, derive, parse};
 use osier_plants::grow::turtle::{self, TurtleOptions};
 use osier_plants::surface::SurfaceMaterial;
 use osier_plants::surface::catkin::{Tuft, TuftDetail, TuftSpec, VARIANTS, hair_material, stalk_material, tuft};
@@ -151,7 +151,7 @@ pub fn skeleton(keys: &CatkinKeys, variant: usize, seed: u64, context: &BakeCont
     let text = text(keys, variant);
     let mut none =
         |reference: &str, _: &str| Err(osier_base::Error::io("open", reference, std::io::ErrorKind::NotFound.into()));
-    let source = Source {
+    let source = GrammarSource {
         name: "catkin",
         bytes: text.as_bytes(),
         includes: &mut none,

@@ -357,8 +357,12 @@ impl Resolver<'_> {
             Ok((found.shown, found.bytes.to_vec()))
         };
         let defines = keys.set.iter().map(|(name, value)| (name.clone(), value.to_string())).collect();
-        let source =
-            osier_grammar::Source { name: &file.shown, bytes: &file.bytes, includes: &mut includes, defines: &defines };
+        let source = osier_grammar::GrammarSource {
+            name: &file.shown,
+            bytes: &file.bytes,
+            includes: &mut includes,
+            defines: &defines,
+        };
         let mut sources = Sources::default();
         let parsed = osier_grammar::parse(&mut sources, source, &self.request.limits);
         let (grammar, diagnostics) = self.load_or_report(parsed, file)?;

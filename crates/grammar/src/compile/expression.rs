@@ -1,7 +1,7 @@
 //! Expressions: operator precedence with an explicit stack, straight into code.
 
-use super::{Compiler, Cursor, Scope};
-use crate::code::{Binary, Code, Op, Random, Unary, is_zero};
+use super::{Compiler, NameScope, TokenCursor};
+use crate::code::{BinaryOp, Bytecode, Op, RandomFunction, UnaryOp, is_zero};
 use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::nearest;
 use osier_base::math::narrow;
@@ -9,8 +9,8 @@ use osier_base::math::narrow;
 /// Something waiting for its right side.
 #[derive(Debug)]
 enum PendingOperator {
-    Unary(Unary),
-    Binary(Binary, u8, SourcePlace),
+    Unary(UnaryOp),
+    Binary(BinaryOp, u8, SourcePlace),
     /// Jump to patch, precedence.
     Short(usize, u8),
     Question(usize),
@@ -42,7 +42,7 @@ const FILE_FUNCTIONS: [&str; 5] = ["fopen", "fclose", "fscan", "fprintf", "fflus
 /// An expression under construction.
 struct ExpressionCompiler<'c, 'r> {
     compiler: &'c mut Compiler<'r>,
-    code: Code,
+    code: Bytecode,
     pending: Vec<PendingOperator>,
     /// Instructions before this one must stay: a jump lands here.
     barrier: usize,
@@ -52,16 +52,16 @@ struct ExpressionCompiler<'c, 'r> {
 
 /// Compiles one expression; stops before the first token that cannot continue it. `None` after an error, which is
 /// recorded.
-pub(super) fn expression(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>) -> Option<Code> {
+pub(super) fn compile_expression(compiler: &mut Compiler<'_>, cursor: &mut TokenCursor<'_>) -> Option<Bytecode> {
     let last = cursor.place();
-    let code = Code::default();
-    let mut b = ExpressionCompiler { compiler, code, pending: Vec::new(), barrier: 0, last };
-    b.run(cursor)?;
-    Some(b.code)
+    let code = Bytecode::default();
+    let mut expression = ExpressionCompiler { compiler, code, pending: Vec::new(), barrier: 0, last };
+    expression.run(cursor)?;
+    Some(expression.code)
 }
 
 /// Binary operator at the cursor with its precedence and number of tokens.
-fn operator(cursor: &Cursor<'_>) -> Option<(&'static str, u8, usize)> {
+fn operator(cursor: &TokenCursor<'_>) -> Option<(&'static str, u8, usize)> {
     let TokenKind::Char(c) = cursor.peek()?.kind else { return None };
     let second = cursor.glued_char(1);
     Some(match (c, second) {
@@ -86,12 +86,12 @@ fn operator(cursor: &Cursor<'_>) -> Option<(&'static str, u8, usize)> {
 }
 
 impl ExpressionCompiler<'_, '_> {
-    fn run(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
+    fn run(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         loop {
             while self.prefix(cursor)? {}
             self.operand(cursor)?;
             loop {
-                if self.close(cursor)? {
+                if self.close_parenthesis(cursor)? {
                     continue;
                 }
                 if self.infix(cursor)? {
@@ -103,11 +103,11 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     fn error<T>(&mut self, code: &'static str, message: String, place: SourcePlace, label: &str) -> Option<T> {
-        self.compiler.reading.error(code, message, place, label);
+        self.compiler.session.error(code, message, place, label);
         None
     }
 
-    fn open(&mut self, pending: PendingOperator, place: SourcePlace) -> Option<()> {
+    fn push_pending(&mut self, pending: PendingOperator, place: SourcePlace) -> Option<()> {
         self.pending.push(pending);
         let limit = self.compiler.max_depth;
         if self.pending.len() > limit {
@@ -117,11 +117,11 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     /// Takes one prefix operator or opening parenthesis.
-    fn prefix(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
+    fn prefix(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         let pending = match t.kind {
-            TokenKind::Char('-') => Some(PendingOperator::Unary(Unary::Neg)),
-            TokenKind::Char('!') => Some(PendingOperator::Unary(Unary::Not)),
+            TokenKind::Char('-') => Some(PendingOperator::Unary(UnaryOp::Neg)),
+            TokenKind::Char('!') => Some(PendingOperator::Unary(UnaryOp::Not)),
             TokenKind::Char('+') => None,
             TokenKind::Char('(') => Some(PendingOperator::Paren(t.place)),
             TokenKind::Ident(name) if cursor.peek_at(1).is_some_and(|n| n.is('(')) => {
@@ -134,7 +134,7 @@ impl ExpressionCompiler<'_, '_> {
         self.last = t.place;
         let is_call = matches!(pending, Some(PendingOperator::Call { .. }));
         if let Some(p) = pending {
-            self.open(p, t.place)?;
+            self.push_pending(p, t.place)?;
         }
         // A call without arguments has no operand to wait for.
         if is_call && cursor.peek().is_some_and(|t| t.is(')')) {
@@ -143,13 +143,13 @@ impl ExpressionCompiler<'_, '_> {
         Some(true)
     }
 
-    fn operand(&mut self, cursor: &mut Cursor<'_>) -> Option<()> {
+    fn operand(&mut self, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let Some(&t) = cursor.peek() else {
             return self.error("L001", "unexpected end, expected a value".into(), self.last, "after this");
         };
         match t.kind {
             TokenKind::Number(n) => {
-                let text = self.compiler.reading.names.get(n).to_owned();
+                let text = self.compiler.session.names.get(n).to_owned();
                 let value: f64 = text.parse().unwrap_or(f64::INFINITY);
                 if !value.is_finite() {
                     return self.error("L001", format!("number {text} is out of range"), t.place, "too large");
@@ -157,7 +157,7 @@ impl ExpressionCompiler<'_, '_> {
                 self.code.ops.push(Op::Const(value));
             }
             TokenKind::Ident(name) => {
-                let op = self.compiler.variable(name, t.place);
+                let op = self.compiler.load_variable(name, t.place);
                 self.code.ops.push(op);
             }
             // The argument list of a call without arguments.
@@ -182,7 +182,7 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     /// Takes a closing parenthesis or a comma that belongs to this expression.
-    fn close(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
+    fn close_parenthesis(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         let inside = self.pending.iter().any(|p| matches!(p, PendingOperator::Paren(_) | PendingOperator::Call { .. }));
         if !inside || !t.is(')') {
@@ -203,7 +203,7 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     /// Takes a binary operator, `?`, `:` or the comma of a call; false if the expression ends here.
-    fn infix(&mut self, cursor: &mut Cursor<'_>) -> Option<bool> {
+    fn infix(&mut self, cursor: &mut TokenCursor<'_>) -> Option<bool> {
         let Some(&t) = cursor.peek() else { return Some(false) };
         if let Some((op, prec, length)) = operator(cursor) {
             for _ in 0..length {
@@ -219,15 +219,15 @@ impl ExpressionCompiler<'_, '_> {
                 self.reduce(PREC_TERNARY + 1);
                 self.code.ops.push(Op::JumpIfZero(0));
                 let jump = self.code.ops.len() - 1;
-                self.open(PendingOperator::Question(jump), t.place)?;
+                self.push_pending(PendingOperator::Question(jump), t.place)?;
             }
             TokenKind::Char(':') if self.innermost_question() => {
                 self.reduce(0);
                 let Some(PendingOperator::Question(jump)) = self.pending.pop() else { return Some(false) };
                 self.code.ops.push(Op::Jump(0));
                 let end = self.code.ops.len() - 1;
-                self.patch(jump);
-                self.open(PendingOperator::Colon(end), t.place)?;
+                self.patch_jump(jump);
+                self.push_pending(PendingOperator::Colon(end), t.place)?;
             }
             TokenKind::Char(',') => {
                 let inside =
@@ -264,22 +264,22 @@ impl ExpressionCompiler<'_, '_> {
                 self.code.ops.push(if is_or { Op::Or(0) } else { Op::And(0) });
                 let jump = self.code.ops.len() - 1;
                 self.barrier = self.code.ops.len();
-                return self.open(PendingOperator::Short(jump, prec), place);
+                return self.push_pending(PendingOperator::Short(jump, prec), place);
             }
-            "==" => Binary::Eq,
-            "!=" => Binary::Ne,
-            "<=" => Binary::Le,
-            ">=" => Binary::Ge,
-            "<" => Binary::Lt,
-            ">" => Binary::Gt,
-            "+" => Binary::Add,
-            "-" => Binary::Sub,
-            "*" => Binary::Mul,
-            "/" => Binary::Div,
-            "%" => Binary::Rem,
-            _ => Binary::Pow,
+            "==" => BinaryOp::Eq,
+            "!=" => BinaryOp::Ne,
+            "<=" => BinaryOp::Le,
+            ">=" => BinaryOp::Ge,
+            "<" => BinaryOp::Lt,
+            ">" => BinaryOp::Gt,
+            "+" => BinaryOp::Add,
+            "-" => BinaryOp::Sub,
+            "*" => BinaryOp::Mul,
+            "/" => BinaryOp::Div,
+            "%" => BinaryOp::Rem,
+            _ => BinaryOp::Pow,
         };
-        self.open(PendingOperator::Binary(binary, prec, place), place)
+        self.push_pending(PendingOperator::Binary(binary, prec, place), place)
     }
 
     /// Emits everything pending that binds at least as tightly as `prec`; stops at parentheses and open `?`.
@@ -299,16 +299,16 @@ impl ExpressionCompiler<'_, '_> {
                 Some(PendingOperator::Binary(op, _, place)) => self.emit_binary(op, place),
                 Some(PendingOperator::Short(jump, _)) => {
                     self.code.ops.push(Op::Bool);
-                    self.patch(jump);
+                    self.patch_jump(jump);
                 }
-                Some(PendingOperator::Colon(end)) => self.patch(end),
+                Some(PendingOperator::Colon(end)) => self.patch_jump(end),
                 _ => return,
             }
         }
     }
 
     /// Lets the jump at `index` land here.
-    fn patch(&mut self, index: usize) {
+    fn patch_jump(&mut self, index: usize) {
         let here = u32::try_from(self.code.ops.len()).unwrap_or(u32::MAX);
         self.barrier = self.code.ops.len();
         if let Some(op) = self.code.ops.get_mut(index) {
@@ -322,7 +322,7 @@ impl ExpressionCompiler<'_, '_> {
         }
     }
 
-    fn emit_unary(&mut self, op: Unary) {
+    fn emit_unary(&mut self, op: UnaryOp) {
         let n = self.code.ops.len();
         match self.code.ops.last_mut() {
             Some(Op::Const(c)) if n > self.barrier => *c = op.apply(*c),
@@ -330,7 +330,7 @@ impl ExpressionCompiler<'_, '_> {
         }
     }
 
-    fn emit_binary(&mut self, op: Binary, place: SourcePlace) {
+    fn emit_binary(&mut self, op: BinaryOp, place: SourcePlace) {
         let n = self.code.ops.len();
         if n >= self.barrier + 2
             && let [.., Op::Const(a), Op::Const(b)] = self.code.ops[..]
@@ -340,10 +340,10 @@ impl ExpressionCompiler<'_, '_> {
             self.code.ops.push(Op::Const(value));
             return;
         }
-        if matches!(op, Binary::Eq | Binary::Ne) {
+        if matches!(op, BinaryOp::Eq | BinaryOp::Ne) {
             self.check_equality(op, place);
         }
-        let index = if matches!(op, Binary::Div | Binary::Rem) {
+        let index = if matches!(op, BinaryOp::Div | BinaryOp::Rem) {
             self.code.places.push(place);
             u32::try_from(self.code.places.len() - 1).unwrap_or(0)
         } else {
@@ -353,34 +353,35 @@ impl ExpressionCompiler<'_, '_> {
     }
 
     /// L025: a parameter held against a constant that its 32 bits cannot be.
-    fn check_equality(&mut self, op: Binary, place: SourcePlace) {
+    fn check_equality(&mut self, op: BinaryOp, place: SourcePlace) {
         let sides = self.code.ops.get(self.barrier..).unwrap_or(&[]);
         let (slot, value) = match *sides {
             [.., Op::Local(slot), Op::Const(v)] | [.., Op::Const(v), Op::Local(slot)] => (slot, v),
             _ => return,
         };
         let exact = is_zero(f64::from(narrow(value)) - value);
-        if exact || !self.compiler.stored.contains(&slot) {
+        if exact || !self.compiler.parameter_slots.contains(&slot) {
             return;
         }
-        let name = self.compiler.locals.get(usize::from(slot)).map_or("", |n| self.compiler.reading.names.get(*n));
-        let (sign, verdict) = if op == Binary::Eq { ("==", "can never hold") } else { ("!=", "always holds") };
-        let message =
-            format!("'{name} {sign} {value}' {verdict}: parameters are stored in 32 bits, which {value} is not");
+        let name = self.compiler.locals.get(usize::from(slot)).map_or("", |n| self.compiler.session.names.get(*n));
+        let (sign, verdict) = if op == BinaryOp::Eq { ("==", "can never hold") } else { ("!=", "always holds") };
+        let message = format!(
+            "'{name} {sign} {value}' {verdict}: parameters are parameter_slots in 32 bits, which {value} is not"
+        );
         let help = format!("allow for rounding: fabs({name} - {value}) < 0.001");
-        self.compiler.reading.warning("L025", message, place, help);
+        self.compiler.session.warning("L025", message, place, help);
     }
 
     fn call(&mut self, name: u32, place: SourcePlace, args: usize) -> Option<()> {
-        let word = self.compiler.reading.names.get(name).to_owned();
+        let word = self.compiler.session.names.get(name).to_owned();
         let wrong = |wanted: &str| format!("{word} takes {wanted}, got {args}");
         let random = match word.as_str() {
-            "ran" => Some((Random::Ran, 1)),
-            "nran" => Some((Random::Nran, 2)),
-            "bran" => Some((Random::Bran, 2)),
-            "biran" => Some((Random::Biran, 2)),
-            "uniform" if self.compiler.scope == Scope::Angle => Some((Random::Uniform, 2)),
-            "normal" if self.compiler.scope == Scope::Angle => Some((Random::Nran, 2)),
+            "ran" => Some((RandomFunction::Ran, 1)),
+            "nran" => Some((RandomFunction::Nran, 2)),
+            "bran" => Some((RandomFunction::Bran, 2)),
+            "biran" => Some((RandomFunction::Biran, 2)),
+            "uniform" if self.compiler.scope == NameScope::Angle => Some((RandomFunction::Uniform, 2)),
+            "normal" if self.compiler.scope == NameScope::Angle => Some((RandomFunction::Nran, 2)),
             _ => None,
         };
         if let Some((op, wanted)) = random {
@@ -390,9 +391,9 @@ impl ExpressionCompiler<'_, '_> {
             self.code.ops.push(Op::Random(op));
         } else if word == "atan" && args == 2 {
             let help = "osier computes the angle of the point (y, x), cpfg ignores x";
-            self.compiler.reading.note("L042", "atan(x,y) differs from cpfg 6.6".into(), place, help);
-            self.emit_binary(Binary::Atan2, place);
-        } else if let Some(op) = Unary::named(&word) {
+            self.compiler.session.note("L042", "atan(x,y) differs from cpfg 6.6".into(), place, help);
+            self.emit_binary(BinaryOp::Atan2, place);
+        } else if let Some(op) = UnaryOp::named(&word) {
             if args != 1 {
                 return self.error("L022", wrong("1 argument"), place, "this call");
             }
@@ -424,12 +425,12 @@ impl ExpressionCompiler<'_, '_> {
             }
             w if FILE_FUNCTIONS.contains(&w) => {
                 let message = format!("{w} is not available: grammars neither read nor write files");
-                self.compiler.reading.error_help("L043", message, place, "remove this call");
+                self.compiler.session.error_help("L043", message, place, "remove this call");
                 None
             }
             w if DATA_FUNCTIONS.contains(&w) => {
                 let help = "it counts as 0 here";
-                self.compiler.reading.warning("L008", format!("{w} is not supported"), place, help);
+                self.compiler.session.warning("L008", format!("{w} is not supported"), place, help);
                 for _ in 0..args {
                     self.code.ops.push(Op::Pop);
                 }
@@ -442,7 +443,7 @@ impl ExpressionCompiler<'_, '_> {
                     Some(n) => format!("did you mean '{n}'?"),
                     None => format!("known functions: {}", FUNCTIONS.join(", ")),
                 };
-                self.compiler.reading.error_help("L021", format!("unknown function '{w}'"), place, help);
+                self.compiler.session.error_help("L021", format!("unknown function '{w}'"), place, help);
                 None
             }
         }
@@ -457,18 +458,18 @@ impl ExpressionCompiler<'_, '_> {
         let sum = values.iter().skip(1).step_by(2).fold(0.0, |s, p| s + p);
         if (sum - 1.0).abs() > 1e-3 {
             let help = "they are divided by their sum";
-            self.compiler.reading.warning("L035", format!("shares of choose sum to {sum}"), place, help);
+            self.compiler.session.warning("L035", format!("shares of choose sum to {sum}"), place, help);
         }
     }
 
-    fn finish(&mut self, cursor: &Cursor<'_>) -> Option<()> {
+    fn finish(&mut self, cursor: &TokenCursor<'_>) -> Option<()> {
         self.reduce(0);
         let place = cursor.peek().map_or(self.last, |t| t.place);
         match self.pending.pop() {
             None => Some(()),
             Some(PendingOperator::Paren(open) | PendingOperator::Call { place: open, .. }) => {
                 let found = cursor.peek().map_or_else(|| "end".to_owned(), |t: &Token| self.compiler.describe(t));
-                self.compiler.reading.push(
+                self.compiler.session.push(
                     osier_base::diagnostic::Diagnostic::error(
                         "L001",
                         format!("unexpected {found}, expected ')' or an operator"),

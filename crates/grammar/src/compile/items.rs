@@ -1,33 +1,33 @@
 //! The items of an L-system: header, values, blocks, sections.
 
 use super::lines::{self, KEYWORDS, Keyword, LogicalLine, is_block};
-use super::{Compiler, Scope, describe, production, statement, successor, whole_expression};
-use crate::code::Code;
-use crate::program::{Hidden, Program};
-use crate::token::{Reading, SourcePlace, Token, TokenKind};
+use super::{Compiler, NameScope, describe, production, statement, successor, whole_expression};
+use crate::code::Bytecode;
+use crate::program::{IgnoredSymbols, Program};
+use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::{Diagnostic, nearest};
 
 /// A compiled file.
 #[derive(Debug)]
-pub(crate) struct Parsed {
+pub(crate) struct ParsedGrammar {
     pub program: Program,
     pub label: String,
 }
 
 /// Where productions go.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum RuleSection {
+enum ProductionSection {
     Productions,
     Decomposition,
     Homomorphism,
 }
 
-pub(super) struct Parser<'r> {
-    pub(super) reading: &'r mut Reading,
+pub(super) struct ItemParser<'r> {
+    pub(super) session: &'r mut ParseSession,
     pub(super) program: Program,
     label: String,
-    section: RuleSection,
+    section: ProductionSection,
     globals: Vec<u32>,
     header: Option<SourcePlace>,
     axiom: Option<SourcePlace>,
@@ -35,13 +35,13 @@ pub(super) struct Parser<'r> {
 }
 
 /// Reads the main L-system of a file.
-pub(crate) fn parse(reading: &mut Reading, tokens: &[Token], start: SourcePlace) -> Parsed {
-    let lines = lines::split(reading, tokens);
-    let mut p = Parser {
-        reading,
+pub(crate) fn parse(session: &mut ParseSession, tokens: &[Token], start: SourcePlace) -> ParsedGrammar {
+    let lines = lines::split_lines(session, tokens);
+    let mut p = ItemParser {
+        session,
         program: Program::default(),
         label: String::new(),
-        section: RuleSection::Productions,
+        section: ProductionSection::Productions,
         globals: Vec::new(),
         header: None,
         axiom: None,
@@ -57,9 +57,9 @@ pub(crate) fn parse(reading: &mut Reading, tokens: &[Token], start: SourcePlace)
     for line in main.iter().filter(|l| l.keyword.is_some_and(|(k, _)| is_block(k))) {
         p.block_item(line);
     }
-    p.rebinding(&main);
+    p.turtle_items(&main);
     for line in &main {
-        p.line(line);
+        p.item(line);
     }
     p.check_complete(start);
     let symbols = p.program.symbols.len();
@@ -67,10 +67,10 @@ pub(crate) fn parse(reading: &mut Reading, tokens: &[Token], start: SourcePlace)
     p.program.decomposition.index(symbols);
     p.program.homomorphism.index(symbols);
     p.program.blocks.globals = u16::try_from(p.globals.len()).unwrap_or(u16::MAX);
-    Parsed { program: p.program, label: p.label }
+    ParsedGrammar { program: p.program, label: p.label }
 }
 
-impl Parser<'_> {
+impl ItemParser<'_> {
     /// The lines of the first L-system; others are named and left out.
     fn main_lines(&mut self, lines: Vec<LogicalLine>) -> Vec<LogicalLine> {
         let mut out = Vec::new();
@@ -85,7 +85,7 @@ impl Parser<'_> {
                 skipping = true;
                 if let Some(place) = line.place() {
                     let help = "the first L-system of the file is the one that is read";
-                    self.reading.warning("L008", "sub-L-systems are not supported".into(), place, help);
+                    self.session.warning("L008", "sub-L-systems are not supported".into(), place, help);
                 }
                 continue;
             }
@@ -112,9 +112,9 @@ impl Parser<'_> {
         }
     }
 
-    pub(super) fn compiler(&mut self, scope: Scope) -> Compiler<'_> {
+    pub(super) fn compiler(&mut self, scope: NameScope) -> Compiler<'_> {
         let globals = self.globals.clone();
-        let mut c = Compiler::new(self.reading, scope);
+        let mut c = Compiler::new(self.session, scope);
         c.globals = globals;
         c.has_turtle = self.program.turtle.is_some();
         c
@@ -124,7 +124,7 @@ impl Parser<'_> {
         let (Some((key, n)), Some(place)) = (line.keyword, line.place()) else { return };
         if key == Keyword::Define {
             let help = "use single variables in Start: { .. }";
-            self.reading.warning("L008", "arrays are not supported, Define is left out".into(), place, help);
+            self.session.warning("L008", "arrays are not supported, Define is left out".into(), place, help);
             return;
         }
         let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
@@ -132,14 +132,14 @@ impl Parser<'_> {
         let inner = match body {
             [open, inner @ .., close] if open.is('{') && close.is('}') => inner,
             [open, ..] if open.is('{') => {
-                return self.reading.error("L004", "block is never closed", open.place, "opened here");
+                return self.session.error("L004", "block is never closed", open.place, "opened here");
             }
             _ => {
                 let at = body.first().map_or(place, |t| t.place);
-                return self.reading.error("L001", "unexpected token, expected '{'", at, "here");
+                return self.session.error("L001", "unexpected token, expected '{'", at, "here");
             }
         };
-        let mut compiler = self.compiler(Scope::Global);
+        let mut compiler = self.compiler(NameScope::Global);
         let Some(code) = statement::block(&mut compiler, inner, place) else { return };
         let slot = match key {
             Keyword::Start => &mut self.program.blocks.start,
@@ -150,7 +150,7 @@ impl Parser<'_> {
         *slot = Some(code);
     }
 
-    fn line(&mut self, line: &LogicalLine) {
+    fn item(&mut self, line: &LogicalLine) {
         if self.ended {
             return;
         }
@@ -158,7 +158,7 @@ impl Parser<'_> {
         if let Some(arrow) = line.arrow {
             return self.production(line, arrow, place);
         }
-        let Some((key, n)) = line.keyword else { return self.unknown(line, place) };
+        let Some((key, n)) = line.keyword else { return self.unknown_line(line, place) };
         let colon = usize::from(line.tokens.get(n).is_some_and(|t| t.is(':')));
         let head = line.tokens.first().map_or(place, |t| t.place);
         let value = &line.tokens[(n + colon).min(line.tokens.len())..];
@@ -166,12 +166,12 @@ impl Parser<'_> {
             Keyword::Lsystem => self.label = self.spelling(value),
             Keyword::Ring => {
                 let help = "contexts do not see across the ends of the string";
-                self.reading.warning("L008", "ring L-systems are not supported".into(), head, help);
+                self.session.warning("L008", "ring L-systems are not supported".into(), head, help);
             }
             Keyword::Seed => {
                 let seed = self.integer(value, head);
                 match self.section {
-                    RuleSection::Homomorphism => self.program.homomorphism.seed = seed,
+                    ProductionSection::Homomorphism => self.program.homomorphism.seed = seed,
                     _ => self.program.seed = seed,
                 }
             }
@@ -180,62 +180,62 @@ impl Parser<'_> {
                 self.program.length = length.and_then(|n| u32::try_from(n).ok()).unwrap_or(0);
                 self.program.length_place = Some(place);
                 if length.is_some_and(|n| u32::try_from(n).is_err()) {
-                    self.reading.error("L001", "derivation length must lie in 0 to 1,000,000", place, "here");
+                    self.session.error("L001", "derivation length must lie in 0 to 1,000,000", place, "here");
                 }
             }
             Keyword::Axiom => self.axiom_item(value, place),
-            Keyword::Ignore | Keyword::Consider => self.hide(key, value, head),
+            Keyword::Ignore | Keyword::Consider => self.set_ignored(key, value, head),
             Keyword::Decomposition | Keyword::Homomorphism => self.begin_section(key, value, head),
             Keyword::Depth => {
                 let depth = self.integer(value, head).and_then(|n| u32::try_from(n).ok()).unwrap_or(1);
                 match self.section {
-                    RuleSection::Homomorphism => self.program.homomorphism.depth = depth,
+                    ProductionSection::Homomorphism => self.program.homomorphism.depth = depth,
                     _ => self.program.decomposition.depth = depth,
                 }
             }
-            Keyword::Warnings | Keyword::NoWarnings => self.warn_depth(key == Keyword::Warnings),
+            Keyword::Warnings | Keyword::NoWarnings => self.set_depth_warnings(key == Keyword::Warnings),
             Keyword::EndLsystem => self.ended = true,
             _ => {}
         }
     }
 
-    fn warn_depth(&mut self, warn: bool) {
+    fn set_depth_warnings(&mut self, warn: bool) {
         match self.section {
-            RuleSection::Homomorphism => self.program.homomorphism.warn_depth = warn,
+            ProductionSection::Homomorphism => self.program.homomorphism.warn_depth = warn,
             _ => self.program.decomposition.warn_depth = warn,
         }
     }
 
     fn begin_section(&mut self, key: Keyword, value: &[Token], place: SourcePlace) {
         let is_homomorphism = key == Keyword::Homomorphism;
-        self.section = if is_homomorphism { RuleSection::Homomorphism } else { RuleSection::Decomposition };
+        self.section = if is_homomorphism { ProductionSection::Homomorphism } else { ProductionSection::Decomposition };
         let rules = if is_homomorphism { &mut self.program.homomorphism } else { &mut self.program.decomposition };
         rules.place = Some(place);
         let words = self.spelling(value).to_ascii_lowercase();
         if words.contains("warnings") {
-            self.warn_depth(!words.contains("no"));
+            self.set_depth_warnings(!words.contains("no"));
         }
     }
 
     /// Spellings of tokens, joined by blanks.
     pub(super) fn spelling(&self, tokens: &[Token]) -> String {
-        let word = |t: &Token| describe(&self.reading.names, t).trim_matches(['\'', '"']).to_owned();
+        let word = |t: &Token| describe(&self.session.names, t).trim_matches(['\'', '"']).to_owned();
         tokens.iter().map(word).collect::<Vec<_>>().join(" ")
     }
 
     /// A constant item value, cut to an integer.
     fn integer(&mut self, tokens: &[Token], place: SourcePlace) -> Option<i64> {
         if tokens.is_empty() {
-            self.reading.error("L001", "unexpected end of line, expected a number", place, "after this");
+            self.session.error("L001", "unexpected end of line, expected a number", place, "after this");
             return None;
         }
-        let mut compiler = self.compiler(Scope::Global);
-        let code: Code = whole_expression(&mut compiler, tokens, place)?;
-        match vm::constant(&code) {
+        let mut compiler = self.compiler(NameScope::Global);
+        let code: Bytecode = whole_expression(&mut compiler, tokens, place)?;
+        match vm::constant_value(&code) {
             #[allow(clippy::cast_possible_truncation, reason = "saturates; ranges are checked by the caller")]
             Some(v) if v.is_finite() => Some(v.trunc() as i64),
             _ => {
-                self.reading.error("L001", "value is not a constant number", place, "here");
+                self.session.error("L001", "value is not a constant number", place, "here");
                 None
             }
         }
@@ -244,53 +244,54 @@ impl Parser<'_> {
     fn axiom_item(&mut self, value: &[Token], place: SourcePlace) {
         if let Some(first) = self.axiom {
             let d = Diagnostic::error("L001", "second axiom", place.span, "here").label(first.span, "the first one");
-            return self.reading.push(d.help("leave one of them, with the modules of both"), place);
+            return self.session.push(d.help("leave one of them, with the modules of both"), place);
         }
         self.axiom = Some(place);
         let globals = self.globals.clone();
-        let mut compiler = Compiler::new(self.reading, Scope::Global);
+        let mut compiler = Compiler::new(self.session, NameScope::Global);
         compiler.globals = globals;
         compiler.has_turtle = self.program.turtle.is_some();
         if let Some((modules, _)) = successor::successor(&mut compiler, &mut self.program.symbols, value, place) {
             if modules.is_empty() {
-                self.reading.error("L003", "the axiom is empty", place, "expected modules after this");
+                self.session.error("L003", "the axiom is empty", place, "expected modules after this");
             }
             self.program.axiom = modules;
         }
     }
 
-    fn hide(&mut self, key: Keyword, value: &[Token], place: SourcePlace) {
-        if !matches!(self.program.hidden, Hidden::Nothing) {
+    fn set_ignored(&mut self, key: Keyword, value: &[Token], place: SourcePlace) {
+        if !matches!(self.program.ignored, IgnoredSymbols::Nothing) {
             let message = "Ignore and Consider exclude each other".to_owned();
-            return self.reading.error_help("L010", message, place, "remove this line or the one before");
+            return self.session.error_help("L010", message, place, "remove this line or the one before");
         }
         let spelled = self.spelling(value);
         let symbols = &mut self.program.symbols;
         let list = spelled.chars().filter(|c| *c != ' ').filter_map(|c| symbols.intern(c)).collect();
-        self.program.hidden = if key == Keyword::Ignore { Hidden::These(list) } else { Hidden::AllBut(list) };
+        self.program.ignored =
+            if key == Keyword::Ignore { IgnoredSymbols::Listed(list) } else { IgnoredSymbols::AllExcept(list) };
     }
 
     fn production(&mut self, line: &LogicalLine, arrow: usize, place: SourcePlace) {
         let globals = self.globals.clone();
-        let mut compiler = Compiler::new(self.reading, Scope::Production);
+        let mut compiler = Compiler::new(self.session, NameScope::Production);
         compiler.globals = globals;
         compiler.has_turtle = self.program.turtle.is_some();
         let parsed = production::production(&mut compiler, &mut self.program.symbols, line, arrow);
         let Some(parsed) = parsed else { return };
         let rules = match self.section {
-            RuleSection::Productions => &mut self.program.rules,
-            RuleSection::Decomposition => &mut self.program.decomposition,
-            RuleSection::Homomorphism => &mut self.program.homomorphism,
+            ProductionSection::Productions => &mut self.program.rules,
+            ProductionSection::Decomposition => &mut self.program.decomposition,
+            ProductionSection::Homomorphism => &mut self.program.homomorphism,
         };
-        if self.section != RuleSection::Productions && parsed.predecessor.len() > 1 {
+        if self.section != ProductionSection::Productions && parsed.predecessor.len() > 1 {
             let message = "ill-formed production: only one predecessor is allowed in this section".to_owned();
-            return self.reading.error_help("L010", message, place, "write one production for each predecessor");
+            return self.session.error_help("L010", message, place, "write one production for each predecessor");
         }
         rules.list.push(parsed);
     }
 
     /// A line that is neither an item nor a production.
-    fn unknown(&mut self, line: &LogicalLine, place: SourcePlace) {
+    fn unknown_line(&mut self, line: &LogicalLine, place: SourcePlace) {
         let colon = line.tokens.iter().position(|t| t.is(':') || t.is('{'));
         let words = &line.tokens[..colon.unwrap_or(line.tokens.len())];
         let all_words = !words.is_empty() && words.iter().all(|t| matches!(t.kind, TokenKind::Ident(_)));
@@ -310,26 +311,26 @@ impl Parser<'_> {
                 None => "a production needs '-->' between predecessor and successor".to_owned(),
             };
             let at = words.last().map_or(first, |t| first.to(t.place));
-            return self.reading.error_help("L002", format!("unknown item '{spelled}'"), at, help);
+            return self.session.error_help("L002", format!("unknown item '{spelled}'"), at, help);
         }
-        let found = line.tokens.first().map_or_else(String::new, |t| describe(&self.reading.names, t));
+        let found = line.tokens.first().map_or_else(String::new, |t| describe(&self.session.names, t));
         let message = format!("unexpected {found}, expected an item or a production with '-->'");
-        self.reading.error("L001", message, first, "this line");
+        self.session.error("L001", message, first, "this line");
     }
 
     fn check_complete(&mut self, start: SourcePlace) {
         let at = self.header.unwrap_or(start);
         if self.axiom.is_none() {
             let help = "add a line such as 'Axiom: F(1)'";
-            self.reading.error_help("L003", "the L-system has no axiom".into(), at, help);
+            self.session.error_help("L003", "the L-system has no axiom".into(), at, help);
         }
         if self.program.length_place.is_none() {
             let help = "add a line such as 'derivation length: 5'";
-            self.reading.error_help("L003", "the L-system has no derivation length".into(), at, help);
+            self.session.error_help("L003", "the L-system has no derivation length".into(), at, help);
         }
         if !self.ended {
             let help = "add a last line 'endlsystem'";
-            self.reading.error_help("L003", "the L-system has no 'endlsystem'".into(), at, help);
+            self.session.error_help("L003", "the L-system has no 'endlsystem'".into(), at, help);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Tokens to logical lines: one item or production each.
 
 use super::is_arrow;
-use crate::token::{Names, Reading, SourcePlace, Token, TokenKind};
+use crate::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind};
 
 /// What a line begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,7 +70,7 @@ impl LogicalLine {
 }
 
 /// The keyword that a list of tokens begins with and how many tokens it takes.
-fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
+fn keyword(names: &NameTable, tokens: &[Token]) -> Option<(Keyword, usize)> {
     let mut word = String::new();
     let mut best = None;
     for (i, t) in tokens.iter().take(3).enumerate() {
@@ -84,7 +84,7 @@ fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
         }
     }
     let (k, n) = best?;
-    let bare = matches!(
+    let needs_no_colon = matches!(
         k,
         Keyword::Lsystem
             | Keyword::Ring
@@ -96,27 +96,27 @@ fn keyword(names: &Names, tokens: &[Token]) -> Option<(Keyword, usize)> {
     );
     let next = tokens.get(n);
     // Any symbol may follow `bind`, a colon only as the second.
-    let bare = bare || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
-    let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || bare || next.is_none();
+    let needs_no_colon = needs_no_colon || (k == Keyword::Bind && tokens.get(n + 1).is_some_and(|t| t.is(':')));
+    let fits = next.is_some_and(|t| t.is(':') || t.is('{') || t.is_newline()) || needs_no_colon || next.is_none();
     fits.then_some((k, n))
 }
 
 /// Splits tokens into logical lines.
-pub(super) fn split(reading: &mut Reading, tokens: &[Token]) -> Vec<LogicalLine> {
+pub(super) fn split_lines(session: &mut ParseSession, tokens: &[Token]) -> Vec<LogicalLine> {
     let mut lines = Vec::new();
     let mut s =
-        Splitter { reading, tokens, current: Vec::new(), arrow: None, parens: 0, braces: 0, opened: None, i: 0 };
+        LineSplitter { session, tokens, current: Vec::new(), arrow: None, parens: 0, braces: 0, opened: None, i: 0 };
     while s.i < tokens.len() {
-        if s.step() {
-            s.finish(&mut lines);
+        if s.take_token() {
+            s.finish_line(&mut lines);
         }
     }
-    s.finish(&mut lines);
+    s.finish_line(&mut lines);
     lines
 }
 
-struct Splitter<'a> {
-    reading: &'a mut Reading,
+struct LineSplitter<'a> {
+    session: &'a mut ParseSession,
     tokens: &'a [Token],
     current: Vec<Token>,
     arrow: Option<usize>,
@@ -127,9 +127,9 @@ struct Splitter<'a> {
     i: usize,
 }
 
-impl Splitter<'_> {
+impl LineSplitter<'_> {
     /// Takes one token; true if the logical line ends with it.
-    fn step(&mut self) -> bool {
+    fn take_token(&mut self) -> bool {
         let Some(&t) = self.tokens.get(self.i) else { return true };
         if self.arrow.is_none() && self.braces == 0 && is_arrow(self.tokens, self.i) {
             self.arrow = Some(self.current.len());
@@ -156,7 +156,7 @@ impl Splitter<'_> {
         t.is('}')
             && self.braces == 0
             && self.arrow.is_none()
-            && keyword(&self.reading.names, &self.current).is_some_and(|(k, _)| is_block(k))
+            && keyword(&self.session.names, &self.current).is_some_and(|(k, _)| is_block(k))
     }
 
     /// Does the logical line end at this line end?
@@ -167,20 +167,20 @@ impl Splitter<'_> {
         let next = self.next_line();
         if self.braces > 0 {
             // An unclosed block must not swallow the rest of the file.
-            return !indented && keyword(&self.reading.names, next).is_some();
+            return !indented && keyword(&self.session.names, next).is_some();
         }
         let next_is_rule = (0..next.len()).any(|i| is_arrow(next, i));
         if self.parens > 0 {
             // An unclosed parenthesis must not swallow the rest of the file.
-            let recover = next_is_rule || keyword(&self.reading.names, next).is_some();
+            let recover = next_is_rule || keyword(&self.session.names, next).is_some();
             return recover && (self.arrow.is_some() || !indented);
         }
-        let key = keyword(&self.reading.names, &self.current);
+        let key = keyword(&self.session.names, &self.current);
         if next.first().is_some_and(|t| t.is('{')) && key.is_some_and(|(k, _)| is_block(k)) {
             return false;
         }
         let continues = key.is_none_or(|(k, _)| matches!(k, Keyword::Axiom | Keyword::Angles | Keyword::Bind));
-        if !indented || next.is_empty() || !continues || keyword(&self.reading.names, next).is_some() {
+        if !indented || next.is_empty() || !continues || keyword(&self.session.names, next).is_some() {
             return true;
         }
         if next_is_rule && (self.arrow.is_some() || key.is_some()) {
@@ -188,7 +188,7 @@ impl Splitter<'_> {
         }
         if !tab {
             let help = "cpfg continues a production only on lines that begin with a tab";
-            self.reading.note("L013", "continued by blanks".into(), newline.place, help);
+            self.session.note("L013", "continued by blanks".into(), newline.place, help);
         }
         false
     }
@@ -200,19 +200,19 @@ impl Splitter<'_> {
         &rest[..n]
     }
 
-    fn finish(&mut self, lines: &mut Vec<LogicalLine>) {
+    fn finish_line(&mut self, lines: &mut Vec<LogicalLine>) {
         let tokens = std::mem::take(&mut self.current);
         let arrow = self.arrow.take();
         let unclosed = self.opened.take().filter(|_| self.braces > 0);
         (self.parens, self.braces) = (0, 0);
         if let Some(place) = unclosed {
             let help = "close it with '}'";
-            return self.reading.error_help("L004", "block is never closed".into(), place, help);
+            return self.session.error_help("L004", "block is never closed".into(), place, help);
         }
         if tokens.is_empty() {
             return;
         }
-        let keyword = if arrow.is_none() { keyword(&self.reading.names, &tokens) } else { None };
+        let keyword = if arrow.is_none() { keyword(&self.session.names, &tokens) } else { None };
         lines.push(LogicalLine { tokens, arrow, keyword });
     }
 }

@@ -1,28 +1,29 @@
 //! Tokens to [`Program`]: items, productions, statements, expressions.
 
+mod binding;
 mod expression;
 mod items;
 mod lines;
 mod production;
-mod rebind;
 mod statement;
 mod successor;
+mod symbol;
 
-use super::code::{Code, Op};
-use super::token::{Names, Reading, SourcePlace, Token, TokenKind};
+use super::code::{Bytecode, Op};
+use super::token::{NameTable, ParseSession, SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::nearest;
 
 pub(super) use items::parse;
 
 /// A place in a list of tokens without line ends.
-pub(super) struct Cursor<'t> {
+pub(super) struct TokenCursor<'t> {
     tokens: &'t [Token],
     pos: usize,
     /// Where complaints about a missing token point.
     fallback: SourcePlace,
 }
 
-impl<'t> Cursor<'t> {
+impl<'t> TokenCursor<'t> {
     pub fn new(tokens: &'t [Token], fallback: SourcePlace) -> Self {
         Self { tokens, pos: 0, fallback: tokens.last().map_or(fallback, |t| t.place) }
     }
@@ -62,7 +63,7 @@ impl<'t> Cursor<'t> {
 
 /// Which names an expression may use.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Scope {
+pub(super) enum NameScope {
     /// `#if`: every name counts as 0.
     Preprocessor,
     /// Item values and blocks: what blocks assign is global.
@@ -75,14 +76,14 @@ pub(super) enum Scope {
 
 /// The names in force and where complaints go.
 pub(super) struct Compiler<'r> {
-    pub reading: &'r mut Reading,
-    pub scope: Scope,
+    pub session: &'r mut ParseSession,
+    pub scope: NameScope,
     /// Numbers of global names; the position is the slot.
     pub globals: Vec<u32>,
     /// Numbers of local names; the position is the slot.
     pub locals: Vec<u32>,
-    /// Slots of the locals that hold a module's parameter as it was stored.
-    pub stored: Vec<u16>,
+    /// Slots of the locals that hold a module's parameter as it was parameter_slots.
+    pub parameter_slots: Vec<u16>,
     /// Nested brackets in expressions and blocks.
     pub max_depth: usize,
     /// The grammar has a `turtle:`: `*` is a letter and `repeat` a word.
@@ -90,14 +91,14 @@ pub(super) struct Compiler<'r> {
 }
 
 impl<'r> Compiler<'r> {
-    pub fn new(reading: &'r mut Reading, scope: Scope) -> Self {
-        let (globals, locals, stored) = (Vec::new(), Vec::new(), Vec::new());
-        Self { reading, scope, globals, locals, stored, max_depth: 1000, has_turtle: false }
+    pub fn new(session: &'r mut ParseSession, scope: NameScope) -> Self {
+        let (globals, locals, parameter_slots) = (Vec::new(), Vec::new(), Vec::new());
+        Self { session, scope, globals, locals, parameter_slots, max_depth: 1000, has_turtle: false }
     }
 
     /// How a token is called in a message.
     pub fn describe(&self, t: &Token) -> String {
-        describe(&self.reading.names, t)
+        describe(&self.session.names, t)
     }
 
     fn slot(list: &[u32], name: u32) -> Option<u16> {
@@ -105,44 +106,44 @@ impl<'r> Compiler<'r> {
     }
 
     /// Code that reads a variable.
-    pub fn variable(&mut self, name: u32, place: SourcePlace) -> Op {
+    pub fn load_variable(&mut self, name: u32, place: SourcePlace) -> Op {
         if let Some(slot) = Self::slot(&self.locals, name) {
             return Op::Local(slot);
         }
         if let Some(slot) = Self::slot(&self.globals, name) {
             return Op::Global(slot);
         }
-        let word = self.reading.names.get(name).to_owned();
+        let word = self.session.names.get(name).to_owned();
         match word.as_str() {
             "Q" => return Op::Step,
             "Z" => return Op::Length,
             "remaining" => return Op::Remaining,
-            _ if self.scope == Scope::Preprocessor => return Op::Const(0.0),
+            _ if self.scope == NameScope::Preprocessor => return Op::Const(0.0),
             _ => {}
         }
-        let known = self.locals.iter().chain(&self.globals).map(|n| self.reading.names.get(*n));
+        let known = self.locals.iter().chain(&self.globals).map(|n| self.session.names.get(*n));
         let help = match nearest(&word, known.filter(|k| *k != word)) {
             Some(n) => format!("did you mean '{n}'?"),
-            None if self.scope == Scope::Angle => format!("define it: define-angle: {word} = uniform(0,60)"),
+            None if self.scope == NameScope::Angle => format!("define it: define-angle: {word} = uniform(0,60)"),
             None => "assign it in a Start block, or #define it".to_owned(),
         };
-        self.reading.warning("L020", format!("undefined variable '{word}' counts as 0"), place, help);
+        self.session.warning("L020", format!("undefined variable '{word}' counts as 0"), place, help);
         Op::Const(0.0)
     }
 
     /// Code that writes a variable, which comes into being with it.
-    pub fn assign(&mut self, name: u32, place: SourcePlace) -> Option<Op> {
+    pub fn store_variable(&mut self, name: u32, place: SourcePlace) -> Option<Op> {
         if let Some(slot) = Self::slot(&self.locals, name) {
-            self.stored.retain(|s| *s != slot);
+            self.parameter_slots.retain(|s| *s != slot);
             return Some(Op::StoreLocal(slot));
         }
         if let Some(slot) = Self::slot(&self.globals, name) {
             return Some(Op::StoreGlobal(slot));
         }
-        let is_local = self.scope == Scope::Production;
+        let is_local = self.scope == NameScope::Production;
         let list = if is_local { &mut self.locals } else { &mut self.globals };
         let Ok(slot) = u16::try_from(list.len()) else {
-            self.reading.error("L004", "more than 65,535 variables", place, "this one is too many");
+            self.session.error("L004", "more than 65,535 variables", place, "this one is too many");
             return None;
         };
         list.push(name);
@@ -151,7 +152,7 @@ impl<'r> Compiler<'r> {
 }
 
 /// How a token is called in a message.
-pub(super) fn describe(names: &Names, t: &Token) -> String {
+pub(super) fn describe(names: &NameTable, t: &Token) -> String {
     match t.kind {
         TokenKind::Ident(n) | TokenKind::Number(n) => format!("'{}'", names.get(n)),
         TokenKind::Text(n) => format!("\"{}\"", names.get(n)),
@@ -161,16 +162,16 @@ pub(super) fn describe(names: &Names, t: &Token) -> String {
 }
 
 /// Truth of an `#if` expression; false after a complaint.
-pub(super) fn integer_condition(reading: &mut Reading, tokens: &[Token], place: SourcePlace) -> bool {
-    let mut compiler = Compiler::new(reading, Scope::Preprocessor);
-    let mut cursor = Cursor::new(tokens, place);
-    let code = expression::expression(&mut compiler, &mut cursor);
+pub(super) fn evaluate_condition(session: &mut ParseSession, tokens: &[Token], place: SourcePlace) -> bool {
+    let mut compiler = Compiler::new(session, NameScope::Preprocessor);
+    let mut cursor = TokenCursor::new(tokens, place);
+    let code = expression::compile_expression(&mut compiler, &mut cursor);
     if let (Some(_), Some(t)) = (&code, cursor.peek()) {
-        let word = describe(&reading.names, t);
-        reading.error("L001", format!("unexpected {word}, expected an operator"), t.place, "here");
+        let word = describe(&session.names, t);
+        session.error("L001", format!("unexpected {word}, expected an operator"), t.place, "here");
         return false;
     }
-    code.is_some_and(|c| crate::vm::constant(&c) != Some(0.0))
+    code.is_some_and(|c| crate::vm::constant_value(&c) != Some(0.0))
 }
 
 /// True for `-->` beginning at token `i`.
@@ -182,15 +183,15 @@ pub(super) fn is_arrow(tokens: &[Token], i: usize) -> bool {
 }
 
 /// Compiles an expression that must fill the whole list of tokens.
-fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Code> {
-    let mut cursor = Cursor::new(tokens, place);
-    let code = expression::expression(compiler, &mut cursor)?;
+fn whole_expression(compiler: &mut Compiler<'_>, tokens: &[Token], place: SourcePlace) -> Option<Bytecode> {
+    let mut cursor = TokenCursor::new(tokens, place);
+    let code = expression::compile_expression(compiler, &mut cursor)?;
     match cursor.peek() {
         None => Some(code),
         Some(t) => {
             let word = compiler.describe(t);
             let message = format!("unexpected {word}, expected an operator or the end");
-            compiler.reading.error("L001", message, t.place, "here");
+            compiler.session.error("L001", message, t.place, "here");
             None
         }
     }

@@ -1,20 +1,12 @@
 //! Productions: contexts, predecessor, blocks, condition, successor, weight.
 
 use super::lines::LogicalLine;
+use super::symbol::{MAX_ARITY, intern, symbols_of};
 use super::{Compiler, statement, successor, whole_expression};
-use crate::program::{ContextElement, Formal, Production, Symbols, Template};
+use crate::program::{ContextElement, FormalModule, Production, SuccessorModule};
+use crate::symbols::Symbols;
 use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::Diagnostic;
-
-/// Parameters of one module.
-pub(super) const MAX_ARITY: usize = 255;
-
-/// One symbol: blanks mean nothing, so that a word is as many symbols as it has letters.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Symbol {
-    pub c: char,
-    pub place: SourcePlace,
-}
 
 /// The parts of a production before its arrow.
 struct ProductionHead<'t> {
@@ -35,10 +27,10 @@ pub(super) fn production(
 ) -> Option<Production> {
     let place = line.place()?;
     let head = split_head(compiler, line.tokens.get(..arrow)?, place)?;
-    let mut formals = Formals { compiler, symbols, place };
-    let predecessor = formals.predecessor(head.predecessor)?;
-    let left = formals.context(head.left, true)?;
-    let right = formals.context(head.right, false)?;
+    let mut heads = HeadCompiler { compiler, symbols, place };
+    let predecessor = heads.predecessor(head.predecessor)?;
+    let left = heads.context(head.left, true)?;
+    let right = heads.context(head.right, false)?;
     let block = |c: &mut Compiler<'_>, tokens: Option<&[Token]>| match tokens {
         None => Some(None),
         Some(t) => statement::block(c, t, place).map(Some),
@@ -61,7 +53,7 @@ pub(super) fn production(
 }
 
 /// Tokens of `{ .. }` beginning at `i`, and the index behind it.
-fn braces(tokens: &[Token], i: usize) -> Option<(&[Token], usize)> {
+fn braced(tokens: &[Token], i: usize) -> Option<(&[Token], usize)> {
     let mut depth = 0_usize;
     for (k, t) in tokens.iter().enumerate().skip(i) {
         match t.kind {
@@ -97,77 +89,52 @@ fn split_head<'t>(compiler: &mut Compiler<'_>, tokens: &'t [Token], place: Sourc
     let mut blocks: [Option<&[Token]>; 2] = [None, None];
     let mut condition: &[Token] = &[];
     if tokens.get(i).is_some_and(|t| t.is('{')) {
-        let Some((inner, next)) = braces(tokens, i) else { return unclosed(compiler, tokens, i, place) };
+        let Some((inner, next)) = braced(tokens, i) else { return unclosed_block(compiler, tokens, i, place) };
         (blocks[0], i) = (Some(inner), next);
     }
     let stop = tokens[i..].iter().position(|t| t.is('{')).map_or(tokens.len(), |n| i + n);
     condition = if stop > i { &tokens[i..stop] } else { condition };
     if stop < tokens.len() {
-        let Some((inner, next)) = braces(tokens, stop) else { return unclosed(compiler, tokens, stop, place) };
+        let Some((inner, next)) = braced(tokens, stop) else { return unclosed_block(compiler, tokens, stop, place) };
         blocks[1] = Some(inner);
         if let Some(t) = tokens.get(next) {
             let word = compiler.describe(t);
-            compiler.reading.error("L001", format!("unexpected {word}, expected '-->'"), t.place, "here");
+            compiler.session.error("L001", format!("unexpected {word}, expected '-->'"), t.place, "here");
             return None;
         }
     }
     Some(ProductionHead { left, predecessor, right, before: blocks[0], condition, after: blocks[1] })
 }
 
-fn unclosed<T>(compiler: &mut Compiler<'_>, tokens: &[Token], i: usize, place: SourcePlace) -> Option<T> {
+fn unclosed_block<T>(compiler: &mut Compiler<'_>, tokens: &[Token], i: usize, place: SourcePlace) -> Option<T> {
     let at = tokens.get(i).map_or(place, |t| t.place);
-    compiler.reading.error("L004", "block is never closed before '-->'", at, "opened here");
+    compiler.session.error("L004", "block is never closed before '-->'", at, "opened here");
     None
 }
 
-/// Symbols of a token.
-pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<Symbol> {
-    match t.kind {
-        TokenKind::Ident(n) | TokenKind::Number(n) => {
-            let text = compiler.reading.names.get(n);
-            let at = |i: usize, c: char| {
-                let mut place = t.place;
-                let start = place.span.start + u32::try_from(i).unwrap_or(0);
-                let length = u32::try_from(c.len_utf8()).unwrap_or(1);
-                if start + length <= place.span.end {
-                    (place.span.start, place.span.end) = (start, start + length);
-                }
-                Symbol { c, place }
-            };
-            text.char_indices().map(|(i, c)| at(i, c)).collect()
-        }
-        TokenKind::Text(n) => {
-            let text = compiler.reading.names.get(n);
-            ['"'].into_iter().chain(text.chars()).chain(['"']).map(|c| Symbol { c, place: t.place }).collect()
-        }
-        TokenKind::Char(c) => vec![Symbol { c, place: t.place }],
-        TokenKind::Newline { .. } => Vec::new(),
-    }
-}
-
-struct Formals<'c, 'r, 's> {
+struct HeadCompiler<'c, 'r, 's> {
     compiler: &'c mut Compiler<'r>,
     symbols: &'s mut Symbols,
     place: SourcePlace,
 }
 
-impl Formals<'_, '_, '_> {
-    fn ill<T>(&mut self, reason: &str, place: SourcePlace) -> Option<T> {
-        self.compiler.reading.error("L010", format!("ill-formed production: {reason}"), place, "here");
+impl HeadCompiler<'_, '_, '_> {
+    fn ill_formed<T>(&mut self, reason: &str, place: SourcePlace) -> Option<T> {
+        self.compiler.session.error("L010", format!("ill-formed production: {reason}"), place, "here");
         None
     }
 
-    fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<Formal>> {
-        let elements = self.elements(tokens)?;
+    fn predecessor(&mut self, tokens: &[Token]) -> Option<Vec<FormalModule>> {
+        let elements = self.context_elements(tokens)?;
         let mut out = Vec::new();
         for e in elements {
             match e {
                 (ContextElement::Module(f), _) => out.push(f),
-                (_, place) => return self.ill("brackets cannot be rewritten", place),
+                (_, place) => return self.ill_formed("brackets cannot be rewritten", place),
             }
         }
         match out.first() {
-            None => self.ill("it has no predecessor", tokens.first().map_or(self.place, |t| t.place)),
+            None => self.ill_formed("it has no predecessor", tokens.first().map_or(self.place, |t| t.place)),
             Some(_) => Some(out),
         }
     }
@@ -179,21 +146,21 @@ impl Formals<'_, '_, '_> {
         {
             return Some(Vec::new());
         }
-        let elements = self.elements(tokens)?;
+        let elements = self.context_elements(tokens)?;
         if is_left && let Some((_, place)) = elements.iter().find(|(e, _)| !matches!(e, ContextElement::Module(_))) {
-            return self.ill("brackets in a left context never match", *place);
+            return self.ill_formed("brackets in a left context never match", *place);
         }
         Some(elements.into_iter().map(|e| e.0).collect())
     }
 
     /// Modules with formal parameters, and brackets.
-    fn elements(&mut self, tokens: &[Token]) -> Option<Vec<(ContextElement, SourcePlace)>> {
+    fn context_elements(&mut self, tokens: &[Token]) -> Option<Vec<(ContextElement, SourcePlace)>> {
         let mut out: Vec<(ContextElement, SourcePlace)> = Vec::new();
         let mut i = 0;
         while let Some(t) = tokens.get(i) {
             i += 1;
             if t.is('(') {
-                i = self.parameters(tokens, i, &mut out)?;
+                i = self.formal_parameters(tokens, i, &mut out)?;
                 continue;
             }
             for s in symbols_of(self.compiler, t) {
@@ -207,15 +174,15 @@ impl Formals<'_, '_, '_> {
                     }
                     '*' if self.compiler.has_turtle => {
                         let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
-                        let formal = Formal { symbol, arity: 0, slot: 0, place: s.place };
+                        let formal = FormalModule { symbol, arity: 0, slot: 0, place: s.place };
                         out.push((ContextElement::Module(formal), s.place));
                     }
                     ')' | '*' | '<' | '>' | ':' => {
-                        return self.ill(&format!("'{}' cannot stand here", s.c), s.place);
+                        return self.ill_formed(&format!("'{}' cannot stand here", s.c), s.place);
                     }
                     c => {
                         let symbol = intern(self.compiler, self.symbols, c, s.place)?;
-                        let formal = Formal { symbol, arity: 0, slot: 0, place: s.place };
+                        let formal = FormalModule { symbol, arity: 0, slot: 0, place: s.place };
                         out.push((ContextElement::Module(formal), s.place));
                     }
                 }
@@ -225,7 +192,7 @@ impl Formals<'_, '_, '_> {
     }
 
     /// `a, b)` after a module: names its parameters; returns the index behind the parenthesis.
-    fn parameters(
+    fn formal_parameters(
         &mut self,
         tokens: &[Token],
         mut i: usize,
@@ -233,12 +200,12 @@ impl Formals<'_, '_, '_> {
     ) -> Option<usize> {
         let open = tokens.get(i - 1).map_or(self.place, |t| t.place);
         let Some((ContextElement::Module(formal), _)) = out.last_mut() else {
-            return self.ill("'(' without a module before it", open);
+            return self.ill_formed("'(' without a module before it", open);
         };
         formal.slot = u16::try_from(self.compiler.locals.len()).unwrap_or(u16::MAX);
         let mut count = 0_usize;
         loop {
-            let Some(t) = tokens.get(i) else { return self.ill("parameters are never closed", open) };
+            let Some(t) = tokens.get(i) else { return self.ill_formed("parameters are never closed", open) };
             let TokenKind::Ident(name) = t.kind else {
                 if t.is(')') && count == 0 {
                     return Some(i + 1);
@@ -246,46 +213,38 @@ impl Formals<'_, '_, '_> {
                 let word = self.compiler.describe(t);
                 let help = "conditions on values stand behind ':'";
                 let message = format!("unexpected {word}, expected the name of a parameter");
-                self.compiler.reading.error_help("L001", message, t.place, help);
+                self.compiler.session.error_help("L001", message, t.place, help);
                 return None;
             };
             if self.compiler.locals.contains(&name) {
-                let word = self.compiler.reading.names.get(name).to_owned();
+                let word = self.compiler.session.names.get(name).to_owned();
                 let message = format!("parameter '{word}' is named twice");
-                self.compiler.reading.error("L024", message, t.place, "the second one");
+                self.compiler.session.error("L024", message, t.place, "the second one");
                 return None;
             }
-            self.compiler.stored.extend(u16::try_from(self.compiler.locals.len()));
+            self.compiler.parameter_slots.extend(u16::try_from(self.compiler.locals.len()));
             self.compiler.locals.push(name);
             count += 1;
             if let Some((ContextElement::Module(f), _)) = out.last_mut() {
                 f.arity = u8::try_from(count).unwrap_or(u8::MAX);
             }
             if count > MAX_ARITY {
-                return self.ill("a module has at most 255 parameters", t.place);
+                return self.ill_formed("a module has at most 255 parameters", t.place);
             }
             match tokens.get(i + 1) {
                 Some(n) if n.is(',') => i += 2,
                 Some(n) if n.is(')') => return Some(i + 2),
                 other => {
                     let at = other.map_or(open, |t| t.place);
-                    return self.ill("expected ',' or ')' after a parameter", at);
+                    return self.ill_formed("expected ',' or ')' after a parameter", at);
                 }
             }
         }
     }
 }
 
-pub(super) fn intern(compiler: &mut Compiler<'_>, symbols: &mut Symbols, c: char, place: SourcePlace) -> Option<u16> {
-    let id = symbols.intern(c);
-    if id.is_none() {
-        compiler.reading.error("L004", "more than 65,535 different symbols", place, "this one is too many");
-    }
-    id
-}
-
 /// Warns about brackets and braces that a successor opens and leaves open.
-fn check_balance(compiler: &mut Compiler<'_>, successor: &[Template], symbols: &Symbols, place: SourcePlace) {
+fn check_balance(compiler: &mut Compiler<'_>, successor: &[SuccessorModule], symbols: &Symbols, place: SourcePlace) {
     for (open, close, code) in [('[', ']', "L011"), ('{', '}', "L012")] {
         let mut stack = Vec::new();
         for m in successor {
@@ -302,7 +261,7 @@ fn check_balance(compiler: &mut Compiler<'_>, successor: &[Template], symbols: &
             let d = Diagnostic::warning(code, message, innermost.span, "the innermost")
                 .label(place.span, "in this production")
                 .help(format!("close it with '{close}'"));
-            compiler.reading.push(d, *innermost);
+            compiler.session.push(d, *innermost);
         }
     }
 }

@@ -1,19 +1,20 @@
 //! Successors and axioms: modules with expressions as parameters, and what is repeated.
 
-use super::production::{MAX_ARITY, intern, symbols_of};
-use super::{Compiler, Cursor, expression};
+use super::symbol::{MAX_ARITY, intern, symbols_of};
+use super::{Compiler, TokenCursor, expression};
 use crate::code::Expr;
-use crate::program::{Symbols, Template};
+use crate::program::SuccessorModule;
+use crate::symbols::Symbols;
 use crate::token::{SourcePlace, Token, TokenKind};
 use crate::vm;
 use osier_base::diagnostic::Diagnostic;
 
 /// Modules that one successor may spell.
-const MAX_SPELLED: usize = 1 << 20;
+const MAX_SUCCESSOR_MODULES: usize = 1 << 20;
 
 /// An open `repeat`.
 #[derive(Debug)]
-struct Repeat {
+struct OpenRepeat {
     /// First module of its body.
     start: usize,
     times: usize,
@@ -25,11 +26,11 @@ struct Repeat {
 struct SuccessorCompiler<'c, 'r, 's> {
     compiler: &'c mut Compiler<'r>,
     symbols: &'s mut Symbols,
-    out: Vec<Template>,
-    repeats: Vec<Repeat>,
+    out: Vec<SuccessorModule>,
+    repeats: Vec<OpenRepeat>,
     star: Option<SourcePlace>,
     /// Whether parameters may follow.
-    open: bool,
+    accepts_parameters: bool,
 }
 
 /// Modules with expressions as parameters, up to a ':'; returns the tokens behind it, if there is one.
@@ -38,31 +39,38 @@ pub(super) fn successor<'t>(
     symbols: &mut Symbols,
     tokens: &'t [Token],
     place: SourcePlace,
-) -> Option<(Vec<Template>, Option<&'t [Token]>)> {
-    let mut cursor = Cursor::new(tokens, place);
-    let mut s = SuccessorCompiler { compiler, symbols, out: Vec::new(), repeats: Vec::new(), star: None, open: false };
+) -> Option<(Vec<SuccessorModule>, Option<&'t [Token]>)> {
+    let mut cursor = TokenCursor::new(tokens, place);
+    let mut s = SuccessorCompiler {
+        compiler,
+        symbols,
+        out: Vec::new(),
+        repeats: Vec::new(),
+        star: None,
+        accepts_parameters: false,
+    };
     while let Some(t) = cursor.peek() {
         if t.is(':') {
             let rest = tokens.get(cursor.pos + 1..);
             return s.finish().map(|o| (o, rest));
         }
         cursor.bump();
-        s.token(t, &mut cursor)?;
+        s.append_token(t, &mut cursor)?;
     }
     s.finish().map(|o| (o, None))
 }
 
 impl SuccessorCompiler<'_, '_, '_> {
     fn error<T>(&mut self, message: impl Into<String>, place: SourcePlace) -> Option<T> {
-        self.compiler.reading.error("L001", message, place, "here");
+        self.compiler.session.error("L001", message, place, "here");
         None
     }
 
-    fn token(&mut self, t: &Token, cursor: &mut Cursor<'_>) -> Option<()> {
+    fn append_token(&mut self, t: &Token, cursor: &mut TokenCursor<'_>) -> Option<()> {
         let has_turtle = self.compiler.has_turtle;
         match t.kind {
             TokenKind::Char('(') => {
-                let known = self.open && self.out.last().is_some_and(|m| m.args.is_empty());
+                let known = self.accepts_parameters && self.out.last().is_some_and(|m| m.args.is_empty());
                 if !known {
                     return self.error("unexpected '(', expected a module before it", t.place);
                 }
@@ -76,28 +84,28 @@ impl SuccessorCompiler<'_, '_, '_> {
             TokenKind::Char(c @ (')' | '<' | '>')) => {
                 return self.error(format!("unexpected '{c}', expected a module"), t.place);
             }
-            TokenKind::Ident(n) if has_turtle && self.compiler.reading.names.get(n) == "repeat" => {
-                return self.repeat(cursor, t.place);
+            TokenKind::Ident(n) if has_turtle && self.compiler.session.names.get(n) == "repeat" => {
+                return self.open_repeat(cursor, t.place);
             }
-            TokenKind::Char('}') if self.repeats.last().is_some_and(|r| r.polygons == 0) => return self.again(),
+            TokenKind::Char('}') if self.repeats.last().is_some_and(|r| r.polygons == 0) => return self.close_repeat(),
             _ => {
                 if let (Some(r), TokenKind::Char(c)) = (self.repeats.last_mut(), t.kind) {
                     r.polygons = (r.polygons + usize::from(c == '{')).saturating_sub(usize::from(c == '}'));
                 }
                 for s in symbols_of(self.compiler, t) {
                     let symbol = intern(self.compiler, self.symbols, s.c, s.place)?;
-                    self.out.push(Template { symbol, args: Vec::new(), occurrence: 0, place: s.place });
+                    self.out.push(SuccessorModule { symbol, args: Vec::new(), occurrence: 0, place: s.place });
                 }
             }
         }
-        self.open = true;
+        self.accepts_parameters = true;
         Some(())
     }
 
     /// `n {` behind `repeat`.
-    fn repeat(&mut self, cursor: &mut Cursor<'_>, place: SourcePlace) -> Option<()> {
-        let code = expression::expression(self.compiler, cursor)?;
-        let times = vm::constant(&code).filter(|n| (0.0..=1e6).contains(n));
+    fn open_repeat(&mut self, cursor: &mut TokenCursor<'_>, place: SourcePlace) -> Option<()> {
+        let code = expression::compile_expression(self.compiler, cursor)?;
+        let times = vm::constant_value(&code).filter(|n| (0.0..=1e6).contains(n));
         let Some(times) = times else {
             return self.error("'repeat' takes a constant number from 0 to 1,000,000", place);
         };
@@ -106,37 +114,38 @@ impl SuccessorCompiler<'_, '_, '_> {
             return self.error("unexpected token, expected '{' behind the number of 'repeat'", at);
         }
         if self.repeats.len() >= self.compiler.max_depth {
-            self.compiler.reading.error("L004", "'repeat' nested too deep", place, "too deep here");
+            self.compiler.session.error("L004", "'repeat' nested too deep", place, "too deep here");
             return None;
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between 0 and a million")]
         let times = times as usize;
-        self.repeats.push(Repeat { start: self.out.len(), times, polygons: 0, place });
-        self.open = false;
+        self.repeats.push(OpenRepeat { start: self.out.len(), times, polygons: 0, place });
+        self.accepts_parameters = false;
         Some(())
     }
 
     /// The body of the innermost `repeat` is complete.
-    fn again(&mut self) -> Option<()> {
+    fn close_repeat(&mut self) -> Option<()> {
         let Some(r) = self.repeats.pop() else { return Some(()) };
         let body = self.out.split_off(r.start.min(self.out.len()));
         let wanted = body.len().saturating_mul(r.times).saturating_add(self.out.len());
-        if wanted > MAX_SPELLED {
-            let message = format!("this 'repeat' would spell {wanted} modules, at most {MAX_SPELLED} are allowed");
+        if wanted > MAX_SUCCESSOR_MODULES {
+            let message =
+                format!("this 'repeat' would spell {wanted} modules, at most {MAX_SUCCESSOR_MODULES} are allowed");
             let help = "repeat less, or let productions make them";
-            self.compiler.reading.error_help("L050", message, r.place, help);
+            self.compiler.session.error_help("L050", message, r.place, help);
             return None;
         }
         self.out.reserve(wanted - self.out.len());
         (0..r.times).for_each(|_| self.out.extend_from_slice(&body));
-        self.open = false;
+        self.accepts_parameters = false;
         Some(())
     }
 
     /// Numbers the modules of each symbol. `*` must stand alone.
-    fn finish(mut self) -> Option<Vec<Template>> {
+    fn finish(mut self) -> Option<Vec<SuccessorModule>> {
         if let Some(r) = self.repeats.pop() {
-            self.compiler.reading.error("L004", "'repeat' is never closed", r.place, "opened here");
+            self.compiler.session.error("L004", "'repeat' is never closed", r.place, "opened here");
             return None;
         }
         if let Some(place) = self.star.filter(|_| !self.out.is_empty()) {
@@ -154,17 +163,17 @@ impl SuccessorCompiler<'_, '_, '_> {
 }
 
 /// Expressions up to the closing parenthesis.
-fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: SourcePlace) -> Option<Vec<Expr>> {
+fn arguments(compiler: &mut Compiler<'_>, cursor: &mut TokenCursor<'_>, open: SourcePlace) -> Option<Vec<Expr>> {
     let mut args = Vec::new();
     if cursor.eat(')') {
         return Some(args);
     }
     loop {
-        let code = expression::expression(compiler, cursor)?;
+        let code = expression::compile_expression(compiler, cursor)?;
         args.push(code.into_expr());
         if args.len() > MAX_ARITY {
             let message = "a module has at most 255 parameters".to_owned();
-            compiler.reading.error_help("L010", message, cursor.place(), "share them out among several modules");
+            compiler.session.error_help("L010", message, cursor.place(), "share them out among several modules");
             return None;
         }
         if cursor.eat(')') {
@@ -176,7 +185,7 @@ fn arguments(compiler: &mut Compiler<'_>, cursor: &mut Cursor<'_>, open: SourceP
             let message = format!("unexpected {found}, expected ',' or ')'");
             let d = Diagnostic::error("L001", message, place.span, "here").label(open.span, "opened here");
             let d = d.help("close the parenthesis, or put a ',' between two parameters");
-            compiler.reading.push(d, place);
+            compiler.session.push(d, place);
             return None;
         }
     }

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::matching::ContextView;
 use super::rewriter::Rewriter;
 use super::step::rewrite_range;
-use super::{Derivation, MAX_PARAMS, Modules};
+use super::{Derivation, MAX_PARAMS};
+use crate::modules::ModuleString;
 use crate::vm::Halt;
 use osier_base::par::par_map;
 
@@ -44,7 +45,7 @@ struct SharedCounters {
 
 /// A chunk after all steps.
 struct DerivedChunk {
-    modules: Modules,
+    modules: ModuleString,
     /// Length after each step.
     lengths: Vec<StringLength>,
     statements: u64,
@@ -80,20 +81,20 @@ impl Derivation<'_> {
         chunks.iter().for_each(|g| self.string.extend(&g.modules, 0..g.modules.len()));
         let changed = chunks.iter().map(|g| g.changed).max().unwrap_or(0);
         if changed > 0 {
-            self.idle_from = (changed < self.length).then_some(changed + 1);
+            self.unchanged_since = (changed < self.length).then_some(changed + 1);
         } else {
-            self.idle_from = self.idle_from.or(Some(step + 1));
+            self.unchanged_since = self.unchanged_since.or(Some(step + 1));
         }
-        self.taken = self.idle_from.filter(|_| self.nothing_can_change()).unwrap_or(self.length);
-        self.vm.step = self.taken;
+        self.steps_done = self.unchanged_since.filter(|_| self.nothing_can_change()).unwrap_or(self.length);
+        self.vm.step = self.steps_done;
         Ok(true)
     }
 
     /// The chunks of the string after all steps that follow `step`; `None` if the string must be derived step by step.
     fn derive_chunks(&self, step: u32, counters: &SharedCounters) -> Option<Vec<DerivedChunk>> {
         let limit = self.limits.get("modules");
-        let pieces = self.string.pieces(INITIAL_CHUNK);
-        let chunks = par_map(&pieces, |piece| self.derive_chunk(piece.clone(), step, counters));
+        let initial = self.string.chunks(INITIAL_CHUNK);
+        let chunks = par_map(&initial, |chunk| self.derive_chunk(chunk.clone(), step, counters));
         let chunks = chunks.into_iter().collect::<Option<Vec<DerivedChunk>>>()?;
         let statements = chunks.iter().fold(self.vm.statements, |sum, g| sum + g.statements);
         // A step whose whole string would pass a limit is only visible in the sum over all chunks.
@@ -110,44 +111,44 @@ impl Derivation<'_> {
         let blocks = &program.blocks;
         blocks.start_each.is_none()
             && blocks.end_each.is_none()
-            && self.cut.is_none()
+            && self.cut_symbol.is_none()
             && program.decomposition.list.is_empty()
             && !program.is_serial()
             && program.rules.list.iter().all(|p| p.is_context_free())
     }
 
     /// A chunk after all steps that follow `step`; `None` after a warning, or if all chunks together pass a limit.
-    fn derive_chunk(&self, piece: Modules, step: u32, counters: &SharedCounters) -> Option<DerivedChunk> {
+    fn derive_chunk(&self, chunk: ModuleString, step: u32, counters: &SharedCounters) -> Option<DerivedChunk> {
         let limit = self.limits.get("modules");
-        let most = self.limits.get("work");
+        let max_work = self.limits.get("work");
         let mut vm = self.vm.clone();
-        (vm.events.0, vm.statements) = (Vec::new(), 0);
+        (vm.warnings.list, vm.statements) = (Vec::new(), 0);
         let mut worker = ChunkDeriver {
             derivation: self,
-            rewriter: Rewriter::new(self.setup(&self.program.rules, step), vm),
-            settles: self.nothing_can_change(),
-            from: step,
-            spare: Modules::default(),
+            rewriter: Rewriter::new(self.rewrite_settings(&self.program.rules, step), vm),
+            is_stationary: self.nothing_can_change(),
+            first_step: step,
+            next_string: ModuleString::default(),
             lengths: vec![StringLength::default(); (self.length - step) as usize],
             changed: 0,
             work: 0,
         };
         // Depth first, leftmost chunk on top: finished chunks are appended in the order of the string.
-        let mut modules = Modules::default();
-        let mut waiting = vec![(piece, step)];
-        while let Some((mut piece, seen)) = waiting.pop() {
+        let mut modules = ModuleString::default();
+        let mut stack = vec![(chunk, step)];
+        while let Some((mut chunk, done)) = stack.pop() {
             let before = worker.work;
-            let seen = worker.step(&mut piece, seen, limit)?;
+            let done = worker.advance(&mut chunk, done, limit)?;
             let spent = worker.work - before;
-            if counters.rewritten.fetch_add(spent, Ordering::Relaxed).saturating_add(spent) > most {
+            if counters.rewritten.fetch_add(spent, Ordering::Relaxed).saturating_add(spent) > max_work {
                 return None;
             }
-            if seen < self.length {
-                waiting.extend(piece.pieces(SPLIT_CHUNK).into_iter().rev().map(|p| (p, seen)));
+            if done < self.length {
+                stack.extend(chunk.chunks(SPLIT_CHUNK).into_iter().rev().map(|p| (p, done)));
                 continue;
             }
-            modules.extend(&piece, 0..piece.len());
-            let added = piece.len() as u64;
+            modules.extend(&chunk, 0..chunk.len());
+            let added = chunk.len() as u64;
             if counters.finished.fetch_add(added, Ordering::Relaxed) + added > limit {
                 return None;
             }
@@ -162,10 +163,10 @@ struct ChunkDeriver<'d, 'g> {
     derivation: &'d Derivation<'g>,
     rewriter: Rewriter<'d>,
     /// True if what did not change in one step does not in the next.
-    settles: bool,
+    is_stationary: bool,
     /// Step of the string that the chunks were cut from.
-    from: u32,
-    spare: Modules,
+    first_step: u32,
+    next_string: ModuleString,
     /// Length after each step, over the chunks so far.
     lengths: Vec<StringLength>,
     changed: u32,
@@ -176,33 +177,36 @@ struct ChunkDeriver<'d, 'g> {
 impl ChunkDeriver<'_, '_> {
     /// Derives a chunk until it must be split or all steps are done; returns the last step done. `None` as of
     /// [`Derivation::grown`].
-    fn step(&mut self, piece: &mut Modules, seen: u32, limit: u64) -> Option<u32> {
+    fn advance(&mut self, chunk: &mut ModuleString, done: u32, limit: u64) -> Option<u32> {
         let length = self.derivation.length;
-        for step in seen + 1..=length {
-            (self.rewriter.vm.step, self.rewriter.setup.step, self.rewriter.setup.birth) = (step, Some(step), step);
-            self.spare.clear();
-            self.work = self.work.saturating_add(piece.len() as u64);
-            let view = ContextView { modules: piece, partner: &[], hidden: &self.derivation.hidden };
-            let most = usize::try_from(limit).unwrap_or(usize::MAX);
-            let changed = rewrite_range(&mut self.rewriter, view, 0..piece.len(), &mut self.spare, most).ok()?;
-            if !self.rewriter.vm.events.0.is_empty() || self.rewriter.vm.stopped {
+        for step in done + 1..=length {
+            (self.rewriter.vm.step, self.rewriter.settings.step, self.rewriter.settings.birth) =
+                (step, Some(step), step);
+            self.next_string.clear();
+            self.work = self.work.saturating_add(chunk.len() as u64);
+            let view = ContextView { modules: chunk, partner: &[], ignored: &self.derivation.ignored };
+            let max_modules = usize::try_from(limit).unwrap_or(usize::MAX);
+            let changed =
+                rewrite_range(&mut self.rewriter, view, 0..chunk.len(), &mut self.next_string, max_modules).ok()?;
+            if !self.rewriter.vm.warnings.list.is_empty() || self.rewriter.vm.stopped {
                 return None;
             }
-            std::mem::swap(piece, &mut self.spare);
-            let done = !changed && self.settles;
-            let counted = if done { length } else { step };
+            std::mem::swap(chunk, &mut self.next_string);
+            let at_rest = !changed && self.is_stationary;
+            let counted = if at_rest { length } else { step };
             // A chunk at rest keeps its length through all later steps.
-            let now = StringLength { modules: piece.len() as u64, params: piece.param_count() as u64 };
-            for length in &mut self.lengths[(step - self.from - 1) as usize..(counted - self.from) as usize] {
+            let now = StringLength { modules: chunk.len() as u64, params: chunk.param_count() as u64 };
+            for length in &mut self.lengths[(step - self.first_step - 1) as usize..(counted - self.first_step) as usize]
+            {
                 *length = length.plus(now);
             }
             if changed {
                 self.changed = self.changed.max(step);
             }
-            if done {
+            if at_rest {
                 return Some(length);
             }
-            if piece.len() > MAX_CHUNK {
+            if chunk.len() > MAX_CHUNK {
                 return Some(step);
             }
         }
@@ -218,21 +222,21 @@ mod tests {
     use osier_base::limits::Limits;
 
     /// Derives step by step; the string and the first step from which nothing changed.
-    fn stepwise(text: &str) -> (Modules, u32) {
+    fn stepwise(text: &str) -> (ModuleString, u32) {
         let (grammar, _) = read(text);
         let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
         let mut d = Derivation::new(&grammar, &options, grammar.program.length, &limits);
-        d.axiom().expect("axiom");
+        d.append_axiom().expect("axiom");
         let mut idle = 0;
         for step in 1..=d.length {
             d.vm.step = step;
-            let changed = d.rewrite(step).expect("rewrites");
+            let changed = d.rewrite_string(step).expect("rewrites");
             idle = if changed { step + 1 } else { idle };
         }
         (d.string, idle)
     }
 
-    fn both(length: u32, rules: &str) -> (Modules, u32) {
+    fn both(length: u32, rules: &str) -> (ModuleString, u32) {
         let text = format!("Lsystem: 1\nSeed: 5\nderivation length: {length}\nAxiom: A(0) B\n{rules}\nendlsystem\n");
         let (grammar, _) = read(&text);
         let (options, limits) = (DeriveOptions { seed: 3, ..Default::default() }, Limits::default());
@@ -248,7 +252,7 @@ mod tests {
 
     #[test]
     fn pieces_give_the_string_that_steps_give() {
-        // Grows past the size at which pieces are cut up again; draws, erases, and asks for the step.
+        // Grows past the size at which chunks are cut up again; draws, erases, and asks for the step.
         let (string, steps) = both(
             14,
             "A(x) --> F(x+ran(1)) [ A(x+1) ] A(nran(0,2))\nB : Q%3==0 --> B C\nC --> \nB --> B D(1)\nD(n) : n<5 --> D(n+1)",
@@ -256,7 +260,7 @@ mod tests {
         assert!(string.len() > MAX_CHUNK && steps == 14);
         // Alternatives by weight.
         both(13, "A(x) --> A(x) F A(x+1) :3\nA(x) --> F(x) A(x) [ A(0) ] :2");
-        // Comes to rest, some pieces before others.
+        // Comes to rest, some chunks before others.
         let (_, steps) = both(40, "A(x) : x<12 --> A(x+1) A(x+1) F\nA(x) : x>=12 && x<20 --> A(x+1)");
         assert_eq!(steps, 21);
     }

@@ -1,32 +1,32 @@
 //! Decomposition and homomorphism: modules expanded depth first, with an explicit stack.
 
 use super::matching::{self, ContextView};
-use super::modules::{Module, Modules};
-use super::rewriter::{RewriteContext, Rewriter};
+use super::rewriter::{DrawPurposes, RewriteSettings, Rewriter};
 use super::step::check_size;
-use super::{Derivation, Derived, brackets, halt_error, warnings};
-use crate::Grammar;
-use crate::vm::{Halt, Purpose, Streams, Vm};
+use super::{Derivation, DerivedString, brackets, halt_error, runtime_diagnostics};
+use crate::grammar::Grammar;
+use crate::modules::{Module, ModuleString};
+use crate::vm::{DrawPurpose, Halt, RandomStreams, Vm};
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::rng::word;
 
 /// Homomorphism may draw this many times the modules that may be stored.
-const DRAWN_PER_STORED: u64 = 10;
+const MAX_DRAWN_PER_STORED: u64 = 10;
 
 /// Modules waiting to be expanded, the next one on top; parameters lie behind one another in the same order.
 #[derive(Debug, Default)]
 struct ExpansionStack {
-    modules: Modules,
+    modules: ModuleString,
     depth: Vec<u32>,
 }
 
 impl ExpansionStack {
-    /// Puts the modules of `fresh` on top, the first one uppermost.
-    fn push_reversed(&mut self, fresh: &Modules, depth: u32) {
-        for i in (0..fresh.len()).rev() {
-            self.modules.push(fresh.get(i));
+    /// Puts the modules of `successor` on top, the first one uppermost.
+    fn push_reversed(&mut self, successor: &ModuleString, depth: u32) {
+        for i in (0..successor.len()).rev() {
+            self.modules.push(successor.get(i));
             self.depth.push(depth);
         }
     }
@@ -35,17 +35,23 @@ impl ExpansionStack {
 /// Expands modules one after the other; reuses its memory.
 struct Expander<'p> {
     rewriter: Rewriter<'p>,
-    waiting: ExpansionStack,
-    fresh: Modules,
-    top: Modules,
+    stack: ExpansionStack,
+    successor: ModuleString,
+    current: ModuleString,
     /// Modules that may wait at once.
     limit: usize,
 }
 
 impl<'p> Expander<'p> {
-    fn new(setup: RewriteContext<'p>, vm: Vm, limit: usize) -> Self {
-        let rewriter = Rewriter::new(setup, vm);
-        Self { rewriter, waiting: ExpansionStack::default(), fresh: Modules::default(), top: Modules::default(), limit }
+    fn new(settings: RewriteSettings<'p>, vm: Vm, limit: usize) -> Self {
+        let rewriter = Rewriter::new(settings, vm);
+        Self {
+            rewriter,
+            stack: ExpansionStack::default(),
+            successor: ModuleString::default(),
+            current: ModuleString::default(),
+            limit,
+        }
     }
 
     /// Expands the module at `at` into `sink`, at most `maximum depth` times over; stops when `sink` says false.
@@ -55,36 +61,37 @@ impl<'p> Expander<'p> {
         at: usize,
         sink: &mut impl FnMut(Module<'_>) -> bool,
     ) -> std::result::Result<(), Halt> {
-        let rules = self.rewriter.setup.rules;
+        let rules = self.rewriter.settings.rules;
         let module = view.modules.get(at);
-        if rules.depth == 0 || !rules.concerns(module.symbol) {
+        if rules.depth == 0 || !rules.has_productions(module.symbol) {
             return if sink(module) { Ok(()) } else { Err(Halt::Modules) };
         }
-        self.waiting.modules.clear();
-        self.waiting.depth.clear();
-        self.waiting.modules.push(module);
-        self.waiting.depth.push(0);
-        while let Some(depth) = self.waiting.depth.pop() {
-            let n = self.waiting.modules.len() - 1;
-            self.top.clear();
-            self.top.push(self.waiting.modules.get(n));
-            self.waiting.modules.truncate(n);
-            let module = self.top.get(0);
-            let applicable = if rules.concerns(module.symbol) { self.rewriter.find(module, view, at)? } else { None };
+        self.stack.modules.clear();
+        self.stack.depth.clear();
+        self.stack.modules.push(module);
+        self.stack.depth.push(0);
+        while let Some(depth) = self.stack.depth.pop() {
+            let n = self.stack.modules.len() - 1;
+            self.current.clear();
+            self.current.push(self.stack.modules.get(n));
+            self.stack.modules.truncate(n);
+            let module = self.current.get(0);
+            let applicable =
+                if rules.has_productions(module.symbol) { self.rewriter.select(module, view, at)? } else { None };
             let Some(p) = applicable.filter(|_| depth < rules.depth) else {
                 if let Some(p) = applicable.filter(|_| rules.warn_depth) {
-                    self.rewriter.vm.events.add("L052", p.place, "depth limit reached");
+                    self.rewriter.vm.warnings.add("L052", p.place, "depth limit reached");
                 }
                 if sink(module) {
                     continue;
                 }
                 return Err(Halt::Modules);
             };
-            self.fresh.clear();
-            self.rewriter.setup.birth = module.birth;
-            self.rewriter.build(p, module.lineage, &mut self.fresh)?;
-            self.waiting.push_reversed(&self.fresh, depth + 1);
-            check_size(&self.waiting.modules, 0, 0, self.limit)?;
+            self.successor.clear();
+            self.rewriter.settings.birth = module.birth;
+            self.rewriter.append_successor(p, module.lineage, &mut self.successor)?;
+            self.stack.push_reversed(&self.successor, depth + 1);
+            check_size(&self.stack.modules, 0, 0, self.limit)?;
             // Expansions that vanish produce nothing for the sink to count.
             self.rewriter.vm.statements += 1;
             if self.rewriter.vm.statements > self.rewriter.vm.statement_limit {
@@ -103,22 +110,23 @@ impl Derivation<'_> {
             return Ok(());
         }
         let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
-        let partner = if needs_partners { matching::partners(&self.string, self.brackets) } else { Vec::new() };
-        let setup = RewriteContext {
+        let partner =
+            if needs_partners { matching::matching_brackets(&self.string, self.brackets) } else { Vec::new() };
+        let settings = RewriteSettings {
             program: self.program,
             rules,
             stochastic: self.stochastic,
-            purposes: [Purpose::Decomposition; 3],
+            purposes: DrawPurposes::all(DrawPurpose::Decomposition),
             step: Some(step),
             birth: step,
             tag: 0,
             brackets: self.brackets,
         };
         let limit = usize::try_from(self.limits.get("modules")).unwrap_or(usize::MAX);
-        let mut expander = Expander::new(setup, self.vm.clone(), limit);
-        self.spare.clear();
-        let view = ContextView { modules: &self.string, partner: &partner, hidden: &self.hidden };
-        let out = &mut self.spare;
+        let mut expander = Expander::new(settings, self.vm.clone(), limit);
+        self.next_string.clear();
+        let view = ContextView { modules: &self.string, partner: &partner, ignored: &self.ignored };
+        let out = &mut self.next_string;
         for i in 0..self.string.len() {
             expander.expand(view, i, &mut |m| {
                 out.push(m);
@@ -127,7 +135,7 @@ impl Derivation<'_> {
             check_size(out, 0, 0, limit)?;
         }
         self.vm = expander.rewriter.vm;
-        std::mem::swap(&mut self.string, &mut self.spare);
+        std::mem::swap(&mut self.string, &mut self.next_string);
         Ok(())
     }
 }
@@ -138,7 +146,7 @@ impl Derivation<'_> {
 /// `Input` with L044 or L051 like [`super::derive`].
 pub fn interpret(
     grammar: &Grammar,
-    derived: &Derived,
+    derived: &DerivedString,
     limits: &Limits,
     mut sink: impl FnMut(Module<'_>),
 ) -> Result<Vec<Diagnostic>> {
@@ -150,28 +158,28 @@ pub fn interpret(
     }
     let brackets = brackets(program);
     let file_seed = rules.seed.unwrap_or(derived.file_seed);
-    let streams = Streams { seed: derived.seed, plant_id: derived.plant_id, file_seed };
+    let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed };
     let mut vm = Vm::new(streams, 0, derived.length);
     vm.globals.clone_from(&derived.globals);
     vm.step = derived.steps;
     vm.statement_limit = limits.get("statements");
-    let setup = RewriteContext {
+    let settings = RewriteSettings {
         program,
         rules,
         stochastic: derived.stochastic || rules.seed.is_some(),
-        purposes: [Purpose::Homomorphism; 3],
+        purposes: DrawPurposes::all(DrawPurpose::Homomorphism),
         step: None,
         birth: 0,
         tag: word("homomorphism"),
         brackets,
     };
     let needs_partners = rules.list.iter().any(|p| !p.is_context_free());
-    let partner = if needs_partners { matching::partners(&derived.modules, brackets) } else { Vec::new() };
-    let hidden = program.hidden.table(&program.symbols);
-    let view = ContextView { modules: &derived.modules, partner: &partner, hidden: &hidden };
-    let waiting = usize::try_from(limits.get("modules")).unwrap_or(usize::MAX);
-    let mut expander = Expander::new(setup, vm, waiting);
-    let limit = limits.get("modules").saturating_mul(DRAWN_PER_STORED);
+    let partner = if needs_partners { matching::matching_brackets(&derived.modules, brackets) } else { Vec::new() };
+    let ignored = program.ignored.flags(&program.symbols);
+    let view = ContextView { modules: &derived.modules, partner: &partner, ignored: &ignored };
+    let max_stack = usize::try_from(limits.get("modules")).unwrap_or(usize::MAX);
+    let mut expander = Expander::new(settings, vm, max_stack);
+    let limit = limits.get("modules").saturating_mul(MAX_DRAWN_PER_STORED);
     let mut drawn = 0_u64;
     for i in 0..derived.modules.len() {
         let result = expander.expand(view, i, &mut |m| {
@@ -181,5 +189,5 @@ pub fn interpret(
         });
         result.map_err(|h| halt_error(grammar, h, derived.steps, limits))?;
     }
-    Ok(warnings(grammar, &expander.rewriter.vm.events))
+    Ok(runtime_diagnostics(grammar, &expander.rewriter.vm.warnings))
 }

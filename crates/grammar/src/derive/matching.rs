@@ -1,7 +1,8 @@
 //! Contexts: what stands to the left and right of a module in a bracketed string.
 
-use super::modules::{Module, Modules};
-use crate::program::{ContextElement, Formal, SymbolId};
+use crate::modules::{Module, ModuleString};
+use crate::program::{ContextElement, FormalModule};
+use crate::symbols::SymbolId;
 
 /// No partner.
 const NONE: u32 = u32::MAX;
@@ -9,11 +10,11 @@ const NONE: u32 = u32::MAX;
 /// A string prepared for context matching.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ContextView<'a> {
-    pub modules: &'a Modules,
+    pub modules: &'a ModuleString,
     /// Partner of each bracket; empty if no production asks for contexts.
     pub partner: &'a [u32],
     /// Per symbol: contexts look past it.
-    pub hidden: &'a [bool],
+    pub ignored: &'a [bool],
 }
 
 /// The brackets' numbers.
@@ -24,7 +25,7 @@ pub(super) struct Brackets {
 }
 
 /// Partner of every bracket; `NONE` for all else and for brackets without one.
-pub(super) fn partners(modules: &Modules, brackets: Brackets) -> Vec<u32> {
+pub(super) fn matching_brackets(modules: &ModuleString, brackets: Brackets) -> Vec<u32> {
     let mut partner = vec![NONE; modules.len()];
     let mut stack: Vec<usize> = Vec::new();
     let short = |i: usize| u32::try_from(i).unwrap_or(NONE);
@@ -42,7 +43,7 @@ pub(super) fn partners(modules: &Modules, brackets: Brackets) -> Vec<u32> {
 }
 
 /// Stores the parameters of a matched module in the production's variables.
-fn bind(formal: &Formal, module: Module<'_>, locals: &mut [f64]) {
+fn bind_parameters(formal: &FormalModule, module: Module<'_>, locals: &mut [f64]) {
     let first = usize::from(formal.slot);
     for (i, v) in module.params.iter().enumerate() {
         if let Some(slot) = locals.get_mut(first + i) {
@@ -53,10 +54,10 @@ fn bind(formal: &Formal, module: Module<'_>, locals: &mut [f64]) {
 
 /// Does the module have the formal's symbol and number of parameters? If so its parameters are bound.
 #[inline]
-pub(super) fn accept(formal: &Formal, module: Module<'_>, locals: &mut [f64]) -> bool {
+pub(super) fn match_module(formal: &FormalModule, module: Module<'_>, locals: &mut [f64]) -> bool {
     let fits = module.symbol == formal.symbol && module.params.len() == usize::from(formal.arity);
     if fits {
-        bind(formal, module, locals);
+        bind_parameters(formal, module, locals);
     }
     fits
 }
@@ -66,13 +67,13 @@ impl ContextView<'_> {
         self.partner.get(i).filter(|p| **p != NONE).map(|p| *p as usize)
     }
 
-    fn is_hidden(&self, symbol: SymbolId) -> bool {
-        self.hidden.get(usize::from(symbol)).copied().unwrap_or(false)
+    fn is_ignored(&self, symbol: SymbolId) -> bool {
+        self.ignored.get(usize::from(symbol)).copied().unwrap_or(false)
     }
 
     /// Is the left context there, scanning from module `at` (not included) to the left? Closed branches are jumped
     /// over, openings are stepped over: a branch sees the axis that carries it.
-    pub fn left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
+    pub fn matches_left(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
         let mut wanted = context.iter().rev();
         let mut next = wanted.next();
@@ -87,8 +88,8 @@ impl ContextView<'_> {
                     Some(open) => i = open,
                     None => return false,
                 }
-            } else if symbol != brackets.open && !self.is_hidden(symbol) {
-                if !accept(formal, self.modules.get(i), locals) {
+            } else if symbol != brackets.open && !self.is_ignored(symbol) {
+                if !match_module(formal, self.modules.get(i), locals) {
                     return false;
                 }
                 next = wanted.next();
@@ -98,12 +99,12 @@ impl ContextView<'_> {
     }
 
     /// Is the right context there, beginning with module `at`?
-    pub fn right(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
+    pub fn matches_right(&self, brackets: Brackets, context: &[ContextElement], at: usize, locals: &mut [f64]) -> bool {
         let mut i = at;
         for element in context {
             let found = match element {
-                ContextElement::Module(formal) => self.right_module(brackets, formal, i, locals),
-                ContextElement::Open => self.skip_hidden(i).filter(|k| self.modules.symbols()[*k] == brackets.open),
+                ContextElement::Module(formal) => self.next_on_axis(brackets, formal, i, locals),
+                ContextElement::Open => self.skip_ignored(i).filter(|k| self.modules.symbols()[*k] == brackets.open),
                 ContextElement::Close => self.end_of_branch(brackets, i, false),
                 ContextElement::CloseRest => self.end_of_branch(brackets, i, true),
             };
@@ -115,16 +116,22 @@ impl ContextView<'_> {
         true
     }
 
-    /// The next module that is not hidden.
-    fn skip_hidden(&self, from: usize) -> Option<usize> {
-        (from..self.modules.len()).find(|&i| !self.is_hidden(self.modules.symbols()[i]))
+    /// The next module that is not ignored.
+    fn skip_ignored(&self, from: usize) -> Option<usize> {
+        (from..self.modules.len()).find(|&i| !self.is_ignored(self.modules.symbols()[i]))
     }
 
     /// The next module of this axis, if it is the wanted one.
-    fn right_module(&self, brackets: Brackets, formal: &Formal, from: usize, locals: &mut [f64]) -> Option<usize> {
+    fn next_on_axis(
+        &self,
+        brackets: Brackets,
+        formal: &FormalModule,
+        from: usize,
+        locals: &mut [f64],
+    ) -> Option<usize> {
         let mut i = from;
         loop {
-            i = self.skip_hidden(i)?;
+            i = self.skip_ignored(i)?;
             let symbol = self.modules.symbols()[i];
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;
@@ -132,7 +139,7 @@ impl ContextView<'_> {
                 // The axis ends here without the module.
                 return None;
             } else {
-                return accept(formal, self.modules.get(i), locals).then_some(i);
+                return match_module(formal, self.modules.get(i), locals).then_some(i);
             }
         }
     }
@@ -141,7 +148,7 @@ impl ContextView<'_> {
     fn end_of_branch(&self, brackets: Brackets, from: usize, rest: bool) -> Option<usize> {
         let mut i = from;
         loop {
-            i = if rest { i } else { self.skip_hidden(i)? };
+            i = if rest { i } else { self.skip_ignored(i)? };
             let symbol = *self.modules.symbols().get(i)?;
             if symbol == brackets.open {
                 i = self.partner(i)? + 1;

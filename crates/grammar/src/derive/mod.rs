@@ -3,19 +3,19 @@
 mod chunked;
 mod expand;
 mod matching;
-mod modules;
 mod predict;
 mod rewriter;
 mod step;
 
 pub use expand::interpret;
-pub use modules::{Module, Modules};
 pub use predict::{Prediction, predict};
 
-use super::code::Code;
-use super::program::{Program, SymbolId};
-use super::vm::{Event, Events, Halt, Purpose, Streams, Vm};
-use super::{Grammar, runtime_error, runtime_report};
+use super::code::Bytecode;
+use super::grammar::{Grammar, runtime_error, runtime_report};
+use super::modules::ModuleString;
+use super::program::Program;
+use super::symbols::SymbolId;
+use super::vm::{DrawPurpose, Halt, RandomStreams, RuntimeWarning, RuntimeWarnings, Vm};
 use matching::Brackets;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
@@ -38,9 +38,9 @@ pub struct DeriveOptions {
 
 /// The final string and what is needed to draw it.
 #[derive(Debug, Clone)]
-pub struct Derived {
+pub struct DerivedString {
     /// The final string, without homomorphism.
-    pub modules: Modules,
+    pub modules: ModuleString,
     /// Steps taken.
     pub steps: u32,
     /// As in the options.
@@ -62,14 +62,14 @@ const MAX_PARAMS: usize = 1 << 27;
 /// # Errors
 /// `Input` with L050 if the string would surely pass `modules`, with L051 if it does on the way, with L044 for an
 /// endless loop.
-pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<Derived> {
+pub fn derive(grammar: &Grammar, options: &DeriveOptions, limits: &Limits) -> Result<DerivedString> {
     let program = &grammar.program;
     let length = options.steps.unwrap_or(program.length);
-    predict::refuse(grammar, length, options, limits)?;
+    predict::check_limits(grammar, length, options, limits)?;
     let mut d = Derivation::new(grammar, options, length, limits);
     match d.run() {
         Ok(()) => Ok(d.finish(options)),
-        Err(halt) => Err(d.error(halt)),
+        Err(halt) => Err(d.halt_report(halt)),
     }
 }
 
@@ -78,17 +78,17 @@ pub(super) struct Derivation<'g> {
     program: &'g Program,
     limits: &'g Limits,
     vm: Vm,
-    string: Modules,
-    spare: Modules,
+    string: ModuleString,
+    next_string: ModuleString,
     /// Memory of rewritten blocks, kept from step to step: fresh pages cost more than the copying.
-    pool: Vec<Modules>,
+    block_buffers: Vec<ModuleString>,
     stochastic: bool,
     length: u32,
     brackets: Brackets,
-    hidden: Vec<bool>,
-    cut: Option<SymbolId>,
-    idle_from: Option<u32>,
-    taken: u32,
+    ignored: Vec<bool>,
+    cut_symbol: Option<SymbolId>,
+    unchanged_since: Option<u32>,
+    steps_done: u32,
     /// Modules rewritten so far.
     work: u64,
     /// A derivation in chunks was abandoned, because a warning or a limit must name its step.
@@ -99,10 +99,10 @@ impl<'g> Derivation<'g> {
     fn new(grammar: &'g Grammar, options: &DeriveOptions, length: u32, limits: &'g Limits) -> Self {
         let program = &grammar.program;
         let file_seed = program.seed.unwrap_or(0);
-        let streams = Streams { seed: options.seed, plant_id: options.plant_id, file_seed };
+        let streams = RandomStreams { seed: options.seed, plant_id: options.plant_id, file_seed };
         let mut vm = Vm::new(streams, usize::from(program.blocks.globals), length);
         vm.statement_limit = limits.get("statements");
-        let made = |c: char| {
+        let is_produced = |c: char| {
             let id = program.symbols.find(c)?;
             let templates = program.productions().flat_map(|p| &p.successor).chain(&program.axiom);
             templates.into_iter().any(|t| t.symbol == id).then_some(id)
@@ -112,16 +112,16 @@ impl<'g> Derivation<'g> {
             program,
             limits,
             vm,
-            string: Modules::default(),
-            spare: Modules::default(),
-            pool: Vec::new(),
+            string: ModuleString::default(),
+            next_string: ModuleString::default(),
+            block_buffers: Vec::new(),
             stochastic: options.stochastic.unwrap_or(program.is_stochastic()),
             length,
             brackets: brackets(program),
-            hidden: program.hidden.table(&program.symbols),
-            cut: made('%').filter(|_| !program.strips('%')),
-            idle_from: None,
-            taken: 0,
+            ignored: program.ignored.flags(&program.symbols),
+            cut_symbol: is_produced('%').filter(|_| !program.overrides_cpfg('%')),
+            unchanged_since: None,
+            steps_done: 0,
             work: 0,
             must_stay_whole: false,
         }
@@ -129,49 +129,49 @@ impl<'g> Derivation<'g> {
 
     fn run(&mut self) -> std::result::Result<(), Halt> {
         let blocks = &self.program.blocks;
-        self.block(blocks.start.as_ref(), 0)?;
+        self.run_block(blocks.start.as_ref(), 0)?;
         if let Some(seed) = self.vm.reseeded() {
             self.vm.streams.file_seed = seed;
         }
-        self.axiom()?;
+        self.append_axiom()?;
         for step in 1..=self.length {
             // `Q` counts completed steps: the StartEach block still sees the step before.
             self.vm.step = step - 1;
-            self.block(blocks.start_each.as_ref(), step)?;
+            self.run_block(blocks.start_each.as_ref(), step)?;
             self.vm.step = step;
             // The axiom is decomposed before the first step; later strings are decomposed when they are made.
             if step == 1 {
                 self.decompose(step)?;
             }
-            if let Some(cut) = self.cut {
-                self.cut(cut);
+            if let Some(cut) = self.cut_symbol {
+                self.remove_cut_branches(cut);
             }
             // The sum of string lengths over the steps bounds the time of the derivation, as strings may shrink again.
             self.work = self.work.saturating_add(self.string.len() as u64);
             if self.work > self.limits.get("work") {
                 return Err(Halt::Work);
             }
-            let changed = self.rewrite(step)?;
+            let changed = self.rewrite_string(step)?;
             self.decompose(step)?;
-            self.block(blocks.end_each.as_ref(), step)?;
-            self.taken = step;
+            self.run_block(blocks.end_each.as_ref(), step)?;
+            self.steps_done = step;
             // Start of the run of steps without change that is still going on, for the warning L054.
-            if !changed && self.idle_from.is_none() {
-                self.idle_from = Some(step);
+            if !changed && self.unchanged_since.is_none() {
+                self.unchanged_since = Some(step);
             } else if changed {
-                self.idle_from = None;
+                self.unchanged_since = None;
             }
             if self.vm.stopped || (!changed && self.nothing_can_change()) || self.derive_rest_in_chunks(step)? {
                 break;
             }
         }
-        self.block(blocks.end.as_ref(), self.taken)
+        self.run_block(blocks.end.as_ref(), self.steps_done)
     }
 
     /// Without blocks or `%`, a step that changes nothing is followed by equal ones.
     fn nothing_can_change(&self) -> bool {
         let b = &self.program.blocks;
-        let uses_step = |c: &Code| {
+        let uses_step = |c: &Bytecode| {
             use crate::code::Op;
             c.ops.iter().any(|o| matches!(o, Op::Step | Op::Remaining | Op::Random(_) | Op::Choose(_)))
         };
@@ -180,36 +180,36 @@ impl<'g> Derivation<'g> {
             && !self.program.rules.list.iter().any(|p| p.codes().any(uses_step))
     }
 
-    fn block(&mut self, code: Option<&Code>, step: u32) -> std::result::Result<(), Halt> {
-        self.vm.begin(Purpose::Block, 0, Some(step));
+    fn run_block(&mut self, code: Option<&Bytecode>, step: u32) -> std::result::Result<(), Halt> {
+        self.vm.begin_draws(DrawPurpose::Block, 0, Some(step));
         if let Some(code) = code {
             self.vm.run(code, &mut [])?;
         }
         Ok(())
     }
 
-    fn axiom(&mut self) -> std::result::Result<(), Halt> {
-        self.vm.begin(Purpose::Block, 1, Some(0));
+    fn append_axiom(&mut self) -> std::result::Result<(), Halt> {
+        self.vm.begin_draws(DrawPurpose::Block, 1, Some(0));
         for t in &self.program.axiom {
             for arg in &t.args {
                 let value = self.vm.eval(arg, &mut [])?;
-                self.string.param(narrow(value));
+                self.string.push_param(narrow(value));
             }
             let symbol = u64::from(u32::from(self.program.symbols.get(t.symbol)));
             let plant = u64::from(self.vm.streams.plant_id);
             // The second number is the L-system's: 0 is the main one.
             let lineage = child(mix64(&[plant, 0, symbol]), u64::from(t.occurrence));
-            self.string.close(t.symbol, lineage, 0);
+            self.string.finish_module(t.symbol, lineage, 0);
         }
         Ok(())
     }
 
     /// Removes every `%` and what follows it on its branch.
-    fn cut(&mut self, cut: SymbolId) {
+    fn remove_cut_branches(&mut self, cut: SymbolId) {
         if !self.string.symbols().contains(&cut) {
             return;
         }
-        self.spare.clear();
+        self.next_string.clear();
         let (mut depth, mut cut_at) = (0_usize, None);
         for i in 0..self.string.len() {
             let m = self.string.get(i);
@@ -225,25 +225,25 @@ impl<'g> Derivation<'g> {
                 cut_at = Some(depth);
             }
             if cut_at.is_none() {
-                self.spare.push(m);
+                self.next_string.push(m);
             }
         }
-        std::mem::swap(&mut self.string, &mut self.spare);
+        std::mem::swap(&mut self.string, &mut self.next_string);
     }
 
-    fn finish(mut self, options: &DeriveOptions) -> Derived {
-        if let (Some(step), Some(place)) = (self.idle_from, self.program.length_place)
+    fn finish(mut self, options: &DeriveOptions) -> DerivedString {
+        if let (Some(step), Some(place)) = (self.unchanged_since, self.program.length_place)
             && step > 1
             && step < self.length
         {
-            self.vm.events.add("L054", place, &format!("nothing changes from step {step} on"));
+            self.vm.warnings.add("L054", place, &format!("nothing changes from step {step} on"));
         }
-        Derived {
+        DerivedString {
             modules: self.string,
-            steps: self.taken,
+            steps: self.steps_done,
             plant_id: options.plant_id,
             seed: options.seed,
-            warnings: warnings(self.grammar, &self.vm.events),
+            warnings: runtime_diagnostics(self.grammar, &self.vm.warnings),
             stochastic: self.stochastic,
             length: self.length,
             file_seed: self.vm.streams.file_seed,
@@ -251,8 +251,8 @@ impl<'g> Derivation<'g> {
         }
     }
 
-    fn error(&self, halt: Halt) -> osier_base::Error {
-        halt_error(self.grammar, halt, self.taken + 1, self.limits)
+    fn halt_report(&self, halt: Halt) -> osier_base::Error {
+        halt_error(self.grammar, halt, self.steps_done + 1, self.limits)
     }
 }
 
@@ -263,8 +263,8 @@ fn brackets(program: &Program) -> Brackets {
 }
 
 /// Remarks of runs as diagnostics.
-pub(super) fn warnings(grammar: &Grammar, events: &Events) -> Vec<Diagnostic> {
-    let diagnostic = |e: &Event| {
+pub(crate) fn runtime_diagnostics(grammar: &Grammar, warnings: &RuntimeWarnings) -> Vec<Diagnostic> {
+    let diagnostic = |e: &RuntimeWarning| {
         let times = if e.count > 1 { format!(", {} times", e.count) } else { String::new() };
         let help = match e.code {
             "L040" => "x/0 counts as x, x%0 as 0; test the divisor in a condition",
@@ -276,9 +276,9 @@ pub(super) fn warnings(grammar: &Grammar, events: &Events) -> Vec<Diagnostic> {
         };
         let d = Diagnostic::warning(e.code, format!("{}{times}", e.message), e.place.span, "here");
         let d = if help.is_empty() { d } else { d.help(help) };
-        grammar.with_chain(d, e.place)
+        grammar.with_macro_chain(d, e.place)
     };
-    events.0.iter().map(diagnostic).collect()
+    warnings.list.iter().map(diagnostic).collect()
 }
 
 /// An ended run as an error.
@@ -287,13 +287,13 @@ pub(super) fn halt_error(grammar: &Grammar, halt: Halt, step: u32, limits: &Limi
     match halt {
         Halt::Loop(place) => {
             let d = Diagnostic::error("L044", "this loop does not end", place.span, "after 1,000,000 turns");
-            runtime_report(grammar, grammar.with_chain(d.help("change what its condition tests"), place))
+            runtime_report(grammar, grammar.with_macro_chain(d.help("change what its condition tests"), place))
         }
         Halt::Statements(place) => {
             let message = format!("step {step} passes the budget of statements");
             let help = "raise it with --max-statements, or simplify the blocks";
             let d = Diagnostic::error("L051", message, place.span, "reached here").help(help);
-            runtime_report(grammar, grammar.with_chain(d, place))
+            runtime_report(grammar, grammar.with_macro_chain(d, place))
         }
         Halt::Modules => {
             let limit = osier_base::limits::grouped(limits.get("modules"));

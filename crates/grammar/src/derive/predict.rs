@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::DeriveOptions;
-use crate::code::{Code, Op};
-use crate::program::{Production, SymbolId};
-use crate::{Grammar, runtime_error};
+use crate::code::{Bytecode, Op};
+use crate::grammar::{Grammar, runtime_error};
+use crate::program::Production;
+use crate::symbols::SymbolId;
 use osier_base::Result;
 use osier_base::limits::{Limits, grouped};
 
@@ -36,7 +37,7 @@ struct GrowthMatrix {
     has_lower: bool,
 }
 
-fn count(kinds: &BTreeMap<ModuleSignature, usize>, p: &Production) -> BTreeMap<usize, u128> {
+fn successor_counts(kinds: &BTreeMap<ModuleSignature, usize>, p: &Production) -> BTreeMap<usize, u128> {
     let mut out = BTreeMap::new();
     for t in &p.successor {
         if let Some(&k) = kinds.get(&(t.symbol, u8::try_from(t.args.len()).unwrap_or(u8::MAX))) {
@@ -65,54 +66,56 @@ impl GrowthMatrix {
                 m.start[k] += 1;
             }
         }
-        let cut = program.symbols.find('%');
-        let has_cut = m.kinds.keys().any(|k| Some(k.0) == cut);
+        let cut_symbol = program.symbols.find('%');
+        let has_cut = m.kinds.keys().any(|k| Some(k.0) == cut_symbol);
         let several = program.rules.list.iter().any(|p| p.predecessor.len() > 1);
         m.has_lower = !has_cut && !several && program.decomposition.list.is_empty();
         for (&(symbol, arity), &k) in &m.kinds.clone() {
-            let rules: Vec<&Production> = program.rules.of(symbol, arity).collect();
+            let rules: Vec<&Production> = program.rules.matching(symbol, arity).collect();
             m.set_row(k, &rules, stochastic);
         }
         m
     }
 
-    /// Kinds that every step surely rewrites; none of a grammar whose blocks may end the derivation.
-    fn works(&self, grammar: &Grammar) -> Vec<bool> {
+    /// Kinds that every step rewritten rewrites; none of a grammar whose blocks may end the derivation.
+    fn always_rewritten(&self, grammar: &Grammar) -> Vec<bool> {
         let program = &grammar.program;
-        let stops = |c: &Code| c.ops.iter().any(|o| matches!(o, Op::Stop));
+        let stops = |c: &Bytecode| c.ops.iter().any(|o| matches!(o, Op::Stop));
         let blocks = program.blocks.start_each.is_some() || program.blocks.end_each.is_some();
         let runs = !blocks && !program.rules.list.iter().any(|p| p.codes().any(stops));
-        let mut surely = vec![false; self.kinds.len()];
+        let mut rewritten = vec![false; self.kinds.len()];
         for (&(symbol, arity), &k) in &self.kinds {
-            surely[k] = runs && program.rules.of(symbol, arity).any(Production::is_unconditional);
+            rewritten[k] = runs && program.rules.matching(symbol, arity).any(Production::is_unconditional);
         }
-        surely
+        rewritten
     }
 
     /// The row of one kind: what its productions may make of it.
     fn set_row(&mut self, k: usize, rules: &[&Production], stochastic: bool) {
         let copy = BTreeMap::from([(k, 1)]);
-        let mut options: Vec<(BTreeMap<usize, u128>, f64)> = Vec::new();
+        let mut alternatives: Vec<(BTreeMap<usize, u128>, f64)> = Vec::new();
         let mut always = false;
         for p in rules {
-            let weight = p.weight.as_ref().map_or(Some(1.0), crate::vm::constant).unwrap_or(1.0);
-            options.push((count(&self.kinds, p), weight.max(0.0)));
+            let weight = p.weight.as_ref().map_or(Some(1.0), crate::vm::constant_value).unwrap_or(1.0);
+            alternatives.push((successor_counts(&self.kinds, p), weight.max(0.0)));
             always |= p.is_unconditional();
             if always && !stochastic {
                 break;
             }
         }
         if !always {
-            options.push((copy.clone(), 1.0));
+            alternatives.push((copy.clone(), 1.0));
         }
-        let total = options.iter().fold(0.0, |s, o| s + o.1);
-        let columns: std::collections::BTreeSet<usize> = options.iter().flat_map(|o| o.0.keys().copied()).collect();
+        let total = alternatives.iter().fold(0.0, |s, o| s + o.1);
+        let columns: std::collections::BTreeSet<usize> =
+            alternatives.iter().flat_map(|o| o.0.keys().copied()).collect();
         for c in columns {
             let of = |o: &(BTreeMap<usize, u128>, f64)| o.0.get(&c).copied().unwrap_or(0);
-            let low = options.iter().map(of).min().unwrap_or(0);
-            let high = options.iter().map(of).max().unwrap_or(0);
+            let low = alternatives.iter().map(of).min().unwrap_or(0);
+            let high = alternatives.iter().map(of).max().unwrap_or(0);
             let share = |o: &(BTreeMap<usize, u128>, f64)| of(o) as f64 * o.1;
-            let mean = if total > 0.0 { options.iter().fold(0.0, |s, o| s + share(o)) / total } else { low as f64 };
+            let mean =
+                if total > 0.0 { alternatives.iter().fold(0.0, |s, o| s + share(o)) / total } else { low as f64 };
             if low > 0 {
                 self.lower[k].push((c, low));
             }
@@ -121,7 +124,7 @@ impl GrowthMatrix {
         }
     }
 
-    fn step(rows: &[SparseRow<u128>], v: &[u128]) -> Vec<u128> {
+    fn next_counts(rows: &[SparseRow<u128>], v: &[u128]) -> Vec<u128> {
         let mut out = vec![0_u128; v.len()];
         for (row, x) in rows.iter().zip(v) {
             for (c, n) in row {
@@ -132,7 +135,7 @@ impl GrowthMatrix {
     }
 }
 
-fn total(v: &[u128]) -> u128 {
+fn saturating_sum(v: &[u128]) -> u128 {
     v.iter().fold(0, |s, x| s.saturating_add(*x))
 }
 
@@ -149,22 +152,22 @@ pub fn predict(grammar: &Grammar, steps: u32, stochastic: bool) -> Prediction {
                 next[*c] += x * n;
             }
         }
-        let (l, h) = (GrowthMatrix::step(&m.lower, &low), GrowthMatrix::step(&m.upper, &high));
+        let (l, h) = (GrowthMatrix::next_counts(&m.lower, &low), GrowthMatrix::next_counts(&m.upper, &high));
         if l == low && h == high && next == expected {
             break;
         }
         (low, high, expected) = (l, h, next);
-        if total(&low) > u128::from(u64::MAX) {
+        if saturating_sum(&low) > u128::from(u64::MAX) {
             break;
         }
     }
-    let lower = if m.has_lower { total(&low) } else { 0 };
-    let upper = if grammar.program.decomposition.list.is_empty() { total(&high) } else { u128::MAX };
+    let lower = if m.has_lower { saturating_sum(&low) } else { 0 };
+    let upper = if grammar.program.decomposition.list.is_empty() { saturating_sum(&high) } else { u128::MAX };
     Prediction { lower, upper, expected: expected.iter().fold(0.0, |s, x| s + x) }
 }
 
 /// Refuses a derivation that must pass a limit.
-pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, limits: &Limits) -> Result<()> {
+pub(super) fn check_limits(grammar: &Grammar, steps: u32, options: &DeriveOptions, limits: &Limits) -> Result<()> {
     let max_steps = limits.get("steps");
     if u64::from(steps) > max_steps {
         let (wanted, limit) = (grouped(u64::from(steps)), grouped(max_steps));
@@ -180,14 +183,14 @@ pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, lim
     let limit = u128::from(limits.get("modules"));
     let mut v = m.start.clone();
     let mut work = 0_u128;
-    let surely = m.works(grammar);
+    let rewritten = m.always_rewritten(grammar);
     for step in 0..=steps {
-        if total(&v) > limit {
-            return Err(too_long(grammar, &m, step, steps, limits));
+        if saturating_sum(&v) > limit {
+            return Err(limit_error(grammar, &m, step, steps, limits));
         }
-        let busy = surely.iter().zip(&v).any(|(surely, n)| *surely && *n > 0);
-        let each = if busy { total(&v) } else { 0 };
-        let next = GrowthMatrix::step(&m.lower, &v);
+        let busy = rewritten.iter().zip(&v).any(|(rewritten, n)| *rewritten && *n > 0);
+        let each = if busy { saturating_sum(&v) } else { 0 };
+        let next = GrowthMatrix::next_counts(&m.lower, &v);
         if next == v {
             work = work.saturating_add(each.saturating_mul(u128::from(steps - step)));
             break;
@@ -205,12 +208,12 @@ pub(super) fn refuse(grammar: &Grammar, steps: u32, options: &DeriveOptions, lim
     Ok(())
 }
 
-fn too_long(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
+fn limit_error(grammar: &Grammar, m: &GrowthMatrix, first_over: u32, steps: u32, limits: &Limits) -> osier_base::Error {
     let mut v = m.start.clone();
     for _ in 0..steps.min(4096) {
-        v = GrowthMatrix::step(&m.lower, &v);
+        v = GrowthMatrix::next_counts(&m.lower, &v);
     }
-    let wanted = match u64::try_from(total(&v)) {
+    let wanted = match u64::try_from(saturating_sum(&v)) {
         Ok(n) => grouped(n),
         Err(_) => "more than 10^19".to_owned(),
     };

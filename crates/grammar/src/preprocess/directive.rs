@@ -2,11 +2,11 @@
 
 use std::rc::Rc;
 
-use super::{Condition, Define, FrameKind, Macro, Preprocessor};
+use super::{Define, FrameKind, MacroDefinition, OpenConditional, Preprocessor};
 use crate::compile;
 use crate::token::{SourcePlace, Token, TokenKind};
 
-const WORDS: [&str; 11] =
+const DIRECTIVES: [&str; 11] =
     ["define", "undef", "include", "if", "ifdef", "ifndef", "elif", "else", "endif", "pragma", "error"];
 /// Files inside files.
 const MAX_INCLUDE_DEPTH: usize = 32;
@@ -21,10 +21,10 @@ impl Preprocessor<'_> {
         let starts_line = frame.pos < 2 || frame.tokens[frame.pos - 2].is_newline();
         let is_file = matches!(frame.kind, FrameKind::File { .. });
         let word = match frame.tokens.get(frame.pos).map(|t| t.kind) {
-            Some(TokenKind::Ident(w)) => self.reading.names.get(w),
+            Some(TokenKind::Ident(w)) => self.session.names.get(w),
             _ => return false,
         };
-        is_file && starts_line && WORDS.contains(&word)
+        is_file && starts_line && DIRECTIVES.contains(&word)
     }
 
     /// The rest of the current line, without its newline.
@@ -43,7 +43,7 @@ impl Preprocessor<'_> {
         let Some((first, rest)) = line.split_first() else { return };
         let TokenKind::Ident(word) = first.kind else { return };
         let place = first.place;
-        match self.reading.names.get(word).to_owned().as_str() {
+        match self.session.names.get(word).to_owned().as_str() {
             "define" => self.define(rest, place),
             "undef" => {
                 if let Some(TokenKind::Ident(name)) = rest.first().map(|t| t.kind) {
@@ -52,7 +52,7 @@ impl Preprocessor<'_> {
             }
             "include" => self.include(rest, place),
             "if" => {
-                let value = self.condition(rest, place);
+                let value = self.evaluate_condition(rest, place);
                 self.begin_if(value, place);
             }
             "ifdef" | "ifndef" => {
@@ -62,37 +62,37 @@ impl Preprocessor<'_> {
                     }
                     _ => false,
                 };
-                let wanted = self.reading.names.get(word) == "ifdef";
+                let wanted = self.session.names.get(word) == "ifdef";
                 self.begin_if(defined == wanted, place);
             }
             // Reached at the end of an active part: what follows is left out.
             "elif" | "else" => match self.conditions.last_mut() {
                 Some(c) => {
                     c.active = false;
-                    self.skip();
+                    self.skip_inactive();
                 }
-                None => self.reading.error("L001", "#else without #if", place, "no #if is open here"),
+                None => self.session.error("L001", "#else without #if", place, "no #if is open here"),
             },
             "endif" if self.conditions.pop().is_none() => {
-                self.reading.error("L001", "#endif without #if", place, "no #if is open here");
+                self.session.error("L001", "#endif without #if", place, "no #if is open here");
             }
             "error" => {
                 let help = "the file refuses to be read this way: change the macros that its #if lines ask for";
-                self.reading.error_help("L005", "#error reached".into(), place, help);
+                self.session.error_help("L005", "#error reached".into(), place, help);
             }
             _ => {}
         }
     }
 
     fn begin_if(&mut self, value: bool, place: SourcePlace) {
-        self.conditions.push(Condition { active: value, taken: value, place });
+        self.conditions.push(OpenConditional { active: value, taken: value, place });
         if !value {
-            self.skip();
+            self.skip_inactive();
         }
     }
 
     /// Skips lines up to the part of the innermost `#if` that holds.
-    fn skip(&mut self) {
+    fn skip_inactive(&mut self) {
         let mut nested = 0_u32;
         loop {
             self.rest_of_line();
@@ -110,7 +110,7 @@ impl Preprocessor<'_> {
             let line = self.rest_of_line();
             let Some(TokenKind::Ident(word)) = line.first().map(|t| t.kind) else { continue };
             let place = line[0].place;
-            match self.reading.names.get(word) {
+            match self.session.names.get(word) {
                 "if" | "ifdef" | "ifndef" => nested += 1,
                 "endif" if nested > 0 => nested -= 1,
                 "endif" => {
@@ -120,7 +120,7 @@ impl Preprocessor<'_> {
                 w @ ("else" | "elif") if nested == 0 => {
                     let is_else = w == "else";
                     let taken = self.conditions.last().is_none_or(|c| c.taken);
-                    if !taken && (is_else || self.condition(&line[1..], place)) {
+                    if !taken && (is_else || self.evaluate_condition(&line[1..], place)) {
                         if let Some(c) = self.conditions.last_mut() {
                             (c.active, c.taken) = (true, true);
                         }
@@ -133,12 +133,12 @@ impl Preprocessor<'_> {
     }
 
     /// Value of an `#if` expression.
-    fn condition(&mut self, tokens: &[Token], place: SourcePlace) -> bool {
+    fn evaluate_condition(&mut self, tokens: &[Token], place: SourcePlace) -> bool {
         let mut list = Vec::new();
         let mut i = 0;
         while let Some(&t) = tokens.get(i) {
             i += 1;
-            let is_defined = matches!(t.kind, TokenKind::Ident(w) if self.reading.names.get(w) == "defined");
+            let is_defined = matches!(t.kind, TokenKind::Ident(w) if self.session.names.get(w) == "defined");
             if !is_defined {
                 list.push(t);
                 continue;
@@ -149,24 +149,24 @@ impl Preprocessor<'_> {
                 _ => false,
             };
             i += 1 + 2 * open;
-            let digit = self.reading.names.intern(if known { "1" } else { "0" });
+            let digit = self.session.names.intern(if known { "1" } else { "0" });
             list.push(Token { kind: TokenKind::Number(digit), ..t });
         }
         let list = self.expand_list(list);
-        compile::integer_condition(self.reading, &list, place)
+        compile::evaluate_condition(self.session, &list, place)
     }
 
     fn define(&mut self, rest: &[Token], place: SourcePlace) {
         let Some(head) = rest.first() else {
-            return self.reading.error("L001", "#define without a name", place, "expected a name after this");
+            return self.session.error("L001", "#define without a name", place, "expected a name after this");
         };
         let TokenKind::Ident(name) = head.kind else {
-            return self.reading.error("L001", "unexpected token, expected a macro name", head.place, "not a name");
+            return self.session.error("L001", "unexpected token, expected a macro name", head.place, "not a name");
         };
         let is_function = rest.get(1).is_some_and(|t| t.is('(') && t.glued);
         let (params, body) = if is_function {
             let Some(close) = rest.iter().position(|t| t.is(')')) else {
-                return self.reading.error("L004", "macro parameters are never closed", head.place, "opened here");
+                return self.session.error("L004", "macro parameters are never closed", head.place, "opened here");
             };
             let ident = |t: &Token| if let TokenKind::Ident(n) = t.kind { Some(n) } else { None };
             let params: Rc<[u32]> = rest[2..close].iter().filter_map(ident).collect();
@@ -182,7 +182,7 @@ impl Preprocessor<'_> {
             }
             self.record_define(name, head.place, &body, rest);
         }
-        self.macros.insert(name, Macro { params, body });
+        self.macros.insert(name, MacroDefinition { params, body });
     }
 
     /// Keeps a macro without arguments for `osier list options`.
@@ -200,32 +200,32 @@ impl Preprocessor<'_> {
             c.source == place.span.source && c.start >= end && !slice(end, c.start).contains('\n')
         };
         let comment = self.comments.iter().find(behind).map_or_else(String::new, |c| self.comment_text(*c));
-        let name = self.reading.names.get(name).to_owned();
+        let name = self.session.names.get(name).to_owned();
         self.defines.retain(|d| d.name != name);
         self.defines.push(Define { name, value, span: place.span, comment });
     }
 
     fn include(&mut self, rest: &[Token], place: SourcePlace) {
         let name = match rest.first().map(|t| t.kind) {
-            Some(TokenKind::Text(t)) => self.reading.names.get(t).to_owned(),
+            Some(TokenKind::Text(t)) => self.session.names.get(t).to_owned(),
             _ => {
-                return self.reading.error("L006", "#include without a file name in quotes", place, "here");
+                return self.session.error("L006", "#include without a file name in quotes", place, "here");
             }
         };
         let at = rest.first().map_or(place, |t| t.place);
         self.included += 1;
         if self.included > self.limits.get("includes") || self.files.len() >= MAX_INCLUDE_DEPTH {
             let help = "join some of them, or raise --max-includes";
-            return self.reading.error_help("L006", "too many files included".into(), at, help);
+            return self.session.error_help("L006", "too many files included".into(), at, help);
         }
         let from = self.files.last().cloned().unwrap_or_default();
         match (self.includes)(&name, &from) {
             Ok((shown, _)) if self.files.contains(&shown) => {
                 let chain = format!("{} -> {shown}", self.files.join(" -> "));
-                self.reading.error("L006", format!("\"{name}\" includes itself: {chain}"), at, "here");
+                self.session.error("L006", format!("\"{name}\" includes itself: {chain}"), at, "here");
             }
-            Ok((shown, bytes)) => self.open(&shown, &bytes),
-            Err(e) => self.reading.error("L006", format!("\"{name}\" cannot be included: {e}"), at, "here"),
+            Ok((shown, bytes)) => self.open_file(&shown, &bytes),
+            Err(e) => self.session.error("L006", format!("\"{name}\" cannot be included: {e}"), at, "here"),
         }
     }
 }

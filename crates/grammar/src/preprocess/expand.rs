@@ -2,24 +2,24 @@
 
 use std::rc::Rc;
 
-use super::{FrameKind, Macro, Preprocessor, TokenFrame};
+use super::{FrameKind, MacroDefinition, Preprocessor, TokenFrame};
 use crate::token::{Expansion, SourcePlace, Token, TokenKind};
 
 /// Macros inside macros.
-const MAX_DEPTH: u32 = 256;
+const MAX_MACRO_DEPTH: u32 = 256;
 
 /// Origins with this bit are identifiers that must not be expanded again.
-const PAINT: u32 = 1 << 31;
+const EXPANSION_DISABLED: u32 = 1 << 31;
 
 impl Preprocessor<'_> {
     /// The next expanded token above stack height `base`; `None` when the lists above it are used up.
-    pub(super) fn next(&mut self, base: usize) -> Option<Token> {
+    pub(super) fn next_expanded(&mut self, base: usize) -> Option<Token> {
         loop {
             if self.frames.len() <= base {
                 return None;
             }
-            let Some(mut token) = self.take() else {
-                self.pop();
+            let Some(mut token) = self.next_raw() else {
+                self.pop_frame();
                 continue;
             };
             if self.at_directive(token) {
@@ -30,7 +30,12 @@ impl Preprocessor<'_> {
             if self.produced > self.limits.get("macro-tokens") && !self.exhausted {
                 self.exhausted = true;
                 let flag = "raise it with --max-macro-tokens";
-                self.reading.error_help("L005", "macros expand to too much text".into(), unpainted(token).place, flag);
+                self.session.error_help(
+                    "L005",
+                    "macros expand to too much text".into(),
+                    without_mark(token).place,
+                    flag,
+                );
             }
             if self.exhausted {
                 return None;
@@ -43,12 +48,12 @@ impl Preprocessor<'_> {
             if std::mem::take(&mut self.break_glue) {
                 token.glued = false;
             }
-            return Some(if base == 0 { unpainted(token) } else { token });
+            return Some(if base == 0 { without_mark(token) } else { token });
         }
     }
 
     /// The next token of the topmost list.
-    fn take(&mut self) -> Option<Token> {
+    fn next_raw(&mut self) -> Option<Token> {
         let frame = self.frames.last_mut()?;
         let token = frame.tokens.get(frame.pos).copied()?;
         frame.pos += 1;
@@ -56,14 +61,14 @@ impl Preprocessor<'_> {
     }
 
     /// Drops the topmost list.
-    fn pop(&mut self) {
+    fn pop_frame(&mut self) {
         let Some(frame) = self.frames.pop() else { return };
         self.break_glue = true;
         if let FrameKind::File { conditions } = frame.kind {
             self.files.pop();
             while self.conditions.len() > conditions {
                 if let Some(c) = self.conditions.pop() {
-                    self.reading.error("L004", "#if without #endif", c.place, "opened here");
+                    self.session.error("L004", "#if without #endif", c.place, "opened here");
                 }
             }
         }
@@ -71,36 +76,36 @@ impl Preprocessor<'_> {
 
     /// Replaces the macro `name` if it is one and may be; true if the caller must read on.
     fn try_expand(&mut self, name: u32, token: &mut Token) -> bool {
-        if token.place.origin & PAINT != 0 {
+        if token.place.origin & EXPANSION_DISABLED != 0 {
             return false;
         }
-        let Some(found) = self.macros.get(&name).cloned() else { return false };
+        let Some(definition) = self.macros.get(&name).cloned() else { return false };
         // C11 6.10.3.4: a macro met within its own expansion is not replaced, now or later; the bit records that.
         if self.frames.iter().any(|f| f.kind == FrameKind::Macro { name }) {
-            token.place.origin |= PAINT;
+            token.place.origin |= EXPANSION_DISABLED;
             return false;
         }
-        if self.frames.len() as u64 > u64::from(MAX_DEPTH) {
+        if self.frames.len() as u64 > u64::from(MAX_MACRO_DEPTH) {
             self.exhausted = true;
-            self.reading.error("L005", "macros nested too deeply", token.place, "here");
+            self.session.error("L005", "macros nested too deeply", token.place, "here");
             return false;
         }
-        match found.params.clone() {
-            None => self.push_body(name, &found, token.place, &[]),
+        match definition.params.clone() {
+            None => self.push_body(name, &definition, token.place, &[]),
             Some(params) => {
                 if !self.opens_call() {
                     return false;
                 }
-                let Some(args) = self.arguments(token.place) else { return true };
+                let Some(args) = self.call_arguments(token.place) else { return true };
                 let given = if args.len() == 1 && params.is_empty() && args[0].is_empty() { 0 } else { args.len() };
                 if given != params.len() {
-                    let (word, n) = (self.reading.names.get(name).to_owned(), params.len());
+                    let (word, n) = (self.session.names.get(name).to_owned(), params.len());
                     let message = format!("macro {word} takes {n} arguments, got {given}");
-                    self.reading.error("L005", message, token.place, "used here");
+                    self.session.error("L005", message, token.place, "used here");
                     return true;
                 }
                 let args: Vec<Vec<Token>> = args.into_iter().map(|a| self.expand_list(a)).collect();
-                self.push_body(name, &found, token.place, &args);
+                self.push_body(name, &definition, token.place, &args);
             }
         }
         true
@@ -120,16 +125,16 @@ impl Preprocessor<'_> {
     }
 
     /// Reads a macro call's arguments, from its parenthesis to the matching one.
-    fn arguments(&mut self, call: SourcePlace) -> Option<Vec<Vec<Token>>> {
+    fn call_arguments(&mut self, call: SourcePlace) -> Option<Vec<Vec<Token>>> {
         let mut args = vec![Vec::new()];
         let mut depth = 0_u32;
         loop {
-            let Some(token) = self.take() else {
+            let Some(token) = self.next_raw() else {
                 if self.frames.last().is_none_or(|f| f.kind == FrameKind::List) || self.frames.len() == 1 {
-                    self.reading.error("L004", "macro call is never closed", call, "opened here");
+                    self.session.error("L004", "macro call is never closed", call, "opened here");
                     return None;
                 }
-                self.pop();
+                self.pop_frame();
                 continue;
             };
             match token.kind {
@@ -151,12 +156,12 @@ impl Preprocessor<'_> {
         }
     }
 
-    /// A list expanded by itself, as C does with arguments; nesting is bounded by [`MAX_DEPTH`].
+    /// A list expanded by itself, as C does with arguments; nesting is bounded by [`MAX_MACRO_DEPTH`].
     pub(super) fn expand_list(&mut self, tokens: Vec<Token>) -> Vec<Token> {
-        if self.depth >= MAX_DEPTH {
+        if self.depth >= MAX_MACRO_DEPTH {
             self.exhausted = true;
             if let Some(t) = tokens.first() {
-                self.reading.error("L005", "macros nested too deeply", unpainted(*t).place, "here");
+                self.session.error("L005", "macros nested too deeply", without_mark(*t).place, "here");
             }
             return Vec::new();
         }
@@ -165,7 +170,7 @@ impl Preprocessor<'_> {
         self.frames.push(TokenFrame { tokens: tokens.into(), pos: 0, kind: FrameKind::List });
         let glue = std::mem::take(&mut self.break_glue);
         let mut out = Vec::new();
-        while let Some(t) = self.next(base.max(1)) {
+        while let Some(t) = self.next_expanded(base.max(1)) {
             out.push(t);
         }
         self.frames.truncate(base);
@@ -174,13 +179,13 @@ impl Preprocessor<'_> {
         out
     }
 
-    fn push_body(&mut self, name: u32, found: &Macro, used_at: SourcePlace, args: &[Vec<Token>]) {
-        self.reading.expansions.push(Expansion { name, used_at });
-        let origin = u32::try_from(self.reading.expansions.len()).unwrap_or(0) & !PAINT;
-        let params: &[u32] = found.params.as_deref().unwrap_or(&[]);
-        let mut body = Vec::with_capacity(found.body.len());
+    fn push_body(&mut self, name: u32, definition: &MacroDefinition, used_at: SourcePlace, args: &[Vec<Token>]) {
+        self.session.expansions.push(Expansion { name, used_at });
+        let origin = u32::try_from(self.session.expansions.len()).unwrap_or(0) & !EXPANSION_DISABLED;
+        let params: &[u32] = definition.params.as_deref().unwrap_or(&[]);
+        let mut body = Vec::with_capacity(definition.body.len());
         let mut after_arg = false;
-        for token in found.body.iter() {
+        for token in definition.body.iter() {
             let arg = match token.kind {
                 TokenKind::Ident(id) => params.iter().position(|p| *p == id).and_then(|i| args.get(i)),
                 _ => None,
@@ -204,7 +209,7 @@ impl Preprocessor<'_> {
 }
 
 /// A token without the mark that stops its expansion.
-fn unpainted(mut token: Token) -> Token {
-    token.place.origin &= !PAINT;
+fn without_mark(mut token: Token) -> Token {
+    token.place.origin &= !EXPANSION_DISABLED;
     token
 }

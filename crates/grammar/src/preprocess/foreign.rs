@@ -1,9 +1,9 @@
 //! Files of other programs whose names end alike, known by their first telling line.
 
-use crate::token::{Names, SourcePlace, Token, TokenKind};
+use crate::token::{NameTable, SourcePlace, Token, TokenKind};
 
 /// The program that a file is written for, and the line that tells, if it is one whose language is not read.
-pub(super) fn foreign(names: &Names, tokens: &[Token]) -> Option<(&'static str, SourcePlace)> {
+pub(super) fn detect(names: &NameTable, tokens: &[Token]) -> Option<(&'static str, SourcePlace)> {
     tokens.split(Token::is_newline).find_map(|line| {
         let (first, last) = (line.first()?, line.last()?);
         Some((program(names, line)?, first.place.to(last.place)))
@@ -11,7 +11,7 @@ pub(super) fn foreign(names: &Names, tokens: &[Token]) -> Option<(&'static str, 
 }
 
 /// The program whose files alone have such a line.
-fn program(names: &Names, line: &[Token]) -> Option<&'static str> {
+fn program(names: &NameTable, line: &[Token]) -> Option<&'static str> {
     let (first, last) = (line.first()?, line.last()?);
     let word = |t: &Token| if let TokenKind::Ident(n) = t.kind { names.get(n) } else { "" };
     match word(first) {

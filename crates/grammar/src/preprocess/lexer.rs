@@ -1,6 +1,6 @@
 //! Bytes to text to tokens: encodings, spliced lines, comments.
 
-use crate::token::{Reading, SourcePlace, Token, TokenKind};
+use crate::token::{ParseSession, SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::{SourceId, Span};
 
 /// Text of a file's bytes and whether they had to be read as Latin-1. A byte order mark is dropped.
@@ -14,14 +14,14 @@ pub(super) fn decode(bytes: &[u8]) -> (String, bool) {
 
 /// A file as tokens, ending in a newline, with the places of its comments.
 #[derive(Debug, Default)]
-pub(super) struct Lexed {
+pub(super) struct LexedText {
     pub tokens: Vec<Token>,
     pub comments: Vec<Span>,
 }
 
 /// Turns a text into tokens.
-pub(super) fn lex(reading: &mut Reading, source: SourceId, text: &str) -> Lexed {
-    let mut lexer = Lexer { reading, source, chars: splice(text), i: 0, end: text.len(), out: Lexed::default() };
+pub(super) fn lex(session: &mut ParseSession, source: SourceId, text: &str) -> LexedText {
+    let mut lexer = Lexer { session, source, chars: splice(text), i: 0, end: text.len(), out: LexedText::default() };
     lexer.run();
     lexer.out
 }
@@ -49,12 +49,12 @@ fn splice(text: &str) -> Vec<(usize, char)> {
 }
 
 struct Lexer<'a> {
-    reading: &'a mut Reading,
+    session: &'a mut ParseSession,
     source: SourceId,
     chars: Vec<(usize, char)>,
     i: usize,
     end: usize,
-    out: Lexed,
+    out: LexedText,
 }
 
 impl Lexer<'_> {
@@ -89,7 +89,7 @@ impl Lexer<'_> {
                 }
                 '\0' => {
                     let place = SourcePlace::bare(Span::new(self.source, start, start + 1));
-                    self.reading.error("L001", "unexpected NUL byte, expected text", place, "NUL byte");
+                    self.session.error("L001", "unexpected NUL byte, expected text", place, "NUL byte");
                     self.i += 1;
                     continue;
                 }
@@ -130,10 +130,10 @@ impl Lexer<'_> {
         let digit_after_dot = c == '.' && self.peek(1).is_some_and(|d| d.is_ascii_digit());
         if c.is_ascii_alphabetic() || c == '_' {
             let text = self.take_while(|c| c.is_ascii_alphanumeric() || c == '_');
-            TokenKind::Ident(self.reading.names.intern(&text))
+            TokenKind::Ident(self.session.names.intern(&text))
         } else if c.is_ascii_digit() || digit_after_dot {
             let text = self.number();
-            TokenKind::Number(self.reading.names.intern(&text))
+            TokenKind::Number(self.session.names.intern(&text))
         } else if c == '"' {
             self.string()
         } else {
@@ -172,7 +172,7 @@ impl Lexer<'_> {
         };
         let text: String = self.chars[self.i + 1..self.i + 1 + length].iter().map(|c| c.1).collect();
         self.i += length + 2;
-        TokenKind::Text(self.reading.names.intern(&text))
+        TokenKind::Text(self.session.names.intern(&text))
     }
 
     fn comment(&mut self) {
@@ -188,7 +188,7 @@ impl Lexer<'_> {
             }
             if self.peek(0).is_none() {
                 let place = SourcePlace::bare(Span::new(self.source, start, start + 2));
-                self.reading.error("L004", "unterminated comment", place, "opened here, never closed by '*/'");
+                self.session.error("L004", "unterminated comment", place, "opened here, never closed by '*/'");
             }
             self.i = (self.i + 2).min(self.chars.len());
         }

@@ -8,7 +8,7 @@ mod lexer;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use super::token::{Reading, SourcePlace, Token};
+use super::token::{ParseSession, SourcePlace, Token};
 use osier_base::Result;
 use osier_base::diagnostic::{Diagnostic, Sources, Span, nearest};
 use osier_base::limits::Limits;
@@ -30,7 +30,7 @@ pub struct Define {
 }
 
 #[derive(Debug, Clone)]
-struct Macro {
+struct MacroDefinition {
     /// `None` = without arguments.
     params: Option<Rc<[u32]>>,
     body: Rc<[Token]>,
@@ -56,7 +56,7 @@ struct TokenFrame {
 
 /// One open `#if`.
 #[derive(Debug, Clone, Copy)]
-struct Condition {
+struct OpenConditional {
     active: bool,
     taken: bool,
     place: SourcePlace,
@@ -64,17 +64,17 @@ struct Condition {
 
 /// The state of one run.
 struct Preprocessor<'a> {
-    reading: &'a mut Reading,
+    session: &'a mut ParseSession,
     sources: &'a mut Sources,
     includes: &'a mut Includes<'a>,
     overrides: BTreeMap<u32, Rc<[Token]>>,
     used_overrides: Vec<u32>,
-    macros: BTreeMap<u32, Macro>,
+    macros: BTreeMap<u32, MacroDefinition>,
     frames: Vec<TokenFrame>,
     /// Shown names of the open files, outermost first.
     files: Vec<String>,
     comments: Vec<Span>,
-    conditions: Vec<Condition>,
+    conditions: Vec<OpenConditional>,
     defines: Vec<Define>,
     included: u64,
     produced: u64,
@@ -97,7 +97,7 @@ pub(super) struct Preprocessed {
 }
 
 /// The file to read, and how.
-pub(super) struct Input<'a> {
+pub(super) struct PreprocessorInput<'a> {
     pub name: &'a str,
     pub bytes: &'a [u8],
     pub includes: &'a mut Includes<'a>,
@@ -106,18 +106,18 @@ pub(super) struct Input<'a> {
 }
 
 /// Runs the preprocessor.
-pub(super) fn run(reading: &mut Reading, sources: &mut Sources, input: Input<'_>) -> Preprocessed {
+pub(super) fn run(session: &mut ParseSession, sources: &mut Sources, input: PreprocessorInput<'_>) -> Preprocessed {
     let mut overrides = BTreeMap::new();
     for (name, value) in input.defines {
         let source = sources.add(format!("--set {name}"), value.as_str());
-        let mut tokens = lexer::lex(reading, source, value).tokens;
+        let mut tokens = lexer::lex(session, source, value).tokens;
         tokens.retain(|t| !t.is_newline());
-        overrides.insert(reading.names.intern(name), Rc::from(tokens));
+        overrides.insert(session.names.intern(name), Rc::from(tokens));
     }
     // The lifetimes of the borrowed parts differ; a local shortens them to one.
     let includes = input.includes;
     let mut p = Preprocessor {
-        reading,
+        session,
         sources,
         includes: &mut |a, b| includes(a, b),
         overrides,
@@ -137,10 +137,10 @@ pub(super) fn run(reading: &mut Reading, sources: &mut Sources, input: Input<'_>
         limits: input.limits,
     };
     p.predefine();
-    p.open(input.name, input.bytes);
+    p.open_file(input.name, input.bytes);
     let description = p.description();
     let mut tokens = Vec::new();
-    while let Some(t) = p.next(0) {
+    while let Some(t) = p.next_expanded(0) {
         tokens.push(t);
     }
     if !p.is_foreign {
@@ -153,31 +153,31 @@ pub(super) fn run(reading: &mut Reading, sources: &mut Sources, input: Input<'_>
 impl Preprocessor<'_> {
     fn predefine(&mut self) {
         let source = self.sources.add("predefined", "1");
-        let body = lexer::lex(self.reading, source, "1").tokens;
+        let body = lexer::lex(self.session, source, "1").tokens;
         let body: Rc<[Token]> = body.into_iter().filter(|t| !t.is_newline()).collect();
-        let name = self.reading.names.intern("OSIER");
-        self.macros.insert(name, Macro { params: None, body });
+        let name = self.session.names.intern("OSIER");
+        self.macros.insert(name, MacroDefinition { params: None, body });
     }
 
     /// Puts a file on top of the reading stack.
-    fn open(&mut self, name: &str, bytes: &[u8]) {
+    fn open_file(&mut self, name: &str, bytes: &[u8]) {
         let (text, latin1) = lexer::decode(bytes);
         let source = self.sources.add(name, text.as_str());
         let start = SourcePlace::start_of(source);
         if bytes.len() as u64 > self.limits.get("text-bytes") {
             let message = format!("\"{name}\" is larger than --max-text-bytes");
-            self.reading.error_help("L005", message, start, "shorten the file, or raise the limit");
+            self.session.error_help("L005", message, start, "shorten the file, or raise the limit");
             return;
         }
         if latin1 {
             let help = "save the file as UTF-8";
-            self.reading.warning("L009", format!("\"{name}\" is not UTF-8, read as Latin-1"), start, help);
+            self.session.warning("L009", format!("\"{name}\" is not UTF-8, read as Latin-1"), start, help);
         }
-        let lexed = lexer::lex(self.reading, source, &text);
-        if let Some((program, place)) = foreign::foreign(&self.reading.names, &lexed.tokens) {
+        let lexed = lexer::lex(self.session, source, &text);
+        if let Some((program, place)) = foreign::detect(&self.session.names, &lexed.tokens) {
             let message = format!("\"{name}\" is written for {program}, whose language is not read");
             let help = "rewrite it in the notation of cpfg: modules, '-->' and 'Axiom:'";
-            self.reading.error_help("L007", message, place, help);
+            self.session.error_help("L007", message, place, help);
             self.is_foreign = true;
             return;
         }
@@ -209,7 +209,7 @@ impl Preprocessor<'_> {
             if self.used_overrides.contains(name) {
                 continue;
             }
-            let word = self.reading.names.get(*name);
+            let word = self.session.names.get(*name);
             let near = nearest(word, names.iter().map(String::as_str));
             let help = match near {
                 Some(n) => format!("did you mean '{n}'?"),
@@ -221,7 +221,7 @@ impl Preprocessor<'_> {
             if let Some(place) = place {
                 let message = format!("no #define is named '{word}'");
                 let d = Diagnostic::error("L002", message, place.span, "this value has no place to go").help(help);
-                self.reading.push(d, place);
+                self.session.push(d, place);
             }
         }
     }

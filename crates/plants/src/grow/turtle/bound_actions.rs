@@ -5,7 +5,7 @@ use super::interpreter::{Turtle, color_index};
 use super::options::STALK;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{Action, Module, Own};
+use osier_grammar::{Module, TurtleAction, TurtleAxis};
 
 /// World axes by number.
 const WORLD_AXES: [glam::DVec3; 3] = [glam::DVec3::X, glam::DVec3::Y, glam::DVec3::Z];
@@ -13,9 +13,9 @@ const WORLD_AXES: [glam::DVec3; 3] = [glam::DVec3::X, glam::DVec3::Y, glam::DVec
 impl Turtle<'_> {
     /// Performs the action that a module's symbol is bound to, with the module's first parameter or the binding's own number.
     pub(super) fn apply_bound_action(&mut self, m: Module<'_>) {
-        let Some(action) = self.drawing.action(m.symbol) else { return };
+        let Some(action) = self.bindings.action(m.symbol) else { return };
         // A parameter of the module takes precedence over the number that the binding computes (by the module's lineage).
-        let own = if m.params.is_empty() { self.drawing.value(m) } else { None };
+        let own = if m.params.is_empty() { self.bindings.value(m) } else { None };
         let number = match own {
             Some(v) if v.is_finite() => v,
             Some(_) => 0.0,
@@ -24,42 +24,47 @@ impl Turtle<'_> {
         // Whatever draws or places ends the segment before it, which then takes the current width.
         if matches!(
             action,
-            Action::Forward | Action::Move | Action::Polygon | Action::Fill | Action::Organ(_) | Action::Sphere
+            TurtleAction::Forward
+                | TurtleAction::Move
+                | TurtleAction::Polygon
+                | TurtleAction::Fill
+                | TurtleAction::Organ(_)
+                | TurtleAction::Sphere
         ) {
             self.close_segment();
         }
         match action {
-            Action::Forward => self.step(number, m, true, true),
-            Action::Move => self.step(number, m, false, true),
-            Action::World(axis) => {
+            TurtleAction::Forward => self.step(number, m, true, true),
+            TurtleAction::Move => self.step(number, m, false, true),
+            TurtleAction::RotateWorld(axis) => {
                 let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
                 let axis = WORLD_AXES.get(*axis).copied().unwrap_or(glam::DVec3::Y);
                 self.s.frame = self.s.frame.rotated(axis, c, s);
                 self.count_turn();
             }
-            Action::Turtle(own) => {
+            TurtleAction::RotateTurtle(axis) => {
                 let (s, c) = (math::sin(radians(number)), math::cos(radians(number)));
-                let turn = match own {
-                    Own::Heading => TurtleFrame::roll,
-                    Own::Left => TurtleFrame::pitch,
-                    Own::Up => TurtleFrame::yaw,
+                let turn = match axis {
+                    TurtleAxis::Heading => TurtleFrame::roll,
+                    TurtleAxis::Left => TurtleFrame::pitch,
+                    TurtleAxis::Up => TurtleFrame::yaw,
                 };
                 turn(&mut self.s.frame, c, s);
                 self.count_turn();
             }
-            Action::Width => self.set_width(number * self.s.scale),
-            Action::Widen => self.set_width(self.s.width + number * self.s.scale),
-            Action::Colour => self.s.color = color_index(number),
-            Action::Polygon => self.open_polygon(),
-            Action::Vertex => self.vertex(),
-            Action::Fill => self.fill_polygon(m),
-            Action::Organ(name) => {
+            TurtleAction::Width => self.set_width(number * self.s.scale),
+            TurtleAction::Widen => self.set_width(self.s.width + number * self.s.scale),
+            TurtleAction::Colour => self.s.color = color_index(number),
+            TurtleAction::Polygon => self.open_polygon(),
+            TurtleAction::Vertex => self.vertex(),
+            TurtleAction::Fill => self.fill_polygon(m),
+            TurtleAction::Organ(name) => {
                 let letter = if name == "stalk" { STALK } else { name.chars().next().unwrap_or(STALK) };
                 self.organ(letter, number, m);
             }
-            Action::Sphere => self.place_disc_or_sphere('O', number, m),
+            TurtleAction::Sphere => self.place_disc_or_sphere('O', number, m),
             // `As` was resolved to the command of the other symbol when the turtle was set up.
-            Action::As(_) | Action::Nothing => {}
+            TurtleAction::SameAs(_) | TurtleAction::Nothing => {}
         }
     }
 }

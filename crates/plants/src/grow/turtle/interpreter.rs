@@ -13,7 +13,7 @@ use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
 use osier_base::math;
 use osier_base::units::radians;
-use osier_grammar::{Action, Dialect, Drawing, Grammar, Module};
+use osier_grammar::{BindingEvaluator, Dialect, Grammar, Module, TurtleAction};
 
 /// Turns after which the frame is made orthonormal again: 64 turns in double precision drift by some 1e-14.
 const TURNS_PER_ORTHONORMALIZATION: u32 = 64;
@@ -90,7 +90,7 @@ pub(super) struct OrganPrototypes {
 /// The interpreter: its state, the stack of brackets, and what it has drawn.
 pub(super) struct Turtle<'a> {
     grammar: &'a Grammar,
-    pub(super) drawing: Drawing<'a>,
+    pub(super) bindings: BindingEvaluator<'a>,
     pub(super) options: &'a TurtleOptions,
     commands: Vec<Command>,
     pub(super) symbols: Vec<char>,
@@ -116,7 +116,12 @@ pub(super) struct Turtle<'a> {
 }
 
 impl<'a> Turtle<'a> {
-    pub fn new(grammar: &'a Grammar, drawing: Drawing<'a>, options: &'a TurtleOptions, limits: &Limits) -> Self {
+    pub fn new(
+        grammar: &'a Grammar,
+        bindings: BindingEvaluator<'a>,
+        options: &'a TurtleOptions,
+        limits: &Limits,
+    ) -> Self {
         let symbols: Vec<char> = (0_u16..).take(grammar.symbols().len()).map(|i| grammar.symbols().get(i)).collect();
         // Turns without a parameter share one angle, whose sine and cosine are computed once.
         let angle = options.angle.unwrap_or(radians(45.0));
@@ -138,17 +143,17 @@ impl<'a> Turtle<'a> {
             attachment: Attachment { axis: None, parent: None, ordinal: 0 },
         };
         // In the dialects of papers only bound symbols and brackets are commands.
-        let command = |i: u16, c: char| match drawing.action(i) {
-            Some(Action::As(other)) => Command::from_symbol(*other),
+        let command = |i: u16, c: char| match bindings.action(i) {
+            Some(TurtleAction::SameAs(other)) => Command::from_symbol(*other),
             Some(_) => Command::Bound,
-            None if drawing.dialect() == Dialect::Cpfg || matches!(c, '[' | ']') => Command::from_symbol(c),
+            None if bindings.dialect() == Dialect::Cpfg || matches!(c, '[' | ']') => Command::from_symbol(c),
             None => Command::Nothing,
         };
         Self {
             grammar,
             options,
             commands: (0_u16..).zip(&symbols).map(|(i, c)| command(i, *c)).collect(),
-            drawing,
+            bindings,
             symbols,
             s,
             stack: Vec::new(),

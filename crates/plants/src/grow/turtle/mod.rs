@@ -21,7 +21,7 @@ use interpreter::Turtle;
 use osier_base::Result;
 use osier_base::diagnostic::Diagnostic;
 use osier_base::limits::Limits;
-use osier_grammar::{Derived, Drawing, Grammar, interpret};
+use osier_grammar::{BindingEvaluator, DerivedString, Grammar, interpret};
 use osier_scene::plant::Plant;
 
 /// Interprets a derived string.
@@ -31,17 +31,17 @@ use osier_scene::plant::Plant;
 /// Source: cpfg's turtle; frame, turns, taper and tropisms as in the lines of each command.
 pub fn grow(
     grammar: &Grammar,
-    derived: &Derived,
+    derived: &DerivedString,
     options: &TurtleOptions,
     limits: &Limits,
 ) -> Result<(Plant, Vec<Diagnostic>)> {
     // Interpret every module in order; limits and forbidden commands are reported after the last one.
-    let drawing = Drawing::new(grammar, derived, limits);
-    let mut turtle = Turtle::new(grammar, drawing, options, limits);
+    let bindings = BindingEvaluator::new(grammar, derived, limits);
+    let mut turtle = Turtle::new(grammar, bindings, options, limits);
     let mut warnings = interpret(grammar, derived, limits, |m| turtle.module(m))?;
     turtle.end();
     warnings.extend(turtle.diagnostics()?);
-    warnings.extend(turtle.drawing.warnings(grammar));
+    warnings.extend(turtle.bindings.warnings(grammar));
     // The plant in canonical order (axes depth first, organs by axis and arc length), then its radii: those that the
     // string sets, or a branching model (pipe model, taper) that overwrites them.
     let sets_widths = turtle.sets_widths;

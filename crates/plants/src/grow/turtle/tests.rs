@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::*;
 use osier_base::diagnostic::Sources;
 use osier_base::units::radians;
-use osier_grammar::{DeriveOptions, Source, derive, parse};
+use osier_grammar::{DeriveOptions, GrammarSource, derive, parse};
 use osier_scene::Mesh;
 use osier_scene::plant::{NONE, validate};
 
@@ -16,7 +16,7 @@ fn read(text: &str) -> Grammar {
     let mut sources = Sources::default();
     let defines = BTreeMap::new();
     let mut includes = |_: &str, _: &str| -> Result<(String, Vec<u8>)> { unreachable!("includes nothing") };
-    let source = Source { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
+    let source = GrammarSource { name: "test.l", bytes: text.as_bytes(), includes: &mut includes, defines: &defines };
     parse(&mut sources, source, &Limits::default()).unwrap_or_else(|e| panic!("{e}")).0
 }
 

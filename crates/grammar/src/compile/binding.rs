@@ -1,10 +1,10 @@
 //! The items that bind symbols to what they draw: `turtle:`, `define-angle:`, `bind`.
 
-use super::items::Parser;
+use super::items::ItemParser;
 use super::lines::{Keyword, LogicalLine};
-use super::{Cursor, Scope, expression, whole_expression};
-use crate::code::Code;
-use crate::rebind::{Action, Angle, Dialect, Own, Rebinding, SymbolBinding};
+use super::{NameScope, TokenCursor, expression, whole_expression};
+use crate::binding::{AngleDefinition, Dialect, SymbolBinding, TurtleAction, TurtleAxis, TurtleBindings};
+use crate::code::Bytecode;
 use crate::token::{SourcePlace, Token, TokenKind};
 use osier_base::diagnostic::{Diagnostic, nearest};
 use osier_base::rng::word;
@@ -12,72 +12,72 @@ use osier_base::rng::word;
 /// Turtles that are here.
 const DIALECTS: [(&str, Dialect); 3] = [("cpfg", Dialect::Cpfg), ("none", Dialect::None), ("catkin", Dialect::Catkin)];
 /// Turtles of other programs.
-const FOREIGN: [&str; 3] = ["abop", "lparser", "fractint"];
+const UNSUPPORTED_DIALECTS: [&str; 3] = ["abop", "lparser", "fractint"];
 /// Symbols that mean something to the reader itself.
-const FIXED: [char; 7] = ['<', '>', ':', '(', ')', '[', ']'];
+const RESERVED_SYMBOLS: [char; 7] = ['<', '>', ':', '(', ')', '[', ']'];
 /// First words of actions.
 const ACTIONS: [&str; 13] = [
     "forward", "move", "rotate", "width", "widen", "colour", "polygon", "vertex", "fill", "organ", "sphere", "as",
     "none",
 ];
 
-impl Parser<'_> {
+impl ItemParser<'_> {
     /// Reads all lines that speak of the turtle; they stand before the axiom and the productions.
-    pub(super) fn rebinding(&mut self, lines: &[LogicalLine]) {
-        let mut made = false;
+    pub(super) fn turtle_items(&mut self, lines: &[LogicalLine]) {
+        let mut past_header = false;
         for line in lines {
             let key = line.keyword.map(|(k, _)| k);
-            made |= line.arrow.is_some() || key == Some(Keyword::Axiom);
+            past_header |= line.arrow.is_some() || key == Some(Keyword::Axiom);
             let (Some((k @ (Keyword::Turtle | Keyword::Angles | Keyword::Bind), n)), Some(place)) =
                 (line.keyword, line.place())
             else {
                 continue;
             };
             let head = line.tokens.first().map_or(place, |t| t.place);
-            if made {
+            if past_header {
                 let help = "move it above the axiom and the productions";
-                self.reading.error_help("L001", "the turtle is told too late".into(), head, help);
+                self.session.error_help("L001", "the turtle is told too late".into(), head, help);
                 continue;
             }
             if k != Keyword::Turtle && self.program.turtle.is_none() {
                 let help = "add 'turtle: none', or 'turtle: cpfg' to keep its commands";
-                self.reading.error_help("L001", "this needs a 'turtle:' before it".into(), head, help);
+                self.session.error_help("L001", "this needs a 'turtle:' before it".into(), head, help);
                 continue;
             }
             let colon = usize::from(k != Keyword::Bind && line.tokens.get(n).is_some_and(|t| t.is(':')));
             let value = line.tokens.get(n + colon..).unwrap_or(&[]);
             match k {
-                Keyword::Turtle => self.turtle(value, head),
-                Keyword::Angles => self.angles(value, head),
+                Keyword::Turtle => self.select_dialect(value, head),
+                Keyword::Angles => self.angle_definitions(value, head),
                 _ => self.bind(value, head),
             }
         }
     }
 
-    fn turtle(&mut self, value: &[Token], head: SourcePlace) {
+    fn select_dialect(&mut self, value: &[Token], head: SourcePlace) {
         let spelled = self.spelling(value);
         let place = value.first().map_or(head, |t| t.place);
         if self.program.turtle.is_some() {
-            return self.reading.error_help("L001", "a second 'turtle:'".into(), place, "leave one of them");
+            return self.session.error_help("L001", "a second 'turtle:'".into(), place, "leave one of them");
         }
         if let Some((_, dialect)) = DIALECTS.iter().find(|(w, _)| *w == spelled) {
-            let rebinding = Rebinding::of(*dialect, &mut self.program.symbols, &mut self.reading.names);
-            self.program.turtle = Some(rebinding);
+            let bindings = TurtleBindings::new(*dialect, &mut self.program.symbols, &mut self.session.names);
+            self.program.turtle = Some(bindings);
             return;
         }
         // What follows is read as it would be with a turtle, so that it earns no complaints of its own.
-        self.program.turtle = Some(Rebinding { dialect: Dialect::None, ..Rebinding::default() });
-        if FOREIGN.contains(&spelled.as_str()) {
+        self.program.turtle = Some(TurtleBindings { dialect: Dialect::None, ..TurtleBindings::default() });
+        if UNSUPPORTED_DIALECTS.contains(&spelled.as_str()) {
             let message = format!("the turtle of '{spelled}' is not supported");
             let help = "write 'turtle: none' and bind each of its symbols, or 'turtle: cpfg'";
-            return self.reading.error_help("L007", message, place, help);
+            return self.session.error_help("L007", message, place, help);
         }
         let known = DIALECTS.map(|d| d.0);
         let help = match nearest(&spelled, known) {
             Some(n) => format!("did you mean '{n}'?"),
             None => format!("turtles: {}", known.join(", ")),
         };
-        self.reading.error_help("L001", format!("unknown turtle '{spelled}'"), place, help);
+        self.session.error_help("L001", format!("unknown turtle '{spelled}'"), place, help);
     }
 
     /// Names of the angles so far.
@@ -86,39 +86,39 @@ impl Parser<'_> {
     }
 
     /// `name = expression` over and over.
-    fn angles(&mut self, value: &[Token], head: SourcePlace) {
-        let mut cursor = Cursor::new(value, head);
+    fn angle_definitions(&mut self, value: &[Token], head: SourcePlace) {
+        let mut cursor = TokenCursor::new(value, head);
         if cursor.peek().is_none() {
-            self.reading.error("L001", "unexpected end of line, expected 'name = value'", head, "after this");
+            self.session.error("L001", "unexpected end of line, expected 'name = value'", head, "after this");
         }
         while let Some(t) = cursor.peek() {
             let TokenKind::Ident(name) = t.kind else {
-                let found = super::describe(&self.reading.names, t);
+                let found = super::describe(&self.session.names, t);
                 let message = format!("unexpected {found}, expected the name of an angle");
-                return self.reading.error("L001", message, t.place, "here");
+                return self.session.error("L001", message, t.place, "here");
             };
             cursor.bump();
             if !cursor.eat('=') {
-                return self.reading.error("L001", "expected '=' behind the name of an angle", cursor.place(), "here");
+                return self.session.error("L001", "expected '=' behind the name of an angle", cursor.place(), "here");
             }
             let names = self.angle_names();
-            let mut compiler = self.compiler(Scope::Angle);
+            let mut compiler = self.compiler(NameScope::Angle);
             compiler.locals = names;
-            let Some(code) = expression::expression(&mut compiler, &mut cursor) else { return };
-            self.angle(name, code, t.place);
+            let Some(code) = expression::compile_expression(&mut compiler, &mut cursor) else { return };
+            self.define_angle(name, code, t.place);
         }
     }
 
-    fn angle(&mut self, name: u32, code: Code, place: SourcePlace) {
-        let spelled = self.reading.names.get(name).to_owned();
+    fn define_angle(&mut self, name: u32, code: Bytecode, place: SourcePlace) {
+        let spelled = self.session.names.get(name).to_owned();
         let Some(turtle) = &mut self.program.turtle else { return };
-        let angle = Angle { name, word: word(&spelled), code, place: Some(place) };
+        let angle = AngleDefinition { name, draw_key: word(&spelled), code, place: Some(place) };
         match turtle.angles.iter_mut().find(|a| a.name == name) {
-            Some(Angle { place: Some(first), .. }) => {
+            Some(AngleDefinition { place: Some(first), .. }) => {
                 let message = format!("angle '{spelled}' is defined twice");
                 let d = Diagnostic::error("L024", message, place.span, "the second one");
                 let d = d.label(first.span, "the first one").help("give the second one another name");
-                self.reading.push(d, place);
+                self.session.push(d, place);
             }
             // The dialect's own gives way.
             Some(own) => *own = angle,
@@ -147,117 +147,122 @@ impl Parser<'_> {
         let Some((_, tokens)) = tokens.split_first().filter(|(t, _)| t.is(':')) else {
             let at = tokens.first().map_or(symbol.place, |t| t.place);
             let help = "write: bind SYMBOL : ACTION ; SYMBOL : ACTION";
-            return self.reading.error_help("L001", "expected ':' behind the symbol".into(), at, help);
+            return self.session.error_help("L001", "expected ':' behind the symbol".into(), at, help);
         };
         let Some((action, value)) = self.action(tokens, symbol.place) else { return };
         let Some(id) = self.program.symbols.intern(c) else { return };
         let Some(turtle) = &mut self.program.turtle else { return };
         let binding = SymbolBinding { action, value, place: Some(symbol.place) };
-        if let Some(Some(first)) = turtle.bindings.get(&id).map(|b| b.place) {
+        if let Some(Some(first)) = turtle.symbols.get(&id).map(|b| b.place) {
             let d = Diagnostic::error("L038", format!("'{c}' is bound twice"), symbol.place.span, "the second one");
             let d = d.label(first.span, "the first one").help("leave one of them");
-            return self.reading.push(d, head);
+            return self.session.push(d, head);
         }
-        turtle.bindings.insert(id, binding);
+        turtle.symbols.insert(id, binding);
     }
 
     /// The one character of a token; L038 for more, and for those that cannot be bound.
     fn one_symbol(&mut self, t: Token) -> Option<char> {
         let text = match t.kind {
-            TokenKind::Ident(n) | TokenKind::Number(n) => self.reading.names.get(n).to_owned(),
+            TokenKind::Ident(n) | TokenKind::Number(n) => self.session.names.get(n).to_owned(),
             TokenKind::Char(c) => c.to_string(),
             TokenKind::Text(_) | TokenKind::Newline { .. } => String::new(),
         };
         let mut chars = text.chars();
         let (first, second) = (chars.next(), chars.next());
         let fault = match (first, second) {
-            (Some(c), None) if !FIXED.contains(&c) => return Some(c),
+            (Some(c), None) if !RESERVED_SYMBOLS.contains(&c) => return Some(c),
             (Some(c), None) => format!("'{c}' cannot be bound: it belongs to the notation"),
             _ => "only one symbol can be bound at a time".to_owned(),
         };
         let help = "bind one character other than < > : ( ) [ ] to each action";
-        self.reading.error_help("L038", fault, t.place, help);
+        self.session.error_help("L038", fault, t.place, help);
         None
     }
 
     /// An action and its number.
-    fn action(&mut self, tokens: &[Token], at: SourcePlace) -> Option<(Action, Option<Code>)> {
-        let mut cursor = Cursor::new(tokens, at);
+    fn action(&mut self, tokens: &[Token], at: SourcePlace) -> Option<(TurtleAction, Option<Bytecode>)> {
+        let mut cursor = TokenCursor::new(tokens, at);
         let place = cursor.place();
         let first = self.word(&mut cursor);
         let action = match first.as_str() {
-            "forward" => Action::Forward,
-            "move" => Action::Move,
+            "forward" => TurtleAction::Forward,
+            "move" => TurtleAction::Move,
             "rotate" => self.rotation(&mut cursor)?,
-            "width" => Action::Width,
-            "widen" => Action::Widen,
-            "colour" => Action::Colour,
-            "polygon" => Action::Polygon,
-            "vertex" => Action::Vertex,
-            "fill" => Action::Fill,
-            "organ" => Action::Organ(self.organ(&mut cursor)?),
-            "sphere" => Action::Sphere,
+            "width" => TurtleAction::Width,
+            "widen" => TurtleAction::Widen,
+            "colour" => TurtleAction::Colour,
+            "polygon" => TurtleAction::Polygon,
+            "vertex" => TurtleAction::Vertex,
+            "fill" => TurtleAction::Fill,
+            "organ" => TurtleAction::Organ(self.organ(&mut cursor)?),
+            "sphere" => TurtleAction::Sphere,
             "as" => {
                 let Some(t) = cursor.peek() else { return self.missing("a symbol", cursor.place()) };
                 cursor.bump();
-                Action::As(self.one_symbol(*t)?)
+                TurtleAction::SameAs(self.one_symbol(*t)?)
             }
-            "none" => Action::Nothing,
+            "none" => TurtleAction::Nothing,
             _ => {
                 let help = match nearest(&first, ACTIONS) {
                     Some(n) => format!("did you mean '{n}'?"),
                     None => format!("actions: {}", ACTIONS.join(", ")),
                 };
-                self.reading.error_help("L001", format!("unknown action '{first}'"), place, help);
+                self.session.error_help("L001", format!("unknown action '{first}'"), place, help);
                 return None;
             }
         };
         let plain = matches!(
             action,
-            Action::Polygon | Action::Vertex | Action::Fill | Action::As(_) | Action::Nothing | Action::Organ(_)
+            TurtleAction::Polygon
+                | TurtleAction::Vertex
+                | TurtleAction::Fill
+                | TurtleAction::SameAs(_)
+                | TurtleAction::Nothing
+                | TurtleAction::Organ(_)
         );
         let rest = tokens.get(cursor.pos..).unwrap_or(&[]);
         if rest.is_empty() {
             return if plain { Some((action, None)) } else { self.missing("a number", cursor.place()) };
         }
-        if plain && !matches!(action, Action::Organ(_)) {
+        if plain && !matches!(action, TurtleAction::Organ(_)) {
             let t = rest.first().map_or(place, |t| t.place);
-            self.reading.error("L001", format!("'{first}' takes no number"), t, "here");
+            self.session.error("L001", format!("'{first}' takes no number"), t, "here");
             return None;
         }
         let names = self.angle_names();
-        let mut compiler = self.compiler(Scope::Angle);
+        let mut compiler = self.compiler(NameScope::Angle);
         compiler.locals = names;
         Some((action, Some(whole_expression(&mut compiler, rest, place)?)))
     }
 
     fn missing<T>(&mut self, what: &str, place: SourcePlace) -> Option<T> {
-        self.reading.error("L001", format!("expected {what} behind this"), place, "after this");
+        self.session.error("L001", format!("expected {what} behind this"), place, "after this");
         None
     }
 
     /// The next word, or nothing.
-    fn word(&mut self, cursor: &mut Cursor<'_>) -> String {
+    fn word(&mut self, cursor: &mut TokenCursor<'_>) -> String {
         let Some(TokenKind::Ident(n)) = cursor.peek().map(|t| t.kind) else { return String::new() };
         cursor.bump();
-        self.reading.names.get(n).to_owned()
+        self.session.names.get(n).to_owned()
     }
 
     /// `world x|y|z` or `turtle h|l|u`.
-    fn rotation(&mut self, cursor: &mut Cursor<'_>) -> Option<Action> {
+    fn rotation(&mut self, cursor: &mut TokenCursor<'_>) -> Option<TurtleAction> {
         let place = cursor.place();
         let (space, axis) = (self.word(cursor), self.word(cursor));
         let action = match (space.as_str(), axis.as_str()) {
-            ("world", "x") => Action::World(0),
-            ("world", "y") => Action::World(1),
-            ("world", "z") => Action::World(2),
-            ("turtle", "h") => Action::Turtle(Own::Heading),
-            ("turtle", "l") => Action::Turtle(Own::Left),
-            ("turtle", "u") => Action::Turtle(Own::Up),
+            ("world", "x") => TurtleAction::RotateWorld(0),
+            ("world", "y") => TurtleAction::RotateWorld(1),
+            ("world", "z") => TurtleAction::RotateWorld(2),
+            ("turtle", "h") => TurtleAction::RotateTurtle(TurtleAxis::Heading),
+            ("turtle", "l") => TurtleAction::RotateTurtle(TurtleAxis::Left),
+            ("turtle", "u") => TurtleAction::RotateTurtle(TurtleAxis::Up),
             _ => {
                 let message = format!("unknown axis '{space} {axis}'");
                 let help = "write: rotate world x (or y, z), or rotate turtle h (or l, u), then the angle";
-                self.reading.error_help("L001", message, place, help);
+                self.session.error_help("L001", message, place, help);
                 return None;
             }
         };
@@ -265,14 +270,14 @@ impl Parser<'_> {
     }
 
     /// A letter of the scene's organs, or `stalk`.
-    fn organ(&mut self, cursor: &mut Cursor<'_>) -> Option<String> {
+    fn organ(&mut self, cursor: &mut TokenCursor<'_>) -> Option<String> {
         let place = cursor.place();
         let name = self.word(cursor);
         if name.chars().count() == 1 || name == "stalk" {
             return Some(name);
         }
         let help = "give the letter of an organ that the scene describes, or 'stalk', that of a catkin";
-        self.reading.error_help("L001", format!("unknown organ '{name}'"), place, help);
+        self.session.error_help("L001", format!("unknown organ '{name}'"), place, help);
         None
     }
 }

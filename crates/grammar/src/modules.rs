@@ -1,6 +1,6 @@
 //! A string of modules, structure of arrays.
 
-use crate::program::SymbolId;
+use crate::symbols::SymbolId;
 
 /// One module of a string.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Module<'a> {
 
 /// A string of modules.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Modules {
+pub struct ModuleString {
     symbols: Vec<SymbolId>,
     /// Per module: end of its parameters.
     ends: Vec<u32>,
@@ -26,7 +26,7 @@ pub struct Modules {
     birth: Vec<u32>,
 }
 
-impl Modules {
+impl ModuleString {
     /// Number of modules.
     pub fn len(&self) -> usize {
         self.symbols.len()
@@ -69,15 +69,15 @@ impl Modules {
         (0..self.len()).map(|i| self.get(i))
     }
 
-    /// Appends a parameter of the module that [`Modules::close`] will end.
+    /// Appends a parameter of the module that [`ModuleString::finish_module`] will end.
     #[inline]
-    pub(crate) fn param(&mut self, value: f32) {
+    pub(crate) fn push_param(&mut self, value: f32) {
         self.params.push(value);
     }
 
     /// Ends a module whose parameters were appended.
     #[inline]
-    pub(crate) fn close(&mut self, symbol: SymbolId, lineage: u64, birth: u32) {
+    pub(crate) fn finish_module(&mut self, symbol: SymbolId, lineage: u64, birth: u32) {
         self.symbols.push(symbol);
         self.ends.push(u32::try_from(self.params.len()).unwrap_or(u32::MAX));
         self.lineage.push(lineage);
@@ -88,7 +88,7 @@ impl Modules {
     #[inline]
     pub(crate) fn push(&mut self, m: Module<'_>) {
         self.params.extend_from_slice(m.params);
-        self.close(m.symbol, m.lineage, m.birth);
+        self.finish_module(m.symbol, m.lineage, m.birth);
     }
 
     /// Appends modules `range` of another string.
@@ -107,13 +107,13 @@ impl Modules {
     }
 
     /// Its modules in pieces of `n`, the last one shorter.
-    pub(super) fn pieces(&self, n: usize) -> Vec<Self> {
-        let piece = |start: usize| {
-            let mut piece = Self::default();
-            piece.extend(self, start..(start + n).min(self.len()));
-            piece
+    pub(crate) fn chunks(&self, n: usize) -> Vec<Self> {
+        let chunk = |start: usize| {
+            let mut chunk = Self::default();
+            chunk.extend(self, start..(start + n).min(self.len()));
+            chunk
         };
-        (0..self.len()).step_by(n.max(1)).map(piece).collect()
+        (0..self.len()).step_by(n.max(1)).map(chunk).collect()
     }
 
     /// Removes all modules and keeps the memory.

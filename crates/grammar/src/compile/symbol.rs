@@ -1,0 +1,53 @@
+//! Symbols of tokens, with the source location of each character.
+
+use super::Compiler;
+use crate::symbols::{SymbolId, Symbols};
+use crate::token::{SourcePlace, Token, TokenKind};
+
+/// Parameters of one module.
+pub(super) const MAX_ARITY: usize = 255;
+
+/// One symbol: blanks mean nothing, so that a word is as many symbols as it has letters.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LocatedSymbol {
+    pub c: char,
+    pub place: SourcePlace,
+}
+
+/// Symbols of a token.
+pub(super) fn symbols_of(compiler: &Compiler<'_>, t: &Token) -> Vec<LocatedSymbol> {
+    match t.kind {
+        TokenKind::Ident(n) | TokenKind::Number(n) => {
+            let text = compiler.session.names.get(n);
+            let at = |i: usize, c: char| {
+                let mut place = t.place;
+                let start = place.span.start + u32::try_from(i).unwrap_or(0);
+                let length = u32::try_from(c.len_utf8()).unwrap_or(1);
+                if start + length <= place.span.end {
+                    (place.span.start, place.span.end) = (start, start + length);
+                }
+                LocatedSymbol { c, place }
+            };
+            text.char_indices().map(|(i, c)| at(i, c)).collect()
+        }
+        TokenKind::Text(n) => {
+            let text = compiler.session.names.get(n);
+            ['"'].into_iter().chain(text.chars()).chain(['"']).map(|c| LocatedSymbol { c, place: t.place }).collect()
+        }
+        TokenKind::Char(c) => vec![LocatedSymbol { c, place: t.place }],
+        TokenKind::Newline { .. } => Vec::new(),
+    }
+}
+
+pub(super) fn intern(
+    compiler: &mut Compiler<'_>,
+    symbols: &mut Symbols,
+    c: char,
+    place: SourcePlace,
+) -> Option<SymbolId> {
+    let id = symbols.intern(c);
+    if id.is_none() {
+        compiler.session.error("L004", "more than 65,535 different symbols", place, "this one is too many");
+    }
+    id
+}

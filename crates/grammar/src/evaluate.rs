@@ -1,0 +1,92 @@
+//! Evaluates the values that a grammar's `bind` gives to symbols.
+
+use std::collections::BTreeMap;
+
+use osier_base::diagnostic::Diagnostic;
+use osier_base::limits::Limits;
+
+use super::binding::{AngleDefinition, Dialect, TurtleAction, TurtleBindings};
+use super::code::{Bytecode, Op};
+use super::derive::{self, DerivedString};
+use super::grammar::Grammar;
+use super::modules::Module;
+use super::symbols::SymbolId;
+use super::vm::{DrawPurpose, RandomStreams, Vm};
+
+/// Reads the local variables, here angles, that a code names.
+fn angles_read(code: &Bytecode) -> impl Iterator<Item = usize> {
+    code.ops.iter().filter_map(|o| if let Op::Local(i) = o { Some(usize::from(*i)) } else { None })
+}
+
+/// Angles that a code is made of, directly or through others, in their order.
+fn required_angles(code: &Bytecode, angles: &[AngleDefinition]) -> Vec<usize> {
+    let mut wanted = vec![false; angles.len()];
+    angles_read(code).filter(|i| *i < angles.len()).for_each(|i| wanted[i] = true);
+    // An angle is made of earlier ones only, so that one pass from the last to the first reaches all.
+    for i in (0..angles.len()).rev() {
+        if wanted[i] {
+            angles_read(&angles[i].code).filter(|k| *k < i).for_each(|k| wanted[k] = true);
+        }
+    }
+    (0..angles.len()).filter(|i| wanted[*i]).collect()
+}
+
+/// Gives each module what its symbol is bound to.
+#[derive(Debug)]
+pub struct BindingEvaluator<'g> {
+    bindings: Option<&'g TurtleBindings>,
+    /// Angles that each bound symbol is made of.
+    required: BTreeMap<SymbolId, Vec<usize>>,
+    vm: Vm,
+    angles: Vec<f64>,
+}
+
+impl<'g> BindingEvaluator<'g> {
+    /// For the modules of a derivation of `grammar`.
+    pub fn new(grammar: &'g Grammar, derived: &DerivedString, limits: &Limits) -> Self {
+        let bindings = grammar.program.turtle.as_ref();
+        let streams = RandomStreams { seed: derived.seed, plant_id: derived.plant_id, file_seed: derived.file_seed };
+        let mut vm = Vm::new(streams, 0, derived.length);
+        vm.globals.clone_from(&derived.globals);
+        vm.step = derived.steps;
+        vm.statement_limit = limits.get("statements");
+        let required = |r: &TurtleBindings| {
+            let list = r.symbols.iter().filter_map(|(s, b)| Some((*s, required_angles(b.value.as_ref()?, &r.angles))));
+            list.collect()
+        };
+        let angles = vec![0.0; bindings.map_or(0, |r| r.angles.len())];
+        Self { required: bindings.map(required).unwrap_or_default(), bindings, vm, angles }
+    }
+
+    /// The turtle's commands before any is bound.
+    pub fn dialect(&self) -> Dialect {
+        self.bindings.map_or(Dialect::Cpfg, |r| r.dialect)
+    }
+
+    /// What a symbol is bound to.
+    pub fn action(&self, symbol: SymbolId) -> Option<&'g TurtleAction> {
+        self.bindings?.symbols.get(&symbol).map(|b| &b.action)
+    }
+
+    /// The number that a bound module acts with, if it has no parameter of its own: drawn by its lineage alone, so that
+    /// it is the same whatever else the string holds.
+    pub fn value(&mut self, m: Module<'_>) -> Option<f64> {
+        let bindings = self.bindings?;
+        let code = bindings.symbols.get(&m.symbol)?.value.as_ref()?;
+        for &i in self.required.get(&m.symbol).into_iter().flatten() {
+            let angle = &bindings.angles[i];
+            self.vm.begin_draws(DrawPurpose::Angle, m.lineage, None);
+            // Numbered by its name: another angle before it changes none of its draws.
+            self.vm.set_draw_number(angle.draw_key >> 1);
+            let value = self.vm.run(&angle.code, &mut self.angles).unwrap_or(0.0);
+            self.angles[i] = value;
+        }
+        self.vm.begin_draws(DrawPurpose::Angle, m.lineage, None);
+        self.vm.run(code, &mut self.angles).ok()
+    }
+
+    /// What was odd.
+    pub fn warnings(&self, grammar: &Grammar) -> Vec<Diagnostic> {
+        derive::runtime_diagnostics(grammar, &self.vm.warnings)
+    }
+}

@@ -1,0 +1,70 @@
+//! The symbols of a grammar: one character each, stored as a number.
+
+use std::collections::BTreeMap;
+
+/// Turtle commands of two characters.
+pub(crate) const TWO_CHARACTER_COMMANDS: [(char, char); 20] = [
+    ('@', 'v'),
+    ('@', 'M'),
+    ('@', 'R'),
+    ('@', 'D'),
+    ('@', 'o'),
+    ('@', 'c'),
+    ('@', 'O'),
+    ('@', 'b'),
+    ('@', 'T'),
+    ('@', 'G'),
+    ('@', 'P'),
+    ('@', 'L'),
+    ('@', '#'),
+    ('@', '!'),
+    ('@', ';'),
+    ('@', ','),
+    ('?', 'P'),
+    ('?', 'H'),
+    ('?', 'U'),
+    ('?', 'L'),
+];
+
+/// A symbol's number: its place in [`LocatedSymbols`].
+pub type SymbolId = u16;
+
+/// The symbols of a grammar in order of appearance.
+#[derive(Debug, Clone, Default)]
+pub struct Symbols {
+    list: Vec<char>,
+    index: BTreeMap<char, SymbolId>,
+}
+
+impl Symbols {
+    /// Number of a symbol; `None` if the table is full (65,535 symbols).
+    pub(crate) fn intern(&mut self, c: char) -> Option<SymbolId> {
+        if let Some(&i) = self.index.get(&c) {
+            return Some(i);
+        }
+        let i = SymbolId::try_from(self.list.len()).ok().filter(|i| *i < SymbolId::MAX)?;
+        self.list.push(c);
+        self.index.insert(c, i);
+        Some(i)
+    }
+
+    /// The number of a symbol that occurs in the grammar.
+    pub fn find(&self, c: char) -> Option<SymbolId> {
+        self.index.get(&c).copied()
+    }
+
+    /// The symbol of a number; `?` for an unknown one.
+    pub fn get(&self, id: SymbolId) -> char {
+        self.list.get(usize::from(id)).copied().unwrap_or('?')
+    }
+
+    /// Number of symbols.
+    pub fn len(&self) -> usize {
+        self.list.len()
+    }
+
+    /// True without symbols.
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+}
