@@ -75,8 +75,8 @@ fn slid(drops: &[Slider], k: u32, manner: &DropParams) -> (Vec<CapOnLeaf>, Vec<W
         for i in 0..=TAIL {
             let cap = manner.wetting.cap(volume, 1.0);
             let uv = DVec2::new(d.uv.x, (y + back / 0.08).rem_euclid(1.0));
-            let print = Footprint { q: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
-            blobs.push(CapOnLeaf { uv, cap, print, axis: DVec3::NEG_Y });
+            let footprint = Footprint { stretch: if i == 0 { 1.17 } else { 1.0 }, skew: 0.0 };
+            blobs.push(CapOnLeaf { uv, cap, footprint, axis: DVec3::NEG_Y });
             soaks.push(WetSpot { uv, a: cap.a, t });
             volume *= 0.8_f64 * 0.8 * 0.8;
             back += 0.9 * manner.wetting.cap(volume, 1.0).a;
@@ -108,7 +108,7 @@ fn timed(
     let start = Instant::now();
     for (wet, (blobs, soaks)) in wet.iter_mut().zip(&work) {
         if all {
-            wet.all_over(sheet, blobs, soaks, t, manner);
+            wet.advance_full(sheet, blobs, soaks, t, manner);
         } else {
             wet.advance(sheet, blobs, soaks, t, manner);
         }
@@ -137,7 +137,7 @@ fn cell(side: usize, count: usize, with: (&LeafSurface, &DropParams)) -> Cell {
         let same = k >= SAME || slow.iter().zip(&wet).all(|(a, b)| a.maps() == b.maps());
         assert!(same, "not the same maps");
     }
-    let touched = wet.iter().map(|w| w.touched().sum()).sum::<u64>() as f64 / f64::from(FRAMES);
+    let touched = wet.iter().map(|w| w.texel_counters().sum()).sum::<u64>() as f64 / f64::from(FRAMES);
     Cell { side, count, quick: middle(&mut quick), whole: middle(&mut whole), touched }
 }
 
@@ -243,7 +243,7 @@ fn whole_frames(manner: &DropParams) {
     let rain = RainfallParams {
         seed: 5,
         intensity: 40.0 / 3.6e6,
-        size: DropSizes::Natural,
+        size: DropSizes::MarshallPalmer,
         total: None,
         envelope: IntensityEnvelope::Constant,
         jitter: 0.2,
@@ -276,12 +276,12 @@ fn whole_frames(manner: &DropParams) {
         }
         let start = Instant::now();
         (0..8).for_each(|_| storm.step(1.0 / (24.0 * 8.0)).expect("a step"));
-        let moment = RainFrame::of(&mut storm);
+        let moment = RainFrame::capture(&mut storm);
         steps.push(start.elapsed().as_secs_f64() * 1e3);
         let start = Instant::now();
         for (i, wet) in wet.iter_mut().enumerate() {
-            let (blobs, soaks) = moment.on(i);
-            wet.advance(&sheet, &blobs, &soaks, moment.t, manner);
+            let water = moment.leaf_water(i);
+            wet.advance(&sheet, &water.caps, &water.wet_spots, moment.t, manner);
         }
         maps.push(start.elapsed().as_secs_f64() * 1e3);
         drops += storm.leaves().iter().map(|l| l.drops.len()).sum::<usize>();

@@ -1,4 +1,4 @@
-//! Where falling drops meet moving leaves and wood.
+//! Continuous collision of falling drops with moving leaves and with wood.
 
 use std::fmt;
 use std::time::Duration;
@@ -14,42 +14,59 @@ use obvhs::ray::{Ray, RayHit};
 
 use crate::rain::leaf::surface::LeafSurface;
 use crate::rain::target::{LeafPose, WoodSegment};
+use crate::rain::tuning::{HIT_TIE, TRIANGLE_SLACK};
 
-/// Hits nearer to each other than this share of the way are one; the lower number counts.
-const TIE: f32 = 1e-7;
+/// A triangle in the form that the intersection test takes.
+#[derive(Debug, Clone, Copy)]
+struct ColliderTriangle {
+    /// Position of the first corner, m.
+    corner: Vec3,
+    /// Edges from there to the second and to the third corner, m.
+    edges: [Vec3; 2],
+    /// Index among the triangles of the blade.
+    index: u32,
+}
 
-/// A blade's triangles with a tree of boxes, in its own space; shared by all leaves that show it.
+/// The triangles of a blade in a bounding volume hierarchy, at scale 1; shared by all leaves of one shape.
 pub struct LeafCollider {
-    tree: CwBvh,
-    /// In the order of the tree: a corner, both edges from it, number of the triangle.
-    faces: Vec<([Vec3; 3], u32)>,
-    /// A ball around it.
-    middle: DVec3,
+    bvh: CwBvh,
+    /// In the order of the hierarchy.
+    triangles: Vec<ColliderTriangle>,
+    /// Center of the bounding sphere, m.
+    center: DVec3,
+    /// Radius of the bounding sphere, m.
     radius: f64,
 }
 
 impl fmt::Debug for LeafCollider {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Target of {} triangles", self.faces.len())
+        write!(f, "LeafCollider of {} triangles", self.triangles.len())
     }
 }
 
-/// Where a way meets a blade.
+/// Where a path meets a blade.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafHit {
-    /// Share of the way, 0 to 1.
+    /// Fraction of the path, 0 to 1.
     pub t: f64,
-    /// Triangle of the sheet.
+    /// Index among the triangles of the blade.
     pub triangle: usize,
-    /// Weights of its second and third corner.
+    /// Barycentric coordinates of the second and third corner.
     pub weights: [f64; 2],
 }
 
+/// Where a path meets a triangle, in single precision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct TriangleHit {
+    t: f32,
+    weights: [f32; 2],
+}
+
 impl LeafCollider {
-    /// Sorts a blade.
-    pub fn new(sheet: &LeafSurface) -> Self {
-        let corner = |i: u32| sheet.points()[i as usize].as_vec3();
-        let boxes: Vec<Aabb> = sheet
+    /// Builds the hierarchy of a blade.
+    pub fn new(blade: &LeafSurface) -> Self {
+        let corner = |i: u32| blade.points()[i as usize].as_vec3();
+        let boxes: Vec<Aabb> = blade
             .triangles()
             .iter()
             .map(|t| {
@@ -57,53 +74,59 @@ impl LeafCollider {
                 Aabb::new(a.min(b).min(c), a.max(b).max(c))
             })
             .collect();
-        let tree = build_cwbvh(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
-        let face = |i: &u32| {
-            let [a, b, c] = sheet.triangles()[*i as usize].map(corner);
-            ([a, b - a, c - a], *i)
+        let bvh = build_cwbvh(&boxes, BvhBuildParams::fast_build(), &mut Duration::default());
+        let triangle = |index: &u32| {
+            let [a, b, c] = blade.triangles()[*index as usize].map(corner);
+            ColliderTriangle { corner: a, edges: [b - a, c - a], index: *index }
         };
-        let faces = tree.primitive_indices.iter().map(face).collect();
-        let n = sheet.points().len().max(1) as f64;
-        let middle = sheet.points().iter().fold(DVec3::ZERO, |s, p| s + *p) / n;
-        let radius = sheet.points().iter().fold(0.0, |m: f64, p| m.max(p.distance(middle)));
-        Self { tree, faces, middle, radius }
+        let triangles = bvh.primitive_indices.iter().map(triangle).collect();
+        let n = blade.points().len().max(1) as f64;
+        let center = blade.points().iter().fold(DVec3::ZERO, |s, p| s + *p) / n;
+        let radius = blade.points().iter().fold(0.0, |m: f64, p| m.max(p.distance(center)));
+        Self { bvh, triangles, center, radius }
     }
 
-    /// The first place where a way between two places of the blade's own space meets it, from either side.
-    pub fn meets(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
+    /// The first hit, from either side, of the straight path between two points of the blade's own space, m.
+    pub(crate) fn intersect(&self, from: DVec3, to: DVec3) -> Option<LeafHit> {
         let d = (to - from).as_vec3();
         let length = d.length();
-        if length <= 0.0 || self.faces.is_empty() {
+        if length <= 0.0 || self.triangles.is_empty() {
             return None;
         }
         let o = from.as_vec3();
         let ray = Ray::new(o.into(), (d / length).into(), 0.0, length);
-        let mut best: Option<(f32, u32, [f32; 2])> = None;
-        let mut hit = RayHit::none();
-        self.tree.ray_traverse(ray, &mut hit, |_, i| {
-            let ([a, e, f], number) = self.faces[i];
-            let Some((t, w)) = intersect_triangle(o, d, [a, e, f]) else { return f32::INFINITY };
-            let nearer = best.is_none_or(|b| t < b.0 - TIE || (t <= b.0 + TIE && number < b.1));
-            if nearer {
-                best = Some((t, number, w));
+        let mut best: Option<(TriangleHit, u32)> = None;
+        let mut ray_hit = RayHit::none();
+        self.bvh.ray_traverse(ray, &mut ray_hit, |_, i| {
+            let triangle = &self.triangles[i];
+            let Some(hit) = intersect_triangle(o, d, triangle) else { return f32::INFINITY };
+            // Of hits at an edge that two triangles share the lower index counts, whatever the order of traversal.
+            let index = triangle.index;
+            if best.is_none_or(|(b, i)| hit.t < b.t - HIT_TIE || (hit.t <= b.t + HIT_TIE && index < i)) {
+                best = Some((hit, index));
             }
-            // A little beyond what was found, so that equals are seen too.
-            (t + 2.0 * TIE) * length
+            // The traversal skips boxes beyond the returned distance: keep those that may hold a tie.
+            (hit.t + 2.0 * HIT_TIE) * length
         });
-        best.map(|(t, i, w)| LeafHit { t: f64::from(t), triangle: i as usize, weights: w.map(f64::from) })
+        best.map(|(hit, index)| LeafHit {
+            t: f64::from(hit.t),
+            triangle: index as usize,
+            weights: hit.weights.map(f64::from),
+        })
     }
 
-    /// Every triangle, one after the other.
+    /// The first hit by a test of every triangle; what [`LeafCollider::intersect`] is tested against.
     #[cfg(test)]
     fn intersect_all(&self, from: DVec3, to: DVec3) -> Option<(f32, u32)> {
         let (o, d) = (from.as_vec3(), (to - from).as_vec3());
-        let hits = self.faces.iter().filter_map(|(f, i)| intersect_triangle(o, d, *f).map(|(t, _)| (t, *i)));
+        let hits = self.triangles.iter().filter_map(|t| intersect_triangle(o, d, t).map(|hit| (hit.t, t.index)));
         hits.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))
     }
 }
 
-/// Share of the way `d` from `o` at which it crosses a triangle, and where. Source: Möller and Trumbore.
-fn intersect_triangle(o: Vec3, d: Vec3, [a, e, f]: [Vec3; 3]) -> Option<(f32, [f32; 2])> {
+/// Where the path from `o` along `d` crosses a triangle. Source: Möller and Trumbore 1997.
+fn intersect_triangle(o: Vec3, d: Vec3, triangle: &ColliderTriangle) -> Option<TriangleHit> {
+    let ColliderTriangle { corner: a, edges: [e, f], .. } = *triangle;
     let p = d.cross(f);
     let det = e.dot(p);
     if det.abs() < f32::MIN_POSITIVE {
@@ -112,108 +135,124 @@ fn intersect_triangle(o: Vec3, d: Vec3, [a, e, f]: [Vec3; 3]) -> Option<(f32, [f
     let s = (o - a) / det;
     let q = s.cross(e);
     let (u, v, t) = (s.dot(p), d.dot(q), f.dot(q));
-    let slack = -1e-6;
-    (u >= slack && v >= slack && u + v <= 1.0 - slack && (0.0..=1.0).contains(&t)).then_some((t, [u, v]))
+    (u >= TRIANGLE_SLACK && v >= TRIANGLE_SLACK && u + v <= 1.0 - TRIANGLE_SLACK && (0.0..=1.0).contains(&t))
+        .then_some(TriangleHit { t, weights: [u, v] })
 }
 
-/// A leaf as drops meet it during a step: its blade, and where it was and is.
+/// A leaf that moves during a time step.
 #[derive(Debug, Clone, Copy)]
-pub struct MovingLeaf<'a> {
-    /// Its blade.
-    pub target: &'a LeafCollider,
-    /// Factor on it.
+pub(crate) struct MovingLeaf<'a> {
+    /// Blade at scale 1.
+    pub collider: &'a LeafCollider,
+    /// Factor on the blade.
     pub scale: f64,
-    /// Where it was at the beginning of the step, and where it is at its end.
+    /// Poses at the beginning and at the end of the step.
     pub poses: [LeafPose; 2],
 }
 
 impl MovingLeaf<'_> {
-    /// Where a drop of diameter `d`, m, that goes from one place to another during the step meets it; the leaf's own motion
-    /// is in the way, as both ends are seen from where the leaf then is.
-    pub fn meets(&self, [from, to]: [DVec3; 2], d: f64) -> Option<LeafHit> {
-        let seen = |p: DVec3, pose: &LeafPose| (pose.orientation.inverse() * (p - pose.position)) / self.scale;
-        let (a, b) = (seen(from, &self.poses[0]), seen(to, &self.poses[1]));
-        let way = b - a;
-        let ahead = way.normalize_or_zero() * (0.5 * d / self.scale);
-        let met = self.target.meets(a, b + ahead)?;
-        let t = met.t * (way.length() + ahead.length()) / way.length().max(f64::MIN_POSITIVE);
-        Some(LeafHit { t: t.min(1.0), ..met })
+    /// Where a drop of diameter `d`, m, meets the leaf on its path between two world positions during the step.
+    pub fn intersect_path(&self, [from, to]: [DVec3; 2], d: f64) -> Option<LeafHit> {
+        // In the frame of the moving leaf the blade is at rest, and the path leads from the drop's start as seen from the first pose to
+        // its end as seen from the second; it is taken as straight. So no drop passes a leaf between two steps.
+        let to_leaf = |p: DVec3, pose: &LeafPose| (pose.orientation.inverse() * (p - pose.position)) / self.scale;
+        let (a, b) = (to_leaf(from, &self.poses[0]), to_leaf(to, &self.poses[1]));
+        let path = b - a;
+        // The drop touches with its front, half a diameter ahead of its center.
+        let ahead = path.normalize_or_zero() * (0.5 * d / self.scale);
+        let hit = self.collider.intersect(a, b + ahead)?;
+        let t = hit.t * (path.length() + ahead.length()) / path.length().max(f64::MIN_POSITIVE);
+        Some(LeafHit { t: t.min(1.0), ..hit })
     }
 
+    /// Bounding box of the leaf in both poses, in the world.
     fn swept_bounds(&self) -> [DVec3; 2] {
-        let r = DVec3::splat(self.target.radius * self.scale * 1.001);
-        let at = self.poses.map(|pose| pose.to_world(self.target.middle, self.scale));
+        let r = DVec3::splat(self.collider.radius * self.scale * 1.001);
+        let at = self.poses.map(|pose| pose.to_world(self.collider.center, self.scale));
         [at[0].min(at[1]) - r, at[0].max(at[1]) + r]
     }
 }
 
+/// Where a path meets wood.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct WoodHit {
+    /// Fraction of the path, 0 to 1.
+    pub t: f64,
+    /// Fraction of the segment's length, 0 to 1.
+    pub fraction: f64,
+}
+
 /// What a drop strikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum DropHit {
-    /// A leaf, by number.
-    Leaf(usize, LeafHit),
-    /// A piece of wood, by number: share of the drop's way, share of the wood's length.
-    Wood(usize, f64, f64),
+pub(crate) enum DropHit {
+    /// The leaf of this index.
+    Leaf { leaf: usize, hit: LeafHit },
+    /// The wood segment of this index.
+    Wood { segment: usize, hit: WoodHit },
 }
 
 impl DropHit {
-    /// Share of the drop's way.
+    /// Fraction of the drop's path, 0 to 1.
     pub fn t(&self) -> f64 {
         match self {
-            Self::Leaf(_, met) => met.t,
-            Self::Wood(_, t, _) => *t,
+            Self::Leaf { hit, .. } => hit.t,
+            Self::Wood { hit, .. } => hit.t,
         }
     }
 }
 
-/// Boxes over all leaves and wood during a step.
-pub struct RainCollider<'a> {
+/// All leaves and wood during a time step, in a bounding volume hierarchy over the boxes that they sweep.
+pub(crate) struct RainCollider<'a> {
     leaves: &'a [MovingLeaf<'a>],
     wood: &'a [WoodSegment],
-    tree: Option<Bvh2>,
+    /// `None` if there is neither leaf nor wood.
+    bvh: Option<Bvh2>,
 }
 
 impl<'a> RainCollider<'a> {
-    /// Sorts them.
+    /// Builds the hierarchy; its primitives are the leaves, then the wood.
     pub fn new(leaves: &'a [MovingLeaf<'a>], wood: &'a [WoodSegment]) -> Self {
-        let bounds = |[lo, hi]: [DVec3; 2]| Aabb::new(lo.as_vec3().into(), hi.as_vec3().into());
-        let around = |b: &WoodSegment| {
+        let aabb = |[lo, hi]: [DVec3; 2]| Aabb::new(lo.as_vec3().into(), hi.as_vec3().into());
+        let capsule_bounds = |b: &WoodSegment| {
             let r = DVec3::splat(b.radii[0].max(b.radii[1]));
             [b.ends[0].min(b.ends[1]) - r, b.ends[0].max(b.ends[1]) + r]
         };
         let boxes: Vec<Aabb> =
-            leaves.iter().map(MovingLeaf::swept_bounds).chain(wood.iter().map(around)).map(bounds).collect();
-        let tree = (!boxes.is_empty())
+            leaves.iter().map(MovingLeaf::swept_bounds).chain(wood.iter().map(capsule_bounds)).map(aabb).collect();
+        let bvh = (!boxes.is_empty())
             .then(|| build_bvh2(&boxes, BvhBuildParams::very_fast_build(), &mut Duration::default()));
-        Self { leaves, wood, tree }
+        Self { leaves, wood, bvh }
     }
 
-    /// What a drop of diameter `d`, m, strikes first on its way; `without`: a leaf that it does not see.
-    pub fn first(&self, way: [DVec3; 2], d: f64, without: Option<usize>) -> Option<DropHit> {
-        let tree = self.tree.as_ref()?;
+    /// The first hit of a drop of diameter `d`, m, on its path between two world positions. `ignore_leaf`: a leaf that it passes
+    /// through.
+    pub fn first_hit(&self, path: [DVec3; 2], d: f64, ignore_leaf: Option<usize>) -> Option<DropHit> {
+        let bvh = self.bvh.as_ref()?;
+        // Broad phase: primitives whose boxes overlap that of the path.
         let r = Vec3::splat(osier_base::math::narrow(d));
-        let [a, b] = way.map(|p| p.as_vec3());
-        let strip = Aabb::new((a.min(b) - r).into(), (a.max(b) + r).into());
-        let mut near = Vec::new();
-        tree.aabb_traverse(strip, |tree, node| {
-            let node = &tree.nodes[node as usize];
+        let [a, b] = path.map(|p| p.as_vec3());
+        let path_bounds = Aabb::new((a.min(b) - r).into(), (a.max(b) + r).into());
+        let mut candidates = Vec::new();
+        bvh.aabb_traverse(path_bounds, |bvh, node| {
+            let node = &bvh.nodes[node as usize];
             let first = node.first_index as usize;
-            near.extend_from_slice(&tree.primitive_indices[first..first + node.prim_count as usize]);
+            candidates.extend_from_slice(&bvh.primitive_indices[first..first + node.prim_count as usize]);
             true
         });
-        near.sort_unstable();
+        // Narrow phase in the order of indices, so that ties do not depend on the hierarchy.
+        candidates.sort_unstable();
         let mut best: Option<DropHit> = None;
-        for i in near {
+        for i in candidates {
             let i = i as usize;
-            let struck = match self.leaves.get(i) {
-                Some(_) if without == Some(i) => None,
-                Some(leaf) => leaf.meets(way, d).map(|met| DropHit::Leaf(i, met)),
+            let hit = match self.leaves.get(i) {
+                Some(_) if ignore_leaf == Some(i) => None,
+                Some(leaf) => leaf.intersect_path(path, d).map(|hit| DropHit::Leaf { leaf: i, hit }),
                 None => {
-                    let k = i - self.leaves.len();
-                    intersect_wood(&self.wood[k], way, d).map(|(t, share)| DropHit::Wood(k, t, share))
+                    let segment = i - self.leaves.len();
+                    intersect_wood(&self.wood[segment], path, d).map(|hit| DropHit::Wood { segment, hit })
                 }
             };
-            if let Some(s) = struck.filter(|s| best.is_none_or(|b| s.t() < b.t() - f64::from(TIE))) {
+            if let Some(s) = hit.filter(|s| best.is_none_or(|b| s.t() < b.t() - f64::from(HIT_TIE))) {
                 best = Some(s);
             }
         }
@@ -221,8 +260,10 @@ impl<'a> RainCollider<'a> {
     }
 }
 
-/// Where a drop on its way comes nearest to a piece of wood, if it touches it: shares of both.
-fn intersect_wood(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<(f64, f64)> {
+/// Where a drop of diameter `d`, m, on its path comes nearest to a wood segment, if it touches it there.
+fn intersect_wood(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<WoodHit> {
+    // Closest points of two segments, from + s u and ends[0] + t v: minimize |w + s u - t v|^2 over s, clamp s, then solve for t,
+    // clamp it, and solve for s again.
     let (u, v, w) = (to - from, wood.ends[1] - wood.ends[0], from - wood.ends[0]);
     let (a, b, c) = (u.dot(u), u.dot(v), v.dot(v));
     let (e, f) = (u.dot(w), v.dot(w));
@@ -232,9 +273,9 @@ fn intersect_wood(wood: &WoodSegment, [from, to]: [DVec3; 2], d: f64) -> Option<
     if a > 0.0 {
         s = ((b * t - e) / a).clamp(0.0, 1.0);
     }
-    let apart = (w + u * s - v * t).length();
+    let distance = (w + u * s - v * t).length();
     let reach = wood.radii[0] + (wood.radii[1] - wood.radii[0]) * t + 0.5 * d;
-    (apart <= reach).then_some((s, t))
+    (distance <= reach).then_some(WoodHit { t: s, fraction: t })
 }
 
 #[cfg(test)]
@@ -254,20 +295,20 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_finds_what_all_triangles_say() {
-        let target = LeafCollider::new(&bumpy());
+    fn the_hierarchy_finds_the_first_of_all_triangles() {
+        let collider = LeafCollider::new(&bumpy());
         let mut draw = Rng::at(9, &["ways".into()]);
         let mut any = |r: f64| DVec3::new(draw.range(-r, r), draw.range(-r, r) + 0.04, draw.range(-r, r));
         let mut hits = 0;
         for _ in 0..100_000 {
             let (a, b) = (any(0.05), any(0.05));
-            let slow = target.intersect_all(a, b);
-            let fast = target.meets(a, b);
+            let slow = collider.intersect_all(a, b);
+            let fast = collider.intersect(a, b);
             hits += usize::from(slow.is_some());
             match (slow, fast) {
                 (None, None) => {}
                 (Some(s), Some(f)) => assert!((f64::from(s.0) - f.t).abs() < 1e-5, "{s:?} {f:?}"),
-                // A way through an edge may slip between; the same triangles answer, though.
+                // Both use the same test of a triangle, so they agree at edges too.
                 (s, f) => panic!("{s:?} {f:?}"),
             }
         }
@@ -276,8 +317,8 @@ mod tests {
 
     #[test]
     fn a_fast_drop_never_passes_a_moving_leaf() {
-        let sheet = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
-        let target = LeafCollider::new(&sheet);
+        let blade = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let collider = LeafCollider::new(&blade);
         let flat = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
         let pose = |y: f64| LeafPose::at_rest(DVec3::new(0.0, y, 0.0), flat);
         let h = 1.0 / 24.0;
@@ -288,12 +329,12 @@ mod tests {
             let mut met = None;
             for _ in 0..10 {
                 let next = p - DVec3::Y * (10.0 * h);
-                let moved = MovingLeaf { target: &target, scale: 1.0, poses: [pose(y), pose(y + 0.03)] };
-                met = met.or_else(|| RainCollider::new(&[moved], &[]).first([p, next], 1e-3, None));
+                let moved = MovingLeaf { collider: &collider, scale: 1.0, poses: [pose(y), pose(y + 0.03)] };
+                met = met.or_else(|| RainCollider::new(&[moved], &[]).first_hit([p, next], 1e-3, None));
                 (p, y) = (next, y + 0.03);
             }
-            let Some(DropHit::Leaf(0, m)) = met else { panic!("{k}: {met:?}") };
-            let uv = sheet.uv_of(m.triangle, m.weights);
+            let Some(DropHit::Leaf { leaf: 0, hit }) = met else { panic!("{k}: {met:?}") };
+            let uv = blade.interpolate_uv(hit.triangle, hit.weights);
             assert!((uv.x - 0.575).abs() < 1e-4 && (uv.y - 0.375).abs() < 1e-4, "{uv}");
         }
     }
@@ -301,10 +342,12 @@ mod tests {
     #[test]
     fn wood_is_met_where_it_is_thick() {
         let wood = WoodSegment { ends: [DVec3::ZERO, DVec3::X], radii: [0.02, 0.01] };
-        let field = [wood];
-        let field = RainCollider::new(&[], &field);
-        let drop = |z: f64| field.first([DVec3::new(0.5, 0.1, z), DVec3::new(0.5, -0.1, z)], 1e-3, None);
-        assert!(matches!(drop(0.0), Some(DropHit::Wood(0, t, s)) if (t - 0.5).abs() < 1e-9 && (s - 0.5).abs() < 1e-9));
+        let segments = [wood];
+        let collider = RainCollider::new(&[], &segments);
+        let drop = |z: f64| collider.first_hit([DVec3::new(0.5, 0.1, z), DVec3::new(0.5, -0.1, z)], 1e-3, None);
+        assert!(
+            matches!(drop(0.0), Some(DropHit::Wood { segment: 0, hit }) if (hit.t - 0.5).abs() < 1e-9 && (hit.fraction - 0.5).abs() < 1e-9)
+        );
         assert!(drop(0.0154).is_some() && drop(0.0157).is_none());
     }
 }

@@ -1,158 +1,182 @@
-//! What a frame shows of rain: all that maps and meshes are made from.
+//! The state of rain at a frame: all that maps and meshes are made from.
 
 use glam::DVec3;
 
-use crate::rain::drops::drop::DropCap;
-use crate::rain::drops::pendant::NECKING_TIME;
 use crate::rain::drops::rain_leaf::{DropCounters, WetSpot};
-use crate::rain::drops::shape::Footprint;
+use crate::rain::drops::spherical_cap::Footprint;
+use crate::rain::drops::surface_drop::DropCap;
 use crate::rain::event::RainEvent;
 use crate::rain::maps::CapOnLeaf;
-use crate::rain::simulation::{RainSimulation, WaterBudget};
+use crate::rain::simulation::{LeafWetSpot, RainSimulation, WaterBudget};
 use crate::rain::target::LeafPose;
+use crate::rain::tuning::NECKING_TIME;
 
-/// A drop that lies or runs, with its tail.
+/// A drop that rests on a leaf or runs, with its tail.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SessileDrop {
-    /// By birth.
+    /// Emission index; stable over frames, threads and time steps.
     pub id: u64,
-    /// Its leaf.
+    /// Index of the leaf that it is on.
     pub leaf: usize,
-    /// 1 on the upper side, -1 below.
+    /// Side of the leaf: 1 on the upper, -1 on the lower.
     pub side: f64,
-    /// The head first.
-    pub beads: Vec<DropCap>,
-    /// Footprint of its head.
-    pub print: Footprint,
-    /// Long axis of that, of leaf space.
+    /// Caps of the head and the tail, the head first.
+    pub caps: Vec<DropCap>,
+    /// Stretch and skew of the head.
+    pub footprint: Footprint,
+    /// Unit tangent along which the head is stretched and sheared, in leaf space.
     pub axis: DVec3,
-    /// Of leaf space, m/s.
+    /// Velocity relative to the leaf, in leaf space, m/s.
     pub v: DVec3,
-    /// m^3.
+    /// Volume with the tail, m^3.
     pub volume: f64,
 }
 
-/// A drop that hangs.
+/// A drop that hangs from the margin of a leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PendantDrop {
-    /// By birth.
+    /// Emission index; stable over frames, threads and time steps.
     pub id: u64,
-    /// Its leaf.
+    /// Index of the leaf that it hangs from.
     pub leaf: usize,
-    /// Where, of leaf space, m.
+    /// Center of the attachment in leaf space, m.
     pub p: DVec3,
-    /// Radius of the circle that it hangs from, m.
+    /// Radius of the circle along which it is attached, m.
     pub radius: f64,
-    /// Where it hangs to, unit, of leaf space.
+    /// Unit vector in which it hangs, in leaf space.
     pub axis: DVec3,
-    /// m^3.
+    /// Volume, m^3.
     pub volume: f64,
-    /// How far it has thinned, from 0 to 1, when it falls.
-    pub thin: f64,
+    /// Progress of necking: 0 while it is stable, 1 when it detaches.
+    pub necking: f64,
 }
 
 /// A drop in the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirborneDrop {
-    /// By birth.
+    /// Emission index; stable over frames, threads and time steps.
     pub id: u64,
-    /// m.
+    /// Position in the world, m.
     pub p: DVec3,
-    /// m/s.
+    /// Velocity in the world, m/s.
     pub v: DVec3,
-    /// m^3.
+    /// Volume, m^3.
     pub volume: f64,
 }
 
-/// Rain at one frame.
+/// The water of one leaf at a frame, as its maps need it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LeafWater {
+    /// Caps of the drops on the upper side.
+    pub caps: Vec<CapOnLeaf>,
+    /// Spots that became wet since the last frame.
+    pub wet_spots: Vec<WetSpot>,
+}
+
+/// The state of rain at one frame.
 #[derive(Debug, Clone, Default)]
 pub struct RainFrame {
-    /// s.
+    /// Time since the simulation began, s.
     pub t: f64,
-    /// Where the leaves are.
-    pub blades: Vec<LeafPose>,
-    /// How wet each of them is as a whole, 0 to 1.
+    /// Poses of the leaves, by leaf index.
+    pub leaf_poses: Vec<LeafPose>,
+    /// Mean wetness of the leaves, by leaf index: 0 (dry) to 1.
     pub wetness: Vec<f64>,
-    /// On leaves.
-    pub lying: Vec<SessileDrop>,
-    /// At their margins.
-    pub hanging: Vec<PendantDrop>,
-    /// In the air.
-    pub air: Vec<AirborneDrop>,
-    /// Places that came under water since the last frame, by leaf.
-    pub soaked: Vec<(usize, WetSpot)>,
-    /// What has happened since the last frame, or since the rain began.
+    /// Drops that rest or run on leaves.
+    pub sessile: Vec<SessileDrop>,
+    /// Drops that hang from margins.
+    pub pendant: Vec<PendantDrop>,
+    /// Drops that fall.
+    pub airborne: Vec<AirborneDrop>,
+    /// Spots that became wet since the last frame.
+    pub wet_spots: Vec<LeafWetSpot>,
+    /// Events since the last frame; of the first frame, since they were last taken from the simulation.
     pub events: Vec<RainEvent>,
-    /// What has happened so far, in numbers.
-    pub tally: DropCounters,
-    /// Where all water is.
+    /// Counts of events since the simulation began.
+    pub counters: DropCounters,
+    /// Volumes of water by where they are.
     pub water_budget: WaterBudget,
 }
 
 impl RainFrame {
-    /// A simulation as it is.
-    pub fn of(simulation: &mut RainSimulation) -> Self {
-        let mut soaked = simulation.take_wet_spots();
+    /// Records the present state of a simulation, and takes its events and wet spots.
+    pub fn capture(simulation: &mut RainSimulation) -> Self {
+        let mut wet_spots = simulation.take_wet_spots();
         let params = &simulation.params;
-        let (mut lying, mut hanging) = (Vec::new(), Vec::new());
+        let (mut sessile, mut pendant) = (Vec::new(), Vec::new());
         for (i, leaf) in simulation.leaves().iter().enumerate() {
             for d in &leaf.drops {
-                if let Some(hang) = d.pendant {
-                    let p = hang.margin.p;
-                    let (id, axis, volume) = (d.id, d.axis, d.volume);
-                    let thin = hang.necking.map_or(0.0, |t| (t / NECKING_TIME).min(1.0));
-                    hanging.push(PendantDrop { id, leaf: i, p, radius: hang.radius, axis, volume, thin });
+                if let Some(anchor) = d.pendant {
+                    pendant.push(PendantDrop {
+                        id: d.id,
+                        leaf: i,
+                        p: anchor.margin.p,
+                        radius: anchor.radius,
+                        axis: d.axis,
+                        volume: d.volume,
+                        necking: anchor.necking.map_or(0.0, |t| (t / NECKING_TIME).min(1.0)),
+                    });
                     continue;
                 }
-                let facing = leaf.at(d.uv).map_or(1.0, |s| (simulation.poses()[i].orientation * s.n).y.abs());
-                let beads = d.caps(params, facing);
-                soaked.extend(beads.iter().map(|b| (i, WetSpot { uv: b.uv, a: b.cap.a, t: simulation.time() })));
-                let print = d.footprint(params);
-                let (id, axis, v, volume) = (d.id, d.axis, d.v, d.volume);
-                lying.push(SessileDrop { id, leaf: i, side: d.side, beads, print, axis, v, volume });
+                let facing = leaf.point_at(d.uv).map_or(1.0, |s| (simulation.poses()[i].orientation * s.n).y.abs());
+                let caps = d.caps(params, facing);
+                // What is under water now is wet, also where the drop has not moved since the last spot.
+                wet_spots.extend(caps.iter().map(|cap| LeafWetSpot {
+                    leaf: i,
+                    spot: WetSpot { uv: cap.uv, a: cap.cap.a, t: simulation.time() },
+                }));
+                sessile.push(SessileDrop {
+                    id: d.id,
+                    leaf: i,
+                    side: d.side,
+                    caps,
+                    footprint: d.footprint(params),
+                    axis: d.axis,
+                    v: d.v,
+                    volume: d.volume,
+                });
             }
         }
-        let air =
-            |d: &crate::rain::simulation::FallingDrop| AirborneDrop { id: d.id, p: d.p, v: d.v, volume: d.volume };
+        let airborne = simulation.air().iter().map(|d| AirborneDrop { id: d.id, p: d.p, v: d.v, volume: d.volume });
         Self {
             t: simulation.time(),
-            blades: simulation.poses().to_vec(),
+            leaf_poses: simulation.poses().to_vec(),
             wetness: simulation.leaves().iter().map(|l| l.wetness(simulation.time(), &simulation.params)).collect(),
-            lying,
-            hanging,
-            air: simulation.air().iter().map(air).collect(),
-            soaked,
+            sessile,
+            pendant,
+            airborne: airborne.collect(),
+            wet_spots,
             events: simulation.take_events(),
-            tally: simulation.counters(),
+            counters: simulation.counters(),
             water_budget: simulation.water_budget(),
         }
     }
 
-    /// Bytes that it keeps.
-    pub fn bytes(&self) -> u64 {
-        let beads: usize = self.lying.iter().map(|d| d.beads.len()).sum();
-        let parts = [
-            self.blades.len() * (size_of::<LeafPose>() + size_of::<f64>()),
-            self.lying.len() * size_of::<SessileDrop>(),
-            beads * size_of::<DropCap>(),
-            self.hanging.len() * size_of::<PendantDrop>(),
-            self.air.len() * size_of::<AirborneDrop>(),
-            self.soaked.len() * size_of::<(usize, WetSpot)>(),
+    /// Bytes of memory that its lists hold, for limits.
+    pub fn memory_bytes(&self) -> u64 {
+        let caps: usize = self.sessile.iter().map(|d| d.caps.len()).sum();
+        let lists = [
+            self.leaf_poses.len() * (size_of::<LeafPose>() + size_of::<f64>()),
+            self.sessile.len() * size_of::<SessileDrop>(),
+            caps * size_of::<DropCap>(),
+            self.pendant.len() * size_of::<PendantDrop>(),
+            self.airborne.len() * size_of::<AirborneDrop>(),
+            self.wet_spots.len() * size_of::<LeafWetSpot>(),
             self.events.len() * size_of::<RainEvent>(),
         ];
-        parts.iter().sum::<usize>() as u64
+        lists.iter().sum::<usize>() as u64
     }
 
-    /// What the maps of a leaf need: its caps, and where it was soaked. Only what lies on its upper side.
-    pub fn on(&self, leaf: usize) -> (Vec<CapOnLeaf>, Vec<WetSpot>) {
-        let mut blobs = Vec::new();
-        for d in self.lying.iter().filter(|d| d.leaf == leaf && d.side > 0.0) {
-            for (k, bead) in d.beads.iter().enumerate() {
-                let print = if k == 0 { d.print } else { Footprint { q: 1.0, skew: 0.0 } };
-                blobs.push(CapOnLeaf { uv: bead.uv, cap: bead.cap, print, axis: d.axis });
+    /// The water on one leaf. Only drops of the upper side have caps in it, as only that side has maps.
+    pub fn leaf_water(&self, leaf: usize) -> LeafWater {
+        let mut caps = Vec::new();
+        for d in self.sessile.iter().filter(|d| d.leaf == leaf && d.side > 0.0) {
+            for (k, cap) in d.caps.iter().enumerate() {
+                let footprint = if k == 0 { d.footprint } else { Footprint::ROUND };
+                caps.push(CapOnLeaf { uv: cap.uv, cap: cap.cap, footprint, axis: d.axis });
             }
         }
-        let soaks = self.soaked.iter().filter(|(i, _)| *i == leaf).map(|(_, s)| *s).collect();
-        (blobs, soaks)
+        let wet_spots = self.wet_spots.iter().filter(|s| s.leaf == leaf).map(|s| s.spot).collect();
+        LeafWater { caps, wet_spots }
     }
 }

@@ -1,8 +1,8 @@
-//! The impulse of an impact between a drop and what it strikes.
+//! The impulse between a drop and the leaf or wood that it strikes.
 
 use crate::rain::params::ImpactLaw;
 
-/// Impulse of an impact, N s, along the contact normal.
+/// Magnitude of the impulse of an impact, N s.
 ///
 /// `mass`: of the drop, kg. `approach`: closing speed along the normal, m/s. `inverse_mass`: inverse effective mass of what is
 /// struck, 1/kg; 0 if it does not move. `energy`: kinetic energy of the drop relative to it, J. `speed`: of what is struck, along
@@ -12,7 +12,7 @@ pub fn impact_impulse(law: ImpactLaw, mass: f64, approach: f64, inverse_mass: f6
     match law {
         // j = (1 + e) u / (1/m + 1/M): relative speed after the impact is -e u.
         ImpactLaw::Momentum { restitution } => (1.0 + restitution) * approach / (1.0 / mass + inverse_mass),
-        // What does not move takes no energy.
+        // A rigid target takes up no energy; the drop just stops.
         ImpactLaw::PaperEnergy { .. } if inverse_mass <= 0.0 => mass * approach,
         // M v'^2 / 2 = M v^2 / 2 + (1 - eps) E, solved for M (v' - v).
         ImpactLaw::PaperEnergy { eps } => {

@@ -1,13 +1,60 @@
-//! Rain: drops that fall, strike leaves and wood, rest, run, hang and drip, and the maps of water that they leave.
+//! Rain: drops that fall, strike leaves and wood, rest, run, hang and drip, and the water maps that they leave.
 //!
 //! A [`RainSimulation`] advances all drops and the plants they fall on, which implement [`RainTarget`]; a [`RainFrame`] is its state
 //! at one frame. [`LeafWaterMaps`] turns frames into texture maps of a leaf, [`DropMesh`] into meshes of drops.
 //! Source: [yang-wu], sections 3 and 4; docs/rain.md lists the differences.
+//!
+//! # Examples
+//! A drop on a leaf that hangs steeply runs down to the margin:
+//! ```
+//! use std::sync::Arc;
+//!
+//! use glam::{DQuat, DVec2, DVec3, Vec2, Vec3};
+//! use osier_motion::rain::{
+//!     DropMesh, DropParams, LeafAttachment, LeafCollider, LeafSurface, RainConfig, RainFrame, RainLeaf, RainSimulation,
+//!     StaticPlant,
+//! };
+//! use osier_scene::Mesh;
+//!
+//! // A rectangular blade of 40 x 80 mm along +Y with its texture coordinates.
+//! let mesh = Mesh {
+//!     points: vec![Vec3::ZERO, Vec3::new(0.04, 0.0, 0.0), Vec3::new(0.04, 0.08, 0.0), Vec3::new(0.0, 0.08, 0.0)],
+//!     normals: vec![Vec3::Z; 4],
+//!     uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+//!     triangles: vec![[0, 1, 2], [0, 2, 3]],
+//!     ..Mesh::default()
+//! };
+//! let blade = Arc::new(LeafSurface::new(&mesh).expect("a blade"));
+//! let collider = Arc::new(LeafCollider::new(&blade));
+//! // Its tip points down by 60 degrees from the horizontal.
+//! let pose = (DVec3::Y, DQuat::from_rotation_x(-150_f64.to_radians()));
+//! let mut simulation = RainSimulation::new(RainConfig {
+//!     params: DropParams::default(),
+//!     emitter: None,
+//!     plants: vec![Box::new(StaticPlant::new(&[pose], Vec::new()))],
+//!     leaves: vec![(RainLeaf::new(blade, 1.0, 0), LeafAttachment { plant: 0, leaf: 0, collider })],
+//!     wind: None,
+//!     ground: Box::new(0.0),
+//! });
+//! simulation.deposit_drop(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 40e-9);
+//! for _ in 0..20 {
+//!     simulation.step(0.005)?;
+//!     simulation.check_water_budget(1)?;
+//! }
+//! let frame = RainFrame::capture(&mut simulation);
+//! let drop = &frame.sessile[0];
+//! assert!(drop.v.y > 0.0 && drop.caps[0].uv.y > 0.3);
+//! let mut water = DropMesh::default();
+//! water.add_sessile(&simulation.leaves()[0], &frame.leaf_poses[0], drop);
+//! assert!(!water.mesh.triangles.is_empty());
+//! # Ok::<(), osier_base::Error>(())
+//! ```
 
 mod collide;
 mod drops;
 mod emitter;
 mod event;
+mod fall;
 mod frame;
 mod impact;
 mod leaf;
@@ -20,18 +67,19 @@ mod target;
 mod tuning;
 
 pub use collide::LeafCollider;
-pub use drops::drop::DropCap;
-pub use drops::pendant::PendantShapes;
+pub use drops::pendant_profile::PendantShapes;
 pub use drops::rain_leaf::{DropCounters, RainLeaf, WetSpot};
-pub use drops::shape::{CapShape, Footprint, SphericalCap, WettingParams};
-pub use emitter::{DropSizes, IntensityEnvelope, RainEmitter, RainfallParams, sphere_diameter, sphere_volume};
+pub use drops::spherical_cap::{CapShape, Footprint, FootprintPoint, SphericalCap, WettingParams};
+pub use drops::surface_drop::DropCap;
+pub use emitter::{DropSizes, EmittedDrop, IntensityEnvelope, RainEmitter, RainfallParams};
 pub use event::RainEvent;
-pub use frame::{AirborneDrop, PendantDrop, RainFrame, SessileDrop};
-pub use leaf::mask::AlphaMask;
+pub use fall::{sphere_diameter, sphere_volume};
+pub use frame::{AirborneDrop, LeafWater, PendantDrop, RainFrame, SessileDrop};
+pub use leaf::alpha_mask::AlphaMask;
 pub use leaf::surface::LeafSurface;
 pub use leaf::veins::VeinMap;
 pub use maps::{CapOnLeaf, LeafWaterMaps, TexelCounters, UvRaster};
 pub use mesh::DropMesh;
-pub use params::{DropParams, FrictionModel, ImpactLaw, LeverArm, MergeRule, capillary};
-pub use simulation::{GroundHeight, LeafAttachment, RainConfig, RainSimulation, WaterBudget};
+pub use params::{DropParams, FrictionModel, ImpactLaw, LeverArm, MergeRule, capillary_length};
+pub use simulation::{GroundHeight, LeafAttachment, LeafWetSpot, RainConfig, RainSimulation, WaterBudget};
 pub use target::{LeafPose, RainTarget, StaticPlant, WoodSegment};

@@ -1,19 +1,21 @@
-//! The numbers that rule rain.
+//! Parameters of drops on leaves: impact, wetting, friction, tails, coalescence and drying.
 
-use crate::rain::drops::shape::{CapShape, WettingParams};
+use crate::rain::drops::spherical_cap::{CapShape, WettingParams};
 use crate::rain::leaf::wetness::DryingLaw;
+use crate::rain::tuning::MIN_CAPILLARY_GRAVITY;
+use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 
-/// How a drop's blow moves what it strikes.
+/// Law of the impulse between a drop and the plant that it strikes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ImpactLaw {
-    /// Momentum is kept.
+    /// Conserves momentum.
     Momentum {
-        /// Share of the speed of approach that it leaves with.
+        /// Coefficient of restitution: the speed of separation as a fraction of the speed of approach, 0 to 1.
         restitution: f64,
     },
-    /// A share of its energy is passed on, as [yang-wu] eq. 2 has it; momentum is not kept.
+    /// Transfers a fraction of the drop's kinetic energy, as [yang-wu] eq. 2; does not conserve momentum.
     PaperEnergy {
-        /// Share of energy that is lost.
+        /// Fraction of the energy that is lost, 0 to 1.
         eps: f64,
     },
 }
@@ -21,87 +23,100 @@ pub enum ImpactLaw {
 /// What holds a drop back on a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FrictionModel {
-    /// Hysteresis of its contact angles.
+    /// Contact-angle hysteresis.
     Retention,
-    /// [yang-wu] eq. 7: mu times its weight on the leaf, and a constant.
+    /// [yang-wu] eq. 7: mu times the normal force, plus a constant force.
     Paper,
 }
 
-/// When two drops become one.
+/// Distance at which two drops merge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MergeRule {
-    /// When they touch.
+    /// As soon as their bases touch.
     Touch,
-    /// They draw each other by [yang-wu] eq. 12 from touching on.
+    /// Where the attraction of [yang-wu] eq. 12 exceeds friction, closer than touching.
     Paper,
 }
 
-/// With what arm a drop's weight turns its leaf.
+/// Lever arm with which a drop's weight turns its leaf.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LeverArm {
-    /// Its own.
+    /// The distance from the stalk at which the weight acts.
     Physical,
-    /// Its own, times its distance from the stalk as a share of the midrib, at most this.
+    /// That distance, times itself as a fraction of the leaf's length, at most this; from [yang-wu] eq. 15.
     Paper(f64),
 }
 
 /// How drops behave on leaves.
+///
+/// # Examples
+/// ```
+/// use osier_motion::rain::DropParams;
+///
+/// // A waxy leaf: drops are rounder, and the narrow hysteresis lets them run off earlier.
+/// let mut params = DropParams::default();
+/// params.wetting.contact_angle = 110_f64.to_radians();
+/// params.wetting.receding = 100_f64.to_radians();
+/// params.wetting.advancing = 118_f64.to_radians();
+/// let (waxy, average) = (params.wetting.cap(1e-8, 1.0), DropParams::default().wetting.cap(1e-8, 1.0));
+/// assert!(waxy.top() > average.top() && waxy.a < average.a);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct DropParams {
-    /// Seed of all draws.
+    /// Seed of all random draws: pinning noise, splash droplets, beads.
     pub seed: u64,
-    /// Contact angles and shape.
+    /// Contact angles, and the shape of drops.
     pub wetting: WettingParams,
-    /// Gravity, m/s^2, downwards.
+    /// Gravity, m/s^2, along -Y.
     pub g: f64,
-    /// What a blow does.
+    /// Law of the impulse on a leaf or on wood.
     pub impact: ImpactLaw,
-    /// Factor on blows, for looks.
-    pub gain: f64,
-    /// Share of a hard-striking drop that leaves as droplets.
+    /// Factor on that impulse, to exaggerate or damp the motion of leaves; 1 is physical.
+    pub impulse_factor: f64,
+    /// Fraction of the volume of a splashing drop that leaves as droplets, 0 to 1.
     pub splash: f64,
-    /// Share of the speed along the leaf that a striking drop keeps.
+    /// Fraction of the tangential velocity that a drop keeps after impact, 0 to 1.
     pub tangent_keep: f64,
-    /// What holds it back.
+    /// What holds drops back.
     pub friction: FrictionModel,
-    /// Of the paper's friction: mu, and H, N.
-    pub mu: f64,
-    /// See `mu`.
-    pub h: f64,
-    /// Factor on retention.
-    pub k_f: f64,
-    /// Time in which a running drop would lose its speed to the water's own friction, s.
-    pub tau_v: f64,
-    /// How unevenly a leaf holds drops.
-    pub pin_noise: f64,
-    /// When drops become one.
+    /// Coefficient mu of dry friction, the ratio to the normal force.
+    pub friction_coefficient: f64,
+    /// Constant force H of [`FrictionModel::Paper`], N.
+    pub friction_force: f64,
+    /// Factor on the retention force of contact-angle hysteresis; 1 is Furmidge's.
+    pub retention_factor: f64,
+    /// Time constant of the viscous decay of a running drop's speed, s.
+    pub velocity_decay_time: f64,
+    /// Relative variation of the retention force over a leaf, 0 to 1.
+    pub pinning_noise: f64,
+    /// When drops merge.
     pub merge: MergeRule,
-    /// Strength of the paper's attraction, N.
-    pub k_h: f64,
-    /// With what arm weight acts.
+    /// Strength of the attraction of [`MergeRule::Paper`], N.
+    pub attraction_force: f64,
+    /// Lever arm of the weight of drops.
     pub lever: LeverArm,
-    /// Ratio of radii along a tail, its most drops, and how much of it there is.
-    pub tail_beta: f64,
-    /// See `tail_beta`.
-    pub tail_n: u32,
-    /// See `tail_beta`.
-    pub rough: f64,
-    /// Chance that a drop of the tail stays behind.
-    pub bead: f64,
-    /// Radius at which a drop hangs at the tip, m.
+    /// Ratio of the radii of successive caps of a tail, 0 to 1.
+    pub tail_ratio: f64,
+    /// Largest number of caps of a drop with its tail.
+    pub tail_drops: u32,
+    /// Factor on the number of caps of a tail, 0 to 1: how rough the surface is.
+    pub tail_amount: f64,
+    /// Probability that a cap stays behind as a bead when a tail shrinks, 0 to 1.
+    pub bead_probability: f64,
+    /// Radius of attachment of pendant drops at the tip, m.
     pub tip_radius: f64,
-    /// What wetness becomes in `half_life` seconds.
-    pub zeta: f64,
-    /// See `zeta`.
-    pub half_life: f64,
-    /// Length on which wetness falls from a drop's middle, m.
-    pub wet_length: f64,
+    /// Fraction of the wetness that is left after `decay_time`, 0 to 1.
+    pub decay_fraction: f64,
+    /// Time to which `decay_fraction` refers, s.
+    pub decay_time: f64,
+    /// Distance from the center of a wet spot over which wetness falls by a factor of e, m.
+    pub decay_length: f64,
 }
 
 impl DropParams {
-    /// How wet surfaces dry.
+    /// Exponential drying of wet surfaces.
     pub fn drying(&self) -> DryingLaw {
-        DryingLaw { zeta: self.zeta, half_life: self.half_life }
+        DryingLaw { fraction: self.decay_fraction, time: self.decay_time }
     }
 }
 
@@ -111,41 +126,41 @@ impl Default for DropParams {
         Self {
             seed: 1,
             wetting: WettingParams {
-                theta: rad(60.0),
+                contact_angle: rad(60.0),
                 receding: rad(52.0),
                 advancing: rad(68.0),
-                omega: None,
+                height_factor: None,
                 shape: CapShape::Flattened,
-                lambda: 1.05,
-                capillary: capillary(9.81),
+                wedge_base: 1.05,
+                capillary_length: capillary_length(9.81),
             },
             g: 9.81,
             impact: ImpactLaw::Momentum { restitution: 0.0 },
-            gain: 1.0,
+            impulse_factor: 1.0,
             splash: 0.0,
             tangent_keep: 0.3,
             friction: FrictionModel::Retention,
-            mu: 0.0,
-            h: 2e-5,
-            k_f: 1.0,
-            tau_v: 0.05,
-            pin_noise: 0.3,
+            friction_coefficient: 0.0,
+            friction_force: 2e-5,
+            retention_factor: 1.0,
+            velocity_decay_time: 0.05,
+            pinning_noise: 0.3,
             merge: MergeRule::Touch,
-            k_h: 1e-4,
+            attraction_force: 1e-4,
             lever: LeverArm::Physical,
-            tail_beta: 0.8,
-            tail_n: 8,
-            rough: 1.0,
-            bead: 0.25,
+            tail_ratio: 0.8,
+            tail_drops: 8,
+            tail_amount: 1.0,
+            bead_probability: 0.25,
             tip_radius: 1e-3,
-            zeta: 0.5,
-            half_life: 20.0,
-            wet_length: 3e-3,
+            decay_fraction: 0.5,
+            decay_time: 20.0,
+            decay_length: 3e-3,
         }
     }
 }
 
-/// Capillary length of water, m, at a gravity, m/s^2.
-pub fn capillary(g: f64) -> f64 {
-    osier_base::math::sqrt(crate::rain::drops::shape::TENSION / (crate::rain::drops::shape::WATER * g.max(1e-3)))
+/// Capillary length of water under gravity `g`, m/s^2: sqrt(gamma / (rho g)), m.
+pub fn capillary_length(g: f64) -> f64 {
+    osier_base::math::sqrt(WATER_SURFACE_TENSION / (WATER_DENSITY * g.max(MIN_CAPILLARY_GRAVITY)))
 }

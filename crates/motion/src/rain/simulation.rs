@@ -1,15 +1,15 @@
-//! The time step of rain: drops fall, strike leaves and wood, move over leaves, and the plants respond.
+//! The time step of rain: drops are emitted, fall, strike leaves and wood, and move over leaves; plants respond to them.
 
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::collide::{DropHit, LeafCollider, LeafHit, MovingLeaf, RainCollider};
-use super::drops::drop::SurfaceDrop;
+use super::collide::{DropHit, LeafCollider, LeafHit, MovingLeaf, RainCollider, WoodHit};
 use super::drops::rain_leaf::{AttachedWater, DropCounters, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
-use super::drops::shape::{TENSION, WATER};
-use super::emitter::{EmittedDrop, RainEmitter, fall, sphere_diameter, sphere_volume, wind_at};
+use super::drops::surface_drop::SurfaceDrop;
+use super::emitter::{EmittedDrop, RainEmitter};
 use super::event::RainEvent;
+use super::fall::{sample_wind, sphere_diameter, sphere_volume, step_velocity};
 use super::impact::impact_impulse;
 use super::params::{DropParams, ImpactLaw};
 use super::target::{LeafPose, RainTarget, WoodSegment};
@@ -19,103 +19,117 @@ use super::tuning::{
 };
 use osier_base::math;
 use osier_base::par::{par_chunks, par_map_mut};
+use osier_base::physics::{WATER_DENSITY, WATER_SURFACE_TENSION};
 use osier_base::rng::Rng;
 use osier_base::{Error, Result};
 use osier_scene::DropEventKind;
 use osier_wind::Wind;
 
-/// Bit that is set in the identifiers of splash droplets.
+/// Bit that is set in the identifiers of splash droplets, so that tables can tell them from emitted drops.
 const SPLASH_ID: u64 = 1 << 62;
 
-/// A drop in the air, as the simulation advances it.
+/// A falling drop with the state that its time step needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FallingDrop {
     /// Identifier; stable over frames, threads and time steps.
     pub id: u64,
-    /// Position, m.
+    /// Position in the world, m.
     pub p: DVec3,
-    /// Velocity, m/s.
+    /// Velocity in the world, m/s.
     pub v: DVec3,
-    /// Volume, m^3.
+    /// Volume of the drop, m^3.
     pub volume: f64,
-    /// A leaf that it passes through, and the time until which it does, s.
-    ignore_leaf: Option<(usize, f64)>,
+    ignore_leaf: Option<IgnoredLeaf>,
     /// Time within the present step at which it is emitted, s; 0 for older drops.
     spawn_offset: f64,
+}
+
+/// A leaf that a drop passes through for a short time, as it has just left it or fallen through one of its holes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct IgnoredLeaf {
+    leaf: usize,
+    /// Time at which collisions begin again, s.
+    until: f64,
 }
 
 /// Which plant carries a leaf, and the leaf's collision shape.
 #[derive(Debug)]
 pub struct LeafAttachment {
-    /// Index of the plant.
+    /// Index of the plant in [`RainConfig::plants`].
     pub plant: usize,
     /// Index of the leaf on that plant.
     pub leaf: usize,
-    /// Triangles of the blade.
+    /// Triangles of the blade at scale 1.
     pub collider: Arc<LeafCollider>,
 }
 
-/// Where all water is, m^3. Water is conserved: `emitted` equals the sum of the others.
+/// Volumes of water by where they are, m^3. Water is conserved: `emitted` equals the sum of the others.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct WaterBudget {
     /// Emitted so far, or deposited on leaves by the scene.
     pub emitted: f64,
-    /// In the air.
+    /// In drops that fall.
     pub air: f64,
-    /// In sessile drops.
+    /// In sessile drops on leaves.
     pub leaves: f64,
-    /// In pendant drops.
+    /// In pendant drops at margins.
     pub pendants: f64,
     /// Fallen to the ground or beyond the scene.
     pub ground: f64,
-    /// Absorbed by wood.
+    /// Absorbed by wood that drops struck.
     pub wood: f64,
 }
 
 impl WaterBudget {
-    /// Water that is missing or too much, as a fraction of what was emitted.
+    /// Relative error of conservation: |sum - emitted| / emitted.
     pub fn error(&self) -> f64 {
-        let there = self.air + self.leaves + self.pendants + self.ground + self.wood;
-        (there - self.emitted).abs() / self.emitted.max(1e-18)
+        let sum = self.air + self.leaves + self.pendants + self.ground + self.wood;
+        (sum - self.emitted).abs() / self.emitted.max(1e-18)
     }
 }
 
-/// A wet spot and the index of its leaf.
-pub type LeafWetSpots = Vec<(usize, WetSpot)>;
+/// A wet spot of a leaf.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeafWetSpot {
+    /// Index of the leaf.
+    pub leaf: usize,
+    /// Where and when it became wet.
+    pub spot: WetSpot,
+}
 
-/// The ground, where drops end that strike nothing.
+/// The ground, at which drops end that strike nothing before.
 pub trait GroundHeight: std::fmt::Debug + Send + Sync {
-    /// Height at x and z, m.
+    /// Height of the ground at `x` and `z`, m.
     fn height(&self, x: f64, z: f64) -> f64;
 }
 
-/// Level ground.
+/// Level ground at this height, m.
 impl GroundHeight for f64 {
     fn height(&self, _: f64, _: f64) -> f64 {
         *self
     }
 }
 
-/// What a [`RainSimulation`] starts from.
+/// Initial state and parameters of a [`RainSimulation`].
 pub struct RainConfig {
-    /// How drops behave.
+    /// Parameters of drops on leaves.
     pub params: DropParams,
-    /// Source of drops; none for scenes that deposit their own.
+    /// Source of drops; `None` for scenes that only deposit drops.
     pub emitter: Option<RainEmitter>,
-    /// Plants.
+    /// Plants that rain falls on.
     pub plants: Vec<Box<dyn RainTarget>>,
     /// Leaves of all plants, with the plants that carry them.
     pub leaves: Vec<(RainLeaf, LeafAttachment)>,
-    /// Wind that carries falling drops.
+    /// Wind that carries falling drops; `None` in calm air.
     pub wind: Option<Arc<dyn Wind>>,
-    /// Ground.
+    /// Ground at which drops end.
     pub ground: Box<dyn GroundHeight>,
 }
 
 /// Rain on plants, advanced step by step.
 #[derive(Debug)]
 pub struct RainSimulation {
-    /// How drops behave.
+    /// Parameters of drops on leaves.
     pub params: DropParams,
     emitter: Option<RainEmitter>,
     plants: Vec<Box<dyn RainTarget>>,
@@ -123,7 +137,7 @@ pub struct RainSimulation {
     attachments: Vec<LeafAttachment>,
     air: Vec<FallingDrop>,
     poses: Vec<LeafPose>,
-    /// Wood of each plant.
+    /// Wood segments of each plant.
     wood: Vec<Vec<WoodSegment>>,
     wind: Option<Arc<dyn Wind>>,
     ground: Box<dyn GroundHeight>,
@@ -133,12 +147,12 @@ pub struct RainSimulation {
     emitted: f64,
     water_on_ground: f64,
     water_on_wood: f64,
-    wet_spots: LeafWetSpots,
+    wet_spots: Vec<LeafWetSpot>,
     counters: DropCounters,
     events: Vec<RainEvent>,
 }
 
-/// How a falling drop's step ended.
+/// Outcome of a falling drop's time step.
 #[derive(Clone, Copy)]
 enum FlightOutcome {
     Airborne,
@@ -147,7 +161,7 @@ enum FlightOutcome {
 }
 
 impl RainSimulation {
-    /// The state before the first drop.
+    /// A simulation at time 0, before the first drop.
     pub fn new(config: RainConfig) -> Self {
         let (leaves, attachments): (Vec<RainLeaf>, Vec<LeafAttachment>) = config.leaves.into_iter().unzip();
         let mut simulation = Self {
@@ -176,16 +190,17 @@ impl RainSimulation {
         simulation
     }
 
-    /// Deposits a drop of `volume`, m^3, on a leaf at texture coordinates. `v`: velocity along the leaf, in leaf space, m/s.
+    /// Deposits a drop of `volume`, m^3, on the upper side of a leaf at texture coordinates. `v`: tangential velocity relative to the
+    /// leaf, in leaf space, m/s. Its volume counts as emitted.
     pub fn deposit_drop(&mut self, leaf: usize, uv: DVec2, v: DVec3, volume: f64) {
         let id = self.next_id();
         self.emitted += volume;
         let pose = self.poses.get(leaf).copied();
-        if let Some((on, pose)) = self.leaves.get_mut(leaf).zip(pose) {
-            on.drops.push(SurfaceDrop::new(id, 1.0, uv, v, volume));
-            let p = on.at(uv).map_or(pose.position, |s| pose.position + pose.orientation * s.p);
-            let born = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
-            self.events.push(RainEvent { leaf: Some(leaf), ..born });
+        if let Some((rain_leaf, pose)) = self.leaves.get_mut(leaf).zip(pose) {
+            rain_leaf.drops.push(SurfaceDrop::new(id, 1.0, uv, v, volume));
+            let p = rain_leaf.point_at(uv).map_or(pose.position, |s| pose.position + pose.orientation * s.p);
+            let event = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
+            self.events.push(RainEvent { leaf: Some(leaf), ..event });
         }
     }
 
@@ -207,7 +222,7 @@ impl RainSimulation {
         self.plants.iter().map(|plant| of_plant(&**plant)).collect()
     }
 
-    /// Time since the beginning, s.
+    /// Time since the simulation began, s.
     pub fn time(&self) -> f64 {
         self.t
     }
@@ -222,23 +237,23 @@ impl RainSimulation {
         &self.poses
     }
 
-    /// Drops in the air.
+    /// Drops that fall, in no particular order.
     pub fn air(&self) -> &[FallingDrop] {
         &self.air
     }
 
-    /// The plants.
+    /// The plants in their present state.
     pub fn plants(&self) -> &[Box<dyn RainTarget>] {
         &self.plants
     }
 
-    /// Numbers of events since the beginning.
+    /// Counts of events since the simulation began.
     pub fn counters(&self) -> DropCounters {
         self.counters
     }
 
     /// Removes and returns the spots that became wet since the last call.
-    pub fn take_wet_spots(&mut self) -> LeafWetSpots {
+    pub fn take_wet_spots(&mut self) -> Vec<LeafWetSpot> {
         std::mem::take(&mut self.wet_spots)
     }
 
@@ -247,7 +262,7 @@ impl RainSimulation {
         std::mem::take(&mut self.events)
     }
 
-    /// Where all water is now.
+    /// Volumes of water by where they are now.
     pub fn water_budget(&self) -> WaterBudget {
         let mut budget = WaterBudget {
             emitted: self.emitted,
@@ -277,10 +292,11 @@ impl RainSimulation {
         let hits = self.advance_airborne(&before, h);
         self.t += h;
         self.steps += 1;
+        // Hits change plants and draw random numbers, hence one after the other in a fixed order.
         for (drop, hit) in hits {
             match hit {
-                DropHit::Leaf(leaf, hit) => self.hit_leaf(&drop, leaf, &hit),
-                DropHit::Wood(segment, _, fraction) => self.hit_wood(&drop, segment, fraction),
+                DropHit::Leaf { leaf, hit } => self.hit_leaf(&drop, leaf, &hit),
+                DropHit::Wood { segment, hit } => self.hit_wood(&drop, segment, hit),
             }
         }
         self.step_leaves(h);
@@ -289,7 +305,7 @@ impl RainSimulation {
 
     /// Checks that water is conserved.
     /// # Errors
-    /// `Simulation` if more than `BUDGET_TOLERANCE` is missing or too much.
+    /// `Simulation` if the relative error exceeds 1e-9; `frame` is the frame that it names.
     pub fn check_water_budget(&self, frame: u32) -> Result<()> {
         if self.water_budget().error() > BUDGET_TOLERANCE {
             return Err(Error::Simulation { frame, quantity: "the volume of water".into() });
@@ -311,28 +327,27 @@ impl RainSimulation {
 
     /// Advances the drops in the air, and returns those that hit something, in the order of their hits.
     fn advance_airborne(&mut self, before: &[LeafPose], h: f64) -> Vec<(FallingDrop, DropHit)> {
-        // Bounding boxes of everything that moves or stands, over the whole step.
         let wood: Vec<WoodSegment> = self.wood.iter().flatten().copied().collect();
         let moving: Vec<MovingLeaf> = (0..self.leaves.len())
             .map(|i| MovingLeaf {
-                target: &self.attachments[i].collider,
+                collider: &self.attachments[i].collider,
                 scale: self.leaves[i].scale,
                 poses: [before[i], self.poses[i]],
             })
             .collect();
         let collider = RainCollider::new(&moving, &wood);
         // The wind is sampled for all drops at once, which recorded and lattice winds do much faster than one by one.
-        let places: Vec<Vec3> = self.air.iter().map(|d| d.p.as_vec3()).collect();
-        let winds = wind_at(self.wind.as_deref(), &places, self.t);
-        let both: Vec<(FallingDrop, Vec3)> = self.air.iter().copied().zip(winds).collect();
+        let positions: Vec<Vec3> = self.air.iter().map(|d| d.p.as_vec3()).collect();
+        let winds = sample_wind(self.wind.as_deref(), &positions, self.t);
+        let drops_in_wind: Vec<(FallingDrop, Vec3)> = self.air.iter().copied().zip(winds).collect();
         let (t, ground, g) = (self.t, &self.ground, self.params.g);
         let advance = |(drop, wind): &(FallingDrop, Vec3)| {
             let mut drop = *drop;
             let h = h - std::mem::replace(&mut drop.spawn_offset, 0.0);
-            drop.v = fall(drop.v, drop.volume, g, wind.as_dvec3(), h);
+            drop.v = step_velocity(drop.v, drop.volume, g, wind.as_dvec3(), h);
             let to = drop.p + drop.v * h;
-            let ignored = drop.ignore_leaf.filter(|(_, until)| t < *until).map(|(leaf, _)| leaf);
-            let outcome = match collider.first([drop.p, to], sphere_diameter(drop.volume), ignored) {
+            let ignored = drop.ignore_leaf.filter(|ignored| t < ignored.until).map(|ignored| ignored.leaf);
+            let outcome = match collider.first_hit([drop.p, to], sphere_diameter(drop.volume), ignored) {
                 Some(hit) => FlightOutcome::Hit(hit),
                 None if to.y < ground.height(to.x, to.z) => FlightOutcome::Ground,
                 None => FlightOutcome::Airborne,
@@ -342,7 +357,8 @@ impl RainSimulation {
             (drop, outcome)
         };
         let task = |_: usize, part: &[(FallingDrop, Vec3)]| part.iter().map(advance).collect::<Vec<_>>();
-        let outcomes = par_chunks(&both, DROPS_PER_TASK, task).concat();
+        let outcomes = par_chunks(&drops_in_wind, DROPS_PER_TASK, task).concat();
+        // Serial, in the order of drops: sums of volumes do not depend on the number of threads.
         let mut hits = Vec::new();
         self.air.clear();
         for (drop, outcome) in outcomes {
@@ -359,8 +375,10 @@ impl RainSimulation {
         hits
     }
 
-    /// A drop strikes wood: the impulse moves it, the water stays on it. `segment`: index over the wood of all plants.
-    fn hit_wood(&mut self, drop: &FallingDrop, mut segment: usize, fraction: f64) {
+    /// Applies the impulse of a drop to the wood that it strikes, which absorbs its water. `segment`: index over the wood of all
+    /// plants.
+    fn hit_wood(&mut self, drop: &FallingDrop, mut segment: usize, hit: WoodHit) {
+        let fraction = hit.fraction;
         for (plant, wood) in self.wood.iter().enumerate() {
             if segment >= wood.len() {
                 segment -= wood.len();
@@ -369,33 +387,35 @@ impl RainSimulation {
             let plant = &mut self.plants[plant];
             let relative = drop.v - plant.wood_velocity(segment, fraction);
             let direction = relative.normalize_or_zero();
-            let m = WATER * drop.volume;
+            let m = WATER_DENSITY * drop.volume;
             let inverse_mass = plant.wood_inverse_effective_mass(segment, fraction, direction);
             let energy = 0.5 * m * relative.length_squared();
             let j = impact_impulse(self.params.impact, m, relative.length(), inverse_mass, energy, 0.0);
-            plant.apply_wood_impulse(segment, fraction, direction * (j * self.params.gain));
+            plant.apply_wood_impulse(segment, fraction, direction * (j * self.params.impulse_factor));
             break;
         }
         self.events.push(RainEvent::new(DropEventKind::Wood, drop.id, self.t, drop.p, drop.volume));
         self.water_on_wood += drop.volume;
     }
 
-    /// A drop strikes a leaf: it passes through a hole, or transfers an impulse, splashes, and stays as a sessile drop.
+    /// Lets a drop strike a leaf: it falls through a hole, or transfers an impulse, may splash, and becomes a sessile drop.
     fn hit_leaf(&mut self, drop: &FallingDrop, i: usize, hit: &LeafHit) {
         let (pose, leaf) = (self.poses[i], &self.leaves[i]);
-        let uv = leaf.sheet.uv_of(hit.triangle, hit.weights);
-        let Some(surface) = leaf.at(uv).filter(|_| leaf.sheet.stops(uv)) else {
+        let uv = leaf.blade.interpolate_uv(hit.triangle, hit.weights);
+        let Some(surface) = leaf.point_at(uv).filter(|_| leaf.blade.is_solid(uv)) else {
             // A hole of the alpha mask, or the very edge of a triangle at the margin, where no surface is found.
-            self.air.push(FallingDrop { ignore_leaf: Some((i, self.t + IGNORE_LEAF_TIME)), ..*drop });
+            let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: self.t + IGNORE_LEAF_TIME });
+            self.air.push(FallingDrop { ignore_leaf, ..*drop });
             return;
         };
+        // Velocity relative to the material point of the leaf, and the normal of the side that it comes from.
         let point = pose.position + pose.orientation * surface.p;
         let mut relative = drop.v - pose.velocity_at(point);
         let up = pose.orientation * surface.n;
         let side = if relative.dot(up) <= 0.0 { 1.0 } else { -1.0 };
         let n = up * side;
         let approach = (-relative.dot(n)).max(0.0);
-        let m = WATER * drop.volume;
+        let m = WATER_DENSITY * drop.volume;
         let LeafAttachment { plant, leaf: leaf_on_plant, .. } = self.attachments[i];
         // Momentum acts along the normal; the paper's energy model pushes the leaf along the drop's flight.
         let direction = match self.params.impact {
@@ -406,16 +426,16 @@ impl RainSimulation {
         let energy = 0.5 * m * relative.length_squared();
         let leaf_speed = -pose.velocity_at(point).dot(direction);
         let j = impact_impulse(self.params.impact, m, approach, inverse_mass, energy, leaf_speed);
-        self.plants[plant].apply_impulse(leaf_on_plant, point, direction * (-j * self.params.gain));
-        self.counters = self.counters.combine(DropCounters { struck: 1, hardest: j, ..DropCounters::default() });
-        // We = rho u^2 d / gamma compares inertia with surface tension.
+        self.plants[plant].apply_impulse(leaf_on_plant, point, direction * (-j * self.params.impulse_factor));
+        self.counters = self.counters.combine(DropCounters { impacts: 1, max_impulse: j, ..DropCounters::default() });
+        // Weber number We = rho u^2 d / gamma: the ratio of inertia to surface tension decides whether the drop splashes.
         let mut volume = drop.volume;
-        let weber = WATER * approach * approach * sphere_diameter(volume) / TENSION;
+        let weber = WATER_DENSITY * approach * approach * sphere_diameter(volume) / WATER_SURFACE_TENSION;
         if weber > SPLASH_WEBER_NUMBER && self.params.splash > 0.0 {
             volume -= self.splash(drop, i, point, n, relative);
         }
         let event = RainEvent::new(DropEventKind::Struck, drop.id, self.t, point, volume);
-        self.events.push(RainEvent { leaf: Some(i), blow: j * self.params.gain, ..event });
+        self.events.push(RainEvent { leaf: Some(i), impulse: j * self.params.impulse_factor, ..event });
         // The drop keeps a part of its tangential velocity relative to the leaf.
         relative -= n * relative.dot(n);
         let v = pose.orientation.inverse() * relative * self.params.tangent_keep;
@@ -429,20 +449,21 @@ impl RainSimulation {
         let count = SPLASH_DROPLETS[0] + draw.below(SPLASH_DROPLETS[1]);
         let [least, most] = SPLASH_DIAMETERS;
         let sizes: Vec<f64> = (0..count).map(|_| sphere_volume(draw.range(least, most))).collect();
-        let whole: f64 = sizes.iter().sum();
+        let sum: f64 = sizes.iter().sum();
         let (x, y) = n.any_orthonormal_pair();
         let mut ejected = 0.0;
         for size in sizes {
-            // Sizes give the shares of the splashed volume, so that it is met exactly.
-            let volume = splashed * size / whole;
+            // Drawn sizes determine fractions of the splashed volume, so that it is conserved exactly.
+            let volume = splashed * size / sum;
+            // A direction of the crown: polar angle from the normal, azimuth around it.
             let azimuth = draw.range(0.0, std::f64::consts::TAU);
             let polar = draw.range(SPLASH_ANGLES[0], SPLASH_ANGLES[1]).to_radians();
-            let level = x * math::cos(azimuth) + y * math::sin(azimuth);
-            let direction = n * math::cos(polar) + level * math::sin(polar);
+            let tangent = x * math::cos(azimuth) + y * math::sin(azimuth);
+            let direction = n * math::cos(polar) + tangent * math::sin(polar);
             let speed = draw.range(SPLASH_SPEEDS[0], SPLASH_SPEEDS[1]) * relative.length();
             let v = direction * speed + self.poses[leaf].velocity_at(point);
             let id = self.next_id() | SPLASH_ID;
-            let ignore_leaf = Some((leaf, self.t + IGNORE_LEAF_TIME));
+            let ignore_leaf = Some(IgnoredLeaf { leaf, until: self.t + IGNORE_LEAF_TIME });
             let p = point + n * SPLASH_OFFSET;
             let event = RainEvent::new(DropEventKind::Born, id, self.t, p, volume);
             self.events.push(RainEvent { other: Some(drop.id), ..event });
@@ -452,8 +473,8 @@ impl RainSimulation {
         ejected
     }
 
-    /// Advances the drops on all leaves in parallel, then applies their loads and collects what they produced leaf by leaf, so
-    /// that identifiers and sums do not depend on threads.
+    /// Advances the drops on all leaves in parallel, then applies their loads and collects their results leaf by leaf, so that
+    /// identifiers and sums do not depend on threads.
     fn step_leaves(&mut self, h: f64) {
         let (t, params) = (self.t, &self.params);
         let mut jobs: Vec<(&mut RainLeaf, LeafPose)> = self.leaves.iter_mut().zip(self.poses.iter().copied()).collect();
@@ -473,13 +494,13 @@ impl RainSimulation {
             plant.set_attached_mass(leaf, result.attached.mass, result.attached.center);
             self.counters = self.counters.combine(result.counters);
             self.events.extend(result.events.iter().map(|e| RainEvent { leaf: Some(i), ..*e }));
-            self.wet_spots.extend(result.wet_spots.drain(..).map(|spot| (i, spot)));
+            self.wet_spots.extend(result.wet_spots.drain(..).map(|spot| LeafWetSpot { leaf: i, spot }));
         }
         // A whole drop keeps its identifier; a part of one gets a new one and names the drop it came from.
         for (i, result) in results.iter().enumerate() {
             for drop in &result.detached {
                 let id = if drop.is_whole { drop.id } else { self.next_id() };
-                let ignore_leaf = Some((i, t + IGNORE_LEAF_TIME));
+                let ignore_leaf = Some(IgnoredLeaf { leaf: i, until: t + IGNORE_LEAF_TIME });
                 let other = (!drop.is_whole).then_some(drop.id);
                 let event = RainEvent::new(DropEventKind::Fell, id, t, drop.p, drop.volume);
                 self.events.push(RainEvent { leaf: Some(i), other, ..event });

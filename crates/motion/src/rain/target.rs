@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use crate::rods::RodSystem;
 use osier_base::Result;
 
-/// Pose and motion of a leaf in the world. Its blade is rigid.
+/// Pose and motion of a leaf, whose blade is rigid, in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeafPose {
     /// Origin of leaf space (the end of the stalk), m.
@@ -58,9 +58,9 @@ impl LeafPose {
 /// A straight piece of a branch: a tapered capsule between two points of the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WoodSegment {
-    /// End points, m.
+    /// End points in the world, m.
     pub ends: [DVec3; 2],
-    /// Radii at the end points, m.
+    /// Radii at the end points, m; linear between them.
     pub radii: [f64; 2],
 }
 

@@ -17,7 +17,8 @@ pub(super) const RUNS: f64 = 1e-3;
 pub(super) fn numbers(moments: &[RainFrame]) -> BTreeMap<u64, u32> {
     let mut known = BTreeMap::new();
     for m in moments {
-        let seen = m.lying.iter().map(|d| d.id).chain(m.hanging.iter().map(|d| d.id)).chain(m.air.iter().map(|d| d.id));
+        let seen =
+            m.sessile.iter().map(|d| d.id).chain(m.pendant.iter().map(|d| d.id)).chain(m.airborne.iter().map(|d| d.id));
         let told = m.events.iter().flat_map(|e| e.other.into_iter().chain([e.id]));
         for id in seen.chain(told) {
             let next = u32::try_from(known.len()).unwrap_or(u32::MAX);
@@ -31,11 +32,11 @@ pub(super) fn numbers(moments: &[RainFrame]) -> BTreeMap<u64, u32> {
 pub(super) fn drops(moment: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<u64, u32>, start: f64) -> Drops {
     let number = |id: &u64| numbers.get(id).copied().unwrap_or(u32::MAX);
     let mut now = Vec::new();
-    for d in &moment.lying {
+    for d in &moment.sessile {
         lies(moment, (d, &leaves[d.leaf]), number(&d.id), &mut now);
     }
-    now.extend(moment.hanging.iter().map(|d| {
-        let blade = &moment.blades[d.leaf];
+    now.extend(moment.pendant.iter().map(|d| {
+        let blade = &moment.leaf_poses[d.leaf];
         let p = blade.position + blade.orientation * d.p;
         DropNow {
             leaf: u32::try_from(d.leaf).ok(),
@@ -43,18 +44,18 @@ pub(super) fn drops(moment: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<
             velocity: blade.velocity_at(p).as_vec3(),
             a: narrow(d.radius),
             axis: (blade.orientation * d.axis).as_vec3(),
-            thin: narrow(d.thin),
+            thin: narrow(d.necking),
             ..plain(number(&d.id), DropState::Hangs, d.volume)
         }
     }));
-    now.extend(moment.air.iter().map(|d| DropNow {
+    now.extend(moment.airborne.iter().map(|d| DropNow {
         place: d.p.as_vec3(),
         velocity: d.v.as_vec3(),
         a: narrow(sphere_diameter(d.volume) / 2.0),
         ..plain(number(&d.id), DropState::Falls, d.volume)
     }));
     let events = moment.events.iter().map(|e| event(e, number(&e.id), e.other.map(|id| number(&id)), start));
-    let leaves = moment.blades.iter().zip(&moment.wetness).map(|(blade, wetness)| LeafNow {
+    let leaves = moment.leaf_poses.iter().zip(&moment.wetness).map(|(blade, wetness)| LeafNow {
         drops: 0,
         volume: 0.0,
         wetness: narrow(*wetness),
@@ -62,8 +63,8 @@ pub(super) fn drops(moment: &RainFrame, leaves: &[RainLeaf], numbers: &BTreeMap<
         turn: blade.orientation.as_quat(),
     });
     let mut leaves: Vec<LeafNow> = leaves.collect();
-    let lying = moment.lying.iter().map(|d| (d.leaf, d.volume));
-    for (leaf, volume) in lying.chain(moment.hanging.iter().map(|d| (d.leaf, d.volume))) {
+    let lying = moment.sessile.iter().map(|d| (d.leaf, d.volume));
+    for (leaf, volume) in lying.chain(moment.pendant.iter().map(|d| (d.leaf, d.volume))) {
         leaves[leaf].drops += 1;
         leaves[leaf].volume += volume;
     }
@@ -93,13 +94,13 @@ fn plain(id: u32, state: DropState, volume: f64) -> DropNow {
 
 /// A drop on a leaf, and its tail.
 fn lies(moment: &RainFrame, (d, leaf): (&SessileDrop, &RainLeaf), id: u32, out: &mut Vec<DropNow>) {
-    let blade = &moment.blades[d.leaf];
+    let blade = &moment.leaf_poses[d.leaf];
     let running = d.v.length() > RUNS;
     let head = if running { DropState::Runs } else { DropState::Rests };
-    for (k, bead) in d.beads.iter().enumerate() {
-        let p = blade.position + blade.orientation * leaf.at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
-        let tail = u32::try_from(d.beads.len() - 1).unwrap_or(u32::MAX);
-        let (q, s) = if k == 0 { (d.print.q, d.print.skew) } else { (1.0, 0.0) };
+    for (k, bead) in d.caps.iter().enumerate() {
+        let p = blade.position + blade.orientation * leaf.point_at(bead.uv).map_or(DVec3::ZERO, |s| s.p);
+        let tail = u32::try_from(d.caps.len() - 1).unwrap_or(u32::MAX);
+        let (q, s) = if k == 0 { (d.footprint.stretch, d.footprint.skew) } else { (1.0, 0.0) };
         out.push(DropNow {
             leaf: u32::try_from(d.leaf).ok(),
             tail: if k == 0 { tail } else { 0 },
@@ -119,14 +120,14 @@ fn lies(moment: &RainFrame, (d, leaf): (&SessileDrop, &RainLeaf), id: u32, out: 
 
 fn event(e: &RainEvent, id: u32, other: Option<u32>, start: f64) -> DropEvent {
     DropEvent {
-        what: e.what,
+        what: e.kind,
         t: e.t - start,
         id,
         other,
         leaf: e.leaf.and_then(|l| u32::try_from(l).ok()),
         place: e.p.as_vec3(),
         volume: e.volume,
-        blow: narrow(e.blow),
+        blow: narrow(e.impulse),
     }
 }
 
@@ -139,8 +140,8 @@ pub(super) fn slots(moments: &[RainFrame]) -> (Vec<Vec<u32>>, usize) {
     let mut all = Vec::new();
     for (frame, moment) in (0_u64..).zip(moments) {
         resting.retain(|(until, slot)| *until > frame || !free.insert(*slot));
-        let mut now = Vec::with_capacity(moment.air.len());
-        for drop in &moment.air {
+        let mut now = Vec::with_capacity(moment.airborne.len());
+        for drop in &moment.airborne {
             let slot = held.get(&drop.id).map_or_else(
                 || {
                     free.pop_first().unwrap_or_else(|| {

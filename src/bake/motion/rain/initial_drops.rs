@@ -21,7 +21,7 @@ pub fn check(lying: &[SessileDropKeys], leaves: &[RainLeaf]) -> Result<()> {
             return Err(Error::export("S004", text));
         };
         let uv = DVec2::from_array(drop.at);
-        if leaf.at(uv).is_none() || !leaf.sheet.stops(uv) {
+        if leaf.point_at(uv).is_none() || !leaf.blade.is_solid(uv) {
             let text = format!(
                 "rain.lying.{i}.at is [{}, {}], where leaf {} has no blade; [0.5, 0.5] is the middle of its picture",
                 drop.at[0], drop.at[1], drop.leaf

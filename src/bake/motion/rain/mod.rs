@@ -24,7 +24,7 @@ use osier_base::math::narrow;
 use osier_base::par::{par_map, par_map_mut};
 use osier_motion::rain::{
     AlphaMask, DropMesh, DropParams, LeafAttachment, LeafCollider, LeafPose, LeafSurface, LeafWaterMaps, PendantShapes,
-    RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, VeinMap, WetSpot,
+    RainConfig, RainEmitter, RainFrame, RainLeaf, RainSimulation, RainTarget, StaticPlant, UvRaster, VeinMap,
     WoodSegment, sphere_diameter,
 };
 use osier_motion::rods::RodPlant;
@@ -228,9 +228,9 @@ fn leaves(
                 .prototypes
                 .iter()
                 .map(|p| {
-                    let cover = AlphaMask::of(&p.mesh, materials, images);
-                    let grooves = VeinMap::of(&p.mesh, materials, images);
-                    let sheet = Arc::new(LeafSurface::new(&p.mesh)?.with(cover, grooves));
+                    let cover = AlphaMask::from_mesh(&p.mesh, materials, images);
+                    let grooves = VeinMap::from_mesh(&p.mesh, materials, images);
+                    let sheet = Arc::new(LeafSurface::new(&p.mesh)?.with_maps(cover, grooves));
                     let target = Arc::new(LeafCollider::new(&sheet));
                     Some((sheet, target))
                 })
@@ -352,8 +352,8 @@ fn record(
     for frame in 0..frames {
         context.cancel.check()?;
         storm.check_water_budget(recipe.clip.start + u32::try_from(frame).unwrap_or(u32::MAX))?;
-        let moment = RainFrame::of(storm);
-        held += moment.bytes();
+        let moment = RainFrame::capture(storm);
+        held += moment.memory_bytes();
         context.limits.check("motion-keys", held / KEY, HELD)?;
         for (k, (bearer, dressing)) in storm.plants().iter().zip(dressings).enumerate() {
             let shown = bearer.posed_rods().zip(dressing.as_ref()).zip(assets.get(k));
@@ -382,7 +382,7 @@ fn moisten(plants: &mut [Vec<AssetFrame>], found: &[SceneLeaf], wetness: &[f64])
 }
 
 fn shapes(moments: &[RainFrame], g: f64) -> BTreeMap<u64, PendantShapes> {
-    let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.hanging).map(|h| h.radius.to_bits()).collect();
+    let radii: BTreeSet<u64> = moments.iter().flat_map(|m| &m.pendant).map(|h| h.radius.to_bits()).collect();
     let radii: Vec<u64> = radii.into_iter().collect();
     let made = par_map(&radii, |bits| PendantShapes::new(f64::from_bits(*bits), g));
     radii.into_iter().zip(made).collect()
@@ -398,13 +398,13 @@ impl RainPlayback {
     fn water(&self, nth: u64) -> DropMesh {
         let moment = self.moment(nth);
         let mut water = DropMesh::default();
-        for drop in &moment.lying {
-            water.add_sessile(&self.leaves[drop.leaf], &moment.blades[drop.leaf], drop);
+        for drop in &moment.sessile {
+            water.add_sessile(&self.leaves[drop.leaf], &moment.leaf_poses[drop.leaf], drop);
             self.mark(&mut water, drop.id);
         }
-        for drop in &moment.hanging {
+        for drop in &moment.pendant {
             if let Some(shapes) = self.shapes.get(&drop.radius.to_bits()) {
-                water.add_pendant(&moment.blades[drop.leaf], drop, shapes);
+                water.add_pendant(&moment.leaf_poses[drop.leaf], drop, shapes);
                 self.mark(&mut water, drop.id);
             }
         }
@@ -424,7 +424,7 @@ impl RainPlayback {
         let slots = self.slots.get(usize::try_from(nth).unwrap_or(usize::MAX)).map_or(&[][..], Vec::as_slice);
         let n = self.capacity;
         let (mut p, mut w, mut v) = (vec![Vec3::ZERO; n], vec![0.0; n], vec![Vec3::ZERO; n]);
-        for (drop, slot) in moment.air.iter().zip(slots) {
+        for (drop, slot) in moment.airborne.iter().zip(slots) {
             let k = *slot as usize;
             (p[k], w[k], v[k]) = (drop.p.as_vec3(), narrow(sphere_diameter(drop.volume)), drop.v.as_vec3());
         }
@@ -495,8 +495,8 @@ impl RainPlayback {
             let mut jobs: Vec<(&mut LeafWaterMaps, &MappedLeaf)> =
                 now.wet.iter_mut().zip(&self.mapped_leaves).collect();
             par_map_mut(&mut jobs, |(wet, mapped)| {
-                let (blobs, soaks): (_, Vec<WetSpot>) = moment.on(mapped.leaf);
-                wet.advance(&self.leaves[mapped.leaf].sheet, &blobs, &soaks, moment.t, &self.manner);
+                let water = moment.leaf_water(mapped.leaf);
+                wet.advance(&self.leaves[mapped.leaf].blade, &water.caps, &water.wet_spots, moment.t, &self.manner);
             });
             now.done += 1;
         }

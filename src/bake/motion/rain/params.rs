@@ -6,7 +6,7 @@ use crate::recipe::scene::{
 };
 use osier_motion::rain::{
     CapShape, DropParams, DropSizes, FrictionModel, ImpactLaw, IntensityEnvelope, LeverArm, MergeRule, RainfallParams,
-    WettingParams, capillary,
+    WettingParams, capillary_length,
 };
 
 pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
@@ -14,52 +14,52 @@ pub(super) fn manner(rain: &RainRecipe, seed: u64) -> DropParams {
     DropParams {
         seed,
         wetting: WettingParams {
-            theta: drop.theta,
+            contact_angle: drop.theta,
             receding: drop.receding,
             advancing: drop.advancing,
-            omega: drop.omega,
+            height_factor: drop.omega,
             shape: match drop.shape {
                 DropShape::Flattened => CapShape::Flattened,
                 DropShape::Paper => CapShape::Paper,
                 DropShape::PaperWedge => CapShape::Wedge,
             },
-            lambda: drop.lambda,
-            capillary: capillary(rain.keys.g),
+            wedge_base: drop.lambda,
+            capillary_length: capillary_length(rain.keys.g),
         },
         g: rain.keys.g,
         impact: match impact.model {
             ImpactModel::Momentum => ImpactLaw::Momentum { restitution: impact.restitution },
             ImpactModel::PaperEnergy => ImpactLaw::PaperEnergy { eps: impact.eps },
         },
-        gain: impact.gain,
+        impulse_factor: impact.gain,
         splash: impact.splash,
         tangent_keep: impact.tangent_keep,
         friction: match drop.friction {
             DropFriction::Retention => FrictionModel::Retention,
             DropFriction::Paper => FrictionModel::Paper,
         },
-        mu: drop.mu,
-        h: drop.h,
-        k_f: drop.k_f,
-        tau_v: drop.tau_v,
-        pin_noise: drop.pin_noise,
+        friction_coefficient: drop.mu,
+        friction_force: drop.h,
+        retention_factor: drop.k_f,
+        velocity_decay_time: drop.tau_v,
+        pinning_noise: drop.pin_noise,
         merge: match drop.merge {
             DropMerge::Touch => MergeRule::Touch,
             DropMerge::Paper => MergeRule::Paper,
         },
-        k_h: drop.k_h,
+        attraction_force: drop.k_h,
         lever: match drop.lever {
             DropLever::Physical => LeverArm::Physical,
             DropLever::Paper => LeverArm::Paper(drop.phi_c),
         },
-        tail_beta: drop.tail_beta,
-        tail_n: drop.tail_n,
-        rough: drop.rough,
-        bead: drop.bead,
+        tail_ratio: drop.tail_beta,
+        tail_drops: drop.tail_n,
+        tail_amount: drop.rough,
+        bead_probability: drop.bead,
         tip_radius: drop.tip_radius,
-        zeta: wet.zeta,
-        half_life: wet.half_life,
-        wet_length: wet.length,
+        decay_fraction: wet.zeta,
+        decay_time: wet.half_life,
+        decay_length: wet.length,
     }
 }
 
@@ -70,9 +70,9 @@ pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
         seed: recipe.seed,
         intensity: keys.rate / 3.6e6,
         size: match keys.size {
-            RainSize::Natural => DropSizes::Natural,
+            RainSize::Natural => DropSizes::MarshallPalmer,
             RainSize::Fixed => DropSizes::Fixed(keys.diameter),
-            RainSize::LogNormal => DropSizes::LogNormal(keys.diameter, keys.spread),
+            RainSize::LogNormal => DropSizes::LogNormal { median: keys.diameter, sigma: keys.spread },
         },
         total: keys.total.map(f64::from),
         envelope: match keys.envelope {
@@ -80,7 +80,7 @@ pub(super) fn rainfall(rain: &RainRecipe, recipe: &Recipe) -> RainfallParams {
             RainEnvelope::Bell => {
                 let half = keys.before + (duration - keys.before) / 2.0;
                 let middle = keys.middle.map_or(half, |t| t + keys.before);
-                IntensityEnvelope::Bell(middle, keys.width.unwrap_or((duration - keys.before) / 4.0))
+                IntensityEnvelope::Bell { center: middle, width: keys.width.unwrap_or((duration - keys.before) / 4.0) }
             }
             RainEnvelope::Keys => IntensityEnvelope::Keys(
                 keys.keys.iter().map(|k| [k[0] + keys.before, k.get(1).copied().unwrap_or(0.0)]).collect(),

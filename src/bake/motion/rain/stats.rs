@@ -42,9 +42,9 @@ pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
     let wetting = &manner.wetting;
     let (rate, area) = falls.map(|(rate, area)| (rate, (area * 1e4).round() / 1e4)).unzip();
     let parameters = serde_json::json!({
-        "rate_mm_per_h": rate, "rained_on_m2": area, "theta_deg": degrees(wetting.theta), "receding_deg": degrees(wetting.receding),
-        "advancing_deg": degrees(wetting.advancing), "tau_v_s": manner.tau_v, "tangent_keep": manner.tangent_keep,
-        "tip_radius_m": manner.tip_radius, "half_life_s": manner.half_life,
+        "rate_mm_per_h": rate, "rained_on_m2": area, "theta_deg": degrees(wetting.contact_angle), "receding_deg": degrees(wetting.receding),
+        "advancing_deg": degrees(wetting.advancing), "tau_v_s": manner.velocity_decay_time, "tangent_keep": manner.tangent_keep,
+        "tip_radius_m": manner.tip_radius, "half_life_s": manner.decay_time,
     });
     let (totals, outcome) = (find(&TOTAL), find(&["water_leaves", "water_hanging", "fell"]));
     Table { name: TABLE.into(), columns, plots, totals, outcome, parameters, said: Vec::new(), watches: Vec::new() }
@@ -52,12 +52,12 @@ pub fn table(manner: &DropParams, falls: Option<(f64, f64)>) -> Table {
 
 /// A row of [`table`].
 pub fn row(m: &RainFrame) -> Vec<f64> {
-    let running = m.lying.iter().filter(|d| d.v.length() > RUNS).count();
-    let (l, t) = (&m.water_budget, &m.tally);
+    let running = m.sessile.iter().filter(|d| d.v.length() > RUNS).count();
+    let (l, t) = (&m.water_budget, &m.counters);
     let mut row: Vec<f64> =
-        [m.air.len(), m.lying.len() - running, running, m.hanging.len()].iter().map(|n| *n as f64).collect();
+        [m.airborne.len(), m.sessile.len() - running, running, m.pendant.len()].iter().map(|n| *n as f64).collect();
     row.extend([l.air, l.leaves, l.pendants, l.ground, l.wood, l.emitted].map(|v| v * MM3));
-    row.extend([t.struck, t.merged, t.beads, t.hung, t.fell].map(|n| n as f64));
-    row.push(t.hardest * 1e6);
+    row.extend([t.impacts, t.mergers, t.beads, t.pendants, t.detachments].map(|n| n as f64));
+    row.push(t.max_impulse * 1e6);
     row
 }

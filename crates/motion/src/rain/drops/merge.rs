@@ -1,92 +1,116 @@
-//! Drops that touch become one.
+//! Coalescence: drops that touch merge into one.
 
 use glam::DVec3;
 
-use crate::rain::drops::drop::SurfaceDrop;
 use crate::rain::drops::rain_leaf::{LeafStep, LeafStepResult, RainLeaf};
-use crate::rain::drops::shape::WATER;
+use crate::rain::drops::surface_drop::SurfaceDrop;
 use crate::rain::event::RainEvent;
 use crate::rain::params::{DropParams, MergeRule};
+use crate::rain::tuning::SWEEP_TOLERANCE;
 use osier_base::math;
+use osier_base::physics::WATER_DENSITY;
 use osier_scene::DropEventKind;
 
-/// Center of a drop, m of leaf space, and its base radius, m; none beyond the blade.
-type DropExtent = Option<(DVec3, f64)>;
+/// The circle by which a drop touches others, in leaf space.
+#[derive(Debug, Clone, Copy)]
+struct ContactCircle {
+    /// Center, m.
+    p: DVec3,
+    /// Base radius of the head, or radius of attachment of a pendant drop, m.
+    radius: f64,
+}
 
 impl RainLeaf {
-    /// Merges drops that touch, pair by pair, until none do: the lighter is absorbed by the heavier.
-    /// Source: [yang-wu] eq. 13; eq. 12 in its own mode.
+    /// Merges drops that touch, pair by pair, until none do: the heavier absorbs the lighter.
+    /// Source: [yang-wu] eq. 13; eq. 12 with [`MergeRule::Paper`].
     pub(super) fn merge_drops(&self, drops: &mut Vec<SurfaceDrop>, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let params = step.params;
         drops.sort_by_key(|d| d.id);
         if drops.iter().all(|d| d.merge_tested) {
             return;
         }
-        let mut places: Vec<DropExtent> = drops.iter().map(|d| self.extent_of(d, params)).collect();
-        while let Some((i, k)) = first_touching_pair(drops, &places, params) {
+        // A drop without a circle lies beyond the blade and touches nothing.
+        let mut circles: Vec<Option<ContactCircle>> = drops.iter().map(|d| self.contact_circle(d, params)).collect();
+        while let Some(DropPair { first: i, second: k }) = first_touching_pair(drops, &circles, params) {
             let (heavy, light) = if drops[k].volume > drops[i].volume { (k, i) } else { (i, k) };
             let gone = drops[light].clone();
-            result.counters.merged += 1;
+            result.counters.mergers += 1;
             self.absorb(&mut drops[heavy], &gone);
-            places[heavy] = self.extent_of(&drops[heavy], params);
-            let p = places[heavy].map_or(step.pose.position, |(p, _)| step.world_point(p));
+            circles[heavy] = self.contact_circle(&drops[heavy], params);
+            let p = circles[heavy].map_or(step.pose.position, |circle| step.world_point(circle.p));
             let kept = &drops[heavy];
             let event = RainEvent::new(DropEventKind::Merged, kept.id, step.t, p, kept.volume);
             result.events.push(RainEvent { other: Some(gone.id), ..event });
             drops.remove(light);
-            places.remove(light);
+            circles.remove(light);
         }
         drops.iter_mut().for_each(|d| d.merge_tested = true);
     }
 
-    fn extent_of(&self, drop: &SurfaceDrop, params: &DropParams) -> DropExtent {
+    fn contact_circle(&self, drop: &SurfaceDrop, params: &DropParams) -> Option<ContactCircle> {
         match drop.pendant {
-            Some(hang) => Some((hang.margin.p, hang.radius)),
-            None => self.at(drop.uv).map(|s| (s.p, drop.head_cap(params, 1.0).a)),
+            Some(anchor) => Some(ContactCircle { p: anchor.margin.p, radius: anchor.radius }),
+            None => {
+                self.point_at(drop.uv).map(|point| ContactCircle { p: point.p, radius: drop.head_cap(params, 1.0).a })
+            }
         }
     }
 
     /// Merges `light` into `heavy`: volumes add, momentum is conserved, the new center is the center of mass. Of two drops of
     /// which one is pendant, the result is pendant.
     fn absorb(&self, heavy: &mut SurfaceDrop, light: &SurfaceDrop) {
-        let whole = heavy.volume + light.volume;
-        let share = light.volume / whole;
+        let volume = heavy.volume + light.volume;
+        // Density is constant, so that fractions of volume weight the center of mass and momentum.
+        let share = light.volume / volume;
         if heavy.pendant.is_none() {
             if light.pendant.is_some() {
-                heavy.detach();
+                heavy.clear_history();
                 heavy.pendant = light.pendant;
                 heavy.v = DVec3::ZERO;
             } else {
-                let middle = heavy.uv.lerp(light.uv, share);
-                let way = self.at(heavy.uv).zip(self.at(light.uv)).map(|(a, b)| b.p - a.p);
-                if self.at(middle).is_some() {
-                    heavy.uv = middle;
+                let center = heavy.uv.lerp(light.uv, share);
+                let offset = self.point_at(heavy.uv).zip(self.point_at(light.uv)).map(|(a, b)| b.p - a.p);
+                if self.point_at(center).is_some() {
+                    heavy.uv = center;
                 }
                 heavy.v = heavy.v.lerp(light.v, share);
+                // The merged drop begins stretched along the line between the two, then relaxes.
                 heavy.since_merge = 0.0;
-                heavy.axis = way.unwrap_or(heavy.axis).normalize_or(heavy.axis);
+                heavy.axis = offset.unwrap_or(heavy.axis).normalize_or(heavy.axis);
             }
         }
-        heavy.volume = whole;
+        heavy.volume = volume;
         heavy.merge_tested = false;
         heavy.last_wet_uv = None;
     }
 }
 
-/// The first two drops that touch, in the order of their indices. Only pairs with a drop that has moved are tested: centers are
-/// sorted along the leaf (sweep and prune), and the largest radius bounds how far to look.
-fn first_touching_pair(drops: &[SurfaceDrop], places: &[DropExtent], params: &DropParams) -> Option<(usize, usize)> {
-    let mut row: Vec<(f64, usize)> = (0..).zip(places).filter_map(|(i, p)| Some((p.as_ref()?.0.y, i))).collect();
-    row.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let widest = places.iter().flatten().fold(0.0, |m: f64, p| m.max(p.1));
-    let mut first: Option<(usize, usize)> = None;
-    for (moved, place) in places.iter().enumerate().filter(|(i, _)| !drops[*i].merge_tested) {
-        let Some((p, radius)) = place else { continue };
-        let reach = (radius + widest) * (1.0 + 1e-9);
-        let from = row.partition_point(|(y, _)| *y < p.y - reach);
-        for (_, other) in row[from..].iter().take_while(|(y, _)| *y <= p.y + reach) {
-            let pair = (moved.min(*other), moved.max(*other));
-            if pair.0 != pair.1 && first.is_none_or(|f| pair < f) && drops_touch(drops, places, pair, params) {
+/// Indices of two drops, the smaller first; ordered by them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct DropPair {
+    first: usize,
+    second: usize,
+}
+
+/// The first pair of drops that touch, in the order of their indices. Only pairs with a drop that has moved are tested.
+fn first_touching_pair(
+    drops: &[SurfaceDrop],
+    circles: &[Option<ContactCircle>],
+    params: &DropParams,
+) -> Option<DropPair> {
+    // Sweep and prune: sort the centers along the leaf; the largest radius bounds how far from a drop another can touch it.
+    let mut sorted: Vec<(f64, usize)> =
+        (0..).zip(circles).filter_map(|(i, circle)| Some((circle.as_ref()?.p.y, i))).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let max_radius = circles.iter().flatten().fold(0.0, |m: f64, circle| m.max(circle.radius));
+    let mut first: Option<DropPair> = None;
+    for (moved, circle) in circles.iter().enumerate().filter(|(i, _)| !drops[*i].merge_tested) {
+        let Some(ContactCircle { p, radius }) = circle else { continue };
+        let reach = (radius + max_radius) * (1.0 + SWEEP_TOLERANCE);
+        let from = sorted.partition_point(|(y, _)| *y < p.y - reach);
+        for &(_, other) in sorted[from..].iter().take_while(|(y, _)| *y <= p.y + reach) {
+            let pair = DropPair { first: moved.min(other), second: moved.max(other) };
+            if moved != other && first.is_none_or(|f| pair < f) && drops_touch(drops, circles, pair, params) {
                 first = Some(pair);
             }
         }
@@ -94,18 +118,20 @@ fn first_touching_pair(drops: &[SurfaceDrop], places: &[DropExtent], params: &Dr
     first
 }
 
-fn drops_touch(drops: &[SurfaceDrop], places: &[DropExtent], pair: (usize, usize), params: &DropParams) -> bool {
-    let (i, k) = pair;
-    let (Some(a), Some(b)) = (places[i], places[k]) else { return false };
-    let hangs = drops[i].pendant.is_some() || drops[k].pendant.is_some();
+/// Whether two drops on the same side of the leaf touch. A pendant drop, at the margin, touches drops on both sides.
+fn drops_touch(drops: &[SurfaceDrop], circles: &[Option<ContactCircle>], pair: DropPair, params: &DropParams) -> bool {
+    let DropPair { first: i, second: k } = pair;
+    let (Some(a), Some(b)) = (circles[i], circles[k]) else { return false };
+    let any_pendant = drops[i].pendant.is_some() || drops[k].pendant.is_some();
     let reach = match params.merge {
-        MergeRule::Touch => a.1 + b.1,
+        MergeRule::Touch => a.radius + b.radius,
+        // Eq. 12: the attraction k ln(d0 / d) exceeds the friction mu m g of the lighter drop below d = d0 exp(-mu m g / k).
         MergeRule::Paper => {
-            let lighter = WATER * drops[i].volume.min(drops[k].volume) * params.g;
-            (a.1 + b.1) * math::exp(-params.mu * lighter / params.k_h)
+            let lighter = WATER_DENSITY * drops[i].volume.min(drops[k].volume) * params.g;
+            (a.radius + b.radius) * math::exp(-params.friction_coefficient * lighter / params.attraction_force)
         }
     };
-    a.0.distance(b.0) <= reach && (hangs || drops[i].side * drops[k].side > 0.0)
+    a.p.distance(b.p) <= reach && (any_pendant || drops[i].side * drops[k].side > 0.0)
 }
 
 #[cfg(test)]
@@ -123,22 +149,23 @@ mod tests {
         let mut draw = Rng::at(3, &["row".into()]);
         let mut found = 0;
         for merge in [MergeRule::Touch, MergeRule::Paper] {
-            let params = DropParams { merge, mu: 0.3, ..DropParams::default() };
+            let params = DropParams { merge, friction_coefficient: 0.3, ..DropParams::default() };
             for _ in 0..60 {
                 let mut drops = Vec::new();
-                let mut places = Vec::new();
+                let mut circles = Vec::new();
                 for id in 0..40 {
                     let side = if draw.chance(0.8) { 1.0 } else { -1.0 };
                     let mut drop = SurfaceDrop::new(id, side, DVec2::ZERO, DVec3::ZERO, draw.range(1e-9, 3e-8));
                     drop.merge_tested = draw.chance(0.6);
                     drops.push(drop);
                     let p = DVec3::new(draw.range(-0.02, 0.02), draw.range(0.0, 0.08), draw.range(0.0, 0.001));
-                    places.push(draw.chance(0.95).then(|| (p, draw.range(2e-4, 2e-3))));
+                    circles.push(draw.chance(0.95).then(|| ContactCircle { p, radius: draw.range(2e-4, 2e-3) }));
                 }
-                let pairs = (0..40).flat_map(|i| (i + 1..40).map(move |k| (i, k)));
-                let mut moved = pairs.filter(|(i, k)| !(drops[*i].merge_tested && drops[*k].merge_tested));
-                let meant = moved.find(|pair| drops_touch(&drops, &places, *pair, &params));
-                assert_eq!(first_touching_pair(&drops, &places, &params), meant);
+                let pairs = (0..40).flat_map(|i| (i + 1..40).map(move |k| DropPair { first: i, second: k }));
+                let mut moved =
+                    pairs.filter(|pair| !(drops[pair.first].merge_tested && drops[pair.second].merge_tested));
+                let meant = moved.find(|pair| drops_touch(&drops, &circles, *pair, &params));
+                assert_eq!(first_touching_pair(&drops, &circles, &params), meant);
                 found += usize::from(meant.is_some());
             }
         }
@@ -147,8 +174,8 @@ mod tests {
 
     #[test]
     fn one_drop_has_all_the_water_and_momentum_of_both() {
-        let sheet = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
-        let leaf = RainLeaf::new(Arc::new(sheet), 1.0, 0);
+        let blade = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let leaf = RainLeaf::new(Arc::new(blade), 1.0, 0);
         let mut draw = Rng::at(8, &["merge".into()]);
         for id in 0..500 {
             let mut one = |most: f64| {

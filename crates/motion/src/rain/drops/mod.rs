@@ -1,11 +1,11 @@
 //! Drops on leaves: their shape, and how they rest, run, draw tails, merge, hang and detach.
 
-pub(crate) mod drop;
-mod hang;
 mod merge;
-pub(crate) mod pendant;
+mod pendant_drop;
+pub(crate) mod pendant_profile;
 pub(crate) mod rain_leaf;
 mod retention;
-mod run;
-pub(crate) mod shape;
+mod sessile_drop;
+pub(crate) mod spherical_cap;
 mod step;
+pub(crate) mod surface_drop;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::drop::SurfaceDrop;
+use super::surface_drop::SurfaceDrop;
 use crate::rain::event::RainEvent;
 use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use crate::rain::leaf::wetness::WetnessGrid;
@@ -15,16 +15,16 @@ use osier_scene::DropEventKind;
 /// A leaf with the drops on it.
 #[derive(Debug, Clone)]
 pub struct RainLeaf {
-    /// Its blade, shared by all leaves of one form.
-    pub sheet: Arc<LeafSurface>,
+    /// Blade at scale 1, shared by all leaves of one shape.
+    pub blade: Arc<LeafSurface>,
     /// Factor on the size of the blade.
     pub scale: f64,
     /// Drops on the leaf, ordered by identifier.
     pub drops: Vec<SurfaceDrop>,
-    /// Where the leaf is wet.
-    pub dew: WetnessGrid,
+    /// Wetness that acts on drops: tracks and places where drops have been.
+    pub wetness_grid: WetnessGrid,
     /// Index that addresses the leaf's random draws.
-    pub number: u64,
+    pub index: u64,
 }
 
 /// What acts on a leaf during one step.
@@ -36,7 +36,7 @@ pub struct LeafStep<'a> {
     pub t: f64,
     /// Length of the step, s.
     pub h: f64,
-    /// How drops behave.
+    /// Parameters of all drops.
     pub params: &'a DropParams,
 }
 
@@ -45,11 +45,11 @@ pub struct LeafStep<'a> {
 pub struct DetachedDrop {
     /// Identifier of the drop that it was, or was a part of.
     pub id: u64,
-    /// World position, m.
+    /// Position in the world, m.
     pub p: DVec3,
-    /// World velocity, m/s.
+    /// Velocity in the world, m/s.
     pub v: DVec3,
-    /// Volume, m^3.
+    /// Volume of the water that has left, m^3.
     pub volume: f64,
     /// Whether nothing of the drop remains on the leaf.
     pub is_whole: bool,
@@ -62,54 +62,54 @@ pub struct WetSpot {
     pub uv: DVec2,
     /// Base radius of the drop that covered it, m.
     pub a: f64,
-    /// Time, s.
+    /// Time at which it was covered, s.
     pub t: f64,
 }
 
-/// Numbers of events, and the largest impulse, since the simulation began.
+/// Counts of events, and the largest impulse, since the simulation began or of one step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DropCounters {
-    /// Impacts on leaves.
-    pub struck: u64,
+    /// Impacts of drops on leaves.
+    pub impacts: u64,
     /// Drops that merged into others.
-    pub merged: u64,
+    pub mergers: u64,
     /// Beads left behind by tails.
     pub beads: u64,
     /// Drops that became pendant.
-    pub hung: u64,
+    pub pendants: u64,
     /// Detachments, whole or partial.
-    pub fell: u64,
+    pub detachments: u64,
     /// Largest impulse on a leaf, N s.
-    pub hardest: f64,
+    pub max_impulse: f64,
 }
 
 impl DropCounters {
     /// Sums of the counts, and the larger of the impulses.
     pub fn combine(self, o: Self) -> Self {
         Self {
-            struck: self.struck + o.struck,
-            merged: self.merged + o.merged,
+            impacts: self.impacts + o.impacts,
+            mergers: self.mergers + o.mergers,
             beads: self.beads + o.beads,
-            hung: self.hung + o.hung,
-            fell: self.fell + o.fell,
-            hardest: self.hardest.max(o.hardest),
+            pendants: self.pendants + o.pendants,
+            detachments: self.detachments + o.detachments,
+            max_impulse: self.max_impulse.max(o.max_impulse),
         }
     }
 }
 
-/// A force, N, at a world position, m.
+/// A force on a leaf at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointForce {
-    /// Where it acts.
+    /// Point of application in the world, m.
     pub point: DVec3,
-    /// The force.
+    /// Force in the world, N.
     pub force: DVec3,
 }
 
-/// Water that is attached to a leaf.
+/// The water on a leaf as a rigid body attached to it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct AttachedWater {
-    /// Mass, kg.
+    /// Mass of the water, kg.
     pub mass: f64,
     /// Center of mass in the world, m.
     pub center: DVec3,
@@ -122,9 +122,9 @@ pub struct LeafStepResult {
     pub detached: Vec<DetachedDrop>,
     /// Spots that became wet.
     pub wet_spots: Vec<WetSpot>,
-    /// Events by number.
+    /// Counts of the events.
     pub counters: DropCounters,
-    /// Events one by one, in their order.
+    /// The events in the order in which they occurred.
     pub events: Vec<RainEvent>,
     /// Forces on the leaf beyond the weight of the attached water.
     pub forces: Vec<PointForce>,
@@ -140,31 +140,31 @@ impl LeafStep<'_> {
 }
 
 impl LeafStepResult {
-    /// Records that a drop at a point of leaf space has reached the margin, once per visit.
-    pub(super) fn reach_margin(&mut self, step: &LeafStep<'_>, drop: &mut SurfaceDrop, local: DVec3) {
+    /// Records the event `edge` of a drop at a point of leaf space, once per visit of the margin.
+    pub(super) fn record_margin_contact(&mut self, step: &LeafStep<'_>, drop: &mut SurfaceDrop, local: DVec3) {
         if !std::mem::replace(&mut drop.at_margin, true) {
             let p = step.world_point(local);
             self.events.push(RainEvent::new(DropEventKind::Edge, drop.id, step.t, p, drop.volume));
         }
     }
 
-    /// Records that a drop has become pendant at a point of leaf space.
-    pub(super) fn hang(&mut self, step: &LeafStep<'_>, drop: &SurfaceDrop, local: DVec3) {
-        self.counters.hung += 1;
+    /// Records the event `hung` of a drop that has become pendant at a point of leaf space.
+    pub(super) fn record_pendant(&mut self, step: &LeafStep<'_>, drop: &SurfaceDrop, local: DVec3) {
+        self.counters.pendants += 1;
         let p = step.world_point(local);
         self.events.push(RainEvent::new(DropEventKind::Hung, drop.id, step.t, p, drop.volume));
     }
 }
 
 impl RainLeaf {
-    /// A dry leaf.
-    pub fn new(sheet: Arc<LeafSurface>, scale: f64, number: u64) -> Self {
-        Self { sheet, scale, drops: Vec::new(), dew: WetnessGrid::default(), number }
+    /// A dry leaf: a blade scaled by `scale`. `index` addresses its random draws, so it differs from leaf to leaf.
+    pub fn new(blade: Arc<LeafSurface>, scale: f64, index: u64) -> Self {
+        Self { blade, scale, drops: Vec::new(), wetness_grid: WetnessGrid::default(), index }
     }
 
-    /// The surface point at texture coordinates, in m of leaf space; none beyond the blade.
-    pub fn at(&self, uv: DVec2) -> Option<SurfacePoint> {
-        self.sheet.at(uv, self.scale)
+    /// The surface point at texture coordinates, in leaf space; `None` beyond the blade.
+    pub fn point_at(&self, uv: DVec2) -> Option<SurfacePoint> {
+        self.blade.point_at(uv, self.scale)
     }
 
     /// Volume of all water on the leaf, m^3.
@@ -175,13 +175,13 @@ impl RainLeaf {
     /// Wetness of the leaf as a whole at time `t`, s: 0 to 1. The mean of its drying tracks, plus the fraction of its area that
     /// sessile drops of the upper side cover.
     pub fn wetness(&self, t: f64, params: &DropParams) -> f64 {
-        let tracks = self.dew.mean_wetness(self.sheet.occupied_cells(), t, params.drying());
+        let tracks = self.wetness_grid.mean_wetness(self.blade.occupied_cells(), t, params.drying());
         let base = |d: &SurfaceDrop| {
             let a = d.head_cap(params, 1.0).a;
             std::f64::consts::PI * a * a
         };
         let sessile = self.drops.iter().filter(|d| d.pendant.is_none() && d.side > 0.0).map(base);
-        let area = self.sheet.area() * self.scale * self.scale;
+        let area = self.blade.area() * self.scale * self.scale;
         (tracks + sessile.fold(0.0, |sum, b| sum + b) / area.max(f64::MIN_POSITIVE)).min(1.0)
     }
 }

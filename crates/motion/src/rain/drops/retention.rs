@@ -2,21 +2,22 @@
 
 use glam::{DVec2, DVec3};
 
-use super::drop::SurfaceDrop;
 use super::rain_leaf::{LeafStep, RainLeaf};
-use super::shape::{SphericalCap, TENSION};
+use super::spherical_cap::SphericalCap;
+use super::surface_drop::SurfaceDrop;
 use crate::rain::leaf::surface::SurfacePoint;
 use crate::rain::params::DropParams;
 use crate::rain::tuning::{FRONT_DISTANCE, MAX_LEAF_ACCELERATION, PINNING_NOISE_CELLS, WET_RELIEF};
 use osier_base::math;
 use osier_base::noise::gradient2;
+use osier_base::physics::WATER_SURFACE_TENSION;
 use osier_base::rng::Rng;
 
-/// Gravity less the leaf's acceleration, in leaf space, split at the surface.
+/// Effective gravity on a drop, in leaf space, with its components at the surface.
 pub(super) struct EffectiveGravity {
     /// Unit normal of the surface on the drop's side.
     pub normal: DVec3,
-    /// The whole of it, m/s^2.
+    /// Gravity less the leaf's acceleration, m/s^2.
     pub total: DVec3,
     /// Component along the surface, m/s^2.
     pub tangential: DVec3,
@@ -24,21 +25,23 @@ pub(super) struct EffectiveGravity {
     pub onto: f64,
 }
 
-/// Gravity less the leaf's acceleration at a point of leaf space, in leaf space, m/s^2.
+/// Effective gravity in the accelerated frame of the leaf, g - a, at a point of leaf space, in leaf space, m/s^2.
 pub(super) fn effective_gravity(step: &LeafStep<'_>, local: DVec3) -> DVec3 {
     let point = step.world_point(local);
+    // An impact accelerates the leaf within a single step; unlimited it would throw off every drop.
     let acceleration = step.pose.acceleration_at(point).clamp_length_max(MAX_LEAF_ACCELERATION);
     step.pose.orientation.inverse() * (DVec3::NEG_Y * step.params.g - acceleration)
 }
 
-/// Retention of a straight contact line per m of its width, N/m. Source: Furmidge 1962, gamma (cos receding - cos advancing).
+/// Contact-angle hysteresis cos(receding) - cos(advancing). Source: Furmidge 1962; times gamma it is the retention force per width
+/// of the contact line.
 fn hysteresis(params: &DropParams) -> f64 {
     math::cos(params.wetting.receding) - math::cos(params.wetting.advancing)
 }
 
-/// Force that holds a drop of base radius `a`, m, on a dry, even surface, N.
+/// Retention force on a dry, uniform surface, N: k gamma 2 a (cos receding - cos advancing). `a`: base radius, m.
 pub(super) fn dry_retention(params: &DropParams, a: f64) -> f64 {
-    params.k_f * TENSION * 2.0 * a * hysteresis(params)
+    params.retention_factor * WATER_SURFACE_TENSION * 2.0 * a * hysteresis(params)
 }
 
 impl RainLeaf {
@@ -49,8 +52,8 @@ impl RainLeaf {
         EffectiveGravity { normal, total: g, tangential: g - normal * g.dot(normal), onto: -g.dot(normal) }
     }
 
-    /// Force that holds back a drop that moves or would move along `direction`, N: Furmidge's, uneven over the leaf, and less
-    /// where the surface ahead is wet.
+    /// Retention force by contact-angle hysteresis on a drop that moves or would move along the unit tangent `direction`, N. Pinning
+    /// varies over the leaf, and a wet surface ahead holds less.
     pub(super) fn retention_force(
         &self,
         drop: &SurfaceDrop,
@@ -60,19 +63,20 @@ impl RainLeaf {
         step: &LeafStep<'_>,
     ) -> f64 {
         let params = step.params;
-        // A stretched footprint is narrower across its motion.
+        // The force acts on the width of the contact line across the motion, which a stretch reduces.
         let width = 2.0 * cap.a / drop.stretch();
         let noise = self.pinning_noise(drop.uv, params);
-        let ahead = drop.uv + surface.uv(direction * (FRONT_DISTANCE * cap.a));
-        let wet = self.dew.wetness(ahead, step.t, params.drying());
-        let even = params.k_f * TENSION * width * hysteresis(params);
-        even * (1.0 + params.pin_noise * noise) * (1.0 - WET_RELIEF * wet)
+        // Only the advancing front meets a new surface, so its wetness counts, not that under the drop.
+        let ahead = drop.uv + surface.uv_offset(direction * (FRONT_DISTANCE * cap.a));
+        let wet = self.wetness_grid.wetness(ahead, step.t, params.drying());
+        let uniform = params.retention_factor * WATER_SURFACE_TENSION * width * hysteresis(params);
+        uniform * (1.0 + params.pinning_noise * noise) * (1.0 - WET_RELIEF * wet)
     }
 
-    /// Unevenness of the leaf's retention at texture coordinates, about -1 to 1.
+    /// Gradient noise of the leaf's pinning at texture coordinates, about -1 to 1; constant over time, different from leaf to leaf.
     pub(super) fn pinning_noise(&self, uv: DVec2, params: &DropParams) -> f64 {
         let p = [math::narrow(uv.x * PINNING_NOISE_CELLS), math::narrow(uv.y * PINNING_NOISE_CELLS)];
-        let key = Rng::key(params.seed, &["pin".into(), self.number.into()]);
+        let key = Rng::key(params.seed, &["pin".into(), self.index.into()]);
         f64::from(gradient2(key, p, [4096, 4096]))
     }
 }

@@ -2,22 +2,22 @@
 
 use glam::DVec3;
 
-use super::drop::{MIN_BEAD_RADIUS, SurfaceDrop};
 use super::rain_leaf::{AttachedWater, LeafStep, LeafStepResult, PointForce, RainLeaf, WetSpot};
-use super::shape::WATER;
+use super::surface_drop::SurfaceDrop;
 use crate::rain::event::RainEvent;
 use crate::rain::params::LeverArm;
-use crate::rain::tuning::{DYNAMIC_RETENTION, REST_SPEED, WET_MARK_INTERVAL};
+use crate::rain::tuning::{DYNAMIC_RETENTION, MIN_BEAD_RADIUS, REST_SPEED, WET_MARK_INTERVAL};
+use osier_base::physics::WATER_DENSITY;
 use osier_base::rng::Rng;
 use osier_scene::DropEventKind;
 
 impl RainLeaf {
-    /// Advances all drops by one step: pendants hang and detach, the others rest or run and deposit beads; then drops that touch
-    /// merge, and the water's loads and wet spots are collected.
+    /// Advances all drops by one step: pendant drops neck and detach, sessile drops rest or run and deposit beads; then drops that
+    /// touch merge, and the water's loads and wet spots are collected.
     pub fn step_drops(&mut self, step: &LeafStep<'_>) -> LeafStepResult {
         let mut result = LeafStepResult::default();
         let mut drops = std::mem::take(&mut self.drops);
-        // The order of drops decides the order of events and draws, so it must not depend on where they came from.
+        // The order of drops determines the order of events and mergers, so it must not depend on how they came to the leaf.
         drops.sort_by_key(|d| d.id);
         let mut beads: Vec<SurfaceDrop> = Vec::new();
         for drop in &mut drops {
@@ -38,7 +38,8 @@ impl RainLeaf {
         result
     }
 
-    /// Draws in or extends the tail of a drop; a cap of the tail that is given up stays behind as a bead, by chance.
+    /// Lets the tail of a sessile drop grow or shrink. A cap of the tail that vanishes stays on the leaf as a bead with probability
+    /// [`DropParams::bead_probability`](crate::rain::DropParams::bead_probability).
     fn deposit_beads(
         &self,
         drop: &mut SurfaceDrop,
@@ -50,7 +51,7 @@ impl RainLeaf {
             return;
         }
         let params = step.params;
-        // The caps before the tail changes: the one that is given up is among them.
+        // The caps before the tail changes: the one that vanishes is among them.
         let a = drop.head_cap(params, 1.0).a;
         let tail = (drop.tail_count > 1.0).then(|| drop.caps(params, 1.0));
         let Some((lost, tail)) = drop.step_tail(a, step.h, params).zip(tail) else { return };
@@ -58,47 +59,50 @@ impl RainLeaf {
         let address = ["drop".into(), drop.id.into(), "bead".into(), drop.bead_draws.into()];
         let mut draw = Rng::at(params.seed, &address);
         drop.bead_draws += 1;
-        if !draw.chance(params.bead) || self.at(bead.uv).is_none() {
+        if !draw.chance(params.bead_probability) || self.point_at(bead.uv).is_none() {
             return;
         }
         // The bead takes its water from the drop. Its identifier has the highest bit set, which emitted drops never have.
         drop.volume -= bead.volume;
         let id = draw.next_u64() | (1 << 63);
-        let mut left = SurfaceDrop::new(id, drop.side, bead.uv, DVec3::ZERO, bead.volume);
-        left.axis = drop.axis;
+        let mut deposited = SurfaceDrop::new(id, drop.side, bead.uv, DVec3::ZERO, bead.volume);
+        deposited.axis = drop.axis;
         result.counters.beads += 1;
-        let p = self.at(bead.uv).map_or(step.pose.position, |s| step.world_point(s.p));
+        let p = self.point_at(bead.uv).map_or(step.pose.position, |s| step.world_point(s.p));
         let event = RainEvent::new(DropEventKind::Bead, id, step.t, p, bead.volume);
         result.events.push(RainEvent { other: Some(drop.id), ..event });
-        beads.push(left);
+        beads.push(deposited);
     }
 
-    /// Collects the mass of the water on the leaf and the forces that differ from its weight. Source: [yang-wu] eq. 14 and 15, as
-    /// forces.
+    /// Collects the mass and center of mass of the water on the leaf, and the forces of drops beyond their weight.
+    /// Source: [yang-wu] eq. 14 and 15, as forces.
     fn collect_loads(&self, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         let params = step.params;
-        let mut sum = (0.0, DVec3::ZERO);
+        let (mut mass, mut moment) = (0.0, DVec3::ZERO);
         for drop in &self.drops {
             let local = match drop.pendant {
                 Some(pendant) => Some(pendant.margin.p),
-                None => self.at(drop.uv).map(|s| s.p),
+                None => self.point_at(drop.uv).map(|s| s.p),
             };
             let Some(local) = local else { continue };
             let point = step.world_point(local);
-            let m = WATER * drop.volume;
+            let m = WATER_DENSITY * drop.volume;
             let weight = DVec3::NEG_Y * (m * params.g);
+            // The lever arm is already in the point of application; the paper multiplies the weight by it once more.
             let lever = match params.lever {
                 LeverArm::Physical => 1.0,
-                LeverArm::Paper(most) => (local.length() / self.extent()).min(most),
+                LeverArm::Paper(most) => (local.length() / self.max_extent()).min(most),
             };
-            let force = match self.at(drop.uv).filter(|_| drop.pendant.is_none() && drop.v.length() > REST_SPEED) {
+            let force = match self.point_at(drop.uv).filter(|_| drop.pendant.is_none() && drop.v.length() > REST_SPEED)
+            {
                 None => weight,
                 Some(surface) => {
                     // A running drop slides along the leaf: it passes on the normal part of its weight, and along the leaf
                     // only the drag that slows it, at most the dynamic retention.
                     let n = step.pose.orientation * surface.n * drop.side;
                     let along = weight - n * weight.dot(n);
-                    let drag = (along.length() * DYNAMIC_RETENTION).min(m * drop.v.length() / params.tau_v);
+                    let drag =
+                        (along.length() * DYNAMIC_RETENTION).min(m * drop.v.length() / params.velocity_decay_time);
                     n * weight.dot(n) + along.normalize_or_zero() * drag
                 }
             };
@@ -107,18 +111,19 @@ impl RainLeaf {
             if excess != DVec3::ZERO {
                 result.forces.push(PointForce { point, force: excess });
             }
-            sum = (sum.0 + m, sum.1 + point * m);
+            mass += m;
+            moment += point * m;
         }
-        let center = if sum.0 > 0.0 { sum.1 / sum.0 } else { step.pose.position };
-        result.attached = AttachedWater { mass: sum.0, center };
+        let center = if mass > 0.0 { moment / mass } else { step.pose.position };
+        result.attached = AttachedWater { mass, center };
     }
 
-    /// Largest distance of the leaf from the end of its stalk, m.
-    fn extent(&self) -> f64 {
-        self.sheet.points().iter().fold(1e-6, |m: f64, p| m.max(p.length())) * self.scale
+    /// Largest distance of a vertex of the leaf from the end of its stalk, m; at least 1 micrometre.
+    fn max_extent(&self) -> f64 {
+        self.blade.points().iter().fold(1e-6, |m: f64, p| m.max(p.length())) * self.scale
     }
 
-    /// Records where drops have wetted the leaf since the last step.
+    /// Records the spots that sessile drops have wetted since the last step, in the result for the maps and in the wetness grid.
     fn mark_wet_spots(&mut self, step: &LeafStep<'_>, result: &mut LeafStepResult) {
         for k in 0..self.drops.len() {
             let drop = &self.drops[k];
@@ -126,14 +131,15 @@ impl RainLeaf {
                 continue;
             }
             let a = drop.head_cap(step.params, 1.0).a;
-            let (Some(surface), uv) = (self.at(drop.uv), drop.uv) else { continue };
-            let last = drop.last_wet_uv.and_then(|w| self.at(w));
+            let (Some(surface), uv) = (self.point_at(drop.uv), drop.uv) else { continue };
+            let last = drop.last_wet_uv.and_then(|w| self.point_at(w));
             let moved = last.map_or(f64::INFINITY, |w| w.p.distance(surface.p));
+            // A new spot only where the drop has moved on by a part of its radius: resting drops leave one spot.
             if moved > WET_MARK_INTERVAL * a {
                 result.wet_spots.push(WetSpot { uv, a, t: step.t });
                 // The grid is marked only where the drop has been: the wetness under it must not lower its own retention.
                 if let Some(left) = drop.last_wet_uv {
-                    self.dew.cover(left, surface.max_uv_rate() * a, step.t);
+                    self.wetness_grid.cover(left, surface.max_uv_rate() * a, step.t);
                 }
                 self.drops[k].last_wet_uv = Some(uv);
             }

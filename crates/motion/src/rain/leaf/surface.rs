@@ -1,87 +1,109 @@
-//! A leaf's blade as a surface that drops move over: places by texture coordinates, directions, and its margin.
+//! The blade of a leaf as a parametric surface p(u, v) that drops move over, with its margin.
 
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use crate::rain::leaf::mask::AlphaMask;
+use super::{GRID_CELLS, grid_cell};
+use crate::rain::leaf::alpha_mask::AlphaMask;
 use crate::rain::leaf::veins::VeinMap;
-use crate::rain::leaf::wetness::GRID_CELLS;
+use crate::rain::tuning::MIN_UV_AREA;
 use osier_scene::Mesh;
 
-/// Triangles with less of the texture than this are not blade: petioles are drawn on a line of it.
-const LEAST: f64 = 1e-9;
+/// How far outside of a triangle its barycentric coordinates may lie, so that rounding leaves no gap between neighbours.
+const BARYCENTRIC_TOLERANCE: f64 = 1e-9;
 
-/// A place on a blade, in metres of leaf space.
+/// A point of the blade with its tangent frame, in leaf space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
-    /// Where, m.
+    /// Position, m.
     pub p: DVec3,
-    /// Unit normal of the upper side, smooth.
+    /// Unit normal of the upper side, interpolated from the vertices.
     pub n: DVec3,
-    /// How places change with u and with v, m.
-    pub ju: DVec3,
-    /// See `ju`.
-    pub jv: DVec3,
+    /// Partial derivative of the position by u, m.
+    pub dpdu: DVec3,
+    /// Partial derivative of the position by v, m.
+    pub dpdv: DVec3,
+}
+
+/// Coefficients E, F and G of the first fundamental form of a surface, m^2: squared lengths on it are E du^2 + 2 F du dv + G dv^2.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FirstFundamentalForm {
+    /// E = dp/du . dp/du.
+    pub e: f64,
+    /// F = dp/du . dp/dv.
+    pub f: f64,
+    /// G = dp/dv . dp/dv.
+    pub g: f64,
+}
+
+impl FirstFundamentalForm {
+    /// The form of a surface with these partial derivatives, m.
+    pub fn new(dpdu: DVec3, dpdv: DVec3) -> Self {
+        Self { e: dpdu.dot(dpdu), f: dpdu.dot(dpdv), g: dpdv.dot(dpdv) }
+    }
+
+    /// E G - F^2, m^4: the square of the area that a unit of texture coordinates covers.
+    pub fn determinant(&self) -> f64 {
+        self.e * self.g - self.f * self.f
+    }
 }
 
 impl SurfacePoint {
-    /// Change of texture coordinates for a way over the surface, m. Source: G^-1 J^T d.
-    pub fn uv(&self, d: DVec3) -> DVec2 {
-        let (a, b, c) = (self.ju.dot(self.ju), self.ju.dot(self.jv), self.jv.dot(self.jv));
-        let (x, y) = (self.ju.dot(d), self.jv.dot(d));
-        let det = a * c - b * b;
-        DVec2::new(c * x - b * y, a * y - b * x) / det.max(f64::MIN_POSITIVE)
+    /// Change of the texture coordinates for a displacement `d` along the surface, m: the least-squares solution
+    /// (J^T J)^-1 J^T d with J = (dp/du, dp/dv).
+    pub fn uv_offset(&self, d: DVec3) -> DVec2 {
+        let form = FirstFundamentalForm::new(self.dpdu, self.dpdv);
+        let (x, y) = (self.dpdu.dot(d), self.dpdv.dot(d));
+        DVec2::new(form.g * x - form.f * y, form.e * y - form.f * x) / form.determinant().max(f64::MIN_POSITIVE)
     }
 
-    /// Largest change of a texture coordinate on a way of 1 m.
+    /// Largest change of each texture coordinate per metre along the surface, 1/m: the half-axes of the ellipse of a circle of 1 m.
     pub fn max_uv_rate(&self) -> DVec2 {
-        let (a, b, c) = (self.ju.dot(self.ju), self.ju.dot(self.jv), self.jv.dot(self.jv));
-        let det = (a * c - b * b).max(f64::MIN_POSITIVE);
-        DVec2::new((c / det).max(0.0).sqrt(), (a / det).max(0.0).sqrt())
+        let form = FirstFundamentalForm::new(self.dpdu, self.dpdv);
+        let det = form.determinant().max(f64::MIN_POSITIVE);
+        DVec2::new((form.g / det).max(0.0).sqrt(), (form.e / det).max(0.0).sqrt())
     }
 }
 
-/// A place on the margin.
+/// A point of the blade's margin, in leaf space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MarginPoint {
-    /// Where, m.
+    /// Position, m.
     pub p: DVec3,
-    /// How far, m.
+    /// Distance from the point that it is nearest to, m.
     pub distance: f64,
-    /// Along the margin, unit.
-    pub along: DVec3,
-    /// Number of the piece of margin.
-    pub piece: usize,
-    /// How far along that piece, 0 to 1.
-    pub share: f64,
+    /// Unit tangent of the margin.
+    pub tangent: DVec3,
+    /// Index of the margin edge that it lies on.
+    pub edge: usize,
+    /// Fraction of that edge's length at which it lies, 0 to 1.
+    pub fraction: f64,
 }
 
-/// A blade, in its own metres; leaves that show it are larger or smaller by a factor.
+/// The blade of a leaf at scale 1; leaves that share it scale it by a factor.
 #[derive(Debug, Clone)]
 pub struct LeafSurface {
     points: Vec<DVec3>,
     normals: Vec<DVec3>,
     uvs: Vec<DVec2>,
     triangles: Vec<[u32; 3]>,
-    /// Per triangle: J.
-    jacobians: Vec<[DVec3; 2]>,
-    cells: Vec<Vec<u32>>,
-    /// Pieces of margin, each with the piece before and after it.
-    rim: Vec<[u32; 2]>,
-    next: Vec<[usize; 2]>,
+    /// dp/du and dp/dv of each triangle, m; constant over it.
+    partials: Vec<[DVec3; 2]>,
+    /// Triangles that overlap each cell of the grid over texture coordinates, row by row.
+    cells: Vec<Vec<usize>>,
+    margin: Margin,
     /// Area of the blade, m^2.
     area: f64,
-    /// The point of the margin farthest from the stalk.
+    /// The point of the margin farthest from the origin, where the stalk ends, m.
     tip: DVec3,
-    /// What of it is leaf, if its picture cuts holes.
-    cover: Option<AlphaMask>,
-    /// Its veins, if it has a relief.
-    grooves: Option<VeinMap>,
+    alpha_mask: Option<AlphaMask>,
+    veins: Option<VeinMap>,
 }
 
 impl LeafSurface {
-    /// The blade of a mesh with texture coordinates; none where it has no blade. Petioles, which stand on a line of the texture, are left out.
+    /// The blade of a mesh with texture coordinates; `None` without them or without a blade. Petioles, whose triangles have no
+    /// area in the texture, are left out.
     pub fn new(mesh: &Mesh) -> Option<Self> {
         if mesh.uvs.len() != mesh.points.len() {
             return None;
@@ -90,228 +112,238 @@ impl LeafSurface {
         let uvs: Vec<DVec2> = mesh.uvs.iter().map(|p| p.as_dvec2()).collect();
         let normals: Vec<DVec3> = mesh.normals.iter().map(|p| p.as_dvec3()).collect();
         let mut triangles = Vec::new();
-        let mut jacobians = Vec::new();
+        let mut partials = Vec::new();
         let mut area = 0.0;
         for t in &mesh.triangles {
+            // Over a triangle p is linear in (u, v): solve (e, f) = (dp/du, dp/dv) [uv1 uv2] for the partial derivatives, where
+            // e and f are its edges in space, uv1 and uv2 in the texture.
             let [a, b, c] = t.map(|i| i as usize);
-            let (s, t1) = (uvs[b] - uvs[a], uvs[c] - uvs[a]);
-            let det = s.x * t1.y - s.y * t1.x;
-            if det.abs() < LEAST {
+            let (uv1, uv2) = (uvs[b] - uvs[a], uvs[c] - uvs[a]);
+            let det = uv1.x * uv2.y - uv1.y * uv2.x;
+            if det.abs() < MIN_UV_AREA {
                 continue;
             }
             let (e, f) = (points[b] - points[a], points[c] - points[a]);
-            jacobians.push([(e * t1.y - f * s.y) / det, (f * s.x - e * t1.x) / det]);
+            partials.push([(e * uv2.y - f * uv1.y) / det, (f * uv1.x - e * uv2.x) / det]);
             triangles.push(*t);
             area += 0.5 * e.cross(f).length();
         }
-        let (rim, next) = margin(&triangles, &points);
-        let tip = rim.iter().map(|e| points[e[0] as usize]).max_by(|a, b| a.length().total_cmp(&b.length()))?;
-        let mut sheet = Self {
-            points,
-            normals,
-            uvs,
-            triangles,
-            jacobians,
-            cells: Vec::new(),
-            rim,
-            next,
-            area,
-            tip,
-            cover: None,
-            grooves: None,
-        };
-        sheet.sort();
-        Some(sheet)
+        let margin = Margin::new(&triangles, &points);
+        let starts = margin.edges.iter().map(|e| points[e[0] as usize]);
+        let tip = starts.max_by(|a, b| a.length().total_cmp(&b.length()))?;
+        let cells = overlapping_triangles(&triangles, &uvs);
+        let (alpha_mask, veins) = (None, None);
+        Some(Self { points, normals, uvs, triangles, partials, cells, margin, area, tip, alpha_mask, veins })
     }
 
-    /// The same blade with the holes that its picture cuts, and the veins of its relief.
-    pub fn with(self, cover: Option<AlphaMask>, grooves: Option<VeinMap>) -> Self {
-        Self { cover, grooves, ..self }
+    /// The same blade with holes and veins.
+    pub fn with_maps(self, alpha_mask: Option<AlphaMask>, veins: Option<VeinMap>) -> Self {
+        Self { alpha_mask, veins, ..self }
     }
 
-    /// How deep in a vein texture coordinates lie, 0 to 1.
+    /// Depth of the vein at texture coordinates, 0 to 1; 0 without a vein map.
     pub fn vein_depth(&self, uv: DVec2) -> f64 {
-        self.grooves.as_ref().map_or(0.0, |grooves| grooves.at(uv))
+        self.veins.as_ref().map_or(0.0, |veins| veins.depth(uv))
     }
 
-    /// Whether a drop that comes down at texture coordinates meets leaf, not a hole.
-    pub fn stops(&self, uv: DVec2) -> bool {
-        self.cover.as_ref().is_none_or(|cover| cover.is_leaf(uv))
+    /// Whether a drop that strikes at texture coordinates meets leaf, not a hole of the alpha mask.
+    pub fn is_solid(&self, uv: DVec2) -> bool {
+        self.alpha_mask.as_ref().is_none_or(|mask| mask.is_solid(uv))
     }
 
-    fn sort(&mut self) {
-        self.cells = vec![Vec::new(); GRID_CELLS * GRID_CELLS];
-        for (i, t) in self.triangles.iter().enumerate() {
-            let corners = t.map(|k| self.uvs[k as usize]);
-            let lo = cell(corners[0].min(corners[1]).min(corners[2]));
-            let hi = cell(corners[0].max(corners[1]).max(corners[2]));
-            for y in lo.1..=hi.1 {
-                for x in lo.0..=hi.0 {
-                    self.cells[y * GRID_CELLS + x].push(u32::try_from(i).unwrap_or(u32::MAX));
-                }
-            }
-        }
-    }
-
-    /// Triangles of the blade, as corners.
+    /// The blade's triangles as indices of [`LeafSurface::points`].
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Points of the mesh, m.
+    /// Positions of the mesh's vertices at scale 1, m.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
 
-    /// Texture coordinates of the points.
+    /// Texture coordinates of the mesh's vertices.
     pub fn uvs(&self) -> &[DVec2] {
         &self.uvs
     }
 
-    /// Area of the blade, m^2.
+    /// Area of the blade at scale 1, m^2.
     pub fn area(&self) -> f64 {
         self.area
     }
 
-    /// Cells of the texture that have some of the blade, of `GRID_CELLS` each way.
+    /// Number of grid cells over the texture, of `GRID_CELLS` squared, that hold some of the blade.
     pub fn occupied_cells(&self) -> usize {
         self.cells.iter().filter(|c| !c.is_empty()).count()
     }
 
-    /// Texture coordinates of a place of a triangle.
-    pub fn uv_of(&self, triangle: usize, [b, c]: [f64; 2]) -> DVec2 {
+    /// Texture coordinates of a point of a triangle by the barycentric coordinates of its second and third corner.
+    pub fn interpolate_uv(&self, triangle: usize, [b, c]: [f64; 2]) -> DVec2 {
         let [i, j, k] = self.triangles[triangle].map(|i| self.uvs[i as usize]);
         i + (j - i) * b + (k - i) * c
     }
 
-    /// The place at texture coordinates, `scale` times as large; none outside of the blade.
-    pub fn at(&self, uv: DVec2, scale: f64) -> Option<SurfacePoint> {
+    /// The point at texture coordinates of a leaf of factor `scale`; `None` beyond the blade.
+    pub fn point_at(&self, uv: DVec2, scale: f64) -> Option<SurfacePoint> {
         if !uv.is_finite() {
             return None;
         }
-        let (x, y) = cell(uv);
-        for i in &self.cells[y * GRID_CELLS + x] {
-            if let Some(w) = self.weights(*i as usize, uv) {
-                return Some(self.spot(*i as usize, w, scale));
+        let [x, y] = grid_cell(uv);
+        for &i in &self.cells[y * GRID_CELLS + x] {
+            if let Some(weights) = self.barycentric(i, uv) {
+                return Some(self.interpolate(i, weights, scale));
             }
         }
         None
     }
 
-    /// The place at texture coordinates, beyond the margin on the plane of the last triangle that `near` is in.
-    pub fn extrapolate(&self, uv: DVec2, near: &SurfacePoint, at: DVec2, scale: f64) -> SurfacePoint {
-        self.at(uv, scale).unwrap_or_else(|| {
-            let d = uv - at;
-            SurfacePoint { p: near.p + near.ju * d.x + near.jv * d.y, ..*near }
+    /// The point at texture coordinates; beyond the blade, the point on the tangent plane of `near`, whose own coordinates are
+    /// `near_uv`.
+    pub fn extrapolate(&self, uv: DVec2, near: &SurfacePoint, near_uv: DVec2, scale: f64) -> SurfacePoint {
+        self.point_at(uv, scale).unwrap_or_else(|| {
+            let d = uv - near_uv;
+            SurfacePoint { p: near.p + near.dpdu * d.x + near.dpdv * d.y, ..*near }
         })
     }
 
-    fn weights(&self, i: usize, uv: DVec2) -> Option<[f64; 3]> {
+    /// Barycentric coordinates of texture coordinates in triangle `i`; `None` outside of it.
+    fn barycentric(&self, i: usize, uv: DVec2) -> Option<[f64; 3]> {
         let [a, b, c] = self.triangles[i].map(|k| self.uvs[k as usize]);
         let (s, t, d) = (b - a, c - a, uv - a);
         let det = s.x * t.y - s.y * t.x;
         let (u, v) = ((d.x * t.y - d.y * t.x) / det, (s.x * d.y - s.y * d.x) / det);
         let w = [1.0 - u - v, u, v];
-        w.iter().all(|w| *w >= -1e-9).then_some(w)
+        w.iter().all(|w| *w >= -BARYCENTRIC_TOLERANCE).then_some(w)
     }
 
-    fn spot(&self, i: usize, w: [f64; 3], scale: f64) -> SurfacePoint {
+    fn interpolate(&self, i: usize, weights: [f64; 3], scale: f64) -> SurfacePoint {
         let t = self.triangles[i].map(|k| k as usize);
-        let sum = |list: &[DVec3]| (0..3).fold(DVec3::ZERO, |s, k| s + list[t[k]] * w[k]);
-        let [ju, jv] = self.jacobians[i].map(|j| j * scale);
-        let flat = ju.cross(jv);
-        let n = sum(&self.normals).normalize_or(flat.normalize_or(DVec3::Z));
-        SurfacePoint { p: sum(&self.points) * scale, n, ju, jv }
+        let sum = |list: &[DVec3]| (0..3).fold(DVec3::ZERO, |s, k| s + list[t[k]] * weights[k]);
+        let [dpdu, dpdv] = self.partials[i].map(|j| j * scale);
+        let face_normal = dpdu.cross(dpdv);
+        let n = sum(&self.normals).normalize_or(face_normal.normalize_or(DVec3::Z));
+        SurfacePoint { p: sum(&self.points) * scale, n, dpdu, dpdv }
     }
 
-    /// The nearest place of the margin to a place, both `scale` times as large.
+    /// The point of the margin nearest to `p`, m, on a leaf of factor `scale`; `None` for a closed surface.
     pub fn nearest_margin(&self, p: DVec3, scale: f64) -> Option<MarginPoint> {
         let q = p / scale;
         let mut best: Option<MarginPoint> = None;
-        for (piece, [a, b]) in self.rim.iter().enumerate() {
+        for (edge, [a, b]) in self.margin.edges.iter().enumerate() {
+            // Project onto the segment: the fraction is (q - a) . (b - a) / |b - a|^2, clamped to its ends.
             let (a, b) = (self.points[*a as usize], self.points[*b as usize]);
-            let way = b - a;
-            let share = ((q - a).dot(way) / way.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            let near = a + way * share;
+            let segment = b - a;
+            let fraction = ((q - a).dot(segment) / segment.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let near = a + segment * fraction;
             let distance = near.distance(q);
             if best.is_none_or(|r| distance < r.distance) {
-                let along = way.normalize_or(DVec3::X);
-                best = Some(MarginPoint { p: near, distance, along, piece, share });
+                let tangent = segment.normalize_or(DVec3::X);
+                best = Some(MarginPoint { p: near, distance, tangent, edge, fraction });
             }
         }
         best.map(|r| MarginPoint { p: r.p * scale, distance: r.distance * scale, ..r })
     }
 
-    /// The place on the margin a way further along it (back for less than 0), m.
-    pub fn along_margin(&self, rim: &MarginPoint, way: f64, scale: f64) -> DVec3 {
-        let (mut piece, mut left) = (rim.piece, way.abs() / scale);
-        let side = usize::from(way >= 0.0);
-        let ends = |piece: usize| {
-            let [a, b] = self.rim[piece].map(|k| self.points[k as usize]);
-            if side == 1 { (a, b) } else { (b, a) }
+    /// The position on the margin at an arc length of `offset`, m, from a point of it; negative offsets go backwards.
+    pub fn along_margin(&self, from: &MarginPoint, offset: f64, scale: f64) -> DVec3 {
+        let (mut edge, mut left) = (from.edge, offset.abs() / scale);
+        let forward = offset >= 0.0;
+        let ahead = |edge: usize| {
+            let [a, b] = self.margin.edges[edge].map(|k| self.points[k as usize]);
+            if forward { b } else { a }
         };
-        let mut from = rim.p / scale;
-        for _ in 0..self.rim.len() {
-            let (_, end) = ends(piece);
-            let rest = from.distance(end);
+        let mut p = from.p / scale;
+        // At most once around the margin.
+        for _ in 0..self.margin.edges.len() {
+            let end = ahead(edge);
+            let rest = p.distance(end);
             if left <= rest {
-                return (from + (end - from).normalize_or_zero() * left) * scale;
+                return (p + (end - p).normalize_or_zero() * left) * scale;
             }
             left -= rest;
-            from = end;
-            piece = self.next[piece][side];
+            p = end;
+            let neighbours = self.margin.neighbours[edge];
+            edge = if forward { neighbours.next } else { neighbours.previous };
         }
-        from * scale
+        p * scale
     }
 
-    /// Whether a place is at the blade's tip.
-    pub fn is_tip(&self, p: DVec3, scale: f64, within: f64) -> bool {
-        self.tip.distance(p / scale) * scale < within
+    /// Whether `p`, m, is closer than `radius`, m, to the blade's tip.
+    pub fn is_tip(&self, p: DVec3, scale: f64, radius: f64) -> bool {
+        self.tip.distance(p / scale) * scale < radius
     }
 
-    /// Texture coordinates just inside of a place of the margin.
-    pub fn margin_uv(&self, rim: &MarginPoint) -> DVec2 {
-        let [a, b] = self.rim[rim.piece].map(|k| self.uvs[k as usize]);
-        a + (b - a) * rim.share
+    /// Texture coordinates of a point of the margin.
+    pub fn margin_uv(&self, margin: &MarginPoint) -> DVec2 {
+        let [a, b] = self.margin.edges[margin.edge].map(|k| self.uvs[k as usize]);
+        a + (b - a) * margin.fraction
     }
 }
 
-fn cell(uv: DVec2) -> (usize, usize) {
-    let n = GRID_CELLS as f64;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    let one = |x: f64| (x * n).clamp(0.0, n - 1.0) as usize;
-    (one(uv.x), one(uv.y))
-}
-
-/// Edges with one triangle, and the pieces before and after each. Points that share a place count as one.
-fn margin(triangles: &[[u32; 3]], points: &[DVec3]) -> (Vec<[u32; 2]>, Vec<[usize; 2]>) {
-    let mut places: BTreeMap<[u64; 3], u32> = BTreeMap::new();
-    let mut same: BTreeMap<u32, u32> = BTreeMap::new();
-    for i in triangles.iter().flatten() {
-        let p = points[*i as usize].to_array().map(|x| (x + 0.0).to_bits());
-        let first = *places.entry(p).or_insert(*i);
-        same.insert(*i, first);
-    }
-    let mut count: BTreeMap<(u32, u32), (u32, [u32; 2])> = BTreeMap::new();
-    for t in triangles {
-        for k in 0..3 {
-            let e = [same[&t[k]], same[&t[(k + 1) % 3]]];
-            count.entry((e[0].min(e[1]), e[0].max(e[1]))).or_insert((0, e)).0 += 1;
+/// Indices of the triangles whose bounding boxes in the texture overlap each grid cell, row by row.
+fn overlapping_triangles(triangles: &[[u32; 3]], uvs: &[DVec2]) -> Vec<Vec<usize>> {
+    let mut cells = vec![Vec::new(); GRID_CELLS * GRID_CELLS];
+    for (i, t) in triangles.iter().enumerate() {
+        let corners = t.map(|k| uvs[k as usize]);
+        let lo = grid_cell(corners[0].min(corners[1]).min(corners[2]));
+        let hi = grid_cell(corners[0].max(corners[1]).max(corners[2]));
+        for y in lo[1]..=hi[1] {
+            for x in lo[0]..=hi[0] {
+                cells[y * GRID_CELLS + x].push(i);
+            }
         }
     }
-    let rim: Vec<[u32; 2]> = count.values().filter(|(n, _)| *n == 1).map(|(_, e)| *e).collect();
-    let mut starts: BTreeMap<u32, usize> = BTreeMap::new();
-    let mut ends: BTreeMap<u32, usize> = BTreeMap::new();
-    for (i, e) in rim.iter().enumerate() {
-        starts.insert(e[0], i);
-        ends.insert(e[1], i);
+    cells
+}
+
+/// The boundary of the blade: edges with a single triangle, linked in their order around it.
+#[derive(Debug, Clone)]
+struct Margin {
+    /// Start and end vertex of each edge, in the winding of its triangle.
+    edges: Vec<[u32; 2]>,
+    neighbours: Vec<EdgeNeighbours>,
+}
+
+/// Indices of the margin edges before and after an edge; its own index where there is none.
+#[derive(Debug, Clone, Copy)]
+struct EdgeNeighbours {
+    previous: usize,
+    next: usize,
+}
+
+impl Margin {
+    fn new(triangles: &[[u32; 3]], points: &[DVec3]) -> Self {
+        // Weld vertices that share a position (texture seams split them), so that a seam is no margin. Adding 0.0 turns -0.0
+        // into 0.0, whose bits are the same then.
+        let mut first_at: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        let mut welded: BTreeMap<u32, u32> = BTreeMap::new();
+        for i in triangles.iter().flatten() {
+            let p = points[*i as usize].to_array().map(|x| (x + 0.0).to_bits());
+            let first = *first_at.entry(p).or_insert(*i);
+            welded.insert(*i, first);
+        }
+        // Count the triangles of each undirected edge: the boundary has one.
+        let mut count: BTreeMap<(u32, u32), (u32, [u32; 2])> = BTreeMap::new();
+        for t in triangles {
+            for k in 0..3 {
+                let e = [welded[&t[k]], welded[&t[(k + 1) % 3]]];
+                count.entry((e[0].min(e[1]), e[0].max(e[1]))).or_insert((0, e)).0 += 1;
+            }
+        }
+        let edges: Vec<[u32; 2]> = count.values().filter(|(n, _)| *n == 1).map(|(_, e)| *e).collect();
+        // Link the edges by their common vertices.
+        let mut starting: BTreeMap<u32, usize> = BTreeMap::new();
+        let mut ending: BTreeMap<u32, usize> = BTreeMap::new();
+        for (i, e) in edges.iter().enumerate() {
+            starting.insert(e[0], i);
+            ending.insert(e[1], i);
+        }
+        let link = |(i, e): (usize, &[u32; 2])| EdgeNeighbours {
+            previous: ending.get(&e[0]).copied().unwrap_or(i),
+            next: starting.get(&e[1]).copied().unwrap_or(i),
+        };
+        let neighbours = edges.iter().enumerate().map(link).collect();
+        Self { edges, neighbours }
     }
-    let next = rim
-        .iter()
-        .enumerate()
-        .map(|(i, e)| [ends.get(&e[0]).copied().unwrap_or(i), starts.get(&e[1]).copied().unwrap_or(i)])
-        .collect();
-    (rim, next)
 }
 
 #[cfg(test)]
@@ -342,22 +374,22 @@ pub(crate) mod tests {
 
     #[test]
     fn places_and_ways_agree() {
-        let sheet = LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade");
-        let spot = sheet.at(DVec2::new(0.3, 0.7), 2.0).expect("inside");
-        assert!(spot.p.distance(DVec3::new(-0.016, 0.112, 0.0)) < 1e-8, "{:?}", spot.p);
-        let d = spot.uv(DVec3::new(0.008, 0.016, 0.0));
+        let blade = LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade");
+        let point = blade.point_at(DVec2::new(0.3, 0.7), 2.0).expect("inside");
+        assert!(point.p.distance(DVec3::new(-0.016, 0.112, 0.0)) < 1e-8, "{:?}", point.p);
+        let d = point.uv_offset(DVec3::new(0.008, 0.016, 0.0));
         assert!((d - DVec2::new(0.1, 0.1)).length() < 1e-6, "{d}");
-        assert!(sheet.at(DVec2::new(1.1, 0.5), 1.0).is_none());
-        assert!((sheet.area() / 0.0032 - 1.0).abs() < 1e-6);
+        assert!(blade.point_at(DVec2::new(1.1, 0.5), 1.0).is_none());
+        assert!((blade.area() / 0.0032 - 1.0).abs() < 1e-6);
     }
 
     #[test]
     fn the_margin_goes_round() {
-        let sheet = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
-        let rim = sheet.nearest_margin(DVec3::new(0.018, 0.04, 0.0), 1.0).expect("a margin");
-        assert!((rim.distance - 0.002).abs() < 1e-8);
-        let there = sheet.along_margin(&rim, 0.05, 1.0);
-        let back = sheet.along_margin(&rim, -0.05, 1.0);
+        let blade = LeafSurface::new(&flat(0.08, 0.04, 4)).expect("a blade");
+        let margin = blade.nearest_margin(DVec3::new(0.018, 0.04, 0.0), 1.0).expect("a margin");
+        assert!((margin.distance - 0.002).abs() < 1e-8);
+        let there = blade.along_margin(&margin, 0.05, 1.0);
+        let back = blade.along_margin(&margin, -0.05, 1.0);
         // 40 mm to a corner, then 10 mm along the short side; one way up, the other down.
         let mut ends = [there, back].map(|p| (p.y * 1000.0).round());
         ends.sort_by(f64::total_cmp);

@@ -1,35 +1,32 @@
-//! Wetness of a leaf as running drops sense it: a coarse grid over the texture, apart from the maps that are written.
+//! Wetness that acts on drops, on a coarse grid over a leaf's texture; the wetness maps that are written are separate and finer.
 
 use glam::DVec2;
 
+use super::{GRID_CELLS, grid_cell};
+use crate::rain::tuning::MIN_WETNESS;
 use osier_base::math;
 
-/// Cells each way over texture coordinates.
-pub(crate) const GRID_CELLS: usize = 48;
-/// Wetness that counts as none.
-const DRY: f64 = 1.0 / 1024.0;
-
-/// Exponential drying: wetness falls to `zeta` of its value in `half_life` seconds.
+/// Exponential drying: w(t) = fraction^(t / time).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DryingLaw {
-    /// Fraction left after `half_life`, 0 to 1.
-    pub zeta: f64,
-    /// Time to which `zeta` refers, s.
-    pub half_life: f64,
+    /// Fraction of the wetness that is left after `time`, 0 to 1.
+    pub fraction: f64,
+    /// Time to which `fraction` refers, s.
+    pub time: f64,
 }
 
 impl DryingLaw {
     /// Wetness at time `t` of a cell that was last covered at time `covered`, s. Source: [yang-wu] eq. 11, without the distance.
     fn wetness(self, covered: f32, t: f64) -> f64 {
-        let wet = math::pow(self.zeta, (t - f64::from(covered)).max(0.0) / self.half_life);
-        if wet < DRY { 0.0 } else { wet }
+        let wet = math::pow(self.fraction, (t - f64::from(covered)).max(0.0) / self.time);
+        if wet < MIN_WETNESS { 0.0 } else { wet }
     }
 }
 
-/// Time at which each cell was last covered by water, s.
+/// Times at which the cells of a grid over the leaf's texture were last covered by water; wetness follows from their age.
 #[derive(Debug, Clone, Default)]
 pub struct WetnessGrid {
-    /// Row by row, negative infinity where a cell never was wet; empty while the whole leaf is dry.
+    /// Times, s, row by row; negative infinity where a cell never was wet; empty while the whole leaf is dry.
     last_covered: Vec<f32>,
 }
 
@@ -68,10 +65,4 @@ impl WetnessGrid {
         }
         (sum / cells.max(1) as f64).min(1.0)
     }
-}
-
-fn grid_cell(uv: DVec2) -> [usize; 2] {
-    let n = GRID_CELLS as f64;
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    [uv.x, uv.y].map(|x| (x * n).clamp(0.0, n - 1.0) as usize)
 }

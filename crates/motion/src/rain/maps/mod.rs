@@ -1,220 +1,240 @@
-//! Maps of water on a leaf: height, wetness and normals over its texture, with only the tiles done again that changed.
+//! Water maps of a leaf: height, wetness and normals over its texture. Per frame only the texels under changes are recomputed.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
 use crate::rain::drops::rain_leaf::WetSpot;
-use crate::rain::drops::shape::{Footprint, SphericalCap};
+use crate::rain::drops::spherical_cap::{Footprint, SphericalCap};
 use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
 use crate::rain::params::DropParams;
+use crate::rain::tuning::WET_RADIUS_FACTOR;
 use osier_base::math::{self, narrow};
 use osier_scene::WetMaps;
 
-mod dirty;
-mod rows;
+mod dirty_spans;
+mod kernels;
 mod uv_raster;
 
-use dirty::{ColumnSpan, DirtySpans, DirtyTiles, RowSpans};
-use rows::{CapKernel, DryingPass, KernelOrigin, MaxPass, NormalInputs, NormalPass, WetSpotKernel};
+use dirty_spans::{ColumnSpan, DirtySegments, DirtySpans, RowSpans};
+use kernels::{CapKernel, DryingPass, KernelOrigin, MaxPass, NormalInputs, NormalPass, WetSpotKernel};
 use uv_raster::TexelWindow;
 pub use uv_raster::UvRaster;
 
-/// Texels of a tile's side.
+/// Texels of a tile's side; also of a band of rows and of a segment of a row.
 const TILE: usize = 16;
-/// Wetness that counts as none.
-const DRY: f32 = 1.0 / 1024.0;
-/// How far water wets beyond its base, in base radii.
-const SOAKS: f64 = 1.15;
-/// Where there is no slope.
+/// Normal of a dry surface in tangent space.
 const FLAT: [f32; 3] = [0.0, 0.0, 1.0];
 
-/// One cap on a leaf, as the maps see it.
+/// A cap of a drop on a leaf, as maps need it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CapOnLeaf {
-    /// Where.
+    /// Texture coordinates of its center.
     pub uv: DVec2,
-    /// Its shape.
+    /// Shape without stretch and skew.
     pub cap: SphericalCap,
-    /// Its footprint.
-    pub print: Footprint,
-    /// Long axis of the footprint, unit, of leaf space.
+    /// Stretch and skew.
+    pub footprint: Footprint,
+    /// Unit tangent along which it is stretched and sheared, in leaf space.
     pub axis: DVec3,
 }
 
-/// A cap on the texels that it covers.
+/// A cap and the texels that it may cover.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CapStamp {
-    /// Tells it from all others.
+    /// Bits of all that its texels depend on: equal keys give equal texels.
     key: [u64; 11],
-    dome: CapKernel,
+    kernel: CapKernel,
     window: TexelWindow,
 }
 
-/// Texels worked on, each as often as it was.
+/// A wet spot and the texels that it may cover.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct WetSpotStamp {
+    kernel: WetSpotKernel,
+    window: TexelWindow,
+}
+
+/// Number of texel updates, by what made them; a texel counts as often as it is updated.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TexelCounters {
-    /// By caps of water.
-    pub poured: u64,
-    /// By normals.
-    pub turned: u64,
-    /// By places that became wet.
-    pub soaked: u64,
-    /// By drying.
-    pub dried: u64,
+    /// Heights, by each cap.
+    pub heights: u64,
+    /// Normals, once a frame.
+    pub normals: u64,
+    /// Wetness, by each wet spot.
+    pub wet_spots: u64,
+    /// Wetness, by drying.
+    pub drying: u64,
 }
 
 impl TexelCounters {
-    /// All of it.
+    /// Sum over all kinds of updates.
     pub fn sum(&self) -> u64 {
-        self.poured + self.turned + self.soaked + self.dried
+        self.heights + self.normals + self.wet_spots + self.drying
     }
 }
 
-/// The maps of one leaf through a clip.
+/// The water maps of one leaf over a clip.
 #[derive(Debug, Clone)]
 pub struct LeafWaterMaps {
-    chart: Arc<UvRaster>,
-    /// All of its texels.
-    whole: RowSpans,
+    raster: Arc<UvRaster>,
+    /// All texels of the raster.
+    full: RowSpans,
     scale: f32,
-    /// Halvings of wetness up to the last time, and by what factor the maps are behind them: factors are rounded.
-    age: f64,
-    behind: f64,
-    /// In the order of their keys.
+    /// Half-lives of wetness up to the last frame.
+    half_lives: f64,
+    /// Ratio of the exact decay up to the last frame to that of the maps, whose factors are rounded.
+    decay_residual: f64,
+    /// Caps of the last frame in the order of their keys.
     stamps: Vec<CapStamp>,
     maps: Arc<WetMaps>,
-    /// Tiles whose wetness is above [`DRY`].
+    /// Tiles that may hold wetness above [`MIN_WETNESS`](crate::rain::tuning::MIN_WETNESS), row by row.
     damp: Vec<bool>,
-    touched: TexelCounters,
+    counters: TexelCounters,
+}
+
+/// What a frame changes of the maps.
+struct FrameUpdate {
+    dirty: DirtySpans,
+    wet_spots: Vec<WetSpotStamp>,
+    /// Fraction of the wetness of the last frame that is left.
+    decay: f32,
 }
 
 impl LeafWaterMaps {
-    /// A dry leaf, `scale` times as large as its blade.
-    pub fn new(chart: Arc<UvRaster>, scale: f64) -> Self {
-        let n = chart.side * chart.side;
-        let tiles = chart.side.div_ceil(TILE);
+    /// Maps of a dry leaf of factor `scale`.
+    pub fn new(raster: Arc<UvRaster>, scale: f64) -> Self {
+        let n = raster.side * raster.side;
+        let tiles = raster.side.div_ceil(TILE);
         let maps = WetMaps { height: vec![0.0; n], water: Vec::new(), wetness: vec![0.0; n], normal: vec![FLAT; n] };
         Self {
-            whole: RowSpans::all(chart.side),
-            chart,
+            full: RowSpans::full(raster.side),
+            raster,
             scale: narrow(scale),
-            age: 0.0,
-            behind: 1.0,
+            half_lives: 0.0,
+            decay_residual: 1.0,
             stamps: Vec::new(),
             maps: Arc::new(maps),
             damp: vec![false; tiles * tiles],
-            touched: TexelCounters::default(),
+            counters: TexelCounters::default(),
         }
     }
 
-    /// The maps as they are.
+    /// The maps at the last frame.
     pub fn maps(&self) -> &Arc<WetMaps> {
         &self.maps
     }
 
-    /// Texels worked on so far.
-    pub fn touched(&self) -> TexelCounters {
-        self.touched
+    /// Texel updates since the beginning.
+    pub fn texel_counters(&self) -> TexelCounters {
+        self.counters
     }
 
-    /// Goes on to time `t`, s: water as `blobs` say, wet where `soaks` were. Only texels under what changed are done again.
+    /// Advances the maps to time `t`, s, at which the leaf carries `caps`; `wet_spots` became wet since the last call. Only texels
+    /// under changes are recomputed.
     pub fn advance(
         &mut self,
-        sheet: &LeafSurface,
-        blobs: &[CapOnLeaf],
-        soaks: &[WetSpot],
+        blade: &LeafSurface,
+        caps: &[CapOnLeaf],
+        wet_spots: &[WetSpot],
         t: f64,
         params: &DropParams,
     ) {
-        let stamps = self.stamps(sheet, blobs);
-        let changed = self.changed(&stamps);
+        let stamps = self.cap_stamps(blade, caps);
+        let dirty = self.dirty_spans(&stamps);
         self.stamps = stamps;
-        let left = self.left(t, params);
-        if soaks.is_empty() && !changed.any() && !self.damp.contains(&true) {
+        let decay = self.advance_decay(t, params);
+        if wet_spots.is_empty() && !dirty.any() && !self.damp.contains(&true) {
             return;
         }
-        let patches = self.patches(sheet, soaks, t, params);
-        self.work(&changed, &patches, left);
+        let wet_spots = self.wet_spot_stamps(blade, wet_spots, t, params);
+        self.update(&FrameUpdate { dirty, wet_spots, decay });
     }
 
-    /// The same from nothing: every texel, every blob. What [`LeafWaterMaps::advance`] must equal, bit for bit.
-    pub fn all_over(
+    /// The same, but every texel is recomputed with every cap: the reference that [`LeafWaterMaps::advance`] must equal bit for
+    /// bit.
+    pub fn advance_full(
         &mut self,
-        sheet: &LeafSurface,
-        blobs: &[CapOnLeaf],
-        soaks: &[WetSpot],
+        blade: &LeafSurface,
+        caps: &[CapOnLeaf],
+        wet_spots: &[WetSpot],
         t: f64,
         params: &DropParams,
     ) {
-        let whole = TexelWindow::whole(self.chart.side);
-        self.stamps = self.stamps(sheet, blobs);
-        self.stamps.iter_mut().for_each(|s| s.window = whole);
-        let left = self.left(t, params);
-        let mut patches = self.patches(sheet, soaks, t, params);
-        patches.iter_mut().for_each(|(_, window)| *window = whole);
+        let full = TexelWindow::full(self.raster.side);
+        self.stamps = self.cap_stamps(blade, caps);
+        self.stamps.iter_mut().for_each(|s| s.window = full);
+        let decay = self.advance_decay(t, params);
+        let mut wet_spots = self.wet_spot_stamps(blade, wet_spots, t, params);
+        wet_spots.iter_mut().for_each(|s| s.window = full);
         self.damp.fill(true);
-        self.work(&DirtySpans::all(self.chart.side), &patches, left);
+        self.update(&FrameUpdate { dirty: DirtySpans::full(self.raster.side), wet_spots, decay });
     }
 
-    /// What changed, and patches, a band of tiles after the other: what a band needs stays in the processor's cache from its
-    /// caps to its wet places. Normals wait for the caps of the band below.
-    fn work(&mut self, changed: &DirtySpans, patches: &[(WetSpotKernel, TexelWindow)], left: f32) {
+    /// Applies an update band by band of tile rows, so that a band stays in the processor's cache from its caps to its wet spots.
+    fn update(&mut self, update: &FrameUpdate) {
         let mut maps = std::mem::take(&mut self.maps);
         let own = Arc::make_mut(&mut maps);
-        let tiles = self.chart.side.div_ceil(TILE);
+        let tiles = self.raster.side.div_ceil(TILE);
         for band in 0..tiles {
-            self.pour(own, changed, band);
+            self.update_heights(own, &update.dirty, band);
+            // Normals of a band need heights of the first row of the next one: they follow one band later.
             if let Some(above) = band.checked_sub(1) {
-                self.turn(own, changed, above);
+                self.update_normals(own, &update.dirty, above);
             }
-            self.dry(own, left, band);
-            self.soak(own, patches, band);
+            self.dry(own, update.decay, band);
+            self.stamp_wet_spots(own, &update.wet_spots, band);
         }
-        self.turn(own, changed, tiles - 1);
-        for (_, window) in patches {
-            each_tile(window, tiles, |k| self.damp[k] = true);
+        self.update_normals(own, &update.dirty, tiles - 1);
+        for spot in &update.wet_spots {
+            for_each_tile(&spot.window, tiles, |k| self.damp[k] = true);
         }
         self.maps = maps;
     }
 
-    /// Share of wetness that is left at time `t`, s, of that at the last time.
-    fn left(&mut self, t: f64, params: &DropParams) -> f32 {
-        let age = halvings(t, params);
-        let meant = math::pow(2.0, self.age - age) * self.behind;
-        let left = narrow(meant);
-        self.behind = if left > 0.0 { meant / f64::from(left) } else { 1.0 };
-        self.age = age;
-        left
+    /// Moves the time of the wetness on to `t`, s; returns the fraction of the wetness of the last frame that is left.
+    fn advance_decay(&mut self, t: f64, params: &DropParams) -> f32 {
+        // The factor is rounded to single precision. Its relative error is kept and corrected by the next factor, so that rounding
+        // does not accumulate over the clip.
+        let half_lives = half_lives(t, params);
+        let exact = math::pow(2.0, self.half_lives - half_lives) * self.decay_residual;
+        let rounded = narrow(exact);
+        self.decay_residual = if rounded > 0.0 { exact / f64::from(rounded) } else { 1.0 };
+        self.half_lives = half_lives;
+        rounded
     }
 
-    /// Caps in the order of their keys, so that two frames' are compared in one go.
-    fn stamps(&self, sheet: &LeafSurface, blobs: &[CapOnLeaf]) -> Vec<CapStamp> {
-        let mut stamps: Vec<CapStamp> = blobs.iter().filter_map(|b| self.stamp(sheet, b)).collect();
+    /// Stamps of the caps, sorted by their keys, so that the caps of two frames are compared in one pass.
+    fn cap_stamps(&self, blade: &LeafSurface, caps: &[CapOnLeaf]) -> Vec<CapStamp> {
+        let mut stamps: Vec<CapStamp> = caps.iter().filter_map(|b| self.cap_stamp(blade, b)).collect();
         stamps.sort_unstable_by_key(|s| s.key);
         stamps
     }
 
-    fn stamp(&self, sheet: &LeafSurface, blob: &CapOnLeaf) -> Option<CapStamp> {
-        let spot = sheet.at(blob.uv, f64::from(self.scale))?;
-        let (SphericalCap { r, a, omega, c }, Footprint { q, skew }) = (blob.cap, blob.print);
-        let axis = (blob.axis - spot.n * blob.axis.dot(spot.n)).normalize_or(spot.n.any_orthonormal_vector());
-        let [x, y, z] = blob.axis.to_array();
+    fn cap_stamp(&self, blade: &LeafSurface, cap: &CapOnLeaf) -> Option<CapStamp> {
+        let point = blade.point_at(cap.uv, f64::from(self.scale))?;
+        let SphericalCap { r, a, height_factor, cos_angle } = cap.cap;
+        let Footprint { stretch, skew } = cap.footprint;
+        // The drop's axis was tangential to the surface where it last moved; project it onto the surface here.
+        let axis = (cap.axis - point.n * cap.axis.dot(point.n)).normalize_or(point.n.any_orthonormal_vector());
+        let [x, y, z] = cap.axis.to_array();
         Some(CapStamp {
-            key: [blob.uv.x, blob.uv.y, r, a, omega, c, q, skew, x, y, z].map(f64::to_bits),
-            dome: CapKernel::new(&blob.cap, &blob.print, self.stand(&spot), axis.as_vec3()),
-            window: self.chart.footprint(blob.uv, &spot, blob.cap.reach(), q, axis),
+            key: [cap.uv.x, cap.uv.y, r, a, height_factor, cos_angle, stretch, skew, x, y, z].map(f64::to_bits),
+            kernel: CapKernel::new(&cap.cap, &cap.footprint, self.kernel_origin(&point), axis.as_vec3()),
+            window: self.raster.footprint_window(cap.uv, &point, cap.cap.max_radius(), stretch, axis),
         })
     }
 
-    fn stand(&self, spot: &SurfacePoint) -> KernelOrigin {
-        KernelOrigin { p: spot.p.as_vec3().to_array(), n: spot.n.as_vec3().to_array(), scale: self.scale }
+    fn kernel_origin(&self, point: &SurfacePoint) -> KernelOrigin {
+        KernelOrigin { p: point.p.as_vec3().to_array(), n: point.n.as_vec3().to_array(), scale: self.scale }
     }
 
-    /// Texels under what was there before or is there now and is not the same.
-    fn changed(&self, stamps: &[CapStamp]) -> DirtySpans {
-        let mut marks = DirtyTiles::none(self.chart.side);
-        let mut mark = |s: &CapStamp| marks.add(&s.window);
+    /// Texels under caps that are in only one of the last frame and this one. Merges the two sorted lists.
+    fn dirty_spans(&self, stamps: &[CapStamp]) -> DirtySpans {
+        let mut segments = DirtySegments::none(self.raster.side);
+        let mut mark = |s: &CapStamp| segments.mark(&s.window);
         let (mut old, mut new) = (self.stamps.iter().peekable(), stamps.iter().peekable());
         loop {
             match (old.peek(), new.peek()) {
@@ -233,151 +253,158 @@ impl LeafWaterMaps {
                 _ => break,
             }
         }
-        DirtySpans::new(&marks)
+        DirtySpans::new(&segments)
     }
 
-    /// Rows of a band of tiles.
-    fn rows(&self, band: usize) -> std::ops::Range<usize> {
-        band * TILE..((band + 1) * TILE).min(self.chart.side)
+    /// Rows of texels of a band.
+    fn band_rows(&self, band: usize) -> Range<usize> {
+        band * TILE..((band + 1) * TILE).min(self.raster.side)
     }
 
-    /// Clears and fills what changed in a band.
-    fn pour(&mut self, maps: &mut WetMaps, changed: &DirtySpans, band: usize) {
-        let arch = rows::arch();
-        let (n, rows) = (self.chart.side, self.rows(band));
-        let runs = &changed.poured;
-        for (y, run) in rows.clone().flat_map(|y| runs.of(y).iter().map(move |r| (y, r))) {
-            maps.height[y * n + run.0..y * n + run.1].fill(0.0);
+    /// Recomputes the heights of a band's dirty texels: the maximum over all caps.
+    fn update_heights(&mut self, maps: &mut WetMaps, dirty: &DirtySpans, band: usize) {
+        let arch = kernels::arch();
+        let (n, rows) = (self.raster.side, self.band_rows(band));
+        let spans = &dirty.heights;
+        for (y, span) in rows.clone().flat_map(|y| spans.row(y).iter().map(move |span| (y, span))) {
+            maps.height[y * n + span.start..y * n + span.end].fill(0.0);
         }
-        for stamp in self.stamps.iter().filter(|s| s.window.meets(&rows)) {
-            let (stamp, window, made) = (&stamp.dome, &stamp.window, maps.height.as_mut_slice());
-            let pressed = MaxPass { stamp, window, chart: &self.chart, rows: &rows, runs, made };
-            self.touched.poured += arch.dispatch(pressed);
-        }
-    }
-
-    /// Makes normals of a band's texels that changed, and of those around them.
-    fn turn(&mut self, maps: &mut WetMaps, changed: &DirtySpans, band: usize) {
-        for y in self.rows(band) {
-            changed.turned.of(y).iter().for_each(|run| self.bend(maps, y, *run));
+        for stamp in self.stamps.iter().filter(|s| s.window.overlaps_rows(&rows)) {
+            let (kernel, window, texels) = (&stamp.kernel, &stamp.window, maps.height.as_mut_slice());
+            let pass = MaxPass { kernel, window, raster: &self.raster, rows: &rows, spans, texels };
+            self.counters.heights += arch.dispatch(pass);
         }
     }
 
-    /// Makes the normals of a part of a row.
-    fn bend(&mut self, maps: &mut WetMaps, y: usize, ColumnSpan(x0, x1): ColumnSpan) {
-        let n = self.chart.side;
-        self.touched.turned += (x1 - x0) as u64;
+    /// Recomputes the normals of a band's texels whose own or neighbouring heights are dirty.
+    fn update_normals(&mut self, maps: &mut WetMaps, dirty: &DirtySpans, band: usize) {
+        for y in self.band_rows(band) {
+            dirty.normals.row(y).iter().for_each(|span| self.update_row_normals(maps, y, *span));
+        }
+    }
+
+    /// Recomputes the normals of a span of row `y` by central differences of the heights, one-sided at the edges of the map.
+    fn update_row_normals(&mut self, maps: &mut WetMaps, y: usize, span: ColumnSpan) {
+        let ColumnSpan { start, end } = span;
+        let n = self.raster.side;
+        self.counters.normals += (end - start) as u64;
+        // v grows upwards, rows count downwards. Inverse distances of the neighbours in u and in v, over the leaf's scale, as the
+        // raster's slope factors are those of scale 1.
         let (up, down) = (y.saturating_sub(1), (y + 1).min(n - 1));
-        let per = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
+        let inverse_distance = [n as f32 * 0.5, n as f32 / (down - up).max(1) as f32].map(|k| k / self.scale);
         let WetMaps { height, normal, .. } = maps;
-        let (inner, outer) = (x0.max(1), x1.min(n - 1));
+        let (inner, outer) = (start.max(1), end.min(n - 1));
         let texels = y * n + inner..y * n + outer;
-        let around = NormalInputs {
-            own: &height[texels.start - 1..texels.end + 1],
+        let inputs = NormalInputs {
+            row: &height[texels.start - 1..texels.end + 1],
             above: &height[up * n + inner..up * n + outer],
             below: &height[down * n + inner..down * n + outer],
-            slopes: [0, 1, 2].map(|k| &self.chart.slopes[k][texels.clone()]),
-            per,
+            slope_factors: [0, 1, 2].map(|k| &self.raster.slope_factors[k][texels.clone()]),
+            inverse_distance,
         };
-        rows::arch().dispatch(NormalPass(&around, &mut normal[texels]));
-        // Ends of a row have a neighbour on one side only.
-        for x in [0, n - 1].into_iter().filter(|x| (x0..x1).contains(x) && !(inner..outer).contains(x)) {
+        kernels::arch().dispatch(NormalPass { inputs: &inputs, normals: &mut normal[texels] });
+        // The first and last texel of a row have a neighbour on one side only.
+        for x in [0, n - 1].into_iter().filter(|x| (start..end).contains(x) && !(inner..outer).contains(x)) {
             let (left, right) = (x.saturating_sub(1), (x + 1).min(n - 1));
             let per_u = n as f32 / (right - left).max(1) as f32 / self.scale;
             let du = (height[y * n + right] - height[y * n + left]) * per_u;
-            let dv = (height[up * n + x] - height[down * n + x]) * per[1];
-            normal[y * n + x] = rows::normal([du, dv], [0, 1, 2].map(|k| self.chart.slopes[k][y * n + x]));
+            let dv = (height[up * n + x] - height[down * n + x]) * inverse_distance[1];
+            let slope_factors = [0, 1, 2].map(|k| self.raster.slope_factors[k][y * n + x]);
+            normal[y * n + x] = kernels::normal([du, dv], slope_factors);
         }
     }
 
-    /// Places that were under water, on the texels that they reach. Source: [yang-wu] eq. 11.
-    fn patches(
+    /// Stamps of spots that were under water. Source: [yang-wu] eq. 11.
+    fn wet_spot_stamps(
         &self,
-        sheet: &LeafSurface,
-        soaks: &[WetSpot],
+        blade: &LeafSurface,
+        wet_spots: &[WetSpot],
         t: f64,
         params: &DropParams,
-    ) -> Vec<(WetSpotKernel, TexelWindow)> {
-        let n = self.chart.side as f64;
-        // Drops of the past may be told late, and count for less. Most are told at the same few times.
-        let now = halvings(t, params);
-        let mut known: Option<(f64, f32)> = None;
-        let mut peak = |t: f64| match known {
-            Some((told, peak)) if told.to_bits() == t.to_bits() => peak,
-            _ => known.insert((t, narrow(math::pow(2.0, (halvings(t, params) - now).min(0.0))))).1,
+    ) -> Vec<WetSpotStamp> {
+        let n = self.raster.side as f64;
+        // A spot that became wet between two frames has dried since. Most spots have one of few times, so the last power is
+        // reused while the time repeats.
+        let now = half_lives(t, params);
+        let mut last: Option<(f64, f32)> = None;
+        let mut peak = |t: f64| match last {
+            Some((time, peak)) if time.to_bits() == t.to_bits() => peak,
+            _ => last.insert((t, narrow(math::pow(2.0, (half_lives(t, params) - now).min(0.0))))).1,
         };
-        let patch = |soak: &WetSpot| {
-            let spot = sheet.at(soak.uv, f64::from(self.scale))?;
-            let texel = spot.ju.length().min(spot.jv.length()) / n;
-            let reach = SOAKS * soak.a;
-            let patch = WetSpotKernel {
-                stand: self.stand(&spot),
-                reach: narrow(reach),
-                edge: narrow(1.0 / texel),
-                fall: narrow(-1.0 / params.wet_length),
-                peak: peak(soak.t),
+        let stamp = |spot: &WetSpot| {
+            let point = blade.point_at(spot.uv, f64::from(self.scale))?;
+            // The edge is one texel wide, so that the wet area does not depend on the resolution.
+            let texel = point.dpdu.length().min(point.dpdv.length()) / n;
+            let radius = WET_RADIUS_FACTOR * spot.a;
+            let kernel = WetSpotKernel {
+                origin: self.kernel_origin(&point),
+                radius: narrow(radius),
+                inverse_edge: narrow(1.0 / texel),
+                exponent_rate: narrow(-1.0 / params.decay_length),
+                peak: peak(spot.t),
             };
-            Some((patch, self.chart.window(soak.uv, &spot, reach + texel)))
+            Some(WetSpotStamp { kernel, window: self.raster.circle_window(spot.uv, &point, radius + texel) })
         };
-        soaks.iter().filter_map(patch).collect()
+        wet_spots.iter().filter_map(stamp).collect()
     }
 
-    /// Makes places of a band wet.
-    fn soak(&mut self, maps: &mut WetMaps, patches: &[(WetSpotKernel, TexelWindow)], band: usize) {
-        let arch = rows::arch();
-        let rows = self.rows(band);
-        let runs = &self.whole;
-        for (stamp, window) in patches.iter().filter(|(_, w)| w.meets(&rows)) {
-            let made = maps.wetness.as_mut_slice();
-            let pressed = MaxPass { stamp, window, chart: &self.chart, rows: &rows, runs, made };
-            self.touched.soaked += arch.dispatch(pressed);
+    /// Raises the wetness of a band's texels to that of the spots over them.
+    fn stamp_wet_spots(&mut self, maps: &mut WetMaps, stamps: &[WetSpotStamp], band: usize) {
+        let arch = kernels::arch();
+        let rows = self.band_rows(band);
+        let spans = &self.full;
+        for stamp in stamps.iter().filter(|s| s.window.overlaps_rows(&rows)) {
+            let (kernel, window, texels) = (&stamp.kernel, &stamp.window, maps.wetness.as_mut_slice());
+            let pass = MaxPass { kernel, window, raster: &self.raster, rows: &rows, spans, texels };
+            self.counters.wet_spots += arch.dispatch(pass);
         }
     }
 
-    /// Dries a band; tiles that have dried up are left alone from then on. `left`: share of what was.
-    fn dry(&mut self, maps: &mut WetMaps, left: f32, band: usize) {
-        let arch = rows::arch();
-        let (n, rows) = (self.chart.side, self.rows(band));
+    /// Multiplies the wetness of a band's damp tiles by `decay`; runs of tiles that have dried are skipped from then on.
+    fn dry(&mut self, maps: &mut WetMaps, decay: f32, band: usize) {
+        let arch = kernels::arch();
+        let (n, rows) = (self.raster.side, self.band_rows(band));
         let tiles = n.div_ceil(TILE);
         let damp = &mut self.damp[band * tiles..(band + 1) * tiles];
-        let runs: Vec<ColumnSpan> = runs(damp, n).collect();
-        for ColumnSpan(from, to) in runs {
+        let runs: Vec<ColumnSpan> = damp_runs(damp, n).collect();
+        for ColumnSpan { start, end } in runs {
             let mut any = false;
             for y in rows.clone() {
-                let wetness = &mut maps.wetness[y * n + from..y * n + to];
-                any |= arch.dispatch(DryingPass { left, wetness });
-                self.touched.dried += (to - from) as u64;
+                let wetness = &mut maps.wetness[y * n + start..y * n + end];
+                any |= arch.dispatch(DryingPass { decay, wetness });
+                self.counters.drying += (end - start) as u64;
             }
             if !any {
-                damp[from / TILE..to.div_ceil(TILE)].fill(false);
+                damp[start / TILE..end.div_ceil(TILE)].fill(false);
             }
         }
     }
 }
 
-/// How often wetness has halved at time `t`, s. Source: zeta^(t / half life) = 2^-halvings.
-fn halvings(t: f64, params: &DropParams) -> f64 {
-    -t / params.half_life * (math::ln(params.zeta) / std::f64::consts::LN_2)
+/// Number of half-lives of wetness up to time `t`, s: decay_fraction^(t / decay_time) = 2^-half_lives.
+fn half_lives(t: f64, params: &DropParams) -> f64 {
+    -t / params.decay_time * (math::ln(params.decay_fraction) / std::f64::consts::LN_2)
 }
 
-/// Runs of tiles that are damp, as columns of texels.
-fn runs(marked: &[bool], n: usize) -> impl Iterator<Item = ColumnSpan> + '_ {
+/// Runs of damp tiles in a row of tiles, as columns of texels of a map of `n` columns.
+fn damp_runs(damp: &[bool], n: usize) -> impl Iterator<Item = ColumnSpan> + '_ {
     let mut k = 0;
     std::iter::from_fn(move || {
-        let from = k + marked[k..].iter().position(|m| *m)?;
-        k = marked[from..].iter().position(|m| !*m).map_or(marked.len(), |l| from + l);
-        Some(ColumnSpan(from * TILE, (k * TILE).min(n)))
+        let from = k + damp[k..].iter().position(|m| *m)?;
+        k = damp[from..].iter().position(|m| !*m).map_or(damp.len(), |l| from + l);
+        Some(ColumnSpan { start: from * TILE, end: (k * TILE).min(n) })
     })
 }
 
-fn each_tile(w: &TexelWindow, tiles: usize, mut f: impl FnMut(usize)) {
+/// Calls `f` with the index of each tile, of `tiles` each way, that a window overlaps.
+fn for_each_tile(w: &TexelWindow, tiles: usize, mut f: impl FnMut(usize)) {
     if w.lo[0] >= w.hi[0] || w.lo[1] >= w.hi[1] {
         return;
     }
     for y in w.lo[1] / TILE..=(w.hi[1] - 1) / TILE {
-        let (from, to) = w.span(y * TILE..(y + 1) * TILE);
-        if from < to {
-            (from / TILE..=(to - 1) / TILE).for_each(|x| f(y * tiles + x));
+        let columns = w.columns_of_rows(y * TILE..(y + 1) * TILE);
+        if columns.start < columns.end {
+            (columns.start / TILE..=(columns.end - 1) / TILE).for_each(|x| f(y * tiles + x));
         }
     }
 }

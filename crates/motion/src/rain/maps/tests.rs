@@ -1,29 +1,29 @@
 use super::*;
-use crate::rain::drops::shape::WettingParams;
+use crate::rain::drops::spherical_cap::{FootprintPoint, WettingParams};
 use crate::rain::leaf::surface::tests::flat;
 use osier_base::rng::Rng;
 
-fn sheet() -> LeafSurface {
+fn blade() -> LeafSurface {
     LeafSurface::new(&flat(0.08, 0.04, 8)).expect("a blade")
 }
 
-fn blob(uv: DVec2, volume: f64, (q, skew): (f64, f64)) -> CapOnLeaf {
+fn cap_at(uv: DVec2, volume: f64, stretch: f64, skew: f64) -> CapOnLeaf {
     let params = DropParams::default();
-    CapOnLeaf { uv, cap: params.wetting.cap(volume, 1.0), print: Footprint { q, skew }, axis: DVec3::Y }
+    CapOnLeaf { uv, cap: params.wetting.cap(volume, 1.0), footprint: Footprint { stretch, skew }, axis: DVec3::Y }
 }
 
 #[test]
 fn maps_hold_the_volume_of_a_drop() {
-    let sheet = sheet();
+    let blade = blade();
     let params = DropParams::default();
-    let chart = Arc::new(UvRaster::new(&sheet, 512));
+    let raster = Arc::new(UvRaster::new(&blade, 512));
     let volume = 4.2e-8;
     for theta in [30.0_f64, 45.0, 60.0, 75.0, 90.0] {
         for (q, skew, omega) in [(1.0, 0.0, None), (1.4, 0.26, None), (1.2, 0.1, Some(0.7))] {
-            let wetting = WettingParams { theta: theta.to_radians(), omega, ..params.wetting };
-            let blob = CapOnLeaf { cap: wetting.cap(volume, 1.0), ..blob(DVec2::splat(0.5), volume, (q, skew)) };
-            let mut wet = LeafWaterMaps::new(Arc::clone(&chart), 1.0);
-            wet.advance(&sheet, &[blob], &[], 0.0, &params);
+            let wetting = WettingParams { contact_angle: theta.to_radians(), height_factor: omega, ..params.wetting };
+            let cap = CapOnLeaf { cap: wetting.cap(volume, 1.0), ..cap_at(DVec2::splat(0.5), volume, q, skew) };
+            let mut wet = LeafWaterMaps::new(Arc::clone(&raster), 1.0);
+            wet.advance(&blade, &[cap], &[], 0.0, &params);
             let texel = 0.0032 / (512.0 * 512.0);
             let sum: f64 = wet.maps().water().iter().map(|h| f64::from(*h) * texel).sum();
             assert!((sum / volume - 1.0).abs() < 0.01, "{theta} {q}: {sum}");
@@ -35,8 +35,8 @@ fn maps_hold_the_volume_of_a_drop() {
 fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
     let height = |x: f64, y: f64| {
         let (along, across) = (x * b.axis.x + y * b.axis.y, x * b.axis.y - y * b.axis.x);
-        let (rho, lean) = b.print.at(b.cap.a, along, across);
-        b.cap.height(rho) * lean
+        let FootprintPoint { rho, height_factor } = b.footprint.map(b.cap.a, along, across);
+        b.cap.height(rho) * height_factor
     };
     let d = 1e-8;
     let slope = DVec2::new(height(x + d, y) - height(x - d, y), height(x, y + d) - height(x, y - d)) / (2.0 * d);
@@ -46,24 +46,25 @@ fn meant(b: &CapOnLeaf, x: f64, y: f64) -> DVec3 {
 #[test]
 fn normals_are_those_of_the_cap() {
     const N: u32 = 1024;
-    let (sheet, params) = (sheet(), DropParams::default());
-    let chart = Arc::new(UvRaster::new(&sheet, N as usize));
+    let (blade, params) = (blade(), DropParams::default());
+    let raster = Arc::new(UvRaster::new(&blade, N as usize));
     let place = |k: u32, size: f64| (f64::from(k) + 0.5 - 0.5 * f64::from(N)) / f64::from(N) * size;
     for (theta, q, skew, omega) in
         [(60.0, 1.0, 0.0, None), (60.0, 1.4, 0.26, None), (30.0, 1.2, 0.2, None), (90.0, 1.1, 0.1, Some(0.7))]
     {
         for turn in [0.0_f64, 30.0, 45.0, 90.0, 135.0] {
             let (sin, cos) = (math::sin(turn.to_radians()), math::cos(turn.to_radians()));
-            let wetting = WettingParams { theta: f64::to_radians(theta), omega, ..params.wetting };
+            let wetting =
+                WettingParams { contact_angle: f64::to_radians(theta), height_factor: omega, ..params.wetting };
             let cap = wetting.cap(20e-9, 1.0);
-            let b = CapOnLeaf { cap, axis: DVec3::new(cos, sin, 0.0), ..blob(DVec2::splat(0.5), 20e-9, (q, skew)) };
-            let mut wet = LeafWaterMaps::new(Arc::clone(&chart), 1.0);
-            wet.advance(&sheet, &[b], &[], 0.0, &params);
+            let b = CapOnLeaf { cap, axis: DVec3::new(cos, sin, 0.0), ..cap_at(DVec2::splat(0.5), 20e-9, q, skew) };
+            let mut wet = LeafWaterMaps::new(Arc::clone(&raster), 1.0);
+            wet.advance(&blade, &[b], &[], 0.0, &params);
             let (mut seen, mut worst) = (0, 0.0_f64);
             for (row, column) in (400..624).flat_map(|row| (400..624).map(move |column| (row, column))) {
                 let (x, y) = (place(column, 0.04), -place(row, 0.08));
-                let (rho, _) = b.print.at(cap.a, x * cos + y * sin, x * sin - y * cos);
-                if rho < 0.9 {
+                let at = b.footprint.map(cap.a, x * cos + y * sin, x * sin - y * cos);
+                if at.rho < 0.9 {
                     let made = DVec3::from_array(wet.maps().normal[(row * N + column) as usize].map(f64::from));
                     worst = worst.max(math::acos(made.dot(meant(&b, x, y)).min(1.0)).to_degrees());
                     seen += 1;
@@ -76,65 +77,65 @@ fn normals_are_those_of_the_cap() {
 
 #[test]
 fn changed_tiles_give_the_same_bits_as_all_of_them() {
-    let sheet = sheet();
-    let params = DropParams { half_life: 0.8, ..DropParams::default() };
-    let chart = Arc::new(UvRaster::new(&sheet, 64));
-    let (mut few, mut all) = (LeafWaterMaps::new(Arc::clone(&chart), 1.3), LeafWaterMaps::new(chart, 1.3));
+    let blade = blade();
+    let params = DropParams { decay_time: 0.8, ..DropParams::default() };
+    let raster = Arc::new(UvRaster::new(&blade, 64));
+    let (mut few, mut all) = (LeafWaterMaps::new(Arc::clone(&raster), 1.3), LeafWaterMaps::new(raster, 1.3));
     let mut draw = Rng::at(7, &["blobs".into()]);
     let mut any = |a: f64, b: f64| draw.range(a, b);
-    let mut blobs: Vec<CapOnLeaf> =
-        (0..200).map(|_| blob(DVec2::new(any(0.0, 1.0), any(0.0, 1.0)), any(1e-10, 8e-9), (1.0, 0.0))).collect();
+    let mut caps: Vec<CapOnLeaf> =
+        (0..200).map(|_| cap_at(DVec2::new(any(0.0, 1.0), any(0.0, 1.0)), any(1e-10, 8e-9), 1.0, 0.0)).collect();
     for frame in 0..300 {
         let t = f64::from(frame) / 24.0;
-        let mut soaks = Vec::new();
-        for (i, b) in blobs.iter_mut().enumerate() {
+        let mut wet_spots = Vec::new();
+        for (i, b) in caps.iter_mut().enumerate() {
             // Some run, some stretch, some lie.
             if i % 7 == 0 {
                 b.uv.y -= 0.004;
                 if b.uv.y < 0.0 {
                     b.uv.y = 0.98;
                 }
-                b.print = Footprint { q: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
-                soaks.push(WetSpot { uv: b.uv, a: b.cap.a, t });
+                b.footprint = Footprint { stretch: 1.0 + any(0.0, 0.5), skew: any(0.0, 0.26) };
+                wet_spots.push(WetSpot { uv: b.uv, a: b.cap.a, t });
             }
         }
-        few.advance(&sheet, &blobs, &soaks, t, &params);
-        all.all_over(&sheet, &blobs, &soaks, t, &params);
+        few.advance(&blade, &caps, &wet_spots, t, &params);
+        all.advance_full(&blade, &caps, &wet_spots, t, &params);
         let bits = |m: &[f32]| m.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert!(bits(&few.maps().height) == bits(&all.maps().height), "heights of frame {frame}");
         assert!(bits(&few.maps().wetness) == bits(&all.maps().wetness), "wetness of frame {frame}");
         assert!(few.maps().normal == all.maps().normal, "normals of frame {frame}");
     }
-    assert!(few.touched().poured < all.touched().poured);
+    assert!(few.texel_counters().heights < all.texel_counters().heights);
 }
 
 #[test]
 fn wetness_halves_and_keeps_the_larger() {
-    let sheet = sheet();
+    let blade = blade();
     let params = DropParams::default();
-    let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&sheet, 128)), 1.0);
+    let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&blade, 128)), 1.0);
     let middle = 64 * 128 + 64;
     let soak = |a: f64, t: f64| WetSpot { uv: DVec2::new(0.5 + 0.5 / 128.0, 0.5 - 0.5 / 128.0), a, t };
-    wet.advance(&sheet, &[], &[soak(2e-3, 0.0)], 0.0, &params);
+    wet.advance(&blade, &[], &[soak(2e-3, 0.0)], 0.0, &params);
     let first = wet.maps().wetness[middle];
     assert!((first - 1.0).abs() < 1e-4);
-    wet.advance(&sheet, &[], &[], 20.0, &params);
+    wet.advance(&blade, &[], &[], 20.0, &params);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 1e-4);
     // Wetted again from beside: where that would be less, the old one stays.
     let beside = WetSpot { uv: DVec2::new(0.57, 0.5), a: 3e-3, t: 20.0 };
-    wet.advance(&sheet, &[], &[beside], 20.0, &params);
+    wet.advance(&blade, &[], &[beside], 20.0, &params);
     assert!((wet.maps().wetness[middle] - 0.5).abs() < 0.02);
-    wet.advance(&sheet, &[], &[], 400.0, &params);
+    wet.advance(&blade, &[], &[], 400.0, &params);
     assert!(wet.maps().wetness.iter().all(|w| *w == 0.0));
 }
 
 #[test]
 fn the_wet_area_does_not_hang_on_the_resolution() {
-    let sheet = sheet();
+    let blade = blade();
     let params = DropParams::default();
     let area = |n: usize| {
-        let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&sheet, n)), 1.0);
-        wet.advance(&sheet, &[], &[WetSpot { uv: DVec2::new(0.5, 0.5), a: 4e-3, t: 0.0 }], 0.0, &params);
+        let mut wet = LeafWaterMaps::new(Arc::new(UvRaster::new(&blade, n)), 1.0);
+        wet.advance(&blade, &[], &[WetSpot { uv: DVec2::new(0.5, 0.5), a: 4e-3, t: 0.0 }], 0.0, &params);
         wet.maps().wetness.iter().filter(|w| **w > 0.05).count() as f64 / (n * n) as f64
     };
     let (coarse, fine) = (area(128), area(512));
@@ -150,22 +151,22 @@ fn vectors_of_any_width_give_the_same_bits() {
         (p.y, p.z) = (0.08 - p.y, 0.001);
         *n = -*n;
     }
-    for (sheet, meant) in [(sheet(), false), (LeafSurface::new(&folded).expect("a blade"), true)] {
-        let chart = UvRaster::new(&sheet, 61);
-        assert_eq!(chart.is_folded(), meant);
-        let wet = LeafWaterMaps::new(Arc::new(chart), 1.0);
-        let stamps = wet.stamps(&sheet, &[blob(DVec2::new(0.5, 0.4), 3e-8, (1.2, 0.2))]);
-        let press = |arch: Arch| {
+    for (blade, meant) in [(blade(), false), (LeafSurface::new(&folded).expect("a blade"), true)] {
+        let raster = UvRaster::new(&blade, 61);
+        assert_eq!(raster.is_folded(), meant);
+        let wet = LeafWaterMaps::new(Arc::new(raster), 1.0);
+        let stamps = wet.cap_stamps(&blade, &[cap_at(DVec2::new(0.5, 0.4), 3e-8, 1.2, 0.2)]);
+        let heights = |arch: Arch| {
             let mut made = vec![0.0; 61 * 61];
-            let (chart, whole) = (&*wet.chart, TexelWindow::whole(61));
-            let (rows, runs) = (0..61, RowSpans::all(61));
-            let stamp = &stamps[0].dome;
-            arch.dispatch(MaxPass { stamp, window: &whole, chart, rows: &rows, runs: &runs, made: &mut made });
+            let (raster, window) = (&*wet.raster, TexelWindow::full(61));
+            let (rows, spans) = (0..61, RowSpans::full(61));
+            let kernel = &stamps[0].kernel;
+            arch.dispatch(MaxPass { kernel, window: &window, raster, rows: &rows, spans: &spans, texels: &mut made });
             made
         };
-        let made = press(rows::arch());
-        assert_eq!(made, press(Arch::Scalar));
-        assert_eq!(made, press(Arch::new()));
+        let made = heights(kernels::arch());
+        assert_eq!(made, heights(Arch::Scalar));
+        assert_eq!(made, heights(Arch::new()));
         // Rows of v = 0.4 and 0.6, which lie upon each other where the blade is folded.
         let wet_at = |y: usize| made[y * 61..(y + 1) * 61].iter().any(|h| *h > 0.0);
         assert!(wet_at(36) && !wet_at(24), "not through the fold");

@@ -1,201 +1,237 @@
-//! What a leaf's texture knows of its blade, and which of its texels a place reaches.
+//! A leaf's blade sampled at the texels of a texture, and the windows of texels under shapes on the blade.
 
 use std::ops::Range;
 
 use glam::{DVec2, DVec3, Vec3};
 
 use super::TILE;
-use crate::rain::leaf::surface::{LeafSurface, SurfacePoint};
+use super::dirty_spans::ColumnSpan;
+use crate::rain::leaf::surface::{FirstFundamentalForm, LeafSurface, SurfacePoint};
+use crate::rain::tuning::{FOLD_COSINE, WINDOW_MARGIN_MAX, WINDOW_MARGIN_MIN};
 use osier_base::math::narrow;
 
-/// Windows are larger than what they hold by a factor: the least, and the most for blades whose texture is stretched here
-/// and squeezed there.
-const MARGIN: [f64; 2] = [1.05, 1.25];
+/// Coordinate of texels beyond the blade, m: so far away that no kernel reaches them.
+const OFF_BLADE: f32 = 1e6;
 
-/// Place of texels beyond the blade, m.
-const FAR: f32 = 1e6;
-/// Normals that all turn less than this from their mean are all on one side of it: cosine.
-const ONE_SIDE: f32 = 0.8;
-
-/// What a leaf's texture knows of its blade: made once, shared by all leaves of one form.
+/// The blade at the texels of a texture; shared by all leaves of one shape.
 #[derive(Debug)]
 pub struct UvRaster {
+    /// Texels of a side of the texture.
     pub(super) side: usize,
-    /// Places of the texels, m of the blade's own space, component by component; [`FAR`] away beyond the blade.
+    /// Positions of the texels at scale 1, m, row by row from the top, component by component; [`OFF_BLADE`] beyond the blade.
     pub(super) p: [Vec<f32>; 3],
-    /// Their normals, of blades that fold back on themselves; others need none.
+    /// Normals of the texels of a blade that folds back on itself; others need none.
     n: Option<[Vec<f32>; 3]>,
-    /// What makes slopes in tangent space of changes per u and per v, 1/m: how, [`super::rows::normal`] tells.
-    pub(super) slopes: [Vec<f32>; 3],
-    /// Factor by which windows are larger than a distance at their middle asks for.
+    /// Factors from derivatives of height by u and v to slopes along the tangent and the bitangent, 1/m; see
+    /// [`super::kernels::normal`].
+    pub(super) slope_factors: [Vec<f32>; 3],
+    /// Factor on the radius of windows that covers the change of dp/du and dp/dv within them.
     margin: f64,
 }
 
-/// A row's texels of a chart.
+/// Texels of a raster in a range of indices.
 pub(super) struct RasterRow<'a> {
     pub p: [&'a [f32]; 3],
-    /// Empty where the blade is not folded.
+    /// Empty if the blade is not folded.
     pub n: [&'a [f32]; 3],
 }
 
-/// A texel that is on the blade.
+/// A texel on the blade.
 struct SurfaceTexel {
     p: [f32; 3],
     n: [f32; 3],
-    slopes: [f32; 3],
+    slope_factors: [f32; 3],
 }
 
 impl SurfaceTexel {
-    fn of(spot: &SurfacePoint) -> Self {
-        let (a, b, c) = (spot.ju.dot(spot.ju), spot.ju.dot(spot.jv), spot.jv.dot(spot.jv));
-        // H_u is the slope along u times |J_u|; what is left of H_v goes along the part of J_v across it.
-        let across = ((a * c - b * b).max(0.0) / a).sqrt();
-        let slopes = [1.0 / a.sqrt(), -b / (a * across), 1.0 / across].map(|x| if x.is_finite() { x } else { 0.0 });
-        Self { p: spot.p.as_vec3().to_array(), n: spot.n.as_vec3().to_array(), slopes: slopes.map(narrow) }
+    fn new(point: &SurfacePoint) -> Self {
+        let form = FirstFundamentalForm::new(point.dpdu, point.dpdv);
+        // With the unit tangent T = dp/du / |dp/du| and the bitangent B = N x T: H_u = |dp/du| H_T, and
+        // H_v = (F / |dp/du|) H_T + across H_B, where across = sqrt((E G - F^2) / E) is the part of dp/dv along B. Solved for the slopes:
+        // H_T = H_u / sqrt(E), H_B = -F / (E across) H_u + H_v / across.
+        let across = (form.determinant().max(0.0) / form.e).sqrt();
+        let slope_factors = [1.0 / form.e.sqrt(), -form.f / (form.e * across), 1.0 / across];
+        let slope_factors = slope_factors.map(|x| if x.is_finite() { x } else { 0.0 });
+        Self {
+            p: point.p.as_vec3().to_array(),
+            n: point.n.as_vec3().to_array(),
+            slope_factors: slope_factors.map(narrow),
+        }
     }
 }
 
-/// Rows and columns of texels, ends excluded, and the ellipse within them that a distance on the blade is.
+/// The texels that an ellipse in the texture may cover: those of its bounding box, less those outside of it row by row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct TexelWindow {
+    /// First column and row.
     pub lo: [usize; 2],
+    /// Column and row after the last.
     pub hi: [usize; 2],
-    middle: DVec2,
-    /// Shift of the middle by row, and square of half of the width: at the middle, and less of it by row squared.
-    lean: f64,
-    half: [f64; 2],
+    /// Center, texels.
+    center: DVec2,
+    /// Columns by which the middle of a row shifts per row.
+    shear: f64,
+    /// Square of the half width of the middle row, in columns.
+    half_width2: f64,
+    /// Decrease of the square of the half width per square of the distance from the middle row.
+    half_width2_decrease: f64,
 }
 
 impl TexelWindow {
     /// All texels.
-    pub fn whole(side: usize) -> Self {
-        Self { lo: [0; 2], hi: [side; 2], middle: DVec2::ZERO, lean: 0.0, half: [f64::INFINITY, 0.0] }
+    pub fn full(side: usize) -> Self {
+        Self {
+            lo: [0; 2],
+            hi: [side; 2],
+            center: DVec2::ZERO,
+            shear: 0.0,
+            half_width2: f64::INFINITY,
+            half_width2_decrease: 0.0,
+        }
     }
 
-    /// Whether it has some of a range of rows.
-    pub fn meets(&self, rows: &Range<usize>) -> bool {
+    pub fn overlaps_rows(&self, rows: &Range<usize>) -> bool {
         self.lo[1] < rows.end && rows.start < self.hi[1]
     }
 
-    /// Columns of some of its rows, ends excluded: at least those of each.
-    pub fn span(&self, rows: Range<usize>) -> (usize, usize) {
+    /// Columns that hold the window's texels of all of `rows`.
+    pub fn columns_of_rows(&self, rows: Range<usize>) -> ColumnSpan {
+        // The middles of the first and the last row bound those between; the widest row is the one nearest to the center.
         let rows = [rows.start.max(self.lo[1]), rows.end.min(self.hi[1]).saturating_sub(1)];
-        let [first, last] = rows.map(|y| y as f64 + 0.5 - self.middle.y);
+        let [first, last] = rows.map(|y| y as f64 + 0.5 - self.center.y);
         let widest = first.max(0.0).min(last.max(first));
-        let half = (self.half[0] - self.half[1] * widest * widest).max(0.0).sqrt() + 1.0;
-        let [a, b] = [first, last].map(|dy| self.middle.x + self.lean * dy);
+        let half = (self.half_width2 - self.half_width2_decrease * widest * widest).max(0.0).sqrt() + 1.0;
+        let [a, b] = [first, last].map(|dy| self.center.x + self.shear * dy);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-        let (from, to) = ((a.min(b) - half) as usize, (a.max(b) + half + 1.0) as usize);
-        (from.max(self.lo[0]), to.min(self.hi[0]))
+        let (start, end) = ((a.min(b) - half) as usize, (a.max(b) + half + 1.0) as usize);
+        ColumnSpan { start: start.max(self.lo[0]), end: end.min(self.hi[0]) }
     }
 
-    /// Columns of [`TILE`] rows from `first` on, ends excluded, as numbers with fractions. All at once, as the processor takes
-    /// several roots together and many windows are narrow.
+    /// Fractional bounds of the columns of [`TILE`] rows from `first` on. All rows at once, as the processor takes several square
+    /// roots together and most windows are narrow.
     #[inline(always)]
-    pub fn columns(&self, first: usize) -> [[f64; 2]; TILE] {
-        let mut ends = [[0.0; TILE]; 2];
-        let y = first as f64 + 0.5 - self.middle.y;
-        let [starts, stops] = &mut ends;
-        for (i, (from, to)) in starts.iter_mut().zip(stops).enumerate() {
+    pub fn column_bounds(&self, first: usize) -> [[f64; 2]; TILE] {
+        let mut bounds = [[0.0; TILE]; 2];
+        let y = first as f64 + 0.5 - self.center.y;
+        let [starts, ends] = &mut bounds;
+        for (i, (start, end)) in starts.iter_mut().zip(ends).enumerate() {
             let dy = y + i as f64;
-            let middle = self.middle.x + self.lean * dy;
-            // Texels whose middle lies within, and somewhat more.
-            let half = (self.half[0] - self.half[1] * dy * dy).max(0.0).sqrt() + 0.1;
-            (*from, *to) = (middle - half - 0.5, middle + half + 0.5);
+            let middle = self.center.x + self.shear * dy;
+            // Texels whose center lies inside of the ellipse, and a tenth of a texel for rounding.
+            let half = (self.half_width2 - self.half_width2_decrease * dy * dy).max(0.0).sqrt() + 0.1;
+            (*start, *end) = (middle - half - 0.5, middle + half + 0.5);
         }
-        std::array::from_fn(|i| [ends[0][i], ends[1][i]])
+        std::array::from_fn(|i| [bounds[0][i], bounds[1][i]])
     }
 
-    /// Whole columns from those with fractions.
+    /// Whole columns within fractional bounds and the window.
     #[inline(always)]
-    pub fn whole_columns(&self, [from, to]: [f64; 2]) -> (usize, usize) {
-        // Casts to whole numbers saturate: what is below 0 becomes 0.
+    pub fn clamp_columns(&self, [start, end]: [f64; 2]) -> ColumnSpan {
+        // Casts to integers saturate: what is below 0 becomes 0.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-        let (from, to) = (from as usize, to as usize);
-        (from.max(self.lo[0]), to.min(self.hi[0]))
+        let (start, end) = (start as usize, end as usize);
+        ColumnSpan { start: start.max(self.lo[0]), end: end.min(self.hi[0]) }
     }
 }
 
 impl UvRaster {
-    /// Looks up each of `side` by `side` texels.
-    pub fn new(sheet: &LeafSurface, side: usize) -> Self {
+    /// Samples a blade at `side` by `side` texels.
+    pub fn new(blade: &LeafSurface, side: usize) -> Self {
         let rows: Vec<usize> = (0..side).collect();
         let n = side as f64;
         let row = |y: &usize| -> Vec<Option<SurfaceTexel>> {
             let v = 1.0 - (*y as f64 + 0.5) / n;
-            let texel = |x: usize| Some(SurfaceTexel::of(&sheet.at(DVec2::new((x as f64 + 0.5) / n, v), 1.0)?));
+            let texel = |x: usize| Some(SurfaceTexel::new(&blade.point_at(DVec2::new((x as f64 + 0.5) / n, v), 1.0)?));
             (0..side).map(texel).collect()
         };
         let texels: Vec<Option<SurfaceTexel>> = osier_base::par::par_map(&rows, row).into_iter().flatten().collect();
-        let list = |beyond: f32, f: &dyn Fn(&SurfaceTexel) -> f32| -> Vec<f32> {
-            texels.iter().map(|t| t.as_ref().map_or(beyond, f)).collect()
+        let column = |off_blade: f32, f: &dyn Fn(&SurfaceTexel) -> f32| -> Vec<f32> {
+            texels.iter().map(|t| t.as_ref().map_or(off_blade, f)).collect()
         };
+        // A blade whose normals all stay close to their mean cannot fold back on itself.
         let normals = || texels.iter().flatten().map(|t| Vec3::from_array(t.n));
         let mean = normals().sum::<Vec3>().normalize_or_zero();
-        let folded = normals().any(|n| n.dot(mean) < ONE_SIDE);
+        let folded = normals().any(|n| n.dot(mean) < FOLD_COSINE);
+        // Windows use the tangent plane at their center: widen them by how much the map from texture to blade varies.
         let range = |k: usize| {
-            let all = texels.iter().flatten().map(|t| f64::from(t.slopes[k]));
+            let all = texels.iter().flatten().map(|t| f64::from(t.slope_factors[k]));
             all.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)))
         };
-        let [(u0, u1), (lean0, lean1), (v0, v1)] = [0, 1, 2].map(range);
-        let differs = (u1 / u0).max(v1 / v0) - 1.0 + (lean1 - lean0) / u0;
-        let margin = if differs.is_finite() { (MARGIN[0] + differs).min(MARGIN[1]) } else { MARGIN[1] };
+        let [(u0, u1), (shear0, shear1), (v0, v1)] = [0, 1, 2].map(range);
+        let variation = (u1 / u0).max(v1 / v0) - 1.0 + (shear1 - shear0) / u0;
+        let margin = if variation.is_finite() {
+            (WINDOW_MARGIN_MIN + variation).min(WINDOW_MARGIN_MAX)
+        } else {
+            WINDOW_MARGIN_MAX
+        };
         Self {
             side,
             margin,
-            p: [0, 1, 2].map(|k| list(FAR, &|t| t.p[k])),
-            n: folded.then(|| [0, 1, 2].map(|k| list(0.0, &|t| t.n[k]))),
-            slopes: [0, 1, 2].map(|k| list(0.0, &|t| t.slopes[k])),
+            p: [0, 1, 2].map(|k| column(OFF_BLADE, &|t| t.p[k])),
+            n: folded.then(|| [0, 1, 2].map(|k| column(0.0, &|t| t.n[k]))),
+            slope_factors: [0, 1, 2].map(|k| column(0.0, &|t| t.slope_factors[k])),
         }
     }
 
-    /// Texels within a distance, m, of a place.
-    pub(super) fn window(&self, uv: DVec2, spot: &SurfacePoint, reach: f64) -> TexelWindow {
-        self.ellipse(uv, [spot.ju, spot.jv], reach)
+    /// Texels within `radius`, m, of a point with texture coordinates `uv`.
+    pub(super) fn circle_window(&self, uv: DVec2, point: &SurfacePoint, radius: f64) -> TexelWindow {
+        self.ellipse_window(uv, point.dpdu, point.dpdv, radius)
     }
 
-    /// Texels under a footprint of radius `reach`, m, stretched by `q` along `axis`, a unit vector of the blade's plane.
-    pub(super) fn footprint(&self, uv: DVec2, spot: &SurfacePoint, reach: f64, q: f64, axis: DVec3) -> TexelWindow {
-        let across = spot.n.cross(axis);
-        let shrunk = |j: DVec3| DVec3::new(j.dot(axis) / q, j.dot(across) * q, j.dot(spot.n));
-        self.ellipse(uv, [spot.ju, spot.jv].map(shrunk), reach)
+    /// Texels under a footprint of `radius`, m, stretched by `stretch` along the unit tangent `axis`.
+    pub(super) fn footprint_window(
+        &self,
+        uv: DVec2,
+        point: &SurfacePoint,
+        radius: f64,
+        stretch: f64,
+        axis: DVec3,
+    ) -> TexelWindow {
+        // In coordinates shrunk along the axis and stretched across it the footprint is a circle.
+        let across = point.n.cross(axis);
+        let unstretch = |j: DVec3| DVec3::new(j.dot(axis) / stretch, j.dot(across) * stretch, j.dot(point.n));
+        self.ellipse_window(uv, unstretch(point.dpdu), unstretch(point.dpdv), radius)
     }
 
-    /// Texels within a distance of a place. `ju`, `jv`: ways that u and v go there.
-    fn ellipse(&self, uv: DVec2, [ju, jv]: [DVec3; 2], reach: f64) -> TexelWindow {
+    /// Texels of the ellipse |dpdu du + dpdv dv| <= radius around `uv`.
+    fn ellipse_window(&self, uv: DVec2, dpdu: DVec3, dpdv: DVec3, radius: f64) -> TexelWindow {
         let n = self.side as f64;
-        let reach = self.margin * reach;
-        // Rows count against v, whence the sign of b.
-        let (a, b, c) = (ju.dot(ju), -ju.dot(jv), jv.dot(jv));
+        let radius = self.margin * radius;
+        // a x^2 + 2 b x y + c y^2 <= radius^2 in texture coordinates. Rows count against v, whence the sign of b.
+        let (a, b, c) = (dpdu.dot(dpdu), -dpdu.dot(dpdv), dpdv.dot(dpdv));
         let det = (a * c - b * b).max(0.0);
-        let r = DVec2::new(c, a).map(|x| (x / det.max(f64::MIN_POSITIVE)).sqrt() * reach);
+        // Half-axes of the bounding box: radius sqrt(c / det) and radius sqrt(a / det).
+        let r = DVec2::new(c, a).map(|x| (x / det.max(f64::MIN_POSITIVE)).sqrt() * radius);
         let clamp = |x: f64| {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
             let k = x.clamp(0.0, n) as usize;
             k
         };
-        let least = a.max(f64::MIN_POSITIVE);
+        // Row by row: x = -b / a y +- sqrt(radius^2 / a - det / a^2 y^2).
+        let a = a.max(f64::MIN_POSITIVE);
         TexelWindow {
             lo: [clamp(((uv.x - r.x) * n).floor()), clamp(((1.0 - uv.y - r.y) * n).floor())],
             hi: [clamp(((uv.x + r.x) * n).ceil() + 1.0), clamp(((1.0 - uv.y + r.y) * n).ceil() + 1.0)],
-            middle: DVec2::new(uv.x, 1.0 - uv.y) * n,
-            lean: -b / least,
-            half: [reach * reach * n * n / least, det / (least * least)],
+            center: DVec2::new(uv.x, 1.0 - uv.y) * n,
+            shear: -b / a,
+            half_width2: radius * radius * n * n / a,
+            half_width2_decrease: det / (a * a),
         }
     }
 
-    /// Whether parts of it look to the other side.
+    /// Whether parts of the blade face away from each other.
     pub(super) fn is_folded(&self) -> bool {
         self.n.is_some()
     }
 
-    /// Texels of a row, the end excluded.
+    /// The texels of a range of indices; their normals only if the blade is folded.
     #[inline(always)]
-    pub(super) fn row(&self, from: usize, to: usize) -> RasterRow<'_> {
+    pub(super) fn texel_range(&self, range: ColumnSpan) -> RasterRow<'_> {
+        let ColumnSpan { start, end } = range;
         let [x, y, z] = &self.p;
-        let p = [&x[from..to], &y[from..to], &z[from..to]];
+        let p = [&x[start..end], &y[start..end], &z[start..end]];
         match &self.n {
-            Some([x, y, z]) => RasterRow { p, n: [&x[from..to], &y[from..to], &z[from..to]] },
+            Some([x, y, z]) => RasterRow { p, n: [&x[start..end], &y[start..end], &z[start..end]] },
             None => RasterRow { p, n: [&[]; 3] },
         }
     }

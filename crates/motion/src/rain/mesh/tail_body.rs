@@ -1,192 +1,226 @@
-//! The body of a drop that runs: along the way that it came it narrows from its head to the end of its tail, without creases.
+//! The shape of a running drop with its tail: a body along the path, whose cross sections narrow from the head to the end of the
+//! tail without creases.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::rain::drops::shape::SphericalCap;
+use crate::rain::drops::spherical_cap::SphericalCap;
 use crate::rain::frame::SessileDrop;
 use crate::rain::mesh::DropPlacement;
+use crate::rain::tuning::{MAX_TAIL_ROWS, TAIL_HEIGHT_RANGE, TAIL_ROWS_PER_RADIUS, TAIL_SLICE_STEPS, TAIL_SLICES};
 use osier_base::math;
 
-/// Rows per base radius, and most rows.
-const ROWS: f64 = 7.0;
-const LONG: u32 = 160;
-/// Slices along, and steps from the middle to the rim, in which its volume is measured.
-const SLICES: u32 = 96;
-const STEPS: u32 = 24;
-/// Bounds of the factor on heights that keeps its volume.
-const FACTOR: [f64; 2] = [0.4, 1.6];
-
-/// The way that a drop with a tail came, from its head back, and its shape along it.
+/// A tail body over the arc length s, m, of the path back from the head's center.
 pub(super) struct TailBody {
-    /// Places, of leaf space from the head, and the way to each, m.
-    points: Vec<(DVec3, f64)>,
-    /// Way to the middle of each cap, m, half of its width there and its height, with their slopes.
-    nodes: Vec<TailNode>,
-    /// The caps at its ends and their stretch.
-    head: (SphericalCap, f64),
-    end: (SphericalCap, f64),
+    path: Vec<BodyPathPoint>,
+    /// Sizes at the centers of the caps, by ascending arc length.
+    knots: Vec<TailKnot>,
+    head: StretchedCap,
+    tail_end: StretchedCap,
+    /// Unit normal of the leaf under the head.
     normal: DVec3,
+    /// Skew of the head.
     skew: f64,
-    /// Where it begins and ends.
-    from: f64,
-    to: f64,
-    /// On all heights.
-    factor: f64,
+    /// Arc length of the front of the head; negative.
+    start: f64,
+    /// Arc length of the rear of the last cap.
+    end: f64,
+    /// Factor on heights with which the body holds the drop's volume.
+    height_factor: f64,
 }
 
-/// Half width and height at a way, m, and how they change with it.
+/// A point of the path in leaf space.
 #[derive(Debug, Clone, Copy)]
-struct TailNode {
-    way: f64,
+struct BodyPathPoint {
+    /// Offset from the head's center, m.
+    p: DVec3,
+    /// Arc length, m.
+    s: f64,
+}
+
+/// A cap with the stretch of its footprint along the path.
+#[derive(Debug, Clone, Copy)]
+struct StretchedCap {
+    cap: SphericalCap,
+    stretch: f64,
+}
+
+/// Width and height of a cross section.
+#[derive(Debug, Clone, Copy)]
+struct CrossSection {
+    /// Half of the width, m.
+    half_width: f64,
+    /// Height in the middle, m.
+    height: f64,
+}
+
+/// A cross section with its derivatives by the arc length, at which cubic pieces meet.
+#[derive(Debug, Clone, Copy)]
+struct TailKnot {
+    s: f64,
+    /// Half width and height, m.
     size: [f64; 2],
+    /// Their derivatives.
     slope: [f64; 2],
 }
 
 impl TailBody {
-    pub(super) fn new(base: &DropPlacement<'_>, drop: &SessileDrop) -> Option<Self> {
-        let places: Vec<DVec3> = drop.beads.iter().filter_map(|b| base.leaf.at(b.uv)).map(|s| s.p).collect();
-        if places.len() != drop.beads.len() {
+    /// The body of a drop with a tail; `None` if a cap lies beyond the blade.
+    pub(super) fn new(placement: &DropPlacement<'_>, drop: &SessileDrop) -> Option<Self> {
+        let centers: Vec<DVec3> =
+            drop.caps.iter().filter_map(|cap| placement.leaf.point_at(cap.uv)).map(|point| point.p).collect();
+        if centers.len() != drop.caps.len() {
             return None;
         }
-        let mut points = Vec::new();
-        let mut way = 0.0;
-        for (i, p) in places.iter().enumerate() {
-            way += if i > 0 { p.distance(places[i - 1]) } else { 0.0 };
-            points.push((*p - base.spot.p, way));
+        // The path is the polyline through the centers of the caps.
+        let mut path = Vec::new();
+        let mut length = 0.0;
+        for (i, p) in centers.iter().enumerate() {
+            length += if i > 0 { p.distance(centers[i - 1]) } else { 0.0 };
+            path.push(BodyPathPoint { p: *p - placement.base.p, s: length });
         }
-        let q = |i: usize| if i == 0 { drop.print.q } else { 1.0 };
-        let caps: Vec<(f64, f64, SphericalCap)> =
-            drop.beads.iter().enumerate().map(|(i, b)| (points[i].1, q(i), b.cap)).collect();
-        let (head, last) = (caps.first()?, caps.last()?);
-        let (from, to) = (-head.2.reach() * head.1, last.0 + last.2.reach() * last.1);
-        let (head, end) = ((head.2, head.1), (last.2, last.1));
-        // Caps that stand on one place have no way between them: the drop's own axis leads.
-        if way < 1e-6 {
+        let stretch = |i: usize| if i == 0 { drop.footprint.stretch } else { 1.0 };
+        let caps: Vec<StretchedCap> =
+            drop.caps.iter().enumerate().map(|(i, c)| StretchedCap { cap: c.cap, stretch: stretch(i) }).collect();
+        let (head, tail_end) = (*caps.first()?, *caps.last()?);
+        let last_s = path.last()?.s;
+        let start = -head.cap.max_radius() * head.stretch;
+        let end = last_s + tail_end.cap.max_radius() * tail_end.stretch;
+        let skew = drop.footprint.skew;
+        let knots = profile_knots(&path, &caps, skew);
+        // Caps with a common center have no path between them: use the drop's axis.
+        if length < 1e-6 {
             let back = -drop.axis;
-            points = vec![(DVec3::ZERO, 0.0), (back * 1e-3, 1e-3)];
+            path = vec![BodyPathPoint { p: DVec3::ZERO, s: 0.0 }, BodyPathPoint { p: back * 1e-3, s: 1e-3 }];
         }
-        let skew = drop.print.skew;
-        let nodes = nodes(&caps, skew);
-        let mut line = Self { points, nodes, head, end, normal: base.spot.n, skew, from, to, factor: 1.0 };
-        let found = line.volume();
-        if found > 0.0 {
-            line.factor = (drop.volume / found).clamp(FACTOR[0], FACTOR[1]);
+        let normal = placement.base.n;
+        let mut body = Self { path, knots, head, tail_end, normal, skew, start, end, height_factor: 1.0 };
+        let volume = body.volume();
+        if volume > 0.0 {
+            body.height_factor = (drop.volume / volume).clamp(TAIL_HEIGHT_RANGE[0], TAIL_HEIGHT_RANGE[1]);
         }
-        Some(line)
+        Some(body)
     }
 
+    /// Number of intervals between rows of its mesh.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    pub(super) fn rows(&self) -> u32 {
-        let least = self.nodes.iter().fold(f64::MAX, |m, n| m.min(n.size[0])).max(1e-5);
-        ((self.to - self.from) / least * ROWS).ceil().clamp(16.0, f64::from(LONG)) as u32
+    pub(super) fn row_count(&self) -> u32 {
+        let narrowest = self.knots.iter().fold(f64::MAX, |m, knot| m.min(knot.size[0])).max(1e-5);
+        ((self.end - self.start) / narrowest * TAIL_ROWS_PER_RADIUS).ceil().clamp(16.0, f64::from(MAX_TAIL_ROWS)) as u32
     }
 
-    /// Way of a row; rows stand closer at the ends.
-    pub(super) fn at(&self, k: u32, rows: u32) -> f64 {
-        let share = 0.5 - 0.5 * math::cos(PI * f64::from(k) / f64::from(rows));
-        self.from + (self.to - self.from) * share
+    /// Arc length of row `k`, from the front to the rear; rows are denser at both ends, which are round.
+    pub(super) fn row_position(&self, k: u32, rows: u32) -> f64 {
+        let fraction = 0.5 - 0.5 * math::cos(PI * f64::from(k) / f64::from(rows));
+        self.start + (self.end - self.start) * fraction
     }
 
-    /// Half of its width and its height at a way, m. In front of the head's middle and behind the last cap's they are those of
-    /// the caps, between them a curve without bumps runs through those of all caps. Source: own.
-    fn section(&self, s: f64) -> [f64; 2] {
-        let (first, last) = (self.nodes[0], self.nodes[self.nodes.len() - 1]);
-        let rounded = |(cap, q): (SphericalCap, f64), x: f64| {
-            let x = x / q;
-            let wide = cap.reach() / q * math::sqrt((1.0 - (x / cap.reach()).min(1.0) * (x / cap.reach())).max(0.0));
-            [wide, cap.height((x / cap.a).abs())]
+    /// The cross section at arc length `s`. In front of the head's center and behind that of the last cap it is that of the cap;
+    /// between them cubic pieces through those of all caps give it. Source: own.
+    fn cross_section(&self, s: f64) -> CrossSection {
+        let (first, last) = (self.knots[0], self.knots[self.knots.len() - 1]);
+        // The section of a stretched cap at a distance `x` from its center along the path.
+        let cap_section = |end: StretchedCap, x: f64| {
+            let StretchedCap { cap, stretch } = end;
+            let x = x / stretch;
+            let half_width = cap.max_radius() / stretch
+                * math::sqrt((1.0 - (x / cap.max_radius()).min(1.0) * (x / cap.max_radius())).max(0.0));
+            CrossSection { half_width, height: cap.height((x / cap.a).abs()) }
         };
-        if s <= first.way {
-            let [wide, high] = rounded(self.head, first.way - s);
-            let lean = 1.0 + self.skew * ((first.way - s) / (self.head.0.a * self.head.1)).clamp(0.0, 1.0);
-            return [wide, high * lean];
+        if s <= first.s {
+            let CrossSection { half_width, height } = cap_section(self.head, first.s - s);
+            let shear = 1.0 + self.skew * ((first.s - s) / (self.head.cap.a * self.head.stretch)).clamp(0.0, 1.0);
+            return CrossSection { half_width, height: height * shear };
         }
-        if s >= last.way {
-            let [wide, high] = rounded(self.end, s - last.way);
-            let share = last.size[1] / self.end.0.top().max(1e-12);
-            return [wide, high * share];
+        if s >= last.s {
+            let CrossSection { half_width, height } = cap_section(self.tail_end, s - last.s);
+            // Continuous with the last knot, whose cap may have been dropped for being on the center of another.
+            let ratio = last.size[1] / self.tail_end.cap.top().max(1e-12);
+            return CrossSection { half_width, height: height * ratio };
         }
-        let k = self.nodes.partition_point(|n| n.way <= s).clamp(1, self.nodes.len() - 1);
-        let (a, b) = (self.nodes[k - 1], self.nodes[k]);
-        [0, 1].map(|i| hermite([a.way, b.way], [a.size[i], b.size[i]], [a.slope[i], b.slope[i]], s).max(0.0))
+        let k = self.knots.partition_point(|knot| knot.s <= s).clamp(1, self.knots.len() - 1);
+        let (a, b) = (self.knots[k - 1], self.knots[k]);
+        let [half_width, height] =
+            [0, 1].map(|i| cubic_hermite([a.s, b.s], [a.size[i], b.size[i]], [a.slope[i], b.slope[i]], s).max(0.0));
+        CrossSection { half_width, height }
     }
 
-    /// Half of its width.
-    pub(super) fn width(&self, s: f64) -> f64 {
-        self.section(s)[0].max(1e-6)
+    /// Half of the width at arc length `s`, m; at least 1 micrometre.
+    pub(super) fn half_width(&self, s: f64) -> f64 {
+        self.cross_section(s).half_width.max(1e-6)
     }
 
-    /// Its height at a way back and aside: across it is as round as a cap.
+    /// Height at arc length `s` and at `x` across the path, m. Across the path the body has the profile of the head's cap.
     pub(super) fn height(&self, s: f64, x: f64) -> f64 {
-        let [wide, high] = self.section(s);
-        let rho = (x.abs() / wide.max(1e-9)).min(1.0);
-        high * self.factor * across(&self.head.0, rho)
+        let CrossSection { half_width, height } = self.cross_section(s);
+        let rho = (x.abs() / half_width.max(1e-9)).min(1.0);
+        height * self.height_factor * relative_height(&self.head.cap, rho)
     }
 
-    /// Volume over the leaf without the factor, m^3.
+    /// Volume above the leaf with height factor 1, m^3, by the midpoint rule in both directions.
     fn volume(&self) -> f64 {
-        let n = f64::from(STEPS);
-        let round: f64 = (0..STEPS).map(|i| across(&self.head.0, (f64::from(i) + 0.5) / n) / n).sum();
-        let long = (self.to - self.from) / f64::from(SLICES);
+        let n = f64::from(TAIL_SLICE_STEPS);
+        let mean_height: f64 =
+            (0..TAIL_SLICE_STEPS).map(|i| relative_height(&self.head.cap, (f64::from(i) + 0.5) / n) / n).sum();
+        let ds = (self.end - self.start) / f64::from(TAIL_SLICES);
         let slice = |k: u32| {
-            let [wide, high] = self.section(self.from + (f64::from(k) + 0.5) * long);
-            2.0 * wide * high * round * long
+            let CrossSection { half_width, height } = self.cross_section(self.start + (f64::from(k) + 0.5) * ds);
+            2.0 * half_width * height * mean_height * ds
         };
-        (0..SLICES).map(slice).sum()
+        (0..TAIL_SLICES).map(slice).sum()
     }
 
-    /// A point of the drop: a way back, aside, and up.
-    pub(super) fn point(&self, base: &DropPlacement<'_>, s: f64, x: f64, h: f64) -> DVec3 {
-        let last = self.points.len() - 1;
-        let k = self.points.partition_point(|(_, way)| *way <= s).clamp(1, last);
-        let ((a, s0), (b, s1)) = (self.points[k - 1], self.points[k]);
-        let t = (s - s0) / (s1 - s0).max(1e-9);
-        // Directions turn evenly, so that rows do not cross in a bend.
-        let way = |k: usize| (self.points[k.min(last)].0 - self.points[k.min(last) - 1].0).normalize_or(DVec3::Y);
-        let (before, after) = (way(k.max(2) - 1), way(k));
+    /// World position of the point at arc length `s`, `x` across the path and `h` above the leaf, m.
+    pub(super) fn world_point(&self, placement: &DropPlacement<'_>, s: f64, x: f64, h: f64) -> DVec3 {
+        let last = self.path.len() - 1;
+        let k = self.path.partition_point(|point| point.s <= s).clamp(1, last);
+        let (a, b) = (self.path[k - 1], self.path[k]);
+        let t = (s - a.s) / (b.s - a.s).max(1e-9);
+        // Interpolate the tangent between the pieces of the path, so that rows do not cross in a bend.
+        let direction = |k: usize| (self.path[k.min(last)].p - self.path[k.min(last) - 1].p).normalize_or(DVec3::Y);
+        let (before, after) = (direction(k.max(2) - 1), direction(k));
         let tangent = before.lerp(after, (0.5 + t).clamp(0.0, 1.0)).normalize_or(after);
-        let aside = self.normal.cross(tangent).normalize_or(DVec3::X);
-        base.point(a + (b - a) * t + aside * x, h)
+        let across = self.normal.cross(tangent).normalize_or(DVec3::X);
+        placement.world_point(a.p + (b.p - a.p) * t + across * x, h)
     }
 }
 
-/// Height of a cap at a share of its width, as a share of its top.
-fn across(cap: &SphericalCap, rho: f64) -> f64 {
+/// Height of a cap at a fraction `rho` of its largest radius, relative to its top.
+fn relative_height(cap: &SphericalCap, rho: f64) -> f64 {
     let top = cap.top();
-    if top > 0.0 { cap.height(rho * cap.reach() / cap.a) / top } else { 0.0 }
+    if top > 0.0 { cap.height(rho * cap.max_radius() / cap.a) / top } else { 0.0 }
 }
 
-/// Sizes at the middles of the caps. Slopes are those of a curve that rises and falls only where its points do.
-/// Source: Fritsch and Butland's harmonic mean.
-fn nodes(caps: &[(f64, f64, SphericalCap)], skew: f64) -> Vec<TailNode> {
-    let mut nodes: Vec<TailNode> = Vec::new();
-    for (way, q, cap) in caps {
-        // Caps on one place are one.
-        if nodes.last().is_none_or(|n| way - n.way > 1e-7) {
-            nodes.push(TailNode { way: *way, size: [cap.reach() / q, cap.top()], slope: [0.0; 2] });
+/// Knots at the centers of the caps, with slopes for which the cubic pieces are monotonic wherever the sizes are: a tail without
+/// bumps between its caps. Source: Fritsch and Butland 1984, the harmonic mean of the secants.
+fn profile_knots(path: &[BodyPathPoint], caps: &[StretchedCap], skew: f64) -> Vec<TailKnot> {
+    let mut knots: Vec<TailKnot> = Vec::new();
+    for (point, StretchedCap { cap, stretch }) in path.iter().zip(caps) {
+        // Of caps with a common center only the first counts.
+        if knots.last().is_none_or(|knot| point.s - knot.s > 1e-7) {
+            knots.push(TailKnot { s: point.s, size: [cap.max_radius() / stretch, cap.top()], slope: [0.0; 2] });
         }
     }
-    for k in 1..nodes.len().saturating_sub(1) {
-        let [a, b, c] = [nodes[k - 1], nodes[k], nodes[k + 1]];
-        nodes[k].slope = [0, 1].map(|i| {
-            let (l, r) = ((b.size[i] - a.size[i]) / (b.way - a.way), (c.size[i] - b.size[i]) / (c.way - b.way));
+    for k in 1..knots.len().saturating_sub(1) {
+        let [a, b, c] = [knots[k - 1], knots[k], knots[k + 1]];
+        knots[k].slope = [0, 1].map(|i| {
+            let (l, r) = ((b.size[i] - a.size[i]) / (b.s - a.s), (c.size[i] - b.size[i]) / (c.s - b.s));
             if l * r > 0.0 { 2.0 * l * r / (l + r) } else { 0.0 }
         });
     }
-    // The head leans on into its tail, as far as that stays even.
-    if let [first, second, ..] = nodes.as_mut_slice()
-        && let Some((_, q, cap)) = caps.first()
+    // The shear of the head continues into the tail; three times the secant is the limit at which a cubic stays monotonic.
+    if let [first, second, ..] = knots.as_mut_slice()
+        && let Some(StretchedCap { cap, stretch }) = caps.first()
     {
-        let fall = (second.size[1] - first.size[1]) / (second.way - first.way);
-        first.slope[1] = (-skew * cap.top() / (cap.a * q)).clamp((3.0 * fall).min(0.0), 0.0);
+        let secant = (second.size[1] - first.size[1]) / (second.s - first.s);
+        first.slope[1] = (-skew * cap.top() / (cap.a * stretch)).clamp((3.0 * secant).min(0.0), 0.0);
     }
-    nodes
+    knots
 }
 
-/// A cubic between two ways with given values and slopes.
-fn hermite([s0, s1]: [f64; 2], [a, b]: [f64; 2], [u, v]: [f64; 2], s: f64) -> f64 {
+/// Cubic Hermite interpolation between two positions with values `a`, `b` and derivatives `u`, `v`.
+fn cubic_hermite([s0, s1]: [f64; 2], [a, b]: [f64; 2], [u, v]: [f64; 2], s: f64) -> f64 {
     let d = s1 - s0;
     let t = (s - s0) / d;
     let (t2, t3) = (t * t, t * t * t);

@@ -1,7 +1,6 @@
 use glam::{DQuat, DVec2};
 
 use super::*;
-use crate::rain::drops::shape::TENSION;
 use crate::rain::emitter::{DropSizes, IntensityEnvelope, RainfallParams};
 use crate::rain::leaf::surface::{LeafSurface, tests::flat};
 use crate::rain::leaf::veins::{VeinMap, tests::vein};
@@ -16,9 +15,9 @@ fn hung(tilt: f64) -> (DVec3, DQuat) {
     (DVec3::new(0.0, 1.0, 0.0), turn)
 }
 
-fn simulation(tilts: &[f64], params: DropParams, shower: Option<RainEmitter>) -> RainSimulation {
-    let sheet = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade"));
-    let target = Arc::new(LeafCollider::new(&sheet));
+fn simulation(tilts: &[f64], params: DropParams, emitter: Option<RainEmitter>) -> RainSimulation {
+    let blade = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade"));
+    let collider = Arc::new(LeafCollider::new(&blade));
     let place = |(i, tilt): (usize, &f64)| {
         let (p, q) = hung(*tilt);
         (p - DVec3::Y * (0.06 * i as f64) - DVec3::Z * (0.02 * i as f64), q)
@@ -26,14 +25,14 @@ fn simulation(tilts: &[f64], params: DropParams, shower: Option<RainEmitter>) ->
     let places: Vec<(DVec3, DQuat)> = tilts.iter().enumerate().map(place).collect();
     let leaves = (0..tilts.len())
         .map(|i| {
-            let leaf = RainLeaf::new(Arc::clone(&sheet), 1.0, i as u64);
-            (leaf, LeafAttachment { plant: 0, leaf: i, collider: Arc::clone(&target) })
+            let leaf = RainLeaf::new(Arc::clone(&blade), 1.0, i as u64);
+            (leaf, LeafAttachment { plant: 0, leaf: i, collider: Arc::clone(&collider) })
         })
         .collect();
     let stem = WoodSegment { ends: [DVec3::ZERO, DVec3::Y], radii: [0.005, 0.003] };
     RainSimulation::new(RainConfig {
         params,
-        emitter: shower,
+        emitter,
         plants: vec![Box::new(StaticPlant::new(&places, vec![stem]))],
         leaves,
         wind: None,
@@ -42,7 +41,7 @@ fn simulation(tilts: &[f64], params: DropParams, shower: Option<RainEmitter>) ->
 }
 
 fn even() -> DropParams {
-    DropParams { pin_noise: 0.0, ..DropParams::default() }
+    DropParams { pinning_noise: 0.0, ..DropParams::default() }
 }
 
 /// Slope, degrees, at which a drop of a volume begins to run, by steps of 0.1 degrees.
@@ -66,8 +65,8 @@ fn drops_slip_where_furmidge_says() {
     for volume in [8e-9, 15e-9, 30e-9] {
         let a = w.cap(volume, 1.0).a;
         // The drop runs as soon as its weight along the slope exceeds what both rims hold.
-        let held = 2.0 * a * TENSION * (math::cos(w.receding) - math::cos(w.advancing));
-        let wanted = held / (WATER * 9.81 * volume);
+        let held = 2.0 * a * WATER_SURFACE_TENSION * (math::cos(w.receding) - math::cos(w.advancing));
+        let wanted = held / (WATER_DENSITY * 9.81 * volume);
         let found = math::sin(slips(volume).to_radians());
         assert!((found - wanted).abs() < 0.01 * wanted + 0.0018, "{volume}: {found} {wanted}");
     }
@@ -87,14 +86,14 @@ fn a_running_drop_reaches_the_tip_hangs_and_falls() {
     }
     assert!(hung);
     assert!(fell > 10e-9, "{:?}", simulation.water_budget());
-    let DropCounters { hung, fell, struck, .. } = simulation.counters();
-    assert!(hung >= 1 && fell >= 1 && struck == 0, "{hung} {fell} {struck}");
+    let DropCounters { pendants, detachments, impacts, .. } = simulation.counters();
+    assert!(pendants >= 1 && detachments >= 1 && impacts == 0, "{pendants} {detachments} {impacts}");
 }
 
 #[test]
 fn a_splash_keeps_all_water() {
     let mut simulation = simulation(&[0.2], DropParams { splash: 0.3, ..even() }, None);
-    let (volume, air) = (crate::rain::emitter::sphere_volume(4e-3), simulation.next_id());
+    let (volume, air) = (crate::rain::fall::sphere_volume(4e-3), simulation.next_id());
     simulation.emitted += volume;
     let p = simulation.poses[0].position + DVec3::new(0.0, 0.05, -0.03);
     simulation.air.push(FallingDrop {
@@ -117,7 +116,7 @@ fn a_splash_keeps_all_water() {
 
 #[test]
 fn beads_that_a_tail_leaves_have_its_water() {
-    let mut simulation = simulation(&[0.25], DropParams { bead: 1.0, ..even() }, None);
+    let mut simulation = simulation(&[0.25], DropParams { bead_probability: 1.0, ..even() }, None);
     for u in [0.2, 0.5, 0.8] {
         simulation.deposit_drop(0, DVec2::new(u, 0.2), DVec3::Y * 0.6, 30e-9);
     }
@@ -126,7 +125,7 @@ fn beads_that_a_tail_leaves_have_its_water() {
         assert!(simulation.water_budget().error() < 1e-12, "{:?}", simulation.water_budget());
     }
     let beads: Vec<RainEvent> =
-        simulation.take_events().into_iter().filter(|e| e.what == DropEventKind::Bead).collect();
+        simulation.take_events().into_iter().filter(|e| e.kind == DropEventKind::Bead).collect();
     assert!(beads.len() >= 3 && simulation.counters().beads == beads.len() as u64, "{beads:?}");
     assert!(beads.iter().all(|b| b.volume > 0.0 && b.other.is_some_and(|of| of <= 3)));
 }
@@ -134,10 +133,10 @@ fn beads_that_a_tail_leaves_have_its_water() {
 #[test]
 fn running_drops_follow_veins() {
     // A vein that leads aside takes a drop along for a part of its way.
-    let ends = |grooves: Option<VeinMap>| {
-        let sheet = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade").with(None, grooves));
+    let ends = |veins: Option<VeinMap>| {
+        let blade = Arc::new(LeafSurface::new(&flat(0.08, 0.04, 6)).expect("a blade").with_maps(None, veins));
         let mut simulation = simulation(&[1.0], even(), None);
-        simulation.leaves[0] = RainLeaf::new(sheet, 1.0, 0);
+        simulation.leaves[0] = RainLeaf::new(blade, 1.0, 0);
         simulation.deposit_drop(0, DVec2::new(0.35, 0.1), DVec3::ZERO, 25e-9);
         while simulation.leaves()[0].drops.first().is_some_and(|d| d.uv.y < 0.6) {
             simulation.step(0.001).expect("stiff");
@@ -174,7 +173,7 @@ fn heavy_rain(seed: u64) -> RainfallParams {
     RainfallParams {
         seed,
         intensity: 100.0 / 3.6e6,
-        size: DropSizes::Natural,
+        size: DropSizes::MarshallPalmer,
         total: None,
         envelope: IntensityEnvelope::Constant,
         jitter: 0.2,
@@ -183,15 +182,15 @@ fn heavy_rain(seed: u64) -> RainfallParams {
     }
 }
 
-fn over() -> Bounds {
+fn bounds() -> Bounds {
     Bounds { min: Vec3::new(-0.03, 0.7, -0.09), max: Vec3::new(0.03, 1.0, 0.02) }
 }
 
 #[test]
 fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
     let params = DropParams { splash: 0.3, ..DropParams::default() };
-    let shower = RainEmitter::new(heavy_rain(3), over(), None);
-    let mut simulation = simulation(&[0.3, 0.6, 1.0, -0.4], params, Some(shower));
+    let emitter = RainEmitter::new(heavy_rain(3), bounds(), None);
+    let mut simulation = simulation(&[0.3, 0.6, 1.0, -0.4], params, Some(emitter));
     for k in 0..2400 {
         simulation.step(1.0 / 240.0).expect("stiff");
         if k % 10 == 0 {
@@ -205,8 +204,8 @@ fn no_water_is_lost_in_ten_seconds_of_heavy_rain() {
 #[test]
 fn any_number_of_threads_gives_the_same_rain() {
     let run = || {
-        let shower = RainEmitter::new(heavy_rain(4), over(), None);
-        let mut simulation = simulation(&[0.3, 0.6, 1.0], DropParams::default(), Some(shower));
+        let emitter = RainEmitter::new(heavy_rain(4), bounds(), None);
+        let mut simulation = simulation(&[0.3, 0.6, 1.0], DropParams::default(), Some(emitter));
         (0..400).for_each(|_| simulation.step(1.0 / 200.0).expect("stiff"));
         let drops = simulation.leaves().iter().flat_map(|l| &l.drops);
         let bits: Vec<u64> =
@@ -231,21 +230,21 @@ fn what_is_too_heavy_falls_from_below_a_leaf() {
 }
 
 #[test]
-fn a_drop_that_comes_to_the_margin_tells_so_once_before_it_hangs() {
+fn the_event_edge_is_recorded_once_before_a_drop_hangs() {
     let mut simulation = simulation(&[0.5], even(), None);
     simulation.deposit_drop(0, DVec2::new(0.5, 0.3), DVec3::ZERO, 60e-9);
-    let mut told = Vec::new();
-    while told.iter().all(|e: &RainEvent| e.what != DropEventKind::Hung) {
+    let mut events = Vec::new();
+    while events.iter().all(|e: &RainEvent| e.kind != DropEventKind::Hung) {
         simulation.step(0.002).expect("stiff");
-        told.extend(simulation.take_events());
-        assert!(told.len() < 20 && simulation.leaves()[0].volume() > 0.0, "{told:?}");
+        events.extend(simulation.take_events());
+        assert!(events.len() < 20 && simulation.leaves()[0].volume() > 0.0, "{events:?}");
     }
-    let edges: Vec<usize> = (0..told.len()).filter(|i| told[*i].what == DropEventKind::Edge).collect();
-    assert_eq!(edges.len(), 1, "{told:?}");
-    let edge = told[edges[0]];
+    let edges: Vec<usize> = (0..events.len()).filter(|i| events[*i].kind == DropEventKind::Edge).collect();
+    assert_eq!(edges.len(), 1, "{events:?}");
+    let edge = events[edges[0]];
     assert_eq!(edge.leaf, Some(0));
     // The margin at the tip is 80 mm from the stalk; 0.3 base radii are less than 1.5 mm.
     let (at, _) = hung(0.5);
     assert!((edge.p.distance(at) - 0.08).abs() < 1.5e-3, "{edge:?}");
-    assert!(edges[0] < told.len() - 1 && (edge.volume - 60e-9).abs() < 1e-12);
+    assert!(edges[0] < events.len() - 1 && (edge.volume - 60e-9).abs() < 1e-12);
 }

@@ -1,0 +1,128 @@
+//! Pendant drops: when a drop at the margin becomes pendant, and how it necks and detaches.
+
+use glam::{DVec2, DVec3};
+
+use super::pendant_profile::{RADIUS_RANGE, max_pendant_volume};
+use super::rain_leaf::{DetachedDrop, LeafStep, LeafStepResult, RainLeaf};
+use super::retention::{EffectiveGravity, dry_retention, effective_gravity};
+use super::spherical_cap::SphericalCap;
+use super::surface_drop::{PendantAnchor, SurfaceDrop};
+use crate::rain::leaf::surface::MarginPoint;
+use crate::rain::tuning::{
+    DETACHED_FRACTION, LEVEL_TOLERANCE, LOW_POINT_REACH, MARGIN_UV_SHIFT, MAX_PENDANT_LENGTH, MAX_PENDANT_RADIUS,
+    NECKING_TIME, REST_SPEED, RETURN_INSET, RETURN_UV_SHIFT, STUCK_SPEED, TIPPED_OVER,
+};
+use osier_base::physics::WATER_DENSITY;
+
+impl RainLeaf {
+    /// Makes a drop at the margin pendant if gravity across the edge exceeds retention, and the drop is at the tip or at a low point
+    /// of the margin, or no force drives it along the margin. Returns whether it is pendant now.
+    pub(super) fn try_become_pendant(
+        &self,
+        drop: &mut SurfaceDrop,
+        gravity: &EffectiveGravity,
+        cap: &SphericalCap,
+        margin: &MarginPoint,
+        outward: DVec3,
+        step: &LeafStep<'_>,
+    ) -> bool {
+        let params = step.params;
+        let m = WATER_DENSITY * drop.volume;
+        let retention = dry_retention(params, cap.a);
+        // Half of the weight as upper limit: a small drop, which retention would hold anywhere, still hangs from a steep edge.
+        if m * gravity.tangential.dot(outward) <= retention.min(0.5 * m * gravity.total.length()) {
+            return false;
+        }
+        // The drop stays where neither direction along the margin leads further down.
+        let down = gravity.total.normalize_or_zero();
+        let reach = cap.a.max(LOW_POINT_REACH);
+        let not_lower =
+            |offset: f64| (self.blade.along_margin(margin, offset, self.scale) - margin.p).dot(down) < LEVEL_TOLERANCE;
+        let at_tip = self.blade.is_tip(margin.p, self.scale, reach);
+        let stuck =
+            m * gravity.tangential.dot(margin.tangent).abs() <= retention && drop.v.length() < STUCK_SPEED * REST_SPEED;
+        if !(at_tip || (not_lower(reach) && not_lower(-reach)) || stuck) {
+            return false;
+        }
+        let radius = if at_tip { params.tip_radius } else { cap.a.min(MAX_PENDANT_RADIUS) };
+        // The table of maximum pendant volumes covers this range of radii.
+        let bounds = RADIUS_RANGE.map(|r| r * params.wetting.capillary_length);
+        let radius = radius.clamp(bounds[0], bounds[1]);
+        drop.clear_history();
+        drop.pendant = Some(PendantAnchor { margin: *margin, radius, outward, necking: None });
+        drop.v = DVec3::ZERO;
+        drop.lean = 0.0;
+        drop.merge_tested = false;
+        true
+    }
+
+    /// Advances a pendant drop: it returns to a blade that has tipped over; if its volume exceeds the maximum for its attachment, it
+    /// necks for [`NECKING_TIME`], then most of it detaches. Source: Tate 1864; Harkins and Brown 1919.
+    pub(super) fn step_pendant(&self, drop: &mut SurfaceDrop, step: &LeafStep<'_>, result: &mut LeafStepResult) {
+        let Some(mut pendant) = drop.pendant else { return };
+        let point = step.world_point(pendant.margin.p);
+        let g = effective_gravity(step, pendant.margin.p);
+        drop.axis = g.normalize_or(drop.axis);
+        if g.dot(pendant.outward) < -TIPPED_OVER * g.length() && self.return_to_blade(drop, &pendant) {
+            return;
+        }
+        // Acceleration of the leaf adds to gravity: the maximum volume falls while it springs up.
+        let max_volume = max_pendant_volume(pendant.radius, g.length());
+        if drop.volume <= max_volume {
+            pendant.necking = None;
+        } else {
+            let necking = pendant.necking.unwrap_or(0.0) + step.h;
+            pendant.necking = Some(necking);
+            if necking >= NECKING_TIME {
+                // Tate's law with Harkins and Brown's correction: what falls is a fixed fraction of the maximum.
+                let volume = (DETACHED_FRACTION * max_volume).min(drop.volume);
+                drop.volume -= volume;
+                pendant.necking = None;
+                // The detached drop starts below the attachment, at the length of a cylinder of the maximum volume.
+                let length = max_volume / (std::f64::consts::PI * pendant.radius * pendant.radius);
+                let p = point + (step.pose.orientation * drop.axis) * length.min(MAX_PENDANT_LENGTH);
+                let v = step.pose.velocity_at(point);
+                let is_whole = drop.volume <= 0.0;
+                result.detached.push(DetachedDrop { id: drop.id, p, v, volume, is_whole });
+                result.counters.detachments += 1;
+            }
+        }
+        drop.pendant = Some(pendant);
+    }
+
+    /// Moves a pendant drop back onto the blade, just inside its attachment. Returns false, and leaves it, if no surface is there.
+    fn return_to_blade(&self, drop: &mut SurfaceDrop, pendant: &PendantAnchor) -> bool {
+        let inside = pendant.margin.p - pendant.outward * (RETURN_INSET * pendant.radius);
+        let uv = self.blade.margin_uv(&pendant.margin);
+        // Texture coordinates on the margin itself may round to outside of it: look a little towards the middle.
+        let toward_middle = DVec2::splat(0.5) - uv;
+        let Some(surface) = self.point_at(uv + toward_middle * MARGIN_UV_SHIFT) else { return false };
+        let back = uv + surface.uv_offset(inside - surface.p);
+        drop.uv = if self.point_at(back).is_some() { back } else { uv + toward_middle * RETURN_UV_SHIFT };
+        drop.clear_history();
+        drop.axis = -pendant.outward;
+        true
+    }
+
+    /// A point of the blade near a drop whose own texture coordinates are beyond it, m of leaf space; the stalk's end if none is found.
+    pub(super) fn nearby_point(&self, drop: &SurfaceDrop) -> DVec3 {
+        let near = drop.uv.clamp(DVec2::splat(0.01), DVec2::splat(0.99));
+        self.point_at(near).map_or(DVec3::ZERO, |s| s.p)
+    }
+
+    /// Detaches a whole drop at a position, m, with a velocity relative to the leaf, m/s, both in leaf space.
+    pub(super) fn detach_whole(
+        &self,
+        drop: &mut SurfaceDrop,
+        step: &LeafStep<'_>,
+        position: DVec3,
+        velocity: DVec3,
+        result: &mut LeafStepResult,
+    ) {
+        let p = step.world_point(position);
+        let v = step.pose.velocity_at(p) + step.pose.orientation * velocity;
+        result.detached.push(DetachedDrop { id: drop.id, p, v, volume: drop.volume, is_whole: true });
+        result.counters.detachments += 1;
+        drop.volume = 0.0;
+    }
+}

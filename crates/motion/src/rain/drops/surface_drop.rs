@@ -1,0 +1,278 @@
+//! One drop on a leaf: its position and motion, and the tail that it draws behind itself.
+
+use glam::{DVec2, DVec3};
+
+use crate::rain::drops::spherical_cap::{Footprint, SphericalCap};
+use crate::rain::leaf::surface::MarginPoint;
+use crate::rain::params::DropParams;
+use crate::rain::tuning::{
+    FULL_TAIL_SPEED, MERGE_STRETCH, MERGE_STRETCH_TIME, MIN_CAP_RADIUS, MIN_TAIL_SHARE, SPEED_STRETCH, TAIL_SPACING,
+    TAIL_TIME,
+};
+use osier_base::math;
+
+/// How a pendant drop is attached to the margin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PendantAnchor {
+    /// Point of the margin that it hangs from.
+    pub margin: MarginPoint,
+    /// Radius of the circle along which it is attached, m.
+    pub radius: f64,
+    /// Unit tangent of the blade across the margin, outwards.
+    pub outward: DVec3,
+    /// Time since its volume exceeded the maximum, s; `None` while it does not.
+    pub necking: Option<f64>,
+}
+
+/// A point of the path that a drop has run along.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPoint {
+    /// Texture coordinates.
+    pub uv: DVec2,
+    /// Length of the path from here to the next point (for the newest: to the drop), m.
+    pub length: f64,
+}
+
+/// A drop on a leaf, in leaf space.
+#[derive(Debug, Clone)]
+pub struct SurfaceDrop {
+    /// Emission index; stable over frames, threads and time steps.
+    pub id: u64,
+    /// Side of the leaf: 1 on the upper, -1 on the lower.
+    pub side: f64,
+    /// Texture coordinates of its center.
+    pub uv: DVec2,
+    /// Tangential velocity relative to the leaf, m/s.
+    pub v: DVec3,
+    /// Volume with the tail, m^3.
+    pub volume: f64,
+    /// Present while it hangs at the margin.
+    pub pendant: Option<PendantAnchor>,
+    /// Unit tangent along which its footprint is stretched and sheared; of a pendant drop, the direction that it hangs in.
+    pub axis: DVec3,
+    /// Skew as a fraction of the largest, 0 to 1: the load on the contact line relative to its retention.
+    pub lean: f64,
+    /// Time since it last merged, s; infinite if it never has.
+    pub since_merge: f64,
+    /// The path that it has run along, the newest point last; as long as the tail needs.
+    pub path: Vec<PathPoint>,
+    /// Length of the path since it last chose a heading, m.
+    pub since_steer: f64,
+    /// Number of its caps, the head included; the fraction is the share of the last cap that has grown.
+    pub tail_count: f64,
+    /// Number of its random draws for beads so far.
+    pub bead_draws: u64,
+    /// Whether it has been tested against the other drops of its leaf since it last moved.
+    pub merge_tested: bool,
+    /// Whether it is at the margin; the event `edge` is recorded when it gets there.
+    pub at_margin: bool,
+    /// Texture coordinates at which it last wetted the leaf.
+    pub last_wet_uv: Option<DVec2>,
+}
+
+/// One of the caps that a drop with its tail consists of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DropCap {
+    /// Texture coordinates of its center.
+    pub uv: DVec2,
+    /// Shape without stretch and skew.
+    pub cap: SphericalCap,
+    /// Volume, m^3.
+    pub volume: f64,
+}
+
+impl SurfaceDrop {
+    /// A sessile drop without tail, with tangential velocity `v`, m/s, and `volume`, m^3.
+    pub fn new(id: u64, side: f64, uv: DVec2, v: DVec3, volume: f64) -> Self {
+        Self {
+            id,
+            side,
+            uv,
+            v,
+            volume,
+            pendant: None,
+            axis: v.normalize_or(DVec3::Y),
+            lean: 0.0,
+            since_merge: f64::INFINITY,
+            path: Vec::new(),
+            since_steer: f64::INFINITY,
+            tail_count: 1.0,
+            bead_draws: 0,
+            merge_tested: false,
+            at_margin: false,
+            last_wet_uv: None,
+        }
+    }
+
+    /// Stretch of its footprint by speed and by a recent merger. Source: own, after photographs.
+    pub fn stretch(&self) -> f64 {
+        let moving = SPEED_STRETCH * (self.v.length() / FULL_TAIL_SPEED).min(1.0);
+        1.0 + moving + MERGE_STRETCH * math::exp(-self.since_merge / MERGE_STRETCH_TIME)
+    }
+
+    /// Footprint on the leaf: stretched by speed, skewed by the load on the contact line.
+    pub fn footprint(&self, params: &DropParams) -> Footprint {
+        Footprint { stretch: self.stretch(), skew: self.lean * params.wetting.max_skew() }
+    }
+
+    /// Fractions of the volume that its caps hold, the head first; their sum is 1.
+    /// Source: [yang-wu] eq. 9, radii as a geometric series.
+    pub fn cap_shares(&self, params: &DropParams) -> Vec<f64> {
+        // Radii fall by the ratio beta from cap to cap, volumes by beta^3.
+        let cube = params.tail_ratio * params.tail_ratio * params.tail_ratio;
+        let full_caps = self.tail_count.floor().max(1.0);
+        let mut shares = Vec::new();
+        let mut share = 1.0;
+        let mut left = full_caps;
+        while left >= 1.0 {
+            shares.push(share);
+            share *= cube;
+            left -= 1.0;
+        }
+        // The last cap grows and shrinks continuously with the fraction of the count.
+        let rest = self.tail_count - full_caps;
+        if rest > MIN_TAIL_SHARE {
+            shares.push(share * rest);
+        }
+        let sum: f64 = shares.iter().sum();
+        shares.iter().map(|s| s / sum).collect()
+    }
+
+    /// The cap of the head alone. `facing`: as in [`crate::rain::WettingParams::cap`].
+    pub fn head_cap(&self, params: &DropParams, facing: f64) -> SphericalCap {
+        let share = self.cap_shares(params).first().copied().unwrap_or(1.0);
+        params.wetting.cap(self.volume * share, facing)
+    }
+
+    /// The caps of the head and of the tail, back along the path.
+    pub fn caps(&self, params: &DropParams, facing: f64) -> Vec<DropCap> {
+        let shares = self.cap_shares(params);
+        let mut caps: Vec<DropCap> = Vec::with_capacity(shares.len());
+        let mut walker = PathWalker { path: &self.path, uv: self.uv, left: self.path.len(), walked: 0.0 };
+        for share in shares {
+            let volume = self.volume * share;
+            let cap = params.wetting.cap(volume, facing);
+            if caps.last().is_some() {
+                // Spacing by the smaller of two neighbours: a last cap that is half grown stands close to the one before it.
+                walker.walk_back(TAIL_SPACING * cap.a.max(MIN_CAP_RADIUS));
+            }
+            caps.push(DropCap { uv: walker.uv, cap, volume });
+        }
+        caps
+    }
+
+    /// Appends a displacement of `length`, m, that began at `from` to the path, and removes points too far back for the tail.
+    /// `a`: base radius of the head, m.
+    pub fn record_path(&mut self, from: DVec2, length: f64, a: f64, params: &DropParams) {
+        self.path.push(PathPoint { uv: from, length });
+        self.since_steer += length;
+        // Twice the length of the longest tail: the head may grow by merging.
+        let needed = TAIL_SPACING * a * f64::from(params.tail_drops) * 2.0;
+        let mut sum = 0.0;
+        let keep = self.path.iter().rev().take_while(|point| {
+            sum += point.length;
+            sum - point.length <= needed
+        });
+        let first = self.path.len() - keep.count();
+        self.path.drain(..first);
+    }
+
+    /// Lets the tail grow or shrink for `h`, s, towards a number of caps proportional to the speed. `a`: base radius of the head,
+    /// m. Returns the index of the cap that has vanished, if one has.
+    pub fn step_tail(&mut self, a: f64, h: f64, params: &DropParams) -> Option<usize> {
+        // A tail is no longer than the path that the drop has run.
+        let length: f64 = self.path.iter().map(|point| point.length).sum();
+        let most = 1.0 + length / (TAIL_SPACING * a.max(MIN_CAP_RADIUS));
+        let speed = (self.v.length() / FULL_TAIL_SPEED).min(1.0);
+        let target = (1.0 + f64::from(params.tail_drops.saturating_sub(1)) * params.tail_amount * speed).min(most);
+        // Exponential approach, exact for any step: dn/dt = (target - n) / tau.
+        let before = self.tail_count;
+        self.tail_count += (target - self.tail_count) * (1.0 - math::exp(-h / TAIL_TIME));
+        self.tail_count = self.tail_count.min(most).max(1.0);
+        if target <= 1.0 && self.tail_count < 1.01 {
+            self.tail_count = 1.0;
+        }
+        // The last cap has index ceil(before) - 1; it has vanished if the count has fallen to that index.
+        let last = before.ceil() - 1.0;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small count")]
+        (last >= 1.0 && self.tail_count <= last && before > last).then_some(last as usize)
+    }
+
+    /// Removes the attachment, the path and the tail of a drop that continues elsewhere.
+    pub fn clear_history(&mut self) {
+        self.pendant = None;
+        self.path.clear();
+        self.tail_count = 1.0;
+    }
+}
+
+/// A position on a drop's path that moves back from the drop.
+struct PathWalker<'a> {
+    path: &'a [PathPoint],
+    /// Texture coordinates of the position.
+    uv: DVec2,
+    /// Number of path points that have not been passed.
+    left: usize,
+    /// Length already walked of the piece that the position is on, m.
+    walked: f64,
+}
+
+impl PathWalker<'_> {
+    /// Moves back by `distance`, m, at most to the beginning of the path.
+    fn walk_back(&mut self, mut distance: f64) {
+        while let Some(point) = self.left.checked_sub(1).and_then(|k| self.path.get(k)) {
+            let rest = point.length - self.walked;
+            if distance < rest {
+                let fraction = if rest > 0.0 { distance / rest } else { 0.0 };
+                self.uv += (point.uv - self.uv) * fraction;
+                self.walked += distance;
+                return;
+            }
+            distance -= rest;
+            self.uv = point.uv;
+            self.left -= 1;
+            self.walked = 0.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn path_point(k: u32) -> PathPoint {
+        PathPoint { uv: DVec2::new(0.5, 0.1 + 0.004 * f64::from(k)), length: 4e-4 }
+    }
+
+    #[test]
+    fn a_full_tail_keeps_the_volume_and_the_papers_ratio() {
+        let params = DropParams::default();
+        let mut drop = SurfaceDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y, 1e-8);
+        drop.tail_count = 8.0;
+        drop.path = (0..100).map(path_point).collect();
+        let beads = drop.caps(&params, 1.0);
+        assert_eq!(beads.len(), 8);
+        let sum: f64 = beads.iter().map(|b| b.volume).sum();
+        assert!((sum / 1e-8 - 1.0).abs() < 1e-12);
+        let whole = params.wetting.cap(1e-8, 1.0);
+        let ratio = math::cbrt(beads[0].volume / 1e-8);
+        assert!((ratio - 0.789).abs() < 1e-3, "{ratio} of {}", whole.r);
+        // Each is further back than the last, by nine tenths of its own base.
+        for pair in beads.windows(2) {
+            assert!(pair[1].uv.y < pair[0].uv.y);
+        }
+    }
+
+    #[test]
+    fn a_drop_that_stops_draws_its_tail_in_and_names_what_it_loses() {
+        let params = DropParams::default();
+        let mut drop = SurfaceDrop::new(0, 1.0, DVec2::splat(0.5), DVec3::Y * 0.3, 1e-8);
+        drop.path = (0..100).map(path_point).collect();
+        (0..200).for_each(|_| assert_eq!(drop.step_tail(1e-3, 0.01, &params), None));
+        assert!(drop.tail_count > 7.9, "{}", drop.tail_count);
+        drop.v = DVec3::ZERO;
+        let lost: Vec<usize> = (0..200).filter_map(|_| drop.step_tail(1e-3, 0.005, &params)).collect();
+        assert_eq!(lost, [7, 6, 5, 4, 3, 2, 1]);
+        assert!((drop.tail_count - 1.0).abs() < 1e-12);
+    }
+}

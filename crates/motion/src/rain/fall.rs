@@ -1,0 +1,63 @@
+//! Drops in the air: terminal speed, drag and wind.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+
+use crate::rain::tuning::MIN_TERMINAL_SPEED;
+use osier_base::math;
+use osier_wind::Wind;
+
+/// Terminal speed of a raindrop of diameter `d`, m, in still air, m/s. Source: Atlas et al. 1973.
+pub(crate) fn terminal_speed(d: f64) -> f64 {
+    (9.65 - 10.3 * math::exp(-600.0 * d)).max(MIN_TERMINAL_SPEED)
+}
+
+/// Volume of a sphere of diameter `d`, m: pi / 6 d^3, m^3.
+pub fn sphere_volume(d: f64) -> f64 {
+    PI / 6.0 * d * d * d
+}
+
+/// Diameter of a sphere of `volume`, m^3, in m; the inverse of [`sphere_volume`].
+pub fn sphere_diameter(volume: f64) -> f64 {
+    math::cbrt(volume * 6.0 / PI)
+}
+
+/// Velocity of a falling drop after a time step, m/s.
+///
+/// `v`: velocity before the step, m/s. `volume`: of the drop, m^3. `g`: gravity, m/s^2. `air`: velocity of the air, m/s. `h`: time
+/// step, s.
+/// Source: quadratic drag that balances gravity at terminal speed, a = -g |v| v / vt^2 with v relative to the air.
+pub(crate) fn step_velocity(v: DVec3, volume: f64, g: f64, air: DVec3, h: f64) -> DVec3 {
+    let relative = v - air;
+    // Gravity is explicit; drag is implicit in the velocity with its coefficient g |v| / vt^2 at the old one, which is stable for
+    // any h: v' = (v - g h) / (1 + h g |v| / vt^2).
+    let vt = terminal_speed(sphere_diameter(volume));
+    let relative = (relative - DVec3::Y * (g * h)) / (1.0 + h * g * relative.length() / (vt * vt));
+    air + relative
+}
+
+/// Velocities of the air at positions, m/s; zero without wind.
+pub(crate) fn sample_wind(wind: Option<&dyn Wind>, positions: &[Vec3], t: f64) -> Vec<Vec3> {
+    let mut out = vec![Vec3::ZERO; positions.len()];
+    if let Some(wind) = wind {
+        wind.sample(positions, t, &mut out);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drops_fall_at_their_own_speed() {
+        for mm in [0.5, 1.0, 2.0, 5.0] {
+            let d = mm * 1e-3;
+            let mut v = DVec3::ZERO;
+            (0..12_000).for_each(|_| v = step_velocity(v, sphere_volume(d), 9.81, DVec3::X * 2.0, 1e-3));
+            assert!((v.y / -terminal_speed(d) - 1.0).abs() < 0.01, "{mm}: {v}");
+            assert!((v.x - 2.0).abs() < 0.01);
+        }
+    }
+}
